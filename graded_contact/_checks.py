@@ -1,0 +1,107 @@
+"""Conversion to strongly typed arrays and refusal of bad input at the public boundary.
+
+Checks of values look at concrete arrays only: under `jit`, `vmap` or `grad` the values are
+unknown and the check passes (shapes are always checked).
+"""
+
+from collections.abc import Sequence
+from typing import Any
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+from jax import Array
+from jaxtyping import ArrayLike, Float
+
+# What public functions take: a number, an array of numbers, or (nested) lists of them.
+Numbers = ArrayLike | Sequence[Any]
+
+
+def as_float(value: Any) -> Float[Array, "..."]:
+    """Returns `value` as a strongly typed real floating-point array.
+
+    Floating-point arrays keep their dtype; Python numbers and integers take JAX's default
+    (float32, or float64 with `jax_enable_x64`).
+    """
+    if isinstance(value, str) or value is None:
+        raise ValueError(f"A number or an array of numbers is needed, got {value!r}.")
+    array = jnp.asarray(value)
+    if jnp.issubdtype(array.dtype, jnp.complexfloating):
+        raise ValueError(f"A real number is needed, got the complex {value}.")
+    dtype = array.dtype if jnp.issubdtype(array.dtype, jnp.floating) else jnp.result_type(float)
+    return jnp.asarray(array, dtype=dtype)
+
+
+def is_concrete(value: Any) -> bool:
+    """Returns whether the numbers in `value` are known now (not being traced)."""
+    return not isinstance(value, jax.core.Tracer)
+
+
+def check_values(
+    name: str,
+    value: ArrayLike,
+    allowed: str,
+    *,
+    above: float | None = None,
+    at_least: float | None = None,
+    at_most: float | None = None,
+) -> None:
+    """Raises `ValueError` naming `name`, the first refused entry and what is `allowed`.
+
+    NaN and infinities are always refused.
+    """
+    if not is_concrete(value):
+        return
+    array = np.asarray(value)
+    good = np.isfinite(array)
+    with np.errstate(invalid="ignore"):
+        if above is not None:
+            good &= array > above
+        if at_least is not None:
+            good &= array >= at_least
+        if at_most is not None:
+            good &= array <= at_most
+    if not np.all(good):
+        index = tuple(int(i) for i in np.argwhere(~good)[0])
+        where = f"[{', '.join(map(str, index))}]" if index else ""
+        raise ValueError(f"`{name}{where}={array[index]:g}` is refused: {allowed}.")
+
+
+def check_positive(name: str, value: ArrayLike, unit: str) -> None:
+    """Raises `ValueError` unless every entry of `value` is finite and greater than zero."""
+    check_values(name, value, f"it must be a positive number {unit}", above=0)
+
+
+def check_poisson(name: str, value: ArrayLike) -> None:
+    """Raises `ValueError` unless -1 < ν <= 1/2, the range of a stable isotropic solid."""
+    check_values(
+        name,
+        value,
+        "Poisson's ratio must be greater than -1 and at most 0.5",
+        above=-1,
+        at_most=0.5,
+    )
+
+
+def check_shape(name: str, value: Array, shape: tuple[int, ...]) -> None:
+    """Raises `ValueError` unless `value` has exactly this shape."""
+    if value.shape != shape:
+        raise ValueError(f"`{name}` has shape {value.shape}; the shape must be {shape}.")
+
+
+def check_tolerance(name: str, rtol: float, like: Array, *, floor_factor: float = 100.0) -> None:
+    """Raises `ValueError` if the dtype of `like` cannot reach the relative tolerance `rtol`."""
+    check_values(name, rtol, "a tolerance must be greater than 0 and less than 1", above=0)
+    if rtol >= 1:
+        raise ValueError(f"`{name}={rtol:g}` is refused: it must be less than 1.")
+    floor = floor_factor * float(jnp.finfo(like.dtype).eps)
+    if rtol < floor:
+        remedy = (
+            "Call `jax.config.update('jax_enable_x64', True)` before creating arrays, or pass"
+            if like.dtype == jnp.float32
+            else "Pass"
+        )
+        raise ValueError(
+            f"`{name}={rtol:g}` cannot be reached in {like.dtype} (the floor is {floor:.1g}). "
+            f"{remedy} a larger `{name}`."
+        )

@@ -1,0 +1,159 @@
+"""A periodic cell, its wavevectors, and transforms to the half spectrum.
+
+Axis 0 is x (the default direction of sliding), axis 1 is y. A field of shape `(nx, ny)` has the
+half spectrum `(nx, ny//2 + 1)` of `rfftn`; a one-dimensional cell `(nx,)` has `(nx//2 + 1,)`.
+Wavevectors are angular, q = 2π k/L [rad/m]. On a Nyquist line +q and -q are the same mode, so
+odd functions of that component of q (a derivative, the imaginary part of a sliding kernel)
+vanish there.
+"""
+
+import equinox as eqx
+import jax.numpy as jnp
+import numpy as np
+from jax import Array
+from jaxtyping import Complex, Float
+
+from ._checks import Numbers, as_float, check_positive
+
+
+class Grid(eqx.Module):
+    """A rectangular periodic cell sampled at equally spaced points.
+
+    **Fields:**
+
+    - `shape`: number of points `(nx, ny)`, or `(nx,)` for a cell in one dimension. Static.
+    - `size`: edge lengths [m], shape `(ndim,)`; one number means a square.
+    """
+
+    shape: tuple[int, ...] = eqx.field(static=True)
+    size: Float[Array, " ndim"]
+
+    def __init__(self, shape: int | tuple[int, ...], size: Numbers):
+        counts = (shape,) if isinstance(shape, int | np.integer) else tuple(shape)
+        if len(counts) not in (1, 2) or any(
+            isinstance(n, bool) or not isinstance(n, int | np.integer) or n < 4 for n in counts
+        ):
+            raise ValueError(
+                f"`shape={shape}` is refused: one or two whole numbers of at least 4 are needed."
+            )
+        self.shape = tuple(int(n) for n in counts)
+        edges = as_float(size)
+        if edges.shape not in ((), (len(counts),)):
+            raise ValueError(
+                f"`size` has shape {edges.shape}; one length or {len(counts)} lengths are needed, "
+                f"as many as `shape={self.shape}` has entries."
+            )
+        check_positive("size", edges, "[m]")
+        self.size = jnp.broadcast_to(edges, (len(counts),))
+
+    @property
+    def ndim(self) -> int:
+        return len(self.shape)
+
+    @property
+    def spacing(self) -> Float[Array, " ndim"]:
+        """Distance between neighbouring points along each axis [m]."""
+        return self.size / np.array(self.shape)
+
+
+def half_shape(shape: tuple[int, ...]) -> tuple[int, ...]:
+    """Returns the shape of the half spectrum of a field of this shape."""
+    return (*shape[:-1], shape[-1] // 2 + 1)
+
+
+def coordinates(grid: Grid) -> tuple[Float[Array, "..."], ...]:
+    """Returns the coordinates x (and y) of the points [m], broadcastable to `grid.shape`."""
+    axes = [
+        jnp.arange(n, dtype=grid.size.dtype) * step
+        for n, step in zip(grid.shape, grid.spacing, strict=True)
+    ]
+    return tuple(jnp.meshgrid(*axes, indexing="ij", sparse=True))
+
+
+def mode_numbers(shape: tuple[int, ...]) -> tuple[np.ndarray, ...]:
+    """Returns the integers k of q = 2π k/L on the half spectrum, broadcastable; Nyquist is +n/2."""
+    axes = [
+        np.abs(np.fft.fftfreq(n, 1 / n)) * np.where(np.arange(n) <= n // 2, 1, -1) for n in shape
+    ]
+    axes[-1] = axes[-1][: shape[-1] // 2 + 1]
+    return tuple(np.meshgrid(*[np.rint(k).astype(int) for k in axes], indexing="ij", sparse=True))
+
+
+def wavevector(grid: Grid) -> tuple[Float[Array, "..."], ...]:
+    """Returns the components (qx, qy) [rad/m] on the half spectrum, each broadcastable to it."""
+    return tuple(
+        2 * np.pi * jnp.asarray(k, grid.size.dtype) / length
+        for k, length in zip(mode_numbers(grid.shape), grid.size, strict=True)
+    )
+
+
+def wavenumber(grid: Grid) -> Float[Array, "..."]:
+    """Returns |q| [rad/m] on the half spectrum; the q = 0 entry is 0 and has derivative 0."""
+    components = wavevector(grid)
+    squared = sum(component**2 for component in components)
+    zero = _zero_mode(grid.shape)
+    return jnp.where(zero, 0, jnp.sqrt(jnp.where(zero, 1, squared)))
+
+
+def nyquist_lines(shape: tuple[int, ...]) -> np.ndarray:
+    """Returns where any component of the half spectrum is at its Nyquist number, as a mask."""
+    mask = np.zeros(half_shape(shape), bool)
+    for k, n in zip(mode_numbers(shape), shape, strict=True):
+        mask |= 2 * np.abs(k) == n
+    return mask
+
+
+def multiplicity(shape: tuple[int, ...]) -> np.ndarray:
+    """Returns how often each entry of the half spectrum stands in the full one: 1 or 2."""
+    columns = np.arange(shape[-1] // 2 + 1)
+    return np.where((columns == 0) | (2 * columns == shape[-1]), 1, 2)
+
+
+def _zero_mode(shape: tuple[int, ...]) -> np.ndarray:
+    mask = np.zeros(half_shape(shape), bool)
+    mask[(0,) * len(shape)] = True
+    return mask
+
+
+def to_spectrum(field: Float[Array, "*shape"]) -> Complex[Array, "*half"]:
+    """Returns the unnormalised half spectrum Σ_x f(x) exp(-i q·x)."""
+    return jnp.fft.rfftn(field)
+
+
+def to_field(spectrum: Complex[Array, "*half"], shape: tuple[int, ...]) -> Float[Array, "*shape"]:
+    """Returns the real field of a half spectrum, the inverse of `to_spectrum`."""
+    return jnp.fft.irfftn(spectrum, shape)
+
+
+def derivative(field: Float[Array, "*shape"], grid: Grid, axis: int) -> Float[Array, "*shape"]:
+    """Returns the spectral derivative of a periodic field along one axis [field/m]."""
+    k, n = mode_numbers(grid.shape)[axis], grid.shape[axis]
+    odd = jnp.where(2 * np.abs(k) == n, 0, wavevector(grid)[axis])
+    return to_field(1j * odd * to_spectrum(field), grid.shape)
+
+
+def resample_spectrum(spectrum: Array, shape: tuple[int, ...], new_shape: tuple[int, ...]) -> Array:
+    """Returns a half spectrum cut or zero-padded to the modes of another grid on the same cell.
+
+    Values are copied, not rescaled. On the Nyquist lines of a coarser grid only the real part is
+    kept; the Nyquist lines of a finer grid stay empty.
+    """
+    if new_shape == shape:
+        return spectrum
+    for axis, (n, m) in enumerate(zip(shape, new_shape, strict=True)):
+        last = axis == len(shape) - 1
+        keep = (min(n, m) - 1) // 2  # highest number below both Nyquist numbers
+        nyquist = min(n, m) // 2
+        low = jnp.moveaxis(spectrum, axis, 0)
+        top = low[: keep + 1]
+        shared = low[nyquist : nyquist + 1] if min(n, m) % 2 == 0 and m < n else low[:0]
+        size = m // 2 + 1 if last else m
+        negative = low[:0] if last else low[n - keep :] if keep else low[:0]
+        middle = jnp.zeros(
+            (size - len(top) - len(shared) - len(negative), *low.shape[1:]), spectrum.dtype
+        )
+        spectrum = jnp.moveaxis(jnp.concatenate([top, shared, middle, negative]), 0, axis)
+    if jnp.iscomplexobj(spectrum):
+        real = spectrum.real.astype(spectrum.dtype)
+        spectrum = jnp.where(nyquist_lines(new_shape), real, spectrum)
+    return spectrum

@@ -1,0 +1,1 @@
+"""Linear viscoelastic materials: complex modulus and Poisson's ratio against frequency."""
