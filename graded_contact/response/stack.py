@@ -1,0 +1,103 @@
+"""What a block is made of: layers from the loaded surface downwards, on a base. Data only."""
+
+from typing import Any
+
+import equinox as eqx
+from jaxtyping import Array, Float
+
+from .._checks import Numbers, as_float, check_values
+from ..rheology.material import AbstractMaterial
+
+
+def _as_material(material: Any) -> AbstractMaterial:
+    if not isinstance(material, AbstractMaterial):
+        raise ValueError(
+            f"`material={material!r}` must be a material, such as `Elastic(modulus, poisson)`."
+        )
+    return material
+
+
+def _as_layers(layers: Any) -> tuple["Layer", ...]:
+    for i, layer in enumerate(layers):
+        if not isinstance(layer, Layer):
+            raise ValueError(f"`layers[{i}]={layer!r}` must be a `Layer`.")
+    return tuple(layers)
+
+
+def _as_base(base: Any) -> "HalfSpace | Rigid | Free":
+    if not isinstance(base, HalfSpace | Rigid | Free):
+        raise ValueError(f"`base={base!r}` must be `HalfSpace(...)`, `Rigid()` or `Free()`.")
+    return base
+
+
+class Layer(eqx.Module):
+    """A homogeneous layer.
+
+    **Fields:**
+
+    - `material`: what it is made of.
+    - `thickness`: d [m]. Zero is allowed, and is no layer.
+    """
+
+    material: AbstractMaterial = eqx.field(converter=_as_material)
+    thickness: Float[Array, ""] = eqx.field(converter=as_float)
+
+    def __check_init__(self):
+        if self.thickness.shape != ():
+            raise ValueError(f"`thickness` has shape {self.thickness.shape}; one length is needed.")
+        check_values(
+            "thickness",
+            self.thickness,
+            "a thickness [m] is zero (no layer) or positive",
+            at_least=0,
+        )
+
+
+class HalfSpace(eqx.Module):
+    """A base so deep that its bottom is never felt.
+
+    **Fields:**
+
+    - `material`: what it is made of.
+    """
+
+    material: AbstractMaterial = eqx.field(converter=_as_material)
+
+
+class Rigid(eqx.Module):
+    """A rigid base to which the lowest layer is bonded."""
+
+
+class Free(eqx.Module):
+    """No base: the bottom of the lowest layer carries no traction."""
+
+
+class Stack(eqx.Module):
+    """A block: layers bonded to each other and to a base.
+
+    **Fields:**
+
+    - `layers`: from the loaded surface downwards; may be empty on a half space.
+    - `base`: what the lowest layer rests on.
+    """
+
+    layers: tuple[Layer, ...] = eqx.field(converter=_as_layers, default=(), kw_only=True)
+    base: HalfSpace | Rigid | Free = eqx.field(converter=_as_base, kw_only=True)
+
+    def __check_init__(self):
+        if not self.layers and not isinstance(self.base, HalfSpace):
+            raise ValueError(
+                f"`layers` is empty on a {type(self.base).__name__} base: there is nothing to "
+                "deform. Give at least one layer, or a `HalfSpace` as `base`."
+            )
+
+    def at(self, temperature: Numbers) -> "Stack":
+        """Returns the stack with every material at another temperature [K]."""
+        return Stack(
+            layers=tuple(
+                Layer(layer.material.at(temperature), layer.thickness) for layer in self.layers
+            ),
+            base=HalfSpace(self.base.material.at(temperature))
+            if isinstance(self.base, HalfSpace)
+            else self.base,
+        )

@@ -1,0 +1,58 @@
+import numpy as np
+import pytest
+
+import graded_contact as gc
+
+STEEL = gc.Elastic(2e11, 0.3)
+
+
+def test_negative_thickness_is_refused():
+    with pytest.raises(ValueError, match=r"`thickness=-1e-06` is refused.*zero .* or positive"):
+        gc.Layer(STEEL, -1e-6)
+
+
+def test_nan_thickness_is_refused():
+    with pytest.raises(ValueError, match="`thickness=nan`"):
+        gc.Layer(STEEL, np.nan)
+
+
+def test_thickness_of_two_values_is_refused():
+    with pytest.raises(ValueError, match=r"`thickness` has shape \(2,\)"):
+        gc.Layer(STEEL, [1e-6, 2e-6])
+
+
+def test_a_number_is_no_material():
+    with pytest.raises(ValueError, match=r"`material=2\.0` must be a material"):
+        gc.Layer(2.0, 1e-6)
+    with pytest.raises(ValueError, match=r"`material=2\.0` must be a material"):
+        gc.HalfSpace(2.0)
+
+
+@pytest.mark.parametrize("base", [gc.Free(), gc.Rigid()])
+def test_empty_stack_is_refused_without_a_half_space(base):
+    with pytest.raises(ValueError, match=r"`layers` is empty on a .* base"):
+        gc.Stack(layers=(), base=base)
+
+
+def test_layers_and_base_must_be_what_they_say():
+    with pytest.raises(ValueError, match=r"`layers\[0\]=.* must be a `Layer`"):
+        gc.Stack(layers=(STEEL,), base=gc.Rigid())
+    with pytest.raises(ValueError, match=r"`base=.* must be `HalfSpace"):
+        gc.Stack(layers=(gc.Layer(STEEL, 1e-6),), base=STEEL)
+
+
+def test_layers_may_be_a_list():
+    stack = gc.Stack(layers=[gc.Layer(STEEL, 1e-6)], base=gc.Rigid())
+    assert isinstance(stack.layers, tuple)
+
+
+def test_temperature_reaches_every_material():
+    tread = gc.tyre_tread()
+    stack = gc.Stack(
+        layers=(gc.Layer(tread, 1e-3), gc.Layer(STEEL, 1e-3)), base=gc.HalfSpace(tread)
+    )
+    cold = stack.at(273.15)
+    expected = tread.times * tread.shift.factor(np.asarray(273.15))
+    np.testing.assert_allclose(cold.layers[0].material.times, expected, rtol=1e-15)
+    np.testing.assert_allclose(cold.base.material.times, expected, rtol=1e-15)
+    assert cold.layers[1].material.young == STEEL.young
