@@ -1,0 +1,40 @@
+"""Small contact scenes shared by the tests: compiling them is most of the time."""
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+import pytest
+
+import graded_contact as gc
+
+
+def rough(grid: gc.Grid, seed: int = 0, rms_slope: float = 0.2, cut: int = 8) -> gc.Surface:
+    """A self-affine surface with wavelengths down to the `cut`-th part of the Nyquist number."""
+    q0 = 2 * np.pi / float(jnp.max(grid.size))
+    q_high = max(min(grid.shape) // cut, 2) * q0
+    spectrum = gc.SelfAffine(
+        rms_slope=rms_slope, hurst=0.8, q_low=q0, q_roll=min(4 * q0, 0.9 * q_high), q_high=q_high
+    )
+    return gc.random_surface(spectrum, grid, jax.random.key(seed))
+
+
+RUBBER = gc.Prony(0.75, [0.75 * 9], [1.0], 0.5)  # reduced modulus 1 Pa at rest, 10 Pa at speed
+BODIES = {
+    "elastic": gc.Stack(base=gc.HalfSpace(gc.Elastic(0.75, 0.5))),
+    "bare": gc.Stack(base=gc.HalfSpace(RUBBER)),
+    "coated": gc.Stack(layers=(gc.Layer(gc.Elastic(0.75, 0.5), 0.01),), base=gc.HalfSpace(RUBBER)),
+    "three layers": gc.Stack(
+        layers=(
+            gc.Layer(gc.Elastic(2.0, 0.3), 0.003),
+            gc.Layer(gc.Prony(0.5, [3.0], [0.1], 0.4), 0.02),
+            gc.Layer(gc.Elastic(0.4, 0.45), 0.05),
+        ),
+        base=gc.Rigid(),
+    ),
+}
+SPEED = 0.1  # m/s, with a cell of 1 m and a relaxation time of 1 s: near the peak of loss
+
+
+@pytest.fixture(params=list(BODIES))
+def body(request) -> gc.Stack:
+    return BODIES[request.param]

@@ -1,0 +1,277 @@
+import hypothesis.strategies as st
+import jax
+import jax.numpy as jnp
+import numpy as np
+import pytest
+from conftest import BODIES, SPEED, rough
+from hypothesis import given, settings
+from oracles import dense_contact
+
+import graded_contact as gc
+from graded_contact import reference
+from graded_contact.contact.observables import contact_area_corrected
+from graded_contact.grid import half_shape
+
+SMALL = gc.Grid((16, 16), 1.0)
+GRID = gc.Grid((64, 64), 1.0)
+
+
+def half_space(grid, modulus=1.0):
+    return gc.stack_kernel(gc.Stack(base=gc.HalfSpace(gc.Elastic(modulus * 0.75, 0.5))), grid)
+
+
+@pytest.mark.parametrize("shape", [(16, 16), (15, 12), (24,)])
+@pytest.mark.parametrize("load", [0.02, 0.2])
+@pytest.mark.parametrize("name", ["elastic", "coated"])
+def test_pressure_matches_a_dense_complementarity_solve(name, load, shape):
+    """Symmetric and, sliding, nonsymmetric; square, odd and one-dimensional."""
+    grid = gc.Grid(shape, 1.0)
+    heights = np.random.default_rng(1).normal(size=shape) * 0.05
+    kernel = gc.stack_kernel(BODIES[name], grid, SPEED)
+    expected = dense_contact(np.asarray(kernel), heights, load)
+    found = gc.solve_contact(kernel, heights, load, rtol=1e-10)
+    np.testing.assert_array_equal(found.pressure > 0, expected > 0)
+    np.testing.assert_allclose(found.pressure, expected, atol=1e-8 * expected.max())
+
+
+def test_solution_satisfies_the_laws_of_contact(body):
+    surface = rough(GRID)
+    kernel = gc.stack_kernel(body, GRID, SPEED)
+    s = gc.solve_contact(kernel, surface.heights, 0.05, rtol=1e-9)
+    assert s.result == gc.RESULTS.successful
+    np.testing.assert_allclose(np.mean(s.pressure), 0.05, rtol=1e-13)
+    assert np.min(s.pressure) >= 0
+    scale = np.std(surface.heights)
+    assert np.min(s.gap) >= -1e-7 * scale
+    assert np.max(np.abs(s.gap[s.pressure > 0])) <= 1e-7 * scale
+    assert s.penetration <= 1e-7
+    assert s.complementarity_error <= 1e-7
+    np.testing.assert_allclose(s.mean_gap, np.mean(s.gap))
+
+
+@pytest.mark.parametrize("tolerance", [1e-4, 1e-6])
+def test_true_error_is_about_the_wanted_one(body, tolerance):
+    kernel = gc.stack_kernel(body, GRID, SPEED)
+    heights = rough(GRID, seed=3).heights
+    best = gc.solve_contact(kernel, heights, 0.05, rtol=1e-11)
+    found = gc.solve_contact(kernel, heights, 0.05, rtol=tolerance)
+    error = np.linalg.norm(found.pressure - best.pressure) / np.linalg.norm(best.pressure)
+    assert error <= 2 * tolerance
+    assert found.error <= tolerance
+
+
+@pytest.mark.parametrize("fraction", [0.143566, 0.5, 0.856434])
+def test_wave_matches_westergaard(fraction):
+    """V8; the edge of contact is uncertain by a pixel on each side."""
+    n, amplitude = 512, 1e-3
+    grid = gc.Grid((n,), 1.0)
+    x = np.arange(n) / n
+    full = np.pi * amplitude
+    load = full * np.sin(np.pi * fraction / 2) ** 2
+    s = gc.solve_contact(half_space(grid), amplitude * np.cos(2 * np.pi * x), load)
+    assert abs(np.mean(s.pressure > 0) - fraction) <= 2 / n
+    exact = reference.westergaard_pressure(x, load, amplitude, 1.0, 1.0)
+    assert np.mean(np.abs(s.pressure - exact)) <= 5e-3 * load
+
+
+def test_two_dimensional_grid_solves_the_wave_too():
+    n, fraction = 128, 0.5
+    grid = gc.Grid((n, 8), (1.0, 8 / n))
+    heights = np.broadcast_to(np.cos(2 * np.pi * np.arange(n) / n)[:, None], (n, 8)) * 1e-3
+    load = np.pi * 1e-3 * np.sin(np.pi * fraction / 2) ** 2
+    s = gc.solve_contact(half_space(grid), heights, load)
+    assert abs(np.mean(s.pressure > 0) - fraction) <= 2 / n
+
+
+def test_double_sinusoid_meets_its_light_and_heavy_limits():
+    """V9, Johnson, Greenwood & Higginson 1985."""
+    n, amplitude = 128, 1e-3
+    grid = gc.Grid((n, n), 1.0)
+    x = np.arange(n) / n
+    wave = amplitude * np.cos(2 * np.pi * x)[:, None] * np.cos(2 * np.pi * x)
+    full = np.sqrt(2) * np.pi * amplitude
+    for ratio, expected, atol in (
+        (0.002, np.pi * (3 * 0.002 / (8 * np.pi)) ** (2 / 3), 5e-4),
+        (0.98, 1 - 3 / (2 * np.pi) * 0.02, 1e-3),
+    ):
+        s = gc.solve_contact(half_space(grid), wave, ratio * full)
+        area = contact_area_corrected(s.pressure > 0)
+        assert abs(float(area) - expected) <= atol
+
+
+def test_sphere_converges_to_hertz_with_the_grid():
+    """V7 on a cell 12 contact radii wide; peak pressure converges, the image error remains."""
+    radius, cell, contact = 1.0, 1.0, 1 / 12
+    load = 4 / 3 * contact**3 / radius
+    errors = []
+    for n in (64, 128):
+        grid = gc.Grid((n, n), cell)
+        x = (np.arange(n) - n // 2) / n * cell
+        heights = -(x[:, None] ** 2 + x**2) / (2 * radius)
+        s = gc.solve_contact(half_space(grid), heights, load / cell**2)
+        a, peak, _ = reference.hertz_sphere(load, radius, 1.0)
+        pressure = reference.hertz_pressure(np.hypot(x[:, None], x), a, peak)
+        errors.append(np.sqrt(np.mean((s.pressure - pressure) ** 2) / np.mean(pressure**2)))
+    assert errors[1] <= 0.6 * errors[0]
+    assert errors[1] <= 0.03
+
+
+def test_full_contact_pressure_follows_from_the_heights():
+    surface = rough(GRID)
+    kernel = np.array(gc.stack_kernel(BODIES["three layers"], GRID, SPEED))
+    kernel[0, 0] = 1
+    spectrum = np.fft.rfft2(surface.heights) / kernel
+    spectrum[0, 0] = 0
+    wave = np.fft.irfft2(spectrum, GRID.shape)
+    load = -1.1 * wave.min()
+    s = gc.solve_contact(kernel, surface.heights, load, rtol=1e-11)
+    assert np.all(s.pressure > 0)
+    np.testing.assert_allclose(s.pressure, load + wave, rtol=0, atol=1e-10 * load)
+
+
+def test_flat_surface_has_uniform_pressure_and_no_gap():
+    s = gc.solve_contact(half_space(SMALL), np.full((16, 16), 3.0), 2.0)
+    np.testing.assert_allclose(s.pressure, 2.0, rtol=1e-14)
+    np.testing.assert_allclose(s.gap, 0.0, atol=1e-15)
+
+
+@pytest.mark.parametrize("coarsest", [16, 64])
+def test_nesting_does_not_change_the_solution(coarsest):
+    solver = gc.DouglasRachford(coarsest=coarsest)
+    kernel = gc.stack_kernel(BODIES["coated"], GRID, SPEED)
+    heights = rough(GRID).heights
+    s = gc.solve_contact(kernel, heights, 0.05, solver=solver, rtol=1e-9)
+    best = gc.solve_contact(kernel, heights, 0.05, rtol=1e-11)
+    np.testing.assert_allclose(s.pressure, best.pressure, atol=1e-7 * np.max(best.pressure))
+
+
+def test_warm_start_at_the_solution_costs_next_to_nothing():
+    kernel, heights = gc.stack_kernel(BODIES["bare"], GRID, SPEED), rough(GRID).heights
+    cold = gc.solve_contact(kernel, heights, 0.05)
+    warm = gc.solve_contact(kernel, heights, 0.05, start=cold.pressure)
+    near = gc.solve_contact(kernel, heights, 0.055, start=cold.pressure)
+    assert warm.num_steps <= 4
+    assert near.num_steps < cold.num_steps
+
+
+def test_solving_twice_gives_the_same_bits():
+    kernel, heights = gc.stack_kernel(BODIES["bare"], GRID, SPEED), rough(GRID).heights
+    one, two = (gc.solve_contact(kernel, heights, 0.05).pressure for _ in range(2))
+    np.testing.assert_array_equal(one, two)
+
+
+def test_batch_over_pressure_equals_single_solves():
+    kernel, heights = gc.stack_kernel(BODIES["bare"], GRID, SPEED), rough(GRID).heights
+    loads = jnp.array([0.01, 0.05])
+    batch = jax.vmap(lambda p: gc.solve_contact(kernel, heights, p).pressure)(loads)
+    for load, pressure in zip(loads, batch, strict=True):
+        single = gc.solve_contact(kernel, heights, load).pressure
+        np.testing.assert_allclose(pressure, single, atol=1e-5 * np.max(single))
+
+
+@settings(max_examples=8, deadline=None)
+@given(
+    length=st.floats(-6, 6), stress=st.floats(-9, 9), height=st.floats(-6, 0), load=st.floats(-2, 0)
+)
+def test_units_and_heights_scale_out(length, stress, height, load):
+    """σ(h, M, σ0) depends on M and h through the product of their scales only."""
+    kernel, heights = gc.stack_kernel(BODIES["bare"], GRID, SPEED), rough(GRID).heights
+    length, stress, height = 10.0**length, 10.0**stress, 10.0**height
+    load = 0.1 * 10.0**load
+    one = gc.solve_contact(kernel, heights, load)
+    two = gc.solve_contact(
+        kernel * length / stress, heights * length * height, load * stress * height
+    )
+    np.testing.assert_allclose(
+        two.pressure,
+        one.pressure * stress * height,
+        atol=1e-5 * stress * height * np.max(one.pressure),
+    )
+
+
+@settings(max_examples=8, deadline=None)
+@given(seed=st.integers(0, 100), load=st.floats(0.005, 0.5), more=st.floats(1.05, 2.0))
+def test_area_increases_with_pressure_in_elastic_contact(seed, load, more):
+    kernel, heights = gc.stack_kernel(BODIES["elastic"], GRID), rough(GRID, seed=seed).heights
+    areas = [
+        np.mean(gc.solve_contact(kernel, heights, p).pressure > 0) for p in (load, more * load)
+    ]
+    assert areas[1] >= areas[0]
+
+
+def test_float32_solves_to_its_precision():
+    kernel, heights = gc.stack_kernel(BODIES["coated"], GRID, SPEED), rough(GRID).heights
+    best = gc.solve_contact(kernel, heights, 0.05)
+    s = gc.solve_contact(
+        kernel.astype(jnp.complex64), heights.astype(jnp.float32), jnp.float32(0.05), rtol=1e-4
+    )
+    assert s.pressure.dtype == jnp.float32
+    error = np.linalg.norm(s.pressure - best.pressure) / np.linalg.norm(best.pressure)
+    assert error <= 2e-4
+
+
+def test_unreachable_tolerance_is_refused_with_the_remedy():
+    kernel, heights = half_space(SMALL).astype(jnp.float32), jnp.zeros((16, 16), jnp.float32)
+    with pytest.raises(ValueError, match=r"`rtol=1e-06` cannot be reached in float32.*enable_x64"):
+        gc.solve_contact(kernel, heights, jnp.float32(1.0))
+
+
+def test_stopped_solve_reports_it_and_returns_the_partial_result():
+    kernel, heights = gc.stack_kernel(BODIES["bare"], GRID, SPEED), rough(GRID).heights
+    hasty = gc.DouglasRachford(max_steps=4)
+    with pytest.raises(RuntimeError, match="reached `max_steps` before `rtol`"):
+        gc.solve_contact(kernel, heights, 0.05, solver=hasty)
+    partial = gc.solve_contact(kernel, heights, 0.05, solver=hasty, throw=False)
+    assert partial.result == gc.RESULTS.max_steps_reached
+    assert partial.num_steps == 4
+    assert partial.error > 1e-6
+    np.testing.assert_allclose(np.mean(partial.pressure), 0.05)
+
+
+def test_nan_met_inside_is_reported_as_such():
+    found = jax.jit(lambda h: gc.solve_contact(half_space(SMALL), h, 1.0, throw=False))(
+        jnp.full((16, 16), jnp.nan)
+    )
+    assert found.result == gc.RESULTS.not_finite
+
+
+def test_counted_transforms_are_those_of_the_grids():
+    kernel, heights = gc.stack_kernel(BODIES["coated"], GRID, SPEED), rough(GRID).heights
+    flat = gc.solve_contact(kernel, heights, 0.05)  # 64 points: no nesting
+    assert flat.num_fft_pairs == flat.num_steps + 4
+    nested = gc.solve_contact(kernel, heights, 0.05, solver=gc.DouglasRachford(coarsest=32))
+    assert nested.num_fft_pairs > nested.num_steps + 5
+
+
+BAD = {
+    "kernel shape": (dict(kernel=np.ones((16, 16))), r"`kernel` has shape \(16, 16\)"),
+    "negative kernel": (dict(kernel=-np.ones(half_shape((16, 16)))), r"`kernel.real\[0, 1\]=-1`"),
+    "nan kernel": (dict(kernel=np.full((16, 9), np.nan)), "`kernel.real"),
+    "nan heights": (dict(heights=np.full((16, 16), np.nan)), r"`heights\[0, 0\]=nan`"),
+    "heights in 3-D": (dict(heights=np.zeros((4, 4, 4))), "`heights` has shape"),
+    "zero pressure": (dict(pressure=0.0), "`pressure=0` is refused: it must be a positive"),
+    "pressure field": (dict(pressure=np.ones(2)), r"`pressure` has shape \(2,\)"),
+    "zero rtol": (dict(rtol=0.0), "`rtol=0` is refused"),
+    "big rtol": (dict(rtol=2.0), "`rtol=2` is refused"),
+    "start shape": (dict(start=np.ones((8, 8))), "`start` has shape"),
+    "negative start": (dict(start=np.full((16, 16), -1.0)), r"`start\[0, 0\]=-1`"),
+    "zero start": (dict(start=np.zeros((16, 16))), "`start` is zero everywhere"),
+}
+
+
+@pytest.mark.parametrize("case", BAD)
+def test_bad_argument_is_refused(case):
+    changed, message = BAD[case]
+    arguments = dict(kernel=np.asarray(half_space(SMALL)), heights=np.zeros((16, 16)), pressure=1.0)
+    arguments |= changed
+    kernel, heights = arguments.pop("kernel"), arguments.pop("heights")
+    with pytest.raises(ValueError, match=message):
+        gc.solve_contact(kernel, heights, arguments.pop("pressure"), **arguments)
+
+
+@pytest.mark.parametrize(
+    "settings", [dict(max_steps=0), dict(relaxation=1.0), dict(memory=0), dict(coarsest=2)]
+)
+def test_bad_solver_setting_is_refused(settings):
+    with pytest.raises(ValueError, match=f"`{next(iter(settings))}="):
+        gc.DouglasRachford(**settings)
