@@ -18,6 +18,7 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Bool, Float, Inexact
 
+from .._checks import Numbers, as_float
 from ..grid import Grid, derivative, mode_numbers, multiplicity, to_spectrum, wavevector
 
 # Area of a pixel count beyond the true one, per pixel edge between contact and gap.
@@ -32,7 +33,7 @@ def friction(
     pressure: Float[Array, "*shape"],
     displacement: Float[Array, "*shape"],
     grid: Grid,
-    velocity: Float[Array, "..."],
+    velocity: Numbers,
 ) -> Float[Array, ""]:
     """Returns the friction coefficient -⟨σ ∂w/∂x_v⟩/⟨σ⟩ [1], x_v along the velocity.
 
@@ -46,7 +47,7 @@ def geometric_friction(
     pressure: Float[Array, "*shape"],
     heights: Float[Array, "*shape"],
     grid: Grid,
-    velocity: Float[Array, "..."],
+    velocity: Numbers,
 ) -> Float[Array, ""]:
     """Returns -⟨σ ∂h/∂x_v⟩/⟨σ⟩ [1], which `friction` equals in the limit of fine grids."""
     slope, _ = _slope_along(heights, grid, velocity)
@@ -57,14 +58,14 @@ def dissipation(
     pressure: Float[Array, "*shape"],
     kernel: Inexact[Array, "*half"],
     grid: Grid,
-    velocity: Float[Array, "..."],
+    velocity: Numbers,
 ) -> Float[Array, "*half"]:
     """Returns the power lost per area [W/m²] in each mode of the half spectrum.
 
     Entries stand for themselves and their conjugates, so that the sum is the whole power,
     μ ⟨σ⟩ |v|.
     """
-    velocity = jnp.atleast_1d(velocity)
+    velocity = jnp.atleast_1d(as_float(velocity))
     # Paired with x, or with x and y. An odd function, so 0 on the Nyquist lines of its component.
     omega = -sum(
         jnp.where(2 * np.abs(k) == n, 0, q) * v
@@ -82,7 +83,7 @@ def energy_imbalance(
     displacement: Float[Array, "*shape"],
     kernel: Inexact[Array, "*half"],
     grid: Grid,
-    velocity: Float[Array, "..."],
+    velocity: Numbers,
 ) -> Float[Array, ""]:
     """Returns |work of friction - dissipation| over the work exchanged, ⟨|σ ∂w|⟩ |v| [1]."""
     slope, speed = _slope_along(displacement, grid, velocity)
@@ -175,7 +176,7 @@ def _triangle(a, b, c):
 
 def _slope_along(field, grid, velocity):
     """The derivative of a field along the velocity (along x at rest), and the speed."""
-    velocity = jnp.atleast_1d(velocity)
+    velocity = jnp.atleast_1d(as_float(velocity))
     squared = jnp.sum(velocity**2)
     at_rest = squared == 0
     speed = jnp.where(at_rest, 0, jnp.sqrt(jnp.where(at_rest, 1, squared)))

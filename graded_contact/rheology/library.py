@@ -2,7 +2,8 @@
 
 import numpy as np
 
-from .material import WLF, Prony
+from .material import Prony
+from .shift import WLF
 
 # Three Cole-Cole / Havriliak-Negami processes (glass, intermediate, slow filler tail) of a filled
 # SBR tread, written as 18 Maxwell branches and rounded to three digits. Synthetic.

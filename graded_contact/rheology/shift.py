@@ -1,0 +1,108 @@
+"""Laws of time-temperature superposition: how relaxation times move with temperature.
+
+Temperatures are in kelvin. Source of the first: M. L. Williams, R. F. Landel, J. D. Ferry,
+J. Am. Chem. Soc. 77 (1955) 3701, doi:10.1021/ja01619a008.
+"""
+
+import abc
+
+import equinox as eqx
+import jax.numpy as jnp
+from jaxtyping import Array, Float
+
+from .._checks import Numbers, as_float, check_positive, check_values, is_concrete
+
+GAS_CONSTANT = 8.31446261815324  # J/(mol K), exact in the SI of 2019
+
+
+class AbstractShift(eqx.Module):
+    """A law of time-temperature superposition: τ(T) = a_T(T) τ(reference)."""
+
+    @abc.abstractmethod
+    def factor(self, temperature: Numbers) -> Float[Array, ""]:
+        """Returns a_T [1] at `temperature` [K]; it is 1 at the reference temperature."""
+
+    @abc.abstractmethod
+    def rebased(self, temperature: Numbers) -> "AbstractShift":
+        """Returns the same law written about another reference temperature [K]."""
+
+
+class WLF(AbstractShift):
+    """The Williams-Landel-Ferry shift, log10 a_T = -c1 (T - T_ref)/(c2 + T - T_ref).
+
+    **Fields:**
+
+    - `c1`: first constant [1].
+    - `c2`: second constant [K].
+    - `reference`: temperature T_ref [K] at which the material's times were given.
+    """
+
+    c1: Float[Array, ""] = eqx.field(converter=as_float)
+    c2: Float[Array, ""] = eqx.field(converter=as_float)
+    reference: Float[Array, ""] = eqx.field(converter=as_float)
+
+    def __check_init__(self):
+        check_positive("c1", self.c1, "[1]")
+        check_positive("c2", self.c2, "[K]")
+        check_positive("reference", self.reference, "[K]")
+
+    def factor(self, temperature: Numbers) -> Float[Array, ""]:
+        temperature = self._checked(temperature)
+        step = temperature - self.reference
+        return 10 ** (-self.c1 * step / (self.c2 + step))
+
+    def rebased(self, temperature: Numbers) -> "WLF":
+        temperature = self._checked(temperature)
+        c2 = self.c2 + temperature - self.reference
+        return WLF(c1=self.c1 * self.c2 / c2, c2=c2, reference=temperature)
+
+    def _checked(self, temperature: Numbers) -> Float[Array, ""]:
+        temperature = as_float(temperature)
+        if is_concrete(temperature) and is_concrete(self.c2) and is_concrete(self.reference):
+            vogel = float(self.reference - self.c2)
+            check_values(
+                "temperature",
+                temperature,
+                f"temperatures are in kelvin and this WLF law holds only above {vogel:.2f} K",
+                above=max(vogel, 0.0),
+            )
+        return temperature
+
+
+class Arrhenius(AbstractShift):
+    """The Arrhenius shift, ln a_T = (Q/R)(1/T - 1/T_ref).
+
+    **Fields:**
+
+    - `activation_energy`: Q [J/mol].
+    - `reference`: temperature T_ref [K] at which the material's times were given.
+    """
+
+    activation_energy: Float[Array, ""] = eqx.field(converter=as_float)
+    reference: Float[Array, ""] = eqx.field(converter=as_float)
+
+    def __check_init__(self):
+        check_positive("activation_energy", self.activation_energy, "[J/mol]")
+        check_positive("reference", self.reference, "[K]")
+
+    def factor(self, temperature: Numbers) -> Float[Array, ""]:
+        temperature = as_float(temperature)
+        check_positive("temperature", temperature, "[K]")
+        return jnp.exp(
+            self.activation_energy / GAS_CONSTANT * (1 / temperature - 1 / self.reference)
+        )
+
+    def rebased(self, temperature: Numbers) -> "Arrhenius":
+        temperature = as_float(temperature)
+        check_positive("temperature", temperature, "[K]")
+        return Arrhenius(activation_energy=self.activation_energy, reference=temperature)
+
+
+def require_shift(shift: AbstractShift | None) -> AbstractShift:
+    """Returns `shift`, or raises `ValueError` if a material has none."""
+    if shift is None:
+        raise ValueError(
+            "This material has no law of time-temperature superposition. Give it one: "
+            "`shift=WLF(c1, c2, reference)` or `shift=Arrhenius(activation_energy, reference)`."
+        )
+    return shift

@@ -1,0 +1,140 @@
+"""A measured modulus as a material, without fitting."""
+
+from typing import Literal
+
+import equinox as eqx
+import jax
+import jax.numpy as jnp
+import numpy as np
+from jaxtyping import Array, Complex, Float
+
+from .._checks import Numbers, as_float, check_poisson, check_positive, is_concrete
+from .material import AbstractMaterial
+from .shift import AbstractShift, require_shift
+
+
+class Tabulated(AbstractMaterial):
+    """A measured modulus used as it stands, by monotone interpolation of its logarithms.
+
+    E' and E'' are interpolated by Fritsch-Carlson cubics in log ω. At rest (ω = 0 exactly) the
+    modulus is the first E'. Other frequencies outside the table raise an error, unless
+    `extrapolate="plateau"`: then E' stays at its end value, and E'' falls off as ω below the
+    table and as 1/ω above it, as for a single relaxation far from its peak.
+
+    **Fields:**
+
+    - `omega`: angular frequencies [rad/s], shape `(points,)`, positive and increasing.
+    - `storage`: E' [Pa], shape `(points,)`, positive.
+    - `loss`: E'' [Pa], shape `(points,)`, positive.
+    - `poisson`: Poisson's ratio ν [1].
+    - `shift`: law of time-temperature superposition, or None.
+    - `extrapolate`: `"refuse"` or `"plateau"`. Static.
+    """
+
+    omega: Float[Array, " points"]
+    storage: Float[Array, " points"]
+    loss: Float[Array, " points"]
+    poisson: Float[Array, ""]
+    shift: AbstractShift | None
+    extrapolate: Literal["refuse", "plateau"] = eqx.field(static=True)
+
+    def __init__(
+        self,
+        omega: Numbers,
+        modulus: Numbers,
+        poisson: Numbers = 0.5,
+        *,
+        shift: AbstractShift | None = None,
+        extrapolate: Literal["refuse", "plateau"] = "refuse",
+    ):
+        self.omega = as_float(omega)
+        complex_modulus = jnp.asarray(modulus)
+        self.storage = as_float(complex_modulus.real)
+        self.loss = as_float(complex_modulus.imag)
+        self.poisson = as_float(poisson)
+        self.shift = shift
+        self.extrapolate = extrapolate
+        if self.omega.ndim != 1 or len(self.omega) < 2 or complex_modulus.shape != self.omega.shape:
+            raise ValueError(
+                f"`omega` has shape {self.omega.shape} and `modulus` {complex_modulus.shape}; "
+                "two one-dimensional arrays of equal length, at least 2, are needed."
+            )
+        check_positive("omega", self.omega, "[rad/s]")
+        check_positive("modulus.real", self.storage, "[Pa]")
+        check_positive("modulus.imag", self.loss, "[Pa] (the loss modulus)")
+        check_poisson("poisson", self.poisson)
+        if is_concrete(self.omega):
+            steps = np.diff(np.asarray(self.omega))
+            if np.any(steps <= 0):
+                i = int(np.argmax(steps <= 0)) + 1
+                raise ValueError(
+                    f"`omega[{i}]={float(self.omega[i]):g}` does not exceed the entry before it: "
+                    "frequencies must be strictly increasing (sort the table first)."
+                )
+        if extrapolate not in ("refuse", "plateau"):
+            raise ValueError(f"`extrapolate={extrapolate!r}` must be 'refuse' or 'plateau'.")
+
+    def modulus(self, omega: Numbers) -> Complex[Array, "*w"]:
+        omega = as_float(omega)
+        first, last = self.omega[0], self.omega[-1]
+        size = jnp.abs(omega)
+        if self.extrapolate == "refuse":
+            # A shifted table may miss its own ends by rounding.
+            slack = 64 * jnp.finfo(self.omega.dtype).eps
+            outside = (size > 0) & ((size < first * (1 - slack)) | (size > last * (1 + slack)))
+            size = eqx.error_if(
+                size,
+                outside,
+                "A frequency lies outside the table of moduli. Use a table that covers it, or "
+                "`Tabulated(..., extrapolate='plateau')`.",
+            )
+        inside = jnp.log(jnp.clip(size, first, last))
+        nodes = jnp.log(self.omega)
+        storage = jnp.exp(_monotone_cubic(nodes, jnp.log(self.storage), inside))
+        loss = jnp.exp(_monotone_cubic(nodes, jnp.log(self.loss), inside))
+        beyond = jnp.where(size > last, size, last)
+        decay = jnp.where(size < first, size / first, last / beyond)
+        return jax.lax.complex(storage, jnp.sign(omega) * loss * decay)
+
+    def poisson_ratio(self, omega: Numbers) -> Float[Array, ""]:
+        return self.poisson
+
+    def at(self, temperature: Numbers) -> "Tabulated":
+        shift, temperature = require_shift(self.shift), as_float(temperature)
+        return eqx.tree_at(
+            lambda material: (material.omega, material.shift),
+            self,
+            (self.omega / shift.factor(temperature), shift.rebased(temperature)),
+        )
+
+
+def _monotone_cubic(
+    nodes: Float[Array, " n"], values: Float[Array, " n"], x: Float[Array, "*w"]
+) -> Float[Array, "*w"]:
+    """Returns the Fritsch-Carlson monotone cubic interpolant at `x`, as SciPy's PCHIP.
+
+    F. N. Fritsch, J. Butland, SIAM J. Sci. Stat. Comput. 5 (1984) 300, doi:10.1137/0905021.
+    """
+    h, secant = jnp.diff(nodes), jnp.diff(values) / jnp.diff(nodes)
+    if len(values) == 2:
+        slopes = jnp.broadcast_to(secant, (2,))
+    else:
+        left, right = secant[:-1], secant[1:]
+        same = left * right > 0
+        w1, w2 = 2 * h[1:] + h[:-1], h[1:] + 2 * h[:-1]
+        safe_left, safe_right = jnp.where(same, left, 1), jnp.where(same, right, 1)
+        inner = jnp.where(same, (w1 + w2) / (w1 / safe_left + w2 / safe_right), 0)
+        ends = [_end_slope(h[i], h[j], secant[i], secant[j]) for i, j in ((0, 1), (-1, -2))]
+        slopes = jnp.concatenate([ends[0][None], inner, ends[1][None]])
+    i = jnp.clip(jnp.searchsorted(nodes, x, side="right") - 1, 0, len(nodes) - 2)
+    t = (x - nodes[i]) / h[i]
+    rise = values[i + 1] - values[i]
+    a, b = slopes[i] * h[i], slopes[i + 1] * h[i]
+    return values[i] + t * (a + t * ((3 * rise - 2 * a - b) + t * (a + b - 2 * rise)))
+
+
+def _end_slope(h0, h1, secant0, secant1):
+    slope = ((2 * h0 + h1) * secant0 - h0 * secant1) / (h0 + h1)
+    slope = jnp.where(slope * secant0 <= 0, 0, slope)
+    steep = (secant0 * secant1 < 0) & (jnp.abs(slope) > 3 * jnp.abs(secant0))
+    return jnp.where(steep, 3 * secant0, slope)

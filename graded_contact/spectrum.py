@@ -1,0 +1,174 @@
+"""Spectra of roughness.
+
+A spectrum C(q) is two-sided and isotropic, <h²> = ∫ d²q C(q) over the whole plane for a surface,
+<h²> = ∫ dq C(q) over the whole line for a profile; `ndim` tells which.
+
+The shape of the spectrum is that of B. N. J. Persson, J. Phys.: Condens. Matter 18 (2006) 7789,
+doi:10.1088/0953-8984/18/32/009; Nayak's parameter is that of P. R. Nayak, J. Lubr. Technol. 93
+(1971) 398, doi:10.1115/1.3451608, for an isotropic surface.
+"""
+
+from typing import Any, Literal
+
+import equinox as eqx
+import jax.numpy as jnp
+import numpy as np
+from jax import Array
+from jaxtyping import ArrayLike, Float
+
+from ._checks import as_float, check_positive, check_shape, check_values, is_concrete
+
+
+class SelfAffine(eqx.Module):
+    """An isotropic self-affine spectrum with a roll-off.
+
+    C is constant for q_low <= q <= q_roll, falls as q^(-2(1+H)) for q_roll < q <= q_high
+    (q^(-1-2H) for a profile), and is zero outside. Derivatives with respect to `q_low` and `q_high`
+    see the normalisation, not the modes that a moving edge admits.
+
+    **Fields:**
+
+    - `amplitude`: the prescribed root mean square, height [m] or slope [1].
+    - `hurst`: Hurst exponent H [1], 0 < H <= 1.
+    - `q_low`, `q_roll`, `q_high`: wavenumbers [rad/m], in increasing order.
+    - `prescribed`: which of `"rms_height"` and `"rms_slope"` was given. Static.
+    """
+
+    amplitude: Float[Array, ""]
+    hurst: Float[Array, ""]
+    q_low: Float[Array, ""]
+    q_roll: Float[Array, ""]
+    q_high: Float[Array, ""]
+    prescribed: Literal["rms_height", "rms_slope"] = eqx.field(static=True)
+
+    def __init__(
+        self,
+        *,
+        rms_height: ArrayLike | None = None,
+        rms_slope: ArrayLike | None = None,
+        hurst: ArrayLike,
+        q_low: ArrayLike,
+        q_roll: ArrayLike,
+        q_high: ArrayLike,
+    ):
+        """Prescribes either `rms_height` [m] or `rms_slope` [1] (of the gradient's length)."""
+        self.prescribed, self.amplitude = one_of_height_and_slope(rms_height, rms_slope)
+        self.hurst = as_float(hurst)
+        self.q_low, self.q_roll, self.q_high = as_float(q_low), as_float(q_roll), as_float(q_high)
+        for name in ("hurst", "q_low", "q_roll", "q_high"):
+            check_shape(name, getattr(self, name), ())
+        check_values(
+            "hurst", self.hurst, "it must be greater than 0 and at most 1", above=0, at_most=1
+        )
+        check_positive("q_low", self.q_low, "[rad/m]")
+        _check_order("q_roll", self.q_roll, "q_low", self.q_low)
+        _check_order("q_high", self.q_high, "q_roll", self.q_roll)
+        if (
+            is_concrete(self.q_low)
+            and is_concrete(self.q_high)
+            and not (float(self.q_low) < float(self.q_high))
+        ):
+            raise ValueError(
+                f"`q_high={float(self.q_high):g}` is refused: it must exceed "
+                f"`q_low={float(self.q_low):g}`, the band is empty."
+            )
+
+    @property
+    def rms_height(self) -> Float[Array, ""]:
+        """Root mean square height of the surface [m]."""
+        return rms_height_of(self, 2)
+
+    @property
+    def rms_slope(self) -> Float[Array, ""]:
+        """Root mean square length of the gradient of the surface [1]."""
+        return jnp.sqrt(self.moment(2))
+
+    @property
+    def rms_curvature(self) -> Float[Array, ""]:
+        """Root mean square of the mean curvature ∇²h/2 [1/m]."""
+        return jnp.sqrt(self.moment(4)) / 2
+
+    @property
+    def nayak_parameter(self) -> Float[Array, ""]:
+        """Nayak's bandwidth parameter α = (3/2) m0 m4/m2² [1], 3/2 for a narrow band."""
+        m0, m2, m4 = (_relative_moment(self, order, 2) for order in (0, 2, 4))
+        return 1.5 * m0 / m2 * (m4 / m2)
+
+    def density(self, q: Float[Array, "*q"], ndim: int = 2) -> Float[Array, "*q"]:
+        """Returns C(q) at the wavenumbers `q` [rad/m]: [m⁴], or [m³] of a profile (`ndim=1`)."""
+        relative = relative_density(self, q / self.q_roll, ndim)
+        return (rms_height_of(self, ndim) / self.q_roll ** (ndim / 2)) ** 2 * relative
+
+    def moment(self, order: int | float, ndim: int = 2) -> Float[Array, ""]:
+        """Returns ∫ d²q q^order C(q) [m^(2 - order)], for a profile (`ndim=1`) ∫ dq |q|^order C(q).
+
+        Exact for every real order: order 0 is the square of the rms height, order 2 that of the
+        rms slope.
+        """
+        ratio = _relative_moment(self, order, ndim) / _relative_moment(self, 0, ndim)
+        return (rms_height_of(self, ndim) * self.q_roll ** (order / 2)) ** 2 * ratio
+
+
+def one_of_height_and_slope(rms_height: Any, rms_slope: Any) -> tuple[Any, Float[Array, ""]]:
+    """Returns which of the two was given, and its value; refuses both or none."""
+    if (rms_height is None) == (rms_slope is None):
+        raise ValueError(
+            "Exactly one of `rms_height` and `rms_slope` is needed, got "
+            f"`rms_height={rms_height}` and `rms_slope={rms_slope}`."
+        )
+    name = "rms_slope" if rms_height is None else "rms_height"
+    value = as_float(rms_slope if rms_height is None else rms_height)
+    check_shape(name, value, ())
+    check_positive(name, value, "[1]" if name == "rms_slope" else "[m]")
+    return name, value
+
+
+def _check_order(name: str, value: Array, lower_name: str, lower: Array) -> None:
+    check_positive(name, value, "[rad/m]")
+    if is_concrete(lower) and is_concrete(value) and float(value) < float(lower):
+        raise ValueError(
+            f"`{name}={float(value):g}` is refused: it must be at least "
+            f"`{lower_name}={float(lower):g}` [rad/m]."
+        )
+
+
+def _power_integral(exponent: Array, length: Array) -> Array:
+    """∫_0^length exp(exponent y) dy, smooth where the exponent passes through zero."""
+    t = exponent * length
+    small = jnp.abs(t) < 0.5
+    safe = jnp.where(small, 1, t)
+    near = jnp.where(small, t, 0)
+    series = jnp.ones_like(near)
+    for n in range(16, 1, -1):
+        series = 1 + near / n * series
+    return length * jnp.where(small, series, jnp.expm1(safe) / safe)
+
+
+def _relative_moment(spectrum: SelfAffine, order: int | float, ndim: int) -> Array:
+    """The moment of the spectrum in units of q_roll whose plateau is 1."""
+    if ndim not in (1, 2):
+        raise ValueError(f"`ndim={ndim}` is refused: it must be 1 or 2.")
+    plateau = _power_integral(
+        -jnp.asarray(order + ndim, spectrum.q_low.dtype), jnp.log(spectrum.q_roll / spectrum.q_low)
+    )
+    tail = _power_integral(order - 2 * spectrum.hurst, jnp.log(spectrum.q_high / spectrum.q_roll))
+    return (2 * np.pi if ndim == 2 else 2) * (plateau + tail)
+
+
+def relative_density(spectrum: SelfAffine, x: Array, ndim: int) -> Array:
+    """Returns C at x = q/q_roll in units of q_roll, of <h²> = 1; the edges are in the band."""
+    slack = 8 * float(jnp.finfo(x.dtype).eps)
+    inside = (x >= spectrum.q_low / spectrum.q_roll * (1 - slack)) & (
+        x <= spectrum.q_high / spectrum.q_roll * (1 + slack)
+    )
+    falling = inside & (x > 1)
+    tail = jnp.where(falling, x, 1) ** -(ndim + 2 * spectrum.hurst)
+    return jnp.where(inside, tail, 0) / _relative_moment(spectrum, 0, ndim)
+
+
+def rms_height_of(spectrum: SelfAffine, ndim: int) -> Array:
+    """Returns the root mean square height [m] of a surface or a profile (`ndim`)."""
+    if spectrum.prescribed == "rms_height":
+        return spectrum.amplitude
+    ratio = _relative_moment(spectrum, 0, ndim) / _relative_moment(spectrum, 2, ndim)
+    return spectrum.amplitude / spectrum.q_roll * jnp.sqrt(ratio)

@@ -1,0 +1,280 @@
+"""Rough surfaces: random realisations, statistics, resampling.
+
+Heights h [m] point into the solid. Fourier amplitudes are h(x) = Σ_q h_q exp(i q·x), so that
+|h_q|² = C(q) Π 2π/L. Slopes, curvatures and spectra ignore the mean height; slopes are those of the
+trigonometric interpolant, and a component at its Nyquist number has none (see `grid`).
+"""
+
+import equinox as eqx
+import jax
+import jax.numpy as jnp
+import numpy as np
+from jax import Array
+from jaxtyping import ArrayLike, Complex, Float, PRNGKeyArray
+
+from ._checks import as_float, check_positive, check_shape, check_values, is_concrete
+from .grid import (
+    Grid,
+    mode_numbers,
+    multiplicity,
+    nyquist_lines,
+    resample_spectrum,
+    to_field,
+    to_spectrum,
+    wavenumber,
+)
+from .spectrum import SelfAffine, one_of_height_and_slope, relative_density, rms_height_of
+
+
+class Surface(eqx.Module):
+    """Heights of a periodic rough surface.
+
+    **Fields:**
+
+    - `heights`: h [m], shape `grid.shape`. The mean need not be zero; contact ignores it.
+    - `grid`: the periodic cell.
+    - `history`: what was done to the heights, one sentence each. Static.
+    """
+
+    heights: Float[Array, "*shape"] = eqx.field(converter=as_float)
+    grid: Grid
+    history: tuple[str, ...] = eqx.field(static=True, default=())
+
+    def __check_init__(self):
+        check_shape("heights", self.heights, self.grid.shape)
+        check_values("heights", self.heights, "heights must be finite numbers [m]")
+
+
+def random_surface(
+    spectrum: SelfAffine,
+    grid: Grid,
+    key: PRNGKeyArray,
+    *,
+    amplitudes: str = "exact",
+) -> Surface:
+    """Returns a random surface (on a 1-D grid, a profile) with the given spectrum and zero mean.
+
+    Each mode (kx, ky) draws from its own random stream, so a refined grid of the same size gives
+    the same surface, and a 1-D grid the phases of the modes (kx, 0). Sums over modes replace
+    integrals over q: the statistics agree with those of the spectrum up to the coarseness of the
+    lattice at `q_low`; `rescale` makes one of them exact.
+
+    **Arguments:**
+
+    - `spectrum`: the spectrum C(q); its whole band must fit between 2π/L and the Nyquist
+      wavenumber.
+    - `grid`: the periodic cell.
+    - `key`: a JAX random key (of the default kind, threefry).
+    - `amplitudes`: `"exact"` gives every mode its expected amplitude and a uniformly random phase;
+      `"gaussian"` a complex normal amplitude, as a piece of an infinite Gaussian surface has.
+
+    **Returns:** the surface; differentiable in `spectrum`, usable under `vmap` over keys.
+    """
+    if amplitudes not in ("exact", "gaussian"):
+        raise ValueError(f"`amplitudes={amplitudes!r}` is refused: use 'exact' or 'gaussian'.")
+    _check_band(spectrum, grid)
+    return Surface(_synthesise(spectrum, grid, key, amplitudes == "gaussian"), grid)
+
+
+def _check_band(spectrum: SelfAffine, grid: Grid) -> None:
+    """Refuses a spectrum that the modes of the grid do not cover."""
+    if not all(map(is_concrete, (grid.size, spectrum.q_low, spectrum.q_high))):
+        return
+    rounding = 1e-5  # a size in float32 times a wavenumber in float32
+    q_low, q_high = float(spectrum.q_low), float(spectrum.q_high)
+    size = np.asarray(grid.size, float)  # NumPy: under `jit` JAX would trace even known numbers
+    nyquist = np.pi * np.min(np.array(grid.shape) / size)
+    fundamental = 2 * np.pi / np.max(size)
+    if q_high > nyquist * (1 + rounding):
+        raise ValueError(
+            f"`q_high={q_high:g}` is refused: the grid's Nyquist wavenumber is {nyquist:g} rad/m. "
+            f"Use at least {q_high / nyquist:.3g} times as many points, or a smaller `q_high`."
+        )
+    if q_low < fundamental * (1 - rounding):
+        raise ValueError(
+            f"`q_low={q_low:g}` is refused: the smallest wavenumber of the cell is "
+            f"2π/L = {fundamental:g} rad/m. Use a larger cell, or a larger `q_low`."
+        )
+    if q_high < 2 * fundamental * (1 + rounding) or q_high < 2 * q_low:
+        modes = zip(mode_numbers(grid.shape), size, strict=True)
+        q = np.sqrt(sum((2 * np.pi * k / length) ** 2 for k, length in modes))
+        if not np.any((q >= q_low * (1 - rounding)) & (q <= q_high * (1 + rounding))):
+            raise ValueError(
+                f"`q_low={q_low:g}` to `q_high={q_high:g}` is refused: no mode of the grid lies in "
+                "this band. Use a larger cell, or a wider band."
+            )
+
+
+@eqx.filter_jit
+def _synthesise(spectrum: SelfAffine, grid: Grid, key: Array, gaussian: bool) -> Array:
+    density = relative_density(spectrum, wavenumber(grid) / spectrum.q_roll, grid.ndim)
+    density *= jnp.prod(2 * np.pi / (grid.size * spectrum.q_roll))
+    occupied = (density > 0) & ~nyquist_lines(grid.shape)
+    magnitude = jnp.sqrt(jnp.where(occupied, density, 1)) * occupied
+    phase_bits, magnitude_bits, sign = _mode_bits(key, grid.shape)
+    angle = phase_bits.astype(density.dtype) * sign * (2 * np.pi / 2**32)
+    if gaussian:
+        magnitude *= jnp.sqrt(-jnp.log((magnitude_bits.astype(density.dtype) + 0.5) / 2**32))
+    modes = jax.lax.complex(magnitude * jnp.cos(angle), magnitude * jnp.sin(angle))
+    return rms_height_of(spectrum, grid.ndim) * to_field(modes * np.prod(grid.shape), grid.shape)
+
+
+def _mode_bits(key: Array, shape: tuple[int, ...]) -> tuple[Array, Array, np.ndarray]:
+    """Two random words for each mode of the half spectrum, and the sign of its phase.
+
+    On the column ky = 0 both +kx and -kx are stored: they share a stream, with opposite phases.
+    """
+    numbers = mode_numbers(shape)
+    rows, columns = numbers if len(shape) == 2 else (numbers[0], np.zeros(1, int))
+
+    def words(row, column):
+        row = jnp.where(column == 0, jnp.abs(row), row)
+        stream = jax.random.fold_in(jax.random.fold_in(key, row), column)
+        return jax.random.bits(stream, (2,), "uint32")
+
+    across = jax.vmap(words, (None, 0))
+    bits = jax.vmap(across, (0, None))(rows.ravel(), columns.ravel())
+    bits = bits.reshape(*np.broadcast_shapes(*(k.shape for k in numbers)), 2)
+    sign = np.where((rows < 0) & (columns == 0), -1, 1) if len(shape) == 2 else np.ones(1, int)
+    return bits[..., 0], bits[..., 1], sign
+
+
+class Statistics(eqx.Module):
+    """Statistics of a surface about its mean; see `statistics`."""
+
+    rms_height: Float[Array, ""]
+    rms_slope: Float[Array, ""]
+    rms_slope_along: Float[Array, " ndim"]
+    rms_curvature: Float[Array, ""]
+    peak_to_valley: Float[Array, ""]
+    skewness: Float[Array, ""]
+    kurtosis: Float[Array, ""]
+
+
+@eqx.filter_jit
+def statistics(surface: Surface) -> Statistics:
+    """Returns the statistics of a surface, differentiable unless it is flat.
+
+    **Returns:** `rms_height` [m]; `rms_slope` [1] of the gradient's length; `rms_slope_along` each
+    axis [1], shape `(ndim,)`; `rms_curvature` [1/m], of ∇²h/2 on a surface and h'' on a profile;
+    `peak_to_valley` [m]; `skewness` and `kurtosis` [1], 0 and 3 for Gaussian heights.
+    """
+    grid = surface.grid
+    power, scale = _modal_power(surface)
+    unit = 2 * np.pi / grid.size[0]
+    squares = [
+        (k * grid.size[0] / length) ** 2
+        for k, length in zip(mode_numbers(grid.shape), grid.size, strict=True)
+    ]
+    inner = [
+        jnp.where(2 * np.abs(k) == n, 0, square)
+        for k, n, square in zip(mode_numbers(grid.shape), grid.shape, squares, strict=True)
+    ]
+    along = jnp.stack([jnp.sum(square * power) for square in inner])
+    bent = jnp.sum(sum(squares) ** 2 * power)
+    height = _root(jnp.sum(power))
+    relative = (surface.heights - jnp.mean(surface.heights)) / scale
+    standard = relative / jnp.where(height == 0, 1, height)
+    return Statistics(
+        rms_height=scale * height,
+        rms_slope=scale * unit * _root(jnp.sum(along)),
+        rms_slope_along=scale * unit * _root(along),
+        rms_curvature=scale * unit * unit * _root(bent) / grid.ndim,
+        peak_to_valley=jnp.max(surface.heights) - jnp.min(surface.heights),
+        skewness=jnp.mean(standard**3),
+        kurtosis=jnp.mean(standard**4),
+    )
+
+
+def _modal_power(surface: Surface) -> tuple[Array, Array]:
+    """|h_q|² of every mode but q = 0, counted with its multiplicity, in units of scale² [m²]."""
+    heights = surface.heights - jnp.mean(surface.heights)
+    peak = jnp.max(jnp.abs(jax.lax.stop_gradient(heights)))
+    scale = jnp.where(peak == 0, 1, peak)
+    modes = to_spectrum(heights / scale) / np.prod(surface.grid.shape)
+    return _abs_squared(modes) * multiplicity(surface.grid.shape), scale
+
+
+def _abs_squared(values: Complex[Array, "..."]) -> Array:
+    return values.real**2 + values.imag**2
+
+
+def _root(square: Array) -> Array:
+    """The square root, with derivative 0 at 0."""
+    return jnp.where(square > 0, jnp.sqrt(jnp.where(square > 0, square, 1)), 0)
+
+
+def radial_spectrum(
+    surface: Surface, num_bins: int = 40
+) -> tuple[Float[Array, " bins"], Float[Array, " bins"]]:
+    """Returns wavenumbers [rad/m] and the radially averaged C(q) of a surface.
+
+    C has the normalisation of `SelfAffine.density` for the grid's `ndim`: [m⁴], or [m³] of a
+    profile. Bins are equally wide in log q between 2π/L of the longest axis and the smallest
+    Nyquist wavenumber. A bin that holds no mode has C = NaN at its geometric centre.
+    """
+    if num_bins < 1:
+        raise ValueError(f"`num_bins={num_bins}` is refused: at least 1 is needed.")
+    return _radial_spectrum(surface, num_bins)
+
+
+@eqx.filter_jit
+def _radial_spectrum(surface: Surface, num_bins: int) -> tuple[Array, Array]:
+    grid = surface.grid
+    power, scale = _modal_power(surface)
+    fundamental = 2 * np.pi / jnp.max(grid.size)
+    x = wavenumber(grid) / fundamental
+    span = jnp.log(jnp.min(np.pi / grid.spacing) / fundamental)
+    # The lowest modes lie on the edge of the first bin: rounding must not expel them.
+    position = jnp.log(jnp.where(x > 0, x, 1)) / span * num_bins + 1e-4
+    used = (x > 0) & (position < num_bins) & ~nyquist_lines(grid.shape)
+    bins = jnp.where(used, jnp.floor(position).astype(int), num_bins)
+    weight = used * multiplicity(grid.shape)
+
+    def total(values):
+        return jnp.bincount(bins.ravel(), values.ravel(), length=num_bins + 1)[:num_bins]
+
+    count = total(weight.astype(power.dtype))
+    filled = jnp.where(count > 0, count, 1)
+    centre = jnp.exp(span * (jnp.arange(num_bins, dtype=power.dtype) + 0.5) / num_bins)
+    q = fundamental * jnp.where(count > 0, total(weight * x) / filled, centre)
+    density = (scale * jnp.prod(jnp.sqrt(grid.size / (2 * np.pi)))) ** 2 * total(power) / filled
+    return q, jnp.where(count > 0, density, jnp.nan)
+
+
+def rescale(
+    surface: Surface, *, rms_height: ArrayLike | None = None, rms_slope: ArrayLike | None = None
+) -> Surface:
+    """Returns the surface with its heights multiplied to have this rms height [m] or slope [1]."""
+    name, target = one_of_height_and_slope(rms_height, rms_slope)
+    actual = getattr(statistics(surface), name)
+    check_positive(f"statistics(surface).{name}", actual, "(a flat surface cannot be rescaled)")
+    return Surface(
+        heights=surface.heights * (target / actual),
+        grid=surface.grid,
+        history=(*surface.history, f"Heights were multiplied to prescribe the {name}."),
+    )
+
+
+def resample(surface: Surface, shape: int | tuple[int, ...]) -> Surface:
+    """Returns the surface on another number of points of the same cell, by its Fourier modes.
+
+    A finer grid interpolates (modes on the old Nyquist lines are dropped); a coarser one loses the
+    waves that it cannot hold.
+    """
+    old = surface.grid.shape
+    if np.size(shape) != len(old):
+        raise ValueError(f"`shape={shape}` is refused: {len(old)} whole numbers are needed.")
+    grid = Grid(shape, surface.grid.size)
+    if grid.shape == old:
+        return surface
+    modes = resample_spectrum(to_spectrum(surface.heights), old, grid.shape)
+    ratio = np.prod(grid.shape) / np.prod(old)
+    return Surface(
+        heights=to_field(modes, grid.shape) * ratio,
+        grid=grid,
+        history=(
+            *surface.history,
+            f"Resampled from {old} to {grid.shape} points by Fourier modes.",
+        ),
+    )

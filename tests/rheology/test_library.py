@@ -1,0 +1,81 @@
+"""The built-in tread against the table it was written from and the properties it states."""
+
+import os
+import subprocess
+import sys
+
+import jax.numpy as jnp
+import numpy as np
+import pytest
+
+from graded_contact.rheology.library import tyre_tread
+
+# Slowest, a middle and the fastest entry of the creep form, converted at high precision.
+CREEP = {0: (627.2467129591128, 8.707573369456755e-09),
+         9: (1.4006787198479992e-06, 1.4940680613846003e-08),
+         17: (2.0733759994920413e-14, 1.895143816453561e-11)}  # fmt: skip
+
+
+def test_tread_has_the_tabulated_series():
+    tread = tyre_tread()
+    assert tread.equilibrium == 6.51e6
+    assert tread.times.shape == (18,)
+    for index, time, strength in ((0, 1.98e-14, 1.12e8), (3, 1.64e-11, 6.95e8),
+                                  (9, 9.5e-6, 5.25e6), (17, 592.0, 3.84e5)):  # fmt: skip
+        assert tread.times[index] == time
+        assert tread.strengths[index] == strength
+    np.testing.assert_allclose(tread.glassy, 2457203000.0, rtol=1e-15)
+    assert np.log10(tread.times[-1] / tread.times[0]) > 10
+
+
+def test_tread_creep_form_is_the_tabulated_one():
+    glassy, compliances, times = tyre_tread().creep()
+    np.testing.assert_allclose(glassy, 2457203000.0, rtol=1e-15)
+    for index, (time, compliance) in CREEP.items():
+        assert times[index] == pytest.approx(time, rel=1e-12)
+        assert compliances[index] == pytest.approx(compliance, rel=1e-12)
+
+
+def test_tread_has_the_properties_its_documentation_states():
+    tread = tyre_tread()
+    frequency = np.concatenate([[0.16, 1.6e3, 16e6], np.logspace(-1, 11, 2401)])
+    modulus = np.asarray(tread.modulus(2 * np.pi * jnp.asarray(frequency)))
+    np.testing.assert_allclose(modulus.real[:3], [8.5e6, 15.5e6, 94e6], rtol=0.02)
+    tangent = modulus.imag / modulus.real
+    audible = tangent[frequency <= 1e3]
+    np.testing.assert_allclose([audible.min(), audible.max()], [0.08, 0.14], atol=0.005)
+    assert tangent.max() == pytest.approx(0.87, abs=0.005)
+    assert frequency[tangent.argmax()] == pytest.approx(95e6, rel=0.03)
+
+
+def test_tread_is_given_at_twenty_degrees_and_slows_in_the_cold():
+    tread = tyre_tread()
+    np.testing.assert_allclose(tread.at(293.15).times, tread.times, rtol=1e-13)
+    warm, zero, cold = (tread.at(t).times[0] for t in (298.15, 273.15, 253.15))
+    assert np.log10(zero / warm) == pytest.approx(1.29, abs=0.005)
+    assert np.log10(cold / warm) == pytest.approx(3.0, abs=0.01)
+
+
+def test_tread_takes_a_poisson_ratio():
+    assert tyre_tread().poisson == 0.5
+    assert tyre_tread(0.49).poisson == 0.49
+    with pytest.raises(ValueError, match="`poisson"):
+        tyre_tread(0.6)
+
+
+def test_double_precision_may_be_enabled_before_or_after_import():
+    enable = "import jax; jax.config.update('jax_enable_x64', True)\n"
+    load = "import graded_contact\nfrom graded_contact.rheology.library import tyre_tread\n"
+    show = "import jax.numpy as jnp\nvalue = tyre_tread().modulus(jnp.logspace(-3, 14, 40))\n"
+    show += "print(value.dtype, value.tobytes().hex())"
+    environment = os.environ | {"PYTHONPATH": os.pathsep.join(filter(None, sys.path))}
+    environment.pop("JAX_ENABLE_X64", None)
+    before, after = (
+        subprocess.run(
+            [sys.executable, "-c", program + show],
+            env=environment, check=True, capture_output=True, text=True,
+        ).stdout
+        for program in (enable + load, load + enable)
+    )  # fmt: skip
+    assert before.startswith("complex128")
+    assert before == after

@@ -1,0 +1,445 @@
+"""Materials against direct sums in mpmath, time-domain quadrature and SciPy's PCHIP."""
+
+import equinox as eqx
+import jax
+import jax.numpy as jnp
+import mpmath as mp
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from scipy.integrate import quad
+from scipy.interpolate import PchipInterpolator
+
+from graded_contact import WLF, Arrhenius, Elastic, Prony, Tabulated
+
+EXAMPLES = settings(max_examples=60, deadline=None, derandomize=True)
+BRANCHES = 7
+GLASSY = st.floats(3, 10).map(lambda power: 10.0**power)
+POWERS = st.lists(st.floats(-9, 0), min_size=BRANCHES, max_size=BRANCHES).map(
+    lambda powers: 10.0 ** np.array(powers)
+)
+# Up to 17 decades of times, neighbours at least a factor 1.5 apart, in any order.
+TIMES = st.tuples(
+    st.lists(st.floats(0.18, 2.8), min_size=BRANCHES, max_size=BRANCHES),
+    st.permutations(range(BRANCHES)),
+).map(lambda steps: 10.0 ** (-14 - 2.8 + np.cumsum(steps[0]))[list(steps[1])])
+OMEGA = st.floats(-20, 20).map(lambda power: 10.0**power)
+
+modulus_of = jax.jit(lambda material, omega: material.modulus(omega))
+from_creep = jax.jit(Prony.from_creep)
+creep_of = jax.jit(lambda material: material.creep())
+
+
+def exact_prony(equilibrium, strengths, times, omega):
+    """E_eq + Σ E_k iωτ/(1 + iωτ) by direct summation."""
+    total = mp.mpc(mp.mpf(float(equilibrium)))
+    for strength, time in zip(strengths, times, strict=True):
+        iwt = mp.mpc(0, mp.mpf(float(omega)) * mp.mpf(float(time)))
+        total += mp.mpf(float(strength)) * iwt / (1 + iwt)
+    return total
+
+
+def exact_compliance(glassy, compliances, times, omega):
+    """1/E_inf + Σ H_j/(1 + iωt) by direct summation."""
+    total = mp.mpc(1 / mp.mpf(float(glassy)))
+    for compliance, time in zip(compliances, times, strict=True):
+        iwt = mp.mpc(0, mp.mpf(float(omega)) * mp.mpf(float(time)))
+        total += mp.mpf(float(compliance)) / (1 + iwt)
+    return total
+
+
+def two_branches(**changes):
+    fields = {"equilibrium": 2e6, "strengths": [5e6, 3e7], "times": [1e-2, 1e-5], "poisson": 0.48}
+    return Prony(**(fields | changes))
+
+
+@pytest.mark.parametrize(
+    "omega", [1e-200, 1e-30, 1e-3, 0.5, 1.0, 7.0, 1e5, 1e30, 1e160, 1e200, 1e300]
+)
+@pytest.mark.parametrize("times", [[1e-5, 1.0, 1e4], [1e-100, 1.0, 1e100], [0.9, 1.0, 1.1]])
+def test_prony_modulus_matches_direct_sum(omega, times):
+    material = Prony(3e6, [1e7, 2e5, 4e8], times)
+    with mp.workdps(50):
+        for signed in (omega, -omega):
+            value = complex(material.modulus(jnp.array(signed)))
+            expected = exact_prony(3e6, [1e7, 2e5, 4e8], times, signed)
+            assert abs(value.real / expected.real - 1) < 1e-15
+            # Relative to itself: a loss of 1e-190 Pa must not drown, but may underflow.
+            assert abs(value.imag - expected.imag) <= 1e-15 * abs(expected.imag) + 1e-300
+
+
+def test_modulus_at_rest_is_the_equilibrium_and_at_infinite_speed_the_glass():
+    material = two_branches()
+    value = material.modulus(jnp.array([0.0, jnp.inf, -jnp.inf]))
+    np.testing.assert_array_equal(value, [2e6, 3.7e7, 3.7e7])
+    assert material.glassy == 3.7e7
+
+
+@pytest.mark.parametrize("omega", [1.0, 90.0, 3e4])
+def test_prony_modulus_matches_relaxation_integral(omega):
+    """E(ω) = E_eq + iω ∫ (E(t) - E_eq) exp(-iωt) dt over t > 0."""
+    strengths, times = [5e6, 3e7], [1e-2, 1e-5]
+
+    def relaxation(t):
+        return sum(e * np.exp(-t / tau) for e, tau in zip(strengths, times, strict=True))
+
+    parts = [
+        sum(quad(relaxation, *ends, weight=kind, wvar=omega, limit=200)[0]
+            for ends in ((0, 1e-4), (1e-4, 1e-2), (1e-2, 0.4)))
+        for kind in ("cos", "sin")
+    ]  # fmt: skip
+    expected = 2e6 + 1j * omega * (parts[0] - 1j * parts[1])
+    np.testing.assert_allclose(two_branches().modulus(jnp.array(omega)), expected, rtol=1e-8)
+
+
+@EXAMPLES
+@given(GLASSY, POWERS, TIMES, OMEGA)
+def test_prony_is_passive_and_real_in_time(scale, strengths, times, omega):
+    material = Prony(scale * 1e-3, scale * strengths, times)
+    forward, backward, slower = modulus_of(material, jnp.array([omega, -omega, omega / 3]))
+    assert backward == jnp.conj(forward)
+    assert forward.imag >= 0
+    assert material.equilibrium <= slower.real <= forward.real <= material.glassy * (1 + 1e-15)
+
+
+@EXAMPLES
+@given(GLASSY, POWERS, TIMES, OMEGA)
+def test_from_creep_modulus_times_creep_compliance_is_one(glassy, ratios, times, omega):
+    compliances = 1e3 * ratios / glassy
+    value = modulus_of(from_creep(glassy, compliances, times), jnp.array(omega))
+    with mp.workdps(40):
+        product = mp.mpc(complex(value)) * exact_compliance(glassy, compliances, times, omega)
+        assert abs(product - 1) < 3e-15
+
+
+@EXAMPLES
+@given(GLASSY, POWERS, TIMES)
+def test_creep_undoes_from_creep(glassy, ratios, times):
+    compliances = 1e3 * ratios / glassy
+    back = creep_of(from_creep(glassy, compliances, times))
+    order = np.argsort(-times)
+    for value, expected in zip(back, (glassy, compliances[order], times[order]), strict=True):
+        np.testing.assert_allclose(value, expected, rtol=1e-12)
+
+
+@EXAMPLES
+@given(GLASSY, POWERS, TIMES)
+def test_from_creep_undoes_creep(equilibrium, ratios, times):
+    strengths = 1e3 * equilibrium * ratios
+    back = from_creep(*creep_of(Prony(equilibrium, strengths, times)))
+    order = np.argsort(-times)
+    np.testing.assert_allclose(back.equilibrium, equilibrium, rtol=1e-12)
+    np.testing.assert_allclose(back.strengths, strengths[order], rtol=1e-12)
+    np.testing.assert_allclose(back.times, times[order], rtol=1e-12)
+
+
+@pytest.mark.parametrize("weak", [1e-8, 1e-16, 1e-30, 1e-100])
+@pytest.mark.parametrize("times", [[1.0, 1e-3], [1e-3, 1.0], [1.0, 1 + 1e-9]])
+def test_negligible_branches_stay_negligible(weak, times):
+    """Their zeros coincide with poles to rounding; they must not become strong branches."""
+    values, times = jnp.array([1.0, weak]), jnp.array(times)
+    material = from_creep(1.0, values, times)
+    glassy, compliances, _ = creep_of(Prony(1.0, values, times))
+    with mp.workdps(150):
+        for omega in (0.3, 1.0, 1e3):
+            compliance = exact_compliance(1.0, [1.0, weak], times, omega)
+            value = mp.mpc(complex(modulus_of(material, jnp.array(omega))))
+            assert abs(value * compliance - 1) < 3e-15
+    assert glassy == 2 + weak
+    assert jnp.min(compliances) < 2 * weak
+
+
+def test_creep_orders_by_time_and_keeps_poisson_and_shift():
+    shift = WLF(5.0, 100.0, 300.0)
+    material = Prony.from_creep(1e9, [1e-8, 1e-7], [1e-3, 1e-6], poisson=0.4, shift=shift)
+    assert material.poisson == 0.4
+    assert material.shift is shift
+    assert jnp.all(jnp.diff(material.times) < 0)
+    assert material.poisson_ratio(jnp.ones(5)) == 0.4
+    np.testing.assert_allclose(material.equilibrium, 1 / (1e-9 + 1.1e-7), rtol=1e-15)
+    np.testing.assert_allclose(material.glassy, 1e9, rtol=1e-15)
+
+
+def check_gradient(function, x):
+    """Compares jax.grad with central differences of fourth order, all unknowns of order one."""
+    gradient, step = jax.jit(jax.grad(function))(x), 1e-3
+    for i in range(len(x)):
+        at = [function(x.at[i].add(k * step)) for k in (-2, -1, 1, 2)]
+        difference = (at[0] - 8 * at[1] + 8 * at[2] - at[3]) / (12 * step)
+        np.testing.assert_allclose(gradient[i], difference, rtol=1e-8, atol=1e-10)
+
+
+@pytest.mark.parametrize("part", [jnp.real, jnp.imag])
+def test_gradient_of_prony_modulus(part):
+    def function(x):
+        material = Prony(jnp.exp(x[0]), jnp.exp(x[1:3]), jnp.exp(x[3:5]))
+        return part(material.modulus(jnp.exp(x[5:6]))[0])
+
+    check_gradient(jax.jit(function), jnp.array([0.1, 1.0, 2.0, -0.5, 0.8, 0.2]))
+
+
+@pytest.mark.parametrize("part", [jnp.real, jnp.imag])
+def test_gradient_of_from_creep(part):
+    def function(x):
+        material = Prony.from_creep(jnp.exp(x[0]), jnp.exp(x[1:3]), jnp.exp(x[3:5]))
+        return part(material.modulus(jnp.array(0.7))) / 5
+
+    check_gradient(jax.jit(function), jnp.array([1.0, 0.3, -0.5, -1.5, 1.8]))
+
+
+def test_gradient_of_creep():
+    def function(x):
+        glassy, compliances, times = Prony(jnp.exp(x[0]), jnp.exp(x[1:3]), jnp.exp(x[3:5])).creep()
+        return jnp.log(glassy) + jnp.sum(jnp.log(compliances) * jnp.array([1.0, 2.0])) + times[0]
+
+    check_gradient(jax.jit(function), jnp.array([0.2, 0.5, 1.0, -1.0, 1.0]))
+
+
+def test_gradient_at_rest_and_at_the_branch_of_the_formula_is_finite():
+    slope = jax.jit(jax.grad(lambda material, omega: material.modulus(omega).real))
+    for omega in (0.0, 1.0, 1e200):
+        gradient = slope(Prony(1.0, [2.0], [1.0]), omega)
+        assert all(np.all(np.isfinite(leaf)) for leaf in jax.tree.leaves(gradient))
+
+
+def test_elastic_modulus_is_the_same_real_number_at_every_frequency():
+    material = Elastic(2e6, 0.3)
+    value = material.modulus(jnp.array([[0.0, -1e3, 1e300]]))
+    np.testing.assert_array_equal(value, np.full((1, 3), 2e6))
+    assert not jnp.iscomplexobj(value)
+    assert material.poisson_ratio(jnp.ones(3)) == 0.3
+    assert material.at(300.0) is material
+    slope = jax.grad(lambda m: m.modulus(jnp.ones(4)).sum())(material)
+    assert slope.young == 4
+    assert Elastic(1).poisson == 0.5
+
+
+def test_materials_can_be_stacked_and_mapped():
+    materials = [two_branches(), two_branches(strengths=[1e6, 2e6], poisson=0.3)]
+    stacked = jax.tree.map(lambda *leaves: jnp.stack(leaves), *materials)
+    omega = jnp.logspace(-3, 8, 5)
+    values = jax.jit(jax.vmap(lambda m: m.modulus(omega)))(stacked)
+    for value, material in zip(values, materials, strict=True):
+        np.testing.assert_allclose(value, modulus_of(material, omega), rtol=1e-15)
+    compliances = jnp.array([[1e-8, 1e-7], [1e-6, 1e-7]])
+    back = jax.jit(jax.vmap(lambda h: Prony.from_creep(1e9, h, jnp.array([1.0, 1e-4])).creep()))
+    glassy, _, _ = back(compliances)
+    np.testing.assert_allclose(glassy, [1e9, 1e9], rtol=1e-14)
+
+
+def test_modulus_keeps_the_shape_of_omega():
+    for shape in ((), (3,), (2, 3)):
+        assert two_branches().modulus(jnp.ones(shape)).shape == shape
+
+
+def test_single_precision_in_and_out():
+    single = [jnp.asarray(v, jnp.float32) for v in (2e6, [5e6, 3e7], [1e-2, 1e-5], 0.48)]
+    material = Prony(*single)
+    omega = jnp.array([1e-30, 3.0, 1e5, 1e30, -1e30], jnp.float32)
+    value = modulus_of(material, omega)
+    assert value.dtype == jnp.complex64
+    expected = modulus_of(two_branches(), omega.astype(jnp.float64))
+    np.testing.assert_allclose(value.real, expected.real, rtol=1e-6)
+    np.testing.assert_allclose(value.imag, expected.imag, rtol=1e-6)
+    loss_slope = jax.jit(jax.grad(lambda material, omega: material.modulus(omega).imag))
+    slope = loss_slope(material, jnp.float32(1e5))
+    exact = loss_slope(two_branches(), jnp.float64(1e5))
+    for a, b in zip(jax.tree.leaves(slope), jax.tree.leaves(exact), strict=True):
+        assert a.dtype == jnp.float32
+        np.testing.assert_allclose(a, b, rtol=1e-5)
+
+
+def test_single_precision_creep_round_trip():
+    args = [jnp.asarray(v, jnp.float32) for v in (2e9, [1e-7, 1e-12, 1e-8], [1e2, 1.0, 1e-6])]
+    material = from_creep(*args)
+    assert material.strengths.dtype == jnp.float32
+    for value, expected in zip(creep_of(material), args, strict=True):
+        assert value.dtype == jnp.float32
+        np.testing.assert_allclose(value, expected, rtol=1e-5)
+
+
+SHIFTS = [WLF(c1=4.57, c2=113.6, reference=298.15), Arrhenius(8e4, 298.15)]
+
+
+def test_wlf_factor_is_its_definition():
+    factor = float(SHIFTS[0].factor(jnp.array(273.15)))
+    assert factor == pytest.approx(10 ** (4.57 * 25 / (113.6 - 25)), rel=1e-14)
+    assert np.log10(factor) == pytest.approx(1.29, abs=0.005)  # Ferry's SBR at 0 °C
+
+
+def test_arrhenius_factor_is_its_definition():
+    expected = np.exp(8e4 / 8.31446261815324 * (1 / 273.15 - 1 / 298.15))
+    assert float(SHIFTS[1].factor(jnp.array(273.15))) == pytest.approx(expected, rel=1e-13)
+
+
+@pytest.mark.parametrize("shift", SHIFTS, ids=["wlf", "arrhenius"])
+def test_shift_is_one_at_reference_and_composes(shift):
+    assert shift.factor(shift.reference) == 1
+    warm, hot = jnp.array(280.0), jnp.array(330.0)
+    chained = shift.factor(warm) * shift.rebased(warm).factor(hot)
+    np.testing.assert_allclose(chained, shift.factor(hot), rtol=1e-13)
+    assert shift.rebased(warm).factor(warm) == 1
+    assert shift.factor(warm) > 1 > shift.factor(hot)
+
+
+@pytest.mark.parametrize("shift", SHIFTS, ids=["wlf", "arrhenius"])
+def test_temperature_moves_the_modulus_along_frequency(shift):
+    omega = jnp.logspace(-2, 6, 9)
+    nodes = jnp.logspace(-12, 16, 60)
+    material = two_branches(shift=shift)
+    table = Tabulated(nodes, material.modulus(nodes), 0.48, shift=shift)
+    factor = shift.factor(jnp.array(268.15))
+    for original in (material, table):
+        cold = original.at(268.15)
+        np.testing.assert_allclose(
+            modulus_of(cold, omega), modulus_of(original, factor * omega), rtol=1e-12
+        )
+        twice, once = original.at(350.0).at(268.15), cold
+        for a, b in zip(jax.tree.leaves(twice), jax.tree.leaves(once), strict=True):
+            np.testing.assert_allclose(a, b, rtol=1e-12)
+    cold = material.at(268.15)
+    np.testing.assert_allclose(cold.at(shift.reference).times, material.times, rtol=1e-13)
+
+
+@pytest.mark.parametrize("shift", SHIFTS, ids=["wlf", "arrhenius"])
+def test_gradient_with_respect_to_temperature(shift):
+    material = two_branches(shift=shift, equilibrium=1.0, strengths=[2.0, 3.0])
+
+    def function(x):
+        return jnp.log(material.at(300 + 10 * x[0]).modulus(jnp.array(300.0)).imag)
+
+    check_gradient(jax.jit(function), jnp.array([-1.3]))
+
+
+def test_material_without_shift_refuses_a_temperature():
+    with pytest.raises(ValueError, match=r"no law of time-temperature superposition.*WLF\(c1"):
+        two_branches().at(300.0)
+
+
+TABLE_OMEGA = np.array([1e-2, 1e-1, 0.5, 7.0, 1e2, 3e4])
+TABLE_MODULUS = np.array([1 + 0.1j, 1.3 + 0.3j, 2 + 0.8j, 6 + 0.7j, 5.5 + 0.75j, 9 + 0.1j]) * 1e6
+
+
+def test_tabulated_matches_scipy_pchip():
+    table = Tabulated(TABLE_OMEGA, TABLE_MODULUS)
+    omega = np.concatenate([np.geomspace(1e-2, 3e4, 301), TABLE_OMEGA])
+    omega = np.clip(omega, 1e-2, 3e4)
+    value = modulus_of(table, jnp.asarray(omega))
+    for part in ("real", "imag"):
+        spline = PchipInterpolator(np.log(TABLE_OMEGA), np.log(getattr(TABLE_MODULUS, part)))
+        np.testing.assert_allclose(getattr(value, part), np.exp(spline(np.log(omega))), rtol=1e-13)
+    np.testing.assert_allclose(value[-6:], TABLE_MODULUS, rtol=1e-14)
+    np.testing.assert_array_equal(modulus_of(table, -jnp.asarray(omega)), np.conj(value))
+
+
+@pytest.mark.parametrize("points", [2, 3])
+def test_tabulated_short_tables_match_scipy(points):
+    omega, modulus = TABLE_OMEGA[2 : 2 + points], TABLE_MODULUS[2 : 2 + points]
+    middle = np.geomspace(omega[0], omega[-1], 7)[1:-1]
+    value = modulus_of(Tabulated(omega, modulus), jnp.asarray(middle))
+    if points == 2:
+        expected = np.exp(np.interp(np.log(middle), np.log(omega), np.log(modulus.real)))
+    else:
+        expected = np.exp(PchipInterpolator(np.log(omega), np.log(modulus.real))(np.log(middle)))
+    np.testing.assert_allclose(value.real, expected, rtol=1e-13)
+
+
+@pytest.mark.parametrize("omega", [9e-3, 3.1e4, -1e6, 1e-300])
+@pytest.mark.parametrize("wrap", [lambda f: f, eqx.filter_jit])
+def test_tabulated_refuses_frequencies_outside(omega, wrap):
+    table = Tabulated(TABLE_OMEGA, TABLE_MODULUS)
+    with pytest.raises(RuntimeError, match="lies outside the table of moduli"):
+        jax.block_until_ready(wrap(table.modulus)(jnp.array([1.0, omega])))
+
+
+def test_tabulated_plateau_extends_like_a_single_relaxation():
+    table = Tabulated(TABLE_OMEGA, TABLE_MODULUS, extrapolate="plateau")
+    value = modulus_of(table, jnp.array([1e-5, 3e7, -3e7]))
+    np.testing.assert_allclose(value[0], 1e6 + 0.1e6j * 1e-3, rtol=1e-13)
+    np.testing.assert_allclose(value[1], 9e6 + 0.1e6j * 1e-3, rtol=1e-13)
+    assert value[2] == jnp.conj(value[1])
+    extremes = modulus_of(table, jnp.array([0.0, 1e-300, 1e300]))
+    assert np.all(np.isfinite(extremes)) and np.all(extremes.imag >= 0)
+
+
+@pytest.mark.parametrize("extrapolate", ["refuse", "plateau"])
+def test_tabulated_at_rest_is_elastic(extrapolate):
+    table = Tabulated(TABLE_OMEGA, TABLE_MODULUS, extrapolate=extrapolate)
+    np.testing.assert_allclose(modulus_of(table, jnp.array(0.0)), 1e6, rtol=1e-14)
+    slope = jax.jit(jax.grad(lambda m: m.modulus(jnp.zeros(2)).real.sum()))(table)
+    assert all(np.all(np.isfinite(leaf)) for leaf in jax.tree.leaves(slope))
+
+
+def test_gradient_of_tabulated_modulus():
+    def function(x):
+        modulus = jnp.asarray(TABLE_MODULUS / 1e6) * jnp.exp(x[0:6])
+        value = Tabulated(jnp.asarray(TABLE_OMEGA) * jnp.exp(x[6]), modulus).modulus(
+            jnp.array([0.2, 20.0, 3e3])
+        )
+        return jnp.sum(jnp.log(value.real) + jnp.log(value.imag))
+
+    check_gradient(jax.jit(function), jnp.array([0.0, 0.1, 0.0, -0.1, 0.05, 0.0, 0.02]))
+
+
+@pytest.mark.parametrize(
+    "build, message",
+    [
+        (lambda: Elastic(0.0), r"`modulus=0` is refused: .*\[Pa\]"),
+        (lambda: Elastic(1.0, 0.51), r"`poisson=0\.51`"),
+        (lambda: Elastic(1j), "A real number is needed"),
+        (lambda: two_branches(equilibrium=-1.0), r"`equilibrium=-1` is refused: .*zero or"),
+        (lambda: two_branches(strengths=[1.0, -2.0]), r"`strengths\[1\]=-2`"),
+        (lambda: two_branches(times=[0.0, 1.0]), r"`times\[0\]=0` is refused: .*\[s\]"),
+        (lambda: two_branches(times=[1.0]), r"`strengths` has shape \(2,\) and `times` \(1,\)"),
+        (lambda: two_branches(strengths=1.0, times=1.0), "two one-dimensional arrays"),
+        (lambda: two_branches(poisson=np.nan), "`poisson=nan`"),
+        (lambda: Prony.from_creep(0.0, [1.0], [1.0]), "`glassy=0`"),
+        (lambda: Prony.from_creep(1.0, [-1.0], [1.0]), r"`compliances\[0\]=-1` .*\[1/Pa\]"),
+        (lambda: Prony.from_creep(1.0, [1.0], [1.0, 2.0]), "`compliances` has shape"),
+        (lambda: Prony.from_creep(1.0, [1.0], [np.inf]), r"`times\[0\]=inf`"),
+        (lambda: Prony.from_creep(1.0, [1.0] * 2, [3.0] * 2), "`times` holds a value twice"),
+        (lambda: Prony.from_creep(1.0, [1.0], [1.0], poisson=-1.0), "`poisson=-1`"),
+        (lambda: two_branches(equilibrium=0.0).creep(), r"`equilibrium=0` .*a liquid flows"),
+        (lambda: two_branches(times=[1.0, 1.0]).creep(), "`times` holds a value twice"),
+        (lambda: WLF(0.0, 1.0, 1.0), "`c1=0`"),
+        (lambda: WLF(1.0, -1.0, 1.0), "`c2=-1`"),
+        (lambda: WLF(1.0, 1.0, -300.0), "`reference=-300`"),
+        (lambda: Arrhenius(-1.0, 300.0), "`activation_energy=-1`"),
+        (lambda: Arrhenius(1.0, 0.0), "`reference=0`"),
+        (lambda: SHIFTS[0].factor(jnp.array(184.0)), r"only above 184\.55 K"),
+        (lambda: SHIFTS[1].factor(jnp.array(-5.0)), "`temperature=-5`"),
+        (lambda: SHIFTS[1].rebased(jnp.array(-5.0)), "`temperature=-5`"),
+        (lambda: two_branches(shift=SHIFTS[0]).at(20.0), "temperatures are in kelvin"),
+        (lambda: Elastic(1.0).at(-3.0), "`temperature=-3`"),
+        (lambda: Tabulated([1.0, 2.0], [1 + 1j]), "two one-dimensional arrays of equal length"),
+        (lambda: Tabulated([1.0], [1 + 1j]), "at least 2"),
+        (lambda: Tabulated([2.0, 1.0], [1 + 1j] * 2), r"`omega\[1\]=1` .*strictly increasing"),
+        (lambda: Tabulated([0.0, 1.0], [1 + 1j] * 2), r"`omega\[0\]=0`"),
+        (lambda: Tabulated([1.0, 2.0], [1 + 1j, -1 + 1j]), r"`modulus\.real\[1\]=-1`"),
+        (lambda: Tabulated([1.0, 2.0], [1.0, 1 + 1j]), r"`modulus\.imag\[0\]=0` .*loss modulus"),
+        (lambda: Tabulated([1.0, 2.0], [1 + 1j] * 2, 0.6), r"`poisson=0\.6`"),
+    ],
+)
+def test_bad_input_is_refused_by_name(build, message):
+    with pytest.raises(ValueError, match=message):
+        build()
+
+
+def test_tabulated_refuses_an_unknown_extrapolation():
+    # The check of annotations at run time may come first.
+    with pytest.raises((ValueError, TypeError), match="extrapolate"):
+        Tabulated([1.0, 2.0], [1 + 1j] * 2, extrapolate="linear")
+
+
+def test_liquids_are_allowed():
+    liquid = Prony(0.0, [1e5], [1.0])
+    assert liquid.modulus(jnp.array(0.0)) == 0
+    np.testing.assert_allclose(liquid.modulus(jnp.array(1.0)), 5e4 + 5e4j, rtol=1e-15)
+
+
+def test_every_field_of_a_material_is_a_strong_float_array():
+    table = Tabulated(TABLE_OMEGA, TABLE_MODULUS, shift=SHIFTS[0])
+    for material in (Elastic(1), Prony(1, [2], [3], shift=SHIFTS[1]), table):
+        for leaf in jax.tree.leaves(material):
+            assert eqx.is_inexact_array(leaf) and not leaf.weak_type

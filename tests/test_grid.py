@@ -1,0 +1,185 @@
+import jax
+import jax.numpy as jnp
+import numpy as np
+import pytest
+
+from graded_contact.grid import (
+    Grid,
+    coordinates,
+    derivative,
+    half_shape,
+    mode_numbers,
+    multiplicity,
+    nyquist_lines,
+    resample_spectrum,
+    to_field,
+    to_spectrum,
+    wavenumber,
+    wavevector,
+)
+
+SHAPES = [(8,), (9,), (8, 6), (7, 9), (6, 7), (9, 4)]
+
+
+def _size(shape):
+    return jnp.asarray([2e-3, 3e-3][: len(shape)])
+
+
+def _full_wavevector(shape, size):
+    """Components of every mode of the full plane, from numpy."""
+    axes = [2 * np.pi * np.fft.fftfreq(n, d / n) for n, d in zip(shape, size, strict=True)]
+    return np.meshgrid(*axes, indexing="ij")
+
+
+def _band_limited(shape, highest, seed=0):
+    """A sum of cosines below `highest` on each axis, as a function of the points per axis."""
+    rng = np.random.default_rng(seed)
+    terms = [
+        (rng.integers(-highest, highest + 1, len(shape)), rng.normal(), rng.uniform(0, 6.28))
+        for _ in range(12)
+    ]
+
+    def field(counts):
+        x = np.meshgrid(*[np.arange(n) / n for n in counts], indexing="ij")
+        return sum(
+            a * np.cos(2 * np.pi * sum(int(k) * s for k, s in zip(ks, x, strict=True)) + phase)
+            for ks, a, phase in terms
+        )
+
+    return field
+
+
+@pytest.mark.parametrize("shape", SHAPES)
+def test_wavevector_and_wavenumber_match_numpy(shape):
+    grid = Grid(shape, _size(shape))
+    full = _full_wavevector(shape, np.asarray(grid.size))
+    half = tuple(slice(n) for n in half_shape(shape))
+    for mine, theirs, k, n in zip(wavevector(grid), full, mode_numbers(shape), shape, strict=True):
+        theirs = np.where(2 * np.abs(k) == n, np.abs(theirs[half]), theirs[half])  # ours: +n/2
+        np.testing.assert_allclose(np.broadcast_to(mine, half_shape(shape)), theirs, rtol=1e-14)
+    expected = np.sqrt(sum(q**2 for q in full))[half]
+    np.testing.assert_allclose(wavenumber(grid), expected, rtol=1e-14)
+
+
+def test_wavenumber_has_a_finite_derivative_with_respect_to_the_size():
+    def total(size):
+        return jnp.sum(wavenumber(Grid((6, 8), size)))
+
+    size = jnp.array([2.0, 3.0])
+    step = 1e-6
+    expected = [
+        (total(size.at[i].add(step)) - total(size.at[i].add(-step))) / (2 * step) for i in (0, 1)
+    ]
+    np.testing.assert_allclose(jax.grad(total)(size), expected, rtol=1e-8)
+
+
+@pytest.mark.parametrize("shape", SHAPES)
+def test_parseval_holds_with_the_multiplicities(shape):
+    field = np.random.default_rng(1).normal(size=shape)
+    modes = to_spectrum(jnp.asarray(field)) / np.prod(shape)
+    power = np.sum(np.abs(modes) ** 2 * multiplicity(shape))
+    np.testing.assert_allclose(power, np.mean(field**2), rtol=1e-13)
+
+
+@pytest.mark.parametrize("shape", SHAPES)
+def test_the_half_spectrum_is_the_half_of_numpys_plane_and_returns(shape):
+    field = np.random.default_rng(2).normal(size=shape)
+    modes = to_spectrum(jnp.asarray(field))
+    half = tuple(slice(n) for n in half_shape(shape))
+    np.testing.assert_allclose(modes, np.fft.fftn(field)[half], atol=1e-12)
+    np.testing.assert_allclose(to_field(modes, shape), field, atol=1e-14)
+
+
+@pytest.mark.parametrize("shape", [(16,), (15,), (12, 10), (11, 8)])
+@pytest.mark.parametrize("axis", [0, -1])
+def test_the_derivative_of_a_cosine_is_exact(shape, axis):
+    grid = Grid(shape, _size(shape))
+    axis %= grid.ndim
+    k = 2 * np.pi * 3 / float(grid.size[axis])
+    x = coordinates(grid)[axis]
+    field = jnp.broadcast_to(jnp.cos(k * x + 0.3), shape)
+    expected = np.broadcast_to(-k * np.sin(k * np.asarray(x) + 0.3), shape)
+    np.testing.assert_allclose(derivative(field, grid, axis), expected, atol=1e-12 * k)
+
+
+def test_the_derivative_of_a_nyquist_wave_is_zero():
+    grid = Grid((8, 6), 1.0)
+    field = jnp.broadcast_to(jnp.asarray([1.0, -1.0] * 4)[:, None], (8, 6))
+    np.testing.assert_array_equal(derivative(field, grid, 0), 0)
+
+
+@pytest.mark.parametrize("shape", SHAPES)
+def test_nyquist_lines_are_those_of_even_axes(shape):
+    k = np.meshgrid(*[np.rint(np.fft.fftfreq(n, 1 / n)) for n in shape], indexing="ij")
+    expected = np.zeros(shape, bool)
+    for number, n in zip(k, shape, strict=True):
+        expected |= 2 * np.abs(number) == n
+    half = tuple(slice(n) for n in half_shape(shape))
+    np.testing.assert_array_equal(nyquist_lines(shape), expected[half])
+
+
+REFINEMENTS = [
+    ((8,), (13,)), ((9,), (16,)), ((8, 8), (16, 16)), ((8, 9), (12, 11)), ((9, 8), (10, 16)),
+    ((7, 9), (8, 10)), ((10, 8), (10, 15)),
+]  # fmt: skip
+
+
+@pytest.mark.parametrize(("coarse", "fine"), REFINEMENTS)
+def test_refining_interpolates_a_band_limited_field(coarse, fine):
+    field = _band_limited(coarse, 3)
+    modes = resample_spectrum(to_spectrum(jnp.asarray(field(coarse))), coarse, fine)
+    ratio = np.prod(fine) / np.prod(coarse)
+    np.testing.assert_allclose(to_field(modes, fine) * ratio, field(fine), atol=1e-12)
+
+
+@pytest.mark.parametrize(("coarse", "fine"), REFINEMENTS)
+def test_coarsening_samples_a_band_limited_field_and_undoes_refining(coarse, fine):
+    field = _band_limited(fine, 3)
+    modes = resample_spectrum(to_spectrum(jnp.asarray(field(fine))), fine, coarse)
+    ratio = np.prod(coarse) / np.prod(fine)
+    np.testing.assert_allclose(to_field(modes, coarse) * ratio, field(coarse), atol=1e-12)
+
+
+@pytest.mark.parametrize(("coarse", "fine"), REFINEMENTS)
+def test_coarsening_drops_the_waves_above_the_new_nyquist_number(coarse, fine):
+    values = np.random.default_rng(3).normal(size=fine)
+    cut = resample_spectrum(to_spectrum(jnp.asarray(values)), fine, coarse)
+    full = np.fft.fftn(values)
+    index = np.ix_(*[k.ravel().astype(int) for k in mode_numbers(coarse)])
+    inner = ~nyquist_lines(coarse) | (coarse == fine)
+    np.testing.assert_allclose(np.asarray(cut)[inner], full[index][inner], atol=1e-12)
+    for n, m, axis in zip(coarse, fine, range(len(coarse)), strict=True):
+        if n == m and n % 2 == 0:
+            continue
+        line = np.take(np.asarray(cut), n // 2, axis) if n % 2 == 0 else np.zeros(1)
+        np.testing.assert_array_equal(np.imag(line), 0)
+
+
+def test_resampling_to_the_same_shape_changes_nothing():
+    modes = to_spectrum(jnp.asarray(np.random.default_rng(4).normal(size=(6, 8))))
+    np.testing.assert_array_equal(resample_spectrum(modes, (6, 8), (6, 8)), modes)
+
+
+@pytest.mark.parametrize(
+    ("shape", "size", "message"),
+    [
+        (3, 1.0, "`shape=3`"),
+        ((8, 8, 8), 1.0, "one or two"),
+        ((8, True), 1.0, "whole numbers"),
+        (True, 1.0, "`shape=True`"),
+        ((8, 8), [1.0, 2.0, 3.0], "`size` has shape"),
+        ((8, 8), 0.0, "`size=0`"),
+        ((8, 8), [1.0, -2.0], r"`size\[1\]=-2`"),
+        (8, float("nan"), "`size=nan`"),
+    ],
+)
+def test_bad_grids_are_refused(shape, size, message):
+    with pytest.raises(ValueError, match=message):
+        Grid(shape, size)
+
+
+def test_a_grid_keeps_the_precision_of_its_size():
+    for dtype in (jnp.float32, jnp.float64):
+        grid = Grid((4, 6), jnp.asarray(1e-3, dtype))
+        assert wavenumber(grid).dtype == dtype
+        assert coordinates(grid)[1].dtype == dtype

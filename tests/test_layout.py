@@ -1,0 +1,79 @@
+"""Data flows one way: each file imports only from files before it in this list (DESIGN.md §2)."""
+
+import ast
+from pathlib import Path
+
+import pytest
+
+PACKAGE = Path(__file__).parents[1] / "graded_contact"
+ORDER = [
+    "_checks", "grid", "spectrum", "surface", "topography",
+    "rheology/shift", "rheology/creep", "rheology/material", "rheology/tabulated",
+    "rheology/library", "rheology/fit",
+    "response/stack", "response/slab", "response/grading", "response/compliance",
+    "contact/law", "contact/implicit", "contact/douglas_rachford", "contact/rmd",
+    "contact/problem", "contact/observables", "sliding", "persson",
+    "studies/design", "studies/storage", "studies/moduli_file", "studies/scene", "studies/sweep",
+    "reference", "plot", "cli",
+]  # fmt: skip
+# What a file or folder must not see although it comes before: contact gets a kernel, not layers.
+HIDDEN = {"contact": ("rheology", "response"), "studies/design": ("contact",)}
+FILES = [path for path in sorted(PACKAGE.rglob("*.py")) if path.name != "__init__.py"]
+
+
+def imports(source: str, place: str) -> set[str]:
+    """Modules of ORDER imported by a file at `place`; a folder stands for its last module."""
+    names, here = set(), ["graded_contact", *place.split("/")]
+    for node in ast.walk(ast.parse(source)):
+        if isinstance(node, ast.Import):
+            names |= {alias.name for alias in node.names}
+        elif isinstance(node, ast.ImportFrom):
+            base = [
+                *here[: len(here) - node.level if node.level else 0],
+                *filter(None, [node.module]),
+            ]
+            names |= {".".join([*base, alias.name]) for alias in node.names}
+    found = set()
+    for first, *parts in (name.split(".") for name in names):
+        while first == "graded_contact":
+            path = "/".join(parts)
+            inside = [
+                m for m in ORDER[:-1] if m == path or m.startswith(f"{path}/" if path else "")
+            ]
+            if inside:
+                found.add(inside[-1])
+                break
+            parts.pop()  # a name inside a module, or of the folder's `__init__`
+    return found
+
+
+@pytest.mark.parametrize("path", FILES, ids=lambda path: str(path.relative_to(PACKAGE)))
+def test_imports_follow_the_table(path):
+    place = path.relative_to(PACKAGE).with_suffix("").as_posix()
+    assert place in ORDER, f"{place} is not in the table of files: give it its place there"
+    for module in imports(path.read_text(), place):
+        assert module != "reference", f"{place} imports the closed forms"
+        assert ORDER.index(module) < ORDER.index(place), f"{place} imports {module}"
+        for owner, hidden in HIDDEN.items():
+            seen = place.startswith(owner) and module.startswith(hidden)
+            assert not seen, f"{place} imports {module}"
+
+
+@pytest.mark.parametrize(
+    "place, source, expected",
+    [
+        ("rheology/library", "from .material import WLF, Prony", "rheology/material"),
+        ("rheology/material", "from .._checks import as_float", "_checks"),
+        ("contact/law", "from .. import grid", "grid"),
+        ("sliding", "from .rheology import Prony", "rheology/fit"),
+        ("sliding", "def f():\n  import graded_contact.contact.law as law", "contact/law"),
+        ("grid", "from . import Prony", "plot"),
+        ("grid", "from graded_contact import surface", "surface"),
+    ],
+)
+def test_imports_are_seen_however_they_are_written(place, source, expected):
+    assert imports(source, place) == {expected}
+
+
+def test_imports_of_other_packages_are_ignored():
+    assert imports("import numpy.linalg\nfrom collections.abc import Callable", "grid") == set()

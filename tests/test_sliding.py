@@ -1,0 +1,282 @@
+import subprocess
+import sys
+
+import hypothesis.strategies as st
+import jax
+import jax.numpy as jnp
+import numpy as np
+import pytest
+from hypothesis import given, settings
+
+import graded_contact as gc
+
+CELL = 0.01  # m
+GRID = gc.Grid((64, 64), CELL)
+Q0 = 2 * np.pi / CELL
+# Its edges lie between the modes of the cell, where the surface depends on them smoothly.
+SPECTRUM = gc.SelfAffine(rms_slope=0.2, hurst=0.8, q_low=1.2 * Q0, q_roll=3.3 * Q0, q_high=8.3 * Q0)
+SURFACE = gc.random_surface(SPECTRUM, GRID, jax.random.key(0))
+TREAD = gc.tyre_tread()
+
+
+def coated(thickness=100e-6, modulus=6.51e6):
+    return gc.Stack(
+        layers=(gc.Layer(gc.Elastic(modulus, 0.49), thickness),), base=gc.HalfSpace(TREAD)
+    )
+
+
+def test_main_job_gives_friction_and_area_of_a_coated_tread():
+    s = gc.slide(coated(), SURFACE, pressure=4e5, velocity=0.1)
+    assert s.result == gc.RESULTS.successful
+    assert 0 < s.friction < 1
+    assert 0 < s.contact_area < 1
+    np.testing.assert_allclose(np.mean(s.pressure), 4e5, rtol=1e-13)
+    np.testing.assert_allclose(s.contact_area, np.mean(s.pressure > 0))
+    np.testing.assert_allclose(s.contact_area_smooth, s.contact_area_corrected, atol=0.02)
+    assert s.energy_imbalance <= 1e-13
+    assert abs(s.geometric_friction / s.friction - 1) <= 0.1
+    np.testing.assert_allclose(s.mean_gap, np.mean(s.gap))
+    assert s.displacement.shape == GRID.shape
+    assert s.error <= 1e-6
+    assert s.num_fft_pairs > 0
+
+
+def test_block_at_rest_has_the_relaxed_modulus_and_no_friction():
+    rest = gc.slide(coated(), SURFACE, pressure=4e5, velocity=0.0)
+    relaxed = gc.Stack(
+        layers=coated().layers, base=gc.HalfSpace(gc.Elastic(TREAD.equilibrium, TREAD.poisson))
+    )
+    elastic = gc.slide(relaxed, SURFACE, pressure=4e5, velocity=5.0)
+    np.testing.assert_allclose(rest.pressure, elastic.pressure, atol=1e-5 * rest.pressure.max())
+    assert abs(rest.friction) <= 1e-13
+    assert abs(elastic.friction) <= 1e-13
+
+
+def test_elastic_solid_has_no_friction_at_speed():
+    s = gc.slide(gc.Stack(base=gc.HalfSpace(gc.Elastic(1e7))), SURFACE, pressure=4e5, velocity=3.0)
+    assert abs(s.friction) <= 1e-13
+    assert s.energy_imbalance <= 1e-13
+
+
+def turned(surface):
+    """The surface rotated by half a turn: h(-x, -y)."""
+    return gc.Surface(jnp.roll(jnp.flip(surface.heights), (1, 1), (0, 1)), surface.grid)
+
+
+def test_reversed_velocity_on_the_turned_surface_mirrors_the_solution():
+    forward = gc.slide(coated(), SURFACE, pressure=4e5, velocity=0.1, rtol=1e-9)
+    back = gc.slide(coated(), turned(SURFACE), pressure=4e5, velocity=-0.1, rtol=1e-9)
+    mirrored = jnp.roll(jnp.flip(back.pressure), (1, 1), (0, 1))
+    np.testing.assert_allclose(mirrored, forward.pressure, atol=1e-6 * forward.pressure.max())
+    np.testing.assert_allclose(back.friction, forward.friction, rtol=1e-6)
+
+
+def test_velocity_along_y_on_the_transposed_surface_swaps_the_axes():
+    along_x = gc.slide(coated(), SURFACE, pressure=4e5, velocity=[0.1, 0.0], rtol=1e-9)
+    swapped = gc.Surface(SURFACE.heights.T, GRID)
+    along_y = gc.slide(coated(), swapped, pressure=4e5, velocity=[0.0, 0.1], rtol=1e-9)
+    np.testing.assert_allclose(along_y.friction, along_x.friction, rtol=1e-7)
+    np.testing.assert_allclose(
+        along_y.pressure.T, along_x.pressure, atol=1e-6 * along_x.pressure.max()
+    )
+
+
+@settings(max_examples=10, deadline=None)
+@given(
+    exponent=st.floats(-4, 4),
+    pressure=st.floats(1e4, 3e6),
+    thickness=st.floats(0, 1e-3),
+    modulus=st.floats(1e6, 1e9),
+)
+def test_friction_of_passive_stacks_is_never_negative(exponent, pressure, thickness, modulus):
+    s = gc.slide(
+        coated(thickness, modulus), SURFACE, pressure=pressure, velocity=10.0**exponent, rtol=1e-4
+    )
+    assert s.friction >= 0
+    assert 0 <= s.contact_area_smooth <= 1
+    assert s.energy_imbalance <= 1e-12
+
+
+@settings(max_examples=6, deadline=None)
+@given(length=st.floats(-3, 3), stress=st.floats(-3, 3), time=st.floats(-3, 3))
+def test_units_scale_out(length, stress, time):
+    length, stress, time = 10.0**length, 10.0**stress, 10.0**time
+
+    def run(length, stress, time):
+        rubber = gc.Prony(1e6 * stress, np.array([9e6]) * stress, np.array([1e-2]) * time, 0.49)
+        stack = gc.Stack(
+            layers=(gc.Layer(gc.Elastic(1e6 * stress, 0.4), 1e-4 * length),),
+            base=gc.HalfSpace(rubber),
+        )
+        surface = gc.Surface(SURFACE.heights * length, gc.Grid((64, 64), CELL * length))
+        return gc.slide(stack, surface, pressure=1e5 * stress, velocity=0.05 * length / time)
+
+    one, other = run(1.0, 1.0, 1.0), run(length, stress, time)
+    np.testing.assert_allclose(other.friction, one.friction, rtol=1e-5)
+    np.testing.assert_allclose(other.contact_area_smooth, one.contact_area_smooth, rtol=1e-4)
+    np.testing.assert_allclose(other.mean_gap, one.mean_gap * length, rtol=1e-5)
+
+
+def test_area_increases_with_pressure():
+    areas = jax.vmap(
+        lambda p: gc.slide(coated(), SURFACE, pressure=p, velocity=0.1).contact_area_smooth
+    )(jnp.array([1e5, 3e5, 1e6, 3e6]))
+    assert np.all(np.diff(areas) > 0)
+
+
+def test_colder_tread_is_stiffer_and_touches_less():
+    warm, cold = (
+        gc.slide(coated().at(t), SURFACE, pressure=4e5, velocity=0.1).contact_area_smooth
+        for t in (293.15, 263.15)
+    )
+    assert cold < warm
+
+
+@pytest.mark.parametrize("quantity", ["friction", "contact_area_smooth"])
+def test_gradient_by_every_leaf_matches_central_differences(quantity):
+    """Every leaf of the stack, of the surface's spectrum, pressure and velocity."""
+    stack = gc.Stack(
+        layers=(
+            gc.Layer(gc.Elastic(6.51e6, 0.49), 60e-6),
+            gc.Layer(gc.Prony(3e6, [2e7, 1e7], [1e-4, 1e-2], 0.45), 200e-6),
+        ),
+        base=gc.HalfSpace(TREAD),
+    )
+
+    @jax.jit
+    def value(arguments):
+        stack, spectrum, pressure, velocity = arguments
+        surface = gc.random_surface(spectrum, GRID, jax.random.key(0))
+        s = gc.slide(stack, surface, pressure=pressure, velocity=velocity, rtol=1e-11)
+        return getattr(s, quantity)
+
+    arguments = (stack, SPECTRUM, jnp.asarray(4e5), jnp.asarray(0.1))
+    gradient = jax.jit(jax.grad(value))(arguments)
+    leaves, treedef = jax.tree.flatten(arguments)
+    checked = 0
+    for i, (leaf, slope) in enumerate(zip(leaves, jax.tree.leaves(gradient), strict=True)):
+        # Of the tread's eighteen branches three tell as much as all.
+        for index in list(np.ndindex(leaf.shape))[:: max(1, leaf.size // 3)]:
+            step = 2e-6 * float(leaf[index])
+            ends = [
+                float(
+                    value(treedef.unflatten([*leaves[:i], leaf.at[index].add(d), *leaves[i + 1 :]]))
+                )
+                for d in (step, -step)
+            ]
+            difference = (ends[0] - ends[1]) / (2 * step)
+            # Elasticities below 1e-5 drown in the rounding of the differences.
+            floor = 1e-7 * abs(ends[0] / float(leaf[index]))
+            assert abs(difference - slope[index]) <= 2e-5 * abs(difference) + floor, (i, index)
+            checked += abs(difference) > 100 * floor
+    assert checked >= 12
+
+
+def test_gradient_of_slide_is_a_stack():
+    gradient = jax.grad(
+        lambda s: gc.slide(s, SURFACE, pressure=4e5, velocity=0.1).contact_area_smooth
+    )(coated())
+    assert isinstance(gradient, gc.Stack)
+    assert gradient.layers[0].material.young < 0  # a stiffer coat touches less
+
+
+def test_jit_and_vmap_give_what_plain_calls_give():
+    f = lambda p, v: gc.slide(coated(), SURFACE, pressure=p, velocity=v).friction  # noqa: E731
+    plain = f(4e5, 0.1)
+    np.testing.assert_allclose(jax.jit(f)(4e5, 0.1), plain, rtol=1e-12)
+    batch = jax.vmap(f, (None, 0))(4e5, jnp.array([0.01, 0.1]))
+    np.testing.assert_allclose(batch[1], plain, rtol=1e-5)
+
+
+def test_float32_gives_float32_near_the_float64_result():
+    single = lambda tree: jax.tree.map(lambda x: x.astype(jnp.float32), tree)  # noqa: E731
+    loose = gc.slide(
+        single(coated()),
+        single(SURFACE),
+        pressure=np.float32(4e5),
+        velocity=np.float32(0.1),
+        rtol=1e-4,
+    )
+    assert loose.friction.dtype == jnp.float32
+    tight = gc.slide(coated(), SURFACE, pressure=4e5, velocity=0.1)
+    np.testing.assert_allclose(loose.friction, tight.friction, rtol=1e-3)
+    np.testing.assert_allclose(loose.contact_area_smooth, tight.contact_area_smooth, rtol=1e-2)
+
+
+def test_one_dimensional_surface_slides_as_a_ridged_plane_does():
+    line = SURFACE.heights[:, 0]
+    profile = gc.Surface(line, gc.Grid((64,), CELL))
+    ridges = gc.Surface(
+        jnp.broadcast_to(line[:, None], (64, 4)), gc.Grid((64, 4), (CELL, CELL / 16))
+    )
+    one, two = (
+        gc.slide(coated(), s, pressure=4e5, velocity=0.1, rtol=1e-8) for s in (profile, ridges)
+    )
+    np.testing.assert_allclose(two.friction, one.friction, rtol=1e-6)
+    np.testing.assert_allclose(two.pressure[:, 0], one.pressure, atol=1e-5 * one.pressure.max())
+
+
+X64 = """
+import {first}
+import {second}
+jax.config.update("jax_enable_x64", True)
+import numpy as np
+import graded_contact as gc
+grid = gc.Grid((16, 16), 0.01)
+x = np.arange(16) / 16
+surface = gc.Surface(1e-4 * np.cos(2 * np.pi * x)[:, None] * np.cos(4 * np.pi * x), grid)
+coat = gc.Layer(gc.Elastic(6e6, 0.49), 1e-4)
+stack = gc.Stack(layers=(coat,), base=gc.HalfSpace(gc.tyre_tread()))
+s = gc.slide(stack, surface, pressure=4e5, velocity=0.1)
+print(np.asarray(s.pressure).tobytes().hex(), float(s.friction).hex())
+"""
+
+
+def test_x64_before_or_after_import_gives_the_same_bits():
+    outputs = [
+        subprocess.run(
+            [sys.executable, "-c", X64.format(first=a, second=b)],
+            capture_output=True,
+            text=True,
+            check=True,
+        ).stdout
+        for a, b in (("jax", "jax"), ("graded_contact", "jax"))
+    ]
+    assert outputs[0] == outputs[1]
+    assert len(outputs[0]) > 16 * 16 * 16
+
+
+@pytest.mark.parametrize(
+    ("changed", "message"),
+    [
+        ({"pressure": 0.0}, "`pressure=0` is refused"),
+        ({"pressure": -1.0}, "`pressure=-1` is refused"),
+        ({"pressure": np.nan}, "`pressure=nan` is refused"),
+        ({"pressure": [1.0, 2.0]}, r"`pressure` has shape \(2,\)"),
+        ({"velocity": np.nan}, "`velocity=nan` is refused"),
+        ({"velocity": [1.0, 2.0, 3.0]}, r"`velocity` has shape \(3,\)"),
+        ({"velocity": "fast"}, "A number or an array of numbers is needed, got 'fast'"),
+        ({"rtol": -1.0}, "`rtol=-1` is refused"),
+        ({"start": np.ones((8, 8))}, "`start` has shape"),
+    ],
+)
+def test_bad_argument_is_refused(changed, message):
+    with pytest.raises((ValueError, TypeError), match=message if "fast" not in message else None):
+        gc.slide(coated(), SURFACE, **({"pressure": 4e5, "velocity": 0.1} | changed))
+
+
+def test_wrong_objects_are_refused():
+    # With annotations checked, as here, the checker comes first.
+    with pytest.raises((ValueError, TypeError), match="stack"):
+        gc.slide(gc.tyre_tread(), SURFACE, pressure=4e5, velocity=0.1)
+    with pytest.raises((ValueError, TypeError), match="surface"):
+        gc.slide(coated(), SURFACE.heights, pressure=4e5, velocity=0.1)
+
+
+def test_unfinished_solve_is_not_passed_as_converged():
+    hasty = gc.DouglasRachford(max_steps=2)
+    with pytest.raises(RuntimeError, match="max_steps"):
+        gc.slide(coated(), SURFACE, pressure=4e5, velocity=0.1, solver=hasty)
+    s = gc.slide(coated(), SURFACE, pressure=4e5, velocity=0.1, solver=hasty, throw=False)
+    assert s.result == gc.RESULTS.max_steps_reached
+    assert np.isfinite(s.friction)
