@@ -139,7 +139,7 @@ def surface_from_heights(
         notes.append(f"Subtracted a plane of slope ({slope}).")
     if num_missing:
         values = _fill(values, missing, edges, fill)
-        notes.append(_filling_note(values, missing, num_missing, rim, np.std(residual)))
+        notes.append(_filling_note(values, missing, num_missing, rim, float(np.std(residual))))
     if periodic == "window":
         values, factor = _window(values)
         notes.append(

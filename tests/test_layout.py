@@ -11,9 +11,10 @@ ORDER = [
     "rheology/shift", "rheology/creep", "rheology/material", "rheology/tabulated",
     "rheology/library", "rheology/fit",
     "response/stack", "response/slab", "response/grading", "response/compliance",
+    "response/matrix", "response/interior",
     "contact/law", "contact/implicit", "contact/douglas_rachford", "contact/rmd",
     "contact/problem", "contact/observables", "sliding", "persson",
-    "studies/design", "studies/storage", "studies/moduli_file", "studies/scene", "studies/sweep",
+    "studies/design", "studies/storage", "studies/moduli_file", "studies/table", "studies/scene", "studies/sweep",
     "reference", "plot", "cli",
 ]  # fmt: skip
 # What a file or folder must not see although it comes before: contact gets a kernel, not layers.

@@ -34,6 +34,7 @@ from .law import HardWall
 ERROR_PER_RESIDUAL = 10.0
 _COARSE_RESIDUAL = 1e-2  # of the nested coarse grids, which only give a start
 _CYCLE = 2  # steps between accelerations
+_COLD_PARTICIPATION = 0.05  # ⟨σ⟩²/⟨σ²⟩ expected before anything is known
 
 
 class Iterated(NamedTuple):
@@ -84,29 +85,39 @@ class DouglasRachford(eqx.Module):
         shapes = [shape] if start is not None else _nested_shapes(shape, self.coarsest)
         spectrum = to_spectrum(heights / load)
         pressure = None if start is None else start / load
+        steps, residual = jnp.asarray(0), jnp.asarray(jnp.inf, heights.dtype)
         pairs = jnp.asarray(0.5, heights.dtype)
         for level in shapes:
             share = float(np.prod(level) / np.prod(shape))
-            level_heights = to_field(resample_spectrum(spectrum, shape, level) * share, level)
-            level_kernel = resample_spectrum(kernel, shape, level)
-            if pressure is None:
-                participation = jnp.asarray(0.05, heights.dtype)
-            else:
-                pressure = jnp.maximum(_interpolate(pressure, level), 0)
-                pressure = pressure / jnp.mean(pressure)
-                participation = 1 / jnp.mean(pressure**2)
-            penalty = _penalty(level_kernel, participation)
-            split = _splitting(penalty * level_kernel, penalty * level_heights, mean=1.0)
-            z = _initial_state(penalty * level_kernel, penalty * level_heights, pressure)
-            finest = level == shape
-            z, steps, residual = self._iterate(
-                split, law.proximal, z, rtol / ERROR_PER_RESIDUAL if finest else _COARSE_RESIDUAL
+            overhead = 2.5 if pressure is None else 3.5
+            pressure, steps, residual = self._solve_level(
+                resample_spectrum(kernel, shape, level),
+                to_field(resample_spectrum(spectrum, shape, level) * share, level),
+                pressure,
+                law,
+                rtol / ERROR_PER_RESIDUAL if level == shape else _COARSE_RESIDUAL,
             )
-            y = law.proximal(2 * split(z) - z)
-            pressure = y / jnp.mean(y)
-            overhead = 2.5 if level == shapes[0] and start is None else 3.5
             pairs = pairs + share * (steps + overhead)
+        assert pressure is not None  # there is at least one grid
         return Iterated(pressure, residual, steps, pairs)
+
+    def _solve_level(self, kernel, heights, guess, law, tolerance):
+        """Returns pressure, steps and residual on one grid, from a guess on a coarser one."""
+        if guess is None:
+            penalty = _penalty(kernel, _COLD_PARTICIPATION)
+            # A uniform pressure, and the gap it leaves but for its mean.
+            z = 1 - penalty * (heights - jnp.mean(heights))
+        else:
+            guess = jnp.maximum(_interpolate(guess, heights.shape), 0)
+            guess = guess / jnp.mean(guess)
+            penalty = _penalty(kernel, 1 / jnp.mean(guess**2))
+            gap = penalty * (to_field(kernel * to_spectrum(guess), heights.shape) - heights)
+            gap = gap - jnp.mean(guess * gap)
+            z = jnp.where(guess > 0, guess, jnp.maximum(gap, 0))
+        split = _splitting(penalty * kernel, penalty * heights, mean=1.0)
+        z, steps, residual = self._iterate(split, law.proximal, z, tolerance)
+        y = law.proximal(2 * split(z) - z)
+        return y / jnp.mean(y), steps, residual
 
     def solve_linear(
         self,
@@ -135,11 +146,15 @@ class DouglasRachford(eqx.Module):
     def _iterate(self, split: "_Splitting", proximal: Callable, z, tolerance):
         """Returns the fixed point z, the number of steps and the last residual ‖x - y‖/‖y‖."""
 
+        def step(z):
+            x = split(z)
+            y = proximal(2 * x - z)
+            return z + (2 * self.relaxation) * (y - x), x, y
+
         def cycle(z):
-            for _ in range(_CYCLE):
-                x = split(z)
-                y = proximal(2 * x - z)
-                z = z + (2 * self.relaxation) * (y - x)
+            for _ in range(_CYCLE - 1):
+                z, _, _ = step(z)
+            z, x, y = step(z)
             defect, size = _dot(y - x, y - x), _dot(y, y)
             # A zero solution has no size; its residual is zero too.
             return z, jnp.sqrt(defect / jnp.where(size > 0, size, 1))
@@ -168,15 +183,6 @@ class _Splitting(NamedTuple):
 def _splitting(kernel, heights, mean: float) -> _Splitting:
     filter = (1 / (1 + kernel)).at[(0,) * kernel.ndim].set(0)
     return _Splitting(filter, mean + to_field(filter * to_spectrum(heights), heights.shape))
-
-
-def _initial_state(kernel, heights, pressure):
-    """z = σ + ρu of a guess of the pressure, or of a uniform pressure if there is none."""
-    if pressure is None:
-        return 1 - heights + jnp.mean(heights)
-    gap = to_field(kernel * to_spectrum(pressure), heights.shape) - heights
-    gap = gap - jnp.mean(pressure * gap)
-    return jnp.where(pressure > 0, pressure, jnp.maximum(gap, 0))
 
 
 def _penalty(kernel, participation):
@@ -212,9 +218,8 @@ class _History(eqx.Module):
     @classmethod
     def empty(cls, z, m: int) -> "_History":
         fields = jnp.zeros((m, *z.shape), z.dtype)
-        infinite = jnp.asarray(jnp.inf, z.dtype)
-        zero = jnp.asarray(0)
-        return cls(z, fields, fields, jnp.zeros((m, m), z.dtype), zero, infinite, zero, infinite)
+        none, infinite = jnp.asarray(0), jnp.asarray(jnp.inf, z.dtype)
+        return cls(z, fields, fields, jnp.zeros((m, m), z.dtype), none, infinite, none, infinite)
 
 
 def _accelerate(state: _History, image, residual) -> _History:
@@ -227,6 +232,7 @@ def _accelerate(state: _History, image, residual) -> _History:
     count = jnp.where(forget, 1, jnp.minimum(state.count + 1, m))
     slot = state.cycles % m
     images, changes = state.images.at[slot].set(image), state.changes.at[slot].set(change)
+    # Sums of products fuse into single passes; a matrix product of the history does not.
     row = jnp.stack([_dot(changes[i], change) for i in range(m)])
     products = state.products.at[slot, :].set(row).at[:, slot].set(row)
     used = (slot - jnp.arange(m)) % m < count
@@ -238,7 +244,7 @@ def _accelerate(state: _History, image, residual) -> _History:
     latest = (jnp.arange(m) == slot).astype(size.dtype)
     weights = jnp.where(jnp.all(jnp.isfinite(weights)), weights, latest)
     return _History(
-        z=sum(weights[i] * images[i] for i in range(m)),
+        z=jnp.asarray(sum(weights[i] * images[i] for i in range(m))),
         images=images,
         changes=changes,
         products=products,

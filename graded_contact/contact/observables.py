@@ -136,7 +136,7 @@ def contact_area_smooth(
     corner = jnp.roll(right, -1, 1)
     centre = (field + right + up + corner) / 4
     ring = (field, right, corner, up, field)
-    total = 0.0
+    total = jnp.zeros((), field.dtype)
     for a, b in pairwise(ring):
         area, length = _triangle(a, b, centre)
         total = total + jnp.mean(area - _CONTOUR_OFFSET * length)

@@ -1,0 +1,245 @@
+"""The command `graded-contact`: it parses, runs a scene, prints a table, writes HDF5 and PNG.
+
+Exit codes: 0 all is well; 1 some solve did not converge; 2 the input was refused.
+"""
+
+import contextlib
+import hashlib
+import os
+import platform
+import stat
+from collections.abc import Iterator
+from importlib import resources
+from importlib.metadata import version
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated
+
+import typer
+
+if TYPE_CHECKING:
+    from .studies.scene import Scene
+    from .studies.storage import Results
+
+app = typer.Typer(
+    help="Friction and contact area of layered viscoelastic blocks on rough surfaces.",
+    no_args_is_help=True,
+    add_completion=False,
+    pretty_exceptions_show_locals=False,
+)
+Output = Annotated[
+    Path | None, typer.Option("--output", "-o", help="Folder for the results.", show_default=False)
+]
+
+# Column heads and formats of the table, by the name of the quantity.
+_COLUMNS = {
+    "friction": ("friction", "#.4g"),
+    "contact_area": ("area\n(pixels)", ".5f"),
+    "contact_area_corrected": ("area\n(corrected)", ".5f"),
+    "mean_gap": ("mean gap\n[m]", ".3e"),
+    "num_fft_pairs": ("FFT\npairs", ".1f"),
+    "error": ("error", ".1e"),
+}
+
+
+def _print_version(wanted: bool) -> bool:
+    if wanted:
+        typer.echo(f"graded-contact {version('graded_contact')} (jax {version('jax')})")
+        raise typer.Exit
+    return wanted
+
+
+@app.callback()
+def main(
+    show_version: Annotated[
+        bool,
+        typer.Option("--version", callback=_print_version, is_eager=True, help="Print versions."),
+    ] = False,
+) -> None:
+    """Friction and contact area of layered viscoelastic blocks on rough surfaces."""
+
+
+@app.command()
+def demo(
+    output: Output = None,
+    resolution: Annotated[
+        int, typer.Option(min=256, help="Points along each edge; the surface stays the same.")
+    ] = 256,
+) -> None:
+    """Runs the embedded scene: a 50 µm modified surface layer on tyre tread, on a rough road."""
+    _prepare()
+    from .studies.scene import parse_scene
+
+    text = resources.files("graded_contact.studies").joinpath("demo.toml").read_text("utf-8")
+    text = text.replace("shape = [256, 256]", f"shape = [{resolution}, {resolution}]")
+    with _refusing():
+        scene = parse_scene(text)
+    _run(scene, output or Path("graded-contact-demo"), "demo")
+
+
+@app.command()
+def run(
+    scene_file: Annotated[
+        Path, typer.Argument(metavar="SCENE.toml", help="The scene.", show_default=False)
+    ],
+    output: Output = None,
+) -> None:
+    """Runs a scene: prints a table, writes the results (HDF5) and figures (PNG)."""
+    _prepare()
+    from .studies.scene import read_scene
+
+    with _refusing():
+        scene = read_scene(scene_file)
+    folder = output or Path(scene.directory or f"{scene_file.stem}-results")
+    _run(scene, folder, scene.name or scene_file.stem)
+
+
+@app.command()
+def info(
+    result_file: Annotated[
+        Path, typer.Argument(metavar="RESULT.h5", help="A result.", show_default=False)
+    ],
+) -> None:
+    """Prints what a result file holds: inputs, versions, and the table of results."""
+    _prepare()
+    from .studies.storage import read_results
+
+    with _refusing():
+        results = read_results(result_file)
+    for name, value in results.attributes.items():
+        if name != "scene" and value != "":
+            typer.echo(f"{name:22} {str(value).replace(chr(10), chr(10) + 23 * ' ')}")
+    grid = results.surface.grid
+    typer.echo(f"{'grid':22} {' x '.join(map(str, grid.shape))} points, size {grid.size} m")
+    for sentence in results.surface.history:
+        typer.echo(f"{'surface':22} {sentence}")
+    kept = ", ".join(map(str, results.fields)) or "none"
+    typer.echo(f"{'fields kept':22} {kept} (pressure, velocity)")
+    _print_table(results)
+
+
+def _run(scene: "Scene", folder: Path, name: str) -> None:
+    from rich.console import Console
+    from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeElapsedColumn
+
+    from .plot import plot_sliding, plot_sweep
+    from .studies.scene import build_surface, run_scene
+    from .studies.storage import write_results
+
+    with _refusing():
+        folder.mkdir(parents=True, exist_ok=True)
+        surface = build_surface(scene)
+        if scene.title:
+            typer.echo(scene.title)
+        for sentence in surface.history:
+            typer.echo(f"surface: {sentence}")
+        columns = (
+            TextColumn("sliding"),
+            BarColumn(),
+            MofNCompleteColumn(),
+            TimeElapsedColumn(),
+        )
+        with Progress(*columns, console=Console(stderr=True)) as bar:
+            task = bar.add_task("sliding", total=None)
+
+            def advance(done: int, total: int) -> None:
+                bar.update(task, completed=done, total=total)
+
+            results = run_scene(scene, surface=surface, progress=advance)
+        _print_table(results)
+        figures = {f"{name}-sweep.png": plot_sweep(results)}
+        for (i, j), fields in results.fields.items():
+            suffix = f"-{i}-{j}" if len(results.fields) > 1 else ""
+            figure = figures[f"{name}-contact{suffix}.png"] = plot_sliding(fields, surface)
+            load = f"mean pressure {results.pressure[i] / 1e6:.4g} MPa"
+            figure.suptitle(f"{load}, velocity {results.velocity[j]:.3g} m/s")
+        write_results(folder / f"{name}.h5", results)
+        typer.echo(f"wrote {folder / f'{name}.h5'}")
+        for file, figure in figures.items():
+            figure.savefig(folder / file)
+            typer.echo(f"wrote {folder / file}")
+    if not results.complete:
+        raise typer.Exit(1)
+
+
+def _print_table(results: "Results") -> None:
+    """Prints one line per solve; below them, why any did not converge."""
+    import numpy as np
+    from rich import box
+    from rich.console import Console
+    from rich.table import Table
+    from rich.text import Text
+
+    table = Table(box=box.SIMPLE_HEAD, pad_edge=False)
+    heads = ["velocity\n[m/s]", "pressure\n[MPa]", *(head for head, _ in _COLUMNS.values()), ""]
+    for head in heads:
+        table.add_column(Text(head), justify="right", no_wrap=True)
+    for i, j in np.ndindex(results.friction.shape):
+        cells = [
+            format(getattr(results, name)[i, j], style) for name, (_, style) in _COLUMNS.items()
+        ]
+        mark = "" if results.converged[i, j] else "[bold red]not converged[/]"
+        load = f"{results.pressure[i] / 1e6:.4g}"
+        table.add_row(f"{results.velocity[j]:.3e}", load, *cells, mark)
+    console = Console()
+    # A narrower screen wraps the lines; it must not cut the numbers.
+    console.width = max(console.width, 110)
+    console.print(table)
+    failed = np.argwhere(~results.converged)
+    if len(failed):
+        warning = Console(stderr=True)
+        warning.print(
+            f"[bold red]Warning:[/] {len(failed)} of {results.converged.size} solves did not "
+            "converge; their numbers are partial results."
+        )
+        for message in sorted(set(results.message[~results.converged])):
+            warning.print(message, markup=False)
+
+
+@contextlib.contextmanager
+def _refusing() -> Iterator[None]:
+    """Prints the message of a refused input, without a traceback, and exits with code 2."""
+    try:
+        yield
+    except (ValueError, OSError, ImportError) as error:
+        typer.secho(f"Error: {error}", fg="red", err=True)
+        raise typer.Exit(2) from error
+
+
+def _prepare() -> None:
+    """Switches on double precision, and the cache of compiled code if its folder is safe."""
+    import jax
+
+    jax.config.update("jax_enable_x64", True)
+    folder = _cache_folder()
+    if folder is not None:
+        jax.config.update("jax_compilation_cache_dir", str(folder))
+        jax.config.update("jax_persistent_cache_min_compile_time_secs", 0)
+        jax.config.update("jax_persistent_cache_min_entry_size_bytes", -1)
+
+
+def _cache_folder() -> Path | None:
+    """The user's cache folder for this kind of machine; None if others could write to it.
+
+    What lies in it is executed: it belongs to the user alone, and to one kind of processor.
+    """
+    home = os.environ.get("XDG_CACHE_HOME")
+    with contextlib.suppress(OSError, RuntimeError):
+        root = (Path(home) if home else Path.home() / ".cache") / "graded_contact"
+        folder = root / hashlib.sha256(_processor().encode()).hexdigest()[:16]
+        root.mkdir(mode=0o700, parents=True, exist_ok=True)
+        folder.mkdir(mode=0o700, exist_ok=True)
+        states = [path.stat() for path in (root, folder)]
+        own = all(state.st_uid == os.getuid() for state in states) if os.name == "posix" else True
+        shared = any(stat.S_IMODE(state.st_mode) & 0o022 for state in states)
+        if own and (not shared or os.name != "posix") and os.access(folder, os.W_OK):
+            return folder
+    return None
+
+
+def _processor() -> str:
+    """What decides whether compiled code runs here: the processor's model and instructions."""
+    with contextlib.suppress(OSError):
+        lines = Path("/proc/cpuinfo").read_text().splitlines()
+        kept = {line for line in lines if line.startswith(("model name", "flags", "Features"))}
+        return "\n".join(sorted(kept))
+    return f"{platform.machine()} {platform.processor()}"

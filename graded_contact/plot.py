@@ -1,0 +1,169 @@
+"""Figures of contacts, sweeps and stacks, with axes in units that suit their size.
+
+Figures are made without pyplot: they need no display, and nobody has to close them. Save one with
+`figure.savefig(path)`. The colours of lines are those of M. Okabe and K. Ito, told apart by people
+with any kind of colour vision.
+"""
+
+from collections.abc import Sequence
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+from jaxtyping import ArrayLike
+
+from ._checks import as_float, check_positive
+from .response.compliance import effective_modulus
+from .response.stack import Stack
+from .sliding import Sliding
+from .studies.storage import Fields, Results
+from .surface import Surface
+
+if TYPE_CHECKING:  # it takes a third of a second to import
+    from matplotlib.figure import Figure
+
+COLOURS = ("#0072B2", "#D55E00", "#009E73", "#CC79A7", "#E69F00", "#56B4E9", "#000000")
+DOTS_PER_INCH = 160
+_PREFIXES = {-12: "p", -9: "n", -6: "µ", -3: "m", 0: "", 3: "k", 6: "M", 9: "G"}
+
+
+def plot_sliding(sliding: Sliding | Fields, surface: Surface) -> "Figure":
+    """Returns a figure of heights, contact pressure and gap: maps, or lines of a profile.
+
+    Points out of contact are left white in the map of the pressure, whose colours follow the
+    square root: most of the contact is far from its peak.
+
+    **Arguments:**
+
+    - `sliding`: a solution of `slide`, or one of the `fields` of `Results`.
+    - `surface`: the surface that slides.
+    """
+    from matplotlib.colors import PowerNorm
+
+    heights, pressure = np.asarray(surface.heights), np.asarray(sliding.pressure)
+    quantities = [
+        ("height (into the solid)", "m", heights - np.mean(heights), "cividis"),
+        ("contact pressure", "Pa", np.where(pressure > 0, pressure, np.nan), "viridis"),
+        ("gap", "m", np.maximum(np.asarray(sliding.gap), 0), "magma"),
+    ]
+    size = np.asarray(surface.grid.size)
+    unit, factor = _unit("m", np.max(size))
+    if surface.grid.ndim == 1:
+        x = factor * size[0] * np.arange(len(heights)) / len(heights)
+        return _profiles(x, f"$x$ [{unit}]", quantities)
+    figure = _figure(10.2, 1.2 + 2.9 * float(np.clip(size[1] / size[0], 0.5, 2.0)))
+    for axes, (label, base, values, colours) in zip(
+        figure.subplots(1, 3, sharex=True, sharey=True), quantities, strict=True
+    ):
+        value_unit, scale = _unit(base, np.nanmax(np.abs(values)))
+        image = axes.imshow(
+            scale * values.T,
+            origin="lower",
+            extent=(0, factor * size[0], 0, factor * size[1]),
+            cmap=colours,
+            interpolation="nearest",
+            norm=PowerNorm(0.5 if base == "Pa" else 1),
+        )
+        bar = figure.colorbar(image, ax=axes, orientation="horizontal", shrink=0.9, pad=0.02)
+        bar.set_label(f"{label} [{value_unit}]")
+        axes.set_xlabel(f"$x$ [{unit}]")
+    figure.axes[0].set_ylabel(f"$y$ [{unit}]")
+    return figure
+
+
+def plot_sweep(results: Results) -> "Figure":
+    """Returns a figure of friction and contact area against velocity, one line per pressure.
+
+    The area is the sub-pixel one. A solve that did not converge has a hollow marker.
+    """
+    figure = _figure(8.6, 3.7)
+    panels = [
+        ("friction coefficient", results.friction),
+        ("contact area / nominal area", results.contact_area_smooth),
+    ]
+    velocity = results.velocity
+    order = np.argsort(velocity, kind="stable")
+    for axes, (label, values) in zip(figure.subplots(1, 2), panels, strict=True):
+        for i, pressure in enumerate(results.pressure):
+            colour = COLOURS[i % len(COLOURS)]
+            unit, factor = _unit("Pa", pressure)
+            axes.plot(
+                velocity[order],
+                values[i, order],
+                color=colour,
+                label=f"{factor * pressure:.3g} {unit}",
+            )
+            for good, face in ((True, colour), (False, "white")):
+                chosen = results.converged[i] == good
+                axes.plot(
+                    velocity[chosen],
+                    values[i, chosen],
+                    "o",
+                    color=colour,
+                    markerfacecolor=face,
+                    label="not converged" if not good and np.any(chosen) else None,
+                )
+        if np.all(velocity > 0):
+            axes.set_xscale("log")
+        axes.set_ylim(bottom=0)
+        axes.set_xlabel("sliding velocity [m/s]")
+        axes.set_ylabel(label)
+    figure.axes[0].legend(title="mean pressure", frameon=False)
+    return figure
+
+
+def plot_response(stack: Stack, q: ArrayLike, velocity: ArrayLike | Sequence[float]) -> "Figure":
+    """Returns a figure of the effective modulus and the loss tangent of a stack.
+
+    **Arguments:**
+
+    - `stack`: the block.
+    - `q`: wavenumbers [rad/m], shape `(n,)`, positive.
+    - `velocity`: one or more sliding velocities [m/s], positive; the frequency is q v.
+    """
+    q, speeds = as_float(q), np.atleast_1d(np.asarray(velocity, float))
+    if q.ndim != 1:
+        raise ValueError(f"`q` has shape {q.shape}; one axis is needed.")
+    check_positive("velocity", speeds, "[m/s]")
+    figure = _figure(8.6, 3.7)
+    stiffness, loss = figure.subplots(1, 2, sharex=True)
+    for i, speed in enumerate(speeds):
+        modulus = np.asarray(effective_modulus(stack, q, q * speed))
+        style: dict[str, Any] = {
+            "color": COLOURS[i % len(COLOURS)],
+            "label": f"{speed:.3g} m/s",
+        }
+        stiffness.loglog(q, np.abs(modulus), **style)
+        loss.semilogx(q, np.imag(modulus) / np.real(modulus), **style)
+    stiffness.set_ylabel("effective modulus $|2/(q M_{zz})|$ [Pa]")
+    loss.set_ylabel("loss tangent")
+    loss.set_ylim(bottom=0)
+    for axes in (stiffness, loss):
+        axes.set_xlabel("wavenumber $q$ [rad/m]")
+    stiffness.legend(title="sliding velocity", frameon=False)
+    return figure
+
+
+def _profiles(x: np.ndarray, x_label: str, quantities: list) -> "Figure":
+    figure = _figure(7.2, 6.0)
+    panels = figure.subplots(3, 1, sharex=True)
+    for axes, (label, base, values, _), colour in zip(panels, quantities, COLOURS, strict=False):
+        unit, scale = _unit(base, np.nanmax(np.abs(values)))
+        values = scale * (np.nan_to_num(values) if base == "Pa" else values)
+        axes.plot(x, values, color=colour)
+        axes.set_ylabel(f"{label}\n[{unit}]")
+    panels[-1].set_xlabel(x_label)
+    return figure
+
+
+def _figure(width: float, height: float) -> "Figure":
+    """An empty figure [inches] with a constrained layout, and its own font sizes and spines."""
+    from matplotlib.figure import Figure
+
+    return Figure(figsize=(width, height), dpi=DOTS_PER_INCH, layout="constrained")
+
+
+def _unit(base: str, largest: float) -> tuple[str, float]:
+    """The unit in which `largest` [base] is between 1 and 1000, and its reciprocal in `base`."""
+    exponent = 3 * int(np.floor(np.log10(largest) / 3 + 1e-9)) if largest > 0 else 0
+    exponent = min(max(exponent, min(_PREFIXES)), max(_PREFIXES))
+    return f"{_PREFIXES[exponent]}{base}", 10.0**-exponent

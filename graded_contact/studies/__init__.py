@@ -1,0 +1,1 @@
+"""Studies made of many solves: scenes read from files, results written to files."""

@@ -1,0 +1,152 @@
+"""Tables of a TOML text: entries by type, with errors that name the table and the key."""
+
+import contextlib
+import difflib
+from collections.abc import Callable, Iterable, Iterator
+from typing import Any
+
+import numpy as np
+from jaxtyping import Float
+
+from .._checks import check_positive, check_values
+
+RANGE_KEYS = ("from", "to", "points")
+_REQUIRED = object()
+
+
+class Table:
+    """One table of a scene; its entries are asked for by type.
+
+    **Arguments:**
+
+    - `place`: how errors call it.
+    - `content`: as `tomllib` gives it.
+    - `keys`: those allowed; any other is refused, with the nearest one of them.
+    """
+
+    def __init__(self, place: str, content: Any, keys: Iterable[str]):
+        if not isinstance(content, dict):
+            raise ValueError(f"{place} must be a table, got {content!r}.")
+        for key in content:
+            if key not in keys:
+                raise ValueError(f"{place} has no key `{key}`; {nearest(key, keys)}")
+        self.place, self.content = place, content
+
+    @classmethod
+    def of_kind(
+        cls, place: str, content: Any, kinds: dict[str, tuple[str, ...]]
+    ) -> tuple["Table", str]:
+        """Returns the table and its kind, which decides its keys."""
+        if not isinstance(content, dict):
+            raise ValueError(f"{place} must be a table, got {content!r}.")
+        if "kind" not in content:
+            all_keys = ["kind", *(key for keys in kinds.values() for key in keys)]
+            cls(place, content, all_keys)
+            raise ValueError(f"{place} lacks the key `kind`, one of {list(kinds)}.")
+        kind = content["kind"]
+        if kind not in kinds:
+            raise ValueError(f"{place} `kind` = {kind!r} is not known; {nearest(kind, kinds)}")
+        return cls(place, content, ("kind", *kinds[kind])), kind
+
+    def get(self, key: str, default: Any = _REQUIRED) -> Any:
+        if key in self.content:
+            return self.content[key]
+        if default is _REQUIRED:
+            raise ValueError(f"{self.place} lacks the key `{key}`.")
+        return default
+
+    def number(self, key: str, default: Any = _REQUIRED) -> float:
+        return self._typed(key, default, _is_number, "a number (without quotes)", float)
+
+    def whole(self, key: str, default: Any = _REQUIRED) -> int:
+        return self._typed(key, default, _is_whole, "a whole number", int)
+
+    def text(self, key: str, default: Any = _REQUIRED) -> Any:
+        return self._typed(key, default, lambda v: isinstance(v, str), "a text in quotes", str)
+
+    def texts(self, key: str, default: Any = _REQUIRED) -> Any:
+        return self._typed(
+            key, default, lambda v: _all_of(v, lambda entry: isinstance(entry, str)),
+            "a list of texts", list,
+        )  # fmt: skip
+
+    def numbers(self, key: str) -> list[float]:
+        """One number, or a list of them, as a list."""
+        value = self.get(key)
+        if _is_number(value):
+            return [float(value)]
+        wanted = "a number or a list of numbers"
+        return self._typed(
+            key, _REQUIRED, lambda v: _all_of(v, _is_number), wanted, lambda v: list(map(float, v))
+        )
+
+    def wholes(self, key: str) -> tuple[int, ...]:
+        value = self.get(key)
+        if _is_whole(value):
+            return (value,)
+        wanted = "a whole number or a list of them"
+        return self._typed(key, _REQUIRED, lambda v: _all_of(v, _is_whole), wanted, tuple)
+
+    def choice(self, key: str, choices: tuple[str, ...], default: str) -> Any:
+        value = self.text(key, default)
+        if value not in choices:
+            raise ValueError(
+                f"{self.place} `{key}` = {value!r} is not known; {nearest(value, choices)}"
+            )
+        return value
+
+    def values(self, key: str) -> Float[np.ndarray, " values"]:
+        """A number, a list, or {from, to, points}, as an array."""
+        value = self.get(key)
+        if not isinstance(value, dict):
+            return np.array(self.numbers(key))
+        span = Table(f"{self.place} `{key}`", value, RANGE_KEYS)
+        first, last, points = span.number("from"), span.number("to"), span.whole("points")
+        with within(span.place):
+            check_positive("from", first, "(the spacing is logarithmic)")
+            check_positive("to", last, "(the spacing is logarithmic)")
+            check_values("points", points, "at least 2 points are needed", at_least=2)
+        return np.geomspace(first, last, points)
+
+    def _typed(
+        self, key: str, default: Any, right: Callable, wanted: str, convert: Callable
+    ) -> Any:
+        value = self.get(key, default)
+        if key not in self.content:
+            return value
+        if not right(value):
+            raise ValueError(f"{self.place} `{key}` = {value!r} must be {wanted}.")
+        return convert(value)
+
+
+def _is_number(value: Any) -> bool:
+    return isinstance(value, int | float) and not isinstance(value, bool)
+
+
+def _is_whole(value: Any) -> bool:
+    return isinstance(value, int) and not isinstance(value, bool)
+
+
+def _all_of(value: Any, right: Callable) -> bool:
+    return isinstance(value, list) and len(value) > 0 and all(map(right, value))
+
+
+def nearest(word: Any, choices: Iterable[str]) -> str:
+    """Returns advice on a word that is none of `choices`."""
+    choices = list(choices)
+    close = difflib.get_close_matches(str(word), choices, n=1)
+    if close:
+        return f"did you mean `{close[0]}`?"
+    return f"it takes {', '.join(f'`{choice}`' for choice in choices) or 'nothing'}."
+
+
+@contextlib.contextmanager
+def within(place: str) -> Iterator[None]:
+    """Puts the place in the scene before the message of an error that arises there."""
+    try:
+        yield
+    except FileNotFoundError as error:
+        raise FileNotFoundError(f"{place} {error}") from error
+    except ValueError as error:
+        text = str(error)
+        raise ValueError(text if text.startswith(place) else f"{place} {text}") from error

@@ -1,0 +1,152 @@
+"""The command runs a scene, writes its results, and refuses bad input in one line."""
+
+import os
+import stat
+
+import numpy as np
+import pytest
+from typer.testing import CliRunner
+
+from graded_contact import cli
+from graded_contact.studies.storage import read_results
+
+SCENE = """
+title = "a small one"
+[surface]
+kind = "self_affine"
+rms_slope = 0.2
+hurst = 0.8
+q_roll = 2e4
+q_high = 8e4
+[grid]
+shape = [32, 32]
+size = 1e-3
+[materials.tread]
+kind = "tyre_tread"
+[base]
+kind = "half_space"
+material = "tread"
+[load]
+pressure = 2e5
+velocity = [0.01, 1.0]
+"""
+
+
+@pytest.fixture(autouse=True)
+def no_compilation_cache(monkeypatch):
+    """The cache is a setting of the process: other tests must not inherit it."""
+    monkeypatch.setattr(cli, "_cache_folder", lambda: None)
+
+
+def command(*arguments):
+    return CliRunner().invoke(cli.app, [str(argument) for argument in arguments])
+
+
+@pytest.fixture(scope="module")
+def folder(tmp_path_factory):
+    folder = tmp_path_factory.mktemp("run")
+    (folder / "small.toml").write_text(SCENE)
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(cli, "_cache_folder", lambda: None)
+        result = command("run", folder / "small.toml", "--output", folder / "out")
+    assert result.exit_code == 0, result.output
+    (folder / "printed.txt").write_text(result.stdout)
+    return folder
+
+
+def test_a_run_writes_results_and_figures_and_prints_their_paths(folder):
+    printed = (folder / "printed.txt").read_text()
+    names = ["small-contact.png", "small-sweep.png", "small.h5"]
+    assert sorted(path.name for path in (folder / "out").iterdir()) == names
+    assert all(f"wrote {folder / 'out' / name}" in printed for name in names)
+    assert (folder / "out" / "small-sweep.png").read_bytes().startswith(b"\x89PNG")
+
+
+def test_a_run_prints_a_line_per_solve_with_units(folder):
+    printed = (folder / "printed.txt").read_text()
+    results = read_results(folder / "out" / "small.h5")
+    assert results.complete and results.attributes["scene"] == SCENE
+    for head in ("[m/s]", "[MPa]", "[m]", "friction", "(pixels)", "(corrected)", "pairs", "error"):
+        assert head in printed
+    rows = [line.split() for line in printed.splitlines() if line.strip()[:1].isdigit()]
+    assert [row[0] for row in rows] == ["1.000e-02", "1.000e+00"]
+    np.testing.assert_allclose([float(row[2]) for row in rows], results.friction[0], rtol=1e-3)
+
+
+def test_info_prints_what_a_file_holds(folder):
+    result = command("info", folder / "out" / "small.h5")
+    assert result.exit_code == 0
+    for text in ("a small one", "float64", "version_jax", "32 x 32 points", "1.000e-02"):
+        assert text in result.stdout
+
+
+def test_a_solve_that_does_not_converge_warns_and_exits_with_1(tmp_path):
+    (tmp_path / "scene.toml").write_text(SCENE + "[solver]\nmax_steps = 2\n")
+    result = command("run", tmp_path / "scene.toml", "-o", tmp_path)
+    assert result.exit_code == 1
+    assert "2 of 2 solves did not converge" in " ".join(result.stderr.split())
+    assert "max_steps" in result.stderr
+    assert result.stdout.count("not converged") == 2
+    assert (tmp_path / "scene.h5").exists()
+
+
+@pytest.mark.parametrize(
+    "old, new, expected",
+    [
+        ("hurst", "hust", "did you mean `hurst`?"),
+        ("2e5", "-2e5", "`pressure[0]=-200000` is refused"),
+        ("8e4", "8e9", "`q_high=8e+09` is refused"),
+    ],
+)
+def test_a_refused_scene_is_one_message_and_exit_code_2(tmp_path, old, new, expected):
+    (tmp_path / "scene.toml").write_text(SCENE.replace(old, new))
+    result = command("run", tmp_path / "scene.toml", "-o", tmp_path / "out")
+    assert result.exit_code == 2
+    assert expected in result.stderr
+    assert "Traceback" not in result.output
+
+
+def test_missing_and_damaged_files_exit_with_2(tmp_path):
+    result = command("run", tmp_path / "none.toml")
+    assert result.exit_code == 2 and "none.toml" in result.stderr
+    (tmp_path / "a.h5").write_text("not HDF5")
+    result = command("info", tmp_path / "a.h5")
+    assert result.exit_code == 2 and "a.h5" in result.stderr
+
+
+def test_an_output_folder_that_cannot_be_made_is_refused_before_solving(tmp_path):
+    (tmp_path / "scene.toml").write_text(SCENE)
+    result = command("run", tmp_path / "scene.toml", "-o", tmp_path / "scene.toml" / "out")
+    assert result.exit_code == 2
+    assert "9/9" not in result.output and "scene.toml" in result.stderr
+
+
+def test_help_and_version():
+    assert "demo" in command("--help").stdout
+    assert "graded-contact 0." in command("--version").stdout
+
+
+def test_the_embedded_scene_runs_at_the_resolution_asked_for(tmp_path, monkeypatch):
+    ran = []
+    monkeypatch.setattr(cli, "_run", lambda *arguments: ran.append(arguments))
+    for arguments in (("demo",), ("demo", "--resolution", 512, "--output", tmp_path)):
+        assert command(*arguments).exit_code == 0
+    (first, folder, name), (second, other, _) = ran
+    assert (first.surface.grid.shape, second.surface.grid.shape) == ((256, 256), (512, 512))
+    assert (str(folder), other, name) == ("graded-contact-demo", tmp_path, "demo")
+    assert first.surface.spectrum.q_high == second.surface.spectrum.q_high
+
+
+@pytest.mark.skipif(os.name != "posix", reason="permissions are those of POSIX")
+def test_the_cache_of_compiled_code_belongs_to_the_user_alone(tmp_path, monkeypatch):
+    monkeypatch.undo()
+    monkeypatch.setenv("XDG_CACHE_HOME", str(tmp_path))
+    folder = cli._cache_folder()
+    assert folder is not None and folder.parent == tmp_path / "graded_contact"
+    assert (
+        stat.S_IMODE(folder.stat().st_mode) == stat.S_IMODE(folder.parent.stat().st_mode) == 0o700
+    )
+    folder.chmod(0o777)
+    assert cli._cache_folder() is None
+    monkeypatch.setenv("XDG_CACHE_HOME", "/proc/nowhere")
+    assert cli._cache_folder() is None

@@ -1,0 +1,101 @@
+"""Figures are made without a display, with axes named and in units that suit their size."""
+
+import numpy as np
+import pytest
+
+import graded_contact as gc
+from graded_contact.plot import _unit, plot_response, plot_sliding, plot_sweep
+from graded_contact.studies.storage import OBSERVABLES, Fields, Results
+
+
+def make_fields(shape):
+    draw = np.random.default_rng(1)
+    pressure = np.maximum(draw.normal(size=shape), 0) * 5e6
+    fields = Fields(pressure=pressure, gap=(pressure == 0) * 3e-6, displacement=0 * pressure)
+    return fields, gc.Surface(1e-6 * draw.normal(size=shape), gc.Grid(shape, 2e-3))
+
+
+def saved(figure, folder) -> int:
+    figure.savefig(folder / "figure.png")
+    return (folder / "figure.png").stat().st_size
+
+
+def test_maps_have_axes_and_bars_with_units(tmp_path):
+    figure = plot_sliding(*make_fields((8, 16)))
+    labels = [axes.get_xlabel() for axes in figure.axes]
+    assert labels[:3] == ["$x$ [mm]"] * 3
+    assert figure.axes[0].get_ylabel() == "$y$ [mm]"
+    assert labels[3:] == ["height (into the solid) [µm]", "contact pressure [MPa]", "gap [µm]"]
+    assert saved(figure, tmp_path) > 10_000
+
+
+def test_a_map_shows_x_to_the_right_and_y_upwards():
+    fields, surface = make_fields((8, 16))
+    image = plot_sliding(fields, surface).axes[0].images[0]
+    heights = np.asarray(surface.heights - np.mean(surface.heights))
+    np.testing.assert_allclose(image.get_array(), 1e6 * heights.T)
+    assert image.origin == "lower"
+
+
+def test_a_profile_is_drawn_as_lines(tmp_path):
+    figure = plot_sliding(*make_fields((16,)))
+    assert [axes.get_ylabel().split("\n")[1] for axes in figure.axes] == ["[µm]", "[MPa]", "[µm]"]
+    assert figure.axes[2].get_xlabel() == "$x$ [mm]"
+    assert saved(figure, tmp_path) > 10_000
+
+
+@pytest.mark.parametrize("velocity, scale", [([1.0, 0.01, 0.1], "log"), ([0, 0.1, 1], "linear")])
+def test_a_sweep_has_one_line_per_pressure_and_marks_what_failed(tmp_path, velocity, scale):
+    message = np.array([["", "", ""], ["", "It stopped.", ""]])
+    _, surface = make_fields((8, 8))
+    values = {name: np.arange(1.0, 7.0).reshape(2, 3) for name in OBSERVABLES}
+    figure = plot_sweep(
+        Results(
+            pressure=np.array([1e5, 2e6]),
+            velocity=np.array(velocity),
+            **values,
+            message=message,
+            surface=surface,
+            fields={},
+            attributes={},
+        )
+    )
+    for axes, label in zip(figure.axes, ["friction coefficient", "contact area"], strict=True):
+        assert axes.get_xlabel() == "sliding velocity [m/s]"
+        assert axes.get_xscale() == scale
+        assert axes.get_ylabel().startswith(label)
+        lines = [line for line in axes.lines if line.get_linestyle() == "-"]
+        assert len(lines) == 2 and all(np.all(np.diff(line.get_xdata()) > 0) for line in lines)
+    names = [text.get_text() for text in figure.axes[0].get_legend().get_texts()]
+    assert names == ["100 kPa", "2 MPa", "not converged"]
+    assert saved(figure, tmp_path) > 10_000
+
+
+def test_the_response_of_a_half_space_is_its_modulus_and_loss_tangent(tmp_path):
+    tread = gc.tyre_tread()
+    q = np.geomspace(1e2, 1e6, 20)
+    figure = plot_response(gc.Stack(base=gc.HalfSpace(tread)), q, [0.1, 1.0])
+    stiffness, loss = figure.axes
+    modulus = np.asarray(tread.modulus(q * 0.1))
+    np.testing.assert_allclose(stiffness.lines[0].get_ydata(), np.abs(modulus) / 0.75, rtol=1e-12)
+    np.testing.assert_allclose(loss.lines[0].get_ydata(), modulus.imag / modulus.real, rtol=1e-10)
+    assert stiffness.get_ylabel().endswith("[Pa]") and loss.get_ylabel() == "loss tangent"
+    assert loss.get_xlabel() == "wavenumber $q$ [rad/m]"
+    assert saved(figure, tmp_path) > 10_000
+
+
+def test_the_response_refuses_bad_arguments():
+    stack = gc.Stack(base=gc.HalfSpace(gc.tyre_tread()))
+    with pytest.raises(ValueError, match="`q` has shape"):
+        plot_response(stack, 1e3, 1.0)
+    with pytest.raises(ValueError, match="`velocity"):
+        plot_response(stack, np.array([1e3]), 0.0)
+
+
+@pytest.mark.parametrize(
+    "largest, unit", [(1e-3, "mm"), (0.99e-3, "µm"), (999.0, "m"), (0.0, "m"), (1e-20, "pm")]
+)
+def test_units_suit_the_size(largest, unit):
+    name, factor = _unit("m", largest)
+    assert name == unit
+    assert largest in (0, 1e-20) or 1 <= factor * largest * (1 + 1e-12) < 1000
