@@ -374,3 +374,16 @@ def test_a_measured_surface_on_a_measured_polymer_rubs_most_in_the_middle():
     assert friction[1] > friction[0] > 0 and friction[1] > friction[2] > 0
     assert area[0] > area[1] > area[2]
     assert "matrix-3.txt" in results.attributes["inputs"]
+
+
+def test_an_interrupted_run_keeps_what_it_has(scene, results):
+    def interrupt(done, total):
+        if done == 3:
+            raise KeyboardInterrupt
+
+    kept = run_scene(scene, progress=interrupt)
+    assert not kept.complete
+    np.testing.assert_array_equal(kept.converged, [[True, True], [True, False]])
+    assert "interrupted" in kept.message[1, 1]
+    np.testing.assert_array_equal(kept.friction[0], results.friction[0])
+    assert np.isnan(kept.friction[1, 1])
