@@ -11,17 +11,22 @@ from .grid import Grid
 from .response.compliance import (
     effective_modulus,
     layered_compliance,
-    stack_kernel,
     surface_compliance,
 )
-from .response.stack import Free, HalfSpace, Layer, Rigid, Stack
+from .response.grading import Layering, Riccati, graded_compliance
+from .response.interior import interface_depths, interior_fields, stress_field, von_mises
+from .response.kernel import stack_kernel
+from .response.matrix import surface_compliance_matrix
+from .response.profile import Aged, Blend, Mixture
+from .response.shape import ErrorFunction, Exponential, Linear, PowerLaw, Sinusoidal
+from .response.stack import Free, GradedLayer, HalfSpace, Layer, Rigid, Stack
 from .rheology.library import tyre_tread
-from .rheology.material import Elastic, Prony
+from .rheology.material import BulkShear, Elastic, Prony
 from .rheology.shift import WLF, Arrhenius
 from .rheology.tabulated import Tabulated
 from .sliding import Sliding, slide
 from .spectrum import SelfAffine
-from .surface import Surface, radial_spectrum, random_surface, rescale, statistics
+from .surface import Surface, radial_spectrum, random_surface, resample, rescale, statistics
 from .topography import read_surface
 
 __version__ = "0.1.0"
@@ -29,32 +34,51 @@ __version__ = "0.1.0"
 __all__ = [
     "RESULTS",
     "WLF",
+    "Aged",
     "Arrhenius",
+    "Blend",
+    "BulkShear",
     "ContactSolution",
     "DouglasRachford",
     "Elastic",
+    "ErrorFunction",
+    "Exponential",
     "Free",
+    "GradedLayer",
     "Grid",
     "HalfSpace",
     "HardWall",
     "Layer",
+    "Layering",
+    "Linear",
+    "Mixture",
+    "PowerLaw",
     "Prony",
+    "Riccati",
     "Rigid",
     "SelfAffine",
+    "Sinusoidal",
     "Sliding",
     "Stack",
     "Surface",
     "Tabulated",
     "effective_modulus",
+    "graded_compliance",
+    "interface_depths",
+    "interior_fields",
     "layered_compliance",
     "radial_spectrum",
     "random_surface",
     "read_surface",
+    "resample",
     "rescale",
     "slide",
     "solve_contact",
     "stack_kernel",
     "statistics",
+    "stress_field",
     "surface_compliance",
+    "surface_compliance_matrix",
     "tyre_tread",
+    "von_mises",
 ]

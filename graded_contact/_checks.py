@@ -7,10 +7,10 @@ unknown and the check passes (shapes are always checked).
 from collections.abc import Sequence
 from typing import Any
 
-import jax
 import jax.numpy as jnp
 import numpy as np
 from jax import Array
+from jax.core import Tracer
 from jaxtyping import ArrayLike, Float
 
 # What public functions take: a number, an array of numbers, or (nested) lists of them.
@@ -34,7 +34,7 @@ def as_float(value: Any) -> Float[Array, "..."]:
 
 def is_concrete(value: Any) -> bool:
     """Returns whether the numbers in `value` are known now (not being traced)."""
-    return not isinstance(value, jax.core.Tracer)
+    return not isinstance(value, Tracer)
 
 
 def check_values(

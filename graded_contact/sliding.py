@@ -22,7 +22,7 @@ from .contact.observables import (
 )
 from .contact.problem import RESULTS, ContactSolution, solve_contact
 from .grid import Grid
-from .response.compliance import stack_kernel
+from .response.kernel import stack_kernel
 from .response.stack import Stack
 from .surface import Surface
 

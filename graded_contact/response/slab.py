@@ -19,11 +19,12 @@ for constant ν, rearranged); `docs/theory.md` derives them.
 
 from typing import NamedTuple
 
+import jax
 import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float, Inexact
 
-# ψ(y) = 2 e^-y (sinh y - y) = e^-y y³ Σ_k 2 y^2k/(2k+3)!; 13 terms reach rounding at y = 2.
+# 2 (sinh x - x) = x³ Σ_k 2 x^2k/(2k+3)!; 13 terms reach rounding at x = 2.
 _PSI_SERIES = [2.0 / float(np.prod(np.arange(1.0, 2 * k + 4))) for k in range(13)]
 # e^-350 squared underflows to nothing in float64; larger q d would only make inf × 0.
 _DEEP = 350.0
@@ -85,16 +86,17 @@ def factors(x: Float[Array, "*#w"], e: Inexact[Array, "*#w"]) -> Slab:
     t = _terms(x, e)
     x, e1, e2, om = t.x, t.e1, t.e2, t.om
     b = 1 + e
-    p = 2 * b * e1 / t.delta
+    inverse = _reciprocal(t.delta)
+    p = 2 * b * e1 * inverse
     return Slab(
-        q11=((1 + 2 * e) * t.sc + t.x1) / t.delta,
-        q12=(t.x2 - (1 + 2 * e) * e * t.s2) / (b * t.delta),
-        q22=(2 * e * t.sc + t.f1) / t.delta,
-        det_q=(4 * e * b * t.s2 + t.f2) / (b**2 * t.delta),
-        g11=b**2 * (t.sc + t.x1) / t.delta,
-        g12=-b * (t.x2 + e * t.s2) / t.delta,
-        g22=b**2 * t.f1 / t.delta,
-        det_g=b**2 * t.f2 / t.delta,
+        q11=((1 + 2 * e) * t.sc + t.x1) * inverse,
+        q12=(t.x2 - (1 + 2 * e) * e * t.s2) * inverse / b,
+        q22=(2 * e * t.sc + t.f1) * inverse,
+        det_q=(4 * e * b * t.s2 + t.f2) * inverse / b**2,
+        g11=b**2 * (t.sc + t.x1) * inverse,
+        g12=-b * (t.x2 + e * t.s2) * inverse,
+        g22=b**2 * t.f1 * inverse,
+        det_g=b**2 * t.f2 * inverse,
         p11=p * (b * (1 + e2) - x * om),
         p12=-p * (x * (1 + e2) + e * om),
         p21=p * (x * (1 + e2) - e * om),
@@ -107,20 +109,65 @@ def stack_on(below: Compliance, slab: Slab, ratio: Inexact[Array, "..."]) -> Com
 
     `ratio` is E_r of the slab over E_r in whose units `below` is given.
     """
-    c11, c12, c22 = (ratio * c for c in below[:3])
-    det = ratio * ratio * below.det
     s = slab
-    n = 1 + s.g11 * c11 + 2 * s.g12 * c12 + s.g22 * c22 + s.det_g * det
-    h11, h12, h22 = c11 + det * s.g22, c12 - det * s.g12, c22 + det * s.g11
-    # a = P H, then (P H Pᵀ)/n
-    a11, a12 = s.p11 * h11 + s.p12 * h12, s.p11 * h12 + s.p12 * h22
-    a21, a22 = s.p21 * h11 + s.p22 * h12, s.p21 * h12 + s.p22 * h22
+    c, h11, h12, h22, inverse = _lower_face(below, slab, ratio)
+    # With H = c (1 + G c)⁻¹ and A = P H the upper face has Q + A Pᵀ.
+    a11, a12 = _times(s.p11, h11) + _times(s.p12, h12), _times(s.p11, h12) + _times(s.p12, h22)
+    a21, a22 = _times(s.p21, h11) + _times(s.p22, h12), _times(s.p21, h12) + _times(s.p22, h22)
+    pushed = _times(s.q22, c.c11) + _times(2 * s.q12, c.c12) + _times(s.q11, c.c22)
     return Compliance(
-        s.q11 + (a11 * s.p11 + a12 * s.p12) / n,
-        s.q12 + (a11 * s.p21 + a12 * s.p22) / n,
-        s.q22 + (a21 * s.p21 + a22 * s.p22) / n,
-        (s.det_q + s.q22 * c11 + 2 * s.q12 * c12 + s.q11 * c22 + det) / n,
+        s.q11 + _times(s.p11, a11) + _times(s.p12, a12),
+        s.q12 + _times(s.p21, a11) + _times(s.p22, a12),
+        s.q22 + _times(s.p21, a21) + _times(s.p22, a22),
+        (s.det_q + pushed + c.det) * inverse,
     )
+
+
+def push_down(
+    traction: tuple[Inexact[Array, "..."], Inexact[Array, "..."]],
+    slab: Slab,
+    below: Compliance,
+    ratio: Inexact[Array, "..."],
+) -> tuple[tuple[Array, Array], tuple[Array, Array]]:
+    """Returns displacement and traction of a slab's lower face, given the upper face's traction.
+
+    `below` and `ratio` as in `stack_on`; the displacement is in units of 2/(E_r q) of the slab
+    per unit of traction.
+    """
+    s = slab
+    _, h11, h12, h22, _ = _lower_face(below, slab, ratio)
+    t, n = traction
+    y1, y2 = _times(s.p11, t) + _times(s.p21, n), _times(s.p12, t) + _times(s.p22, n)
+    w1, w2 = h11 * y1 + h12 * y2, h12 * y1 + h22 * y2
+    g1, g2 = _times(s.g11, w1) + _times(s.g12, w2), _times(s.g12, w1) + _times(s.g22, w2)
+    return (w1, w2), (y1 - g1, y2 - g2)
+
+
+def _lower_face(below, s, ratio):
+    """c in the units of the slab, the entries of H = c (1 + G c)⁻¹, and 1/det(1 + G c)."""
+    c11, c12, c22 = (_times(ratio, c) for c in below[:3])
+    det = _times(ratio * ratio, below.det)
+    n = 1 + _times(s.g11, c11) + _times(2 * s.g12, c12) + _times(s.g22, c22) + _times(s.det_g, det)
+    inverse = _reciprocal(n)
+    h11 = (c11 + _times(s.g22, det)) * inverse
+    h12 = (c12 - _times(s.g12, det)) * inverse
+    h22 = (c22 + _times(s.g11, det)) * inverse
+    return Compliance(c11, c12, c22, det), h11, h12, h22, inverse
+
+
+def _times(factor, value):
+    """A product that does not promote a real factor of a complex value to a complex one."""
+    if jnp.iscomplexobj(value) and not jnp.iscomplexobj(factor):
+        return jax.lax.complex(*jnp.broadcast_arrays(factor * value.real, factor * value.imag))
+    return factor * value
+
+
+def _reciprocal(value):
+    """1/z without the scaling of a general complex division: |z|² stays in range here."""
+    if not jnp.iscomplexobj(value):
+        return 1 / value
+    squared = value.real**2 + value.imag**2
+    return jax.lax.complex(value.real / squared, -value.imag / squared)
 
 
 class _Terms(NamedTuple):
@@ -141,9 +188,8 @@ class _Terms(NamedTuple):
 
 def _terms(x, e) -> _Terms:
     x = jnp.minimum(x, _DEEP)
-    e1 = jnp.exp(-x)
+    e1, om, psi = _hyperbolic(x)
     e2 = e1 * e1
-    om = -jnp.expm1(-2 * x)
     s2 = om * om
     x2 = 4 * x * x * e2
     return _Terms(
@@ -155,18 +201,33 @@ def _terms(x, e) -> _Terms:
         sc=om * (1 + e2),
         x1=4 * x * e2,
         x2=x2,
-        f1=_psi(2 * x, e2),
-        f2=_psi(x, e1) * (om + 2 * x * e1),
+        # 2 e^-2x (sinh 2x - 2x), from sinh 2x - 2x = 2 (sinh x - x) + 2 sinh x (cosh x - 1)
+        f1=2 * e1 * psi + om * s2 / (1 + e1) ** 2,
+        f2=psi * (om + 2 * x * e1),
         delta=4 * e2 * (1 + e) ** 2 + x2 + (1 + 2 * e) * s2,
     )
 
 
-def _psi(y, decay):
-    """ψ(y) = 2 e^-y (sinh y - y), given e^-y."""
-    small = y < 2
-    near, far = jnp.where(small, y, 1), jnp.where(small, 2, y)
-    squared = near * near
-    series = jnp.zeros_like(y)
-    for coefficient in reversed(_PSI_SERIES):
+@jax.custom_jvp
+def _hyperbolic(x):
+    """e^-x, 2 e^-x sinh x and 2 e^-x (sinh x - x), to the last digits for every x >= 0.
+
+    For thin slabs the difference comes first, as a series, and for thick ones the sum.
+    """
+    e1 = jnp.exp(-x)
+    thin = x < 2
+    squared = jnp.where(thin, x, 1) ** 2
+    series = jnp.full_like(x, _PSI_SERIES[-1])
+    for coefficient in _PSI_SERIES[-2::-1]:
         series = series * squared + coefficient
-    return jnp.where(small, decay * near * squared * series, -jnp.expm1(-2 * far) - 2 * far * decay)
+    near = e1 * x * squared * series
+    om = jnp.where(thin, near + 2 * x * e1, 1 - e1 * e1)
+    return e1, om, jnp.where(thin, near, om - 2 * x * e1)
+
+
+@_hyperbolic.defjvp
+def _hyperbolic_jvp(primals, tangents):
+    e1, om, psi = _hyperbolic(*primals)
+    (dx,) = tangents
+    # 2 e^-x (cosh x - 1) = om²/(1 + e^-x)², without the difference
+    return (e1, om, psi), (-e1 * dx, 2 * e1 * e1 * dx, ((om / (1 + e1)) ** 2 - psi) * dx)

@@ -3,6 +3,7 @@
 from typing import Any
 
 import equinox as eqx
+import jax
 from jaxtyping import Array, Float
 
 from .._checks import Numbers, as_float, check_values
@@ -17,11 +18,21 @@ def _as_material(material: Any) -> AbstractMaterial:
     return material
 
 
-def _as_layers(layers: Any) -> tuple["Layer", ...]:
+def _as_layers(layers: Any) -> "tuple[Layer | GradedLayer, ...]":
     for i, layer in enumerate(layers):
-        if not isinstance(layer, Layer):
-            raise ValueError(f"`layers[{i}]={layer!r}` must be a `Layer`.")
+        if not isinstance(layer, Layer | GradedLayer):
+            raise ValueError(f"`layers[{i}]={layer!r}` must be a `Layer` or a `GradedLayer`.")
     return tuple(layers)
+
+
+def _as_profile(profile: Any) -> Any:
+    if isinstance(profile, AbstractMaterial) or not callable(profile):
+        raise ValueError(
+            f"`profile={profile!r}` must be called as profile(s, omega) and return (E, ν), such "
+            "as `Blend(bottom, top)`."
+        )
+    # A bare function is no pytree; wrapped, it is one without leaves.
+    return profile if isinstance(profile, eqx.Module) else jax.tree_util.Partial(profile)
 
 
 def _as_base(base: Any) -> "HalfSpace | Rigid | Free":
@@ -43,14 +54,34 @@ class Layer(eqx.Module):
     thickness: Float[Array, ""] = eqx.field(converter=as_float)
 
     def __check_init__(self):
-        if self.thickness.shape != ():
-            raise ValueError(f"`thickness` has shape {self.thickness.shape}; one length is needed.")
-        check_values(
-            "thickness",
-            self.thickness,
-            "a thickness [m] is zero (no layer) or positive",
-            at_least=0,
-        )
+        _check_thickness(self.thickness)
+
+
+class GradedLayer(eqx.Module):
+    """A layer whose moduli vary continuously with height.
+
+    **Fields:**
+
+    - `thickness`: d [m]. Zero is allowed, and is no layer.
+    - `profile`: called as profile(s, omega) with heights s [1], 0 at the layer's bottom and 1 at
+      its top, and ω [rad/s]; returns (E [Pa], ν [1]). One of `Blend`, `Mixture`, `Aged`, or any
+      module or function as described in `response/profile.py`. Only a module has parameters
+      that can be differentiated; each new function is compiled anew.
+    """
+
+    thickness: Float[Array, ""] = eqx.field(converter=as_float)
+    profile: Any = eqx.field(converter=_as_profile)
+
+    def __check_init__(self):
+        _check_thickness(self.thickness)
+
+
+def _check_thickness(thickness: Array) -> None:
+    if thickness.shape != ():
+        raise ValueError(f"`thickness` has shape {thickness.shape}; one length is needed.")
+    check_values(
+        "thickness", thickness, "a thickness [m] is zero (no layer) or positive", at_least=0
+    )
 
 
 class HalfSpace(eqx.Module):
@@ -81,7 +112,9 @@ class Stack(eqx.Module):
     - `base`: what the lowest layer rests on.
     """
 
-    layers: tuple[Layer, ...] = eqx.field(converter=_as_layers, default=(), kw_only=True)
+    layers: tuple[Layer | GradedLayer, ...] = eqx.field(
+        converter=_as_layers, default=(), kw_only=True
+    )
     base: HalfSpace | Rigid | Free = eqx.field(converter=_as_base, kw_only=True)
 
     def __check_init__(self):
@@ -92,12 +125,24 @@ class Stack(eqx.Module):
             )
 
     def at(self, temperature: Numbers) -> "Stack":
-        """Returns the stack with every material at another temperature [K]."""
+        """Returns the stack with every material at another temperature [K].
+
+        A graded layer's profile must have a method `at(temperature)`, as the ready ones do.
+        """
         return Stack(
-            layers=tuple(
-                Layer(layer.material.at(temperature), layer.thickness) for layer in self.layers
-            ),
+            layers=tuple(_layer_at(layer, temperature) for layer in self.layers),
             base=HalfSpace(self.base.material.at(temperature))
             if isinstance(self.base, HalfSpace)
             else self.base,
         )
+
+
+def _layer_at(layer, temperature):
+    if isinstance(layer, Layer):
+        return Layer(layer.material.at(temperature), layer.thickness)
+    if not hasattr(layer.profile, "at"):
+        raise ValueError(
+            f"`profile={layer.profile!r}` has no method `at(temperature)`: the temperature of "
+            "this graded layer cannot be changed."
+        )
+    return GradedLayer(layer.thickness, layer.profile.at(temperature))

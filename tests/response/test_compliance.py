@@ -99,6 +99,20 @@ def test_four_and_five_layers_agree_though_one_is_unrolled_and_the_other_scanned
     np.testing.assert_allclose(five, four, rtol=4e-15)
 
 
+@pytest.mark.parametrize("num_layers", [3, 6])
+def test_properties_may_vary_with_frequency_or_not(num_layers):
+    """Moduli of shape (n,) and (n, *w) mean the same where they are the same."""
+    q, d = np.geomspace(1e2, 1e5, 7), np.full(num_layers, 1e-4)
+    e, nu = np.linspace(1e6, 2e6, num_layers) + 1e5j, np.linspace(0.2, 0.5, num_layers)
+    plain = gc.layered_compliance(q, d, e, nu, (1e7, 0.3))
+    wide = np.broadcast_to(e[:, None], (num_layers, 7))
+    np.testing.assert_allclose(gc.layered_compliance(q, d, wide, nu, (1e7, 0.3)), plain, rtol=4e-15)
+    wide_nu = np.broadcast_to(nu[:, None], (num_layers, 7))
+    np.testing.assert_allclose(
+        gc.layered_compliance(q, d, e, wide_nu, (1e7, 0.3)), plain, rtol=4e-15
+    )
+
+
 def stack_of(thicknesses, e0=6e6, tau=1e-3):
     rubber = gc.Prony(e0, [9 * e0], [tau], 0.49)
     skin = gc.Elastic(2 * e0, 0.3)

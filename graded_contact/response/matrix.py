@@ -1,0 +1,253 @@
+"""The full surface compliance of a stack: three displacements per three tractions.
+
+Axes are those of the package: x and y in the surface, z into the solid; fields exp(i(q·x + ωt)).
+Tractions and displacements are both counted along these axes. The traction is the force per area
+that acts on the solid, so that its z component is the pressure in compression, and u = C t:
+
+    C = c11 e_L e_Lᵀ + c_T e_T e_Tᵀ - i c12 (e_L e_zᵀ - e_z e_Lᵀ) + c22 e_z e_zᵀ,
+
+with e_L = q/|q| and e_T = (-q_y, q_x)/|q|. On a half space, in units of 2(1 - ν²)/(E q):
+c11 = c22 = 1, c12 = -(1 - 2ν)/(2 - 2ν), c_T = 1/(1 - ν). A frame with z out of the body, as in
+`slab`, has both third components reversed: C' = D C D with D = diag(1, 1, -1), which is also
+C(-q). Both are reciprocal, C(q)ᵀ = C(-q); for ω > 0 a passive stack has (C - Cᴴ)/2i <= 0.
+
+The antiplane part (shear waves with displacement along e_T) obeys the scalar form of the
+recursion of `slab`, with transmission 1/cosh(q d) and both factors tanh(q d), in units of
+1/(μ q), μ the shear modulus.
+
+What lies below a face is held as homogeneous coordinates (n, c11, c12, c22, det)/n, so that a
+clamped (n > 0 alone) and a free face (det > 0 alone) are ordinary starting points and layers may
+have no thickness.
+"""
+
+from typing import NamedTuple
+
+import jax
+import jax.numpy as jnp
+from jax import Array
+from jaxtyping import Complex, Float, Inexact
+
+from .._checks import Numbers, as_float, check_values, is_concrete
+from .slab import Slab, factors, half_space
+from .stack import Free, HalfSpace, Layer, Rigid, Stack
+
+
+class Moduli(NamedTuple):
+    """Homogeneous layers, surface first, and their base, at given frequencies.
+
+    The last entry of `reduced` and `poisson` is the base; a rigid or free one repeats the lowest
+    layer.
+    """
+
+    thickness: Float[Array, "layers *#w"]
+    reduced: Inexact[Array, "bodies *#w"]  # E/(1 - ν²), relative to `unit` [Pa]
+    poisson: Inexact[Array, "bodies *#w"]
+    unit: Float[Array, ""]
+
+    @property
+    def shear(self) -> Inexact[Array, "bodies *#w"]:
+        """2 μ, relative to `unit`."""
+        return self.reduced * (1 - self.poisson)
+
+
+class Below(NamedTuple):
+    """Compliance of a face, by homogeneous coordinates, in units of 2/(E_r q) and 1/(μ q).
+
+    In plane c = [[c11, c12], [c12, c22]]/n with determinant det/n; antiplane c_t/n_t.
+    """
+
+    n: Inexact[Array, "*w"]
+    c11: Inexact[Array, "*w"]
+    c12: Inexact[Array, "*w"]
+    c22: Inexact[Array, "*w"]
+    det: Inexact[Array, "*w"]
+    n_t: Inexact[Array, "*w"]
+    c_t: Inexact[Array, "*w"]
+
+
+def surface_compliance_matrix(
+    stack: Stack, qx: Numbers, qy: Numbers, omega: Numbers
+) -> Complex[Array, "*w 3 3"]:
+    """Returns the compliance C [m/Pa] from surface tractions to surface displacements.
+
+    Both vectors are along (x, y, z) with z into the solid, the tractions being those acting on
+    the solid: C[..., 2, 2] is M_zz.
+
+    **Arguments:**
+
+    - `stack`: the block.
+    - `qx`, `qy`: wavevector [rad/m], not both zero.
+    - `omega`: angular frequencies ω [rad/s], of either sign.
+
+    **Returns:** C, of the shape to which `qx`, `qy` and `omega` broadcast and two axes of 3.
+    """
+    qx, qy, omega = wavevectors(qx, qy, omega)
+    return _surface_compliance_matrix(stack, qx, qy, omega)
+
+
+def layered_compliance_matrix(qx, qy, thickness, modulus, poisson, base) -> Complex[Array, "..."]:
+    """Returns C as `surface_compliance_matrix`, for moduli that are given as arrays.
+
+    The arguments after `qx` and `qy` are those of `layered_compliance`; they are not checked.
+    """
+    qx, qy = as_float(qx), as_float(qy)
+    return _matrix(qx, qy, moduli(jnp.hypot(qx, qy), thickness, modulus, poisson, base), base)
+
+
+def wavevectors(qx: Numbers, qy: Numbers, omega: Numbers) -> tuple[Array, Array, Array]:
+    """Returns the arguments as arrays of equal rank, checked."""
+    qx, qy, omega = as_float(qx), as_float(qy), as_float(omega)
+    check_values("qx", qx, "a wavenumber [rad/m] must be finite")
+    check_values("qy", qy, "a wavenumber [rad/m] must be finite")
+    check_values("omega", omega, "frequencies [rad/s] must be finite")
+    shapes = [x.shape for x in (qx, qy, omega)]
+    jnp.broadcast_shapes(*shapes)
+    if is_concrete(qx) and is_concrete(qy) and bool(jnp.any((qx == 0) & (qy == 0))):
+        raise ValueError(
+            "`qx=0` with `qy=0` is refused: the mean displacement of a block is not determined "
+            "by its mean traction (only differences of displacement are meant here)."
+        )
+    rank = max(map(len, shapes))
+    qx, qy, omega = (x.reshape((1,) * (rank - x.ndim) + x.shape) for x in (qx, qy, omega))
+    return qx, qy, omega
+
+
+def moduli_of(stack: Stack, q: Array, omega: Array) -> Moduli:
+    """Returns the moduli of a stack of homogeneous layers at the frequencies `omega`."""
+    layers = []
+    for k, layer in enumerate(stack.layers):
+        if not isinstance(layer, Layer):
+            raise ValueError(
+                f"`layers[{k}]` is a {type(layer).__name__}: the compliance matrix and interior "
+                "fields need homogeneous layers. Cut it into thin `Layer`s."
+            )
+        layers.append(layer)
+    base = stack.base
+    if isinstance(base, HalfSpace):
+        base = (base.material.modulus(omega), base.material.poisson_ratio(omega))
+    return moduli(
+        q,
+        [layer.thickness for layer in layers],
+        [layer.material.modulus(omega) for layer in layers],
+        [layer.material.poisson_ratio(omega) for layer in layers],
+        base,
+    )
+
+
+def moduli(q, thickness, modulus, poisson, base) -> Moduli:
+    """Returns the layers as arrays, in units of the largest modulus."""
+    bodies = [(jnp.asarray(m), jnp.asarray(p)) for m, p in zip(modulus, poisson, strict=True)]
+    if isinstance(base, Rigid | Free):
+        bodies.append(bodies[-1])
+    else:
+        bodies.append((jnp.asarray(base[0]), jnp.asarray(base[1])))
+    # In units of the largest modulus, derivatives in float32 neither overflow nor underflow.
+    largest = jnp.max(jnp.stack([jnp.max(jnp.abs(m)) for m, _ in bodies]))
+    unit = jax.lax.stop_gradient(largest)
+    reduced = [(m / unit) / (1 - p * p) for m, p in bodies]
+    return Moduli(
+        thickness=_stacked(list(thickness), q),
+        reduced=_stacked(reduced, q),
+        poisson=_stacked([p for _, p in bodies], q),
+        unit=unit,
+    )
+
+
+def start_of(base, body: Moduli, like: Array) -> Below:
+    """Returns the state of the base's face, of the shape and dtype of `like`."""
+    none, one = jnp.zeros_like(like), jnp.ones_like(like)
+    if isinstance(base, Rigid):
+        return Below(one, none, none, none, none, one, none)
+    if isinstance(base, Free):
+        return Below(none, none, none, none, one, none, one)
+    c11, c12, c22, det = (c + none for c in half_space(1 - 2 * body.poisson[-1]))
+    return Below(one, c11, c12, c22, det, one, one)
+
+
+def lift(below: Below, slab: Slab, tanh: Array, ratio: Array, ratio_t: Array) -> Below:
+    """Returns the state of a slab's upper face from that of its lower face.
+
+    `ratio` is E_r of the slab over the E_r in whose units `below` is given; `ratio_t` that of
+    the shear moduli.
+    """
+    s = slab
+    c11, c12, c22 = (ratio * c for c in below[1:4])
+    det = ratio * ratio * below.det
+    h11, h12, h22 = c11 + det * s.g22, c12 - det * s.g12, c22 + det * s.g11
+    a11, a12 = s.p11 * h11 + s.p12 * h12, s.p11 * h12 + s.p12 * h22
+    a21, a22 = s.p21 * h11 + s.p22 * h12, s.p21 * h12 + s.p22 * h22
+    n = below.n + s.g11 * c11 + 2 * s.g12 * c12 + s.g22 * c22 + s.det_g * det
+    plane = (
+        n,
+        s.q11 * n + a11 * s.p11 + a12 * s.p12,
+        s.q12 * n + a11 * s.p21 + a12 * s.p22,
+        s.q22 * n + a21 * s.p21 + a22 * s.p22,
+        s.det_q * below.n + s.q22 * c11 + 2 * s.q12 * c12 + s.q11 * c22 + det,
+    )
+    c_t = ratio_t * below.c_t
+    antiplane = (below.n_t + tanh * c_t, c_t + tanh * below.n_t)
+    return Below(*_scaled(plane), *_scaled(antiplane))
+
+
+def sweep(q: Array, body: Moduli, start: Below, thickness: Array) -> Below:
+    """Returns the state on top of the layers, given these thicknesses and the base's state."""
+
+    def add(below, layer):
+        d, poisson, ratio, ratio_t = layer
+        x = q * d
+        new = lift(below, factors(x, 1 - 2 * poisson), jnp.tanh(x), ratio, ratio_t)
+        return kept(new, below), None
+
+    ratio, ratio_t = (m[:-1] / m[1:] for m in (body.reduced, body.shear))
+    return jax.lax.scan(add, start, (thickness, body.poisson[:-1], ratio, ratio_t), reverse=True)[0]
+
+
+@jax.jit
+def _surface_compliance_matrix(stack, qx, qy, omega):
+    return _matrix(qx, qy, moduli_of(stack, jnp.hypot(qx, qy), omega), stack.base)
+
+
+@jax.jit
+def _matrix(qx, qy, body, base):
+    q = jnp.hypot(qx, qy)
+    like = zeros_for(body, q)
+    below = sweep(q, body, start_of(base, body, like), body.thickness)
+    unit = (2 / body.unit) / q
+    plane = unit / (body.reduced[0] * below.n)
+    c11, c12, c22 = (plane * c for c in below[1:4])
+    c_t = unit / (body.shear[0] * below.n_t) * below.c_t
+    a, b = qx / q, qy / q
+    i = jnp.asarray(1j, jnp.result_type(c11, jnp.complex64))
+    diagonal = (c11 * a * a + c_t * b * b, c11 * b * b + c_t * a * a, c22)
+    xy, xz, yz = (c11 - c_t) * a * b, -i * c12 * a, -i * c12 * b
+    rows = ((diagonal[0], xy, xz), (xy, diagonal[1], yz), (-xz, -yz, diagonal[2]))
+    entries = [jnp.broadcast_to(x, like.shape).astype(i.dtype) for row in rows for x in row]
+    return jnp.stack(entries, -1).reshape(*like.shape, 3, 3)
+
+
+def kept(new, old):
+    """Returns `new` with the shapes and dtypes of `old`, as the carry of a scan must have."""
+    return jax.tree.map(lambda n, o: jnp.broadcast_to(n, o.shape).astype(o.dtype), new, old)
+
+
+def zeros_for(body: Moduli, *arrays: Array) -> Array:
+    """Returns zeros of the shape and dtype to which moduli and `arrays` broadcast."""
+    shapes = [body.reduced.shape[1:], body.poisson.shape[1:], *(x.shape for x in arrays)]
+    dtype = jnp.result_type(body.reduced, body.poisson, *arrays)
+    return jnp.zeros(jnp.broadcast_shapes(*shapes), dtype)
+
+
+def _stacked(values: list, like: Array) -> Array:
+    """Stacks per-layer values of unlike shapes and dtypes, each filled up to the rank of `like`."""
+    if not values:
+        return jnp.zeros((0,) + (1,) * like.ndim, like.dtype)
+    stacked = jnp.stack(jnp.broadcast_arrays(*map(jnp.asarray, values)))
+    missing = (1,) * (like.ndim + 1 - stacked.ndim)
+    return stacked.reshape(len(values), *missing, *stacked.shape[1:])
+
+
+def _scaled(coordinates: tuple[Array, ...]) -> tuple[Array, ...]:
+    """Divides homogeneous coordinates by a constant that keeps them from overflowing."""
+    parts = [part for x in coordinates for part in (x.real, x.imag)[: 1 + jnp.iscomplexobj(x)]]
+    inverse = 1 / sum(jnp.abs(jax.lax.stop_gradient(part)) for part in parts)
+    return tuple(x * inverse for x in coordinates)

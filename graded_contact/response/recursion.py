@@ -1,0 +1,207 @@
+"""The recursion upwards through a stack of homogeneous layers, and its derivative.
+
+The surface compliance is the stationary value of a potential. Let v_i = (t, s) be the traction
+on the upper face of layer i for a unit normal traction on the stack, and w_i the displacement of
+its lower face; v_0 is the traction on the base. Then, with Q, G, P of `slab` and in one unit,
+
+    M_zz = Φ = Σ_i [v_iᵀ Q_i v_i + 2 v_iᵀ P_i w_i - w_iᵀ G_i w_i] + v_0ᵀ c_0 v_0,
+
+and a change of any property changes M_zz by what it changes in Φ with all v and w held: the
+derivative is a sum over layers, without a chain through the recursion. It costs a second sweep,
+downwards, for v and w; differentiating the recursion itself costs some hundred evaluations.
+"""
+
+from functools import partial
+
+import jax
+import jax.numpy as jnp
+from jax.custom_derivatives import SymbolicZero
+from jaxtyping import Array
+
+from .slab import clamped, factors, free, half_space, push_down, stack_on
+from .stack import Free, Rigid
+
+# Unrolled layers run faster and scanned ones compile faster; they cross here.
+_UNROLLED_LAYERS = 4
+
+
+@jax.jit
+def compliance_of_layers(q, thickness, modulus, poisson, base) -> Array:
+    """Returns M_zz [m/Pa]; sequences or arrays with the layers along their first axis.
+
+    Arguments as in `layered_compliance`, unchecked; `base` is `Rigid()`, `Free()` or
+    `(modulus, poisson)`.
+    """
+    # In units of the largest modulus, derivatives in float32 neither overflow nor underflow.
+    supported = isinstance(base, Rigid | Free)
+    moduli = [*(() if supported else base[:1]), *jax.tree.leaves(modulus)]
+    largest = [jnp.max(jnp.abs(e)) for e in moduli if e.size]
+    unit = jax.lax.stop_gradient(jnp.max(jnp.array(largest)))
+    if not supported:
+        base = (_plane_strain(base[0] / unit, base[1]), 1 - 2 * base[1])
+    if len(thickness) <= _UNROLLED_LAYERS:
+        parts = zip(thickness, modulus, poisson, strict=True)
+        layers = tuple((d, _plane_strain(e / unit, nu), 1 - 2 * nu) for d, e, nu in parts)
+        value = _unrolled(q, layers, base)
+    else:
+        d, e, nu = _stacked(thickness, modulus, poisson)
+        value = _scanned(q, (d, _plane_strain(e / unit, nu), 1 - 2 * nu), base)
+    return value * (2 / unit) / q
+
+
+def _stacked(*properties):
+    """Arrays with the layers along their first axis and of one rank, from arrays or sequences."""
+    arrays = [
+        p if isinstance(p, jax.Array) else jnp.stack(jnp.broadcast_arrays(*p)) for p in properties
+    ]
+    rank = max(a.ndim for a in arrays)
+    return [a.reshape(a.shape[:1] + (1,) * (rank - a.ndim) + a.shape[1:]) for a in arrays]
+
+
+def _plane_strain(modulus, poisson):
+    return modulus / (1 - poisson**2)
+
+
+def _lowest(q, layers, base):
+    """State, modulus, and the layers above it, of what needs no state below."""
+    if not isinstance(base, Rigid | Free):
+        reduced, e = base
+        return half_space(e), reduced, layers
+    d, reduced, e = layers[-1]
+    state = free(q * d, e) if isinstance(base, Free) else clamped(factors(q * d, e))
+    return state, reduced, layers[:-1]
+
+
+def _add(q, below, layer):
+    state, reduced_below = below
+    d, reduced, e = layer
+    return stack_on(state, factors(q * d, e), reduced / reduced_below), reduced
+
+
+def _scanned(q, layers, base):
+    """As `_unrolled`, of layers along the first axes of three arrays."""
+
+    def at(i):
+        return jax.tree.map(lambda part: part[i], layers)
+
+    state, reduced, above = _lowest(q, (at(-1),), base)
+    num_above = len(layers[0]) if above else len(layers[0]) - 1
+    below = (state, reduced)
+    # The carry keeps one shape and dtype from the first step on.
+    like = jax.eval_shape(lambda b: _add(q, b, at(0)), below)
+    like = jax.eval_shape(lambda b: _add(q, b, at(0)), like)
+    below = jax.tree.map(lambda b, l: jnp.broadcast_to(b, l.shape).astype(l.dtype), below, like)
+    step = jax.checkpoint(lambda below, layer: (_add(q, below, layer), None))
+    upwards = jax.tree.map(lambda part: part[:num_above], layers)
+    (state, reduced), _ = jax.lax.scan(step, below, upwards, reverse=True)
+    return state.c22 / reduced
+
+
+@jax.custom_jvp
+def _unrolled(q, layers, base):
+    state, reduced, above = _lowest(q, layers, base)
+    for layer in reversed(above):
+        state, reduced = _add(q, (state, reduced), layer)
+    return state.c22 * (1 / reduced)
+
+
+@partial(_unrolled.defjvp, symbolic_zeros=True)
+def _unrolled_jvp(primals, tangents):
+    q, layers, base = primals
+    d_q, d_layers, d_base = tangents
+    state, reduced, above = _lowest(q, layers, base)
+    states = [(state, reduced)]
+    for layer in reversed(above):
+        states.append(_add(q, states[-1], layer))
+    state, reduced = states[-1]
+    value = state.c22 * (1 / reduced)
+
+    states = _settled(states)
+    v = (jnp.zeros_like(value), jnp.ones_like(value))
+    terms = []
+    for (d, reduced, e), d_layer in zip(above, d_layers, strict=False):
+        states.pop()
+        below, reduced_below = states[-1]
+        w, v_below = push_down(v, factors(q * d, e), below, reduced / reduced_below)
+        held = _settled((v, tuple(component / reduced for component in w)))
+        terms += _layer_terms(
+            partial(_layer_potential, held=held), q, d_q, (d, reduced, e), d_layer
+        )
+        v = v_below
+    if isinstance(base, Rigid | Free):
+        lowest = partial(_lowest_potential, base=base, v=_settled(v))
+        terms += _layer_terms(lowest, q, d_q, layers[-1], d_layers[-1])
+    else:
+        held = _settled(v)
+        terms += _terms(lambda r, e: _quadratic(half_space(e), held) / r, base, d_base)
+    change = sum(terms, jnp.zeros_like(value))
+    return value, change
+
+
+def _layer_terms(potential, q, d_q, layer, d_layer):
+    """Changes of a layer's potential(x, E, e), x = q d, by each of its properties and by q."""
+    d, reduced, e = layer
+    d_d, d_reduced, d_e = d_layer
+    d_x = [f * t for f, t in ((q, d_d), (d, d_q)) if not isinstance(t, SymbolicZero)]
+    d_x = sum(d_x[1:], d_x[0]) if d_x else None
+    return _terms(potential, (q * d, reduced, e), (d_x, d_reduced, d_e))
+
+
+def _terms(function, arguments, tangents):
+    """The products ∂f/∂a · da of those arguments that change; f acts entry by entry."""
+    products = []
+    for i, (argument, change) in enumerate(zip(arguments, tangents, strict=True)):
+        if change is None or isinstance(change, SymbolicZero):
+            continue
+
+        def of_one(value, i=i):
+            return function(*arguments[:i], value, *arguments[i + 1 :])
+
+        _, slope = jax.jvp(of_one, (argument,), (jnp.ones_like(argument),))
+        products.append(_settled(slope) * change)
+    return products
+
+
+def _layer_potential(x, reduced, e, held):
+    """vᵀQv + 2vᵀPw - wᵀGw of one layer, for v and w that are held."""
+    v, w = held
+    s = factors(x, e)
+    across = v[0] * (s.p11 * w[0] + s.p12 * w[1]) + v[1] * (s.p21 * w[0] + s.p22 * w[1])
+    own = _form(s.q11, s.q12, s.q22, v) / reduced
+    return own + 2 * across - _form(s.g11, s.g12, s.g22, w) * reduced
+
+
+def _lowest_potential(x, reduced, e, base, v):
+    state = free(x, e) if isinstance(base, Free) else clamped(factors(x, e))
+    return _quadratic(state, v) / reduced
+
+
+def _quadratic(state, v):
+    return _form(state.c11, state.c12, state.c22, v)
+
+
+def _form(a11, a12, a22, v):
+    return a11 * v[0] ** 2 + 2 * a12 * v[0] * v[1] + a22 * v[1] ** 2
+
+
+@jax.custom_jvp
+def _settled(tree):
+    """Returns `tree`, computed once and stored.
+
+    XLA fuses what feeds several consumers into each of them and computes it as often: the
+    derivative would cost a hundred evaluations, and its compilation minutes. A loop that it cannot
+    know to run zero times is where it stops.
+    """
+    first = jax.tree.leaves(tree)[0].real.ravel()[0]
+    rounds = jnp.where(jnp.isnan(first), 1, 0)
+
+    def unchanged_but_for_nan(state):
+        return state[0] + 1, jax.tree.map(jnp.negative, state[1])
+
+    start = (jnp.zeros_like(rounds), tree)
+    return jax.lax.while_loop(lambda s: s[0] < rounds, unchanged_but_for_nan, start)[1]
+
+
+@_settled.defjvp
+def _settled_jvp(primals, tangents):
+    return _settled(*primals), tangents[0]

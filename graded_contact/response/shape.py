@@ -1,0 +1,156 @@
+"""How a quantity varies with height in a graded layer: shapes φ(s), s from 0 (bottom) to 1 (top).
+
+Where a derivative of a shape jumps, it may say so in an attribute `breaks`: heights strictly
+between 0 and 1. The layer is then cut there, and convergence is as fast as without.
+"""
+
+import abc
+from typing import Any
+
+import equinox as eqx
+import jax
+import jax.numpy as jnp
+import numpy as np
+from jaxtyping import Array, Float
+
+from .._checks import as_float, check_positive, check_values, is_concrete
+from ..rheology.tabulated import _monotone_cubic
+
+
+class AbstractShape(eqx.Module):
+    """A function φ(s) of the height s [1] in a layer."""
+
+    @abc.abstractmethod
+    def __call__(self, s: Float[Array, "..."]) -> Float[Array, "..."]:
+        """Returns φ(s)."""
+
+
+class Linear(AbstractShape):
+    """φ = s."""
+
+    def __call__(self, s: Float[Array, "..."]) -> Float[Array, "..."]:
+        return s
+
+
+class Sinusoidal(AbstractShape):
+    """φ = s + a sin(2π n s).
+
+    **Fields:**
+
+    - `amplitude`: a [1].
+    - `periods`: n [1], the number of waves through the layer.
+    """
+
+    amplitude: Float[Array, ""] = eqx.field(converter=as_float, default=1.0)
+    periods: Float[Array, ""] = eqx.field(converter=as_float, default=1.0)
+
+    def __call__(self, s: Float[Array, "..."]) -> Float[Array, "..."]:
+        return s + self.amplitude * jnp.sin(2 * jnp.pi * self.periods * s)
+
+
+class Exponential(AbstractShape):
+    """φ = (e^(k s) - 1)/(e^k - 1), from 0 to 1; s for k = 0.
+
+    For a modulus that is itself exponential, E = E_bottom (E_top/E_bottom)^s, use
+    `Blend(bottom, top, mixing="logarithmic")` with the linear shape.
+
+    **Fields:**
+
+    - `rate`: k [1]; positive: the change is near the top; negative: near the bottom.
+    """
+
+    rate: Float[Array, ""] = eqx.field(converter=as_float)
+
+    def __call__(self, s: Float[Array, "..."]) -> Float[Array, "..."]:
+        k = jnp.abs(self.rate)
+        small = k < 1e-3
+        safe = jnp.where(small, 1, k)
+        # Written with decaying exponentials, and as a series where it is 0/0.
+        height = jnp.where(self.rate < 0, 1 - s, s)
+        curved = jnp.exp(safe * (height - 1)) * jnp.expm1(-safe * height) / jnp.expm1(-safe)
+        series = height * (1 + k * (height - 1) / 2 * (1 + k * (2 * height - 1) / 6))
+        rising = jnp.where(small, series, curved)
+        return jnp.where(self.rate < 0, 1 - rising, rising)
+
+
+class PowerLaw(AbstractShape):
+    """φ = s^n.
+
+    **Fields:**
+
+    - `exponent`: n [1], positive. Between 0 and 1 the slope at the bottom is infinite, and
+      tight tolerances are out of reach.
+    """
+
+    exponent: Float[Array, ""] = eqx.field(converter=as_float)
+
+    def __check_init__(self):
+        check_positive("exponent", self.exponent, "[1]")
+
+    def __call__(self, s: Float[Array, "..."]) -> Float[Array, "..."]:
+        inside = s > 0
+        return jnp.where(inside, jnp.where(inside, s, 1) ** self.exponent, 0)
+
+
+class ErrorFunction(AbstractShape):
+    """φ = (1 + erf((s - c)/w))/2, an interdiffused boundary.
+
+    **Fields:**
+
+    - `centre`: c [1].
+    - `width`: w [1], positive.
+    """
+
+    centre: Float[Array, ""] = eqx.field(converter=as_float, default=0.5)
+    width: Float[Array, ""] = eqx.field(converter=as_float, default=0.1)
+
+    def __check_init__(self):
+        check_positive("width", self.width, "[1]")
+
+    def __call__(self, s: Float[Array, "..."]) -> Float[Array, "..."]:
+        return (1 + jax.scipy.special.erf((s - self.centre) / self.width)) / 2
+
+
+class Table(AbstractShape):
+    """φ given at some heights, joined by a monotone cubic (Fritsch-Carlson).
+
+    **Fields:**
+
+    - `heights`: s [1], shape `(points,)`, increasing from 0 to 1.
+    - `values`: φ [1], shape `(points,)`.
+    """
+
+    heights: Float[Array, " points"] = eqx.field(converter=as_float)
+    values: Float[Array, " points"] = eqx.field(converter=as_float)
+
+    def __check_init__(self):
+        if (
+            self.heights.ndim != 1
+            or len(self.heights) < 2
+            or (self.heights.shape != self.values.shape)
+        ):
+            raise ValueError(
+                f"`heights` has shape {self.heights.shape} and `values` {self.values.shape}; two "
+                "one-dimensional arrays of equal length, at least 2, are needed."
+            )
+        check_values("values", self.values, "the values of a profile must be finite")
+        if is_concrete(self.heights):
+            h = np.asarray(self.heights)
+            if not (h[0] == 0 and h[-1] == 1 and np.all(np.diff(h) > 0)):
+                raise ValueError(
+                    f"`heights={h}` is refused: heights must increase from exactly 0 (the bottom "
+                    "of the layer) to exactly 1 (its top)."
+                )
+
+    @property
+    def breaks(self) -> Float[Array, " inner"]:
+        """The inner heights, where the second derivative jumps."""
+        return self.heights[1:-1]
+
+    def __call__(self, s: Float[Array, "..."]) -> Float[Array, "..."]:
+        return _monotone_cubic(self.heights, self.values, s)
+
+
+def breaks_of(profile: Any) -> Float[Array, " inner"]:
+    """Returns the heights at which a profile or shape says that it is not smooth."""
+    return as_float(getattr(profile, "breaks", np.zeros(0)))

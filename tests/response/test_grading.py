@@ -1,0 +1,407 @@
+import json
+import pathlib
+
+import equinox as eqx
+import jax
+import jax.numpy as jnp
+import numpy as np
+import pytest
+
+import graded_contact as gc
+from graded_contact.response.compliance import surface_compliance
+from graded_contact.response.grading import Layering, Riccati, graded_compliance
+from graded_contact.response.profile import Aged, Blend, Mixture
+from graded_contact.response.shape import (
+    ErrorFunction,
+    Exponential,
+    Linear,
+    PowerLaw,
+    Sinusoidal,
+    Table,
+)
+from graded_contact.response.stack import GradedLayer, Stack
+from graded_contact.rheology.material import AbstractMaterial
+
+CASES = json.loads((pathlib.Path(__file__).parents[1] / "data" / "graded_cases.json").read_text())[
+    "cases"
+]
+# Half of the compilation, where no second attempt is expected.
+FAST = Layering(retry=False)
+FINE = Layering(num_cells=48, retry=False)
+KINDS, BASES = ("linear", "sinusoidal", "exponential"), ("halfspace", "rigid", "free")
+
+
+class Given(AbstractMaterial):
+    """A complex modulus at the one frequency of a stored case."""
+
+    young: jax.Array
+    poisson: jax.Array
+
+    def modulus(self, omega):
+        return jnp.broadcast_to(self.young, jnp.shape(omega))
+
+    def poisson_ratio(self, omega):
+        return self.poisson
+
+    def at(self, temperature):
+        return self
+
+
+class Stored(eqx.Module):
+    """The profiles of the stored cases, in one formula so that all run in one batch."""
+
+    kind: jax.Array
+    unit: jax.Array
+    parameter: jax.Array
+    bottom: jax.Array
+    top: jax.Array
+    reduced: jax.Array
+
+    def __call__(self, s, omega):
+        shapes = [
+            1 + self.parameter * s,
+            1 + s + jnp.sin(2 * jnp.pi * s),
+            jnp.exp(jnp.where(self.kind == 2, self.parameter, 0) * s),
+        ]
+        poisson = self.bottom + (self.top - self.bottom) * s
+        factor = jnp.where(self.reduced, 1 - poisson**2, 1)
+        return self.unit * jnp.select([self.kind == i for i in range(3)], shapes) * factor, poisson
+
+
+def complex_of(pair):
+    return complex(float(pair[0]), float(pair[1]))
+
+
+def arguments(case):
+    profile, poisson, base = case["profile"], case["nu"], case["substrate"]
+    ends = [poisson] * 2 if isinstance(poisson, str) else [poisson["bottom"], poisson["top"]]
+    stored = Stored(
+        kind=KINDS.index(profile["kind"]),
+        unit=complex_of(profile["E0"]),
+        parameter=float(profile.get("a", profile.get("k", 0))),
+        bottom=float(ends[0]),
+        top=float(ends[1]),
+        reduced=profile["of"] == "E_r",
+    )
+    below = [complex_of(base[k]) for k in ("E", "nu")] if "E" in base else [1 + 0j, 0.3 + 0j]
+    q = np.hypot(float(case["q"][0]), float(case["q"][1]))
+    return stored, float(case["depth"]), Given(*below), q
+
+
+def errors_and_estimates(solver, rtol):
+    """For all stored cases, one batch for each kind of base."""
+    errors, estimates = [], []
+    for kind in BASES:
+        cases = [c for c in CASES if c["substrate"]["kind"] == kind]
+        batch = jax.tree.map(lambda *xs: jnp.array(xs), *map(arguments, cases))
+
+        def one(profile, depth, material, q, kind=kind):
+            base = {"rigid": gc.Rigid(), "free": gc.Free(), "halfspace": gc.HalfSpace(material)}
+            stack = Stack(layers=(GradedLayer(depth, profile),), base=base[kind])
+            return graded_compliance(stack, q, 0.0, rtol=rtol, solver=solver, throw=False)
+
+        found = jax.jit(jax.vmap(one))(*batch)
+        expected = np.array([complex_of(c["M_zz"]) for c in cases])
+        errors.append(np.abs(found.value - expected) / np.abs(expected))
+        estimates.append(found.error)
+    return np.concatenate(errors), np.concatenate(estimates)
+
+
+@pytest.mark.parametrize(
+    ("solver", "rtol"),
+    [
+        (FAST, 1e-10),
+        pytest.param(Layering(retry=False), 1e-4, marks=pytest.mark.slow),
+        pytest.param(Layering(retry=False), 1e-7, marks=pytest.mark.slow),
+        pytest.param(Layering(retry=False), 1e-12, marks=pytest.mark.slow),
+        pytest.param(Riccati(), 1e-9, marks=pytest.mark.slow),
+        pytest.param(Riccati(), 1e-6, marks=pytest.mark.slow),
+        pytest.param(Riccati(), 1e-11, marks=pytest.mark.slow),
+    ],
+)
+def test_stored_cases_are_met_and_the_estimate_of_the_error_is_honest(solver, rtol):
+    """mpmath at 50 digits: linear, sinusoidal and exponential, three bases, ν(s) and lossy E."""
+    errors, estimates = errors_and_estimates(solver, rtol)
+    assert len(errors) == 32
+    assert np.max(errors) <= rtol
+    assert np.max(estimates) <= rtol
+    assert np.max(errors / estimates) <= 10
+
+
+@pytest.mark.slow
+def test_estimate_is_honest_on_meshes_that_are_too_coarse():
+    for num_cells in (2, 5):
+        errors, estimates = errors_and_estimates(Layering(num_cells=num_cells, retry=False), 1e-3)
+        assert np.max(errors / estimates) <= 10
+
+
+RUBBER = gc.Prony(2e6, [3e7, 4e6], [1e-4, 1e-2], 0.49)
+GLASS = gc.Prony(5e8, [1e9], [1e-3], 0.3)
+BASE = {"halfspace": gc.HalfSpace(gc.Elastic(3e6, 0.45)), "rigid": gc.Rigid(), "free": gc.Free()}
+Q, OMEGA = np.geomspace(1e1, 1e6, 6), np.geomspace(1, 1e6, 6)[::-1].copy()
+
+
+# Every base meets the stored cases; here one is enough for each claim.
+OTHERS_SLOW = [
+    pytest.param("halfspace", marks=pytest.mark.slow),
+    pytest.param("rigid", marks=pytest.mark.slow),
+    "free",
+]
+
+
+@pytest.mark.parametrize("base", OTHERS_SLOW)
+def test_constant_profile_is_a_uniform_layer(base):
+    q = np.geomspace(1e-1, 1e9, 12)  # q d from 1e-4 to 1e6
+    uniform = Stack(layers=(gc.Layer(RUBBER, 1e-3),), base=BASE[base])
+    graded = Stack(layers=(GradedLayer(1e-3, Blend(RUBBER, RUBBER)),), base=BASE[base])
+    np.testing.assert_allclose(
+        graded_compliance(graded, q, 1e3, rtol=1e-7, solver=FAST).value,
+        surface_compliance(uniform, q, 1e3),
+        rtol=1e-12,
+    )
+
+
+def test_graded_layer_of_no_thickness_is_no_layer():
+    coat = gc.Layer(GLASS, 1e-5)
+    graded = Stack(layers=(coat, GradedLayer(0.0, Blend(RUBBER, GLASS))), base=BASE["halfspace"])
+    plain = Stack(layers=(coat,), base=BASE["halfspace"])
+    np.testing.assert_allclose(
+        surface_compliance(graded, Q, OMEGA), surface_compliance(plain, Q, OMEGA), rtol=1e-13
+    )
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("base", BASES)
+def test_many_thin_layers_converge_to_it(base):
+    stiff = gc.Elastic(3e8, 0.45)
+    d, profile, omega = 1e-3, Blend(stiff, GLASS, Sinusoidal(0.1, 1.0)), jnp.array(2e3)
+    q = np.array([1e2, 1e3, 1e4])
+    graded = surface_compliance(
+        Stack(layers=(GradedLayer(d, profile),), base=BASE[base]), q, omega, 1e-9
+    )
+    below = BASE[base]
+    if base == "halfspace":
+        below = (below.material.young, below.material.poisson)
+    errors = []
+    for n in (20, 40):
+        modulus, poisson = profile((jnp.arange(n)[::-1] + 0.5) / n, omega)
+        layers = gc.layered_compliance(q, np.full(n, d / n), modulus, poisson, below)
+        errors.append(np.max(np.abs(layers / graded - 1)))
+    assert errors[1] <= 1e-2
+    assert 3.6 <= errors[0] / errors[1] <= 4.4  # second order
+
+
+def sandwich(base):
+    """Two graded layers, uniform ones above, between and below, every profile of complex E."""
+    kinked = Table([0.0, 0.3, 0.45, 1.0], [0.0, 0.9, 0.95, 1.0])
+    return Stack(
+        layers=(
+            gc.Layer(GLASS, 2e-5),
+            GradedLayer(1e-4, Blend(RUBBER, GLASS, ErrorFunction(0.6, 0.2), "logarithmic")),
+            gc.Layer(RUBBER, 5e-5),
+            GradedLayer(4e-4, Blend(GLASS, RUBBER, kinked)),
+            gc.Layer(RUBBER, 1e-4),
+        ),
+        base=BASE[base],
+    )
+
+
+@pytest.mark.parametrize("base", OTHERS_SLOW)
+def test_differential_equation_and_layers_agree_in_a_stack_of_both(base):
+    stack = sandwich(base)
+    layers = graded_compliance(stack, Q, OMEGA, rtol=1e-10, solver=FINE)
+    equation = graded_compliance(stack, Q, OMEGA, rtol=1e-9, solver=Riccati())
+    np.testing.assert_allclose(equation.value, layers.value, rtol=1e-9)
+
+
+@pytest.mark.slow
+def test_splitting_a_graded_layer_changes_nothing():
+    whole = Stack(layers=(GradedLayer(1e-3, Blend(RUBBER, GLASS)),), base=BASE["free"])
+
+    def half(s, omega, start):
+        return Blend(RUBBER, GLASS)(start + s / 2, omega)
+
+    parts = Stack(
+        layers=(
+            GradedLayer(5e-4, lambda s, omega: half(s, omega, 0.5)),
+            GradedLayer(5e-4, lambda s, omega: half(s, omega, 0.0)),
+        ),
+        base=BASE["free"],
+    )
+    np.testing.assert_allclose(
+        surface_compliance(parts, Q, OMEGA), surface_compliance(whole, Q, OMEGA), rtol=1e-9
+    )
+
+
+PROFILES = {
+    "linear": Blend(RUBBER, GLASS, Linear()),
+    "exponential": Blend(GLASS, RUBBER, Exponential(-4.0)),
+    "power": Blend(RUBBER, GLASS, PowerLaw(3.0), "logarithmic"),
+    "mixture": Mixture(RUBBER, GLASS, Sinusoidal(0.05, 1.0)),
+    "aged": Aged(RUBBER, 1.0, 1e3, ErrorFunction()),
+}
+
+
+@pytest.mark.parametrize(
+    "name",
+    [
+        pytest.param(name, marks=[pytest.mark.slow] if name not in ("mixture", "aged") else [])
+        for name in PROFILES
+    ],
+)
+def test_compliance_is_passive_and_hermitian(name):
+    stack = Stack(layers=(GradedLayer(1e-3, PROFILES[name]),), base=BASE["halfspace"])
+    q, omega = np.meshgrid(np.geomspace(1e1, 1e6, 5), np.geomspace(1e-1, 1e7, 5))
+    both = graded_compliance(stack, q, np.stack([omega, -omega]), rtol=1e-6, solver=FINE).value
+    np.testing.assert_allclose(both[1], np.conj(both[0]), rtol=1e-14)
+    assert np.all(both[0].imag <= 0)
+    assert np.all(both[0].real > 0)
+
+
+@pytest.mark.parametrize(
+    "solver", [FAST, pytest.param(Riccati(), marks=pytest.mark.slow)], ids=["layers", "equation"]
+)
+def test_gradient_by_every_leaf_matches_central_differences(solver):
+    shape = Table([0.0, 0.4, 1.0], [0.1, 0.5, 0.8])
+    stack = Stack(
+        layers=(gc.Layer(GLASS, 2e-5), GradedLayer(3e-4, Mixture(RUBBER, GLASS, shape))),
+        base=gc.HalfSpace(RUBBER),
+    )
+    parts = (stack, jnp.asarray(2e4), jnp.asarray(5e3))
+
+    @jax.jit
+    def value(leaves):
+        m = graded_compliance(
+            *treedef.unflatten(leaves), rtol=1e-10, solver=solver, throw=False
+        ).value
+        return 1e13 * (m.real + 3 * m.imag)
+
+    leaves, treedef = jax.tree.flatten(parts)
+    slopes = jax.jit(jax.grad(value))(leaves)
+    for i, (leaf, slope) in enumerate(zip(leaves, slopes, strict=True)):
+        for index in np.ndindex(leaf.shape):
+            size = float(leaf[index])
+            if i in (len(leaves) - 2, len(leaves) - 1) or size not in (0.0, 1.0):
+                step = 1e-4 * size
+                low, high = (
+                    float(value([*leaves[:i], leaf.at[index].add(sign * step), *leaves[i + 1 :]]))
+                    for sign in (-1, 1)
+                )
+                difference = (high - low) / (2 * step)
+                scale = abs(float(value(leaves)) / size)
+                assert abs(difference - slope[index]) <= 1e-6 * scale, (i, index)
+
+
+def test_gradients_hold_where_the_wave_sees_only_a_part_of_the_layer():
+    """q d = 300: the solution starts inside the layer, at a depth that depends on q."""
+
+    def value(d, q, top):
+        profile = Blend(gc.Elastic(1e6, 0.3), gc.Elastic(top, 0.45), Exponential(30.0))
+        stack = Stack(layers=(GradedLayer(d, profile),), base=gc.Rigid())
+        return graded_compliance(stack, q, 0.0, rtol=1e-11, solver=FAST).value * 1e9
+
+    value = jax.jit(value)
+    for i, slope in enumerate(jax.jit(jax.grad(value, (0, 1, 2)))(1e-3, 3e5, 1e8)):
+        point, step = np.array([1e-3, 3e5, 1e8]), np.zeros(3)
+        step[i] = 1e-4 * point[i]
+        difference = float(value(*(point + step)) - value(*(point - step))) / (2 * step[i])
+        np.testing.assert_allclose(slope, difference, rtol=1e-6)
+
+
+def test_float32_meets_its_tolerance_and_keeps_its_dtype():
+    stack = Stack(layers=(GradedLayer(1e-3, PROFILES["linear"]),), base=BASE["halfspace"])
+
+    def value_and_slope(dtype):
+        given = jax.tree.map(lambda x: x.astype(dtype), stack)
+        q, omega = Q.astype(dtype), OMEGA.astype(dtype)
+
+        def total(d):
+            moved = eqx.tree_at(lambda s: s.layers[0].thickness, given, d)
+            found = graded_compliance(moved, q, omega, rtol=1e-4, solver=FAST)
+            return jnp.sum(found.value.real), found.value
+
+        return jax.jit(jax.value_and_grad(total, has_aux=True))(given.layers[0].thickness)
+
+    (_, single), slope = value_and_slope(np.float32)
+    (_, double), expected = value_and_slope(np.float64)
+    assert single.dtype == jnp.complex64
+    assert slope.dtype == jnp.float32
+    np.testing.assert_allclose(single, double, rtol=1e-4)
+    np.testing.assert_allclose(slope, expected, rtol=1e-3)
+    with pytest.raises(ValueError, match=r"`rtol=1e-09` cannot be reached in float32"):
+        surface_compliance(stack, Q.astype(np.float32), OMEGA, 1e-9)
+
+
+def test_grids_of_every_shape_jit_and_vmap_give_the_same_numbers():
+    stack = Stack(layers=(GradedLayer(1e-3, PROFILES["aged"]),), base=BASE["rigid"])
+    q, omega = jnp.geomspace(1e1, 1e5, 60)[:, None], jnp.geomspace(1, 1e6, 5)
+    table = graded_compliance(stack, q, omega, solver=FINE).value
+    assert table.shape == (60, 5)
+
+    def one(q, d):
+        moved = eqx.tree_at(lambda s: s.layers[0].thickness, stack, d)
+        return graded_compliance(moved, q, omega[3], solver=FINE).value
+
+    batch = jax.jit(jax.vmap(one))(q[5:8, 0], jnp.array([1e-3, 2e-3, 1e-3]))
+    assert batch.shape == (3,)
+    np.testing.assert_allclose(batch[2], table[7, 3], rtol=1e-9)
+
+
+def test_kernel_of_a_graded_stack_is_its_compliance():
+    grid = gc.Grid((8, 6), (1e-2, 2e-2))
+    stack = Stack(layers=(GradedLayer(1e-3, PROFILES["aged"]),), base=BASE["rigid"])
+    kernel = gc.stack_kernel(stack, grid, 0.3)
+    q = 2 * np.pi * np.array([2 / 1e-2, 1 / 2e-2])
+    expected = graded_compliance(stack, np.linalg.norm(q), -q[0] * 0.3, solver=FINE).value
+    np.testing.assert_allclose(kernel[2, 1], expected, rtol=1e-9)
+
+
+def test_sharp_profile_is_retried_on_a_finer_mesh():
+    sharp = Blend(gc.Elastic(1e6, 0.3), gc.Elastic(1e9, 0.3), Sinusoidal(0.05, 5.0))
+    stack = Stack(layers=(GradedLayer(1e-3, sharp),), base=gc.Rigid())
+    coarse = graded_compliance(stack, 3e3, 0.0, solver=FAST, throw=False)
+    assert coarse.error > 1e-9
+    fine = graded_compliance(stack, 3e3, 0.0)
+    assert fine.error <= 1e-9
+    assert abs(coarse.value / fine.value - 1) <= 10 * coarse.error
+
+
+def test_tolerance_that_is_not_reached_is_an_error():
+    def rough(s, omega):
+        return 1e6 * (1 + jnp.abs(jnp.sin(9 * s))), 0.3
+
+    stack = Stack(layers=(GradedLayer(1e-3, rough),), base=gc.Rigid())
+    assert graded_compliance(stack, 3e3, 0.0, throw=False).error > 1e-9
+    with pytest.raises(Exception, match="tolerance was not reached in a graded layer"):
+        surface_compliance(stack, 3e3, 0.0).block_until_ready()
+
+
+def test_profile_that_turns_out_nan_is_an_error_under_jit():
+    def value(scale):
+        def profile(s, omega):
+            return 1e6 * jnp.log(scale - s), 0.3
+
+        stack = Stack(layers=(GradedLayer(1e-3, profile),), base=gc.Rigid())
+        return surface_compliance(stack, 3e3, 0.0)
+
+    with pytest.raises(Exception, match="tolerance was not reached"):
+        jax.jit(value)(0.5).block_until_ready()
+
+
+@pytest.mark.parametrize(
+    ("profile", "message"),
+    [
+        (lambda s, omega: (1e6 * jnp.where(s > 0.7, jnp.nan, 1), 0.3), r"at s=0\.703.*finite"),
+        (lambda s, omega: (1e6 * (0.5 - s), 0.3), r"at s=0\.5, omega=1: .*positive real part"),
+        (lambda s, omega: (1e6 + 0 * s, 0.3 + 0.3 * s), r"at s=0\.67.*at most 0\.5, got 0\.50"),
+        (lambda s, omega: (1e6 * jnp.where(s > 0.3, 2, 1), 0.3), r"jumps at s=0\.3"),
+        (lambda s, omega: (jnp.ones((3, 4, 5)) * 1e6, 0.3), "must return a pair"),
+        (lambda s, omega: 1e6 + s, "must return a pair"),
+    ],
+)
+def test_bad_profiles_are_refused_with_the_height(profile, message):
+    stack = Stack(
+        layers=(gc.Layer(RUBBER, 1e-3), GradedLayer(1e-3, profile)), base=BASE["halfspace"]
+    )
+    with pytest.raises(ValueError, match=r"`layers\[1\]\.profile`.*" + message):
+        surface_compliance(stack, 1e3, 1.0)

@@ -1,0 +1,133 @@
+import jax
+import jax.numpy as jnp
+import numpy as np
+import pytest
+from scipy.interpolate import PchipInterpolator
+from scipy.special import erf
+
+import graded_contact as gc
+from graded_contact.response.profile import Aged, Blend, Mixture
+from graded_contact.response.shape import (
+    ErrorFunction,
+    Exponential,
+    Linear,
+    PowerLaw,
+    Sinusoidal,
+    Table,
+)
+from graded_contact.response.stack import GradedLayer, Stack
+
+S = np.linspace(0, 1, 21)
+STEEL, RUBBER = gc.Elastic(2e11, 0.3), gc.Prony(1e6, [1e8], [1e-3], 0.5)
+
+
+@pytest.mark.parametrize(
+    ("shape", "expected"),
+    [
+        (Linear(), S),
+        (Sinusoidal(), S + np.sin(2 * np.pi * S)),
+        (Exponential(3.0), np.expm1(3 * S) / np.expm1(3)),
+        (Exponential(-3.0), np.expm1(-3 * S) / np.expm1(-3)),
+        (Exponential(0.0), S),
+        (Exponential(5e-4), np.expm1(5e-4 * S) / np.expm1(5e-4)),
+        (PowerLaw(2.5), S**2.5),
+        (ErrorFunction(0.3, 0.2), (1 + erf((S - 0.3) / 0.2)) / 2),
+        (Table([0, 0.2, 0.7, 1], [1, 0.4, 0.5, 0]), None),
+    ],
+)
+def test_shapes_are_their_formulas(shape, expected):
+    if expected is None:
+        expected = PchipInterpolator([0, 0.2, 0.7, 1], [1, 0.4, 0.5, 0])(S)
+    np.testing.assert_allclose(shape(jnp.asarray(S)), expected, rtol=1e-10, atol=1e-15)
+
+
+@pytest.mark.parametrize("shape", [Exponential(800.0), Exponential(0.0), PowerLaw(0.5)])
+def test_shapes_have_finite_derivatives_by_their_parameters(shape):
+    slope = jax.grad(lambda shape: jnp.sum(shape(jnp.asarray(S))))(shape)
+    assert all(np.isfinite(leaf) for leaf in jax.tree.leaves(slope))
+
+
+def test_papers_profiles_are_blends():
+    s, omega = jnp.asarray(S), jnp.zeros(())
+    linear = Blend(gc.Elastic(1e6), gc.Elastic(1e6 * (1 + 1e4)))
+    np.testing.assert_allclose(linear(s, omega)[0], 1e6 * (1 + 1e4 * S), rtol=1e-14)
+    wavy = Blend(gc.Elastic(1e6), gc.Elastic(2e6), Sinusoidal())
+    np.testing.assert_allclose(wavy(s, omega)[0], 1e6 * (1 + S + np.sin(2 * np.pi * S)), rtol=1e-14)
+
+
+def test_logarithmic_blend_is_exponential():
+    profile = Blend(gc.Elastic(1e3, 0.2), gc.Elastic(1e9, 0.4), mixing="logarithmic")
+    modulus, poisson = profile(jnp.asarray(S), jnp.zeros(()))
+    np.testing.assert_allclose(modulus, 1e3 * 10 ** (6 * S), rtol=1e-13)
+    np.testing.assert_allclose(poisson, 0.2 + 0.2 * S, rtol=1e-14)
+
+
+def test_mixture_matches_bulk_and_shear_formulas_and_its_ends():
+    matrix, filler = gc.Elastic(3e6, 0.4), gc.Elastic(7e10, 0.22)
+    bulk = [m.young / (3 * (1 - 2 * m.poisson)) for m in (matrix, filler)]
+    shear = [m.young / (2 * (1 + m.poisson)) for m in (matrix, filler)]
+    phi = S
+    # The usual form, Hashin and Shtrikman (1963) as in any textbook.
+    k = bulk[0] + phi / (1 / (bulk[1] - bulk[0]) + 3 * (1 - phi) / (3 * bulk[0] + 4 * shear[0]))
+    beta = 6 * (bulk[0] + 2 * shear[0]) / (5 * shear[0] * (3 * bulk[0] + 4 * shear[0]))
+    g = shear[0] + phi / (1 / (shear[1] - shear[0]) + (1 - phi) * beta)
+    modulus, poisson = Mixture(matrix, filler, Linear())(jnp.asarray(S), jnp.zeros(()))
+    np.testing.assert_allclose(modulus, 9 * k * g / (3 * k + g), rtol=1e-10)
+    np.testing.assert_allclose(poisson, (3 * k - 2 * g) / (2 * (3 * k + g)), rtol=1e-10)
+
+
+def test_dilute_rigid_spheres_in_incompressible_rubber_follow_einstein():
+    """E = E_m (1 + 5φ/2), A. Einstein, Ann. Phys. 19 (1906) 289, for solids by J. E. Smallwood."""
+    profile = Mixture(RUBBER, gc.Elastic(1e16, 0.2), Linear())
+    phi, omega = jnp.asarray(1e-5), jnp.asarray(300.0)
+    modulus, poisson = profile(phi, omega)
+    np.testing.assert_allclose(modulus / RUBBER.modulus(omega) - 1, 2.5e-5, rtol=1e-4)
+    np.testing.assert_allclose(poisson, 0.5, atol=1e-7)
+
+
+def test_aged_material_is_the_material_at_another_frequency():
+    profile = Aged(RUBBER, 1.0, 100.0)
+    modulus, _ = profile(jnp.asarray([0.0, 0.5, 1.0]), jnp.asarray(50.0))
+    np.testing.assert_allclose(modulus, RUBBER.modulus(np.array([50.0, 500.0, 5000.0])), rtol=1e-13)
+
+
+def test_temperature_reaches_the_materials_of_every_profile():
+    tread = gc.tyre_tread()
+    for profile in (Blend(STEEL, tread), Mixture(tread, STEEL, Linear()), Aged(tread, 1.0, 9.0)):
+        stack = Stack(layers=(GradedLayer(1e-3, profile),), base=gc.Rigid())
+        cold = stack.at(273.15)
+        s, omega = jnp.asarray(0.4), jnp.asarray(10.0)
+        factor = tread.shift.factor(np.asarray(273.15))
+        np.testing.assert_allclose(
+            cold.layers[0].profile(s, omega)[0], profile(s, omega * factor)[0], rtol=1e-12
+        )
+    bare = Stack(layers=(GradedLayer(1e-3, lambda s, omega: (1e6 + s, 0.3)),), base=gc.Rigid())
+    with pytest.raises(ValueError, match="has no method `at"):
+        bare.at(273.15)
+
+
+@pytest.mark.parametrize(
+    ("make", "message"),
+    [
+        (lambda: Table([0, 0.5], [1, 2]), "exactly 0 .* exactly 1"),
+        (lambda: Table([0, 0.5, 0.5, 1], [1, 2, 3, 4]), "heights must increase"),
+        (lambda: Table([0, 1], [1, 2, 3]), r"`heights` has shape \(2,\) and `values` \(3,\)"),
+        (lambda: Table([0, 1], [1, np.nan]), r"`values\[1\]=nan`"),
+        (lambda: PowerLaw(0.0), "`exponent=0` is refused"),
+        (lambda: ErrorFunction(0.5, -1.0), "`width=-1` is refused"),
+        (lambda: Aged(RUBBER, 1.0, 0.0), "`top=0` is refused"),
+        (lambda: GradedLayer(1e-3, RUBBER), "`profile=.* must be called as profile"),
+        (lambda: GradedLayer(1e-3, 3.0), "`profile=3.0` must be called as profile"),
+        (lambda: GradedLayer(-1e-3, Blend(STEEL, RUBBER)), "`thickness=-0.001` is refused"),
+        (lambda: GradedLayer([1e-3], Blend(STEEL, RUBBER)), r"`thickness` has shape \(1,\)"),
+    ],
+)
+def test_bad_profiles_are_refused(make, message):
+    with pytest.raises(ValueError, match=message):
+        make()
+
+
+def test_a_word_is_no_rule_of_mixing():
+    # With annotations checked, as here, the checker comes first.
+    with pytest.raises((ValueError, TypeError), match="mixing"):
+        Blend(STEEL, RUBBER, Linear(), "harmonic")
