@@ -3,7 +3,8 @@
 One row per body, grid and tolerance:
 
 - `pairs`: FFT pairs (forward and back), coarse grids counted by their size;
-- `seconds`: warm wall time, median of `--repeat`; `compile`: the first call's excess;
+- `seconds`: warm wall time of `slide`, kernel and observables included, median of `--repeat`
+  (what the first call of a body takes, compilation included, stands above its rows);
 - `x fft`: wall time over that of as many bare FFT pairs in a `lax` loop, timed in the same run;
 - `err σ`: root-mean-square error of the pressure against a solution at 1e-10, relative;
 - `err μ`, `err A`: relative errors of friction (absolute for elastic bodies) and smooth area.
@@ -61,15 +62,14 @@ def transform_pairs(field, count: int):
     return jax.lax.fori_loop(0, count, pair, field)
 
 
-def timed(function, repeat: int) -> tuple[float, float]:
-    """Median warm time, and what the first call took beyond it [s]."""
+def timed(function, repeat: int) -> float:
+    """Median time of a call that was made before [s]."""
     times = []
-    for _ in range(repeat + 1):
+    for _ in range(repeat):
         start = time.perf_counter()
         jax.block_until_ready(function())
         times.append(time.perf_counter() - start)
-    warm = statistics.median(times[1:])
-    return warm, times[0] - warm
+    return statistics.median(times)
 
 
 def main() -> None:
@@ -82,19 +82,18 @@ def main() -> None:
 
     device = jax.devices()[0]
     print(f"# graded_contact {gc.__version__}, jax {jax.__version__}, numpy {np.__version__}")
-    print(
-        f"# {device.device_kind} ({platform.machine()}), float64, python {platform.python_version()}"
-    )
+    python = platform.python_version()
+    print(f"# {device.device_kind} ({platform.machine()}), float64, python {python}")
     print(
         f"{'body':14s} {'p/E_r0':>6s} {'N':>5s} {'rtol':>6s} {'pairs':>7s} {'steps':>5s} "
-        f"{'seconds':>8s} {'compile':>7s} {'x fft':>6s} {'err σ':>8s} {'err μ':>8s} {'err A':>8s} "
+        f"{'seconds':>8s} {'x fft':>6s} {'err σ':>8s} {'err μ':>8s} {'err A':>8s} "
         f"{'μ':>8s} {'A/A0':>7s}"
     )
     for n in options.sizes:
         surface = rough_surface(n)
         count = max(4, 2 * (2048 // n) ** 2)
-        bare, _ = timed(lambda s=surface, c=count: transform_pairs(s.heights, c), 3)
-        bare /= count
+        jax.block_until_ready(transform_pairs(surface.heights, count))
+        bare = timed(lambda s=surface, c=count: transform_pairs(s.heights, c), 3) / count
         print(f"# N = {n}: one FFT pair in a loop takes {1e3 * bare:.3g} ms")
         for name in options.bodies:
             stack, velocity, loads = bodies()[name]
@@ -103,10 +102,13 @@ def main() -> None:
                 run = partial(
                     gc.slide, stack, surface, pressure=load * young / 0.75, velocity=velocity
                 )
-                best = run(rtol=1e-10)
+                start = time.perf_counter()
+                best = jax.block_until_ready(run(rtol=1e-10))
+                first = time.perf_counter() - start
+                print(f"# {name}, p/E_r0 = {load:g}: first call, to 1e-10, {first:.2f} s")
                 for rtol in options.tolerances:
                     found = run(rtol=rtol)
-                    seconds, compiling = timed(lambda r=run, t=rtol: r(rtol=t), options.repeat)
+                    seconds = timed(lambda r=run, t=rtol: r(rtol=t), options.repeat)
                     sigma = jnp.linalg.norm(found.pressure - best.pressure)
                     sigma /= jnp.linalg.norm(best.pressure)
                     unit = best.friction if best.friction > 1e-9 else 1.0
@@ -115,7 +117,7 @@ def main() -> None:
                     pairs = float(found.num_fft_pairs)
                     print(
                         f"{name:14s} {load:6.3g} {n:5d} {rtol:6.0e} {pairs:7.1f} "
-                        f"{int(found.contact.num_steps):5d} {seconds:8.3f} {compiling:7.2f} "
+                        f"{int(found.contact.num_steps):5d} {seconds:8.3f} "
                         f"{seconds / (pairs * bare):6.2f} {sigma:8.1e} {mu:8.1e} {area:8.1e} "
                         f"{found.friction:8.5f} {found.contact_area_smooth:7.4f}",
                         flush=True,

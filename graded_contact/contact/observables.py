@@ -3,7 +3,7 @@
 The surface h(x - vt) moves with velocity v over the solid. On the moving surface the pressure σ
 does the work ⟨σ ∇w⟩·v per area and time against the solid, w being its displacement: the
 friction force opposing v is its negative over the speed, and it equals the dissipation
--½ Σ ω Im M |σ_q|² summed over all modes, which is never negative for a passive solid.
+-Σ ω Im M |σ_q|² summed over all modes of both signs, which is never negative for a passive solid.
 
 In contact ∇w = ∇h, and for the continuous problem ⟨σ ∇w⟩ = ⟨σ ∇h⟩ exactly. On a grid the two
 differ by ⟨σ ∇u⟩, which lives at the edges of the contact. The displacement's slope converges

@@ -15,6 +15,7 @@ from jaxtyping import Array, Inexact
 from .._checks import Numbers, as_float, check_values
 from ..grid import Grid, nyquist_lines
 from .compliance import surface_compliance_unchecked
+from .grading import check_profiles
 from .stack import Stack
 
 _BLOCK_ROWS = 32
@@ -40,6 +41,9 @@ def stack_kernel(stack: Stack, grid: Grid, velocity: Numbers = 0.0) -> Inexact[A
             "dimensions, two components are needed."
         )
     check_values("velocity", velocity, "a velocity [m/s] must be finite")
+    along = velocity if velocity.ndim == 0 else jnp.sqrt(jnp.sum(velocity**2))
+    lowest, highest = _wavenumbers(grid, 0, np.array([1, grid.shape[0] // 2]))
+    check_profiles(stack, along * jnp.stack([jnp.zeros_like(lowest), lowest, highest]))
     return _stack_kernel(stack, grid, velocity)
 
 

@@ -206,7 +206,16 @@ def sandwich(base):
     )
 
 
-@pytest.mark.parametrize("base", OTHERS_SLOW)
+def test_differential_equation_and_layers_agree_on_an_elastic_layer():
+    profile = Blend(gc.Elastic(1e6, 0.3), gc.Elastic(3e7, 0.45), Exponential(3.0))
+    stack = Stack(layers=(GradedLayer(1e-3, profile),), base=gc.Free())
+    layers = graded_compliance(stack, Q, 0.0, rtol=1e-9, solver=FAST)
+    equation = graded_compliance(stack, Q, 0.0, rtol=1e-9, solver=Riccati())
+    np.testing.assert_allclose(equation.value, layers.value, rtol=1e-9)
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("base", BASES)
 def test_differential_equation_and_layers_agree_in_a_stack_of_both(base):
     stack = sandwich(base)
     layers = graded_compliance(stack, Q, OMEGA, rtol=1e-10, solver=FINE)
