@@ -148,8 +148,9 @@ def _profiles(x: np.ndarray, x_label: str, quantities: list) -> "Figure":
     panels = figure.subplots(3, 1, sharex=True)
     for axes, (label, base, values, _), colour in zip(panels, quantities, COLOURS, strict=False):
         unit, scale = _unit(base, np.nanmax(np.abs(values)))
-        values = scale * (np.nan_to_num(values) if base == "Pa" else values)
-        axes.plot(x, values, color=colour)
+        if base == "Pa":  # where a map is left blank, a line runs at zero
+            values = np.where(np.isnan(values), 0, values)
+        axes.plot(x, scale * values, color=colour)
         axes.set_ylabel(f"{label}\n[{unit}]")
     panels[-1].set_xlabel(x_label)
     return figure

@@ -18,7 +18,6 @@ from .contact.observables import (
     contact_area_smooth,
     energy_imbalance,
     friction,
-    geometric_friction,
 )
 from .contact.problem import RESULTS, ContactSolution, solve_contact
 from .grid import Grid
@@ -147,7 +146,7 @@ def _observe(
         contact_area=contact_area(touching).astype(sigma.dtype),
         contact_area_corrected=contact_area_corrected(touching).astype(sigma.dtype),
         contact_area_smooth=contact_area_smooth(sigma, contact.gap, touching, kernel),
-        geometric_friction=geometric_friction(sigma, heights, grid, velocity),
+        geometric_friction=friction(sigma, heights, grid, velocity),
         energy_imbalance=energy_imbalance(sigma, w, kernel, grid, velocity),
         contact=contact,
     )

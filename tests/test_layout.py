@@ -10,12 +10,14 @@ ORDER = [
     "_checks", "grid", "spectrum", "surface", "topography",
     "rheology/shift", "rheology/creep", "rheology/material", "rheology/tabulated",
     "rheology/library", "rheology/fit",
-    "response/shape", "response/profile", "response/stack", "response/slab", "response/recursion", "response/mesh", "response/riccati",
-    "response/grading", "response/compliance", "response/kernel",
+    "response/shape", "response/profile", "response/stack", "response/slab", "response/recursion",
+    "response/mesh", "response/riccati", "response/grading", "response/compliance",
+    "response/kernel",
     "response/matrix", "response/interior",
     "contact/law", "contact/implicit", "contact/douglas_rachford", "contact/rmd",
     "contact/problem", "contact/observables", "sliding", "persson",
-    "studies/design", "studies/storage", "studies/moduli_file", "studies/table", "studies/scene", "studies/sweep",
+    "studies/design", "studies/storage", "studies/moduli_file", "studies/table",
+    "studies/scene", "studies/sweep",
     "reference", "plot", "cli",
 ]  # fmt: skip
 # What a file or folder must not see although it comes before: contact gets a kernel, not layers.

@@ -8,8 +8,8 @@ friction force opposing v is its negative over the speed, and it equals the diss
 In contact ∇w = ∇h, and for the continuous problem ⟨σ ∇w⟩ = ⟨σ ∇h⟩ exactly. On a grid the two
 differ by ⟨σ ∇u⟩, which lives at the edges of the contact. The displacement's slope converges
 faster (ten times less error at 8 points per shortest wavelength, `benchmarks/bench_contact.py`)
-and is what `friction` uses; `geometric_friction` uses the surface's slope, and the difference of
-the two tells the error of the grid.
+and is what `Sliding.friction` uses; `Sliding.geometric_friction` uses the surface's slope, and
+the difference of the two tells the error of the grid.
 """
 
 from itertools import pairwise
@@ -31,26 +31,16 @@ _CONTOUR_OFFSET = 0.14
 
 def friction(
     pressure: Float[Array, "*shape"],
-    displacement: Float[Array, "*shape"],
+    profile: Float[Array, "*shape"],
     grid: Grid,
     velocity: Numbers,
 ) -> Float[Array, ""]:
-    """Returns the friction coefficient -⟨σ ∂w/∂x_v⟩/⟨σ⟩ [1], x_v along the velocity.
+    """Returns the friction coefficient -⟨σ ∂f/∂x_v⟩/⟨σ⟩ [1], x_v along the velocity.
 
-    At rest the direction is x.
+    `profile` f [m] is the displacement w of the solid, or the heights h of the surface: see
+    above for how the two differ. At rest the direction is x.
     """
-    slope, _ = _slope_along(displacement, grid, velocity)
-    return -jnp.mean(pressure * slope) / jnp.mean(pressure)
-
-
-def geometric_friction(
-    pressure: Float[Array, "*shape"],
-    heights: Float[Array, "*shape"],
-    grid: Grid,
-    velocity: Numbers,
-) -> Float[Array, ""]:
-    """Returns -⟨σ ∂h/∂x_v⟩/⟨σ⟩ [1], which `friction` equals in the limit of fine grids."""
-    slope, _ = _slope_along(heights, grid, velocity)
+    slope, _ = _slope_along(profile, grid, velocity)
     return -jnp.mean(pressure * slope) / jnp.mean(pressure)
 
 

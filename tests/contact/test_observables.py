@@ -47,7 +47,7 @@ def test_slopes_of_surface_and_block_give_the_same_friction_on_fine_grids():
         s = gc.solve_contact(kernel, surface.heights, 0.05)
         mu = observables.friction(s.pressure, s.displacement, grid, SPEED)
         differences.append(
-            abs(observables.geometric_friction(s.pressure, surface.heights, grid, SPEED) / mu - 1)
+            abs(observables.friction(s.pressure, surface.heights, grid, SPEED) / mu - 1)
         )
     assert differences[1] < 0.5 * differences[0]
     assert differences[1] < 0.01
@@ -171,9 +171,7 @@ def test_full_contact_friction_is_exact_for_a_rough_surface(name, velocity):
     kernel = gc.stack_kernel(BODIES[name], GRID, velocity)
     s = gc.solve_contact(kernel, surface.heights, load, rtol=1e-11)
     mu = observables.friction(s.pressure, s.displacement, GRID, jnp.asarray(velocity))
-    geometric = observables.geometric_friction(
-        s.pressure, surface.heights, GRID, jnp.asarray(velocity)
-    )
+    geometric = observables.friction(s.pressure, surface.heights, GRID, jnp.asarray(velocity))
     assert force > 0
     np.testing.assert_allclose(mu, force / load, rtol=1e-10)
     np.testing.assert_allclose(geometric, force / load, rtol=1e-9)
