@@ -25,7 +25,12 @@ def as_float(value: Any) -> Float[Array, "..."]:
     """
     if isinstance(value, str) or value is None:
         raise ValueError(f"A number or an array of numbers is needed, got {value!r}.")
-    array = jnp.asarray(value)
+    try:
+        array = jnp.asarray(value)
+    except TypeError:
+        raise ValueError(
+            f"A number or an array of numbers is needed, got a {type(value).__name__}."
+        ) from None
     if jnp.issubdtype(array.dtype, jnp.complexfloating):
         raise ValueError(f"A real number is needed, got the complex {value}.")
     dtype = array.dtype if jnp.issubdtype(array.dtype, jnp.floating) else jnp.result_type(float)

@@ -33,8 +33,10 @@ Output = Annotated[
 # Column heads and formats of the table, by the name of the quantity.
 _COLUMNS = {
     "friction": ("friction", "#.4g"),
+    "geometric_friction": ("friction\n(geometric)", "#.4g"),
     "contact_area": ("area\n(pixels)", ".5f"),
     "contact_area_corrected": ("area\n(corrected)", ".5f"),
+    "contact_area_smooth": ("area\n(sub-pixel)", ".5f"),
     "mean_gap": ("mean gap\n[m]", ".3e"),
     "num_fft_pairs": ("FFT\npairs", ".1f"),
     "error": ("error", ".1e"),
@@ -182,7 +184,7 @@ def _print_table(results: "Results") -> None:
         table.add_row(f"{results.velocity[j]:.3e}", load, *cells, mark)
     console = Console()
     # A narrower screen wraps the lines; it must not cut the numbers.
-    console.width = max(console.width, 110)
+    console.width = max(console.width, 130)
     console.print(table)
     failed = np.argwhere(~results.converged)
     if len(failed):

@@ -78,7 +78,7 @@ def plot_sweep(results: Results) -> "Figure":
     figure = _figure(8.6, 3.7)
     panels = [
         ("friction coefficient", results.friction),
-        ("contact area / nominal area", results.contact_area_smooth),
+        ("contact area / nominal area\n(sub-pixel)", results.contact_area_smooth),
     ]
     velocity = results.velocity
     order = np.argsort(velocity, kind="stable")

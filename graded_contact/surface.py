@@ -72,6 +72,8 @@ def random_surface(
     """
     if amplitudes not in ("exact", "gaussian"):
         raise ValueError(f"`amplitudes={amplitudes!r}` is refused: use 'exact' or 'gaussian'.")
+    if isinstance(key, int | np.integer):
+        raise ValueError(f"`key={key}` must be a random key: `jax.random.key({key})`.")
     _check_band(spectrum, grid)
     return Surface(_synthesise(spectrum, grid, key, amplitudes == "gaussian"), grid)
 

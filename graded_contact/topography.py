@@ -76,6 +76,13 @@ def read_surface(
         heights = factor * np.ma.filled(np.ma.asarray(scan.heights(), float), np.nan)
     points, lengths = " x ".join(map(str, heights.shape)), " x ".join(f"{s:.4g}" for s in known)
     source = f"Read {points} points of {lengths} m from channel {info.name!r} of {path.name}."
+    if min(heights.shape) > 0:
+        pixel = np.asarray(known) / np.array(heights.shape)
+        if np.max(pixel) > 1.05 * np.min(pixel):
+            warned.append(
+                f"Its pixels of {pixel[0]:.3g} m by {pixel[-1]:.3g} m are not square: if the file "
+                "was cut short, its heights are stretched."
+            )
     options = {"periodic": periodic, "shape": shape, "fill": fill, "rim": rim}
     try:
         return surface_from_heights(heights, known, **options, history=(source, *warned))

@@ -280,3 +280,22 @@ def test_unfinished_solve_is_not_passed_as_converged():
     s = gc.slide(coated(), SURFACE, pressure=4e5, velocity=0.1, solver=hasty, throw=False)
     assert s.result == gc.RESULTS.max_steps_reached
     assert np.isfinite(s.friction)
+
+
+def test_values_that_only_tracing_hides_do_not_pass_as_solved():
+    """Under `jit` the door cannot see them; the result must."""
+    pressed = jax.jit(
+        lambda p: gc.slide(coated(), SURFACE, pressure=p, velocity=0.1, throw=False).result
+    )
+    assert pressed(-4e5) == gc.RESULTS.bad_pressure
+    layered = jax.jit(
+        lambda d: gc.slide(coated(d), SURFACE, pressure=4e5, velocity=0.1, throw=False).result
+    )
+    assert layered(-1e-4) == gc.RESULTS.not_finite
+    assert layered(1e-4) == gc.RESULTS.successful
+
+
+def test_table_that_does_not_cover_the_sliding_frequencies_is_refused_with_both_ranges():
+    table = gc.Tabulated([1.0, 10.0], [1e6 + 1e5j, 2e6 + 3e5j])
+    with pytest.raises(ValueError, match=r"from 62\.8 to .* the table of moduli covers 1 to 10"):
+        gc.slide(gc.Stack(base=gc.HalfSpace(table)), SURFACE, pressure=1e5, velocity=0.1)

@@ -115,7 +115,8 @@ def contact_area_smooth(
     is interpolated linearly on the four triangles of each pixel, and the area where it is
     positive is summed exactly. A point joins the contact with σ = u = 0, so the field and the
     area never jump. On a grid the contour lies 0.14 pixels outside a straight edge of contact;
-    that much of its length is taken off.
+    that much of its length is taken off. Where it differs much from the pixel count, the grid does
+    not resolve the contact.
     """
     half_nyquist = (pressure.shape[0] // 4,) + (0,) * (pressure.ndim - 1)
     stiffness = 1 / jnp.abs(kernel[half_nyquist])
@@ -130,7 +131,8 @@ def contact_area_smooth(
     for a, b in pairwise(ring):
         area, length = _triangle(a, b, centre)
         total = total + jnp.mean(area - _CONTOUR_OFFSET * length)
-    return total
+    # A contact of a few pixels is smaller than its own correction.
+    return jnp.maximum(total, 0)
 
 
 def _positive_part_of_segment(a, b):

@@ -35,9 +35,11 @@ class RESULTS(eqx.Enumeration):
         "get the partial result."
     )
     not_finite = (
-        "The contact solver met a value that is not finite. Check the kernel, the heights and "
-        "the pressure; in float32, enable `jax_enable_x64`."
+        "The contact solver met a value that is not finite. Check the kernel (a negative "
+        "thickness or modulus under `jit` ends here), the heights and the pressure; in float32, "
+        "enable `jax_enable_x64`."
     )
+    bad_pressure = "The mean pressure is not positive, so there is no contact to solve."
 
 
 class ContactSolution(eqx.Module):
@@ -152,6 +154,8 @@ def _solve_contact(kernel, heights, load, law, solver, rtol, start) -> ContactSo
         RESULTS.where(error <= rtol, RESULTS.successful, RESULTS.max_steps_reached),
         RESULTS.not_finite,
     )
+    # At the door the value is unknown if the pressure is traced.
+    result = RESULTS.where(load > 0, result, RESULTS.bad_pressure)
     return ContactSolution(
         pressure=pressure,
         displacement=displacement,

@@ -14,9 +14,10 @@ from jaxtyping import Array, Inexact
 
 from .._checks import Numbers, as_float, check_values
 from ..grid import Grid, nyquist_lines
+from ..rheology.tabulated import Tabulated
 from .compliance import surface_compliance_unchecked
 from .grading import check_profiles
-from .stack import Stack
+from .stack import Stack, materials_of
 
 _BLOCK_ROWS = 32
 
@@ -43,7 +44,11 @@ def stack_kernel(stack: Stack, grid: Grid, velocity: Numbers = 0.0) -> Inexact[A
     check_values("velocity", velocity, "a velocity [m/s] must be finite")
     along = velocity if velocity.ndim == 0 else jnp.sqrt(jnp.sum(velocity**2))
     lowest, highest = _wavenumbers(grid, 0, np.array([1, grid.shape[0] // 2]))
-    check_profiles(stack, along * jnp.stack([jnp.zeros_like(lowest), lowest, highest]))
+    omega = along * jnp.stack([jnp.zeros_like(lowest), lowest, highest])
+    check_profiles(stack, omega)
+    for material in materials_of(stack):
+        if isinstance(material, Tabulated):
+            material.modulus(omega)  # refuses what its table does not cover
     return _stack_kernel(stack, grid, velocity)
 
 

@@ -37,6 +37,9 @@ def compliance_of_layers(q, thickness, modulus, poisson, base) -> Array:
     moduli = [*(() if supported else base[:1]), *jax.tree.leaves(modulus)]
     largest = [jnp.max(jnp.abs(e)) for e in moduli if e.size]
     unit = jax.lax.stop_gradient(jnp.max(jnp.array(largest)))
+    # At the door the value is unknown if a thickness is traced: no number may come of it then.
+    for d in jax.tree.leaves(thickness):
+        unit = jnp.where(jnp.all(d >= 0), unit, jnp.nan)
     if not supported:
         base = (_plane_strain(base[0] / unit, base[1]), 1 - 2 * base[1])
     if len(thickness) <= _UNROLLED_LAYERS:

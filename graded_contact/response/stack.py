@@ -19,6 +19,8 @@ def _as_material(material: Any) -> AbstractMaterial:
 
 
 def _as_layers(layers: Any) -> "tuple[Layer | GradedLayer, ...]":
+    if isinstance(layers, Layer | GradedLayer):
+        raise ValueError("`layers` is a single layer: write `layers=(layer,)`.")
     for i, layer in enumerate(layers):
         if not isinstance(layer, Layer | GradedLayer):
             raise ValueError(f"`layers[{i}]={layer!r}` must be a `Layer` or a `GradedLayer`.")
@@ -135,6 +137,14 @@ class Stack(eqx.Module):
             if isinstance(self.base, HalfSpace)
             else self.base,
         )
+
+
+def materials_of(stack: Stack) -> list[AbstractMaterial]:
+    """Returns the materials of homogeneous layers, surface first, and of the base."""
+    materials = [layer.material for layer in stack.layers if isinstance(layer, Layer)]
+    if isinstance(stack.base, HalfSpace):
+        materials.append(stack.base.material)
+    return materials
 
 
 def _layer_at(layer, temperature):

@@ -80,7 +80,9 @@ class Tabulated(AbstractMaterial):
         size = jnp.abs(omega)
         if self.extrapolate == "refuse":
             # A shifted table may miss its own ends by rounding.
-            slack = 64 * jnp.finfo(self.omega.dtype).eps
+            slack = 64 * float(jnp.finfo(self.omega.dtype).eps)
+            if is_concrete(size) and is_concrete(self.omega):
+                self._check_covered(np.asarray(size), slack)
             outside = (size > 0) & ((size < first * (1 - slack)) | (size > last * (1 + slack)))
             size = eqx.error_if(
                 size,
@@ -95,6 +97,16 @@ class Tabulated(AbstractMaterial):
         beyond = jnp.where(size > last, size, last)
         decay = jnp.where(size < first, size / first, last / beyond)
         return jax.lax.complex(storage, jnp.sign(omega) * loss * decay)
+
+    def _check_covered(self, size: np.ndarray, slack: float) -> None:
+        low, high = float(self.omega[0]), float(self.omega[-1])
+        excited = size[size > 0]
+        if np.any(excited < low * (1 - slack)) or np.any(excited > high * (1 + slack)):
+            raise ValueError(
+                f"`omega` from {np.min(excited):.3g} to {np.max(excited):.3g} rad/s is refused: "
+                f"the table of moduli covers {low:.3g} to {high:.3g} rad/s. Use a table that "
+                "covers it, or `Tabulated(..., extrapolate='plateau')`."
+            )
 
     def poisson_ratio(self, omega: Numbers) -> Float[Array, ""]:
         return self.poisson

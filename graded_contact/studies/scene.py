@@ -34,7 +34,7 @@ from .._checks import as_float, check_positive, check_tolerance, check_values
 from ..contact.douglas_rachford import DouglasRachford
 from ..contact.problem import RESULTS
 from ..grid import Grid, wavevector
-from ..response.stack import Free, HalfSpace, Layer, Rigid, Stack
+from ..response.stack import Free, HalfSpace, Layer, Rigid, Stack, materials_of
 from ..rheology.library import tyre_tread
 from ..rheology.material import AbstractMaterial, Elastic, Prony
 from ..rheology.shift import WLF, Arrhenius
@@ -159,7 +159,9 @@ def parse_scene(text: str, folder: str | os.PathLike = ".") -> Scene:
         check_positive("pressure", pressure, "[Pa]")
         check_values("velocity", velocity, "a velocity [m/s] must be finite")
         direction = load.number("direction", 0.0)
-        check_values("direction", direction, "an angle [rad] must be finite")
+        full = 2 * np.pi
+        reason = "an angle [rad] lies between -2π and 2π"
+        check_values("direction", direction, reason, at_least=-full, at_most=full)
     rtol = solver.number("rtol", 1e-6)
     with within(solver.place):
         check_tolerance("rtol", rtol, as_float(pressure))
@@ -285,9 +287,7 @@ def _attributes(scene: Scene, surface: Surface, error: np.ndarray, message: np.n
 
 def _check_frequencies(stack: Stack, grid: Grid, velocity: np.ndarray, direction: float) -> None:
     """Refuses, before the first solve, frequencies that a table of moduli does not cover."""
-    parts = [layer.material for layer in stack.layers if isinstance(layer, Layer)]
-    if isinstance(stack.base, HalfSpace):
-        parts.append(stack.base.material)
+    parts = materials_of(stack)
     along = np.atleast_1d(_vector(1.0, direction))
     components = (np.asarray(q) for q in wavevector(grid))
     parts_of_rate = (q * part for q, part in zip(components, along, strict=False))

@@ -56,3 +56,8 @@ def test_temperature_reaches_every_material():
     np.testing.assert_allclose(cold.layers[0].material.times, expected, rtol=1e-15)
     np.testing.assert_allclose(cold.base.material.times, expected, rtol=1e-15)
     assert cold.layers[1].material.young == STEEL.young
+
+
+def test_a_single_layer_is_not_a_sequence_of_layers():
+    with pytest.raises(ValueError, match=r"write `layers=\(layer,\)`"):
+        gc.Stack(layers=gc.Layer(STEEL, 1e-6), base=gc.Rigid())
