@@ -184,7 +184,7 @@ def _print_table(results: "Results") -> None:
         table.add_row(f"{results.velocity[j]:.3e}", load, *cells, mark)
     console = Console()
     # A narrower screen wraps the lines; it must not cut the numbers.
-    console.width = max(console.width, 130)
+    console.width = max(console.width, 150)
     console.print(table)
     failed = np.argwhere(~results.converged)
     if len(failed):
