@@ -25,7 +25,7 @@ import numpy as np
 from jaxtyping import Array, Float, Inexact
 
 from .._checks import Numbers, as_float, check_positive, is_concrete
-from ..rheology.material import AbstractMaterial
+from ..rheology.material import AbstractMaterial, as_material
 from .shape import AbstractShape, Linear, breaks_of
 
 
@@ -43,14 +43,6 @@ class AbstractProfile(eqx.Module):
         """Returns the profile with its materials at another temperature [K]."""
 
 
-def _as_material(material: Any) -> AbstractMaterial:
-    if not isinstance(material, AbstractMaterial):
-        raise ValueError(
-            f"A profile needs materials, such as `Elastic(modulus, poisson)`, got {material!r}."
-        )
-    return material
-
-
 class Blend(AbstractProfile):
     """One material passing into another: E from E_bottom(ω) and E_top(ω), by φ(s).
 
@@ -66,8 +58,8 @@ class Blend(AbstractProfile):
     - `mixing`: "linear" or "logarithmic". Static.
     """
 
-    bottom: AbstractMaterial = eqx.field(converter=_as_material)
-    top: AbstractMaterial = eqx.field(converter=_as_material)
+    bottom: AbstractMaterial = eqx.field(converter=as_material)
+    top: AbstractMaterial = eqx.field(converter=as_material)
     shape: AbstractShape = Linear()
     mixing: Literal["linear", "logarithmic"] = eqx.field(static=True, default="linear")
 

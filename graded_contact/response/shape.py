@@ -14,7 +14,7 @@ import numpy as np
 from jaxtyping import Array, Float
 
 from .._checks import as_float, check_positive, check_values, is_concrete
-from ..rheology.tabulated import _monotone_cubic
+from ..rheology.tabulated import monotone_cubic
 
 
 class AbstractShape(eqx.Module):
@@ -148,7 +148,7 @@ class Table(AbstractShape):
         return self.heights[1:-1]
 
     def __call__(self, s: Float[Array, "..."]) -> Float[Array, "..."]:
-        return _monotone_cubic(self.heights, self.values, s)
+        return monotone_cubic(self.heights, self.values, s)
 
 
 def breaks_of(profile: Any) -> Float[Array, " inner"]:

@@ -7,15 +7,7 @@ import jax
 from jaxtyping import Array, Float
 
 from .._checks import Numbers, as_float, check_values
-from ..rheology.material import AbstractMaterial
-
-
-def _as_material(material: Any) -> AbstractMaterial:
-    if not isinstance(material, AbstractMaterial):
-        raise ValueError(
-            f"`material={material!r}` must be a material, such as `Elastic(modulus, poisson)`."
-        )
-    return material
+from ..rheology.material import AbstractMaterial, as_material
 
 
 def _as_layers(layers: Any) -> "tuple[Layer | GradedLayer, ...]":
@@ -52,7 +44,7 @@ class Layer(eqx.Module):
     - `thickness`: d [m]. Zero is allowed, and is no layer.
     """
 
-    material: AbstractMaterial = eqx.field(converter=_as_material)
+    material: AbstractMaterial = eqx.field(converter=as_material)
     thickness: Float[Array, ""] = eqx.field(converter=as_float)
 
     def __check_init__(self):
@@ -94,7 +86,7 @@ class HalfSpace(eqx.Module):
     - `material`: what it is made of.
     """
 
-    material: AbstractMaterial = eqx.field(converter=_as_material)
+    material: AbstractMaterial = eqx.field(converter=as_material)
 
 
 class Rigid(eqx.Module):

@@ -40,6 +40,15 @@ class AbstractMaterial(eqx.Module):
         """Returns the material at another temperature [K]."""
 
 
+def as_material(value: Any) -> AbstractMaterial:
+    """Returns `value`, or raises `ValueError` if it is no material."""
+    if not isinstance(value, AbstractMaterial):
+        raise ValueError(
+            f"`material={value!r}` must be a material, such as `Elastic(modulus, poisson)`."
+        )
+    return value
+
+
 class Elastic(AbstractMaterial):
     """A linear elastic solid.
 

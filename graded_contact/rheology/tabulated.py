@@ -92,8 +92,8 @@ class Tabulated(AbstractMaterial):
             )
         inside = jnp.log(jnp.clip(size, first, last))
         nodes = jnp.log(self.omega)
-        storage = jnp.exp(_monotone_cubic(nodes, jnp.log(self.storage), inside))
-        loss = jnp.exp(_monotone_cubic(nodes, jnp.log(self.loss), inside))
+        storage = jnp.exp(monotone_cubic(nodes, jnp.log(self.storage), inside))
+        loss = jnp.exp(monotone_cubic(nodes, jnp.log(self.loss), inside))
         beyond = jnp.where(size > last, size, last)
         decay = jnp.where(size < first, size / first, last / beyond)
         return jax.lax.complex(storage, jnp.sign(omega) * loss * decay)
@@ -120,7 +120,7 @@ class Tabulated(AbstractMaterial):
         )
 
 
-def _monotone_cubic(
+def monotone_cubic(
     nodes: Float[Array, " n"], values: Float[Array, " n"], x: Float[Array, "*w"]
 ) -> Float[Array, "*w"]:
     """Returns the Fritsch-Carlson monotone cubic interpolant at `x`, as SciPy's PCHIP.
