@@ -15,7 +15,7 @@ from .response.compliance import (
 )
 from .response.grading import Layering, Riccati, graded_compliance
 from .response.interior import interface_depths, interior_fields, stress_field, von_mises
-from .response.kernel import stack_kernel
+from .response.kernel import kernel_table, stack_kernel
 from .response.matrix import surface_compliance_matrix
 from .response.profile import Aged, Blend, Mixture
 from .response.shape import ErrorFunction, Exponential, Linear, PowerLaw, Sinusoidal
@@ -66,6 +66,7 @@ __all__ = [
     "graded_compliance",
     "interface_depths",
     "interior_fields",
+    "kernel_table",
     "layered_compliance",
     "radial_spectrum",
     "random_surface",

@@ -9,15 +9,17 @@ equilibrium.)
 """
 
 from functools import partial
+from typing import NamedTuple
 
 import jax
 import jax.numpy as jnp
-from jax import Array
-from jaxtyping import Inexact
+import numpy as np
+from jaxtyping import Array, Float, Inexact
 
 from .._checks import Numbers, as_float, check_poisson, check_positive, check_values, is_concrete
+from ..rheology.material import AbstractMaterial
 from .grading import Layering, check_profiles, graded_tolerance, solve_graded
-from .recursion import compliance_of_layers
+from .recursion import UNROLLED_LAYERS, compliance_of_layers
 from .stack import Free, GradedLayer, HalfSpace, Rigid, Stack
 
 
@@ -84,7 +86,7 @@ def surface_compliance(
     check_positive("q", q, "[rad/m]")
     check_values("omega", omega, "frequencies [rad/s] must be finite")
     check_profiles(stack, omega)
-    rtol = graded_tolerance(rtol, q) if _is_graded(stack) else None
+    rtol = graded_tolerance(rtol, q) if is_graded(stack) else None
     return surface_compliance_unchecked(stack, *_same_rank(q, omega), rtol)
 
 
@@ -102,25 +104,75 @@ def effective_modulus(
 @partial(jax.jit, static_argnames="rtol")
 def surface_compliance_unchecked(stack, q, omega, rtol=None):
     """`q` and `omega` of equal rank: a modulus is computed once per entry of `omega`."""
-    if _is_graded(stack):
+    return compliance_of(prepared(stack), q, omega, rtol)
+
+
+def compliance_of(stack, q, omega, rtol=None, *, attempt=False):
+    """As `surface_compliance_unchecked`, of a `prepared` stack.
+
+    An `attempt` at a graded stack is quick, and returns what it found whatever its error.
+    """
+    if isinstance(stack, ManyLayers):
+        thickness = stack.thickness
+        modulus, poisson = stack.moduli(omega)
+    elif is_graded(stack):
         rtol = graded_tolerance(rtol, q)
-        return solve_graded(stack, q, omega, Layering(), rtol, True).value
-    layers = [
-        (layer.material.modulus(omega), layer.material.poisson_ratio(omega))
-        for layer in stack.layers
-    ]
-    thickness = [layer.thickness for layer in stack.layers]
+        solver = Layering(retry=not attempt)
+        return solve_graded(stack, q, omega, solver, rtol, throw=not attempt).value
+    else:
+        thickness = [layer.thickness for layer in stack.layers]
+        modulus = [layer.material.modulus(omega) for layer in stack.layers]
+        poisson = [layer.material.poisson_ratio(omega) for layer in stack.layers]
     base = stack.base
     if isinstance(base, HalfSpace):
         base = (base.material.modulus(omega), base.material.poisson_ratio(omega))
-    shape = jnp.broadcast_shapes(q.shape, omega.shape)
-    compliance = compliance_of_layers(
-        q, thickness, [m for m, _ in layers], [p for _, p in layers], base
+    compliance = compliance_of_layers(q, thickness, modulus, poisson, base)
+    return jnp.broadcast_to(compliance, jnp.broadcast_shapes(q.shape, omega.shape))
+
+
+class ManyLayers(NamedTuple):
+    """A long stack: materials of one kind in one, so that compilation does not grow with them."""
+
+    thickness: Float[Array, " n"]
+    kinds: list[AbstractMaterial]  # their leaves have the materials along a first axis
+    order: np.ndarray  # takes the layers from kind after kind to their places
+    base: HalfSpace | Rigid | Free
+
+    def moduli(self, omega: Float[Array, "..."]) -> tuple[Array, Array]:
+        """E and ν at `omega`, with the layers along a first axis."""
+        found = [
+            jax.vmap(lambda m: (m.modulus(omega), m.poisson_ratio(omega)))(kind)
+            for kind in self.kinds
+        ]
+        modulus = [e for e, _ in found]
+        poisson = [nu.reshape(nu.shape + (1,) * (e.ndim - nu.ndim)) for e, nu in found]
+        shape = jnp.broadcast_shapes(*[nu.shape[1:] for nu in poisson])
+        poisson = [jnp.broadcast_to(nu, (len(nu), *shape)) for nu in poisson]
+        return jnp.concatenate(modulus)[self.order], jnp.concatenate(poisson)[self.order]
+
+
+def prepared(stack: Stack) -> Stack | ManyLayers:
+    """Returns a stack in the form in which it is solved often."""
+    if is_graded(stack) or len(stack.layers) <= UNROLLED_LAYERS:
+        return stack
+    kinds = {}
+    for i, layer in enumerate(stack.layers):
+        leaves, structure = jax.tree.flatten(layer.material)
+        kinds.setdefault((structure, *[jnp.shape(leaf) for leaf in leaves]), []).append(i)
+    return ManyLayers(
+        jnp.stack([layer.thickness for layer in stack.layers]),
+        [
+            jax.tree.map(
+                lambda *leaves: jnp.stack(leaves), *[stack.layers[i].material for i in members]
+            )
+            for members in kinds.values()
+        ],
+        np.argsort(np.concatenate(list(kinds.values()))),
+        stack.base,
     )
-    return jnp.broadcast_to(compliance, shape)
 
 
-def _is_graded(stack: Stack) -> bool:
+def is_graded(stack: Stack) -> bool:
     return any(isinstance(layer, GradedLayer) for layer in stack.layers)
 
 

@@ -4,37 +4,89 @@ A surface moving with velocity v excites the wavevector q at ω = -q·v. What is
 often: moduli once per row of equal q_x (sliding along x makes ω depend on the row alone), the
 geometry in real arithmetic where Poisson's ratio is real, rows of -q_x by conjugation. Rows are
 taken in blocks that fit the cache, so that temporaries do not grow with the grid; derivatives
-recompute a block instead of storing it.
+recompute a block instead of storing it. Graded and long stacks are interpolated from a table of
+few wavevectors where that is less work (`table`).
 """
 
+from functools import partial
+
+import equinox as eqx
 import jax
 import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Inexact
 
-from .._checks import Numbers, as_float, check_values
+from .._checks import Numbers, as_float, check_values, is_concrete
 from ..grid import Grid, nyquist_lines
 from ..rheology.tabulated import Tabulated
-from .compliance import surface_compliance_unchecked
-from .grading import check_profiles
+from .compliance import compliance_of, is_graded, prepared
+from .grading import check_profiles, graded_tolerance
 from .stack import Stack, materials_of
+from .table import Table, tabulate
 
 _BLOCK_ROWS = 32
+# With so few layers, or points of the grid, direct evaluation is faster than a table.
+_FEW_LAYERS, _FEW_POINTS = 6, 192**2
 
 
-def stack_kernel(stack: Stack, grid: Grid, velocity: Numbers = 0.0) -> Inexact[Array, "*half"]:
+_TOO_SHARP = (
+    "The kernel varies too sharply for its table at this tolerance. Pass a larger `rtol`, or call "
+    "`stack_kernel` outside `jit`, `vmap` and derivatives, where it turns to direct evaluation."
+)
+
+
+def stack_kernel(
+    stack: Stack, grid: Grid, velocity: Numbers = 0.0, rtol: float | None = None
+) -> Inexact[Array, "*half"]:
     """Returns M_zz [m/Pa] of a stack on the half spectrum of a grid, for steady sliding.
+
+    Up to six homogeneous layers are evaluated at every wavevector, to rounding. Longer stacks
+    and graded layers are interpolated from a table on grids of some size if the velocity is
+    along x; `kernel_table` shows its cost and error. A table that misses `rtol` is replaced by
+    direct evaluation; under `jit`, where that cannot be decided, it is an error.
 
     **Arguments:**
 
     - `stack`: the block.
     - `grid`: the periodic cell.
     - `velocity`: of the rough surface over the block [m/s]: a number (along x) or `(vx, vy)`.
+    - `rtol`: relative tolerance of graded and long stacks; by default 1e-9, in float32 1e-4.
 
     **Returns:** the kernel, shape of the half spectrum. The q = 0 entry is 0 (the mean
     displacement belongs to the mean gap) and Nyquist lines hold the real part, the even one.
     It is real when every material is elastic.
+
+    **Raises:** `ValueError` for a refused argument; `RuntimeError` if `rtol` is not reached.
     """
+    velocity, rtol = _checked(stack, grid, velocity, rtol)
+    if _is_dear(stack, grid) and velocity.ndim == 0:
+        kernel, error = _interpolated_kernel(stack, grid, velocity, rtol)
+        if not is_concrete(error) or error <= rtol:
+            return eqx.error_if(kernel, ~(error <= rtol), _TOO_SHARP)
+    return _direct_kernel(stack, grid, velocity, rtol)
+
+
+def kernel_table(
+    stack: Stack, grid: Grid, velocity: Numbers = 0.0, rtol: float | None = None
+) -> Table:
+    """Returns the table of log(q M_zz) from which `stack_kernel` interpolates.
+
+    `.num_evaluations` counts the wavevectors at which the stack was solved and `.error` is the
+    estimated relative error of the kernel. Arguments as in `stack_kernel`; the grid must have
+    two dimensions and the velocity be along x.
+
+    **Raises:** `ValueError` for a refused argument.
+    """
+    velocity, rtol = _checked(stack, grid, velocity, rtol)
+    if grid.ndim == 1 or velocity.ndim == 1:
+        raise ValueError(
+            f"`grid` has shape {grid.shape} and `velocity` shape {velocity.shape}; a table is "
+            "made in two dimensions and for sliding along x."
+        )
+    return _kernel_table(stack, grid, velocity, rtol)
+
+
+def _checked(stack, grid, velocity, rtol):
     velocity = as_float(velocity)
     if velocity.shape not in ((), (2,)) or (velocity.shape == (2,) and grid.ndim == 1):
         raise ValueError(
@@ -49,36 +101,79 @@ def stack_kernel(stack: Stack, grid: Grid, velocity: Numbers = 0.0) -> Inexact[A
     for material in materials_of(stack):
         if isinstance(material, Tabulated):
             material.modulus(omega)  # refuses what its table does not cover
-    return _stack_kernel(stack, grid, velocity)
+    return velocity, graded_tolerance(rtol, grid.size)
 
 
-@jax.jit
-def _stack_kernel(stack, grid, velocity):
+def _is_dear(stack, grid):
+    many = is_graded(stack) or len(stack.layers) > _FEW_LAYERS
+    return many and grid.ndim == 2 and np.prod(grid.shape) > _FEW_POINTS
+
+
+@partial(jax.jit, static_argnames="rtol")
+def _direct_kernel(stack, grid, velocity, rtol):
+    stack = prepared(stack)
     if grid.ndim == 1:
         qx = _wavenumbers(grid, 0, np.arange(grid.shape[0] // 2 + 1))
-        return _rules(_compliance(stack, qx, jnp.zeros_like(qx), velocity), grid.shape)
-    # Sliding along x: rows of ±q_x are conjugates of each other.
-    mirrored = velocity.shape == ()
-    num_rows = grid.shape[0] // 2 + 1 if mirrored else grid.shape[0]
+        kernel = _compliance(stack, qx, jnp.zeros_like(qx), velocity, rtol)
+        return _rules(kernel, grid.shape)
     qy = _wavenumbers(grid, 1, np.arange(grid.shape[1] // 2 + 1))
 
-    @jax.checkpoint
-    def block(rows):
-        qx = _wavenumbers(grid, 0, rows)
-        return _compliance(stack, qx[:, None], qy[None, :], velocity)
+    def rows(index):
+        qx = _wavenumbers(grid, 0, index)
+        return _compliance(stack, qx[:, None], qy[None, :], velocity, rtol)
 
+    if velocity.shape == ():
+        return _mirrored(rows, grid.shape)
+    return _rules(_in_blocks(rows, grid.shape[0]), grid.shape)
+
+
+@partial(jax.jit, static_argnames="rtol")
+def _interpolated_kernel(stack, grid, velocity, rtol):
+    """The kernel by its table, and the error of that."""
+    table = _kernel_table(stack, grid, velocity, rtol)
+    numbers = np.arange(grid.shape[1] // 2 + 1)
+    qy, columns = _wavenumbers(grid, 1, numbers), table.along_y(numbers)
+
+    def rows(index):
+        qx = _wavenumbers(grid, 0, index)
+        return jnp.exp(table.along_x(index, columns)) / _magnitude(qx[:, None], qy[None, :])
+
+    return _mirrored(rows, grid.shape), table.error
+
+
+@partial(jax.jit, static_argnames="rtol")
+def _kernel_table(stack, grid, velocity, rtol):
+    stack, lowest = prepared(stack), 2 * np.pi / grid.size
+    # The nodes are solved more closely than they are interpolated.
+    closer = max(rtol / 4, 400 * float(np.finfo(grid.size.dtype).eps))
+
+    def logarithm(kx, ky, attempt=False):
+        qx, qy = kx * lowest[0], ky * lowest[1]
+        compliance = _compliance(stack, qx, qy, velocity, closer, attempt=attempt)
+        return jnp.log(compliance * _magnitude(qx, qy))
+
+    highest = (grid.shape[0] // 2, grid.shape[1] // 2)
+    return tabulate(logarithm, partial(logarithm, attempt=True), highest, rtol, grid.size.dtype)
+
+
+def _mirrored(rows_of, shape):
+    """The kernel of sliding along x: rows of ±q_x are conjugates of each other."""
+    num_rows = shape[0] // 2 + 1
+    kernel = _in_blocks(rows_of, num_rows)
+    others = kernel[1 : shape[0] - num_rows + 1][::-1]
+    return _rules(jnp.concatenate([kernel, jnp.conj(others)]), shape)
+
+
+def _in_blocks(rows_of, num_rows):
+    """All rows of the kernel, computed a block at a time."""
+    block = jax.checkpoint(rows_of)
     if num_rows <= 2 * _BLOCK_ROWS:
-        kernel = block(np.arange(num_rows))
-    else:
-        num_blocks = -(-num_rows // _BLOCK_ROWS)
-        rows = np.arange(num_blocks * _BLOCK_ROWS).reshape(num_blocks, _BLOCK_ROWS)
-        # The last block repeats its last row instead of running over the grid.
-        kernel = jax.lax.map(block, np.minimum(rows, num_rows - 1))
-        kernel = kernel.reshape(-1, kernel.shape[-1])[:num_rows]
-    if mirrored:
-        others = kernel[1 : grid.shape[0] - num_rows + 1][::-1]
-        kernel = jnp.concatenate([kernel, jnp.conj(others)])
-    return _rules(kernel, grid.shape)
+        return block(np.arange(num_rows))
+    num_blocks = -(-num_rows // _BLOCK_ROWS)
+    rows = np.arange(num_blocks * _BLOCK_ROWS).reshape(num_blocks, _BLOCK_ROWS)
+    # The last block repeats its last row instead of running over the grid.
+    kernel = jax.lax.map(block, np.minimum(rows, num_rows - 1))
+    return kernel.reshape(-1, kernel.shape[-1])[:num_rows]
 
 
 def _wavenumbers(grid, axis, index):
@@ -88,13 +183,17 @@ def _wavenumbers(grid, axis, index):
     return (2 * np.pi / grid.size[axis]) * k.astype(grid.size.dtype)
 
 
-def _compliance(stack, qx, qy, velocity):
-    """M_zz of broadcast components; q = 0 takes a wavenumber at which everything is finite."""
+def _magnitude(qx, qy):
+    """|q| of broadcast components; q = 0 takes a wavenumber at which everything is finite."""
     squared = qx**2 + qy**2
-    q = jnp.sqrt(jnp.where(squared == 0, 1, squared))
+    return jnp.sqrt(jnp.where(squared == 0, 1, squared))
+
+
+def _compliance(stack, qx, qy, velocity, rtol, *, attempt=False):
+    q = _magnitude(qx, qy)
     # For sliding along x the frequency keeps the shape of qx: one modulus per row.
     omega = -qx * velocity if velocity.ndim == 0 else -(qx * velocity[0] + qy * velocity[1])
-    return surface_compliance_unchecked(stack, q, omega)
+    return compliance_of(stack, q, omega, rtol, attempt=attempt)
 
 
 def _rules(kernel, shape):

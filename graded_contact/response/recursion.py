@@ -22,7 +22,7 @@ from .slab import clamped, factors, free, half_space, push_down, stack_on
 from .stack import Free, Rigid
 
 # Unrolled layers run faster and scanned ones compile faster; they cross here.
-_UNROLLED_LAYERS = 4
+UNROLLED_LAYERS = 4
 
 
 @jax.jit
@@ -42,7 +42,7 @@ def compliance_of_layers(q, thickness, modulus, poisson, base) -> Array:
         unit = jnp.where(jnp.all(d >= 0), unit, jnp.nan)
     if not supported:
         base = (_plane_strain(base[0] / unit, base[1]), 1 - 2 * base[1])
-    if len(thickness) <= _UNROLLED_LAYERS:
+    if len(thickness) <= UNROLLED_LAYERS:
         parts = zip(thickness, modulus, poisson, strict=True)
         layers = tuple((d, _plane_strain(e / unit, nu), 1 - 2 * nu) for d, e, nu in parts)
         value = _unrolled(q, layers, base)

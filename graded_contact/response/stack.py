@@ -13,10 +13,11 @@ from ..rheology.material import AbstractMaterial, as_material
 def _as_layers(layers: Any) -> "tuple[Layer | GradedLayer, ...]":
     if isinstance(layers, Layer | GradedLayer):
         raise ValueError("`layers` is a single layer: write `layers=(layer,)`.")
+    layers = tuple(layers)
     for i, layer in enumerate(layers):
         if not isinstance(layer, Layer | GradedLayer):
             raise ValueError(f"`layers[{i}]={layer!r}` must be a `Layer` or a `GradedLayer`.")
-    return tuple(layers)
+    return layers
 
 
 def _as_profile(profile: Any) -> Any:
