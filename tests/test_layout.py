@@ -9,14 +9,15 @@ PACKAGE = Path(__file__).parents[1] / "graded_contact"
 ORDER = [
     "_checks", "grid", "spectrum", "surface", "topography",
     "rheology/shift", "rheology/creep", "rheology/material", "rheology/tabulated",
-    "rheology/library", "rheology/fit",
+    "rheology/library", "rheology/export", "rheology/files/quantities", "rheology/files/cells",
+    "rheology/files/layout", "rheology/files/points", "rheology/reading", "rheology/fit",
     "response/shape", "response/profile", "response/stack", "response/slab", "response/recursion",
     "response/mesh", "response/riccati", "response/grading", "response/compliance",
-    "response/kernel",
+    "response/table", "response/kernel",
     "response/matrix", "response/interior",
     "contact/law", "contact/implicit", "contact/douglas_rachford", "contact/rmd",
     "contact/problem", "contact/observables", "sliding", "persson",
-    "studies/design", "studies/storage", "studies/moduli_file", "studies/table",
+    "studies/design", "studies/storage", "studies/table",
     "studies/scene", "studies/sweep",
     "reference", "plot", "cli",
 ]  # fmt: skip

@@ -35,21 +35,22 @@ from ..contact.douglas_rachford import DouglasRachford
 from ..contact.problem import RESULTS
 from ..grid import Grid, wavevector
 from ..response.stack import Free, HalfSpace, Layer, Rigid, Stack, materials_of
+from ..rheology.files.quantities import DIMENSIONS, UNITS
 from ..rheology.library import tyre_tread
 from ..rheology.material import AbstractMaterial, Elastic, Prony
+from ..rheology.reading import read_moduli
 from ..rheology.shift import WLF, Arrhenius
 from ..rheology.tabulated import Tabulated
 from ..sliding import slide
 from ..spectrum import SelfAffine
 from ..surface import Surface, random_surface, rescale
 from ..topography import read_surface
-from .moduli_file import read_moduli
 from .storage import FIELDS, OBSERVABLES, Fields, Results, package_versions
 from .table import Table, nearest, within
 
 READ_ARGUMENTS = ("periodic", "shape", "size", "unit", "fill", "rim", "channel")
 SPECTRUM_FIELDS = ("rms_height", "rms_slope", "hurst", "q_low", "q_roll", "q_high")
-TABLE_ARGUMENTS = ("columns", "frequency_unit", "modulus_unit")
+TABLE_ARGUMENTS = ("columns", "units", "deformation", "sheet")
 SOLVER_FIELDS = tuple(field.name for field in dataclasses.fields(DouglasRachford))
 
 # The keys of every table; those that have a `kind` list them by kind.
@@ -352,12 +353,18 @@ def _material(table: Table, kind: str, folder: Path) -> AbstractMaterial:
             poisson=poisson,
             shift=shift,
         )
-    omega, modulus = read_moduli(
+    place = table.place[:-1]
+    columns = Table(f"{place}.columns]", table.get("columns", {}), DIMENSIONS)
+    units = Table(f"{place}.units]", table.get("units", {}), UNITS)
+    measured = read_moduli(
         folder / table.text("path"),
-        columns=table.texts("columns", None),
-        frequency_unit=table.text("frequency_unit", None),
-        modulus_unit=table.text("modulus_unit", None),
+        columns=columns.content,
+        units=units.content,
+        deformation=table.text("deformation", None),
+        sheet=table.text("sheet", None),
+        poisson=poisson,
     )
+    omega, modulus = measured.table()
     extrapolate = table.choice("extrapolate", ("refuse", "plateau"), "refuse")
     return Tabulated(omega, modulus, poisson, shift=shift, extrapolate=extrapolate)
 

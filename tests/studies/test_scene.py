@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 import graded_contact as gc
-from graded_contact.studies.moduli_file import read_moduli
+from graded_contact.rheology.reading import read_moduli
 from graded_contact.studies.scene import build_surface, parse_scene, read_scene, run_scene
 
 DATA = Path(__file__).parents[3] / "shared" / "data"
@@ -281,44 +281,6 @@ def write(folder, text):
     return folder / "table.csv"
 
 
-def test_a_table_is_converted_and_sorted(tmp_path):
-    omega, modulus = read_moduli(write(tmp_path, TABLE))
-    np.testing.assert_allclose(omega, 2 * np.pi * np.array([0.1, 1, 10]), rtol=1e-15)
-    np.testing.assert_allclose(modulus, [1e6 + 2e5j, 2e6 + 3e5j, 3e6 + 4e5j], rtol=1e-15)
-
-
-def test_columns_and_units_can_be_told(tmp_path):
-    path = write(tmp_path, "T loss omega storage\n20 4 10 30\n20 5 11 31\n")
-    omega, modulus = read_moduli(
-        path, columns=("omega", "storage", "loss"), frequency_unit="rad/s", modulus_unit="kPa"
-    )
-    np.testing.assert_allclose(omega, [10, 11])
-    np.testing.assert_allclose(modulus, [30e3 + 4e3j, 31e3 + 5e3j])
-
-
-@pytest.mark.parametrize(
-    "old, new, options, expected",
-    [
-        ("Hz, MPa, MPa\n", "", {}, "no line of units: give `frequency_unit`"),
-        ("Hz, MPa, MPa", "Hz, psi, psi", {}, "unit 'psi'"),
-        ("Hz, MPa, MPa", "Hz, MPa, Pa", {}, "different units"),
-        ("Hz", "Hz", {"frequency_unit": "rad/s"}, "tells 'Hz'"),
-        ("1, 2, 0.3", "1, 2", {}, "line 7: 2 entries"),
-        ("1, 2, 0.3", "1, 2, ?", {}, "line 7: E_loss = '\\?'"),
-        ("1, 2, 0.3", "1, 2, -0.3", {}, "line 7: E_loss = '-0.3'"),
-        ("1, 2, 0.3", "10, 2, 0.3", {}, "lines 3 and 7: the same frequency 10"),
-        ("f, E_stor, E_loss\nHz, MPa, MPa\n", "", {}, "names of the columns"),
-        ("f,", "f, g,", {}, "4 columns"),
-        ("f", "f", {"columns": ["f", "E", "E_loss"]}, "no column 'E'"),
-    ],
-)
-def test_a_bad_table_is_refused_by_file_and_line(tmp_path, old, new, options, expected):
-    path = write(tmp_path, TABLE.replace(old, new))
-    with pytest.raises(ValueError, match=expected) as refusal:
-        read_moduli(path, **options)
-    assert "table.csv" in str(refusal.value)
-
-
 def tabulated(extrapolate: str) -> str:
     return changed(
         'kind = "elastic"\nmodulus = 2e7',
@@ -327,12 +289,36 @@ def tabulated(extrapolate: str) -> str:
 
 
 def test_a_table_makes_a_material_with_its_path_beside_the_scene(tmp_path):
-    omega, modulus = read_moduli(write(tmp_path, TABLE))
+    omega, modulus = read_moduli(write(tmp_path, TABLE)).table()
     scene = parse_scene(tabulated("plateau"), tmp_path)
     expected = gc.Tabulated(omega, modulus, 0.4, extrapolate="plateau")
     assert eqx.tree_equal(scene.stack.layers[0].material, expected)
     with pytest.raises(FileNotFoundError, match=r"\[materials.coat\].*elsewhere/table.csv"):
         parse_scene(tabulated("plateau"), tmp_path / "elsewhere")
+
+
+def test_columns_and_units_of_a_table_can_be_told(tmp_path):
+    write(tmp_path, "T;loss;omega;x\n20;4;10;30\n20;5;11;31\n")
+    text = tabulated("plateau") + (
+        '[materials.coat.columns]\nstorage = "x"\ntemperature = "T"\n'
+        '[materials.coat.units]\nmodulus = "kPa"\ntemperature = "C"\n'
+    )
+    material = parse_scene(text, tmp_path).stack.layers[0].material
+    np.testing.assert_allclose(material.omega, [10, 11])
+    np.testing.assert_allclose(material.storage, [30e3, 31e3])
+    for old, new, expected in (
+        ("storage =", "stor =", r"\[materials.coat.columns\] has no key `stor`.*`storage`"),
+        ('"kPa"', '"kpa "', r"`units=\{'modulus': 'kpa '\}` is refused"),
+        ('"x"', '"y"', r"table.csv`: line 1: `columns` asks for 'y'"),
+    ):
+        with pytest.raises(ValueError, match=expected):
+            parse_scene(text.replace(old, new), tmp_path)
+
+
+def test_a_table_of_several_temperatures_is_refused(tmp_path):
+    write(tmp_path, "f [Hz],E' [Pa],E'' [Pa],T [K]\n1,2,1,290\n2,3,1,290\n1,1,1,300\n2,2,1,300\n")
+    with pytest.raises(ValueError, match=r"\[materials.coat\].*holds 2 isotherm"):
+        parse_scene(tabulated("plateau"), tmp_path)
 
 
 def test_velocities_that_a_table_does_not_cover_are_refused_before_solving(tmp_path):

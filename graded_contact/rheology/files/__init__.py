@@ -1,0 +1,1 @@
+"""Reading files of measurements: cells, columns, units, points."""

@@ -1,0 +1,538 @@
+"""Files in many layouts are written here and read back; measured files lie beside the project."""
+
+import sys
+from pathlib import Path
+
+import numpy as np
+import pytest
+from hypothesis import HealthCheck, given, settings
+from hypothesis import strategies as st
+
+from graded_contact.rheology.files.quantities import parse_heading, parse_unit
+from graded_contact.rheology.reading import read_moduli
+from graded_contact.rheology.tabulated import Tabulated
+
+DATA = Path(__file__).parents[3] / "shared" / "data" / "rheology"
+
+HERTZ = np.array([0.1, 1.0, 10.0, 100.0])
+STORAGE = np.array([1.25e6, 2.5e6, 5.75e6, 2.5e7])
+LOSS = np.array([2.5e5, 7.5e5, 3.25e6, 1.5e7])
+MODULUS = STORAGE + 1j * LOSS
+OMEGA = 2 * np.pi * HERTZ
+PLAIN = "f, E', E''\nHz, MPa, MPa\n10, 3, 0.4\n\n# a note\n0.1, 1, 0.2\n1, 2, 0.3\n"
+
+
+def write(folder, content, name="table.csv", encoding="utf-8"):
+    path = folder / name
+    path.write_bytes(content if isinstance(content, bytes) else content.encode(encoding))
+    return path
+
+
+def written(folder, names, columns, separator=",", units=None, decimal=".", encoding="utf-8"):
+    """A file of columns of numbers, each with 17 digits."""
+    lines = [separator.join(names)] + ([separator.join(units)] if units else [])
+    for row in zip(*columns, strict=True):
+        lines.append(
+            separator.join(f"{value!r}".replace(".", decimal) for value in map(float, row))
+        )
+    return write(folder, "\r\n".join(lines) + "\r\n", encoding=encoding)
+
+
+def check(measured, omega=OMEGA, modulus=MODULUS, rtol=1e-14):
+    assert measured.kind == "frequency" and measured.deformation == "tension"
+    np.testing.assert_allclose(measured.abscissa, omega, rtol=rtol)
+    np.testing.assert_allclose(measured.values.real, modulus.real, rtol=rtol)
+    np.testing.assert_allclose(measured.values.imag, modulus.imag, rtol=rtol)
+
+
+# Measured files: the ranges of RHEOLOGY.md's table, found with other code.
+
+
+def data(name):
+    if not (DATA / name).exists():
+        pytest.skip(f"{name} is not beside this checkout")
+    return DATA / name
+
+
+SI_TIME = {"kind": "relaxation", "units": {"time": "s", "modulus": "Pa"}}
+POLYMERS = [
+    ("pyvisco_freq_user_master.csv", {}, 206, (6.3e-12, 6.3e14), (8.88e7, 9.58e9),
+     (1.04e7, 8.74e8)),
+    ("pyvisco_eplexor_master.csv", {}, 210, (5.2e-5, 2.5e18), (8e7, 1.02e10), (8.94e6, 9.31e8)),
+    ("reptate_PI_634k_T-35.tts", {}, 159, (4.3e-8, 1.2e2), (144, 1.02e6), (3.7e3, 1.08e6)),
+    ("pyvisco_time_user_master.csv", {}, 481, (0.0028, 1.4e28), (8.57e7, 1.71e9), None),
+    ("pp_stress_relaxation.csv", SI_TIME, 76, (0.001, 1.1e4), (1.47e8, 3.73e8), None),
+    ("respect_time_test1.dat", SI_TIME, 100, (0.1, 5e2), (2.05e-5, 1.58), None),
+    ("respect_time_test3.dat", SI_TIME, 200, (0.0001, 1e4), (0.304, 238), None),
+    ("respect_time_test6.dat", SI_TIME, 26, (9e-6, 2.1), (857, 8.39e5), None),
+]  # fmt: skip
+
+
+@pytest.mark.parametrize(
+    "name, options, count, abscissa, storage, loss", POLYMERS, ids=[row[0] for row in POLYMERS]
+)
+def test_measured_files_have_the_tabulated_ranges(name, options, count, abscissa, storage, loss):
+    measured = read_moduli(data(name), **options)
+    assert measured.kind == ("frequency" if loss else "relaxation")
+    assert len(measured.abscissa) == count and len(measured.isotherms()) == 1
+
+    def spans(values, limits):  # the table has two or three digits
+        np.testing.assert_allclose([np.min(values), np.max(values)], limits, rtol=0.03)
+
+    spans(measured.abscissa, abscissa)
+    spans(np.real(measured.values), storage)
+    if loss:
+        spans(np.imag(measured.values), loss)
+    assert np.all(np.diff(measured.abscissa) > 0)
+
+
+ISOTHERMS = [
+    ("pyvisco_freq_user_raw.csv", {}, 210, 21, (-50, 100), "tension"),
+    ("epdm70_tf_015p.csv", {}, 210, 10, (-10, 53), "shear"),
+    ("vinylfoam_dma_raw.csv", {"units": {"modulus": "MPa"}}, 209, 19, (-35, 60), "tension"),
+    ("reptate_PI600k_raw_isotherms.csv", {}, 159, 9, (-40, 100), "shear"),
+]
+
+
+@pytest.mark.parametrize(
+    "name, options, count, isotherms, celsius, deformation",
+    ISOTHERMS,
+    ids=[r[0] for r in ISOTHERMS],
+)
+def test_measured_isotherms_are_told_apart(name, options, count, isotherms, celsius, deformation):
+    measured = read_moduli(data(name), **options)
+    assert len(measured.abscissa) == count and measured.deformation == deformation
+    parts = measured.isotherms()
+    assert len(parts) == isotherms and sum(len(part.lines) for part in parts) == count
+    means = np.array([np.mean(part.temperature) for part in parts])
+    assert np.all(np.diff(means) > 2)
+    np.testing.assert_allclose(means[[0, -1]] - 273.15, celsius, atol=0.3)
+    for part in parts:
+        assert np.ptp(part.temperature) < 0.4 and np.all(np.diff(part.abscissa) >= 0)
+
+
+def test_the_lines_of_a_measured_file_are_kept():
+    path = data("reptate_PI600k_raw_isotherms.csv")
+    measured, text = read_moduli(path), path.read_text().splitlines()
+    for i in (0, 50, 158):
+        _, celsius, omega, storage, loss = map(float, text[measured.lines[i] - 1].split(","))
+        assert measured.abscissa[i] == omega and measured.values[i] == storage + 1j * loss
+        assert measured.temperature[i] == celsius + 273.15
+
+
+def test_the_eplexor_workbook_is_read_as_its_decoded_form():
+    pytest.importorskip("xlrd")
+    workbook = read_moduli(data("pyvisco_freq_Eplexor_master.xls"))
+    decoded = read_moduli(data("pyvisco_eplexor_master.csv"))
+    check(workbook, decoded.abscissa, decoded.values)
+    history = " ".join(workbook.history)
+    assert "'Exported Data'" in history and "tan delta of column 16 (tan delta) agrees" in history
+    np.testing.assert_allclose(workbook.temperature, 24.97374 + 273.15)
+
+
+def test_the_reptate_curve_takes_its_temperature_from_the_first_line():
+    measured = read_moduli(data("reptate_PI_634k_T-35.tts"), poisson=0.5)
+    raw = np.loadtxt(DATA / "reptate_PI_634k_T-35.tts", skiprows=1)
+    check(measured, raw[:, 0], 3 * (raw[:, 1] + 1j * raw[:, 2]))
+    np.testing.assert_allclose(measured.temperature, 238.15, rtol=1e-15)
+
+
+def test_creep_curves_side_by_side_become_isotherms():
+    celsius = np.array([144.9, 133.8, 125, 114.5, 109.6, 106.7, 104.5, 101.8, 100.6, 97])
+    measured = read_moduli(
+        data("plazek1965_ps_creep_isotherms.csv"),
+        kind="creep",
+        units={"time": "s", "compliance": "cm2/dyn"},
+        temperature=celsius + 273.15,
+    )
+    parts = measured.isotherms()
+    np.testing.assert_allclose([part.temperature[0] - 273.15 for part in parts], celsius[::-1])
+    raw = np.genfromtxt(DATA / "plazek1965_ps_creep_isotherms.csv", delimiter=",", skip_header=2)
+    for i, part in enumerate(parts):
+        time, compliance = raw[:, 2 * (9 - i)], raw[:, 2 * (9 - i) + 1]
+        there = np.isfinite(time)
+        order = np.argsort(time[there], kind="stable")
+        np.testing.assert_array_equal(part.abscissa, time[there][order])
+        np.testing.assert_allclose(part.values, 10 * compliance[there][order], rtol=1e-14)
+
+
+def test_a_sweep_of_strain_is_refused():
+    with pytest.raises(ValueError, match=r"epdm70_sd_10hz.csv`: the frequency is the same"):
+        read_moduli(data("epdm70_sd_10hz.csv"))
+
+
+# Layouts, each with the same four points.
+
+
+@pytest.mark.parametrize("encoding", ["utf-8", "utf-8-sig", "latin-1", "utf-16"])
+@pytest.mark.parametrize(
+    "separator, decimal",
+    [(",", "."), (";", "."), (";", ","), ("\t", "."), ("\t", ","), ("   ", "."), ("  ", ",")],
+)
+def test_separators_decimal_marks_and_encodings(tmp_path, separator, decimal, encoding):
+    names = ["Frequenz [Hz]", "Speichermodul [MPa]", "Verlustmodul [MPa]", "Temperatur [°C]"]
+    if "  " in separator:
+        names[3] = "T °C"
+    columns = [HERTZ, STORAGE / 1e6, LOSS / 1e6, [25.0, 25.5, 24.5, 25.0]]
+    path = written(tmp_path, names, columns, separator, decimal=decimal, encoding=encoding)
+    measured = read_moduli(path)
+    check(measured)
+    np.testing.assert_allclose(measured.temperature, [298.15, 298.65, 297.65, 298.15])
+
+
+@pytest.mark.parametrize(
+    "names, units, scales",
+    [
+        (["f", "E_stor", "E_loss"], ["Hz", "MPa", "kPa"], (1, 1e-6, 1e-3)),
+        (["Angular frequency (rad/s)", "E' / GPa", 'E" / GPa'], None, (2 * np.pi, 1e-9, 1e-9)),
+        (["omega", "E' [Pa]", "E'' [Pa]"], None, (2 * np.pi, 1, 1)),
+        (["ω", "E′ [Pa]", "E″ [Pa]"], ["s⁻¹", "", ""], (2 * np.pi, 1, 1)),
+        (["f", "E’ [Pa]", "E’’ [Pa]"], ["1/s", "", ""], (1, 1, 1)),
+        (["freq_khz", "E_storage_mpa", "E_loss_mpa"], None, (1e-3, 1e-6, 1e-6)),
+        (["Frequency", "Storage modulus", "Loss modulus"], ["Hz", "psi", "psi"],
+         (1, 1 / 6894.757293168361, 1 / 6894.757293168361)),
+        (["w", "E1 (N/mm²)", "E2 (dyn/cm^2)"], ["rad·s^-1", "", ""], (2 * np.pi, 1e-6, 10)),
+    ],
+)  # fmt: skip
+def test_names_and_units_of_columns(tmp_path, names, units, scales):
+    columns = [scale * c for scale, c in zip(scales, (HERTZ, STORAGE, LOSS), strict=True)]
+    check(read_moduli(written(tmp_path, names, columns, ";", units)))
+
+
+@pytest.mark.parametrize(
+    "names, columns",
+    [
+        (["E' [Pa]", "tan delta"], [STORAGE, LOSS / STORAGE]),
+        (["E' [Pa]", "tan(δ) [%]"], [STORAGE, 100 * LOSS / STORAGE]),
+        (["|E*| [Pa]", "Phase angle [°]"], [abs(MODULUS), np.degrees(np.angle(MODULUS))]),
+        (["E* [Pa]", "delta [rad]"], [abs(MODULUS), np.angle(MODULUS)]),
+        (["Loss modulus [Pa]", "Loss factor"], [LOSS, LOSS / STORAGE]),
+    ],
+)
+def test_tan_delta_phase_and_magnitude_stand_for_a_modulus(tmp_path, names, columns):
+    check(read_moduli(written(tmp_path, ["f", *names], [HERTZ, *columns])))
+
+
+def test_a_tan_delta_that_contradicts_the_moduli_is_warned_of(tmp_path):
+    tangent = LOSS / STORAGE * np.array([1, 1, 1.5, 1])
+    path = written(
+        tmp_path, ["f", "E' [Pa]", "E'' [Pa]", "tan delta"], [HERTZ, STORAGE, LOSS, tangent]
+    )
+    (warning,) = [note for note in read_moduli(path).history if note.startswith("Warning")]
+    assert "33 % in line 4" in warning
+
+
+def test_an_instruments_preamble_steps_and_footer(tmp_path):
+    """As TRIOS writes: sections, names and units repeated for every temperature, Latin-1."""
+    text = "Filename\tsample 7\nGap\t1.5\tmm\t2\n"
+    for celsius, factor in ((40.02, 1.0), (20.01, 4.0)):
+        text += f"\n[step]\nFrequency sweep at {celsius}\n"
+        text += "Angular frequency\tStorage modulus\tLoss modulus\tTan(delta)\tTemperature\n"
+        text += "rad/s\tMPa\tMPa\t\t°C\n"
+        for w, storage, loss in zip(OMEGA, STORAGE, LOSS, strict=True):
+            cells = (w, factor * storage / 1e6, factor * loss / 1e6, loss / storage, celsius)
+            text += "\t".join(map(repr, map(float, cells))) + "\n"
+    measured = read_moduli(write(tmp_path, text + "end of file\n", "run.txt", "latin-1"))
+    cold, hot = measured.isotherms()
+    check(hot)
+    check(cold, modulus=4 * MODULUS)
+    np.testing.assert_allclose([cold.temperature[0], hot.temperature[0]], [293.16, 313.17])
+    assert any("no numbers: 3 row(s), line 13, 14, 21" in note for note in measured.history)
+
+
+def test_numpys_commented_header_is_a_header(tmp_path):
+    table = np.stack([OMEGA, STORAGE, LOSS], axis=1)
+    np.savetxt(tmp_path / "a.txt", table, header="omega E'[Pa] E''[Pa]", fmt="%.17g")
+    check(read_moduli(tmp_path / "a.txt"))
+
+
+def test_curves_side_by_side_with_temperatures_in_their_titles(tmp_path):
+    text = "at 80 °C,,,at 60.5 °C,,\nf,E',E'',f,E',E''\nHz,Pa,Pa,Hz,Pa,Pa\n"
+    rows = np.stack([HERTZ, STORAGE, LOSS], axis=1).tolist()
+    for i, (f, storage, loss) in enumerate(rows):
+        second = ",," if i == 3 else f"{f!r},{2 * storage!r},{2 * loss!r}"
+        text += f"{f!r},{storage!r},{loss!r},{second}\n"
+    cold, hot = read_moduli(write(tmp_path, text)).isotherms()
+    check(hot)
+    check(cold, OMEGA[:3], 2 * MODULUS[:3])
+    np.testing.assert_allclose([cold.temperature[0], hot.temperature[0]], [333.65, 353.15])
+
+
+def test_workbooks_are_read_from_the_sheet_that_is_understood(tmp_path):
+    openpyxl = pytest.importorskip("openpyxl")
+    book = openpyxl.Workbook()
+    book.active.append(["a note"])
+    sheet = book.create_sheet("sweep")
+    sheet.append(["device", "DMA 7"])
+    sheet.append([None, "f", "E'", "E''"])
+    sheet.append([None, "Hz", "MPa", "MPa"])
+    for f, storage, loss in zip(HERTZ, STORAGE / 1e6, LOSS / 1e6, strict=True):
+        # One column was imported as text with decimal commas.
+        sheet.append([None, f, str(storage).replace(".", ","), loss])
+    other = book.create_sheet("other")
+    other.append(["f [Hz]", "E' [Pa]", "E'' [Pa]"])
+    for i in range(2):
+        other.append([i + 1, 3e6, 2e5])
+    book.save(tmp_path / "a.xlsx")
+    check(read_moduli(tmp_path / "a.xlsx"))
+    check(
+        read_moduli(tmp_path / "a.xlsx", sheet="other"),
+        2 * np.pi * np.array([1.0, 2.0]), np.full(2, 3e6 + 2e5j),
+    )  # fmt: skip
+    with pytest.raises(ValueError, match=r"no `sheet='x'`, only \['Sheet', 'sweep', 'other'\]"):
+        read_moduli(tmp_path / "a.xlsx", sheet="x")
+
+
+@given(
+    order=st.permutations(range(4)),
+    columns=st.permutations(range(3)),
+    scale=st.sampled_from([("Pa", 1.0), ("kPa", 1e-3), ("GPa", 1e-9), ("bar", 1e-5)]),
+    hertz=st.booleans(),
+    separator=st.sampled_from(",;\t"),
+)
+@settings(
+    max_examples=25, deadline=None, suppress_health_check=[HealthCheck.function_scoped_fixture]
+)
+def test_the_result_does_not_depend_on_order_or_units(
+    tmp_path, order, columns, scale, hertz, separator
+):
+    unit, factor = scale
+    names = ["f [Hz]" if hertz else "omega [rad/s]", f"E' [{unit}]", f"E'' [{unit}]"]
+    values = [HERTZ if hertz else OMEGA, factor * STORAGE, factor * LOSS]
+    path = written(
+        tmp_path, [names[i] for i in columns], [values[i][order,] for i in columns], separator
+    )
+    measured = read_moduli(path)
+    check(measured)
+    assert list(measured.lines) == [2 + order.index(i) for i in range(4)]
+
+
+# Kinds, overrides, and what is recorded.
+
+
+def test_relaxation_and_creep(tmp_path):
+    time = np.array([0.0, 1.0, 10.0])
+    path = written(tmp_path, ["t [min]", "G(t) [kPa]"], [time, [9.0, 5.0, 2.0]])
+    measured = read_moduli(path, poisson=0.25)
+    assert (measured.kind, measured.deformation) == ("relaxation", "tension")
+    np.testing.assert_allclose(measured.abscissa, [60, 600])
+    np.testing.assert_allclose(measured.values, [12.5e3, 5e3])
+    assert any("time 0: 1 row(s), line 2" in note for note in measured.history)
+    path = written(tmp_path, ["Time [s]", "Creep compliance J(t) [1/MPa]"], [time[1:], [2.0, 5.0]])
+    measured = read_moduli(path)
+    assert (measured.kind, measured.deformation) == ("creep", "shear")
+    np.testing.assert_allclose(measured.values, [2e-6, 5e-6])
+    np.testing.assert_allclose(read_moduli(path, poisson=0.25).values, [0.8e-6, 2e-6])
+
+
+def test_shear_stays_shear_until_poissons_ratio_is_told(tmp_path):
+    path = written(tmp_path, ["f_Hz", "G_storage_pa", "G_loss_pa"], [HERTZ, STORAGE, LOSS])
+    measured = read_moduli(path)
+    assert measured.deformation == "shear" and measured.temperature is None
+    np.testing.assert_array_equal(measured.values, MODULUS)
+    with pytest.raises(ValueError, match=r"in shear; a table needs"):
+        measured.table()
+    check(read_moduli(path, poisson=0.4), modulus=2.8 * MODULUS)
+    check(read_moduli(path, deformation="tension"))
+
+
+def test_everything_can_be_told(tmp_path):
+    path = written(tmp_path, ["a", "b", "c", "d"], [LOSS, HERTZ, [1, 2, 3, 4], STORAGE])
+    columns = {"frequency": "b", "storage": 4, "loss": "a"}
+    units = {"frequency": "rad/s", "modulus": "kPa"}
+    measured = read_moduli(
+        path, columns=columns, units=units, temperature=300.0, deformation="tension"
+    )
+    check(measured, HERTZ, 1e3 * MODULUS)
+    assert set(measured.temperature) == {300.0}
+    assert "Column 2 (b): frequency in rad/s, as told." in measured.history
+    assert "Column 1 (a): loss in kPa, as told; times 1000 in Pa." in measured.history
+    assert "Not used: 'c'." in measured.history
+
+
+def test_a_frequency_without_a_unit_is_told_by_its_name_only(tmp_path):
+    text = PLAIN.replace("Hz, MPa, MPa\n", "")
+    for name, rate in (("f", 2 * np.pi), ("omega", 1)):
+        path = write(tmp_path, text.replace("f,", f"{name},"))
+        measured = read_moduli(path, units={"modulus": "MPa"})
+        np.testing.assert_allclose(measured.abscissa, rate * np.array([0.1, 1, 10]))
+        assert any("by its name" in note for note in measured.history)
+    path = write(tmp_path, text.replace("f,", "rate,"))
+    with pytest.raises(ValueError, match=r"column 1 \(rate\), the frequency, has no unit"):
+        read_moduli(path, columns={"frequency": "rate"}, units={"modulus": "MPa"})
+
+
+def test_columns_of_words_may_outnumber_those_of_numbers(tmp_path):
+    text = "sample,by,run,machine,f [Hz],E' [Pa],E'' [Pa]\n"
+    for f, storage, loss in np.stack([HERTZ, STORAGE, LOSS], axis=1).tolist():
+        text += f"SBR 3,AB,first,DMA 7,{f!r},{storage!r},{loss!r}\n"
+    check(read_moduli(write(tmp_path, text)))
+
+
+def test_quoted_cells_with_decimal_commas(tmp_path):
+    text = '"f, in Hz","E\' [MPa]","E\'\' [MPa]"\n"0,1","1,5","0,2"\n"1,0","2,5","0,3"\n'
+    measured = read_moduli(write(tmp_path, text))
+    check(measured, 2 * np.pi * np.array([0.1, 1]), np.array([1.5e6 + 2e5j, 2.5e6 + 3e5j]))
+
+
+def test_both_deformations_in_a_file_are_chosen_between(tmp_path):
+    names = ["f", "E' [Pa]", "E'' [Pa]", "G' [Pa]", "G'' [Pa]"]
+    path = written(tmp_path, names, [HERTZ, STORAGE, LOSS, STORAGE / 3, LOSS / 3])
+    with pytest.raises(ValueError, match=r"column 2 \(E' \[Pa\]\) and column 4 .* `deformation`"):
+        read_moduli(path)
+    check(read_moduli(path, deformation="tension"))
+    check(read_moduli(path, deformation="shear", poisson=0.5))
+
+
+def test_missing_points_are_left_out_and_told(tmp_path):
+    text = (
+        "f;E';E''\nHz;Pa;Pa\n0,1;1250000;250000\n0,5;--;3\n1;2,5e6;7,5e5\n2;;\n"
+        "10;5,75e6;3,25e6\n3;4\n"
+    )
+    measured = read_moduli(write(tmp_path, text))
+    check(measured, OMEGA[:3], MODULUS[:3])
+    assert "Left out for a missing value: 3 row(s), line 4, 6, 8." in measured.history
+
+
+def test_units_mistaken_by_a_million_are_warned_of(tmp_path):
+    path = written(tmp_path, ["f", "E'", "E''"], [HERTZ, STORAGE / 1e6, LOSS / 1e6])
+    with pytest.raises(ValueError, match=r"column 2 \(E'\), the storage, has no unit"):
+        read_moduli(path)
+    measured = read_moduli(path, units={"modulus": "Pa"})
+    (warning,) = [note for note in measured.history if note.startswith("Warning")]
+    assert "1.25 to 25 Pa" in warning
+
+
+def test_a_drifting_temperature_is_warned_of(tmp_path):
+    path = written(
+        tmp_path,
+        ["f", "E' [Pa]", "E'' [Pa]", "T_C"],
+        [HERTZ, STORAGE, LOSS, [20, 20.9, 21.8, 22.7]],
+    )
+    assert "drifts by 2.7 K" in read_moduli(path).history[-1]
+
+
+def test_a_table_makes_a_material_and_repeats_are_refused_by_line(tmp_path):
+    measured = read_moduli(write(tmp_path, PLAIN))
+    material = Tabulated(*measured.table())
+    np.testing.assert_allclose(material.modulus(2 * np.pi), 2e6 + 3e5j)
+    repeated = read_moduli(write(tmp_path, PLAIN + "10, 5, 0.1\n"))
+    assert any("lines 3 and 8" in note for note in repeated.history)
+    with pytest.raises(ValueError, match=r"table.csv`, lines 3 and 8: the same frequency 62.8"):
+        repeated.table()
+
+
+# Refusals, each with the file and the remedy.
+
+
+@pytest.mark.parametrize(
+    "old, new, options, expected",
+    [
+        ("f, ", "x, ", {}, "line 1: of the columns 'x', .*Needed: frequency, storage, loss"),
+        ("f, E', E''\nHz, MPa, MPa\n", "", {}, "3 columns without names.*`kind`"),
+        ("f, E', E''\nHz, MPa, MPa\n", "", {"kind": "frequency"},
+         r"column 1, the frequency, has no unit. Pass `units=\{'frequency'"),
+        ("f, E', E''\nHz,", "x, E', E''\nU/min,", {"columns": {"frequency": "x"}},
+         "has the unit 'U/min'"),
+        ("Hz, MPa, MPa", "Hz, MPa, mPa", {}, r"line 1: column 3 .E''., the loss, has the unit 'm"),
+        ("Hz, MPa, MPa", "Hz, MPa, s", {}, "has the unit 's'"),
+        ("1, 2, 0.3", "1, 2, ?", {}, r"line 7, column 3 .E''.: '\?' is refused; the loss must be"),
+        ("1, 2, 0.3", "1, -2, 0.3", {}, r"line 7, column 2 \(E'\): '-2' is refused"),
+        ("1, 2, 0.3", "1, 2, 0", {}, "line 7.*'0' is refused"),
+        ("1, 2, 0.3", "1e999, 2, 0.3", {}, "line 7.*'1e999' is refused"),
+        ("1, 2, 0.3", "1,5, 2, 0,3", {}, "line 7 has 5 entries, but there are 3 columns"),
+        ("0.4\n\n# a note\n0.1, 1, 0.2\n1, 2, 0.3", "0.4", {}, "no table of numbers"),
+        ("0.1, 1, 0.2\n1, 2, 0.3\n", "1, , \n", {}, "1 complete rows"),
+        ("", "", {"columns": {"storage": "G"}}, "asks for 'G', but the file has no column"),
+        ("", "", {"columns": {"storage": 4}}, "asks for 4"),
+        ("", "", {"columns": {"modul": "f"}}, "`columns` has the key 'modul'"),
+        ("", "", {"units": {"stress": "Pa"}}, "`units` has the key 'stress'"),
+        ("", "", {"units": {"modulus": "mPa"}}, r"`units=\{'modulus': 'mPa'\}` is refused"),
+        ("", "", {"kind": "dma"}, "`kind='dma'` is refused: use one of"),
+        ("", "", {"kind": "creep"}, "Needed: time, compliance"),
+        ("", "", {"deformation": "bending"}, "`deformation='bending'` is refused"),
+        ("", "", {"poisson": 0.6}, r"`poisson=0.6` is refused"),
+        ("", "", {"temperature": -3.0}, r"`temperature=-3` is refused"),
+        ("", "", {"temperature": [300.0, 310.0]}, "`temperature` has shape .2,."),
+    ],
+)  # fmt: skip
+def test_what_is_not_understood_is_refused_by_line(tmp_path, old, new, options, expected):
+    path = write(tmp_path, PLAIN.replace(old, new))
+    with pytest.raises(ValueError, match=expected) as refusal:
+        read_moduli(path, **options)
+    own = ("`columns` has the key", "`units", "`kind", "`deformation", "`poisson")
+    assert "table.csv" in str(refusal.value) or str(refusal.value).startswith(own)
+
+
+@pytest.mark.parametrize(
+    "text, expected",
+    [
+        ("f, E', G''\nHz, Pa, Pa\n1, 2, 3\n2, 3, 4\n", "mix tension and shear"),
+        ("t, E(t), J(t)\ns, Pa, 1/Pa\n1, 2, 3\n2, 3, 4\n", "line 1: a modulus and a compliance"),
+        ("f E' E''\nHz Pa Pa\n1 2 3\n2 3\n", "line 4 has 2 entries, but there are 3 columns"),
+        ("f Storage modulus Loss modulus\n1 2 3\n2 3 4\n", "line 2 has 3 entries, but .* 5"),
+        ("f, E', E'', T\nHz, Pa, Pa, K\n1, 2, 3, -20\n2, 3, 4, -20\n", "line 3.*absolute zero"),
+        ("f, E', E'', T\nHz, Pa, Pa,\n1, 2, 3, 20\n2, 3, 4, 20\n", "the temperature, has no unit"),
+        ("f, E*, delta\nHz, Pa,\n1, 2, 3\n2, 3, 4\n", "the phase, has no unit"),
+        ("f, E*, delta\nHz, Pa, deg\n1, 2, 90\n2, 3, 4\n", "line 3.*between 0 and 90"),
+        ("", "no table of numbers"),
+        ("only words\nand more\n", "no table of numbers"),
+        ("f, E', E''\0\n", "neither a table of text nor an Excel"),
+        ("7" * 200_000, "neither a table of text nor an Excel"),
+    ],
+)  # fmt: skip
+def test_ambiguous_or_broken_files_are_refused(tmp_path, text, expected):
+    with pytest.raises(ValueError, match=expected) as refusal:
+        read_moduli(write(tmp_path, text))
+    assert "table.csv" in str(refusal.value)
+
+
+def test_a_missing_file_and_a_damaged_workbook_are_refused(tmp_path):
+    with pytest.raises(FileNotFoundError, match=r"nowhere.csv` does not exist"):
+        read_moduli(tmp_path / "nowhere.csv")
+    for start, library in ((b"\xd0\xcf\x11\xe0", "xlrd"), (b"PK\x03\x04", "openpyxl")):
+        pytest.importorskip(library)
+        with pytest.raises(ValueError, match=r"a.xls` cannot be read as an Excel workbook"):
+            read_moduli(write(tmp_path, start + bytes(range(256)), "a.xls"))
+
+
+@pytest.mark.parametrize(
+    "start, library", [(b"\xd0\xcf\x11\xe0", "xlrd"), (b"PK\x03\x04", "openpyxl")]
+)
+def test_the_extra_is_named_where_a_reader_is_not_installed(tmp_path, monkeypatch, start, library):
+    monkeypatch.setitem(sys.modules, library, None)
+    with pytest.raises(ImportError, match=rf"{library}: pip install graded_contact\[io\]"):
+        read_moduli(write(tmp_path, start, "a.xls"))
+
+
+@pytest.mark.parametrize(
+    "text, quantity, unit, deformation, angular",
+    [
+        ("t", "time", None, None, False),
+        ("T [K]", "temperature", "K", None, False),
+        ("w", "frequency", None, None, True),
+        ("ang. frequency / rad s-1", "frequency", "rad/s", None, True),
+        ("f_mhz", None, None, None, False),
+        ("f (mHz)", "frequency", "mHz", None, False),
+        ("Shear loss modulus G'' (Pa)", "loss", "Pa", "shear", False),
+        ("tanδ", "tan_delta", None, None, False),
+        ("|J*|", None, None, None, False),
+        ("log E'", None, None, None, False),
+        ("T_set_C", None, "C", None, False),
+        ("Loss tangent", "tan_delta", None, None, False),
+        ("Creep compliance D(t) [m²/N]", "compliance", "m2/N", "tension", False),
+        ("Young's modulus", "modulus", None, "tension", False),
+        ("", None, None, None, False),
+    ],
+)
+def test_headings(text, quantity, unit, deformation, angular):
+    assert tuple(parse_heading(text)) == (quantity, unit, deformation, angular)
+
+
+@pytest.mark.parametrize(
+    "text, unit",
+    [("[MPa]", "MPa"), ("mpa", "MPa"), ("mPa", None), ("MPa^-1", "1/MPa"), ("cm²/dyn", "cm2/dyn"),
+     ("rad·s⁻¹", "rad/s"), ("°C", "C"), ("s-1", "1/s"), ("-", "1"), ("N", None), ("", None)],
+)  # fmt: skip
+def test_units(text, unit):
+    assert parse_unit(text) == unit
