@@ -20,8 +20,10 @@ from .response.matrix import surface_compliance_matrix
 from .response.profile import Aged, Blend, Mixture
 from .response.shape import ErrorFunction, Exponential, Linear, PowerLaw, Sinusoidal
 from .response.stack import Free, GradedLayer, HalfSpace, Layer, Rigid, Stack
+from .rheology.export import export_prony
 from .rheology.library import tyre_tread
 from .rheology.material import BulkShear, Elastic, Prony
+from .rheology.reading import Measured, read_moduli
 from .rheology.shift import WLF, Arrhenius
 from .rheology.tabulated import Tabulated
 from .sliding import Sliding, slide
@@ -51,6 +53,7 @@ __all__ = [
     "Layer",
     "Layering",
     "Linear",
+    "Measured",
     "Mixture",
     "PowerLaw",
     "Prony",
@@ -63,6 +66,7 @@ __all__ = [
     "Surface",
     "Tabulated",
     "effective_modulus",
+    "export_prony",
     "graded_compliance",
     "interface_depths",
     "interior_fields",
@@ -70,6 +74,7 @@ __all__ = [
     "layered_compliance",
     "radial_spectrum",
     "random_surface",
+    "read_moduli",
     "read_surface",
     "resample",
     "rescale",

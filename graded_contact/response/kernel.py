@@ -24,7 +24,7 @@ from .grading import check_profiles, graded_tolerance
 from .stack import Stack, materials_of
 from .table import Table, tabulate
 
-_BLOCK_ROWS = 32
+_BLOCK_ROWS = 16
 # With so few layers, or points of the grid, direct evaluation is faster than a table.
 _FEW_LAYERS, _FEW_POINTS = 6, 192**2
 

@@ -18,7 +18,7 @@ import jax.numpy as jnp
 from jax.custom_derivatives import SymbolicZero
 from jaxtyping import Array
 
-from .slab import clamped, factors, free, half_space, push_down, stack_on
+from .slab import Compliance, factors, free, half_space, hyperbolic, push_down, stack_on
 from .stack import Free, Rigid
 
 # Unrolled layers run faster and scanned ones compile faster; they cross here.
@@ -67,18 +67,20 @@ def _plane_strain(modulus, poisson):
 
 def _lowest(q, layers, base):
     """State, modulus, and the layers above it, of what needs no state below."""
-    if not isinstance(base, Rigid | Free):
-        reduced, e = base
-        return half_space(e), reduced, layers
-    d, reduced, e = layers[-1]
-    state = free(q * d, e) if isinstance(base, Free) else clamped(factors(q * d, e))
-    return state, reduced, layers[:-1]
+    if isinstance(base, Rigid):
+        nothing = jnp.zeros_like(q)
+        return Compliance(nothing, nothing, nothing, nothing), jnp.ones((), q.dtype), layers
+    if isinstance(base, Free):
+        d, reduced, e = layers[-1]
+        return free(q * d, e), reduced, layers[:-1]
+    reduced, e = base
+    return half_space(e), reduced, layers
 
 
-def _add(q, below, layer):
+def _add(q, below, layer, functions=None):
     state, reduced_below = below
     d, reduced, e = layer
-    return stack_on(state, factors(q * d, e), reduced / reduced_below), reduced
+    return stack_on(state, factors(q * d, e, functions), reduced / reduced_below), reduced
 
 
 def _scanned(q, layers, base):
@@ -113,70 +115,90 @@ def _unrolled_jvp(primals, tangents):
     q, layers, base = primals
     d_q, d_layers, d_base = tangents
     state, reduced, above = _lowest(q, layers, base)
+    functions = [_settled(hyperbolic(q * d)) for d, _, _ in above]
     states = [(state, reduced)]
-    for layer in reversed(above):
-        states.append(_add(q, states[-1], layer))
-    state, reduced = states[-1]
+    for layer, known in reversed(list(zip(above, functions, strict=True))):
+        states.append(_add(q, states[-1], layer, known))
+    state, reduced = states.pop()
     value = state.c22 * (1 / reduced)
 
     states = _settled(states)
     v = (jnp.zeros_like(value), jnp.ones_like(value))
-    terms = []
-    for (d, reduced, e), d_layer in zip(above, d_layers, strict=False):
-        states.pop()
-        below, reduced_below = states[-1]
-        w, v_below = push_down(v, factors(q * d, e), below, reduced / reduced_below)
-        held = _settled((v, tuple(component / reduced for component in w)))
-        terms += _layer_terms(
-            partial(_layer_potential, held=held), q, d_q, (d, reduced, e), d_layer
-        )
+    change = jnp.zeros_like(value)
+    for layer, d_layer, known in zip(above, d_layers, functions, strict=False):
+        below, reduced_below = states.pop()
+        d, reduced, e = layer
+        slab = factors(q * d, e, known)
+        w, v_below = push_down(v, slab, below, reduced / reduced_below)
+        energy = _form(slab.q11, slab.q12, slab.q22, v) + _form(slab.g11, slab.g12, slab.g22, w)
+        w, v_below, energy = _settled((w, v_below, energy))
+        held = partial(_layer_potential, x=q * d, v=v, w=w)
+        change += _layer_change(q, d_q, layer, d_layer, (v_below, w, energy), held)
         v = v_below
-    if isinstance(base, Rigid | Free):
-        lowest = partial(_lowest_potential, base=base, v=_settled(v))
-        terms += _layer_terms(lowest, q, d_q, layers[-1], d_layers[-1])
-    else:
-        held = _settled(v)
-        terms += _terms(lambda r, e: _quadratic(half_space(e), held) / r, base, d_base)
-    change = sum(terms, jnp.zeros_like(value))
+    if isinstance(base, Free):
+        d, reduced, e = layers[-1]
+        c, (t, s) = free(q * d, e), v
+        w = (c.c11 * t + c.c12 * s, c.c12 * t + c.c22 * s)
+        held = partial(_free_potential, x=q * d, v=v)
+        change += _layer_change(q, d_q, layers[-1], d_layers[-1], (v, w, held(e)), held)
+    elif not isinstance(base, Rigid):
+        (reduced, e), (d_reduced, d_e) = base, d_base
+        held = partial(_half_space_potential, v=v)
+        change += _change(-held(e) / reduced**2, d_reduced) + _change_by_poisson(held, base, d_e)
     return value, change
 
 
-def _layer_terms(potential, q, d_q, layer, d_layer):
-    """Changes of a layer's potential(x, E, e), x = q d, by each of its properties and by q."""
-    d, reduced, e = layer
-    d_d, d_reduced, d_e = d_layer
-    d_x = [f * t for f, t in ((q, d_d), (d, d_q)) if not isinstance(t, SymbolicZero)]
-    d_x = sum(d_x[1:], d_x[0]) if d_x else None
-    return _terms(potential, (q * d, reduced, e), (d_x, d_reduced, d_e))
+def _change(slope, tangent):
+    return 0 if isinstance(tangent, SymbolicZero) else slope * tangent
 
 
-def _terms(function, arguments, tangents):
-    """The products ∂f/∂a · da of those arguments that change; f acts entry by entry."""
-    products = []
-    for i, (argument, change) in enumerate(zip(arguments, tangents, strict=True)):
-        if change is None or isinstance(change, SymbolicZero):
-            continue
+def _layer_change(q, d_q, layer, d_layer, fields, potential):
+    """What a layer's properties change in Φ, given traction and displacement of a face of it.
 
-        def of_one(value, i=i):
-            return function(*arguments[:i], value, *arguments[i + 1 :])
+    By its modulus Φ changes as by twice the energy in it. By its thickness, as by the same thin
+    slice wherever it is put in: with the derivatives of Q, P and G at x = 0,
 
-        _, slope = jax.jvp(of_one, (argument,), (jnp.ones_like(argument),))
-        products.append(_settled(slope) * change)
-    return products
+        vᵀQ'v + 2 vᵀP'w - wᵀG'w,
+
+    which loses nothing in thick layers at the lower face, where both are small.
+    """
+    (d, reduced, e), (d_d, d_reduced, d_e) = layer, d_layer
+    (t, s), (u, w), energy = fields
+    b = 1 + e
+    slope = (
+        t**2 * (2 / b) + s**2 * (2 * e / b**2) - 2 * t * w + s * u * (2 * (1 - e) / b) - 2 * u**2
+    )
+    slope = slope / reduced
+    return (
+        _change(q * slope, d_d)
+        + _change(d * slope, d_q)
+        + _change(-energy / reduced**2, d_reduced)
+        + _change_by_poisson(potential, layer[1:], d_e)
+    )
 
 
-def _layer_potential(x, reduced, e, held):
+def _change_by_poisson(potential, properties, d_e):
+    """What e = 1 - 2ν changes in a potential(e) over E_r, where v and w are held."""
+    if isinstance(d_e, SymbolicZero):
+        return 0
+    reduced, e = properties
+    _, slope = jax.jvp(potential, (e,), (jnp.ones_like(e),))
+    return _settled(slope) / reduced * d_e
+
+
+def _layer_potential(e, x, v, w):
     """vᵀQv + 2vᵀPw - wᵀGw of one layer, for v and w that are held."""
-    v, w = held
     s = factors(x, e)
     across = v[0] * (s.p11 * w[0] + s.p12 * w[1]) + v[1] * (s.p21 * w[0] + s.p22 * w[1])
-    own = _form(s.q11, s.q12, s.q22, v) / reduced
-    return own + 2 * across - _form(s.g11, s.g12, s.g22, w) * reduced
+    return _form(s.q11, s.q12, s.q22, v) + 2 * across - _form(s.g11, s.g12, s.g22, w)
 
 
-def _lowest_potential(x, reduced, e, base, v):
-    state = free(x, e) if isinstance(base, Free) else clamped(factors(x, e))
-    return _quadratic(state, v) / reduced
+def _free_potential(e, x, v):
+    return _quadratic(free(x, e), v)
+
+
+def _half_space_potential(e, v):
+    return _quadratic(half_space(e), v)
 
 
 def _quadratic(state, v):

@@ -65,11 +65,6 @@ def half_space(e: Inexact[Array, "..."]) -> Compliance:
     return Compliance(one, -e / (1 + e), one, (1 + 2 * e) / (1 + e) ** 2)
 
 
-def clamped(slab: Slab) -> Compliance:
-    """Returns the compliance of a slab whose lower face is held."""
-    return Compliance(slab.q11, slab.q12, slab.q22, slab.det_q)
-
-
 def free(x: Float[Array, "*#w"], e: Inexact[Array, "*#w"]) -> Compliance:
     """Returns the compliance of a slab whose lower face carries no traction."""
     t = _terms(x, e)
@@ -81,9 +76,14 @@ def free(x: Float[Array, "*#w"], e: Inexact[Array, "*#w"]) -> Compliance:
     )
 
 
-def factors(x: Float[Array, "*#w"], e: Inexact[Array, "*#w"]) -> Slab:
-    """Returns the factors of a slab of x = q d [1] and `e` = 1 - 2ν; real for real `e`."""
-    t = _terms(x, e)
+def factors(
+    x: Float[Array, "*#w"], e: Inexact[Array, "*#w"], functions: "Hyperbolic | None" = None
+) -> Slab:
+    """Returns the factors of a slab of x = q d [1] and `e` = 1 - 2ν; real for real `e`.
+
+    `functions` are `hyperbolic(x)` if they are at hand.
+    """
+    t = _terms(x, e, functions)
     x, e1, e2, om = t.x, t.e1, t.e2, t.om
     b = 1 + e
     inverse = _reciprocal(t.delta)
@@ -186,9 +186,9 @@ class _Terms(NamedTuple):
     delta: Inexact[Array, "*w"]
 
 
-def _terms(x, e) -> _Terms:
+def _terms(x, e, functions=None) -> _Terms:
     x = jnp.minimum(x, _DEEP)
-    e1, om, psi = _hyperbolic(x)
+    e1, om, psi = hyperbolic(x) if functions is None else functions
     e2 = e1 * e1
     s2 = om * om
     x2 = 4 * x * x * e2
@@ -208,12 +208,21 @@ def _terms(x, e) -> _Terms:
     )
 
 
+class Hyperbolic(NamedTuple):
+    """e^-x, 2 e^-x sinh x and 2 e^-x (sinh x - x)."""
+
+    e1: Float[Array, "*w"]
+    om: Float[Array, "*w"]
+    psi: Float[Array, "*w"]
+
+
 @jax.custom_jvp
-def _hyperbolic(x):
-    """e^-x, 2 e^-x sinh x and 2 e^-x (sinh x - x), to the last digits for every x >= 0.
+def hyperbolic(x: Float[Array, "*w"]) -> Hyperbolic:
+    """Returns the functions of x >= 0 that a slab is made of, to the last digits.
 
     For thin slabs the difference comes first, as a series, and for thick ones the sum.
     """
+    x = jnp.minimum(x, _DEEP)
     e1 = jnp.exp(-x)
     thin = x < 2
     squared = jnp.where(thin, x, 1) ** 2
@@ -222,12 +231,13 @@ def _hyperbolic(x):
         series = series * squared + coefficient
     near = e1 * x * squared * series
     om = jnp.where(thin, near + 2 * x * e1, 1 - e1 * e1)
-    return e1, om, jnp.where(thin, near, om - 2 * x * e1)
+    return Hyperbolic(e1, om, jnp.where(thin, near, om - 2 * x * e1))
 
 
-@_hyperbolic.defjvp
+@hyperbolic.defjvp
 def _hyperbolic_jvp(primals, tangents):
-    e1, om, psi = _hyperbolic(*primals)
-    (dx,) = tangents
+    e1, om, psi = hyperbolic(*primals)
+    dx = jnp.where(primals[0] < _DEEP, tangents[0], 0)
     # 2 e^-x (cosh x - 1) = om²/(1 + e^-x)², without the difference
-    return (e1, om, psi), (-e1 * dx, 2 * e1 * e1 * dx, ((om / (1 + e1)) ** 2 - psi) * dx)
+    change = Hyperbolic(-e1 * dx, 2 * e1 * e1 * dx, ((om / (1 + e1)) ** 2 - psi) * dx)
+    return Hyperbolic(e1, om, psi), change
