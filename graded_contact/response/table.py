@@ -22,8 +22,8 @@ from jaxtyping import Array, Float, Inexact, Int
 # The function, of mode numbers k_x and k_y [1] that broadcast; it may be asked between integers.
 OfModes = Callable[[Float[Array, "..."], Float[Array, "..."]], Inexact[Array, "..."]]
 
-_TILE = 16  # nodes are evaluated in squares of so many a side
-_MOST = 16 * _TILE  # nodes in each direction, the one at zero included
+_TILE = 40  # nodes are evaluated in squares of so many a side
+_MOST = 6 * _TILE  # nodes in each direction, the one at zero included
 _LINES = (-0.9, 0.1, 0.95)  # where coefficients are read, from the lowest (-1) to the highest (1)
 _SAFETY = 3.0  # largest error over the largest of the sample
 
