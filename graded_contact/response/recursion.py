@@ -217,6 +217,8 @@ def _settled(tree):
     derivative would cost a hundred evaluations, and its compilation minutes. A loop that it cannot
     know to run zero times is where it stops.
     """
+    if not jax.tree.leaves(tree):
+        return tree
     first = jax.tree.leaves(tree)[0].real.ravel()[0]
     rounds = jnp.where(jnp.isnan(first), 1, 0)
 

@@ -225,7 +225,7 @@ def test_kernel_of_elastic_materials_is_real():
     assert jnp.issubdtype(kernel.dtype, jnp.floating)
 
 
-@pytest.mark.parametrize("num_layers", [2, 6])
+@pytest.mark.parametrize("num_layers", [0, 2, 6])
 def test_gradient_by_every_leaf_matches_central_differences(num_layers):
     stack = stack_of(np.geomspace(1e-5, 1e-3, num_layers))
 
