@@ -18,7 +18,7 @@ import jax.numpy as jnp
 from jax.custom_derivatives import SymbolicZero
 from jaxtyping import Array
 
-from .slab import Compliance, factors, free, half_space, hyperbolic, push_down, stack_on
+from .slab import Compliance, factors, free, free_face, half_space, hyperbolic, push_down, stack_on
 from .stack import Free, Rigid
 
 # Unrolled layers run faster and scanned ones compile faster; they cross here.
@@ -137,10 +137,11 @@ def _unrolled_jvp(primals, tangents):
         v = v_below
     if isinstance(base, Free):
         d, reduced, e = layers[-1]
-        c, (t, s) = free(q * d, e), v
-        w = (c.c11 * t + c.c12 * s, c.c12 * t + c.c22 * s)
+        w = free_face(v, factors(q * d, e))
         held = partial(_free_potential, x=q * d, v=v)
-        change += _layer_change(q, d_q, layers[-1], d_layers[-1], (v, w, held(e)), held)
+        nothing = jnp.zeros_like(v[0])
+        fields = ((nothing, nothing), w, held(e))
+        change += _layer_change(q, d_q, layers[-1], d_layers[-1], fields, held)
     elif not isinstance(base, Rigid):
         (reduced, e), (d_reduced, d_e) = base, d_base
         held = partial(_half_space_potential, v=v)

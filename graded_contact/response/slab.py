@@ -88,6 +88,10 @@ def factors(
     b = 1 + e
     inverse = _reciprocal(t.delta)
     p = 2 * b * e1 * inverse
+    # Of thin slabs P is near 1, and rounded there it would drift in a stack of hundreds.
+    thin = x < 1
+    even = 2 * b * b * e1 * t.s2 / (1 + e1) ** 2 - t.x2 - (1 + 2 * e) * t.s2
+    odd = 2 * b * e1 * x * om
     return Slab(
         q11=((1 + 2 * e) * t.sc + t.x1) * inverse,
         q12=(t.x2 - (1 + 2 * e) * e * t.s2) * inverse / b,
@@ -97,10 +101,10 @@ def factors(
         g12=-b * (t.x2 + e * t.s2) * inverse,
         g22=b**2 * t.f1 * inverse,
         det_g=b**2 * t.f2 * inverse,
-        p11=p * (b * (1 + e2) - x * om),
+        p11=jnp.where(thin, 1 + (even - odd) * inverse, p * (b * (1 + e2) - x * om)),
         p12=-p * (x * (1 + e2) + e * om),
         p21=p * (x * (1 + e2) - e * om),
-        p22=p * (b * (1 + e2) + x * om),
+        p22=jnp.where(thin, 1 + (even + odd) * inverse, p * (b * (1 + e2) + x * om)),
     )
 
 
@@ -135,12 +139,28 @@ def push_down(
     per unit of traction.
     """
     s = slab
-    _, h11, h12, h22, _ = _lower_face(below, slab, ratio)
+    c, h11, h12, h22, inverse = _lower_face(below, slab, ratio)
     t, n = traction
     y1, y2 = _times(s.p11, t) + _times(s.p21, n), _times(s.p12, t) + _times(s.p22, n)
-    w1, w2 = h11 * y1 + h12 * y2, h12 * y1 + h22 * y2
-    g1, g2 = _times(s.g11, w1) + _times(s.g12, w2), _times(s.g12, w1) + _times(s.g22, w2)
-    return (w1, w2), (y1 - g1, y2 - g2)
+    displacement = (h11 * y1 + h12 * y2, h12 * y1 + h22 * y2)
+    # (1 + G c)⁻¹ y, not y - G w: of a soft film below it would be the difference of its like.
+    a11 = 1 + _times(s.g12, c.c12) + _times(s.g22, c.c22)
+    a12 = _times(s.g11, c.c12) + _times(s.g12, c.c22)
+    a21 = _times(s.g12, c.c11) + _times(s.g22, c.c12)
+    a22 = 1 + _times(s.g11, c.c11) + _times(s.g12, c.c12)
+    return displacement, ((a11 * y1 - a12 * y2) * inverse, (a22 * y2 - a21 * y1) * inverse)
+
+
+def free_face(
+    traction: tuple[Inexact[Array, "..."], Inexact[Array, "..."]], slab: Slab
+) -> tuple[Array, Array]:
+    """Returns the displacement of a slab's lower face without traction, as `push_down` does."""
+    s = slab
+    t, n = traction
+    y1, y2 = _times(s.p11, t) + _times(s.p21, n), _times(s.p12, t) + _times(s.p22, n)
+    inverse = _reciprocal(s.det_g)
+    w1, w2 = _times(s.g22, y1) - _times(s.g12, y2), _times(s.g11, y2) - _times(s.g12, y1)
+    return w1 * inverse, w2 * inverse
 
 
 def _lower_face(below, s, ratio):
