@@ -23,7 +23,7 @@ from .._checks import Numbers, as_float, check_positive, check_tolerance, check_
 from .mesh import WINDOW, build_mesh, cells_of, coarsened, position, span, visible
 from .profile import check_profile, moduli_at
 from .riccati import integrate, invert
-from .slab import Compliance, factors, free, half_space, stack_on
+from .slab import Compliance, factors, free, half_space, reciprocal, stack_on, times
 from .stack import Free, GradedLayer, HalfSpace, Rigid, Stack
 
 # Layers per cell of the mesh. Longer rows gain order but lose digits to their weights.
@@ -34,6 +34,7 @@ _SUBLAYERS = {
     "width": np.concatenate([np.full(n, 1 / n) for n in _REFINEMENT]),
     "lowest": np.concatenate([np.arange(n) == 0 for n in _REFINEMENT]),
 }
+_HIGHEST = np.cumsum(_REFINEMENT) - 1  # the upmost sublayer of each refinement
 # How much finer the mesh of a second attempt is.
 _SPLIT = 5
 # Rounding: what no refinement removes, and the tightest tolerance worth trying.
@@ -280,8 +281,7 @@ def _column(stack, q, omega, add_graded):
     unit = _unit_modulus(stack, q, omega)
 
     def material_of(part):
-        modulus, poisson = part.material.modulus(omega), part.material.poisson_ratio(omega)
-        return (modulus / unit) / (1 - poisson**2), 1 - 2 * poisson
+        return _plane_strain(part.material.modulus(omega), part.material.poisson_ratio(omega), unit)
 
     if isinstance(stack.base, HalfSpace):
         reduced, e = material_of(stack.base)
@@ -304,6 +304,11 @@ def _column(stack, q, omega, add_graded):
             face = _Face(state, reduced)
     assert face is not None
     return face.state.c22 * (2 / unit) / (face.reduced * q)
+
+
+def _plane_strain(modulus, poisson, unit):
+    """E/(1 - ν²) in a unit, and 1 - 2ν."""
+    return times(reciprocal(unit * (1 - poisson**2)), modulus), 1 - 2 * poisson
 
 
 def _unit_modulus(stack, q, omega):
@@ -333,8 +338,7 @@ def _add_layered(layer, below, unit, q, omega, mesh):
     seen, cut = visible(jax.lax.stop_gradient(x)), x > WINDOW
 
     def at(s):
-        modulus, poisson = moduli_at(layer.profile, s, omega)
-        return (modulus / unit) / (1 - poisson**2), 1 - 2 * poisson
+        return _plane_strain(*moduli_at(layer.profile, s, omega), unit)
 
     reduced, e = at(1 - seen)
     entry = _Face(half_space(e), reduced)
@@ -349,21 +353,24 @@ def _add_layered(layer, below, unit, q, omega, mesh):
         )
         length, deep = span(seen, cell["bottom"], cell["top"])
 
-        def add_sublayer(faces, sublayer):
-            level = sublayer["level"]
+        def add_sublayer(face, sublayer):
+            first = jax.tree.map(lambda part: part[sublayer["level"]], faces)
+            face = jax.tree.map(lambda a, b: jnp.where(sublayer["lowest"], a, b), first, face)
             s = 1 - deep - length * (1 - low - (high - low) * sublayer["middle"])
             reduced, e = at(s)
             depth = x * (length * (high - low) * sublayer["width"])
-            face = jax.tree.map(lambda part: part[level], faces)
-            state = stack_on(face.state, factors(depth, e), reduced / face.reduced)
+            ratio = times(reciprocal(face.reduced), reduced)
+            state = stack_on(face.state, factors(depth, e), ratio)
             if below is None:
                 lowest = cell["lowest"] & sublayer["lowest"] & ~cut
                 hanging = free(jnp.where(lowest, depth, 1), e)
                 state = jax.tree.map(lambda a, b: jnp.where(lowest, a, b), hanging, state)
-            face = _Face(state, reduced)
-            return jax.tree.map(lambda all, one: all.at[level].set(one), faces, face), None
+            face = jax.tree.map(lambda a: a.astype(kind), _Face(state, reduced))
+            return face, face
 
-        return jax.lax.scan(jax.checkpoint(add_sublayer), faces, _sublayers(x.dtype))[0], None
+        replaced = jax.tree.map(lambda part: part[0], faces)
+        _, found = jax.lax.scan(jax.checkpoint(add_sublayer), replaced, _sublayers(x.dtype))
+        return jax.tree.map(lambda part: part[_HIGHEST], found), None
 
     kind = jnp.result_type(*jax.tree.leaves(start), x)
     faces = jax.tree.map(lambda part: jnp.broadcast_to(part, shape).astype(kind), start)

@@ -119,7 +119,7 @@ def moduli_of(stack: Stack, q: Array, omega: Array) -> Moduli:
         if not isinstance(layer, Layer):
             raise ValueError(
                 f"`layers[{k}]` is a {type(layer).__name__}: the compliance matrix and interior "
-                "fields need homogeneous layers. Cut it into thin `Layer`s."
+                "fields need homogeneous layers: take `sliced(stack, 50)`."
             )
         layers.append(layer)
     base = stack.base

@@ -86,7 +86,7 @@ def factors(
     t = _terms(x, e, functions)
     x, e1, e2, om = t.x, t.e1, t.e2, t.om
     b = 1 + e
-    inverse = _reciprocal(t.delta)
+    inverse = reciprocal(t.delta)
     p = 2 * b * e1 * inverse
     # Of thin slabs P is near 1, and rounded there it would drift in a stack of hundreds.
     thin = x < 1
@@ -116,13 +116,13 @@ def stack_on(below: Compliance, slab: Slab, ratio: Inexact[Array, "..."]) -> Com
     s = slab
     c, h11, h12, h22, inverse = _lower_face(below, slab, ratio)
     # With H = c (1 + G c)⁻¹ and A = P H the upper face has Q + A Pᵀ.
-    a11, a12 = _times(s.p11, h11) + _times(s.p12, h12), _times(s.p11, h12) + _times(s.p12, h22)
-    a21, a22 = _times(s.p21, h11) + _times(s.p22, h12), _times(s.p21, h12) + _times(s.p22, h22)
-    pushed = _times(s.q22, c.c11) + _times(2 * s.q12, c.c12) + _times(s.q11, c.c22)
+    a11, a12 = times(s.p11, h11) + times(s.p12, h12), times(s.p11, h12) + times(s.p12, h22)
+    a21, a22 = times(s.p21, h11) + times(s.p22, h12), times(s.p21, h12) + times(s.p22, h22)
+    pushed = times(s.q22, c.c11) + times(2 * s.q12, c.c12) + times(s.q11, c.c22)
     return Compliance(
-        s.q11 + _times(s.p11, a11) + _times(s.p12, a12),
-        s.q12 + _times(s.p21, a11) + _times(s.p22, a12),
-        s.q22 + _times(s.p21, a21) + _times(s.p22, a22),
+        s.q11 + times(s.p11, a11) + times(s.p12, a12),
+        s.q12 + times(s.p21, a11) + times(s.p22, a12),
+        s.q22 + times(s.p21, a21) + times(s.p22, a22),
         (s.det_q + pushed + c.det) * inverse,
     )
 
@@ -141,13 +141,13 @@ def push_down(
     s = slab
     c, h11, h12, h22, inverse = _lower_face(below, slab, ratio)
     t, n = traction
-    y1, y2 = _times(s.p11, t) + _times(s.p21, n), _times(s.p12, t) + _times(s.p22, n)
+    y1, y2 = times(s.p11, t) + times(s.p21, n), times(s.p12, t) + times(s.p22, n)
     displacement = (h11 * y1 + h12 * y2, h12 * y1 + h22 * y2)
     # (1 + G c)⁻¹ y, not y - G w: of a soft film below it would be the difference of its like.
-    a11 = 1 + _times(s.g12, c.c12) + _times(s.g22, c.c22)
-    a12 = _times(s.g11, c.c12) + _times(s.g12, c.c22)
-    a21 = _times(s.g12, c.c11) + _times(s.g22, c.c12)
-    a22 = 1 + _times(s.g11, c.c11) + _times(s.g12, c.c12)
+    a11 = 1 + times(s.g12, c.c12) + times(s.g22, c.c22)
+    a12 = times(s.g11, c.c12) + times(s.g12, c.c22)
+    a21 = times(s.g12, c.c11) + times(s.g22, c.c12)
+    a22 = 1 + times(s.g11, c.c11) + times(s.g12, c.c12)
     return displacement, ((a11 * y1 - a12 * y2) * inverse, (a22 * y2 - a21 * y1) * inverse)
 
 
@@ -157,32 +157,32 @@ def free_face(
     """Returns the displacement of a slab's lower face without traction, as `push_down` does."""
     s = slab
     t, n = traction
-    y1, y2 = _times(s.p11, t) + _times(s.p21, n), _times(s.p12, t) + _times(s.p22, n)
-    inverse = _reciprocal(s.det_g)
-    w1, w2 = _times(s.g22, y1) - _times(s.g12, y2), _times(s.g11, y2) - _times(s.g12, y1)
+    y1, y2 = times(s.p11, t) + times(s.p21, n), times(s.p12, t) + times(s.p22, n)
+    inverse = reciprocal(s.det_g)
+    w1, w2 = times(s.g22, y1) - times(s.g12, y2), times(s.g11, y2) - times(s.g12, y1)
     return w1 * inverse, w2 * inverse
 
 
 def _lower_face(below, s, ratio):
     """c in the units of the slab, the entries of H = c (1 + G c)⁻¹, and 1/det(1 + G c)."""
-    c11, c12, c22 = (_times(ratio, c) for c in below[:3])
-    det = _times(ratio * ratio, below.det)
-    n = 1 + _times(s.g11, c11) + _times(2 * s.g12, c12) + _times(s.g22, c22) + _times(s.det_g, det)
-    inverse = _reciprocal(n)
-    h11 = (c11 + _times(s.g22, det)) * inverse
-    h12 = (c12 - _times(s.g12, det)) * inverse
-    h22 = (c22 + _times(s.g11, det)) * inverse
+    c11, c12, c22 = (times(ratio, c) for c in below[:3])
+    det = times(ratio * ratio, below.det)
+    n = 1 + times(s.g11, c11) + times(2 * s.g12, c12) + times(s.g22, c22) + times(s.det_g, det)
+    inverse = reciprocal(n)
+    h11 = (c11 + times(s.g22, det)) * inverse
+    h12 = (c12 - times(s.g12, det)) * inverse
+    h22 = (c22 + times(s.g11, det)) * inverse
     return Compliance(c11, c12, c22, det), h11, h12, h22, inverse
 
 
-def _times(factor, value):
+def times(factor, value):
     """A product that does not promote a real factor of a complex value to a complex one."""
     if jnp.iscomplexobj(value) and not jnp.iscomplexobj(factor):
         return jax.lax.complex(*jnp.broadcast_arrays(factor * value.real, factor * value.imag))
     return factor * value
 
 
-def _reciprocal(value):
+def reciprocal(value):
     """1/z without the scaling of a general complex division: |z|² stays in range here."""
     if not jnp.iscomplexobj(value):
         return 1 / value

@@ -4,7 +4,8 @@ from typing import Any
 
 import equinox as eqx
 import jax
-from jaxtyping import Array, Float
+import jax.numpy as jnp
+from jaxtyping import Array, Float, Inexact
 
 from .._checks import Numbers, as_float, check_values
 from ..rheology.material import AbstractMaterial, as_material
@@ -130,6 +131,46 @@ class Stack(eqx.Module):
             if isinstance(self.base, HalfSpace)
             else self.base,
         )
+
+
+class _AtHeight(AbstractMaterial):
+    """The material of a graded layer at one height."""
+
+    profile: Any
+    height: Float[Array, ""]
+
+    def modulus(self, omega: Numbers) -> Inexact[Array, "*w"]:
+        omega = as_float(omega)
+        return jnp.broadcast_to(self.profile(self.height, omega)[0], omega.shape)
+
+    def poisson_ratio(self, omega: Numbers) -> Inexact[Array, "..."]:
+        return jnp.asarray(self.profile(self.height, as_float(omega))[1])
+
+    def at(self, temperature: Numbers) -> "_AtHeight":
+        return _AtHeight(self.profile.at(temperature), self.height)
+
+
+def sliced(stack: Stack, num_slices: int) -> Stack:
+    """Returns the stack with every graded layer cut into equal layers of its middle moduli.
+
+    What needs homogeneous layers (`surface_compliance_matrix`, `interior_fields`) takes the
+    result. Its error is even in 1/n for n slices: with values f(n), (4 f(2n) - f(n))/3 is two
+    orders better. M_zz itself needs no slices.
+
+    **Raises:** `ValueError` if `num_slices` is less than 1.
+    """
+    if num_slices < 1:
+        raise ValueError(f"`num_slices={num_slices}` must be at least 1.")
+    layers = []
+    for layer in stack.layers:
+        if isinstance(layer, Layer):
+            layers.append(layer)
+            continue
+        heights = 1 - (jnp.arange(num_slices) + 0.5) / num_slices
+        layers += [
+            Layer(_AtHeight(layer.profile, s), layer.thickness / num_slices) for s in heights
+        ]
+    return Stack(layers=layers, base=stack.base)
 
 
 def materials_of(stack: Stack) -> list[AbstractMaterial]:

@@ -22,9 +22,10 @@ from jaxtyping import Array, Float, Inexact, Int
 # The function, of mode numbers k_x and k_y [1] that broadcast; it may be asked between integers.
 OfModes = Callable[[Float[Array, "..."], Float[Array, "..."]], Inexact[Array, "..."]]
 
-_TILE = 40  # nodes are evaluated in squares of so many a side
-_MOST = 6 * _TILE  # nodes in each direction, the one at zero included
-_LINES = (-0.9, 0.1, 0.95)  # where coefficients are read, from the lowest (-1) to the highest (1)
+_TILE = 28  # nodes are evaluated in squares of so many a side
+_MOST = 8 * _TILE  # nodes in each direction, the one at zero included
+_PROBED = _MOST // 2  # wavevectors on a line where coefficients are read
+_LINES = (-0.9, 0.1, 0.95)  # such lines, from the lowest (-1) to the highest (1)
 _SAFETY = 3.0  # largest error over the largest of the sample
 
 
@@ -88,7 +89,7 @@ def tabulate(
     table = Table(
         values=values.reshape(_MOST, _MOST),
         num_nodes=counts,
-        num_evaluations=2 * len(_LINES) * (_MOST - 1) + _TILE**2 * (jnp.sum(used) + 1),
+        num_evaluations=2 * len(_LINES) * _PROBED + _TILE**2 * (jnp.sum(used) + 1),
         error=jnp.zeros((), dtype),
         highest=highest,
     )
@@ -107,7 +108,7 @@ def _times(matrix, values):
 
 def _counts(probe, highest, tolerance, dtype):
     """Nodes needed along x and y, by the coefficients that fall off along some lines."""
-    num = _MOST - 1
+    num = _PROBED
     fine = np.cos(np.pi * (np.arange(num) + 0.5) / num)
     to_coefficients = 2 / num * np.cos(np.outer(np.arange(num), np.arccos(fine)))
     (kx, ky), (line_x, line_y) = (
@@ -119,8 +120,8 @@ def _counts(probe, highest, tolerance, dtype):
     size = jnp.abs(found @ jnp.asarray(to_coefficients.T, dtype))
     # What is cut off with the coefficients from here on; NaN counts as too much.
     rest = jnp.cumsum(size[..., ::-1], axis=-1)[..., ::-1]
-    needed = jnp.sum(~(rest <= tolerance), axis=-1)
-    return jnp.clip(jnp.max(needed, axis=1), 4, num)
+    needed = jnp.max(jnp.sum(~(rest <= tolerance), axis=-1), axis=1)
+    return jnp.where(needed < num, jnp.maximum(needed, 4), _MOST - 1)
 
 
 def _mode_number(position, highest):

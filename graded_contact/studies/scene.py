@@ -8,7 +8,9 @@ radians; `KEYS` lists them. Paths are relative to the scene file.
                           `shape` and `size`; or kind = "file": the arguments of `read_surface`, and
                           `rms_height` or `rms_slope` to rescale to
     [materials.NAME]      kind = "elastic", "prony", "prony_creep", "tabulated" or "tyre_tread"
-    [[layers]]            `material` = a NAME, `thickness`; from the loaded surface downwards
+    [[layers]]            `material` = a NAME, `thickness`; from the loaded surface downwards. A
+                          graded one has, instead of `material`, the NAMEs `bottom` and `top`, and
+                          may have `shape` ("linear", "sinusoidal") and `mixing` as in `Blend`
     [base]                kind = "half_space" with a `material`, "rigid" or "free"
     [load]                `pressure` and `velocity`: a number, a list, or {from, to, points},
                           equally spaced in the logarithm; `direction` of the velocity from the
@@ -34,7 +36,9 @@ from .._checks import as_float, check_positive, check_tolerance, check_values
 from ..contact.douglas_rachford import DouglasRachford
 from ..contact.problem import RESULTS
 from ..grid import Grid, wavevector
-from ..response.stack import Free, HalfSpace, Layer, Rigid, Stack, materials_of
+from ..response.profile import Blend
+from ..response.shape import Linear, Sinusoidal
+from ..response.stack import Free, GradedLayer, HalfSpace, Layer, Rigid, Stack, materials_of
 from ..rheology.files.quantities import DIMENSIONS, UNITS
 from ..rheology.library import tyre_tread
 from ..rheology.material import AbstractMaterial, Elastic, Prony
@@ -51,6 +55,7 @@ from .table import Table, nearest, within
 READ_ARGUMENTS = ("periodic", "shape", "size", "unit", "fill", "rim", "channel")
 SPECTRUM_FIELDS = ("rms_height", "rms_slope", "hurst", "q_low", "q_roll", "q_high")
 TABLE_ARGUMENTS = ("columns", "units", "deformation", "sheet")
+SHAPES = {"linear": Linear, "sinusoidal": Sinusoidal}
 SOLVER_FIELDS = tuple(field.name for field in dataclasses.fields(DouglasRachford))
 
 # The keys of every table; those that have a `kind` list them by kind.
@@ -71,7 +76,7 @@ KEYS: dict[str, Any] = {
         "tyre_tread": ("poisson",),
     },
     "shift": {"wlf": ("c1", "c2", "reference"), "arrhenius": ("activation_energy", "reference")},
-    "layers": ("material", "thickness"),
+    "layers": ("material", "bottom", "top", "shape", "mixing", "thickness"),
     "base": {"half_space": ("material",), "rigid": (), "free": ()},
     "load": ("pressure", "velocity", "direction", "temperature"),
     "solver": ("rtol", *SOLVER_FIELDS),
@@ -416,21 +421,31 @@ def _stack(scene: Table, materials: dict[str, AbstractMaterial]) -> Stack:
     if not isinstance(entries, list):
         raise ValueError(f"`layers` must be a list of tables [[layers]], got {entries!r}.")
 
-    def named(table: Table) -> AbstractMaterial:
-        name = table.text("material")
+    def named(table: Table, key: str = "material") -> AbstractMaterial:
+        name = table.text(key)
         if name not in materials:
             raise ValueError(
-                f"{table.place} `material` = {name!r} is not in [materials]; "
+                f"{table.place} `{key}` = {name!r} is not in [materials]; "
                 f"{nearest(name, materials)}"
             )
         return materials[name]
 
+    def layer(table: Table) -> Layer | GradedLayer:
+        thickness = table.number("thickness")
+        if "bottom" not in table.content and "top" not in table.content:
+            return Layer(named(table), thickness)
+        if "material" in table.content:
+            raise ValueError(f"{table.place} has `material` besides `bottom` or `top`: give one.")
+        shape = SHAPES[table.choice("shape", tuple(SHAPES), "linear")]
+        mixing = table.choice("mixing", ("linear", "logarithmic"), "linear")
+        profile = Blend(named(table, "bottom"), named(table, "top"), shape(), mixing)
+        return GradedLayer(thickness, profile)
+
     layers = []
     for i, entry in enumerate(entries):
         table = Table(f"[layers[{i}]]", entry, KEYS["layers"])
-        material, thickness = named(table), table.number("thickness")
         with within(table.place):
-            layers.append(Layer(material, thickness))
+            layers.append(layer(table))
     table, kind = Table.of_kind("[base]", scene.get("base"), KEYS["base"])
     base = (
         HalfSpace(named(table)) if kind == "half_space" else {"rigid": Rigid, "free": Free}[kind]()

@@ -253,6 +253,23 @@ def test_gradient_by_every_leaf_matches_central_differences(num_layers):
             assert abs(difference - slope[index]) <= 1e-7 * abs(slope[index]) + 3e-10 * scale
 
 
+def test_soft_films_under_a_free_plate_do_not_spoil_its_derivatives():
+    """Their tractions vanish against those above, and once came of a difference of large ones.
+
+    Expected: mpmath at 200 digits, central differences of step 1e-40.
+    """
+    thickness, modulus = [1.2e-2, 5.2e-11, 2.5e-11], [6e8, 3.9e3, 0.4]
+    arguments = (1.0, *map(np.array, (thickness, modulus, [0.5, 0.438, 0.5])))
+    by_q, by_d, by_e, _ = jax.grad(
+        lambda *p: gc.layered_compliance(*p, gc.Free()), argnums=(0, 1, 2, 3)
+    )(*arguments)
+    assert abs(by_q / -0.0347227222222195 - 1) < 1e-14
+    expected = [-2.1701597217648527, -1.3090948810619722e-05, -1.4467731849778193e-09]
+    np.testing.assert_allclose(by_d, expected, rtol=1e-14)
+    expected = [-1.4468009268399845e-11, -1.7454598262866738e-19, -9.042332368434083e-20]
+    np.testing.assert_allclose(by_e, expected, rtol=1e-14)
+
+
 def test_float32_gradients_have_the_right_sign_and_size():
     """In pascals and metres a careless backward pass overflows float32, silently."""
 

@@ -1,3 +1,4 @@
+import jax.numpy as jnp
 import numpy as np
 import pytest
 
@@ -61,3 +62,32 @@ def test_temperature_reaches_every_material():
 def test_a_single_layer_is_not_a_sequence_of_layers():
     with pytest.raises(ValueError, match=r"write `layers=\(layer,\)`"):
         gc.Stack(layers=gc.Layer(STEEL, 1e-6), base=gc.Rigid())
+
+
+def test_slices_of_a_graded_layer_converge_to_it_two_orders_better_when_extrapolated():
+    profile = gc.Blend(gc.tyre_tread(), gc.Elastic(5e7, 0.3))
+    stack = gc.Stack(
+        layers=(gc.Layer(gc.Elastic(5e8, 0.3), 1e-5), gc.GradedLayer(1e-3, profile)),
+        base=gc.Rigid(),
+    )
+    q, omega = 2e3, -40.0
+    expected = gc.graded_compliance(stack, q, omega, rtol=1e-11).value
+    few, many = (
+        gc.surface_compliance_matrix(gc.sliced(stack, n), q, 0.0, omega)[2, 2] for n in (8, 16)
+    )
+    assert 1e-3 < abs(few / expected - 1) < 1e-2
+    assert abs(many - expected) < abs(few - expected) / 3.5
+    assert abs((4 * many - few) / 3 - expected) < abs(many - expected) / 8
+
+
+def test_slices_keep_the_other_layers_and_the_temperature():
+    cold = gc.Stack(
+        layers=(gc.GradedLayer(1e-3, gc.Blend(gc.tyre_tread(), STEEL)), gc.Layer(STEEL, 1e-5)),
+        base=gc.Rigid(),
+    ).at(273.15)
+    stack = gc.sliced(cold, 4)
+    assert len(stack.layers) == 5 and stack.layers[4] is cold.layers[1]
+    top, _ = cold.layers[0].profile(jnp.asarray(0.875), jnp.asarray(30.0))
+    assert stack.layers[0].material.modulus(30.0) == top
+    with pytest.raises(ValueError, match="`num_slices=0` must be at least 1"):
+        gc.sliced(cold, 0)

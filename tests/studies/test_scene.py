@@ -4,6 +4,7 @@ from pathlib import Path
 
 import equinox as eqx
 import jax
+import jax.numpy as jnp
 import numpy as np
 import pytest
 
@@ -144,6 +145,33 @@ def test_a_wrong_value_is_refused_with_its_place(old, new, expected):
         return
     with pytest.raises(ValueError, match=expected):
         parse_scene(changed(old, new))
+
+
+GRADED = 'bottom = "tread"\ntop = "coat"\nshape = "sinusoidal"\nthickness = 2e-5'
+LAYER = 'material = "coat"\nthickness = 2e-5'
+
+
+def test_a_layer_may_be_graded():
+    (layer,) = parse_scene(changed(LAYER, GRADED)).stack.layers
+    assert layer.thickness == 2e-5
+    profile = gc.Blend(gc.tyre_tread(), gc.Elastic(2e7, 0.4), gc.Sinusoidal())
+    at = jnp.asarray(0.3), jnp.asarray(20.0)
+    for found, expected in zip(layer.profile(*at), profile(*at), strict=True):
+        np.testing.assert_allclose(found, expected, rtol=1e-15)
+
+
+@pytest.mark.parametrize(
+    "old, new, message",
+    [
+        ('top = "coat"\n', "", r"\[layers\[0\]\] lacks the key `top`"),
+        ('top = "coat"', 'top = "coal"', r"`top` = 'coal' is not in \[materials\].*coat"),
+        ('"sinusoidal"', '"linaer"', r"`shape` = 'linaer' is not known.*linear"),
+        ('shape = "sinusoidal"', 'material = "coat"', r"`material` besides `bottom` or `top`"),
+    ],
+)
+def test_a_bad_graded_layer_is_refused(old, new, message):
+    with pytest.raises(ValueError, match=message):
+        parse_scene(changed(LAYER, GRADED, old, new))
 
 
 def test_a_rigid_base_takes_no_material_and_no_layers_are_refused():
