@@ -19,8 +19,10 @@ from .response.kernel import kernel_table, stack_kernel
 from .response.matrix import surface_compliance_matrix
 from .response.profile import Aged, Blend, Mixture
 from .response.shape import ErrorFunction, Exponential, Linear, PowerLaw, Sinusoidal
-from .response.stack import Free, GradedLayer, HalfSpace, Layer, Rigid, Stack
+from .response.stack import Free, GradedLayer, HalfSpace, Layer, Rigid, Stack, sliced
 from .rheology.export import export_prony
+from .rheology.fit import fit_creep, fit_prony, fit_relaxation
+from .rheology.fitting.result import PronyFit
 from .rheology.library import tyre_tread
 from .rheology.material import BulkShear, Elastic, Prony
 from .rheology.reading import Measured, read_moduli
@@ -57,6 +59,7 @@ __all__ = [
     "Mixture",
     "PowerLaw",
     "Prony",
+    "PronyFit",
     "Riccati",
     "Rigid",
     "SelfAffine",
@@ -67,6 +70,9 @@ __all__ = [
     "Tabulated",
     "effective_modulus",
     "export_prony",
+    "fit_creep",
+    "fit_prony",
+    "fit_relaxation",
     "graded_compliance",
     "interface_depths",
     "interior_fields",
@@ -79,6 +85,7 @@ __all__ = [
     "resample",
     "rescale",
     "slide",
+    "sliced",
     "solve_contact",
     "stack_kernel",
     "statistics",

@@ -7,6 +7,7 @@ import contextlib
 import hashlib
 import os
 import platform
+import re
 import stat
 from collections.abc import Iterator
 from importlib import resources
@@ -29,6 +30,9 @@ app = typer.Typer(
 Output = Annotated[
     Path | None, typer.Option("--output", "-o", help="Folder for the results.", show_default=False)
 ]
+
+# Endings of the files that other programs read.
+_SUFFIXES = {"abaqus": ".inp", "ansys": ".mac"}
 
 # Column heads and formats of the table, by the name of the quantity.
 _COLUMNS = {
@@ -117,6 +121,76 @@ def info(
     kept = ", ".join(map(str, results.fields)) or "none"
     typer.echo(f"{'fields kept':22} {kept} (pressure, velocity)")
     _print_table(results)
+
+
+@app.command()
+def fit(
+    moduli_file: Annotated[
+        Path, typer.Argument(metavar="FILE", help="Moduli or compliances.", show_default=False)
+    ],
+    output: Output = None,
+    terms: Annotated[int | None, typer.Option(min=1, help="Number of terms.")] = None,
+    poisson: Annotated[float, typer.Option(help="Poisson's ratio of the material.")] = 0.5,
+    kind: Annotated[str | None, typer.Option(help="frequency, relaxation or creep.")] = None,
+    unit: Annotated[
+        list[str] | None,
+        typer.Option(metavar="QUANTITY=UNIT", help="For instance modulus=MPa; may be repeated."),
+    ] = None,
+    column: Annotated[
+        list[str] | None,
+        typer.Option(metavar="QUANTITY=NAME", help="For instance loss=4; may be repeated."),
+    ] = None,
+    card: Annotated[
+        list[str] | None, typer.Option(help="Also write toml, csv, json, abaqus or ansys.")
+    ] = None,
+) -> None:
+    """Fits a Prony series to a file of a rheometer or DMA: prints it as a table for a scene."""
+    _prepare()
+    from .plot import plot_fit
+    from .rheology.export import export_prony
+    from .rheology.fit import fit_creep, fit_prony, fit_relaxation
+    from .rheology.reading import read_moduli
+
+    functions = {"frequency": fit_prony, "relaxation": fit_relaxation, "creep": fit_creep}
+    with _refusing():
+        measured = read_moduli(
+            moduli_file,
+            kind=kind,
+            units=_pairs("unit", unit),
+            columns={
+                key: int(v) if v.isdigit() else v for key, v in _pairs("column", column).items()
+            },
+            poisson=poisson,
+        )
+        for sentence in measured.history:
+            typer.echo(sentence)
+        if len(measured.isotherms()) > 1:
+            raise ValueError(
+                f"`FILE={moduli_file}` holds {len(measured.isotherms())} isotherms; one is fitted. "
+                "Shift them into a master curve first."
+            )
+        found = functions[measured.kind](
+            measured.abscissa, measured.values, terms=terms, poisson=poisson
+        )
+        name = re.sub(r"\W", "_", moduli_file.stem)
+        name = name if name[:1].isalpha() else f"material_{name}"
+        typer.echo(f"\n{found.report()}\n\n{export_prony(found.material, 'toml', name=name)}")
+        folder = output or Path(f"{moduli_file.stem}-fit")
+        folder.mkdir(parents=True, exist_ok=True)
+        plot_fit(found).savefig(folder / f"{name}.png")
+        typer.echo(f"wrote {folder / f'{name}.png'}")
+        for form in ("toml", *(card or [])):
+            path = folder / f"{name}{_SUFFIXES.get(form, f'.{form}')}"
+            path.write_text(export_prony(found.material, form, name=name), encoding="utf-8")
+            typer.echo(f"wrote {path}")
+
+
+def _pairs(option: str, texts: list[str] | None) -> dict[str, str]:
+    """The keys and values of an option given as KEY=VALUE, any number of times."""
+    for text in texts or []:
+        if "=" not in text:
+            raise ValueError(f"`--{option} {text}` is refused: write QUANTITY={option.upper()}.")
+    return dict(text.split("=", 1) for text in texts or [])
 
 
 def _run(scene: "Scene", folder: Path, name: str) -> None:

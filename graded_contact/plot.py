@@ -14,6 +14,7 @@ from jaxtyping import ArrayLike
 from ._checks import as_float, check_positive
 from .response.compliance import effective_modulus
 from .response.stack import Stack
+from .rheology.fit import PronyFit
 from .sliding import Sliding
 from .studies.storage import Fields, Results
 from .surface import Surface
@@ -141,6 +142,58 @@ def plot_response(stack: Stack, q: ArrayLike, velocity: ArrayLike | Sequence[flo
         axes.set_xlabel("wavenumber $q$ [rad/m]")
     stiffness.legend(title="sliding velocity", frameon=False)
     return figure
+
+
+def plot_fit(fit: PronyFit) -> "Figure":
+    """Returns a figure of a fit: measured points and the series, and its log residuals.
+
+    Moduli over frequency are drawn with 95 % limits.
+
+    **Arguments:**
+
+    - `fit`: what `fit_prony`, `fit_relaxation` or `fit_creep` returned.
+    """
+    figure = _figure(7.2, 5.4)
+    above, below = figure.subplots(2, 1, sharex=True, height_ratios=(3, 1))
+    x = np.asarray(fit.data.x)
+    fine = np.geomspace(np.min(x[x > 0]), np.max(x), 300)
+    fitted, curves = _channels(fit, x), _channels(fit, fine)
+    frequency = fit.data.kind == "frequency"
+    lower, upper = fit.confidence(fine) if frequency else (fine, fine)
+    limits = [(lower.real, upper.real), (lower.imag, upper.imag)] if frequency else []
+    for i, (name, curve) in enumerate(curves.items()):
+        colour, known = COLOURS[i], np.asarray(fit.data.weights[i]) > 0
+        measured = np.asarray(fit.data.values[i])
+        above.plot(x[known], measured[known], "o", color=colour, markersize=3, fillstyle="none")
+        above.plot(fine, curve, color=colour, label=name)
+        for limit in limits[i : i + 1]:
+            above.fill_between(fine, *limit, color=colour, alpha=0.25, linewidth=0)
+        residual = 100 * np.log(fitted[name] / measured)
+        below.plot(x[known], residual[known], ".", color=colour, markersize=4)
+    above.set_xscale("log")
+    above.set_yscale("log")
+    above.set_ylabel("compliance [1/Pa]" if fit.data.kind == "creep" else "modulus [Pa]")
+    above.legend(frameon=False)
+    below.axhline(0, color="black", linewidth=0.6)
+    below.set_xlabel(r"angular frequency $\omega$ [rad/s]" if frequency else "time [s]")
+    below.set_ylabel("ln(fit/measured)\n[%]")
+    return figure
+
+
+def _channels(fit: PronyFit, x: np.ndarray) -> dict[str, np.ndarray]:
+    """What a fitted material shows in the measurement that it was fitted to."""
+    material = fit.material
+    if fit.data.kind == "frequency":
+        modulus = material.modulus(x)
+        parts = {"storage modulus": modulus.real, "loss modulus": modulus.imag}
+        return {name: np.asarray(part) for name, part in parts.items()}
+    if fit.data.kind == "relaxation":
+        decay = np.exp(-x[:, None] / np.asarray(material.times))
+        strengths = np.asarray(material.strengths)
+        return {"relaxation modulus": float(material.equilibrium) + decay @ strengths}
+    glassy, compliances, times = (np.asarray(part) for part in material.creep())
+    growth = -np.expm1(-x[:, None] / times)
+    return {"creep compliance": 1 / glassy + growth @ compliances}
 
 
 def _profiles(x: np.ndarray, x_label: str, quantities: list) -> "Figure":

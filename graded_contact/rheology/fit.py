@@ -1,0 +1,246 @@
+"""Prony series from measured moduli or compliances.
+
+    omega, modulus = ...                      # rad/s, E' + iE'' in Pa
+    fit = fit_prony(omega, modulus)
+    print(fit.report())
+    rubber = fit.material                     # a `Prony`, ready for a stack
+
+Minimised is the sum of squared logarithms of model over measurement, so that every decade counts
+alike; in absolute squares the rubbery loss, which friction lives on, has no say. Strengths are
+positive by construction, hence every fit is passive. Times are free within a decade of the data.
+
+The relaxation forms of N terms with E_eq > 0 and the creep forms of N terms are the same functions:
+the best of one kind is the best of the other, and `fit.material.creep()` is exact.
+"""
+
+import jax.numpy as jnp
+import numpy as np
+
+from .._checks import Numbers, as_float, check_poisson
+from .fitting.observations import Observations, concrete, objective, observe, series_of
+from .fitting.optimum import attach_derivative, search
+from .fitting.path import POLISH, best_of_length, best_spectrum
+from .fitting.result import PronyFit, choose
+
+FOREIGN = 0.3  # median log residual from which on data are no linear viscoelastic moduli
+
+
+def fit_prony(
+    omega: Numbers,
+    modulus: Numbers,
+    *,
+    terms: int | None = None,
+    within: float | None = None,
+    times: Numbers | None = None,
+    start: PronyFit | None = None,
+    equilibrium: Numbers | None = None,
+    glassy: Numbers | None = None,
+    storage_weight: Numbers = 1.0,
+    loss_weight: Numbers = 1.0,
+    huber: Numbers | None = None,
+    poisson: Numbers = 0.5,
+    throw: bool = True,
+) -> PronyFit:
+    """Returns the Prony series nearest to a measured complex modulus, in logarithms.
+
+    Differentiable by every number given, if the number of terms does not depend on them (`terms`,
+    `times` or `start`); derivatives are those of the optimum (implicit).
+
+    **Arguments:**
+
+    - `omega`: angular frequencies [rad/s], shape `(points,)`, in any order.
+    - `modulus`: E' + iE'' [Pa], shape `(points,)`; NaN in either part is a missing value.
+    - `terms`: number of terms. By default that of the least Bayes information criterion.
+    - `within`: instead, the smallest number whose error is within this fraction of the least.
+    - `times`: instead, given relaxation times [s], shape `(terms,)`.
+    - `start`: instead, an earlier fit to similar data to begin from, whose length is kept.
+    - `equilibrium`: E_eq [Pa] if known, 0 for a liquid; by default fitted.
+    - `glassy`: E_inf [Pa] if known; by default what follows from the branches.
+    - `storage_weight`, `loss_weight`: weights of the squared residuals [1], shape `()` or
+      `(points,)`; a weight of 0 leaves a value out.
+    - `huber`: log residual [1] from which on a value counts linearly (outliers); by default none.
+    - `poisson`: Poisson's ratio of the material [1].
+    - `throw`: whether to raise for data that no positive spectrum comes near to.
+
+    Raises `ValueError` for input that cannot be fitted, such as moduli that are not positive, and
+    for data half of which are off by more than 30 % from every positive spectrum.
+    """
+    modulus = jnp.asarray(modulus)
+    data = observe(
+        "frequency",
+        omega,
+        {
+            "modulus.real": (modulus.real, storage_weight),
+            "modulus.imag": (modulus.imag, loss_weight),
+        },
+        equilibrium=equilibrium,
+        glassy=glassy,
+        times=times,
+        huber=huber,
+    )
+    return _fit(data, terms, within, start, poisson, throw)
+
+
+def fit_relaxation(
+    time: Numbers,
+    modulus: Numbers,
+    *,
+    terms: int | None = None,
+    within: float | None = None,
+    times: Numbers | None = None,
+    start: PronyFit | None = None,
+    equilibrium: Numbers | None = None,
+    glassy: Numbers | None = None,
+    weight: Numbers = 1.0,
+    huber: Numbers | None = None,
+    poisson: Numbers = 0.5,
+    throw: bool = True,
+) -> PronyFit:
+    """Returns the Prony series nearest to a measured relaxation modulus E(t), in logarithms.
+
+    **Arguments:**
+
+    - `time`: times after the step of strain [s], shape `(points,)`.
+    - `modulus`: E(t) [Pa], shape `(points,)`; NaN is a missing value.
+    - `weight`: weights of the squared residuals [1], shape `()` or `(points,)`.
+
+    The others, and what is raised: as `fit_prony`.
+    """
+    data = observe(
+        "relaxation",
+        time,
+        {"modulus": (modulus, weight)},
+        equilibrium=equilibrium,
+        glassy=glassy,
+        times=times,
+        huber=huber,
+    )
+    return _fit(data, terms, within, start, poisson, throw)
+
+
+def fit_creep(
+    time: Numbers,
+    compliance: Numbers,
+    *,
+    terms: int | None = None,
+    within: float | None = None,
+    times: Numbers | None = None,
+    start: PronyFit | None = None,
+    equilibrium: Numbers | None = None,
+    glassy: Numbers | None = None,
+    weight: Numbers = 1.0,
+    huber: Numbers | None = None,
+    poisson: Numbers = 0.5,
+    throw: bool = True,
+) -> PronyFit:
+    """Returns the series nearest to a measured creep compliance, in logarithms.
+
+    Fitted is J(t) = 1/E_inf + Σ_j H_j (1 - exp(-t/t_j)), with + t/η for a liquid
+    (`equilibrium=0`); the material is its exact relaxation form.
+
+    **Arguments:**
+
+    - `time`: times after the step of stress [s], shape `(points,)`.
+    - `compliance`: strain over stress [1/Pa], shape `(points,)`; NaN is a missing value.
+    - `times`: given retardation times t_j [s].
+    - `weight`: weights of the squared residuals [1], shape `()` or `(points,)`.
+
+    The others, and what is raised: as `fit_prony`.
+    """
+    data = observe(
+        "creep",
+        time,
+        {"compliance": (compliance, weight)},
+        equilibrium=equilibrium,
+        glassy=glassy,
+        times=times,
+        huber=huber,
+    )
+    return _fit(data, terms, within, start, poisson, throw)
+
+
+def _fit(data, terms, within, start, poisson, throw):
+    poisson = as_float(poisson)
+    check_poisson("poisson", poisson)
+    choices = {"terms": terms, "within": within, "times": data.times, "start": start}
+    given = [name for name, choice in choices.items() if choice is not None]
+    if len(given) > 1:
+        raise ValueError(f"`{given[0]}` and `{given[1]}` both set the number of terms: give one.")
+    path, begin = (), None
+    if data.times is not None:
+        terms = data.times.size
+    elif start is not None:
+        begin, terms = _unknowns(start, data), start.terms
+    elif terms is None:
+        require_known(data)
+        begin, path = choose(series_of(data), within)
+        terms = (len(begin) - data.num_extras) // 2
+    check_terms(data, terms)
+
+    def find(data, begin):
+        series = series_of(data)
+        if begin is None:
+            theta, _ = best_of_length(series, 0 if data.times is not None else terms)
+        else:
+            theta, _ = series.minimise(np.asarray(begin), rtol=POLISH)
+        return theta, series.within_bounds(theta)
+
+    theta, free = search(find, (data.num_unknowns(terms),), data, begin)
+    theta = attach_derivative(objective, theta, free, data)
+    fit = PronyFit(theta=theta, data=data, poisson=poisson, path=path)
+    if throw and concrete(data):
+        refuse_nonsense(fit)
+    return fit
+
+
+def _unknowns(start, data):
+    alike = (start.data.kind, start.data.num_extras) == (data.kind, data.num_extras)
+    if not alike or start.data.times is not None:
+        raise ValueError(
+            f"`start` is a fit of kind {start.data.kind!r} in which other end values were known, "
+            "or the times; it must be one of the same form as is asked for."
+        )
+    return start.theta
+
+
+def require_known(data: Observations) -> None:
+    """Raises `ValueError` under transformations: the number of terms depends on the values."""
+    if not concrete(data):
+        raise ValueError(
+            "`terms=None` needs values that are known: under `jit`, `grad` or `vmap` give "
+            "`terms`, `times`, or `start` from a fit to similar data."
+        )
+
+
+def check_terms(data: Observations, terms: int) -> None:
+    """Raises `ValueError` for a number of terms that the data cannot have."""
+    if terms < 1 and data.times is None and not data.num_extras:
+        raise ValueError(f"`terms={terms}` must be at least 1.")
+    if concrete(data) and data.times is None:
+        count, unknowns = int(np.sum(np.asarray(data.weights) > 0)), data.num_unknowns(terms)
+        if unknowns > count:
+            raise ValueError(
+                f"`terms={terms}` has {unknowns} unknowns, more than the {count} measured values."
+            )
+
+
+def refuse_nonsense(fit: PronyFit) -> None:
+    """Raises `ValueError` if half of the data are far from every positive spectrum."""
+    series = series_of(fit.data)
+    if _typical(series, np.asarray(fit.theta)) < FOREIGN:
+        return
+    off = _typical(series, best_spectrum(series)[0])
+    if off > FOREIGN:
+        raise ValueError(
+            f"Half of the measured values are off by more than {np.expm1(off):.0%} from every "
+            "positive spectrum (moduli grow with frequency and fall with time; storage and loss "
+            "have one spectrum). Are the columns in the right order and in one unit? A weight of "
+            "0 leaves a channel out, and `throw=False` fits them as they are."
+        )
+
+
+def _typical(series, theta):
+    """The median size of the log residuals, of the worse channel."""
+    sizes = np.abs(series.residual(series.model(theta))).reshape(-1, len(series.x))
+    rows = zip(sizes, series.measured.reshape(sizes.shape), strict=True)
+    return max(float(np.median(size[counted])) for size, counted in rows if np.any(counted))

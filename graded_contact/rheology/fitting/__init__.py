@@ -1,0 +1,1 @@
+"""Least squares of Prony series on logarithms: search, optimum, derivative and uncertainty."""

@@ -1,0 +1,146 @@
+"""Measurements at several temperatures as data of a fit: the JAX side of `shared`."""
+
+from typing import Literal
+
+import equinox as eqx
+import jax
+import jax.numpy as jnp
+import numpy as np
+from jaxtyping import Array, Float, Int
+
+from ..._checks import Numbers, as_float
+from ..shift import GAS_CONSTANT, WLF, AbstractShift, Arrhenius
+from .observations import Observations, Unknowns, objective, series_of
+from .shared import Law, SharedSeries
+
+LawKind = Literal["wlf", "arrhenius"]
+
+
+class TabulatedShift(AbstractShift):
+    """A shift law times a departure that is interpolated between measured temperatures.
+
+    Beyond them the departure stays what it is at the last one.
+
+    **Fields:**
+
+    - `law`: the law.
+    - `temperatures`: [K], shape `(isotherms,)`, increasing.
+    - `departures`: ln of a_T over the law [1], shape `(isotherms,)`.
+    """
+
+    law: AbstractShift
+    temperatures: Float[Array, " isotherms"]
+    departures: Float[Array, " isotherms"]
+
+    def factor(self, temperature: Numbers) -> Float[Array, ""]:
+        return self.law.factor(temperature) * jnp.exp(self._departure(temperature))
+
+    def rebased(self, temperature: Numbers) -> "TabulatedShift":
+        return TabulatedShift(
+            law=self.law.rebased(temperature),
+            temperatures=self.temperatures,
+            departures=self.departures - self._departure(temperature),
+        )
+
+    def _departure(self, temperature):
+        return jnp.interp(as_float(temperature), self.temperatures, self.departures)
+
+
+class Isotherms(eqx.Module):
+    """What was measured at several temperatures, with what is expected of the shifts.
+
+    **Fields:**
+
+    - `observations`: all points, as measured.
+    - `group`: number of the isotherm of each point, shape `(points,)`.
+    - `temperatures`: [K], shape `(isotherms,)`, increasing.
+    - `penalty`: weights of the squares of departures and of ln b in the objective [1].
+    - `reference`: the isotherm that is not shifted. Static.
+    - `law`: the shift law. Static.
+    - `departs`, `lifts`: whether there are departures, and vertical shifts. Static.
+    """
+
+    observations: Observations
+    group: Int[Array, " points"]
+    temperatures: Float[Array, " isotherms"]
+    penalty: Float[Array, " 2"]
+    reference: int = eqx.field(static=True)
+    law: LawKind = eqx.field(static=True)
+    departs: bool = eqx.field(static=True)
+    lifts: bool = eqx.field(static=True)
+
+    @property
+    def num_shift_unknowns(self) -> int:
+        """How many unknowns are not those of the series."""
+        others = len(self.temperatures) - 1
+        return (2 if self.law == "wlf" else 1) + others * (self.departs + self.lifts)
+
+
+def shift_of(unknowns: Unknowns, data: Isotherms) -> AbstractShift:
+    """Returns the shift law about the reference temperature, with its departures."""
+    first = len(unknowns) - data.num_shift_unknowns
+    reference = data.temperatures[data.reference]
+    if data.law == "wlf":
+        slope, margin = jnp.exp(unknowns[first : first + 2])
+        c2 = reference - data.temperatures[0] + margin
+        law, used = WLF(c1=slope * c2, c2=c2, reference=reference), 2
+    else:
+        energy = GAS_CONSTANT * jnp.exp(unknowns[first])
+        law, used = Arrhenius(activation_energy=energy, reference=reference), 1
+    if not data.departs:
+        return law
+    departures = unknowns[first + used : first + used + len(data.temperatures) - 1]
+    return TabulatedShift(law, data.temperatures, _with_zero(departures, data))
+
+
+def log_vertical_of(unknowns: Unknowns, data: Isotherms) -> Float[Array, " isotherms"]:
+    """Returns ln b of every isotherm."""
+    if not data.lifts:
+        return jnp.zeros_like(data.temperatures)
+    return _with_zero(unknowns[1 - len(data.temperatures) :], data)
+
+
+def log_shift_of(unknowns: Unknowns, data: Isotherms) -> Float[Array, " isotherms"]:
+    """Returns ln a of every isotherm."""
+    return jnp.log(jax.vmap(shift_of(unknowns, data).factor)(data.temperatures))
+
+
+def at_reference(unknowns: Unknowns, data: Isotherms) -> Observations:
+    """Returns all measurements as if made at the reference temperature."""
+    observed = data.observations
+    along = jnp.exp(log_shift_of(unknowns, data))[data.group]
+    across = jnp.exp(log_vertical_of(unknowns, data))[data.group]
+    x = observed.x * along if observed.kind == "frequency" else observed.x / along
+    values = jnp.where(observed.weights > 0, observed.values / across, 1)
+    return eqx.tree_at(lambda o: (o.x, o.values), observed, (x, values))
+
+
+def shared_objective(unknowns: Unknowns, data: Isotherms) -> Float[Array, ""]:
+    """Returns the cost of `SharedSeries`, for derivatives."""
+    count = len(unknowns) - data.num_shift_unknowns
+    cost = objective(unknowns[:count], at_reference(unknowns, data))
+    others = len(data.temperatures) - 1
+    tail = unknowns[len(unknowns) - others * (data.departs + data.lifts) :]
+    weights = data.penalty[np.array([data.departs, data.lifts])]
+    return cost + jnp.sum(weights[:, None] * tail.reshape(-1, others) ** 2) / 2
+
+
+def shared_series_of(data: Isotherms) -> SharedSeries:
+    """Returns the least-squares problem of the isotherms, in NumPy."""
+    series = series_of(data.observations)
+    temperatures, penalty = np.asarray(data.temperatures), np.asarray(data.penalty)
+    return SharedSeries(
+        series=series,
+        group=np.append(np.asarray(data.group), np.full(series.held, -1)),
+        reference=data.reference,
+        law=Law(data.law, temperatures, temperatures[data.reference]),
+        stiffness=(
+            float(penalty[0]) if data.departs else np.inf,
+            float(penalty[1]) if data.lifts else np.inf,
+        ),
+    )
+
+
+def _with_zero(values, data):
+    """`values` of all isotherms but the reference, whose entry is zero."""
+    return jnp.insert(values, data.reference, 0.0)

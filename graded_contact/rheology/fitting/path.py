@@ -1,0 +1,233 @@
+"""The best series of every length, from one branch to as many as the data can tell apart.
+
+Two walks meet: upwards, each new branch put where it lowers the error most; downwards from the best
+positive spectrum of all, each time joining the two branches (or dropping the one) that costs least.
+Either alone ends in poor local minima now and then.
+The best spectrum is found by non-negative least squares on a dense grid of times (C. L. Lawson,
+R. J. Hanson, Solving Least Squares Problems, SIAM 1995, ch. 23), its neighbours merged, then by
+Newton's method on all unknowns; no added branch lowers its error, which makes it the floor.
+"""
+
+import numpy as np
+from scipy.optimize import nnls
+
+from .series import Series
+
+Fitted = tuple[np.ndarray, float]  # unknowns θ, and their cost
+SEARCH, POLISH = 1e-5, 1e-14  # relative tolerances of the cost
+MANY = 2000  # rows, from which on an orthogonal reduction of them pays
+PER_DECADE = 10
+MOST_ADDED = 10  # branches, to the best spectrum on a grid
+RESOLUTION = 1e-6  # of measured values, relative
+
+
+def best_spectrum(series: Series) -> Fitted:
+    """Returns the positive spectrum nearest to the data: the floor of every series."""
+    thinned = series.thinned()
+    theta, cost = thinned.minimise(_dense_start(thinned, PER_DECADE), rtol=SEARCH)
+    for _ in range(MOST_ADDED):
+        gain, longer = _with_branch(thinned, _without_faint(thinned, theta))
+        if gain < 1e-4 * cost:
+            break
+        longer, lower = thinned.minimise(longer, rtol=SEARCH)
+        if lower > (1 - 1e-4) * cost:
+            break
+        theta, cost = longer, lower
+    return _measured_by(series, _without_faint(thinned, theta))
+
+
+def best_of_length(series: Series, terms: int) -> Fitted:
+    """Returns the best series of exactly `terms` branches found from two starts."""
+    thinned = series.thinned()
+    starts = [_spaced_start(thinned, terms)]
+    if terms:
+        dense = _dense_start(thinned, PER_DECADE / 2)
+        if thinned.terms(dense):
+            starts.append(_of_length(thinned, dense, terms))
+    tried = [thinned.minimise(start, rtol=SEARCH) for start in starts]
+    theta, _ = min(tried, key=lambda fitted: fitted[1])
+    return series.minimise(theta, rtol=POLISH)
+
+
+def best_path(series: Series, most: int) -> dict[int, Fitted]:
+    """Returns the best series found of each length up to that of the floor, or to `most`."""
+    thinned = series.thinned()
+    theta, _ = best_spectrum(thinned)
+    path = _downwards(thinned, _upwards(thinned, _top(thinned, theta, most)))
+    return {terms: _measured_by(series, theta) for terms, (theta, _) in sorted(path.items())}
+
+
+def _measured_by(series, theta):
+    return theta, float(series.cost(series.residual(series.model(theta))))
+
+
+def _top(series, theta, most):
+    """The shortest series that comes within 0.05 % of the floor, which no data tell apart."""
+    cost = _measured_by(series, theta)[1]
+    while True:
+        terms, limit = series.terms(theta), 1.001 * cost
+        if terms < 2:
+            return {terms: (theta, cost)}
+        shorter = series.minimise(_of_length(series, theta, terms - 1), rtol=SEARCH)
+        if terms <= most and shorter[1] > limit:
+            return {terms: (theta, cost)}
+        theta, cost = shorter
+
+
+def _upwards(series, path):
+    """Adds to `path`, which holds the longest series, those found by adding branches."""
+    longest = max(path)
+    shortest = min(0 if _static_suffices(series) else 1, longest)
+    upwards = series.minimise(_spaced_start(series, shortest), rtol=SEARCH)
+    for terms in range(shortest, longest + 1):
+        _keep_better(path, terms, upwards)
+        gain, longer = _with_branch(series, path[terms][0])
+        if gain <= 0 or terms == longest:
+            break
+        upwards = series.minimise(longer, rtol=SEARCH, max_steps=40)
+    return path
+
+
+def _downwards(series, path):
+    """Adds to `path` those found by joining or dropping branches."""
+    for terms in range(max(path), min(path), -1):
+        for shorter in _one_fewer(series, path[terms][0]):
+            _keep_better(path, terms - 1, series.minimise(shorter, rtol=SEARCH, max_steps=40))
+    return path
+
+
+def criterion(series: Series, theta: np.ndarray, cost: float) -> float:
+    """Returns the Bayes information criterion, n ln(mean square) + p ln n.
+
+    G. Schwarz, Ann. Statist. 6 (1978) 461, doi:10.1214/aos/1176344136. Errors below `RESOLUTION`
+    are rounding and no reason for a further term.
+    """
+    count = np.sum(series.measured)
+    mean_square = 2 * cost / np.sum(series.weights[series.measured])
+    return float(count * np.log(mean_square + RESOLUTION**2) + len(theta) * np.log(count))
+
+
+def _keep_better(path, terms, fitted):
+    if terms not in path or fitted[1] < path[terms][1]:
+        path[terms] = fitted
+
+
+def _static_suffices(series):
+    rows = series.weights > 0
+    return bool(np.all((series.known + np.sum(series.static, axis=0))[rows] > 0))
+
+
+def _spaced_start(series, terms):
+    """Times evenly spaced in their logarithm over the data."""
+    shortest, longest = series.time_limits()
+    before, after = np.log(np.minimum(series.reach, np.exp((longest - shortest) / 4)))
+    middle = (shortest + before + longest - after) / 2
+    log_times = np.linspace(shortest + before, longest - after, terms) if terms > 1 else [middle]
+    log_times = np.array(log_times[:terms])
+    strengths = non_negative(series, log_times)
+    faint = np.exp(series.faintest()) * 1e3
+    strengths = np.log(np.maximum(strengths, faint))
+    return np.concatenate([strengths[:terms], log_times, strengths[terms:]])
+
+
+def _dense_start(series, per_decade):
+    """Non-negative least squares of relative errors on a dense grid, neighbours merged."""
+    shortest, longest = series.time_limits()
+    count = int(np.ceil((longest - shortest) / np.log(10) * per_decade)) + 1
+    log_times = np.linspace(shortest, longest, count)
+    strengths = non_negative(series, log_times)
+    branches, static = strengths[:count], strengths[count:]
+    present = np.flatnonzero(branches > np.exp(series.faintest()))
+    gaps = np.flatnonzero(np.diff(present) > 1) + 1
+    clusters = np.split(present, gaps) if len(present) else []
+    merged = [np.sum(branches[cluster]) for cluster in clusters]
+    means = [np.average(log_times[cluster], weights=branches[cluster]) for cluster in clusters]
+    static = np.maximum(static, np.exp(series.faintest()))
+    return np.concatenate([np.log(merged), means, np.log(static)])
+
+
+def non_negative(series: Series, log_times: np.ndarray) -> np.ndarray:
+    """Returns strengths >= 0 of branches at given times, then of the static columns.
+
+    They minimise the sum of squared relative errors.
+    """
+    rows = series.weights > 0
+    columns = np.concatenate([series.branches(log_times), series.static])[:, rows]
+    if not len(columns):  # SciPy's nnls corrupts memory
+        return np.zeros(0)
+    scale = np.sqrt(series.weights[rows])
+    values = np.exp(series.log_values[rows])
+    matrix = columns * (scale / values)
+    target = scale * (1 - series.known[rows] / values)
+    norms = np.linalg.norm(matrix, axis=1)
+    norms[norms == 0] = 1
+    matrix = (matrix / norms[:, None]).T
+    if len(matrix) > MANY:
+        q, matrix = np.linalg.qr(matrix)
+        target = q.T @ target
+    strengths, _ = nnls(matrix, target, maxiter=30 * matrix.shape[1])
+    return strengths / norms
+
+
+def _without_faint(series, theta):
+    s, log_times, c = series.split(theta)
+    present = s > series.faintest() + np.log(1e3)
+    return np.concatenate([s[present], log_times[present], c])
+
+
+def _with_branch(series, theta):
+    """The most a new branch lowers the cost to second order, and the series with it."""
+    shortest, longest = series.time_limits()
+    count = int(np.ceil((longest - shortest) / np.log(10) * PER_DECADE)) + 1
+    log_times = np.linspace(shortest, longest, count)
+    model = series.model(theta)
+    residual = series.residual(model)
+    effect = series.branches(log_times) / model
+    pull = effect @ (series.weights * np.clip(residual, -series.huber, series.huber))
+    stiffness = effect**2 @ series.weights + 1e-300
+    gains = np.where(pull < 0, pull**2 / (2 * stiffness), 0)
+    best = np.argmax(gains)
+    if gains[best] == 0:
+        return 0.0, theta
+    s, known_times, c = series.split(theta)
+    strength = -0.3 * pull[best] / stiffness[best]
+    theta = np.concatenate([s, [np.log(strength)], known_times, [log_times[best]], c])
+    return gains[best], theta
+
+
+def _of_length(series, theta, terms):
+    """The series with branches joined, dropped or split in two until there are `terms`."""
+    while series.terms(theta) > terms:
+        theta = _one_fewer(series, theta)[0]
+    while series.terms(theta) < terms:
+        s, log_times, c = series.split(theta)
+        strongest = np.arange(len(s)) == np.argmax(s)
+        s, log_times = s - np.log(2) * strongest, log_times - 0.1 * strongest
+        twin, twin_time = s[strongest], log_times[strongest] + 0.2
+        theta = np.concatenate([s, twin, log_times, twin_time, c])
+    return theta
+
+
+def _one_fewer(series, theta):
+    """Every series with one branch fewer, before any fit, the cheapest first."""
+    s, log_times, c = series.split(theta)
+    order = np.argsort(log_times)
+    s, log_times = s[order], log_times[order]
+    terms = len(s)
+    parts = np.exp(s)[:, None] * series.branches(log_times)
+    model = series.model(theta)
+    joined = np.logaddexp(s[1:], s[:-1])
+    share = np.exp(s[1:] - joined)
+    middle = share * log_times[1:] + (1 - share) * log_times[:-1]
+    merged = model - parts[1:] - parts[:-1] + np.exp(joined)[:, None] * series.branches(middle)
+    models = np.concatenate([merged, model - parts])
+    costs = series.cost(series.residual(np.maximum(models, 1e-6 * model)))
+    shorter = []
+    for i in np.argsort(costs)[:2]:
+        if i < terms - 1:
+            fewer, fewer_times = np.delete(s, i), np.delete(log_times, i)
+            fewer[i], fewer_times[i] = joined[i], middle[i]
+        else:
+            fewer, fewer_times = np.delete(s, i - terms + 1), np.delete(log_times, i - terms + 1)
+        shorter.append(np.concatenate([fewer, fewer_times, c]))
+    return shorter

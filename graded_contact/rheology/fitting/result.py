@@ -1,0 +1,282 @@
+"""A fitted Prony series, and what is known about its quality."""
+
+import dataclasses
+from typing import NamedTuple
+
+import equinox as eqx
+import jax
+import jax.numpy as jnp
+import numpy as np
+from jaxtyping import Array, Complex, Float
+from scipy.special import fdtrc, stdtrit
+
+from ..._checks import Numbers, as_float, check_positive
+from ..material import Prony
+from .observations import Observations, concrete, material_of, series_of
+from .path import best_path, best_spectrum, criterion
+from .series import Series
+from .uncertainty import covariance, resampled
+
+CONTRADICTION = 1e-4  # chance of agreement from which on storage and loss are said to disagree
+
+
+class Errors(NamedTuple):
+    """Root-mean-square of ln(model/measured), of all values and of each channel.
+
+    A channel without measured values has none; moduli in time are all `storage`.
+    """
+
+    total: float
+    storage: float | None
+    loss: float | None
+
+
+class Floor(NamedTuple):
+    """Errors of the best positive spectra of any length, the lower bound of all fits.
+
+    **Fields:**
+
+    - `total`: of one spectrum for all values, as in a real material (Kramers-Kronig relations).
+    - `storage`, `loss`: of a spectrum for that channel alone.
+    - `chance`: probability that data of one material, with independent errors, would show a
+      `total` so far above the others (F test); None where too few values are left to judge.
+    """
+
+    total: float
+    storage: float | None
+    loss: float | None
+    chance: float | None
+
+
+class Length(NamedTuple):
+    """A step of the path: number of terms, rms log error, Bayes information criterion."""
+
+    terms: int
+    error: float
+    bic: float
+
+
+class PronyFit(eqx.Module):
+    """A fitted Prony series with what is known about its quality.
+
+    **Fields:**
+
+    - `theta`: the unknowns of the fit, see `observations`; shape `(unknowns,)`.
+    - `data`: what was fitted.
+    - `poisson`: Poisson's ratio of the material [1].
+    - `path`: the best fits of every number of terms, if they were needed to choose it. Static.
+    """
+
+    theta: Float[Array, " unknowns"]
+    data: Observations
+    poisson: Float[Array, ""]
+    path: tuple[Length, ...] = eqx.field(static=True)
+
+    @property
+    def terms(self) -> int:
+        """The number of terms that were fitted."""
+        count = len(self.theta) - self.data.num_extras
+        return count if self.data.times is not None else count // 2
+
+    @property
+    def material(self) -> Prony:
+        """The fitted material."""
+        return material_of(self.theta, self.data, self.poisson)
+
+    def errors(self) -> Errors:
+        """Returns the errors of the fit."""
+        series, theta = self._problem()
+        return _errors(series, theta)
+
+    def floor(self) -> Floor:
+        """Returns the errors of the best positive spectra, and whether the channels agree."""
+        series, _ = self._problem()
+        both = _best(series)
+        if self.data.kind != "frequency":
+            return Floor(both.error, both.error, None, None)
+        parts = [
+            _best(dataclasses.replace(series, weights=np.where(rows, series.weights, 0)))
+            if np.any(series.measured & rows)
+            else None
+            for rows in _channels(series)
+        ]
+        storage, loss = (part and part.error for part in parts)
+        return Floor(both.error, storage, loss, _chance(both, *parts))
+
+    def verdict(self) -> str:
+        """Returns in plain words whether the data or the number of terms limit the fit."""
+        return _verdict(self.terms, self.errors(), self.floor())
+
+    def confidence(
+        self, omega: Numbers, *, level: float = 0.95, resamples: int = 0, seed: int = 0
+    ) -> tuple[Complex[Array, "*w"], Complex[Array, "*w"]]:
+        """Returns `(lower, upper)`, limits of E'(ω) and, in the imaginary part, of E''(ω) [Pa].
+
+        **Arguments:**
+
+        - `omega`: angular frequencies [rad/s], positive.
+        - `level`: probability that each limit pair encloses the true value.
+        - `resamples`: 0 for linearised (Gauss-Newton) limits, or the number of refits to data
+          with resampled residuals (bootstrap) whose quantiles are taken; `seed` draws them.
+
+        Both suppose independent errors about a series of this length: where `floor` says that
+        the data contradict themselves, the true material may lie outside.
+        """
+        if not 0 < level < 1:
+            raise ValueError(f"`level={level!r}` must lie between 0 and 1.")
+        omega = as_float(omega)
+        check_positive("omega", omega, "[rad/s]")
+        series, theta = self._problem()
+        free = series.within_bounds(theta)
+        if resamples:
+            refits = jnp.asarray(resampled(series, theta, free, resamples, seed))
+            logs = jax.vmap(lambda theta: _log_parts(theta, self.data, omega))(refits)
+            tails = jnp.array([(1 - level) / 2, (1 + level) / 2])
+            lower, upper = jnp.exp(jnp.quantile(logs, tails, axis=0))
+        else:
+            slopes = np.asarray(_log_slopes(self.theta, self.data, omega))
+            residual, jacobian, _ = series.derivatives(theta)
+            spread = covariance(series, residual, jacobian, free)
+            deviation = np.sqrt(np.einsum("...i,ij,...j->...", slopes, spread, slopes))
+            spare = max(int(np.sum(series.measured) - np.sum(free)), 1)
+            reach = stdtrit(spare, (1 + level) / 2) * deviation
+            middle = _log_parts(self.theta, self.data, omega)
+            lower, upper = jnp.exp(middle - reach), jnp.exp(middle + reach)
+        return jax.lax.complex(*lower), jax.lax.complex(*upper)
+
+    def report(self) -> str:
+        """Returns the fit as text: terms, errors, verdict, and the lengths tried."""
+        return _report(self)
+
+    def _problem(self) -> tuple[Series, np.ndarray]:
+        if not concrete(self.data):
+            raise ValueError("The quality of a fit is not available under `jit` or `grad`.")
+        return series_of(self.data), np.asarray(self.theta)
+
+
+def _verdict(terms, error, floor):
+    best = f"the best positive spectrum of any length is off by {_percent(floor.total)}"
+    if error.total <= 1.1 * floor.total:
+        words = f"The data limit this fit: it is off by {_percent(error.total)}, and {best}."
+    else:
+        words = f"{terms} terms limit this fit: it is off by {_percent(error.total)}, but {best}."
+    if floor.storage is None or floor.loss is None:
+        return words
+    if floor.chance is None:
+        return f"{words} Whether storage and loss agree cannot be told from so few values."
+    alone = (
+        f"alone, storage can be met within {_percent(floor.storage)} and loss within "
+        f"{_percent(floor.loss)}"
+    )
+    if floor.chance > CONTRADICTION:
+        return f"{words} Storage and loss agree (Kramers-Kronig): {alone}."
+    return (
+        f"{words} Storage and loss contradict each other (Kramers-Kronig): {alone}. Look at the "
+        "shifts and at thermal drift, or give the channel you trust less a smaller weight."
+    )
+
+
+def _report(fit):
+    error, floor, material = fit.errors(), fit.floor(), fit.material
+    lines = [
+        _verdict(fit.terms, error, floor),
+        f"{fit.terms} terms, E_eq = {float(material.equilibrium):.4g} Pa, "
+        f"E_inf = {float(material.glassy):.4g} Pa, Poisson's ratio {float(fit.poisson):.3g}",
+        "",
+        "rms log error    total  storage     loss",
+        f"this fit      {_row(error)}",
+        f"floor         {_row(floor[:3])}",
+    ]
+    if fit.path:
+        lines += ["", "terms      error        BIC"]
+        for length in fit.path:
+            chosen = " *" if length.terms == fit.terms else ""
+            lines.append(
+                f"{length.terms:5d} {_percent(length.error):>10} {length.bic:10.1f}{chosen}"
+            )
+    return "\n".join(lines)
+
+
+def _row(errors):
+    return " ".join("" if value is None else f"{_percent(value):>8}" for value in errors)
+
+
+def _percent(value):
+    return f"{100 * value:.3g} %"
+
+
+def choose(series: Series, within: float | None) -> tuple[np.ndarray, tuple[Length, ...]]:
+    """Returns the unknowns of the best length, see `fit_prony`, and all lengths tried."""
+    if within is not None and not within > 0:
+        raise ValueError(f"`within={within!r}` must be a positive number [1].")
+    most = (np.sum(series.measured) - 1 - len(series.static)) // 2
+    fitted = best_path(series, max(int(most), 1))
+    path = tuple(
+        Length(n, rms(series, theta), criterion(series, theta, cost))
+        for n, (theta, cost) in fitted.items()
+    )
+    if within is None:
+        chosen = min(path, key=lambda length: length.bic)
+    else:
+        least = min(length.error for length in path)
+        chosen = next(length for length in path if length.error <= (1 + within) * least)
+    return fitted[chosen.terms][0], path
+
+
+def rms(series: Series, theta: np.ndarray, rows: np.ndarray | bool = True) -> float:
+    """Returns the root mean square of the log residuals in `rows`, one of which is measured."""
+    counted = series.measured & rows
+    residual, weights = series.residual(series.model(theta))[counted], series.weights[counted]
+    return float(np.sqrt(np.average(residual**2, weights=weights)))
+
+
+def _channels(series):
+    """The rows of storage moduli, and those of loss moduli."""
+    storage = np.arange(len(series.weights)) < len(series.x)
+    return storage, ~storage
+
+
+def _errors(series, theta):
+    parts = (
+        rms(series, theta, rows) if np.any(series.measured & rows) else None
+        for rows in _channels(series)
+    )
+    return Errors(rms(series, theta), *parts)
+
+
+class _Best(NamedTuple):
+    error: float
+    cost: float
+    values: int
+    unknowns: int
+
+
+def _best(series):
+    """The best positive spectrum."""
+    theta, cost = best_spectrum(series)
+    free = np.sum(series.within_bounds(theta))
+    return _Best(rms(series, theta), cost, int(np.sum(series.measured)), int(free))
+
+
+def _chance(both, storage, loss):
+    """Significance of the cost that one spectrum has over two, by its F distribution."""
+    if storage is None or loss is None:
+        return None
+    saved = max(storage.unknowns + loss.unknowns - both.unknowns, 1)
+    spare = both.values - storage.unknowns - loss.unknowns
+    if spare < 1:
+        return None
+    noise = max((storage.cost + loss.cost) / spare, 1e-300)
+    return float(fdtrc(saved, spare, max(both.cost - storage.cost - loss.cost, 0) / saved / noise))
+
+
+@eqx.filter_jit
+def _log_parts(theta, data, omega):
+    """ln E' and ln E'', stacked."""
+    modulus = material_of(theta, data, 0.5).modulus(omega)
+    return jnp.log(jnp.stack([modulus.real, modulus.imag]))
+
+
+@eqx.filter_jit
+def _log_slopes(theta, data, omega):
+    return jax.jacfwd(_log_parts)(theta, data, omega)

@@ -1,0 +1,270 @@
+"""How far a series of exponential branches lies from measured values, in logarithms (NumPy).
+
+Rows are measured values, all of the storage moduli before the loss moduli. The model is linear in
+positive strengths,
+
+    m = known + Σ_k exp(s_k) φ(x, τ_k) + Σ_j exp(c_j) B_j,
+
+with a basis φ for each kind of measurement and `static` columns B for strengths without a time of
+their own: E_eq, the glassy compliance, flow, or a whole grid of given times. The unknowns are
+logarithms, θ = (s, ln τ, c), so that strengths are positive by construction.
+
+The squared logarithm (ln m - y)² is convex in m, hence in the strengths, wherever m < e times the
+measured value: a spectrum there that no added branch improves is the best of all.
+"""
+
+import dataclasses
+import functools
+from typing import Literal
+
+import numpy as np
+
+from .newton import Expansion, minimise
+
+Kind = Literal["frequency", "relaxation", "creep"]
+# Where a branch of relative strength one counts fully: infinite frequency, or the end of creep.
+COMPLETE = {"frequency": 1e200, "relaxation": 0.0, "creep": 1e200}
+MOST_POINTS = 400  # that a search goes through
+NEGLIGIBLE = 1e-9  # of the smallest measured value: a strength that changes nothing
+
+
+@dataclasses.dataclass(frozen=True, eq=False)
+class Series:
+    """Measured logarithms, and the model that is to meet them.
+
+    **Fields:**
+
+    - `kind`: "frequency", "relaxation" or "creep".
+    - `x`: angular frequencies [rad/s] or times [s], shape `(points,)`.
+    - `log_values`, `weights`, `known`: shape `(rows,)`; a row is an entry of a channel.
+    - `static`: columns B, shape `(columns, rows)`.
+    - `reach`: how far times may lie outside those of the data, before and after.
+    - `held`: how many of the last points state what is known; they are no measurement.
+    - `huber`: log residual from which on a row counts linearly instead of squared.
+    """
+
+    kind: Kind
+    x: np.ndarray
+    log_values: np.ndarray
+    weights: np.ndarray
+    known: np.ndarray
+    static: np.ndarray
+    reach: tuple[float, float]
+    held: int = 0
+    huber: float = np.inf
+
+    @property
+    def measured(self) -> np.ndarray:
+        """Which rows hold a measured value."""
+        last = len(self.x) - self.held
+        return (self.weights > 0) & (np.arange(len(self.weights)) % len(self.x) < last)
+
+    def split(self, theta: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+        """Returns `(s, ln τ, c)` of the unknowns."""
+        terms = self.terms(theta)
+        return theta[:terms], theta[terms : 2 * terms], theta[2 * terms :]
+
+    def terms(self, theta: np.ndarray) -> int:
+        """Returns the number of branches with a time of their own."""
+        return (len(theta) - len(self.static)) // 2
+
+    def bounds(self, theta: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        """Returns the limits of the unknowns: strengths of some use, times the data can see."""
+        terms = self.terms(theta)
+        shortest, longest = self.time_limits()
+        lower, upper = np.full(len(theta), self.faintest()), np.full(len(theta), np.inf)
+        lower[terms : 2 * terms], upper[terms : 2 * terms] = shortest, longest
+        return lower, upper
+
+    def within_bounds(self, theta: np.ndarray) -> np.ndarray:
+        """Returns which unknowns are at no bound."""
+        lower, upper = self.bounds(theta)
+        return (theta > lower) & (theta < upper)
+
+    def faintest(self) -> float:
+        """Returns the logarithm of the strength below which a branch does nothing."""
+        return float(np.log(NEGLIGIBLE) + np.min(self.log_values[self.measured]))
+
+    def time_limits(self) -> tuple[float, float]:
+        """Returns the logarithms of the shortest and the longest time that data tell of."""
+        x = self.x[: len(self.x) - self.held]
+        shortest, longest = np.min(x[x > 0]), np.max(x)
+        if self.kind == "frequency":
+            shortest, longest = 1 / longest, 1 / shortest
+        before, after = self.reach
+        return float(np.log(shortest / before)), float(np.log(longest * after))
+
+    def restricted(self, points: np.ndarray) -> "Series":
+        """Returns the problem of some of the points, given as a mask."""
+        rows = np.tile(points, len(self.weights) // len(self.x))
+        return dataclasses.replace(
+            self,
+            x=self.x[points],
+            log_values=self.log_values[rows],
+            weights=self.weights[rows],
+            known=self.known[rows],
+            static=self.static[:, rows],
+            held=0,
+        )
+
+    def thinned(self) -> "Series":
+        """Returns much the same problem with at most `MOST_POINTS` points, by averaging neighbours.
+
+        A search through it costs no more than one through few data.
+        """
+        count = len(self.x) - self.held
+        if count <= MOST_POINTS:
+            return self
+        log_x = np.log(np.maximum(self.x, 1e-2 * np.min(self.x[self.x > 0])))
+        order = np.append(np.argsort(log_x[:count]), np.arange(count, len(self.x)))
+        log_x = log_x[order]
+        place = (log_x - log_x[0]) / (log_x[count - 1] - log_x[0]) * MOST_POINTS
+        place[count:] = 2 * MOST_POINTS + np.arange(self.held)
+        starts = np.flatnonzero(np.diff(np.floor(place), prepend=-1))
+
+        def sums(rows):
+            by_channel = rows.reshape(*rows.shape[:-1], -1, len(self.x))[..., order]
+            summed = np.add.reduceat(by_channel, starts, axis=-1)
+            return summed.reshape(*rows.shape[:-1], -1)
+
+        sizes, weights = sums(np.ones_like(self.weights)), sums(self.weights)
+        present = np.where(weights > 0, weights, 1)
+        return dataclasses.replace(
+            self,
+            x=np.exp(np.add.reduceat(log_x, starts) / sizes[: len(starts)]),
+            log_values=sums(self.weights * self.log_values) / present,
+            weights=weights,
+            known=sums(self.known) / sizes,
+            static=sums(self.static) / sizes,
+        )
+
+    def branches(self, log_times: np.ndarray) -> np.ndarray:
+        """Returns φ at every row, shape `(terms, rows)`."""
+        return branches(self.kind, self.x, np.exp(log_times))[0]
+
+    def model(self, theta: np.ndarray) -> np.ndarray:
+        """Returns m at every row."""
+        s, log_times, c = self.split(theta)
+        return self._sum(np.exp(s) @ self.branches(log_times), np.exp(c))
+
+    def residual(self, model: np.ndarray) -> np.ndarray:
+        """Returns ln m - y; zero where nothing was measured."""
+        return np.where(self.weights > 0, np.log(model) - self.log_values, 0)
+
+    def cost(self, residual: np.ndarray) -> np.ndarray | np.floating:
+        """Returns Σ w ρ(residual) with ρ(r) = r²/2, or Huber's, along the last axis."""
+        size = np.abs(residual)
+        squares = np.where(size <= self.huber, size**2 / 2, self.huber * (size - self.huber / 2))
+        return squares @ self.weights
+
+    def expand(self, theta: np.ndarray) -> Expansion:
+        """Returns the cost about `theta`.
+
+        Second derivatives are exact at a minimum, where those of a strength alone vanish with the
+        gradient. Rows far off take their Gauss-Newton part, which is safe at any distance.
+        """
+        residual, jacobian, bend = self.derivatives(theta)
+        pull, stiffness, near = self.forces(residual)
+        hessian = gram(jacobian, stiffness)
+        scale = gram_diagonal(jacobian, stiffness)
+        terms = len(bend)
+        diagonal = np.arange(terms, 2 * terms)
+        hessian[diagonal, diagonal] += bend @ (near * pull)
+        return Expansion(float(self.cost(residual)), jacobian @ pull, hessian, scale)
+
+    def forces(self, residual: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+        """Returns `(pull, stiffness, near)` of the rows.
+
+        `pull` is the first derivative of the cost by ln m; `stiffness` multiplies products of
+        first derivatives of ln m in the Hessian, which where `near` also holds second ones of m.
+        """
+        size = np.abs(residual)
+        clipped = np.clip(residual, -self.huber, self.huber)
+        near = (residual > -2) & (residual < 0.5)
+        exact = (size <= self.huber) - clipped
+        safe = np.minimum(1, self.huber / np.maximum(size, 1e-300))
+        return self.weights * clipped, self.weights * np.where(near, exact, safe), near
+
+    def minimise(
+        self, theta: np.ndarray, *, rtol: float, max_steps: int = 100
+    ) -> tuple[np.ndarray, float]:
+        """Returns the unknowns and the cost of the minimum reached from `theta`."""
+        theta, cost = minimise(
+            self.expand, theta, *self.bounds(theta), rtol=rtol, max_steps=max_steps
+        )
+        s, log_times, c = self.split(theta)
+        order = np.argsort(-log_times)
+        return np.concatenate([s[order], log_times[order], c]), cost
+
+    def _sum(self, branches, static):
+        """m, kept off zero where every decay has underflowed."""
+        return np.maximum(self.known + branches + static @ self.static, 1e-12 * self._values)
+
+    @functools.cached_property
+    def _values(self):
+        return np.exp(self.log_values)
+
+    def derivatives(self, theta: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+        """Returns the residual, ∂ ln m/∂θ, and (∂²m/∂(ln τ)²)/m of each branch, by rows."""
+        s, log_times, c = self.split(theta)
+        terms = len(s)
+        value, slope, curvature = branches(self.kind, self.x, np.exp(log_times))
+        strengths, static = np.exp(s), np.exp(c)
+        model = self._sum(strengths @ value, static)
+        relative = strengths[:, None] / model
+        jacobian = np.empty((len(theta), len(model)))
+        np.multiply(value, relative, out=jacobian[:terms])
+        np.multiply(slope, relative, out=jacobian[terms : 2 * terms])
+        np.multiply(self.static, static[:, None] / model, out=jacobian[2 * terms :])
+        jacobian[:, self.weights == 0] = 0
+        return self.residual(model), jacobian, curvature * relative
+
+
+def branches(
+    kind: Kind, x: np.ndarray, times: np.ndarray
+) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """Returns φ and its first two derivatives by ln τ, each of shape `(terms, rows)`."""
+    if kind == "frequency":
+        with np.errstate(over="ignore"):
+            z = np.multiply.outer(times, x)
+        small = np.minimum(z, 1 / z)
+        square = small * small
+        inverse = 1 / (1 + square)
+        loss = small * inverse
+        storage = np.where(z > 1, inverse, square * inverse)
+        loss2, tilt = loss * loss, 1 - 2 * storage
+        return (
+            np.concatenate([storage, loss], axis=1),
+            np.concatenate([2 * loss2, loss * tilt], axis=1),
+            np.concatenate([4 * loss2 * tilt, loss * (1 - 8 * loss2)], axis=1),
+        )
+    z = np.multiply.outer(1 / times, x)
+    decay = np.exp(-z)
+    slope = z * decay
+    curvature = (z - 1) * slope
+    if kind == "creep":
+        return -np.expm1(-z), -slope, -curvature
+    return decay, slope, curvature
+
+
+def gram(matrix: np.ndarray, weights: np.ndarray) -> np.ndarray:
+    """Returns A W Aᵀ, summed over slices so small that BLAS starts no threads.
+
+    On matrices of this size threads gain nothing, and on a busy machine they cost a hundredfold.
+    """
+    rooted = matrix * np.sqrt(np.abs(weights))
+    product = _square(rooted)
+    if np.any(weights < 0):
+        product -= 2 * _square(rooted[:, weights < 0])
+    return product
+
+
+def gram_diagonal(matrix: np.ndarray, weights: np.ndarray) -> np.ndarray:
+    """Returns the diagonal of A |W| Aᵀ."""
+    return matrix**2 @ np.abs(weights)
+
+
+def _square(matrix):
+    width = max(250_000 // max(len(matrix), 1) ** 2, 1)
+    slices = (matrix[:, i : i + width] for i in range(0, matrix.shape[1], width))
+    return sum((part @ part.T for part in slices), np.zeros(2 * matrix.shape[:1]))

@@ -1,0 +1,376 @@
+"""Master curves: one Prony series and one shift law from measurements at several temperatures.
+
+Shifts and spectrum are fitted together, to storage and loss at once, so that what is shifted is a
+material. Where an isotherm is flat its shift is ill determined (by decades, below the glass
+transition). Shifts are therefore tied to a law, WLF or Arrhenius, from which each may depart by an
+amount expected beforehand, and their uncertainty is reported.
+"""
+
+from collections.abc import Sequence
+from typing import Any
+
+import equinox as eqx
+import jax
+import jax.numpy as jnp
+import numpy as np
+from jaxtyping import Array, Complex, Float
+from scipy.optimize import least_squares
+from scipy.special import stdtrit
+
+from .._checks import Numbers, as_float, check_poisson, check_positive, check_values, is_concrete
+from .fit import check_terms, refuse_nonsense, require_known
+from .fitting.isotherms import (
+    Isotherms,
+    LawKind,
+    at_reference,
+    log_shift_of,
+    log_vertical_of,
+    shared_objective,
+    shared_series_of,
+    shift_of,
+)
+from .fitting.observations import concrete, observe
+from .fitting.optimum import attach_derivative, search
+from .fitting.path import POLISH, SEARCH, best_of_length, non_negative
+from .fitting.result import PronyFit, choose
+from .fitting.series import Kind
+from .fitting.shared import LN10
+from .fitting.uncertainty import covariance
+from .material import Prony
+from .reading import Measured
+from .shift import AbstractShift
+
+Isotherm = tuple[Numbers, Numbers, Numbers]
+
+
+class MasterCurve(eqx.Module):
+    """A master curve: a fitted series with its shifts.
+
+    **Fields:**
+
+    - `fit`: the series, fitted to all data shifted to the reference temperature. Its errors and
+      floor are those of the master curve; its `confidence` takes the shifts as known.
+    - `unknowns`: of series and shifts together, see `fitting.shared`.
+    - `data`: what was fitted.
+    """
+
+    fit: PronyFit
+    unknowns: Float[Array, " unknowns"]
+    data: Isotherms
+
+    @property
+    def shift(self) -> AbstractShift:
+        """The fitted law about the reference temperature, with the departures from it."""
+        return shift_of(self.unknowns, self.data)
+
+    @property
+    def material(self) -> Prony:
+        """The material at the reference temperature; `material.at(T)` is that at another."""
+        return eqx.tree_at(
+            lambda m: m.shift, self.fit.material, self.shift, is_leaf=lambda leaf: leaf is None
+        )
+
+    @property
+    def temperatures(self) -> Float[Array, " isotherms"]:
+        """Temperatures of the isotherms [K], increasing."""
+        return self.data.temperatures
+
+    @property
+    def log10_shifts(self) -> Float[Array, " isotherms"]:
+        """log10 a_T of the isotherms; 0 at the reference."""
+        return log_shift_of(self.unknowns, self.data) / LN10
+
+    @property
+    def vertical_shifts(self) -> Float[Array, " isotherms"]:
+        """b_T of the isotherms: moduli there are b_T (creep: compliances) times the master's."""
+        return jnp.exp(log_vertical_of(self.unknowns, self.data))
+
+    def shift_deviations(
+        self,
+    ) -> tuple[Float[Array, " isotherms"], Float[Array, " isotherms"]]:
+        """Returns standard deviations of log10 a_T and of ln b_T.
+
+        Large ones tell of isotherms too flat to be placed by anything but the law.
+        """
+        spread = self._covariance()
+        shifts = jax.jacfwd(log_shift_of)(self.unknowns, self.data) / LN10
+        verticals = jax.jacfwd(log_vertical_of)(self.unknowns, self.data)
+        return _deviation(shifts, spread), _deviation(verticals, spread)
+
+    def confidence(
+        self, omega: Numbers, temperature: Numbers | None = None, *, level: float = 0.95
+    ) -> tuple[Complex[Array, "*w"], Complex[Array, "*w"]]:
+        """Returns `(lower, upper)` limits of E*(ω) at a temperature, as `PronyFit.confidence`.
+
+        The uncertainty of the shifts is included. `temperature` [K] is by default the reference.
+        """
+        if not 0 < level < 1:
+            raise ValueError(f"`level={level!r}` must lie between 0 and 1.")
+        omega = as_float(omega)
+        check_positive("omega", omega, "[rad/s]")
+
+        def logs(unknowns):
+            curve = eqx.tree_at(lambda c: c.unknowns, self, unknowns)
+            theta = unknowns[: len(self.fit.theta)]
+            curve = eqx.tree_at(lambda c: c.fit.theta, curve, theta)
+            material = curve.material
+            modulus = (material if temperature is None else material.at(temperature)).modulus(omega)
+            return jnp.log(jnp.stack([modulus.real, modulus.imag]))
+
+        middle, slopes = logs(self.unknowns), jax.jacfwd(logs)(self.unknowns)
+        count = int(np.sum(np.asarray(self.data.observations.weights) > 0))
+        reach = stdtrit(max(count - len(self.unknowns), 1), (1 + level) / 2)
+        reach = reach * _deviation(slopes, self._covariance())
+        return jax.lax.complex(*jnp.exp(middle - reach)), jax.lax.complex(*jnp.exp(middle + reach))
+
+    def report(self) -> str:
+        """Returns shifts with their uncertainty, then the report of the fit, as text."""
+        return _report(self)
+
+    def _covariance(self):
+        if not concrete(self.data.observations):
+            raise ValueError("The quality of a fit is not available under `jit` or `grad`.")
+        shared, unknowns = shared_series_of(self.data), np.asarray(self.unknowns)
+        series, residual, jacobian, _ = shared.derivatives(unknowns)
+        lower, upper = shared.bounds(unknowns)
+        free = (unknowns > lower) & (unknowns < upper)
+        return covariance(series, residual, jacobian, free, shared.penalty(unknowns))
+
+
+def master_curve(
+    isotherms: Sequence[Measured | Isotherm],
+    *,
+    kind: Kind = "frequency",
+    law: LawKind = "wlf",
+    scatter: Numbers = 0.3,
+    vertical: Numbers = 0.0,
+    reference: Numbers | None = None,
+    terms: int | None = None,
+    within: float | None = None,
+    equilibrium: Numbers | None = None,
+    glassy: Numbers | None = None,
+    weight: Numbers = 1.0,
+    loss_weight: Numbers | None = None,
+    huber: Numbers | None = None,
+    poisson: Numbers = 0.5,
+    throw: bool = True,
+) -> MasterCurve:
+    """Returns the Prony series and the shifts that together are nearest to all isotherms.
+
+    **Arguments:**
+
+    - `isotherms`: at least two, each `(temperature [K], x, values)` with frequencies or times `x`
+      and moduli or compliances `values` as in `fit_prony`, `fit_relaxation` and `fit_creep`; or
+      `read_moduli(path).isotherms()`.
+    - `kind`: "frequency", "relaxation" or "creep"; files know their own.
+    - `law`: "wlf" or "arrhenius".
+    - `scatter`: expected departure of log10 a_T from the law [decades]; 0 holds the shifts to it,
+      3 leaves them practically free.
+    - `vertical`: expected size of ln b_T [1], such as 0.1; 0 for no vertical shifts.
+    - `reference`: the isotherm nearest to this temperature [K] stays in place; by default the
+      middle one.
+    - `weight`, `loss_weight`: of the squared residuals [1]; the latter, of loss moduli, is by
+      default the same.
+
+    The others, and what is raised: as `fit_prony`. Differentiable if `terms` is given; what
+    `scatter` and `vertical` mean beside the error of the fit then counts as known.
+    """
+    poisson = as_float(poisson)
+    check_poisson("poisson", poisson)
+    sizes = _size("scatter", scatter) * LN10, _size("vertical", vertical)
+    data = _isotherms(
+        isotherms, kind, law, sizes, reference,
+        channels=(weight, weight if loss_weight is None else loss_weight),
+        equilibrium=equilibrium, glassy=glassy, huber=huber,
+    )  # fmt: skip
+    if terms is not None and within is not None:
+        raise ValueError("`terms` and `within` both set the number of terms: give one.")
+    if terms is None:
+        require_known(data.observations)
+        found, path = _search(data, sizes, lambda series: choose(series, within))
+        unknowns, free, penalty = map(jnp.asarray, found)
+    else:
+        check_terms(data.observations, terms)
+        count = data.observations.num_unknowns(terms) + data.num_shift_unknowns
+        unknowns, free, penalty = search(
+            lambda data: _search(data, sizes, lambda s: (best_of_length(s, terms)[0], ()))[0],
+            (count, 2),
+            data,
+        )
+        path = ()
+    data = eqx.tree_at(lambda d: d.penalty, data, penalty)
+    unknowns = attach_derivative(shared_objective, unknowns, free, data)
+    fit = PronyFit(
+        theta=unknowns[: len(unknowns) - data.num_shift_unknowns],
+        data=at_reference(unknowns, data),
+        poisson=poisson,
+        path=path,
+    )
+    if throw and concrete(fit.data):
+        refuse_nonsense(fit)
+    return MasterCurve(fit=fit, unknowns=unknowns, data=data)
+
+
+def _size(name, value) -> float:
+    if not is_concrete(value):
+        raise ValueError(f"`{name}` must be a number: it decides what is fitted.")
+    check_values(name, as_float(value), "it must be zero or positive", at_least=0)
+    return float(as_float(value))
+
+
+def _isotherms(isotherms, kind, law, sizes, reference, channels, **known) -> Isotherms:
+    """The data, checked and sorted by temperature."""
+    if law not in ("wlf", "arrhenius"):
+        raise ValueError(f"`law={law!r}` must be 'wlf' or 'arrhenius'.")
+    curves = [_curve(i, isotherm, kind) for i, isotherm in enumerate(isotherms)]
+    if len(curves) < 2:
+        raise ValueError(f"`isotherms` holds {len(curves)}; at least 2 are needed.")
+    kind = curves[0][0]
+    if any(other != kind for other, *_ in curves):
+        raise ValueError("`isotherms` are of different kinds; all must be measured alike.")
+    curves.sort(key=lambda curve: curve[1])
+    temperatures = jnp.array([temperature for _, temperature, _, _ in curves])
+    check_positive("temperature", temperatures, "[K]")
+    twice = np.flatnonzero(np.diff(np.asarray(temperatures)) <= 0)
+    if len(twice):
+        raise ValueError(
+            f"`isotherms` holds {float(temperatures[twice[0]]):g} K twice: join those first."
+        )
+    x = jnp.concatenate([x for *_, x, _ in curves])
+    values = jnp.concatenate([values for *_, values in curves])
+    if kind == "frequency":
+        parts = {
+            "modulus.real": (values.real, channels[0]),
+            "modulus.imag": (values.imag, channels[1]),
+        }
+    else:
+        parts = {"modulus" if kind == "relaxation" else "compliance": (values, channels[0])}
+    middle = len(curves) // 2
+    if reference is not None:
+        coldest, hottest = float(temperatures[0]), float(temperatures[-1])
+        allowed = f"isotherms are from {coldest:g} to {hottest:g} K"
+        check_values("reference", reference, allowed, at_least=coldest - 1, at_most=hottest + 1)
+        middle = int(np.argmin(np.abs(np.asarray(temperatures) - float(reference))))
+    observations = observe(kind, x, parts, times=None, **known)
+    if observations.flows:
+        raise ValueError("`equilibrium=0` is not available for creep at several temperatures.")
+    return Isotherms(
+        observations=observations,
+        group=jnp.repeat(jnp.arange(len(curves)), np.array([len(x) for *_, x, _ in curves])),
+        temperatures=temperatures,
+        penalty=jnp.zeros(2),
+        reference=middle,
+        law=law,
+        departs=sizes[0] > 0,
+        lifts=sizes[1] > 0,
+    )
+
+
+def _curve(number, isotherm, kind) -> tuple[Any, ...]:
+    """Kind, temperature, x and values of an isotherm."""
+    if isinstance(isotherm, Measured):
+        if isotherm.deformation != "tension" or isotherm.temperature is None:
+            raise ValueError(
+                f"`isotherms[{number}]` from {isotherm.path} must be in tension and have a "
+                "temperature: read the file with `poisson` and `temperature`."
+            )
+        isotherm, kind = (
+            (np.mean(isotherm.temperature), isotherm.abscissa, isotherm.values),
+            isotherm.kind,
+        )
+    temperature, x, values = isotherm
+    if not is_concrete(temperature):
+        raise ValueError(f"`isotherms[{number}]` must have a temperature that is known.")
+    x, values = as_float(x), jnp.asarray(values)
+    if x.ndim != 1 or x.shape != values.shape:
+        raise ValueError(
+            f"`isotherms[{number}]` has x of shape {x.shape} and values of {values.shape}; two "
+            "one-dimensional arrays of equal length are needed."
+        )
+    return kind, float(temperature), x, values
+
+
+def _search(data, sizes, choose_series):
+    """Unknowns, which are free, and penalty; and what `choose_series` says of the path (NumPy)."""
+
+    def expecting(variance):
+        """The problem with squares of departures weighed against residuals of this variance."""
+        penalty = np.array([variance / size**2 if size > 0 else 0.0 for size in sizes])
+        return shared_series_of(eqx.tree_at(lambda d: d.penalty, data, penalty)), penalty
+
+    shared, _ = expecting(0.0)
+    log_shift = _aligned(shared)
+    law = _nearest_law(shared.law, log_shift)
+    if not data.departs:
+        log_shift = shared.law.shifts(law)[0]
+    series = shared.shifted(log_shift, np.zeros(len(log_shift)))
+    shortest, longest = series.time_limits()
+    theta, _ = best_of_length(series, max(int(np.ceil((longest - shortest) / LN10)), 1))
+    unknowns = shared.join(theta, law, log_shift)
+    # The scatter of the data is known only once the shifts are.
+    for _ in range(2):
+        shared, penalty = expecting(_mean_square(shared, unknowns))
+        unknowns, _ = shared.minimise(unknowns, rtol=SEARCH)
+    theta, path = choose_series(shared.shifted(*shared.shifts(unknowns)))
+    unknowns = np.concatenate([theta, *shared.split(unknowns)[1:]])
+    lower, upper = shared.bounds(unknowns)
+    unknowns, _ = shared.minimise(unknowns, rtol=POLISH)
+    return (unknowns, (unknowns > lower) & (unknowns < upper), penalty), path
+
+
+def _mean_square(shared, unknowns):
+    series, residual, _, _ = shared.derivatives(unknowns)
+    rows = series.measured
+    return float(np.average(residual[rows] ** 2, weights=series.weights[rows]))
+
+
+def _aligned(shared):
+    """ln a of each isotherm, by fitting a spectrum to every two neighbours at trial distances."""
+    distances = LN10 * np.arange(-0.5, 6.0, 0.25)
+    steps = []
+    for colder in range(len(shared.law.temperatures) - 1):
+        costs = []
+        for distance in distances:
+            shifts = np.zeros(len(shared.law.temperatures))
+            shifts[colder] = distance
+            pair = np.isin(shared.group, (colder, colder + 1))
+            part = shared.shifted(shifts, np.zeros(len(shifts))).restricted(pair)
+            shortest, longest = part.time_limits()
+            log_times = np.linspace(shortest, longest, int(4 * (longest - shortest) / LN10) + 2)
+            strengths = non_negative(part, log_times)
+            columns = np.concatenate([part.branches(log_times), part.static])
+            relative = (part.known + strengths @ columns) / np.exp(part.log_values) - 1
+            costs.append(part.weights @ relative**2)
+        steps.append(distances[np.argmin(costs)])
+    log_shift = -np.cumsum([0.0, *steps])
+    return log_shift - log_shift[shared.reference]
+
+
+def _nearest_law(law, log_shift):
+    found = least_squares(
+        lambda p: law.shifts(p)[0] - log_shift, law.typical, bounds=law.bounds, loss="soft_l1"
+    )
+    return found.x
+
+
+def _deviation(slopes, spread):
+    return np.sqrt(np.einsum("...i,ij,...j->...", np.asarray(slopes), spread, np.asarray(slopes)))
+
+
+def _report(curve):
+    law = curve.shift if not curve.data.departs else curve.shift.law
+    if curve.data.law == "wlf":
+        words = f"WLF with c1 = {float(law.c1):.4g}, c2 = {float(law.c2):.4g} K"
+    else:
+        words = f"Arrhenius with Q = {float(law.activation_energy) / 1e3:.4g} kJ/mol"
+    along, across = curve.shift_deviations()
+    lines = [
+        f"{words} about {float(law.reference):.2f} K.",
+        "",
+        "     T [K]  log10 a_T      +-       b_T      +-",
+    ]
+    rows = zip(
+        curve.temperatures, curve.log10_shifts, along, curve.vertical_shifts, across, strict=True
+    )
+    lines += [f"{t:10.2f} {a:10.3f} {da:7.3f} {b:9.4f} {db:7.4f}" for t, a, da, b, db in rows]
+    return "\n".join([*lines, "", curve.fit.report()])
