@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 
 import graded_contact as gc
+from graded_contact import response
 from graded_contact.response.table import tabulate
 
 HIGHEST = (300, 200)
@@ -120,8 +121,10 @@ def test_kernel_of_a_long_stack_under_jit_and_its_derivative():
     np.testing.assert_allclose(jax.grad(total)(2e-4), slope, rtol=1e-5)
 
 
-def test_a_table_that_falls_short_gives_way_to_direct_evaluation():
+def test_a_table_that_falls_short_gives_way_to_direct_evaluation(monkeypatch):
     rtol = 1e-13
+    monkeypatch.setattr(response.table, "_MOST", 2 * response.table._TILE)
+    monkeypatch.setattr(response.table, "_PROBED", response.table._TILE)
     kernel = np.asarray(gc.stack_kernel(LONG, GRID, SPEED, rtol))
     k = np.arange(1, 100)
     np.testing.assert_allclose(kernel[k, k], one_by_one(LONG, k, k), rtol=3e-14)
