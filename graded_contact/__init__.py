@@ -8,6 +8,7 @@ from .contact.douglas_rachford import DouglasRachford
 from .contact.law import HardWall
 from .contact.problem import RESULTS, ContactSolution, solve_contact
 from .grid import Grid
+from .persson.mean_field import MeanField, mean_field_friction, pressure_distribution
 from .response.compliance import (
     effective_modulus,
     layered_compliance,
@@ -55,6 +56,7 @@ __all__ = [
     "Layer",
     "Layering",
     "Linear",
+    "MeanField",
     "Measured",
     "Mixture",
     "PowerLaw",
@@ -78,14 +80,16 @@ __all__ = [
     "interior_fields",
     "kernel_table",
     "layered_compliance",
+    "mean_field_friction",
+    "pressure_distribution",
     "radial_spectrum",
     "random_surface",
     "read_moduli",
     "read_surface",
     "resample",
     "rescale",
-    "slide",
     "sliced",
+    "slide",
     "solve_contact",
     "stack_kernel",
     "statistics",

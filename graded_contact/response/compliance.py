@@ -20,7 +20,7 @@ from .._checks import Numbers, as_float, check_poisson, check_positive, check_va
 from ..rheology.material import AbstractMaterial
 from .grading import Layering, check_profiles, graded_tolerance, solve_graded
 from .recursion import UNROLLED_LAYERS, compliance_of_layers
-from .stack import Free, GradedLayer, HalfSpace, Rigid, Stack
+from .stack import Free, GradedLayer, HalfSpace, Layer, Rigid, Stack
 
 
 def layered_compliance(
@@ -153,18 +153,17 @@ class ManyLayers(NamedTuple):
 
 def prepared(stack: Stack) -> Stack | ManyLayers:
     """Returns a stack in the form in which it is solved often."""
-    if is_graded(stack) or len(stack.layers) <= UNROLLED_LAYERS:
+    materials = [layer.material for layer in stack.layers if isinstance(layer, Layer)]
+    if len(materials) < len(stack.layers) or len(materials) <= UNROLLED_LAYERS:
         return stack
     kinds = {}
-    for i, layer in enumerate(stack.layers):
-        leaves, structure = jax.tree.flatten(layer.material)
+    for i, material in enumerate(materials):
+        leaves, structure = jax.tree.flatten(material)
         kinds.setdefault((structure, *[jnp.shape(leaf) for leaf in leaves]), []).append(i)
     return ManyLayers(
         jnp.stack([layer.thickness for layer in stack.layers]),
         [
-            jax.tree.map(
-                lambda *leaves: jnp.stack(leaves), *[stack.layers[i].material for i in members]
-            )
+            jax.tree.map(lambda *leaves: jnp.stack(leaves), *[materials[i] for i in members])
             for members in kinds.values()
         ],
         np.argsort(np.concatenate(list(kinds.values()))),

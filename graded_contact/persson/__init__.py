@@ -1,0 +1,1 @@
+"""Persson's multiscale mean-field theory of contact and friction, for any stack."""

@@ -1,0 +1,104 @@
+"""How the pressure in a contact spreads as finer roughness comes into view.
+
+Stresses are in units of the mean pressure σ0: v = V/σ0², where V is the variance that the pressure
+would have in complete contact. The density P of the pressure obeys ∂P/∂v = ½ ∂²P/∂σ² and starts as
+a spike at σ = 1; what reaches σ = 0 has lost contact, so that P = 0 there and P is a Gaussian less
+its mirror image (B. N. J. Persson, J. Chem. Phys. 115 (2001) 3840, doi:10.1063/1.1388626). The
+contact area is A = ∫P dσ = erf(1/√(2v)), and the mean square pressure grows as d⟨σ²⟩/dv = A.
+
+In partial contact finer roughness adds less than this, since the edges of the contact give way to
+it. The corrections in use slow the diffusion: x(v) stands in place of v, with dx/dv = S.
+
+- `"yang_persson"`: S = 0.45 + 0.55 A². C. Yang, B. N. J. Persson, J. Phys.: Condens. Matter 20
+  (2008) 215214, doi:10.1088/0953-8984/20/21/215214.
+- `"wang_mueser"`: S = 5/9 - 2/9 A² + 2/3 A⁴. A. Wang, M. H. Müser, Tribol. Lett. 65 (2017) 103,
+  doi:10.1007/s11249-017-0886-9.
+- `"xu"`: x = (0.42 + 0.58 A) v. Y. Xu's public programs (github.com/xylcsi/PerssonModelFudgeFactor,
+  "Xu24"), whose forms of the other two are those above.
+"""
+
+from functools import partial
+from typing import Literal
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+from jax.scipy.special import erf
+from jaxtyping import Array, Float
+
+Correction = Literal["none", "yang_persson", "wang_mueser", "xu"]
+
+# Below, the area is 1 to rounding (1 - 2e-23): nothing has reached σ = 0.
+_START = 0.01
+
+
+def area(x: Float[Array, "*n"]) -> Float[Array, "*n"]:
+    """Returns the contact area fraction [1] after diffusion up to `x`."""
+    spread = x > _START
+    return jnp.where(spread, erf(1 / jnp.sqrt(2 * jnp.where(spread, x, 1))), 1)
+
+
+def mean_square_growth(x: Float[Array, "*n"]) -> Float[Array, "*n"]:
+    """Returns ⟨σ²⟩ - 1 over the nominal area [1]; its derivative is the area."""
+    spread = x > _START
+    safe = jnp.where(spread, x, 1)
+    tail = jnp.sqrt(2 * safe / np.pi) * jnp.exp(-1 / (2 * safe))
+    return jnp.where(spread, (1 + safe) * area(safe) + tail - 1, x)
+
+
+def density(x: Float[Array, "n 1"], stress: Float[Array, "1 m"]) -> Float[Array, "n m"]:
+    """Returns P at stresses [1] after diffusion up to `x`; 0 where nothing has spread."""
+    safe = jnp.where(x > 0, x, 1)
+    # exp(-(σ-1)²/2x) - exp(-(σ+1)²/2x), without the difference of neighbours
+    images = jnp.exp(-((stress - 1) ** 2) / (2 * safe)) * -jnp.expm1(-2 * stress / safe)
+    return jnp.where(x > 0, images / jnp.sqrt(2 * np.pi * safe), 0)
+
+
+def slowing(correction: Correction, x: Float[Array, "*n"]) -> Float[Array, "*n"]:
+    """Returns S = dx/dv [1]."""
+    a = area(x)
+    if correction == "yang_persson":
+        return 0.45 + 0.55 * a**2
+    if correction == "wang_mueser":
+        return 5 / 9 - 2 / 9 * a**2 + 2 / 3 * a**4
+    if correction == "xu":
+        spread = x > _START
+        safe = jnp.where(spread, x, 1)
+        shrinking = jnp.exp(-1 / (2 * safe)) / jnp.sqrt(2 * np.pi * safe)  # -x dA/dx
+        factor = 0.42 + 0.58 * a
+        return factor**2 / (factor + 0.58 * jnp.where(spread, shrinking, 0))
+    return jnp.ones_like(x)
+
+
+@partial(jax.custom_jvp, nondiff_argnums=(0,))
+def slowed(correction: Correction, v: Float[Array, "*n"]) -> Float[Array, "*n"]:
+    """Returns x(v) [1], how far the slowed diffusion has come.
+
+    The inverse v(x) = ∫dx/S is tabulated; within an interval of the table two of Newton's steps
+    solve for x to rounding, with Gauss's rule for the integral from the start of the interval.
+    """
+    if correction == "none":
+        return v
+    nodes, weights = (jnp.asarray(a, v.dtype) for a in np.polynomial.legendre.leggauss(8))
+
+    def elapsed(start, end):
+        half = (end - start) / 2
+        x = start[..., None] + half[..., None] * (1 + nodes)
+        return half * jnp.sum(weights / slowing(correction, x), axis=-1)
+
+    # At the last entry S has become constant.
+    table = jnp.asarray(np.geomspace(_START, 1e24, 700), v.dtype)
+    steps = elapsed(table[:-1], table[1:])
+    passed = jnp.concatenate([table[:1], table[0] + jnp.cumsum(steps)])
+    i = jnp.clip(jnp.searchsorted(passed, v) - 1, 0, len(table) - 2)
+    start, late = table[i], v - passed[i]
+    x = start + late * (table[i + 1] - start) / steps[i]
+    for _ in range(2):
+        x = x + (late - elapsed(start, x)) * slowing(correction, x)
+    return jnp.where(v > _START, x, v)
+
+
+@slowed.defjvp
+def _slowed_jvp(correction, primals, tangents):
+    x = slowed(correction, *primals)
+    return x, slowing(correction, x) * tangents[0]

@@ -1,0 +1,221 @@
+"""The mean field of an isotropic spectrum, by quadrature over wavenumber and angle.
+
+In log q it is Clenshaw and Curtis's rule on every smooth piece of the spectrum. For the angle φ
+between q and the velocity, cos φ = sech u turns a relaxation at whatever q v τ into poles at the
+distance π/2 from the real line of u, where the trapezoidal rule converges as exp(-π²/h); u =
+3 sinh s then makes the integrand decay doubly exponentially. Every second and every fourth node
+give coarser results without another evaluation of the response, and from these the error is
+estimated.
+"""
+
+from functools import cache
+from typing import NamedTuple
+
+import equinox as eqx
+import jax
+import jax.numpy as jnp
+import numpy as np
+from jaxtyping import Array, Float
+from numpy.polynomial import chebyshev
+
+from .._checks import as_float, check_positive, is_concrete
+from ..response.compliance import surface_compliance_unchecked
+from ..response.stack import Stack
+from ..spectrum import SelfAffine
+from .diffusion import Correction, area, mean_square_growth, slowed
+
+# The last angle, nearly across the velocity, stands for those beyond it.
+LAST_COSINE = 1 / np.cosh(15.0)
+_STRETCH = 3.0
+
+
+class Roughness(eqx.Module):
+    """An isotropic spectrum in smooth pieces.
+
+    **Fields:**
+
+    - `edges`: wavenumbers [rad/m] between which C(q) is smooth, increasing, shape `(points,)`.
+    - `source`: the spectrum, or C [m⁴] at the edges, a power of q between neighbours.
+    """
+
+    edges: Float[Array, " points"]
+    source: SelfAffine | Float[Array, " points"]
+
+
+def as_roughness(spectrum: object) -> Roughness:
+    """Returns a `SelfAffine`, or a pair (q, C) of arrays, in pieces; refuses anything else."""
+    if isinstance(spectrum, SelfAffine):
+        edges = jnp.stack([spectrum.q_low, spectrum.q_roll, spectrum.q_high])
+        return Roughness(edges, spectrum)
+    if not (isinstance(spectrum, tuple | list) and len(spectrum) == 2):
+        raise ValueError(
+            f"`spectrum={spectrum!r}` must be a `SelfAffine`, a `Surface` or a pair (q, C)."
+        )
+    q, c = map(as_float, spectrum)
+    if q.ndim != 1 or q.shape != c.shape:
+        raise ValueError(
+            f"`spectrum` holds q of shape {q.shape} and C of shape {c.shape}; two "
+            "one-dimensional arrays of equal length are needed."
+        )
+    if is_concrete(q) and is_concrete(c):
+        known = ~np.isnan(np.asarray(c))
+        q, c = q[known], c[known]
+    if len(q) < 2:
+        raise ValueError(f"`spectrum` holds C(q) at {len(q)} wavenumbers; at least 2 are needed.")
+    check_positive("spectrum[0]", q, "[rad/m]")
+    check_positive("spectrum[1]", c, "[m⁴]")
+    if is_concrete(q):
+        falling = np.diff(np.asarray(q)) <= 0
+        if np.any(falling):
+            i = int(np.argmax(falling)) + 1
+            raise ValueError(
+                f"`spectrum[0][{i}]={float(q[i]):g}` does not exceed the entry before it: "
+                "wavenumbers must be strictly increasing."
+            )
+    return Roughness(q, c)
+
+
+@eqx.filter_jit
+@eqx.filter_checkpoint
+def integrate(
+    stack: Stack,
+    roughness: Roughness,
+    pressure: Float[Array, ""],
+    speed: Float[Array, ""],
+    correction: Correction,
+    num_intervals: int,
+    num_angles: int,
+) -> tuple[Float[Array, " n"], Float[Array, " n"], Float[Array, " n"], Float[Array, ""]]:
+    """Returns wavenumbers [rad/m], diffusion x [1] and friction [1] up to them, and the error.
+
+    `num_intervals` (on each piece) and `num_angles` are multiples of 4.
+    """
+    lengths = jnp.log(roughness.edges[1:] / roughness.edges[:-1])
+    q, amplitude = _nodes(roughness, lengths, num_intervals)
+    cosine = jnp.asarray(_angles(num_angles)[0], q.dtype)
+    omega = speed * q[:, None] * cosine
+    stiffness = 1 / (pressure * surface_compliance_unchecked(stack, q[:, None], omega))
+    # √C q/(M σ0): squares of its factors may leave the range of float32.
+    relative = amplitude[:, None] * stiffness
+    rates = (
+        relative.real**2 + relative.imag**2,
+        (amplitude * q)[:, None] * cosine * relative.imag,
+    )
+
+    strides = (1, 2, 4)
+    rules = [_clenshaw_curtis(num_intervals // stride) for stride in strides]
+    averages = [
+        [rate[::s, ::s] @ jnp.asarray(_angles(num_angles // s)[1], q.dtype) for rate in rates]
+        for s in strides
+    ]
+    v = [
+        _integral(spreading, lengths, r) for (spreading, _), r in zip(averages, rules, strict=True)
+    ]
+    # All at once: it is half of what there is to compile.
+    x = jnp.split(slowed(correction, jnp.concatenate(v)), np.cumsum([len(part) for part in v])[:-1])
+    friction = [
+        _stieltjes(loss / spreading, mean_square_growth(part), rule)
+        for (spreading, loss), part, rule in zip(averages, x, rules, strict=True)
+    ]
+    ends = [jnp.stack([area(a[-1]), b[-1]]) for a, b in zip(x, friction, strict=True)]
+    return q, x[0], friction[0], _error(*jax.lax.stop_gradient(ends))
+
+
+def _error(fine, middle, coarse):
+    """The largest relative error of `fine`.
+
+    If halving the intervals divides the error by r, the next halving divides it by r again
+    (algebraic convergence) or by more (exponential).
+    """
+    near, far = jnp.abs(fine - middle), jnp.abs(middle - coarse)
+    factor = jnp.where(near < far, near / jnp.where(far > 0, far, 1), 1)
+    return jnp.max(near * factor / jnp.where(fine == 0, 1, jnp.abs(fine)))
+
+
+def _nodes(roughness, lengths, num_intervals):
+    """Nodes q [rad/m] of all pieces, and √C q [m] at them."""
+    t = jnp.asarray(_clenshaw_curtis(num_intervals).nodes, lengths.dtype)
+
+    def spread(edges, lengths):
+        # From the nearer edge, so that the edges themselves are exact: C is 0 beyond them.
+        from_below = edges[:-1, None] * jnp.exp(t * lengths[:, None])
+        from_above = edges[1:, None] * jnp.exp((t - 1) * lengths[:, None])
+        return _joined(jnp.where(t < 0.5, from_below, from_above))
+
+    q = spread(roughness.edges, lengths)
+    if isinstance(roughness.source, SelfAffine):
+        root = jnp.sqrt(roughness.source.density(q))
+    else:
+        root = jnp.sqrt(roughness.source)
+        root = spread(root, jnp.log(root[1:] / root[:-1]))
+    return q, root * q
+
+
+def _joined(pieces):
+    """Values at the nodes of all pieces in a row, shared ends once."""
+    return jnp.append(pieces[:, :-1].ravel(), pieces[-1, -1])
+
+
+def _split(values, rule):
+    """The inverse of `_joined`, shape `(pieces, nodes)`."""
+    n = len(rule.nodes) - 1
+    return jnp.concatenate([values[:-1].reshape(-1, n), values[n::n, None]], axis=1)
+
+
+def _running(pieces):
+    """Integrals from the start of each piece, made integrals from the first node on."""
+    before = jnp.cumsum(pieces[:, -1]) - pieces[:, -1]
+    return _joined(before[:, None] + pieces)
+
+
+def _integral(rate, lengths, rule):
+    """∫ rate d(log q) from the first node to every node."""
+    pieces = _split(rate, rule) @ jnp.asarray(rule.integration.T, rate.dtype)
+    return _running(lengths[:, None] * pieces)
+
+
+def _stieltjes(ratio, total, rule):
+    """∫ ratio d(total) from the first node to every node.
+
+    By parts: in light contact `total` leaves the first node as a root, the ratio is smooth.
+    """
+    integration, differentiation = (
+        jnp.asarray(matrix.T, ratio.dtype) for matrix in (rule.integration, rule.differentiation)
+    )
+    ratio, total = _split(ratio, rule), _split(total, rule)
+    product = ratio * total
+    rest = ((ratio @ differentiation) * total) @ integration
+    return _running(product - product[:, :1] - rest)
+
+
+class _Rule(NamedTuple):
+    """Nodes in [0, 1]; matrices of the integral from 0 and of the slope of an interpolant."""
+
+    nodes: np.ndarray
+    integration: np.ndarray
+    differentiation: np.ndarray
+
+
+@cache
+def _clenshaw_curtis(num_intervals: int) -> _Rule:
+    x = -np.cos(np.pi * np.arange(num_intervals + 1) / num_intervals)
+    coefficients = np.linalg.inv(chebyshev.chebvander(x, num_intervals))
+    integral = chebyshev.chebint(coefficients, lbnd=-1)
+    slope = chebyshev.chebder(coefficients)
+    return _Rule(
+        nodes=(1 + x) / 2,
+        integration=chebyshev.chebvander(x, num_intervals + 1) @ integral / 2,
+        differentiation=chebyshev.chebvander(x, num_intervals - 1) @ slope * 2,
+    )
+
+
+@cache
+def _angles(num_angles: int) -> tuple[np.ndarray, np.ndarray]:
+    """cos φ at the nodes of a quarter turn, and weights that sum to the whole turn, 2π."""
+    end = np.arcsinh(np.arccosh(1 / LAST_COSINE) / _STRETCH)
+    s = end * np.arange(num_angles + 1) / num_angles
+    cosine = 1 / np.cosh(_STRETCH * np.sinh(s))
+    weight = 4 * (end / num_angles) * _STRETCH * np.cosh(s) * cosine
+    weight[0] /= 2
+    weight[-1] += 2 * np.pi - np.sum(weight)
+    return cosine, weight

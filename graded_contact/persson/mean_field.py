@@ -1,0 +1,214 @@
+"""Persson's multiscale mean-field theory of friction and contact area, for any stack.
+
+The contact is looked at with growing magnification ζ = q/q_low: roughness up to the wavenumber q
+is seen, finer roughness not yet. Were the contact complete, every wave h_q of a surface that moves
+with velocity v would add the pressure h_q/M, M = M_zz(q, -q·v), and the variance V of the pressure
+about its mean σ0 would grow by
+
+    dV = C q dq ∫dφ |1/M|²  =  ¼ C q³ dq ∫dφ |E_eff(q, q v cos φ)|²,
+
+E_eff = 2/(q M) being `effective_modulus`. In partial contact the pressure spreads by diffusion that
+ends where it reaches zero (`diffusion.py`), which leaves the contact area
+
+    A(q) = erf(σ0/√(2V))          (Persson's erf(1/(2√G)), G = V/(2σ0²)),
+
+and lets the mean square pressure grow by A dV: of the power spectrum that complete contact would
+have, the share A is there. Friction is what this pressure dissipates,
+
+    dμ = A C q dq ∫dφ q cos φ Im(1/M)/σ0  =  ½ A C q³ dq ∫dφ cos φ Im E_eff(q, q v cos φ)/σ0,
+
+which at A = 1 is the exact friction of complete contact. A correction slows the diffusion, dV' =
+S dV: V' stands for V in the area, A S for A in the friction. (Programs that have S in the friction
+alone keep the uncorrected area; here one diffusion gives both.)
+
+Sources: B. N. J. Persson, J. Chem. Phys. 115 (2001) 3840, doi:10.1063/1.1388626; layered solids:
+M. Scaraggi, B. N. J. Persson, arXiv:1506.06955. Signs, factors and the stack's M in place of the
+half space's are derived from complete contact.
+"""
+
+from typing import get_args
+
+import equinox as eqx
+import jax.numpy as jnp
+from jaxtyping import Array, Float
+
+from .._checks import (
+    Numbers,
+    as_float,
+    check_positive,
+    check_shape,
+    check_tolerance,
+    check_values,
+)
+from ..response.grading import check_profiles
+from ..response.kernel import stack_kernel
+from ..response.stack import Stack, materials_of
+from ..rheology.tabulated import Tabulated
+from ..spectrum import SelfAffine
+from ..surface import Surface
+from .diffusion import Correction, area, density
+from .isotropic import LAST_COSINE, as_roughness, integrate
+from .modes import add_up
+
+_NOT_REACHED = (
+    "The mean field did not reach `rtol`, or met a value that is not finite (a pressure, thickness "
+    "or modulus that is not positive under `jit` ends here). Raise `num_wavenumbers` and "
+    "`num_angles`, loosen `rtol`, or pass `throw=False` and see `.error`."
+)
+
+
+class MeanField(eqx.Module):
+    """Friction and contact area, at full magnification and as functions of it.
+
+    **Fields:**
+
+    - `friction`: force opposing the motion over the load [1], with all roughness.
+    - `contact_area`: fraction of the nominal area in contact [1], with all roughness.
+    - `wavenumber`: q [rad/m], increasing, shape `(n,)`.
+    - `friction_up_to`, `contact_area_up_to`: with roughness up to `wavenumber` only [1], `(n,)`;
+      friction there may ring by 1e-3 of the whole where few nodes resolve it.
+    - `stress_variance_up_to`: V' [Pa²], how far the pressure has spread, `(n,)`.
+    - `pressure`: the mean pressure σ0 [Pa].
+    - `error`: estimated relative error of friction and area by the quadrature [1], mostly many
+      times too large; 0 for a surface, whose modes are summed.
+    """
+
+    friction: Float[Array, ""]
+    contact_area: Float[Array, ""]
+    wavenumber: Float[Array, " n"]
+    friction_up_to: Float[Array, " n"]
+    contact_area_up_to: Float[Array, " n"]
+    stress_variance_up_to: Float[Array, " n"]
+    pressure: Float[Array, ""]
+    error: Float[Array, ""]
+
+    @property
+    def magnification(self) -> Float[Array, " n"]:
+        """ζ [1], wavenumbers over the lowest one."""
+        return self.wavenumber / self.wavenumber[0]
+
+
+def mean_field_friction(
+    stack: Stack,
+    spectrum: SelfAffine | Surface | tuple[Numbers, Numbers],
+    *,
+    pressure: Numbers,
+    velocity: Numbers,
+    correction: Correction = "yang_persson",
+    num_wavenumbers: int = 64,
+    num_angles: int = 16,
+    rtol: float = 1e-4,
+    throw: bool = True,
+) -> MeanField:
+    """Returns friction and contact area of a rough surface sliding on a stack, by Persson's theory.
+
+    Differentiable in every leaf of `stack` and `spectrum`, in `pressure` and `velocity`; works
+    under `jit` and `vmap`. A friction curve is `jax.lax.map(lambda v: mean_field_friction(stack,
+    spectrum, pressure=p, velocity=v), velocities)` inside `jax.jit`, on a CPU faster than `vmap`
+    because what one velocity needs stays in the cache.
+
+    **Arguments:**
+
+    - `stack`: the block, see `Stack`. `stack.at(temperature)` is the block at another temperature.
+    - `spectrum`: isotropic roughness, as a `SelfAffine` or as a pair `(q, C)` of wavenumbers
+      [rad/m] and C(q) [m⁴], shape `(points,)`, a power law between neighbours (`radial_spectrum`
+      of a surface gives such a pair; rings without modes, where C is NaN, are left out); or a
+      `Surface`, whose modes are summed as they are, isotropic or not.
+    - `pressure`: mean pressure σ0 [Pa].
+    - `velocity`: of the surface over the block [m/s]: a number (along x) or `(vx, vy)`.
+    - `correction`: how partial contact slows the diffusion: `"none"` (Persson 2001),
+      `"yang_persson"`, `"wang_mueser"` or `"xu"`, see `persson/diffusion.py`.
+    - `num_wavenumbers`: intervals of the quadrature in q, shared by the smooth pieces of the
+      spectrum and rounded up to multiples of 4 on each.
+    - `num_angles`: intervals between the directions along and across the velocity, a multiple of 4.
+    - `rtol`: largest acceptable `error` [1].
+    - `throw`: whether to raise if it is exceeded; otherwise look at `.error`.
+
+    **Raises:** `ValueError` for a refused argument; `RuntimeError` if `rtol` is not reached.
+    """
+    if not isinstance(stack, Stack):
+        raise ValueError(f"`stack={stack!r}` must be a `Stack(layers=..., base=...)`.")
+    if correction not in get_args(Correction):
+        raise ValueError(f"`correction={correction!r}` must be one of {get_args(Correction)}.")
+    pressure, velocity = as_float(pressure), as_float(velocity)
+    check_shape("pressure", pressure, ())
+    check_positive("pressure", pressure, "[Pa]")
+    if velocity.shape not in ((), (2,)):
+        raise ValueError(
+            f"`velocity` has shape {velocity.shape}; a number (along x) or two components are "
+            "needed. Several velocities go through `jax.lax.map` or `jax.vmap`."
+        )
+    check_values("velocity", velocity, "a velocity [m/s] must be finite")
+    check_tolerance("rtol", rtol, pressure)
+    # At the door the value is unknown if the pressure is traced.
+    load = jnp.where(pressure > 0, pressure, jnp.nan)
+    if isinstance(spectrum, Surface):
+        kernel = stack_kernel(stack, spectrum.grid, velocity)
+        q, x, friction = add_up(kernel, spectrum, load, velocity, correction)
+        error = 0 * friction[-1]  # NaN if that is
+    else:
+        roughness = as_roughness(spectrum)
+        speed = _length(velocity)
+        _check_frequencies(stack, speed * roughness.edges)
+        counts = _counts(num_wavenumbers, len(roughness.edges) - 1, num_angles)
+        q, x, friction, error = integrate(stack, roughness, load, speed, correction, *counts)
+    contact_area = area(x)
+    solution = MeanField(
+        friction=friction[-1],
+        contact_area=contact_area[-1],
+        wavenumber=q,
+        friction_up_to=friction,
+        contact_area_up_to=contact_area,
+        stress_variance_up_to=x * load * load,
+        pressure=load,
+        error=error,
+    )
+    if throw:
+        # Written so that NaN fails.
+        solution = eqx.error_if(solution, ~(error <= rtol), _NOT_REACHED)
+    return solution
+
+
+def pressure_distribution(mean_field: MeanField, stress: Numbers) -> Float[Array, "n m"]:
+    """Returns the probability density P(σ, ζ) [1/Pa] of the pressure in contact.
+
+    Its integral over σ is the contact area; the rest of the nominal area carries no pressure.
+
+    **Arguments:**
+
+    - `mean_field`: a result of `mean_field_friction`.
+    - `stress`: σ [Pa], not negative, shape `(m,)`.
+
+    **Returns:** P, shape `(n, m)`, a row for each of `mean_field.wavenumber`. Where no roughness is
+    seen yet all of P lies at σ0, and the row is 0.
+    """
+    stress = as_float(stress)
+    if stress.ndim != 1:
+        raise ValueError(f"`stress` has shape {stress.shape}; one axis is needed.")
+    check_values("stress", stress, "a stress [Pa] is zero or positive", at_least=0)
+    mean = mean_field.pressure
+    x = mean_field.stress_variance_up_to / mean / mean
+    return density(x[:, None], (stress / mean)[None, :]) / mean
+
+
+def _counts(num_wavenumbers: int, num_pieces: int, num_angles: int) -> tuple[int, int]:
+    """Intervals on each piece of the spectrum and of the angle, which can be halved twice."""
+    if num_wavenumbers < 4:
+        raise ValueError(f"`num_wavenumbers={num_wavenumbers}` is refused: at least 4 are needed.")
+    if num_angles < 4 or num_angles % 4:
+        raise ValueError(f"`num_angles={num_angles}` is refused: a multiple of 4 is needed.")
+    return 4 * -(-num_wavenumbers // (4 * num_pieces)), num_angles
+
+
+def _length(vector: Float[Array, "..."]) -> Float[Array, ""]:
+    squared = jnp.sum(vector**2)
+    return jnp.where(squared == 0, 0, jnp.sqrt(jnp.where(squared == 0, 1, squared)))
+
+
+def _check_frequencies(stack: Stack, fastest: Float[Array, " points"]) -> None:
+    """Refuses profiles and tables that have no answer at the frequencies of the quadrature."""
+    omega = jnp.stack([fastest[0] * LAST_COSINE, fastest[-1]])
+    check_profiles(stack, omega)
+    for material in materials_of(stack):
+        if isinstance(material, Tabulated):
+            material.modulus(omega)

@@ -1,0 +1,62 @@
+"""The mean field of one surface: a sum over its modes, with whatever anisotropy they have."""
+
+import equinox as eqx
+import jax.numpy as jnp
+import numpy as np
+from jaxtyping import Array, Float, Inexact
+
+from ..grid import multiplicity, to_spectrum, wavenumber, wavevector
+from ..surface import Surface
+from .diffusion import Correction, area, mean_square_growth, slowed, slowing
+
+
+@eqx.filter_jit
+def add_up(
+    kernel: Inexact[Array, "*half"],
+    surface: Surface,
+    pressure: Float[Array, ""],
+    velocity: Float[Array, "..."],
+    correction: Correction,
+) -> tuple[Float[Array, " rings"], Float[Array, " rings"], Float[Array, " rings"]]:
+    """Returns wavenumbers [rad/m], diffusion x [1] and friction [1] up to them.
+
+    The modes of a ring of |q|, up to its outer edge, come into view at once.
+    """
+    grid = surface.grid
+    modes = to_spectrum(surface.heights - jnp.mean(surface.heights)) / np.prod(grid.shape)
+    zero = np.zeros(kernel.shape, bool)
+    zero[(0,) * kernel.ndim] = True
+    relative = jnp.where(zero, 0, modes) / (pressure * jnp.where(zero, 1, kernel))
+    power = (relative.real**2 + relative.imag**2) * multiplicity(grid.shape)
+    along = sum(q * e for q, e in zip(wavevector(grid), _direction(velocity), strict=False))
+    loss = power * along * jnp.imag(kernel) * pressure
+
+    q = wavenumber(grid)
+    num_rings = max(grid.shape)
+    edges = jnp.linspace(2 * np.pi / jnp.max(grid.size), jnp.max(q), num_rings)
+    # Modes on an outer edge belong to the ring inside it: rounding must not expel them.
+    ring = jnp.ceil((q - edges[0]) / (edges[1] - edges[0]) - 1e-4).astype(int)
+    ring = jnp.clip(ring, 0, num_rings - 1).ravel()
+    step, complete = (jnp.bincount(ring, jnp.ravel(a), length=num_rings) for a in (power, loss))
+    v = jnp.cumsum(step)
+    before = v - step
+    x = slowed(correction, jnp.stack([before, before + step / 2, v]))
+    # Of the mean square pressure of complete contact, the share that a ring adds: d⟨σ²⟩/dv on
+    # average over the ring.
+    growth = mean_square_growth(x)
+    thin = step <= 1e-4 * v
+    share = jnp.where(
+        thin,
+        area(x[1]) * slowing(correction, x[1]),
+        (growth[2] - growth[0]) / jnp.where(thin, 1, step),
+    )
+    return edges, x[2], jnp.cumsum(complete * share)
+
+
+def _direction(velocity):
+    """The unit vector along the velocity; at rest, along x."""
+    velocity = jnp.atleast_1d(velocity)
+    at_rest = jnp.all(velocity == 0)
+    along_x = jnp.arange(len(velocity)) == 0
+    safe = jnp.where(at_rest, along_x, velocity)
+    return safe / jnp.sqrt(jnp.sum(safe**2))
