@@ -25,6 +25,7 @@ from .rheology.export import export_prony
 from .rheology.fit import fit_creep, fit_prony, fit_relaxation
 from .rheology.fitting.result import PronyFit
 from .rheology.library import tyre_tread
+from .rheology.master import MasterCurve, master_curve
 from .rheology.material import BulkShear, Elastic, Prony
 from .rheology.reading import Measured, read_moduli
 from .rheology.shift import WLF, Arrhenius
@@ -35,6 +36,9 @@ from .surface import Surface, radial_spectrum, random_surface, resample, rescale
 from .topography import read_surface
 
 __version__ = "0.1.0"
+from .studies.design import Design, minimise, pareto_front, rounded, scatter
+from .studies.objectives import loss_tangent
+from .studies.parameters import with_values
 
 __all__ = [
     "RESULTS",
@@ -44,6 +48,7 @@ __all__ = [
     "Blend",
     "BulkShear",
     "ContactSolution",
+    "Design",
     "DouglasRachford",
     "Elastic",
     "ErrorFunction",
@@ -56,6 +61,7 @@ __all__ = [
     "Layer",
     "Layering",
     "Linear",
+    "MasterCurve",
     "MeanField",
     "Measured",
     "Mixture",
@@ -80,7 +86,11 @@ __all__ = [
     "interior_fields",
     "kernel_table",
     "layered_compliance",
+    "loss_tangent",
+    "master_curve",
     "mean_field_friction",
+    "minimise",
+    "pareto_front",
     "pressure_distribution",
     "radial_spectrum",
     "random_surface",
@@ -88,6 +98,8 @@ __all__ = [
     "read_surface",
     "resample",
     "rescale",
+    "rounded",
+    "scatter",
     "sliced",
     "slide",
     "solve_contact",
@@ -98,4 +110,5 @@ __all__ = [
     "surface_compliance_matrix",
     "tyre_tread",
     "von_mises",
+    "with_values",
 ]

@@ -7,7 +7,7 @@ amount expected beforehand, and their uncertainty is reported.
 """
 
 from collections.abc import Sequence
-from typing import Any
+from typing import Any, get_args
 
 import equinox as eqx
 import jax
@@ -140,8 +140,8 @@ class MasterCurve(eqx.Module):
 def master_curve(
     isotherms: Sequence[Measured | Isotherm],
     *,
-    kind: Kind = "frequency",
-    law: LawKind = "wlf",
+    kind: str = "frequency",
+    law: str = "wlf",
     scatter: Numbers = 0.3,
     vertical: Numbers = 0.0,
     reference: Numbers | None = None,
@@ -214,14 +214,15 @@ def master_curve(
 def _size(name, value) -> float:
     if not is_concrete(value):
         raise ValueError(f"`{name}` must be a number: it decides what is fitted.")
-    check_values(name, as_float(value), "it must be zero or positive", at_least=0)
-    return float(as_float(value))
+    check_values(name, value, "it must be zero or positive", at_least=0)
+    return float(value)
 
 
 def _isotherms(isotherms, kind, law, sizes, reference, channels, **known) -> Isotherms:
     """The data, checked and sorted by temperature."""
-    if law not in ("wlf", "arrhenius"):
-        raise ValueError(f"`law={law!r}` must be 'wlf' or 'arrhenius'.")
+    for name, value, allowed in (("law", law, LawKind), ("kind", kind, Kind)):
+        if value not in get_args(allowed):
+            raise ValueError(f"`{name}={value!r}` is refused: use one of {get_args(allowed)}.")
     curves = [_curve(i, isotherm, kind) for i, isotherm in enumerate(isotherms)]
     if len(curves) < 2:
         raise ValueError(f"`isotherms` holds {len(curves)}; at least 2 are needed.")
@@ -229,13 +230,11 @@ def _isotherms(isotherms, kind, law, sizes, reference, channels, **known) -> Iso
     if any(other != kind for other, *_ in curves):
         raise ValueError("`isotherms` are of different kinds; all must be measured alike.")
     curves.sort(key=lambda curve: curve[1])
-    temperatures = jnp.array([temperature for _, temperature, _, _ in curves])
+    temperatures = np.array([temperature for _, temperature, _, _ in curves])
     check_positive("temperature", temperatures, "[K]")
-    twice = np.flatnonzero(np.diff(np.asarray(temperatures)) <= 0)
+    twice = np.flatnonzero(np.diff(temperatures) <= 0)
     if len(twice):
-        raise ValueError(
-            f"`isotherms` holds {float(temperatures[twice[0]]):g} K twice: join those first."
-        )
+        raise ValueError(f"`isotherms` holds {temperatures[twice[0]]:g} K twice: join those first.")
     x = jnp.concatenate([x for *_, x, _ in curves])
     values = jnp.concatenate([values for *_, values in curves])
     if kind == "frequency":
@@ -247,17 +246,17 @@ def _isotherms(isotherms, kind, law, sizes, reference, channels, **known) -> Iso
         parts = {"modulus" if kind == "relaxation" else "compliance": (values, channels[0])}
     middle = len(curves) // 2
     if reference is not None:
-        coldest, hottest = float(temperatures[0]), float(temperatures[-1])
+        coldest, hottest = temperatures[[0, -1]]
         allowed = f"isotherms are from {coldest:g} to {hottest:g} K"
         check_values("reference", reference, allowed, at_least=coldest - 1, at_most=hottest + 1)
-        middle = int(np.argmin(np.abs(np.asarray(temperatures) - float(reference))))
+        middle = int(np.argmin(np.abs(temperatures - float(reference))))
     observations = observe(kind, x, parts, times=None, **known)
     if observations.flows:
         raise ValueError("`equilibrium=0` is not available for creep at several temperatures.")
     return Isotherms(
         observations=observations,
         group=jnp.repeat(jnp.arange(len(curves)), np.array([len(x) for *_, x, _ in curves])),
-        temperatures=temperatures,
+        temperatures=jnp.asarray(temperatures),
         penalty=jnp.zeros(2),
         reference=middle,
         law=law,
@@ -354,7 +353,7 @@ def _nearest_law(law, log_shift):
 
 
 def _deviation(slopes, spread):
-    return np.sqrt(np.einsum("...i,ij,...j->...", np.asarray(slopes), spread, np.asarray(slopes)))
+    return jnp.sqrt(jnp.einsum("...i,ij,...j->...", slopes, spread, slopes))
 
 
 def _report(curve):

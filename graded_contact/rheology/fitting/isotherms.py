@@ -93,6 +93,7 @@ def shift_of(unknowns: Unknowns, data: Isotherms) -> AbstractShift:
     return TabulatedShift(law, data.temperatures, _with_zero(departures, data))
 
 
+@eqx.filter_jit
 def log_vertical_of(unknowns: Unknowns, data: Isotherms) -> Float[Array, " isotherms"]:
     """Returns ln b of every isotherm."""
     if not data.lifts:
@@ -100,11 +101,13 @@ def log_vertical_of(unknowns: Unknowns, data: Isotherms) -> Float[Array, " isoth
     return _with_zero(unknowns[1 - len(data.temperatures) :], data)
 
 
+@eqx.filter_jit
 def log_shift_of(unknowns: Unknowns, data: Isotherms) -> Float[Array, " isotherms"]:
     """Returns ln a of every isotherm."""
     return jnp.log(jax.vmap(shift_of(unknowns, data).factor)(data.temperatures))
 
 
+@eqx.filter_jit
 def at_reference(unknowns: Unknowns, data: Isotherms) -> Observations:
     """Returns all measurements as if made at the reference temperature."""
     observed = data.observations
@@ -143,4 +146,5 @@ def shared_series_of(data: Isotherms) -> SharedSeries:
 
 def _with_zero(values, data):
     """`values` of all isotherms but the reference, whose entry is zero."""
-    return jnp.insert(values, data.reference, 0.0)
+    before, after = values[: data.reference], values[data.reference :]
+    return jnp.concatenate([before, jnp.zeros(1), after])

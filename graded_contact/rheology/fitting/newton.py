@@ -51,7 +51,8 @@ def minimise(
         trial[free] += _damped_step(here, free, damping)
         trial = np.clip(trial, lower, upper)
         moved = trial - point
-        there = expand(trial)
+        with np.errstate(over="ignore", invalid="ignore"):  # far off; it is then not taken
+            there = expand(trial)
         decrease = here.value - there.value
         if not decrease > 0:
             damping, raised = damping * raised, 2 * raised

@@ -93,6 +93,13 @@ def observe(
         check_positive(x_name, x, unit)
     else:
         check_values(x_name, x, f"it must be zero or a positive number {unit}", at_least=0)
+    # Of a number as it was given: inside `jit` a converted one is not known.
+    flows = (
+        kind == "creep"
+        and equilibrium is not None
+        and is_concrete(equilibrium)
+        and not np.any(np.asarray(equilibrium))
+    )
     known = {"equilibrium": equilibrium, "glassy": glassy, "times": times, "huber": huber}
     known = {name: None if v is None else as_float(v) for name, v in known.items()}
     if known["equilibrium"] is not None:
@@ -102,12 +109,6 @@ def observe(
     for name, allowed in (("glassy", "[Pa]"), ("times", "[s]"), ("huber", "[1]")):
         if (value := known[name]) is not None:
             check_positive(name, value, allowed)
-    flows = (
-        kind == "creep"
-        and known["equilibrium"] is not None
-        and is_concrete(known["equilibrium"])
-        and float(known["equilibrium"]) == 0
-    )
     pairs = [_channel(name, *channel, x) for name, channel in channels.items()]
     data = Observations(
         x=x,

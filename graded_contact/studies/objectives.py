@@ -1,0 +1,84 @@
+"""What a coating should do, as functions of a stack to be made small or to be limited.
+
+They read the response and the mean field only: milliseconds. Contact solves with the same meaning
+are the user's `slide(...)`, to verify and polish what these found.
+"""
+
+import jax
+import jax.numpy as jnp
+from jaxtyping import Array, Float, Inexact
+
+from .._checks import Numbers, as_float, check_positive
+from ..persson.mean_field import MeanField, mean_field_friction
+from ..response.compliance import effective_modulus
+from ..response.stack import Stack
+from ..spectrum import SelfAffine
+from ..surface import Surface
+
+
+def loss_tangent(stack: Stack, q: Numbers, velocity: Numbers) -> Float[Array, "..."]:
+    """Returns Im E_eff/Re E_eff [1] of the whole stack at `q` [rad/m] for sliding along q.
+
+    **Arguments:**
+
+    - `q`: wavenumbers [rad/m], positive.
+    - `velocity`: [m/s], positive.
+    """
+    q, velocity = as_float(q), as_float(velocity)
+    check_positive("velocity", velocity, "[m/s]")
+    modulus = effective_modulus(stack, q, q * velocity)
+    return modulus.imag / modulus.real
+
+
+def ripple(values: Numbers) -> Float[Array, ""]:
+    """Returns the variance of the logarithm of positive values [1]: 0 where they are flat.
+
+    `ripple(loss_tangent(stack, q, velocity))` over a band of q is small if the band is damped
+    evenly; `jnp.max(...)/jnp.min(...)` says the same to people, with kinks.
+    """
+    values = as_float(values)
+    check_positive("values", values, "")
+    return jnp.var(jnp.log(values))
+
+
+def distance(values: Numbers, target: Numbers) -> Float[Array, ""]:
+    """Returns the mean square of |ln(values/target)| [1], also of complex values.
+
+    For target curves: of `effective_modulus(stack, q, omega)`, of friction at given speeds, ...
+    """
+    values, target = jnp.asarray(values), jnp.asarray(target)
+    logs: Inexact[Array, ...] = jnp.log(values / target)
+    return jnp.mean(jnp.real(logs * jnp.conj(logs)))
+
+
+def friction_curve(
+    stack: Stack,
+    spectrum: SelfAffine | Surface | tuple[Numbers, Numbers],
+    *,
+    pressure: Numbers,
+    velocities: Numbers,
+) -> MeanField:
+    """Returns the mean field at each velocity, along a first axis of every array of it.
+
+    **Arguments:**
+
+    - `stack`, `spectrum`, `pressure`: as in `mean_field_friction`.
+    - `velocities`: along x [m/s], shape `(n,)`.
+    """
+    velocities = as_float(velocities)
+    if velocities.ndim != 1:
+        raise ValueError(f"`velocities` has shape {velocities.shape}; one axis is needed.")
+    return jax.lax.map(
+        lambda v: mean_field_friction(stack, spectrum, pressure=pressure, velocity=v), velocities
+    )
+
+
+def friction_between(field: MeanField, q_from: Numbers, q_to: Numbers) -> Float[Array, ""]:
+    """Returns the friction that roughness between two wavenumbers adds [1].
+
+    Over `field.friction` it is the share of a window, to be made large for a selective response,
+    or, with `q_to` the last wavenumber, small for friction that fine roughness cannot change.
+    """
+    at = jnp.log(jnp.stack([as_float(q_from), as_float(q_to)]))
+    low, high = jnp.interp(at, jnp.log(field.wavenumber), field.friction_up_to)
+    return high - low

@@ -1,0 +1,62 @@
+"""Numbers inside a stack, or any other module, by their path: "layers[0].thickness"."""
+
+import difflib
+from collections.abc import Mapping
+from typing import TypeVar
+
+import equinox as eqx
+import jax
+import jax.numpy as jnp
+
+from .._checks import Numbers
+
+T = TypeVar("T")
+
+
+def paths(tree: object) -> dict[str, jax.Array]:
+    """Returns all numbers and arrays in `tree` by their path, one entry of an array included.
+
+    An array of n numbers has n + 1 paths: "layers[0].material.times" and, of its entries,
+    "layers[0].material.times[2]".
+    """
+    found = {}
+    for path, leaf in jax.tree_util.tree_leaves_with_path(eqx.filter(tree, eqx.is_array)):
+        name = jax.tree_util.keystr(path).removeprefix(".")
+        found[name] = leaf
+        if leaf.ndim == 1:
+            found |= {f"{name}[{i}]": leaf[i] for i in range(len(leaf))}
+    return found
+
+
+def with_values(tree: T, values: Mapping[str, Numbers]) -> T:
+    """Returns `tree` with other values at some paths; differentiable in them.
+
+    **Arguments:**
+
+    - `tree`: a `Stack`, say.
+    - `values`: by path, see `paths`.
+
+    **Raises:** `ValueError` for a path that is not there, naming the nearest, or a value of
+    another shape. What the constructors check of a number is not checked again.
+    """
+    known = paths(tree)
+    leaves = {}
+    for path, value in values.items():
+        if path not in known:
+            near = difflib.get_close_matches(path, known, n=1, cutoff=0.0)
+            raise ValueError(f"There is no number at {path!r}; the nearest is {near[0]!r}.")
+        value = jnp.asarray(value, known[path].dtype)
+        if value.shape != known[path].shape:
+            raise ValueError(
+                f"{path!r} has shape {known[path].shape}, the value for it {value.shape}."
+            )
+        whole, bracket, index = path.rpartition("[")
+        if bracket and whole in known:
+            leaves[whole] = leaves.get(whole, known[whole]).at[int(index[:-1])].set(value)
+        else:
+            leaves[path] = value
+    arrays, rest = eqx.partition(tree, eqx.is_array)
+    arrays = jax.tree_util.tree_map_with_path(
+        lambda path, leaf: leaves.get(jax.tree_util.keystr(path).removeprefix("."), leaf), arrays
+    )
+    return eqx.combine(arrays, rest)

@@ -1,0 +1,181 @@
+"""Designs meet known optima, keep their constraints, resume, and refuse what cannot be designed."""
+
+import itertools
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+import pytest
+from scipy.optimize import differential_evolution
+
+import graded_contact as gc
+from graded_contact.studies.design import minimise, pareto_front, rounded, scatter
+
+LOW, HIGH = {"a": 0.1, "b": [0.1, 1.0]}, {"a": 10.0, "b": [10.0, 1.0]}
+
+
+def valley(p):
+    """Least, 0.5, at a = 2, b[0] = 3."""
+    a, b = p["a"], p["b"][0]
+    return 0.5 + jnp.log(a / 2) ** 2 + 10 * jnp.log(a * b / 6) ** 2
+
+
+def test_a_smooth_minimum_is_found_and_held_parameters_stay():
+    design = minimise(valley, LOW, HIGH, num_starts=3)
+    assert design.converged
+    np.testing.assert_allclose(design.parameters["a"], 2, rtol=1e-3)
+    np.testing.assert_allclose(design.parameters["b"], [3, 1], rtol=1e-3)
+    np.testing.assert_allclose(design.value, 0.5, rtol=1e-6)
+    assert len(design.runs) == 3 and design.num_evaluations < 100
+    assert "b.1" in design.report()
+
+
+def test_elasticities_are_relative_derivatives():
+    power = lambda p: p["a"] ** 2 / p["b"][0] ** 3  # noqa: E731
+    design = minimise(power, LOW, HIGH, num_starts=1)
+    np.testing.assert_allclose(design.elasticities["a"], 2, rtol=1e-12)
+    np.testing.assert_allclose(design.elasticities["b"], [-3, 0], rtol=1e-12)
+
+
+def test_constraints_hold_where_they_bind():
+    design = minimise(
+        valley, LOW, HIGH, constraints=lambda p: jnp.array([1 - (p["a"] + p["b"][0]) / 4]),
+        num_starts=4,
+    )  # fmt: skip
+    a, b = float(design.parameters["a"]), float(design.parameters["b"][0])
+    assert 0 < 4 - (a + b) < 1e-6
+    assert np.all(design.margins >= 0)
+    # Where the constraint binds, its gradient and that of the objective are parallel.
+    slopes = jax.grad(valley)({"a": a, "b": jnp.array([b, 1.0])})
+    np.testing.assert_allclose(slopes["a"], slopes["b"][0], rtol=1e-3)
+
+
+def test_many_starts_find_what_a_gradient_free_search_finds():
+    def bumpy(p):
+        x = jnp.log(p["x"])
+        return jnp.sum(0.05 * x**2 + jnp.sin(2 * x + 1))
+
+    low, high = {"x": np.full(2, 1e-2)}, {"x": np.full(2, 1e2)}
+    design = minimise(bumpy, low, high, num_starts=16)
+    free = differential_evolution(
+        lambda u: float(bumpy({"x": np.exp(u)})), [(np.log(1e-2), np.log(1e2))] * 2, seed=1
+    )
+    assert design.value <= free.fun + 1e-7
+    assert design.num_evaluations < free.nfev
+
+
+def test_units_of_parameters_and_objective_do_not_matter():
+    def scaled(p):
+        return 1e9 * valley({"a": p["a"] * 1e6, "b": p["b"]})
+
+    low, high = {**LOW, "a": 1e-7}, {**HIGH, "a": 1e-5}
+    one, other = (
+        minimise(valley, LOW, HIGH, num_starts=1),
+        minimise(scaled, low, high, num_starts=1),
+    )
+    np.testing.assert_allclose(other.parameters["a"] * 1e6, one.parameters["a"], rtol=1e-6)
+    np.testing.assert_allclose(other.value, 1e9 * one.value, rtol=1e-9)
+
+
+def test_a_design_stopped_half_way_resumes_to_the_same_result(tmp_path):
+    store = tmp_path / "design.json"
+    whole = minimise(valley, LOW, HIGH, num_starts=4)
+    calls = itertools.count()
+
+    def stop(_start, _value):
+        if next(calls) == 10:
+            raise KeyboardInterrupt
+
+    with pytest.raises(KeyboardInterrupt):
+        minimise(valley, LOW, HIGH, num_starts=4, store=store, progress=stop)
+    started = []
+    resumed = minimise(
+        valley, LOW, HIGH, num_starts=4, store=store, progress=lambda i, _: started.append(i)
+    )
+    assert min(started) > 0
+    assert resumed.value == whole.value and resumed.runs == whole.runs
+    with pytest.raises(ValueError, match="other bounds, starts or tolerance"):
+        minimise(valley, LOW, HIGH, num_starts=3, store=store)
+
+
+def test_rounding_takes_the_nearest_choice_and_finds_the_rest_again():
+    design = minimise(valley, LOW, HIGH, num_starts=2)
+    made = rounded(valley, design, {"a": [1.0, 1.8, 2.5]}, lower=LOW, upper=HIGH)
+    assert made.parameters["a"] == 1.8
+    # With a held, the valley is lowest where its wide term vanishes.
+    np.testing.assert_allclose(made.parameters["b"][0], 6 / 1.8, rtol=1e-4)
+    with pytest.raises(ValueError, match="none of"):
+        rounded(valley, design, {"c": [1.0]}, lower=LOW, upper=HIGH)
+    with pytest.raises(ValueError, match="no value between the bounds"):
+        rounded(valley, design, {"a": [100.0]}, lower=LOW, upper=HIGH)
+
+
+def test_pareto_front_of_two_distances_lies_between_their_optima():
+    """|x - 1|², |x - 4|² in logarithms: the front is the segment between, and √f0 + √f1 = ln 4."""
+
+    def distances(p):
+        return jnp.array([jnp.log(p["x"]) ** 2, jnp.log(p["x"] / 4) ** 2])
+
+    front = pareto_front(distances, {"x": 0.1}, {"x": 10.0}, num_points=5, num_starts=2)
+    values = np.array([v for _, v in front])
+    assert len(front) == 5
+    assert np.all(np.diff(values[:, 0]) > 0) and np.all(np.diff(values[:, 1]) < 0)
+    np.testing.assert_allclose(np.sqrt(values).sum(axis=1), np.log(4), rtol=1e-4)
+
+
+def test_scatter_of_a_power_law_is_lognormal():
+    values = scatter(lambda p: p["x"] ** 2, {"x": 3.0}, 0.05, num_samples=2000)
+    np.testing.assert_allclose(np.std(np.log(values)), 0.1, rtol=0.05)
+    np.testing.assert_allclose(np.mean(np.log(values)), np.log(9), atol=0.01)
+    alone = scatter(valley, {"a": 2.0, "b": jnp.array([3.0, 1.0])}, 0.0, num_samples=3)
+    np.testing.assert_allclose(alone, 0.5, rtol=1e-12)
+
+
+def test_a_coat_gives_the_friction_asked_for():
+    spectrum = gc.SelfAffine(rms_slope=0.1, hurst=0.8, q_low=600.0, q_roll=2e3, q_high=6e4)
+    rubber = gc.Prony(1e6, [4e6, 2e7], [1e-2, 1e-4], 0.49)
+
+    def friction(p):
+        coat = gc.Prony(p["modulus"], [4e6], [p["time"]], 0.49)
+        stack = gc.Stack(layers=(gc.Layer(coat, p["thickness"]),), base=gc.HalfSpace(rubber))
+        return gc.mean_field_friction(stack, spectrum, pressure=1e5, velocity=0.1).friction
+
+    low = {"modulus": 3e5, "time": 1e-6, "thickness": 1e-5}
+    high = {"modulus": 3e7, "time": 1e-1, "thickness": 1e-3}
+    wanted = 0.03
+    design = minimise(lambda p: jnp.log(friction(p) / wanted) ** 2, low, high, num_starts=2)
+    np.testing.assert_allclose(friction(design.parameters), wanted, rtol=1e-4)
+
+
+@pytest.mark.parametrize(
+    "arguments, message",
+    [
+        ({"lower": {"a": 0.0}, "upper": {"a": 1.0}}, "Bounds of a are 0 and 1; they must be pos"),
+        ({"lower": {"a": 2.0}, "upper": {"a": 1.0}}, "Bounds of a are 2 and 1"),
+        ({"lower": {"a": 1.0}, "upper": {"b": 1.0}}, "same nesting"),
+        ({"lower": {"a": np.ones(1)}, "upper": {"a": np.ones(2)}}, "same shapes"),
+        ({"lower": {}, "upper": {}}, "no parameter"),
+        ({"start": {"a": 30.0}}, "`start` has a = 30, not between"),
+        ({"start": {"b": 1.0}}, "nesting of `lower`"),
+        ({"num_starts": 0}, "`num_starts=0` must be at least 1"),
+        ({"constraints": lambda p: p["a"] - 20}, "No start of 2 satisfies `constraints`.*10"),
+        ({"objective": lambda p: jnp.log(p["a"] - 5)}, "`objective` is nan at a = 1"),
+        ({"objective": lambda p: jnp.sqrt(jnp.abs(p["a"] - 1))}, "derivative is not finite at a"),
+    ],
+)
+def test_what_cannot_be_designed_is_refused(arguments, message):
+    usual = {
+        "objective": lambda p: p["a"], "lower": {"a": 0.1}, "upper": {"a": 10.0}, "num_starts": 2,
+    }  # fmt: skip
+    with pytest.raises(ValueError, match=message):
+        minimise(**{**usual, **arguments})
+
+
+def test_a_pareto_front_has_two_ends():
+    with pytest.raises(ValueError, match="`num_points=1` must be at least 2"):
+        pareto_front(lambda p: jnp.zeros(2), {"x": 0.1}, {"x": 1.0}, num_points=1)
+
+
+def test_a_spread_is_not_negative():
+    with pytest.raises(ValueError, match="`spread` must be"):
+        scatter(lambda p: p["x"], {"x": 1.0}, -0.1)
