@@ -1,0 +1,359 @@
+"""How exact, how fast: Prony series from measured moduli, and what they do to friction.
+
+    python benchmarks/bench_fit.py errors     errors over numbers of terms, on open data
+    python benchmarks/bench_fit.py speed      seconds, the first call apart
+    python benchmarks/bench_fit.py recovery   known spectra from noisy data: bias, coverage
+    python benchmarks/bench_fit.py friction   one rough surface on differently fitted materials
+
+Errors are root mean squares of ln(fit/measured) over all storage and loss moduli, which is what the
+package minimises, and of fit/measured - 1. The floor is that of non-negative least squares (SciPy)
+on a dense grid of times, in the latter. Data and peers: `prony_peers.py`; the last two sections:
+`fit_recovery.py`, `fit_friction.py`. `errors` and `friction` draw docs/bench_fit.png and
+docs/bench_fit-friction.png.
+"""
+
+import argparse
+import pathlib
+import platform
+import statistics
+import time
+
+import jax
+import jax.numpy as jnp
+import matplotlib
+import numpy as np
+import prony_peers as peers
+import scipy
+from fit_friction import friction
+from fit_recovery import recovery
+from prony_peers import (
+    ISOTHERMS,
+    MASTER_CURVES,
+    OPTIMISED,
+    PACKAGE,
+    PLAIN,
+    RELAXATIONS,
+    error_of,
+    goal,
+    read_sets,
+)
+
+import graded_contact as gc
+from graded_contact.plot import COLOURS
+from graded_contact.rheology.master import master_curve
+
+jax.config.update("jax_enable_x64", True)
+matplotlib.use("Agg")
+DOCS = pathlib.Path(__file__).parents[1] / "docs"
+
+# What an earlier throw-away fit reached: (terms, rms log error in %) for data over time, and rms
+# log error in % of shifted isotherms, without and with vertical shifts.
+TO_REACH_IN_TIME = {
+    "NREL E(t)": [(25, 0.185)],
+    "polypropylene": [(7, 0.102)],
+    "bimodal, noisy": [(2, 4.744)],
+    "twin-peaked": [(8, 0.532), (23, 0.000)],
+    "ring polymer": [(6, 1.440), (5, 3.159)],
+}
+TO_REACH_SHIFTED = {
+    "NREL polymer": (10.10, 9.50),
+    "EPDM rubber": (4.23, 2.91),
+    "vinyl foam": (3.12, 2.33),
+    "polyisoprene melt": (7.80, 1.34),
+}
+
+
+def fit(measured, **choices):
+    """The package's fit of master curves over frequency or time."""
+    function = gc.fit_prony if measured.kind == "frequency" else gc.fit_relaxation
+    return function(measured.abscissa, measured.values, **choices)
+
+
+# errors -------------------------------------------------------------------------------------
+
+
+def errors(options):
+    print("\nmaster curves; rms of ln(fit/measured) and of fit/measured - 1, in %")
+    print(
+        f"{'set':18s} {'points':>6s} {'decades':>7s} {'fit':20s} {'terms':>5s} {'log':>8s} ", end=""
+    )
+    print(f"{'relative':>9s} {'over floor':>10s}")
+    panels, gains, ratios = [], [], []
+    for name, measured in read_sets(MASTER_CURVES | RELAXATIONS):
+        floors = peers.floor_by_nnls(measured)
+        rows, best = rows_of(measured)
+        print_rows(name, measured, rows, floors)
+        panels.append((name, best, [row for row in rows if row[0].startswith("pyvisco")]))
+        if PLAIN in {label for label, *_ in rows}:
+            gains.append((gain_at_equal_length(rows), name))
+        if measured.kind == "frequency":
+            ratios.append((*ratio_to_floor(measured, best, floors[0]), name))
+    if gains:
+        least, name = min(gains)
+        goal("at pyvisco's length half its relative error", f"{least:.3g} times less on {name}")
+    for ratio, terms, per_decade, name in ratios:
+        goal(
+            f"{name}: <= 1.05 floor at <= 2 terms per decade (log error over the NNLS floor)",
+            f"{ratio:.3f} with {terms} terms, {per_decade:.2f} per decade",
+        )
+    against_earlier_fits()
+    shifted_isotherms()
+    if panels:
+        plot_errors(panels, options.plot)
+
+
+def rows_of(measured):
+    """(label, terms, log error, relative error) of all fits, and the package's best fit by BIC."""
+    rows = []
+    if peers.pyvisco is not None:
+        x, values = measured.abscissa, measured.values
+        for label, optimise in ((PLAIN, False), (OPTIMISED, True)):
+            material, terms = peers.pyvisco_fit(x, values, optimise=optimise)
+            rows.append((label, terms, *error_of(material, measured)))
+        equal = fit(measured, terms=rows[0][1])
+        rows.append((PACKAGE, equal.terms, *error_of(equal.material, measured)))
+    best = fit(measured)
+    rows.append((f"{PACKAGE}, BIC", best.terms, *error_of(best.material, measured)))
+    return rows, best
+
+
+def print_rows(name, measured, rows, floors):
+    x = measured.abscissa
+    decades = np.log10(np.max(x) / np.min(x[x > 0]))
+    label = f"{name:18s} {len(x):6d} {decades:7.1f}"
+    for method, terms, log, relative in rows:
+        print(
+            f"{label:33s} {method:20s} {terms:5d} {100 * log:8.4f} {100 * relative:9.4f} "
+            f"{relative / floors[0]:10.3g}"
+        )
+        label = ""
+    parts = zip(("all", "storage alone", "loss alone"), floors, strict=False)
+    text = ", ".join(f"{part} {100 * value:.4g}" for part, value in parts)
+    print(f"{'':33s} floor by NNLS, relative: {text}", flush=True)
+
+
+def gain_at_equal_length(rows):
+    by_label = {label: relative for label, _, _, relative in rows}
+    return by_label[PLAIN] / by_label[PACKAGE]
+
+
+def ratio_to_floor(measured, best, floor):
+    """The first length whose log error is within 5 % of the floor, or the best there is."""
+    x = measured.abscissa
+    decades = np.log10(np.max(x) / np.min(x))
+    allowed = [length for length in best.path if length.terms <= 2 * decades]
+    within = [length for length in allowed if length.error <= 1.05 * floor]
+    length = within[0] if within else min(allowed, key=lambda length: length.error)
+    return length.error / floor, length.terms, length.terms / decades
+
+
+def against_earlier_fits():
+    print("\nover time, at the lengths of an earlier fit; rms log error, %")
+    missed = []
+    for name, measured in read_sets(RELAXATIONS):
+        for terms, earlier in TO_REACH_IN_TIME[name]:
+            reached = 100 * fit(measured, terms=terms).errors().total
+            print(f"{name:18s} {terms:3d} terms: {reached:.4f}, earlier {earlier:.3f}")
+            if round(reached, 3) > earlier:
+                missed.append(name)
+    goal("at or below the earlier fit on every set", f"missed: {', '.join(missed) or 'none'}")
+
+
+def shifted_isotherms():
+    print("\nraw isotherms, shifts and series fitted together; rms log error, % (terms); pyvisco:")
+    print(
+        "the package's series on data shifted by its `get_aT`; earlier: without and with vertical"
+    )
+    print(f"{'set':18s} {'isotherms':>9s} {'free':>12s} {'and vertical':>12s} ", end="")
+    print(f"{'by a WLF law':>12s} {'pyvisco':>12s} {'earlier fit':>16s}")
+    gains = []
+    for name, measured in read_sets(ISOTHERMS):
+        parts = measured.isotherms()
+        choices = ({"scatter": 3.0}, {"scatter": 3.0, "vertical": 0.1}, {"scatter": 0.0})
+        curves = [master_curve(parts, **choice).fit for choice in choices]
+        found = [100 * curve.errors().total for curve in curves]
+        cells = [f"{e:7.3f} ({c.terms:2d})" for e, c in zip(found, curves, strict=True)]
+        cells.append(f"{'-':>12s}")
+        if peers.pyvisco is not None:
+            other = fitted_to_shifted(parts, peers.pyvisco_shifts(parts))
+            cells[-1] = f"{100 * other.errors().total:7.3f} ({other.terms:2d})"
+            gains.append((100 * other.errors().total / found[0], name))
+        earlier = TO_REACH_SHIFTED[name]
+        cells.append(f"{earlier[0]:8.2f}{earlier[1]:8.2f}")
+        print(f"{name:18s} {len(parts):9d} {' '.join(f'{c:>12s}' for c in cells)}", flush=True)
+    if gains:
+        least, name = min(gains)
+        goal("nearer than with pyvisco's shifts", f"{least:.3g} times nearer or more ({name})")
+
+
+def fitted_to_shifted(isotherms, log10_shifts):
+    pairs = list(zip(isotherms, log10_shifts, strict=True))
+    omega = np.concatenate([part.abscissa * 10**shift for part, shift in pairs])
+    return gc.fit_prony(omega, np.concatenate([part.values for part, _ in pairs]), throw=False)
+
+
+def plot_errors(panels, target):
+    import matplotlib.pyplot as plt
+    from matplotlib.ticker import FuncFormatter, MaxNLocator, NullFormatter
+
+    columns = 4
+    rows = -(-len(panels) // columns)
+    figure, axes = plt.subplots(
+        rows, columns, figsize=(12, 2.9 * rows), layout="constrained", squeeze=False
+    )
+    for panel in axes.flat[len(panels) :]:
+        panel.set_axis_off()
+    for panel, (name, best, others) in zip(axes.flat, panels, strict=False):
+        terms, errors, _ = zip(*best.path, strict=True)
+        chosen = dict(zip(terms, errors, strict=True))[best.terms]
+        panel.semilogy(terms, 100 * np.array(errors), ".-", color=COLOURS[0], label="package")
+        panel.plot(
+            best.terms, 100 * chosen, "o", color=COLOURS[0], markersize=9, fillstyle="none",
+            label="number of terms by BIC",
+        )  # fmt: skip
+        floor = best.floor().total
+        panel.axhline(100 * floor, color="black", linewidth=0.8, linestyle="--", label="floor")
+        for label, number, log, _ in others:
+            mark, colour = ("s", COLOURS[1]) if label == PLAIN else ("^", COLOURS[4])
+            panel.plot(number, 100 * log, mark, color=colour, label=label)
+        panel.set(title=name, xlabel="number of terms")
+        panel.xaxis.set_major_locator(MaxNLocator(integer=True))
+        panel.yaxis.set_major_formatter(FuncFormatter(lambda value, _: f"{value:g}"))
+        panel.yaxis.set_minor_formatter(NullFormatter())
+        panel.grid(alpha=0.3)
+    for row in axes:
+        row[0].set_ylabel("rms of ln(fit/measured) [%]")
+    handles, labels = axes.flat[0].get_legend_handles_labels()
+    figure.legend(handles, labels, loc="outside lower center", ncols=len(labels), frameon=False)
+    figure.savefig(target, dpi=120)
+    print(f"# {target}")
+
+
+# speed --------------------------------------------------------------------------------------
+
+
+def speed(options):
+    print(f"\nseconds; median of {options.repeat} calls after the first")
+    print(f"{'set':18s} {'task':32s} {'terms':>5s} {'first':>8s} {'median':>8s}")
+    found = {}
+    for name, measured in read_sets(MASTER_CURVES | RELAXATIONS):
+        for task, terms, function, repeat in tasks_of(measured, options.repeat):
+            found[name, task] = report_seconds(name, task, terms, function, repeat)
+    for name, measured in read_sets(ISOTHERMS):
+        for task, terms, function, repeat in isotherm_tasks(measured, options.repeat):
+            found[name, task] = report_seconds(name, task, terms, function, repeat)
+
+    def worst(chosen, value):
+        some = {key: value(*seconds) for key, seconds in found.items() if key[1] in chosen}
+        if not some:
+            return "-"
+        name, task = max(some, key=some.get)
+        return f"{some[name, task]:.3f} s ({task}, {name})"
+
+    goal("all numbers of terms < 1 s warm", worst([PATH], lambda _, m: m))
+    goal("fit of given length < 50 ms warm", worst([GIVEN], lambda _, m: m))
+    for what, tasks in (("a fit", FITS), ("a gradient through it", [GRADIENT])):
+        compiled = worst(tasks, lambda f, m: f - m)
+        goal(f"compilation of {what} (first call less a later one) < 3 s", compiled)
+    goal("raw isotherms < 3 s", worst([RAW], lambda _, m: m))
+    goal("the same with the first call < 3 s", worst([RAW], lambda f, _: f))
+
+
+GIVEN, PATH, LIMITS = "given number of terms", "all numbers of terms, BIC", "limits of E*"
+GRADIENT, RAW = "gradient through the fit", "raw isotherms, WLF ± 0.3 decades"
+FITS = (GIVEN, PATH, LIMITS)
+
+
+def tasks_of(measured, repeat):
+    """Yields `(task, terms, function, repeat)`; peers that take seconds are not repeated."""
+    best = fit(measured)
+    x, values = measured.abscissa, measured.values
+    decades = int(np.ceil(np.log10(np.max(x) / np.min(x[x > 0]))))
+    probe = jnp.geomspace(1 / np.max(x), 1 / np.min(x[x > 0]), 50)
+    probe = jnp.geomspace(np.min(x), np.max(x), 50) if measured.kind == "frequency" else probe
+    yield GIVEN, decades, lambda: fit(measured, terms=decades).theta, repeat
+    yield PATH, best.terms, lambda: fit(measured).theta, repeat
+    yield LIMITS, best.terms, lambda: best.confidence(probe), repeat
+
+    def logarithms(values):
+        function = gc.fit_prony if measured.kind == "frequency" else gc.fit_relaxation
+        modulus = function(x, values, start=best).material.modulus(probe)
+        return jnp.sum(jnp.log(modulus.imag))
+
+    yield GRADIENT, best.terms, lambda: jax.grad(logarithms)(jnp.asarray(values)), repeat
+    if peers.pyvisco is not None:
+        for task, choice, times in (
+            (PLAIN, {}, repeat),
+            (OPTIMISED, {"optimise": True}, 1),
+            ("pyvisco, its number of terms", {"minimise_terms": True}, 0),
+        ):
+            try:
+                _, terms = peers.pyvisco_fit(x, values, **choice)
+            except (ValueError, IndexError, KeyError) as error:
+                print(f"{'':18s} {task:32s} failed: {type(error).__name__}")
+                continue
+            yield task, terms, lambda choice=choice: peers.pyvisco_fit(x, values, **choice), times
+
+
+def isotherm_tasks(measured, repeat):
+    parts = measured.isotherms()
+    yield RAW, len(parts), lambda: master_curve(parts).unknowns, repeat
+    if peers.pyvisco is not None:
+        yield "pyvisco, shifts alone", len(parts), lambda: peers.pyvisco_shifts(parts), repeat
+
+
+def report_seconds(name, task, terms, function, repeat):
+    def once():
+        start = time.perf_counter()
+        jax.block_until_ready(function())
+        return time.perf_counter() - start
+
+    first = once()
+    middle = statistics.median([once() for _ in range(repeat)] or [first])
+    print(f"{name:18s} {task:32s} {terms:5d} {first:8.3f} {middle:8.3f}", flush=True)
+    return first, middle
+
+
+# Common -------------------------------------------------------------------------------------
+
+
+def print_versions():
+    other = "no pyvisco" if peers.pyvisco is None else f"pyvisco {peers.pyvisco.__version__}"
+    print(
+        f"# graded_contact {gc.__version__}, jax {jax.__version__}, numpy {np.__version__}, "
+        f"scipy {scipy.__version__}, {other}"
+    )
+    device = jax.devices()[0].device_kind
+    print(f"# {device} ({platform.machine()}), float64, python {platform.python_version()}")
+    if peers.pyvisco is None:
+        print("# pyvisco is left out: pip install pyvisco==2.1.3")
+
+
+def main():
+    parser = argparse.ArgumentParser(description=__doc__.split("\n")[0])
+    sections = parser.add_subparsers(required=True)
+
+    def section(function, **extra):
+        part = sections.add_parser(function.__name__, **extra)
+        part.set_defaults(run=function)
+        return part
+
+    part = section(errors, help="errors over numbers of terms")
+    part.add_argument("--plot", type=pathlib.Path, default=DOCS / "bench_fit.png")
+    part = section(speed, help="seconds of fits")
+    part.add_argument("--repeat", type=int, default=5)
+    part = section(recovery, help="known spectra from noisy data")
+    part.add_argument("--draws", type=int, default=200)
+    part.add_argument("--bootstrap", type=int, default=20, help="draws with resampled limits")
+    part.add_argument("--seed", type=int, default=0)
+    part = section(friction, help="friction on differently fitted materials")
+    part.add_argument("--size", type=int, default=256, help="points along an edge")
+    part.add_argument("--velocities", type=int, default=15)
+    part.add_argument("--plot", type=pathlib.Path, default=DOCS / "bench_fit-friction.png")
+    options = parser.parse_args()
+    print_versions()
+    options.run(options)
+
+
+if __name__ == "__main__":
+    main()
