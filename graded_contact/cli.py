@@ -5,11 +5,12 @@ Exit codes: 0 all is well; 1 some solve did not converge; 2 the input was refuse
 
 import contextlib
 import hashlib
+import json
 import os
 import platform
 import re
 import stat
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from importlib import resources
 from importlib.metadata import version
 from pathlib import Path
@@ -132,6 +133,10 @@ def fit(
     terms: Annotated[int | None, typer.Option(min=1, help="Number of terms.")] = None,
     poisson: Annotated[float, typer.Option(help="Poisson's ratio of the material.")] = 0.5,
     kind: Annotated[str | None, typer.Option(help="frequency, relaxation or creep.")] = None,
+    law: Annotated[str, typer.Option(help="Shifts several isotherms: wlf or arrhenius.")] = "wlf",
+    vertical: Annotated[
+        float, typer.Option(help="Expected size of ln b_T, the shifts of their moduli.")
+    ] = 0.0,
     unit: Annotated[
         list[str] | None,
         typer.Option(metavar="QUANTITY=UNIT", help="For instance modulus=MPa; may be repeated."),
@@ -144,14 +149,15 @@ def fit(
         list[str] | None, typer.Option(help="Also write toml, csv, json, abaqus or ansys.")
     ] = None,
 ) -> None:
-    """Fits a Prony series to a file of a rheometer or DMA: prints it as a table for a scene."""
+    """Fits a Prony series to a file of a rheometer or DMA: prints it as a table for a scene.
+
+    Several isotherms are shifted into a master curve.
+    """
     _prepare()
     from .plot import plot_fit
     from .rheology.export import export_prony
-    from .rheology.fit import fit_creep, fit_prony, fit_relaxation
     from .rheology.reading import read_moduli
 
-    functions = {"frequency": fit_prony, "relaxation": fit_relaxation, "creep": fit_creep}
     with _refusing():
         measured = read_moduli(
             moduli_file,
@@ -164,25 +170,74 @@ def fit(
         )
         for sentence in measured.history:
             typer.echo(sentence)
-        if len(measured.isotherms()) > 1:
-            raise ValueError(
-                f"`FILE={moduli_file}` holds {len(measured.isotherms())} isotherms; one is fitted. "
-                "Shift them into a master curve first."
-            )
-        found = functions[measured.kind](
-            measured.abscissa, measured.values, terms=terms, poisson=poisson
-        )
+        arguments = {"terms": terms, "poisson": poisson}
+        found, material, report = _fitted(measured, law, vertical, arguments)
         name = re.sub(r"\W", "_", moduli_file.stem)
         name = name if name[:1].isalpha() else f"material_{name}"
-        typer.echo(f"\n{found.report()}\n\n{export_prony(found.material, 'toml', name=name)}")
+        typer.echo(f"\n{report}\n\n{export_prony(material, 'toml', name=name)}")
         folder = output or Path(f"{moduli_file.stem}-fit")
         folder.mkdir(parents=True, exist_ok=True)
         plot_fit(found).savefig(folder / f"{name}.png")
         typer.echo(f"wrote {folder / f'{name}.png'}")
         for form in ("toml", *(card or [])):
             path = folder / f"{name}{_SUFFIXES.get(form, f'.{form}')}"
-            path.write_text(export_prony(found.material, form, name=name), encoding="utf-8")
+            path.write_text(export_prony(material, form, name=name), encoding="utf-8")
             typer.echo(f"wrote {path}")
+
+
+def _fitted(measured, law, vertical, arguments):
+    """The fit, its material with the law of its shifts, and the report."""
+    import dataclasses
+
+    from .rheology.fit import fit_creep, fit_prony, fit_relaxation
+    from .rheology.master import master_curve
+
+    isotherms = measured.isotherms()
+    if len(isotherms) == 1:
+        functions = {"frequency": fit_prony, "relaxation": fit_relaxation, "creep": fit_creep}
+        found = functions[measured.kind](measured.abscissa, measured.values, **arguments)
+        return found, found.material, found.report()
+    curve = master_curve(isotherms, law=law, vertical=vertical, **arguments)
+    material = dataclasses.replace(curve.fit.material, shift=curve.law)
+    note = "The table holds the law of the shifts only: scenes know no departures from it."
+    return curve.fit, material, f"{curve.report()}\n\n{note}"
+
+
+@app.command()
+def design(
+    scene_file: Annotated[
+        Path, typer.Argument(metavar="SCENE.toml", help="The scene.", show_default=False)
+    ],
+    output: Output = None,
+) -> None:
+    """Designs the block of a scene with a table [design]: prints it before and after."""
+    _prepare()
+    from .plot import plot_design
+    from .studies.design_scene import designed_values, read_design, report, run_design
+
+    with _refusing():
+        study = read_design(scene_file)
+        folder = output or Path(study.scene.directory or f"{scene_file.stem}-results")
+        folder.mkdir(parents=True, exist_ok=True)
+        if study.scene.title:
+            typer.echo(study.scene.title)
+        try:
+            with _progress() as advance:
+                results = run_design(study, progress=advance)
+        except RuntimeError as error:  # the reason, without the traceback in it
+            reason = str(error).rpartition("RuntimeError: ")[2].partition("\n\n")[0]
+            typer.secho(f"Error: {reason}", fg="red", err=True)
+            raise typer.Exit(1) from error
+        text = report(results)
+        typer.echo(f"\n{text}\n")
+        stem = folder / f"{study.scene.name or scene_file.stem}-design"
+        plot_design(results).savefig(f"{stem}.png")
+        Path(f"{stem}.json").write_text(json.dumps(designed_values(results), indent=2) + "\n")
+        Path(f"{stem}.txt").write_text(text + "\n", encoding="utf-8")
+        for suffix in ("json", "txt", "png"):
+            typer.echo(f"wrote {stem}.{suffix}")
+    if not results.design.converged:
+        raise typer.Exit(1)
 
 
 def _pairs(option: str, texts: list[str] | None) -> dict[str, str]:
@@ -194,9 +249,6 @@ def _pairs(option: str, texts: list[str] | None) -> dict[str, str]:
 
 
 def _run(scene: "Scene", folder: Path, name: str) -> None:
-    from rich.console import Console
-    from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeElapsedColumn
-
     from .plot import plot_sliding, plot_sweep
     from .studies.scene import build_surface, run_scene
     from .studies.storage import write_results
@@ -208,19 +260,10 @@ def _run(scene: "Scene", folder: Path, name: str) -> None:
             typer.echo(scene.title)
         for sentence in surface.history:
             typer.echo(f"surface: {sentence}")
-        columns = (
-            TextColumn("sliding"),
-            BarColumn(),
-            MofNCompleteColumn(),
-            TimeElapsedColumn(),
-        )
-        with Progress(*columns, console=Console(stderr=True)) as bar:
-            task = bar.add_task("sliding", total=None)
-
-            def advance(done: int, total: int) -> None:
-                bar.update(task, completed=done, total=total)
-
-            results = run_scene(scene, surface=surface, progress=advance)
+        with _progress() as advance:
+            results = run_scene(
+                scene, surface=surface, progress=lambda *counts: advance("sliding", *counts)
+            )
         _print_table(results)
         figures = {f"{name}-sweep.png": plot_sweep(results)}
         for (i, j), fields in results.fields.items():
@@ -235,6 +278,22 @@ def _run(scene: "Scene", folder: Path, name: str) -> None:
             typer.echo(f"wrote {folder / file}")
     if not results.complete:
         raise typer.Exit(1)
+
+
+@contextlib.contextmanager
+def _progress() -> Iterator[Callable[[str, int, int], None]]:
+    """A bar on the error stream, moved by what is being done, and how much of how much is done."""
+    from rich.console import Console
+    from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeElapsedColumn
+
+    columns = (
+        TextColumn("{task.description}"), BarColumn(), MofNCompleteColumn(), TimeElapsedColumn()
+    )  # fmt: skip
+    with Progress(*columns, console=Console(stderr=True)) as bar:
+        task = bar.add_task("", total=None)
+        yield lambda text, done, total: bar.update(
+            task, description=text, completed=done, total=total
+        )
 
 
 def _print_table(results: "Results") -> None:

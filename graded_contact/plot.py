@@ -8,6 +8,7 @@ with any kind of colour vision.
 from collections.abc import Sequence
 from typing import TYPE_CHECKING, Any
 
+import jax
 import numpy as np
 from jaxtyping import ArrayLike
 
@@ -16,6 +17,8 @@ from .response.compliance import effective_modulus
 from .response.stack import Stack
 from .rheology.fit import PronyFit
 from .sliding import Sliding
+from .studies.design_scene import DesignResults, curve_velocities, spectrum_of
+from .studies.objectives import friction_curve, loss_tangent
 from .studies.storage import Fields, Results
 from .surface import Surface
 
@@ -24,6 +27,11 @@ if TYPE_CHECKING:  # it takes a third of a second to import
 
 COLOURS = ("#0072B2", "#D55E00", "#009E73", "#CC79A7", "#E69F00", "#56B4E9", "#000000")
 DOTS_PER_INCH = 160
+_CHANNELS = {
+    "frequency": ("storage modulus", "loss modulus"),
+    "relaxation": ("relaxation modulus",),
+    "creep": ("creep compliance",),
+}
 _PREFIXES = {-12: "p", -9: "n", -6: "µ", -3: "m", 0: "", 3: "k", 6: "M", 9: "G"}
 
 
@@ -157,18 +165,18 @@ def plot_fit(fit: PronyFit) -> "Figure":
     above, below = figure.subplots(2, 1, sharex=True, height_ratios=(3, 1))
     x = np.asarray(fit.data.x)
     fine = np.geomspace(np.min(x[x > 0]), np.max(x), 300)
-    fitted, curves = _channels(fit, x), _channels(fit, fine)
+    fitted, curves = np.asarray(fit.predict(x)), np.asarray(fit.predict(fine))
     frequency = fit.data.kind == "frequency"
     lower, upper = fit.confidence(fine) if frequency else (fine, fine)
     limits = [(lower.real, upper.real), (lower.imag, upper.imag)] if frequency else []
-    for i, (name, curve) in enumerate(curves.items()):
+    for i, name in enumerate(_CHANNELS[fit.data.kind]):
         colour, known = COLOURS[i], np.asarray(fit.data.weights[i]) > 0
         measured = np.asarray(fit.data.values[i])
         above.plot(x[known], measured[known], "o", color=colour, markersize=3, fillstyle="none")
-        above.plot(fine, curve, color=colour, label=name)
+        above.plot(fine, curves[i], color=colour, label=name)
         for limit in limits[i : i + 1]:
             above.fill_between(fine, *limit, color=colour, alpha=0.25, linewidth=0)
-        residual = 100 * np.log(fitted[name] / measured)
+        residual = 100 * np.log(fitted[i] / measured)
         below.plot(x[known], residual[known], ".", color=colour, markersize=4)
     above.set_xscale("log")
     above.set_yscale("log")
@@ -180,20 +188,49 @@ def plot_fit(fit: PronyFit) -> "Figure":
     return figure
 
 
-def _channels(fit: PronyFit, x: np.ndarray) -> dict[str, np.ndarray]:
-    """What a fitted material shows in the measurement that it was fitted to."""
-    material = fit.material
-    if fit.data.kind == "frequency":
-        modulus = material.modulus(x)
-        parts = {"storage modulus": modulus.real, "loss modulus": modulus.imag}
-        return {name: np.asarray(part) for name, part in parts.items()}
-    if fit.data.kind == "relaxation":
-        decay = np.exp(-x[:, None] / np.asarray(material.times))
-        strengths = np.asarray(material.strengths)
-        return {"relaxation modulus": float(material.equilibrium) + decay @ strengths}
-    glassy, compliances, times = (np.asarray(part) for part in material.creep())
-    growth = -np.expm1(-x[:, None] / times)
-    return {"creep compliance": 1 / glassy + growth @ compliances}
+def plot_design(results: DesignResults) -> "Figure":
+    """Returns a figure of a design: friction over velocity, and the loss tangent, before and after.
+
+    Lines are the mean field's; points with bars are contact, mean and standard deviation over the
+    surfaces.
+
+    **Arguments:**
+
+    - `results`: what `run_design` returned.
+    """
+    study, scene = results.study, results.study.scene
+    before = results.candidates["before"].field
+    velocities = curve_velocities(study, before)
+    curve = jax.jit(
+        lambda stack: (
+            friction_curve(
+                stack, spectrum_of(study), pressure=scene.pressure[0], velocities=velocities
+            ).friction
+        )
+    )
+    ends = (np.min(before.wavenumber), np.max(before.wavenumber))
+    band = study.band or ends
+    q = np.geomspace(min(ends[0], band[0]), max(ends[1], band[1]), 200)
+    speed = float(np.exp(np.mean(np.log(scene.velocity))))
+    figure = _figure(8.6, 3.7)
+    friction, loss = figure.subplots(1, 2)
+    colours = ("0.45", *COLOURS)
+    for (name, candidate), colour in zip(results.candidates.items(), colours, strict=False):
+        friction.plot(velocities, curve(candidate.stack), color=colour, label=name)
+        loss.plot(q, loss_tangent(candidate.stack, q, speed), color=colour)
+        if study.verify:
+            solved = candidate.friction
+            friction.errorbar(
+                scene.velocity, solved.mean(0), solved.std(0), fmt="o", capsize=3, color=colour
+            )
+    if study.band is not None:
+        loss.axvspan(*study.band, color="0.93", zorder=0)
+    friction.set(xscale="log", xlabel="sliding velocity [m/s]", ylabel="friction coefficient")
+    loss.set(xscale="log", xlabel="wavenumber $q$ [rad/m]", ylabel=f"loss tangent at {speed:g} m/s")
+    for axes in (friction, loss):
+        axes.set_ylim(bottom=0)
+    friction.legend(frameon=False)
+    return figure
 
 
 def _profiles(x: np.ndarray, x_label: str, quantities: list) -> "Figure":

@@ -2,12 +2,15 @@
 
 import os
 import stat
+import tomllib
 
 import numpy as np
 import pytest
 from typer.testing import CliRunner
 
+import graded_contact as gc
 from graded_contact import cli
+from graded_contact.studies.scene import parse_scene
 from graded_contact.studies.storage import read_results
 
 SCENE = """
@@ -119,6 +122,71 @@ def test_an_output_folder_that_cannot_be_made_is_refused_before_solving(tmp_path
     result = command("run", tmp_path / "scene.toml", "-o", tmp_path / "scene.toml" / "out")
     assert result.exit_code == 2
     assert "9/9" not in result.output and "scene.toml" in result.stderr
+
+
+def moduli_file(path, temperatures):
+    """Isotherms of a tyre tread, 2 % of noise; a column of temperature if there are several."""
+    draw, lines = np.random.default_rng(0), []
+    for celsius in temperatures:
+        hertz = np.geomspace(0.1, 100, 10) if len(temperatures) > 1 else np.geomspace(1e-2, 1e4, 40)
+        values = np.asarray(gc.tyre_tread().at(celsius + 273.15).modulus(2 * np.pi * hertz)) / 1e6
+        noise = np.exp(0.02 * draw.standard_normal((2, len(hertz))))
+        rows = zip(hertz, values.real * noise[0], values.imag * noise[1], strict=True)
+        start = f"{celsius}," if len(temperatures) > 1 else ""
+        lines += [start + ",".join(map(repr, map(float, row))) for row in rows]
+    head = "T [°C]," if len(temperatures) > 1 else ""
+    path.write_text("\n".join([head + "f [Hz],E' [MPa],E'' [MPa]", *lines]))
+    return path
+
+
+def test_a_fit_prints_its_report_and_a_table_that_a_scene_takes(tmp_path):
+    path = moduli_file(tmp_path / "1 tread.csv", [20.0])
+    result = command("fit", path, "-o", tmp_path / "out", "--card", "abaqus", "--poisson", "0.49")
+    assert result.exit_code == 0, result.output
+    for text in ("Read 40 rows", "rms log error", "Kramers-Kronig", "terms      error        BIC"):
+        assert text in result.stdout
+    names = ["material_1_tread.inp", "material_1_tread.png", "material_1_tread.toml"]
+    assert sorted(path.name for path in (tmp_path / "out").iterdir()) == names
+    assert all(f"wrote {tmp_path / 'out' / name}" in result.stdout for name in names)
+    table = (tmp_path / "out" / names[2]).read_text()
+    assert table in result.stdout
+    material = tomllib.loads(table)["materials"]["material_1_tread"]
+    assert material["kind"] == "prony" and material["poisson"] == 0.49
+    assert len(material["strengths"]) == len(material["times"]) > 3
+    scene = SCENE.replace('[materials.tread]\nkind = "tyre_tread"', table)
+    scene = scene.replace('material = "tread"', 'material = "material_1_tread"')
+    assert parse_scene(scene).stack.base.material.poisson == 0.49
+
+
+def test_a_fit_of_several_isotherms_shifts_them(tmp_path):
+    path = moduli_file(tmp_path / "sweeps.csv", [-20.0, -5.0, 10.0, 25.0])
+    result = command("fit", path, "-o", tmp_path, "--terms", 6)
+    assert result.exit_code == 0, result.output
+    assert "WLF with c1 = " in result.stdout and "log10 a_T" in result.stdout
+    table = tomllib.loads((tmp_path / "sweeps.toml").read_text())["materials"]["sweeps"]
+    assert table["shift"]["kind"] == "wlf" and abs(table["shift"]["reference"] - 283.15) < 1e-6
+    assert len(table["times"]) == 6
+    result = command("fit", path, "-o", tmp_path, "--terms", 6, "--law", "arrhenius")
+    assert "Arrhenius with Q = " in result.stdout
+
+
+@pytest.mark.parametrize(
+    "text, arguments, expected",
+    [
+        ("nothing here", (), "bad.csv"),
+        ("f [Hz],E' [Pa],E'' [Pa]\n1,2e6,1e5\n2,-2e6,1e5\n", (), "must be a positive number"),
+        ("f [Hz],E' [Pa],E'' [Pa]\n1,2e6,1e5\n", ("--unit", "MPa"), "write QUANTITY=UNIT"),
+        ("f [Hz],E' [Pa],E'' [Pa]\n1,2e6,1e5\n2,3e6,1e5\n", ("--terms", 9), "unknowns, more than"),
+    ],
+)
+def test_a_file_that_cannot_be_fitted_is_refused_in_one_message(
+    tmp_path, text, arguments, expected
+):
+    (tmp_path / "bad.csv").write_text(text)
+    result = command("fit", tmp_path / "bad.csv", "-o", tmp_path / "out", *arguments)
+    assert result.exit_code == 2
+    assert expected in result.stderr and "Traceback" not in result.output
+    assert not (tmp_path / "out").exists()
 
 
 def test_help_and_version():

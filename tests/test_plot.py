@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 import graded_contact as gc
-from graded_contact.plot import _unit, plot_response, plot_sliding, plot_sweep
+from graded_contact.plot import _unit, plot_fit, plot_response, plot_sliding, plot_sweep
 from graded_contact.studies.storage import OBSERVABLES, Fields, Results
 
 
@@ -90,6 +90,45 @@ def test_the_response_refuses_bad_arguments():
         plot_response(stack, 1e3, 1.0)
     with pytest.raises(ValueError, match="`velocity"):
         plot_response(stack, np.array([1e3]), 0.0)
+
+
+def test_a_fit_shows_points_series_limits_and_residuals(tmp_path):
+    omega, tread = np.geomspace(1e-2, 1e4, 20), gc.tyre_tread()
+    values = np.asarray(tread.modulus(omega)) * np.exp(0.05 * np.sin(np.arange(20)))
+    values[3] = values[3].real + 1j * np.nan
+    fit = gc.fit_prony(omega, values, terms=4)
+    figure = plot_fit(fit)
+    above, below = figure.axes
+    points, line = above.lines[2], above.lines[3]  # of the loss modulus
+    assert len(points.get_xdata()) == 19 and line.get_label() == "loss modulus"
+    fine = line.get_xdata()
+    np.testing.assert_allclose(
+        line.get_ydata(), np.asarray(fit.material.modulus(fine)).imag, rtol=1e-12
+    )
+    lower, upper = (np.asarray(limit).imag for limit in fit.confidence(fine))
+    band = above.collections[1].get_paths()[0].vertices
+    assert np.isclose(band[:, 1].min(), lower.min()) and np.isclose(band[:, 1].max(), upper.max())
+    fitted = np.asarray(fit.material.modulus(omega)).imag
+    residual = 100 * np.delete(np.log(fitted / values.imag), 3)
+    np.testing.assert_allclose(below.lines[1].get_ydata(), residual, rtol=1e-9)
+    assert above.get_ylabel() == "modulus [Pa]" and below.get_xlabel().endswith("[rad/s]")
+    assert saved(figure, tmp_path) > 10_000
+
+
+def test_a_fit_in_time_shows_what_was_measured():
+    time = np.append(0.0, np.geomspace(1e-2, 1e2, 20))
+    modulus = 1e6 + 4e6 * np.exp(-time)
+    relaxation = plot_fit(gc.fit_relaxation(time, modulus, terms=1)).axes[0]
+    np.testing.assert_allclose(
+        relaxation.lines[1].get_ydata(), 1e6 + 4e6 * np.exp(-relaxation.lines[1].get_xdata())
+    )
+    for known in ({}, {"equilibrium": 0}):
+        compliance = 1e-6 - 8e-7 * np.exp(-time / 5) + (2e-8 * time if known else 0)
+        creep = plot_fit(gc.fit_creep(time, compliance, terms=1, **known)).axes[0]
+        assert creep.get_ylabel() == "compliance [1/Pa]"
+        x = creep.lines[1].get_xdata()
+        exact = 1e-6 - 8e-7 * np.exp(-x / 5) + (2e-8 * x if known else 0)
+        np.testing.assert_allclose(creep.lines[1].get_ydata(), exact, rtol=1e-4)
 
 
 @pytest.mark.parametrize(

@@ -214,8 +214,9 @@ def require_known(data: Observations) -> None:
 
 def check_terms(data: Observations, terms: int) -> None:
     """Raises `ValueError` for a number of terms that the data cannot have."""
-    if terms < 1 and data.times is None and not data.num_extras:
-        raise ValueError(f"`terms={terms}` must be at least 1.")
+    least = 0 if data.num_extras or data.times is not None else 1
+    if not isinstance(terms, int | np.integer) or terms < least:
+        raise ValueError(f"`terms={terms}` must be a whole number, at least {least}.")
     if concrete(data) and data.times is None:
         count, unknowns = int(np.sum(np.asarray(data.weights) > 0)), data.num_unknowns(terms)
         if unknowns > count:

@@ -22,6 +22,7 @@ from .fit import check_terms, refuse_nonsense, require_known
 from .fitting.isotherms import (
     Isotherms,
     LawKind,
+    TabulatedShift,
     at_reference,
     log_shift_of,
     log_vertical_of,
@@ -57,6 +58,12 @@ class MasterCurve(eqx.Module):
     fit: PronyFit
     unknowns: Float[Array, " unknowns"]
     data: Isotherms
+
+    @property
+    def law(self) -> AbstractShift:
+        """The fitted law about the reference temperature."""
+        shift = self.shift
+        return shift.law if isinstance(shift, TabulatedShift) else shift
 
     @property
     def shift(self) -> AbstractShift:
@@ -357,7 +364,7 @@ def _deviation(slopes, spread):
 
 
 def _report(curve):
-    law = curve.shift if not curve.data.departs else curve.shift.law
+    law = curve.law
     if curve.data.law == "wlf":
         words = f"WLF with c1 = {float(law.c1):.4g}, c2 = {float(law.c2):.4g} K"
     else:

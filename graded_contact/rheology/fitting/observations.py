@@ -171,6 +171,7 @@ def _check_content(data, x_name, names):
         raise ValueError("`times` holds a value twice.")
 
 
+@eqx.filter_jit
 def material_of(
     theta: Unknowns, data: Observations, poisson: Numbers, shift: AbstractShift | None = None
 ) -> Prony:
@@ -195,7 +196,7 @@ def material_of(
 
 def objective(theta: Unknowns, data: Observations) -> Float[Array, ""]:
     """Returns Σ w ρ(ln model - ln measured), the same as `Series.cost`, for derivatives."""
-    residual = _log_model(theta, data) - jnp.log(data.values)
+    residual = jnp.log(model(theta, data, data.x)) - jnp.log(data.values)
     squares = residual**2 / 2
     if data.huber is not None:
         size = jnp.abs(residual)
@@ -207,6 +208,23 @@ def objective(theta: Unknowns, data: Observations) -> Float[Array, ""]:
         total = jnp.sum(strengths) + _start_value(theta, data, extras)
         cost = cost + HELD * jnp.sum(data.weights) * jnp.log(total / end) ** 2 / 2
     return cost
+
+
+@eqx.filter_jit
+def model(
+    theta: Unknowns, data: Observations, x: Float[Array, " any"]
+) -> Float[Array, "channels any"]:
+    """Returns what a measurement of this kind at frequencies or times `x` would show."""
+    strengths, times, extras = _unpack(theta, data)
+    start = _start_value(theta, data, extras)
+    if data.kind == "frequency":
+        modulus = material_of(theta, data, 0.5).modulus(x)
+        return jnp.stack([modulus.real, modulus.imag])
+    ages = -x[:, None] / times
+    if data.kind == "relaxation":
+        return (start + jnp.exp(ages) @ strengths)[None]
+    flow = extras[-1] * x / jnp.max(data.x) if data.flows else 0
+    return (start - jnp.expm1(ages) @ strengths + flow)[None]
 
 
 def series_of(data: Observations) -> Series:
@@ -279,16 +297,3 @@ def _equilibrium(theta, data):
     smallest = jnp.min(jnp.where(data.weights > 0, data.values, jnp.inf))
     fitted = jnp.exp(theta[-1])
     return jnp.where(fitted > 1.001 * NEGLIGIBLE * smallest, fitted, 0)
-
-
-def _log_model(theta, data):
-    strengths, times, extras = _unpack(theta, data)
-    start = _start_value(theta, data, extras)
-    if data.kind == "frequency":
-        modulus = material_of(theta, data, 0.5).modulus(data.x)
-        return jnp.log(jnp.stack([modulus.real, modulus.imag]))
-    decay = jnp.exp(-data.x[:, None] / times)
-    if data.kind == "relaxation":
-        return jnp.log(start + decay @ strengths)[None]
-    flow = extras[-1] * data.x / jnp.max(data.x) if data.flows else 0
-    return jnp.log(start + (1 - decay) @ strengths + flow)[None]

@@ -12,7 +12,7 @@ from scipy.special import fdtrc, stdtrit
 
 from ..._checks import Numbers, as_float, check_positive
 from ..material import Prony
-from .observations import Observations, concrete, material_of, series_of
+from .observations import Observations, concrete, material_of, model, series_of
 from .path import best_path, best_spectrum, criterion
 from .series import Series
 from .uncertainty import covariance, resampled
@@ -82,6 +82,14 @@ class PronyFit(eqx.Module):
     def material(self) -> Prony:
         """The fitted material."""
         return material_of(self.theta, self.data, self.poisson)
+
+    def predict(self, x: Numbers) -> Float[Array, "channels points"]:
+        """Returns what the measurement would have shown at other frequencies or times.
+
+        `x` are angular frequencies [rad/s] or times [s], shape `(points,)`. The rows are storage
+        and loss modulus [Pa]; or one of moduli [Pa] or compliances [1/Pa].
+        """
+        return model(self.theta, self.data, as_float(x))
 
     def errors(self) -> Errors:
         """Returns the errors of the fit."""

@@ -1,0 +1,663 @@
+"""Fits recover known series, reach optima that SciPy cannot better, and refuse nonsense."""
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from scipy import stats
+from scipy.optimize import least_squares, nnls
+
+import graded_contact as gc
+from graded_contact import fit_creep, fit_prony, fit_relaxation
+
+FITS = {"frequency": fit_prony, "relaxation": fit_relaxation, "creep": fit_creep}
+START = 5e6  # E_eq [Pa] of moduli; its reciprocal is the glassy compliance of a creep form
+STRENGTHS = np.array([2e7, 6e6, 9e7])  # [Pa]
+COMPLIANCES = np.array([3e-8, 9e-7, 1.2e-7])  # [1/Pa]
+TIMES = np.array([30.0, 0.2, 1e-3])  # [s]
+OMEGA = np.geomspace(1e-3, 1e5, 60)
+TIME = np.geomspace(1e-5, 1e3, 60)
+
+
+def modulus(omega, equilibrium, strengths, times):
+    iwt = 1j * np.multiply.outer(omega, times)
+    return equilibrium + (iwt / (1 + iwt)) @ strengths
+
+
+def relaxation(time, equilibrium, strengths, times):
+    return equilibrium + np.exp(-np.divide.outer(time, times)) @ strengths
+
+
+def compliance(time, glassy, compliances, times):
+    return 1 / glassy + (1 - np.exp(-np.divide.outer(time, times))) @ compliances
+
+
+def measured(kind, terms=3):
+    """Abscissa and noise-free values of the first `terms` branches."""
+    if kind == "frequency":
+        return OMEGA, modulus(OMEGA, START, STRENGTHS[:terms], TIMES[:terms])
+    if kind == "relaxation":
+        return TIME, relaxation(TIME, START, STRENGTHS[:terms], TIMES[:terms])
+    return TIME, compliance(TIME, START, COMPLIANCES[:terms], TIMES[:terms])
+
+
+def noisy(values, size, seed=0):
+    draw = np.random.default_rng(seed)
+    lines = np.exp(size * draw.standard_normal((2, len(values))))
+    if np.iscomplexobj(values):
+        return values.real * lines[0] + 1j * values.imag * lines[1]
+    return values * lines[0]
+
+
+def channels(values):
+    parts = [values.real, values.imag] if np.iscomplexobj(values) else [values]
+    return np.concatenate(parts)
+
+
+def log_residual(theta, kind, x, values):
+    """ln model/measured of θ = ln (strengths, times, and the value without branches)."""
+    terms = len(theta) // 2
+    strengths, times, start = np.exp(theta[:terms]), np.exp(theta[terms:-1]), np.exp(theta[-1])
+    model = {
+        "frequency": lambda: modulus(x, start, strengths, times),
+        "relaxation": lambda: relaxation(x, start, strengths, times),
+        "creep": lambda: compliance(x, 1 / start, strengths, times),
+    }[kind]()
+    return np.log(channels(model) / channels(values))
+
+
+def unknowns(fit):
+    """θ of `log_residual`."""
+    material = fit.material
+    start, strengths, times = material.equilibrium, material.strengths, material.times
+    if fit.data.kind == "creep":
+        glassy, strengths, times = material.creep()
+        start = 1 / glassy
+    return np.log(np.concatenate([strengths, times, start[None]]))
+
+
+def young(material, omega=OMEGA):
+    """E(ω) of the numbers in a Prony series."""
+    parts = material.equilibrium, material.strengths, material.times
+    return modulus(omega, *map(np.asarray, parts))
+
+
+def spread(fit, material, omega=OMEGA):
+    """Greatest log distance of the fitted storage and loss moduli from those of `material`."""
+    ratio = channels(young(fit.material, omega)) / channels(young(material, omega))
+    return np.max(np.abs(np.log(ratio)))
+
+
+@pytest.fixture(scope="module")
+def tread():
+    """A tyre tread over eight decades with 2 % of noise: omega, modulus, and its fit."""
+    omega = np.geomspace(1e-2, 1e6, 80)
+    values = noisy(young(gc.tyre_tread(), omega), 0.02)
+    return omega, values, fit_prony(omega, values)
+
+
+# Recovery ---------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("kind", FITS)
+@pytest.mark.parametrize("terms", [1, 2, 3])
+def test_a_series_without_noise_is_recovered(kind, terms):
+    x, values = measured(kind, terms)
+    fit = FITS[kind](x, values, poisson=0.4)
+    assert fit.terms == terms and float(fit.poisson) == 0.4
+    assert fit.errors().total < 1e-7
+    strengths = COMPLIANCES if kind == "creep" else STRENGTHS
+    expected = [strengths[:terms], TIMES[:terms], [1 / START if kind == "creep" else START]]
+    found = np.exp(unknowns(fit))
+    np.testing.assert_allclose(found, np.concatenate(expected), rtol=1e-5)
+    assert fit.material.poisson == 0.4
+    np.testing.assert_allclose(np.ravel(fit.predict(x)), channels(values), rtol=1e-6)
+
+
+def test_the_relaxation_form_of_a_creep_fit_is_its_reciprocal():
+    material = fit_creep(*measured("creep")).material
+    exact = 1 / (1 / START + (1 / (1 + 1j * np.multiply.outer(OMEGA, TIMES))) @ COMPLIANCES)
+    np.testing.assert_allclose(material.modulus(OMEGA), exact, rtol=1e-6)
+
+
+def test_a_constant_is_a_spring():
+    modulus, compliance = fit_relaxation(TIME, np.full(60, 3e6)), fit_creep(TIME, np.full(60, 2e-7))
+    for fit, stiffness in ((modulus, 3e6), (compliance, 5e6)):
+        assert fit.terms == 0
+        np.testing.assert_allclose(young(fit.material), stiffness, rtol=1e-9)
+
+
+# Optimality -------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("kind", FITS)
+def test_no_other_least_squares_gets_lower(kind):
+    """SciPy from the fit, and from twenty starts around the truth, finds nothing better."""
+    x, values = measured(kind)
+    values = noisy(values, 0.03)
+    fit = FITS[kind](x, values, terms=3)
+    found = unknowns(fit)
+    lowest = np.sum(log_residual(found, kind, x, values) ** 2)
+    draw = np.random.default_rng(1)
+    for size in [0.0, *[1.0] * 20]:
+        start = found + size * draw.standard_normal(len(found))
+        other = least_squares(log_residual, start, args=(kind, x, values), xtol=1e-12, ftol=1e-12)
+        assert lowest <= 2 * other.cost * (1 + 1e-10)
+    np.testing.assert_allclose(fit.errors().total, np.sqrt(lowest / values.size / (
+        1 + np.iscomplexobj(values))), rtol=1e-9)  # fmt: skip
+
+
+def test_given_times_are_kept_and_their_strengths_the_best_that_are_not_negative(tread):
+    """Non-negative least squares of relative errors is nearly as good in logarithms."""
+    omega, values, _ = tread
+    times = np.geomspace(1e-8, 1e2, 15)
+    fit = fit_prony(omega, values, times=times)
+    np.testing.assert_array_equal(fit.material.times, times)
+    columns = modulus(omega, 0.0, np.eye(15), times)
+    columns = np.concatenate([columns.real, columns.imag])
+    columns = np.c_[columns, np.arange(160) < 80]
+    strengths, _ = nnls(columns / channels(values)[:, None], np.ones(160))
+    other = np.sqrt(np.mean(np.log(columns @ strengths / channels(values)) ** 2))
+    assert other / 1.01 < fit.errors().total <= other
+
+
+def test_the_floor_is_that_of_a_dense_spectrum(tread):
+    omega, values, fit = tread
+    times = np.geomspace(1e-8, 1e4, 241)
+    columns = modulus(omega, 0.0, np.eye(241), times)
+    floor = fit.floor()
+    for channel, part in (("storage", np.real), ("loss", np.imag)):
+        matrix = np.c_[part(columns), np.full(80, channel == "storage")]
+        strengths, _ = nnls(matrix / part(values)[:, None], np.ones(80), maxiter=5000)
+        dense = np.sqrt(np.mean(np.log(matrix @ strengths / part(values)) ** 2))
+        assert dense / 1.02 < getattr(floor, channel) < dense * 1.005
+    assert floor.total <= fit.errors().total < 1.1 * floor.total
+
+
+# The number of terms ----------------------------------------------------------------------------
+
+
+def test_the_path_has_every_length_and_the_least_criterion_is_chosen(tread):
+    _, values, fit = tread
+    lengths = [length.terms for length in fit.path]
+    assert lengths == list(range(lengths[0], lengths[-1] + 1)) and lengths[0] == 1
+    errors = np.array([length.error for length in fit.path])
+    assert np.all(np.diff(errors) <= 1e-4 * errors[1:])
+    count = 2 * len(values)
+    criteria = count * np.log(errors**2) + (2 * np.array(lengths) + 1) * np.log(count)
+    np.testing.assert_allclose([length.bic for length in fit.path], criteria, rtol=1e-6)
+    assert fit.terms == lengths[np.argmin(criteria)]
+
+
+def test_within_chooses_the_shortest_near_the_least_error(tread):
+    omega, values, fit = tread
+    short = fit_prony(omega, values, within=3.0)
+    errors = {length.terms: length.error for length in short.path}
+    limit = 4 * min(errors.values())
+    assert short.terms < fit.terms and errors[short.terms] <= limit < errors[short.terms - 1]
+
+
+def test_a_given_length_is_at_least_as_good_as_on_the_path(tread):
+    omega, values, fit = tread
+    for length in fit.path[2:8]:
+        alone = fit_prony(omega, values, terms=length.terms)
+        assert alone.terms == length.terms and alone.path == ()
+        assert alone.errors().total <= 1.02 * length.error
+
+
+def test_an_earlier_fit_is_a_start(tread):
+    omega, values, fit = tread
+    again = fit_prony(omega, 1.1 * values, start=fit)
+    np.testing.assert_allclose(again.material.strengths, 1.1 * fit.material.strengths, rtol=1e-4)
+    np.testing.assert_allclose(again.material.times, fit.material.times, rtol=1e-4)
+
+
+# Weights, outliers, known ends ------------------------------------------------------------------
+
+
+def test_a_double_weight_is_a_point_measured_twice(tread):
+    omega, values, _ = tread
+    double = np.arange(80) % 3 == 0
+    one = fit_prony(omega, values, terms=6, storage_weight=1.0 + double, loss_weight=1.0 + double)
+    again = fit_prony(np.append(omega, omega[double]), np.append(values, values[double]), terms=6)
+    assert spread(one, again.material) < 1e-5
+
+
+def test_channels_are_weighted_one_by_one(tread):
+    omega, values, _ = tread
+    errors = [
+        fit_prony(
+            omega, values, terms=4, equilibrium=6.5e6, storage_weight=s, loss_weight=l
+        ).errors()
+        for s, l in ((1.0, 0.0), (1.0, 1.0), (0.0, 1.0))
+    ]
+    assert errors[0].storage < errors[1].storage and errors[0].loss is None
+    assert errors[2].loss < errors[1].loss and errors[2].storage is None
+
+
+def test_missing_values_and_those_of_no_weight_are_left_out(tread):
+    omega, values, _ = tread
+    bad = (omega > 1e2) & (omega < 1e3)  # a decade
+    absent = fit_prony(omega, np.where(bad, np.nan + 1j * np.nan, values), terms=7)
+    ignored = fit_prony(
+        omega, np.where(bad, -1 - 1j, values), terms=7, storage_weight=~bad, loss_weight=~bad
+    )
+    removed = fit_prony(omega[~bad], values[~bad], terms=7)
+    assert spread(absent, removed.material) < 1e-5
+    assert spread(ignored, removed.material) < 1e-5
+
+
+@pytest.mark.parametrize("missing", [np.nan + 1j * np.nan, 0 + 1j * np.nan])
+def test_a_decade_that_was_not_measured_is_bridged(tread, missing):
+    omega, values, _ = tread
+    gap = (omega > 1e2) & (omega < 1e3)
+    fit = fit_prony(omega, np.where(gap, values.real + missing, values))
+    assert spread(fit, gc.tyre_tread(), omega[~gap]) < 0.1
+    assert spread(fit, gc.tyre_tread(), omega[gap]) < 0.2
+
+
+def test_outliers_hardly_move_a_huber_fit(tread):
+    omega, values, _ = tread
+    outliers = values.copy()
+    outliers[[10, 30, 55]] *= [30.0, 0.01, 4.0]
+    outliers[[20, 70]] = outliers[[20, 70]].real * (1 + 1e-3j)
+    robust, squares = (fit_prony(omega, outliers, terms=9, huber=h) for h in (0.05, None))
+    assert spread(robust, gc.tyre_tread(), omega) < 0.1 < 0.5 < spread(squares, gc.tyre_tread())
+
+    def cost(theta):
+        size = abs(log_residual(theta, "frequency", omega, outliers))
+        return np.sum(np.where(size < 0.05, size**2 / 2, 0.05 * (size - 0.025)))
+
+    other = least_squares(
+        log_residual, unknowns(robust), args=("frequency", omega, outliers),
+        loss="huber", f_scale=0.05, xtol=1e-12, ftol=1e-12,
+    )  # fmt: skip
+    assert cost(unknowns(robust)) <= cost(other.x) * (1 + 1e-9)
+
+
+@pytest.mark.parametrize("kind", FITS)
+def test_known_ends_are_kept(kind):
+    x, values = measured(kind)
+    truth = FITS[kind](x, values).material
+    low, high = 0.9 * float(truth.equilibrium), 1.2 * float(truth.glassy)
+    for known in ({"equilibrium": low}, {"glassy": high}, {"equilibrium": low, "glassy": high}):
+        material = FITS[kind](x, noisy(values, 0.02), terms=5, **known).material
+        for name, value in known.items():
+            np.testing.assert_allclose(getattr(material, name), value, rtol=1e-4)
+
+
+def test_a_liquid_has_no_equilibrium_modulus():
+    values = modulus(OMEGA, 0.0, STRENGTHS, TIMES)
+    fit = fit_prony(OMEGA, values, equilibrium=0)
+    assert fit.terms == 3 and float(fit.material.equilibrium) == 0
+    np.testing.assert_allclose(fit.material.strengths, STRENGTHS, rtol=1e-6)
+    free = fit_prony(OMEGA, noisy(values, 0.01))
+    assert 0 <= float(free.material.equilibrium) < np.min(values.real)
+
+
+def test_the_creep_of_a_liquid_gives_its_viscosity():
+    viscosity = 4e7  # [Pa s]
+    values = compliance(TIME, START, COMPLIANCES, TIMES) + TIME / viscosity
+    fit = fit_creep(TIME, values, equilibrium=0)
+    creep = (1 / (1 + 1j * np.multiply.outer(OMEGA, TIMES))) @ COMPLIANCES
+    exact = 1 / (1 / START + creep + 1 / (1j * OMEGA * viscosity))
+    assert float(fit.material.equilibrium) == 0
+    np.testing.assert_allclose(young(fit.material), exact, rtol=1e-5)
+    flow = np.sum(np.asarray(fit.material.strengths * fit.material.times))
+    np.testing.assert_allclose(flow, viscosity, rtol=1e-5)
+    traced = jax.jit(lambda values: fit_creep(TIME, values, equilibrium=0, terms=3).theta)(values)
+    np.testing.assert_allclose(traced, fit.theta, rtol=1e-6)
+
+
+def test_a_loss_modulus_alone_is_fitted_when_the_equilibrium_is_known():
+    _, values = measured("frequency")
+    fit = fit_prony(OMEGA, values, storage_weight=0.0, equilibrium=START)
+    np.testing.assert_allclose(young(fit.material), values, rtol=1e-6)
+    with pytest.raises(ValueError, match="a loss modulus alone"):
+        fit_prony(OMEGA, values, storage_weight=0.0)
+
+
+# The verdict ------------------------------------------------------------------------------------
+
+
+def test_consistent_data_are_said_to_agree(tread):
+    omega, values, fit = tread
+    assert fit.floor().chance > 1e-3
+    assert "The data limit this fit" in fit.verdict() and "agree (Kramers-Kronig)" in fit.verdict()
+    short = fit_prony(omega, values, terms=3)
+    assert "3 terms limit this fit" in short.verdict()
+
+
+def test_a_contradiction_of_storage_and_loss_is_flagged(tread):
+    omega, values, _ = tread
+    fit = fit_prony(omega, values.real + 1.3j * values.imag)
+    floor = fit.floor()
+    assert floor.chance < 1e-9 and floor.total > 2 * max(floor.storage, floor.loss)
+    assert "contradict each other (Kramers-Kronig)" in fit.verdict()
+
+
+def test_the_report_holds_errors_floor_and_path(tread):
+    omega, values, fit = tread
+    report = fit.report()
+    assert fit.verdict() in report and f"{fit.terms} terms, E_eq =" in report
+    errors = fit.errors()
+    exact = young(fit.material, omega)
+    for part, value in ((np.real, errors.storage), (np.imag, errors.loss)):
+        rms = np.sqrt(np.mean(np.log(part(exact) / part(values)) ** 2))
+        np.testing.assert_allclose(value, rms, rtol=1e-9)
+        assert f"{100 * rms:.3g} %" in report
+    assert report.count(" *") == 1 and "BIC" in report
+    assert "BIC" not in fit_relaxation(*measured("relaxation"), terms=2).report()
+
+
+# Uncertainty ------------------------------------------------------------------------------------
+
+
+def test_limits_of_a_single_unknown_are_those_of_a_mean():
+    """E = exp(mean of ln(measured/decay)), its limits Student's."""
+    values = noisy(3e6 * np.exp(-TIME[:40] / 0.1), 0.05)
+    fit = fit_relaxation(TIME[:40], values, equilibrium=0, times=[0.1])
+    logs = np.log(values) + TIME[:40] / 0.1
+    reach = stats.sem(logs) * stats.t.ppf(0.95, 39)
+    unit = modulus(OMEGA, 0.0, [1.0], [0.1])
+    for limit, sign in zip(fit.confidence(OMEGA, level=0.9), (-1, 1), strict=True):
+        np.testing.assert_allclose(limit, unit * np.exp(np.mean(logs) + sign * reach), rtol=1e-9)
+
+
+def test_limits_enclose_the_truth_as_often_as_they_say():
+    _, values = measured("frequency")
+    exact, inside = channels(values), []
+    start = fit_prony(OMEGA, values, terms=3)
+    for seed in range(40):
+        fit = fit_prony(OMEGA, noisy(values, 0.03, seed), start=start)
+        lower, upper = (channels(np.asarray(limit)) for limit in fit.confidence(OMEGA, level=0.9))
+        inside.append((lower < exact) & (exact < upper))
+    assert 0.85 < np.mean(inside) < 0.95
+
+
+def test_resampling_gives_limits_like_the_linearised_ones():
+    values = noisy(measured("frequency")[1], 0.03)
+    fit = fit_prony(OMEGA, values, terms=3)
+    widths = [
+        np.log(channels(np.asarray(upper)) / channels(np.asarray(lower)))
+        for lower, upper in (fit.confidence(OMEGA), fit.confidence(OMEGA, resamples=100, seed=1))
+    ]
+    assert np.all(widths[0] > 0)
+    assert 0.8 < np.median(widths[1] / widths[0]) < 1.2
+    np.testing.assert_allclose(widths[1], widths[0], rtol=0.6)
+
+
+def test_limits_are_finite_when_unknowns_are_at_their_bounds(tread):
+    """The longest time of this fit is at the end of what the data can tell."""
+    omega, values, _ = tread
+    fit = fit_prony(omega, values, terms=11)
+    limits = [channels(np.asarray(limit)) for limit in fit.confidence(omega)]
+    middle = channels(young(fit.material, omega))
+    assert np.all(limits[0] < middle) and np.all(middle < limits[1])
+    assert np.all(np.log(limits[1] / limits[0]) < 0.5)
+
+
+# Derivatives ------------------------------------------------------------------------------------
+
+
+def problem(kind, fit):
+    """A function of everything that a fit depends on, and a point to differentiate it at."""
+    x, values = measured(kind)
+    x, values = jnp.asarray(x[::3]), noisy(values, 0.03)[::3]
+    parts = (
+        {"real": values.real, "imag": values.imag, "storage": np.full(20, 1.1), "loss": 1.0}
+        if kind == "frequency"
+        else {"real": values, "weight": np.full(20, 1.1)}
+    )
+    parts |= {"x": x, "huber": 0.04, "equilibrium": 4e6 if kind != "creep" else 5e5}
+    if fit == "times":
+        parts |= {"times": TIMES}
+    else:
+        parts |= {"glassy": 2e8 if kind != "creep" else 6e6}
+    begin = jax.tree.map(jnp.asarray, parts)
+
+    def function(given):
+        known = {name: given[name] for name in ("huber", "equilibrium")}
+        known |= {"times": given["times"]} if fit == "times" else {
+            "glassy": given["glassy"], "terms": 3}  # fmt: skip
+        if kind == "frequency":
+            data = jax.lax.complex(given["real"], given["imag"])
+            known |= {"storage_weight": given["storage"], "loss_weight": given["loss"]}
+        else:
+            data = given["real"]
+            known |= {"weight": given["weight"]}
+        fitted = FITS[kind](given["x"], data, **known).material.modulus(jnp.array([0.01, 1.0, 1e2]))
+        return jnp.log(jnp.stack([fitted.real, fitted.imag]))
+
+    return function, begin
+
+
+@pytest.mark.parametrize("kind, fit", [*((kind, "free") for kind in FITS), ("frequency", "times")])
+def test_derivatives_by_everything_given_match_differences(kind, fit):
+    """A relative change of every number at once, in a random direction."""
+    function, begin = problem(kind, fit)
+    draw = np.random.default_rng(3)
+    direction = jax.tree.map(lambda v: v * draw.standard_normal(v.shape), begin)
+
+    def along(step):
+        return function(jax.tree.map(lambda v, d: v + step * d, begin, direction))
+
+    step = 1e-4
+    differences = (along(step) - along(-step)) / (2 * step)
+    _, slopes = jax.jvp(along, (0.0,), (1.0,))
+    np.testing.assert_allclose(slopes, differences, rtol=1e-4, atol=1e-6)
+
+
+def test_one_reverse_pass_gives_the_derivative_by_every_point_under_jit_and_vmap():
+    _, values = measured("frequency")
+    values = noisy(values, 0.03)[::3]
+    start = fit_prony(OMEGA[::3], values, terms=3)
+
+    def loss_tangent(logs):
+        given = jnp.exp(jax.lax.complex(logs[0], logs[1]))
+        fitted = fit_prony(OMEGA[::3], given, start=start).material.modulus(1.0)
+        return fitted.imag / fitted.real
+
+    logs = jnp.stack([jnp.log(np.abs(values)), jnp.angle(values)])
+    batch = jnp.stack([logs, logs.at[0].add(0.1)])  # the second of moduli 10 % higher
+    value, gradient = jax.jit(jax.vmap(jax.value_and_grad(loss_tangent)))(batch)
+    np.testing.assert_allclose(value, loss_tangent(logs), rtol=1e-6)
+    np.testing.assert_allclose(gradient[1], gradient[0], rtol=1e-5, atol=1e-9)
+    for index in [(0, 4), (1, 11)]:
+        ends = [loss_tangent(logs.at[index].add(step)) for step in (1e-5, -1e-5)]
+        np.testing.assert_allclose(gradient[0][index], (ends[0] - ends[1]) / 2e-5, rtol=1e-4)
+
+
+@pytest.mark.slow  # as the notebook on fits does
+def test_the_gradient_of_friction_by_a_measured_point_is_one_call():
+    """Through the contact solver: friction of a sine on a half space of the fitted material."""
+    _, values = measured("frequency")
+    surface = gc.Surface(1e-6 * np.cos(2 * np.pi * np.arange(16) / 16), gc.Grid((16,), 1e-3))
+    start = fit_prony(OMEGA[::3], values[::3])
+
+    def friction(real):
+        data = jax.lax.complex(real, jnp.asarray(values.imag[::3]))
+        material = fit_prony(OMEGA[::3], data, start=start).material
+        stack = gc.Stack(base=gc.HalfSpace(material))
+        return gc.slide(stack, surface, pressure=5e3, velocity=1e-3, rtol=1e-10).friction
+
+    real = jnp.asarray(values.real[::3])
+    slope = jax.grad(friction)(real)
+    step = 1e-4 * real[8]
+    difference = (friction(real.at[8].add(step)) - friction(real.at[8].add(-step))) / (2 * step)
+    assert abs(difference * real[8]) > 1e-3 * friction(real)
+    np.testing.assert_allclose(slope[8], difference, rtol=1e-3)
+
+
+# Robustness -------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("count", [3, 10])
+def test_few_points_are_met_without_nonsense(count):
+    omega = np.geomspace(1e-2, 1e6, count)
+    fit = fit_prony(omega, young(gc.tyre_tread(), omega))
+    assert len(fit.theta) <= 2 * count
+    fitted = young(fit.material, np.geomspace(1e-4, 1e8, 50))
+    assert np.all(np.isfinite(fitted)) and np.all(fitted.imag > 0)
+    assert "cannot be told from so few values" in fit.verdict() or count > 3
+
+
+def test_ten_thousand_points_are_fitted_like_eighty():
+    omega = np.random.default_rng(2).permutation(np.geomspace(1e-2, 1e6, 10_000))
+    truth = gc.tyre_tread()
+    fit = fit_prony(omega, noisy(young(truth, omega), 0.1), terms=9)
+    assert abs(fit.errors().total - 0.1) < 0.002
+    assert spread(fit, truth, np.geomspace(1e-2, 1e6, 80)) < 0.03
+
+
+def test_more_terms_than_the_data_tell_apart_stay_harmless(tread):
+    omega, values, fit = tread
+    long = fit_prony(omega, values, terms=40)
+    assert long.errors().total <= fit.errors().total
+    assert spread(long, gc.tyre_tread(), omega) < 0.1
+
+
+# What a slip of columns, signs or units makes of good data.
+SLIPS = {
+    "equal": lambda m: np.full(80, 1e6 + 1e6j),
+    "falling": lambda m: m.real[::-1] + 1j * m.imag,
+    "loss in MPa": lambda m: m.real + 1e-6j * m.imag,
+    "storage in MPa": lambda m: 1e-6 * m.real + 1j * m.imag,
+    "half in MPa": lambda m: np.where(np.arange(80) < 40, 1, 1e-6) * m,
+    "swapped": lambda m: m.imag + 1j * m.real,
+    "threefold loss": lambda m: m.real + 3j * m.imag,
+}
+
+
+@pytest.mark.parametrize("slip", SLIPS)
+def test_data_of_no_material_are_refused_or_flagged(tread, slip):
+    omega, values, _ = tread
+    with pytest.raises(ValueError, match="from every positive spectrum"):
+        fit_prony(omega, SLIPS[slip](values))
+    fit = fit_prony(omega, SLIPS[slip](values), terms=3, throw=False)
+    assert np.all(np.isfinite(np.asarray(fit.theta))) and fit.floor().total > 0.2
+    assert "contradict each other" in fit.verdict()
+
+
+def test_a_modulus_that_grows_and_a_compliance_that_falls_are_refused():
+    for kind in ("relaxation", "creep"):
+        x, values = measured(kind)
+        with pytest.raises(ValueError, match="from every positive spectrum"):
+            FITS[kind](x, values[::-1])
+
+
+def test_a_unit_mistaken_throughout_changes_nothing_but_the_unit(tread):
+    omega, values, fit = tread
+    small = fit_prony(2 * np.pi * omega, 1e-6 * values)
+    assert small.terms == fit.terms
+    np.testing.assert_allclose(1e6 * small.material.strengths, fit.material.strengths, rtol=1e-5)
+    np.testing.assert_allclose(2 * np.pi * small.material.times, fit.material.times, rtol=1e-5)
+
+
+@pytest.mark.parametrize(
+    "values, message",
+    [
+        (lambda m: np.where(np.arange(60) == 7, 0, 1) * m, r"`modulus.real\[7\]=0` is refused"),
+        (lambda m: m.conj(), r"`modulus.imag\[0\]=-.*must be positive; NaN, or a weight of 0"),
+        (lambda m: np.where(np.arange(60) == 7, np.inf, m.real) + 1j * m.imag, r"\[7\]=inf"),
+        (lambda m: m[1:], r"`modulus.real` has shape \(59,\)"),
+        (lambda m: np.where(np.arange(60) == 0, m, np.nan + 1j * np.nan) + 0j, "terms"),
+        (lambda m: np.full(60, np.nan + 1j * np.nan), r"holds 0 measured value\(s\)"),
+    ],
+)
+def test_values_that_have_no_logarithm_are_refused(values, message):
+    with pytest.raises(ValueError, match=message):
+        fit_prony(OMEGA, values(measured("frequency")[1]))
+
+
+@pytest.mark.parametrize(
+    "arguments, message",
+    [
+        ({"terms": 0}, "`terms=0` must be a whole number, at least 1"),
+        ({"terms": -2, "equilibrium": None}, "`terms=-2` must be a whole number, at least 0"),
+        ({"terms": 61}, "`terms=61` has 122 unknowns, more than the 120"),
+        ({"terms": 3, "within": 0.1}, "`terms` and `within` both set the number of terms"),
+        ({"within": -1.0}, "`within=-1.0` must be a positive number"),
+        ({"times": [1.0, 1.0]}, "`times` holds a value twice"),
+        ({"times": [1.0, -1.0]}, r"`times\[1\]=-1` is refused"),
+        ({"equilibrium": -1.0}, "`equilibrium=-1` is refused"),
+        ({"equilibrium": 2e6, "glassy": 1e6}, "`glassy=1e.06` must exceed `equilibrium=2e.06`"),
+        ({"huber": 0.0}, "`huber=0` is refused"),
+        ({"loss_weight": -1.0}, "`weight of modulus.imag=-1` is refused"),
+        ({"loss_weight": np.ones(3)}, r"weight of `modulus.imag` has shape \(3,\)"),
+        ({"poisson": 0.6}, "`poisson=0.6` is refused"),
+    ],
+)
+def test_arguments_out_of_range_are_refused(arguments, message):
+    with pytest.raises(ValueError, match=message):
+        fit_prony(*measured("frequency"), **({"equilibrium": 0.0} | arguments))
+
+
+def test_bad_abscissae_are_refused():
+    _, values = measured("frequency")
+    with pytest.raises(ValueError, match=r"`omega\[0\]=0` is refused"):
+        fit_prony(np.append(0.0, OMEGA[1:]), values)
+    with pytest.raises(ValueError, match=r"`omega` has shape \(2, 30\)"):
+        fit_prony(OMEGA.reshape(2, 30), values)
+    with pytest.raises(ValueError, match="double precision"):
+        fit_prony(OMEGA.astype(np.float32), values)
+    with pytest.raises(ValueError, match="`time` holds no time after 0"):
+        fit_relaxation(np.zeros(3), np.ones(3))
+    _, values = measured("relaxation", 1)
+    at_once = fit_relaxation(np.append(0.0, TIME), np.append(START + 2e7, values))
+    np.testing.assert_allclose(at_once.material.glassy, START + 2e7, rtol=1e-6)
+
+
+def test_what_needs_known_values_says_so():
+    _, values = measured("frequency")
+    start = fit_relaxation(*measured("relaxation"), terms=3)
+    with pytest.raises(ValueError, match="`start` is a fit of kind 'relaxation'"):
+        fit_prony(OMEGA, values, start=start)
+    with pytest.raises(ValueError, match="`terms=None` needs values that are known"):
+        jax.jit(lambda m: fit_prony(OMEGA, m).theta)(values)
+    with pytest.raises(ValueError, match="not available under `jit`"):
+        jax.jit(lambda m: fit_prony(OMEGA, m, terms=2).confidence(OMEGA))(values)
+    for level in (0, 1.5):
+        with pytest.raises(ValueError, match=f"`level={level}` must lie between 0 and 1"):
+            start.confidence(OMEGA, level=level)
+
+
+# Properties -------------------------------------------------------------------------------------
+
+SERIES = st.tuples(
+    st.lists(st.tuples(st.floats(4, 9), st.floats(-5, 3)), min_size=1, max_size=4),
+    st.floats(0, 0.3),
+    st.integers(0, 1000),
+)
+
+
+@settings(max_examples=15, deadline=None)
+@given(SERIES, st.sampled_from(sorted(FITS)))
+def test_every_fit_is_passive(series, kind):
+    """Also where noise is large: E' grows, E'' is positive, nothing is infinite."""
+    branches, noise, seed = series
+    strengths, times = (10.0 ** np.array(part) for part in zip(*branches, strict=True))
+    if kind == "creep":
+        strengths = 1e-12 * strengths
+    x = OMEGA[::3] if kind == "frequency" else TIME[::3]
+    function = {"frequency": modulus, "relaxation": relaxation, "creep": compliance}[kind]
+    values = noisy(function(x, START, strengths, times), noise, seed)
+    material = FITS[kind](x, values, terms=2, throw=False).material
+    fitted = young(material, np.geomspace(1e-6, 1e8, 100))
+    assert np.all(np.isfinite(fitted)) and np.all(fitted.imag >= 0)
+    assert np.all(np.diff(fitted.real) >= -1e-12 * fitted.real[1:])
+    assert np.all(np.asarray(material.strengths) > 0) and np.all(np.asarray(material.times) > 0)
+
+
+@settings(max_examples=10, deadline=None)
+@given(st.floats(-9, 9), st.floats(-9, 9), st.sampled_from(sorted(FITS)))
+def test_a_fit_is_the_same_in_all_units(stiffness, frequency, kind):
+    x, values = measured(kind)
+    x, values = x[::3], noisy(values, 0.05)[::3]
+    one = FITS[kind](x, values, terms=3).material
+    a, b = 10.0**stiffness, 10.0**frequency
+    other = FITS[kind](b * x, a * values, terms=3).material
+    a, b = (1 / a if kind == "creep" else a), (1 / b if kind != "frequency" else b)
+    np.testing.assert_allclose(young(other, b * OMEGA), a * young(one), rtol=1e-5)

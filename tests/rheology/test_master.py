@@ -1,0 +1,311 @@
+"""Master curves: shifts and moduli of known materials are recovered within their own limits."""
+
+from pathlib import Path
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+import pytest
+from scipy.optimize import least_squares
+
+import graded_contact as gc
+from graded_contact import master_curve
+from graded_contact.rheology.shift import WLF, Arrhenius
+
+DATA = Path(__file__).parents[3] / "shared" / "data" / "rheology"
+STRENGTHS = np.array([2e6, 9e6, 4e7, 1.5e8])  # [Pa]
+TIMES = np.array([30.0, 0.3, 4e-3, 3e-5])  # [s] at the reference
+START = 3e6  # E_eq [Pa], and E_inf of the creep form
+OMEGA = np.geomspace(0.1, 100, 12)
+TEMPERATURES = np.array([268.0, 278, 288, 298, 308, 323])
+C1, C2, REFERENCE = 6.0, 110.0, 298.0
+
+
+def wlf(temperature):
+    """log10 a_T."""
+    return -C1 * (temperature - REFERENCE) / (C2 + temperature - REFERENCE)
+
+
+def arrhenius(temperature):
+    return 90e3 / 8.314462618 / np.log(10) * (1 / temperature - 1 / REFERENCE)
+
+
+def modulus(omega, log10_shift=0.0, equilibrium=START, strengths=STRENGTHS, times=TIMES):
+    iwt = 1j * np.multiply.outer(omega * 10**log10_shift, times)
+    return equilibrium + (iwt / (1 + iwt)) @ strengths
+
+
+def isotherms(law=wlf, noise=0.01, seed=0, vertical=0.0):
+    """`(T, omega, modulus)` of each temperature; ln b is `vertical` per 10 K."""
+    draw, curves = np.random.default_rng(seed), []
+    for temperature in TEMPERATURES:
+        exact = modulus(OMEGA, law(temperature))
+        exact *= np.exp(vertical * (temperature - REFERENCE) / 10)
+        lines = np.exp(noise * draw.standard_normal((2, 12)))
+        curves.append((temperature, OMEGA, exact.real * lines[0] + 1j * exact.imag * lines[1]))
+    return curves
+
+
+def channels(values):
+    return np.concatenate([np.real(values), np.imag(values)])
+
+
+def spread(material, log10_shift=0.0, omega=OMEGA):
+    """Greatest log distance of storage and loss moduli from the exact ones."""
+    fitted, exact = np.asarray(material.modulus(omega)), modulus(omega, log10_shift)
+    return np.max(np.abs(np.log(channels(fitted) / channels(exact))))
+
+
+@pytest.fixture(scope="module")
+def curve():
+    return master_curve(isotherms())
+
+
+# Recovery ---------------------------------------------------------------------------------------
+
+
+def test_shifts_held_to_a_law_recover_it():
+    found = master_curve(isotherms(), scatter=0)
+    assert isinstance(found.shift, WLF) and found.fit.terms == 4
+    np.testing.assert_allclose([found.shift.c1, found.shift.c2], [C1, C2], rtol=0.05)
+    along, across = found.shift_deviations()
+    error = np.asarray(found.log10_shifts) - wlf(TEMPERATURES)
+    assert np.all(np.abs(error) < 0.02) and np.all(np.abs(error) <= 4 * along)
+    assert np.all(across == 0) and np.all(np.asarray(found.vertical_shifts) == 1)
+    assert abs(found.fit.errors().total - 0.01) < 0.002
+
+
+def test_the_material_holds_at_every_temperature():
+    """Also where nothing was measured, by the law."""
+    material = master_curve(isotherms(), scatter=0).material
+    for temperature in (*TEMPERATURES, 293.0):
+        assert spread(material.at(temperature), wlf(temperature)) < 0.05
+
+
+def test_shifts_near_a_law_are_recovered_within_their_limits(curve):
+    np.testing.assert_array_equal(curve.temperatures, TEMPERATURES)
+    along, _ = curve.shift_deviations()
+    error = np.asarray(curve.log10_shifts) - wlf(TEMPERATURES)
+    assert error[3] == along[3] == 0
+    others = np.arange(6) != 3
+    assert np.all(np.abs(error) < 0.03) and np.all(along[others] > 0)
+    assert np.all(np.abs(error[others] / along[others]) < 4)
+    assert spread(curve.material) < 0.05
+
+
+def test_departures_from_the_law_are_followed_and_interpolated():
+    def bent(temperature):
+        return wlf(temperature) + 0.3 * (temperature == 278)
+
+    curve = master_curve(isotherms(bent))
+    np.testing.assert_allclose(curve.log10_shifts, bent(TEMPERATURES), atol=0.04)
+    shift = curve.shift
+    factors = [float(jnp.log10(shift.factor(t))) for t in TEMPERATURES]
+    np.testing.assert_allclose(factors, curve.log10_shifts, atol=1e-12)
+    between, *ends = (
+        float(jnp.log10(shift.factor(t) / curve.law.factor(t))) for t in (273.0, 268.0, 278.0)
+    )
+    np.testing.assert_allclose(between, np.mean(ends), atol=1e-12)
+    there_and_back = curve.material.at(278.0).at(REFERENCE)
+    np.testing.assert_allclose(there_and_back.times, curve.material.times, rtol=1e-12)
+    assert spread(curve.material.at(278.0), bent(278)) < 0.06
+
+
+def test_an_arrhenius_law_is_recovered():
+    curve = master_curve(isotherms(arrhenius), law="arrhenius", scatter=0)
+    assert isinstance(curve.shift, Arrhenius)
+    np.testing.assert_allclose(curve.shift.activation_energy, 90e3, rtol=0.01)
+    np.testing.assert_allclose(curve.log10_shifts, arrhenius(TEMPERATURES), atol=0.02)
+    assert "Arrhenius with Q = 9" in curve.report() or "Arrhenius with Q = 89" in curve.report()
+
+
+def test_vertical_shifts_are_recovered_within_their_limits():
+    curve = master_curve(isotherms(vertical=0.05), vertical=0.2)
+    exact = 0.05 * (TEMPERATURES - REFERENCE) / 10
+    along, across = curve.shift_deviations()
+    error = np.log(np.asarray(curve.vertical_shifts)) - exact
+    assert error[3] == across[3] == 0
+    assert np.all(np.abs(error) < 0.06) and np.all(np.abs(error) <= 4 * across)
+    shift_error = np.asarray(curve.log10_shifts) - wlf(TEMPERATURES)
+    assert np.all(np.abs(shift_error) <= 4 * along)
+    without = master_curve(isotherms(vertical=0.05))
+    assert without.fit.errors().total > 1.5 * curve.fit.errors().total
+
+
+@pytest.mark.parametrize("kind", ["relaxation", "creep"])
+def test_moduli_and_compliances_in_time_are_shifted(kind):
+    time, draw, curves = np.geomspace(0.01, 100, 15), np.random.default_rng(1), []
+    for temperature in TEMPERATURES:
+        decay = np.exp(-np.divide.outer(time / 10 ** wlf(temperature), TIMES))
+        exact = START + decay @ STRENGTHS
+        if kind == "creep":
+            exact = 1 / 2e8 + (1 - decay) @ (10 / STRENGTHS)
+        curves.append((temperature, time, exact * np.exp(0.01 * draw.standard_normal(15))))
+    curve = master_curve(curves, kind=kind, scatter=0, terms=4)
+    np.testing.assert_allclose(curve.log10_shifts, wlf(TEMPERATURES), atol=0.06)
+    assert abs(curve.fit.errors().total - 0.01) < 0.003
+    assert curve.fit.data.kind == kind
+
+
+def test_the_reference_is_the_isotherm_asked_for():
+    curve = master_curve(isotherms()[::-1], scatter=0, reference=280.0, terms=4)
+    np.testing.assert_allclose(curve.log10_shifts, wlf(TEMPERATURES) - wlf(278.0), atol=0.03)
+    assert float(curve.log10_shifts[1]) == 0 and float(curve.shift.reference) == 278
+    assert spread(curve.material, wlf(278.0)) < 0.05
+
+
+@pytest.mark.skipif(not DATA.exists(), reason="measured data lie beside the project")
+def test_a_polyisoprene_is_met_within_a_per_cent_once_moduli_may_shift():
+    table = np.genfromtxt(DATA / "reptate_PI600k_raw_isotherms.csv", delimiter=",", skip_header=1)
+    celsius, omega, values = table[:, 0], table[:, 2], table[:, 3] + 1j * table[:, 4]
+    curves = [(t + 273.15, omega[celsius == t], values[celsius == t]) for t in np.unique(celsius)]
+    curve = master_curve(curves, vertical=0.3)
+    assert curve.fit.errors().total < 0.01
+    assert 4 < float(curve.law.c1) < 8 and np.all(np.diff(curve.log10_shifts) < 0)
+
+
+# Optimum and uncertainty ------------------------------------------------------------------------
+
+
+def test_no_other_least_squares_gets_lower():
+    """SciPy on all unknowns at once, shifts included, from the fit and from around the truth."""
+    curves = isotherms(noise=0.02)
+    found = master_curve(curves, scatter=0, terms=4)
+
+    def residual(unknowns):
+        strengths, times, (start, c1, c2) = np.split(np.exp(unknowns), [4, 8])
+        return np.concatenate(
+            [
+                np.log(channels(modulus(OMEGA, log10_shift, start, strengths, times)))
+                - np.log(channels(values))
+                for temperature, _, values in curves
+                for log10_shift in [-c1 * (temperature - 298) / (c2 + temperature - 298)]
+            ]
+        )
+
+    material, shift = found.material, found.shift
+    start = np.log(
+        np.concatenate(
+            [material.strengths, material.times, [material.equilibrium, shift.c1, shift.c2]]
+        )
+    )
+    lowest = np.sum(residual(start) ** 2)
+    np.testing.assert_allclose(np.sqrt(lowest / 144), found.fit.errors().total, rtol=1e-9)
+    exact = np.log(np.concatenate([STRENGTHS, TIMES, [START, C1, C2]]))
+    for begin in (start, exact, exact + 0.3 * np.random.default_rng(0).standard_normal(11)):
+        other = least_squares(residual, begin, xtol=1e-12, ftol=1e-12, gtol=1e-12)
+        assert lowest <= 2 * other.cost * (1 + 1e-9)
+
+
+def test_errors_of_the_shifts_are_as_large_as_reported():
+    scores = []
+    for seed in range(8):
+        curve = master_curve(isotherms(noise=0.03, seed=seed), terms=4)
+        others = np.arange(6) != 3
+        error = np.asarray(curve.log10_shifts) - wlf(TEMPERATURES)
+        scores.append(error[others] / curve.shift_deviations()[0][others])
+    assert 0.6 < np.sqrt(np.mean(np.square(scores))) < 1.5
+
+
+def test_a_flat_isotherm_is_said_to_be_ill_placed():
+    """Storage moduli far below the transition say nothing of a shift: only the law does."""
+    line = np.exp(0.01 * np.random.default_rng(1).standard_normal(12))
+    cold = (235.0, OMEGA, modulus(OMEGA, wlf(235)) * line)
+    along, _ = master_curve([cold, *isotherms()], terms=4, loss_weight=0).shift_deviations()
+    assert along[0] > 0.3 > 10 * max(along[1:])
+
+
+def test_limits_enclose_the_modulus_at_any_temperature(curve):
+    for temperature in (None, 278.0):
+        lower, upper = map(channels, map(np.asarray, curve.confidence(OMEGA, temperature)))
+        exact = channels(modulus(OMEGA, 0.0 if temperature is None else wlf(temperature)))
+        assert np.all((0.9 * lower < exact) & (exact < 1.1 * upper))
+        assert np.mean((lower < exact) & (exact < upper)) > 0.7
+        assert np.all(upper / lower < 1.5)
+    known = map(channels, map(np.asarray, curve.fit.confidence(OMEGA)))
+    widths = [np.log(high / low) for low, high in [known, map(channels, curve.confidence(OMEGA))]]
+    assert np.all(widths[1] > 0.99 * widths[0])
+
+
+def test_the_report_lists_the_shifts(curve):
+    report = curve.report()
+    assert "WLF with c1 = " in report and "about 298.00 K" in report
+    rows = [line.split() for line in report.splitlines() if line.strip()[:3].isdigit()]
+    found = {float(row[0]): float(row[1]) for row in rows if len(row) == 5}
+    assert list(found) == list(TEMPERATURES)
+    np.testing.assert_allclose(list(found.values()), curve.log10_shifts, atol=1e-3)
+    assert curve.fit.report() in report
+
+
+# Derivatives ------------------------------------------------------------------------------------
+
+
+def test_derivatives_by_the_data_match_differences():
+    """Of the modulus at a temperature, along a random direction and by one reverse pass."""
+    curves = isotherms(noise=0.02)
+    logs = jnp.stack([jnp.log(channels(values)) for _, _, values in curves])
+    direction = np.random.default_rng(2).standard_normal(logs.shape)
+
+    def loss(logs):
+        given = [
+            (t, OMEGA, jax.lax.complex(*jnp.exp(row.reshape(2, 12))))
+            for t, row in zip(TEMPERATURES, logs, strict=True)
+        ]
+        material = master_curve(given, scatter=0, terms=4).material
+        return jnp.log(material.at(283.0).modulus(1.0).imag)
+
+    gradient = jax.jit(jax.grad(loss))(logs)
+    ends = [loss(logs + step * direction) for step in (1e-5, -1e-5)]
+    np.testing.assert_allclose(np.sum(gradient * direction), (ends[0] - ends[1]) / 2e-5, rtol=1e-4)
+
+
+# Refusals ---------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize(
+    "change, arguments, message",
+    [
+        (lambda c: c[:1], {}, "`isotherms` holds 1; at least 2 are needed"),
+        (lambda c: [*c, c[0]], {}, "`isotherms` holds 268 K twice"),
+        (lambda c: [(-5.0, *c[0][1:]), *c[1:]], {}, r"`temperature\[0\]=-5` is refused"),
+        (lambda c: [(268.0, OMEGA[1:], c[0][2]), *c[1:]], {}, r"`isotherms\[0\]` has x of shape"),
+        (lambda c: [(t, x, -m) for t, x, m in c], {}, r"`modulus.real\[0\]=-"),
+        (lambda c: [(t, x, m.imag + 1j * m.real) for t, x, m in c], {}, "every positive spectrum"),
+        (lambda c: c, {"law": "vft"}, "`law='vft'` is refused"),
+        (lambda c: c, {"kind": "stress"}, "`kind='stress'` is refused"),
+        (lambda c: c, {"scatter": -1.0}, "`scatter=-1` is refused"),
+        (lambda c: c, {"reference": 25.0}, "`reference=25` is refused: isotherms are from 268"),
+        (lambda c: c, {"terms": 3, "within": 0.1}, "`terms` and `within` both set"),
+        (lambda c: c, {"terms": 90}, "`terms=90` has 181 unknowns"),
+    ],
+)
+def test_what_cannot_be_shifted_is_refused(change, arguments, message):
+    with pytest.raises(ValueError, match=message):
+        master_curve(change(isotherms()), **arguments)
+
+
+def test_an_isotherm_in_another_unit_is_refused_or_shows_in_the_error():
+    curves = isotherms()
+    curves[2] = (*curves[2][:2], 1e-6 * curves[2][2])
+    with pytest.raises(ValueError, match="every positive spectrum"):
+        master_curve(curves, terms=4)
+    curve = master_curve(curves, terms=4, throw=False)
+    assert curve.fit.floor().total > 1
+
+
+def test_isotherms_of_a_file_are_taken_as_they_are(tmp_path):
+    lines = ["T [°C],omega [rad/s],E' [Pa],E'' [Pa]"]
+    for temperature, omega, values in isotherms():
+        lines += [
+            f"{temperature - 273.15},{w},{m.real},{m.imag}"
+            for w, m in zip(omega, values, strict=True)
+        ]
+    path = tmp_path / "sweeps.csv"
+    path.write_text("\n".join(lines))
+    parts = gc.read_moduli(path).isotherms()
+    curve = master_curve(parts, scatter=0, terms=4)
+    np.testing.assert_allclose(curve.temperatures, TEMPERATURES)
+    np.testing.assert_allclose(curve.log10_shifts, wlf(TEMPERATURES), atol=0.02)
+    path.write_text("\n".join(lines).replace("E'", "G'"))
+    with pytest.raises(ValueError, match="must be in tension"):
+        master_curve(gc.read_moduli(path).isotherms())
