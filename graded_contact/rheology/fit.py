@@ -241,7 +241,12 @@ def refuse_nonsense(fit: PronyFit) -> None:
 
 
 def _typical(series, theta):
-    """The median size of the log residuals, of the worse channel."""
-    sizes = np.abs(series.residual(series.model(theta))).reshape(-1, len(series.x))
-    rows = zip(sizes, series.measured.reshape(sizes.shape), strict=True)
+    """The median size of the log residuals, of the worse channel.
+
+    A channel of small weight is not trusted, and may be off by as much more.
+    """
+    shape = (-1, len(series.x))
+    trust = np.sqrt(series.weights / np.max(series.weights)).reshape(shape)
+    sizes = trust * np.abs(series.residual(series.model(theta))).reshape(shape)
+    rows = zip(sizes, series.measured.reshape(shape), strict=True)
     return max(float(np.median(size[counted])) for size, counted in rows if np.any(counted))

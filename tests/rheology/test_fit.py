@@ -338,6 +338,15 @@ def test_a_contradiction_of_storage_and_loss_is_flagged(tread):
     assert "contradict each other (Kramers-Kronig)" in fit.verdict()
 
 
+def test_a_channel_of_little_weight_may_be_far_off(tread):
+    omega, values, _ = tread
+    wrong = values.real + 10j * values.imag
+    with pytest.raises(ValueError, match="Half of the measured values"):
+        fit_prony(omega, wrong, terms=5, loss_weight=0.5)
+    fit = fit_prony(omega, wrong, terms=5, loss_weight=0.01)
+    assert fit.errors().storage < 0.1 < fit.errors().loss
+
+
 def test_the_report_holds_errors_floor_and_path(tread):
     omega, values, fit = tread
     report = fit.report()

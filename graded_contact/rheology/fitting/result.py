@@ -98,10 +98,12 @@ class PronyFit(eqx.Module):
 
     def floor(self) -> Floor:
         """Returns the errors of the best positive spectra, and whether the channels agree."""
-        series, _ = self._problem()
+        series, theta = self._problem()
         both = _best(series)
+        # The fit is a positive spectrum too, and may be the best one found.
+        total = min(both.error, rms(series, theta))
         if self.data.kind != "frequency":
-            return Floor(both.error, both.error, None, None)
+            return Floor(total, total, None, None)
         parts = [
             _best(dataclasses.replace(series, weights=np.where(rows, series.weights, 0)))
             if np.any(series.measured & rows)
@@ -109,7 +111,7 @@ class PronyFit(eqx.Module):
             for rows in _channels(series)
         ]
         storage, loss = (part and part.error for part in parts)
-        return Floor(both.error, storage, loss, _chance(both, *parts))
+        return Floor(total, storage, loss, _chance(both, *parts))
 
     def verdict(self) -> str:
         """Returns in plain words whether the data or the number of terms limit the fit."""
