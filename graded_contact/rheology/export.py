@@ -18,7 +18,7 @@ from typing import Any
 import numpy as np
 
 from .material import AbstractMaterial, Prony
-from .shift import WLF, AbstractShift
+from .shift import WLF, AbstractShift, Arrhenius
 
 ANSYS_TERMS = 100  # the most that TB,PRONY takes
 LEAST_REMAINDER = 1e-9  # of E_eq in E_inf, to keep it to about 1e-6
@@ -40,6 +40,11 @@ def export_prony(material: AbstractMaterial, format: str, *, name: str = "materi
     if not isinstance(material, Prony):
         raise ValueError(
             f"`material` is of type {type(material).__name__}; only a `Prony` series is exported."
+        )
+    if not isinstance(material.shift, WLF | Arrhenius | None):
+        raise ValueError(
+            f"`material.shift` is a {type(material.shift).__name__}; only a WLF or Arrhenius law is "
+            "exported. Of a master curve, take `law`."
         )
     if format not in FORMATS:
         raise ValueError(f"`format={format!r}` is refused: use one of {tuple(FORMATS)}.")

@@ -148,3 +148,12 @@ def test_a_liquid_is_exported_where_no_ratio_is_needed():
     liquid = gc.Prony(0, [1e6, 2e5], [1e-3, 1.0])
     for format in set(FORMATS) - {"abaqus", "ansys"}:
         assert "200000.0" in export_prony(liquid, format)
+
+
+def test_a_shift_that_is_no_law_is_not_exported():
+    isotherms = [
+        (t, OMEGA[4:10], MATERIALS["thirds"].at(t).modulus(OMEGA[4:10])) for t in (290.0, 300.0)
+    ]
+    curve = gc.master_curve(isotherms, terms=2)
+    with pytest.raises(ValueError, match="Of a master curve, take `law`"):
+        export_prony(curve.material, "json")
