@@ -17,7 +17,7 @@ from .response.compliance import effective_modulus
 from .response.stack import Stack
 from .rheology.fit import PronyFit
 from .sliding import Sliding
-from .studies.design_scene import DesignResults, curve_velocities, spectrum_of
+from .studies.design_scene import DesignResults, curve_velocities
 from .studies.objectives import friction_curve, loss_tangent
 from .studies.storage import Fields, Results
 from .surface import Surface
@@ -204,7 +204,7 @@ def plot_design(results: DesignResults) -> "Figure":
     curve = jax.jit(
         lambda stack: (
             friction_curve(
-                stack, spectrum_of(study), pressure=scene.pressure[0], velocities=velocities
+                stack, study.spectrum, pressure=scene.pressure[0], velocities=velocities
             ).friction
         )
     )
@@ -226,7 +226,9 @@ def plot_design(results: DesignResults) -> "Figure":
     if study.band is not None:
         loss.axvspan(*study.band, color="0.93", zorder=0)
     friction.set(xscale="log", xlabel="sliding velocity [m/s]", ylabel="friction coefficient")
-    loss.set(xscale="log", xlabel="wavenumber $q$ [rad/m]", ylabel=f"loss tangent at {speed:g} m/s")
+    loss.set(
+        xscale="log", xlabel="wavenumber $q$ [rad/m]", ylabel=f"loss tangent at {speed:.3g} m/s"
+    )
     for axes in (friction, loss):
         axes.set_ylim(bottom=0)
     friction.legend(frameon=False)

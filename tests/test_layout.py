@@ -22,8 +22,8 @@ ORDER = [
     "contact/law", "contact/implicit", "contact/douglas_rachford", "contact/rmd",
     "contact/problem", "contact/observables", "sliding",
     "persson/diffusion", "persson/modes", "persson/isotropic", "persson/mean_field",
-    "studies/parameters", "studies/objectives", "studies/design", "studies/storage", "studies/table",
-    "studies/scene", "studies/sweep",
+    "studies/parameters", "studies/objectives", "studies/design", "studies/storage",
+    "studies/table", "studies/scene", "studies/design_scene", "studies/sweep",
     "reference", "plot", "cli",
 ]  # fmt: skip
 # What a file or folder must not see although it comes before: contact gets a kernel, not layers.

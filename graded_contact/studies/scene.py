@@ -17,6 +17,7 @@ radians; `KEYS` lists them. Paths are relative to the scene file.
                           x axis; `temperature` [K]
     [solver]              `rtol` and the fields of `DouglasRachford`
     [output]              `name`, `directory`, and which `fields` to keep: "last", "every" or "none"
+    [design]              what the command `design` is to do, see `studies/design_scene.py`
 """
 
 import dataclasses
@@ -62,6 +63,7 @@ SOLVER_FIELDS = tuple(field.name for field in dataclasses.fields(DouglasRachford
 KEYS: dict[str, Any] = {
     "scene": (
         "title", "surface", "grid", "materials", "layers", "base", "load", "solver", "output",
+        "design",
     ),
     "surface": {
         "self_affine": (*SPECTRUM_FIELDS, "seed", "amplitudes"),

@@ -1,0 +1,205 @@
+"""A scene designs its block: limits hold, contact meets what was asked for, bad tables are refused.
+
+The command is run once, small; its files and printed table are looked at.
+"""
+
+import json
+
+import jax
+import numpy as np
+import pytest
+from typer.testing import CliRunner
+
+import graded_contact as gc
+from graded_contact import cli
+from graded_contact.studies import design_scene
+from graded_contact.studies.design_scene import parse_design, report, run_design
+from graded_contact.studies.parameters import with_values
+
+SCENE = """
+[surface]
+kind = "self_affine"
+rms_slope = 0.1
+hurst = 0.8
+q_roll = 2.5e3
+q_high = 5e3
+[grid]
+shape = [32, 32]
+size = 1e-2
+[materials.tread]
+kind = "tyre_tread"
+poisson = 0.49
+[materials.coat]
+kind = "prony"
+equilibrium = 5e6
+strengths = [1e7]
+times = [1e-3]
+poisson = 0.49
+[[layers]]
+material = "coat"
+thickness = 2e-4
+[base]
+kind = "half_space"
+material = "tread"
+[load]
+pressure = 3e5
+velocity = 0.1
+[solver]
+rtol = 1e-5
+[design]
+objective = "friction"
+ratio = 1.3
+stiffness = {q = 2.5e3, omega = 250.0, within = 0.01}
+total_thickness = 4e-4
+starts = 2
+verify = 2
+polish = true
+[design.parameters]
+"layers[0].thickness" = [5e-5, 1e-3]
+"layers[0].material.strengths[0]" = [1e6, 1e8]
+"layers[0].material.times[0]" = [1e-5, 1e-1]
+"""
+STEADY = {"q": 2.5e3, "omega": 250.0}
+
+
+# By the response alone: neither contact nor mean field.
+FLAT = (
+    SCENE.replace("verify = 2\npolish = true\n", "")
+    .replace("ratio = 1.3", "q_from = 1e3\nq_to = 1e4")
+    .replace('"friction"', '"flat_loss_tangent"')
+)
+
+
+@pytest.fixture(scope="module")
+def ran(tmp_path_factory):
+    """Folder of results, and what was printed."""
+    folder = tmp_path_factory.mktemp("design")
+    (folder / "coat.toml").write_text(SCENE)
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(cli, "_cache_folder", lambda: None)
+        arguments = ["design", str(folder / "coat.toml"), "-o", str(folder / "out")]
+        result = CliRunner().invoke(cli.app, arguments)
+    assert result.exit_code == 0, result.output
+    return folder / "out", result.stdout
+
+
+@pytest.fixture(scope="module")
+def designed(ran):
+    """The scene's own stack and the designed one, put together from the written values."""
+    own = parse_design(SCENE).scene.stack
+    return own, with_values(own, json.loads((ran[0] / "coat-design.json").read_text()))
+
+
+def test_the_command_writes_a_table_values_and_a_figure(ran):
+    folder, printed = ran
+    names = ["coat-design.json", "coat-design.png", "coat-design.txt"]
+    assert sorted(path.name for path in folder.iterdir()) == names
+    assert all(f"wrote {folder / name}" in printed for name in names)
+    text = (folder / "coat-design.txt").read_text(encoding="utf-8")
+    assert text in printed
+    assert "polished" in text and "NOT converged" not in text
+    assert (folder / "coat-design.png").read_bytes().startswith(b"\x89PNG")
+
+
+@pytest.mark.parametrize("text, code, reason", [
+    (SCENE.replace("ratio", "ration"), 2, "did you mean `ratio`"),
+    (SCENE, 1, "Error: not solved.\n"),
+])  # fmt: skip
+def test_the_command_ends_with_a_code_and_one_line(tmp_path, monkeypatch, text, code, reason):
+    """2 for a refused scene, 1 for a solve that failed, of which JAX has much to say."""
+
+    def fail(*_, **__):
+        raise RuntimeError("Above is the stack.\nequinox.RuntimeError: not solved.\n\n----\nHow to")
+
+    monkeypatch.setattr(cli, "_cache_folder", lambda: None)
+    monkeypatch.setattr(design_scene, "run_design", fail)
+    (tmp_path / "coat.toml").write_text(text)
+    arguments = ["design", str(tmp_path / "coat.toml"), "-o", str(tmp_path)]
+    result = CliRunner().invoke(cli.app, arguments)
+    assert result.exit_code == code
+    assert reason in result.stderr and "How to" not in result.output
+
+
+def test_limits_hold_for_the_written_stack(designed):
+    own, stack = designed
+    stiffness = [abs(gc.effective_modulus(s, STEADY["q"], STEADY["omega"])) for s in designed]
+    assert abs(stiffness[1] / stiffness[0] - 1) <= 0.01
+    assert 5e-5 <= stack.layers[0].thickness <= 4e-4
+    # Whatever is no parameter is as it was.
+    assert stack.layers[0].material.equilibrium == own.layers[0].material.equilibrium
+    np.testing.assert_array_equal(stack.base.material.strengths, own.base.material.strengths)
+
+
+def test_contact_on_other_surfaces_has_the_friction_asked_for(designed):
+    """Surfaces drawn here; a coat's gain scatters much less over them than friction itself."""
+    source = parse_design(SCENE).scene.surface
+    surface = gc.random_surface(source.spectrum, source.grid, jax.random.key(77))
+    before, after = (
+        gc.slide(stack, surface, pressure=3e5, velocity=0.1, rtol=1e-5).friction
+        for stack in designed
+    )
+    np.testing.assert_allclose(after / before, 1.3, rtol=0.02)
+
+
+def test_a_loss_tangent_is_made_flat_over_a_band():
+    steps = []
+    results = run_design(parse_design(FLAT), progress=lambda *step: steps.append(step))
+    assert results.polished is None and results.candidates["designed"].friction.shape == (0, 1)
+    assert steps[-1] == ("design", 2, 2)
+    q = np.geomspace(1e3, 1e4, 201)
+    before, after = (
+        np.ptp(np.log(gc.effective_modulus(c.stack, q, 0.1 * q).imag)
+               - np.log(gc.effective_modulus(c.stack, q, 0.1 * q).real))
+        for c in results.candidates.values()
+    )  # fmt: skip
+    assert after < before / 2
+    assert f"{np.exp(after):.3g}" in report(results)
+
+
+@pytest.mark.parametrize(
+    "old, new, message",
+    [
+        ("[design]", "[desing]", "did you mean `design`"),
+        ("ratio =", "ration =", "did you mean `ratio`"),
+        ("layers[0].thickness", "layers[0].thicknes", "nearest is 'layers.0..thickness'"),
+        ("strengths[0]", "strengths", "has shape"),
+        ("[5e-5, 1e-3]", "[1e-3, 5e-5]", r"\[design.parameters\] 'layers.0..thickness' = "),
+        ("[5e-5, 1e-3]", "[0, 1e-3]", "positive and in this order"),
+        ("[5e-5, 1e-3]", "1e-3", r"must be \[lower, upper\]"),
+        ('times[0]" = [1e-5, 1e-1]', 'poisson" = [0.4, 0.6]', "at most 0.5"),
+        ('"friction"', '"maximise_frictoin"', "did you mean `maximise_friction`"),
+        ('"friction"', '"maximise_friction"', '`ratio` belongs to the objective "friction"'),
+        ("ratio = 1.3", "", "either `target` or `ratio`"),
+        ("ratio = 1.3", "ratio = [1.3, 1.2]", "`ratio` has 2 numbers"),
+        ("ratio = 1.3", "ratio = -1.3", r"`ratio.0.=-1.3` is refused"),
+        ("within = 0.01", "within = 0", "`within=0` is refused"),
+        ("total_thickness = 4e-4", "total_thickness = -1", "`total_thickness=-1` is refused"),
+        ("verify = 2", "verify = 0", "`polish` needs `verify`"),
+        ("polish = true", "polish = 1", "true or false"),
+        ("velocity = 0.1", "velocity = 0", "`velocity"),
+        ("velocity = 0.1", "velocity = 0.1\ndirection = 1", "`direction` = 0"),
+        (SCENE[SCENE.index("[design]") :], "", r"lacks the table \[design\]"),
+        (SCENE[SCENE.index("[design.parameters]") :], "", "lacks the key `parameters`"),
+    ],
+)
+def test_a_table_that_cannot_be_designed_is_refused(old, new, message):
+    assert old in SCENE
+    with pytest.raises(ValueError, match=message):
+        parse_design(SCENE.replace(old, new))
+
+
+def test_a_band_is_in_order():
+    with pytest.raises(ValueError, match="`q_from` = 10000, `q_to` = 1000"):
+        parse_design(FLAT.replace("q_from = 1e3\nq_to = 1e4", "q_from = 1e4\nq_to = 1e3"))
+
+
+def test_limits_that_nothing_satisfies_are_refused():
+    study = parse_design(FLAT.replace("total_thickness = 4e-4", "total_thickness = 1e-5"))
+    with pytest.raises(ValueError, match=r"\[design\] No start of 2 satisfies"):
+        run_design(study)
+
+
+def test_a_start_outside_the_bounds_is_refused():
+    study = parse_design(FLAT.replace("[5e-5, 1e-3]", "[5e-4, 1e-3]"))
+    with pytest.raises(ValueError, match=r"`start` has layers.0..thickness = 0.0002, not between"):
+        run_design(study)
