@@ -43,8 +43,8 @@ def export_prony(material: AbstractMaterial, format: str, *, name: str = "materi
         )
     if not isinstance(material.shift, WLF | Arrhenius | None):
         raise ValueError(
-            f"`material.shift` is a {type(material.shift).__name__}; only a WLF or Arrhenius law is "
-            "exported. Of a master curve, take `law`."
+            f"`material.shift` is a {type(material.shift).__name__}; only a WLF or Arrhenius law "
+            "is exported. Of a master curve, take `law`."
         )
     if format not in FORMATS:
         raise ValueError(f"`format={format!r}` is refused: use one of {tuple(FORMATS)}.")
