@@ -133,6 +133,9 @@ def fit(
     terms: Annotated[int | None, typer.Option(min=1, help="Number of terms.")] = None,
     poisson: Annotated[float, typer.Option(help="Poisson's ratio of the material.")] = 0.5,
     kind: Annotated[str | None, typer.Option(help="frequency, relaxation or creep.")] = None,
+    deformation: Annotated[
+        str | None, typer.Option(help="tension or shear, if the file does not say.")
+    ] = None,
     law: Annotated[str, typer.Option(help="Shifts several isotherms: wlf or arrhenius.")] = "wlf",
     vertical: Annotated[
         float, typer.Option(help="Expected size of ln b_T, the shifts of their moduli.")
@@ -159,15 +162,23 @@ def fit(
     from .rheology.reading import read_moduli
 
     with _refusing():
-        measured = read_moduli(
-            moduli_file,
-            kind=kind,
-            units=_pairs("unit", unit),
-            columns={
-                key: int(v) if v.isdigit() else v for key, v in _pairs("column", column).items()
-            },
-            poisson=poisson,
-        )
+        try:
+            measured = read_moduli(
+                moduli_file,
+                kind=kind,
+                deformation=deformation,
+                units=_pairs("unit", unit),
+                columns={
+                    key: int(v) if v.isdigit() else v for key, v in _pairs("column", column).items()
+                },
+                poisson=poisson,
+            )
+        except ValueError as error:
+            if "`units=" not in str(error) and "`columns" not in str(error):
+                raise
+            raise ValueError(
+                f"{error} (Here: `--unit QUANTITY=UNIT` and `--column QUANTITY=NAME`.)"
+            ) from error
         for sentence in measured.history:
             typer.echo(sentence)
         arguments = {"terms": terms, "poisson": poisson}

@@ -8,9 +8,9 @@ modulus. (The paper's p₀ formulas differ there; `docs/theory.md` shows why the
 equilibrium.)
 """
 
-from functools import partial
 from typing import NamedTuple
 
+import equinox as eqx
 import jax
 import jax.numpy as jnp
 import numpy as np
@@ -101,7 +101,7 @@ def effective_modulus(
     return 2 / (as_float(q) * surface_compliance(stack, q, omega, rtol))
 
 
-@partial(jax.jit, static_argnames="rtol")
+@eqx.filter_jit
 def surface_compliance_unchecked(stack, q, omega, rtol=None):
     """`q` and `omega` of equal rank: a modulus is computed once per entry of `omega`."""
     return compliance_of(prepared(stack), q, omega, rtol)

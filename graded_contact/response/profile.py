@@ -24,9 +24,9 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float, Inexact
 
-from .._checks import Numbers, as_float, check_positive, is_concrete
+from .._checks import Numbers, as_float, check_positive, check_values, is_concrete
 from ..rheology.material import AbstractMaterial, as_material
-from .shape import AbstractShape, Linear, breaks_of
+from .shape import AbstractShape, Linear, as_shape, breaks_of
 
 
 class AbstractProfile(eqx.Module):
@@ -60,7 +60,7 @@ class Blend(AbstractProfile):
 
     bottom: AbstractMaterial = eqx.field(converter=as_material)
     top: AbstractMaterial = eqx.field(converter=as_material)
-    shape: AbstractShape = Linear()
+    shape: AbstractShape = eqx.field(converter=as_shape, default=Linear())
     mixing: Literal["linear", "logarithmic"] = eqx.field(static=True, default="linear")
 
     def __check_init__(self):
@@ -112,9 +112,19 @@ class Mixture(AbstractProfile):
     - `fraction`: the shape whose values are the filler's volume fraction [1], from 0 to 1.
     """
 
-    matrix: AbstractMaterial
-    filler: AbstractMaterial
-    fraction: AbstractShape
+    matrix: AbstractMaterial = eqx.field(converter=as_material)
+    filler: AbstractMaterial = eqx.field(converter=as_material)
+    fraction: AbstractShape = eqx.field(converter=as_shape)
+
+    def __check_init__(self):
+        fraction = self.fraction(jnp.linspace(0.0, 1.0, _SAMPLES + 1))
+        check_values(
+            "fraction",
+            fraction,
+            "a volume fraction lies between 0 and 1",
+            at_least=-1e-9,
+            at_most=1 + 1e-9,
+        )
 
     @property
     def breaks(self) -> Float[Array, " inner"]:
@@ -159,10 +169,10 @@ class Aged(AbstractProfile):
     - `shape`: φ(s).
     """
 
-    material: AbstractMaterial
+    material: AbstractMaterial = eqx.field(converter=as_material)
     bottom: Float[Array, ""] = eqx.field(converter=as_float, default=1.0)
     top: Float[Array, ""] = eqx.field(converter=as_float, default=1.0)
-    shape: AbstractShape = Linear()
+    shape: AbstractShape = eqx.field(converter=as_shape, default=Linear())
 
     def __check_init__(self):
         check_positive("bottom", self.bottom, "[1]")

@@ -25,6 +25,13 @@ class AbstractShape(eqx.Module):
         """Returns φ(s)."""
 
 
+def as_shape(value: Any) -> AbstractShape:
+    """Returns `value`, or raises `ValueError` if it is no shape."""
+    if not isinstance(value, AbstractShape):
+        raise ValueError(f"`{value!r}` must be a shape, such as `Linear()` or `PowerLaw(2.0)`.")
+    return value
+
+
 class Linear(AbstractShape):
     """φ = s."""
 
@@ -78,8 +85,8 @@ class PowerLaw(AbstractShape):
 
     **Fields:**
 
-    - `exponent`: n [1], positive. Between 0 and 1 the slope at the bottom is infinite, and
-      tight tolerances are out of reach.
+    - `exponent`: n [1], positive. Below 2, unless it is 1, a derivative at the bottom is infinite
+      and tight tolerances are out of reach.
     """
 
     exponent: Float[Array, ""] = eqx.field(converter=as_float)

@@ -41,6 +41,7 @@ from .material import Prony
 from .reading import Measured
 from .shift import AbstractShift
 
+COLDEST = 100.0  # K, below which all temperatures of a set are thought to be in °C
 Isotherm = tuple[Numbers, Numbers, Numbers]
 
 
@@ -145,7 +146,7 @@ class MasterCurve(eqx.Module):
 
 
 def master_curve(
-    isotherms: Sequence[Measured | Isotherm],
+    isotherms: Measured | Sequence[Measured | Isotherm],
     *,
     kind: str = "frequency",
     law: str = "wlf",
@@ -168,7 +169,7 @@ def master_curve(
 
     - `isotherms`: at least two, each `(temperature [K], x, values)` with frequencies or times `x`
       and moduli or compliances `values` as in `fit_prony`, `fit_relaxation` and `fit_creep`; or
-      `read_moduli(path).isotherms()`.
+      what `read_moduli(path)` returned.
     - `kind`: "frequency", "relaxation" or "creep"; files know their own.
     - `law`: "wlf" or "arrhenius".
     - `scatter`: expected departure of log10 a_T from the law [decades]; 0 holds the shifts to it,
@@ -230,6 +231,8 @@ def _isotherms(isotherms, kind, law, sizes, reference, channels, **known) -> Iso
     for name, value, allowed in (("law", law, LawKind), ("kind", kind, Kind)):
         if value not in get_args(allowed):
             raise ValueError(f"`{name}={value!r}` is refused: use one of {get_args(allowed)}.")
+    if isinstance(isotherms, Measured):
+        isotherms = isotherms.isotherms()
     curves = [_curve(i, isotherm, kind) for i, isotherm in enumerate(isotherms)]
     if len(curves) < 2:
         raise ValueError(f"`isotherms` holds {len(curves)}; at least 2 are needed.")
@@ -239,6 +242,10 @@ def _isotherms(isotherms, kind, law, sizes, reference, channels, **known) -> Iso
     curves.sort(key=lambda curve: curve[1])
     temperatures = np.array([temperature for _, temperature, _, _ in curves])
     check_positive("temperature", temperatures, "[K]")
+    if float(temperatures[-1]) < COLDEST:
+        raise ValueError(
+            f"`isotherms` has temperatures up to {float(temperatures[-1]):g}; they are in kelvin."
+        )
     twice = np.flatnonzero(np.diff(temperatures) <= 0)
     if len(twice):
         raise ValueError(f"`isotherms` holds {temperatures[twice[0]]:g} K twice: join those first.")
@@ -275,15 +282,15 @@ def _isotherms(isotherms, kind, law, sizes, reference, channels, **known) -> Iso
 def _curve(number, isotherm, kind) -> tuple[Any, ...]:
     """Kind, temperature, x and values of an isotherm."""
     if isinstance(isotherm, Measured):
-        if isotherm.deformation != "tension" or isotherm.temperature is None:
+        missing = ["`poisson`"] if isotherm.deformation != "tension" else []
+        missing += ["`temperature`"] if isotherm.temperature is None else []
+        if missing or isotherm.temperature is None:
             raise ValueError(
                 f"`isotherms[{number}]` from {isotherm.path} must be in tension and have a "
-                "temperature: read the file with `poisson` and `temperature`."
+                f"temperature: read the file with {' and '.join(missing)}."
             )
-        isotherm, kind = (
-            (np.mean(isotherm.temperature), isotherm.abscissa, isotherm.values),
-            isotherm.kind,
-        )
+        kind = isotherm.kind
+        isotherm = (np.mean(isotherm.temperature), isotherm.abscissa, isotherm.values)
     temperature, x, values = isotherm
     if not is_concrete(temperature):
         raise ValueError(f"`isotherms[{number}]` must have a temperature that is known.")

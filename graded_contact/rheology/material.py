@@ -64,6 +64,8 @@ class Elastic(AbstractMaterial):
     def __init__(self, modulus: Numbers, poisson: Numbers = 0.5):
         self.young = as_float(modulus)
         self.poisson = as_float(poisson)
+
+    def __check_init__(self):
         check_positive("modulus", self.young, "[Pa]")
         check_poisson("poisson", self.poisson)
 

@@ -1,5 +1,6 @@
 """Numbers inside a stack, or any other module, by their path: "layers[0].thickness"."""
 
+import dataclasses
 import difflib
 from collections.abc import Mapping
 from typing import TypeVar
@@ -36,8 +37,8 @@ def with_values(tree: T, values: Mapping[str, Numbers]) -> T:
     - `tree`: a `Stack`, say.
     - `values`: by path, see `paths`.
 
-    **Raises:** `ValueError` for a path that is not there, naming the nearest, or a value of
-    another shape. What the constructors check of a number is not checked again.
+    **Raises:** `ValueError` for a path that is not there, naming the nearest, for a value of
+    another shape, and for what the constructors refuse.
     """
     known = paths(tree)
     leaves = {}
@@ -59,4 +60,17 @@ def with_values(tree: T, values: Mapping[str, Numbers]) -> T:
     arrays = jax.tree_util.tree_map_with_path(
         lambda path, leaf: leaves.get(jax.tree_util.keystr(path).removeprefix("."), leaf), arrays
     )
-    return eqx.combine(arrays, rest)
+    changed = eqx.combine(arrays, rest)
+    _check(changed)
+    return changed
+
+
+def _check(tree):
+    """Runs the checks of the constructors of all modules in `tree`, the innermost first."""
+    if isinstance(tree, eqx.Module):
+        for field in dataclasses.fields(tree):
+            _check(getattr(tree, field.name))
+        getattr(tree, "__check_init__", lambda: None)()
+    elif isinstance(tree, tuple | list):
+        for part in tree:
+            _check(part)

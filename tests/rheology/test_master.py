@@ -307,5 +307,11 @@ def test_isotherms_of_a_file_are_taken_as_they_are(tmp_path):
     np.testing.assert_allclose(curve.temperatures, TEMPERATURES)
     np.testing.assert_allclose(curve.log10_shifts, wlf(TEMPERATURES), atol=0.02)
     path.write_text("\n".join(lines).replace("E'", "G'"))
-    with pytest.raises(ValueError, match="must be in tension"):
+    with pytest.raises(ValueError, match=r"must be in tension.*with `poisson`"):
         master_curve(gc.read_moduli(path).isotherms())
+
+
+def test_degrees_celsius_are_refused():
+    x = np.geomspace(0.1, 10, 5)
+    with pytest.raises(ValueError, match="temperatures up to 40; they are in kelvin"):
+        master_curve([(t, x, 1e6 + 1e5j * x) for t in (20.0, 40.0)], terms=1)
