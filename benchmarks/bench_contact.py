@@ -1,129 +1,114 @@
 """How many transforms, how long and how exact: contact of elastic and viscoelastic bodies.
 
-One row per body, grid and tolerance:
+    python benchmarks/bench_contact.py elastic       beside Tamaas and ContactMechanics
+    python benchmarks/bench_contact.py viscoelastic  FFT pairs, growth with N, the paper's method
+    python benchmarks/bench_contact.py random        random scenes: any failure, any false claim?
+    python benchmarks/bench_contact.py overhead      wall time over that of the transforms alone
+    python benchmarks/bench_contact.py cylinder      gliding cylinder, exact
+    python benchmarks/bench_contact.py transient     time stepping to steady sliding
+    python benchmarks/bench_contact.py kernel        layered contacts as Tamaas finds them
+    python benchmarks/bench_contact.py gradient      cost of derivatives
+    python benchmarks/bench_contact.py largest       N = 8192: minutes and memory
 
-- `pairs`: FFT pairs (forward and back), coarse grids counted by their size;
-- `seconds`: warm wall time of `slide`, kernel and observables included, median of `--repeat`
-  (what the first call of a body takes, compilation included, stands above its rows);
-- `x fft`: wall time over that of as many bare FFT pairs in a `lax` loop, timed in the same run;
-- `err σ`: root-mean-square error of the pressure against a solution at 1e-10, relative;
-- `err μ`, `err A`: relative errors of friction (absolute for elastic bodies) and smooth area.
-
-Surface: Gaussian phases, H = 0.8, roll-off 4 q0, cut-off (N/8) q0, rms slope 0.1. The tread is the
-package's, 30 K colder than its reference; the coat is elastic with the relaxed modulus of the
-tread, q0 d = 6.3e-3 (100 µm on a cell of 10 cm, the paper's thickest). Run from the repository:
-
-    python benchmarks/bench_contact.py --sizes 256 512 1024
+One FFT pair is a real transform forth and back on the full grid; coarse grids count by their size.
+Errors are of the pressure, root mean square, against a solution at 1e-10, unless stated. Surface:
+H = 0.8, roll-off 4 q0, cut-off (N/8) q0, rms slope 0.1. Bodies, all of reduced modulus 1 Pa at
+rest: elastic; `single`, one relaxation time, tenfold; `broad`, 1000-fold over ten decades; `tread`,
+the package's at -10 °C; `+coat`, under an elastic coat of modulus 1 Pa, q0 d = 6e-3. `elastic`
+draws docs/bench_contact.png.
 """
 
 import argparse
-import platform
-import resource
-import statistics
-import time
-from functools import partial
+import importlib
+import pathlib
 
 import jax
 
 jax.config.update("jax_enable_x64", True)
 
-import jax.numpy as jnp  # noqa: E402
-import numpy as np  # noqa: E402
-
-import graded_contact as gc  # noqa: E402
-
-CELL = 0.1  # m
-Q0 = 2 * np.pi / CELL
-
-
-def bodies() -> dict[str, tuple[gc.Stack, float, tuple[float, ...]]]:
-    """Name -> (stack, velocity [m/s], pressures over the relaxed reduced modulus)."""
-    tread = gc.tyre_tread().at(263.15)
-    relaxed = gc.Elastic(tread.equilibrium, 0.5)
-    coat = gc.Layer(relaxed, 6.3e-3 / Q0)
-    return {
-        "elastic": (gc.Stack(base=gc.HalfSpace(relaxed)), 0.0, (0.01, 0.1)),
-        "coated tread": (gc.Stack(layers=(coat,), base=gc.HalfSpace(tread)), 0.1, (0.01, 0.1)),
-        "bare tread": (gc.Stack(base=gc.HalfSpace(tread)), 0.1, (0.01, 0.1)),
-    }
-
-
-def rough_surface(n: int) -> gc.Surface:
-    grid = gc.Grid((n, n), CELL)
-    spectrum = gc.SelfAffine(rms_slope=0.1, hurst=0.8, q_low=Q0, q_roll=4 * Q0, q_high=n / 8 * Q0)
-    return gc.rescale(gc.random_surface(spectrum, grid, jax.random.key(0)), rms_slope=0.1)
+DOCS = pathlib.Path(__file__).parents[1] / "docs"
+# Peers are imported only by the sections that need them.
+SECTIONS = {
+    "elastic": ("contact_peers", "beside Tamaas and ContactMechanics"),
+    "viscoelastic": ("contact_viscoelastic", "FFT pairs, growth with N, the paper's method"),
+    "random": ("contact_random", "random scenes"),
+    "overhead": ("contact_costs", "wall time over that of the transforms alone"),
+    "overhead_of": ("contact_costs", "the same with one backend, in this process"),
+    "cylinder": ("contact_cylinder", "gliding cylinder, exact"),
+    "transient": ("contact_transient", "time stepping to steady sliding"),
+    "kernel": ("contact_peers", "layered contacts as Tamaas finds them"),
+    "gradient": ("contact_costs", "cost of derivatives"),
+    "largest": ("contact_costs", "N = 8192: minutes and memory"),
+}
+LOADS = [0.01, 0.1, 0.3]
+PEERS = ["tamaas", "ContactMechanics"]
+VISCOELASTIC = [
+    "elastic", "single", "single+coat", "tread", "tread+coat", "broad", "broad+coat",
+]  # fmt: skip
 
 
-@partial(jax.jit, static_argnames="count")
-def transform_pairs(field, count: int):
-    def pair(_, f):
-        return jnp.fft.irfftn(jnp.fft.rfftn(f), f.shape)
-
-    return jax.lax.fori_loop(0, count, pair, field)
-
-
-def timed(function, repeat: int) -> float:
-    """Median time of a call that was made before [s]."""
-    times = []
-    for _ in range(repeat):
-        start = time.perf_counter()
-        jax.block_until_ready(function())
-        times.append(time.perf_counter() - start)
-    return statistics.median(times)
-
-
-def main() -> None:
+def main():
     parser = argparse.ArgumentParser(description=__doc__.split("\n")[0])
-    parser.add_argument("--sizes", type=int, nargs="+", default=[256, 512, 1024])
-    parser.add_argument("--tolerances", type=float, nargs="+", default=[1e-4, 1e-6, 1e-8])
-    parser.add_argument("--bodies", nargs="+", default=list(bodies()), choices=list(bodies()))
-    parser.add_argument("--repeat", type=int, default=3)
-    options = parser.parse_args()
+    sections = parser.add_subparsers(dest="section", required=True)
+    parts = {name: sections.add_parser(name, help=text) for name, (_, text) in SECTIONS.items()}
 
-    device = jax.devices()[0]
-    print(f"# graded_contact {gc.__version__}, jax {jax.__version__}, numpy {np.__version__}")
-    python = platform.python_version()
-    print(f"# {device.device_kind} ({platform.machine()}), float64, python {python}")
-    print(
-        f"{'body':14s} {'p/E_r0':>6s} {'N':>5s} {'rtol':>6s} {'pairs':>7s} {'steps':>5s} "
-        f"{'seconds':>8s} {'x fft':>6s} {'err σ':>8s} {'err μ':>8s} {'err A':>8s} "
-        f"{'μ':>8s} {'A/A0':>7s}"
+    def many(names, option, kind, default, **more):
+        for name in names:
+            parts[name].add_argument(option, type=kind, nargs="*", default=default, **more)
+
+    def one(name, option, kind, default, **more):
+        parts[name].add_argument(option, type=kind, default=default, **more)
+
+    many(["elastic"], "--sizes", int, [256, 512, 1024])
+    many(["elastic"], "--targets", float, [1e-4, 1e-8], help="true errors to compare at")
+    many(["elastic"], "--peers", str, PEERS, choices=PEERS)
+    one("elastic", "--tamaas-up-to", int, 1024, help="largest N for it")
+    one("elastic", "--mechanics-up-to", int, 512, help="largest N for ContactMechanics")
+    one("elastic", "--tries", int, 3, help="runs of a peer in search of equal error")
+    one("elastic", "--repeat", int, 5)
+    one("elastic", "--plot", pathlib.Path, DOCS / "bench_contact.png")
+
+    many(["viscoelastic"], "--sizes", int, [256, 512, 1024, 2048])
+    many(["viscoelastic"], "--bodies", str, VISCOELASTIC, choices=VISCOELASTIC)
+    many(["viscoelastic"], "--dynamics-sizes", int, [128], help="N for the paper's method")
+    many(["viscoelastic"], "--ranges", float, [0.1, 0.01], help="of its law, over the rms height")
+    one("viscoelastic", "--dynamics-steps", int, 100_000)
+    parts["viscoelastic"].add_argument(
+        "--uniform-mass", action="store_true", help="plain molecular dynamics"
     )
-    for n in options.sizes:
-        surface = rough_surface(n)
-        count = max(4, 2 * (2048 // n) ** 2)
-        jax.block_until_ready(transform_pairs(surface.heights, count))
-        bare = timed(lambda s=surface, c=count: transform_pairs(s.heights, c), 3) / count
-        print(f"# N = {n}: one FFT pair in a loop takes {1e3 * bare:.3g} ms")
-        for name in options.bodies:
-            stack, velocity, loads = bodies()[name]
-            young = float(gc.tyre_tread().equilibrium)
-            for load in loads:
-                run = partial(
-                    gc.slide, stack, surface, pressure=load * young / 0.75, velocity=velocity
-                )
-                start = time.perf_counter()
-                best = jax.block_until_ready(run(rtol=1e-10))
-                first = time.perf_counter() - start
-                print(f"# {name}, p/E_r0 = {load:g}: first call, to 1e-10, {first:.2f} s")
-                for rtol in options.tolerances:
-                    found = run(rtol=rtol)
-                    seconds = timed(lambda r=run, t=rtol: r(rtol=t), options.repeat)
-                    sigma = jnp.linalg.norm(found.pressure - best.pressure)
-                    sigma /= jnp.linalg.norm(best.pressure)
-                    unit = best.friction if best.friction > 1e-9 else 1.0
-                    mu = abs(found.friction - best.friction) / unit
-                    area = abs(found.contact_area_smooth / best.contact_area_smooth - 1)
-                    pairs = float(found.num_fft_pairs)
-                    print(
-                        f"{name:14s} {load:6.3g} {n:5d} {rtol:6.0e} {pairs:7.1f} "
-                        f"{int(found.contact.num_steps):5d} {seconds:8.3f} "
-                        f"{seconds / (pairs * bare):6.2f} {sigma:8.1e} {mu:8.1e} {area:8.1e} "
-                        f"{found.friction:8.5f} {found.contact_area_smooth:7.4f}",
-                        flush=True,
-                    )
-        peak = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / 2**20
-        print(f"# N = {n}: peak memory of the process so far {peak:.2f} GiB")
+
+    one("random", "--count", int, 500)
+    one("random", "--seed", int, 0)
+    one("random", "--show", int, 20, help="how many scenes to describe that did not converge")
+
+    many(["overhead", "overhead_of"], "--sizes", int, [256, 512, 1024, 2048])
+    many(["overhead"], "--backends", str, ["xla", "ducc0"])
+    parts["overhead_of"].add_argument("backend", choices=["xla", "ducc0"])
+    for name in ("overhead", "overhead_of", "gradient"):
+        one(name, "--repeat", int, 3)
+
+    many(["cylinder"], "--points", int, [16, 32, 64, 128], help="to a half-width at rest")
+    many(["cylinder"], "--speeds", float, [0.01, 0.1, 1, 3, 10, 100], help="τv over that")
+
+    one("transient", "--size", int, 32)
+    one("transient", "--load", float, 0.05)
+    one("transient", "--duration", float, 25.0, help="relaxation times")
+    many(["transient"], "--speeds", float, [0.1, 0.5, 2.0], help="v τ q0")
+    many(["transient"], "--steps", int, [8, 16, 32], help="to a relaxation time")
+
+    many(["kernel"], "--sizes", int, [128, 256])
+    many(["gradient"], "--sizes", int, [512, 1024])
+    many(["gradient"], "--bodies", str, ["single", "tread+coat"], choices=VISCOELASTIC)
+    many(["elastic", "viscoelastic"], "--loads", float, LOADS)
+    many(["kernel", "gradient"], "--loads", float, [0.01, 0.1])
+
+    one("largest", "--size", int, 8192)
+    one("largest", "--velocity", float, 0.1)
+    many(["largest"], "--loads", float, [0.1])
+
+    options = parser.parse_args()
+    module, _ = SECTIONS[options.section]
+    getattr(importlib.import_module(module), options.section)(options)
 
 
 if __name__ == "__main__":

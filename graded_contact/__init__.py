@@ -4,9 +4,13 @@ Data flows one way: material -> stack -> response -> contact -> observables. The
 `slide`. SI units everywhere; `docs/theory.md` and the module docstrings state conventions.
 """
 
+from .contact.adhesion import AdhesiveLJ, ExponentialAdhesion
 from .contact.douglas_rachford import DouglasRachford
-from .contact.law import HardWall
+from .contact.law import HardWall, RepulsiveLJ
+from .contact.observables import cumulative_friction
+from .contact.path import ContactPath, follow_contact
 from .contact.problem import RESULTS, ContactSolution, solve_contact
+from .contact.rmd import ResidualDynamics
 from .grid import Grid
 from .persson.mean_field import MeanField, mean_field_friction, pressure_distribution
 from .response.compliance import (
@@ -30,7 +34,7 @@ from .rheology.material import BulkShear, Elastic, Prony
 from .rheology.reading import Measured, read_moduli
 from .rheology.shift import WLF, Arrhenius
 from .rheology.tabulated import Tabulated
-from .sliding import Sliding, slide
+from .sliding import CutoffCurve, Sliding, area_against_cutoff, slide
 from .spectrum import SelfAffine
 from .surface import Surface, radial_spectrum, random_surface, resample, rescale, statistics
 from .topography import read_surface
@@ -43,16 +47,20 @@ from .studies.parameters import with_values
 __all__ = [
     "RESULTS",
     "WLF",
+    "AdhesiveLJ",
     "Aged",
     "Arrhenius",
     "Blend",
     "BulkShear",
+    "ContactPath",
     "ContactSolution",
+    "CutoffCurve",
     "Design",
     "DouglasRachford",
     "Elastic",
     "ErrorFunction",
     "Exponential",
+    "ExponentialAdhesion",
     "Free",
     "GradedLayer",
     "Grid",
@@ -68,6 +76,8 @@ __all__ = [
     "PowerLaw",
     "Prony",
     "PronyFit",
+    "RepulsiveLJ",
+    "ResidualDynamics",
     "Riccati",
     "Rigid",
     "SelfAffine",
@@ -76,11 +86,14 @@ __all__ = [
     "Stack",
     "Surface",
     "Tabulated",
+    "area_against_cutoff",
+    "cumulative_friction",
     "effective_modulus",
     "export_prony",
     "fit_creep",
     "fit_prony",
     "fit_relaxation",
+    "follow_contact",
     "graded_compliance",
     "interface_depths",
     "interior_fields",

@@ -13,6 +13,7 @@ import numpy as np
 from jax import Array
 from jaxtyping import Complex, Float
 
+from . import _fft
 from ._checks import Numbers, as_float, check_positive
 
 
@@ -117,12 +118,12 @@ def _zero_mode(shape: tuple[int, ...]) -> np.ndarray:
 
 def to_spectrum(field: Float[Array, "*shape"]) -> Complex[Array, "*half"]:
     """Returns the unnormalised half spectrum Σ_x f(x) exp(-i q·x)."""
-    return jnp.fft.rfftn(field)
+    return _fft.rfftn(field)
 
 
 def to_field(spectrum: Complex[Array, "*half"], shape: tuple[int, ...]) -> Float[Array, "*shape"]:
     """Returns the real field of a half spectrum, the inverse of `to_spectrum`."""
-    return jnp.fft.irfftn(spectrum, shape)
+    return _fft.irfftn(spectrum, shape)
 
 
 def derivative(field: Float[Array, "*shape"], grid: Grid, axis: int) -> Float[Array, "*shape"]:

@@ -5,22 +5,30 @@ velocity v. In the frame of the surface everything stands still, and every wavev
 pressure works the block at the frequency ω = -q·v.
 """
 
+from typing import NamedTuple
+
 import equinox as eqx
+import jax
+import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float, Inexact
 
-from ._checks import Numbers, as_float, is_concrete
+from ._checks import Numbers, as_float, check_positive, is_concrete
 from .contact.douglas_rachford import DouglasRachford
-from .contact.law import HardWall
+from .contact.law import AbstractLaw, HardWall
 from .contact.observables import (
     contact_area,
     contact_area_corrected,
+    contact_area_error,
     contact_area_smooth,
+    edge_stiffness,
     energy_imbalance,
     friction,
+    friction_error,
 )
 from .contact.problem import RESULTS, ContactSolution, solve_contact
-from .grid import Grid
+from .contact.rmd import ResidualDynamics
+from .grid import Grid, to_field, to_spectrum, wavenumber
 from .response.kernel import stack_kernel
 from .response.stack import Stack
 from .surface import Surface
@@ -32,7 +40,10 @@ class Sliding(eqx.Module):
     **Fields:**
 
     - `friction`: force opposing the motion over the load [1]; >= 0 for passive materials.
+    - `friction_error`: estimated error of the friction that the solver left [1]. That of the grid
+      comes on top, see `geometric_friction`.
     - `contact_area`: fraction of points in contact [1]. A pixel count, without a derivative.
+    - `contact_area_error`: fraction of points that the solver may have put on the wrong side [1].
     - `contact_area_corrected`: the same less its known excess at the edges [1].
     - `contact_area_smooth`: sub-pixel area fraction [1], for gradients.
     - `geometric_friction`: friction from the surface's slope instead of the block's [1]. Its
@@ -44,7 +55,9 @@ class Sliding(eqx.Module):
     """
 
     friction: Float[Array, ""]
+    friction_error: Float[Array, ""]
     contact_area: Float[Array, ""]
+    contact_area_error: Float[Array, ""]
     contact_area_corrected: Float[Array, ""]
     contact_area_smooth: Float[Array, ""]
     geometric_friction: Float[Array, ""]
@@ -84,43 +97,40 @@ def slide(
     stack: Stack,
     surface: Surface,
     *,
-    pressure: Numbers,
+    pressure: Numbers | None = None,
+    mean_gap: Numbers | None = None,
     velocity: Numbers,
-    law: HardWall = HardWall(),  # noqa: B008 (immutable)
-    solver: DouglasRachford = DouglasRachford(),  # noqa: B008
+    law: AbstractLaw = HardWall(),  # noqa: B008 (immutable)
+    solver: DouglasRachford | ResidualDynamics = DouglasRachford(),  # noqa: B008
     rtol: float = 1e-6,
     start: Numbers | None = None,
     throw: bool = True,
 ) -> Sliding:
     """Returns friction, contact area and fields of a rough surface sliding on a block.
 
-    Differentiable in every leaf of `stack` and `surface`, in `pressure` and in `velocity`:
-    `jax.grad(lambda s: slide(s, surface, pressure=p, velocity=v).friction)(stack)` is a stack of
-    derivatives. Works under `jit` and `vmap`.
+    Differentiable in every leaf of `stack`, `surface` and `law`, in `pressure` or `mean_gap` and in
+    `velocity`: `jax.grad(lambda s: slide(s, surface, pressure=p, velocity=v).friction)(stack)` is a
+    stack of derivatives. Works under `jit` and `vmap`; for a batch on a CPU prefer `jax.lax.map`,
+    see `solve_contact`.
 
     **Arguments:**
 
     - `stack`: the block, see `Stack`. `stack.at(temperature)` is the block at another temperature.
     - `surface`: the rough surface; heights count into the block.
-    - `pressure`: mean pressure σ0 [Pa].
+    - `pressure`: mean pressure σ0 [Pa]; or
+    - `mean_gap`: mean of the gap [m], counted from the mean of the heights.
     - `velocity`: of the surface over the block [m/s]: a number (along x) or `(vx, vy)`. At rest
       (0, known beforehand) the relaxed moduli act and a real kernel is used.
     - `law`, `solver`, `rtol`, `start`, `throw`: as in `solve_contact`.
 
     **Raises:** `ValueError` for a refused argument; `RuntimeError` if the solve fails.
     """
-    if not isinstance(stack, Stack):
-        raise ValueError(f"`stack={stack!r}` must be a `Stack(layers=..., base=...)`.")
-    if not isinstance(surface, Surface):
-        raise ValueError(f"`surface={surface!r}` must be a `Surface(heights, grid)`.")
-    velocity = as_float(velocity)
-    kernel = stack_kernel(stack, surface.grid, velocity)
-    if is_concrete(velocity) and not np.any(velocity):
-        kernel = kernel.real
+    kernel, velocity = _kernel_and_velocity(stack, surface, velocity)
     contact = solve_contact(
         kernel,
         surface.heights,
         pressure,
+        mean_gap=mean_gap,
         law=law,
         solver=solver,
         rtol=rtol,
@@ -130,6 +140,18 @@ def slide(
     return _observe(contact, kernel, surface.heights, surface.grid, velocity, law)
 
 
+def _kernel_and_velocity(stack, surface, velocity):
+    """The kernel of the sliding stack on the surface's grid, and the velocity as an array."""
+    if not isinstance(stack, Stack):
+        raise ValueError(f"`stack={stack!r}` must be a `Stack(layers=..., base=...)`.")
+    if not isinstance(surface, Surface):
+        raise ValueError(f"`surface={surface!r}` must be a `Surface(heights, grid)`.")
+    velocity = as_float(velocity)
+    kernel = stack_kernel(stack, surface.grid, velocity)
+    at_rest = is_concrete(velocity) and not np.any(velocity)
+    return (kernel.real if at_rest else kernel), velocity
+
+
 @eqx.filter_jit
 def _observe(
     contact: ContactSolution,
@@ -137,16 +159,76 @@ def _observe(
     heights: Float[Array, "*shape"],
     grid: Grid,
     velocity: Float[Array, "..."],
-    law: HardWall,
+    law: AbstractLaw,
 ) -> Sliding:
     sigma, w = contact.pressure, contact.displacement
-    touching = law.in_contact(sigma)
+    margin = law.margin(sigma, contact.gap, edge_stiffness(kernel, grid))
+    touching = margin > 0
     return Sliding(
         friction=friction(sigma, w, grid, velocity),
+        friction_error=friction_error(
+            sigma, contact.mismatch, contact.error, kernel, grid, velocity
+        ),
         contact_area=contact_area(touching).astype(sigma.dtype),
+        contact_area_error=contact_area_error(margin, contact.mismatch),
         contact_area_corrected=contact_area_corrected(touching).astype(sigma.dtype),
-        contact_area_smooth=contact_area_smooth(sigma, contact.gap, touching, kernel),
+        contact_area_smooth=contact_area_smooth(margin),
         geometric_friction=friction(sigma, heights, grid, velocity),
         energy_imbalance=energy_imbalance(sigma, w, kernel, grid, velocity),
         contact=contact,
     )
+
+
+class CutoffCurve(NamedTuple):
+    """Friction and contact area [1] of a surface smoothed at each cut-off, shape `(cutoffs,)`."""
+
+    cutoff: Float[Array, " cutoffs"]
+    friction: Float[Array, " cutoffs"]
+    contact_area: Float[Array, " cutoffs"]
+    contact_area_smooth: Float[Array, " cutoffs"]
+
+
+def area_against_cutoff(
+    stack: Stack,
+    surface: Surface,
+    cutoffs: Numbers,
+    *,
+    pressure: Numbers,
+    velocity: Numbers,
+    law: AbstractLaw = HardWall(),  # noqa: B008 (immutable)
+    solver: DouglasRachford | ResidualDynamics = DouglasRachford(),  # noqa: B008
+    rtol: float = 1e-6,
+    throw: bool = True,
+) -> CutoffCurve:
+    """Returns contact area and friction with only the waves up to each cut-off on the surface.
+
+    What the area loses from one cut-off to the next is due to the waves between them: at the
+    magnification q/q0 one sees the area A(q). Each contact starts from the one before.
+
+    **Arguments:**
+
+    - `cutoffs`: wavenumbers |q| [rad/m], ascending, shape `(cutoffs,)`; waves beyond are left out.
+    - the others: as in `slide`.
+
+    **Raises:** `ValueError` for a refused argument; `RuntimeError` if a solve fails.
+    """
+    cutoffs = as_float(cutoffs)
+    if cutoffs.ndim != 1 or len(cutoffs) == 0:
+        raise ValueError(f"`cutoffs` has shape {cutoffs.shape}; a row of wavenumbers is needed.")
+    check_positive("cutoffs", cutoffs, "[rad/m]")
+    kernel, velocity = _kernel_and_velocity(stack, surface, velocity)
+    grid = surface.grid
+    spectrum, q = to_spectrum(surface.heights), wavenumber(grid)
+
+    def solve(cutoff, start):
+        heights = to_field(jnp.where(q <= cutoff * (1 + 1e-6), spectrum, 0), grid.shape)
+        contact = solve_contact(
+            kernel, heights, pressure, law=law, solver=solver, rtol=rtol, start=start, throw=throw
+        )
+        s = _observe(contact, kernel, heights, grid, velocity, law)
+        row = CutoffCurve(cutoff, s.friction, s.contact_area, s.contact_area_smooth)
+        return contact.pressure, row
+
+    start, first = solve(cutoffs[0], None)
+    _, rest = jax.lax.scan(lambda start, cutoff: solve(cutoff, start), start, cutoffs[1:])
+    return jax.tree.map(lambda a, b: jnp.concatenate([a[None], b]), first, rest)

@@ -1,7 +1,7 @@
 """Brute-force solutions that share no code with the package."""
 
 import numpy as np
-from scipy.optimize import brentq
+from scipy.optimize import brentq, minimize
 
 
 def dense_operator(kernel: np.ndarray, shape: tuple[int, ...]) -> np.ndarray:
@@ -24,12 +24,14 @@ def dense_operator(kernel: np.ndarray, shape: tuple[int, ...]) -> np.ndarray:
     return matrix
 
 
-def dense_contact(kernel: np.ndarray, heights: np.ndarray, load: float) -> np.ndarray:
+def dense_contact(
+    kernel: np.ndarray, heights: np.ndarray, load: float, hardness: float = np.inf
+) -> np.ndarray:
     """Returns the pressures of the contact with mean `load`, by active sets on dense matrices.
 
-    For a trial mean approach the linear complementarity problem is solved by exchanging one
-    set of violating points after another (Murty's least-index rule ends it); the approach is
-    then found by bracketing.
+    For a trial mean approach the linear complementarity problem with bounds 0 and `hardness` is
+    solved by exchanging one set of violating points after another (Murty's least-index rule ends
+    it); the approach is then found by bracketing.
     """
     n = heights.size
     matrix = dense_operator(kernel, heights.shape)
@@ -40,20 +42,23 @@ def dense_contact(kernel: np.ndarray, heights: np.ndarray, load: float) -> np.nd
     h = heights.ravel()
 
     def pressures(approach):
-        active = np.ones(n, bool)
-        for _ in range(100 * n):
-            p = np.zeros(n)
-            p[active] = np.linalg.solve(matrix[np.ix_(active, active)], (h + approach)[active])
+        state = np.zeros(n, int)  # -1: apart, 0: pressed with no gap, 1: at the hardness
+        tolerance = 1e-13 * np.max(np.abs(h))
+        for attempt in range(100 * n):
+            p = np.where(state == 1, hardness if np.isfinite(hardness) else 0, 0.0)
+            free = state == 0
+            rest = (h + approach - matrix @ p)[free]
+            p[free] = np.linalg.solve(matrix[np.ix_(free, free)], rest)
             gap = matrix @ p - h - approach
-            wrong = (active & (p < 0)) | (~active & (gap < -1e-13 * np.max(np.abs(h))))
+            better = np.where(free & (p < 0), -1, np.where(free & (p > hardness), 1, state))
+            better[(state == -1) & (gap < -tolerance) | (state == 1) & (gap > tolerance)] = 0
+            wrong = better != state
             if not wrong.any():
                 return p
             # All violators at first, one by one if that cycles.
-            if _ < 50:
-                active ^= wrong
-            else:
-                i = int(np.argmax(wrong))
-                active[i] = ~active[i]
+            if attempt >= 50:
+                wrong &= np.arange(n) == np.argmax(wrong)
+            state = np.where(wrong, better, state)
         raise RuntimeError("the active sets did not settle")
 
     low, high = -np.max(h), 0.0
@@ -64,3 +69,64 @@ def dense_contact(kernel: np.ndarray, heights: np.ndarray, load: float) -> np.nd
     approach = brentq(lambda a: pressures(a).mean() - load, low, high, xtol=1e-300, rtol=8.9e-16)
     p = pressures(approach)
     return (p * load / p.mean()).reshape(heights.shape)
+
+
+class AdhesiveLine:
+    """A line of points with a Lennard-Jones attraction, as an energy of dense matrices.
+
+    Elastic half space of reduced modulus 1, period 1: E = w·Kw/2 + Σ φ(u), u = ū + w - h, σ = -φ'.
+    """
+
+    def __init__(self, heights: np.ndarray, length: float, work: float):
+        n = len(heights)
+        self.heights = heights - heights.mean()
+        self.length, self.scale = length, 8 * work / (3 * length)
+        stiffness = np.pi * np.arange(n // 2 + 1)
+        columns = stiffness[:, None] * np.fft.rfft(np.eye(n), axis=0)
+        self.stiffness = np.fft.irfft(columns, n, axis=0)
+        # Displacements have no mean: their coordinates, in an orthonormal basis.
+        self.basis = np.linalg.svd(np.eye(n) - 1 / n)[0][:, : n - 1]
+
+    def pressure(self, gap):
+        return self.scale * ((self.length / gap) ** 9 - (self.length / gap) ** 3)
+
+    def imbalance(self, gap):
+        """The gradient of the energy over displacements: what a state of rest has none of."""
+        w = gap - gap.mean() + self.heights
+        return self.basis.T @ (self.stiffness @ w - self.pressure(gap))
+
+    def curvature(self, gap):
+        """The Hessian of the energy; a stable state has it positive definite."""
+        t = self.length / gap
+        slope = self.scale / self.length * (9 * t**10 - 3 * t**4)
+        return self.basis.T @ (self.stiffness + np.diag(slope)) @ self.basis
+
+    def settle(self, mean_gap: float, gap: np.ndarray) -> np.ndarray:
+        """Returns the gaps to which the line falls from `gap`, downhill in energy."""
+        unit = self.scale * self.length
+
+        def gap_of(y):
+            return mean_gap + self.basis @ y - self.heights
+
+        def energy(y):
+            gap = gap_of(y)
+            if gap.min() <= 0:
+                return np.inf
+            t, w = self.length / gap, self.basis @ y
+            return (w @ self.stiffness @ w / 2) / unit + np.sum(t**8 / 8 - t**2 / 2)
+
+        start = self.basis.T @ (gap - gap.mean() + self.heights)
+        found = minimize(
+            energy,
+            start,
+            jac=lambda y: self.imbalance(gap_of(y)) / unit,
+            hess=lambda y: self.curvature(gap_of(y)) / unit,
+            method="trust-exact",
+            options=dict(
+                gtol=1e-9,
+                maxiter=2000,
+                initial_trust_radius=self.length / 10,
+                max_trust_radius=self.length,
+            ),
+        )
+        return gap_of(found.x)

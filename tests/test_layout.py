@@ -7,7 +7,7 @@ import pytest
 
 PACKAGE = Path(__file__).parents[1] / "graded_contact"
 ORDER = [
-    "_checks", "grid", "spectrum", "surface", "topography",
+    "_checks", "_fft", "grid", "spectrum", "surface", "topography",
     "rheology/shift", "rheology/creep", "rheology/material", "rheology/tabulated",
     "rheology/library", "rheology/export", "rheology/files/quantities", "rheology/files/cells",
     "rheology/files/layout", "rheology/files/points", "rheology/reading",
@@ -19,8 +19,9 @@ ORDER = [
     "response/mesh", "response/riccati", "response/grading", "response/compliance",
     "response/table", "response/kernel",
     "response/matrix", "response/interior",
-    "contact/law", "contact/implicit", "contact/douglas_rachford", "contact/rmd",
-    "contact/problem", "contact/observables", "sliding",
+    "contact/law", "contact/adhesion", "contact/implicit", "contact/anderson",
+    "contact/douglas_rachford", "contact/rmd", "contact/problem", "contact/path",
+    "contact/observables", "sliding",
     "persson/diffusion", "persson/modes", "persson/isotropic", "persson/mean_field",
     "studies/parameters", "studies/objectives", "studies/design", "studies/storage",
     "studies/table", "studies/scene", "studies/design_scene", "studies/sweep",

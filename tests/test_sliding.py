@@ -299,3 +299,60 @@ def test_table_that_does_not_cover_the_sliding_frequencies_is_refused_with_both_
     table = gc.Tabulated([1.0, 10.0], [1e6 + 1e5j, 2e6 + 3e5j])
     with pytest.raises(ValueError, match=r"from 62\.8 to .* the table of moduli covers 1 to 10"):
         gc.slide(gc.Stack(base=gc.HalfSpace(table)), SURFACE, pressure=1e5, velocity=0.1)
+
+
+def test_area_and_friction_against_the_cutoff_end_at_those_of_the_surface():
+    """Smoother surfaces touch more; the waves of the surface end at 8.3 q0."""
+    cutoffs = Q0 * np.array([2.0, 4.0, 8.3])
+    law = dict(pressure=4e5, velocity=0.1, rtol=1e-8)
+    curve = gc.area_against_cutoff(coated(), SURFACE, cutoffs, **law)
+    whole = gc.slide(coated(), SURFACE, **law)
+    np.testing.assert_allclose(curve.cutoff, cutoffs)
+    np.testing.assert_allclose(curve.friction[-1], whole.friction, rtol=1e-6)
+    np.testing.assert_allclose(curve.contact_area[-1], whole.contact_area)
+    np.testing.assert_allclose(curve.contact_area_smooth[-1], whole.contact_area_smooth, rtol=1e-5)
+    assert np.all(np.diff(curve.contact_area_smooth) < 0)
+    # The middle one, by a surface smoothed outside the package.
+    k = np.fft.fftfreq(64, 1 / 64)
+    spectrum = np.fft.fft2(SURFACE.heights)
+    low = np.where(np.hypot(k[:, None], k) <= 4.0, spectrum, 0)
+    smooth = gc.Surface(jnp.asarray(np.fft.ifft2(low).real), GRID)
+    middle = gc.slide(coated(), smooth, **law)
+    np.testing.assert_allclose(curve.friction[1], middle.friction, rtol=1e-6)
+
+
+@pytest.mark.parametrize(
+    "cutoffs, message",
+    [
+        (1.0, r"`cutoffs` has shape \(\)"),
+        ([], r"`cutoffs` has shape \(0,\)"),
+        ([1.0, 0.0], r"`cutoffs\[1\]=0` is refused"),
+        ([1.0, np.nan], r"`cutoffs\[1\]=nan` is refused"),
+    ],
+)
+def test_bad_cutoff_is_refused(cutoffs, message):
+    with pytest.raises(ValueError, match=message):
+        gc.area_against_cutoff(coated(), SURFACE, cutoffs, pressure=4e5, velocity=0.1)
+
+
+def test_held_at_a_mean_gap_the_block_carries_the_load_that_has_it():
+    by_load = gc.slide(coated(), SURFACE, pressure=4e5, velocity=0.1, rtol=1e-8)
+    by_gap = gc.slide(coated(), SURFACE, mean_gap=by_load.mean_gap, velocity=0.1, rtol=1e-8)
+    np.testing.assert_allclose(np.mean(by_gap.pressure), 4e5, rtol=1e-5)
+    np.testing.assert_allclose(by_gap.friction, by_load.friction, rtol=1e-5)
+    assert by_load.friction_error <= 1e-7
+    assert by_load.contact_area_error <= 0.01
+
+
+def test_soft_law_slides_nearly_as_the_hard_wall():
+    """The area of a law without a sharp edge is its own, all three measures of it."""
+    law = gc.RepulsiveLJ(0.01 * float(jnp.std(SURFACE.heights)), 4e5)
+    hard = gc.slide(coated(), SURFACE, pressure=4e5, velocity=0.1)
+    soft = gc.slide(coated(), SURFACE, pressure=4e5, velocity=0.1, law=law)
+    np.testing.assert_allclose(soft.friction, hard.friction, rtol=0.02)
+    np.testing.assert_allclose(soft.contact_area, np.mean(soft.gap < 5 / 3 * law.range))
+    np.testing.assert_allclose(soft.contact_area_smooth, hard.contact_area_smooth, rtol=0.1)
+    np.testing.assert_allclose(soft.contact_area_smooth, soft.contact_area_corrected, atol=0.02)
+    np.testing.assert_allclose(
+        soft.pressure, 4e5 * (law.range / soft.gap) ** 9, atol=1e-4 * soft.pressure.max()
+    )

@@ -1,81 +1,162 @@
 """The derivative of a contact solution, attached to a solution found without one.
 
-At the solution let A be the set of points in contact. Off A the pressure is 0; on A the gap is,
-M σ - h + ū = 0; and the mean pressure is the load. Points join or leave A with σ = 0, so to first
-order A stands still and
+At a solution every point obeys σ = P(v) with v = σ - ρu: P is the proximal map of the law at the
+penalty ρ. With its slope s = dP/dv at each point (the hard wall: 1 in contact and 0 outside; a
+smooth law: k/(k + ρ), k = -dσ/du) and its change R = ∂P/∂θ dθ with the law's parameters,
 
-    P M P dσ = P (dh - dM σ),   P f = f - ⟨f⟩_A on A, 0 off A,
+    (1 - s) dσ + ρ s (M dσ + dū) = R - ρ s (dM σ - dh),
 
-with the load's change spread over A beforehand. Where a point has σ = 0 and u = 0 at once the
-derivative is one-sided, and what is returned is that of the set A as found. In reverse mode the
-one linear solve is that of the adjoint kernel, conj(M).
+with the change of the mean pressure or of the mean gap ū prescribed. Points join or leave the
+contact of a hard wall with σ = 0, so to first order the set of contact stands still; where a point
+has σ = 0 and u = 0 at once the derivative is one-sided, and what is returned is that of the set as
+found. The same holds where the pressure just reaches a hardness.
+
+With dσ = e + √|s| τ, where e has the right mean, the unknown τ obeys A τ = b with
+A = ε(1 - s) + √|s| ρM √|s| and ε the sign of s: the adjoint of A is that of the kernel conj(M), so
+the solver that found the contact finds derivatives in forward and in reverse mode.
 """
 
 from collections.abc import Callable
+from typing import NamedTuple
 
 import equinox as eqx
 import jax
 import jax.numpy as jnp
-from jaxtyping import Array, Bool, Float, Inexact
+from jaxtyping import Array, Float, Inexact
 
 from ..grid import to_field, to_spectrum
+from .law import AbstractLaw
 
-# Solves P M P s = r for s = P s, given (M, A, r = P r). A pytree, so that it may hold tracers.
+# Solves A τ = b, given (ρM, s, b, whether the mean is free). A pytree, so that it may hold tracers.
 LinearSolve = Callable[
-    [Inexact[Array, "*half"], Bool[Array, "*shape"], Float[Array, "*shape"]],
+    [Inexact[Array, "*half"], Float[Array, "*shape"], Float[Array, "*shape"], bool],
     Float[Array, "*shape"],
 ]
 
 
-def attach_gradient(
-    pressure: Float[Array, "*shape"],
-    kernel: Inexact[Array, "*half"],
-    heights: Float[Array, "*shape"],
-    load: Float[Array, ""],
-    contact: Bool[Array, "*shape"],
-    solve: LinearSolve,
-) -> Float[Array, "*shape"]:
-    """Returns `pressure` unchanged, with its derivative by `kernel`, `heights` and `load`.
+class Prescribed(NamedTuple):
+    """What holds the bodies together: a mean pressure [Pa] or a mean gap [m]; the other is None."""
 
-    `pressure` must solve the contact problem of these inputs; this is not checked. The price of
-    a derivative is one call of `solve` in either mode.
+    pressure: Float[Array, ""] | None
+    gap: Float[Array, ""] | None
+
+
+class Inputs(NamedTuple):
+    """What a contact follows from."""
+
+    kernel: Inexact[Array, "*half"]
+    heights: Float[Array, "*shape"]
+    law: AbstractLaw
+    prescribed: Prescribed
+
+
+class State(NamedTuple):
+    """A contact: pressure [Pa], displacement of zero mean [m] and mean gap [m]."""
+
+    pressure: Float[Array, "*shape"]
+    displacement: Float[Array, "*shape"]
+    mean_gap: Float[Array, ""]
+
+
+def attach_gradient(
+    inputs: Inputs,
+    state: State,
+    gap: Float[Array, "*shape"],
+    penalty: Float[Array, ""],
+    solve: LinearSolve,
+) -> State:
+    """Returns `state` unchanged, with its derivative by `inputs`.
+
+    `state` must solve the contact problem, with the pressure that the law has at `gap`; this is
+    not checked. The price of a derivative is one call of `solve` in either mode.
     """
-    return _attached((kernel, heights, load), pressure, contact, solve)
+    return _attached(inputs, state, gap, penalty, solve)
 
 
 @eqx.filter_custom_jvp
-def _attached(inputs, pressure, contact, solve):
-    return pressure
+def _attached(inputs, state, gap, penalty, solve):
+    return state
 
 
 @_attached.def_jvp
 def _attached_jvp(primals, tangents):
-    (kernel, _, _), pressure, contact, solve = primals
-    d_kernel, d_heights, d_load = tangents[0]
-
-    def project(field):
-        mean = jnp.sum(jnp.where(contact, field, 0)) / jnp.sum(contact)
-        return jnp.where(contact, field - mean, 0)
+    inputs, state, gap, penalty, solve = primals
+    change: Inputs = tangents[0]
+    load_given = inputs.prescribed.pressure is not None
 
     def displace(kernel, field):
-        return to_field(kernel * to_spectrum(field), field.shape)
+        spectrum = (kernel * to_spectrum(field)).at[(0,) * field.ndim].set(0)
+        return to_field(spectrum, field.shape)
+
+    def respond(law, v):
+        return law.in_units(1.0, 1 / penalty).proximal(v)
+
+    v = state.pressure - penalty * gap
+    s = jax.jvp(lambda v: respond(inputs.law, v), (v,), (jnp.ones_like(v),))[1]
+    by_law = jnp.zeros_like(v)
+    if jax.tree.leaves(change.law):
+        d_law = _fill_with_zeros(change.law, inputs.law)
+        by_law = jax.jvp(lambda law: respond(law, v), (inputs.law,), (d_law,))[1]
+    by_kernel = by_heights = jnp.zeros_like(v)
+    if change.kernel is not None:
+        by_kernel = displace(change.kernel, state.pressure)
+    if change.heights is not None:
+        by_heights = change.heights - jnp.mean(change.heights)
+
+    known = by_law
+    rhs = by_law - penalty * (by_kernel - by_heights)
+    if load_given:
+        d_load = 0 if change.prescribed.pressure is None else change.prescribed.pressure
+        share = (d_load - jnp.mean(by_law)) / jnp.mean(s)
+        known = known + share * s
+        rhs = rhs - share * (1 - s)
+    elif change.prescribed.gap is not None:
+        rhs = rhs - penalty * change.prescribed.gap
+    rhs = rhs - penalty * displace(inputs.kernel, known)
+
+    root, sign = jnp.sqrt(jnp.abs(s)), jnp.where(s < 0, -1, 1)
+
+    def project(field):
+        # A given load leaves no mean of √|s| τ, and a mean gap that follows.
+        return (
+            field - root * (jnp.sum(root * field) / jnp.sum(root * root)) if load_given else field
+        )
+
+    def operate(tau):
+        inside = project(tau)
+        pressed = penalty * displace(inputs.kernel, root * inside)
+        return project(sign * (1 - s) * inside + root * pressed) + tau - inside
 
     def solver_for(kernel):
-        # Off the range of P the operator is the identity, which makes it regular.
-        return lambda _, rhs: solve(kernel, contact, project(rhs)) + rhs - project(rhs)
+        def run(_, rhs):
+            inside = project(rhs)
+            return project(solve(kernel, s, inside, not load_given)) + rhs - inside
 
-    spread = jnp.zeros_like(pressure)
-    if d_load is not None:
-        spread = jnp.where(contact, d_load / jnp.mean(contact, dtype=pressure.dtype), 0)
-    rhs = -displace(kernel, spread)
-    if d_heights is not None:
-        rhs = rhs + d_heights
-    if d_kernel is not None:
-        rhs = rhs - displace(d_kernel, pressure)
-    change = jax.lax.custom_linear_solve(
-        lambda s: project(displace(kernel, project(s))) + s - project(s),
-        project(rhs),
-        solve=solver_for(kernel),
-        transpose_solve=solver_for(jnp.conj(kernel)),
+        return run
+
+    tau = jax.lax.custom_linear_solve(
+        operate,
+        project(root * rhs),
+        solve=solver_for(penalty * inputs.kernel),
+        transpose_solve=solver_for(penalty * jnp.conj(inputs.kernel)),
     )
-    return pressure, spread + change
+    d_pressure = known + root * tau
+    d_displacement = displace(inputs.kernel, d_pressure) + by_kernel
+    if load_given:
+        closing = by_law - (1 - s) * d_pressure - penalty * s * (d_displacement - by_heights)
+        d_gap = jnp.mean(closing) / (penalty * jnp.mean(s))
+    else:
+        d_gap = jnp.zeros_like(penalty)
+        if change.prescribed.gap is not None:
+            d_gap = change.prescribed.gap
+    return state, State(d_pressure, d_displacement, d_gap)
+
+
+def _fill_with_zeros(tangents, primals):
+    """The tangents, with those that are known to be zero made so."""
+    return jax.tree.map(
+        lambda p, t: jnp.zeros_like(p) if t is None and p is not None else t,
+        primals,
+        tangents,
+        is_leaf=lambda x: x is None,
+    )

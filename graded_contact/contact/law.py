@@ -1,20 +1,214 @@
-"""Laws of interaction between the surfaces: pressure σ as a function of the gap u."""
+"""Laws of interaction between the surfaces: pressure σ as a function of the gap u.
+
+A solver meets a law through its proximal map, the pressure y that the law shares with a spring,
+
+    y = f(u)   and   y - v = u,
+
+in units in which the spring's stiffness, the solver's penalty, is 1. The map is single-valued if
+the penalty exceeds the steepest rise of σ with u, which only attraction has.
+
+Laws that attract are in `adhesion.py`.
+"""
+
+from abc import abstractmethod
+from collections.abc import Callable
+from typing import ClassVar
 
 import equinox as eqx
+import jax
 import jax.numpy as jnp
-from jaxtyping import Array, Bool, Float
+import numpy as np
+from jaxtyping import Array, Float
+
+from .._checks import as_float, check_positive, check_values, is_concrete
+
+Bound = Float[Array, ""] | float
 
 
-class HardWall(eqx.Module):
-    """No interpenetration and no attraction: σ >= 0, u >= 0, σ u = 0.
+class AbstractLaw(eqx.Module):
+    """What the contact solvers ask of a law.
 
-    A point is in contact where its pressure is positive.
+    `attracts` says whether σ rises with u anywhere: then solutions depend on history.
     """
 
-    def proximal(self, v: Float[Array, "*shape"]) -> Float[Array, "*shape"]:
-        """Returns the pressure y with y - v = ρ u for the gap u of this law at pressure y."""
-        return jnp.maximum(v, 0)
+    attracts: ClassVar[bool]
 
-    def in_contact(self, pressure: Float[Array, "*shape"]) -> Bool[Array, "*shape"]:
-        """Returns where the surfaces are in contact."""
-        return pressure > 0
+    @property
+    @abstractmethod
+    def bounds(self) -> tuple[Bound, Bound]:
+        """The lowest and the highest pressure [Pa]."""
+
+    @property
+    @abstractmethod
+    def steepest_rise(self) -> Bound:
+        """The largest dσ/du [Pa/m]; 0 without attraction."""
+
+    @abstractmethod
+    def in_units(self, pressure: Bound, length: Bound) -> "AbstractLaw":
+        """Returns the law for pressures and gaps in units of `pressure` [Pa] and `length` [m]."""
+
+    @abstractmethod
+    def proximal(self, v: Float[Array, "*shape"]) -> Float[Array, "*shape"]:
+        """Returns the pressure y that the law has at the gap y - v."""
+
+    @abstractmethod
+    def margin(
+        self, pressure: Float[Array, "*shape"], gap: Float[Array, "*shape"], stiffness: Bound
+    ) -> Float[Array, "*shape"]:
+        """Returns how far points are inside contact (> 0) or outside [Pa], 0 at the edge.
+
+        Outside, gaps beyond the edge's are turned to pressures by `stiffness` [Pa/m].
+        """
+
+
+def check_pressure(pressure: Float[Array, "..."], law: AbstractLaw) -> None:
+    """Raises `ValueError` unless the law can have these mean pressures [Pa], if they are known."""
+    low, high = law.bounds
+    if not (is_concrete(low) and is_concrete(high)):
+        return
+    if low == 0:
+        check_positive("pressure", pressure, "[Pa]")
+    allowed = f"the law allows mean pressures between {float(low):g} and {float(high):g} Pa"
+    below = float(np.nextafter(high, 0, dtype=pressure.dtype)) if high < jnp.inf else None
+    check_values("pressure", pressure, allowed, above=float(low), at_most=below)
+
+
+class HardWall(AbstractLaw):
+    """No interpenetration and no attraction: σ >= 0, u >= 0, σ u = 0.
+
+    A point is in contact where its pressure is positive. With a `hardness` the softer body flows
+    where the pressure reaches it: σ <= hardness, and saturated points (σ = hardness) are in
+    contact with u < 0, the depth of the flow.
+
+    **Fields:**
+
+    - `hardness`: the highest pressure [Pa], or None for no limit.
+    """
+
+    attracts = False
+    hardness: Float[Array, ""] | None = eqx.field(
+        default=None, converter=lambda x: None if x is None else as_float(x)
+    )
+
+    def __check_init__(self):
+        if self.hardness is not None:
+            check_positive("hardness", self.hardness, "[Pa]")
+
+    @property
+    def bounds(self):
+        return 0.0, jnp.inf if self.hardness is None else self.hardness
+
+    @property
+    def steepest_rise(self):
+        return 0.0
+
+    def in_units(self, pressure, length):
+        return HardWall(None if self.hardness is None else self.hardness / pressure)
+
+    def proximal(self, v):
+        y = jnp.where(v > 0, v, 0)
+        return y if self.hardness is None else jnp.where(y < self.hardness, y, self.hardness)
+
+    def margin(self, pressure, gap, stiffness):
+        return jnp.where(pressure > 0, pressure, -stiffness * jnp.maximum(gap, 0))
+
+
+class RepulsiveLJ(AbstractLaw):
+    """The repulsive term of the integrated Lennard-Jones potential: σ = p (ε/u)⁹.
+
+    The first term of `AdhesiveLJ`, p being 8w/3ε, as used for contact without adhesion by B. N. J.
+    Persson & M. Scaraggi, J. Chem. Phys. 141 (2014) 124701, doi:10.1063/1.4895789, and in their
+    later work. It goes to the hard wall as ε -> 0; only the product p ε⁹ matters to the solution.
+    A point is in contact where u < `contact_gap` ε.
+
+    **Fields:**
+
+    - `range`: ε [m], the gap at which the pressure is p.
+    - `pressure`: p [Pa]. For a wall that is hard against roughness take the mean pressure or the
+      modulus of the solid, and ε well below the rms height.
+    - `contact_gap`: edge of contact [1]; at 5/3 the pressure is p/100.
+    """
+
+    attracts = False
+    range: Float[Array, ""] = eqx.field(converter=as_float)
+    pressure: Float[Array, ""] = eqx.field(converter=as_float)
+    contact_gap: Float[Array, ""] = eqx.field(converter=as_float, default=5 / 3)
+
+    def __check_init__(self):
+        check_positive("range", self.range, "[m]")
+        check_positive("pressure", self.pressure, "[Pa]")
+        check_positive("contact_gap", self.contact_gap, "[1]")
+
+    @property
+    def bounds(self):
+        return 0.0, jnp.inf
+
+    @property
+    def steepest_rise(self):
+        return 0.0
+
+    def in_units(self, pressure: Bound, length: Bound) -> "RepulsiveLJ":
+        return RepulsiveLJ(self.range / length, self.pressure / pressure, self.contact_gap)
+
+    def pressure_at(self, gap: Float[Array, "*shape"]) -> Float[Array, "*shape"]:
+        """Returns σ(u) [Pa]."""
+        return self._pressure_and_slope(gap / self.range)[0]
+
+    def _pressure_and_slope(self, t):
+        force, slope = power(t, 9)
+        return self.pressure * force, self.pressure * slope
+
+    def proximal(self, v):
+        low, high = repulsive_bracket(v, self.pressure, self.range)
+        return proximal_root(self._pressure_and_slope, self.range, v, low, high, 7)
+
+    def margin(self, pressure, gap, stiffness):
+        edge = self.contact_gap * self.range
+        return gap_margin(pressure - self.pressure_at(edge), gap - edge, stiffness)
+
+
+def gap_margin(pressure, gap, stiffness):
+    """The margin, from pressure and gap less those at the edge of contact."""
+    return jnp.where(gap < 0, jnp.maximum(pressure, 0), -stiffness * gap)
+
+
+def power(t, n: int):
+    """t⁻ⁿ, n = 3 or 9, and its derivative."""
+    inverse = 1 / t
+    cube = inverse * inverse * inverse
+    value = cube if n == 3 else cube * cube * cube
+    return value, -n * value * inverse
+
+
+def repulsive_bracket(v, pressure, range):
+    """Bounds of t in p t⁻⁹ - εt = v, at most a factor 2 apart: those of v = 0, v << 0, v >> 0."""
+    rest = (pressure / range) ** 0.1
+    pressed = v > 0
+    force = jnp.where(pressed, v, 0)
+    low = (pressure / (force + range * rest)) ** (1 / 9)
+    open_ = jnp.where(pressed, 0, -v / range)
+    low = jnp.where(pressed, low, jnp.maximum(rest, open_))
+    return low, jnp.where(pressed, rest, rest + open_)
+
+
+def proximal_root(pressure_and_slope: Callable, unit, v, low, high, steps: int):
+    """The pressure y = f at the gap u = `unit` t with y - v = u, t in [low, high]; differentiable.
+
+    Newton's method from `low`, bisecting where it would leave the bracket; the last step carries
+    the derivative.
+    """
+
+    def excess(t):
+        pressure, slope = pressure_and_slope(t)
+        return pressure - unit * t - v, slope - unit
+
+    fixed = jax.lax.stop_gradient
+    low, high = fixed((low, high))
+    t = low
+    for _ in range(steps):
+        value, slope = fixed(excess(t))
+        low, high = jnp.where(value > 0, t, low), jnp.where(value > 0, high, t)
+        t = t - value / slope
+        t = jnp.where((t >= low) & (t <= high), t, (low + high) / 2)
+    value, slope = excess(t)
+    return pressure_and_slope(t - value / fixed(slope))[0]

@@ -1,4 +1,4 @@
-"""What a contact solution tells: friction, contact area, dissipation per wavenumber.
+"""What a contact solution tells: friction, contact area, their errors, dissipation per wavenumber.
 
 The surface h(x - vt) moves with velocity v over the solid. On the moving surface the pressure σ
 does the work ⟨σ ∇w⟩·v per area and time against the solid, w being its displacement: the
@@ -18,8 +18,16 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Bool, Float, Inexact
 
-from .._checks import Numbers, as_float
-from ..grid import Grid, derivative, mode_numbers, multiplicity, to_spectrum, wavevector
+from .._checks import Numbers, as_float, check_shape
+from ..grid import (
+    Grid,
+    derivative,
+    mode_numbers,
+    multiplicity,
+    to_spectrum,
+    wavenumber,
+    wavevector,
+)
 
 # Area of a pixel count beyond the true one, per pixel edge between contact and gap.
 # V. A. Yastrebov, G. Anciaux, J.-F. Molinari, Tribol. Int. 114 (2017) 161, arXiv:1701.02727.
@@ -55,17 +63,72 @@ def dissipation(
     Entries stand for themselves and their conjugates, so that the sum is the whole power,
     μ ⟨σ⟩ |v|.
     """
-    velocity = jnp.atleast_1d(as_float(velocity))
-    # Paired with x, or with x and y. An odd function, so 0 on the Nyquist lines of its component.
-    omega = -sum(
-        jnp.where(2 * np.abs(k) == n, 0, q) * v
-        for k, n, q, v in zip(
-            mode_numbers(grid.shape), grid.shape, wavevector(grid), velocity, strict=False
-        )
-    )
+    omega = -_project(grid, jnp.atleast_1d(as_float(velocity)))
     amplitude = to_spectrum(pressure) / np.prod(grid.shape)
     power = jnp.abs(amplitude) ** 2 * -omega * jnp.imag(kernel)
     return power * multiplicity(grid.shape)
+
+
+def friction_error(
+    pressure: Float[Array, "*shape"],
+    mismatch: Float[Array, "*shape"],
+    error: Float[Array, ""],
+    kernel: Inexact[Array, "*half"],
+    grid: Grid,
+    velocity: Numbers,
+) -> Float[Array, ""]:
+    """Returns an estimate of the error of the friction coefficient that the solver left [1].
+
+    The difference between the friction of the solid's pressure, `pressure + mismatch`, and that of
+    the law's, and three tenths of the relative `error` of the pressure where the two agree by
+    chance. At rest it is zero. The error of the grid comes on top.
+    """
+    velocity = jnp.atleast_1d(as_float(velocity))
+    speed = jnp.sqrt(jnp.sum(velocity**2))
+
+    def of(pressure):
+        lost = jnp.sum(dissipation(pressure, kernel, grid, velocity))
+        return lost / (jnp.mean(pressure) * jnp.where(speed > 0, speed, 1))
+
+    mu = of(pressure)
+    return jnp.abs(of(pressure + mismatch) - mu) + 0.3 * error * jnp.abs(mu)
+
+
+def cumulative_friction(
+    pressure: Float[Array, "*shape"],
+    displacement: Float[Array, "*shape"],
+    grid: Grid,
+    velocity: Numbers,
+    num_wavenumbers: int = 64,
+) -> tuple[Float[Array, " wavenumbers"], Float[Array, " wavenumbers"]]:
+    """Returns wavenumbers q [rad/m] and the friction μ(q) [1] of all waves up to each.
+
+    Each wave of the pressure contributes the work that it does on its own displacement, which in a
+    passive block is never negative; the last μ(q) is the friction coefficient. The wavenumbers
+    are spaced geometrically from the lowest of the cell to the highest of the grid.
+
+    **Arguments:**
+
+    - `pressure`, `displacement`: of a solution [Pa, m], shape of `grid`.
+    - `velocity`: of the surface [m/s], a number (along x) or `(vx, vy)`; only its sense counts.
+    - `num_wavenumbers`: at least 2.
+
+    **Raises:** `ValueError` for a refused argument.
+    """
+    for name, field in (("pressure", pressure), ("displacement", displacement)):
+        check_shape(name, field, grid.shape)
+    if num_wavenumbers < 2:
+        raise ValueError(f"`num_wavenumbers={num_wavenumbers}` must be at least 2.")
+    q = wavenumber(grid)
+    slope = _project(grid, _along(velocity)[0])
+    work = (jnp.conj(to_spectrum(pressure)) * 1j * slope * to_spectrum(displacement)).real
+    work = work * multiplicity(grid.shape) / np.prod(grid.shape) ** 2
+    edges = jnp.geomspace(2 * np.pi / jnp.max(grid.size), jnp.max(q), num_wavenumbers)
+    # Waves on an edge belong to it, whatever the rounding.
+    place = jnp.searchsorted(edges, q.ravel() * (1 - 1e-6))
+    place = jnp.minimum(place, num_wavenumbers - 1)
+    share = jnp.bincount(place, work.ravel(), length=num_wavenumbers)
+    return edges, -jnp.cumsum(share) / jnp.mean(pressure)
 
 
 def energy_imbalance(
@@ -103,31 +166,40 @@ def contact_area_corrected(contact: Bool[Array, "*shape"]) -> Float[Array, ""]:
     return area - _EDGE_EXCESS * edges
 
 
-def contact_area_smooth(
-    pressure: Float[Array, "*shape"],
-    gap: Float[Array, "*shape"],
-    contact: Bool[Array, "*shape"],
-    kernel: Inexact[Array, "*half"],
+def contact_area_error(
+    margin: Float[Array, "*shape"], mismatch: Float[Array, "*shape"]
 ) -> Float[Array, ""]:
+    """Returns the fraction of points that may be on the wrong side of the edge of contact [1].
+
+    Those whose margin (see `AbstractLaw.margin`) [Pa] is below three times the root mean square of
+    the mismatch [Pa] that the solver left. The error of the grid comes on top.
+    """
+    doubt = 3 * jnp.sqrt(jnp.mean(mismatch**2))
+    return jnp.mean(jnp.abs(margin) < doubt, dtype=margin.dtype)
+
+
+def edge_stiffness(kernel: Inexact[Array, "*half"], grid: Grid) -> Float[Array, ""]:
+    """Returns 1/|M| at half the Nyquist wavenumber along x [Pa/m]: it weighs gaps near an edge."""
+    return 1 / jnp.abs(kernel[(grid.shape[0] // 4,) + (0,) * (grid.ndim - 1)])
+
+
+def contact_area_smooth(margin: Float[Array, "*shape"]) -> Float[Array, ""]:
     """Returns a sub-pixel contact area fraction [1], continuous in every parameter.
 
-    The signed field σ in contact, -u/|M| outside (M at half the Nyquist wavenumber along x),
-    is interpolated linearly on the four triangles of each pixel, and the area where it is
-    positive is summed exactly. A point joins the contact with σ = u = 0, so the field and the
-    area never jump. On a grid the contour lies 0.14 pixels outside a straight edge of contact;
-    that much of its length is taken off. Where it differs much from the pixel count, the grid does
-    not resolve the contact.
+    The margin (see `AbstractLaw.margin`), for a hard wall the pressure in contact and minus gap
+    times `edge_stiffness` outside, is interpolated linearly on the four
+    triangles of each pixel, and the area where it is positive is summed exactly. A point joins the
+    contact with margin 0, so the area never jumps. On a grid the contour lies 0.14 pixels outside a
+    straight edge of contact; that much of its length is taken off. Where it differs much from the
+    pixel count, the grid does not resolve the contact.
     """
-    half_nyquist = (pressure.shape[0] // 4,) + (0,) * (pressure.ndim - 1)
-    stiffness = 1 / jnp.abs(kernel[half_nyquist])
-    field = jnp.where(contact, pressure, -stiffness * jnp.maximum(gap, 0))
-    if field.ndim == 1:
-        return jnp.mean(_positive_part_of_segment(field, jnp.roll(field, -1)))
-    right, up = jnp.roll(field, -1, 0), jnp.roll(field, -1, 1)
+    if margin.ndim == 1:
+        return jnp.mean(_positive_part_of_segment(margin, jnp.roll(margin, -1)))
+    right, up = jnp.roll(margin, -1, 0), jnp.roll(margin, -1, 1)
     corner = jnp.roll(right, -1, 1)
-    centre = (field + right + up + corner) / 4
-    ring = (field, right, corner, up, field)
-    total = jnp.zeros((), field.dtype)
+    centre = (margin + right + up + corner) / 4
+    ring = (margin, right, corner, up, margin)
+    total = jnp.zeros((), margin.dtype)
     for a, b in pairwise(ring):
         area, length = _triangle(a, b, centre)
         total = total + jnp.mean(area - _CONTOUR_OFFSET * length)
@@ -168,12 +240,26 @@ def _triangle(a, b, c):
 
 def _slope_along(field, grid, velocity):
     """The derivative of a field along the velocity (along x at rest), and the speed."""
+    direction, speed = _along(velocity)
+    axes = range(len(direction))
+    return sum(direction[axis] * derivative(field, grid, axis) for axis in axes), speed
+
+
+def _along(velocity):
+    """The direction of a velocity (x at rest), with one component or two, and the speed."""
     velocity = jnp.atleast_1d(as_float(velocity))
     squared = jnp.sum(velocity**2)
     at_rest = squared == 0
     speed = jnp.where(at_rest, 0, jnp.sqrt(jnp.where(at_rest, 1, squared)))
     along_x = jnp.arange(len(velocity)) == 0
-    direction = jnp.where(at_rest, along_x, velocity / jnp.where(at_rest, 1, speed))
-    if len(velocity) == 1:
-        return direction[0] * derivative(field, grid, 0), speed
-    return sum(direction[axis] * derivative(field, grid, axis) for axis in (0, 1)), speed
+    return jnp.where(at_rest, along_x, velocity / jnp.where(at_rest, 1, speed)), speed
+
+
+def _project(grid, vector):
+    """q·v [rad/m] of a vector with one component (along x) or two, 0 on its odd Nyquist lines."""
+    return sum(
+        jnp.where(2 * np.abs(k) == n, 0, q) * v
+        for k, n, q, v in zip(
+            mode_numbers(grid.shape), grid.shape, wavevector(grid), vector, strict=False
+        )
+    )

@@ -1,8 +1,9 @@
-"""Contact of a rough rigid surface pressed on a solid by a mean pressure.
+"""Contact of a rough rigid surface with a solid, at a mean pressure or at a mean gap.
 
-Find σ >= 0 and u = w - h + ū >= 0 with σ u = 0 and mean σ given, where the displacement is
-w = M σ mode by mode: M is the kernel, w and h count into the solid, and ū is whatever constant
-makes it so.
+The displacement is w = M σ mode by mode: M is the kernel, and w and the heights h count into the
+solid. Find the pressure σ and the gap u = w - h + ū that obey the law of contact: for a hard wall
+σ >= 0, u >= 0, σ u = 0. Either the mean of σ is given, and the mean gap ū is whatever makes it so,
+or the other way round.
 """
 
 import equinox as eqx
@@ -20,9 +21,14 @@ from .._checks import (
     is_concrete,
 )
 from ..grid import half_shape, to_field, to_spectrum
-from .douglas_rachford import ERROR_PER_RESIDUAL, DouglasRachford
-from .implicit import attach_gradient
-from .law import HardWall
+from .douglas_rachford import DouglasRachford, Iterated, least_compliance, penalty_for
+from .implicit import Inputs, Prescribed, State, attach_gradient
+from .law import AbstractLaw, HardWall, check_pressure
+from .rmd import ResidualDynamics
+
+# Rise of an attraction over the stiffness of the shortest wave, up to which all equilibria found
+# were stable: see `adhesion.py`.
+_RESOLVED = 0.3
 
 
 class RESULTS(eqx.Enumeration):
@@ -31,7 +37,7 @@ class RESULTS(eqx.Enumeration):
     successful = ""
     max_steps_reached = (
         "The contact solver reached `max_steps` before `rtol`. Raise `max_steps` "
-        "(`solver=DouglasRachford(max_steps=...)`), loosen `rtol`, or pass `throw=False` to "
+        "(as in `solver=DouglasRachford(max_steps=...)`), loosen `rtol`, or pass `throw=False` to "
         "get the partial result."
     )
     not_finite = (
@@ -39,7 +45,13 @@ class RESULTS(eqx.Enumeration):
         "thickness or modulus under `jit` ends here), the heights and the pressure; in float32, "
         "enable `jax_enable_x64`."
     )
-    bad_pressure = "The mean pressure is not positive, so there is no contact to solve."
+    unresolved = (
+        "The attraction of the law rises too steeply for the grid: points snap one by one, and the "
+        "equilibrium found may not be a stable one. Refine the grid (the shortest wave must be "
+        "about three times as stiff as the attraction rises), or use "
+        "`solver=ResidualDynamics()`."
+    )
+    bad_pressure = "The law of contact cannot have this mean pressure (a hard wall: not positive)."
 
 
 class ContactSolution(eqx.Module):
@@ -47,13 +59,20 @@ class ContactSolution(eqx.Module):
 
     **Fields:**
 
-    - `pressure`: σ [Pa], >= 0, its mean exactly the load. Shape of the heights.
+    - `pressure`: σ [Pa], of the law; its mean is exactly the load, if that was prescribed. Shape of
+      the heights.
     - `displacement`: w [m], of zero mean, positive into the solid.
-    - `gap`: u [m], zero in contact up to the error.
-    - `mean_gap`: mean of the gap [m].
+    - `gap`: u = w - h + ū [m], zero in hard contact up to the error.
+    - `mean_pressure`: mean of σ [Pa].
+    - `mean_gap`: mean of the gap ū [m].
+    - `mismatch`: pressure of the solid less that of the law [Pa], where the iteration stopped; zero
+      if it had converged. Without a derivative.
     - `error`: estimated relative error of the pressure [1] (root mean square).
-    - `complementarity_error`: mean of σ|u| over the load and the rms height [1].
-    - `penetration`: largest interpenetration -min(u, 0) over the rms height [1].
+    - `load_error`: mean of `mismatch` over that of |σ| [1].
+    - `gap_error`: mean gap of the law less that of the solid, over the rms height [1].
+    - `complementarity_error`: mean of |σ| |u - u_σ| over that of |σ| and the rms height [1]; u_σ is
+      the gap at which the law has the pressure σ, in hard contact 0.
+    - `penetration`: largest interpenetration that the law does not allow, over the rms height [1].
     - `num_steps`: iterations on the full grid.
     - `num_fft_pairs`: transforms spent (forward and back), coarse grids counted by their size.
     - `result`: a member of `RESULTS`.
@@ -62,8 +81,12 @@ class ContactSolution(eqx.Module):
     pressure: Float[Array, "*shape"]
     displacement: Float[Array, "*shape"]
     gap: Float[Array, "*shape"]
+    mean_pressure: Float[Array, ""]
     mean_gap: Float[Array, ""]
+    mismatch: Float[Array, "*shape"]
     error: Float[Array, ""]
+    load_error: Float[Array, ""]
+    gap_error: Float[Array, ""]
     complementarity_error: Float[Array, ""]
     penetration: Float[Array, ""]
     num_steps: Array
@@ -74,35 +97,39 @@ class ContactSolution(eqx.Module):
 def solve_contact(
     kernel: Numbers,
     heights: Numbers,
-    pressure: Numbers,
+    pressure: Numbers | None = None,
     *,
-    law: HardWall = HardWall(),  # noqa: B008 (immutable)
-    solver: DouglasRachford = DouglasRachford(),  # noqa: B008
+    mean_gap: Numbers | None = None,
+    law: AbstractLaw = HardWall(),  # noqa: B008 (immutable)
+    solver: DouglasRachford | ResidualDynamics = DouglasRachford(),  # noqa: B008
     rtol: float = 1e-6,
     start: Numbers | None = None,
     throw: bool = True,
 ) -> ContactSolution:
-    """Returns the contact of a rough surface with a solid under a mean pressure.
+    """Returns the contact of a rough surface with a solid at a mean pressure or a mean gap.
 
-    Differentiable in `kernel`, `heights` and `pressure` (forward and reverse, one linear solve;
-    see `contact/implicit.py` for where the derivative is one-sided), and works under `jit` and
-    `vmap`; a batch runs until its slowest member has converged.
+    Differentiable in `kernel`, `heights`, `law` and what is prescribed (forward and reverse, one
+    linear solve; see `contact/implicit.py` for where the derivative is one-sided), and works under
+    `jit` and `vmap`. A batch under `vmap` runs until its slowest member has converged;
+    `jax.lax.map` gives the same results and stops member by member, which on a CPU is faster.
 
     **Arguments:**
 
     - `kernel`: M(q) [m/Pa] on the half spectrum of the heights, real or complex, Re M > 0; the
       q = 0 entry is ignored. See `stack_kernel`.
     - `heights`: h [m], positive into the solid, shape `(nx, ny)` or `(nx,)`; the mean is ignored.
-    - `pressure`: mean pressure σ0 [Pa], positive.
+    - `pressure`: mean pressure σ0 [Pa], within the bounds of the law; or
+    - `mean_gap`: mean of the gap u [m], counted from the mean of the heights.
     - `law`: of contact.
     - `solver`: algorithm and its limits.
     - `rtol`: wanted relative error of the pressure [1].
-    - `start`: a pressure field [Pa] to start from, such as a neighbouring solution.
+    - `start`: a pressure field [Pa] to start from, such as a neighbouring solution. With a law that
+      attracts, it chooses among several solutions; see `follow_contact`.
     - `throw`: whether to raise if the solver fails; otherwise look at `.result`.
 
     **Raises:** `ValueError` for a refused argument; `RuntimeError` if the solve fails.
     """
-    heights, load = as_float(heights), as_float(pressure)
+    heights = as_float(heights)
     kernel = jnp.asarray(kernel)
     if heights.ndim not in (1, 2):
         raise ValueError(f"`heights` has shape {heights.shape}; one or two axes are needed.")
@@ -112,59 +139,104 @@ def solve_contact(
         real = kernel.real.at[(0,) * kernel.ndim].set(1)
         check_positive("kernel.real", real, "[m/Pa] for every q but 0")
         check_values("kernel.imag", kernel.imag, "it must be finite")
-    check_shape("pressure", load, ())
-    check_positive("pressure", load, "[Pa]")
+    prescribed = _prescribed(pressure, mean_gap, law)
     if start is not None:
         start = as_float(start)
         check_shape("start", start, heights.shape)
-        check_values("start", start, "pressures [Pa] must be finite and not negative", at_least=0)
-        if is_concrete(start) and not bool(jnp.any(start > 0)):
+        low = law.bounds[0]
+        if is_concrete(low):
+            # A solution's own pressures may be an ulp below after a change of units.
+            allowed = f"pressures [Pa] must be at least {float(low):g}"
+            check_values("start", start, allowed, at_least=float(low) * (1 + 1e-5))
+        if is_concrete(start) and prescribed.pressure is not None and not bool(jnp.any(start)):
             raise ValueError("`start` is zero everywhere: it must be a pressure field [Pa].")
     check_tolerance("rtol", rtol, heights)
-    solution = _solve_contact(kernel, heights, load, law, solver, jnp.asarray(rtol), start)
+    inputs = Inputs(kernel, heights, law, prescribed)
+    solution = _solve_contact(inputs, solver, jnp.asarray(rtol), start)
     if throw:
         solution = solution.result.error_if(solution, solution.result != RESULTS.successful)
     return solution
 
 
+def _prescribed(pressure, mean_gap, law) -> Prescribed:
+    if (pressure is None) == (mean_gap is None):
+        raise ValueError(
+            f"`pressure={pressure}` and `mean_gap={mean_gap}`: give exactly one of the two."
+        )
+    if mean_gap is not None:
+        mean_gap = as_float(mean_gap)
+        check_shape("mean_gap", mean_gap, ())
+        check_values("mean_gap", mean_gap, "the mean gap [m] must be finite")
+        return Prescribed(None, mean_gap)
+    pressure = as_float(pressure)
+    check_shape("pressure", pressure, ())
+    check_pressure(pressure, law)
+    return Prescribed(pressure, None)
+
+
 @eqx.filter_jit
-def _solve_contact(kernel, heights, load, law, solver, rtol, start) -> ContactSolution:
+def _solve_contact(inputs: Inputs, solver, rtol, start) -> ContactSolution:
+    kernel, heights, law, prescribed = inputs
     rtol = rtol.astype(heights.dtype)
-    found = solver.solve(
-        *jax.lax.stop_gradient((kernel, heights, load)), law, rtol, jax.lax.stop_gradient(start)
+    found = jax.lax.stop_gradient(
+        solver.solve(
+            *jax.lax.stop_gradient((kernel, heights, law, prescribed)),
+            rtol,
+            jax.lax.stop_gradient(start),
+        )
     )
-    found = jax.lax.stop_gradient(found)
-    pressure = attach_gradient(
-        found.pressure * jax.lax.stop_gradient(load),
-        kernel,
-        heights,
-        load,
-        law.in_contact(found.pressure),
-        jax.tree_util.Partial(DouglasRachford.solve_linear, solver, rtol),
+    state = State(found.pressure, *_displacement_and_mean_gap(inputs, found))
+    loaded = jnp.mean(law.margin(found.pressure, found.gap, 1.0) > 0, dtype=heights.dtype)
+    loaded = jnp.maximum(loaded, 1 / heights.size)
+    pressure, displacement, mean_gap = attach_gradient(
+        inputs,
+        jax.lax.stop_gradient(state),
+        found.gap,
+        penalty_for(kernel, loaded, law),
+        jax.tree_util.Partial(type(solver).solve_linear, solver, rtol),
     )
-    displacement = to_field(kernel * to_spectrum(pressure), heights.shape)
-    displacement = displacement - jnp.mean(displacement)
-    gap = displacement - (heights - jnp.mean(heights))
-    gap = gap - jnp.mean(pressure * gap) / jnp.mean(pressure)
-    error, rms = ERROR_PER_RESIDUAL * found.residual, jnp.std(heights)
-    unit = jnp.where(rms > 0, rms, 1)
-    finite = jnp.isfinite(error) & jnp.all(jnp.isfinite(found.pressure))
+    heights = heights - jnp.mean(heights)
+    gap = displacement - heights + mean_gap
+    rms, mean = jnp.std(heights), jnp.mean(jnp.abs(pressure))
+    unit, load = jnp.where(rms > 0, rms, 1), jnp.where(mean > 0, mean, 1)
+    finite = jnp.isfinite(found.error) & jnp.all(jnp.isfinite(found.pressure))
     result = RESULTS.where(
         finite,
-        RESULTS.where(error <= rtol, RESULTS.successful, RESULTS.max_steps_reached),
+        RESULTS.where(found.error <= rtol, RESULTS.successful, RESULTS.max_steps_reached),
         RESULTS.not_finite,
     )
-    # At the door the value is unknown if the pressure is traced.
-    result = RESULTS.where(load > 0, result, RESULTS.bad_pressure)
+    if law.attracts and isinstance(solver, DouglasRachford):
+        steep = law.steepest_rise * least_compliance(kernel) > _RESOLVED
+        result = RESULTS.where(steep & (result == RESULTS.successful), RESULTS.unresolved, result)
+    if prescribed.pressure is not None:
+        # At the door the value is unknown if the pressure is traced.
+        low, high = law.bounds
+        allowed = (prescribed.pressure > low) & (prescribed.pressure < high)
+        result = RESULTS.where(allowed, result, RESULTS.bad_pressure)
     return ContactSolution(
         pressure=pressure,
         displacement=displacement,
         gap=gap,
-        mean_gap=jnp.mean(gap),
-        error=error,
-        complementarity_error=jnp.mean(pressure * jnp.abs(gap)) / (load * unit),
-        penetration=jnp.max(jnp.maximum(-gap, 0)) / unit,
+        mean_pressure=jnp.mean(pressure),
+        mean_gap=mean_gap,
+        mismatch=found.mismatch,
+        error=found.error,
+        load_error=jnp.abs(jnp.mean(found.mismatch)) / load,
+        gap_error=jnp.abs(found.gap_mismatch) / unit,
+        complementarity_error=jnp.mean(jnp.abs(pressure * (gap - found.gap))) / (load * unit),
+        penetration=jnp.max(jnp.maximum(jnp.minimum(found.gap, 0) - gap, 0)) / unit,
         num_steps=found.num_steps,
         num_fft_pairs=found.num_fft_pairs + 1,
         result=result,
     )
+
+
+def _displacement_and_mean_gap(inputs: Inputs, found: Iterated):
+    displacement = to_field(inputs.kernel * to_spectrum(found.pressure), found.pressure.shape)
+    displacement = displacement - jnp.mean(displacement)
+    if inputs.prescribed.gap is not None:
+        return displacement, inputs.prescribed.gap
+    # Weighed with the pressure, gaps of the solid and of the law agree.
+    weight = jnp.abs(found.pressure)
+    offset = found.gap - displacement + inputs.heights - jnp.mean(inputs.heights)
+    return displacement, jnp.sum(weight * offset) / jnp.sum(weight)

@@ -13,45 +13,132 @@ HEIGHTS = rough(GRID, cut=4).heights
 WEIGHTS = jnp.asarray(np.random.default_rng(0).normal(size=(32, 32)))
 
 
-def observe(kernel, heights, load):
-    """A number that weighs every pressure and gap."""
-    s = gc.solve_contact(kernel, heights, load, rtol=1e-11)
-    return jnp.mean(WEIGHTS * (s.pressure / 0.05 + jnp.sin(20 * s.gap))) + s.mean_gap
+LOAD = 0.05
+MEAN_GAP = 0.6 * float(jnp.std(HEIGHTS))
+LAWS = {
+    "hard": gc.HardWall(),
+    "hardness": gc.HardWall(hardness=0.3),
+    "repulsive": gc.RepulsiveLJ(1e-3, 0.05),
+    "adhesive": gc.AdhesiveLJ(2e-3, 4e-5),
+    "exponential": gc.ExponentialAdhesion(2e-3, 4e-5),
+}
 
 
-@pytest.mark.parametrize("name", ["elastic", "coated"])
-def test_derivatives_match_central_differences(name):
-    kernel = gc.stack_kernel(BODIES[name], GRID, SPEED)
-    load = jnp.asarray(0.05)
+def observe(kernel, heights, target, law, control):
+    """A number that weighs every pressure, gap and displacement, and both means."""
+    s = gc.solve_contact(kernel, heights, **{control: target}, law=law, rtol=1e-11)
+    field = s.pressure / LOAD + jnp.sin(20 * s.gap) + s.displacement
+    return jnp.mean(WEIGHTS * field) + 3 * s.mean_gap + s.mean_pressure / LOAD
+
+
+def derivatives(point, directions, control):
+    """The value, its forward derivative in each direction, and its gradient: one compilation."""
+    value, along = jax.linearize(lambda point: observe(*point, control), point)
+    (gradient,) = jax.linear_transpose(along, point)(jnp.ones_like(value))
+    return value, jax.lax.map(along, directions), gradient
+
+
+CASES = [
+    ("elastic", "hard", "pressure"),
+    ("coated", "hard", "pressure"),
+    ("coated", "hardness", "pressure"),
+    ("coated", "repulsive", "mean_gap"),
+    ("coated", "adhesive", "mean_gap"),
+    ("coated", "exponential", "pressure"),
+    *(
+        pytest.param("coated", law, control, marks=pytest.mark.slow)
+        for law, control in [
+            ("hard", "mean_gap"),
+            ("hardness", "mean_gap"),
+            ("repulsive", "pressure"),
+            ("adhesive", "pressure"),
+            ("exponential", "mean_gap"),
+        ]
+    ),
+]
+
+
+@pytest.mark.parametrize("body, law, control", CASES)
+def test_derivatives_match_central_differences(body, law, control):
+    """By kernel, heights, pressure or mean gap, and every parameter of the law."""
+    kernel = gc.stack_kernel(BODIES[body], GRID, SPEED)
+    target = jnp.asarray(LOAD if control == "pressure" else MEAN_GAP)
+    point = (kernel, HEIGHTS, target, LAWS[law])
+    leaves, treedef = jax.tree.flatten(point)
     rng = np.random.default_rng(5)
-    real = kernel.real * rng.normal(size=kernel.shape) * 0.3
-    d_kernel = real if name == "elastic" else real + 1j * kernel.imag
-    d_heights = jnp.asarray(rng.normal(size=HEIGHTS.shape)) * 0.01
-    d_load = jnp.asarray(0.03)
-    directions = {
-        "kernel": (d_kernel, jnp.zeros_like(HEIGHTS), jnp.zeros_like(load)),
-        "heights": (jnp.zeros_like(kernel), d_heights, jnp.zeros_like(load)),
-        "load": (jnp.zeros_like(kernel), jnp.zeros_like(HEIGHTS), d_load),
-    }
-    point = (kernel, HEIGHTS, load)
-    gradient = jax.jit(jax.grad(observe, (0, 1, 2)))(*point)
-    along = jax.jit(lambda point, tangent: jax.jvp(observe, point, tangent)[1])
-    at = jax.jit(observe)
-    for label, direction in directions.items():
-        step = 1e-6
+
+    def random_change(leaf):
+        noise = jnp.asarray(rng.normal(size=leaf.shape))
+        if jnp.iscomplexobj(leaf):
+            return 0.3 * (leaf.real * noise + 1j * leaf.imag)
+        return noise * (0.01 if leaf.ndim else leaf)
+
+    changes = [random_change(leaf) for leaf in leaves]
+    directions = treedef.unflatten(
+        [jnp.stack([d * (i == j) for j in range(len(leaves))]) for i, d in enumerate(changes)]
+    )
+    compiled = jax.jit(derivatives, static_argnums=2)
+    _, forward, gradient = compiled(point, directions, control)
+    step = 1e-6
+    for i, (leaf, change) in enumerate(zip(leaves, changes, strict=True)):
         ends = [
-            at(*(x + sign * step * d for x, d in zip(point, direction, strict=True)))
+            compiled(
+                treedef.unflatten([*leaves[:i], leaf + sign * step * change, *leaves[i + 1 :]]),
+                directions,
+                control,
+            )[0]
             for sign in (1, -1)
         ]
         difference = float(ends[0] - ends[1]) / (2 * step)
-        forward = float(along(point, direction))
         # JAX's cotangent of a complex input is the conjugate gradient.
-        reverse = sum(
-            float(jnp.sum((g * d).real)) for g, d in zip(gradient, direction, strict=True)
-        )
+        reverse = float(jnp.sum((jax.tree.leaves(gradient)[i] * change).real))
+        if (law, i) == ("repulsive", 5) or (law, i) == ("adhesive", 5):
+            assert difference == forward[i] == 0  # where contact is said to begin moves nothing
+            continue
         assert difference != 0
-        np.testing.assert_allclose(forward, difference, rtol=1e-5, err_msg=label)
-        np.testing.assert_allclose(reverse, forward, rtol=1e-7, err_msg=label)
+        np.testing.assert_allclose(forward[i], difference, rtol=1e-5, err_msg=str(i))
+        np.testing.assert_allclose(reverse, forward[i], rtol=1e-7, err_msg=str(i))
+
+
+def test_gradient_of_a_batch_is_that_of_its_members():
+    """Under `jit` and `vmap`, over the range of a law."""
+    kernel = gc.stack_kernel(BODIES["coated"], GRID, SPEED)
+
+    def by_range(length):
+        law = gc.RepulsiveLJ(length, 0.05)
+        s = gc.solve_contact(kernel, HEIGHTS, LOAD, law=law, rtol=1e-9)
+        return jnp.mean(WEIGHTS * s.pressure)
+
+    ranges = jnp.array([1e-3, 2e-3])
+    slope = jax.jit(jax.grad(by_range))
+    batch = jax.jit(jax.vmap(jax.grad(by_range)))(ranges)
+    np.testing.assert_allclose(batch, [slope(r) for r in ranges], rtol=1e-6)
+
+
+def test_derivative_is_one_sided_where_a_point_only_just_touches():
+    """A wave pressed just flat: its trough has σ = 0 and u = 0, and leaves if the load falls.
+
+    Above, the pressure changes by the same everywhere; below, the trough's neighbours by more.
+    """
+    kernel = gc.stack_kernel(BODIES["elastic"], gc.Grid((16,), 1.0)).real
+    wave = 1e-2 * jnp.cos(2 * jnp.pi * jnp.arange(16) / 16)
+    flat = 1e-2 / kernel[1]  # the load at which the trough's pressure is 0
+
+    @jax.jit
+    def beside(load):
+        return gc.solve_contact(kernel, wave, load, rtol=1e-12).pressure[7]
+
+    step = 1e-3 * flat
+    above, at, below = (beside(flat + d) for d in (step, 0, -step))
+    right, left = (above - at) / step, (at - below) / step
+    np.testing.assert_allclose(right, 1, rtol=1e-6)
+    assert left > 1.1
+    slope = jax.jit(jax.grad(beside))
+    found = slope(flat)
+    assert min(abs(found - right), abs(found - left)) <= 1e-6
+    # Away from the point the derivative is that of its side.
+    np.testing.assert_allclose(slope(flat + step), right, rtol=1e-6)
+    np.testing.assert_allclose(slope(flat - step), left, rtol=1e-6)
 
 
 def test_mean_pressure_follows_the_load_exactly():

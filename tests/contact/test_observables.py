@@ -17,6 +17,11 @@ def solved(name, velocity=SPEED, load=0.05, grid=GRID):
     return surface, kernel, gc.solve_contact(kernel, surface.heights, load, rtol=1e-9)
 
 
+def margin(solution, kernel, grid):
+    stiffness = observables.edge_stiffness(kernel, grid)
+    return gc.HardWall().margin(solution.pressure, solution.gap, stiffness)
+
+
 @pytest.mark.parametrize("velocity", [SPEED, np.array([0.06, -0.08])])
 def test_work_of_friction_is_the_dissipation_in_the_block(body, velocity):
     velocity = jnp.asarray(velocity)
@@ -61,14 +66,11 @@ def test_friction_at_rest_is_zero():
 def test_area_of_a_disc_is_exact_below_the_pixel():
     """A signed field that falls linearly from a circle's edge, of many sizes and centres."""
     n, rng = 64, np.random.default_rng(0)
-    kernel = jnp.ones((n, n // 2 + 1))
     x = np.arange(n)
     for radius in rng.uniform(5, 20, 8):
         centre = n / 2 + rng.uniform(0, 1, 2)
         field = radius - np.hypot(x[:, None] - centre[0], x - centre[1])
-        smooth = observables.contact_area_smooth(
-            jnp.maximum(field, 0), jnp.maximum(-field, 0), jnp.asarray(field > 0), kernel
-        )
+        smooth = observables.contact_area_smooth(jnp.asarray(field))
         offset = observables._CONTOUR_OFFSET * 2 * np.pi * radius
         expected = (np.pi * radius**2 - offset) / n**2
         perimeter = 2 * np.pi * radius
@@ -86,7 +88,7 @@ def test_smooth_area_of_a_wave_follows_westergaard_between_pixels():
     for fraction in np.linspace(0.4, 0.4 + 4 / n, 9):
         load = full * np.sin(np.pi * fraction / 2) ** 2
         s = gc.solve_contact(kernel, wave, load, rtol=1e-8)
-        area = observables.contact_area_smooth(s.pressure, s.gap, s.pressure > 0, kernel)
+        area = observables.contact_area_smooth(margin(s, kernel, grid))
         errors.append(float(area) - fraction)
     assert np.max(np.abs(errors)) <= 0.1 / n
 
@@ -102,7 +104,7 @@ def test_smooth_area_converges_faster_than_the_pixel_count():
         areas[n] = (
             observables.contact_area(contact),
             observables.contact_area_corrected(contact),
-            observables.contact_area_smooth(s.pressure, s.gap, contact, kernel),
+            observables.contact_area_smooth(margin(s, kernel, grid)),
         )
     best = areas[256][2]
     count, corrected, smooth = (abs(float(a - best)) for a in areas[64])
@@ -111,21 +113,16 @@ def test_smooth_area_converges_faster_than_the_pixel_count():
 
 
 def test_full_contact_has_area_one_and_none_has_area_zero():
-    kernel, gap = jnp.ones((16, 9)), jnp.zeros((16, 16))
     everywhere = jnp.ones((16, 16), bool)
-    assert observables.contact_area_smooth(gap + 1, gap, everywhere, kernel) == 1
-    assert observables.contact_area_smooth(gap, gap + 1, ~everywhere, kernel) == 0
+    assert observables.contact_area_smooth(jnp.ones((16, 16))) == 1
+    assert observables.contact_area_smooth(-jnp.ones((16, 16))) == 0
     assert observables.contact_area_corrected(everywhere) == 1
 
 
 def test_smooth_area_has_finite_gradients_at_corners_of_contact():
     """One point alone in contact, with zero pressure, touches every guard of the contour."""
-    kernel, gap = jnp.ones((8, 5)), jnp.ones((8, 8)).at[4, 4].set(0)
-    contact = jnp.zeros((8, 8), bool).at[4, 4].set(True)
-    slope = jax.grad(
-        lambda p, u: observables.contact_area_smooth(p, u, contact, kernel), argnums=(0, 1)
-    )(jnp.zeros((8, 8)), gap)
-    assert all(np.all(np.isfinite(s)) for s in slope)
+    for margin in (jnp.full((8, 8), -1.0).at[4, 4].set(0), jnp.zeros((8, 8))):
+        assert np.all(np.isfinite(jax.grad(observables.contact_area_smooth)(margin)))
 
 
 @pytest.mark.parametrize("name", ["bare", "coated", "three layers"])
@@ -182,3 +179,93 @@ def test_area_corrected_takes_a_known_share_of_each_edge_pixel():
     contact = jnp.zeros((32, 32), bool).at[4:12, 4:12].set(True)
     excess = 64 / 32**2 - observables.contact_area_corrected(contact)
     np.testing.assert_allclose(excess, 32 * 0.118114 / 32**2, rtol=1e-5)
+
+
+def friction_up_to(s, velocity=SPEED, grid=GRID, **more):
+    return gc.cumulative_friction(s.pressure, s.displacement, grid, velocity, **more)
+
+
+@pytest.mark.parametrize("velocity", [SPEED, np.array([0.06, -0.08])])
+def test_friction_of_all_waves_is_the_friction_and_none_takes_from_it(body, velocity):
+    velocity = jnp.asarray(velocity)
+    surface = rough(GRID)
+    kernel = gc.stack_kernel(body, GRID, velocity)
+    s = gc.solve_contact(kernel, surface.heights, 0.05)
+    q, mu = friction_up_to(s, velocity)
+    total = observables.friction(s.pressure, s.displacement, GRID, velocity)
+    np.testing.assert_allclose(mu[-1], total, rtol=1e-12, atol=1e-17)
+    assert np.all(np.diff(mu) >= -1e-15)
+    assert mu[0] >= -1e-15
+    np.testing.assert_allclose(np.asarray(q)[[0, -1]], 2 * np.pi * np.array([1, np.hypot(32, 32)]))
+
+
+def test_friction_of_two_waves_in_full_contact_rises_in_their_two_steps():
+    """V12, wave by wave: μ = q a² Im(1/M)/(2σ0) at q = 2π·3 and at |q| = 2π·5 along x and y."""
+    load, waves = 10.0, {(3, 0): 1e-3, (3, 4): 5e-4}
+    x = np.arange(64) / 64
+    heights = sum(a * np.cos(2 * np.pi * (m * x[:, None] + n * x)) for (m, n), a in waves.items())
+    kernel = gc.stack_kernel(BODIES["bare"], GRID, SPEED)
+    s = gc.solve_contact(kernel, heights, load, rtol=1e-11)
+    q, mu = friction_up_to(s, num_wavenumbers=200)
+    expected = 0.0
+    for (m, n), a in waves.items():
+        qx, size = 2 * np.pi * m, 2 * np.pi * np.hypot(m, n)
+        before = mu[q < size * (1 - 1e-9)][-1]
+        np.testing.assert_allclose(before, expected, rtol=1e-9, atol=1e-12)
+        compliance = complex(gc.surface_compliance(BODIES["bare"], size, qx * SPEED))
+        expected += qx * a**2 * (1 / compliance).imag / (2 * load)
+        np.testing.assert_allclose(mu[q > size][0], expected, rtol=1e-9)
+
+
+def test_friction_per_wave_works_under_jit_and_has_derivatives():
+    """Pressure and displacement that grow together: second order over first."""
+    _, _, s = solved("coated")
+    plain = friction_up_to(s)[1]
+
+    @jax.jit
+    def grown(c):
+        return gc.cumulative_friction(c * s.pressure, c * s.displacement, GRID, SPEED)[1]
+
+    np.testing.assert_allclose(grown(1.0), plain, rtol=1e-12)
+    np.testing.assert_allclose(jax.jacfwd(grown)(1.0), plain, rtol=1e-10)
+
+
+@pytest.mark.parametrize(
+    "changed, message",
+    [
+        (
+            dict(pressure=jnp.ones((8, 8)), displacement=jnp.ones((8, 8))),
+            r"`pressure` has shape \(8, 8\)",
+        ),
+        (dict(num_wavenumbers=1), "`num_wavenumbers=1` must be at least 2"),
+    ],
+)
+def test_bad_argument_of_cumulative_friction_is_refused(changed, message):
+    arguments = dict(pressure=jnp.ones((64, 64)), displacement=jnp.ones((64, 64)))
+    with pytest.raises(ValueError, match=message):
+        gc.cumulative_friction(**(arguments | changed), grid=GRID, velocity=SPEED)
+
+
+def test_stated_errors_of_friction_and_area_cover_the_true_ones():
+    """Over bodies, surfaces, loads and tolerances, at least nine times of ten."""
+    covered, inside = [], []
+    for name in ("bare", "coated", "three layers"):
+        kernel = gc.stack_kernel(BODIES[name], GRID, SPEED)
+        for seed in range(3):
+            heights = rough(GRID, seed=seed).heights
+            for load in (0.01, 0.1):
+                best = gc.solve_contact(kernel, heights, load, rtol=1e-11)
+                true = observables.friction(best.pressure, best.displacement, GRID, SPEED)
+                for rtol in (1e-2, 1e-4):
+                    s = gc.solve_contact(kernel, heights, load, rtol=rtol)
+                    mu = observables.friction(s.pressure, s.displacement, GRID, SPEED)
+                    stated = observables.friction_error(
+                        s.pressure, s.mismatch, s.error, kernel, GRID, SPEED
+                    )
+                    assert 0 < stated <= 3 * rtol * mu
+                    covered.append(stated >= abs(mu - true))
+                    doubt = observables.contact_area_error(margin(s, kernel, GRID), s.mismatch)
+                    wrong = np.mean((s.pressure > 0) != (best.pressure > 0))
+                    inside.append(doubt >= wrong)
+    assert np.mean(covered) >= 0.9
+    assert np.mean(inside) >= 0.9

@@ -9,7 +9,7 @@ from oracles import dense_contact
 
 import graded_contact as gc
 from graded_contact import reference
-from graded_contact.contact.observables import contact_area_corrected
+from graded_contact.contact.observables import contact_area_corrected, friction
 from graded_contact.grid import half_shape
 
 SMALL = gc.Grid((16, 16), 1.0)
@@ -250,6 +250,19 @@ BAD = {
     "nan heights": (dict(heights=np.full((16, 16), np.nan)), r"`heights\[0, 0\]=nan`"),
     "heights in 3-D": (dict(heights=np.zeros((4, 4, 4))), "`heights` has shape"),
     "zero pressure": (dict(pressure=0.0), "`pressure=0` is refused: it must be a positive"),
+    "no pressure": (dict(pressure=None), "`pressure=None` and `mean_gap=None`: give exactly one"),
+    "both": (dict(mean_gap=1.0), "`pressure=1.0` and `mean_gap=1.0`: give exactly one"),
+    "nan mean gap": (dict(pressure=None, mean_gap=np.nan), "`mean_gap=nan` is refused"),
+    "mean gaps": (dict(pressure=None, mean_gap=np.ones(2)), r"`mean_gap` has shape \(2,\)"),
+    "load above the hardness": (
+        dict(law=gc.HardWall(hardness=0.5)),
+        "`pressure=1` is refused: the law allows .*between 0 and 0.5 Pa",
+    ),
+    "load at the hardness": (dict(law=gc.HardWall(hardness=1.0)), "`pressure=1` is refused"),
+    "tension beyond the law": (
+        dict(pressure=-0.2, law=gc.ExponentialAdhesion(1.0, 0.1)),
+        r"`pressure=-0.2` is refused: the law allows .*between -0.1 and inf Pa",
+    ),
     "pressure field": (dict(pressure=np.ones(2)), r"`pressure` has shape \(2,\)"),
     "zero rtol": (dict(rtol=0.0), "`rtol=0` is refused"),
     "big rtol": (dict(rtol=2.0), "`rtol=2` is refused"),
@@ -275,3 +288,86 @@ def test_bad_argument_is_refused(case):
 def test_bad_solver_setting_is_refused(settings):
     with pytest.raises(ValueError, match=f"`{next(iter(settings))}="):
         gc.DouglasRachford(**settings)
+
+
+@pytest.mark.parametrize("shape", [(16, 16), (24,)])
+@pytest.mark.parametrize("name", ["elastic", "coated"])
+def test_hardness_matches_a_dense_solve_with_both_bounds(name, shape):
+    """The same points flow, touch and stand apart; a third of the load is beyond the hardness."""
+    heights = np.random.default_rng(1).normal(size=shape) * 0.05
+    kernel = gc.stack_kernel(BODIES[name], gc.Grid(shape, 1.0), SPEED)
+    free = dense_contact(np.asarray(kernel), heights, 0.2)
+    hardness = 0.4 * free.max()
+    expected = dense_contact(np.asarray(kernel), heights, 0.2, hardness)
+    law = gc.HardWall(hardness=hardness)
+    found = gc.solve_contact(kernel, heights, 0.2, law=law, rtol=1e-10)
+    np.testing.assert_allclose(found.pressure, expected, atol=1e-8 * hardness)
+    flowing = expected >= hardness * (1 - 1e-10)
+    assert np.any(flowing)
+    np.testing.assert_array_equal(found.pressure >= hardness * (1 - 1e-10), flowing)
+    assert np.max(found.gap[flowing]) <= 1e-8  # the depth of the flow
+    np.testing.assert_allclose(np.mean(found.pressure), 0.2, rtol=1e-12)
+    assert found.penetration <= 1e-7
+
+
+def test_repulsive_law_goes_to_the_hard_wall_in_proportion_to_its_range():
+    """Friction and mean gap at first order in ε; pressure nearly so."""
+    kernel, surface = gc.stack_kernel(BODIES["coated"], GRID, SPEED), rough(GRID)
+    rms = float(jnp.std(surface.heights))
+    hard = gc.solve_contact(kernel, surface.heights, 0.05, rtol=1e-9)
+    mu = friction(hard.pressure, hard.displacement, GRID, SPEED)
+    ranges = np.array([0.1, 0.01, 0.001])
+    rows = []
+    for share in ranges:
+        law = gc.RepulsiveLJ(share * rms, 0.05)
+        s = gc.solve_contact(kernel, surface.heights, 0.05, law=law, rtol=1e-9)
+        rows.append(
+            [
+                abs(friction(s.pressure, s.displacement, GRID, SPEED) / mu - 1),
+                (s.mean_gap - hard.mean_gap) / rms,
+                np.linalg.norm(s.pressure - hard.pressure) / np.linalg.norm(hard.pressure),
+                abs(np.mean(law.margin(s.pressure, s.gap, 1.0) > 0) - np.mean(hard.pressure > 0)),
+            ]
+        )
+    of_friction, of_gap, of_pressure, of_area = np.array(rows).T
+    np.testing.assert_allclose(of_gap / ranges, of_gap[0] / ranges[0], rtol=0.02)
+    np.testing.assert_allclose(of_friction / ranges, of_friction[0] / ranges[0], rtol=0.1)
+    orders = np.log10(of_pressure[:-1] / of_pressure[1:])
+    assert np.all(orders > 0.9)
+    assert of_pressure[-1] < 1e-3
+    assert of_area[-1] <= 2 / GRID.shape[0] ** 2
+
+
+@pytest.mark.parametrize("law", ["hard", "hardness", "repulsive"])
+def test_mean_gap_gives_the_same_contact_as_the_load_that_has_it(law):
+    kernel, heights = gc.stack_kernel(BODIES["coated"], GRID, SPEED), rough(GRID).heights
+    law = {
+        "hard": gc.HardWall(),
+        "hardness": gc.HardWall(hardness=0.5),
+        "repulsive": gc.RepulsiveLJ(1e-4, 0.05),
+    }[law]
+    by_load = gc.solve_contact(kernel, heights, 0.05, law=law, rtol=1e-9)
+    by_gap = gc.solve_contact(kernel, heights, mean_gap=by_load.mean_gap, law=law, rtol=1e-9)
+    assert by_gap.mean_gap == by_load.mean_gap
+    np.testing.assert_allclose(by_gap.mean_pressure, 0.05, rtol=1e-6)
+    scale = np.max(by_load.pressure)
+    np.testing.assert_allclose(by_gap.pressure, by_load.pressure, atol=1e-6 * scale)
+    np.testing.assert_allclose(by_gap.gap, by_load.gap, atol=1e-7 * np.ptp(heights))
+
+
+def test_surfaces_held_apart_do_not_touch():
+    kernel, heights = gc.stack_kernel(BODIES["coated"], GRID, SPEED), rough(GRID).heights
+    apart = 1.01 * jnp.max(heights - jnp.mean(heights))
+    s = gc.solve_contact(kernel, heights, mean_gap=apart)
+    np.testing.assert_array_equal(s.pressure, 0)
+    np.testing.assert_allclose(s.gap, apart - (heights - jnp.mean(heights)), rtol=1e-12)
+
+
+def test_hardness_below_the_load_is_reported_where_tracing_hides_it():
+    def result(hardness):
+        law = gc.HardWall(hardness=hardness)
+        return gc.solve_contact(half_space(SMALL), wave, 1.0, law=law, throw=False).result
+
+    wave = jnp.cos(2 * jnp.pi * jnp.arange(16) / 16)[:, None] * jnp.ones(16)
+    assert jax.jit(result)(0.5) == gc.RESULTS.bad_pressure
+    assert jax.jit(result)(3.0) == gc.RESULTS.successful

@@ -206,6 +206,7 @@ def sandwich(base):
     )
 
 
+@pytest.mark.slow
 def test_differential_equation_and_layers_agree_on_an_elastic_layer():
     profile = Blend(gc.Elastic(1e6, 0.3), gc.Elastic(3e7, 0.45), Exponential(3.0))
     stack = Stack(layers=(GradedLayer(1e-3, profile),), base=gc.Free())
@@ -301,6 +302,7 @@ def test_gradient_by_every_leaf_matches_central_differences(solver):
                 assert abs(difference - slope[index]) <= 1e-6 * scale, (i, index)
 
 
+@pytest.mark.slow
 def test_gradients_hold_where_the_wave_sees_only_a_part_of_the_layer():
     """q d = 300: the solution starts inside the layer, at a depth that depends on q."""
 

@@ -64,6 +64,7 @@ def test_a_single_layer_is_not_a_sequence_of_layers():
         gc.Stack(layers=gc.Layer(STEEL, 1e-6), base=gc.Rigid())
 
 
+@pytest.mark.slow
 def test_slices_of_a_graded_layer_converge_to_it_two_orders_better_when_extrapolated():
     profile = gc.Blend(gc.tyre_tread(), gc.Elastic(5e7, 0.3))
     stack = gc.Stack(

@@ -4,6 +4,7 @@ The command is run once, small; its files and printed table are looked at.
 """
 
 import json
+from pathlib import Path
 
 import jax
 import numpy as np
@@ -13,7 +14,7 @@ from typer.testing import CliRunner
 import graded_contact as gc
 from graded_contact import cli
 from graded_contact.studies import design_scene
-from graded_contact.studies.design_scene import parse_design, report, run_design
+from graded_contact.studies.design_scene import parse_design, read_design, report, run_design
 from graded_contact.studies.parameters import with_values
 
 SCENE = """
@@ -60,6 +61,7 @@ polish = true
 "layers[0].material.times[0]" = [1e-5, 1e-1]
 """
 STEADY = {"q": 2.5e3, "omega": 250.0}
+EXAMPLE = Path(__file__).parents[2] / "examples" / "design_coating.toml"
 
 
 # By the response alone: neither contact nor mean field.
@@ -203,3 +205,9 @@ def test_a_start_outside_the_bounds_is_refused():
     study = parse_design(FLAT.replace("[5e-5, 1e-3]", "[5e-4, 1e-3]"))
     with pytest.raises(ValueError, match=r"`start` has layers.0..thickness = 0.0002, not between"):
         run_design(study)
+
+
+def test_the_example_is_read():
+    study = read_design(EXAMPLE)
+    assert (study.objective, study.verify, study.polish) == ("friction", 8, True)
+    assert len(study.lower) == len(study.upper) == 6

@@ -38,6 +38,7 @@ def test_ripple_and_distance_are_of_logarithms():
         ripple([1.0, -1.0])
 
 
+@pytest.mark.slow
 def test_windows_of_friction_add_up():
     curve = friction_curve(COATED, SPECTRUM, pressure=1e5, velocities=[0.01, 1.0])
     alone = gc.mean_field_friction(COATED, SPECTRUM, pressure=1e5, velocity=1.0)

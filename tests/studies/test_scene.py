@@ -13,7 +13,7 @@ from graded_contact.rheology.reading import read_moduli
 from graded_contact.studies.scene import build_surface, parse_scene, read_scene, run_scene
 
 DATA = Path(__file__).parents[3] / "shared" / "data"
-EXAMPLES = sorted((Path(__file__).parents[2] / "examples").glob("*.toml"))
+MEASURED = sorted((Path(__file__).parents[2] / "examples").glob("measured_*.toml"))
 needs_data = pytest.mark.skipif(not DATA.exists(), reason="measured data lie beside the project")
 
 TEXT = """
@@ -368,7 +368,7 @@ def test_a_damaged_surface_file_is_refused(tmp_path):
 
 
 @needs_data
-@pytest.mark.parametrize("path", EXAMPLES, ids=lambda path: path.name)
+@pytest.mark.parametrize("path", MEASURED, ids=lambda path: path.name)
 def test_an_example_is_read_with_its_data(path):
     scene = read_scene(path)
     surface = build_surface(scene)
@@ -380,7 +380,7 @@ def test_an_example_is_read_with_its_data(path):
 @needs_data
 def test_a_measured_surface_on_a_measured_polymer_rubs_most_in_the_middle():
     """The loss tangent of this polymer has its maximum near 10 Hz and falls on both sides."""
-    example = next(path for path in EXAMPLES if path.name == "measured_road.toml")
+    example = next(path for path in MEASURED if path.name == "measured_road.toml")
     text = example.read_text().replace("[1024, 1024]", "[64, 64]").replace("= 13", "= 3")
     results = run_scene(parse_scene(text, example.parent))
     assert results.complete

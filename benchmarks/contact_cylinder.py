@@ -1,0 +1,96 @@
+"""A cylinder gliding on a viscoelastic half space, against Hunter's and Goryacheva's closed form.
+
+The section `cylinder` of `bench_contact.py`. Lengths are in units of the relaxed Hertz half-width,
+load per length, radius and relaxed reduced modulus are 1. The solved cell is 8 wide; its kernel is
+that of a cell `WIDE` wide, cut to distances below 4 (contacts are at most 2 wide), so that the
+images of the cylinder are those at `WIDE`: they change the curvature by π²/6 WIDE⁻².
+"""
+
+import jax.numpy as jnp
+import numpy as np
+from contact_scenes import goal, growth, print_versions
+
+import graded_contact as gc
+from graded_contact import reference
+from graded_contact.contact.observables import edge_stiffness
+from graded_contact.grid import to_field, to_spectrum
+
+CELL, WIDE = 8, 2**14
+A, PEAK = map(float, reference.hertz_line(1.0, 1.0, 1.0))
+CREEP = 9.0  # delayed over instantaneous compliance
+QUANTITIES = ("half-width", "shift", "peak", "friction")
+
+
+def cylinder(options):
+    print_versions()
+    published()
+    print("# errors: half-width, shift of the middle and friction over the half-width at rest a,")
+    print("# peak over its own; pairs to rtol = 1e-9")
+    print(f"{'V':>7s} {'points/a':>8s} {'pairs':>6s} " + " ".join(f"{q:>10s}" for q in QUANTITIES))
+    errors = np.array([[row(v, n) for n in options.points] for v in options.speeds])
+    worst = errors.max(axis=0)
+    for i, name in enumerate(QUANTITIES):
+        order = -growth(options.points, worst[:, i])
+        goal(
+            f"{name} converges to the closed form at a stated order",
+            f"order {order:.2f}, error {worst[-1, i]:.1e} at {options.points[-1]} points per a "
+            f"(worst of V = {min(options.speeds):g}..{max(options.speeds):g})",
+        )
+
+
+def row(v, points):
+    """Prints and returns the absolute errors at the speed τv/a = v on a grid."""
+    exact = reference.viscoelastic_cylinder(1.0, 1.0, 1 + CREEP, CREEP, v * A, 1.0)
+    wanted = (exact.half_width / A, exact.offset / A, 1.0, exact.friction / A)
+    found, pairs = glide(v, points)
+    found = (found[0] / A, found[1] / A, found[2] / exact.peak_pressure, found[3] / A)
+    errors = np.abs(np.subtract(found, wanted))
+    print(f"{v:7g} {points:8d} {pairs:6.0f} " + " ".join(f"{e:10.1e}" for e in errors), flush=True)
+    return errors
+
+
+def glide(v, points):
+    """Half-width, shift of the middle, peak pressure and friction on a grid, and FFT pairs."""
+    n = CELL * points
+    x = (np.arange(n) - n // 2) * (A / points)
+    alone = kernel(v, points)
+    s = gc.solve_contact(alone, -(x**2) / 2, 1 / (CELL * A), rtol=1e-9)
+    pressure = np.asarray(s.pressure)
+    stiffness = edge_stiffness(alone, gc.Grid((n,), CELL * A))
+    left, right = edges(x, np.asarray(gc.HardWall().margin(s.pressure, s.gap, stiffness)))
+    # The slope of the surface is -x.
+    friction = np.sum(pressure * x) / np.sum(pressure)
+    return ((right - left) / 2, (right + left) / 2, pressure.max(), friction), s.num_fft_pairs
+
+
+def kernel(v, points):
+    """The half space's kernel between points of a cell of 8, as if they stood alone."""
+    rubber = gc.Prony.from_creep(0.75 * (1 + CREEP), [CREEP / (0.75 * (1 + CREEP))], [v * A], 0.5)
+    n, wide = CELL * points, WIDE * points
+    grid = gc.Grid((wide,), WIDE * A)
+    far = to_field(gc.stack_kernel(gc.Stack(base=gc.HalfSpace(rubber)), grid, 1.0), (wide,))
+    # Both ends of the cell are one point.
+    near = jnp.concatenate([far[: n // 2], far[-n // 2 :]])
+    near = near.at[n // 2].set((far[n // 2] + far[-n // 2]) / 2)
+    cut = to_spectrum(near)
+    return cut.at[-1].set(cut[-1].real)
+
+
+def edges(x, margin):
+    """Where the margin (pressure inside, minus gap times a stiffness outside) passes zero."""
+    inside = np.flatnonzero(margin > 0)
+    pairs = ((inside[0], inside[0] - 1), (inside[-1], inside[-1] + 1))
+    return [(x[i] * margin[j] - x[j] * margin[i]) / (margin[j] - margin[i]) for i, j in pairs]
+
+
+def published():
+    """Prints the closed form beside CONTACT's output for Wang and Knothe's rollers (1993)."""
+    print("# the closed form against CONTACT, two rollers of 100 mm, 600 N/mm, elements of 0.16 mm")
+    modulus = 1143e6 / (1 - 0.4)
+    output = ((0, 60.32, 80), (9e-3, 78.74, 62), (45e-3, 84.72, 57), (2, 85.31, 56))
+    for time, peak, elements in output:
+        exact = reference.viscoelastic_cylinder(600e3, 0.05, modulus, 1.0, time, 1.0)
+        print(
+            f"#   τ = {time:5.3f} s: peak {exact.peak_pressure / 1e6:.3f} MPa, CONTACT {peak}; "
+            f"width {2e3 * exact.half_width / 0.16:.1f} elements, CONTACT {elements}"
+        )

@@ -1,0 +1,255 @@
+"""Elastic contact beside Tamaas and ContactMechanics: sections `elastic` and `kernel`.
+
+Run by `bench_contact.py`. Both peers get the same heights (their sign: up, towards the solid), the
+same reduced modulus and the same mean pressure. Their times are of the solve alone, ours of
+`slide`: kernel, solve and observables.
+"""
+
+import time
+from functools import partial
+
+import ContactMechanics
+import jax.numpy as jnp
+import numpy as np
+import SurfaceTopography
+import tamaas
+from contact_scenes import (
+    BEST,
+    CELL,
+    Q0,
+    bodies,
+    errors_of,
+    goal,
+    loosest,
+    print_versions,
+    rough_surface,
+    timed,
+)
+
+import graded_contact as gc
+from graded_contact.contact.observables import friction
+from graded_contact.plot import COLOURS
+
+tamaas.set_log_level(tamaas.LogLevel.error)
+
+
+class Tamaas:
+    """Polonsky and Keer's conjugate gradients on a half space, or with a kernel of ours."""
+
+    name = "tamaas"
+
+    def __init__(self, heights, kernel=None):
+        self.heights = np.array(heights)
+        self.model = tamaas.Model(
+            tamaas.model_type.basic_2d, [CELL, CELL], list(self.heights.shape)
+        )
+        self.model.E, self.model.nu = 1.0, 0.0
+        self.operator = None
+        if kernel is not None:
+            self.operator = "Westergaard::neumann"
+            self.model.be_engine.registerNeumann()
+            self.model.operators[self.operator]["influence"][...] = np.asarray(kernel)
+
+    def solve(self, pressure, tolerance):
+        """The pressures; the peer does not say whether it converged."""
+        solver = tamaas.PolonskyKeerRey(self.model, self.heights, tolerance)
+        solver.max_iter = 20_000
+        if self.operator:
+            # Otherwise the solver makes an operator of its own.
+            solver.setIntegralOperator(self.operator)
+        self.model.traction[...] = 0
+        solver.solve(pressure)
+        return np.array(self.model.traction)
+
+
+class Mechanics:
+    """Conjugate gradients of ContactMechanics; one tolerance scales its three."""
+
+    name = "ContactMechanics"
+
+    def __init__(self, heights):
+        heights, shape = np.array(heights), heights.shape
+        self.height, self.pixel = heights.std(), CELL**2 / heights.size
+        substrate = ContactMechanics.PeriodicFFTElasticHalfSpace(shape, 1.0, (CELL, CELL))
+        surface = SurfaceTopography.Topography(heights, (CELL, CELL), periodic=True)
+        self.system = ContactMechanics.Systems.NonSmoothContactSystem(substrate, surface)
+
+    def solve(self, pressure, tolerance):
+        found = self.system.minimize_proxy(
+            external_force=pressure * CELL**2,
+            pentol=tolerance * self.height,
+            forcetol=tolerance * pressure * self.pixel,
+            thermotol=tolerance,
+            maxiter=20_000,
+        )
+        return np.array(found.jac) / self.pixel
+
+
+PEERS = {peer.name: peer for peer in (Tamaas, Mechanics)}
+
+
+def elastic(options):
+    print_versions((tamaas, ContactMechanics))
+    print("# errors against rtol = 1e-10: pressure (rms, relative), ⟨σ ∂h/∂x⟩/⟨σ⟩ (absolute: an")
+    print("# elastic body has no friction but this is its error on a grid), area (relative);")
+    print("# differ: pixels of the contact set that are not those of that solution")
+    print(
+        f"{'p/E*':>5s} {'N':>5s} {'law':9s} {'solver':16s} {'target':>6s} {'tol':>7s} "
+        f"{'pairs':>6s} {'seconds':>8s} {'err σ':>8s} {'err μ':>8s} {'err A':>8s} {'differ':>6s} "
+        f"{'ratio':>6s}"
+    )
+    # Tolerances of a peer that met a target at one size begin its search at the next.
+    points, ratios, differing, hints = {}, {}, [], {}
+    for n in options.sizes:
+        for load in options.loads:
+            compare(n, load, options, points, ratios, differing, hints)
+    for (peer, n, target), values in ratios.items():
+        wanted = ">= 100 x faster" if (peer, n) == ("tamaas", 1024) else "faster"
+        goal(
+            f"{wanted} than {peer} at N = {n} and an error of {target:.0e}",
+            ", ".join(f"{ratio:.1f} x at p/E* = {load:g}" for load, ratio in values),
+        )
+    if differing:
+        pixels, where = max(differing)
+        goal("contact sets at 1e-8 identical to the pixel", f"{pixels} differ at most ({where})")
+    plot(points, options.plot)
+
+
+def compare(n, load, options, points, ratios, differing, hints):
+    """Prints the rows of one surface and load, and notes what was found."""
+    surface = rough_surface(n)
+    slide = partial(gc.slide, bodies()["elastic"], surface, pressure=load, velocity=0.0)
+    best = slide(rtol=BEST)
+
+    def row(solver, target, tolerance, pairs, seconds, pressure, ratio=""):
+        errors = errors_of(pressure, best)
+        slope = abs(friction_of(pressure, surface) - friction_of(best.pressure, surface))
+        differ = int(np.sum((np.asarray(pressure) > 0) != np.asarray(best.pressure > 0)))
+        print(
+            f"{load:5.2f} {n:5d} {'hard wall':9s} {solver:16s} {target:6.0e} {tolerance:7.1e} "
+            f"{pairs:>6s} {seconds:8.3f} {errors.pressure:8.1e} {slope:8.1e} "
+            f"{errors.area:8.1e} {differ:6d} {ratio:>6s}",
+            flush=True,
+        )
+        return errors.pressure, differ
+
+    for target in options.targets:
+        reached, _ = loosest(lambda rtol: slide(rtol=rtol), best, target)
+        if reached is None:
+            print(f"# N = {n}, p/E* = {load:g}: no rtol reached {target:.0e}")
+            continue
+        found, rtol = reached
+        ours = timed(lambda r=rtol: slide(rtol=r), options.repeat)
+        pairs = f"{float(found.num_fft_pairs):.1f}"
+        error, differ = row("graded_contact", target, rtol, pairs, ours, found.pressure)
+        points.setdefault(("graded_contact", n), []).append((error, ours))
+        if target <= 1e-8:
+            differing.append((differ, f"graded_contact, N = {n}, p/E* = {load:g}"))
+        for name in options.peers:
+            if n > (options.tamaas_up_to if name == "tamaas" else options.mechanics_up_to):
+                continue
+            tolerance, error, seconds, pressure = at_equal_error(
+                PEERS[name](surface.heights),
+                load,
+                target,
+                best,
+                hints.get((name, load, target), target),
+                options.tries,
+                points.setdefault((name, n), []),
+            )
+            hints[name, load, target] = tolerance
+            ratio = seconds / ours
+            _, differ = row(name, target, tolerance, "", seconds, pressure, f"{ratio:.1f}")
+            ratios.setdefault((name, n, target), []).append((load, ratio))
+            if target <= 1e-8:
+                differing.append((differ, f"{name}, N = {n}, p/E* = {load:g}"))
+
+
+def friction_of(pressure, surface):
+    return float(friction(jnp.asarray(pressure), surface.heights, surface.grid, 0.0))
+
+
+def at_equal_error(peer, load, target, best, tolerance, tries, points):
+    """The run of a peer whose true error is nearest to `target`, its tolerance sought for that.
+
+    Returns its tolerance, true error, seconds and pressures.
+    """
+    runs = []
+    for _ in range(tries):
+        start = time.perf_counter()
+        pressure = peer.solve(load, tolerance)
+        seconds = time.perf_counter() - start
+        error = errors_of(pressure, best).pressure
+        runs.append((tolerance, error, seconds, pressure))
+        points.append((error, seconds))
+        if 0.3 * target <= error <= target or not np.isfinite(error):
+            break
+        tolerance *= 0.6 * target / max(error, 1e-3 * target)
+    return min(runs, key=lambda run: abs(np.log(run[1] / target)))
+
+
+def kernel(options):
+    """Contacts on real layered kernels against Tamaas with its operator overwritten."""
+    print_versions((tamaas,))
+    stacks = {
+        "soft coat": gc.Stack(
+            layers=(gc.Layer(gc.Elastic(0.1, 0.49), 0.3 / Q0),),
+            base=gc.HalfSpace(gc.Elastic(0.75, 0.5)),
+        ),
+        "stiff coat": gc.Stack(
+            layers=(gc.Layer(gc.Elastic(10.0, 0.3), 0.02 / Q0),),
+            base=gc.HalfSpace(gc.Elastic(0.75, 0.5)),
+        ),
+        "three layers on rigid": gc.Stack(
+            layers=(
+                gc.Layer(gc.Elastic(5.0, 0.45), 0.05 / Q0),
+                gc.Layer(gc.Elastic(0.1, 0.3), 0.2 / Q0),
+                gc.Layer(gc.Elastic(2.0, 0.4), 0.5 / Q0),
+            ),
+            base=gc.Rigid(),
+        ),
+    }
+    print(f"{'stack':22s} {'N':>5s} {'p':>6s} {'area':>7s} {'difference':>10s} {'pixels':>6s}")
+    worst, pixels = 0.0, 0
+    for n in options.sizes:
+        surface = rough_surface(n)
+        for name, stack in stacks.items():
+            ours = gc.stack_kernel(stack, surface.grid)
+            theirs = Tamaas(surface.heights, kernel=ours)
+            for load in options.loads:
+                expected = gc.solve_contact(ours, surface.heights, load, rtol=BEST).pressure
+                found = theirs.solve(load, 1e-10)
+                error = float(jnp.linalg.norm(found - expected) / jnp.linalg.norm(expected))
+                differ = int(np.sum((found > 0) != np.asarray(expected > 0)))
+                worst, pixels = max(worst, error), pixels + differ
+                area = float(jnp.mean(expected > 0))
+                print(f"{name:22s} {n:5d} {load:6.3f} {area:7.4f} {error:10.1e} {differ:6d}")
+    goal(
+        "layered contacts as Tamaas finds them, to the pixel",
+        f"pressures within {worst:.1e}, {pixels} pixels differ in all",
+    )
+
+
+def plot(points, target):
+    """Draws seconds over true error, a panel per size."""
+    import matplotlib
+
+    matplotlib.use("Agg")
+    import matplotlib.pyplot as plt
+
+    sizes = sorted({n for _, n in points})
+    figure, panels = plt.subplots(
+        1, len(sizes), figsize=(3.4 * len(sizes), 3.4), sharey=True, squeeze=False,
+        layout="constrained",
+    )  # fmt: skip
+    marks = {"graded_contact": "o", "tamaas": "s", "ContactMechanics": "^"}
+    for panel, n in zip(panels[0], sizes, strict=True):
+        for (name, mark), colour in zip(marks.items(), COLOURS, strict=False):
+            if found := points.get((name, n)):
+                panel.loglog(*zip(*found, strict=True), mark, color=colour, label=name)
+        panel.set(title=f"N = {n}", xlabel="true error of the pressure")
+        panel.invert_xaxis()
+    panels[0][0].set_ylabel("seconds")
+    panels[0][0].legend()
+    figure.savefig(target, dpi=120)
+    print(f"# {target}")

@@ -1,0 +1,104 @@
+"""Contact along a path of loads or gaps, each solution the start of the next."""
+
+import equinox as eqx
+import jax
+import jax.numpy as jnp
+from jaxtyping import Array, Bool, Float
+
+from .._checks import Numbers, as_float, check_values
+from .douglas_rachford import DouglasRachford
+from .law import AbstractLaw, check_pressure
+from .problem import RESULTS, ContactSolution, solve_contact
+from .rmd import ResidualDynamics
+
+
+class ContactPath(eqx.Module):
+    """Contacts along a path, in its order.
+
+    **Fields:**
+
+    - `mean_gap`, `mean_pressure`: [m], [Pa], shape `(steps,)`.
+    - `contact_area`: fraction of points in contact [1], shape `(steps,)`.
+    - `unloading`: whether the surfaces were being drawn apart, shape `(steps,)`: the branch of a
+      law that attracts. The first contact is reached from apart.
+    - `num_fft_pairs`, `result`: of each solve, shape `(steps,)`; `result == RESULTS.successful` is
+      an array.
+    - `last`: the last contact.
+    """
+
+    mean_gap: Float[Array, " steps"]
+    mean_pressure: Float[Array, " steps"]
+    contact_area: Float[Array, " steps"]
+    unloading: Bool[Array, " steps"]
+    num_fft_pairs: Float[Array, " steps"]
+    result: RESULTS
+    last: ContactSolution
+
+
+def follow_contact(
+    kernel: Numbers,
+    heights: Numbers,
+    pressure: Numbers | None = None,
+    *,
+    mean_gap: Numbers | None = None,
+    law: AbstractLaw,
+    solver: DouglasRachford | ResidualDynamics = ResidualDynamics(),  # noqa: B008 (immutable)
+    rtol: float = 1e-6,
+    throw: bool = True,
+) -> ContactPath:
+    """Returns the contacts along a path of mean pressures or mean gaps.
+
+    With a law that attracts a contact depends on how it was reached. A path of gaps that begins
+    where the surfaces are apart, closes and opens again follows the loading branch through the
+    snapping into contact and the unloading branch through the snapping out of it, if its steps are
+    small: at a jump it takes the state that the solver finds next. Prefer gaps to pressures: at a
+    given load the whole surface is unstable wherever the pressure rises with the gap.
+
+    Differentiable and usable under `jit`, as `solve_contact`.
+
+    **Arguments:**
+
+    - `pressure` [Pa] or `mean_gap` [m]: the path, shape `(steps,)`.
+    - the others: as in `solve_contact`.
+
+    **Raises:** `ValueError` for a refused argument; `RuntimeError` if a solve fails.
+    """
+    if (pressure is None) == (mean_gap is None):
+        raise ValueError("Give exactly one of `pressure` and `mean_gap`.")
+    name = "pressure" if mean_gap is None else "mean_gap"
+    targets = as_float(pressure if mean_gap is None else mean_gap)
+    if targets.ndim != 1 or len(targets) == 0:
+        raise ValueError(f"`{name}` has shape {targets.shape}; a path of numbers is needed.")
+    if mean_gap is None:
+        check_pressure(targets, law)
+    else:
+        check_values(name, targets, "mean gaps [m] must be finite")
+
+    def solve(target, start):
+        return solve_contact(
+            kernel,
+            heights,
+            law=law,
+            solver=solver,
+            rtol=rtol,
+            start=start,
+            throw=throw,
+            **{name: target},
+        )
+
+    def advance(contact, target):
+        contact = solve(target, contact.pressure)
+        return contact, _summary(contact, law)
+
+    first = solve(targets[0], None)
+    last, rest = jax.lax.scan(advance, first, targets[1:])
+    summary = jax.tree.map(lambda a, b: jnp.concatenate([a[None], b]), _summary(first, law), rest)
+    falling = jnp.diff(targets) < 0
+    unloading = jnp.concatenate([jnp.zeros(1, bool), falling if mean_gap is None else ~falling])
+    gaps, pressures, areas, pairs, result = summary
+    return ContactPath(gaps, pressures, areas, unloading, pairs, result, last)
+
+
+def _summary(contact: ContactSolution, law: AbstractLaw):
+    area = jnp.mean(law.margin(contact.pressure, contact.gap, 1.0) > 0, dtype=contact.gap.dtype)
+    return contact.mean_gap, contact.mean_pressure, area, contact.num_fft_pairs, contact.result

@@ -1,0 +1,199 @@
+"""Residuals molecular dynamics: the gap moves as masses driven by what is left of the equations.
+
+The reference method of M. Scaraggi & D. Comingio (the paper of this package) and of B. N. J.
+Persson & M. Scaraggi, J. Chem. Phys. 141 (2014) 124701. With the residual
+
+    L = -u + (ū + w - h),   w = M σ mode by mode,   σ = f(u) point by point,
+
+the gap u of every point follows m ü = L - c u̇ by damped Verlet steps of length 1 until
+
+    ⟨(L/u)²⟩^(1/2) < ε   and   ⟨[(uⁿ - uⁿ⁻¹)/uⁿ⁻¹]²⟩^(1/2) < ε,
+
+one FFT pair a step. The law must be smooth. No rule for mass and damping is given; those here:
+
+- mass: m = (1 + |M|max k)/2 with k = max(-dσ/du, 0) at the point. With `uniform_mass`, and for laws
+  that attract (which would never come to rest), the largest of them for all points. With a
+  symmetric kernel all frequencies are then below √2, within the 2 that Verlet's method allows.
+- damping: critical for the slowest motion, c = 2 m ω with ω² the Rayleigh quotient of the last step
+  (P. Underwood, Dynamic relaxation, in Computational Methods for Transient Analysis, 1983, 245).
+- mean gap: if the load is prescribed, the ū for which the residuals change the mean pressure by
+  half its error.
+- a point closes at most a tenth of its gap in a step, which keeps σ = f(u) within the law.
+- start: every point alone on a spring, stiff as the solid to a wave of a third of the cell, or
+  twice as stiff as the attraction rises.
+"""
+
+from typing import NamedTuple
+
+import equinox as eqx
+import jax
+import jax.numpy as jnp
+from jax import Array
+from jaxtyping import Float, Inexact
+
+from ..grid import to_field, to_spectrum
+from .adhesion import AdhesiveLJ
+from .douglas_rachford import DouglasRachford, Iterated, pressure_unit, third_mode, to_mean
+from .implicit import Prescribed
+from .law import AbstractLaw, RepulsiveLJ
+
+_LEAST_RATIO = 0.9  # of a point's gaps after and before a step
+_LOAD_RATE = 0.5  # share of the load's error that the residuals work against
+
+
+SmoothLaw = RepulsiveLJ | AdhesiveLJ
+
+
+class ResidualDynamics(eqx.Module):
+    """Settings of residuals molecular dynamics. All static.
+
+    `rtol` of the solve is the ε of both criteria, and `error` the larger of them: of gaps, not of
+    pressures. Derivatives are found by `DouglasRachford`.
+
+    **Fields:**
+
+    - `max_steps`: steps allowed before giving up.
+    - `uniform_mass`: whether all points have one mass whatever the law, as in plain molecular
+      dynamics; that takes many more steps.
+    """
+
+    max_steps: int = eqx.field(default=100_000, static=True)
+    uniform_mass: bool = eqx.field(default=False, static=True)
+
+    def __check_init__(self):
+        if self.max_steps < 1:
+            raise ValueError(f"`max_steps={self.max_steps}` must be at least 1.")
+
+    def solve(
+        self,
+        kernel: Inexact[Array, "*half"],
+        heights: Float[Array, "*shape"],
+        law: AbstractLaw,
+        prescribed: Prescribed,
+        rtol: Float[Array, ""],
+        start: Float[Array, "*shape"] | None,
+    ) -> Iterated:
+        """Returns the contact; `start` is a pressure [Pa] to begin from."""
+        if not isinstance(law, SmoothLaw):
+            raise ValueError(
+                f"`law={law}` is refused: residuals molecular dynamics needs a smooth law, "
+                "`RepulsiveLJ` or `AdhesiveLJ`."
+            )
+        unit = pressure_unit(kernel, heights, prescribed)
+        problem, length = _dimensionless(kernel, heights, law, prescribed, unit)
+        gap = _first_gap(problem, None if start is None else start / unit)
+
+        def running(state: _Motion):
+            return (state.error > rtol) & (state.num_steps < self.max_steps)
+
+        def body(state: _Motion):
+            return _step(problem, state, self.uniform_mass or law.attracts)
+
+        last = jax.lax.while_loop(running, body, _Motion.at_rest(gap))
+        gap = last.gap
+        pressure = problem.law.pressure_at(gap)
+        residual, _ = _residual(problem, gap, pressure, _stiffness(problem.law, gap))
+        mismatch = (
+            problem.law.pressure_at(jnp.maximum(gap + residual, _LEAST_RATIO * gap)) - pressure
+        )
+        if problem.prescribed.pressure is not None:
+            pressure = to_mean(pressure, problem.prescribed.pressure, problem.law.bounds)
+        return Iterated(
+            pressure=pressure * unit,
+            gap=gap * length,
+            mismatch=mismatch * unit,
+            gap_mismatch=-jnp.mean(residual) * length,
+            error=last.error,
+            num_steps=last.num_steps,
+            num_fft_pairs=last.num_steps + jnp.asarray(1 if start is None else 2, gap.dtype),
+        )
+
+    def solve_linear(self, rtol, kernel, weights, rhs, free_mean):
+        """As `DouglasRachford.solve_linear`, which it calls."""
+        return DouglasRachford().solve_linear(rtol, kernel, weights, rhs, free_mean)
+
+
+class _Problem(NamedTuple):
+    kernel: Inexact[Array, "*half"]
+    heights: Float[Array, "*shape"]
+    law: SmoothLaw
+    prescribed: Prescribed
+
+
+class _Motion(NamedTuple):
+    gap: Float[Array, "*shape"]
+    velocity: Float[Array, "*shape"]
+    residual: Float[Array, "*shape"]
+    error: Float[Array, ""]
+    num_steps: Array
+
+    @classmethod
+    def at_rest(cls, gap):
+        still = jnp.zeros_like(gap)
+        return cls(gap, still, still, jnp.asarray(jnp.inf, gap.dtype), jnp.asarray(0))
+
+
+def _dimensionless(kernel, heights, law: SmoothLaw, prescribed: Prescribed, unit):
+    """The problem for pressures in `unit` and lengths such that |M|max = 1, and that length."""
+    kernel = kernel.at[(0,) * kernel.ndim].set(0)
+    length = unit * jnp.max(jnp.abs(kernel))
+    pressure, gap = prescribed
+    scaled = Prescribed(
+        None if pressure is None else pressure / unit, None if gap is None else gap / length
+    )
+    heights = (heights - jnp.mean(heights)) / length
+    return _Problem(kernel * (unit / length), heights, law.in_units(unit, length), scaled), length
+
+
+def _step(problem: _Problem, state: _Motion, uniform_mass: bool) -> _Motion:
+    u, v = state.gap, state.velocity
+    pressure, stiffness = problem.law.pressure_at(u), _stiffness(problem.law, u)
+    residual, load_error = _residual(problem, u, pressure, stiffness)
+    mass = _mass(stiffness)
+    mass = jnp.max(mass) if uniform_mass else mass
+    work, energy = jnp.sum(v * (state.residual - residual)), jnp.sum(mass * v * v)
+    quotient = work / jnp.where(energy > 0, energy, 1)
+    damping = 2 * jnp.sqrt(jnp.minimum(jnp.abs(quotient), 1))
+    v = ((2 - damping) * v + 2 * residual / mass) / (2 + damping)
+    halted = v < (_LEAST_RATIO - 1) * u
+    moved = jnp.where(halted, _LEAST_RATIO * u, u + v)
+    errors = jnp.stack([_rms(residual / u), _rms((moved - u) / u), load_error])
+    return _Motion(moved, jnp.where(halted, 0, v), residual, jnp.max(errors), state.num_steps + 1)
+
+
+def _residual(problem: _Problem, u, pressure, stiffness):
+    """L with the mean gap ū, and the relative error of the load."""
+    displacement = to_field(problem.kernel * to_spectrum(pressure), u.shape)
+    residual = displacement - problem.heights - u
+    if problem.prescribed.gap is not None:
+        return residual + problem.prescribed.gap, jnp.zeros((), u.dtype)
+    assert problem.prescribed.pressure is not None  # one of the two is prescribed
+    excess = jnp.mean(pressure) - problem.prescribed.pressure
+    rate = stiffness / _mass(stiffness)
+    mean_gap = (_LOAD_RATE * excess - jnp.mean(rate * residual)) / jnp.mean(rate)
+    return residual + mean_gap, jnp.abs(excess) / jnp.mean(jnp.abs(pressure))
+
+
+def _mass(stiffness):
+    return (1 + stiffness) / 2
+
+
+def _stiffness(law, u):
+    return jnp.maximum(-jax.jvp(law.pressure_at, (u,), (jnp.ones_like(u),))[1], 0)
+
+
+def _first_gap(problem: _Problem, start):
+    """The gaps of points alone on springs, under a pressure or none."""
+    pressure, mean_gap = problem.prescribed
+    offset = -problem.heights + (0 if mean_gap is None else mean_gap)
+    if start is not None:
+        offset = offset + to_field(problem.kernel * to_spectrum(start), offset.shape)
+    elif pressure is not None:
+        start = pressure
+    spring = 1 / jnp.maximum(1 / jnp.abs(third_mode(problem.kernel)), 2 * problem.law.steepest_rise)
+    rest = (0 if start is None else start) - offset / spring
+    return spring * (problem.law.in_units(1.0, spring).proximal(rest) - rest)
+
+
+def _rms(field):
+    return jnp.sqrt(jnp.mean(field**2))

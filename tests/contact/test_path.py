@@ -1,0 +1,74 @@
+import jax
+import jax.numpy as jnp
+import numpy as np
+import pytest
+
+import graded_contact as gc
+
+N = 64
+KERNEL = gc.stack_kernel(
+    gc.Stack(base=gc.HalfSpace(gc.Elastic(0.75, 0.5))), gc.Grid((N,), 1.0)
+).real
+WAVE = 0.01 * np.cos(2 * np.pi * np.arange(N) / N)
+
+
+def test_path_of_pressures_gives_what_single_solves_give():
+    loads = np.array([0.002, 0.01, 0.02, 0.01])
+    path = gc.follow_contact(
+        KERNEL, WAVE, loads, law=gc.HardWall(), solver=gc.DouglasRachford(), rtol=1e-8
+    )
+    np.testing.assert_allclose(path.mean_pressure, loads, rtol=1e-12)
+    np.testing.assert_array_equal(path.unloading, [False, False, False, True])
+    assert np.all(path.result == gc.RESULTS.successful)
+    for load, gap, area in zip(loads, path.mean_gap, path.contact_area, strict=True):
+        s = gc.solve_contact(KERNEL, WAVE, load, rtol=1e-8)
+        np.testing.assert_allclose(gap, s.mean_gap, rtol=1e-6)
+        assert area == np.mean(s.pressure > 0)
+    np.testing.assert_allclose(path.last.pressure, s.pressure, atol=1e-6 * loads[-1])
+    assert path.num_fft_pairs[1] > 0
+
+
+def test_derivative_along_a_path_is_that_of_its_last_contact():
+    """The start of a solve carries no derivative; what is prescribed does."""
+
+    def work(gaps):
+        path = gc.follow_contact(
+            KERNEL, WAVE, mean_gap=gaps, law=gc.HardWall(), solver=gc.DouglasRachford(), rtol=1e-9
+        )
+        return path.mean_pressure[-1]
+
+    gaps = jnp.array([0.008, 0.004])
+    slope = jax.jit(jax.grad(work))(gaps)
+    step = 1e-7
+    ends = [
+        gc.solve_contact(KERNEL, WAVE, mean_gap=0.004 + d, rtol=1e-11).mean_pressure
+        for d in (step, -step)
+    ]
+    assert slope[0] == 0
+    np.testing.assert_allclose(slope[1], (ends[0] - ends[1]) / (2 * step), rtol=1e-5)
+
+
+@pytest.mark.parametrize(
+    "arguments, message",
+    [
+        (dict(), "`pressure` and `mean_gap`"),
+        (dict(pressure=[1.0], mean_gap=[1.0]), "`pressure` and `mean_gap`"),
+        (dict(pressure=1.0), r"`pressure` has shape \(\)"),
+        (dict(mean_gap=np.ones((2, 2))), r"`mean_gap` has shape \(2, 2\)"),
+        (dict(mean_gap=np.ones(0)), r"`mean_gap` has shape \(0,\)"),
+        (dict(mean_gap=[0.01, np.nan]), r"`mean_gap\[1\]=nan` is refused"),
+        (dict(pressure=[0.01, -0.01]), r"`pressure\[1\]=-0.01` is refused"),
+    ],
+)
+def test_bad_path_is_refused(arguments, message):
+    with pytest.raises(ValueError, match=message):
+        gc.follow_contact(KERNEL, WAVE, **arguments, law=gc.HardWall(), solver=gc.DouglasRachford())
+
+
+def test_failed_step_is_reported():
+    hasty = gc.DouglasRachford(max_steps=2)
+    arguments = dict(mean_gap=np.array([0.008, 0.004]), law=gc.HardWall(), solver=hasty)
+    path = gc.follow_contact(KERNEL, WAVE, **arguments, throw=False)
+    assert np.all(path.result == gc.RESULTS.max_steps_reached)
+    with pytest.raises(RuntimeError, match="max_steps"):
+        gc.follow_contact(KERNEL, WAVE, **arguments)
