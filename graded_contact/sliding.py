@@ -39,7 +39,8 @@ class Sliding(eqx.Module):
 
     **Fields:**
 
-    - `friction`: force opposing the motion over the load [1]; >= 0 for passive materials.
+    - `friction`: force opposing the motion over the load [1]; >= 0 for passive materials, nan
+      where a mean gap leaves no contact.
     - `friction_error`: estimated error of the friction that the solver left [1]. That of the grid
       comes on top, see `geometric_friction`.
     - `contact_area`: fraction of points in contact [1]. A pixel count, without a derivative.
@@ -216,6 +217,8 @@ def area_against_cutoff(
     if cutoffs.ndim != 1 or len(cutoffs) == 0:
         raise ValueError(f"`cutoffs` has shape {cutoffs.shape}; a row of wavenumbers is needed.")
     check_positive("cutoffs", cutoffs, "[rad/m]")
+    if is_concrete(cutoffs) and np.any(np.diff(cutoffs) <= 0):
+        raise ValueError(f"`cutoffs={np.asarray(cutoffs)}` must ascend.")
     kernel, velocity = _kernel_and_velocity(stack, surface, velocity)
     grid = surface.grid
     spectrum, q = to_spectrum(surface.heights), wavenumber(grid)

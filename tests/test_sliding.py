@@ -172,6 +172,7 @@ def test_gradient_by_every_leaf_matches_central_differences(quantity):
     assert checked >= 12
 
 
+@pytest.mark.slow
 def test_gradient_of_slide_is_a_stack():
     gradient = jax.grad(
         lambda s: gc.slide(s, SURFACE, pressure=4e5, velocity=0.1).contact_area_smooth

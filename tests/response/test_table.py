@@ -88,7 +88,11 @@ def one_by_one(stack, index_x, index_y, rtol=None):
     return np.asarray(gc.surface_compliance(stack, q, -qx * SPEED, rtol))
 
 
-@pytest.mark.parametrize("stack, rtol", [(LONG, 1e-9), (GRADED, 1e-7)], ids=["long", "graded"])
+@pytest.mark.parametrize(
+    "stack, rtol",
+    [(LONG, 1e-9), pytest.param(GRADED, 1e-7, marks=pytest.mark.slow)],
+    ids=["long", "graded"],
+)
 def test_kernel_of_a_dear_stack_is_that_of_single_wavevectors(stack, rtol):
     kernel = np.asarray(gc.stack_kernel(stack, GRID, SPEED, rtol))
     index_x, index_y = (
