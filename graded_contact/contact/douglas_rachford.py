@@ -29,7 +29,7 @@ from jax import Array
 from jaxtyping import Float, Inexact
 
 from ..grid import multiplicity, resample_spectrum, to_field, to_spectrum
-from .anderson import History, accelerate, dot
+from .anderson import History, accelerate, sums
 from .implicit import Prescribed
 from .law import AbstractLaw
 
@@ -129,7 +129,7 @@ class DouglasRachford(eqx.Module):
         target = mean_gap / length if free_mean else load / unit
         split = _splitting(kernel, heights, -target if free_mean else target, free_mean)
         z = _start(kernel, heights, law, target, free_mean, guess)
-        z, steps, error = self._iterate(split, law.proximal, z, rtol, participation)
+        z, steps, error = self._iterate(split, law.proximal, z, rtol, _share)
         x = split(z)
         v = 2 * x - z
         y = law.proximal(v)
@@ -164,7 +164,7 @@ class DouglasRachford(eqx.Module):
 
         share = jnp.maximum(jnp.mean(root), 1 / root.size)
         z, _, error = self._iterate(
-            split, lambda v: root * image(v), root * rhs, rtol, lambda _: share
+            split, lambda v: root * image(v), root * rhs, rtol, lambda *_: share
         )
         return eqx.error_if(
             image(2 * split(z) - z),
@@ -186,13 +186,13 @@ class DouglasRachford(eqx.Module):
             image, before, x, y = step(z)
             image, after, *_ = step(image)
             # The spectrum of y - x comes for nothing: steps move z by 2α (y - x).
-            residual = jnp.abs(after - before) / (2 * self.relaxation)
-            defect, stiff = split.power(residual), split.power(split.stiffness * residual)
-            size = dot(x, x)
-            # Pressures below the rounding of the gaps cannot be told from zero.
-            lost = defect <= (8 * jnp.finfo(z.dtype).eps) ** 2 * dot(z, z)
+            defect, stiff = split.powers((after - before) / (2 * self.relaxation))
+            size, scale, total, squared = sums(x * x, z * z, jnp.abs(y), y * y)
             unit = jnp.where(size > 0, size, 1)
-            error = _error(jnp.sqrt(defect / unit), jnp.sqrt(stiff / unit), share_of(y))
+            share = share_of(total, squared, y.size)
+            error = _error(jnp.sqrt(defect / unit), jnp.sqrt(stiff / unit), share)
+            # Pressures below the rounding of the gaps cannot be told from zero.
+            lost = defect <= (8 * jnp.finfo(z.dtype).eps) ** 2 * scale
             return image, jnp.where(lost, 0, error)
 
         def running(state):
@@ -220,10 +220,12 @@ class _Splitting(NamedTuple):
     def __call__(self, z):
         return self.shift + to_field(self.filter * to_spectrum(z), z.shape)
 
-    def power(self, spectrum):
-        """Sum of the squares of the field with this half spectrum."""
+    def powers(self, spectrum):
+        """Sums of squares of the field with this half spectrum, and with that times 1/ρ|M|."""
         shape = self.shift.shape
-        return jnp.sum(multiplicity(shape) * jnp.abs(spectrum) ** 2) / np.prod(shape)
+        weight = jnp.asarray(multiplicity(shape) / np.prod(shape), self.shift.dtype)
+        power = (spectrum.real**2 + spectrum.imag**2) * weight
+        return sums(power, power * self.stiffness**2)
 
 
 def _splitting(kernel, heights, shift, free_mean: bool) -> _Splitting:
@@ -290,9 +292,13 @@ def _error(residual, stiff, share):
 
 def participation(pressure: Float[Array, "*shape"]) -> Float[Array, ""]:
     """Returns ⟨|σ|⟩²/⟨σ²⟩, a measure of the loaded area fraction [1], at least one point's."""
-    squared = jnp.mean(pressure**2)
-    measure = jnp.mean(jnp.abs(pressure)) ** 2 / jnp.where(squared > 0, squared, 1)
-    return jnp.maximum(measure, 1 / pressure.size)
+    total, squared = sums(jnp.abs(pressure), pressure**2)
+    return _share(total, squared, pressure.size)
+
+
+def _share(total, squared, count: int):
+    """The participation, from sums of |σ| and σ² over `count` points."""
+    return jnp.maximum(total**2 / jnp.where(squared > 0, squared, 1), 1) / count
 
 
 def third_mode(kernel: Inexact[Array, "*half"]) -> Inexact[Array, ""]:
