@@ -188,7 +188,7 @@ def material_of(
         times = jnp.append(times, last)
     if not len(times):
         return Prony(equilibrium=glassy, strengths=strengths, times=times, **common)
-    material = Prony.from_creep(glassy, strengths, times, **common)
+    material = Prony.from_creep(glassy, strengths, _apart(times), **common)
     if data.flows:
         material = eqx.tree_at(lambda m: m.equilibrium, material, jnp.zeros_like(glassy))
     return material
@@ -297,3 +297,9 @@ def _equilibrium(theta, data):
     smallest = jnp.min(jnp.where(data.weights > 0, data.values, jnp.inf))
     fitted = jnp.exp(theta[-1])
     return jnp.where(fitted > 1.001 * NEGLIGIBLE * smallest, fitted, 0)
+
+
+def _apart(times):
+    """Retardation times of which none is another's: where a fit let two meet, 1e-6 apart."""
+    meet = jnp.abs(times[:, None] - times) < 1e-7 * times
+    return times * (1 + 1e-6 * jnp.sum(jnp.tril(meet, -1), axis=1))
