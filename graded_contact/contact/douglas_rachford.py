@@ -16,6 +16,7 @@ gradients cannot give.
 P. L. Lions & B. Mercier, SIAM J. Numer. Anal. 16 (1979) 964, doi:10.1137/0716071.
 
 Inside, the kernel is ρM, lengths are in units of that of pressure over ρ: all is dimensionless.
+Large grids find their first digits in single precision, a draft, which moves half as many bytes.
 """
 
 from collections.abc import Callable
@@ -28,8 +29,8 @@ import numpy as np
 from jax import Array
 from jaxtyping import Float, Inexact
 
-from ..grid import multiplicity, resample_spectrum, to_field, to_spectrum
-from .anderson import History, accelerate, sums
+from ..grid import half_shape, multiplicity, resample_spectrum, to_field, to_spectrum
+from .anderson import LARGE, History, accelerate, sample, sums
 from .implicit import Prescribed
 from .law import AbstractLaw
 
@@ -57,7 +58,8 @@ class DouglasRachford(eqx.Module):
 
     - `max_steps`: steps allowed on each grid before giving up.
     - `relaxation`: α [1], between 0 and 1.
-    - `memory`: earlier iterates that the acceleration combines; it stores 2 (memory + 1) fields.
+    - `memory`: earlier iterates that the acceleration combines; each stores two fields, on a large
+      grid three quarters of one.
     - `coarsest`: nesting starts from the first grid with fewer than twice this many points a side.
     """
 
@@ -89,28 +91,34 @@ class DouglasRachford(eqx.Module):
         # A coarse grid would pull surfaces together that on the fine one stay apart.
         nested = start is None and not law.attracts
         shapes = _nested_shapes(shape, self.coarsest) if nested else [shape]
+        heights = heights - jnp.mean(heights)
         spectrum = to_spectrum(heights)
         found, pressure = None, start
         pairs = jnp.asarray(0.5, heights.dtype)
         for level in shapes:
             share = float(np.prod(level) / np.prod(shape))
-            overhead = 2.5 if pressure is None else 3.5
+            finest = level == shape
+            overhead = 1.5 + (pressure is not None) + 0.5 * (not finest)
+            waves = spectrum if finest else resample_spectrum(spectrum, shape, level) * share
             found = self._solve_level(
                 resample_spectrum(kernel, shape, level),
-                to_field(resample_spectrum(spectrum, shape, level) * share, level),
+                heights if finest else to_field(waves, level),
+                waves,
                 law,
                 prescribed,
                 pressure,
-                rtol if level == shape else _COARSE_ERROR,
+                rtol if finest else jnp.asarray(_COARSE_ERROR, rtol.dtype),
             )
             pressure = found.pressure
             pairs = pairs + share * (found.num_steps + overhead)
         assert found is not None  # there is at least one grid
         return found._replace(num_fft_pairs=pairs)
 
-    def _solve_level(self, kernel, heights, law, prescribed, guess, rtol) -> Iterated:
-        """Solves on one grid, from a pressure on a coarser one or from none."""
-        heights = heights - jnp.mean(heights)
+    def _solve_level(self, kernel, heights, waves, law, prescribed, guess, rtol) -> Iterated:
+        """Solves on one grid, from a pressure on a coarser one or from none.
+
+        `waves` is the spectrum of the heights, whose mean is zero.
+        """
         unit = pressure_unit(kernel, heights, prescribed)
         if guess is None:
             share = jnp.asarray(_COLD_PARTICIPATION, heights.dtype)
@@ -127,8 +135,16 @@ class DouglasRachford(eqx.Module):
         load, mean_gap = prescribed
         free_mean = load is None
         target = mean_gap / length if free_mean else load / unit
-        split = _splitting(kernel, heights, -target if free_mean else target, free_mean)
+        shift = -target if free_mean else target
+        split = _splitting(kernel, waves / length, heights.shape, shift, free_mean)
         z = _start(kernel, heights, law, target, free_mean, guess)
+        drafted = jnp.asarray(0)
+        if z.size >= LARGE and z.dtype == jnp.float64:
+            draft, draft_law, start = _to_single((split, law, z))
+            start, drafted, _ = self._iterate(
+                draft, draft_law.proximal, start, rtol.astype(start.dtype), _share, draft=True
+            )
+            z = start.astype(z.dtype)
         z, steps, error = self._iterate(split, law.proximal, z, rtol, _share)
         x = split(z)
         v = 2 * x - z
@@ -139,7 +155,7 @@ class DouglasRachford(eqx.Module):
             mismatch=(x - y) * unit,
             gap_mismatch=jnp.mean(y - x) * length,
             error=error,
-            num_steps=steps,
+            num_steps=drafted + steps,
             num_fft_pairs=jnp.asarray(jnp.nan, y.dtype),
         )
 
@@ -157,7 +173,7 @@ class DouglasRachford(eqx.Module):
         penalty. Unless `free_mean`, τ and rhs are orthogonal to √|s|.
         """
         root, sign = jnp.sqrt(jnp.abs(weights)), jnp.where(weights < 0, -1, 1)
-        split = _splitting(kernel, jnp.zeros_like(rhs), 0.0, free_mean)
+        split = _splitting(kernel, None, rhs.shape, jnp.zeros_like(rhs), free_mean)
 
         def image(v):
             return sign * (rhs + root * v)
@@ -173,8 +189,21 @@ class DouglasRachford(eqx.Module):
             "`max_steps` of the solver, or loosen `rtol`.",
         )
 
-    def _iterate(self, split: "_Splitting", proximal: Callable, z, rtol, share_of: Callable):
-        """Returns the fixed point z, the number of steps and the estimated relative error."""
+    def _iterate(
+        self,
+        split: "_Splitting",
+        proximal: Callable,
+        z: Float[Array, "*shape"],
+        rtol: Float[Array, ""],
+        share_of: Callable,
+        draft: bool = False,
+    ):
+        """Returns the fixed point z, the number of steps and the estimated relative error.
+
+        A `draft` ends when rounding alone would cause the error.
+        """
+        eps, rows = jnp.finfo(z.dtype).eps, sample(z.size)
+        rounding = 4 * eps * jnp.stack([jnp.ones_like(split.sharpness), split.sharpness])
 
         def step(z):
             spectrum = to_spectrum(z)
@@ -186,13 +215,17 @@ class DouglasRachford(eqx.Module):
             image, before, x, y = step(z)
             image, after, *_ = step(image)
             # The spectrum of y - x comes for nothing: steps move z by 2α (y - x).
-            defect, stiff = split.powers((after - before) / (2 * self.relaxation))
-            size, scale, total, squared = sums(x * x, z * z, jnp.abs(y), y * y)
+            change = (after[rows] - before[rows]) / (2 * self.relaxation)
+            defect, stiff = split.powers(change, rows)
+            x, y, kept = x[rows], y[rows], z[rows]
+            size, scale, total, squared = sums(x * x, kept * kept, jnp.abs(y), y * y)
             unit = jnp.where(size > 0, size, 1)
             share = share_of(total, squared, y.size)
             error = _error(jnp.sqrt(defect / unit), jnp.sqrt(stiff / unit), share)
             # Pressures below the rounding of the gaps cannot be told from zero.
-            lost = defect <= (8 * jnp.finfo(z.dtype).eps) ** 2 * scale
+            lost = defect <= (8 * eps) ** 2 * scale
+            if draft:
+                lost |= error <= _error(*(rounding * jnp.sqrt(scale / unit)), share)
             return image, jnp.where(lost, 0, error)
 
         def running(state):
@@ -200,11 +233,9 @@ class DouglasRachford(eqx.Module):
 
         def body(state):
             image, error = cycle(state.z)
-            following = accelerate(state, image, error)
             # Steps never raise the residual of a law without attraction, acceleration may: the
             # last image has at most the residual that ended the loop.
-            z = jnp.where(error > rtol, following.z, image)
-            return eqx.tree_at(lambda h: h.z, following, z)
+            return accelerate(state, image, error, going_on=error > rtol)
 
         state = jax.lax.while_loop(running, body, History.empty(z, self.memory + 1))
         return state.z, state.cycles * _CYCLE, state.error
@@ -216,25 +247,42 @@ class _Splitting(NamedTuple):
     filter: Inexact[Array, "*half"]
     shift: Float[Array, "*shape"]
     stiffness: Float[Array, "*half"]  # 1/ρ|M|, 0 for the mean
+    sharpness: Float[Array, ""]  # its root mean square
 
     def __call__(self, z):
         return self.shift + to_field(self.filter * to_spectrum(z), z.shape)
 
-    def powers(self, spectrum):
-        """Sums of squares of the field with this half spectrum, and with that times 1/ρ|M|."""
-        shape = self.shift.shape
-        weight = jnp.asarray(multiplicity(shape) / np.prod(shape), self.shift.dtype)
-        power = (spectrum.real**2 + spectrum.imag**2) * weight
-        return sums(power, power * self.stiffness**2)
+    def powers(self, spectrum, rows):
+        """Sums of squares of a field with these rows of a half spectrum, and of 1/ρ|M| times it."""
+        power = (spectrum.real**2 + spectrum.imag**2) * _weight(self.shift)[rows]
+        return sums(power, power * self.stiffness[rows] ** 2)
 
 
-def _splitting(kernel, heights, shift, free_mean: bool) -> _Splitting:
-    """`shift` is the mean of x, or with `free_mean` that of x - z."""
+def _splitting(kernel, waves, shape, shift, free_mean: bool) -> _Splitting:
+    """Of heights with the spectrum `waves`; `shift` is the mean of x, or if free of x - z."""
     mean = (0,) * kernel.ndim
     filter = (1 / (1 + kernel)).at[mean].set(1 if free_mean else 0)
     stiffness = (1 / jnp.abs(kernel)).at[mean].set(0)
-    shift = shift + to_field(filter * to_spectrum(heights), heights.shape)
-    return _Splitting(filter, shift, stiffness)
+    if waves is not None:
+        shift = shift + to_field(filter * waves, shape)
+    sharpness = jnp.sqrt(jnp.sum(_weight(shift) * stiffness**2))
+    return _Splitting(filter, shift, stiffness, sharpness)
+
+
+def _weight(field):
+    """What a squared mode of the half spectrum of a field adds to the sum of its squares."""
+    weight = jnp.asarray(multiplicity(field.shape) / field.size, field.dtype)
+    return jnp.broadcast_to(weight, half_shape(field.shape))
+
+
+def _to_single(tree):
+    """The same numbers in single precision."""
+
+    def convert(a):
+        single = jnp.complex64 if jnp.iscomplexobj(a) else jnp.float32
+        return a.astype(single) if eqx.is_inexact_array(a) else a
+
+    return jax.tree.map(convert, tree)
 
 
 def _start(kernel, heights, law, target, free_mean: bool, guess):

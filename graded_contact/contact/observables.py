@@ -14,6 +14,7 @@ the difference of the two tells the error of the grid.
 
 from itertools import pairwise
 
+import jax
 import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Bool, Float, Inexact
@@ -48,8 +49,7 @@ def friction(
     `profile` f [m] is the displacement w of the solid, or the heights h of the surface: see
     above for how the two differ. At rest the direction is x.
     """
-    slope, _ = _slope_along(profile, grid, velocity)
-    return -jnp.mean(pressure * slope) / jnp.mean(pressure)
+    return -jnp.sum(_work(pressure, profile, grid, velocity)) / jnp.mean(pressure)
 
 
 def dissipation(
@@ -65,7 +65,7 @@ def dissipation(
     """
     omega = -_project(grid, jnp.atleast_1d(as_float(velocity)))
     amplitude = to_spectrum(pressure) / np.prod(grid.shape)
-    power = jnp.abs(amplitude) ** 2 * -omega * jnp.imag(kernel)
+    power = (amplitude.real**2 + amplitude.imag**2) * -omega * jnp.imag(kernel)
     return power * multiplicity(grid.shape)
 
 
@@ -120,9 +120,7 @@ def cumulative_friction(
     if num_wavenumbers < 2:
         raise ValueError(f"`num_wavenumbers={num_wavenumbers}` must be at least 2.")
     q = wavenumber(grid)
-    slope = _project(grid, _along(velocity)[0])
-    work = (jnp.conj(to_spectrum(pressure)) * 1j * slope * to_spectrum(displacement)).real
-    work = work * multiplicity(grid.shape) / np.prod(grid.shape) ** 2
+    work = _work(pressure, displacement, grid, velocity)
     edges = jnp.geomspace(2 * np.pi / jnp.max(grid.size), jnp.max(q), num_wavenumbers)
     # Waves on an edge belong to it, whatever the rounding.
     place = jnp.searchsorted(edges, q.ravel() * (1 - 1e-6))
@@ -195,16 +193,22 @@ def contact_area_smooth(margin: Float[Array, "*shape"]) -> Float[Array, ""]:
     """
     if margin.ndim == 1:
         return jnp.mean(_positive_part_of_segment(margin, jnp.roll(margin, -1)))
-    right, up = jnp.roll(margin, -1, 0), jnp.roll(margin, -1, 1)
-    corner = jnp.roll(right, -1, 1)
-    centre = (margin + right + up + corner) / 4
-    ring = (margin, right, corner, up, margin)
-    total = jnp.zeros((), margin.dtype)
-    for a, b in pairwise(ring):
-        area, length = _triangle(a, b, centre)
-        total = total + jnp.mean(area - _CONTOUR_OFFSET * length)
+
+    # Row by row, and again for a derivative: whole fields of intermediate values cost more.
+    @jax.checkpoint
+    def add_row(total, sides):
+        left, right = sides
+        up, corner = jnp.roll(left, -1), jnp.roll(right, -1)
+        centre = (left + right + up + corner) / 4
+        for a, b in pairwise((left, right, corner, up, left)):
+            area, length = _triangle(a, b, centre)
+            total = total + (area - _CONTOUR_OFFSET * length)
+        return total, None
+
+    rows = (margin, jnp.roll(margin, -1, 0))
+    total, _ = jax.lax.scan(add_row, jnp.zeros_like(margin[0]), rows)
     # A contact of a few pixels is smaller than its own correction.
-    return jnp.maximum(total, 0)
+    return jnp.maximum(jnp.mean(total) / len(margin), 0)
 
 
 def _positive_part_of_segment(a, b):
@@ -216,26 +220,33 @@ def _positive_part_of_segment(a, b):
 
 def _triangle(a, b, c):
     """Area where the interpolant of a, b (one apart) and c (centre) is positive, and contour."""
-    signs = [v > 0 for v in (a, b, c)]
-    # The vertex that stands alone with its sign, if there is one.
-    alone = [(signs[i] != signs[(i + 1) % 3]) & (signs[i] != signs[(i + 2) % 3]) for i in range(3)]
-    area, length = jnp.where(signs[0], 0.25, 0.0).astype(a.dtype), jnp.zeros_like(a)
-    for i, v in enumerate((a, b, c)):
-        first, second = (a, b, c)[(i + 1) % 3], (a, b, c)[(i + 2) % 3]
-        # How far along each side the contour cuts it, seen from the lone vertex.
-        s = v / jnp.where(alone[i], v - first, 1)
-        t = v / jnp.where(alone[i], v - second, 1)
-        cut = 0.25 * s * t
-        area = jnp.where(alone[i], jnp.where(signs[i], cut, 0.25 - cut), area)
-        if i == 0:
-            squared = s * s - s * t + t * t / 2
-        elif i == 1:
-            squared = s * s / 2 - s * t + t * t
-        else:
-            squared = (s * s + t * t) / 2
-        crossed = alone[i] & (squared > 0)
-        length = jnp.where(crossed, jnp.sqrt(jnp.where(crossed, squared, 1)), length)
-    return area, length
+    in_a, in_b, in_c = a > 0, b > 0, c > 0
+    # The vertex that stands alone with its sign, if there is one, and the two after it.
+    by_a, by_b = (in_a != in_b) & (in_a != in_c), (in_b != in_a) & (in_b != in_c)
+    by_c = (in_c != in_a) & (in_c != in_b)
+    lone = jnp.where(by_a, a, jnp.where(by_b, b, c))
+    first = jnp.where(by_a, b, jnp.where(by_b, c, a))
+    second = jnp.where(by_a, c, jnp.where(by_b, a, b))
+    cut = by_a | by_b | by_c
+    # How far along each side the contour cuts it, seen from the lone vertex.
+    s = lone / jnp.where(cut, lone - first, 1)
+    t = lone / jnp.where(cut, lone - second, 1)
+    corner = 0.25 * s * t
+    whole = jnp.where(in_a, 0.25, 0.0).astype(a.dtype)
+    area = jnp.where(cut, jnp.where(lone > 0, corner, 0.25 - corner), whole)
+    # Sides between a or b and c are 1/√2 long, at right angles in c.
+    squared = jnp.where(by_a, 1, 0.5) * s * s + jnp.where(by_b, 1, 0.5) * t * t
+    squared = squared - jnp.where(by_c, 0, s * t)
+    crossed = cut & (squared > 0)
+    return area, jnp.where(crossed, jnp.sqrt(jnp.where(crossed, squared, 1)), 0)
+
+
+def _work(pressure, profile, grid, velocity):
+    """⟨σ ∂f/∂x_v⟩ [Pa], x_v along the velocity, of each mode and its conjugate."""
+    slope = _project(grid, _along(velocity)[0])
+    # The real part of conj(σ) i q f.
+    found = -slope * (jnp.conj(to_spectrum(pressure)) * to_spectrum(profile)).imag
+    return found * multiplicity(grid.shape) / np.prod(grid.shape) ** 2
 
 
 def _slope_along(field, grid, velocity):

@@ -1,10 +1,12 @@
+from functools import partial
+
 import jax
 import jax.numpy as jnp
 import numpy as np
 
 from graded_contact.contact.anderson import History, accelerate
 
-step = jax.jit(accelerate)
+step = partial(jax.jit(accelerate), going_on=True)
 
 
 def run(matrix, b, memory, cycles):
@@ -47,3 +49,12 @@ def test_misleading_history_is_forgotten():
     assert near.count == 1
     assert far.count == 1
     np.testing.assert_allclose(far.z, near.z + 1.0)
+
+
+def test_last_step_is_the_image_alone():
+    start = History.empty(jnp.zeros(2), 4)
+    first = step(start, jnp.array([1.0, 0.0]), jnp.asarray(1.0))
+    image = jnp.array([1.5, 0.1])
+    last = accelerate(first, image, jnp.asarray(0.1), going_on=False)
+    np.testing.assert_array_equal(last.z, image)
+    assert not np.array_equal(step(first, image, jnp.asarray(0.1)).z, image)
