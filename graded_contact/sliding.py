@@ -171,7 +171,7 @@ def _observe(
             sigma, contact.mismatch, contact.error, kernel, grid, velocity
         ),
         contact_area=contact_area(touching).astype(sigma.dtype),
-        contact_area_error=contact_area_error(margin, contact.mismatch),
+        contact_area_error=contact_area_error(margin, sigma, contact.error),
         contact_area_corrected=contact_area_corrected(touching).astype(sigma.dtype),
         contact_area_smooth=contact_area_smooth(margin),
         geometric_friction=friction(sigma, heights, grid, velocity),

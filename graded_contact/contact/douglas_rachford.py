@@ -34,7 +34,7 @@ from .anderson import LARGE, History, accelerate, sample, sums
 from .implicit import Prescribed
 from .law import AbstractLaw
 
-_COARSE_ERROR = 0.1  # of the nested coarse grids, which only give a start
+_COARSE_ERROR = 0.02  # of the nested coarse grids, which only give a start
 _COLD_PARTICIPATION = 0.05  # ⟨σ⟩²/⟨σ²⟩ expected before anything is known
 _CYCLE = 2  # steps between accelerations
 
@@ -335,7 +335,7 @@ def _error(residual, stiff, share):
     viscoelastic, layered and homogeneous bodies from a thousandth in contact to full contact; see
     `bench_contact.py random`.
     """
-    return 1.5 * share**-0.25 * (residual + stiff)
+    return 1.7 * share**-0.25 * (residual + stiff)
 
 
 def participation(pressure: Float[Array, "*shape"]) -> Float[Array, ""]:

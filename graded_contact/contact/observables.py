@@ -80,7 +80,7 @@ def friction_error(
     """Returns an estimate of the error of the friction coefficient that the solver left [1].
 
     The difference between the friction of the solid's pressure, `pressure + mismatch`, and that of
-    the law's, and three tenths of the relative `error` of the pressure where the two agree by
+    the law's, and four tenths of the relative `error` of the pressure where the two agree by
     chance. At rest it is zero. The error of the grid comes on top.
     """
     velocity = jnp.atleast_1d(as_float(velocity))
@@ -91,7 +91,7 @@ def friction_error(
         return lost / (jnp.mean(pressure) * jnp.where(speed > 0, speed, 1))
 
     mu = of(pressure)
-    return jnp.abs(of(pressure + mismatch) - mu) + 0.3 * error * jnp.abs(mu)
+    return jnp.abs(of(pressure + mismatch) - mu) + 0.4 * error * jnp.abs(mu)
 
 
 def cumulative_friction(
@@ -165,14 +165,14 @@ def contact_area_corrected(contact: Bool[Array, "*shape"]) -> Float[Array, ""]:
 
 
 def contact_area_error(
-    margin: Float[Array, "*shape"], mismatch: Float[Array, "*shape"]
+    margin: Float[Array, "*shape"], pressure: Float[Array, "*shape"], error: Float[Array, ""]
 ) -> Float[Array, ""]:
     """Returns the fraction of points that may be on the wrong side of the edge of contact [1].
 
-    Those whose margin (see `AbstractLaw.margin`) [Pa] is below three times the root mean square of
-    the mismatch [Pa] that the solver left. The error of the grid comes on top.
+    Those whose margin (see `AbstractLaw.margin`) [Pa] is below twice the root mean square error of
+    the pressure, given its relative `error`. The error of the grid comes on top.
     """
-    doubt = 3 * jnp.sqrt(jnp.mean(mismatch**2))
+    doubt = 2 * error * jnp.sqrt(jnp.mean(pressure**2))
     return jnp.mean(jnp.abs(margin) < doubt, dtype=margin.dtype)
 
 

@@ -264,7 +264,9 @@ def test_stated_errors_of_friction_and_area_cover_the_true_ones():
                     )
                     assert 0 < stated <= 3 * rtol * mu
                     covered.append(stated >= abs(mu - true))
-                    doubt = observables.contact_area_error(margin(s, kernel, GRID), s.mismatch)
+                    doubt = observables.contact_area_error(
+                        margin(s, kernel, GRID), s.pressure, s.error
+                    )
                     wrong = np.mean((s.pressure > 0) != (best.pressure > 0))
                     inside.append(doubt >= wrong)
     assert np.mean(covered) >= 0.9
