@@ -27,7 +27,8 @@ def overhead(options):
     print(
         "# solve: wall time over FFT pairs times that of a bare pair in a lax loop, same backend;"
     )
-    print("# slide: with kernel and observables; rtol = 1e-6")
+    print("# slide: with kernel and observables; rtol = 1e-6; from N = 512 on the first digits are")
+    print("# found in single precision, whose pairs count as whole ones")
     print(
         f"{'backend':8s} {'body':12s} {'p/E_r':>5s} {'N':>5s} {'pair ms':>8s} {'pairs':>7s} "
         f"{'solve s':>8s} {'x pairs':>8s} {'slide s':>8s} {'x pairs':>8s}",

@@ -1,5 +1,6 @@
 """Surfaces, bodies and measures shared by the sections of `bench_contact.py`."""
 
+import os
 import platform
 import statistics
 import time
@@ -134,3 +135,5 @@ def print_versions(peers=()):
         f"# {device} ({platform.machine()}), {large[0]}, python {platform.python_version()}; "
         f"transforms of large fields by {large[1]}"
     )
+    if tunables := os.environ.get("GLIBC_TUNABLES"):
+        print(f"# GLIBC_TUNABLES={tunables}")

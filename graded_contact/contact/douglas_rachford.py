@@ -16,7 +16,8 @@ gradients cannot give.
 P. L. Lions & B. Mercier, SIAM J. Numer. Anal. 16 (1979) 964, doi:10.1137/0716071.
 
 Inside, the kernel is ρM, lengths are in units of that of pressure over ρ: all is dimensionless.
-Large grids find their first digits in single precision, a draft, which moves half as many bytes.
+Large grids find their first digits in single precision, a draft, which moves half as many bytes. A
+solve that takes long begins again with the penalty that suits the area found in contact.
 """
 
 from collections.abc import Callable
@@ -37,6 +38,7 @@ from .law import AbstractLaw
 _COARSE_ERROR = 0.02  # of the nested coarse grids, which only give a start
 _COLD_PARTICIPATION = 0.05  # ⟨σ⟩²/⟨σ²⟩ expected before anything is known
 _CYCLE = 2  # steps between accelerations
+_EPOCH = 50  # steps before the penalty is chosen anew; then as many as were done
 
 
 class Iterated(NamedTuple):
@@ -48,7 +50,7 @@ class Iterated(NamedTuple):
     gap_mismatch: Float[Array, ""]  # mean gap of the law less that of the solid [m]
     error: Float[Array, ""]  # estimated, of the pressure, relative
     num_steps: Array  # on the finest grid
-    num_fft_pairs: Float[Array, ""]  # of all grids, in units of one on the finest
+    num_fft_pairs: Float[Array, ""]  # of all grids, coarse ones by their size
 
 
 class DouglasRachford(eqx.Module):
@@ -98,7 +100,6 @@ class DouglasRachford(eqx.Module):
         for level in shapes:
             share = float(np.prod(level) / np.prod(shape))
             finest = level == shape
-            overhead = 1.5 + (pressure is not None) + 0.5 * (not finest)
             waves = spectrum if finest else resample_spectrum(spectrum, shape, level) * share
             found = self._solve_level(
                 resample_spectrum(kernel, shape, level),
@@ -110,7 +111,7 @@ class DouglasRachford(eqx.Module):
                 rtol if finest else jnp.asarray(_COARSE_ERROR, rtol.dtype),
             )
             pressure = found.pressure
-            pairs = pairs + share * (found.num_steps + overhead)
+            pairs = pairs + share * (found.num_fft_pairs + (0 if finest else 0.5))
         assert found is not None  # there is at least one grid
         return found._replace(num_fft_pairs=pairs)
 
@@ -135,28 +136,58 @@ class DouglasRachford(eqx.Module):
         load, mean_gap = prescribed
         free_mean = load is None
         target = mean_gap / length if free_mean else load / unit
-        shift = -target if free_mean else target
-        split = _splitting(kernel, waves / length, heights.shape, shift, free_mean)
+
+        def at(factor):
+            """The splitting and the law with a penalty this many times as large."""
+            shift = -factor * target if free_mean else target
+            scaled = waves * (factor / length)
+            split = _splitting(factor * kernel, scaled, heights.shape, shift, free_mean)
+            return split, law.in_units(1.0, 1 / factor)
+
         z = _start(kernel, heights, law, target, free_mean, guess)
+        begun = jnp.asarray(0.0 if guess is None else 1.0, z.dtype)  # FFT pairs
         drafted = jnp.asarray(0)
         if z.size >= LARGE and z.dtype == jnp.float64:
-            draft, draft_law, start = _to_single((split, law, z))
-            start, drafted, _ = self._iterate(
-                draft, draft_law.proximal, start, rtol.astype(start.dtype), _share, draft=True
+            split, near, draft = _to_single((*at(1.0), z))
+            aim = rtol.astype(draft.dtype)
+            draft, drafted, _ = self._iterate(
+                split, near.proximal, draft, aim, _share, self.max_steps, draft=True
             )
-            z = start.astype(z.dtype)
-        z, steps, error = self._iterate(split, law.proximal, z, rtol, _share)
-        x = split(z)
-        v = 2 * x - z
-        y = law.proximal(v)
+            z, begun = draft.astype(z.dtype), begun + drafted + 0.5
+
+        def begin_again(z, factor):
+            """The same pressures and gaps with the penalty for the area in contact by now."""
+            split, near = at(factor)
+            _, y, gap = _meet(split, near, z)
+            change = penalty_for(factor * kernel, participation(y), near)
+            return y + change * gap, factor * change
+
+        def epoch(state):
+            z, factor, steps, epochs, _ = state
+            z, factor = jax.lax.cond(epochs > 0, begin_again, lambda *same: same, z, factor)
+            split, near = at(factor)
+            limit = jnp.clip(steps, _EPOCH, self.max_steps - steps)
+            z, more, error = self._iterate(split, near.proximal, z, rtol, _share, limit)
+            return z, factor, steps + more, epochs + 1, error
+
+        def running(state):
+            _, _, steps, _, error = state
+            return (error > rtol) & (steps < self.max_steps)
+
+        one, none = jnp.ones((), z.dtype), jnp.asarray(0)
+        state = (z, one, none, none, one * jnp.inf)
+        z, factor, steps, epochs, error = jax.lax.while_loop(running, epoch, state)
+        x, y, gap = _meet(*at(factor), z)
+        length = length / factor
         return Iterated(
             pressure=unit * (y if free_mean else to_mean(y, target, law.bounds)),
-            gap=(y - v) * length,
+            gap=gap * length,
             mismatch=(x - y) * unit,
             gap_mismatch=jnp.mean(y - x) * length,
             error=error,
             num_steps=drafted + steps,
-            num_fft_pairs=jnp.asarray(jnp.nan, y.dtype),
+            # An epoch takes one half beside its steps, beginning again 1.5, the last lines 1.5.
+            num_fft_pairs=begun + steps + 2.0 * epochs,
         )
 
     def solve_linear(
@@ -180,7 +211,7 @@ class DouglasRachford(eqx.Module):
 
         share = jnp.maximum(jnp.mean(root), 1 / root.size)
         z, _, error = self._iterate(
-            split, lambda v: root * image(v), root * rhs, rtol, lambda *_: share
+            split, lambda v: root * image(v), root * rhs, rtol, lambda *_: share, self.max_steps
         )
         return eqx.error_if(
             image(2 * split(z) - z),
@@ -196,6 +227,7 @@ class DouglasRachford(eqx.Module):
         z: Float[Array, "*shape"],
         rtol: Float[Array, ""],
         share_of: Callable,
+        max_steps: Array | int,
         draft: bool = False,
     ):
         """Returns the fixed point z, the number of steps and the estimated relative error.
@@ -229,7 +261,7 @@ class DouglasRachford(eqx.Module):
             return image, jnp.where(lost, 0, error)
 
         def running(state):
-            return (state.error > rtol) & (state.cycles * _CYCLE < self.max_steps)
+            return (state.error > rtol) & (state.cycles * _CYCLE < max_steps)
 
         def body(state):
             image, error = cycle(state.z)
@@ -256,6 +288,14 @@ class _Splitting(NamedTuple):
         """Sums of squares of a field with these rows of a half spectrum, and of 1/ρ|M| times it."""
         power = (spectrum.real**2 + spectrum.imag**2) * _weight(self.shift)[rows]
         return sums(power, power * self.stiffness[rows] ** 2)
+
+
+def _meet(split: _Splitting, law: AbstractLaw, z):
+    """The pressures of solid and law, x and y, and the gap at which the law has the latter."""
+    x = split(z)
+    v = 2 * x - z
+    y = law.proximal(v)
+    return x, y, y - v
 
 
 def _splitting(kernel, waves, shape, shift, free_mean: bool) -> _Splitting:
@@ -315,14 +355,14 @@ def _start(kernel, heights, law, target, free_mean: bool, guess):
 def penalty_for(
     kernel: Inexact[Array, "*half"], participation: Float[Array, ""] | float, law: AbstractLaw
 ) -> Float[Array, ""]:
-    """ρ = 1.4 s^(1/3)/√(|M| at three times the lowest wavenumber × least |M|) [Pa/m].
+    """ρ = 1.8 s^0.4/√(|M| at three times the lowest wavenumber × least |M|) [Pa/m].
 
     Found by measurement: it balances the softest modes, which carry the displacement, against
     the stiffest, which carry the edges of the contact; s is ⟨|σ|⟩²/⟨σ²⟩. For a law that attracts,
     at least twice its steepest rise, so that its proximal map is single-valued.
     """
     long = jnp.abs(third_mode(kernel))
-    penalty = 1.4 * jnp.cbrt(participation) / jnp.sqrt(long * least_compliance(kernel))
+    penalty = 1.8 * participation**0.4 / jnp.sqrt(long * least_compliance(kernel))
     return jax.lax.stop_gradient(jnp.maximum(penalty, 2 * law.steepest_rise))
 
 
@@ -335,7 +375,7 @@ def _error(residual, stiff, share):
     viscoelastic, layered and homogeneous bodies from a thousandth in contact to full contact; see
     `bench_contact.py random`.
     """
-    return 1.7 * share**-0.25 * (residual + stiff)
+    return share**-0.45 * (residual + stiff)
 
 
 def participation(pressure: Float[Array, "*shape"]) -> Float[Array, ""]:

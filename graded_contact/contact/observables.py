@@ -80,7 +80,7 @@ def friction_error(
     """Returns an estimate of the error of the friction coefficient that the solver left [1].
 
     The difference between the friction of the solid's pressure, `pressure + mismatch`, and that of
-    the law's, and four tenths of the relative `error` of the pressure where the two agree by
+    the law's, and twice the relative `error` of the pressure where the two agree by
     chance. At rest it is zero. The error of the grid comes on top.
     """
     velocity = jnp.atleast_1d(as_float(velocity))
@@ -91,7 +91,7 @@ def friction_error(
         return lost / (jnp.mean(pressure) * jnp.where(speed > 0, speed, 1))
 
     mu = of(pressure)
-    return jnp.abs(of(pressure + mismatch) - mu) + 0.4 * error * jnp.abs(mu)
+    return jnp.abs(of(pressure + mismatch) - mu) + 2 * error * jnp.abs(mu)
 
 
 def cumulative_friction(
@@ -169,10 +169,10 @@ def contact_area_error(
 ) -> Float[Array, ""]:
     """Returns the fraction of points that may be on the wrong side of the edge of contact [1].
 
-    Those whose margin (see `AbstractLaw.margin`) [Pa] is below twice the root mean square error of
-    the pressure, given its relative `error`. The error of the grid comes on top.
+    Those whose margin (see `AbstractLaw.margin`) [Pa] is below three times the root mean square
+    error of the pressure, given its relative `error`. The error of the grid comes on top.
     """
-    doubt = 2 * error * jnp.sqrt(jnp.mean(pressure**2))
+    doubt = 3 * error * jnp.sqrt(jnp.mean(pressure**2))
     return jnp.mean(jnp.abs(margin) < doubt, dtype=margin.dtype)
 
 

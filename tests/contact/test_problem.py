@@ -11,7 +11,7 @@ import graded_contact as gc
 from graded_contact import reference
 from graded_contact.contact import anderson, douglas_rachford
 from graded_contact.contact.observables import contact_area_corrected, friction
-from graded_contact.grid import half_shape
+from graded_contact.grid import half_shape, wavenumber, wavevector
 
 SMALL = gc.Grid((16, 16), 1.0)
 GRID = gc.Grid((64, 64), 1.0)
@@ -171,7 +171,7 @@ def test_warm_start_at_the_solution_costs_next_to_nothing():
     cold = gc.solve_contact(kernel, heights, 0.05)
     warm = gc.solve_contact(kernel, heights, 0.05, start=cold.pressure)
     near = gc.solve_contact(kernel, heights, 0.055, start=cold.pressure)
-    assert warm.num_steps <= 4
+    assert warm.num_steps <= 6
     assert near.num_steps < cold.num_steps
 
 
@@ -256,10 +256,22 @@ def test_nan_met_inside_is_reported_as_such():
     assert found.result == gc.RESULTS.not_finite
 
 
+def test_a_single_point_carries_the_load_of_a_body_of_great_contrast():
+    """Far from what a cold start expects; once not reached in 4000 steps."""
+    q = np.asarray(wavenumber(GRID))
+    kernel = np.where(q > 0, q, 1) ** -2.5 * np.exp(1j * np.sign(wavevector(GRID)[0]))
+    heights = np.asarray(rough(GRID).heights)
+    load = 1e-4 * np.std(heights) / abs(kernel[3, 0])
+    found = gc.solve_contact(kernel, heights, load, rtol=1e-5)
+    assert np.sum(found.pressure > 0) == 1
+    assert np.argmax(found.pressure) == np.argmax(heights)
+    assert found.num_steps <= 600
+
+
 def test_counted_transforms_are_those_of_the_grids():
     kernel, heights = gc.stack_kernel(BODIES["coated"], GRID, SPEED), rough(GRID).heights
     flat = gc.solve_contact(kernel, heights, 0.05)  # 64 points: no nesting
-    assert flat.num_fft_pairs == flat.num_steps + 3
+    assert flat.num_fft_pairs == flat.num_steps + 3.5
     nested = gc.solve_contact(kernel, heights, 0.05, solver=gc.DouglasRachford(coarsest=32))
     assert nested.num_fft_pairs > nested.num_steps + 4
 
