@@ -147,12 +147,9 @@ class DouglasRachford(eqx.Module):
         z = _start(kernel, heights, law, target, free_mean, guess)
         begun = jnp.asarray(0.0 if guess is None else 1.0, z.dtype)  # FFT pairs
         drafted = jnp.asarray(0)
-        if z.size >= LARGE and z.dtype == jnp.float64:
+        if _is_large(z):
             split, near, draft = _to_single((*at(1.0), z))
-            aim = rtol.astype(draft.dtype)
-            draft, drafted, _ = self._iterate(
-                split, near.proximal, draft, aim, _share, self.max_steps, draft=True
-            )
+            draft, drafted = self._draft(split, near.proximal, draft, rtol, _share)
             z, begun = draft.astype(z.dtype), begun + drafted + 0.5
 
         def begin_again(z, factor):
@@ -203,22 +200,35 @@ class DouglasRachford(eqx.Module):
         The same iteration for a law linearised at a solution, y = s v; `kernel` includes the
         penalty. Unless `free_mean`, τ and rhs are orthogonal to √|s|.
         """
-        root, sign = jnp.sqrt(jnp.abs(weights)), jnp.where(weights < 0, -1, 1)
+        root, sign = jnp.sqrt(jnp.abs(weights)), jnp.where(weights < 0, -1, 1).astype(rhs.dtype)
+        share = jnp.maximum(jnp.mean(root), 1 / root.size)
         split = _splitting(kernel, None, rhs.shape, jnp.zeros_like(rhs), free_mean)
 
-        def image(v):
-            return sign * (rhs + root * v)
+        def law(root, sign, rhs):
+            return lambda v: root * sign * (rhs + root * v)
 
-        share = jnp.maximum(jnp.mean(root), 1 / root.size)
+        z = root * rhs
+        if _is_large(z):
+            near, single, draft = _to_single((split, (root, sign, rhs), z))
+            part = share.astype(draft.dtype)
+            draft, _ = self._draft(near, law(*single), draft, rtol, lambda *_: part)
+            z = draft.astype(z.dtype)
         z, _, error = self._iterate(
-            split, lambda v: root * image(v), root * rhs, rtol, lambda *_: share, self.max_steps
+            split, law(root, sign, rhs), z, rtol, lambda *_: share, self.max_steps
         )
+        v = 2 * split(z) - z
         return eqx.error_if(
-            image(2 * split(z) - z),
+            sign * (rhs + root * v),
             error > rtol,
             "The linear solve for a derivative of the contact did not converge. Raise "
             "`max_steps` of the solver, or loosen `rtol`.",
         )
+
+    def _draft(self, split: "_Splitting", proximal: Callable, z, rtol, share_of: Callable):
+        """Returns the fixed point z to about `rtol` or to rounding, and the number of steps."""
+        rtol = rtol.astype(z.dtype)
+        z, steps, _ = self._iterate(split, proximal, z, rtol, share_of, self.max_steps, draft=True)
+        return z, steps
 
     def _iterate(
         self,
@@ -313,6 +323,11 @@ def _weight(field):
     """What a squared mode of the half spectrum of a field adds to the sum of its squares."""
     weight = jnp.asarray(multiplicity(field.shape) / field.size, field.dtype)
     return jnp.broadcast_to(weight, half_shape(field.shape))
+
+
+def _is_large(field) -> bool:
+    """Whether a grid is worth a draft in single precision."""
+    return field.size >= LARGE and field.dtype == jnp.float64
 
 
 def _to_single(tree):

@@ -81,6 +81,21 @@ def test_first_digits_in_single_precision_change_nothing(monkeypatch, name, law)
     assert 1e-9 < error <= 1e-3
 
 
+def test_derivatives_after_digits_in_single_precision_are_the_same(monkeypatch):
+    heights = rough(GRID).heights
+    kernel = gc.stack_kernel(BODIES["coated"], GRID, SPEED)
+
+    def by_load(load, max_steps):
+        solver = gc.DouglasRachford(max_steps=max_steps)
+        found = gc.solve_contact(kernel, heights, load, rtol=1e-9, solver=solver)
+        return jnp.sum(found.pressure**2)
+
+    expected = jax.grad(by_load)(0.05, 4000)
+    for module in (anderson, douglas_rachford):
+        monkeypatch.setattr(module, "LARGE", 0)
+    np.testing.assert_allclose(jax.grad(by_load)(0.05, 1001), expected, rtol=1e-7)
+
+
 @pytest.mark.parametrize("fraction", [0.143566, 0.5, 0.856434])
 def test_wave_matches_westergaard(fraction):
     """V8; the edge of contact is uncertain by a pixel on each side."""
