@@ -121,7 +121,7 @@ def _synthesise(spectrum: SelfAffine, grid: Grid, key: Array, gaussian: bool) ->
     return rms_height_of(spectrum, grid.ndim) * to_field(modes * np.prod(grid.shape), grid.shape)
 
 
-def _mode_bits(key: Array, shape: tuple[int, ...]) -> tuple[Array, Array, np.ndarray]:
+def _mode_bits(key: Array, shape: tuple[int, ...]) -> tuple[Array, Array, Array]:
     """Two random words for each mode of the half spectrum, and the sign of its phase.
 
     On the column ky = 0 both +kx and -kx are stored: they share a stream, with opposite phases.
@@ -137,7 +137,9 @@ def _mode_bits(key: Array, shape: tuple[int, ...]) -> tuple[Array, Array, np.nda
     across = jax.vmap(words, (None, 0))
     bits = jax.vmap(across, (0, None))(rows.ravel(), columns.ravel())
     bits = bits.reshape(*np.broadcast_shapes(*(k.shape for k in numbers)), 2)
-    sign = np.where((rows < 0) & (columns == 0), -1, 1) if len(shape) == 2 else np.ones(1, int)
+    # Combined by XLA, lest a constant as large as the grid be compiled in.
+    mirrored = jnp.asarray(rows < 0) & jnp.asarray(columns == 0)
+    sign = jnp.where(mirrored, -1, 1) if len(shape) == 2 else jnp.ones(1, int)
     return bits[..., 0], bits[..., 1], sign
 
 
