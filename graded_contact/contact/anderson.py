@@ -3,7 +3,7 @@
 D. G. Anderson, J. ACM 12 (1965) 547, doi:10.1145/321296.321305. Its cost is that of reading
 memory: images are kept as differences, so that the newest are combined with few passes. On large
 grids differences are kept in single precision, which bends the combination by 1e-7 of what is
-left, and sums of products are taken over every fourth row.
+left, and the products that weigh them are taken over every fourth row.
 """
 
 import equinox as eqx
@@ -14,7 +14,7 @@ from jax import Array
 from jaxtyping import Float
 
 LARGE = 2**18  # points of a large grid
-_SAMPLE = 4  # rows of it for one that is used
+_SAMPLE = 4  # rows of it for one that is weighed
 
 
 class History(eqx.Module):
@@ -33,7 +33,7 @@ class History(eqx.Module):
     @classmethod
     def empty(cls, z, m: int) -> "History":
         fields = jnp.zeros((m, *z.shape), jnp.float32 if z.size >= LARGE else z.dtype)
-        changes = jnp.zeros((m, *z[sample(z.size)].shape), z.dtype)
+        changes = jnp.zeros((m, *z[_sample(z.size)].shape), z.dtype)
         products, infinite = jnp.zeros((m, m), z.dtype), jnp.asarray(jnp.inf, z.dtype)
         none = jnp.asarray(0)
         return cls(z, z, fields, changes, products, none, infinite, none, infinite)
@@ -46,7 +46,7 @@ def accelerate(state: History, image, error, going_on) -> History:
     """
     m = len(state.products)
     slot = state.cycles % m
-    rows = sample(image.size)
+    rows = _sample(image.size)
     change = image[rows] - state.z[rows]
     changes = state.changes.at[slot].set(change)
     difference = (image - state.image).astype(state.differences.dtype)
@@ -75,8 +75,8 @@ def accelerate(state: History, image, error, going_on) -> History:
     )
 
 
-def sample(count: int) -> slice:
-    """Returns the rows of a field of `count` points, and of its spectrum, that sums are over."""
+def _sample(count: int) -> slice:
+    """Returns the rows of a field of `count` points that products are taken over."""
     return slice(1, None, _SAMPLE) if count >= LARGE else slice(None)
 
 

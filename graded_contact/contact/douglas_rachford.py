@@ -31,7 +31,7 @@ from jax import Array
 from jaxtyping import Float, Inexact
 
 from ..grid import half_shape, multiplicity, resample_spectrum, to_field, to_spectrum
-from .anderson import LARGE, History, accelerate, sample, sums
+from .anderson import LARGE, History, accelerate, sums
 from .implicit import Prescribed
 from .law import AbstractLaw
 
@@ -58,7 +58,7 @@ class DouglasRachford(eqx.Module):
 
     **Fields:**
 
-    - `max_steps`: steps allowed on each grid before giving up.
+    - `max_steps`: steps allowed on each grid before giving up, and in the draft of a large one.
     - `relaxation`: α [1], between 0 and 1.
     - `memory`: earlier iterates that the acceleration combines; each stores two fields, on a large
       grid three quarters of one.
@@ -244,7 +244,7 @@ class DouglasRachford(eqx.Module):
 
         A `draft` ends when rounding alone would cause the error.
         """
-        eps, rows = jnp.finfo(z.dtype).eps, sample(z.size)
+        eps = jnp.finfo(z.dtype).eps
         rounding = 4 * eps * jnp.stack([jnp.ones_like(split.sharpness), split.sharpness])
 
         def step(z):
@@ -257,10 +257,8 @@ class DouglasRachford(eqx.Module):
             image, before, x, y = step(z)
             image, after, *_ = step(image)
             # The spectrum of y - x comes for nothing: steps move z by 2α (y - x).
-            change = (after[rows] - before[rows]) / (2 * self.relaxation)
-            defect, stiff = split.powers(change, rows)
-            x, y, kept = x[rows], y[rows], z[rows]
-            size, scale, total, squared = sums(x * x, kept * kept, jnp.abs(y), y * y)
+            defect, stiff = split.powers((after - before) / (2 * self.relaxation))
+            size, scale, total, squared = sums(x * x, z * z, jnp.abs(y), y * y)
             unit = jnp.where(size > 0, size, 1)
             share = share_of(total, squared, y.size)
             error = _error(jnp.sqrt(defect / unit), jnp.sqrt(stiff / unit), share)
@@ -294,10 +292,10 @@ class _Splitting(NamedTuple):
     def __call__(self, z):
         return self.shift + to_field(self.filter * to_spectrum(z), z.shape)
 
-    def powers(self, spectrum, rows):
-        """Sums of squares of a field with these rows of a half spectrum, and of 1/ρ|M| times it."""
-        power = (spectrum.real**2 + spectrum.imag**2) * _weight(self.shift)[rows]
-        return sums(power, power * self.stiffness[rows] ** 2)
+    def powers(self, spectrum):
+        """Sums of squares of the field with this half spectrum, and of 1/ρ|M| times it."""
+        power = (spectrum.real**2 + spectrum.imag**2) * _weight(self.shift)
+        return sums(power, power * self.stiffness**2)
 
 
 def _meet(split: _Splitting, law: AbstractLaw, z):

@@ -80,8 +80,8 @@ def friction_error(
     """Returns an estimate of the error of the friction coefficient that the solver left [1].
 
     The difference between the friction of the solid's pressure, `pressure + mismatch`, and that of
-    the law's, and twice the relative `error` of the pressure where the two agree by
-    chance. At rest it is zero. The error of the grid comes on top.
+    the law's, and in addition, since the two may agree by chance, twice the relative `error` of the
+    pressure. At rest it is zero. The error of the grid comes on top.
     """
     velocity = jnp.atleast_1d(as_float(velocity))
     speed = jnp.sqrt(jnp.sum(velocity**2))

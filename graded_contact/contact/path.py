@@ -59,6 +59,7 @@ def follow_contact(
     **Arguments:**
 
     - `pressure` [Pa] or `mean_gap` [m]: the path, shape `(steps,)`.
+    - `solver`: the default needs a smooth law; for a wall pass `DouglasRachford()`.
     - the others: as in `solve_contact`.
 
     **Raises:** `ValueError` for a refused argument; `RuntimeError` if a solve fails.

@@ -123,8 +123,9 @@ def solve_contact(
     - `law`: of contact.
     - `solver`: algorithm and its limits.
     - `rtol`: wanted relative error of the pressure [1].
-    - `start`: a pressure field [Pa] to start from, such as a neighbouring solution. With a law that
-      attracts, it chooses among several solutions; see `follow_contact`.
+    - `start`: a pressure field [Pa] to start from, such as a neighbouring solution. From a contact
+      far smaller than the one sought it takes longer than none. With a law that attracts, it
+      chooses among several solutions; see `follow_contact`.
     - `throw`: whether to raise if the solver fails; otherwise look at `.result`.
 
     **Raises:** `ValueError` for a refused argument; `RuntimeError` if the solve fails.
@@ -135,6 +136,7 @@ def solve_contact(
         raise ValueError(f"`heights` has shape {heights.shape}; one or two axes are needed.")
     check_values("heights", heights, "heights [m] must be finite")
     check_shape("kernel", kernel, half_shape(heights.shape))
+    kernel = kernel.at[(0,) * kernel.ndim].set(0)
     if is_concrete(kernel):
         real = kernel.real.at[(0,) * kernel.ndim].set(1)
         check_positive("kernel.real", real, "[m/Pa] for every q but 0")
@@ -166,7 +168,11 @@ def _prescribed(pressure, mean_gap, law) -> Prescribed:
     if mean_gap is not None:
         mean_gap = as_float(mean_gap)
         check_shape("mean_gap", mean_gap, ())
-        check_values("mean_gap", mean_gap, "the mean gap [m] must be finite")
+        if isinstance(law, HardWall) and law.hardness is None:
+            allowed = "the mean gap [m] at a hard wall without `hardness` must be at least 0"
+            check_values("mean_gap", mean_gap, allowed, at_least=0)
+        else:
+            check_values("mean_gap", mean_gap, "the mean gap [m] must be finite")
         return Prescribed(None, mean_gap)
     pressure = as_float(pressure)
     check_shape("pressure", pressure, ())

@@ -81,6 +81,28 @@ def test_first_digits_in_single_precision_change_nothing(monkeypatch, name, law)
     assert 1e-9 < error <= 1e-3
 
 
+def test_ridges_are_solved_on_large_grids_too(monkeypatch):
+    """Constant along x, so that nearly all waves vanish: once any sample of waves ended a solve."""
+    heights = np.broadcast_to(np.asarray(rough(GRID).heights)[:1], GRID.shape)
+    kernel = gc.stack_kernel(BODIES["coated"], GRID, (0.0, SPEED))
+    expected = gc.solve_contact(kernel, heights, 0.05, rtol=1e-8)
+    for module in (anderson, douglas_rachford):
+        monkeypatch.setattr(module, "LARGE", 0)
+    solver = gc.DouglasRachford(max_steps=1002)
+    found = gc.solve_contact(kernel, heights, 0.05, rtol=1e-8, solver=solver)
+    assert found.error > 0
+    np.testing.assert_allclose(found.pressure, expected.pressure, atol=1e-7 * 0.05)
+
+
+@pytest.mark.parametrize("value", [np.inf, np.nan, 1e6])
+def test_mean_of_the_kernel_is_ignored(value):
+    heights, kernel = rough(SMALL).heights, half_space(SMALL)
+    expected = gc.solve_contact(kernel, heights, 0.05)
+    found = gc.solve_contact(kernel.at[0, 0].set(value), heights, 0.05)
+    np.testing.assert_array_equal(found.gap, expected.gap)
+    np.testing.assert_array_equal(found.mean_gap, expected.mean_gap)
+
+
 def test_derivatives_after_digits_in_single_precision_are_the_same(monkeypatch):
     heights = rough(GRID).heights
     kernel = gc.stack_kernel(BODIES["coated"], GRID, SPEED)
@@ -301,6 +323,10 @@ BAD = {
     "no pressure": (dict(pressure=None), "`pressure=None` and `mean_gap=None`: give exactly one"),
     "both": (dict(mean_gap=1.0), "`pressure=1.0` and `mean_gap=1.0`: give exactly one"),
     "nan mean gap": (dict(pressure=None, mean_gap=np.nan), "`mean_gap=nan` is refused"),
+    "closed mean gap": (
+        dict(pressure=None, mean_gap=-1.0),
+        "`mean_gap=-1` is refused: the mean gap .* at a hard wall",
+    ),
     "mean gaps": (dict(pressure=None, mean_gap=np.ones(2)), r"`mean_gap` has shape \(2,\)"),
     "load above the hardness": (
         dict(law=gc.HardWall(hardness=0.5)),
