@@ -69,7 +69,14 @@ def test_a_notebook_is_stored_without_outputs_and_long_functions(path):
         assert not long_functions(cell.source), f"code cell {number}"
 
 
-@pytest.mark.parametrize("path", NOTEBOOKS, ids=lambda path: path.stem)
+# CI has no time for all.
+RUNS = [
+    pytest.param(path, id=path.stem, marks=[] if path.stem.startswith("01") else pytest.mark.slow)
+    for path in NOTEBOOKS
+]
+
+
+@pytest.mark.parametrize("path", RUNS)
 def test_a_notebook_runs_and_shows_figures(path, tmp_path):
     notebook = read(path)
     execute(notebook, tmp_path)
