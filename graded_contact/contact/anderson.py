@@ -18,7 +18,7 @@ _SAMPLE = 4  # rows of it for one that is weighed
 
 
 class History(eqx.Module):
-    """State of the acceleration. Entries of one age stand in one slot, the newest in `newest`."""
+    """State of the acceleration. The entries of cycle i stand in slot i mod m of every array."""
 
     z: Float[Array, "*shape"]
     image: Float[Array, "*shape"]  # the last T(z)
