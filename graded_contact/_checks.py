@@ -96,6 +96,8 @@ def check_shape(name: str, value: Array, shape: tuple[int, ...]) -> None:
 
 def check_tolerance(name: str, rtol: float, like: Array, *, floor_factor: float = 100.0) -> None:
     """Raises `ValueError` if the dtype of `like` cannot reach the relative tolerance `rtol`."""
+    if isinstance(rtol, str | bool) or np.ndim(rtol) > 0 or not is_concrete(rtol) or rtol is None:
+        raise ValueError(f"`{name}={rtol!r}` is refused: a plain number between 0 and 1 is needed.")
     check_values(name, rtol, "a tolerance must be greater than 0 and less than 1", above=0)
     if rtol >= 1:
         raise ValueError(f"`{name}={rtol:g}` is refused: it must be less than 1.")

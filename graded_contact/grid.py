@@ -14,7 +14,7 @@ from jax import Array
 from jaxtyping import Complex, Float
 
 from . import _fft
-from ._checks import Numbers, as_float, check_positive
+from ._checks import Numbers, as_float, check_positive, check_values
 
 
 class Grid(eqx.Module):
@@ -102,6 +102,21 @@ def nyquist_lines(shape: tuple[int, ...]) -> np.ndarray:
     for k, n in zip(mode_numbers(shape), shape, strict=True):
         mask |= 2 * np.abs(k) == n
     return mask
+
+
+def as_velocity(velocity: Numbers, grid: Grid) -> Float[Array, "..."]:
+    """Returns a velocity along x, a number, or with two components as an array [m/s].
+
+    **Raises:** `ValueError` unless it is finite and of a shape that suits the grid.
+    """
+    velocity = as_float(velocity)
+    if velocity.shape not in ((), (2,)) or (velocity.shape == (2,) and grid.ndim == 1):
+        raise ValueError(
+            f"`velocity` has shape {velocity.shape}; a number (along x) or, on a grid in two "
+            "dimensions, two components are needed."
+        )
+    check_values("velocity", velocity, "a velocity [m/s] must be finite")
+    return velocity
 
 
 def multiplicity(shape: tuple[int, ...]) -> np.ndarray:

@@ -6,11 +6,22 @@ import os
 os.environ.setdefault("XLA_FLAGS", "--xla_backend_optimization_level=0")
 
 import jax
+import jaxtyping
+import pytest
 from jaxtyping import install_import_hook
 
 jax.config.update("jax_enable_x64", True)
 # Stays on: modules imported later are checked too.
 install_import_hook("graded_contact", "typecheck.check")
+
+
+@pytest.fixture
+def unchecked_types():
+    """Annotations are not checked, as outside the suite: the package's own refusals are seen."""
+    jaxtyping.config.update("jaxtyping_disable", True)
+    yield
+    jaxtyping.config.update("jaxtyping_disable", False)
+
 
 LONGEST = {"test_notebooks.py", "test_grading.py", "test_table.py", "test_sliding.py"}
 

@@ -11,7 +11,7 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 from jax import Array
-from jaxtyping import Float
+from jaxtyping import Bool, Float
 
 LARGE = 2**18  # points of a large grid
 _SAMPLE = 4  # rows of it for one that is weighed
@@ -29,6 +29,7 @@ class History(eqx.Module):
     best: Float[Array, ""]
     cycles: Array
     error: Float[Array, ""]
+    going_on: Bool[Array, ""]
 
     @classmethod
     def empty(cls, z, m: int) -> "History":
@@ -36,7 +37,8 @@ class History(eqx.Module):
         changes = jnp.zeros((m, *z[_sample(z.size)].shape), z.dtype)
         products, infinite = jnp.zeros((m, m), z.dtype), jnp.asarray(jnp.inf, z.dtype)
         none = jnp.asarray(0)
-        return cls(z, z, fields, changes, products, none, infinite, none, infinite)
+        going_on = jnp.asarray(True)
+        return cls(z, z, fields, changes, products, none, infinite, none, infinite, going_on)
 
 
 def accelerate(state: History, image, error, going_on) -> History:
@@ -72,6 +74,7 @@ def accelerate(state: History, image, error, going_on) -> History:
         best=jnp.where(forget, size, jnp.minimum(state.best, size)),
         cycles=state.cycles + 1,
         error=error,
+        going_on=going_on,
     )
 
 

@@ -28,7 +28,7 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 from jax import Array
-from jaxtyping import Float, Inexact
+from jaxtyping import Bool, Float, Inexact
 
 from ..grid import half_shape, multiplicity, resample_spectrum, to_field, to_spectrum
 from .anderson import LARGE, History, accelerate, sums
@@ -49,6 +49,7 @@ class Iterated(NamedTuple):
     mismatch: Float[Array, "*shape"]  # pressure of the solid less that of the law [Pa]
     gap_mismatch: Float[Array, ""]  # mean gap of the law less that of the solid [m]
     error: Float[Array, ""]  # estimated, of the pressure, relative
+    ended: Bool[Array, ""]  # before `max_steps`: at the tolerance or where rounding hides the rest
     num_steps: Array  # on the finest grid
     num_fft_pairs: Float[Array, ""]  # of all grids, coarse ones by their size
 
@@ -58,7 +59,8 @@ class DouglasRachford(eqx.Module):
 
     **Fields:**
 
-    - `max_steps`: steps allowed on each grid before giving up, and in the draft of a large one.
+    - `max_steps`: steps allowed on each grid before giving up, and in the draft of a large one;
+      they are done in twos.
     - `relaxation`: α [1], between 0 and 1.
     - `memory`: earlier iterates that the acceleration combines; each stores two fields, on a large
       grid three quarters of one.
@@ -71,11 +73,10 @@ class DouglasRachford(eqx.Module):
     coarsest: int = eqx.field(default=64, static=True)
 
     def __check_init__(self):
-        if self.max_steps < 1 or self.memory < 1 or self.coarsest < 4:
-            raise ValueError(
-                f"`max_steps={self.max_steps}`, `memory={self.memory}` and "
-                f"`coarsest={self.coarsest}` must be at least 1, 1 and 4."
-            )
+        for name, least in (("max_steps", 1), ("memory", 1), ("coarsest", 4)):
+            value = getattr(self, name)
+            if not isinstance(value, int | np.integer) or value < least:
+                raise ValueError(f"`{name}={value}` must be a whole number, at least {least}.")
         if not 0 < self.relaxation < 1:
             raise ValueError(f"`relaxation={self.relaxation}` must lie between 0 and 1.")
 
@@ -128,7 +129,10 @@ class DouglasRachford(eqx.Module):
             scaled = law.in_units(unit, 1.0)
             guess = jnp.clip(guess, *scaled.bounds)
             if prescribed.pressure is not None:
-                guess = to_mean(guess, prescribed.pressure / unit, scaled.bounds)
+                # What is missing is spread evenly: a small contact scaled up would be far off.
+                mean = prescribed.pressure / unit
+                guess = guess + jnp.maximum(mean - jnp.mean(guess), 0)
+                guess = to_mean(jnp.clip(guess, *scaled.bounds), mean, scaled.bounds)
             share = participation(guess)
         penalty = penalty_for(kernel, share, law)
         length = unit / penalty
@@ -160,20 +164,22 @@ class DouglasRachford(eqx.Module):
             return y + change * gap, factor * change
 
         def epoch(state):
-            z, factor, steps, epochs, _ = state
+            z, factor, steps, epochs, *_ = state
             z, factor = jax.lax.cond(epochs > 0, begin_again, lambda *same: same, z, factor)
             split, near = at(factor)
             limit = jnp.clip(steps, _EPOCH, self.max_steps - steps)
-            z, more, error = self._iterate(split, near.proximal, z, rtol, _share, limit)
-            return z, factor, steps + more, epochs + 1, error
+            last = self._iterate(split, near.proximal, z, rtol, _share, limit)
+            steps = steps + last.cycles * _CYCLE
+            return last.z, factor, steps, epochs + 1, last.error, last.going_on
 
         def running(state):
-            _, _, steps, _, error = state
-            return (error > rtol) & (steps < self.max_steps)
+            _, _, steps, *_, going_on = state
+            return going_on & (steps < self.max_steps)
 
         one, none = jnp.ones((), z.dtype), jnp.asarray(0)
-        state = (z, one, none, none, one * jnp.inf)
-        z, factor, steps, epochs, error = jax.lax.while_loop(running, epoch, state)
+        state = (z, one, none, none, one * jnp.inf, jnp.asarray(True))
+        state = jax.lax.while_loop(running, epoch, state)
+        z, factor, steps, epochs, error, going_on = state
         x, y, gap = _meet(*at(factor), z)
         length = length / factor
         return Iterated(
@@ -182,6 +188,7 @@ class DouglasRachford(eqx.Module):
             mismatch=(x - y) * unit,
             gap_mismatch=jnp.mean(y - x) * length,
             error=error,
+            ended=~going_on,
             num_steps=drafted + steps,
             # An epoch takes one half beside its steps, beginning again 1.5, the last lines 1.5.
             num_fft_pairs=begun + steps + 2.0 * epochs,
@@ -213,13 +220,11 @@ class DouglasRachford(eqx.Module):
             part = share.astype(draft.dtype)
             draft, _ = self._draft(near, law(*single), draft, rtol, lambda *_: part)
             z = draft.astype(z.dtype)
-        z, _, error = self._iterate(
-            split, law(root, sign, rhs), z, rtol, lambda *_: share, self.max_steps
-        )
-        v = 2 * split(z) - z
+        last = self._iterate(split, law(root, sign, rhs), z, rtol, lambda *_: share, self.max_steps)
+        v = 2 * split(last.z) - last.z
         return eqx.error_if(
             sign * (rhs + root * v),
-            error > rtol,
+            last.going_on,
             "The linear solve for a derivative of the contact did not converge. Raise "
             "`max_steps` of the solver, or loosen `rtol`.",
         )
@@ -227,8 +232,8 @@ class DouglasRachford(eqx.Module):
     def _draft(self, split: "_Splitting", proximal: Callable, z, rtol, share_of: Callable):
         """Returns the fixed point z to about `rtol` or to rounding, and the number of steps."""
         rtol = rtol.astype(z.dtype)
-        z, steps, _ = self._iterate(split, proximal, z, rtol, share_of, self.max_steps, draft=True)
-        return z, steps
+        last = self._iterate(split, proximal, z, rtol, share_of, self.max_steps, draft=True)
+        return last.z, last.cycles * _CYCLE
 
     def _iterate(
         self,
@@ -240,9 +245,10 @@ class DouglasRachford(eqx.Module):
         max_steps: Array | int,
         draft: bool = False,
     ):
-        """Returns the fixed point z, the number of steps and the estimated relative error.
+        """Returns the last state: z, the estimated relative error, whether it was `going_on`.
 
-        A `draft` ends when rounding alone would cause the error.
+        It ends where rounding hides the residual; a `draft` when rounding alone would cause the
+        error.
         """
         eps = jnp.finfo(z.dtype).eps
         rounding = 4 * eps * jnp.stack([jnp.ones_like(split.sharpness), split.sharpness])
@@ -265,20 +271,21 @@ class DouglasRachford(eqx.Module):
             # Pressures below the rounding of the gaps cannot be told from zero.
             lost = defect <= (8 * eps) ** 2 * scale
             if draft:
-                lost |= error <= _error(*(rounding * jnp.sqrt(scale / unit)), share)
-            return image, jnp.where(lost, 0, error)
+                least, least_stiff = rounding * jnp.sqrt(scale / unit)
+                lost |= error <= _error(least, least_stiff, share)
+            # No pressure at all, within rounding, has no relative error.
+            return image, jnp.where(lost & (squared == 0), 0, error), lost
 
         def running(state):
-            return (state.error > rtol) & (state.cycles * _CYCLE < max_steps)
+            return state.going_on & (state.cycles * _CYCLE < max_steps)
 
         def body(state):
-            image, error = cycle(state.z)
+            image, error, lost = cycle(state.z)
             # Steps never raise the residual of a law without attraction, acceleration may: the
             # last image has at most the residual that ended the loop.
-            return accelerate(state, image, error, going_on=error > rtol)
+            return accelerate(state, image, error, (error > rtol) & ~lost)
 
-        state = jax.lax.while_loop(running, body, History.empty(z, self.memory + 1))
-        return state.z, state.cycles * _CYCLE, state.error
+        return jax.lax.while_loop(running, body, History.empty(z, self.memory + 1))
 
 
 class _Splitting(NamedTuple):
@@ -424,6 +431,8 @@ def to_mean(pressure, mean, bounds):
     """Scales a pressure to a mean within its bounds; one without upper bound simply by a factor."""
     low, high = bounds
     room = (pressure - low) * (1 - (pressure - low) / (high - low))
+    # Where no point has room, all at a bound, evenly.
+    room = jnp.where(jnp.any(room > 0), room, 1)
     return pressure + room * ((mean - jnp.mean(pressure)) / jnp.mean(room))
 
 

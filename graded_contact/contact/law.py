@@ -61,6 +61,18 @@ class AbstractLaw(eqx.Module):
         """
 
 
+def check_law(law: AbstractLaw) -> None:
+    """Raises `ValueError` unless this is one law of contact, its parameters single numbers."""
+    if not isinstance(law, AbstractLaw):
+        raise ValueError(f"`law={law!r}` must be a law of contact, such as `HardWall()`.")
+    for parameter in jax.tree.leaves(law):
+        if jnp.ndim(parameter) > 0:
+            raise ValueError(
+                f"`law={law!r}` has a parameter of shape {parameter.shape}; single numbers are "
+                "needed. For several laws use `jax.lax.map` or `jax.vmap`."
+            )
+
+
 def check_pressure(pressure: Float[Array, "..."], law: AbstractLaw) -> None:
     """Raises `ValueError` unless the law can have these mean pressures [Pa], if they are known."""
     low, high = law.bounds

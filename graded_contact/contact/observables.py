@@ -22,6 +22,7 @@ from jaxtyping import Array, Bool, Float, Inexact
 from .._checks import Numbers, as_float, check_shape
 from ..grid import (
     Grid,
+    as_velocity,
     derivative,
     mode_numbers,
     multiplicity,
@@ -110,15 +111,17 @@ def cumulative_friction(
     **Arguments:**
 
     - `pressure`, `displacement`: of a solution [Pa, m], shape of `grid`.
-    - `velocity`: of the surface [m/s], a number (along x) or `(vx, vy)`; only its sense counts.
+    - `velocity`: that of the solution [m/s], a number (along x) or `(vx, vy)`; only its direction
+      counts, and with the opposite one μ is negative.
     - `num_wavenumbers`: at least 2.
 
     **Raises:** `ValueError` for a refused argument.
     """
     for name, field in (("pressure", pressure), ("displacement", displacement)):
         check_shape(name, field, grid.shape)
-    if num_wavenumbers < 2:
-        raise ValueError(f"`num_wavenumbers={num_wavenumbers}` must be at least 2.")
+    if not isinstance(num_wavenumbers, int | np.integer) or num_wavenumbers < 2:
+        raise ValueError(f"`num_wavenumbers={num_wavenumbers}` must be a whole number, at least 2.")
+    velocity = as_velocity(velocity, grid)
     q = wavenumber(grid)
     work = _work(pressure, displacement, grid, velocity)
     edges = jnp.geomspace(2 * np.pi / jnp.max(grid.size), jnp.max(q), num_wavenumbers)

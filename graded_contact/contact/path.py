@@ -7,7 +7,7 @@ from jaxtyping import Array, Bool, Float
 
 from .._checks import Numbers, as_float, check_values
 from .douglas_rachford import DouglasRachford
-from .law import AbstractLaw, check_pressure
+from .law import AbstractLaw, check_law, check_pressure
 from .problem import RESULTS, ContactSolution, solve_contact
 from .rmd import ResidualDynamics
 
@@ -66,6 +66,7 @@ def follow_contact(
     """
     if (pressure is None) == (mean_gap is None):
         raise ValueError("Give exactly one of `pressure` and `mean_gap`.")
+    check_law(law)
     name = "pressure" if mean_gap is None else "mean_gap"
     targets = as_float(pressure if mean_gap is None else mean_gap)
     if targets.ndim != 1 or len(targets) == 0:

@@ -23,7 +23,7 @@ from .._checks import (
 from ..grid import half_shape, to_field, to_spectrum
 from .douglas_rachford import DouglasRachford, Iterated, least_compliance, penalty_for
 from .implicit import Inputs, Prescribed, State, attach_gradient
-from .law import AbstractLaw, HardWall, check_pressure
+from .law import AbstractLaw, HardWall, check_law, check_pressure
 from .rmd import ResidualDynamics
 
 # Rise of an attraction over the stiffness of the shortest wave, up to which all equilibria found
@@ -39,6 +39,10 @@ class RESULTS(eqx.Enumeration):
         "The contact solver reached `max_steps` before `rtol`. Raise `max_steps` "
         "(as in `solver=DouglasRachford(max_steps=...)`), loosen `rtol`, or pass `throw=False` to "
         "get the partial result."
+    )
+    rounding = (
+        "Rounding hides what is left of the error, which is more than `rtol`: the pressures are "
+        "tiny beside what the gaps are worth. Loosen `rtol`; in float32, enable `jax_enable_x64`."
     )
     not_finite = (
         "The contact solver met a value that is not finite. Check the kernel (a negative "
@@ -123,9 +127,9 @@ def solve_contact(
     - `law`: of contact.
     - `solver`: algorithm and its limits.
     - `rtol`: wanted relative error of the pressure [1].
-    - `start`: a pressure field [Pa] to start from, such as a neighbouring solution. From a contact
-      far smaller than the one sought it takes longer than none. With a law that attracts, it
-      chooses among several solutions; see `follow_contact`.
+    - `start`: a pressure field [Pa] to start from, such as a neighbouring solution; a load that it
+      lacks is spread evenly. One at a load or speed more than half as large again saves nothing.
+      With a law that attracts, it chooses among several solutions; see `follow_contact`.
     - `throw`: whether to raise if the solver fails; otherwise look at `.result`.
 
     **Raises:** `ValueError` for a refused argument; `RuntimeError` if the solve fails.
@@ -134,6 +138,8 @@ def solve_contact(
     kernel = jnp.asarray(kernel)
     if heights.ndim not in (1, 2):
         raise ValueError(f"`heights` has shape {heights.shape}; one or two axes are needed.")
+    if heights.dtype not in (jnp.float32, jnp.float64):
+        raise ValueError(f"`heights` has dtype {heights.dtype}; float32 or float64 is needed.")
     check_values("heights", heights, "heights [m] must be finite")
     check_shape("kernel", kernel, half_shape(heights.shape))
     kernel = kernel.at[(0,) * kernel.ndim].set(0)
@@ -141,6 +147,11 @@ def solve_contact(
         real = kernel.real.at[(0,) * kernel.ndim].set(1)
         check_positive("kernel.real", real, "[m/Pa] for every q but 0")
         check_values("kernel.imag", kernel.imag, "it must be finite")
+    check_law(law)
+    if not isinstance(solver, DouglasRachford | ResidualDynamics):
+        raise ValueError(
+            f"`solver={solver!r}` must be `DouglasRachford()` or `ResidualDynamics()`."
+        )
     prescribed = _prescribed(pressure, mean_gap, law)
     if start is not None:
         start = as_float(start)
@@ -150,8 +161,6 @@ def solve_contact(
             # A solution's own pressures may be an ulp below after a change of units.
             allowed = f"pressures [Pa] must be at least {float(low):g}"
             check_values("start", start, allowed, at_least=float(low) * (1 + 1e-5))
-        if is_concrete(start) and prescribed.pressure is not None and not bool(jnp.any(start)):
-            raise ValueError("`start` is zero everywhere: it must be a pressure field [Pa].")
     check_tolerance("rtol", rtol, heights)
     inputs = Inputs(kernel, heights, law, prescribed)
     solution = _solve_contact(inputs, solver, jnp.asarray(rtol), start)
@@ -206,11 +215,9 @@ def _solve_contact(inputs: Inputs, solver, rtol, start) -> ContactSolution:
     rms, mean = jnp.std(heights), jnp.mean(jnp.abs(pressure))
     unit, load = jnp.where(rms > 0, rms, 1), jnp.where(mean > 0, mean, 1)
     finite = jnp.isfinite(found.error) & jnp.all(jnp.isfinite(found.pressure))
-    result = RESULTS.where(
-        finite,
-        RESULTS.where(found.error <= rtol, RESULTS.successful, RESULTS.max_steps_reached),
-        RESULTS.not_finite,
-    )
+    result = RESULTS.where(found.ended, RESULTS.rounding, RESULTS.max_steps_reached)
+    result = RESULTS.where(found.error <= rtol, RESULTS.successful, result)
+    result = RESULTS.where(finite, result, RESULTS.not_finite)
     if law.attracts and isinstance(solver, DouglasRachford):
         steep = law.steepest_rise * least_compliance(kernel) > _RESOLVED
         result = RESULTS.where(steep & (result == RESULTS.successful), RESULTS.unresolved, result)

@@ -77,7 +77,7 @@ class ResidualDynamics(eqx.Module):
         if not isinstance(law, SmoothLaw):
             raise ValueError(
                 f"`law={law}` is refused: residuals molecular dynamics needs a smooth law, "
-                "`RepulsiveLJ` or `AdhesiveLJ`."
+                "`RepulsiveLJ` or `AdhesiveLJ`. Pass `solver=DouglasRachford()`."
             )
         unit = pressure_unit(kernel, heights, prescribed)
         problem, length = _dimensionless(kernel, heights, law, prescribed, unit)
@@ -104,6 +104,7 @@ class ResidualDynamics(eqx.Module):
             mismatch=mismatch * unit,
             gap_mismatch=-jnp.mean(residual) * length,
             error=last.error,
+            ended=last.error <= rtol,
             num_steps=last.num_steps,
             num_fft_pairs=last.num_steps + jnp.asarray(1 if start is None else 2, gap.dtype),
         )

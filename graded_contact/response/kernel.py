@@ -16,8 +16,8 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Inexact
 
-from .._checks import Numbers, as_float, check_values, is_concrete
-from ..grid import Grid, nyquist_lines
+from .._checks import Numbers, is_concrete
+from ..grid import Grid, as_velocity, nyquist_lines
 from ..rheology.tabulated import Tabulated
 from .compliance import compliance_of, is_graded, prepared
 from .grading import check_profiles, graded_tolerance
@@ -87,13 +87,7 @@ def kernel_table(
 
 
 def _checked(stack, grid, velocity, rtol):
-    velocity = as_float(velocity)
-    if velocity.shape not in ((), (2,)) or (velocity.shape == (2,) and grid.ndim == 1):
-        raise ValueError(
-            f"`velocity` has shape {velocity.shape}; a number (along x) or, on a grid in two "
-            "dimensions, two components are needed."
-        )
-    check_values("velocity", velocity, "a velocity [m/s] must be finite")
+    velocity = as_velocity(velocity, grid)
     along = velocity if velocity.ndim == 0 else jnp.sqrt(jnp.sum(velocity**2))
     lowest, highest = _wavenumbers(grid, 0, np.array([1, grid.shape[0] // 2]))
     omega = along * jnp.stack([jnp.zeros_like(lowest), lowest, highest])

@@ -237,13 +237,17 @@ def test_friction_per_wave_works_under_jit_and_has_derivatives():
             dict(pressure=jnp.ones((8, 8)), displacement=jnp.ones((8, 8))),
             r"`pressure` has shape \(8, 8\)",
         ),
-        (dict(num_wavenumbers=1), "`num_wavenumbers=1` must be at least 2"),
+        (dict(num_wavenumbers=1), "`num_wavenumbers=1` must be a whole number, at least 2"),
+        (dict(num_wavenumbers=2.5), "`num_wavenumbers=2.5` must be a whole number"),
+        (dict(velocity=np.ones(3)), r"`velocity` has shape \(3,\)"),
+        (dict(velocity=np.nan), "`velocity=nan` is refused"),
     ],
 )
-def test_bad_argument_of_cumulative_friction_is_refused(changed, message):
-    arguments = dict(pressure=jnp.ones((64, 64)), displacement=jnp.ones((64, 64)))
+def test_bad_argument_of_cumulative_friction_is_refused(changed, message, unchecked_types):
+    field = jnp.ones((64, 64))
+    arguments = dict(pressure=field, displacement=field, grid=GRID, velocity=SPEED)
     with pytest.raises(ValueError, match=message):
-        gc.cumulative_friction(**(arguments | changed), grid=GRID, velocity=SPEED)
+        gc.cumulative_friction(**(arguments | changed))
 
 
 def test_stated_errors_of_friction_and_area_cover_the_true_ones():

@@ -53,6 +53,8 @@ def test_derivative_along_a_path_is_that_of_its_last_contact():
     [
         (dict(), "`pressure` and `mean_gap`"),
         (dict(pressure=[1.0], mean_gap=[1.0]), "`pressure` and `mean_gap`"),
+        (dict(pressure=[1.0], law="hard"), "`law='hard'` must be a law"),
+        (dict(pressure=[1.0], solver=gc.ResidualDynamics()), r"Pass `solver=DouglasRachford\(\)`"),
         (dict(pressure=1.0), r"`pressure` has shape \(\)"),
         (dict(mean_gap=np.ones((2, 2))), r"`mean_gap` has shape \(2, 2\)"),
         (dict(mean_gap=np.ones(0)), r"`mean_gap` has shape \(0,\)"),
@@ -60,9 +62,10 @@ def test_derivative_along_a_path_is_that_of_its_last_contact():
         (dict(pressure=[0.01, -0.01]), r"`pressure\[1\]=-0.01` is refused"),
     ],
 )
-def test_bad_path_is_refused(arguments, message):
+def test_bad_path_is_refused(arguments, message, unchecked_types):
+    defaults = dict(law=gc.HardWall(), solver=gc.DouglasRachford())
     with pytest.raises(ValueError, match=message):
-        gc.follow_contact(KERNEL, WAVE, **arguments, law=gc.HardWall(), solver=gc.DouglasRachford())
+        gc.follow_contact(KERNEL, WAVE, **(defaults | arguments))
 
 
 def test_failed_step_is_reported():

@@ -215,6 +215,33 @@ def test_warm_start_at_the_solution_costs_next_to_nothing():
     assert near.num_steps < cold.num_steps
 
 
+@pytest.mark.parametrize("law", [gc.HardWall(), gc.HardWall(hardness=1.0)], ids=["hard", "flow"])
+def test_a_poor_start_costs_little_and_changes_nothing(law):
+    """Contact of a few points once took 30 times the steps of none; one all at the bound, NaN."""
+    kernel, heights = gc.stack_kernel(BODIES["bare"], GRID, SPEED), rough(GRID).heights
+    cold = gc.solve_contact(kernel, heights, 0.5, law=law, rtol=1e-8)
+    starts = {
+        "point": jnp.zeros(GRID.shape).at[3, 5].set(1e-6),
+        "bound": jnp.ones(GRID.shape),
+        "zero": jnp.zeros(GRID.shape),
+    }
+    for start in starts.values():
+        warm = gc.solve_contact(kernel, heights, 0.5, law=law, rtol=1e-8, start=start)
+        np.testing.assert_allclose(warm.pressure, cold.pressure, atol=1e-6)
+        assert warm.num_steps <= 2 * cold.num_steps
+
+
+def test_error_hidden_by_rounding_is_reported():
+    """A load so small that its pressures are lost beside the gaps: once an error of 0."""
+    kernel, heights = half_space(GRID), rough(GRID).heights
+    with pytest.raises(RuntimeError, match="Rounding hides what is left of the error"):
+        gc.solve_contact(kernel, heights, 1e-12)
+    found = gc.solve_contact(kernel, heights, 1e-12, throw=False)
+    assert found.result == gc.RESULTS.rounding
+    assert found.error > 1e-6
+    assert found.num_steps < 100
+
+
 def test_solving_twice_gives_the_same_bits():
     kernel, heights = gc.stack_kernel(BODIES["bare"], GRID, SPEED), rough(GRID).heights
     one, two = (gc.solve_contact(kernel, heights, 0.05).pressure for _ in range(2))
@@ -345,12 +372,18 @@ BAD = {
     "big rtol": (dict(rtol=2.0), "`rtol=2` is refused"),
     "start shape": (dict(start=np.ones((8, 8))), "`start` has shape"),
     "negative start": (dict(start=np.full((16, 16), -1.0)), r"`start\[0, 0\]=-1`"),
-    "zero start": (dict(start=np.zeros((16, 16))), "`start` is zero everywhere"),
+    "no rtol": (dict(rtol=None), "`rtol=None` is refused: a plain number"),
+    "rtol in words": (dict(rtol="1e-6"), "`rtol='1e-6'` is refused"),
+    "rtol per point": (dict(rtol=np.full(2, 1e-6)), "`rtol=array.* is refused"),
+    "law in words": (dict(law="hard"), "`law='hard'` must be a law of contact"),
+    "two laws": (dict(law=gc.RepulsiveLJ(1e-3, np.ones(2))), r"a parameter of shape \(2,\)"),
+    "no solver": (dict(solver=None), "`solver=None` must be"),
+    "half precision": (dict(heights=np.zeros((16, 16), np.float16)), "`heights` has dtype float16"),
 }
 
 
 @pytest.mark.parametrize("case", BAD)
-def test_bad_argument_is_refused(case):
+def test_bad_argument_is_refused(case, unchecked_types):
     changed, message = BAD[case]
     arguments = dict(kernel=np.asarray(half_space(SMALL)), heights=np.zeros((16, 16)), pressure=1.0)
     arguments |= changed
@@ -360,9 +393,10 @@ def test_bad_argument_is_refused(case):
 
 
 @pytest.mark.parametrize(
-    "settings", [dict(max_steps=0), dict(relaxation=1.0), dict(memory=0), dict(coarsest=2)]
+    "settings",
+    [dict(max_steps=0), dict(relaxation=1.0), dict(memory=0), dict(coarsest=2), dict(memory=2.5)],
 )
-def test_bad_solver_setting_is_refused(settings):
+def test_bad_solver_setting_is_refused(settings, unchecked_types):
     with pytest.raises(ValueError, match=f"`{next(iter(settings))}="):
         gc.DouglasRachford(**settings)
 
