@@ -13,7 +13,7 @@ import numpy as np
 from jax import Array
 from jaxtyping import Bool, Float
 
-LARGE = 2**18  # points of a large grid
+LARGE = 2**16  # points of a grid whose history does not stay in a cache
 _SAMPLE = 4  # rows of it for one that is weighed
 
 

@@ -31,12 +31,13 @@ from jax import Array
 from jaxtyping import Bool, Float, Inexact
 
 from ..grid import half_shape, multiplicity, resample_spectrum, to_field, to_spectrum
-from .anderson import LARGE, History, accelerate, sums
+from .anderson import History, accelerate, sums
 from .implicit import Prescribed
 from .law import AbstractLaw
 
 _COARSE_ERROR = 0.02  # of the nested coarse grids, which only give a start
 _COLD_PARTICIPATION = 0.05  # ⟨σ⟩²/⟨σ²⟩ expected before anything is known
+LARGE = 2**18  # points of a grid worth a draft in single precision
 _CYCLE = 2  # steps between accelerations
 _EPOCH = 50  # steps before the penalty is chosen anew; then as many as were done
 

@@ -9,6 +9,7 @@ or the other way round.
 import equinox as eqx
 import jax
 import jax.numpy as jnp
+import numpy as np
 from jaxtyping import Array, Float
 
 from .._checks import (
@@ -71,7 +72,8 @@ class ContactSolution(eqx.Module):
     - `mean_gap`: mean of the gap ū [m].
     - `mismatch`: pressure of the solid less that of the law [Pa], where the iteration stopped; zero
       if it had converged. Without a derivative.
-    - `error`: estimated relative error of the pressure [1] (root mean square).
+    - `error`: estimated relative error of the pressure [1] (root mean square); 0 where there is no
+      pressure.
     - `load_error`: mean of `mismatch` over that of |σ| [1].
     - `gap_error`: mean gap of the law less that of the solid, over the rms height [1].
     - `complementarity_error`: mean of |σ| |u - u_σ| over that of |σ| and the rms height [1]; u_σ is
@@ -142,11 +144,11 @@ def solve_contact(
         raise ValueError(f"`heights` has dtype {heights.dtype}; float32 or float64 is needed.")
     check_values("heights", heights, "heights [m] must be finite")
     check_shape("kernel", kernel, half_shape(heights.shape))
-    kernel = kernel.at[(0,) * kernel.ndim].set(0)
     if is_concrete(kernel):
-        real = kernel.real.at[(0,) * kernel.ndim].set(1)
-        check_positive("kernel.real", real, "[m/Pa] for every q but 0")
-        check_values("kernel.imag", kernel.imag, "it must be finite")
+        known = np.array(kernel)
+        known[(0,) * kernel.ndim] = 1
+        check_positive("kernel.real", known.real, "[m/Pa] for every q but 0")
+        check_values("kernel.imag", known.imag, "it must be finite")
     check_law(law)
     if not isinstance(solver, DouglasRachford | ResidualDynamics):
         raise ValueError(
@@ -192,6 +194,8 @@ def _prescribed(pressure, mean_gap, law) -> Prescribed:
 @eqx.filter_jit
 def _solve_contact(inputs: Inputs, solver, rtol, start) -> ContactSolution:
     kernel, heights, law, prescribed = inputs
+    kernel = kernel.at[(0,) * kernel.ndim].set(0)
+    inputs = inputs._replace(kernel=kernel)
     rtol = rtol.astype(heights.dtype)
     found = jax.lax.stop_gradient(
         solver.solve(
