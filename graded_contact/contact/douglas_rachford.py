@@ -35,9 +35,9 @@ from .anderson import History, accelerate, sums
 from .implicit import Prescribed
 from .law import AbstractLaw
 
+LARGE = 2**18  # points of a grid worth a draft in single precision
 _COARSE_ERROR = 0.02  # of the nested coarse grids, which only give a start
 _COLD_PARTICIPATION = 0.05  # ⟨σ⟩²/⟨σ²⟩ expected before anything is known
-LARGE = 2**18  # points of a grid worth a draft in single precision
 _CYCLE = 2  # steps between accelerations
 _EPOCH = 50  # steps before the penalty is chosen anew; then as many as were done
 
