@@ -233,6 +233,7 @@ print(np.asarray(s.pressure).tobytes().hex(), float(s.friction).hex())
 """
 
 
+@pytest.mark.slow
 def test_x64_before_or_after_import_gives_the_same_bits():
     outputs = [
         subprocess.run(

@@ -42,16 +42,16 @@ CASES = [
     ("elastic", "hard", "pressure"),
     ("coated", "hard", "pressure"),
     ("coated", "hardness", "pressure"),
-    ("coated", "repulsive", "mean_gap"),
     ("coated", "adhesive", "mean_gap"),
-    ("coated", "exponential", "pressure"),
     *(
         pytest.param("coated", law, control, marks=pytest.mark.slow)
         for law, control in [
             ("hard", "mean_gap"),
             ("hardness", "mean_gap"),
+            ("repulsive", "mean_gap"),
             ("repulsive", "pressure"),
             ("adhesive", "pressure"),
+            ("exponential", "pressure"),
             ("exponential", "mean_gap"),
         ]
     ),

@@ -63,7 +63,11 @@ def test_true_error_is_about_the_wanted_one(body, tolerance):
 
 @pytest.mark.parametrize(
     ("name", "law"),
-    [("elastic", gc.HardWall()), ("coated", gc.HardWall()), ("coated", gc.RepulsiveLJ(0.01, 0.1))],
+    [
+        pytest.param("elastic", gc.HardWall(), marks=pytest.mark.slow),
+        ("coated", gc.HardWall()),
+        pytest.param("coated", gc.RepulsiveLJ(0.01, 0.1), marks=pytest.mark.slow),
+    ],
     ids=["elastic-hard", "coated-hard", "coated-LJ"],
 )
 def test_first_digits_in_single_precision_change_nothing(monkeypatch, name, law):

@@ -54,8 +54,11 @@ def test_windows_of_friction_add_up():
     [
         lambda s: ripple(loss_tangent(s, jnp.geomspace(1e3, 1e5, 9), 1.0)),
         lambda s: distance(gc.effective_modulus(s, jnp.array([1e4, 1e5]), 30.0), 1e7),
-        lambda s: friction_between(
-            gc.mean_field_friction(s, SPECTRUM, pressure=1e5, velocity=0.1), 3e3, 3e4
+        pytest.param(
+            lambda s: friction_between(
+                gc.mean_field_friction(s, SPECTRUM, pressure=1e5, velocity=0.1), 3e3, 3e4
+            ),
+            marks=pytest.mark.slow,
         ),
         lambda s: distance(
             friction_curve(s, SPECTRUM, pressure=1e5, velocities=[0.01, 1.0]).friction, 0.03
