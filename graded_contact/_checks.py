@@ -94,10 +94,18 @@ def check_shape(name: str, value: Array, shape: tuple[int, ...]) -> None:
         raise ValueError(f"`{name}` has shape {value.shape}; the shape must be {shape}.")
 
 
+def check_whole(name: str, value: Any, least: int) -> None:
+    """Raises `ValueError` unless `value` is a whole number of at least `least`."""
+    if isinstance(value, bool) or not isinstance(value, int | np.integer) or value < least:
+        raise ValueError(f"`{name}={value!r}` must be a whole number, at least {least}.")
+
+
 def check_tolerance(name: str, rtol: float, like: Array, *, floor_factor: float = 100.0) -> None:
     """Raises `ValueError` if the dtype of `like` cannot reach the relative tolerance `rtol`."""
-    if isinstance(rtol, str | bool) or np.ndim(rtol) > 0 or not is_concrete(rtol) or rtol is None:
+    if not isinstance(rtol, int | float | np.number | np.ndarray | Array) or np.ndim(rtol) > 0:
         raise ValueError(f"`{name}={rtol!r}` is refused: a plain number between 0 and 1 is needed.")
+    if not is_concrete(rtol):
+        raise ValueError(f"`{name}={rtol!r}` is refused: it must be known, not traced.")
     check_values(name, rtol, "a tolerance must be greater than 0 and less than 1", above=0)
     if rtol >= 1:
         raise ValueError(f"`{name}={rtol:g}` is refused: it must be less than 1.")

@@ -30,6 +30,7 @@ import numpy as np
 from jax import Array
 from jaxtyping import Bool, Float, Inexact
 
+from .._checks import check_whole
 from ..grid import half_shape, multiplicity, resample_spectrum, to_field, to_spectrum
 from .anderson import History, accelerate, sums
 from .implicit import Prescribed
@@ -38,6 +39,7 @@ from .law import AbstractLaw
 LARGE = 2**18  # points of a grid worth a draft in single precision
 _COARSE_ERROR = 0.02  # of the nested coarse grids, which only give a start
 _COLD_PARTICIPATION = 0.05  # ⟨σ⟩²/⟨σ²⟩ expected before anything is known
+_HIGHEST = 1e3  # pressure of a start, in what it takes to flatten the stiffest wave
 _CYCLE = 2  # steps between accelerations
 _EPOCH = 50  # steps before the penalty is chosen anew; then as many as were done
 
@@ -74,12 +76,11 @@ class DouglasRachford(eqx.Module):
     coarsest: int = eqx.field(default=64, static=True)
 
     def __check_init__(self):
-        for name, least in (("max_steps", 1), ("memory", 1), ("coarsest", 4)):
-            value = getattr(self, name)
-            if not isinstance(value, int | np.integer) or value < least:
-                raise ValueError(f"`{name}={value}` must be a whole number, at least {least}.")
-        if not 0 < self.relaxation < 1:
-            raise ValueError(f"`relaxation={self.relaxation}` must lie between 0 and 1.")
+        check_whole("max_steps", self.max_steps, 1)
+        check_whole("memory", self.memory, 1)
+        check_whole("coarsest", self.coarsest, 4)
+        if not isinstance(self.relaxation, float) or not 0 < self.relaxation < 1:
+            raise ValueError(f"`relaxation={self.relaxation}` must be a number between 0 and 1.")
 
     def solve(
         self,
@@ -127,13 +128,15 @@ class DouglasRachford(eqx.Module):
             share = jnp.asarray(_COLD_PARTICIPATION, heights.dtype)
         else:
             guess = _interpolate(guess, heights.shape) / unit
-            scaled = law.in_units(unit, 1.0)
-            guess = jnp.clip(guess, *scaled.bounds)
+            low, high = law.in_units(unit, 1.0).bounds
+            # A guess of another scale would drown all else.
+            stiffest = third_mode(jnp.abs(kernel)) / least_compliance(kernel)
+            guess = jnp.clip(guess, low, jnp.minimum(high, _HIGHEST * stiffest))
             if prescribed.pressure is not None:
                 # What is missing is spread evenly: a small contact scaled up would be far off.
                 mean = prescribed.pressure / unit
                 guess = guess + jnp.maximum(mean - jnp.mean(guess), 0)
-                guess = to_mean(jnp.clip(guess, *scaled.bounds), mean, scaled.bounds)
+                guess = to_mean(jnp.clip(guess, low, high), mean, (low, high))
             share = participation(guess)
         penalty = penalty_for(kernel, share, law)
         length = unit / penalty
@@ -181,7 +184,14 @@ class DouglasRachford(eqx.Module):
         state = (z, one, none, none, one * jnp.inf, jnp.asarray(True))
         state = jax.lax.while_loop(running, epoch, state)
         z, factor, steps, epochs, error, going_on = state
-        x, y, gap = _meet(*at(factor), z)
+        split, near = at(factor)
+        x, y, gap = _meet(split, near, z)
+        # Where rounding ended the solve, the residual is noise, most of it out of contact.
+        error = jax.lax.cond(
+            ~going_on & (error > rtol),
+            lambda: jnp.minimum(error, _rounding_error(split, near, x, y, gap)),
+            lambda: error,
+        )
         length = length / factor
         return Iterated(
             pressure=unit * (y if free_mean else to_mean(y, target, law.bounds)),
@@ -274,8 +284,7 @@ class DouglasRachford(eqx.Module):
             if draft:
                 least, least_stiff = rounding * jnp.sqrt(scale / unit)
                 lost |= error <= _error(least, least_stiff, share)
-            # No pressure at all, within rounding, has no relative error.
-            return image, jnp.where(lost & (squared == 0), 0, error), lost
+            return image, error, lost
 
         def running(state):
             return state.going_on & (state.cycles * _CYCLE < max_steps)
@@ -366,7 +375,8 @@ def _start(kernel, heights, law, target, free_mean: bool, guess):
     if free_mean:
         gap = gap + target
     else:
-        gap = gap - jnp.sum(jnp.abs(guess) * gap) / jnp.sum(jnp.abs(guess))
+        weight = jnp.where(jnp.any(guess != 0), jnp.abs(guess), 1)
+        gap = gap - jnp.sum(weight * gap) / jnp.sum(weight)
     # The law's own pressure and gap nearest to the guess; in contact, where the gap is but the
     # guess's error, the pressure alone.
     y = law.proximal(guess - gap)
@@ -397,6 +407,22 @@ def _error(residual, stiff, share):
     `bench_contact.py random`.
     """
     return share**-0.45 * (residual + stiff)
+
+
+def _rounding_error(split: _Splitting, law: AbstractLaw, x, y, gap):
+    """The error of y if the residual is noise: only what the law passes on at a point counts.
+
+    Twice that noise, as it is there or as it is on average, if it happens to be small there.
+    """
+    slope = jax.jvp(law.proximal, (y - gap,), (jnp.ones_like(y),))[1]
+
+    def norm(field):
+        defect, stiff = split.powers(to_spectrum(field))
+        return jnp.sqrt(defect) + jnp.sqrt(stiff)
+
+    noise = jnp.maximum(norm(slope * (y - x)), jnp.sqrt(jnp.mean(slope**2)) * norm(y - x))
+    size = jnp.sqrt(jnp.sum(y * y))
+    return 2 * noise / jnp.where(size > 0, size, 1)
 
 
 def participation(pressure: Float[Array, "*shape"]) -> Float[Array, ""]:

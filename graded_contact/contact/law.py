@@ -78,11 +78,12 @@ def check_pressure(pressure: Float[Array, "..."], law: AbstractLaw) -> None:
     low, high = law.bounds
     if not (is_concrete(low) and is_concrete(high)):
         return
+    low, high = float(low), float(high)
     if low == 0:
         check_positive("pressure", pressure, "[Pa]")
-    allowed = f"the law allows mean pressures between {float(low):g} and {float(high):g} Pa"
-    below = float(np.nextafter(high, 0, dtype=pressure.dtype)) if high < jnp.inf else None
-    check_values("pressure", pressure, allowed, above=float(low), at_most=below)
+    allowed = f"the law allows mean pressures between {low:g} and {high:g} Pa"
+    below = float(np.nextafter(high, 0, dtype=pressure.dtype)) if high < np.inf else None
+    check_values("pressure", pressure, allowed, above=low, at_most=below)
 
 
 class HardWall(AbstractLaw):

@@ -19,7 +19,7 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Bool, Float, Inexact
 
-from .._checks import Numbers, as_float, check_shape
+from .._checks import Numbers, as_float, check_shape, check_whole
 from ..grid import (
     Grid,
     as_velocity,
@@ -119,8 +119,7 @@ def cumulative_friction(
     """
     for name, field in (("pressure", pressure), ("displacement", displacement)):
         check_shape(name, field, grid.shape)
-    if not isinstance(num_wavenumbers, int | np.integer) or num_wavenumbers < 2:
-        raise ValueError(f"`num_wavenumbers={num_wavenumbers}` must be a whole number, at least 2.")
+    check_whole("num_wavenumbers", num_wavenumbers, 2)
     velocity = as_velocity(velocity, grid)
     q = wavenumber(grid)
     work = _work(pressure, displacement, grid, velocity)

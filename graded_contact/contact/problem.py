@@ -42,8 +42,9 @@ class RESULTS(eqx.Enumeration):
         "get the partial result."
     )
     rounding = (
-        "Rounding hides what is left of the error, which is more than `rtol`: the pressures are "
-        "tiny beside what the gaps are worth. Loosen `rtol`; in float32, enable `jax_enable_x64`."
+        "Rounding hides what is left of the error, which may be more than `rtol`: the pressures "
+        "are tiny beside what the gaps are worth. Loosen `rtol`; in float32, enable "
+        "`jax_enable_x64`; or pass `throw=False` and look at `.error`."
     )
     not_finite = (
         "The contact solver met a value that is not finite. Check the kernel (a negative "
@@ -147,8 +148,8 @@ def solve_contact(
     if is_concrete(kernel):
         known = np.array(kernel)
         known[(0,) * kernel.ndim] = 1
-        check_positive("kernel.real", known.real, "[m/Pa] for every q but 0")
-        check_values("kernel.imag", known.imag, "it must be finite")
+        check_positive("kernel.real", np.real(known), "[m/Pa] for every q but 0")
+        check_values("kernel.imag", np.imag(known), "it must be finite")
     check_law(law)
     if not isinstance(solver, DouglasRachford | ResidualDynamics):
         raise ValueError(

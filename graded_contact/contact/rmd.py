@@ -31,6 +31,7 @@ import jax.numpy as jnp
 from jax import Array
 from jaxtyping import Float, Inexact
 
+from .._checks import check_whole
 from ..grid import to_field, to_spectrum
 from .adhesion import AdhesiveLJ
 from .douglas_rachford import DouglasRachford, Iterated, pressure_unit, third_mode, to_mean
@@ -61,8 +62,7 @@ class ResidualDynamics(eqx.Module):
     uniform_mass: bool = eqx.field(default=False, static=True)
 
     def __check_init__(self):
-        if self.max_steps < 1:
-            raise ValueError(f"`max_steps={self.max_steps}` must be at least 1.")
+        check_whole("max_steps", self.max_steps, 1)
 
     def solve(
         self,

@@ -235,12 +235,50 @@ def test_a_poor_start_costs_little_and_changes_nothing(law):
         assert warm.num_steps <= 2 * cold.num_steps
 
 
+def test_a_start_of_another_scale_does_not_drown_the_contact():
+    kernel, heights = half_space(GRID), rough(GRID).heights
+    cold = gc.solve_contact(kernel, heights, 0.05)
+    start = jnp.zeros(GRID.shape).at[3, 3].set(1e30)
+    warm = gc.solve_contact(kernel, heights, mean_gap=cold.mean_gap, start=start)
+    np.testing.assert_allclose(warm.pressure, cold.pressure, atol=1e-4 * np.max(cold.pressure))
+
+
+@pytest.mark.parametrize(
+    "law", [gc.RepulsiveLJ(1e-3, 0.05), gc.AdhesiveLJ(5e-3, 1e-6)], ids=["repulsive", "adhesive"]
+)
+def test_pressures_of_surfaces_apart_are_found_though_tiny(law):
+    """Beside the gaps they are lost in rounding, yet each is exact: it follows from its gap."""
+    kernel, heights = half_space(GRID), rough(GRID).heights
+    mean_gap = 3 * jnp.max(heights)
+    found = gc.solve_contact(kernel, heights, mean_gap=mean_gap, law=law)
+    expected = law.pressure_at(mean_gap - (heights - jnp.mean(heights)))
+    np.testing.assert_allclose(found.pressure, expected, rtol=1e-5)
+    assert np.max(np.abs(found.pressure)) < 1e-4
+
+
+def test_rounding_in_light_contact_counts_where_it_matters():
+    """In float32 noise outside the contact, amplified by short waves, says nothing of it."""
+    kernel, heights = half_space(GRID), rough(GRID).heights.astype(jnp.float32)
+    for load in (2e-4, 5e-3):
+        best = gc.solve_contact(kernel, heights.astype(jnp.float64), load, rtol=1e-9)
+        found = gc.solve_contact(kernel.astype(jnp.float32), heights, jnp.float32(load), rtol=1e-3)
+        error = np.linalg.norm(found.pressure - best.pressure) / np.linalg.norm(best.pressure)
+        assert error <= found.error <= 1e-3
+
+
+def test_known_hardness_is_checked_inside_jit():
+    law = gc.HardWall(hardness=0.3)
+    kernel, heights = half_space(SMALL), rough(SMALL).heights
+    solve = jax.jit(lambda p: gc.solve_contact(kernel, heights, p, law=law))
+    np.testing.assert_allclose(jnp.mean(solve(0.02).pressure), 0.02, rtol=1e-12)
+
+
 def test_error_hidden_by_rounding_is_reported():
     """A load so small that its pressures are lost beside the gaps: once an error of 0."""
     kernel, heights = half_space(GRID), rough(GRID).heights
     with pytest.raises(RuntimeError, match="Rounding hides what is left of the error"):
-        gc.solve_contact(kernel, heights, 1e-12)
-    found = gc.solve_contact(kernel, heights, 1e-12, throw=False)
+        gc.solve_contact(kernel, heights, 1e-14)
+    found = gc.solve_contact(kernel, heights, 1e-14, throw=False)
     assert found.result == gc.RESULTS.rounding
     assert found.error > 1e-6
     assert found.num_steps < 100
@@ -398,7 +436,14 @@ def test_bad_argument_is_refused(case, unchecked_types):
 
 @pytest.mark.parametrize(
     "settings",
-    [dict(max_steps=0), dict(relaxation=1.0), dict(memory=0), dict(coarsest=2), dict(memory=2.5)],
+    [
+        dict(max_steps=0),
+        dict(relaxation=1.0),
+        dict(memory=0),
+        dict(coarsest=2),
+        dict(memory=2.5),
+        dict(relaxation="x"),
+    ],
 )
 def test_bad_solver_setting_is_refused(settings, unchecked_types):
     with pytest.raises(ValueError, match=f"`{next(iter(settings))}="):
