@@ -221,7 +221,7 @@ def design(
     ],
     output: Output = None,
 ) -> None:
-    """Designs the block of a scene with a table [design]: prints it before and after."""
+    r"""Designs the block of a scene with a table \[design]: prints it before and after."""
     _prepare()
     from .plot import plot_design
     from .studies.design_scene import designed_values, read_design, report, run_design

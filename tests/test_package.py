@@ -1,0 +1,87 @@
+"""What is installed: types, the command, and the lowest versions of what it needs."""
+
+import os
+import re
+import subprocess
+import sys
+import tomllib
+import venv
+from importlib import resources
+from pathlib import Path
+
+import pytest
+from typer.testing import CliRunner
+
+from graded_contact.cli import app
+
+ROOT = Path(__file__).parents[1]
+
+# A gradient of friction, a graded layer by Riccati's equation, and a result written and read.
+JOB = """
+import warnings
+warnings.simplefilter("error")
+import jax, numpy as np
+jax.config.update("jax_enable_x64", True)
+import graded_contact as gc
+from graded_contact.cli import app
+q0 = 2 * np.pi / 8e-3
+spectrum = gc.SelfAffine(rms_slope=0.3, hurst=0.8, q_low=q0, q_roll=2 * q0, q_high=8 * q0)
+road = gc.random_surface(spectrum, gc.Grid((32, 32), 8e-3), jax.random.key(0))
+coat = gc.Layer(gc.Elastic(6.5e6, 0.49), thickness=50e-6)
+block = gc.Stack(layers=(coat,), base=gc.HalfSpace(gc.tyre_tread()))
+rate = jax.grad(lambda b: gc.slide(b, road, pressure=4e5, velocity=0.1).friction)(block)
+assert np.isfinite(rate.layers[0].thickness)
+graded = gc.GradedLayer(1e-3, gc.Blend(gc.Elastic(1e6, 0.4), gc.Elastic(1e7, 0.4)))
+rigid = gc.Stack(layers=(graded,), base=gc.Rigid())
+riccati, layers = (
+    gc.graded_compliance(rigid, np.array([1e3]), np.array([0.0]), solver=solver).value
+    for solver in (gc.Riccati(), gc.Layering())
+)
+np.testing.assert_allclose(riccati, layers, rtol=1e-6)
+warnings.simplefilter("default")
+app(["run", "scene.toml", "--output", "out"], standalone_mode=False)
+app(["info", "out/scene.h5"], standalone_mode=False)
+"""
+SCENE = """
+surface = {kind = "self_affine", rms_slope = 0.2, hurst = 0.8, q_roll = 2e4, q_high = 8e4}
+grid = {shape = [32, 32], size = 1e-3}
+materials = {tread = {kind = "tyre_tread"}}
+base = {kind = "half_space", material = "tread"}
+load = {pressure = 2e5, velocity = 0.01}
+"""
+
+
+def test_the_package_says_that_it_is_typed():
+    assert resources.files("graded_contact").joinpath("py.typed").is_file()
+
+
+def test_the_module_is_the_command():
+    command = [sys.executable, "-m", "graded_contact", "--version"]
+    printed = subprocess.run(command, capture_output=True, text=True, check=True).stdout
+    assert printed.startswith("graded-contact ")
+
+
+def test_the_help_of_design_names_its_table():
+    assert "[design]" in CliRunner().invoke(app, ["design", "--help"]).output
+
+
+@pytest.mark.slow
+def test_the_lowest_versions_that_are_declared_do_the_main_jobs(tmp_path):
+    """A fresh environment with every dependency at its lower bound."""
+    project = tomllib.loads((ROOT / "pyproject.toml").read_text(encoding="utf-8"))["project"]
+    lowest = [re.sub(">=", "==", entry) for entry in project["dependencies"]]
+    assert all("==" in entry for entry in lowest)
+    venv.create(tmp_path / "lowest", with_pip=True)
+    folder = "Scripts" if os.name == "nt" else "bin"
+    python = tmp_path / "lowest" / folder / "python"
+    (tmp_path / "scene.toml").write_text(SCENE)
+
+    def run(*arguments):
+        done = subprocess.run(
+            [python, *arguments], capture_output=True, text=True, cwd=tmp_path, check=False
+        )
+        assert done.returncode == 0, done.stderr[-3000:]
+
+    run("-m", "pip", "install", "--quiet", *lowest, str(ROOT))
+    run("-m", "pip", "check")
+    run("-c", JOB)
