@@ -7,9 +7,6 @@ in what is returned, by a margin of 1e-8: write them relative, such as 1 - total
 """
 
 import dataclasses
-import hashlib
-import json
-import os
 from collections.abc import Callable, Sequence
 from pathlib import Path
 from typing import Any, NamedTuple
@@ -22,11 +19,12 @@ from jaxtyping import Array, Float
 from scipy.optimize import minimize
 from scipy.stats import qmc
 
+from .evaluations import MARGIN, Evaluation, Evaluations
+
 Objective = Callable[[Any], Float[Array, ""]]
 Constraints = Callable[[Any], Float[Array, "..."]]
 
 FIRST_STEP = 0.1  # longest, of the way between the bounds
-MARGIN = 1e-8  # by which constraints are held, so that rounding does not violate them
 
 
 class Run(NamedTuple):
@@ -112,25 +110,31 @@ def minimise(
     - `num_starts`, `seed`: how many starts, and what spreads them.
     - `tolerance`: change of the objective over its size at which a run ends.
     - `max_steps`: of a run.
-    - `store`: a file that keeps finished starts: the same call again goes on from there.
+    - `store`: a file that keeps every evaluation at once: a call that was cut off, called again,
+      repeats its steps from there and goes on. Other bounds, starts and tolerances may share it.
     - `progress`: called with the number of the start and the value after each step.
 
     **Raises:** `ValueError` for bounds that are refused, for an objective or constraint that is
-    not finite (naming the parameters), and if no start satisfies the constraints.
+    not finite (naming the parameters), if no start satisfies the constraints, and for a `store`
+    whose values are not those of `objective` and `constraints`: where the search starts, where it
+    ends and at its first entry they are computed again.
     """
     low, high, unravel = _bounds(lower, upper)
     starts = _starts(low, high, start, lower, num_starts, seed)
-    problem = _Problem(objective, constraints, low, high, unravel)
+    kept = Evaluations(store, _named(lower)[0])
+    problem = _Problem(objective, constraints, low, high, unravel, kept)
+    if kept.first is not None:
+        problem.evaluate(kept.first, proven=True)
     # A start may be where the objective is all but zero.
-    size = np.median([abs(problem.evaluate(x)[0]) for x in starts])
-    runs = _stored(store, low, high, starts, tolerance, max_steps)
-    for i in range(len(runs), len(starts)):
+    size = np.median([abs(problem.evaluate(x, proven=True).value) for x in starts])
+    runs = []
+    for i, x in enumerate(starts):
         report = None if progress is None else lambda value, i=i: progress(i, value)
-        runs.append(problem.run(starts[i], size, tolerance, max_steps, report))
-        _store(store, low, high, starts, tolerance, max_steps, runs)
+        runs.append(problem.run(x, size, tolerance, max_steps, report))
+        problem.evaluate(np.array(runs[-1].parameters), proven=True)
     feasible = [run for run in runs if run.feasible]
     if not feasible:
-        least = max(problem.evaluate(np.array(run.parameters))[1].min() for run in runs)
+        least = max(problem.evaluate(np.array(run.parameters)).limits.min() for run in runs)
         raise ValueError(
             f"No start of {len(runs)} satisfies `constraints`; the best of them falls short by "
             f"{-least:.3g}. Widen the bounds or the constraints, or raise `num_starts`."
@@ -184,6 +188,7 @@ def pareto_front(
     *,
     num_points: int = 7,
     constraints: Constraints | None = None,
+    store: str | Path | None = None,
     **arguments: Any,
 ) -> list[tuple[Design, Float[np.ndarray, "2"]]]:
     """Returns designs between which one of two objectives improves only if the other worsens.
@@ -195,6 +200,8 @@ def pareto_front(
 
     - `objectives`: parameters -> two numbers, both to be small.
     - `num_points`: ceilings, the two ends included.
+    - `store`: as in `minimise`, a file for each point: of "front.jsonl" they are
+      "front-first.jsonl", "front-second.jsonl" for the ends, "front-2of7.jsonl" and so on.
     - others: as in `minimise`.
 
     **Returns:** pairs of a design and its two objectives, the first objective increasing.
@@ -202,7 +209,7 @@ def pareto_front(
     if num_points < 2:
         raise ValueError(f"`num_points={num_points}` must be at least 2.")
 
-    def best(i, start=None, limit=None):
+    def best(point, i, start=None, limit=None):
         def all_constraints(p):
             parts = [] if constraints is None else [jnp.ravel(constraints(p))]
             if limit is not None:
@@ -210,17 +217,20 @@ def pareto_front(
             return jnp.concatenate(parts)
 
         some = all_constraints if constraints is not None or limit is not None else None
+        # Every point is a problem of its own.
+        own = None if store is None else Path(store).with_stem(f"{Path(store).stem}-{point}")
         found = minimise(
-            lambda p: objectives(p)[i], lower, upper, start, constraints=some, **arguments
-        )
+            lambda p: objectives(p)[i], lower, upper, start, constraints=some, store=own,
+            **arguments,
+        )  # fmt: skip
         return found, np.asarray(objectives(found.parameters))
 
-    ends = [best(0), best(1)]
+    ends = [best("first", 0), best("second", 1)]
     high, low = ends[0][1][1], ends[1][1][1]
     spread = abs(high - low) or 1.0
     found, previous = [ends[0]], ends[0][0]
-    for limit in np.linspace(high, low, num_points)[1:-1]:
-        found.append(best(0, previous.parameters, limit))
+    for k, limit in enumerate(np.linspace(high, low, num_points)[1:-1], start=2):
+        found.append(best(f"{k}of{num_points}", 0, previous.parameters, limit))
         previous = found[-1][0]
     found.append(ends[1])
     values = np.array([v for _, v in found])
@@ -254,8 +264,8 @@ def scatter(
 class _Problem:
     """Objective and constraints on the unit cube, each point evaluated once."""
 
-    def __init__(self, objective, constraints, low, high, unravel):
-        self.low, self.high, self.unravel = low, high, unravel
+    def __init__(self, objective, constraints, low, high, unravel, kept):
+        self.low, self.high, self.unravel, self.kept = low, high, unravel, kept
         self.span = np.log(high / low)
         self.constrained = constraints is not None
 
@@ -266,13 +276,17 @@ class _Problem:
 
         self.limits = jax.jit(lambda x: (limits(x), jax.jacrev(limits)(x)))
         self.objective = jax.jit(jax.value_and_grad(lambda x: objective(unravel(x))))
-        self.last = None
 
     def parameters(self, u):
+        if np.array_equal(u, self.origin):
+            return self.start  # whose logarithm is rounded
         return self.low * np.exp(self.span * np.clip(u, 0, 1))
 
-    def evaluate(self, x):
-        """Value, constraints, and their derivatives by the parameters."""
+    def evaluate(self, x, proven=False):
+        """Objective and constraints at parameters; `proven`, even if a file has them already."""
+        kept = self.kept.get(x, proven)
+        if kept is not None:
+            return kept
         value, slope = self.objective(x)
         limits, slopes = self.limits(x)
         for name, array in (("objective", value), ("constraints", limits)):
@@ -280,7 +294,9 @@ class _Problem:
                 raise ValueError(f"`{name}` is {np.asarray(array)} at {_text(self.unravel(x))}.")
         if not (np.all(np.isfinite(slope)) and np.all(np.isfinite(slopes))):
             raise ValueError(f"A derivative is not finite at {_text(self.unravel(x))}.")
-        return float(value), np.asarray(limits), np.asarray(slope), np.asarray(slopes)
+        found = Evaluation(float(value), *map(np.asarray, (limits, slope, slopes)))
+        self.kept.add(x, found)
+        return found
 
     def at(self, u):
         """The same on the cube, remembered."""
@@ -293,8 +309,8 @@ class _Problem:
         return self.last
 
     def run(self, start, size, tolerance, max_steps, progress):
-        self.count, self.last = 0, None
         u = np.log(start / self.low) / np.where(self.span > 0, self.span, 1)
+        self.count, self.last, self.start, self.origin = 0, None, start, u
         # The first step goes along the gradient, as far as that is large: not through the cube.
         steepness = np.linalg.norm(self.at(u)[3])
         scale = 1 / max(size, steepness / FIRST_STEP, np.finfo(float).tiny)
@@ -397,34 +413,3 @@ def _named(tree):
 
 def _text(parameters):
     return ", ".join(f"{n} = {v:.6g}" for n, v in zip(*_named(parameters), strict=True))
-
-
-def _key(low, high, starts, tolerance, max_steps):
-    numbers = np.concatenate([low, high, *starts, [tolerance, max_steps]])
-    return hashlib.sha256(numbers.tobytes()).hexdigest()
-
-
-def _stored(store, *problem):
-    """Runs of an earlier call."""
-    if store is None or not Path(store).exists():
-        return []
-    content = json.loads(Path(store).read_text(encoding="utf-8"))
-    if content["problem"] != _key(*problem):
-        raise ValueError(
-            f"`store={str(store)!r}` belongs to a design with other bounds, starts or tolerance: "
-            "delete it or give another name."
-        )
-    return [Run(**run) for run in content["runs"]]
-
-
-def _store(store, low, high, starts, tolerance, max_steps, runs):
-    if store is None:
-        return
-    content = {
-        "problem": _key(low, high, starts, tolerance, max_steps),
-        "runs": [run._asdict() for run in runs],
-    }
-    # Renamed when complete: a killed run leaves no half file.
-    partial = Path(f"{store}.part")
-    partial.write_text(json.dumps(content), encoding="utf-8")
-    os.replace(partial, store)

@@ -77,25 +77,80 @@ def test_units_of_parameters_and_objective_do_not_matter():
     np.testing.assert_allclose(other.value, 1e9 * one.value, rtol=1e-9)
 
 
-def test_a_design_stopped_half_way_resumes_to_the_same_result(tmp_path):
-    store = tmp_path / "design.json"
+def test_a_design_stopped_at_any_step_resumes_to_the_same_result(tmp_path):
+    """No evaluation is done twice but those that prove the store: its ends and its starts."""
+    store, counts = tmp_path / "design.jsonl", []
+
+    def counted(p):
+        jax.debug.callback(lambda: counts.append(1))
+        return valley(p)
+
     whole = minimise(valley, LOW, HIGH, num_starts=4)
-    calls = itertools.count()
+    for last in (3, 10, 17):
+        calls = itertools.count()
 
-    def stop(_start, _value):
-        if next(calls) == 10:
-            raise KeyboardInterrupt
+        def stop(_start, _value, calls=calls, last=last):
+            if next(calls) == last:
+                raise KeyboardInterrupt
 
-    with pytest.raises(KeyboardInterrupt):
-        minimise(valley, LOW, HIGH, num_starts=4, store=store, progress=stop)
-    started = []
-    resumed = minimise(
-        valley, LOW, HIGH, num_starts=4, store=store, progress=lambda i, _: started.append(i)
-    )
-    assert min(started) > 0
+        with pytest.raises(KeyboardInterrupt):
+            minimise(valley, LOW, HIGH, num_starts=4, store=store, progress=stop)
+        with store.open("a") as file:  # a killed program leaves half a line
+            file.write('{"parameters": [0.3')
+    resumed = minimise(counted, LOW, HIGH, num_starts=4, store=store)
+    jax.effects_barrier()
     assert resumed.value == whole.value and resumed.runs == whole.runs
-    with pytest.raises(ValueError, match="other bounds, starts or tolerance"):
-        minimise(valley, LOW, HIGH, num_starts=3, store=store)
+    assert len(counts) < whole.num_evaluations - 4
+    counts.clear()
+    again = minimise(counted, LOW, HIGH, num_starts=4, store=store)
+    jax.effects_barrier()
+    assert again.runs == whole.runs and len(counts) <= 8
+    more = minimise(valley, LOW, HIGH, num_starts=5, store=store, tolerance=1e-6)
+    assert len(more.runs) == 5
+
+
+def limit(p):
+    return jnp.array([1 - (p["a"] + p["b"][0]) / 4])
+
+
+@pytest.mark.parametrize(
+    "changed, message",
+    [
+        ({"objective": lambda p: valley(p) + 1e-4 * p["a"]}, "another `objective`: at a = 1, b"),
+        ({"objective": lambda p: -valley(p)}, "another `objective`"),
+        # The same wherever the search started: only the optimum tells.
+        ({"objective": lambda p: jnp.maximum(valley(p), 3)}, "another `objective`: at a = 2"),
+        ({"constraints": lambda p: 0.9 * limit(p)}, "another `constraints`: at a = 1, b"),
+        ({"constraints": lambda p: jnp.tile(limit(p), 2)}, "another `constraints`"),
+        ({"constraints": None}, "another `constraints`"),
+        (
+            {"lower": {**LOW, "c": 1.0}, "upper": {**HIGH, "c": 2.0}},
+            "a design of a, b.0, b.1, not of a, b.0, b.1, c",
+        ),
+    ],
+)
+def test_a_store_of_another_problem_is_refused(tmp_path, changed, message):
+    usual = {
+        "objective": valley, "lower": LOW, "upper": HIGH, "constraints": limit, "num_starts": 2,
+        "store": tmp_path / "design.jsonl",
+    }  # fmt: skip
+    minimise(**usual)
+    with pytest.raises(ValueError, match=message):
+        minimise(**{**usual, **changed})
+
+
+@pytest.mark.parametrize("content", ["", '{"format": "graded', "{}\n", "not ours", "[1]\n{\n"])
+def test_a_store_is_begun_or_refused_never_overwritten(tmp_path, content):
+    store = tmp_path / "design.jsonl"
+    store.write_text(content)
+    if content in ("", '{"format": "graded'):  # killed at its first line
+        minimise(valley, LOW, HIGH, num_starts=1, store=store)
+    else:
+        with pytest.raises(ValueError, match="cannot be read as evaluations"):
+            minimise(valley, LOW, HIGH, num_starts=1, store=store)
+        assert store.read_text() == content
+    with pytest.raises(ValueError, match="folder does not exist"):
+        minimise(valley, LOW, HIGH, num_starts=1, store=tmp_path / "none" / "design.jsonl")
 
 
 def test_rounding_takes_the_nearest_choice_and_finds_the_rest_again():
@@ -110,17 +165,21 @@ def test_rounding_takes_the_nearest_choice_and_finds_the_rest_again():
         rounded(valley, design, {"a": [100.0]}, lower=LOW, upper=HIGH)
 
 
-def test_pareto_front_of_two_distances_lies_between_their_optima():
+def test_pareto_front_of_two_distances_lies_between_their_optima(tmp_path):
     """|x - 1|², |x - 4|² in logarithms: the front is the segment between, and √f0 + √f1 = ln 4."""
 
     def distances(p):
         return jnp.array([jnp.log(p["x"]) ** 2, jnp.log(p["x"] / 4) ** 2])
 
-    front = pareto_front(distances, {"x": 0.1}, {"x": 10.0}, num_points=5, num_starts=2)
+    arguments = {"num_points": 5, "num_starts": 2, "store": tmp_path / "front.jsonl"}
+    front = pareto_front(distances, {"x": 0.1}, {"x": 10.0}, **arguments)
     values = np.array([v for _, v in front])
     assert len(front) == 5
     assert np.all(np.diff(values[:, 0]) > 0) and np.all(np.diff(values[:, 1]) < 0)
     np.testing.assert_allclose(np.sqrt(values).sum(axis=1), np.log(4), rtol=1e-4)
+    assert len(list(tmp_path.iterdir())) == 5  # every point has its own store
+    again = pareto_front(distances, {"x": 0.1}, {"x": 10.0}, **arguments)
+    np.testing.assert_array_equal([v for _, v in again], values)
 
 
 def test_scatter_of_a_power_law_is_lognormal():
