@@ -486,9 +486,20 @@ def test_second_derivative_of_the_slowed_diffusion_matches_central_differences(c
 
 
 @pytest.mark.parametrize("spectrum", [SPECTRUM, SURFACE], ids=["spectrum", "surface"])
-def test_gradient_at_rest_is_finite(spectrum):
-    slope = jax.grad(lambda v: mean_field(BARE, spectrum, pressure=3e5, velocity=v).contact_area)
-    assert np.all(np.isfinite(slope(jnp.zeros(2))))
+def test_gradient_at_rest_is_that_of_a_start_along_x(spectrum):
+    """As `slide` counts it: by the velocity alone, and jointly with the relaxation times."""
+
+    @jax.jit
+    def friction(velocity, times):
+        stack = gc.Stack(base=gc.HalfSpace(gc.Prony(1e6, [4e6, 2e7], times, 0.49)))
+        return mean_field(stack, spectrum, pressure=3e5, velocity=velocity).friction
+
+    times = jnp.array([1e-2, 1e-4])
+    secant = friction(jnp.array([1e-9, 0.0]), times) / 1e-9
+    alone = jax.grad(friction)(jnp.zeros(2), times)
+    jointly, _ = jax.grad(friction, (0, 1))(jnp.zeros(2), times)
+    for slope in (alone, jointly):
+        np.testing.assert_allclose(slope, [secant, 0], rtol=1e-6, atol=1e-12)
 
 
 def test_vmap_gives_what_single_calls_give():

@@ -200,9 +200,12 @@ def _counts(num_wavenumbers: int, num_pieces: int, num_angles: int) -> tuple[int
     return 4 * -(-num_wavenumbers // (4 * num_pieces)), num_angles
 
 
-def _length(vector: Float[Array, "..."]) -> Float[Array, ""]:
-    squared = jnp.sum(vector**2)
-    return jnp.where(squared == 0, 0, jnp.sqrt(jnp.where(squared == 0, 1, squared)))
+def _length(velocity: Float[Array, "..."]) -> Float[Array, ""]:
+    """The speed; as in `slide`, a start from rest is along x."""
+    velocity = jnp.atleast_1d(velocity)
+    squared = jnp.sum(velocity**2)
+    at_rest = squared == 0
+    return jnp.where(at_rest, velocity[0], jnp.sqrt(jnp.where(at_rest, 1, squared)))
 
 
 def _check_frequencies(stack: Stack, fastest: Float[Array, " points"]) -> None:

@@ -158,15 +158,15 @@ class Prony(AbstractMaterial):
 
     def modulus(self, omega: Numbers) -> Complex[Array, "*w"]:
         omega = as_float(omega)
-        x = jnp.abs(omega[..., None] * self.times)
-        # x²/(1 + x²) and x/(1 + x²), in forms that neither overflow nor cancel.
-        small = x <= 1
+        x = omega[..., None] * self.times
+        # x²/(1 + x²) and x/(1 + x²), in forms that neither overflow nor cancel and are even and
+        # odd as they stand: split into size and sign, they would have no derivative at rest.
+        small = jnp.abs(x) <= 1
         y = jnp.where(small, x, 1 / jnp.where(small, 1, x))
         loss = y / (1 + y * y)
         storage = jnp.where(small, y * loss, 1 / (1 + y * y))
-        sign = jnp.where(omega < 0, -1, 1).astype(x.dtype)
         real = self.equilibrium + jnp.sum(self.strengths * storage, axis=-1)
-        return jax.lax.complex(real, sign * jnp.sum(self.strengths * loss, axis=-1))
+        return jax.lax.complex(real, jnp.sum(self.strengths * loss, axis=-1))
 
     def poisson_ratio(self, omega: Numbers) -> Float[Array, ""]:
         return self.poisson

@@ -90,13 +90,16 @@ class Tabulated(AbstractMaterial):
                 "A frequency lies outside the table of moduli. Use a table that covers it, or "
                 "`Tabulated(..., extrapolate='plateau')`.",
             )
-        inside = jnp.log(jnp.clip(size, first, last))
+        below, above = size < first, size > last
+        inside = jnp.log(jnp.where(below, first, jnp.where(above, last, size)))
         nodes = jnp.log(self.omega)
         storage = jnp.exp(monotone_cubic(nodes, jnp.log(self.storage), inside))
         loss = jnp.exp(monotone_cubic(nodes, jnp.log(self.loss), inside))
-        beyond = jnp.where(size > last, size, last)
-        decay = jnp.where(size < first, size / first, last / beyond)
-        return jax.lax.complex(storage, jnp.sign(omega) * loss * decay)
+        # Odd in ω; at rest its slope is that of the first point.
+        decay = jnp.where(
+            below, omega / first, jnp.sign(omega) * last / jnp.where(above, size, last)
+        )
+        return jax.lax.complex(storage, loss * decay)
 
     def _check_covered(self, size: np.ndarray, slack: float) -> None:
         low, high = float(self.omega[0]), float(self.omega[-1])

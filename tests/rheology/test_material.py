@@ -11,7 +11,22 @@ from hypothesis import strategies as st
 from scipy.integrate import quad
 from scipy.interpolate import PchipInterpolator
 
-from graded_contact import WLF, Arrhenius, Elastic, Prony, Tabulated
+from graded_contact import (
+    WLF,
+    Aged,
+    Arrhenius,
+    Blend,
+    BulkShear,
+    Elastic,
+    Free,
+    GradedLayer,
+    Linear,
+    Mixture,
+    Prony,
+    Stack,
+    Tabulated,
+    sliced,
+)
 
 EXAMPLES = settings(max_examples=60, deadline=None, derandomize=True)
 BRANCHES = 7
@@ -47,6 +62,12 @@ def exact_compliance(glassy, compliances, times, omega):
         iwt = mp.mpc(0, mp.mpf(float(omega)) * mp.mpf(float(time)))
         total += mp.mpf(float(compliance)) / (1 + iwt)
     return total
+
+
+def sliced_profile(profile):
+    """The material in the middle of a graded layer."""
+    layer = GradedLayer(1.0, profile)
+    return sliced(Stack(layers=[layer], base=Free()), 1).layers[0].material
 
 
 def two_branches(**changes):
@@ -382,6 +403,52 @@ def test_gradient_of_tabulated_modulus():
         return jnp.sum(jnp.log(value.real) + jnp.log(value.imag))
 
     check_gradient(jax.jit(function), jnp.array([0.0, 0.1, 0.0, -0.1, 0.05, 0.0, 0.02]))
+
+
+TABLE_AT_ONE = Tabulated(
+    [1.0, 2.0, 5.0, 9.0],
+    np.array([1 + 0.1j, 1.3 + 0.3j, 2 + 0.8j, 3 + 0.2j]),
+    shift=SHIFTS[0],
+    extrapolate="plateau",
+)
+SOFT = Prony(1.0, [2.0, 0.5], [0.2, 3.0], 0.4, shift=SHIFTS[0])
+STIFF = Prony.from_creep(9.0, [0.1, 0.02], [0.3, 2.0], 0.45, shift=SHIFTS[1])
+AT_REST = {
+    "prony": SOFT,
+    "creep": STIFF,
+    "tabulated": TABLE_AT_ONE,
+    "bulk-shear": BulkShear(STIFF, SOFT),
+    "blend": sliced_profile(Blend(SOFT, TABLE_AT_ONE)),
+    "logarithmic": sliced_profile(Blend(SOFT, STIFF, mixing="logarithmic")),
+    "mixture": sliced_profile(Mixture(SOFT, STIFF, Linear())),
+    "aged": sliced_profile(Aged(SOFT, 1.0, 7.0)),
+}
+BOTH_MODES = (jax.jacfwd, jax.jacrev)
+
+
+@pytest.mark.parametrize("material", AT_REST.values(), ids=AT_REST.keys())
+def test_derivatives_at_and_around_rest_match_differences_alone_and_jointly(material):
+    """Of E and ν by frequency and temperature; where ω should be 0, rounding may leave 1e-17."""
+
+    @jax.jit
+    def values(omega, temperature):
+        at = material.at(temperature)
+        parts = [at.modulus(omega), at.poisson_ratio(omega)]
+        return jnp.stack([part(value) for value in parts for part in (jnp.real, jnp.imag)])
+
+    @jax.jit
+    def all_slopes(omega, temperature):
+        alone = [jax.jacrev(values, i)(omega, temperature) for i in (0, 1)]
+        return alone, *(mode(values, (0, 1))(omega, temperature) for mode in BOTH_MODES)
+
+    temperature, step = 300.0, 1e-4
+    for omega in (0.0, 1e-17, -1e-17, 0.3, -0.3, 3.3):
+        differences = [
+            (values(omega + h, temperature + t) - values(omega - h, temperature - t)) / (2 * step)
+            for h, t in ((step, 0), (0, step))
+        ]
+        for slopes in all_slopes(omega, temperature):
+            np.testing.assert_allclose(slopes, differences, rtol=1e-6, atol=1e-8)
 
 
 @pytest.mark.parametrize(
