@@ -19,7 +19,6 @@ that no one has designed for, and polishes it on others. Besides the tables of a
 
 import dataclasses
 import os
-import tomllib
 from collections.abc import Callable
 from pathlib import Path
 from typing import Any, NamedTuple
@@ -44,7 +43,7 @@ from .design import Constraints, Design, Objective, minimise
 from .objectives import distance, friction_curve, loss_tangent, ripple
 from .parameters import paths, with_values
 from .scene import RandomSurface, Scene, build_surface, parse_scene
-from .table import Table, nearest, within
+from .table import Table, nearest, parse_toml, short, within
 
 KEYS = (
     "objective", "target", "ratio", "q_from", "q_to", "stiffness", "total_thickness",
@@ -160,7 +159,7 @@ def parse_design(text: str, folder: str | os.PathLike = ".") -> Study:
         check_positive("velocity", scene.velocity, "[m/s]")
         if len(scene.pressure) > 1 or scene.direction != 0:
             raise ValueError("needs one `pressure`, and `direction` = 0, in [load].")
-    document = tomllib.loads(text)
+    document = parse_toml(text)
     if "design" not in document:
         raise ValueError("The scene lacks the table [design].")
     table = Table("[design]", document["design"], KEYS)
@@ -169,7 +168,7 @@ def parse_design(text: str, folder: str | os.PathLike = ".") -> Study:
     if verify and not isinstance(scene.surface, RandomSurface):
         raise ValueError('[design] `verify` needs a [surface] of kind "self_affine".')
     if not isinstance(polish, bool):
-        raise ValueError(f"[design] `polish` = {polish!r} must be true or false.")
+        raise ValueError(f"[design] `polish` = {short(polish)} must be true or false.")
     objective = _objective(table)
     if polish and (verify < 1 or objective == "flat_loss_tangent"):
         raise ValueError("[design] `polish` needs `verify` surfaces and an objective of friction.")
@@ -470,7 +469,7 @@ def _bounds(table: Table, stack: Stack) -> tuple[dict[str, float], dict[str, flo
     if not isinstance(content, dict) or not content:
         raise ValueError(
             '[design.parameters] must hold parameters, such as "layers[0].thickness" = [1e-5, '
-            f"1e-3], got {content!r}."
+            f"1e-3], got {short(content)}."
         )
     parameters = Table("[design.parameters]", content, content)
     with within(parameters.place):
@@ -478,8 +477,8 @@ def _bounds(table: Table, stack: Stack) -> tuple[dict[str, float], dict[str, flo
             ends = parameters.numbers(path)
             if len(ends) != 2 or not 0 < ends[0] <= ends[1] < np.inf:
                 raise ValueError(
-                    f"{path!r} = {content[path]} must be [lower, upper], positive and in this "
-                    "order."
+                    f"{path!r} = {short(content[path])} must be [lower, upper], positive and in "
+                    "this order."
                 )
             lower[path], upper[path] = ends
             if path.endswith("poisson"):

@@ -23,7 +23,6 @@ radians; `KEYS` lists them. Paths are relative to the scene file.
 import dataclasses
 import hashlib
 import os
-import tomllib
 from collections.abc import Callable
 from pathlib import Path
 from typing import Any, Literal, NamedTuple
@@ -51,7 +50,7 @@ from ..spectrum import SelfAffine
 from ..surface import Surface, random_surface, rescale
 from ..topography import read_surface
 from .storage import FIELDS, OBSERVABLES, Fields, Results, package_versions
-from .table import Table, nearest, within
+from .table import Table, nearest, parse_toml, short, within
 
 READ_ARGUMENTS = ("periodic", "shape", "size", "unit", "fill", "rim", "channel")
 SPECTRUM_FIELDS = ("rms_height", "rms_slope", "hurst", "q_low", "q_roll", "q_high")
@@ -152,9 +151,7 @@ def read_scene(path: str | os.PathLike) -> Scene:
 def parse_scene(text: str, folder: str | os.PathLike = ".") -> Scene:
     """Returns the scene that a TOML text describes; its paths are relative to `folder`."""
     folder = Path(folder)
-    with within("Not valid TOML:"):
-        document = tomllib.loads(text)
-    scene = Table("the scene", document, KEYS["scene"])
+    scene = Table("the scene", parse_toml(text), KEYS["scene"])
     load = Table("[load]", scene.get("load"), KEYS["load"])
     solver = Table("[solver]", scene.get("solver", {}), KEYS["solver"])
     output = Table("[output]", scene.get("output", {}), KEYS["output"])
@@ -321,7 +318,7 @@ def _materials(
 ) -> tuple[dict[str, AbstractMaterial], list[Path]]:
     content = scene.get("materials")
     if not isinstance(content, dict):
-        raise ValueError(f"[materials] must hold tables [materials.NAME], got {content!r}.")
+        raise ValueError(f"[materials] must hold tables [materials.NAME], got {short(content)}.")
     materials, inputs = {}, []
     for name, entry in content.items():
         table, kind = Table.of_kind(f"[materials.{name}]", entry, KEYS["material"])
@@ -421,7 +418,7 @@ def _surface(scene: Table, folder: Path) -> RandomSurface | SurfaceFile:
 def _stack(scene: Table, materials: dict[str, AbstractMaterial]) -> Stack:
     entries = scene.get("layers", [])
     if not isinstance(entries, list):
-        raise ValueError(f"`layers` must be a list of tables [[layers]], got {entries!r}.")
+        raise ValueError(f"`layers` must be a list of tables [[layers]], got {short(entries)}.")
 
     def named(table: Table, key: str = "material") -> AbstractMaterial:
         name = table.text(key)

@@ -2,7 +2,10 @@
 
 import contextlib
 import difflib
+import sys
+import tomllib
 from collections.abc import Callable, Iterable, Iterator
+from reprlib import repr as short
 from typing import Any
 
 import numpy as np
@@ -26,7 +29,7 @@ class Table:
 
     def __init__(self, place: str, content: Any, keys: Iterable[str]):
         if not isinstance(content, dict):
-            raise ValueError(f"{place} must be a table, got {content!r}.")
+            raise ValueError(f"{place} must be a table, got {short(content)}.")
         for key in content:
             if key not in keys:
                 raise ValueError(f"{place} has no key `{key}`; {nearest(key, keys)}")
@@ -38,14 +41,14 @@ class Table:
     ) -> tuple["Table", str]:
         """Returns the table and its kind, which decides its keys."""
         if not isinstance(content, dict):
-            raise ValueError(f"{place} must be a table, got {content!r}.")
+            raise ValueError(f"{place} must be a table, got {short(content)}.")
         if "kind" not in content:
             all_keys = ["kind", *(key for keys in kinds.values() for key in keys)]
             cls(place, content, all_keys)
             raise ValueError(f"{place} lacks the key `kind`, one of {list(kinds)}.")
         kind = content["kind"]
-        if kind not in kinds:
-            raise ValueError(f"{place} `kind` = {kind!r} is not known; {nearest(kind, kinds)}")
+        if not isinstance(kind, str) or kind not in kinds:
+            raise ValueError(f"{place} `kind` = {short(kind)} is not known; {nearest(kind, kinds)}")
         return cls(place, content, ("kind", *kinds[kind])), kind
 
     def get(self, key: str, default: Any = _REQUIRED) -> Any:
@@ -59,7 +62,7 @@ class Table:
         return self._typed(key, default, _is_number, "a number (without quotes)", float)
 
     def whole(self, key: str, default: Any = _REQUIRED) -> int:
-        return self._typed(key, default, _is_whole, "a whole number", int)
+        return self._typed(key, default, _is_whole, "a whole number of at most 18 digits", int)
 
     def text(self, key: str, default: Any = _REQUIRED) -> Any:
         return self._typed(key, default, lambda v: isinstance(v, str), "a text in quotes", str)
@@ -84,7 +87,7 @@ class Table:
         value = self.get(key)
         if _is_whole(value):
             return (value,)
-        wanted = "a whole number or a list of them"
+        wanted = "a whole number, or a list of them, of at most 18 digits"
         return self._typed(key, _REQUIRED, lambda v: _all_of(v, _is_whole), wanted, tuple)
 
     def choice(self, key: str, choices: tuple[str, ...], default: str) -> Any:
@@ -115,20 +118,32 @@ class Table:
         if key not in self.content:
             return value
         if not right(value):
-            raise ValueError(f"{self.place} `{key}` = {value!r} must be {wanted}.")
+            raise ValueError(f"{self.place} `{key}` = {short(value)} must be {wanted}.")
         return convert(value)
 
 
 def _is_number(value: Any) -> bool:
-    return isinstance(value, int | float) and not isinstance(value, bool)
+    """Whether it is a number that a float can hold: TOML's whole numbers have no end."""
+    if isinstance(value, bool):
+        return False
+    return isinstance(value, float) or (isinstance(value, int) and abs(value) <= sys.float_info.max)
 
 
 def _is_whole(value: Any) -> bool:
-    return isinstance(value, int) and not isinstance(value, bool)
+    return isinstance(value, int) and not isinstance(value, bool) and abs(value) < 10**18
 
 
 def _all_of(value: Any, right: Callable) -> bool:
     return isinstance(value, list) and len(value) > 0 and all(map(right, value))
+
+
+def parse_toml(text: str) -> dict[str, Any]:
+    """Returns the tables of a TOML text, or raises `ValueError` saying where it is none."""
+    with within("Not valid TOML:"):
+        try:
+            return tomllib.loads(text)
+        except RecursionError as error:
+            raise ValueError("its lists or tables are nested too deeply.") from error
 
 
 def nearest(word: Any, choices: Iterable[str]) -> str:

@@ -401,3 +401,29 @@ def test_an_interrupted_run_keeps_what_it_has(scene, results):
     assert "interrupted" in kept.message[1, 1]
     np.testing.assert_array_equal(kept.friction[0], results.friction[0])
     assert np.isnan(kept.friction[1, 1])
+
+
+HUGE = "9" * 400
+
+
+@pytest.mark.parametrize(
+    "old, new, named",
+    [
+        ('kind = "self_affine"', 'kind = ["self_affine"]', r"\[surface\] `kind`"),
+        ('kind = "self_affine"', "kind = {a = 1}", r"\[surface\] `kind`"),
+        (
+            "pressure = [2e5, 4e5]",
+            f"pressure = {HUGE}",
+            r"`pressure` = 9+\.\.\.9+ must be",
+        ),
+        ("size = 1e-3", f"size = {HUGE}", r"\[grid\] `size`"),
+        ("shape = [32, 32]", f"shape = [{HUGE}, 32]", r"\[grid\] `shape`"),
+        ("pressure = [2e5, 4e5]", f"pressure = {'[' * 3000}{']' * 3000}", "nested too deeply"),
+        ("pressure = [2e5, 4e5]", f"pressure = {'{a=' * 3000}1{'}' * 3000}", "nested too deeply"),
+        ("pressure = [2e5, 4e5]", f"pressure = {{from = 1, to = 2, points = {HUGE}}}", "`points`"),
+    ],
+)
+def test_odd_values_of_toml_are_refused_by_name(old, new, named):
+    with pytest.raises(ValueError, match=named) as refusal:
+        parse_scene(changed(old, new))
+    assert len(str(refusal.value)) < 300
