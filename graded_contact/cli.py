@@ -1,6 +1,7 @@
 """The command `graded-contact`: it parses, runs a scene, prints a table, writes HDF5 and PNG.
 
-Exit codes: 0 all is well; 1 some solve did not converge; 2 the input was refused.
+Exit codes: 0 all is well; 1 some solve did not converge, or a design misses what was wanted; 2 the
+input was refused.
 """
 
 import contextlib
@@ -224,7 +225,7 @@ def design(
     r"""Designs the block of a scene with a table \[design]: prints it before and after."""
     _prepare()
     from .plot import plot_design
-    from .studies.design_scene import designed_values, read_design, report, run_design
+    from .studies.design_scene import designed_values, missed, read_design, report, run_design
 
     with _refusing():
         study = read_design(scene_file)
@@ -247,7 +248,9 @@ def design(
         Path(f"{stem}.txt").write_text(text + "\n", encoding="utf-8")
         for suffix in ("json", "txt", "png"):
             typer.echo(f"wrote {stem}.{suffix}")
-    if not results.design.converged:
+    for sentence in missed(results):
+        typer.secho(f"Warning: {sentence}", fg="red", err=True)
+    if missed(results) or not results.design.converged:
         raise typer.Exit(1)
 
 

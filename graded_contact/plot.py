@@ -220,8 +220,9 @@ def plot_design(results: DesignResults) -> "Figure":
         loss.plot(q, loss_tangent(candidate.stack, q, speed), color=colour)
         if study.verify:
             solved = candidate.friction
+            spread = solved.std(0, ddof=1) if len(solved) > 1 else None
             friction.errorbar(
-                scene.velocity, solved.mean(0), solved.std(0), fmt="o", capsize=3, color=colour
+                scene.velocity, solved.mean(0), spread, fmt="o", capsize=3, color=colour
             )
     if study.band is not None:
         loss.axvspan(*study.band, color="0.93", zorder=0)

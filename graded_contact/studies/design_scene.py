@@ -269,7 +269,8 @@ def run_design(study: Study, *, progress: Progress | None = None) -> DesignResul
 def report(results: DesignResults) -> str:
     """Returns a table of before and after, and the runs that led there, as text.
 
-    Contact is given as mean ± standard deviation over the surfaces.
+    Contact is given as mean ± standard deviation over the surfaces. A friction that was wanted and
+    is not reached, see `missed`, is said below the table.
     """
     lines = _rows(results)
     widths = [max(map(len, column)) for column in zip(*lines, strict=True)]
@@ -277,10 +278,40 @@ def report(results: DesignResults) -> str:
     for label, *cells in lines:
         padded = (cell.rjust(width) for cell, width in zip(cells, widths[1:], strict=True))
         texts.append("  ".join([label.ljust(widths[0]), *padded]).rstrip())
+    texts += missed(results)
     texts += ["", f"objective {results.study.objective}, by mean field", results.design.report()]
     if results.polished is not None:
         texts += ["", "the same, polished by contact", results.polished.report()]
     return "\n".join(texts)
+
+
+def missed(results: DesignResults) -> list[str]:
+    """Returns a sentence for each velocity at which the last candidate misses what was wanted.
+
+    It is judged by contact where there are surfaces, otherwise by the mean field; to 5 % and twice
+    the standard error of the mean, and to 1 %.
+    """
+    study, last = results.study, list(results.candidates.values())[-1]
+    if study.wanted is None:
+        return []
+    friction, own = (
+        c.friction if study.verify else np.asarray(c.field.friction)[None]
+        for c in (last, results.candidates["before"])
+    )
+    share = friction / own if study.relative else friction
+    # Of means: surface by surface a small friction before would weigh too much.
+    reached = np.mean(friction, axis=0) / (np.mean(own, axis=0) if study.relative else 1)
+    room = 0.05 if study.verify else 0.01
+    error = 0 if len(share) < 2 else np.std(share, axis=0, ddof=1) / np.sqrt(len(share))
+    allowed = room * study.wanted + 2 * error
+    by, kind = "contact" if study.verify else "mean field", "ratio" if study.relative else "target"
+    return [
+        f"{kind} missed at {v:g} m/s: {got:.3g} of {wanted:.3g}, by {by}"
+        for v, got, wanted, most in zip(
+            study.scene.velocity, reached, study.wanted, allowed, strict=True
+        )
+        if not abs(got - wanted) <= most
+    ]
 
 
 def designed_values(results: DesignResults) -> dict[str, Any]:
@@ -335,8 +366,14 @@ def _rows(results: DesignResults) -> list[tuple[str, ...]]:
             add(f"{label}, mean field", [f"{value:.4g}" for value in fields])
             if study.verify:
                 solved = [getattr(c, name)[:, i] for c in candidates.values()]
-                add(f"{label}, contact", [f"{s.mean():.4g} ± {s.std():.2g}" for s in solved])
+                alone = ", one surface, spread unknown" if study.verify == 1 else ""
+                add(f"{label}, contact{alone}", list(map(_mean_and_spread, solved)))
     return lines
+
+
+def _mean_and_spread(values: Float[np.ndarray, " surfaces"]) -> str:
+    spread = f" ± {values.std(ddof=1):.2g}" if len(values) > 1 else ""
+    return f"{values.mean():.4g}{spread}"
 
 
 @eqx.filter_jit

@@ -3,18 +3,30 @@
 The command is run once, small; its files and printed table are looked at.
 """
 
+import dataclasses
 import json
 from pathlib import Path
+from types import SimpleNamespace
 
 import jax
 import numpy as np
 import pytest
+from matplotlib.figure import Figure
 from typer.testing import CliRunner
 
 import graded_contact as gc
-from graded_contact import cli
+from graded_contact import cli, plot
 from graded_contact.studies import design_scene
-from graded_contact.studies.design_scene import parse_design, read_design, report, run_design
+from graded_contact.studies.design import Design, Run
+from graded_contact.studies.design_scene import (
+    Candidate,
+    DesignResults,
+    missed,
+    parse_design,
+    read_design,
+    report,
+    run_design,
+)
 from graded_contact.studies.parameters import with_values
 
 SCENE = """
@@ -193,6 +205,52 @@ def test_a_table_that_cannot_be_designed_is_refused(old, new, message):
 def test_a_band_is_in_order():
     with pytest.raises(ValueError, match="`q_from` = 10000, `q_to` = 1000"):
         parse_design(FLAT.replace("q_from = 1e3\nq_to = 1e4", "q_from = 1e4\nq_to = 1e3"))
+
+
+def came_to(reached, *, verify=0, text=SCENE):
+    """Results of a search that converged: friction 0.1 before, times `reached` in the design."""
+    study = dataclasses.replace(parse_design(text), verify=verify)
+    candidates = {}
+    for name, share in (("before", np.ones_like(reached)), ("designed", reached)):
+        friction = 0.1 * np.reshape(share, (-1, 1))
+        field = SimpleNamespace(friction=friction[0], contact_area=friction[0])
+        solved = friction if verify else np.zeros((0, 1))
+        candidates[name] = Candidate(study.scene.stack, field, solved, solved)
+    run = Run([1.0], 1.0, [], 1, True, True, "")
+    design = Design({"a": 1.0}, 1.0, {"a": 0.0}, np.zeros(0), (run,))
+    return DesignResults(study, design, None, candidates)
+
+
+def test_a_ratio_out_of_reach_is_said_in_table_file_and_exit_code(tmp_path, monkeypatch):
+    results = came_to([4.99], text=SCENE.replace("ratio = 1.3", "ratio = 16"))
+    monkeypatch.setattr(cli, "_cache_folder", lambda: None)
+    monkeypatch.setattr(design_scene, "run_design", lambda *_, **__: results)
+    monkeypatch.setattr(plot, "plot_design", lambda _: Figure())
+    (tmp_path / "coat.toml").write_text(SCENE)
+    arguments = ["design", str(tmp_path / "coat.toml"), "-o", str(tmp_path)]
+    result = CliRunner().invoke(cli.app, arguments)
+    said = "ratio missed at 0.1 m/s: 4.99 of 16, by mean field"
+    assert said in result.stdout and said in result.stderr and result.exit_code == 1
+    assert said in (tmp_path / "coat-design.txt").read_text()
+    assert results.design.converged and "NOT converged" not in result.stdout
+
+
+@pytest.mark.parametrize(
+    "reached, verify, said",
+    [
+        ([1.299], 0, False), ([1.28], 0, True), ([np.nan], 0, True),  # mean field: to 1 %
+        ([1.26], 1, False), ([1.2], 1, True),  # contact: to 5 %
+        ([1.0, 1.4], 2, False), ([1.19, 1.21], 2, True),  # and twice the standard error
+    ],
+)  # fmt: skip
+def test_a_ratio_is_missed_beyond_what_is_uncertain(reached, verify, said):
+    assert bool(missed(came_to(reached, verify=verify))) == said
+
+
+def test_one_surface_has_no_spread_and_two_that_of_a_sample():
+    one, two = report(came_to([1.3], verify=1)), report(came_to([1.3, 1.5], verify=2))
+    assert "±" not in one and "friction at 0.1 m/s, contact, one surface, spread unknown" in one
+    assert "0.14 ± 0.014" in two and "unknown" not in two  # |a - b|/√2
 
 
 def test_limits_that_nothing_satisfies_are_refused():
