@@ -22,6 +22,7 @@ import typer
 if TYPE_CHECKING:
     from .studies.scene import Scene
     from .studies.storage import Results
+    from .surface import Surface
 
 app = typer.Typer(
     help="Friction and contact area of layered viscoelastic blocks on rough surfaces.",
@@ -46,6 +47,7 @@ _COLUMNS = {
     "mean_gap": ("mean gap\n[m]", ".3e"),
     "num_fft_pairs": ("FFT\npairs", ".1f"),
     "error": ("error", ".1e"),
+    "unmeasured_friction": ("on points not\nmeasured", ".1%"),
 }
 
 
@@ -120,6 +122,7 @@ def info(
     typer.echo(f"{'grid':22} {' x '.join(map(str, grid.shape))} points, size {grid.size} m")
     for sentence in results.surface.history:
         typer.echo(f"{'surface':22} {sentence}")
+    _print_steps(results.surface)
     kept = ", ".join(map(str, results.fields)) or "none"
     typer.echo(f"{'fields kept':22} {kept} (pressure, velocity)")
     _print_table(results)
@@ -263,6 +266,8 @@ def _pairs(option: str, texts: list[str] | None) -> dict[str, str]:
 
 
 def _run(scene: "Scene", folder: Path, name: str) -> None:
+    import numpy as np
+
     from .plot import plot_sliding, plot_sweep
     from .studies.scene import build_surface, run_scene
     from .studies.storage import write_results
@@ -274,6 +279,7 @@ def _run(scene: "Scene", folder: Path, name: str) -> None:
             typer.echo(scene.title)
         for sentence in surface.history:
             typer.echo(f"surface: {sentence}")
+        _print_steps(surface)
         with _progress() as advance:
             results = run_scene(
                 scene, surface=surface, progress=lambda *counts: advance("sliding", *counts)
@@ -290,6 +296,14 @@ def _run(scene: "Scene", folder: Path, name: str) -> None:
         for file, figure in figures.items():
             figure.savefig(folder / file)
             typer.echo(f"wrote {folder / file}")
+    if results.caveats:
+        where = np.any([caveat.where for caveat in results.caveats], axis=0)
+        typer.secho(
+            f"Warning: {np.sum(where)} of {where.size} solves are doubtful; the reasons stand "
+            "below the table and in the file.",
+            fg="yellow",
+            err=True,
+        )
     if not results.complete:
         raise typer.Exit(1)
 
@@ -315,24 +329,33 @@ def _print_table(results: "Results") -> None:
     import numpy as np
     from rich import box
     from rich.console import Console
+    from rich.markup import escape
     from rich.table import Table
     from rich.text import Text
 
     table = Table(box=box.SIMPLE_HEAD, pad_edge=False)
-    heads = ["velocity\n[m/s]", "pressure\n[MPa]", *(head for head, _ in _COLUMNS.values()), ""]
+    columns = dict(_COLUMNS)
+    if results.surface.measured is None:
+        del columns["unmeasured_friction"]
+    heads = ["velocity\n[m/s]", "pressure\n[MPa]", *(head for head, _ in columns.values()), ""]
     for head in heads:
         table.add_column(Text(head), justify="right", no_wrap=True)
+    caveats = results.caveats
     for i, j in np.ndindex(results.friction.shape):
         cells = [
-            format(getattr(results, name)[i, j], style) for name, (_, style) in _COLUMNS.items()
+            format(getattr(results, name)[i, j], style) for name, (_, style) in columns.items()
         ]
-        mark = "" if results.converged[i, j] else "[bold red]not converged[/]"
+        mark = "" if results.converged[i, j] else "[bold red]not converged[/] "
+        doubts = ",".join(str(n) for n, c in enumerate(caveats, start=1) if c.where[i, j])
+        mark += f"[yellow]({doubts})[/]" if doubts else ""
         load = f"{results.pressure[i] / 1e6:.4g}"
         table.add_row(f"{results.velocity[j]:.3e}", load, *cells, mark)
     console = Console()
     # A narrower screen wraps the lines; it must not cut the numbers.
     console.width = max(console.width, 150)
     console.print(table)
+    for number, caveat in enumerate(caveats, start=1):
+        console.print(f"[bold yellow]({number})[/] {escape(caveat.sentence)}", soft_wrap=True)
     failed = np.argwhere(~results.converged)
     if len(failed):
         warning = Console(stderr=True)
@@ -342,6 +365,14 @@ def _print_table(results: "Results") -> None:
         )
         for message in sorted(set(results.message[~results.converged])):
             warning.print(message, markup=False)
+
+
+def _print_steps(surface: "Surface") -> None:
+    """Prints the roughness after every step of reading, one line each."""
+    if surface.steps:
+        typer.echo(f"{'after the step':24}{'rms height [m]':>16}{'rms slope':>12}{'peak/rms':>10}")
+    for name, rms_height, rms_slope, peak in surface.steps:
+        typer.echo(f"{name:24}{rms_height:16.4g}{rms_slope:12.4g}{peak:10.3g}")
 
 
 @contextlib.contextmanager

@@ -82,7 +82,8 @@ def plot_sliding(sliding: Sliding | Fields, surface: Surface) -> "Figure":
 def plot_sweep(results: Results) -> "Figure":
     """Returns a figure of friction and contact area against velocity, one line per pressure.
 
-    The area is the sub-pixel one. A solve that did not converge has a hollow marker.
+    The area is the sub-pixel one. A solve that did not converge has a hollow marker, one with a
+    caveat (`Results.caveats`) a cross.
     """
     figure = _figure(8.6, 3.7)
     panels = [
@@ -91,6 +92,7 @@ def plot_sweep(results: Results) -> "Figure":
     ]
     velocity = results.velocity
     order = np.argsort(velocity, kind="stable")
+    doubtful = np.any([np.zeros_like(results.converged), *(c.where for c in results.caveats)], 0)
     for axes, (label, values) in zip(figure.subplots(1, 2), panels, strict=True):
         for i, pressure in enumerate(results.pressure):
             colour = COLOURS[i % len(COLOURS)]
@@ -111,6 +113,14 @@ def plot_sweep(results: Results) -> "Figure":
                     markerfacecolor=face,
                     label="not converged" if not good and np.any(chosen) else None,
                 )
+        crossed, at = np.nonzero(doubtful)
+        axes.plot(
+            velocity[at],
+            values[crossed, at],
+            "kx",
+            markersize=9,
+            label="doubtful: see the caveats" if len(at) else None,
+        )
         if np.all(velocity > 0):
             axes.set_xscale("log")
         axes.set_ylim(bottom=0)

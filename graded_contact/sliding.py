@@ -14,6 +14,7 @@ import numpy as np
 from jaxtyping import Array, Float, Inexact
 
 from ._checks import Numbers, as_float, check_positive, is_concrete
+from .caveats import caveats_of
 from .contact.douglas_rachford import DouglasRachford
 from .contact.law import AbstractLaw, HardWall
 from .contact.observables import (
@@ -25,6 +26,8 @@ from .contact.observables import (
     energy_imbalance,
     friction,
     friction_error,
+    slope_in_contact,
+    unmeasured_shares,
 )
 from .contact.problem import RESULTS, ContactSolution, solve_contact
 from .contact.rmd import ResidualDynamics
@@ -50,6 +53,9 @@ class Sliding(eqx.Module):
     - `geometric_friction`: friction from the surface's slope instead of the block's [1]. Its
       distance from `friction` is the error of the grid.
     - `energy_imbalance`: work of friction against dissipation in the block, relative [1].
+    - `slope_in_contact`: rms slope of the block where it carries the load [1]: the strains there.
+    - `unmeasured_area`, `unmeasured_friction`: shares of the contact area and of the friction on
+      points that were filled or tapered, not measured [1]; 0 where `Surface.measured` is None.
     - `contact`: pressure, gap and convergence, see `ContactSolution`; also reached directly as
       `.pressure`, `.gap`, `.displacement` [Pa, m, m], `.mean_gap` [m], `.error`, `.num_fft_pairs`
       and `.result`.
@@ -63,7 +69,15 @@ class Sliding(eqx.Module):
     contact_area_smooth: Float[Array, ""]
     geometric_friction: Float[Array, ""]
     energy_imbalance: Float[Array, ""]
+    slope_in_contact: Float[Array, ""]
+    unmeasured_area: Float[Array, ""]
+    unmeasured_friction: Float[Array, ""]
     contact: ContactSolution
+
+    @property
+    def caveats(self) -> tuple[str, ...]:
+        """What makes these numbers doubtful, one sentence each; not under `jit`."""
+        return tuple(caveat.sentence for caveat in caveats_of(self))
 
     @property
     def pressure(self) -> Float[Array, "*shape"]:
@@ -138,7 +152,7 @@ def slide(
         start=start,
         throw=throw,
     )
-    return _observe(contact, kernel, surface.heights, surface.grid, velocity, law)
+    return _observe(contact, kernel, surface.heights, surface.measured, surface.grid, velocity, law)
 
 
 def _kernel_and_velocity(stack, surface, velocity):
@@ -158,6 +172,7 @@ def _observe(
     contact: ContactSolution,
     kernel: Inexact[Array, "*half"],
     heights: Float[Array, "*shape"],
+    measured: Float[Array, "*shape"] | None,
     grid: Grid,
     velocity: Float[Array, "..."],
     law: AbstractLaw,
@@ -165,6 +180,12 @@ def _observe(
     sigma, w = contact.pressure, contact.displacement
     margin = law.margin(sigma, contact.gap, edge_stiffness(kernel, grid))
     touching = margin > 0
+    zero = jnp.zeros((), sigma.dtype)
+    area, rubbing = (
+        (zero, zero)
+        if measured is None
+        else unmeasured_shares(measured, touching, sigma, w, grid, velocity)
+    )
     return Sliding(
         friction=friction(sigma, w, grid, velocity),
         friction_error=friction_error(
@@ -176,6 +197,9 @@ def _observe(
         contact_area_smooth=contact_area_smooth(margin),
         geometric_friction=friction(sigma, heights, grid, velocity),
         energy_imbalance=energy_imbalance(sigma, w, kernel, grid, velocity),
+        slope_in_contact=slope_in_contact(sigma, w, grid),
+        unmeasured_area=area,
+        unmeasured_friction=rubbing,
         contact=contact,
     )
 
@@ -228,7 +252,7 @@ def area_against_cutoff(
         contact = solve_contact(
             kernel, heights, pressure, law=law, solver=solver, rtol=rtol, start=start, throw=throw
         )
-        s = _observe(contact, kernel, heights, grid, velocity, law)
+        s = _observe(contact, kernel, heights, surface.measured, grid, velocity, law)
         row = CutoffCurve(cutoff, s.friction, s.contact_area, s.contact_area_smooth)
         return contact.pressure, row
 

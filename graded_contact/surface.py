@@ -5,6 +5,8 @@ Heights h [m] point into the solid. Fourier amplitudes are h(x) = Σ_q h_q exp(i
 trigonometric interpolant, and a component at its Nyquist number has none (see `grid`).
 """
 
+from typing import NamedTuple
+
 import equinox as eqx
 import jax
 import jax.numpy as jnp
@@ -12,7 +14,8 @@ import numpy as np
 from jax import Array
 from jaxtyping import ArrayLike, Complex, Float, PRNGKeyArray
 
-from ._checks import as_float, check_positive, check_shape, check_values, is_concrete
+from ._checks import Numbers, as_float, check_positive, check_shape, check_values, is_concrete
+from .caveats import caveats_of_steps
 from .grid import (
     Grid,
     mode_numbers,
@@ -26,6 +29,23 @@ from .grid import (
 from .spectrum import SelfAffine, one_of_height_and_slope, relative_density, rms_height_of
 
 
+class Step(NamedTuple):
+    """The roughness after one step of reading a measured surface, see `step`.
+
+    **Fields:**
+
+    - `name`: of the step.
+    - `rms_height`: about the mean [m].
+    - `rms_slope`: between neighbouring measured points [1].
+    - `peak`: the largest distance from the mean over the rms height [1].
+    """
+
+    name: str
+    rms_height: float
+    rms_slope: float
+    peak: float
+
+
 class Surface(eqx.Module):
     """Heights of a periodic rough surface.
 
@@ -34,15 +54,45 @@ class Surface(eqx.Module):
     - `heights`: h [m], shape `grid.shape`. The mean need not be zero; contact ignores it.
     - `grid`: the periodic cell.
     - `history`: what was done to the heights, one sentence each. Static.
+    - `measured`: how much of each height was measured [1], shape `grid.shape`: 1 as measured, 0
+      invented to fill a hole, the factor of the window where tapered; None: nothing to tell apart.
+    - `steps`: the roughness after every step of reading. Static.
     """
 
     heights: Float[Array, "*shape"] = eqx.field(converter=as_float)
     grid: Grid
     history: tuple[str, ...] = eqx.field(static=True, default=())
+    # Not Boolean: `jax.grad` by a surface asks for numbers in every leaf.
+    measured: Float[Array, "*shape"] | None = eqx.field(
+        converter=lambda value: None if value is None else as_float(value), default=None
+    )
+    steps: tuple[Step, ...] = eqx.field(static=True, default=())
 
     def __check_init__(self):
         check_shape("heights", self.heights, self.grid.shape)
         check_values("heights", self.heights, "heights must be finite numbers [m]")
+        if self.measured is not None:
+            check_shape("measured", self.measured, self.grid.shape)
+            reason = "a share lies between 0 and 1"
+            check_values("measured", self.measured, reason, at_least=0, at_most=1)
+
+    @property
+    def caveats(self) -> tuple[str, ...]:
+        """What makes contact on this surface doubtful, one sentence each."""
+        return caveats_of_steps(self.steps)
+
+
+def step(name: str, heights: Numbers, spacing: Numbers) -> Step:
+    """Returns the roughness of heights [m], NaN where missing, `spacing` [m] apart on each axis."""
+    values = np.asarray(heights, float)
+    deviation = values - np.nanmean(values)
+    rms = float(np.sqrt(np.nanmean(deviation**2)))
+    squares = [
+        np.nanmean((np.diff(values, axis=axis) / apart) ** 2)
+        for axis, apart in enumerate(np.asarray(spacing, float))
+    ]
+    peak = float(np.nanmax(np.abs(deviation)) / rms) if rms > 0 else 0.0
+    return Step(name, rms, float(np.sqrt(np.sum(squares))), peak)
 
 
 def random_surface(
@@ -253,10 +303,13 @@ def rescale(
     name, target = one_of_height_and_slope(rms_height, rms_slope)
     actual = getattr(statistics(surface), name)
     check_positive(f"statistics(surface).{name}", actual, "(a flat surface cannot be rescaled)")
-    return Surface(
-        heights=surface.heights * (target / actual),
-        grid=surface.grid,
-        history=(*surface.history, f"Heights were multiplied to prescribe the {name}."),
+    return _changed(
+        surface,
+        "rescaled",
+        surface.heights * (target / actual),
+        surface.grid,
+        f"Heights were multiplied to prescribe the {name}.",
+        surface.measured,
     )
 
 
@@ -274,11 +327,31 @@ def resample(surface: Surface, shape: int | tuple[int, ...]) -> Surface:
         return surface
     modes = resample_spectrum(to_spectrum(surface.heights), old, grid.shape)
     ratio = np.prod(grid.shape) / np.prod(old)
-    return Surface(
-        heights=to_field(modes, grid.shape) * ratio,
-        grid=grid,
-        history=(
-            *surface.history,
-            f"Resampled from {old} to {grid.shape} points by Fourier modes.",
-        ),
+    nearest = np.ix_(
+        *(np.rint(np.arange(m) * (n / m)).astype(int) % n
+          for n, m in zip(old, grid.shape, strict=True))
+    )  # fmt: skip
+    return _changed(
+        surface,
+        "resampled",
+        to_field(modes, grid.shape) * ratio,
+        grid,
+        f"Resampled from {old} to {grid.shape} points by Fourier modes.",
+        None if surface.measured is None else surface.measured[nearest],
     )
+
+
+def _changed(
+    surface: Surface,
+    name: str,
+    heights: Array,
+    grid: Grid,
+    sentence: str,
+    measured: Array | None,
+) -> Surface:
+    """The surface after a step, told in its history and, where steps are recorded, in these."""
+    steps = surface.steps
+    if steps and is_concrete(heights):
+        steps = (*steps, step(name, np.asarray(heights), np.asarray(grid.spacing)))
+    history = (*surface.history, sentence)
+    return Surface(heights=heights, grid=grid, history=history, measured=measured, steps=steps)

@@ -49,6 +49,9 @@ def test_a_sweep_has_one_line_per_pressure_and_marks_what_failed(tmp_path, veloc
     message = np.array([["", "", ""], ["", "It stopped.", ""]])
     _, surface = make_fields((8, 8))
     values = {name: np.arange(1.0, 7.0).reshape(2, 3) for name in OBSERVABLES}
+    # Of one solve a fifth of the contact was not measured.
+    doubts = ("slope_in_contact", "unmeasured_area", "unmeasured_friction")
+    values |= dict.fromkeys(doubts, np.array([[0.0, 0.0, 0.0], [0.0, 0.0, 0.2]]))
     figure = plot_sweep(
         Results(
             pressure=np.array([1e5, 2e6]),
@@ -67,7 +70,9 @@ def test_a_sweep_has_one_line_per_pressure_and_marks_what_failed(tmp_path, veloc
         lines = [line for line in axes.lines if line.get_linestyle() == "-"]
         assert len(lines) == 2 and all(np.all(np.diff(line.get_xdata()) > 0) for line in lines)
     names = [text.get_text() for text in figure.axes[0].get_legend().get_texts()]
-    assert names == ["100 kPa", "2 MPa", "not converged"]
+    assert names == ["100 kPa", "2 MPa", "not converged", "doubtful: see the caveats"]
+    (crosses,) = (line for line in figure.axes[0].lines if line.get_marker() == "x")
+    np.testing.assert_array_equal(crosses.get_xydata(), [[velocity[2], 6.0]])
     assert saved(figure, tmp_path) > 10_000
 
 

@@ -146,6 +146,46 @@ def energy_imbalance(
     return jnp.abs(-jnp.mean(power) - lost) / jnp.where(exchanged > 0, exchanged, 1)
 
 
+def slope_in_contact(
+    pressure: Float[Array, "*shape"], displacement: Float[Array, "*shape"], grid: Grid
+) -> Float[Array, ""]:
+    """Returns the rms slope of the block's surface, weighted by |pressure| [1].
+
+    That of the surface where it touches. The size of the strains there; 0 without contact. No
+    friction coefficient of a hard wall is larger.
+    """
+    slopes = (derivative(displacement, grid, axis) for axis in range(grid.ndim))
+    weight = jnp.abs(pressure)
+    load = jnp.mean(weight)
+    squared = jnp.mean(weight * sum(slope**2 for slope in slopes)) / jnp.where(load > 0, load, 1)
+    return jnp.where(squared > 0, jnp.sqrt(jnp.where(squared > 0, squared, 1)), 0)
+
+
+def unmeasured_shares(
+    measured: Float[Array, "*shape"],
+    contact: Bool[Array, "*shape"],
+    pressure: Float[Array, "*shape"],
+    displacement: Float[Array, "*shape"],
+    grid: Grid,
+    velocity: Numbers,
+) -> tuple[Float[Array, ""], Float[Array, ""]]:
+    """Returns the shares of contact area and friction on points that were not measured [1].
+
+    `measured` says how much of each height was, see `Surface`. Friction is what remains of the
+    tangential traction |σ ∂w/∂x_v| up and down the slopes; the share is that of the traction, lest
+    the cancellation make it noise. 0 without contact.
+    """
+    lost = 1 - measured
+    touching = contact.astype(measured.dtype)
+    traction = jnp.abs(pressure * _slope_along(displacement, grid, velocity)[0])
+
+    def share(weight):
+        total = jnp.sum(weight)
+        return jnp.sum(weight * lost) / jnp.where(total > 0, total, 1)
+
+    return share(touching), share(traction)
+
+
 def contact_area(contact: Bool[Array, "*shape"]) -> Float[Array, ""]:
     """Returns the fraction of points in contact [1]. Piecewise constant: it has no derivative."""
     return jnp.mean(contact, dtype=jnp.result_type(float))

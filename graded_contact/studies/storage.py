@@ -21,8 +21,9 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Float
 
+from ..caveats import Caveat, caveats_of
 from ..grid import Grid
-from ..surface import Surface
+from ..surface import Step, Surface
 
 FORMAT = "graded_contact results 1"
 _PACKAGES = ("graded_contact", "jax", "numpy", "h5py")
@@ -54,6 +55,9 @@ OBSERVABLES = {
     "mean_gap": _of_solve("m", "mean gap"),
     "geometric_friction": _of_solve("1", "friction coefficient from the slope of the surface"),
     "energy_imbalance": _of_solve("1", "work of friction against dissipation, relative difference"),
+    "slope_in_contact": _of_solve("1", "rms slope of the block, weighted by the pressure"),
+    "unmeasured_area": _of_solve("1", "share of the contact area on filled or tapered points"),
+    "unmeasured_friction": _of_solve("1", "share of the friction on filled or tapered points"),
     "error": _of_solve("1", "estimated relative error of the contact pressure"),
     "num_fft_pairs": _of_solve("1", "FFT pairs spent on the solve"),
 }
@@ -88,7 +92,8 @@ class Results:
 
     - `pressure`, `velocity`: mean pressures [Pa] and velocities [m/s] of the sweep, one axis each.
     - `friction`, `contact_area`, `contact_area_corrected`, `contact_area_smooth`, `mean_gap`,
-      `geometric_friction`, `energy_imbalance`: as in `Sliding`, shape `(pressures, velocities)`.
+      `geometric_friction`, `energy_imbalance`, `slope_in_contact`, `unmeasured_area`,
+      `unmeasured_friction`: as in `Sliding`, shape `(pressures, velocities)`.
     - `error`, `num_fft_pairs`: as in `ContactSolution`, same shape.
     - `message`: how each solve ended, same shape; empty where it succeeded.
     - `surface`: the rough surface.
@@ -105,6 +110,9 @@ class Results:
     mean_gap: Float[np.ndarray, "pressures velocities"]
     geometric_friction: Float[np.ndarray, "pressures velocities"]
     energy_imbalance: Float[np.ndarray, "pressures velocities"]
+    slope_in_contact: Float[np.ndarray, "pressures velocities"]
+    unmeasured_area: Float[np.ndarray, "pressures velocities"]
+    unmeasured_friction: Float[np.ndarray, "pressures velocities"]
     error: Float[np.ndarray, "pressures velocities"]
     num_fft_pairs: Float[np.ndarray, "pressures velocities"]
     message: np.ndarray
@@ -121,6 +129,13 @@ class Results:
     def complete(self) -> bool:
         """Whether every solve succeeded."""
         return bool(np.all(self.converged))
+
+    @property
+    def caveats(self) -> tuple[Caveat, ...]:
+        """What makes these numbers doubtful although solved, and the solves that it concerns."""
+        everywhere = np.ones(self.friction.shape, bool)
+        of_surface = tuple(Caveat(text, everywhere) for text in self.surface.caveats)
+        return (*of_surface, *caveats_of(self))
 
 
 def package_versions() -> dict[str, str]:
@@ -166,6 +181,7 @@ def _write(file: h5py.File, results: Results) -> None:
     file.attrs["format"] = FORMAT
     for name, value in results.attributes.items():
         file.attrs[name] = value
+    file.attrs["caveats"] = "\n".join(caveat.sentence for caveat in results.caveats)
     for name, about in {**AXES, **OBSERVABLES, **MESSAGE}.items():
         _put(file, name, getattr(results, name), about)
     _write_surface(file, results.surface)
@@ -188,6 +204,12 @@ def _write_surface(file: h5py.File, surface: Surface) -> None:
         _put(file, axis, where, Quantity("m", f"position along {axis}", (axis,)))
     about = Quantity("m", "height of the surface, into the solid", axes)
     _put(file, "heights", heights, about)
+    if surface.measured is not None:
+        about = Quantity("1", "how much of each height was measured, not filled or tapered", axes)
+        _put(file, "measured", np.asarray(surface.measured), about)
+    if surface.steps:
+        for name, values in zip(Step._fields, zip(*surface.steps, strict=True), strict=True):
+            file.attrs[f"surface_step_{name}"] = values
 
 
 def _put(group: h5py.Group, name: str, values: np.ndarray, about: Quantity) -> None:
@@ -209,8 +231,10 @@ def _put(group: h5py.Group, name: str, values: np.ndarray, about: Quantity) -> N
 
 
 def _read(file: Any) -> Results:
-    attributes = {name: _plain(value) for name, value in file.attrs.items() if name != "format"}
+    derived = ("format", "caveats")
+    attributes = {name: _plain(value) for name, value in file.attrs.items() if name not in derived}
     size, history = attributes.pop("surface_size"), attributes.pop("surface_history")
+    steps = [attributes.pop(f"surface_step_{name}", []) for name in Step._fields]
     heights = file["heights"][()]
     values = {name: _array(file[name]) for name in {**AXES, **OBSERVABLES, **MESSAGE}}
     fields = {}
@@ -222,6 +246,10 @@ def _read(file: Any) -> Results:
         heights=jnp.asarray(heights),
         grid=Grid(heights.shape, jnp.asarray(size)),
         history=tuple(history.split("\n")) if history else (),
+        measured=jnp.asarray(file["measured"][()]) if "measured" in file else None,
+        steps=tuple(
+            Step(str(name), *map(float, numbers)) for name, *numbers in zip(*steps, strict=True)
+        ),
     )
     return Results(**values, surface=surface, fields=fields, attributes=attributes)
 

@@ -17,6 +17,7 @@ from graded_contact.studies.storage import (
     read_results,
     write_results,
 )
+from graded_contact.surface import Step
 
 
 def make_results(shape=(4, 6), dtype=np.float64) -> Results:
@@ -30,7 +31,13 @@ def make_results(shape=(4, 6), dtype=np.float64) -> Results:
         velocity=np.geomspace(1e-3, 1.0, 3),
         **values,
         message=np.array([["", "", "It stopped."], ["", "", ""]]),
-        surface=gc.Surface(draw.normal(size=shape).astype(dtype), grid, ("Read.", "Filled.")),
+        surface=gc.Surface(
+            heights=draw.normal(size=shape).astype(dtype),
+            grid=grid,
+            history=("Read.", "Filled."),
+            measured=draw.uniform(size=shape).astype(dtype),
+            steps=(Step("read", 1.1, 0.3, 4.0), Step("resampled", 1.0, 0.2, 3.9)),
+        ),
         fields={(0, 2): fields, (1, 0): fields},
         attributes={"title": "glatt, 50 µm", "seed": 3, "rtol": 1e-6, "scene": "a = 1\n" * 20000},
     )
@@ -55,8 +62,23 @@ def test_results_come_back_bit_for_bit(tmp_path, shape, dtype):
     assert heights[0].dtype == heights[1].dtype
     assert heights[0].tobytes() == heights[1].tobytes()
     np.testing.assert_array_equal(results.surface.grid.size, again.surface.grid.size)
+    np.testing.assert_array_equal(again.surface.measured, results.surface.measured)
     assert again.surface.history == results.surface.history
+    assert again.surface.steps == results.surface.steps
     assert again.attributes == results.attributes
+
+
+def test_caveats_are_sentences_in_the_file_and_follow_from_its_numbers(tmp_path):
+    results = make_results()
+    write_results(tmp_path / "a.h5", results)
+    with h5py.File(tmp_path / "a.h5") as file:
+        stored = file.attrs["caveats"].split("\n")
+    found = read_results(tmp_path / "a.h5").caveats
+    assert stored == [caveat.sentence for caveat in found]
+    assert any("Resampling lowered the rms slope from 0.3 to 0.2" in text for text in stored)
+    assert any("of 6 solves" in text or "in 6 solves" in text for text in stored)
+    for before, after in zip(results.caveats, found, strict=True):
+        np.testing.assert_array_equal(before.where, after.where)
 
 
 def test_converged_is_what_has_no_message(tmp_path):

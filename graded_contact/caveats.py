@@ -1,0 +1,113 @@
+"""Caveats: what makes numbers doubtful although every solve succeeded, in sentences.
+
+Nothing is stored twice: a caveat follows from numbers that a `Sliding`, a `Surface` or a result
+file holds anyway. `Sliding.caveats`, `Surface.caveats` and `Results.caveats` give the sentences;
+the table, the file, the figure and the command's summary print those of `Results`. A new rule is
+one more `Rule` in `RULES`; its quantity is a field of `Sliding` (and thus a dataset of the file),
+of any shape, and NaN where a solve has none.
+"""
+
+from collections.abc import Callable, Sequence
+from itertools import pairwise
+from typing import Any, NamedTuple
+
+import numpy as np
+from jaxtyping import ArrayLike, Bool
+
+LIMIT = 0.1  # a part of the result that one wants to be told of
+# Small strains neglect slope²/2 beside 1 (the excess of an arc over its chord): more than LIMIT.
+STEEP = (2 * LIMIT) ** 0.5
+IDLE = 1e-3  # friction over slope below which a contact counts as without friction
+SPIKE = 10  # distance from the mean over the rms height; 1e-22 of Gaussian heights are beyond
+
+
+class Rule(NamedTuple):
+    """Which numbers are doubtful: those with `quantity` above `limit`.
+
+    **Fields:**
+
+    - `quantity`: its value from fields of `Sliding`, held by the object that it is given.
+    - `limit`: where the doubt begins.
+    - `sentence`: what to say; `{worst}` is the largest value.
+    """
+
+    quantity: Callable[[Any], ArrayLike]
+    limit: float
+    sentence: str
+
+
+class Caveat(NamedTuple):
+    """One reason for doubt, and the solves that it concerns, in the shape of their numbers."""
+
+    sentence: str
+    where: Bool[np.ndarray, "*solves"]
+
+
+def grid_mismatch(found: Any) -> ArrayLike:
+    """Returns |friction from the surface's slope - friction| over the friction [1]."""
+    friction, geometric, slope = (
+        np.asarray(getattr(found, name))
+        for name in ("friction", "geometric_friction", "slope_in_contact")
+    )
+    scale = np.maximum(np.abs(friction), IDLE * slope)
+    return np.abs(geometric - friction) / np.where(scale == 0, 1, scale)
+
+
+RULES = (
+    Rule(
+        grid_mismatch,
+        LIMIT,
+        "The friction from the surface's slope and that from the block's differ by {worst:.0%}: "
+        "the grid does not resolve the contact. Take more points, or a smoother surface.",
+    ),
+    Rule(
+        lambda found: found.slope_in_contact,
+        STEEP,
+        "The block's rms slope where it carries the load is {worst:.2g}: small strains, which "
+        f"everything here assumes, neglect slope²/2, more than {LIMIT:.0%} of it from {STEEP:.2g}.",
+    ),
+    Rule(
+        lambda found: found.unmeasured_friction,
+        LIMIT,
+        "{worst:.0%} of the friction arises on points that were filled or tapered, not measured. "
+        "Crop to a `region` without them, or read with `periodic='mirror'`.",
+    ),
+    Rule(
+        lambda found: found.unmeasured_area,
+        LIMIT,
+        "{worst:.0%} of the contact area lies on points that were filled or tapered, not measured. "
+        "Crop to a `region` without them, or read with `periodic='mirror'`.",
+    ),
+)
+
+
+def caveats_of(found: Any, rules: Sequence[Rule] = RULES) -> tuple[Caveat, ...]:
+    """Returns the caveats of a `Sliding` or of `Results`."""
+    caveats = []
+    for rule in rules:
+        values = np.asarray(rule.quantity(found))
+        where = values > rule.limit
+        if np.any(where):
+            sentence = rule.sentence.format(worst=np.max(values[where]))
+            if values.size > 1:
+                sentence += f" (The largest of {np.sum(where)} such in {values.size} solves.)"
+            caveats.append(Caveat(sentence, where))
+    return tuple(caveats)
+
+
+def caveats_of_steps(steps: Sequence[Any]) -> tuple[str, ...]:
+    """Returns what makes a surface doubtful, from the roughness after each step (see `Step`)."""
+    sentences = []
+    for before, after in pairwise(steps):
+        if after.name == "resampled" and after.rms_slope < (1 - LIMIT) * before.rms_slope:
+            sentences.append(
+                f"Resampling lowered the rms slope from {before.rms_slope:.3g} to "
+                f"{after.rms_slope:.3g}: friction and contact area follow the slope. Leave out "
+                "`shape`, or take more points."
+            )
+    if steps and steps[-1].peak > SPIKE:
+        sentences.append(
+            f"The highest point is {steps[-1].peak:.3g} rms heights from the mean: a spike of the "
+            "instrument rather than roughness. Discard it with `rim`, or crop by `region`."
+        )
+    return tuple(sentences)
