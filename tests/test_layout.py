@@ -26,7 +26,7 @@ ORDER = [
     "studies/parameters", "studies/objectives", "studies/evaluations",
     "studies/design", "studies/storage",
     "studies/table", "studies/scene", "studies/design_scene", "studies/sweep",
-    "reference", "plot", "cli",
+    "reference", "plot", "cli", "__main__",
 ]  # fmt: skip
 # What a file or folder must not see although it comes before: contact gets a kernel, not layers.
 HIDDEN = {"contact": ("rheology", "response"), "studies/design": ("contact",)}
@@ -50,7 +50,7 @@ def imports(source: str, place: str) -> set[str]:
         while first == "graded_contact":
             path = "/".join(parts)
             inside = [
-                m for m in ORDER[:-1] if m == path or m.startswith(f"{path}/" if path else "")
+                m for m in ORDER[:-2] if m == path or m.startswith(f"{path}/" if path else "")
             ]
             if inside:
                 found.add(inside[-1])
