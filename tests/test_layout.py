@@ -23,6 +23,7 @@ ORDER = [
     "contact/douglas_rachford", "contact/rmd", "contact/problem", "contact/path",
     "contact/observables", "sliding",
     "persson/diffusion", "persson/modes", "persson/isotropic", "persson/mean_field",
+    "studies/interruption", "studies/output", "studies/store",
     "studies/parameters", "studies/objectives", "studies/evaluations",
     "studies/design", "studies/storage",
     "studies/table", "studies/scene", "studies/design_scene", "studies/sweep",

@@ -1,0 +1,94 @@
+"""Ctrl-C and SIGTERM end a long command at a safe place, not in the middle of compiled code.
+
+A `KeyboardInterrupt` raised while compiled code calls back into Python ends in a segmentation
+fault. So the signals are only noted, by a thread of their own (the main thread hears of nothing
+while it compiles or solves), and raised where the command asks. A second signal ends the process
+at once: what was finished is on the disk by then.
+"""
+
+import contextlib
+import os
+import signal
+import socket
+import sys
+import threading
+from collections.abc import Iterator
+
+SIGNALS = (signal.SIGINT, signal.SIGTERM)
+
+
+class Interrupted(KeyboardInterrupt):
+    """Raised at a safe place after a signal."""
+
+
+class Interruption:
+    """Which signal has come.
+
+    **Fields:**
+
+    - `signal`: its number, or None.
+    """
+
+    def __init__(self):
+        self.signal: int | None = None
+
+    def check(self) -> None:
+        """Raises `Interrupted` if a signal has come: to be called between two steps."""
+        if self.signal is not None:
+            raise Interrupted
+
+    @property
+    def exit_code(self) -> int:
+        """The usual one of a process ended by the signal: 130 after Ctrl-C, 143 after SIGTERM."""
+        return 128 + (self.signal or 0)
+
+
+@contextlib.contextmanager
+def interruptible() -> Iterator[Interruption]:
+    """Gives an `Interruption` that notes SIGINT and SIGTERM; a second signal ends the process.
+
+    It must be entered by the main thread. Signals that the process was told to ignore stay ignored.
+    """
+    found = Interruption()
+    heard, wakeup = socket.socketpair()
+    wakeup.setblocking(False)
+    previous = {
+        number: signal.signal(number, _leave_to_thread)
+        for number in SIGNALS
+        if signal.getsignal(number) != signal.SIG_IGN
+    }
+    earlier = signal.set_wakeup_fd(wakeup.fileno(), warn_on_full_buffer=False)
+    listener = threading.Thread(target=_listen, args=(heard, found), daemon=True)
+    listener.start()
+    try:
+        yield found
+    finally:
+        signal.set_wakeup_fd(earlier)
+        for number, handler in previous.items():
+            signal.signal(number, handler)
+        wakeup.close()
+        listener.join()
+        heard.close()
+
+
+def _leave_to_thread(number: int, frame: object) -> None:
+    """Python must have a handler, or it would not tell the thread."""
+
+
+def _listen(heard: socket.socket, found: Interruption) -> None:
+    """Notes the first signal and ends the process at the second; returns when the other end is."""
+    while received := heard.recv(1):
+        if received[0] not in SIGNALS:
+            continue
+        if found.signal is not None:
+            _say("Stopped at once.\n")
+            os._exit(found.exit_code)
+        found.signal = received[0]
+        _say("Stopping after this step; what is finished is kept. Once more stops at once.\n")
+
+
+def _say(text: str) -> None:
+    """Writes to the error stream, past Python's buffer, which the main thread may hold."""
+    shown = "\x1b[?25h" if sys.stderr.isatty() else ""  # the cursor, which a progress bar hides
+    with contextlib.suppress(OSError):
+        os.write(2, f"{shown}\n{text}".encode())

@@ -1,0 +1,126 @@
+"""A point that was kept comes back bit for bit, or is missed; nothing in between."""
+
+import errno
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+import graded_contact as gc
+from graded_contact.studies.store import Point, Store, fingerprint
+
+POINT = Point(
+    values={
+        "friction": np.array(0.1),
+        "gap": np.random.default_rng(0).normal(size=(4, 3)).astype(np.float32),
+        "steps": np.arange(3),
+    },
+    message="It stopped.",
+    inputs={"velocity": np.array([0.1, 0.0]), "scene": "a = 1\n" * 20000, "title": "µ"},
+)
+
+
+def same(one: Point, other: Point) -> bool:
+    arrays = [
+        [(name, array.dtype, array.shape, array.tobytes()) for name, array in p.values.items()]
+        for p in (one, other)
+    ]
+    return sorted(arrays[0]) == sorted(arrays[1]) and one.message == other.message
+
+
+def block(modulus, solver=gc.DouglasRachford()):  # noqa: B008 (immutable)
+    material = gc.Prony(1e6, [modulus], [1.0], shift=gc.WLF(4.0, 100.0, 300.0))
+    profile = gc.Blend(material, gc.Elastic(1e6), gc.Linear())
+    layers = (gc.Layer(gc.Elastic(2e6), 1e-3), gc.GradedLayer(1e-3, profile))
+    return solver, gc.Stack(layers=layers, base=gc.HalfSpace(material))
+
+
+def test_a_fingerprint_tells_any_two_inputs_apart():
+    inputs = [
+        *(block(modulus) for modulus in (1e6, np.nextafter(1e6, 2e6))),
+        block(1e6, gc.DouglasRachford(max_steps=7)),
+        *(np.full(shape, 1.0) for shape in ((2, 3), (3, 2), 6)),
+        np.full(6, 1.0, np.float32), np.full(6, 1), [1.0] * 6, [1] * 6, tuple("111111"),
+        0.0, -0.0, None, "None", "", [], {}, [[]], [{}], {"a": 1}, {"a": {"": 1}}, {"a": [1]},
+        ["ab", "c"], ["a", "bc"], ["abc"], np.array(["ab", "c"]), np.array(["a", "bc"]), True, 1,
+        gc.Linear(), gc.Sinusoidal(), b"", np.zeros((0, 2)), np.zeros((2, 0)),
+    ]  # fmt: skip
+    found = [fingerprint(value) for value in inputs]
+    assert len(set(found)) == len(found)
+    assert found == [fingerprint(value) for value in inputs]
+    assert fingerprint(block(1e6)) == found[0]
+    assert fingerprint(1, 2) != fingerprint([1, 2]) != fingerprint(12)
+
+
+def test_a_function_has_no_fingerprint():
+    with pytest.raises(ValueError, match=r"function.*cannot be told from others"):
+        fingerprint({"objective": lambda x: x})
+
+
+def test_a_point_comes_back_bit_for_bit(tmp_path):
+    with Store(tmp_path / "new" / "points") as store:
+        assert store.read("a") is None
+        store.write("a", POINT)
+    again = Store(tmp_path / "new" / "points").read("a")
+    assert again is not None and same(again, POINT)
+    assert again.inputs["scene"] == POINT.inputs["scene"] and again.inputs["title"] == "µ"
+    names = sorted(path.name for path in (tmp_path / "new" / "points").iterdir())
+    assert names == ["a.h5", "lock"]
+
+
+def test_no_damage_is_taken_for_a_point(tmp_path):
+    """Whatever bit is changed and wherever the file ends."""
+    draw = np.random.default_rng(0)
+    with Store(tmp_path) as store:
+        store.write("a", POINT)
+        path = store.path("a")
+        content = path.read_bytes()
+        for _ in range(150):
+            damaged = bytearray(content)
+            damaged[draw.integers(len(content))] ^= 1 << draw.integers(8)
+            path.write_bytes(damaged)
+            assert store.read("a") is None
+        for length in (0, 1, 100, len(content) // 2, len(content) - 1):
+            path.write_bytes(content[:length])
+            assert store.read("a") is None
+        assert store.damaged == [path] * 155
+        store.write("a", POINT)
+        assert store.read("a") is not None
+
+
+def test_another_point_under_this_name_is_no_point(tmp_path):
+    with Store(tmp_path) as store:
+        store.write("a", POINT)
+        store.path("a").rename(store.path("b"))
+        assert store.read("b") is None and store.damaged == [store.path("b")]
+
+
+def test_a_second_writer_is_refused_until_the_first_ends(tmp_path):
+    with Store(tmp_path) as store:
+        store.write("a", POINT)
+        with pytest.raises(BlockingIOError, match=r"written by another process.*process"):
+            Store(tmp_path).__enter__()
+        assert Store(tmp_path).read("a") is not None
+    with Store(tmp_path) as store:
+        store.write("b", POINT)
+
+
+def test_a_full_disk_leaves_what_was_kept_and_says_so(tmp_path, monkeypatch):
+    def full(path, content):
+        path.touch()
+        raise OSError(errno.ENOSPC, "No space left on device")
+
+    with Store(tmp_path) as store:
+        store.write("a", POINT)
+        monkeypatch.setattr(Path, "write_bytes", full)
+        for name in "ab":
+            with pytest.raises(OSError, match=f"cannot be written: No space left.*{name}.h5"):
+                store.write(name, POINT)
+        assert store.read("a") is not None and store.read("b") is None
+    assert sorted(path.name for path in tmp_path.iterdir()) == ["a.h5", "lock"]
+
+
+def test_what_a_killed_writer_left_is_removed(tmp_path):
+    (tmp_path / ".a.h5.0123.partial").write_text("half")
+    with Store(tmp_path):
+        assert [path.name for path in tmp_path.iterdir()] == ["lock"]
