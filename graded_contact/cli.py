@@ -34,6 +34,8 @@ Output = Annotated[
     Path | None, typer.Option("--output", "-o", help="Folder for the results.", show_default=False)
 ]
 
+# A transform runs on one thread or on all, as chance will have it, with other last bits.
+_ONE_THREAD = "--xla_cpu_multi_thread_eigen=false"
 # Endings of the files that other programs read.
 _SUFFIXES = {"abaqus": ".inp", "ansys": ".mac"}
 
@@ -387,6 +389,9 @@ def _refusing() -> Iterator[None]:
 
 def _prepare() -> None:
     """Switches on double precision, and the cache of compiled code if its folder is safe."""
+    flags = os.environ.get("XLA_FLAGS", "")
+    if _ONE_THREAD.split("=")[0] not in flags:
+        os.environ["XLA_FLAGS"] = f"{flags} {_ONE_THREAD}".strip()
     import jax
 
     jax.config.update("jax_enable_x64", True)

@@ -2,6 +2,8 @@
 
 import os
 import stat
+import subprocess
+import sys
 import tomllib
 
 import numpy as np
@@ -218,3 +220,34 @@ def test_the_cache_of_compiled_code_belongs_to_the_user_alone(tmp_path, monkeypa
     assert cli._cache_folder() is None
     monkeypatch.setenv("XDG_CACHE_HOME", "/proc/nowhere")
     assert cli._cache_folder() is None
+
+
+THREADS = """
+from graded_contact import cli
+cli._prepare()
+import jax, numpy as np
+field = np.random.default_rng(0).normal(size=(512, 512))
+alone = {"xla_cpu_multi_thread_eigen": False}
+one, two = (jax.jit(jax.numpy.fft.rfftn, compiler_options=o)(field) for o in (alone, {}))
+print(np.array_equal(one, two))
+"""
+
+
+def test_transforms_of_the_command_have_the_bits_of_one_thread():
+    """On more threads the lines left over by vectors are others, and so are their last bits."""
+    flags = os.environ | {"XLA_FLAGS": "--xla_backend_optimization_level=0"}
+    code = [sys.executable, "-c", THREADS]
+    found = subprocess.run(code, env=flags, capture_output=True, text=True, check=True)
+    assert found.stdout.strip() == "True"
+
+
+@pytest.mark.slow
+def test_two_runs_of_a_large_scene_give_the_same_bits(tmp_path):
+    (tmp_path / "scene.toml").write_text(SCENE.replace("[32, 32]", "[512, 512]"))
+    run = [sys.executable, "-c", "from graded_contact.cli import app; app()", "run"]
+    for name in ("a", "b"):
+        out = tmp_path / name
+        subprocess.run([*run, tmp_path / "scene.toml", "--output", out], check=True)
+    a, b = (read_results(tmp_path / name / "scene.h5") for name in ("a", "b"))
+    for name in ("friction", "contact_area_smooth", "mean_gap", "num_fft_pairs", "error"):
+        np.testing.assert_array_equal(getattr(a, name), getattr(b, name))
