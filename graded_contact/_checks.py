@@ -4,37 +4,73 @@ Checks of values look at concrete arrays only: under `jit`, `vmap` or `grad` the
 unknown and the check passes (shapes are always checked).
 """
 
-from collections.abc import Sequence
+import functools
+from collections.abc import Callable, Sequence
+from reprlib import repr as short
 from typing import Any
 
 import jax.numpy as jnp
 import numpy as np
 from jax import Array
 from jax.core import Tracer
-from jaxtyping import ArrayLike, Float
+from jaxtyping import ArrayLike, Float, Inexact
 
 # What public functions take: a number, an array of numbers, or (nested) lists of them.
 Numbers = ArrayLike | Sequence[Any]
 
 
-def as_float(value: Any) -> Float[Array, "..."]:
+def as_float(value: Any, name: str = "value") -> Float[Array, "..."]:
     """Returns `value` as a strongly typed real floating-point array.
 
     Floating-point arrays keep their dtype; Python numbers and integers take JAX's default
-    (float32, or float64 with `jax_enable_x64`).
+    (float32, or float64 with `jax_enable_x64`). What holds no real numbers is refused by `name`.
     """
-    if isinstance(value, str) or value is None:
-        raise ValueError(f"A number or an array of numbers is needed, got {value!r}.")
-    try:
-        array = jnp.asarray(value)
-    except TypeError:
-        raise ValueError(
-            f"A number or an array of numbers is needed, got a {type(value).__name__}."
-        ) from None
+    array = as_numbers(value, name)
     if jnp.issubdtype(array.dtype, jnp.complexfloating):
-        raise ValueError(f"A real number is needed, got the complex {value}.")
-    dtype = array.dtype if jnp.issubdtype(array.dtype, jnp.floating) else jnp.result_type(float)
+        raise ValueError(f"`{name}={short(value)}` is refused: a real number is needed.")
+    return array
+
+
+def as_numbers(value: Any, name: str) -> Inexact[Array, "..."]:
+    """Returns `value`, real or complex, as `as_float` does."""
+    wanted = "a number or a (rectangular) array of numbers is needed"
+    try:
+        if isinstance(value, str | bytes) or value is None:
+            raise TypeError
+        try:
+            array = jnp.asarray(value)
+        except OverflowError:  # a whole number beyond 64 bits
+            array = jnp.asarray(np.asarray(value, float))
+    except (TypeError, ValueError, OverflowError):
+        raise ValueError(f"`{name}={short(value)}` is refused: {wanted}.") from None
+    if not (jnp.issubdtype(array.dtype, jnp.number) or array.dtype == bool):
+        raise ValueError(f"`{name}` holds {array.dtype} and is refused: {wanted}.")
+    dtype = array.dtype if jnp.issubdtype(array.dtype, jnp.inexact) else jnp.result_type(float)
     return jnp.asarray(array, dtype=dtype)
+
+
+def as_scalar(value: Any, name: str) -> Float[Array, ""]:
+    """Returns one real number as an array of shape `()`, or raises `ValueError` naming `name`.
+
+    An array in its place would be broadcast against wavenumbers or frequencies: other physics.
+    """
+    array = as_float(value, name)
+    if array.shape != ():
+        raise ValueError(
+            f"`{name}` has shape {array.shape}; one number is needed. For many at once, build and "
+            "use the object inside `jax.vmap`."
+        )
+    return array
+
+
+def numbers(name: str) -> Callable[[Any], Float[Array, "..."]]:
+    """Returns the converter of a field that holds an array of real numbers."""
+    return functools.partial(as_float, name=name)
+
+
+def scalar(name: str) -> Callable[[Any], Float[Array, ""]]:
+    """Returns the converter of a field that holds one real number."""
+    return functools.partial(as_scalar, name=name)
 
 
 def is_concrete(value: Any) -> bool:

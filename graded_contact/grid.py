@@ -38,7 +38,7 @@ class Grid(eqx.Module):
                 f"`shape={shape}` is refused: one or two whole numbers of at least 4 are needed."
             )
         self.shape = tuple(int(n) for n in counts)
-        edges = as_float(size)
+        edges = as_float(size, "size")
         if edges.shape not in ((), (len(counts),)):
             raise ValueError(
                 f"`size` has shape {edges.shape}; one length or {len(counts)} lengths are needed, "
@@ -109,7 +109,7 @@ def as_velocity(velocity: Numbers, grid: Grid) -> Float[Array, "..."]:
 
     **Raises:** `ValueError` unless it is finite and of a shape that suits the grid.
     """
-    velocity = as_float(velocity)
+    velocity = as_float(velocity, "velocity")
     if velocity.shape not in ((), (2,)) or (velocity.shape == (2,) and grid.ndim == 1):
         raise ValueError(
             f"`velocity` has shape {velocity.shape}; a number (along x) or, on a grid in two "

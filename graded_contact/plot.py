@@ -139,7 +139,7 @@ def plot_response(stack: Stack, q: ArrayLike, velocity: ArrayLike | Sequence[flo
     - `q`: wavenumbers [rad/m], shape `(n,)`, positive.
     - `velocity`: one or more sliding velocities [m/s], positive; the frequency is q v.
     """
-    q, speeds = as_float(q), np.atleast_1d(np.asarray(velocity, float))
+    q, speeds = as_float(q, "q"), np.atleast_1d(np.asarray(velocity, float))
     if q.ndim != 1:
         raise ValueError(f"`q` has shape {q.shape}; one axis is needed.")
     check_positive("velocity", speeds, "[m/s]")

@@ -161,7 +161,7 @@ def _kernel_and_velocity(stack, surface, velocity):
         raise ValueError(f"`stack={stack!r}` must be a `Stack(layers=..., base=...)`.")
     if not isinstance(surface, Surface):
         raise ValueError(f"`surface={surface!r}` must be a `Surface(heights, grid)`.")
-    velocity = as_float(velocity)
+    velocity = as_float(velocity, "velocity")
     kernel = stack_kernel(stack, surface.grid, velocity)
     at_rest = is_concrete(velocity) and not np.any(velocity)
     return (kernel.real if at_rest else kernel), velocity
@@ -237,7 +237,7 @@ def area_against_cutoff(
 
     **Raises:** `ValueError` for a refused argument; `RuntimeError` if a solve fails.
     """
-    cutoffs = as_float(cutoffs)
+    cutoffs = as_float(cutoffs, "cutoffs")
     if cutoffs.ndim != 1 or len(cutoffs) == 0:
         raise ValueError(f"`cutoffs` has shape {cutoffs.shape}; a row of wavenumbers is needed.")
     check_positive("cutoffs", cutoffs, "[rad/m]")

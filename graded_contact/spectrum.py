@@ -53,8 +53,9 @@ class SelfAffine(eqx.Module):
     ):
         """Prescribes either `rms_height` [m] or `rms_slope` [1] (of the gradient's length)."""
         self.prescribed, self.amplitude = one_of_height_and_slope(rms_height, rms_slope)
-        self.hurst = as_float(hurst)
-        self.q_low, self.q_roll, self.q_high = as_float(q_low), as_float(q_roll), as_float(q_high)
+        self.hurst = as_float(hurst, "hurst")
+        self.q_low, self.q_roll = as_float(q_low, "q_low"), as_float(q_roll, "q_roll")
+        self.q_high = as_float(q_high, "q_high")
         for name in ("hurst", "q_low", "q_roll", "q_high"):
             check_shape(name, getattr(self, name), ())
         check_values(

@@ -14,7 +14,15 @@ import numpy as np
 from jax import Array
 from jaxtyping import ArrayLike, Complex, Float, PRNGKeyArray
 
-from ._checks import Numbers, as_float, check_positive, check_shape, check_values, is_concrete
+from ._checks import (
+    Numbers,
+    as_float,
+    check_positive,
+    check_shape,
+    check_values,
+    is_concrete,
+    numbers,
+)
 from .caveats import caveats_of_steps
 from .grid import (
     Grid,
@@ -59,12 +67,12 @@ class Surface(eqx.Module):
     - `steps`: the roughness after every step of reading. Static.
     """
 
-    heights: Float[Array, "*shape"] = eqx.field(converter=as_float)
+    heights: Float[Array, "*shape"] = eqx.field(converter=numbers("heights"))
     grid: Grid
     history: tuple[str, ...] = eqx.field(static=True, default=())
     # Not Boolean: `jax.grad` by a surface asks for numbers in every leaf.
     measured: Float[Array, "*shape"] | None = eqx.field(
-        converter=lambda value: None if value is None else as_float(value), default=None
+        converter=lambda value: None if value is None else as_float(value, "measured"), default=None
     )
     steps: tuple[Step, ...] = eqx.field(static=True, default=())
 

@@ -14,7 +14,7 @@ import equinox as eqx
 import jax.numpy as jnp
 from jaxtyping import Array, Float
 
-from .._checks import as_float, check_positive, check_values
+from .._checks import check_positive, check_values, scalar
 from .law import AbstractLaw, Bound, gap_margin, power, proximal_root, repulsive_bracket
 
 
@@ -33,9 +33,9 @@ class AdhesiveLJ(AbstractLaw):
     """
 
     attracts = True
-    range: Float[Array, ""] = eqx.field(converter=as_float)
-    work: Float[Array, ""] = eqx.field(converter=as_float)
-    contact_gap: Float[Array, ""] = eqx.field(converter=as_float, default=1.0)
+    range: Float[Array, ""] = eqx.field(converter=scalar("range"))
+    work: Float[Array, ""] = eqx.field(converter=scalar("work"))
+    contact_gap: Float[Array, ""] = eqx.field(converter=scalar("contact_gap"), default=1.0)
 
     def __check_init__(self):
         check_positive("range", self.range, "[m]")
@@ -91,8 +91,8 @@ class ExponentialAdhesion(AbstractLaw):
     """
 
     attracts = True
-    range: Float[Array, ""] = eqx.field(converter=as_float)
-    work: Float[Array, ""] = eqx.field(converter=as_float)
+    range: Float[Array, ""] = eqx.field(converter=scalar("range"))
+    work: Float[Array, ""] = eqx.field(converter=scalar("work"))
 
     def __check_init__(self):
         check_positive("range", self.range, "[m]")

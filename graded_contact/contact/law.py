@@ -20,7 +20,7 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float
 
-from .._checks import as_float, check_positive, check_values, is_concrete
+from .._checks import as_scalar, check_positive, check_values, is_concrete, scalar
 
 Bound = Float[Array, ""] | float
 
@@ -100,7 +100,7 @@ class HardWall(AbstractLaw):
 
     attracts = False
     hardness: Float[Array, ""] | None = eqx.field(
-        default=None, converter=lambda x: None if x is None else as_float(x)
+        default=None, converter=lambda x: None if x is None else as_scalar(x, "hardness")
     )
 
     def __check_init__(self):
@@ -143,9 +143,9 @@ class RepulsiveLJ(AbstractLaw):
     """
 
     attracts = False
-    range: Float[Array, ""] = eqx.field(converter=as_float)
-    pressure: Float[Array, ""] = eqx.field(converter=as_float)
-    contact_gap: Float[Array, ""] = eqx.field(converter=as_float, default=5 / 3)
+    range: Float[Array, ""] = eqx.field(converter=scalar("range"))
+    pressure: Float[Array, ""] = eqx.field(converter=scalar("pressure"))
+    contact_gap: Float[Array, ""] = eqx.field(converter=scalar("contact_gap"), default=5 / 3)
 
     def __check_init__(self):
         check_positive("range", self.range, "[m]")

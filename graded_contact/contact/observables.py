@@ -64,7 +64,7 @@ def dissipation(
     Entries stand for themselves and their conjugates, so that the sum is the whole power,
     μ ⟨σ⟩ |v|.
     """
-    omega = -_project(grid, jnp.atleast_1d(as_float(velocity)))
+    omega = -_project(grid, jnp.atleast_1d(as_float(velocity, "velocity")))
     amplitude = to_spectrum(pressure) / np.prod(grid.shape)
     power = (amplitude.real**2 + amplitude.imag**2) * -omega * jnp.imag(kernel)
     return power * multiplicity(grid.shape)
@@ -84,7 +84,7 @@ def friction_error(
     the law's, and in addition, since the two may agree by chance, twice the relative `error` of the
     pressure. At rest it is zero. The error of the grid comes on top.
     """
-    velocity = jnp.atleast_1d(as_float(velocity))
+    velocity = jnp.atleast_1d(as_float(velocity, "velocity"))
     speed = jnp.sqrt(jnp.sum(velocity**2))
 
     def of(pressure):
@@ -300,7 +300,7 @@ def _slope_along(field, grid, velocity):
 
 def _along(velocity):
     """The direction of a velocity (x at rest), with one component or two, and the speed."""
-    velocity = jnp.atleast_1d(as_float(velocity))
+    velocity = jnp.atleast_1d(as_float(velocity, "velocity"))
     squared = jnp.sum(velocity**2)
     at_rest = squared == 0
     speed = jnp.where(at_rest, 0, jnp.sqrt(jnp.where(at_rest, 1, squared)))

@@ -15,6 +15,7 @@ from jaxtyping import Array, Float
 from .._checks import (
     Numbers,
     as_float,
+    as_numbers,
     check_positive,
     check_shape,
     check_tolerance,
@@ -137,8 +138,8 @@ def solve_contact(
 
     **Raises:** `ValueError` for a refused argument; `RuntimeError` if the solve fails.
     """
-    heights = as_float(heights)
-    kernel = jnp.asarray(kernel)
+    heights = as_float(heights, "heights")
+    kernel = as_numbers(kernel, "kernel")
     if heights.ndim not in (1, 2):
         raise ValueError(f"`heights` has shape {heights.shape}; one or two axes are needed.")
     if heights.dtype not in (jnp.float32, jnp.float64):
@@ -157,7 +158,7 @@ def solve_contact(
         )
     prescribed = _prescribed(pressure, mean_gap, law)
     if start is not None:
-        start = as_float(start)
+        start = as_float(start, "start")
         check_shape("start", start, heights.shape)
         low = law.bounds[0]
         if is_concrete(low):
@@ -178,7 +179,7 @@ def _prescribed(pressure, mean_gap, law) -> Prescribed:
             f"`pressure={pressure}` and `mean_gap={mean_gap}`: give exactly one of the two."
         )
     if mean_gap is not None:
-        mean_gap = as_float(mean_gap)
+        mean_gap = as_float(mean_gap, "mean_gap")
         check_shape("mean_gap", mean_gap, ())
         if isinstance(law, HardWall) and law.hardness is None:
             allowed = "the mean gap [m] at a hard wall without `hardness` must be at least 0"
@@ -186,7 +187,7 @@ def _prescribed(pressure, mean_gap, law) -> Prescribed:
         else:
             check_values("mean_gap", mean_gap, "the mean gap [m] must be finite")
         return Prescribed(None, mean_gap)
-    pressure = as_float(pressure)
+    pressure = as_float(pressure, "pressure")
     check_shape("pressure", pressure, ())
     check_pressure(pressure, law)
     return Prescribed(pressure, None)

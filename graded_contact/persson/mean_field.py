@@ -32,14 +32,7 @@ import equinox as eqx
 import jax.numpy as jnp
 from jaxtyping import Array, Float
 
-from .._checks import (
-    Numbers,
-    as_float,
-    check_positive,
-    check_shape,
-    check_tolerance,
-    check_values,
-)
+from .._checks import Numbers, as_float, check_positive, check_shape, check_tolerance, check_values
 from ..response.grading import check_profiles
 from ..response.kernel import stack_kernel
 from ..response.stack import Stack, materials_of
@@ -130,7 +123,7 @@ def mean_field_friction(
         raise ValueError(f"`stack={stack!r}` must be a `Stack(layers=..., base=...)`.")
     if correction not in get_args(Correction):
         raise ValueError(f"`correction={correction!r}` must be one of {get_args(Correction)}.")
-    pressure, velocity = as_float(pressure), as_float(velocity)
+    pressure, velocity = as_float(pressure, "pressure"), as_float(velocity, "velocity")
     check_shape("pressure", pressure, ())
     check_positive("pressure", pressure, "[Pa]")
     if velocity.shape not in ((), (2,)):
@@ -182,7 +175,7 @@ def pressure_distribution(mean_field: MeanField, stress: Numbers) -> Float[Array
     **Returns:** P, shape `(n, m)`, a row for each of `mean_field.wavenumber`. Where no roughness is
     seen yet all of P lies at σ0, and the row is 0.
     """
-    stress = as_float(stress)
+    stress = as_float(stress, "stress")
     if stress.ndim != 1:
         raise ValueError(f"`stress` has shape {stress.shape}; one axis is needed.")
     check_values("stress", stress, "a stress [Pa] is zero or positive", at_least=0)

@@ -42,7 +42,7 @@ def layered_compliance(
 
     **Returns:** M_zz, shape `(*w)`, real if all moduli are.
     """
-    q, thickness = as_float(q), as_float(thickness)
+    q, thickness = as_float(q, "q"), as_float(thickness, "thickness")
     modulus, poisson = _as_inexact("modulus", modulus), _as_inexact("poisson", poisson)
     check_positive("q", q, "[rad/m]")
     if thickness.ndim != 1:
@@ -82,7 +82,7 @@ def surface_compliance(
     **Returns:** M_zz, of the shape to which `q` and `omega` broadcast; complex unless every
     material is elastic.
     """
-    q, omega = as_float(q), as_float(omega)
+    q, omega = as_float(q, "q"), as_float(omega, "omega")
     check_positive("q", q, "[rad/m]")
     check_values("omega", omega, "frequencies [rad/s] must be finite")
     check_profiles(stack, omega)
@@ -98,7 +98,7 @@ def effective_modulus(
     Its imaginary over its real part is the loss tangent of the composite. Arguments as in
     `surface_compliance`.
     """
-    return 2 / (as_float(q) * surface_compliance(stack, q, omega, rtol))
+    return 2 / (as_float(q, "q") * surface_compliance(stack, q, omega, rtol))
 
 
 @eqx.filter_jit
@@ -186,7 +186,7 @@ def _as_inexact(name: str, value) -> Inexact[Array, "..."]:
     array = jnp.asarray(value)
     if jnp.issubdtype(array.dtype, jnp.complexfloating):
         return jnp.asarray(array, array.dtype)
-    return as_float(array)
+    return as_float(array, "array")
 
 
 def _check_moduli(modulus_name: str, modulus: Array, poisson_name: str, poisson: Array) -> None:

@@ -158,7 +158,7 @@ def graded_compliance(
 
     **Returns:** a `GradedCompliance` of the shape to which `q` and `omega` broadcast.
     """
-    q, omega = as_float(q), as_float(omega)
+    q, omega = as_float(q, "q"), as_float(omega, "omega")
     check_positive("q", q, "[rad/m]")
     check_values("omega", omega, "frequencies [rad/s] must be finite")
     jnp.broadcast_shapes(q.shape, omega.shape)

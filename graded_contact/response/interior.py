@@ -27,7 +27,7 @@ import jax.numpy as jnp
 from jax import Array
 from jaxtyping import Float, Inexact
 
-from .._checks import Numbers, as_float, check_shape, check_values, is_concrete
+from .._checks import Numbers, as_float, as_numbers, check_shape, check_values, is_concrete
 from ..grid import Grid, nyquist_lines, to_field, to_spectrum, wavevector
 from .matrix import Below, Moduli, kept, moduli_of, start_of, sweep, wavevectors, zeros_for
 from .slab import Compliance, Slab, factors, stack_on
@@ -73,9 +73,9 @@ def interior_fields(
     Derivatives with respect to depth and thicknesses at an interface are means of both sides.
     """
     qx, qy, omega = wavevectors(qx, qy, omega)
-    depth, traction = as_float(depth), jnp.asarray(traction)
+    depth, traction = as_float(depth, "depth"), as_numbers(traction, "traction")
     if not jnp.iscomplexobj(traction):
-        traction = as_float(traction)
+        traction = as_float(traction, "traction")
     if traction.shape[-1:] != (3,):
         raise ValueError(f"`traction` has shape {traction.shape}; its last axis must be (x, y, z).")
     for part in (traction.real, traction.imag):
@@ -111,7 +111,8 @@ def stress_field(
     displacement, which belongs to the mean gap, is left out. On Nyquist lines the response has
     its real part only, as in `stack_kernel`, with which the surface's displacement agrees.
     """
-    pressure, depth, velocity = as_float(pressure), as_float(depth), as_float(velocity)
+    pressure, depth = as_float(pressure, "pressure"), as_float(depth, "depth")
+    velocity = as_float(velocity, "velocity")
     check_shape("pressure", pressure, grid.shape)
     check_values("pressure", pressure, "a pressure [Pa] must be finite")
     check_shape("depth", depth, ())

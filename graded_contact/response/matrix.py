@@ -90,13 +90,13 @@ def layered_compliance_matrix(qx, qy, thickness, modulus, poisson, base) -> Comp
 
     The arguments after `qx` and `qy` are those of `layered_compliance`; they are not checked.
     """
-    qx, qy = as_float(qx), as_float(qy)
+    qx, qy = as_float(qx, "qx"), as_float(qy, "qy")
     return _matrix(qx, qy, moduli(jnp.hypot(qx, qy), thickness, modulus, poisson, base), base)
 
 
 def wavevectors(qx: Numbers, qy: Numbers, omega: Numbers) -> tuple[Array, Array, Array]:
     """Returns the arguments as arrays of equal rank, checked."""
-    qx, qy, omega = as_float(qx), as_float(qy), as_float(omega)
+    qx, qy, omega = as_float(qx, "qx"), as_float(qy, "qy"), as_float(omega, "omega")
     check_values("qx", qx, "a wavenumber [rad/m] must be finite")
     check_values("qy", qy, "a wavenumber [rad/m] must be finite")
     check_values("omega", omega, "frequencies [rad/s] must be finite")

@@ -24,7 +24,7 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float, Inexact
 
-from .._checks import Numbers, as_float, check_positive, check_values, is_concrete
+from .._checks import Numbers, check_positive, check_values, is_concrete, scalar
 from ..rheology.material import AbstractMaterial, as_material
 from .shape import AbstractShape, Linear, as_shape, breaks_of
 
@@ -170,8 +170,8 @@ class Aged(AbstractProfile):
     """
 
     material: AbstractMaterial = eqx.field(converter=as_material)
-    bottom: Float[Array, ""] = eqx.field(converter=as_float, default=1.0)
-    top: Float[Array, ""] = eqx.field(converter=as_float, default=1.0)
+    bottom: Float[Array, ""] = eqx.field(converter=scalar("bottom"), default=1.0)
+    top: Float[Array, ""] = eqx.field(converter=scalar("top"), default=1.0)
     shape: AbstractShape = eqx.field(converter=as_shape, default=Linear())
 
     def __check_init__(self):

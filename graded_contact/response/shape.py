@@ -13,7 +13,7 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float
 
-from .._checks import as_float, check_positive, check_values, is_concrete
+from .._checks import as_float, check_positive, check_values, is_concrete, numbers, scalar
 from ..rheology.tabulated import monotone_cubic
 
 
@@ -48,8 +48,8 @@ class Sinusoidal(AbstractShape):
     - `periods`: n [1], the number of waves through the layer.
     """
 
-    amplitude: Float[Array, ""] = eqx.field(converter=as_float, default=1.0)
-    periods: Float[Array, ""] = eqx.field(converter=as_float, default=1.0)
+    amplitude: Float[Array, ""] = eqx.field(converter=scalar("amplitude"), default=1.0)
+    periods: Float[Array, ""] = eqx.field(converter=scalar("periods"), default=1.0)
 
     def __call__(self, s: Float[Array, "..."]) -> Float[Array, "..."]:
         return s + self.amplitude * jnp.sin(2 * jnp.pi * self.periods * s)
@@ -66,7 +66,7 @@ class Exponential(AbstractShape):
     - `rate`: k [1]; positive: the change is near the top; negative: near the bottom.
     """
 
-    rate: Float[Array, ""] = eqx.field(converter=as_float)
+    rate: Float[Array, ""] = eqx.field(converter=scalar("rate"))
 
     def __call__(self, s: Float[Array, "..."]) -> Float[Array, "..."]:
         k = jnp.abs(self.rate)
@@ -89,7 +89,7 @@ class PowerLaw(AbstractShape):
       and tight tolerances are out of reach.
     """
 
-    exponent: Float[Array, ""] = eqx.field(converter=as_float)
+    exponent: Float[Array, ""] = eqx.field(converter=scalar("exponent"))
 
     def __check_init__(self):
         check_positive("exponent", self.exponent, "[1]")
@@ -108,8 +108,8 @@ class ErrorFunction(AbstractShape):
     - `width`: w [1], positive.
     """
 
-    centre: Float[Array, ""] = eqx.field(converter=as_float, default=0.5)
-    width: Float[Array, ""] = eqx.field(converter=as_float, default=0.1)
+    centre: Float[Array, ""] = eqx.field(converter=scalar("centre"), default=0.5)
+    width: Float[Array, ""] = eqx.field(converter=scalar("width"), default=0.1)
 
     def __check_init__(self):
         check_positive("width", self.width, "[1]")
@@ -127,8 +127,8 @@ class Table(AbstractShape):
     - `values`: φ [1], shape `(points,)`.
     """
 
-    heights: Float[Array, " points"] = eqx.field(converter=as_float)
-    values: Float[Array, " points"] = eqx.field(converter=as_float)
+    heights: Float[Array, " points"] = eqx.field(converter=numbers("heights"))
+    values: Float[Array, " points"] = eqx.field(converter=numbers("values"))
 
     def __check_init__(self):
         if (

@@ -7,7 +7,7 @@ import jax
 import jax.numpy as jnp
 from jaxtyping import Array, Float, Inexact
 
-from .._checks import Numbers, as_float, check_values
+from .._checks import Numbers, as_float, check_values, scalar
 from ..rheology.material import AbstractMaterial, as_material
 
 
@@ -47,7 +47,7 @@ class Layer(eqx.Module):
     """
 
     material: AbstractMaterial = eqx.field(converter=as_material)
-    thickness: Float[Array, ""] = eqx.field(converter=as_float)
+    thickness: Float[Array, ""] = eqx.field(converter=scalar("thickness"))
 
     def __check_init__(self):
         _check_thickness(self.thickness)
@@ -65,7 +65,7 @@ class GradedLayer(eqx.Module):
       that can be differentiated; each new function is compiled anew.
     """
 
-    thickness: Float[Array, ""] = eqx.field(converter=as_float)
+    thickness: Float[Array, ""] = eqx.field(converter=scalar("thickness"))
     profile: Any = eqx.field(converter=_as_profile)
 
     def __check_init__(self):
@@ -140,11 +140,11 @@ class _AtHeight(AbstractMaterial):
     height: Float[Array, ""]
 
     def modulus(self, omega: Numbers) -> Inexact[Array, "*w"]:
-        omega = as_float(omega)
+        omega = as_float(omega, "omega")
         return jnp.broadcast_to(self.profile(self.height, omega)[0], omega.shape)
 
     def poisson_ratio(self, omega: Numbers) -> Inexact[Array, "..."]:
-        return jnp.asarray(self.profile(self.height, as_float(omega))[1])
+        return jnp.asarray(self.profile(self.height, as_float(omega, "omega"))[1])
 
     def at(self, temperature: Numbers) -> "_AtHeight":
         return _AtHeight(self.profile.at(temperature), self.height)

@@ -160,7 +160,7 @@ def fit_creep(
 
 
 def _fit(data, terms, within, start, poisson, throw):
-    poisson = as_float(poisson)
+    poisson = as_float(poisson, "poisson")
     check_poisson("poisson", poisson)
     choices = {"terms": terms, "within": within, "times": data.times, "start": start}
     given = [name for name, choice in choices.items() if choice is not None]

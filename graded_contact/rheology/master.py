@@ -17,7 +17,15 @@ from jaxtyping import Array, Complex, Float
 from scipy.optimize import least_squares
 from scipy.special import stdtrit
 
-from .._checks import Numbers, as_float, check_poisson, check_positive, check_values, is_concrete
+from .._checks import (
+    Numbers,
+    as_float,
+    as_numbers,
+    check_poisson,
+    check_positive,
+    check_values,
+    is_concrete,
+)
 from .fit import check_terms, refuse_nonsense, require_known
 from .fitting.isotherms import (
     Isotherms,
@@ -114,7 +122,7 @@ class MasterCurve(eqx.Module):
         """
         if not 0 < level < 1:
             raise ValueError(f"`level={level!r}` must lie between 0 and 1.")
-        omega = as_float(omega)
+        omega = as_float(omega, "omega")
         check_positive("omega", omega, "[rad/s]")
 
         def logs(unknowns):
@@ -183,7 +191,7 @@ def master_curve(
     The others, and what is raised: as `fit_prony`. Differentiable if `terms` is given; what
     `scatter` and `vertical` mean beside the error of the fit then counts as known.
     """
-    poisson = as_float(poisson)
+    poisson = as_float(poisson, "poisson")
     check_poisson("poisson", poisson)
     sizes = _size("scatter", scatter) * LN10, _size("vertical", vertical)
     data = _isotherms(
@@ -294,7 +302,7 @@ def _curve(number, isotherm, kind) -> tuple[Any, ...]:
     temperature, x, values = isotherm
     if not is_concrete(temperature):
         raise ValueError(f"`isotherms[{number}]` must have a temperature that is known.")
-    x, values = as_float(x), jnp.asarray(values)
+    x, values = as_float(x, "x"), as_numbers(values, "values")
     if x.ndim != 1 or x.shape != values.shape:
         raise ValueError(
             f"`isotherms[{number}]` has x of shape {x.shape} and values of {values.shape}; two "

@@ -19,7 +19,17 @@ import numpy as np
 from jax import Array
 from jaxtyping import Complex, Float, Inexact
 
-from .._checks import Numbers, as_float, check_poisson, check_positive, check_values, is_concrete
+from .._checks import (
+    Numbers,
+    as_float,
+    as_scalar,
+    check_poisson,
+    check_positive,
+    check_values,
+    is_concrete,
+    numbers,
+    scalar,
+)
 from .creep import creep_from_relaxation, relaxation_from_creep
 from .shift import AbstractShift, require_shift
 
@@ -62,15 +72,15 @@ class Elastic(AbstractMaterial):
     poisson: Float[Array, ""]
 
     def __init__(self, modulus: Numbers, poisson: Numbers = 0.5):
-        self.young = as_float(modulus)
-        self.poisson = as_float(poisson)
+        self.young = as_scalar(modulus, "modulus")
+        self.poisson = as_scalar(poisson, "poisson")
 
     def __check_init__(self):
         check_positive("modulus", self.young, "[Pa]")
         check_poisson("poisson", self.poisson)
 
     def modulus(self, omega: Numbers) -> Float[Array, "*w"]:
-        omega = as_float(omega)
+        omega = as_float(omega, "omega")
         dtype = jnp.result_type(self.young, omega)
         return jnp.broadcast_to(self.young.astype(dtype), omega.shape)
 
@@ -78,7 +88,7 @@ class Elastic(AbstractMaterial):
         return self.poisson
 
     def at(self, temperature: Numbers) -> "Elastic":
-        check_positive("temperature", as_float(temperature), "[K]")
+        check_positive("temperature", as_scalar(temperature, "temperature"), "[K]")
         return self
 
 
@@ -94,10 +104,10 @@ class Prony(AbstractMaterial):
     - `shift`: law of time-temperature superposition, or None.
     """
 
-    equilibrium: Float[Array, ""] = eqx.field(converter=as_float)
-    strengths: Float[Array, " branches"] = eqx.field(converter=as_float)
-    times: Float[Array, " branches"] = eqx.field(converter=as_float)
-    poisson: Float[Array, ""] = eqx.field(converter=as_float, default=0.5)
+    equilibrium: Float[Array, ""] = eqx.field(converter=scalar("equilibrium"))
+    strengths: Float[Array, " branches"] = eqx.field(converter=numbers("strengths"))
+    times: Float[Array, " branches"] = eqx.field(converter=numbers("times"))
+    poisson: Float[Array, ""] = eqx.field(converter=scalar("poisson"), default=0.5)
     shift: AbstractShift | None = None
 
     def __check_init__(self):
@@ -125,7 +135,8 @@ class Prony(AbstractMaterial):
         - `times`: retardation times t_j [s], shape `(branches,)`, positive, no two equal.
         - `poisson`, `shift`: as the fields of the class.
         """
-        glassy, compliances, times = as_float(glassy), as_float(compliances), as_float(times)
+        glassy = as_scalar(glassy, "glassy")
+        compliances, times = as_float(compliances, "compliances"), as_float(times, "times")
         check_positive("glassy", glassy, "[Pa]")
         _check_series("compliances", compliances, "[1/Pa]", "times", times)
         _check_distinct("times", times)
@@ -157,7 +168,7 @@ class Prony(AbstractMaterial):
         return self.equilibrium + jnp.sum(self.strengths)
 
     def modulus(self, omega: Numbers) -> Complex[Array, "*w"]:
-        omega = as_float(omega)
+        omega = as_float(omega, "omega")
         x = omega[..., None] * self.times
         # x²/(1 + x²) and x/(1 + x²), in forms that neither overflow nor cancel and are even and
         # odd as they stand: split into size and sign, they would have no derivative at rest.
@@ -172,7 +183,7 @@ class Prony(AbstractMaterial):
         return self.poisson
 
     def at(self, temperature: Numbers) -> "Prony":
-        shift, temperature = require_shift(self.shift), as_float(temperature)
+        shift, temperature = require_shift(self.shift), as_scalar(temperature, "temperature")
         return eqx.tree_at(
             lambda material: (material.times, material.shift),
             self,

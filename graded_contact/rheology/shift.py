@@ -10,7 +10,7 @@ import equinox as eqx
 import jax.numpy as jnp
 from jaxtyping import Array, Float
 
-from .._checks import Numbers, as_float, check_positive, check_values, is_concrete
+from .._checks import Numbers, as_scalar, check_positive, check_values, is_concrete, scalar
 
 GAS_CONSTANT = 8.31446261815324  # J/(mol K), exact in the SI of 2019
 
@@ -37,9 +37,9 @@ class WLF(AbstractShift):
     - `reference`: temperature T_ref [K] at which the material's times were given.
     """
 
-    c1: Float[Array, ""] = eqx.field(converter=as_float)
-    c2: Float[Array, ""] = eqx.field(converter=as_float)
-    reference: Float[Array, ""] = eqx.field(converter=as_float)
+    c1: Float[Array, ""] = eqx.field(converter=scalar("c1"))
+    c2: Float[Array, ""] = eqx.field(converter=scalar("c2"))
+    reference: Float[Array, ""] = eqx.field(converter=scalar("reference"))
 
     def __check_init__(self):
         check_positive("c1", self.c1, "[1]")
@@ -57,7 +57,7 @@ class WLF(AbstractShift):
         return WLF(c1=self.c1 * self.c2 / c2, c2=c2, reference=temperature)
 
     def _checked(self, temperature: Numbers) -> Float[Array, ""]:
-        temperature = as_float(temperature)
+        temperature = as_scalar(temperature, "temperature")
         if is_concrete(temperature) and is_concrete(self.c2) and is_concrete(self.reference):
             vogel = float(self.reference - self.c2)
             check_values(
@@ -78,22 +78,22 @@ class Arrhenius(AbstractShift):
     - `reference`: temperature T_ref [K] at which the material's times were given.
     """
 
-    activation_energy: Float[Array, ""] = eqx.field(converter=as_float)
-    reference: Float[Array, ""] = eqx.field(converter=as_float)
+    activation_energy: Float[Array, ""] = eqx.field(converter=scalar("activation_energy"))
+    reference: Float[Array, ""] = eqx.field(converter=scalar("reference"))
 
     def __check_init__(self):
         check_positive("activation_energy", self.activation_energy, "[J/mol]")
         check_positive("reference", self.reference, "[K]")
 
     def factor(self, temperature: Numbers) -> Float[Array, ""]:
-        temperature = as_float(temperature)
+        temperature = as_scalar(temperature, "temperature")
         check_positive("temperature", temperature, "[K]")
         return jnp.exp(
             self.activation_energy / GAS_CONSTANT * (1 / temperature - 1 / self.reference)
         )
 
     def rebased(self, temperature: Numbers) -> "Arrhenius":
-        temperature = as_float(temperature)
+        temperature = as_scalar(temperature, "temperature")
         check_positive("temperature", temperature, "[K]")
         return Arrhenius(activation_energy=self.activation_energy, reference=temperature)
 

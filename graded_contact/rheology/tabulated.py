@@ -8,7 +8,15 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Complex, Float
 
-from .._checks import Numbers, as_float, check_poisson, check_positive, is_concrete
+from .._checks import (
+    Numbers,
+    as_float,
+    as_numbers,
+    as_scalar,
+    check_poisson,
+    check_positive,
+    is_concrete,
+)
 from .material import AbstractMaterial
 from .shift import AbstractShift, require_shift
 
@@ -47,11 +55,11 @@ class Tabulated(AbstractMaterial):
         shift: AbstractShift | None = None,
         extrapolate: Literal["refuse", "plateau"] = "refuse",
     ):
-        self.omega = as_float(omega)
-        complex_modulus = jnp.asarray(modulus)
+        self.omega = as_float(omega, "omega")
+        complex_modulus = as_numbers(modulus, "modulus")
         self.storage = as_float(complex_modulus.real)
         self.loss = as_float(complex_modulus.imag)
-        self.poisson = as_float(poisson)
+        self.poisson = as_scalar(poisson, "poisson")
         self.shift = shift
         self.extrapolate = extrapolate
         if self.omega.ndim != 1 or len(self.omega) < 2 or complex_modulus.shape != self.omega.shape:
@@ -75,7 +83,7 @@ class Tabulated(AbstractMaterial):
             raise ValueError(f"`extrapolate={extrapolate!r}` must be 'refuse' or 'plateau'.")
 
     def modulus(self, omega: Numbers) -> Complex[Array, "*w"]:
-        omega = as_float(omega)
+        omega = as_float(omega, "omega")
         first, last = self.omega[0], self.omega[-1]
         size = jnp.abs(omega)
         if self.extrapolate == "refuse":
@@ -115,7 +123,7 @@ class Tabulated(AbstractMaterial):
         return self.poisson
 
     def at(self, temperature: Numbers) -> "Tabulated":
-        shift, temperature = require_shift(self.shift), as_float(temperature)
+        shift, temperature = require_shift(self.shift), as_scalar(temperature, "temperature")
         return eqx.tree_at(
             lambda material: (material.omega, material.shift),
             self,

@@ -24,7 +24,7 @@ def loss_tangent(stack: Stack, q: Numbers, velocity: Numbers) -> Float[Array, ".
     - `q`: wavenumbers [rad/m], positive.
     - `velocity`: [m/s], positive.
     """
-    q, velocity = as_float(q), as_float(velocity)
+    q, velocity = as_float(q, "q"), as_float(velocity, "velocity")
     check_positive("velocity", velocity, "[m/s]")
     modulus = effective_modulus(stack, q, q * velocity)
     return modulus.imag / modulus.real
@@ -36,7 +36,7 @@ def ripple(values: Numbers) -> Float[Array, ""]:
     `ripple(loss_tangent(stack, q, velocity))` over a band of q is small if the band is damped
     evenly; `jnp.max(...)/jnp.min(...)` says the same to people, with kinks.
     """
-    values = as_float(values)
+    values = as_float(values, "values")
     check_positive("values", values, "")
     return jnp.var(jnp.log(values))
 
@@ -65,7 +65,7 @@ def friction_curve(
     - `stack`, `spectrum`, `pressure`: as in `mean_field_friction`.
     - `velocities`: along x [m/s], shape `(n,)`.
     """
-    velocities = as_float(velocities)
+    velocities = as_float(velocities, "velocities")
     if velocities.ndim != 1:
         raise ValueError(f"`velocities` has shape {velocities.shape}; one axis is needed.")
     return jax.lax.map(
@@ -79,6 +79,6 @@ def friction_between(field: MeanField, q_from: Numbers, q_to: Numbers) -> Float[
     Over `field.friction` it is the share of a window, to be made large for a selective response,
     or, with `q_to` the last wavenumber, small for friction that fine roughness cannot change.
     """
-    at = jnp.log(jnp.stack([as_float(q_from), as_float(q_to)]))
+    at = jnp.log(jnp.stack([as_float(q_from, "q_from"), as_float(q_to, "q_to")]))
     low, high = jnp.interp(at, jnp.log(field.wavenumber), field.friction_up_to)
     return high - low

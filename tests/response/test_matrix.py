@@ -210,7 +210,7 @@ def test_vmap_over_thickness_and_jit_give_the_same_numbers():
         ((np.nan, 1.0, 1.0), "`qx=nan` is refused"),
         ((1.0, np.inf, 1.0), "`qy=inf` is refused"),
         ((1.0, 1.0, np.nan), "`omega=nan` is refused"),
-        ((1.0 + 1j, 1.0, 1.0), "A real number is needed"),
+        ((1.0 + 1j, 1.0, 1.0), "a real number is needed"),
         ((np.ones(2), np.ones(3), 1.0), "(?i)incompatible shapes"),
     ],
 )

@@ -456,7 +456,7 @@ def test_derivatives_at_and_around_rest_match_differences_alone_and_jointly(mate
     [
         (lambda: Elastic(0.0), r"`modulus=0` is refused: .*\[Pa\]"),
         (lambda: Elastic(1.0, 0.51), r"`poisson=0\.51`"),
-        (lambda: Elastic(1j), "A real number is needed"),
+        (lambda: Elastic(1j), "a real number is needed"),
         (lambda: two_branches(equilibrium=-1.0), r"`equilibrium=-1` is refused: .*zero or"),
         (lambda: two_branches(strengths=[1.0, -2.0]), r"`strengths\[1\]=-2`"),
         (lambda: two_branches(times=[0.0, 1.0]), r"`times\[0\]=0` is refused: .*\[s\]"),

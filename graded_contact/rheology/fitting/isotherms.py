@@ -43,7 +43,7 @@ class TabulatedShift(AbstractShift):
         )
 
     def _departure(self, temperature):
-        return jnp.interp(as_float(temperature), self.temperatures, self.departures)
+        return jnp.interp(as_float(temperature, "temperature"), self.temperatures, self.departures)
 
 
 class Isotherms(eqx.Module):

@@ -81,7 +81,7 @@ def observe(
     that are NaN count as not measured.
     """
     x_name, unit = ("omega", "[rad/s]") if kind == "frequency" else ("time", "[s]")
-    x = as_float(x)
+    x = as_float(x, "x")
     if x.dtype != jnp.float64:
         raise ValueError(
             f"`{x_name}` is {x.dtype}: series over many decades are fitted in double precision. "
@@ -101,7 +101,7 @@ def observe(
         and not np.any(np.asarray(equilibrium))
     )
     known = {"equilibrium": equilibrium, "glassy": glassy, "times": times, "huber": huber}
-    known = {name: None if v is None else as_float(v) for name, v in known.items()}
+    known = {name: None if v is None else as_float(v, name) for name, v in known.items()}
     if known["equilibrium"] is not None:
         check_values(
             "equilibrium", known["equilibrium"], "zero or a positive number [Pa]", at_least=0
@@ -129,7 +129,7 @@ def concrete(data: Observations) -> bool:
 
 
 def _channel(name, values, weight, x):
-    values, weight = as_float(values), as_float(weight)
+    values, weight = as_float(values, "values"), as_float(weight, "weight")
     if values.shape != x.shape:
         raise ValueError(f"`{name}` has shape {values.shape}; the shape must be {x.shape}.")
     if weight.shape not in ((), x.shape):

@@ -134,7 +134,7 @@ class PronyFit(eqx.Module):
         """
         if not 0 < level < 1:
             raise ValueError(f"`level={level!r}` must lie between 0 and 1.")
-        omega = as_float(omega)
+        omega = as_float(omega, "omega")
         check_positive("omega", omega, "[rad/s]")
         series, theta = self._problem()
         free = series.within_bounds(theta)
