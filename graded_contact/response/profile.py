@@ -26,7 +26,7 @@ from jaxtyping import Array, Float, Inexact
 
 from .._checks import Numbers, check_positive, check_values, is_concrete, scalar
 from ..rheology.material import AbstractMaterial, as_material
-from .shape import AbstractShape, Linear, as_shape, breaks_of
+from .shape import FROM_0_TO_1, AbstractShape, Linear, as_shape, breaks_of
 
 
 class AbstractProfile(eqx.Module):
@@ -46,9 +46,12 @@ class AbstractProfile(eqx.Module):
 class Blend(AbstractProfile):
     """One material passing into another: E from E_bottom(ω) and E_top(ω), by φ(s).
 
-    E = (1 - φ) E_bottom + φ E_top if `mixing` is "linear", E_bottom^(1-φ) E_top^φ if it is
-    "logarithmic"; ν = (1 - φ) ν_bottom + φ ν_top. A linear blend follows E_top beyond φ = 1: the
-    paper's E = E₀ (1 + s + sin 2πs) is `Blend(Elastic(E0), Elastic(2*E0), Sinusoidal())`.
+    If `mixing` is "linear", E = (1 - φ) E_bottom + φ E_top and ν = (1 - φ) ν_bottom + φ ν_top, also
+    beyond φ = 1: the paper's E = E₀ (1 + s + sin 2πs) is `Blend(Elastic(E0), Elastic(2*E0),
+    Sinusoidal())`. If it is "logarithmic", E = E_bottom^(1-φ) E_top^φ, which is positive whatever φ
+    is, and ν is as above for a shape that never leaves [0, 1] (`Linear`, `Exponential`, `PowerLaw`,
+    `ErrorFunction`); for any other it is the average with weights (1 - φ)² and φ², which stays
+    between the two.
 
     **Fields:**
 
@@ -77,11 +80,13 @@ class Blend(AbstractProfile):
     ) -> tuple[Inexact[Array, "..."], Inexact[Array, "..."]]:
         phi = self.shape(s)
         bottom, top = self.bottom.modulus(omega), self.top.modulus(omega)
-        if self.mixing == "linear":
-            modulus = bottom + phi * (top - bottom)
-        else:
-            modulus = bottom * jnp.exp(phi * jnp.log(top / bottom))
         low, high = self.bottom.poisson_ratio(omega), self.top.poisson_ratio(omega)
+        if self.mixing == "linear":
+            return bottom + phi * (top - bottom), low + phi * (high - low)
+        modulus = bottom * jnp.exp(phi * jnp.log(top / bottom))
+        if not isinstance(self.shape, FROM_0_TO_1):
+            # Extrapolated, ν might exceed 1/2; cut off, it would have a kink.
+            phi = phi**2 / (phi**2 + (1 - phi) ** 2)
         return modulus, low + phi * (high - low)
 
     def at(self, temperature: Numbers) -> "Blend":

@@ -118,6 +118,10 @@ class ErrorFunction(AbstractShape):
         return (1 + jax.scipy.special.erf((s - self.centre) / self.width)) / 2
 
 
+# Shapes that never leave [0, 1].
+FROM_0_TO_1 = (Linear, Exponential, PowerLaw, ErrorFunction)
+
+
 class Table(AbstractShape):
     """φ given at some heights, joined by a monotone cubic (Fritsch-Carlson).
 

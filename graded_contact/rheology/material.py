@@ -31,7 +31,7 @@ from .._checks import (
     scalar,
 )
 from .creep import creep_from_relaxation, relaxation_from_creep
-from .shift import AbstractShift, require_shift
+from .shift import AbstractShift, as_temperature, require_shift, stretched
 
 
 class AbstractMaterial(eqx.Module):
@@ -88,7 +88,7 @@ class Elastic(AbstractMaterial):
         return self.poisson
 
     def at(self, temperature: Numbers) -> "Elastic":
-        check_positive("temperature", as_scalar(temperature, "temperature"), "[K]")
+        as_temperature(temperature)
         return self
 
 
@@ -183,11 +183,11 @@ class Prony(AbstractMaterial):
         return self.poisson
 
     def at(self, temperature: Numbers) -> "Prony":
-        shift, temperature = require_shift(self.shift), as_scalar(temperature, "temperature")
+        shift, temperature = require_shift(self.shift), as_temperature(temperature)
         return eqx.tree_at(
             lambda material: (material.times, material.shift),
             self,
-            (self.times * shift.factor(temperature), shift.rebased(temperature)),
+            (stretched(self.times, shift.log_factor(temperature)), shift.rebased(temperature)),
         )
 
 

@@ -5,26 +5,34 @@ J. Am. Chem. Soc. 77 (1955) 3701, doi:10.1021/ja01619a008.
 """
 
 import abc
+import math
 
 import equinox as eqx
+import jax
 import jax.numpy as jnp
 from jaxtyping import Array, Float
 
 from .._checks import Numbers, as_scalar, check_positive, check_values, is_concrete, scalar
 
 GAS_CONSTANT = 8.31446261815324  # J/(mol K), exact in the SI of 2019
+# How far times are shifted, as a share of the dtype's exponents: their squares must not overflow.
+_REACH = 0.45
 
 
 class AbstractShift(eqx.Module):
     """A law of time-temperature superposition: τ(T) = a_T(T) τ(reference)."""
 
     @abc.abstractmethod
-    def factor(self, temperature: Numbers) -> Float[Array, ""]:
-        """Returns a_T [1] at `temperature` [K]; it is 1 at the reference temperature."""
+    def log_factor(self, temperature: Numbers) -> Float[Array, ""]:
+        """Returns ln a_T [1] at `temperature` [K]; it is 0 at the reference temperature."""
 
     @abc.abstractmethod
     def rebased(self, temperature: Numbers) -> "AbstractShift":
         """Returns the same law written about another reference temperature [K]."""
+
+    def factor(self, temperature: Numbers) -> Float[Array, ""]:
+        """Returns a_T [1] at `temperature` [K]; infinite where it exceeds the dtype."""
+        return jnp.exp(self.log_factor(temperature))
 
 
 class WLF(AbstractShift):
@@ -46,10 +54,13 @@ class WLF(AbstractShift):
         check_positive("c2", self.c2, "[K]")
         check_positive("reference", self.reference, "[K]")
 
-    def factor(self, temperature: Numbers) -> Float[Array, ""]:
+    def log_factor(self, temperature: Numbers) -> Float[Array, ""]:
         temperature = self._checked(temperature)
         step = temperature - self.reference
-        return 10 ** (-self.c1 * step / (self.c2 + step))
+        above = self.c2 + step > 0
+        # Below the Vogel temperature, which tracing hides, the law has no answer.
+        value = -math.log(10) * self.c1 * step / jnp.where(above, self.c2 + step, 1)
+        return jnp.where(above, value, jnp.nan)
 
     def rebased(self, temperature: Numbers) -> "WLF":
         temperature = self._checked(temperature)
@@ -85,17 +96,44 @@ class Arrhenius(AbstractShift):
         check_positive("activation_energy", self.activation_energy, "[J/mol]")
         check_positive("reference", self.reference, "[K]")
 
-    def factor(self, temperature: Numbers) -> Float[Array, ""]:
-        temperature = as_scalar(temperature, "temperature")
-        check_positive("temperature", temperature, "[K]")
-        return jnp.exp(
-            self.activation_energy / GAS_CONSTANT * (1 / temperature - 1 / self.reference)
-        )
+    def log_factor(self, temperature: Numbers) -> Float[Array, ""]:
+        temperature = as_temperature(temperature)
+        return self.activation_energy / GAS_CONSTANT * (1 / temperature - 1 / self.reference)
 
     def rebased(self, temperature: Numbers) -> "Arrhenius":
-        temperature = as_scalar(temperature, "temperature")
-        check_positive("temperature", temperature, "[K]")
-        return Arrhenius(activation_energy=self.activation_energy, reference=temperature)
+        return Arrhenius(
+            activation_energy=self.activation_energy, reference=as_temperature(temperature)
+        )
+
+
+def as_temperature(value: Numbers) -> Float[Array, ""]:
+    """Returns a temperature [K]; refuses an array, zero and less."""
+    temperature = as_scalar(value, "temperature")
+    check_positive("temperature", temperature, "[K]")
+    return temperature
+
+
+def stretched(values: Float[Array, " n"], log_factor: Float[Array, ""]) -> Float[Array, " n"]:
+    """Returns `values` > 0 times exp(`log_factor`), at most as far as their dtype holds.
+
+    Near the Vogel temperature a_T leaves the range of numbers. A time of 1e138 s (float32: 2e17 s)
+    is as good as infinite, the branch glassy at every frequency. What was stretched so far has
+    lost its distance from the reference, and cannot be brought back.
+
+    **Raises:** `ValueError` for values at that limit; they become NaN where tracing hides them.
+    """
+    reach = _REACH * math.log(float(jnp.finfo(values.dtype).max))
+    logs = jax.lax.stop_gradient(jnp.log(values))
+    # Rounding may leave them an ulp within the limit.
+    lost = jnp.max(jnp.abs(logs)) >= reach * (1 - 1e-6)
+    if is_concrete(lost) and lost:
+        raise ValueError(
+            "`temperature` cannot be changed again: the material was brought to one at which its "
+            "times leave the range of numbers. Start from the material at its reference."
+        )
+    # In two steps, neither of which overflows.
+    root = jnp.exp(jnp.clip(log_factor, -reach - logs, reach - logs) / 2)
+    return jnp.where(lost, jnp.nan, values * root * root)
 
 
 def require_shift(shift: AbstractShift | None) -> AbstractShift:

@@ -18,7 +18,7 @@ from .._checks import (
     is_concrete,
 )
 from .material import AbstractMaterial
-from .shift import AbstractShift, require_shift
+from .shift import AbstractShift, as_temperature, require_shift, stretched
 
 
 class Tabulated(AbstractMaterial):
@@ -123,11 +123,13 @@ class Tabulated(AbstractMaterial):
         return self.poisson
 
     def at(self, temperature: Numbers) -> "Tabulated":
-        shift, temperature = require_shift(self.shift), as_scalar(temperature, "temperature")
+        shift, temperature = require_shift(self.shift), as_temperature(temperature)
+        # As far as the first frequency can go: no two of them may become one.
+        first = stretched(self.omega[:1], -shift.log_factor(temperature))
         return eqx.tree_at(
             lambda material: (material.omega, material.shift),
             self,
-            (self.omega / shift.factor(temperature), shift.rebased(temperature)),
+            (self.omega / self.omega[0] * first, shift.rebased(temperature)),
         )
 
 

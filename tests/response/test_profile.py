@@ -85,6 +85,20 @@ def test_dilute_rigid_spheres_in_incompressible_rubber_follow_einstein():
     np.testing.assert_allclose(poisson, 0.5, atol=1e-7)
 
 
+def test_nearly_incompressible_materials_mix_logarithmically_whatever_the_shape():
+    """Where φ leaves [0, 1] an extrapolated Poisson's ratio would exceed 1/2."""
+    s = jnp.linspace(0, 1, 201)
+    profile = Blend(gc.Elastic(1e6, 0.5), gc.Elastic(3e6, 0.49), Sinusoidal(), "logarithmic")
+    phi = profile.shape(s)
+    assert np.min(phi) < -0.2 and np.max(phi) > 1.2
+    modulus, poisson = profile(s, jnp.asarray(0.0))
+    assert np.all(modulus > 0) and np.min(poisson) >= 0.49 and np.max(poisson) == 0.5
+    np.testing.assert_allclose(poisson[::200], [0.5, 0.49], rtol=1e-15)
+    # The solver reaches its tolerance: there is no kink.
+    stack = Stack(layers=[GradedLayer(1e-3, profile)], base=gc.Rigid())
+    assert np.all(gc.graded_compliance(stack, [3e2, 3e3], 0.0, rtol=1e-9).error <= 1e-9)
+
+
 def test_aged_material_is_the_material_at_another_frequency():
     profile = Aged(RUBBER, 1.0, 100.0)
     modulus, _ = profile(jnp.asarray([0.0, 0.5, 1.0]), jnp.asarray(50.0))

@@ -70,6 +70,10 @@ def sliced_profile(profile):
     return sliced(Stack(layers=[layer], base=Free()), 1).layers[0].material
 
 
+def real_and_imaginary(values):
+    return jnp.stack([values.real, values.imag])
+
+
 def two_branches(**changes):
     fields = {"equilibrium": 2e6, "strengths": [5e6, 3e7], "times": [1e-2, 1e-5], "poisson": 0.48}
     return Prony(**(fields | changes))
@@ -331,6 +335,49 @@ def test_gradient_with_respect_to_temperature(shift):
         return jnp.log(material.at(300 + 10 * x[0]).modulus(jnp.array(300.0)).imag)
 
     check_gradient(jax.jit(function), jnp.array([-1.3]))
+
+
+VOGEL = 298.15 - 113.6
+COLD = {"wlf": (SHIFTS[0], VOGEL + 1e-3), "arrhenius": (SHIFTS[1], 10.0)}
+
+
+@pytest.mark.parametrize("shift, temperature", COLD.values(), ids=COLD.keys())
+def test_a_body_so_cold_that_its_shift_overflows_is_glassy_with_finite_derivatives(
+    shift, temperature
+):
+    assert jnp.isinf(shift.factor(temperature))
+    table = Tabulated(TABLE_OMEGA, TABLE_MODULUS, shift=shift, extrapolate="plateau")
+    material = two_branches(shift=shift)
+    for body, relaxed, glassy in ((material, 2e6, 3.7e7), (table, 1e6, 9e6)):
+        parts = jax.jit(lambda body, t, w: real_and_imaginary(body.at(t).modulus(w)))
+        slopes = jax.jit(jax.jacrev(parts, (0, 1, 2)))
+        for omega, expected in ((0.0, relaxed), (1e-6, glassy), (-1e9, glassy)):
+            found = parts(body, temperature, omega)
+            np.testing.assert_allclose(found, [expected, 0], rtol=1e-14, atol=1e-100)
+            for leaf in jax.tree.leaves(slopes(body, temperature, omega)):
+                assert np.all(np.isfinite(leaf))
+        # Its times cannot be kept: a way back would be silently wrong.
+        with pytest.raises(ValueError, match="`temperature` cannot be changed again"):
+            body.at(temperature).at(298.15)
+        assert np.all(np.isnan(jax.jit(lambda b: b.at(temperature).at(298.15).modulus(1.0))(body)))
+
+
+def test_wlf_has_no_answer_below_its_vogel_temperature_where_tracing_hides_it():
+    times = jax.jit(lambda t: two_branches(shift=SHIFTS[0]).at(t).times)
+    assert np.all(np.isnan(times(VOGEL - 1.0)))
+    assert np.all(np.isfinite(times(VOGEL + 1.0)))
+
+
+def test_single_precision_is_glassy_too():
+    shift = WLF(*(jnp.float32(x) for x in (4.57, 113.6, 298.15)))
+    single = [jnp.asarray(v, jnp.float32) for v in (2e6, [5e6, 3e7], [1e-2, 1e-5], 0.48)]
+
+    def storage(temperature):
+        return Prony(*single, shift).at(temperature).modulus(jnp.float32(1e3)).real
+
+    value, slope = jax.value_and_grad(storage)(jnp.float32(VOGEL + 0.05))
+    assert value.dtype == slope.dtype == jnp.float32
+    assert value == np.float32(3.7e7) and np.isfinite(slope)
 
 
 def test_material_without_shift_refuses_a_temperature():

@@ -32,8 +32,8 @@ class TabulatedShift(AbstractShift):
     temperatures: Float[Array, " isotherms"]
     departures: Float[Array, " isotherms"]
 
-    def factor(self, temperature: Numbers) -> Float[Array, ""]:
-        return self.law.factor(temperature) * jnp.exp(self._departure(temperature))
+    def log_factor(self, temperature: Numbers) -> Float[Array, ""]:
+        return self.law.log_factor(temperature) + self._departure(temperature)
 
     def rebased(self, temperature: Numbers) -> "TabulatedShift":
         return TabulatedShift(
@@ -104,7 +104,7 @@ def log_vertical_of(unknowns: Unknowns, data: Isotherms) -> Float[Array, " isoth
 @eqx.filter_jit
 def log_shift_of(unknowns: Unknowns, data: Isotherms) -> Float[Array, " isotherms"]:
     """Returns ln a of every isotherm."""
-    return jnp.log(jax.vmap(shift_of(unknowns, data).factor)(data.temperatures))
+    return jax.vmap(shift_of(unknowns, data).log_factor)(data.temperatures)
 
 
 @eqx.filter_jit
