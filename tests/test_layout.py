@@ -10,7 +10,7 @@ ORDER = [
     "_checks", "_fft", "caveats", "grid", "spectrum", "surface", "topography",
     "rheology/shift", "rheology/creep", "rheology/material", "rheology/tabulated",
     "rheology/library", "rheology/export", "rheology/files/quantities", "rheology/files/cells",
-    "rheology/files/layout", "rheology/files/points", "rheology/reading",
+    "rheology/files/titles", "rheology/files/layout", "rheology/files/points", "rheology/reading",
     "rheology/fitting/newton", "rheology/fitting/series", "rheology/fitting/observations",
     "rheology/fitting/path", "rheology/fitting/optimum", "rheology/fitting/uncertainty",
     "rheology/fitting/result", "rheology/fitting/shared", "rheology/fitting/isotherms",

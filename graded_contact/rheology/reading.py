@@ -9,24 +9,31 @@ in `Measured.history`.
 import contextlib
 import dataclasses
 import os
-import re
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator, Mapping, Sequence
 from pathlib import Path
 
 import numpy as np
 from jaxtyping import Bool, Complex, Float, Int
 
 from .._checks import Numbers, check_poisson
-from .files.cells import Sheet, read_sheets
+from .files.cells import Sheet, holds_data, is_number, read_sheets
 from .files.layout import KINDS, Layout, Told, understand
-from .files.points import measured_points
-from .files.quantities import DIMENSIONS, UNITS
+from .files.points import grouped, measured_points
+from .files.quantities import DIMENSIONS, OFFSETS, UNITS, parse_unit
+from .files.titles import parameters
 
 DEFORMATIONS = ("tension", "shear")
 
-# RepTate's master curves have no names of columns; its manual fixes their order and units.
-_TTS_COLUMNS = {"frequency": 1, "storage": 2, "loss": 3}
-_TTS_UNITS = {"frequency": "rad/s", "modulus": "Pa"}
+# RepTate's manual fixes the order and units of the columns by the ending of the file, and which
+# parameter of its first line is the constant load.
+_UNSAID = {".gt": 1.0}  # a strain that is not said: the second column is a modulus
+_SWEEP = {"frequency": "rad/s", "storage": "Pa", "loss": "Pa"}
+_REPTATE = {
+    ".tts": ("frequency", _SWEEP, ""),
+    ".osc": ("frequency", _SWEEP, ""),
+    ".gt": ("relaxation", {"time": "s", "stress": "Pa"}, "gamma"),
+    ".creep": ("creep", {"time": "s", "strain": "1"}, "stress"),
+}
 
 
 @dataclasses.dataclass(frozen=True, eq=False)
@@ -94,7 +101,7 @@ class Measured:
 
 
 def read_moduli(
-    path: str | os.PathLike,
+    path: str | os.PathLike | Sequence[str | os.PathLike],
     *,
     kind: str | None = None,
     columns: Mapping[str, str | int] | None = None,
@@ -104,49 +111,146 @@ def read_moduli(
     temperature: Numbers | None = None,
     sheet: str | None = None,
 ) -> Measured:
-    """Returns the moduli or compliances that a file holds.
+    """Returns the moduli or compliances that a file holds, or several files of one material.
 
     Understood are text with commas, semicolons, tabs or spaces, with decimal points or commas, and
     Excel workbooks (the extra `io`); a line of names, such as "f, E', tan delta", "Storage modulus
-    [MPa]" or "G_loss_pa", and one of units below it; several isotherms below one another, told
-    apart by a column of temperature (steps above 1 K), or side by side; rows in any order; missing
-    values; RepTate's `.tts`. Every argument but the first overrides what the file says.
+    [MPa]", "log10 G'" or "G_loss_pa", and one of units below it; several isotherms below one
+    another, told apart by a column of temperature (steps above 1 K) or by "25 °C" above each, side
+    by side, or on several sheets; creep and relaxation as columns of stress and strain; rows in any
+    order; missing values; RepTate's `.tts`, `.osc`, `.gt` and `.creep`. A row that cannot be used
+    is left out. Every argument but the first overrides what the file says.
 
     **Arguments:**
 
-    - `path`: the file.
+    - `path`: the file, or a list of files: each holds isotherms, or all parts of one.
     - `kind`: "frequency", "relaxation" or "creep"; of a file without telling names it also sets
       their order: frequency, storage, loss; time, modulus; time, compliance.
     - `columns`: which column, by name or by number from 1, is the "frequency", "time",
-      "temperature", "storage", "loss", "magnitude", "tan_delta", "phase", "modulus" (relaxation)
-      or "compliance".
-    - `units`: of "frequency", "time", "modulus", "compliance", "temperature", "angle", "ratio":
-      one of `rheology.files.quantities.UNITS`.
+      "temperature", "storage", "loss", "magnitude", "tan_delta", "phase", "modulus" (relaxation),
+      "compliance", "stress" or "strain".
+    - `units`: of "frequency", "time", "modulus", "compliance", "temperature", "angle", "ratio",
+      "stress", "strain": one of `rheology.files.quantities.UNITS`.
     - `deformation`: "tension" (E) or "shear" (G).
     - `poisson`: Poisson's ratio ν, to turn shear into tension by E = 2(1 + ν)G.
-    - `temperature`: [K], of the whole file or of each of the curves side by side.
+    - `temperature`: [K], of the whole file or of each of its curves; of each of several files.
     - `sheet`: of a workbook.
 
     A missing file raises `FileNotFoundError`; what cannot be understood `ValueError`, naming the
-    file, the line and the argument that would settle it.
+    file, the line and the arguments that would settle it.
     """
-    path = Path(path)
+    paths = [Path(path)] if isinstance(path, str | os.PathLike) else list(map(Path, path))
+    if not paths:
+        raise ValueError("`path` is an empty list: at least one file is needed.")
     told = _told(kind, columns or {}, units or {}, deformation, temperature is not None)
     if poisson is not None:
         check_poisson("poisson", np.asarray(poisson))
+    if len(paths) == 1:
+        return _read(paths[0], told, poisson, temperature, sheet)
+    each = _one_each(temperature, len(paths), "files")
+    return _joined(
+        [_read(file, told, poisson, t, sheet) for file, t in zip(paths, each, strict=True)]
+    )
+
+
+def _one_each(temperature: Numbers | None, count: int, what: str) -> list[Numbers | None]:
+    if temperature is None:
+        return [None] * count
+    kelvin = np.asarray(temperature, float)
+    if kelvin.shape not in ((), (count,)):
+        raise ValueError(
+            f"`temperature` has shape {kelvin.shape}; one number is needed, or one for each of the "
+            f"{count} {what}."
+        )
+    return list(np.broadcast_to(kelvin, count))
+
+
+def _read(
+    path: Path, told: Told, poisson: Numbers | None, temperature: Numbers | None, name: str | None
+) -> Measured:
+    """What one file holds."""
     sheets = read_sheets(path)
     with _naming(path):
-        if path.suffix.lower() == ".tts":
-            told, temperature = _as_tts(told, temperature, sheets[0])
-        chosen, layout = _choose(sheets, told, sheet)
-        notes = [f"Read {len(layout.data)} rows of {path.name}, {chosen.layout}."]
-        if len(sheets) > 1:
-            others = ", ".join(repr(other.name) for other in sheets if other is not chosen)
-            notes.append(f"Left out the sheets {others}.")
-        points = measured_points(layout, poisson, temperature, notes)
-        if layout.unused:
-            notes.append(f"Not used: {', '.join(map(repr, layout.unused))}.")
-    return Measured(kind=layout.kind, path=path, history=tuple(notes), **points._asdict())
+        if path.suffix.lower() in _REPTATE:
+            told, temperature, sheets = _as_reptate(path.suffix.lower(), told, temperature, sheets)
+        if name is not None:
+            sheets = _named(sheets, name)
+        understood = _understood(sheets, told)
+        each: list[Numbers | None] = [temperature] * len(understood)
+        if len(understood) > 1 and temperature is not None and np.ndim(temperature) == 1:
+            each = _one_each(temperature, len(understood), "sheets")
+        parts = []
+        for (sheet, layout), kelvin in zip(understood, each, strict=True):
+            rows = sum(len(segment.data) for segment in layout.segments)
+            notes = [f"Read {rows} rows of {path.name}, {sheet.layout}."]
+            points = measured_points(layout, poisson, kelvin, notes)
+            if layout.unused:
+                notes.append(f"Not used: {', '.join(map(repr, layout.unused))}.")
+            parts.append(
+                Measured(kind=layout.kind, path=path, history=tuple(notes), **points._asdict())
+            )
+        names = [sheet.name for sheet, _ in understood]
+        if len(parts) > 1 and not _apart(parts):
+            raise ValueError(
+                f"the sheets {names} hold tables alike, not of different temperatures; pass `sheet`"
+            )
+        left = [repr(sheet.name) for sheet in sheets if sheet.name not in names]
+        notes = [f"Left out the sheets {', '.join(left)}."] if left else []
+        whole = _joined(parts) if len(parts) > 1 else parts[0]
+        return dataclasses.replace(whole, history=(*whole.history, *notes))
+
+
+def _apart(parts: Sequence[Measured]) -> bool:
+    """Whether no two parts hold isotherms of one temperature."""
+    if any(part.temperature is None for part in parts):
+        return False
+    _, group, owner = _groups(parts)
+    return all(len(set(owner[group == i])) == 1 for i in range(np.max(group) + 1))
+
+
+def _groups(parts: Sequence[Measured]) -> tuple[list[Measured], np.ndarray, np.ndarray]:
+    """The isotherms of all parts, the group of temperature of each, and the part it is from."""
+    curves = [curve for part in parts for curve in part.isotherms()]
+    owner = np.repeat(np.arange(len(parts)), [len(part.isotherms()) for part in parts])
+    return curves, grouped(np.array([np.mean(_known(curve)) for curve in curves])), owner
+
+
+def _known(part: Measured) -> Float[np.ndarray, " points"]:
+    if part.temperature is None:
+        raise ValueError(f"`path={part.path}` does not say its temperature; pass `temperature`.")
+    return part.temperature
+
+
+def _joined(parts: Sequence[Measured]) -> Measured:
+    """The isotherms of several files or sheets; those of one temperature become one."""
+    for field in ("kind", "deformation"):
+        found = {str(part.path.name): getattr(part, field) for part in parts}
+        if len(set(found.values())) > 1:
+            raise ValueError(f"`path` names files of different {field}: {found}.")
+    lacking = [str(part.path) for part in parts if part.temperature is None]
+    if lacking:
+        raise ValueError(
+            f"`path` names several files, of which {lacking} do not say their temperature; pass "
+            "`temperature` [K], one for each file."
+        )
+    curves, group, _ = _groups(parts)
+    isotherm = np.repeat(group, [len(curve.abscissa) for curve in curves])
+    abscissa = np.concatenate([curve.abscissa for curve in curves])
+    order = np.lexsort((abscissa, isotherm))
+    count, kelvin = np.max(group) + 1, np.concatenate([_known(curve) for curve in curves])
+    told = (
+        f"Together {count} isotherm(s), {np.min(kelvin):.2f} to {np.max(kelvin):.2f} K, of "
+        f"{len(order)} points."
+    )
+    return dataclasses.replace(
+        parts[0],
+        abscissa=abscissa[order],
+        values=np.concatenate([curve.values for curve in curves])[order],
+        temperature=kelvin[order],
+        isotherm=isotherm[order],
+        lines=np.concatenate([curve.lines for curve in curves])[order],
+        history=(*(sentence for part in parts for sentence in part.history), told),
+    )
 
 
 def _told(
@@ -184,34 +288,56 @@ def _naming(path: Path) -> Iterator[None]:
         raise ValueError(f"`path={path}`: {str(error).rstrip('.')}.") from None
 
 
-def _as_tts(told: Told, temperature: Numbers | None, sheet: Sheet) -> tuple[Told, Numbers | None]:
-    """What RepTate's format fixes, and the temperature [°C] of its first line, such as "T=-35;"."""
-    first = " ".join(sheet.rows[0].cells) if sheet.rows else ""
-    found = re.search(r"(?:^|;)\s*T=([-+.\deE]+)\s*;", first)
-    if temperature is None and found:
-        temperature = float(found[1]) + 273.15
+def _as_reptate(
+    suffix: str, told: Told, temperature: Numbers | None, sheets: list[Sheet]
+) -> tuple[Told, Numbers | None, list[Sheet]]:
+    """What RepTate's formats fix; temperature [°C] and load stand in the first line."""
+    kind, columns, load = _REPTATE[suffix]
+    rows = sheets[0].rows
+    given = parameters(rows[0]) if rows else {}
+    if temperature is None and is_number(given.get("T", "")):
+        temperature = float(given["T"]) + OFFSETS["C"]
+    said = [[parse_unit(cell) for cell in row.cells[: len(columns)]] for row in rows[1:4]]
+    own = next((units for units in said if len(units) == len(columns) and all(units)), None)
+    units = own or columns.values()
+    if not told.columns:  # others may follow, without a name, or be missing
+        rows = [row._replace(cells=row.cells[: len(columns)]) for row in rows if holds_data(row)]
     told = dataclasses.replace(
         told,
-        columns={**_TTS_COLUMNS, **told.columns},
-        units={**_TTS_UNITS, **told.units},
+        kind=told.kind or kind,
+        columns=told.columns or {quantity: i + 1 for i, quantity in enumerate(columns)},
+        units={
+            **{DIMENSIONS[name]: str(unit) for name, unit in zip(columns, units, strict=True)},
+            **told.units,
+        },
         deformation=told.deformation or "shear",
         temperature=temperature is not None,
-        source="as told" if told.units else "as in all of RepTate's",
+        held=float(given[load]) if is_number(given.get(load, "")) else _UNSAID.get(suffix),
+        source="as told" if told.units else "as the file says" if own else "as in all of RepTate's",
     )
-    return told, temperature
+    return told, temperature, [sheets[0]._replace(rows=rows)]
 
 
-def _choose(sheets: list[Sheet], told: Told, name: str | None) -> tuple[Sheet, Layout]:
-    """The sheet asked for, or the longest one that is understood."""
-    if name is not None:
-        names = [sheet.name for sheet in sheets]
-        if name not in names:
-            raise ValueError(f"there is no `sheet={name!r}`, only {names}")
-        sheets = [sheets[names.index(name)]]
-    refusals = []
-    for sheet in sorted(sheets, key=lambda sheet: len(sheet.rows), reverse=True):
+def _named(sheets: list[Sheet], name: str) -> list[Sheet]:
+    names = [sheet.name for sheet in sheets]
+    if name not in names:
+        raise ValueError(f"there is no `sheet={name!r}`, only {names}")
+    return [sheets[names.index(name)]]
+
+
+def _understood(sheets: list[Sheet], told: Told) -> list[tuple[Sheet, Layout]]:
+    """The longest sheet that is understood, and those with the same columns, in their order."""
+    found, refusals = [], []
+    for sheet in sheets:
         try:
-            return sheet, understand(sheet, told)
+            found.append((sheet, understand(sheet, told)))
         except ValueError as error:
             refusals.append(f"sheet {sheet.name!r}: {error}" if sheet.name else str(error))
-    raise ValueError("; ".join(refusals))
+    if not found:
+        raise ValueError("; ".join(refusals))
+
+    def columns(layout: Layout) -> tuple:
+        return layout.kind, layout.columns, layout.blocks, layout.width
+
+    _, longest = max(found, key=lambda pair: len(pair[0].rows))
+    return [pair for pair in found if columns(pair[1]) == columns(longest)]

@@ -1,21 +1,32 @@
 """Files of tables as rows of cells: text in any usual layout, and Excel workbooks.
 
-Numbers come out as text with a decimal point, whatever the file's decimal mark; all other cells
-as they stand.
+Numbers come out as text with a decimal point, whatever the file's decimal mark, and without marks
+between thousands; all other cells as they stand.
 """
 
 import csv
+import io
 import re
 import warnings
 from collections.abc import Callable, Iterable
 from pathlib import Path
 from typing import Any, NamedTuple
 
-_POINT = re.compile(r"[-+]?(\d+\.?\d*|\.\d+)([eE][-+]?\d+)?")
-_COMMA = re.compile(r"[-+]?(\d+,?\d*|,\d+)([eE][-+]?\d+)?")
-_MISSING = {"", "-", "--", "---", "n/a", "na", "#n/a", "nan", "null", "none", "inf", "-inf",
-            "#num!", "#div/0!", "#value!"}  # fmt: skip
+LARGEST = 100_000_000  # bytes; sweeps have thousands of points
+
+_NUMBER = re.compile(r"[-+]?(\d+\.?\d*|\.\d+)([eE][-+]?\d+)?")
+# By the decimal mark: numbers, and those whose thousands are set apart.
+_PLAIN = {
+    mark: re.compile(rf"[-+−]?(\d+[{mark}]?\d*|[{mark}]\d+)([eEdD][-+]?\d+)?") for mark in ".,"
+}
+_GROUPED = {
+    mark: re.compile(rf"[-+−]?[1-9]\d{{0,2}}([{other}'’\s]\d{{3}})+([{mark}]\d*)?")
+    for mark, other in (".,", ",.")
+}
+_MISSING = {"", "-", "--", "---", "n/a", "n.a.", "na", "#n/a", "#nv", "nan", "null", "none", "inf",
+            "-inf", "#num!", "#div/0!", "#value!", "#ref!"}  # fmt: skip
 _COMMENT = re.compile(r"^\s*(#|%|//|!)\s*")
+_REMARK = re.compile(r"(?<=[\d\s])\s*(#|//|!).*$")  # behind numbers
 _SEPARATORS = {"\t": "tabs", ";": "semicolons", ",": "commas", None: "spaces"}
 
 
@@ -41,7 +52,7 @@ class Sheet(NamedTuple):
 
 
 def is_number(cell: str) -> bool:
-    return _POINT.fullmatch(cell) is not None
+    return _NUMBER.fullmatch(cell) is not None
 
 
 def is_missing(cell: str) -> bool:
@@ -64,6 +75,8 @@ def read_sheets(path: Path) -> list[Sheet]:
     """
     if not path.exists():
         raise FileNotFoundError(f"`path={path}` does not exist.")
+    if path.stat().st_size > LARGEST:
+        raise ValueError(f"`path={path}` has more than {LARGEST / 1e6:g} MB, too much for a table.")
     content = path.read_bytes()
     if content.startswith(b"\xd0\xcf\x11\xe0"):
         sheets = _workbook(path, "xlrd", _read_xls)
@@ -92,9 +105,17 @@ def _workbook(path: Path, library: str, read: Callable[[Path], list[Sheet]]) -> 
 def _read_xls(path: Path) -> list[Sheet]:
     import xlrd
 
-    with xlrd.open_workbook(str(path)) as book:
+    kept = (xlrd.XL_CELL_TEXT, xlrd.XL_CELL_NUMBER)  # the values of others are codes
+    with xlrd.open_workbook(str(path), logfile=io.StringIO()) as book:
         return [
-            _sheet(sheet.name, map(sheet.row_values, range(sheet.nrows))) for sheet in book.sheets()
+            _sheet(
+                sheet.name,
+                [
+                    [cell.value if cell.ctype in kept else None for cell in sheet.row(i)]
+                    for i in range(sheet.nrows)
+                ],
+            )
+            for sheet in book.sheets()
         ]
 
 
@@ -109,26 +130,31 @@ def _read_xlsx(path: Path) -> list[Sheet]:
 
 
 def _sheet(name: str, table: Iterable[Iterable[Any]]) -> Sheet:
-    rows = [
-        Row(line, ["" if value is None else _pointed(str(value).strip()) for value in values])
-        for line, values in enumerate(table, start=1)
-    ]
-    return Sheet(name, rows, f"sheet {name!r} of a workbook", False)
+    rows = [["" if value is None else value for value in values] for values in table]
+    texts = [value.strip() for values in rows for value in values if isinstance(value, str)]
+    decimal = max(".,", key=lambda mark: _score([texts], mark))
+    cells = [[_pointed(str(value).strip(), decimal) for value in values] for values in rows]
+    return Sheet(
+        name=name,
+        rows=[Row(line, row) for line, row in enumerate(cells, start=1)],
+        layout=f"sheet {name!r} of a workbook",
+        spaced=False,
+    )
 
 
 def _read_text(path: Path, content: bytes) -> Sheet:
     text, encoding = _decode(content)
-    lines = text.splitlines()
-    if "\0" in text or max(map(len, lines), default=0) > 100_000:
+    lines = re.split(r"\r\n|\r|\n", text)
+    if "\0" in text or max(map(len, lines)) > 100_000:
         raise ValueError(f"`path={path}` is neither a table of text nor an Excel workbook.")
     separator, decimal = _separator(lines)
     rows = []
     for number, line in enumerate(lines, start=1):
         comment = _COMMENT.match(line)
-        cells = _split(line[comment.end() :] if comment else line, separator)
-        if decimal == ",":
-            cells = list(map(_pointed, cells))
-        row = Row(number, cells)
+        row = Row(number, _cells(line[comment.end() :] if comment else line, separator, decimal))
+        if not holds_data(row):
+            without = Row(number, _cells(_REMARK.sub("", line), separator, decimal))
+            row = without if holds_data(without) else row
         if not (comment and holds_data(row)):  # numbers that were taken out of the table
             rows.append(row)
     if separator is None:
@@ -146,18 +172,25 @@ def _spaced(row: Row, lines: list[str], width: int) -> Row:
     return Row(row.line, cells) if len(cells) == width else row
 
 
-def _pointed(cell: str) -> str:
-    comma = not is_number(cell) and _COMMA.fullmatch(cell)
-    return cell.replace(",", ".") if comma else cell
-
-
 def _decode(content: bytes) -> tuple[str, str]:
     if content.startswith((b"\xff\xfe", b"\xfe\xff")):
         return content.decode("utf-16", errors="replace"), "UTF-16"
+    for offset, encoding in ((1, "utf-16-le"), (0, "utf-16-be")):
+        half = content[offset:1000:2]
+        if half and half.count(0) > 0.9 * len(half):
+            return content.decode(encoding, errors="replace"), "UTF-16"
     try:
         return content.decode("utf-8-sig"), "UTF-8"
     except UnicodeDecodeError:
+        pass
+    try:
+        return content.decode("cp1252"), "Latin-1"
+    except UnicodeDecodeError:
         return content.decode("latin-1"), "Latin-1"
+
+
+def _cells(line: str, separator: str | None, decimal: str) -> list[str]:
+    return [_pointed(cell, decimal) for cell in _split(line, separator)]
 
 
 def _split(line: str, separator: str | None) -> list[str]:
@@ -166,18 +199,35 @@ def _split(line: str, separator: str | None) -> list[str]:
     return [cell.strip() for cell in next(csv.reader([line], delimiter=separator), [])]
 
 
+def _pointed(cell: str, decimal: str) -> str:
+    """A number with a decimal point and nothing between thousands; other cells as they are."""
+    if _GROUPED[decimal].fullmatch(cell):
+        cell = re.sub(rf"[^-+−\d{decimal}]", "", cell)
+    elif not _PLAIN[decimal].fullmatch(cell):
+        return cell
+    return cell.replace("−", "-").replace(",", ".").replace("d", "e").replace("D", "e")
+
+
 def _separator(lines: list[str]) -> tuple[str | None, str]:
     """The separator and the decimal mark under which most cells of the file are numbers."""
-
-    def score(candidate):
-        separator, number = candidate[0], _POINT if candidate[1] == "." else _COMMA
-        total = 0
-        for line in lines[-200:]:  # the numbers stand at the end
-            cells = _split(line, separator)
-            numbers = sum(number.fullmatch(cell) is not None for cell in cells)
-            words = len(cells) - numbers - sum(map(is_missing, cells))
-            total += max(2 * numbers - words, 0) if numbers >= 2 else 0
-        return total
-
+    last = lines[-200:]  # the numbers stand at the end
+    tables = {separator: [_split(line, separator) for line in last] for separator in _SEPARATORS}
     candidates = [(separator, decimal) for decimal in ".," for separator in _SEPARATORS]
-    return max(candidates, key=score)  # the first of equals
+    return max(candidates, key=lambda pair: _score(tables[pair[0]], pair[1]))  # first of equals
+
+
+def _score(table: list[list[str]], decimal: str) -> tuple[int, int]:
+    """How well a table is read with a decimal mark.
+
+    Marks between thousands count less: 1,234 alone is a little more than one, but 1,234 beside
+    0.5 is a thousand.
+    """
+    total, plain = 0, 0
+    for cells in table:
+        plains = sum(_PLAIN[decimal].fullmatch(cell) is not None for cell in cells)
+        numbers = plains + sum(_GROUPED[decimal].fullmatch(cell) is not None for cell in cells)
+        words = len(cells) - numbers - sum(map(is_missing, cells))
+        if numbers >= 2:
+            total += max(2 * numbers - words, 0)
+            plain += plains
+    return total, plain

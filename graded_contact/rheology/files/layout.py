@@ -1,14 +1,29 @@
 """Which column of a table of measurements is which quantity, in which unit.
 
-A table may repeat its columns side by side, one block for each curve.
+A file may hold several tables, each below its names. Those with the same names are one table in
+segments, such as the steps of a test; of different ones the longest that is understood is read. A
+table may also repeat its columns side by side, one block for each curve.
 """
 
 import dataclasses
+import re
 from collections.abc import Mapping
 from typing import NamedTuple
 
-from .cells import Row, Sheet, holds_data, is_missing
-from .quantities import DIMENSIONS, PER_SECOND, UNITS, Heading, parse_heading, parse_unit
+import numpy as np
+
+from .cells import Row, Sheet, holds_data, is_missing, is_number
+from .quantities import (
+    DIMENSIONS,
+    OFFSETS,
+    PER_SECOND,
+    UNITS,
+    Heading,
+    parse_heading,
+    parse_unit,
+    tells_of_shear,
+)
+from .titles import stress_above, temperature_above
 
 # The quantities that make a measurement of each kind, the most direct ones first; in the order of
 # the first of a kind the columns of a file without telling names are read.
@@ -22,8 +37,14 @@ WAYS = (
     ("frequency", ("frequency", "loss", "phase")),
     ("relaxation", ("time", "modulus")),
     ("creep", ("time", "compliance")),
+    ("relaxation", ("time", "stress", "strain")),
+    ("creep", ("time", "strain", "stress")),
+    ("relaxation", ("time", "stress")),  # these two where the load is told, or said above
+    ("creep", ("time", "strain")),
 )
 KINDS = tuple(dict.fromkeys(kind for kind, _ in WAYS))
+ALIKE = 0.02  # columns whose values differ by less say the same
+HELD = 0.05  # what a test holds constant varies by less
 
 
 class Column(NamedTuple):
@@ -35,6 +56,7 @@ class Column(NamedTuple):
     - `unit`: one of `UNITS` of its dimension.
     - `source`: whence the unit is known.
     - `deformation`: "tension", "shear" or None, as its name says.
+    - `base`: of the logarithms that it holds, "10" or "e"; None for plain values.
     """
 
     quantity: str
@@ -43,6 +65,22 @@ class Column(NamedTuple):
     unit: str
     source: str
     deformation: str | None
+    base: str | None
+
+    @property
+    def factor(self) -> float:
+        return UNITS[DIMENSIONS[self.quantity]][self.unit]
+
+    def si(self, cell: str) -> float:
+        """Returns a cell's number in SI units; NaN if it is none, infinity if it is too large."""
+        if not is_number(cell):
+            return np.nan
+        with np.errstate(over="ignore"):
+            value = np.float64(cell)
+            if self.base is not None:
+                value = np.exp(value * (np.log(10) if self.base == "10" else 1))
+            offset = OFFSETS[self.unit] if self.quantity == "temperature" else 0.0
+            return float(self.factor * value + offset)
 
 
 @dataclasses.dataclass(frozen=True)
@@ -54,6 +92,7 @@ class Told:
     - `units`: unit of a dimension.
     - `deformation`: "tension" or "shear".
     - `temperature`: whether it is told, so that a column of it is not needed.
+    - `held`: the constant stress of a creep test [Pa], the strain of a relaxation test [1].
     - `source`: who tells it, in words.
     """
 
@@ -62,7 +101,16 @@ class Told:
     units: Mapping[str, str]
     deformation: str | None
     temperature: bool
+    held: float | None = None
     source: str = "as told"
+
+
+class Segment(NamedTuple):
+    """A part of a table: the `titles` above it, its rows of numbers, and its other rows."""
+
+    titles: list[Row]
+    data: list[Row]
+    words: list[Row]
 
 
 class Layout(NamedTuple):
@@ -71,21 +119,27 @@ class Layout(NamedTuple):
     - `kind`: one of `KINDS`.
     - `columns`: those needed, by quantity.
     - `check`: the column of tan delta, if the moduli do without it.
-    - `data`: rows of numbers; `words`: other rows below the names, left out.
+    - `held`: the constant stress of a creep test [Pa], or strain of a relaxation test [1], if no
+      column holds it.
+    - `segments`: its rows.
     - `blocks`: how often the columns are repeated; `width`: columns of a block.
-    - `titles`: the row above the names, if any.
-    - `unused`: labels of the other columns.
+    - `spaced`: whether spaces separate the cells, so that none can be empty.
+    - `shear`: the name of another column, which tells of a test in shear.
+    - `unused`: names of the other columns.
+    - `notes`: what was decided, in sentences.
     """
 
     kind: str
     columns: dict[str, Column]
     check: Column | None
-    data: list[Row]
-    words: list[Row]
+    held: float | None
+    segments: list[Segment]
     blocks: int
     width: int
-    titles: Row | None
+    spaced: bool
+    shear: str | None
     unused: list[str]
+    notes: list[str]
 
 
 class _Head(NamedTuple):
@@ -97,49 +151,132 @@ class _Head(NamedTuple):
     headings: list[Heading]
     blocks: int
 
+    def label(self, place: int) -> str:
+        return f"column {place + 1}" + (f" ({self.names[place]})" if self.names[place] else "")
+
+
+class _Table(NamedTuple):
+    head: _Head
+    segments: list[Segment]
+
+    @property
+    def rows(self) -> list[Row]:
+        return [row for segment in self.segments for row in segment.data]
+
+    @property
+    def curves(self) -> int:
+        return self.head.blocks * len(self.segments)
+
 
 def understand(sheet: Sheet, told: Told) -> Layout:
-    """Returns the table on a sheet, or raises `ValueError` naming the line not understood."""
-    start = _header(sheet.rows, told)
-    if start is None:
-        data, words, titles = [row for row in sheet.rows if holds_data(row)], [], None
-        width = max((len(row.cells) for row in data), default=0)
-        head = _Head("no line of names", [""] * width, [""] * width, [parse_heading("")] * width, 1)
-    else:
-        below = sheet.rows[start + 1 :]
-        data = [row for row in below if holds_data(row)]
-        units = below[0] if below and not holds_data(below[0]) else None
-        units = units if units and any(map(parse_unit, units.cells)) else None
-        repeated = [row.cells for row in (sheet.rows[start], units) if row]
-        words = [row for row in below if not holds_data(row) and row.cells not in repeated]
-        titles = sheet.rows[start - 1] if start else None
-        head = _head(sheet.rows[start], units)
-    if len(data) < 2:
+    """Returns the longest table on a sheet whose columns are understood.
+
+    Raises `ValueError` that names the line, and all arguments that would settle it.
+    """
+    tables = sorted(_tables(sheet.rows, told), key=lambda table: -len(table.rows))
+    if not tables or len(tables[0].rows) < 2:
         raise ValueError("no table of numbers is found; rows of at least two numbers are needed")
-    _check_widths(head, data, sheet.spaced)
+    refusals = []
+    for table in tables:
+        try:
+            layout = _understand(table, told, sheet.spaced)
+        except ValueError as error:
+            refusals.append(error)
+            continue
+        others = [other.head.place for other in tables if other is not table and other.rows]
+        if others:
+            layout.notes.append(f"Left out tables of other columns: {', '.join(others)}.")
+        return layout
+    raise refusals[0]
+
+
+def _understand(table: _Table, told: Told, spaced: bool) -> Layout:
+    head, notes = table.head, []
+    _check_widths(table, spaced)
     chosen = _chosen(head, told)
     if told.temperature:
         chosen.pop("temperature", None)
-    kind, names = _way(head, set(chosen), told)
+    titles = [row for segment in table.segments for row in segment.titles]
+    stress = None if told.kind == "relaxation" else stress_above(titles)
+    held = stress if told.held is None else told.held
+    kind, names = _way(table, chosen, held is not None, told)
     needed = [*names, "temperature"] if "temperature" in chosen else names
-    columns = {quantity: _column(head, quantity, chosen[quantity], told) for quantity in needed}
+    asked: list[str] = []
+    columns: dict[str, Column] = {}
+    for quantity in needed:
+        places = _distinct(table, quantity, chosen[quantity], told, notes)
+        if len(places) > 1:
+            asked.append(
+                f"{' and '.join(map(head.label, places))} may all be the {quantity}. Tell which by "
+                f"`columns={{'{quantity}': ...}}`, or by `deformation`"
+            )
+        column = _column(head, quantity, places[0], told)
+        if column is not None:
+            columns[quantity] = column
+    asked += _asked_of_units(head, [name for name in needed if name not in columns], chosen)
+    if asked:
+        asked += _asked_of_temperature(table, chosen, told)
+        raise ValueError(f"{head.place}: {'; '.join(asked)}")
     check = len(chosen.get("tan_delta", [])) == 1 and names == WAYS[0][1]
     used = {column.place for column in columns.values()}
+    others = [name for i, name in enumerate(head.names) if name and i not in used]
     return Layout(
         kind=kind,
         columns=columns,
-        check=_column(head, "tan_delta", chosen["tan_delta"], told) if check else None,
-        data=data,
-        words=words,
+        check=_column(head, "tan_delta", chosen["tan_delta"][0], told) if check else None,
+        held=held if names in (("time", "strain"), ("time", "stress")) else None,
+        segments=table.segments,
         blocks=head.blocks,
         width=len(head.names),
-        titles=titles,
-        unused=[name for i, name in enumerate(head.names) if name and i not in used],
+        spaced=spaced,
+        shear=next(filter(tells_of_shear, others), None),
+        unused=others,
+        notes=notes,
     )
 
 
-def _header(rows: list[Row], told: Told) -> int | None:
-    """Where the names of the columns stand: the row that names most quantities."""
+# The tables of a sheet.
+
+
+def _tables(rows: list[Row], told: Told) -> list[_Table]:
+    rows = _with_signals(rows)
+    starts = _starts(rows, told)
+    if not starts:
+        data = [row for row in rows if holds_data(row)]
+        width = max((len(row.cells) for row in data), default=0)
+        empty = [""] * width
+        head = _Head("no line of names", empty, empty, [parse_heading("")] * width, 1)
+        above = [row for row in rows if data and row.line < data[0].line]
+        return [_Table(head, [Segment(above, data, [])])]
+    tables: dict[tuple[str, ...], _Table] = {}
+    for start, end in zip(starts, [*starts[1:], len(rows)], strict=True):
+        below = rows[start + 1 : end]
+        units = below[0] if below and not holds_data(below[0]) else None
+        units = units if units and any(map(parse_unit, units.cells)) else None
+        data = [row for row in below if holds_data(row)]
+        words = [row for row in below if not holds_data(row) and row is not units]
+        above = [i + 1 for i in range(starts[0], start) if holds_data(rows[i])]
+        head = _head(rows[start], units)
+        key = tuple(head.names)
+        if key in tables and units is not None and tables[key].head.units != head.units:
+            key = (*head.names, *head.units)
+        table = tables.setdefault(key, _Table(head, []))
+        if data:
+            table.segments.append(Segment(rows[max(above, default=0) : start], data, words))
+    return list(tables.values())
+
+
+def _with_signals(rows: list[Row]) -> list[Row]:
+    """Names that stand below one another, "Sig1 Time (min)", "Sig2 ...", as one row."""
+    named = [i for i, row in enumerate(rows) if re.fullmatch(r"Sig\d+", row.cells[0])]
+    if len(named) < 2:
+        return rows
+    names = Row(rows[named[-1]].line, [" ".join(rows[i].cells[1:]) for i in named])
+    return [names if i == named[-1] else row for i, row in enumerate(rows) if i not in named[:-1]]
+
+
+def _starts(rows: list[Row], told: Told) -> list[int]:
+    """Where the names of columns stand: rows that name two quantities."""
     named = {name for name in told.columns.values() if isinstance(name, str)}
 
     def score(row: Row) -> int:
@@ -147,13 +284,13 @@ def _header(rows: list[Row], told: Told) -> int | None:
         return len(quantities) + len(named & set(row.cells))
 
     words = [i for i, row in enumerate(rows) if not holds_data(row)]
-    best = max(words, key=lambda i: score(rows[i]), default=None)
-    if best is not None and score(rows[best]) >= 2:
-        return best
+    starts = [i for i in words if score(rows[i]) >= 2]
+    if starts:
+        return starts
     # Otherwise the last row of words before the numbers.
     first = next((i for i, row in enumerate(rows) if holds_data(row)), 0)
     above = [i for i in words if i < first and len(rows[i].cells) > 1 and not _only_units(rows[i])]
-    return above[-1] if above else None
+    return above[-1:]
 
 
 def _only_units(row: Row) -> bool:
@@ -161,7 +298,7 @@ def _only_units(row: Row) -> bool:
 
 
 def _head(row: Row, units: Row | None) -> _Head:
-    names = _stripped(row.cells)
+    names = stripped(row.cells)
     cells = [] if units is None else units.cells
     below = [cells[i] if i < len(cells) else "" for i in range(len(names))]
     columns = list(zip(names, below, strict=True))
@@ -175,23 +312,29 @@ def _head(row: Row, units: Row | None) -> _Head:
     return _Head(f"line {row.line}", names[:width], below[:width], headings, len(names) // width)
 
 
-def _check_widths(head: _Head, data: list[Row], spaced: bool) -> None:
-    """Refuses rows whose entries cannot be told to the columns."""
-    width = head.blocks * len(head.names)
-    for row in data:
-        entries = len(_stripped(row.cells))
-        # Where spaces separate, a missing entry would move those after it.
-        if entries > width or (spaced and entries < width):
-            raise ValueError(
-                f"line {row.line} has {entries} entries, but there are {width} columns "
-                f"({head.place}: {_listed(head)})"
-            )
-
-
-def _stripped(cells: list[str]) -> list[str]:
-    """Cells without the empty ones at the end."""
+def stripped(cells: list[str]) -> list[str]:
+    """Returns the cells without the empty ones at the end."""
     count = max((i + 1 for i, cell in enumerate(cells) if cell), default=0)
     return cells[:count]
+
+
+def misfit(entries: int, width: int, spaced: bool) -> bool:
+    """Returns whether the entries of a row cannot be told to the columns."""
+    # Where spaces separate, a missing entry would move those after it.
+    return entries > width or (spaced and entries < width)
+
+
+def _check_widths(table: _Table, spaced: bool) -> None:
+    width = table.head.blocks * len(table.head.names)
+    entries = [len(stripped(row.cells)) for row in table.rows]
+    if all(misfit(count, width, spaced) for count in entries):
+        raise ValueError(
+            f"line {table.rows[0].line} has {entries[0]} entries, but there are {width} columns "
+            f"({table.head.place}: {_listed(table.head)})"
+        )
+
+
+# Columns and kinds.
 
 
 def _chosen(head: _Head, told: Told) -> dict[str, list[int]]:
@@ -220,39 +363,111 @@ def _chosen(head: _Head, told: Told) -> dict[str, list[int]]:
     return chosen
 
 
-def _way(head: _Head, have: set[str], told: Told) -> tuple[str, tuple[str, ...]]:
+def _distinct(
+    table: _Table, quantity: str, places: list[int], told: Told, notes: list[str]
+) -> list[int]:
+    """The places of a quantity, less those that say the same as the first one."""
+    head = table.head
+    if quantity == "time" and len(places) > 1:
+        places = [i for i in places if head.headings[i].step] or places
+    if len(places) < 2:
+        return places
+    columns = [_column(head, quantity, place, told) for place in places]
+    if None in columns or len({column.deformation for column in columns if column}) > 1:
+        return places
+    first, *others = (_numbers(table, column) for column in columns if column)
+    for other in others:
+        both = np.isfinite(first) & np.isfinite(other) & (first != 0)
+        if not np.any(both) or np.max(np.abs(other[both] / first[both] - 1)) > ALIKE:
+            return places
+    notes.append(
+        f"{' and '.join(map(head.label, places)).capitalize()} say the same; the first is used."
+    )
+    return places[:1]
+
+
+def _numbers(table: _Table, column: Column) -> np.ndarray:
+    """The numbers of a column of the first block in SI units, NaN where there is none."""
+    return np.array(
+        [column.si(row.cells[column.place]) if column.place < len(row.cells) else np.nan
+         for row in table.rows]
+    )  # fmt: skip
+
+
+def _way(
+    table: _Table, chosen: dict[str, list[int]], held: bool, told: Told
+) -> tuple[str, tuple[str, ...]]:
     """The kind of measurement and the quantities to take it from."""
+    head, have = table.head, set(chosen)
     ways = [way for way in WAYS if told.kind in (None, way[0])]
     possible = [way for way in ways if have.issuperset(way[1])]
-    if [kind for kind, _ in possible] == ["relaxation", "creep"]:
+    if not held:
+        possible = [way for way in possible if way not in WAYS[-2:]]
+    kinds = [kind for kind, _ in possible]
+    if kinds[:2] != ["relaxation", "creep"]:
+        if possible:
+            return possible[0]
+    elif "modulus" in possible[0][1] and "compliance" in possible[1][1]:
         raise ValueError(f"{head.place}: a modulus and a compliance are there; pass `kind`")
-    if possible:
+    elif "modulus" in possible[0][1]:
         return possible[0]
+    else:
+        return _by_what_is_held(table, chosen, possible)
     shortest = {kind: ", ".join(names) for kind, names in reversed(ways)}
-    raise ValueError(
-        f"{head.place}: of {_listed(head)}, understood is {', '.join(sorted(have)) or 'nothing'}. "
+    asked = [
+        f"of {_listed(head)}, understood is {', '.join(sorted(have)) or 'nothing'}. "
         f"Needed: {'; or '.join(reversed(shortest.values()))} (loss may be given by tan_delta or "
-        "phase, storage by magnitude). Tell by `columns`, a name or number (from 1) for each"
+        "phase, storage by magnitude, modulus and compliance by stress and strain; a constant "
+        "stress also by a line above the table, 'stress: 2 kPa'). Tell by `columns`, a name or "
+        "number (from 1) for each"
         + ("" if told.kind or have else ", or by `kind` if they stand in this order")
+    ]
+    silent = [
+        head.label(i) for i in range(len(head.names))
+        if not (head.headings[i].unit or parse_unit(head.units[i]))
+    ]  # fmt: skip
+    if silent and not told.units:
+        asked.append(
+            f"no unit is said of {', '.join(silent)}: pass `units` too, of those of "
+            f"{tuple(UNITS)} that are needed, such as `units={{'modulus': 'MPa'}}`"
+        )
+    asked += _asked_of_temperature(table, chosen, told)
+    raise ValueError(f"{head.place}: {'; '.join(asked)}")
+
+
+def _by_what_is_held(
+    table: _Table,
+    chosen: dict[str, list[int]],
+    possible: list[tuple[str, tuple[str, ...]]],
+) -> tuple[str, tuple[str, ...]]:
+    """Creep at constant stress, or relaxation at constant strain."""
+    held = []
+    for kind, quantity in (("relaxation", "strain"), ("creep", "stress")):
+        place, any_unit = chosen[quantity][0], next(iter(UNITS[DIMENSIONS[quantity]]))
+        base = table.head.headings[place].base
+        values = _numbers(table, Column(quantity, "", place, any_unit, "", None, base))
+        values = values[values > 0.5 * np.nanmax(values, initial=0)]
+        if len(values) and np.mean(np.abs(values / np.median(values) - 1) < HELD) > 0.9:
+            held.append(kind)
+    if len(held) == 1:
+        return next(way for way in possible if way[0] == held[0])
+    raise ValueError(
+        f"{table.head.place}: of stress and strain, {'both are' if held else 'neither is'} held "
+        "constant; pass `kind`, 'relaxation' or 'creep'"
     )
 
 
-def _column(head: _Head, quantity: str, places: list[int], told: Told) -> Column:
-    if len(places) > 1:
-        names = " and ".join(f"column {i + 1} ({head.names[i]})" for i in places)
-        raise ValueError(
-            f"{head.place}: {names} may all be the {quantity}. Tell which by "
-            f"`columns={{'{quantity}': ...}}`, or by `deformation`"
-        )
-    (place,) = places
-    heading, name = head.headings[place], head.names[place]
-    label = f"column {place + 1} ({name})" if name else f"column {place + 1}"
-    unit, source = _unit(head, quantity, place, label, told)
+def _column(head: _Head, quantity: str, place: int, told: Told) -> Column | None:
+    """The column of a quantity; None if its unit is not known."""
+    unit, source = _unit(head, quantity, place, told)
+    if unit is None:
+        return None
+    heading = head.headings[place]
     deformation = told.deformation or heading.deformation
-    return Column(quantity, label, place, unit, source, deformation)
+    return Column(quantity, head.label(place), place, unit, source, deformation, heading.base)
 
 
-def _unit(head: _Head, quantity: str, place: int, label: str, told: Told) -> tuple[str, str]:
+def _unit(head: _Head, quantity: str, place: int, told: Told) -> tuple[str | None, str]:
     dimension = DIMENSIONS[quantity]
     if dimension in told.units:
         return told.units[dimension], told.source
@@ -265,11 +480,33 @@ def _unit(head: _Head, quantity: str, place: int, label: str, told: Told) -> tup
     silent = unit == PER_SECOND or not (unit or below)
     if dimension == "frequency" and silent and heading.quantity == quantity:
         return ("rad/s" if heading.angular else "Hz"), "by its name"
-    has = f"the unit {unit or below!r}" if (unit or below) else "no unit"
-    raise ValueError(
-        f"{head.place}: {label}, the {quantity}, has {has}. Pass `units={{'{dimension}': ...}}`, "
-        f"one of {list(UNITS[dimension])}"
-    )
+    return None, ""
+
+
+# What is asked for.
+
+
+def _asked_of_units(head: _Head, quantities: list[str], chosen: dict[str, list[int]]) -> list[str]:
+    if not quantities:
+        return []
+    lacking = []
+    for quantity in quantities:
+        place = chosen[quantity][0]
+        unit = head.headings[place].unit or head.units[place]
+        has = f"the unit {unit!r}" if unit else "no unit"
+        lacking.append(f"{head.label(place)}, the {quantity}, has {has}")
+    dimensions = dict.fromkeys(DIMENSIONS[quantity] for quantity in quantities)
+    units = ", ".join(f"'{dimension}': ..." for dimension in dimensions)
+    allowed = "; ".join(f"{dimension}: {list(UNITS[dimension])}" for dimension in dimensions)
+    return [f"{', '.join(lacking)}. Pass `units={{{units}}}`, one of {allowed}"]
+
+
+def _asked_of_temperature(table: _Table, chosen: dict[str, list[int]], told: Told) -> list[str]:
+    if table.curves < 2 or told.temperature or "temperature" in chosen:
+        return []
+    if all(temperature_above(segment.titles) is not None for segment in table.segments):
+        return []
+    return [f"{table.curves} curves are there: pass `temperature` [K], one for each"]
 
 
 def _listed(head: _Head) -> str:

@@ -1,25 +1,29 @@
 """From the columns of a table to moduli in SI units, point by point.
 
-Each function adds to `notes` what it understood or did, in sentences.
+Each function adds to `notes` what it understood or did, in sentences; every row left out is told,
+with the reason.
 """
 
-import re
+import itertools
+from collections.abc import Iterable
 from typing import Any, NamedTuple
 
 import numpy as np
 from jaxtyping import Complex, Float, Int
 
 from ..._checks import Numbers, check_positive
-from .cells import is_missing, is_number
-from .layout import Column, Layout
-from .quantities import DIMENSIONS, OFFSETS, UNITS
+from .cells import Row, is_missing
+from .layout import HELD, Column, Layout, misfit, stripped
+from .quantities import DIMENSIONS, SI
+from .titles import temperature_above
 
 ISOTHERM_GAP = 1.0  # K from one isotherm to the next; instruments hold a few tenths
+RAMP = 5.0  # K over which no isotherm drifts
 CREDIBLE = (1e2, 1e12)  # Pa
-_SI = {
-    "frequency": "rad/s", "time": "s", "modulus": "Pa", "compliance": "1/Pa", "angle": "rad",
-    "ratio": "1",
-}  # fmt: skip
+# What numbers can be, in SI units: instruments write 9.9e37 and the like where they measured none.
+LIMITS = {"modulus": 1e30, "stress": 1e30, "compliance": 1e30}
+LIMIT = 1e100  # of shifted frequencies and times
+HOTTEST = 1e4  # K
 
 
 class Points(NamedTuple):
@@ -34,125 +38,193 @@ class Points(NamedTuple):
 
 
 class _Entries(NamedTuple):
-    """The numbers of a table as they stand, with the block and line of each."""
+    """The numbers of a table in SI units, with the curve and line of each row."""
 
-    values: dict[str, np.ndarray]
-    block: np.ndarray
+    si: dict[str, np.ndarray]
+    check: np.ndarray
+    curve: np.ndarray
     lines: np.ndarray
+
+    def only(self, chosen: np.ndarray) -> "_Entries":
+        si = {quantity: values[chosen] for quantity, values in self.si.items()}
+        return _Entries(si, self.check[chosen], self.curve[chosen], self.lines[chosen])
 
 
 def measured_points(
     layout: Layout, poisson: Numbers | None, temperature: Numbers | None, notes: list[str]
 ) -> Points:
     """Returns the points of a table; `poisson` and `temperature` as in `read_moduli`."""
+    notes += [_understood(column) for column in layout.columns.values()] + layout.notes
     entries = _entries(layout, notes)
-    si = {name: _si(layout.columns[name], entries, notes) for name in layout.columns}
-    abscissa = si["frequency" if layout.kind == "frequency" else "time"]
-    values = _values(layout, si)
+    kelvin = _temperature(layout, entries, temperature, notes)
+    abscissa = entries.si["frequency" if layout.kind == "frequency" else "time"]
+    isotherm = _isotherms(kelvin, entries.curve, abscissa, layout.blocks > 1)
+    held = _held(layout, entries, isotherm, notes)
+    if not np.all(held):
+        entries, abscissa = entries.only(held), abscissa[held]
+        kelvin = None if kelvin is None else kelvin[held]
+        isotherm = np.unique(isotherm[held], return_inverse=True)[1]
+    values = _values(layout, entries.si)
     _check_credible(values.real if layout.kind != "creep" else 1 / values, notes)
     if layout.check is not None:
         _compare_tan_delta(layout.check, entries, values, notes)
     deformation, factor = _deformation(layout, poisson, notes)
     values = values / factor if layout.kind == "creep" else factor * values
-    kelvin = _temperature(layout, si, temperature, entries.block, notes)
-    isotherm = _isotherms(layout, kelvin, entries.block, notes)
+    _note_isotherms(kelvin, isotherm, notes)
     order = np.lexsort((abscissa, isotherm))
-    abscissa, isotherm, lines = abscissa[order], isotherm[order], entries.lines[order]
-    if layout.blocks == 1 and np.any(np.diff(lines) < 0):
+    if layout.blocks == 1 and np.any(np.diff(entries.lines[order]) < 0):
         notes.append("Sorted the rows.")
-    _check_sweep(layout, abscissa, isotherm, lines, notes)
-    return Points(
+    points = Points(
         deformation=deformation,
-        abscissa=abscissa,
+        abscissa=abscissa[order],
         values=values[order],
         temperature=None if kelvin is None else kelvin[order],
-        isotherm=isotherm,
-        lines=lines,
+        isotherm=isotherm[order],
+        lines=entries.lines[order],
     )
+    _check_sweep(layout, points, notes)
+    return points
+
+
+def _understood(column: Column) -> str:
+    label = column.label[0].upper() + column.label[1:]
+    of = {None: "", "10": "decimal logarithm of ", "e": "natural logarithm of "}[column.base]
+    by = "" if column.factor == 1 or column.quantity == "temperature" else (
+        f"; times {column.factor:.6g} in {SI[DIMENSIONS[column.quantity]]}"
+    )  # fmt: skip
+    return f"{label}: {of}{column.quantity} in {column.unit}, {column.source}{by}."
+
+
+# Rows to numbers.
 
 
 def _entries(layout: Layout, notes: list[str]) -> _Entries:
-    columns, found, places = layout.columns, [], []
-    missing, starts = [], []
-    for row in layout.data:
-        cells = row.cells + [""] * (layout.blocks * layout.width - len(row.cells))
-        for block in range(layout.blocks):
-            mine = cells[block * layout.width :][: layout.width]
-            wanted = [mine[column.place] for column in columns.values()]
-            empty = sum(map(is_missing, wanted))
-            if empty:
-                if layout.blocks == 1 or empty < len(wanted):
-                    missing.append(row.line)
-                continue
-            numbers = [_number(row.line, column, mine[column.place]) for column in columns.values()]
-            if "time" in columns and numbers[list(columns).index("time")] == 0:
-                starts.append(row.line)
-                continue
-            found.append([*numbers, _tan_delta(layout, mine)])
-            places.append((block, row.line))
-    _note_lines("Left out for a missing value", missing, notes)
-    _note_lines("Left out for the time 0", starts, notes)
-    _note_lines("Left out for having no numbers", [row.line for row in layout.words], notes)
-    if len(found) < 2:
-        raise ValueError(f"{len(found)} complete rows of numbers are left; at least 2 are needed")
-    table, where = np.array(found).T, np.array(places).T
-    return _Entries(dict(zip([*columns, "check"], table, strict=True)), where[0], where[1])
+    columns, found, check, places = layout.columns, [], [], []
+    left: dict[str, list[tuple[int, str]]] = {}  # reason: lines, with what stands there
+    unusable = 0
 
+    def leave(reason: str, line: int, what: str = "") -> None:
+        left.setdefault(reason, []).append((line, what))
 
-def _number(line: int, column: Column, cell: str) -> float:
-    value = float(cell) if is_number(cell) else np.nan
-    allowed = "a number"
-    if column.quantity == "time":
-        allowed, good = "zero or a positive number", value >= 0
-    elif column.quantity == "temperature":
-        good = True
-    elif column.quantity == "phase":
-        right = np.pi / 2 / UNITS["angle"][column.unit]
-        allowed, good = f"an angle between 0 and {right:.4g}", 0 < value < right
-    else:
-        allowed, good = "a positive number", value > 0
-    if not (good and np.isfinite(value)):
+    for curve, row in _curves(layout):
+        width, entries = layout.blocks * layout.width, len(stripped(row.cells))
+        if misfit(entries, width, layout.spaced):
+            leave(f"{entries} entries, where there are {width} columns", row.line)
+            unusable += 1
+            continue
+        block = curve % layout.blocks
+        mine = row.cells + [""] * (layout.blocks * layout.width - len(row.cells))
+        mine = mine[block * layout.width :][: layout.width]
+        empty = sum(is_missing(mine[column.place]) for column in columns.values())
+        if empty:
+            if layout.blocks == 1 or empty < len(columns):
+                leave("a missing value", row.line)
+            continue
+        numbers = [column.si(mine[column.place]) for column in columns.values()]
+        bad = [
+            (reason, column)
+            for number, column in zip(numbers, columns.values(), strict=True)
+            if (reason := _refused(column, number))
+        ]
+        if bad:
+            reason, column = bad[0]
+            cell = mine[column.place]
+            leave(f"{column.label}, where the {column.quantity} {reason}", row.line, repr(cell))
+            unusable += column.quantity not in ("stress", "strain")  # none before and after a test
+        elif "time" in columns and numbers[list(columns).index("time")] == 0:
+            leave("the time 0", row.line)
+        else:
+            found.append(numbers)
+            check.append(layout.check.si(mine[layout.check.place]) if layout.check else np.nan)
+            places.append((curve, row.line))
+    left_out = [_left_out(reason, lines) for reason, lines in left.items()]
+    if len(found) < 2 or unusable > len(found):
         raise ValueError(
-            f"line {line}, {column.label}: {cell!r} is refused; the {column.quantity} must be "
-            f"{allowed}"
+            f"{len(found)} complete rows of numbers are left; at least 2 are needed, and half of "
+            f"them. {' '.join(left_out)} Are the columns and units right (`columns`, `units`)"
         )
-    return value
+    notes += left_out
+    words = [(row.line, "") for segment in layout.segments for row in segment.words]
+    if words:
+        notes.append(_left_out("having no numbers", words))
+    table, where = np.array(found).T, np.array(places).T
+    return _Entries(dict(zip(columns, table, strict=True)), np.array(check), where[0], where[1])
 
 
-def _tan_delta(layout: Layout, cells: list[str]) -> float:
-    cell = "" if layout.check is None else cells[layout.check.place]
-    return float(cell) if is_number(cell) else np.nan
+def _curves(layout: Layout) -> Iterable[tuple[int, Row]]:
+    """Each row, once for each block, with the number of the curve that it belongs to."""
+    for number, segment in enumerate(layout.segments):
+        for row in segment.data:
+            for block in range(layout.blocks):
+                yield number * layout.blocks + block, row
 
 
-def _note_lines(what: str, lines: list[int], notes: list[str]) -> None:
-    if lines:
-        listed = ", ".join(map(str, lines[:5])) + (", ..." if len(lines) > 5 else "")
-        notes.append(f"{what}: {len(lines)} row(s), line {listed}.")
+def _refused(column: Column, value: float) -> str | None:
+    """What a number in SI units must be that this one is not."""
+    if np.isnan(value):
+        return "must be a number"
+    if column.quantity == "temperature":
+        return None if 0 < value < HOTTEST else f"must lie between absolute zero and {HOTTEST:g} K"
+    if column.quantity == "time" and value == 0:
+        return None
+    if value <= 0 and column.base is None:
+        return "must be a positive number"
+    if column.quantity == "phase" and not value < np.pi / 2:
+        return "must be an angle below 90°"
+    limit = LIMITS.get(DIMENSIONS[column.quantity], LIMIT)
+    if not 1 / limit <= value <= limit:
+        return f"must lie between {1 / limit:g} and {limit:g} {SI[DIMENSIONS[column.quantity]]}"
+    return None
 
 
-def _si(column: Column, entries: _Entries, notes: list[str]) -> np.ndarray:
-    dimension, values = DIMENSIONS[column.quantity], entries.values[column.quantity]
-    factor = UNITS[dimension][column.unit]
-    label = column.label[0].upper() + column.label[1:]
-    note = f"{label}: {column.quantity} in {column.unit}, {column.source}"
-    if dimension == "temperature":
-        values = factor * values + OFFSETS[column.unit]
-        if np.min(values) <= 0:
-            line = entries.lines[np.argmin(values)]
-            raise ValueError(
-                f"line {line}, {column.label}: {np.min(values):.4g} K is below absolute zero. Pass "
-                f"`units={{'temperature': ...}}`, one of {list(UNITS['temperature'])}"
-            )
-        notes.append(f"{note}.")
-        return values
-    by = "" if factor == 1 else f"; times {factor:.6g} in {_SI[dimension]}"
-    notes.append(f"{note}{by}.")
-    return factor * values
+def _left_out(reason: str, lines: list[tuple[int, str]]) -> str:
+    rows = list(dict.fromkeys(lines))
+    return f"Left out for {reason}: {len(rows)} row(s), line {_listed(rows)}."
+
+
+def _listed(rows: list[tuple[int, str]]) -> str:
+    """All lines with what stands there; neighbours of which nothing is told as "4-9"."""
+    parts: list[list[int | str]] = []
+    for line, what in rows:
+        if parts and not what and not parts[-1][2] and line == int(parts[-1][1]) + 1:
+            parts[-1][1] = line
+        else:
+            parts.append([line, line, what])
+    return ", ".join(
+        (f"{first}" if first == last else f"{first}-{last}") + (f" ({what})" if what else "")
+        for first, last, what in parts
+    )
+
+
+def _held(layout: Layout, entries: _Entries, isotherm: np.ndarray, notes: list[str]) -> np.ndarray:
+    """Which rows are of the load that the test holds constant: not of loading, nor of recovery."""
+    good = np.ones(len(isotherm), bool)
+    if "stress" not in entries.si or "strain" not in entries.si:
+        return good
+    quantity = "stress" if layout.kind == "creep" else "strain"
+    load = entries.si[quantity]
+    for i in range(np.max(isotherm) + 1):
+        mine = isotherm == i
+        typical = np.median(load[mine][load[mine] > 0.5 * np.max(load[mine])])
+        good[mine] = np.abs(load[mine] / typical - 1) < 2 * HELD
+        notes.append(f"{quantity.capitalize()} held at {typical:.4g} {SI[quantity]}.")
+    if not np.all(good):
+        rows = [(int(line), "") for line in entries.lines[~good]]
+        notes.append(_left_out(f"a {quantity} that departs from it by {2 * HELD:.0%}", rows))
+    if np.sum(good) < max(2, 0.5 * len(good)):
+        raise ValueError(
+            f"the {quantity} is not held constant: this is no {layout.kind}. {' '.join(notes[-2:])}"
+        )
+    return good
 
 
 def _values(layout: Layout, si: dict[str, np.ndarray]) -> Any:
-    if layout.kind != "frequency":
-        return si["modulus" if layout.kind == "relaxation" else "compliance"]
+    if layout.kind == "creep":
+        direct = si.get("compliance")
+        return si["strain"] / si.get("stress", layout.held) if direct is None else direct
+    if layout.kind == "relaxation":
+        direct = si.get("modulus")
+        return si["stress"] / si.get("strain", layout.held) if direct is None else direct
     if "storage" in si and "loss" in si:
         return si["storage"] + 1j * si["loss"]
     ratio = si["tan_delta"] if "tan_delta" in si else np.tan(si["phase"])
@@ -169,6 +241,12 @@ def _deformation(layout: Layout, poisson: Numbers | None, notes: list[str]) -> t
     if len(said) > 1:
         labels = ", ".join(column.label for column in layout.columns.values())
         raise ValueError(f"{labels} mix tension and shear; tell by `columns` which belong together")
+    if not said and layout.shear:
+        said = {"shear"}
+        notes.append(
+            f"Taken as of shear, of which the column {layout.shear!r} tells; otherwise pass "
+            "`deformation='tension'`."
+        )
     if said == {"shear"} and poisson is not None:
         factor = 2 * (1 + float(np.asarray(poisson)))
         notes.append(f"Turned from shear into tension: E = {factor:.6g} G, from `poisson`.")
@@ -179,6 +257,9 @@ def _deformation(layout: Layout, poisson: Numbers | None, notes: list[str]) -> t
     if not said:
         notes.append("Taken as of tension (Young's modulus); otherwise pass `deformation='shear'`.")
     return "tension", 1.0
+
+
+# What looks wrong.
 
 
 def _check_credible(stiffness: np.ndarray, notes: list[str]) -> None:
@@ -192,8 +273,9 @@ def _check_credible(stiffness: np.ndarray, notes: list[str]) -> None:
 
 def _compare_tan_delta(check: Column, entries: _Entries, values: Any, notes: list[str]) -> None:
     """Compares a column of tan delta, not needed otherwise, with the moduli read."""
-    told = UNITS["ratio"][check.unit] * entries.values["check"]
-    error = np.where(told > 0, np.abs(values.imag / values.real / told - 1), 0)
+    told = entries.check
+    with np.errstate(invalid="ignore", divide="ignore", over="ignore"):
+        error = np.where(told > 0, np.abs(values.imag / values.real / told - 1), 0)
     worst = int(np.argmax(error))
     if error[worst] < 0.02:
         notes.append(f"The tan delta of {check.label} agrees with loss over storage modulus.")
@@ -204,82 +286,125 @@ def _compare_tan_delta(check: Column, entries: _Entries, values: Any, notes: lis
         )
 
 
+def _check_sweep(layout: Layout, points: Points, notes: list[str]) -> None:
+    name = "frequency" if layout.kind == "frequency" else "time"
+    abscissa, lines = points.abscissa, points.lines
+    if np.ptp(abscissa) == 0:
+        raise ValueError(f"the {name} is the same in every row: this is no sweep over {name}")
+    twice = np.flatnonzero((np.diff(abscissa) == 0) & (np.diff(points.isotherm) == 0))
+    if not len(twice):
+        return
+    first, second = lines[twice[0] : twice[0] + 2]
+    notes.append(
+        f"{len(twice)} points repeat the {name} of another at their temperature (first in "
+        f"lines {first} and {second}); all are kept."
+    )
+    apart = np.abs(points.values[twice + 1] / points.values[twice] - 1)
+    if points.temperature is None and np.median(apart) > 0.1:
+        notes.append(
+            f"Warning: repeated points differ by {np.median(apart):.0%}: are these several "
+            "isotherms, whose column of temperature is missing?"
+        )
+
+
+# Temperatures.
+
+
 def _temperature(
-    layout: Layout,
-    si: dict[str, np.ndarray],
-    told: Numbers | None,
-    block: np.ndarray,
-    notes: list[str],
+    layout: Layout, entries: _Entries, told: Numbers | None, notes: list[str]
 ) -> np.ndarray | None:
-    """Temperatures [K]: as told, from a column, or from titles such as "25 °C" above blocks."""
+    """Temperatures [K]: as told, from a column, or from titles such as "25 °C" above curves."""
+    count = layout.blocks * len(layout.segments)
     if told is not None:
         kelvin = np.asarray(told, float)
         check_positive("temperature", kelvin, "[K]")
-        if kelvin.shape not in ((), (layout.blocks,)):
+        if kelvin.shape not in ((), (count,)):
             raise ValueError(
                 f"`temperature` has shape {kelvin.shape}; one number is needed, or one for each of "
-                f"the {layout.blocks} curve(s) side by side"
+                f"the {count} curve(s)"
             )
-        return np.broadcast_to(kelvin, (layout.blocks,))[block]
-    if "temperature" in si:
-        return si["temperature"]
-    if layout.blocks == 1 or layout.titles is None:
+        return np.broadcast_to(kelvin, (count,))[entries.curve]
+    if "temperature" in entries.si:
+        return entries.si["temperature"]
+    found = []
+    for segment in layout.segments:
+        for block in range(layout.blocks):
+            rows = segment.titles
+            if layout.blocks > 1:
+                rows = [
+                    row._replace(cells=row.cells[block * layout.width :][: layout.width])
+                    for row in rows[-1:]
+                ]
+            found.append(temperature_above(rows))
+    if None in found:
         return None
-    titles = [
-        " ".join(layout.titles.cells[i * layout.width :][: layout.width])
-        for i in range(layout.blocks)
-    ]
-    found = [re.search(r"(-?\d+(?:[.,]\d+)?)\s*°?\s*([CK])\b", title) for title in titles]
-    kelvin = [float(m[1].replace(",", ".")) + OFFSETS[m[2]] for m in found if m]
-    if len(kelvin) < layout.blocks:
-        return None
-    notes.append(f"Took the temperatures from line {layout.titles.line}.")
-    return np.array(kelvin)[block]
+    listed = ", ".join(f"{value:.2f}" for value in found)
+    notes.append(f"Took the temperature from the lines above the numbers: {listed} K.")
+    return np.array(found)[entries.curve]
 
 
 def _isotherms(
-    layout: Layout, kelvin: np.ndarray | None, block: np.ndarray, notes: list[str]
-) -> np.ndarray:
-    """Numbers from 0: the curves side by side, or groups of temperatures, the coldest first."""
+    kelvin: np.ndarray | None, curve: np.ndarray, abscissa: np.ndarray, apart: bool
+) -> Int[np.ndarray, " points"]:
+    """Returns numbers of isotherms from 0, the coldest first.
+
+    Groups of temperatures; curves where they are `apart`; where no temperature is known, curves
+    that lie over one another.
+    """
     if kelvin is None:
-        if layout.blocks > 1:
-            notes.append(f"{layout.blocks} curves side by side; pass their `temperature`s [K].")
-        return block
-    if layout.blocks > 1:
-        mean = [np.mean(kelvin[block == i]) for i in range(layout.blocks)]
-        isotherm = np.argsort(np.argsort(mean, kind="stable"))[block]
-    else:
-        order = np.argsort(kelvin)
-        isotherm = np.empty(len(kelvin), int)
-        isotherm[order] = np.cumsum(np.diff(kelvin[order], prepend=kelvin[order[0]]) > ISOTHERM_GAP)
-    groups = [kelvin[isotherm == i] for i in range(np.max(isotherm) + 1)]
-    drift = max(float(np.ptp(group)) for group in groups)
+        ranges = sorted(
+            (np.min(abscissa[curve == i]), np.max(abscissa[curve == i])) for i in np.unique(curve)
+        )
+        over = any(low < high for (_, high), (low, _) in itertools.pairwise(ranges))
+        return np.unique(curve, return_inverse=True)[1] if apart or over else np.zeros_like(curve)
+    if apart:
+        return _by_mean(kelvin, curve)
+    isotherm = grouped(kelvin)
+    if _drift(kelvin, isotherm) <= RAMP:
+        return isotherm
+    # A slow ramp, on which each sweep is an isotherm of its own.
+    steps = np.diff(np.log(abscissa), prepend=np.log(abscissa[0]))
+    back = steps * np.sign(np.median(steps)) < 0
+    return _by_mean(kelvin, np.cumsum(back))
+
+
+def grouped(kelvin: np.ndarray) -> Int[np.ndarray, " points"]:
+    """Returns numbers of groups of temperatures, from 0, the coldest first."""
+    order = np.argsort(kelvin, kind="stable")
+    group = np.empty(len(kelvin), int)
+    group[order] = np.cumsum(np.diff(kelvin[order], prepend=kelvin[order[0]]) > ISOTHERM_GAP)
+    return group
+
+
+def _by_mean(kelvin: np.ndarray, group: np.ndarray) -> np.ndarray:
+    """The groups, numbered by their mean temperature."""
+    names, group = np.unique(group, return_inverse=True)
+    means = [np.mean(kelvin[group == i]) for i in range(len(names))]
+    return np.argsort(np.argsort(means, kind="stable"))[group]
+
+
+def _drift(kelvin: np.ndarray, isotherm: np.ndarray) -> float:
+    return max(float(np.ptp(kelvin[isotherm == i])) for i in range(np.max(isotherm) + 1))
+
+
+def _note_isotherms(kelvin: np.ndarray | None, isotherm: np.ndarray, notes: list[str]) -> None:
+    """Tells how many isotherms there are; refuses temperatures that run through a sweep."""
+    count = np.max(isotherm) + 1
+    if kelvin is None:
+        if count > 1:
+            notes.append(f"{count} curves of unknown temperature; pass their `temperature`s [K].")
+        return
+    drift = _drift(kelvin, isotherm)
     notes.append(
-        f"{len(groups)} isotherm(s), {np.min(kelvin):.2f} to {np.max(kelvin):.2f} K, each held "
+        f"{count} isotherm(s), {np.min(kelvin):.2f} to {np.max(kelvin):.2f} K, each held "
         f"within {drift:.2g} K."
     )
+    if drift > RAMP:
+        raise ValueError(
+            f"the temperature runs through {drift:.3g} K within a sweep: these are no isotherms"
+        )
     if drift > 2 * ISOTHERM_GAP:
         notes.append(
             f"Warning: a temperature drifts by {drift:.3g} K without a step above "
             f"{ISOTHERM_GAP:g} K; these may not be isotherms."
-        )
-    return isotherm
-
-
-def _check_sweep(
-    layout: Layout,
-    abscissa: np.ndarray,
-    isotherm: np.ndarray,
-    lines: np.ndarray,
-    notes: list[str],
-) -> None:
-    name = "frequency" if layout.kind == "frequency" else "time"
-    if np.ptp(abscissa) == 0:
-        raise ValueError(f"the {name} is the same in every row: this is no sweep over {name}")
-    twice = np.flatnonzero((np.diff(abscissa) == 0) & (np.diff(isotherm) == 0))
-    if len(twice):
-        first, second = lines[twice[0] : twice[0] + 2]
-        notes.append(
-            f"{len(twice)} points repeat the {name} of another at their temperature (first in "
-            f"lines {first} and {second}); all are kept."
         )

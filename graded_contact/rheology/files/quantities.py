@@ -14,24 +14,31 @@ DIMENSIONS = {
     "frequency": "frequency", "time": "time", "temperature": "temperature",
     "storage": "modulus", "loss": "modulus", "magnitude": "modulus",
     "tan_delta": "ratio", "phase": "angle",
-    "modulus": "modulus", "compliance": "compliance",
+    "modulus": "modulus", "compliance": "compliance", "stress": "stress", "strain": "strain",
 }  # fmt: skip
 
 _MODULUS = {
     "Pa": 1.0, "kPa": 1e3, "MPa": 1e6, "GPa": 1e9, "N/m2": 1.0, "N/mm2": 1e6,
-    "dyn/cm2": 0.1, "psi": 6894.757293168361, "ksi": 6894757.293168361, "bar": 1e5,
+    "dyn/cm2": 0.1, "kgf/cm2": 98066.5, "psi": 6894.757293168361, "ksi": 6894757.293168361,
+    "bar": 1e5,
 }  # fmt: skip
 # Factors to SI; of a temperature, factor and offset: K = factor x value + offset.
 UNITS: dict[str, dict[str, float]] = {
     "frequency": {"rad/s": 1.0, "Hz": 2 * np.pi, "kHz": 2e3 * np.pi, "MHz": 2e6 * np.pi,
                   "mHz": 2e-3 * np.pi},
-    "time": {"s": 1.0, "ms": 1e-3, "min": 60.0, "h": 3600.0},
+    "time": {"s": 1.0, "ms": 1e-3, "us": 1e-6, "min": 60.0, "h": 3600.0},
     "temperature": {"C": 1.0, "K": 1.0, "F": 5 / 9},
     "modulus": _MODULUS,
+    "stress": _MODULUS,
     "compliance": {"m2/N": 1.0, "mm2/N": 1e-6, "cm2/dyn": 10.0,
                    **{f"1/{unit}": 1 / factor for unit, factor in _MODULUS.items()}},
     "ratio": {"1": 1.0, "%": 0.01},
+    "strain": {"1": 1.0, "%": 0.01},
     "angle": {"deg": np.pi / 180, "rad": 1.0},
+}  # fmt: skip
+SI = {
+    "frequency": "rad/s", "time": "s", "temperature": "K", "modulus": "Pa", "stress": "Pa",
+    "compliance": "1/Pa", "ratio": "1", "strain": "1", "angle": "rad",
 }  # fmt: skip
 OFFSETS = {"C": 273.15, "K": 0.0, "F": 459.67 * 5 / 9}
 
@@ -39,11 +46,12 @@ PER_SECOND = "1/s"  # may mean Hz or rad/s: the name of the column decides
 
 # Other spellings, after the folding of `parse_unit`.
 _SPELLINGS = {
-    "rads-1": "rad/s", "rad/sec": "rad/s", "rad_s": "rad/s", "hertz": "Hz",
+    "rads-1": "rad/s", "rad/sec": "rad/s", "rad_s": "rad/s", "hertz": "Hz", "cycles/s": "Hz",
     "1/s": PER_SECOND, "s-1": PER_SECOND, "1/sec": PER_SECOND,
-    "sec": "s", "seconds": "s", "minutes": "min", "hours": "h", "hr": "h",
+    "sec": "s", "seconds": "s", "µs": "us", "μs": "us", "minutes": "min", "hours": "h", "hr": "h",
     "°c": "C", "degc": "C", "celsius": "C", "kelvin": "K", "°f": "F", "degf": "F",
     "dyne/cm2": "dyn/cm2", "cm2/dyne": "cm2/dyn", "°": "deg", "degrees": "deg", "-": "1", "–": "1",
+    "mm/mm": "1", "m/m": "1", "percent": "%",
     **{f"{unit.lower()}-1": f"1/{unit}" for unit in _MODULUS},
 }  # fmt: skip
 _EXACT = {unit for units in UNITS.values() for unit in units}
@@ -51,28 +59,39 @@ _EXACT = {unit for units in UNITS.values() for unit in units}
 # Words of headings. Single letters are told apart by their case: t is time and T temperature.
 _LETTERS = {
     "f": "frequency", "w": "angular", "ω": "angular", "t": "time", "T": "temperature",
-    "δ": "delta", "E": "tension", "G": "shear",
+    "Ts": "temperature", "δ": "delta", "E": "tension", "G": "shear",
     "J": "shear compliance", "E(t)": "tension relaxation", "G(t)": "shear relaxation",
     "D(t)": "tension compliance", "J(t)": "shear compliance",
     "E'": "tension storage", "E''": "tension loss", "G'": "shear storage", "G''": "shear loss",
     "E1": "tension storage", "E2": "tension loss", "G1": "shear storage", "G2": "shear loss",
     "E*": "tension magnitude", "G*": "shear magnitude",
+    "σ": "stress", "τ": "shear stress", "ε": "strain", "γ": "shear strain",
 }  # fmt: skip
 _WORDS = {
     "frequency": "frequency", "freq": "frequency", "frequenz": "frequency", "hz": "frequency",
-    "angular": "angular", "ang": "angular", "omega": "angular", "kreisfrequenz": "angular",
-    "time": "time", "zeit": "time",
+    "fréquence": "frequency", "angular": "angular", "ang": "angular", "omega": "angular",
+    "kreisfrequenz": "angular", "pulsation": "angular",
+    "time": "time", "zeit": "time", "temps": "time",
     "temperature": "temperature", "temp": "temperature", "temperatur": "temperature",
-    "storage": "storage", "stor": "storage", "speichermodul": "storage",
-    "loss": "loss", "verlustmodul": "loss",
-    "magnitude": "magnitude", "abs": "magnitude", "complex": "magnitude",
+    "température": "temperature",
+    "storage": "storage", "stor": "storage", "speichermodul": "storage", "elastic": "storage",
+    "loss": "loss", "verlustmodul": "loss", "viscous": "loss",
+    "magnitude": "magnitude", "abs": "magnitude", "complex": "magnitude", "komplexer": "magnitude",
     "tan": "tan", "delta": "delta", "tand": "tan delta", "tanδ": "tan delta", "factor": "factor",
-    "tangent": "factor", "damping": "loss factor", "verlustfaktor": "loss factor",
-    "phase": "phase", "angle": "phase",
-    "relaxation": "relaxation", "relax": "relaxation", "modulus": "modulus", "modul": "modulus",
-    "compliance": "compliance", "creep": "compliance",
-    "tension": "tension", "tensile": "tension", "young's": "tension", "shear": "shear",
-    "measured": "", "meas": "", "sample": "", "actual": "", "step": "", "test": "",
+    "tandelta": "tan delta", "tangent": "factor", "damping": "loss factor",
+    "verlustfaktor": "loss factor",
+    "phase": "phase", "angle": "phase", "phaseangle": "phase", "phasenwinkel": "phase",
+    "relaxation": "relaxation", "relax": "relaxation", "relaxationsmodul": "relaxation",
+    "modulus": "modulus", "modul": "modulus", "component": "modulus",
+    "compliance": "compliance", "creep": "compliance", "nachgiebigkeit": "compliance",
+    "kriechnachgiebigkeit": "compliance",
+    "stress": "stress", "spannung": "stress", "schubspannung": "shear stress", "sigma": "stress",
+    "strain": "strain", "dehnung": "strain", "gamma": "shear strain", "epsilon": "strain",
+    "tension": "tension", "tensile": "tension", "young's": "tension", "extensional": "tension",
+    "shear": "shear", "step": "step", "interval": "step", "segment": "step",
+    "action": "step", "sequence": "",
+    "measured": "", "meas": "", "sample": "", "actual": "", "test": "", "reduced": "",
+    "shifted": "", "applied": "",
 }  # fmt: skip
 # Which words, together, mean which quantity; "modulus" and the deformation may be left out.
 _MEANINGS = {
@@ -88,9 +107,16 @@ _MEANINGS = {
         "phase": ("delta", "phase", "phase delta"),
         "modulus": ("", "relaxation"),
         "compliance": ("compliance",),
+        "stress": ("stress",),
+        "strain": ("strain", "compliance strain"),
     }.items()
     for words in spellings
 }
+
+
+# Words of columns that only a test in shear has.
+_OF_SHEAR = re.compile(r"shear|schub|scher|torque|drehmoment|viscosity|viskosität|rotation", re.I)
+_LOGARITHM = re.compile(r"(log10|log|lg|ln)(?![a-z0-9])[\s_]*", re.I)
 
 
 class Heading(NamedTuple):
@@ -100,12 +126,16 @@ class Heading(NamedTuple):
     - `unit`: a unit of `UNITS`, of any dimension, or `PER_SECOND`.
     - `deformation`: "tension" (E, D) or "shear" (G, J).
     - `angular`: whether a frequency is called angular.
+    - `step`: whether a time is called one of the step or interval.
+    - `base`: of the logarithms that the column holds: "10" or "e".
     """
 
     quantity: str | None
     unit: str | None
-    deformation: str | None
-    angular: bool
+    deformation: str | None = None
+    angular: bool = False
+    step: bool = False
+    base: str | None = None
 
 
 def parse_unit(text: str) -> str | None:
@@ -113,7 +143,9 @@ def parse_unit(text: str) -> str | None:
     bare = text.strip()
     if re.fullmatch(r"\[.*\]|\(.*\)", bare):
         bare = bare[1:-1]
-    bare = re.sub(r"[\s^·*]", "", bare.replace("²", "2").replace("⁻¹", "-1"))
+    for old, new in (("²", "2"), ("⁻¹", "-1"), ("º", "°"), ("˚", "°")):
+        bare = bare.replace(old, new)
+    bare = re.sub(r"[\s^·*]", "", bare)
     if bare in _EXACT:
         return bare
     if bare == "mPa":  # not a megapascal
@@ -128,32 +160,55 @@ def parse_unit(text: str) -> str | None:
 
 def parse_heading(text: str) -> Heading:
     """Returns what the heading of a column says."""
-    name, unit = _split_unit(text)
+    inner, base = _without_logarithm(text.strip())
+    name, unit = _split_unit(inner)
     words: set[str] = set()
     for word in _words(name):
         meaning = _LETTERS.get(word, _WORDS.get(word.lower()))
         if meaning is None:
-            return Heading(None, unit, None, False)
+            return Heading(None, unit)
         words.update(meaning.split())
     deformations = words & {"tension", "shear"}
-    quantity = _MEANINGS.get(frozenset(words - {"tension", "shear", "modulus"}))
+    quantity = _MEANINGS.get(frozenset(words - {"tension", "shear", "modulus", "step"}))
     if not words or len(deformations) > 1:
         quantity = None
-    return Heading(quantity, unit, next(iter(deformations), None), "angular" in words)
+    deformation = next(iter(deformations), None)
+    return Heading(quantity, unit, deformation, "angular" in words, "step" in words, base)
+
+
+def tells_of_shear(text: str) -> bool:
+    """Whether a heading tells that the test was one in shear, whatever its column holds."""
+    return _OF_SHEAR.search(text) is not None
+
+
+def _without_logarithm(text: str) -> tuple[str, str | None]:
+    """The heading inside of "log10(...)" or behind "log", and the base."""
+    found = _LOGARITHM.match(text)
+    if found is None:
+        return text, None
+    rest = text[found.end() :]
+    if rest.startswith("("):
+        depths = np.cumsum([(char == "(") - (char == ")") for char in rest])
+        end = int(np.argmin(depths != 0))  # the bracket that closes the first one
+        rest = rest[1:end] + rest[end + 1 :] if depths[end] == 0 else rest[1:]
+    return rest, "e" if found[1].lower() == "ln" else "10"
 
 
 def _split_unit(text: str) -> tuple[str, str | None]:
     """The heading without its unit, and the unit: the longest ending that is one."""
     text = text.strip()
     for gap in re.finditer(r"[\s_/,;:]+(?:in\s+)?|(?=[\[(])", text):
-        if gap.start() > 0 and (unit := parse_unit(text[gap.end() :])):
+        ending = text[gap.end() :]
+        bare = ending == "1" and gap[0].isspace()  # the first of several such columns
+        if gap.start() > 0 and not bare and (unit := parse_unit(ending)):
             return text[: gap.start()], unit
     return text, None
 
 
 def _words(name: str) -> list[str]:
-    name = re.sub(r"''|´´|′′|’’|[\"″”“]", "''", name)
-    name = re.sub(r"[′’´`]", "'", name)
+    name = re.sub(r"''|´´|′′|’’|‘‘|[\"″”“]", "''", name)
+    name = re.sub(r"[′’‘´`]", "'", name)
+    name = re.sub(r"(?i)\btan[\s_(]*(?:delta|δ|d)\b\)?", " tandelta ", name)
     name = re.sub(r"\(\s*(?:ω|omega|w|f)\s*\)", " ", name)
     of_time = re.findall(r"\b[EGJD]\(t\)", name)
     rest = re.sub(r"\b[EGJD]\(t\)", " ", name)

@@ -1,0 +1,52 @@
+"""What the lines above a table say of all of it: the temperature, the constant stress of a creep
+test. Only a value with its unit counts, and only if no line says another.
+"""
+
+import re
+from collections.abc import Sequence
+
+from .cells import Row
+from .quantities import OFFSETS, UNITS, parse_unit
+
+_NUMBER = r"([-+]?\d+(?:[.,]\d+)?(?:[eE][-+]?\d+)?)"
+# Not "10 °C/min", and not the end of a word or of another number.
+_TEMPERATURE = re.compile(
+    rf"(?<![\w.,]){_NUMBER}\s*(?:°|º|deg\.?)?\s*([CK])\b(?!\s*(?:/|\^|min|per))"
+)
+_STRESS = re.compile(
+    rf"(?i)\b(?:schub)?(?:stress|spannung)\b[^\w+-]*{_NUMBER}\s*([a-z][a-z0-9/^²]*)"
+)
+
+
+def temperature_above(rows: Sequence[Row]) -> float | None:
+    """Returns the only temperature [K] that the rows name, such as "25 °C"."""
+    found = {
+        _value(number) + OFFSETS[unit]
+        for row in rows
+        for number, unit in _TEMPERATURE.findall(" ".join(row.cells))
+    }
+    return found.pop() if len(found) == 1 else None
+
+
+def stress_above(rows: Sequence[Row]) -> float | None:
+    """Returns the only stress [Pa] that the rows name, such as "Stress: 2 kPa"."""
+    found = {
+        _value(number) * UNITS["stress"][unit]
+        for row in rows
+        for number, word in _STRESS.findall(" ".join(row.cells))
+        if (unit := parse_unit(word)) in UNITS["stress"]
+    }
+    return found.pop() if len(found) == 1 else None
+
+
+def parameters(row: Row) -> dict[str, str]:
+    """Returns the parameters of a line such as "T=-35; Mw = 634.5;", as RepTate's files begin."""
+    text = " ".join(row.cells)
+    entries = [entry.split("=", 1) for entry in text.split(";") if entry.strip()]
+    if not all(len(entry) == 2 for entry in entries):
+        return {}
+    return {name.strip(): value.strip() for name, value in entries}
+
+
+def _value(text: str) -> float:
+    return float(text.replace(",", "."))
