@@ -38,6 +38,15 @@ Output = Annotated[
 _ONE_THREAD = "--xla_cpu_multi_thread_eigen=false"
 # Endings of the files that other programs read.
 _SUFFIXES = {"abaqus": ".inp", "ansys": ".mac"}
+# What stands for the arguments that messages about moduli and their fits name.
+_FIT_OPTIONS = {
+    "units": "--unit QUANTITY=UNIT", "columns": "--column QUANTITY=NAME",
+    "temperature": "--temperature KELVIN", "format": "--card", "throw": "--anyway",
+    **{name: f"--{name.replace('_', '-')}" for name in (
+        "kind", "deformation", "poisson", "sheet", "terms", "law", "scatter", "vertical",
+        "equilibrium", "glassy", "storage_weight", "loss_weight",
+    )},
+}  # fmt: skip
 
 # Column heads and formats of the table, by the name of the quantity.
 _COLUMNS = {
@@ -132,8 +141,13 @@ def info(
 
 @app.command()
 def fit(
-    moduli_file: Annotated[
-        Path, typer.Argument(metavar="FILE", help="Moduli or compliances.", show_default=False)
+    moduli_files: Annotated[
+        list[Path],
+        typer.Argument(
+            metavar="FILE...",
+            help="Moduli or compliances of one material, in one file or several.",
+            show_default=False,
+        ),
     ],
     output: Output = None,
     terms: Annotated[int | None, typer.Option(min=1, help="Number of terms.")] = None,
@@ -142,10 +156,29 @@ def fit(
     deformation: Annotated[
         str | None, typer.Option(help="tension or shear, if the file does not say.")
     ] = None,
+    temperature: Annotated[
+        list[float] | None,
+        typer.Option(metavar="KELVIN", help="One, or one for each file (or curve), in order."),
+    ] = None,
+    sheet: Annotated[str | None, typer.Option(help="Name of the sheet of a workbook.")] = None,
     law: Annotated[str, typer.Option(help="Shifts several isotherms: wlf or arrhenius.")] = "wlf",
+    scatter: Annotated[
+        float, typer.Option(help="Expected departures of log10 a_T from the law; 0 for none.")
+    ] = 0.3,
     vertical: Annotated[
         float, typer.Option(help="Expected size of ln b_T, the shifts of their moduli.")
     ] = 0.0,
+    equilibrium: Annotated[
+        float | None, typer.Option(metavar="PASCAL", help="E_eq if known; 0 for a liquid.")
+    ] = None,
+    glassy: Annotated[
+        float | None, typer.Option(metavar="PASCAL", help="Instantaneous modulus if known.")
+    ] = None,
+    storage_weight: Annotated[float, typer.Option(help="Weight of storage moduli.")] = 1.0,
+    loss_weight: Annotated[float, typer.Option(help="Weight of loss moduli.")] = 1.0,
+    anyway: Annotated[
+        bool, typer.Option("--anyway", help="Fit data that no positive spectrum comes near to.")
+    ] = False,
     unit: Annotated[
         list[str] | None,
         typer.Option(metavar="QUANTITY=UNIT", help="For instance modulus=MPa; may be repeated."),
@@ -158,41 +191,41 @@ def fit(
         list[str] | None, typer.Option(help="Also write toml, csv, json, abaqus or ansys.")
     ] = None,
 ) -> None:
-    """Fits a Prony series to a file of a rheometer or DMA: prints it as a table for a scene.
+    """Fits a Prony series to files of a rheometer or DMA: prints it as a table for a scene.
 
-    Several isotherms are shifted into a master curve.
+    Several isotherms, in one file or several, are shifted into a master curve.
     """
     _prepare()
     from .plot import plot_fit
     from .rheology.export import export_prony
     from .rheology.reading import read_moduli
 
-    with _refusing():
-        try:
-            measured = read_moduli(
-                moduli_file,
-                kind=kind,
-                deformation=deformation,
-                units=_pairs("unit", unit),
-                columns={
-                    key: int(v) if v.isdigit() else v for key, v in _pairs("column", column).items()
-                },
-                poisson=poisson,
-            )
-        except ValueError as error:
-            if "`units=" not in str(error) and "`columns" not in str(error):
-                raise
-            raise ValueError(
-                f"{error} (Here: `--unit QUANTITY=UNIT` and `--column QUANTITY=NAME`.)"
-            ) from error
+    with _refusing(), _naming_options():
+        measured = read_moduli(
+            moduli_files,
+            kind=kind,
+            deformation=deformation,
+            units=_pairs("unit", unit),
+            columns={
+                key: int(v) if v.isdecimal() else v for key, v in _pairs("column", column).items()
+            },
+            poisson=poisson,
+            temperature=temperature[0] if temperature and len(temperature) == 1 else temperature,
+            sheet=sheet,
+        )
         for sentence in measured.history:
             typer.echo(sentence)
-        arguments = {"terms": terms, "poisson": poisson}
-        found, material, report = _fitted(measured, law, vertical, arguments)
-        name = re.sub(r"\W", "_", moduli_file.stem)
+        arguments = {
+            "terms": terms, "poisson": poisson, "equilibrium": equilibrium, "glassy": glassy,
+            "throw": not anyway,
+        }  # fmt: skip
+        weights = {"storage_weight": storage_weight, "loss_weight": loss_weight}
+        shifts = {"law": law, "scatter": scatter, "vertical": vertical}
+        found, material, report = _fitted(measured, shifts, weights, arguments)
+        name = re.sub(r"\W", "_", moduli_files[0].stem)
         name = name if name[:1].isalpha() else f"material_{name}"
         typer.echo(f"\n{report}\n\n{export_prony(material, 'toml', name=name)}")
-        folder = output or Path(f"{moduli_file.stem}-fit")
+        folder = output or Path(f"{moduli_files[0].stem}-fit")
         folder.mkdir(parents=True, exist_ok=True)
         plot_fit(found).savefig(folder / f"{name}.png")
         typer.echo(f"wrote {folder / f'{name}.png'}")
@@ -202,7 +235,20 @@ def fit(
             typer.echo(f"wrote {path}")
 
 
-def _fitted(measured, law, vertical, arguments):
+@contextlib.contextmanager
+def _naming_options() -> Iterator[None]:
+    """Adds to a message of `fit` the options that stand for the arguments it names."""
+    try:
+        yield
+    except ValueError as error:
+        named = dict.fromkeys(re.findall(r"`(\w+)(?:=[^`]*)?`", str(error)))
+        options = [_FIT_OPTIONS[name] for name in named if name in _FIT_OPTIONS]
+        if not options:
+            raise
+        raise ValueError(f"{error} (Here: {', '.join(options)}.)") from error
+
+
+def _fitted(measured, shifts, weights, arguments):
     """The fit, its material with the law of its shifts, and the report."""
     import dataclasses
 
@@ -210,11 +256,16 @@ def _fitted(measured, law, vertical, arguments):
     from .rheology.master import master_curve
 
     isotherms = measured.isotherms()
+    if measured.kind != "frequency" and set(weights.values()) != {1.0}:
+        raise ValueError(f"`storage_weight`, `loss_weight`: {measured.kind} has one channel only.")
     if len(isotherms) == 1:
         functions = {"frequency": fit_prony, "relaxation": fit_relaxation, "creep": fit_creep}
+        if measured.kind == "frequency":
+            arguments = {**arguments, **weights}
         found = functions[measured.kind](measured.abscissa, measured.values, **arguments)
         return found, found.material, found.report()
-    curve = master_curve(isotherms, law=law, vertical=vertical, **arguments)
+    weight, loss_weight = weights.values()
+    curve = master_curve(isotherms, **shifts, **arguments, weight=weight, loss_weight=loss_weight)
     material = dataclasses.replace(curve.fit.material, shift=curve.law)
     note = "The table holds the law of the shifts only: scenes know no departures from it."
     return curve.fit, material, f"{curve.report()}\n\n{note}"

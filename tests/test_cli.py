@@ -172,10 +172,40 @@ def test_a_fit_of_several_isotherms_shifts_them(tmp_path):
     assert "Arrhenius with Q = " in result.stdout
 
 
+def test_a_fit_takes_several_files_and_the_options_that_messages_name(tmp_path):
+    paths = [
+        moduli_file(tmp_path / f"{celsius:g}.csv", [celsius]) for celsius in (-20.0, -5.0, 10.0)
+    ]
+    bare = command("fit", *paths, "-o", tmp_path)
+    assert bare.exit_code == 2
+    assert "`temperature` [K], one for each file" in bare.stderr
+    assert "(Here: --temperature KELVIN.)" in bare.stderr
+    kelvin = [f"--temperature={celsius + 273.15}" for celsius in (-20.0, -5.0, 10.0)]
+    options = ("--terms", 5, "--scatter", 0, "--equilibrium", 5e6, "--glassy", 3e9)
+    result = command("fit", *paths, *kelvin, *options, "-o", tmp_path)
+    assert result.exit_code == 0, result.output
+    assert "Together 3 isotherm(s), 253.15 to 283.15 K, of 120 points." in result.stdout
+    table = tomllib.loads((tmp_path / "material__20.toml").read_text())["materials"]["material__20"]
+    assert table["equilibrium"] == 5e6 and len(table["times"]) == 5
+    np.testing.assert_allclose(sum(table["strengths"]), 3e9 - 5e6, rtol=1e-6)
+    options = ("--loss-weight", 0, "--anyway", "--sheet", "x")
+    refused = command("fit", paths[0], *options, "-o", tmp_path)
+    assert refused.exit_code == 2 and "no `sheet='x'`" in refused.stderr
+    assert "(Here: --sheet.)" in refused.stderr
+
+
 @pytest.mark.parametrize(
     "text, arguments, expected",
     [
         ("nothing here", (), "bad.csv"),
+        ("A,B\n1,2\n2,3\n", (), "(Here: --column QUANTITY=NAME, --kind, --unit QUANTITY=UNIT.)"),
+        ("f [Hz],E' [Pa],E'' [Pa],T\n1,2e6,1e5,20\n2,2e6,1e5,20\n", (), "--unit QUANTITY=UNIT"),
+        ("t [s],E(t) [Pa]\n1,2e6\n2,1e6\n", ("--loss-weight", 0), "relaxation has one channel"),
+        (
+            "f [Hz],E' [Pa],E'' [Pa]\n1,2e6,9e5\n2,1e3,9e5\n3,1e9,2\n4,1e2,3e9\n",
+            (),
+            "(Here: --equilibrium, --glassy, --loss-weight, --anyway.)",
+        ),
         ("f [Hz],E' [Pa],E'' [Pa]\n1,2e6,1e5\n2,-2e6,1e5\n", (), "must be a positive number"),
         ("f [Hz],E' [Pa],E'' [Pa]\n1,2e6,1e5\n", ("--unit", "MPa"), "write QUANTITY=UNIT"),
         ("f [Hz],E' [Pa],E'' [Pa]\n1,2e6,1e5\n2,3e6,1e5\n", ("--terms", 9), "unknowns, more than"),

@@ -236,8 +236,8 @@ def refuse_nonsense(fit: PronyFit) -> None:
             f"Half of the measured values are off by more than {np.expm1(off):.0%} from every "
             "positive spectrum (moduli grow with frequency and fall with time; storage and loss "
             "have one spectrum). Are the columns in the right order and in one unit? Is a given "
-            "`equilibrium` or `glassy` compatible with them? A weight of 0 leaves a channel out, "
-            "and `throw=False` fits them as they are."
+            "`equilibrium` or `glassy` compatible with them? A weight of 0 leaves a channel out "
+            "(`loss_weight`), and `throw=False` fits them as they are."
         )
 
 

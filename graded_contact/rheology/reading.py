@@ -78,7 +78,9 @@ class Measured:
             raise ValueError(
                 f"`path={self.path}` holds {count} isotherm(s) of kind {self.kind!r} in "
                 f"{self.deformation}; a table needs one, of kind 'frequency' in tension (shear is "
-                "converted with `poisson`)."
+                "converted with `poisson`). Fit all others with `master_curve`, `fit_relaxation` "
+                "or `fit_creep`; the command `graded-contact fit FILE` does so, and writes the "
+                "material as a table for a scene."
             )
         twice = np.flatnonzero(np.diff(self.abscissa) == 0)
         if len(twice):

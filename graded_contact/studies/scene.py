@@ -360,14 +360,19 @@ def _material(table: Table, kind: str, folder: Path) -> AbstractMaterial:
     place = table.place[:-1]
     columns = Table(f"{place}.columns]", table.get("columns", {}), DIMENSIONS)
     units = Table(f"{place}.units]", table.get("units", {}), UNITS)
-    measured = read_moduli(
-        folder / table.text("path"),
-        columns=columns.content,
-        units=units.content,
-        deformation=table.text("deformation", None),
-        sheet=table.text("sheet", None),
-        poisson=poisson,
-    )
+    try:
+        measured = read_moduli(
+            folder / table.text("path"),
+            kind="frequency",
+            columns=columns.content,
+            units=units.content,
+            deformation=table.text("deformation", None),
+            sheet=table.text("sheet", None),
+            poisson=poisson,
+        )
+    except ValueError as error:
+        advice = "`graded-contact fit FILE` reads more, and writes a material for a scene."
+        raise ValueError(f"{error} {advice}") from error
     omega, modulus = measured.table()
     extrapolate = table.choice("extrapolate", ("refuse", "plateau"), "refuse")
     return Tabulated(omega, modulus, poisson, shift=shift, extrapolate=extrapolate)

@@ -1,5 +1,6 @@
 """Files in many layouts are written here and read back; measured files lie beside the project."""
 
+import re
 import sys
 from pathlib import Path
 
@@ -422,7 +423,226 @@ def test_a_table_makes_a_material_and_repeats_are_refused_by_line(tmp_path):
         repeated.table()
 
 
+# Rows that cannot be used.
+
+
+@pytest.mark.parametrize(
+    "row, sentence",
+    [
+        ("1, 2, ?", r"column 3 .E''., where the loss must be a number: 1 row.s., line 7 .'\?'."),
+        ("1, -2, 0.3", r"column 2 .E'., where the storage must be a positive .* line 7 .'-2'."),
+        ("1, 2, 0", r"column 3 .E''., where the loss must be a positive number: .* line 7"),
+        (
+            "1e999, 2, 0.3",
+            r"column 1 .f., where the frequency must lie between .* line 7 .'1e999'.",
+        ),
+        ("1, 1e308, 0.3", r"column 2 .E'., where the storage must lie between .* line 7 .'1e308'."),
+        ("1, 2, 9.9e37", r"column 3 .E''., where the loss must lie between 1e-30 and 1e.30 Pa"),
+        ("1, 2, 1e-300", r"column 3 .E''., where the loss must lie between"),
+        ("1,5, 2, 0,3", "5 entries, where there are 3 columns: 1 row.s., line 7."),
+        ("1, , 0.3", "a missing value: 1 row.s., line 7."),
+        ("1, 2, inf", "a missing value: 1 row.s., line 7."),
+    ],
+)
+def test_a_row_that_cannot_be_used_is_left_out_with_line_and_reason(tmp_path, row, sentence):
+    measured = read_moduli(write(tmp_path, PLAIN.replace("1, 2, 0.3", row)))
+    np.testing.assert_allclose(measured.values, [1e6 + 0.2e6j, 3e6 + 0.4e6j])
+    assert any(re.match(f"Left out for {sentence}", note) for note in measured.history)
+
+
+def test_every_row_left_out_is_told(tmp_path):
+    lines = ["f [Hz],E' [Pa],E'' [Pa]", *(f"{i},{1e6 + i},1e5" for i in range(1, 41))]
+    for line in (5, 6, 7, 8, 12, 20, 21, 33):  # counted from 1, the names being the first
+        lines[line - 1] = f"{line - 1},NaN,1e5"
+    history = read_moduli(write(tmp_path, "\n".join(lines))).history
+    assert "Left out for a missing value: 8 row(s), line 5-8, 12, 20-21, 33." in history
+
+
+def test_a_file_of_which_half_cannot_be_used_is_refused_with_the_reasons(tmp_path):
+    path = written(tmp_path, ["f", "E' [Pa]", "E'' [Pa]"], [HERTZ, STORAGE, [-1, -1, -1, 5.0]])
+    with pytest.raises(ValueError, match=r"table.csv`: 1 complete rows .* line 2 .'-1.0'., 3"):
+        read_moduli(path)
+
+
+# Creep and relaxation as stress and strain.
+
+TIME = np.array([0.1, 1.0, 10.0, 100.0])
+
+
+def test_creep_is_strain_over_a_held_stress(tmp_path):
+    strain = np.array([0.01, 0.02, 0.035, 0.05])
+    names = ["Step time [min]", "Shear strain [%]", "Shear stress [kPa]", "Time [min]"]
+    columns = [TIME, 100 * strain, [2.0, 2.01, 1.99, 2.0], TIME + 7]
+    measured = read_moduli(written(tmp_path, names, columns))
+    assert (measured.kind, measured.deformation) == ("creep", "shear")
+    np.testing.assert_allclose(measured.abscissa, 60 * TIME)
+    np.testing.assert_allclose(measured.values, strain / (1e3 * np.array(columns[2])))
+    assert "Stress held at 2000 Pa." in measured.history
+    # Loading before and recovery after are no creep.
+    more = ([1e-3, 200, 300], [0.1, 3, 2], [0.5, 0, 0.01], [7, 207, 307])
+    columns = [np.append(*pair) for pair in zip(columns, more, strict=True)]
+    again = read_moduli(written(tmp_path, names, columns))
+    np.testing.assert_array_equal(again.values, measured.values)
+    left = " ".join(note for note in again.history if note.startswith("Left out"))
+    assert "must be a positive number: 1 row(s), line 7" in left
+    assert "a stress that departs from it by 10%: 2 row(s), line 6, 8" in left
+
+
+def test_a_constant_stress_may_stand_above_the_table(tmp_path):
+    text = "Creep of SBR\nApplied stress: 2 kPa\nTime [s],Strain [1]\n"
+    text += "".join(f"{t},{1e-3 * (1 + i)}\n" for i, t in enumerate(TIME))
+    measured = read_moduli(write(tmp_path, text))
+    assert measured.kind == "creep"
+    np.testing.assert_allclose(measured.values, 1e-3 * np.arange(1, 5) / 2e3)
+    with pytest.raises(ValueError, match="a constant stress also by a line above the table"):
+        read_moduli(write(tmp_path, text.replace("stress", "load")))
+
+
+def test_relaxation_is_stress_over_a_held_strain(tmp_path):
+    stress = np.array([9.0, 5.0, 3.0, 2.0])
+    path = written(
+        tmp_path, ["Time [s]", "Stress [MPa]", "Strain [%]"], [TIME, stress, [0.5, 0.5, 0.5, 0.501]]
+    )
+    measured = read_moduli(path)
+    assert (measured.kind, measured.deformation) == ("relaxation", "tension")
+    np.testing.assert_allclose(measured.values[:3], 1e6 * stress[:3] / 5e-3)
+    path = written(tmp_path, ["Time [s]", "Stress [MPa]", "Strain [%]"], [TIME, stress, stress])
+    with pytest.raises(ValueError, match="of stress and strain, neither is held constant; pass `k"):
+        read_moduli(path)
+    path = written(tmp_path, ["Time [s]", "Stress [MPa]", "Strain"], [TIME, stress, [0.5] * 4])
+    with pytest.raises(
+        ValueError, match=r"the strain, has no unit. Pass `units=\{'strain': ...\}`"
+    ):
+        read_moduli(path)
+
+
+def test_reptates_files_of_sweeps_creep_and_relaxation(tmp_path):
+    """Columns without names may follow; a space in the first line changes nothing."""
+    numbers = "\n".join(f"  {w!r} {g!r} {h!r} 1.5 0" for w, g, h in zip(
+        OMEGA.tolist(), STORAGE.tolist(), LOSS.tolist(), strict=True))  # fmt: skip
+    for name, first in (("a.osc", "Mw = 634.5; T = -35;chem=PI;"), ("a.tts", "T =-35 ;Mw=1")):
+        text = f"{first}\n#Dummy header line\nw     G'     G''     Temp\n{numbers}\n"
+        measured = read_moduli(write(tmp_path, text, name), poisson=0.5)
+        check(measured, modulus=3 * MODULUS)
+        np.testing.assert_allclose(measured.temperature, 238.15, rtol=1e-15)
+    text = "T=150;stress=10;\nt strain\ns -\n1E-3 -1e-6\n0.1 2e-5\n1 4e-5\n"
+    measured = read_moduli(write(tmp_path, text, "a.creep"))
+    assert (measured.kind, measured.deformation) == ("creep", "shear")
+    np.testing.assert_allclose(measured.values, [2e-6, 4e-6])
+    text = "Mw=224;gamma=0.5;\nt sxy\n1 4e5\n2 3e5\n"
+    measured = read_moduli(write(tmp_path, text, "a.gt"))
+    np.testing.assert_allclose(measured.values, [8e5, 6e5])
+    measured = read_moduli(write(tmp_path, text.replace("gamma=0.5;", ""), "a.gt"))
+    np.testing.assert_allclose(measured.values, [4e5, 3e5])
+
+
+# Several tables, sheets and files.
+
+
+def test_isotherms_below_one_another_take_temperatures_from_the_lines_above(tmp_path):
+    table = "f [Hz],E' [Pa],E'' [Pa]\n0.1,{0}e6,1e5\n1,{1}e6,2e5\n"
+    text = "Ramp 5 K/min\nat 25 °C\n" + table.format(1, 2) + "at -5.5 °C\n" + table.format(3, 4)
+    cold, hot = read_moduli(write(tmp_path, text)).isotherms()
+    np.testing.assert_allclose(cold.temperature, 267.65)
+    np.testing.assert_allclose(cold.values.real, [3e6, 4e6])
+    np.testing.assert_allclose(hot.temperature, 298.15)
+    without = read_moduli(write(tmp_path, text.replace("°C", "")))
+    assert len(without.isotherms()) == 2 and without.temperature is None
+    assert any("2 curves of unknown temperature" in note for note in without.history)
+    told = read_moduli(write(tmp_path, text.replace("°C", "")), temperature=[298.15, 267.65])
+    np.testing.assert_array_equal(told.values, np.concatenate([cold.values, hot.values]))
+
+
+def test_of_tables_with_other_columns_the_longest_understood_is_read(tmp_path):
+    text = (
+        "Strain [%],E' [Pa],E'' [Pa]\n" + "".join(f"{i},1e6,1e5\n" for i in range(1, 9))
+        + "f [Hz],E' [Pa],E'' [Pa],T [°C]\n1,2e6,1e5,20\n2,3e6,2e5,20\n"
+    )  # fmt: skip
+    measured = read_moduli(write(tmp_path, text))
+    np.testing.assert_allclose(measured.values.real, [2e6, 3e6])
+    assert "Left out tables of other columns: line 1." in measured.history
+
+
+def test_a_slow_ramp_with_sweeps_is_cut_into_isotherms_and_a_plain_ramp_refused(tmp_path):
+    celsius = 20 + 0.5 * np.arange(40)
+    names = ["T [°C]", "f [Hz]", "E' [Pa]", "E'' [Pa]"]
+    values = [1e6 + celsius, 1e5 + celsius]
+    measured = read_moduli(written(tmp_path, names, [celsius, 10 * [1, 3, 10, 30], *values]))
+    assert len(measured.isotherms()) == 10
+    np.testing.assert_allclose(measured.isotherms()[1].values.real, 1e6 + celsius[4:8])
+    with pytest.raises(ValueError, match=r"the temperature runs through 19.5 K within a sweep"):
+        read_moduli(written(tmp_path, names, [celsius, 1 + np.arange(40), *values]))
+
+
+def test_sheets_of_one_isotherm_each_are_joined_and_of_one_temperature_refused(tmp_path):
+    openpyxl = pytest.importorskip("openpyxl")
+
+    def save(temperatures):
+        book = openpyxl.Workbook()
+        book.active.append(["Details"])
+        for i, celsius in enumerate(temperatures):
+            sheet = book.create_sheet(f"step {i}")
+            sheet.append([f"Sweep {i}"])
+            sheet.append(["f", "E'", "E''", "T"])
+            sheet.append(["Hz", "MPa", "MPa", "°C"])
+            for f in (1, 2):
+                sheet.append([f, 3 + i, 0.5, celsius])
+        book.save(tmp_path / "a.xlsx")
+        return tmp_path / "a.xlsx"
+
+    cold, hot = read_moduli(save([40, 20])).isotherms()
+    np.testing.assert_allclose(cold.values, 4e6 + 5e5j)
+    np.testing.assert_allclose(hot.temperature, 313.15)
+    with pytest.raises(ValueError, match=r"'step 0', 'step 1'.* hold tables alike.*pass `sheet`"):
+        read_moduli(save([20, 20]))
+    assert len(read_moduli(save([20, 20]), sheet="step 1").abscissa) == 2
+
+
+def test_several_files_are_isotherms_of_one_material(tmp_path):
+    text = "f [Hz],E' [Pa],E'' [Pa]\n{0},1e6,1e5\n{1},2e6,2e5\n"
+    paths = [
+        write(tmp_path, text.format(*hertz), name)
+        for name, hertz in (("a.csv", (1, 2)), ("b.csv", (1, 2)), ("c.csv", (10, 20)))
+    ]
+    measured = read_moduli(paths, temperature=[300.0, 280.0, 300.2])
+    cold, hot = measured.isotherms()
+    assert len(cold.abscissa) == 2
+    np.testing.assert_allclose(hot.abscissa, 2 * np.pi * np.array([1, 2, 10, 20]))
+    assert "Together 2 isotherm(s), 280.00 to 300.20 K, of 6 points." in measured.history
+    with pytest.raises(ValueError, match=r"a.csv'.* do not say their temperature; pass `temperatu"):
+        read_moduli(paths)
+    with pytest.raises(ValueError, match=r"`temperature` has shape .2,.; .* of the 3 files"):
+        read_moduli(paths, temperature=[300.0, 280.0])
+    shear = write(tmp_path, text.replace("E'", "G'").format(1, 2), "d.csv")
+    with pytest.raises(ValueError, match=r"files of different deformation: .'a.csv': 'tension'"):
+        read_moduli([paths[0], shear], temperature=[300.0, 280.0])
+    with pytest.raises(ValueError, match="`path` is an empty list"):
+        read_moduli([])
+
+
+def test_a_step_of_which_no_line_tells_is_warned_of(tmp_path):
+    path = written(
+        tmp_path, ["f", "E' [Pa]", "E'' [Pa]"], [[1, 2, 1, 2], [1e6, 2e6, 3e6, 4e6], [1e5] * 4]
+    )
+    assert "whose column of temperature is missing" in " ".join(read_moduli(path).history)
+
+
 # Refusals, each with the file and the remedy.
+
+
+def test_all_that_is_missing_is_asked_for_in_one_message(tmp_path):
+    text = "A,B,A,B\n1,2e-9,1,3e-9\n2,3e-9,2,4e-9\n"
+    with pytest.raises(ValueError, match=r"table.csv") as refusal:
+        read_moduli(write(tmp_path, text))
+    for hint in ("`columns`", "`kind`", "`units`", "column 1 (A), column 2 (B)", "`temperature`"):
+        assert hint in str(refusal.value)
+    told = {"kind": "creep", "units": {"time": "s", "compliance": "1/Pa"}}
+    assert len(read_moduli(write(tmp_path, text), **told, temperature=[300, 310]).lines) == 4
+    text = "f,E',E'',G',G'',T\n1,3,1,1,1,20\n2,4,1,1.5,1,20\n"
+    with pytest.raises(ValueError, match=r"table.csv") as refusal:
+        read_moduli(write(tmp_path, text))
+    for hint in ("`deformation`", "`columns=", "'modulus': ...", "'temperature': ..."):
+        assert hint in str(refusal.value)
 
 
 @pytest.mark.parametrize(

@@ -25,7 +25,7 @@ _GROUPED = {
 }
 _MISSING = {"", "-", "--", "---", "n/a", "n.a.", "na", "#n/a", "#nv", "nan", "null", "none", "inf",
             "-inf", "#num!", "#div/0!", "#value!", "#ref!"}  # fmt: skip
-_COMMENT = re.compile(r"^\s*(#|%|//|!)\s*")
+_COMMENT = re.compile(r"^\s*(#+|%+|//|!)\s*")
 _REMARK = re.compile(r"(?<=[\d\s])\s*(#|//|!).*$")  # behind numbers
 _SEPARATORS = {"\t": "tabs", ";": "semicolons", ",": "commas", None: "spaces"}
 
@@ -62,9 +62,13 @@ def is_missing(cell: str) -> bool:
 
 def holds_data(row: Row) -> bool:
     """Whether a row holds numbers, besides missing ones and some words, such as a sample's name."""
-    numbers = sum(map(is_number, row.cells))
+    numbers = _numbers(row)
     words = len(row.cells) - numbers - sum(map(is_missing, row.cells))
     return 2 * numbers > words and (numbers >= 2 or words == 0)
+
+
+def _numbers(row: Row) -> int:
+    return sum(map(is_number, row.cells))
 
 
 def read_sheets(path: Path) -> list[Sheet]:
@@ -152,16 +156,19 @@ def _read_text(path: Path, content: bytes) -> Sheet:
     for number, line in enumerate(lines, start=1):
         comment = _COMMENT.match(line)
         row = Row(number, _cells(line[comment.end() :] if comment else line, separator, decimal))
-        if not holds_data(row):
+        if not comment and _REMARK.search(line):
             without = Row(number, _cells(_REMARK.sub("", line), separator, decimal))
-            row = without if holds_data(without) else row
+            if holds_data(without) and _numbers(without) >= _numbers(row):
+                row = without
         if not (comment and holds_data(row)):  # numbers that were taken out of the table
             rows.append(row)
     if separator is None:
         width = max((len(row.cells) for row in rows if holds_data(row)), default=0)
         rows = [row if holds_data(row) else _spaced(row, lines, width) for row in rows]
-    mark = " and decimal commas" if decimal == "," else ""
-    layout = f"{encoding} text with {_SEPARATORS[separator]}{mark}"
+    marks = " and decimal commas" if decimal == "," else ""
+    if any(_GROUPED[decimal].fullmatch(cell) for line in lines for cell in _split(line, separator)):
+        marks += ", thousands set apart"
+    layout = f"{encoding} text with {_SEPARATORS[separator]}{marks}"
     return Sheet("", rows, layout, separator is None)
 
 

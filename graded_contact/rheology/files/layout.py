@@ -381,7 +381,7 @@ def _distinct(
         if not np.any(both) or np.max(np.abs(other[both] / first[both] - 1)) > ALIKE:
             return places
     notes.append(
-        f"{' and '.join(map(head.label, places)).capitalize()} say the same; the first is used."
+        f"Of {' and '.join(map(head.label, places))}, which say the same, the first is used."
     )
     return places[:1]
 

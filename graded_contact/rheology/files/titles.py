@@ -5,7 +5,7 @@ test. Only a value with its unit counts, and only if no line says another.
 import re
 from collections.abc import Sequence
 
-from .cells import Row
+from .cells import Row, is_number
 from .quantities import OFFSETS, UNITS, parse_unit
 
 _NUMBER = r"([-+]?\d+(?:[.,]\d+)?(?:[eE][-+]?\d+)?)"
@@ -25,6 +25,10 @@ def temperature_above(rows: Sequence[Row]) -> float | None:
         for row in rows
         for number, unit in _TEMPERATURE.findall(" ".join(row.cells))
     }
+    for row in rows:
+        given = parameters(row)
+        if "chem" in given and is_number(given.get("T", "")):  # as RepTate's files begin
+            found.add(float(given["T"]) + OFFSETS["C"])
     return found.pop() if len(found) == 1 else None
 
 
