@@ -330,6 +330,8 @@ def _run(scene: "Scene", folder: Path, name: str) -> None:
         surface = build_surface(scene)
         if scene.title:
             typer.echo(scene.title)
+        for sentence in scene.notes:
+            typer.echo(sentence)
         for sentence in surface.history:
             typer.echo(f"surface: {sentence}")
         _print_steps(surface)

@@ -11,11 +11,12 @@ import dataclasses
 import os
 from collections.abc import Iterator, Mapping, Sequence
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 from jaxtyping import Bool, Complex, Float, Int
 
-from .._checks import Numbers, check_poisson
+from .._checks import Numbers, check_poisson, check_positive
 from .files.cells import Sheet, holds_data, is_number, read_sheets
 from .files.layout import KINDS, Layout, Told, understand
 from .files.points import grouped, measured_points
@@ -141,12 +142,14 @@ def read_moduli(
     A missing file raises `FileNotFoundError`; what cannot be understood `ValueError`, naming the
     file, the line and the arguments that would settle it.
     """
-    paths = [Path(path)] if isinstance(path, str | os.PathLike) else list(map(Path, path))
-    if not paths:
-        raise ValueError("`path` is an empty list: at least one file is needed.")
+    paths = _paths(path)
     told = _told(kind, columns or {}, units or {}, deformation, temperature is not None)
+    poisson = None if poisson is None else _numbers("poisson", poisson, 0)
+    temperature = None if temperature is None else _numbers("temperature", temperature, 1)
     if poisson is not None:
-        check_poisson("poisson", np.asarray(poisson))
+        check_poisson("poisson", poisson)
+    if temperature is not None:
+        check_positive("temperature", temperature, "[K]")
     if len(paths) == 1:
         return _read(paths[0], told, poisson, temperature, sheet)
     each = _one_each(temperature, len(paths), "files")
@@ -155,10 +158,31 @@ def read_moduli(
     )
 
 
+def _paths(path: Any) -> list[Path]:
+    paths = [path] if isinstance(path, str | os.PathLike) else path
+    if not isinstance(paths, list | tuple) or not paths:
+        raise ValueError(f"`path={path!r}` must be the name of a file, or a list of them.")
+    if not all(isinstance(each, str | os.PathLike) for each in paths):
+        raise ValueError(f"`path={path!r}` must be the name of a file, or a list of them.")
+    return list(map(Path, paths))
+
+
+def _numbers(name: str, value: Any, most: int) -> np.ndarray:
+    """The value as an array of at most so many axes."""
+    try:
+        array = np.asarray(value, float)
+    except (TypeError, ValueError):
+        array = None
+    if array is None or array.ndim > most:
+        wanted = "a number or a list of numbers" if most else "a number"
+        raise ValueError(f"`{name}={value!r}` is refused: it must be {wanted}.") from None
+    return array
+
+
 def _one_each(temperature: Numbers | None, count: int, what: str) -> list[Numbers | None]:
     if temperature is None:
         return [None] * count
-    kelvin = np.asarray(temperature, float)
+    kelvin = np.asarray(temperature)
     if kelvin.shape not in ((), (count,)):
         raise ValueError(
             f"`temperature` has shape {kelvin.shape}; one number is needed, or one for each of the "
@@ -266,6 +290,9 @@ def _told(
     for name, (value, allowed) in choices.items():
         if value is not None and value not in allowed:
             raise ValueError(f"`{name}={value!r}` is refused: use one of {allowed}.")
+    for name, mapping in (("columns", columns), ("units", units)):
+        if not isinstance(mapping, Mapping):
+            raise ValueError(f"`{name}={mapping!r}` must be a dictionary.")
     for quantity in columns:
         if quantity not in DIMENSIONS:
             raise ValueError(
@@ -274,7 +301,7 @@ def _told(
     for dimension, unit in units.items():
         if dimension not in UNITS:
             raise ValueError(f"`units` has the key {dimension!r}; use one of {tuple(UNITS)}.")
-        if unit not in UNITS[dimension]:
+        if not isinstance(unit, str) or unit not in UNITS[dimension]:
             raise ValueError(
                 f"`units={{{dimension!r}: {unit!r}}}` is refused: use one of "
                 f"{tuple(UNITS[dimension])}."

@@ -118,6 +118,7 @@ class Scene:
     - `name`, `directory`: of the output; None leaves them to the caller.
     - `keep`: which fields the results hold: "last", "every" or "none".
     - `inputs`: the files that the scene names.
+    - `notes`: what was understood of its tables of moduli, one sentence each.
     """
 
     text: str
@@ -133,6 +134,7 @@ class Scene:
     directory: str | None
     keep: str
     inputs: tuple[Path, ...]
+    notes: tuple[str, ...] = ()
 
 
 def read_scene(path: str | os.PathLike) -> Scene:
@@ -155,7 +157,7 @@ def parse_scene(text: str, folder: str | os.PathLike = ".") -> Scene:
     load = Table("[load]", scene.get("load"), KEYS["load"])
     solver = Table("[solver]", scene.get("solver", {}), KEYS["solver"])
     output = Table("[output]", scene.get("output", {}), KEYS["output"])
-    materials, inputs = _materials(scene, folder, load)
+    materials, inputs, notes = _materials(scene, folder, load)
     surface = _surface(scene, folder)
     if isinstance(surface, SurfaceFile):
         inputs.append(surface.path)
@@ -190,6 +192,7 @@ def parse_scene(text: str, folder: str | os.PathLike = ".") -> Scene:
         directory=output.text("directory", None),
         keep=output.choice("fields", ("last", "every", "none"), "last"),
         inputs=tuple(inputs),
+        notes=tuple(notes),
     )
 
 
@@ -277,6 +280,7 @@ def _attributes(scene: Scene, surface: Surface, error: np.ndarray, message: np.n
         "title": scene.title,
         "scene": scene.text,
         "inputs": "\n".join(digests),
+        "moduli": "\n".join(scene.notes),
         "dtype": str(surface.heights.dtype),
         "direction": scene.direction,
         "rtol": scene.rtol,
@@ -315,48 +319,52 @@ def _check_frequencies(stack: Stack, grid: Grid, velocity: np.ndarray, direction
 
 def _materials(
     scene: Table, folder: Path, load: Table
-) -> tuple[dict[str, AbstractMaterial], list[Path]]:
+) -> tuple[dict[str, AbstractMaterial], list[Path], list[str]]:
     content = scene.get("materials")
     if not isinstance(content, dict):
         raise ValueError(f"[materials] must hold tables [materials.NAME], got {short(content)}.")
-    materials, inputs = {}, []
+    materials, inputs, notes = {}, [], []
     for name, entry in content.items():
         table, kind = Table.of_kind(f"[materials.{name}]", entry, KEYS["material"])
         if kind == "tabulated":
             inputs.append(folder / table.text("path"))
         with within(table.place):
-            materials[name] = _material(table, kind, folder)
+            materials[name], said = _material(table, kind, folder)
+        notes += [f"{name}: {sentence}" for sentence in said]
     if "temperature" in load.content:
         temperature = load.number("temperature")
         for name, material in materials.items():
             with within(f"[load] `temperature`, of [materials.{name}]:"):
                 materials[name] = material.at(temperature)
-    return materials, inputs
+    return materials, inputs, notes
 
 
-def _material(table: Table, kind: str, folder: Path) -> AbstractMaterial:
+def _material(table: Table, kind: str, folder: Path) -> tuple[AbstractMaterial, tuple[str, ...]]:
+    """A material, and what was understood of its file."""
     poisson = table.number("poisson", 0.5)
     if kind == "elastic":
-        return Elastic(modulus=table.number("modulus"), poisson=poisson)
+        return Elastic(modulus=table.number("modulus"), poisson=poisson), ()
     if kind == "tyre_tread":
-        return tyre_tread(poisson)
+        return tyre_tread(poisson), ()
     shift = _shift(table)
     if kind == "prony":
-        return Prony(
+        relaxing = Prony(
             equilibrium=table.number("equilibrium"),
             strengths=table.numbers("strengths"),
             times=table.numbers("times"),
             poisson=poisson,
             shift=shift,
         )
+        return relaxing, ()
     if kind == "prony_creep":
-        return Prony.from_creep(
+        creeping = Prony.from_creep(
             glassy=table.number("glassy"),
             compliances=table.numbers("compliances"),
             times=table.numbers("times"),
             poisson=poisson,
             shift=shift,
         )
+        return creeping, ()
     place = table.place[:-1]
     columns = Table(f"{place}.columns]", table.get("columns", {}), DIMENSIONS)
     units = Table(f"{place}.units]", table.get("units", {}), UNITS)
@@ -375,7 +383,8 @@ def _material(table: Table, kind: str, folder: Path) -> AbstractMaterial:
         raise ValueError(f"{error} {advice}") from error
     omega, modulus = measured.table()
     extrapolate = table.choice("extrapolate", ("refuse", "plateau"), "refuse")
-    return Tabulated(omega, modulus, poisson, shift=shift, extrapolate=extrapolate)
+    material = Tabulated(omega, modulus, poisson, shift=shift, extrapolate=extrapolate)
+    return material, measured.history
 
 
 def _shift(table: Table) -> WLF | Arrhenius | None:

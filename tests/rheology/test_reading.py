@@ -616,7 +616,7 @@ def test_several_files_are_isotherms_of_one_material(tmp_path):
     shear = write(tmp_path, text.replace("E'", "G'").format(1, 2), "d.csv")
     with pytest.raises(ValueError, match=r"files of different deformation: .'a.csv': 'tension'"):
         read_moduli([paths[0], shear], temperature=[300.0, 280.0])
-    with pytest.raises(ValueError, match="`path` is an empty list"):
+    with pytest.raises(ValueError, match=r"`path=\[\]` must be the name of a file, or a list"):
         read_moduli([])
 
 
@@ -668,6 +668,8 @@ def test_all_that_is_missing_is_asked_for_in_one_message(tmp_path):
         ("", "", {"kind": "creep"}, "Needed: time, compliance"),
         ("", "", {"deformation": "bending"}, "`deformation='bending'` is refused"),
         ("", "", {"poisson": 0.6}, r"`poisson=0.6` is refused"),
+        ("", "", {"poisson": [0.4, 0.5]}, r"`poisson=\[0.4, 0.5\]` is refused: .* a number"),
+        ("", "", {"temperature": "hot"}, "`temperature='hot'` is refused: .* a list of numbers"),
         ("", "", {"temperature": -3.0}, r"`temperature=-3` is refused"),
         ("", "", {"temperature": [300.0, 310.0]}, "`temperature` has shape .2,."),
     ],
@@ -676,7 +678,7 @@ def test_what_is_not_understood_is_refused_by_line(tmp_path, old, new, options, 
     path = write(tmp_path, PLAIN.replace(old, new))
     with pytest.raises(ValueError, match=expected) as refusal:
         read_moduli(path, **options)
-    own = ("`columns` has the key", "`units", "`kind", "`deformation", "`poisson")
+    own = ("`columns", "`units", "`kind", "`deformation", "`poisson", "`temperature")
     assert "table.csv" in str(refusal.value) or str(refusal.value).startswith(own)
 
 

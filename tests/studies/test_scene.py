@@ -321,6 +321,7 @@ def test_a_table_makes_a_material_with_its_path_beside_the_scene(tmp_path):
     scene = parse_scene(tabulated("plateau"), tmp_path)
     expected = gc.Tabulated(omega, modulus, 0.4, extrapolate="plateau")
     assert eqx.tree_equal(scene.stack.layers[0].material, expected)
+    assert "coat: Column 1 (f): frequency in Hz, as the file says" in " ".join(scene.notes)
     with pytest.raises(FileNotFoundError, match=r"\[materials.coat\].*elsewhere/table.csv"):
         parse_scene(tabulated("plateau"), tmp_path / "elsewhere")
 
@@ -345,7 +346,16 @@ def test_columns_and_units_of_a_table_can_be_told(tmp_path):
 
 def test_a_table_of_several_temperatures_is_refused(tmp_path):
     write(tmp_path, "f [Hz],E' [Pa],E'' [Pa],T [K]\n1,2,1,290\n2,3,1,290\n1,1,1,300\n2,2,1,300\n")
-    with pytest.raises(ValueError, match=r"\[materials.coat\].*holds 2 isotherm"):
+    expected = r"\[materials.coat\].*holds 2 isotherm.*`graded-contact fit FILE` does so"
+    with pytest.raises(ValueError, match=expected):
+        parse_scene(tabulated("plateau"), tmp_path)
+
+
+def test_a_creep_test_is_no_table_but_can_be_fitted(tmp_path):
+    write(tmp_path, "t [s],J(t) [1/Pa]\n1,2e-6\n2,3e-6\n")
+    with pytest.raises(
+        ValueError, match=r"Needed: frequency.*`graded-contact fit FILE` reads more"
+    ):
         parse_scene(tabulated("plateau"), tmp_path)
 
 

@@ -11,7 +11,7 @@ from typing import Any, NamedTuple
 import numpy as np
 from jaxtyping import Complex, Float, Int
 
-from ..._checks import Numbers, check_positive
+from ..._checks import Numbers
 from .cells import Row, is_missing
 from .layout import HELD, Column, Layout, misfit, stripped
 from .quantities import DIMENSIONS, SI
@@ -316,8 +316,7 @@ def _temperature(
     """Temperatures [K]: as told, from a column, or from titles such as "25 °C" above curves."""
     count = layout.blocks * len(layout.segments)
     if told is not None:
-        kelvin = np.asarray(told, float)
-        check_positive("temperature", kelvin, "[K]")
+        kelvin = np.asarray(told)
         if kelvin.shape not in ((), (count,)):
             raise ValueError(
                 f"`temperature` has shape {kelvin.shape}; one number is needed, or one for each of "
