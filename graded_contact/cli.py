@@ -1,7 +1,7 @@
 """The command `graded-contact`: it parses, runs a scene, prints a table, writes HDF5 and PNG.
 
-Exit codes: 0 all is well; 1 some solve did not converge, or a design misses what was wanted; 2 the
-input was refused.
+Exit codes: 0 all is well; 1 some solve failed or did not converge, or a design misses what was
+wanted; 2 the input was refused; 130 and 143 ended by Ctrl-C or SIGTERM, with what was finished.
 """
 
 import contextlib
@@ -20,6 +20,9 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 if TYPE_CHECKING:
+    import numpy as np
+
+    from .studies.interruption import Interruption
     from .studies.scene import Scene
     from .studies.storage import Results
     from .surface import Surface
@@ -32,6 +35,9 @@ app = typer.Typer(
 )
 Output = Annotated[
     Path | None, typer.Option("--output", "-o", help="Folder for the results.", show_default=False)
+]
+Replace = Annotated[
+    bool, typer.Option("--replace", help="Replace a result of another scene of the same name.")
 ]
 
 # A transform runs on one thread or on all, as chance will have it, with other last bits.
@@ -62,6 +68,14 @@ _COLUMNS = {
 }
 
 
+# What to say of solves that did not succeed, by their state.
+_STATES = {
+    "not converged": "did not converge; their numbers are partial results",
+    "failed": "failed",
+    "not started": "were not started",
+}
+
+
 def _print_version(wanted: bool) -> bool:
     if wanted:
         typer.echo(f"graded-contact {version('graded_contact')} (jax {version('jax')})")
@@ -85,6 +99,7 @@ def demo(
     resolution: Annotated[
         int, typer.Option(min=256, help="Points along each edge; the surface stays the same.")
     ] = 256,
+    replace: Replace = False,
 ) -> None:
     """Runs the embedded scene: a 50 µm modified surface layer on tyre tread, on a rough road."""
     _prepare()
@@ -94,7 +109,8 @@ def demo(
     text = text.replace("shape = [256, 256]", f"shape = [{resolution}, {resolution}]")
     with _refusing():
         scene = parse_scene(text)
-    _run(scene, output or Path("graded-contact-demo"), "demo")
+    name = "demo" if resolution == 256 else f"demo-{resolution}"
+    _run(scene, output or Path("graded-contact-demo"), name, replace)
 
 
 @app.command()
@@ -103,15 +119,19 @@ def run(
         Path, typer.Argument(metavar="SCENE.toml", help="The scene.", show_default=False)
     ],
     output: Output = None,
+    replace: Replace = False,
 ) -> None:
-    """Runs a scene: prints a table, writes the results (HDF5) and figures (PNG)."""
+    """Runs a scene: prints a table, writes the results (HDF5) and figures (PNG).
+
+    Each solve is kept as it ends: after an interruption the same command goes on from there.
+    """
     _prepare()
     from .studies.scene import read_scene
 
     with _refusing():
         scene = read_scene(scene_file)
-    folder = output or Path(scene.directory or f"{scene_file.stem}-results")
-    _run(scene, folder, scene.name or scene_file.stem)
+    folder = output or scene.directory or Path(f"{scene_file.stem}-results")
+    _run(scene, folder, scene.name or scene_file.stem, replace)
 
 
 @app.command()
@@ -282,16 +302,19 @@ def design(
     _prepare()
     from .plot import plot_design
     from .studies.design_scene import designed_values, missed, read_design, report, run_design
+    from .studies.interruption import Interrupted, interruptible
 
     with _refusing():
         study = read_design(scene_file)
-        folder = output or Path(study.scene.directory or f"{scene_file.stem}-results")
+        folder = output or study.scene.directory or Path(f"{scene_file.stem}-results")
         folder.mkdir(parents=True, exist_ok=True)
         if study.scene.title:
             typer.echo(study.scene.title)
         try:
-            with _progress() as advance:
+            with interruptible() as interruption, _progress(interruption) as advance:
                 results = run_design(study, progress=advance)
+        except Interrupted:
+            raise typer.Exit(interruption.exit_code) from None
         except RuntimeError as error:  # the reason, without the traceback in it
             reason = str(error).rpartition("RuntimeError: ")[2].partition("\n\n")[0]
             typer.secho(f"Error: {reason}", fg="red", err=True)
@@ -318,16 +341,22 @@ def _pairs(option: str, texts: list[str] | None) -> dict[str, str]:
     return dict(text.split("=", 1) for text in texts or [])
 
 
-def _run(scene: "Scene", folder: Path, name: str) -> None:
+def _run(scene: "Scene", folder: Path, name: str, replace: bool) -> None:
     import numpy as np
 
-    from .plot import plot_sliding, plot_sweep
-    from .studies.scene import build_surface, run_scene
-    from .studies.storage import write_results
+    from .studies.interruption import Interrupted, interruptible
+    from .studies.output import check_folder, check_name, folder_path
+    from .studies.scene import build_surface, point_names, run_scene
+    from .studies.store import Store
 
-    with _refusing():
-        folder.mkdir(parents=True, exist_ok=True)
+    with _refusing(), interruptible() as interruption:
+        check_name(name)
+        folder = folder_path(str(folder))
+        check_folder(folder)
         surface = build_surface(scene)
+        names, file = point_names(scene, surface), folder / f"{name}.h5"
+        if not replace:
+            _refuse_other(file, scene, names)
         if scene.title:
             typer.echo(scene.title)
         for sentence in scene.notes:
@@ -335,22 +364,26 @@ def _run(scene: "Scene", folder: Path, name: str) -> None:
         for sentence in surface.history:
             typer.echo(f"surface: {sentence}")
         _print_steps(surface)
-        with _progress() as advance:
-            results = run_scene(
-                scene, surface=surface, progress=lambda *counts: advance("sliding", *counts)
-            )
-        _print_table(results)
-        figures = {f"{name}-sweep.png": plot_sweep(results)}
-        for (i, j), fields in results.fields.items():
-            suffix = f"-{i}-{j}" if len(results.fields) > 1 else ""
-            figure = figures[f"{name}-contact{suffix}.png"] = plot_sliding(fields, surface)
-            load = f"mean pressure {results.pressure[i] / 1e6:.4g} MPa"
-            figure.suptitle(f"{load}, velocity {results.velocity[j]:.3g} m/s")
-        write_results(folder / f"{name}.h5", results)
-        typer.echo(f"wrote {folder / f'{name}.h5'}")
-        for file, figure in figures.items():
-            figure.savefig(folder / file)
-            typer.echo(f"wrote {folder / file}")
+        with Store(folder / f"{name}.points") as store:
+            found = sum(store.path(point).exists() for point in names.flat)
+            if found:
+                typer.echo(f"{found} of {names.size} solves are found in {store.folder}")
+            try:
+                interruption.check()
+                with _progress(interruption) as advance:
+                    results = run_scene(
+                        scene,
+                        surface=surface,
+                        store=store,
+                        progress=lambda *counts: advance("sliding", *counts),
+                    )
+            except Interrupted:
+                typer.echo("Nothing was finished.", err=True)
+                raise typer.Exit(interruption.exit_code) from None
+            for path in store.damaged:
+                typer.echo(f"{path} was damaged: it is computed again", err=True)
+            _print_table(results)
+            _write(file, results, replace)
     if results.caveats:
         where = np.any([caveat.where for caveat in results.caveats], axis=0)
         typer.secho(
@@ -359,13 +392,70 @@ def _run(scene: "Scene", folder: Path, name: str) -> None:
             fg="yellow",
             err=True,
         )
+    if interruption.signal is not None:
+        typer.echo("Interrupted: the same command goes on from here.", err=True)
+        raise typer.Exit(interruption.exit_code)
     if not results.complete:
         raise typer.Exit(1)
 
 
+def _refuse_other(file: Path, scene: "Scene", names: "np.ndarray") -> None:
+    """Refuses to replace a file with solves that the scene has not."""
+    from itertools import zip_longest
+
+    from .studies.storage import lost_solves, package_versions
+
+    remedy = "Give another --output, or --replace to replace it."
+    try:
+        lost, earlier = lost_solves(file, names)
+    except ValueError as error:
+        raise ValueError(f"{error} {remedy}") from error
+    if not lost:
+        return
+    texts = [
+        [line for line in text.splitlines() if not line.startswith("title")]
+        for text in (earlier["scene"], scene.text)
+    ]
+    lines = zip_longest(*texts, fillvalue="")
+    versions = ((f"{k} = {earlier.get(k)}", f"{k} = {v}") for k, v in package_versions().items())
+    inputs = [("another file of data", "the files named")]
+    there, here = next((a, b) for a, b in (*lines, *versions, *inputs) if a.strip() != b.strip())
+    raise ValueError(
+        f"{file} holds {lost} solves of {earlier['title'] or 'another scene'!r} that "
+        f"{scene.title or 'this scene'!r} does not ask for: there `{there}`, here `{here}`. "
+        f"{remedy}"
+    )
+
+
+def _write(file: Path, results: "Results", replace: bool) -> None:
+    """Writes results and figures, unless the file that exists holds more."""
+    from .plot import plot_sliding, plot_sweep
+    from .studies.storage import NOT_STARTED, lost_solves, write_results
+
+    finished = results.point[results.state != NOT_STARTED]
+    if not replace and (lost := lost_solves(file, finished)[0]):
+        typer.echo(f"{file} holds {lost} solves that were not done again: it stays as it is")
+        return
+    figures = {"sweep": plot_sweep(results)}
+    for (i, j), fields in results.fields.items():
+        key = f"contact-{i}-{j}" if len(results.fields) > 1 else "contact"
+        figures[key] = plot_sliding(fields, results.surface)
+        load = f"mean pressure {results.pressure[i] / 1e6:.4g} MPa"
+        figures[key].suptitle(f"{load}, velocity {results.velocity[j]:.3g} m/s")
+    write_results(file, results)
+    typer.echo(f"wrote {file}")
+    for key, figure in figures.items():
+        path = file.with_name(f"{file.stem}-{key}.png")
+        figure.savefig(path)
+        typer.echo(f"wrote {path}")
+
+
 @contextlib.contextmanager
-def _progress() -> Iterator[Callable[[str, int, int], None]]:
-    """A bar on the error stream, moved by what is being done, and how much of how much is done."""
+def _progress(interruption: "Interruption") -> Iterator[Callable[[str, int, int], None]]:
+    """A bar on the error stream, moved by what is being done, and how much of how much is done.
+
+    After a signal, moving it ends the command: between two steps that is safe.
+    """
     from rich.console import Console
     from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeElapsedColumn
 
@@ -374,9 +464,12 @@ def _progress() -> Iterator[Callable[[str, int, int], None]]:
     )  # fmt: skip
     with Progress(*columns, console=Console(stderr=True)) as bar:
         task = bar.add_task("", total=None)
-        yield lambda text, done, total: bar.update(
-            task, description=text, completed=done, total=total
-        )
+
+        def advance(text: str, done: int, total: int) -> None:
+            bar.update(task, description=text, completed=done, total=total)
+            interruption.check()
+
+        yield advance
 
 
 def _print_table(results: "Results") -> None:
@@ -400,7 +493,8 @@ def _print_table(results: "Results") -> None:
         cells = [
             format(getattr(results, name)[i, j], style) for name, (_, style) in columns.items()
         ]
-        mark = "" if results.converged[i, j] else "[bold red]not converged[/] "
+        state = str(results.state[i, j])
+        mark = state and f"[bold red]{state}[/] "
         doubts = ",".join(str(n) for n, c in enumerate(caveats, start=1) if c.where[i, j])
         mark += f"[yellow]({doubts})[/]" if doubts else ""
         load = f"{results.pressure[i] / 1e6:.4g}"
@@ -411,15 +505,13 @@ def _print_table(results: "Results") -> None:
     console.print(table)
     for number, caveat in enumerate(caveats, start=1):
         console.print(f"[bold yellow]({number})[/] {escape(caveat.sentence)}", soft_wrap=True)
-    failed = np.argwhere(~results.converged)
-    if len(failed):
-        warning = Console(stderr=True)
-        warning.print(
-            f"[bold red]Warning:[/] {len(failed)} of {results.converged.size} solves did not "
-            "converge; their numbers are partial results."
-        )
-        for message in sorted(set(results.message[~results.converged])):
-            warning.print(message, markup=False)
+    warning = Console(stderr=True)
+    for state, text in _STATES.items():
+        chosen = results.state == state
+        if np.any(chosen):
+            warning.print(f"[bold red]Warning:[/] {chosen.sum()} of {chosen.size} solves {text}.")
+            for message in sorted(set(results.message[chosen]) - {state}):
+                warning.print(message, markup=False)
 
 
 def _print_steps(surface: "Surface") -> None:
@@ -435,7 +527,7 @@ def _refusing() -> Iterator[None]:
     """Prints the message of a refused input, without a traceback, and exits with code 2."""
     try:
         yield
-    except (ValueError, OSError, ImportError) as error:
+    except (ValueError, OSError, ImportError, MemoryError) as error:
         typer.secho(f"Error: {error}", fg="red", err=True)
         raise typer.Exit(2) from error
 

@@ -19,7 +19,7 @@ from .rheology.fit import PronyFit
 from .sliding import Sliding
 from .studies.design_scene import DesignResults, curve_velocities
 from .studies.objectives import friction_curve, loss_tangent
-from .studies.storage import Fields, Results
+from .studies.storage import NOT_STARTED, Fields, Results
 from .surface import Surface
 
 if TYPE_CHECKING:  # it takes a third of a second to import
@@ -83,7 +83,8 @@ def plot_sweep(results: Results) -> "Figure":
     """Returns a figure of friction and contact area against velocity, one line per pressure.
 
     The area is the sub-pixel one. A solve that did not converge has a hollow marker, one with a
-    caveat (`Results.caveats`) a cross.
+    caveat (`Results.caveats`) a cross; one that failed has a triangle and one that was not started
+    a stroke, on the axis of velocities.
     """
     figure = _figure(8.6, 3.7)
     panels = [
@@ -103,16 +104,21 @@ def plot_sweep(results: Results) -> "Figure":
                 color=colour,
                 label=f"{factor * pressure:.3g} {unit}",
             )
-            for good, face in ((True, colour), (False, "white")):
-                chosen = results.converged[i] == good
+            for state, face in (("", colour), ("not converged", "white")):
+                chosen = results.state[i] == state
                 axes.plot(
                     velocity[chosen],
                     values[i, chosen],
                     "o",
                     color=colour,
                     markerfacecolor=face,
-                    label="not converged" if not good and np.any(chosen) else None,
+                    label=state if np.any(chosen) else None,
                 )
+            for state, mark in (("failed", "^"), (NOT_STARTED, "|")):
+                without = velocity[results.state[i] == state]
+                if len(without):
+                    zeros = np.zeros(len(without))
+                    axes.plot(without, zeros, mark, color=colour, clip_on=False, label=state)
         crossed, at = np.nonzero(doubtful)
         axes.plot(
             velocity[at],

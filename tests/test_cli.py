@@ -1,10 +1,15 @@
 """The command runs a scene, writes its results, and refuses bad input in one line."""
 
+import errno
 import os
+import shutil
+import signal
 import stat
 import subprocess
 import sys
+import time
 import tomllib
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -12,8 +17,11 @@ from typer.testing import CliRunner
 
 import graded_contact as gc
 from graded_contact import cli
+from graded_contact.studies import scene as scene_module
+from graded_contact.studies import storage
 from graded_contact.studies.scene import parse_scene
 from graded_contact.studies.storage import read_results
+from graded_contact.studies.store import Store
 
 SCENE = """
 title = "a small one"
@@ -62,7 +70,8 @@ def folder(tmp_path_factory):
 def test_a_run_writes_results_and_figures_and_prints_their_paths(folder):
     printed = (folder / "printed.txt").read_text()
     names = ["small-contact.png", "small-sweep.png", "small.h5"]
-    assert sorted(path.name for path in (folder / "out").iterdir()) == names
+    entries = sorted(path.name for path in (folder / "out").iterdir())
+    assert entries == [*names, "small.points"]
     assert all(f"wrote {folder / 'out' / name}" in printed for name in names)
     assert (folder / "out" / "small-sweep.png").read_bytes().startswith(b"\x89PNG")
 
@@ -124,6 +133,183 @@ def test_an_output_folder_that_cannot_be_made_is_refused_before_solving(tmp_path
     result = command("run", tmp_path / "scene.toml", "-o", tmp_path / "scene.toml" / "out")
     assert result.exit_code == 2
     assert "9/9" not in result.output and "scene.toml" in result.stderr
+
+
+@pytest.fixture
+def rerun(folder, tmp_path):
+    """A copy of the run's folder, and what runs the scene there again."""
+    shutil.copytree(folder / "out", tmp_path / "out")
+
+    def run(*options, text=SCENE):
+        (tmp_path / "small.toml").write_text(text)
+        return command("run", tmp_path / "small.toml", "-o", tmp_path / "out", *options)
+
+    return run
+
+
+def interrupt_after(monkeypatch, count, number=signal.SIGINT):
+    """A signal comes while the solve of this count runs."""
+    slide, calls = scene_module.slide, []
+
+    def with_signal(*arguments, **options):
+        calls.append(None)
+        if len(calls) == count:
+            os.kill(os.getpid(), number)
+            time.sleep(0.5)
+        return slide(*arguments, **options)
+
+    monkeypatch.setattr(scene_module, "slide", with_signal)
+
+
+def test_a_rerun_finds_all_solves(rerun, folder, tmp_path, monkeypatch):
+    monkeypatch.setattr(scene_module, "slide", None)
+    result = rerun()
+    assert result.exit_code == 0, result.output
+    assert f"2 of 2 solves are found in {tmp_path / 'out' / 'small.points'}" in result.stdout
+    before, after = (read_results(at / "out" / "small.h5") for at in (folder, tmp_path))
+    assert before.friction.tobytes() == after.friction.tobytes()
+
+
+@pytest.mark.skipif(os.name != "posix", reason="signals are those of POSIX")
+@pytest.mark.parametrize("number, code", [(signal.SIGINT, 130), (signal.SIGTERM, 143)])
+def test_an_interrupted_run_says_what_was_not_started_and_goes_on(
+    rerun, folder, tmp_path, monkeypatch, number, code
+):
+    shutil.rmtree(tmp_path / "out")
+    interrupt_after(monkeypatch, 1, number)
+    result = rerun()
+    assert result.exit_code == code, result.output
+    assert "1 of 2 solves were not started" in result.stderr and "converge" not in result.output
+    assert "the same command goes on from here" in result.stderr
+    told = command("info", tmp_path / "out" / "small.h5")
+    for text in (result.stdout, told.stdout):
+        assert text.count("not started") == 1
+    assert read_results(tmp_path / "out" / "small.h5").state.tolist() == [["", "not started"]]
+    result = rerun()
+    assert result.exit_code == 0 and "1 of 2 solves are found" in result.stdout
+    before, after = (read_results(at / "out" / "small.h5") for at in (folder, tmp_path))
+    assert before.friction.tobytes() == after.friction.tobytes()
+
+
+@pytest.mark.skipif(os.name != "posix", reason="signals are those of POSIX")
+def test_an_interrupted_rerun_leaves_the_fuller_result(rerun, tmp_path, monkeypatch):
+    shutil.rmtree(tmp_path / "out" / "small.points")
+    before = (tmp_path / "out" / "small.h5").read_bytes()
+    interrupt_after(monkeypatch, 1)
+    result = rerun()
+    assert result.exit_code == 130
+    assert "holds 1 solves that were not done again: it stays as it is" in result.stdout
+    assert (tmp_path / "out" / "small.h5").read_bytes() == before
+
+
+def test_a_result_of_another_scene_is_replaced_only_if_asked(rerun, tmp_path, monkeypatch):
+    other = SCENE.replace("2e5", "3e5").replace("a small one", "another one")
+    path = tmp_path / "out" / "small.h5"
+    before = path.read_bytes()
+    with monkeypatch.context() as patch:
+        patch.setattr(scene_module, "slide", None)
+        result = rerun(text=other)
+    assert result.exit_code == 2 and path.read_bytes() == before
+    text = result.stderr
+    assert "holds 2 solves of 'a small one' that 'another one' does not ask for" in text
+    assert "there `pressure = 2e5`, here `pressure = 3e5`" in text and "--replace" in text
+    result = rerun("--replace", text=other)
+    assert result.exit_code == 0 and read_results(path).pressure == 3e5
+    assert rerun("--replace").exit_code == 0 and read_results(path).pressure == 2e5
+    result = rerun(text=SCENE.replace("[0.01, 1.0]", "[1.0, 0.01, 0.1]"))
+    assert result.exit_code == 0 and read_results(path).friction.shape == (1, 3)
+
+
+def test_what_is_no_result_is_replaced_only_if_asked(rerun, tmp_path):
+    path = tmp_path / "out" / "small.h5"
+    path.write_text("my notes")
+    result = rerun()
+    assert result.exit_code == 2 and "cannot be read" in result.stderr
+    assert "--replace" in result.stderr and path.read_text() == "my notes"
+    assert rerun("--replace").exit_code == 0 and read_results(path).complete
+
+
+def test_a_damaged_point_is_named_and_computed_again(rerun, tmp_path):
+    point = next((tmp_path / "out" / "small.points").glob("*.h5"))
+    point.write_bytes(point.read_bytes()[:700])
+    result = rerun()
+    assert result.exit_code == 0
+    assert f"{point} was damaged: it is computed again" in result.stderr
+
+
+def test_a_second_writer_is_refused(rerun, tmp_path):
+    with Store(tmp_path / "out" / "small.points"):
+        result = rerun()
+    assert result.exit_code == 2 and "is being written by another process" in result.stderr
+
+
+def test_a_kernel_that_fails_is_one_message(rerun, tmp_path, monkeypatch):
+    def failing(*_, **__):
+        raise RuntimeError("EquinoxRuntimeError: no such kernel\n\n----\nTraceback")
+
+    shutil.rmtree(tmp_path / "out")
+    monkeypatch.setattr(scene_module, "slide", failing)
+    result = rerun()
+    assert result.exit_code == 1
+    assert "2 of 2 solves failed" in result.stderr and "Traceback" not in result.output
+    assert result.stderr.count("failed: no such kernel") == 1
+    told = command("info", tmp_path / "out" / "small.h5")
+    assert told.stdout.count("failed") == 2 and told.exit_code == 0
+
+
+def full_disk(*_):
+    raise OSError(errno.ENOSPC, "No space left on device")
+
+
+def test_a_full_disk_is_one_message_and_what_was_kept_stays(rerun, tmp_path, monkeypatch):
+    more = SCENE.replace("[0.01, 1.0]", "[0.01, 1.0, 0.1]")
+    for target in ((Path, "write_bytes"), (storage, "_write_surface")):
+        with monkeypatch.context() as patch:
+            patch.setattr(*target, full_disk)
+            result = rerun(text=more)
+        assert result.exit_code == 2 and "Traceback" not in result.output
+        assert "No space left on device" in result.stderr
+        assert read_results(tmp_path / "out" / "small.h5").complete
+    result = rerun(text=more)
+    assert result.exit_code == 0 and "3 of 3 solves are found" in result.stdout
+
+
+def in_a_file(folder):
+    folder.write_text("")
+    return folder / "out"
+
+
+@pytest.mark.parametrize(
+    "folder, name, expected",
+    [
+        (in_a_file, "small", "Nothing can be written to the folder"),
+        (lambda folder: folder / ("x" * 300), "small", "Nothing can be written to the folder"),
+        (lambda folder: folder / "out", "x" * 200, "it has 200 bytes, and may have 180"),
+    ],
+)
+def test_an_output_is_checked_before_anything_is_computed(
+    tmp_path, monkeypatch, folder, name, expected
+):
+    monkeypatch.setattr(scene_module, "build_surface", None)
+    (tmp_path / f"{name}.toml").write_text(SCENE)
+    result = command("run", tmp_path / f"{name}.toml", "-o", folder(tmp_path / "place"))
+    assert result.exit_code == 2 and expected in result.stderr, result.output
+    assert "Traceback" not in result.output and not (tmp_path / "place").is_dir()
+
+
+@pytest.mark.skipif(
+    not Path("/proc/self").exists(), reason="a folder that takes no files is at hand on Linux"
+)
+def test_a_folder_that_takes_no_files_is_refused(tmp_path):
+    (tmp_path / "small.toml").write_text(SCENE)
+    result = command("run", tmp_path / "small.toml", "-o", "/proc/self")
+    assert result.exit_code == 2 and "Nothing can be written" in result.stderr
+
+
+def test_info_of_a_file_that_is_none_is_one_message(tmp_path):
+    (tmp_path / "a.h5").write_text("no result")
+    result = command("info", tmp_path / "a.h5")
+    assert result.exit_code == 2 and "cannot be read" in result.stderr
 
 
 def moduli_file(path, temperatures):
@@ -231,9 +417,10 @@ def test_the_embedded_scene_runs_at_the_resolution_asked_for(tmp_path, monkeypat
     monkeypatch.setattr(cli, "_run", lambda *arguments: ran.append(arguments))
     for arguments in (("demo",), ("demo", "--resolution", 512, "--output", tmp_path)):
         assert command(*arguments).exit_code == 0
-    (first, folder, name), (second, other, _) = ran
+    (first, folder, name, _), (second, other, finer, _) = ran
     assert (first.surface.grid.shape, second.surface.grid.shape) == ((256, 256), (512, 512))
-    assert (str(folder), other, name) == ("graded-contact-demo", tmp_path, "demo")
+    assert (str(folder), other) == ("graded-contact-demo", tmp_path)
+    assert (name, finer) == ("demo", "demo-512")  # neither replaces the other
     assert first.surface.spectrum.q_high == second.surface.spectrum.q_high
 
 

@@ -58,6 +58,7 @@ def test_a_sweep_has_one_line_per_pressure_and_marks_what_failed(tmp_path, veloc
             velocity=np.array(velocity),
             **values,
             message=message,
+            point=np.full(message.shape, ""),
             surface=surface,
             fields={},
             attributes={},

@@ -9,9 +9,11 @@ the versions of the packages, the dtype, the seed and what else the run reported
 A file is written under another name and renamed when complete: a killed run leaves no half file.
 """
 
+import contextlib
 import dataclasses
+import math
 import os
-import uuid
+from collections.abc import Iterator
 from importlib.metadata import version
 from pathlib import Path
 from typing import Any, NamedTuple
@@ -24,11 +26,18 @@ from jaxtyping import Float
 from ..caveats import Caveat, caveats_of
 from ..grid import Grid
 from ..surface import Step, Surface
+from .store import fingerprint, replacing
 
-FORMAT = "graded_contact results 1"
+FORMAT = "graded_contact results 2"
+NOT_STARTED = "not started"
+FAILED = "failed: "
+_COMPRESSION = 1100  # the most that gzip saves is a factor of 1032
+# What h5py raises for files that are damaged inside, beside what is looked for.
+_UNREADABLE = (
+    OSError, KeyError, ValueError, TypeError, RuntimeError, AttributeError, IndexError,
+    OverflowError, MemoryError,
+)  # fmt: skip
 _PACKAGES = ("graded_contact", "jax", "numpy", "h5py")
-# Why a file that opens may still not be one of ours, or be damaged inside.
-_UNREADABLE = (OSError, KeyError, ValueError, TypeError, RuntimeError)
 
 
 class Quantity(NamedTuple):
@@ -61,7 +70,10 @@ OBSERVABLES = {
     "error": _of_solve("1", "estimated relative error of the contact pressure"),
     "num_fft_pairs": _of_solve("1", "FFT pairs spent on the solve"),
 }
-MESSAGE = {"message": _of_solve("1", "how the solve ended; empty where it succeeded")}
+TEXTS = {
+    "message": _of_solve("1", "how the solve ended; empty where it succeeded"),
+    "point": _of_solve("1", "fingerprint of what decides the solve's numbers"),
+}
 FIELDS = {
     "pressure": Quantity("Pa", "contact pressure", ("x", "y")),
     "gap": Quantity("m", "gap", ("x", "y")),
@@ -96,6 +108,7 @@ class Results:
       `unmeasured_friction`: as in `Sliding`, shape `(pressures, velocities)`.
     - `error`, `num_fft_pairs`: as in `ContactSolution`, same shape.
     - `message`: how each solve ended, same shape; empty where it succeeded.
+    - `point`: the name of each solve in a store of points, same shape.
     - `surface`: the rough surface.
     - `fields`: fields of the solves that were kept, by their pair of indices.
     - `attributes`: texts and numbers about the run: the scene, the seed, the versions, ...
@@ -116,6 +129,7 @@ class Results:
     error: Float[np.ndarray, "pressures velocities"]
     num_fft_pairs: Float[np.ndarray, "pressures velocities"]
     message: np.ndarray
+    point: np.ndarray
     surface: Surface
     fields: dict[tuple[int, int], Fields]
     attributes: dict[str, Any]
@@ -124,6 +138,14 @@ class Results:
     def converged(self) -> np.ndarray:
         """Whether each solve succeeded, shape `(pressures, velocities)`."""
         return self.message == ""
+
+    @property
+    def state(self) -> np.ndarray:
+        """A word for each solve, same shape: empty where it succeeded, "not started", "failed"
+        (there is no number) or "not converged" (the numbers are partial results)."""
+        failed = np.char.startswith(self.message, FAILED)
+        words = np.where(failed, "failed", np.where(self.converged, "", "not converged"))
+        return np.where(self.message == NOT_STARTED, NOT_STARTED, words)
 
     @property
     def complete(self) -> bool:
@@ -145,16 +167,8 @@ def package_versions() -> dict[str, str]:
 
 def write_results(path: str | os.PathLike, results: Results) -> None:
     """Writes results to an HDF5 file; an earlier one is replaced once the new one is complete."""
-    path = Path(path)
-    partial = path.with_name(f".{path.name}.{uuid.uuid4().hex}.partial")
-    try:
-        with h5py.File(partial, "w-", track_order=True) as file:
-            _write(file, results)
-        with open(partial, "rb") as written:
-            os.fsync(written.fileno())
-        os.replace(partial, path)
-    finally:
-        partial.unlink(missing_ok=True)
+    with replacing(path) as partial, h5py.File(partial, "w-", track_order=True) as file:
+        _write(file, results)
 
 
 def read_results(path: str | os.PathLike) -> Results:
@@ -162,14 +176,33 @@ def read_results(path: str | os.PathLike) -> Results:
 
     A missing file raises `FileNotFoundError`, an unreadable or truncated one `ValueError`.
     """
+    with _opened(path) as file:
+        return _read(file)
+
+
+def lost_solves(path: str | os.PathLike, point: np.ndarray) -> tuple[int, dict[str, Any]]:
+    """Returns how many solves the file at `path` has that are not in `point`, and its attributes.
+
+    A file that has any must not be replaced by one with the solves of these names only. Solves that
+    were not started do not count; there are none if there is no file. Raises as `read_results`.
+    """
+    if not Path(path).exists():
+        return 0, {}
+    with _opened(path) as file:
+        finished = _read_texts(file["point"])[_read_texts(file["message"]) != NOT_STARTED]
+        return int(np.sum(~np.isin(finished, point))), _attributes(file)
+
+
+@contextlib.contextmanager
+def _opened(path: str | os.PathLike) -> Iterator[Any]:
     path = Path(path)
     if not path.exists():
         raise FileNotFoundError(f"`path={path}` does not exist.")
     try:
         with h5py.File(path) as file:
-            if file.attrs.get("format") != FORMAT:
+            if str(file.attrs.get("format")) != FORMAT:
                 raise ValueError(f"it does not say that it holds {FORMAT!r}")
-            return _read(file)
+            yield file
     except _UNREADABLE as error:
         reason = " ".join(str(error).split())
         raise ValueError(
@@ -182,7 +215,7 @@ def _write(file: h5py.File, results: Results) -> None:
     for name, value in results.attributes.items():
         file.attrs[name] = value
     file.attrs["caveats"] = "\n".join(caveat.sentence for caveat in results.caveats)
-    for name, about in {**AXES, **OBSERVABLES, **MESSAGE}.items():
+    for name, about in {**AXES, **OBSERVABLES, **TEXTS}.items():
         _put(file, name, getattr(results, name), about)
     _write_surface(file, results.surface)
     for (i, j), fields in results.fields.items():
@@ -217,11 +250,12 @@ def _put(group: h5py.Group, name: str, values: np.ndarray, about: Quantity) -> N
     if values.dtype.kind in "UO":
         dataset = group.create_dataset(name, data=values.astype(object), dtype=h5py.string_dtype())
     else:
-        # The checksum tells a damaged number from a measured one.
         dataset = group.create_dataset(
             name, data=values, compression="gzip", shuffle=True, fletcher32=True
         )
     dataset.attrs["units"], dataset.attrs["description"] = about.unit, about.description
+    # HDF5's own checksum does not see damage to what says where the numbers are.
+    dataset.attrs["digest"] = fingerprint(values)
     if about.dimensions == (name,):
         dataset.make_scale(name)
         return
@@ -231,22 +265,30 @@ def _put(group: h5py.Group, name: str, values: np.ndarray, about: Quantity) -> N
 
 
 def _read(file: Any) -> Results:
-    derived = ("format", "caveats")
-    attributes = {name: _plain(value) for name, value in file.attrs.items() if name not in derived}
-    size, history = attributes.pop("surface_size"), attributes.pop("surface_history")
-    steps = [attributes.pop(f"surface_step_{name}", []) for name in Step._fields]
-    heights = file["heights"][()]
-    values = {name: _array(file[name]) for name in {**AXES, **OBSERVABLES, **MESSAGE}}
+    attributes = _attributes(file)
+    heights = _read_array(file["heights"])
+    values = {name: _read_array(file[name]) for name in {**AXES, **OBSERVABLES}}
+    values |= {name: _read_texts(file[name]) for name in TEXTS}
+    shape = tuple(values[name].size for name in AXES)
+    for name in {**OBSERVABLES, **TEXTS}:
+        if values[name].shape != shape:
+            raise ValueError(f"{name} has the shape {values[name].shape} instead of {shape}")
     fields = {}
     for name, group in file.items():
         if name.startswith("solve_"):
-            _, i, j = name.split("_")
-            fields[int(i), int(j)] = Fields(**{key: group[key][()] for key in FIELDS})
+            i, j = map(int, name.split("_")[1:])
+            values["message"][i, j]  # there is such a solve
+            arrays = {key: _read_array(group[key]) for key in FIELDS}
+            if any(array.shape != heights.shape for array in arrays.values()):
+                raise ValueError(f"{name} has not the shape {heights.shape} of the surface")
+            fields[i, j] = Fields(**arrays)
+    history = str(file.attrs["surface_history"])
+    steps = [file.attrs.get(f"surface_step_{name}", ()) for name in Step._fields]
     surface = Surface(
         heights=jnp.asarray(heights),
-        grid=Grid(heights.shape, jnp.asarray(size)),
+        grid=Grid(heights.shape, jnp.asarray(file.attrs["surface_size"])),
         history=tuple(history.split("\n")) if history else (),
-        measured=jnp.asarray(file["measured"][()]) if "measured" in file else None,
+        measured=jnp.asarray(_read_array(file["measured"])) if "measured" in file else None,
         steps=tuple(
             Step(str(name), *map(float, numbers)) for name, *numbers in zip(*steps, strict=True)
         ),
@@ -254,11 +296,48 @@ def _read(file: Any) -> Results:
     return Results(**values, surface=surface, fields=fields, attributes=attributes)
 
 
-def _array(dataset: Any) -> np.ndarray:
-    if h5py.check_string_dtype(dataset.dtype) is not None:
-        return dataset.asstr()[()].astype(str)
-    return dataset[()]
+def _attributes(file: Any) -> dict[str, Any]:
+    """The texts and numbers of the root, those apart that have a field of their own."""
+    found = {}
+    for name, value in file.attrs.items():
+        if name in ("format", "caveats") or name.startswith("surface_"):
+            continue
+        if not isinstance(value, str | np.number | np.bool_):
+            raise ValueError(f"the attribute {name} is neither a text nor a number")
+        found[name] = value if isinstance(value, str) else value.item()
+    return found
 
 
-def _plain(value: Any) -> Any:
-    return value.item() if isinstance(value, np.generic) else value
+def _read_array(dataset: Any) -> np.ndarray:
+    """The numbers of a dataset, which it must hold as it says: read only after a look at that."""
+    _check_stored(dataset)
+    if dataset.dtype.kind != "f":
+        raise ValueError(f"{dataset.name} holds {dataset.dtype} instead of numbers")
+    return _unchanged(dataset, np.asarray(dataset[()]))
+
+
+def _read_texts(dataset: Any) -> np.ndarray:
+    """The texts of a dataset."""
+    _check_stored(dataset)
+    if h5py.check_string_dtype(dataset.dtype) is None:
+        raise ValueError(f"{dataset.name} holds {dataset.dtype} instead of texts")
+    return _unchanged(dataset, np.asarray(dataset.asstr()[()]).astype(str))
+
+
+def _unchanged(dataset: Any, values: np.ndarray) -> np.ndarray:
+    if str(dataset.attrs.get("digest")) != fingerprint(values):
+        raise ValueError(f"{dataset.name} was changed after it was written")
+    return values
+
+
+def _check_stored(dataset: Any) -> None:
+    """Refuses a shape that asks for more than is stored: it could take all the memory there is."""
+    if not isinstance(dataset, h5py.Dataset) or dataset.shape is None:
+        raise ValueError(f"{getattr(dataset, 'name', dataset)} is no array")
+    stored, whole = dataset.id.get_storage_size(), True
+    if dataset.chunks is not None:
+        needed = [-(-n // c) for n, c in zip(dataset.shape, dataset.chunks, strict=True)]
+        whole = dataset.id.get_num_chunks() >= math.prod(needed)
+        stored *= _COMPRESSION
+    if not whole or stored < dataset.nbytes:
+        raise ValueError(f"{dataset.name} lacks a part of its numbers, shape {dataset.shape}")

@@ -10,7 +10,10 @@ import pytest
 
 import graded_contact as gc
 from graded_contact.rheology.reading import read_moduli
+from graded_contact.studies import scene as scene_module
 from graded_contact.studies.scene import build_surface, parse_scene, read_scene, run_scene
+from graded_contact.studies.storage import AXES, FIELDS, OBSERVABLES, TEXTS
+from graded_contact.studies.store import Store
 
 DATA = Path(__file__).parents[3] / "shared" / "data"
 MEASURED = sorted((Path(__file__).parents[2] / "examples").glob("measured_*.toml"))
@@ -407,33 +410,155 @@ def test_an_interrupted_run_keeps_what_it_has(scene, results):
 
     kept = run_scene(scene, progress=interrupt)
     assert not kept.complete
-    np.testing.assert_array_equal(kept.converged, [[True, True], [True, False]])
-    assert "interrupted" in kept.message[1, 1]
+    np.testing.assert_array_equal(kept.state, [["", ""], ["", "not started"]])
     np.testing.assert_array_equal(kept.friction[0], results.friction[0])
     assert np.isnan(kept.friction[1, 1])
 
 
-HUGE = "9" * 400
+def same(one, other):
+    """Whether two results are equal bit for bit."""
+    for name in (*AXES, *OBSERVABLES):
+        assert getattr(one, name).tobytes() == getattr(other, name).tobytes()
+    for name in TEXTS:
+        np.testing.assert_array_equal(getattr(one, name), getattr(other, name))
+    assert one.attributes == other.attributes and one.fields.keys() == other.fields.keys()
+    for index, fields in one.fields.items():
+        for name in FIELDS:
+            a, b = getattr(fields, name), getattr(other.fields[index], name)
+            assert a.tobytes() == b.tobytes()
+    return True
+
+
+@pytest.fixture
+def solved(monkeypatch):
+    """The pressures and velocities that were solved for, in order."""
+    calls, slide = [], scene_module.slide
+
+    def noting(*arguments, **options):
+        calls.append((float(options["pressure"]), float(options["velocity"])))
+        return slide(*arguments, **options)
+
+    monkeypatch.setattr(scene_module, "slide", noting)
+    return calls
+
+
+def test_a_run_goes_on_from_its_store(scene, results, solved, tmp_path):
+    def interrupt(done, total):
+        if done == 3:
+            raise KeyboardInterrupt
+
+    counts = []
+    with Store(tmp_path) as store:
+        run_scene(scene, store=store, progress=interrupt)
+        assert solved == [(2e5, 0.01), (2e5, 1.0), (4e5, 0.01)]
+        again = run_scene(scene, store=store, progress=lambda *count: counts.append(count))
+        assert solved[3:] == [(4e5, 1.0)] and counts == [(3, 4), (4, 4)]
+        assert same(again, results)
+        assert same(run_scene(scene, store=store), results)
+        assert len(solved) == 4
+
+
+def test_scenes_share_the_solves_that_they_have_in_common(scene, solved, tmp_path):
+    with Store(tmp_path) as store:
+        run_scene(scene, store=store)
+        more = parse_scene(changed("[0.01, 1.0]", "[1.0, 0.1]", 'title = "a small', 'title = "a'))
+        results = run_scene(more, store=store)
+        assert solved[4:] == [(2e5, 0.1), (4e5, 0.1)]  # the last one's fields were not kept
+        assert same(results, run_scene(more))
+        for other in (("2e-5", "3e-5"), ("1e-6", "1e-7"), ("0.4\n", "0.41\n"), ("seed = 3", "")):
+            run_scene(parse_scene(changed(*other)), store=store)
+    assert len(solved) == 4 + 2 + 4 + 4 * 4
+
+
+def test_a_damaged_solve_is_computed_again_and_named(scene, results, solved, tmp_path):
+    with Store(tmp_path) as store:
+        run_scene(scene, store=store)
+        path = store.path(results.point[0, 1])
+        path.write_bytes(path.read_bytes()[:-1])
+        assert same(run_scene(scene, store=store), results)
+        assert solved[4:] == [(2e5, 1.0)] and store.damaged == [path]
+        assert store.read(results.point[0, 1]) is not None
+
+
+def failing_at(monkeypatch, call, error):
+    """`slide` fails at one of its calls."""
+    slide, calls = scene_module.slide, []
+
+    def sometimes(*arguments, **options):
+        calls.append(None)
+        if len(calls) == call:
+            raise error
+        return slide(*arguments, **options)
+
+    monkeypatch.setattr(scene_module, "slide", sometimes)
 
 
 @pytest.mark.parametrize(
-    "old, new, named",
+    "error",
     [
-        ('kind = "self_affine"', 'kind = ["self_affine"]', r"\[surface\] `kind`"),
-        ('kind = "self_affine"', "kind = {a = 1}", r"\[surface\] `kind`"),
-        (
-            "pressure = [2e5, 4e5]",
-            f"pressure = {HUGE}",
-            r"`pressure` = 9+\.\.\.9+ must be",
-        ),
-        ("size = 1e-3", f"size = {HUGE}", r"\[grid\] `size`"),
-        ("shape = [32, 32]", f"shape = [{HUGE}, 32]", r"\[grid\] `shape`"),
-        ("pressure = [2e5, 4e5]", f"pressure = {'[' * 3000}{']' * 3000}", "nested too deeply"),
-        ("pressure = [2e5, 4e5]", f"pressure = {'{a=' * 3000}1{'}' * 3000}", "nested too deeply"),
-        ("pressure = [2e5, 4e5]", f"pressure = {{from = 1, to = 2, points = {HUGE}}}", "`points`"),
+        ValueError("`kernel` is refused."),
+        RuntimeError("jax.errors.JaxRuntimeError: `kernel` is refused.\n\n--------\nmore"),
     ],
 )
-def test_odd_values_of_toml_are_refused_by_name(old, new, named):
-    with pytest.raises(ValueError, match=named) as refusal:
-        parse_scene(changed(old, new))
-    assert len(str(refusal.value)) < 300
+def test_a_kernel_that_fails_is_kept_with_its_reason_and_the_run_goes_on(
+    scene, results, tmp_path, monkeypatch, error
+):
+    failing_at(monkeypatch, 2, error)
+    with Store(tmp_path) as store:
+        for _ in range(2):  # the second time from the store
+            found = run_scene(scene, store=store)
+            np.testing.assert_array_equal(found.state, [["", "failed"], ["", ""]])
+            assert found.message[0, 1] == "failed: `kernel` is refused."
+            assert np.isnan(found.friction[0, 1]) and np.isnan(found.error[0, 1])
+            np.testing.assert_array_equal(found.friction[1], results.friction[1])
+            assert found.attributes["num_converged"] == 3
+
+
+@pytest.mark.parametrize(
+    "error, raised",
+    [
+        (RuntimeError("RESOURCE_EXHAUSTED: Out of memory allocating 1 byte."), MemoryError),
+        (RuntimeError("CpuCallback error: KeyboardInterrupt: "), KeyboardInterrupt),
+        (OSError("No space left on device"), OSError),
+    ],
+)
+def test_what_is_not_a_solve_s_fault_is_not_kept_as_such(
+    scene, tmp_path, monkeypatch, error, raised
+):
+    failing_at(monkeypatch, 1, error)
+    with Store(tmp_path) as store:
+        with pytest.raises(raised):
+            run_scene(scene, store=store)
+        assert list(tmp_path.glob("*.h5")) == []
+        assert run_scene(scene, store=store).complete
+
+
+@pytest.mark.parametrize(
+    "lines, expected",
+    [
+        ('name = "../../evil"', r"\[output\] `name='../../evil'` is refused.*'/'"),
+        ('name = "/tmp/evil"', r"`name='/tmp/evil'` is refused.*'/'"),
+        ("name = 'a\\b'", "is refused"),
+        ('name = "a\\u0000"', r"`name='a\\x00'` is refused"),
+        ('name = ".."', "letters or digits are needed"),
+        ('name = ""', "letters or digits are needed"),
+        (f'name = "{300 * "x"}"', "it has 300 bytes, and may have 180"),
+        (f'name = "{100 * "µ"}"', "it has 200 bytes"),
+        ('directory = "a\\u0000"', r"\[output\] .*'a\\x00' is refused"),
+        ('directory = "~nobody-of-this-name/a"', r"\[output\] .*is refused"),
+    ],
+)
+def test_an_output_that_no_folder_can_have_is_refused(lines, expected):
+    with pytest.raises(ValueError, match=expected):
+        parse_scene(changed("[solver]", f"[output]\n{lines}\n[solver]"))
+
+
+def test_a_directory_is_relative_to_the_scene(tmp_path, monkeypatch):
+    monkeypatch.setenv("HOME", str(tmp_path / "home"))
+    for given, expected in (
+        ("out", tmp_path / "scenes" / "out"),
+        ("/elsewhere/out", Path("/elsewhere/out")),
+        ("~/out", tmp_path / "home" / "out"),
+    ):
+        text = changed("[solver]", f'[output]\ndirectory = "{given}"\n[solver]')
+        assert parse_scene(text, tmp_path / "scenes").directory == expected

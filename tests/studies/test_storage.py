@@ -12,8 +12,10 @@ from graded_contact.studies.storage import (
     AXES,
     FIELDS,
     OBSERVABLES,
+    TEXTS,
     Fields,
     Results,
+    lost_solves,
     read_results,
     write_results,
 )
@@ -30,7 +32,8 @@ def make_results(shape=(4, 6), dtype=np.float64) -> Results:
         pressure=np.array([1e5, 3e5]),
         velocity=np.geomspace(1e-3, 1.0, 3),
         **values,
-        message=np.array([["", "", "It stopped."], ["", "", ""]]),
+        message=np.array([["", "", "It stopped."], ["", storage.NOT_STARTED, "failed: no kernel"]]),
+        point=np.array([["a", "b", "c"], ["d", "e", "f"]]),
         surface=gc.Surface(
             heights=draw.normal(size=shape).astype(dtype),
             grid=grid,
@@ -49,10 +52,10 @@ def test_results_come_back_bit_for_bit(tmp_path, shape, dtype):
     results = make_results(shape, dtype)
     write_results(tmp_path / "a.h5", results)
     again = read_results(tmp_path / "a.h5")
-    for name in (*AXES, *OBSERVABLES, "message"):
+    for name in (*AXES, *OBSERVABLES, *TEXTS):
         before, after = getattr(results, name), getattr(again, name)
         assert before.shape == after.shape
-        assert name == "message" or before.dtype == after.dtype
+        assert name in TEXTS or before.dtype == after.dtype
         assert before.tolist() == after.tolist() or before.tobytes() == after.tobytes()
     assert again.fields.keys() == results.fields.keys()
     for key, fields in results.fields.items():
@@ -83,8 +86,10 @@ def test_caveats_are_sentences_in_the_file_and_follow_from_its_numbers(tmp_path)
 
 def test_converged_is_what_has_no_message(tmp_path):
     results = make_results()
-    np.testing.assert_array_equal(results.converged, [[True, True, False], [True, True, True]])
+    np.testing.assert_array_equal(results.converged, [[True, True, False], [True, False, False]])
     assert not results.complete
+    words = [["", "", "not converged"], ["", "not started", "failed"]]
+    np.testing.assert_array_equal(results.state, words)
 
 
 def test_every_dataset_has_units_a_description_and_scales(tmp_path):
@@ -166,3 +171,84 @@ def test_other_files_are_refused(tmp_path):
         file.attrs["format"] = storage.FORMAT
     with pytest.raises(ValueError, match=r"a\.h5.*cannot be read"):
         read_results(path)
+
+
+def test_what_a_file_would_lose_is_what_was_finished_in_it_alone(tmp_path):
+    path = tmp_path / "a.h5"
+    assert lost_solves(path, np.array([])) == (0, {})
+    write_results(path, make_results())
+    for names, expected in ((list("abcdf"), 0), (list("abc"), 2), ([], 5)):
+        lost, attributes = lost_solves(path, np.array(names))
+        assert lost == expected and attributes["title"] == "glatt, 50 µm"
+
+
+def forged(name, change):
+    """Edits a file in the way of the name: whoever does that is told, and nothing is allocated."""
+    return pytest.param(change, id=name)
+
+
+def _dataset(file, name, data=None, **arguments):
+    del file[name]
+    file.create_dataset(name, data=data, **arguments)
+
+
+FORGERIES = [
+    forged("no friction", lambda f: f.__delitem__("friction")),
+    forged("a group", lambda f: (f.__delitem__("friction"), f.create_group("friction"))),
+    forged("27 GB", lambda f: _dataset(f, "heights", shape=(60000, 60000), dtype="f8")),
+    forged(
+        "27 GB in chunks",
+        lambda f: _dataset(f, "heights", shape=(60000, 60000), dtype="f8", chunks=(100, 100)),
+    ),
+    forged(
+        "27 GB in a chunk",
+        lambda f: _dataset(f, "heights", shape=(60000, 60000), dtype="f8", chunks=(60000, 60000)),
+    ),
+    forged("no numbers", lambda f: _dataset(f, "friction", data=h5py.Empty("f8"))),
+    forged("other shape", lambda f: _dataset(f, "friction", data=np.zeros((3, 2)))),
+    forged("whole numbers", lambda f: _dataset(f, "friction", data=np.zeros((2, 3), int))),
+    forged("complex", lambda f: _dataset(f, "friction", data=np.zeros((2, 3), complex))),
+    forged("texts", lambda f: _dataset(f, "friction", data=[["a"] * 3] * 2)),
+    forged("no texts", lambda f: _dataset(f, "message", data=np.zeros((2, 3)))),
+    forged("three axes", lambda f: _dataset(f, "heights", data=np.zeros((2, 3, 4)))),
+    forged("other fields", lambda f: _dataset(f, "solve_0_2/gap", data=np.zeros((2, 3)))),
+    forged("another solve", lambda f: f.move("solve_0_2", "solve_7_7")),
+    forged("no index", lambda f: f.move("solve_0_2", "solve_x")),
+    forged("an array for a title", lambda f: f.attrs.__setitem__("title", [1.0, 2.0])),
+    forged("nothing for a title", lambda f: f.attrs.__setitem__("title", h5py.Empty("f8"))),
+    forged("formats", lambda f: f.attrs.__setitem__("format", [storage.FORMAT] * 2)),
+    forged("no size", lambda f: f.attrs.__delitem__("surface_size")),
+    forged("a text for a size", lambda f: f.attrs.__setitem__("surface_size", "1 m")),
+    forged("three sizes", lambda f: f.attrs.__setitem__("surface_size", [1.0, 2.0, 3.0])),
+    forged("infinite heights", lambda f: f["heights"].__setitem__(0, np.inf)),
+]
+
+
+@pytest.mark.parametrize("change", FORGERIES)
+def test_an_edited_file_is_refused_by_its_path(tmp_path, change, unchecked_types):
+    path = tmp_path / "a.h5"
+    write_results(path, make_results())
+    with h5py.File(path, "a") as file:
+        change(file)
+    with pytest.raises(ValueError, match=r"a\.h5.*cannot be read"):
+        read_results(path)
+
+
+def test_a_damaged_file_is_read_right_or_refused(tmp_path):
+    """Any bit may be wrong: no error but the refusal, and no number changed."""
+    path, draw = tmp_path / "a.h5", np.random.default_rng(0)
+    results = make_results()
+    write_results(path, dataclasses.replace(results, attributes={"title": "short"}))
+    content = path.read_bytes()
+    for _ in range(80):
+        damaged = bytearray(content)
+        for _ in range(draw.integers(1, 4)):
+            damaged[draw.integers(len(content))] ^= 1 << draw.integers(8)
+        path.write_bytes(damaged)
+        try:
+            again = read_results(path)
+        except ValueError as error:
+            assert "a.h5" in str(error)
+            continue
+        for name in OBSERVABLES:
+            assert getattr(again, name).tobytes() == getattr(results, name).tobytes()
