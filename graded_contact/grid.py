@@ -2,16 +2,18 @@
 
 Axis 0 is x (the default direction of sliding), axis 1 is y. A field of shape `(nx, ny)` has the
 half spectrum `(nx, ny//2 + 1)` of `rfftn`; a one-dimensional cell `(nx,)` has `(nx//2 + 1,)`.
-Wavevectors are angular, q = 2π k/L [rad/m]. On a Nyquist line +q and -q are the same mode, so
-odd functions of that component of q (a derivative, the imaginary part of a sliding kernel)
-vanish there.
+Wavevectors are angular, q = 2π k/L [rad/m]. On a Nyquist line both signs of that component of q are
+the same mode, so what is odd in it (a derivative) vanishes there. Of a response that depends on the
+direction the real part of the mean of both signs is kept: then the half spectrum is Hermitian, that
+of a real operator, and its resolvent that of this operator's.
 """
 
 import equinox as eqx
+import jax
 import jax.numpy as jnp
 import numpy as np
 from jax import Array
-from jaxtyping import Complex, Float
+from jaxtyping import Complex, Float, Inexact
 
 from . import _fft
 from ._checks import Numbers, as_float, check_positive, check_values
@@ -80,11 +82,16 @@ def mode_numbers(shape: tuple[int, ...]) -> tuple[np.ndarray, ...]:
     return tuple(np.meshgrid(*[np.rint(k).astype(int) for k in axes], indexing="ij", sparse=True))
 
 
-def wavevector(grid: Grid) -> tuple[Float[Array, "..."], ...]:
-    """Returns the components (qx, qy) [rad/m] on the half spectrum, each broadcastable to it."""
+def wavevector(
+    grid: Grid, numbers: tuple[np.ndarray, ...] | None = None
+) -> tuple[Float[Array, "..."], ...]:
+    """Returns the components (qx, qy) [rad/m] on the half spectrum, each broadcastable to it.
+
+    Or at other mode `numbers`.
+    """
     return tuple(
         2 * np.pi * jnp.asarray(k, grid.size.dtype) / length
-        for k, length in zip(mode_numbers(grid.shape), grid.size, strict=True)
+        for k, length in zip(numbers or mode_numbers(grid.shape), grid.size, strict=True)
     )
 
 
@@ -104,6 +111,42 @@ def nyquist_lines(shape: tuple[int, ...]) -> np.ndarray:
     return mask
 
 
+def both_signs(shape: tuple[int, ...]) -> tuple[np.ndarray, ...]:
+    """Returns mode numbers as `mode_numbers`, with both signs of the Nyquist number of an axis x.
+
+    In two dimensions kx is 0 ... nx//2, -(nx//2) ... -1: with a response at these numbers both
+    signs of each component are known, for R(-q) is the conjugate of R(q). See `even_on_nyquist`.
+    """
+    *rows, columns = (np.arange(n // 2 + 1) for n in shape)
+    if not rows:
+        return (columns,)
+    kx = np.concatenate([rows[0], -rows[0][:0:-1]])
+    return kx[:, None], columns[None, :]
+
+
+def even_on_nyquist(response: Inexact[Array, "..."], shape: tuple[int, ...]) -> Array:
+    """Returns the half spectrum of a response given at the numbers of `both_signs`.
+
+    On Nyquist lines it is the real part of the mean over both signs of that component.
+    """
+    if shape[-1] % 2 == 0:
+        line = _over_signs(response[..., -1]).real
+        response = response.at[..., -1].set(line)
+    if len(shape) == 1 or shape[0] % 2 == 1:
+        return response
+    half = shape[0] // 2
+    line = (response[half] + response[half + 1]).real / 2
+    return jnp.concatenate(
+        [response[:half], line[None].astype(response.dtype), response[half + 2 :]]
+    )
+
+
+def _over_signs(column: Inexact[Array, "..."]) -> Array:
+    """The mean of R(kx, ky) and R(kx, -ky), which is the conjugate of R(-kx, ky), for one ky."""
+    mirrored = jnp.roll(column[::-1], 1) if column.ndim else column
+    return (column + jnp.conj(mirrored)) / 2
+
+
 def as_velocity(velocity: Numbers, grid: Grid) -> Float[Array, "..."]:
     """Returns a velocity along x, a number, or with two components as an array [m/s].
 
@@ -117,6 +160,23 @@ def as_velocity(velocity: Numbers, grid: Grid) -> Float[Array, "..."]:
         )
     check_values("velocity", velocity, "a velocity [m/s] must be finite")
     return velocity
+
+
+def sliding_frequency(
+    qx: Float[Array, "..."], qy: Float[Array, "..."], velocity: Float[Array, "..."]
+) -> Float[Array, "..."]:
+    """Returns ω = -q·v [rad/s], which for a velocity along x has the shape of `qx`.
+
+    Across the velocity rounding leaves some 1e-17 where 0 is meant: another number whenever it is
+    computed anew, outside of any table of moduli, and with a sign. There it is 0, with its
+    derivative -q.
+    """
+    if velocity.ndim == 0:
+        return -qx * velocity
+    along, across = qx * velocity[0], qy * velocity[1]
+    omega = -(along + across)
+    rounding = 4 * jnp.finfo(omega.dtype).eps * jnp.abs(along)
+    return omega - jax.lax.stop_gradient(jnp.where(jnp.abs(omega) <= rounding, omega, 0))
 
 
 def multiplicity(shape: tuple[int, ...]) -> np.ndarray:
@@ -151,8 +211,8 @@ def derivative(field: Float[Array, "*shape"], grid: Grid, axis: int) -> Float[Ar
 def resample_spectrum(spectrum: Array, shape: tuple[int, ...], new_shape: tuple[int, ...]) -> Array:
     """Returns a half spectrum cut or zero-padded to the modes of another grid on the same cell.
 
-    Values are copied, not rescaled. On the Nyquist lines of a coarser grid only the real part is
-    kept; the Nyquist lines of a finer grid stay empty.
+    Values are copied, not rescaled. On the Nyquist lines of a coarser grid the even part is kept,
+    see `even_on_nyquist`; the Nyquist lines of a finer grid stay empty.
     """
     if new_shape == shape:
         return spectrum
@@ -162,7 +222,11 @@ def resample_spectrum(spectrum: Array, shape: tuple[int, ...], new_shape: tuple[
         nyquist = min(n, m) // 2
         low = jnp.moveaxis(spectrum, axis, 0)
         top = low[: keep + 1]
-        shared = low[nyquist : nyquist + 1] if min(n, m) % 2 == 0 and m < n else low[:0]
+        shared = low[:0]
+        if min(n, m) % 2 == 0 and m < n:
+            line = low[nyquist]
+            line = _over_signs(line) if last else (line + low[n - nyquist]) / 2
+            shared = line[None]
         size = m // 2 + 1 if last else m
         negative = low[:0] if last else low[n - keep :] if keep else low[:0]
         middle = jnp.zeros(

@@ -155,6 +155,25 @@ def test_coarsening_drops_the_waves_above_the_new_nyquist_number(coarse, fine):
         np.testing.assert_array_equal(np.imag(line), 0)
 
 
+@pytest.mark.parametrize("shape", [(8, 10), (6, 7), (5, 8)])
+def test_a_coarsened_kernel_is_that_of_a_real_operator_alike_along_both_axes(shape):
+    """Of a kernel that depends on the direction: both signs of a Nyquist number weigh alike."""
+    fine = (16, 18)
+    full = np.fft.fft2(np.random.default_rng(5).normal(size=fine))
+    cut = resample_spectrum(jnp.asarray(full[:, : fine[1] // 2 + 1]), fine, shape)
+    turned = resample_spectrum(jnp.asarray(full.T[:, : fine[0] // 2 + 1]), fine[::-1], shape[::-1])
+    unit = np.eye(int(np.prod(shape))).reshape(-1, *shape)
+
+    def columns(half, field, n):
+        return np.fft.irfft2(half * np.fft.rfft2(field), n)
+
+    plain = columns(np.asarray(cut), unit, shape)
+    other = columns(np.asarray(turned), unit.swapaxes(1, 2), shape[::-1]).swapaxes(1, 2)
+    np.testing.assert_allclose(plain, other, atol=1e-12)
+    inverse = columns(1 / (1 + np.asarray(cut)), plain + unit, shape)
+    np.testing.assert_allclose(inverse, unit, atol=1e-11)
+
+
 def test_resampling_to_the_same_shape_changes_nothing():
     modes = to_spectrum(jnp.asarray(np.random.default_rng(4).normal(size=(6, 8))))
     np.testing.assert_array_equal(resample_spectrum(modes, (6, 8), (6, 8)), modes)

@@ -81,6 +81,37 @@ def test_velocity_along_y_on_the_transposed_surface_swaps_the_axes():
     )
 
 
+@pytest.mark.parametrize("points", [32, pytest.param(33, marks=pytest.mark.slow)])
+def test_askew_a_solve_keeps_its_promise_and_its_derivatives(points):
+    """An operator that is not that of its half spectrum left penetrations of 4e-5 at 1e-10."""
+    grid = gc.Grid((points, points), CELL)
+    surface = gc.random_surface(SPECTRUM, grid, jax.random.key(0))
+
+    def solve(velocity, times, thickness):
+        rubber = gc.Prony(1e6, [9e6, 2e7], times, 0.49)
+        coat = gc.Layer(gc.Elastic(6.51e6, 0.49), thickness)
+        stack = gc.Stack(layers=(coat,), base=gc.HalfSpace(rubber))
+        return gc.slide(stack, surface, pressure=4e5, velocity=velocity, rtol=1e-11)
+
+    arguments = [jnp.array([0.1, 0.05]), jnp.array([1e-2, 1e-4]), jnp.array(1e-4)]
+    run = jax.jit(solve)
+    s = run(*arguments)
+    assert s.contact.complementarity_error <= 1e-11
+    assert s.contact.penetration <= 1e-11
+    assert s.energy_imbalance <= 1e-13
+    _, shares = gc.cumulative_friction(s.pressure, s.displacement, grid, arguments[0])
+    np.testing.assert_allclose(shares[-1], s.friction, rtol=1e-12)
+    assert np.all(np.diff(shares) >= -1e-12)
+    gradient = jax.jit(jax.grad(lambda *a: solve(*a).friction, (0, 1, 2)))(*arguments)
+    for i, (value, slope) in enumerate(zip(arguments, gradient, strict=True)):
+        for index in np.ndindex(value.shape):
+            step = 1e-5 * float(value[index])
+            moved = [value.at[index].add(d) for d in (step, -step)]
+            ends = [float(run(*arguments[:i], m, *arguments[i + 1 :]).friction) for m in moved]
+            difference = (ends[0] - ends[1]) / (2 * step)
+            np.testing.assert_allclose(slope[index], difference, rtol=2e-6)
+
+
 @settings(max_examples=10, deadline=None)
 @given(
     exponent=st.floats(-4, 4),

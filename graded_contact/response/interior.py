@@ -28,7 +28,15 @@ from jax import Array
 from jaxtyping import Float, Inexact
 
 from .._checks import Numbers, as_float, as_numbers, check_shape, check_values, is_concrete
-from ..grid import Grid, nyquist_lines, to_field, to_spectrum, wavevector
+from ..grid import (
+    Grid,
+    both_signs,
+    even_on_nyquist,
+    sliding_frequency,
+    to_field,
+    to_spectrum,
+    wavevector,
+)
 from .matrix import Below, Moduli, kept, moduli_of, start_of, sweep, wavevectors, zeros_for
 from .slab import Compliance, Slab, factors, stack_on
 from .stack import HalfSpace, Stack
@@ -108,8 +116,8 @@ def stress_field(
 
     **Returns:** real fields, shape `(*grid.shape, 3)` and `(*grid.shape, 3, 3)`. The mean pressure
     compresses the block without lateral strain, σ_xx = σ_yy = ν/(1-ν) σ_zz at ω = 0; the mean
-    displacement, which belongs to the mean gap, is left out. On Nyquist lines the response has
-    its real part only, as in `stack_kernel`, with which the surface's displacement agrees.
+    displacement, which belongs to the mean gap, is left out. Nyquist lines are treated as in
+    `stack_kernel`, with which the surface's displacement agrees.
     """
     pressure, depth = as_float(pressure, "pressure"), as_float(depth, "depth")
     velocity = as_float(velocity, "velocity")
@@ -342,10 +350,10 @@ def _interior_fields(stack, qx, qy, omega, traction, depth, side):
 @functools.partial(jax.jit, static_argnames="side")
 def _stress_field(stack, grid, pressure, depth, velocity, side):
     spectrum = to_spectrum(pressure)
-    components = wavevector(grid)
-    qx, qy = components if grid.ndim == 2 else (components[0], jnp.zeros_like(components[0]))
+    qx, *qy = wavevector(grid, both_signs(grid.shape))
+    qy = qy[0] if qy else jnp.zeros_like(qx)
     zero = (qx == 0) & (qy == 0)
-    omega = -qx * velocity if velocity.ndim == 0 else -(qx * velocity[0] + qy * velocity[1])
+    omega = sliding_frequency(qx, qy, velocity)
     unit = [jnp.asarray(x, pressure.dtype) for x in (0, 0, 1)]
     displacement, stress, lateral = _response(
         stack, jnp.where(zero, qx.ravel()[1], qx), qy, omega, unit, depth, side
@@ -353,8 +361,8 @@ def _stress_field(stack, grid, pressure, depth, velocity, side):
     means = [0, 0, 0, *(-lateral.ravel()[0],) * 2, -1, 0, 0, 0]
     fields = []
     for response, mean in zip((*displacement, *stress), means, strict=True):
-        response = jnp.where(nyquist_lines(grid.shape), response.real, response)
-        fields.append(to_field(jnp.where(zero, mean, response) * spectrum, grid.shape))
+        response = even_on_nyquist(jnp.where(zero, mean, response), grid.shape)
+        fields.append(to_field(response * spectrum, grid.shape))
     return InteriorFields(jnp.stack(fields[:3], -1), _tensor(fields[3:]))
 
 

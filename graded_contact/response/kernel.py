@@ -17,7 +17,7 @@ import numpy as np
 from jaxtyping import Array, Inexact
 
 from .._checks import Numbers, is_concrete
-from ..grid import Grid, as_velocity, nyquist_lines
+from ..grid import Grid, as_velocity, both_signs, even_on_nyquist, nyquist_lines, sliding_frequency
 from ..rheology.tabulated import Tabulated
 from .compliance import compliance_of, is_graded, prepared
 from .grading import check_profiles, graded_tolerance
@@ -53,8 +53,9 @@ def stack_kernel(
     - `rtol`: relative tolerance of graded and long stacks; by default 1e-9, in float32 1e-4.
 
     **Returns:** the kernel, shape of the half spectrum. The q = 0 entry is 0 (the mean
-    displacement belongs to the mean gap) and Nyquist lines hold the real part, the even one.
-    It is real when every material is elastic.
+    displacement belongs to the mean gap) and Nyquist lines hold the real part of the mean over
+    both signs of that component of q, so that the operator is real and its inverse that of this
+    half spectrum. It is real when every material is elastic.
 
     **Raises:** `ValueError` for a refused argument; `RuntimeError` if `rtol` is not reached.
     """
@@ -110,15 +111,16 @@ def _direct_kernel(stack, grid, velocity, rtol):
         qx = _wavenumbers(grid, 0, np.arange(grid.shape[0] // 2 + 1))
         kernel = _compliance(stack, qx, jnp.zeros_like(qx), velocity, rtol)
         return _rules(kernel, grid.shape)
-    qy = _wavenumbers(grid, 1, np.arange(grid.shape[1] // 2 + 1))
+    kx, ky = both_signs(grid.shape)
+    qy = _wavenumbers(grid, 1, ky)
 
     def rows(index):
-        qx = _wavenumbers(grid, 0, index)
-        return _compliance(stack, qx[:, None], qy[None, :], velocity, rtol)
+        qx = _wavenumbers(grid, 0, jnp.asarray(kx)[index])
+        return _compliance(stack, qx, qy, velocity, rtol)
 
     if velocity.shape == ():
         return _mirrored(rows, grid.shape)
-    return _rules(_in_blocks(rows, grid.shape[0]), grid.shape)
+    return _rules(even_on_nyquist(_in_blocks(rows, len(kx)), grid.shape), grid.shape)
 
 
 @partial(jax.jit, static_argnames="rtol")
@@ -170,11 +172,9 @@ def _in_blocks(rows_of, num_rows):
     return kernel.reshape(-1, kernel.shape[-1])[:num_rows]
 
 
-def _wavenumbers(grid, axis, index):
-    """Components of q along an axis at positions of the full spectrum; Nyquist is positive."""
-    n = grid.shape[axis]
-    k = jnp.where(index <= n // 2, index, index - n)
-    return (2 * np.pi / grid.size[axis]) * k.astype(grid.size.dtype)
+def _wavenumbers(grid, axis, number):
+    """Components of q along an axis."""
+    return (2 * np.pi / grid.size[axis]) * number.astype(grid.size.dtype)
 
 
 def _magnitude(qx, qy):
@@ -186,7 +186,7 @@ def _magnitude(qx, qy):
 def _compliance(stack, qx, qy, velocity, rtol, *, attempt=False):
     q = _magnitude(qx, qy)
     # For sliding along x the frequency keeps the shape of qx: one modulus per row.
-    omega = -qx * velocity if velocity.ndim == 0 else -(qx * velocity[0] + qy * velocity[1])
+    omega = sliding_frequency(qx, qy, velocity)
     return compliance_of(stack, q, omega, rtol, attempt=attempt)
 
 
