@@ -217,10 +217,17 @@ def fit(
     """
     _prepare()
     from .plot import plot_fit
-    from .rheology.export import export_prony
+    from .rheology.export import FORMATS, export_prony
     from .rheology.reading import read_moduli
+    from .studies.output import check_folder, folder_path
+    from .studies.table import nearest
 
     with _refusing(), _naming_options():
+        for form in card or []:
+            if form not in FORMATS:
+                raise ValueError(f"`--card {form}` is not known; {nearest(form, FORMATS)}")
+        folder = folder_path(str(output or f"{moduli_files[0].stem}-fit"))
+        check_folder(folder)
         measured = read_moduli(
             moduli_files,
             kind=kind,
@@ -245,7 +252,6 @@ def fit(
         name = re.sub(r"\W", "_", moduli_files[0].stem)
         name = name if name[:1].isalpha() else f"material_{name}"
         typer.echo(f"\n{report}\n\n{export_prony(material, 'toml', name=name)}")
-        folder = output or Path(f"{moduli_files[0].stem}-fit")
         folder.mkdir(parents=True, exist_ok=True)
         plot_fit(found).savefig(folder / f"{name}.png")
         typer.echo(f"wrote {folder / f'{name}.png'}")
@@ -380,6 +386,8 @@ def _run(scene: "Scene", folder: Path, name: str, replace: bool) -> None:
             except Interrupted:
                 typer.echo("Nothing was finished.", err=True)
                 raise typer.Exit(interruption.exit_code) from None
+            except OSError as error:
+                raise OSError(f"{error} The same command goes on from what is kept.") from error
             for path in store.damaged:
                 typer.echo(f"{path} was damaged: it is computed again", err=True)
             _print_table(results)
@@ -431,6 +439,7 @@ def _write(file: Path, results: "Results", replace: bool) -> None:
     """Writes results and figures, unless the file that exists holds more."""
     from .plot import plot_sliding, plot_sweep
     from .studies.storage import NOT_STARTED, lost_solves, write_results
+    from .studies.store import replacing
 
     finished = results.point[results.state != NOT_STARTED]
     if not replace and (lost := lost_solves(file, finished)[0]):
@@ -446,7 +455,8 @@ def _write(file: Path, results: "Results", replace: bool) -> None:
     typer.echo(f"wrote {file}")
     for key, figure in figures.items():
         path = file.with_name(f"{file.stem}-{key}.png")
-        figure.savefig(path)
+        with replacing(path) as partial:
+            figure.savefig(partial, format="png")
         typer.echo(f"wrote {path}")
 
 

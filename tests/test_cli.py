@@ -306,6 +306,12 @@ def test_a_folder_that_takes_no_files_is_refused(tmp_path):
     assert result.exit_code == 2 and "Nothing can be written" in result.stderr
 
 
+def test_the_output_of_a_fit_is_checked_before_the_data_are_read(tmp_path):
+    (tmp_path / "place").write_text("a file")
+    result = command("fit", tmp_path / "absent.csv", "-o", tmp_path / "place" / "out")
+    assert result.exit_code == 2 and "Nothing can be written to the folder" in result.stderr
+
+
 def test_info_of_a_file_that_is_none_is_one_message(tmp_path):
     (tmp_path / "a.h5").write_text("no result")
     result = command("info", tmp_path / "a.h5")
@@ -384,6 +390,7 @@ def test_a_fit_takes_several_files_and_the_options_that_messages_name(tmp_path):
     "text, arguments, expected",
     [
         ("nothing here", (), "bad.csv"),
+        ("never read", ("--card", "abacus"), "`--card abacus` is not known; did you mean `abaqus`"),
         ("A,B\n1,2\n2,3\n", (), "(Here: --column QUANTITY=NAME, --kind, --unit QUANTITY=UNIT.)"),
         ("f [Hz],E' [Pa],E'' [Pa],T\n1,2e6,1e5,20\n2,2e6,1e5,20\n", (), "--unit QUANTITY=UNIT"),
         ("t [s],E(t) [Pa]\n1,2e6\n2,1e6\n", ("--loss-weight", 0), "relaxation has one channel"),

@@ -11,6 +11,7 @@ import dataclasses
 import hashlib
 import io
 import os
+import re
 import socket
 import sys
 import uuid
@@ -158,9 +159,11 @@ def replacing(path: str | os.PathLike) -> Iterator[Path]:
         with open(partial, "rb+") as written:
             os.fsync(written.fileno())
         os.replace(partial, path)
-    except OSError as error:
-        reason = error.strerror or str(error)
-        raise OSError(error.errno, f"it cannot be written: {reason}", str(path)) from error
+    except (OSError, RuntimeError) as error:  # HDF5 raises both
+        found = re.search(r"errno = (\d+)", str(error))
+        number = getattr(error, "errno", None) or (int(found[1]) if found else None)
+        reason = os.strerror(number) if number else str(error)
+        raise OSError(f"`{path}` cannot be written: {reason}.") from error
     finally:
         partial.unlink(missing_ok=True)
     if os.name == "posix":  # the new name, too, is to survive a loss of power
