@@ -216,18 +216,18 @@ def _settled(tree):
 
     XLA fuses what feeds several consumers into each of them and computes it as often: the
     derivative would cost a hundred evaluations, and its compilation minutes. A loop that it cannot
-    know to run zero times is where it stops.
+    know to run zero times is where it stops; if it does run, after a NaN, it negates twice.
     """
     if not jax.tree.leaves(tree):
         return tree
     first = jax.tree.leaves(tree)[0].real.ravel()[0]
-    rounds = jnp.where(jnp.isnan(first), 1, 0)
+    rounds = jnp.where(jnp.isnan(first), 2, 0)
 
-    def unchanged_but_for_nan(state):
+    def negated(state):
         return state[0] + 1, jax.tree.map(jnp.negative, state[1])
 
     start = (jnp.zeros_like(rounds), tree)
-    return jax.lax.while_loop(lambda s: s[0] < rounds, unchanged_but_for_nan, start)[1]
+    return jax.lax.while_loop(lambda s: s[0] < rounds, negated, start)[1]
 
 
 @_settled.defjvp

@@ -344,3 +344,20 @@ def test_bad_wavenumbers_frequencies_and_velocities_are_refused():
         gc.stack_kernel(stack, grid, np.inf)
     with pytest.raises(ValueError, match=r"`velocity` has shape \(2,\)"):
         gc.stack_kernel(stack, gc.Grid((8,), 1.0), [1.0, 2.0])
+
+
+def test_derivatives_beside_a_nan_keep_their_sign():
+    """What is computed once and stored passes a loop, which a first NaN makes run."""
+    d, e, nu = np.array([1e-4, 1e-3]), np.array([1e6 + 1e5j, 3e7]), np.array([0.5, 0.3])
+
+    @jax.jit
+    def slope(q):
+        compliance = lambda d: gc.layered_compliance(q, d, e, nu, (5e6, 0.4))  # noqa: E731
+        return jax.jvp(compliance, (jnp.asarray(d),), (jnp.ones(2),))[1]
+
+    q = jnp.array([1e2, 1e3, 1e4])
+    for place in range(3):
+        beside = np.arange(3) != place
+        found = slope(q.at[place].set(jnp.nan))
+        np.testing.assert_allclose(found[beside], slope(q)[beside], rtol=1e-12)
+        assert np.isnan(found[place])
