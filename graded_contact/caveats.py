@@ -18,6 +18,13 @@ LIMIT = 0.1  # a part of the result that one wants to be told of
 # Small strains neglect slope²/2 beside 1 (the excess of an arc over its chord): more than LIMIT.
 STEEP = (2 * LIMIT) ** 0.5
 IDLE = 1e-3  # friction over slope below which a contact counts as without friction
+# What to do where a step of reading changed the slope.
+REMEDIES = {
+    "resampled": "Leave out `shape`, or take more points.",
+    "equally spaced": "Its dense parts lost their short waves, or its sparse ones have none.",
+    "filled": "Crop to a `region` without holes, or discard the spikes around them with `rim`.",
+    "tapered": 'Take `periodic = "mirror"`, which keeps every height.',
+}
 SPIKE = 10  # distance from the mean over the rms height; 1e-22 of Gaussian heights are beyond
 
 
@@ -99,11 +106,22 @@ def caveats_of_steps(steps: Sequence[Any]) -> tuple[str, ...]:
     """Returns what makes a surface doubtful, from the roughness after each step (see `Step`)."""
     sentences = []
     for before, after in pairwise(steps):
-        if after.name == "resampled" and after.rms_slope < (1 - LIMIT) * before.rms_slope:
+        if after.name == "filled" and before.missing > LIMIT:
             sentences.append(
-                f"Resampling lowered the rms slope from {before.rms_slope:.3g} to "
-                f"{after.rms_slope:.3g}: friction and contact area follow the slope. Leave out "
-                "`shape`, or take more points."
+                f"{before.missing:.0%} of the points were not measured and had to be filled. The "
+                "history names the largest `region` without such."
+            )
+        if after.name not in REMEDIES or before.rms_slope == 0:
+            continue
+        change = after.rms_slope / before.rms_slope - 1
+        # A finer grid sees steeper slopes between its points, and is no worse for it; spikes that
+        # `rim` discards took their slopes with them.
+        rose = change > LIMIT and after.name in ("filled", "tapered")
+        if rose or (change < -LIMIT and after.name != "filled"):
+            sentences.append(
+                f"The rms slope {'fell' if change < 0 else 'rose'} from {before.rms_slope:.3g} to "
+                f"{after.rms_slope:.3g} when {after.name}: friction and contact area follow the "
+                f"slope. {REMEDIES[after.name]}"
             )
     if steps and steps[-1].peak > SPIKE:
         sentences.append(

@@ -527,9 +527,12 @@ def _print_table(results: "Results") -> None:
 def _print_steps(surface: "Surface") -> None:
     """Prints the roughness after every step of reading, one line each."""
     if surface.steps:
-        typer.echo(f"{'after the step':24}{'rms height [m]':>16}{'rms slope':>12}{'peak/rms':>10}")
-    for name, rms_height, rms_slope, peak in surface.steps:
-        typer.echo(f"{name:24}{rms_height:16.4g}{rms_slope:12.4g}{peak:10.3g}")
+        heads = f"{'rms height [m]':>16}{'rms slope':>12}{'peak/rms':>10}{'missing':>9}"
+        typer.echo(f"{'surface, after the step':24}{heads}")
+    for name, *numbers in surface.steps:
+        rms_height, rms_slope, peak, missing = numbers
+        line = f"{name:24}{rms_height:16.4g}{rms_slope:12.4g}{peak:10.3g}{missing:9.1%}"
+        typer.echo(line)
 
 
 @contextlib.contextmanager

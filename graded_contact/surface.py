@@ -46,12 +46,14 @@ class Step(NamedTuple):
     - `rms_height`: about the mean [m].
     - `rms_slope`: between neighbouring measured points [1].
     - `peak`: the largest distance from the mean over the rms height [1].
+    - `missing`: the share of points without a height [1].
     """
 
     name: str
     rms_height: float
     rms_slope: float
     peak: float
+    missing: float
 
 
 class Surface(eqx.Module):
@@ -95,12 +97,11 @@ def step(name: str, heights: Numbers, spacing: Numbers) -> Step:
     values = np.asarray(heights, float)
     deviation = values - np.nanmean(values)
     rms = float(np.sqrt(np.nanmean(deviation**2)))
-    squares = [
-        np.nanmean((np.diff(values, axis=axis) / apart) ** 2)
-        for axis, apart in enumerate(np.asarray(spacing, float))
-    ]
+    slopes = (np.diff(values, axis=axis) / apart for axis, apart in enumerate(np.asarray(spacing)))
+    squares = [np.mean(slope[np.isfinite(slope)] ** 2) for slope in slopes]
     peak = float(np.nanmax(np.abs(deviation)) / rms) if rms > 0 else 0.0
-    return Step(name, rms, float(np.sqrt(np.sum(squares))), peak)
+    missing = float(np.mean(np.isnan(values)))
+    return Step(name, rms, float(np.sqrt(np.sum(squares))), peak, missing)
 
 
 def random_surface(

@@ -1,8 +1,9 @@
-"""Measured surfaces: reading files, filling missing points, levelling, making periodic.
+"""Measured surfaces: reading files, cropping, filling missing points, levelling, making periodic.
 
-Files are read by SurfaceTopography (the extra `io`, https://github.com/ContactEngineering), which
-knows some fifty formats of profilometers and microscopes, and numpy's `.npy` and `.npz`. What is
-done to the data is recorded, in order, in `Surface.history`.
+Instruments' files are read by SurfaceTopography (the extra `io`,
+https://github.com/ContactEngineering), which knows some fifty formats of profilometers and
+microscopes; plain text, OpenCRG roads and NumPy's files by `scans/`. What is done to the data is
+recorded, in order, in `Surface.history`, and what it does to the roughness in `Surface.steps`.
 """
 
 import contextlib
@@ -17,11 +18,20 @@ from jaxtyping import ArrayLike
 
 from ._checks import Numbers, check_positive
 from .grid import Grid
-from .surface import Surface, resample
+from .scans.holes import filled, grown, largest_rectangle
+from .scans.library import metres_of_library, read_arrays, read_instrument
+from .scans.road import is_road, read_road
+from .scans.scan import Refusal, Scan, metres
+from .scans.text import decoded, read_text
+from .surface import Step, Surface, resample, step
 
 TAPER = 0.1  # length of the window's flank at either end of an axis, relative to the axis
 PERIODIC = ("window", "mirror", None)
-FILL = ("harmonic", None)
+FILL = ("low", "harmonic", None)
+LOW = 0.01  # the share of measured heights below the level to which filled holes sink
+STEEPER = 1.5  # than its rms slope the surface sinks from the mean height into a hole
+LARGEST = 1e5  # [m], higher than any mountain
+GAP = 3  # steps of a line scan, beyond which the points between are missing
 
 
 def read_surface(
@@ -31,22 +41,29 @@ def read_surface(
     shape: int | tuple[int, ...] | None = None,
     size: Numbers | None = None,
     unit: str | None = None,
-    fill: str | None = "harmonic",
+    region: Numbers | None = None,
+    fill: str | None = "low",
     rim: int = 0,
     channel: str | int | None = None,
 ) -> Surface:
-    """Returns a measured surface, or a profile from an equally spaced line scan, made periodic.
+    """Returns a measured surface, or a profile from a line scan, made periodic.
+
+    Read are the formats of instruments that SurfaceTopography knows, OpenCRG roads, NumPy's `.npy`
+    and `.npz`, and text: a matrix of heights (x along a row), two columns x z, three columns x y z.
+    A line scan that is not equally spaced is interpolated linearly to its median step.
 
     **Arguments:**
 
     - `path`: the file.
-    - `periodic`, `shape`, `fill`, `rim`: as in `surface_from_heights`.
-    - `size`: edge lengths [m], for a file that does not tell; refused otherwise.
+    - `periodic`, `shape`, `region`, `fill`, `rim`: as in `surface_from_heights`.
+    - `size`: edge lengths [m], for a file that does not tell; refused otherwise. One number means a
+      square.
     - `unit`: length unit of the file's numbers ("um", "nm", ...), for a file that does not tell;
       refused otherwise.
     - `channel`: name or index of the channel; None takes the file's default height channel.
 
-    A missing file raises `FileNotFoundError`, an unreadable or damaged one `ValueError`.
+    **Raises:** `FileNotFoundError` for a missing file, `ImportError` without the extra,
+    `ValueError` for an unreadable or damaged file, naming all that has to be passed besides.
     """
     path = Path(path)
     if size is not None:
@@ -54,38 +71,32 @@ def read_surface(
     _check_choices(periodic, fill, rim)
     if not path.exists():
         raise FileNotFoundError(f"`path={path}` does not exist.")
-    library = _surface_topography()
     warned: list[str] = []
-    with (
-        _reading(path, warned),
-        path.open("rb") as stream,
-        library.open_topography(stream) as reader,
-    ):
-        info, index = _choose_channel(reader, channel)
-        factor = _metres(info, unit)
-        known = _known_size(info, size, factor)
-        scan = reader.topography(
-            channel_index=index,
-            **({} if info.physical_sizes else {"physical_sizes": tuple(known / factor)}),
-            **({} if info.unit else {"unit": unit}),
-        )
-        if not scan.is_uniform:
-            raise _Refusal("its points are not equally spaced")
-        if info.is_periodic and periodic is not None:
-            raise _Refusal("it declares itself periodic; pass `periodic=None`")
-        heights = factor * np.ma.filled(np.ma.asarray(scan.heights(), float), np.nan)
+    with _reading(path, warned):
+        scan = _scan(path, channel)
+        factor, known = _scales(scan, size, unit)
+        if scan.periodic and periodic is not None:
+            raise Refusal("it declares itself periodic; pass `periodic=None`")
+    heights = factor * scan.heights
     points, lengths = " x ".join(map(str, heights.shape)), " x ".join(f"{s:.4g}" for s in known)
-    source = f"Read {points} points of {lengths} m from channel {info.name!r} of {path.name}."
-    if min(heights.shape) > 0:
-        pixel = np.asarray(known) / np.array(heights.shape)
+    source = f"Read {points} points of {lengths} m from {scan.source} of {path.name}."
+    notes, steps = [source, *scan.notes, *warned], []
+    if scan.positions is not None:
+        positions = scan.positions * (known[0] / _reach(scan.positions))
+        steps.append(_step_of_line(positions, heights))
+        heights, known = _equally_spaced(positions, heights, notes)
+    elif heights.ndim == 2 and min(heights.shape) > 0:
+        pixel = known / np.array(heights.shape)
         if np.max(pixel) > 1.05 * np.min(pixel):
-            warned.append(
+            notes.append(
                 f"Its pixels of {pixel[0]:.3g} m by {pixel[-1]:.3g} m are not square: if the file "
                 "was cut short, its heights are stretched."
             )
-    options = {"periodic": periodic, "shape": shape, "fill": fill, "rim": rim}
+    options = {"periodic": periodic, "shape": shape, "region": region, "fill": fill, "rim": rim}
     try:
-        return surface_from_heights(heights, known, **options, history=(source, *warned))
+        return surface_from_heights(
+            heights, known, **options, history=tuple(notes), steps=tuple(steps)
+        )
     except ValueError as error:
         raise ValueError(f"`path={path}`: {error}") from error
 
@@ -96,15 +107,18 @@ def surface_from_heights(
     *,
     periodic: str | None = "window",
     shape: int | tuple[int, ...] | None = None,
-    fill: str | None = "harmonic",
+    region: Numbers | None = None,
+    fill: str | None = "low",
     rim: int = 0,
     history: tuple[str, ...] = (),
+    steps: tuple[Step, ...] = (),
 ) -> Surface:
     """Returns measured heights as a periodic surface of zero mean.
 
-    In this order: a least-squares plane through the measured points is subtracted (not with
-    `periodic=None`, for it would open a seam); missing points are filled; the edges are made to
-    meet; the surface is resampled.
+    In this order: a region is cut out; a least-squares plane through the measured points is
+    subtracted (not with `periodic=None`, for it would open a seam); missing points are filled; the
+    edges are made to meet; the surface is resampled. `Surface.measured` marks what was filled or
+    tapered, and `Surface.steps` tells the roughness after each step.
 
     **Arguments:**
 
@@ -115,54 +129,99 @@ def surface_from_heights(
       `"mirror"` reflects, doubling each axis, which keeps every height but leaves kinks at the
       seams; None takes the heights as they stand and refuses them if the edges do not meet.
     - `shape`: number of points of the result; None keeps that of the data.
-    - `fill`: `"harmonic"` solves Laplace's equation in the holes, with SurfaceTopography; None
-      refuses missing points.
+    - `region`: the part to keep, `[x0, x1, y0, y1]` or for a profile `[x0, x1]` [m] from the first
+      point; None keeps all. Where points are missing, the history names the largest part without.
+    - `fill`: `"low"` lets the surface sink from the heights around a hole towards the lowest
+      measured ones, somewhat steeper than it is rough, which keeps it out of contact; `"harmonic"`
+      solves Laplace's equation, the smoothest that joins the heights around; None refuses missing
+      points.
     - `rim`: how many rings of measured points around each hole to discard with it. Optical
-      instruments report spikes there, which the filling would spread over the hole; the history
-      tells when the rims stand out.
-    - `history`: sentences to begin the history with.
+      instruments report spikes there, which the filling would continue; the history tells when
+      the rims stand out.
+    - `history`, `steps`: to begin those of the surface with.
+
+    **Raises:** `ValueError` for a refused argument.
     """
     _check_choices(periodic, fill, rim)
     values = np.ma.filled(np.ma.asarray(heights, float), np.nan)
-    notes = list(history)
-    missing = ~np.isfinite(values)
-    num_missing = int(np.sum(missing))
-    for _ in range(rim):
-        missing = _grown(missing)
-    measured = values[~missing]
-    if measured.size < 4:
-        raise ValueError(f"`heights` has {measured.size} measured points; at least 4 are needed.")
+    values = np.where(np.isfinite(values), values, np.nan)
     grid = Grid(values.shape, size)  # refuses a wrong number of axes
     edges = np.asarray(grid.size, float)
+    spacing = edges / np.array(values.shape)
+    notes, rows = list(history), list(steps)
+
+    def record(name: str) -> None:
+        rows.append(step(name, values, spacing))
+
+    if np.sum(np.isfinite(values)) < 4:
+        raise ValueError(
+            f"`heights` has {np.sum(np.isfinite(values))} measured points; at least 4 are needed."
+        )
+    if np.nanmax(np.abs(values)) > LARGEST:
+        raise ValueError(
+            f"`heights` reach {np.nanmax(np.abs(values)):.3g} m: the file is damaged, or `unit` is "
+            "not that of its numbers."
+        )
+    record("equally spaced" if rows else "read")
+    if region is not None:
+        values = values[_part(region, values.shape, spacing)]
+        edges = spacing * np.array(values.shape)
+        points = " x ".join(map(str, values.shape))
+        notes.append(f"Cut out `region={np.asarray(region).tolist()}`, {points} points.")
+        record("cropped")
+    missing = np.isnan(values)
+    num_missing = int(np.sum(missing))
+    for _ in range(rim):
+        missing = grown(missing)
+    known = values[~missing]
+    if known.size < 4:
+        raise ValueError(f"`heights` has {known.size} measured points; at least 4 are needed.")
     plane, slopes = _plane(values, missing, edges)
     residual = (values - plane)[~missing]
-    if np.std(residual) <= 1e-12 * np.max(np.abs(measured)):
+    if np.std(residual) <= 1e-12 * np.max(np.abs(known)):
         raise ValueError("`heights` is a plane: no roughness is left after levelling.")
     if periodic is None:
-        values = values - np.mean(measured)
+        values = values - np.mean(known)
     else:
         values = values - plane
         slope = ", ".join(f"{value:.3g}" for value in slopes)
         notes.append(f"Subtracted a plane of slope ({slope}).")
+        record("tilt removed")
+    measured = np.where(missing, 0.0, 1.0)
     if num_missing:
-        values = _fill(values, missing, edges, fill)
-        notes.append(_filling_note(values, missing, num_missing, rim, float(np.std(residual))))
+        around = np.sqrt(np.mean(values[grown(missing) & ~missing] ** 2))
+        notes.append(_region_note(missing, spacing))
+        values = _fill(np.where(missing, np.nan, values), missing, spacing, fill)
+        notes.append(
+            _filling_note(missing, num_missing, fill, rim, around, float(np.std(residual)))
+        )
+        record("filled")
     if periodic == "window":
-        values, factor = _window(values)
+        values, taper, factor = _window(values)
+        measured = measured * taper
         notes.append(
             f"Tapered the outer {100 * TAPER:g} % at either end of each axis to zero (Tukey "
             f"window) and multiplied the heights by {factor:.4g} to keep the rms height."
         )
+        record("tapered")
     elif periodic == "mirror":
         for axis in range(values.ndim):
-            values = np.concatenate([values, np.flip(values, axis)], axis)
+            values, measured = (
+                np.concatenate([field, np.flip(field, axis)], axis) for field in (values, measured)
+            )
         edges = 2 * edges
         notes.append("Reflected about the end of each axis, doubling it.")
+        record("mirrored")
     else:
         _check_seams(values)
         notes.append("Taken as periodic.")
-    values = values - np.mean(values)
-    surface = Surface(heights=values, grid=Grid(values.shape, edges), history=tuple(notes))
+    surface = Surface(
+        heights=values - np.mean(values),
+        grid=Grid(values.shape, edges),
+        history=tuple(notes),
+        measured=None if np.all(measured == 1) else measured,
+        steps=tuple(rows),
+    )
     return surface if shape is None else resample(surface, shape)
 
 
@@ -174,23 +233,6 @@ def _check_choices(periodic: Any, fill: Any, rim: Any) -> None:
             raise ValueError(f"`{name}={value!r}` is refused: use one of {choices}.")
 
 
-def _surface_topography() -> Any:
-    """The library that reads files, imported when first needed: it takes seconds."""
-    try:
-        with warnings.catch_warnings():
-            warnings.simplefilter("ignore")
-            import SurfaceTopography
-    except ImportError as error:
-        raise ImportError(
-            "Measured surfaces need the package SurfaceTopography: pip install graded_contact[io]"
-        ) from error
-    return SurfaceTopography
-
-
-class _Refusal(Exception):
-    """A reason to refuse a file, to be completed with its path."""
-
-
 @contextlib.contextmanager
 def _reading(path: Path, warned: list[str]) -> Iterator[None]:
     """Turns whatever a reader raises on a damaged file into `ValueError`, collects its warnings."""
@@ -198,8 +240,10 @@ def _reading(path: Path, warned: list[str]) -> Iterator[None]:
         with warnings.catch_warnings(record=True) as caught:
             warnings.simplefilter("always")
             yield
-    except _Refusal as error:
+    except Refusal as error:
         raise ValueError(f"`path={path}` is refused: {error}.") from None
+    except ImportError:
+        raise
     except Exception as error:
         if type(error).__name__ == "CannotDetectFileFormat":
             reason = "its format is not known, or the file is damaged"
@@ -213,47 +257,112 @@ def _reading(path: Path, warned: list[str]) -> Iterator[None]:
     )
 
 
-def _choose_channel(reader: Any, channel: str | int | None) -> tuple[Any, int]:
-    channels = list(reader.channels)
-    names = [info.name for info in channels]
-    if channel is None:
-        index = channels.index(reader.default_channel)
-    elif isinstance(channel, int) and 0 <= channel < len(channels):
-        index = channel
-    elif channel in names:
-        index = names.index(channel)
-    else:
-        raise _Refusal(f"it has no `channel={channel!r}`, only {names}")
-    return channels[index], index
-
-
-def _metres(info: Any, unit: str | None) -> float:
-    """Metres per unit of the channel."""
-    from SurfaceTopography.Support.UnitConversion import get_unit_conversion_factor
-
-    if info.unit is not None and unit is not None:
-        raise _Refusal(f"it is in {info.unit!r}; leave out `unit={unit!r}`")
-    if info.unit is None and unit is None:
-        raise _Refusal("it does not tell its unit; pass `unit`, for instance 'um'")
+def _scan(path: Path, channel: str | int | None) -> Scan:
+    """The heights in a file, by the reader that its content asks for."""
+    content = path.read_bytes()
+    if content.startswith(b"\x93NUMPY") or (path.suffix == ".npz" and content[:2] == b"PK"):
+        return read_arrays(content, channel)
+    if is_road(content):
+        return read_road(content)
+    text = decoded(content)
+    if text is None:
+        return read_instrument(path, channel)
+    # Text with a header of its own is the library's; it takes much else for a table of numbers.
     try:
-        return float(get_unit_conversion_factor(unit or info.unit, "m"))
-    except (ValueError, TypeError) as error:
-        named = f"`unit={unit!r}`" if unit else f"channel {info.name!r} in {info.unit!r}"
-        raise _Refusal(f"{named} is not a length, such as 'm', 'um' or 'nm'") from error
+        scan = read_instrument(path, channel)
+    except Refusal:
+        raise
+    except Exception:  # it raises many kinds, also where it is not installed
+        return read_text(text)
+    told = scan.unit is not None and scan.size is not None
+    return scan if told else read_text(text)
 
 
-def _known_size(info: Any, size: Numbers | None, factor: float) -> np.ndarray:
-    """Edge lengths [m]."""
-    if info.physical_sizes is None:
-        if size is None:
-            raise _Refusal("it does not tell its size; pass `size` [m]")
-        if np.shape(size) not in ((), (info.dim,)):
-            raise _Refusal(f"`size` has shape {np.shape(size)}, it needs {info.dim} lengths")
-        return np.broadcast_to(np.asarray(size, float), (info.dim,))
-    known = factor * np.asarray(info.physical_sizes, float)
-    if size is not None:
-        raise _Refusal(f"it tells its size, {known} m; leave out `size`")
-    return known
+def _scales(scan: Scan, size: Any, unit: str | None) -> tuple[float, np.ndarray]:
+    """Metres per unit of the heights, and the edge lengths [m]; asks for all that is not told."""
+    told = (scan.unit, *((scan.lateral_unit,) if scan.size is not None else ()))
+    lacking = {"unit": None in told and unit is None, "size": scan.size is None and size is None}
+    if any(lacking.values()):
+        hints = {"unit": "`unit`, for instance 'um'", "size": "`size` [m]"}
+        names = [name for name, absent in lacking.items() if absent]
+        asked = ", and ".join(hints[name] for name in names)
+        raise Refusal(f"it does not tell its {' and '.join(names)}; pass {asked}")
+    if None not in told and unit is not None:
+        raise Refusal(f"it is in {scan.unit!r}; leave out `unit={unit!r}`")
+    factors = []
+    for name in told:
+        spelt = unit if name is None else name
+        factor = metres(str(spelt)) or metres_of_library(str(spelt))
+        if factor is None:
+            named = f"`unit={unit!r}`" if name is None else f"{scan.source} in {name!r}"
+            raise Refusal(f"{named} is not a length, such as 'm', 'um' or 'nm'")
+        factors.append(factor)
+    if scan.size is not None:
+        known = factors[-1] * scan.size
+        if size is not None:
+            raise Refusal(f"it tells its size, {known} m; leave out `size`")
+        if not (np.all(np.isfinite(known)) and np.all(known > 0)):
+            raise Refusal(f"its size of {known} m is no length")
+        return factors[0], known
+    num_axes = scan.heights.ndim
+    if np.shape(size) not in ((), (num_axes,)):
+        raise Refusal(f"`size` has shape {np.shape(size)}, it needs {num_axes} lengths")
+    return factors[0], np.broadcast_to(np.asarray(size, float), (num_axes,))
+
+
+def _reach(positions: np.ndarray) -> float:
+    """The period that the points of a line stand for: one mean step more than their span."""
+    return float(np.ptp(positions)) * len(positions) / (len(positions) - 1)
+
+
+def _step_of_line(positions: np.ndarray, heights: np.ndarray) -> Step:
+    """The roughness of a line scan as read, each slope counted by its length."""
+    apart = np.diff(positions)
+    uneven = step("read", heights, [1.0])
+    squares = (np.diff(heights) / apart) ** 2 * apart
+    known = np.isfinite(squares)
+    slope = np.sqrt(np.sum(squares[known]) / max(float(np.sum(apart[known])), 1e-300))
+    return uneven._replace(rms_slope=float(slope))
+
+
+def _equally_spaced(
+    positions: np.ndarray, heights: np.ndarray, notes: list[str]
+) -> tuple[np.ndarray, np.ndarray]:
+    """A line scan at equal steps, NaN in its gaps, and its length [m]."""
+    known = np.isfinite(heights)
+    positions, heights = positions[known], heights[known]
+    if len(positions) < 4:
+        raise ValueError(f"`heights` has {len(positions)} measured points; at least 4 are needed.")
+    apart = np.diff(positions)
+    typical = float(np.median(apart))
+    num = int(np.ptp(positions) / typical) + 1
+    if num > 100 * len(positions):
+        raise ValueError("`heights` are spaced too unequally: cut the scan into parts.")
+    even = positions[0] + typical * np.arange(num)
+    values = np.interp(even, positions, heights)
+    values[(apart > GAP * typical)[np.clip(np.searchsorted(positions, even) - 1, 0, None)]] = np.nan
+    notes.append(
+        f"Its points, {np.min(apart):.3g} to {np.max(apart):.3g} m apart, are not equally spaced: "
+        f"interpolated linearly to {num} points {typical:.4g} m apart; {np.sum(np.isnan(values))} "
+        f"in gaps of more than {GAP} steps count as missing."
+    )
+    return values, np.array([typical * num])
+
+
+def _part(region: Numbers, shape: tuple[int, ...], spacing: np.ndarray) -> tuple[slice, ...]:
+    """The points in a region [m]."""
+    limits = np.asarray(region, float)
+    size = spacing * np.array(shape)
+    wanted = "[x0, x1, y0, y1]" if len(shape) == 2 else "[x0, x1]"
+    if limits.shape != (2 * len(shape),) or not np.all(np.isfinite(limits)):
+        raise ValueError(f"`region={limits.tolist()}` is refused: it must be {wanted} [m].")
+    ends = np.rint(limits.reshape(-1, 2) / spacing[:, None]).astype(int)
+    if np.any(ends < 0) or np.any(ends[:, 1] > shape) or np.any(ends[:, 1] - ends[:, 0] < 4):
+        raise ValueError(
+            f"`region={limits.tolist()}` is refused: {wanted} must lie in the map of "
+            f"{' x '.join(f'{s:.4g}' for s in size)} m and hold at least 4 points along each axis."
+        )
+    return tuple(slice(first, last) for first, last in ends)
 
 
 def _plane(
@@ -268,63 +377,65 @@ def _plane(
 
 
 def _fill(
-    values: np.ndarray, missing: np.ndarray, size: np.ndarray, fill: str | None
+    values: np.ndarray, missing: np.ndarray, spacing: np.ndarray, fill: str | None
 ) -> np.ndarray:
     if fill is None:
         raise ValueError(
-            f"`heights` has {np.sum(missing)} missing points; pass `fill='harmonic'` to fill them."
+            f"`heights` has {np.sum(missing)} missing points; pass `fill='low'` to fill them."
         )
-    library = _surface_topography()
-    scale = np.max(np.abs(values[~missing]))
-    masked = np.ma.array(np.where(missing, 0, values / scale), mask=missing)
-    if values.ndim == 1:
-        scan = library.UniformLineScan(masked, float(size[0]))
-    else:
-        scan = library.Topography(masked, tuple(size))
-    return scale * np.asarray(scan.interpolate_undefined_data_with_harmonic_function().heights())
+    known = values[~missing]
+    scale = np.max(np.abs(known))
+    bottom = float(np.quantile(known, LOW)) / scale
+    slope = step("", values, spacing).rms_slope / scale
+    descent = (np.mean(known) / scale - bottom) / (STEEPER * slope) if slope > 0 else np.inf
+    length = max(descent, 2 * float(np.max(spacing))) if fill == "low" else np.inf
+    return scale * filled(np.where(missing, 0, values / scale), missing, spacing, bottom, length)
 
 
-def _grown(missing: np.ndarray) -> np.ndarray:
-    """The holes and the points next to them, diagonally too."""
-    for axis in range(missing.ndim):
-        along = np.moveaxis(missing, axis, 0)
-        grown = along.copy()
-        grown[1:] |= along[:-1]
-        grown[:-1] |= along[1:]
-        missing = np.moveaxis(grown, 0, axis)
-    return missing
+def _region_note(missing: np.ndarray, spacing: np.ndarray) -> str:
+    """What part of the map lacks nothing."""
+    part = largest_rectangle(missing)
+    points = np.prod([p.stop - p.start for p in part])
+    if min(p.stop - p.start for p in part) < 4:
+        return "No part of it of 4 points along each axis was measured completely."
+    ends = [f"{end * apart:.6g}" for p, apart in zip(part, spacing, strict=True)
+            for end in (p.start, p.stop)]  # fmt: skip
+    return (
+        f"Its largest completely measured part is `region=[{', '.join(ends)}]`, "
+        f"{100 * points / missing.size:.2g} % of the points."
+    )
 
 
 def _filling_note(
-    values: np.ndarray, missing: np.ndarray, num_missing: int, rim: int, spread: float
+    missing: np.ndarray, num_missing: int, fill: str | None, rim: int, around: float, spread: float
 ) -> str:
     rings = f", with {rim} ring(s) of measured points around them," if rim else ""
+    how = "sinking from their rims" if fill == "low" else "with harmonic functions"
     note = (
-        f"Filled {num_missing} missing points ({100 * num_missing / values.size:.2g} %){rings} "
-        "with harmonic functions."
+        f"Filled {num_missing} missing points ({100 * num_missing / missing.size:.2g} %){rings} "
+        f"{how}."
     )
-    around = values[_grown(missing) & ~missing]
-    height = np.sqrt(np.mean(around**2))
-    if height > 3 * spread:
+    if around > 3 * spread:
         note += (
-            f" Their rims stand out, with rms height {height:.3g} m against {spread:.3g} m of all "
+            f" Their rims stand out, with rms height {around:.3g} m against {spread:.3g} m of all "
             f"measured points: they may be artefacts, see `rim={rim + 1}`."
         )
     return note
 
 
-def _window(values: np.ndarray) -> tuple[np.ndarray, float]:
-    """The tapered heights with their rms restored, and the factor that restored it."""
-    tapered = values - np.mean(values)
+def _window(values: np.ndarray) -> tuple[np.ndarray, np.ndarray, float]:
+    """The tapered heights with their rms restored, the window, and the factor that restored it."""
+    window = np.ones(values.shape)
     for axis, n in enumerate(values.shape):
         x = (np.arange(n) + 0.5) / n
         edge = np.minimum(np.minimum(x, 1 - x) / TAPER, 1)
         taper = np.sin(np.pi / 2 * edge) ** 2
-        tapered = tapered * np.expand_dims(taper, [a for a in range(values.ndim) if a != axis])
+        window = window * np.expand_dims(taper, [a for a in range(values.ndim) if a != axis])
+    tapered = window * (values - np.mean(values))
     if np.std(tapered) <= 1e-6 * np.std(values):
         raise ValueError("`heights` vary only at the edges, where the window removes them.")
     factor = float(np.std(values) / np.std(tapered))
-    return factor * tapered, factor
+    return factor * tapered, window, factor
 
 
 def _check_seams(values: np.ndarray) -> None:

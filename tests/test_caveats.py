@@ -57,12 +57,30 @@ def test_a_caveat_says_which_solves_it_concerns_and_the_worst():
     np.testing.assert_array_equal(caveat.where, area > 0.1)
 
 
-def test_a_lost_slope_and_a_spike_are_told():
-    raw, fine, coarse = (Step(n, 1.0, s, 4.0) for n, s in
-                         (("read", 0.2), ("resampled", 0.19), ("resampled", 0.14)))  # fmt: skip
-    assert caveats_of_steps((raw, fine)) == ()
-    (lost,) = caveats_of_steps((raw, coarse))
-    assert "from 0.2 to 0.14" in lost
+@pytest.mark.parametrize(
+    ("steps", "words"),
+    [
+        ([("read", 0.2), ("resampled", 0.19)], []),
+        ([("read", 0.2), ("resampled", 0.3)], []),  # a finer grid
+        ([("read", 0.206), ("resampled", 0.14)], ["fell from 0.206 to 0.14 when resampled"]),
+        ([("read", 0.2), ("equally spaced", 0.1)], ["fell from 0.2 to 0.1 when equally spaced"]),
+        ([("read", 0.2), ("tapered", 0.3)], ["rose from 0.2 to 0.3 when tapered"]),
+        ([("read", 0.2), ("filled", 0.1)], []),  # spikes that were discarded
+        ([("read", 0.2), ("filled", 0.3)], ["rose from 0.2 to 0.3 when filled"]),
+        ([("read", 0.0), ("resampled", 0.0)], []),
+    ],
+)
+def test_steps_that_change_the_slope_are_told(steps, words):
+    sentences = caveats_of_steps([Step(name, 1.0, slope, 4.0, 0.0) for name, slope in steps])
+    assert len(sentences) == len(words)
+    for sentence, part in zip(sentences, words, strict=True):
+        assert part in sentence
+
+
+def test_many_missing_points_and_spikes_are_told():
+    raw = Step("read", 1.0, 0.2, 4.0, 0.31)
+    (missing,) = caveats_of_steps((raw, raw._replace(name="filled", missing=0.0)))
+    assert "31% of the points were not measured" in missing
     (spike,) = caveats_of_steps((raw._replace(peak=11.0),))
     assert "11 rms heights" in spike
 
@@ -75,6 +93,7 @@ def test_a_step_measures_height_slope_and_peak_of_what_was_measured():
     known = heights[np.isfinite(heights)]
     np.testing.assert_allclose(found.rms_height, np.std(known))
     np.testing.assert_allclose(found.rms_slope, 5.0)
+    assert found.missing == 1 / 49
     np.testing.assert_allclose(found.peak, np.max(np.abs(known - known.mean())) / np.std(known))
 
 

@@ -7,7 +7,8 @@ import pytest
 
 PACKAGE = Path(__file__).parents[1] / "graded_contact"
 ORDER = [
-    "_checks", "_fft", "caveats", "grid", "spectrum", "surface", "topography",
+    "_checks", "_fft", "caveats", "grid", "spectrum", "surface",
+    "scans/scan", "scans/text", "scans/road", "scans/library", "scans/holes", "topography",
     "rheology/shift", "rheology/creep", "rheology/material", "rheology/tabulated",
     "rheology/library", "rheology/export", "rheology/files/quantities", "rheology/files/cells",
     "rheology/files/titles", "rheology/files/layout", "rheology/files/points", "rheology/reading",

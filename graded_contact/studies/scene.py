@@ -54,7 +54,7 @@ from .storage import FAILED, FIELDS, NOT_STARTED, OBSERVABLES, Fields, Results, 
 from .store import Point, Store, fingerprint
 from .table import Table, nearest, parse_toml, short, within
 
-READ_ARGUMENTS = ("periodic", "shape", "size", "unit", "fill", "rim", "channel")
+READ_ARGUMENTS = ("periodic", "shape", "size", "unit", "region", "fill", "rim", "channel")
 SPECTRUM_FIELDS = ("rms_height", "rms_slope", "hurst", "q_low", "q_roll", "q_high")
 TABLE_ARGUMENTS = ("columns", "units", "deformation", "sheet")
 SHAPES = {"linear": Linear, "sinusoidal": Sinusoidal}
@@ -510,7 +510,10 @@ def _surface(scene: Table, folder: Path) -> RandomSurface | SurfaceFile:
         if "shape" in arguments:
             arguments["shape"] = table.wholes("shape")
         if "size" in arguments:
-            arguments["size"] = table.numbers("size")
+            sizes = table.numbers("size")
+            arguments["size"] = sizes[0] if len(sizes) == 1 else sizes
+        if "region" in arguments:
+            arguments["region"] = table.numbers("region")
         return SurfaceFile(folder / table.text("path"), arguments, target)
     place = Table("[grid]", scene.get("grid"), KEYS["grid"])
     with within(place.place):

@@ -380,6 +380,23 @@ def test_a_damaged_surface_file_is_refused(tmp_path):
         parse_scene(text.replace("path =", "periodik = 'mirror'\npath ="), tmp_path)
 
 
+def test_a_file_takes_one_length_for_a_square_and_a_region(tmp_path):
+    rows = np.random.default_rng(0).normal(size=(16, 16))
+    np.savetxt(tmp_path / "heights.csv", rows, delimiter=",")
+    lines = """[surface]
+        kind = "file"
+        path = "heights.csv"
+        unit = "um"
+        size = 1.6e-4
+        region = [0, 8e-5, 0, 1.6e-4]
+        periodic = "mirror"
+        [materials.tread]"""
+    text = TEXT[: TEXT.index("[surface]")] + lines + TEXT.split("[materials.tread]")[1]
+    surface = build_surface(parse_scene(text, tmp_path))
+    assert surface.grid.shape == (16, 32)
+    np.testing.assert_allclose(surface.grid.size, [1.6e-4, 3.2e-4])
+
+
 @needs_data
 @pytest.mark.parametrize("path", MEASURED, ids=lambda path: path.name)
 def test_an_example_is_read_with_its_data(path):

@@ -39,7 +39,7 @@ def make_results(shape=(4, 6), dtype=np.float64) -> Results:
             grid=grid,
             history=("Read.", "Filled."),
             measured=draw.uniform(size=shape).astype(dtype),
-            steps=(Step("read", 1.1, 0.3, 4.0), Step("resampled", 1.0, 0.2, 3.9)),
+            steps=(Step("read", 1.1, 0.3, 4.0, 0.2), Step("resampled", 1.0, 0.2, 3.9, 0.0)),
         ),
         fields={(0, 2): fields, (1, 0): fields},
         attributes={"title": "glatt, 50 µm", "seed": 3, "rtol": 1e-6, "scene": "a = 1\n" * 20000},
@@ -78,7 +78,7 @@ def test_caveats_are_sentences_in_the_file_and_follow_from_its_numbers(tmp_path)
         stored = file.attrs["caveats"].split("\n")
     found = read_results(tmp_path / "a.h5").caveats
     assert stored == [caveat.sentence for caveat in found]
-    assert any("Resampling lowered the rms slope from 0.3 to 0.2" in text for text in stored)
+    assert any("The rms slope fell from 0.3 to 0.2" in text for text in stored)
     assert any("of 6 solves" in text or "in 6 solves" in text for text in stored)
     for before, after in zip(results.caveats, found, strict=True):
         np.testing.assert_array_equal(before.where, after.where)

@@ -1,0 +1,1 @@
+"""Files of measured heights, one module per kind of file, and what to do with their holes."""

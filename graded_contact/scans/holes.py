@@ -1,0 +1,89 @@
+"""Points that were not measured: where they are, and heights that keep out of contact there."""
+
+import numpy as np
+from scipy.sparse import coo_matrix
+from scipy.sparse.linalg import cg
+
+_COARSE = 512  # lines along an axis among which the largest rectangle is sought
+
+
+def grown(missing: np.ndarray) -> np.ndarray:
+    """The holes and the points next to them, diagonally too."""
+    for axis in range(missing.ndim):
+        along = np.moveaxis(missing, axis, 0)
+        wider = along.copy()
+        wider[1:] |= along[:-1]
+        wider[:-1] |= along[1:]
+        missing = np.moveaxis(wider, 0, axis)
+    return missing
+
+
+def filled(
+    values: np.ndarray, missing: np.ndarray, spacing: np.ndarray, bottom: float, length: float
+) -> np.ndarray:
+    """Heights with those missing replaced by the solution of λ² ∇²f = f - bottom in the holes.
+
+    f takes the measured heights around a hole and sinks towards `bottom` [m] within the `length` λ
+    [m]: by the maximum principle it nowhere rises above the highest point around the hole. With an
+    infinite length it is harmonic. Beyond the edges of the map nothing is known (df/dn = 0).
+    """
+    number = np.full(values.shape, -1)
+    number[missing] = np.arange(np.sum(missing))
+    rows, columns, entries = [], [], []
+    diagonal = np.full(np.sum(missing), 1 / length**2 if np.isfinite(length) else 0.0)
+    right = diagonal * bottom
+    for axis, apart in enumerate(spacing):
+        weight = 1 / apart**2
+        for step in (1, -1):
+            here = np.moveaxis(number, axis, 0)[::step][:-1]
+            there = np.moveaxis(number, axis, 0)[::step][1:]
+            beside = np.moveaxis(values, axis, 0)[::step][1:]
+            inside = here >= 0
+            np.add.at(diagonal, here[inside], weight)
+            known = inside & (there < 0)
+            np.add.at(right, here[known], weight * beside[known])
+            unknown = inside & (there >= 0)
+            rows.append(here[unknown])
+            columns.append(there[unknown])
+            entries.append(np.full(np.sum(unknown), -weight))
+    scale = np.max(diagonal)
+    rows, columns = np.concatenate(rows), np.concatenate(columns)
+    size = len(diagonal)
+    matrix = coo_matrix((np.concatenate(entries) / scale, (rows, columns)), (size, size)).tocsr()
+    matrix.setdiag(diagonal / scale)
+    start = np.full(size, np.mean(values[~missing]))
+    found, info = cg(matrix, right / scale, start, rtol=1e-11, maxiter=20 * max(values.shape) + 200)
+    if info:
+        raise ValueError("`fill` did not converge: crop the holes by `region`.")
+    result = values.copy()
+    result[missing] = found
+    return result
+
+
+def largest_rectangle(missing: np.ndarray) -> tuple[slice, ...]:
+    """The largest part of a map, or of a profile, without missing points.
+
+    On maps of more than 512 lines it is exact only to blocks of lines.
+    """
+    flat = missing[:, None] if missing.ndim == 1 else missing
+    blocks = [max(1, -(-n // _COARSE)) for n in flat.shape]
+    padded = np.pad(flat, [(0, -n % b) for n, b in zip(flat.shape, blocks, strict=True)],
+                    constant_values=True)  # fmt: skip
+    nx, ny = (n // b for n, b in zip(padded.shape, blocks, strict=True))
+    good = ~np.any(padded.reshape(nx, blocks[0], ny, blocks[1]), axis=(1, 3))
+    depth, best, found = np.zeros(ny, int), 0, (0, 0, 0, 0)
+    for i in range(nx):
+        depth = np.where(good[i], depth + 1, 0)
+        stack: list[tuple[int, int]] = []  # columns where a rectangle of some depth begins
+        for j, height in enumerate([*depth.tolist(), 0]):
+            begin = j
+            while stack and stack[-1][1] >= height:
+                begin, high = stack.pop()
+                if high * (j - begin) > best:
+                    best, found = high * (j - begin), (i + 1 - high, i + 1, begin, j)
+            stack.append((begin, height))
+    parts = (
+        slice(found[0] * blocks[0], found[1] * blocks[0]),
+        slice(found[2] * blocks[1], found[3] * blocks[1]),
+    )
+    return parts[: missing.ndim]
