@@ -25,9 +25,21 @@ def rows(*columns, separator="\t", decimal=".", form="{:.9g}", start="", end="")
     return "\n".join(lines) + "\n"
 
 
+def read(folder, content, name="export.txt", encoding="utf-8", **options):
+    path = folder / name
+    path.write_bytes(content if isinstance(content, bytes) else content.encode(encoding))
+    return read_moduli(path, **options)
+
+
+def check(measured, *, factor=1.0, deformation="tension", rtol=1e-7):
+    assert measured.kind == "frequency" and measured.deformation == deformation
+    np.testing.assert_allclose(measured.abscissa, OMEGA, rtol=rtol)
+    np.testing.assert_allclose(measured.values, factor * MODULUS, rtol=rtol)
+
+
 def trios(celsius=(20.0, 40.0)):
     """TRIOS: details, then sections with a title, names, units and numbers between tabs."""
-    text = "Filename\tsbr\nInstrument name\tRSA-G2\nrundate\t1/2/2020\nGeometry\tTension\n"
+    text = "Filename\tsbr\nInstrument name\tDHR-2\nrundate\t1/2/2020\nGeometry\tplates\n"
     text += "[File Parameters]\nLoading gap\t15\tmm\n"
     for i, t in enumerate(celsius):
         text += f"\n[step]\nFrequency sweep - {i + 1}\n"
@@ -63,16 +75,13 @@ def test_trios_text_with_steps_and_both_frequencies(tmp_path):
     np.testing.assert_allclose(cold.temperature, 273.15 + CELSIUS)
 
 
-def read(folder, content, name="export.txt", encoding="utf-8", **options):
-    path = folder / name
-    path.write_bytes(content if isinstance(content, bytes) else content.encode(encoding))
-    return read_moduli(path, **options)
-
-
-def check(measured, *, factor=1.0, deformation="tension", rtol=1e-7):
-    assert measured.kind == "frequency" and measured.deformation == deformation
-    np.testing.assert_allclose(measured.abscissa, OMEGA, rtol=rtol)
-    np.testing.assert_allclose(measured.values, factor * MODULUS, rtol=rtol)
+def test_what_tells_of_both_deformations_is_asked_for(tmp_path):
+    text = trios().replace("plates", "Tension fixture (rectangle)")
+    with pytest.raises(
+        ValueError, match=r"'Oscillation torque' of one in shear: pass `deformation"
+    ):
+        read(tmp_path, text)
+    check(read(tmp_path, text, deformation="tension").isotherms()[0])
 
 
 @pytest.mark.parametrize(

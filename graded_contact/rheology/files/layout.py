@@ -23,7 +23,7 @@ from .quantities import (
     parse_unit,
     tells_of_shear,
 )
-from .titles import stress_above, temperature_above
+from .titles import stress_above, temperature_above, tension_above
 
 # The quantities that make a measurement of each kind, the most direct ones first; in the order of
 # the first of a kind the columns of a file without telling names are read.
@@ -173,7 +173,8 @@ def understand(sheet: Sheet, told: Told) -> Layout:
 
     Raises `ValueError` that names the line, and all arguments that would settle it.
     """
-    tables = sorted(_tables(sheet.rows, told), key=lambda table: -len(table.rows))
+    tables = [table for table in _tables(sheet.rows, told) if table.rows]
+    tables.sort(key=lambda table: -len(table.rows))
     if not tables or len(tables[0].rows) < 2:
         raise ValueError("no table of numbers is found; rows of at least two numbers are needed")
     refusals = []
@@ -183,7 +184,7 @@ def understand(sheet: Sheet, told: Told) -> Layout:
         except ValueError as error:
             refusals.append(error)
             continue
-        others = [other.head.place for other in tables if other is not table and other.rows]
+        others = [other.head.place for other in tables if other is not table]
         if others:
             layout.notes.append(f"Left out tables of other columns: {', '.join(others)}.")
         return layout
@@ -214,12 +215,18 @@ def _understand(table: _Table, told: Told, spaced: bool) -> Layout:
         if column is not None:
             columns[quantity] = column
     asked += _asked_of_units(head, [name for name in needed if name not in columns], chosen)
+    used = {column.place for column in columns.values()}
+    others = [name for i, name in enumerate(head.names) if name and i not in used]
+    shear = next(filter(tells_of_shear, others), None)
+    if shear and tension_above(titles) and not any(c.deformation for c in columns.values()):
+        asked.append(
+            f"the lines above tell of a test in tension or bending, but {shear!r} of one in shear: "
+            "pass `deformation`"
+        )
     if asked:
         asked += _asked_of_temperature(table, chosen, told)
         raise ValueError(f"{head.place}: {'; '.join(asked)}")
     check = len(chosen.get("tan_delta", [])) == 1 and names == WAYS[0][1]
-    used = {column.place for column in columns.values()}
-    others = [name for i, name in enumerate(head.names) if name and i not in used]
     return Layout(
         kind=kind,
         columns=columns,
@@ -229,7 +236,7 @@ def _understand(table: _Table, told: Told, spaced: bool) -> Layout:
         blocks=head.blocks,
         width=len(head.names),
         spaced=spaced,
-        shear=next(filter(tells_of_shear, others), None),
+        shear=shear,
         unused=others,
         notes=notes,
     )

@@ -1,5 +1,5 @@
 """What the lines above a table say of all of it: the temperature, the constant stress of a creep
-test. Only a value with its unit counts, and only if no line says another.
+test, the geometry. Only a value with its unit counts, and only if no line says another.
 """
 
 import re
@@ -15,6 +15,11 @@ _TEMPERATURE = re.compile(
 )
 _STRESS = re.compile(
     rf"(?i)\b(?:schub)?(?:stress|spannung)\b[^\w+-]*{_NUMBER}\s*([a-z][a-z0-9/^²]*)"
+)
+
+_TENSION = re.compile(
+    r"(?i)(?:geometr|clamp|fixture|holder|halter|probe).*"
+    r"(?:tension|tensile|compression|bending|cantilever|zug|biege|druck)"
 )
 
 
@@ -41,6 +46,11 @@ def stress_above(rows: Sequence[Row]) -> float | None:
         if (unit := parse_unit(word)) in UNITS["stress"]
     }
     return found.pop() if len(found) == 1 else None
+
+
+def tension_above(rows: Sequence[Row]) -> bool:
+    """Returns whether a row names a geometry of tension, compression or bending."""
+    return any(_TENSION.search(" ".join(row.cells)) for row in rows)
 
 
 def parameters(row: Row) -> dict[str, str]:

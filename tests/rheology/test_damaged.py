@@ -1,0 +1,157 @@
+"""Damaged files are read or refused with a message; every row is read or told to be left out."""
+
+import contextlib
+import re
+import signal
+from pathlib import Path
+
+import numpy as np
+import pytest
+from test_exports import EXPORTS, rheocompass, trios
+
+from graded_contact.rheology.reading import read_moduli
+
+DATA = Path(__file__).parents[3] / "shared" / "data" / "rheology"
+SEED = 20261
+CREEP = "Time [s];Shear strain [%];Shear stress [kPa]\n" + "".join(
+    f"{10**i};{1 + i};2,0{i}\n" for i in range(6)
+)
+SAMPLES = {
+    **{f"{name}.txt": (text.encode(), options) for name, (text, options, _) in EXPORTS.items()},
+    "trios.txt": (trios().encode("cp1252"), {}),
+    "rheocompass.csv": (rheocompass(decimal=",").encode("utf-16"), {}),
+    "creep.csv": (CREEP.encode(), {}),
+    "sweep.tts": (b"T=-35;Mw=2;\n" + b"".join(b"%d 1e5 2e%d 0\n" % (i, i) for i in range(9)), {}),
+}
+OPTIONS = {
+    "pp_stress_relaxation.csv": {"kind": "relaxation", "units": {"time": "s", "modulus": "Pa"}},
+    "vinylfoam_dma_raw.csv": {"units": {"modulus": "MPa"}},
+    "plazek1965_ps_creep_isotherms.csv": {
+        "kind": "creep",
+        "units": {"time": "s", "compliance": "cm2/dyn"},
+    },
+    **{
+        f"respect_time_test{i}.dat": {"kind": "relaxation", "units": {"time": "s", "modulus": "Pa"}}
+        for i in (1, 3, 6)
+    },
+}
+TOKENS = [
+    b"1e308", b"-1e308", b"1e-320", b"9.9e37", b"NaN", b"inf", b"-5", b"0", b"", b"x", b"---",
+    b"1,5", b"1.234.567", b"\xff\xfe", b'"', b"#", b"T=1e999;", b"9" * 400, b"\xc3\x28", b"=",
+    b"25 \xc2\xb0C", b"stress 1 kPa", b"MPa", b"\t", b";", b"1e", b"--1", b"\x00", b"f", b"E'",
+]  # fmt: skip
+
+
+def damaged(content: bytes, draw: np.random.Generator) -> bytes:
+    """The content after one to four damages."""
+    for _ in range(draw.integers(1, 5)):
+        lines = content.split(b"\n")
+        line, other = draw.integers(len(lines), size=2)
+        kind = draw.integers(10)
+        if kind == 0 and content:  # bytes
+            array = np.frombuffer(content, np.uint8).copy()
+            array[draw.integers(len(array), size=draw.integers(1, 20))] = draw.integers(256)
+            content = array.tobytes()
+            continue
+        if kind == 1:
+            content = content[: draw.integers(len(content) + 1)]
+            continue
+        if kind == 2:
+            with contextlib.suppress(UnicodeError):
+                code = ("utf-16", "utf-16-be", "utf-32", "cp1252", "utf-8-sig")[draw.integers(5)]
+                content = content.decode("utf-8").encode(code)
+            continue
+        if kind == 3:
+            del lines[line : line + draw.integers(1, 6)]
+        elif kind == 4:
+            lines[line], lines[other] = lines[other], lines[line]
+        elif kind == 5:
+            lines.insert(line, lines[other])
+        elif kind == 6:  # two columns of every line
+            mark = (b"\t", b",", b";", b" ")[draw.integers(4)]
+            first, second = draw.integers(4, size=2)
+            for i, cells in enumerate(text.split(mark) for text in lines):
+                if len(cells) > max(first, second):
+                    cells[first], cells[second] = cells[second], cells[first]
+                    lines[i] = mark.join(cells)
+        else:
+            cells = re.split(rb"([\t,; ]+)", lines[line])
+            cells[draw.integers(len(cells))] = TOKENS[draw.integers(len(TOKENS))]
+            lines[line] = b"".join(cells)
+        content = b"\n".join(lines)
+    return content
+
+
+@contextlib.contextmanager
+def no_hang(seconds: int):
+    """Ends what runs for longer, where the system can."""
+    if not hasattr(signal, "SIGALRM"):
+        yield
+        return
+
+    def stop(*_):
+        raise RuntimeError("it hangs")
+
+    before = signal.signal(signal.SIGALRM, stop)
+    signal.alarm(seconds)
+    try:
+        yield
+    finally:
+        signal.alarm(0)
+        signal.signal(signal.SIGALRM, before)
+
+
+def check_damaged(folder, name: str, content: bytes, options: dict) -> bool:
+    """Reads a file; whether it was accepted."""
+    path = folder / Path(name).name.replace(",", "")
+    path.write_bytes(content)
+    try:
+        with no_hang(20):
+            measured = read_moduli(path, **options)
+    except (ValueError, OSError, ImportError) as error:
+        assert path.name in str(error), error
+        assert len(str(error)) < 20_000
+        return False
+    values = np.stack([measured.values.real, measured.values.imag])
+    assert np.all(np.isfinite(values)) and np.all(values[0] > 0)
+    assert measured.kind != "frequency" or np.all(values[1] > 0)
+    assert np.all(np.isfinite(measured.abscissa)) and np.all(measured.abscissa > 0)
+    assert all(np.all(np.diff(part.abscissa) >= 0) for part in measured.isotherms())
+    if not any("side by side" in note or "curves" in note for note in measured.history):
+        history = " ".join(measured.history)
+        there = sum(map(int, re.findall(r"Read (\d+) rows", history)))
+        left = re.findall(r"Left out for (?!having no numbers)[^:]*: (\d+) row\(s\)", history)
+        assert there == len(measured.lines) + sum(map(int, left)), measured.history
+    return True
+
+
+@pytest.mark.parametrize("name", SAMPLES)
+def test_damaged_exports_are_read_or_refused(tmp_path, name):
+    content, options = SAMPLES[name]
+    draw = np.random.default_rng([SEED, *name.encode()])
+    for _ in range(20):
+        check_damaged(tmp_path, name, damaged(content, draw), options)
+
+
+@pytest.mark.slow
+def test_damaged_exports_are_read_or_refused_many_times(tmp_path):
+    draw, accepted = np.random.default_rng(SEED), 0
+    for i in range(1500):
+        name = list(SAMPLES)[i % len(SAMPLES)]
+        content, options = SAMPLES[name]
+        accepted += check_damaged(tmp_path, name, damaged(content, draw), options)
+    assert 100 < accepted < 1400  # neither all nor none, or little would be tried
+
+
+@pytest.mark.slow
+def test_damaged_measured_files_are_read_or_refused(tmp_path):
+    paths = sorted(DATA.glob("*")) if DATA.exists() else []
+    if not paths:
+        pytest.skip("the measured files are not beside this checkout")
+    draw, accepted = np.random.default_rng(SEED), 0
+    for i in range(1500):
+        path = paths[i % len(paths)]
+        options = OPTIONS.get(path.name, {})
+        content = damaged(path.read_bytes(), draw)
+        accepted += check_damaged(tmp_path, path.name, content, options)
+    assert 100 < accepted < 1400
