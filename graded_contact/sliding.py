@@ -32,7 +32,7 @@ from .contact.observables import (
 from .contact.problem import RESULTS, ContactSolution, solve_contact
 from .contact.rmd import ResidualDynamics
 from .grid import Grid, to_field, to_spectrum, wavenumber
-from .response.kernel import stack_kernel
+from .response.kernel import attempted_kernel, stack_kernel
 from .response.stack import Stack
 from .surface import Surface
 
@@ -136,11 +136,12 @@ def slide(
     - `mean_gap`: mean of the gap [m], counted from the mean of the heights.
     - `velocity`: of the surface over the block [m/s]: a number (along x) or `(vx, vy)`. At rest
       (0, known beforehand) the relaxed moduli act and a real kernel is used.
-    - `law`, `solver`, `rtol`, `start`, `throw`: as in `solve_contact`.
+    - `law`, `solver`, `rtol`, `start`, `throw`: as in `solve_contact`. Without `throw` a graded
+      layer whose kernel misses its tolerance is a `.result` as well, and all numbers are NaN.
 
-    **Raises:** `ValueError` for a refused argument; `RuntimeError` if the solve fails.
+    **Raises:** `ValueError` for a refused argument; `RuntimeError` if kernel or solve fail.
     """
-    kernel, velocity = _kernel_and_velocity(stack, surface, velocity)
+    kernel, velocity, reached = _kernel_and_velocity(stack, surface, velocity, throw)
     contact = solve_contact(
         kernel,
         surface.heights,
@@ -152,19 +153,24 @@ def slide(
         start=start,
         throw=throw,
     )
+    result = RESULTS.where(reached, contact.result, RESULTS.inaccurate_kernel)
+    contact = eqx.tree_at(lambda c: c.result, contact, result)
     return _observe(contact, kernel, surface.heights, surface.measured, surface.grid, velocity, law)
 
 
-def _kernel_and_velocity(stack, surface, velocity):
-    """The kernel of the sliding stack on the surface's grid, and the velocity as an array."""
+def _kernel_and_velocity(stack, surface, velocity, throw=True):
+    """The kernel on the surface's grid, the velocity as an array, and if the kernel is good."""
     if not isinstance(stack, Stack):
         raise ValueError(f"`stack={stack!r}` must be a `Stack(layers=..., base=...)`.")
     if not isinstance(surface, Surface):
         raise ValueError(f"`surface={surface!r}` must be a `Surface(heights, grid)`.")
     velocity = as_float(velocity, "velocity")
-    kernel = stack_kernel(stack, surface.grid, velocity)
+    if throw:
+        kernel, reached = stack_kernel(stack, surface.grid, velocity), True
+    else:
+        kernel, reached = attempted_kernel(stack, surface.grid, velocity)
     at_rest = is_concrete(velocity) and not np.any(velocity)
-    return (kernel.real if at_rest else kernel), velocity
+    return (kernel.real if at_rest else kernel), velocity, reached
 
 
 @eqx.filter_jit
@@ -243,7 +249,7 @@ def area_against_cutoff(
     check_positive("cutoffs", cutoffs, "[rad/m]")
     if is_concrete(cutoffs) and np.any(np.diff(cutoffs) <= 0):
         raise ValueError(f"`cutoffs={np.asarray(cutoffs)}` must ascend.")
-    kernel, velocity = _kernel_and_velocity(stack, surface, velocity)
+    kernel, velocity, _ = _kernel_and_velocity(stack, surface, velocity)
     grid = surface.grid
     spectrum, q = to_spectrum(surface.heights), wavenumber(grid)
 

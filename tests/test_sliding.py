@@ -315,6 +315,32 @@ def test_unfinished_solve_is_not_passed_as_converged():
     assert np.isfinite(s.friction)
 
 
+def test_a_kernel_that_fails_is_a_result_or_an_error():
+    """One bad block must not end a sweep: kinks that are not told, and a NaN at the door."""
+
+    def kinked(s, omega):
+        return 1e6 * (1 + jnp.abs(jnp.sin(9 * s))), 0.3
+
+    stack = gc.Stack(layers=(gc.GradedLayer(1e-3, kinked),), base=gc.Rigid())
+    x = np.arange(16) / 16
+    heights = 1e-4 * np.cos(2 * np.pi * x)[:, None] * np.cos(4 * np.pi * x)
+    wave = gc.Surface(heights, gc.Grid((16, 16), CELL))
+
+    def run(velocity, throw=False):
+        return gc.slide(stack, wave, pressure=4e5, velocity=velocity, throw=throw)
+
+    s = run(0.1)
+    assert s.result == gc.RESULTS.inaccurate_kernel
+    assert np.isnan(s.friction)
+    assert jax.jit(lambda v: run(v).result)(0.1) == gc.RESULTS.inaccurate_kernel
+    with pytest.raises(RuntimeError, match="tolerance was not reached in a kernel"):
+        run(0.1, throw=True)
+    kernel = gc.stack_kernel(coated(), wave.grid, 0.1).at[3, 2].set(jnp.nan)
+    with pytest.raises(ValueError, match=r"`kernel\.real\[3, 2\]=nan` is refused"):
+        gc.solve_contact(kernel, heights, 4e5)
+    assert gc.solve_contact(kernel, heights, 4e5, throw=False).result == gc.RESULTS.not_finite
+
+
 def test_values_that_only_tracing_hides_do_not_pass_as_solved():
     """Under `jit` the door cannot see them; the result must."""
     pressed = jax.jit(

@@ -58,6 +58,11 @@ class RESULTS(eqx.Enumeration):
         "about three times as stiff as the attraction rises), or use "
         "`solver=ResidualDynamics()`."
     )
+    inaccurate_kernel = (
+        "The kernel of the block missed its tolerance: the profile of a graded layer varies too "
+        "sharply, or has moduli too far apart. Put boundaries between layers at its jumps and list "
+        "its kinks in `breaks`, or cut it by `sliced`."
+    )
     bad_pressure = "The law of contact cannot have this mean pressure (a hard wall: not positive)."
 
 
@@ -134,7 +139,8 @@ def solve_contact(
     - `start`: a pressure field [Pa] to start from, such as a neighbouring solution; a load that it
       lacks is spread evenly. One at a load or speed more than half as large again saves nothing.
       With a law that attracts, it chooses among several solutions; see `follow_contact`.
-    - `throw`: whether to raise if the solver fails; otherwise look at `.result`.
+    - `throw`: whether to raise if the solver fails or the kernel is not finite; otherwise look at
+      `.result`.
 
     **Raises:** `ValueError` for a refused argument; `RuntimeError` if the solve fails.
     """
@@ -149,6 +155,8 @@ def solve_contact(
     if is_concrete(kernel):
         known = np.array(kernel)
         known[(0,) * kernel.ndim] = 1
+        if not throw:
+            known[~np.isfinite(known)] = 1  # `.result` will tell
         check_positive("kernel.real", np.real(known), "[m/Pa] for every q but 0")
         check_values("kernel.imag", np.imag(known), "it must be finite")
     check_law(law)

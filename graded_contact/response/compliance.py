@@ -107,10 +107,11 @@ def surface_compliance_unchecked(stack, q, omega, rtol=None):
     return compliance_of(prepared(stack), q, omega, rtol)
 
 
-def compliance_of(stack, q, omega, rtol=None, *, attempt=False):
+def compliance_of(stack, q, omega, rtol=None, *, attempt=False, throw=True):
     """As `surface_compliance_unchecked`, of a `prepared` stack.
 
-    An `attempt` at a graded stack is quick, and returns what it found whatever its error.
+    An `attempt` at a graded stack is quick, and returns what it found whatever its error. Without
+    `throw` a tolerance that is not reached leaves NaN.
     """
     if isinstance(stack, ManyLayers):
         thickness = stack.thickness
@@ -118,7 +119,10 @@ def compliance_of(stack, q, omega, rtol=None, *, attempt=False):
     elif is_graded(stack):
         rtol = graded_tolerance(rtol, q)
         solver = Layering(retry=not attempt)
-        return solve_graded(stack, q, omega, solver, rtol, throw=not attempt).value
+        found = solve_graded(stack, q, omega, solver, rtol, throw=throw and not attempt)
+        if attempt or throw:
+            return found.value
+        return jnp.where(found.error <= rtol, found.value, jnp.nan)
     else:
         thickness = [layer.thickness for layer in stack.layers]
         modulus = [layer.material.modulus(omega) for layer in stack.layers]

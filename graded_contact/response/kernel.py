@@ -14,7 +14,7 @@ import equinox as eqx
 import jax
 import jax.numpy as jnp
 import numpy as np
-from jaxtyping import Array, Inexact
+from jaxtyping import Array, Bool, Inexact
 
 from .._checks import Numbers, is_concrete
 from ..grid import Grid, as_velocity, both_signs, even_on_nyquist, nyquist_lines, sliding_frequency
@@ -29,9 +29,11 @@ _BLOCK_ROWS = 16
 _FEW_LAYERS, _FEW_POINTS = 6, 192**2
 
 
-_TOO_SHARP = (
-    "The kernel varies too sharply for its table at this tolerance. Pass a larger `rtol`, or call "
-    "`stack_kernel` outside `jit`, `vmap` and derivatives, where it turns to direct evaluation."
+_NOT_REACHED = (
+    "The tolerance was not reached in a kernel: the profile of a graded layer varies too sharply. "
+    "Put boundaries between layers at its jumps and list its kinks in `breaks`, pass a larger "
+    "`rtol`, or call `stack_kernel` outside `jit`, `vmap` and derivatives, where it turns from its "
+    "table to direct evaluation."
 )
 
 
@@ -59,12 +61,25 @@ def stack_kernel(
 
     **Raises:** `ValueError` for a refused argument; `RuntimeError` if `rtol` is not reached.
     """
+    kernel, reached = attempted_kernel(stack, grid, velocity, rtol)
+    return eqx.error_if(kernel, ~reached, _NOT_REACHED)
+
+
+def attempted_kernel(
+    stack: Stack, grid: Grid, velocity: Numbers = 0.0, rtol: float | None = None
+) -> tuple[Inexact[Array, "*half"], Bool[Array, ""]]:
+    """Returns the kernel, and whether it reached its tolerance, which is no error here.
+
+    Arguments as in `stack_kernel`. Where the tolerance of a graded layer was missed stands NaN.
+    """
     velocity, rtol = _checked(stack, grid, velocity, rtol)
     if _is_dear(stack, grid) and velocity.ndim == 0:
         kernel, error = _interpolated_kernel(stack, grid, velocity, rtol)
-        if not is_concrete(error) or error <= rtol:
-            return eqx.error_if(kernel, ~(error <= rtol), _TOO_SHARP)
-    return _direct_kernel(stack, grid, velocity, rtol)
+        # NaN comes from a node that could not be solved; nor could its neighbours be.
+        if not is_concrete(error) or not error > rtol:
+            return kernel, error <= rtol
+    kernel = _direct_kernel(stack, grid, velocity, rtol)
+    return kernel, jnp.all(jnp.isfinite(kernel)) if is_graded(stack) else jnp.asarray(True)
 
 
 def kernel_table(
@@ -187,7 +202,7 @@ def _compliance(stack, qx, qy, velocity, rtol, *, attempt=False):
     q = _magnitude(qx, qy)
     # For sliding along x the frequency keeps the shape of qx: one modulus per row.
     omega = sliding_frequency(qx, qy, velocity)
-    return compliance_of(stack, q, omega, rtol, attempt=attempt)
+    return compliance_of(stack, q, omega, rtol, attempt=attempt, throw=False)
 
 
 def _rules(kernel, shape):
