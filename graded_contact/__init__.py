@@ -34,6 +34,7 @@ from .rheology.material import BulkShear, Elastic, Prony
 from .rheology.reading import Measured, read_moduli
 from .rheology.shift import WLF, Arrhenius
 from .rheology.tabulated import Tabulated
+from .rheology.tabulated_shift import TabulatedShift
 from .sliding import CutoffCurve, Sliding, area_against_cutoff, slide
 from .spectrum import SelfAffine
 from .surface import Surface, radial_spectrum, random_surface, resample, rescale, statistics
@@ -86,6 +87,7 @@ __all__ = [
     "Stack",
     "Surface",
     "Tabulated",
+    "TabulatedShift",
     "area_against_cutoff",
     "cumulative_friction",
     "effective_modulus",

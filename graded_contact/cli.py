@@ -216,7 +216,6 @@ def fit(
     Several isotherms, in one file or several, are shifted into a master curve.
     """
     _prepare()
-    from .plot import plot_fit
     from .rheology.export import FORMATS, export_prony
     from .rheology.reading import read_moduli
     from .studies.output import check_folder, folder_path
@@ -248,12 +247,12 @@ def fit(
         }  # fmt: skip
         weights = {"storage_weight": storage_weight, "loss_weight": loss_weight}
         shifts = {"law": law, "scatter": scatter, "vertical": vertical}
-        found, material, report = _fitted(measured, shifts, weights, arguments)
+        figure, material, report = _fitted(measured, shifts, weights, arguments)
         name = re.sub(r"\W", "_", moduli_files[0].stem)
         name = name if name[:1].isalpha() else f"material_{name}"
         typer.echo(f"\n{report}\n\n{export_prony(material, 'toml', name=name)}")
         folder.mkdir(parents=True, exist_ok=True)
-        plot_fit(found).savefig(folder / f"{name}.png")
+        figure.savefig(folder / f"{name}.png")
         typer.echo(f"wrote {folder / f'{name}.png'}")
         for form in ("toml", *(card or [])):
             path = folder / f"{name}{_SUFFIXES.get(form, f'.{form}')}"
@@ -275,12 +274,12 @@ def _naming_options() -> Iterator[None]:
 
 
 def _fitted(measured, shifts, weights, arguments):
-    """The fit, its material with the law of its shifts, and the report."""
-    import dataclasses
-
+    """The figure of the fit, its material with its shifts, and the report."""
+    from .plot import plot_fit, plot_master_curve
     from .rheology.fit import fit_creep, fit_prony, fit_relaxation
-    from .rheology.master import master_curve
+    from .rheology.master import check_law, master_curve
 
+    check_law(shifts["law"])
     isotherms = measured.isotherms()
     if measured.kind != "frequency" and set(weights.values()) != {1.0}:
         raise ValueError(f"`storage_weight`, `loss_weight`: {measured.kind} has one channel only.")
@@ -289,12 +288,10 @@ def _fitted(measured, shifts, weights, arguments):
         if measured.kind == "frequency":
             arguments = {**arguments, **weights}
         found = functions[measured.kind](measured.abscissa, measured.values, **arguments)
-        return found, found.material, found.report()
+        return plot_fit(found), found.material, found.report()
     weight, loss_weight = weights.values()
     curve = master_curve(isotherms, **shifts, **arguments, weight=weight, loss_weight=loss_weight)
-    material = dataclasses.replace(curve.fit.material, shift=curve.law)
-    note = "The table holds the law of the shifts only: scenes know no departures from it."
-    return curve.fit, material, f"{curve.report()}\n\n{note}"
+    return plot_master_curve(curve), curve.exported(), curve.report()
 
 
 @app.command()

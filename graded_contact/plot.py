@@ -16,6 +16,7 @@ from ._checks import as_float, check_positive
 from .response.compliance import effective_modulus
 from .response.stack import Stack
 from .rheology.fit import PronyFit
+from .rheology.master import MasterCurve
 from .sliding import Sliding
 from .studies.design_scene import DesignResults, curve_velocities
 from .studies.objectives import friction_curve, loss_tangent
@@ -201,6 +202,61 @@ def plot_fit(fit: PronyFit) -> "Figure":
     below.axhline(0, color="black", linewidth=0.6)
     below.set_xlabel(r"angular frequency $\omega$ [rad/s]" if frequency else "time [s]")
     below.set_ylabel("ln(fit/measured)\n[%]")
+    return figure
+
+
+def plot_master_curve(curve: MasterCurve) -> "Figure":
+    """Returns a figure of a master curve: the shifted isotherms on the series, and their shifts.
+
+    Isotherms and shifts are coloured by temperature; bars are two standard deviations.
+
+    **Arguments:**
+
+    - `curve`: what `master_curve` returned.
+    """
+    from matplotlib import colormaps
+
+    lifted = curve.data.lifts
+    figure = _figure(9.0, 4.6)
+    shifted, *panels = (
+        figure.subplot_mosaic("mma;mmb" if lifted else "mma", width_ratios=(1, 1, 1.2))
+    ).values()
+    data, temperatures = curve.fit.data, np.asarray(curve.temperatures)
+    colours = colormaps["coolwarm"](np.linspace(0, 1, len(temperatures)))
+    x, group = np.asarray(data.x), np.asarray(curve.data.group)
+    fine = np.geomspace(np.min(x[x > 0]), np.max(x), 300)
+    series = np.asarray(curve.fit.predict(fine))
+    names, styles = _CHANNELS[data.kind], ("-", "--")
+    for values, weights, line, name, style, mark in zip(
+        data.values, data.weights, series, names, styles, "os", strict=False
+    ):
+        shifted.plot(fine, line, color="black", linewidth=0.8, linestyle=style, label=name)
+        for i, colour in enumerate(colours):
+            there = (group == i) & (np.asarray(weights) > 0)
+            shifted.plot(x[there], np.asarray(values)[there], mark, color=colour, markersize=3)
+    frequency = data.kind == "frequency"
+    reference = float(temperatures[curve.data.reference])
+    shifted.set(
+        xscale="log",
+        yscale="log",
+        xlabel=r"$\omega\,a_T$ [rad/s]" if frequency else "$t/a_T$ [s]",
+        ylabel="compliance [1/Pa]" if data.kind == "creep" else "modulus [Pa]",
+        title=f"at {reference:.2f} K",
+    )
+    shifted.legend(frameon=False)
+    rows = [(curve.log10_shifts, r"$\log_{10} a_T$"), (curve.vertical_shifts, "$b_T$")]
+    for axes, (values, label), deviation in zip(
+        panels, rows, curve.shift_deviations(), strict=False
+    ):
+        values, bars = np.asarray(values), 2 * np.asarray(deviation)
+        bars = bars * values if label == "$b_T$" else bars
+        for point in zip(temperatures, values, bars, colours, strict=True):
+            axes.errorbar(*point[:3], fmt="o", capsize=2, markersize=4, color=point[3])
+        axes.set(xlabel="temperature [K]", ylabel=label)
+    between = np.linspace(temperatures[0], temperatures[-1], 200)
+    by_law = jax.vmap(curve.law.log_factor)(between) / np.log(10)
+    panels[0].plot(between, by_law, color="0.4", linewidth=0.8, label=type(curve.law).__name__)
+    panels[0].legend(frameon=False)
     return figure
 
 

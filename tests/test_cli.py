@@ -402,6 +402,7 @@ def test_a_fit_takes_several_files_and_the_options_that_messages_name(tmp_path):
         ("f [Hz],E' [Pa],E'' [Pa]\n1,2e6,1e5\n2,-2e6,1e5\n", (), "must be a positive number"),
         ("f [Hz],E' [Pa],E'' [Pa]\n1,2e6,1e5\n", ("--unit", "MPa"), "write QUANTITY=UNIT"),
         ("f [Hz],E' [Pa],E'' [Pa]\n1,2e6,1e5\n2,3e6,1e5\n", ("--terms", 9), "unknowns, more than"),
+        ("f [Hz],E' [Pa],E'' [Pa]\n1,2e6,1e5\n2,3e6,1e5\n", ("--law", "foo"), "`law='foo'` is"),
     ],
 )
 def test_a_file_that_cannot_be_fitted_is_refused_in_one_message(

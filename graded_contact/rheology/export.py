@@ -18,7 +18,7 @@ from typing import Any
 import numpy as np
 
 from .material import AbstractMaterial, Prony
-from .shift import WLF, AbstractShift, Arrhenius
+from .shift import WLF, AbstractShift
 
 ANSYS_TERMS = 100  # the most that TB,PRONY takes
 LEAST_REMAINDER = 1e-9  # of E_eq in E_inf, to keep it to about 1e-6
@@ -35,16 +35,12 @@ def export_prony(material: AbstractMaterial, format: str, *, name: str = "materi
     - "ansys": MP,EX and MP,PRXY, TB,PRONY for shear and bulk.
 
     A WLF law is written too (*TRS, TB,SHIFT), with temperatures in kelvin; the cards mention an
-    Arrhenius law in a comment only. Raises `ValueError` for what a format cannot hold.
+    Arrhenius law and a table of shifts in comments only. Raises `ValueError` for what a format
+    cannot hold.
     """
     if not isinstance(material, Prony):
         raise ValueError(
             f"`material` is of type {type(material).__name__}; only a `Prony` series is exported."
-        )
-    if not isinstance(material.shift, WLF | Arrhenius | None):
-        raise ValueError(
-            f"`material.shift` is a {type(material.shift).__name__}; only a WLF or Arrhenius law "
-            "is exported. Of a master curve, take `law`."
         )
     if format not in FORMATS:
         raise ValueError(f"`format={format!r}` is refused: use one of {tuple(FORMATS)}.")
@@ -65,8 +61,8 @@ def _fields(material: Prony) -> dict[str, Any]:
         "poisson": float(material.poisson),
     }
     if material.shift is not None:
-        constants = {key: float(value) for key, value in vars(material.shift).items()}
-        fields["shift"] = {"kind": type(material.shift).__name__.lower(), **constants}
+        kind = type(material.shift).__name__.lower().removesuffix("shift")
+        fields["shift"] = {"kind": kind, **_constants(material.shift)}
     return fields
 
 
@@ -94,7 +90,7 @@ def _csv(material: Prony, name: str) -> str:
         [
             f"# {name}: Young's relaxation modulus, the sum of modulus * exp(-t/time) over lines",
             f"# Poisson's ratio {fields['poisson']!r}",
-            *([f"# {_law(material.shift)}"] if material.shift is not None else []),
+            *(f"# {line}" for line in _law(material.shift)),
             "relaxation time [s],modulus [Pa]",
             *(f"{time},{strength!r}" for time, strength in branches),
             "",
@@ -118,7 +114,7 @@ def _abaqus(material: Prony, name: str) -> str:
         constants = (shift.reference, shift.c1, shift.c2)
         lines += ["*TRS, DEFINITION=WLF", ", ".join(repr(float(value)) for value in constants)]
     elif shift is not None:
-        lines.append(f"** Not part of this card: {_law(shift)}")
+        lines += [f"** {line}" for line in ("Not part of this card:", *_law(shift))]
     return "\n".join([*lines, ""])
 
 
@@ -150,7 +146,7 @@ def _ansys(material: Prony, name: str) -> str:
         lines.append("TB,SHIFT,MATID,1,3,WLF")
         lines.append("TBDATA,1," + ",".join(repr(float(value)) for value in constants))
     elif shift is not None:
-        lines.append(f"! Not part of this card: {_law(shift)}")
+        lines += [f"! {line}" for line in ("Not part of this card:", *_law(shift))]
     return "\n".join([*lines, ""])
 
 
@@ -168,9 +164,24 @@ def _normalised(material: Prony, program: str) -> tuple[float, list[float], list
     return glassy, (strengths / glassy).tolist(), np.asarray(material.times, float).tolist()
 
 
-def _law(shift: AbstractShift) -> str:
-    constants = ", ".join(f"{key}={float(value)!r}" for key, value in vars(shift).items())
-    return f"time-temperature shift {type(shift).__name__}({constants})"
+def _constants(shift: AbstractShift) -> dict[str, Any]:
+    """The fields of a law or table, as Python numbers."""
+    given = {key: value for key, value in vars(shift).items() if value is not None}
+    return {key: np.asarray(value, float).tolist() for key, value in given.items()}
+
+
+def _law(shift: AbstractShift | None) -> list[str]:
+    """A law on one line; a table with a line for each temperature."""
+    if shift is None:
+        return []
+    constants = _constants(shift)
+    columns = {key: value for key, value in constants.items() if isinstance(value, list)}
+    single = ", ".join(f"{key}={constants[key]!r}" for key in constants if key not in columns)
+    lines = [f"time-temperature shift {type(shift).__name__}({single})"]
+    if columns:
+        lines.append(", ".join(columns))
+        lines += [", ".join(map(repr, row)) for row in zip(*columns.values(), strict=True)]
+    return lines
 
 
 FORMATS: dict[str, Callable[[Prony, str], str]] = {

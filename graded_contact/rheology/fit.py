@@ -19,7 +19,7 @@ import numpy as np
 from .._checks import Numbers, as_float, check_poisson
 from .fitting.observations import Observations, concrete, objective, observe, series_of
 from .fitting.optimum import attach_derivative, search
-from .fitting.path import POLISH, best_of_length, best_spectrum
+from .fitting.path import best_of_length, best_spectrum
 from .fitting.result import PronyFit, choose
 
 FOREIGN = 0.3  # median log residual from which on data are no linear viscoelastic moduli
@@ -182,7 +182,7 @@ def _fit(data, terms, within, start, poisson, throw):
         if begin is None:
             theta, _ = best_of_length(series, 0 if data.times is not None else terms)
         else:
-            theta, _ = series.minimise(np.asarray(begin), rtol=POLISH)
+            theta, _ = series.minimise(np.asarray(begin), rtol=0)
         return theta, series.within_bounds(theta)
 
     theta, free = search(find, (data.num_unknowns(terms),), data, begin)

@@ -30,8 +30,8 @@ from .fit import check_terms, refuse_nonsense, require_known
 from .fitting.isotherms import (
     Isotherms,
     LawKind,
-    TabulatedShift,
     at_reference,
+    law_of,
     log_shift_of,
     log_vertical_of,
     shared_objective,
@@ -40,8 +40,8 @@ from .fitting.isotherms import (
 )
 from .fitting.observations import concrete, observe
 from .fitting.optimum import attach_derivative, search
-from .fitting.path import POLISH, SEARCH, best_of_length, non_negative
-from .fitting.result import PronyFit, choose
+from .fitting.path import SEARCH, best_of_length, non_negative
+from .fitting.result import PronyFit, choose, rms
 from .fitting.series import Kind
 from .fitting.shared import LN10
 from .fitting.uncertainty import covariance
@@ -49,6 +49,8 @@ from .material import Prony
 from .reading import Measured
 from .shift import AbstractShift
 
+SERVES = 1.05  # times the error with the shifts as found: a law that does no worse replaces them
+STEEP = 0.4  # decades per kelvin, two within 5 K
 COLDEST = 100.0  # K, below which all temperatures of a set are thought to be in °C
 Isotherm = tuple[Numbers, Numbers, Numbers]
 
@@ -70,20 +72,58 @@ class MasterCurve(eqx.Module):
 
     @property
     def law(self) -> AbstractShift:
-        """The fitted law about the reference temperature."""
-        shift = self.shift
-        return shift.law if isinstance(shift, TabulatedShift) else shift
+        """The fitted law about the reference temperature, without departures from it."""
+        return law_of(self.unknowns, self.data)
 
     @property
     def shift(self) -> AbstractShift:
-        """The fitted law about the reference temperature, with the departures from it."""
+        """The shifts as found: a table, or the law if `scatter` and `vertical` are 0."""
         return shift_of(self.unknowns, self.data)
 
     @property
     def material(self) -> Prony:
-        """The material at the reference temperature; `material.at(T)` is that at another."""
+        """The material at the reference temperature; `material.at(T)` is that at another.
+
+        It carries the shifts as found, and so has the error of the fit on every isotherm.
+        """
+        return self._material(self.shift)
+
+    def law_material(self) -> Prony:
+        """Returns the material with the law alone, which also holds between and beyond isotherms.
+
+        `law_error` says how far it is off.
+        """
+        return self._material(self.law)
+
+    def law_error(self) -> float:
+        """Returns the rms log error on all isotherms of the series shifted by the law alone."""
+        self._require_known()
+        shared = shared_series_of(self.data)
+        by_law = shared.law.shifts(shared.split(np.asarray(self.unknowns)).law)[0]
+        return rms(shared.shifted(by_law, np.zeros_like(by_law)), np.asarray(self.fit.theta))
+
+    def exported(self) -> Prony:
+        """Returns the material to hand on: with the law if it serves as well as the shifts found.
+
+        It does where its error is at most 1.05 times that of the fit and no constant has run to
+        its bound; otherwise the material carries the table of shifts.
+        """
+        return self.law_material() if self._law_serves() else self.material
+
+    def _law_serves(self):
+        bounded = self._constants_at_bounds()
+        return not bounded and self.law_error() <= SERVES * self.fit.errors().total
+
+    def _constants_at_bounds(self):
+        """Which unknowns of the law are no result but the end of the search."""
+        shared = shared_series_of(self.data)
+        found = shared.split(np.asarray(self.unknowns)).law
+        lower, upper = shared.law.bounds
+        return bool(np.any((found < lower + 1e-3) | (found > upper - 1e-3)))
+
+    def _material(self, shift):
         return eqx.tree_at(
-            lambda m: m.shift, self.fit.material, self.shift, is_leaf=lambda leaf: leaf is None
+            lambda m: m.shift, self.fit.material, shift, is_leaf=lambda leaf: leaf is None
         )
 
     @property
@@ -143,9 +183,12 @@ class MasterCurve(eqx.Module):
         """Returns shifts with their uncertainty, then the report of the fit, as text."""
         return _report(self)
 
-    def _covariance(self):
+    def _require_known(self):
         if not concrete(self.data.observations):
             raise ValueError("The quality of a fit is not available under `jit` or `grad`.")
+
+    def _covariance(self):
+        self._require_known()
         shared, unknowns = shared_series_of(self.data), np.asarray(self.unknowns)
         series, residual, jacobian, _ = shared.derivatives(unknowns)
         lower, upper = shared.bounds(unknowns)
@@ -227,6 +270,12 @@ def master_curve(
     return MasterCurve(fit=fit, unknowns=unknowns, data=data)
 
 
+def check_law(law: str) -> None:
+    """Raises `ValueError` unless `law` names one of the laws that isotherms are shifted by."""
+    if law not in get_args(LawKind):
+        raise ValueError(f"`law={law!r}` is refused: use one of {get_args(LawKind)}.")
+
+
 def _size(name, value) -> float:
     if not is_concrete(value):
         raise ValueError(f"`{name}` must be a number: it decides what is fitted.")
@@ -236,9 +285,9 @@ def _size(name, value) -> float:
 
 def _isotherms(isotherms, kind, law, sizes, reference, channels, **known) -> Isotherms:
     """The data, checked and sorted by temperature."""
-    for name, value, allowed in (("law", law, LawKind), ("kind", kind, Kind)):
-        if value not in get_args(allowed):
-            raise ValueError(f"`{name}={value!r}` is refused: use one of {get_args(allowed)}.")
+    check_law(law)
+    if kind not in get_args(Kind):
+        raise ValueError(f"`kind={kind!r}` is refused: use one of {get_args(Kind)}.")
     if isinstance(isotherms, Measured):
         isotherms = isotherms.isotherms()
     curves = [_curve(i, isotherm, kind) for i, isotherm in enumerate(isotherms)]
@@ -335,7 +384,7 @@ def _search(data, sizes, choose_series):
     theta, path = choose_series(shared.shifted(*shared.shifts(unknowns)))
     unknowns = np.concatenate([theta, *shared.split(unknowns)[1:]])
     lower, upper = shared.bounds(unknowns)
-    unknowns, _ = shared.minimise(unknowns, rtol=POLISH)
+    unknowns, _ = shared.minimise(unknowns, rtol=0)
     return (unknowns, (unknowns > lower) & (unknowns < upper), penalty), path
 
 
@@ -379,19 +428,50 @@ def _deviation(slopes, spread):
 
 
 def _report(curve):
+    along, across = curve.shift_deviations()
+    lines = [*_law_words(curve), "", "     T [K]  log10 a_T      +-       b_T      +-"]
+    rows = zip(
+        curve.temperatures, curve.log10_shifts, along, curve.vertical_shifts, across, strict=True
+    )
+    lines += [f"{t:10.2f} {a:10.3f} {da:7.3f} {b:9.4f} {db:7.4f}" for t, a, da, b, db in rows]
+    return "\n".join([*lines, *_step_words(curve), "", curve.fit.report()])
+
+
+def _law_words(curve):
+    """The law, how well it stands for the shifts found, and which of them is exported."""
     law = curve.law
     if curve.data.law == "wlf":
         words = f"WLF with c1 = {float(law.c1):.4g}, c2 = {float(law.c2):.4g} K"
     else:
         words = f"Arrhenius with Q = {float(law.activation_energy) / 1e3:.4g} kJ/mol"
-    along, across = curve.shift_deviations()
-    lines = [
-        f"{words} about {float(law.reference):.2f} K.",
-        "",
-        "     T [K]  log10 a_T      +-       b_T      +-",
-    ]
-    rows = zip(
-        curve.temperatures, curve.log10_shifts, along, curve.vertical_shifts, across, strict=True
+    lines = [f"{words} about {float(law.reference):.2f} K."]
+    if not (curve.data.departs or curve.data.lifts):
+        return lines
+    if curve._constants_at_bounds():
+        lines.append(
+            "Error: a constant of this law ran to the end of its range, so it is no result: the "
+            "shifts follow no such law."
+        )
+    found = curve.fit.errors().total
+    lines.append(
+        f"With the shifts of this table the isotherms are met within {100 * found:.3g} %, with "
+        f"the law alone within {100 * curve.law_error():.3g} %: "
+        f"{'the law' if curve._law_serves() else 'the table'} is what is exported."
     )
-    lines += [f"{t:10.2f} {a:10.3f} {da:7.3f} {b:9.4f} {db:7.4f}" for t, a, da, b, db in rows]
-    return "\n".join([*lines, "", curve.fit.report()])
+    return lines
+
+
+def _step_words(curve):
+    """Neighbours whose shifts are hardly those of one material."""
+    temperatures, shifts = np.asarray(curve.temperatures), np.asarray(curve.log10_shifts)
+    rates = np.diff(shifts) / np.diff(temperatures)
+    steps = [
+        f"{temperatures[i]:.2f} to {temperatures[i + 1]:.2f} K ({shifts[i + 1] - shifts[i]:+.2f})"
+        for i in np.flatnonzero((rates < -STEEP) | (rates > 0))
+    ]
+    if not steps:
+        return []
+    return [
+        f"Look at the steps of log10 a_T from {', '.join(steps)}: more than two decades within "
+        "5 K, or upwards, are seldom those of one material."
+    ]

@@ -184,11 +184,19 @@ class Prony(AbstractMaterial):
 
     def at(self, temperature: Numbers) -> "Prony":
         shift, temperature = require_shift(self.shift), as_temperature(temperature)
+        lift = jnp.exp(shift.log_vertical(temperature))
         return eqx.tree_at(
-            lambda material: (material.times, material.shift),
+            lambda material: (
+                material.equilibrium, material.strengths, material.times, material.shift
+            ),
             self,
-            (stretched(self.times, shift.log_factor(temperature)), shift.rebased(temperature)),
-        )
+            (
+                self.equilibrium * lift,
+                self.strengths * lift,
+                stretched(self.times, shift.log_factor(temperature)),
+                shift.rebased(temperature),
+            ),
+        )  # fmt: skip
 
 
 def _as_part(material: Any, name: str) -> AbstractMaterial:

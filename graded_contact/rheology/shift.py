@@ -20,7 +20,7 @@ _REACH = 0.45
 
 
 class AbstractShift(eqx.Module):
-    """A law of time-temperature superposition: τ(T) = a_T(T) τ(reference)."""
+    """A law of time-temperature superposition: τ(T) = a_T τ(reference), E(T) = b_T E(reference)."""
 
     @abc.abstractmethod
     def log_factor(self, temperature: Numbers) -> Float[Array, ""]:
@@ -29,6 +29,10 @@ class AbstractShift(eqx.Module):
     @abc.abstractmethod
     def rebased(self, temperature: Numbers) -> "AbstractShift":
         """Returns the same law written about another reference temperature [K]."""
+
+    @abc.abstractmethod
+    def log_vertical(self, temperature: Numbers) -> Float[Array, ""]:
+        """Returns ln b_T [1], of moduli at `temperature` [K] over those at the reference."""
 
     def factor(self, temperature: Numbers) -> Float[Array, ""]:
         """Returns a_T [1] at `temperature` [K]; infinite where it exceeds the dtype."""
@@ -61,6 +65,9 @@ class WLF(AbstractShift):
         # Below the Vogel temperature, which tracing hides, the law has no answer.
         value = -math.log(10) * self.c1 * step / jnp.where(above, self.c2 + step, 1)
         return jnp.where(above, value, jnp.nan)
+
+    def log_vertical(self, temperature: Numbers) -> Float[Array, ""]:
+        return jnp.zeros_like(self.reference)
 
     def rebased(self, temperature: Numbers) -> "WLF":
         temperature = self._checked(temperature)
@@ -99,6 +106,9 @@ class Arrhenius(AbstractShift):
     def log_factor(self, temperature: Numbers) -> Float[Array, ""]:
         temperature = as_temperature(temperature)
         return self.activation_energy / GAS_CONSTANT * (1 / temperature - 1 / self.reference)
+
+    def log_vertical(self, temperature: Numbers) -> Float[Array, ""]:
+        return jnp.zeros_like(self.reference)
 
     def rebased(self, temperature: Numbers) -> "Arrhenius":
         return Arrhenius(

@@ -126,10 +126,16 @@ class Tabulated(AbstractMaterial):
         shift, temperature = require_shift(self.shift), as_temperature(temperature)
         # As far as the first frequency can go: no two of them may become one.
         first = stretched(self.omega[:1], -shift.log_factor(temperature))
+        lift = jnp.exp(shift.log_vertical(temperature))
         return eqx.tree_at(
-            lambda material: (material.omega, material.shift),
+            lambda material: (material.omega, material.storage, material.loss, material.shift),
             self,
-            (self.omega / self.omega[0] * first, shift.rebased(temperature)),
+            (
+                self.omega / self.omega[0] * first,
+                self.storage * lift,
+                self.loss * lift,
+                shift.rebased(temperature),
+            ),
         )
 
 

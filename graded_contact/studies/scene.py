@@ -43,8 +43,9 @@ from ..rheology.files.quantities import DIMENSIONS, UNITS
 from ..rheology.library import tyre_tread
 from ..rheology.material import AbstractMaterial, Elastic, Prony
 from ..rheology.reading import read_moduli
-from ..rheology.shift import WLF, Arrhenius
+from ..rheology.shift import WLF, AbstractShift, Arrhenius
 from ..rheology.tabulated import Tabulated
+from ..rheology.tabulated_shift import TabulatedShift
 from ..sliding import slide
 from ..spectrum import SelfAffine
 from ..surface import Surface, random_surface, rescale
@@ -78,7 +79,11 @@ KEYS: dict[str, Any] = {
         "tabulated": ("path", *TABLE_ARGUMENTS, "poisson", "extrapolate", "shift"),
         "tyre_tread": ("poisson",),
     },
-    "shift": {"wlf": ("c1", "c2", "reference"), "arrhenius": ("activation_energy", "reference")},
+    "shift": {
+        "wlf": ("c1", "c2", "reference"),
+        "arrhenius": ("activation_energy", "reference"),
+        "tabulated": ("temperatures", "log10_factors", "reference", "vertical_factors"),
+    },
     "layers": ("material", "bottom", "top", "shape", "mixing", "thickness"),
     "base": {"half_space": ("material",), "rigid": (), "free": ()},
     "load": ("pressure", "velocity", "direction", "temperature"),
@@ -483,11 +488,20 @@ def _material(table: Table, kind: str, folder: Path) -> tuple[AbstractMaterial, 
     return material, measured.history
 
 
-def _shift(table: Table) -> WLF | Arrhenius | None:
+def _shift(table: Table) -> AbstractShift | None:
     if "shift" not in table.content:
         return None
     place = f"{table.place[:-1]}.shift]"
     shift, kind = Table.of_kind(place, table.get("shift"), KEYS["shift"])
+    if kind == "tabulated":
+        return TabulatedShift(
+            reference=shift.number("reference"),
+            **{
+                key: shift.numbers(key)
+                for key in KEYS["shift"][kind]
+                if key != "reference" and key in shift.content
+            },
+        )
     constants = {key: shift.number(key) for key in KEYS["shift"][kind]}
     return WLF(**constants) if kind == "wlf" else Arrhenius(**constants)
 

@@ -1,5 +1,6 @@
 """Master curves: shifts and moduli of known materials are recovered within their own limits."""
 
+import json
 from pathlib import Path
 
 import jax
@@ -10,7 +11,10 @@ from scipy.optimize import least_squares
 
 import graded_contact as gc
 from graded_contact import master_curve
+from graded_contact.rheology.export import export_prony
 from graded_contact.rheology.shift import WLF, Arrhenius
+from graded_contact.rheology.tabulated_shift import TabulatedShift
+from graded_contact.studies.scene import parse_scene
 
 DATA = Path(__file__).parents[3] / "shared" / "data" / "rheology"
 STRENGTHS = np.array([2e6, 9e6, 4e7, 1.5e8])  # [Pa]
@@ -93,22 +97,173 @@ def test_shifts_near_a_law_are_recovered_within_their_limits(curve):
     assert spread(curve.material) < 0.05
 
 
-def test_departures_from_the_law_are_followed_and_interpolated():
-    def bent(temperature):
-        return wlf(temperature) + 0.3 * (temperature == 278)
+def bent(temperature):
+    """Shifts that follow no law: a step of 0.6 decades above 278 K."""
+    return wlf(temperature) + 0.6 * (temperature <= 278)
 
-    curve = master_curve(isotherms(bent))
-    np.testing.assert_allclose(curve.log10_shifts, bent(TEMPERATURES), atol=0.04)
-    shift = curve.shift
+
+@pytest.fixture(scope="module")
+def bent_curve():
+    return master_curve(isotherms(bent, vertical=0.05), vertical=0.2, terms=4)
+
+
+def test_departures_from_the_law_are_followed_and_interpolated(bent_curve):
+    np.testing.assert_allclose(bent_curve.log10_shifts, bent(TEMPERATURES), atol=0.04)
+    shift = bent_curve.shift
     factors = [float(jnp.log10(shift.factor(t))) for t in TEMPERATURES]
-    np.testing.assert_allclose(factors, curve.log10_shifts, atol=1e-12)
-    between, *ends = (
-        float(jnp.log10(shift.factor(t) / curve.law.factor(t))) for t in (273.0, 268.0, 278.0)
+    np.testing.assert_allclose(factors, bent_curve.log10_shifts, atol=1e-12)
+    lifts = [float(jnp.exp(shift.log_vertical(t))) for t in TEMPERATURES]
+    np.testing.assert_allclose(lifts, bent_curve.vertical_shifts, rtol=1e-12)
+    there_and_back = bent_curve.material.at(278.0).at(REFERENCE)
+    np.testing.assert_allclose(there_and_back.times, bent_curve.material.times, rtol=1e-12)
+
+
+# Handing on -------------------------------------------------------------------------------------
+
+
+def misfit(material, curves, kind="frequency"):
+    """The rms log distance of a material from isotherms."""
+    logs = []
+    for temperature, x, values in curves:
+        there = material.at(temperature)
+        if kind == "creep":
+            glassy, compliances, times = there.creep()
+            model = 1 / glassy - np.expm1(-np.divide.outer(x, times)) @ compliances
+        elif kind == "relaxation":
+            model = there.equilibrium + np.exp(-np.divide.outer(x, there.times)) @ there.strengths
+        else:
+            model = np.asarray(there.modulus(x))
+        both = kind == "frequency"
+        logs.append(np.log(channels(model) / channels(values) if both else model / values))
+    return np.sqrt(np.mean(np.concatenate(logs) ** 2))
+
+
+SCENE = """
+[surface]
+kind = "self_affine"
+rms_slope = 0.2
+hurst = 0.8
+q_roll = 2e4
+q_high = 8e4
+[grid]
+shape = [32, 32]
+size = 1e-3
+[base]
+kind = "half_space"
+material = "found"
+[load]
+pressure = 1e5
+velocity = 1
+"""
+
+
+def read_back(text, format):
+    """The material that a scene, or Python, makes of an exported one."""
+    if format == "toml":
+        return parse_scene(SCENE + text).stack.base.material
+    entries = json.loads(text)
+    shift = entries["shift"]
+    law = {"tabulated": TabulatedShift, "wlf": WLF, "arrhenius": Arrhenius}[shift.pop("kind")]
+    series = {key: entries[key] for key in ("equilibrium", "strengths", "times", "poisson")}
+    return gc.Prony(shift=law(**shift), **series)
+
+
+@pytest.mark.parametrize("format", ["toml", "json"])
+def test_an_exported_material_is_as_near_to_every_isotherm_as_the_fit(bent_curve, curve, format):
+    for found, curves, kept in (
+        (curve, isotherms(), WLF),
+        (bent_curve, isotherms(bent, vertical=0.05), TabulatedShift),
+    ):
+        material = read_back(export_prony(found.exported(), format, name="found"), format)
+        assert isinstance(material.shift, kept)
+        error = found.fit.errors().total
+        np.testing.assert_allclose(misfit(found.material, curves), error, rtol=1e-9)
+        assert misfit(material, curves) <= 1.1 * error
+    assert misfit(bent_curve.law_material(), curves) > 3 * error
+    np.testing.assert_allclose(
+        bent_curve.law_error(), misfit(bent_curve.law_material(), curves), rtol=1e-9
     )
-    np.testing.assert_allclose(between, np.mean(ends), atol=1e-12)
-    there_and_back = curve.material.at(278.0).at(REFERENCE)
-    np.testing.assert_allclose(there_and_back.times, curve.material.times, rtol=1e-12)
-    assert spread(curve.material.at(278.0), bent(278)) < 0.06
+
+
+@pytest.mark.parametrize("kind", ["relaxation", "creep"])
+def test_moduli_in_time_are_handed_on_with_their_vertical_shifts(kind):
+    """Each isotherm of compliances is its b_T higher, moduli the reciprocal."""
+    time, curves = np.geomspace(0.01, 10, 12), []
+    for temperature in TEMPERATURES:
+        ages = np.divide.outer(time / 10 ** wlf(temperature), TIMES)
+        values = (
+            START + np.exp(-ages) @ STRENGTHS
+            if kind == "relaxation"
+            else 1 / 2e8 - np.expm1(-ages) @ (0.1 / STRENGTHS[::-1])
+        )
+        curves.append((temperature, time, values * (temperature / REFERENCE)))
+    found = master_curve(curves, kind=kind, vertical=0.3, terms=4)
+    error = found.fit.errors().total
+    assert error < 0.02 and np.max(abs(np.asarray(found.vertical_shifts) - 1)) > 0.04
+    np.testing.assert_allclose(misfit(found.material, curves, kind), error, rtol=1e-6)
+
+
+def test_a_law_that_fails_and_steps_of_decades_are_told(bent_curve, curve):
+    report = bent_curve.report()
+    assert "the table is what is exported" in report and "the law is what" in curve.report()
+    assert "Look at" not in curve.report()
+
+    close = [((REFERENCE + (t - REFERENCE) / 4), x, values) for t, x, values in isotherms(bent)]
+    found = master_curve(close, scatter=1, terms=4)
+    assert "Look at the steps of log10 a_T from 293.00 to 295.50 K (-1." in found.report()
+
+
+def test_a_constant_at_its_bound_is_an_error_and_not_exported():
+    """Shifts that fall faster the hotter it is: WLF's curvature has the other sign."""
+
+    def falling(temperature):
+        return -0.05 * (temperature - REFERENCE) - 0.001 * (temperature - REFERENCE) ** 2
+
+    found = master_curve(isotherms(falling), terms=4)
+    assert "Error: a constant of this law ran to the end of its range" in found.report()
+    assert isinstance(found.exported().shift, TabulatedShift)
+
+
+PLAZEK = [144.9, 133.8, 125, 114.5, 109.6, 106.7, 104.5, 101.8, 100.6, 97]  # °C
+MEASURED_SETS = {
+    "reptate_PI600k": lambda: by_set("reptate_PI600k_raw_isotherms.csv", 0, 2, 3),
+    "pyvisco": lambda: gc.read_moduli(DATA / "pyvisco_freq_user_raw.csv"),
+    "vinylfoam": lambda: gc.read_moduli(DATA / "vinylfoam_dma_raw.csv", units={"modulus": "MPa"}),
+    "epdm70": lambda: gc.read_moduli(DATA / "epdm70_tf_015p.csv", poisson=0.5),
+    "plazek1965": lambda: gc.read_moduli(
+        DATA / "plazek1965_ps_creep_isotherms.csv",
+        kind="creep",
+        units={"time": "s", "compliance": "cm2/dyn"},
+        temperature=273.15 + np.array(PLAZEK),
+        poisson=0.5,
+        deformation="shear",
+    ),
+}
+
+
+def by_set(name, temperature, omega, storage):
+    table = np.genfromtxt(DATA / name, delimiter=",", skip_header=1)
+    celsius, x = table[:, temperature], table[:, omega]
+    values = table[:, storage] + 1j * table[:, storage + 1]
+    return [(t + 273.15, x[celsius == t], values[celsius == t]) for t in np.unique(celsius)]
+
+
+@pytest.mark.slow
+@pytest.mark.skipif(not DATA.exists(), reason="measured data lie beside the project")
+@pytest.mark.parametrize("name", MEASURED_SETS)
+@pytest.mark.parametrize("vertical", [0.0, 0.1])
+def test_measured_materials_are_handed_on_within_the_error_of_their_fit(name, vertical):
+    measured = MEASURED_SETS[name]()
+    found = master_curve(measured, vertical=vertical)
+    curves = measured
+    if isinstance(measured, gc.rheology.reading.Measured):
+        curves = [(np.mean(m.temperature), m.abscissa, m.values) for m in measured.isotherms()]
+    material = read_back(export_prony(found.exported(), "toml", name="found"), "toml")
+    error, kind = found.fit.errors().total, found.fit.data.kind
+    ratio = misfit(material, curves, kind) / error
+    by_law = misfit(found.law_material(), curves, kind) if "range" not in found.report() else np.nan
+    print(f"{name} {vertical}: fit {error:.3%}, exported {ratio:.3f} of it, law {by_law:.3%}")
+    assert ratio <= 1.1
 
 
 def test_an_arrhenius_law_is_recovered():

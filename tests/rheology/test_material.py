@@ -25,6 +25,7 @@ from graded_contact import (
     Prony,
     Stack,
     Tabulated,
+    TabulatedShift,
     sliced,
 )
 
@@ -559,3 +560,69 @@ def test_every_field_of_a_material_is_a_strong_float_array():
     for material in (Elastic(1), Prony(1, [2], [3], shift=SHIFTS[1]), table):
         for leaf in jax.tree.leaves(material):
             assert eqx.is_inexact_array(leaf) and not leaf.weak_type
+
+
+# Tables of shifts -------------------------------------------------------------------------------
+
+
+def test_a_table_of_shifts_is_interpolated_as_an_arrhenius_law_is_straight():
+    law, temperatures = Arrhenius(8e4, 300.0), np.array([280.0, 290, 305, 330])
+    logs = [float(law.log_factor(t)) / np.log(10) for t in temperatures]
+    table = TabulatedShift(temperatures, logs, 300.0, np.exp(1 - 300 / temperatures))
+    for temperature in (279.5, 284.0, 300.0, 321.0, 330.9):
+        np.testing.assert_allclose(
+            table.log_factor(temperature), law.log_factor(temperature), rtol=1e-11, atol=1e-12
+        )
+        np.testing.assert_allclose(
+            table.log_vertical(temperature), 1 - 300 / temperature, atol=1e-12
+        )
+    again = table.rebased(320.0)
+    np.testing.assert_allclose(
+        again.log_factor(290.0), law.rebased(320.0).log_factor(290.0), rtol=1e-11
+    )
+    material = Prony(1e6, [1e8], [1e-3], shift=table)
+    omega = np.array([1.0, 1e3])
+    expected = np.exp(1 - 300 / 285) * material.modulus(omega * np.exp(law.log_factor(285.0)))
+    np.testing.assert_allclose(material.at(285.0).modulus(omega), expected, rtol=1e-10)
+    measured = Tabulated(omega, material.modulus(omega), shift=table).at(285.0)
+    factor = np.exp(1 - 300 / 285)
+    np.testing.assert_allclose(measured.storage, factor * material.modulus(omega).real, rtol=1e-12)
+
+
+def test_the_derivative_of_a_table_of_shifts_matches_differences():
+    table = TabulatedShift([280.0, 300.0, 325.0], [2.0, 0.0, -1.0], 300.0, [0.9, 1.0, 1.2])
+
+    def value(temperature, table):
+        return jnp.log(Prony(1e6, [1e8], [1e-3], shift=table).at(temperature).modulus(30.0).imag)
+
+    leaves, treedef = jax.tree.flatten((jnp.asarray(311.0), table))
+    slopes = jax.jit(jax.grad(lambda leaves: value(*treedef.unflatten(leaves))))(leaves)
+    draw = np.random.default_rng(0)
+    direction = [leaf * draw.standard_normal(leaf.shape) * 1e-2 for leaf in leaves]
+    ends = [
+        value(*treedef.unflatten([v + s * d for v, d in zip(leaves, direction, strict=True)]))
+        for s in (1e-4, -1e-4)
+    ]
+    expected = sum(np.sum(s * d) for s, d in zip(slopes, direction, strict=True))
+    np.testing.assert_allclose(expected, (ends[0] - ends[1]) / 2e-4, rtol=1e-6)
+
+
+@pytest.mark.parametrize(
+    "make, message",
+    [
+        (
+            lambda t: t.log_factor(331.5),
+            "`temperature=331.5` is refused: the table of",
+        ),
+        (lambda t: t.rebased(278.0), r"280.00 to 330.00 K. Use a law"),
+        (lambda t: TabulatedShift([280.0, 270.0], [0, 1], 280.0), r"`temperatures\[1\]=270`"),
+        (lambda t: TabulatedShift([280.0, 290.0], [0, 1], 400.0), "`reference=400` is refused"),
+        (lambda t: TabulatedShift([280.0, 290.0], [0], 280.0), r"`log10_factors` \(1,\)"),
+        (lambda t: TabulatedShift([280.0, 290.0], [0, 1], 280.0, [1, 0]), r"factors\[1\]=0"),
+    ],
+)
+def test_what_a_table_of_shifts_does_not_cover_is_refused(make, message):
+    with pytest.raises(ValueError, match=message):
+        make(TabulatedShift([280.0, 330.0], [1.0, -1.0], 300.0))
+    hidden = jax.jit(lambda t: TabulatedShift([280.0, 330.0], [1.0, -1.0], 300.0).log_factor(t))
+    assert np.isnan(hidden(340.0)) and np.isfinite(hidden(320.0))

@@ -8,42 +8,12 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float, Int
 
-from ..._checks import Numbers, as_float
 from ..shift import GAS_CONSTANT, WLF, AbstractShift, Arrhenius
+from ..tabulated_shift import TabulatedShift
 from .observations import Observations, Unknowns, objective, series_of
-from .shared import Law, SharedSeries
+from .shared import LN10, Law, SharedSeries
 
 LawKind = Literal["wlf", "arrhenius"]
-
-
-class TabulatedShift(AbstractShift):
-    """A shift law times a departure that is interpolated between measured temperatures.
-
-    Beyond them the departure stays what it is at the last one.
-
-    **Fields:**
-
-    - `law`: the law.
-    - `temperatures`: [K], shape `(isotherms,)`, increasing.
-    - `departures`: ln of a_T over the law [1], shape `(isotherms,)`.
-    """
-
-    law: AbstractShift
-    temperatures: Float[Array, " isotherms"]
-    departures: Float[Array, " isotherms"]
-
-    def log_factor(self, temperature: Numbers) -> Float[Array, ""]:
-        return self.law.log_factor(temperature) + self._departure(temperature)
-
-    def rebased(self, temperature: Numbers) -> "TabulatedShift":
-        return TabulatedShift(
-            law=self.law.rebased(temperature),
-            temperatures=self.temperatures,
-            departures=self.departures - self._departure(temperature),
-        )
-
-    def _departure(self, temperature):
-        return jnp.interp(as_float(temperature, "temperature"), self.temperatures, self.departures)
 
 
 class Isotherms(eqx.Module):
@@ -76,21 +46,32 @@ class Isotherms(eqx.Module):
         return (2 if self.law == "wlf" else 1) + others * (self.departs + self.lifts)
 
 
-def shift_of(unknowns: Unknowns, data: Isotherms) -> AbstractShift:
-    """Returns the shift law about the reference temperature, with its departures."""
+def law_of(unknowns: Unknowns, data: Isotherms) -> AbstractShift:
+    """Returns the shift law about the reference temperature, without departures."""
     first = len(unknowns) - data.num_shift_unknowns
     reference = data.temperatures[data.reference]
     if data.law == "wlf":
         slope, margin = jnp.exp(unknowns[first : first + 2])
         c2 = reference - data.temperatures[0] + margin
-        law, used = WLF(c1=slope * c2, c2=c2, reference=reference), 2
-    else:
-        energy = GAS_CONSTANT * jnp.exp(unknowns[first])
-        law, used = Arrhenius(activation_energy=energy, reference=reference), 1
-    if not data.departs:
-        return law
-    departures = unknowns[first + used : first + used + len(data.temperatures) - 1]
-    return TabulatedShift(law, data.temperatures, _with_zero(departures, data))
+        return WLF(c1=slope * c2, c2=c2, reference=reference)
+    energy = GAS_CONSTANT * jnp.exp(unknowns[first])
+    return Arrhenius(activation_energy=energy, reference=reference)
+
+
+def shift_of(unknowns: Unknowns, data: Isotherms) -> AbstractShift:
+    """Returns the shifts as found: the law if they are held to it, else their table."""
+    if not (data.departs or data.lifts):
+        return law_of(unknowns, data)
+    across = log_vertical_of(unknowns, data)
+    return TabulatedShift(
+        temperatures=data.temperatures,
+        log10_factors=log_shift_of(unknowns, data) / LN10,
+        reference=data.temperatures[data.reference],
+        # Of a compliance it is the reciprocal that moduli grow by.
+        vertical_factors=jnp.exp(-across if data.observations.kind == "creep" else across)
+        if data.lifts
+        else None,
+    )
 
 
 @eqx.filter_jit
@@ -104,7 +85,12 @@ def log_vertical_of(unknowns: Unknowns, data: Isotherms) -> Float[Array, " isoth
 @eqx.filter_jit
 def log_shift_of(unknowns: Unknowns, data: Isotherms) -> Float[Array, " isotherms"]:
     """Returns ln a of every isotherm."""
-    return jax.vmap(shift_of(unknowns, data).log_factor)(data.temperatures)
+    by_law = jax.vmap(law_of(unknowns, data).log_factor)(data.temperatures)
+    if not data.departs:
+        return by_law
+    first = len(unknowns) - (len(data.temperatures) - 1) * (1 + data.lifts)
+    departures = unknowns[first : first + len(data.temperatures) - 1]
+    return by_law + _with_zero(departures, data)
 
 
 @eqx.filter_jit

@@ -8,6 +8,9 @@ from scipy.linalg import get_lapack_funcs
 
 DAMPED = 1e-2  # a step so damped that its length says nothing about the distance left
 LONGEST = 3.0  # the most a step changes an unknown: all are logarithms
+LEAST = 1e-14  # relative decrease of the value, below which rounding hides whether it falls
+SINGULAR = 1e-13  # of a Hessian scaled to a unit diagonal
+IDLE = 1e-20  # of the greatest curvature: an unknown that has no effect on the value
 (_solve_positive,) = get_lapack_funcs(("posv",), dtype=np.float64)
 
 
@@ -39,14 +42,14 @@ def minimise(
     """Returns the point and the value of a local minimum with `lower` <= point <= `upper`.
 
     Ends when a step that is hardly damped lowers the value by less than the relative `rtol`, or
-    when none lowers it.
+    when none lowers it. A value known to rounding leaves half of the digits of the point open: with
+    `rtol=0` Newton's steps go on by the gradient alone until they too are rounding.
     Damping follows H. B. Nielsen, report IMM-REP-1999-05, DTU (1999).
     """
     point = np.clip(start, lower, upper)
     here, damping, raised = expand(point), 1e-3, 2.0
     for _ in range(max_steps):
-        pushed_out = np.where(here.gradient > 0, point <= lower, point >= upper)
-        free = np.flatnonzero(~pushed_out)
+        free = _free(point, here, lower, upper)
         trial = point.copy()
         trial[free] += _damped_step(here, free, damping)
         trial = np.clip(trial, lower, upper)
@@ -63,9 +66,47 @@ def minimise(
         ratio = float(decrease / expected) if expected > 0 else 0.0
         damping, raised = damping * max(1 / 8, 1 - (2 * ratio - 1) ** 3), 2.0
         here, point, before = there, trial, here.value
-        if decrease <= rtol * before and damping < DAMPED:
+        if decrease <= max(rtol, LEAST) * before and damping < DAMPED:
             break
+    if rtol == 0:
+        point, here = _settled(expand, point, here, lower, upper)
     return point, here.value
+
+
+def _settled(expand, point, here, lower, upper):
+    """Takes undamped steps as long as each gains much less than the one before."""
+    least = np.inf
+    while True:
+        free = _free(point, here, lower, upper)
+        step = _newton_step(here, free)
+        gain = -step @ here.gradient[free]
+        if not 2 * gain < least:
+            return point, here
+        trial = point.copy()
+        trial[free] += step
+        trial = np.clip(trial, lower, upper)
+        with np.errstate(over="ignore", invalid="ignore"):  # far off; it is then not taken
+            there = expand(trial)
+        if gain == 0 or not there.value <= (1 + 1e-9) * here.value:
+            return point, here
+        point, here, least = trial, there, gain
+
+
+def _free(point, here, lower, upper):
+    """The unknowns that the gradient does not push out of their bounds."""
+    pushed_out = np.where(here.gradient > 0, point <= lower, point >= upper)
+    return np.flatnonzero(~pushed_out)
+
+
+def _newton_step(here, free):
+    """Newton's step of the `free` unknowns along directions that more than rounding determines."""
+    hessian = here.hessian[np.ix_(free, free)]
+    size = np.abs(np.diagonal(hessian))
+    scale = np.where(size > IDLE * np.max(size, initial=0), np.sqrt(size), np.inf)
+    stiffness, directions = np.linalg.eigh(hessian / scale / scale[:, None])
+    determined = stiffness > SINGULAR
+    along = directions[:, determined]
+    return along @ (along.T @ (-here.gradient[free] / scale) / stiffness[determined]) / scale
 
 
 def _damped_step(here: Expansion, free: np.ndarray, damping: float) -> np.ndarray:

@@ -23,6 +23,8 @@ HELD = 1e6  # weight of an end value that is known, over that of all measured va
 # How far times may lie outside those of the data, before and after. Farther out strengths grow
 # without effect, and a slow branch replaces E_eq, so that a solid melts just below its data.
 REACH = {"frequency": (3.0, 3.0), "relaxation": (2.5, 5.0), "creep": (10.0, 5.0)}
+STIFFEST = 30.0  # times the first secant modulus of creep: more shows in no measured strain
+REPRESENTABLE = 1e100  # beyond this, or below its reciprocal, squares and ratios overflow
 REACH_TO_KNOWN = 1e3  # on the side of a known end value, which branches have to lead up to
 LAST = 1e12  # a retardation time this much beyond the data is viscous flow to rounding
 
@@ -162,6 +164,15 @@ def _check_content(data, x_name, names):
         )
     if data.kind != "frequency" and not np.any(np.asarray(data.x) > 0):
         raise ValueError(f"`{x_name}` holds no time after 0.")
+    x = np.asarray(data.x)
+    for name, measured in ((x_name, x[x > 0]), (names[0], np.asarray(data.values))):
+        check_values(
+            name,
+            measured,
+            f"a measured value lies between {1 / REPRESENTABLE:g} and {REPRESENTABLE:g}",
+            at_least=1 / REPRESENTABLE,
+            at_most=REPRESENTABLE,
+        )
     glassy, equilibrium = data.glassy, data.equilibrium
     if glassy is not None and equilibrium is not None and float(glassy) <= float(equilibrium):
         raise ValueError(
@@ -241,14 +252,18 @@ def series_of(data: Observations) -> Series:
     rows = values.size
     first = np.arange(rows) < len(x)  # what is constant is seen by the first channel alone
     known = data.equilibrium if data.kind != "creep" else data.glassy
+    least = [np.zeros(0)] if data.times is None else [np.full(data.times.shape, -np.inf)]
     start = 0.0 if known is None else float(known if data.kind != "creep" else 1 / known)
     static = [np.zeros((0, rows))]
     if data.times is not None:
         static.append(branches(data.kind, x, np.asarray(data.times))[0])
     if known is None:
         static.append(first[None].astype(float))
+        stiffest = np.min(values[weights > 0]) / STIFFEST if data.kind == "creep" else 0.0
+        least.append(np.log(np.maximum([stiffest], 1e-300)))
     if data.flows:
         static.append(x[None] / np.max(x))
+        least.append(np.array([-np.inf]))
     reach = (
         REACH[data.kind][0] if data.glassy is None else REACH_TO_KNOWN,
         REACH[data.kind][1] if data.equilibrium is None else REACH_TO_KNOWN,
@@ -260,6 +275,7 @@ def series_of(data: Observations) -> Series:
         weights=weights.ravel(),
         known=start * first,
         static=np.concatenate(static),
+        least=np.concatenate(least),
         reach=reach,
         held=int(end is not None),
         huber=np.inf if data.huber is None else float(data.huber),

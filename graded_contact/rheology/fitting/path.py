@@ -14,7 +14,7 @@ from scipy.optimize import nnls
 from .series import Series
 
 Fitted = tuple[np.ndarray, float]  # unknowns θ, and their cost
-SEARCH, POLISH = 1e-5, 1e-14  # relative tolerances of the cost
+SEARCH = 1e-5  # relative tolerance of the cost
 MANY = 2000  # rows, from which on an orthogonal reduction of them pays
 PER_DECADE = 10
 MOST_ADDED = 10  # branches, to the best spectrum on a grid
@@ -46,7 +46,7 @@ def best_of_length(series: Series, terms: int) -> Fitted:
             starts.append(_of_length(thinned, dense, terms))
     tried = [thinned.minimise(start, rtol=SEARCH) for start in starts]
     theta, _ = min(tried, key=lambda fitted: fitted[1])
-    return series.minimise(theta, rtol=POLISH)
+    return series.minimise(theta, rtol=0)
 
 
 def best_path(series: Series, most: int) -> dict[int, Fitted]:

@@ -17,6 +17,8 @@ from .path import best_path, best_spectrum, criterion
 from .series import Series
 from .uncertainty import covariance, resampled
 
+INSTANT = 0.5  # of the first measured strain: less of it is not seen to be instant
+VAGUE = 0.5  # deviation of the logarithm of a value that data do not determine
 CONTRADICTION = 1e-4  # chance of agreement from which on storage and loss are said to disagree
 
 
@@ -192,6 +194,7 @@ def _report(fit):
         _verdict(fit.terms, error, floor),
         f"{fit.terms} terms, E_eq = {float(material.equilibrium):.4g} Pa, "
         f"E_inf = {float(material.glassy):.4g} Pa, Poisson's ratio {float(fit.poisson):.3g}",
+        *_undetermined(fit),
         "",
         "rms log error    total  storage     loss",
         f"this fit      {_row(error)}",
@@ -205,6 +208,24 @@ def _report(fit):
                 f"{length.terms:5d} {_percent(length.error):>10} {length.bic:10.1f}{chosen}"
             )
     return "\n".join(lines)
+
+
+def _undetermined(fit):
+    """A sentence if most of the first measured strain came after the instant one."""
+    if fit.data.kind != "creep" or fit.data.glassy is not None:
+        return []
+    series, theta = fit._problem()
+    free = series.within_bounds(theta)
+    residual, jacobian, _ = series.derivatives(theta)
+    place = len(theta) - fit.data.num_extras  # of 1/E_inf
+    spread = covariance(series, residual, jacobian, free)[place, place]
+    first = np.min(series.log_values[series.measured])
+    if theta[place] > first + np.log(INSTANT) and spread < VAGUE**2:
+        return []
+    return [
+        "E_inf is not determined by these data, which begin too late to show the instant strain: "
+        "it is only as high as they allow. Give `glassy` if you know it."
+    ]
 
 
 def _row(errors):

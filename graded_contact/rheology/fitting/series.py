@@ -39,6 +39,7 @@ class Series:
     - `log_values`, `weights`, `known`: shape `(rows,)`; a row is an entry of a channel.
     - `static`: columns B, shape `(columns, rows)`.
     - `reach`: how far times may lie outside those of the data, before and after.
+    - `least`: logarithms of the least strengths of the static columns.
     - `held`: how many of the last points state what is known; they are no measurement.
     - `huber`: log residual from which on a row counts linearly instead of squared.
     """
@@ -50,6 +51,7 @@ class Series:
     known: np.ndarray
     static: np.ndarray
     reach: tuple[float, float]
+    least: np.ndarray
     held: int = 0
     huber: float = np.inf
 
@@ -74,6 +76,7 @@ class Series:
         shortest, longest = self.time_limits()
         lower, upper = np.full(len(theta), self.faintest()), np.full(len(theta), np.inf)
         lower[terms : 2 * terms], upper[terms : 2 * terms] = shortest, longest
+        lower[2 * terms :] = np.maximum(lower[2 * terms :], self.least)
         return lower, upper
 
     def within_bounds(self, theta: np.ndarray) -> np.ndarray:
