@@ -25,6 +25,7 @@ REMEDIES = {
     "filled": "Crop to a `region` without holes, or discard the spikes around them with `rim`.",
     "tapered": 'Take `periodic = "mirror"`, which keeps every height.',
 }
+PREPARING = ("read", "equally spaced", "cropped", "tilt removed", "filled")
 SPIKE = 10  # distance from the mean over the rms height; 1e-22 of Gaussian heights are beyond
 
 
@@ -97,7 +98,7 @@ def caveats_of(found: Any, rules: Sequence[Rule] = RULES) -> tuple[Caveat, ...]:
         if np.any(where):
             sentence = rule.sentence.format(worst=np.max(values[where]))
             if values.size > 1:
-                sentence += f" (The largest of {np.sum(where)} such in {values.size} solves.)"
+                sentence += f" ({np.sum(where)} of {values.size} solves; the worst is given.)"
             caveats.append(Caveat(sentence, where))
     return tuple(caveats)
 
@@ -123,9 +124,11 @@ def caveats_of_steps(steps: Sequence[Any]) -> tuple[str, ...]:
                 f"{after.rms_slope:.3g} when {after.name}: friction and contact area follow the "
                 f"slope. {REMEDIES[after.name]}"
             )
-    if steps and steps[-1].peak > SPIKE:
+    prepared = [i for i, row in enumerate(steps) if row.name in PREPARING]
+    peak = max((row.peak for row in steps[max(prepared, default=0) :]), default=0.0)
+    if peak > SPIKE:
         sentences.append(
-            f"The highest point is {steps[-1].peak:.3g} rms heights from the mean: a spike of the "
-            "instrument rather than roughness. Discard it with `rim`, or crop by `region`."
+            f"The highest point is {peak:.3g} rms heights from the mean: a spike of the instrument "
+            "or dust, hardly roughness. Discard it with `rim`, or crop by `region`."
         )
     return tuple(sentences)

@@ -305,9 +305,10 @@ def _scales(scan: Scan, size: Any, unit: str | None) -> tuple[float, np.ndarray]
             raise Refusal(f"its size of {known} m is no length")
         return factors[0], known
     num_axes = scan.heights.ndim
-    if np.shape(size) not in ((), (num_axes,)):
-        raise Refusal(f"`size` has shape {np.shape(size)}, it needs {num_axes} lengths")
-    return factors[0], np.broadcast_to(np.asarray(size, float), (num_axes,))
+    edges = np.array(size, float)
+    if edges.shape not in ((), (num_axes,)):
+        raise Refusal(f"`size` has shape {edges.shape}, it needs {num_axes} lengths")
+    return factors[0], np.broadcast_to(edges, (num_axes,))
 
 
 def _reach(positions: np.ndarray) -> float:

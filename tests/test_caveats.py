@@ -53,7 +53,7 @@ def test_a_caveat_says_which_solves_it_concerns_and_the_worst():
                                 unmeasured_area=area, unmeasured_friction=0 * area))  # fmt: skip
     (caveat,) = caveats
     assert caveat.sentence.startswith("60% of the contact area")
-    assert "2 such in 6 solves" in caveat.sentence
+    assert "2 of 6 solves" in caveat.sentence
     np.testing.assert_array_equal(caveat.where, area > 0.1)
 
 
@@ -81,8 +81,11 @@ def test_many_missing_points_and_spikes_are_told():
     raw = Step("read", 1.0, 0.2, 4.0, 0.31)
     (missing,) = caveats_of_steps((raw, raw._replace(name="filled", missing=0.0)))
     assert "31% of the points were not measured" in missing
-    (spike,) = caveats_of_steps((raw._replace(peak=11.0),))
+    spiky = raw._replace(name="tilt removed", peak=11.0, missing=0.0)
+    smooth = raw._replace(name="resampled", missing=0.0)
+    (spike,) = caveats_of_steps((spiky, smooth))  # resampling only blurs it
     assert "11 rms heights" in spike
+    assert caveats_of_steps((spiky, smooth._replace(name="filled"))) == ()  # discarded
 
 
 def test_a_step_measures_height_slope_and_peak_of_what_was_measured():

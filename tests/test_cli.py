@@ -1,5 +1,6 @@
 """The command runs a scene, writes its results, and refuses bad input in one line."""
 
+import dataclasses
 import errno
 import os
 import shutil
@@ -20,8 +21,9 @@ from graded_contact import cli
 from graded_contact.studies import scene as scene_module
 from graded_contact.studies import storage
 from graded_contact.studies.scene import parse_scene
-from graded_contact.studies.storage import read_results
+from graded_contact.studies.storage import read_results, write_results
 from graded_contact.studies.store import Store
+from graded_contact.surface import Step
 
 SCENE = """
 title = "a small one"
@@ -92,6 +94,25 @@ def test_info_prints_what_a_file_holds(folder):
     assert result.exit_code == 0
     for text in ("a small one", "float64", "version_jax", "32 x 32 points", "1.000e-02"):
         assert text in result.stdout
+
+
+def test_caveats_and_the_steps_of_reading_are_printed(folder, tmp_path):
+    results = read_results(folder / "out" / "small.h5")
+    steps = (Step("read", 1e-6, 0.2, 4.0, 0.31), Step("filled", 1e-6, 0.2, 4.0, 0.0))
+    doubtful = dataclasses.replace(
+        results,
+        surface=dataclasses.replace(results.surface, steps=steps),
+        friction=np.full_like(results.friction, 1.8),
+        geometric_friction=np.full_like(results.friction, -15.7),
+    )
+    write_results(tmp_path / "a.h5", doubtful)
+    printed = " ".join(command("info", tmp_path / "a.h5").stdout.split())
+    for text in (
+        "read 1e-06 0.2 4 31.0%",
+        "(1) 31% of the points were not measured",
+        "(2) The friction from the surface's slope and that from the block's differ by 972%",
+    ):
+        assert text in printed
 
 
 def test_a_solve_that_does_not_converge_warns_and_exits_with_1(tmp_path):

@@ -450,6 +450,15 @@ def test_words_between_the_numbers_are_missing_points(tmp_path, word):
     np.testing.assert_array_equal(surface.measured[:6, :5], expected)
 
 
+def test_a_line_of_points_without_any_height_keeps_its_place(tmp_path):
+    h, _ = _texts()
+    h[-1] = np.nan
+    np.savetxt(tmp_path / "map.csv", h.T, delimiter=";")
+    surface = read_surface(tmp_path / "map.csv", unit="um", size=1e-5, periodic="mirror")
+    assert surface.grid.shape == (12, 10)
+    assert np.all(surface.measured[5] == 0) and np.all(surface.measured[:5] == 1)
+
+
 @pytest.mark.parametrize(
     ("text", "message"),
     [

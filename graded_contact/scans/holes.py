@@ -28,9 +28,10 @@ def filled(
     infinite length it is harmonic. Beyond the edges of the map nothing is known (df/dn = 0).
     """
     number = np.full(values.shape, -1)
-    number[missing] = np.arange(np.sum(missing))
+    size = int(np.count_nonzero(missing))
+    number[missing] = np.arange(size)
     rows, columns, entries = [], [], []
-    diagonal = np.full(np.sum(missing), 1 / length**2 if np.isfinite(length) else 0.0)
+    diagonal = np.full(size, 1 / length**2 if np.isfinite(length) else 0.0)
     right = diagonal * bottom
     for axis, apart in enumerate(spacing):
         weight = 1 / apart**2
@@ -45,10 +46,9 @@ def filled(
             unknown = inside & (there >= 0)
             rows.append(here[unknown])
             columns.append(there[unknown])
-            entries.append(np.full(np.sum(unknown), -weight))
+            entries.append(np.full(np.count_nonzero(unknown), -weight))
     scale = np.max(diagonal)
     rows, columns = np.concatenate(rows), np.concatenate(columns)
-    size = len(diagonal)
     matrix = coo_matrix((np.concatenate(entries) / scale, (rows, columns)), (size, size)).tocsr()
     matrix.setdiag(diagonal / scale)
     start = np.full(size, np.mean(values[~missing]))

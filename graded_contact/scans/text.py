@@ -68,7 +68,7 @@ def _table(lines: list[str]) -> _Table:
     header: list[str] = []
     rows: list[list[float]] = []
     words: dict[str, int] = {}
-    width = 0
+    width = spare = 0
     for number, line in enumerate(lines, start=1):
         if not line.strip():
             continue
@@ -83,11 +83,11 @@ def _table(lines: list[str]) -> _Table:
             width = len(cells)
         if len(cells) != width:
             raise Refusal(f"line {number} has {len(cells)} cells, those before it {width}")
+        spare += cells[-1] == ""
         rows.append([_number(cell, number, words) for cell in cells])
     values = np.array(rows, float).reshape(len(rows), width)
-    if separator is not None and width > 1 and np.all(np.isnan(values[:, -1])):
-        if words.get("", 0) >= len(rows):  # a separator at the end of every line
-            words[""] -= len(rows)
+    if spare == len(rows) and width > 1:  # a separator at the end of every line
+        words[""] -= spare
         values = values[:, :-1]
     if values.size < 4:
         raise Refusal("it holds no table of numbers")
