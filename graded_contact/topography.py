@@ -336,9 +336,9 @@ def _equally_spaced(
         raise ValueError(f"`heights` has {len(positions)} measured points; at least 4 are needed.")
     apart = np.diff(positions)
     typical = float(np.median(apart))
-    num = int(np.ptp(positions) / typical) + 1
-    if num > 100 * len(positions):
+    if not np.ptp(positions) <= 100 * len(positions) * typical:
         raise ValueError("`heights` are spaced too unequally: cut the scan into parts.")
+    num = int(np.ptp(positions) / typical) + 1
     even = positions[0] + typical * np.arange(num)
     values = np.interp(even, positions, heights)
     values[(apart > GAP * typical)[np.clip(np.searchsorted(positions, even) - 1, 0, None)]] = np.nan

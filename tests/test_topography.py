@@ -485,6 +485,13 @@ def test_a_column_of_decimal_commas_is_a_profile(tmp_path):
     np.testing.assert_allclose(surface.heights[:6], expected, atol=1e-20)
 
 
+def test_one_row_of_heights_is_a_profile(tmp_path):
+    (tmp_path / "line.txt").write_text("# z [nm]\n1 3 2 7 5 4 4 2\n")
+    surface = read_surface(tmp_path / "line.txt", size=8e-6, periodic="mirror")
+    expected = 1e-9 * _levelled(np.array([1.0, 3, 2, 7, 5, 4, 4, 2]))
+    np.testing.assert_allclose(surface.heights[:8], expected, atol=1e-20)
+
+
 def test_an_unequal_line_scan_is_interpolated_and_its_gaps_are_missing(tmp_path):
     """A parabola on jittered positions, with one gap; units in the heading differ."""
     rng = np.random.default_rng(0)
@@ -595,6 +602,7 @@ def test_long_sections_at_unequal_distances_are_interpolated(tmp_path):
         (b"long section 3,m", b"long section 3,V", "not all in one unit of length"),
         (b"$$$$", b"$", "its header does not end"),
         (b"$CT", b"$ROAD_CRG_FILE", "it refers to another OpenCRG file"),
+        (b"* LONG", b"REFERENCE_LINE_START_U = 0\nREFERENCE_LINE_END_U = 9.5\n* LONG", "9 of 20 r"),
     ],
 )
 def test_damaged_roads_are_refused(tmp_path, old, new, message):

@@ -45,6 +45,10 @@ def read_road(content: bytes) -> Scan:
     step = road.get("REFERENCE_LINE_INCREMENT", 0.0)
     if not (np.isfinite(step) and step > 0):
         raise Refusal("it does not tell REFERENCE_LINE_INCREMENT, a length above 0")
+    if {"REFERENCE_LINE_START_U", "REFERENCE_LINE_END_U"} <= set(road):
+        told = (road["REFERENCE_LINE_END_U"] - road["REFERENCE_LINE_START_U"]) / step + 1
+        if len(heights) < told - 1:  # rows without any elevation at the end are dropped
+            raise Refusal(f"it has {len(heights)} of {told:.0f} rows of elevations: cut short")
     notes = []
     across = _positions([channels[i][0] for i in sides], road)
     heights, width = _equally_spaced(heights, across, notes)

@@ -49,9 +49,11 @@ def decoded(content: bytes) -> str | None:
 def read_text(text: str) -> Scan:
     """Returns the heights in a text, or raises `Refusal`."""
     table = _table(text.splitlines())
+    if len(table.values) == 1:
+        table = table._replace(values=table.values.T)
     width = table.values.shape[1]
     if width == 1:
-        scan = Scan(table.values[:, 0], "a column of heights", unit=_matrix_unit(table.header))
+        scan = Scan(table.values[:, 0], "one line of heights", unit=_matrix_unit(table.header))
     elif width == 2:
         scan = _line_scan(table)
     elif width == 3:
