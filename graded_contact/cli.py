@@ -47,7 +47,7 @@ _SUFFIXES = {"abaqus": ".inp", "ansys": ".mac"}
 # What stands for the arguments that messages about moduli and their fits name.
 _FIT_OPTIONS = {
     "units": "--unit QUANTITY=UNIT", "columns": "--column QUANTITY=NAME",
-    "temperature": "--temperature KELVIN", "format": "--card", "throw": "--anyway",
+    "temperature": "--temperature KELVIN", "throw": "--anyway",
     **{name: f"--{name.replace('_', '-')}" for name in (
         "kind", "deformation", "poisson", "sheet", "terms", "law", "scatter", "vertical",
         "equilibrium", "glassy", "storage_weight", "loss_weight",

@@ -18,8 +18,9 @@ from jaxtyping import Bool, Complex, Float, Int
 
 from .._checks import Numbers, check_poisson, check_positive
 from .files.cells import Sheet, holds_data, is_number, read_sheets
+from .files.isotherms import grouped
 from .files.layout import KINDS, Layout, Told, understand
-from .files.points import grouped, measured_points
+from .files.points import measured_points
 from .files.quantities import DIMENSIONS, OFFSETS, UNITS, parse_unit
 from .files.titles import parameters
 

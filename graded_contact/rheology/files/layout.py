@@ -1,28 +1,24 @@
 """Which column of a table of measurements is which quantity, in which unit.
 
-A file may hold several tables, each below its names. Those with the same names are one table in
-segments, such as the steps of a test; of different ones the longest that is understood is read. A
-table may also repeat its columns side by side, one block for each curve.
+Of several tables the longest that is understood is read.
 """
 
 import dataclasses
-import re
 from collections.abc import Mapping
 from typing import NamedTuple
 
 import numpy as np
 
-from .cells import Row, Sheet, holds_data, is_missing, is_number
+from .cells import Sheet, is_number
 from .quantities import (
     DIMENSIONS,
     OFFSETS,
     PER_SECOND,
     UNITS,
-    Heading,
-    parse_heading,
     parse_unit,
     tells_of_shear,
 )
+from .tables import Head, Segment, Table, check_widths, find_tables, listed
 from .titles import stress_above, temperature_above, tension_above
 
 # The quantities that make a measurement of each kind, the most direct ones first; in the order of
@@ -105,14 +101,6 @@ class Told:
     source: str = "as told"
 
 
-class Segment(NamedTuple):
-    """A part of a table: the `titles` above it, its rows of numbers, and its other rows."""
-
-    titles: list[Row]
-    data: list[Row]
-    words: list[Row]
-
-
 class Layout(NamedTuple):
     """A table whose columns are understood.
 
@@ -142,39 +130,13 @@ class Layout(NamedTuple):
     notes: list[str]
 
 
-class _Head(NamedTuple):
-    """Names and units of the columns of one block, and where they stand."""
-
-    place: str
-    names: list[str]
-    units: list[str]
-    headings: list[Heading]
-    blocks: int
-
-    def label(self, place: int) -> str:
-        return f"column {place + 1}" + (f" ({self.names[place]})" if self.names[place] else "")
-
-
-class _Table(NamedTuple):
-    head: _Head
-    segments: list[Segment]
-
-    @property
-    def rows(self) -> list[Row]:
-        return [row for segment in self.segments for row in segment.data]
-
-    @property
-    def curves(self) -> int:
-        return self.head.blocks * len(self.segments)
-
-
 def understand(sheet: Sheet, told: Told) -> Layout:
     """Returns the longest table on a sheet whose columns are understood.
 
     Raises `ValueError` that names the line, and all arguments that would settle it.
     """
-    tables = [table for table in _tables(sheet.rows, told) if table.rows]
-    tables.sort(key=lambda table: -len(table.rows))
+    named = [name for name in told.columns.values() if isinstance(name, str)]
+    tables = sorted(find_tables(sheet.rows, named), key=lambda table: -len(table.rows))
     if not tables or len(tables[0].rows) < 2:
         raise ValueError("no table of numbers is found; rows of at least two numbers are needed")
     refusals = []
@@ -191,9 +153,9 @@ def understand(sheet: Sheet, told: Told) -> Layout:
     raise refusals[0]
 
 
-def _understand(table: _Table, told: Told, spaced: bool) -> Layout:
+def _understand(table: Table, told: Told, spaced: bool) -> Layout:
     head, notes = table.head, []
-    _check_widths(table, spaced)
+    check_widths(table, spaced)
     chosen = _chosen(head, told)
     if told.temperature:
         chosen.pop("temperature", None)
@@ -242,109 +204,10 @@ def _understand(table: _Table, told: Told, spaced: bool) -> Layout:
     )
 
 
-# The tables of a sheet.
-
-
-def _tables(rows: list[Row], told: Told) -> list[_Table]:
-    rows = _with_signals(rows)
-    starts = _starts(rows, told)
-    if not starts:
-        data = [row for row in rows if holds_data(row)]
-        width = max((len(row.cells) for row in data), default=0)
-        empty = [""] * width
-        head = _Head("no line of names", empty, empty, [parse_heading("")] * width, 1)
-        above = [row for row in rows if data and row.line < data[0].line]
-        return [_Table(head, [Segment(above, data, [])])]
-    tables: dict[tuple[str, ...], _Table] = {}
-    for start, end in zip(starts, [*starts[1:], len(rows)], strict=True):
-        below = rows[start + 1 : end]
-        units = below[0] if below and not holds_data(below[0]) else None
-        units = units if units and any(map(parse_unit, units.cells)) else None
-        data = [row for row in below if holds_data(row)]
-        words = [row for row in below if not holds_data(row) and row is not units]
-        above = [i + 1 for i in range(starts[0], start) if holds_data(rows[i])]
-        head = _head(rows[start], units)
-        key = tuple(head.names)
-        if key in tables and units is not None and tables[key].head.units != head.units:
-            key = (*head.names, *head.units)
-        table = tables.setdefault(key, _Table(head, []))
-        if data:
-            table.segments.append(Segment(rows[max(above, default=0) : start], data, words))
-    return list(tables.values())
-
-
-def _with_signals(rows: list[Row]) -> list[Row]:
-    """Names that stand below one another, "Sig1 Time (min)", "Sig2 ...", as one row."""
-    named = [i for i, row in enumerate(rows) if re.fullmatch(r"Sig\d+", row.cells[0])]
-    if len(named) < 2:
-        return rows
-    names = Row(rows[named[-1]].line, [" ".join(rows[i].cells[1:]) for i in named])
-    return [names if i == named[-1] else row for i, row in enumerate(rows) if i not in named[:-1]]
-
-
-def _starts(rows: list[Row], told: Told) -> list[int]:
-    """Where the names of columns stand: rows that name two quantities."""
-    named = {name for name in told.columns.values() if isinstance(name, str)}
-
-    def score(row: Row) -> int:
-        quantities = {parse_heading(cell).quantity for cell in row.cells} - {None}
-        return len(quantities) + len(named & set(row.cells))
-
-    words = [i for i, row in enumerate(rows) if not holds_data(row)]
-    starts = [i for i in words if score(rows[i]) >= 2]
-    if starts:
-        return starts
-    # Otherwise the last row of words before the numbers.
-    first = next((i for i, row in enumerate(rows) if holds_data(row)), 0)
-    above = [i for i in words if i < first and len(rows[i].cells) > 1 and not _only_units(rows[i])]
-    return above[-1:]
-
-
-def _only_units(row: Row) -> bool:
-    return all(is_missing(cell) or parse_unit(cell) for cell in row.cells)
-
-
-def _head(row: Row, units: Row | None) -> _Head:
-    names = stripped(row.cells)
-    cells = [] if units is None else units.cells
-    below = [cells[i] if i < len(cells) else "" for i in range(len(names))]
-    columns = list(zip(names, below, strict=True))
-    repeats = (
-        width
-        for width in range(2, len(names))
-        if len(names) % width == 0 and columns == columns[:width] * (len(names) // width)
-    )
-    width = next(repeats, len(names))
-    headings = [parse_heading(name) for name in names[:width]]
-    return _Head(f"line {row.line}", names[:width], below[:width], headings, len(names) // width)
-
-
-def stripped(cells: list[str]) -> list[str]:
-    """Returns the cells without the empty ones at the end."""
-    count = max((i + 1 for i, cell in enumerate(cells) if cell), default=0)
-    return cells[:count]
-
-
-def misfit(entries: int, width: int, spaced: bool) -> bool:
-    """Returns whether the entries of a row cannot be told to the columns."""
-    # Where spaces separate, a missing entry would move those after it.
-    return entries > width or (spaced and entries < width)
-
-
-def _check_widths(table: _Table, spaced: bool) -> None:
-    width = table.head.blocks * len(table.head.names)
-    entries = [len(stripped(row.cells)) for row in table.rows]
-    if all(misfit(count, width, spaced) for count in entries):
-        raise ValueError(
-            f"line {table.rows[0].line} has {entries[0]} entries, but there are {width} columns "
-            f"({table.head.place}: {_listed(table.head)})"
-        )
-
-
 # Columns and kinds.
 
 
-def _chosen(head: _Head, told: Told) -> dict[str, list[int]]:
+def _chosen(head: Head, told: Told) -> dict[str, list[int]]:
     """The places at which each quantity stands, as told or as the headings say."""
     chosen: dict[str, list[int]] = {}
     for i, heading in enumerate(head.headings):
@@ -364,14 +227,14 @@ def _chosen(head: _Head, told: Told) -> dict[str, list[int]]:
             count = f"{len(places)} columns" if places else "no column"
             raise ValueError(
                 f"{head.place}: `columns` asks for {name!r}, but the file has {count} of that name "
-                f"or number; it has {_listed(head)}"
+                f"or number; it has {listed(head)}"
             )
         chosen[quantity] = places
     return chosen
 
 
 def _distinct(
-    table: _Table, quantity: str, places: list[int], told: Told, notes: list[str]
+    table: Table, quantity: str, places: list[int], told: Told, notes: list[str]
 ) -> list[int]:
     """The places of a quantity, less those that say the same as the first one."""
     head = table.head
@@ -393,7 +256,7 @@ def _distinct(
     return places[:1]
 
 
-def _numbers(table: _Table, column: Column) -> np.ndarray:
+def _numbers(table: Table, column: Column) -> np.ndarray:
     """The numbers of a column of the first block in SI units, NaN where there is none."""
     return np.array(
         [column.si(row.cells[column.place]) if column.place < len(row.cells) else np.nan
@@ -402,7 +265,7 @@ def _numbers(table: _Table, column: Column) -> np.ndarray:
 
 
 def _way(
-    table: _Table, chosen: dict[str, list[int]], held: bool, told: Told
+    table: Table, chosen: dict[str, list[int]], held: bool, told: Told
 ) -> tuple[str, tuple[str, ...]]:
     """The kind of measurement and the quantities to take it from."""
     head, have = table.head, set(chosen)
@@ -422,7 +285,7 @@ def _way(
         return _by_what_is_held(table, chosen, possible)
     shortest = {kind: ", ".join(names) for kind, names in reversed(ways)}
     asked = [
-        f"of {_listed(head)}, understood is {', '.join(sorted(have)) or 'nothing'}. "
+        f"of {listed(head)}, understood is {', '.join(sorted(have)) or 'nothing'}. "
         f"Needed: {'; or '.join(reversed(shortest.values()))} (loss may be given by tan_delta or "
         "phase, storage by magnitude, modulus and compliance by stress and strain; a constant "
         "stress also by a line above the table, 'stress: 2 kPa'). Tell by `columns`, a name or "
@@ -443,7 +306,7 @@ def _way(
 
 
 def _by_what_is_held(
-    table: _Table,
+    table: Table,
     chosen: dict[str, list[int]],
     possible: list[tuple[str, tuple[str, ...]]],
 ) -> tuple[str, tuple[str, ...]]:
@@ -464,7 +327,7 @@ def _by_what_is_held(
     )
 
 
-def _column(head: _Head, quantity: str, place: int, told: Told) -> Column | None:
+def _column(head: Head, quantity: str, place: int, told: Told) -> Column | None:
     """The column of a quantity; None if its unit is not known."""
     unit, source = _unit(head, quantity, place, told)
     if unit is None:
@@ -474,7 +337,7 @@ def _column(head: _Head, quantity: str, place: int, told: Told) -> Column | None
     return Column(quantity, head.label(place), place, unit, source, deformation, heading.base)
 
 
-def _unit(head: _Head, quantity: str, place: int, told: Told) -> tuple[str | None, str]:
+def _unit(head: Head, quantity: str, place: int, told: Told) -> tuple[str | None, str]:
     dimension = DIMENSIONS[quantity]
     if dimension in told.units:
         return told.units[dimension], told.source
@@ -493,7 +356,7 @@ def _unit(head: _Head, quantity: str, place: int, told: Told) -> tuple[str | Non
 # What is asked for.
 
 
-def _asked_of_units(head: _Head, quantities: list[str], chosen: dict[str, list[int]]) -> list[str]:
+def _asked_of_units(head: Head, quantities: list[str], chosen: dict[str, list[int]]) -> list[str]:
     if not quantities:
         return []
     lacking = []
@@ -508,15 +371,9 @@ def _asked_of_units(head: _Head, quantities: list[str], chosen: dict[str, list[i
     return [f"{', '.join(lacking)}. Pass `units={{{units}}}`, one of {allowed}"]
 
 
-def _asked_of_temperature(table: _Table, chosen: dict[str, list[int]], told: Told) -> list[str]:
+def _asked_of_temperature(table: Table, chosen: dict[str, list[int]], told: Told) -> list[str]:
     if table.curves < 2 or told.temperature or "temperature" in chosen:
         return []
     if all(temperature_above(segment.titles) is not None for segment in table.segments):
         return []
     return [f"{table.curves} curves are there: pass `temperature` [K], one for each"]
-
-
-def _listed(head: _Head) -> str:
-    if any(head.names):
-        return "the columns " + ", ".join(repr(name) for name in head.names)
-    return f"{len(head.names)} columns without names"
