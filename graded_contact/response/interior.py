@@ -312,7 +312,7 @@ def _joined(above: _Above, below: Below, body: Moduli):
     """Returns the tractions t, s, σ_T [Pa] and U, w, w_T [Pa, in units of 2/q] at the cut."""
     g = _in_units(above.stiffness, body.reduced[-1] / body.reduced[0])
     g_t = body.shear[-1] / body.shear[0] * above.stiffness_antiplane
-    one, c11, c12, c22, det, one_t, c_t = below
+    one, c11, c12, c22, det, one_t, c_t, _ = below
     inverse = 1 / (one + g.c11 * c11 + 2 * g.c12 * c12 + g.c22 * c22 + g.det * det)
     t, s = _release((c11, c12, c22), g, above.force_t, above.force_s, one, inverse)
     # c (1 + G c)⁻¹ = (c + det c adj G)/n

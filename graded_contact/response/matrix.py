@@ -17,7 +17,9 @@ recursion of `slab`, with transmission 1/cosh(q d) and both factors tanh(q d), i
 
 What lies below a face is held as homogeneous coordinates (n, c11, c12, c22, det)/n, so that a
 clamped (n > 0 alone) and a free face (det > 0 alone) are ordinary starting points and layers may
-have no thickness.
+have no thickness. Of thin layers on a rigid base, and of a free sheet with ν = 1/2, c11 and c_T
+agree to the last digit, and C_xy is their difference: it is carried along as one more coordinate,
+(1 - ν) c11 n_t - n c_t, by a recursion whose terms are all as small as it is.
 """
 
 from typing import NamedTuple
@@ -28,7 +30,7 @@ from jax import Array
 from jaxtyping import Complex, Float, Inexact
 
 from .._checks import Numbers, as_float, check_values, is_concrete
-from .slab import Slab, factors, half_space
+from .slab import Slab, Split, factors, half_space, split_of
 from .stack import Free, HalfSpace, Layer, Rigid, Stack
 
 
@@ -63,6 +65,7 @@ class Below(NamedTuple):
     det: Inexact[Array, "*w"]
     n_t: Inexact[Array, "*w"]
     c_t: Inexact[Array, "*w"]
+    split: Inexact[Array, "*w"]  # (1 - ν) c11 n_t - n c_t
 
 
 def surface_compliance_matrix(
@@ -157,20 +160,20 @@ def start_of(base, body: Moduli, like: Array) -> Below:
     """Returns the state of the base's face, of the shape and dtype of `like`."""
     none, one = jnp.zeros_like(like), jnp.ones_like(like)
     if isinstance(base, Rigid):
-        return Below(one, none, none, none, none, one, none)
+        return Below(one, none, none, none, none, one, none, none)
     if isinstance(base, Free):
-        return Below(none, none, none, none, one, none, one)
+        return Below(none, none, none, none, one, none, one, none)
     c11, c12, c22, det = (c + none for c in half_space(1 - 2 * body.poisson[-1]))
-    return Below(one, c11, c12, c22, det, one, one)
+    return Below(one, c11, c12, c22, det, one, one, none - body.poisson[-1])
 
 
-def lift(below: Below, slab: Slab, tanh: Array, ratio: Array, ratio_t: Array) -> Below:
+def lift(below: Below, x: Array, poisson: Array, ratio: Array, ratio_t: Array) -> Below:
     """Returns the state of a slab's upper face from that of its lower face.
 
-    `ratio` is E_r of the slab over the E_r in whose units `below` is given; `ratio_t` that of
-    the shear moduli.
+    `x` is q d of the slab, `ratio` its E_r over that in whose units `below` is given; `ratio_t`
+    that of the shear moduli.
     """
-    s = slab
+    s, tanh = factors(x, 1 - 2 * poisson), jnp.tanh(x)
     c11, c12, c22 = (ratio * c for c in below[1:4])
     det = ratio * ratio * below.det
     h11, h12, h22 = c11 + det * s.g22, c12 - det * s.g12, c22 + det * s.g11
@@ -184,9 +187,36 @@ def lift(below: Below, slab: Slab, tanh: Array, ratio: Array, ratio_t: Array) ->
         s.q22 * n + a21 * s.p21 + a22 * s.p22,
         s.det_q * below.n + s.q22 * c11 + 2 * s.q12 * c12 + s.q11 * c22 + det,
     )
-    c_t = ratio_t * below.c_t
-    antiplane = (below.n_t + tanh * c_t, c_t + tanh * below.n_t)
-    return Below(*_scaled(plane), *_scaled(antiplane))
+    n_t, c_t = below.n_t, ratio_t * below.c_t
+    antiplane = (n_t + tanh * c_t, c_t + tanh * n_t)
+    below = Below(below.n, c11, c12, c22, det, n_t, c_t, ratio_t * below.split)
+    split = _split(below, s, split_of(x, 1 - 2 * poisson), tanh, 1 - poisson, n, antiplane[0])
+    unit, unit_t = _inverse_size(plane), _inverse_size(antiplane)
+    return Below(
+        *(c * unit for c in plane), *(c * unit_t for c in antiplane), split * unit * unit_t
+    )
+
+
+def _split(below: Below, s: Slab, small: Split, tanh, p, n, n_t) -> Array:
+    """(1 - ν) c11 n_t - n c_t of the upper face, whose n and n_t are given; p = 1 - ν.
+
+    p c11' = p q11 n + p (P H Pᵀ)_11 times n_t, less n times c_t' = tanh n_t + c_t/cosh², sorted so
+    that what is alike is subtracted beforehand, in `small`.
+    """
+    _, c11, c12, c22, det, one_t, c_t, split = below
+    both = s.det_g * det
+    along = split + p * (one_t * det * s.g22 + tanh * c_t * c11)
+    along = along - c_t * (s.g11 * c11 + 2 * s.g12 * c12 + s.g22 * c22)
+    squared = small.p11_less_1 * (s.p11 + 1) + tanh * tanh  # p11² - 1/cosh²
+    across = 2 * s.p11 * s.p12 * (n_t * c12 - one_t * det * s.g12)
+    across = across + s.p12**2 * (n_t * c22 + one_t * det * s.g11)
+    return (
+        small.held * (n * n_t - both * tanh * c_t)
+        + s.p11**2 * along
+        + squared * c_t * (n - both)
+        + p * across
+        + small.free * det * c_t
+    )
 
 
 def sweep(q: Array, body: Moduli, start: Below, thickness: Array) -> Below:
@@ -194,9 +224,7 @@ def sweep(q: Array, body: Moduli, start: Below, thickness: Array) -> Below:
 
     def add(below, layer):
         d, poisson, ratio, ratio_t = layer
-        x = q * d
-        new = lift(below, factors(x, 1 - 2 * poisson), jnp.tanh(x), ratio, ratio_t)
-        return kept(new, below), None
+        return kept(lift(below, q * d, poisson, ratio, ratio_t), below), None
 
     ratio, ratio_t = (m[:-1] / m[1:] for m in (body.reduced, body.shear))
     return jax.lax.scan(add, start, (thickness, body.poisson[:-1], ratio, ratio_t), reverse=True)[0]
@@ -215,11 +243,12 @@ def _matrix(qx, qy, body, base):
     unit = (2 / body.unit) / q
     plane = unit / (body.reduced[0] * below.n)
     c11, c12, c22 = (plane * c for c in below[1:4])
-    c_t = unit / (body.shear[0] * below.n_t) * below.c_t
+    antiplane = unit / (body.shear[0] * below.n_t)
+    c_t = antiplane * below.c_t
     a, b = qx / q, qy / q
     i = jnp.asarray(1j, jnp.result_type(c11, jnp.complex64))
     diagonal = (c11 * a * a + c_t * b * b, c11 * b * b + c_t * a * a, c22)
-    xy, xz, yz = (c11 - c_t) * a * b, -i * c12 * a, -i * c12 * b
+    xy, xz, yz = antiplane * (below.split / below.n) * a * b, -i * c12 * a, -i * c12 * b
     rows = ((diagonal[0], xy, xz), (xy, diagonal[1], yz), (-xz, -yz, diagonal[2]))
     entries = [jnp.broadcast_to(x, like.shape).astype(i.dtype) for row in rows for x in row]
     return jnp.stack(entries, -1).reshape(*like.shape, 3, 3)
@@ -246,8 +275,7 @@ def _stacked(values: list, like: Array) -> Array:
     return stacked.reshape(len(values), *missing, *stacked.shape[1:])
 
 
-def _scaled(coordinates: tuple[Array, ...]) -> tuple[Array, ...]:
-    """Divides homogeneous coordinates by a constant that keeps them from overflowing."""
+def _inverse_size(coordinates: tuple[Array, ...]) -> Array:
+    """A constant that keeps homogeneous coordinates from overflowing."""
     parts = [part for x in coordinates for part in (x.real, x.imag)[: 1 + jnp.iscomplexobj(x)]]
-    inverse = 1 / sum(jnp.abs(jax.lax.stop_gradient(part)) for part in parts)
-    return tuple(x * inverse for x in coordinates)
+    return 1 / sum(jnp.abs(jax.lax.stop_gradient(part)) for part in parts)

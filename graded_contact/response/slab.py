@@ -26,6 +26,8 @@ from jaxtyping import Array, Float, Inexact
 
 # 2 (sinh x - x) = x³ Σ_k 2 x^2k/(2k+3)!; 13 terms reach rounding at x = 2.
 _PSI_SERIES = [2.0 / float(np.prod(np.arange(1.0, 2 * k + 4))) for k in range(13)]
+# x (cosh x - 1) - 3 (sinh x - x) = x⁵ Σ_k (2k+2) x^2k/(2k+5)!, likewise.
+_CHI_SERIES = [(2 * k + 2) / float(np.prod(np.arange(1.0, 2 * k + 6))) for k in range(13)]
 # e^-350 squared underflows to nothing in float64; larger q d would only make inf × 0.
 _DEEP = 350.0
 
@@ -105,6 +107,38 @@ def factors(
         p12=-p * (x * (1 + e2) + e * om),
         p21=p * (x * (1 + e2) - e * om),
         p22=jnp.where(thin, 1 + (even + odd) * inverse, p * (b * (1 + e2) + x * om)),
+    )
+
+
+class Split(NamedTuple):
+    """What keeps c11 from c_T, the antiplane compliance, in units of 1/(μ q) (see `matrix`)."""
+
+    held: Inexact[Array, "*w"]  # (1 - ν) q11 - tanh x
+    free: Inexact[Array, "*w"]  # (1 - ν) tanh x (c11 det g of the free slab) - det g
+    p11_less_1: Inexact[Array, "*w"]
+
+
+def split_of(x: Float[Array, "*#w"], e: Inexact[Array, "*#w"]) -> Split:
+    """Returns these differences of a slab, both sides of which are alike if it is thin."""
+    t = _terms(x, e)
+    x, e1, e2, om, b = t.x, t.e1, t.e2, t.om, 1 + e
+    inverse, rise = reciprocal(t.delta), (om / (1 + e1)) ** 2
+    psi = hyperbolic(x).psi
+    thin = x < 2
+    squared = jnp.where(thin, x, 1) ** 2
+    series = jnp.full_like(x, _CHI_SERIES[-1])
+    for coefficient in _CHI_SERIES[-2::-1]:
+        series = series * squared + coefficient
+    # 2 e^-x [x (cosh x - 1) - 3 (sinh x - x)]
+    chi = jnp.where(thin, 2 * e1 * x * squared**2 * series, x * rise - 3 * psi)
+    held = 2 * b * e2 * (chi + 2 * psi) - (1 + 2 * e) * (1 - e) / 2 * om * t.s2 - t.x2 * om
+    free = e * om * t.f1 + 4 * e2 * x * chi - psi * (2 * e1 * (x * rise + psi) + om * rise)
+    even = 2 * b * b * e1 * t.s2 / (1 + e1) ** 2 - t.x2 - (1 + 2 * e) * t.s2
+    inverse_sum = 1 / (1 + e2)
+    return Split(
+        held * inverse * inverse_sum,
+        b * b / 2 * free * inverse * inverse_sum,
+        (even - 2 * b * e1 * x * om) * inverse,
     )
 
 
