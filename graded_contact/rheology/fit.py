@@ -13,6 +13,8 @@ The relaxation forms of N terms with E_eq > 0 and the creep forms of N terms are
 the best of one kind is the best of the other, and `fit.material.creep()` is exact.
 """
 
+import dataclasses
+
 import jax.numpy as jnp
 import numpy as np
 
@@ -20,8 +22,9 @@ from .._checks import Numbers, as_float, check_poisson
 from .fitting.observations import Observations, concrete, objective, observe, series_of
 from .fitting.optimum import attach_derivative, search
 from .fitting.path import best_of_length, best_spectrum
-from .fitting.result import PronyFit, choose
+from .fitting.result import Length, PronyFit, choose, liquid_of, rms
 
+AS_GOOD = 1.05  # times the error: a liquid that does no worse is what was measured
 FOREIGN = 0.3  # median log residual from which on data are no linear viscoelastic moduli
 
 
@@ -54,7 +57,9 @@ def fit_prony(
     - `within`: instead, the smallest number whose error is within this fraction of the least.
     - `times`: instead, given relaxation times [s], shape `(terms,)`.
     - `start`: instead, an earlier fit to similar data to begin from, whose length is kept.
-    - `equilibrium`: E_eq [Pa] if known, 0 for a liquid; by default fitted.
+    - `equilibrium`: E_eq [Pa] if known, 0 for a liquid. By default fitted; with the number of
+      terms free it is 0 where loss exceeds storage at the lowest frequencies and the error is no
+      larger for it, as for melts.
     - `glassy`: E_inf [Pa] if known; by default what follows from the branches.
     - `storage_weight`, `loss_weight`: weights of the squared residuals [1], shape `()` or
       `(points,)`; a weight of 0 leaves a value out.
@@ -173,7 +178,7 @@ def _fit(data, terms, within, start, poisson, throw):
         begin, terms = _unknowns(start, data), start.terms
     elif terms is None:
         require_known(data)
-        begin, path = choose(series_of(data), within)
+        data, begin, path = solid_or_liquid(data, within)
         terms = (len(begin) - data.num_extras) // 2
     check_terms(data, terms)
 
@@ -191,6 +196,24 @@ def _fit(data, terms, within, start, poisson, throw):
     if throw and concrete(data):
         refuse_nonsense(fit)
     return fit
+
+
+def solid_or_liquid(
+    data: Observations, within: float | None
+) -> tuple[Observations, np.ndarray, tuple[Length, ...]]:
+    """Returns the data, with E_eq = 0 where they ask for none; the unknowns; lengths tried.
+
+    They ask for none if no spectrum near to them is better for it: slow branches far outside would
+    stand for any E_eq.
+    """
+    series = series_of(data)
+    begin, path = choose(series, within)
+    if (liquid := liquid_of(data)) is not None:
+        near = dataclasses.replace(series_of(liquid), reach=series.reach)
+        other, lengths = choose(near, within)
+        if rms(near, other) <= AS_GOOD * rms(series, begin):
+            return liquid, other, lengths
+    return data, begin, path
 
 
 def _unknowns(start, data):

@@ -26,7 +26,7 @@ from .._checks import (
     check_values,
     is_concrete,
 )
-from .fit import check_terms, refuse_nonsense, require_known
+from .fit import check_terms, refuse_nonsense, require_known, solid_or_liquid
 from .fitting.isotherms import (
     Isotherms,
     LawKind,
@@ -41,7 +41,7 @@ from .fitting.isotherms import (
 from .fitting.observations import concrete, observe
 from .fitting.optimum import attach_derivative, search
 from .fitting.path import SEARCH, best_of_length, non_negative
-from .fitting.result import PronyFit, choose, rms
+from .fitting.result import PronyFit, choose, liquid_of, rms
 from .fitting.series import Kind
 from .fitting.shared import LN10
 from .fitting.uncertainty import covariance
@@ -246,7 +246,7 @@ def master_curve(
         raise ValueError("`terms` and `within` both set the number of terms: give one.")
     if terms is None:
         require_known(data.observations)
-        found, path = _search(data, sizes, lambda series: choose(series, within))
+        data, found, path = _solid_or_liquid(data, sizes, within)
         unknowns, free, penalty = map(jnp.asarray, found)
     else:
         check_terms(data.observations, terms)
@@ -386,6 +386,23 @@ def _search(data, sizes, choose_series):
     lower, upper = shared.bounds(unknowns)
     unknowns, _ = shared.minimise(unknowns, rtol=0)
     return (unknowns, (unknowns > lower) & (unknowns < upper), penalty), path
+
+
+def _solid_or_liquid(data, sizes, within):
+    """The data, with E_eq = 0 if once shifted they ask for none; what `_search` finds; the path."""
+
+    def search_in(data):
+        return _search(data, sizes, lambda series: choose(series, within))
+
+    found, path = search_in(data)
+    shifted = at_reference(jnp.asarray(found[0]), data)
+    if liquid_of(shifted) is None or solid_or_liquid(shifted, within)[0] is shifted:
+        return data, found, path
+    equilibrium = jnp.zeros(())
+    liquid = eqx.tree_at(
+        lambda d: d.observations.equilibrium, data, equilibrium, is_leaf=lambda leaf: leaf is None
+    )
+    return liquid, *search_in(liquid)
 
 
 def _mean_square(shared, unknowns):

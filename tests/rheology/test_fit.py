@@ -355,6 +355,30 @@ def test_a_contradiction_of_storage_and_loss_is_flagged(tread):
     assert "contradict each other (Kramers-Kronig)" in fit.verdict()
 
 
+def test_what_lies_beyond_the_ends_is_no_contradiction():
+    """A melt whose glassy modes are a dashpot within its data: they need times far outside."""
+    omega = np.geomspace(0.1, 100, 40)
+    exact = modulus(omega, 0.0, np.array([3e5, 2e5, 1e5, 3e9]), np.array([1e3, 1.0, 0.05, 1e-5]))
+    fit = fit_prony(omega, noisy(exact, 0.002), equilibrium=0)
+    floor = fit.floor()
+    assert floor.total < 0.004 < 3 * floor.total < floor.near and floor.chance > 1e-3
+    assert "The ends of the data limit this fit" in fit.verdict()
+    assert "agree (Kramers-Kronig)" in fit.verdict()
+    stated = fit_prony(omega, noisy(exact, 0.002), equilibrium=0, glassy=3.0006e9)
+    assert stated.errors().total < 0.004 and "The data limit" in stated.verdict()
+
+
+def test_a_melt_gets_no_equilibrium_modulus_and_a_solid_keeps_its_own():
+    values = noisy(modulus(OMEGA, 0.0, STRENGTHS, TIMES), 0.02)
+    for melt in (values, values + 1e-7 * STRENGTHS[0]):
+        assert float(fit_prony(OMEGA, melt).material.equilibrium) == 0
+    assert "tell of no equilibrium modulus" in fit_prony(OMEGA, values).report()
+    low = modulus(OMEGA, 4e5, STRENGTHS, TIMES)  # loss exceeds it where it ends, yet it shows
+    found = fit_prony(OMEGA, noisy(low, 0.02)).material.equilibrium
+    assert low[0].imag > low[0].real
+    np.testing.assert_allclose(found, 4e5, rtol=0.05)
+
+
 def test_a_channel_of_little_weight_may_be_far_off(tread):
     omega, values, _ = tread
     wrong = values.real + 10j * values.imag

@@ -18,6 +18,9 @@ from .series import Series
 from .uncertainty import covariance, resampled
 
 INSTANT = 0.5  # of the first measured strain: less of it is not seen to be instant
+# How far times of the best spectra may lie outside the data, before and after. Those that decay
+# before the data, or are over by their first strain, show in none of them.
+WIDEST = {"frequency": (1e6, 1e6), "relaxation": (1.0, 1e6), "creep": (1.0, 1e6)}
 VAGUE = 0.5  # deviation of the logarithm of a value that data do not determine
 CONTRADICTION = 1e-4  # chance of agreement from which on storage and loss are said to disagree
 
@@ -36,18 +39,23 @@ class Errors(NamedTuple):
 class Floor(NamedTuple):
     """Errors of the best positive spectra of any length, the lower bound of all fits.
 
+    Relaxation times may lie six decades outside the data, where a branch is a dashpot or a spring
+    to a millionth: a wider reach would lower no error.
+
     **Fields:**
 
     - `total`: of one spectrum for all values, as in a real material (Kramers-Kronig relations).
     - `storage`, `loss`: of a spectrum for that channel alone.
     - `chance`: probability that data of one material, with independent errors, would show a
       `total` so far above the others (F test); None where too few values are left to judge.
+    - `near`: `total` of spectra whose times lie as near to the data as those of a fit.
     """
 
     total: float
     storage: float | None
     loss: float | None
     chance: float | None
+    near: float
 
 
 class Length(NamedTuple):
@@ -101,11 +109,14 @@ class PronyFit(eqx.Module):
     def floor(self) -> Floor:
         """Returns the errors of the best positive spectra, and whether the channels agree."""
         series, theta = self._problem()
-        both = _best(series)
         # The fit is a positive spectrum too, and may be the best one found.
-        total = min(both.error, rms(series, theta))
+        near = min(_best(series).error, rms(series, theta))
+        reach = tuple(map(max, series.reach, WIDEST[series.kind]))
+        series = dataclasses.replace(series, reach=reach)
+        both = _best(series)
+        total = min(both.error, near)
         if self.data.kind != "frequency":
-            return Floor(total, total, None, None)
+            return Floor(total, total, None, None, near)
         parts = [
             _best(dataclasses.replace(series, weights=np.where(rows, series.weights, 0)))
             if np.any(series.measured & rows)
@@ -113,7 +124,7 @@ class PronyFit(eqx.Module):
             for rows in _channels(series)
         ]
         storage, loss = (part and part.error for part in parts)
-        return Floor(total, storage, loss, _chance(both, *parts))
+        return Floor(total, storage, loss, _chance(both, *parts), near)
 
     def verdict(self) -> str:
         """Returns in plain words whether the data or the number of terms limit the fit."""
@@ -170,6 +181,12 @@ def _verdict(terms, error, floor):
     best = f"the best positive spectrum of any length is off by {_percent(floor.total)}"
     if error.total <= 1.1 * floor.total:
         words = f"The data limit this fit: it is off by {_percent(error.total)}, and {best}."
+    elif error.total <= 1.1 * floor.near:
+        words = (
+            f"The ends of the data limit this fit: it is off by {_percent(error.total)}; {best}, "
+            "but with relaxation times far outside the data, which cannot place them. Give "
+            "`glassy`, or `equilibrium` (0 for a liquid), to let times lie beyond that end."
+        )
     else:
         words = f"{terms} terms limit this fit: it is off by {_percent(error.total)}, but {best}."
     if floor.storage is None or floor.loss is None:
@@ -211,7 +228,11 @@ def _report(fit):
 
 
 def _undetermined(fit):
-    """A sentence if most of the first measured strain came after the instant one."""
+    """A sentence on the end value that the data do not tell, if there is one."""
+    if _flows(fit.data) and float(fit.material.equilibrium) == 0:
+        return [
+            "The data end where they flow, loss above storage, and tell of no equilibrium modulus."
+        ]
     if fit.data.kind != "creep" or fit.data.glassy is not None:
         return []
     series, theta = fit._problem()
@@ -252,6 +273,27 @@ def choose(series: Series, within: float | None) -> tuple[np.ndarray, tuple[Leng
         least = min(length.error for length in path)
         chosen = next(length for length in path if length.error <= (1 + within) * least)
     return fitted[chosen.terms][0], path
+
+
+def liquid_of(data: Observations) -> Observations | None:
+    """Returns the same data of a liquid if that may be what they are of, else None.
+
+    They may if E_eq is not known and loss exceeds storage at the lowest frequencies.
+    """
+    if data.equilibrium is not None or data.times is not None or not _flows(data):
+        return None
+    return eqx.tree_at(
+        lambda d: d.equilibrium, data, jnp.zeros(()), is_leaf=lambda leaf: leaf is None
+    )
+
+
+def _flows(data):
+    if data.kind != "frequency":
+        return False
+    both = np.all(np.asarray(data.weights) > 0, axis=0)
+    lowest = np.argsort(np.where(both, np.asarray(data.x), np.inf))[: min(3, int(np.sum(both)))]
+    storage, loss = np.asarray(data.values)[:, lowest]
+    return bool(len(lowest) and np.all(loss > storage))
 
 
 def rms(series: Series, theta: np.ndarray, rows: np.ndarray | bool = True) -> float:
