@@ -18,13 +18,21 @@ from jaxtyping import ArrayLike, Float
 
 from ._checks import as_float, check_positive, check_shape, check_values, is_concrete
 
+# Nodes of the moments with a smooth roll-off: to rounding over fifteen decades of q.
+_QUADRATURE = 256
+
 
 class SelfAffine(eqx.Module):
     """An isotropic self-affine spectrum with a roll-off.
 
     C is constant for q_low <= q <= q_roll, falls as q^(-2(1+H)) for q_roll < q <= q_high
-    (q^(-1-2H) for a profile), and is zero outside. Derivatives with respect to `q_low` and `q_high`
-    see the normalisation, not the modes that a moving edge admits.
+    (q^(-1-2H) for a profile), and is zero outside. With a smooth roll-off it is
+    [1 + (q/q_roll)²]^-(1+H) from q_low to q_high instead (-(1/2+H) for a profile).
+
+    Derivatives of a random surface with respect to `q_low` and `q_high` see the normalisation, not
+    the modes that a moving edge admits: where a mode lies on an edge they are those of the side on
+    which it stays, `q_low` downwards and `q_high` upwards. By `q_roll` they are one-sided where a
+    mode lies on the sharp kink (`q_roll` upwards); for a design take `roll_off="smooth"`.
 
     **Fields:**
 
@@ -32,6 +40,7 @@ class SelfAffine(eqx.Module):
     - `hurst`: Hurst exponent H [1], 0 < H <= 1.
     - `q_low`, `q_roll`, `q_high`: wavenumbers [rad/m], in increasing order.
     - `prescribed`: which of `"rms_height"` and `"rms_slope"` was given. Static.
+    - `roll_off`: `"sharp"` or `"smooth"`. Static.
     """
 
     amplitude: Float[Array, ""]
@@ -40,6 +49,7 @@ class SelfAffine(eqx.Module):
     q_roll: Float[Array, ""]
     q_high: Float[Array, ""]
     prescribed: Literal["rms_height", "rms_slope"] = eqx.field(static=True)
+    roll_off: Literal["sharp", "smooth"] = eqx.field(static=True)
 
     def __init__(
         self,
@@ -50,8 +60,12 @@ class SelfAffine(eqx.Module):
         q_low: ArrayLike,
         q_roll: ArrayLike,
         q_high: ArrayLike,
+        roll_off: Literal["sharp", "smooth"] = "sharp",
     ):
         """Prescribes either `rms_height` [m] or `rms_slope` [1] (of the gradient's length)."""
+        if roll_off not in ("sharp", "smooth"):
+            raise ValueError(f"`roll_off={roll_off!r}` must be 'sharp' or 'smooth'.")
+        self.roll_off = roll_off
         self.prescribed, self.amplitude = one_of_height_and_slope(rms_height, rms_slope)
         self.hurst = as_float(hurst, "hurst")
         self.q_low, self.q_roll = as_float(q_low, "q_low"), as_float(q_roll, "q_roll")
@@ -103,8 +117,8 @@ class SelfAffine(eqx.Module):
     def moment(self, order: int | float, ndim: int = 2) -> Float[Array, ""]:
         """Returns ∫ d²q q^order C(q) [m^(2 - order)], for a profile (`ndim=1`) ∫ dq |q|^order C(q).
 
-        Exact for every real order: order 0 is the square of the rms height, order 2 that of the
-        rms slope.
+        To rounding for every real order: order 0 is the square of the rms height, order 2 that of
+        the rms slope.
         """
         ratio = _relative_moment(self, order, ndim) / _relative_moment(self, 0, ndim)
         return (rms_height_of(self, ndim) * self.q_roll ** (order / 2)) ** 2 * ratio
@@ -149,11 +163,19 @@ def _relative_moment(spectrum: SelfAffine, order: int | float, ndim: int) -> Arr
     """The moment of the spectrum in units of q_roll whose plateau is 1."""
     if ndim not in (1, 2):
         raise ValueError(f"`ndim={ndim}` is refused: it must be 1 or 2.")
+    unit = 2 * np.pi if ndim == 2 else 2
+    if spectrum.roll_off == "smooth":
+        node, weight = np.polynomial.legendre.leggauss(_QUADRATURE)
+        low, high = (jnp.log(q / spectrum.q_roll) for q in (spectrum.q_low, spectrum.q_high))
+        y = (low + high) / 2 + (high - low) / 2 * jnp.asarray(node, low.dtype)
+        # In logarithms: q^order alone may leave the range of float32.
+        exponent = (order + ndim) * y - (ndim / 2 + spectrum.hurst) * jnp.logaddexp(0.0, 2 * y)
+        return unit * (high - low) / 2 * jnp.sum(jnp.asarray(weight, y.dtype) * jnp.exp(exponent))
     plateau = _power_integral(
         -jnp.asarray(order + ndim, spectrum.q_low.dtype), jnp.log(spectrum.q_roll / spectrum.q_low)
     )
     tail = _power_integral(order - 2 * spectrum.hurst, jnp.log(spectrum.q_high / spectrum.q_roll))
-    return (2 * np.pi if ndim == 2 else 2) * (plateau + tail)
+    return unit * (plateau + tail)
 
 
 def relative_density(spectrum: SelfAffine, x: Array, ndim: int) -> Array:
@@ -162,8 +184,12 @@ def relative_density(spectrum: SelfAffine, x: Array, ndim: int) -> Array:
     inside = (x >= spectrum.q_low / spectrum.q_roll * (1 - slack)) & (
         x <= spectrum.q_high / spectrum.q_roll * (1 + slack)
     )
-    falling = inside & (x > 1)
-    tail = jnp.where(falling, x, 1) ** -(ndim + 2 * spectrum.hurst)
+    if spectrum.roll_off == "smooth":
+        tail = (1 + jnp.where(inside, x, 1) ** 2) ** -(ndim / 2 + spectrum.hurst)
+    else:
+        # A mode on the kink is on the plateau whatever its rounding, and so is its derivative.
+        falling = inside & (x > 1 + slack)
+        tail = jnp.where(falling, x, 1) ** -(ndim + 2 * spectrum.hurst)
     return jnp.where(inside, tail, 0) / _relative_moment(spectrum, 0, ndim)
 
 

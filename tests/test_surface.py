@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
-from scipy.integrate import quad
+from scipy.integrate import quad, simpson
 
 from graded_contact.grid import Grid, coordinates
 from graded_contact.surface import (
@@ -499,3 +499,43 @@ def test_resampling_a_random_surface_gives_the_surface_of_that_grid():
 def test_resampling_to_another_number_of_axes_is_refused():
     with pytest.raises(ValueError, match="2 whole numbers are needed"):
         resample(Surface(np.zeros((8, 8)), Grid((8, 8), 1.0)), (16,))
+
+
+EDGES = dict(hurst=0.8, q_low=2.0, q_roll=4.0, q_high=9.0)
+
+
+def roughness(name, value, roll_off="sharp", phases=0):
+    """A sum over the heights of a random surface in a cell of 2π, whose modes are whole numbers."""
+    grid = Grid((24, 24), 2 * np.pi)
+    spectrum = SelfAffine(rms_height=1.0, **(EDGES | {name: value}), roll_off=roll_off)
+    return jnp.mean(random_surface(spectrum, grid, jax.random.key(phases)).heights ** 4)
+
+
+@pytest.mark.parametrize("name, side", [("q_roll", 1), ("q_low", -1), ("q_high", 1)])
+def test_derivatives_by_edges_on_a_mode_are_those_of_the_side_that_is_promised(name, side):
+    found = jax.grad(lambda value: roughness(name, value))(EDGES[name])
+    step = 1e-4 * side
+    near, far = (roughness(name, EDGES[name] + k * step) for k in (1, 2))
+    start = roughness(name, EDGES[name])
+    np.testing.assert_allclose(found, (4 * near - far - 3 * start) / (2 * step), rtol=1e-5)
+    other = (roughness(name, EDGES[name] - step) - start) / -step
+    assert abs(other / found - 1) > 0.02
+
+
+def test_a_smooth_roll_off_has_its_derivative_moments_and_slope():
+    found = jax.grad(lambda value: roughness("q_roll", value, "smooth"))(4.0)
+    ends = [roughness("q_roll", 4 + step, "smooth") for step in (1e-5, -1e-5)]
+    np.testing.assert_allclose(found, (ends[0] - ends[1]) / 2e-5, rtol=1e-7)
+    wide = dict(hurst=0.7, q_low=1e2, q_roll=3e3, q_high=1e8)
+    for ndim in (1, 2):
+        spectrum = SelfAffine(rms_height=2e-6, **wide, roll_off="smooth")
+        y = np.linspace(np.log(1e2), np.log(1e8), 2001)
+        q, c = np.exp(y), np.asarray(spectrum.density(jnp.exp(y), ndim))
+        for order in (0, 2, 4):
+            exact = simpson((2 * np.pi * q if ndim == 2 else 2) * q ** (order + 1) * c, x=y)
+            np.testing.assert_allclose(spectrum.moment(order, ndim), exact, rtol=1e-8)
+        np.testing.assert_allclose(spectrum.moment(0, ndim), 4e-12, rtol=1e-12)
+        ratio = spectrum.density(jnp.array([1e6, 1e7]), ndim)
+        np.testing.assert_allclose(ratio[1] / ratio[0], 10.0 ** -(ndim + 1.4), rtol=1e-4)
+    with pytest.raises((ValueError, TypeError), match="roll_off"):
+        SelfAffine(rms_height=1.0, **EDGES, roll_off="round")
