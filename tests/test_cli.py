@@ -333,6 +333,35 @@ def test_the_output_of_a_fit_is_checked_before_the_data_are_read(tmp_path):
     assert result.exit_code == 2 and "Nothing can be written to the folder" in result.stderr
 
 
+@pytest.mark.slow
+@pytest.mark.skipif(os.name != "posix", reason="signals are those of POSIX")
+def test_a_run_that_is_killed_again_and_again_ends_as_if_it_had_not_been(tmp_path):
+    """See benchmarks/bench_kills.py for more kills at more moments."""
+    scene, folder = tmp_path / "small.toml", tmp_path / "out" / "small.points"
+    scene.write_text(SCENE.replace("[0.01, 1.0]", "{from = 0.01, to = 1.0, points = 60}"))
+
+    def start(output):
+        words = [sys.executable, "-m", "graded_contact", "run", scene, "-o", tmp_path / output]
+        return subprocess.Popen(words, stdout=subprocess.DEVNULL, stderr=subprocess.PIPE, text=True)
+
+    for number, code in ((signal.SIGKILL, -9), (signal.SIGINT, 130), (signal.SIGTERM, 143)):
+        before = {path: path.read_bytes() for path in folder.glob("*.h5")}
+        process = start("out")
+        while process.poll() is None and len(list(folder.glob("*.h5"))) < len(before) + 5:
+            time.sleep(0.01)
+        process.send_signal(number)
+        assert "Traceback" not in process.communicate()[1]
+        assert process.returncode == code
+        assert all(path.read_bytes() == content for path, content in before.items())
+    for output in ("out", "whole"):
+        assert start(output).wait() == 0
+    one, other = (read_results(tmp_path / at / "small.h5") for at in ("out", "whole"))
+    for name in (*storage.OBSERVABLES, *storage.TEXTS):
+        assert getattr(one, name).tobytes() == getattr(other, name).tobytes()
+    assert one.fields[0, 59].gap.tobytes() == other.fields[0, 59].gap.tobytes()
+    assert list(tmp_path.rglob(".*.partial")) == []
+
+
 def test_info_of_a_file_that_is_none_is_one_message(tmp_path):
     (tmp_path / "a.h5").write_text("no result")
     result = command("info", tmp_path / "a.h5")
