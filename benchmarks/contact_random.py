@@ -2,10 +2,11 @@
 
 Run by `bench_contact.py`. Blocks of 0 to 3 layers, each elastic or a Prony series of six branches
 over ten decades, moduli over three decades, q0 d from 1e-3 to 3, ν from 0.2 to 1/2, on a half
-space or a rigid base; self-affine surfaces, H from 0.5 to 1, random roll-off and cut-off; loads
-from 1e-4 to 1.5 of what closes every gap; speeds over eight decades; rtol from 1e-3 to 1e-6. To
-compile few programs all blocks have three layers, some of no thickness, and elastic ones have
-branches of 1e-12 of their modulus. Every scene is solved again 100 times closer, and the
+space, a rigid base or none; self-affine surfaces, H from 0.5 to 1, random roll-off and cut-off;
+loads from 1e-4 to 1.5 of what closes every gap, of free blocks (three layers, q0 d to 1, kernels
+of contrasts up to 1e8) from 0.03; speeds over eight decades; rtol from 1e-3 to 1e-6. To compile few
+programs all blocks have three layers, some of no thickness, and elastic ones have branches of 1e-12
+of their modulus. Every scene is solved again 100 times closer, and the
 difference compared with what the first claimed.
 """
 
@@ -21,7 +22,7 @@ from graded_contact.grid import to_field, to_spectrum
 
 BRANCHES = 6
 SHAPES = ((64, 64), (96, 80), (128, 128))
-QUANTITIES = ("pressure", "friction", "area")
+QUANTITIES = ("pressure", "friction", "area", "gap", "mean gap", "displacement")
 
 
 def random(options):
@@ -75,13 +76,16 @@ class Scene:
     """A random block, surface, load, speed and tolerance."""
 
     def __init__(self, rng, shape):
-        on_half_space = rng.random() < 0.5
-        num_layers = rng.integers(0 if on_half_space else 1, 4)
+        base = rng.choice(["half space", "rigid", "free"], p=[0.4, 0.4, 0.2])
+        free = base == "free"
+        num_layers = rng.integers({"half space": 0, "rigid": 1, "free": 3}[base], 4)
         materials = [random_material(rng) for _ in range(4)]
-        thickness = 10 ** rng.uniform(-3, 0.5, 3) / Q0 * (np.arange(3) < num_layers)
+        thickest = 0 if free else 0.5
+        thickness = 10 ** rng.uniform(-3, thickest, 3) / Q0 * (np.arange(3) < num_layers)
+        bases = {"half space": gc.HalfSpace(materials[-1]), "rigid": gc.Rigid(), "free": gc.Free()}
         self.stack = gc.Stack(
             layers=tuple(gc.Layer(m, d) for m, d in zip(materials, thickness, strict=False)),
-            base=gc.HalfSpace(materials[-1]) if on_half_space else gc.Rigid(),
+            base=bases[base],
         )
         cut = rng.integers(6, min(shape) // 2 + 1)
         spectrum = gc.SelfAffine(
@@ -95,13 +99,12 @@ class Scene:
         key = jax.random.key(rng.integers(2**31))
         self.surface = gc.random_surface(spectrum, grid, key)
         self.speed = 10 ** rng.uniform(-4, 4)
-        self.closed = 10 ** rng.uniform(-4, np.log10(1.5))
+        self.closed = 10 ** rng.uniform(-1.5 if free else -4, np.log10(1.5))
         self.rtol = 10 ** rng.uniform(-6, -3)
         kernel = gc.stack_kernel(self.stack, grid, self.speed).at[0, 0].set(np.inf)
         full = to_field(to_spectrum(self.surface.heights) / kernel, shape)
         self.load = -self.closed * float(full.min())
-        base = "half space" if on_half_space else "rigid"
-        self.description = f"{num_layers} layers on {base}, {shape}, cut-off {cut} q0"
+        self.description = f"{num_layers} layers, {base}, {shape}, cut-off {cut} q0"
 
     def __repr__(self):
         return (
@@ -121,12 +124,17 @@ class Scene:
         if any(s.result != gc.RESULTS.successful for s in (first, closer)):
             return first, None
         sigma, exact = np.asarray(first.pressure), np.asarray(closer.pressure)
+        rms = float(np.std(self.surface.heights))
         true = (
             np.linalg.norm(sigma - exact) / np.linalg.norm(exact),
             abs(float(first.friction - closer.friction)),
             abs(float(first.contact_area - closer.contact_area)),
+            float(np.sqrt(np.mean((first.gap - closer.gap) ** 2))) / rms,
+            abs(float(first.mean_gap - closer.mean_gap)) / rms,
+            float(np.std(first.displacement - closer.displacement)) / rms,
         )
-        claimed = (first.error, first.friction_error, first.contact_area_error)
+        gap_error = first.contact.gap_error
+        claimed = (first.error, first.friction_error, first.contact_area_error, *3 * [gap_error])
         # Agreement to rounding needs no claim.
         return first, [
             t / max(float(c), 1e-300) if t > 1e-12 else 0.0

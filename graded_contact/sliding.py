@@ -184,6 +184,8 @@ def _observe(
     law: AbstractLaw,
 ) -> Sliding:
     sigma, w = contact.pressure, contact.displacement
+    # Of the returned pressure itself: that balances energy to rounding.
+    own = to_field(kernel.at[(0,) * kernel.ndim].set(0) * to_spectrum(sigma), grid.shape)
     margin = law.margin(sigma, contact.gap, edge_stiffness(kernel, grid))
     touching = margin > 0
     zero = jnp.zeros((), sigma.dtype)
@@ -193,7 +195,7 @@ def _observe(
         else unmeasured_shares(measured, touching, sigma, w, grid, velocity)
     )
     return Sliding(
-        friction=friction(sigma, w, grid, velocity),
+        friction=friction(sigma, own, grid, velocity),
         friction_error=friction_error(
             sigma, contact.mismatch, contact.error, kernel, grid, velocity
         ),
@@ -202,7 +204,7 @@ def _observe(
         contact_area_corrected=contact_area_corrected(touching).astype(sigma.dtype),
         contact_area_smooth=contact_area_smooth(margin),
         geometric_friction=friction(sigma, heights, grid, velocity),
-        energy_imbalance=energy_imbalance(sigma, w, kernel, grid, velocity),
+        energy_imbalance=energy_imbalance(sigma, own, kernel, grid, velocity),
         slope_in_contact=slope_in_contact(sigma, w, grid),
         unmeasured_area=area,
         unmeasured_friction=rubbing,

@@ -105,8 +105,9 @@ def cumulative_friction(
     """Returns wavenumbers q [rad/m] and the friction μ(q) [1] of all waves up to each.
 
     Each wave of the pressure contributes the work that it does on its own displacement, which in a
-    passive block is never negative; the last μ(q) is the friction coefficient. The wavenumbers
-    are spaced geometrically from the lowest of the cell to the highest of the grid.
+    passive block is negative by no more than the error of the solution; the last μ(q) is the
+    friction coefficient. The wavenumbers are spaced geometrically from the lowest of the cell to
+    the highest of the grid.
 
     **Arguments:**
 

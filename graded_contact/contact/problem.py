@@ -22,7 +22,7 @@ from .._checks import (
     check_values,
     is_concrete,
 )
-from ..grid import half_shape, to_field, to_spectrum
+from ..grid import half_shape
 from .douglas_rachford import DouglasRachford, Iterated, least_compliance, penalty_for
 from .implicit import Inputs, Prescribed, State, attach_gradient
 from .law import AbstractLaw, HardWall, check_law, check_pressure
@@ -31,6 +31,7 @@ from .rmd import ResidualDynamics
 # Rise of an attraction over the stiffness of the shortest wave, up to which all equilibria found
 # were stable: see `adhesion.py`.
 _RESOLVED = 0.3
+_WORTHLESS = 0.1  # error of gaps over the rms height
 
 
 class RESULTS(eqx.Enumeration):
@@ -63,6 +64,11 @@ class RESULTS(eqx.Enumeration):
         "sharply, or has moduli too far apart. Put boundaries between layers at its jumps and list "
         "its kinks in `breaks`, or cut it by `sliced`."
     )
+    gap_unresolved = (
+        "Pressure, friction and contact area are found, but gaps may be wrong by more than a tenth "
+        "of the rms height (`.gap_error`). Tighten `rtol`; or pass `throw=False`, and leave `gap`, "
+        "`mean_gap` and `displacement` alone."
+    )
     bad_pressure = "The law of contact cannot have this mean pressure (a hard wall: not positive)."
 
 
@@ -73,7 +79,8 @@ class ContactSolution(eqx.Module):
 
     - `pressure`: σ [Pa], of the law; its mean is exactly the load, if that was prescribed. Shape of
       the heights.
-    - `displacement`: w [m], of zero mean, positive into the solid.
+    - `displacement`: w [m], of zero mean, positive into the solid: M σ, but with what is left of
+      the error of σ kept out of the soft waves, which would magnify it.
     - `gap`: u = w - h + ū [m], zero in hard contact up to the error.
     - `mean_pressure`: mean of σ [Pa].
     - `mean_gap`: mean of the gap ū [m].
@@ -82,7 +89,8 @@ class ContactSolution(eqx.Module):
     - `error`: estimated relative error of the pressure [1] (root mean square); 0 where there is no
       pressure.
     - `load_error`: mean of `mismatch` over that of |σ| [1].
-    - `gap_error`: mean gap of the law less that of the solid, over the rms height [1].
+    - `gap_error`: estimated error of the gap (root mean square) over the rms height [1]; those of
+      `displacement` and `mean_gap` are no larger.
     - `complementarity_error`: mean of |σ| |u - u_σ| over that of |σ| and the rms height [1]; u_σ is
       the gap at which the law has the pressure σ, in hard contact 0.
     - `penetration`: largest interpenetration that the law does not allow, over the rms height [1].
@@ -235,6 +243,9 @@ def _solve_contact(inputs: Inputs, solver, rtol, start) -> ContactSolution:
     if law.attracts and isinstance(solver, DouglasRachford):
         steep = law.steepest_rise * least_compliance(kernel) > _RESOLVED
         result = RESULTS.where(steep & (result == RESULTS.successful), RESULTS.unresolved, result)
+    gap_error = found.gap_error / unit
+    worthless = (gap_error > _WORTHLESS) & (rms > 0) & (result == RESULTS.successful)
+    result = RESULTS.where(worthless, RESULTS.gap_unresolved, result)
     if prescribed.pressure is not None:
         # At the door the value is unknown if the pressure is traced.
         low, high = law.bounds
@@ -249,18 +260,17 @@ def _solve_contact(inputs: Inputs, solver, rtol, start) -> ContactSolution:
         mismatch=found.mismatch,
         error=found.error,
         load_error=jnp.abs(jnp.mean(found.mismatch)) / load,
-        gap_error=jnp.abs(found.gap_mismatch) / unit,
+        gap_error=gap_error,
         complementarity_error=jnp.mean(jnp.abs(pressure * (gap - found.gap))) / (load * unit),
         penetration=jnp.max(jnp.maximum(jnp.minimum(found.gap, 0) - gap, 0)) / unit,
         num_steps=found.num_steps,
-        num_fft_pairs=found.num_fft_pairs + 1,
+        num_fft_pairs=found.num_fft_pairs,
         result=result,
     )
 
 
 def _displacement_and_mean_gap(inputs: Inputs, found: Iterated):
-    displacement = to_field(inputs.kernel * to_spectrum(found.pressure), found.pressure.shape)
-    displacement = displacement - jnp.mean(displacement)
+    displacement = found.displacement - jnp.mean(found.displacement)
     if inputs.prescribed.gap is not None:
         return displacement, inputs.prescribed.gap
     # Weighed with the pressure, gaps of the solid and of the law agree.

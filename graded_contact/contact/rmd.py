@@ -34,11 +34,19 @@ from jaxtyping import Float, Inexact
 from .._checks import check_whole
 from ..grid import to_field, to_spectrum
 from .adhesion import AdhesiveLJ
-from .douglas_rachford import DouglasRachford, Iterated, pressure_unit, third_mode, to_mean
+from .douglas_rachford import (
+    DouglasRachford,
+    Iterated,
+    pressure_unit,
+    root_mean_square,
+    third_mode,
+    to_mean,
+)
 from .implicit import Prescribed
 from .law import AbstractLaw, RepulsiveLJ
 
 _LEAST_RATIO = 0.9  # of a point's gaps after and before a step
+_MAGNIFIED = 10.0  # error of the gap, in residuals, at most
 _LOAD_RATE = 0.5  # share of the load's error that the residuals work against
 
 
@@ -102,8 +110,9 @@ class ResidualDynamics(eqx.Module):
             pressure=pressure * unit,
             gap=gap * length,
             mismatch=mismatch * unit,
-            gap_mismatch=-jnp.mean(residual) * length,
+            displacement=(residual + gap + problem.heights) * length,
             error=last.error,
+            gap_error=_MAGNIFIED * root_mean_square(residual) * length,
             ended=last.error <= rtol,
             num_steps=last.num_steps,
             num_fft_pairs=last.num_steps + jnp.asarray(1 if start is None else 2, gap.dtype),
@@ -158,7 +167,9 @@ def _step(problem: _Problem, state: _Motion, uniform_mass: bool) -> _Motion:
     v = ((2 - damping) * v + 2 * residual / mass) / (2 + damping)
     halted = v < (_LEAST_RATIO - 1) * u
     moved = jnp.where(halted, _LEAST_RATIO * u, u + v)
-    errors = jnp.stack([_rms(residual / u), _rms((moved - u) / u), load_error])
+    errors = jnp.stack(
+        [root_mean_square(residual / u), root_mean_square((moved - u) / u), load_error]
+    )
     return _Motion(moved, jnp.where(halted, 0, v), residual, jnp.max(errors), state.num_steps + 1)
 
 
@@ -194,7 +205,3 @@ def _first_gap(problem: _Problem, start):
     spring = 1 / jnp.maximum(1 / jnp.abs(third_mode(problem.kernel)), 2 * problem.law.steepest_rise)
     rest = (0 if start is None else start) - offset / spring
     return spring * (problem.law.in_units(1.0, spring).proximal(rest) - rest)
-
-
-def _rms(field):
-    return jnp.sqrt(jnp.mean(field**2))
