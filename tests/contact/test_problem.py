@@ -473,7 +473,6 @@ BAD = {
     "rtol in words": (dict(rtol="1e-6"), "`rtol='1e-6'` is refused"),
     "rtol per point": (dict(rtol=np.full(2, 1e-6)), "`rtol=array.* is refused"),
     "law in words": (dict(law="hard"), "`law='hard'` must be a law of contact"),
-    "two laws": (dict(law=gc.RepulsiveLJ(1e-3, np.ones(2))), r"a parameter of shape \(2,\)"),
     "no solver": (dict(solver=None), "`solver=None` must be"),
     "half precision": (dict(heights=np.zeros((16, 16), np.float16)), "`heights` has dtype float16"),
 }
