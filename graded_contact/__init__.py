@@ -31,6 +31,7 @@ from .rheology.fitting.result import PronyFit
 from .rheology.library import tyre_tread
 from .rheology.master import MasterCurve, master_curve
 from .rheology.material import BulkShear, Elastic, Prony
+from .rheology.measured import MeasuredRange, coverage
 from .rheology.reading import Measured, read_moduli
 from .rheology.shift import WLF, Arrhenius
 from .rheology.tabulated import Tabulated
@@ -73,6 +74,7 @@ __all__ = [
     "MasterCurve",
     "MeanField",
     "Measured",
+    "MeasuredRange",
     "Mixture",
     "PowerLaw",
     "Prony",
@@ -89,6 +91,7 @@ __all__ = [
     "Tabulated",
     "TabulatedShift",
     "area_against_cutoff",
+    "coverage",
     "cumulative_friction",
     "effective_modulus",
     "export_prony",

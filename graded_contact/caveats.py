@@ -14,6 +14,7 @@ from typing import Any, NamedTuple
 import numpy as np
 from jaxtyping import ArrayLike, Bool
 
+EXTRAPOLATED = 0.01  # of the friction, from frequencies at which a material was not measured
 LIMIT = 0.1  # a part of the result that one wants to be told of
 # Small strains neglect slope²/2 beside 1 (the excess of an arc over its chord): more than LIMIT.
 STEEP = (2 * LIMIT) ** 0.5
@@ -73,6 +74,12 @@ RULES = (
         STEEP,
         "The block's rms slope where it carries the load is {worst:.2g}: small strains, which "
         f"everything here assumes, neglect slope²/2, more than {LIMIT:.0%} of it from {STEEP:.2g}.",
+    ),
+    Rule(
+        lambda found: found.extrapolated_friction,
+        EXTRAPOLATED,
+        "{worst:.0%} of the friction comes from frequencies or a temperature at which a material "
+        "was not measured: its modulus there is an extrapolation.",
     ),
     Rule(
         lambda found: found.unmeasured_friction,

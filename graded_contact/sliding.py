@@ -26,14 +26,17 @@ from .contact.observables import (
     energy_imbalance,
     friction,
     friction_error,
+    friction_share,
     slope_in_contact,
     unmeasured_shares,
+    wave_frequencies,
 )
 from .contact.problem import RESULTS, ContactSolution, solve_contact
 from .contact.rmd import ResidualDynamics
 from .grid import Grid, to_field, to_spectrum, wavenumber
 from .response.kernel import attempted_kernel, stack_kernel
 from .response.stack import Stack
+from .rheology.measured import coverage, is_unknown
 from .surface import Surface
 
 
@@ -56,6 +59,8 @@ class Sliding(eqx.Module):
     - `slope_in_contact`: rms slope of the block where it carries the load [1]: the strains there.
     - `unmeasured_area`, `unmeasured_friction`: shares of the contact area and of the friction on
       points that were filled or tapered, not measured [1]; 0 where `Surface.measured` is None.
+    - `extrapolated_friction`: share of the friction from waves that excite frequencies at which a
+      material was not measured [1]: its modulus there is an extrapolation. See `coverage`.
     - `contact`: pressure, gap and convergence, see `ContactSolution`; also reached directly as
       `.pressure`, `.gap`, `.displacement` [Pa, m, m], `.mean_gap` [m], `.error`, `.num_fft_pairs`
       and `.result`.
@@ -72,6 +77,7 @@ class Sliding(eqx.Module):
     slope_in_contact: Float[Array, ""]
     unmeasured_area: Float[Array, ""]
     unmeasured_friction: Float[Array, ""]
+    extrapolated_friction: Float[Array, ""]
     contact: ContactSolution
 
     @property
@@ -155,7 +161,8 @@ def slide(
     )
     result = RESULTS.where(reached, contact.result, RESULTS.inaccurate_kernel)
     contact = eqx.tree_at(lambda c: c.result, contact, result)
-    return _observe(contact, kernel, surface.heights, surface.measured, surface.grid, velocity, law)
+    heights, measured, grid = surface.heights, surface.measured, surface.grid
+    return _observe(contact, kernel, heights, measured, grid, velocity, law, coverage(stack))
 
 
 def _kernel_and_velocity(stack, surface, velocity, throw=True):
@@ -182,6 +189,7 @@ def _observe(
     grid: Grid,
     velocity: Float[Array, "..."],
     law: AbstractLaw,
+    known: tuple[Float[Array, ""], Float[Array, ""]] | None,
 ) -> Sliding:
     sigma, w = contact.pressure, contact.displacement
     # Of the returned pressure itself: that balances energy to rounding.
@@ -194,6 +202,10 @@ def _observe(
         if measured is None
         else unmeasured_shares(measured, touching, sigma, w, grid, velocity)
     )
+    extrapolated = zero
+    if known is not None:
+        unknown = is_unknown(wave_frequencies(grid, velocity), known)
+        extrapolated = friction_share(sigma, w, grid, velocity, unknown)
     return Sliding(
         friction=friction(sigma, own, grid, velocity),
         friction_error=friction_error(
@@ -208,6 +220,7 @@ def _observe(
         slope_in_contact=slope_in_contact(sigma, w, grid),
         unmeasured_area=area,
         unmeasured_friction=rubbing,
+        extrapolated_friction=extrapolated,
         contact=contact,
     )
 
@@ -260,7 +273,7 @@ def area_against_cutoff(
         contact = solve_contact(
             kernel, heights, pressure, law=law, solver=solver, rtol=rtol, start=start, throw=throw
         )
-        s = _observe(contact, kernel, heights, surface.measured, grid, velocity, law)
+        s = _observe(contact, kernel, heights, surface.measured, grid, velocity, law, None)
         row = CutoffCurve(cutoff, s.friction, s.contact_area, s.contact_area_smooth)
         return contact.pressure, row
 

@@ -18,6 +18,7 @@ def solves(**changed):
     sound = {
         "friction": 0.3, "geometric_friction": 0.31, "slope_in_contact": 0.3,
         "unmeasured_area": 0.0, "unmeasured_friction": 0.0,
+        "extrapolated_friction": 0.0,
     }  # fmt: skip
     return SimpleNamespace(**{name: np.asarray(value) for name, value in (sound | changed).items()})
 
@@ -32,6 +33,8 @@ def solves(**changed):
         ({"friction": 0.01, "geometric_friction": -0.01}, ["differ by 200%"]),
         ({"slope_in_contact": 0.5}, ["rms slope where it carries the load is 0.5"]),
         ({"unmeasured_friction": 0.11}, ["11% of the friction"]),
+        ({"extrapolated_friction": 0.02}, ["2% of the friction comes from frequencies"]),
+        ({"extrapolated_friction": 0.009}, []),
         ({"unmeasured_area": 0.7}, ["70% of the contact area"]),
         (
             {"friction": 1.8, "geometric_friction": -15.7, "slope_in_contact": 2.0},
@@ -50,7 +53,8 @@ def test_a_caveat_says_which_solves_it_concerns_and_the_worst():
     area = np.array([[0.05, np.nan, 0.2], [0.6, 0.0, 0.1]])
     caveats = caveats_of(solves(**{name: np.where(np.isnan(area), np.nan, 0.3) for name in
                                    ("friction", "geometric_friction", "slope_in_contact")},
-                                unmeasured_area=area, unmeasured_friction=0 * area))  # fmt: skip
+                                unmeasured_area=area, unmeasured_friction=0 * area,
+                                extrapolated_friction=0 * area))  # fmt: skip
     (caveat,) = caveats
     assert caveat.sentence.startswith("60% of the contact area")
     assert "2 of 6 solves" in caveat.sentence

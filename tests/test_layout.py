@@ -9,8 +9,8 @@ PACKAGE = Path(__file__).parents[1] / "graded_contact"
 ORDER = [
     "_checks", "_fft", "caveats", "grid", "spectrum", "surface",
     "scans/scan", "scans/text", "scans/road", "scans/library", "scans/holes", "topography",
-    "rheology/shift", "rheology/creep", "rheology/material", "rheology/tabulated",
-    "rheology/tabulated_shift", "rheology/library", "rheology/export",
+    "rheology/shift", "rheology/measured", "rheology/creep", "rheology/material",
+    "rheology/tabulated", "rheology/tabulated_shift", "rheology/library", "rheology/export",
     "rheology/files/quantities", "rheology/files/cells", "rheology/files/tables",
     "rheology/files/titles", "rheology/files/layout", "rheology/files/isotherms",
     "rheology/files/points", "rheology/reading",

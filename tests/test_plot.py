@@ -57,7 +57,7 @@ def test_a_sweep_has_one_line_per_pressure_and_marks_what_failed(tmp_path, veloc
     _, surface = make_fields((8, 8))
     values = {name: np.arange(1.0, 7.0).reshape(2, 3) for name in OBSERVABLES}
     # Of one solve a fifth of the contact was not measured.
-    doubts = ("slope_in_contact", "unmeasured_area", "unmeasured_friction")
+    doubts = ("slope_in_contact", "unmeasured_area", "unmeasured_friction", "extrapolated_friction")
     values |= dict.fromkeys(doubts, np.array([[0.0, 0.0, 0.0], [0.0, 0.0, 0.2]]))
     figure = plot_sweep(
         Results(

@@ -132,6 +132,31 @@ def cumulative_friction(
     return edges, -jnp.cumsum(share) / jnp.mean(pressure)
 
 
+def wave_frequencies(grid: Grid, velocity: Numbers) -> Float[Array, "..."]:
+    """Returns ω = -q·v [rad/s] of the waves of the half spectrum, 0 on odd Nyquist lines.
+
+    For sliding along x of the shape of one column, `(nx, 1)`.
+    """
+    return jnp.negative(_project(grid, jnp.atleast_1d(as_float(velocity, "velocity"))))
+
+
+def friction_share(
+    pressure: Float[Array, "*shape"],
+    displacement: Float[Array, "*shape"],
+    grid: Grid,
+    velocity: Numbers,
+    chosen: Bool[Array, "..."],
+) -> Float[Array, ""]:
+    """Returns the share of the friction that the `chosen` waves contribute [1].
+
+    `chosen` broadcasts to the half spectrum. Each wave contributes the work that it does on its own
+    displacement. 0 without friction.
+    """
+    work = jnp.abs(_work(pressure, displacement, grid, velocity))
+    total = jnp.sum(work)
+    return jnp.sum(jnp.where(chosen, work, 0)) / jnp.where(total == 0, 1, total)
+
+
 def energy_imbalance(
     pressure: Float[Array, "*shape"],
     displacement: Float[Array, "*shape"],

@@ -21,6 +21,7 @@ from numpy.polynomial import chebyshev
 from .._checks import as_float, check_positive, is_concrete
 from ..response.compliance import surface_compliance_unchecked
 from ..response.stack import Stack
+from ..rheology.measured import is_unknown
 from ..spectrum import SelfAffine
 from .diffusion import Correction, area, mean_square_growth, slowed
 
@@ -85,10 +86,15 @@ def integrate(
     correction: Correction,
     num_intervals: int,
     num_angles: int,
-) -> tuple[Float[Array, " n"], Float[Array, " n"], Float[Array, " n"], Float[Array, ""]]:
+    known: tuple[Float[Array, ""], Float[Array, ""]] | None,
+) -> tuple[
+    Float[Array, " n"], Float[Array, " n"], Float[Array, " n"], Float[Array, ""], Float[Array, ""]
+]:
     """Returns wavenumbers [rad/m], diffusion x [1] and friction [1] up to them, and the error.
 
-    `num_intervals` (on each piece) and `num_angles` are multiples of 4.
+    At last the share of friction [1] from frequencies outside `known` [rad/s], as it is summed: not
+    to the digits of the friction. `num_intervals` (on each piece) and `num_angles` are multiples
+    of 4.
     """
     lengths = jnp.log(roughness.edges[1:] / roughness.edges[:-1])
     q, amplitude = _nodes(roughness, lengths, num_intervals)
@@ -118,7 +124,20 @@ def integrate(
         for (spreading, loss), part, rule in zip(averages, x, rules, strict=True)
     ]
     ends = [jnp.stack([area(a[-1]), b[-1]]) for a, b in zip(x, friction, strict=True)]
-    return q, x[0], friction[0], _error(*jax.lax.stop_gradient(ends))
+    share = jnp.zeros_like(q[0])
+    if known is not None:
+        lost = jnp.where(is_unknown(omega, known), rates[1], 0)
+        lost = lost @ jnp.asarray(_angles(num_angles)[1], q.dtype)
+        total = averages[0][1]
+        share = share_of(lost / jnp.where(total == 0, 1, total), friction[0])
+    return q, x[0], friction[0], _error(*jax.lax.stop_gradient(ends)), share
+
+
+def share_of(part: Float[Array, " n"], friction: Float[Array, " n"]) -> Float[Array, ""]:
+    """Returns the share of the growth of `friction` that is a `part` [1] at each point of it."""
+    step = jnp.abs(jnp.diff(friction))
+    total = jnp.sum(step)
+    return jnp.sum(step * (part[1:] + part[:-1]) / 2) / jnp.where(total == 0, 1, total)
 
 
 def _error(fine, middle, coarse):

@@ -35,8 +35,8 @@ from jaxtyping import Array, Float
 from .._checks import Numbers, as_float, check_positive, check_shape, check_tolerance, check_values
 from ..response.grading import check_profiles
 from ..response.kernel import stack_kernel
-from ..response.stack import Stack, materials_of
-from ..rheology.tabulated import Tabulated
+from ..response.stack import Stack
+from ..rheology.measured import coverage
 from ..spectrum import SelfAffine
 from ..surface import Surface
 from .diffusion import Correction, area, density
@@ -62,6 +62,8 @@ class MeanField(eqx.Module):
       friction there may ring by 1e-3 of the whole where few nodes resolve it.
     - `stress_variance_up_to`: V' [Pa²], how far the pressure has spread, `(n,)`.
     - `pressure`: the mean pressure σ0 [Pa].
+    - `extrapolated_friction`: share of the friction from frequencies at which a material of the
+      stack was not measured [1], to about 1 % by the quadrature; see `coverage`.
     - `error`: estimated relative error of friction and area by the quadrature [1], mostly many
       times too large; 0 for a surface, whose modes are summed.
     """
@@ -73,6 +75,7 @@ class MeanField(eqx.Module):
     contact_area_up_to: Float[Array, " n"]
     stress_variance_up_to: Float[Array, " n"]
     pressure: Float[Array, ""]
+    extrapolated_friction: Float[Array, ""]
     error: Float[Array, ""]
 
     @property
@@ -137,14 +140,18 @@ def mean_field_friction(
     load = jnp.where(pressure > 0, pressure, jnp.nan)
     if isinstance(spectrum, Surface):
         kernel = stack_kernel(stack, spectrum.grid, velocity)
-        q, x, friction = add_up(kernel, spectrum, load, velocity, correction)
+        q, x, friction, share = add_up(
+            kernel, spectrum, load, velocity, correction, coverage(stack)
+        )
         error = 0 * friction[-1]  # NaN if that is
     else:
         roughness = as_roughness(spectrum)
         speed = _length(velocity)
         _check_frequencies(stack, speed * roughness.edges)
         counts = _counts(num_wavenumbers, len(roughness.edges) - 1, num_angles)
-        q, x, friction, error = integrate(stack, roughness, load, speed, correction, *counts)
+        q, x, friction, error, share = integrate(
+            stack, roughness, load, speed, correction, *counts, coverage(stack)
+        )
     contact_area = area(x)
     solution = MeanField(
         friction=friction[-1],
@@ -154,6 +161,7 @@ def mean_field_friction(
         contact_area_up_to=contact_area,
         stress_variance_up_to=x * load * load,
         pressure=load,
+        extrapolated_friction=share,
         error=error,
     )
     if throw:
@@ -205,6 +213,3 @@ def _check_frequencies(stack: Stack, fastest: Float[Array, " points"]) -> None:
     """Refuses profiles and tables that have no answer at the frequencies of the quadrature."""
     omega = jnp.stack([fastest[0] * LAST_COSINE, fastest[-1]])
     check_profiles(stack, omega)
-    for material in materials_of(stack):
-        if isinstance(material, Tabulated):
-            material.modulus(omega)

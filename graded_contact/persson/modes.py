@@ -6,6 +6,7 @@ import numpy as np
 from jaxtyping import Array, Float, Inexact
 
 from ..grid import multiplicity, to_spectrum, wavenumber, wavevector
+from ..rheology.measured import is_unknown
 from ..surface import Surface
 from .diffusion import Correction, area, mean_square_growth, slowed, slowing
 
@@ -17,10 +18,14 @@ def add_up(
     pressure: Float[Array, ""],
     velocity: Float[Array, "..."],
     correction: Correction,
-) -> tuple[Float[Array, " rings"], Float[Array, " rings"], Float[Array, " rings"]]:
+    known: tuple[Float[Array, ""], Float[Array, ""]] | None,
+) -> tuple[
+    Float[Array, " rings"], Float[Array, " rings"], Float[Array, " rings"], Float[Array, ""]
+]:
     """Returns wavenumbers [rad/m], diffusion x [1] and friction [1] up to them.
 
-    The modes of a ring of |q|, up to its outer edge, come into view at once.
+    At last the share of friction [1] from frequencies outside `known` [rad/s]. The modes of a ring
+    of |q|, up to its outer edge, come into view at once.
     """
     grid = surface.grid
     modes = to_spectrum(surface.heights - jnp.mean(surface.heights)) / np.prod(grid.shape)
@@ -50,7 +55,14 @@ def add_up(
         area(x[1]) * slowing(correction, x[1]),
         (growth[2] - growth[0]) / jnp.where(thin, 1, step),
     )
-    return edges, x[2], jnp.cumsum(complete * share)
+    friction = jnp.cumsum(complete * share)
+    extrapolated = jnp.zeros_like(q[(0,) * q.ndim])
+    if known is not None:
+        omega = sum(q * e for q, e in zip(wavevector(grid), jnp.atleast_1d(velocity), strict=False))
+        lost = jnp.where(is_unknown(jnp.broadcast_to(omega, loss.shape), known), loss, 0)
+        lost = jnp.bincount(ring, jnp.ravel(lost), length=num_rings)
+        extrapolated = jnp.sum(lost * share) / jnp.where(friction[-1] == 0, 1, friction[-1])
+    return edges, x[2], friction, extrapolated
 
 
 def _direction(velocity):

@@ -20,6 +20,7 @@ import numpy as np
 from jaxtyping import Array, Float, Inexact
 
 from .._checks import Numbers, as_float, check_positive, check_tolerance, check_values
+from ..rheology.measured import check_frequencies
 from .mesh import WINDOW, build_mesh, cells_of, coarsened, position, span, visible
 from .profile import check_profile, moduli_at
 from .riccati import integrate, invert
@@ -171,7 +172,11 @@ def graded_compliance(
 
 
 def check_profiles(stack: Stack, omega: Float[Array, "..."]) -> None:
-    """Raises `ValueError` naming the layer and height of a profile that is not usable."""
+    """Raises `ValueError` for frequencies that a table refuses, or a profile that is not usable.
+
+    Of a profile it names the layer and the height.
+    """
+    check_frequencies(stack, omega)
     for i, layer in enumerate(stack.layers):
         if isinstance(layer, GradedLayer):
             check_profile(f"layers[{i}].profile", layer.profile, omega)

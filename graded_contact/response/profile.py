@@ -26,6 +26,7 @@ from jaxtyping import Array, Float, Inexact
 
 from .._checks import Numbers, check_positive, check_values, is_concrete, scalar
 from ..rheology.material import AbstractMaterial, as_material
+from ..rheology.measured import check_frequencies, coverage
 from .shape import FROM_0_TO_1, AbstractShape, Linear, as_shape, breaks_of
 
 
@@ -191,8 +192,28 @@ class Aged(AbstractProfile):
     def __call__(
         self, s: Float[Array, "..."], omega: Float[Array, "..."]
     ) -> tuple[Inexact[Array, "..."], Inexact[Array, "..."]]:
-        slower = self.bottom * jnp.exp(self.shape(s) * jnp.log(self.top / self.bottom)) * omega
+        slower = self._factor(s) * omega
         return self.material.modulus(slower), self.material.poisson_ratio(slower)
+
+    def coverage(self) -> tuple[Float[Array, ""], Float[Array, ""]]:
+        """Returns the lowest and highest ω [rad/s] measured at every height."""
+        known = coverage(self.material)
+        if known is None:
+            return jnp.zeros_like(self.top), jnp.full_like(self.top, jnp.inf)
+        least, most = self._range()
+        return known[0] / least, known[1] / most
+
+    def check(self, omega: Float[Array | np.ndarray, "..."]) -> None:
+        """Raises `ValueError` if the material has no modulus at these ω [rad/s] at some height."""
+        for factor in self._range():
+            check_frequencies(self.material, factor * omega)
+
+    def _factor(self, s):
+        return self.bottom * jnp.exp(self.shape(s) * jnp.log(self.top / self.bottom))
+
+    def _range(self):
+        factors = jax.lax.stop_gradient(self._factor(jnp.linspace(0, 1, _SAMPLES + 1)))
+        return jnp.min(factors), jnp.max(factors)
 
     def at(self, temperature: Numbers) -> "Aged":
         return Aged(

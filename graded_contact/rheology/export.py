@@ -18,6 +18,7 @@ from typing import Any
 import numpy as np
 
 from .material import AbstractMaterial, Prony
+from .measured import MeasuredRange
 from .shift import WLF, AbstractShift
 
 ANSYS_TERMS = 100  # the most that TB,PRONY takes
@@ -63,6 +64,8 @@ def _fields(material: Prony) -> dict[str, Any]:
     if material.shift is not None:
         kind = type(material.shift).__name__.lower().removesuffix("shift")
         fields["shift"] = {"kind": kind, **_constants(material.shift)}
+    if material.measured is not None:
+        fields["measured"] = _constants(material.measured)
     return fields
 
 
@@ -91,6 +94,7 @@ def _csv(material: Prony, name: str) -> str:
             f"# {name}: Young's relaxation modulus, the sum of modulus * exp(-t/time) over lines",
             f"# Poisson's ratio {fields['poisson']!r}",
             *(f"# {line}" for line in _law(material.shift)),
+            *(f"# {sentence}" for sentence in _measured(material)),
             "relaxation time [s],modulus [Pa]",
             *(f"{time},{strength!r}" for time, strength in branches),
             "",
@@ -103,6 +107,7 @@ def _abaqus(material: Prony, name: str) -> str:
     lines = [
         "** Units: Pa, s, K. Ratios to the instantaneous moduli; Poisson's ratio is constant.",
         "** Poisson's ratios near 1/2 need hybrid elements.",
+        *(f"** {sentence}" for sentence in _measured(material)),
         f"*MATERIAL, NAME={name}",
         "*ELASTIC, MODULI=INSTANTANEOUS",
         f"{glassy!r}, {float(material.poisson)!r}",
@@ -132,6 +137,7 @@ def _ansys(material: Prony, name: str) -> str:
         )
     lines = [
         f"! {name}. Units: Pa, s, K. Ratios to the instantaneous moduli; constant Poisson's ratio.",
+        *(f"! {sentence}" for sentence in _measured(material)),
         "MATID=1",
         f"MP,EX,MATID,{glassy!r}",
         f"MP,PRXY,MATID,{poisson!r}",
@@ -164,10 +170,21 @@ def _normalised(material: Prony, program: str) -> tuple[float, list[float], list
     return glassy, (strengths / glassy).tolist(), np.asarray(material.times, float).tolist()
 
 
-def _constants(shift: AbstractShift) -> dict[str, Any]:
-    """The fields of a law or table, as Python numbers."""
-    given = {key: value for key, value in vars(shift).items() if value is not None}
+def _constants(fields: AbstractShift | MeasuredRange) -> dict[str, Any]:
+    """The fields of a law, table or range, as Python numbers."""
+    given = {key: value for key, value in vars(fields).items() if value is not None}
     return {key: np.asarray(value, float).tolist() for key, value in given.items()}
+
+
+def _measured(material: Prony) -> list[str]:
+    if material.measured is None:
+        return []
+    units = {"omega": "rad/s", "temperature": "K"}
+    ranges = [
+        f"{low:.4g} to {high:.4g} {units[name]}"
+        for name, (low, high) in _constants(material.measured).items()
+    ]
+    return [f"Measured from {' and '.join(ranges)}; an extrapolation outside"]
 
 
 def _law(shift: AbstractShift | None) -> list[str]:

@@ -31,6 +31,7 @@ from .._checks import (
     scalar,
 )
 from .creep import creep_from_relaxation, relaxation_from_creep
+from .measured import MeasuredRange
 from .shift import AbstractShift, as_temperature, require_shift, stretched
 
 
@@ -102,6 +103,7 @@ class Prony(AbstractMaterial):
     - `times`: relaxation times τ_k [s], shape `(branches,)`, all positive.
     - `poisson`: Poisson's ratio ν [1], independent of frequency.
     - `shift`: law of time-temperature superposition, or None.
+    - `measured`: where the series follows data, or None for everywhere: a fit knows its own.
     """
 
     equilibrium: Float[Array, ""] = eqx.field(converter=scalar("equilibrium"))
@@ -109,8 +111,11 @@ class Prony(AbstractMaterial):
     times: Float[Array, " branches"] = eqx.field(converter=numbers("times"))
     poisson: Float[Array, ""] = eqx.field(converter=scalar("poisson"), default=0.5)
     shift: AbstractShift | None = None
+    measured: MeasuredRange | None = None
 
     def __check_init__(self):
+        if not isinstance(self.measured, MeasuredRange | None):
+            raise ValueError(f"`measured={self.measured!r}` must be a `MeasuredRange`, or None.")
         check_values(
             "equilibrium", self.equilibrium, "it must be zero or a positive number [Pa]", at_least=0
         )
@@ -125,6 +130,7 @@ class Prony(AbstractMaterial):
         times: Numbers,
         poisson: Numbers = 0.5,
         shift: AbstractShift | None = None,
+        measured: MeasuredRange | None = None,
     ) -> "Prony":
         """Returns the material of 1/E(ω) = 1/E_inf + Σ_j H_j/(1 + iω t_j), converted exactly.
 
@@ -133,7 +139,7 @@ class Prony(AbstractMaterial):
         - `glassy`: instantaneous modulus E_inf [Pa].
         - `compliances`: H_j [1/Pa], shape `(branches,)`, all positive.
         - `times`: retardation times t_j [s], shape `(branches,)`, positive, no two equal.
-        - `poisson`, `shift`: as the fields of the class.
+        - `poisson`, `shift`, `measured`: as the fields of the class.
         """
         glassy = as_scalar(glassy, "glassy")
         compliances, times = as_float(compliances, "compliances"), as_float(times, "times")
@@ -147,6 +153,7 @@ class Prony(AbstractMaterial):
             times=times,
             poisson=poisson,
             shift=shift,
+            measured=measured,
         )
 
     def creep(
@@ -184,19 +191,34 @@ class Prony(AbstractMaterial):
 
     def at(self, temperature: Numbers) -> "Prony":
         shift, temperature = require_shift(self.shift), as_temperature(temperature)
-        lift = jnp.exp(shift.log_vertical(temperature))
+        log_factor, lift = (
+            shift.log_factor(temperature),
+            jnp.exp(shift.log_vertical(temperature)),
+        )
         return eqx.tree_at(
             lambda material: (
-                material.equilibrium, material.strengths, material.times, material.shift
+                material.equilibrium, material.strengths, material.times, material.shift,
+                material.measured,
             ),
             self,
             (
                 self.equilibrium * lift,
                 self.strengths * lift,
-                stretched(self.times, shift.log_factor(temperature)),
+                stretched(self.times, log_factor),
                 shift.rebased(temperature),
+                None if self.measured is None else self.measured.shifted(log_factor),
             ),
+            is_leaf=lambda leaf: leaf is None,
         )  # fmt: skip
+
+    def coverage(self) -> tuple[Float[Array, ""], Float[Array, ""]]:
+        """Returns the lowest and highest ω [rad/s] that were measured."""
+        if self.measured is None:
+            return jnp.zeros_like(self.equilibrium), jnp.full_like(self.equilibrium, jnp.inf)
+        return self.measured.coverage(getattr(self.shift, "reference", None))
+
+    def check(self, omega: Float[Array | np.ndarray, "..."]) -> None:
+        """Refuses nothing: a series has a modulus at every frequency."""
 
 
 def _as_part(material: Any, name: str) -> AbstractMaterial:

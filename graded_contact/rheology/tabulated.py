@@ -18,6 +18,7 @@ from .._checks import (
     is_concrete,
 )
 from .material import AbstractMaterial
+from .measured import is_within
 from .shift import AbstractShift, as_temperature, require_shift, stretched
 
 
@@ -87,16 +88,12 @@ class Tabulated(AbstractMaterial):
         first, last = self.omega[0], self.omega[-1]
         size = jnp.abs(omega)
         if self.extrapolate == "refuse":
-            # A shifted table may miss its own ends by rounding.
-            slack = 64 * float(jnp.finfo(self.omega.dtype).eps)
-            if is_concrete(size) and is_concrete(self.omega):
-                self._check_covered(np.asarray(size), slack)
-            outside = (size > 0) & ((size < first * (1 - slack)) | (size > last * (1 + slack)))
+            self.check(omega)
             size = eqx.error_if(
                 size,
-                outside,
+                (size > 0) & ~is_within(size, first, last),
                 "A frequency lies outside the table of moduli. Use a table that covers it, or "
-                "`Tabulated(..., extrapolate='plateau')`.",
+                "`extrapolate='plateau'`.",
             )
         below, above = size < first, size > last
         inside = jnp.log(jnp.where(below, first, jnp.where(above, last, size)))
@@ -109,14 +106,23 @@ class Tabulated(AbstractMaterial):
         )
         return jax.lax.complex(storage, loss * decay)
 
-    def _check_covered(self, size: np.ndarray, slack: float) -> None:
-        low, high = float(self.omega[0]), float(self.omega[-1])
+    def coverage(self) -> tuple[Float[Array, ""], Float[Array, ""]]:
+        """Returns the ends of the table [rad/s]."""
+        first, last = jax.lax.stop_gradient((self.omega[0], self.omega[-1]))
+        return first, last
+
+    def check(self, omega: Float[Array | np.ndarray, "..."]) -> None:
+        """Raises `ValueError` for frequencies [rad/s] outside a table that refuses them."""
+        if self.extrapolate != "refuse" or not (is_concrete(omega) and is_concrete(self.omega)):
+            return
+        # In NumPy: inside `jit` even what is known would be traced.
+        size, (low, high) = np.abs(np.asarray(omega)), np.asarray(self.omega)[[0, -1]]
         excited = size[size > 0]
-        if np.any(excited < low * (1 - slack)) or np.any(excited > high * (1 + slack)):
+        if not np.all(is_within(excited, low, high)):
             raise ValueError(
                 f"`omega` from {np.min(excited):.3g} to {np.max(excited):.3g} rad/s is refused: "
                 f"the table of moduli covers {low:.3g} to {high:.3g} rad/s. Use a table that "
-                "covers it, or `Tabulated(..., extrapolate='plateau')`."
+                "covers it, or `extrapolate='plateau'`."
             )
 
     def poisson_ratio(self, omega: Numbers) -> Float[Array, ""]:

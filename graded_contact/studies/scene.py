@@ -7,14 +7,17 @@ radians; `KEYS` lists them. Paths are relative to the scene file.
                           longest edge unless given), `seed`, `amplitudes`, and a table [grid] with
                           `shape` and `size`; or kind = "file": the arguments of `read_surface`, and
                           `rms_height` or `rms_slope` to rescale to
-    [materials.NAME]      kind = "elastic", "prony", "prony_creep", "tabulated" or "tyre_tread"
+    [materials.NAME]      kind = "elastic", "prony", "prony_creep", "tabulated" or "tyre_tread"; the
+                          two series may have `measured` = {omega = [lowest, highest], temperature =
+                          [lowest, highest]}, where they follow data
     [[layers]]            `material` = a NAME, `thickness`; from the loaded surface downwards. A
                           graded one has, instead of `material`, the NAMEs `bottom` and `top`, and
                           may have `shape` ("linear", "sinusoidal") and `mixing` as in `Blend`
     [base]                kind = "half_space" with a `material`, "rigid" or "free"
     [load]                `pressure` and `velocity`: a number, a list, or {from, to, points},
                           equally spaced in the logarithm; `direction` of the velocity from the
-                          x axis; `temperature` [K]
+                          x axis; `temperature` [K]; `extrapolate` = true to allow friction from
+                          frequencies at which a material was not measured
     [solver]              `rtol` and the fields of `DouglasRachford`
     [output]              `name`, `directory`, and which `fields` to keep: "last", "every" or "none"
     [design]              what the command `design` is to do, see `studies/design_scene.py`
@@ -33,15 +36,19 @@ import numpy as np
 from jaxtyping import Array, ArrayLike, Float
 
 from .._checks import as_float, check_positive, check_tolerance, check_values
+from ..caveats import EXTRAPOLATED
 from ..contact.douglas_rachford import DouglasRachford
+from ..contact.observables import wave_frequencies
 from ..contact.problem import RESULTS
-from ..grid import Grid, wavevector
+from ..grid import Grid
+from ..persson.mean_field import mean_field_friction
 from ..response.profile import Blend
 from ..response.shape import Linear, Sinusoidal
-from ..response.stack import Free, GradedLayer, HalfSpace, Layer, Rigid, Stack, materials_of
+from ..response.stack import Free, GradedLayer, HalfSpace, Layer, Rigid, Stack
 from ..rheology.files.quantities import DIMENSIONS, UNITS
 from ..rheology.library import tyre_tread
 from ..rheology.material import AbstractMaterial, Elastic, Prony
+from ..rheology.measured import MeasuredRange, check_frequencies, coverage, is_unknown
 from ..rheology.reading import read_moduli
 from ..rheology.shift import WLF, AbstractShift, Arrhenius
 from ..rheology.tabulated import Tabulated
@@ -74,8 +81,8 @@ KEYS: dict[str, Any] = {
     "grid": ("shape", "size"),
     "material": {
         "elastic": ("modulus", "poisson"),
-        "prony": ("equilibrium", "strengths", "times", "poisson", "shift"),
-        "prony_creep": ("glassy", "compliances", "times", "poisson", "shift"),
+        "prony": ("equilibrium", "strengths", "times", "poisson", "shift", "measured"),
+        "prony_creep": ("glassy", "compliances", "times", "poisson", "shift", "measured"),
         "tabulated": ("path", *TABLE_ARGUMENTS, "poisson", "extrapolate", "shift"),
         "tyre_tread": ("poisson",),
     },
@@ -86,7 +93,8 @@ KEYS: dict[str, Any] = {
     },
     "layers": ("material", "bottom", "top", "shape", "mixing", "thickness"),
     "base": {"half_space": ("material",), "rigid": (), "free": ()},
-    "load": ("pressure", "velocity", "direction", "temperature"),
+    "measured": ("omega", "temperature"),
+    "load": ("pressure", "velocity", "direction", "temperature", "extrapolate"),
     "solver": ("rtol", *SOLVER_FIELDS),
     "output": ("name", "directory", "fields"),
 }  # fmt: skip
@@ -121,6 +129,7 @@ class Scene:
     - `surface`: where the surface comes from; `build_surface` makes it.
     - `pressure`, `velocity`: mean pressures [Pa] and velocities [m/s], one axis each.
     - `direction`: of the velocity from the x axis [rad].
+    - `extrapolate`: whether friction may come from where a material was not measured.
     - `solver`, `rtol`: algorithm and wanted relative error.
     - `name`, `directory`: of the output; None leaves them to the caller.
     - `keep`: which fields the results hold: "last", "every" or "none".
@@ -135,6 +144,7 @@ class Scene:
     pressure: Float[np.ndarray, " pressures"]
     velocity: Float[np.ndarray, " velocities"]
     direction: float
+    extrapolate: bool
     solver: DouglasRachford
     rtol: float
     name: str | None
@@ -199,6 +209,8 @@ def parse_scene(text: str, folder: str | os.PathLike = ".") -> Scene:
         pressure=pressure,
         velocity=velocity,
         direction=direction,
+        extrapolate=load.truth("extrapolate", False)
+        or any(isinstance(m, Tabulated) and m.extrapolate == "plateau" for m in materials.values()),
         solver=method,
         rtol=rtol,
         name=name,
@@ -247,7 +259,7 @@ def run_scene(
     `OSError` if the store cannot be written; `KeyboardInterrupt` if nothing had finished.
     """
     surface = build_surface(scene) if surface is None else surface
-    _check_frequencies(scene.stack, surface.grid, scene.velocity, scene.direction)
+    check_frequencies_of(scene, surface)
     names = point_names(scene, surface)
     indices = list(np.ndindex(names.shape))
     with_fields = {"every": indices, "last": indices[-1:], "none": []}[scene.keep]
@@ -395,27 +407,50 @@ def _attributes(scene: Scene, surface: Surface, error: np.ndarray, message: np.n
     return attributes
 
 
-def _check_frequencies(stack: Stack, grid: Grid, velocity: np.ndarray, direction: float) -> None:
-    """Refuses, before the first solve, frequencies that a table of moduli does not cover."""
-    parts = materials_of(stack)
-    along = np.atleast_1d(_vector(1.0, direction))
-    components = (np.asarray(q) for q in wavevector(grid))
-    parts_of_rate = (q * part for q, part in zip(components, along, strict=False))
-    per_speed = np.abs(sum(parts_of_rate, start=np.zeros(1)))
-    excited = np.outer(np.abs(velocity), [np.min(per_speed[per_speed > 0]), np.max(per_speed)])
+def check_frequencies_of(scene: Scene, surface: Surface) -> None:
+    """Refuses, before the first solve, friction of frequencies that no material was measured at.
+
+    What a table of moduli does not hold is refused whatever its share. A series is refused if more
+    than 1 % of the friction at some velocity comes from where it only extrapolates, by the mean
+    field of the surface at the highest pressure, unless [load] has `extrapolate = true` or a table
+    of moduli `extrapolate = "plateau"`.
+    """
+    stack, velocities = scene.stack, [_vector(v, scene.direction) for v in scene.velocity]
+    excited = np.abs([np.asarray(wave_frequencies(surface.grid, v)) for v in velocities])
+    # Rounding of q·v is no frequency.
+    excited = np.where(excited > 1e-12 * np.max(excited), excited, 0)
     if not np.any(excited):
         return
-    low, high = np.min(excited[excited > 0]), np.max(excited)
-    for material in parts:
-        if not isinstance(material, Tabulated) or material.extrapolate != "refuse":
-            continue
-        first, last = float(material.omega[0]), float(material.omega[-1])
-        if low < first * (1 - 1e-9) or high > last * (1 + 1e-9):
-            raise ValueError(
-                f"[load] `velocity` and the surface excite {low:.3g} to {high:.3g} rad/s, but a "
-                f"table of moduli covers {first:.3g} to {last:.3g} rad/s. Take other velocities, "
-                'or give the material `extrapolate = "plateau"`.'
-            )
+    with within("[load] `velocity` and the surface:"):
+        check_frequencies(stack, excited)
+    found = coverage(stack)
+    if scene.extrapolate or found is None:
+        return
+    low, high = map(float, found)
+    if not np.any(is_unknown(excited, (low, high))):
+        return
+    shares = np.array([
+        mean_field_friction(
+            stack, surface, pressure=np.max(scene.pressure), velocity=v, throw=False
+        ).extrapolated_friction
+        for v in velocities
+    ])  # fmt: skip
+    refused = shares > EXTRAPOLATED
+    if np.any(refused):
+        where = (
+            f"the materials of the block were measured from {low:.3g} to {high:.3g} rad/s"
+            if low <= high
+            else "there is no frequency at which all materials of the block were measured, at this "
+            "temperature"
+        )
+        speeds = np.abs(scene.velocity[refused])
+        raise ValueError(
+            f"[load] `velocity` and the surface excite {np.min(excited[excited > 0]):.3g} to "
+            f"{np.max(excited):.3g} rad/s, but {where}: up to {np.max(shares):.0%} of the friction "
+            f"at {np.sum(refused)} of {len(shares)} velocities ({np.min(speeds):.3g} to "
+            f"{np.max(speeds):.3g} m/s) would come from outside. Take other velocities or another "
+            "temperature, or set `extrapolate = true` in [load]."
+        )
 
 
 def _materials(
@@ -447,7 +482,7 @@ def _material(table: Table, kind: str, folder: Path) -> tuple[AbstractMaterial, 
         return Elastic(modulus=table.number("modulus"), poisson=poisson), ()
     if kind == "tyre_tread":
         return tyre_tread(poisson), ()
-    shift = _shift(table)
+    shift, measured = _shift(table), _measured(table)
     if kind == "prony":
         relaxing = Prony(
             equilibrium=table.number("equilibrium"),
@@ -455,6 +490,7 @@ def _material(table: Table, kind: str, folder: Path) -> tuple[AbstractMaterial, 
             times=table.numbers("times"),
             poisson=poisson,
             shift=shift,
+            measured=measured,
         )
         return relaxing, ()
     if kind == "prony_creep":
@@ -464,13 +500,14 @@ def _material(table: Table, kind: str, folder: Path) -> tuple[AbstractMaterial, 
             times=table.numbers("times"),
             poisson=poisson,
             shift=shift,
+            measured=measured,
         )
         return creeping, ()
     place = table.place[:-1]
     columns = Table(f"{place}.columns]", table.get("columns", {}), DIMENSIONS)
     units = Table(f"{place}.units]", table.get("units", {}), UNITS)
     try:
-        measured = read_moduli(
+        found = read_moduli(
             folder / table.text("path"),
             kind="frequency",
             columns=columns.content,
@@ -482,10 +519,19 @@ def _material(table: Table, kind: str, folder: Path) -> tuple[AbstractMaterial, 
     except ValueError as error:
         advice = "`graded-contact fit FILE` reads more, and writes a material for a scene."
         raise ValueError(f"{error} {advice}") from error
-    omega, modulus = measured.table()
+    omega, modulus = found.table()
     extrapolate = table.choice("extrapolate", ("refuse", "plateau"), "refuse")
     material = Tabulated(omega, modulus, poisson, shift=shift, extrapolate=extrapolate)
-    return material, measured.history
+    return material, found.history
+
+
+def _measured(table: Table) -> MeasuredRange | None:
+    if "measured" not in table.content:
+        return None
+    ends = Table(f"{table.place[:-1]}.measured]", table.get("measured"), KEYS["measured"])
+    temperature = ends.numbers("temperature") if "temperature" in ends.content else None
+    with within(ends.place):
+        return MeasuredRange(ends.numbers("omega"), temperature)
 
 
 def _shift(table: Table) -> AbstractShift | None:

@@ -67,6 +67,7 @@ OBSERVABLES = {
     "slope_in_contact": _of_solve("1", "rms slope of the block, weighted by the pressure"),
     "unmeasured_area": _of_solve("1", "share of the contact area on filled or tapered points"),
     "unmeasured_friction": _of_solve("1", "share of the friction on filled or tapered points"),
+    "extrapolated_friction": _of_solve("1", "share of the friction where no modulus was measured"),
     "error": _of_solve("1", "estimated relative error of the contact pressure"),
     "num_fft_pairs": _of_solve("1", "FFT pairs spent on the solve"),
 }
@@ -105,7 +106,8 @@ class Results:
     - `pressure`, `velocity`: mean pressures [Pa] and velocities [m/s] of the sweep, one axis each.
     - `friction`, `contact_area`, `contact_area_corrected`, `contact_area_smooth`, `mean_gap`,
       `geometric_friction`, `energy_imbalance`, `slope_in_contact`, `unmeasured_area`,
-      `unmeasured_friction`: as in `Sliding`, shape `(pressures, velocities)`.
+      `unmeasured_friction`, `extrapolated_friction`: as in `Sliding`, shape
+      `(pressures, velocities)`.
     - `error`, `num_fft_pairs`: as in `ContactSolution`, same shape.
     - `message`: how each solve ended, same shape; empty where it succeeded.
     - `point`: the name of each solve in a store of points, same shape.
@@ -126,6 +128,7 @@ class Results:
     slope_in_contact: Float[np.ndarray, "pressures velocities"]
     unmeasured_area: Float[np.ndarray, "pressures velocities"]
     unmeasured_friction: Float[np.ndarray, "pressures velocities"]
+    extrapolated_friction: Float[np.ndarray, "pressures velocities"]
     error: Float[np.ndarray, "pressures velocities"]
     num_fft_pairs: Float[np.ndarray, "pressures velocities"]
     message: np.ndarray

@@ -64,6 +64,9 @@ class Table:
     def whole(self, key: str, default: Any = _REQUIRED) -> int:
         return self._typed(key, default, _is_whole, "a whole number of at most 18 digits", int)
 
+    def truth(self, key: str, default: Any = _REQUIRED) -> bool:
+        return self._typed(key, default, lambda v: isinstance(v, bool), "true or false", bool)
+
     def text(self, key: str, default: Any = _REQUIRED) -> Any:
         return self._typed(key, default, lambda v: isinstance(v, str), "a text in quotes", str)
 

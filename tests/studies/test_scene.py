@@ -9,6 +9,7 @@ import numpy as np
 import pytest
 
 import graded_contact as gc
+from graded_contact.contact.observables import wave_frequencies
 from graded_contact.rheology.reading import read_moduli
 from graded_contact.studies import scene as scene_module
 from graded_contact.studies.scene import build_surface, parse_scene, read_scene, run_scene
@@ -364,8 +365,43 @@ def test_a_creep_test_is_no_table_but_can_be_fitted(tmp_path):
 
 def test_velocities_that_a_table_does_not_cover_are_refused_before_solving(tmp_path):
     write(tmp_path, TABLE)
-    with pytest.raises(ValueError, match=r"excite 62.8 to .* covers 0.628 to 62.8 rad/s"):
+    with pytest.raises(ValueError, match=r"\[load\] `velocity`.*covers 0.628 to 62.8 rad/s"):
         run_scene(parse_scene(tabulated("refuse"), tmp_path))
+
+
+def measured_tread(omega: str, load: str = "") -> str:
+    """A series known between frequencies [rad/s]; the scene excites 63 to 5e4 at most 1 m/s."""
+    return changed(
+        'kind = "tyre_tread"',
+        'kind = "prony"\nequilibrium = 6e6\nstrengths = [2e7, 1e7]\ntimes = [1e-4, 1e-2]\n'
+        f"measured = {{omega = {omega}, temperature = [250, 320.0]}}",
+        "velocity = [0.01, 1.0]",
+        f"velocity = [0.01, 1.0]\n{load}",
+    )
+
+
+def test_friction_from_frequencies_that_were_not_measured_is_refused_before_solving():
+    scene = parse_scene(measured_tread("[1.0, 1e4]"))
+    refusal = (
+        r"excite 62\.8 to .* measured from 1 to 1e\+04 rad/s: up to \d+% of the friction at 1 of 2 "
+        r"velocities \(1 to 1 m/s\).*`extrapolate = true` in \[load\]"
+    )
+    with pytest.raises(ValueError, match=refusal):
+        run_scene(scene)
+    # The last wave alone lies outside: less than a hundredth of the friction, and no refusal.
+    fastest = np.max(np.abs(wave_frequencies(build_surface(scene).grid, 1.0)))
+    scene_module.check_frequencies_of(
+        parse_scene(measured_tread(f"[1.0, {0.99 * fastest}]")), build_surface(scene)
+    )
+    scene_module.check_frequencies_of(parse_scene(TEXT), build_surface(scene))
+
+
+def test_extrapolated_friction_that_is_allowed_is_reported_and_marked():
+    results = run_scene(parse_scene(measured_tread("[1.0, 1e4]", "extrapolate = true")))
+    assert np.all(results.extrapolated_friction[:, 0] == 0)
+    assert np.all(results.extrapolated_friction[:, 1] > 0.05)
+    (caveat,) = (c for c in results.caveats if "not measured" in c.sentence)
+    np.testing.assert_array_equal(caveat.where, [[False, True]] * 2)
 
 
 def test_a_damaged_surface_file_is_refused(tmp_path):

@@ -16,6 +16,7 @@ from jaxtyping import Array, Float
 
 from ..._checks import Numbers, as_float, check_positive, check_values, is_concrete
 from ..material import Prony
+from ..measured import MeasuredRange
 from ..shift import AbstractShift
 from .series import COMPLETE, NEGLIGIBLE, Kind, Series, branches
 
@@ -188,7 +189,7 @@ def material_of(
 ) -> Prony:
     """Returns the material that the unknowns stand for, in relaxation form."""
     strengths, times, extras = _unpack(theta, data)
-    common = {"poisson": poisson, "shift": shift}
+    common = {"poisson": poisson, "shift": shift, "measured": measured_range(data)}
     if data.kind != "creep":
         equilibrium = _equilibrium(theta, data)
         return Prony(equilibrium=equilibrium, strengths=strengths, times=times, **common)
@@ -203,6 +204,17 @@ def material_of(
     if data.flows:
         material = eqx.tree_at(lambda m: m.equilibrium, material, jnp.zeros_like(glassy))
     return material
+
+
+def measured_range(data: Observations) -> MeasuredRange:
+    """Returns the frequencies that the data cover; a time t stands for the frequency 1/t."""
+    used = (data.x > 0) & jnp.any(data.weights > 0, axis=0)
+    x = jax.lax.stop_gradient(data.x)
+    lowest = jnp.min(jnp.where(used, x, jnp.inf))
+    highest = jnp.max(jnp.where(used, x, 0))
+    if data.kind != "frequency":
+        lowest, highest = 1 / highest, 1 / lowest
+    return MeasuredRange(jnp.stack([lowest, highest]))
 
 
 def objective(theta: Unknowns, data: Observations) -> Float[Array, ""]:
