@@ -354,7 +354,8 @@ def test_a_run_that_is_killed_again_and_again_ends_as_if_it_had_not_been(tmp_pat
         assert process.returncode == code
         assert all(path.read_bytes() == content for path, content in before.items())
     for output in ("out", "whole"):
-        assert start(output).wait() == 0
+        with start(output) as process:
+            assert process.wait() == 0
     one, other = (read_results(tmp_path / at / "small.h5") for at in ("out", "whole"))
     for name in (*storage.OBSERVABLES, *storage.TEXTS):
         assert getattr(one, name).tobytes() == getattr(other, name).tobytes()
