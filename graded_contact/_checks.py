@@ -5,15 +5,19 @@ unknown and the check passes (shapes are always checked).
 """
 
 import functools
+import inspect
 from collections.abc import Callable, Sequence
 from reprlib import repr as short
-from typing import Any
+from types import UnionType
+from typing import Any, Literal, TypeVar, Union, cast, get_args, get_origin
 
 import jax.numpy as jnp
 import numpy as np
 from jax import Array
 from jax.core import Tracer
-from jaxtyping import ArrayLike, Float, Inexact
+from jaxtyping import AbstractArray, ArrayLike, Float, Inexact
+
+F = TypeVar("F", bound=Callable[..., Any])
 
 # What public functions take: a number, an array of numbers, or (nested) lists of them.
 Numbers = ArrayLike | Sequence[Any]
@@ -35,7 +39,7 @@ def as_numbers(value: Any, name: str) -> Inexact[Array, "..."]:
     """Returns `value`, real or complex, as `as_float` does."""
     wanted = "a number or a (rectangular) array of numbers is needed"
     try:
-        if isinstance(value, str | bytes) or value is None:
+        if isinstance(value, str | bytes | bool) or value is None:
             raise TypeError
         try:
             array = jnp.asarray(value)
@@ -76,6 +80,65 @@ def scalar(name: str) -> Callable[[Any], Float[Array, ""]]:
 def is_concrete(value: Any) -> bool:
     """Returns whether the numbers in `value` are known now (not being traced)."""
     return not isinstance(value, Tracer)
+
+
+def door(function: F) -> F:
+    """Refuses arguments of other types than the annotations of a public function name.
+
+    Looked at are annotations that name classes, unions of them, and literals; arrays of numbers
+    are the business of `as_float`.
+    """
+    signature = inspect.signature(function)
+    hints = {name: _plain(entry.annotation) for name, entry in signature.parameters.items()}
+    hints = {name: kinds for name, kinds in hints.items() if kinds}
+
+    @functools.wraps(function)
+    def checked(*args, **kwargs):
+        for name, value in signature.bind(*args, **kwargs).arguments.items():
+            if name in hints:
+                check_type(name, value, *hints[name])
+        return function(*args, **kwargs)
+
+    return cast(F, checked)
+
+
+def check_type(name: str, value: Any, *kinds: Any) -> None:
+    """Raises `ValueError` unless `value` is of one of the classes, or is one of the literals."""
+    if any(_is_of(value, kind) for kind in kinds):
+        return
+    words = [kind.__name__ if isinstance(kind, type) else repr(kind) for kind in kinds]
+    wanted = " or ".join("None" if word == "NoneType" else word for word in words)
+    raise ValueError(f"`{name}={short(value)}` is refused: {wanted} is needed.")
+
+
+def _is_of(value: Any, kind: Any) -> bool:
+    if not isinstance(kind, type):
+        return isinstance(value, type(kind)) and value == kind
+    if kind is int:
+        return isinstance(value, int | np.integer) and not isinstance(value, bool)
+    if kind is float:
+        number = isinstance(value, int | float | np.number | np.ndarray | Array)
+        return number and not isinstance(value, bool) and np.ndim(value) == 0
+    if kind is bool:
+        return isinstance(value, bool | np.bool_)
+    return isinstance(value, kind)
+
+
+def _plain(annotation: Any) -> tuple[Any, ...]:
+    """The classes and literals that an annotation names; none if it says more than that."""
+    origin = get_origin(annotation)
+    if origin is Literal:
+        return get_args(annotation)
+    if origin in (Union, UnionType):
+        parts = [_plain(part) for part in get_args(annotation)]
+        return tuple(kind for part in parts for kind in part) if all(parts) else ()
+    if annotation is None:
+        return (type(None),)
+    kind = origin or annotation
+    if not isinstance(kind, type) or kind is inspect.Parameter.empty:
+        return ()
+    arrays = (Array, np.ndarray, AbstractArray)
+    return () if issubclass(kind, arrays) or kind in (Sequence, object) else (kind,)
 
 
 def check_values(
@@ -131,15 +194,19 @@ def check_shape(name: str, value: Array, shape: tuple[int, ...]) -> None:
 
 
 def check_whole(name: str, value: Any, least: int) -> None:
-    """Raises `ValueError` unless `value` is a whole number of at least `least`."""
-    if isinstance(value, bool) or not isinstance(value, int | np.integer) or value < least:
-        raise ValueError(f"`{name}={value!r}` must be a whole number, at least {least}.")
+    """Raises `ValueError` unless `value` is a whole number of at least `least`, in 32 bits."""
+    if not _is_of(value, int) or not least <= value < 2**31:
+        raise ValueError(
+            f"`{name}={short(value)}` must be a whole number, at least {least} and below 2^31."
+        )
 
 
 def check_tolerance(name: str, rtol: float, like: Array, *, floor_factor: float = 100.0) -> None:
     """Raises `ValueError` if the dtype of `like` cannot reach the relative tolerance `rtol`."""
-    if not isinstance(rtol, int | float | np.number | np.ndarray | Array) or np.ndim(rtol) > 0:
-        raise ValueError(f"`{name}={rtol!r}` is refused: a plain number between 0 and 1 is needed.")
+    if not _is_of(rtol, float) or (isinstance(rtol, int) and rtol > 1):
+        raise ValueError(
+            f"`{name}={short(rtol)}` is refused: a plain number between 0 and 1 is needed."
+        )
     if not is_concrete(rtol):
         raise ValueError(f"`{name}={rtol!r}` is refused: it must be known, not traced.")
     check_values(name, rtol, "a tolerance must be greater than 0 and less than 1", above=0)

@@ -8,6 +8,8 @@ direction the real part of the mean of both signs is kept: then the half spectru
 of a real operator, and its resolvent that of this operator's.
 """
 
+from collections.abc import Sequence
+
 import equinox as eqx
 import jax
 import jax.numpy as jnp
@@ -16,7 +18,7 @@ from jax import Array
 from jaxtyping import Complex, Float, Inexact
 
 from . import _fft
-from ._checks import Numbers, as_float, check_positive, check_values
+from ._checks import Numbers, as_float, check_positive, check_values, short
 
 
 class Grid(eqx.Module):
@@ -32,12 +34,14 @@ class Grid(eqx.Module):
     size: Float[Array, " ndim"]
 
     def __init__(self, shape: int | tuple[int, ...], size: Numbers):
-        counts = (shape,) if isinstance(shape, int | np.integer) else tuple(shape)
-        if len(counts) not in (1, 2) or any(
-            isinstance(n, bool) or not isinstance(n, int | np.integer) or n < 4 for n in counts
+        counts = tuple(shape) if isinstance(shape, Sequence | np.ndarray) else (shape,)
+        if len(counts) not in (1, 2) or not all(
+            isinstance(n, int | np.integer) and not isinstance(n, bool) and 4 <= n < 2**31
+            for n in counts
         ):
             raise ValueError(
-                f"`shape={shape}` is refused: one or two whole numbers of at least 4 are needed."
+                f"`shape={short(shape)}` is refused: one or two whole numbers of at least 4 (and "
+                "below 2^31) are needed."
             )
         self.shape = tuple(int(n) for n in counts)
         edges = as_float(size, "size")

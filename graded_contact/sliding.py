@@ -13,7 +13,7 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float, Inexact
 
-from ._checks import Numbers, as_float, check_positive, is_concrete
+from ._checks import Numbers, as_float, check_positive, door, is_concrete
 from .caveats import caveats_of
 from .contact.douglas_rachford import DouglasRachford
 from .contact.law import AbstractLaw, HardWall
@@ -114,6 +114,7 @@ class Sliding(eqx.Module):
         return self.contact.result
 
 
+@door
 def slide(
     stack: Stack,
     surface: Surface,
@@ -234,6 +235,7 @@ class CutoffCurve(NamedTuple):
     contact_area_smooth: Float[Array, " cutoffs"]
 
 
+@door
 def area_against_cutoff(
     stack: Stack,
     surface: Surface,

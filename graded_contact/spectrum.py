@@ -16,7 +16,7 @@ import numpy as np
 from jax import Array
 from jaxtyping import ArrayLike, Float
 
-from ._checks import as_float, check_positive, check_shape, check_values, is_concrete
+from ._checks import as_scalar, check_positive, check_values, is_concrete
 
 # Nodes of the moments with a smooth roll-off: to rounding over fifteen decades of q.
 _QUADRATURE = 256
@@ -67,11 +67,9 @@ class SelfAffine(eqx.Module):
             raise ValueError(f"`roll_off={roll_off!r}` must be 'sharp' or 'smooth'.")
         self.roll_off = roll_off
         self.prescribed, self.amplitude = one_of_height_and_slope(rms_height, rms_slope)
-        self.hurst = as_float(hurst, "hurst")
-        self.q_low, self.q_roll = as_float(q_low, "q_low"), as_float(q_roll, "q_roll")
-        self.q_high = as_float(q_high, "q_high")
-        for name in ("hurst", "q_low", "q_roll", "q_high"):
-            check_shape(name, getattr(self, name), ())
+        self.hurst = as_scalar(hurst, "hurst")
+        self.q_low, self.q_roll = as_scalar(q_low, "q_low"), as_scalar(q_roll, "q_roll")
+        self.q_high = as_scalar(q_high, "q_high")
         check_values(
             "hurst", self.hurst, "it must be greater than 0 and at most 1", above=0, at_most=1
         )
@@ -132,8 +130,7 @@ def one_of_height_and_slope(rms_height: Any, rms_slope: Any) -> tuple[Any, Float
             f"`rms_height={rms_height}` and `rms_slope={rms_slope}`."
         )
     name = "rms_slope" if rms_height is None else "rms_height"
-    value = as_float(rms_slope if rms_height is None else rms_height)
-    check_shape(name, value, ())
+    value = as_scalar(rms_slope if rms_height is None else rms_height, name)
     check_positive(name, value, "[1]" if name == "rms_slope" else "[m]")
     return name, value
 

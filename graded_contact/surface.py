@@ -19,7 +19,10 @@ from ._checks import (
     as_float,
     check_positive,
     check_shape,
+    check_type,
     check_values,
+    check_whole,
+    door,
     is_concrete,
     numbers,
 )
@@ -79,6 +82,7 @@ class Surface(eqx.Module):
     steps: tuple[Step, ...] = eqx.field(static=True, default=())
 
     def __check_init__(self):
+        check_type("grid", self.grid, Grid)
         check_shape("heights", self.heights, self.grid.shape)
         check_values("heights", self.heights, "heights must be finite numbers [m]")
         if self.measured is not None:
@@ -104,6 +108,7 @@ def step(name: str, heights: Numbers, spacing: Numbers) -> Step:
     return Step(name, rms, float(np.sqrt(np.sum(squares))), peak, missing)
 
 
+@door
 def random_surface(
     spectrum: SelfAffine,
     grid: Grid,
@@ -214,6 +219,7 @@ class Statistics(eqx.Module):
     kurtosis: Float[Array, ""]
 
 
+@door
 @eqx.filter_jit
 def statistics(surface: Surface) -> Statistics:
     """Returns the statistics of a surface, differentiable unless it is flat.
@@ -267,6 +273,7 @@ def _root(square: Array) -> Array:
     return jnp.where(square > 0, jnp.sqrt(jnp.where(square > 0, square, 1)), 0)
 
 
+@door
 def radial_spectrum(
     surface: Surface, num_bins: int = 40
 ) -> tuple[Float[Array, " bins"], Float[Array, " bins"]]:
@@ -276,8 +283,7 @@ def radial_spectrum(
     profile. Bins are equally wide in log q between 2π/L of the longest axis and the smallest
     Nyquist wavenumber. A bin that holds no mode has C = NaN at its geometric centre.
     """
-    if num_bins < 1:
-        raise ValueError(f"`num_bins={num_bins}` is refused: at least 1 is needed.")
+    check_whole("num_bins", num_bins, 1)
     return _radial_spectrum(surface, num_bins)
 
 
@@ -305,6 +311,7 @@ def _radial_spectrum(surface: Surface, num_bins: int) -> tuple[Array, Array]:
     return q, jnp.where(count > 0, density, jnp.nan)
 
 
+@door
 def rescale(
     surface: Surface, *, rms_height: ArrayLike | None = None, rms_slope: ArrayLike | None = None
 ) -> Surface:
@@ -322,6 +329,7 @@ def rescale(
     )
 
 
+@door
 def resample(surface: Surface, shape: int | tuple[int, ...]) -> Surface:
     """Returns the surface on another number of points of the same cell, by its Fourier modes.
 

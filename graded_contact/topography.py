@@ -16,7 +16,7 @@ from typing import Any
 import numpy as np
 from jaxtyping import ArrayLike
 
-from ._checks import Numbers, check_positive
+from ._checks import Numbers, check_positive, door
 from .grid import Grid
 from .scans.holes import filled, grown, largest_rectangle
 from .scans.library import metres_of_library, read_arrays, read_instrument
@@ -34,6 +34,7 @@ LARGEST = 1e5  # [m], higher than any mountain
 GAP = 3  # steps of a line scan, beyond which the points between are missing
 
 
+@door
 def read_surface(
     path: str | os.PathLike,
     *,

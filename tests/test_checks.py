@@ -39,12 +39,12 @@ def test_as_float_strengthens_weak_types_under_tracing():
 
 @pytest.mark.parametrize("value", ["1.0", None])
 def test_as_float_refuses_what_is_not_a_number(value):
-    with pytest.raises(ValueError, match="`value=.*is refused: a number or a"):
+    with pytest.raises(ValueError, match=r"`value=.*is refused: a number or a"):
         as_float(value)
 
 
 def test_as_float_refuses_complex():
-    with pytest.raises(ValueError, match="`value=.*a real number is needed"):
+    with pytest.raises(ValueError, match=r"`value=.*a real number is needed"):
         as_float(1 + 2j)
 
 

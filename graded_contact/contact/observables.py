@@ -19,7 +19,7 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Bool, Float, Inexact
 
-from .._checks import Numbers, as_float, check_shape, check_whole
+from .._checks import Numbers, as_float, check_shape, check_whole, door
 from ..grid import (
     Grid,
     as_velocity,
@@ -95,6 +95,7 @@ def friction_error(
     return jnp.abs(of(pressure + mismatch) - mu) + 2 * error * jnp.abs(mu)
 
 
+@door
 def cumulative_friction(
     pressure: Float[Array, "*shape"],
     displacement: Float[Array, "*shape"],
@@ -118,6 +119,8 @@ def cumulative_friction(
 
     **Raises:** `ValueError` for a refused argument.
     """
+    pressure = as_float(pressure, "pressure")
+    displacement = as_float(displacement, "displacement")
     for name, field in (("pressure", pressure), ("displacement", displacement)):
         check_shape(name, field, grid.shape)
     check_whole("num_wavenumbers", num_wavenumbers, 2)

@@ -5,7 +5,7 @@ import jax
 import jax.numpy as jnp
 from jaxtyping import Array, Bool, Float
 
-from .._checks import Numbers, as_float, check_values
+from .._checks import Numbers, as_float, check_values, door
 from .douglas_rachford import DouglasRachford
 from .law import AbstractLaw, check_law, check_pressure
 from .problem import RESULTS, ContactSolution, solve_contact
@@ -35,6 +35,7 @@ class ContactPath(eqx.Module):
     last: ContactSolution
 
 
+@door
 def follow_contact(
     kernel: Numbers,
     heights: Numbers,
@@ -68,7 +69,7 @@ def follow_contact(
         raise ValueError("Give exactly one of `pressure` and `mean_gap`.")
     check_law(law)
     name = "pressure" if mean_gap is None else "mean_gap"
-    targets = as_float(pressure if mean_gap is None else mean_gap)
+    targets = as_float(pressure if mean_gap is None else mean_gap, name)
     if targets.ndim != 1 or len(targets) == 0:
         raise ValueError(f"`{name}` has shape {targets.shape}; a path of numbers is needed.")
     if mean_gap is None:

@@ -20,6 +20,7 @@ from .._checks import (
     check_shape,
     check_tolerance,
     check_values,
+    door,
     is_concrete,
 )
 from ..grid import half_shape
@@ -115,6 +116,7 @@ class ContactSolution(eqx.Module):
     result: RESULTS
 
 
+@door
 def solve_contact(
     kernel: Numbers,
     heights: Numbers,

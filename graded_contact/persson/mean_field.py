@@ -32,7 +32,15 @@ import equinox as eqx
 import jax.numpy as jnp
 from jaxtyping import Array, Float
 
-from .._checks import Numbers, as_float, check_positive, check_shape, check_tolerance, check_values
+from .._checks import (
+    Numbers,
+    as_float,
+    check_positive,
+    check_shape,
+    check_tolerance,
+    check_values,
+    door,
+)
 from ..response.grading import check_profiles
 from ..response.kernel import stack_kernel
 from ..response.stack import Stack
@@ -84,6 +92,7 @@ class MeanField(eqx.Module):
         return self.wavenumber / self.wavenumber[0]
 
 
+@door
 def mean_field_friction(
     stack: Stack,
     spectrum: SelfAffine | Surface | tuple[Numbers, Numbers],
@@ -170,6 +179,7 @@ def mean_field_friction(
     return solution
 
 
+@door
 def pressure_distribution(mean_field: MeanField, stress: Numbers) -> Float[Array, "n m"]:
     """Returns the probability density P(σ, ζ) [1/Pa] of the pressure in contact.
 

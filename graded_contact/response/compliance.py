@@ -16,13 +16,23 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float, Inexact
 
-from .._checks import Numbers, as_float, check_poisson, check_positive, check_values, is_concrete
+from .._checks import (
+    Numbers,
+    as_float,
+    as_numbers,
+    check_poisson,
+    check_positive,
+    check_values,
+    door,
+    is_concrete,
+)
 from ..rheology.material import AbstractMaterial
 from .grading import Layering, check_profiles, graded_tolerance, solve_graded
 from .recursion import UNROLLED_LAYERS, compliance_of_layers
 from .stack import Free, GradedLayer, HalfSpace, Layer, Rigid, Stack
 
 
+@door
 def layered_compliance(
     q: Numbers,
     thickness: Numbers,
@@ -43,7 +53,7 @@ def layered_compliance(
     **Returns:** M_zz, shape `(*w)`, real if all moduli are.
     """
     q, thickness = as_float(q, "q"), as_float(thickness, "thickness")
-    modulus, poisson = _as_inexact("modulus", modulus), _as_inexact("poisson", poisson)
+    modulus, poisson = as_numbers(modulus, "modulus"), as_numbers(poisson, "poisson")
     check_positive("q", q, "[rad/m]")
     if thickness.ndim != 1:
         raise ValueError(f"`thickness` has shape {thickness.shape}; one axis, layers, is needed.")
@@ -57,7 +67,7 @@ def layered_compliance(
     if not isinstance(base, Rigid | Free):
         if not (isinstance(base, tuple) and len(base) == 2):
             raise ValueError(f"`base={base!r}` must be Rigid(), Free() or (modulus, poisson).")
-        base = (_as_inexact("base[0]", base[0]), _as_inexact("base[1]", base[1]))
+        base = (as_numbers(base[0], "base[0]"), as_numbers(base[1], "base[1]"))
         _check_moduli("base[0]", base[0], "base[1]", base[1])
     elif len(thickness) == 0:
         raise ValueError(f"`thickness` is empty on {base!r}: there is nothing to deform.")
@@ -65,6 +75,7 @@ def layered_compliance(
     return compliance_of_layers(q, thickness, modulus, poisson, base)
 
 
+@door
 def surface_compliance(
     stack: Stack, q: Numbers, omega: Numbers, rtol: float | None = None
 ) -> Inexact[Array, "*w"]:
@@ -90,6 +101,7 @@ def surface_compliance(
     return surface_compliance_unchecked(stack, *_same_rank(q, omega), rtol)
 
 
+@door
 def effective_modulus(
     stack: Stack, q: Numbers, omega: Numbers, rtol: float | None = None
 ) -> Inexact[Array, "*w"]:
@@ -184,13 +196,6 @@ def _same_rank(q: Array, omega: Array) -> tuple[Array, Array]:
     jnp.broadcast_shapes(q.shape, omega.shape)
     q = q.reshape((1,) * (rank - q.ndim) + q.shape)
     return q, omega.reshape((1,) * (rank - omega.ndim) + omega.shape)
-
-
-def _as_inexact(name: str, value) -> Inexact[Array, "..."]:
-    array = jnp.asarray(value)
-    if jnp.issubdtype(array.dtype, jnp.complexfloating):
-        return jnp.asarray(array, array.dtype)
-    return as_float(array, "array")
 
 
 def _check_moduli(modulus_name: str, modulus: Array, poisson_name: str, poisson: Array) -> None:

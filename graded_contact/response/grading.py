@@ -19,7 +19,7 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float, Inexact
 
-from .._checks import Numbers, as_float, check_positive, check_tolerance, check_values
+from .._checks import Numbers, as_float, check_positive, check_tolerance, check_values, door
 from ..rheology.measured import check_frequencies
 from .mesh import WINDOW, build_mesh, cells_of, coarsened, position, span, visible
 from .profile import check_profile, moduli_at
@@ -137,6 +137,7 @@ class Riccati(AbstractGradedSolver):
         return GradedCompliance(value, _relative(value - rough, value) + step)
 
 
+@door
 def graded_compliance(
     stack: Stack,
     q: Numbers,

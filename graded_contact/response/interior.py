@@ -27,7 +27,7 @@ import jax.numpy as jnp
 from jax import Array
 from jaxtyping import Float, Inexact
 
-from .._checks import Numbers, as_float, as_numbers, check_shape, check_values, is_concrete
+from .._checks import Numbers, as_float, as_numbers, check_shape, check_values, door, is_concrete
 from ..grid import (
     Grid,
     both_signs,
@@ -54,6 +54,7 @@ class InteriorFields(NamedTuple):
     stress: Inexact[Array, "*w 3 3"]
 
 
+@door
 def interior_fields(
     stack: Stack,
     qx: Numbers,
@@ -93,6 +94,7 @@ def interior_fields(
     return _interior_fields(stack, qx, qy, omega, traction, depth, side)
 
 
+@door
 def stress_field(
     stack: Stack,
     grid: Grid,
@@ -135,6 +137,7 @@ def stress_field(
     return _stress_field(stack, grid, pressure, depth, velocity, side)
 
 
+@door
 def interface_depths(stack: Stack) -> Float[Array, " layers"]:
     """Returns the depth of the lower face of every layer [m], the last one being the bottom."""
     depths, total = [], 0.0
@@ -144,8 +147,12 @@ def interface_depths(stack: Stack) -> Float[Array, " layers"]:
     return jnp.stack(depths) if depths else jnp.zeros((0,))
 
 
-def von_mises(stress: Float[Array, "*w 3 3"]) -> Float[Array, "*w"]:
+@door
+def von_mises(stress: Numbers) -> Float[Array, "*w"]:
     """Returns the von Mises stress sqrt(3/2 s:s) [Pa] of real stresses, s their deviator."""
+    stress = as_float(stress, "stress")
+    if stress.shape[-2:] != (3, 3):
+        raise ValueError(f"`stress` has shape {stress.shape}; the last two axes must be (3, 3).")
     mean = jnp.trace(stress, axis1=-2, axis2=-1) / 3
     deviator = stress - mean[..., None, None] * jnp.eye(3, dtype=stress.dtype)
     size = jax.lax.stop_gradient(jnp.max(jnp.abs(deviator)))

@@ -16,7 +16,7 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Bool, Inexact
 
-from .._checks import Numbers, is_concrete
+from .._checks import Numbers, door, is_concrete
 from ..grid import Grid, as_velocity, both_signs, even_on_nyquist, nyquist_lines, sliding_frequency
 from .compliance import compliance_of, is_graded, prepared
 from .grading import check_profiles, graded_tolerance
@@ -36,6 +36,7 @@ _NOT_REACHED = (
 )
 
 
+@door
 def stack_kernel(
     stack: Stack, grid: Grid, velocity: Numbers = 0.0, rtol: float | None = None
 ) -> Inexact[Array, "*half"]:
@@ -81,6 +82,7 @@ def attempted_kernel(
     return kernel, jnp.all(jnp.isfinite(kernel)) if is_graded(stack) else jnp.asarray(True)
 
 
+@door
 def kernel_table(
     stack: Stack, grid: Grid, velocity: Numbers = 0.0, rtol: float | None = None
 ) -> Table:

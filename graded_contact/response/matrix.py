@@ -29,7 +29,7 @@ import jax.numpy as jnp
 from jax import Array
 from jaxtyping import Complex, Float, Inexact
 
-from .._checks import Numbers, as_float, check_values, is_concrete
+from .._checks import Numbers, as_float, check_values, door, is_concrete
 from .slab import Slab, Split, factors, half_space, split_of
 from .stack import Free, HalfSpace, Layer, Rigid, Stack
 
@@ -68,6 +68,7 @@ class Below(NamedTuple):
     split: Inexact[Array, "*w"]  # (1 - ν) c11 n_t - n c_t
 
 
+@door
 def surface_compliance_matrix(
     stack: Stack, qx: Numbers, qy: Numbers, omega: Numbers
 ) -> Complex[Array, "*w 3 3"]:

@@ -25,9 +25,9 @@ import numpy as np
 from jaxtyping import Array, Float, Inexact
 
 from .._checks import Numbers, check_positive, check_values, is_concrete, scalar
-from ..rheology.material import AbstractMaterial, as_material
+from ..rheology.material import AbstractMaterial, as_material, material_called
 from ..rheology.measured import check_frequencies, coverage
-from .shape import FROM_0_TO_1, AbstractShape, Linear, as_shape, breaks_of
+from .shape import AbstractShape, FROM_0_TO_1, Linear, as_shape, breaks_of, shape_called
 
 
 class AbstractProfile(eqx.Module):
@@ -62,9 +62,9 @@ class Blend(AbstractProfile):
     - `mixing`: "linear" or "logarithmic". Static.
     """
 
-    bottom: AbstractMaterial = eqx.field(converter=as_material)
-    top: AbstractMaterial = eqx.field(converter=as_material)
-    shape: AbstractShape = eqx.field(converter=as_shape, default=Linear())
+    bottom: AbstractMaterial = eqx.field(converter=material_called("bottom"))
+    top: AbstractMaterial = eqx.field(converter=material_called("top"))
+    shape: AbstractShape = eqx.field(converter=shape_called("shape"), default=Linear())
     mixing: Literal["linear", "logarithmic"] = eqx.field(static=True, default="linear")
 
     def __check_init__(self):
@@ -118,9 +118,9 @@ class Mixture(AbstractProfile):
     - `fraction`: the shape whose values are the filler's volume fraction [1], from 0 to 1.
     """
 
-    matrix: AbstractMaterial = eqx.field(converter=as_material)
-    filler: AbstractMaterial = eqx.field(converter=as_material)
-    fraction: AbstractShape = eqx.field(converter=as_shape)
+    matrix: AbstractMaterial = eqx.field(converter=material_called("matrix"))
+    filler: AbstractMaterial = eqx.field(converter=material_called("filler"))
+    fraction: AbstractShape = eqx.field(converter=shape_called("fraction"))
 
     def __check_init__(self):
         fraction = self.fraction(jnp.linspace(0.0, 1.0, _SAMPLES + 1))
@@ -175,10 +175,10 @@ class Aged(AbstractProfile):
     - `shape`: φ(s).
     """
 
-    material: AbstractMaterial = eqx.field(converter=as_material)
+    material: AbstractMaterial = eqx.field(converter=material_called("material"))
     bottom: Float[Array, ""] = eqx.field(converter=scalar("bottom"), default=1.0)
     top: Float[Array, ""] = eqx.field(converter=scalar("top"), default=1.0)
-    shape: AbstractShape = eqx.field(converter=as_shape, default=Linear())
+    shape: AbstractShape = eqx.field(converter=shape_called("shape"), default=Linear())
 
     def __check_init__(self):
         check_positive("bottom", self.bottom, "[1]")

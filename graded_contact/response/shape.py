@@ -5,6 +5,7 @@ between 0 and 1. The layer is then cut there, and convergence is as fast as with
 """
 
 import abc
+from collections.abc import Callable
 from typing import Any
 
 import equinox as eqx
@@ -13,7 +14,7 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float
 
-from .._checks import as_float, check_positive, check_values, is_concrete, numbers, scalar
+from .._checks import as_float, check_positive, check_values, is_concrete, numbers, scalar, short
 from ..rheology.tabulated import monotone_cubic
 
 
@@ -25,11 +26,17 @@ class AbstractShape(eqx.Module):
         """Returns φ(s)."""
 
 
-def as_shape(value: Any) -> AbstractShape:
-    """Returns `value`, or raises `ValueError` if it is no shape."""
-    if not isinstance(value, AbstractShape):
-        raise ValueError(f"`{value!r}` must be a shape, such as `Linear()` or `PowerLaw(2.0)`.")
-    return value
+def shape_called(name: str) -> Callable[[Any], AbstractShape]:
+    """Returns the converter of a field that holds a shape."""
+
+    def convert(value: Any) -> AbstractShape:
+        if not isinstance(value, AbstractShape):
+            raise ValueError(
+                f"`{name}={short(value)}` must be a shape, such as `Linear()` or `PowerLaw(2.0)`."
+            )
+        return value
+
+    return convert
 
 
 class Linear(AbstractShape):

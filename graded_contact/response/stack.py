@@ -1,5 +1,6 @@
 """What a block is made of: layers from the loaded surface downwards, on a base. Data only."""
 
+from collections.abc import Sequence
 from typing import Any
 
 import equinox as eqx
@@ -7,17 +8,19 @@ import jax
 import jax.numpy as jnp
 from jaxtyping import Array, Float, Inexact
 
-from .._checks import Numbers, as_float, check_values, scalar
-from ..rheology.material import AbstractMaterial, as_material
+from .._checks import Numbers, as_float, check_values, check_whole, door, scalar, short
+from ..rheology.material import AbstractMaterial, material_called
 
 
 def _as_layers(layers: Any) -> "tuple[Layer | GradedLayer, ...]":
     if isinstance(layers, Layer | GradedLayer):
         raise ValueError("`layers` is a single layer: write `layers=(layer,)`.")
+    if not isinstance(layers, Sequence):
+        raise ValueError(f"`layers={short(layers)}` must be a tuple of layers.")
     layers = tuple(layers)
     for i, layer in enumerate(layers):
         if not isinstance(layer, Layer | GradedLayer):
-            raise ValueError(f"`layers[{i}]={layer!r}` must be a `Layer` or a `GradedLayer`.")
+            raise ValueError(f"`layers[{i}]={short(layer)}` must be a `Layer` or a `GradedLayer`.")
     return layers
 
 
@@ -46,7 +49,7 @@ class Layer(eqx.Module):
     - `thickness`: d [m]. Zero is allowed, and is no layer.
     """
 
-    material: AbstractMaterial = eqx.field(converter=as_material)
+    material: AbstractMaterial = eqx.field(converter=material_called("material"))
     thickness: Float[Array, ""] = eqx.field(converter=scalar("thickness"))
 
     def __check_init__(self):
@@ -88,7 +91,7 @@ class HalfSpace(eqx.Module):
     - `material`: what it is made of.
     """
 
-    material: AbstractMaterial = eqx.field(converter=as_material)
+    material: AbstractMaterial = eqx.field(converter=material_called("material"))
 
 
 class Rigid(eqx.Module):
@@ -150,6 +153,7 @@ class _AtHeight(AbstractMaterial):
         return _AtHeight(self.profile.at(temperature), self.height)
 
 
+@door
 def sliced(stack: Stack, num_slices: int) -> Stack:
     """Returns the stack with every graded layer cut into equal layers of its middle moduli.
 
@@ -159,8 +163,7 @@ def sliced(stack: Stack, num_slices: int) -> Stack:
 
     **Raises:** `ValueError` if `num_slices` is less than 1.
     """
-    if num_slices < 1:
-        raise ValueError(f"`num_slices={num_slices}` must be at least 1.")
+    check_whole("num_slices", num_slices, 1)
     layers = []
     for layer in stack.layers:
         if isinstance(layer, Layer):

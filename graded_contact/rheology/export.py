@@ -17,6 +17,7 @@ from typing import Any
 
 import numpy as np
 
+from .._checks import door
 from .material import AbstractMaterial, Prony
 from .measured import MeasuredRange
 from .shift import WLF, AbstractShift
@@ -25,6 +26,7 @@ ANSYS_TERMS = 100  # the most that TB,PRONY takes
 LEAST_REMAINDER = 1e-9  # of E_eq in E_inf, to keep it to about 1e-6
 
 
+@door
 def export_prony(material: AbstractMaterial, format: str, *, name: str = "material") -> str:
     """Returns the text of a Prony material in one of `FORMATS`, SI units.
 

@@ -14,11 +14,10 @@ the best of one kind is the best of the other, and `fit.material.creep()` is exa
 """
 
 import dataclasses
-
 import jax.numpy as jnp
 import numpy as np
 
-from .._checks import Numbers, as_float, check_poisson
+from .._checks import Numbers, as_numbers, as_scalar, check_poisson, door
 from .fitting.observations import Observations, concrete, objective, observe, series_of
 from .fitting.optimum import attach_derivative, search
 from .fitting.path import best_of_length, best_spectrum
@@ -28,6 +27,7 @@ AS_GOOD = 1.05  # times the error: a liquid that does no worse is what was measu
 FOREIGN = 0.3  # median log residual from which on data are no linear viscoelastic moduli
 
 
+@door
 def fit_prony(
     omega: Numbers,
     modulus: Numbers,
@@ -70,7 +70,7 @@ def fit_prony(
     Raises `ValueError` for input that cannot be fitted, such as moduli that are not positive, and
     for data half of which are off by more than 30 % from every positive spectrum.
     """
-    modulus = jnp.asarray(modulus)
+    modulus = as_numbers(modulus, "modulus")
     data = observe(
         "frequency",
         omega,
@@ -86,6 +86,7 @@ def fit_prony(
     return _fit(data, terms, within, start, poisson, throw)
 
 
+@door
 def fit_relaxation(
     time: Numbers,
     modulus: Numbers,
@@ -123,6 +124,7 @@ def fit_relaxation(
     return _fit(data, terms, within, start, poisson, throw)
 
 
+@door
 def fit_creep(
     time: Numbers,
     compliance: Numbers,
@@ -165,7 +167,7 @@ def fit_creep(
 
 
 def _fit(data, terms, within, start, poisson, throw):
-    poisson = as_float(poisson, "poisson")
+    poisson = as_scalar(poisson, "poisson")
     check_poisson("poisson", poisson)
     choices = {"terms": terms, "within": within, "times": data.times, "start": start}
     given = [name for name, choice in choices.items() if choice is not None]

@@ -24,6 +24,7 @@ from .._checks import (
     check_poisson,
     check_positive,
     check_values,
+    door,
     is_concrete,
 )
 from .fit import check_terms, refuse_nonsense, require_known, solid_or_liquid
@@ -196,6 +197,7 @@ class MasterCurve(eqx.Module):
         return covariance(series, residual, jacobian, free, shared.penalty(unknowns))
 
 
+@door
 def master_curve(
     isotherms: Measured | Sequence[Measured | Isotherm],
     *,

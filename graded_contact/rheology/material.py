@@ -10,6 +10,7 @@ form is also the paper's (Scaraggi & Comingio, eq. prony, with its misprinted in
 
 import abc
 import functools
+from collections.abc import Callable
 from typing import Any
 
 import equinox as eqx
@@ -29,6 +30,7 @@ from .._checks import (
     is_concrete,
     numbers,
     scalar,
+    short,
 )
 from .creep import creep_from_relaxation, relaxation_from_creep
 from .measured import MeasuredRange
@@ -51,13 +53,17 @@ class AbstractMaterial(eqx.Module):
         """Returns the material at another temperature [K]."""
 
 
-def as_material(value: Any) -> AbstractMaterial:
-    """Returns `value`, or raises `ValueError` if it is no material."""
-    if not isinstance(value, AbstractMaterial):
-        raise ValueError(
-            f"`material={value!r}` must be a material, such as `Elastic(modulus, poisson)`."
-        )
-    return value
+def material_called(name: str) -> Callable[[Any], AbstractMaterial]:
+    """Returns the converter of a field that holds a material."""
+
+    def convert(value: Any) -> AbstractMaterial:
+        if not isinstance(value, AbstractMaterial):
+            raise ValueError(
+                f"`{name}={short(value)}` must be a material, such as `Elastic(modulus, poisson)`."
+            )
+        return value
+
+    return convert
 
 
 class Elastic(AbstractMaterial):

@@ -16,7 +16,7 @@ from typing import Any
 import numpy as np
 from jaxtyping import Bool, Complex, Float, Int
 
-from .._checks import Numbers, check_poisson, check_positive
+from .._checks import Numbers, check_poisson, check_positive, door
 from .files.cells import Sheet, holds_data, is_number, read_sheets
 from .files.isotherms import grouped
 from .files.layout import KINDS, Layout, Told, understand
@@ -104,6 +104,7 @@ class Measured:
         )
 
 
+@door
 def read_moduli(
     path: str | os.PathLike | Sequence[str | os.PathLike],
     *,

@@ -7,6 +7,7 @@ in what is returned, by a margin of 1e-8: write them relative, such as 1 - total
 """
 
 import dataclasses
+import functools
 from collections.abc import Callable, Sequence
 from pathlib import Path
 from typing import Any, NamedTuple
@@ -19,6 +20,7 @@ from jaxtyping import Array, Float
 from scipy.optimize import minimize
 from scipy.stats import qmc
 
+from .._checks import as_float, check_values, check_whole, door
 from .evaluations import MARGIN, Evaluation, Evaluations
 
 Objective = Callable[[Any], Float[Array, ""]]
@@ -84,6 +86,7 @@ class Design:
         return "\n".join(lines)
 
 
+@door
 def minimise(
     objective: Objective,
     lower: Any,
@@ -119,6 +122,10 @@ def minimise(
     whose values are not those of `objective` and `constraints`: where the search starts, where it
     ends and at its first entry they are computed again.
     """
+    check_whole("num_starts", num_starts, 1)
+    check_whole("seed", seed, 0)
+    check_whole("max_steps", max_steps, 1)
+    check_values("tolerance", tolerance, "it lies between 0 and 1", above=0, at_most=1)
     low, high, unravel = _bounds(lower, upper)
     starts = _starts(low, high, start, lower, num_starts, seed)
     kept = Evaluations(store, _named(lower)[0])
@@ -151,6 +158,7 @@ def minimise(
     )
 
 
+@door
 def rounded(
     objective: Objective, design: Design, choices: dict[str, Sequence[float]], **arguments: Any
 ) -> Design:
@@ -181,6 +189,7 @@ def rounded(
     return minimise(objective, bounds["lower"], bounds["upper"], start, **arguments)
 
 
+@door
 def pareto_front(
     objectives: Callable[[Any], Float[Array, "2"]],
     lower: Any,
@@ -239,6 +248,7 @@ def pareto_front(
     return sorted(front, key=lambda pair: float(pair[1][0]))
 
 
+@door
 def scatter(
     objective: Objective, parameters: Any, spread: Any, *, num_samples: int = 64, seed: int = 0
 ) -> Float[Array, " samples"]:
@@ -250,9 +260,13 @@ def scatter(
     - `spread`: standard deviation of ln(parameter) [1]: one number, or as `parameters`.
     - `num_samples`, `seed`: how many draws, and what draws them.
     """
-    flat, unravel = ravel_pytree(jax.tree.map(jnp.asarray, parameters))
-    width = spread if np.ndim(spread) == 0 and not isinstance(spread, dict) else None
-    width = jnp.full(flat.shape, width) if width is not None else ravel_pytree(spread)[0]
+    check_whole("num_samples", num_samples, 1)
+    check_whole("seed", seed, 0)
+    flat, unravel = ravel_pytree(
+        jax.tree.map(functools.partial(as_float, name="parameters"), parameters)
+    )
+    width, _ = ravel_pytree(jax.tree.map(functools.partial(as_float, name="spread"), spread))
+    width = jnp.broadcast_to(width, flat.shape) if width.shape == (1,) else width
     if width.shape != flat.shape or not bool(jnp.all(width >= 0)):
         raise ValueError("`spread` must be a number or as `parameters`, zero or positive.")
     draws = jax.random.normal(jax.random.key(seed), (num_samples, flat.size))

@@ -8,7 +8,7 @@ import jax
 import jax.numpy as jnp
 from jaxtyping import Array, Float, Inexact
 
-from .._checks import Numbers, as_float, check_positive
+from .._checks import Numbers, as_float, check_positive, door
 from ..persson.mean_field import MeanField, mean_field_friction
 from ..response.compliance import effective_modulus
 from ..response.stack import Stack
@@ -16,6 +16,7 @@ from ..spectrum import SelfAffine
 from ..surface import Surface
 
 
+@door
 def loss_tangent(stack: Stack, q: Numbers, velocity: Numbers) -> Float[Array, "..."]:
     """Returns Im E_eff/Re E_eff [1] of the whole stack at `q` [rad/m] for sliding along q.
 
@@ -51,6 +52,7 @@ def distance(values: Numbers, target: Numbers) -> Float[Array, ""]:
     return jnp.mean(jnp.real(logs * jnp.conj(logs)))
 
 
+@door
 def friction_curve(
     stack: Stack,
     spectrum: SelfAffine | Surface | tuple[Numbers, Numbers],
@@ -73,6 +75,7 @@ def friction_curve(
     )
 
 
+@door
 def friction_between(field: MeanField, q_from: Numbers, q_to: Numbers) -> Float[Array, ""]:
     """Returns the friction that roughness between two wavenumbers adds [1].
 

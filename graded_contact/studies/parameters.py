@@ -7,9 +7,8 @@ from typing import TypeVar
 
 import equinox as eqx
 import jax
-import jax.numpy as jnp
 
-from .._checks import Numbers
+from .._checks import Numbers, as_float, door, short
 
 T = TypeVar("T")
 
@@ -29,6 +28,7 @@ def paths(tree: object) -> dict[str, jax.Array]:
     return found
 
 
+@door
 def with_values(tree: T, values: Mapping[str, Numbers]) -> T:
     """Returns `tree` with other values at some paths; differentiable in them.
 
@@ -44,9 +44,12 @@ def with_values(tree: T, values: Mapping[str, Numbers]) -> T:
     leaves = {}
     for path, value in values.items():
         if path not in known:
-            near = difflib.get_close_matches(path, known, n=1, cutoff=0.0)
-            raise ValueError(f"There is no number at {path!r}; the nearest is {near[0]!r}.")
-        value = jnp.asarray(value, known[path].dtype)
+            near = difflib.get_close_matches(str(path), known, n=1, cutoff=0.0) or ["none"]
+            raise ValueError(
+                f"`values` has {short(path)}, where `tree` holds no number; the nearest is "
+                f"{near[0]!r}."
+            )
+        value = as_float(value, path).astype(known[path].dtype)
         if value.shape != known[path].shape:
             raise ValueError(
                 f"{path!r} has shape {known[path].shape}, the value for it {value.shape}."

@@ -84,7 +84,7 @@ def observe(
     that are NaN count as not measured.
     """
     x_name, unit = ("omega", "[rad/s]") if kind == "frequency" else ("time", "[s]")
-    x = as_float(x, "x")
+    x = as_float(x, x_name)
     if x.dtype != jnp.float64:
         raise ValueError(
             f"`{x_name}` is {x.dtype}: series over many decades are fitted in double precision. "
@@ -132,7 +132,7 @@ def concrete(data: Observations) -> bool:
 
 
 def _channel(name, values, weight, x):
-    values, weight = as_float(values, "values"), as_float(weight, "weight")
+    values, weight = as_float(values, name), as_float(weight, f"weight of {name}")
     if values.shape != x.shape:
         raise ValueError(f"`{name}` has shape {values.shape}; the shape must be {x.shape}.")
     if weight.shape not in ((), x.shape):
