@@ -6,6 +6,7 @@ unknown and the check passes (shapes are always checked).
 
 import functools
 import inspect
+import sys
 from collections.abc import Callable, Sequence
 from reprlib import repr as short
 from types import UnionType
@@ -117,8 +118,9 @@ def _is_of(value: Any, kind: Any) -> bool:
     if kind is int:
         return isinstance(value, int | np.integer) and not isinstance(value, bool)
     if kind is float:
-        number = isinstance(value, int | float | np.number | np.ndarray | Array)
-        return number and not isinstance(value, bool) and np.ndim(value) == 0
+        if isinstance(value, int):
+            return not isinstance(value, bool) and abs(value) <= sys.float_info.max
+        return isinstance(value, float | np.number | np.ndarray | Array) and np.ndim(value) == 0
     if kind is bool:
         return isinstance(value, bool | np.bool_)
     return isinstance(value, kind)
@@ -135,7 +137,7 @@ def _plain(annotation: Any) -> tuple[Any, ...]:
     if annotation is None:
         return (type(None),)
     kind = origin or annotation
-    if not isinstance(kind, type) or kind is inspect.Parameter.empty:
+    if not isinstance(kind, type) or kind in (inspect.Parameter.empty, Any):
         return ()
     arrays = (Array, np.ndarray, AbstractArray)
     return () if issubclass(kind, arrays) or kind in (Sequence, object) else (kind,)
@@ -157,6 +159,8 @@ def check_values(
     if not is_concrete(value):
         return
     array = np.asarray(value)
+    if array.dtype == object:  # whole numbers beyond 64 bits
+        array = array.astype(float)
     good = np.isfinite(array)
     with np.errstate(invalid="ignore"):
         if above is not None:
@@ -172,8 +176,27 @@ def check_values(
 
 
 def check_positive(name: str, value: ArrayLike, unit: str) -> None:
-    """Raises `ValueError` unless every entry of `value` is finite and greater than zero."""
-    check_values(name, value, f"it must be a positive number {unit}", above=0)
+    """Raises `ValueError` unless every entry of `value` is finite and greater than zero.
+
+    Numbers too small for all digits of their dtype are refused too: compiled code takes them for 0.
+    """
+    if is_concrete(value):
+        array = np.asarray(value)
+        kind = array.dtype if np.issubdtype(array.dtype, np.floating) else np.float64
+        least = np.finfo(kind).tiny
+        check_values(name, array, f"it must be a positive number {unit}", at_least=least)
+
+
+def check_together(**arrays: Array) -> None:
+    """Raises `ValueError` unless the arrays hold numbers and broadcast against each other."""
+    for name, array in arrays.items():
+        if array.size == 0:
+            raise ValueError(f"`{name}` has shape {array.shape}; at least one number is needed.")
+    try:
+        jnp.broadcast_shapes(*(array.shape for array in arrays.values()))
+    except ValueError:
+        text = ", ".join(f"`{name}` {array.shape}" for name, array in arrays.items())
+        raise ValueError(f"Incompatible shapes: {text}; they must broadcast.") from None
 
 
 def check_poisson(name: str, value: ArrayLike) -> None:
@@ -203,7 +226,7 @@ def check_whole(name: str, value: Any, least: int) -> None:
 
 def check_tolerance(name: str, rtol: float, like: Array, *, floor_factor: float = 100.0) -> None:
     """Raises `ValueError` if the dtype of `like` cannot reach the relative tolerance `rtol`."""
-    if not _is_of(rtol, float) or (isinstance(rtol, int) and rtol > 1):
+    if not _is_of(rtol, float):
         raise ValueError(
             f"`{name}={short(rtol)}` is refused: a plain number between 0 and 1 is needed."
         )

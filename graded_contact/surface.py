@@ -25,6 +25,7 @@ from ._checks import (
     door,
     is_concrete,
     numbers,
+    short,
 )
 from .caveats import caveats_of_steps
 from .grid import (
@@ -83,6 +84,7 @@ class Surface(eqx.Module):
 
     def __check_init__(self):
         check_type("grid", self.grid, Grid)
+        check_type("history", self.history, tuple)
         check_shape("heights", self.heights, self.grid.shape)
         check_values("heights", self.heights, "heights must be finite numbers [m]")
         if self.measured is not None:
@@ -134,10 +136,10 @@ def random_surface(
 
     **Returns:** the surface; differentiable in `spectrum`, usable under `vmap` over keys.
     """
-    if amplitudes not in ("exact", "gaussian"):
-        raise ValueError(f"`amplitudes={amplitudes!r}` is refused: use 'exact' or 'gaussian'.")
-    if isinstance(key, int | np.integer):
-        raise ValueError(f"`key={key}` must be a random key: `jax.random.key({key})`.")
+    check_type("amplitudes", amplitudes, "exact", "gaussian")
+    if not isinstance(key, jax.Array | np.ndarray) or key.dtype in (np.float32, np.float64):
+        seed = key if isinstance(key, int) else 0
+        raise ValueError(f"`key={short(key)}` must be a random key: `jax.random.key({seed})`.")
     _check_band(spectrum, grid)
     return Surface(_synthesise(spectrum, grid, key, amplitudes == "gaussian"), grid)
 

@@ -1,11 +1,14 @@
 """Nonsense is refused at the door by the name of the argument, whatever kind of nonsense it is."""
 
+import warnings
+
 import jax
 import jax.numpy as jnp
 import numpy as np
 import pytest
 
 import graded_contact as gc
+from graded_contact.studies import objectives
 
 SCALARS = {
     "modulus": lambda value: gc.Elastic(value),
@@ -33,3 +36,213 @@ def test_many_materials_are_built_under_vmap():
     materials = jax.vmap(lambda e: gc.Prony(e, [1e6], [1e-3], 0.3))(jnp.array([1e6, 2e6, 5e6]))
     moduli = jax.vmap(lambda material: material.modulus(0.0))(materials)
     np.testing.assert_allclose(moduli.real, [1e6, 2e6, 5e6])
+
+
+class Odd:
+    """An object of a class that nobody expects."""
+
+
+NONSENSE = {
+    "text": "fast",
+    "none": None,
+    "dict": {"a": 1},
+    "ragged": [[1.0, 2.0], [3.0]],
+    "endless": 10**400,
+    "2^64": 2**64,
+    "nan": np.nan,
+    "infinite": np.inf,
+    "negative": -1.0,
+    "complex": 1j,
+    "block": np.ones((2, 3, 4)),
+    "empty": [],
+    "object": Odd(),
+    "true": True,
+    "bytes": b"1",
+    "texts": ["rough"],
+    "tiny": 5e-324,
+    "set": {1.0},
+    "some nan": [1.0, np.nan],
+    "class": float,
+    "stack": gc.Stack(base=gc.HalfSpace(gc.Elastic(1e6, 0.3))),
+}
+FEW = ("text", "dict", "ragged", "endless", "nan", "complex", "object", "true", "tiny", "set")
+
+
+def calls():
+    """Public functions and classes, each with arguments that it takes."""
+    grid = gc.Grid((8, 8), 1e-3)
+    q0 = 2 * np.pi / 1e-3
+    band = dict(hurst=0.8, q_low=q0, q_roll=q0, q_high=3 * q0)
+    spectrum = gc.SelfAffine(rms_slope=0.2, **band)
+    surface = gc.random_surface(spectrum, grid, jax.random.key(0))
+    wlf = gc.WLF(10.0, 50.0, 300.0)
+    solid, glass = gc.Prony(1e6, [1e7], [1e-3], 0.4), gc.Elastic(2e9, 0.3)
+    layer = gc.Layer(gc.Elastic(1e7, 0.3), 1e-5)
+    stack = gc.Stack(layers=(layer,), base=gc.HalfSpace(solid))
+    blend = gc.Blend(gc.Elastic(1e6, 0.3), gc.Elastic(1e7, 0.3))
+    graded = gc.Stack(layers=(gc.GradedLayer(1e-4, blend),), base=gc.Rigid())
+    kernel = gc.stack_kernel(stack, grid, 0.1)
+    field = gc.mean_field_friction(stack, spectrum, pressure=1e5, velocity=0.1)
+    sliding = gc.slide(stack, surface, pressure=1e5, velocity=0.1)
+    omega, time = np.geomspace(1e-2, 1e6, 40), np.geomspace(1e-6, 1e1, 40)
+    modulus = np.asarray(solid.modulus(omega))
+    relaxation = 1e6 + 1e7 * np.exp(-time / 1e-3)
+    table = dict(omega=omega, modulus=modulus, poisson=0.3, shift=wlf, extrapolate="refuse")
+    wave = dict(stack=stack, q=[1e3], omega=[1.0], rtol=1e-8)
+    vector = dict(stack=stack, qx=[1e3], qy=[1e3], omega=[1.0])
+    job = dict(stack=stack, surface=surface, pressure=1e5, velocity=0.1)
+    how = dict(law=gc.HardWall(), solver=gc.DouglasRachford(), rtol=1e-6, throw=True)
+    contact = dict(kernel=kernel, heights=surface.heights)
+    search = dict(num_starts=1, seed=0, tolerance=1e-6, max_steps=20)
+    bounds = dict(lower={"a": 1.0}, upper={"a": 3.0}, start={"a": 1.5})
+    layers = dict(q=[1e3], thickness=[1e-3], modulus=[1e6], poisson=[0.3], base=(1e6, 0.3))
+    draw = dict(spectrum=spectrum, grid=grid, key=jax.random.key(0), amplitudes="exact")
+
+    def square(parameters):
+        return (parameters["a"] - 2.0) ** 2
+
+    return [
+        (gc.WLF, dict(c1=10.0, c2=50.0, reference=300.0)),
+        (wlf.factor, dict(temperature=310.0)),
+        (gc.Arrhenius, dict(activation_energy=1e5, reference=300.0)),
+        (gc.AdhesiveLJ, dict(range=1e-9, work=0.05, contact_gap=1.0)),
+        (gc.RepulsiveLJ, dict(range=1e-9, pressure=1e6, contact_gap=1.6)),
+        (gc.ExponentialAdhesion, dict(range=1e-9, work=0.05)),
+        (gc.HardWall, dict(hardness=1e8)),
+        (gc.Aged, dict(material=solid, bottom=1.0, top=2.0, shape=gc.Linear())),
+        (gc.Blend, dict(bottom=glass, top=solid, shape=gc.Linear(), mixing="linear")),
+        (gc.Mixture, dict(matrix=solid, filler=glass, fraction=gc.Linear())),
+        (gc.BulkShear, dict(bulk=glass, shear=solid)),
+        (gc.DouglasRachford, dict(max_steps=10, relaxation=0.9, memory=5, coarsest=64)),
+        (gc.ResidualDynamics, dict(max_steps=10, uniform_mass=False)),
+        (gc.Elastic, dict(modulus=1e6, poisson=0.3)),
+        (gc.Prony, dict(equilibrium=1e6, strengths=[1e6], times=[1e-3], poisson=0.3, shift=wlf)),
+        (gc.Prony.from_creep, dict(glassy=1e9, compliances=[1e-6], times=[1e-3], poisson=0.3)),
+        (gc.Tabulated, table),
+        (gc.tyre_tread, dict(poisson=0.4)),
+        (gc.ErrorFunction, dict(centre=0.5, width=0.1)),
+        (gc.Exponential, dict(rate=1.0)),
+        (gc.PowerLaw, dict(exponent=1.0)),
+        (gc.Sinusoidal, dict(amplitude=1.0, periods=1.0)),
+        (gc.Layer, dict(material=solid, thickness=1e-4)),
+        (gc.GradedLayer, dict(thickness=1e-4, profile=blend)),
+        (gc.HalfSpace, dict(material=solid)),
+        (gc.Stack, dict(layers=(layer,), base=gc.Rigid())),
+        (gc.Grid, dict(shape=(8, 8), size=1e-3)),
+        (gc.Layering, dict(num_cells=8, retry=True)),
+        (gc.SelfAffine, dict(rms_slope=0.2, **band)),
+        (gc.Surface, dict(heights=np.zeros((8, 8)), grid=grid, history=())),
+        (gc.random_surface, draw),
+        (gc.resample, dict(surface=surface, shape=(16, 16))),
+        (gc.rescale, dict(surface=surface, rms_slope=0.1)),
+        (gc.rescale, dict(surface=surface, rms_height=1e-6)),
+        (gc.statistics, dict(surface=surface)),
+        (gc.radial_spectrum, dict(surface=surface, num_bins=3)),
+        (gc.surface_compliance, wave),
+        (gc.effective_modulus, wave),
+        (gc.surface_compliance_matrix, vector),
+        (gc.layered_compliance, layers),
+        (gc.graded_compliance, wave | dict(stack=graded, rtol=1e-6, solver=gc.Layering())),
+        (gc.stack_kernel, dict(stack=stack, grid=grid, velocity=0.1, rtol=1e-8)),
+        (gc.kernel_table, dict(stack=stack, grid=grid, velocity=0.1, rtol=1e-8)),
+        (gc.interface_depths, dict(stack=stack)),
+        (gc.interior_fields, vector | dict(depth=1e-4, traction=[0.0, 0.0, 1.0])),
+        (
+            gc.stress_field,
+            dict(stack=stack, grid=grid, pressure=np.ones((8, 8)), depth=1e-4, velocity=0.1),
+        ),
+        (gc.von_mises, dict(stress=np.eye(3))),
+        (gc.sliced, dict(stack=graded, num_slices=3)),
+        (gc.slide, job | how),
+        (gc.slide, dict(stack=stack, surface=surface, mean_gap=1e-6, velocity=0.1)),
+        (gc.solve_contact, contact | dict(pressure=1e5) | how),
+        (
+            gc.follow_contact,
+            dict(kernel=kernel.real, heights=surface.heights, pressure=[1e4, 1e5]) | how,
+        ),
+        (gc.area_against_cutoff, job | dict(cutoffs=[2 * q0, 3 * q0])),
+        (
+            gc.cumulative_friction,
+            dict(
+                pressure=sliding.pressure,
+                displacement=sliding.displacement,
+                grid=grid,
+                velocity=0.1,
+                num_wavenumbers=5,
+            ),
+        ),
+        (
+            gc.mean_field_friction,
+            dict(stack=stack, spectrum=spectrum, pressure=1e5, velocity=0.1),
+        ),
+        (gc.pressure_distribution, dict(mean_field=field, stress=[1e5])),
+        (gc.loss_tangent, dict(stack=stack, q=[1e3], velocity=0.1)),
+        (
+            objectives.friction_curve,
+            dict(stack=stack, spectrum=spectrum, pressure=1e5, velocities=[0.1]),
+        ),
+        (gc.export_prony, dict(material=solid, format="abaqus", name="rubber")),
+        (gc.fit_prony, dict(omega=omega, modulus=modulus, terms=2, poisson=0.4)),
+        (gc.fit_relaxation, dict(time=time, modulus=relaxation, terms=2)),
+        (gc.fit_creep, dict(time=time, compliance=1 / relaxation, terms=2)),
+        (gc.with_values, dict(tree=stack, values={"layers[0].thickness": 1e-4})),
+        (gc.minimise, dict(objective=square) | bounds | search),
+        (
+            gc.scatter,
+            dict(objective=square, parameters={"a": 2.0}, spread=0.1, num_samples=4, seed=0),
+        ),
+        (gc.read_moduli, dict(path="missing.csv", kind="frequency")),
+        (gc.read_surface, dict(path="missing.x3p", periodic="window")),
+    ]
+
+
+# Functions and nestings of the caller's own, which only the caller's objective can refuse; a mean
+# gap beyond every contact, whose friction is nan as documented.
+ITS_OWN = {
+    "scatter.parameters",
+    "scatter.objective",
+    "minimise.upper",
+    "minimise.objective",
+    "slide.mean_gap",
+}
+
+
+def outcomes(kinds):
+    """What every argument of every public function answers to nonsense, if not as it should."""
+    wrong = []
+    for function, arguments in calls():
+        for name in arguments:
+            for kind in kinds:
+                if (
+                    NONSENSE[kind] is arguments[name]
+                    or f"{function.__qualname__}.{name}" in ITS_OWN
+                ):
+                    continue
+                place = f"{function.__qualname__}({name}={kind})"
+                try:
+                    with warnings.catch_warnings():
+                        warnings.simplefilter("ignore")
+                        result = function(**{**arguments, name: NONSENSE[kind]})
+                except FileNotFoundError:
+                    continue
+                except ValueError as error:
+                    if f"`{name}" not in str(error):
+                        wrong.append(f"{place} is not named: {error}")
+                except BaseException as error:
+                    wrong.append(f"{place} ended in {type(error).__name__}: {str(error)[:200]}")
+                else:
+                    leaves = [x for x in jax.tree.leaves(result) if isinstance(x, jax.Array)]
+                    numbers = [x for x in leaves if jnp.issubdtype(x.dtype, jnp.inexact)]
+                    if not all(bool(jnp.all(jnp.isfinite(x))) for x in numbers):
+                        wrong.append(f"{place} is accepted and gives what is not finite")
+    return wrong
+
+
+def test_nonsense_is_refused_by_name(unchecked_types):
+    """Ten kinds of nonsense in each of 200 arguments; what is accepted gives finite numbers."""
+    assert outcomes(FEW) == []
+
+
+@pytest.mark.slow
+def test_nonsense_of_every_kind_is_refused_by_name(unchecked_types):
+    assert outcomes(NONSENSE) == []

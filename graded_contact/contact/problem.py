@@ -160,6 +160,8 @@ def solve_contact(
         raise ValueError(f"`heights` has shape {heights.shape}; one or two axes are needed.")
     if heights.dtype not in (jnp.float32, jnp.float64):
         raise ValueError(f"`heights` has dtype {heights.dtype}; float32 or float64 is needed.")
+    if heights.size == 0:
+        raise ValueError(f"`heights` has shape {heights.shape}; points are needed.")
     check_values("heights", heights, "heights [m] must be finite")
     check_shape("kernel", kernel, half_shape(heights.shape))
     if is_concrete(kernel):

@@ -31,7 +31,7 @@ import jax.numpy as jnp
 from jax import Array
 from jaxtyping import Float, Inexact
 
-from .._checks import check_whole
+from .._checks import check_type, check_whole
 from ..grid import to_field, to_spectrum
 from .adhesion import AdhesiveLJ
 from .douglas_rachford import (
@@ -71,6 +71,7 @@ class ResidualDynamics(eqx.Module):
 
     def __check_init__(self):
         check_whole("max_steps", self.max_steps, 1)
+        check_type("uniform_mass", self.uniform_mass, bool)
 
     def solve(
         self,

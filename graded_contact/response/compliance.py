@@ -22,6 +22,7 @@ from .._checks import (
     as_numbers,
     check_poisson,
     check_positive,
+    check_together,
     check_values,
     door,
     is_concrete,
@@ -96,8 +97,9 @@ def surface_compliance(
     q, omega = as_float(q, "q"), as_float(omega, "omega")
     check_positive("q", q, "[rad/m]")
     check_values("omega", omega, "frequencies [rad/s] must be finite")
+    check_together(q=q, omega=omega)
     check_profiles(stack, omega)
-    rtol = graded_tolerance(rtol, q) if is_graded(stack) else None
+    rtol = graded_tolerance(rtol, q)
     return surface_compliance_unchecked(stack, *_same_rank(q, omega), rtol)
 
 
@@ -193,7 +195,6 @@ def is_graded(stack: Stack) -> bool:
 
 def _same_rank(q: Array, omega: Array) -> tuple[Array, Array]:
     rank = max(q.ndim, omega.ndim)
-    jnp.broadcast_shapes(q.shape, omega.shape)
     q = q.reshape((1,) * (rank - q.ndim) + q.shape)
     return q, omega.reshape((1,) * (rank - omega.ndim) + omega.shape)
 

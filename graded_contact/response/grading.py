@@ -19,7 +19,7 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float, Inexact
 
-from .._checks import Numbers, as_float, check_positive, check_tolerance, check_values, door
+from .._checks import Numbers, as_float, check_positive, check_together, check_tolerance, check_type, check_values, check_whole, door
 from ..rheology.measured import check_frequencies
 from .mesh import WINDOW, build_mesh, cells_of, coarsened, position, span, visible
 from .profile import check_profile, moduli_at
@@ -85,6 +85,11 @@ class Layering(AbstractGradedSolver):
 
     num_cells: int | None = eqx.field(static=True, default=None)
     retry: bool = eqx.field(static=True, default=True)
+
+    def __check_init__(self):
+        if self.num_cells is not None:
+            check_whole("num_cells", self.num_cells, 1)
+        check_type("retry", self.retry, bool)
 
     def solve(
         self, stack: Stack, q: Float[Array, "..."], omega: Float[Array, "..."], rtol: float
@@ -163,7 +168,9 @@ def graded_compliance(
     q, omega = as_float(q, "q"), as_float(omega, "omega")
     check_positive("q", q, "[rad/m]")
     check_values("omega", omega, "frequencies [rad/s] must be finite")
-    jnp.broadcast_shapes(q.shape, omega.shape)
+    check_together(q=q, omega=omega)
+    if not any(isinstance(layer, GradedLayer) for layer in stack.layers):
+        raise ValueError("`stack` has no `GradedLayer`: take `surface_compliance`.")
     check_profiles(stack, omega)
     rtol = graded_tolerance(rtol, q)
     solver = Layering() if solver is None else solver

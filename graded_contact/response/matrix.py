@@ -29,7 +29,7 @@ import jax.numpy as jnp
 from jax import Array
 from jaxtyping import Complex, Float, Inexact
 
-from .._checks import Numbers, as_float, check_values, door, is_concrete
+from .._checks import Numbers, as_float, check_together, check_values, door, is_concrete
 from .slab import Slab, Split, factors, half_space, split_of
 from .stack import Free, HalfSpace, Layer, Rigid, Stack
 
@@ -104,8 +104,8 @@ def wavevectors(qx: Numbers, qy: Numbers, omega: Numbers) -> tuple[Array, Array,
     check_values("qx", qx, "a wavenumber [rad/m] must be finite")
     check_values("qy", qy, "a wavenumber [rad/m] must be finite")
     check_values("omega", omega, "frequencies [rad/s] must be finite")
+    check_together(qx=qx, qy=qy, omega=omega)
     shapes = [x.shape for x in (qx, qy, omega)]
-    jnp.broadcast_shapes(*shapes)
     if is_concrete(qx) and is_concrete(qy) and bool(jnp.any((qx == 0) & (qy == 0))):
         raise ValueError(
             "`qx=0` with `qy=0` is refused: the mean displacement of a block is not determined "

@@ -24,7 +24,7 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float, Inexact
 
-from .._checks import Numbers, check_positive, check_values, is_concrete, scalar
+from .._checks import Numbers, check_positive, check_type, check_values, is_concrete, scalar
 from ..rheology.material import AbstractMaterial, as_material, material_called
 from ..rheology.measured import check_frequencies, coverage
 from .shape import AbstractShape, FROM_0_TO_1, Linear, as_shape, breaks_of, shape_called
@@ -68,8 +68,7 @@ class Blend(AbstractProfile):
     mixing: Literal["linear", "logarithmic"] = eqx.field(static=True, default="linear")
 
     def __check_init__(self):
-        if self.mixing not in ("linear", "logarithmic"):
-            raise ValueError(f"`mixing={self.mixing!r}` must be 'linear' or 'logarithmic'.")
+        check_type("mixing", self.mixing, "linear", "logarithmic")
 
     @property
     def breaks(self) -> Float[Array, " inner"]:

@@ -58,6 +58,10 @@ class Sinusoidal(AbstractShape):
     amplitude: Float[Array, ""] = eqx.field(converter=scalar("amplitude"), default=1.0)
     periods: Float[Array, ""] = eqx.field(converter=scalar("periods"), default=1.0)
 
+    def __check_init__(self):
+        check_values("amplitude", self.amplitude, "it must be finite [1]")
+        check_values("periods", self.periods, "it must be finite [1]")
+
     def __call__(self, s: Float[Array, "..."]) -> Float[Array, "..."]:
         return s + self.amplitude * jnp.sin(2 * jnp.pi * self.periods * s)
 
@@ -75,6 +79,9 @@ class Exponential(AbstractShape):
 
     rate: Float[Array, ""] = eqx.field(converter=scalar("rate"))
 
+    def __check_init__(self):
+        check_values("rate", self.rate, "it must be finite [1]")
+
     def __call__(self, s: Float[Array, "..."]) -> Float[Array, "..."]:
         k = jnp.abs(self.rate)
         small = k < 1e-3
@@ -82,9 +89,10 @@ class Exponential(AbstractShape):
         # Written with decaying exponentials, and as a series where it is 0/0.
         height = jnp.where(self.rate < 0, 1 - s, s)
         curved = jnp.exp(safe * (height - 1)) * jnp.expm1(-safe * height) / jnp.expm1(-safe)
-        series = height * (1 + k * (height - 1) / 2 * (1 + k * (2 * height - 1) / 6))
-        rising = jnp.where(small, series, curved)
-        return jnp.where(self.rate < 0, 1 - rising, rising)
+        curved = jnp.where(self.rate < 0, 1 - curved, curved)
+        # In the signed rate: its size has no derivative at 0.
+        series = s * (1 + self.rate * (s - 1) / 2 * (1 + self.rate * (2 * s - 1) / 6))
+        return jnp.where(small, series, curved)
 
 
 class PowerLaw(AbstractShape):
@@ -119,6 +127,7 @@ class ErrorFunction(AbstractShape):
     width: Float[Array, ""] = eqx.field(converter=scalar("width"), default=0.1)
 
     def __check_init__(self):
+        check_values("centre", self.centre, "it must be finite [1]")
         check_positive("width", self.width, "[1]")
 
     def __call__(self, s: Float[Array, "..."]) -> Float[Array, "..."]:

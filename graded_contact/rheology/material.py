@@ -26,6 +26,7 @@ from .._checks import (
     as_scalar,
     check_poisson,
     check_positive,
+    check_type,
     check_values,
     is_concrete,
     numbers,
@@ -127,6 +128,7 @@ class Prony(AbstractMaterial):
         )
         _check_series("strengths", self.strengths, "[Pa]", "times", self.times)
         check_poisson("poisson", self.poisson)
+        check_type("shift", self.shift, AbstractShift, type(None))
 
     @classmethod
     def from_creep(

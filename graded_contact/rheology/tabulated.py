@@ -15,6 +15,7 @@ from .._checks import (
     as_scalar,
     check_poisson,
     check_positive,
+    check_type,
     is_concrete,
 )
 from .material import AbstractMaterial
@@ -80,8 +81,8 @@ class Tabulated(AbstractMaterial):
                     f"`omega[{i}]={float(self.omega[i]):g}` does not exceed the entry before it: "
                     "frequencies must be strictly increasing (sort the table first)."
                 )
-        if extrapolate not in ("refuse", "plateau"):
-            raise ValueError(f"`extrapolate={extrapolate!r}` must be 'refuse' or 'plateau'.")
+        check_type("extrapolate", extrapolate, "refuse", "plateau")
+        check_type("shift", shift, AbstractShift, type(None))
 
     def modulus(self, omega: Numbers) -> Complex[Array, "*w"]:
         omega = as_float(omega, "omega")

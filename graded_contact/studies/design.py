@@ -267,7 +267,7 @@ def scatter(
     )
     width, _ = ravel_pytree(jax.tree.map(functools.partial(as_float, name="spread"), spread))
     width = jnp.broadcast_to(width, flat.shape) if width.shape == (1,) else width
-    if width.shape != flat.shape or not bool(jnp.all(width >= 0)):
+    if width.shape != flat.shape or not bool(jnp.all(jnp.isfinite(width) & (width >= 0))):
         raise ValueError("`spread` must be a number or as `parameters`, zero or positive.")
     draws = jax.random.normal(jax.random.key(seed), (num_samples, flat.size))
     return jax.jit(lambda all_: jax.lax.map(lambda x: objective(unravel(x)), all_))(

@@ -8,7 +8,15 @@ import jax
 import jax.numpy as jnp
 from jaxtyping import Array, Float, Inexact
 
-from .._checks import Numbers, as_float, check_positive, door
+from .._checks import (
+    Numbers,
+    as_float,
+    as_scalar,
+    check_positive,
+    check_together,
+    check_values,
+    door,
+)
 from ..persson.mean_field import MeanField, mean_field_friction
 from ..response.compliance import effective_modulus
 from ..response.stack import Stack
@@ -27,6 +35,7 @@ def loss_tangent(stack: Stack, q: Numbers, velocity: Numbers) -> Float[Array, ".
     """
     q, velocity = as_float(q, "q"), as_float(velocity, "velocity")
     check_positive("velocity", velocity, "[m/s]")
+    check_together(q=q, velocity=velocity)
     modulus = effective_modulus(stack, q, q * velocity)
     return modulus.imag / modulus.real
 
@@ -70,6 +79,8 @@ def friction_curve(
     velocities = as_float(velocities, "velocities")
     if velocities.ndim != 1:
         raise ValueError(f"`velocities` has shape {velocities.shape}; one axis is needed.")
+    check_values("velocities", velocities, "velocities [m/s] must be finite")
+    check_positive("pressure", as_scalar(pressure, "pressure"), "[Pa]")
     return jax.lax.map(
         lambda v: mean_field_friction(stack, spectrum, pressure=pressure, velocity=v), velocities
     )
