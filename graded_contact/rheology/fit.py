@@ -14,7 +14,7 @@ the best of one kind is the best of the other, and `fit.material.creep()` is exa
 """
 
 import dataclasses
-import jax.numpy as jnp
+
 import numpy as np
 
 from .._checks import Numbers, as_numbers, as_scalar, check_poisson, door
