@@ -19,7 +19,17 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float, Inexact
 
-from .._checks import Numbers, as_float, check_positive, check_together, check_tolerance, check_type, check_values, check_whole, door
+from .._checks import (
+    Numbers,
+    as_float,
+    check_positive,
+    check_together,
+    check_tolerance,
+    check_type,
+    check_values,
+    check_whole,
+    door,
+)
 from ..rheology.measured import check_frequencies
 from .mesh import WINDOW, build_mesh, cells_of, coarsened, position, span, visible
 from .profile import check_profile, moduli_at

@@ -22,6 +22,7 @@ agree to the last digit, and C_xy is their difference: it is carried along as on
 (1 - ν) c11 n_t - n c_t, by a recursion whose terms are all as small as it is.
 """
 
+import functools
 from typing import NamedTuple
 
 import jax
@@ -193,9 +194,9 @@ def lift(below: Below, x: Array, poisson: Array, ratio: Array, ratio_t: Array) -
     below = Below(below.n, c11, c12, c22, det, n_t, c_t, ratio_t * below.split)
     split = _split(below, s, split_of(x, 1 - 2 * poisson), tanh, 1 - poisson, n, antiplane[0])
     unit, unit_t = _inverse_size(plane), _inverse_size(antiplane)
-    return Below(
-        *(c * unit for c in plane), *(c * unit_t for c in antiplane), split * unit * unit_t
-    )
+    n, c11, c12, c22, det = (c * unit for c in plane)
+    n_t, c_t = (c * unit_t for c in antiplane)
+    return Below(n, c11, c12, c22, det, n_t, c_t, split * unit * unit_t)
 
 
 def _split(below: Below, s: Slab, small: Split, tanh, p, n, n_t) -> Array:
@@ -279,4 +280,4 @@ def _stacked(values: list, like: Array) -> Array:
 def _inverse_size(coordinates: tuple[Array, ...]) -> Array:
     """A constant that keeps homogeneous coordinates from overflowing."""
     parts = [part for x in coordinates for part in (x.real, x.imag)[: 1 + jnp.iscomplexobj(x)]]
-    return 1 / sum(jnp.abs(jax.lax.stop_gradient(part)) for part in parts)
+    return 1 / functools.reduce(jnp.add, [jnp.abs(jax.lax.stop_gradient(part)) for part in parts])

@@ -25,9 +25,9 @@ import numpy as np
 from jaxtyping import Array, Float, Inexact
 
 from .._checks import Numbers, check_positive, check_type, check_values, is_concrete, scalar
-from ..rheology.material import AbstractMaterial, as_material, material_called
+from ..rheology.material import AbstractMaterial, material_called
 from ..rheology.measured import check_frequencies, coverage
-from .shape import AbstractShape, FROM_0_TO_1, Linear, as_shape, breaks_of, shape_called
+from .shape import FROM_0_TO_1, AbstractShape, Linear, breaks_of, shape_called
 
 
 class AbstractProfile(eqx.Module):

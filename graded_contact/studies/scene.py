@@ -4,7 +4,7 @@ The keys of a scene are the names of fields and arguments of this package, in SI
 radians; `KEYS` lists them. Paths are relative to the scene file.
 
     [surface]             kind = "self_affine": the fields of `SelfAffine` (`q_low` is 2π over the
-                          longest edge unless given), `seed`, `amplitudes`, and a table [grid] with
+                          longest edge unless given), `roll_off`, `seed`, `amplitudes`, and a table [grid] with
                           `shape` and `size`; or kind = "file": the arguments of `read_surface`, and
                           `rms_height` or `rms_slope` to rescale to
     [materials.NAME]      kind = "elastic", "prony", "prony_creep", "tabulated" or "tyre_tread"; the
@@ -75,7 +75,7 @@ KEYS: dict[str, Any] = {
         "design",
     ),
     "surface": {
-        "self_affine": (*SPECTRUM_FIELDS, "seed", "amplitudes"),
+        "self_affine": (*SPECTRUM_FIELDS, "roll_off", "seed", "amplitudes"),
         "file": ("path", *READ_ARGUMENTS, "rms_height", "rms_slope"),
     },
     "grid": ("shape", "size"),
@@ -580,8 +580,9 @@ def _surface(scene: Table, folder: Path) -> RandomSurface | SurfaceFile:
         sizes = place.numbers("size")
         grid = Grid(place.wholes("shape"), sizes[0] if len(sizes) == 1 else sizes)
     seed = table.whole("seed", 0)
-    rest = {key: table.number(key) for key in ("hurst", "q_roll", "q_high")}
+    rest: dict[str, Any] = {key: table.number(key) for key in ("hurst", "q_roll", "q_high")}
     rest["q_low"] = table.number("q_low", 2 * np.pi / float(np.max(grid.size)))
+    rest["roll_off"] = table.choice("roll_off", ("sharp", "smooth"), "sharp")
     with within(table.place):
         spectrum = SelfAffine(**target, **rest)
     amplitudes = table.choice("amplitudes", ("exact", "gaussian"), "exact")
