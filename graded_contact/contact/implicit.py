@@ -82,6 +82,10 @@ def _attached(inputs, state, gap, penalty, solve):
 def _attached_jvp(primals, tangents):
     inputs, state, gap, penalty, solve = primals
     change: Inputs = tangents[0]
+    # Attached again, so that a derivative of the rule itself moves with the state.
+    state = _attached(inputs, state, gap, penalty, solve)
+    moving = state.displacement - inputs.heights + jnp.mean(inputs.heights) + state.mean_gap
+    gap = gap + (moving - jax.lax.stop_gradient(moving))
     load_given = inputs.prescribed.pressure is not None
 
     def displace(kernel, field):

@@ -164,3 +164,24 @@ def test_derivative_that_does_not_converge_raises():
 
     with pytest.raises(RuntimeError, match="linear solve for a derivative"):
         jax.grad(total)(HEIGHTS)
+
+
+@pytest.mark.slow
+def test_second_derivatives_of_friction_are_symmetric_and_match_differences_of_the_gradient():
+    """By modulus and thickness of a coat, pressure and velocity, on a set of contact that stays."""
+    grid = gc.Grid((16, 16), 1.0)
+    surface = rough(grid, cut=4)
+
+    def by(x):
+        coat = gc.Layer(gc.Elastic(x[0], 0.4), 0.1 * x[1])
+        stack = gc.Stack(layers=(coat,), base=gc.HalfSpace(gc.Prony(0.75, [3.0], [1.0], 0.5)))
+        s = gc.slide(stack, surface, pressure=0.1 * x[2], velocity=0.1 * x[3], rtol=1e-11)
+        return s.friction
+
+    point, step = jnp.array([1.0, 0.3, 1.0, 1.0]), 1e-4
+    slope = jax.jit(jax.grad(by))
+    rows = [(slope(point + step * e) - slope(point - step * e)) / (2 * step) for e in jnp.eye(4)]
+    for differentiate in (jax.jacfwd, jax.jacrev):
+        found = jax.jit(differentiate(jax.grad(by)))(point)
+        np.testing.assert_allclose(found, found.T, atol=1e-9)
+        np.testing.assert_allclose(found, rows, atol=1e-6)
