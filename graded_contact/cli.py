@@ -42,6 +42,10 @@ Replace = Annotated[
 
 # A transform runs on one thread or on all, as chance will have it, with other last bits.
 _ONE_THREAD = "--xla_cpu_multi_thread_eigen=false"
+DryRun = Annotated[
+    bool, typer.Option("--dry-run", help="Only tell memory, number of solves and time.")
+]
+
 # Endings of the files that other programs read.
 _SUFFIXES = {"abaqus": ".inp", "ansys": ".mac"}
 # What stands for the arguments that messages about moduli and their fits name.
@@ -120,16 +124,21 @@ def run(
     ],
     output: Output = None,
     replace: Replace = False,
+    dry_run: DryRun = False,
 ) -> None:
     """Runs a scene: prints a table, writes the results (HDF5) and figures (PNG).
 
     Each solve is kept as it ends: after an interruption the same command goes on from there.
     """
     _prepare()
+    from .studies.cost import scene_cost
     from .studies.scene import read_scene
 
     with _refusing():
         scene = read_scene(scene_file)
+        if dry_run:
+            typer.echo(scene_cost(scene).report())
+            return
     folder = output or scene.directory or Path(f"{scene_file.stem}-results")
     _run(scene, folder, scene.name or scene_file.stem, replace)
 

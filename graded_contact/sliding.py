@@ -14,6 +14,7 @@ import numpy as np
 from jaxtyping import Array, Float, Inexact
 
 from ._checks import Numbers, as_float, check_positive, door, is_concrete
+from ._memory import check_memory, num_numbers, sliding_memory
 from .caveats import caveats_of
 from .contact.douglas_rachford import DouglasRachford
 from .contact.law import AbstractLaw, HardWall
@@ -31,7 +32,7 @@ from .contact.observables import (
     unmeasured_shares,
     wave_frequencies,
 )
-from .contact.problem import RESULTS, ContactSolution, solve_contact
+from .contact.problem import RESULTS, ContactSolution, history_of, solve_contact
 from .contact.rmd import ResidualDynamics
 from .grid import Grid, to_field, to_spectrum, wavenumber
 from .response.kernel import attempted_kernel, stack_kernel
@@ -148,7 +149,7 @@ def slide(
 
     **Raises:** `ValueError` for a refused argument; `RuntimeError` if kernel or solve fail.
     """
-    kernel, velocity, reached = _kernel_and_velocity(stack, surface, velocity, throw)
+    kernel, velocity, reached = _kernel_and_velocity(stack, surface, velocity, solver, throw)
     contact = solve_contact(
         kernel,
         surface.heights,
@@ -166,13 +167,22 @@ def slide(
     return _observe(contact, kernel, heights, measured, grid, velocity, law, coverage(stack))
 
 
-def _kernel_and_velocity(stack, surface, velocity, throw=True):
+def _kernel_and_velocity(stack, surface, velocity, solver, throw=True):
     """The kernel on the surface's grid, the velocity as an array, and if the kernel is good."""
     if not isinstance(stack, Stack):
         raise ValueError(f"`stack={stack!r}` must be a `Stack(layers=..., base=...)`.")
     if not isinstance(surface, Surface):
         raise ValueError(f"`surface={surface!r}` must be a `Surface(heights, grid)`.")
     velocity = as_float(velocity, "velocity")
+    numbers, askew = num_numbers(stack), velocity.ndim > 0
+    check_memory(
+        "surface",
+        surface.grid.shape,
+        lambda shape: sliding_memory(
+            shape, surface.heights.dtype.itemsize, numbers, askew, history_of(solver)
+        ),
+        "sliding",
+    )
     if throw:
         kernel, reached = stack_kernel(stack, surface.grid, velocity), True
     else:
@@ -266,7 +276,7 @@ def area_against_cutoff(
     check_positive("cutoffs", cutoffs, "[rad/m]")
     if is_concrete(cutoffs) and np.any(np.diff(cutoffs) <= 0):
         raise ValueError(f"`cutoffs={np.asarray(cutoffs)}` must ascend.")
-    kernel, velocity, _ = _kernel_and_velocity(stack, surface, velocity)
+    kernel, velocity, _ = _kernel_and_velocity(stack, surface, velocity, solver)
     grid = surface.grid
     spectrum, q = to_spectrum(surface.heights), wavenumber(grid)
 

@@ -27,6 +27,7 @@ from ._checks import (
     numbers,
     short,
 )
+from ._memory import check_memory, surface_memory
 from .caveats import caveats_of_steps
 from .grid import (
     Grid,
@@ -140,8 +141,14 @@ def random_surface(
     if not isinstance(key, jax.Array | np.ndarray) or key.dtype in (np.float32, np.float64):
         seed = key if isinstance(key, int) else 0
         raise ValueError(f"`key={short(key)}` must be a random key: `jax.random.key({seed})`.")
+    check_memory("grid", grid.shape, _memory_in(grid), "a random surface")
     _check_band(spectrum, grid)
     return Surface(_synthesise(spectrum, grid, key, amplitudes == "gaussian"), grid)
+
+
+def _memory_in(grid: Grid):
+    """Bytes that a surface of a shape takes, in the dtype of the grid."""
+    return lambda shape: surface_memory(shape, grid.size.dtype.itemsize)
 
 
 def _check_band(spectrum: SelfAffine, grid: Grid) -> None:
@@ -344,6 +351,7 @@ def resample(surface: Surface, shape: int | tuple[int, ...]) -> Surface:
     grid = Grid(shape, surface.grid.size)
     if grid.shape == old:
         return surface
+    check_memory("shape", grid.shape, _memory_in(grid), "a surface")
     modes = resample_spectrum(to_spectrum(surface.heights), old, grid.shape)
     ratio = np.prod(grid.shape) / np.prod(old)
     nearest = np.ix_(

@@ -7,7 +7,7 @@ import pytest
 
 PACKAGE = Path(__file__).parents[1] / "graded_contact"
 ORDER = [
-    "_checks", "_fft", "caveats", "grid", "spectrum", "surface",
+    "_checks", "_fft", "_memory", "caveats", "grid", "spectrum", "surface",
     "scans/scan", "scans/text", "scans/road", "scans/library", "scans/holes", "topography",
     "rheology/shift", "rheology/measured", "rheology/creep", "rheology/material",
     "rheology/tabulated", "rheology/tabulated_shift", "rheology/library", "rheology/export",
@@ -29,7 +29,7 @@ ORDER = [
     "studies/interruption", "studies/output", "studies/store",
     "studies/parameters", "studies/objectives", "studies/evaluations",
     "studies/design", "studies/storage",
-    "studies/table", "studies/scene", "studies/design_scene", "studies/sweep",
+    "studies/table", "studies/scene", "studies/design_scene", "studies/cost", "studies/sweep",
     "reference", "plot", "cli", "__main__",
 ]  # fmt: skip
 # What a file or folder must not see although it comes before: contact gets a kernel, not layers.

@@ -23,6 +23,7 @@ from .._checks import (
     door,
     is_concrete,
 )
+from .._memory import check_memory, contact_memory
 from ..grid import half_shape
 from .douglas_rachford import DouglasRachford, Iterated, least_compliance, penalty_for
 from .implicit import Inputs, Prescribed, State, attach_gradient
@@ -162,6 +163,12 @@ def solve_contact(
         raise ValueError(f"`heights` has dtype {heights.dtype}; float32 or float64 is needed.")
     if heights.size == 0:
         raise ValueError(f"`heights` has shape {heights.shape}; points are needed.")
+    check_memory(
+        "heights",
+        heights.shape,
+        lambda shape: contact_memory(shape, heights.dtype.itemsize, history_of(solver)),
+        "a contact",
+    )
     check_values("heights", heights, "heights [m] must be finite")
     check_shape("kernel", kernel, half_shape(heights.shape))
     if is_concrete(kernel):
@@ -172,10 +179,6 @@ def solve_contact(
         check_positive("kernel.real", np.real(known), "[m/Pa] for every q but 0")
         check_values("kernel.imag", np.imag(known), "it must be finite")
     check_law(law)
-    if not isinstance(solver, DouglasRachford | ResidualDynamics):
-        raise ValueError(
-            f"`solver={solver!r}` must be `DouglasRachford()` or `ResidualDynamics()`."
-        )
     prescribed = _prescribed(pressure, mean_gap, law)
     if start is not None:
         start = as_float(start, "start")
@@ -191,6 +194,11 @@ def solve_contact(
     if throw:
         solution = solution.result.error_if(solution, solution.result != RESULTS.successful)
     return solution
+
+
+def history_of(solver: DouglasRachford | ResidualDynamics) -> int:
+    """Returns how many earlier iterates a solver keeps."""
+    return solver.memory if isinstance(solver, DouglasRachford) else 0
 
 
 def _prescribed(pressure, mean_gap, law) -> Prescribed:

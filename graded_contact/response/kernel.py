@@ -17,6 +17,7 @@ import numpy as np
 from jaxtyping import Array, Bool, Inexact
 
 from .._checks import Numbers, door, is_concrete
+from .._memory import check_memory, kernel_memory, num_numbers
 from ..grid import Grid, as_velocity, both_signs, even_on_nyquist, nyquist_lines, sliding_frequency
 from .compliance import compliance_of, is_graded, prepared
 from .grading import check_profiles, graded_tolerance
@@ -73,6 +74,13 @@ def attempted_kernel(
     Arguments as in `stack_kernel`. Where the tolerance of a graded layer was missed stands NaN.
     """
     velocity, rtol = _checked(stack, grid, velocity, rtol)
+    numbers, askew = num_numbers(stack), velocity.ndim > 0
+    check_memory(
+        "grid",
+        grid.shape,
+        lambda shape: kernel_memory(shape, grid.size.dtype.itemsize, numbers, askew),
+        "a kernel",
+    )
     if _is_dear(stack, grid) and velocity.ndim == 0:
         kernel, error = _interpolated_kernel(stack, grid, velocity, rtol)
         # NaN comes from a node that could not be solved; nor could its neighbours be.

@@ -18,8 +18,10 @@ that no one has designed for, and polishes it on others. Besides the tables of a
 """
 
 import dataclasses
+import math
 import os
 from collections.abc import Callable
+from functools import partial
 from pathlib import Path
 from typing import Any, NamedTuple
 
@@ -30,6 +32,7 @@ import numpy as np
 from jaxtyping import Array, Float
 
 from .._checks import Numbers, as_float, check_poisson, check_positive, check_values
+from .._memory import DERIVATIVE, check_memory
 from ..grid import Grid
 from ..persson.isotropic import LAST_COSINE
 from ..persson.mean_field import MeanField
@@ -42,7 +45,7 @@ from ..surface import Surface, random_surface
 from .design import Constraints, Design, Objective, minimise
 from .objectives import distance, friction_curve, loss_tangent, ripple
 from .parameters import paths, with_values
-from .scene import RandomSurface, Scene, build_surface, parse_scene
+from .scene import RandomSurface, Scene, build_surface, parse_scene, scene_memory
 from .table import Table, nearest, parse_toml, short, within
 
 KEYS = (
@@ -238,6 +241,11 @@ def run_design(study: Study, *, progress: Progress | None = None) -> DesignResul
     **Raises:** `ValueError` for bounds and limits that nothing satisfies, or a start outside the
     bounds; `RuntimeError` if a contact or the mean field is not solved to its tolerance.
     """
+    source = study.scene.surface
+    if study.verify and isinstance(source, RandomSurface):
+        with within("[grid]"):
+            needed = partial(design_memory, study)
+            check_memory("shape", source.grid.shape, needed, "this design")
     say = progress or (lambda text, done, total: None)
     own = study.scene.stack
     start = {path: paths(own)[path] for path in study.lower}
@@ -264,6 +272,13 @@ def run_design(study: Study, *, progress: Progress | None = None) -> DesignResul
         for name, verified in _verify(study, stacks, say).items()
     }
     return DesignResults(study, design, polished, candidates)
+
+
+def design_memory(study: Study, shape: tuple[int, ...]) -> float:
+    """Returns the bytes that the contacts of a study take on a grid of this shape."""
+    fields = 2 * study.verify + DERIVATIVE if study.polish else 1
+    scene = dataclasses.replace(study.scene, keep="none")
+    return scene_memory(scene, shape) + fields * math.prod(shape) * 8
 
 
 def report(results: DesignResults) -> str:

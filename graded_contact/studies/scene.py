@@ -25,8 +25,10 @@ radians; `KEYS` lists them. Paths are relative to the scene file.
 
 import dataclasses
 import hashlib
+import math
 import os
 from collections.abc import Callable
+from functools import partial
 from pathlib import Path
 from typing import Any, Literal, NamedTuple
 
@@ -36,6 +38,7 @@ import numpy as np
 from jaxtyping import Array, ArrayLike, Float
 
 from .._checks import as_float, check_positive, check_tolerance, check_values
+from .._memory import check_memory, check_points, num_numbers, sliding_memory
 from ..caveats import EXTRAPOLATED
 from ..contact.douglas_rachford import DouglasRachford
 from ..contact.observables import wave_frequencies
@@ -180,6 +183,7 @@ def parse_scene(text: str, folder: str | os.PathLike = ".") -> Scene:
         inputs.append(surface.path)
     pressure, velocity = load.values("pressure"), load.values("velocity")
     with within(load.place):
+        check_points("pressure` x `velocity", pressure.size * velocity.size)
         check_positive("pressure", pressure, "[Pa]")
         check_values("velocity", velocity, "a velocity [m/s] must be finite")
         direction = load.number("direction", 0.0)
@@ -226,10 +230,21 @@ def build_surface(scene: Scene) -> Surface:
     source = scene.surface
     with within("[surface]"):
         if isinstance(source, RandomSurface):
+            shape = source.grid.shape
+            needed = partial(scene_memory, scene)
+            check_memory("shape", shape, needed, "this scene")
             key = jax.random.key(source.seed)
             return random_surface(source.spectrum, source.grid, key, amplitudes=source.amplitudes)
         surface = read_surface(source.path, **source.arguments)
         return rescale(surface, **source.target) if source.target else surface
+
+
+def scene_memory(scene: Scene, shape: tuple[int, ...]) -> float:
+    """Returns the bytes that a scene takes with a surface of this shape, in double precision."""
+    kept = {"every": scene.pressure.size * scene.velocity.size, "last": 1, "none": 0}[scene.keep]
+    numbers, askew = num_numbers(scene.stack), scene.direction != 0
+    fields = (1 + len(FIELDS) * kept) * math.prod(shape) * 8  # the surface, and what is kept
+    return fields + sliding_memory(shape, 8, numbers, askew, scene.solver.memory)
 
 
 def run_scene(

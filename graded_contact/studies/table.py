@@ -12,6 +12,7 @@ import numpy as np
 from jaxtyping import Float
 
 from .._checks import check_positive, check_values
+from .._memory import check_points
 
 RANGE_KEYS = ("from", "to", "points")
 _REQUIRED = object()
@@ -112,6 +113,7 @@ class Table:
             check_positive("from", first, "(the spacing is logarithmic)")
             check_positive("to", last, "(the spacing is logarithmic)")
             check_values("points", points, "at least 2 points are needed", at_least=2)
+            check_points("points", points)
         return np.geomspace(first, last, points)
 
     def _typed(

@@ -1,0 +1,93 @@
+"""What a scene or a design will cost, told before it is run: memory, solves, seconds.
+
+Seconds are rough, right to a factor of some four: bodies differ in the transforms that they need,
+machines in the time of one. On two cores a transform forth and back, with all that goes with it,
+takes `PER_POINT` for each point of the grid.
+"""
+
+from typing import NamedTuple
+
+import numpy as np
+
+from .._memory import available_memory, in_gigabytes
+from .design_scene import POLISHING_STEPS, Study, design_memory
+from .scene import RandomSurface, Scene, build_surface, scene_memory
+
+PER_POINT = 25e-9  # s for each point of the grid and FFT pair
+PER_PAIR = 1e-4  # s besides
+PAIRS = 15  # for each digit of the pressure
+COMPILING = 20.0  # s
+PER_EVALUATION = 0.02  # s of the mean field at a velocity, with its derivatives
+EVALUATIONS = 30  # of a start
+EVALUATIONS_A_STEP = 1.5  # of polishing, each with a derivative, which takes another solve
+
+
+class Cost(NamedTuple):
+    """What to expect.
+
+    **Fields:**
+
+    - `shape`: of the grid.
+    - `memory`: at the peak [bytes].
+    - `num_solves`: contacts solved, those for derivatives included.
+    - `seconds`: roughly, all solves and compilation included.
+    """
+
+    shape: tuple[int, ...]
+    memory: float
+    num_solves: int
+    seconds: float
+
+    def report(self) -> str:
+        """Returns the cost as text."""
+        free = available_memory()
+        beside = "" if free is None else f", {in_gigabytes(free)} are free"
+        return (
+            f"{'grid':22} {' x '.join(map(str, self.shape))} points\n"
+            f"{'memory':22} about {in_gigabytes(self.memory)}{beside}\n"
+            f"{'contact solves':22} {self.num_solves}\n"
+            f"{'time':22} about {_span(self.seconds)} on two cores, give or take a factor of four"
+        )
+
+
+def scene_cost(scene: Scene) -> Cost:
+    """Returns what running a scene will cost; a surface from a file is read for its shape."""
+    shape = _shape(scene)
+    num_solves = scene.pressure.size * scene.velocity.size
+    seconds = COMPILING + num_solves * _seconds(scene, shape)
+    return Cost(shape, scene_memory(scene, shape), num_solves, seconds)
+
+
+def design_cost(study: Study) -> Cost:
+    """Returns what a design will cost, as `scene_cost` does."""
+    scene, verify, num_velocities = study.scene, study.verify, study.scene.velocity.size
+    seconds = COMPILING + study.starts * EVALUATIONS * num_velocities * PER_EVALUATION
+    if not verify:
+        return Cost(_shape(scene), 0.0, 0, seconds)
+    shape = _shape(scene)
+    num_solves = verify * num_velocities * (3 if study.polish else 2)
+    if study.polish:
+        evaluations = 1 + 2 * EVALUATIONS_A_STEP * POLISHING_STEPS
+        num_solves += int(verify * num_velocities * evaluations)
+    seconds += COMPILING * (1 + 2 * study.polish) + num_solves * _seconds(scene, shape)
+    return Cost(shape, design_memory(study, shape), num_solves, seconds)
+
+
+def _shape(scene: Scene) -> tuple[int, ...]:
+    source = scene.surface
+    if isinstance(source, RandomSurface):
+        return source.grid.shape
+    return build_surface(scene).grid.shape
+
+
+def _seconds(scene: Scene, shape: tuple[int, ...]) -> float:
+    """Of one solve."""
+    pairs = -PAIRS * np.log10(scene.rtol)
+    return float(pairs * (PER_PAIR + PER_POINT * np.prod(shape, dtype=float)))
+
+
+def _span(seconds: float) -> str:
+    for unit, length in (("days", 86400), ("hours", 3600), ("minutes", 60)):
+        if seconds >= 2 * length:
+            return f"{seconds / length:.2g} {unit}"
+    return f"{seconds:.2g} s"
