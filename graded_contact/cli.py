@@ -132,12 +132,13 @@ def run(
     """
     _prepare()
     from .studies.cost import scene_cost
-    from .studies.scene import read_scene
+    from .studies.scene import check_scene, read_scene
 
     with _refusing():
         scene = read_scene(scene_file)
         if dry_run:
             typer.echo(scene_cost(scene).report())
+            check_scene(scene)
             return
     folder = output or scene.directory or Path(f"{scene_file.stem}-results")
     _run(scene, folder, scene.name or scene_file.stem, replace)
@@ -309,36 +310,64 @@ def design(
         Path, typer.Argument(metavar="SCENE.toml", help="The scene.", show_default=False)
     ],
     output: Output = None,
+    dry_run: DryRun = False,
 ) -> None:
-    r"""Designs the block of a scene with a table \[design]: prints it before and after."""
+    r"""Designs the block of a scene with a table \[design]: prints it before and after.
+
+    Each evaluation and each verified surface is kept: after an interruption the same command goes
+    on from there.
+    """
     _prepare()
     from .plot import plot_design
-    from .studies.design_scene import designed_values, missed, read_design, report, run_design
+    from .studies.cost import design_cost
+    from .studies.design_scene import (
+        check_design,
+        designed_values,
+        missed,
+        read_design,
+        report,
+        run_design,
+    )
     from .studies.interruption import Interrupted, interruptible
+    from .studies.output import check_folder, check_name, folder_path
+    from .studies.store import Store
 
-    with _refusing():
+    with _refusing(), interruptible() as interruption:
         study = read_design(scene_file)
+        if dry_run:
+            typer.echo(design_cost(study).report())
+            check_design(study)
+            return
         folder = output or study.scene.directory or Path(f"{scene_file.stem}-results")
-        folder.mkdir(parents=True, exist_ok=True)
+        name = f"{study.scene.name or scene_file.stem}-design"
+        check_name(name)
+        folder = folder_path(str(folder))
+        check_folder(folder)
         if study.scene.title:
             typer.echo(study.scene.title)
         try:
-            with interruptible() as interruption, _progress(interruption) as advance:
-                results = run_design(study, progress=advance)
+            with (
+                Store(folder / f"{name}.points") as store,
+                _progress(interruption) as advance,
+            ):
+                results = run_design(study, store=store, progress=advance)
+            text = report(results)
+            typer.echo(f"\n{text}\n")
+            stem = folder / name
+            values = json.dumps(designed_values(results), indent=2) + "\n"
+            for suffix, content in (("json", values), ("txt", f"{text}\n")):
+                Path(f"{stem}.{suffix}").write_text(content, encoding="utf-8")
+                typer.echo(f"wrote {stem}.{suffix}")
+            interruption.check()
+            plot_design(results).savefig(f"{stem}.png")
+            typer.echo(f"wrote {stem}.png")
         except Interrupted:
+            typer.echo("Interrupted: the same command goes on from here.", err=True)
             raise typer.Exit(interruption.exit_code) from None
         except RuntimeError as error:  # the reason, without the traceback in it
             reason = str(error).rpartition("RuntimeError: ")[2].partition("\n\n")[0]
             typer.secho(f"Error: {reason}", fg="red", err=True)
             raise typer.Exit(1) from error
-        text = report(results)
-        typer.echo(f"\n{text}\n")
-        stem = folder / f"{study.scene.name or scene_file.stem}-design"
-        plot_design(results).savefig(f"{stem}.png")
-        Path(f"{stem}.json").write_text(json.dumps(designed_values(results), indent=2) + "\n")
-        Path(f"{stem}.txt").write_text(text + "\n", encoding="utf-8")
-        for suffix in ("json", "txt", "png"):
-            typer.echo(f"wrote {stem}.{suffix}")
     for sentence in missed(results):
         typer.secho(f"Warning: {sentence}", fg="red", err=True)
     if missed(results) or not results.design.converged:

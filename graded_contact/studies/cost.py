@@ -10,7 +10,7 @@ from typing import NamedTuple
 import numpy as np
 
 from .._memory import available_memory, in_gigabytes
-from .design_scene import POLISHING_STEPS, Study, design_memory
+from .design_scene import POLISHING, Study, design_memory
 from .scene import RandomSurface, Scene, build_surface, scene_memory
 
 PER_POINT = 25e-9  # s for each point of the grid and FFT pair
@@ -19,7 +19,6 @@ PAIRS = 15  # for each digit of the pressure
 COMPILING = 20.0  # s
 PER_EVALUATION = 0.02  # s of the mean field at a velocity, with its derivatives
 EVALUATIONS = 30  # of a start
-EVALUATIONS_A_STEP = 1.5  # of polishing, each with a derivative, which takes another solve
 
 
 class Cost(NamedTuple):
@@ -67,8 +66,8 @@ def design_cost(study: Study) -> Cost:
     shape = _shape(scene)
     num_solves = verify * num_velocities * (3 if study.polish else 2)
     if study.polish:
-        evaluations = 1 + 2 * EVALUATIONS_A_STEP * POLISHING_STEPS
-        num_solves += int(verify * num_velocities * evaluations)
+        # Before, and each evaluation with a derivative, which takes another solve.
+        num_solves += verify * num_velocities * (1 + 2 * POLISHING)
     seconds += COMPILING * (1 + 2 * study.polish) + num_solves * _seconds(scene, shape)
     return Cost(shape, design_memory(study, shape), num_solves, seconds)
 

@@ -9,6 +9,7 @@ in what is returned, by a margin of 1e-8: write them relative, such as 1 - total
 import dataclasses
 import functools
 from collections.abc import Callable, Sequence
+from functools import partial
 from pathlib import Path
 from typing import Any, NamedTuple
 
@@ -115,7 +116,8 @@ def minimise(
     - `max_steps`: of a run.
     - `store`: a file that keeps every evaluation at once: a call that was cut off, called again,
       repeats its steps from there and goes on. Other bounds, starts and tolerances may share it.
-    - `progress`: called with the number of the start and the value after each step.
+    - `progress`: called with the number of the start and the value after each evaluation; what it
+      raises ends the search.
 
     **Raises:** `ValueError` for bounds that are refused, for an objective or constraint that is
     not finite (naming the parameters), if no start satisfies the constraints, and for a `store`
@@ -136,8 +138,9 @@ def minimise(
     size = np.median([abs(problem.evaluate(x, proven=True).value) for x in starts])
     runs = []
     for i, x in enumerate(starts):
-        report = None if progress is None else lambda value, i=i: progress(i, value)
-        runs.append(problem.run(x, size, tolerance, max_steps, report))
+        if progress is not None:
+            problem.tell = partial(progress, i)
+        runs.append(problem.run(x, size, tolerance, max_steps))
         problem.evaluate(np.array(runs[-1].parameters), proven=True)
     feasible = [run for run in runs if run.feasible]
     if not feasible:
@@ -281,6 +284,7 @@ class _Problem:
     def __init__(self, objective, constraints, low, high, unravel, kept):
         self.low, self.high, self.unravel, self.kept = low, high, unravel, kept
         self.span = np.log(high / low)
+        self.tell: Callable[[float], None] = lambda _: None
         self.constrained = constraints is not None
 
         def limits(x):
@@ -318,11 +322,12 @@ class _Problem:
             x = self.parameters(u)
             value, limits, slope, slopes = self.evaluate(x)
             self.count += 1
+            self.tell(value)
             scale = self.span * x
             self.last = (np.array(u), value, limits, slope * scale, slopes * scale)
         return self.last
 
-    def run(self, start, size, tolerance, max_steps, progress):
+    def run(self, start, size, tolerance, max_steps):
         u = np.log(start / self.low) / np.where(self.span > 0, self.span, 1)
         self.count, self.last, self.start, self.origin = 0, None, start, u
         # The first step goes along the gradient, as far as that is large: not through the cube.
@@ -340,8 +345,6 @@ class _Problem:
         def after_step(u):
             history.append(self.at(u)[1])
             seen(u)
-            if progress is not None:
-                progress(history[-1])
 
         seen(u)
         limits = {

@@ -46,6 +46,8 @@ from .design import Constraints, Design, Objective, minimise
 from .objectives import distance, friction_curve, loss_tangent, ripple
 from .parameters import paths, with_values
 from .scene import RandomSurface, Scene, build_surface, parse_scene, scene_memory
+from .storage import package_versions
+from .store import Point, Store, fingerprint
 from .table import Table, nearest, parse_toml, short, within
 
 KEYS = (
@@ -60,6 +62,7 @@ OBJECTIVES = {
     "flat_loss_tangent": ("q_from", "q_to"),
 }
 POLISHING_STEPS = 6
+POLISHING = 10  # evaluations, about
 CURVE_POINTS = 41
 WAVES = 65  # of a band whose loss tangent is to be flat
 
@@ -217,10 +220,20 @@ def mean_field_problem(study: Study) -> tuple[Objective, Constraints | None]:
     return objective, _constraints(study)
 
 
-def contact_problem(study: Study) -> tuple[Objective, Constraints | None]:
-    """Returns the same of the friction by contact, meaned over the surfaces for polishing."""
-    stack, heights = study.scene.stack, _draw(study)[study.verify :]
-    before = np.mean([_contact(study, stack, h)[0] for h in heights], axis=0)
+def contact_problem(
+    study: Study, *, store: Store | None = None, progress: Progress | None = None
+) -> tuple[Objective, Constraints | None]:
+    """Returns the same of the friction by contact, meaned over the surfaces for polishing.
+
+    `store` and `progress` are as in `run_design`.
+    """
+    stack, say = study.scene.stack, progress or _silent
+    fields, friction_before = [], []
+    for i in range(study.verify):
+        say("polish, before", i, study.verify)
+        fields.append(_heights(study, study.verify + i))
+        friction_before.append(_kept_contact(study, stack, fields[-1], store)[0])
+    heights, before = jnp.stack(fields), np.mean(friction_before, axis=0)
 
     def objective(values: Values) -> Float[Array, ""]:
         changed = with_values(stack, values)
@@ -230,23 +243,24 @@ def contact_problem(study: Study) -> tuple[Objective, Constraints | None]:
     return objective, _constraints(study)
 
 
-def run_design(study: Study, *, progress: Progress | None = None) -> DesignResults:
+def run_design(
+    study: Study, *, store: Store | None = None, progress: Progress | None = None
+) -> DesignResults:
     """Returns the design that a study asks for, and what verifies it.
 
     **Arguments:**
 
     - `study`: what to design.
-    - `progress`: called with what is being done, and how much of how much is done.
+    - `store`: keeps every evaluation and every verified surface at once: the same study goes on
+      from there, another one shares what it has in common with it.
+    - `progress`: called with what is being done, and how much of how much is done, after every
+      evaluation and solve; what it raises ends the design.
 
     **Raises:** `ValueError` for bounds and limits that nothing satisfies, or a start outside the
     bounds; `RuntimeError` if a contact or the mean field is not solved to its tolerance.
     """
-    source = study.scene.surface
-    if study.verify and isinstance(source, RandomSurface):
-        with within("[grid]"):
-            needed = partial(design_memory, study)
-            check_memory("shape", source.grid.shape, needed, "this design")
-    say = progress or (lambda text, done, total: None)
+    check_design(study)
+    say = progress or _silent
     own = study.scene.stack
     start = {path: paths(own)[path] for path in study.lower}
     with within("[design]"):
@@ -259,17 +273,18 @@ def run_design(study: Study, *, progress: Progress | None = None) -> DesignResul
             constraints=constraints,
             num_starts=study.starts,
             seed=study.seed,
+            store=_evaluations(study, store, "mean-field", study.spectrum),
             progress=lambda i, value: say(f"design, value {value:.4g}", i, study.starts),
         )
     stacks = {"before": own, "designed": with_values(own, design.parameters)}
     say("design", study.starts, study.starts)
     polished = None
     if study.polish:
-        polished = _polish(study, design, say)
+        polished = _polish(study, design, store, say)
         stacks["polished"] = with_values(own, polished.parameters)
     candidates = {
         name: Candidate(stacks[name], _mean_field(study, stacks[name]), *verified)
-        for name, verified in _verify(study, stacks, say).items()
+        for name, verified in _verify(study, stacks, store, say).items()
     }
     return DesignResults(study, design, polished, candidates)
 
@@ -279,6 +294,15 @@ def design_memory(study: Study, shape: tuple[int, ...]) -> float:
     fields = 2 * study.verify + DERIVATIVE if study.polish else 1
     scene = dataclasses.replace(study.scene, keep="none")
     return scene_memory(scene, shape) + fields * math.prod(shape) * 8
+
+
+def check_design(study: Study) -> None:
+    """Raises `ValueError` if the contacts of a study need more memory than there is."""
+    source = study.scene.surface
+    if study.verify and isinstance(source, RandomSurface):
+        with within("[grid]"):
+            needed = partial(design_memory, study)
+            check_memory("shape", source.grid.shape, needed, "this design")
 
 
 def report(results: DesignResults) -> str:
@@ -441,14 +465,46 @@ def _total(stack: Stack) -> Float[Array, ""]:
     return sum((layer.thickness for layer in stack.layers), start=jnp.zeros(()))
 
 
-def _draw(study: Study) -> Float[Array, "surfaces nx ny"]:
-    """Heights of the surfaces for verification, then of those for polishing."""
+def _silent(text: str, done: int, total: int) -> None:
+    """Says nothing of the progress."""
+
+
+def _heights(study: Study, index: int) -> Float[Array, "nx ny"]:
+    """Heights of one of the surfaces for verification, or after these of one for polishing."""
     source = study.scene.surface
     assert isinstance(source, RandomSurface)
-    keys = jax.random.split(jax.random.key(source.seed), 2 * study.verify)
-    options = {"amplitudes": source.amplitudes}
-    surfaces = [random_surface(source.spectrum, source.grid, key, **options) for key in keys]
-    return jnp.stack([surface.heights for surface in surfaces])
+    key = jax.random.split(jax.random.key(source.seed), 2 * study.verify)[index]
+    return random_surface(source.spectrum, source.grid, key, amplitudes=source.amplitudes).heights
+
+
+def _evaluations(study: Study, store: Store | None, kind: str, *decides: Any) -> Path | None:
+    """The file for the evaluations of a search, named by all that decides their values."""
+    if store is None:
+        return None
+    scene = study.scene
+    name = fingerprint(
+        package_versions(), scene.stack, scene.pressure, scene.velocity, study.objective,
+        study.wanted, study.relative, study.band, study.stiffness, study.total_thickness,
+        sorted(study.lower), *decides,
+    )  # fmt: skip
+    return store.folder / f"{kind}-{name[:16]}.jsonl"
+
+
+def _kept_contact(
+    study: Study, stack: Stack, heights: Array, store: Store | None
+) -> tuple[np.ndarray, np.ndarray]:
+    """Friction and area of a stack on a surface, from the store or for it."""
+    scene = study.scene
+    parts = (stack, heights, scene.pressure, scene.velocity, scene.solver, scene.rtol)
+    assert isinstance(scene.surface, RandomSurface)
+    name = fingerprint(package_versions(), "friction and area", scene.surface.grid, *parts)
+    kept = None if store is None else store.read(name)
+    if kept is None:
+        friction, area = map(np.asarray, _contact(study, stack, heights))
+        kept = Point({"friction": friction, "contact_area": area}, "", {})
+        if store is not None:
+            store.write(name, kept)
+    return kept.values["friction"], kept.values["contact_area"]
 
 
 @eqx.filter_jit
@@ -472,17 +528,19 @@ def _contact(study: Study, stack: Stack, heights: Array) -> tuple[Array, Array]:
     return jax.lax.map(one, jnp.asarray(scene.velocity))
 
 
-def _polish(study: Study, design: Design, say: Progress) -> Design:
+def _polish(study: Study, design: Design, store: Store | None, say: Progress) -> Design:
     """A few steps from the design, by the contact solver's gradients."""
     done = 0
 
-    def after_step(_: int, value: float) -> None:
+    def after_evaluation(_: int, value: float) -> None:
         nonlocal done
         done += 1
-        say(f"polish, value {value:.4g}", done, POLISHING_STEPS)
+        say(f"polish, value {value:.4g}", min(done, POLISHING), POLISHING)
 
-    say("polish", 0, POLISHING_STEPS)
-    objective, constraints = contact_problem(study)
+    objective, constraints = contact_problem(study, store=store, progress=say)
+    scene = study.scene
+    decides = (scene.surface, study.verify, scene.solver, scene.rtol)
+    say("polish", 0, POLISHING)
     polished = minimise(
         objective,
         study.lower,
@@ -491,14 +549,15 @@ def _polish(study: Study, design: Design, say: Progress) -> Design:
         constraints=constraints,
         num_starts=1,
         max_steps=POLISHING_STEPS,
-        progress=after_step,
+        store=_evaluations(study, store, "polish", *decides),
+        progress=after_evaluation,
     )
-    say("polish", POLISHING_STEPS, POLISHING_STEPS)
+    say("polish", POLISHING, POLISHING)
     return polished
 
 
 def _verify(
-    study: Study, stacks: dict[str, Stack], say: Progress
+    study: Study, stacks: dict[str, Stack], store: Store | None, say: Progress
 ) -> dict[str, tuple[np.ndarray, np.ndarray]]:
     """Friction and area by contact of each stack, on surfaces that no polishing has seen."""
     empty = np.zeros((0, len(study.scene.velocity)))
@@ -507,8 +566,8 @@ def _verify(
     found, total = {}, study.verify * len(stacks)
     for name, stack in stacks.items():
         pairs = []
-        for heights in _draw(study)[: study.verify]:
-            pairs.append(_contact(study, stack, heights))
+        for i in range(study.verify):
+            pairs.append(_kept_contact(study, stack, _heights(study, i), store))
             say("contact", len(found) * study.verify + len(pairs), total)
         friction, area = (np.stack(parts) for parts in zip(*pairs, strict=True))
         found[name] = (friction, area)

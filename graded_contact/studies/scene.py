@@ -228,11 +228,9 @@ def parse_scene(text: str, folder: str | os.PathLike = ".") -> Scene:
 def build_surface(scene: Scene) -> Surface:
     """Returns the surface of a scene, drawn or read from its file."""
     source = scene.surface
+    check_scene(scene)
     with within("[surface]"):
         if isinstance(source, RandomSurface):
-            shape = source.grid.shape
-            needed = partial(scene_memory, scene)
-            check_memory("shape", shape, needed, "this scene")
             key = jax.random.key(source.seed)
             return random_surface(source.spectrum, source.grid, key, amplitudes=source.amplitudes)
         surface = read_surface(source.path, **source.arguments)
@@ -245,6 +243,14 @@ def scene_memory(scene: Scene, shape: tuple[int, ...]) -> float:
     numbers, askew = num_numbers(scene.stack), scene.direction != 0
     fields = (1 + len(FIELDS) * kept) * math.prod(shape) * 8  # the surface, and what is kept
     return fields + sliding_memory(shape, 8, numbers, askew, scene.solver.memory)
+
+
+def check_scene(scene: Scene) -> None:
+    """Raises `ValueError` if a scene with a random surface needs more memory than there is."""
+    if isinstance(scene.surface, RandomSurface):
+        with within("[grid]"):
+            needed = partial(scene_memory, scene)
+            check_memory("shape", scene.surface.grid.shape, needed, "this scene")
 
 
 def run_scene(

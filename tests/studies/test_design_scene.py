@@ -27,7 +27,9 @@ from graded_contact.studies.design_scene import (
     report,
     run_design,
 )
+from graded_contact.studies.interruption import Interrupted
 from graded_contact.studies.parameters import with_values
+from graded_contact.studies.store import Store
 
 SCENE = """
 [surface]
@@ -107,7 +109,8 @@ def designed(ran):
 def test_the_command_writes_a_table_values_and_a_figure(ran):
     folder, printed = ran
     names = ["coat-design.json", "coat-design.png", "coat-design.txt"]
-    assert sorted(path.name for path in folder.iterdir()) == names
+    assert sorted(path.name for path in folder.iterdir() if path.is_file()) == names
+    assert (folder / "coat-design.points").is_dir()
     assert all(f"wrote {folder / name}" in printed for name in names)
     text = (folder / "coat-design.txt").read_text(encoding="utf-8")
     assert text in printed
@@ -132,6 +135,30 @@ def test_the_command_ends_with_a_code_and_one_line(tmp_path, monkeypatch, text, 
     result = CliRunner().invoke(cli.app, arguments)
     assert result.exit_code == code
     assert reason in result.stderr and "How to" not in result.output
+
+
+@pytest.mark.slow
+def test_a_design_goes_on_from_where_it_was_interrupted(ran, tmp_path):
+    """To the same bits; whatever of it was finished is not done again."""
+    study, at = parse_design(SCENE), []
+
+    def until(text, count):
+        def say(said, *_):
+            at.append(said)
+            if said.startswith(text) and at.count(said) + len(at) > count:
+                raise Interrupted
+
+        return say
+
+    with Store(tmp_path / "points") as store:
+        for text in ("design, value", "polish, before", "polish, value", "contact"):
+            with pytest.raises(Interrupted):
+                run_design(study, store=store, progress=until(text, 8))
+        kept = sorted(path.name for path in store.folder.glob("*.h5"))
+        assert len(kept) >= 3  # two surfaces before the polish, one of the verification
+        results = run_design(study, store=store)
+    values = json.loads((ran[0] / "coat-design.json").read_text())
+    assert design_scene.designed_values(results) == values
 
 
 def test_limits_hold_for_the_written_stack(designed):
