@@ -183,7 +183,7 @@ def check_positive(name: str, value: ArrayLike, unit: str) -> None:
     if is_concrete(value):
         array = np.asarray(value)
         kind = array.dtype if np.issubdtype(array.dtype, np.floating) else np.float64
-        least = np.finfo(kind).tiny
+        least = float(np.finfo(kind).tiny)
         check_values(name, array, f"it must be a positive number {unit}", at_least=least)
 
 

@@ -36,12 +36,12 @@ class Grid(eqx.Module):
     def __init__(self, shape: int | tuple[int, ...], size: Numbers):
         counts = tuple(shape) if isinstance(shape, Sequence | np.ndarray) else (shape,)
         if len(counts) not in (1, 2) or not all(
-            isinstance(n, int | np.integer) and not isinstance(n, bool) and 4 <= n < 2**31
+            isinstance(n, int | np.integer) and not isinstance(n, bool) and 4 <= n < 2**48
             for n in counts
         ):
             raise ValueError(
                 f"`shape={short(shape)}` is refused: one or two whole numbers of at least 4 (and "
-                "below 2^31) are needed."
+                "below 2^48) are needed."
             )
         self.shape = tuple(int(n) for n in counts)
         edges = as_float(size, "size")

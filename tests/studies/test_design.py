@@ -216,7 +216,7 @@ def test_a_coat_gives_the_friction_asked_for():
         ({"lower": {}, "upper": {}}, "no parameter"),
         ({"start": {"a": 30.0}}, "`start` has a = 30, not between"),
         ({"start": {"b": 1.0}}, "nesting of `lower`"),
-        ({"num_starts": 0}, "`num_starts=0` must be at least 1"),
+        ({"num_starts": 0}, "`num_starts=0` must be a whole number, at least 1"),
         ({"constraints": lambda p: p["a"] - 20}, "No start of 2 satisfies `constraints`.*10"),
         ({"objective": lambda p: jnp.log(p["a"] - 5)}, "`objective` is nan at a = 1"),
         ({"objective": lambda p: jnp.sqrt(jnp.abs(p["a"] - 1))}, "derivative is not finite at a"),
