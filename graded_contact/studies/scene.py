@@ -5,8 +5,8 @@ radians; `KEYS` lists them. Paths are relative to the scene file.
 
     [surface]             kind = "self_affine": the fields of `SelfAffine` (`q_low` is 2π over the
                           longest edge unless given), `roll_off`, `seed`, `amplitudes`, and a
-                          table [grid] with `shape` and `size`; or kind = "file": the arguments of `read_surface`, and
-                          `rms_height` or `rms_slope` to rescale to
+                          table [grid] with `shape` and `size`; or kind = "file": the arguments of
+                          `read_surface`, and `rms_height` or `rms_slope` to rescale to
     [materials.NAME]      kind = "elastic", "prony", "prony_creep", "tabulated" or "tyre_tread"; the
                           two series may have `measured` = {omega = [lowest, highest], temperature =
                           [lowest, highest]}, where they follow data
