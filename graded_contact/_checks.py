@@ -78,6 +78,17 @@ def scalar(name: str) -> Callable[[Any], Float[Array, ""]]:
     return functools.partial(as_scalar, name=name)
 
 
+def instance(name: str, kind: type, words: str) -> Callable[[Any], Any]:
+    """Returns the converter of a field that holds an object of one class, in `words`."""
+
+    def convert(value: Any) -> Any:
+        if not isinstance(value, kind):
+            raise ValueError(f"`{name}={short(value)}` must be {words}.")
+        return value
+
+    return convert
+
+
 def is_concrete(value: Any) -> bool:
     """Returns whether the numbers in `value` are known now (not being traced)."""
     return not isinstance(value, Tracer)

@@ -14,7 +14,15 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float
 
-from .._checks import as_float, check_positive, check_values, is_concrete, numbers, scalar, short
+from .._checks import (
+    as_float,
+    check_positive,
+    check_values,
+    instance,
+    is_concrete,
+    numbers,
+    scalar,
+)
 from ..rheology.tabulated import monotone_cubic
 
 
@@ -28,15 +36,7 @@ class AbstractShape(eqx.Module):
 
 def shape_called(name: str) -> Callable[[Any], AbstractShape]:
     """Returns the converter of a field that holds a shape."""
-
-    def convert(value: Any) -> AbstractShape:
-        if not isinstance(value, AbstractShape):
-            raise ValueError(
-                f"`{name}={short(value)}` must be a shape, such as `Linear()` or `PowerLaw(2.0)`."
-            )
-        return value
-
-    return convert
+    return instance(name, AbstractShape, "a shape, such as `Linear()` or `PowerLaw(2.0)`")
 
 
 class Linear(AbstractShape):

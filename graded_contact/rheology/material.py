@@ -9,7 +9,6 @@ form is also the paper's (Scaraggi & Comingio, eq. prony, with its misprinted in
 """
 
 import abc
-import functools
 from collections.abc import Callable
 from typing import Any
 
@@ -28,10 +27,10 @@ from .._checks import (
     check_positive,
     check_type,
     check_values,
+    instance,
     is_concrete,
     numbers,
     scalar,
-    short,
 )
 from .creep import creep_from_relaxation, relaxation_from_creep
 from .measured import MeasuredRange
@@ -56,15 +55,7 @@ class AbstractMaterial(eqx.Module):
 
 def material_called(name: str) -> Callable[[Any], AbstractMaterial]:
     """Returns the converter of a field that holds a material."""
-
-    def convert(value: Any) -> AbstractMaterial:
-        if not isinstance(value, AbstractMaterial):
-            raise ValueError(
-                f"`{name}={short(value)}` must be a material, such as `Elastic(modulus, poisson)`."
-            )
-        return value
-
-    return convert
+    return instance(name, AbstractMaterial, "a material, such as `Elastic(modulus, poisson)`")
 
 
 class Elastic(AbstractMaterial):
@@ -229,13 +220,9 @@ class Prony(AbstractMaterial):
         """Refuses nothing: a series has a modulus at every frequency."""
 
 
-def _as_part(material: Any, name: str) -> AbstractMaterial:
-    if not isinstance(material, AbstractMaterial):
-        raise ValueError(
-            f"`{name}={material!r}` must be a material whose `modulus` is read as the {name} "
-            "modulus, such as `Elastic(2e9)`."
-        )
-    return material
+def _part_called(name: str) -> Callable[[Any], AbstractMaterial]:
+    words = f"a material whose `modulus` is read as the {name} modulus, such as `Elastic(2e9)`"
+    return instance(name, AbstractMaterial, words)
 
 
 class BulkShear(AbstractMaterial):
@@ -262,8 +249,8 @@ class BulkShear(AbstractMaterial):
     - `shear`: likewise for G(ω) [Pa].
     """
 
-    bulk: AbstractMaterial = eqx.field(converter=functools.partial(_as_part, name="bulk"))
-    shear: AbstractMaterial = eqx.field(converter=functools.partial(_as_part, name="shear"))
+    bulk: AbstractMaterial = eqx.field(converter=_part_called("bulk"))
+    shear: AbstractMaterial = eqx.field(converter=_part_called("shear"))
 
     def modulus(self, omega: Numbers) -> Inexact[Array, "*w"]:
         shear, ratio = self._shear_and_ratio(omega)
