@@ -26,7 +26,7 @@ from jaxtyping import Float
 from ..caveats import Caveat, caveats_of
 from ..grid import Grid
 from ..surface import Step, Surface
-from .store import fingerprint, replacing
+from .store import SEAL, is_sealed, replacing, seal
 
 FORMAT = "graded_contact results 2"
 NOT_STARTED = "not started"
@@ -170,8 +170,10 @@ def package_versions() -> dict[str, str]:
 
 def write_results(path: str | os.PathLike, results: Results) -> None:
     """Writes results to an HDF5 file; an earlier one is replaced once the new one is complete."""
-    with replacing(path) as partial, h5py.File(partial, "w-", track_order=True) as file:
-        _write(file, results)
+    with replacing(path) as partial:
+        with h5py.File(partial, "w-", userblock_size=SEAL, track_order=True) as file:
+            _write(file, results)
+        seal(partial)
 
 
 def read_results(path: str | os.PathLike) -> Results:
@@ -202,6 +204,8 @@ def _opened(path: str | os.PathLike) -> Iterator[Any]:
     if not path.exists():
         raise FileNotFoundError(f"`path={path}` does not exist.")
     try:
+        if not is_sealed(path):
+            raise ValueError("it was damaged or changed, or written by another program")
         with h5py.File(path) as file:
             if str(file.attrs.get("format")) != FORMAT:
                 raise ValueError(f"it does not say that it holds {FORMAT!r}")
@@ -257,8 +261,6 @@ def _put(group: h5py.Group, name: str, values: np.ndarray, about: Quantity) -> N
             name, data=values, compression="gzip", shuffle=True, fletcher32=True
         )
     dataset.attrs["units"], dataset.attrs["description"] = about.unit, about.description
-    # HDF5's own checksum does not see damage to what says where the numbers are.
-    dataset.attrs["digest"] = fingerprint(values)
     if about.dimensions == (name,):
         dataset.make_scale(name)
         return
@@ -316,7 +318,7 @@ def _read_array(dataset: Any) -> np.ndarray:
     _check_stored(dataset)
     if dataset.dtype.kind != "f":
         raise ValueError(f"{dataset.name} holds {dataset.dtype} instead of numbers")
-    return _unchanged(dataset, np.asarray(dataset[()]))
+    return np.asarray(dataset[()])
 
 
 def _read_texts(dataset: Any) -> np.ndarray:
@@ -324,13 +326,7 @@ def _read_texts(dataset: Any) -> np.ndarray:
     _check_stored(dataset)
     if h5py.check_string_dtype(dataset.dtype) is None:
         raise ValueError(f"{dataset.name} holds {dataset.dtype} instead of texts")
-    return _unchanged(dataset, np.asarray(dataset.asstr()[()]).astype(str))
-
-
-def _unchanged(dataset: Any, values: np.ndarray) -> np.ndarray:
-    if str(dataset.attrs.get("digest")) != fingerprint(values):
-        raise ValueError(f"{dataset.name} was changed after it was written")
-    return values
+    return np.asarray(dataset.asstr()[()]).astype(str)
 
 
 def _check_stored(dataset: Any) -> None:

@@ -23,7 +23,7 @@ import h5py
 import jax
 import numpy as np
 
-HEADER = 512  # bytes before those of HDF5, the least that it allows
+SEAL = 512  # bytes before those of HDF5, the least that it allows
 
 
 def fingerprint(*parts: Any) -> str:
@@ -117,11 +117,10 @@ class Store:
         path = self.path(name)
         if not path.exists():
             return None
-        image = path.read_bytes()
-        if image[:HEADER] != _header(name, image[HEADER:]):
+        if not is_sealed(path, name):
             self.damaged.append(path)
             return None
-        with h5py.File(io.BytesIO(image)) as file:
+        with h5py.File(path) as file:
             arrays: Any = file.get("values", {})
             return Point(
                 values={key: np.asarray(array[()]) for key, array in arrays.items()},
@@ -136,14 +135,38 @@ class Store:
         """
         # Made in memory: HDF5 is not to meet a full disk in the middle of its own bookkeeping.
         image = io.BytesIO()
-        with h5py.File(image, "w", userblock_size=HEADER, track_order=True) as file:
+        with h5py.File(image, "w", userblock_size=SEAL, track_order=True) as file:
             file.attrs["message"] = point.message
             file.create_group("inputs", track_order=True).attrs.update(point.inputs)
             for key, values in point.values.items():
                 file[f"values/{key}"] = values
-        content = image.getvalue()[HEADER:]
         with replacing(self.path(name)) as partial:
-            partial.write_bytes(_header(name, content) + content)
+            partial.write_bytes(image.getvalue())
+            seal(partial, name)
+
+
+def seal(path: str | os.PathLike, name: str = "") -> None:
+    """Writes a digest of an HDF5 file into its first `SEAL` bytes, which must be its user block.
+
+    HDF5 leaves them to us. It may hang or return other numbers where a file is damaged: look with
+    `is_sealed` before it opens one.
+    """
+    with open(path, "rb+") as file:
+        header = _header(file, name)
+        file.seek(0)
+        file.write(header)
+
+
+def is_sealed(path: str | os.PathLike, name: str = "") -> bool:
+    """Returns whether a file is, byte for byte, what was sealed under this name."""
+    with open(path, "rb") as file:
+        return file.read(SEAL) == _header(file, name)
+
+
+def _header(file: Any, name: str) -> bytes:
+    file.seek(SEAL)
+    digest = hashlib.file_digest(file, "sha256").hexdigest()
+    return f"graded_contact {name}\n{digest}\n".encode().ljust(SEAL)
 
 
 @contextlib.contextmanager
@@ -170,12 +193,6 @@ def replacing(path: str | os.PathLike) -> Iterator[Path]:
         folder = os.open(path.parent, os.O_RDONLY)
         os.fsync(folder)
         os.close(folder)
-
-
-def _header(name: str, content: bytes) -> bytes:
-    """What a point's file begins with: HDF5 leaves it to us."""
-    digest = hashlib.sha256(name.encode() + content).hexdigest()
-    return f"graded_contact point 1\n{digest}\n".encode().ljust(HEADER)
 
 
 def _lock(folder: Path) -> int:
