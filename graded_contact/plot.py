@@ -172,7 +172,7 @@ def plot_response(stack: Stack, q: ArrayLike, velocity: ArrayLike | Sequence[flo
 def plot_fit(fit: PronyFit) -> "Figure":
     """Returns a figure of a fit: measured points and the series, and its log residuals.
 
-    Moduli over frequency are drawn with 95 % limits.
+    Moduli over frequency are drawn with 95 % limits. Curves and limits end where the data end.
 
     **Arguments:**
 

@@ -6,6 +6,7 @@ transition). Shifts are therefore tied to a law, WLF or Arrhenius, from which ea
 amount expected beforehand, and their uncertainty is reported.
 """
 
+import dataclasses
 from collections.abc import Sequence
 from typing import Any, get_args
 
@@ -42,11 +43,12 @@ from .fitting.isotherms import (
 from .fitting.observations import concrete, observe
 from .fitting.optimum import attach_derivative, search
 from .fitting.path import SEARCH, best_of_length, non_negative
-from .fitting.result import PronyFit, choose, liquid_of, rms
+from .fitting.result import PronyFit, choose, limits_where_known, liquid_of, rms
 from .fitting.series import Kind
 from .fitting.shared import LN10
 from .fitting.uncertainty import covariance
 from .material import Prony
+from .measured import MeasuredRange
 from .reading import Measured
 from .shift import AbstractShift
 
@@ -85,7 +87,8 @@ class MasterCurve(eqx.Module):
     def material(self) -> Prony:
         """The material at the reference temperature; `material.at(T)` is that at another.
 
-        It carries the shifts as found, and so has the error of the fit on every isotherm.
+        It carries the shifts as found, and so has the error of the fit on every isotherm; and the
+        temperatures of the isotherms, beyond which it was not measured.
         """
         return self._material(self.shift)
 
@@ -123,9 +126,10 @@ class MasterCurve(eqx.Module):
         return bool(np.any((found < lower + 1e-3) | (found > upper - 1e-3)))
 
     def _material(self, shift):
-        return eqx.tree_at(
-            lambda m: m.shift, self.fit.material, shift, is_leaf=lambda leaf: leaf is None
-        )
+        material = self.fit.material
+        assert material.measured is not None
+        measured = MeasuredRange(material.measured.omega, self.temperatures[np.array([0, -1])])
+        return dataclasses.replace(material, shift=shift, measured=measured)
 
     @property
     def temperatures(self) -> Float[Array, " isotherms"]:
@@ -159,7 +163,8 @@ class MasterCurve(eqx.Module):
     ) -> tuple[Complex[Array, "*w"], Complex[Array, "*w"]]:
         """Returns `(lower, upper)` limits of E*(ω) at a temperature, as `PronyFit.confidence`.
 
-        The uncertainty of the shifts is included. `temperature` [K] is by default the reference.
+        The uncertainty of the shifts is included. `temperature` [K] is by default the reference;
+        beyond the isotherms all limits are NaN.
         """
         if not 0 < level < 1:
             raise ValueError(f"`level={level!r}` must lie between 0 and 1.")
@@ -170,15 +175,15 @@ class MasterCurve(eqx.Module):
             curve = eqx.tree_at(lambda c: c.unknowns, self, unknowns)
             theta = unknowns[: len(self.fit.theta)]
             curve = eqx.tree_at(lambda c: c.fit.theta, curve, theta)
-            material = curve.material
-            modulus = (material if temperature is None else material.at(temperature)).modulus(omega)
+            modulus = _at(curve.material, temperature).modulus(omega)
             return jnp.log(jnp.stack([modulus.real, modulus.imag]))
 
         middle, slopes = logs(self.unknowns), jax.jacfwd(logs)(self.unknowns)
         count = int(np.sum(np.asarray(self.data.observations.weights) > 0))
         reach = stdtrit(max(count - len(self.unknowns), 1), (1 + level) / 2)
         reach = reach * _deviation(slopes, self._covariance())
-        return jax.lax.complex(*jnp.exp(middle - reach)), jax.lax.complex(*jnp.exp(middle + reach))
+        known = _at(self.material, temperature).coverage()
+        return limits_where_known(omega, known, middle - reach, middle + reach)
 
     def report(self) -> str:
         """Returns shifts with their uncertainty, then the report of the fit, as text."""
@@ -440,6 +445,10 @@ def _nearest_law(law, log_shift):
         lambda p: law.shifts(p)[0] - log_shift, law.typical, bounds=law.bounds, loss="soft_l1"
     )
     return found.x
+
+
+def _at(material, temperature):
+    return material if temperature is None else material.at(temperature)
 
 
 def _deviation(slopes, spread):

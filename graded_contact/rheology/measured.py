@@ -18,6 +18,7 @@ from .shift import stretched
 
 # A shifted range may miss its own ends by rounding.
 SLACK = 64
+NEAR = 1.0  # K beyond measured temperatures: two isotherms are not nearer to each other
 
 
 @runtime_checkable
@@ -41,7 +42,8 @@ class MeasuredRange(eqx.Module):
     **Fields:**
 
     - `omega`: lowest and highest ω [rad/s] at the material's temperature, shape `(2,)`, positive.
-    - `temperature`: lowest and highest temperature [K], shape `(2,)`, or None if that is not known.
+    - `temperature`: lowest and highest temperature [K], shape `(2,)`, or None if that is not known;
+      1 K beyond counts as measured.
     """
 
     omega: Float[Array, " 2"] = eqx.field(converter=numbers("omega"))
@@ -78,7 +80,8 @@ class MeasuredRange(eqx.Module):
         lowest, highest = jax.lax.stop_gradient(self.omega)
         if temperature is None or self.temperature is None:
             return lowest, highest
-        inside = is_within(temperature, *self.temperature)
+        coldest, hottest = self.temperature
+        inside = (temperature >= coldest - NEAR) & (temperature <= hottest + NEAR)
         return jnp.where(inside, lowest, jnp.inf), jnp.where(inside, highest, 0)
 
 

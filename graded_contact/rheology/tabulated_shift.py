@@ -1,5 +1,7 @@
 """Shifts of time and temperature as they were found, for isotherms that follow no law."""
 
+import math
+
 import equinox as eqx
 import jax.numpy as jnp
 import numpy as np
@@ -15,10 +17,9 @@ from .._checks import (
     numbers,
     scalar,
 )
+from .measured import NEAR
 from .shift import AbstractShift
 from .tabulated import monotone_cubic
-
-SLACK = 1.0  # K beyond the table: two isotherms are not nearer to each other
 
 
 class TabulatedShift(AbstractShift):
@@ -73,7 +74,7 @@ class TabulatedShift(AbstractShift):
         self._check_covered("reference", self.reference)
 
     def log_factor(self, temperature: Numbers) -> Float[Array, ""]:
-        return np.log(10) * self._change(self.log10_factors, temperature)
+        return math.log(10) * self._change(self.log10_factors, temperature)
 
     def log_vertical(self, temperature: Numbers) -> Float[Array, ""]:
         if self.vertical_factors is None:
@@ -89,7 +90,7 @@ class TabulatedShift(AbstractShift):
         """What `values` gain from the reference to `temperature`; NaN outside, if traced."""
         temperature = as_scalar(temperature, "temperature")
         self._check_covered("temperature", temperature)
-        coldest, hottest = self.temperatures[0] - SLACK, self.temperatures[-1] + SLACK
+        coldest, hottest = self.temperatures[0] - NEAR, self.temperatures[-1] + NEAR
         inside = (temperature >= coldest) & (temperature <= hottest)
         places = -1 / jnp.stack([temperature, self.reference])
         there, here = monotone_cubic(-1 / self.temperatures, values, places)
@@ -103,6 +104,6 @@ class TabulatedShift(AbstractShift):
                 temperature,
                 f"the table of shifts covers {coldest:.2f} to {hottest:.2f} K. Use a law, such as "
                 "`WLF`, to go beyond what was measured",
-                at_least=coldest - SLACK,
-                at_most=hottest + SLACK,
+                at_least=coldest - NEAR,
+                at_most=hottest + NEAR,
             )

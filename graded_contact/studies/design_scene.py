@@ -33,6 +33,7 @@ from jaxtyping import Array, Float
 
 from .._checks import Numbers, as_float, check_poisson, check_positive, check_values
 from .._memory import DERIVATIVE, check_memory
+from ..caveats import EXTRAPOLATED
 from ..grid import Grid
 from ..persson.isotropic import LAST_COSINE
 from ..persson.mean_field import MeanField
@@ -45,7 +46,14 @@ from ..surface import Surface, random_surface
 from .design import Constraints, Design, Objective, minimise
 from .objectives import distance, friction_curve, loss_tangent, ripple
 from .parameters import paths, with_values
-from .scene import RandomSurface, Scene, build_surface, parse_scene, scene_memory
+from .scene import (
+    RandomSurface,
+    Scene,
+    build_surface,
+    parse_scene,
+    refuse_extrapolated,
+    scene_memory,
+)
 from .storage import package_versions
 from .store import Point, Store, fingerprint
 from .table import Table, nearest, parse_toml, short, within
@@ -256,12 +264,19 @@ def run_design(
     - `progress`: called with what is being done, and how much of how much is done, after every
       evaluation and solve; what it raises ends the design.
 
-    **Raises:** `ValueError` for bounds and limits that nothing satisfies, or a start outside the
-    bounds; `RuntimeError` if a contact or the mean field is not solved to its tolerance.
+    **Raises:** `ValueError` for bounds and limits that nothing satisfies, a start outside the
+    bounds, or a block whose friction comes from where its materials were not measured (more than
+    1 %, by mean field, unless [load] has `extrapolate = true`); `RuntimeError` if a contact or the
+    mean field is not solved to its tolerance.
     """
     check_design(study)
     say = progress or _silent
     own = study.scene.stack
+    rough = study.spectrum if isinstance(study.spectrum, Surface) else study.scene.surface
+    assert isinstance(rough, Surface | RandomSurface)
+    refuse_extrapolated(
+        study.scene, rough.grid, lambda: _mean_field(study, own).extrapolated_friction
+    )
     start = {path: paths(own)[path] for path in study.lower}
     with within("[design]"):
         objective, constraints = mean_field_problem(study)
@@ -399,6 +414,9 @@ def _rows(results: DesignResults) -> list[tuple[str, ...]]:
         if study.band is not None:
             bands = [_band_tangents(study, c.stack)[i] for c in candidates.values()]
             add(f"loss tangent at {v:g} m/s, max/min", [f"{b.max() / b.min():.4g}" for b in bands])
+        shares = [float(c.field.extrapolated_friction[i]) for c in candidates.values()]
+        if max(shares) > EXTRAPOLATED:
+            add(f"friction not measured at {v:g} m/s", [f"{share:.2g}" for share in shares])
         for name in ("friction", "contact_area"):
             label = f"{name.replace('_', ' ')} at {v:g} m/s"
             fields = [getattr(c.field, name)[i] for c in candidates.values()]

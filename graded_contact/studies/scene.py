@@ -436,26 +436,42 @@ def check_frequencies_of(scene: Scene, surface: Surface) -> None:
     field of the surface at the highest pressure, unless [load] has `extrapolate = true` or a table
     of moduli `extrapolate = "plateau"`.
     """
-    stack, velocities = scene.stack, [_vector(v, scene.direction) for v in scene.velocity]
-    excited = np.abs([np.asarray(wave_frequencies(surface.grid, v)) for v in velocities])
-    # Rounding of q·v is no frequency.
-    excited = np.where(excited > 1e-12 * np.max(excited), excited, 0)
-    if not np.any(excited):
-        return
     with within("[load] `velocity` and the surface:"):
-        check_frequencies(stack, excited)
-    found = coverage(stack)
+        check_frequencies(scene.stack, _excited(scene, surface.grid))
+
+    def shares() -> np.ndarray:
+        return np.array([
+            mean_field_friction(
+                scene.stack,
+                surface,
+                pressure=np.max(scene.pressure),
+                velocity=_vector(v, scene.direction),
+                throw=False,
+            ).extrapolated_friction
+            for v in scene.velocity
+        ])  # fmt: skip
+
+    refuse_extrapolated(scene, surface.grid, shares)
+
+
+def refuse_extrapolated(scene: Scene, grid: Grid, friction_shares: Callable[[], ArrayLike]) -> None:
+    """Refuses friction that comes from where a material only extrapolates, unless that is allowed.
+
+    **Arguments:**
+
+    - `scene`: block and velocities.
+    - `grid`: of its surface.
+    - `friction_shares`: returns the share [1] at each velocity; called if any wave is outside.
+
+    **Raises:** `ValueError` for a share of more than 1 %.
+    """
+    found, excited = coverage(scene.stack), _excited(scene, grid)
     if scene.extrapolate or found is None:
         return
     low, high = map(float, found)
     if not np.any(is_unknown(excited, (low, high))):
         return
-    shares = np.array([
-        mean_field_friction(
-            stack, surface, pressure=np.max(scene.pressure), velocity=v, throw=False
-        ).extrapolated_friction
-        for v in velocities
-    ])  # fmt: skip
+    shares = np.asarray(friction_shares())
     refused = shares > EXTRAPOLATED
     if np.any(refused):
         where = (
@@ -472,6 +488,14 @@ def check_frequencies_of(scene: Scene, surface: Surface) -> None:
             f"{np.max(speeds):.3g} m/s) would come from outside. Take other velocities or another "
             "temperature, or set `extrapolate = true` in [load]."
         )
+
+
+def _excited(scene: Scene, grid: Grid) -> np.ndarray:
+    """Frequencies [rad/s] of all waves at each velocity."""
+    velocities = [_vector(v, scene.direction) for v in scene.velocity]
+    excited = np.abs([np.asarray(wave_frequencies(grid, v)) for v in velocities])
+    # Rounding of q·v is no frequency.
+    return np.where(excited > 1e-12 * np.max(excited), excited, 0)
 
 
 def _materials(

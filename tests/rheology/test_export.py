@@ -12,6 +12,7 @@ from graded_contact.studies.scene import parse_scene
 
 SHIFT = gc.WLF(4.57, 113.6, 298.15)
 TABLE = gc.TabulatedShift([280.0, 300.0, 325.0], [2 / 3, 0.0, -1.7], 300.0, [0.97, 1.0, 10 / 9])
+RANGE = gc.MeasuredRange([1e-2 / 3, 1e7 / 3], [280.0, 325.0])
 OMEGA = 10.0 ** np.arange(-6, 16)
 MATERIALS = {
     "tread": gc.tyre_tread(poisson=0.49),
@@ -97,7 +98,7 @@ def test_csv_and_json_hold_every_digit(material):
 
 @pytest.mark.parametrize("shift", [None, SHIFT, gc.Arrhenius(2e5 / 3, 293.15), TABLE])
 def test_a_toml_table_makes_the_same_material_in_a_scene(shift):
-    material = gc.Prony(1e6 / 3, [2e9 / 3, 1e7 / 7], [1e-22 / 3, 1 / 3], 1 / 3, shift)
+    material = gc.Prony(1e6 / 3, [2e9 / 3, 1e7 / 7], [1e-22 / 3, 1 / 3], 1 / 3, shift, RANGE)
     snippet = export_prony(material, "toml", name="my-rubber_2")
     scene = (
         '[surface]\nkind = "self_affine"\nrms_slope = 0.2\nhurst = 0.8\nq_roll = 2e4\n'
@@ -108,6 +109,8 @@ def test_a_toml_table_makes_the_same_material_in_a_scene(shift):
     found = parse_scene(scene + snippet).stack.base.material
     for field in ("equilibrium", "strengths", "times", "poisson"):
         assert np.array_equal(getattr(found, field), getattr(material, field))
+    for field in ("omega", "temperature"):
+        assert np.array_equal(getattr(found.measured, field), getattr(RANGE, field))
     assert type(found.shift) is type(shift)
     if shift is not None:
         warm, expected = found.at(310.0), material.at(310.0)

@@ -411,8 +411,9 @@ def test_limits_of_a_single_unknown_are_those_of_a_mean():
     fit = fit_relaxation(TIME[:40], values, equilibrium=0, times=[0.1])
     logs = np.log(values) + TIME[:40] / 0.1
     reach = stats.sem(logs) * stats.t.ppf(0.95, 39)
-    unit = modulus(OMEGA, 0.0, [1.0], [0.1])
-    for limit, sign in zip(fit.confidence(OMEGA, level=0.9), (-1, 1), strict=True):
+    omega = OMEGA[1 / TIME[39] < OMEGA]
+    unit = modulus(omega, 0.0, [1.0], [0.1])
+    for limit, sign in zip(fit.confidence(omega, level=0.9), (-1, 1), strict=True):
         np.testing.assert_allclose(limit, unit * np.exp(np.mean(logs) + sign * reach), rtol=1e-9)
 
 
@@ -447,6 +448,21 @@ def test_limits_are_finite_when_unknowns_are_at_their_bounds(tread):
     middle = channels(young(fit.material, omega))
     assert np.all(limits[0] < middle) and np.all(middle < limits[1])
     assert np.all(np.log(limits[1] / limits[0]) < 0.5)
+
+
+def test_limits_end_where_the_data_end():
+    """Of moduli in time at their reciprocals; linearised and resampled."""
+    for fit, (first, last) in (
+        (fit_prony(OMEGA, measured("frequency")[1], terms=2), OMEGA[[0, -1]]),
+        (fit_relaxation(*measured("relaxation"), terms=2), 1 / TIME[[-1, 0]]),
+    ):
+        omega = np.array([1e-4 * first, 0.99 * first, first, last, 1.01 * last, 1e4 * last])
+        for resamples in (0, 2):
+            limits = fit.confidence(omega, resamples=resamples)
+            for part in (np.real, np.imag):
+                found = np.isfinite([part(limit) for limit in limits])
+                np.testing.assert_array_equal(found, [[False, False, True, True, False, False]] * 2)
+        assert f"Measured from {first:.4g} to {last:.4g} rad/s" in fit.report()
 
 
 # Derivatives ------------------------------------------------------------------------------------

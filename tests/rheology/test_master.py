@@ -382,6 +382,20 @@ def test_limits_enclose_the_modulus_at_any_temperature(curve):
     assert np.all(widths[1] > 0.99 * widths[0])
 
 
+def test_the_material_and_its_limits_know_the_temperatures_of_the_isotherms(curve):
+    """A kelvin beyond the ends counts as measured."""
+    for material in (curve.material, curve.law_material(), curve.exported()):
+        np.testing.assert_array_equal(material.measured.temperature, TEMPERATURES[[0, -1]])
+    law = curve.law_material()
+    for temperature, known in ((267.1, True), (266.9, False), (323.9, True), (324.1, False)):
+        lowest, highest = law.at(temperature).coverage()
+        assert bool(lowest < highest) == known
+    first, last = (float(end) for end in curve.material.at(278.0).coverage())
+    omega = np.geomspace(0.9 * first, 1.1 * last, 12)
+    for limit in curve.confidence(omega, 278.0):
+        np.testing.assert_array_equal(np.isfinite(limit.imag), np.arange(12) % 11 > 0)
+
+
 def test_the_report_lists_the_shifts(curve):
     report = curve.report()
     assert "WLF with c1 = " in report and "about 298.00 K" in report

@@ -589,6 +589,12 @@ def test_a_table_of_shifts_is_interpolated_as_an_arrhenius_law_is_straight():
     np.testing.assert_allclose(measured.storage, factor * material.modulus(omega).real, rtol=1e-12)
 
 
+def test_a_table_of_shifts_keeps_single_precision():
+    single = np.float32([280, 300, 330]), np.float32([2, 0, -1]), np.float32(300)
+    table = TabulatedShift(*single)
+    assert table.log_factor(np.float32(290)).dtype == jnp.float32
+
+
 def test_the_derivative_of_a_table_of_shifts_matches_differences():
     table = TabulatedShift([280.0, 300.0, 325.0], [2.0, 0.0, -1.0], 300.0, [0.9, 1.0, 1.2])
 

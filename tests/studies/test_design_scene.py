@@ -234,13 +234,15 @@ def test_a_band_is_in_order():
         parse_design(FLAT.replace("q_from = 1e3\nq_to = 1e4", "q_from = 1e4\nq_to = 1e3"))
 
 
-def came_to(reached, *, verify=0, text=SCENE):
+def came_to(reached, *, verify=0, text=SCENE, outside=0.0):
     """Results of a search that converged: friction 0.1 before, times `reached` in the design."""
     study = dataclasses.replace(parse_design(text), verify=verify)
     candidates = {}
     for name, share in (("before", np.ones_like(reached)), ("designed", reached)):
         friction = 0.1 * np.reshape(share, (-1, 1))
-        field = SimpleNamespace(friction=friction[0], contact_area=friction[0])
+        field = SimpleNamespace(
+            friction=friction[0], contact_area=friction[0], extrapolated_friction=[outside]
+        )
         solved = friction if verify else np.zeros((0, 1))
         candidates[name] = Candidate(study.scene.stack, field, solved, solved)
     run = Run([1.0], 1.0, [], 1, True, True, "")
@@ -278,6 +280,24 @@ def test_one_surface_has_no_spread_and_two_that_of_a_sample():
     one, two = report(came_to([1.3], verify=1)), report(came_to([1.3, 1.5], verify=2))
     assert "±" not in one and "friction at 0.1 m/s, contact, one surface, spread unknown" in one
     assert "0.14 ± 0.014" in two and "unknown" not in two  # |a - b|/√2
+
+
+def test_friction_from_frequencies_that_were_not_measured_is_refused_or_reported():
+    """The waves excite 63 rad/s and more; of what is allowed the table tells the share."""
+    tread = 'kind = "tyre_tread"\npoisson = 0.49\n'
+    series = 'kind = "prony"\nequilibrium = 6e6\nstrengths = [2e7]\ntimes = [1e-3]\n'
+    text = FLAT.replace(tread, f"{series}measured = {{omega = [1e-3, 1.0]}}\n")
+    assert text != FLAT
+    with pytest.raises(ValueError, match=r"from 0.001 to 1 rad/s: up to \d+% .* `extrapolate"):
+        run_design(parse_design(text))
+    allowed = parse_design(text.replace("velocity = 0.1", "velocity = 0.1\nextrapolate = true"))
+    assert allowed.scene.extrapolate
+    assert "not measured" not in report(came_to([1.3], outside=0.009))
+    said = report(came_to([1.3], outside=0.25))
+    assert any(
+        line.startswith("friction not measured at 0.1 m/s") and line.split()[-2:] == ["0.25"] * 2
+        for line in said.splitlines()
+    )
 
 
 def test_limits_that_nothing_satisfies_are_refused():

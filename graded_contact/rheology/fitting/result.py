@@ -1,7 +1,7 @@
 """A fitted Prony series, and what is known about its quality."""
 
 import dataclasses
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import equinox as eqx
 import jax
@@ -12,6 +12,7 @@ from scipy.special import fdtrc, stdtrit
 
 from ..._checks import Numbers, as_float, check_positive
 from ..material import Prony
+from ..measured import is_unknown
 from .observations import Observations, concrete, material_of, model, series_of
 from .path import best_path, best_spectrum, criterion
 from .series import Series
@@ -142,8 +143,10 @@ class PronyFit(eqx.Module):
         - `resamples`: 0 for linearised (Gauss-Newton) limits, or the number of refits to data
           with resampled residuals (bootstrap) whose quantiles are taken; `seed` draws them.
 
-        Both suppose independent errors about a series of this length: where `floor` says that
-        the data contradict themselves, the true material may lie outside.
+        Outside the measured frequencies (of times, their reciprocals) the limits are NaN: the data
+        say nothing there. Within, both kinds suppose independent errors about a series of this
+        length: where `floor` says that the data contradict themselves, the true material may lie
+        outside.
         """
         if not 0 < level < 1:
             raise ValueError(f"`level={level!r}` must lie between 0 and 1.")
@@ -155,7 +158,7 @@ class PronyFit(eqx.Module):
             refits = jnp.asarray(resampled(series, theta, free, resamples, seed))
             logs = jax.vmap(lambda theta: _log_parts(theta, self.data, omega))(refits)
             tails = jnp.array([(1 - level) / 2, (1 + level) / 2])
-            lower, upper = jnp.exp(jnp.quantile(logs, tails, axis=0))
+            lower, upper = jnp.quantile(logs, tails, axis=0)
         else:
             slopes = np.asarray(_log_slopes(self.theta, self.data, omega))
             residual, jacobian, _ = series.derivatives(theta)
@@ -164,8 +167,8 @@ class PronyFit(eqx.Module):
             spare = max(int(np.sum(series.measured) - np.sum(free)), 1)
             reach = stdtrit(spare, (1 + level) / 2) * deviation
             middle = _log_parts(self.theta, self.data, omega)
-            lower, upper = jnp.exp(middle - reach), jnp.exp(middle + reach)
-        return jax.lax.complex(*lower), jax.lax.complex(*upper)
+            lower, upper = middle - reach, middle + reach
+        return limits_where_known(omega, self.material.coverage(), lower, upper)
 
     def report(self) -> str:
         """Returns the fit as text: terms, errors, verdict, and the lengths tried."""
@@ -175,6 +178,18 @@ class PronyFit(eqx.Module):
         if not concrete(self.data):
             raise ValueError("The quality of a fit is not available under `jit` or `grad`.")
         return series_of(self.data), np.asarray(self.theta)
+
+
+def limits_where_known(
+    omega: Float[Array, "*w"],
+    known: tuple[Any, Any],
+    lower: Float[Array, "2 *w"],
+    upper: Float[Array, "2 *w"],
+) -> tuple[Complex[Array, "*w"], Complex[Array, "*w"]]:
+    """Returns limits of E* [Pa] from those of ln E', ln E''; NaN where ω is not `known`."""
+    outside = is_unknown(omega, known)
+    lower, upper = (jnp.where(outside, jnp.nan, jnp.exp(limit)) for limit in (lower, upper))
+    return jax.lax.complex(*lower), jax.lax.complex(*upper)
 
 
 def _verdict(terms, error, floor):
@@ -207,11 +222,14 @@ def _verdict(terms, error, floor):
 
 def _report(fit):
     error, floor, material = fit.errors(), fit.floor(), fit.material
+    lowest, highest = material.coverage()
     lines = [
         _verdict(fit.terms, error, floor),
         f"{fit.terms} terms, E_eq = {float(material.equilibrium):.4g} Pa, "
         f"E_inf = {float(material.glassy):.4g} Pa, Poisson's ratio {float(fit.poisson):.3g}",
         *_undetermined(fit),
+        f"Measured from {float(lowest):.4g} to {float(highest):.4g} rad/s; outside, where limits "
+        "end, the series is an extrapolation.",
         "",
         "rms log error    total  storage     loss",
         f"this fit      {_row(error)}",
