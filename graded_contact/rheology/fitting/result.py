@@ -23,6 +23,7 @@ INSTANT = 0.5  # of the first measured strain: less of it is not seen to be inst
 # before the data, or are over by their first strain, show in none of them.
 WIDEST = {"frequency": (1e6, 1e6), "relaxation": (1.0, 1e6), "creep": (1.0, 1e6)}
 VAGUE = 0.5  # deviation of the logarithm of a value that data do not determine
+FINEST = 1e-4  # log residual of a modulus that no instrument, and no search of spectra, goes below
 CONTRADICTION = 1e-4  # chance of agreement from which on storage and loss are said to disagree
 
 
@@ -357,7 +358,7 @@ def _chance(both, storage, loss):
     spare = both.values - storage.unknowns - loss.unknowns
     if spare < 1:
         return None
-    noise = max((storage.cost + loss.cost) / spare, 1e-300)
+    noise = max((storage.cost + loss.cost) / spare, FINEST**2)
     return float(fdtrc(saved, spare, max(both.cost - storage.cost - loss.cost, 0) / saved / noise))
 
 
