@@ -130,6 +130,7 @@ def calls():
         (gc.Stack, dict(layers=(layer,), base=gc.Rigid())),
         (gc.Grid, dict(shape=(8, 8), size=1e-3)),
         (gc.Layering, dict(num_cells=8, retry=True)),
+        (gc.Riccati, dict(forward=True)),
         (gc.SelfAffine, dict(rms_slope=0.2, **band)),
         (gc.Surface, dict(heights=np.zeros((8, 8)), grid=grid, history=())),
         (gc.random_surface, draw),

@@ -132,22 +132,28 @@ class Riccati(AbstractGradedSolver):
 
     The tolerance of a step is `rtol`/30; the error is estimated by a second integration with
     one ten times larger. Four to seven times slower than `Layering` for an equal error, and
-    independent of it.
+    independent of it. Its steps are differentiated in one mode only; `Layering` serves both.
 
     **Fields:**
 
     - `method`: a diffrax solver; by default `Dopri8()`.
+    - `forward`: whether derivatives are taken in forward mode (`jax.jvp`, `jax.jacfwd`) rather
+      than in reverse (`jax.grad`). Static.
     """
 
     method: Any = None
+    forward: bool = eqx.field(static=True, default=False)
+
+    def __check_init__(self):
+        check_type("forward", self.forward, bool)
 
     def solve(
         self, stack: Stack, q: Float[Array, "..."], omega: Float[Array, "..."], rtol: float
     ) -> GradedCompliance:
         # The tolerance is that of a step; errors of steps add up.
         step = rtol / 30
-        value = _integrated(stack, q, omega, step, self.method)
-        rough = jax.lax.stop_gradient(_integrated(stack, q, omega, 10 * step, self.method))
+        value = _integrated(stack, q, omega, step, self)
+        rough = jax.lax.stop_gradient(_integrated(stack, q, omega, 10 * step, self))
         # Both may happen to take the same steps.
         return GradedCompliance(value, _relative(value - rough, value) + step)
 
@@ -266,7 +272,7 @@ def _extrapolated(stack, q, omega, meshes):
     return GradedCompliance(value, _relative(estimate, value))
 
 
-def _integrated(stack, q, omega, rtol, method):
+def _integrated(stack, q, omega, rtol, solver):
     shape = jnp.broadcast_shapes(q.shape, omega.shape)
     inverse = isinstance(stack.base, Free)
 
@@ -291,7 +297,7 @@ def _integrated(stack, q, omega, rtol, method):
         )
         found = integrate(
             layer.profile, x, flat(omega), start, reference * unit, scale,
-            inverse=inverse, rtol=rtol, solver=method,
+            inverse=inverse, rtol=rtol, solver=solver.method, forward=solver.forward,
         )  # fmt: skip
         found, reference = jax.tree.map(lambda part: part.reshape(shape), (found, reference))
         return _Face(found, reference)

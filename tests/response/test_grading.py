@@ -303,6 +303,27 @@ def test_gradient_by_every_leaf_matches_central_differences(solver):
 
 
 @pytest.mark.slow
+def test_differential_equation_has_equal_derivatives_in_both_modes():
+    """By modulus, thickness, shape and wavenumber, for waves that take unlike numbers of steps."""
+
+    def by(x, solver):
+        profile = Blend(gc.Elastic(1e6, 0.3), gc.Elastic(1e7 * x[0], 0.45), Exponential(3 * x[2]))
+        stack = Stack(layers=(GradedLayer(1e-3 * x[1], profile),), base=gc.Rigid())
+        q = jnp.array([3e1, 1e3, 3e4]) * x[3]
+        m = graded_compliance(stack, q, 0.0, rtol=1e-9, solver=solver, throw=False).value
+        return jnp.sum(m * jnp.array([1e9, 1e10, 1e11]))
+
+    point, step = jnp.ones(4), 1e-3
+    value = jax.jit(lambda x: by(x, Riccati()))
+    forward = jax.jit(jax.jacfwd(lambda x: by(x, Riccati(forward=True))))(point)
+    differences = [
+        (value(point + step * e) - value(point - step * e)) / (2 * step) for e in jnp.eye(4)
+    ]
+    np.testing.assert_allclose(forward, jax.jit(jax.grad(value))(point), rtol=1e-10)
+    np.testing.assert_allclose(forward, differences, rtol=1e-5)
+
+
+@pytest.mark.slow
 def test_gradients_hold_where_the_wave_sees_only_a_part_of_the_layer():
     """q d = 300: the solution starts inside the layer, at a depth that depends on q."""
 
