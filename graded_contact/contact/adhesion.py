@@ -117,10 +117,10 @@ class ExponentialAdhesion(AbstractLaw):
             pull = tension * jnp.exp(-t)
             return -pull, pull
 
-        # Where the gap is closed the root is not wanted; any bracket does.
-        low = jnp.where(closed, 0, jnp.maximum(-v - tension, 0) / self.range)
-        high = jnp.where(closed, 1, -v / self.range)
-        y = proximal_root(pressure_and_slope, self.range, v, low, high, 12)
+        # Where the gap is closed the root is not wanted; that of another v does.
+        pulled = jnp.where(closed, -tension - self.range, v)
+        low, high = -(pulled + tension) / self.range, -pulled / self.range
+        y = proximal_root(pressure_and_slope, self.range, pulled, low, high, 12)
         return jnp.where(closed, v, y)
 
     def margin(self, pressure, gap, stiffness):

@@ -207,8 +207,8 @@ def repulsive_bracket(v, pressure, range):
 def proximal_root(pressure_and_slope: Callable, unit, v, low, high, steps: int):
     """The pressure y = f at the gap u = `unit` t with y - v = u, t in [low, high]; differentiable.
 
-    Newton's method from `low`, bisecting where it would leave the bracket; the last step carries
-    the derivative.
+    Newton's method from `low`, bisecting where it would leave the bracket; the last two steps carry
+    derivatives, of which one step has the first and two have the third.
     """
 
     def excess(t):
@@ -218,10 +218,12 @@ def proximal_root(pressure_and_slope: Callable, unit, v, low, high, steps: int):
     fixed = jax.lax.stop_gradient
     low, high = fixed((low, high))
     t = low
-    for _ in range(steps):
+    for _ in range(steps - 1):
         value, slope = fixed(excess(t))
         low, high = jnp.where(value > 0, t, low), jnp.where(value > 0, high, t)
         t = t - value / slope
         t = jnp.where((t >= low) & (t <= high), t, (low + high) / 2)
-    value, slope = excess(t)
-    return pressure_and_slope(t - value / fixed(slope))[0]
+    for _ in range(2):
+        value, slope = excess(t)
+        t = t - value / slope
+    return pressure_and_slope(t)[0]

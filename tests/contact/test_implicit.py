@@ -167,7 +167,10 @@ def test_derivative_that_does_not_converge_raises():
 
 
 @pytest.mark.slow
-def test_second_derivatives_of_friction_are_symmetric_and_match_differences_of_the_gradient():
+@pytest.mark.parametrize(
+    "law", [gc.HardWall(), gc.RepulsiveLJ(5e-3, 0.1)], ids=["hard", "repulsive"]
+)
+def test_second_derivatives_of_friction_are_symmetric_and_match_differences_of_the_gradient(law):
     """By modulus and thickness of a coat, pressure and velocity, on a set of contact that stays."""
     grid = gc.Grid((16, 16), 1.0)
     surface = rough(grid, cut=4)
@@ -175,8 +178,8 @@ def test_second_derivatives_of_friction_are_symmetric_and_match_differences_of_t
     def by(x):
         coat = gc.Layer(gc.Elastic(x[0], 0.4), 0.1 * x[1])
         stack = gc.Stack(layers=(coat,), base=gc.HalfSpace(gc.Prony(0.75, [3.0], [1.0], 0.5)))
-        s = gc.slide(stack, surface, pressure=0.1 * x[2], velocity=0.1 * x[3], rtol=1e-11)
-        return s.friction
+        load = dict(pressure=0.1 * x[2], velocity=0.1 * x[3])
+        return gc.slide(stack, surface, **load, law=law, rtol=1e-11).friction
 
     point, step = jnp.array([1.0, 0.3, 1.0, 1.0]), 1e-4
     slope = jax.jit(jax.grad(by))

@@ -81,6 +81,16 @@ def test_slope_of_the_proximal_map_matches_central_differences(name):
         assert np.all(np.abs(slope - difference) <= 1e-6 * np.abs(difference) + scale)
 
 
+def test_second_derivative_of_the_proximal_map_is_that_of_the_inverse_function():
+    """Along y = p t⁻⁹, v = y - rt, with y'' = (y_tt v_t - y_t v_tt)/v_t³ by v."""
+    t, p, r = np.geomspace(0.5, 20, 9), 3.0, 0.02
+    curvature = (90 * p * t**-11 * (-9 * p * t**-10 - r) + 9 * p * t**-10 * 90 * p * t**-11) / (
+        -9 * p * t**-10 - r
+    ) ** 3
+    found = jax.vmap(jax.grad(jax.grad(gc.RepulsiveLJ(r, p).proximal)))(p * t**-9 - r * t)
+    np.testing.assert_allclose(found, curvature, rtol=1e-8)
+
+
 def test_hard_wall_projects_on_its_bounds():
     v = jnp.array([-2.0, -0.0, 0.3, 5.0])
     np.testing.assert_array_equal(gc.HardWall().proximal(v), [0, 0, 0.3, 5])
