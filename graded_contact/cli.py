@@ -473,6 +473,7 @@ def _refuse_other(file: Path, scene: "Scene", names: "np.ndarray") -> None:
 def _write(file: Path, results: "Results", replace: bool) -> None:
     """Writes results and figures, unless the file that exists holds more."""
     from .plot import plot_sliding, plot_sweep
+    from .studies.scene import velocity_vector
     from .studies.storage import NOT_STARTED, lost_solves, write_results
     from .studies.store import replacing
 
@@ -483,7 +484,8 @@ def _write(file: Path, results: "Results", replace: bool) -> None:
     figures = {"sweep": plot_sweep(results)}
     for (i, j), fields in results.fields.items():
         key = f"contact-{i}-{j}" if len(results.fields) > 1 else "contact"
-        figures[key] = plot_sliding(fields, results.surface)
+        velocity = velocity_vector(results.velocity[j], results.attributes["direction"])
+        figures[key] = plot_sliding(fields, results.surface, velocity)
         load = f"mean pressure {results.pressure[i] / 1e6:.4g} MPa"
         figures[key].suptitle(f"{load}, velocity {results.velocity[j]:.3g} m/s")
     write_results(file, results)

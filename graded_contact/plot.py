@@ -24,6 +24,7 @@ from .studies.storage import NOT_STARTED, Fields, Results
 from .surface import Surface
 
 if TYPE_CHECKING:  # it takes a third of a second to import
+    from matplotlib.axes import Axes
     from matplotlib.figure import Figure
 
 COLOURS = ("#0072B2", "#D55E00", "#009E73", "#CC79A7", "#E69F00", "#56B4E9", "#000000")
@@ -36,47 +37,32 @@ _CHANNELS = {
 _PREFIXES = {-12: "p", -9: "n", -6: "µ", -3: "m", 0: "", 3: "k", 6: "M", 9: "G"}
 
 
-def plot_sliding(sliding: Sliding | Fields, surface: Surface) -> "Figure":
+def plot_sliding(
+    sliding: Sliding | Fields, surface: Surface, velocity: ArrayLike | Sequence[float] = 0.0
+) -> "Figure":
     """Returns a figure of heights, contact pressure and gap: maps, or lines of a profile.
 
-    Points out of contact are left white in the map of the pressure, whose colours follow the
-    square root: most of the contact is far from its peak.
+    Points out of contact are left white in the map of the pressure, points in contact in that of
+    the gap. The colours of the pressure follow the square root: most of the contact is far from
+    its peak. Scales leave out what lies far beyond 99 % of the points; their labels tell how far.
 
     **Arguments:**
 
     - `sliding`: a solution of `slide`, or one of the `fields` of `Results`.
     - `surface`: the surface that slides.
+    - `velocity`: that of the surface [m/s], as `slide` takes it: its direction is shown by an
+      arrow, unless it is zero.
     """
-    from matplotlib.colors import PowerNorm
-
     heights, pressure = np.asarray(surface.heights), np.asarray(sliding.pressure)
+    gap, touches = np.maximum(np.asarray(sliding.gap), 0), pressure > 0
     quantities = [
         ("height (into the solid)", "m", heights - np.mean(heights), "cividis"),
-        ("contact pressure", "Pa", np.where(pressure > 0, pressure, np.nan), "viridis"),
-        ("gap", "m", np.maximum(np.asarray(sliding.gap), 0), "magma"),
+        ("contact pressure", "Pa", np.where(touches, pressure, np.nan), "viridis"),
+        ("gap", "m", np.where(touches, np.nan, gap), "magma"),
     ]
-    size = np.asarray(surface.grid.size)
-    unit, factor = _unit("m", np.max(size))
-    if surface.grid.ndim == 1:
-        x = factor * size[0] * np.arange(len(heights)) / len(heights)
-        return _profiles(x, f"$x$ [{unit}]", quantities)
-    figure = _figure(10.2, 1.2 + 2.9 * float(np.clip(size[1] / size[0], 0.5, 2.0)))
-    for axes, (label, base, values, colours) in zip(
-        figure.subplots(1, 3, sharex=True, sharey=True), quantities, strict=True
-    ):
-        value_unit, scale = _unit(base, np.nanmax(np.abs(values)))
-        image = axes.imshow(
-            scale * values.T,
-            origin="lower",
-            extent=(0, factor * size[0], 0, factor * size[1]),
-            cmap=colours,
-            interpolation="nearest",
-            norm=PowerNorm(0.5 if base == "Pa" else 1),
-        )
-        bar = figure.colorbar(image, ax=axes, orientation="horizontal", shrink=0.9, pad=0.02)
-        bar.set_label(f"{label} [{value_unit}]")
-        axes.set_xlabel(f"$x$ [{unit}]")
-    figure.axes[0].set_ylabel(f"$y$ [{unit}]")
+    draw = _profiles if surface.grid.ndim == 1 else _maps
+    figure = draw(np.asarray(surface.grid.size), quantities)
+    _show_direction(figure.axes[1], np.atleast_1d(as_float(velocity, "velocity")))
     return figure
 
 
@@ -87,6 +73,8 @@ def plot_sweep(results: Results) -> "Figure":
     caveat (`Results.caveats`) a cross; one that failed has a triangle and one that was not started
     a stroke, on the axis of velocities.
     """
+    from matplotlib.ticker import LogLocator, NullFormatter
+
     figure = _figure(8.6, 3.7)
     panels = [
         ("friction coefficient", results.friction),
@@ -125,12 +113,18 @@ def plot_sweep(results: Results) -> "Figure":
             velocity[at],
             values[crossed, at],
             "kx",
-            markersize=9,
+            markersize=13,
+            markeredgewidth=1.5,
+            zorder=1.9,  # behind the markers, whose faces tell states
             label="doubtful: see the caveats" if len(at) else None,
         )
         if np.all(velocity > 0):
             axes.set_xscale("log")
-        axes.set_ylim(bottom=0)
+            if np.max(velocity) < 100 * np.min(velocity):  # too few powers of ten to tell values
+                axes.xaxis.set_major_locator(LogLocator(subs=(1, 2, 5)))
+                axes.xaxis.set_major_formatter("{x:g}")
+            axes.xaxis.set_minor_formatter(NullFormatter())
+        axes.set_ylim(0, 1.08 * np.fmax.reduce(values, axis=None, initial=0) or None)
         axes.set_xlabel("sliding velocity [m/s]")
         axes.set_ylabel(label)
     figure.axes[0].legend(title="mean pressure", frameon=False)
@@ -308,17 +302,100 @@ def plot_design(results: DesignResults) -> "Figure":
     return figure
 
 
-def _profiles(x: np.ndarray, x_label: str, quantities: list) -> "Figure":
+def _maps(size: np.ndarray, quantities: list) -> "Figure":
+    from matplotlib.colors import PowerNorm
+    from matplotlib.ticker import MaxNLocator
+
+    unit, factor = _unit("m", np.max(size))
+    figure = _figure(10.2, 1.2 + 2.9 * float(np.clip(size[1] / size[0], 0.5, 2.0)))
+    for axes, (label, base, values, colours) in zip(
+        figure.subplots(1, 3, sharex=True, sharey=True), quantities, strict=True
+    ):
+        low, high, extend = _range(values)
+        value_unit, scale = _unit(base, max(abs(low), abs(high)))
+        image = axes.imshow(
+            scale * values.T,
+            origin="lower",
+            extent=(0, factor * size[0], 0, factor * size[1]),
+            cmap=colours,
+            interpolation="nearest",
+            norm=PowerNorm(0.5 if base == "Pa" else 1, scale * low, scale * high),
+        )
+        bar = figure.colorbar(
+            image, ax=axes, orientation="horizontal", shrink=0.9, pad=0.02, ticks=MaxNLocator(5),
+            extend=extend,
+        )  # fmt: skip
+        bar.set_label(f"{label} [{value_unit}]{_outliers(extend, values, base)}")
+        axes.set_xlabel(f"$x$ [{unit}]")
+        axes.xaxis.set_major_locator(MaxNLocator(4))
+    figure.axes[0].set_ylabel(f"$y$ [{unit}]")
+    return figure
+
+
+def _profiles(size: np.ndarray, quantities: list) -> "Figure":
+    unit, factor = _unit("m", size[0])
     figure = _figure(7.2, 6.0)
     panels = figure.subplots(3, 1, sharex=True)
     for axes, (label, base, values, _), colour in zip(panels, quantities, COLOURS, strict=False):
-        unit, scale = _unit(base, np.nanmax(np.abs(values)))
-        if base == "Pa":  # where a map is left blank, a line runs at zero
-            values = np.where(np.isnan(values), 0, values)
-        axes.plot(x, scale * values, color=colour)
-        axes.set_ylabel(f"{label}\n[{unit}]")
-    panels[-1].set_xlabel(x_label)
+        low, high, extend = _range(values)
+        value_unit, scale = _unit(base, max(abs(low), abs(high)))
+        x = factor * size[0] * np.arange(len(values)) / len(values)
+        # Where a map is left blank, a line runs at zero.
+        axes.plot(x, scale * np.where(np.isnan(values), 0, values), color=colour)
+        if extend != "neither":
+            low, margin = min(low, 0), 0.05 * (high - min(low, 0))
+            axes.set_ylim(scale * (low - margin), scale * (high + margin))
+        axes.set_ylabel(f"{label}\n[{value_unit}]{_outliers(extend, values, base)}")
+    panels[-1].set_xlabel(f"$x$ [{unit}]")
     return figure
+
+
+def _range(values: np.ndarray) -> tuple[float, float, str]:
+    """The range to draw, and at which ends values lie beyond it, in the words of colour bars.
+
+    It ends with the values, unless outliers are further from the median than twice the distance
+    within which 99 % of the points lie, 0.5 % being beyond either side.
+    """
+    known = values[np.isfinite(values)]
+    if not known.size:
+        return 0.0, 0.0, "neither"
+    least, lower, median, upper, most = np.quantile(known, [0, 0.005, 0.5, 0.995, 1])
+    low, high = max(least, 2 * lower - median), min(most, 2 * upper - median)
+    low = 0 if 0 <= low < 0.05 * high else low
+    extend = {(True, True): "both", (True, False): "min", (False, True): "max"}
+    return low, high, extend.get((low > least, high < most), "neither")
+
+
+def _outliers(extend: str, values: np.ndarray, base: str) -> str:
+    """What a label says of the values [base] beyond a range."""
+    if extend == "neither":
+        return ""
+    ends = (np.nanmin(values), np.nanmax(values))
+    units = [_unit(base, abs(end)) for end in ends]
+    least, most = (
+        f"{factor * end:.3g} {unit}" for end, (unit, factor) in zip(ends, units, strict=True)
+    )
+    reach = {"min": f"down to {least}", "max": f"up to {most}", "both": f"from {least} to {most}"}
+    return f"\noutliers {reach[extend]}"
+
+
+def _show_direction(axes: "Axes", velocity: np.ndarray) -> None:
+    """An arrow along the velocity, one component or two, in the upper part of a panel."""
+    from matplotlib.patheffects import withStroke
+    from matplotlib.text import OffsetFrom
+
+    speed = np.linalg.norm(velocity)
+    if speed == 0:
+        return
+    along = np.pad(velocity / speed, (0, 2 - len(velocity)))
+    # Places in points from there: an arrow in the units of the axes would be askew.
+    around = OffsetFrom(axes, (0.5, 0.84), "points")
+    halo = [withStroke(linewidth=4, foreground="white")]
+    axes.annotate(
+        "sliding", tuple(30 * along), xycoords=around, xytext=tuple(-14 * along), textcoords=around,
+        ha="center", va="center", path_effects=halo, zorder=5,
+        arrowprops={"arrowstyle": "-|>", "color": "black", "path_effects": halo},
+    )  # fmt: skip
 
 
 def _figure(width: float, height: float) -> "Figure":

@@ -51,6 +51,55 @@ def test_a_profile_is_drawn_as_lines(tmp_path):
     assert saved(figure, tmp_path) > 10_000
 
 
+def test_an_outlier_does_not_set_the_scale_and_the_bar_tells_of_it():
+    fields, surface = make_fields((32, 32))
+    without = plot_sliding(fields, surface)
+    heights = surface.heights.at[3, 4].set(-1e-3)
+    fields.pressure[5, 6], fields.gap[5, 6] = 2e9, 0.0
+    figure = plot_sliding(fields, gc.Surface(heights, surface.grid))
+    for before, after in zip(without.axes[:2], figure.axes[:2], strict=False):
+        (low, high), (least, most) = (axes.images[0].get_clim() for axes in (before, after))
+        assert most - least < 2 * (high - low)
+    assert [axes.get_xlabel().split("\n")[1:] for axes in without.axes[3:]] == [[]] * 3
+    labels = [axes.get_xlabel().split("\n")[1:] for axes in figure.axes[3:]]
+    assert labels == [["outliers down to -999 µm"], ["outliers up to 2 GPa"], []]
+    assert [axes.images[0].colorbar.extend for axes in figure.axes[:3]] == ["min", "max", "neither"]
+
+
+def test_an_outlier_does_not_set_the_scale_of_a_profile():
+    fields, surface = make_fields((1000,))
+    fields.pressure[7], fields.gap[7] = 2e9, 0.0
+    panel = plot_sliding(fields, surface).axes[1]
+    assert panel.get_ylabel().endswith("outliers up to 2 GPa")
+    assert panel.get_ylim()[1] < 50  # [MPa]; the others reach 15
+
+
+def test_full_contact_and_none_are_drawn():
+    fields, surface = make_fields((8, 8))
+    for pressure in (1e6, 0.0):
+        uniform = Fields(0 * fields.gap + pressure, 0 * fields.gap, 0 * fields.gap)
+        plot_sliding(uniform, surface).draw_without_rendering()
+
+
+@pytest.mark.parametrize("velocity", [0.3, -0.3, (0.0, 2.0), (-3.0, 4.0)])
+def test_an_arrow_points_along_the_velocity(velocity):
+    shape = (8, 32)  # whose panels have unlike scales
+    figure = plot_sliding(*make_fields(shape), velocity)
+    (arrow,) = figure.axes[1].texts
+    assert arrow.get_text() == "sliding"
+    assert arrow.xycoords is arrow.anncoords  # in points, unlike the units of the axes
+    along = np.subtract(arrow.xy, arrow.xyann)
+    expected = np.array(velocity if isinstance(velocity, tuple) else (velocity, 0.0))
+    along, expected = (vector / np.linalg.norm(vector) for vector in (along, expected))
+    np.testing.assert_allclose(along, expected, atol=1e-12)
+
+
+def test_at_rest_there_is_no_arrow():
+    assert not any(axes.texts for axes in plot_sliding(*make_fields((8, 8)), (0.0, 0.0)).axes)
+    (arrow,) = plot_sliding(*make_fields((16,)), -1.0).axes[1].texts
+    assert arrow.xy[0] < 0 and arrow.xy[1] == 0
+
+
 @pytest.mark.parametrize("velocity, scale", [([1.0, 0.01, 0.1], "log"), ([0, 0.1, 1], "linear")])
 def test_a_sweep_has_one_line_per_pressure_and_marks_what_failed(tmp_path, velocity, scale):
     message = np.array([["", "", ""], ["", "It stopped.", ""]])

@@ -324,7 +324,7 @@ def point_names(scene: Scene, surface: Surface) -> np.ndarray:
 
 def _load(scene: Scene, i: int, j: int) -> tuple[Array, Array]:
     """Pressure and velocity of one solve, as `slide` takes them."""
-    velocity = _vector(scene.velocity[j], scene.direction)
+    velocity = velocity_vector(scene.velocity[j], scene.direction)
     return jnp.asarray(scene.pressure[i]), jnp.asarray(velocity)
 
 
@@ -399,8 +399,8 @@ def _collect(
     )
 
 
-def _vector(speed: ArrayLike, direction: float) -> np.ndarray:
-    """The velocity as `slide` takes it: one number along x, otherwise two components."""
+def velocity_vector(speed: ArrayLike, direction: float) -> np.ndarray:
+    """Returns the velocity as `slide` takes it: one number along x, otherwise two components."""
     if direction == 0:
         return np.asarray(speed)
     unit = np.array([np.cos(direction), np.sin(direction)])
@@ -445,7 +445,7 @@ def check_frequencies_of(scene: Scene, surface: Surface) -> None:
                 scene.stack,
                 surface,
                 pressure=np.max(scene.pressure),
-                velocity=_vector(v, scene.direction),
+                velocity=velocity_vector(v, scene.direction),
                 throw=False,
             ).extrapolated_friction
             for v in scene.velocity
@@ -492,7 +492,7 @@ def refuse_extrapolated(scene: Scene, grid: Grid, friction_shares: Callable[[], 
 
 def _excited(scene: Scene, grid: Grid) -> np.ndarray:
     """Frequencies [rad/s] of all waves at each velocity."""
-    velocities = [_vector(v, scene.direction) for v in scene.velocity]
+    velocities = [velocity_vector(v, scene.direction) for v in scene.velocity]
     excited = np.abs([np.asarray(wave_frequencies(grid, v)) for v in velocities])
     # Rounding of q·v is no frequency.
     return np.where(excited > 1e-12 * np.max(excited), excited, 0)
