@@ -1,10 +1,11 @@
 """Evaluations of a design's objective, kept in a file: what was computed once is not again.
 
 A search repeats itself exactly from what is kept, up to where it was cut off, and goes on from
-there. The file has one line of JSON for its parameters' names and one for each evaluation, written
-at once; of a killed program at most the last line is half, and is dropped.
+there. The file has one line of JSON for its parameters' names and one for each evaluation, after a
+digest of itself, written at once; of a killed program at most the last line is half and is dropped.
 """
 
+import hashlib
 import json
 import os
 from pathlib import Path
@@ -13,7 +14,7 @@ from typing import NamedTuple
 import numpy as np
 from jaxtyping import Float
 
-FORMAT = "graded_contact evaluations 1"
+FORMAT = "graded_contact evaluations 2"
 # How far values may differ that the same problem has on another day or machine, relative to what
 # is usual, and how far constraints may besides, which are held by such a margin.
 SAME, MARGIN = 1e-6, 1e-8
@@ -76,7 +77,7 @@ class Evaluations:
         if self.path is not None:
             numbers = {name: np.asarray(part).tolist() for name, part in found._asdict().items()}
             with self.path.open("a", encoding="utf-8") as file:
-                file.write(json.dumps({"parameters": at, **numbers}) + "\n")
+                file.write(_sealed(json.dumps({"parameters": at, **numbers})) + "\n")
 
     def _check(self, at, found):
         kept = self.kept[at]
@@ -106,7 +107,11 @@ class Evaluations:
             path.write_text(self._head() + "\n", encoding="utf-8")
             return
         try:
-            head, *entries = (json.loads(line) for line in whole.split(b"\n"))
+            first, *lines = whole.decode("utf-8").split("\n")
+            for number, line in enumerate(lines, start=2):
+                if line != _sealed(line.partition(" ")[2]):
+                    raise ValueError(f"line {number} was changed after it was written")
+            head, *entries = map(json.loads, [first, *(s.partition(" ")[2] for s in lines)])
             if head["format"] != FORMAT:
                 raise ValueError(f"it does not say that it holds {FORMAT!r}")
             names = [str(name) for name in head["parameters"]]
@@ -116,7 +121,7 @@ class Evaluations:
                 slopes = np.reshape(np.array(slopes, float), (len(limits), len(names)))
                 arrays = np.array(limits, float), np.array(slope, float), slopes
                 self.kept[x] = Evaluation(float(value), *arrays)
-        except (ValueError, KeyError, TypeError) as error:
+        except (ValueError, KeyError, TypeError, RecursionError) as error:
             raise ValueError(
                 f"`store={str(path)!r}` cannot be read as evaluations of a design: {error}. "
                 f"{REMEDY}"
@@ -131,3 +136,8 @@ class Evaluations:
 
     def _head(self):
         return json.dumps({"format": FORMAT, "parameters": self.names})
+
+
+def _sealed(line: str) -> str:
+    """A line after a digest of it."""
+    return f"{hashlib.sha256(line.encode('utf-8', 'surrogatepass')).hexdigest()[:16]} {line}"

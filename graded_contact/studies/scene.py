@@ -586,12 +586,10 @@ def _shift(table: Table) -> AbstractShift | None:
     shift, kind = Table.of_kind(place, table.get("shift"), KEYS["shift"])
     if kind == "tabulated":
         return TabulatedShift(
+            temperatures=shift.numbers("temperatures"),
+            log10_factors=shift.numbers("log10_factors"),
             reference=shift.number("reference"),
-            **{
-                key: shift.numbers(key)
-                for key in KEYS["shift"][kind]
-                if key != "reference" and key in shift.content
-            },
+            vertical_factors=shift.numbers("vertical_factors", None),
         )
     constants = {key: shift.number(key) for key in KEYS["shift"][kind]}
     return WLF(**constants) if kind == "wlf" else Arrhenius(**constants)

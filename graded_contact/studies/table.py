@@ -77,14 +77,14 @@ class Table:
             "a list of texts", list,
         )  # fmt: skip
 
-    def numbers(self, key: str) -> list[float]:
+    def numbers(self, key: str, default: Any = _REQUIRED) -> Any:
         """One number, or a list of them, as a list."""
-        value = self.get(key)
+        value = self.get(key, default)
         if _is_number(value):
             return [float(value)]
         wanted = "a number or a list of numbers"
         return self._typed(
-            key, _REQUIRED, lambda v: _all_of(v, _is_number), wanted, lambda v: list(map(float, v))
+            key, default, lambda v: _all_of(v, _is_number), wanted, lambda v: list(map(float, v))
         )
 
     def wholes(self, key: str) -> tuple[int, ...]:

@@ -1,0 +1,606 @@
+"""Damaged scenes, results, kept points and arguments: taken as they stand, or refused in a message.
+
+Every case draws from a seed of its own, so that one number repeats it.
+"""
+
+import contextlib
+import json
+import os
+import shutil
+import signal
+import time
+import tomllib
+from pathlib import Path
+
+import h5py
+import jax
+import numpy as np
+import pytest
+from typer.testing import CliRunner
+
+import graded_contact as gc
+from graded_contact import cli
+from graded_contact.studies.design_scene import parse_design
+from graded_contact.studies.evaluations import Evaluation, Evaluations
+from graded_contact.studies.scene import RandomSurface, parse_scene
+from graded_contact.studies.scene import check_scene as check_scene_memory
+from graded_contact.studies.storage import (
+    FIELDS,
+    OBSERVABLES,
+    Fields,
+    Results,
+    read_results,
+    write_results,
+)
+from graded_contact.studies.store import Point, Store, fingerprint
+from graded_contact.surface import Step
+
+SEED = 20261
+SECONDS = 60
+REFUSALS = (ValueError, OSError, ImportError)
+
+TABLE = "omega [rad/s],E' [Pa],E'' [Pa]\n" + "".join(
+    f"{10.0**k:g},{1e6 * 3**k:g},{2e5 * 3**k:g}\n" for k in range(8)
+)
+RANDOM = """
+title = "a small one"
+[surface]
+kind = "self_affine"
+rms_slope = 0.2
+hurst = 0.8
+q_roll = 2e4
+q_high = 4e4
+seed = 1
+roll_off = "smooth"
+amplitudes = "gaussian"
+[grid]
+shape = [16, 16]
+size = [1e-3, 1e-3]
+[base]
+kind = "half_space"
+material = "a"
+[load]
+pressure = 2e5
+velocity = [0.01, 1.0]
+temperature = 300.0
+extrapolate = true
+[solver]
+rtol = 1e-3
+max_steps = 500
+[output]
+name = "small"
+directory = "there"
+fields = "every"
+"""
+SERIES = """
+[materials.a]
+kind = "prony"
+equilibrium = 1e6
+strengths = [1e6, 2e6]
+times = [1e-2, 1.0]
+poisson = 0.49
+shift = {kind = "wlf", c1 = 4.0, c2 = 100.0, reference = 290.0}
+measured = {omega = [1e-3, 1e5], temperature = [280.0, 330.0]}
+"""
+FREQUENCIES = """
+[materials.a]
+kind = "tabulated"
+path = "moduli.csv"
+poisson = 0.4
+deformation = "tension"
+columns = {storage = 2, loss = 3}
+units = {frequency = "rad/s", modulus = "Pa"}
+extrapolate = "plateau"
+shift = {kind = "arrhenius", activation_energy = 1e5, reference = 290.0}
+"""
+LAYERS = """
+[materials.b]
+kind = "elastic"
+modulus = 5e6
+poisson = 0.5
+[materials.c]
+kind = "prony_creep"
+glassy = 1e8
+compliances = [1e-8, 1e-7]
+times = [1e-3, 1e-1]
+shift = {kind = "tabulated", temperatures = [280.0, 290.0, 310.0], log10_factors = [1.0, 0.0, -2.0],
+         vertical_factors = [1.0, 1.0, 1.1], reference = 290.0}
+[materials.d]
+kind = "tyre_tread"
+poisson = 0.49
+[[layers]]
+material = "b"
+thickness = 5e-5
+[[layers]]
+bottom = "a"
+top = "c"
+shape = "sinusoidal"
+mixing = "logarithmic"
+thickness = 1e-4
+""".replace(",\n        ", ",")
+FILE = """
+[surface]
+kind = "file"
+path = "heights.txt"
+periodic = "mirror"
+shape = [16, 16]
+size = [1e-3, 1e-3]
+unit = "um"
+region = [0.0, 1e-3, 0.0, 1e-3]
+fill = "harmonic"
+rim = 1
+rms_height = 1e-6
+""" + RANDOM[RANDOM.index("[base]") :].replace("[0.01, 1.0]", "{from = 0.01, to = 1.0, points = 3}")
+DESIGNED = RANDOM + SERIES + LAYERS
+DESIGN = """
+[design]
+objective = "friction"
+ratio = [1.3, 1.2]
+stiffness = {q = 2.5e3, omega = 250.0, within = 0.01}
+total_thickness = 5e-4
+starts = 2
+seed = 3
+verify = 2
+polish = true
+[design.parameters]
+"layers[0].thickness" = [2e-5, 1e-4]
+"base.material.strengths[1]" = [1e6, 3e6]
+"""
+BAND = """
+[design]
+objective = "flat_loss_tangent"
+q_from = 1e3
+q_to = 1e4
+[design.parameters]
+"layers[0].thickness" = [2e-5, 1e-4]
+"""
+SCENES = [
+    RANDOM + SERIES, RANDOM + SERIES + LAYERS, RANDOM + FREQUENCIES + LAYERS,
+    FILE + SERIES + LAYERS, DESIGNED + DESIGN, DESIGNED + BAND,
+]  # fmt: skip
+
+# Values in TOML, of every type and then some.
+NONSENSE = [
+    "true", "false", '""', '"x"', '"1e6"', "[]", "{}", "[[]]", "[{}]", "{a = 1}", "[1, [2, 3]]",
+    "0", "-1", "1", "-0.0", "1e308", "-1e308", "1e-320", "5e-324", "1e999", "inf", "-inf", "nan",
+    "2147483648", "9223372036854775808", "9" * 400, "-" + "9" * 400, "9" * 5000, "0x7f", "1_000",
+    "1979-05-27", "07:32:00", "1979-05-27T07:32:00Z", "[1, 'a']", "[1.0, nan]", "[true]",
+    "[1e6, 1e6]", "[1.0, 2.0, 3.0]", "[" + "1.0, " * 20_000 + "2.0]", "[" * 50 + "]" * 50,
+    "[" * 5000 + "]" * 5000, "{a = " * 60 + "1" + "}" * 60, '"\\u0000"', '"a\\u0000b"',
+    '"' + "x" * 5000 + '"', '"../../evil"', '"/dev/null"', '"~nobody/x"', '"é𝔘‮"', '"[bold]"',
+    '"elastic"', '"file"', '"prony"', '"tabulated"', '"free"', '"rigid"', '"a"', '"moduli.csv"',
+    "{from = 1, to = 2, points = 3}", "{from = 0, to = -1, points = 2}",
+    "{from = 1, to = 2, points = 1000000000000}", "{from = inf, to = 2, points = 1.5}",
+    "[16, 16, 16]", "[16]", "16", "[1000000, 1000000]", "[4294967296, 4294967296]", "[-16, 16]",
+    '{kind = "wlf"}', '{kind = ["wlf"]}', '{kind = {}}', '{omega = [1.0, 0.0]}', "'", "=", "1e",
+]  # fmt: skip
+NAMES = [
+    "x", "", "kind", "a.b", "\0", "é", "[a]", "x" * 3000, "layers[0].thickness", "layers[9].a",
+    "base.material.strengths[-1]", "base.material.poisson", "__class__", "base", "layers", "1",
+    "layers[0].material", "material", "bottom", "shift", "measured", "design", "rms_height",
+]  # fmt: skip
+
+
+class Source(str):
+    """A value as TOML writes it."""
+
+
+class Hangs(BaseException):
+    """Beyond what any handler of errors takes."""
+
+
+@contextlib.contextmanager
+def no_hang():
+    """Ends what runs for longer than a minute, where the system can."""
+    if not hasattr(signal, "SIGALRM"):
+        yield
+        return
+
+    def stop(*_):
+        raise Hangs
+
+    before = signal.signal(signal.SIGALRM, stop)
+    signal.alarm(SECONDS)
+    try:
+        yield
+    finally:
+        signal.alarm(0)
+        signal.signal(signal.SIGALRM, before)
+
+
+def source(value) -> str:
+    """What TOML writes for a value that `tomllib` gave."""
+    if isinstance(value, Source):
+        return value
+    if isinstance(value, dict):
+        entries = (f"{json.dumps(key, ensure_ascii=False)} = {source(value[key])}" for key in value)
+        return "{" + ", ".join(entries) + "}"
+    if isinstance(value, list):
+        return f"[{', '.join(map(source, value))}]"
+    return json.dumps(value, ensure_ascii=False) if isinstance(value, str | bool) else repr(value)
+
+
+def pick(draw, entries):
+    return entries[int(draw.integers(len(entries)))]
+
+
+def places(value) -> list:
+    """Every table and list in a value, with each of its keys."""
+    found = []
+    entries = value.items() if isinstance(value, dict) else enumerate(value)
+    for key, entry in entries:
+        found.append((value, key))
+        if isinstance(entry, dict | list) and entry:
+            found += places(entry)
+    return found
+
+
+def damaged_scene(draw) -> str:
+    """A scene after one to three damages to its values, keys or text."""
+    text = pick(draw, SCENES)
+    if draw.integers(5) == 0:
+        return damaged_text(draw, text)
+    scene = tomllib.loads(text)
+    for _ in range(draw.integers(1, 4)):
+        if not (there := places(scene)):
+            break
+        inside, key = pick(draw, there)
+        other, from_there = pick(draw, there)
+        kind = draw.integers(10)
+        if kind < 5:
+            inside[key] = Source(pick(draw, NONSENSE))
+        elif kind == 5:
+            del inside[key]
+        elif kind == 6 and isinstance(inside, dict):
+            inside[pick(draw, NAMES)] = inside.pop(key)
+        elif kind == 7:  # a copy of another value, as it was before this damage
+            inside[key] = Source(source(other[from_there]))
+        elif kind == 8 and isinstance(inside, list):
+            inside.extend([inside[key]] * int(pick(draw, [1, 2, 50])))
+        elif isinstance(inside[key], float | int) and not isinstance(inside[key], bool):
+            inside[key] = inside[key] * pick(draw, [-1, 0, 1e-12, 1e-3, 10, 1e3, 1e12, 1e200])
+    return "\n".join(f"{json.dumps(key)} = {source(value)}" for key, value in scene.items())
+
+
+def damaged_text(draw, text: str) -> str:
+    lines = text.split("\n")
+    for _ in range(draw.integers(1, 4)):
+        line, other = draw.integers(len(lines), size=2)
+        kind = draw.integers(6)
+        if kind == 0:
+            del lines[line : line + draw.integers(1, 4)]
+        elif kind == 1:
+            lines.insert(line, lines[other])
+        elif kind == 2:
+            lines[line], lines[other] = lines[other], lines[line]
+        elif kind == 3:
+            at = draw.integers(len(lines[line]) + 1)
+            lines[line] = lines[line][:at] + chr(draw.integers(0x250)) + lines[line][at + 1 :]
+        elif kind == 4:
+            lines[line] = lines[line].partition("=")[0] + "= " + pick(draw, NONSENSE)
+        else:
+            lines = lines[: line + 1]
+        lines = lines or [""]
+    return "\n".join(lines)
+
+
+def check_scene(text: str, folder: Path) -> bool:
+    """Reads a scene; whether it was accepted, and then for what it says."""
+    try:
+        scene = parse_scene(text, folder)
+        study = parse_design(text, folder) if "design" in tomllib.loads(text) else None
+        check_scene_memory(scene)
+    except REFUSALS as error:
+        told(error)
+        return False
+    document = tomllib.loads(text)
+    load, layers = document["load"], document.get("layers", [])
+    for name in ("pressure", "velocity"):
+        values, written = getattr(scene, name), load[name]
+        assert np.all(np.isfinite(values)) and values.ndim == 1
+        if isinstance(written, dict):
+            assert len(values) == written["points"]
+            written = [written["from"], written["to"]]
+            np.testing.assert_allclose(values[[0, -1]], written, rtol=1e-12)
+        else:
+            np.testing.assert_array_equal(values, np.array(written, float).reshape(-1))
+    assert np.all(scene.pressure > 0) and 0 < scene.rtol < 1
+    thickness = [float(layer.thickness) for layer in scene.stack.layers]
+    assert thickness == [layer["thickness"] for layer in layers] and all(t > 0 for t in thickness)
+    assert document["base"]["kind"].replace("_", "") == type(scene.stack.base).__name__.lower()
+    for leaf in jax.tree.leaves(scene.stack):
+        assert np.all(np.isfinite(leaf))
+    if isinstance(scene.surface, RandomSurface):
+        assert scene.surface.grid.shape == tuple(np.ravel(document["grid"]["shape"]).tolist())
+        for name in ("rms_slope", "rms_height", "hurst", "q_high", "q_roll"):
+            if name in document["surface"]:
+                found, written = getattr(scene.surface.spectrum, name), document["surface"][name]
+                np.testing.assert_allclose(found, written, rtol=1e-9)
+    if study is not None:
+        bounds = document["design"]["parameters"]
+        assert bounds == {path: [study.lower[path], study.upper[path]] for path in study.lower}
+    return True
+
+
+def told(error: Exception) -> None:
+    """A refusal has a reason that can be read."""
+    text = str(error)
+    assert text.strip() and len(text) < 20_000, text[:1000]
+    assert "Traceback" not in text and "jax" not in text.lower(), text[:1000]
+
+
+def results() -> Results:
+    draw = np.random.default_rng(0)
+    shape, fields = (8, 6), {}
+    for index in ((0, 1), (1, 0)):
+        fields[index] = Fields(**{name: draw.normal(size=shape) for name in FIELDS})
+    surface = gc.Surface(
+        heights=draw.normal(size=shape),
+        grid=gc.Grid(shape, [1e-3, 2e-3]),
+        history=("Read.", "Filled."),
+        measured=draw.uniform(size=shape),
+        steps=(Step("read", 1.1, 0.3, 4.0, 0.2), Step("filled", 1.0, 0.2, 3.9, 0.0)),
+    )
+    return Results(
+        pressure=np.array([1e5, 3e5]),
+        velocity=np.geomspace(1e-3, 1.0, 3),
+        **{name: draw.normal(size=(2, 3)) for name in OBSERVABLES},
+        message=np.array([["", "", "It stopped."], ["", "not started", "failed: no kernel"]]),
+        point=np.array([["a", "b", "c"], ["d", "e", "f"]]),
+        surface=surface,
+        fields=fields,
+        attributes={"title": "µ", "seed": 3, "rtol": 1e-6, "scene": "a = 1\n" * 9},
+    )
+
+
+VALUES = [
+    1, -1.5, np.nan, 10**18, "x", "", "é", b"\xff\xfe", [1.0, 2.0], ["a", "b"], np.zeros((2, 2)),
+    h5py.Empty("f8"), np.float32(3), True, 2 + 1j, np.zeros(0), "y" * 60_000, [[1]], np.inf,
+    np.array([(1, 2.0)], dtype=[("a", "i4"), ("b", "f8")]), "\n\n", "[bold]", "2e-6",
+]  # fmt: skip
+
+
+def damage_results(draw, path: Path) -> None:
+    """One to three damages to a file of results, through HDF5 or to its bytes."""
+    if draw.integers(2) == 0:
+        damage_bytes(draw, path)
+        return
+    with h5py.File(path, "a") as file:
+        for _ in range(draw.integers(1, 4)):
+            names = []
+            file.visit(names.append)
+            if not names:
+                return
+            name, other = pick(draw, names), pick(draw, names)
+            holder = pick(draw, [file, file, file[name]])
+            kind = draw.integers(13)
+            if kind < 3:
+                attribute = pick(draw, [*holder.attrs, "x", "surface_size", "surface_step_name"])
+                with contextlib.suppress(OSError):  # too long for an attribute
+                    holder.attrs[attribute] = pick(draw, VALUES)
+            elif kind < 5 and len(holder.attrs):
+                del holder.attrs[pick(draw, list(holder.attrs))]
+            elif kind == 5:
+                with contextlib.suppress(ValueError, OSError, RuntimeError):  # into itself
+                    file.move(name, pick(draw, [f"{name}x", f"solve_{other}", "solve_0_0", "a/b"]))
+            elif kind == 6:
+                file[name + "copy"] = file[other]
+            elif kind == 7 and isinstance(file[name], h5py.Dataset) and 0 < file[name].size < 1000:
+                with contextlib.suppress(TypeError, ValueError, OSError):  # other types of numbers
+                    file[name][...] = pick(draw, [0, np.inf, np.nan, "", "x"])
+            else:
+                del file[name]
+                replace_dataset(draw, file, name, other, kind)
+
+
+def replace_dataset(draw, file, name: str, other: str, kind: int) -> None:
+    if kind == 8:
+        file.create_group(name)
+    elif kind == 9:
+        link = (h5py.SoftLink(pick(draw, [other, "/", name, "/nowhere"])),
+                h5py.ExternalLink(pick(draw, ["nowhere.h5", "result.h5"]), other))  # fmt: skip
+        file[name] = pick(draw, link)
+    elif kind == 10:
+        with contextlib.suppress(TypeError):
+            file[name] = pick(draw, VALUES)
+    elif kind == 11:
+        shape = pick(draw, [(60_000, 60_000), (2, 3), (1 << 40,), (0,), (), (2, 3, 4), (8, 6)])
+        chunks = pick(draw, [None, True]) if shape and 0 not in shape else None
+        dtype = pick(draw, ["f8", "f4", "i8", "c16", h5py.string_dtype(), "S4", "V16"])
+        file.create_dataset(name, shape=shape, dtype=dtype, chunks=chunks)
+    # Otherwise it is gone.
+
+
+def damage_bytes(draw, path: Path) -> None:
+    content = bytearray(path.read_bytes())
+    kind = draw.integers(4)
+    if kind == 0:
+        content = content[: draw.integers(len(content))]
+    elif kind == 1:
+        at, length = draw.integers(len(content)), draw.integers(1, 600)
+        content[at : at + length] = bytes([pick(draw, [0, 255])]) * len(content[at : at + length])
+    elif kind == 2:
+        at, where, length = *draw.integers(len(content), size=2), draw.integers(1, 600)
+        content[at : at + length] = content[where : where + length]
+    else:
+        for _ in range(draw.integers(1, 8)):
+            content[draw.integers(len(content))] ^= 1 << draw.integers(8)
+    path.write_bytes(content)
+
+
+def command(*arguments) -> bool:
+    """Runs the command; whether it was content. It refuses with a message and exit code 2 alone."""
+    found = CliRunner().invoke(cli.app, [str(argument) for argument in arguments])
+    if found.exception is not None and not isinstance(found.exception, SystemExit):
+        raise AssertionError(f"{arguments}: {found.output}") from found.exception
+    assert found.exit_code in (0, 2), (arguments, found.output)
+    assert "Traceback" not in found.output
+    assert found.exit_code == 0 or found.stderr.strip()
+    return found.exit_code == 0
+
+
+def check_results(draw, folder: Path) -> bool:
+    path = folder / "result.h5"
+    write_results(path, results())
+    before = fingerprint(results())
+    damage_results(draw, path)
+    try:
+        accepted = fingerprint(read_results(path)) == before
+        assert accepted, "other numbers than were written"
+    except REFUSALS as error:
+        told(error)
+        assert "result.h5" in str(error)
+        accepted = False
+    assert command("info", path) == accepted
+    return accepted
+
+
+POINT = Point(
+    {"friction": np.array(0.1), "gap": np.arange(12.0).reshape(4, 3)}, "", {"v": np.float64(1)}
+)
+EVALUATION = Evaluation(0.5, np.array([0.1]), np.array([1.0, 2.0]), np.array([[3.0, 4.0]]))
+
+
+def check_kept(draw, folder: Path) -> bool:
+    """A point or a search's evaluations: as they were kept, fewer of them, or a refusal."""
+    shutil.rmtree(folder / "points", ignore_errors=True)
+    with Store(folder / "points") as store:
+        store.write("a", POINT)
+        path = store.path("a")
+        if draw.integers(3) == 0:
+            path.unlink()
+            pick(draw, [path.mkdir, path.touch, lambda: path.symlink_to(path)])()
+        else:
+            damage_bytes(draw, path)
+        try:
+            point = store.read("a")
+        except OSError:
+            point = None
+        assert point is None or fingerprint(point) == fingerprint(POINT)
+        search = store.folder / "search.jsonl"
+        kept = Evaluations(search, ["a", "b"])
+        for k in range(4):
+            kept.add(np.array([1.0, k]), EVALUATION)
+        written = kept.kept
+        search.write_text(damaged_json(draw, search.read_text()), "utf-8", "replace")
+        try:
+            again = Evaluations(search, ["a", "b"])
+        except REFUSALS as error:
+            told(error)
+            return point is not None
+    for at, evaluation in again.kept.items():
+        assert fingerprint(evaluation) == fingerprint(written[at])
+    return True
+
+
+def damaged_json(draw, text: str) -> str:
+    at, kind = int(draw.integers(len(text))), draw.integers(3)
+    if kind == 0:
+        return text[:at]
+    if kind == 1:
+        return text[:at] + chr(draw.integers(0x250)) + text[at + 1 :]
+    value = pick(draw, ["nan", "Infinity", "null", "{}", "[]", '"x"', "9" * 400, "9" * 5000,
+                        "[" * 5000, "true", "[[1]]", "1e999"])  # fmt: skip
+    first = text.find(" ", at)
+    return text[:first] + value + text[first + 4 :]
+
+
+BAD_PATHS = [
+    "nowhere.toml", "", ".", "..", "/", "/dev/null/x", "x\0y", "x" * 300, "a/" * 600, "é\udcff",
+    "there/small.toml", "moduli.csv", "heights.txt", "result.h5", "~nobody/x", "-", "\n", "[/red]",
+    "link", "empty", "scene.toml", "noise",
+]  # fmt: skip
+BAD_FOLDERS = [
+    "", "x\0y", "x" * 300, "moduli.csv", "moduli.csv/x", "/dev/null", "/dev/null/x", "/proc/x",
+    "~nobody/x", "\n", "a/" * 2500, "link", "é\udcff",
+]  # fmt: skip
+NUMBERS = ["-1", "0", "x", "", "1e9", "nan", "inf", "9" * 400, "255", "1e-320", "-1e308", "1.5"]
+FIT_OPTIONS = {
+    "--terms": ["2", *NUMBERS], "--poisson": ["0.3", "0.5", "-1", "0.6", *NUMBERS],
+    "--kind": ["frequency", "relaxation", "creep", "x", "", "\0"], "--deformation": ["shear", "x"],
+    "--temperature": ["300", *NUMBERS], "--sheet": ["1", "x", ""], "--law": ["wlf", "x", ""],
+    "--scatter": ["0", *NUMBERS], "--vertical": NUMBERS, "--equilibrium": ["0", "1e5", *NUMBERS],
+    "--glassy": ["1e12", *NUMBERS], "--storage-weight": NUMBERS, "--loss-weight": NUMBERS,
+    "--unit": ["modulus=MPa", "modulus", "=", "modulus=furlong", "x=y", "frequency=", "\0=\0"],
+    "--column": ["loss=3", "loss=99", "loss=-1", "loss=x", "=", "loss=" + "9" * 400, "x=1"],
+    "--card": ["toml", "abaqus", "x", "", "../x", "\0", "x" * 300],
+}  # fmt: skip
+
+
+def check_arguments(draw, folder: Path) -> bool:
+    """Odd options of every sub-command, in a folder of valid and odd files."""
+    name = pick(draw, ["run", "demo", "info", "fit", "design", "x", "--version", ""])
+    output = ["--output", pick(draw, BAD_FOLDERS)]
+    if name == "demo":
+        return command(
+            name, "--resolution", pick(draw, [*NUMBERS, "99999999", "4294967296"]), *output
+        )
+    if name in ("run", "design"):
+        file = pick(draw, [*BAD_PATHS, "scene.toml", "scene.toml", "design.toml"])
+        return command(name, file, *pick(draw, [output, ["--dry-run"], ["--dry-run", *output]]))
+    if name == "fit":
+        files = [pick(draw, [*BAD_PATHS, *["moduli.csv"] * 20]) for _ in range(draw.integers(1, 3))]
+        options = [("-o", "there"), ("--terms", "2")]
+        for option in draw.choice(list(FIT_OPTIONS), draw.integers(1, 4), replace=False):
+            options.append((option, pick(draw, FIT_OPTIONS[option])))
+        if draw.integers(4) == 0:
+            options.append(("--output", output[1]))
+        return command(name, *files, *(text for option in options for text in option))
+    return command(name, *[pick(draw, BAD_PATHS) for _ in range(draw.integers(3))])
+
+
+def check_case(case: int, folder: Path) -> bool:
+    """One case by its number; whether what was damaged was accepted."""
+    draw = np.random.default_rng([SEED, case])
+    with no_hang():
+        if case % 10 < 5:
+            return check_scene(damaged_scene(draw), folder)
+        if case % 10 < 8:
+            return check_results(draw, folder)
+        return (check_kept if case % 10 == 8 else check_arguments)(draw, folder)
+
+
+@pytest.fixture
+def folder(tmp_path, monkeypatch, unchecked_types):
+    """A folder to be in, with the files that scenes and arguments name."""
+    monkeypatch.setattr(cli, "_cache_folder", lambda: None)
+    monkeypatch.setenv("XLA_FLAGS", os.environ.get("XLA_FLAGS", ""))
+    monkeypatch.setenv("HOME", str(tmp_path))
+    monkeypatch.chdir(tmp_path)
+    Path("moduli.csv").write_text(TABLE)
+    np.savetxt("heights.txt", np.random.default_rng(0).normal(size=(16, 16)))
+    Path("scene.toml").write_text(SCENES[1])
+    Path("design.toml").write_text(SCENES[5])
+    Path("empty").touch()
+    Path("noise").write_bytes(np.random.default_rng(0).bytes(3000))
+    Path("link").symlink_to("link")
+    return tmp_path
+
+
+def test_the_undamaged_are_accepted(folder):
+    for text in SCENES:
+        assert check_scene(text, folder)
+        again = "\n".join(f"{k} = {source(v)}" for k, v in tomllib.loads(text).items())
+        assert check_scene(again, folder)
+    write_results(folder / "a.h5", results())
+    assert fingerprint(read_results(folder / "a.h5")) == fingerprint(results())
+    assert command("info", folder / "a.h5")
+    assert command("run", "scene.toml", "--dry-run")
+    assert command("design", "design.toml", "--dry-run")
+
+
+def test_what_is_damaged_is_refused_or_read_right(folder):
+    for case in range(100):
+        check_case(case, folder)
+
+
+@pytest.mark.slow
+def test_what_is_damaged_is_refused_or_read_right_5000_times(folder, capsys):
+    accepted, slowest = 0, (0.0, 0)
+    for case in range(5000):
+        start = time.perf_counter()
+        accepted += check_case(case, folder)
+        slowest = max(slowest, (time.perf_counter() - start, case))
+    with capsys.disabled():
+        print(f"\n{accepted} accepted, {5000 - accepted} refused; slowest (s, case): {slowest}")
+    assert 200 < accepted < 4800  # neither all nor none, or little would be tried
