@@ -18,6 +18,15 @@ from jax import Array
 from jax.core import Tracer
 from jaxtyping import AbstractArray, ArrayLike, Float, Inexact
 
+# What users call the classes that annotations name.
+_WORDS = {
+    int: "a whole number",
+    float: "a plain number",
+    bool: "True or False",
+    str: "a text",
+    type(None): "None",
+}
+
 F = TypeVar("F", bound=Callable[..., Any])
 
 # What public functions take: a number, an array of numbers, or (nested) lists of them.
@@ -118,9 +127,13 @@ def check_type(name: str, value: Any, *kinds: Any) -> None:
     """Raises `ValueError` unless `value` is of one of the classes, or is one of the literals."""
     if any(_is_of(value, kind) for kind in kinds):
         return
-    words = [kind.__name__ if isinstance(kind, type) else repr(kind) for kind in kinds]
-    wanted = " or ".join("None" if word == "NoneType" else word for word in words)
-    raise ValueError(f"`{name}={short(value)}` is refused: {wanted} is needed.")
+    words = [
+        _WORDS.get(kind) or kind.__name__.removeprefix("Abstract")
+        if isinstance(kind, type)
+        else repr(kind)
+        for kind in kinds
+    ]
+    raise ValueError(f"`{name}={short(value)}` must be {' or '.join(words)}.")
 
 
 def _is_of(value: Any, kind: Any) -> bool:

@@ -221,9 +221,11 @@ def _clenshaw_curtis(num_intervals: int) -> _Rule:
     coefficients = np.linalg.inv(chebyshev.chebvander(x, num_intervals))
     integral = chebyshev.chebint(coefficients, lbnd=-1)
     slope = chebyshev.chebder(coefficients)
+    integration = chebyshev.chebvander(x, num_intervals + 1) @ integral / 2
+    integration[0] = 0  # which rounding may miss: nothing has spread at the first node
     return _Rule(
         nodes=(1 + x) / 2,
-        integration=chebyshev.chebvander(x, num_intervals + 1) @ integral / 2,
+        integration=integration,
         differentiation=chebyshev.chebvander(x, num_intervals - 1) @ slope * 2,
     )
 

@@ -53,7 +53,7 @@ def test_derivative_along_a_path_is_that_of_its_last_contact():
     [
         (dict(), "`pressure` and `mean_gap`"),
         (dict(pressure=[1.0], mean_gap=[1.0]), "`pressure` and `mean_gap`"),
-        (dict(pressure=[1.0], law="hard"), "`law='hard'` must be a law"),
+        (dict(pressure=[1.0], law="hard"), "`law='hard'` must be Law"),
         (dict(pressure=[1.0], solver=gc.ResidualDynamics()), r"Pass `solver=DouglasRachford\(\)`"),
         (dict(pressure=1.0), r"`pressure` has shape \(\)"),
         (dict(mean_gap=np.ones((2, 2))), r"`mean_gap` has shape \(2, 2\)"),

@@ -469,10 +469,10 @@ BAD = {
     "big rtol": (dict(rtol=2.0), "`rtol=2` is refused"),
     "start shape": (dict(start=np.ones((8, 8))), "`start` has shape"),
     "negative start": (dict(start=np.full((16, 16), -1.0)), r"`start\[0, 0\]=-1`"),
-    "no rtol": (dict(rtol=None), "`rtol=None` is refused: a plain number"),
+    "no rtol": (dict(rtol=None), "`rtol=None` must be a plain number"),
     "rtol in words": (dict(rtol="1e-6"), "`rtol='1e-6'` is refused"),
     "rtol per point": (dict(rtol=np.full(2, 1e-6)), "`rtol=array.* is refused"),
-    "law in words": (dict(law="hard"), "`law='hard'` must be a law of contact"),
+    "law in words": (dict(law="hard"), "`law='hard'` must be Law"),
     "no solver": (dict(solver=None), "`solver=None` must be"),
     "half precision": (dict(heights=np.zeros((16, 16), np.float16)), "`heights` has dtype float16"),
 }

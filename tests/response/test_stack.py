@@ -90,5 +90,5 @@ def test_slices_keep_the_other_layers_and_the_temperature():
     assert len(stack.layers) == 5 and stack.layers[4] is cold.layers[1]
     top, _ = cold.layers[0].profile(jnp.asarray(0.875), jnp.asarray(30.0))
     assert stack.layers[0].material.modulus(30.0) == top
-    with pytest.raises(ValueError, match="`num_slices=0` must be at least 1"):
+    with pytest.raises(ValueError, match="`num_slices=0` must be a whole number, at least 1"):
         gc.sliced(cold, 0)
