@@ -39,8 +39,8 @@ from prony_peers import (
 )
 
 import graded_contact as gc
+from graded_contact.fitting.master import master_curve
 from graded_contact.plot import COLOURS
-from graded_contact.rheology.master import master_curve
 
 jax.config.update("jax_enable_x64", True)
 matplotlib.use("Agg")

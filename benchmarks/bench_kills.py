@@ -33,7 +33,7 @@ from pathlib import Path
 
 import numpy as np
 
-from graded_contact.studies.storage import AXES, FIELDS, OBSERVABLES, TEXTS, Results, read_results
+from graded_contact.files.results import AXES, FIELDS, OBSERVABLES, TEXTS, Results, read_results
 
 SIGNALS = (signal.SIGKILL, signal.SIGINT, signal.SIGTERM)
 # How a process may end, 0 if it was done before the signal.

@@ -9,8 +9,8 @@ import prony_peers as peers
 from prony_peers import ISOTHERMS, MASTER_CURVES, OPTIMISED, PACKAGE, PLAIN, parts_of, read_sets
 
 import graded_contact as gc
+from graded_contact.fitting.master import master_curve
 from graded_contact.plot import COLOURS
-from graded_contact.rheology.master import master_curve
 
 POISSON = 0.49
 EDGE, SLOPE = 1e-3, 0.1  # of the cell [m], rms of the roughness [1]

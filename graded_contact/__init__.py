@@ -11,6 +11,12 @@ from .contact.observables import cumulative_friction
 from .contact.path import ContactPath, follow_contact
 from .contact.problem import RESULTS, ContactSolution, solve_contact
 from .contact.rmd import ResidualDynamics
+from .files.moduli.reading import Measured, read_moduli
+from .files.prony_cards import export_prony
+from .files.topography.reading import read_surface
+from .fitting.master import MasterCurve, master_curve
+from .fitting.prony import fit_creep, fit_prony, fit_relaxation
+from .fitting.result import PronyFit
 from .grid import Grid
 from .persson.mean_field import MeanField, mean_field_friction, pressure_distribution
 from .response.compliance import (
@@ -25,21 +31,15 @@ from .response.matrix import surface_compliance_matrix
 from .response.profile import Aged, Blend, Mixture
 from .response.shape import ErrorFunction, Exponential, Linear, PowerLaw, Sinusoidal
 from .response.stack import Free, GradedLayer, HalfSpace, Layer, Rigid, Stack, sliced
-from .rheology.export import export_prony
-from .rheology.fit import fit_creep, fit_prony, fit_relaxation
-from .rheology.fitting.result import PronyFit
 from .rheology.library import tyre_tread
-from .rheology.master import MasterCurve, master_curve
 from .rheology.material import BulkShear, Elastic, Prony
 from .rheology.measured import MeasuredRange, coverage
-from .rheology.reading import Measured, read_moduli
 from .rheology.shift import WLF, Arrhenius
 from .rheology.tabulated import Tabulated
 from .rheology.tabulated_shift import TabulatedShift
 from .sliding import CutoffCurve, Sliding, area_against_cutoff, slide
 from .spectrum import SelfAffine
 from .surface import Surface, radial_spectrum, random_surface, resample, rescale, statistics
-from .topography import read_surface
 
 __version__ = "0.1.0"
 from .studies.design import Design, minimise, pareto_front, rounded, scatter

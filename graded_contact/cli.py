@@ -22,9 +22,9 @@ import typer
 if TYPE_CHECKING:
     import numpy as np
 
+    from .files.results import Results
     from .studies.interruption import Interruption
     from .studies.scene import Scene
-    from .studies.storage import Results
     from .surface import Surface
 
 app = typer.Typer(
@@ -152,7 +152,7 @@ def info(
 ) -> None:
     """Prints what a result file holds: inputs, versions, and the table of results."""
     _prepare()
-    from .studies.storage import read_results
+    from .files.results import read_results
 
     with _refusing():
         results = read_results(result_file)
@@ -226,10 +226,10 @@ def fit(
     Several isotherms, in one file or several, are shifted into a master curve.
     """
     _prepare()
-    from .rheology.export import FORMATS, export_prony
-    from .rheology.reading import read_moduli
-    from .studies.output import check_folder, folder_path
-    from .studies.table import nearest
+    from .files.moduli.reading import read_moduli
+    from .files.output import check_folder, folder_path
+    from .files.prony_cards import FORMATS, export_prony
+    from .files.toml import nearest
 
     with _refusing(), _naming_options():
         for form in card or []:
@@ -285,9 +285,9 @@ def _naming_options() -> Iterator[None]:
 
 def _fitted(measured, shifts, weights, arguments):
     """The figure of the fit, its material with its shifts, and the report."""
+    from .fitting.master import check_law, master_curve
+    from .fitting.prony import fit_creep, fit_prony, fit_relaxation
     from .plot import plot_fit, plot_master_curve
-    from .rheology.fit import fit_creep, fit_prony, fit_relaxation
-    from .rheology.master import check_law, master_curve
 
     check_law(shifts["law"])
     isotherms = measured.isotherms()
@@ -318,6 +318,7 @@ def design(
     on from there.
     """
     _prepare()
+    from .files.output import check_folder, check_name, folder_path
     from .plot import plot_design
     from .studies.cost import design_cost
     from .studies.design_scene import (
@@ -329,7 +330,6 @@ def design(
         run_design,
     )
     from .studies.interruption import Interrupted, interruptible
-    from .studies.output import check_folder, check_name, folder_path
     from .studies.store import Store
 
     with _refusing(), interruptible() as interruption:
@@ -385,8 +385,8 @@ def _pairs(option: str, texts: list[str] | None) -> dict[str, str]:
 def _run(scene: "Scene", folder: Path, name: str, replace: bool) -> None:
     import numpy as np
 
+    from .files.output import check_folder, check_name, folder_path
     from .studies.interruption import Interrupted, interruptible
-    from .studies.output import check_folder, check_name, folder_path
     from .studies.scene import build_surface, point_names, run_scene
     from .studies.store import Store
 
@@ -446,7 +446,7 @@ def _refuse_other(file: Path, scene: "Scene", names: "np.ndarray") -> None:
     """Refuses to replace a file with solves that the scene has not."""
     from itertools import zip_longest
 
-    from .studies.storage import lost_solves, package_versions
+    from .files.results import lost_solves, package_versions
 
     remedy = "Give another --output, or --replace to replace it."
     try:
@@ -472,10 +472,10 @@ def _refuse_other(file: Path, scene: "Scene", names: "np.ndarray") -> None:
 
 def _write(file: Path, results: "Results", replace: bool) -> None:
     """Writes results and figures, unless the file that exists holds more."""
+    from .files.results import NOT_STARTED, lost_solves, write_results
+    from .files.sealed import replacing
     from .plot import plot_sliding, plot_sweep
     from .studies.scene import velocity_vector
-    from .studies.storage import NOT_STARTED, lost_solves, write_results
-    from .studies.store import replacing
 
     finished = results.point[results.state != NOT_STARTED]
     if not replace and (lost := lost_solves(file, finished)[0]):

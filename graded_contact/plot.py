@@ -13,14 +13,14 @@ import numpy as np
 from jaxtyping import ArrayLike
 
 from ._checks import as_float, check_positive
+from .files.results import NOT_STARTED, Fields, Results
+from .fitting.master import MasterCurve
+from .fitting.prony import PronyFit
 from .response.compliance import effective_modulus
 from .response.stack import Stack
-from .rheology.fit import PronyFit
-from .rheology.master import MasterCurve
 from .sliding import Sliding
 from .studies.design_scene import DesignResults, curve_velocities
 from .studies.objectives import friction_curve, loss_tangent
-from .studies.storage import NOT_STARTED, Fields, Results
 from .surface import Surface
 
 if TYPE_CHECKING:  # it takes a third of a second to import

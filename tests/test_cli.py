@@ -18,10 +18,10 @@ from typer.testing import CliRunner
 
 import graded_contact as gc
 from graded_contact import cli
+from graded_contact.files import results as storage
+from graded_contact.files.results import read_results, write_results
 from graded_contact.studies import scene as scene_module
-from graded_contact.studies import storage
 from graded_contact.studies.scene import parse_scene
-from graded_contact.studies.storage import read_results, write_results
 from graded_contact.studies.store import Store
 from graded_contact.surface import Step
 

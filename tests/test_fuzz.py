@@ -20,11 +20,7 @@ from typer.testing import CliRunner
 
 import graded_contact as gc
 from graded_contact import cli
-from graded_contact.studies.design_scene import parse_design
-from graded_contact.studies.evaluations import Evaluation, Evaluations
-from graded_contact.studies.scene import RandomSurface, parse_scene
-from graded_contact.studies.scene import check_scene as check_scene_memory
-from graded_contact.studies.storage import (
+from graded_contact.files.results import (
     FIELDS,
     OBSERVABLES,
     Fields,
@@ -32,6 +28,10 @@ from graded_contact.studies.storage import (
     read_results,
     write_results,
 )
+from graded_contact.studies.design_scene import parse_design
+from graded_contact.studies.evaluations import Evaluation, Evaluations
+from graded_contact.studies.scene import RandomSurface, parse_scene
+from graded_contact.studies.scene import check_scene as check_scene_memory
 from graded_contact.studies.store import Point, Store, fingerprint
 from graded_contact.surface import Step
 

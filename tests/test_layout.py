@@ -7,17 +7,10 @@ import pytest
 
 PACKAGE = Path(__file__).parents[1] / "graded_contact"
 ORDER = [
-    "_checks", "_fft", "_memory", "caveats", "grid", "spectrum", "surface",
-    "scans/scan", "scans/text", "scans/road", "scans/library", "scans/holes", "topography",
+    "_checks", "_fft", "_memory", "caveats",
+    "grid", "spectrum", "surface",
     "rheology/shift", "rheology/measured", "rheology/creep", "rheology/material",
-    "rheology/tabulated", "rheology/tabulated_shift", "rheology/library", "rheology/export",
-    "rheology/files/quantities", "rheology/files/cells", "rheology/files/tables",
-    "rheology/files/titles", "rheology/files/layout", "rheology/files/isotherms",
-    "rheology/files/points", "rheology/reading",
-    "rheology/fitting/newton", "rheology/fitting/series", "rheology/fitting/observations",
-    "rheology/fitting/path", "rheology/fitting/optimum", "rheology/fitting/uncertainty",
-    "rheology/fitting/result", "rheology/fitting/shared", "rheology/fitting/isotherms",
-    "rheology/fit", "rheology/master",
+    "rheology/tabulated", "rheology/tabulated_shift", "rheology/library",
     "response/shape", "response/profile", "response/stack", "response/slab", "response/recursion",
     "response/mesh", "response/riccati", "response/grading", "response/compliance",
     "response/table", "response/kernel",
@@ -26,10 +19,19 @@ ORDER = [
     "contact/douglas_rachford", "contact/rmd", "contact/problem", "contact/path",
     "contact/observables", "sliding",
     "persson/diffusion", "persson/modes", "persson/isotropic", "persson/mean_field",
-    "studies/interruption", "studies/output", "studies/store",
+    "files/topography/scan", "files/topography/text", "files/topography/road",
+    "files/topography/library", "files/topography/holes", "files/topography/reading",
+    "files/moduli/quantities", "files/moduli/cells", "files/moduli/tables",
+    "files/moduli/titles", "files/moduli/layout", "files/moduli/isotherms",
+    "files/moduli/points", "files/moduli/reading",
+    "files/prony_cards", "files/sealed", "files/output", "files/toml", "files/results",
+    "fitting/newton", "fitting/series", "fitting/observations",
+    "fitting/lengths", "fitting/optimum", "fitting/uncertainty",
+    "fitting/result", "fitting/shifted_series", "fitting/shifted_observations",
+    "fitting/prony", "fitting/master",
+    "studies/interruption", "studies/store",
     "studies/parameters", "studies/objectives", "studies/evaluations",
-    "studies/design", "studies/storage",
-    "studies/table", "studies/scene", "studies/design_scene", "studies/cost", "studies/sweep",
+    "studies/design", "studies/scene", "studies/design_scene", "studies/cost",
     "reference", "plot", "cli", "__main__",
 ]  # fmt: skip
 # What a file or folder must not see although it comes before: contact gets a kernel, not layers.
@@ -75,13 +77,18 @@ def test_imports_follow_the_table(path):
             assert not seen, f"{place} imports {module}"
 
 
+def test_the_table_names_files_that_exist():
+    places = {path.relative_to(PACKAGE).with_suffix("").as_posix() for path in FILES}
+    assert set(ORDER) == places
+
+
 @pytest.mark.parametrize(
     "place, source, expected",
     [
         ("rheology/library", "from .material import WLF, Prony", "rheology/material"),
         ("rheology/material", "from .._checks import as_float", "_checks"),
         ("contact/law", "from .. import grid", "grid"),
-        ("sliding", "from .rheology import Prony", "rheology/master"),
+        ("sliding", "from .rheology import Prony", "rheology/library"),
         ("sliding", "def f():\n  import graded_contact.contact.law as law", "contact/law"),
         ("grid", "from . import Prony", "plot"),
         ("grid", "from graded_contact import surface", "surface"),

@@ -4,6 +4,7 @@ import numpy as np
 import pytest
 
 import graded_contact as gc
+from graded_contact.files.results import OBSERVABLES, Fields, Results
 from graded_contact.plot import (
     _unit,
     plot_fit,
@@ -12,7 +13,6 @@ from graded_contact.plot import (
     plot_sliding,
     plot_sweep,
 )
-from graded_contact.studies.storage import OBSERVABLES, Fields, Results
 
 
 def make_fields(shape):

@@ -1,1 +1,1 @@
-"""Studies made of many solves: scenes read from files, results written to files."""
+"""Studies made of many solves: scenes run, blocks designed, finished points kept on disk."""

@@ -34,6 +34,8 @@ from jaxtyping import Array, Float
 from .._checks import Numbers, as_float, check_poisson, check_positive, check_values
 from .._memory import DERIVATIVE, check_memory
 from ..caveats import EXTRAPOLATED
+from ..files.results import package_versions
+from ..files.toml import Table, nearest, parse_toml, short, within
 from ..grid import Grid
 from ..persson.isotropic import LAST_COSINE
 from ..persson.mean_field import MeanField
@@ -54,9 +56,7 @@ from .scene import (
     refuse_extrapolated,
     scene_memory,
 )
-from .storage import package_versions
 from .store import Point, Store, fingerprint
-from .table import Table, nearest, parse_toml, short, within
 
 KEYS = (
     "objective", "target", "ratio", "q_from", "q_to", "stiffness", "total_thickness",

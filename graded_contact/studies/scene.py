@@ -43,27 +43,35 @@ from ..caveats import EXTRAPOLATED
 from ..contact.douglas_rachford import DouglasRachford
 from ..contact.observables import wave_frequencies
 from ..contact.problem import RESULTS
+from ..files.moduli.quantities import DIMENSIONS, UNITS
+from ..files.moduli.reading import read_moduli
+from ..files.output import check_name, folder_path
+from ..files.results import (
+    FAILED,
+    FIELDS,
+    NOT_STARTED,
+    OBSERVABLES,
+    Fields,
+    Results,
+    package_versions,
+)
+from ..files.toml import Table, nearest, parse_toml, short, within
+from ..files.topography.reading import read_surface
 from ..grid import Grid
 from ..persson.mean_field import mean_field_friction
 from ..response.profile import Blend
 from ..response.shape import Linear, Sinusoidal
 from ..response.stack import Free, GradedLayer, HalfSpace, Layer, Rigid, Stack
-from ..rheology.files.quantities import DIMENSIONS, UNITS
 from ..rheology.library import tyre_tread
 from ..rheology.material import AbstractMaterial, Elastic, Prony
 from ..rheology.measured import MeasuredRange, check_frequencies, coverage, is_unknown
-from ..rheology.reading import read_moduli
 from ..rheology.shift import WLF, AbstractShift, Arrhenius
 from ..rheology.tabulated import Tabulated
 from ..rheology.tabulated_shift import TabulatedShift
 from ..sliding import slide
 from ..spectrum import SelfAffine
 from ..surface import Surface, random_surface, rescale
-from ..topography import read_surface
-from .output import check_name, folder_path
-from .storage import FAILED, FIELDS, NOT_STARTED, OBSERVABLES, Fields, Results, package_versions
 from .store import Point, Store, fingerprint
-from .table import Table, nearest, parse_toml, short, within
 
 READ_ARGUMENTS = ("periodic", "shape", "size", "unit", "region", "fill", "rim", "channel")
 SPECTRUM_FIELDS = ("rms_height", "rms_slope", "hurst", "q_low", "q_roll", "q_high")

@@ -10,10 +10,10 @@ import pytest
 
 import graded_contact as gc
 from graded_contact.contact.observables import wave_frequencies
-from graded_contact.rheology.reading import read_moduli
+from graded_contact.files.moduli.reading import read_moduli
+from graded_contact.files.results import AXES, FIELDS, OBSERVABLES, TEXTS
 from graded_contact.studies import scene as scene_module
 from graded_contact.studies.scene import build_surface, parse_scene, read_scene, run_scene
-from graded_contact.studies.storage import AXES, FIELDS, OBSERVABLES, TEXTS
 from graded_contact.studies.store import Store
 
 DATA = Path(__file__).parents[3] / "shared" / "data"

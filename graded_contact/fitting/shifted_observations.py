@@ -1,4 +1,4 @@
-"""Measurements at several temperatures as data of a fit: the JAX side of `shared`."""
+"""Measurements at several temperatures as data of a fit: the JAX side of `shifted_series`."""
 
 from typing import Literal
 
@@ -8,10 +8,10 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float, Int
 
-from ..shift import GAS_CONSTANT, WLF, AbstractShift, Arrhenius
-from ..tabulated_shift import TabulatedShift
+from ..rheology.shift import GAS_CONSTANT, WLF, AbstractShift, Arrhenius
+from ..rheology.tabulated_shift import TabulatedShift
 from .observations import Observations, Unknowns, objective, series_of
-from .shared import LN10, Law, SharedSeries
+from .shifted_series import LN10, Law, SharedSeries
 
 LawKind = Literal["wlf", "arrhenius"]
 

@@ -2,8 +2,9 @@
 
 Instruments' files are read by SurfaceTopography (the extra `io`,
 https://github.com/ContactEngineering), which knows some fifty formats of profilometers and
-microscopes; plain text, OpenCRG roads and NumPy's files by `scans/`. What is done to the data is
-recorded, in order, in `Surface.history`, and what it does to the roughness in `Surface.steps`.
+microscopes; plain text, OpenCRG roads and NumPy's files by the modules beside this one. What is
+done to the data is recorded, in order, in `Surface.history`, and what it does to the roughness in
+`Surface.steps`.
 """
 
 import contextlib
@@ -16,14 +17,14 @@ from typing import Any
 import numpy as np
 from jaxtyping import ArrayLike
 
-from ._checks import Numbers, check_positive, door
-from .grid import Grid
-from .scans.holes import filled, grown, largest_rectangle
-from .scans.library import metres_of_library, read_arrays, read_instrument
-from .scans.road import is_road, read_road
-from .scans.scan import Refusal, Scan, metres
-from .scans.text import decoded, read_text
-from .surface import Step, Surface, resample, step
+from ..._checks import Numbers, check_positive, door
+from ...grid import Grid
+from ...surface import Step, Surface, resample, step
+from .holes import filled, grown, largest_rectangle
+from .library import metres_of_library, read_arrays, read_instrument
+from .road import is_road, read_road
+from .scan import Refusal, Scan, metres
+from .text import decoded, read_text
 
 TAPER = 0.1  # length of the window's flank at either end of an axis, relative to the axis
 PERIODIC = ("window", "mirror", None)

@@ -7,15 +7,15 @@ import jax.numpy as jnp
 import numpy as np
 import pytest
 
+from graded_contact.files.topography.reading import read_surface, surface_from_heights
 from graded_contact.grid import Grid
 from graded_contact.response.stack import HalfSpace, Stack
 from graded_contact.rheology.library import tyre_tread
 from graded_contact.sliding import slide
 from graded_contact.spectrum import SelfAffine
 from graded_contact.surface import Surface, random_surface, statistics
-from graded_contact.topography import read_surface, surface_from_heights
 
-DATA = Path(__file__).parents[1] / "../shared/data/surfaces"
+DATA = Path(__file__).parents[3] / "shared" / "data" / "surfaces"
 ROAD = {"size": (5.0, 3.08), "unit": "m"}
 
 

@@ -26,7 +26,7 @@ from jaxtyping import Float
 from ..caveats import Caveat, caveats_of
 from ..grid import Grid
 from ..surface import Step, Surface
-from .store import SEAL, is_sealed, replacing, seal
+from .sealed import SEAL, is_sealed, replacing, seal
 
 FORMAT = "graded_contact results 2"
 NOT_STARTED = "not started"

@@ -14,10 +14,10 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float
 
-from ..._checks import Numbers, as_float, check_positive, check_values, is_concrete
-from ..material import Prony
-from ..measured import MeasuredRange
-from ..shift import AbstractShift
+from .._checks import Numbers, as_float, check_positive, check_values, is_concrete
+from ..rheology.material import Prony
+from ..rheology.measured import MeasuredRange
+from ..rheology.shift import AbstractShift
 from .series import COMPLETE, NEGLIGIBLE, Kind, Series, branches
 
 HELD = 1e6  # weight of an end value that is known, over that of all measured values

@@ -7,8 +7,8 @@ import numpy as np
 import pytest
 
 import graded_contact as gc
-from graded_contact.studies import storage
-from graded_contact.studies.storage import (
+from graded_contact.files import results as storage
+from graded_contact.files.results import (
     AXES,
     FIELDS,
     OBSERVABLES,
@@ -19,7 +19,7 @@ from graded_contact.studies.storage import (
     read_results,
     write_results,
 )
-from graded_contact.studies.store import SEAL, seal
+from graded_contact.files.sealed import SEAL, seal
 from graded_contact.surface import Step
 
 

@@ -16,13 +16,13 @@ from typing import Any
 import numpy as np
 from jaxtyping import Bool, Complex, Float, Int
 
-from .._checks import Numbers, check_poisson, check_positive, door
-from .files.cells import Sheet, holds_data, is_number, read_sheets
-from .files.isotherms import grouped
-from .files.layout import KINDS, Layout, Told, understand
-from .files.points import measured_points
-from .files.quantities import DIMENSIONS, OFFSETS, UNITS, parse_unit
-from .files.titles import parameters
+from ..._checks import Numbers, check_poisson, check_positive, door
+from .cells import Sheet, holds_data, is_number, read_sheets
+from .isotherms import grouped
+from .layout import KINDS, Layout, Told, understand
+from .points import measured_points
+from .quantities import DIMENSIONS, OFFSETS, UNITS, parse_unit
+from .titles import parameters
 
 DEFORMATIONS = ("tension", "shear")
 

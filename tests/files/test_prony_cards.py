@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 import graded_contact as gc
-from graded_contact.rheology.export import FORMATS, export_prony
+from graded_contact.files.prony_cards import FORMATS, export_prony
 from graded_contact.studies.scene import parse_scene
 
 SHIFT = gc.WLF(4.57, 113.6, 298.15)

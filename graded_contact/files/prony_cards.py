@@ -18,9 +18,9 @@ from typing import Any
 import numpy as np
 
 from .._checks import door
-from .material import AbstractMaterial, Prony
-from .measured import MeasuredRange
-from .shift import WLF, AbstractShift
+from ..rheology.material import AbstractMaterial, Prony
+from ..rheology.measured import MeasuredRange
+from ..rheology.shift import WLF, AbstractShift
 
 ANSYS_TERMS = 100  # the most that TB,PRONY takes
 LEAST_REMAINDER = 1e-9  # of E_eq in E_inf, to keep it to about 1e-6

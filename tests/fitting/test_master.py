@@ -11,7 +11,7 @@ from scipy.optimize import least_squares
 
 import graded_contact as gc
 from graded_contact import master_curve
-from graded_contact.rheology.export import export_prony
+from graded_contact.files.prony_cards import export_prony
 from graded_contact.rheology.shift import WLF, Arrhenius
 from graded_contact.rheology.tabulated_shift import TabulatedShift
 from graded_contact.studies.scene import parse_scene
@@ -256,7 +256,7 @@ def test_measured_materials_are_handed_on_within_the_error_of_their_fit(name, ve
     measured = MEASURED_SETS[name]()
     found = master_curve(measured, vertical=vertical)
     curves = measured
-    if isinstance(measured, gc.rheology.reading.Measured):
+    if isinstance(measured, gc.files.moduli.reading.Measured):
         curves = [(np.mean(m.temperature), m.abscissa, m.values) for m in measured.isotherms()]
     material = read_back(export_prony(found.exported(), "toml", name="found"), "toml")
     error, kind = found.fit.errors().total, found.fit.data.kind

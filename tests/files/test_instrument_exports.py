@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from graded_contact.rheology.reading import read_moduli
+from graded_contact.files.moduli.reading import read_moduli
 
 HERTZ = np.array([0.1, 1.0, 10.0, 100.0])
 OMEGA = 2 * np.pi * HERTZ

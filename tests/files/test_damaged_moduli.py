@@ -7,9 +7,9 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from test_exports import EXPORTS, rheocompass, trios
+from test_instrument_exports import EXPORTS, rheocompass, trios
 
-from graded_contact.rheology.reading import read_moduli
+from graded_contact.files.moduli.reading import read_moduli
 
 DATA = Path(__file__).parents[3] / "shared" / "data" / "rheology"
 SEED = 20261

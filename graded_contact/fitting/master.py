@@ -28,8 +28,17 @@ from .._checks import (
     door,
     is_concrete,
 )
-from .fit import check_terms, refuse_nonsense, require_known, solid_or_liquid
-from .fitting.isotherms import (
+from ..files.moduli.reading import Measured
+from ..rheology.material import Prony
+from ..rheology.measured import MeasuredRange
+from ..rheology.shift import AbstractShift
+from .lengths import SEARCH, best_of_length, non_negative
+from .observations import concrete, observe
+from .optimum import attach_derivative, search
+from .prony import check_terms, refuse_nonsense, require_known, solid_or_liquid
+from .result import PronyFit, choose, limits_where_known, liquid_of, rms
+from .series import Kind
+from .shifted_observations import (
     Isotherms,
     LawKind,
     at_reference,
@@ -40,17 +49,8 @@ from .fitting.isotherms import (
     shared_series_of,
     shift_of,
 )
-from .fitting.observations import concrete, observe
-from .fitting.optimum import attach_derivative, search
-from .fitting.path import SEARCH, best_of_length, non_negative
-from .fitting.result import PronyFit, choose, limits_where_known, liquid_of, rms
-from .fitting.series import Kind
-from .fitting.shared import LN10
-from .fitting.uncertainty import covariance
-from .material import Prony
-from .measured import MeasuredRange
-from .reading import Measured
-from .shift import AbstractShift
+from .shifted_series import LN10
+from .uncertainty import covariance
 
 SERVES = 1.05  # times the error with the shifts as found: a law that does no worse replaces them
 STEEP = 0.4  # decades per kelvin, two within 5 K

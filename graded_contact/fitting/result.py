@@ -10,11 +10,11 @@ import numpy as np
 from jaxtyping import Array, Complex, Float
 from scipy.special import fdtrc, stdtrit
 
-from ..._checks import Numbers, as_float, check_positive
-from ..material import Prony
-from ..measured import is_unknown
+from .._checks import Numbers, as_float, check_positive
+from ..rheology.material import Prony
+from ..rheology.measured import is_unknown
+from .lengths import best_path, best_spectrum, criterion
 from .observations import Observations, concrete, material_of, model, series_of
-from .path import best_path, best_spectrum, criterion
 from .series import Series
 from .uncertainty import covariance, resampled
 

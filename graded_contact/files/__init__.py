@@ -1,0 +1,1 @@
+"""What crosses the disk: topographies, moduli, Prony series for other programs, scenes, results."""

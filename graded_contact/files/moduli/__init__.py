@@ -1,0 +1,1 @@
+"""Reading files of measured moduli: cells, tables, columns, units, points."""

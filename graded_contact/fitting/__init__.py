@@ -1,0 +1,1 @@
+"""From data to laws: Prony series and shift laws by least squares on logarithms."""

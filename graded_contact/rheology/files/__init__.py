@@ -1,1 +1,0 @@
-"""Reading files of measurements: cells, columns, units, points."""

@@ -1,1 +1,0 @@
-"""Least squares of Prony series on logarithms: search, optimum, derivative and uncertainty."""

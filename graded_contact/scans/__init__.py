@@ -1,1 +1,0 @@
-"""Files of measured heights, one module per kind of file, and what to do with their holes."""
