@@ -73,7 +73,7 @@ def stepwise(profile, num_layers):
 
 
 def solved(profile, solver, rtol):
-    stack = Stack(layers=(GradedLayer(1.0, profile),), base=gc.HalfSpace(SOFT))
+    stack = Stack(layers=(GradedLayer(profile, 1.0),), base=gc.HalfSpace(SOFT))
     return lambda q: graded_compliance(stack, q, 0.0, rtol=rtol, solver=solver, throw=False).value
 
 

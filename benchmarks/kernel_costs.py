@@ -41,7 +41,7 @@ def layered(num_layers):
 
 def graded():
     profile = gc.Blend(rubber(1.0), rubber(0.0), gc.Linear())
-    return gc.Stack(layers=(gc.GradedLayer(1e-3, profile),), base=gc.HalfSpace(rubber(1.0)))
+    return gc.Stack(layers=(gc.GradedLayer(profile, 1e-3),), base=gc.HalfSpace(rubber(1.0)))
 
 
 # Name -> (stack, goal in FFT pairs at N = 2048)

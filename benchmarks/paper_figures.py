@@ -282,7 +282,7 @@ def graded(shape, top, counts, *, log):
     qd = np.geomspace(1e-3, 1e2, 241)
     q = qd / depth
     profile = gc.Blend(bulk, elastic(top * RELAXED), shape)
-    stack = gc.Stack(layers=(gc.GradedLayer(depth, profile),), base=gc.HalfSpace(bulk))
+    stack = gc.Stack(layers=(gc.GradedLayer(profile, depth),), base=gc.HalfSpace(bulk))
     found = gc.graded_compliance(stack, q, 0.0)
     exact = np.asarray(found.value) * q * RELAXED / 2
     figure, (left, right) = panels(2)

@@ -80,7 +80,7 @@ def calls():
     layer = gc.Layer(gc.Elastic(1e7, 0.3), 1e-5)
     stack = gc.Stack(layers=(layer,), base=gc.HalfSpace(solid))
     blend = gc.Blend(gc.Elastic(1e6, 0.3), gc.Elastic(1e7, 0.3))
-    graded = gc.Stack(layers=(gc.GradedLayer(1e-4, blend),), base=gc.Rigid())
+    graded = gc.Stack(layers=(gc.GradedLayer(blend, 1e-4),), base=gc.Rigid())
     kernel = gc.stack_kernel(stack, grid, 0.1)
     field = gc.mean_field_friction(stack, spectrum, pressure=1e5, velocity=0.1)
     sliding = gc.slide(stack, surface, pressure=1e5, velocity=0.1)

@@ -321,7 +321,7 @@ def test_a_kernel_that_fails_is_a_result_or_an_error():
     def kinked(s, omega):
         return 1e6 * (1 + jnp.abs(jnp.sin(9 * s))), 0.3
 
-    stack = gc.Stack(layers=(gc.GradedLayer(1e-3, kinked),), base=gc.Rigid())
+    stack = gc.Stack(layers=(gc.GradedLayer(kinked, 1e-3),), base=gc.Rigid())
     x = np.arange(16) / 16
     heights = 1e-4 * np.cos(2 * np.pi * x)[:, None] * np.cos(4 * np.pi * x)
     wave = gc.Surface(heights, gc.Grid((16, 16), CELL))

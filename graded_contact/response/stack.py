@@ -61,15 +61,15 @@ class GradedLayer(eqx.Module):
 
     **Fields:**
 
-    - `thickness`: d [m]. Zero is allowed, and is no layer.
     - `profile`: called as profile(s, omega) with heights s [1], 0 at the layer's bottom and 1 at
       its top, and ω [rad/s]; returns (E [Pa], ν [1]). One of `Blend`, `Mixture`, `Aged`, or any
       module or function as described in `response/profile.py`. Only a module has parameters
       that can be differentiated; each new function is compiled anew.
+    - `thickness`: d [m]. Zero is allowed, and is no layer.
     """
 
-    thickness: Float[Array, ""] = eqx.field(converter=scalar("thickness"))
     profile: Any = eqx.field(converter=_as_profile)
+    thickness: Float[Array, ""] = eqx.field(converter=scalar("thickness"))
 
     def __check_init__(self):
         _check_thickness(self.thickness)
@@ -192,4 +192,4 @@ def _layer_at(layer, temperature):
             f"`profile={layer.profile!r}` has no method `at(temperature)`: the temperature of "
             "this graded layer cannot be changed."
         )
-    return GradedLayer(layer.thickness, layer.profile.at(temperature))
+    return GradedLayer(layer.profile.at(temperature), layer.thickness)

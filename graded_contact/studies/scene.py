@@ -663,7 +663,7 @@ def _stack(scene: Table, materials: dict[str, AbstractMaterial]) -> Stack:
         shape = SHAPES[table.choice("shape", tuple(SHAPES), "linear")]
         mixing = table.choice("mixing", ("linear", "logarithmic"), "linear")
         profile = Blend(named(table, "bottom"), named(table, "top"), shape(), mixing)
-        return GradedLayer(thickness, profile)
+        return GradedLayer(profile, thickness)
 
     layers = []
     for i, entry in enumerate(entries):

@@ -97,7 +97,7 @@ def errors_and_estimates(solver, rtol):
 
         def one(profile, depth, material, q, kind=kind):
             base = {"rigid": gc.Rigid(), "free": gc.Free(), "halfspace": gc.HalfSpace(material)}
-            stack = Stack(layers=(GradedLayer(depth, profile),), base=base[kind])
+            stack = Stack(layers=(GradedLayer(profile, depth),), base=base[kind])
             return graded_compliance(stack, q, 0.0, rtol=rtol, solver=solver, throw=False)
 
         found = jax.jit(jax.vmap(one))(*batch)
@@ -153,7 +153,7 @@ OTHERS_SLOW = [
 def test_constant_profile_is_a_uniform_layer(base):
     q = np.geomspace(1e-1, 1e9, 12)  # q d from 1e-4 to 1e6
     uniform = Stack(layers=(gc.Layer(RUBBER, 1e-3),), base=BASE[base])
-    graded = Stack(layers=(GradedLayer(1e-3, Blend(RUBBER, RUBBER)),), base=BASE[base])
+    graded = Stack(layers=(GradedLayer(Blend(RUBBER, RUBBER), 1e-3),), base=BASE[base])
     np.testing.assert_allclose(
         graded_compliance(graded, q, 1e3, rtol=1e-7, solver=FAST).value,
         surface_compliance(uniform, q, 1e3),
@@ -163,7 +163,7 @@ def test_constant_profile_is_a_uniform_layer(base):
 
 def test_graded_layer_of_no_thickness_is_no_layer():
     coat = gc.Layer(GLASS, 1e-5)
-    graded = Stack(layers=(coat, GradedLayer(0.0, Blend(RUBBER, GLASS))), base=BASE["halfspace"])
+    graded = Stack(layers=(coat, GradedLayer(Blend(RUBBER, GLASS), 0.0)), base=BASE["halfspace"])
     plain = Stack(layers=(coat,), base=BASE["halfspace"])
     np.testing.assert_allclose(
         surface_compliance(graded, Q, OMEGA), surface_compliance(plain, Q, OMEGA), rtol=1e-13
@@ -177,7 +177,7 @@ def test_many_thin_layers_converge_to_it(base):
     d, profile, omega = 1e-3, Blend(stiff, GLASS, Sinusoidal(0.1, 1.0)), jnp.array(2e3)
     q = np.array([1e2, 1e3, 1e4])
     graded = surface_compliance(
-        Stack(layers=(GradedLayer(d, profile),), base=BASE[base]), q, omega, 1e-9
+        Stack(layers=(GradedLayer(profile, d),), base=BASE[base]), q, omega, 1e-9
     )
     below = BASE[base]
     if base == "halfspace":
@@ -197,9 +197,9 @@ def sandwich(base):
     return Stack(
         layers=(
             gc.Layer(GLASS, 2e-5),
-            GradedLayer(1e-4, Blend(RUBBER, GLASS, ErrorFunction(0.6, 0.2), "logarithmic")),
+            GradedLayer(Blend(RUBBER, GLASS, ErrorFunction(0.6, 0.2), "logarithmic"), 1e-4),
             gc.Layer(RUBBER, 5e-5),
-            GradedLayer(4e-4, Blend(GLASS, RUBBER, kinked)),
+            GradedLayer(Blend(GLASS, RUBBER, kinked), 4e-4),
             gc.Layer(RUBBER, 1e-4),
         ),
         base=BASE[base],
@@ -209,7 +209,7 @@ def sandwich(base):
 @pytest.mark.slow
 def test_differential_equation_and_layers_agree_on_an_elastic_layer():
     profile = Blend(gc.Elastic(1e6, 0.3), gc.Elastic(3e7, 0.45), Exponential(3.0))
-    stack = Stack(layers=(GradedLayer(1e-3, profile),), base=gc.Free())
+    stack = Stack(layers=(GradedLayer(profile, 1e-3),), base=gc.Free())
     layers = graded_compliance(stack, Q, 0.0, rtol=1e-9, solver=FAST)
     equation = graded_compliance(stack, Q, 0.0, rtol=1e-9, solver=Riccati())
     np.testing.assert_allclose(equation.value, layers.value, rtol=1e-9)
@@ -226,15 +226,15 @@ def test_differential_equation_and_layers_agree_in_a_stack_of_both(base):
 
 @pytest.mark.slow
 def test_splitting_a_graded_layer_changes_nothing():
-    whole = Stack(layers=(GradedLayer(1e-3, Blend(RUBBER, GLASS)),), base=BASE["free"])
+    whole = Stack(layers=(GradedLayer(Blend(RUBBER, GLASS), 1e-3),), base=BASE["free"])
 
     def half(s, omega, start):
         return Blend(RUBBER, GLASS)(start + s / 2, omega)
 
     parts = Stack(
         layers=(
-            GradedLayer(5e-4, lambda s, omega: half(s, omega, 0.5)),
-            GradedLayer(5e-4, lambda s, omega: half(s, omega, 0.0)),
+            GradedLayer(lambda s, omega: half(s, omega, 0.5), 5e-4),
+            GradedLayer(lambda s, omega: half(s, omega, 0.0), 5e-4),
         ),
         base=BASE["free"],
     )
@@ -260,7 +260,7 @@ PROFILES = {
     ],
 )
 def test_compliance_is_passive_and_hermitian(name):
-    stack = Stack(layers=(GradedLayer(1e-3, PROFILES[name]),), base=BASE["halfspace"])
+    stack = Stack(layers=(GradedLayer(PROFILES[name], 1e-3),), base=BASE["halfspace"])
     q, omega = np.meshgrid(np.geomspace(1e1, 1e6, 5), np.geomspace(1e-1, 1e7, 5))
     both = graded_compliance(stack, q, np.stack([omega, -omega]), rtol=1e-6, solver=FINE).value
     np.testing.assert_allclose(both[1], np.conj(both[0]), rtol=1e-14)
@@ -274,7 +274,7 @@ def test_compliance_is_passive_and_hermitian(name):
 def test_gradient_by_every_leaf_matches_central_differences(solver):
     shape = Table([0.0, 0.4, 1.0], [0.1, 0.5, 0.8])
     stack = Stack(
-        layers=(gc.Layer(GLASS, 2e-5), GradedLayer(3e-4, Mixture(RUBBER, GLASS, shape))),
+        layers=(gc.Layer(GLASS, 2e-5), GradedLayer(Mixture(RUBBER, GLASS, shape), 3e-4)),
         base=gc.HalfSpace(RUBBER),
     )
     parts = (stack, jnp.asarray(2e4), jnp.asarray(5e3))
@@ -308,7 +308,7 @@ def test_differential_equation_has_equal_derivatives_in_both_modes():
 
     def by(x, solver):
         profile = Blend(gc.Elastic(1e6, 0.3), gc.Elastic(1e7 * x[0], 0.45), Exponential(3 * x[2]))
-        stack = Stack(layers=(GradedLayer(1e-3 * x[1], profile),), base=gc.Rigid())
+        stack = Stack(layers=(GradedLayer(profile, 1e-3 * x[1]),), base=gc.Rigid())
         q = jnp.array([3e1, 1e3, 3e4]) * x[3]
         m = graded_compliance(stack, q, 0.0, rtol=1e-9, solver=solver, throw=False).value
         return jnp.sum(m * jnp.array([1e9, 1e10, 1e11]))
@@ -329,7 +329,7 @@ def test_gradients_hold_where_the_wave_sees_only_a_part_of_the_layer():
 
     def value(d, q, top):
         profile = Blend(gc.Elastic(1e6, 0.3), gc.Elastic(top, 0.45), Exponential(30.0))
-        stack = Stack(layers=(GradedLayer(d, profile),), base=gc.Rigid())
+        stack = Stack(layers=(GradedLayer(profile, d),), base=gc.Rigid())
         return graded_compliance(stack, q, 0.0, rtol=1e-11, solver=FAST).value * 1e9
 
     value = jax.jit(value)
@@ -341,7 +341,7 @@ def test_gradients_hold_where_the_wave_sees_only_a_part_of_the_layer():
 
 
 def test_float32_meets_its_tolerance_and_keeps_its_dtype():
-    stack = Stack(layers=(GradedLayer(1e-3, PROFILES["linear"]),), base=BASE["halfspace"])
+    stack = Stack(layers=(GradedLayer(PROFILES["linear"], 1e-3),), base=BASE["halfspace"])
 
     def value_and_slope(dtype):
         given = jax.tree.map(lambda x: x.astype(dtype), stack)
@@ -365,7 +365,7 @@ def test_float32_meets_its_tolerance_and_keeps_its_dtype():
 
 
 def test_grids_of_every_shape_jit_and_vmap_give_the_same_numbers():
-    stack = Stack(layers=(GradedLayer(1e-3, PROFILES["aged"]),), base=BASE["rigid"])
+    stack = Stack(layers=(GradedLayer(PROFILES["aged"], 1e-3),), base=BASE["rigid"])
     q, omega = jnp.geomspace(1e1, 1e5, 60)[:, None], jnp.geomspace(1, 1e6, 5)
     table = graded_compliance(stack, q, omega, solver=FINE).value
     assert table.shape == (60, 5)
@@ -381,7 +381,7 @@ def test_grids_of_every_shape_jit_and_vmap_give_the_same_numbers():
 
 def test_kernel_of_a_graded_stack_is_its_compliance():
     grid = gc.Grid((8, 6), (1e-2, 2e-2))
-    stack = Stack(layers=(GradedLayer(1e-3, PROFILES["aged"]),), base=BASE["rigid"])
+    stack = Stack(layers=(GradedLayer(PROFILES["aged"], 1e-3),), base=BASE["rigid"])
     kernel = gc.stack_kernel(stack, grid, 0.3)
     q = 2 * np.pi * np.array([2 / 1e-2, 1 / 2e-2])
     expected = graded_compliance(stack, np.linalg.norm(q), -q[0] * 0.3, solver=FINE).value
@@ -390,7 +390,7 @@ def test_kernel_of_a_graded_stack_is_its_compliance():
 
 def test_sharp_profile_is_retried_on_a_finer_mesh():
     sharp = Blend(gc.Elastic(1e6, 0.3), gc.Elastic(1e9, 0.3), Sinusoidal(0.05, 5.0))
-    stack = Stack(layers=(GradedLayer(1e-3, sharp),), base=gc.Rigid())
+    stack = Stack(layers=(GradedLayer(sharp, 1e-3),), base=gc.Rigid())
     coarse = graded_compliance(stack, 3e3, 0.0, solver=FAST, throw=False)
     assert coarse.error > 1e-9
     fine = graded_compliance(stack, 3e3, 0.0)
@@ -402,7 +402,7 @@ def test_tolerance_that_is_not_reached_is_an_error():
     def rough(s, omega):
         return 1e6 * (1 + jnp.abs(jnp.sin(9 * s))), 0.3
 
-    stack = Stack(layers=(GradedLayer(1e-3, rough),), base=gc.Rigid())
+    stack = Stack(layers=(GradedLayer(rough, 1e-3),), base=gc.Rigid())
     assert graded_compliance(stack, 3e3, 0.0, throw=False).error > 1e-9
     with pytest.raises(Exception, match="tolerance was not reached in a graded layer"):
         surface_compliance(stack, 3e3, 0.0).block_until_ready()
@@ -413,7 +413,7 @@ def test_profile_that_turns_out_nan_is_an_error_under_jit():
         def profile(s, omega):
             return 1e6 * jnp.log(scale - s), 0.3
 
-        stack = Stack(layers=(GradedLayer(1e-3, profile),), base=gc.Rigid())
+        stack = Stack(layers=(GradedLayer(profile, 1e-3),), base=gc.Rigid())
         return surface_compliance(stack, 3e3, 0.0)
 
     with pytest.raises(Exception, match="tolerance was not reached"):
@@ -433,7 +433,7 @@ def test_profile_that_turns_out_nan_is_an_error_under_jit():
 )
 def test_bad_profiles_are_refused_with_the_height(profile, message):
     stack = Stack(
-        layers=(gc.Layer(RUBBER, 1e-3), GradedLayer(1e-3, profile)), base=BASE["halfspace"]
+        layers=(gc.Layer(RUBBER, 1e-3), GradedLayer(profile, 1e-3)), base=BASE["halfspace"]
     )
     with pytest.raises(ValueError, match=r"`layers\[1\]\.profile`.*" + message):
         surface_compliance(stack, 1e3, 1.0)

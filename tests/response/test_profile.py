@@ -95,7 +95,7 @@ def test_nearly_incompressible_materials_mix_logarithmically_whatever_the_shape(
     assert np.all(modulus > 0) and np.min(poisson) >= 0.49 and np.max(poisson) == 0.5
     np.testing.assert_allclose(poisson[::200], [0.5, 0.49], rtol=1e-15)
     # The solver reaches its tolerance: there is no kink.
-    stack = Stack(layers=[GradedLayer(1e-3, profile)], base=gc.Rigid())
+    stack = Stack(layers=[GradedLayer(profile, 1e-3)], base=gc.Rigid())
     assert np.all(gc.graded_compliance(stack, [3e2, 3e3], 0.0, rtol=1e-9).error <= 1e-9)
 
 
@@ -108,14 +108,14 @@ def test_aged_material_is_the_material_at_another_frequency():
 def test_temperature_reaches_the_materials_of_every_profile():
     tread = gc.tyre_tread()
     for profile in (Blend(STEEL, tread), Mixture(tread, STEEL, Linear()), Aged(tread, 1.0, 9.0)):
-        stack = Stack(layers=(GradedLayer(1e-3, profile),), base=gc.Rigid())
+        stack = Stack(layers=(GradedLayer(profile, 1e-3),), base=gc.Rigid())
         cold = stack.at(273.15)
         s, omega = jnp.asarray(0.4), jnp.asarray(10.0)
         factor = tread.shift.factor(np.asarray(273.15))
         np.testing.assert_allclose(
             cold.layers[0].profile(s, omega)[0], profile(s, omega * factor)[0], rtol=1e-12
         )
-    bare = Stack(layers=(GradedLayer(1e-3, lambda s, omega: (1e6 + s, 0.3)),), base=gc.Rigid())
+    bare = Stack(layers=(GradedLayer(lambda s, omega: (1e6 + s, 0.3), 1e-3),), base=gc.Rigid())
     with pytest.raises(ValueError, match="has no method `at"):
         bare.at(273.15)
 
@@ -130,10 +130,10 @@ def test_temperature_reaches_the_materials_of_every_profile():
         (lambda: PowerLaw(0.0), "`exponent=0` is refused"),
         (lambda: ErrorFunction(0.5, -1.0), "`width=-1` is refused"),
         (lambda: Aged(RUBBER, 1.0, 0.0), "`top=0` is refused"),
-        (lambda: GradedLayer(1e-3, RUBBER), "`profile=.* must be called as profile"),
-        (lambda: GradedLayer(1e-3, 3.0), "`profile=3.0` must be called as profile"),
-        (lambda: GradedLayer(-1e-3, Blend(STEEL, RUBBER)), "`thickness=-0.001` is refused"),
-        (lambda: GradedLayer([1e-3], Blend(STEEL, RUBBER)), r"`thickness` has shape \(1,\)"),
+        (lambda: GradedLayer(RUBBER, 1e-3), "`profile=.* must be called as profile"),
+        (lambda: GradedLayer(3.0, 1e-3), "`profile=3.0` must be called as profile"),
+        (lambda: GradedLayer(Blend(STEEL, RUBBER), -1e-3), "`thickness=-0.001` is refused"),
+        (lambda: GradedLayer(Blend(STEEL, RUBBER), [1e-3]), r"`thickness` has shape \(1,\)"),
     ],
 )
 def test_bad_profiles_are_refused(make, message):

@@ -68,7 +68,7 @@ def test_a_single_layer_is_not_a_sequence_of_layers():
 def test_slices_of_a_graded_layer_converge_to_it_two_orders_better_when_extrapolated():
     profile = gc.Blend(gc.tyre_tread(), gc.Elastic(5e7, 0.3))
     stack = gc.Stack(
-        layers=(gc.Layer(gc.Elastic(5e8, 0.3), 1e-5), gc.GradedLayer(1e-3, profile)),
+        layers=(gc.Layer(gc.Elastic(5e8, 0.3), 1e-5), gc.GradedLayer(profile, 1e-3)),
         base=gc.Rigid(),
     )
     q, omega = 2e3, -40.0
@@ -83,7 +83,7 @@ def test_slices_of_a_graded_layer_converge_to_it_two_orders_better_when_extrapol
 
 def test_slices_keep_the_other_layers_and_the_temperature():
     cold = gc.Stack(
-        layers=(gc.GradedLayer(1e-3, gc.Blend(gc.tyre_tread(), STEEL)), gc.Layer(STEEL, 1e-5)),
+        layers=(gc.GradedLayer(gc.Blend(gc.tyre_tread(), STEEL), 1e-3), gc.Layer(STEEL, 1e-5)),
         base=gc.Rigid(),
     ).at(273.15)
     stack = gc.sliced(cold, 4)

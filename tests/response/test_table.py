@@ -76,7 +76,7 @@ LONG = gc.Stack(
     base=gc.HalfSpace(TREAD),
 )
 GRADED = gc.Stack(
-    layers=(gc.Layer(SOFT, 1e-4), gc.GradedLayer(1e-3, gc.Blend(SOFT, TREAD))), base=gc.Rigid()
+    layers=(gc.Layer(SOFT, 1e-4), gc.GradedLayer(gc.Blend(SOFT, TREAD), 1e-3)), base=gc.Rigid()
 )
 GRID = gc.Grid((256, 202), (0.1, 0.08))
 SPEED = 0.7

@@ -67,7 +67,7 @@ def exact_compliance(glassy, compliances, times, omega):
 
 def sliced_profile(profile):
     """The material in the middle of a graded layer."""
-    layer = GradedLayer(1.0, profile)
+    layer = GradedLayer(profile, 1.0)
     return sliced(Stack(layers=[layer], base=Free()), 1).layers[0].material
 
 

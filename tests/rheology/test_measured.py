@@ -49,7 +49,7 @@ class Homemade(eqx.Module):
 )
 def test_the_range_of_a_composite_is_what_all_its_parts_were_measured_at(tree, expected):
     if not isinstance(tree, gc.Elastic | gc.Prony | gc.Tabulated | gc.BulkShear):
-        tree = gc.Stack(layers=[gc.GradedLayer(1e-3, tree)], base=gc.Rigid())
+        tree = gc.Stack(layers=[gc.GradedLayer(tree, 1e-3)], base=gc.Rigid())
     found = gc.coverage(tree)
     assert found == expected or np.allclose(found, expected, rtol=1e-12)
 
@@ -67,13 +67,13 @@ def test_the_range_moves_with_the_times_and_is_empty_beyond_the_measured_tempera
 @pytest.mark.parametrize("bottom", [TABLE, gc.Elastic(1e9)])
 def test_a_table_inside_a_graded_layer_or_bulk_and_shear_refuses_like_one_alone(bottom):
     material = gc.BulkShear(gc.Elastic(1e9), TABLE)
-    layers = [gc.GradedLayer(1e-3, gc.Blend(bottom, TABLE)), gc.Layer(material, 1e-3)]
+    layers = [gc.GradedLayer(gc.Blend(bottom, TABLE), 1e-3), gc.Layer(material, 1e-3)]
     for layer in layers:
         stack = gc.Stack(layers=[layer], base=gc.Rigid())
         check_frequencies(stack, np.array([0.0, 0.1, -1e3]))
         with pytest.raises(ValueError, match=r"`omega` from .* covers 0\.1 to 1e\+03 rad/s"):
             gc.surface_compliance(stack, 1e3, 1e4)
-    aged = gc.Stack(layers=[gc.GradedLayer(1e-3, gc.Aged(TABLE, 1.0, 10.0))], base=gc.Rigid())
+    aged = gc.Stack(layers=[gc.GradedLayer(gc.Aged(TABLE, 1.0, 10.0), 1e-3)], base=gc.Rigid())
     with pytest.raises(ValueError, match=r"covers 0\.1 to 1e\+03 rad/s"):
         gc.surface_compliance(aged, 1e3, 2e2)
 

@@ -31,7 +31,7 @@ def same(one: Point, other: Point) -> bool:
 def block(modulus, solver=gc.DouglasRachford()):  # noqa: B008 (immutable)
     material = gc.Prony(1e6, [modulus], [1.0], shift=gc.WLF(4.0, 100.0, 300.0))
     profile = gc.Blend(material, gc.Elastic(1e6), gc.Linear())
-    layers = (gc.Layer(gc.Elastic(2e6), 1e-3), gc.GradedLayer(1e-3, profile))
+    layers = (gc.Layer(gc.Elastic(2e6), 1e-3), gc.GradedLayer(profile, 1e-3))
     return solver, gc.Stack(layers=layers, base=gc.HalfSpace(material))
 
 
