@@ -46,8 +46,8 @@ def _is_installed() -> bool:
 @cache
 def _bound():
     """The two transforms as JAX primitives, linear and each with its transpose."""
-    import ducc0
-    from jaxbind import get_linear_call, load_kwargs
+    import ducc0  # pyright: ignore[reportMissingImports]
+    from jaxbind import get_linear_call, load_kwargs  # pyright: ignore[reportMissingImports]
 
     def axes_of(ndim, batch_axes):
         batched = batch_axes[0] if batch_axes else ()

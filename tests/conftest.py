@@ -8,7 +8,13 @@ os.environ.setdefault("XLA_FLAGS", "--xla_backend_optimization_level=0")
 import jax
 import jaxtyping
 import pytest
+from hypothesis import settings
 from jaxtyping import install_import_hook
+
+# The same examples for everyone; HYPOTHESIS_PROFILE=search looks for new ones.
+settings.register_profile("same", derandomize=True, deadline=None)
+settings.register_profile("search", deadline=None)
+settings.load_profile(os.environ.get("HYPOTHESIS_PROFILE", "same"))
 
 jax.config.update("jax_enable_x64", True)
 # Stays on: modules imported later are checked too.

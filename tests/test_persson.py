@@ -270,7 +270,7 @@ def test_only_the_length_of_the_velocity_matters_to_an_isotropic_spectrum():
     assert back.friction == one.friction
 
 
-@settings(max_examples=8, deadline=None)
+@settings(max_examples=8)
 @given(length=st.floats(-4, 4), stress=st.floats(-4, 4), time=st.floats(-4, 4))
 def test_units_scale_out(length, stress, time):
     length, stress, time = 10.0**length, 10.0**stress, 10.0**time
@@ -296,7 +296,7 @@ def test_units_scale_out(length, stress, time):
     np.testing.assert_allclose(other.wavenumber, one.wavenumber / length, rtol=1e-12)
 
 
-@settings(max_examples=20, deadline=None)
+@settings(max_examples=20)
 @given(
     exponent=st.floats(-8, 6),
     pressure=st.floats(2, 9),

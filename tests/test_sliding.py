@@ -112,7 +112,7 @@ def test_askew_a_solve_keeps_its_promise_and_its_derivatives(points):
             np.testing.assert_allclose(slope[index], difference, rtol=2e-6)
 
 
-@settings(max_examples=10, deadline=None)
+@settings(max_examples=10)
 @given(
     exponent=st.floats(-4, 4),
     pressure=st.floats(1e4, 3e6),
@@ -128,7 +128,7 @@ def test_friction_of_passive_stacks_is_never_negative(exponent, pressure, thickn
     assert s.energy_imbalance <= 1e-12
 
 
-@settings(max_examples=6, deadline=None)
+@settings(max_examples=6)
 @given(length=st.floats(-3, 3), stress=st.floats(-3, 3), time=st.floats(-3, 3))
 def test_units_scale_out(length, stress, time):
     length, stress, time = 10.0**length, 10.0**stress, 10.0**time

@@ -133,7 +133,7 @@ def test_derivatives_of_moments_match_differences(prescribed, order):
         np.testing.assert_allclose(gradient[i], expected, rtol=1e-7, atol=1e-8)
 
 
-@settings(max_examples=25, deadline=None)
+@settings(max_examples=25)
 @given(
     st.floats(0.05, 1.0), st.floats(0, 3), st.floats(0.1, 5), st.floats(-6, 3), st.floats(-9, -3)
 )
@@ -470,7 +470,7 @@ def test_an_empty_bin_is_not_a_number_and_no_bin_is_refused():
         radial_spectrum(surface, 0)
 
 
-@settings(max_examples=10, deadline=None)
+@settings(max_examples=10)
 @given(st.floats(-9, 0), st.sampled_from(["rms_height", "rms_slope"]))
 def test_rescaling_prescribes_the_actual_value(log_target, name):
     surface = random_surface(_spectrum(), Grid((24, 24), LENGTH), KEY)

@@ -354,7 +354,7 @@ def test_batch_over_pressure_equals_single_solves():
         np.testing.assert_allclose(pressure, single, atol=1e-5 * np.max(single))
 
 
-@settings(max_examples=8, deadline=None)
+@settings(max_examples=8)
 @given(
     length=st.floats(-6, 6), stress=st.floats(-9, 9), height=st.floats(-6, 0), load=st.floats(-2, 0)
 )
@@ -374,7 +374,7 @@ def test_units_and_heights_scale_out(length, stress, height, load):
     )
 
 
-@settings(max_examples=8, deadline=None)
+@settings(max_examples=8)
 @given(seed=st.integers(0, 100), load=st.floats(0.005, 0.5), more=st.floats(1.05, 2.0))
 def test_area_increases_with_pressure_in_elastic_contact(seed, load, more):
     kernel, heights = gc.stack_kernel(BODIES["elastic"], GRID), rough(GRID, seed=seed).heights

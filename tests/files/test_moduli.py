@@ -291,9 +291,7 @@ def test_workbooks_are_read_from_the_sheet_that_is_understood(tmp_path):
     hertz=st.booleans(),
     separator=st.sampled_from(",;\t"),
 )
-@settings(
-    max_examples=25, deadline=None, suppress_health_check=[HealthCheck.function_scoped_fixture]
-)
+@settings(max_examples=25, suppress_health_check=[HealthCheck.function_scoped_fixture])
 def test_the_result_does_not_depend_on_order_or_units(
     tmp_path, order, columns, scale, hertz, separator
 ):

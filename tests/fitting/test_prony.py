@@ -726,7 +726,7 @@ SERIES = st.tuples(
 )
 
 
-@settings(max_examples=15, deadline=None)
+@settings(max_examples=15)
 @given(SERIES, st.sampled_from(sorted(FITS)))
 @example(([(4.0, 0.0)], 0.25, 0), "creep")  # two retardation times meet
 def test_every_fit_is_passive(series, kind):
@@ -745,7 +745,7 @@ def test_every_fit_is_passive(series, kind):
     assert np.all(np.asarray(material.strengths) > 0) and np.all(np.asarray(material.times) > 0)
 
 
-@settings(max_examples=10, deadline=None)
+@settings(max_examples=10)
 @given(st.floats(-9, 9), st.floats(-9, 9), st.sampled_from(sorted(FITS)))
 def test_a_fit_is_the_same_in_all_units(stiffness, frequency, kind):
     x, values = measured(kind)

@@ -149,7 +149,7 @@ def test_effective_modulus_of_a_half_space_is_the_plane_strain_modulus():
 positive = st.floats(-2, 2).map(lambda x: 10.0**x)
 
 
-@settings(max_examples=50, deadline=None)
+@settings(max_examples=50)
 @given(
     d=st.tuples(positive, positive),
     omega=positive,
@@ -166,7 +166,7 @@ def test_compliance_is_passive_and_hermitian(d, omega, q, lossless):
     assert forward.real > 0
 
 
-@settings(max_examples=20, deadline=None)
+@settings(max_examples=20)
 @given(length=positive, stress=positive)
 def test_units_scale_out(length, stress):
     q, d = np.array([1e2, 1e4]), np.array([1e-4, 2e-3])

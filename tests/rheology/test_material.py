@@ -29,7 +29,7 @@ from graded_contact import (
     sliced,
 )
 
-EXAMPLES = settings(max_examples=60, deadline=None, derandomize=True)
+EXAMPLES = settings(max_examples=60)
 BRANCHES = 7
 GLASSY = st.floats(3, 10).map(lambda power: 10.0**power)
 POWERS = st.lists(st.floats(-9, 0), min_size=BRANCHES, max_size=BRANCHES).map(
