@@ -27,11 +27,14 @@ from paper_figures import CONTRAST, INCOMPRESSIBLE, Q0, RELAXED, STYLE, TAU, VEL
 from scipy.optimize import NonlinearConstraint, differential_evolution
 
 import graded_contact as gc
+from graded_contact.files.study import read_design
+from graded_contact.parameters import paths
 from graded_contact.plot import COLOURS, plot_design
 from graded_contact.studies.design import minimise
-from graded_contact.studies.design_scene import mean_field_problem, read_design, report, run_design
+from graded_contact.studies.design_problem import mean_field_problem
 from graded_contact.studies.objectives import loss_tangent, ripple
-from graded_contact.studies.parameters import paths
+from graded_contact.studies.report_design import report
+from graded_contact.studies.run_design import run_design
 
 ROOT = pathlib.Path(__file__).parents[1]
 DOCS = ROOT / "docs"

@@ -42,9 +42,9 @@ from .spectrum import SelfAffine
 from .surface import Surface, radial_spectrum, random_surface, resample, rescale, statistics
 
 __version__ = "0.1.0"
+from .parameters import with_values
 from .studies.design import Design, minimise, pareto_front, rounded, scatter
 from .studies.objectives import loss_tangent
-from .studies.parameters import with_values
 
 __all__ = [
     "RESULTS",

@@ -23,8 +23,8 @@ if TYPE_CHECKING:
     import numpy as np
 
     from .files.results import Results
+    from .files.scene import Scene
     from .studies.interruption import Interruption
-    from .studies.scene import Scene
     from .surface import Surface
 
 app = typer.Typer(
@@ -107,7 +107,7 @@ def demo(
 ) -> None:
     """Runs the embedded scene: a 50 µm modified surface layer on tyre tread, on a rough road."""
     _prepare()
-    from .studies.scene import parse_scene
+    from .files.scene import parse_scene
 
     text = resources.files("graded_contact.studies").joinpath("demo.toml").read_text("utf-8")
     text = text.replace("shape = [256, 256]", f"shape = [{resolution}, {resolution}]")
@@ -131,8 +131,9 @@ def run(
     Each solve is kept as it ends: after an interruption the same command goes on from there.
     """
     _prepare()
+    from .files.scene import read_scene
     from .studies.cost import scene_cost
-    from .studies.scene import check_scene, read_scene
+    from .studies.run import check_scene
 
     with _refusing():
         scene = read_scene(scene_file)
@@ -319,17 +320,12 @@ def design(
     """
     _prepare()
     from .files.output import check_folder, check_name, folder_path
+    from .files.study import read_design
     from .plot import plot_design
     from .studies.cost import design_cost
-    from .studies.design_scene import (
-        check_design,
-        designed_values,
-        missed,
-        read_design,
-        report,
-        run_design,
-    )
     from .studies.interruption import Interrupted, interruptible
+    from .studies.report_design import designed_values, missed, report
+    from .studies.run_design import check_design, run_design
     from .studies.store import Store
 
     with _refusing(), interruptible() as interruption:
@@ -387,7 +383,7 @@ def _run(scene: "Scene", folder: Path, name: str, replace: bool) -> None:
 
     from .files.output import check_folder, check_name, folder_path
     from .studies.interruption import Interrupted, interruptible
-    from .studies.scene import build_surface, point_names, run_scene
+    from .studies.run import build_surface, point_names, run_scene
     from .studies.store import Store
 
     with _refusing(), interruptible() as interruption:
@@ -475,7 +471,7 @@ def _write(file: Path, results: "Results", replace: bool) -> None:
     from .files.results import NOT_STARTED, lost_solves, write_results
     from .files.sealed import replacing
     from .plot import plot_sliding, plot_sweep
-    from .studies.scene import velocity_vector
+    from .studies.extrapolation import velocity_vector
 
     finished = results.point[results.state != NOT_STARTED]
     if not replace and (lost := lost_solves(file, finished)[0]):

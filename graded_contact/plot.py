@@ -19,8 +19,9 @@ from .fitting.prony import PronyFit
 from .response.compliance import effective_modulus
 from .response.stack import Stack
 from .sliding import Sliding
-from .studies.design_scene import DesignResults, curve_velocities
 from .studies.objectives import friction_curve, loss_tangent
+from .studies.report_design import curve_velocities
+from .studies.run_design import DesignResults
 from .surface import Surface
 
 if TYPE_CHECKING:  # it takes a third of a second to import

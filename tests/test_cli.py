@@ -20,8 +20,8 @@ import graded_contact as gc
 from graded_contact import cli
 from graded_contact.files import results as storage
 from graded_contact.files.results import read_results, write_results
-from graded_contact.studies import scene as scene_module
-from graded_contact.studies.scene import parse_scene
+from graded_contact.files.scene import parse_scene
+from graded_contact.studies import run as run_module
 from graded_contact.studies.store import Store
 from graded_contact.surface import Step
 
@@ -170,7 +170,7 @@ def rerun(folder, tmp_path):
 
 def interrupt_after(monkeypatch, count, number=signal.SIGINT):
     """A signal comes while the solve of this count runs."""
-    slide, calls = scene_module.slide, []
+    slide, calls = run_module.slide, []
 
     def with_signal(*arguments, **options):
         calls.append(None)
@@ -179,11 +179,11 @@ def interrupt_after(monkeypatch, count, number=signal.SIGINT):
             time.sleep(0.5)
         return slide(*arguments, **options)
 
-    monkeypatch.setattr(scene_module, "slide", with_signal)
+    monkeypatch.setattr(run_module, "slide", with_signal)
 
 
 def test_a_rerun_finds_all_solves(rerun, folder, tmp_path, monkeypatch):
-    monkeypatch.setattr(scene_module, "slide", None)
+    monkeypatch.setattr(run_module, "slide", None)
     result = rerun()
     assert result.exit_code == 0, result.output
     assert f"2 of 2 solves are found in {tmp_path / 'out' / 'small.points'}" in result.stdout
@@ -228,7 +228,7 @@ def test_a_result_of_another_scene_is_replaced_only_if_asked(rerun, tmp_path, mo
     path = tmp_path / "out" / "small.h5"
     before = path.read_bytes()
     with monkeypatch.context() as patch:
-        patch.setattr(scene_module, "slide", None)
+        patch.setattr(run_module, "slide", None)
         result = rerun(text=other)
     assert result.exit_code == 2 and path.read_bytes() == before
     text = result.stderr
@@ -269,7 +269,7 @@ def test_a_kernel_that_fails_is_one_message(rerun, tmp_path, monkeypatch):
         raise RuntimeError("EquinoxRuntimeError: no such kernel\n\n----\nTraceback")
 
     shutil.rmtree(tmp_path / "out")
-    monkeypatch.setattr(scene_module, "slide", failing)
+    monkeypatch.setattr(run_module, "slide", failing)
     result = rerun()
     assert result.exit_code == 1
     assert "2 of 2 solves failed" in result.stderr and "Traceback" not in result.output
@@ -311,7 +311,7 @@ def in_a_file(folder):
 def test_an_output_is_checked_before_anything_is_computed(
     tmp_path, monkeypatch, folder, name, expected
 ):
-    monkeypatch.setattr(scene_module, "build_surface", None)
+    monkeypatch.setattr(run_module, "build_surface", None)
     (tmp_path / f"{name}.toml").write_text(SCENE)
     result = command("run", tmp_path / f"{name}.toml", "-o", folder(tmp_path / "place"))
     assert result.exit_code == 2 and expected in result.stderr, result.output

@@ -7,7 +7,7 @@ import pytest
 
 PACKAGE = Path(__file__).parents[1] / "graded_contact"
 ORDER = [
-    "_checks", "_fft", "_memory", "caveats",
+    "_checks", "_fft", "_memory", "caveats", "parameters",
     "grid", "spectrum", "surface",
     "rheology/shift", "rheology/measured", "rheology/creep", "rheology/material",
     "rheology/tabulated", "rheology/tabulated_shift", "rheology/library",
@@ -25,13 +25,15 @@ ORDER = [
     "files/moduli/titles", "files/moduli/layout", "files/moduli/isotherms",
     "files/moduli/points", "files/moduli/reading",
     "files/prony_cards", "files/sealed", "files/output", "files/toml", "files/results",
+    "files/scene", "files/study",
     "fitting/newton", "fitting/series", "fitting/observations",
     "fitting/lengths", "fitting/optimum", "fitting/uncertainty",
     "fitting/result", "fitting/shifted_series", "fitting/shifted_observations",
     "fitting/prony", "fitting/master",
     "studies/interruption", "studies/store",
-    "studies/parameters", "studies/objectives", "studies/evaluations",
-    "studies/design", "studies/scene", "studies/design_scene", "studies/cost",
+    "studies/objectives", "studies/evaluations", "studies/design",
+    "studies/extrapolation", "studies/run",
+    "studies/design_problem", "studies/run_design", "studies/report_design", "studies/cost",
     "reference", "plot", "cli", "__main__",
 ]  # fmt: skip
 # What a file or folder must not see although it comes before: contact gets a kernel, not layers.

@@ -10,8 +10,10 @@ from typing import NamedTuple
 import numpy as np
 
 from .._memory import available_memory, in_gigabytes
-from .design_scene import POLISHING, Study, design_memory
-from .scene import RandomSurface, Scene, build_surface, scene_memory
+from ..files.scene import RandomSurface, Scene
+from ..files.study import Study
+from .run import build_surface, scene_memory
+from .run_design import POLISHING, design_memory
 
 PER_POINT = 25e-9  # s for each point of the grid and FFT pair
 PER_PAIR = 1e-4  # s besides

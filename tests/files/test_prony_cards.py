@@ -8,7 +8,7 @@ import pytest
 
 import graded_contact as gc
 from graded_contact.files.prony_cards import FORMATS, export_prony
-from graded_contact.studies.scene import parse_scene
+from graded_contact.files.scene import parse_scene
 
 SHIFT = gc.WLF(4.57, 113.6, 298.15)
 TABLE = gc.TabulatedShift([280.0, 300.0, 325.0], [2 / 3, 0.0, -1.7], 300.0, [0.97, 1.0, 10 / 9])

@@ -9,8 +9,8 @@ import numpy as np
 import pytest
 
 import graded_contact as gc
+from graded_contact.parameters import paths
 from graded_contact.rheology.measured import check_frequencies
-from graded_contact.studies.parameters import paths
 
 SHIFT = gc.WLF(4.57, 113.6, 298.15)
 RANGE = gc.MeasuredRange([1e-2, 1e4], [250.0, 350.0])

@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 
 import graded_contact as gc
+from graded_contact.parameters import paths, with_values
 from graded_contact.studies.objectives import (
     distance,
     friction_between,
@@ -13,7 +14,6 @@ from graded_contact.studies.objectives import (
     loss_tangent,
     ripple,
 )
-from graded_contact.studies.parameters import paths, with_values
 
 RUBBER = gc.Prony(1e6, [4e6, 2e7], [1e-2, 1e-4], 0.49)
 COATED = gc.Stack(

@@ -8,7 +8,7 @@ from typing import TypeVar
 import equinox as eqx
 import jax
 
-from .._checks import Numbers, as_float, door, short
+from ._checks import Numbers, as_float, door, short
 
 T = TypeVar("T")
 

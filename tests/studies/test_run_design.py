@@ -5,92 +5,34 @@ The command is run once, small; its files and printed table are looked at.
 
 import dataclasses
 import json
-from pathlib import Path
 from types import SimpleNamespace
 
 import jax
 import numpy as np
 import pytest
 from matplotlib.figure import Figure
+from scenes import DESIGN, FLAT
 from typer.testing import CliRunner
 
 import graded_contact as gc
 from graded_contact import cli, plot
-from graded_contact.studies import design_scene
+from graded_contact.files.study import parse_design
+from graded_contact.parameters import with_values
+from graded_contact.studies import run_design as run_design_module
 from graded_contact.studies.design import Design, Run
-from graded_contact.studies.design_scene import (
-    Candidate,
-    DesignResults,
-    missed,
-    parse_design,
-    read_design,
-    report,
-    run_design,
-)
 from graded_contact.studies.interruption import Interrupted
-from graded_contact.studies.parameters import with_values
+from graded_contact.studies.report_design import designed_values, missed, report
+from graded_contact.studies.run_design import Candidate, DesignResults, run_design
 from graded_contact.studies.store import Store
 
-SCENE = """
-[surface]
-kind = "self_affine"
-rms_slope = 0.1
-hurst = 0.8
-q_roll = 2.5e3
-q_high = 5e3
-[grid]
-shape = [32, 32]
-size = 1e-2
-[materials.tread]
-kind = "tyre_tread"
-poisson = 0.49
-[materials.coat]
-kind = "prony"
-equilibrium = 5e6
-strengths = [1e7]
-times = [1e-3]
-poisson = 0.49
-[[layers]]
-material = "coat"
-thickness = 2e-4
-[base]
-kind = "half_space"
-material = "tread"
-[load]
-pressure = 3e5
-velocity = 0.1
-[solver]
-rtol = 1e-5
-[design]
-objective = "friction"
-ratio = 1.3
-stiffness = {q = 2.5e3, omega = 250.0, within = 0.01}
-total_thickness = 4e-4
-starts = 2
-verify = 2
-polish = true
-[design.parameters]
-"layers[0].thickness" = [5e-5, 1e-3]
-"layers[0].material.strengths[0]" = [1e6, 1e8]
-"layers[0].material.times[0]" = [1e-5, 1e-1]
-"""
 STEADY = {"q": 2.5e3, "omega": 250.0}
-EXAMPLE = Path(__file__).parents[2] / "examples" / "design_coating.toml"
-
-
-# By the response alone: neither contact nor mean field.
-FLAT = (
-    SCENE.replace("verify = 2\npolish = true\n", "")
-    .replace("ratio = 1.3", "q_from = 1e3\nq_to = 1e4")
-    .replace('"friction"', '"flat_loss_tangent"')
-)
 
 
 @pytest.fixture(scope="module")
 def ran(tmp_path_factory):
     """Folder of results, and what was printed."""
     folder = tmp_path_factory.mktemp("design")
-    (folder / "coat.toml").write_text(SCENE)
+    (folder / "coat.toml").write_text(DESIGN)
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr(cli, "_cache_folder", lambda: None)
         arguments = ["design", str(folder / "coat.toml"), "-o", str(folder / "out")]
@@ -102,7 +44,7 @@ def ran(tmp_path_factory):
 @pytest.fixture(scope="module")
 def designed(ran):
     """The scene's own stack and the designed one, put together from the written values."""
-    own = parse_design(SCENE).scene.stack
+    own = parse_design(DESIGN).scene.stack
     return own, with_values(own, json.loads((ran[0] / "coat-design.json").read_text()))
 
 
@@ -119,8 +61,8 @@ def test_the_command_writes_a_table_values_and_a_figure(ran):
 
 
 @pytest.mark.parametrize("text, code, reason", [
-    (SCENE.replace("ratio", "ration"), 2, "did you mean `ratio`"),
-    (SCENE, 1, "Error: not solved.\n"),
+    (DESIGN.replace("ratio", "ration"), 2, "did you mean `ratio`"),
+    (DESIGN, 1, "Error: not solved.\n"),
 ])  # fmt: skip
 def test_the_command_ends_with_a_code_and_one_line(tmp_path, monkeypatch, text, code, reason):
     """2 for a refused scene, 1 for a solve that failed, of which JAX has much to say."""
@@ -129,7 +71,7 @@ def test_the_command_ends_with_a_code_and_one_line(tmp_path, monkeypatch, text, 
         raise RuntimeError("Above is the stack.\nequinox.RuntimeError: not solved.\n\n----\nHow to")
 
     monkeypatch.setattr(cli, "_cache_folder", lambda: None)
-    monkeypatch.setattr(design_scene, "run_design", fail)
+    monkeypatch.setattr(run_design_module, "run_design", fail)
     (tmp_path / "coat.toml").write_text(text)
     arguments = ["design", str(tmp_path / "coat.toml"), "-o", str(tmp_path)]
     result = CliRunner().invoke(cli.app, arguments)
@@ -140,7 +82,7 @@ def test_the_command_ends_with_a_code_and_one_line(tmp_path, monkeypatch, text, 
 @pytest.mark.slow
 def test_a_design_goes_on_from_where_it_was_interrupted(ran, tmp_path):
     """To the same bits; whatever of it was finished is not done again."""
-    study, at = parse_design(SCENE), []
+    study, at = parse_design(DESIGN), []
 
     def until(text, count):
         def say(said, *_):
@@ -158,7 +100,7 @@ def test_a_design_goes_on_from_where_it_was_interrupted(ran, tmp_path):
         assert len(kept) >= 3  # two surfaces before the polish, one of the verification
         results = run_design(study, store=store)
     values = json.loads((ran[0] / "coat-design.json").read_text())
-    assert design_scene.designed_values(results) == values
+    assert designed_values(results) == values
 
 
 def test_limits_hold_for_the_written_stack(designed):
@@ -173,7 +115,7 @@ def test_limits_hold_for_the_written_stack(designed):
 
 def test_contact_on_other_surfaces_has_the_friction_asked_for(designed):
     """Surfaces drawn here; a coat's gain scatters much less over them than friction itself."""
-    source = parse_design(SCENE).scene.surface
+    source = parse_design(DESIGN).scene.surface
     surface = gc.random_surface(source.spectrum, source.grid, jax.random.key(77))
     before, after = (
         gc.slide(stack, surface, pressure=3e5, velocity=0.1, rtol=1e-5).friction
@@ -197,44 +139,7 @@ def test_a_loss_tangent_is_made_flat_over_a_band():
     assert f"{np.exp(after):.3g}" in report(results)
 
 
-@pytest.mark.parametrize(
-    "old, new, message",
-    [
-        ("[design]", "[desing]", "did you mean `design`"),
-        ("ratio =", "ration =", "did you mean `ratio`"),
-        ("layers[0].thickness", "layers[0].thicknes", "nearest is 'layers.0..thickness'"),
-        ("strengths[0]", "strengths", "has shape"),
-        ("[5e-5, 1e-3]", "[1e-3, 5e-5]", r"\[design.parameters\] 'layers.0..thickness' = "),
-        ("[5e-5, 1e-3]", "[0, 1e-3]", "positive and in this order"),
-        ("[5e-5, 1e-3]", "1e-3", r"must be \[lower, upper\]"),
-        ('times[0]" = [1e-5, 1e-1]', 'poisson" = [0.4, 0.6]', "at most 0.5"),
-        ('"friction"', '"maximise_frictoin"', "did you mean `maximise_friction`"),
-        ('"friction"', '"maximise_friction"', '`ratio` belongs to the objective "friction"'),
-        ("ratio = 1.3", "", "either `target` or `ratio`"),
-        ("ratio = 1.3", "ratio = [1.3, 1.2]", "`ratio` has 2 numbers"),
-        ("ratio = 1.3", "ratio = -1.3", r"`ratio.0.=-1.3` is refused"),
-        ("within = 0.01", "within = 0", "`within=0` is refused"),
-        ("total_thickness = 4e-4", "total_thickness = -1", "`total_thickness=-1` is refused"),
-        ("verify = 2", "verify = 0", "`polish` needs `verify`"),
-        ("polish = true", "polish = 1", "true or false"),
-        ("velocity = 0.1", "velocity = 0", "`velocity"),
-        ("velocity = 0.1", "velocity = 0.1\ndirection = 1", "`direction` = 0"),
-        (SCENE[SCENE.index("[design]") :], "", r"lacks the table \[design\]"),
-        (SCENE[SCENE.index("[design.parameters]") :], "", "lacks the key `parameters`"),
-    ],
-)
-def test_a_table_that_cannot_be_designed_is_refused(old, new, message):
-    assert old in SCENE
-    with pytest.raises(ValueError, match=message):
-        parse_design(SCENE.replace(old, new))
-
-
-def test_a_band_is_in_order():
-    with pytest.raises(ValueError, match="`q_from` = 10000, `q_to` = 1000"):
-        parse_design(FLAT.replace("q_from = 1e3\nq_to = 1e4", "q_from = 1e4\nq_to = 1e3"))
-
-
-def came_to(reached, *, verify=0, text=SCENE, outside=0.0):
+def came_to(reached, *, verify=0, text=DESIGN, outside=0.0):
     """Results of a search that converged: friction 0.1 before, times `reached` in the design."""
     study = dataclasses.replace(parse_design(text), verify=verify)
     candidates = {}
@@ -251,11 +156,11 @@ def came_to(reached, *, verify=0, text=SCENE, outside=0.0):
 
 
 def test_a_ratio_out_of_reach_is_said_in_table_file_and_exit_code(tmp_path, monkeypatch):
-    results = came_to([4.99], text=SCENE.replace("ratio = 1.3", "ratio = 16"))
+    results = came_to([4.99], text=DESIGN.replace("ratio = 1.3", "ratio = 16"))
     monkeypatch.setattr(cli, "_cache_folder", lambda: None)
-    monkeypatch.setattr(design_scene, "run_design", lambda *_, **__: results)
+    monkeypatch.setattr(run_design_module, "run_design", lambda *_, **__: results)
     monkeypatch.setattr(plot, "plot_design", lambda _: Figure())
-    (tmp_path / "coat.toml").write_text(SCENE)
+    (tmp_path / "coat.toml").write_text(DESIGN)
     arguments = ["design", str(tmp_path / "coat.toml"), "-o", str(tmp_path)]
     result = CliRunner().invoke(cli.app, arguments)
     said = "ratio missed at 0.1 m/s: 4.99 of 16, by mean field"
@@ -310,9 +215,3 @@ def test_a_start_outside_the_bounds_is_refused():
     study = parse_design(FLAT.replace("[5e-5, 1e-3]", "[5e-4, 1e-3]"))
     with pytest.raises(ValueError, match=r"`start` has layers.0..thickness = 0.0002, not between"):
         run_design(study)
-
-
-def test_the_example_is_read():
-    study = read_design(EXAMPLE)
-    assert (study.objective, study.verify, study.polish) == ("friction", 8, True)
-    assert len(study.lower) == len(study.upper) == 6

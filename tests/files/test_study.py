@@ -1,0 +1,53 @@
+"""Tables [design] are read strictly."""
+
+from pathlib import Path
+
+import pytest
+from scenes import DESIGN, FLAT
+
+from graded_contact.files.study import parse_design, read_design
+
+EXAMPLE = Path(__file__).parents[2] / "examples" / "design_coating.toml"
+
+
+@pytest.mark.parametrize(
+    "old, new, message",
+    [
+        ("[design]", "[desing]", "did you mean `design`"),
+        ("ratio =", "ration =", "did you mean `ratio`"),
+        ("layers[0].thickness", "layers[0].thicknes", "nearest is 'layers.0..thickness'"),
+        ("strengths[0]", "strengths", "has shape"),
+        ("[5e-5, 1e-3]", "[1e-3, 5e-5]", r"\[design.parameters\] 'layers.0..thickness' = "),
+        ("[5e-5, 1e-3]", "[0, 1e-3]", "positive and in this order"),
+        ("[5e-5, 1e-3]", "1e-3", r"must be \[lower, upper\]"),
+        ('times[0]" = [1e-5, 1e-1]', 'poisson" = [0.4, 0.6]', "at most 0.5"),
+        ('"friction"', '"maximise_frictoin"', "did you mean `maximise_friction`"),
+        ('"friction"', '"maximise_friction"', '`ratio` belongs to the objective "friction"'),
+        ("ratio = 1.3", "", "either `target` or `ratio`"),
+        ("ratio = 1.3", "ratio = [1.3, 1.2]", "`ratio` has 2 numbers"),
+        ("ratio = 1.3", "ratio = -1.3", r"`ratio.0.=-1.3` is refused"),
+        ("within = 0.01", "within = 0", "`within=0` is refused"),
+        ("total_thickness = 4e-4", "total_thickness = -1", "`total_thickness=-1` is refused"),
+        ("verify = 2", "verify = 0", "`polish` needs `verify`"),
+        ("polish = true", "polish = 1", "true or false"),
+        ("velocity = 0.1", "velocity = 0", "`velocity"),
+        ("velocity = 0.1", "velocity = 0.1\ndirection = 1", "`direction` = 0"),
+        (DESIGN[DESIGN.index("[design]") :], "", r"lacks the table \[design\]"),
+        (DESIGN[DESIGN.index("[design.parameters]") :], "", "lacks the key `parameters`"),
+    ],
+)
+def test_a_table_that_cannot_be_designed_is_refused(old, new, message):
+    assert old in DESIGN
+    with pytest.raises(ValueError, match=message):
+        parse_design(DESIGN.replace(old, new))
+
+
+def test_a_band_is_in_order():
+    with pytest.raises(ValueError, match="`q_from` = 10000, `q_to` = 1000"):
+        parse_design(FLAT.replace("q_from = 1e3\nq_to = 1e4", "q_from = 1e4\nq_to = 1e3"))
+
+
+def test_the_example_is_read():
+    study = read_design(EXAMPLE)
+    assert (study.objective, study.verify, study.polish) == ("friction", 8, True)
+    assert len(study.lower) == len(study.upper) == 6
