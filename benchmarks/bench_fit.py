@@ -4,12 +4,13 @@
     python benchmarks/bench_fit.py speed      seconds, the first call apart
     python benchmarks/bench_fit.py recovery   known spectra from noisy data: bias, coverage
     python benchmarks/bench_fit.py friction   one rough surface on differently fitted materials
+    python benchmarks/bench_fit.py solvers    the search against SciPy's and optimistix's
 
 Errors are root mean squares of ln(fit/measured) over all storage and loss moduli, which is what the
 package minimises, and of fit/measured - 1. The floor is that of non-negative least squares (SciPy)
-on a dense grid of times, in the latter. Data and peers: `prony_peers.py`; the last two sections:
-`fit_recovery.py`, `fit_friction.py`. `errors` and `friction` draw docs/bench_fit.png and
-docs/bench_fit-friction.png.
+on a dense grid of times, in the latter. Data and peers: `prony_peers.py`; the last three sections:
+`fit_recovery.py`, `fit_friction.py`, `fit_solvers.py`. `errors` and `friction` draw
+docs/bench_fit.png and docs/bench_fit-friction.png.
 """
 
 import argparse
@@ -26,6 +27,7 @@ import prony_peers as peers
 import scipy
 from fit_friction import friction
 from fit_recovery import recovery
+from fit_solvers import solvers
 from prony_peers import (
     ISOTHERMS,
     MASTER_CURVES,
@@ -350,6 +352,8 @@ def main():
     part.add_argument("--size", type=int, default=256, help="points along an edge")
     part.add_argument("--velocities", type=int, default=15)
     part.add_argument("--plot", type=pathlib.Path, default=DOCS / "bench_fit-friction.png")
+    part = section(solvers, help="the search against other libraries'")
+    part.add_argument("--repeat", type=int, default=3)
     options = parser.parse_args()
     print_versions()
     options.run(options)

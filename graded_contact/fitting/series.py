@@ -9,6 +9,10 @@ with a basis φ for each kind of measurement and `static` columns B for strength
 their own: E_eq, the glassy compliance, flow, or a whole grid of given times. The unknowns are
 logarithms, θ = (s, ln τ, c), so that strengths are positive by construction.
 
+A search expands this model hundreds of times, at every length: in JAX each length would take 3 s to
+compile and each expansion 5 times as long (`bench_fit.py solvers`). Derivatives of the optimum by
+the data are JAX's, see `observations`.
+
 The squared logarithm (ln m - y)² is convex in m, hence in the strengths, wherever m < e times the
 measured value: a spectrum there that no added branch improves is the best of all.
 """
