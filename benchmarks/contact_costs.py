@@ -17,8 +17,8 @@ import graded_contact as gc
 from graded_contact import _fft
 
 SPEED = 0.1  # m/s
-# The fewest points that go through ducc0, or all or none of them.
-LARGE = {"xla": 2**62, "ducc0": 0}
+# The fewest points that go through ducc0: all or none.
+BOUND_FROM = {"xla": 2**62, "ducc0": 0}
 
 
 def overhead(options):
@@ -41,7 +41,7 @@ def overhead(options):
 
 
 def overhead_of(options):
-    _fft.LARGE = LARGE[options.backend]
+    _fft.BOUND_FROM = BOUND_FROM[options.backend]
     reached = {}
     for n in options.sizes:
         bare, surface = bare_pair(n), rough_surface(n)

@@ -11,6 +11,7 @@ from .contact.observables import cumulative_friction
 from .contact.path import ContactPath, follow_contact
 from .contact.problem import RESULTS, ContactSolution, solve_contact
 from .contact.rmd import ResidualDynamics
+from .contact.solver import AbstractContactSolver
 from .files.moduli.reading import Measured, read_moduli
 from .files.prony_cards import export_prony
 from .files.topography.reading import read_surface
@@ -49,6 +50,7 @@ from .studies.objectives import loss_tangent
 __all__ = [
     "RESULTS",
     "WLF",
+    "AbstractContactSolver",
     "AdhesiveLJ",
     "Aged",
     "Arrhenius",

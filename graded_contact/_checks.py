@@ -248,7 +248,9 @@ def check_whole(name: str, value: Any, least: int) -> None:
         )
 
 
-def check_tolerance(name: str, rtol: float, like: Array, *, floor_factor: float = 100.0) -> None:
+def check_tolerance(
+    name: str, rtol: float, like: Array | np.ndarray, *, floor_factor: float = 100.0
+) -> None:
     """Raises `ValueError` if the dtype of `like` cannot reach the relative tolerance `rtol`."""
     if not _is_of(rtol, float):
         raise ValueError(

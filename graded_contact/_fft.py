@@ -2,8 +2,8 @@
 
 Inside a loop XLA's transform runs on one thread; ducc0 (M. Reinecke), bound by jaxbind, uses all
 cores there, and is faster on one. Both packages are the optional extra `fast-cpu`; where they are
-installed, fields of `LARGE` points or more on a CPU go through them. Smaller fields gain nothing,
-and programs with bound functions are not kept by JAX's persistent compilation cache.
+installed, fields of `BOUND_FROM` points or more on a CPU go through them. Smaller fields gain
+nothing, and programs with bound functions are not kept by JAX's persistent compilation cache.
 """
 
 import importlib.util
@@ -16,7 +16,7 @@ import numpy as np
 from jax import Array
 from jaxtyping import Complex, Float
 
-LARGE = 2**19
+BOUND_FROM = 2**19  # from there on `bench_contact.py overhead --backends xla ducc0` gains
 
 
 def rfftn(field: Float[Array, "*shape"]) -> Complex[Array, "*half"]:
@@ -35,7 +35,7 @@ def irfftn(spectrum: Complex[Array, "*half"], shape: tuple[int, ...]) -> Float[A
 
 def _is_bound(shape: tuple[int, ...]) -> bool:
     """Whether fields of this shape go through ducc0."""
-    return math.prod(shape) >= LARGE and _is_installed() and jax.default_backend() == "cpu"
+    return math.prod(shape) >= BOUND_FROM and _is_installed() and jax.default_backend() == "cpu"
 
 
 @cache

@@ -241,3 +241,17 @@ def resample_spectrum(spectrum: Array, shape: tuple[int, ...], new_shape: tuple[
         real = spectrum.real.astype(spectrum.dtype)
         spectrum = jnp.where(nyquist_lines(new_shape), real, spectrum)
     return spectrum
+
+
+def interpolate(field: Float[Array, "..."], shape: tuple[int, ...]) -> Float[Array, "*shape"]:
+    """Returns a periodic field linearly interpolated on a finer grid of the same cell."""
+    for axis, (n, m) in enumerate(zip(field.shape, shape, strict=True)):
+        if n == m:
+            continue
+        position = np.arange(m) * (n / m)
+        left = np.floor(position).astype(int)
+        weight = (position - left).reshape([-1 if i == axis else 1 for i in range(field.ndim)])
+        weight = jnp.asarray(weight, field.dtype)
+        right = jnp.take(field, (left + 1) % n, axis)
+        field = jnp.take(field, left, axis) * (1 - weight) + right * weight
+    return field

@@ -32,8 +32,8 @@ from .contact.observables import (
     unmeasured_shares,
     wave_frequencies,
 )
-from .contact.problem import RESULTS, ContactSolution, history_of, solve_contact
-from .contact.rmd import ResidualDynamics
+from .contact.problem import RESULTS, ContactSolution, solve_contact
+from .contact.solver import AbstractContactSolver
 from .grid import Grid, to_field, to_spectrum, wavenumber
 from .response.kernel import attempted_kernel, stack_kernel
 from .response.stack import Stack
@@ -124,7 +124,7 @@ def slide(
     mean_gap: Numbers | None = None,
     velocity: Numbers,
     law: AbstractLaw = HardWall(),  # noqa: B008 (immutable)
-    solver: DouglasRachford | ResidualDynamics = DouglasRachford(),  # noqa: B008
+    solver: AbstractContactSolver = DouglasRachford(),  # noqa: B008
     rtol: float = 1e-6,
     start: Numbers | None = None,
     throw: bool = True,
@@ -179,7 +179,7 @@ def _kernel_and_velocity(stack, surface, velocity, solver, throw=True):
         "surface",
         surface.grid.shape,
         lambda shape: sliding_memory(
-            shape, surface.heights.dtype.itemsize, numbers, askew, history_of(solver)
+            shape, surface.heights.dtype.itemsize, numbers, askew, solver.memory
         ),
         "sliding",
     )
@@ -254,7 +254,7 @@ def area_against_cutoff(
     pressure: Numbers,
     velocity: Numbers,
     law: AbstractLaw = HardWall(),  # noqa: B008 (immutable)
-    solver: DouglasRachford | ResidualDynamics = DouglasRachford(),  # noqa: B008
+    solver: AbstractContactSolver = DouglasRachford(),  # noqa: B008
     rtol: float = 1e-6,
     throw: bool = True,
 ) -> CutoffCurve:

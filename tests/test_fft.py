@@ -15,7 +15,7 @@ SHAPES = [(16, 12), (15, 9), (8, 7), (20,), (9,)]
 @pytest.fixture
 def bound(monkeypatch):
     """Fields of any size go through ducc0."""
-    monkeypatch.setattr(_fft, "LARGE", 0)
+    monkeypatch.setattr(_fft, "BOUND_FROM", 0)
 
 
 def field(shape, dtype=float):

@@ -13,8 +13,10 @@ import numpy as np
 from jax import Array
 from jaxtyping import Bool, Float
 
-LARGE = 2**16  # points of a grid whose history does not stay in a cache
-_SAMPLE = 4  # rows of it for one that is weighed
+# Points of a grid whose history does not stay in a cache, and rows of it for one that is weighed:
+# from there on `bench_contact.py overhead` is the faster for it.
+SAMPLED_FROM = 2**16
+_SAMPLE = 4
 
 
 class History(eqx.Module):
@@ -33,7 +35,7 @@ class History(eqx.Module):
 
     @classmethod
     def empty(cls, z, m: int) -> "History":
-        fields = jnp.zeros((m, *z.shape), jnp.float32 if z.size >= LARGE else z.dtype)
+        fields = jnp.zeros((m, *z.shape), jnp.float32 if z.size >= SAMPLED_FROM else z.dtype)
         changes = jnp.zeros((m, *z[_sample(z.size)].shape), z.dtype)
         products, infinite = jnp.zeros((m, m), z.dtype), jnp.asarray(jnp.inf, z.dtype)
         none = jnp.asarray(0)
@@ -80,7 +82,7 @@ def accelerate(state: History, image, error, going_on) -> History:
 
 def _sample(count: int) -> slice:
     """Returns the rows of a field of `count` points that products are taken over."""
-    return slice(1, None, _SAMPLE) if count >= LARGE else slice(None)
+    return slice(1, None, _SAMPLE) if count >= SAMPLED_FROM else slice(None)
 
 
 def sums(*fields: Float[Array, "*shape"]) -> tuple[Float[Array, ""], ...]:

@@ -16,7 +16,6 @@ A = ε(1 - s) + √|s| ρM √|s| and ε the sign of s: the adjoint of A is that
 the solver that found the contact finds derivatives in forward and in reverse mode.
 """
 
-from collections.abc import Callable
 from typing import NamedTuple
 
 import equinox as eqx
@@ -26,19 +25,7 @@ from jaxtyping import Array, Float, Inexact
 
 from ..grid import to_field, to_spectrum
 from .law import AbstractLaw
-
-# Solves A τ = b, given (ρM, s, b, whether the mean is free). A pytree, so that it may hold tracers.
-LinearSolve = Callable[
-    [Inexact[Array, "*half"], Float[Array, "*shape"], Float[Array, "*shape"], bool],
-    Float[Array, "*shape"],
-]
-
-
-class Prescribed(NamedTuple):
-    """What holds the bodies together: a mean pressure [Pa] or a mean gap [m]; the other is None."""
-
-    pressure: Float[Array, ""] | None
-    gap: Float[Array, ""] | None
+from .solver import LinearSolver, Prescribed, slope
 
 
 class Inputs(NamedTuple):
@@ -63,50 +50,34 @@ def attach_gradient(
     state: State,
     gap: Float[Array, "*shape"],
     penalty: Float[Array, ""],
-    solve: LinearSolve,
+    linear: LinearSolver,
+    rtol: Float[Array, ""],
 ) -> State:
     """Returns `state` unchanged, with its derivative by `inputs`.
 
     `state` must solve the contact problem, with the pressure that the law has at `gap`; this is
-    not checked. The price of a derivative is one call of `solve` in either mode.
+    not checked. The price of a derivative is one call of `linear` in either mode.
     """
-    return _attached(inputs, state, gap, penalty, solve)
+    return _attached(inputs, state, gap, penalty, linear, rtol)
 
 
 @eqx.filter_custom_jvp
-def _attached(inputs, state, gap, penalty, solve):
+def _attached(inputs, state, gap, penalty, linear, rtol):
     return state
 
 
 @_attached.def_jvp
 def _attached_jvp(primals, tangents):
-    inputs, state, gap, penalty, solve = primals
+    inputs, state, gap, penalty, linear, rtol = primals
     change: Inputs = tangents[0]
     # Attached again, so that a derivative of the rule itself moves with the state.
-    state = _attached(inputs, state, gap, penalty, solve)
+    state = _attached(*primals)
     moving = state.displacement - inputs.heights + jnp.mean(inputs.heights) + state.mean_gap
-    gap = gap + (moving - jax.lax.stop_gradient(moving))
+    v = state.pressure - penalty * (gap + (moving - jax.lax.stop_gradient(moving)))
+    s = slope(inputs.law.in_units(1.0, 1 / penalty), v)
+    by_law, by_kernel, by_heights = _given_changes(inputs, change, state, penalty, v)
+
     load_given = inputs.prescribed.pressure is not None
-
-    def displace(kernel, field):
-        spectrum = (kernel * to_spectrum(field)).at[(0,) * field.ndim].set(0)
-        return to_field(spectrum, field.shape)
-
-    def respond(law, v):
-        return law.in_units(1.0, 1 / penalty).proximal(v)
-
-    v = state.pressure - penalty * gap
-    s = jax.jvp(lambda v: respond(inputs.law, v), (v,), (jnp.ones_like(v),))[1]
-    by_law = jnp.zeros_like(v)
-    if jax.tree.leaves(change.law):
-        d_law = _fill_with_zeros(change.law, inputs.law)
-        by_law = jax.jvp(lambda law: respond(law, v), (inputs.law,), (d_law,))[1]
-    by_kernel = by_heights = jnp.zeros_like(v)
-    if change.kernel is not None:
-        by_kernel = displace(change.kernel, state.pressure)
-    if change.heights is not None:
-        by_heights = change.heights - jnp.mean(change.heights)
-
     known = by_law
     rhs = by_law - penalty * (by_kernel - by_heights)
     if load_given:
@@ -116,9 +87,42 @@ def _attached_jvp(primals, tangents):
         rhs = rhs - share * (1 - s)
     elif change.prescribed.gap is not None:
         rhs = rhs - penalty * change.prescribed.gap
-    rhs = rhs - penalty * displace(inputs.kernel, known)
+    rhs = rhs - penalty * _displace(inputs.kernel, known)
 
-    root, sign = jnp.sqrt(jnp.abs(s)), jnp.where(s < 0, -1, 1)
+    def solve(kernel, rhs):
+        return linear(kernel, s, rhs, free_mean=not load_given, rtol=rtol)
+
+    d_pressure = known + _in_contact(penalty * inputs.kernel, s, rhs, load_given, solve)
+    d_displacement = _displace(inputs.kernel, d_pressure) + by_kernel
+    d_gap = jnp.zeros_like(penalty)
+    if load_given:
+        closing = by_law - (1 - s) * d_pressure - penalty * s * (d_displacement - by_heights)
+        d_gap = jnp.mean(closing) / (penalty * jnp.mean(s))
+    elif change.prescribed.gap is not None:
+        d_gap = change.prescribed.gap
+    return state, State(d_pressure, d_displacement, d_gap)
+
+
+def _given_changes(inputs: Inputs, change: Inputs, state: State, penalty, v):
+    """R of the law, dM σ and dh without its mean, each 0 where nothing changes."""
+    by_law = by_kernel = by_heights = jnp.zeros_like(v)
+    if jax.tree.leaves(change.law):
+        d_law = _fill_with_zeros(change.law, inputs.law)
+        respond = lambda law: law.in_units(1.0, 1 / penalty).proximal(v)  # noqa: E731
+        by_law = jax.jvp(respond, (inputs.law,), (d_law,))[1]
+    if change.kernel is not None:
+        by_kernel = _displace(change.kernel, state.pressure)
+    if change.heights is not None:
+        by_heights = change.heights - jnp.mean(change.heights)
+    return by_law, by_kernel, by_heights
+
+
+def _in_contact(kernel, s, rhs, load_given: bool, solve):
+    """√|s| τ, where A τ = √|s| rhs of zero mean √|s| τ if the load is given."""
+    # 0 in all orders where the law holds the pressure; √ alone has an infinite slope there.
+    held = s != 0
+    root = jnp.where(held, jnp.sqrt(jnp.where(held, jnp.abs(s), 1)), 0)
+    sign = jnp.where(s < 0, -1, 1)
 
     def project(field):
         # A given load leaves no mean of √|s| τ, and a mean gap that follows.
@@ -128,32 +132,28 @@ def _attached_jvp(primals, tangents):
 
     def operate(tau):
         inside = project(tau)
-        pressed = penalty * displace(inputs.kernel, root * inside)
+        pressed = _displace(kernel, root * inside)
         return project(sign * (1 - s) * inside + root * pressed) + tau - inside
 
     def solver_for(kernel):
         def run(_, rhs):
             inside = project(rhs)
-            return project(solve(kernel, s, inside, not load_given)) + rhs - inside
+            return project(solve(kernel, inside)) + rhs - inside
 
         return run
 
-    tau = jax.lax.custom_linear_solve(
+    return root * jax.lax.custom_linear_solve(
         operate,
         project(root * rhs),
-        solve=solver_for(penalty * inputs.kernel),
-        transpose_solve=solver_for(penalty * jnp.conj(inputs.kernel)),
+        solve=solver_for(kernel),
+        transpose_solve=solver_for(jnp.conj(kernel)),
     )
-    d_pressure = known + root * tau
-    d_displacement = displace(inputs.kernel, d_pressure) + by_kernel
-    if load_given:
-        closing = by_law - (1 - s) * d_pressure - penalty * s * (d_displacement - by_heights)
-        d_gap = jnp.mean(closing) / (penalty * jnp.mean(s))
-    else:
-        d_gap = jnp.zeros_like(penalty)
-        if change.prescribed.gap is not None:
-            d_gap = change.prescribed.gap
-    return state, State(d_pressure, d_displacement, d_gap)
+
+
+def _displace(kernel, field):
+    """M σ without its mean."""
+    spectrum = (kernel * to_spectrum(field)).at[(0,) * field.ndim].set(0)
+    return to_field(spectrum, field.shape)
 
 
 def _fill_with_zeros(tangents, primals):

@@ -9,7 +9,7 @@ from .._checks import Numbers, as_float, check_values, door
 from .douglas_rachford import DouglasRachford
 from .law import AbstractLaw, check_law, check_pressure
 from .problem import RESULTS, ContactSolution, solve_contact
-from .rmd import ResidualDynamics
+from .solver import AbstractContactSolver
 
 
 class ContactPath(eqx.Module):
@@ -43,7 +43,7 @@ def follow_contact(
     *,
     mean_gap: Numbers | None = None,
     law: AbstractLaw,
-    solver: DouglasRachford | ResidualDynamics = ResidualDynamics(),  # noqa: B008 (immutable)
+    solver: AbstractContactSolver = DouglasRachford(),  # noqa: B008 (immutable)
     rtol: float = 1e-6,
     throw: bool = True,
 ) -> ContactPath:
@@ -60,7 +60,8 @@ def follow_contact(
     **Arguments:**
 
     - `pressure` [Pa] or `mean_gap` [m]: the path, shape `(steps,)`.
-    - `solver`: the default needs a smooth law; for a wall pass `DouglasRachford()`.
+    - `solver`: where a grid does not resolve the attraction, `ResidualDynamics()` keeps to stable
+      states.
     - the others: as in `solve_contact`.
 
     **Raises:** `ValueError` for a refused argument; `RuntimeError` if a solve fails.

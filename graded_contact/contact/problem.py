@@ -25,10 +25,10 @@ from .._checks import (
 )
 from .._memory import check_memory, contact_memory
 from ..grid import half_shape
-from .douglas_rachford import DouglasRachford, Iterated, least_compliance, penalty_for
-from .implicit import Inputs, Prescribed, State, attach_gradient
+from .douglas_rachford import DouglasRachford
+from .implicit import Inputs, State, attach_gradient
 from .law import AbstractLaw, HardWall, check_law, check_pressure
-from .rmd import ResidualDynamics
+from .solver import AbstractContactSolver, Iterated, Prescribed, least_compliance, penalty_for
 
 # Rise of an attraction over the stiffness of the shortest wave, up to which all equilibria found
 # were stable: see `adhesion.py`.
@@ -125,7 +125,7 @@ def solve_contact(
     *,
     mean_gap: Numbers | None = None,
     law: AbstractLaw = HardWall(),  # noqa: B008 (immutable)
-    solver: DouglasRachford | ResidualDynamics = DouglasRachford(),  # noqa: B008
+    solver: AbstractContactSolver = DouglasRachford(),  # noqa: B008
     rtol: float = 1e-6,
     start: Numbers | None = None,
     throw: bool = True,
@@ -166,7 +166,7 @@ def solve_contact(
     check_memory(
         "heights",
         heights.shape,
-        lambda shape: contact_memory(shape, heights.dtype.itemsize, history_of(solver)),
+        lambda shape: contact_memory(shape, heights.dtype.itemsize, solver.memory),
         "a contact",
     )
     check_values("heights", heights, "heights [m] must be finite")
@@ -194,11 +194,6 @@ def solve_contact(
     if throw:
         solution = solution.result.error_if(solution, solution.result != RESULTS.successful)
     return solution
-
-
-def history_of(solver: DouglasRachford | ResidualDynamics) -> int:
-    """Returns how many earlier iterates a solver keeps."""
-    return solver.memory if isinstance(solver, DouglasRachford) else 0
 
 
 def _prescribed(pressure, mean_gap, law) -> Prescribed:
@@ -230,8 +225,8 @@ def _solve_contact(inputs: Inputs, solver, rtol, start) -> ContactSolution:
     found = jax.lax.stop_gradient(
         solver.solve(
             *jax.lax.stop_gradient((kernel, heights, law, prescribed)),
-            rtol,
-            jax.lax.stop_gradient(start),
+            rtol=rtol,
+            start=jax.lax.stop_gradient(start),
         )
     )
     state = State(found.pressure, *_displacement_and_mean_gap(inputs, found))
@@ -242,7 +237,8 @@ def _solve_contact(inputs: Inputs, solver, rtol, start) -> ContactSolution:
         jax.lax.stop_gradient(state),
         found.gap,
         penalty_for(kernel, loaded, law),
-        jax.tree_util.Partial(type(solver).solve_linear, solver, rtol),
+        solver.linear,
+        rtol,
     )
     heights = heights - jnp.mean(heights)
     gap = displacement - heights + mean_gap
@@ -252,7 +248,7 @@ def _solve_contact(inputs: Inputs, solver, rtol, start) -> ContactSolution:
     result = RESULTS.where(found.ended, RESULTS.rounding, RESULTS.max_steps_reached)
     result = RESULTS.where(found.error <= rtol, RESULTS.successful, result)
     result = RESULTS.where(finite, result, RESULTS.not_finite)
-    if law.attracts and isinstance(solver, DouglasRachford):
+    if law.attracts and solver.finds_unstable:
         steep = law.steepest_rise * least_compliance(kernel) > _RESOLVED
         result = RESULTS.where(steep & (result == RESULTS.successful), RESULTS.unresolved, result)
     gap_error = found.gap_error / unit

@@ -23,7 +23,7 @@ one FFT pair a step. The law must be smooth. No rule for mass and damping is giv
   twice as stiff as the attraction rises.
 """
 
-from typing import NamedTuple
+from typing import ClassVar, NamedTuple
 
 import equinox as eqx
 import jax
@@ -34,16 +34,18 @@ from jaxtyping import Float, Inexact
 from .._checks import check_type, check_whole
 from ..grid import to_field, to_spectrum
 from .adhesion import AdhesiveLJ
-from .douglas_rachford import (
-    DouglasRachford,
+from .law import AbstractLaw, RepulsiveLJ
+from .linear import LinearSplitting
+from .solver import (
+    AbstractContactSolver,
     Iterated,
+    LinearSolver,
+    Prescribed,
     pressure_unit,
     root_mean_square,
     third_mode,
     to_mean,
 )
-from .implicit import Prescribed
-from .law import AbstractLaw, RepulsiveLJ
 
 _LEAST_RATIO = 0.9  # of a point's gaps after and before a step
 _MAGNIFIED = 10.0  # error of the gap, in residuals, at most
@@ -53,21 +55,25 @@ _LOAD_RATE = 0.5  # share of the load's error that the residuals work against
 SmoothLaw = RepulsiveLJ | AdhesiveLJ
 
 
-class ResidualDynamics(eqx.Module):
-    """Settings of residuals molecular dynamics. All static.
+class ResidualDynamics(AbstractContactSolver):
+    """Settings of residuals molecular dynamics. All static, but for `linear`.
 
     `rtol` of the solve is the ε of both criteria, and `error` the larger of them: of gaps, not of
-    pressures. Derivatives are found by `DouglasRachford`.
+    pressures.
 
     **Fields:**
 
     - `max_steps`: steps allowed before giving up.
     - `uniform_mass`: whether all points have one mass whatever the law, as in plain molecular
       dynamics; that takes many more steps.
+    - `linear`: finds derivatives, see `AbstractContactSolver`.
     """
 
     max_steps: int = eqx.field(default=100_000, static=True)
     uniform_mass: bool = eqx.field(default=False, static=True)
+    linear: LinearSolver = LinearSplitting()
+    memory: ClassVar[int] = 0
+    finds_unstable: ClassVar[bool] = False
 
     def __check_init__(self):
         check_whole("max_steps", self.max_steps, 1)
@@ -79,6 +85,7 @@ class ResidualDynamics(eqx.Module):
         heights: Float[Array, "*shape"],
         law: AbstractLaw,
         prescribed: Prescribed,
+        *,
         rtol: Float[Array, ""],
         start: Float[Array, "*shape"] | None,
     ) -> Iterated:
@@ -118,10 +125,6 @@ class ResidualDynamics(eqx.Module):
             num_steps=last.num_steps,
             num_fft_pairs=last.num_steps + jnp.asarray(1 if start is None else 2, gap.dtype),
         )
-
-    def solve_linear(self, rtol, kernel, weights, rhs, free_mean):
-        """As `DouglasRachford.solve_linear`, which it calls."""
-        return DouglasRachford().solve_linear(rtol, kernel, weights, rhs, free_mean)
 
 
 class _Problem(NamedTuple):

@@ -18,7 +18,7 @@ radians; `KEYS` lists them. Paths are relative to the scene file.
                           equally spaced in the logarithm; `direction` of the velocity from the
                           x axis; `temperature` [K]; `extrapolate` = true to allow friction from
                           frequencies at which a material was not measured
-    [solver]              `rtol` and the fields of `DouglasRachford`
+    [solver]              `rtol` and the numbers of `DouglasRachford`
     [output]              `name`, `directory`, and which `fields` to keep: "last", "every" or "none"
     [design]              what the command `design` is to do, see `files/study.py`
 """
@@ -57,7 +57,9 @@ READ_ARGUMENTS = ("periodic", "shape", "size", "unit", "region", "fill", "rim", 
 SPECTRUM_FIELDS = ("rms_height", "rms_slope", "hurst", "q_low", "q_roll", "q_high")
 TABLE_ARGUMENTS = ("columns", "units", "deformation", "sheet")
 SHAPES = {"linear": Linear, "sinusoidal": Sinusoidal}
-SOLVER_FIELDS = tuple(field.name for field in dataclasses.fields(DouglasRachford))
+SOLVER_FIELDS = tuple(
+    field.name for field in dataclasses.fields(DouglasRachford) if field.metadata.get("static")
+)
 # The keys of every table; those that have a `kind` list them by kind.
 KEYS: dict[str, Any] = {
     "scene": (

@@ -4,6 +4,7 @@ import numpy as np
 import pytest
 
 import graded_contact as gc
+from graded_contact.contact.law import AbstractLaw
 
 N = 64
 KERNEL = gc.stack_kernel(
@@ -14,9 +15,7 @@ WAVE = 0.01 * np.cos(2 * np.pi * np.arange(N) / N)
 
 def test_path_of_pressures_gives_what_single_solves_give():
     loads = np.array([0.002, 0.01, 0.02, 0.01])
-    path = gc.follow_contact(
-        KERNEL, WAVE, loads, law=gc.HardWall(), solver=gc.DouglasRachford(), rtol=1e-8
-    )
+    path = gc.follow_contact(KERNEL, WAVE, loads, law=gc.HardWall(), rtol=1e-8)
     np.testing.assert_allclose(path.mean_pressure, loads, rtol=1e-12)
     np.testing.assert_array_equal(path.unloading, [False, False, False, True])
     assert np.all(path.result == gc.RESULTS.successful)
@@ -28,13 +27,32 @@ def test_path_of_pressures_gives_what_single_solves_give():
     assert path.num_fft_pairs[1] > 0
 
 
+EXPORTED_LAWS = {
+    "HardWall": gc.HardWall(),
+    "RepulsiveLJ": gc.RepulsiveLJ(1e-3, 0.01),
+    "AdhesiveLJ": gc.AdhesiveLJ(1e-3, 1e-6),
+    "ExponentialAdhesion": gc.ExponentialAdhesion(1e-3, 1e-6),
+}
+
+
+def test_the_default_solver_takes_every_law():
+    classes = {name: getattr(gc, name) for name in gc.__all__}
+    laws = {
+        name for name, kind in classes.items()
+        if isinstance(kind, type) and issubclass(kind, AbstractLaw) and kind is not AbstractLaw
+    }  # fmt: skip
+    assert laws == set(EXPORTED_LAWS)
+    for law in EXPORTED_LAWS.values():
+        path = gc.follow_contact(KERNEL, WAVE, mean_gap=np.array([8e-3, 5e-3]), law=law)
+        assert np.all(path.result == gc.RESULTS.successful)
+        assert path.mean_pressure[1] > max(path.mean_pressure[0], 0)
+
+
 def test_derivative_along_a_path_is_that_of_its_last_contact():
     """The start of a solve carries no derivative; what is prescribed does."""
 
     def work(gaps):
-        path = gc.follow_contact(
-            KERNEL, WAVE, mean_gap=gaps, law=gc.HardWall(), solver=gc.DouglasRachford(), rtol=1e-9
-        )
+        path = gc.follow_contact(KERNEL, WAVE, mean_gap=gaps, law=gc.HardWall(), rtol=1e-9)
         return path.mean_pressure[-1]
 
     gaps = jnp.array([0.008, 0.004])
@@ -63,9 +81,8 @@ def test_derivative_along_a_path_is_that_of_its_last_contact():
     ],
 )
 def test_bad_path_is_refused(arguments, message, unchecked_types):
-    defaults = dict(law=gc.HardWall(), solver=gc.DouglasRachford())
     with pytest.raises(ValueError, match=message):
-        gc.follow_contact(KERNEL, WAVE, **(defaults | arguments))
+        gc.follow_contact(KERNEL, WAVE, **(dict(law=gc.HardWall()) | arguments))
 
 
 def test_failed_step_is_reported():

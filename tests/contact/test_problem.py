@@ -9,7 +9,7 @@ from oracles import dense_contact, dense_operator
 
 import graded_contact as gc
 from graded_contact import reference
-from graded_contact.contact import anderson, douglas_rachford
+from graded_contact.contact import anderson, splitting
 from graded_contact.contact.observables import contact_area_corrected, friction
 from graded_contact.grid import half_shape, wavenumber, wavevector
 
@@ -19,6 +19,12 @@ GRID = gc.Grid((64, 64), 1.0)
 
 def half_space(grid, modulus=1.0):
     return gc.stack_kernel(gc.Stack(base=gc.HalfSpace(gc.Elastic(modulus * 0.75, 0.5))), grid)
+
+
+def always_large(monkeypatch):
+    """What large grids do, for all; programs that are compiled already stay as they are."""
+    monkeypatch.setattr(anderson, "SAMPLED_FROM", 0)
+    monkeypatch.setattr(splitting, "DRAFTED_FROM", 0)
 
 
 @pytest.mark.parametrize("shape", [(16, 16), (15, 12), (24,)])
@@ -130,8 +136,7 @@ def test_first_digits_in_single_precision_change_nothing(monkeypatch, name, law)
     heights = rough(GRID).heights
     kernel = gc.stack_kernel(BODIES[name], GRID, SPEED)
     expected = gc.solve_contact(kernel, heights, 0.05, law=law, rtol=1e-9)
-    for module in (anderson, douglas_rachford):
-        monkeypatch.setattr(module, "LARGE", 0)
+    always_large(monkeypatch)
     # Another limit, so that another program is compiled.
     solver = gc.DouglasRachford(max_steps=1000)
     found = gc.solve_contact(kernel, heights, 0.05, law=law, rtol=1e-9, solver=solver)
@@ -148,8 +153,7 @@ def test_ridges_are_solved_on_large_grids_too(monkeypatch):
     heights = np.broadcast_to(np.asarray(rough(GRID).heights)[:1], GRID.shape)
     kernel = gc.stack_kernel(BODIES["coated"], GRID, (0.0, SPEED))
     expected = gc.solve_contact(kernel, heights, 0.05, rtol=1e-8)
-    for module in (anderson, douglas_rachford):
-        monkeypatch.setattr(module, "LARGE", 0)
+    always_large(monkeypatch)
     solver = gc.DouglasRachford(max_steps=1002)
     found = gc.solve_contact(kernel, heights, 0.05, rtol=1e-8, solver=solver)
     assert found.error > 0
@@ -175,8 +179,7 @@ def test_derivatives_after_digits_in_single_precision_are_the_same(monkeypatch):
         return jnp.sum(found.pressure**2)
 
     expected = jax.grad(by_load)(0.05, 4000)
-    for module in (anderson, douglas_rachford):
-        monkeypatch.setattr(module, "LARGE", 0)
+    always_large(monkeypatch)
     np.testing.assert_allclose(jax.grad(by_load)(0.05, 1001), expected, rtol=1e-7)
 
 

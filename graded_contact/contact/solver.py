@@ -1,0 +1,165 @@
+"""What the contact solvers share: their interface, what they return, units and a penalty.
+
+`solve_contact`, `slide` and what builds on them take any `AbstractContactSolver`, also one's own.
+The contact that it finds gets its derivatives afterwards, from another solver, of linear systems
+(`implicit.py`): so a contact solver is never differentiated, and need not know how that is done.
+"""
+
+from abc import abstractmethod
+from collections.abc import Callable
+from typing import NamedTuple
+
+import equinox as eqx
+import jax
+import jax.numpy as jnp
+from jaxtyping import Array, Bool, Float, Inexact
+
+from .anderson import sums
+from .law import AbstractLaw
+
+# Solves the linear system of `implicit.py`, as `LinearSplitting` does: called with the kernel times
+# the penalty, s and the right side, and with the keywords `free_mean` and `rtol`, it returns τ.
+LinearSolver = Callable[..., Float[Array, "*shape"]]
+
+
+class Prescribed(NamedTuple):
+    """What holds the bodies together: a mean pressure [Pa] or a mean gap [m]; the other is None."""
+
+    pressure: Float[Array, ""] | None
+    gap: Float[Array, ""] | None
+
+
+class Iterated(eqx.Module):
+    """The contact that a solver found.
+
+    **Fields:**
+
+    - `pressure`: of the law [Pa], shape of the heights; its mean is the prescribed one, if any.
+    - `gap`: at which the law has this pressure [m].
+    - `mismatch`: pressure of the solid less that of the law [Pa].
+    - `displacement`: of the solid under its pressure, but for a mean [m].
+    - `error`: estimated relative error of the pressure (root mean square) [1].
+    - `gap_error`: estimated error of the gap (root mean square) [m].
+    - `ended`: whether before the limit of steps: at `rtol`, or where rounding hides the rest.
+    - `num_steps`: on the finest grid.
+    - `num_fft_pairs`: of all grids, coarse ones by their size.
+    """
+
+    pressure: Float[Array, "*shape"]
+    gap: Float[Array, "*shape"]
+    mismatch: Float[Array, "*shape"]
+    displacement: Float[Array, "*shape"]
+    error: Float[Array, ""]
+    gap_error: Float[Array, ""]
+    ended: Bool[Array, ""]
+    num_steps: Array
+    num_fft_pairs: Float[Array, ""]
+
+
+class AbstractContactSolver(eqx.Module):
+    """An algorithm that finds contacts, and its settings.
+
+    **Fields:**
+
+    - `linear`: the solver of the linear systems of derivatives. `LinearSplitting()` takes whatever
+      contact was found.
+    - `memory`: how many earlier iterates are kept, two fields each: what a solve will take is told
+      before anything is allocated.
+    - `finds_unstable`: whether equilibria may be unstable ones, under laws that attract. Where the
+      grid does not resolve the attraction, the contact then ends with `RESULTS.unresolved`.
+    """
+
+    linear: eqx.AbstractVar[LinearSolver]
+    memory: eqx.AbstractVar[int]
+    finds_unstable: eqx.AbstractClassVar[bool]
+
+    @abstractmethod
+    def solve(
+        self,
+        kernel: Inexact[Array, "*half"],
+        heights: Float[Array, "*shape"],
+        law: AbstractLaw,
+        prescribed: Prescribed,
+        *,
+        rtol: Float[Array, ""],
+        start: Float[Array, "*shape"] | None,
+    ) -> Iterated:
+        """Returns the contact of heights with the solid of a kernel.
+
+        Called once inside `jax.jit`, without derivatives. What it may not solve it refuses by
+        `ValueError`; a failure that only values show is left to `error` and `ended`.
+
+        **Arguments:**
+
+        - `kernel`: M [m/Pa] on the half spectrum, real or complex, its entry at q = 0 being 0.
+        - `heights`: h [m], positive into the solid, of any mean.
+        - `law`: gives pressures point by point, see `AbstractLaw`.
+        - `prescribed`: the mean pressure or the mean gap.
+        - `rtol`: wanted relative error of the pressure [1].
+        - `start`: a pressure [Pa] to begin from, or None.
+        """
+
+
+def penalty_for(
+    kernel: Inexact[Array, "*half"], participation: Float[Array, ""] | float, law: AbstractLaw
+) -> Float[Array, ""]:
+    """Returns ρ = 1.8 s^0.4/√(|M| at three times the lowest wavenumber × least |M|) [Pa/m].
+
+    It balances the softest modes, which carry the displacement, against the stiffest, which carry
+    the edges of the contact; s is ⟨|σ|⟩²/⟨σ²⟩. Factor and power have the fewest FFT pairs in
+    `bench_contact.py viscoelastic`. For a law that attracts, at least twice its steepest rise, so
+    that its proximal map is single-valued.
+    """
+    long = jnp.abs(third_mode(kernel))
+    penalty = 1.8 * participation**0.4 / jnp.sqrt(long * least_compliance(kernel))
+    return jax.lax.stop_gradient(jnp.maximum(penalty, 2 * law.steepest_rise))
+
+
+def pressure_unit(
+    kernel: Inexact[Array, "*half"], heights: Float[Array, "*shape"], prescribed: Prescribed
+) -> Float[Array, ""]:
+    """Returns a typical pressure: the prescribed one, and what flattens the longest waves."""
+    length = jnp.std(heights) + (0 if prescribed.gap is None else jnp.abs(prescribed.gap))
+    unit = length / jnp.abs(third_mode(kernel))
+    unit = unit + (0 if prescribed.pressure is None else jnp.abs(prescribed.pressure))
+    return jnp.where(unit > 0, unit, 1)
+
+
+def third_mode(kernel: Inexact[Array, "*half"]) -> Inexact[Array, ""]:
+    """Returns the kernel of the long waves: at three times the lowest wavenumber along x."""
+    return kernel[(3,) + (0,) * (kernel.ndim - 1)]
+
+
+def least_compliance(kernel: Inexact[Array, "*half"]) -> Float[Array, ""]:
+    """Returns the least |M| of any wave."""
+    return jnp.min(jnp.abs(kernel).at[(0,) * kernel.ndim].set(jnp.inf))
+
+
+def participation(pressure: Float[Array, "*shape"]) -> Float[Array, ""]:
+    """Returns ⟨|σ|⟩²/⟨σ²⟩, a measure of the loaded area fraction [1], at least one point's."""
+    total, squared = sums(jnp.abs(pressure), pressure**2)
+    return participation_of(total, squared, pressure.size)
+
+
+def participation_of(total, squared, count: int):
+    """Returns the participation from sums of |σ| and σ² over `count` points."""
+    return jnp.maximum(total**2 / jnp.where(squared > 0, squared, 1), 1) / count
+
+
+def to_mean(pressure, mean, bounds):
+    """Scales a pressure to a mean within its bounds; one without upper bound simply by a factor."""
+    low, high = bounds
+    room = (pressure - low) * (1 - (pressure - low) / (high - low))
+    # Where no point has room, all at a bound, evenly.
+    room = jnp.where(jnp.any(room > 0), room, 1)
+    return pressure + room * ((mean - jnp.mean(pressure)) / jnp.mean(room))
+
+
+def slope(law: AbstractLaw, v: Float[Array, "*shape"]) -> Float[Array, "*shape"]:
+    """Returns dy/dv of the proximal map: 1 where the law holds the gap, 0 where the pressure."""
+    return jax.jvp(law.proximal, (v,), (jnp.ones_like(v),))[1]
+
+
+def root_mean_square(field: Float[Array, "..."]) -> Float[Array, ""]:
+    """Returns √⟨f²⟩."""
+    return jnp.sqrt(jnp.mean(field**2))

@@ -1,0 +1,246 @@
+"""The iteration on one grid that finds contacts and their derivatives.
+
+Douglas-Rachford splitting, with Anderson's acceleration. One real field z = σ + ρ u carries
+pressure σ and gap u at once. One step costs one FFT pair:
+
+    x  = (I + ρM)⁻¹ (z + ρh)      in Fourier space; the mean of x is set to the load,
+                                  or that of the gap (z - x)/ρ to the wanted gap
+    y  = proximal map of the law at v = 2x - z
+    z⁺ = z + 2α (y - x)
+
+x obeys the solid and what is prescribed, y obeys the law of contact, and at the fixed point they
+agree; until then their gaps differ by (y - x)/ρ, so that one residual measures pressure, load and
+gap. The step is a contraction for every kernel with Re M > 0, symmetric or not, and every law
+whose pressure falls with the gap: this is what sliding viscoelastic solids need and conjugate
+gradients cannot give.
+
+P. L. Lions & B. Mercier, SIAM J. Numer. Anal. 16 (1979) 964, doi:10.1137/0716071.
+
+All is dimensionless: the kernel is ρM, lengths are in units of that of pressure over ρ. Large grids
+find their first digits in single precision, a draft, which moves half as many bytes.
+"""
+
+from collections.abc import Callable
+
+import equinox as eqx
+import jax
+import jax.numpy as jnp
+from jaxtyping import Array, Float, Inexact
+
+from ..grid import half_shape, multiplicity, to_field, to_spectrum
+from .anderson import History, accelerate, sums
+from .law import AbstractLaw
+from .solver import participation_of, slope
+
+# Points of a grid worth a draft: from there on `bench_contact.py overhead` is the faster for it.
+DRAFTED_FROM = 2**18
+CYCLE = 2  # steps between accelerations: fewest FFT pairs in `bench_contact.py viscoelastic`
+
+
+class Solid(eqx.Module):
+    """The map z -> x = (I + ρM)⁻¹(z + ρh) with a mean set, as one filter and one shift.
+
+    **Fields:**
+
+    - `filter`: of the half spectrum.
+    - `shift`: what is added to the field.
+    - `stiffness`: 1/ρ|M| on the half spectrum, 0 for the mean.
+    - `sharpness`: its root mean square.
+    """
+
+    filter: Inexact[Array, "*half"]
+    shift: Float[Array, "*shape"]
+    stiffness: Float[Array, "*half"]
+    sharpness: Float[Array, ""]
+
+    def __call__(self, z):
+        return self.shift + to_field(self.filter * to_spectrum(z), z.shape)
+
+    def powers(self, spectrum):
+        """Sums of squares of the field with this half spectrum, and of 1/ρ|M| times it."""
+        power = (spectrum.real**2 + spectrum.imag**2) * weight_of_modes(self.shift)
+        return sums(power, power * self.stiffness**2)
+
+
+def solid_of(
+    kernel: Inexact[Array, "*half"],
+    waves: Inexact[Array, "*half"] | None,
+    shift: Float[Array, "*shape"],
+    free_mean: bool,
+) -> Solid:
+    """Returns the map of a kernel ρM and of heights with the spectrum `waves`.
+
+    `shift` is the mean of x, or if that is free of x - z.
+    """
+    mean = (0,) * kernel.ndim
+    filter = (1 / (1 + kernel)).at[mean].set(1 if free_mean else 0)
+    stiffness = (1 / jnp.abs(kernel)).at[mean].set(0)
+    if waves is not None:
+        shift = shift + to_field(filter * waves, shift.shape)
+    sharpness = jnp.sqrt(jnp.sum(weight_of_modes(shift) * stiffness**2))
+    return Solid(filter, shift, stiffness, sharpness)
+
+
+class Splitting(eqx.Module):
+    """What is iterated: the solid against the law.
+
+    **Fields:**
+
+    - `solid`: the map z -> x.
+    - `proximal`: that of the law, a pytree.
+    - `share`: of points under load [1], or None for the participation of the pressure as it is.
+    """
+
+    solid: Solid
+    proximal: Callable
+    share: Float[Array, ""] | None = None
+
+
+def iterate(
+    splitting: Splitting,
+    z: Float[Array, "*shape"],
+    *,
+    rtol: Float[Array, ""],
+    relaxation: float,
+    memory: int,
+    max_steps: Array | int,
+    draft: bool = False,
+) -> History:
+    """Returns the last state: z, the estimated relative error, whether it was `going_on`.
+
+    It ends where rounding hides the residual; a `draft` when rounding alone would cause the error.
+    """
+    solid = splitting.solid
+    eps = jnp.finfo(z.dtype).eps
+    rounding = 4 * eps * jnp.stack([jnp.ones_like(solid.sharpness), solid.sharpness])
+
+    def step(z):
+        spectrum = to_spectrum(z)
+        x = solid.shift + to_field(solid.filter * spectrum, z.shape)
+        y = splitting.proximal(2 * x - z)
+        return z + (2 * relaxation) * (y - x), spectrum, x, y
+
+    def cycle(z):
+        image, before, x, y = step(z)
+        image, after, *_ = step(image)
+        # The spectrum of y - x comes for nothing: steps move z by 2α (y - x).
+        defect, stiff = solid.powers((after - before) / (2 * relaxation))
+        size, scale, total, squared = sums(x * x, z * z, jnp.abs(y), y * y)
+        unit = jnp.where(size > 0, size, 1)
+        share = splitting.share
+        if share is None:
+            share = participation_of(total, squared, y.size)
+        error = _error(jnp.sqrt(defect / unit), jnp.sqrt(stiff / unit), share)
+        # Pressures below the rounding of the gaps cannot be told from zero.
+        lost = defect <= (8 * eps) ** 2 * scale
+        if draft:
+            least, least_stiff = rounding * jnp.sqrt(scale / unit)
+            lost |= error <= _error(least, least_stiff, share)
+        return image, error, lost
+
+    def running(state):
+        return state.going_on & (state.cycles * CYCLE < max_steps)
+
+    def body(state):
+        image, error, lost = cycle(state.z)
+        # Steps never raise the residual of a law without attraction, acceleration may: the
+        # last image has at most the residual that ended the loop.
+        return accelerate(state, image, error, (error > rtol) & ~lost)
+
+    return jax.lax.while_loop(running, body, History.empty(z, memory + 1))
+
+
+def draft(
+    splitting: Splitting, z: Float[Array, "*shape"], *, rtol: Float[Array, ""], **settings
+) -> tuple[Float[Array, "*shape"], Array]:
+    """Returns z to about `rtol` or to single precision, and the number of steps.
+
+    As it is, and none, on a grid not worth it. `settings` are those of `iterate`.
+    """
+    if z.size < DRAFTED_FROM or z.dtype != jnp.float64:
+        return z, jnp.asarray(0)
+    single, begin, rtol = _to_single((splitting, z, rtol))
+    last = iterate(single, begin, rtol=rtol, draft=True, **settings)
+    return last.z.astype(z.dtype), last.cycles * CYCLE
+
+
+def _to_single(tree):
+    """The same numbers in single precision."""
+
+    def convert(a):
+        single = jnp.complex64 if jnp.iscomplexobj(a) else jnp.float32
+        return a.astype(single) if eqx.is_inexact_array(a) else a
+
+    return jax.tree.map(convert, tree)
+
+
+def check_relaxation(relaxation: float) -> None:
+    """Raises `ValueError` unless this is an α between 0 and 1."""
+    if not isinstance(relaxation, float) or not 0 < relaxation < 1:
+        raise ValueError(f"`relaxation={relaxation}` must be a number between 0 and 1.")
+
+
+def weight_of_modes(field: Float[Array, "*shape"]) -> Float[Array, "*half"]:
+    """Returns what a squared mode of the half spectrum adds to a field's sum of squares."""
+    weight = jnp.asarray(multiplicity(field.shape) / field.size, field.dtype)
+    return jnp.broadcast_to(weight, half_shape(field.shape))
+
+
+def _error(residual, stiff, share):
+    """Estimated relative error of the pressure.
+
+    With r = y - x, `residual` is ‖r‖/‖x‖ and `stiff` ‖M⁻¹r/ρ‖/‖x‖. On the set of contact P the
+    pressure y is off by (PρMP)⁻¹P r - r, and (PMP)⁻¹ is at most PM⁻¹P for a symmetric kernel. The
+    factor and the power of the loaded share s were found by measurement on elastic and
+    viscoelastic, layered and homogeneous bodies from a thousandth in contact to full contact; see
+    `bench_contact.py random`.
+    """
+    return share**-0.45 * (residual + stiff)
+
+
+def rounding_error(
+    solid: Solid,
+    law: AbstractLaw,
+    x: Float[Array, "*shape"],
+    y: Float[Array, "*shape"],
+    gap: Float[Array, "*shape"],
+) -> Float[Array, ""]:
+    """Returns the error of y if the residual is noise: only what the law passes on counts.
+
+    Twice that noise, as it is there or as it is on average, if it happens to be small there.
+    """
+    passed = slope(law, y - gap)
+
+    def norm(field):
+        defect, stiff = solid.powers(to_spectrum(field))
+        return jnp.sqrt(defect) + jnp.sqrt(stiff)
+
+    noise = jnp.maximum(norm(passed * (y - x)), jnp.sqrt(jnp.mean(passed**2)) * norm(y - x))
+    size = jnp.sqrt(jnp.sum(y * y))
+    return 2 * noise / jnp.where(size > 0, size, 1)
+
+
+def gap_error(
+    kernel: Inexact[Array, "*half"],
+    held: Float[Array, "*shape"],
+    offset: Float[Array, ""],
+    freed: Float[Array, "*shape"],
+    gap: Float[Array, "*shape"],
+) -> Float[Array, ""]:
+    """Returns the estimated root mean square error of the gap, in units of pressure over ρ.
+
+    The gap is off by `offset` at points where the law holds it, and what lies between follows.
+    There the solid has the pressure -`freed` too much, and yields by ρM times that, though not by
+    more than points held at the edges allow: the stiffness of their neighbours' free motion is
+    that of the gap's own shape. Factor and powers of the share held were found by measurement; see
+    `bench_contact.py random`.
+    """
+    weight = weight_of_modes(gap)
+    power = jnp.abs(to_spectrum(gap)) ** 2 * weight
+    compliance = jnp.abs(kernel)
+    stiffness = jnp.where(compliance > 0, 1 / jnp.where(compliance > 0, compliance, 1), 0)
+    total, bent = sums(power, power * stiffness)
+    allowed = compliance / (1 + compliance * bent / jnp.where(total > 0, total, 1))
+    (yielded,) = sums((allowed * jnp.abs(to_spectrum(freed))) ** 2 * weight)
+    share = jnp.maximum(jnp.mean(jnp.abs(held)), 1 / gap.size)
+    return 10 * (share**-0.25 * offset + share**-0.5 * jnp.sqrt(yielded / gap.size))
