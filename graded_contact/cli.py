@@ -228,7 +228,7 @@ def fit(
     """
     _prepare()
     from .files.moduli.reading import read_moduli
-    from .files.output import check_folder, folder_path
+    from .files.output import check_folder, full_path
     from .files.prony_cards import FORMATS, export_prony
     from .files.toml import nearest
 
@@ -236,7 +236,7 @@ def fit(
         for form in card or []:
             if form not in FORMATS:
                 raise ValueError(f"`--card {form}` is not known; {nearest(form, FORMATS)}")
-        folder = folder_path(str(output or f"{moduli_files[0].stem}-fit"))
+        folder = full_path(str(output or f"{moduli_files[0].stem}-fit"))
         check_folder(folder)
         measured = read_moduli(
             moduli_files,
@@ -319,7 +319,7 @@ def design(
     on from there.
     """
     _prepare()
-    from .files.output import check_folder, check_name, folder_path
+    from .files.output import check_folder, check_name, full_path
     from .files.study import read_design
     from .plot import plot_design
     from .studies.cost import design_cost
@@ -337,7 +337,7 @@ def design(
         folder = output or study.scene.directory or Path(f"{scene_file.stem}-results")
         name = f"{study.scene.name or scene_file.stem}-design"
         check_name(name)
-        folder = folder_path(str(folder))
+        folder = full_path(str(folder))
         check_folder(folder)
         if study.scene.title:
             typer.echo(study.scene.title)
@@ -381,14 +381,14 @@ def _pairs(option: str, texts: list[str] | None) -> dict[str, str]:
 def _run(scene: "Scene", folder: Path, name: str, replace: bool) -> None:
     import numpy as np
 
-    from .files.output import check_folder, check_name, folder_path
+    from .files.output import check_folder, check_name, full_path
     from .studies.interruption import Interrupted, interruptible
     from .studies.run import build_surface, point_names, run_scene
     from .studies.store import Store
 
     with _refusing(), interruptible() as interruption:
         check_name(name)
-        folder = folder_path(str(folder))
+        folder = full_path(str(folder))
         check_folder(folder)
         surface = build_surface(scene)
         names, file = point_names(scene, surface), folder / f"{name}.h5"

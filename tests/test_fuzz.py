@@ -28,8 +28,9 @@ from graded_contact.files.results import (
     read_results,
     write_results,
 )
-from graded_contact.files.scene import RandomSurface, parse_scene
+from graded_contact.files.scene import parse_scene
 from graded_contact.files.study import parse_design
+from graded_contact.files.surfaces import RandomSurface
 from graded_contact.studies.evaluations import Evaluation, Evaluations
 from graded_contact.studies.run import check_scene as check_scene_memory
 from graded_contact.studies.store import Point, Store, fingerprint

@@ -27,17 +27,17 @@ def check_name(name: str) -> None:
         )
 
 
-def folder_path(text: str, beside: str | os.PathLike = ".") -> Path:
-    """Returns the folder that a text names: `~` is the user's, others are relative to `beside`.
+def full_path(text: str, beside: str | os.PathLike = ".") -> Path:
+    """Returns the path that a text names: `~` is the user's, others are relative to `beside`.
 
     **Raises:** `ValueError` for one that no file system has.
     """
     if not text or not text.isprintable():
-        raise ValueError(f"the folder {text!r} is refused: printable characters are needed.")
+        raise ValueError(f"the path {text!r} is refused: printable characters are needed.")
     try:
         return Path(beside) / Path(text).expanduser()
     except RuntimeError as error:
-        raise ValueError(f"the folder {text!r} is refused: {error}") from error
+        raise ValueError(f"the path {text!r} is refused: {error}") from error
 
 
 def check_folder(folder: str | os.PathLike) -> None:

@@ -1,18 +1,21 @@
 """Scenes: a block, a surface, loads and velocities, as a TOML file describes them.
 
-The keys of a scene are the names of fields and arguments of this package, in SI units, angles in
-radians; `KEYS` lists them. Paths are relative to the scene file.
+The keys of a scene are the names of arguments of this package, in SI units, angles in radians; a
+`kind` names what takes them, see `MATERIALS`, `BASES` and `KINDS`. Paths are relative to the scene
+file, or begin with `~`.
 
     [surface]             kind = "self_affine": the fields of `SelfAffine` (`q_low` is 2π over the
                           longest edge unless given), `roll_off`, `seed`, `amplitudes`, and a
                           table [grid] with `shape` and `size`; or kind = "file": the arguments of
                           `read_surface`, and `rms_height` or `rms_slope` to rescale to
-    [materials.NAME]      kind = "elastic", "prony", "prony_creep", "tabulated" or "tyre_tread"; the
-                          two series may have `measured` = {omega = [lowest, highest], temperature =
+    [materials.NAME]      kind = "elastic", "prony", "prony_creep", "tabulated", "tyre_tread" or
+                          "bulk_shear", whose two parts are NAMEs of materials above it; the two
+                          series may have `measured` = {omega = [lowest, highest], temperature =
                           [lowest, highest]}, where they follow data
     [[layers]]            `material` = a NAME, `thickness`; from the loaded surface downwards. A
                           graded one has, instead of `material`, the NAMEs `bottom` and `top`, and
-                          may have `shape` ("linear", "sinusoidal") and `mixing` as in `Blend`
+                          may have `shape` ("linear", {kind = "exponential", rate = 2.0}, ...) and
+                          `mixing` as in `Blend`
     [base]                kind = "half_space" with a `material`, "rigid" or "free"
     [load]                `pressure` and `velocity`: a number, a list, or {from, to, points},
                           equally spaced in the logarithm; `direction` of the velocity from the
@@ -26,99 +29,55 @@ radians; `KEYS` lists them. Paths are relative to the scene file.
 import dataclasses
 import os
 from pathlib import Path
-from typing import Any, Literal, NamedTuple
+from typing import Annotated, Any, Literal
 
-import jax
 import numpy as np
-from jaxtyping import Float
+from jaxtyping import Float, ScalarLike
 
 from .._checks import as_float, check_positive, check_tolerance, check_values
 from .._memory import check_points
 from ..contact.douglas_rachford import DouglasRachford
-from ..grid import Grid
 from ..response.profile import Blend
-from ..response.shape import Linear, Sinusoidal
+from ..response.shape import AbstractShape, ErrorFunction, Exponential, Linear, PowerLaw, Sinusoidal
 from ..response.stack import Free, GradedLayer, HalfSpace, Layer, Rigid, Stack
 from ..rheology.library import tyre_tread
-from ..rheology.material import AbstractMaterial, Elastic, Prony
-from ..rheology.measured import MeasuredRange
+from ..rheology.material import AbstractMaterial, BulkShear, Elastic, Prony
 from ..rheology.shift import WLF, AbstractShift, Arrhenius
 from ..rheology.tabulated import Tabulated
 from ..rheology.tabulated_shift import TabulatedShift
-from ..spectrum import SelfAffine
-from ..surface import Surface, random_surface, rescale
 from .moduli.quantities import DIMENSIONS, UNITS
 from .moduli.reading import read_moduli
-from .output import check_name, folder_path
-from .toml import Table, nearest, parse_toml, short, within
-from .topography.reading import read_surface
+from .output import check_name, full_path
+from .signatures import Builder, keys_of
+from .surfaces import RandomSurface, SurfaceFile, parse_surface
+from .toml import Section, nearest, parse_toml, short, within
 
-READ_ARGUMENTS = ("periodic", "shape", "size", "unit", "region", "fill", "rim", "channel")
-SPECTRUM_FIELDS = ("rms_height", "rms_slope", "hurst", "q_low", "q_roll", "q_high")
-TABLE_ARGUMENTS = ("columns", "units", "deformation", "sheet")
-SHAPES = {"linear": Linear, "sinusoidal": Sinusoidal}
-SOLVER_FIELDS = tuple(
+KEYS = (
+    "title", "surface", "grid", "materials", "layers", "base", "load", "solver", "output", "design",
+)  # fmt: skip
+SOLVER_KEYS = tuple(
     field.name for field in dataclasses.fields(DouglasRachford) if field.metadata.get("static")
 )
-# The keys of every table; those that have a `kind` list them by kind.
-KEYS: dict[str, Any] = {
-    "scene": (
-        "title", "surface", "grid", "materials", "layers", "base", "load", "solver", "output",
-        "design",
-    ),
-    "surface": {
-        "self_affine": (*SPECTRUM_FIELDS, "roll_off", "seed", "amplitudes"),
-        "file": ("path", *READ_ARGUMENTS, "rms_height", "rms_slope"),
+LOAD_KEYS = ("pressure", "velocity", "direction", "temperature", "extrapolate")
+# What a `kind` makes; its keys are the parameters.
+MATERIALS = {
+    "elastic": Elastic,
+    "prony": Prony,
+    "prony_creep": Prony.from_creep,
+    "tyre_tread": tyre_tread,
+    "bulk_shear": BulkShear,
+}
+BASES = {"half_space": HalfSpace, "rigid": Rigid, "free": Free}
+KINDS = {
+    AbstractShift: {"wlf": WLF, "arrhenius": Arrhenius, "tabulated": TabulatedShift},
+    AbstractShape: {
+        "linear": Linear,
+        "sinusoidal": Sinusoidal,
+        "exponential": Exponential,
+        "power_law": PowerLaw,
+        "error_function": ErrorFunction,
     },
-    "grid": ("shape", "size"),
-    "material": {
-        "elastic": ("modulus", "poisson"),
-        "prony": ("equilibrium", "strengths", "times", "poisson", "shift", "measured"),
-        "prony_creep": ("glassy", "compliances", "times", "poisson", "shift", "measured"),
-        "tabulated": ("path", *TABLE_ARGUMENTS, "poisson", "extrapolate", "shift"),
-        "tyre_tread": ("poisson",),
-    },
-    "shift": {
-        "wlf": ("c1", "c2", "reference"),
-        "arrhenius": ("activation_energy", "reference"),
-        "tabulated": ("temperatures", "log10_factors", "reference", "vertical_factors"),
-    },
-    "layers": ("material", "bottom", "top", "shape", "mixing", "thickness"),
-    "base": {"half_space": ("material",), "rigid": (), "free": ()},
-    "measured": ("omega", "temperature"),
-    "load": ("pressure", "velocity", "direction", "temperature", "extrapolate"),
-    "solver": ("rtol", *SOLVER_FIELDS),
-    "output": ("name", "directory", "fields"),
-}  # fmt: skip
-
-
-class RandomSurface(NamedTuple):
-    """A surface to be drawn: arguments of `random_surface`, with the seed of its key."""
-
-    spectrum: SelfAffine
-    grid: Grid
-    seed: int
-    amplitudes: Literal["exact", "gaussian"]
-
-    def build(self) -> Surface:
-        """Returns the surface, drawn anew; the same one each time."""
-        key = jax.random.key(self.seed)
-        with within("[surface]"):
-            return random_surface(self.spectrum, self.grid, key, amplitudes=self.amplitudes)
-
-
-class SurfaceFile(NamedTuple):
-    """A surface to be read: its path, arguments of `read_surface` and of `rescale`."""
-
-    path: Path
-    arguments: dict[str, Any]
-    target: dict[str, float]
-
-    def build(self) -> Surface:
-        """Returns the surface, read and rescaled."""
-        with within("[surface]"):
-            surface = read_surface(self.path, **self.arguments)
-            return rescale(surface, **self.target) if self.target else surface
+}
 
 
 @dataclasses.dataclass(frozen=True, eq=False)
@@ -174,14 +133,13 @@ def read_scene(path: str | os.PathLike) -> Scene:
 def parse_scene(text: str, folder: str | os.PathLike = ".") -> Scene:
     """Returns the scene that a TOML text describes; its paths are relative to `folder`."""
     folder = Path(folder)
-    scene = Table("the scene", parse_toml(text), KEYS["scene"])
-    load = Table("[load]", scene.get("load"), KEYS["load"])
-    solver = Table("[solver]", scene.get("solver", {}), KEYS["solver"])
-    output = Table("[output]", scene.get("output", {}), KEYS["output"])
-    materials, inputs, notes = _materials(scene, folder, load)
-    surface = _surface(scene, folder)
-    if isinstance(surface, SurfaceFile):
-        inputs.append(surface.path)
+    scene = Section("the scene", parse_toml(text), KEYS)
+    load = Section("[load]", scene.get("load"), LOAD_KEYS)
+    solver = Section("[solver]", scene.get("solver", {}), ("rtol", *SOLVER_KEYS))
+    output = Section("[output]", scene.get("output", {}), ("name", "directory", "fields"))
+    block = _Block(folder)
+    block.read_materials(scene, load)
+    surface = parse_surface(scene, block.builder)
     pressure, velocity = load.values("pressure"), load.values("velocity")
     with within(load.place):
         check_points("pressure` x `velocity", pressure.size * velocity.size)
@@ -194,205 +152,110 @@ def parse_scene(text: str, folder: str | os.PathLike = ".") -> Scene:
     rtol = solver.number("rtol", 1e-6)
     with within(solver.place):
         check_tolerance("rtol", rtol, as_float(pressure))
-        settings: dict[str, Any] = {
-            key: solver.number(key) if key == "relaxation" else solver.whole(key)
-            for key in SOLVER_FIELDS
-            if key in solver.content
-        }
-        method = DouglasRachford(**settings)
     name, directory = output.text("name", None), output.text("directory", None)
     with within(output.place):
         if name is not None:
             check_name(name)
         if directory is not None:
-            directory = folder_path(directory, folder)
+            directory = full_path(directory, folder)
+    materials = block.materials.values()
     return Scene(
         text=text,
         title=scene.text("title", ""),
-        stack=_stack(scene, materials),
+        stack=block.stack(scene),
         surface=surface,
         pressure=pressure,
         velocity=velocity,
         direction=direction,
         extrapolate=load.truth("extrapolate", False)
-        or any(isinstance(m, Tabulated) and m.extrapolate == "plateau" for m in materials.values()),
-        solver=method,
+        or any(isinstance(m, Tabulated) and m.extrapolate == "plateau" for m in materials),
+        solver=block.builder.build(solver, DouglasRachford),
         rtol=rtol,
         name=name,
         directory=directory,
         keep=output.choice("fields", ("last", "every", "none"), "last"),
-        inputs=tuple(inputs),
-        notes=tuple(notes),
+        inputs=tuple(block.builder.paths),
+        notes=tuple(block.notes),
     )
 
 
-def _materials(
-    scene: Table, folder: Path, load: Table
-) -> tuple[dict[str, AbstractMaterial], list[Path], list[str]]:
-    content = scene.get("materials")
-    if not isinstance(content, dict):
-        raise ValueError(f"[materials] must hold tables [materials.NAME], got {short(content)}.")
-    materials, inputs, notes = {}, [], []
-    for name, entry in content.items():
-        table, kind = Table.of_kind(f"[materials.{name}]", entry, KEYS["material"])
-        if kind == "tabulated":
-            inputs.append(folder / table.text("path"))
-        with within(table.place):
-            materials[name], said = _material(table, kind, folder)
-        notes += [f"{name}: {sentence}" for sentence in said]
-    if "temperature" in load.content:
-        temperature = load.number("temperature")
-        for name, material in materials.items():
-            with within(f"[load] `temperature`, of [materials.{name}]:"):
-                materials[name] = material.at(temperature)
-    return materials, inputs, notes
+class _Block:
+    """The materials of a scene, and the stack that is made of them."""
 
+    def __init__(self, folder: Path):
+        self.materials: dict[str, AbstractMaterial] = {}
+        self.notes: list[str] = []
+        self.builder = Builder(KINDS, {AbstractMaterial: self._named}, folder)
 
-def _material(table: Table, kind: str, folder: Path) -> tuple[AbstractMaterial, tuple[str, ...]]:
-    """A material, and what was understood of its file."""
-    poisson = table.number("poisson", 0.5)
-    if kind == "elastic":
-        return Elastic(modulus=table.number("modulus"), poisson=poisson), ()
-    if kind == "tyre_tread":
-        return tyre_tread(poisson), ()
-    shift, measured = _shift(table), _measured(table)
-    if kind == "prony":
-        relaxing = Prony(
-            equilibrium=table.number("equilibrium"),
-            strengths=table.numbers("strengths"),
-            times=table.numbers("times"),
-            poisson=poisson,
-            shift=shift,
-            measured=measured,
-        )
-        return relaxing, ()
-    if kind == "prony_creep":
-        creeping = Prony.from_creep(
-            glassy=table.number("glassy"),
-            compliances=table.numbers("compliances"),
-            times=table.numbers("times"),
-            poisson=poisson,
-            shift=shift,
-            measured=measured,
-        )
-        return creeping, ()
-    place = table.place[:-1]
-    columns = Table(f"{place}.columns]", table.get("columns", {}), DIMENSIONS)
-    units = Table(f"{place}.units]", table.get("units", {}), UNITS)
-    try:
-        found = read_moduli(
-            folder / table.text("path"),
-            kind="frequency",
-            columns=columns.content,
-            units=units.content,
-            deformation=table.text("deformation", None),
-            sheet=table.text("sheet", None),
-            poisson=poisson,
-        )
-    except ValueError as error:
-        advice = "`graded-contact fit FILE` reads more, and writes a material for a scene."
-        raise ValueError(f"{error} {advice}") from error
-    omega, modulus = found.table()
-    extrapolate = table.choice("extrapolate", ("refuse", "plateau"), "refuse")
-    material = Tabulated(omega, modulus, poisson, shift=shift, extrapolate=extrapolate)
-    return material, found.history
-
-
-def _measured(table: Table) -> MeasuredRange | None:
-    if "measured" not in table.content:
-        return None
-    ends = Table(f"{table.place[:-1]}.measured]", table.get("measured"), KEYS["measured"])
-    temperature = ends.numbers("temperature") if "temperature" in ends.content else None
-    with within(ends.place):
-        return MeasuredRange(ends.numbers("omega"), temperature)
-
-
-def _shift(table: Table) -> AbstractShift | None:
-    if "shift" not in table.content:
-        return None
-    place = f"{table.place[:-1]}.shift]"
-    shift, kind = Table.of_kind(place, table.get("shift"), KEYS["shift"])
-    if kind == "tabulated":
-        return TabulatedShift(
-            temperatures=shift.numbers("temperatures"),
-            log10_factors=shift.numbers("log10_factors"),
-            reference=shift.number("reference"),
-            vertical_factors=shift.numbers("vertical_factors", None),
-        )
-    constants = {key: shift.number(key) for key in KEYS["shift"][kind]}
-    return WLF(**constants) if kind == "wlf" else Arrhenius(**constants)
-
-
-def _surface(scene: Table, folder: Path) -> RandomSurface | SurfaceFile:
-    table, kind = Table.of_kind("[surface]", scene.get("surface"), KEYS["surface"])
-    target = {key: table.number(key) for key in ("rms_height", "rms_slope") if key in table.content}
-    if kind == "file":
-        if "grid" in scene.content:
+    def read_materials(self, scene: Section, load: Section) -> None:
+        content = scene.get("materials")
+        if not isinstance(content, dict):
             raise ValueError(
-                '[grid] belongs to a surface of kind "self_affine"; the points of a file are '
-                "resampled by `shape` in [surface]."
+                f"[materials] must hold tables [materials.NAME], got {short(content)}."
             )
-        if len(target) == 2:
-            raise ValueError("[surface] takes `rms_height` or `rms_slope` to rescale to, not both.")
-        arguments = {key: table.get(key) for key in READ_ARGUMENTS if key in table.content}
-        for key in ("periodic", "fill"):
-            if arguments.get(key) == "none":  # TOML has no None
-                arguments[key] = None
-        if "shape" in arguments:
-            arguments["shape"] = table.wholes("shape")
-        if "size" in arguments:
-            sizes = table.numbers("size")
-            arguments["size"] = sizes[0] if len(sizes) == 1 else sizes
-        if "region" in arguments:
-            arguments["region"] = table.numbers("region")
-        return SurfaceFile(folder / table.text("path"), arguments, target)
-    place = Table("[grid]", scene.get("grid"), KEYS["grid"])
-    with within(place.place):
-        sizes = place.numbers("size")
-        grid = Grid(place.wholes("shape"), sizes[0] if len(sizes) == 1 else sizes)
-    seed = table.whole("seed", 0)
-    rest: dict[str, Any] = {key: table.number(key) for key in ("hurst", "q_roll", "q_high")}
-    rest["q_low"] = table.number("q_low", 2 * np.pi / float(np.max(grid.size)))
-    rest["roll_off"] = table.choice("roll_off", ("sharp", "smooth"), "sharp")
-    with within(table.place):
-        spectrum = SelfAffine(**target, **rest)
-    amplitudes = table.choice("amplitudes", ("exact", "gaussian"), "exact")
-    return RandomSurface(spectrum, grid, seed, amplitudes)
+        kinds = {**MATERIALS, "tabulated": self._tabulated}
+        for name, entry in content.items():
+            understood = len(self.notes)
+            self.materials[name] = self.builder.build_kind(f"[materials.{name}]", entry, kinds)
+            self.notes[understood:] = [f"{name}: {note}" for note in self.notes[understood:]]
+        if "temperature" in load.content:
+            temperature = load.number("temperature")
+            for name, material in self.materials.items():
+                with within(f"[load] `temperature`, of [materials.{name}]:"):
+                    self.materials[name] = material.at(temperature)
 
+    def stack(self, scene: Section) -> Stack:
+        entries = scene.get("layers", [])
+        if not isinstance(entries, list):
+            raise ValueError(f"`layers` must be a list of tables [[layers]], got {short(entries)}.")
+        layers = [self._layer(f"[layers[{i}]]", entry) for i, entry in enumerate(entries)]
+        base = self.builder.build_kind("[base]", scene.get("base"), BASES)
+        with within("[base]"):
+            return Stack(layers=layers, base=base)
 
-def _stack(scene: Table, materials: dict[str, AbstractMaterial]) -> Stack:
-    entries = scene.get("layers", [])
-    if not isinstance(entries, list):
-        raise ValueError(f"`layers` must be a list of tables [[layers]], got {short(entries)}.")
+    def _layer(self, place: str, entry: Any) -> Layer | GradedLayer:
+        keys = (*keys_of(Layer), *keys_of(Blend))
+        section = Section(place, entry, keys)
+        if "bottom" not in section.content and "top" not in section.content:
+            return self.builder.build(section, Layer)
+        if "material" in section.content:
+            raise ValueError(f"{place} has `material` besides `bottom` or `top`: give one.")
+        profile = self.builder.build(section, Blend)
+        return self.builder.build(section, GradedLayer, profile=profile)
 
-    def named(table: Table, key: str = "material") -> AbstractMaterial:
-        name = table.text(key)
-        if name not in materials:
+    def _named(self, section: Section, key: str) -> AbstractMaterial:
+        name = section.text(key)
+        if name not in self.materials:
             raise ValueError(
-                f"{table.place} `{key}` = {name!r} is not in [materials]; "
-                f"{nearest(name, materials)}"
+                f"{section.place} `{key}` = {name!r} is not in [materials]; "
+                f"{nearest(name, self.materials)}"
             )
-        return materials[name]
+        return self.materials[name]
 
-    def layer(table: Table) -> Layer | GradedLayer:
-        thickness = table.number("thickness")
-        if "bottom" not in table.content and "top" not in table.content:
-            return Layer(named(table), thickness)
-        if "material" in table.content:
-            raise ValueError(f"{table.place} has `material` besides `bottom` or `top`: give one.")
-        shape = SHAPES[table.choice("shape", tuple(SHAPES), "linear")]
-        mixing = table.choice("mixing", ("linear", "logarithmic"), "linear")
-        profile = Blend(named(table, "bottom"), named(table, "top"), shape(), mixing)
-        return GradedLayer(profile, thickness)
-
-    layers = []
-    for i, entry in enumerate(entries):
-        table = Table(f"[layers[{i}]]", entry, KEYS["layers"])
-        with within(table.place):
-            layers.append(layer(table))
-    table, kind = Table.of_kind("[base]", scene.get("base"), KEYS["base"])
-    base = (
-        HalfSpace(named(table)) if kind == "half_space" else {"rigid": Rigid, "free": Free}[kind]()
-    )
-    with within(table.place):
-        return Stack(layers=layers, base=base)
+    def _tabulated(
+        self,
+        path: os.PathLike,
+        columns: Annotated[dict, *DIMENSIONS] | None = None,
+        units: Annotated[dict, *UNITS] | None = None,
+        deformation: str | None = None,
+        sheet: str | None = None,
+        poisson: ScalarLike = 0.5,
+        extrapolate: Literal["refuse", "plateau"] = "refuse",
+        shift: AbstractShift | None = None,
+    ) -> Tabulated:
+        """The material of a table of moduli; what was understood of it goes to the notes."""
+        try:
+            found = read_moduli(
+                path,
+                kind="frequency",
+                columns=columns,
+                units=units,
+                deformation=deformation,
+                sheet=sheet,
+                poisson=poisson,
+            )
+        except ValueError as error:
+            advice = "`graded-contact fit FILE` reads more, and writes a material for a scene."
+            raise ValueError(f"{error} {advice}") from error
+        self.notes += found.history
+        return Tabulated(*found.table(), poisson, shift=shift, extrapolate=extrapolate)

@@ -30,8 +30,9 @@ from ..parameters import with_values
 from ..response.stack import Stack
 from ..spectrum import SelfAffine
 from ..surface import Surface
-from .scene import RandomSurface, Scene, parse_scene
-from .toml import Table, nearest, parse_toml, short, within
+from .scene import Scene, parse_scene
+from .surfaces import RandomSurface
+from .toml import Section, nearest, parse_toml, short, within
 
 KEYS = (
     "objective", "target", "ratio", "q_from", "q_to", "stiffness", "total_thickness",
@@ -111,7 +112,7 @@ def parse_design(text: str, folder: str | os.PathLike = ".") -> Study:
     document = parse_toml(text)
     if "design" not in document:
         raise ValueError("The scene lacks the table [design].")
-    table = Table("[design]", document["design"], KEYS)
+    table = Section("[design]", document["design"], KEYS)
     lower, upper = _bounds(table, scene.stack)
     verify, polish = table.whole("verify", 0), table.get("polish", False)
     if verify and not isinstance(scene.surface, RandomSurface):
@@ -142,7 +143,7 @@ def parse_design(text: str, folder: str | os.PathLike = ".") -> Study:
     )
 
 
-def _bounds(table: Table, stack: Stack) -> tuple[dict[str, float], dict[str, float]]:
+def _bounds(table: Section, stack: Stack) -> tuple[dict[str, float], dict[str, float]]:
     content = table.get("parameters")
     lower, upper = {}, {}
     if not isinstance(content, dict) or not content:
@@ -150,7 +151,7 @@ def _bounds(table: Table, stack: Stack) -> tuple[dict[str, float], dict[str, flo
             '[design.parameters] must hold parameters, such as "layers[0].thickness" = [1e-5, '
             f"1e-3], got {short(content)}."
         )
-    parameters = Table("[design.parameters]", content, content)
+    parameters = Section("[design.parameters]", content, content)
     with within(parameters.place):
         for path in content:
             ends = parameters.numbers(path)
@@ -166,7 +167,7 @@ def _bounds(table: Table, stack: Stack) -> tuple[dict[str, float], dict[str, flo
     return lower, upper
 
 
-def _objective(table: Table) -> str:
+def _objective(table: Section) -> str:
     objective = table.text("objective")
     if objective not in OBJECTIVES:
         raise ValueError(
@@ -179,7 +180,7 @@ def _objective(table: Table) -> str:
     return objective
 
 
-def _wanted(table: Table, num_velocities: int) -> Float[np.ndarray, " velocities"]:
+def _wanted(table: Section, num_velocities: int) -> Float[np.ndarray, " velocities"]:
     if ("target" in table.content) == ("ratio" in table.content):
         raise ValueError('[design] "friction" takes either `target` or `ratio`.')
     key = "target" if "target" in table.content else "ratio"
@@ -194,7 +195,7 @@ def _wanted(table: Table, num_velocities: int) -> Float[np.ndarray, " velocities
     return np.broadcast_to(wanted, num_velocities)
 
 
-def _positive(table: Table, key: str, unit: str) -> float | None:
+def _positive(table: Section, key: str, unit: str) -> float | None:
     value: Any = table.number(key, None)
     if value is not None:
         with within(table.place):
@@ -202,7 +203,7 @@ def _positive(table: Table, key: str, unit: str) -> float | None:
     return value
 
 
-def _band(table: Table) -> tuple[float, float]:
+def _band(table: Section) -> tuple[float, float]:
     band = table.number("q_from"), table.number("q_to")
     if not 0 < band[0] < band[1]:
         raise ValueError(
@@ -212,10 +213,10 @@ def _band(table: Table) -> tuple[float, float]:
     return band
 
 
-def _stiffness(table: Table) -> Stiffness | None:
+def _stiffness(table: Section) -> Stiffness | None:
     if "stiffness" not in table.content:
         return None
-    inner = Table("[design] `stiffness`", table.get("stiffness"), Stiffness._fields)
+    inner = Section("[design] `stiffness`", table.get("stiffness"), Stiffness._fields)
     found = Stiffness(*(inner.number(key) for key in Stiffness._fields))
     with within(inner.place):
         check_positive("q", found.q, "[rad/m]")

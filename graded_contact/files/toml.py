@@ -18,7 +18,7 @@ RANGE_KEYS = ("from", "to", "points")
 _REQUIRED = object()
 
 
-class Table:
+class Section:
     """One table of a scene; its entries are asked for by type.
 
     **Arguments:**
@@ -39,7 +39,7 @@ class Table:
     @classmethod
     def of_kind(
         cls, place: str, content: Any, kinds: dict[str, tuple[str, ...]]
-    ) -> tuple["Table", str]:
+    ) -> tuple["Section", str]:
         """Returns the table and its kind, which decides its keys."""
         if not isinstance(content, dict):
             raise ValueError(f"{place} must be a table, got {short(content)}.")
@@ -58,6 +58,14 @@ class Table:
         if default is _REQUIRED:
             raise ValueError(f"{self.place} lacks the key `{key}`.")
         return default
+
+    def place_of(self, key: str) -> str:
+        """How errors call the table under a key."""
+        return f"{self.place[:-1]}.{key}]"
+
+    def inner(self, key: str, keys: Iterable[str]) -> "Section":
+        """Returns the table under a key."""
+        return Section(self.place_of(key), self.get(key), keys)
 
     def number(self, key: str, default: Any = _REQUIRED) -> float:
         return self._typed(key, default, _is_number, "a number (without quotes)", float)
@@ -94,7 +102,7 @@ class Table:
         wanted = "a whole number, or a list of them, of at most 18 digits"
         return self._typed(key, _REQUIRED, lambda v: _all_of(v, _is_whole), wanted, tuple)
 
-    def choice(self, key: str, choices: tuple[str, ...], default: str) -> Any:
+    def choice(self, key: str, choices: tuple[str, ...], default: Any = _REQUIRED) -> Any:
         value = self.text(key, default)
         if value not in choices:
             raise ValueError(
@@ -107,7 +115,7 @@ class Table:
         value = self.get(key)
         if not isinstance(value, dict):
             return np.array(self.numbers(key))
-        span = Table(f"{self.place} `{key}`", value, RANGE_KEYS)
+        span = Section(f"{self.place} `{key}`", value, RANGE_KEYS)
         first, last, points = span.number("from"), span.number("to"), span.whole("points")
         with within(span.place):
             check_positive("from", first, "(the spacing is logarithmic)")

@@ -10,8 +10,9 @@ from typing import NamedTuple
 import numpy as np
 
 from .._memory import available_memory, in_gigabytes
-from ..files.scene import RandomSurface, Scene
+from ..files.scene import Scene
 from ..files.study import Study
+from ..files.surfaces import RandomSurface
 from .run import build_surface, scene_memory
 from .run_design import POLISHING, design_memory
 

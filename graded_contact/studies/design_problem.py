@@ -10,8 +10,8 @@ from jaxtyping import Array, Float
 
 from .._checks import Numbers, as_float
 from ..files.results import package_versions
-from ..files.scene import RandomSurface
 from ..files.study import Stiffness, Study
+from ..files.surfaces import RandomSurface
 from ..grid import Grid
 from ..parameters import with_values
 from ..persson.mean_field import MeanField

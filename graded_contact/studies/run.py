@@ -20,7 +20,8 @@ from ..files.results import (
     Results,
     package_versions,
 )
-from ..files.scene import RandomSurface, Scene
+from ..files.scene import Scene
+from ..files.surfaces import RandomSurface
 from ..files.toml import within
 from ..sliding import slide
 from ..surface import Surface

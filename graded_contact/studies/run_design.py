@@ -11,8 +11,8 @@ from jaxtyping import Float
 
 from .._memory import DERIVATIVE, check_memory
 from ..files.results import package_versions
-from ..files.scene import RandomSurface
 from ..files.study import Study
+from ..files.surfaces import RandomSurface
 from ..files.toml import within
 from ..parameters import paths, with_values
 from ..persson.mean_field import MeanField

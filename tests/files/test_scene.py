@@ -110,6 +110,43 @@ def test_a_layer_may_be_graded():
 
 
 @pytest.mark.parametrize(
+    "shape, expected",
+    [
+        ('{kind = "exponential", rate = 2.0}', gc.Exponential(2.0)),
+        ('{kind = "sinusoidal", periods = 3}', gc.Sinusoidal(periods=3.0)),
+        ('{kind = "power_law", exponent = 2}', gc.PowerLaw(2.0)),
+        ('"error_function"', gc.ErrorFunction()),
+    ],
+)
+def test_a_shape_has_the_arguments_of_its_constructor(shape, expected):
+    (layer,) = parse_scene(changed(LAYER, GRADED, '"sinusoidal"', shape)).stack.layers
+    assert eqx.tree_equal(layer.profile.shape, expected)
+
+
+def test_a_shape_that_needs_a_number_is_refused_without():
+    with pytest.raises(ValueError, match=r"\[layers\[0\].shape\] lacks the key `rate`"):
+        parse_scene(changed(LAYER, GRADED, '"sinusoidal"', '"exponential"'))
+
+
+def test_a_material_may_be_made_of_those_above_it():
+    solid = '[materials.solid]\nkind = "bulk_shear"\nbulk = "coat"\nshear = "tread"\n'
+    scene = parse_scene(
+        changed("[[layers]]", solid + "[[layers]]", 'material = "tread"', 'material = "solid"')
+    )
+    expected = gc.BulkShear(gc.Elastic(2e7, 0.4), gc.tyre_tread())
+    assert eqx.tree_equal(scene.stack.base.material, expected)
+    with pytest.raises(ValueError, match=r"\[materials.solid\] `bulk` = 'oil' is not in"):
+        parse_scene(changed("[[layers]]", solid.replace('"coat"', '"oil"') + "[[layers]]"))
+
+
+def test_a_path_may_begin_with_the_users_folder(tmp_path, monkeypatch):
+    monkeypatch.setenv("HOME", str(tmp_path))
+    text = tabulated("plateau").replace('"table.csv"', '"~/table.csv"')
+    path = write(tmp_path, TABLE)
+    assert parse_scene(text, tmp_path / "elsewhere").inputs == (path,)
+
+
+@pytest.mark.parametrize(
     "old, new, message",
     [
         ('top = "coat"\n', "", r"\[layers\[0\]\] lacks the key `top`"),
