@@ -44,7 +44,8 @@ from .surface import Surface, radial_spectrum, random_surface, resample, rescale
 
 __version__ = "0.1.0"
 from .parameters import with_values
-from .studies.design import Design, minimise, pareto_front, rounded, scatter
+from .studies.alternatives import pareto_front, rounded, scatter
+from .studies.design import Design, minimise
 from .studies.objectives import loss_tangent
 
 __all__ = [

@@ -118,7 +118,7 @@ class Evaluations:
             for entry in entries:
                 x = tuple(map(float, entry["parameters"]))
                 value, limits, slope, slopes = (entry[name] for name in Evaluation._fields)
-                slopes = np.reshape(np.array(slopes, float), (len(limits), len(names)))
+                slopes = np.reshape(np.array(slopes, float), (len(limits), len(slope)))
                 arrays = np.array(limits, float), np.array(slope, float), slopes
                 self.kept[x] = Evaluation(float(value), *arrays)
         except (ValueError, KeyError, TypeError, RecursionError) as error:

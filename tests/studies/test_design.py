@@ -9,7 +9,8 @@ import pytest
 from scipy.optimize import differential_evolution
 
 import graded_contact as gc
-from graded_contact.studies.design import minimise, pareto_front, rounded, scatter
+from graded_contact.studies.alternatives import pareto_front, rounded, scatter
+from graded_contact.studies.design import minimise
 
 LOW, HIGH = {"a": 0.1, "b": [0.1, 1.0]}, {"a": 10.0, "b": [10.0, 1.0]}
 

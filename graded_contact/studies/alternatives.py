@@ -1,0 +1,132 @@
+"""Around a design: what can be made, what trades off, and what scatters."""
+
+import functools
+from collections.abc import Callable, Sequence
+from pathlib import Path
+from typing import Any
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+from jax.flatten_util import ravel_pytree
+from jaxtyping import Array, Float
+
+from .._checks import as_float, check_whole, door
+from .design import Constraints, Design, Objective, minimise
+
+
+@door
+def rounded(
+    objective: Objective, design: Design, choices: dict[str, Sequence[float]], **arguments: Any
+) -> Design:
+    """Returns a design with some parameters from what can be made, the others found again.
+
+    **Arguments:**
+
+    - `objective`: as in `minimise`, with what that was given as `arguments`, `lower` and `upper`
+      included.
+    - `design`: to begin from; its parameters must be a dict.
+    - `choices`: the values that a parameter can have, by its key; the nearest on the logarithm is
+      taken.
+    """
+    bounds = {end: dict(arguments.pop(end)) for end in ("lower", "upper")}
+    start = dict(design.parameters)
+    for key, values in choices.items():
+        if key not in start:
+            raise ValueError(f"`choices` names {key!r}, which is none of {list(start)}.")
+        values = np.asarray(values, float)
+        inside = (values >= np.max(bounds["lower"][key])) & (values <= np.min(bounds["upper"][key]))
+        if not np.any(inside):
+            raise ValueError(f"`choices[{key!r}]` has no value between the bounds.")
+        logs = np.log(values[inside])
+        wanted = np.log(np.asarray(start[key]))
+        nearest = np.abs(wanted[..., None] - logs).argmin(axis=-1)
+        start[key] = bounds["lower"][key] = bounds["upper"][key] = values[inside][nearest]
+    arguments.setdefault("num_starts", 1)
+    return minimise(objective, bounds["lower"], bounds["upper"], start, **arguments)
+
+
+@door
+def pareto_front(
+    objectives: Callable[[Any], Float[Array, "2"]],
+    lower: Any,
+    upper: Any,
+    *,
+    num_points: int = 7,
+    constraints: Constraints | None = None,
+    store: str | Path | None = None,
+    **arguments: Any,
+) -> list[tuple[Design, Float[np.ndarray, "2"]]]:
+    """Returns designs between which one of two objectives improves only if the other worsens.
+
+    Between the two single optima, the first objective is minimised under ceilings of the second
+    that are equally spaced. Designs that another beats in both are left out.
+
+    **Arguments:**
+
+    - `objectives`: parameters -> two numbers, both to be small.
+    - `num_points`: ceilings, the two ends included.
+    - `store`: as in `minimise`, a file for each point: of "front.jsonl" they are
+      "front-first.jsonl", "front-second.jsonl" for the ends, "front-2of7.jsonl" and so on.
+    - others: as in `minimise`.
+
+    **Returns:** pairs of a design and its two objectives, the first objective increasing.
+    """
+    if num_points < 2:
+        raise ValueError(f"`num_points={num_points}` must be at least 2.")
+
+    def best(point, i, start=None, limit=None):
+        def all_constraints(p):
+            parts = [] if constraints is None else [jnp.ravel(constraints(p))]
+            if limit is not None:
+                parts.append(jnp.atleast_1d((limit - objectives(p)[1]) / spread))
+            return jnp.concatenate(parts)
+
+        some = all_constraints if constraints is not None or limit is not None else None
+        # Every point is a problem of its own.
+        own = None if store is None else Path(store).with_stem(f"{Path(store).stem}-{point}")
+        found = minimise(
+            lambda p: objectives(p)[i], lower, upper, start, constraints=some, store=own,
+            **arguments,
+        )  # fmt: skip
+        return found, np.asarray(objectives(found.parameters))
+
+    ends = [best("first", 0), best("second", 1)]
+    high, low = ends[0][1][1], ends[1][1][1]
+    spread = abs(high - low) or 1.0
+    found, previous = [ends[0]], ends[0][0]
+    for k, limit in enumerate(np.linspace(high, low, num_points)[1:-1], start=2):
+        found.append(best(f"{k}of{num_points}", 0, previous.parameters, limit))
+        previous = found[-1][0]
+    found.append(ends[1])
+    values = np.array([v for _, v in found])
+    beaten = [bool(np.any(np.all(values < v, axis=1))) for v in values]
+    front = [pair for pair, out in zip(found, beaten, strict=True) if not out]
+    return sorted(front, key=lambda pair: float(pair[1][0]))
+
+
+@door
+def scatter(
+    objective: Objective, parameters: Any, spread: Any, *, num_samples: int = 64, seed: int = 0
+) -> Float[Array, " samples"]:
+    """Returns the objective of designs that scatter as manufacture does.
+
+    **Arguments:**
+
+    - `parameters`: of the design.
+    - `spread`: standard deviation of ln(parameter) [1]: one number, or as `parameters`.
+    - `num_samples`, `seed`: how many draws, and what draws them.
+    """
+    check_whole("num_samples", num_samples, 1)
+    check_whole("seed", seed, 0)
+    flat, unravel = ravel_pytree(
+        jax.tree.map(functools.partial(as_float, name="parameters"), parameters)
+    )
+    width, _ = ravel_pytree(jax.tree.map(functools.partial(as_float, name="spread"), spread))
+    width = jnp.broadcast_to(width, flat.shape) if width.shape == (1,) else width
+    if width.shape != flat.shape or not bool(jnp.all(jnp.isfinite(width) & (width >= 0))):
+        raise ValueError("`spread` must be a number or as `parameters`, zero or positive.")
+    draws = jax.random.normal(jax.random.key(seed), (num_samples, flat.size))
+    return jax.jit(lambda all_: jax.lax.map(lambda x: objective(unravel(x)), all_))(
+        flat * jnp.exp(width * draws)
+    )
