@@ -1,6 +1,7 @@
 """The suite runs in double precision, with annotations checked at run time."""
 
 import os
+import signal
 
 # Compiling is most of the suite's time, and optimising a third of that. Set XLA_FLAGS to have it.
 os.environ.setdefault("XLA_FLAGS", "--xla_backend_optimization_level=0")
@@ -10,6 +11,10 @@ import jaxtyping
 import pytest
 from hypothesis import settings
 from jaxtyping import install_import_hook
+
+# A shell tells jobs in its background to ignore Ctrl-C; tests of it send it to their own process.
+if signal.getsignal(signal.SIGINT) == signal.SIG_IGN:
+    signal.signal(signal.SIGINT, signal.default_int_handler)
 
 # The same examples for everyone; HYPOTHESIS_PROFILE=search looks for new ones.
 settings.register_profile("same", derandomize=True, deadline=None)
