@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 from hypothesis import given, settings
 from scipy.integrate import quad, solve_ivp
+from scipy.optimize import brentq
 from scipy.special import erf
 
 import graded_contact as gc
@@ -49,18 +50,20 @@ def slowing(correction, area):
 
 
 def corrected_area(correction, relative_pressure):
-    """The area at p/(E* h') from the corrections' own equations, by mpmath."""
+    """The area at p/(E* h') from the corrections' own equations, by mpmath and SciPy."""
     v = 1 / (4 * mp.mpf(relative_pressure) ** 2)
     if correction == "xu":
         implicit = lambda a: a - mp.erf(1 / mp.sqrt(2 * (0.42 + 0.58 * a) * v))  # noqa: E731
         return mp.findroot(implicit, 0.5 if v < 5 else 1 / mp.sqrt(v))
 
     def elapsed(x):
-        rate = lambda t: 1 / slowing(correction, mp.erf(1 / mp.sqrt(2 * t)))  # noqa: E731
-        return mp.quad(rate, [0, *[x * mp.mpf(2) ** -k for k in range(12, -1, -1)]])
+        ends = np.append(0, float(x) * 2.0 ** np.arange(-12, 1))
+        rate = lambda t: 1 / slowing(correction, erf(1 / np.sqrt(2 * t)))  # noqa: E731
+        return sum(quad(rate, *ends[i : i + 2], epsabs=0, epsrel=1e-12)[0] for i in range(13))
 
-    x = mp.findroot(lambda x: elapsed(x) / v - 1, (0.5 * v, 0.6 * v), tol=1e-26)
-    return mp.erf(1 / mp.sqrt(2 * x))
+    v = float(v)
+    x = brentq(lambda x: elapsed(x) / v - 1, 0.4 * v, 1.1 * v, xtol=1e-14 * v)
+    return erf(1 / np.sqrt(2 * x))
 
 
 @pytest.mark.parametrize("correction", CORRECTIONS)
