@@ -1,9 +1,13 @@
-"""Numbers inside a stack, or any other module, by their path: "layers[0].thickness"."""
+"""Numbers inside a stack, or any other module, by their path: "layers[0].thickness".
+
+A path names what the constructor's arguments name. A field that must be called otherwise says so:
+`eqx.field(metadata={"argument": "modulus"})`.
+"""
 
 import dataclasses
 import difflib
 from collections.abc import Mapping
-from typing import TypeVar
+from typing import Any, TypeVar
 
 import equinox as eqx
 import jax
@@ -21,7 +25,7 @@ def paths(tree: object) -> dict[str, jax.Array]:
     """
     found = {}
     for path, leaf in jax.tree_util.tree_leaves_with_path(eqx.filter(tree, eqx.is_array)):
-        name = jax.tree_util.keystr(path).removeprefix(".")
+        name = _name(tree, path)
         found[name] = leaf
         if leaf.ndim == 1:
             found |= {f"{name}[{i}]": leaf[i] for i in range(len(leaf))}
@@ -61,11 +65,28 @@ def with_values(tree: T, values: Mapping[str, Numbers]) -> T:
             leaves[path] = value
     arrays, rest = eqx.partition(tree, eqx.is_array)
     arrays = jax.tree_util.tree_map_with_path(
-        lambda path, leaf: leaves.get(jax.tree_util.keystr(path).removeprefix("."), leaf), arrays
+        lambda path, leaf: leaves.get(_name(tree, path), leaf), arrays
     )
     changed = eqx.combine(arrays, rest)
     _check(changed)
     return changed
+
+
+def _name(tree, path):
+    """The path of a leaf as text, in the words of constructors."""
+    words, node = [], tree
+    for key in path:
+        field = getattr(type(node), "__dataclass_fields__", {}).get(getattr(key, "name", None))
+        called = field and field.metadata.get("argument")
+        words.append(jax.tree_util.GetAttrKey(called) if called else key)
+        node = getattr(node, field.name) if field else _item(node, key)
+    return jax.tree_util.keystr(tuple(words)).removeprefix(".")
+
+
+def _item(node, key):
+    """The part of a list, tuple or dict; nothing of what has other parts."""
+    place: Any = getattr(key, "idx", getattr(key, "key", None))
+    return node[place] if isinstance(node, list | tuple | dict) else None
 
 
 def _check(tree):

@@ -93,7 +93,7 @@ def calls():
     job = dict(stack=stack, surface=surface, pressure=1e5, velocity=0.1)
     how = dict(law=gc.HardWall(), solver=gc.DouglasRachford(), rtol=1e-6, throw=True)
     contact = dict(kernel=kernel, heights=surface.heights)
-    search = dict(num_starts=1, seed=0, tolerance=1e-6, max_steps=20)
+    search = dict(num_starts=1, seed=0, rtol=1e-6, max_steps=20)
     bounds = dict(lower={"a": 1.0}, upper={"a": 3.0}, start={"a": 1.5})
     layers = dict(q=[1e3], thickness=[1e-3], modulus=[1e6], poisson=[0.3], base=(1e6, 0.3))
     draw = dict(spectrum=spectrum, grid=grid, key=jax.random.key(0), amplitudes="exact")

@@ -39,7 +39,11 @@ ORDER = [
     "reference", "plot", "cli", "__main__",
 ]  # fmt: skip
 # What a file or folder must not see although it comes before: contact gets a kernel, not layers.
-HIDDEN = {"contact": ("rheology", "response"), "studies/design": ("contact",)}
+HIDDEN = {
+    "contact": ("rheology", "response"),
+    "studies/design": ("contact",),
+    "studies/search": ("contact",),
+}
 FILES = [path for path in sorted(PACKAGE.rglob("*.py")) if path.name != "__init__.py"]
 
 

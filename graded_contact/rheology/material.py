@@ -63,11 +63,11 @@ class Elastic(AbstractMaterial):
 
     **Fields:**
 
-    - `young`: Young's modulus E [Pa] (the constructor's `modulus`).
+    - `young`: Young's modulus E [Pa], the constructor's `modulus`, and so in paths.
     - `poisson`: Poisson's ratio ν [1], -1 < ν <= 1/2.
     """
 
-    young: Float[Array, ""]
+    young: Float[Array, ""] = eqx.field(metadata={"argument": "modulus"})
     poisson: Float[Array, ""]
 
     def __init__(self, modulus: Numbers, poisson: Numbers = 0.5):

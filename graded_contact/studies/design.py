@@ -6,12 +6,12 @@ others are spread evenly (Halton's sequence, randomly shifted). Constraints c(pa
 in what is returned, by a margin of 1e-8: write them relative, such as 1 - total/limit.
 """
 
-import dataclasses
 from collections.abc import Callable
 from functools import partial
 from pathlib import Path
-from typing import Any, NamedTuple
+from typing import Any
 
+import equinox as eqx
 import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float
@@ -29,7 +29,7 @@ Constraints = Callable[[Any], Float[Array, "..."]]
 FIRST_STEP = 0.1  # longest, of the way between the bounds
 
 
-class Run(NamedTuple):
+class Run(eqx.Module):
     """One start: parameters and value it came to, values by step, evaluations, and why it ended."""
 
     parameters: list[float]
@@ -41,8 +41,7 @@ class Run(NamedTuple):
     message: str
 
 
-@dataclasses.dataclass(frozen=True, eq=False)
-class Design:
+class Design(eqx.Module):
     """The best design found, and the evidence.
 
     **Fields:**
@@ -96,7 +95,7 @@ def minimise(
     constraints: Constraints | None = None,
     num_starts: int = 8,
     seed: int = 0,
-    tolerance: float = 1e-9,
+    rtol: float = 1e-9,
     max_steps: int = 200,
     store: str | Path | None = None,
     progress: Callable[[int, float], None] | None = None,
@@ -111,7 +110,7 @@ def minimise(
     - `start`: where to start first, in the same nesting; by default the middle on the logarithm.
     - `constraints`: parameters -> numbers that must not be negative.
     - `num_starts`, `seed`: how many starts, and what spreads them.
-    - `tolerance`: change of the objective over its size at which a run ends.
+    - `rtol`: change of the objective over its size at which a run ends.
     - `max_steps`: of a run.
     - `store`: a file that keeps every evaluation at once: a call that was cut off, called again,
       repeats its steps from there and goes on. Other bounds, starts and tolerances may share it.
@@ -126,7 +125,7 @@ def minimise(
     check_whole("num_starts", num_starts, 1)
     check_whole("seed", seed, 0)
     check_whole("max_steps", max_steps, 1)
-    check_values("tolerance", tolerance, "it lies between 0 and 1", above=0, at_most=1)
+    check_values("rtol", rtol, "it lies between 0 and 1", above=0, at_most=1)
     box = box_of(lower, upper)
     starts = _starts(box, first_in(box, start, lower), num_starts, seed)
     problem = Problem(objective, constraints, box, Evaluations(store, box.names))
@@ -136,7 +135,7 @@ def minimise(
     runs = []
     for i, x in enumerate(starts):
         tell = _silent if progress is None else partial(progress, i)
-        runs.append(_Descent(problem, x, tell).run(size, tolerance, max_steps))
+        runs.append(_Descent(problem, x, tell).run(size, rtol, max_steps))
         problem.evaluate(np.array(runs[-1].parameters), proven=True)
     feasible = [run for run in runs if run.feasible]
     if not feasible:
@@ -183,7 +182,7 @@ class _Descent:
         self.origin = np.log(start / low) / np.where(self.span > 0, self.span, 1)
         self.count, self.last, self.best = 0, None, (np.inf, self.origin)
 
-    def run(self, size, tolerance, max_steps):
+    def run(self, size, rtol, max_steps):
         u = self.origin
         # The first step goes along the gradient, as far as that is large: not through the cube.
         steepness = np.linalg.norm(self.at(u)[3])
@@ -207,7 +206,7 @@ class _Descent:
             method="SLSQP",
             bounds=[(0.0, 1.0 if s > 0 else 0.0) for s in self.span],
             constraints=[limits] if self.problem.constrained else [],
-            options={"ftol": tolerance * size * scale, "maxiter": max_steps},
+            options={"ftol": rtol * size * scale, "maxiter": max_steps},
             callback=after_step,
         )
         self.seen(np.clip(found.x, 0, 1))

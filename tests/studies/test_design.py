@@ -106,7 +106,7 @@ def test_a_design_stopped_at_any_step_resumes_to_the_same_result(tmp_path):
     again = minimise(counted, LOW, HIGH, num_starts=4, store=store)
     jax.effects_barrier()
     assert again.runs == whole.runs and len(counts) <= 8
-    more = minimise(valley, LOW, HIGH, num_starts=5, store=store, tolerance=1e-6)
+    more = minimise(valley, LOW, HIGH, num_starts=5, store=store, rtol=1e-6)
     assert len(more.runs) == 5
 
 

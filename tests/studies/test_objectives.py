@@ -78,38 +78,3 @@ def test_gradients_match_central_differences(objective):
         np.testing.assert_allclose(
             slopes[name], (high - low) / (2 * step), rtol=1e-5, atol=1e-6 * scale
         )
-
-
-def test_paths_name_every_number():
-    known = paths(COATED)
-    assert known["layers[0].thickness"] == 1e-4
-    assert known["base.material.times[1]"] == 1e-4
-    assert known["base.material.strengths"].shape == (2,)
-
-
-def test_values_are_set_by_path():
-    stack = with_values(COATED, {"layers[0].thickness": 2e-4, "base.material.times[1]": 3e-4})
-    assert stack.layers[0].thickness == 2e-4
-    np.testing.assert_array_equal(stack.base.material.times, [1e-2, 3e-4])
-    np.testing.assert_array_equal(stack.base.material.strengths, RUBBER.strengths)
-    assert with_values(COATED, {"base.material.times": [1.0, 2.0]}).base.material.times[1] == 2
-
-
-@pytest.mark.parametrize(
-    "path, value",
-    [
-        ("layers[0].thickness", -1e-4),
-        ("layers[0].material.poisson", 0.9),
-        ("base.material.times[0]", 0.0),
-    ],
-)
-def test_values_that_constructors_refuse_are_refused(path, value):
-    with pytest.raises(ValueError, match=r"is refused|positive"):
-        with_values(COATED, {path: value})
-
-
-def test_an_unknown_path_is_refused_with_the_nearest():
-    with pytest.raises(ValueError, match=r"nearest is 'layers\[0\].thickness'"):
-        with_values(COATED, {"layers[0].thicknes": 1e-4})
-    with pytest.raises(ValueError, match=r"'base.material.times' has shape \(2,\)"):
-        with_values(COATED, {"base.material.times": [1.0]})

@@ -18,7 +18,7 @@ from .quantities import (
     parse_unit,
     tells_of_shear,
 )
-from .tables import Head, Segment, Table, check_widths, find_tables, listed
+from .tables import Head, NumberTable, Segment, check_widths, find_tables, listed
 from .titles import stress_above, temperature_above, tension_above
 
 # The quantities that make a measurement of each kind, the most direct ones first; in the order of
@@ -153,7 +153,7 @@ def understand(sheet: Sheet, told: Told) -> Layout:
     raise refusals[0]
 
 
-def _understand(table: Table, told: Told, spaced: bool) -> Layout:
+def _understand(table: NumberTable, told: Told, spaced: bool) -> Layout:
     head, notes = table.head, []
     check_widths(table, spaced)
     chosen = _chosen(head, told)
@@ -234,7 +234,7 @@ def _chosen(head: Head, told: Told) -> dict[str, list[int]]:
 
 
 def _distinct(
-    table: Table, quantity: str, places: list[int], told: Told, notes: list[str]
+    table: NumberTable, quantity: str, places: list[int], told: Told, notes: list[str]
 ) -> list[int]:
     """The places of a quantity, less those that say the same as the first one."""
     head = table.head
@@ -256,7 +256,7 @@ def _distinct(
     return places[:1]
 
 
-def _numbers(table: Table, column: Column) -> np.ndarray:
+def _numbers(table: NumberTable, column: Column) -> np.ndarray:
     """The numbers of a column of the first block in SI units, NaN where there is none."""
     return np.array(
         [column.si(row.cells[column.place]) if column.place < len(row.cells) else np.nan
@@ -265,7 +265,7 @@ def _numbers(table: Table, column: Column) -> np.ndarray:
 
 
 def _way(
-    table: Table, chosen: dict[str, list[int]], held: bool, told: Told
+    table: NumberTable, chosen: dict[str, list[int]], held: bool, told: Told
 ) -> tuple[str, tuple[str, ...]]:
     """The kind of measurement and the quantities to take it from."""
     head, have = table.head, set(chosen)
@@ -306,7 +306,7 @@ def _way(
 
 
 def _by_what_is_held(
-    table: Table,
+    table: NumberTable,
     chosen: dict[str, list[int]],
     possible: list[tuple[str, tuple[str, ...]]],
 ) -> tuple[str, tuple[str, ...]]:
@@ -371,7 +371,9 @@ def _asked_of_units(head: Head, quantities: list[str], chosen: dict[str, list[in
     return [f"{', '.join(lacking)}. Pass `units={{{units}}}`, one of {allowed}"]
 
 
-def _asked_of_temperature(table: Table, chosen: dict[str, list[int]], told: Told) -> list[str]:
+def _asked_of_temperature(
+    table: NumberTable, chosen: dict[str, list[int]], told: Told
+) -> list[str]:
     if table.curves < 2 or told.temperature or "temperature" in chosen:
         return []
     if all(temperature_above(segment.titles) is not None for segment in table.segments):

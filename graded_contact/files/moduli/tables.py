@@ -33,7 +33,7 @@ class Head(NamedTuple):
         return f"column {place + 1}" + (f" ({self.names[place]})" if self.names[place] else "")
 
 
-class Table(NamedTuple):
+class NumberTable(NamedTuple):
     """Names of columns, and the segments below them."""
 
     head: Head
@@ -48,7 +48,7 @@ class Table(NamedTuple):
         return self.head.blocks * len(self.segments)
 
 
-def find_tables(rows: list[Row], named: Iterable[str]) -> list[Table]:
+def find_tables(rows: list[Row], named: Iterable[str]) -> list[NumberTable]:
     """Returns the tables of numbers; `named` are names of columns that are known."""
     rows = _with_signals(rows)
     starts = _starts(rows, set(named))
@@ -58,8 +58,8 @@ def find_tables(rows: list[Row], named: Iterable[str]) -> list[Table]:
         empty = [""] * width
         head = Head("no line of names", empty, empty, [parse_heading("")] * width, 1)
         above = [row for row in rows if data and row.line < data[0].line]
-        return [Table(head, [Segment(above, data, [])])]
-    tables: dict[tuple[str, ...], Table] = {}
+        return [NumberTable(head, [Segment(above, data, [])])]
+    tables: dict[tuple[str, ...], NumberTable] = {}
     last = 0  # behind the numbers above
     for start, end in zip(starts, [*starts[1:], len(rows)], strict=True):
         below = rows[start + 1 : end]
@@ -71,7 +71,7 @@ def find_tables(rows: list[Row], named: Iterable[str]) -> list[Table]:
         key = tuple(head.names)
         if key in tables and units is not None and tables[key].head.units != head.units:
             key = (*head.names, *head.units)
-        table = tables.setdefault(key, Table(head, []))
+        table = tables.setdefault(key, NumberTable(head, []))
         if data:
             table.segments.append(Segment(rows[last:start], data, words))
             last = max(i for i in range(start, end) if holds_data(rows[i])) + 1
@@ -135,7 +135,7 @@ def misfit(entries: int, width: int, spaced: bool) -> bool:
     return entries > width or (spaced and entries < width)
 
 
-def check_widths(table: Table, spaced: bool) -> None:
+def check_widths(table: NumberTable, spaced: bool) -> None:
     """Raises `ValueError` if no row can be told to the columns."""
     width = table.head.blocks * len(table.head.names)
     entries = [len(stripped(row.cells)) for row in table.rows]
