@@ -205,25 +205,31 @@ def repulsive_bracket(v, pressure, range):
 
 
 def proximal_root(pressure_and_slope: Callable, unit, v, low, high, steps: int):
-    """The pressure y = f at the gap u = `unit` t with y - v = u, t in [low, high]; differentiable.
+    """The pressure y = f at the gap u = `unit` t with y - v = u, t in [low, high].
 
-    Newton's method from `low`, bisecting where it would leave the bracket; the last two steps carry
-    derivatives, of which one step has the first and two have the third.
+    Newton's method from `low`, bisecting where it would leave the bracket, but for the last two
+    steps. Derivatives of every order are those of the root.
     """
 
     def excess(t):
-        pressure, slope = pressure_and_slope(t)
-        return pressure - unit * t - v, slope - unit
+        return pressure_and_slope(t)[0] - unit * t - v
 
-    fixed = jax.lax.stop_gradient
-    low, high = fixed((low, high))
-    t = low
-    for _ in range(steps - 1):
-        value, slope = fixed(excess(t))
-        low, high = jnp.where(value > 0, t, low), jnp.where(value > 0, high, t)
-        t = t - value / slope
-        t = jnp.where((t >= low) & (t <= high), t, (low + high) / 2)
-    for _ in range(2):
-        value, slope = excess(t)
-        t = t - value / slope
-    return pressure_and_slope(t)[0]
+    def newton(t):
+        pressure, slope = pressure_and_slope(t)
+        value = pressure - unit * t - v
+        return value, t - value / (slope - unit)
+
+    def solve(_, t):
+        least, most = low, high
+        for _ in range(steps - 1):
+            value, moved = newton(t)
+            least, most = jnp.where(value > 0, t, least), jnp.where(value > 0, most, t)
+            t = jnp.where((moved >= least) & (moved <= most), moved, (least + most) / 2)
+        for _ in range(2):
+            _, t = newton(t)
+        return t
+
+    def tangent_solve(linear, y):
+        return y / linear(jnp.ones_like(y))
+
+    return pressure_and_slope(jax.lax.custom_root(excess, low, solve, tangent_solve))[0]

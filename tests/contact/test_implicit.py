@@ -166,6 +166,46 @@ def test_derivative_that_does_not_converge_raises():
         jax.grad(total)(HEIGHTS)
 
 
+def check_second_derivatives(by, point, step, atol):
+    """Symmetric, and differences of the gradient: one compilation."""
+    both = jax.jit(lambda x: (jax.grad(by)(x), jax.jacfwd(jax.grad(by))(x)))
+    found = both(point)[1]
+    unit = jnp.eye(len(point))
+    rows = [(both(point + step * e)[0] - both(point - step * e)[0]) / (2 * step) for e in unit]
+    np.testing.assert_allclose(found, found.T, atol=1e-3 * atol)
+    np.testing.assert_allclose(found, rows, atol=atol)
+    assert np.all(np.diag(found) != 0)
+
+
+def test_hessian_of_friction_is_symmetric_and_matches_differences():
+    """By modulus and thickness of a coat, pressure and velocity."""
+    x = np.arange(16) / 16
+    ridges = 0.01 * np.cos(2 * np.pi * x) + 0.003 * np.cos(6 * np.pi * x + 1)
+    surface = gc.Surface(jnp.asarray(ridges), gc.Grid((16,), 1.0))
+
+    def by(x):
+        coat = gc.Layer(gc.Elastic(x[0], 0.4), 0.1 * x[1])
+        stack = gc.Stack(layers=(coat,), base=gc.HalfSpace(gc.Prony(0.75, [3.0], [1.0], 0.5)))
+        return gc.slide(stack, surface, pressure=0.02 * x[2], velocity=x[3], rtol=1e-12).friction
+
+    check_second_derivatives(by, jnp.array([1.0, 0.3, 1.0, 0.1]), 1e-5, 1e-6)
+
+
+def test_hessian_under_a_law_that_attracts_is_symmetric_and_matches_differences():
+    """By stiffness, heights, mean gap and range; far apart the law's pressure is exactly 0."""
+    kernel = gc.stack_kernel(BODIES["bare"], gc.Grid((16,), 1.0), SPEED)
+    x = jnp.arange(16) / 16
+    ridges = 0.01 * jnp.cos(2 * jnp.pi * x) + 0.003 * jnp.cos(6 * jnp.pi * x + 1)
+
+    def by(x):
+        law = gc.ExponentialAdhesion(2e-5 * x[3], 1e-9)
+        job = dict(mean_gap=6e-3 * x[2], law=law, rtol=1e-12)
+        s = gc.solve_contact(x[0] * kernel, x[1] * ridges, **job)
+        return jnp.sum(WEIGHTS[0, :16] * (10 * s.pressure + 20 * s.displacement)) + s.mean_pressure
+
+    check_second_derivatives(by, jnp.ones(4), 1e-5, 1e-5)
+
+
 @pytest.mark.slow
 @pytest.mark.parametrize(
     "law", [gc.HardWall(), gc.RepulsiveLJ(5e-3, 0.1)], ids=["hard", "repulsive"]

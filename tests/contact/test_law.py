@@ -2,6 +2,7 @@
 
 import jax
 import jax.numpy as jnp
+import mpmath
 import numpy as np
 import pytest
 from scipy.integrate import quad
@@ -81,14 +82,24 @@ def test_slope_of_the_proximal_map_matches_central_differences(name):
         assert np.all(np.abs(slope - difference) <= 1e-6 * np.abs(difference) + scale)
 
 
-def test_second_derivative_of_the_proximal_map_is_that_of_the_inverse_function():
-    """Along y = p t⁻⁹, v = y - rt, with y'' = (y_tt v_t - y_t v_tt)/v_t³ by v."""
-    t, p, r = np.geomspace(0.5, 20, 9), 3.0, 0.02
-    curvature = (90 * p * t**-11 * (-9 * p * t**-10 - r) + 9 * p * t**-10 * 90 * p * t**-11) / (
-        -9 * p * t**-10 - r
-    ) ** 3
-    found = jax.vmap(jax.grad(jax.grad(gc.RepulsiveLJ(r, p).proximal)))(p * t**-9 - r * t)
-    np.testing.assert_allclose(found, curvature, rtol=1e-8)
+def test_fourth_derivative_of_the_proximal_map_is_that_of_the_inverse_function():
+    """By 60 digits of y(v): no order is lost to the iteration that finds it."""
+    gaps, law = [0.01, 0.02, 0.1], LAWS["repulsive"]
+
+    def inverse(v, gap):
+        u = mpmath.findroot(lambda u: 3 * (mpmath.mpf("0.02") / u) ** 9 - u - v, gap)
+        return u + v
+
+    with mpmath.workdps(60):
+        v = [3 * (mpmath.mpf("0.02") / gap) ** 9 - gap for gap in gaps]
+        expected = [
+            float(mpmath.diff(lambda v, u=u: inverse(v, u), one, 4))
+            for one, u in zip(v, gaps, strict=True)
+        ]
+    found = law.proximal
+    for _ in range(4):
+        found = jax.grad(found)
+    np.testing.assert_allclose(jax.vmap(found)(jnp.array(v, float)), expected, rtol=1e-6)
 
 
 def test_hard_wall_projects_on_its_bounds():
