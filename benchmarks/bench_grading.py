@@ -19,8 +19,10 @@ import matplotlib
 import numpy as np
 
 import graded_contact as gc
-from graded_contact.response.grading import Layering, Riccati, graded_compliance
+from graded_contact.response.compliance import graded_compliance
+from graded_contact.response.layering import Layering
 from graded_contact.response.profile import Blend
+from graded_contact.response.riccati import Riccati
 from graded_contact.response.shape import Linear, Sinusoidal
 from graded_contact.response.slab import factors, half_space, stack_on
 from graded_contact.response.stack import GradedLayer, Stack
@@ -74,7 +76,7 @@ def stepwise(profile, num_layers):
 
 def solved(profile, solver, rtol):
     stack = Stack(layers=(GradedLayer(profile, 1.0),), base=gc.HalfSpace(SOFT))
-    return lambda q: graded_compliance(stack, q, 0.0, rtol=rtol, solver=solver, throw=False).value
+    return lambda q: graded_compliance(stack, q, 0.0, rtol=rtol, graded=solver, throw=False).value
 
 
 def methods(profile):

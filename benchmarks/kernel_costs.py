@@ -114,7 +114,7 @@ def kernel_error(stack, grid, kernel, num_points):
     i, j = rng.integers(1 - n // 2, n // 2, num_points), rng.integers(1, n // 2, num_points)
     qx, qy = (2 * np.pi / CELL * k for k in (i, j))
     rtol = 1e-12 if any(isinstance(layer, gc.GradedLayer) for layer in stack.layers) else None
-    expected = gc.surface_compliance(stack, np.hypot(qx, qy), -qx * VELOCITY, rtol)
+    expected = gc.surface_compliance(stack, np.hypot(qx, qy), -qx * VELOCITY, rtol=rtol)
     return np.max(np.abs(kernel[i, j] / np.asarray(expected) - 1))
 
 

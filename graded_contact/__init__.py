@@ -22,16 +22,18 @@ from .grid import Grid
 from .persson.mean_field import MeanField, mean_field_friction, pressure_distribution
 from .response.compliance import (
     effective_modulus,
+    graded_compliance,
     layered_compliance,
     surface_compliance,
 )
-from .response.grading import Layering, Riccati, graded_compliance
 from .response.interior import interface_depths, interior_fields, stress_field, von_mises
 from .response.kernel import kernel_table, stack_kernel
+from .response.layering import Layering, sliced
 from .response.matrix import surface_compliance_matrix
 from .response.profile import Aged, Blend, Mixture
+from .response.riccati import Riccati
 from .response.shape import ErrorFunction, Exponential, Linear, PowerLaw, Sinusoidal
-from .response.stack import Free, GradedLayer, HalfSpace, Layer, Rigid, Stack, sliced
+from .response.stack import Free, GradedLayer, HalfSpace, Layer, Rigid, Stack
 from .rheology.library import tyre_tread
 from .rheology.material import BulkShear, Elastic, Prony
 from .rheology.measured import MeasuredRange, coverage

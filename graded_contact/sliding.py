@@ -35,7 +35,9 @@ from .contact.observables import (
 from .contact.problem import RESULTS, ContactSolution, solve_contact
 from .contact.solver import AbstractContactSolver
 from .grid import Grid, to_field, to_spectrum, wavenumber
+from .response.grading import AbstractGradedSolver
 from .response.kernel import attempted_kernel, stack_kernel
+from .response.layering import Layering
 from .response.stack import Stack
 from .rheology.measured import coverage, is_unknown
 from .surface import Surface
@@ -125,6 +127,7 @@ def slide(
     velocity: Numbers,
     law: AbstractLaw = HardWall(),  # noqa: B008 (immutable)
     solver: AbstractContactSolver = DouglasRachford(),  # noqa: B008
+    graded: AbstractGradedSolver = Layering(),  # noqa: B008
     rtol: float = 1e-6,
     start: Numbers | None = None,
     throw: bool = True,
@@ -144,12 +147,15 @@ def slide(
     - `mean_gap`: mean of the gap [m], counted from the mean of the heights.
     - `velocity`: of the surface over the block [m/s]: a number (along x) or `(vx, vy)`. At rest
       (0, known beforehand) the relaxed moduli act and a real kernel is used.
+    - `graded`: what solves graded layers, with a tolerance of its own: `Layering()`, `Riccati()`.
     - `law`, `solver`, `rtol`, `start`, `throw`: as in `solve_contact`. Without `throw` a graded
       layer whose kernel misses its tolerance is a `.result` as well, and all numbers are NaN.
 
     **Raises:** `ValueError` for a refused argument; `RuntimeError` if kernel or solve fail.
     """
-    kernel, velocity, reached = _kernel_and_velocity(stack, surface, velocity, solver, throw)
+    kernel, velocity, reached = _kernel_and_velocity(
+        stack, surface, velocity, solver, graded, throw
+    )
     contact = solve_contact(
         kernel,
         surface.heights,
@@ -167,7 +173,7 @@ def slide(
     return _observe(contact, kernel, heights, measured, grid, velocity, law, coverage(stack))
 
 
-def _kernel_and_velocity(stack, surface, velocity, solver, throw=True):
+def _kernel_and_velocity(stack, surface, velocity, solver, graded, throw=True):
     """The kernel on the surface's grid, the velocity as an array, and if the kernel is good."""
     if not isinstance(stack, Stack):
         raise ValueError(f"`stack={stack!r}` must be a `Stack(layers=..., base=...)`.")
@@ -184,9 +190,9 @@ def _kernel_and_velocity(stack, surface, velocity, solver, throw=True):
         "sliding",
     )
     if throw:
-        kernel, reached = stack_kernel(stack, surface.grid, velocity), True
+        kernel, reached = stack_kernel(stack, surface.grid, velocity, graded=graded), True
     else:
-        kernel, reached = attempted_kernel(stack, surface.grid, velocity)
+        kernel, reached = attempted_kernel(stack, surface.grid, velocity, graded=graded)
     at_rest = is_concrete(velocity) and not np.any(velocity)
     return (kernel.real if at_rest else kernel), velocity, reached
 
@@ -255,6 +261,7 @@ def area_against_cutoff(
     velocity: Numbers,
     law: AbstractLaw = HardWall(),  # noqa: B008 (immutable)
     solver: AbstractContactSolver = DouglasRachford(),  # noqa: B008
+    graded: AbstractGradedSolver = Layering(),  # noqa: B008
     rtol: float = 1e-6,
     throw: bool = True,
 ) -> CutoffCurve:
@@ -276,7 +283,7 @@ def area_against_cutoff(
     check_positive("cutoffs", cutoffs, "[rad/m]")
     if is_concrete(cutoffs) and np.any(np.diff(cutoffs) <= 0):
         raise ValueError(f"`cutoffs={np.asarray(cutoffs)}` must ascend.")
-    kernel, velocity, _ = _kernel_and_velocity(stack, surface, velocity, solver)
+    kernel, velocity, _ = _kernel_and_velocity(stack, surface, velocity, solver, graded)
     grid = surface.grid
     spectrum, q = to_spectrum(surface.heights), wavenumber(grid)
 

@@ -20,6 +20,7 @@ from numpy.polynomial import chebyshev
 
 from .._checks import as_float, check_positive, is_concrete
 from ..response.compliance import surface_compliance_unchecked
+from ..response.grading import AbstractGradedSolver, graded_tolerance
 from ..response.stack import Stack
 from ..rheology.measured import is_unknown
 from ..spectrum import SelfAffine
@@ -87,6 +88,7 @@ def integrate(
     num_intervals: int,
     num_angles: int,
     known: tuple[Float[Array, ""], Float[Array, ""]] | None,
+    graded: AbstractGradedSolver,
 ) -> tuple[
     Float[Array, " n"], Float[Array, " n"], Float[Array, " n"], Float[Array, ""], Float[Array, ""]
 ]:
@@ -100,7 +102,9 @@ def integrate(
     q, amplitude = _nodes(roughness, lengths, num_intervals)
     cosine = jnp.asarray(_angles(num_angles)[0], q.dtype)
     omega = speed * q[:, None] * cosine
-    stiffness = 1 / (pressure * surface_compliance_unchecked(stack, q[:, None], omega))
+    tolerance = graded_tolerance(graded, None, q)
+    compliance = surface_compliance_unchecked(stack, q[:, None], omega, graded, tolerance)
+    stiffness = 1 / (pressure * compliance)
     # √C q/(M σ0): squares of its factors may leave the range of float32.
     relative = amplitude[:, None] * stiffness
     rates = (

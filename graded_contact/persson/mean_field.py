@@ -41,8 +41,9 @@ from .._checks import (
     check_values,
     door,
 )
-from ..response.grading import check_profiles
+from ..response.grading import AbstractGradedSolver, check_profiles
 from ..response.kernel import stack_kernel
+from ..response.layering import Layering
 from ..response.stack import Stack
 from ..rheology.measured import coverage
 from ..spectrum import SelfAffine
@@ -102,6 +103,7 @@ def mean_field_friction(
     correction: Correction = "yang_persson",
     num_wavenumbers: int = 64,
     num_angles: int = 16,
+    graded: AbstractGradedSolver = Layering(),  # noqa: B008 (immutable)
     rtol: float = 1e-4,
     throw: bool = True,
 ) -> MeanField:
@@ -126,6 +128,7 @@ def mean_field_friction(
     - `num_wavenumbers`: intervals of the quadrature in q, shared by the smooth pieces of the
       spectrum and rounded up to multiples of 4 on each.
     - `num_angles`: intervals between the directions along and across the velocity, a multiple of 4.
+    - `graded`: what solves graded layers, with a tolerance of its own: `Layering()`, `Riccati()`.
     - `rtol`: largest acceptable `error` [1].
     - `throw`: whether to raise if it is exceeded; otherwise look at `.error`.
 
@@ -148,7 +151,7 @@ def mean_field_friction(
     # At the door the value is unknown if the pressure is traced.
     load = jnp.where(pressure > 0, pressure, jnp.nan)
     if isinstance(spectrum, Surface):
-        kernel = stack_kernel(stack, spectrum.grid, velocity)
+        kernel = stack_kernel(stack, spectrum.grid, velocity, graded=graded)
         q, x, friction, share = add_up(
             kernel, spectrum, load, velocity, correction, coverage(stack)
         )
@@ -159,7 +162,7 @@ def mean_field_friction(
         _check_frequencies(stack, speed * roughness.edges)
         counts = _counts(num_wavenumbers, len(roughness.edges) - 1, num_angles)
         q, x, friction, error, share = integrate(
-            stack, roughness, load, speed, correction, *counts, coverage(stack)
+            stack, roughness, load, speed, correction, *counts, coverage(stack), graded
         )
     contact_area = area(x)
     solution = MeanField(

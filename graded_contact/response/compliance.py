@@ -8,12 +8,8 @@ modulus. (The paper's p₀ formulas differ there; `docs/theory.md` shows why the
 equilibrium.)
 """
 
-from typing import NamedTuple
-
 import equinox as eqx
-import jax
 import jax.numpy as jnp
-import numpy as np
 from jaxtyping import Array, Float, Inexact
 
 from .._checks import (
@@ -27,10 +23,17 @@ from .._checks import (
     door,
     is_concrete,
 )
-from ..rheology.material import AbstractMaterial
-from .grading import Layering, check_profiles, graded_tolerance, solve_graded
-from .recursion import UNROLLED_LAYERS, compliance_of_layers
-from .stack import Free, GradedLayer, HalfSpace, Layer, Rigid, Stack
+from .grading import (
+    AbstractGradedSolver,
+    check_profiles,
+    graded_tolerance,
+    relative,
+    solve_graded,
+    surface_climb,
+)
+from .layering import Layering
+from .recursion import ManyLayers, compliance_of_layers, prepared
+from .stack import Free, HalfSpace, Layer, Rigid, Stack, is_graded
 
 
 @door
@@ -78,7 +81,12 @@ def layered_compliance(
 
 @door
 def surface_compliance(
-    stack: Stack, q: Numbers, omega: Numbers, rtol: float | None = None
+    stack: Stack,
+    q: Numbers,
+    omega: Numbers,
+    *,
+    graded: AbstractGradedSolver = Layering(),  # noqa: B008 (immutable)
+    rtol: float | None = None,
 ) -> Inexact[Array, "*w"]:
     """Returns the surface compliance M_zz [m/Pa] of a stack.
 
@@ -87,42 +95,119 @@ def surface_compliance(
     - `stack`: the block.
     - `q`: wavenumbers |q| [rad/m], positive.
     - `omega`: angular frequencies ω [rad/s], of either sign.
-    - `rtol`: relative tolerance in graded layers; by default 1e-9, in float32 1e-4. If it is not
+    - `graded`: what solves graded layers, `Layering()` or `Riccati()`.
+    - `rtol`: relative tolerance in graded layers; by default that of `graded`. If it is not
       reached, an error is raised; `graded_compliance` returns the estimate. Stacks of
       homogeneous layers are exact, and ignore it.
 
     **Returns:** M_zz, of the shape to which `q` and `omega` broadcast; complex unless every
     material is elastic.
     """
+    q, omega, rtol = _checked(stack, q, omega, graded, rtol)
+    return surface_compliance_unchecked(stack, q, omega, graded, rtol)
+
+
+@door
+def effective_modulus(
+    stack: Stack,
+    q: Numbers,
+    omega: Numbers,
+    *,
+    graded: AbstractGradedSolver = Layering(),  # noqa: B008 (immutable)
+    rtol: float | None = None,
+) -> Inexact[Array, "*w"]:
+    """Returns 2/(q M_zz) [Pa]: the E/(1-ν²) of the half space that would respond alike.
+
+    Its imaginary over its real part is the loss tangent of the composite.
+
+    **Arguments:** as in `surface_compliance`.
+
+    **Returns:** the modulus, of the shape to which `q` and `omega` broadcast.
+    """
+    return 2 / (as_float(q, "q") * surface_compliance(stack, q, omega, graded=graded, rtol=rtol))
+
+
+class GradedCompliance(eqx.Module):
+    """A surface compliance with its estimated error.
+
+    **Fields:**
+
+    - `value`: M_zz [m/Pa], shape `(*w)`.
+    - `error`: estimated relative error of `value` [1], shape `(*w)`.
+    """
+
+    value: Inexact[Array, "*w"]
+    error: Float[Array, "*w"]
+
+
+@door
+def graded_compliance(
+    stack: Stack,
+    q: Numbers,
+    omega: Numbers,
+    *,
+    graded: AbstractGradedSolver = Layering(),  # noqa: B008 (immutable)
+    rtol: float | None = None,
+    throw: bool = True,
+) -> GradedCompliance:
+    """Returns M_zz of a stack with graded layers, and an estimate of its error.
+
+    **Arguments:**
+
+    - `stack`, `q`, `omega`, `graded`, `rtol`: as in `surface_compliance`.
+    - `throw`: whether a tolerance that is not reached is an error.
+
+    **Returns:** a `GradedCompliance` of the shape to which `q` and `omega` broadcast.
+    """
+    if not is_graded(stack):
+        raise ValueError("`stack` has no `GradedLayer`: take `surface_compliance`.")
+    q, omega, rtol = _checked(stack, q, omega, graded, rtol)
+    return _graded(stack, q, omega, graded, rtol, throw)
+
+
+def _checked(stack, q, omega, graded, rtol):
+    """Arrays of equal rank: a modulus is computed once per entry of `omega`."""
     q, omega = as_float(q, "q"), as_float(omega, "omega")
     check_positive("q", q, "[rad/m]")
     check_values("omega", omega, "frequencies [rad/s] must be finite")
     check_together(q=q, omega=omega)
     check_profiles(stack, omega)
-    rtol = graded_tolerance(rtol, q)
-    return surface_compliance_unchecked(stack, *_same_rank(q, omega), rtol)
-
-
-@door
-def effective_modulus(
-    stack: Stack, q: Numbers, omega: Numbers, rtol: float | None = None
-) -> Inexact[Array, "*w"]:
-    """Returns 2/(q M_zz) [Pa]: the E/(1-ν²) of the half space that would respond alike.
-
-    Its imaginary over its real part is the loss tangent of the composite. Arguments as in
-    `surface_compliance`.
-    """
-    return 2 / (as_float(q, "q") * surface_compliance(stack, q, omega, rtol))
+    rank = max(q.ndim, omega.ndim)
+    rtol = graded_tolerance(graded, rtol, q)
+    q, omega = (x.reshape((1,) * (rank - x.ndim) + x.shape) for x in (q, omega))
+    return q, omega, rtol
 
 
 @eqx.filter_jit
-def surface_compliance_unchecked(stack, q, omega, rtol=None):
-    """`q` and `omega` of equal rank: a modulus is computed once per entry of `omega`."""
-    return compliance_of(prepared(stack), q, omega, rtol)
+def surface_compliance_unchecked(
+    stack: Stack,
+    q: Float[Array, "..."],
+    omega: Float[Array, "..."],
+    graded: AbstractGradedSolver,
+    rtol: float,
+) -> Inexact[Array, "*w"]:
+    """Returns M_zz [m/Pa] at `q` and `omega` of equal rank."""
+    return compliance_of(prepared(stack), q, omega, graded, rtol)
 
 
-def compliance_of(stack, q, omega, rtol=None, *, attempt=False, throw=True):
-    """As `surface_compliance_unchecked`, of a `prepared` stack.
+@eqx.filter_jit
+def _graded(stack, q, omega, graded, rtol, throw):
+    climb = surface_climb(stack, q, omega)
+    (value,), error = solve_graded(graded, climb, relative, stack, q, omega, rtol, throw)
+    return GradedCompliance(value, error)
+
+
+def compliance_of(
+    stack: Stack | ManyLayers,
+    q: Float[Array, "..."],
+    omega: Float[Array, "..."],
+    graded: AbstractGradedSolver,
+    rtol: float,
+    *,
+    attempt: bool = False,
+    throw: bool = True,
+) -> Inexact[Array, "*w"]:
+    """Returns M_zz [m/Pa] of a `prepared` stack at `q` and `omega` of equal rank.
 
     An `attempt` at a graded stack is quick, and returns what it found whatever its error. Without
     `throw` a tolerance that is not reached leaves NaN.
@@ -131,72 +216,21 @@ def compliance_of(stack, q, omega, rtol=None, *, attempt=False, throw=True):
         thickness = stack.thickness
         modulus, poisson = stack.moduli(omega)
     elif is_graded(stack):
-        rtol = graded_tolerance(rtol, q)
-        solver = Layering(retry=not attempt)
-        found = solve_graded(stack, q, omega, solver, rtol, throw=throw and not attempt)
+        solver = Layering(retry=False) if attempt else graded
+        found = _graded(stack, q, omega, solver, rtol, throw and not attempt)
         if attempt or throw:
             return found.value
         return jnp.where(found.error <= rtol, found.value, jnp.nan)
     else:
-        thickness = [layer.thickness for layer in stack.layers]
-        modulus = [layer.material.modulus(omega) for layer in stack.layers]
-        poisson = [layer.material.poisson_ratio(omega) for layer in stack.layers]
+        layers = [layer for layer in stack.layers if isinstance(layer, Layer)]
+        thickness = [layer.thickness for layer in layers]
+        modulus = [layer.material.modulus(omega) for layer in layers]
+        poisson = [layer.material.poisson_ratio(omega) for layer in layers]
     base = stack.base
     if isinstance(base, HalfSpace):
         base = (base.material.modulus(omega), base.material.poisson_ratio(omega))
     compliance = compliance_of_layers(q, thickness, modulus, poisson, base)
     return jnp.broadcast_to(compliance, jnp.broadcast_shapes(q.shape, omega.shape))
-
-
-class ManyLayers(NamedTuple):
-    """A long stack: materials of one kind in one, so that compilation does not grow with them."""
-
-    thickness: Float[Array, " n"]
-    kinds: list[AbstractMaterial]  # their leaves have the materials along a first axis
-    order: np.ndarray  # takes the layers from kind after kind to their places
-    base: HalfSpace | Rigid | Free
-
-    def moduli(self, omega: Float[Array, "..."]) -> tuple[Array, Array]:
-        """E and ν at `omega`, with the layers along a first axis."""
-        found = [
-            jax.vmap(lambda m: (m.modulus(omega), m.poisson_ratio(omega)))(kind)
-            for kind in self.kinds
-        ]
-        modulus = [e for e, _ in found]
-        poisson = [nu.reshape(nu.shape + (1,) * (e.ndim - nu.ndim)) for e, nu in found]
-        shape = jnp.broadcast_shapes(*[nu.shape[1:] for nu in poisson])
-        poisson = [jnp.broadcast_to(nu, (len(nu), *shape)) for nu in poisson]
-        return jnp.concatenate(modulus)[self.order], jnp.concatenate(poisson)[self.order]
-
-
-def prepared(stack: Stack) -> Stack | ManyLayers:
-    """Returns a stack in the form in which it is solved often."""
-    materials = [layer.material for layer in stack.layers if isinstance(layer, Layer)]
-    if len(materials) < len(stack.layers) or len(materials) <= UNROLLED_LAYERS:
-        return stack
-    kinds = {}
-    for i, material in enumerate(materials):
-        leaves, structure = jax.tree.flatten(material)
-        kinds.setdefault((structure, *[jnp.shape(leaf) for leaf in leaves]), []).append(i)
-    return ManyLayers(
-        jnp.stack([layer.thickness for layer in stack.layers]),
-        [
-            jax.tree.map(lambda *leaves: jnp.stack(leaves), *[materials[i] for i in members])
-            for members in kinds.values()
-        ],
-        np.argsort(np.concatenate(list(kinds.values()))),
-        stack.base,
-    )
-
-
-def is_graded(stack: Stack) -> bool:
-    return any(isinstance(layer, GradedLayer) for layer in stack.layers)
-
-
-def _same_rank(q: Array, omega: Array) -> tuple[Array, Array]:
-    rank = max(q.ndim, omega.ndim)
-    q = q.reshape((1,) * (rank - q.ndim) + q.shape)
-    return q, omega.reshape((1,) * (rank - omega.ndim) + omega.shape)
 
 
 def _check_moduli(modulus_name: str, modulus: Array, poisson_name: str, poisson: Array) -> None:

@@ -19,10 +19,12 @@ from jaxtyping import Array, Bool, Inexact
 from .._checks import Numbers, door, is_concrete
 from .._memory import check_memory, kernel_memory, num_numbers
 from ..grid import Grid, as_velocity, both_signs, even_on_nyquist, nyquist_lines, sliding_frequency
-from .compliance import compliance_of, is_graded, prepared
-from .grading import check_profiles, graded_tolerance
-from .stack import Stack
-from .table import Table, tabulate
+from .compliance import compliance_of
+from .grading import AbstractGradedSolver, check_profiles, graded_tolerance
+from .layering import Layering
+from .recursion import prepared
+from .stack import Stack, is_graded
+from .table import KernelTable, tabulate
 
 _BLOCK_ROWS = 16
 # With so few layers, or points of the grid, direct evaluation is faster than a table.
@@ -39,7 +41,12 @@ _NOT_REACHED = (
 
 @door
 def stack_kernel(
-    stack: Stack, grid: Grid, velocity: Numbers = 0.0, rtol: float | None = None
+    stack: Stack,
+    grid: Grid,
+    velocity: Numbers = 0.0,
+    *,
+    graded: AbstractGradedSolver = Layering(),  # noqa: B008 (immutable)
+    rtol: float | None = None,
 ) -> Inexact[Array, "*half"]:
     """Returns M_zz [m/Pa] of a stack on the half spectrum of a grid, for steady sliding.
 
@@ -53,7 +60,8 @@ def stack_kernel(
     - `stack`: the block.
     - `grid`: the periodic cell.
     - `velocity`: of the rough surface over the block [m/s]: a number (along x) or `(vx, vy)`.
-    - `rtol`: relative tolerance of graded and long stacks; by default 1e-9, in float32 1e-4.
+    - `graded`: what solves graded layers, `Layering()` or `Riccati()`.
+    - `rtol`: relative tolerance of graded and long stacks; by default that of `graded`.
 
     **Returns:** the kernel, shape of the half spectrum. The q = 0 entry is 0 (the mean
     displacement belongs to the mean gap) and Nyquist lines hold the real part of the mean over
@@ -62,18 +70,23 @@ def stack_kernel(
 
     **Raises:** `ValueError` for a refused argument; `RuntimeError` if `rtol` is not reached.
     """
-    kernel, reached = attempted_kernel(stack, grid, velocity, rtol)
+    kernel, reached = attempted_kernel(stack, grid, velocity, graded=graded, rtol=rtol)
     return eqx.error_if(kernel, ~reached, _NOT_REACHED)
 
 
 def attempted_kernel(
-    stack: Stack, grid: Grid, velocity: Numbers = 0.0, rtol: float | None = None
+    stack: Stack,
+    grid: Grid,
+    velocity: Numbers = 0.0,
+    *,
+    graded: AbstractGradedSolver = Layering(),  # noqa: B008 (immutable)
+    rtol: float | None = None,
 ) -> tuple[Inexact[Array, "*half"], Bool[Array, ""]]:
     """Returns the kernel, and whether it reached its tolerance, which is no error here.
 
     Arguments as in `stack_kernel`. Where the tolerance of a graded layer was missed stands NaN.
     """
-    velocity, rtol = _checked(stack, grid, velocity, rtol)
+    velocity, rtol = _checked(stack, grid, velocity, graded, rtol)
     numbers, askew = num_numbers(stack), velocity.ndim > 0
     check_memory(
         "grid",
@@ -82,18 +95,23 @@ def attempted_kernel(
         "a kernel",
     )
     if _is_dear(stack, grid) and velocity.ndim == 0:
-        kernel, error = _interpolated_kernel(stack, grid, velocity, rtol)
+        kernel, error = _interpolated_kernel(stack, grid, velocity, graded, rtol)
         # NaN comes from a node that could not be solved; nor could its neighbours be.
         if not is_concrete(error) or not error > rtol:
             return kernel, error <= rtol
-    kernel = _direct_kernel(stack, grid, velocity, rtol)
+    kernel = _direct_kernel(stack, grid, velocity, graded, rtol)
     return kernel, jnp.all(jnp.isfinite(kernel)) if is_graded(stack) else jnp.asarray(True)
 
 
 @door
 def kernel_table(
-    stack: Stack, grid: Grid, velocity: Numbers = 0.0, rtol: float | None = None
-) -> Table:
+    stack: Stack,
+    grid: Grid,
+    velocity: Numbers = 0.0,
+    *,
+    graded: AbstractGradedSolver = Layering(),  # noqa: B008 (immutable)
+    rtol: float | None = None,
+) -> KernelTable:
     """Returns the table of log(q M_zz) from which `stack_kernel` interpolates.
 
     `.num_evaluations` counts the wavevectors at which the stack was solved and `.error` is the
@@ -102,22 +120,22 @@ def kernel_table(
 
     **Raises:** `ValueError` for a refused argument.
     """
-    velocity, rtol = _checked(stack, grid, velocity, rtol)
+    velocity, rtol = _checked(stack, grid, velocity, graded, rtol)
     if grid.ndim == 1 or velocity.ndim == 1:
         raise ValueError(
             f"`grid` has shape {grid.shape} and `velocity` shape {velocity.shape}; a table is "
             "made in two dimensions and for sliding along x."
         )
-    return _kernel_table(stack, grid, velocity, rtol)
+    return _kernel_table(stack, grid, velocity, graded, rtol)
 
 
-def _checked(stack, grid, velocity, rtol):
+def _checked(stack, grid, velocity, graded, rtol):
     velocity = as_velocity(velocity, grid)
     along = velocity if velocity.ndim == 0 else jnp.sqrt(jnp.sum(velocity**2))
     lowest, highest = _wavenumbers(grid, 0, np.array([1, grid.shape[0] // 2]))
     omega = along * jnp.stack([jnp.zeros_like(lowest), lowest, highest])
     check_profiles(stack, omega)
-    return velocity, graded_tolerance(rtol, grid.size)
+    return velocity, graded_tolerance(graded, rtol, grid.size)
 
 
 def _is_dear(stack, grid):
@@ -125,29 +143,29 @@ def _is_dear(stack, grid):
     return many and grid.ndim == 2 and np.prod(grid.shape) > _FEW_POINTS
 
 
-@partial(jax.jit, static_argnames="rtol")
-def _direct_kernel(stack, grid, velocity, rtol):
+@eqx.filter_jit
+def _direct_kernel(stack, grid, velocity, graded, rtol):
     stack = prepared(stack)
     if grid.ndim == 1:
         qx = _wavenumbers(grid, 0, np.arange(grid.shape[0] // 2 + 1))
-        kernel = _compliance(stack, qx, jnp.zeros_like(qx), velocity, rtol)
+        kernel = _compliance(stack, qx, jnp.zeros_like(qx), velocity, graded, rtol)
         return _rules(kernel, grid.shape)
     kx, ky = both_signs(grid.shape)
     qy = _wavenumbers(grid, 1, ky)
 
     def rows(index):
         qx = _wavenumbers(grid, 0, jnp.asarray(kx)[index])
-        return _compliance(stack, qx, qy, velocity, rtol)
+        return _compliance(stack, qx, qy, velocity, graded, rtol)
 
     if velocity.shape == ():
         return _mirrored(rows, grid.shape)
     return _rules(even_on_nyquist(_in_blocks(rows, len(kx)), grid.shape), grid.shape)
 
 
-@partial(jax.jit, static_argnames="rtol")
-def _interpolated_kernel(stack, grid, velocity, rtol):
+@eqx.filter_jit
+def _interpolated_kernel(stack, grid, velocity, graded, rtol):
     """The kernel by its table, and the error of that."""
-    table = _kernel_table(stack, grid, velocity, rtol)
+    table = _kernel_table(stack, grid, velocity, graded, rtol)
     numbers = np.arange(grid.shape[1] // 2 + 1)
     qy, columns = _wavenumbers(grid, 1, numbers), table.along_y(numbers)
 
@@ -158,15 +176,15 @@ def _interpolated_kernel(stack, grid, velocity, rtol):
     return _mirrored(rows, grid.shape), table.error
 
 
-@partial(jax.jit, static_argnames="rtol")
-def _kernel_table(stack, grid, velocity, rtol):
+@eqx.filter_jit
+def _kernel_table(stack, grid, velocity, graded, rtol):
     stack, lowest = prepared(stack), 2 * np.pi / grid.size
     # The nodes are solved more closely than they are interpolated.
     closer = max(rtol / 4, 400 * float(np.finfo(grid.size.dtype).eps))
 
     def logarithm(kx, ky, attempt=False):
         qx, qy = kx * lowest[0], ky * lowest[1]
-        compliance = _compliance(stack, qx, qy, velocity, closer, attempt=attempt)
+        compliance = _compliance(stack, qx, qy, velocity, graded, closer, attempt=attempt)
         return jnp.log(compliance * _magnitude(qx, qy))
 
     highest = (grid.shape[0] // 2, grid.shape[1] // 2)
@@ -204,11 +222,11 @@ def _magnitude(qx, qy):
     return jnp.sqrt(jnp.where(squared == 0, 1, squared))
 
 
-def _compliance(stack, qx, qy, velocity, rtol, *, attempt=False):
+def _compliance(stack, qx, qy, velocity, graded, rtol, *, attempt=False):
     q = _magnitude(qx, qy)
     # For sliding along x the frequency keeps the shape of qx: one modulus per row.
     omega = sliding_frequency(qx, qy, velocity)
-    return compliance_of(stack, q, omega, rtol, attempt=attempt, throw=False)
+    return compliance_of(stack, q, omega, graded, rtol, attempt=attempt, throw=False)
 
 
 def _rules(kernel, shape):

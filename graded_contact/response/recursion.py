@@ -11,15 +11,29 @@ derivative is a sum over layers, without a chain through the recursion. It costs
 downwards, for v and w; differentiating the recursion itself costs some hundred evaluations.
 """
 
+from collections.abc import Sequence
 from functools import partial
+from typing import NamedTuple
 
 import jax
 import jax.numpy as jnp
+import numpy as np
 from jax.custom_derivatives import SymbolicZero
-from jaxtyping import Array
+from jaxtyping import Array, Float
 
-from .slab import Compliance, factors, free, free_face, half_space, hyperbolic, push_down, stack_on
-from .stack import Free, Rigid
+from ..rheology.material import AbstractMaterial
+from .slab import (
+    Compliance,
+    factors,
+    free,
+    free_face,
+    half_space,
+    hyperbolic,
+    plane_strain,
+    push_down,
+    stack_on,
+)
+from .stack import Free, HalfSpace, Layer, Rigid, Stack
 
 # Unrolled layers run faster and scanned ones compile faster; they cross here.
 UNROLLED_LAYERS = 4
@@ -32,24 +46,30 @@ def compliance_of_layers(q, thickness, modulus, poisson, base) -> Array:
     Arguments as in `layered_compliance`, unchecked; `base` is `Rigid()`, `Free()` or
     `(modulus, poisson)`.
     """
-    # In units of the largest modulus, derivatives in float32 neither overflow nor underflow.
     supported = isinstance(base, Rigid | Free)
-    moduli = [*(() if supported else base[:1]), *jax.tree.leaves(modulus)]
-    largest = [jnp.max(jnp.abs(e)) for e in moduli if e.size]
-    unit = jax.lax.stop_gradient(jnp.max(jnp.array(largest)))
+    unit = largest([*(() if supported else base[:1]), *jax.tree.leaves(modulus)])
     # At the door the value is unknown if a thickness is traced: no number may come of it then.
     for d in jax.tree.leaves(thickness):
         unit = jnp.where(jnp.all(d >= 0), unit, jnp.nan)
     if not supported:
-        base = (_plane_strain(base[0] / unit, base[1]), 1 - 2 * base[1])
+        base = plane_strain(base[0] / unit, base[1])
     if len(thickness) <= UNROLLED_LAYERS:
         parts = zip(thickness, modulus, poisson, strict=True)
-        layers = tuple((d, _plane_strain(e / unit, nu), 1 - 2 * nu) for d, e, nu in parts)
+        layers = tuple((d, *plane_strain(e / unit, nu)) for d, e, nu in parts)
         value = _unrolled(q, layers, base)
     else:
         d, e, nu = _stacked(thickness, modulus, poisson)
-        value = _scanned(q, (d, _plane_strain(e / unit, nu), 1 - 2 * nu), base)
+        value = _scanned(q, (d, *plane_strain(e / unit, nu)), base)
     return value * (2 / unit) / q
+
+
+def largest(moduli: Sequence[Array]) -> Array:
+    """Returns the largest modulus, a unit without derivative.
+
+    In units of it derivatives in float32 neither overflow nor underflow.
+    """
+    sizes = [jnp.max(jnp.abs(modulus)) for modulus in moduli if modulus.size]
+    return jax.lax.stop_gradient(jnp.max(jnp.array(sizes)))
 
 
 def _stacked(*properties):
@@ -59,10 +79,6 @@ def _stacked(*properties):
     ]
     rank = max(a.ndim for a in arrays)
     return [a.reshape(a.shape[:1] + (1,) * (rank - a.ndim) + a.shape[1:]) for a in arrays]
-
-
-def _plane_strain(modulus, poisson):
-    return modulus / (1 - poisson**2)
 
 
 def _lowest(q, layers, base):
@@ -233,3 +249,44 @@ def _settled(tree):
 @_settled.defjvp
 def _settled_jvp(primals, tangents):
     return _settled(*primals), tangents[0]
+
+
+class ManyLayers(NamedTuple):
+    """A long stack: materials of one kind in one, so that compilation does not grow with them."""
+
+    thickness: Float[Array, " n"]
+    kinds: list[AbstractMaterial]  # their leaves have the materials along a first axis
+    order: np.ndarray  # takes the layers from kind after kind to their places
+    base: HalfSpace | Rigid | Free
+
+    def moduli(self, omega: Float[Array, "..."]) -> tuple[Array, Array]:
+        """E and ν at `omega`, with the layers along a first axis."""
+        found = [
+            jax.vmap(lambda m: (m.modulus(omega), m.poisson_ratio(omega)))(kind)
+            for kind in self.kinds
+        ]
+        modulus = [e for e, _ in found]
+        poisson = [nu.reshape(nu.shape + (1,) * (e.ndim - nu.ndim)) for e, nu in found]
+        shape = jnp.broadcast_shapes(*[nu.shape[1:] for nu in poisson])
+        poisson = [jnp.broadcast_to(nu, (len(nu), *shape)) for nu in poisson]
+        return jnp.concatenate(modulus)[self.order], jnp.concatenate(poisson)[self.order]
+
+
+def prepared(stack: Stack) -> Stack | ManyLayers:
+    """Returns a stack in the form in which it is solved often."""
+    materials = [layer.material for layer in stack.layers if isinstance(layer, Layer)]
+    if len(materials) < len(stack.layers) or len(materials) <= UNROLLED_LAYERS:
+        return stack
+    kinds = {}
+    for i, material in enumerate(materials):
+        leaves, structure = jax.tree.flatten(material)
+        kinds.setdefault((structure, *[jnp.shape(leaf) for leaf in leaves]), []).append(i)
+    return ManyLayers(
+        jnp.stack([layer.thickness for layer in stack.layers]),
+        [
+            jax.tree.map(lambda *leaves: jnp.stack(leaves), *[materials[i] for i in members])
+            for members in kinds.values()
+        ],
+        np.argsort(np.concatenate(list(kinds.values()))),
+        stack.base,
+    )

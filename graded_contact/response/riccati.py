@@ -1,4 +1,4 @@
-"""A graded layer by the differential equation of its compliance, integrated upwards.
+"""Graded layers by the differential equation of the compliance, integrated by diffrax.
 
 With κ = ν/(1 - ν), c in units of 2/(E_ref q), ζ = q z upwards, R = 2 E_r/E_ref and
 
@@ -6,102 +6,185 @@ With κ = ν/(1 - ν), c in units of 2/(E_ref q), ζ = q z upwards, R = 2 E_r/E_
 
     c11' = B1 - 2 c12 - R c11²         c12' = κ c11 - c22 - R c11 c12
     c22' = B2 + 2 κ c12 - R c12²       (det c)' = B1 c22 + B2 c11 - R c11 det c
+    c_T' = B1 - c_T²/B1
 
 (no derivative of a modulus appears; ν may vary). On a free base c is infinite, and its inverse
 is integrated. Upwards the equation forgets its start as e^-2ζ; downwards it would blow up. Started
-where the wave ends (`mesh.WINDOW`), it is not stiff.
+where the wave ends (`mesh.WINDOW`), it is not stiff. Downwards goes the stiffness G of what lies
+above, which with the other sign of g12 obeys the equation of the inverse, and the traction
+v = (t, s) on a clamped face, along y = -ζ
 
-This is the independent check of `grading.Layering`, at four to seven times its cost.
+    t' = κ s - B1 g11 t - B2 g12 s     s' = -t - B1 g12 t - B2 g22 s     T' = -B1 g_T T,
+
+of which the decay e^-y is taken out.
 """
 
-from typing import Any
+from collections.abc import Callable, Sequence
+from functools import partial
+from typing import Any, NamedTuple
 
+import equinox as eqx
 import jax
 import jax.numpy as jnp
-from jaxtyping import Array, Float, Inexact
+from jax.flatten_util import ravel_pytree
+from jaxtyping import Array, Float
 
-from .mesh import WINDOW, visible
+from .column import AddGraded, Numbers
+from .grading import AbstractGradedSolver, check_rtol, rounding
+from .layering import add_layered
+from .mesh import build_mesh, visible
 from .profile import moduli_at
 from .shape import breaks_of
-from .slab import Compliance, half_space
+from .slab import Compliance, plane_strain
+from .stack import Free, Stack
 
 _MAX_STEPS = 4096
 
 
-def integrate(
-    profile: Any,
-    x: Float[Array, " n"],
-    omega: Float[Array, " n"],
-    below: Compliance,
-    reference: Float[Array, " n"],
-    scale: Compliance,
-    *,
-    inverse: bool,
-    rtol: float,
-    solver: Any = None,
-    forward: bool = False,
-) -> Compliance:
-    """Returns the compliance of the upper face of a graded layer, in units of 2/(E_ref q).
+class Riccati(AbstractGradedSolver):
+    """The differential equation of the compliance, integrated by diffrax.
 
-    **Arguments:**
+    The tolerance of a step is `rtol`/30; the error is estimated by a second integration with
+    one ten times larger. `benchmarks/bench_grading.py` sets it beside `Layering`, which shares
+    nothing with it but a rough solution that tells the sizes: it is slower for an equal error.
 
-    - `profile`, `x`, `omega`: of the layer, x = q d [1], and ω [rad/s], shape `(n,)`.
-    - `below`: compliance of what it lies on in the same units; its inverse, with the inverse
-      determinant, if `inverse`. Zero for a rigid base, and for a free one if `inverse`.
-    - `reference`: E_ref [Pa], shape `(n,)`.
-    - `scale`: a rough result, from which absolute tolerances are taken.
-    - `rtol`: tolerance of a step. `solver`: a diffrax solver; by default Dopri8.
-    - `forward`: whether it can be differentiated in forward mode rather than in reverse.
+    **Fields:**
 
-    **Returns:** the compliance; NaN where the steps did not suffice.
+    - `solver`: a diffrax solver; by default `Dopri8()`.
+    - `controller`: called with `rtol` and `atol` of a step, returns a diffrax controller; by
+      default `PIDController` itself.
+    - `adjoint`: a diffrax adjoint, with the modes of derivatives that it has; by default both
+      modes, by `ForwardMode` and `RecursiveCheckpointAdjoint`.
+    - `rtol`: relative tolerance; by default 1e-9, in float32 1e-4. Static.
     """
-    import diffrax  # costs a quarter of a second that other scenes need not pay
 
-    solver = diffrax.Dopri8() if solver is None else solver
-    # `DirectAdjoint` has both modes, but in reverse it was off by 2e-4 on a batch of eight.
-    adjoint = diffrax.ForwardMode() if forward else diffrax.RecursiveCheckpointAdjoint()
-    is_complex = any(jnp.iscomplexobj(part) for part in jax.tree.leaves((below, scale)))
+    solver: Any = None
+    controller: Callable[..., Any] | None = eqx.field(static=True, default=None)
+    adjoint: Any = None
+    rtol: float | None = eqx.field(static=True, default=None)
 
-    def split(y):
-        return jnp.stack([y.real, y.imag]) if is_complex else y
+    def __check_init__(self):
+        check_rtol(self.rtol)
+        for name, kind in (("solver", "AbstractSolver"), ("adjoint", "AbstractAdjoint")):
+            value = getattr(self, name)
+            if value is not None and not _is_diffrax(value, kind):
+                raise ValueError(f"`{name}={value!r}` must be a diffrax `{kind}`, or None.")
+        if not (self.controller is None or callable(self.controller)):
+            raise ValueError(
+                f"`controller={self.controller!r}` must be called as controller(rtol=..., "
+                "atol=...) and return a diffrax controller, as `diffrax.PIDController` itself is."
+            )
 
-    def join(y):
-        return jax.lax.complex(y[0], y[1]) if is_complex else y
+    def solve(
+        self,
+        climb: Callable[[AddGraded], tuple[Array, ...]],
+        measure: Callable[[Sequence[Array], Sequence[Array]], Float[Array, "*w"]],
+        stack: Stack,
+        q: Float[Array, "..."],
+        omega: Float[Array, "..."],
+        rtol: float,
+    ) -> tuple[tuple[Array, ...], Float[Array, "*w"]]:
+        inverse = isinstance(stack.base, Free)
 
-    def solve(x, omega, below, reference, scale):
-        seen = visible(jax.lax.stop_gradient(x))
-        rough = jax.lax.stop_gradient(invert(scale) if inverse else scale)
-        size = jnp.stack([jnp.abs(part) for part in rough])
+        def found(step):
+            def add(i, face, rule, unit, cut):
+                layer = stack.layers[i]
+                return self._add(layer, face, q, omega, rule, unit, cut, inverse, step)
 
-        def slope(height, y, _):
-            c = join(y) * size
-            modulus, poisson = moduli_at(profile, 1 - seen * (1 - height), omega)
-            rates = _rates_inverse if inverse else _rates
-            values = jnp.stack(rates(*c, *_coefficients(modulus, poisson, reference)))
-            if not is_complex:
-                values = values.real
-            return split(values * (x * seen) / size)
+            return climb(add)
 
-        modulus, poisson = moduli_at(profile, 1 - seen, omega)
-        local = half_space(1 - 2 * poisson)
-        ratio = reference * (1 - poisson**2) / modulus
-        local = Compliance(
-            ratio * local.c11, ratio * local.c12, ratio * local.c22, ratio**2 * local.det
-        )
-        local = invert(local) if inverse else local
-        start = jnp.stack([jnp.where(x > WINDOW, a, b) for a, b in zip(local, below, strict=True)])
-        controller = diffrax.PIDController(rtol=rtol, atol=1e-4 * rtol)
+        # The tolerance is that of a step; errors of steps add up.
+        step = rtol / 30
+        values = found(step)
+        rough = jax.lax.stop_gradient(found(10 * step))
+        differences = [a - b for a, b in zip(values, rough, strict=True)]
+        error = jax.lax.stop_gradient(measure(differences, values))
+        # Both may happen to take the same steps.
+        return values, error + rounding(q) + step
+
+    def _add(self, layer, face, q, omega, rule, unit, cut, inverse, step):
+        """The other face of a graded layer."""
+        x, down = q * layer.thickness, rule.half_space is None
+        seen, height = visible(jax.lax.stop_gradient(x)), jnp.ones_like(x)
+        if cut is not None:
+            height = cut.height
+            seen = jnp.minimum(1, seen + 1 - jax.lax.stop_gradient(height))
+
+        def moduli(s):
+            modulus, poisson = moduli_at(layer.profile, s, omega)
+            return plane_strain(modulus / unit, poisson)
+
+        mesh = build_mesh(layer.profile, x, omega, num_cells=4)
+        rough = add_layered(layer, face, q, omega, mesh, rule, unit, cut)
+        rough = jax.lax.stop_gradient(jax.tree.map(lambda part: part[-1], rough))
+        end = moduli(height)
+        reference = jax.lax.stop_gradient(jnp.abs(end[0]))
+        scale = rule.numbers(rough, reference, inverse)
+        if face is None:  # the inverse compliance of a free base
+            start = jax.tree.map(jnp.zeros_like, scale)
+        else:
+            start = rule.numbers(face, reference, inverse)
+        if not down:
+            entry = rule.numbers(rule.half_space(*moduli(1 - seen)), reference, inverse)
+            start = jax.tree.map(lambda a, b: jnp.where(seen < 1, a, b), entry, start)
+        waves = _Wave(x, omega, seen, height, reference * unit, start, _sizes(scale, start))
+        shape = jnp.broadcast_shapes(*(part.shape for part in jax.tree.leaves((waves, end))))
+        waves = jax.tree.map(lambda part: jnp.broadcast_to(part, shape).ravel(), waves)
+        top = self._integrated(layer.profile, waves, _Equation(inverse, down, step))
+        top = jax.tree.map(lambda part: part.reshape(shape), top)
+        return rule.face(top, jnp.broadcast_to(reference, shape), inverse, end[1])
+
+    def _integrated(self, profile, waves, equation):
+        import diffrax  # costs a quarter of a second that other scenes need not pay
+
+        def solve(adjoint, given):
+            profile, waves = given
+            return jax.vmap(lambda wave: self._solve_one(profile, wave, equation, adjoint))(waves)
+
+        if self.adjoint is not None:
+            return solve(self.adjoint, (profile, waves))
+        forward, backward = diffrax.ForwardMode(), diffrax.RecursiveCheckpointAdjoint()
+        return _in_both_modes(partial(solve, forward), partial(solve, backward), (profile, waves))
+
+    def _solve_one(self, profile, wave, equation, adjoint):
+        """The numbers of one wave at the end; NaN where the steps did not suffice."""
+        import diffrax
+
+        down, step = equation.down, equation.step
+        # Heights run from `height - length` upwards, or from the top to `height` downwards.
+        length = 1 - wave.height if down else wave.height - (1 - wave.seen)
+        highest = 1 if down else wave.height
+        treedef = jax.tree.structure(wave.start)
+        size = jnp.stack(jax.tree.leaves(wave.size))
+        is_complex = any(map(jnp.iscomplexobj, jax.tree.leaves(wave.start)))
+
+        def split(numbers):
+            y = jnp.stack(jax.tree.leaves(numbers)) / size
+            return jnp.stack([y.real, y.imag]) if is_complex else y.real
+
+        def join(y):
+            y = (jax.lax.complex(y[0], y[1]) if is_complex else y) * size
+            return jax.tree.unflatten(treedef, list(y))
+
+        def slope(place, y, _):
+            s = highest - length * (place if down else 1 - place)
+            coefficients = _coefficients(*moduli_at(profile, s, wave.omega), wave.reference)
+            rates = equation.rates(join(y), *coefficients)
+            return split(rates) * (wave.x * length)
+
+        controller = (self.controller or diffrax.PIDController)(rtol=step, atol=1e-4 * step)
         breaks = breaks_of(profile)
         if len(breaks):
-            heights = jax.lax.stop_gradient(1 - (1 - breaks) / seen)
-            controller = diffrax.ClipStepSizeController(controller, jump_ts=heights)
+            places = (highest - breaks) / jnp.where(length > 0, length, 1)
+            places = jax.lax.stop_gradient(places if down else 1 - places)
+            controller = diffrax.ClipStepSizeController(controller, jump_ts=places)
         solution = diffrax.diffeqsolve(
             diffrax.ODETerm(slope),  # pyright: ignore[reportArgumentType]
-            solver,
+            self.solver or diffrax.Dopri8(),
             t0=0.0,
             t1=1.0,
             dt0=None,
-            y0=split(start / size),
+            y0=split(wave.start),
             stepsize_controller=controller,
             adjoint=adjoint,
             max_steps=_MAX_STEPS,
@@ -109,25 +192,113 @@ def integrate(
         )
         assert solution.ys is not None
         ended = solution.result == diffrax.RESULTS.successful
-        top = Compliance(*(join(jnp.where(ended, solution.ys[-1], jnp.nan)) * size))
-        return invert(top) if inverse else top
-
-    return jax.vmap(solve)(x, omega, below, reference, scale)
-
-
-def invert(c: Compliance) -> Compliance:
-    """Returns the inverse of a symmetric 2×2 matrix that carries its determinant."""
-    return Compliance(c.c22 / c.det, -c.c12 / c.det, c.c11 / c.det, 1 / c.det)
+        numbers = join(jnp.where(ended, solution.ys[-1], jnp.nan))
+        if not down:
+            return numbers
+        decay = jnp.exp(-wave.x * length)
+        return numbers._replace(traction=tuple(decay * part for part in numbers.traction))
 
 
-def _coefficients(modulus, poisson, reference) -> tuple[Inexact[Array, ""], ...]:
+class _Wave(NamedTuple):
+    """One integration: q d, ω, the fraction of the layer that is seen, and the height of its cut.
+
+    E_ref [Pa], the numbers at its start and their sizes.
+    """
+
+    x: Float[Array, "..."]
+    omega: Float[Array, "..."]
+    seen: Float[Array, "..."]
+    height: Float[Array, "..."]
+    reference: Float[Array, "..."]
+    start: Numbers
+    size: Numbers
+
+
+class _Equation(NamedTuple):
+    """Of the compliance or its inverse, or downwards of a stiffness; the tolerance of a step."""
+
+    inverse: bool
+    down: bool
+    step: float
+
+    def rates(self, numbers, kappa, b1, b2, r):
+        plane, antiplane, traction = numbers
+        if self.down:
+            t, s, across = traction
+            traction = (
+                t + kappa * s - b1 * plane.c11 * t - b2 * plane.c12 * s,
+                s - t - b1 * plane.c12 * t - b2 * plane.c22 * s,
+                across - b1 * antiplane * across,
+            )
+            plane = plane._replace(c12=-plane.c12)
+        rates = _inverse_rates if self.inverse or self.down else _rates
+        plane = Compliance(*rates(plane, kappa, b1, b2, r))
+        if self.down:
+            plane = plane._replace(c12=-plane.c12)
+        if antiplane is not None:
+            soft = 1 / b1 if self.inverse or self.down else b1
+            antiplane = soft - antiplane * antiplane / soft
+        return Numbers(plane, antiplane, traction)
+
+
+def _in_both_modes(forward, backward, given):
+    """Returns `backward(given)`, with derivatives by either in the mode that it has.
+
+    The map of tangents is linear, and JAX is told its transpose as that of the solution of a linear
+    system: (b, 0) -> (0, L b), transposed (0, c) -> (Lᵀ c, 0).
+    """
+    given, rest = eqx.partition(given, eqx.is_inexact_array)
+
+    @jax.custom_jvp
+    def value(given):
+        return backward(eqx.combine(given, rest))
+
+    @value.defjvp
+    def _(primals, tangents):
+        (given,), (change,) = primals, tangents
+        found = value(given)
+        none = jax.tree.map(jnp.zeros_like, (given, found))
+        # In one array: JAX wants all of it to depend on what is differentiated.
+        flat, unravel = ravel_pytree((change, none[1]))
+
+        def tangent(_, flat):
+            run = lambda given: forward(eqx.combine(given, rest))  # noqa: E731
+            return ravel_pytree((none[0], jax.jvp(run, (given,), unravel(flat)[:1])[1]))[0]
+
+        def cotangent(_, flat):
+            run = lambda given: backward(eqx.combine(given, rest))  # noqa: E731
+            return ravel_pytree((*jax.vjp(run, given)[1](unravel(flat)[1]), none[1]))[0]
+
+        solved = jax.lax.custom_linear_solve(lambda x: x, flat, tangent, cotangent)
+        return found, unravel(solved)[1]
+
+    return value(given)
+
+
+def _sizes(rough, start):
+    """What tolerances are relative to: sizes of a rough result, never nothing."""
+
+    def plane(c):
+        mean = jnp.sqrt(jnp.abs(c.c11)) * jnp.sqrt(jnp.abs(c.c22))
+        return Compliance(*map(jnp.abs, c))._replace(c12=jnp.abs(c.c12) + 1e-6 * mean)
+
+    size = Numbers(plane(rough.plane), *jax.tree.map(jnp.abs, rough[1:]))
+    if start.traction is not None:
+        t, s, across = map(jnp.abs, start.traction)
+        size = size._replace(traction=(t + s, t + s, across))
+    size = jax.tree.map(lambda z: jnp.where(z > 0, z, 1), size)
+    return jax.lax.stop_gradient(size)
+
+
+def _coefficients(modulus, poisson, reference) -> tuple[Array, Array, Array, Array]:
     soft = reference * (1 + poisson) / modulus
     kappa = poisson / (1 - poisson)
     stiff = 2 * modulus / (reference * (1 - poisson**2))
     return kappa, soft, soft * (1 - 2 * poisson) / (2 * (1 - poisson)), stiff
 
 
-def _rates(c11, c12, c22, det, kappa, b1, b2, r):
+def _rates(c, kappa, b1, b2, r):
+    c11, c12, c22, det = c
     return (
         b1 - 2 * c12 - r * c11 * c11,
         kappa * c11 - c22 - r * c11 * c12,
@@ -136,10 +307,17 @@ def _rates(c11, c12, c22, det, kappa, b1, b2, r):
     )
 
 
-def _rates_inverse(z11, z12, z22, det, kappa, b1, b2, r):
+def _inverse_rates(z, kappa, b1, b2, r):
+    z11, z12, z22, det = z
     return (
         r - 2 * kappa * z12 - b1 * z11 * z11 - b2 * z12 * z12,
         z11 - kappa * z22 - b1 * z11 * z12 - b2 * z12 * z22,
         2 * z12 - b1 * z12 * z12 - b2 * z22 * z22,
         r * z22 - (b1 * z11 + b2 * z22) * det,
     )
+
+
+def _is_diffrax(value, kind):
+    import diffrax
+
+    return isinstance(value, getattr(diffrax, kind))

@@ -61,6 +61,17 @@ class Slab(NamedTuple):
     p22: Inexact[Array, "*w"]
 
 
+def plane_strain(modulus: Inexact[Array, "..."], poisson: Inexact[Array, "..."]) -> tuple:
+    """Returns E/(1 - ν²), in the unit of the modulus, and e = 1 - 2ν."""
+    return times(reciprocal(1 - poisson * poisson), modulus), 1 - 2 * poisson
+
+
+def in_units(c: Compliance, ratio: Inexact[Array, "..."]) -> Compliance:
+    """Returns a compliance in units of 2/(E_r q) of another E_r, `ratio` times as large."""
+    c11, c12, c22 = (times(ratio, part) for part in c[:3])
+    return Compliance(c11, c12, c22, times(ratio * ratio, c.det))
+
+
 def half_space(e: Inexact[Array, "..."]) -> Compliance:
     """Returns the compliance of a half space; `e` = 1 - 2ν."""
     one = jnp.ones_like(e)
@@ -199,8 +210,7 @@ def free_face(
 
 def _lower_face(below, s, ratio):
     """c in the units of the slab, the entries of H = c (1 + G c)⁻¹, and 1/det(1 + G c)."""
-    c11, c12, c22 = (times(ratio, c) for c in below[:3])
-    det = times(ratio * ratio, below.det)
+    c11, c12, c22, det = in_units(below, ratio)
     n = 1 + times(s.g11, c11) + times(2 * s.g12, c12) + times(s.g22, c22) + times(s.det_g, det)
     inverse = reciprocal(n)
     h11 = (c11 + times(s.g22, det)) * inverse

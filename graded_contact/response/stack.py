@@ -5,10 +5,9 @@ from typing import Any
 
 import equinox as eqx
 import jax
-import jax.numpy as jnp
-from jaxtyping import Array, Float, Inexact
+from jaxtyping import Array, Float
 
-from .._checks import Numbers, as_float, check_values, check_whole, door, scalar, short
+from .._checks import Numbers, check_values, scalar, short
 from ..rheology.material import AbstractMaterial, material_called
 
 
@@ -136,44 +135,9 @@ class Stack(eqx.Module):
         )
 
 
-class _AtHeight(AbstractMaterial):
-    """The material of a graded layer at one height."""
-
-    profile: Any
-    height: Float[Array, ""]
-
-    def modulus(self, omega: Numbers) -> Inexact[Array, "*w"]:
-        omega = as_float(omega, "omega")
-        return jnp.broadcast_to(self.profile(self.height, omega)[0], omega.shape)
-
-    def poisson_ratio(self, omega: Numbers) -> Inexact[Array, "..."]:
-        return jnp.asarray(self.profile(self.height, as_float(omega, "omega"))[1])
-
-    def at(self, temperature: Numbers) -> "_AtHeight":
-        return _AtHeight(self.profile.at(temperature), self.height)
-
-
-@door
-def sliced(stack: Stack, num_slices: int) -> Stack:
-    """Returns the stack with every graded layer cut into equal layers of its middle moduli.
-
-    What needs homogeneous layers (`surface_compliance_matrix`, `interior_fields`) takes the
-    result. Its error is even in 1/n for n slices: with values f(n), (4 f(2n) - f(n))/3 is two
-    orders better. M_zz itself needs no slices.
-
-    **Raises:** `ValueError` if `num_slices` is less than 1.
-    """
-    check_whole("num_slices", num_slices, 1)
-    layers = []
-    for layer in stack.layers:
-        if isinstance(layer, Layer):
-            layers.append(layer)
-            continue
-        heights = 1 - (jnp.arange(num_slices) + 0.5) / num_slices
-        layers += [
-            Layer(_AtHeight(layer.profile, s), layer.thickness / num_slices) for s in heights
-        ]
-    return Stack(layers=layers, base=stack.base)
+def is_graded(stack: Stack) -> bool:
+    """Returns whether a stack has a graded layer."""
+    return any(isinstance(layer, GradedLayer) for layer in stack.layers)
 
 
 def materials_of(stack: Stack) -> list[AbstractMaterial]:

@@ -29,7 +29,7 @@ _LINES = (-0.9, 0.1, 0.95)  # such lines, from the lowest (-1) to the highest (1
 _SAFETY = 3.0  # largest error over the largest of the sample
 
 
-class Table(eqx.Module):
+class KernelTable(eqx.Module):
     """The values at the nodes, and how good they are.
 
     **Fields:**
@@ -60,7 +60,7 @@ class Table(eqx.Module):
 
 def tabulate(
     function: OfModes, probe: OfModes, highest: tuple[int, int], tolerance: float, dtype: np.dtype
-) -> Table:
+) -> KernelTable:
     """Returns a table for the mode numbers 0 ... `highest` in each direction.
 
     It has the nodes that `tolerance` seems to need; whether it was met, `error` says. `probe` is
@@ -86,7 +86,7 @@ def tabulate(
 
     found = jax.lax.map(evaluate, (kx, ky, jnp.append(used, True)))
     values = jnp.swapaxes(found[:-1].reshape(num_tiles, num_tiles, _TILE, _TILE), 1, 2)
-    table = Table(
+    table = KernelTable(
         values=values.reshape(_MOST, _MOST),
         num_nodes=counts,
         num_evaluations=2 * len(_LINES) * _PROBED + _TILE**2 * (jnp.sum(used) + 1),

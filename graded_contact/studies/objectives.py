@@ -19,24 +19,33 @@ from .._checks import (
 )
 from ..persson.mean_field import MeanField, mean_field_friction
 from ..response.compliance import effective_modulus
+from ..response.grading import AbstractGradedSolver
+from ..response.layering import Layering
 from ..response.stack import Stack
 from ..spectrum import SelfAffine
 from ..surface import Surface
 
 
 @door
-def loss_tangent(stack: Stack, q: Numbers, velocity: Numbers) -> Float[Array, "..."]:
+def loss_tangent(
+    stack: Stack,
+    q: Numbers,
+    velocity: Numbers,
+    *,
+    graded: AbstractGradedSolver = Layering(),  # noqa: B008 (immutable)
+) -> Float[Array, "..."]:
     """Returns Im E_eff/Re E_eff [1] of the whole stack at `q` [rad/m] for sliding along q.
 
     **Arguments:**
 
     - `q`: wavenumbers [rad/m], positive.
     - `velocity`: [m/s], positive.
+    - `graded`: what solves graded layers, `Layering()` or `Riccati()`.
     """
     q, velocity = as_float(q, "q"), as_float(velocity, "velocity")
     check_positive("velocity", velocity, "[m/s]")
     check_together(q=q, velocity=velocity)
-    modulus = effective_modulus(stack, q, q * velocity)
+    modulus = effective_modulus(stack, q, q * velocity, graded=graded)
     return modulus.imag / modulus.real
 
 
@@ -68,12 +77,13 @@ def friction_curve(
     *,
     pressure: Numbers,
     velocities: Numbers,
+    graded: AbstractGradedSolver = Layering(),  # noqa: B008 (immutable)
 ) -> MeanField:
     """Returns the mean field at each velocity, along a first axis of every array of it.
 
     **Arguments:**
 
-    - `stack`, `spectrum`, `pressure`: as in `mean_field_friction`.
+    - `stack`, `spectrum`, `pressure`, `graded`: as in `mean_field_friction`.
     - `velocities`: along x [m/s], shape `(n,)`.
     """
     velocities = as_float(velocities, "velocities")
@@ -82,7 +92,10 @@ def friction_curve(
     check_values("velocities", velocities, "velocities [m/s] must be finite")
     check_positive("pressure", as_scalar(pressure, "pressure"), "[Pa]")
     return jax.lax.map(
-        lambda v: mean_field_friction(stack, spectrum, pressure=pressure, velocity=v), velocities
+        lambda v: mean_field_friction(
+            stack, spectrum, pressure=pressure, velocity=v, graded=graded
+        ),
+        velocities,
     )
 
 

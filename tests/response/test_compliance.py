@@ -11,6 +11,7 @@ from mpmath import mp, mpc, mpf
 
 import graded_contact as gc
 from graded_contact import reference
+from graded_contact.response.recursion import _settled
 
 CASES = json.loads(
     (pathlib.Path(__file__).parents[1] / "data" / "compliance_cases.json").read_text()
@@ -361,3 +362,11 @@ def test_derivatives_beside_a_nan_keep_their_sign():
         found = slope(q.at[place].set(jnp.nan))
         np.testing.assert_allclose(found[beside], slope(q)[beside], rtol=1e-12)
         assert np.isnan(found[place])
+
+
+def test_settled_numbers_are_what_they_were_beside_nan():
+    """And so are their derivatives: one bad wavenumber must not turn the sign of the others."""
+    values = jnp.array([jnp.nan, 1.0, 2.0])
+    np.testing.assert_array_equal(jax.jit(_settled)(values), values)
+    _, slope = jax.jvp(_settled, (values,), (jnp.ones(3),))
+    np.testing.assert_array_equal(slope, jnp.ones(3))

@@ -85,7 +85,7 @@ SPEED = 0.7
 def one_by_one(stack, index_x, index_y, rtol=None):
     qx = 2 * np.pi * index_x / 0.1
     q = np.hypot(qx, 2 * np.pi * index_y / 0.08)
-    return np.asarray(gc.surface_compliance(stack, q, -qx * SPEED, rtol))
+    return np.asarray(gc.surface_compliance(stack, q, -qx * SPEED, rtol=rtol))
 
 
 @pytest.mark.parametrize(
@@ -94,7 +94,7 @@ def one_by_one(stack, index_x, index_y, rtol=None):
     ids=["long", "graded"],
 )
 def test_kernel_of_a_dear_stack_is_that_of_single_wavevectors(stack, rtol):
-    kernel = np.asarray(gc.stack_kernel(stack, GRID, SPEED, rtol))
+    kernel = np.asarray(gc.stack_kernel(stack, GRID, SPEED, rtol=rtol))
     index_x, index_y = (
         np.array(k) for k in [(0, 1, 5, 0, 77, 127, 31, 2), (1, 0, 3, 90, 0, 99, 60, 1)]
     )
@@ -130,11 +130,11 @@ def test_a_table_that_falls_short_gives_way_to_direct_evaluation(monkeypatch):
     rtol = 1e-13
     monkeypatch.setattr(response.table, "_MOST", 2 * response.table._TILE)
     monkeypatch.setattr(response.table, "_PROBED", response.table._TILE)
-    kernel = np.asarray(gc.stack_kernel(LONG, GRID, SPEED, rtol))
+    kernel = np.asarray(gc.stack_kernel(LONG, GRID, SPEED, rtol=rtol))
     k = np.arange(1, 100)
     np.testing.assert_allclose(kernel[k, k], one_by_one(LONG, k, k), rtol=3e-14)
     with pytest.raises(RuntimeError, match="larger `rtol`"):
-        jax.jit(lambda v: gc.stack_kernel(LONG, GRID, v, rtol))(SPEED)
+        jax.jit(lambda v: gc.stack_kernel(LONG, GRID, v, rtol=rtol))(SPEED)
 
 
 def test_bad_tables_are_refused():
