@@ -11,9 +11,10 @@ from typing import NamedTuple
 import equinox as eqx
 import jax
 import jax.numpy as jnp
+import numpy as np
 from jaxtyping import Array, Bool, Float, Inexact
 
-from .._checks import as_scalar, check_positive, check_tolerance
+from .._checks import check_tolerance
 from ..rheology.measured import check_frequencies
 from .column import AddGraded, Numbers, Rule, climb_through, column_of
 from .profile import check_profile
@@ -91,10 +92,12 @@ def graded_tolerance(graded: AbstractGradedSolver, rtol: float | None, like: Arr
     return float(rtol)
 
 
-def check_rtol(rtol: float | None) -> None:
-    """Raises `ValueError` unless it is None or a positive number."""
-    if rtol is not None:
-        check_positive("rtol", as_scalar(rtol, "rtol"), "[1]")
+def as_tolerance(rtol: float | None) -> float | None:
+    """Returns the field `rtol` of a solver, refused if no dtype can reach it."""
+    if rtol is None:
+        return None
+    check_tolerance("rtol", rtol, np.zeros(0), floor_factor=_REFUSED_BELOW)
+    return float(rtol)
 
 
 def rounding(like: Array) -> float:

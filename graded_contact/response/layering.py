@@ -19,7 +19,7 @@ from jaxtyping import Array, Float, Inexact
 from .._checks import Numbers, as_float, check_type, check_whole, door
 from ..rheology.material import AbstractMaterial
 from .column import AddGraded, Cut, Rule, kept, settled_shape
-from .grading import AbstractGradedSolver, check_rtol, rounding
+from .grading import AbstractGradedSolver, as_tolerance, rounding
 from .mesh import Mesh, build_mesh, cells_of, coarsened, position, span, visible
 from .profile import moduli_at
 from .slab import plane_strain
@@ -54,13 +54,12 @@ class Layering(AbstractGradedSolver):
 
     num_cells: int | None = eqx.field(static=True, default=None)
     retry: bool = eqx.field(static=True, default=True)
-    rtol: float | None = eqx.field(static=True, default=None)
+    rtol: float | None = eqx.field(static=True, default=None, converter=as_tolerance)
 
     def __check_init__(self):
         if self.num_cells is not None:
             check_whole("num_cells", self.num_cells, 1)
         check_type("retry", self.retry, bool)
-        check_rtol(self.rtol)
 
     def solve(
         self,

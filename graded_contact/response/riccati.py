@@ -30,7 +30,7 @@ from jax.flatten_util import ravel_pytree
 from jaxtyping import Array, Float
 
 from .column import AddGraded, Numbers
-from .grading import AbstractGradedSolver, check_rtol, rounding
+from .grading import AbstractGradedSolver, as_tolerance, rounding
 from .layering import add_layered
 from .mesh import build_mesh, visible
 from .profile import moduli_at
@@ -61,10 +61,9 @@ class Riccati(AbstractGradedSolver):
     solver: Any = None
     controller: Callable[..., Any] | None = eqx.field(static=True, default=None)
     adjoint: Any = None
-    rtol: float | None = eqx.field(static=True, default=None)
+    rtol: float | None = eqx.field(static=True, default=None, converter=as_tolerance)
 
     def __check_init__(self):
-        check_rtol(self.rtol)
         for name, kind in (("solver", "AbstractSolver"), ("adjoint", "AbstractAdjoint")):
             value = getattr(self, name)
             if value is not None and not _is_diffrax(value, kind):
