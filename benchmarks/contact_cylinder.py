@@ -12,7 +12,7 @@ from contact_scenes import goal, growth, print_versions
 
 import graded_contact as gc
 from graded_contact import reference
-from graded_contact.contact.observables import edge_stiffness
+from graded_contact.contact.area import edge_stiffness
 from graded_contact.grid import to_field, to_spectrum
 
 CELL, WIDE = 8, 2**14

@@ -12,6 +12,7 @@ from .contact.path import ContactPath, follow_contact
 from .contact.problem import RESULTS, ContactSolution, solve_contact
 from .contact.rmd import ResidualDynamics
 from .contact.solver import AbstractContactSolver
+from .cutoff import CutoffCurve
 from .files.moduli.reading import Measured, read_moduli
 from .files.prony_cards import export_prony
 from .files.topography.reading import read_surface
@@ -40,7 +41,7 @@ from .rheology.measured import MeasuredRange, coverage
 from .rheology.shift import WLF, Arrhenius
 from .rheology.tabulated import Tabulated
 from .rheology.tabulated_shift import TabulatedShift
-from .sliding import CutoffCurve, Sliding, area_against_cutoff, slide
+from .sliding import Sliding, area_against_cutoff, slide
 from .spectrum import SelfAffine
 from .surface import Surface, radial_spectrum, random_surface, resample, rescale, statistics
 

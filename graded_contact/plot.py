@@ -275,7 +275,8 @@ def plot_design(results: DesignResults) -> "Figure":
             ).friction
         )
     )
-    ends = (np.min(before.wavenumber), np.max(before.wavenumber))
+    cutoff = before.against_cutoff.cutoff
+    ends = (np.min(cutoff), np.max(cutoff))
     band = study.band or ends
     q = np.geomspace(min(ends[0], band[0]), max(ends[1], band[1]), 200)
     speed = float(np.exp(np.mean(np.log(scene.velocity))))

@@ -5,25 +5,25 @@ velocity v. In the frame of the surface everything stands still, and every wavev
 pressure works the block at the frequency ω = -q·v.
 """
 
-from typing import NamedTuple
-
 import equinox as eqx
 import jax
 import jax.numpy as jnp
 import numpy as np
-from jaxtyping import Array, Float, Inexact
+from jaxtyping import Array, Float, Inexact, ScalarLike
 
 from ._checks import Numbers, as_float, check_positive, door, is_concrete
 from ._memory import check_memory, num_numbers, sliding_memory
 from .caveats import caveats_of
-from .contact.douglas_rachford import DouglasRachford
-from .contact.law import AbstractLaw, HardWall
-from .contact.observables import (
+from .contact.area import (
     contact_area,
     contact_area_corrected,
     contact_area_error,
     contact_area_smooth,
     edge_stiffness,
+)
+from .contact.douglas_rachford import DouglasRachford
+from .contact.law import AbstractLaw, HardWall
+from .contact.observables import (
     energy_imbalance,
     friction,
     friction_error,
@@ -34,6 +34,7 @@ from .contact.observables import (
 )
 from .contact.problem import RESULTS, ContactSolution, solve_contact
 from .contact.solver import AbstractContactSolver
+from .cutoff import CutoffCurve
 from .grid import Grid, to_field, to_spectrum, wavenumber
 from .response.grading import AbstractGradedSolver
 from .response.kernel import attempted_kernel, stack_kernel
@@ -122,8 +123,8 @@ def slide(
     stack: Stack,
     surface: Surface,
     *,
-    pressure: Numbers | None = None,
-    mean_gap: Numbers | None = None,
+    pressure: ScalarLike | None = None,
+    mean_gap: ScalarLike | None = None,
     velocity: Numbers,
     law: AbstractLaw = HardWall(),  # noqa: B008 (immutable)
     solver: AbstractContactSolver = DouglasRachford(),  # noqa: B008
@@ -151,6 +152,8 @@ def slide(
     - `law`, `solver`, `rtol`, `start`, `throw`: as in `solve_contact`. Without `throw` a graded
       layer whose kernel misses its tolerance is a `.result` as well, and all numbers are NaN.
 
+    **Returns:** friction, areas, errors and the contact itself, see `Sliding`.
+
     **Raises:** `ValueError` for a refused argument; `RuntimeError` if kernel or solve fail.
     """
     kernel, velocity, reached = _kernel_and_velocity(
@@ -173,7 +176,7 @@ def slide(
     return _observe(contact, kernel, heights, measured, grid, velocity, law, coverage(stack))
 
 
-def _kernel_and_velocity(stack, surface, velocity, solver, graded, throw=True):
+def _kernel_and_velocity(stack, surface, velocity, solver, graded, throw):
     """The kernel on the surface's grid, the velocity as an array, and if the kernel is good."""
     if not isinstance(stack, Stack):
         raise ValueError(f"`stack={stack!r}` must be a `Stack(layers=..., base=...)`.")
@@ -242,22 +245,13 @@ def _observe(
     )
 
 
-class CutoffCurve(NamedTuple):
-    """Friction and contact area [1] of a surface smoothed at each cut-off, shape `(cutoffs,)`."""
-
-    cutoff: Float[Array, " cutoffs"]
-    friction: Float[Array, " cutoffs"]
-    contact_area: Float[Array, " cutoffs"]
-    contact_area_smooth: Float[Array, " cutoffs"]
-
-
 @door
 def area_against_cutoff(
     stack: Stack,
     surface: Surface,
     cutoffs: Numbers,
     *,
-    pressure: Numbers,
+    pressure: ScalarLike,
     velocity: Numbers,
     law: AbstractLaw = HardWall(),  # noqa: B008 (immutable)
     solver: AbstractContactSolver = DouglasRachford(),  # noqa: B008
@@ -275,7 +269,9 @@ def area_against_cutoff(
     - `cutoffs`: wavenumbers |q| [rad/m], ascending, shape `(cutoffs,)`; waves beyond are left out.
     - the others: as in `slide`.
 
-    **Raises:** `ValueError` for a refused argument; `RuntimeError` if a solve fails.
+    **Returns:** a `CutoffCurve` of the cut-offs; without `throw`, of NaN if the kernel failed.
+
+    **Raises:** `ValueError` for a refused argument; `RuntimeError` if kernel or solve fail.
     """
     cutoffs = as_float(cutoffs, "cutoffs")
     if cutoffs.ndim != 1 or len(cutoffs) == 0:
@@ -283,7 +279,7 @@ def area_against_cutoff(
     check_positive("cutoffs", cutoffs, "[rad/m]")
     if is_concrete(cutoffs) and np.any(np.diff(cutoffs) <= 0):
         raise ValueError(f"`cutoffs={np.asarray(cutoffs)}` must ascend.")
-    kernel, velocity, _ = _kernel_and_velocity(stack, surface, velocity, solver, graded)
+    kernel, velocity, _ = _kernel_and_velocity(stack, surface, velocity, solver, graded, throw)
     grid = surface.grid
     spectrum, q = to_spectrum(surface.heights), wavenumber(grid)
 

@@ -8,7 +8,7 @@ import pytest
 PACKAGE = Path(__file__).parents[1] / "graded_contact"
 ORDER = [
     "_checks", "_fft", "_memory", "caveats", "parameters",
-    "grid", "spectrum", "surface",
+    "grid", "spectrum", "cutoff", "surface",
     "rheology/shift", "rheology/measured", "rheology/creep", "rheology/material",
     "rheology/tabulated", "rheology/tabulated_shift", "rheology/library",
     "response/shape", "response/profile", "response/stack", "response/slab", "response/recursion",
@@ -18,7 +18,7 @@ ORDER = [
     "contact/law", "contact/adhesion", "contact/anderson", "contact/solver",
     "contact/splitting", "contact/linear", "contact/douglas_rachford", "contact/rmd",
     "contact/implicit", "contact/problem", "contact/path",
-    "contact/observables", "sliding",
+    "contact/observables", "contact/area", "sliding",
     "persson/diffusion", "persson/modes", "persson/isotropic", "persson/mean_field",
     "files/topography/scan", "files/topography/text", "files/topography/road",
     "files/topography/library", "files/topography/holes", "files/topography/reading",

@@ -175,7 +175,7 @@ def test_complete_contact_has_the_friction_of_the_contact_solver(stack, velocity
     np.testing.assert_allclose(solution.friction, solved.friction, rtol=1e-9)
     np.testing.assert_allclose(solution.contact_area, 1, rtol=1e-15)
     spread = jnp.std(solved.pressure) ** 2
-    np.testing.assert_allclose(solution.stress_variance_up_to[-1], spread, rtol=1e-9)
+    np.testing.assert_allclose(solution.stress_variance[-1], spread, rtol=1e-9)
 
 
 X = jnp.arange(64)[:, None] / 64
@@ -211,9 +211,13 @@ def test_modes_of_a_surface_add_up_to_its_isotropic_spectrum():
     )
     np.testing.assert_allclose(modes.friction, continuous.friction, rtol=0.02)
     np.testing.assert_allclose(modes.contact_area, continuous.contact_area, rtol=0.02)
-    inside = (modes.wavenumber > 5 * Q0) & (modes.wavenumber < 35 * Q0)
-    at = np.interp(modes.wavenumber[inside], continuous.wavenumber, continuous.contact_area_up_to)
-    np.testing.assert_allclose(modes.contact_area_up_to[inside], at, rtol=0.03)
+    inside = (modes.against_cutoff.cutoff > 5 * Q0) & (modes.against_cutoff.cutoff < 35 * Q0)
+    at = np.interp(
+        modes.against_cutoff.cutoff[inside],
+        continuous.against_cutoff.cutoff,
+        continuous.against_cutoff.contact_area,
+    )
+    np.testing.assert_allclose(modes.against_cutoff.contact_area[inside], at, rtol=0.03)
 
 
 def test_ridges_rub_across_and_not_along():
@@ -296,7 +300,9 @@ def test_units_scale_out(length, stress, time):
     one, other = run(1.0, 1.0, 1.0), run(length, stress, time)
     np.testing.assert_allclose(other.friction, one.friction, rtol=1e-11)
     np.testing.assert_allclose(other.contact_area, one.contact_area, rtol=1e-11)
-    np.testing.assert_allclose(other.wavenumber, one.wavenumber / length, rtol=1e-12)
+    np.testing.assert_allclose(
+        other.against_cutoff.cutoff, one.against_cutoff.cutoff / length, rtol=1e-12
+    )
 
 
 @settings(max_examples=20)
@@ -319,9 +325,11 @@ def test_passive_stacks_lose_energy_and_contact_with_magnification(
     )  # fmt: skip
     assert solution.friction >= 0
     # Between the ends the running integral is as good as the polynomial through the nodes.
-    assert np.all(np.diff(solution.friction_up_to) >= -1e-3 * solution.friction)
-    assert np.all(np.diff(solution.contact_area_up_to) <= 1e-12)
-    assert np.all((solution.contact_area_up_to > 0) & (solution.contact_area_up_to <= 1))
+    assert np.all(np.diff(solution.against_cutoff.friction) >= -1e-3 * solution.friction)
+    assert np.all(np.diff(solution.against_cutoff.contact_area) <= 1e-12)
+    assert np.all(
+        (solution.against_cutoff.contact_area > 0) & (solution.against_cutoff.contact_area <= 1)
+    )
 
 
 # Distribution of the pressure
@@ -332,14 +340,14 @@ def test_pressure_distribution_integrates_to_area_load_and_spread(correction):
     solution = mean_field(COATED, SPECTRUM, pressure=3e5, velocity=0.05, correction=correction)
     np.testing.assert_allclose(solution.magnification[0], 1)
     for i in (30, -1):
-        spread = float(np.sqrt(solution.stress_variance_up_to[i]))
+        spread = float(np.sqrt(solution.stress_variance[i]))
 
         def moment(power, i=i, spread=spread):
             density = lambda s: float(pressure_distribution(solution, jnp.array([s]))[i, 0])  # noqa: E731
             ends = (0, 3e5 + 10 * spread)
             return quad(lambda s: s**power * density(s), *ends, limit=200, points=[3e5])[0]
 
-        np.testing.assert_allclose(moment(0), solution.contact_area_up_to[i], rtol=1e-8)
+        np.testing.assert_allclose(moment(0), solution.against_cutoff.contact_area[i], rtol=1e-8)
         np.testing.assert_allclose(moment(1), 3e5, rtol=1e-8)
     assert np.all(pressure_distribution(solution, jnp.array([1e5, 3e5]))[0] == 0)
     assert np.all(pressure_distribution(solution, jnp.zeros(1)) == 0)
@@ -350,7 +358,7 @@ def test_pressure_distribution_has_the_mean_square_that_dissipates():
     stress = np.linspace(0, 1e8, 20001)
     density = np.asarray(pressure_distribution(solution, jnp.asarray(stress)))
     square = np.trapezoid(stress**2 * density[-1], stress)
-    v = float(solution.stress_variance_up_to[-1]) / 9e10
+    v = float(solution.stress_variance[-1]) / 9e10
     growth = quad(lambda x: erf(1 / np.sqrt(2 * x)), 0, v, epsrel=1e-12, limit=500)[0]
     np.testing.assert_allclose(square / 9e10 - 1, growth, rtol=1e-5)
 
@@ -362,8 +370,10 @@ def test_pair_of_a_power_law_is_the_self_affine_spectrum():
     q = jnp.stack([SPECTRUM.q_low, SPECTRUM.q_roll, SPECTRUM.q_high])
     one = mean_field(COATED, SPECTRUM, pressure=3e5, velocity=0.05)
     two = mean_field(COATED, (q, SPECTRUM.density(q)), pressure=3e5, velocity=0.05)
-    np.testing.assert_allclose(two.friction_up_to, one.friction_up_to, rtol=1e-12)
-    np.testing.assert_allclose(two.contact_area_up_to, one.contact_area_up_to, rtol=1e-12)
+    np.testing.assert_allclose(two.against_cutoff.friction, one.against_cutoff.friction, rtol=1e-12)
+    np.testing.assert_allclose(
+        two.against_cutoff.contact_area, one.against_cutoff.contact_area, rtol=1e-12
+    )
 
 
 def test_radial_spectrum_of_a_surface_gives_nearly_what_its_modes_give():

@@ -1,4 +1,4 @@
-"""What a contact solution tells: friction, contact area, their errors, dissipation per wavenumber.
+"""What a contact solution tells: friction, its error, dissipation per wavenumber.
 
 The surface h(x - vt) moves with velocity v over the solid. On the moving surface the pressure σ
 does the work ⟨σ ∇w⟩·v per area and time against the solid, w being its displacement: the
@@ -12,14 +12,12 @@ and is what `Sliding.friction` uses; `Sliding.geometric_friction` uses the surfa
 the difference of the two tells the error of the grid.
 """
 
-from itertools import pairwise
-
-import jax
 import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Bool, Float, Inexact
 
 from .._checks import Numbers, as_float, check_shape, check_whole, door
+from ..cutoff import CutoffCurve
 from ..grid import (
     Grid,
     as_velocity,
@@ -30,13 +28,6 @@ from ..grid import (
     wavenumber,
     wavevector,
 )
-
-# Area of a pixel count beyond the true one, per pixel edge between contact and gap.
-# V. A. Yastrebov, G. Anciaux, J.-F. Molinari, Tribol. Int. 114 (2017) 161, arXiv:1701.02727.
-_EDGE_EXCESS = (np.pi - 1 + np.log(2)) / 24
-# How far, in pixels, the contour below lies outside the edge of a straight contact front:
-# mean over sub-pixel positions of Westergaard's contact, spread 0.02.
-_CONTOUR_OFFSET = 0.14
 
 
 def friction(
@@ -102,20 +93,22 @@ def cumulative_friction(
     grid: Grid,
     velocity: Numbers,
     num_wavenumbers: int = 64,
-) -> tuple[Float[Array, " wavenumbers"], Float[Array, " wavenumbers"]]:
-    """Returns wavenumbers q [rad/m] and the friction μ(q) [1] of all waves up to each.
+) -> CutoffCurve:
+    """Returns the friction of all waves up to each wavenumber.
 
     Each wave of the pressure contributes the work that it does on its own displacement, which in a
-    passive block is negative by no more than the error of the solution; the last μ(q) is the
-    friction coefficient. The wavenumbers are spaced geometrically from the lowest of the cell to
-    the highest of the grid.
+    passive block is negative by no more than the error of the solution; the last of `friction` is
+    the friction coefficient.
 
     **Arguments:**
 
     - `pressure`, `displacement`: of a solution [Pa, m], shape of `grid`.
     - `velocity`: that of the solution [m/s], a number (along x) or `(vx, vy)`; only its direction
-      counts, and with the opposite one μ is negative.
+      counts, and with the opposite one friction is negative.
     - `num_wavenumbers`: at least 2.
+
+    **Returns:** a `CutoffCurve` without areas, its cut-offs spaced geometrically from the lowest
+    wavenumber of the cell to the highest of the grid.
 
     **Raises:** `ValueError` for a refused argument.
     """
@@ -132,7 +125,7 @@ def cumulative_friction(
     place = jnp.searchsorted(edges, q.ravel() * (1 - 1e-6))
     place = jnp.minimum(place, num_wavenumbers - 1)
     share = jnp.bincount(place, work.ravel(), length=num_wavenumbers)
-    return edges, -jnp.cumsum(share) / jnp.mean(pressure)
+    return CutoffCurve(edges, -jnp.cumsum(share) / jnp.mean(pressure))
 
 
 def wave_frequencies(grid: Grid, velocity: Numbers) -> Float[Array, "..."]:
@@ -213,103 +206,6 @@ def unmeasured_shares(
         return jnp.sum(weight * lost) / jnp.where(total > 0, total, 1)
 
     return share(touching), share(traction)
-
-
-def contact_area(contact: Bool[Array, "*shape"]) -> Float[Array, ""]:
-    """Returns the fraction of points in contact [1]. Piecewise constant: it has no derivative."""
-    return jnp.mean(contact, dtype=jnp.result_type(float))
-
-
-def contact_area_corrected(contact: Bool[Array, "*shape"]) -> Float[Array, ""]:
-    """Returns the fraction of points in contact less the excess at the contact's edges [1].
-
-    Each pixel edge between contact and gap takes (π - 1 + ln 2)/24 of a pixel (Yastrebov et al.
-    2017, see above). In one dimension there is nothing to correct.
-    """
-    area = contact_area(contact)
-    if contact.ndim == 1:
-        return area
-    edges = sum(
-        jnp.mean(contact != jnp.roll(contact, 1, axis), dtype=area.dtype) for axis in (0, 1)
-    )
-    return area - _EDGE_EXCESS * edges
-
-
-def contact_area_error(
-    margin: Float[Array, "*shape"], pressure: Float[Array, "*shape"], error: Float[Array, ""]
-) -> Float[Array, ""]:
-    """Returns the fraction of points that may be on the wrong side of the edge of contact [1].
-
-    Those whose margin (see `AbstractLaw.margin`) [Pa] is below three times the root mean square
-    error of the pressure, given its relative `error`. The error of the grid comes on top.
-    """
-    doubt = 3 * error * jnp.sqrt(jnp.mean(pressure**2))
-    return jnp.mean(jnp.abs(margin) < doubt, dtype=margin.dtype)
-
-
-def edge_stiffness(kernel: Inexact[Array, "*half"], grid: Grid) -> Float[Array, ""]:
-    """Returns 1/|M| at half the Nyquist wavenumber along x [Pa/m]: it weighs gaps near an edge."""
-    return 1 / jnp.abs(kernel[(grid.shape[0] // 4,) + (0,) * (grid.ndim - 1)])
-
-
-def contact_area_smooth(margin: Float[Array, "*shape"]) -> Float[Array, ""]:
-    """Returns a sub-pixel contact area fraction [1], continuous in every parameter.
-
-    The margin (see `AbstractLaw.margin`), for a hard wall the pressure in contact and minus gap
-    times `edge_stiffness` outside, is interpolated linearly on the four
-    triangles of each pixel, and the area where it is positive is summed exactly. A point joins the
-    contact with margin 0, so the area never jumps. On a grid the contour lies 0.14 pixels outside a
-    straight edge of contact; that much of its length is taken off. Where it differs much from the
-    pixel count, the grid does not resolve the contact.
-    """
-    if margin.ndim == 1:
-        return jnp.mean(_positive_part_of_segment(margin, jnp.roll(margin, -1)))
-
-    # Row by row, and again for a derivative: whole fields of intermediate values cost more.
-    @jax.checkpoint
-    def add_row(total, sides):
-        left, right = sides
-        up, corner = jnp.roll(left, -1), jnp.roll(right, -1)
-        centre = (left + right + up + corner) / 4
-        for a, b in pairwise((left, right, corner, up, left)):
-            area, length = _triangle(a, b, centre)
-            total = total + (area - _CONTOUR_OFFSET * length)
-        return total, None
-
-    rows = (margin, jnp.roll(margin, -1, 0))
-    total, _ = jax.lax.scan(add_row, jnp.zeros_like(margin[0]), rows)
-    # A contact of a few pixels is smaller than its own correction.
-    return jnp.maximum(jnp.mean(total) / len(margin), 0)
-
-
-def _positive_part_of_segment(a, b):
-    """Fraction of a segment on which its linear interpolant is positive."""
-    mixed = (a > 0) != (b > 0)
-    span = jnp.where(mixed, jnp.abs(a) + jnp.abs(b), 1)
-    return jnp.where(mixed, jnp.maximum(a, b) / span, jnp.where(a > 0, 1, 0).astype(a.dtype))
-
-
-def _triangle(a, b, c):
-    """Area where the interpolant of a, b (one apart) and c (centre) is positive, and contour."""
-    in_a, in_b, in_c = a > 0, b > 0, c > 0
-    # The vertex that stands alone with its sign, if there is one, and the two after it.
-    by_a, by_b = (in_a != in_b) & (in_a != in_c), (in_b != in_a) & (in_b != in_c)
-    by_c = (in_c != in_a) & (in_c != in_b)
-    lone = jnp.where(by_a, a, jnp.where(by_b, b, c))
-    first = jnp.where(by_a, b, jnp.where(by_b, c, a))
-    second = jnp.where(by_a, c, jnp.where(by_b, a, b))
-    cut = by_a | by_b | by_c
-    # How far along each side the contour cuts it, seen from the lone vertex.
-    s = lone / jnp.where(cut, lone - first, 1)
-    t = lone / jnp.where(cut, lone - second, 1)
-    corner = 0.25 * s * t
-    whole = jnp.where(in_a, 0.25, 0.0).astype(a.dtype)
-    area = jnp.where(cut, jnp.where(lone > 0, corner, 0.25 - corner), whole)
-    # Sides between a or b and c are 1/√2 long, at right angles in c.
-    squared = jnp.where(by_a, 1, 0.5) * s * s + jnp.where(by_b, 1, 0.5) * t * t
-    squared = squared - jnp.where(by_c, 0, s * t)
-    crossed = cut & (squared > 0)
-    return area, jnp.where(crossed, jnp.sqrt(jnp.where(crossed, squared, 1)), 0)
 
 
 def _work(pressure, profile, grid, velocity):

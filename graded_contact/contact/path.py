@@ -64,6 +64,8 @@ def follow_contact(
       states.
     - the others: as in `solve_contact`.
 
+    **Returns:** means, areas and ends of all contacts and the whole of the last, see `ContactPath`.
+
     **Raises:** `ValueError` for a refused argument; `RuntimeError` if a solve fails.
     """
     if (pressure is None) == (mean_gap is None):

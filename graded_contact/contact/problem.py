@@ -10,7 +10,7 @@ import equinox as eqx
 import jax
 import jax.numpy as jnp
 import numpy as np
-from jaxtyping import Array, Float
+from jaxtyping import Array, Float, ScalarLike
 
 from .._checks import (
     Numbers,
@@ -121,9 +121,9 @@ class ContactSolution(eqx.Module):
 def solve_contact(
     kernel: Numbers,
     heights: Numbers,
-    pressure: Numbers | None = None,
+    pressure: ScalarLike | None = None,
     *,
-    mean_gap: Numbers | None = None,
+    mean_gap: ScalarLike | None = None,
     law: AbstractLaw = HardWall(),  # noqa: B008 (immutable)
     solver: AbstractContactSolver = DouglasRachford(),  # noqa: B008
     rtol: float = 1e-6,
@@ -145,13 +145,16 @@ def solve_contact(
     - `pressure`: mean pressure σ0 [Pa], within the bounds of the law; or
     - `mean_gap`: mean of the gap u [m], counted from the mean of the heights.
     - `law`: of contact.
-    - `solver`: algorithm and its limits.
+    - `solver`: algorithm and its limits, and how derivatives are found: see `DouglasRachford`, or
+      `AbstractContactSolver` for one's own.
     - `rtol`: wanted relative error of the pressure [1].
     - `start`: a pressure field [Pa] to start from, such as a neighbouring solution; a load that it
       lacks is spread evenly. One at a load or speed more than half as large again saves nothing.
       With a law that attracts, it chooses among several solutions; see `follow_contact`.
     - `throw`: whether to raise if the solver fails or the kernel is not finite; otherwise look at
       `.result`.
+
+    **Returns:** the fields, their errors and how the solve ended, see `ContactSolution`.
 
     **Raises:** `ValueError` for a refused argument; `RuntimeError` if the solve fails.
     """

@@ -41,6 +41,7 @@ from .._checks import (
     check_values,
     door,
 )
+from ..cutoff import CutoffCurve
 from ..response.grading import AbstractGradedSolver, check_profiles
 from ..response.kernel import stack_kernel
 from ..response.layering import Layering
@@ -66,10 +67,9 @@ class MeanField(eqx.Module):
 
     - `friction`: force opposing the motion over the load [1], with all roughness.
     - `contact_area`: fraction of the nominal area in contact [1], with all roughness.
-    - `wavenumber`: q [rad/m], increasing, shape `(n,)`.
-    - `friction_up_to`, `contact_area_up_to`: with roughness up to `wavenumber` only [1], `(n,)`;
-      friction there may ring by 1e-3 of the whole where few nodes resolve it.
-    - `stress_variance_up_to`: V' [Pa²], how far the pressure has spread, `(n,)`.
+    - `against_cutoff`: with roughness up to each of `n` cut-offs only; friction there may ring by
+      1e-3 of the whole where few nodes resolve it.
+    - `stress_variance`: V' [Pa²], how far the pressure has spread at each cut-off, shape `(n,)`.
     - `pressure`: the mean pressure σ0 [Pa].
     - `extrapolated_friction`: share of the friction from frequencies at which a material of the
       stack was not measured [1], to about 1 % by the quadrature; see `coverage`.
@@ -79,18 +79,17 @@ class MeanField(eqx.Module):
 
     friction: Float[Array, ""]
     contact_area: Float[Array, ""]
-    wavenumber: Float[Array, " n"]
-    friction_up_to: Float[Array, " n"]
-    contact_area_up_to: Float[Array, " n"]
-    stress_variance_up_to: Float[Array, " n"]
+    against_cutoff: CutoffCurve
+    stress_variance: Float[Array, " n"]
     pressure: Float[Array, ""]
     extrapolated_friction: Float[Array, ""]
     error: Float[Array, ""]
 
     @property
     def magnification(self) -> Float[Array, " n"]:
-        """ζ [1], wavenumbers over the lowest one."""
-        return self.wavenumber / self.wavenumber[0]
+        """ζ [1], cut-offs over the lowest one."""
+        cutoff = self.against_cutoff.cutoff
+        return cutoff / cutoff[0]
 
 
 @door
@@ -168,10 +167,8 @@ def mean_field_friction(
     solution = MeanField(
         friction=friction[-1],
         contact_area=contact_area[-1],
-        wavenumber=q,
-        friction_up_to=friction,
-        contact_area_up_to=contact_area,
-        stress_variance_up_to=x * load * load,
+        against_cutoff=CutoffCurve(q, friction, contact_area),
+        stress_variance=x * load * load,
         pressure=load,
         extrapolated_friction=share,
         error=error,
@@ -193,15 +190,15 @@ def pressure_distribution(mean_field: MeanField, stress: Numbers) -> Float[Array
     - `mean_field`: a result of `mean_field_friction`.
     - `stress`: σ [Pa], not negative, shape `(m,)`.
 
-    **Returns:** P, shape `(n, m)`, a row for each of `mean_field.wavenumber`. Where no roughness is
-    seen yet all of P lies at σ0, and the row is 0.
+    **Returns:** P, shape `(n, m)`, a row for each cut-off. Where no roughness is seen yet
+    all of P lies at σ0, and the row is 0.
     """
     stress = as_float(stress, "stress")
     if stress.ndim != 1:
         raise ValueError(f"`stress` has shape {stress.shape}; one axis is needed.")
     check_values("stress", stress, "a stress [Pa] is zero or positive", at_least=0)
     mean = mean_field.pressure
-    x = mean_field.stress_variance_up_to / mean / mean
+    x = mean_field.stress_variance / mean / mean
     return density(x[:, None], (stress / mean)[None, :]) / mean
 
 

@@ -106,6 +106,7 @@ def friction_between(field: MeanField, q_from: Numbers, q_to: Numbers) -> Float[
     Over `field.friction` it is the share of a window, to be made large for a selective response,
     or, with `q_to` the last wavenumber, small for friction that fine roughness cannot change.
     """
+    curve = field.against_cutoff
     at = jnp.log(jnp.stack([as_float(q_from, "q_from"), as_float(q_to, "q_to")]))
-    low, high = jnp.interp(at, jnp.log(field.wavenumber), field.friction_up_to)
+    low, high = jnp.interp(at, jnp.log(curve.cutoff), curve.friction)
     return high - low

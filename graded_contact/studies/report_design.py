@@ -85,7 +85,7 @@ def curve_velocities(study: Study, field: MeanField) -> Float[np.ndarray, " velo
     - `field`: of its block, whose waves are excited.
     """
     first, last = study.scene.velocity.min() / 100, study.scene.velocity.max() * 100
-    waves = np.asarray(field.wavenumber).reshape(-1)[[0, -1]]
+    waves = np.asarray(field.against_cutoff.cutoff).reshape(-1)[[0, -1]]
     for material in materials_of(study.scene.stack):
         if isinstance(material, Tabulated) and material.extrapolate == "refuse":
             first = max(first, float(material.omega[0]) / (waves[0] * LAST_COSINE))

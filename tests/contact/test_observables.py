@@ -6,6 +6,7 @@ from conftest import BODIES, SPEED, rough
 
 import graded_contact as gc
 from graded_contact import reference
+from graded_contact.contact import area as area_of
 from graded_contact.contact import observables
 
 GRID = gc.Grid((64, 64), 1.0)
@@ -23,7 +24,7 @@ def moved_by(pressure, kernel):
 
 
 def margin(solution, kernel, grid):
-    stiffness = observables.edge_stiffness(kernel, grid)
+    stiffness = area_of.edge_stiffness(kernel, grid)
     return gc.HardWall().margin(solution.pressure, solution.gap, stiffness)
 
 
@@ -76,8 +77,8 @@ def test_area_of_a_disc_is_exact_below_the_pixel():
     for radius in rng.uniform(5, 20, 8):
         centre = n / 2 + rng.uniform(0, 1, 2)
         field = radius - np.hypot(x[:, None] - centre[0], x - centre[1])
-        smooth = observables.contact_area_smooth(jnp.asarray(field))
-        offset = observables._CONTOUR_OFFSET * 2 * np.pi * radius
+        smooth = area_of.contact_area_smooth(jnp.asarray(field))
+        offset = area_of._CONTOUR_OFFSET * 2 * np.pi * radius
         expected = (np.pi * radius**2 - offset) / n**2
         perimeter = 2 * np.pi * radius
         assert abs(float(smooth) - expected) * n**2 <= 0.03 * perimeter
@@ -94,7 +95,7 @@ def test_smooth_area_of_a_wave_follows_westergaard_between_pixels():
     for fraction in np.linspace(0.4, 0.4 + 4 / n, 9):
         load = full * np.sin(np.pi * fraction / 2) ** 2
         s = gc.solve_contact(kernel, wave, load, rtol=1e-8)
-        area = observables.contact_area_smooth(margin(s, kernel, grid))
+        area = area_of.contact_area_smooth(margin(s, kernel, grid))
         errors.append(float(area) - fraction)
     assert np.max(np.abs(errors)) <= 0.1 / n
 
@@ -108,9 +109,9 @@ def test_smooth_area_converges_faster_than_the_pixel_count():
         s = gc.solve_contact(kernel, surface.heights, 0.2)
         contact = s.pressure > 0
         areas[n] = (
-            observables.contact_area(contact),
-            observables.contact_area_corrected(contact),
-            observables.contact_area_smooth(margin(s, kernel, grid)),
+            area_of.contact_area(contact),
+            area_of.contact_area_corrected(contact),
+            area_of.contact_area_smooth(margin(s, kernel, grid)),
         )
     best = areas[256][2]
     count, corrected, smooth = (abs(float(a - best)) for a in areas[64])
@@ -120,15 +121,15 @@ def test_smooth_area_converges_faster_than_the_pixel_count():
 
 def test_full_contact_has_area_one_and_none_has_area_zero():
     everywhere = jnp.ones((16, 16), bool)
-    assert observables.contact_area_smooth(jnp.ones((16, 16))) == 1
-    assert observables.contact_area_smooth(-jnp.ones((16, 16))) == 0
-    assert observables.contact_area_corrected(everywhere) == 1
+    assert area_of.contact_area_smooth(jnp.ones((16, 16))) == 1
+    assert area_of.contact_area_smooth(-jnp.ones((16, 16))) == 0
+    assert area_of.contact_area_corrected(everywhere) == 1
 
 
 def test_smooth_area_has_finite_gradients_at_corners_of_contact():
     """One point alone in contact, with zero pressure, touches every guard of the contour."""
     for margin in (jnp.full((8, 8), -1.0).at[4, 4].set(0), jnp.zeros((8, 8))):
-        assert np.all(np.isfinite(jax.grad(observables.contact_area_smooth)(margin)))
+        assert np.all(np.isfinite(jax.grad(area_of.contact_area_smooth)(margin)))
 
 
 @pytest.mark.parametrize("name", ["bare", "coated", "three layers"])
@@ -183,7 +184,7 @@ def test_full_contact_friction_is_exact_for_a_rough_surface(name, velocity):
 def test_area_corrected_takes_a_known_share_of_each_edge_pixel():
     """V10: 0.118114 of a pixel for each of the 4·8 edges of a square of 8."""
     contact = jnp.zeros((32, 32), bool).at[4:12, 4:12].set(True)
-    excess = 64 / 32**2 - observables.contact_area_corrected(contact)
+    excess = 64 / 32**2 - area_of.contact_area_corrected(contact)
     np.testing.assert_allclose(excess, 32 * 0.118114 / 32**2, rtol=1e-5)
 
 
@@ -198,13 +199,14 @@ def test_friction_of_all_waves_is_the_friction_and_none_takes_from_it(body, velo
     kernel = gc.stack_kernel(body, GRID, velocity)
     s = gc.solve_contact(kernel, surface.heights, 0.05)
     w = moved_by(s.pressure, kernel)
-    q, mu = gc.cumulative_friction(s.pressure, w, GRID, velocity)
+    curve = gc.cumulative_friction(s.pressure, w, GRID, velocity)
+    q, mu = curve.cutoff, curve.friction
     total = observables.friction(s.pressure, w, GRID, velocity)
     np.testing.assert_allclose(mu[-1], total, rtol=1e-12, atol=1e-17)
     assert np.all(np.diff(mu) >= -1e-15)
     assert mu[0] >= -1e-15
     # The solution's own displacement differs by what is left of the error.
-    np.testing.assert_allclose(friction_up_to(s, velocity)[1], mu, atol=1e-6)
+    np.testing.assert_allclose(friction_up_to(s, velocity).friction, mu, atol=1e-6)
     np.testing.assert_allclose(np.asarray(q)[[0, -1]], 2 * np.pi * np.array([1, np.hypot(32, 32)]))
 
 
@@ -215,7 +217,8 @@ def test_friction_of_two_waves_in_full_contact_rises_in_their_two_steps():
     heights = sum(a * np.cos(2 * np.pi * (m * x[:, None] + n * x)) for (m, n), a in waves.items())
     kernel = gc.stack_kernel(BODIES["bare"], GRID, SPEED)
     s = gc.solve_contact(kernel, heights, load, rtol=1e-11)
-    q, mu = friction_up_to(s, num_wavenumbers=200)
+    curve = friction_up_to(s, num_wavenumbers=200)
+    q, mu = curve.cutoff, curve.friction
     expected = 0.0
     for (m, n), a in waves.items():
         qx, size = 2 * np.pi * m, 2 * np.pi * np.hypot(m, n)
@@ -229,11 +232,12 @@ def test_friction_of_two_waves_in_full_contact_rises_in_their_two_steps():
 def test_friction_per_wave_works_under_jit_and_has_derivatives():
     """Pressure and displacement that grow together: second order over first."""
     _, _, s = solved("coated")
-    plain = friction_up_to(s)[1]
+    plain = friction_up_to(s).friction
 
     @jax.jit
     def grown(c):
-        return gc.cumulative_friction(c * s.pressure, c * s.displacement, GRID, SPEED)[1]
+        fields = (c * s.pressure, c * s.displacement)
+        return gc.cumulative_friction(*fields, GRID, SPEED).friction
 
     np.testing.assert_allclose(grown(1.0), plain, rtol=1e-12)
     np.testing.assert_allclose(jax.jacfwd(grown)(1.0), plain, rtol=1e-10)
@@ -277,9 +281,7 @@ def test_stated_errors_of_friction_and_area_cover_the_true_ones():
                     )
                     assert 0 < stated <= 3 * rtol * mu
                     covered.append(stated >= abs(mu - true))
-                    doubt = observables.contact_area_error(
-                        margin(s, kernel, GRID), s.pressure, s.error
-                    )
+                    doubt = area_of.contact_area_error(margin(s, kernel, GRID), s.pressure, s.error)
                     wrong = np.mean((s.pressure > 0) != (best.pressure > 0))
                     inside.append(doubt >= wrong)
     assert np.mean(covered) >= 0.9

@@ -10,7 +10,8 @@ from oracles import dense_contact, dense_operator
 import graded_contact as gc
 from graded_contact import reference
 from graded_contact.contact import anderson, splitting
-from graded_contact.contact.observables import contact_area_corrected, friction
+from graded_contact.contact.area import contact_area_corrected
+from graded_contact.contact.observables import friction
 from graded_contact.grid import half_shape, wavenumber, wavevector
 
 SMALL = gc.Grid((16, 16), 1.0)
