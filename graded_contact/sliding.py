@@ -289,9 +289,8 @@ def area_against_cutoff(
             kernel, heights, pressure, law=law, solver=solver, rtol=rtol, start=start, throw=throw
         )
         s = _observe(contact, kernel, heights, surface.measured, grid, velocity, law, None)
-        row = CutoffCurve(cutoff, s.friction, s.contact_area, s.contact_area_smooth)
-        return contact.pressure, row
+        return contact.pressure, jnp.stack([s.friction, s.contact_area, s.contact_area_smooth])
 
     start, first = solve(cutoffs[0], None)
     _, rest = jax.lax.scan(lambda start, cutoff: solve(cutoff, start), start, cutoffs[1:])
-    return jax.tree.map(lambda a, b: jnp.concatenate([a[None], b]), first, rest)
+    return CutoffCurve(cutoffs, *jnp.concatenate([first[None], rest]).T)

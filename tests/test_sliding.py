@@ -294,8 +294,8 @@ def test_x64_before_or_after_import_gives_the_same_bits():
         ({"start": np.ones((8, 8))}, "`start` has shape"),
     ],
 )
-def test_bad_argument_is_refused(changed, message):
-    with pytest.raises((ValueError, TypeError), match=message if "fast" not in message else None):
+def test_bad_argument_is_refused(changed, message, unchecked_types):
+    with pytest.raises(ValueError, match=message):
         gc.slide(coated(), SURFACE, **({"pressure": 4e5, "velocity": 0.1} | changed))
 
 
