@@ -36,6 +36,7 @@ ORDER = [
     "studies/bounds", "studies/problem", "studies/design", "studies/alternatives",
     "studies/extrapolation", "studies/run",
     "studies/design_problem", "studies/run_design", "studies/report_design", "studies/cost",
+    "studies/identity", "studies/study", "studies/chunk", "studies/cluster", "studies/sweep",
     "reference", "plot", "cli", "__main__",
 ]  # fmt: skip
 # What a file or folder must not see although it comes before: contact gets a kernel, not layers.

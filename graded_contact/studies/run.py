@@ -26,7 +26,7 @@ from ..files.toml import within
 from ..sliding import slide
 from ..surface import Surface
 from .extrapolation import check_frequencies_of, velocity_vector
-from .store import Point, Store, fingerprint
+from .store import Point, Store, fingerprint, reason_of
 
 
 def build_surface(scene: Scene) -> Surface:
@@ -146,20 +146,10 @@ def _solve(scene: Scene, surface: Surface, index: tuple[int, ...], with_fields: 
             throw=False,
         )
     except (ValueError, RuntimeError) as error:
-        # Not the point's fault; compiled code tells it as an error of its own.
-        if "RESOURCE_EXHAUSTED" in str(error):
-            raise MemoryError(reason_of(error)) from error
-        if "KeyboardInterrupt" in str(error):
-            raise KeyboardInterrupt from error
         return Point(values={}, message=FAILED + reason_of(error), inputs=inputs)
     kept = (*OBSERVABLES, *FIELDS) if with_fields else OBSERVABLES
     values = {name: np.asarray(getattr(sliding, name)) for name in kept}
     return Point(values=values, message=str(RESULTS[sliding.result]), inputs=inputs)
-
-
-def reason_of(error: Exception) -> str:
-    """Returns what an error says, without the traceback that compiled code puts around it."""
-    return str(error).rpartition("Error: ")[2].partition("\n\n")[0].strip()
 
 
 def _is_whole(point: Point, with_fields: bool) -> bool:

@@ -78,6 +78,20 @@ class Point:
     inputs: dict[str, Any]
 
 
+def reason_of(error: Exception) -> str:
+    """Returns why a point failed, without the traceback that compiled code puts around it.
+
+    **Raises:** `MemoryError` and `KeyboardInterrupt`, which compiled code tells as errors of its
+    own, and which are not the point's.
+    """
+    reason = str(error).rpartition("Error: ")[2].partition("\n\n")[0].strip()
+    if "RESOURCE_EXHAUSTED" in str(error):
+        raise MemoryError(reason) from error
+    if "KeyboardInterrupt" in str(error):
+        raise KeyboardInterrupt from error
+    return reason
+
+
 class Store:
     """A folder of finished points; `with Store(folder) as store:` makes it and locks it.
 

@@ -1,0 +1,201 @@
+"""What a function gave at many points, as arrays over named axes, and the file that holds them.
+
+The file is HDF5 as xarray writes it: one dataset per quantity, one scale per axis, units as
+attributes, so that `xarray.open_dataset(path, engine="h5netcdf")` opens it.
+"""
+
+import csv
+import dataclasses
+import os
+from collections.abc import Sequence
+from pathlib import Path
+from typing import TYPE_CHECKING, Any, NamedTuple
+
+import h5py
+import numpy as np
+
+from ..files.sealed import replacing
+from ..files.toml import nearest
+
+if TYPE_CHECKING:
+    import xarray
+
+FORMAT = "graded_contact study 1"
+
+
+@dataclasses.dataclass(frozen=True, eq=False)
+class Study:
+    """One NumPy array per quantity over named axes.
+
+    **Fields:**
+
+    - `axes`: coordinates along each axis of the points, by name, in order. Points that make no grid
+      lie along one axis `point`, and what they are is among the values.
+    - `values`: real arrays by the quantity's name, the axes of the points before its own; NaN where
+      a point has no numbers.
+    - `message`: how each point ended: empty where it succeeded, otherwise the solver's words,
+      "failed: ..." or "not started". Shape of the points.
+    - `units`: of axes and quantities, by name, where they are known.
+    """
+
+    axes: dict[str, np.ndarray]
+    values: dict[str, np.ndarray]
+    message: np.ndarray
+    units: dict[str, str]
+
+    def __getitem__(self, name: str) -> np.ndarray:
+        """Returns the quantity or the axis of this name."""
+        known = {**self.axes, **self.values}
+        if name not in known:
+            raise KeyError(f"There is no {name!r}: {nearest(name, known)}")
+        return known[name]
+
+    @property
+    def complete(self) -> bool:
+        """Whether every point succeeded."""
+        return bool(np.all(self.message == ""))
+
+    def over(self, axis: str, quantiles: Sequence[float] = (0.05, 0.5, 0.95)) -> "Spread":
+        """Returns mean, standard error and quantiles over an axis, such as "seed".
+
+        Points that did not succeed are left out; NaN where none is left. The standard error of the
+        mean is that of independent draws: NaN where there is one.
+
+        **Raises:** `ValueError` if there is no such axis.
+        """
+        if axis not in self.axes:
+            raise ValueError(f"`axis={axis!r}` is no axis: {nearest(axis, self.axes)}")
+        along = list(self.axes).index(axis)
+        used = self.message == ""
+        mean, error, levels = {}, {}, {}
+        for name, values in self.values.items():
+            outer = used.reshape(used.shape + (1,) * (values.ndim - used.ndim))
+            kept = np.ma.masked_array(values.astype(float), np.broadcast_to(~outer, values.shape))
+            count = np.sum(outer, axis=along)
+            mean[name] = np.ma.filled(kept.mean(along), np.nan)
+            variance = np.ma.filled(kept.var(along), np.nan)
+            error[name] = np.sqrt(variance / np.where(count > 1, count - 1, np.nan))
+            levels[name] = _quantiles(kept.filled(np.nan), quantiles, along)
+        axes = {name: at for name, at in self.axes.items() if name != axis}
+        message = np.where(np.any(used, axis=along), "", "no point succeeded")
+        each = {"quantile": np.asarray(quantiles, float), **axes}
+        everywhere = np.broadcast_to(message, (len(each["quantile"]), *message.shape))
+        return Spread(
+            Study(axes, mean, message, self.units),
+            Study(axes, error, message, self.units),
+            Study(each, levels, everywhere, self.units),
+        )
+
+    def to_xarray(self) -> "xarray.Dataset":
+        """Returns the study as an `xarray.Dataset` (the extra `xarray`)."""
+        try:
+            import xarray
+        except ImportError as error:
+            raise ImportError(
+                "`to_xarray` needs xarray: `pip install 'graded_contact[xarray]'`."
+            ) from error
+        data: dict[str, Any] = {
+            name: (self._dimensions(name), values, self._about(name))
+            for name, values in self.values.items()
+        }
+        data["message"] = (tuple(self.axes), self.message.astype(object))
+        coordinates = {name: (name, at, self._about(name)) for name, at in self.axes.items()}
+        return xarray.Dataset(data, coordinates)
+
+    def to_csv(self, path: str | os.PathLike) -> None:
+        """Writes a table with a row for each point: axes, numbers (no fields) and message."""
+        numbers = [name for name in self.values if self.values[name].ndim == self.message.ndim]
+        units = [f" [{self.units[n]}]" if n in self.units else "" for n in (*self.axes, *numbers)]
+        names = [*map("".join, zip((*self.axes, *numbers), units, strict=True)), "message"]
+        with replacing(path) as partial, open(partial, "w", newline="", encoding="utf-8") as file:
+            rows = csv.writer(file)
+            rows.writerow(names)
+            for index in np.ndindex(self.message.shape):
+                at = [values[i] for values, i in zip(self.axes.values(), index, strict=True)]
+                rows.writerow([*at, *(self.values[n][index] for n in numbers), self.message[index]])
+
+    def write(self, path: str | os.PathLike) -> None:
+        """Writes an HDF5 file; an earlier one is replaced once the new one is whole."""
+        with replacing(path) as partial, h5py.File(partial, "w-", track_order=True) as opened:
+            file: Any = opened
+            file.attrs["format"] = FORMAT
+            file.attrs["axes"] = list(self.axes)
+            for name, at in self.axes.items():
+                _put(file, name, at, (), self._about(name))
+                file[name].make_scale(name)
+            # The format has no dimension without a scale.
+            indices = {d for name in self.values for d in self._dimensions(name)} - set(self.axes)
+            for name in sorted(indices):
+                file[name] = np.arange(int(name.split("_")[-1]))
+                file[name].make_scale(name)
+            for name, values in self.values.items():
+                _put(file, name, values, self._dimensions(name), self._about(name))
+            _put(file, "message", self.message, tuple(self.axes), {})
+
+    def _dimensions(self, name: str) -> tuple[str, ...]:
+        own = self.values[name].shape[self.message.ndim :]
+        return (*self.axes, *(f"index_{i}_of_{length}" for i, length in enumerate(own)))
+
+    def _about(self, name: str) -> dict[str, str]:
+        return {"units": self.units[name]} if name in self.units else {}
+
+
+class Spread(NamedTuple):
+    """Mean, standard error of the mean, and quantiles, which lie along a first axis `quantile`."""
+
+    mean: Study
+    standard_error: Study
+    quantiles: Study
+
+
+def read_study(path: str | os.PathLike) -> Study:
+    """Returns the study in a file that `Study.write` wrote, bit for bit.
+
+    **Raises:** `FileNotFoundError`; `ValueError` for another file or a damaged one.
+    """
+    if not Path(path).exists():
+        raise FileNotFoundError(f"`path={path}` does not exist.")
+    try:
+        with h5py.File(path) as opened:
+            file: Any = opened
+            if file.attrs.get("format") != FORMAT:
+                raise ValueError(f"it does not say that it holds a {FORMAT!r}")
+            axes = {str(name): _array(file[name]) for name in file.attrs["axes"]}
+            rest = [name for name in file if name not in axes and not name.startswith("index_")]
+            units = {
+                name: str(file[name].attrs["units"]) for name in file if "units" in file[name].attrs
+            }
+            values = {name: _array(file[name]) for name in rest if name != "message"}
+            return Study(axes, values, _array(file["message"]), units)
+    except (OSError, KeyError, TypeError, ValueError, RuntimeError, AttributeError) as error:
+        raise ValueError(f"`path={path}` cannot be read as a study: {error}.") from error
+
+
+def _array(dataset: Any) -> np.ndarray:
+    if h5py.check_string_dtype(dataset.dtype) is None:
+        return np.asarray(dataset[()])
+    return np.asarray(dataset.asstr()[()]).astype(str)
+
+
+def _put(file: Any, name: str, values: np.ndarray, dimensions: Sequence[str], about: dict) -> None:
+    if values.dtype.kind in "UO":
+        file.create_dataset(name, data=values.astype(object), dtype=h5py.string_dtype())
+    else:
+        file[name] = values
+    file[name].attrs.update(about)
+    for dimension, scale in zip(file[name].dims, dimensions, strict=len(dimensions) > 0):
+        dimension.attach_scale(file[scale])
+
+
+def _quantiles(values: np.ndarray, levels: Sequence[float], along: int) -> np.ndarray:
+    """Quantiles of what is not NaN, the levels along a first axis; NaN where nothing is left."""
+    ordered = np.sort(np.moveaxis(values, along, 0), axis=0)  # NaN comes last
+    count = np.sum(~np.isnan(ordered), axis=0)
+    found = []
+    for level in levels:
+        place = np.asarray(level * np.maximum(count - 1, 0))
+        low = np.floor(place).astype(int)
+        high = np.minimum(low + 1, np.maximum(count - 1, 0))
+        ends = [np.take_along_axis(ordered, i[None], axis=0)[0] for i in (low, high)]
+        found.append(ends[0] + (place - low) * (ends[1] - ends[0]))
+    return np.stack(found)

@@ -1,0 +1,190 @@
+"""A function at many points: in chunks that share one compiled program, each point kept at once.
+
+In one process a chunk is a loop inside one program, whose length is an argument: any number of
+points up to the chunk's size takes the same program and gives the same bits, whatever was kept from
+an earlier run. With a client of `dask.distributed` the same program runs on its workers.
+"""
+
+import contextlib
+import math
+import os
+from collections.abc import Callable, Mapping, Sequence
+from functools import partial
+from typing import Any
+
+import jax
+import numpy as np
+
+from .._checks import Numbers, as_float, check_values, check_whole, short
+from .._memory import SMALL, available_memory, in_gigabytes
+from ..files.results import NOT_STARTED, package_versions
+from .chunk import arrays_of, chunk_program, run_chunk
+from .cluster import on_workers
+from .identity import identity
+from .store import Point, Store, fingerprint
+from .study import Study
+
+UNITS = {
+    "pressure": "Pa", "velocity": "m/s", "temperature": "K", "friction": "1", "contact_area": "1",
+    "contact_area_corrected": "1", "contact_area_smooth": "1", "mean_gap": "m", "gap": "m",
+    "displacement": "m", "error": "1", "num_fft_pairs": "1",
+}  # fmt: skip
+
+
+def sweep(
+    function: Callable[[dict[str, Any]], Any],
+    axes: Mapping[str, Numbers] | Sequence[Mapping[str, Any]],
+    *,
+    store: str | os.PathLike | Store | None = None,
+    client: Any = None,
+    chunk: int = 8,
+    units: Mapping[str, str] | None = None,
+    progress: Callable[[int, int], None] | None = None,
+) -> Study:
+    """Returns what a function gives at every point of a grid, or of a list.
+
+    A point that fails is kept with its reason, one whose solver did not converge with its message
+    and its numbers, and the rest goes on. With a `store` every finished point is on the disk at
+    once, and a rerun computes what is missing there; another function, which is told by its
+    program, is another study. Ctrl-C returns what there is, with "not started" for the rest.
+
+    **Arguments:**
+
+    - `function`: called as function(point), point being a dict of scalars by the axes' names,
+      traced by JAX. It returns arrays in any nesting, such as a `Sliding`: their names are the
+      paths to them, "friction"; complex ones come as two, "name.real" and "name.imag".
+    - `axes`: coordinates of each axis by its name, of one dimension: every combination is a point.
+      Or a list of points, each a dict of the same names.
+    - `store`: a folder, which is made, or a `Store`.
+    - `client`: of `dask.distributed`, to use its workers.
+    - `chunk`: how many points are handed out together.
+    - `units`: of axes and quantities, by name, beside those that are known here.
+    - `progress`: called after each chunk with the number of finished points and of all points.
+
+    **Returns:** a `Study`.
+
+    **Raises:** `ValueError` for axes without points, with equal or not finite ones, or for a result
+    that is more than the memory holds; `BlockingIOError` if another process writes to the store;
+    `OSError` if it cannot be written; what JAX raises for a function that it cannot trace.
+    """
+    check_whole("chunk", chunk, 1)
+    coordinates, columns = _points(axes)
+    first = {name: column[0] for name, column in columns.items()}
+    like = jax.eval_shape(lambda point: arrays_of(function(point)), first)
+    count, shape = len(next(iter(columns.values()))), tuple(map(len, coordinates.values()))
+    _check_size(like, count)
+    points: list[Point | None] = [None] * count
+    with contextlib.ExitStack() as opened:
+        if isinstance(store, str | os.PathLike):
+            store = opened.enter_context(Store(store))
+        names = [] if store is None else _names(function, columns, first)
+        if store is not None:
+            points = [store.read(name) for name in names]
+        missing = [i for i, point in enumerate(points) if point is None]
+        if progress is not None and len(missing) < count:
+            progress(count - len(missing), count)
+        chunks = [np.array(missing[i : i + chunk]) for i in range(0, len(missing), chunk)]
+        parts = [{name: column[part] for name, column in columns.items()} for part in chunks]
+        run = _here if client is None else partial(on_workers, client)
+        with contextlib.suppress(KeyboardInterrupt):
+            for number, values, messages in run(function, chunk, parts):
+                for i, found, message in zip(chunks[number], values, messages, strict=True):
+                    inputs = {name: column[i] for name, column in columns.items()}
+                    points[i] = Point(found, message, inputs | package_versions())
+                    if store is not None:
+                        store.write(names[i], points[i])
+                if progress is not None:
+                    progress(count - points.count(None), count)
+    values = {name: _together(name, one, points, shape) for name, one in like.items()}
+    ends = [NOT_STARTED if point is None else point.message for point in points]
+    if list(columns) != list(coordinates):
+        values = {**columns, **values}
+    known = {**UNITS, **(units or {})}
+    last = {name: name.rpartition(".")[2] for name in (*coordinates, *values)}
+    of = {name: known[part] for name, part in last.items() if part in known}
+    return Study(coordinates, values, np.array(ends).reshape(shape), of)
+
+
+def _points(axes: Any) -> tuple[dict[str, np.ndarray], dict[str, np.ndarray]]:
+    """Coordinates of the axes, and one number per point for each name."""
+    if isinstance(axes, Mapping):
+        coordinates = {name: _axis(name, at) for name, at in axes.items()}
+        if not coordinates:
+            raise ValueError("`axes={}` has no points: give at least one axis.")
+        grid = np.meshgrid(*coordinates.values(), indexing="ij")
+        return coordinates, {name: at.ravel() for name, at in zip(coordinates, grid, strict=True)}
+    if isinstance(axes, str) or not isinstance(axes, Sequence) or not axes:
+        raise ValueError(f"`axes={short(axes)}` must be a dict of axes or a list of points.")
+    for i, point in enumerate(axes):
+        if not isinstance(point, Mapping) or not point or point.keys() != axes[0].keys():
+            raise ValueError(
+                f"`axes[{i}]={short(point)}` must be a dict with the names of the first point, "
+                f"{short(axes[0])}."
+            )
+    columns = {name: _numbers(name, [point[name] for point in axes]) for name in axes[0]}
+    each = np.stack(list(columns.values()), axis=1)
+    if len(np.unique(each, axis=0)) < len(each):
+        raise ValueError("`axes` lists a point twice.")
+    return {"point": np.arange(len(axes))}, columns
+
+
+def _axis(name: str, values: Any) -> np.ndarray:
+    at = _numbers(name, values)
+    if len(np.unique(at)) < len(at):
+        raise ValueError(f"`{name}={short(values)}` holds a value twice.")
+    return at
+
+
+def _numbers(name: Any, values: Any) -> np.ndarray:
+    """One number per point: floating-point, or whole as seeds are."""
+    if not isinstance(name, str) or not name or "/" in name or name in ("message", "point"):
+        raise ValueError(
+            f"`axes` has the name {name!r}: a text without a slash is needed, other than "
+            '"message" and "point".'
+        )
+    whole = np.asarray(values).dtype.kind in "iu"
+    at = np.asarray(values) if whole else np.asarray(as_float(values, name))
+    if at.ndim != 1 or not at.size:
+        raise ValueError(
+            f"`{name}` has shape {at.shape}: one axis with a point at least is needed."
+        )
+    check_values(name, at, "the numbers of an axis are finite")
+    return at
+
+
+def _check_size(like: dict[str, Any], count: int) -> None:
+    """Refuses results beyond memory, before anything is computed."""
+    one = sum(math.prod(of.shape) * of.dtype.itemsize for of in like.values())
+    free = available_memory() if one * count > SMALL else None
+    if free is not None and one * count > free:
+        raise ValueError(
+            f"`axes` is refused: {count} points with {in_gigabytes(one)} each are more than the "
+            f"{in_gigabytes(free)} of memory that are free. {int(free // one)} would fit; or let "
+            "`function` return less."
+        )
+
+
+def _names(function, columns, first) -> list[str]:
+    """A name for each point by all that decides its numbers."""
+    versions = {key: package_versions()[key] for key in ("version_graded_contact", "version_jax")}
+    program = identity(function, first)
+    values = zip(*columns.values(), strict=True)
+    return [fingerprint(versions, program, list(columns), [*map(np.asarray, v)]) for v in values]
+
+
+def _here(function, chunk, parts):
+    """Chunks done in this process, each with its number."""
+    program = chunk_program(function, chunk)
+    for number, columns in enumerate(parts):
+        yield number, *run_chunk(program, columns, chunk)
+
+
+def _together(name, like, points, shape) -> np.ndarray:
+    """One array of a quantity at all points, NaN where there is none."""
+    found = [None if point is None else point.values.get(name) for point in points]
+    dtype = np.result_type(like.dtype, 0.0) if any(one is None for one in found) else like.dtype
+    whole = np.full((len(points), *like.shape), np.nan if dtype.kind == "f" else 0, dtype)
+    for i, one in enumerate(found):
+        if one is not None:
+            whole[i] = one
+    return whole.reshape(*shape, *like.shape)

@@ -1,0 +1,241 @@
+"""A function at many points: every point once, kept at once, the same bits however it was done."""
+
+import csv
+import signal
+
+import equinox as eqx
+import h5py
+import jax
+import jax.numpy as jnp
+import numpy as np
+import pytest
+
+import graded_contact as gc
+from graded_contact.contact.problem import RESULTS
+from graded_contact.studies import sweep as sweep_module
+from graded_contact.studies.identity import identity
+from graded_contact.studies.store import Store
+from graded_contact.studies.study import read_study
+from graded_contact.studies.sweep import sweep
+
+AXES = {"velocity": [0.1, 1.0, 10.0], "seed": [3, 4]}
+
+
+def draw(point):
+    """Cheap, and of every kind: a number, a field, a complex number, a whole one."""
+    noise = jax.random.normal(jax.random.key(point["seed"]), (2, 3))
+    modulus = 1 + 1j * point["velocity"]
+    return {"friction": point["velocity"] * noise[0, 0], "field": noise, "modulus": modulus,
+            "seed_again": point["seed"]}  # fmt: skip
+
+
+def same(one, other):
+    assert one.values.keys() == other.values.keys()
+    for name, values in one.values.items():
+        assert values.tobytes() == other.values[name].tobytes(), name
+    np.testing.assert_array_equal(one.message, other.message)
+
+
+def test_every_quantity_lies_over_the_named_axes():
+    study = sweep(draw, AXES, chunk=4)
+    assert list(study.axes) == ["velocity", "seed"] and study.complete
+    for i, velocity in enumerate(AXES["velocity"]):
+        for j, seed in enumerate(AXES["seed"]):
+            noise = jax.random.normal(jax.random.key(seed), (2, 3))
+            np.testing.assert_array_equal(study["field"][i, j], noise)
+            np.testing.assert_allclose(study["friction"][i, j], velocity * noise[0, 0], rtol=1e-15)
+    np.testing.assert_array_equal(study["modulus.imag"][:, 0], AXES["velocity"])
+    np.testing.assert_array_equal(study["seed_again"], [[3, 4]] * 3)
+    assert study.units == {"velocity": "m/s", "friction": "1"}
+
+
+def test_a_list_of_points_has_one_axis():
+    points = [{"velocity": 0.1, "seed": 4}, {"velocity": 10.0, "seed": 3}]
+    study, grid = sweep(draw, points, chunk=4), sweep(draw, AXES, chunk=4)
+    assert study["friction"].tolist() == [grid["friction"][0, 1], grid["friction"][2, 0]]
+    np.testing.assert_array_equal(study["velocity"], [0.1, 10.0])
+    np.testing.assert_array_equal(study["seed"], [4, 3])
+
+
+def test_a_rerun_computes_what_is_missing_to_the_same_bits(tmp_path, monkeypatch):
+    whole = sweep(draw, AXES, chunk=4)
+    told = []
+
+    def interrupt(done, count):
+        told.append(done)
+        raise KeyboardInterrupt
+
+    cut = sweep(draw, AXES, store=tmp_path / "kept", chunk=4, progress=interrupt)
+    assert told == [4] and np.sum(cut.message == "not started") == 2
+    assert np.isnan(cut["friction"][cut.message != ""]).all() and not cut.complete
+    ran = []
+    monkeypatch.setattr(sweep_module, "run_chunk", noting(ran, sweep_module.run_chunk))
+    again = sweep(draw, AXES, store=tmp_path / "kept", chunk=4)
+    assert ran == [2]
+    same(again, whole)
+    more = sweep(draw, AXES | {"seed": [3, 4, 5]}, store=tmp_path / "kept", chunk=4)
+    assert ran == [2, 3] and more["friction"][:, :2].tobytes() == whole["friction"].tobytes()
+    other = sweep(lambda p: draw(p) | {"friction": p["velocity"]}, AXES, store=tmp_path / "kept")
+    assert ran == [2, 3, 6] and other["friction"][0, 0] == 0.1
+
+
+def noting(ran, run_chunk):
+    def noted(program, columns, size):
+        ran.append(len(columns["seed"]))
+        return run_chunk(program, columns, size)
+
+    return noted
+
+
+def test_a_point_that_fails_is_kept_with_its_reason_and_the_rest_goes_on(tmp_path):
+    def picky(point):
+        value = eqx.error_if(point["x"], point["x"] == 2, "two is refused")
+        return {"value": value, "result": RESULTS.where(value > 3, stopped, RESULTS.successful)}
+
+    stopped = RESULTS.max_steps_reached
+    for _ in range(2):  # the second time from what was kept
+        study = sweep(picky, {"x": [1.0, 2.0, 3.0, 4.0]}, store=tmp_path / "kept")
+        assert study.message[0] == study.message[2] == ""
+        assert study.message[1] == "failed: two is refused"
+        assert study.message[3] == RESULTS[stopped]
+        np.testing.assert_array_equal(study["value"], [1, np.nan, 3, 4])
+
+
+def test_a_program_is_told_by_what_it_computes():
+    heights = np.zeros(1000)
+    other = heights.copy()
+    other[500] = 1e-300  # which the text of a program does not show
+    closing = lambda h: lambda point: jnp.sum(jnp.asarray(h) * point["x"])  # noqa: E731
+    inside = lambda h: jax.jit(closing(h))  # noqa: E731
+    drawn = lambda seed: lambda point: jax.random.normal(jax.random.key(seed)) * point["x"]  # noqa: E731
+    names = [
+        identity(f, {"x": 1.0})
+        for f in (closing(heights), closing(other), inside(heights), inside(other),
+                  drawn(0), drawn(1))
+    ]  # fmt: skip
+    assert len(set(names)) == len(names)
+    assert names[0] == identity(lambda point: closing(heights)(point), {"x": 7.0})
+
+
+def test_mean_standard_error_and_quantiles_over_an_axis():
+    values = np.random.default_rng(0).normal(size=(2, 9))
+    seeds = np.arange(9)
+
+    def pick(point):
+        return eqx.error_if(
+            jnp.asarray(values)[point["row"], point["seed"]],
+            (point["row"] == 1) & (point["seed"] == 5), "missing",
+        )  # fmt: skip
+
+    spread = sweep(pick, {"row": [0, 1], "seed": seeds}).over("seed", quantiles=(0.1, 0.5))
+    for row, kept in enumerate([values[0], np.delete(values[1], 5)]):
+        error = kept.std(ddof=1) / np.sqrt(len(kept))
+        np.testing.assert_allclose(spread.mean["value"][row], kept.mean(), rtol=1e-13)
+        np.testing.assert_allclose(spread.standard_error["value"][row], error, rtol=1e-13)
+        found = spread.quantiles["value"][:, row]
+        np.testing.assert_allclose(found, np.quantile(kept, [0.1, 0.5]), rtol=1e-13)
+    assert list(spread.quantiles.axes) == ["quantile", "row"]
+
+
+def test_a_file_and_a_table_hold_the_study(tmp_path):
+    study = sweep(draw, AXES)
+    study.write(tmp_path / "study.h5")
+    found = read_study(tmp_path / "study.h5")
+    same(found, study)
+    assert found.units == study.units and list(found.axes) == list(study.axes)
+    study.to_csv(tmp_path / "study.csv")
+    with open(tmp_path / "study.csv", newline="") as file:
+        rows = list(csv.reader(file))
+    assert rows[0][:2] == ["velocity [m/s]", "seed"] and len(rows) == 7
+    column = rows[0].index("friction [1]")
+    assert [float(row[column]) for row in rows[1:]] == study["friction"].ravel().tolist()
+    with h5py.File(tmp_path / "study.h5", "r+") as file:
+        del file["message"]
+    with pytest.raises(ValueError, match="cannot be read as a study"):
+        read_study(tmp_path / "study.h5")
+
+
+def test_xarray_opens_the_file_and_takes_the_study(tmp_path):
+    xarray = pytest.importorskip("xarray")
+    pytest.importorskip("h5netcdf")
+    study = sweep(draw, AXES)
+    study.write(tmp_path / "study.h5")
+    with xarray.open_dataset(tmp_path / "study.h5", engine="h5netcdf") as opened:
+        taken = study.to_xarray()
+        for name in study.values:
+            assert opened[name].dims[:2] == taken[name].dims[:2] == ("velocity", "seed")
+            np.testing.assert_array_equal(opened[name], taken[name])
+        assert opened.velocity.attrs == taken.velocity.attrs == {"units": "m/s"}
+
+
+@pytest.mark.parametrize("axes, reason", [
+    ({}, "no points"),
+    ([], "must be a dict of axes or a list of points"),
+    ({"velocity": []}, r"`velocity` has shape \(0,\)"),
+    ({"velocity": 1.0}, r"`velocity` has shape \(\)"),
+    ({"velocity": [1.0, np.nan]}, "`velocity"),
+    ({"velocity": [1.0, 1.0]}, "holds a value twice"),
+    ({"velocity": ["fast"]}, "`velocity"),
+    ({"a/b": [1.0]}, "without a slash"),
+    ([{"x": 1.0}, {"y": 1.0}], r"`axes\[1\]=.*names of the first point"),
+    ([{"x": 1.0}, {"x": 1.0}], "lists a point twice"),
+])  # fmt: skip
+def test_axes_that_are_none_are_refused_before_anything_is_computed(axes, reason):
+    def never(point):
+        raise AssertionError
+
+    with pytest.raises(ValueError, match=reason):
+        sweep(never, axes)
+
+
+def test_more_than_memory_holds_is_refused_with_what_would_fit(monkeypatch):
+    monkeypatch.setattr(sweep_module, "available_memory", lambda: 5e9)
+    axes = {"x": np.arange(100.0)}
+    with pytest.raises(ValueError, match=r"100 points with 0\.8 GB each.* 6 would fit"):
+        sweep(lambda point: jnp.zeros(10**8) + point["x"], axes)
+
+
+def test_a_second_writer_is_refused(tmp_path):
+    with Store(tmp_path), pytest.raises(BlockingIOError, match="another process"):
+        sweep(draw, AXES, store=tmp_path)
+
+
+def test_a_sweep_of_contacts_gives_what_slide_gives():
+    grid, q0 = gc.Grid((16, 16), 1e-3), 2 * np.pi / 1e-3
+    spectrum = gc.SelfAffine(rms_slope=0.2, hurst=0.8, q_low=q0, q_roll=q0, q_high=4 * q0)
+    stack = gc.Stack(base=gc.HalfSpace(gc.tyre_tread()))
+
+    def rub(point):
+        surface = gc.random_surface(spectrum, grid, jax.random.key(point["seed"]))
+        rubber = stack.at(point["temperature"])
+        return gc.slide(rubber, surface, pressure=1e5, velocity=0.1, throw=False)
+
+    axes = {"temperature": [293.0, 313.0], "seed": [0, 1]}
+    study = sweep(rub, axes, chunk=4)
+    alone = rub({"temperature": 313.0, "seed": 1})
+    np.testing.assert_allclose(study["friction"][1, 1], alone.friction, rtol=1e-9)
+    assert study["contact.pressure"].shape == (2, 2, 16, 16) and study.complete
+    assert study.units["contact.pressure"] == "Pa"
+
+
+@pytest.mark.slow
+def test_workers_give_the_same_bits_and_survive_the_death_of_one():
+    pytest.importorskip("distributed")
+    from graded_contact.studies.cluster import local_workers
+
+    def slow(point):
+        return jax.lax.fori_loop(0, 20_000_000, lambda i, x: x * 0.5 + 1, point["x"])
+
+    axes = {"x": np.arange(6.0)}
+    killed = []
+    with local_workers(2) as client:
+
+        def kill(done, count):
+            if not killed:
+                pid = next(iter(client.run(lambda: __import__("os").getpid()).values()))
+                killed.append(pid)
+                __import__("os").kill(pid, signal.SIGKILL)
+
+        study = sweep(slow, axes, client=client, chunk=1, progress=kill)
+    assert killed and study.complete
+    same(study, sweep(slow, axes, chunk=1))
