@@ -141,7 +141,7 @@ def dynamics(options):
     ratios = {}
     for n in options.dynamics_sizes:
         surface = rough_surface(n)
-        rms = float(gc.statistics(surface).rms_height)
+        rms = float(gc.surface.statistics(surface).rms_height)
         for name in options.bodies:
             for load in options.loads:
                 slide = partial(

@@ -40,7 +40,7 @@ def layered(num_layers):
 
 
 def graded():
-    profile = gc.Blend(rubber(1.0), rubber(0.0), gc.Linear())
+    profile = gc.Blend(rubber(1.0), rubber(0.0), gc.shapes.Linear())
     return gc.Stack(layers=(gc.GradedLayer(profile, 1e-3),), base=gc.HalfSpace(rubber(1.0)))
 
 

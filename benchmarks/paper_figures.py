@@ -318,12 +318,12 @@ def graded(shape, top, counts, *, log):
 
 def graded_linear():
     """Fig. test.numerical.linear: a layer whose modulus rises from that of the base by 10⁴."""
-    return graded(gc.Linear(), 1 + 1e4, (1, 2, 9), log=True)
+    return graded(gc.shapes.Linear(), 1 + 1e4, (1, 2, 9), log=True)
 
 
 def graded_sinusoidal():
     """Fig. test.numerical.sinus: a layer whose modulus waves about a linear rise."""
-    return graded(gc.Sinusoidal(), 2.0, (4, 9, 299), log=False)
+    return graded(gc.shapes.Sinusoidal(), 2.0, (4, 9, 299), log=False)
 
 
 FIGURES = (

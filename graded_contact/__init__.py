@@ -2,11 +2,18 @@
 
 Data flows one way: material -> stack -> response -> contact -> observables. The main job is
 `slide`. SI units everywhere; `docs/theory.md` and the module docstrings state conventions.
+
+Besides the names below there are `shapes` (of graded layers), `surface` (`statistics`, `rescale`,
+`resample`, `radial_spectrum`), `design` (searches and objectives) and `plot` (figures).
 """
 
+import importlib
+from typing import TYPE_CHECKING
+
+from . import design, shapes, surface
 from .contact.adhesion import AdhesiveLJ, ExponentialAdhesion
 from .contact.douglas_rachford import DouglasRachford
-from .contact.law import HardWall, RepulsiveLJ
+from .contact.law import AbstractLaw, HardWall, RepulsiveLJ
 from .contact.observables import cumulative_friction
 from .contact.path import ContactPath, follow_contact
 from .contact.problem import RESULTS, ContactSolution, solve_contact
@@ -15,11 +22,12 @@ from .contact.solver import AbstractContactSolver
 from .cutoff import CutoffCurve
 from .files.moduli.reading import Measured, read_moduli
 from .files.prony_cards import export_prony
-from .files.topography.reading import read_surface
+from .files.topography.reading import read_surface, surface_from_heights
 from .fitting.master import MasterCurve, master_curve
 from .fitting.prony import fit_creep, fit_prony, fit_relaxation
 from .fitting.result import PronyFit
 from .grid import Grid
+from .parameters import with_values
 from .persson.mean_field import MeanField, mean_field_friction, pressure_distribution
 from .response.compliance import (
     effective_modulus,
@@ -27,112 +35,83 @@ from .response.compliance import (
     layered_compliance,
     surface_compliance,
 )
+from .response.grading import AbstractGradedSolver
 from .response.interior import interface_depths, interior_fields, stress_field, von_mises
 from .response.kernel import kernel_table, stack_kernel
 from .response.layering import Layering, sliced
 from .response.matrix import surface_compliance_matrix
-from .response.profile import Aged, Blend, Mixture
+from .response.profile import AbstractProfile, Aged, Blend, Mixture
 from .response.riccati import Riccati
-from .response.shape import ErrorFunction, Exponential, Linear, PowerLaw, Sinusoidal
 from .response.stack import Free, GradedLayer, HalfSpace, Layer, Rigid, Stack
 from .rheology.library import tyre_tread
-from .rheology.material import BulkShear, Elastic, Prony
+from .rheology.material import AbstractMaterial, BulkShear, Elastic, Prony
 from .rheology.measured import MeasuredRange, coverage
-from .rheology.shift import WLF, Arrhenius
+from .rheology.shift import WLF, AbstractShift, Arrhenius
 from .rheology.tabulated import Tabulated
 from .rheology.tabulated_shift import TabulatedShift
+from .shapes import AbstractShape
 from .sliding import Sliding, area_against_cutoff, slide
 from .spectrum import SelfAffine
-from .surface import Surface, radial_spectrum, random_surface, resample, rescale, statistics
+from .studies.design import Design, minimise
+from .studies.objectives import friction_curve
+from .surface import Surface, random_surface
+
+if TYPE_CHECKING:
+    from . import plot
+    from .files.results import read_results
+    from .files.scene import read_scene
+    from .studies.run import run_scene
 
 __version__ = "0.1.0"
-from .parameters import with_values
-from .studies.alternatives import pareto_front, rounded, scatter
-from .studies.design import Design, minimise
-from .studies.objectives import loss_tangent
 
-__all__ = [
-    "RESULTS",
-    "WLF",
-    "AbstractContactSolver",
-    "AdhesiveLJ",
-    "Aged",
-    "Arrhenius",
-    "Blend",
-    "BulkShear",
-    "ContactPath",
-    "ContactSolution",
-    "CutoffCurve",
-    "Design",
-    "DouglasRachford",
-    "Elastic",
-    "ErrorFunction",
-    "Exponential",
-    "ExponentialAdhesion",
-    "Free",
-    "GradedLayer",
-    "Grid",
-    "HalfSpace",
-    "HardWall",
-    "Layer",
-    "Layering",
-    "Linear",
-    "MasterCurve",
-    "MeanField",
-    "Measured",
-    "MeasuredRange",
-    "Mixture",
-    "PowerLaw",
-    "Prony",
-    "PronyFit",
-    "RepulsiveLJ",
-    "ResidualDynamics",
-    "Riccati",
-    "Rigid",
-    "SelfAffine",
-    "Sinusoidal",
-    "Sliding",
-    "Stack",
-    "Surface",
-    "Tabulated",
-    "TabulatedShift",
-    "area_against_cutoff",
-    "coverage",
-    "cumulative_friction",
-    "effective_modulus",
-    "export_prony",
-    "fit_creep",
-    "fit_prony",
-    "fit_relaxation",
-    "follow_contact",
-    "graded_compliance",
-    "interface_depths",
-    "interior_fields",
-    "kernel_table",
-    "layered_compliance",
-    "loss_tangent",
-    "master_curve",
-    "mean_field_friction",
-    "minimise",
-    "pareto_front",
-    "pressure_distribution",
-    "radial_spectrum",
-    "random_surface",
-    "read_moduli",
-    "read_surface",
-    "resample",
-    "rescale",
-    "rounded",
-    "scatter",
-    "sliced",
-    "slide",
-    "solve_contact",
-    "stack_kernel",
-    "statistics",
-    "stress_field",
-    "surface_compliance",
-    "surface_compliance_matrix",
-    "tyre_tread",
-    "von_mises",
-    "with_values",
-]
+__all__ = [  # noqa: RUF022 (grouped by room)
+    # rheology
+    "AbstractMaterial", "Elastic", "Prony", "BulkShear", "Tabulated", "tyre_tread",
+    "AbstractShift", "WLF", "Arrhenius", "TabulatedShift", "MeasuredRange", "coverage",
+    # response
+    "Stack", "Layer", "GradedLayer", "HalfSpace", "Rigid", "Free", "sliced",
+    "AbstractProfile", "Blend", "Mixture", "Aged", "AbstractShape", "shapes",
+    "AbstractGradedSolver", "Layering", "Riccati", "graded_compliance",
+    "surface_compliance", "surface_compliance_matrix", "effective_modulus", "layered_compliance",
+    "stack_kernel", "kernel_table",
+    "interior_fields", "stress_field", "interface_depths", "von_mises",
+    # surfaces
+    "Grid", "SelfAffine", "Surface", "random_surface", "surface",
+    # contact and sliding
+    "AbstractLaw", "HardWall", "RepulsiveLJ", "AdhesiveLJ", "ExponentialAdhesion",
+    "AbstractContactSolver", "DouglasRachford", "ResidualDynamics", "RESULTS",
+    "solve_contact", "ContactSolution", "follow_contact", "ContactPath",
+    "slide", "Sliding", "area_against_cutoff", "CutoffCurve", "cumulative_friction",
+    # mean field
+    "mean_field_friction", "MeanField", "friction_curve", "pressure_distribution",
+    # files
+    "read_moduli", "Measured", "read_surface", "surface_from_heights", "export_prony",
+    "read_scene", "run_scene", "read_results",
+    # fitting
+    "fit_prony", "fit_relaxation", "fit_creep", "PronyFit", "master_curve", "MasterCurve",
+    # studies
+    "minimise", "Design", "with_values", "design",
+    # figures
+    "plot",
+]  # fmt: skip
+
+# Imported when they are asked for: HDF5 and figures take time that a script may not need.
+_LATER = {
+    "plot": ".plot",
+    "read_results": ".files.results",
+    "read_scene": ".files.scene",
+    "run_scene": ".studies.run",
+}
+
+
+def __getattr__(name: str) -> object:
+    if name not in _LATER:
+        raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
+    module = importlib.import_module(_LATER[name], __name__)
+    found = module if name == "plot" else getattr(module, name)
+    globals()[name] = found
+    return found
+
+
+def __dir__() -> list[str]:
+    return sorted({*globals(), *__all__})

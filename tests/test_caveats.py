@@ -155,7 +155,7 @@ def test_marks_and_steps_follow_a_surface_that_is_resampled():
     heights = jnp.cos(2 * jnp.pi * x) * jnp.cos(2 * jnp.pi * y)
     measured = jnp.broadcast_to((x < 0.5).astype(float), grid.shape)
     steps = (step("read", heights, grid.spacing),)
-    finer = gc.resample(gc.Surface(heights, grid, measured=measured, steps=steps), (16, 12))
+    finer = gc.surface.resample(gc.Surface(heights, grid, measured=measured, steps=steps), (16, 12))
     np.testing.assert_array_equal(finer.measured[:, 0], [1] * 7 + [0] * 8 + [1])
     assert [s.name for s in finer.steps] == ["read", "resampled"]
     np.testing.assert_allclose(finer.steps[1].rms_height, 0.5)

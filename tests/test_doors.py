@@ -8,7 +8,6 @@ import numpy as np
 import pytest
 
 import graded_contact as gc
-from graded_contact.studies import objectives
 
 SCALARS = {
     "modulus": lambda value: gc.Elastic(value),
@@ -20,7 +19,7 @@ SCALARS = {
         value
     ),
     "thickness": lambda value: gc.Layer(gc.Elastic(1e6), value),
-    "rate": lambda value: gc.Exponential(value),
+    "rate": lambda value: gc.shapes.Exponential(value),
     "hardness": lambda value: gc.HardWall(value),
     "work": lambda value: gc.AdhesiveLJ(1e-9, value),
 }
@@ -109,9 +108,9 @@ def calls():
         (gc.RepulsiveLJ, dict(range=1e-9, pressure=1e6, contact_gap=1.6)),
         (gc.ExponentialAdhesion, dict(range=1e-9, work=0.05)),
         (gc.HardWall, dict(hardness=1e8)),
-        (gc.Aged, dict(material=solid, bottom=1.0, top=2.0, shape=gc.Linear())),
-        (gc.Blend, dict(bottom=glass, top=solid, shape=gc.Linear(), mixing="linear")),
-        (gc.Mixture, dict(matrix=solid, filler=glass, fraction=gc.Linear())),
+        (gc.Aged, dict(material=solid, bottom=1.0, top=2.0, shape=gc.shapes.Linear())),
+        (gc.Blend, dict(bottom=glass, top=solid, shape=gc.shapes.Linear(), mixing="linear")),
+        (gc.Mixture, dict(matrix=solid, filler=glass, fraction=gc.shapes.Linear())),
         (gc.BulkShear, dict(bulk=glass, shear=solid)),
         (gc.DouglasRachford, dict(max_steps=10, relaxation=0.9, memory=5, coarsest=64)),
         (gc.ResidualDynamics, dict(max_steps=10, uniform_mass=False)),
@@ -120,10 +119,10 @@ def calls():
         (gc.Prony.from_creep, dict(glassy=1e9, compliances=[1e-6], times=[1e-3], poisson=0.3)),
         (gc.Tabulated, table),
         (gc.tyre_tread, dict(poisson=0.4)),
-        (gc.ErrorFunction, dict(centre=0.5, width=0.1)),
-        (gc.Exponential, dict(rate=1.0)),
-        (gc.PowerLaw, dict(exponent=1.0)),
-        (gc.Sinusoidal, dict(amplitude=1.0, periods=1.0)),
+        (gc.shapes.ErrorFunction, dict(centre=0.5, width=0.1)),
+        (gc.shapes.Exponential, dict(rate=1.0)),
+        (gc.shapes.PowerLaw, dict(exponent=1.0)),
+        (gc.shapes.Sinusoidal, dict(amplitude=1.0, periods=1.0)),
         (gc.Layer, dict(material=solid, thickness=1e-4)),
         (gc.GradedLayer, dict(thickness=1e-4, profile=blend)),
         (gc.HalfSpace, dict(material=solid)),
@@ -134,11 +133,11 @@ def calls():
         (gc.SelfAffine, dict(rms_slope=0.2, **band)),
         (gc.Surface, dict(heights=np.zeros((8, 8)), grid=grid, history=())),
         (gc.random_surface, draw),
-        (gc.resample, dict(surface=surface, shape=(16, 16))),
-        (gc.rescale, dict(surface=surface, rms_slope=0.1)),
-        (gc.rescale, dict(surface=surface, rms_height=1e-6)),
-        (gc.statistics, dict(surface=surface)),
-        (gc.radial_spectrum, dict(surface=surface, num_bins=3)),
+        (gc.surface.resample, dict(surface=surface, shape=(16, 16))),
+        (gc.surface.rescale, dict(surface=surface, rms_slope=0.1)),
+        (gc.surface.rescale, dict(surface=surface, rms_height=1e-6)),
+        (gc.surface.statistics, dict(surface=surface)),
+        (gc.surface.radial_spectrum, dict(surface=surface, num_bins=3)),
         (gc.surface_compliance, wave),
         (gc.effective_modulus, wave),
         (gc.surface_compliance_matrix, vector),
@@ -177,9 +176,9 @@ def calls():
             dict(stack=stack, spectrum=spectrum, pressure=1e5, velocity=0.1),
         ),
         (gc.pressure_distribution, dict(mean_field=field, stress=[1e5])),
-        (gc.loss_tangent, dict(stack=stack, q=[1e3], velocity=0.1)),
+        (gc.design.loss_tangent, dict(stack=stack, q=[1e3], velocity=0.1)),
         (
-            objectives.friction_curve,
+            gc.friction_curve,
             dict(stack=stack, spectrum=spectrum, pressure=1e5, velocities=[0.1]),
         ),
         (gc.export_prony, dict(material=solid, format="abaqus", name="rubber")),
@@ -189,7 +188,7 @@ def calls():
         (gc.with_values, dict(tree=stack, values={"layers[0].thickness": 1e-4})),
         (gc.minimise, dict(objective=square) | bounds | search),
         (
-            gc.scatter,
+            gc.design.scatter,
             dict(objective=square, parameters={"a": 2.0}, spread=0.1, num_samples=4, seed=0),
         ),
         (gc.read_moduli, dict(path="missing.csv", kind="frequency")),

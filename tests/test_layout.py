@@ -37,13 +37,12 @@ ORDER = [
     "studies/extrapolation", "studies/run",
     "studies/design_problem", "studies/run_design", "studies/report_design", "studies/cost",
     "studies/identity", "studies/study", "studies/chunk", "studies/cluster", "studies/sweep",
-    "reference", "plot", "cli", "__main__",
+    "shapes", "design", "reference", "plot", "cli", "__main__",
 ]  # fmt: skip
 # What a file or folder must not see although it comes before: contact gets a kernel, not layers.
 HIDDEN = {
     "contact": ("rheology", "response"),
     "studies/design": ("contact",),
-    "studies/search": ("contact",),
 }
 FILES = [path for path in sorted(PACKAGE.rglob("*.py")) if path.name != "__init__.py"]
 

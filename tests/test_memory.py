@@ -51,7 +51,7 @@ def test_a_grid_that_does_not_fit_is_refused_at_once_with_one_that_would(ten_gig
                 call()
     small = gc.Surface(jnp.zeros((8, 8)), gc.Grid((8, 8), 1e-2))
     with pytest.raises(ValueError, match=r"`shape` is refused: a surface of 65536 x 65536"):
-        gc.resample(small, (65536, 65536))
+        gc.surface.resample(small, (65536, 65536))
 
 
 def test_shapes_are_known_under_jit(ten_gigabytes):

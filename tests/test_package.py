@@ -12,6 +12,7 @@ from pathlib import Path
 import pytest
 from typer.testing import CliRunner
 
+import graded_contact as gc
 from graded_contact.cli import app
 
 ROOT = Path(__file__).parents[1]
@@ -31,7 +32,7 @@ coat = gc.Layer(gc.Elastic(6.5e6, 0.49), thickness=50e-6)
 block = gc.Stack(layers=(coat,), base=gc.HalfSpace(gc.tyre_tread()))
 rate = jax.grad(lambda b: gc.slide(b, road, pressure=4e5, velocity=0.1).friction)(block)
 assert np.isfinite(rate.layers[0].thickness)
-graded = gc.GradedLayer(1e-3, gc.Blend(gc.Elastic(1e6, 0.4), gc.Elastic(1e7, 0.4)))
+graded = gc.GradedLayer(gc.Blend(gc.Elastic(1e6, 0.4), gc.Elastic(1e7, 0.4)), 1e-3)
 rigid = gc.Stack(layers=(graded,), base=gc.Rigid())
 riccati, layers = (
     gc.graded_compliance(rigid, np.array([1e3]), np.array([0.0]), solver=solver).value
@@ -63,6 +64,22 @@ def test_the_module_is_the_command():
 
 def test_the_help_of_design_names_its_table():
     assert "[design]" in CliRunner().invoke(app, ["design", "--help"]).output
+
+
+LAZY = """
+import sys
+import graded_contact as gc
+assert not {"h5py", "matplotlib"} & set(sys.modules)
+assert gc.plot.COLOURS and gc.read_results and "matplotlib" not in sys.modules
+assert set(gc.__all__) <= set(dir(gc))
+"""
+
+
+def test_every_name_is_there_and_files_and_figures_cost_nothing_until_asked_for():
+    subprocess.run([sys.executable, "-c", LAZY], check=True)
+    assert all(hasattr(gc, name) for name in gc.__all__)
+    with pytest.raises(AttributeError, match="no attribute 'plots'"):
+        gc.plots  # noqa: B018
 
 
 @pytest.mark.slow

@@ -377,7 +377,7 @@ def test_pair_of_a_power_law_is_the_self_affine_spectrum():
 
 
 def test_radial_spectrum_of_a_surface_gives_nearly_what_its_modes_give():
-    q, density = gc.radial_spectrum(SURFACE, 40)
+    q, density = gc.surface.radial_spectrum(SURFACE, 40)
     assert np.any(np.isnan(density))  # rings without modes
     known = np.where(density > 1e-6 * np.nanmax(density), density, np.nan)  # the surface's band
     pair = mean_field_friction(COATED, (q, known), pressure=1e5, velocity=0.05)

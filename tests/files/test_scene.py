@@ -103,7 +103,7 @@ LAYER = 'material = "coat"\nthickness = 2e-5'
 def test_a_layer_may_be_graded():
     (layer,) = parse_scene(changed(LAYER, GRADED)).stack.layers
     assert layer.thickness == 2e-5
-    profile = gc.Blend(gc.tyre_tread(), gc.Elastic(2e7, 0.4), gc.Sinusoidal())
+    profile = gc.Blend(gc.tyre_tread(), gc.Elastic(2e7, 0.4), gc.shapes.Sinusoidal())
     at = jnp.asarray(0.3), jnp.asarray(20.0)
     for found, expected in zip(layer.profile(*at), profile(*at), strict=True):
         np.testing.assert_allclose(found, expected, rtol=1e-15)
@@ -112,10 +112,10 @@ def test_a_layer_may_be_graded():
 @pytest.mark.parametrize(
     "shape, expected",
     [
-        ('{kind = "exponential", rate = 2.0}', gc.Exponential(2.0)),
-        ('{kind = "sinusoidal", periods = 3}', gc.Sinusoidal(periods=3.0)),
-        ('{kind = "power_law", exponent = 2}', gc.PowerLaw(2.0)),
-        ('"error_function"', gc.ErrorFunction()),
+        ('{kind = "exponential", rate = 2.0}', gc.shapes.Exponential(2.0)),
+        ('{kind = "sinusoidal", periods = 3}', gc.shapes.Sinusoidal(periods=3.0)),
+        ('{kind = "power_law", exponent = 2}', gc.shapes.PowerLaw(2.0)),
+        ('"error_function"', gc.shapes.ErrorFunction()),
     ],
 )
 def test_a_shape_has_the_arguments_of_its_constructor(shape, expected):

@@ -149,7 +149,7 @@ def test_a_word_is_no_rule_of_mixing():
 
 def test_a_mixture_has_volume_fractions_and_shapes_are_shapes():
     with pytest.raises(ValueError, match=r"`fraction\[.*a volume fraction lies between 0 and 1"):
-        gc.Mixture(gc.Elastic(1e6), gc.Elastic(2e6), gc.Sinusoidal())
+        gc.Mixture(gc.Elastic(1e6), gc.Elastic(2e6), gc.shapes.Sinusoidal())
     with pytest.raises(ValueError, match="'linear'` must be a shape"):
         gc.Blend(gc.Elastic(1e6), gc.Elastic(2e6), "linear")
     with pytest.raises(ValueError, match="must be a material"):

@@ -39,7 +39,7 @@ class Homemade(eqx.Module):
         (TABLE, (1e-1, 1e3)),
         (gc.BulkShear(FAST, FITTED), (1.0, 1e4)),
         (gc.Blend(TABLE, STEEL), (1e-1, 1e3)),
-        (gc.Mixture(FITTED, FAST, gc.Linear()), (1.0, 1e4)),
+        (gc.Mixture(FITTED, FAST, gc.shapes.Linear()), (1.0, 1e4)),
         # Times that are up to 100 times longer at the top work at frequencies that much higher.
         (gc.Aged(FITTED, 0.1, 100.0), (1e-1, 1e2)),
         (gc.Aged(STEEL, 0.1, 100.0), (0.0, np.inf)),

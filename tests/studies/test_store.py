@@ -30,7 +30,7 @@ def same(one: Point, other: Point) -> bool:
 
 def block(modulus, solver=gc.DouglasRachford()):  # noqa: B008 (immutable)
     material = gc.Prony(1e6, [modulus], [1.0], shift=gc.WLF(4.0, 100.0, 300.0))
-    profile = gc.Blend(material, gc.Elastic(1e6), gc.Linear())
+    profile = gc.Blend(material, gc.Elastic(1e6), gc.shapes.Linear())
     layers = (gc.Layer(gc.Elastic(2e6), 1e-3), gc.GradedLayer(profile, 1e-3))
     return solver, gc.Stack(layers=layers, base=gc.HalfSpace(material))
 
@@ -43,7 +43,7 @@ def test_a_fingerprint_tells_any_two_inputs_apart():
         np.full(6, 1.0, np.float32), np.full(6, 1), [1.0] * 6, [1] * 6, tuple("111111"),
         0.0, -0.0, None, "None", "", [], {}, [[]], [{}], {"a": 1}, {"a": {"": 1}}, {"a": [1]},
         ["ab", "c"], ["a", "bc"], ["abc"], np.array(["ab", "c"]), np.array(["a", "bc"]), True, 1,
-        gc.Linear(), gc.Sinusoidal(), b"", np.zeros((0, 2)), np.zeros((2, 0)),
+        gc.shapes.Linear(), gc.shapes.Sinusoidal(), b"", np.zeros((0, 2)), np.zeros((2, 0)),
     ]  # fmt: skip
     found = [fingerprint(value) for value in inputs]
     assert len(set(found)) == len(found)

@@ -1,0 +1,15 @@
+"""How a quantity varies with height in a graded layer: shapes φ(s) for profiles."""
+
+from .response.shape import (
+    AbstractShape,
+    ErrorFunction,
+    Exponential,
+    Linear,
+    PowerLaw,
+    Sinusoidal,
+    Table,
+)
+
+__all__ = [
+    "AbstractShape", "ErrorFunction", "Exponential", "Linear", "PowerLaw", "Sinusoidal", "Table",
+]  # fmt: skip
