@@ -74,10 +74,11 @@ def sweep(
     count, shape = len(next(iter(columns.values()))), tuple(map(len, coordinates.values()))
     _check_size(like, count)
     points: list[Point | None] = [None] * count
+    versions = package_versions()
     with contextlib.ExitStack() as opened:
         if isinstance(store, str | os.PathLike):
             store = opened.enter_context(Store(store))
-        names = [] if store is None else _names(function, columns, first)
+        names = [] if store is None else _names(function, columns, first, versions)
         if store is not None:
             points = [store.read(name) for name in names]
         missing = [i for i, point in enumerate(points) if point is None]
@@ -90,7 +91,7 @@ def sweep(
             for number, values, messages in run(function, chunk, parts):
                 for i, found, message in zip(chunks[number], values, messages, strict=True):
                     inputs = {name: column[i] for name, column in columns.items()}
-                    points[i] = Point(found, message, inputs | package_versions())
+                    points[i] = Point(found, message, inputs | versions)
                     if store is not None:
                         store.write(names[i], points[i])
                 if progress is not None:
@@ -164,12 +165,12 @@ def _check_size(like: dict[str, Any], count: int) -> None:
         )
 
 
-def _names(function, columns, first) -> list[str]:
+def _names(function, columns, first, versions) -> list[str]:
     """A name for each point by all that decides its numbers."""
-    versions = {key: package_versions()[key] for key in ("version_graded_contact", "version_jax")}
+    decisive = {key: versions[key] for key in ("version_graded_contact", "version_jax")}
     program = identity(function, first)
     values = zip(*columns.values(), strict=True)
-    return [fingerprint(versions, program, list(columns), [*map(np.asarray, v)]) for v in values]
+    return [fingerprint(decisive, program, list(columns), [*map(np.asarray, v)]) for v in values]
 
 
 def _here(function, chunk, parts):
