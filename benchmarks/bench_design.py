@@ -2,12 +2,13 @@
 
     python benchmarks/bench_design.py composite   the paper's composite against a designed one
     python benchmarks/bench_design.py coating     30 % more friction, verified by contact
+    python benchmarks/bench_design.py unseen      the same coat on frozen and on ever new surfaces
 
 `composite` compares with the three hand-made layers of the paper's Fig. composite
 (`paper_figures.py`) over the two decades, or as many as told, in which those are flattest, at no
 less mean loss. `coating` runs the study of examples/design_coating.toml, then SciPy's differential
-evolution on the same objective and limits, by the mean field. They draw
-docs/bench_design-composite.png and -coating.png.
+evolution on the same objective and limits, by the mean field. `unseen`: see `design_unseen.py`.
+They draw docs/bench_design-composite.png and -coating.png.
 """
 
 import argparse
@@ -21,6 +22,7 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 import scipy
+from design_unseen import unseen
 from matplotlib import rc_context
 from matplotlib.figure import Figure
 from paper_figures import CONTRAST, INCOMPRESSIBLE, Q0, RELAXED, STYLE, TAU, VELOCITY, rubber, save
@@ -258,6 +260,13 @@ def main():
     part.add_argument("--generations", type=int, default=300)
     part.add_argument("--seed", type=int, default=0)
     part.set_defaults(run=coating)
+    part = sections.add_parser("unseen", help="gain on surfaces that no search has seen")
+    part.add_argument("--points", type=int, default=64, help="along an edge")
+    part.add_argument("--unseen", type=int, default=32)
+    part.add_argument("--seed", type=int, default=0)
+    part.set_defaults(
+        run=lambda options: unseen(read_design(ROOT / "examples" / "design_coating.toml"), options)
+    )
     options = parser.parse_args()
     device = jax.devices()[0].device_kind
     print(f"# graded_contact {gc.__version__}, jax {jax.__version__}, scipy {scipy.__version__}, ")

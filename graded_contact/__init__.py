@@ -61,8 +61,6 @@ if TYPE_CHECKING:
     from .files.results import read_results
     from .files.scene import read_scene
     from .studies.run import run_scene
-    from .studies.study import Study, read_study
-    from .studies.sweep import sweep
 
 __version__ = "0.1.0"
 
@@ -92,7 +90,7 @@ __all__ = [  # noqa: RUF022 (grouped by room)
     # fitting
     "fit_prony", "fit_relaxation", "fit_creep", "PronyFit", "master_curve", "MasterCurve",
     # studies
-    "sweep", "Study", "read_study", "minimise", "Design", "with_values", "design",
+    "minimise", "Design", "with_values", "design",
     # figures
     "plot",
 ]  # fmt: skip
@@ -103,9 +101,6 @@ _LATER = {
     "read_results": ".files.results",
     "read_scene": ".files.scene",
     "run_scene": ".studies.run",
-    "Study": ".studies.study",
-    "read_study": ".studies.study",
-    "sweep": ".studies.sweep",
 }
 
 

@@ -34,6 +34,7 @@ ORDER = [
     "studies/interruption", "studies/store",
     "studies/objectives", "studies/evaluations",
     "studies/bounds", "studies/problem", "studies/design", "studies/alternatives",
+    "studies/stochastic",
     "studies/extrapolation", "studies/run",
     "studies/design_problem", "studies/run_design", "studies/report_design", "studies/cost",
     "studies/identity", "studies/study", "studies/chunk", "studies/cluster", "studies/sweep",
@@ -43,6 +44,7 @@ ORDER = [
 HIDDEN = {
     "contact": ("rheology", "response"),
     "studies/design": ("contact",),
+    "studies/stochastic": ("contact",),
 }
 FILES = [path for path in sorted(PACKAGE.rglob("*.py")) if path.name != "__init__.py"]
 

@@ -82,6 +82,17 @@ def test_every_name_is_there_and_files_and_figures_cost_nothing_until_asked_for(
         gc.plots  # noqa: B018
 
 
+def test_what_is_declared_is_imported():
+    """But jaxlib, whose version must be told beside that of jax."""
+    project = tomllib.loads((ROOT / "pyproject.toml").read_text(encoding="utf-8"))["project"]
+    declared = {re.match(r"[\w.-]+", entry)[0] for entry in project["dependencies"]} - {"jaxlib"}
+    sources = [path.read_text(encoding="utf-8") for path in (ROOT / "graded_contact").rglob("*.py")]
+    imported = {
+        name for text in sources for name in re.findall(r"(?m)^\s*(?:import|from) (\w+)", text)
+    }
+    assert declared <= imported
+
+
 @pytest.mark.slow
 def test_the_lowest_versions_that_are_declared_do_the_main_jobs(tmp_path):
     """A fresh environment with every dependency at its lower bound."""

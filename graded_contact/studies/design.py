@@ -51,6 +51,9 @@ class Design(eqx.Module):
     - `elasticities`: d ln|value|/d ln(parameter), shaped as `parameters`: what matters most.
     - `margins`: of the constraints, all positive; empty without constraints.
     - `runs`: what every start came to. The number of them near `value` tells how sure it is.
+    - `error`: standard error of the value where it is a mean over draws, see `minimise_expected`.
+    - `multipliers`: by how much the value would fall by an allowance of 1 in each constraint;
+      of `minimise_expected`, else empty.
     """
 
     parameters: Any
@@ -58,6 +61,8 @@ class Design(eqx.Module):
     elasticities: Any
     margins: Float[np.ndarray, " constraints"]
     runs: tuple[Run, ...]
+    error: float = 0.0
+    multipliers: Float[np.ndarray, " multipliers"] = eqx.field(default_factory=lambda: np.zeros(0))
 
     @property
     def converged(self) -> bool:
@@ -74,7 +79,8 @@ class Design(eqx.Module):
         names, values = named(self.parameters)
         _, slopes = named(self.elasticities)
         width = max(map(len, names))
-        lines = [f"value {self.value:.6g}; {'' if self.converged else 'NOT '}converged", ""]
+        error = f" ± {self.error:.2g}" if self.error else ""
+        lines = [f"value {self.value:.6g}{error}; {'' if self.converged else 'NOT '}converged", ""]
         lines.append(f"{'parameter':{width}s} {'value':>12s} {'elasticity':>11s}")
         for name, value, slope in zip(names, values, slopes, strict=True):
             lines.append(f"{name:{width}s} {value:12.5g} {slope:11.3g}")

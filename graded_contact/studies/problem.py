@@ -92,4 +92,6 @@ class Problem:
         return () if self.key is None else (jax.random.fold_in(self.key, draw),)
 
     def _text(self, x: Flat, draw: int | None) -> str:
-        return text_of(self.box.unravel(x)) + ("" if draw is None else f" in draw {draw}")
+        return text_of(self.box.unravel(jnp.asarray(x))) + (
+            "" if draw is None else f" in draw {draw}"
+        )

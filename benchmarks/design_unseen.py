@@ -1,0 +1,122 @@
+"""A coating for the most friction, on frozen surfaces and on ever new ones, for `bench_design.py`.
+
+All searches begin with the block of examples/design_coating.toml and make the mean of ln friction
+large under its limits of stiffness and thickness; they are judged by the friction of their designs
+over that of the block (geometric means), on surfaces that none has seen. First the speed is that of
+the block, then it is drawn with every surface, 1 mm/s to 10 m/s. Counted are contacts solved, each
+with its derivatives.
+"""
+
+import time
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+
+import graded_contact as gc
+from graded_contact.parameters import paths, with_values
+from graded_contact.studies.design import minimise
+from graded_contact.studies.design_problem import mean_field_problem
+from graded_contact.studies.stochastic import minimise_expected
+
+SPEEDS = np.log([1e-3, 10.0])
+CHECKS = 8
+FROZEN = (8, 32)
+
+
+def unseen(study, options):
+    print(
+        f"\ngain in friction on {options.unseen} unseen surfaces, N = {options.points}; 'seen': as"
+    )
+    print("the search sees it, on its own surfaces; 'limits': the least, negative if broken")
+    columns = ("contacts", "seconds", "gain", "+-", "seen", "limits")
+    for what, speeds in (("one speed", None), ("all speeds", SPEEDS)):
+        print(f"\n{what:34s} " + " ".join(f"{column:>9s}" for column in columns))
+        rows_of(study, options, speeds)
+    warm_starts(study, options)
+
+
+def rows_of(study, options, speeds):
+    scene, own = study.scene, {path: paths(study.scene.stack)[path] for path in study.lower}
+    _, constraints = mean_field_problem(study)
+    grid = gc.Grid((options.points, options.points), scene.surface.grid.size)
+    bounds = study.lower, study.upper, own
+
+    def loss(values, key):
+        ours, other = jax.random.split(key)
+        surface = gc.random_surface(scene.surface.spectrum, grid, ours)
+        speed = scene.velocity[0]
+        if speeds is not None:
+            speed = jnp.exp(jax.random.uniform(other, minval=speeds[0], maxval=speeds[1]))
+        return -jnp.log(
+            gc.slide(
+                with_values(scene.stack, values), surface, pressure=scene.pressure[0],
+                velocity=speed, rtol=scene.rtol,
+            ).friction
+        )  # fmt: skip
+
+    def losses(values, keys):
+        return jax.lax.map(lambda key: loss(values, key), keys)
+
+    all_losses = jax.jit(losses)
+    new = jax.random.split(jax.random.key(options.seed + 1), options.unseen)
+    before = np.asarray(all_losses(own, new))
+
+    def row(name, search, contacts, reference):
+        begin = time.perf_counter()
+        design = search()
+        seconds = time.perf_counter() - begin
+        gains = before - np.asarray(all_losses(design.parameters, new))
+        error = np.exp(gains.mean()) * gains.std(ddof=1) / np.sqrt(len(gains))
+        note = "" if design.converged else f"  {design.runs[0].message}"
+        print(
+            f"{name:34s} {contacts * design.num_evaluations:9d} {seconds:9.1f} "
+            f"{np.exp(gains.mean()):9.4f} {error:9.4f} {np.exp(reference - design.value):9.4f} "
+            f"{float(np.min(constraints(design.parameters))):9.1e}{note}",
+            flush=True,
+        )
+
+    for frozen in FROZEN:
+        keys = jax.random.split(jax.random.key(options.seed + 2), frozen)
+        reference = float(np.mean(all_losses(own, keys)))
+        for steps in (8, 32):
+            row(
+                f"SLSQP, {frozen} frozen, {steps} steps",
+                lambda keys=keys, steps=steps: minimise(
+                    lambda values: jnp.mean(losses(values, keys)), *bounds,
+                    constraints=constraints, num_starts=1, max_steps=steps, rtol=1e-5,
+                ),
+                frozen, reference,
+            )  # fmt: skip
+    for steps in (50, 100, 200, 400):
+        row(
+            f"stochastic, {steps} steps + {CHECKS} checks",
+            lambda steps=steps: minimise_expected(
+                loss, *bounds, constraints=lambda values, _: constraints(values),
+                num_steps=steps, num_checks=CHECKS, seed=options.seed,
+            ),
+            1, before.mean(),
+        )  # fmt: skip
+
+
+def warm_starts(study, options):
+    """What a contact saves that begins with the pressure of a neighbour."""
+    scene, own = study.scene, {path: paths(study.scene.stack)[path] for path in study.lower}
+    grid = gc.Grid((options.points, options.points), scene.surface.grid.size)
+    one, other = (
+        gc.random_surface(scene.surface.spectrum, grid, jax.random.key(seed)) for seed in (0, 1)
+    )
+
+    def pairs(change, start=None, surface=one):
+        stack = with_values(scene.stack, {path: change * value for path, value in own.items()})
+        return gc.slide(
+            stack, surface, pressure=scene.pressure[0], velocity=scene.velocity[0],
+            rtol=scene.rtol, start=start,
+        )  # fmt: skip
+
+    cold, begin = pairs(1.05).num_fft_pairs, pairs(1.0).pressure
+    print(f"\npairs of FFTs of a contact: {cold} from nothing; from the pressure of another design")
+    for change in (1.001, 1.01, 1.05, 1.2):
+        print(f"on its surface, parameters {change:5.3f} times as large: ", end="")
+        print(pairs(change, begin).num_fft_pairs)
+    print(f"on another surface: {pairs(1.0, pairs(1.0, surface=other).pressure).num_fft_pairs}")

@@ -1,0 +1,226 @@
+"""Design under chance: parameters that make the expectation of a random objective least.
+
+    def objective(parameters, key):           # friction on a surface that nobody saw before
+        surface = random_surface(spectrum, grid, key)
+        return slide(with_values(stack, parameters), surface, ...).friction
+
+A design for a few given surfaces is one for these; here every step draws anew. Steps are those of
+an optimiser of optax (by default Adam: D. P. Kingma, J. Ba, arXiv:1412.6980) on the logarithms of
+the parameters, projected on the bounds. Constraints enter by an augmented Lagrangian whose
+multipliers move with every step (R. T. Rockafellar, SIAM J. Control 12 (1974) 268,
+doi:10.1137/0312021). What comes out is the mean of the later iterates, from which chance averages
+out (B. T. Polyak, A. B. Juditsky, SIAM J. Control Optim. 30 (1992) 838, doi:10.1137/0330046),
+moved to the nearest point that meets the constraints, and judged by draws that no step has seen.
+"""
+
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any, NamedTuple
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+import optax
+from jaxtyping import Array, Float, PRNGKeyArray
+from scipy.optimize import minimize
+
+from .._checks import check_values, check_whole, door
+from .bounds import Flat, box_of, first_in
+from .design import Design, Run, elasticities
+from .evaluations import MARGIN, Evaluations
+from .problem import Problem
+
+LEARNING_RATE = 0.1  # of the logarithms at first; it falls to zero as a cosine
+STIFFNESS = 10.0  # of the penalty: one tenth missed pulls as the objective does
+RISE = 0.1  # of a multiplier's full step that each draw makes
+FINEST = 1e-16  # change of half the squared way to the allowed point
+SURE = 2.0  # standard errors that a mean constraint may seem to be missed by
+
+RandomObjective = Callable[[Any, PRNGKeyArray], Float[Array, ""]]
+RandomConstraints = Callable[[Any, PRNGKeyArray], Float[Array, "..."]]
+
+
+@door
+def minimise_expected(
+    objective: RandomObjective,
+    lower: Any,
+    upper: Any,
+    start: Any = None,
+    *,
+    constraints: RandomConstraints | None = None,
+    optimiser: optax.GradientTransformation | None = None,
+    num_steps: int = 200,
+    num_checks: int = 16,
+    seed: int = 0,
+    rtol: float = 0.01,
+    store: str | Path | None = None,
+    progress: Callable[[int, float], None] | None = None,
+) -> Design:
+    """Returns the parameters between `lower` and `upper` that make the mean of `objective` least.
+
+    **Arguments:**
+
+    - `objective`: parameters and a key of JAX -> a number, differentiable by JAX; it is jitted. The
+      key is to draw all that is random, another one every time.
+    - `lower`, `upper`, `start`: as in `minimise`; there is one start.
+    - `constraints`: parameters and the key -> numbers whose means must not be negative.
+    - `optimiser`: any of optax, for the logarithms of the parameters; by default `optax.adam` with
+      a rate that falls from 0.1 to 0.
+    - `num_steps`: draws to descend by; the mean is that of the latter half of the iterates.
+    - `num_checks`: draws to judge the result by, which no step has seen, at least 2.
+    - `seed`: of all draws: the same gives the same design.
+    - `rtol`: change and standard error of the value, over the objective's size, up to which
+      the result counts as converged.
+    - `store`: as in `minimise`: a run that was cut off goes on from its last step.
+    - `progress`: called with the number and the value of each draw; what it raises ends the run.
+
+    **Returns:** the design; its value, margins and elasticities are means over the draws that
+    judge it, `error` is the standard error of the value, `multipliers` are those of the
+    constraints. There is one run, whose message says what is missing where it has not converged.
+
+    **Raises:** `ValueError` as `minimise` does, and if the result misses a constraint.
+    """
+    check_whole("num_steps", num_steps, 4)
+    check_whole("num_checks", num_checks, 2)
+    check_whole("seed", seed, 0)
+    check_values("rtol", rtol, "it lies between 0 and 1", above=0, at_most=1)
+    box = box_of(lower, upper)
+    first = first_in(box, start, lower)
+    kept = Evaluations(store, [*box.names, "draw"])
+    problem = Problem(objective, constraints, box, kept, jax.random.key(seed))
+    problem.prove()
+    descent = _descend(problem, first, optimiser, num_steps, progress)
+    # One set of draws to move the mean by, another to judge where that led.
+    u = np.mean(descent.points, axis=0)
+    last = num_steps + num_checks
+    x = _nearest_allowed(problem, u, range(last, last + num_checks))
+    checks = [problem.evaluate(x, i, proven=i == num_steps) for i in range(num_steps, last)]
+    value, margins, slope = (
+        np.mean([getattr(check, name) for check in checks], axis=0)
+        for name in ("value", "limits", "slope")
+    )
+    error, doubt = (
+        np.std([getattr(check, name) for check in checks], axis=0, ddof=1) / np.sqrt(num_checks)
+        for name in ("value", "limits")
+    )
+    if np.any(margins < -SURE * doubt - MARGIN):
+        raise ValueError(
+            f"The mean of `constraints` is {margins} at the end of {num_steps} steps. Widen the "
+            "bounds or the constraints, or raise `num_steps`."
+        )
+    message = _verdict(descent, x * slope, float(error), rtol)
+    run = Run(
+        parameters=x.tolist(),
+        value=float(value),
+        history=descent.values,
+        num_evaluations=last,
+        feasible=True,
+        converged=not message,
+        message=message,
+    )
+    return Design(
+        parameters=box.unravel(jnp.asarray(x)),
+        value=float(value),
+        elasticities=box.unravel(jnp.asarray(elasticities(x, float(value), slope))),
+        margins=margins,
+        runs=(run,),
+        error=float(error),
+        multipliers=np.mean(descent.multipliers, axis=0),
+    )
+
+
+class _Path(NamedTuple):
+    """Values of all steps; logarithms of the parameters and multipliers of their latter half."""
+
+    values: list[float]
+    points: list[Flat]
+    multipliers: list[Flat]
+
+
+def _descend(problem, first, optimiser, num_steps, progress):
+    if optimiser is None:
+        optimiser = optax.adam(optax.cosine_decay_schedule(LEARNING_RATE, num_steps))
+    low, high = np.log(problem.box.low), np.log(problem.box.high)
+
+    @jax.jit
+    def step(u, state, gradient):
+        updates, state = optimiser.update(gradient, state, u)
+        return optax.projections.projection_box(optax.apply_updates(u, updates), low, high), state
+
+    u, lagrangian, path = jnp.log(first), _Lagrangian(), _Path([], [], [])
+    state = optimiser.init(u)
+    for k in range(num_steps):
+        x = _parameters(problem, u)
+        value, limits, slope, slopes = problem.evaluate(x, k)
+        if progress is not None:
+            progress(k, value)
+        gradient, pull = lagrangian.gradient(limits, x * slope, x * slopes)
+        path.values.append(value)
+        if 2 * k >= num_steps:
+            path.points.append(np.asarray(u))
+            path.multipliers.append(pull)
+        u, state = step(u, state, gradient)
+    return path
+
+
+class _Lagrangian:
+    """The augmented Lagrangian of limits >= 0, its multipliers moving with every draw.
+
+    The penalty takes its stiffness from the sizes of all gradients so far: units do not matter.
+    """
+
+    def __init__(self):
+        self.multipliers, self.squares = 0.0, 0.0
+
+    def gradient(self, limits, slope, slopes):
+        """Returns its gradient, and the multipliers that stand for it."""
+        self.squares = self.squares + np.array([slope @ slope, *np.sum(slopes**2, axis=1)])
+        own, *theirs = np.maximum(self.squares, np.finfo(float).tiny)
+        stiffness = STIFFNESS * np.sqrt(own / np.array(theirs))
+        pull = np.maximum(self.multipliers - stiffness * limits, 0)
+        self.multipliers = np.maximum(self.multipliers - RISE * stiffness * limits, 0)
+        return slope - pull @ slopes, pull
+
+
+def _parameters(problem, u):
+    return np.clip(np.exp(u), problem.box.low, problem.box.high)
+
+
+def _nearest_allowed(problem, u, draws):
+    """The point nearest to `u` at which the mean constraints hold; their noise may remain."""
+    means = {}
+
+    def limits(u):
+        if (at := u.tobytes()) not in means:
+            x = _parameters(problem, u)
+            values, slopes = zip(*(problem.limits(x, draw) for draw in draws), strict=True)
+            means[at] = np.mean(values, axis=0), x * np.mean(slopes, axis=0)
+        return means[at]
+
+    if problem.constrained and np.any(limits(u)[0] < MARGIN):
+        u = minimize(
+            lambda v: ((v - u) @ (v - u) / 2, v - u),
+            u,
+            jac=True,
+            method="SLSQP",
+            bounds=list(zip(np.log(problem.box.low), np.log(problem.box.high), strict=True)),
+            constraints={
+                "type": "ineq",
+                "fun": lambda v: limits(v)[0] - 2 * MARGIN,
+                "jac": lambda v: limits(v)[1],
+            },
+            options={"ftol": FINEST},
+        ).x
+    return _parameters(problem, u)
+
+
+def _verdict(path, slope, error, rtol):
+    """What is missing to convergence, or nothing."""
+    size, half = np.mean(np.abs(path.values)), len(path.points) // 2
+    earlier, later = (np.mean(part, axis=0) for part in (path.points[:half], path.points[half:]))
+    drift = abs(slope @ (later - earlier))
+    if drift > rtol * size:
+        return f"the last steps still changed the value by {drift:.2g}: raise `num_steps`"
+    if error > rtol * size:
+        return f"the value is known to ± {error:.2g} only: raise `num_checks`"
+    return ""
