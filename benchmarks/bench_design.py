@@ -29,7 +29,7 @@ from paper_figures import CONTRAST, INCOMPRESSIBLE, Q0, RELAXED, STYLE, TAU, VEL
 from scipy.optimize import NonlinearConstraint, differential_evolution
 
 import graded_contact as gc
-from graded_contact.files.study import read_design
+from graded_contact.files.design_scene import read_design
 from graded_contact.parameters import paths
 from graded_contact.plot import COLOURS, plot_design
 from graded_contact.studies.design import minimise

@@ -319,8 +319,8 @@ def design(
     on from there.
     """
     _prepare()
+    from .files.design_scene import read_design
     from .files.output import check_folder, check_name, full_path
-    from .files.study import read_design
     from .plot import plot_design
     from .studies.cost import design_cost
     from .studies.interruption import Interrupted, interruptible

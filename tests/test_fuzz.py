@@ -20,6 +20,7 @@ from typer.testing import CliRunner
 
 import graded_contact as gc
 from graded_contact import cli
+from graded_contact.files.design_scene import parse_design
 from graded_contact.files.results import (
     FIELDS,
     OBSERVABLES,
@@ -29,7 +30,6 @@ from graded_contact.files.results import (
     write_results,
 )
 from graded_contact.files.scene import parse_scene
-from graded_contact.files.study import parse_design
 from graded_contact.files.surfaces import RandomSurface
 from graded_contact.studies.evaluations import Evaluation, Evaluations
 from graded_contact.studies.run import check_scene as check_scene_memory

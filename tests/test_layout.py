@@ -26,7 +26,7 @@ ORDER = [
     "files/moduli/titles", "files/moduli/layout", "files/moduli/isotherms",
     "files/moduli/points", "files/moduli/reading",
     "files/prony_cards", "files/sealed", "files/output", "files/toml", "files/signatures",
-    "files/results", "files/surfaces", "files/scene", "files/study",
+    "files/results", "files/surfaces", "files/scene", "files/design_scene",
     "fitting/newton", "fitting/series", "fitting/observations",
     "fitting/lengths", "fitting/optimum", "fitting/uncertainty",
     "fitting/result", "fitting/shifted_series", "fitting/shifted_observations",

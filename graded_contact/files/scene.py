@@ -23,7 +23,7 @@ file, or begin with `~`.
                           frequencies at which a material was not measured
     [solver]              `rtol` and the numbers of `DouglasRachford`
     [output]              `name`, `directory`, and which `fields` to keep: "last", "every" or "none"
-    [design]              what the command `design` is to do, see `files/study.py`
+    [design]              what the command `design` is to do, see `files/design_scene.py`
 """
 
 import dataclasses

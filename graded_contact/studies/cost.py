@@ -10,8 +10,8 @@ from typing import NamedTuple
 import numpy as np
 
 from .._memory import available_memory, in_gigabytes
+from ..files.design_scene import DesignScene
 from ..files.scene import Scene
-from ..files.study import Study
 from ..files.surfaces import RandomSurface
 from .run import build_surface, scene_memory
 from .run_design import POLISHING, design_memory
@@ -60,7 +60,7 @@ def scene_cost(scene: Scene) -> Cost:
     return Cost(shape, scene_memory(scene, shape), num_solves, seconds)
 
 
-def design_cost(study: Study) -> Cost:
+def design_cost(study: DesignScene) -> Cost:
     """Returns what a design will cost, as `scene_cost` does."""
     scene, verify, num_velocities = study.scene, study.verify, study.scene.velocity.size
     seconds = COMPILING + study.starts * EVALUATIONS * num_velocities * PER_EVALUATION

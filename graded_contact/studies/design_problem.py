@@ -9,8 +9,8 @@ import numpy as np
 from jaxtyping import Array, Float
 
 from .._checks import Numbers, as_float
+from ..files.design_scene import DesignScene, Stiffness
 from ..files.results import package_versions
-from ..files.study import Stiffness, Study
 from ..files.surfaces import RandomSurface
 from ..grid import Grid
 from ..parameters import with_values
@@ -28,7 +28,7 @@ Progress = Callable[[str, int, int], None]
 Values = dict[str, Float[Array, "..."]]
 
 
-def mean_field_problem(study: Study) -> tuple[Objective, Constraints | None]:
+def mean_field_problem(study: DesignScene) -> tuple[Objective, Constraints | None]:
     """Returns what the design makes least, and its constraints, as functions of parameters.
 
     Both are for `minimise`, or any other search: they take a dict of numbers by path.
@@ -50,7 +50,7 @@ def mean_field_problem(study: Study) -> tuple[Objective, Constraints | None]:
 
 
 def contact_problem(
-    study: Study, *, store: Store | None = None, progress: Progress | None = None
+    study: DesignScene, *, store: Store | None = None, progress: Progress | None = None
 ) -> tuple[Objective, Constraints | None]:
     """Returns the same of the friction by contact, meaned over the surfaces for polishing.
 
@@ -73,14 +73,14 @@ def contact_problem(
 
 
 @eqx.filter_jit
-def mean_field_of(study: Study, stack: Stack) -> MeanField:
+def mean_field_of(study: DesignScene, stack: Stack) -> MeanField:
     scene = study.scene
     return friction_curve(
         stack, study.spectrum, pressure=scene.pressure[0], velocities=scene.velocity
     )
 
 
-def _goal(study: Study, friction: Array, before: Numbers) -> Float[Array, ""]:
+def _goal(study: DesignScene, friction: Array, before: Numbers) -> Float[Array, ""]:
     """What is to be small, of the friction at each velocity and of that before."""
     if study.wanted is not None:
         wanted = study.wanted * (as_float(before) if study.relative else 1)
@@ -90,14 +90,14 @@ def _goal(study: Study, friction: Array, before: Numbers) -> Float[Array, ""]:
     return mean if study.objective == "minimise_friction" else -mean
 
 
-def band_tangents(study: Study, stack: Stack) -> list[Float[Array, " waves"]]:
+def band_tangents(study: DesignScene, stack: Stack) -> list[Float[Array, " waves"]]:
     """The loss tangent over the band, at each velocity."""
     assert study.band is not None
     q = np.geomspace(*study.band, WAVES)
     return [loss_tangent(stack, q, v) for v in study.scene.velocity]
 
 
-def _constraints(study: Study) -> Constraints | None:
+def _constraints(study: DesignScene) -> Constraints | None:
     own, stiffness, limit = study.scene.stack, study.stiffness, study.total_thickness
     if stiffness is None and limit is None:
         return None
@@ -126,7 +126,7 @@ def silent(text: str, done: int, total: int) -> None:
     """Says nothing of the progress."""
 
 
-def heights_of(study: Study, index: int) -> Float[Array, "nx ny"]:
+def heights_of(study: DesignScene, index: int) -> Float[Array, "nx ny"]:
     """Heights of one of the surfaces for verification, or after these of one for polishing."""
     source = study.scene.surface
     assert isinstance(source, RandomSurface)
@@ -135,7 +135,7 @@ def heights_of(study: Study, index: int) -> Float[Array, "nx ny"]:
 
 
 def kept_contact(
-    study: Study, stack: Stack, heights: Array, store: Store | None
+    study: DesignScene, stack: Stack, heights: Array, store: Store | None
 ) -> tuple[np.ndarray, np.ndarray]:
     """Friction and area of a stack on a surface, from the store or for it."""
     scene = study.scene
@@ -152,7 +152,7 @@ def kept_contact(
 
 
 @eqx.filter_jit
-def _contact(study: Study, stack: Stack, heights: Array) -> tuple[Array, Array]:
+def _contact(study: DesignScene, stack: Stack, heights: Array) -> tuple[Array, Array]:
     """Friction and sub-pixel area by contact, at each velocity."""
     scene = study.scene
     assert isinstance(scene.surface, RandomSurface)

@@ -6,7 +6,7 @@ import numpy as np
 from jaxtyping import Float
 
 from ..caveats import EXTRAPOLATED
-from ..files.study import Study
+from ..files.design_scene import DesignScene
 from ..parameters import paths
 from ..persson.isotropic import LAST_COSINE
 from ..persson.mean_field import MeanField
@@ -76,7 +76,7 @@ def designed_values(results: DesignResults) -> dict[str, Any]:
     return {path: np.asarray(leaf).tolist() for path, leaf in whole.items()}
 
 
-def curve_velocities(study: Study, field: MeanField) -> Float[np.ndarray, " velocities"]:
+def curve_velocities(study: DesignScene, field: MeanField) -> Float[np.ndarray, " velocities"]:
     """Returns velocities [m/s] for a curve about those of the study, and where tables end, in them.
 
     **Arguments:**

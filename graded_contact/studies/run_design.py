@@ -10,8 +10,8 @@ import numpy as np
 from jaxtyping import Float
 
 from .._memory import DERIVATIVE, check_memory
+from ..files.design_scene import DesignScene
 from ..files.results import package_versions
-from ..files.study import Study
 from ..files.surfaces import RandomSurface
 from ..files.toml import within
 from ..parameters import paths, with_values
@@ -63,14 +63,14 @@ class DesignResults(NamedTuple):
     - `candidates`: "before", "designed" and, if polished, "polished".
     """
 
-    study: Study
+    study: DesignScene
     design: Design
     polished: Design | None
     candidates: dict[str, Candidate]
 
 
 def run_design(
-    study: Study, *, store: Store | None = None, progress: Progress | None = None
+    study: DesignScene, *, store: Store | None = None, progress: Progress | None = None
 ) -> DesignResults:
     """Returns the design that a study asks for, and what verifies it.
 
@@ -122,14 +122,14 @@ def run_design(
     return DesignResults(study, design, polished, candidates)
 
 
-def design_memory(study: Study, shape: tuple[int, ...]) -> float:
+def design_memory(study: DesignScene, shape: tuple[int, ...]) -> float:
     """Returns the bytes that the contacts of a study take on a grid of this shape."""
     fields = 2 * study.verify + DERIVATIVE if study.polish else 1
     scene = dataclasses.replace(study.scene, keep="none")
     return scene_memory(scene, shape) + fields * math.prod(shape) * 8
 
 
-def check_design(study: Study) -> None:
+def check_design(study: DesignScene) -> None:
     """Raises `ValueError` if the contacts of a study need more memory than there is."""
     source = study.scene.surface
     if study.verify and isinstance(source, RandomSurface):
@@ -138,7 +138,7 @@ def check_design(study: Study) -> None:
             check_memory("shape", source.grid.shape, needed, "this design")
 
 
-def _evaluations(study: Study, store: Store | None, kind: str, *decides: Any) -> Path | None:
+def _evaluations(study: DesignScene, store: Store | None, kind: str, *decides: Any) -> Path | None:
     """The file for the evaluations of a search, named by all that decides their values."""
     if store is None:
         return None
@@ -151,7 +151,7 @@ def _evaluations(study: Study, store: Store | None, kind: str, *decides: Any) ->
     return store.folder / f"{kind}-{name[:16]}.jsonl"
 
 
-def _polish(study: Study, design: Design, store: Store | None, say: Progress) -> Design:
+def _polish(study: DesignScene, design: Design, store: Store | None, say: Progress) -> Design:
     """A few steps from the design, by the contact solver's gradients."""
     done = 0
 
@@ -180,7 +180,7 @@ def _polish(study: Study, design: Design, store: Store | None, say: Progress) ->
 
 
 def _verify(
-    study: Study, stacks: dict[str, Stack], store: Store | None, say: Progress
+    study: DesignScene, stacks: dict[str, Stack], store: Store | None, say: Progress
 ) -> dict[str, tuple[np.ndarray, np.ndarray]]:
     """Friction and area by contact of each stack, on surfaces that no polishing has seen."""
     empty = np.zeros((0, len(study.scene.velocity)))

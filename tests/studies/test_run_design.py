@@ -16,7 +16,7 @@ from typer.testing import CliRunner
 
 import graded_contact as gc
 from graded_contact import cli, plot
-from graded_contact.files.study import parse_design
+from graded_contact.files.design_scene import parse_design
 from graded_contact.parameters import with_values
 from graded_contact.studies import run_design as run_design_module
 from graded_contact.studies.design import Design, Run

@@ -56,7 +56,7 @@ class Stiffness(NamedTuple):
 
 
 @dataclasses.dataclass(frozen=True, eq=False)
-class Study:
+class DesignScene:
     """What to design, as a scene with a table [design] says.
 
     **Fields:**
@@ -89,7 +89,7 @@ class Study:
     polish: bool
 
 
-def read_design(path: str | os.PathLike) -> Study:
+def read_design(path: str | os.PathLike) -> DesignScene:
     """Returns the study that a TOML file describes; see the module's text for its keys.
 
     A missing file raises `FileNotFoundError`; whatever is wrong in it `ValueError`, naming the
@@ -102,7 +102,7 @@ def read_design(path: str | os.PathLike) -> Study:
         return parse_design(path.read_text(encoding="utf-8"), path.parent)
 
 
-def parse_design(text: str, folder: str | os.PathLike = ".") -> Study:
+def parse_design(text: str, folder: str | os.PathLike = ".") -> DesignScene:
     """Returns the study that a TOML text describes; its paths are relative to `folder`."""
     scene = parse_scene(text, folder)
     with within("[design]"):
@@ -125,7 +125,7 @@ def parse_design(text: str, folder: str | os.PathLike = ".") -> Study:
     with within(table.place):
         check_values("verify", verify, "it must not be negative", at_least=0)
     source = scene.surface
-    return Study(
+    return DesignScene(
         scene=scene,
         spectrum=source.spectrum if isinstance(source, RandomSurface) else source.build(),
         objective=objective,

@@ -5,7 +5,7 @@ from pathlib import Path
 import pytest
 from scenes import DESIGN, FLAT
 
-from graded_contact.files.study import parse_design, read_design
+from graded_contact.files.design_scene import parse_design, read_design
 
 EXAMPLE = Path(__file__).parents[2] / "examples" / "design_coating.toml"
 
