@@ -16,8 +16,9 @@ from .contact.douglas_rachford import DouglasRachford
 from .contact.law import AbstractLaw, HardWall, RepulsiveLJ
 from .contact.observables import cumulative_friction
 from .contact.path import ContactPath, follow_contact
-from .contact.problem import RESULTS, ContactSolution, solve_contact
+from .contact.problem import solve_contact
 from .contact.rmd import ResidualDynamics
+from .contact.solution import RESULTS, ContactSolution
 from .contact.solver import AbstractContactSolver
 from .cutoff import CutoffCurve
 from .files.moduli.reading import Measured, read_moduli

@@ -16,7 +16,7 @@ import numpy as np
 from jax import Array
 from jaxtyping import Complex, Float
 
-BOUND_FROM = 2**19  # from there on `bench_contact.py overhead --backends xla ducc0` gains
+BOUND_FROM = 2**19  # points, by `bench_contact.py overhead --backends xla ducc0`
 
 
 def rfftn(field: Float[Array, "*shape"]) -> Complex[Array, "*half"]:

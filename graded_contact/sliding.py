@@ -32,7 +32,8 @@ from .contact.observables import (
     unmeasured_shares,
     wave_frequencies,
 )
-from .contact.problem import RESULTS, ContactSolution, solve_contact
+from .contact.problem import solve_contact
+from .contact.solution import RESULTS, ContactSolution
 from .contact.solver import AbstractContactSolver
 from .cutoff import CutoffCurve
 from .grid import Grid, to_field, to_spectrum, wavenumber

@@ -17,7 +17,7 @@ ORDER = [
     "response/matrix", "response/interior",
     "contact/law", "contact/adhesion", "contact/anderson", "contact/solver",
     "contact/splitting", "contact/linear", "contact/douglas_rachford", "contact/rmd",
-    "contact/implicit", "contact/problem", "contact/path",
+    "contact/implicit", "contact/solution", "contact/problem", "contact/path",
     "contact/observables", "contact/area", "sliding",
     "persson/diffusion", "persson/modes", "persson/isotropic", "persson/mean_field",
     "files/topography/scan", "files/topography/text", "files/topography/road",

@@ -13,8 +13,8 @@ import numpy as np
 from jax import Array
 from jaxtyping import Bool, Float
 
-# Points of a grid whose history does not stay in a cache, and rows of it for one that is weighed:
-# from there on `bench_contact.py overhead` is the faster for it.
+# Points of a grid whose history does not stay in a cache, and rows of it for one that is weighed,
+# by `bench_contact.py overhead`.
 SAMPLED_FROM = 2**16
 _SAMPLE = 4
 

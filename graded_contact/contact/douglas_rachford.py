@@ -44,7 +44,7 @@ from .splitting import (
     solid_of,
 )
 
-# Those that FFT pairs depend on have the fewest in `bench_contact.py viscoelastic`.
+# All within 2 % of the fewest FFT pairs of `bench_contact.py viscoelastic`.
 _COARSE_ERROR = 0.02  # of the nested coarse grids, which only give a start
 _COLD_PARTICIPATION = 0.05  # ⟨σ⟩²/⟨σ²⟩ expected before anything is known
 _HIGHEST = 1e3  # pressure of a start, in what it takes to flatten the stiffest wave

@@ -8,7 +8,8 @@ from jaxtyping import Array, Bool, Float
 from .._checks import Numbers, as_float, check_values, door
 from .douglas_rachford import DouglasRachford
 from .law import AbstractLaw, check_law, check_pressure
-from .problem import RESULTS, ContactSolution, solve_contact
+from .problem import solve_contact
+from .solution import RESULTS, ContactSolution
 from .solver import AbstractContactSolver
 
 
@@ -68,17 +69,7 @@ def follow_contact(
 
     **Raises:** `ValueError` for a refused argument; `RuntimeError` if a solve fails.
     """
-    if (pressure is None) == (mean_gap is None):
-        raise ValueError("Give exactly one of `pressure` and `mean_gap`.")
-    check_law(law)
-    name = "pressure" if mean_gap is None else "mean_gap"
-    targets = as_float(pressure if mean_gap is None else mean_gap, name)
-    if targets.ndim != 1 or len(targets) == 0:
-        raise ValueError(f"`{name}` has shape {targets.shape}; a path of numbers is needed.")
-    if mean_gap is None:
-        check_pressure(targets, law)
-    else:
-        check_values(name, targets, "mean gaps [m] must be finite")
+    name, targets = _path(pressure, mean_gap, law)
 
     def solve(target, start):
         return solve_contact(
@@ -103,6 +94,22 @@ def follow_contact(
     unloading = jnp.concatenate([jnp.zeros(1, bool), falling if mean_gap is None else ~falling])
     gaps, pressures, areas, pairs, result = summary
     return ContactPath(gaps, pressures, areas, unloading, pairs, result, last)
+
+
+def _path(pressure, mean_gap, law: AbstractLaw):
+    """The name and the numbers of what is prescribed along the path."""
+    if (pressure is None) == (mean_gap is None):
+        raise ValueError("Give exactly one of `pressure` and `mean_gap`.")
+    check_law(law)
+    name = "pressure" if mean_gap is None else "mean_gap"
+    targets = as_float(pressure if mean_gap is None else mean_gap, name)
+    if targets.ndim != 1 or len(targets) == 0:
+        raise ValueError(f"`{name}` has shape {targets.shape}; a path of numbers is needed.")
+    if mean_gap is None:
+        check_pressure(targets, law)
+    else:
+        check_values(name, targets, "mean gaps [m] must be finite")
+    return name, targets
 
 
 def _summary(contact: ContactSolution, law: AbstractLaw):

@@ -10,7 +10,7 @@ import equinox as eqx
 import jax
 import jax.numpy as jnp
 import numpy as np
-from jaxtyping import Array, Float, ScalarLike
+from jaxtyping import ScalarLike
 
 from .._checks import (
     Numbers,
@@ -28,93 +28,13 @@ from ..grid import half_shape
 from .douglas_rachford import DouglasRachford
 from .implicit import Inputs, State, attach_gradient
 from .law import AbstractLaw, HardWall, check_law, check_pressure
+from .solution import RESULTS, ContactSolution
 from .solver import AbstractContactSolver, Iterated, Prescribed, least_compliance, penalty_for
 
 # Rise of an attraction over the stiffness of the shortest wave, up to which all equilibria found
 # were stable: see `adhesion.py`.
 _RESOLVED = 0.3
 _WORTHLESS = 0.1  # error of gaps over the rms height
-
-
-class RESULTS(eqx.Enumeration):
-    """How a solve ended."""
-
-    successful = ""
-    max_steps_reached = (
-        "The contact solver reached `max_steps` before `rtol`. Raise `max_steps` "
-        "(as in `solver=DouglasRachford(max_steps=...)`), loosen `rtol`, or pass `throw=False` to "
-        "get the partial result."
-    )
-    rounding = (
-        "Rounding hides what is left of the error, which may be more than `rtol`: the pressures "
-        "are tiny beside what the gaps are worth. Loosen `rtol`; in float32, enable "
-        "`jax_enable_x64`; or pass `throw=False` and look at `.error`."
-    )
-    not_finite = (
-        "The contact solver met a value that is not finite. Check the kernel (a negative "
-        "thickness or modulus under `jit` ends here), the heights and the pressure; in float32, "
-        "enable `jax_enable_x64`."
-    )
-    unresolved = (
-        "The attraction of the law rises too steeply for the grid: points snap one by one, and the "
-        "equilibrium found may not be a stable one. Refine the grid (the shortest wave must be "
-        "about three times as stiff as the attraction rises), or use "
-        "`solver=ResidualDynamics()`."
-    )
-    inaccurate_kernel = (
-        "The kernel of the block missed its tolerance: the profile of a graded layer varies too "
-        "sharply, or has moduli too far apart. Put boundaries between layers at its jumps and list "
-        "its kinks in `breaks`, or cut it by `sliced`."
-    )
-    gap_unresolved = (
-        "Pressure, friction and contact area are found, but gaps may be wrong by more than a tenth "
-        "of the rms height (`.gap_error`). Tighten `rtol`; or pass `throw=False`, and leave `gap`, "
-        "`mean_gap` and `displacement` alone."
-    )
-    bad_pressure = "The law of contact cannot have this mean pressure (a hard wall: not positive)."
-
-
-class ContactSolution(eqx.Module):
-    """Pressure and gap of a contact, and how well they were found.
-
-    **Fields:**
-
-    - `pressure`: σ [Pa], of the law; its mean is exactly the load, if that was prescribed. Shape of
-      the heights.
-    - `displacement`: w [m], of zero mean, positive into the solid: M σ, but with what is left of
-      the error of σ kept out of the soft waves, which would magnify it.
-    - `gap`: u = w - h + ū [m], zero in hard contact up to the error.
-    - `mean_pressure`: mean of σ [Pa].
-    - `mean_gap`: mean of the gap ū [m].
-    - `mismatch`: pressure of the solid less that of the law [Pa], where the iteration stopped; zero
-      if it had converged. Without a derivative.
-    - `error`: estimated relative error of the pressure [1] (root mean square); 0 where there is no
-      pressure.
-    - `load_error`: mean of `mismatch` over that of |σ| [1].
-    - `gap_error`: estimated error of the gap (root mean square) over the rms height [1]; those of
-      `displacement` and `mean_gap` are no larger.
-    - `complementarity_error`: mean of |σ| |u - u_σ| over that of |σ| and the rms height [1]; u_σ is
-      the gap at which the law has the pressure σ, in hard contact 0.
-    - `penetration`: largest interpenetration that the law does not allow, over the rms height [1].
-    - `num_steps`: iterations on the full grid.
-    - `num_fft_pairs`: transforms spent (forward and back), coarse grids counted by their size.
-    - `result`: a member of `RESULTS`.
-    """
-
-    pressure: Float[Array, "*shape"]
-    displacement: Float[Array, "*shape"]
-    gap: Float[Array, "*shape"]
-    mean_pressure: Float[Array, ""]
-    mean_gap: Float[Array, ""]
-    mismatch: Float[Array, "*shape"]
-    error: Float[Array, ""]
-    load_error: Float[Array, ""]
-    gap_error: Float[Array, ""]
-    complementarity_error: Float[Array, ""]
-    penetration: Float[Array, ""]
-    num_steps: Array
-    num_fft_pairs: Float[Array, ""]
-    result: RESULTS
 
 
 @door
@@ -160,6 +80,20 @@ def solve_contact(
     """
     heights = as_float(heights, "heights")
     kernel = as_numbers(kernel, "kernel")
+    _check_heights(heights, solver)
+    _check_kernel(kernel, heights, throw)
+    check_law(law)
+    inputs = Inputs(kernel, heights, law, _prescribed(pressure, mean_gap, law))
+    if start is not None:
+        start = _as_start(start, heights, law)
+    check_tolerance("rtol", rtol, heights)
+    solution = _solve_contact(inputs, solver, jnp.asarray(rtol), start)
+    if throw:
+        solution = solution.result.error_if(solution, solution.result != RESULTS.successful)
+    return solution
+
+
+def _check_heights(heights, solver: AbstractContactSolver) -> None:
     if heights.ndim not in (1, 2):
         raise ValueError(f"`heights` has shape {heights.shape}; one or two axes are needed.")
     if heights.dtype not in (jnp.float32, jnp.float64):
@@ -173,6 +107,9 @@ def solve_contact(
         "a contact",
     )
     check_values("heights", heights, "heights [m] must be finite")
+
+
+def _check_kernel(kernel, heights, throw: bool) -> None:
     check_shape("kernel", kernel, half_shape(heights.shape))
     if is_concrete(kernel):
         known = np.array(kernel)
@@ -181,22 +118,17 @@ def solve_contact(
             known[~np.isfinite(known)] = 1  # `.result` will tell
         check_positive("kernel.real", np.real(known), "[m/Pa] for every q but 0")
         check_values("kernel.imag", np.imag(known), "it must be finite")
-    check_law(law)
-    prescribed = _prescribed(pressure, mean_gap, law)
-    if start is not None:
-        start = as_float(start, "start")
-        check_shape("start", start, heights.shape)
-        low = law.bounds[0]
-        if is_concrete(low):
-            # A solution's own pressures may be an ulp below after a change of units.
-            allowed = f"pressures [Pa] must be at least {float(low):g}"
-            check_values("start", start, allowed, at_least=float(low) * (1 + 1e-5))
-    check_tolerance("rtol", rtol, heights)
-    inputs = Inputs(kernel, heights, law, prescribed)
-    solution = _solve_contact(inputs, solver, jnp.asarray(rtol), start)
-    if throw:
-        solution = solution.result.error_if(solution, solution.result != RESULTS.successful)
-    return solution
+
+
+def _as_start(start, heights, law: AbstractLaw):
+    start = as_float(start, "start")
+    check_shape("start", start, heights.shape)
+    low = law.bounds[0]
+    if is_concrete(low):
+        # A solution's own pressures may be an ulp below after a change of units.
+        allowed = f"pressures [Pa] must be at least {float(low):g}"
+        check_values("start", start, allowed, at_least=float(low) * (1 + 1e-5))
+    return start
 
 
 def _prescribed(pressure, mean_gap, law) -> Prescribed:
@@ -247,21 +179,8 @@ def _solve_contact(inputs: Inputs, solver, rtol, start) -> ContactSolution:
     gap = displacement - heights + mean_gap
     rms, mean = jnp.std(heights), jnp.mean(jnp.abs(pressure))
     unit, load = jnp.where(rms > 0, rms, 1), jnp.where(mean > 0, mean, 1)
-    finite = jnp.isfinite(found.error) & jnp.all(jnp.isfinite(found.pressure))
-    result = RESULTS.where(found.ended, RESULTS.rounding, RESULTS.max_steps_reached)
-    result = RESULTS.where(found.error <= rtol, RESULTS.successful, result)
-    result = RESULTS.where(finite, result, RESULTS.not_finite)
-    if law.attracts and solver.finds_unstable:
-        steep = law.steepest_rise * least_compliance(kernel) > _RESOLVED
-        result = RESULTS.where(steep & (result == RESULTS.successful), RESULTS.unresolved, result)
     gap_error = found.gap_error / unit
-    worthless = (gap_error > _WORTHLESS) & (rms > 0) & (result == RESULTS.successful)
-    result = RESULTS.where(worthless, RESULTS.gap_unresolved, result)
-    if prescribed.pressure is not None:
-        # At the door the value is unknown if the pressure is traced.
-        low, high = law.bounds
-        allowed = (prescribed.pressure > low) & (prescribed.pressure < high)
-        result = RESULTS.where(allowed, result, RESULTS.bad_pressure)
+    worthless = (gap_error > _WORTHLESS) & (rms > 0)
     return ContactSolution(
         pressure=pressure,
         displacement=displacement,
@@ -276,8 +195,26 @@ def _solve_contact(inputs: Inputs, solver, rtol, start) -> ContactSolution:
         penetration=jnp.max(jnp.maximum(jnp.minimum(found.gap, 0) - gap, 0)) / unit,
         num_steps=found.num_steps,
         num_fft_pairs=found.num_fft_pairs,
-        result=result,
+        result=_how_it_ended(inputs, solver, found, rtol, worthless),
     )
+
+
+def _how_it_ended(inputs: Inputs, solver, found: Iterated, rtol, worthless) -> RESULTS:
+    law, pressure = inputs.law, inputs.prescribed.pressure
+    finite = jnp.isfinite(found.error) & jnp.all(jnp.isfinite(found.pressure))
+    result = RESULTS.where(found.ended, RESULTS.rounding, RESULTS.max_steps_reached)
+    result = RESULTS.where(found.error <= rtol, RESULTS.successful, result)
+    result = RESULTS.where(finite, result, RESULTS.not_finite)
+    if law.attracts and solver.finds_unstable:
+        steep = law.steepest_rise * least_compliance(inputs.kernel) > _RESOLVED
+        result = RESULTS.where(steep & (result == RESULTS.successful), RESULTS.unresolved, result)
+    worthless = worthless & (result == RESULTS.successful)
+    result = RESULTS.where(worthless, RESULTS.gap_unresolved, result)
+    if pressure is not None:
+        # At the door the value is unknown if the pressure is traced.
+        low, high = law.bounds
+        result = RESULTS.where((pressure > low) & (pressure < high), result, RESULTS.bad_pressure)
+    return result
 
 
 def _displacement_and_mean_gap(inputs: Inputs, found: Iterated):

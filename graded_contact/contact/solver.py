@@ -106,9 +106,9 @@ def penalty_for(
     """Returns ρ = 1.8 s^0.4/√(|M| at three times the lowest wavenumber × least |M|) [Pa/m].
 
     It balances the softest modes, which carry the displacement, against the stiffest, which carry
-    the edges of the contact; s is ⟨|σ|⟩²/⟨σ²⟩. Factor and power have the fewest FFT pairs in
-    `bench_contact.py viscoelastic`. For a law that attracts, at least twice its steepest rise, so
-    that its proximal map is single-valued.
+    the edges of the contact; s is ⟨|σ|⟩²/⟨σ²⟩. Factor and power are within
+    10 % of the fewest FFT pairs of `bench_contact.py viscoelastic`. For a law that attracts, at
+    least twice its steepest rise, so that its proximal map is single-valued.
     """
     long = jnp.abs(third_mode(kernel))
     penalty = 1.8 * participation**0.4 / jnp.sqrt(long * least_compliance(kernel))

@@ -32,9 +32,8 @@ from .anderson import History, accelerate, sums
 from .law import AbstractLaw
 from .solver import participation_of, slope
 
-# Points of a grid worth a draft: from there on `bench_contact.py overhead` is the faster for it.
-DRAFTED_FROM = 2**18
-CYCLE = 2  # steps between accelerations: fewest FFT pairs in `bench_contact.py viscoelastic`
+DRAFTED_FROM = 2**18  # points of a grid worth a draft, by `bench_contact.py overhead`
+CYCLE = 2  # steps between accelerations
 
 
 class Solid(eqx.Module):

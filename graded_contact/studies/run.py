@@ -10,7 +10,7 @@ import numpy as np
 from jaxtyping import Array
 
 from .._memory import check_memory, num_numbers, sliding_memory
-from ..contact.problem import RESULTS
+from ..contact.solution import RESULTS
 from ..files.results import (
     FAILED,
     FIELDS,

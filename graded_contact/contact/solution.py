@@ -1,0 +1,85 @@
+"""What a contact is found to be, and how the search for it ended."""
+
+import equinox as eqx
+from jaxtyping import Array, Float
+
+
+class RESULTS(eqx.Enumeration):
+    """How a solve ended."""
+
+    successful = ""
+    max_steps_reached = (
+        "The contact solver reached `max_steps` before `rtol`. Raise `max_steps` "
+        "(as in `solver=DouglasRachford(max_steps=...)`), loosen `rtol`, or pass `throw=False` to "
+        "get the partial result."
+    )
+    rounding = (
+        "Rounding hides what is left of the error, which may be more than `rtol`: the pressures "
+        "are tiny beside what the gaps are worth. Loosen `rtol`; in float32, enable "
+        "`jax_enable_x64`; or pass `throw=False` and look at `.error`."
+    )
+    not_finite = (
+        "The contact solver met a value that is not finite. Check the kernel (a negative "
+        "thickness or modulus under `jit` ends here), the heights and the pressure; in float32, "
+        "enable `jax_enable_x64`."
+    )
+    unresolved = (
+        "The attraction of the law rises too steeply for the grid: points snap one by one, and the "
+        "equilibrium found may not be a stable one. Refine the grid (the shortest wave must be "
+        "about three times as stiff as the attraction rises), or use "
+        "`solver=ResidualDynamics()`."
+    )
+    inaccurate_kernel = (
+        "The kernel of the block missed its tolerance: the profile of a graded layer varies too "
+        "sharply, or has moduli too far apart. Put boundaries between layers at its jumps and list "
+        "its kinks in `breaks`, or cut it by `sliced`."
+    )
+    gap_unresolved = (
+        "Pressure, friction and contact area are found, but gaps may be wrong by more than a tenth "
+        "of the rms height (`.gap_error`). Tighten `rtol`; or pass `throw=False`, and leave `gap`, "
+        "`mean_gap` and `displacement` alone."
+    )
+    bad_pressure = "The law of contact cannot have this mean pressure (a hard wall: not positive)."
+
+
+class ContactSolution(eqx.Module):
+    """Pressure and gap of a contact, and how well they were found.
+
+    **Fields:**
+
+    - `pressure`: σ [Pa], of the law; its mean is exactly the load, if that was prescribed. Shape of
+      the heights.
+    - `displacement`: w [m], of zero mean, positive into the solid: M σ, but with what is left of
+      the error of σ kept out of the soft waves, which would magnify it.
+    - `gap`: u = w - h + ū [m], zero in hard contact up to the error.
+    - `mean_pressure`: mean of σ [Pa].
+    - `mean_gap`: mean of the gap ū [m].
+    - `mismatch`: pressure of the solid less that of the law [Pa], where the iteration stopped; zero
+      if it had converged. Without a derivative.
+    - `error`: estimated relative error of the pressure [1] (root mean square); 0 where there is no
+      pressure.
+    - `load_error`: mean of `mismatch` over that of |σ| [1].
+    - `gap_error`: estimated error of the gap (root mean square) over the rms height [1]; those of
+      `displacement` and `mean_gap` are no larger.
+    - `complementarity_error`: mean of |σ| |u - u_σ| over that of |σ| and the rms height [1]; u_σ is
+      the gap at which the law has the pressure σ, in hard contact 0.
+    - `penetration`: largest interpenetration that the law does not allow, over the rms height [1].
+    - `num_steps`: iterations on the full grid.
+    - `num_fft_pairs`: transforms spent (forward and back), coarse grids counted by their size.
+    - `result`: a member of `RESULTS`.
+    """
+
+    pressure: Float[Array, "*shape"]
+    displacement: Float[Array, "*shape"]
+    gap: Float[Array, "*shape"]
+    mean_pressure: Float[Array, ""]
+    mean_gap: Float[Array, ""]
+    mismatch: Float[Array, "*shape"]
+    error: Float[Array, ""]
+    load_error: Float[Array, ""]
+    gap_error: Float[Array, ""]
+    complementarity_error: Float[Array, ""]
+    penetration: Float[Array, ""]
+    num_steps: Array
+    num_fft_pairs: Float[Array, ""]
+    result: RESULTS
