@@ -23,7 +23,8 @@ from .contact.solver import AbstractContactSolver
 from .cutoff import CutoffCurve
 from .files.moduli.reading import Measured, read_moduli
 from .files.prony_cards import export_prony
-from .files.topography.reading import read_surface, surface_from_heights
+from .files.topography.preparation import surface_from_heights
+from .files.topography.reading import read_surface
 from .fitting.master import MasterCurve, master_curve
 from .fitting.prony import fit_creep, fit_prony, fit_relaxation
 from .fitting.result import PronyFit

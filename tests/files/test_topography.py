@@ -7,7 +7,7 @@ import jax.numpy as jnp
 import numpy as np
 import pytest
 
-from graded_contact.files.topography.reading import read_surface, surface_from_heights
+from graded_contact import read_surface, surface_from_heights
 from graded_contact.grid import Grid
 from graded_contact.response.stack import HalfSpace, Stack
 from graded_contact.rheology.library import tyre_tread

@@ -1,0 +1,285 @@
+"""Measured heights made a surface: cropped, levelled, filled where they are missing, made periodic.
+
+What is done to the data is recorded, in order, in `Surface.history`, and what it does to the
+roughness in `Surface.steps`.
+"""
+
+import dataclasses
+from typing import Any
+
+import numpy as np
+from jaxtyping import ArrayLike
+
+from ..._checks import Numbers
+from ...grid import Grid
+from ...surface import Step, Surface, resample, step
+from .holes import filled, grown, largest_rectangle
+
+TAPER = 0.1  # length of the window's flank at either end of an axis, relative to the axis
+PERIODIC = ("window", "mirror", None)
+FILL = ("low", "harmonic", None)
+LOW = 0.01  # the share of measured heights below the level to which filled holes sink
+STEEPER = 1.5  # than its rms slope the surface sinks from the mean height into a hole
+LARGEST = 1e5  # [m], higher than any mountain
+
+
+def surface_from_heights(
+    heights: ArrayLike,
+    size: Numbers,
+    *,
+    periodic: str | None = "window",
+    shape: int | tuple[int, ...] | None = None,
+    region: Numbers | None = None,
+    fill: str | None = "low",
+    rim: int = 0,
+    history: tuple[str, ...] = (),
+    steps: tuple[Step, ...] = (),
+) -> Surface:
+    """Returns measured heights as a periodic surface of zero mean.
+
+    In this order: a region is cut out; a least-squares plane through the measured points is
+    subtracted (not with `periodic=None`, for it would open a seam); missing points are filled; the
+    edges are made to meet; the surface is resampled. `Surface.measured` marks what was filled or
+    tapered, and `Surface.steps` tells the roughness after each step.
+
+    **Arguments:**
+
+    - `heights`: [m], shape `(nx, ny)` or `(nx,)`; NaN, infinite or masked where missing.
+    - `size`: edge lengths [m], shape `(ndim,)`; one number means a square.
+    - `periodic`: `"window"` multiplies by a cosine-flanked (Tukey) window that falls to zero over
+      the outer tenth at either end of each axis, then scales the heights to keep their rms;
+      `"mirror"` reflects, doubling each axis, which keeps every height but leaves kinks at the
+      seams; None takes the heights as they stand and refuses them if the edges do not meet.
+    - `shape`: number of points of the result; None keeps that of the data.
+    - `region`: the part to keep, `[x0, x1, y0, y1]` or for a profile `[x0, x1]` [m] from the first
+      point; None keeps all. Where points are missing, the history names the largest part without.
+    - `fill`: `"low"` lets the surface sink from the heights around a hole towards the lowest
+      measured ones, somewhat steeper than it is rough, which keeps it out of contact; `"harmonic"`
+      solves Laplace's equation, the smoothest that joins the heights around; None refuses missing
+      points.
+    - `rim`: how many rings of measured points around each hole to discard with it. Optical
+      instruments report spikes there, which the filling would continue; the history tells when
+      the rims stand out.
+    - `history`, `steps`: to begin those of the surface with.
+
+    **Returns:** the surface, with what was done to it.
+
+    **Raises:** `ValueError` for a refused argument.
+    """
+    check_choices(periodic, fill, rim)
+    values = np.ma.filled(np.ma.asarray(heights, float), np.nan)
+    values = np.where(np.isfinite(values), values, np.nan)
+    edges = np.asarray(Grid(values.shape, size).size, float)  # refuses a wrong number of axes
+    _check_measured(values[np.isfinite(values)])
+    if np.nanmax(np.abs(values)) > LARGEST:
+        raise ValueError(
+            f"`heights` reach {np.nanmax(np.abs(values)):.3g} m: the file is damaged, or `unit` is "
+            "not that of its numbers."
+        )
+    prepared = _Prepared(values, edges / np.array(values.shape), list(history), list(steps))
+    prepared.record("equally spaced" if steps else "read")
+    if region is not None:
+        prepared.crop(region)
+    prepared.level(rim, tilted=periodic is None)
+    if prepared.num_missing:
+        prepared.fill(fill, rim)
+    surface = prepared.closed(periodic)
+    return surface if shape is None else resample(surface, shape)
+
+
+@dataclasses.dataclass
+class _Prepared:
+    """Heights [m] at points some `spacing` [m] apart, and what was done to them so far."""
+
+    values: np.ndarray
+    spacing: np.ndarray
+    notes: list[str]
+    rows: list[Step]
+
+    def record(self, name: str) -> None:
+        self.rows.append(step(name, self.values, self.spacing))
+
+    def crop(self, region: Numbers) -> None:
+        self.values = self.values[_part(region, self.values.shape, self.spacing)]
+        points = " x ".join(map(str, self.values.shape))
+        self.notes.append(f"Cut out `region={np.asarray(region).tolist()}`, {points} points.")
+        self.record("cropped")
+
+    def level(self, rim: int, *, tilted: bool) -> None:
+        """Counts rims as missing, and subtracts the plane or, if it stays `tilted`, the mean."""
+        self.missing = np.isnan(self.values)
+        self.num_missing = int(np.sum(self.missing))
+        for _ in range(rim):
+            self.missing = grown(self.missing)
+        known = self.values[~self.missing]
+        _check_measured(known)
+        plane, slopes = _plane(self.values, self.missing, self.spacing)
+        self.spread = float(np.std((self.values - plane)[~self.missing]))
+        if self.spread <= 1e-12 * np.max(np.abs(known)):
+            raise ValueError("`heights` is a plane: no roughness is left after levelling.")
+        if tilted:
+            self.values = self.values - np.mean(known)
+            return
+        self.values = self.values - plane
+        slope = ", ".join(f"{value:.3g}" for value in slopes)
+        self.notes.append(f"Subtracted a plane of slope ({slope}).")
+        self.record("tilt removed")
+
+    def fill(self, fill: str | None, rim: int) -> None:
+        missing = self.missing
+        around = np.sqrt(np.mean(self.values[grown(missing) & ~missing] ** 2))
+        self.notes.append(_region_note(missing, self.spacing))
+        self.values = _fill(np.where(missing, np.nan, self.values), missing, self.spacing, fill)
+        note = _filling_note(missing, self.num_missing, fill, rim, around, self.spread)
+        self.notes.append(note)
+        self.record("filled")
+
+    def closed(self, periodic: str | None) -> Surface:
+        """The surface, its edges made to meet."""
+        measured = np.where(self.missing, 0.0, 1.0)
+        if periodic == "window":
+            self.values, taper, factor = _window(self.values)
+            measured = measured * taper
+            self.notes.append(
+                f"Tapered the outer {100 * TAPER:g} % at either end of each axis to zero (Tukey "
+                f"window) and multiplied the heights by {factor:.4g} to keep the rms height."
+            )
+            self.record("tapered")
+        elif periodic == "mirror":
+            for axis in range(self.values.ndim):
+                self.values, measured = (
+                    np.concatenate([field, np.flip(field, axis)], axis)
+                    for field in (self.values, measured)
+                )
+            self.notes.append("Reflected about the end of each axis, doubling it.")
+            self.record("mirrored")
+        else:
+            _check_seams(self.values)
+            self.notes.append("Taken as periodic.")
+        return Surface(
+            heights=self.values - np.mean(self.values),
+            grid=Grid(self.values.shape, self.spacing * np.array(self.values.shape)),
+            history=tuple(self.notes),
+            measured=None if np.all(measured == 1) else measured,
+            steps=tuple(self.rows),
+        )
+
+
+def _check_measured(known: np.ndarray) -> None:
+    if known.size < 4:
+        raise ValueError(f"`heights` has {known.size} measured points; at least 4 are needed.")
+
+
+def check_choices(periodic: Any, fill: Any, rim: Any) -> None:
+    """Raises `ValueError` for a choice that is refused."""
+    if isinstance(rim, bool) or not isinstance(rim, int) or rim < 0:
+        raise ValueError(f"`rim={rim}` is refused: a whole number of at least 0 is needed.")
+    for name, value, choices in (("periodic", periodic, PERIODIC), ("fill", fill, FILL)):
+        if value not in choices:
+            raise ValueError(f"`{name}={value!r}` is refused: use one of {choices}.")
+
+
+def _part(region: Numbers, shape: tuple[int, ...], spacing: np.ndarray) -> tuple[slice, ...]:
+    """The points in a region [m]."""
+    limits = np.asarray(region, float)
+    size = spacing * np.array(shape)
+    wanted = "[x0, x1, y0, y1]" if len(shape) == 2 else "[x0, x1]"
+    if limits.shape != (2 * len(shape),) or not np.all(np.isfinite(limits)):
+        raise ValueError(f"`region={limits.tolist()}` is refused: it must be {wanted} [m].")
+    ends = np.rint(limits.reshape(-1, 2) / spacing[:, None]).astype(int)
+    if np.any(ends < 0) or np.any(ends[:, 1] > shape) or np.any(ends[:, 1] - ends[:, 0] < 4):
+        raise ValueError(
+            f"`region={limits.tolist()}` is refused: {wanted} must lie in the map of "
+            f"{' x '.join(f'{s:.4g}' for s in size)} m and hold at least 4 points along each axis."
+        )
+    return tuple(slice(first, last) for first, last in ends)
+
+
+def _plane(
+    values: np.ndarray, missing: np.ndarray, spacing: np.ndarray
+) -> tuple[np.ndarray, np.ndarray]:
+    """The least-squares plane through the measured points, and its slopes [1]."""
+    axes = [(np.arange(n) + 0.5) / n - 0.5 for n in values.shape]
+    columns = [np.broadcast_to(x, values.shape) for x in np.meshgrid(*axes, indexing="ij")]
+    basis = np.stack([np.ones(values.shape), *columns], axis=-1)
+    coefficients = np.linalg.lstsq(basis[~missing], values[~missing])[0]
+    return basis @ coefficients, coefficients[1:] / (spacing * np.array(values.shape))
+
+
+def _fill(
+    values: np.ndarray, missing: np.ndarray, spacing: np.ndarray, fill: str | None
+) -> np.ndarray:
+    if fill is None:
+        raise ValueError(
+            f"`heights` has {np.sum(missing)} missing points; pass `fill='low'` to fill them."
+        )
+    known = values[~missing]
+    scale = np.max(np.abs(known))
+    bottom = float(np.quantile(known, LOW)) / scale
+    slope = step("", values, spacing).rms_slope / scale
+    descent = (np.mean(known) / scale - bottom) / (STEEPER * slope) if slope > 0 else np.inf
+    length = max(descent, 2 * float(np.max(spacing))) if fill == "low" else np.inf
+    return scale * filled(np.where(missing, 0, values / scale), missing, spacing, bottom, length)
+
+
+def _region_note(missing: np.ndarray, spacing: np.ndarray) -> str:
+    """What part of the map lacks nothing."""
+    part = largest_rectangle(missing)
+    points = np.prod([p.stop - p.start for p in part])
+    if min(p.stop - p.start for p in part) < 4:
+        return "No part of it of 4 points along each axis was measured completely."
+    ends = [f"{end * apart:.6g}" for p, apart in zip(part, spacing, strict=True)
+            for end in (p.start, p.stop)]  # fmt: skip
+    return (
+        f"Its largest completely measured part is `region=[{', '.join(ends)}]`, "
+        f"{100 * points / missing.size:.2g} % of the points."
+    )
+
+
+def _filling_note(
+    missing: np.ndarray, num_missing: int, fill: str | None, rim: int, around: float, spread: float
+) -> str:
+    rings = f", with {rim} ring(s) of measured points around them," if rim else ""
+    how = "sinking from their rims" if fill == "low" else "with harmonic functions"
+    note = (
+        f"Filled {num_missing} missing points ({100 * num_missing / missing.size:.2g} %){rings} "
+        f"{how}."
+    )
+    if around > 3 * spread:
+        note += (
+            f" Their rims stand out, with rms height {around:.3g} m against {spread:.3g} m of all "
+            f"measured points: they may be artefacts, see `rim={rim + 1}`."
+        )
+    return note
+
+
+def _window(values: np.ndarray) -> tuple[np.ndarray, np.ndarray, float]:
+    """The tapered heights with their rms restored, the window, and the factor that restored it."""
+    window = np.ones(values.shape)
+    for axis, n in enumerate(values.shape):
+        x = (np.arange(n) + 0.5) / n
+        edge = np.minimum(np.minimum(x, 1 - x) / TAPER, 1)
+        taper = np.sin(np.pi / 2 * edge) ** 2
+        window = window * np.expand_dims(taper, [a for a in range(values.ndim) if a != axis])
+    tapered = window * (values - np.mean(values))
+    if np.std(tapered) <= 1e-6 * np.std(values):
+        raise ValueError("`heights` vary only at the edges, where the window removes them.")
+    factor = float(np.std(values) / np.std(tapered))
+    return factor * tapered, window, factor
+
+
+def _check_seams(values: np.ndarray) -> None:
+    """Refuses heights whose step across the seam is unlike the steps inside."""
+    for axis, name in zip(range(values.ndim), "xy", strict=False):
+        steps = np.diff(values, axis=axis)
+        seam = np.take(values, 0, axis) - np.take(values, -1, axis)
+        inside, across = np.sqrt(np.mean(steps**2)), np.sqrt(np.mean(seam**2))
+        # Twice is beyond chance for a rough edge; a profile has one seam step, which scatters.
+        limit = 2 + 3 / np.sqrt(seam.size)
+        if across > limit * inside:
+            raise ValueError(
+                f"`periodic=None` is refused: this is a surface that is not periodic. Along {name} "
+                f"the heights jump by {across:.3g} m (rms) from the last point to the first, "
+                f"{across / max(inside, 1e-300):.3g} times the step between neighbours (the limit "
+                f"is {limit:.3g}). Pass `periodic='window'` or `periodic='mirror'`."
+            )
