@@ -18,6 +18,8 @@ from typer.testing import CliRunner
 
 import graded_contact as gc
 from graded_contact import cli
+from graded_contact.command import scene as scene_job
+from graded_contact.command import session
 from graded_contact.files import results as storage
 from graded_contact.files.results import read_results, write_results
 from graded_contact.files.scene import parse_scene
@@ -50,7 +52,7 @@ velocity = [0.01, 1.0]
 @pytest.fixture(autouse=True)
 def no_compilation_cache(monkeypatch):
     """The cache is a setting of the process: other tests must not inherit it."""
-    monkeypatch.setattr(cli, "_cache_folder", lambda: None)
+    monkeypatch.setattr(session, "cache_folder", lambda: None)
 
 
 def command(*arguments):
@@ -62,7 +64,7 @@ def folder(tmp_path_factory):
     folder = tmp_path_factory.mktemp("run")
     (folder / "small.toml").write_text(SCENE)
     with pytest.MonkeyPatch.context() as patch:
-        patch.setattr(cli, "_cache_folder", lambda: None)
+        patch.setattr(session, "cache_folder", lambda: None)
         result = command("run", folder / "small.toml", "--output", folder / "out")
     assert result.exit_code == 0, result.output
     (folder / "printed.txt").write_text(result.stdout)
@@ -311,7 +313,7 @@ def in_a_file(folder):
 def test_an_output_is_checked_before_anything_is_computed(
     tmp_path, monkeypatch, folder, name, expected
 ):
-    monkeypatch.setattr(run_module, "build_surface", None)
+    monkeypatch.setattr(scene_job, "build_surface", None)
     (tmp_path / f"{name}.toml").write_text(SCENE)
     result = command("run", tmp_path / f"{name}.toml", "-o", folder(tmp_path / "place"))
     assert result.exit_code == 2 and expected in result.stderr, result.output
@@ -473,7 +475,7 @@ def test_help_and_version():
 
 def test_the_embedded_scene_runs_at_the_resolution_asked_for(tmp_path, monkeypatch):
     ran = []
-    monkeypatch.setattr(cli, "_run", lambda *arguments: ran.append(arguments))
+    monkeypatch.setattr(scene_job, "run_scene_into", lambda *arguments: ran.append(arguments))
     for arguments in (("demo",), ("demo", "--resolution", 512, "--output", tmp_path)):
         assert command(*arguments).exit_code == 0
     (first, folder, name, _), (second, other, finer, _) = ran
@@ -487,20 +489,20 @@ def test_the_embedded_scene_runs_at_the_resolution_asked_for(tmp_path, monkeypat
 def test_the_cache_of_compiled_code_belongs_to_the_user_alone(tmp_path, monkeypatch):
     monkeypatch.undo()
     monkeypatch.setenv("XDG_CACHE_HOME", str(tmp_path))
-    folder = cli._cache_folder()
+    folder = session.cache_folder()
     assert folder is not None and folder.parent == tmp_path / "graded_contact"
     assert (
         stat.S_IMODE(folder.stat().st_mode) == stat.S_IMODE(folder.parent.stat().st_mode) == 0o700
     )
     folder.chmod(0o777)
-    assert cli._cache_folder() is None
+    assert session.cache_folder() is None
     monkeypatch.setenv("XDG_CACHE_HOME", "/proc/nowhere")
-    assert cli._cache_folder() is None
+    assert session.cache_folder() is None
 
 
 THREADS = """
-from graded_contact import cli
-cli._prepare()
+from graded_contact.command.session import prepare
+prepare()
 import jax, numpy as np
 field = np.random.default_rng(0).normal(size=(512, 512))
 alone = {"xla_cpu_multi_thread_eigen": False}

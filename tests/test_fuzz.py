@@ -20,6 +20,7 @@ from typer.testing import CliRunner
 
 import graded_contact as gc
 from graded_contact import cli
+from graded_contact.command import session
 from graded_contact.files.design_scene import parse_design
 from graded_contact.files.results import (
     FIELDS,
@@ -564,7 +565,7 @@ def check_case(case: int, folder: Path) -> bool:
 @pytest.fixture
 def folder(tmp_path, monkeypatch, unchecked_types):
     """A folder to be in, with the files that scenes and arguments name."""
-    monkeypatch.setattr(cli, "_cache_folder", lambda: None)
+    monkeypatch.setattr(session, "cache_folder", lambda: None)
     monkeypatch.setenv("XLA_FLAGS", os.environ.get("XLA_FLAGS", ""))
     monkeypatch.setenv("HOME", str(tmp_path))
     monkeypatch.chdir(tmp_path)

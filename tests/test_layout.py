@@ -39,7 +39,9 @@ ORDER = [
     "studies/extrapolation", "studies/run",
     "studies/design_problem", "studies/run_design", "studies/report_design", "studies/cost",
     "studies/identity", "studies/study", "studies/chunk", "studies/cluster", "studies/sweep",
-    "shapes", "design", "reference", "plot", "cli", "__main__",
+    "shapes", "design", "reference", "plot",
+    "command/session", "command/tables", "command/scene", "command/fit", "command/design",
+    "cli", "__main__",
 ]  # fmt: skip
 # What a file or folder must not see although it comes before: contact gets a kernel, not layers.
 HIDDEN = {
@@ -66,9 +68,8 @@ def imports(source: str, place: str) -> set[str]:
     for first, *parts in (name.split(".") for name in names):
         while first == "graded_contact":
             path = "/".join(parts)
-            inside = [
-                m for m in ORDER[:-2] if m == path or m.startswith(f"{path}/" if path else "")
-            ]
+            known = ORDER if path else ORDER[: ORDER.index("command/session")]
+            inside = [m for m in known if m == path or m.startswith(f"{path}/" if path else "")]
             if inside:
                 found.add(inside[-1])
                 break

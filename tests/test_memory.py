@@ -9,6 +9,7 @@ from typer.testing import CliRunner
 
 import graded_contact as gc
 from graded_contact import _memory, cli
+from graded_contact.command import session
 from graded_contact.files.scene import parse_scene
 
 BLOCK = gc.Stack(layers=(), base=gc.HalfSpace(gc.Elastic(1e6)))
@@ -92,7 +93,7 @@ def test_what_is_said_to_fit_does(ten_gigabytes):
 def test_a_scene_that_does_not_fit_is_refused(
     tmp_path, monkeypatch, ten_gigabytes, old, new, message, option
 ):
-    monkeypatch.setattr(cli, "_cache_folder", lambda: None)
+    monkeypatch.setattr(session, "cache_folder", lambda: None)
     (tmp_path / "s.toml").write_text(SCENE.replace(old, new))
     arguments = ["run", str(tmp_path / "s.toml"), "-o", str(tmp_path / "out"), *option]
     result = CliRunner().invoke(cli.app, arguments)
@@ -101,7 +102,7 @@ def test_a_scene_that_does_not_fit_is_refused(
 
 
 def test_a_dry_run_tells_and_writes_nothing(tmp_path, monkeypatch):
-    monkeypatch.setattr(cli, "_cache_folder", lambda: None)
+    monkeypatch.setattr(session, "cache_folder", lambda: None)
     sweep = SCENE.replace("velocity = 0.1", "velocity = {from = 0.1, to = 1, points = 13}")
     (tmp_path / "s.toml").write_text(sweep.replace("[32, 32]", "[1024, 1024]"))
     folder = tmp_path / "out"

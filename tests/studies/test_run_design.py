@@ -15,10 +15,11 @@ from scenes import DESIGN, FLAT
 from typer.testing import CliRunner
 
 import graded_contact as gc
-from graded_contact import cli, plot
+from graded_contact import cli
+from graded_contact.command import design as design_job
+from graded_contact.command import session
 from graded_contact.files.design_scene import parse_design
 from graded_contact.parameters import with_values
-from graded_contact.studies import run_design as run_design_module
 from graded_contact.studies.design import Design, Run
 from graded_contact.studies.interruption import Interrupted
 from graded_contact.studies.report_design import designed_values, missed, report
@@ -34,7 +35,7 @@ def ran(tmp_path_factory):
     folder = tmp_path_factory.mktemp("design")
     (folder / "coat.toml").write_text(DESIGN)
     with pytest.MonkeyPatch.context() as patch:
-        patch.setattr(cli, "_cache_folder", lambda: None)
+        patch.setattr(session, "cache_folder", lambda: None)
         arguments = ["design", str(folder / "coat.toml"), "-o", str(folder / "out")]
         result = CliRunner().invoke(cli.app, arguments)
     assert result.exit_code == 0, result.output
@@ -70,8 +71,8 @@ def test_the_command_ends_with_a_code_and_one_line(tmp_path, monkeypatch, text, 
     def fail(*_, **__):
         raise RuntimeError("Above is the stack.\nequinox.RuntimeError: not solved.\n\n----\nHow to")
 
-    monkeypatch.setattr(cli, "_cache_folder", lambda: None)
-    monkeypatch.setattr(run_design_module, "run_design", fail)
+    monkeypatch.setattr(session, "cache_folder", lambda: None)
+    monkeypatch.setattr(design_job, "run_design", fail)
     (tmp_path / "coat.toml").write_text(text)
     arguments = ["design", str(tmp_path / "coat.toml"), "-o", str(tmp_path)]
     result = CliRunner().invoke(cli.app, arguments)
@@ -157,9 +158,9 @@ def came_to(reached, *, verify=0, text=DESIGN, outside=0.0):
 
 def test_a_ratio_out_of_reach_is_said_in_table_file_and_exit_code(tmp_path, monkeypatch):
     results = came_to([4.99], text=DESIGN.replace("ratio = 1.3", "ratio = 16"))
-    monkeypatch.setattr(cli, "_cache_folder", lambda: None)
-    monkeypatch.setattr(run_design_module, "run_design", lambda *_, **__: results)
-    monkeypatch.setattr(plot, "plot_design", lambda _: Figure())
+    monkeypatch.setattr(session, "cache_folder", lambda: None)
+    monkeypatch.setattr(design_job, "run_design", lambda *_, **__: results)
+    monkeypatch.setattr(design_job, "plot_design", lambda _: Figure())
     (tmp_path / "coat.toml").write_text(DESIGN)
     arguments = ["design", str(tmp_path / "coat.toml"), "-o", str(tmp_path)]
     result = CliRunner().invoke(cli.app, arguments)

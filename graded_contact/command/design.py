@@ -1,0 +1,73 @@
+"""The job `design`: the block of a scene before and after."""
+
+import json
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+from ..files.design_scene import read_design
+from ..files.output import check_folder, check_name, full_path
+from ..plot import plot_design
+from ..studies.cost import design_cost
+from ..studies.interruption import Interrupted, interruptible
+from ..studies.report_design import designed_values, missed, report
+from ..studies.run_design import check_design, run_design
+from ..studies.store import Store
+from .session import DryRun, Output, progress, refusing
+
+
+def design(
+    scene_file: Annotated[
+        Path, typer.Argument(metavar="SCENE.toml", help="The scene.", show_default=False)
+    ],
+    output: Output = None,
+    dry_run: DryRun = False,
+) -> None:
+    r"""Designs the block of a scene with a table \[design]: prints it before and after.
+
+    Each evaluation and each verified surface is kept: after an interruption the same command goes
+    on from there.
+    """
+    with refusing(), interruptible() as interruption:
+        study = read_design(scene_file)
+        if dry_run:
+            typer.echo(design_cost(study).report())
+            check_design(study)
+            return
+        folder = output or study.scene.directory or Path(f"{scene_file.stem}-results")
+        name = f"{study.scene.name or scene_file.stem}-design"
+        check_name(name)
+        folder = full_path(str(folder))
+        check_folder(folder)
+        if study.scene.title:
+            typer.echo(study.scene.title)
+        try:
+            with (
+                Store(folder / f"{name}.points") as store,
+                progress(interruption) as advance,
+            ):
+                results = run_design(study, store=store, progress=advance)
+            text = report(results)
+            typer.echo(f"\n{text}\n")
+            for sentence in getattr(study.spectrum, "caveats", ()):  # of a surface from a file
+                typer.secho(f"Caveat: {sentence}", fg="yellow")
+            stem = folder / name
+            values = json.dumps(designed_values(results), indent=2) + "\n"
+            for suffix, content in (("json", values), ("txt", f"{text}\n")):
+                Path(f"{stem}.{suffix}").write_text(content, encoding="utf-8")
+                typer.echo(f"wrote {stem}.{suffix}")
+            interruption.check()
+            plot_design(results).savefig(f"{stem}.png")
+            typer.echo(f"wrote {stem}.png")
+        except Interrupted:
+            typer.echo("Interrupted: the same command goes on from here.", err=True)
+            raise typer.Exit(interruption.exit_code) from None
+        except RuntimeError as error:  # the reason, without the traceback in it
+            reason = str(error).rpartition("RuntimeError: ")[2].partition("\n\n")[0]
+            typer.secho(f"Error: {reason}", fg="red", err=True)
+            raise typer.Exit(1) from error
+    for sentence in missed(results):
+        typer.secho(f"Warning: {sentence}", fg="red", err=True)
+    if missed(results) or not results.design.converged:
+        raise typer.Exit(1)

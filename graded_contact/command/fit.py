@@ -1,0 +1,188 @@
+"""The job `fit`: measured moduli as a material."""
+
+import contextlib
+import re
+from collections.abc import Iterator
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated
+
+import typer
+
+from ..files.moduli.reading import read_moduli
+from ..files.output import check_folder, full_path
+from ..files.prony_cards import FORMATS, export_prony
+from ..files.toml import nearest
+from ..fitting.master import check_law, master_curve
+from ..fitting.prony import fit_creep, fit_prony, fit_relaxation
+from ..plot import plot_fit, plot_master_curve
+from ..rheology.material import Prony
+from .session import Output, refusing
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
+
+# Endings of the files that other programs read.
+_SUFFIXES = {"abaqus": ".inp", "ansys": ".mac"}
+# What stands for the arguments that messages about moduli and their fits name.
+_FIT_OPTIONS = {
+    "units": "--unit QUANTITY=UNIT", "columns": "--column QUANTITY=NAME",
+    "temperature": "--temperature KELVIN", "throw": "--anyway",
+    **{name: f"--{name.replace('_', '-')}" for name in (
+        "kind", "deformation", "poisson", "sheet", "terms", "law", "scatter", "vertical",
+        "equilibrium", "glassy", "storage_weight", "loss_weight",
+    )},
+}  # fmt: skip
+
+# Options by their type; each says what it is for.
+Number = float | None
+Files = Annotated[
+    list[Path],
+    typer.Argument(
+        metavar="FILE...",
+        help="Moduli or compliances of one material, in one file or several.",
+        show_default=False,
+    ),
+]
+Terms = Annotated[int | None, typer.Option(min=1, help="Number of terms.")]
+Poisson = Annotated[float, typer.Option(help="Poisson's ratio of the material.")]
+Kind = Annotated[str | None, typer.Option(help="frequency, relaxation or creep.")]
+Deformation = Annotated[
+    str | None, typer.Option(help="tension or shear, if the file does not say.")
+]
+Temperature = Annotated[
+    list[float] | None,
+    typer.Option(metavar="KELVIN", help="One, or one for each file (or curve), in order."),
+]
+Sheet = Annotated[str | None, typer.Option(help="Name of the sheet of a workbook.")]
+Law = Annotated[str, typer.Option(help="Shifts several isotherms: wlf or arrhenius.")]
+Scatter = Annotated[
+    float, typer.Option(help="Expected departures of log10 a_T from the law; 0 for none.")
+]
+Vertical = Annotated[
+    float, typer.Option(help="Expected size of ln b_T, the shifts of their moduli.")
+]
+Equilibrium = Annotated[
+    Number, typer.Option(metavar="PASCAL", help="E_eq if known; 0 for a liquid.")
+]
+Glassy = Annotated[Number, typer.Option(metavar="PASCAL", help="Instantaneous modulus if known.")]
+StorageWeight = Annotated[float, typer.Option(help="Weight of storage moduli.")]
+LossWeight = Annotated[float, typer.Option(help="Weight of loss moduli.")]
+Anyway = Annotated[
+    bool, typer.Option("--anyway", help="Fit data that no positive spectrum comes near to.")
+]
+Unit = Annotated[
+    list[str] | None,
+    typer.Option(metavar="QUANTITY=UNIT", help="For instance modulus=MPa; may be repeated."),
+]
+Column = Annotated[
+    list[str] | None,
+    typer.Option(metavar="QUANTITY=NAME", help="For instance loss=4; may be repeated."),
+]
+Card = Annotated[
+    list[str] | None, typer.Option(help="Also write toml, csv, json, abaqus or ansys.")
+]
+
+
+def fit(
+    moduli_files: Files,
+    output: Output = None,
+    terms: Terms = None,
+    poisson: Poisson = 0.5,
+    kind: Kind = None,
+    deformation: Deformation = None,
+    temperature: Temperature = None,
+    sheet: Sheet = None,
+    law: Law = "wlf",
+    scatter: Scatter = 0.3,
+    vertical: Vertical = 0.0,
+    equilibrium: Equilibrium = None,
+    glassy: Glassy = None,
+    storage_weight: StorageWeight = 1.0,
+    loss_weight: LossWeight = 1.0,
+    anyway: Anyway = False,
+    unit: Unit = None,
+    column: Column = None,
+    card: Card = None,
+) -> None:
+    """Fits a Prony series to files of a rheometer or DMA: prints it as a table for a scene.
+
+    Several isotherms, in one file or several, are shifted into a master curve.
+    """
+    with refusing(), _naming_options():
+        for form in card or []:
+            if form not in FORMATS:
+                raise ValueError(f"`--card {form}` is not known; {nearest(form, FORMATS)}")
+        folder = full_path(str(output or f"{moduli_files[0].stem}-fit"))
+        check_folder(folder)
+        columns = _pairs("column", column)
+        measured = read_moduli(
+            moduli_files,
+            kind=kind,
+            deformation=deformation,
+            units=_pairs("unit", unit),
+            columns={key: int(v) if v.isdecimal() else v for key, v in columns.items()},
+            poisson=poisson,
+            temperature=temperature[0] if temperature and len(temperature) == 1 else temperature,
+            sheet=sheet,
+        )
+        for sentence in measured.history:
+            typer.echo(sentence)
+        arguments = {
+            "terms": terms, "poisson": poisson, "equilibrium": equilibrium, "glassy": glassy,
+            "throw": not anyway,
+        }  # fmt: skip
+        weights = {"storage_weight": storage_weight, "loss_weight": loss_weight}
+        shifts = {"law": law, "scatter": scatter, "vertical": vertical}
+        figure, material, report = _fitted(measured, shifts, weights, arguments)
+        name = re.sub(r"\W", "_", moduli_files[0].stem)
+        name = name if name[:1].isalpha() else f"material_{name}"
+        typer.echo(f"\n{report}\n\n{export_prony(material, 'toml', name=name)}")
+        _write(folder, name, figure, material, ("toml", *(card or [])))
+
+
+def _write(folder: Path, name: str, figure: "Figure", material: Prony, forms: tuple) -> None:
+    folder.mkdir(parents=True, exist_ok=True)
+    figure.savefig(folder / f"{name}.png")
+    typer.echo(f"wrote {folder / f'{name}.png'}")
+    for form in forms:
+        path = folder / f"{name}{_SUFFIXES.get(form, f'.{form}')}"
+        path.write_text(export_prony(material, form, name=name), encoding="utf-8")
+        typer.echo(f"wrote {path}")
+
+
+@contextlib.contextmanager
+def _naming_options() -> Iterator[None]:
+    """Adds to a message of `fit` the options that stand for the arguments it names."""
+    try:
+        yield
+    except ValueError as error:
+        named = dict.fromkeys(re.findall(r"`(\w+)(?:=[^`]*)?`", str(error)))
+        options = [_FIT_OPTIONS[name] for name in named if name in _FIT_OPTIONS]
+        if not options:
+            raise
+        raise ValueError(f"{error} (Here: {', '.join(options)}.)") from error
+
+
+def _fitted(measured, shifts, weights, arguments):
+    """The figure of the fit, its material with its shifts, and the report."""
+    check_law(shifts["law"])
+    isotherms = measured.isotherms()
+    if measured.kind != "frequency" and set(weights.values()) != {1.0}:
+        raise ValueError(f"`storage_weight`, `loss_weight`: {measured.kind} has one channel only.")
+    if len(isotherms) == 1:
+        functions = {"frequency": fit_prony, "relaxation": fit_relaxation, "creep": fit_creep}
+        if measured.kind == "frequency":
+            arguments = {**arguments, **weights}
+        found = functions[measured.kind](measured.abscissa, measured.values, **arguments)
+        return plot_fit(found), found.material, found.report()
+    weight, loss_weight = weights.values()
+    curve = master_curve(isotherms, **shifts, **arguments, weight=weight, loss_weight=loss_weight)
+    return plot_master_curve(curve), curve.exported(), curve.report()
+
+
+def _pairs(option: str, texts: list[str] | None) -> dict[str, str]:
+    """The keys and values of an option given as KEY=VALUE, any number of times."""
+    for text in texts or []:
+        if "=" not in text:
+            raise ValueError(f"`--{option} {text}` is refused: write QUANTITY={option.upper()}.")
+    return dict(text.split("=", 1) for text in texts or [])

@@ -1,0 +1,202 @@
+"""The jobs `demo`, `run` and `info`: scenes and their results."""
+
+from importlib import resources
+from itertools import zip_longest
+from pathlib import Path
+from typing import Annotated
+
+import numpy as np
+import typer
+
+from ..files.output import check_folder, check_name, full_path
+from ..files.results import (
+    NOT_STARTED,
+    Results,
+    lost_solves,
+    package_versions,
+    read_results,
+    write_results,
+)
+from ..files.scene import Scene, parse_scene, read_scene
+from ..files.sealed import replacing
+from ..plot import plot_sliding, plot_sweep
+from ..studies.cost import scene_cost
+from ..studies.extrapolation import velocity_vector
+from ..studies.interruption import Interrupted, Interruption, interruptible
+from ..studies.run import build_surface, check_scene, point_names, run_scene
+from ..studies.store import Store
+from ..surface import Surface
+from .session import DryRun, Output, Replace, progress, refusing
+from .tables import print_steps, print_table
+
+
+def demo(
+    output: Output = None,
+    resolution: Annotated[
+        int, typer.Option(min=256, help="Points along each edge; the surface stays the same.")
+    ] = 256,
+    replace: Replace = False,
+) -> None:
+    """Runs the embedded scene: a 50 µm modified surface layer on tyre tread, on a rough road."""
+    text = resources.files("graded_contact.studies").joinpath("demo.toml").read_text("utf-8")
+    text = text.replace("shape = [256, 256]", f"shape = [{resolution}, {resolution}]")
+    with refusing():
+        scene = parse_scene(text)
+    name = "demo" if resolution == 256 else f"demo-{resolution}"
+    run_scene_into(scene, output or Path("graded-contact-demo"), name, replace)
+
+
+def run(
+    scene_file: Annotated[
+        Path, typer.Argument(metavar="SCENE.toml", help="The scene.", show_default=False)
+    ],
+    output: Output = None,
+    replace: Replace = False,
+    dry_run: DryRun = False,
+) -> None:
+    """Runs a scene: prints a table, writes the results (HDF5) and figures (PNG).
+
+    Each solve is kept as it ends: after an interruption the same command goes on from there.
+    """
+    with refusing():
+        scene = read_scene(scene_file)
+        if dry_run:
+            typer.echo(scene_cost(scene).report())
+            check_scene(scene)
+            return
+    folder = output or scene.directory or Path(f"{scene_file.stem}-results")
+    run_scene_into(scene, folder, scene.name or scene_file.stem, replace)
+
+
+def info(
+    result_file: Annotated[
+        Path, typer.Argument(metavar="RESULT.h5", help="A result.", show_default=False)
+    ],
+) -> None:
+    """Prints what a result file holds: inputs, versions, and the table of results."""
+    with refusing():
+        results = read_results(result_file)
+    for name, value in results.attributes.items():
+        if name != "scene" and value != "":
+            typer.echo(f"{name:22} {str(value).replace(chr(10), chr(10) + 23 * ' ')}")
+    grid = results.surface.grid
+    typer.echo(f"{'grid':22} {' x '.join(map(str, grid.shape))} points, size {grid.size} m")
+    for sentence in results.surface.history:
+        typer.echo(f"{'surface':22} {sentence}")
+    print_steps(results.surface)
+    kept = ", ".join(map(str, results.fields)) or "none"
+    typer.echo(f"{'fields kept':22} {kept} (pressure, velocity)")
+    print_table(results)
+
+
+def run_scene_into(scene: Scene, folder: Path, name: str, replace: bool) -> None:
+    """Solves a scene, prints its table and writes its files."""
+    with refusing(), interruptible() as interruption:
+        check_name(name)
+        folder = full_path(str(folder))
+        check_folder(folder)
+        surface = build_surface(scene)
+        names, file = point_names(scene, surface), folder / f"{name}.h5"
+        if not replace:
+            _refuse_other(file, scene, names)
+        _introduce(scene, surface)
+        with Store(folder / f"{name}.points") as store:
+            results = _solved(scene, surface, names, store, interruption)
+            print_table(results)
+            _write(file, results, replace)
+    if results.caveats:
+        where = np.any([caveat.where for caveat in results.caveats], axis=0)
+        typer.secho(
+            f"Warning: {np.sum(where)} of {where.size} solves are doubtful; the reasons stand "
+            "below the table and in the file.",
+            fg="yellow",
+            err=True,
+        )
+    if interruption.signal is not None:
+        typer.echo("Interrupted: the same command goes on from here.", err=True)
+        raise typer.Exit(interruption.exit_code)
+    if not results.complete:
+        raise typer.Exit(1)
+
+
+def _introduce(scene: Scene, surface: Surface) -> None:
+    """Prints what was understood of the scene and its files."""
+    if scene.title:
+        typer.echo(scene.title)
+    for sentence in scene.notes:
+        typer.echo(sentence)
+    for sentence in surface.history:
+        typer.echo(f"surface: {sentence}")
+    print_steps(surface)
+
+
+def _solved(
+    scene: Scene, surface: Surface, names: np.ndarray, store: Store, interruption: Interruption
+) -> Results:
+    """The results of a scene, those that were kept and those still to be computed."""
+    found = sum(store.path(point).exists() for point in names.flat)
+    if found:
+        typer.echo(f"{found} of {names.size} solves are found in {store.folder}")
+    try:
+        interruption.check()
+        with progress(interruption) as advance:
+            results = run_scene(
+                scene,
+                surface=surface,
+                store=store,
+                progress=lambda *counts: advance("sliding", *counts),
+            )
+    except Interrupted:
+        typer.echo("Nothing was finished.", err=True)
+        raise typer.Exit(interruption.exit_code) from None
+    except OSError as error:
+        raise OSError(f"{error} The same command goes on from what is kept.") from error
+    for path in store.damaged:
+        typer.echo(f"{path} was damaged: it is computed again", err=True)
+    return results
+
+
+def _refuse_other(file: Path, scene: Scene, names: np.ndarray) -> None:
+    """Refuses to replace a file with solves that the scene has not."""
+    remedy = "Give another --output, or --replace to replace it."
+    try:
+        lost, earlier = lost_solves(file, names)
+    except ValueError as error:
+        raise ValueError(f"{error} {remedy}") from error
+    if not lost:
+        return
+    texts = [
+        [line for line in text.splitlines() if not line.startswith("title")]
+        for text in (earlier["scene"], scene.text)
+    ]
+    lines = zip_longest(*texts, fillvalue="")
+    versions = ((f"{k} = {earlier.get(k)}", f"{k} = {v}") for k, v in package_versions().items())
+    inputs = [("another file of data", "the files named")]
+    there, here = next((a, b) for a, b in (*lines, *versions, *inputs) if a.strip() != b.strip())
+    raise ValueError(
+        f"{file} holds {lost} solves of {earlier['title'] or 'another scene'!r} that "
+        f"{scene.title or 'this scene'!r} does not ask for: there `{there}`, here `{here}`. "
+        f"{remedy}"
+    )
+
+
+def _write(file: Path, results: Results, replace: bool) -> None:
+    """Writes results and figures, unless the file that exists holds more."""
+    finished = results.point[results.state != NOT_STARTED]
+    if not replace and (lost := lost_solves(file, finished)[0]):
+        typer.echo(f"{file} holds {lost} solves that were not done again: it stays as it is")
+        return
+    figures = {"sweep": plot_sweep(results)}
+    for (i, j), fields in results.fields.items():
+        key = f"contact-{i}-{j}" if len(results.fields) > 1 else "contact"
+        velocity = velocity_vector(results.velocity[j], results.attributes["direction"])
+        figures[key] = plot_sliding(fields, results.surface, velocity)
+        load = f"mean pressure {results.pressure[i] / 1e6:.4g} MPa"
+        figures[key].suptitle(f"{load}, velocity {results.velocity[j]:.3g} m/s")
+    write_results(file, results)
+    typer.echo(f"wrote {file}")
+    for key, figure in figures.items():
+        path = file.with_name(f"{file.stem}-{key}.png")
+        with replacing(path) as partial:
+            figure.savefig(partial, format="png")
+        typer.echo(f"wrote {path}")

@@ -1,0 +1,78 @@
+"""Results as tables on the screen."""
+
+import numpy as np
+import typer
+from rich import box
+from rich.console import Console
+from rich.markup import escape
+from rich.table import Table
+from rich.text import Text
+
+from ..files.results import Results
+from ..surface import Surface
+
+# Column heads and formats of the table, by the name of the quantity.
+COLUMNS = {
+    "friction": ("friction", "#.4g"),
+    "geometric_friction": ("friction\n(geometric)", "#.4g"),
+    "contact_area": ("area\n(pixels)", ".5f"),
+    "contact_area_corrected": ("area\n(corrected)", ".5f"),
+    "contact_area_smooth": ("area\n(sub-pixel)", ".5f"),
+    "mean_gap": ("mean gap\n[m]", ".3e"),
+    "num_fft_pairs": ("FFT\npairs", ".1f"),
+    "error": ("error", ".1e"),
+    "unmeasured_friction": ("on points not\nmeasured", ".1%"),
+}
+# What to say of solves that did not succeed, by their state.
+STATES = {
+    "not converged": "did not converge; their numbers are partial results",
+    "failed": "failed",
+    "not started": "were not started",
+}
+
+
+def print_table(results: Results) -> None:
+    """Prints one line per solve; below them, why any did not converge."""
+
+    table = Table(box=box.SIMPLE_HEAD, pad_edge=False)
+    columns = dict(COLUMNS)
+    if results.surface.measured is None:
+        del columns["unmeasured_friction"]
+    heads = ["velocity\n[m/s]", "pressure\n[MPa]", *(head for head, _ in columns.values()), ""]
+    for head in heads:
+        table.add_column(Text(head), justify="right", no_wrap=True)
+    caveats = results.caveats
+    for i, j in np.ndindex(results.friction.shape):
+        cells = [
+            format(getattr(results, name)[i, j], style) for name, (_, style) in columns.items()
+        ]
+        state = str(results.state[i, j])
+        mark = state and f"[bold red]{state}[/] "
+        doubts = ",".join(str(n) for n, c in enumerate(caveats, start=1) if c.where[i, j])
+        mark += f"[yellow]({doubts})[/]" if doubts else ""
+        load = f"{results.pressure[i] / 1e6:.4g}"
+        table.add_row(f"{results.velocity[j]:.3e}", load, *cells, mark)
+    console = Console()
+    # A narrower screen wraps the lines; it must not cut the numbers.
+    console.width = max(console.width, 150)
+    console.print(table)
+    for number, caveat in enumerate(caveats, start=1):
+        console.print(f"[bold yellow]({number})[/] {escape(caveat.sentence)}", soft_wrap=True)
+    warning = Console(stderr=True)
+    for state, text in STATES.items():
+        chosen = results.state == state
+        if np.any(chosen):
+            warning.print(f"[bold red]Warning:[/] {chosen.sum()} of {chosen.size} solves {text}.")
+            for message in sorted(set(results.message[chosen]) - {state}):
+                warning.print(message, markup=False)
+
+
+def print_steps(surface: Surface) -> None:
+    """Prints the roughness after every step of reading, one line each."""
+    if surface.steps:
+        heads = f"{'rms height [m]':>16}{'rms slope':>12}{'peak/rms':>10}{'missing':>9}"
+        typer.echo(f"{'surface, after the step':24}{heads}")
+    for name, *numbers in surface.steps:
+        rms_height, rms_slope, peak, missing = numbers
+        line = f"{name:24}{rms_height:16.4g}{rms_slope:12.4g}{peak:10.3g}{missing:9.1%}"
+        typer.echo(line)
