@@ -22,6 +22,12 @@ def paths(tree: object) -> dict[str, jax.Array]:
 
     An array of n numbers has n + 1 paths: "layers[0].material.times" and, of its entries,
     "layers[0].material.times[2]".
+
+    **Arguments:**
+
+    - `tree`: a `Stack`, say.
+
+    **Returns:** arrays by path.
     """
     found = {}
     for path, leaf in jax.tree_util.tree_leaves_with_path(eqx.filter(tree, eqx.is_array)):
@@ -40,6 +46,8 @@ def with_values(tree: T, values: Mapping[str, Numbers]) -> T:
 
     - `tree`: a `Stack`, say.
     - `values`: by path, see `paths`.
+
+    **Returns:** the tree, checked as its constructors do.
 
     **Raises:** `ValueError` for a path that is not there, naming the nearest, for a value of
     another shape, and for what the constructors refuse.

@@ -236,6 +236,10 @@ def statistics(surface: Surface) -> Statistics:
     **Returns:** `rms_height` [m]; `rms_slope` [1] of the gradient's length; `rms_slope_along` each
     axis [1], shape `(ndim,)`; `rms_curvature` [1/m], of ∇²h/2 on a surface and h'' on a profile;
     `peak_to_valley` [m]; `skewness` and `kurtosis` [1], 0 and 3 for Gaussian heights.
+
+    **Arguments:**
+
+    - `surface`: any.
     """
     grid = surface.grid
     power, scale = _modal_power(surface)
@@ -291,6 +295,13 @@ def radial_spectrum(
     C has the normalisation of `SelfAffine.density` for the grid's `ndim`: [m⁴], or [m³] of a
     profile. Bins are equally wide in log q between 2π/L of the longest axis and the smallest
     Nyquist wavenumber. A bin that holds no mode has C = NaN at its geometric centre.
+
+    **Arguments:**
+
+    - `surface`: any.
+    - `num_bins`: rings, equally spaced in the logarithm of q.
+
+    **Returns:** q [rad/m] and C(q), each of shape `(num_bins,)`; C is NaN in an empty ring.
     """
     check_whole("num_bins", num_bins, 1)
     return _radial_spectrum(surface, num_bins)
@@ -324,7 +335,15 @@ def _radial_spectrum(surface: Surface, num_bins: int) -> tuple[Array, Array]:
 def rescale(
     surface: Surface, *, rms_height: ArrayLike | None = None, rms_slope: ArrayLike | None = None
 ) -> Surface:
-    """Returns the surface with its heights multiplied to have this rms height [m] or slope [1]."""
+    """Returns the surface with its heights multiplied to have this rms height [m] or slope [1].
+
+    **Arguments:**
+
+    - `surface`: not flat.
+    - `rms_height` [m] or `rms_slope` [1]: what it shall have.
+
+    **Returns:** the surface of other heights.
+    """
     name, target = one_of_height_and_slope(rms_height, rms_slope)
     actual = getattr(statistics(surface), name)
     check_positive(f"statistics(surface).{name}", actual, "(a flat surface cannot be rescaled)")
@@ -344,6 +363,13 @@ def resample(surface: Surface, shape: int | tuple[int, ...]) -> Surface:
 
     A finer grid interpolates (modes on the old Nyquist lines are dropped); a coarser one loses the
     waves that it cannot hold.
+
+    **Arguments:**
+
+    - `surface`: any.
+    - `shape`: number of points along each edge.
+
+    **Returns:** the surface on the other grid, of the same size.
     """
     old = surface.grid.shape
     if np.size(shape) != len(old):

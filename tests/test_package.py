@@ -1,5 +1,6 @@
 """What is installed: types, the command, and the lowest versions of what it needs."""
 
+import inspect
 import os
 import re
 import subprocess
@@ -91,6 +92,27 @@ def test_what_is_declared_is_imported():
         name for text in sources for name in re.findall(r"(?m)^\s*(?:import|from) (\w+)", text)
     }
     assert declared <= imported
+
+
+NAMED = [
+    *((gc, name) for name in gc.__all__),
+    *((module, name) for module in (gc.design, gc.shapes) for name in module.__all__),
+    *((gc.surface, name) for name in ("statistics", "radial_spectrum", "rescale", "resample")),
+]
+
+
+@pytest.mark.parametrize("module, name", NAMED, ids=lambda entry: getattr(entry, "__name__", entry))
+def test_a_public_name_says_what_it_takes_and_returns(module, name):
+    """By name, or "as in" another function."""
+    found = getattr(module, name)
+    text = inspect.getdoc(found) or ""
+    assert text
+    if inspect.isfunction(found):
+        assert "**Returns:**" in text
+        parameters = inspect.signature(found).parameters
+        assert not parameters or "as in" in text or "as `" in text or "**Arguments:**" in text
+        unnamed = [key for key in parameters if f"`{key}`" not in text]
+        assert not unnamed or " as in `" in text or "as `" in text
 
 
 @pytest.mark.slow

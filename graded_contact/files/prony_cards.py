@@ -40,6 +40,14 @@ def export_prony(material: AbstractMaterial, format: str, *, name: str = "materi
     A WLF law is written too (*TRS, TB,SHIFT), with temperatures in kelvin; the cards mention an
     Arrhenius law and a table of shifts in comments only. Raises `ValueError` for what a format
     cannot hold.
+
+    **Arguments:**
+
+    - `material`: to be written.
+    - `format`: one of `FORMATS`.
+    - `name`: what the other program shall call it.
+
+    **Returns:** the text of the file.
     """
     if not isinstance(material, Prony):
         raise ValueError(

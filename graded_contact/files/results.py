@@ -180,6 +180,12 @@ def read_results(path: str | os.PathLike) -> Results:
     """Returns the results held by a file that `write_results` wrote, bit for bit.
 
     A missing file raises `FileNotFoundError`, an unreadable or truncated one `ValueError`.
+
+    **Arguments:**
+
+    - `path`: of the HDF5 file.
+
+    **Returns:** what `run_scene` gave.
     """
     with _opened(path) as file:
         return _read(file)

@@ -122,6 +122,12 @@ def read_scene(path: str | os.PathLike) -> Scene:
 
     A missing file raises `FileNotFoundError`; whatever is wrong in it `ValueError`, naming the
     table and the key.
+
+    **Arguments:**
+
+    - `path`: of the TOML file.
+
+    **Returns:** what it describes.
     """
     path = Path(path)
     if not path.exists():

@@ -240,6 +240,8 @@ def master_curve(
 
     The others, and what is raised: as `fit_prony`. Differentiable if `terms` is given; what
     `scatter` and `vertical` mean beside the error of the fit then counts as known.
+
+    **Returns:** shifts, their law, and the fit of the shifted isotherms.
     """
     poisson = as_float(poisson, "poisson")
     check_poisson("poisson", poisson)

@@ -69,6 +69,8 @@ def fit_prony(
 
     Raises `ValueError` for input that cannot be fitted, such as moduli that are not positive, and
     for data half of which are off by more than 30 % from every positive spectrum.
+
+    **Returns:** the material, and how well it is known.
     """
     modulus = as_numbers(modulus, "modulus")
     data = observe(
@@ -111,6 +113,8 @@ def fit_relaxation(
     - `weight`: weights of the squared residuals [1], shape `()` or `(points,)`.
 
     The others, and what is raised: as `fit_prony`.
+
+    **Returns:** as `fit_prony`.
     """
     data = observe(
         "relaxation",
@@ -153,6 +157,8 @@ def fit_creep(
     - `weight`: weights of the squared residuals [1], shape `()` or `(points,)`.
 
     The others, and what is raised: as `fit_prony`.
+
+    **Returns:** as `fit_prony`.
     """
     data = observe(
         "creep",

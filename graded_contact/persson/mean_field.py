@@ -131,6 +131,8 @@ def mean_field_friction(
     - `rtol`: largest acceptable `error` [1].
     - `throw`: whether to raise if it is exceeded; otherwise look at `.error`.
 
+    **Returns:** friction and contact area at every cut-off, see `MeanField`.
+
     **Raises:** `ValueError` for a refused argument; `RuntimeError` if `rtol` is not reached.
     """
     if not isinstance(stack, Stack):

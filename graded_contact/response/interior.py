@@ -139,7 +139,14 @@ def stress_field(
 
 @door
 def interface_depths(stack: Stack) -> Float[Array, " layers"]:
-    """Returns the depth of the lower face of every layer [m], the last one being the bottom."""
+    """Returns the depth of the lower face of every layer [m], the last one being the bottom.
+
+    **Arguments:**
+
+    - `stack`: the block.
+
+    **Returns:** depths [m], shape `(layers,)`.
+    """
     depths, total = [], 0.0
     for layer in stack.layers:
         total = total + layer.thickness
@@ -149,7 +156,14 @@ def interface_depths(stack: Stack) -> Float[Array, " layers"]:
 
 @door
 def von_mises(stress: Numbers) -> Float[Array, "*w"]:
-    """Returns the von Mises stress sqrt(3/2 s:s) [Pa] of real stresses, s their deviator."""
+    """Returns the von Mises stress sqrt(3/2 s:s) [Pa] of real stresses, s their deviator.
+
+    **Arguments:**
+
+    - `stress`: σ [Pa], real, shape `(..., 3, 3)`.
+
+    **Returns:** von Mises stress [Pa], shape `(...)`.
+    """
     stress = as_float(stress, "stress")
     if stress.shape[-2:] != (3, 3):
         raise ValueError(f"`stress` has shape {stress.shape}; the last two axes must be (3, 3).")

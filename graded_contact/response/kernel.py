@@ -118,6 +118,12 @@ def kernel_table(
     estimated relative error of the kernel. Arguments as in `stack_kernel`; the grid must have
     two dimensions and the velocity be along x.
 
+    **Arguments:**
+
+    - `stack`, `grid`, `velocity`, `graded`, `rtol`: as in `stack_kernel`.
+
+    **Returns:** the table, with its cost and error.
+
     **Raises:** `ValueError` for a refused argument.
     """
     velocity, rtol = _checked(stack, grid, velocity, graded, rtol)

@@ -229,6 +229,13 @@ def sliced(stack: Stack, num_slices: int) -> Stack:
     result. Its error is even in 1/n for n slices: with values f(n), (4 f(2n) - f(n))/3 is two
     orders better. M_zz itself needs no slices.
 
+    **Arguments:**
+
+    - `stack`: with graded layers.
+    - `num_slices`: of each graded layer.
+
+    **Returns:** a stack of homogeneous layers.
+
     **Raises:** `ValueError` if `num_slices` is less than 1.
     """
     check_whole("num_slices", num_slices, 1)

@@ -31,6 +31,12 @@ def tyre_tread(poisson: float = 0.5) -> Prony:
     Temperature: WLF with c1 = 4.57, c2 = 113.6 K about 298.15 K, the constants of SBR with
     23.5 % styrene (J. D. Ferry, Viscoelastic Properties of Polymers, 3rd ed., Wiley 1980,
     table 11-II), rewritten about 293.15 K. `tyre_tread().at(268.15)` is the tread at -5 °C.
+
+    **Arguments:**
+
+    - `poisson`: Poisson's ratio ν [1], -1 < ν <= 1/2.
+
+    **Returns:** the material, with its law of temperature.
     """
     return Prony(
         equilibrium=_TREAD_EQUILIBRIUM,

@@ -105,6 +105,8 @@ def coverage(tree: Any) -> tuple[Float[Array, ""], Float[Array, ""]] | None:
     **Arguments:**
 
     - `tree`: a `Stack`, layer, profile or material, of hand-written and measured materials.
+
+    **Returns:** the lowest and the highest ω [rad/s], or None.
     """
     found = [part.coverage() for part in _limited(tree)]
     if not found:

@@ -28,6 +28,8 @@ def rounded(
     - `design`: to begin from; its parameters must be a dict.
     - `choices`: the values that a parameter can have, by its key; the nearest on the logarithm is
       taken.
+
+    **Returns:** the design that can be made.
     """
     bounds = {end: dict(arguments.pop(end)) for end in ("lower", "upper")}
     start = dict(design.parameters)
@@ -68,7 +70,7 @@ def pareto_front(
     - `num_points`: ceilings, the two ends included.
     - `store`: as in `minimise`, a file for each point: of "front.jsonl" they are
       "front-first.jsonl", "front-second.jsonl" for the ends, "front-2of7.jsonl" and so on.
-    - others: as in `minimise`.
+    - `lower`, `upper`, `constraints` and other `arguments`: as in `minimise`.
 
     **Returns:** pairs of a design and its two objectives, the first objective increasing.
     """
@@ -113,9 +115,12 @@ def scatter(
 
     **Arguments:**
 
+    - `objective`: as in `minimise`.
     - `parameters`: of the design.
     - `spread`: standard deviation of ln(parameter) [1]: one number, or as `parameters`.
     - `num_samples`, `seed`: how many draws, and what draws them.
+
+    **Returns:** values of the objective, shape `(num_samples,)`.
     """
     check_whole("num_samples", num_samples, 1)
     check_whole("seed", seed, 0)

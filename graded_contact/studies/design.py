@@ -123,6 +123,8 @@ def minimise(
     - `progress`: called with the number of the start and the value after each evaluation; what it
       raises ends the search.
 
+    **Returns:** the best parameters, and what every start came to.
+
     **Raises:** `ValueError` for bounds that are refused, for an objective or constraint that is
     not finite (naming the parameters), if no start satisfies the constraints, and for a `store`
     whose values are not those of `objective` and `constraints`: where the search starts, where it

@@ -38,9 +38,12 @@ def loss_tangent(
 
     **Arguments:**
 
+    - `stack`: the block.
     - `q`: wavenumbers [rad/m], positive.
     - `velocity`: [m/s], positive.
     - `graded`: what solves graded layers, `Layering()` or `Riccati()`.
+
+    **Returns:** Im E_eff/Re E_eff [1], shape of `q` and `velocity` together.
     """
     q, velocity = as_float(q, "q"), as_float(velocity, "velocity")
     check_positive("velocity", velocity, "[m/s]")
@@ -54,6 +57,12 @@ def ripple(values: Numbers) -> Float[Array, ""]:
 
     `ripple(loss_tangent(stack, q, velocity))` over a band of q is small if the band is damped
     evenly; `jnp.max(...)/jnp.min(...)` says the same to people, with kinks.
+
+    **Arguments:**
+
+    - `values`: positive, any shape.
+
+    **Returns:** the variance [1].
     """
     values = as_float(values, "values")
     check_positive("values", values, "")
@@ -64,6 +73,12 @@ def distance(values: Numbers, target: Numbers) -> Float[Array, ""]:
     """Returns the mean square of |ln(values/target)| [1], also of complex values.
 
     For target curves: of `effective_modulus(stack, q, omega)`, of friction at given speeds, ...
+
+    **Arguments:**
+
+    - `values`, `target`: of the same unit, real or complex, of shapes that broadcast.
+
+    **Returns:** the mean square [1].
     """
     values, target = jnp.asarray(values), jnp.asarray(target)
     logs: Inexact[Array, ...] = jnp.log(values / target)
@@ -85,6 +100,8 @@ def friction_curve(
 
     - `stack`, `spectrum`, `pressure`, `graded`: as in `mean_field_friction`.
     - `velocities`: along x [m/s], shape `(n,)`.
+
+    **Returns:** a `MeanField` whose arrays have the velocities as their first axis.
     """
     velocities = as_float(velocities, "velocities")
     if velocities.ndim != 1:
@@ -105,6 +122,13 @@ def friction_between(field: MeanField, q_from: Numbers, q_to: Numbers) -> Float[
 
     Over `field.friction` it is the share of a window, to be made large for a selective response,
     or, with `q_to` the last wavenumber, small for friction that fine roughness cannot change.
+
+    **Arguments:**
+
+    - `field`: of `mean_field_friction`.
+    - `q_from`, `q_to`: wavenumbers [rad/m].
+
+    **Returns:** the friction [1].
     """
     curve = field.against_cutoff
     at = jnp.log(jnp.stack([as_float(q_from, "q_from"), as_float(q_to, "q_to")]))

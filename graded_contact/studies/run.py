@@ -74,6 +74,8 @@ def run_scene(
     - `store`: keeps each solve on disk as it ends; those that it has are not computed again.
     - `progress`: called after each solve with the number of finished solves and of all solves.
 
+    **Returns:** observables with axes (pressures, velocities), and the fields that the scene keeps.
+
     **Raises:** `ValueError` for velocities that a table of moduli does not cover; `MemoryError`;
     `OSError` if the store cannot be written; `KeyboardInterrupt` if nothing had finished.
     """

@@ -143,6 +143,8 @@ def read_moduli(
 
     A missing file raises `FileNotFoundError`; what cannot be understood `ValueError`, naming the
     file, the line and the arguments that would settle it.
+
+    **Returns:** isotherms with what was understood of the files, see `Measured`.
     """
     paths = _paths(path)
     told = _told(kind, columns or {}, units or {}, deformation, temperature is not None)

@@ -54,6 +54,8 @@ def read_surface(
       refused otherwise.
     - `channel`: name or index of the channel; None takes the file's default height channel.
 
+    **Returns:** the surface, with its history.
+
     **Raises:** `FileNotFoundError` for a missing file, `ImportError` without the extra,
     `ValueError` for an unreadable or damaged file, naming all that has to be passed besides.
     """
