@@ -1,6 +1,7 @@
 """Data flows one way: each file imports only from files before it in this list (DESIGN.md §2)."""
 
 import ast
+import re
 from pathlib import Path
 
 import pytest
@@ -87,6 +88,18 @@ def test_imports_follow_the_table(path):
         for owner, hidden in HIDDEN.items():
             seen = place.startswith(owner) and module.startswith(hidden)
             assert not seen, f"{place} imports {module}"
+
+
+def test_the_drawing_of_the_rooms_is_in_step():
+    """A room on a higher floor has no file that comes before one of a lower floor."""
+    text = PACKAGE.with_name("CONTRIBUTING.md").read_text(encoding="utf-8")
+    floors = re.findall(r"^ ?\d+  (\S+(?: \S+)*)", text, flags=re.MULTILINE)
+    drawn = [room.rstrip("/") for floor in reversed(floors) for room in floor.split()]
+    assert len(drawn) == len(set(drawn))
+    assert set(drawn) == {place.partition("/")[0] for place in ORDER} - {"__main__"}
+    level = {room.rstrip("/"): -i for i, floor in enumerate(floors) for room in floor.split()}
+    levels = [level[place.partition("/")[0]] for place in ORDER if place != "__main__"]
+    assert levels == sorted(levels)
 
 
 def test_the_table_names_files_that_exist():
