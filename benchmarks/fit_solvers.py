@@ -101,7 +101,9 @@ def searches_of(fit):
 
 def methods():
     found = {
-        "package": lambda s: newton.minimise(s.problem.expand, s.start, *s.bounds, rtol=s.rtol)[0],
+        "package": lambda s: newton.newton_minimum(
+            s.problem.expand, s.start, *s.bounds, rtol=s.rtol
+        )[0],
         "SciPy, trf": lambda s: by_scipy(s, "trf"),
         "SciPy, trf, scaled": lambda s: by_scipy(s, "trf", x_scale="jac"),
         "SciPy, dogbox": lambda s: by_scipy(s, "dogbox"),
@@ -111,6 +113,11 @@ def methods():
         found["optimistix, LM"] = lambda s: by_optimistix(s, optx.LevenbergMarquardt)
         found["optimistix, Dogleg"] = lambda s: by_optimistix(s, optx.Dogleg)
     return found
+
+
+def by_package(search):
+    expand = search.problem.expand
+    return newton.newton_minimum(expand, search.start, *search.bounds, rtol=search.rtol)[0]
 
 
 def by_scipy(search, method, **choices):

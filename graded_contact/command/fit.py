@@ -12,7 +12,8 @@ from ..files.moduli.reading import read_moduli
 from ..files.output import check_folder, full_path
 from ..files.prony_cards import FORMATS, export_prony
 from ..files.toml import nearest
-from ..fitting.master import check_law, master_curve
+from ..fitting.isotherms import check_law
+from ..fitting.master import master_curve
 from ..fitting.prony import fit_creep, fit_prony, fit_relaxation
 from ..plot import plot_fit, plot_master_curve
 from ..rheology.material import Prony

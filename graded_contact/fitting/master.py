@@ -8,39 +8,34 @@ amount expected beforehand, and their uncertainty is reported.
 
 import dataclasses
 from collections.abc import Sequence
-from typing import Any, get_args
 
 import equinox as eqx
 import jax
 import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Complex, Float
-from scipy.optimize import least_squares
 from scipy.special import stdtrit
 
 from .._checks import (
     Numbers,
     as_float,
-    as_numbers,
     check_poisson,
     check_positive,
-    check_values,
     door,
-    is_concrete,
 )
 from ..files.moduli.reading import Measured
 from ..rheology.material import Prony
 from ..rheology.measured import MeasuredRange
 from ..rheology.shift import AbstractShift
-from .lengths import SEARCH, best_of_length, non_negative
-from .observations import concrete, observe
+from .isotherms import Isotherm, isotherms_of, size_of
+from .lengths import best_of_length
+from .observations import concrete
 from .optimum import attach_derivative, search
-from .prony import check_terms, refuse_nonsense, require_known, solid_or_liquid
-from .result import PronyFit, choose, limits_where_known, liquid_of, rms
-from .series import Kind
+from .prony import check_terms, refuse_nonsense, require_known
+from .quality import rms
+from .result import PronyFit, limits_where_known
 from .shifted_observations import (
     Isotherms,
-    LawKind,
     at_reference,
     law_of,
     log_shift_of,
@@ -50,12 +45,11 @@ from .shifted_observations import (
     shift_of,
 )
 from .shifted_series import LN10
+from .shifting import shifted_solid_or_liquid, shifts_and_series
 from .uncertainty import covariance
 
 SERVES = 1.05  # times the error with the shifts as found: a law that does no worse replaces them
 STEEP = 0.4  # decades per kelvin, two within 5 K
-COLDEST = 100.0  # K, below which all temperatures of a set are thought to be in °C
-Isotherm = tuple[Numbers, Numbers, Numbers]
 
 
 class MasterCurve(eqx.Module):
@@ -238,15 +232,17 @@ def master_curve(
     - `weight`, `loss_weight`: of the squared residuals [1]; the latter, of loss moduli, is by
       default the same.
 
-    The others, and what is raised: as `fit_prony`. Differentiable if `terms` is given; what
+    The others: as `fit_prony`. Differentiable if `terms` is given; what
     `scatter` and `vertical` mean beside the error of the fit then counts as known.
 
     **Returns:** shifts, their law, and the fit of the shifted isotherms.
+
+    **Raises:** `ValueError` as `fit_prony`, and for fewer than two isotherms or not in kelvin.
     """
     poisson = as_float(poisson, "poisson")
     check_poisson("poisson", poisson)
-    sizes = _size("scatter", scatter) * LN10, _size("vertical", vertical)
-    data = _isotherms(
+    sizes = size_of("scatter", scatter) * LN10, size_of("vertical", vertical)
+    data = isotherms_of(
         isotherms, kind, law, sizes, reference,
         channels=(weight, weight if loss_weight is None else loss_weight),
         equilibrium=equilibrium, glassy=glassy, huber=huber,
@@ -255,13 +251,15 @@ def master_curve(
         raise ValueError("`terms` and `within` both set the number of terms: give one.")
     if terms is None:
         require_known(data.observations)
-        data, found, path = _solid_or_liquid(data, sizes, within)
+        data, found, path = shifted_solid_or_liquid(data, sizes, within)
         unknowns, free, penalty = map(jnp.asarray, found)
     else:
         check_terms(data.observations, terms)
         count = data.observations.num_unknowns(terms) + data.num_shift_unknowns
         unknowns, free, penalty = search(
-            lambda data: _search(data, sizes, lambda s: (best_of_length(s, terms)[0], ()))[0],
+            lambda data: shifts_and_series(
+                data, sizes, lambda s: (best_of_length(s, terms)[0], ())
+            )[0],
             (count, 2),
             data,
         )
@@ -277,176 +275,6 @@ def master_curve(
     if throw and concrete(fit.data):
         refuse_nonsense(fit)
     return MasterCurve(fit=fit, unknowns=unknowns, data=data)
-
-
-def check_law(law: str) -> None:
-    """Raises `ValueError` unless `law` names one of the laws that isotherms are shifted by."""
-    if law not in get_args(LawKind):
-        raise ValueError(f"`law={law!r}` is refused: use one of {get_args(LawKind)}.")
-
-
-def _size(name, value) -> float:
-    if not is_concrete(value):
-        raise ValueError(f"`{name}` must be a number: it decides what is fitted.")
-    check_values(name, value, "it must be zero or positive", at_least=0)
-    return float(value)
-
-
-def _isotherms(isotherms, kind, law, sizes, reference, channels, **known) -> Isotherms:
-    """The data, checked and sorted by temperature."""
-    check_law(law)
-    if kind not in get_args(Kind):
-        raise ValueError(f"`kind={kind!r}` is refused: use one of {get_args(Kind)}.")
-    if isinstance(isotherms, Measured):
-        isotherms = isotherms.isotherms()
-    curves = [_curve(i, isotherm, kind) for i, isotherm in enumerate(isotherms)]
-    if len(curves) < 2:
-        raise ValueError(f"`isotherms` holds {len(curves)}; at least 2 are needed.")
-    kind = curves[0][0]
-    if any(other != kind for other, *_ in curves):
-        raise ValueError("`isotherms` are of different kinds; all must be measured alike.")
-    curves.sort(key=lambda curve: curve[1])
-    temperatures = np.array([temperature for _, temperature, _, _ in curves])
-    check_positive("temperature", temperatures, "[K]")
-    if float(temperatures[-1]) < COLDEST:
-        raise ValueError(
-            f"`isotherms` has temperatures up to {float(temperatures[-1]):g}; they are in kelvin."
-        )
-    twice = np.flatnonzero(np.diff(temperatures) <= 0)
-    if len(twice):
-        raise ValueError(f"`isotherms` holds {temperatures[twice[0]]:g} K twice: join those first.")
-    x = jnp.concatenate([x for *_, x, _ in curves])
-    values = jnp.concatenate([values for *_, values in curves])
-    if kind == "frequency":
-        parts = {
-            "modulus.real": (values.real, channels[0]),
-            "modulus.imag": (values.imag, channels[1]),
-        }
-    else:
-        parts = {"modulus" if kind == "relaxation" else "compliance": (values, channels[0])}
-    middle = len(curves) // 2
-    if reference is not None:
-        coldest, hottest = temperatures[[0, -1]]
-        allowed = f"isotherms are from {coldest:g} to {hottest:g} K"
-        check_values("reference", reference, allowed, at_least=coldest - 1, at_most=hottest + 1)
-        middle = int(np.argmin(np.abs(temperatures - float(reference))))
-    observations = observe(kind, x, parts, times=None, **known)
-    if observations.flows:
-        raise ValueError("`equilibrium=0` is not available for creep at several temperatures.")
-    return Isotherms(
-        observations=observations,
-        group=jnp.repeat(jnp.arange(len(curves)), np.array([len(x) for *_, x, _ in curves])),
-        temperatures=jnp.asarray(temperatures),
-        penalty=jnp.zeros(2),
-        reference=middle,
-        law=law,
-        departs=sizes[0] > 0,
-        lifts=sizes[1] > 0,
-    )
-
-
-def _curve(number, isotherm, kind) -> tuple[Any, ...]:
-    """Kind, temperature, x and values of an isotherm."""
-    if isinstance(isotherm, Measured):
-        missing = ["`poisson`"] if isotherm.deformation != "tension" else []
-        missing += ["`temperature`"] if isotherm.temperature is None else []
-        if missing or isotherm.temperature is None:
-            raise ValueError(
-                f"`isotherms[{number}]` from {isotherm.path} must be in tension and have a "
-                f"temperature: read the file with {' and '.join(missing)}."
-            )
-        kind = isotherm.kind
-        isotherm = (np.mean(isotherm.temperature), isotherm.abscissa, isotherm.values)
-    temperature, x, values = isotherm
-    if not is_concrete(temperature):
-        raise ValueError(f"`isotherms[{number}]` must have a temperature that is known.")
-    x, values = as_float(x, "x"), as_numbers(values, "values")
-    if x.ndim != 1 or x.shape != values.shape:
-        raise ValueError(
-            f"`isotherms[{number}]` has x of shape {x.shape} and values of {values.shape}; two "
-            "one-dimensional arrays of equal length are needed."
-        )
-    return kind, float(temperature), x, values
-
-
-def _search(data, sizes, choose_series):
-    """Unknowns, which are free, and penalty; and what `choose_series` says of the path (NumPy)."""
-
-    def expecting(variance):
-        """The problem with squares of departures weighed against residuals of this variance."""
-        penalty = np.array([variance / size**2 if size > 0 else 0.0 for size in sizes])
-        return shared_series_of(eqx.tree_at(lambda d: d.penalty, data, penalty)), penalty
-
-    shared, _ = expecting(0.0)
-    log_shift = _aligned(shared)
-    law = _nearest_law(shared.law, log_shift)
-    if not data.departs:
-        log_shift = shared.law.shifts(law)[0]
-    series = shared.shifted(log_shift, np.zeros(len(log_shift)))
-    shortest, longest = series.time_limits()
-    theta, _ = best_of_length(series, max(int(np.ceil((longest - shortest) / LN10)), 1))
-    unknowns = shared.join(theta, law, log_shift)
-    # The scatter of the data is known only once the shifts are.
-    for _ in range(2):
-        shared, penalty = expecting(_mean_square(shared, unknowns))
-        unknowns, _ = shared.minimise(unknowns, rtol=SEARCH)
-    theta, path = choose_series(shared.shifted(*shared.shifts(unknowns)))
-    unknowns = np.concatenate([theta, *shared.split(unknowns)[1:]])
-    lower, upper = shared.bounds(unknowns)
-    unknowns, _ = shared.minimise(unknowns, rtol=0)
-    return (unknowns, (unknowns > lower) & (unknowns < upper), penalty), path
-
-
-def _solid_or_liquid(data, sizes, within):
-    """The data, with E_eq = 0 if once shifted they ask for none; what `_search` finds; the path."""
-
-    def search_in(data):
-        return _search(data, sizes, lambda series: choose(series, within))
-
-    found, path = search_in(data)
-    shifted = at_reference(jnp.asarray(found[0]), data)
-    if liquid_of(shifted) is None or solid_or_liquid(shifted, within)[0] is shifted:
-        return data, found, path
-    equilibrium = jnp.zeros(())
-    liquid = eqx.tree_at(
-        lambda d: d.observations.equilibrium, data, equilibrium, is_leaf=lambda leaf: leaf is None
-    )
-    return liquid, *search_in(liquid)
-
-
-def _mean_square(shared, unknowns):
-    series, residual, _, _ = shared.derivatives(unknowns)
-    rows = series.measured
-    return float(np.average(residual[rows] ** 2, weights=series.weights[rows]))
-
-
-def _aligned(shared):
-    """ln a of each isotherm, by fitting a spectrum to every two neighbours at trial distances."""
-    distances = LN10 * np.arange(-0.5, 6.0, 0.25)
-    steps = []
-    for colder in range(len(shared.law.temperatures) - 1):
-        costs = []
-        for distance in distances:
-            shifts = np.zeros(len(shared.law.temperatures))
-            shifts[colder] = distance
-            pair = np.isin(shared.group, (colder, colder + 1))
-            part = shared.shifted(shifts, np.zeros(len(shifts))).restricted(pair)
-            shortest, longest = part.time_limits()
-            log_times = np.linspace(shortest, longest, int(4 * (longest - shortest) / LN10) + 2)
-            strengths = non_negative(part, log_times)
-            columns = np.concatenate([part.branches(log_times), part.static])
-            relative = (part.known + strengths @ columns) / np.exp(part.log_values) - 1
-            costs.append(part.weights @ relative**2)
-        steps.append(distances[np.argmin(costs)])
-    log_shift = -np.cumsum([0.0, *steps])
-    return log_shift - log_shift[shared.reference]
-
-
-def _nearest_law(law, log_shift):
-    found = least_squares(
-        lambda p: law.shifts(p)[0] - log_shift, law.typical, bounds=law.bounds, loss="soft_l1"
-    )
-    return found.x
 
 
 def _at(material, temperature):

@@ -34,7 +34,7 @@ class Expansion(NamedTuple):
     scale: np.ndarray
 
 
-def minimise(
+def newton_minimum(
     expand: Callable[[np.ndarray], Expansion],
     start: np.ndarray,
     lower: np.ndarray,

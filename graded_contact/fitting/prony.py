@@ -21,7 +21,8 @@ from .._checks import Numbers, as_numbers, as_scalar, check_poisson, door
 from .lengths import best_of_length, best_spectrum
 from .observations import Observations, concrete, objective, observe, series_of
 from .optimum import attach_derivative, search
-from .result import Length, PronyFit, choose, liquid_of, rms
+from .quality import rms
+from .result import Length, PronyFit, choose, liquid_of
 
 AS_GOOD = 1.05  # times the error: a liquid that does no worse is what was measured
 FOREIGN = 0.3  # median log residual from which on data are no linear viscoelastic moduli

@@ -1,6 +1,5 @@
 """A fitted Prony series, and what is known about its quality."""
 
-import dataclasses
 from typing import Any, NamedTuple
 
 import equinox as eqx
@@ -8,56 +7,19 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Complex, Float
-from scipy.special import fdtrc, stdtrit
+from scipy.special import stdtrit
 
 from .._checks import Numbers, as_float, check_positive
 from ..rheology.material import Prony
 from ..rheology.measured import is_unknown
-from .lengths import best_path, best_spectrum, criterion
+from .lengths import best_path, criterion
 from .observations import Observations, concrete, material_of, model, series_of
+from .quality import Errors, Floor, errors_of, floor_of, percent, rms, verdict
 from .series import Series
 from .uncertainty import covariance, resampled
 
 INSTANT = 0.5  # of the first measured strain: less of it is not seen to be instant
-# How far times of the best spectra may lie outside the data, before and after. Those that decay
-# before the data, or are over by their first strain, show in none of them.
-WIDEST = {"frequency": (1e6, 1e6), "relaxation": (1.0, 1e6), "creep": (1.0, 1e6)}
 VAGUE = 0.5  # deviation of the logarithm of a value that data do not determine
-FINEST = 1e-4  # log residual of a modulus that no instrument, and no search of spectra, goes below
-CONTRADICTION = 1e-4  # chance of agreement from which on storage and loss are said to disagree
-
-
-class Errors(NamedTuple):
-    """Root-mean-square of ln(model/measured), of all values and of each channel.
-
-    A channel without measured values has none; moduli in time are all `storage`.
-    """
-
-    total: float
-    storage: float | None
-    loss: float | None
-
-
-class Floor(NamedTuple):
-    """Errors of the best positive spectra of any length, the lower bound of all fits.
-
-    Relaxation times may lie six decades outside the data, where a branch is a dashpot or a spring
-    to a millionth: a wider reach would lower no error.
-
-    **Fields:**
-
-    - `total`: of one spectrum for all values, as in a real material (Kramers-Kronig relations).
-    - `storage`, `loss`: of a spectrum for that channel alone.
-    - `chance`: probability that data of one material, with independent errors, would show a
-      `total` so far above the others (F test); None where too few values are left to judge.
-    - `near`: `total` of spectra whose times lie as near to the data as those of a fit.
-    """
-
-    total: float
-    storage: float | None
-    loss: float | None
-    chance: float | None
-    near: float
 
 
 class Length(NamedTuple):
@@ -106,31 +68,16 @@ class PronyFit(eqx.Module):
     def errors(self) -> Errors:
         """Returns the errors of the fit."""
         series, theta = self._problem()
-        return _errors(series, theta)
+        return errors_of(series, theta)
 
     def floor(self) -> Floor:
         """Returns the errors of the best positive spectra, and whether the channels agree."""
         series, theta = self._problem()
-        # The fit is a positive spectrum too, and may be the best one found.
-        near = min(_best(series).error, rms(series, theta))
-        reach = tuple(map(max, series.reach, WIDEST[series.kind]))
-        series = dataclasses.replace(series, reach=reach)
-        both = _best(series)
-        total = min(both.error, near)
-        if self.data.kind != "frequency":
-            return Floor(total, total, None, None, near)
-        parts = [
-            _best(dataclasses.replace(series, weights=np.where(rows, series.weights, 0)))
-            if np.any(series.measured & rows)
-            else None
-            for rows in _channels(series)
-        ]
-        storage, loss = (part and part.error for part in parts)
-        return Floor(total, storage, loss, _chance(both, *parts), near)
+        return floor_of(series, theta)
 
     def verdict(self) -> str:
         """Returns in plain words whether the data or the number of terms limit the fit."""
-        return _verdict(self.terms, self.errors(), self.floor())
+        return verdict(self.terms, self.errors(), self.floor())
 
     def confidence(
         self, omega: Numbers, *, level: float = 0.95, resamples: int = 0, seed: int = 0
@@ -193,39 +140,11 @@ def limits_where_known(
     return jax.lax.complex(*lower), jax.lax.complex(*upper)
 
 
-def _verdict(terms, error, floor):
-    best = f"the best positive spectrum of any length is off by {_percent(floor.total)}"
-    if error.total <= 1.1 * floor.total:
-        words = f"The data limit this fit: it is off by {_percent(error.total)}, and {best}."
-    elif error.total <= 1.1 * floor.near:
-        words = (
-            f"The ends of the data limit this fit: it is off by {_percent(error.total)}; {best}, "
-            "but with relaxation times far outside the data, which cannot place them. Give "
-            "`glassy`, or `equilibrium` (0 for a liquid), to let times lie beyond that end."
-        )
-    else:
-        words = f"{terms} terms limit this fit: it is off by {_percent(error.total)}, but {best}."
-    if floor.storage is None or floor.loss is None:
-        return words
-    if floor.chance is None:
-        return f"{words} Whether storage and loss agree cannot be told from so few values."
-    alone = (
-        f"alone, storage can be met within {_percent(floor.storage)} and loss within "
-        f"{_percent(floor.loss)}"
-    )
-    if floor.chance > CONTRADICTION:
-        return f"{words} Storage and loss agree (Kramers-Kronig): {alone}."
-    return (
-        f"{words} Storage and loss contradict each other (Kramers-Kronig): {alone}. Look at the "
-        "shifts and at thermal drift, or give the channel you trust less a smaller weight."
-    )
-
-
 def _report(fit):
     error, floor, material = fit.errors(), fit.floor(), fit.material
     lowest, highest = material.coverage()
     lines = [
-        _verdict(fit.terms, error, floor),
+        verdict(fit.terms, error, floor),
         f"{fit.terms} terms, E_eq = {float(material.equilibrium):.4g} Pa, "
         f"E_inf = {float(material.glassy):.4g} Pa, Poisson's ratio {float(fit.poisson):.3g}",
         *_undetermined(fit),
@@ -241,7 +160,7 @@ def _report(fit):
         for length in fit.path:
             chosen = " *" if length.terms == fit.terms else ""
             lines.append(
-                f"{length.terms:5d} {_percent(length.error):>10} {length.bic:10.1f}{chosen}"
+                f"{length.terms:5d} {percent(length.error):>10} {length.bic:10.1f}{chosen}"
             )
     return "\n".join(lines)
 
@@ -269,11 +188,7 @@ def _undetermined(fit):
 
 
 def _row(errors):
-    return " ".join("" if value is None else f"{_percent(value):>8}" for value in errors)
-
-
-def _percent(value):
-    return f"{100 * value:.3g} %"
+    return " ".join("" if value is None else f"{percent(value):>8}" for value in errors)
 
 
 def choose(series: Series, within: float | None) -> tuple[np.ndarray, tuple[Length, ...]]:
@@ -313,53 +228,6 @@ def _flows(data):
     lowest = np.argsort(np.where(both, np.asarray(data.x), np.inf))[: min(3, int(np.sum(both)))]
     storage, loss = np.asarray(data.values)[:, lowest]
     return bool(len(lowest) and np.all(loss > storage))
-
-
-def rms(series: Series, theta: np.ndarray, rows: np.ndarray | bool = True) -> float:
-    """Returns the root mean square of the log residuals in `rows`, one of which is measured."""
-    counted = series.measured & rows
-    residual, weights = series.residual(series.model(theta))[counted], series.weights[counted]
-    return float(np.sqrt(np.average(residual**2, weights=weights)))
-
-
-def _channels(series):
-    """The rows of storage moduli, and those of loss moduli."""
-    storage = np.arange(len(series.weights)) < len(series.x)
-    return storage, ~storage
-
-
-def _errors(series, theta):
-    parts = (
-        rms(series, theta, rows) if np.any(series.measured & rows) else None
-        for rows in _channels(series)
-    )
-    return Errors(rms(series, theta), *parts)
-
-
-class _Best(NamedTuple):
-    error: float
-    cost: float
-    values: int
-    unknowns: int
-
-
-def _best(series):
-    """The best positive spectrum."""
-    theta, cost = best_spectrum(series)
-    free = np.sum(series.within_bounds(theta))
-    return _Best(rms(series, theta), cost, int(np.sum(series.measured)), int(free))
-
-
-def _chance(both, storage, loss):
-    """Significance of the cost that one spectrum has over two, by its F distribution."""
-    if storage is None or loss is None:
-        return None
-    saved = max(storage.unknowns + loss.unknowns - both.unknowns, 1)
-    spare = both.values - storage.unknowns - loss.unknowns
-    if spare < 1:
-        return None
-    noise = max((storage.cost + loss.cost) / spare, FINEST**2)
-    return float(fdtrc(saved, spare, max(both.cost - storage.cost - loss.cost, 0) / saved / noise))
 
 
 @eqx.filter_jit

@@ -23,7 +23,7 @@ from typing import Literal
 
 import numpy as np
 
-from .newton import Expansion, minimise
+from .newton import Expansion, newton_minimum
 
 Kind = Literal["frequency", "relaxation", "creep"]
 # Where a branch of relative strength one counts fully: infinite frequency, or the end of creep.
@@ -196,7 +196,7 @@ class Series:
         self, theta: np.ndarray, *, rtol: float, max_steps: int = 100
     ) -> tuple[np.ndarray, float]:
         """Returns the unknowns and the cost of the minimum reached from `theta`."""
-        theta, cost = minimise(
+        theta, cost = newton_minimum(
             self.expand, theta, *self.bounds(theta), rtol=rtol, max_steps=max_steps
         )
         s, log_times, c = self.split(theta)

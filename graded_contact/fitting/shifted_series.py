@@ -12,7 +12,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from .newton import Expansion, minimise
+from .newton import Expansion, newton_minimum
 from .series import Series, gram, gram_diagonal
 
 LN10 = float(np.log(10))
@@ -205,6 +205,6 @@ class SharedSeries:
         self, unknowns: np.ndarray, *, rtol: float, max_steps: int = 150
     ) -> tuple[np.ndarray, float]:
         """Returns the unknowns and the cost of the minimum reached from `unknowns`."""
-        return minimise(
+        return newton_minimum(
             self.expand, unknowns, *self.bounds(unknowns), rtol=rtol, max_steps=max_steps
         )

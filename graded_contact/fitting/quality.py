@@ -1,0 +1,150 @@
+"""How near a fit comes to measured values, and how near any positive spectrum could."""
+
+import dataclasses
+from typing import NamedTuple
+
+import numpy as np
+from scipy.special import fdtrc
+
+from .lengths import best_spectrum
+from .series import Series
+
+# How far times of the best spectra may lie outside the data, before and after. Those that decay
+# before the data, or are over by their first strain, show in none of them.
+WIDEST = {"frequency": (1e6, 1e6), "relaxation": (1.0, 1e6), "creep": (1.0, 1e6)}
+FINEST = 1e-4  # log residual of a modulus that no instrument, and no search of spectra, goes below
+CONTRADICTION = 1e-4  # chance of agreement from which on storage and loss are said to disagree
+
+
+class Errors(NamedTuple):
+    """Root-mean-square of ln(model/measured), of all values and of each channel.
+
+    A channel without measured values has none; moduli in time are all `storage`.
+    """
+
+    total: float
+    storage: float | None
+    loss: float | None
+
+
+class Floor(NamedTuple):
+    """Errors of the best positive spectra of any length, the lower bound of all fits.
+
+    Relaxation times may lie six decades outside the data, where a branch is a dashpot or a spring
+    to a millionth: a wider reach would lower no error.
+
+    **Fields:**
+
+    - `total`: of one spectrum for all values, as in a real material (Kramers-Kronig relations).
+    - `storage`, `loss`: of a spectrum for that channel alone.
+    - `chance`: probability that data of one material, with independent errors, would show a
+      `total` so far above the others (F test); None where too few values are left to judge.
+    - `near`: `total` of spectra whose times lie as near to the data as those of a fit.
+    """
+
+    total: float
+    storage: float | None
+    loss: float | None
+    chance: float | None
+    near: float
+
+
+def rms(series: Series, theta: np.ndarray, rows: np.ndarray | bool = True) -> float:
+    """Returns the root mean square of the log residuals in `rows`, one of which is measured."""
+    counted = series.measured & rows
+    residual, weights = series.residual(series.model(theta))[counted], series.weights[counted]
+    return float(np.sqrt(np.average(residual**2, weights=weights)))
+
+
+def _channels(series):
+    """The rows of storage moduli, and those of loss moduli."""
+    storage = np.arange(len(series.weights)) < len(series.x)
+    return storage, ~storage
+
+
+def errors_of(series: Series, theta: np.ndarray) -> Errors:
+    """Returns the errors of the fit `theta`."""
+    parts = (
+        rms(series, theta, rows) if np.any(series.measured & rows) else None
+        for rows in _channels(series)
+    )
+    return Errors(rms(series, theta), *parts)
+
+
+def floor_of(series: Series, theta: np.ndarray) -> Floor:
+    """Returns the errors of the best positive spectra, of which the fit `theta` is one."""
+    near = min(_best(series).error, rms(series, theta))
+    reach = tuple(map(max, series.reach, WIDEST[series.kind]))
+    series = dataclasses.replace(series, reach=reach)
+    both = _best(series)
+    total = min(both.error, near)
+    if series.kind != "frequency":
+        return Floor(total, total, None, None, near)
+    parts = [
+        _best(dataclasses.replace(series, weights=np.where(rows, series.weights, 0)))
+        if np.any(series.measured & rows)
+        else None
+        for rows in _channels(series)
+    ]
+    storage, loss = (part and part.error for part in parts)
+    return Floor(total, storage, loss, _chance(both, *parts), near)
+
+
+class _Best(NamedTuple):
+    error: float
+    cost: float
+    values: int
+    unknowns: int
+
+
+def _best(series):
+    """The best positive spectrum."""
+    theta, cost = best_spectrum(series)
+    free = np.sum(series.within_bounds(theta))
+    return _Best(rms(series, theta), cost, int(np.sum(series.measured)), int(free))
+
+
+def _chance(both, storage, loss):
+    """Significance of the cost that one spectrum has over two, by its F distribution."""
+    if storage is None or loss is None:
+        return None
+    saved = max(storage.unknowns + loss.unknowns - both.unknowns, 1)
+    spare = both.values - storage.unknowns - loss.unknowns
+    if spare < 1:
+        return None
+    noise = max((storage.cost + loss.cost) / spare, FINEST**2)
+    return float(fdtrc(saved, spare, max(both.cost - storage.cost - loss.cost, 0) / saved / noise))
+
+
+def verdict(terms: int, error: Errors, floor: Floor) -> str:
+    """Returns in plain words whether the data or the number of terms limit a fit."""
+    best = f"the best positive spectrum of any length is off by {percent(floor.total)}"
+    if error.total <= 1.1 * floor.total:
+        words = f"The data limit this fit: it is off by {percent(error.total)}, and {best}."
+    elif error.total <= 1.1 * floor.near:
+        words = (
+            f"The ends of the data limit this fit: it is off by {percent(error.total)}; {best}, "
+            "but with relaxation times far outside the data, which cannot place them. Give "
+            "`glassy`, or `equilibrium` (0 for a liquid), to let times lie beyond that end."
+        )
+    else:
+        words = f"{terms} terms limit this fit: it is off by {percent(error.total)}, but {best}."
+    if floor.storage is None or floor.loss is None:
+        return words
+    if floor.chance is None:
+        return f"{words} Whether storage and loss agree cannot be told from so few values."
+    alone = (
+        f"alone, storage can be met within {percent(floor.storage)} and loss within "
+        f"{percent(floor.loss)}"
+    )
+    if floor.chance > CONTRADICTION:
+        return f"{words} Storage and loss agree (Kramers-Kronig): {alone}."
+    return (
+        f"{words} Storage and loss contradict each other (Kramers-Kronig): {alone}. Look at the "
+        "shifts and at thermal drift, or give the channel you trust less a smaller weight."
+    )
+
+
+def percent(value: float) -> str:
+    """Returns a share as text."""
+    return f"{100 * value:.3g} %"
