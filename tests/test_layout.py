@@ -15,7 +15,7 @@ ORDER = [
     "response/shape", "response/profile", "response/stack", "response/slab", "response/recursion",
     "response/column", "response/grading", "response/mesh", "response/layering",
     "response/riccati", "response/compliance", "response/table", "response/kernel",
-    "response/matrix", "response/interior",
+    "response/matrix", "response/depth", "response/interior",
     "contact/law", "contact/adhesion", "contact/anderson", "contact/solver",
     "contact/splitting", "contact/linear", "contact/douglas_rachford", "contact/rmd",
     "contact/implicit", "contact/solution", "contact/problem", "contact/path",

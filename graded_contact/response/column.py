@@ -33,23 +33,23 @@ class Rule(NamedTuple):
       unit of the column and e = 1 - 2ν. If there is nothing below, `face` is None, or `lowest` a
       mask of where.
     - `half_space(reduced, e)`: the state of its face; None if the recursion goes downwards.
-    - `numbers(face, reference, inverse)`: a state as the `Numbers` that `Riccati` integrates, in
+    - `numbers(face, reference, inverse)`: a state as the `Carried` that `Riccati` integrates, in
       units of E_ref = `reference`, and `face(numbers, reference, inverse, e)` back. If `inverse`,
       compliances are inverse ones.
     """
 
     add: Callable[..., Any]
     half_space: Callable[..., Any] | None
-    numbers: Callable[..., "Numbers"]
+    numbers: Callable[..., "Carried"]
     face: Callable[..., Any]
 
 
-class Numbers(NamedTuple):
+class Carried(NamedTuple):
     """A symmetric matrix with its determinant, in plane; antiplane; and a traction (t, s, T)."""
 
     plane: Compliance
-    antiplane: Inexact[Array, "..."] | None = None
-    traction: tuple[Array, Array, Array] | None = None
+    antiplane: Any = None
+    traction: Any = None
 
 
 # Adds to a face the graded layer of this number, by a rule and the unit of moduli, or a part of it.
@@ -121,7 +121,7 @@ def climb_through(
     column: Column,
     face: Any,
     rule: Rule,
-    add_graded: AddGraded,
+    add_graded: AddGraded | None,
     *,
     parts: Sequence[Array] | None = None,
     cuts: dict[int, Cut] | None = None,
@@ -142,6 +142,7 @@ def climb_through(
         start += 1 if isinstance(run, int) else len(run.reduced)
     for first, run in numbered if down else reversed(numbered):
         if isinstance(run, int):
+            assert add_graded is not None
             cut = None if cuts is None else cuts[run]
             face = add_graded(run, face, rule, column.unit, cut)
             continue

@@ -16,7 +16,7 @@ from jaxtyping import Array, Bool, Float, Inexact
 
 from .._checks import check_tolerance
 from ..rheology.measured import check_frequencies
-from .column import AddGraded, Numbers, Rule, climb_through, column_of
+from .column import AddGraded, Carried, Rule, climb_through, column_of
 from .profile import check_profile
 from .slab import (
     Compliance,
@@ -172,12 +172,12 @@ def _half_space(reduced: Array, e: Array) -> Face:
     return Face(half_space(e), reduced)
 
 
-def _numbers(face: Face, reference: Array, inverse: bool) -> Numbers:
+def _numbers(face: Face, reference: Array, inverse: bool) -> Carried:
     state = in_units(face.state, reference / face.reduced)
-    return Numbers(invert(state) if inverse else state)
+    return Carried(invert(state) if inverse else state)
 
 
-def _face(numbers: Numbers, reference: Array, inverse: bool, _: Array) -> Face:
+def _face(numbers: Carried, reference: Array, inverse: bool, _: Array) -> Face:
     return Face(invert(numbers.plane) if inverse else numbers.plane, reference)
 
 

@@ -14,7 +14,7 @@ import equinox as eqx
 import jax
 import jax.numpy as jnp
 import numpy as np
-from jaxtyping import Array, Bool, Inexact
+from jaxtyping import Array, Bool, Float, Inexact
 
 from .._checks import Numbers, door, is_concrete
 from .._memory import check_memory, kernel_memory, num_numbers
@@ -135,12 +135,16 @@ def kernel_table(
     return _kernel_table(stack, grid, velocity, graded, rtol)
 
 
-def _checked(stack, grid, velocity, graded, rtol):
-    velocity = as_velocity(velocity, grid)
+def kernel_frequencies(grid: Grid, velocity: Float[Array, "..."]) -> Float[Array, " 3"]:
+    """Returns |ω| [rad/s] at rest, of the longest and of the shortest wave along the velocity."""
     along = velocity if velocity.ndim == 0 else jnp.sqrt(jnp.sum(velocity**2))
     lowest, highest = _wavenumbers(grid, 0, np.array([1, grid.shape[0] // 2]))
-    omega = along * jnp.stack([jnp.zeros_like(lowest), lowest, highest])
-    check_profiles(stack, omega)
+    return along * jnp.stack([jnp.zeros_like(lowest), lowest, highest])
+
+
+def _checked(stack, grid, velocity, graded, rtol):
+    velocity = as_velocity(velocity, grid)
+    check_profiles(stack, kernel_frequencies(grid, velocity))
     return velocity, graded_tolerance(graded, rtol, grid.size)
 
 

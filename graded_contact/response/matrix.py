@@ -25,32 +25,18 @@ agree to the last digit, and C_xy is their difference: it is carried along as on
 import functools
 from typing import NamedTuple
 
+import equinox as eqx
 import jax
 import jax.numpy as jnp
 from jax import Array
-from jaxtyping import Complex, Float, Inexact
+from jaxtyping import Complex, Inexact
 
 from .._checks import Numbers, as_float, check_together, check_values, door, is_concrete
-from .slab import Slab, Split, factors, half_space, split_of
-from .stack import Free, HalfSpace, Layer, Rigid, Stack
-
-
-class Moduli(NamedTuple):
-    """Homogeneous layers, surface first, and their base, at given frequencies.
-
-    The last entry of `reduced` and `poisson` is the base; a rigid or free one repeats the lowest
-    layer.
-    """
-
-    thickness: Float[Array, "layers *#w"]
-    reduced: Inexact[Array, "bodies *#w"]  # E/(1 - ν²), relative to `unit` [Pa]
-    poisson: Inexact[Array, "bodies *#w"]
-    unit: Float[Array, ""]
-
-    @property
-    def shear(self) -> Inexact[Array, "bodies *#w"]:
-        """2 μ, relative to `unit`."""
-        return self.reduced * (1 - self.poisson)
+from .column import Carried, Column, Rule, climb_through, column, column_of
+from .grading import AbstractGradedSolver, check_profiles, graded_tolerance, solve_graded
+from .layering import Layering
+from .slab import Compliance, Slab, Split, factors, half_space, in_units, split_of
+from .stack import Free, Rigid, Stack, is_graded
 
 
 class Below(NamedTuple):
@@ -69,9 +55,23 @@ class Below(NamedTuple):
     split: Inexact[Array, "*w"]  # (1 - ν) c11 n_t - n c_t
 
 
+class Face(NamedTuple):
+    """What lies below a face, in units of its E_r and 2 μ, which are relative to a unit [Pa]."""
+
+    below: Below
+    reduced: Inexact[Array, "..."]
+    shear: Inexact[Array, "..."]
+
+
 @door
 def surface_compliance_matrix(
-    stack: Stack, qx: Numbers, qy: Numbers, omega: Numbers
+    stack: Stack,
+    qx: Numbers,
+    qy: Numbers,
+    omega: Numbers,
+    *,
+    graded: AbstractGradedSolver = Layering(),  # noqa: B008 (immutable)
+    rtol: float | None = None,
 ) -> Complex[Array, "*w 3 3"]:
     """Returns the compliance C [m/Pa] from surface tractions to surface displacements.
 
@@ -83,11 +83,15 @@ def surface_compliance_matrix(
     - `stack`: the block.
     - `qx`, `qy`: wavevector [rad/m], not both zero.
     - `omega`: angular frequencies ω [rad/s], of either sign.
+    - `graded`: what solves graded layers, `Layering()` or `Riccati()`.
+    - `rtol`: relative tolerance in graded layers, of c11, c22 and c_T each and of c12 over their
+      geometric mean; by default that of `graded`. If it is not reached, an error is raised.
 
     **Returns:** C, of the shape to which `qx`, `qy` and `omega` broadcast and two axes of 3.
     """
-    qx, qy, omega = wavevectors(qx, qy, omega)
-    return _surface_compliance_matrix(stack, qx, qy, omega)
+    qx, qy, omega = wavevectors(stack, qx, qy, omega)
+    rtol = graded_tolerance(graded, rtol, qx)
+    return _surface_compliance_matrix(stack, qx, qy, omega, graded, rtol)
 
 
 def layered_compliance_matrix(qx, qy, thickness, modulus, poisson, base) -> Complex[Array, "..."]:
@@ -96,86 +100,96 @@ def layered_compliance_matrix(qx, qy, thickness, modulus, poisson, base) -> Comp
     The arguments after `qx` and `qy` are those of `layered_compliance`; they are not checked.
     """
     qx, qy = as_float(qx, "qx"), as_float(qy, "qy")
-    return _matrix(qx, qy, moduli(jnp.hypot(qx, qy), thickness, modulus, poisson, base), base)
+    q = jnp.hypot(qx, qy)
+    moduli = list(zip(modulus, poisson, strict=True))
+    return _matrix(qx / q, qy / q, _climb(column(thickness, moduli, base, q))(None))
 
 
-def wavevectors(qx: Numbers, qy: Numbers, omega: Numbers) -> tuple[Array, Array, Array]:
+def wavevectors(
+    stack: Stack, qx: Numbers, qy: Numbers, omega: Numbers
+) -> tuple[Array, Array, Array]:
     """Returns the arguments as arrays of equal rank, checked."""
     qx, qy, omega = as_float(qx, "qx"), as_float(qy, "qy"), as_float(omega, "omega")
     check_values("qx", qx, "a wavenumber [rad/m] must be finite")
     check_values("qy", qy, "a wavenumber [rad/m] must be finite")
     check_values("omega", omega, "frequencies [rad/s] must be finite")
     check_together(qx=qx, qy=qy, omega=omega)
-    shapes = [x.shape for x in (qx, qy, omega)]
     if is_concrete(qx) and is_concrete(qy) and bool(jnp.any((qx == 0) & (qy == 0))):
         raise ValueError(
             "`qx=0` with `qy=0` is refused: the mean displacement of a block is not determined "
             "by its mean traction (only differences of displacement are meant here)."
         )
-    rank = max(map(len, shapes))
+    check_profiles(stack, omega)
+    rank = max(x.ndim for x in (qx, qy, omega))
     qx, qy, omega = (x.reshape((1,) * (rank - x.ndim) + x.shape) for x in (qx, qy, omega))
     return qx, qy, omega
 
 
-def moduli_of(stack: Stack, q: Array, omega: Array) -> Moduli:
-    """Returns the moduli of a stack of homogeneous layers at the frequencies `omega`."""
-    layers = []
-    for k, layer in enumerate(stack.layers):
-        if not isinstance(layer, Layer):
-            raise ValueError(
-                f"`layers[{k}]` is a {type(layer).__name__}: the compliance matrix and interior "
-                "fields need homogeneous layers: take `sliced(stack, 50)`."
-            )
-        layers.append(layer)
-    base = stack.base
-    if isinstance(base, HalfSpace):
-        base = (base.material.modulus(omega), base.material.poisson_ratio(omega))
-    return moduli(
-        q,
-        [layer.thickness for layer in layers],
-        [layer.material.modulus(omega) for layer in layers],
-        [layer.material.poisson_ratio(omega) for layer in layers],
-        base,
-    )
-
-
-def moduli(q, thickness, modulus, poisson, base) -> Moduli:
-    """Returns the layers as arrays, in units of the largest modulus."""
-    bodies = [(jnp.asarray(m), jnp.asarray(p)) for m, p in zip(modulus, poisson, strict=True)]
-    if isinstance(base, Rigid | Free):
-        bodies.append(bodies[-1])
-    else:
-        bodies.append((jnp.asarray(base[0]), jnp.asarray(base[1])))
-    # In units of the largest modulus, derivatives in float32 neither overflow nor underflow.
-    largest = jnp.max(jnp.stack([jnp.max(jnp.abs(m)) for m, _ in bodies]))
-    unit = jax.lax.stop_gradient(largest)
-    reduced = [(m / unit) / (1 - p * p) for m, p in bodies]
-    return Moduli(
-        thickness=_stacked(list(thickness), q),
-        reduced=_stacked(reduced, q),
-        poisson=_stacked([p for _, p in bodies], q),
-        unit=unit,
-    )
-
-
-def start_of(base, body: Moduli, like: Array) -> Below:
+def base_face(column: Column, like: Array) -> Face:
     """Returns the state of the base's face, of the shape and dtype of `like`."""
     none, one = jnp.zeros_like(like), jnp.ones_like(like)
-    if isinstance(base, Rigid):
-        return Below(one, none, none, none, none, one, none, none)
-    if isinstance(base, Free):
-        return Below(none, none, none, none, one, none, one, none)
-    c11, c12, c22, det = (c + none for c in half_space(1 - 2 * body.poisson[-1]))
-    return Below(one, c11, c12, c22, det, one, one, none - body.poisson[-1])
+    if isinstance(column.base, Rigid):
+        return Face(Below(one, none, none, none, none, one, none, none), one, one)
+    if isinstance(column.base, Free):
+        return Face(Below(none, none, none, none, one, none, one, none), one, one)
+    face = _half_space(*column.base)
+    return jax.tree.map(lambda part: part + none, face)
 
 
-def lift(below: Below, x: Array, poisson: Array, ratio: Array, ratio_t: Array) -> Below:
+def zeros_for(column: Column, *arrays: Array) -> Array:
+    """Returns zeros of the shape and dtype to which a column's moduli and `arrays` broadcast."""
+    moduli = [] if isinstance(column.base, Rigid | Free) else [*column.base]
+    for run in column.runs:
+        if not isinstance(run, int):
+            moduli += [run.reduced[0], run.e[0]]
+    arrays = (column.q, *moduli, *arrays)
+    shape = jnp.broadcast_shapes(*(array.shape for array in arrays))
+    return jnp.zeros(shape, jnp.result_type(*arrays))
+
+
+def _add(face: Face, x: Array, reduced: Array, e: Array, _: None = None) -> Face:
+    shear = reduced * (1 + e) / 2
+    below = _lifted(face.below, x, e, reduced / face.reduced, shear / face.shear)
+    return Face(below, reduced, shear)
+
+
+def _half_space(reduced: Array, e: Array) -> Face:
+    c11, c12, c22, det = half_space(e)
+    one, shear = jnp.ones_like(c11), reduced * (1 + e) / 2
+    return Face(Below(one, c11, c12, c22, det, one, one, -(1 - e) / 2), reduced, shear)
+
+
+def _numbers(face: Face, reference: Array, inverse: bool) -> Carried:
+    n, c11, c12, c22, det, n_t, c_t, _ = face.below
+    if inverse:
+        plane = Compliance(c22 / det, -c12 / det, c11 / det, n / det)
+        plane = in_units(plane, face.reduced / reference)
+        return Carried(plane, n_t / c_t * face.shear / reference)
+    plane = in_units(Compliance(c11 / n, c12 / n, c22 / n, det / n), reference / face.reduced)
+    return Carried(plane, c_t / n_t * reference / face.shear)
+
+
+def _face(numbers: Carried, reference: Array, inverse: bool, e: Array) -> Face:
+    (c11, c12, c22, det), antiplane, _ = numbers
+    shear, one = reference * (1 + e) / 2, jnp.ones_like(det)
+    if inverse:
+        below = (det, c22, -c12, c11, one, antiplane * reference / shear, one)
+    else:
+        below = (one, c11, c12, c22, det, one, antiplane * shear / reference)
+    split = (1 + e) / 2 * below[1] * below[5] - below[0] * below[6]
+    return Face(Below(*below, split), reference, shear)
+
+
+RULE = Rule(_add, _half_space, _numbers, _face)
+
+
+def _lifted(below: Below, x: Array, e: Array, ratio: Array, ratio_t: Array) -> Below:
     """Returns the state of a slab's upper face from that of its lower face.
 
     `x` is q d of the slab, `ratio` its E_r over that in whose units `below` is given; `ratio_t`
     that of the shear moduli.
     """
-    s, tanh = factors(x, 1 - 2 * poisson), jnp.tanh(x)
+    s, tanh = factors(x, e), jnp.tanh(x)
     c11, c12, c22 = (ratio * c for c in below[1:4])
     det = ratio * ratio * below.det
     h11, h12, h22 = c11 + det * s.g22, c12 - det * s.g12, c22 + det * s.g11
@@ -192,7 +206,7 @@ def lift(below: Below, x: Array, poisson: Array, ratio: Array, ratio_t: Array) -
     n_t, c_t = below.n_t, ratio_t * below.c_t
     antiplane = (n_t + tanh * c_t, c_t + tanh * n_t)
     below = Below(below.n, c11, c12, c22, det, n_t, c_t, ratio_t * below.split)
-    split = _split(below, s, split_of(x, 1 - 2 * poisson), tanh, 1 - poisson, n, antiplane[0])
+    split = _split(below, s, split_of(x, e), tanh, (1 + e) / 2, n, antiplane[0])
     unit, unit_t = _inverse_size(plane), _inverse_size(antiplane)
     n, c11, c12, c22, det = (c * unit for c in plane)
     n_t, c_t = (c * unit_t for c in antiplane)
@@ -221,60 +235,48 @@ def _split(below: Below, s: Slab, small: Split, tanh, p, n, n_t) -> Array:
     )
 
 
-def sweep(q: Array, body: Moduli, start: Below, thickness: Array) -> Below:
-    """Returns the state on top of the layers, given these thicknesses and the base's state."""
+def _climb(column):
+    """The recursion that finds c11, c12, c22, c_T and c11 - c_T [m/Pa]."""
+    face = base_face(column, zeros_for(column))
 
-    def add(below, layer):
-        d, poisson, ratio, ratio_t = layer
-        return kept(lift(below, q * d, poisson, ratio, ratio_t), below), None
+    def climb(add_graded):
+        (n, c11, c12, c22, _, n_t, c_t, split), reduced, shear = climb_through(
+            column, face, RULE, add_graded
+        )
+        unit = (2 / column.unit) / column.q
+        plane, antiplane = unit / (reduced * n), unit / (shear * n_t)
+        return (plane * c11, plane * c12, plane * c22, antiplane * c_t, antiplane * (split / n))
 
-    ratio, ratio_t = (m[:-1] / m[1:] for m in (body.reduced, body.shear))
-    return jax.lax.scan(add, start, (thickness, body.poisson[:-1], ratio, ratio_t), reverse=True)[0]
-
-
-@jax.jit
-def _surface_compliance_matrix(stack, qx, qy, omega):
-    return _matrix(qx, qy, moduli_of(stack, jnp.hypot(qx, qy), omega), stack.base)
+    return climb
 
 
-@jax.jit
-def _matrix(qx, qy, body, base):
+def _relative(differences, values):
+    along, normal, across = (jnp.sqrt(jnp.abs(values[i])) for i in (0, 2, 3))
+    sizes = (along * along, along * normal, normal * normal, across * across, along * across)
+    errors = [jnp.abs(d) / size for d, size in zip(differences, sizes, strict=True)]
+    return functools.reduce(jnp.maximum, errors)
+
+
+@eqx.filter_jit
+def _surface_compliance_matrix(stack, qx, qy, omega, graded, rtol):
     q = jnp.hypot(qx, qy)
-    like = zeros_for(body, q)
-    below = sweep(q, body, start_of(base, body, like), body.thickness)
-    unit = (2 / body.unit) / q
-    plane = unit / (body.reduced[0] * below.n)
-    c11, c12, c22 = (plane * c for c in below[1:4])
-    antiplane = unit / (body.shear[0] * below.n_t)
-    c_t = antiplane * below.c_t
-    a, b = qx / q, qy / q
+    climb = _climb(column_of(stack, q, omega))
+    if is_graded(stack):
+        values, _ = solve_graded(graded, climb, _relative, stack, q, omega, rtol, throw=True)
+    else:
+        values = climb(None)
+    return _matrix(qx / q, qy / q, values)
+
+
+@jax.jit
+def _matrix(a, b, values):
+    c11, c12, c22, c_t, split = values
     i = jnp.asarray(1j, jnp.result_type(c11, jnp.complex64))
     diagonal = (c11 * a * a + c_t * b * b, c11 * b * b + c_t * a * a, c22)
-    xy, xz, yz = antiplane * (below.split / below.n) * a * b, -i * c12 * a, -i * c12 * b
+    xy, xz, yz = split * a * b, -i * c12 * a, -i * c12 * b
     rows = ((diagonal[0], xy, xz), (xy, diagonal[1], yz), (-xz, -yz, diagonal[2]))
-    entries = [jnp.broadcast_to(x, like.shape).astype(i.dtype) for row in rows for x in row]
-    return jnp.stack(entries, -1).reshape(*like.shape, 3, 3)
-
-
-def kept(new, old):
-    """Returns `new` with the shapes and dtypes of `old`, as the carry of a scan must have."""
-    return jax.tree.map(lambda n, o: jnp.broadcast_to(n, o.shape).astype(o.dtype), new, old)
-
-
-def zeros_for(body: Moduli, *arrays: Array) -> Array:
-    """Returns zeros of the shape and dtype to which moduli and `arrays` broadcast."""
-    shapes = [body.reduced.shape[1:], body.poisson.shape[1:], *(x.shape for x in arrays)]
-    dtype = jnp.result_type(body.reduced, body.poisson, *arrays)
-    return jnp.zeros(jnp.broadcast_shapes(*shapes), dtype)
-
-
-def _stacked(values: list, like: Array) -> Array:
-    """Stacks per-layer values of unlike shapes and dtypes, each filled up to the rank of `like`."""
-    if not values:
-        return jnp.zeros((0,) + (1,) * like.ndim, like.dtype)
-    stacked = jnp.stack(jnp.broadcast_arrays(*map(jnp.asarray, values)))
-    missing = (1,) * (like.ndim + 1 - stacked.ndim)
-    return stacked.reshape(len(values), *missing, *stacked.shape[1:])
+    entries = [jnp.broadcast_to(x, c11.shape).astype(i.dtype) for row in rows for x in row]
+    return jnp.stack(entries, -1).reshape(*c11.shape, 3, 3)
 
 
 def _inverse_size(coordinates: tuple[Array, ...]) -> Array:

@@ -29,7 +29,7 @@ import jax.numpy as jnp
 from jax.flatten_util import ravel_pytree
 from jaxtyping import Array, Float
 
-from .column import AddGraded, Numbers
+from .column import AddGraded, Carried
 from .grading import AbstractGradedSolver, as_tolerance, rounding
 from .layering import add_layered
 from .mesh import build_mesh, visible
@@ -209,8 +209,8 @@ class _Wave(NamedTuple):
     seen: Float[Array, "..."]
     height: Float[Array, "..."]
     reference: Float[Array, "..."]
-    start: Numbers
-    size: Numbers
+    start: Carried
+    size: Carried
 
 
 class _Equation(NamedTuple):
@@ -237,7 +237,7 @@ class _Equation(NamedTuple):
         if antiplane is not None:
             soft = 1 / b1 if self.inverse or self.down else b1
             antiplane = soft - antiplane * antiplane / soft
-        return Numbers(plane, antiplane, traction)
+        return Carried(plane, antiplane, traction)
 
 
 def _in_both_modes(forward, backward, given):
@@ -281,7 +281,7 @@ def _sizes(rough, start):
         mean = jnp.sqrt(jnp.abs(c.c11)) * jnp.sqrt(jnp.abs(c.c22))
         return Compliance(*map(jnp.abs, c))._replace(c12=jnp.abs(c.c12) + 1e-6 * mean)
 
-    size = Numbers(plane(rough.plane), *jax.tree.map(jnp.abs, rough[1:]))
+    size = Carried(plane(rough.plane), *jax.tree.map(jnp.abs, rough[1:]))
     if start.traction is not None:
         t, s, across = map(jnp.abs, start.traction)
         size = size._replace(traction=(t + s, t + s, across))
