@@ -129,6 +129,109 @@ def test_stored_cases_are_met_and_the_estimate_of_the_error_is_honest(solver, rt
     assert np.max(errors / estimates) <= 10
 
 
+@pytest.mark.parametrize(
+    ("kind", "graded"),
+    [
+        ("halfspace", FAST),
+        pytest.param("rigid", FAST, marks=pytest.mark.slow),
+        pytest.param("free", FAST, marks=pytest.mark.slow),
+        pytest.param("halfspace", Riccati(), marks=pytest.mark.slow),
+        pytest.param("rigid", Riccati(), marks=pytest.mark.slow),
+        pytest.param("free", Riccati(), marks=pytest.mark.slow),
+    ],
+)
+def test_every_entry_of_the_matrix_meets_the_stored_cases(kind, graded):
+    """mpmath at 50 digits; the frame of the stored cases has z out of the body."""
+    cases = [c for c in CASES if c["substrate"]["kind"] == kind]
+    batch = jax.tree.map(lambda *xs: jnp.array(xs), *map(arguments, cases))
+    qx, qy = np.array([[float(x) for x in c["q"]] for c in cases]).T
+
+    def one(profile, depth, material, qx, qy):
+        base = {"rigid": gc.Rigid(), "free": gc.Free(), "halfspace": gc.HalfSpace(material)}
+        stack = Stack(layers=(GradedLayer(profile, depth),), base=base[kind])
+        return gc.surface_compliance_matrix(stack, qx, qy, 0.0, graded=graded, rtol=1e-8)
+
+    found = jax.jit(jax.vmap(one))(*batch[:3], qx, qy)
+    mirror = np.diag([1, 1, -1])
+    for value, case in zip(found, cases, strict=True):
+        exact = mirror @ np.array([[complex_of(x) for x in row] for row in case["C"]]) @ mirror
+        size = np.sqrt(np.abs(np.diag(exact)))
+        assert np.max(np.abs(value - exact) / np.outer(size, size)) <= 1e-8, case["id"]
+
+
+DEPTHS = np.array([0.0, 1e-5, 4e-5, 9e-5, 1.2e-4, 1.5e-4])
+WAVE = (np.array([[3e2], [2e4]]), np.array([[-5e2], [1e4]]), 1e3)
+TRACTION = np.array([0.3, 0.5j, 1.0])
+
+
+def test_fields_in_a_constant_profile_are_those_of_a_uniform_layer():
+    def fields(layer):
+        stack = Stack(layers=(gc.Layer(GLASS, 2e-5), layer), base=BASE["halfspace"])
+        return gc.interior_fields(stack, *WAVE, TRACTION, DEPTHS, graded=FAST, rtol=1e-7)
+
+    graded = fields(GradedLayer(Blend(RUBBER, RUBBER), 1e-4))
+    for value, exact in zip(graded, fields(gc.Layer(RUBBER, 1e-4)), strict=True):
+        axes = tuple(range(2, exact.ndim))
+        size = np.max(np.abs(exact), axis=axes, keepdims=True)
+        np.testing.assert_allclose(value / size, exact / size, atol=1e-11)
+
+
+@pytest.mark.parametrize("graded", [FAST, pytest.param(Riccati(), marks=pytest.mark.slow)])
+def test_fields_in_a_graded_layer_are_the_limit_of_slices(graded):
+    """Slices with the error in 1/n² removed; at the surface, the compliance matrix."""
+    profile = Blend(RUBBER, GLASS, Exponential(2.0))
+    layers = (gc.Layer(GLASS, 2e-5), GradedLayer(profile, 1e-4))
+    stack = Stack(layers=layers, base=BASE["halfspace"])
+    matrix = gc.surface_compliance_matrix(stack, *(x[:, 0] for x in WAVE[:2]), 1e3, graded=graded)
+    displacement, stress = gc.interior_fields(
+        stack, *WAVE, TRACTION, DEPTHS[:-2], graded=graded, rtol=1e-7
+    )
+    np.testing.assert_allclose(-stress[:, 0, :, 2], [TRACTION] * 2, atol=1e-9)
+    at_surface = matrix @ TRACTION
+    np.testing.assert_allclose(displacement[:, 0], at_surface, rtol=1e-7)
+    coarse, fine = (
+        gc.interior_fields(gc.sliced(stack, n), *WAVE, TRACTION, DEPTHS[:-2]) for n in (50, 100)
+    )
+    # At interfaces of slices, where E jumps, only what is continuous can be compared.
+    for value, a, b in (
+        (displacement, coarse.displacement, fine.displacement),
+        (stress[..., 2], coarse.stress[..., 2], fine.stress[..., 2]),
+    ):
+        size = np.max(np.abs(value), axis=-1, keepdims=True)
+        np.testing.assert_allclose(value / size, (4 * b - a) / 3 / size, atol=2e-5)
+
+
+def test_gradient_of_friction_by_every_leaf_of_a_profile_matches_central_differences():
+    x = np.arange(16) / 16
+    heights = 2e-6 * np.cos(2 * np.pi * x)[:, None] * np.ones(4)
+    surface = gc.Surface(heights, gc.Grid((16, 4), (1e-3, 1e-3)))
+    profile = Blend(RUBBER, gc.Elastic(3e7, 0.4), Exponential(1.0))
+
+    @jax.jit
+    def friction(profile):
+        stack = Stack(layers=(GradedLayer(profile, 1e-4),), base=gc.Rigid())
+        return gc.slide(
+            stack, surface, pressure=1e6, velocity=0.1, graded=FAST, rtol=1e-10, throw=False
+        ).friction
+
+    slopes = jax.tree.leaves(jax.jit(jax.grad(friction))(profile))
+    leaves, structure = jax.tree.flatten(profile)
+    whole = float(friction(profile))
+    assert whole > 1e-4
+    for i, (leaf, slope) in enumerate(zip(leaves, slopes, strict=True)):
+        for index in np.ndindex(leaf.shape):
+            step = 1e-4 * float(leaf[index])
+            low, high = (
+                friction(
+                    structure.unflatten([*leaves[:i], leaf.at[index].add(d), *leaves[i + 1 :]])
+                )
+                for d in (-step, step)
+            )
+            difference = (high - low) / (2 * step)
+            scale = whole / float(leaf[index])
+            assert abs(difference - slope[index]) <= 1e-5 * scale, (i, index)
+
+
 @pytest.mark.slow
 def test_estimate_is_honest_on_meshes_that_are_too_coarse():
     for num_cells in (2, 5):
@@ -207,7 +310,6 @@ def sandwich(base):
     )
 
 
-@pytest.mark.slow
 def test_differential_equation_and_layers_agree_on_an_elastic_layer():
     profile = Blend(gc.Elastic(1e6, 0.3), gc.Elastic(3e7, 0.45), Exponential(3.0))
     stack = Stack(layers=(GradedLayer(profile, 1e-3),), base=gc.Free())
