@@ -225,16 +225,8 @@ class _AtHeight(AbstractMaterial):
 def sliced(stack: Stack, num_slices: int) -> Stack:
     """Returns the stack with every graded layer cut into equal layers of its middle moduli.
 
-    What needs homogeneous layers (`surface_compliance_matrix`, `interior_fields`) takes the
-    result. Its error is even in 1/n for n slices: with values f(n), (4 f(2n) - f(n))/3 is two
-    orders better. M_zz itself needs no slices.
-
-    **Arguments:**
-
-    - `stack`: with graded layers.
-    - `num_slices`: of each graded layer.
-
-    **Returns:** a stack of homogeneous layers.
+    For export, or as a check: its error is even in 1/n for n slices, so that with values f(n)
+    (4 f(2n) - f(n))/3 is two orders better. Nothing here needs it.
 
     **Raises:** `ValueError` if `num_slices` is less than 1.
     """

@@ -176,31 +176,6 @@ def test_fields_in_a_constant_profile_are_those_of_a_uniform_layer():
         np.testing.assert_allclose(value / size, exact / size, atol=1e-11)
 
 
-@pytest.mark.parametrize("graded", [FAST, pytest.param(Riccati(), marks=pytest.mark.slow)])
-def test_fields_in_a_graded_layer_are_the_limit_of_slices(graded):
-    """Slices with the error in 1/n² removed; at the surface, the compliance matrix."""
-    profile = Blend(RUBBER, GLASS, Exponential(2.0))
-    layers = (gc.Layer(GLASS, 2e-5), GradedLayer(profile, 1e-4))
-    stack = Stack(layers=layers, base=BASE["halfspace"])
-    matrix = gc.surface_compliance_matrix(stack, *(x[:, 0] for x in WAVE[:2]), 1e3, graded=graded)
-    displacement, stress = gc.interior_fields(
-        stack, *WAVE, TRACTION, DEPTHS[:-2], graded=graded, rtol=1e-7
-    )
-    np.testing.assert_allclose(-stress[:, 0, :, 2], [TRACTION] * 2, atol=1e-9)
-    at_surface = matrix @ TRACTION
-    np.testing.assert_allclose(displacement[:, 0], at_surface, rtol=1e-7)
-    coarse, fine = (
-        gc.interior_fields(gc.sliced(stack, n), *WAVE, TRACTION, DEPTHS[:-2]) for n in (50, 100)
-    )
-    # At interfaces of slices, where E jumps, only what is continuous can be compared.
-    for value, a, b in (
-        (displacement, coarse.displacement, fine.displacement),
-        (stress[..., 2], coarse.stress[..., 2], fine.stress[..., 2]),
-    ):
-        size = np.max(np.abs(value), axis=-1, keepdims=True)
-        np.testing.assert_allclose(value / size, (4 * b - a) / 3 / size, atol=2e-5)
-
-
 def test_gradient_of_friction_by_every_leaf_of_a_profile_matches_central_differences():
     x = np.arange(16) / 16
     heights = 2e-6 * np.cos(2 * np.pi * x)[:, None] * np.ones(4)
