@@ -228,6 +228,13 @@ def sliced(stack: Stack, num_slices: int) -> Stack:
     For export, or as a check: its error is even in 1/n for n slices, so that with values f(n)
     (4 f(2n) - f(n))/3 is two orders better. Nothing here needs it.
 
+    **Arguments:**
+
+    - `stack`: with graded layers.
+    - `num_slices`: of each graded layer.
+
+    **Returns:** a stack of homogeneous layers.
+
     **Raises:** `ValueError` if `num_slices` is less than 1.
     """
     check_whole("num_slices", num_slices, 1)
