@@ -14,7 +14,7 @@ import equinox as eqx
 import jax.numpy as jnp
 import numpy as np
 from jax import Array
-from jaxtyping import ArrayLike, Float
+from jaxtyping import Float, ScalarLike
 
 from ._checks import as_scalar, check_positive, check_values, is_concrete
 
@@ -54,12 +54,12 @@ class SelfAffine(eqx.Module):
     def __init__(
         self,
         *,
-        rms_height: ArrayLike | None = None,
-        rms_slope: ArrayLike | None = None,
-        hurst: ArrayLike,
-        q_low: ArrayLike,
-        q_roll: ArrayLike,
-        q_high: ArrayLike,
+        rms_height: ScalarLike | None = None,
+        rms_slope: ScalarLike | None = None,
+        hurst: ScalarLike,
+        q_low: ScalarLike,
+        q_roll: ScalarLike,
+        q_high: ScalarLike,
         roll_off: Literal["sharp", "smooth"] = "sharp",
     ):
         """Prescribes either `rms_height` [m] or `rms_slope` [1] (of the gradient's length)."""

@@ -12,7 +12,7 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 from jax import Array
-from jaxtyping import ArrayLike, Complex, Float, PRNGKeyArray
+from jaxtyping import Complex, Float, PRNGKeyArray, ScalarLike
 
 from ._checks import (
     Numbers,
@@ -333,7 +333,7 @@ def _radial_spectrum(surface: Surface, num_bins: int) -> tuple[Array, Array]:
 
 @door
 def rescale(
-    surface: Surface, *, rms_height: ArrayLike | None = None, rms_slope: ArrayLike | None = None
+    surface: Surface, *, rms_height: ScalarLike | None = None, rms_slope: ScalarLike | None = None
 ) -> Surface:
     """Returns the surface with its heights multiplied to have this rms height [m] or slope [1].
 

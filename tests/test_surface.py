@@ -165,7 +165,7 @@ def test_moments_scale_with_height_and_length(hurst, plateau, decades, log_unit,
         ({"q_low": jnp.ones(3)}, "`q_low` has shape"),
     ],
 )
-def test_bad_spectra_are_refused(changes, message):
+def test_bad_spectra_are_refused(changes, message, unchecked_types):
     values = {"rms_height": 1.0, "hurst": 0.8, "q_low": 1.0, "q_roll": 2.0, "q_high": 3.0}
     with pytest.raises(ValueError, match=message):
         SelfAffine(**values | changes)

@@ -14,7 +14,7 @@ import equinox as eqx
 import jax
 import jax.numpy as jnp
 import numpy as np
-from jaxtyping import Array, Float, Inexact
+from jaxtyping import Array, Float, Inexact, ScalarLike
 
 from .._checks import Numbers, as_float, check_type, check_whole, door
 from ..rheology.material import AbstractMaterial
@@ -217,7 +217,7 @@ class _AtHeight(AbstractMaterial):
     def poisson_ratio(self, omega: Numbers) -> Inexact[Array, "..."]:
         return jnp.asarray(self.profile(self.height, as_float(omega, "omega"))[1])
 
-    def at(self, temperature: Numbers) -> "_AtHeight":
+    def at(self, temperature: ScalarLike) -> "_AtHeight":
         return _AtHeight(self.profile.at(temperature), self.height)
 
 

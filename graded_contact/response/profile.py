@@ -22,9 +22,9 @@ import equinox as eqx
 import jax
 import jax.numpy as jnp
 import numpy as np
-from jaxtyping import Array, Float, Inexact
+from jaxtyping import Array, Float, Inexact, ScalarLike
 
-from .._checks import Numbers, check_positive, check_type, check_values, is_concrete, scalar
+from .._checks import check_positive, check_type, check_values, is_concrete, scalar
 from ..rheology.material import AbstractMaterial, material_called
 from ..rheology.measured import check_frequencies, coverage
 from .shape import FROM_0_TO_1, AbstractShape, Linear, breaks_of, shape_called
@@ -40,7 +40,7 @@ class AbstractProfile(eqx.Module):
         """Returns E [Pa] and ν [1] at heights `s` [1] and frequencies `omega` [rad/s]."""
 
     @abc.abstractmethod
-    def at(self, temperature: Numbers) -> "AbstractProfile":
+    def at(self, temperature: ScalarLike) -> "AbstractProfile":
         """Returns the profile with its materials at another temperature [K]."""
 
 
@@ -89,7 +89,7 @@ class Blend(AbstractProfile):
             phi = phi**2 / (phi**2 + (1 - phi) ** 2)
         return modulus, low + phi * (high - low)
 
-    def at(self, temperature: Numbers) -> "Blend":
+    def at(self, temperature: ScalarLike) -> "Blend":
         return Blend(
             bottom=self.bottom.at(temperature),
             top=self.top.at(temperature),
@@ -156,7 +156,7 @@ class Mixture(AbstractProfile):
         product = shear * bulk
         return unit * 9 * shear / (3 + product), (3 - 2 * product) / (2 * (3 + product))
 
-    def at(self, temperature: Numbers) -> "Mixture":
+    def at(self, temperature: ScalarLike) -> "Mixture":
         return Mixture(self.matrix.at(temperature), self.filler.at(temperature), self.fraction)
 
 
@@ -214,7 +214,7 @@ class Aged(AbstractProfile):
         factors = jax.lax.stop_gradient(self._factor(jnp.linspace(0, 1, _SAMPLES + 1)))
         return jnp.min(factors), jnp.max(factors)
 
-    def at(self, temperature: Numbers) -> "Aged":
+    def at(self, temperature: ScalarLike) -> "Aged":
         return Aged(
             material=self.material.at(temperature),
             bottom=self.bottom,

@@ -5,9 +5,9 @@ from typing import Any
 
 import equinox as eqx
 import jax
-from jaxtyping import Array, Float
+from jaxtyping import Array, Float, ScalarLike
 
-from .._checks import Numbers, check_values, scalar, short
+from .._checks import check_values, scalar, short
 from ..rheology.material import AbstractMaterial, material_called
 
 
@@ -122,7 +122,7 @@ class Stack(eqx.Module):
                 "deform. Give at least one layer, or a `HalfSpace` as `base`."
             )
 
-    def at(self, temperature: Numbers) -> "Stack":
+    def at(self, temperature: ScalarLike) -> "Stack":
         """Returns the stack with every material at another temperature [K].
 
         A graded layer's profile must have a method `at(temperature)`, as the ready ones do.

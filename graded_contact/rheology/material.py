@@ -17,7 +17,7 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 from jax import Array
-from jaxtyping import Complex, Float, Inexact
+from jaxtyping import Complex, Float, Inexact, ScalarLike
 
 from .._checks import (
     Numbers,
@@ -49,7 +49,7 @@ class AbstractMaterial(eqx.Module):
         """Returns Poisson's ratio [1], of shape `()` when it does not depend on frequency."""
 
     @abc.abstractmethod
-    def at(self, temperature: Numbers) -> "AbstractMaterial":
+    def at(self, temperature: ScalarLike) -> "AbstractMaterial":
         """Returns the material at another temperature [K]."""
 
 
@@ -70,7 +70,7 @@ class Elastic(AbstractMaterial):
     young: Float[Array, ""] = eqx.field(metadata={"argument": "modulus"})
     poisson: Float[Array, ""]
 
-    def __init__(self, modulus: Numbers, poisson: Numbers = 0.5):
+    def __init__(self, modulus: ScalarLike, poisson: ScalarLike = 0.5):
         self.young = as_scalar(modulus, "modulus")
         self.poisson = as_scalar(poisson, "poisson")
 
@@ -86,7 +86,7 @@ class Elastic(AbstractMaterial):
     def poisson_ratio(self, omega: Numbers) -> Float[Array, ""]:
         return self.poisson
 
-    def at(self, temperature: Numbers) -> "Elastic":
+    def at(self, temperature: ScalarLike) -> "Elastic":
         as_temperature(temperature)
         return self
 
@@ -124,10 +124,10 @@ class Prony(AbstractMaterial):
     @classmethod
     def from_creep(
         cls,
-        glassy: Numbers,
+        glassy: ScalarLike,
         compliances: Numbers,
         times: Numbers,
-        poisson: Numbers = 0.5,
+        poisson: ScalarLike = 0.5,
         shift: AbstractShift | None = None,
         measured: MeasuredRange | None = None,
     ) -> "Prony":
@@ -188,7 +188,7 @@ class Prony(AbstractMaterial):
     def poisson_ratio(self, omega: Numbers) -> Float[Array, ""]:
         return self.poisson
 
-    def at(self, temperature: Numbers) -> "Prony":
+    def at(self, temperature: ScalarLike) -> "Prony":
         shift, temperature = require_shift(self.shift), as_temperature(temperature)
         log_factor, lift = (
             shift.log_factor(temperature),
@@ -261,7 +261,7 @@ class BulkShear(AbstractMaterial):
         _, ratio = self._shear_and_ratio(omega)
         return (1 - 2 * ratio) / (2 * (1 + ratio))
 
-    def at(self, temperature: Numbers) -> "BulkShear":
+    def at(self, temperature: ScalarLike) -> "BulkShear":
         return BulkShear(self.bulk.at(temperature), self.shear.at(temperature))
 
     def _shear_and_ratio(self, omega):

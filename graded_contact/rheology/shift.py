@@ -10,9 +10,9 @@ import math
 import equinox as eqx
 import jax
 import jax.numpy as jnp
-from jaxtyping import Array, Float
+from jaxtyping import Array, Float, ScalarLike
 
-from .._checks import Numbers, as_scalar, check_positive, check_values, is_concrete, scalar
+from .._checks import as_scalar, check_positive, check_values, is_concrete, scalar
 
 GAS_CONSTANT = 8.31446261815324  # J/(mol K), exact in the SI of 2019
 # How far times are shifted, as a share of the dtype's exponents: their squares must not overflow.
@@ -23,18 +23,18 @@ class AbstractShift(eqx.Module):
     """A law of time-temperature superposition: τ(T) = a_T τ(reference), E(T) = b_T E(reference)."""
 
     @abc.abstractmethod
-    def log_factor(self, temperature: Numbers) -> Float[Array, ""]:
+    def log_factor(self, temperature: ScalarLike) -> Float[Array, ""]:
         """Returns ln a_T [1] at `temperature` [K]; it is 0 at the reference temperature."""
 
     @abc.abstractmethod
-    def rebased(self, temperature: Numbers) -> "AbstractShift":
+    def rebased(self, temperature: ScalarLike) -> "AbstractShift":
         """Returns the same law written about another reference temperature [K]."""
 
     @abc.abstractmethod
-    def log_vertical(self, temperature: Numbers) -> Float[Array, ""]:
+    def log_vertical(self, temperature: ScalarLike) -> Float[Array, ""]:
         """Returns ln b_T [1], of moduli at `temperature` [K] over those at the reference."""
 
-    def factor(self, temperature: Numbers) -> Float[Array, ""]:
+    def factor(self, temperature: ScalarLike) -> Float[Array, ""]:
         """Returns a_T [1] at `temperature` [K]; infinite where it exceeds the dtype."""
         return jnp.exp(self.log_factor(temperature))
 
@@ -58,7 +58,7 @@ class WLF(AbstractShift):
         check_positive("c2", self.c2, "[K]")
         check_positive("reference", self.reference, "[K]")
 
-    def log_factor(self, temperature: Numbers) -> Float[Array, ""]:
+    def log_factor(self, temperature: ScalarLike) -> Float[Array, ""]:
         temperature = self._checked(temperature)
         step = temperature - self.reference
         above = self.c2 + step > 0
@@ -66,15 +66,15 @@ class WLF(AbstractShift):
         value = -math.log(10) * self.c1 * step / jnp.where(above, self.c2 + step, 1)
         return jnp.where(above, value, jnp.nan)
 
-    def log_vertical(self, temperature: Numbers) -> Float[Array, ""]:
+    def log_vertical(self, temperature: ScalarLike) -> Float[Array, ""]:
         return jnp.zeros_like(self.reference)
 
-    def rebased(self, temperature: Numbers) -> "WLF":
+    def rebased(self, temperature: ScalarLike) -> "WLF":
         temperature = self._checked(temperature)
         c2 = self.c2 + temperature - self.reference
         return WLF(c1=self.c1 * self.c2 / c2, c2=c2, reference=temperature)
 
-    def _checked(self, temperature: Numbers) -> Float[Array, ""]:
+    def _checked(self, temperature: ScalarLike) -> Float[Array, ""]:
         temperature = as_scalar(temperature, "temperature")
         if is_concrete(temperature) and is_concrete(self.c2) and is_concrete(self.reference):
             vogel = float(self.reference - self.c2)
@@ -103,20 +103,20 @@ class Arrhenius(AbstractShift):
         check_positive("activation_energy", self.activation_energy, "[J/mol]")
         check_positive("reference", self.reference, "[K]")
 
-    def log_factor(self, temperature: Numbers) -> Float[Array, ""]:
+    def log_factor(self, temperature: ScalarLike) -> Float[Array, ""]:
         temperature = as_temperature(temperature)
         return self.activation_energy / GAS_CONSTANT * (1 / temperature - 1 / self.reference)
 
-    def log_vertical(self, temperature: Numbers) -> Float[Array, ""]:
+    def log_vertical(self, temperature: ScalarLike) -> Float[Array, ""]:
         return jnp.zeros_like(self.reference)
 
-    def rebased(self, temperature: Numbers) -> "Arrhenius":
+    def rebased(self, temperature: ScalarLike) -> "Arrhenius":
         return Arrhenius(
             activation_energy=self.activation_energy, reference=as_temperature(temperature)
         )
 
 
-def as_temperature(value: Numbers) -> Float[Array, ""]:
+def as_temperature(value: ScalarLike) -> Float[Array, ""]:
     """Returns a temperature [K]; refuses an array, zero and less."""
     temperature = as_scalar(value, "temperature")
     check_positive("temperature", temperature, "[K]")

@@ -6,7 +6,7 @@ import equinox as eqx
 import jax
 import jax.numpy as jnp
 import numpy as np
-from jaxtyping import Array, Complex, Float
+from jaxtyping import Array, Complex, Float, ScalarLike
 
 from .._checks import (
     Numbers,
@@ -52,7 +52,7 @@ class Tabulated(AbstractMaterial):
         self,
         omega: Numbers,
         modulus: Numbers,
-        poisson: Numbers = 0.5,
+        poisson: ScalarLike = 0.5,
         *,
         shift: AbstractShift | None = None,
         extrapolate: Literal["refuse", "plateau"] = "refuse",
@@ -129,7 +129,7 @@ class Tabulated(AbstractMaterial):
     def poisson_ratio(self, omega: Numbers) -> Float[Array, ""]:
         return self.poisson
 
-    def at(self, temperature: Numbers) -> "Tabulated":
+    def at(self, temperature: ScalarLike) -> "Tabulated":
         shift, temperature = require_shift(self.shift), as_temperature(temperature)
         # As far as the first frequency can go: no two of them may become one.
         first = stretched(self.omega[:1], -shift.log_factor(temperature))

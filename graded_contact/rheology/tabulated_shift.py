@@ -5,10 +5,9 @@ import math
 import equinox as eqx
 import jax.numpy as jnp
 import numpy as np
-from jaxtyping import Array, Float
+from jaxtyping import Array, Float, ScalarLike
 
 from .._checks import (
-    Numbers,
     as_float,
     as_scalar,
     check_positive,
@@ -73,15 +72,15 @@ class TabulatedShift(AbstractShift):
                 )
         self._check_covered("reference", self.reference)
 
-    def log_factor(self, temperature: Numbers) -> Float[Array, ""]:
+    def log_factor(self, temperature: ScalarLike) -> Float[Array, ""]:
         return math.log(10) * self._change(self.log10_factors, temperature)
 
-    def log_vertical(self, temperature: Numbers) -> Float[Array, ""]:
+    def log_vertical(self, temperature: ScalarLike) -> Float[Array, ""]:
         if self.vertical_factors is None:
             return jnp.zeros_like(self.reference)
         return self._change(jnp.log(self.vertical_factors), temperature)
 
-    def rebased(self, temperature: Numbers) -> "TabulatedShift":
+    def rebased(self, temperature: ScalarLike) -> "TabulatedShift":
         temperature = as_scalar(temperature, "temperature")
         self._check_covered("temperature", temperature)
         return eqx.tree_at(lambda shift: shift.reference, self, temperature)

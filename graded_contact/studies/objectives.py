@@ -6,7 +6,7 @@ are the user's `slide(...)`, to verify and polish what these found.
 
 import jax
 import jax.numpy as jnp
-from jaxtyping import Array, Float, Inexact
+from jaxtyping import Array, Float, Inexact, ScalarLike
 
 from .._checks import (
     Numbers,
@@ -90,7 +90,7 @@ def friction_curve(
     stack: Stack,
     spectrum: SelfAffine | Surface | tuple[Numbers, Numbers],
     *,
-    pressure: Numbers,
+    pressure: ScalarLike,
     velocities: Numbers,
     graded: AbstractGradedSolver = Layering(),  # noqa: B008 (immutable)
 ) -> MeanField:
@@ -117,7 +117,7 @@ def friction_curve(
 
 
 @door
-def friction_between(field: MeanField, q_from: Numbers, q_to: Numbers) -> Float[Array, ""]:
+def friction_between(field: MeanField, q_from: ScalarLike, q_to: ScalarLike) -> Float[Array, ""]:
     """Returns the friction that roughness between two wavenumbers adds [1].
 
     Over `field.friction` it is the share of a window, to be made large for a selective response,

@@ -20,7 +20,6 @@ from graded_contact import (
     Elastic,
     Free,
     GradedLayer,
-    Linear,
     Mixture,
     Prony,
     Stack,
@@ -28,6 +27,7 @@ from graded_contact import (
     TabulatedShift,
     sliced,
 )
+from graded_contact.shapes import Linear
 
 EXAMPLES = settings(max_examples=60)
 BRANCHES = 7
