@@ -146,7 +146,7 @@ def add_layered(
 
     def at(s):
         modulus, poisson = moduli_at(layer.profile, s, omega)
-        return plane_strain(modulus / unit, poisson)
+        return plane_strain(modulus, poisson, unit)
 
     def add_cell(faces, cell):
         low, high = (

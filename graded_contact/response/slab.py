@@ -61,9 +61,13 @@ class Slab(NamedTuple):
     p22: Inexact[Array, "*w"]
 
 
-def plane_strain(modulus: Inexact[Array, "..."], poisson: Inexact[Array, "..."]) -> tuple:
-    """Returns E/(1 - ν²), in the unit of the modulus, and e = 1 - 2ν."""
-    return times(reciprocal(1 - poisson * poisson), modulus), 1 - 2 * poisson
+def plane_strain(
+    modulus: Inexact[Array, "..."],
+    poisson: Inexact[Array, "..."],
+    unit: Float[Array, ""] | float = 1.0,
+) -> tuple[Inexact[Array, "..."], Inexact[Array, "..."]]:
+    """Returns E/(1 - ν²) in a unit of moduli, and e = 1 - 2ν."""
+    return times(reciprocal(unit * (1 - poisson * poisson)), modulus), 1 - 2 * poisson
 
 
 def in_units(c: Compliance, ratio: Inexact[Array, "..."]) -> Compliance:
