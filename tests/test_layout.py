@@ -41,6 +41,7 @@ ORDER = [
     "studies/extrapolation", "studies/run",
     "studies/design_problem", "studies/run_design", "studies/report_design", "studies/cost",
     "studies/identity", "studies/study", "studies/chunk", "studies/cluster", "studies/sweep",
+    "studies/uncertainty",
     "shapes", "design", "reference", "plot",
     "command/session", "command/tables", "command/scene", "command/fit", "command/design",
     "cli", "__main__",

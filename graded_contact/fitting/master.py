@@ -59,7 +59,7 @@ class MasterCurve(eqx.Module):
 
     - `fit`: the series, fitted to all data shifted to the reference temperature. Its errors and
       floor are those of the master curve; its `confidence` takes the shifts as known.
-    - `unknowns`: of series and shifts together, see `fitting.shared`.
+    - `unknowns`: of series and shifts together, see `shifted_series`.
     - `data`: what was fitted.
     """
 
@@ -147,7 +147,7 @@ class MasterCurve(eqx.Module):
 
         Large ones tell of isotherms too flat to be placed by anything but the law.
         """
-        spread = self._covariance()
+        spread = self.covariance()
         shifts = jax.jacfwd(log_shift_of)(self.unknowns, self.data) / LN10
         verticals = jax.jacfwd(log_vertical_of)(self.unknowns, self.data)
         return _deviation(shifts, spread), _deviation(verticals, spread)
@@ -166,18 +166,23 @@ class MasterCurve(eqx.Module):
         check_positive("omega", omega, "[rad/s]")
 
         def logs(unknowns):
-            curve = eqx.tree_at(lambda c: c.unknowns, self, unknowns)
-            theta = unknowns[: len(self.fit.theta)]
-            curve = eqx.tree_at(lambda c: c.fit.theta, curve, theta)
-            modulus = _at(curve.material, temperature).modulus(omega)
+            modulus = _at(self.with_unknowns(unknowns).material, temperature).modulus(omega)
             return jnp.log(jnp.stack([modulus.real, modulus.imag]))
 
         middle, slopes = logs(self.unknowns), jax.jacfwd(logs)(self.unknowns)
         count = int(np.sum(np.asarray(self.data.observations.weights) > 0))
         reach = stdtrit(max(count - len(self.unknowns), 1), (1 + level) / 2)
-        reach = reach * _deviation(slopes, self._covariance())
+        reach = reach * _deviation(slopes, self.covariance())
         known = _at(self.material, temperature).coverage()
         return limits_where_known(omega, known, middle - reach, middle + reach)
+
+    def with_unknowns(self, unknowns: Float[Array, " unknowns"]) -> "MasterCurve":
+        """Returns the master curve with other `unknowns`, those of its series included."""
+        return eqx.tree_at(
+            lambda curve: (curve.unknowns, curve.fit.theta),
+            self,
+            (unknowns, unknowns[: len(self.fit.theta)]),
+        )
 
     def report(self) -> str:
         """Returns shifts with their uncertainty, then the report of the fit, as text."""
@@ -187,7 +192,8 @@ class MasterCurve(eqx.Module):
         if not concrete(self.data.observations):
             raise ValueError("The quality of a fit is not available under `jit` or `grad`.")
 
-    def _covariance(self):
+    def covariance(self) -> Float[np.ndarray, "unknowns unknowns"]:
+        """Returns the covariance of `unknowns`, of independent errors about series and shifts."""
         self._require_known()
         shared, unknowns = shared_series_of(self.data), np.asarray(self.unknowns)
         series, residual, jacobian, _ = shared.derivatives(unknowns)

@@ -79,6 +79,16 @@ class PronyFit(eqx.Module):
         """Returns in plain words whether the data or the number of terms limit the fit."""
         return verdict(self.terms, self.errors(), self.floor())
 
+    def covariance(self) -> Float[np.ndarray, "unknowns unknowns"]:
+        """Returns the covariance of `theta`, of errors that are independent about this series."""
+        series, theta = self._problem()
+        residual, jacobian, _ = series.derivatives(theta)
+        return covariance(series, residual, jacobian, series.within_bounds(theta))
+
+    def with_unknowns(self, unknowns: Float[Array, " unknowns"]) -> "PronyFit":
+        """Returns the fit with another `theta`."""
+        return eqx.tree_at(lambda fit: fit.theta, self, unknowns)
+
     def confidence(
         self, omega: Numbers, *, level: float = 0.95, resamples: int = 0, seed: int = 0
     ) -> tuple[Complex[Array, "*w"], Complex[Array, "*w"]]:
@@ -109,8 +119,7 @@ class PronyFit(eqx.Module):
             lower, upper = jnp.quantile(logs, tails, axis=0)
         else:
             slopes = np.asarray(_log_slopes(self.theta, self.data, omega))
-            residual, jacobian, _ = series.derivatives(theta)
-            spread = covariance(series, residual, jacobian, free)
+            spread = self.covariance()
             deviation = np.sqrt(np.einsum("...i,ij,...j->...", slopes, spread, slopes))
             spare = max(int(np.sum(series.measured) - np.sum(free)), 1)
             reach = stdtrit(spare, (1 + level) / 2) * deviation
@@ -174,10 +183,8 @@ def _undetermined(fit):
     if fit.data.kind != "creep" or fit.data.glassy is not None:
         return []
     series, theta = fit._problem()
-    free = series.within_bounds(theta)
-    residual, jacobian, _ = series.derivatives(theta)
     place = len(theta) - fit.data.num_extras  # of 1/E_inf
-    spread = covariance(series, residual, jacobian, free)[place, place]
+    spread = fit.covariance()[place, place]
     first = np.min(series.log_values[series.measured])
     if theta[place] > first + np.log(INSTANT) and spread < VAGUE**2:
         return []

@@ -5,6 +5,7 @@ from collections.abc import Callable, Iterator
 from typing import Any
 
 import jax
+import jax.numpy as jnp
 import numpy as np
 
 from .store import fingerprint
@@ -32,7 +33,7 @@ def identity(function: Callable, *arguments: Any) -> str:
 def _numbers(program: Any) -> Iterator[np.ndarray]:
     """The numbers that a program and those inside it close over, which their text abridges."""
     for value in getattr(program, "consts", ()):
-        if jax.dtypes.issubdtype(value.dtype, jax.dtypes.prng_key):
+        if jnp.issubdtype(value.dtype, jax.dtypes.prng_key):
             value = jax.random.key_data(value)
         yield np.asarray(value)
     for equation in program.eqns:

@@ -1,0 +1,86 @@
+"""What is known of a material reaches what follows from it."""
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+import pytest
+
+import graded_contact as gc
+from graded_contact.studies.uncertainty import propagate, sensitivity
+
+TRUTH = gc.Prony(1e6, [2e6, 1e7], [1e-2, 1e-4], 0.49)
+OMEGA = np.geomspace(1, 1e6, 40)
+Q0 = 2 * np.pi / 0.01
+SPECTRUM = gc.SelfAffine(rms_slope=0.2, hurst=0.8, q_low=Q0, q_roll=3 * Q0, q_high=50 * Q0)
+
+
+def measured(seed, omega=OMEGA, size=0.02):
+    """Moduli of the true material, each off by a normal relative error."""
+    noise = np.random.default_rng(seed).normal(size=(2, len(omega)), scale=size)
+    modulus = np.asarray(TRUTH.modulus(omega))
+    return modulus.real * np.exp(noise[0]) + 1j * modulus.imag * np.exp(noise[1])
+
+
+def middle(material):
+    """Storage and loss modulus in the middle of the data, which each fit knows best."""
+    modulus = material.modulus(jnp.array([1e2, 1e4]))
+    return jnp.concatenate([modulus.real, modulus.imag])
+
+
+def test_the_standard_error_is_the_scatter_of_fits_to_new_measurements():
+    found = [middle(gc.fit_prony(OMEGA, measured(s), terms=2).material) for s in range(60)]
+    estimates = [propagate(middle, gc.fit_prony(OMEGA, measured(s), terms=2)) for s in range(5)]
+    scatter = np.std(found, axis=0, ddof=1)
+    claimed = np.mean([e.standard_error for e in estimates], axis=0)
+    # The scatter of 60 draws is itself known to 9 %.
+    np.testing.assert_allclose(claimed, scatter, rtol=0.3)
+    np.testing.assert_allclose(estimates[0].value, found[0], rtol=1e-12)
+
+
+def test_noiseless_data_leave_no_doubt():
+    fit = gc.fit_prony(OMEGA, TRUTH.modulus(OMEGA), terms=2)
+    found = propagate(middle, fit)
+    assert np.all(found.standard_error < 1e-6 * found.value)
+
+
+def test_a_master_curve_carries_the_doubt_of_its_shifts():
+    shift = gc.Arrhenius(1e5, 300.0)
+    law = gc.Prony(1e6, [2e6, 1e7], [1e-2, 1e-4], 0.49, shift=shift)
+    omega, noise = np.geomspace(1, 1e3, 15), np.random.default_rng(1)
+    isotherms = []
+    for temperature in (290.0, 300.0, 310.0):
+        modulus = np.asarray(law.at(temperature).modulus(omega))
+        isotherms.append((temperature, omega, modulus * noise.lognormal(sigma=0.02, size=15)))
+    curve = gc.master_curve(isotherms, law="arrhenius", scatter=0.0, terms=2, poisson=0.49)
+    at = lambda material: material.at(305.0).modulus(jnp.array([30.0])).imag  # noqa: E731
+    whole = propagate(at, curve)
+    lower, upper = curve.confidence([30.0], 305.0, level=0.6827)
+    limits = (np.log(upper.imag) - np.log(lower.imag)) / 2
+    np.testing.assert_allclose(whole.standard_error / whole.value, limits, rtol=0.05)
+
+
+def test_what_decides_friction_adds_up_to_what_pressure_does():
+    """Moduli and pressure all times a factor leave the friction of a half space as it is."""
+
+    def friction(material, pressure=1e5):
+        stack = gc.Stack(base=gc.HalfSpace(material))
+        return gc.mean_field_friction(stack, SPECTRUM, pressure=pressure, velocity=0.1).friction
+
+    omega = np.geomspace(1e-2, 1e8, 61)
+    found = sensitivity(friction, TRUTH, omega)
+    total = np.trapezoid(found.storage + found.loss, np.log10(omega))
+    table = gc.Tabulated(omega, TRUTH.modulus(omega), 0.49, extrapolate="plateau")
+    by_pressure = jax.grad(lambda p: jnp.log(friction(table, p)))(1e5) * 1e5
+    np.testing.assert_allclose(total, -by_pressure, rtol=1e-3)
+    assert np.trapezoid(found.loss, np.log10(omega)) > 0.5  # friction is loss
+    excited = 0.1 * np.array([Q0, 50 * Q0])
+    beyond = (omega < excited[0] / 30) | (omega > 30 * excited[1])
+    assert np.all(np.abs(found.loss[beyond]) < 1e-3 * np.max(found.loss))
+
+
+def test_what_cannot_be_told_is_refused(unchecked_types):
+    varying = gc.BulkShear(gc.Elastic(2e9), TRUTH)
+    with pytest.raises(ValueError, match="Poisson's ratio of shape"):
+        sensitivity(lambda material: 1.0, varying, OMEGA)
+    with pytest.raises(ValueError, match=r"`fit=.*must be a fit"):
+        propagate(middle, TRUTH)
