@@ -21,7 +21,8 @@ file, or begin with `~`.
                           equally spaced in the logarithm; `direction` of the velocity from the
                           x axis; `temperature` [K]; `extrapolate` = true to allow friction from
                           frequencies at which a material was not measured
-    [solver]              `rtol` and the numbers of `DouglasRachford`
+    [solver]              `rtol` and the numbers of `DouglasRachford`; `graded` = "layering" or
+                          "riccati", or a table with that `kind` and its `rtol`, for graded layers
     [output]              `name`, `directory`, and which `fields` to keep: "last", "every" or "none"
     [design]              what the command `design` is to do, see `files/design_scene.py`
 """
@@ -37,7 +38,10 @@ from jaxtyping import Float, ScalarLike
 from .._checks import as_float, check_positive, check_tolerance, check_values
 from .._memory import check_points
 from ..contact.douglas_rachford import DouglasRachford
+from ..response.grading import AbstractGradedSolver
+from ..response.layering import Layering
 from ..response.profile import Blend
+from ..response.riccati import Riccati
 from ..response.shape import AbstractShape, ErrorFunction, Exponential, Linear, PowerLaw, Sinusoidal
 from ..response.stack import Free, GradedLayer, HalfSpace, Layer, Rigid, Stack
 from ..rheology.library import tyre_tread
@@ -77,6 +81,7 @@ KINDS = {
         "power_law": PowerLaw,
         "error_function": ErrorFunction,
     },
+    AbstractGradedSolver: {"layering": Layering, "riccati": Riccati},
 }
 
 
@@ -93,7 +98,8 @@ class Scene:
     - `pressure`, `velocity`: mean pressures [Pa] and velocities [m/s], one axis each.
     - `direction`: of the velocity from the x axis [rad].
     - `extrapolate`: whether friction may come from where a material was not measured.
-    - `solver`, `rtol`: algorithm and wanted relative error.
+    - `solver`, `rtol`: algorithm of the contact and wanted relative error.
+    - `graded`: the solver of graded layers.
     - `name`, `directory`: of the output; None leaves them to the caller.
     - `keep`: which fields the results hold: "last", "every" or "none".
     - `inputs`: the files that the scene names.
@@ -110,6 +116,7 @@ class Scene:
     extrapolate: bool
     solver: DouglasRachford
     rtol: float
+    graded: AbstractGradedSolver
     name: str | None
     directory: Path | None
     keep: str
@@ -141,7 +148,7 @@ def parse_scene(text: str, folder: str | os.PathLike = ".") -> Scene:
     folder = Path(folder)
     scene = Section("the scene", parse_toml(text), KEYS)
     load = Section("[load]", scene.get("load"), LOAD_KEYS)
-    solver = Section("[solver]", scene.get("solver", {}), ("rtol", *SOLVER_KEYS))
+    solver = Section("[solver]", scene.get("solver", {}), ("rtol", "graded", *SOLVER_KEYS))
     output = Section("[output]", scene.get("output", {}), ("name", "directory", "fields"))
     block = _Block(folder)
     block.read_materials(scene, load)
@@ -155,7 +162,7 @@ def parse_scene(text: str, folder: str | os.PathLike = ".") -> Scene:
         full = 2 * np.pi
         reason = "an angle [rad] lies between -2π and 2π"
         check_values("direction", direction, reason, at_least=-full, at_most=full)
-    rtol = solver.number("rtol", 1e-6)
+    rtol, graded = block.builder.build(solver, _accuracy)
     with within(solver.place):
         check_tolerance("rtol", rtol, as_float(pressure))
     name, directory = output.text("name", None), output.text("directory", None)
@@ -177,12 +184,20 @@ def parse_scene(text: str, folder: str | os.PathLike = ".") -> Scene:
         or any(isinstance(m, Tabulated) and m.extrapolate == "plateau" for m in materials),
         solver=block.builder.build(solver, DouglasRachford),
         rtol=rtol,
+        graded=graded,
         name=name,
         directory=directory,
         keep=output.choice("fields", ("last", "every", "none"), "last"),
         inputs=tuple(block.builder.paths),
         notes=tuple(block.notes),
     )
+
+
+def _accuracy(
+    rtol: ScalarLike = 1e-6,
+    graded: AbstractGradedSolver = Layering(),  # noqa: B008 (immutable)
+) -> tuple[ScalarLike, AbstractGradedSolver]:
+    return rtol, graded
 
 
 class _Block:

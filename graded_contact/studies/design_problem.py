@@ -9,7 +9,7 @@ import numpy as np
 from jaxtyping import Array, Float
 
 from .._checks import Numbers, as_float
-from ..files.design_scene import DesignScene, Stiffness
+from ..files.design_scene import DesignScene
 from ..files.results import package_versions
 from ..files.surfaces import RandomSurface
 from ..grid import Grid
@@ -76,7 +76,11 @@ def contact_problem(
 def mean_field_of(study: DesignScene, stack: Stack) -> MeanField:
     scene = study.scene
     return friction_curve(
-        stack, study.spectrum, pressure=scene.pressure[0], velocities=scene.velocity
+        stack,
+        study.spectrum,
+        pressure=scene.pressure[0],
+        velocities=scene.velocity,
+        graded=scene.graded,
     )
 
 
@@ -94,7 +98,7 @@ def band_tangents(study: DesignScene, stack: Stack) -> list[Float[Array, " waves
     """The loss tangent over the band, at each velocity."""
     assert study.band is not None
     q = np.geomspace(*study.band, WAVES)
-    return [loss_tangent(stack, q, v) for v in study.scene.velocity]
+    return [loss_tangent(stack, q, v, graded=study.scene.graded) for v in study.scene.velocity]
 
 
 def _constraints(study: DesignScene) -> Constraints | None:
@@ -105,7 +109,7 @@ def _constraints(study: DesignScene) -> Constraints | None:
     def constraints(values: Values) -> Float[Array, " limits"]:
         stack, parts = with_values(own, values), []
         if stiffness is not None:
-            change = modulus_kept(stiffness, stack) / modulus_kept(stiffness, own) - 1
+            change = modulus_kept(study, stack) / modulus_kept(study, own) - 1
             parts += [stiffness.within - change, stiffness.within + change]
         if limit is not None:
             parts.append(1 - total_thickness(stack) / limit)
@@ -114,8 +118,11 @@ def _constraints(study: DesignScene) -> Constraints | None:
     return constraints
 
 
-def modulus_kept(stiffness: Stiffness, stack: Stack) -> Float[Array, ""]:
-    return jnp.abs(effective_modulus(stack, stiffness.q, stiffness.omega))
+def modulus_kept(study: DesignScene, stack: Stack) -> Float[Array, ""]:
+    stiffness = study.stiffness
+    assert stiffness is not None
+    modulus = effective_modulus(stack, stiffness.q, stiffness.omega, graded=study.scene.graded)
+    return jnp.abs(modulus)
 
 
 def total_thickness(stack: Stack) -> Float[Array, ""]:
@@ -139,7 +146,7 @@ def kept_contact(
 ) -> tuple[np.ndarray, np.ndarray]:
     """Friction and area of a stack on a surface, from the store or for it."""
     scene = study.scene
-    parts = (stack, heights, scene.pressure, scene.velocity, scene.solver, scene.rtol)
+    parts = (stack, heights, scene.pressure, scene.velocity, scene.solver, scene.rtol, scene.graded)
     assert isinstance(scene.surface, RandomSurface)
     name = fingerprint(package_versions(), "friction and area", scene.surface.grid, *parts)
     kept = None if store is None else store.read(name)
@@ -166,6 +173,7 @@ def _contact(study: DesignScene, stack: Stack, heights: Array) -> tuple[Array, A
             velocity=velocity,
             solver=scene.solver,
             rtol=scene.rtol,
+            graded=scene.graded,
         )
         return found.friction, found.contact_area_smooth
 

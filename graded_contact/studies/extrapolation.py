@@ -42,6 +42,7 @@ def check_frequencies_of(scene: Scene, surface: Surface) -> None:
                 surface,
                 pressure=np.max(scene.pressure),
                 velocity=velocity_vector(v, scene.direction),
+                graded=scene.graded,
                 throw=False,
             ).extrapolated_friction
             for v in scene.velocity

@@ -106,7 +106,7 @@ def _rows(results: DesignResults) -> list[tuple[str, ...]]:
     if study.total_thickness is not None:
         add("all layers [m]", [f"{total_thickness(c.stack):.5g}" for c in candidates.values()])
     if study.stiffness is not None:
-        moduli = [modulus_kept(study.stiffness, c.stack) for c in candidates.values()]
+        moduli = [modulus_kept(study, c.stack) for c in candidates.values()]
         add("|effective modulus| [Pa]", [f"{modulus:.5g}" for modulus in moduli])
     for i, v in enumerate(study.scene.velocity):
         if study.band is not None:

@@ -113,7 +113,7 @@ def point_names(scene: Scene, surface: Surface) -> np.ndarray:
     versions = {key: package_versions()[key] for key in ("version_graded_contact", "version_jax")}
     common = fingerprint(
         versions, scene.stack, surface.heights, surface.measured, surface.grid, scene.solver,
-        scene.rtol,
+        scene.rtol, scene.graded,
     )  # fmt: skip
     names = [
         [fingerprint(common, *_load(scene, i, j)) for j in range(len(scene.velocity))]
@@ -145,6 +145,7 @@ def _solve(scene: Scene, surface: Surface, index: tuple[int, ...], with_fields: 
             velocity=velocity,
             solver=scene.solver,
             rtol=scene.rtol,
+            graded=scene.graded,
             throw=False,
         )
     except (ValueError, RuntimeError) as error:

@@ -146,7 +146,7 @@ def _evaluations(study: DesignScene, store: Store | None, kind: str, *decides: A
     name = fingerprint(
         package_versions(), scene.stack, scene.pressure, scene.velocity, study.objective,
         study.wanted, study.relative, study.band, study.stiffness, study.total_thickness,
-        sorted(study.lower), *decides,
+        scene.graded, sorted(study.lower), *decides,
     )  # fmt: skip
     return store.folder / f"{kind}-{name[:16]}.jsonl"
 

@@ -330,3 +330,23 @@ def test_a_directory_is_relative_to_the_scene(tmp_path, monkeypatch):
     ):
         text = changed("[solver]", f'[output]\ndirectory = "{given}"\n[solver]')
         assert parse_scene(text, tmp_path / "scenes").directory == expected
+
+
+@pytest.mark.parametrize(
+    "line, expected",
+    [
+        ("", gc.Layering()),
+        ('graded = "riccati"', gc.Riccati()),
+        ('graded = {kind = "layering", num_cells = 8, rtol = 1e-7}', gc.Layering(8, rtol=1e-7)),
+        ('graded = {kind = "riccati", rtol = 1e-8}', gc.Riccati(rtol=1e-8)),
+    ],
+)
+def test_a_scene_chooses_the_solver_of_its_graded_layers(line, expected):
+    scene = parse_scene(changed("[solver]", f"[solver]\n{line}"))
+    assert eqx.tree_equal(scene.graded, expected) is True
+    assert scene.graded == expected
+
+
+def test_another_solver_of_graded_layers_is_refused_with_the_nearest():
+    with pytest.raises(ValueError, match=r"\[solver\].*did you mean `riccati`"):
+        parse_scene(changed("[solver]", '[solver]\ngraded = "ricatti"'))

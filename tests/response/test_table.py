@@ -143,4 +143,4 @@ def test_bad_tables_are_refused():
     with pytest.raises(ValueError, match="sliding along x"):
         gc.kernel_table(LONG, GRID, [SPEED, 0.0])
     with pytest.raises(ValueError, match="cannot be reached"):
-        gc.stack_kernel(LONG, GRID, SPEED, 1e-16)
+        gc.stack_kernel(LONG, GRID, SPEED, rtol=1e-16)
