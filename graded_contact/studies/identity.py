@@ -18,6 +18,7 @@ def identity(function: Callable, *arguments: Any) -> str:
 
     They tell its JAX program (https://docs.jax.dev/en/latest/jaxpr.html), in which each number that
     it closes over counts bit for bit. A library that changes the program changes them as well.
+    What Python does in a callback they do not see.
 
     **Arguments:**
 

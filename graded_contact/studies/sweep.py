@@ -72,7 +72,7 @@ def sweep(
     first = {name: column[0] for name, column in columns.items()}
     like = jax.eval_shape(lambda point: arrays_of(function(point)), first)
     count, shape = len(next(iter(columns.values()))), tuple(map(len, coordinates.values()))
-    _check_size(like, count)
+    _check_results(like, columns, count)
     points: list[Point | None] = [None] * count
     versions = package_versions()
     with contextlib.ExitStack() as opened:
@@ -153,8 +153,14 @@ def _numbers(name: Any, values: Any) -> np.ndarray:
     return at
 
 
-def _check_size(like: dict[str, Any], count: int) -> None:
-    """Refuses results beyond memory, before anything is computed."""
+def _check_results(like: dict[str, Any], columns: dict[str, Any], count: int) -> None:
+    """Refuses results with the name of an axis or beyond memory, before anything is computed."""
+    twice = [name for name in like if name in (*columns, "point", "message")]
+    if twice:
+        raise ValueError(
+            f"`function` returns {twice[0]!r}, which is the name of an axis or of what a study "
+            "adds: give it another."
+        )
     one = sum(math.prod(of.shape) * of.dtype.itemsize for of in like.values())
     free = available_memory() if one * count > SMALL else None
     if free is not None and one * count > free:

@@ -188,6 +188,12 @@ def test_axes_that_are_none_are_refused_before_anything_is_computed(axes, reason
         sweep(never, axes)
 
 
+@pytest.mark.parametrize("name", ["velocity", "message", "point"])
+def test_a_result_with_the_name_of_an_axis_is_refused(name):
+    with pytest.raises(ValueError, match=f"`function` returns '{name}'"):
+        sweep(lambda point: {name: point["velocity"]}, {"velocity": [1.0, 2.0]})
+
+
 def test_more_than_memory_holds_is_refused_with_what_would_fit(monkeypatch):
     monkeypatch.setattr(sweep_module, "available_memory", lambda: 5e9)
     axes = {"x": np.arange(100.0)}
