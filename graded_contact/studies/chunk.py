@@ -4,7 +4,7 @@ The points of a chunk are a loop whose length is an argument of the program, so 
 points takes the same program and gives the same bits, whatever was kept from an earlier run.
 """
 
-from collections.abc import Callable
+from collections.abc import Callable, Collection, Sequence
 from typing import Any
 
 import jax
@@ -63,31 +63,40 @@ def chunk_program(function: Callable, size: int) -> Callable:
     return program
 
 
-def run_chunk(program: Callable, columns: Columns, size: int) -> tuple[list[Columns], list[str]]:
+def run_chunk(
+    program: Callable, columns: Columns, size: int, keep: Sequence[Collection[str]] | None = None
+) -> tuple[list[Columns], list[str]]:
     """Returns the arrays of each point, and how it ended: empty where it succeeded.
 
-    If the program fails the points are tried one by one, to tell which.
+    If the program fails the points are tried one by one, to tell which. With `keep`, the names of
+    what each point keeps, the other arrays are dropped.
     """
     count = len(next(iter(columns.values())))
     try:
-        return _run(program, columns, count, size)
+        return _run(program, columns, count, size, keep)
     except (ValueError, RuntimeError) as error:
         reason = FAILED + reason_of(error)
         if count == 1:
             return [{}], [reason]
     alone = [
-        run_chunk(program, {name: column[i : i + 1] for name, column in columns.items()}, size)
+        run_chunk(
+            program,
+            {name: column[i : i + 1] for name, column in columns.items()},
+            size,
+            None if keep is None else keep[i : i + 1],
+        )
         for i in range(count)
     ]
     return [one for values, _ in alone for one in values], [m for _, ms in alone for m in ms]
 
 
-def _run(program, columns, count, size):
+def _run(program, columns, count, size, keep):
     filled = {name: np.resize(column, size) for name, column in columns.items()}
     values, ends = jax.tree.map(np.asarray, program(filled, count))
+    names = keep or [values] * count
     # With the ellipsis a number is an array, too.
-    points = [jax.tree.map(lambda all, i=i: all[i, ...], (values, ends)) for i in range(count)]
-    return [found for found, _ in points], [RESULTS[end] for _, end in points]
+    points = [{name: values[name][i, ...] for name in names[i]} for i in range(count)]
+    return points, [RESULTS[jax.tree.map(lambda a, i=i: a[i, ...], ends)] for i in range(count)]
 
 
 def _is_result(value):

@@ -41,7 +41,7 @@ def local_workers(count: int) -> Iterator[Any]:
 
 
 def on_workers(
-    client: Any, function: Callable, size: int, parts: list[Columns]
+    client: Any, function: Callable, size: int, parts: list[Columns], kept: list
 ) -> Iterator[tuple[int, list[Columns], list[str]]]:
     """Yields the number of a chunk, its points' arrays and how they ended, as they finish.
 
@@ -51,14 +51,15 @@ def on_workers(
     - `function`: as in `sweep`.
     - `size`: of the program's chunk.
     - `parts`: columns of each chunk.
+    - `kept`: of each chunk the names of what its points keep, or None.
     """
     distributed = _distributed()
     import cloudpickle
 
     packed = client.scatter(cloudpickle.dumps((function, size, jax.config.read("jax_enable_x64"))))
     futures = {
-        client.submit(_on_worker, packed, columns, pure=False): number
-        for number, columns in enumerate(parts)
+        client.submit(_on_worker, packed, columns, keep, pure=False): number
+        for number, (columns, keep) in enumerate(zip(parts, kept, strict=True))
     }
     try:
         for future in distributed.as_completed(list(futures)):
@@ -82,9 +83,9 @@ def _unpacked(packed: bytes) -> tuple[Callable, int]:
     return chunk_program(function, size), size
 
 
-def _on_worker(packed: bytes, columns: Columns) -> tuple[list[Columns], list[str]]:
+def _on_worker(packed: bytes, columns: Columns, keep: Any) -> tuple[list[Columns], list[str]]:
     program, size = _unpacked(packed)
-    return run_chunk(program, columns, size)
+    return run_chunk(program, columns, size, keep)
 
 
 def _use_cores(cores: list[int]) -> None:

@@ -8,7 +8,7 @@ an earlier run. With a client of `dask.distributed` the same program runs on its
 import contextlib
 import math
 import os
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Collection, Mapping, Sequence
 from functools import partial
 from typing import Any
 
@@ -17,12 +17,12 @@ import numpy as np
 
 from .._checks import Numbers, as_float, check_values, check_whole, short
 from .._memory import SMALL, available_memory, in_gigabytes
-from ..files.results import NOT_STARTED, package_versions
+from ..files.results import FAILED, NOT_STARTED, package_versions
 from .chunk import arrays_of, chunk_program, run_chunk
 from .cluster import on_workers
 from .identity import identity
 from .store import Point, Store, fingerprint
-from .study import Study
+from ..files.study import Study
 
 UNITS = {
     "pressure": "Pa", "velocity": "m/s", "temperature": "K", "friction": "1", "contact_area": "1",
@@ -73,29 +73,13 @@ def sweep(
     like = jax.eval_shape(lambda point: arrays_of(function(point)), first)
     count, shape = len(next(iter(columns.values()))), tuple(map(len, coordinates.values()))
     _check_results(like, columns, count)
-    points: list[Point | None] = [None] * count
-    versions = package_versions()
     with contextlib.ExitStack() as opened:
         if isinstance(store, str | os.PathLike):
             store = opened.enter_context(Store(store))
-        names = [] if store is None else _names(function, columns, first, versions)
-        if store is not None:
-            points = [store.read(name) for name in names]
-        missing = [i for i, point in enumerate(points) if point is None]
-        if progress is not None and len(missing) < count:
-            progress(count - len(missing), count)
-        chunks = [np.array(missing[i : i + chunk]) for i in range(0, len(missing), chunk)]
-        parts = [{name: column[part] for name, column in columns.items()} for part in chunks]
-        run = _here if client is None else partial(on_workers, client)
-        with contextlib.suppress(KeyboardInterrupt):
-            for number, values, messages in run(function, chunk, parts):
-                for i, found, message in zip(chunks[number], values, messages, strict=True):
-                    inputs = {name: column[i] for name, column in columns.items()}
-                    points[i] = Point(found, message, inputs | versions)
-                    if store is not None:
-                        store.write(names[i], points[i])
-                if progress is not None:
-                    progress(count - points.count(None), count)
+        names = [] if store is None else _names(function, columns, first)
+        points = solve_points(
+            function, columns, names, store=store, client=client, chunk=chunk, progress=progress
+        )
     values = {name: _together(name, one, points, shape) for name, one in like.items()}
     ends = [NOT_STARTED if point is None else point.message for point in points]
     if list(columns) != list(coordinates):
@@ -104,6 +88,63 @@ def sweep(
     last = {name: name.rpartition(".")[2] for name in (*coordinates, *values)}
     of = {name: known[part] for name, part in last.items() if part in known}
     return Study(coordinates, values, np.array(ends).reshape(shape), of)
+
+
+def solve_points(
+    function: Callable[[dict[str, Any]], Any],
+    columns: dict[str, np.ndarray],
+    names: Sequence[str] = (),
+    *,
+    store: Store | None = None,
+    client: Any = None,
+    chunk: int = 8,
+    keep: Sequence[Collection[str]] | None = None,
+    progress: Callable[[int, int], None] | None = None,
+) -> list[Point | None]:
+    """Returns what a function gives at each point, None where Ctrl-C came first.
+
+    **Arguments:**
+
+    - `function`, `client`, `chunk`, `progress`: as in `sweep`.
+    - `columns`: one number per point by the names that the function knows.
+    - `names`: of the points in the store, each by all that decides its numbers.
+    - `store`: keeps each point as it ends; those that it has are not computed again.
+    - `keep`: names of what to keep of each point, None: all. A point of the store that lacks any of
+      them is computed again.
+
+    **Raises:** `OSError` if the store cannot be written.
+    """
+    count = len(next(iter(columns.values())))
+    points: list[Point | None] = [None] * count
+    if store is not None:
+        points = [store.read(name) for name in names]
+    missing = [i for i in range(count) if not _is_whole(points[i], keep[i] if keep else ())]
+    for i in missing:
+        points[i] = None
+    if progress is not None and len(missing) < count:
+        progress(count - len(missing), count)
+    chunks = [missing[i : i + chunk] for i in range(0, len(missing), chunk)]
+    parts = [{name: column[part] for name, column in columns.items()} for part in chunks]
+    kept = [[keep[i] for i in part] if keep else None for part in chunks]
+    versions = package_versions()
+    run = _here if client is None else partial(on_workers, client)
+    with contextlib.suppress(KeyboardInterrupt):
+        for number, values, messages in run(function, chunk, parts, kept):
+            for i, found, message in zip(chunks[number], values, messages, strict=True):
+                inputs = {name: column[i] for name, column in columns.items()}
+                point = points[i] = Point(found, message, inputs | versions)
+                if store is not None:
+                    store.write(names[i], point)
+            if progress is not None:
+                progress(count - points.count(None), count)
+    return points
+
+
+def _is_whole(point: Point | None, wanted: Collection[str]) -> bool:
+    """Whether a point from the store has all that is wanted, or failed."""
+    return point is not None and (
+        point.message.startswith(FAILED) or point.values.keys() >= set(wanted)
+    )
 
 
 def _points(axes: Any) -> tuple[dict[str, np.ndarray], dict[str, np.ndarray]]:
@@ -171,19 +212,20 @@ def _check_results(like: dict[str, Any], columns: dict[str, Any], count: int) ->
         )
 
 
-def _names(function, columns, first, versions) -> list[str]:
+def _names(function, columns, first) -> list[str]:
     """A name for each point by all that decides its numbers."""
+    versions = package_versions()
     decisive = {key: versions[key] for key in ("version_graded_contact", "version_jax")}
     program = identity(function, first)
     values = zip(*columns.values(), strict=True)
     return [fingerprint(decisive, program, list(columns), [*map(np.asarray, v)]) for v in values]
 
 
-def _here(function, chunk, parts):
+def _here(function, chunk, parts, kept):
     """Chunks done in this process, each with its number."""
     program = chunk_program(function, chunk)
     for number, columns in enumerate(parts):
-        yield number, *run_chunk(program, columns, chunk)
+        yield number, *run_chunk(program, columns, chunk, kept[number])
 
 
 def _together(name, like, points, shape) -> np.ndarray:

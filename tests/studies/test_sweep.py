@@ -15,7 +15,7 @@ from graded_contact.contact.problem import RESULTS
 from graded_contact.studies import sweep as sweep_module
 from graded_contact.studies.identity import identity
 from graded_contact.studies.store import Store
-from graded_contact.studies.study import read_study
+from graded_contact.files.study import read_study
 from graded_contact.studies.sweep import sweep
 
 AXES = {"velocity": [0.1, 1.0, 10.0], "seed": [3, 4]}
@@ -80,9 +80,9 @@ def test_a_rerun_computes_what_is_missing_to_the_same_bits(tmp_path, monkeypatch
 
 
 def noting(ran, run_chunk):
-    def noted(program, columns, size):
+    def noted(program, columns, size, keep):
         ran.append(len(columns["seed"]))
-        return run_chunk(program, columns, size)
+        return run_chunk(program, columns, size, keep)
 
     return noted
 

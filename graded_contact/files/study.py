@@ -14,8 +14,8 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 import h5py
 import numpy as np
 
-from ..files.sealed import replacing
-from ..files.toml import nearest
+from .sealed import replacing
+from .toml import nearest
 
 if TYPE_CHECKING:
     import xarray
