@@ -31,8 +31,8 @@ import jax
 import numpy as np
 
 import graded_contact as gc
-from graded_contact.studies.cluster import local_workers
 from graded_contact.files.study import Study, read_study
+from graded_contact.studies.cluster import local_workers
 from graded_contact.studies.sweep import sweep
 
 jax.config.update("jax_enable_x64", True)

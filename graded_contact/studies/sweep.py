@@ -18,11 +18,11 @@ import numpy as np
 from .._checks import Numbers, as_float, check_values, check_whole, short
 from .._memory import SMALL, available_memory, in_gigabytes
 from ..files.results import FAILED, NOT_STARTED, package_versions
+from ..files.study import Study
 from .chunk import arrays_of, chunk_program, run_chunk
 from .cluster import on_workers
 from .identity import identity
 from .store import Point, Store, fingerprint
-from ..files.study import Study
 
 UNITS = {
     "pressure": "Pa", "velocity": "m/s", "temperature": "K", "friction": "1", "contact_area": "1",

@@ -12,10 +12,10 @@ import pytest
 
 import graded_contact as gc
 from graded_contact.contact.problem import RESULTS
+from graded_contact.files.study import read_study
 from graded_contact.studies import sweep as sweep_module
 from graded_contact.studies.identity import identity
 from graded_contact.studies.store import Store
-from graded_contact.files.study import read_study
 from graded_contact.studies.sweep import sweep
 
 AXES = {"velocity": [0.1, 1.0, 10.0], "seed": [3, 4]}
