@@ -79,7 +79,8 @@ def interior_fields(
     - `graded`: what solves graded layers, `Layering()` or `Riccati()`.
     - `rtol`: tolerance in graded layers, of stresses over the traction at the surface and of
       displacements as the stresses that they make; by default that of `graded`. If it is not
-      reached, an error is raised.
+      reached, an error is raised. Where the fields have decayed to less than that, `Layering` has
+      no digits of them; `Riccati` keeps them, its tolerance being that of what is left.
 
     **Returns:** complex amplitudes, `(*w)` being the shape to which all arguments broadcast.
     Derivatives with respect to depth and thicknesses at an interface are means of both sides.

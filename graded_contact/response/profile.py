@@ -303,20 +303,22 @@ def _survey(profile, s, omega):
     """Samples of the profile, and the largest change left after halving every interval."""
 
     def sample(s):
-        modulus, poisson = moduli_at(profile, s[:, None], omega)
-        shape = (s.size, omega.size)
+        modulus, poisson = moduli_at(profile, s[..., None], omega)
+        shape = (*s.shape, omega.size)
         return jnp.broadcast_to(modulus, shape), jnp.broadcast_to(poisson, shape)
 
-    def change(low, high):
-        return jnp.max(jnp.abs(jnp.log(high[0] / low[0])) + jnp.abs(high[1] - low[1]), axis=-1)
+    def changes(s):
+        """Of each height to the next, along the first axis."""
+        modulus, poisson = sample(s)
+        change = jnp.abs(jnp.log(modulus[1:] / modulus[:-1])) + jnp.abs(jnp.diff(poisson, axis=0))
+        return jnp.max(change, axis=-1)
 
     def halve(_, ends):
         low, high = ends
         middle = (low + high) / 2
-        inside, at_low, at_high = sample(middle), sample(low), sample(high)
-        upper = change(inside, at_high) > change(at_low, inside)
-        return jnp.where(upper, middle, low), jnp.where(upper, high, middle)
+        lower, upper = changes(jnp.stack([low, middle, high]))
+        return jnp.where(upper > lower, middle, low), jnp.where(upper > lower, high, middle)
 
     halvings = min(_HALVINGS, int(-np.log2(float(jnp.finfo(s.dtype).eps))) - 8)
-    low, high = jax.lax.fori_loop(0, halvings, halve, (s[:-1], s[1:]))
-    return *sample(s), high, change(sample(low), sample(high))
+    ends = jax.lax.fori_loop(0, halvings, halve, (s[:-1], s[1:]))
+    return *sample(s), ends[1], changes(jnp.stack(ends))[0]

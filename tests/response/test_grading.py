@@ -164,16 +164,61 @@ WAVE = (np.array([[3e2], [2e4]]), np.array([[-5e2], [1e4]]), 1e3)
 TRACTION = np.array([0.3, 0.5j, 1.0])
 
 
-def test_fields_in_a_constant_profile_are_those_of_a_uniform_layer():
-    def fields(layer):
-        stack = Stack(layers=(gc.Layer(GLASS, 2e-5), layer), base=BASE["halfspace"])
-        return gc.interior_fields(stack, *WAVE, TRACTION, DEPTHS, graded=FAST, rtol=1e-7)
+def fields_in(layer, depths=DEPTHS, graded=FAST, base="halfspace"):
+    """One call of one shape for all tests of fields, so that it compiles once for each base."""
+    stack = Stack(layers=(gc.Layer(GLASS, 2e-5), layer), base=BASE[base])
+    return gc.interior_fields(stack, *WAVE, TRACTION, depths, graded=graded, rtol=1e-7)
 
-    graded = fields(GradedLayer(Blend(RUBBER, RUBBER), 1e-4))
-    for value, exact in zip(graded, fields(gc.Layer(RUBBER, 1e-4)), strict=True):
+
+def test_fields_in_a_constant_profile_are_those_of_a_uniform_layer():
+    graded = fields_in(GradedLayer(Blend(RUBBER, RUBBER), 1e-4))
+    for value, exact in zip(graded, fields_in(gc.Layer(RUBBER, 1e-4)), strict=True):
         axes = tuple(range(2, exact.ndim))
         size = np.max(np.abs(exact), axis=axes, keepdims=True)
         np.testing.assert_allclose(value / size, exact / size, atol=1e-11)
+
+
+def test_forces_balance_in_a_graded_layer():
+    """iq_x σ_xi + iq_y σ_yi + ∂σ_zi/∂z = 0, by central differences in depth."""
+    step = 2e-7
+    for middle in (4e-5, 9e-5):
+        depths = np.array([*(middle + step * np.arange(-2, 3)), 0.0])
+        stress = np.asarray(fields_in(GradedLayer(Blend(RUBBER, HARD), 1e-4), depths).stress)
+        far, near = stress[:, 4] - stress[:, 0], stress[:, 3] - stress[:, 1]
+        slope = (8 * near - far) / (12 * step)
+        qx, qy, _ = WAVE
+        force = 1j * qx * stress[:, 2, 0] + 1j * qy * stress[:, 2, 1] + slope[:, 2]
+        size = np.max(np.abs(stress[:, 2]), axis=(1, 2)) * (1e4 + np.hypot(qx, qy)[:, 0])
+        assert np.max(np.abs(force) / size[:, None]) < 1e-8
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("base", BASES)
+def test_differential_equation_and_layers_agree_on_fields_at_depth(base):
+    """Relative to what is left of the fields at that depth, down to 1e-2 of those above."""
+    depths = DEPTHS[:-1] if base == "halfspace" else np.array([*DEPTHS[:-2], 2e-5 + 1e-4])
+    layer = GradedLayer(Blend(RUBBER, HARD), 1e-4)
+    layers, equation = (fields_in(layer, depths, graded, base) for graded in (FINE, Riccati()))
+    for value, expected in zip(layers, equation, strict=True):
+        axes = tuple(range(2, value.ndim))
+        size = np.max(np.abs(expected), axis=axes, keepdims=True)
+        if base == "rigid" and value.ndim == 3:  # the lower face does not move
+            assert not np.any(value[:, -1]) and not np.any(expected[:, -1])
+            size[:, -1] = 1
+        np.testing.assert_allclose(value / size, expected / size, atol=1e-8)
+
+
+@pytest.mark.slow
+def test_differential_equation_keeps_the_digits_of_fields_that_have_decayed():
+    """To e^-50 of those above; a mesh as fine as the decay takes is the reference."""
+    stack = Stack(layers=(GradedLayer(Blend(RUBBER, HARD), 1e-4),), base=gc.Rigid())
+    found, exact = (
+        gc.interior_fields(stack, 3e5, -4e5, 1e3, TRACTION, 1e-4, graded=graded, rtol=1e-8)
+        for graded in (Riccati(), Layering(num_cells=300, retry=False))
+    )
+    size = np.max(np.abs(exact.stress))
+    assert size < 1e-19
+    np.testing.assert_allclose(found.stress / size, exact.stress / size, atol=1e-7)
 
 
 def test_gradient_of_friction_by_every_leaf_of_a_profile_matches_central_differences():
@@ -215,6 +260,7 @@ def test_estimate_is_honest_on_meshes_that_are_too_coarse():
 
 
 RUBBER = gc.Prony(2e6, [3e7, 4e6], [1e-4, 1e-2], 0.49)
+HARD = gc.Prony(1e7, [2e8, 5e7], [3e-4, 1e-2], 0.4)
 GLASS = gc.Prony(5e8, [1e9], [1e-3], 0.3)
 BASE = {"halfspace": gc.HalfSpace(gc.Elastic(3e6, 0.45)), "rigid": gc.Rigid(), "free": gc.Free()}
 Q, OMEGA = np.geomspace(1e1, 1e6, 6), np.geomspace(1, 1e6, 6)[::-1].copy()
