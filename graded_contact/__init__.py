@@ -56,6 +56,7 @@ from .sliding import Sliding, area_against_cutoff, slide
 from .spectrum import SelfAffine
 from .studies.design import Design, minimise
 from .studies.objectives import friction_curve
+from .studies.uncertainty import propagate, sensitivity
 from .surface import Surface, random_surface
 
 if TYPE_CHECKING:
@@ -92,7 +93,7 @@ __all__ = [  # noqa: RUF022 (grouped by room)
     # fitting
     "fit_prony", "fit_relaxation", "fit_creep", "PronyFit", "master_curve", "MasterCurve",
     # studies
-    "minimise", "Design", "with_values", "design",
+    "minimise", "Design", "with_values", "design", "propagate", "sensitivity",
     # figures
     "plot",
 ]  # fmt: skip

@@ -193,13 +193,14 @@ class MasterCurve(eqx.Module):
             raise ValueError("The quality of a fit is not available under `jit` or `grad`.")
 
     def covariance(self) -> Float[np.ndarray, "unknowns unknowns"]:
-        """Returns the covariance of `unknowns`, of independent errors about series and shifts."""
+        """Returns the covariance of `unknowns`; neighbours on an isotherm may err alike."""
         self._require_known()
         shared, unknowns = shared_series_of(self.data), np.asarray(self.unknowns)
         series, residual, jacobian, _ = shared.derivatives(unknowns)
         lower, upper = shared.bounds(unknowns)
         free = (unknowns > lower) & (unknowns < upper)
-        return covariance(series, residual, jacobian, free, shared.penalty(unknowns))
+        penalty = shared.penalty(unknowns)
+        return covariance(series, residual, jacobian, free, penalty, shared.group)
 
 
 @door

@@ -80,7 +80,7 @@ class PronyFit(eqx.Module):
         return verdict(self.terms, self.errors(), self.floor())
 
     def covariance(self) -> Float[np.ndarray, "unknowns unknowns"]:
-        """Returns the covariance of `theta`, of errors that are independent about this series."""
+        """Returns the covariance of `theta`, of errors in which neighbours may be alike."""
         series, theta = self._problem()
         residual, jacobian, _ = series.derivatives(theta)
         return covariance(series, residual, jacobian, series.within_bounds(theta))
@@ -102,9 +102,9 @@ class PronyFit(eqx.Module):
           with resampled residuals (bootstrap) whose quantiles are taken; `seed` draws them.
 
         Outside the measured frequencies (of times, their reciprocals) the limits are NaN: the data
-        say nothing there. Within, both kinds suppose independent errors about a series of this
-        length: where `floor` says that the data contradict themselves, the true material may lie
-        outside.
+        say nothing there. Within, both kinds suppose errors about a series of this length, alike
+        in neighbours as far as the residuals are: where `floor` says that the data contradict
+        themselves, the true material may lie outside.
         """
         if not 0 < level < 1:
             raise ValueError(f"`level={level!r}` must lie between 0 and 1.")

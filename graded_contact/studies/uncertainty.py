@@ -5,18 +5,21 @@ the variance gᵀ C g to first order. Where in frequency a quantity draws on a m
 derivatives by the moduli of a table.
 """
 
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
+from typing import Any
 
 import equinox as eqx
 import jax
 import jax.numpy as jnp
 import numpy as np
+from jax.flatten_util import ravel_pytree
 from jaxtyping import Array, Float
 
-from .._checks import Numbers, as_float, check_positive
+from .._checks import Numbers, as_float, check_positive, check_shape, check_values, short
 from ..fitting.master import MasterCurve
 from ..fitting.result import PronyFit
-from ..rheology.material import AbstractMaterial, Prony
+from ..parameters import paths, with_values
+from ..rheology.material import AbstractMaterial
 from ..rheology.tabulated import Tabulated
 
 
@@ -49,33 +52,55 @@ class Sensitivity(eqx.Module):
 
 
 def propagate(
-    function: Callable[[Prony], Float[Array, "*shape"]], fit: PronyFit | MasterCurve
+    function: Callable[[Any], Float[Array, "*shape"]],
+    known: PronyFit | MasterCurve | Mapping[str, Numbers],
+    tree: Any = None,
 ) -> Estimate:
-    """Returns a quantity that follows from a fitted material, with its standard error.
+    """Returns a quantity that follows from a fitted material, or a stack, with its standard error.
 
-    To first order in the errors of the unknowns (of a master curve, those of the shifts included),
-    which are taken to be independent from point to point about a series of the fitted length; what
-    a misfit of the whole series means it does not know, see `PronyFit.confidence`.
+    To first order in the errors: of the unknowns of a fit (of a master curve, those of the shifts
+    included), or of numbers of any stack. What a misfit of the whole series means it does not know,
+    see `PronyFit.confidence`.
 
     **Arguments:**
 
-    - `function`: called as function(material), differentiable, such as `lambda rubber: slide(...)
-      .friction`; returns a number or an array.
-    - `fit`: what `fit_prony`, `fit_relaxation`, `fit_creep` or `master_curve` returned.
+    - `function`: called as function(material), or as function(tree), differentiable, such as
+      `lambda rubber: slide(...).friction`; returns a number or an array.
+    - `known`: what `fit_prony`, `fit_relaxation`, `fit_creep` or `master_curve` returned; or
+      standard deviations of independent errors by the path of the number in `tree`, in its units,
+      such as `{"layers[0].thickness": 5e-6}`, see `paths`.
+    - `tree`: with `known` by path, a `Stack`, say.
 
     **Returns:** the value and its standard error.
 
-    **Raises:** `ValueError` for another kind of fit, or under `jit`.
+    **Raises:** `ValueError` for another kind of fit, for paths or deviations that `tree` has not,
+    or under `jit`.
     """
-    if not isinstance(fit, PronyFit | MasterCurve):
-        raise ValueError(f"`fit={fit!r}` must be a fit of a Prony series or a master curve.")
-    unknowns = fit.theta if isinstance(fit, PronyFit) else fit.unknowns
-    spread = fit.covariance()
+    if isinstance(known, PronyFit | MasterCurve):
+        unknowns = known.theta if isinstance(known, PronyFit) else known.unknowns
+        spread = jnp.asarray(known.covariance())
+        made = lambda unknowns: known.with_unknowns(unknowns).material  # noqa: E731
+    elif isinstance(known, Mapping):
+        deviations = {path: as_float(value, path) for path, value in known.items()}
+        values = {path: paths(tree).get(path, d) for path, d in deviations.items()}
+        with_values(tree, values)  # refuses a path that is not there
+        for path, deviation in deviations.items():
+            check_shape(path, deviation, values[path].shape)
+            check_values(path, deviation, "a standard deviation is at least 0", at_least=0)
+        unknowns, unravel = ravel_pytree(values)
+        spread = jnp.diag(ravel_pytree(deviations)[0] ** 2)
+        made = lambda unknowns: with_values(tree, unravel(unknowns))  # noqa: E731
+    else:
+        raise ValueError(
+            f"`known={short(known)}` must be a fit of a Prony series, a master curve, or standard "
+            "deviations by path."
+        )
 
     def quantity(unknowns):
-        return jnp.asarray(function(fit.with_unknowns(unknowns).material))
+        value = jnp.asarray(function(made(unknowns)))
+        return value, value
 
-    value, slopes = quantity(unknowns), jax.jacrev(quantity)(unknowns)
+    slopes, value = jax.jacrev(quantity, has_aux=True)(unknowns)
     variance = jnp.einsum("...i,ij,...j->...", slopes, spread, slopes)
     return Estimate(value, jnp.sqrt(variance))
 
