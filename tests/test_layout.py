@@ -40,7 +40,7 @@ ORDER = [
     "studies/stochastic",
     "studies/extrapolation", "studies/run",
     "studies/design_problem", "studies/run_design", "studies/report_design", "studies/cost",
-    "studies/identity", "studies/chunk", "studies/cluster", "studies/sweep",
+    "studies/program", "studies/chunk", "studies/cluster", "studies/engine", "studies/sweep",
     "studies/uncertainty",
     "shapes", "design", "reference", "plot",
     "command/session", "command/tables", "command/scene", "command/fit", "command/design",

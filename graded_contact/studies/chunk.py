@@ -1,11 +1,14 @@
-"""A function at several points by one compiled program: in this process, or in any other.
+"""Several points by one compiled program: in this process, or in any other.
 
 The points of a chunk are a loop whose length is an argument of the program, so that any number of
 points takes the same program and gives the same bits, whatever was kept from an earlier run.
 """
 
-from collections.abc import Callable, Collection, Sequence
-from typing import Any
+import math
+import time
+from collections import deque
+from collections.abc import Callable, Collection, Iterable, Iterator, Sequence
+from typing import NamedTuple
 
 import jax
 import jax.numpy as jnp
@@ -13,91 +16,121 @@ import numpy as np
 
 from ..contact.problem import RESULTS
 from ..files.results import FAILED
+from .program import Program
 from .store import reason_of
 
+MOST = 64  # points of a chunk,
+BYTES = 2**26  # and of what it returns, beyond one point
+SECONDS = 1.0  # that a chunk shall take
+
 Columns = dict[str, np.ndarray]  # scalars of several points, by name
+Keep = Sequence[Collection[str]] | None  # names of what to keep of each point; None: all
+Chunk = Callable[[Columns, Keep], tuple[list[Columns], list[str]]]
 
 
-def arrays_of(found: Any) -> dict[str, jax.Array]:
-    """Returns the arrays in any nesting by their paths, complex ones as real and imaginary parts.
+class Finished(NamedTuple):
+    """Points that ended, by their places among the columns: their arrays, and how they ended."""
 
-    How a solve ended is left out: see `chunk_program`.
+    points: list[int]
+    values: list[Columns]
+    messages: list[str]
+
+
+class Work:
+    """Points that are to be solved.
+
+    **Fields:**
+
+    - `columns`: one number per point by name, those of other points included.
+    - `keep`: as above, of all points.
+    - `queue`: places of the points that nobody has taken.
     """
-    leaves, _ = jax.tree_util.tree_flatten_with_path(found, is_leaf=_is_result)
-    arrays = {}
-    for path, leaf in leaves:
-        name = jax.tree_util.keystr(path, simple=True, separator=".") or "value"
-        if _is_result(leaf):
-            continue
-        leaf = jnp.asarray(leaf)
-        if jnp.iscomplexobj(leaf):
-            arrays |= {f"{name}.real": leaf.real, f"{name}.imag": leaf.imag}
-        else:
-            arrays[name] = leaf
-    return arrays
+
+    def __init__(self, columns: Columns, keep: Keep, missing: Iterable[int]):
+        self.columns, self.keep, self.queue = columns, keep, deque(missing)
+
+    def take(self, count: int) -> list[int]:
+        return [self.queue.popleft() for _ in range(min(count, len(self.queue)))]
+
+    def of(self, points: list[int]) -> tuple[Columns, Keep]:
+        columns = {name: column[points] for name, column in self.columns.items()}
+        return columns, self.keep and [self.keep[i] for i in points]
 
 
-def chunk_program(function: Callable, size: int) -> Callable:
-    """Returns the compiled program that maps columns of `size` points, and how many of them count,
-    to the arrays of each point and to the member of `RESULTS` with which its solves ended."""
+class Pace:
+    """How many points are handed out together: as many as take about `SECONDS`.
 
-    def one(point):
-        found = function(point)
-        end = RESULTS.successful
-        for this in jax.tree.leaves(found, is_leaf=_is_result):
-            if _is_result(this):  # of several solves, the last that did not succeed
-                end = RESULTS.where(this == RESULTS.successful, end, this)
-        return arrays_of(found), end
+    **Fields:**
+
+    - `count`: of the next chunk.
+    - `seconds`: that a point of the last one took.
+    """
+
+    def __init__(self, most: int):
+        self.count, self.most, self.seconds = 1, most, math.inf
+
+    def note(self, count: int, seconds: float) -> None:
+        self.seconds = seconds / count
+        wanted = int(SECONDS / max(self.seconds, 1e-6))
+        self.count = max(1, min(wanted, 2 * self.count, self.most))
+
+
+def most_points(program: Program) -> int:
+    """Returns how many points a chunk has at most."""
+    return max(1, min(MOST, BYTES // bytes_of(program)))
+
+
+def bytes_of(program: Program) -> int:
+    """Returns the bytes of what a point gives."""
+    return sum(math.prod(x.shape) * x.dtype.itemsize for x in jax.tree.leaves(program.like))
+
+
+def compiled_chunk(program: Program) -> Chunk:
+    """Returns what maps columns of up to `most_points` points to the arrays of each point and to
+    how it ended, "" where it succeeded.
+
+    If a chunk fails its points are tried one by one, to tell which.
+    """
+    size = most_points(program)
+    numbers = jax.device_put(program.numbers)
 
     @jax.jit
-    def program(columns, count):
-        like = jax.eval_shape(one, {name: column[0] for name, column in columns.items()})
-        start = jax.tree.map(lambda x: jnp.zeros((size, *x.shape), x.dtype), like)
+    def loop(numbers, columns, count):
+        start = jax.tree.map(lambda x: jnp.zeros((size, *x.shape), x.dtype), program.like)
 
         def add(i, found):
-            here = one({name: column[i] for name, column in columns.items()})
+            here = program(numbers, {name: column[i] for name, column in columns.items()})
             return jax.tree.map(lambda all, new: all.at[i].set(new), found, here)
 
         return jax.lax.fori_loop(0, count, add, start)
 
-    return program
+    blank = {name: np.full(size, value) for name, value in program.point.items()}
+    ready = loop.lower(numbers, blank, size).compile()
+
+    def run(columns, keep):
+        count = len(next(iter(columns.values())))
+        filled = {name: np.resize(column, size) for name, column in columns.items()}
+        try:
+            values, ends = jax.tree.map(np.asarray, ready(numbers, filled, count))
+        except (ValueError, RuntimeError) as error:
+            reason = FAILED + reason_of(error)
+            if count == 1:
+                return [{}], [reason]
+            work = Work(columns, keep, ())
+            alone = [run(*work.of([i])) for i in range(count)]
+            return [v for vs, _ in alone for v in vs], [m for _, ms in alone for m in ms]
+        names = keep or [values] * count
+        # Copies: a part of the whole would keep all of it in memory.
+        points = [{name: np.array(values[name][i]) for name in names[i]} for i in range(count)]
+        return points, [RESULTS[jax.tree.map(lambda a, i=i: a[i, ...], ends)] for i in range(count)]
+
+    return run
 
 
-def run_chunk(
-    program: Callable, columns: Columns, size: int, keep: Sequence[Collection[str]] | None = None
-) -> tuple[list[Columns], list[str]]:
-    """Returns the arrays of each point, and how it ended: empty where it succeeded.
-
-    If the program fails the points are tried one by one, to tell which. With `keep`, the names of
-    what each point keeps, the other arrays are dropped.
-    """
-    count = len(next(iter(columns.values())))
-    try:
-        return _run(program, columns, count, size, keep)
-    except (ValueError, RuntimeError) as error:
-        reason = FAILED + reason_of(error)
-        if count == 1:
-            return [{}], [reason]
-    alone = [
-        run_chunk(
-            program,
-            {name: column[i : i + 1] for name, column in columns.items()},
-            size,
-            None if keep is None else keep[i : i + 1],
-        )
-        for i in range(count)
-    ]
-    return [one for values, _ in alone for one in values], [m for _, ms in alone for m in ms]
-
-
-def _run(program, columns, count, size, keep):
-    filled = {name: np.resize(column, size) for name, column in columns.items()}
-    values, ends = jax.tree.map(np.asarray, program(filled, count))
-    names = keep or [values] * count
-    # With the ellipsis a number is an array, too.
-    points = [{name: values[name][i, ...] for name in names[i]} for i in range(count)]
-    return points, [RESULTS[jax.tree.map(lambda a, i=i: a[i, ...], ends)] for i in range(count)]
-
-
-def _is_result(value):
-    return isinstance(value, RESULTS)
+def in_this_process(run: Chunk, work: Work, pace: Pace) -> Iterator[Finished]:
+    """Yields points as they end."""
+    while points := work.take(pace.count):
+        start = time.perf_counter()
+        values, messages = run(*work.of(points))
+        pace.note(len(points), time.perf_counter() - start)
+        yield Finished(points, values, messages)

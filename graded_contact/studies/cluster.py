@@ -1,95 +1,174 @@
-"""Chunks of a sweep on the workers of `dask.distributed` (the extra `cluster`).
+"""Points of a sweep on the workers of `dask.distributed` (the extra `cluster`).
 
-The function goes to each worker once, by cloudpickle, and is compiled there once. A worker that
-dies is replaced, and its chunk done again.
+The function goes to each worker once, by cloudpickle, and is compiled there once; what is handed
+out later are the numbers of a few points. A worker that dies is replaced, and its points are done
+again.
 
-How XLA splits long sums depends on the number of cores that a process has: from 256² points on, the
-last digits of a worker with one core differ from those of a process with two.
+XLA splits loops by the number of its threads, and with them sums: from 256² points on, the last
+digits depend on it. A worker takes the number, like all that decides bits, from the process that
+asks, however many cores it has.
 """
 
 import contextlib
 import functools
 import os
-from collections.abc import Callable, Iterator
+import threading
+import time
+from collections import deque
+from collections.abc import Iterator
 from typing import Any
 
 import jax
 
 from ..files.results import FAILED
-from .chunk import Columns, chunk_program, run_chunk
+from .chunk import Chunk, Columns, Finished, Keep, Pace, Work, compiled_chunk, most_points
+from .program import Program, identity, trace
+
+PATIENCE = 30  # s until a scheduler or a first worker must have answered
+THREADS = "PJRT_NPROC"  # of XLA, by its name in the environment
+OPTIONS = (
+    "jax_enable_x64", "jax_compilation_cache_dir", "jax_persistent_cache_min_compile_time_secs",
+    "jax_persistent_cache_min_entry_size_bytes",
+)  # fmt: skip
+_compiling = threading.Lock()
 
 
 @contextlib.contextmanager
 def local_workers(count: int) -> Iterator[Any]:
-    """Gives a client whose `count` worker processes share out this machine's cores.
+    """Gives a client with `count` worker processes on this machine.
 
     **Raises:** `ImportError` without the extra `cluster`.
     """
     distributed = _distributed()
-    cores = sorted(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else []
     with (
         distributed.LocalCluster(
-            n_workers=count, threads_per_worker=1, dashboard_address=None, silence_logs=50
+            n_workers=count, threads_per_worker=1, memory_limit=0, dashboard_address=None,
+            silence_logs=50,
         ) as cluster,
-        distributed.Client(cluster) as client,
-    ):
-        addresses = sorted(client.scheduler_info(n_workers=-1)["workers"])
-        for i, address in enumerate(addresses if cores else ()):
-            own = cores[i::count] or cores
-            client.run(_use_cores, own, workers=[address])
+        distributed.Client(cluster, set_as_default=False) as client,
+    ):  # fmt: skip
         yield client
 
 
-def on_workers(
-    client: Any, function: Callable, size: int, parts: list[Columns], kept: list
-) -> Iterator[tuple[int, list[Columns], list[str]]]:
-    """Yields the number of a chunk, its points' arrays and how they ended, as they finish.
+@contextlib.contextmanager
+def joined(address: str) -> Iterator[Any]:
+    """Gives a client of a scheduler that runs, with a worker at least.
+
+    **Raises:** `TimeoutError` if there is none; `ImportError` without the extra `cluster`.
+    """
+    distributed = _distributed()
+    try:
+        client = distributed.Client(address, timeout=PATIENCE, set_as_default=False)
+    except OSError as error:
+        raise TimeoutError(
+            f"`scheduler={address!r}` does not answer within {PATIENCE} s ({error})."
+        ) from error
+    with client:
+        yield client
+
+
+def on_workers(client: Any, program: Program, work: Work) -> Iterator[Finished]:
+    """Yields points as they end.
+
+    A point is failed if its worker dies four times while nothing else runs.
 
     **Arguments:**
 
     - `client`: of `dask.distributed`.
-    - `function`: as in `sweep`.
-    - `size`: of the program's chunk.
-    - `parts`: columns of each chunk.
-    - `kept`: of each chunk the names of what its points keep, or None.
+    - `program`, `work`: what to solve.
+
+    **Raises:** `TimeoutError` if there is no worker; `RuntimeError` if a worker has another version
+    of what the program is made of.
     """
     distributed = _distributed()
-    import cloudpickle
-
-    packed = client.scatter(cloudpickle.dumps((function, size, jax.config.read("jax_enable_x64"))))
-    futures = {
-        client.submit(_on_worker, packed, columns, keep, pure=False): number
-        for number, (columns, keep) in enumerate(zip(parts, kept, strict=True))
-    }
     try:
-        for future in distributed.as_completed(list(futures)):
-            number = futures.pop(future)
-            count = len(next(iter(parts[number].values())))
-            if future.status == "finished":
-                yield number, *future.result()
-            else:  # its worker died again and again
-                reason = f"{FAILED}{type(future.exception()).__name__}: {future.exception()}"
-                yield number, [{}] * count, [reason] * count
+        client.wait_for_workers(1, timeout=PATIENCE)
+    except TimeoutError as error:
+        address = client.scheduler.address
+        raise TimeoutError(f"{address} has had no worker for {PATIENCE} s.") from error
+    # A task of its own: it is done again where all who know its result have died.
+    packed = client.submit(bytes, _packed(program), pure=False)
+    ended = distributed.as_completed(loop=client.loop)
+    running: dict[Any, tuple[list[int], bool]] = {}
+    suspects: deque[int] = deque()
+    pace = Pace(most_points(program))
+
+    def submit(points, *, alone=False):
+        future = client.submit(_on_worker, packed, *work.of(points), pure=False)
+        running[future] = points, alone
+        ended.add(future)
+
+    def hand_out():
+        # One for each thread, so that nobody dies with another.
+        places = max(1, sum(client.nthreads().values()))
+        while work.queue and len(running) < places:
+            share = -(-len(work.queue) // (2 * places))  # the end comes for all at once
+            submit(work.take(min(pace.count, share)))
+        if suspects and not running:
+            submit([suspects.popleft()], alone=True)
+
+    try:
+        hand_out()
+        for future in ended:
+            points, alone = running.pop(future)
+            error = future.exception() if future.status == "error" else None
+            if not isinstance(error, distributed.KilledWorker):
+                values, messages, seconds = future.result()
+                pace.note(len(points), seconds)
+                yield Finished(points, values, messages)
+            elif alone:
+                reason = f"{FAILED}its worker died, each time that it was tried"
+                yield Finished(points, [{}], [reason])
+            else:
+                suspects.extend(points)
+            hand_out()
     finally:
-        client.cancel(list(futures))
+        client.cancel(list(running))
 
 
-@functools.lru_cache(maxsize=4)
-def _unpacked(packed: bytes) -> tuple[Callable, int]:
+def _packed(program: Program) -> bytes:
     import cloudpickle
 
-    function, size, double = cloudpickle.loads(packed)
-    jax.config.update("jax_enable_x64", double)
-    return chunk_program(function, size), size
+    environment = {
+        THREADS: os.environ.get(THREADS, str(num_cores())),
+        "XLA_FLAGS": os.environ.get("XLA_FLAGS", ""),
+    }
+    options = {name: getattr(jax.config, name) for name in OPTIONS}
+    # The function comes last, and apart: to unpack it may start XLA.
+    function = cloudpickle.dumps((program.function, program.point))
+    return cloudpickle.dumps((environment, options, identity(program), function))
 
 
-def _on_worker(packed: bytes, columns: Columns, keep: Any) -> tuple[list[Columns], list[str]]:
-    program, size = _unpacked(packed)
-    return run_chunk(program, columns, size, keep)
+def _on_worker(packed: bytes, columns: Columns, keep: Keep) -> tuple[list, list[str], float]:
+    with _compiling:  # a worker may have several threads
+        run = _unpacked(packed)
+    start = time.perf_counter()
+    values, messages = run(columns, keep)
+    return values, messages, time.perf_counter() - start
 
 
-def _use_cores(cores: list[int]) -> None:
-    os.sched_setaffinity(0, cores)
+@functools.lru_cache(maxsize=2)
+def _unpacked(packed: bytes) -> Chunk:
+    import cloudpickle
+
+    environment, options, name, function = cloudpickle.loads(packed)
+    os.environ.update(environment)
+    for option, value in options.items():
+        jax.config.update(option, value)
+    program = trace(*cloudpickle.loads(function))
+    if identity(program) != name:
+        raise RuntimeError(
+            "A worker makes another program of `function`: it has another version of JAX, of "
+            "graded_contact or of a library that `function` uses."
+        )
+    return compiled_chunk(program)
+
+
+def num_cores() -> int:
+    """Returns how many cores this process may use."""
+    if hasattr(os, "sched_getaffinity"):
+        return len(os.sched_getaffinity(0))
+    return os.cpu_count() or 1
 
 
 def _distributed() -> Any:

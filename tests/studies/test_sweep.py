@@ -1,6 +1,7 @@
 """A function at many points: every point once, kept at once, the same bits however it was done."""
 
 import csv
+import pickle
 import signal
 
 import equinox as eqx
@@ -9,12 +10,14 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 import pytest
+from jax.experimental.compilation_cache.compilation_cache import reset_cache
 
 import graded_contact as gc
 from graded_contact.contact.problem import RESULTS
 from graded_contact.files.study import read_study
+from graded_contact.studies import cluster
 from graded_contact.studies import sweep as sweep_module
-from graded_contact.studies.identity import identity
+from graded_contact.studies.program import identity, trace
 from graded_contact.studies.store import Store
 from graded_contact.studies.sweep import sweep
 
@@ -37,7 +40,7 @@ def same(one, other):
 
 
 def test_every_quantity_lies_over_the_named_axes():
-    study = sweep(draw, AXES, chunk=4)
+    study = sweep(draw, AXES)
     assert list(study.axes) == ["velocity", "seed"] and study.complete
     for i, velocity in enumerate(AXES["velocity"]):
         for j, seed in enumerate(AXES["seed"]):
@@ -51,40 +54,31 @@ def test_every_quantity_lies_over_the_named_axes():
 
 def test_a_list_of_points_has_one_axis():
     points = [{"velocity": 0.1, "seed": 4}, {"velocity": 10.0, "seed": 3}]
-    study, grid = sweep(draw, points, chunk=4), sweep(draw, AXES, chunk=4)
+    study, grid = sweep(draw, points), sweep(draw, AXES)
     assert study["friction"].tolist() == [grid["friction"][0, 1], grid["friction"][2, 0]]
     np.testing.assert_array_equal(study["velocity"], [0.1, 10.0])
     np.testing.assert_array_equal(study["seed"], [4, 3])
 
 
 def test_a_rerun_computes_what_is_missing_to_the_same_bits(tmp_path, monkeypatch):
-    whole = sweep(draw, AXES, chunk=4)
+    whole = sweep(draw, AXES)
     told = []
 
     def interrupt(done, count):
         told.append(done)
         raise KeyboardInterrupt
 
-    cut = sweep(draw, AXES, store=tmp_path / "kept", chunk=4, progress=interrupt)
-    assert told == [4] and np.sum(cut.message == "not started") == 2
+    kept = tmp_path / "kept"
+    cut = sweep(draw, AXES, store=kept, progress=interrupt)
+    assert told == [1] and np.sum(cut.message == "not started") == 5
     assert np.isnan(cut["friction"][cut.message != ""]).all() and not cut.complete
-    ran = []
-    monkeypatch.setattr(sweep_module, "run_chunk", noting(ran, sweep_module.run_chunk))
-    again = sweep(draw, AXES, store=tmp_path / "kept", chunk=4)
-    assert ran == [2]
+    again = sweep(draw, AXES, store=kept, progress=lambda *at: told.append(at))
+    assert told[1:2] + told[-1:] == [(1, 6), (6, 6)]
     same(again, whole)
-    more = sweep(draw, AXES | {"seed": [3, 4, 5]}, store=tmp_path / "kept", chunk=4)
-    assert ran == [2, 3] and more["friction"][:, :2].tobytes() == whole["friction"].tobytes()
-    other = sweep(lambda p: draw(p) | {"friction": p["velocity"]}, AXES, store=tmp_path / "kept")
-    assert ran == [2, 3, 6] and other["friction"][0, 0] == 0.1
-
-
-def noting(ran, run_chunk):
-    def noted(program, columns, size, keep):
-        ran.append(len(columns["seed"]))
-        return run_chunk(program, columns, size, keep)
-
-    return noted
+    more = sweep(draw, AXES | {"seed": [3, 4, 5]}, store=kept, progress=lambda *at: told.append(at))
+    assert (6, 9) in told and more["friction"][:, :2].tobytes() == whole["friction"].tobytes()
+    other = sweep(lambda p: draw(p) | {"friction": p["velocity"]}, AXES, store=kept)
+    assert other["friction"][0, 0] == 0.1
 
 
 def test_a_point_that_fails_is_kept_with_its_reason_and_the_rest_goes_on(tmp_path):
@@ -106,15 +100,57 @@ def test_a_program_is_told_by_what_it_computes():
     other = heights.copy()
     other[500] = 1e-300  # which the text of a program does not show
     closing = lambda h: lambda point: jnp.sum(jnp.asarray(h) * point["x"])  # noqa: E731
-    inside = lambda h: jax.jit(closing(h))  # noqa: E731
+    inside = lambda h: lambda point: jax.jit(closing(h))(point)  # noqa: E731
     drawn = lambda seed: lambda point: jax.random.normal(jax.random.key(seed)) * point["x"]  # noqa: E731
     names = [
-        identity(f, {"x": 1.0})
+        identity(trace(f, {"x": np.float64(1)}))
         for f in (closing(heights), closing(other), inside(heights), inside(other),
                   drawn(0), drawn(1))
     ]  # fmt: skip
     assert len(set(names)) == len(names)
-    assert names[0] == identity(lambda point: closing(heights)(point), {"x": 7.0})
+    assert names[0] == identity(trace(lambda p: closing(heights)(p), {"x": np.float64(7)}))
+
+
+@pytest.fixture
+def compilation_cache(tmp_path):
+    """A cache of its own on the disk, and what JAX tells of it."""
+    options = {
+        "jax_compilation_cache_dir": str(tmp_path / "cache"),
+        "jax_persistent_cache_min_compile_time_secs": 0,
+        "jax_persistent_cache_min_entry_size_bytes": -1,
+    }
+    before = {name: getattr(jax.config, name) for name in options}
+    events = []
+    jax.monitoring.register_event_listener(listener := lambda event, **_: events.append(event))
+    for settings in (options, before):
+        for name, value in settings.items():
+            jax.config.update(name, value)
+        reset_cache()
+        if settings is options:
+            yield events
+    jax.monitoring.unregister_event_listener(listener)
+
+
+@pytest.mark.parametrize("wrapped", [lambda f: f, jax.jit])
+def test_another_surface_or_thickness_takes_the_same_compiled_program(compilation_cache, wrapped):
+    def study(heights, thickness):
+        def closing(point):
+            return jnp.sum(heights) * thickness / point["x"]
+
+        return sweep(wrapped(closing), {"x": [1.0, 2.0]})["value"]
+
+    study(np.ones(100), 3.0)
+    compilation_cache.clear()
+    np.testing.assert_array_equal(study(np.full(100, 2.0), 5.0), [1000, 500])
+    assert "/jax/compilation_cache/cache_hits" in compilation_cache
+    assert "/jax/compilation_cache/cache_misses" not in compilation_cache
+
+
+def test_a_name_that_no_axis_has_is_told_with_the_nearest():
+    with pytest.raises(ValueError, match=r"asks for 'velocty', which no axis has.*velocity"):
+        sweep(lambda point: point["velocty"], AXES)
+    with pytest.raises(KeyError, match="velocity"):  # of the function's own
+        sweep(lambda point: {}["velocity"], AXES)
 
 
 def test_mean_standard_error_and_quantiles_over_an_axis():
@@ -217,11 +253,58 @@ def test_a_sweep_of_contacts_gives_what_slide_gives():
         return gc.slide(rubber, surface, pressure=1e5, velocity=0.1, throw=False)
 
     axes = {"temperature": [293.0, 313.0], "seed": [0, 1]}
-    study = sweep(rub, axes, chunk=4)
+    study = sweep(rub, axes)
     alone = rub({"temperature": 313.0, "seed": 1})
     np.testing.assert_allclose(study["friction"][1, 1], alone.friction, rtol=1e-9)
     assert study["contact.pressure"].shape == (2, 2, 16, 16) and study.complete
     assert study.units["contact.pressure"] == "Pa"
+
+
+@pytest.mark.parametrize("given", [
+    {"workers": 2, "scheduler": "tcp://127.0.0.1:1"}, {"workers": "auto", "client": object()},
+    {"workers": 0}, {"workers": 1.5},
+])  # fmt: skip
+def test_one_place_to_solve_is_named(given, unchecked_types):
+    with pytest.raises(ValueError, match="workers"):
+        sweep(draw, AXES, **given)
+
+
+def test_a_scheduler_that_does_not_answer_is_named(monkeypatch):
+    pytest.importorskip("distributed")
+    monkeypatch.setattr(cluster, "PATIENCE", 0.2)
+    with pytest.raises(TimeoutError, match=r"127\.0\.0\.1:9.* does not answer within 0\.2 s"):
+        sweep(draw, AXES, scheduler="tcp://127.0.0.1:9")
+
+
+@pytest.fixture
+def threads(monkeypatch):
+    """A client of a scheduler and a worker that are threads of this process."""
+    distributed = pytest.importorskip("distributed")
+    monkeypatch.setattr(cluster, "PATIENCE", 0.2)
+    options = {"processes": False, "dashboard_address": None, "set_as_default": False}
+    with distributed.Client(n_workers=1, threads_per_worker=2, **options) as client:
+        yield client
+
+
+def test_tasks_carry_the_numbers_of_a_few_points(threads, monkeypatch):
+    heights = jnp.ones(10**5)
+    sizes, submit = [], threads.submit
+
+    def noted(task, *arguments, **options):
+        sizes.append(len(pickle.dumps([a for a in arguments if not hasattr(a, "key")])))
+        return submit(task, *arguments, **options)
+
+    monkeypatch.setattr(threads, "submit", noted)
+    function = lambda point: jnp.sum(heights * point["x"])  # noqa: E731
+    axes = {"x": np.arange(20.0)}
+    same(sweep(function, axes, client=threads), sweep(function, axes))
+    assert sizes[0] > heights.nbytes and max(sizes[1:]) < 1000
+
+
+def test_a_scheduler_without_workers_is_told(threads):
+    threads.retire_workers(list(threads.scheduler_info()["workers"]))
+    with pytest.raises(TimeoutError, match=r"has had no worker for 0\.2 s"):
+        sweep(draw, AXES, client=threads)
 
 
 @pytest.mark.slow
@@ -242,6 +325,6 @@ def test_workers_give_the_same_bits_and_survive_the_death_of_one():
                 killed.append(pid)
                 __import__("os").kill(pid, signal.SIGKILL)
 
-        study = sweep(slow, axes, client=client, chunk=1, progress=kill)
+        study = sweep(slow, axes, client=client, progress=kill)
     assert killed and study.complete
-    same(study, sweep(slow, axes, chunk=1))
+    same(study, sweep(slow, axes))
