@@ -5,7 +5,7 @@
     python benchmarks/bench_design.py unseen      the same coat on frozen and on ever new surfaces
 
 `composite` compares with the three hand-made layers of the paper's Fig. composite
-(`paper_figures.py`) over the two decades, or as many as told, in which those are flattest, at no
+(`paper/response.py`) over the two decades, or as many as told, in which those are flattest, at no
 less mean loss. `coating` runs the study of examples/design_coating.toml, then SciPy's differential
 evolution on the same objective and limits, by the mean field. `unseen`: see `design_unseen.py`.
 They draw docs/bench_design-composite.png and -coating.png.

@@ -7,43 +7,27 @@ for the E_r0 of elastic solids, the moduli ratios of the elastic coating, and th
 sublayers at their middles. Times are those of the paper's creep form, in the convention of the
 package 1/E = 1/E∞ + H/(1 + iωτ). There Im M_zz is negative: the paper's Im M_zz is -Im M_zz here.
 
-Run from the root of the repository: `python benchmarks/paper_figures.py [--output docs]`.
+Run from the root of the repository: `python benchmarks/paper/response.py [--output docs]`.
 """
 
 import argparse
-import io
 from pathlib import Path
 
-import jax
 import numpy as np
-from matplotlib import colormaps, rc_context
-from matplotlib.figure import Figure
+from matplotlib import rc_context
 from matplotlib.lines import Line2D
-from PIL import Image
+from system import STYLE, ordered, panels, save
 
 import graded_contact as gc
 from graded_contact import reference
 from graded_contact.plot import COLOURS
 
-jax.config.update("jax_enable_x64", True)
-
 LENGTH, VELOCITY = 0.1, 10.0  # L0 [m] and v1 [m/s]: τ = L0/v1 = 0.01 s
 Q0, TAU = 2 * np.pi / LENGTH, LENGTH / VELOCITY
 RELAXED, CONTRAST = 1e6, 10.0  # E_r0 [Pa] and E_r∞/E_r0
 INCOMPRESSIBLE = 0.5
-STYLE = {
-    "font.size": 9,
-    "axes.spines.top": False,
-    "axes.spines.right": False,
-    "axes.grid": True,
-    "grid.alpha": 0.25,
-    "legend.frameon": False,
-    "legend.fontsize": 8,
-    "lines.linewidth": 1.4,
-}
 LIMIT = {"color": "black", "linestyle": "--", "linewidth": 1}
 DEPTHS = r"$q_0 d \times 10^3$"
-DOTS_PER_INCH = 150
 
 
 def rubber(time, reduced=RELAXED):
@@ -71,16 +55,6 @@ def response(stack, ratio, velocity):
 
 def loss_tangent(response):
     return np.imag(1 / response) / np.real(1 / response)
-
-
-def ordered(count):
-    """Colours of ordered curves, from dark to light, told apart with any colour vision."""
-    return colormaps["viridis"](np.linspace(0, 0.85, count))
-
-
-def panels(count, width=7.6, height=3.2):
-    figure = Figure(figsize=(width, height), dpi=DOTS_PER_INCH, layout="constrained")
-    return figure, figure.subplots(1, count, squeeze=False)[0]
 
 
 def bulk():
@@ -331,18 +305,10 @@ FIGURES = (
 )  # fmt: skip
 
 
-def save(figure, target):
-    """Writes a PNG of 64 colours, a third of the size."""
-    buffer = io.BytesIO()
-    figure.savefig(buffer)
-    Image.open(buffer).convert("RGB").quantize(64).save(target, optimize=True)
-
-
 def main():
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
     parser.add_argument("--output", type=Path, default=Path("docs"), help="folder of the PNG files")
     folder = parser.parse_args().output
-    folder.mkdir(parents=True, exist_ok=True)
     for draw in FIGURES:
         with rc_context(STYLE):
             figure, lines = draw()
@@ -351,7 +317,7 @@ def main():
                     axes.set_xlabel("wavenumber $q/q_0$ [1]")
             target = folder / f"paper_{draw.__name__}.png"
             save(figure, target)
-        print(f"{target} ({target.stat().st_size / 1e3:.0f} kB): {draw.__doc__}")
+        print(draw.__doc__)
         print(*(f"    {line}" for line in lines), sep="\n")
 
 

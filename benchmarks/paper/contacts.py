@@ -1,0 +1,194 @@
+"""Solves all contacts of the paper's figures into one table, contacts.h5.
+
+    python benchmarks/paper/contacts.py [--small] [--store FOLDER] [--only CUTOFF ...]
+
+Friction, area and more at every cut-off, thickness, pressure and surface, for the tread; at heights
+of 0.16 mm in place of the matched slopes and for a second rubber at fewer of them. Each point is
+kept in the store as it ends: the same command goes on from there. The table has a row for each
+point, no fields; `friction_and_area.py` and others draw from it. At the paper's size it takes hours
+and 14 GB (N = 8192), see docs/paper.md.
+"""
+
+import contextlib
+import time
+from itertools import product
+from pathlib import Path
+from typing import NamedTuple
+
+import jax
+import numpy as np
+from rich.console import Console
+from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeRemainingColumn
+from system import (
+    CLOSE_UP,
+    FULL,
+    HEIGHTS,
+    Q0,
+    SLOPES,
+    SMALL,
+    VELOCITY,
+    Size,
+    coated,
+    epdm,
+    grid,
+    options,
+    relaxed,
+    spectrum,
+    tread,
+)
+
+import graded_contact as gc
+from graded_contact.studies.store import Store
+from graded_contact.studies.study import Study, read_study
+from graded_contact.studies.sweep import sweep
+
+RTOL = 1e-3  # of the pressure; friction and area are then known ten times better, or more
+WAVES = 48  # at which the friction of longer waves is kept
+
+
+class Part(NamedTuple):
+    """Contacts that share a rubber and a roughness.
+
+    **Fields:**
+
+    - `rubber`, `roughness`: their numbers in the table, see `RUBBERS` and `ROUGHNESS`.
+    - `points`: seed, q0 d and σ0/E_r0 of each.
+    """
+
+    rubber: int
+    roughness: int
+    points: list[tuple[int, float, float]]
+
+
+RUBBERS = (tread, epdm)
+ROUGHNESS = (SLOPES, HEIGHTS)
+
+
+def parts(size: Size) -> tuple[Part, ...]:
+    """All contacts, those first that one surface needs to show the main figure."""
+    ends = product((0,), (size.depths[0], size.depths[-1]), size.pressures)
+    first = list(ends)
+    points = [
+        *first,
+        *product(range(size.seeds), size.depths, size.pressures),
+        *product(range(size.seeds), size.more_depths, CLOSE_UP),
+    ]
+    return Part(0, 0, list(dict.fromkeys(points))), Part(1, 0, first), Part(0, 1, first)
+
+
+def contact(part: Part, cutoff: int, size: Size):
+    """Friction and area at a point of the sweep, which has seed, thickness and pressure."""
+    rubber = RUBBERS[part.rubber]()
+    rough = spectrum(cutoff, size, ROUGHNESS[part.roughness])
+    cell = grid(cutoff)
+
+    def rub(point):
+        surface = gc.random_surface(rough, cell, jax.random.key(point["seed"]))
+        found = gc.slide(
+            coated(rubber, point["thickness"]),
+            surface,
+            pressure=point["pressure"],
+            velocity=VELOCITY,
+            rtol=RTOL,
+            throw=False,
+        )
+        waves = gc.cumulative_friction(found.pressure, found.displacement, cell, VELOCITY, WAVES)
+        return {
+            "friction": found.friction,
+            "friction_error": found.friction_error,
+            "geometric_friction": found.geometric_friction,
+            "contact_area": found.contact_area,
+            "contact_area_corrected": found.contact_area_corrected,
+            "contact_area_smooth": found.contact_area_smooth,
+            "mean_gap": found.mean_gap,
+            "error": found.error,
+            "num_fft_pairs": found.num_fft_pairs,
+            "friction_up_to": waves.friction,
+            "result": found.result,
+        }
+
+    return rub
+
+
+def solve(size: Size, store: Store, cutoffs: tuple[int, ...]) -> Study:
+    """The table: a row for each point, with what it is a point of."""
+    columns: list[dict[str, np.ndarray]] = []
+    ends = []
+    for part, cutoff in product(parts(size), cutoffs):
+        stiffness = relaxed(RUBBERS[part.rubber]())
+        points = [
+            {"seed": seed, "thickness": depth / Q0, "pressure": ratio * stiffness}
+            for seed, depth, ratio in part.points
+        ]
+        start = time.perf_counter()
+        name = f"rubber {part.rubber}, roughness {part.roughness}, q1/q0 = {cutoff}"
+        with bar(name) as advance:
+            study = sweep(
+                contact(part, cutoff, size), points, store=store, progress=advance
+            )
+        told = sum(study.message != "")
+        print(f"{name}: {len(points)} points, {time.perf_counter() - start:.0f} s, {told} failed")
+        seed, depth, ratio = np.array(part.points).T
+        same = {"rubber": part.rubber, "roughness": part.roughness, "cutoff": cutoff}
+        labels = {key: np.full(len(points), value) for key, value in same.items()}
+        columns.append({**labels, "q0d": depth, "pressure_ratio": ratio, **study.values})
+        ends.append(study.message)
+    values = {key: np.concatenate([one[key] for one in columns]) for key in columns[0]}
+    message = np.concatenate(ends)
+    return Study({"point": np.arange(len(message))}, values, message, study.units)
+
+
+def found(folder: Path) -> Study:
+    """The table that was solved.
+
+    **Raises:** `FileNotFoundError` before it was.
+    """
+    path = folder / "contacts.h5"
+    if not path.exists():
+        raise FileNotFoundError(f"{path} does not exist: run contacts.py with the same options.")
+    return read_study(path)
+
+
+def rows(study: Study, **labels: float) -> dict[str, np.ndarray]:
+    """The rows of the table with these labels, such as cutoff=256, that succeeded."""
+    kept = study.message == ""
+    for name, value in labels.items():
+        kept = kept & np.isclose(study[name], value, rtol=1e-9, atol=0)
+    return {name: values[kept] for name, values in study.values.items()}
+
+
+def spread(rows: dict[str, np.ndarray], along: str, of: str) -> tuple[np.ndarray, ...]:
+    """Where a quantity was found, and there its mean, least and largest over the surfaces."""
+    at = np.unique(rows[along])
+    each = [rows[of][rows[along] == x] for x in at]
+    return at, *(np.array([reduce(one) for one in each]) for reduce in (np.mean, np.min, np.max))
+
+
+@contextlib.contextmanager
+def bar(name: str):
+    """A progress bar on the error stream, with the time left."""
+    columns = (
+        TextColumn("{task.description}"), BarColumn(), MofNCompleteColumn(), TimeRemainingColumn()
+    )  # fmt: skip
+    with Progress(*columns, console=Console(stderr=True)) as progress:
+        task = progress.add_task(name, total=None)
+        yield lambda done, total: progress.update(task, completed=done, total=total)
+
+
+def main() -> None:
+    parser = options(__doc__)
+    parser.add_argument("--store", type=Path, default=None, help="folder of finished points")
+    parser.add_argument("--only", type=int, nargs="+", help="cut-offs q1/q0 to solve now")
+    given = parser.parse_args()
+    size = SMALL if given.small else FULL
+    folder = given.store or given.output / "contacts.points"
+    given.output.mkdir(parents=True, exist_ok=True)
+    with Store(folder) as store:
+        study = solve(size, store, given.only or size.cutoffs)
+    if given.only is None:
+        study.write(given.output / "contacts.h5")
+        print(f"wrote {given.output / 'contacts.h5'}")
+
+
+if __name__ == "__main__":
+    main()
