@@ -123,9 +123,7 @@ def solve(size: Size, store: Store, cutoffs: tuple[int, ...]) -> Study:
         start = time.perf_counter()
         name = f"rubber {part.rubber}, roughness {part.roughness}, q1/q0 = {cutoff}"
         with bar(name) as advance:
-            study = sweep(
-                contact(part, cutoff, size), points, store=store, progress=advance
-            )
+            study = sweep(contact(part, cutoff, size), points, store=store, progress=advance)
         told = sum(study.message != "")
         print(f"{name}: {len(points)} points, {time.perf_counter() - start:.0f} s, {told} failed")
         seed, depth, ratio = np.array(part.points).T

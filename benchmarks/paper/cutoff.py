@@ -27,9 +27,7 @@ ALL = 0.95
 
 def curves(table, cutoff, depth, pressure):
     """Wavenumbers [1/m] and the share of friction up to them, a row for each surface."""
-    here = rows(
-        table, cutoff=cutoff, q0d=depth, pressure_ratio=pressure, rubber=0, roughness=0
-    )
+    here = rows(table, cutoff=cutoff, q0d=depth, pressure_ratio=pressure, rubber=0, roughness=0)
     highest = np.sqrt(2) * POINTS_PER_WAVE / 2 * cutoff * Q0
     q = np.geomspace(Q0, highest, WAVES)  # as `cumulative_friction` has them
     up_to = here["friction_up_to"]

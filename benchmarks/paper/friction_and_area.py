@@ -21,7 +21,11 @@ QUANTITIES = {
 
 def draw(table, size, quantity, rubber=0, roughness=0):
     """One figure: a panel for each coat, a curve for each cut-off."""
-    depths = [d for d in size.depths if len(rows(table, q0d=d, rubber=rubber, roughness=roughness)["seed"])]
+    depths = [
+        d
+        for d in size.depths
+        if len(rows(table, q0d=d, rubber=rubber, roughness=roughness)["seed"])
+    ]
     figure, panes = panels(len(depths), height=2.9 * len(depths) / 2, rows=len(depths) // 2)
     for pane, depth in zip(panes, depths, strict=True):
         for cutoff, colour in zip(size.cutoffs, ordered(len(size.cutoffs)), strict=True):

@@ -104,7 +104,7 @@ def relaxed(rubber: gc.Prony) -> float:
 
 def coated(rubber: gc.Prony, thickness) -> gc.Stack:
     """The rubber under an elastic coat of its own relaxed modulus; thickness in m."""
-    coat = gc.Elastic(relaxed(rubber) * (1 - POISSON**2), POISSON)
+    coat = gc.Elastic(rubber.equilibrium, POISSON)
     return gc.Stack(layers=[gc.Layer(coat, thickness)], base=gc.HalfSpace(rubber))
 
 
@@ -118,9 +118,7 @@ def spectrum(cutoff: int, size: Size, roughness: dict[str, float]) -> gc.SelfAff
     """
 
     def up_to(cutoff, **amplitude):
-        return gc.SelfAffine(
-            hurst=HURST, q_low=Q0, q_roll=4 * Q0, q_high=cutoff * Q0, **amplitude
-        )
+        return gc.SelfAffine(hurst=HURST, q_low=Q0, q_roll=4 * Q0, q_high=cutoff * Q0, **amplitude)
 
     inside = jnp.asarray(2 * Q0)
     one = up_to(cutoff, rms_height=1.0).density(inside)

@@ -38,9 +38,7 @@ def points(size):
 
 
 def surface_of(cutoff, size):
-    return gc.random_surface(
-        spectrum_of(cutoff, size, SLOPES), grid(cutoff), jax.random.key(0)
-    )
+    return gc.random_surface(spectrum_of(cutoff, size, SLOPES), grid(cutoff), jax.random.key(0))
 
 
 def told(name, found, seconds, best):

@@ -1,0 +1,80 @@
+"""Beyond the paper: a surface layer graded continuously, beside steps of equal integral of stiffness.
+
+    python benchmarks/paper/graded_surface.py [--small]
+
+Wear leaves no sharp interface. The modulus passes linearly with height from the tread's to that of
+the surface, the relaxed one of the tread or twenty times that; the steps have, each over its part of
+the depth, the same mean of the complex modulus. Contacts at several pressures; printed is by how much
+one, two and four steps miss friction and area.
+"""
+
+import jax
+import numpy as np
+from matplotlib import rc_context
+from system import POISSON, Q0, SLOPES, SMALL, STYLE, VELOCITY, grid, options, panels, relaxed, save
+from system import spectrum, tread
+
+import graded_contact as gc
+from graded_contact.response.layering import sliced
+from graded_contact.studies.store import Store
+from graded_contact.studies.sweep import sweep
+
+STEPS = (0, 1, 2, 4)  # 0: continuous
+TOPS = (1.0, 20.0)  # modulus of the surface over the relaxed one
+
+
+def contact(size, steps, top, depth):
+    rubber, cutoff = tread(), size.cutoffs[-1]
+    surface = gc.random_surface(spectrum(cutoff, size, SLOPES), grid(cutoff), jax.random.key(0))
+    skin = gc.Elastic(top * relaxed(rubber) * (1 - POISSON**2), POISSON)
+    layer = gc.GradedLayer(gc.Blend(bottom=rubber, top=skin), depth / Q0)
+    stack = gc.Stack(layers=[layer], base=gc.HalfSpace(rubber))
+    stack = sliced(stack, steps) if steps else stack
+
+    def rub(point):
+        found = gc.slide(
+            stack, surface, pressure=point["pressure"], velocity=VELOCITY, rtol=1e-4, throw=False
+        )
+        return {"friction": found.friction, "area": found.contact_area_smooth,
+                "result": found.result}  # fmt: skip
+
+    return rub
+
+
+def main():
+    given = options(__doc__).parse_args()
+    size = SMALL._replace(cutoffs=(16,)) if given.small else SMALL
+    depth = 2 / size.cutoffs[-1] * 4  # q d = 8 for the shortest wave, 1/8 of it for the longest
+    ratios = np.geomspace(0.02, 0.5, 3 if given.small else 9)
+    pressures = ratios * relaxed(tread())
+    given.output.mkdir(parents=True, exist_ok=True)
+    with rc_context(STYLE), Store(given.output / "graded_surface.points") as store:
+        figure, panes = panels(4, height=5.6, rows=2)
+        for row, top in enumerate(TOPS):
+            found = [
+                sweep(contact(size, steps, top, depth), {"pressure": pressures}, store=store)
+                for steps in STEPS
+            ]
+            for pane, quantity in zip(
+                panes[2 * row : 2 * row + 2], ("friction", "area"), strict=True
+            ):
+                for steps, study in zip(STEPS, found, strict=True):
+                    label = f"{steps} step{'s' * (steps > 1)}" if steps else "continuous"
+                    style = "-" if steps else "k-"
+                    pane.semilogx(ratios, study[quantity], style, label=label)
+                    if steps:
+                        off = study[quantity] / found[0][quantity] - 1
+                        print(
+                            f"surface at {top:g} E0, {label}: {quantity} off by {off.min():+.1%} "
+                            f"to {off.max():+.1%}"
+                        )
+                pane.set(xlabel=r"pressure $\sigma_0/E_{r0}$ [1]", ylim=(0, None))
+                pane.set_title(rf"surface at {top:g} $E_0$", fontsize=9)
+            panes[2 * row].set_ylabel(r"micro-rolling friction $\mu_r$ [1]")
+            panes[2 * row + 1].set_ylabel(r"contact area $A_c/A_0$ [1]")
+        panes[0].legend()
+        save(figure, given.output / "graded-surface.png")
+
+
+if __name__ == "__main__":
+    main()
