@@ -15,6 +15,7 @@ import argparse
 import dataclasses
 import pathlib
 import platform
+import sys
 import time
 from itertools import pairwise
 
@@ -25,7 +26,6 @@ import scipy
 from design_unseen import unseen
 from matplotlib import rc_context
 from matplotlib.figure import Figure
-from paper_figures import CONTRAST, INCOMPRESSIBLE, Q0, RELAXED, STYLE, TAU, VELOCITY, rubber, save
 from scipy.optimize import NonlinearConstraint, differential_evolution
 
 import graded_contact as gc
@@ -39,6 +39,10 @@ from graded_contact.studies.report_design import report
 from graded_contact.studies.run_design import run_design
 
 ROOT = pathlib.Path(__file__).parents[1]
+sys.path.append(str(ROOT / "benchmarks" / "paper"))
+from response import CONTRAST, INCOMPRESSIBLE, Q0, RELAXED, TAU, VELOCITY, rubber  # noqa: E402
+from system import STYLE, save  # noqa: E402
+
 DOCS = ROOT / "docs"
 SHARES = np.array([1e-3, 1e-2, 1e-1])  # of the paper's layers, surface first
 

@@ -126,7 +126,7 @@ def solve(size: Size, store: Store, cutoffs: tuple[int, ...]) -> Study:
             study = sweep(contact(part, cutoff, size), points, store=store, progress=advance)
         told = sum(study.message != "")
         print(f"{name}: {len(points)} points, {time.perf_counter() - start:.0f} s, {told} failed")
-        seed, depth, ratio = np.array(part.points).T
+        _, depth, ratio = np.array(part.points).T
         same = {"rubber": part.rubber, "roughness": part.roughness, "cutoff": cutoff}
         labels = {key: np.full(len(points), value) for key, value in same.items()}
         columns.append({**labels, "q0d": depth, "pressure_ratio": ratio, **study.values})

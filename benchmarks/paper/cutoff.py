@@ -1,9 +1,9 @@
-"""The dissipation cut-off q_μ of the paper, which it answers in words: from the contacts themselves.
+"""The dissipation cut-off q_μ, which the paper answers in words: from the contacts themselves.
 
     python benchmarks/paper/cutoff.py [--small]
 
-Friction of all waves up to q, of the table of contacts.py, over all of the friction. q_μ is where it
-reaches 95 %: shorter waves do not matter. Drawn for the roughness with all waves; printed with q_μ d.
+Friction of all waves up to q, of the table of contacts.py, over all of the friction. q_μ is where
+it reaches 95 %: shorter waves do not matter. Drawn for the roughness with all waves.
 """
 
 import numpy as np
@@ -55,8 +55,8 @@ def main():
                     thick = f"{1e3 * depth:.2g}" if depth > 1e-6 else "0 (bare)"
                     print(
                         f"σ0/E_r0 = {pressure}, q1/q0 = {cutoff}, 1000 q0 d = {thick}: {ALL:.0%} "
-                        f"of the friction up to q_μ/q0 = {at.mean() / Q0:.0f} ({np.ptp(at) / Q0:.0f}"
-                        f" between surfaces), q_μ d = {at.mean() / Q0 * depth:.2f}"
+                        f"of the friction up to q_μ/q0 = {at.mean() / Q0:.0f} (surfaces differ by "
+                        f"{np.ptp(at) / Q0:.0f}), q_μ d = {at.mean() / Q0 * depth:.2f}"
                     )
                 pane.semilogx(q / Q0, shares.mean(0), color=colour, label=thick)
             pane.axhline(ALL, color="0.5", linewidth=0.8)

@@ -3,24 +3,38 @@
     python benchmarks/paper/design.py [--small]
 
 Thickness, modulus and damping of one coat, by the mean field at σ0 = 0.1 E_r0: the two objectives
-are how much friction changes from the fewest to all waves, |ln μ(all)/μ(fewest)|, and the area lost
-against the bare block, ln A(bare)/A with all waves. The front between them is searched by gradients,
-once among all coats and once among stiff ones, as wear asks for, and coats on it are verified by
-contacts.
+are how much friction changes from the fewest to all waves, |ln μ(all)/μ(fewest)|, and the area
+lost against the bare block, ln A(bare)/A with all waves. The front between them is searched by
+gradients, once among all coats and once among stiff ones, as wear asks for, and coats on it are
+verified by contacts.
 """
 
 import jax
 import jax.numpy as jnp
 import numpy as np
 from matplotlib import rc_context
-from system import FULL, POISSON, Q0, SLOPES, SMALL, STYLE, VELOCITY, grid, options, panels
-from system import relaxed, save, spectrum, tread
+from system import (
+    FULL,
+    POISSON,
+    Q0,
+    SLOPES,
+    SMALL,
+    STYLE,
+    VELOCITY,
+    grid,
+    options,
+    panels,
+    relaxed,
+    save,
+    spectrum,
+    tread,
+)
 
 import graded_contact as gc
 
 PRESSURE = 0.1  # σ0/E_r0
-# Thickness times q1, modulus of the coat over the relaxed one of the rubber, and of a relaxation its
-# strength over that modulus and its time [s].
+# Thickness times q1, modulus of the coat over the relaxed one of the rubber, and of a relaxation
+# its strength over that modulus and its time [s].
 LOWER = {"depth": 0.05, "modulus": 1.0, "step": 0.01, "time": 1e-5}
 UPPER = {"depth": 6.0, "modulus": 20.0, "step": 3.0, "time": 1e-1}
 SOFTEST = (1.0, 5.0)

@@ -1,18 +1,31 @@
-"""Beyond the paper: a surface layer graded continuously, beside steps of equal integral of stiffness.
+"""Beyond the paper: a layer graded continuously, beside steps of equal integral of stiffness.
 
     python benchmarks/paper/graded_surface.py [--small]
 
 Wear leaves no sharp interface. The modulus passes linearly with height from the tread's to that of
-the surface, the relaxed one of the tread or twenty times that; the steps have, each over its part of
-the depth, the same mean of the complex modulus. Contacts at several pressures; printed is by how much
-one, two and four steps miss friction and area.
+the surface, the relaxed one of the tread or twenty times that; the steps have, each over its part
+of the depth, the same mean of the complex modulus. Contacts at several pressures; printed is by how
+much one, two and four steps miss friction and area.
 """
 
 import jax
 import numpy as np
 from matplotlib import rc_context
-from system import POISSON, Q0, SLOPES, SMALL, STYLE, VELOCITY, grid, options, panels, relaxed, save
-from system import spectrum, tread
+from system import (
+    POISSON,
+    Q0,
+    SLOPES,
+    SMALL,
+    STYLE,
+    VELOCITY,
+    grid,
+    options,
+    panels,
+    relaxed,
+    save,
+    spectrum,
+    tread,
+)
 
 import graded_contact as gc
 from graded_contact.response.layering import sliced

@@ -3,8 +3,8 @@
     python benchmarks/paper/inputs.py [--small]
 
 Printed beside: slopes and heights of the three spectra, and where the coats really hide the block,
-to set beside the paper's q d = 0.1 and 2: the loss that a wave of the surface finds in the composite
-over that of the block alone, by M_zz at ω = q v.
+to set beside the paper's q d = 0.1 and 2: the loss that a wave of the surface finds in the
+composite over that of the block alone, by M_zz at ω = q v.
 """
 
 import jax.numpy as jnp
@@ -65,7 +65,7 @@ def density(size):
 
 
 def amplitude(size, marks):
-    """Figs. amplitude.wave and psd.test: h_q = q0 √C, and where q d of two coats has some values."""
+    """Figs. amplitude.wave and psd.test: h_q = q0 √C, and where q d of two coats is at marks."""
     figure, (pane,) = panels(1, width=5.4)
     of = spectrum(size.cutoffs[-1], size, SLOPES)
     q = np.geomspace(Q0, size.cutoffs[-1] * Q0, 200)

@@ -2,16 +2,29 @@
 
     python benchmarks/paper/master_curve.py [--small]
 
-Contacts at velocities from a creep to a skid, at three temperatures each; over a_T v they lie on one
-curve of ten decades, because only ω a_T enters. Printed is how well they do, where the two curves
-stand, and what the coat leaves of the friction.
+Contacts at velocities from a creep to a skid, at three temperatures each; over a_T v they lie on
+one curve of ten decades, because only ω a_T enters. Printed is how well they do, where the two
+curves stand, and what the coat leaves of the friction.
 """
 
 import jax
 import numpy as np
 from matplotlib import rc_context
-from system import POISSON, Q0, SLOPES, SMALL, STYLE, coated, grid, options, ordered, panels, save
-from system import relaxed, spectrum
+from system import (
+    POISSON,
+    Q0,
+    SLOPES,
+    SMALL,
+    STYLE,
+    coated,
+    grid,
+    options,
+    ordered,
+    panels,
+    relaxed,
+    save,
+    spectrum,
+)
 
 import graded_contact as gc
 from graded_contact.studies.store import Store

@@ -2,8 +2,8 @@
 
     python benchmarks/paper/mean_field.py [--small]
 
-From the table of contacts.py: friction and area of the theory over those of the contact, against the
-area of the contact, by three forms of the theory. Printed is where they may be trusted.
+From the table of contacts.py: friction and area of the theory over those of the contact, against
+the area of the contact, by three forms of the theory. Printed is where they may be trusted.
 """
 
 import jax

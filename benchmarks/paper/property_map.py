@@ -10,8 +10,21 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 from matplotlib import rc_context
-from system import POISSON, Q0, SLOPES, SMALL, STYLE, VELOCITY, grid, options, panels, relaxed, save
-from system import spectrum, tread
+from system import (
+    POISSON,
+    Q0,
+    SLOPES,
+    SMALL,
+    STYLE,
+    VELOCITY,
+    grid,
+    options,
+    panels,
+    relaxed,
+    save,
+    spectrum,
+    tread,
+)
 
 import graded_contact as gc
 from graded_contact.studies.store import Store

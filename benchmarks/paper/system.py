@@ -1,10 +1,11 @@
 """The paper's contact: one rubber, one coat, one roughness cut off at three wavenumbers.
 
 M. Scaraggi & D. Comingio, "Rough contact mechanics for graded bulk rheology: The role of
-small-scale wavelengths on rubber friction", section "Numerical results" and the captions there. What
-they leave open or contradict is chosen here, once for all figures:
+small-scale wavelengths on rubber friction", section "Numerical results" and the captions there.
+What they leave open or contradict is chosen here, once for all figures:
 
-- The tread is not tabulated ("under low operating temperatures"): `gc.tyre_tread` at -5 °C, ν = 1/2.
+- The tread is not tabulated ("under low operating temperatures"): `gc.tyre_tread` at -5 °C, and
+  ν = 1/2.
 - The stated slopes (0.077, 0.095, 0.11) do not belong to the stated rms height of 0.16 mm, which
   with H = 0.8 and a flat roll-off gives 0.128, 0.150, 0.176. Friction and area follow the slopes:
   `SLOPES` has 0.11 with all waves (0.080 and 0.094 with fewer, 0.10 mm), `HEIGHTS` 0.16 mm.

@@ -6,11 +6,11 @@ The thinnest and the thickest coat at σ0/E_r0 = 0.1 and 0.3, fewest waves. Firs
 dynamics (RMD) on the law of the paper, the repulsive part of Lennard-Jones, to its tolerance of
 1e-4, beside Douglas-Rachford on the same law and on the hard wall.
 
-Then, on a smaller cell's worth of waves, sliding from rest in steps of time, where the steady solver
-never enters: M_zz at each wavenumber is written as a glassy part and branches that creep with given
-times, by nonnegative least squares, so that an implicit Euler step is an elastic contact. Waves
-along the ridges (q_x = 0), which would creep for hours, are at rest from the start. The error is of
-first order in the step: extrapolated from two.
+Then, with fewer waves, sliding from rest in steps of time, where the steady solver never enters:
+M_zz at each wavenumber is written as a glassy part and branches that creep with given times, by
+nonnegative least squares, so that an implicit Euler step is an elastic contact. Waves across the
+sliding (q_x = 0), which would creep for hours, are at rest from the start. The error is of first
+order in the step: extrapolated from two.
 """
 
 import time
@@ -21,9 +21,20 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 from scipy.optimize import nnls
-from system import CLOSE_UP, FULL, Q0, SLOPES, SMALL, VELOCITY, coated, grid, options, relaxed
+from system import (
+    CLOSE_UP,
+    FULL,
+    Q0,
+    SLOPES,
+    SMALL,
+    VELOCITY,
+    coated,
+    grid,
+    options,
+    relaxed,
+    tread,
+)
 from system import spectrum as spectrum_of
-from system import tread
 
 import graded_contact as gc
 from graded_contact.contact.rmd import ResidualDynamics
@@ -67,13 +78,13 @@ def dynamics(size):
             throw=False,
         )  # fmt: skip
         print(f"  q0 d = {depth:.3g}, σ0/E_r0 = {ratio}; in brackets against rtol = 1e-8")
-        for name, law in (("hard wall", gc.HardWall()), ("Lennard-Jones", law)):
-            best = slide(law=law, rtol=1e-8)
+        for name, of in (("hard wall", gc.HardWall()), ("Lennard-Jones", law)):
+            best = slide(law=of, rtol=1e-8)
             ways = {"Douglas-Rachford, rtol = 1e-3": {"rtol": 1e-3}}
             if name != "hard wall":
                 ways["RMD, 1e-4"] = {"rtol": 1e-4, "solver": ResidualDynamics()}
             for way, settings in ways.items():
-                run = partial(slide, law=law, **settings)
+                run = partial(slide, law=of, **settings)
                 jax.block_until_ready(run())  # compiles
                 start = time.perf_counter()
                 found = jax.block_until_ready(run())
