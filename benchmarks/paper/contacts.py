@@ -39,8 +39,6 @@ from system import (
 
 import graded_contact as gc
 from graded_contact.studies.store import Store
-from graded_contact.studies.study import Study, read_study
-from graded_contact.studies.sweep import sweep
 
 RTOL = 1e-3  # of the pressure; friction and area are then known ten times better, or more
 WAVES = 48  # at which the friction of longer waves is kept
@@ -110,7 +108,7 @@ def contact(part: Part, cutoff: int, size: Size):
     return rub
 
 
-def solve(size: Size, store: Store, cutoffs: tuple[int, ...]) -> Study:
+def solve(size: Size, store: Store, cutoffs: tuple[int, ...]) -> gc.Study:
     """The table: a row for each point, with what it is a point of."""
     columns: list[dict[str, np.ndarray]] = []
     ends = []
@@ -123,7 +121,7 @@ def solve(size: Size, store: Store, cutoffs: tuple[int, ...]) -> Study:
         start = time.perf_counter()
         name = f"rubber {part.rubber}, roughness {part.roughness}, q1/q0 = {cutoff}"
         with bar(name) as advance:
-            study = sweep(contact(part, cutoff, size), points, store=store, progress=advance)
+            study = gc.sweep(contact(part, cutoff, size), points, store=store, progress=advance)
         told = sum(study.message != "")
         print(f"{name}: {len(points)} points, {time.perf_counter() - start:.0f} s, {told} failed")
         _, depth, ratio = np.array(part.points).T
@@ -133,10 +131,10 @@ def solve(size: Size, store: Store, cutoffs: tuple[int, ...]) -> Study:
         ends.append(study.message)
     values = {key: np.concatenate([one[key] for one in columns]) for key in columns[0]}
     message = np.concatenate(ends)
-    return Study({"point": np.arange(len(message))}, values, message, study.units)
+    return gc.Study({"point": np.arange(len(message))}, values, message, study.units)
 
 
-def found(folder: Path) -> Study:
+def found(folder: Path) -> gc.Study:
     """The table that was solved.
 
     **Raises:** `FileNotFoundError` before it was.
@@ -144,10 +142,10 @@ def found(folder: Path) -> Study:
     path = folder / "contacts.h5"
     if not path.exists():
         raise FileNotFoundError(f"{path} does not exist: run contacts.py with the same options.")
-    return read_study(path)
+    return gc.read_study(path)
 
 
-def rows(study: Study, **labels: float) -> dict[str, np.ndarray]:
+def rows(study: gc.Study, **labels: float) -> dict[str, np.ndarray]:
     """The rows of the table with these labels, such as cutoff=256, that succeeded."""
     kept = study.message == ""
     for name, value in labels.items():

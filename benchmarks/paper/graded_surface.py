@@ -30,7 +30,6 @@ from system import (
 import graded_contact as gc
 from graded_contact.response.layering import sliced
 from graded_contact.studies.store import Store
-from graded_contact.studies.sweep import sweep
 
 STEPS = (0, 1, 2, 4)  # 0: continuous
 TOPS = (1.0, 20.0)  # modulus of the surface over the relaxed one
@@ -65,7 +64,7 @@ def main():
         figure, panes = panels(4, height=5.6, rows=2)
         for row, top in enumerate(TOPS):
             found = [
-                sweep(contact(size, steps, top, depth), {"pressure": pressures}, store=store)
+                gc.sweep(contact(size, steps, top, depth), {"pressure": pressures}, store=store)
                 for steps in STEPS
             ]
             for pane, quantity in zip(

@@ -28,7 +28,6 @@ from system import (
 
 import graded_contact as gc
 from graded_contact.studies.store import Store
-from graded_contact.studies.sweep import sweep
 
 REFERENCE = 268.15  # K
 TEMPERATURES = (263.15, 283.15, 313.15)
@@ -76,7 +75,7 @@ def main():
     ]
     given.output.mkdir(parents=True, exist_ok=True)
     with Store(given.output / "master_curve.points") as store:
-        found = sweep(contact(size), points, store=store)
+        found = gc.sweep(contact(size), points, store=store)
     print(f"{len(points)} contacts, {np.sum(found.message != '')} failed")
     at = found["velocity"] * np.interp(found["temperature"], TEMPERATURES, factors)
     with rc_context(STYLE):

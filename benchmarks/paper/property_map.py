@@ -28,7 +28,6 @@ from system import (
 
 import graded_contact as gc
 from graded_contact.studies.store import Store
-from graded_contact.studies.sweep import sweep
 
 PROPERTIES = {
     "thickness": "thickness of the coat",
@@ -85,7 +84,7 @@ def main():
     axes = {"thickness": depths / Q0, "pressure": ratios * relaxed(tread())}
     given.output.mkdir(parents=True, exist_ok=True)
     with Store(given.output / "property_map.points") as store:
-        found = sweep(contact(size), axes, store=store)
+        found = gc.sweep(contact(size), axes, store=store)
     print(f"{found.message.size} contacts and gradients, {np.sum(found.message != '')} failed")
     with rc_context(STYLE):
         figure, panes = panels(6, width=9, height=5.2, rows=2)
