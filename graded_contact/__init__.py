@@ -63,7 +63,9 @@ if TYPE_CHECKING:
     from . import plot
     from .files.results import read_results
     from .files.scene import read_scene
+    from .files.study import Study, read_study
     from .studies.run import run_scene
+    from .studies.sweep import sweep
 
 __version__ = "0.1.0"
 
@@ -93,7 +95,8 @@ __all__ = [  # noqa: RUF022 (grouped by room)
     # fitting
     "fit_prony", "fit_relaxation", "fit_creep", "PronyFit", "master_curve", "MasterCurve",
     # studies
-    "minimise", "Design", "with_values", "design", "propagate", "sensitivity",
+    "sweep", "Study", "read_study", "minimise", "Design", "with_values", "design", "propagate",
+    "sensitivity",
     # figures
     "plot",
 ]  # fmt: skip
@@ -103,7 +106,10 @@ _LATER = {
     "plot": ".plot",
     "read_results": ".files.results",
     "read_scene": ".files.scene",
+    "read_study": ".files.study",
     "run_scene": ".studies.run",
+    "Study": ".files.study",
+    "sweep": ".studies.sweep",
 }
 
 

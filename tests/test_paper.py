@@ -1,4 +1,4 @@
-"""The scripts that draw the paper's figures, at small size; they draw from contacts solved first."""
+"""The scripts that draw the paper's figures, at small size, contacts first."""
 
 import subprocess
 import sys
