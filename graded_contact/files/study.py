@@ -151,6 +151,12 @@ class Spread(NamedTuple):
 def read_study(path: str | os.PathLike) -> Study:
     """Returns the study in a file that `Study.write` wrote, bit for bit.
 
+    **Arguments:**
+
+    - `path`: of the HDF5 file.
+
+    **Returns:** a `Study`.
+
     **Raises:** `FileNotFoundError`; `ValueError` for another file or a damaged one.
     """
     if not Path(path).exists():
