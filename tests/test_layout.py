@@ -34,7 +34,7 @@ ORDER = [
     "fitting/quality", "fitting/result", "fitting/prony",
     "fitting/shifted_series", "fitting/shifted_observations", "fitting/isotherms",
     "fitting/shifting", "fitting/master",
-    "studies/interruption", "studies/store",
+    "studies/interruption", "studies/store", "studies/checkpoint",
     "studies/objectives", "studies/evaluations",
     "studies/bounds", "studies/problem", "studies/design", "studies/alternatives",
     "studies/stochastic",

@@ -23,6 +23,7 @@ from .solver import (
     Iterated,
     LinearSolver,
     Prescribed,
+    hand_over,
     least_compliance,
     participation,
     penalty_for,
@@ -63,6 +64,7 @@ class DouglasRachford(AbstractContactSolver):
       grid three quarters of one.
     - `coarsest`: nesting starts from the first grid with fewer than twice this many points a side.
     - `linear`: finds derivatives, see `AbstractContactSolver`.
+    - `keep`: called with the pressure [Pa] on the finest grid now and then while a solve goes on.
     """
 
     max_steps: int = eqx.field(default=4000, static=True)
@@ -70,6 +72,7 @@ class DouglasRachford(AbstractContactSolver):
     memory: int = eqx.field(default=5, static=True)
     coarsest: int = eqx.field(default=64, static=True)
     linear: LinearSolver = LinearSplitting()
+    keep: Callable[[Array], None] | None = None
     finds_unstable: ClassVar[bool] = True
 
     def __check_init__(self):
@@ -111,15 +114,18 @@ class DouglasRachford(AbstractContactSolver):
                 _on_grid(near, rough, waves, law, prescribed, unit, guess),
                 guess,
                 rtol if finest else jnp.asarray(_COARSE_ERROR, rtol.dtype),
+                self.keep if finest else None,
             )
             pressure = found.pressure
             pairs = pairs + share * (found.num_fft_pairs + (0 if finest else 0.5))
         assert found is not None  # there is at least one grid
         return dataclasses.replace(found, num_fft_pairs=pairs)
 
-    def _solve_on(self, problem: "_OnGrid", guess, rtol) -> Iterated:
+    def _solve_on(self, problem: "_OnGrid", guess, rtol, keep) -> Iterated:
         """Solves on one grid, from a pressure or from none."""
         how: dict[str, Any] = dict(rtol=rtol, relaxation=self.relaxation, memory=self.memory)
+        if keep is not None:
+            how["watch"] = lambda cycle, y: hand_over(keep, cycle, y * problem.unit)
         z = _start(problem, guess)
         z, drafted = draft(problem.splitting(1.0), z, max_steps=self.max_steps, **how)
         z, factor, steps, epochs, error, going_on = self._epochs(problem, z, how)

@@ -12,10 +12,13 @@ from typing import NamedTuple
 import equinox as eqx
 import jax
 import jax.numpy as jnp
+from jax.experimental import io_callback
 from jaxtyping import Array, Bool, Float, Inexact
 
 from .anderson import sums
 from .law import AbstractLaw
+
+KEPT = 5  # cycles between pressures that are handed over
 
 # Solves the linear system of `implicit.py`, as `LinearSplitting` does: called with the kernel times
 # the penalty, s and the right side, and with the keywords `free_mean` and `rtol`, it returns τ.
@@ -98,6 +101,14 @@ class AbstractContactSolver(eqx.Module):
         - `rtol`: wanted relative error of the pressure [1].
         - `start`: a pressure [Pa] to begin from, or None.
         """
+
+
+def hand_over(
+    keep: Callable[[Array], None], cycle: Array, pressure: Float[Array, "*shape"]
+) -> None:
+    """Calls Python with a pressure every few cycles, out of a compiled loop."""
+    due = cycle % KEPT == KEPT - 1
+    jax.lax.cond(due, lambda: io_callback(keep, None, pressure), lambda: None)
 
 
 def penalty_for(

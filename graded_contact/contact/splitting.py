@@ -104,10 +104,12 @@ def iterate(
     memory: int,
     max_steps: Array | int,
     draft: bool = False,
+    watch: Callable | None = None,
 ) -> History:
     """Returns the last state: z, the estimated relative error, whether it was `going_on`.
 
     It ends where rounding hides the residual; a `draft` when rounding alone would cause the error.
+    `watch` is called with the number of each cycle and its y.
     """
     solid = splitting.solid
     eps = jnp.finfo(z.dtype).eps
@@ -135,13 +137,15 @@ def iterate(
         if draft:
             least, least_stiff = rounding * jnp.sqrt(scale / unit)
             lost |= error <= _error(least, least_stiff, share)
-        return image, error, lost
+        return image, error, lost, y
 
     def running(state):
         return state.going_on & (state.cycles * CYCLE < max_steps)
 
     def body(state):
-        image, error, lost = cycle(state.z)
+        image, error, lost, y = cycle(state.z)
+        if watch is not None:
+            watch(state.cycles, y)
         # Steps never raise the residual of a law without attraction, acceleration may: the
         # last image has at most the residual that ended the loop.
         return accelerate(state, image, error, (error > rtol) & ~lost)
@@ -160,7 +164,9 @@ def draft(
         return z, jnp.asarray(0)
     single, begin, rtol = _to_single((splitting, z, rtol))
     last = iterate(single, begin, rtol=rtol, draft=True, **settings)
-    return last.z.astype(z.dtype), last.cycles * CYCLE
+    # A start that is as good already keeps its digits.
+    z = jnp.where(last.cycles > 1, last.z.astype(z.dtype), z)
+    return z, last.cycles * CYCLE
 
 
 def _to_single(tree):
