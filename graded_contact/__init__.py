@@ -64,6 +64,7 @@ if TYPE_CHECKING:
     from .files.results import read_results
     from .files.scene import read_scene
     from .files.study import Study, read_study
+    from .studies.checkpoint import checkpointed
     from .studies.run import run_scene
     from .studies.sweep import sweep
 
@@ -96,7 +97,7 @@ __all__ = [  # noqa: RUF022 (grouped by room)
     "fit_prony", "fit_relaxation", "fit_creep", "PronyFit", "master_curve", "MasterCurve",
     # studies
     "sweep", "Study", "read_study", "minimise", "Design", "with_values", "design", "propagate",
-    "sensitivity",
+    "sensitivity", "checkpointed",
     # figures
     "plot",
 ]  # fmt: skip
@@ -109,6 +110,7 @@ _LATER = {
     "read_study": ".files.study",
     "run_scene": ".studies.run",
     "Study": ".files.study",
+    "checkpointed": ".studies.checkpoint",
     "sweep": ".studies.sweep",
 }
 

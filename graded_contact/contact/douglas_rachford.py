@@ -23,7 +23,6 @@ from .solver import (
     Iterated,
     LinearSolver,
     Prescribed,
-    hand_over,
     least_compliance,
     participation,
     penalty_for,
@@ -32,6 +31,7 @@ from .solver import (
     slope,
     third_mode,
     to_mean,
+    watch_of,
 )
 from .splitting import (
     CYCLE,
@@ -124,8 +124,7 @@ class DouglasRachford(AbstractContactSolver):
     def _solve_on(self, problem: "_OnGrid", guess, rtol, keep) -> Iterated:
         """Solves on one grid, from a pressure or from none."""
         how: dict[str, Any] = dict(rtol=rtol, relaxation=self.relaxation, memory=self.memory)
-        if keep is not None:
-            how["watch"] = lambda cycle, y: hand_over(keep, cycle, y * problem.unit)
+        how["watch"] = watch_of(keep, problem.unit)
         z = _start(problem, guess)
         z, drafted = draft(problem.splitting(1.0), z, max_steps=self.max_steps, **how)
         z, factor, steps, epochs, error, going_on = self._epochs(problem, z, how)

@@ -18,7 +18,7 @@ from jaxtyping import Array, Bool, Float, Inexact
 from .anderson import sums
 from .law import AbstractLaw
 
-KEPT = 5  # cycles between pressures that are handed over
+KEPT = 5  # cycles between pressures given to `keep`
 
 # Solves the linear system of `implicit.py`, as `LinearSplitting` does: called with the kernel times
 # the penalty, s and the right side, and with the keywords `free_mean` and `rtol`, it returns τ.
@@ -103,12 +103,19 @@ class AbstractContactSolver(eqx.Module):
         """
 
 
-def hand_over(
-    keep: Callable[[Array], None], cycle: Array, pressure: Float[Array, "*shape"]
-) -> None:
-    """Calls Python with a pressure every few cycles, out of a compiled loop."""
-    due = cycle % KEPT == KEPT - 1
-    jax.lax.cond(due, lambda: io_callback(keep, None, pressure), lambda: None)
+def watch_of(keep: Callable[[Array], None] | None, unit: Float[Array, ""]) -> Callable | None:
+    """Returns what to call with the number of each cycle and its pressure in `unit`.
+
+    Out of a compiled loop, it calls `keep` in Python with the pressure [Pa] of every few cycles.
+    """
+    if keep is None:
+        return None
+
+    def watch(cycle, pressure):
+        due = cycle % KEPT == KEPT - 1
+        jax.lax.cond(due, lambda: io_callback(keep, None, pressure * unit), lambda: None)
+
+    return watch
 
 
 def penalty_for(
