@@ -4,18 +4,23 @@
     python benchmarks/bench_sweep.py kills [--kills 20] [--points 200] [--seed 0]
 
 `throughput`: friction of a tread at `points` velocities and pressures, rtol 1e-4: a plain loop over
-`slide`, `sweep` in this process, and `sweep` on local workers that share out the cores. Compiling,
-starting workers and their first chunks are apart. The bits of all ways are compared with those of
-`sweep` in this process.
+`slide`; `sweep` in this process; by one worker with 1/W of the cores; by W workers. Apart are the
+seconds until the first chunk is back (compiling or loading what is compiled, starting workers) and
+the pace afterwards. Bits are compared with those of `sweep` in this process. Then an elastic block,
+at the same pressures, beside Tamaas, if it is installed. The constants of `studies/engine.py` are
+from here.
 
-`kills`: a study of contacts in a store, whose process is ended by SIGKILL at random moments and
-started again; then one whose workers are killed. Afterwards every point must be there once, and the
-study equal bit for bit to an undisturbed one.
+`kills`: studies of contacts in a store. One is ended by SIGKILL at random moments, and started
+again; in another workers are killed; in a third the disk is full for a while; a fourth is started
+twice at once. Afterwards every point must be there once, and the study equal bit for bit to an
+undisturbed one.
 """
 
 import argparse
+import contextlib
 import os
 import platform
+import resource
 import signal
 import subprocess
 import sys
@@ -29,6 +34,7 @@ os.environ.setdefault("XLA_FLAGS", "--xla_cpu_multi_thread_eigen=false")
 
 import jax
 import numpy as np
+import psutil
 
 import graded_contact as gc
 from graded_contact.files.study import Study, read_study
@@ -38,16 +44,20 @@ from graded_contact.studies.sweep import sweep
 jax.config.update("jax_enable_x64", True)
 
 CELL = 1e-3  # m
+MODULUS = 1e7  # Pa, of the elastic block
 
 
-def contact(size: int):
-    """Friction and area of a tread under a self-affine surface of size² points."""
+def surface_of(size: int) -> gc.Surface:
     q0 = 2 * np.pi / CELL
     spectrum = gc.SelfAffine(
         rms_slope=0.2, hurst=0.8, q_low=q0, q_roll=4 * q0, q_high=size / 8 * q0
     )
-    surface = gc.random_surface(spectrum, gc.Grid((size, size), CELL), jax.random.key(0))
-    stack = gc.Stack(base=gc.HalfSpace(gc.tyre_tread()))
+    return gc.random_surface(spectrum, gc.Grid((size, size), CELL), jax.random.key(0))
+
+
+def contact(surface: gc.Surface, material):
+    """Friction and area of a half space under a surface."""
+    stack = gc.Stack(base=gc.HalfSpace(material))
 
     def rub(point):
         found = gc.slide(
@@ -57,8 +67,8 @@ def contact(size: int):
         return {
             "friction": found.friction,
             "contact_area": found.contact_area,
-            "num_fft_pairs": found.contact.num_fft_pairs,
-            "result": found.contact.result,
+            "num_fft_pairs": found.num_fft_pairs,
+            "result": found.result,
         }
 
     return rub
@@ -69,136 +79,212 @@ def axes_of(points: int) -> dict:
 
 
 def throughput(sizes: list[int], points: int, workers: list[int]) -> None:
-    print(f"{'N':>5s}  {'way':24s} {'first [s]':>10s} {'rest [s]':>9s} {'points/s':>9s}  same bits")
+    print(f"{'N':>5s}  {'way':38s} {'first [s]':>10s} {'points/s':>9s}  same bits")
     for size in sizes:
-        rub, axes = contact(size), axes_of(points)
-        grid = np.meshgrid(*axes.values(), indexing="ij")
-        each = [dict(zip(axes, at, strict=True)) for at in zip(*map(np.ravel, grid), strict=True)]
-        start = time.perf_counter()
-        jitted = jax.jit(rub)
-        jax.block_until_ready(jitted(each[0]))
-        first = time.perf_counter() - start
-        start = time.perf_counter()
-        looped = [float(jitted(point)["friction"]) for point in each]
-        row(size, "loop", first, time.perf_counter() - start, points, "")
+        surface, axes = surface_of(size), axes_of(points)
+        rub = contact(surface, gc.tyre_tread())
+        looped, told = in_a_loop(rub, axes)
+        row(size, "loop", told, "")
         here, told = timed(rub, axes)
-        same = np.max(np.abs(here["friction"].ravel() - looped))
-        row(size, "sweep, one process", *told, points, f"loop within {same:.0e}")
+        near = np.max(np.abs(here["friction"].ravel() - looped))
+        row(size, "sweep, this process", told, f"loop within {near:.0e}")
         for count in workers:
-            start = time.perf_counter()
-            with local_workers(count) as client:
-                up = time.perf_counter() - start
-                found, (first, rest) = timed(rub, axes, client=client, leave_out=count)
+            rates = []
+            for way, number, cores in [("one worker with 1/W of the cores", 1, count),
+                                       ("W workers", count, 1)]:  # fmt: skip
+                with some_cores(cores):
+                    start = time.perf_counter()
+                    with local_workers(number) as client:
+                        up = time.perf_counter() - start
+                        found, (first, rate) = timed(rub, axes, client=client)
                 same = found["friction"].tobytes() == here["friction"].tobytes()
-                row(size, f"sweep, {count} workers", up + first, rest, points, str(same))
+                row(size, f"sweep, {way}, W = {count}", (up + first, rate), str(same))
+                rates.append(rate)
+            print(f"{size:5d}  W workers / (W x one of them) = {rates[1] / rates[0] / count:.2f}")
+        elastic(size, surface, points)
 
 
-def timed(rub, axes, *, leave_out: int = 1, **options) -> tuple[Study, tuple[float, float]]:
-    """A study, the time to its first chunks, and that of all at the pace of the rest."""
-    moments = [time.perf_counter()]
-    found = sweep(rub, axes, progress=lambda *_: moments.append(time.perf_counter()), **options)
-    first = moments[leave_out] - moments[0]
-    pace = (moments[-1] - moments[leave_out]) / (len(moments) - 1 - leave_out)
-    return found, (first, pace * (len(moments) - 1))
+def elastic(size: int, surface: gc.Surface, points: int) -> None:
+    """Pressed, not rubbed: the same points by `sweep` and by Tamaas."""
+    pressures = np.geomspace(1e-3, 1e-1, points) * MODULUS
+    press = contact(surface, gc.Elastic(MODULUS))
+    _, told = timed(press, {"pressure": pressures, "velocity": [0.0]})
+    row(size, "elastic: sweep, this process", told, "")
+    try:
+        import tamaas
+    except ImportError:
+        print(f"{size:5d}  elastic: tamaas is not installed")
+        return
+    tamaas.set_log_level(tamaas.LogLevel.error)
+    model = tamaas.Model(tamaas.model_type.basic_2d, [CELL, CELL], [size, size])
+    model.E, model.nu = MODULUS, 0.5
+    start = time.perf_counter()
+    for pressure in pressures:
+        model.traction[...] = 0
+        tamaas.PolonskyKeerRey(model, np.array(surface.heights), 1e-4).solve(float(pressure))
+    row(size, "elastic: tamaas", (0.0, points / (time.perf_counter() - start)), "")
 
 
-def row(size, way, first, rest, points, same):
-    print(
-        f"{size:5d}  {way:24s} {first:10.2f} {rest:9.2f} {points / rest:9.1f}  {same}", flush=True
-    )
+def in_a_loop(rub, axes) -> tuple[list[float], tuple[float, float]]:
+    grid = np.meshgrid(*axes.values(), indexing="ij")
+    each = [dict(zip(axes, at, strict=True)) for at in zip(*map(np.ravel, grid), strict=True)]
+    jitted, start = jax.jit(rub), time.perf_counter()
+    jax.block_until_ready(jitted(each[0]))
+    first, start = time.perf_counter() - start, time.perf_counter()
+    found = [float(jitted(point)["friction"]) for point in each]
+    return found, (first, len(each) / (time.perf_counter() - start))
 
 
-def study(folder: str, points: int, pids: str | None = None) -> None:
-    """The process that is killed: one study into `folder`; with `pids` on two workers."""
-    arguments = (contact(64), axes_of(points))
-    place = Path(folder)
-    if pids is None:
-        found = sweep(*arguments, store=place / "points")
-    else:
-        with local_workers(2) as client:
-            Path(pids).write_text(" ".join(map(str, client.run(os.getpid).values())))
-            found = sweep(*arguments, store=place / "points", client=client)
+def timed(rub, axes, **options) -> tuple[Study, tuple[float, float]]:
+    """A study, the seconds until the first chunk is there, and points per second afterwards."""
+    start, marks = time.perf_counter(), []
+    found = sweep(rub, axes, progress=lambda done, _: marks.append((done, time.perf_counter())),
+                  **options)  # fmt: skip
+    # All workers have compiled when a quarter is done.
+    begun = next(mark for mark in marks if 4 * mark[0] >= marks[-1][0])
+    rate = (marks[-1][0] - begun[0]) / (marks[-1][1] - begun[1])
+    return found, (marks[0][1] - start, rate)
+
+
+@contextlib.contextmanager
+def some_cores(part: int):
+    """This process, and those that it starts, with 1/part of the cores."""
+    if not hasattr(os, "sched_setaffinity"):
+        yield
+        return
+    cores = sorted(os.sched_getaffinity(0))
+    os.sched_setaffinity(0, cores[: max(1, len(cores) // part)])
+    yield
+    os.sched_setaffinity(0, cores)
+
+
+def row(size, way, told, same):
+    print(f"{size:5d}  {way:38s} {told[0]:10.2f} {told[1]:9.1f}  {same}", flush=True)
+
+
+def study(place: Path, size: int, points: int, workers: int, full_after: int) -> None:
+    """The process that is killed: one study into a folder."""
+
+    def fill(done, _):
+        if done >= full_after:  # no file can grow beyond a byte, as on a full disk
+            signal.signal(signal.SIGXFSZ, signal.SIG_IGN)
+            resource.setrlimit(resource.RLIMIT_FSIZE, (1, resource.RLIM_INFINITY))
+
+    found = sweep(contact(surface_of(size), gc.tyre_tread()), axes_of(points),
+                  store=place / "points", workers=workers or None, progress=fill)  # fmt: skip
     found.write(place / "study.h5")
 
 
-def kills(count: int, points: int, seed: int) -> None:
-    generator = np.random.default_rng(seed)
-    with tempfile.TemporaryDirectory() as folder:
-        start = time.perf_counter()
-        run(Path(folder) / "whole", points).wait()
-        whole, took = read_study(Path(folder) / "whole/study.h5"), time.perf_counter() - start
-        print(f"undisturbed: {points} points in {took:.1f} s, start included")
-        place, lost = Path(folder) / "killed", 0
-        for number in range(count):
-            before = kept(place)
-            process = run(place, points)
-            # Half of them at any moment, most of which is the start; half after points of its own.
-            wanted = len(before) + int(generator.integers(1, 2 + (points - len(before)) // 4))
-            limit = time.perf_counter() + generator.uniform(0, took) * (1 if number % 2 else 100)
-            while len(kept(place)) < wanted and time.perf_counter() < limit:
-                time.sleep(0.01)
-            process.send_signal(signal.SIGKILL)
-            process.wait()
-            after = kept(place)
-            lost += sum(after.get(name) != data for name, data in before.items())
-            print(f"kill {number + 1:2d}: {len(before):3d} -> {len(after):3d} points", flush=True)
-        run(place, points).wait()
-        check(place, whole, lost, points)
-        place, lost = Path(folder) / "workers", 0
-        pids = Path(folder) / "pids"
-        process = run(place, points, str(pids))
-        while process.poll() is None:
-            time.sleep(generator.uniform(0.5, 2))
-            if pids.exists() and lost < count // 2 and kept(place):
-                victim = int(generator.choice(pids.read_text().split()))
-                try:
-                    os.kill(victim, signal.SIGKILL)
-                    lost += 1
-                except ProcessLookupError:
-                    pass
-        print(f"workers killed: {lost}")
-        check(place, whole, 0, points)
-
-
-def run(place: Path, points: int, pids: str | None = None) -> subprocess.Popen:
+def start(place: Path, size: int, points: int, *options: object) -> subprocess.Popen:
     place.mkdir(exist_ok=True)
-    program = f"from bench_sweep import study\nif __name__ == '__main__':\n    study({str(place)!r}, {points}, {pids!r})\n"  # noqa: E501
-    script = place / "study.py"
-    script.write_text(program)
-    paths = os.pathsep.join(
-        filter(None, (str(Path(__file__).parent), os.environ.get("PYTHONPATH")))
-    )
-    return subprocess.Popen([sys.executable, str(script)], env=os.environ | {"PYTHONPATH": paths})
+    return subprocess.Popen(
+        [sys.executable, __file__, "study", str(place), "--sizes", str(size), "--points",
+         str(points), *map(str, options)], stderr=subprocess.PIPE, text=True,
+    )  # fmt: skip
+
+
+def kills(size: int, count: int, points: int, seed: int) -> None:
+    draw = np.random.default_rng(seed)
+    with tempfile.TemporaryDirectory() as folder:
+        base, begin = Path(folder), time.perf_counter()
+        start(base / "whole", size, points).communicate()
+        whole, took = read_study(base / "whole/study.h5"), time.perf_counter() - begin
+        print(f"undisturbed: {points} points of {size}² in {took:.1f} s, start included")
+
+        lost = sum(killed(base / "killed", size, points, took, draw) for _ in range(count))
+        start(base / "killed", size, points).communicate()
+        check(base / "killed", f"{count} kills of the client", whole, lost, points)
+
+        number = workers_killed(base / "workers", size, points, count // 2, draw)
+        check(base / "workers", f"{number} kills of workers", whole, 0, points)
+
+        full = start(base / "full", size, points, "--full-after", points // 2)
+        said = full.communicate()[1].strip().splitlines()[-1]
+        print(f"full disk: {len(kept(base / 'full'))} points kept; {said}")
+        before = kept(base / "full")
+        start(base / "full", size, points).communicate()
+        check(base / "full", "full disk", whole, num_lost(before, kept(base / "full")), points)
+
+        both = [start(base / "both", size, points) for _ in range(2)]
+        said = [one.communicate()[1].strip().splitlines() for one in both]
+        ends = [lines[-1] if lines else "no error" for lines in said]
+        print("two clients:", "; ".join(ends))
+        check(base / "both", "two clients", whole, 0, points)
+
+
+def killed(place: Path, size: int, points: int, took: float, draw: np.random.Generator) -> int:
+    """Kills a client; returns how many of the points that it found are lost or changed."""
+    before, process = kept(place), start(place, size, points)
+    # Half of them at any moment, most of which is the start; half after points of its own.
+    wanted = len(before) + int(draw.integers(1, 2 + (points - len(before)) // 4))
+    limit = time.perf_counter() + draw.uniform(0, took) * draw.choice([1, 100])
+    while len(kept(place)) < wanted and time.perf_counter() < limit and process.poll() is None:
+        time.sleep(0.01)
+    process.send_signal(signal.SIGKILL)
+    process.communicate()
+    after = kept(place)
+    print(f"killed: {len(before):3d} -> {len(after):3d} points", flush=True)
+    return num_lost(before, after)
+
+
+def workers_killed(
+    place: Path, size: int, points: int, count: int, draw: np.random.Generator
+) -> int:
+    """Kills workers of a study, each after points that came since the last; returns how many."""
+    process, number, seen = start(place, size, points, "--workers", 2), 0, 0
+    while process.poll() is None:
+        time.sleep(draw.uniform(0, 1))
+        if number == count or len(kept(place)) == seen:
+            continue
+        seen = len(kept(place))
+        with contextlib.suppress(psutil.NoSuchProcess, IndexError):
+            children = psutil.Process(process.pid).children()
+            workers = [c for c in children if any("spawn_main" in word for word in c.cmdline())]
+            workers[draw.integers(len(workers))].kill()
+            number += 1
+            print(f"worker killed at {seen} points", flush=True)
+    process.communicate()
+    return number
 
 
 def kept(place: Path) -> dict[str, bytes]:
-    return {path.name: path.read_bytes() for path in (place / "points").glob("*.h5")}
+    return {path.name: path.read_bytes() for path in (place / "points").glob("[!.]*.h5")}
 
 
-def check(place: Path, whole: Study, lost: int, points: int) -> None:
+def num_lost(before: dict[str, bytes], after: dict[str, bytes]) -> int:
+    return sum(after.get(name) != data for name, data in before.items())
+
+
+def check(place: Path, what: str, whole: Study, lost: int, points: int) -> None:
     found = read_study(place / "study.h5")
     same = all(found[name].tobytes() == whole[name].tobytes() for name in whole.values)
-    print(f"{place.name}: {len(kept(place))} of {points} points kept, {lost} lost or changed; "
-          f"equal bit for bit: {same and found.complete}")  # fmt: skip
+    print(f"{what}: {len(kept(place))} of {points} points kept, {lost} lost or changed; "
+          f"equal bit for bit: {same and found.complete}", flush=True)  # fmt: skip
 
 
 def main() -> None:
     parser = argparse.ArgumentParser(
         description=__doc__, formatter_class=argparse.RawTextHelpFormatter
     )
-    parser.add_argument("section", choices=["throughput", "kills"])
-    parser.add_argument("--sizes", type=int, nargs="+", default=[128, 256, 512])
+    parser.add_argument("section", choices=["throughput", "kills", "study"])
+    parser.add_argument("folder", nargs="?", type=Path, help="of `study`, which `kills` runs")
+    parser.add_argument("--sizes", type=int, nargs="+")
     parser.add_argument("--points", type=int, default=200)
     parser.add_argument("--workers", type=int, nargs="*", default=[1, 2])
     parser.add_argument("--kills", type=int, default=20)
+    parser.add_argument("--full-after", type=int, default=2**31)
     parser.add_argument("--seed", type=int, default=0)
     given = parser.parse_args()
+    if given.section == "study":
+        workers = given.workers[0] if len(given.workers) == 1 else 0
+        study(given.folder, given.sizes[0], given.points, workers, given.full_after)
+        return
     packages = ("graded_contact", "jax", "distributed")
     print(platform.machine(), os.cpu_count(), "cores;", *(f"{p} {version(p)}" for p in packages))
     if given.section == "throughput":
-        throughput(given.sizes, given.points, given.workers)
+        throughput(given.sizes or [128, 256, 512], given.points, given.workers)
     else:
-        kills(given.kills, given.points, given.seed)
+        kills((given.sizes or [256])[0], given.kills, given.points, given.seed)
 
 
 if __name__ == "__main__":

@@ -30,6 +30,11 @@ OPTIONS = (
     "jax_enable_x64", "jax_compilation_cache_dir", "jax_persistent_cache_min_compile_time_secs",
     "jax_persistent_cache_min_entry_size_bytes",
 )  # fmt: skip
+SETTINGS = {  # of dask, for workers of our own
+    "distributed.scheduler.allowed-failures": 1,
+    # Where a worker is not back sooner, it is given up; 15 s are short on a busy machine.
+    "distributed.deploy.lost-worker-timeout": "1 hour",
+}
 _compiling = threading.Lock()
 
 
@@ -40,7 +45,10 @@ def local_workers(count: int) -> Iterator[Any]:
     **Raises:** `ImportError` without the extra `cluster`.
     """
     distributed = _distributed()
+    import dask
+
     with (
+        dask.config.set(SETTINGS),
         distributed.LocalCluster(
             n_workers=count, threads_per_worker=1, memory_limit=0, dashboard_address=None,
             silence_logs=50,
@@ -70,7 +78,8 @@ def joined(address: str) -> Iterator[Any]:
 def on_workers(client: Any, program: Program, work: Work) -> Iterator[Finished]:
     """Yields points as they end.
 
-    A point is failed if its worker dies four times while nothing else runs.
+    Points whose workers have died too often (twice here, four times at dask's default) are tried
+    alone, as often; one that fails then, is failed.
 
     **Arguments:**
 
@@ -114,6 +123,7 @@ def on_workers(client: Any, program: Program, work: Work) -> Iterator[Finished]:
             error = future.exception() if future.status == "error" else None
             if not isinstance(error, distributed.KilledWorker):
                 values, messages, seconds = future.result()
+                future.release()  # or it would be done again when its worker dies
                 pace.note(len(points), seconds)
                 yield Finished(points, values, messages)
             elif alone:

@@ -1,6 +1,7 @@
 """A function at many points: every point once, kept at once, the same bits however it was done."""
 
 import csv
+import os
 import pickle
 import signal
 
@@ -305,6 +306,21 @@ def test_a_scheduler_without_workers_is_told(threads):
     threads.retire_workers(list(threads.scheduler_info()["workers"]))
     with pytest.raises(TimeoutError, match=r"has had no worker for 0\.2 s"):
         sweep(draw, AXES, client=threads)
+
+
+@pytest.mark.slow
+def test_a_point_that_kills_its_worker_again_and_again_fails_and_the_rest_goes_on(monkeypatch):
+    pytest.importorskip("distributed")
+
+    def deadly(packed, columns, keep):
+        if 2 in columns["x"]:
+            os.kill(os.getpid(), signal.SIGKILL)
+        return [{"value": np.array(x)} for x in columns["x"]], [""] * len(columns["x"]), 0.1
+
+    monkeypatch.setattr(cluster, "_on_worker", deadly)
+    study = sweep(lambda point: 1.0 * point["x"], {"x": np.arange(10.0)}, workers=2)
+    assert study.message[2] == "failed: its worker died, each time that it was tried"
+    assert np.sum(study.message == "") == 9 and study["value"][9] == 9
 
 
 @pytest.mark.slow
