@@ -45,10 +45,10 @@ def local_workers(count: int) -> Iterator[Any]:
     **Raises:** `ImportError` without the extra `cluster`.
     """
     distributed = _distributed()
-    import dask
+    from dask.config import set as configured
 
     with (
-        dask.config.set(SETTINGS),
+        configured(SETTINGS),
         distributed.LocalCluster(
             n_workers=count, threads_per_worker=1, memory_limit=0, dashboard_address=None,
             silence_logs=50,
