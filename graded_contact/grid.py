@@ -151,19 +151,35 @@ def _over_signs(column: Inexact[Array, "..."]) -> Array:
     return (column + jnp.conj(mirrored)) / 2
 
 
-def as_velocity(velocity: Numbers, grid: Grid) -> Float[Array, "..."]:
+def as_velocity(velocity: Numbers, grid: Grid | None = None) -> Float[Array, "..."]:
     """Returns a velocity along x, a number, or with two components as an array [m/s].
 
-    **Raises:** `ValueError` unless it is finite and of a shape that suits the grid.
+    **Raises:** `ValueError` unless it is finite and of a shape that suits the grid, if any.
     """
     velocity = as_float(velocity, "velocity")
-    if velocity.shape not in ((), (2,)) or (velocity.shape == (2,) and grid.ndim == 1):
+    one = grid is not None and grid.ndim == 1
+    if velocity.shape not in ((), (2,)) or (one and velocity.ndim):
         raise ValueError(
             f"`velocity` has shape {velocity.shape}; a number (along x) or, on a grid in two "
-            "dimensions, two components are needed."
+            "dimensions, two components are needed. Several velocities go through `jax.vmap`."
         )
     check_values("velocity", velocity, "a velocity [m/s] must be finite")
     return velocity
+
+
+def direction_and_speed(
+    velocity: Float[Array, "..."],
+) -> tuple[Float[Array, " components"], Float[Array, ""]]:
+    """Returns the unit vector along a velocity, of one component or two, and |v| [m/s].
+
+    At rest it is along x, and so is what a derivative of the speed means there.
+    """
+    velocity = jnp.atleast_1d(velocity)
+    squared = jnp.sum(velocity**2)
+    at_rest = squared == 0
+    speed = jnp.where(at_rest, velocity[0], jnp.sqrt(jnp.where(at_rest, 1, squared)))
+    along_x = jnp.arange(len(velocity)) == 0
+    return jnp.where(at_rest, along_x, velocity / jnp.where(at_rest, 1, speed)), speed
 
 
 def sliding_frequency(

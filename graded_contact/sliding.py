@@ -283,6 +283,7 @@ def area_against_cutoff(
     kernel, velocity, _ = _kernel_and_velocity(stack, surface, velocity, solver, graded, throw)
     grid = surface.grid
     spectrum, q = to_spectrum(surface.heights), wavenumber(grid)
+    known = jnp.all(jnp.isfinite(kernel))
 
     def solve(cutoff, start):
         heights = to_field(jnp.where(q <= cutoff * (1 + 1e-6), spectrum, 0), grid.shape)
@@ -290,7 +291,8 @@ def area_against_cutoff(
             kernel, heights, pressure, law=law, solver=solver, rtol=rtol, start=start, throw=throw
         )
         s = _observe(contact, kernel, heights, surface.measured, grid, velocity, law, None)
-        return contact.pressure, jnp.stack([s.friction, s.contact_area, s.contact_area_smooth])
+        found = jnp.stack([s.friction, s.contact_area, s.contact_area_smooth])
+        return contact.pressure, jnp.where(known, found, jnp.nan)
 
     start, first = solve(cutoffs[0], None)
     _, rest = jax.lax.scan(lambda start, cutoff: solve(cutoff, start), start, cutoffs[1:])

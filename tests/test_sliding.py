@@ -381,6 +381,20 @@ def test_area_and_friction_against_the_cutoff_end_at_those_of_the_surface():
     np.testing.assert_allclose(curve.friction[1], middle.friction, rtol=1e-6)
 
 
+def test_without_throw_a_failed_kernel_leaves_a_curve_of_nan():
+    """The cut-offs stay; what failed is known only when it runs."""
+    curve = jax.jit(
+        lambda d: gc.area_against_cutoff(
+            coated(d), SURFACE, Q0 * np.array([2.0, 4.0]), pressure=4e5, velocity=0.1, throw=False
+        )
+    )
+    good, failed = curve(1e-4), curve(-1e-4)
+    assert np.all(np.isfinite(good.friction)) and np.all(good.contact_area_smooth > 0)
+    np.testing.assert_array_equal(failed.cutoff, Q0 * np.array([2.0, 4.0]))
+    for found in (failed.friction, failed.contact_area, failed.contact_area_smooth):
+        np.testing.assert_array_equal(found, [np.nan, np.nan])
+
+
 @pytest.mark.parametrize(
     "cutoffs, message",
     [

@@ -22,6 +22,7 @@ from ..grid import (
     Grid,
     as_velocity,
     derivative,
+    direction_and_speed,
     mode_numbers,
     multiplicity,
     to_spectrum,
@@ -75,8 +76,7 @@ def friction_error(
     the law's, and in addition, since the two may agree by chance, twice the relative `error` of the
     pressure. At rest it is zero. The error of the grid comes on top.
     """
-    velocity = jnp.atleast_1d(as_float(velocity, "velocity"))
-    speed = jnp.sqrt(jnp.sum(velocity**2))
+    speed = direction_and_speed(as_float(velocity, "velocity"))[1]
 
     def of(pressure):
         lost = jnp.sum(dissipation(pressure, kernel, grid, velocity))
@@ -210,7 +210,7 @@ def unmeasured_shares(
 
 def _work(pressure, profile, grid, velocity):
     """⟨σ ∂f/∂x_v⟩ [Pa], x_v along the velocity, of each mode and its conjugate."""
-    slope = _project(grid, _along(velocity)[0])
+    slope = _project(grid, direction_and_speed(as_float(velocity, "velocity"))[0])
     # The real part of conj(σ) i q f.
     found = -slope * (jnp.conj(to_spectrum(pressure)) * to_spectrum(profile)).imag
     return found * multiplicity(grid.shape) / np.prod(grid.shape) ** 2
@@ -218,19 +218,9 @@ def _work(pressure, profile, grid, velocity):
 
 def _slope_along(field, grid, velocity):
     """The derivative of a field along the velocity (along x at rest), and the speed."""
-    direction, speed = _along(velocity)
+    direction, speed = direction_and_speed(as_float(velocity, "velocity"))
     axes = range(len(direction))
     return sum(direction[axis] * derivative(field, grid, axis) for axis in axes), speed
-
-
-def _along(velocity):
-    """The direction of a velocity (x at rest), with one component or two, and the speed."""
-    velocity = jnp.atleast_1d(as_float(velocity, "velocity"))
-    squared = jnp.sum(velocity**2)
-    at_rest = squared == 0
-    speed = jnp.where(at_rest, 0, jnp.sqrt(jnp.where(at_rest, 1, squared)))
-    along_x = jnp.arange(len(velocity)) == 0
-    return jnp.where(at_rest, along_x, velocity / jnp.where(at_rest, 1, speed)), speed
 
 
 def _project(grid, vector):

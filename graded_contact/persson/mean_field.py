@@ -42,6 +42,7 @@ from .._checks import (
     door,
 )
 from ..cutoff import CutoffCurve
+from ..grid import as_velocity, direction_and_speed
 from ..response.grading import AbstractGradedSolver, check_profiles
 from ..response.kernel import stack_kernel
 from ..response.layering import Layering
@@ -139,15 +140,9 @@ def mean_field_friction(
         raise ValueError(f"`stack={stack!r}` must be a `Stack(layers=..., base=...)`.")
     if correction not in get_args(Correction):
         raise ValueError(f"`correction={correction!r}` must be one of {get_args(Correction)}.")
-    pressure, velocity = as_float(pressure, "pressure"), as_float(velocity, "velocity")
+    pressure, velocity = as_float(pressure, "pressure"), as_velocity(velocity)
     check_shape("pressure", pressure, ())
     check_positive("pressure", pressure, "[Pa]")
-    if velocity.shape not in ((), (2,)):
-        raise ValueError(
-            f"`velocity` has shape {velocity.shape}; a number (along x) or two components are "
-            "needed. Several velocities go through `jax.lax.map` or `jax.vmap`."
-        )
-    check_values("velocity", velocity, "a velocity [m/s] must be finite")
     check_tolerance("rtol", rtol, pressure)
     # At the door the value is unknown if the pressure is traced.
     load = jnp.where(pressure > 0, pressure, jnp.nan)
@@ -159,7 +154,7 @@ def mean_field_friction(
         error = 0 * friction[-1]  # NaN if that is
     else:
         roughness = as_roughness(spectrum)
-        speed = _length(velocity)
+        speed = direction_and_speed(velocity)[1]
         _check_frequencies(stack, speed * roughness.edges)
         counts = _counts(num_wavenumbers, len(roughness.edges) - 1, num_angles)
         q, x, friction, error, share = integrate(
@@ -211,14 +206,6 @@ def _counts(num_wavenumbers: int, num_pieces: int, num_angles: int) -> tuple[int
     if num_angles < 4 or num_angles % 4:
         raise ValueError(f"`num_angles={num_angles}` is refused: a multiple of 4 is needed.")
     return 4 * -(-num_wavenumbers // (4 * num_pieces)), num_angles
-
-
-def _length(velocity: Float[Array, "..."]) -> Float[Array, ""]:
-    """The speed; as in `slide`, a start from rest is along x."""
-    velocity = jnp.atleast_1d(velocity)
-    squared = jnp.sum(velocity**2)
-    at_rest = squared == 0
-    return jnp.where(at_rest, velocity[0], jnp.sqrt(jnp.where(at_rest, 1, squared)))
 
 
 def _check_frequencies(stack: Stack, fastest: Float[Array, " points"]) -> None:

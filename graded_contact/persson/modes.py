@@ -5,7 +5,8 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float, Inexact
 
-from ..grid import multiplicity, to_spectrum, wavenumber, wavevector
+from ..contact.observables import wave_frequencies
+from ..grid import direction_and_speed, multiplicity, to_spectrum, wavenumber
 from ..rheology.measured import is_unknown
 from ..surface import Surface
 from .diffusion import Correction, area, mean_square_growth, slowed, slowing
@@ -33,7 +34,7 @@ def add_up(
     zero[(0,) * kernel.ndim] = True
     relative = jnp.where(zero, 0, modes) / (pressure * jnp.where(zero, 1, kernel))
     power = (relative.real**2 + relative.imag**2) * multiplicity(grid.shape)
-    along = sum(q * e for q, e in zip(wavevector(grid), _direction(velocity), strict=False))
+    along = -wave_frequencies(grid, direction_and_speed(velocity)[0])
     loss = power * along * jnp.imag(kernel) * pressure
 
     q = wavenumber(grid)
@@ -58,17 +59,7 @@ def add_up(
     friction = jnp.cumsum(complete * share)
     extrapolated = jnp.zeros_like(q[(0,) * q.ndim])
     if known is not None:
-        omega = sum(q * e for q, e in zip(wavevector(grid), jnp.atleast_1d(velocity), strict=False))
-        lost = jnp.where(is_unknown(jnp.broadcast_to(omega, loss.shape), known), loss, 0)
+        lost = jnp.where(is_unknown(wave_frequencies(grid, velocity), known), loss, 0)
         lost = jnp.bincount(ring, jnp.ravel(lost), length=num_rings)
         extrapolated = jnp.sum(lost * share) / jnp.where(friction[-1] == 0, 1, friction[-1])
     return edges, x[2], friction, extrapolated
-
-
-def _direction(velocity):
-    """The unit vector along the velocity; at rest, along x."""
-    velocity = jnp.atleast_1d(velocity)
-    at_rest = jnp.all(velocity == 0)
-    along_x = jnp.arange(len(velocity)) == 0
-    safe = jnp.where(at_rest, along_x, velocity)
-    return safe / jnp.sqrt(jnp.sum(safe**2))

@@ -53,8 +53,8 @@ class Riccati(AbstractGradedSolver):
     - `solver`: a diffrax solver; by default `Dopri8()`.
     - `controller`: called with `rtol` and `atol` of a step, returns a diffrax controller; by
       default `PIDController` itself.
-    - `adjoint`: a diffrax adjoint, with the modes of derivatives that it has; by default both
-      modes, by `ForwardMode` and `RecursiveCheckpointAdjoint`.
+    - `adjoint`: a diffrax adjoint for derivatives in reverse mode; by default
+      `RecursiveCheckpointAdjoint()`. Those in forward mode are by `ForwardMode`.
     - `rtol`: relative tolerance; by default 1e-9, in float32 1e-4. Static.
     """
 
@@ -68,6 +68,13 @@ class Riccati(AbstractGradedSolver):
             value = getattr(self, name)
             if value is not None and not _is_diffrax(value, kind):
                 raise ValueError(f"`{name}={value!r}` must be a diffrax `{kind}`, or None.")
+        for kind in ("ForwardMode", "BacksolveAdjoint"):
+            if self.adjoint is not None and _is_diffrax(self.adjoint, kind):
+                raise ValueError(
+                    f"`adjoint={kind}(...)` has no derivatives by a profile in reverse mode, which "
+                    "`adjoint` is for (those in forward mode need none): pass "
+                    "`RecursiveCheckpointAdjoint()` or `DirectAdjoint()`."
+                )
         if not (self.controller is None or callable(self.controller)):
             raise ValueError(
                 f"`controller={self.controller!r}` must be called as controller(rtol=..., "
@@ -140,9 +147,8 @@ class Riccati(AbstractGradedSolver):
             profile, waves = given
             return jax.vmap(lambda wave: self._solve_one(profile, wave, equation, adjoint))(waves)
 
-        if self.adjoint is not None:
-            return solve(self.adjoint, (profile, waves))
-        forward, backward = diffrax.ForwardMode(), diffrax.RecursiveCheckpointAdjoint()
+        forward = diffrax.ForwardMode()
+        backward = self.adjoint or diffrax.RecursiveCheckpointAdjoint()
         return _in_both_modes(partial(solve, forward), partial(solve, backward), (profile, waves))
 
     def _solve_one(self, profile, wave, equation, adjoint):

@@ -1,6 +1,7 @@
 import json
 import pathlib
 
+import diffrax
 import equinox as eqx
 import jax
 import jax.numpy as jnp
@@ -445,6 +446,12 @@ def test_differential_equation_has_equal_derivatives_in_both_modes():
     ]
     np.testing.assert_allclose(forward, jax.jit(jax.grad(value))(point), rtol=1e-10)
     np.testing.assert_allclose(forward, differences, rtol=1e-5)
+
+
+@pytest.mark.parametrize("adjoint", [diffrax.ForwardMode(), diffrax.BacksolveAdjoint()])
+def test_an_adjoint_without_reverse_mode_is_refused(adjoint):
+    with pytest.raises(ValueError, match=f"{type(adjoint).__name__}.* in reverse mode"):
+        Riccati(adjoint=adjoint)
 
 
 @pytest.mark.slow
