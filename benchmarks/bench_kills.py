@@ -33,7 +33,7 @@ from pathlib import Path
 
 import numpy as np
 
-from graded_contact.files.results import AXES, FIELDS, OBSERVABLES, TEXTS, Results, read_results
+from graded_contact.files.results import Results, read_results
 
 SIGNALS = (signal.SIGKILL, signal.SIGINT, signal.SIGTERM)
 # How a process may end, 0 if it was done before the signal.
@@ -119,17 +119,16 @@ def finished(folder: Path) -> dict[str, bytes]:
 
 def different(one: Results, other: Results) -> list[str]:
     """Names of what differs between two results, by a single bit."""
-    names = [
-        name for name in (*AXES, *OBSERVABLES)
-        if getattr(one, name).tobytes() != getattr(other, name).tobytes()
-    ]  # fmt: skip
-    names += [name for name in TEXTS if np.any(getattr(one, name) != getattr(other, name))]
+    quantities = (*one.study.axes, *one.study.values)
+    names = [name for name in quantities if one[name].tobytes() != other[name].tobytes()]
+    names += ["message"] * bool(np.any(one.message != other.message))
+    names += ["point"] * bool(np.any(one.point != other.point))
     names += ["attributes"] * (one.attributes != other.attributes)
     if one.fields.keys() != other.fields.keys():
         return [*names, "fields"]
     for index, fields in one.fields.items():
         names += [
-            f"{name} of {index}" for name in FIELDS
+            f"{name} of {index}" for name in ("pressure", "gap", "displacement")
             if getattr(fields, name).tobytes() != getattr(other.fields[index], name).tobytes()
         ]  # fmt: skip
     return names

@@ -9,6 +9,7 @@ from typing import Annotated
 
 import typer
 
+from .command.compare import compare
 from .command.design import design
 from .command.fit import fit
 from .command.scene import demo, info, run
@@ -40,5 +41,5 @@ def main(
     prepare()
 
 
-for job in (demo, run, info, fit, design):
+for job in (demo, run, info, compare, fit, design):
     app.command()(job)

@@ -12,6 +12,7 @@ import time
 import tomllib
 from pathlib import Path
 
+import equinox as eqx
 import numpy as np
 import pytest
 from typer.testing import CliRunner
@@ -73,9 +74,11 @@ def folder(tmp_path_factory):
 
 def test_a_run_writes_results_and_figures_and_prints_their_paths(folder):
     printed = (folder / "printed.txt").read_text()
-    names = ["small-contact.png", "small-sweep.png", "small.h5"]
+    names = ["small-contact.png", "small-sweep.png", "small.csv", "small.h5"]
     entries = sorted(path.name for path in (folder / "out").iterdir())
     assert entries == [*names, "small.points"]
+    rows = (folder / "out" / "small.csv").read_text().splitlines()
+    assert rows[0].startswith("pressure [Pa],velocity [m/s],friction [1],") and len(rows) == 3
     assert all(f"wrote {folder / 'out' / name}" in printed for name in names)
     assert (folder / "out" / "small-sweep.png").read_bytes().startswith(b"\x89PNG")
 
@@ -101,11 +104,12 @@ def test_info_prints_what_a_file_holds(folder):
 def test_caveats_and_the_steps_of_reading_are_printed(folder, tmp_path):
     results = read_results(folder / "out" / "small.h5")
     steps = (Step("read", 1e-6, 0.2, 4.0, 0.31), Step("filled", 1e-6, 0.2, 4.0, 0.0))
+    frictions = {"friction": 1.8, "geometric_friction": -15.7}
+    values = {name: np.full_like(results.friction, value) for name, value in frictions.items()}
     doubtful = dataclasses.replace(
         results,
         surface=dataclasses.replace(results.surface, steps=steps),
-        friction=np.full_like(results.friction, 1.8),
-        geometric_friction=np.full_like(results.friction, -15.7),
+        study=dataclasses.replace(results.study, values=results.study.values | values),
     )
     write_results(tmp_path / "a.h5", doubtful)
     printed = " ".join(command("info", tmp_path / "a.h5").stdout.split())
@@ -171,17 +175,17 @@ def rerun(folder, tmp_path):
 
 
 def interrupt_after(monkeypatch, count, number=signal.SIGINT):
-    """A signal comes while the solve of this count runs."""
-    slide, calls = run_module.slide, []
+    """A signal comes while the solve of this count is written."""
+    write, calls = Store.write, []
 
-    def with_signal(*arguments, **options):
+    def with_signal(*arguments):
         calls.append(None)
         if len(calls) == count:
             os.kill(os.getpid(), number)
             time.sleep(0.5)
-        return slide(*arguments, **options)
+        write(*arguments)
 
-    monkeypatch.setattr(run_module, "slide", with_signal)
+    monkeypatch.setattr(Store, "write", with_signal)
 
 
 def test_a_rerun_finds_all_solves(rerun, folder, tmp_path, monkeypatch):
@@ -267,8 +271,11 @@ def test_a_second_writer_is_refused(rerun, tmp_path):
 
 
 def test_a_kernel_that_fails_is_one_message(rerun, tmp_path, monkeypatch):
-    def failing(*_, **__):
-        raise RuntimeError("EquinoxRuntimeError: no such kernel\n\n----\nTraceback")
+    slide = run_module.slide
+
+    def failing(*arguments, pressure, **options):
+        pressure = eqx.error_if(pressure, pressure > 0, "no such kernel")
+        return slide(*arguments, pressure=pressure, **options)
 
     shutil.rmtree(tmp_path / "out")
     monkeypatch.setattr(run_module, "slide", failing)
@@ -359,10 +366,36 @@ def test_a_run_that_is_killed_again_and_again_ends_as_if_it_had_not_been(tmp_pat
         with start(output) as process:
             assert process.wait() == 0
     one, other = (read_results(tmp_path / at / "small.h5") for at in ("out", "whole"))
-    for name in (*storage.OBSERVABLES, *storage.TEXTS):
-        assert getattr(one, name).tobytes() == getattr(other, name).tobytes()
+    for name in storage.OBSERVABLES:
+        assert one[name].tobytes() == other[name].tobytes()
+    assert one.point.tolist() == other.point.tolist() and one.complete
     assert one.fields[0, 59].gap.tobytes() == other.fields[0, 59].gap.tobytes()
     assert list(tmp_path.rglob(".*.partial")) == []
+
+
+def test_results_are_compared_in_a_figure(folder, tmp_path):
+    first, second = folder / "out" / "small.h5", tmp_path / "b.h5"
+    results = read_results(first)
+    write_results(second, results)
+    for title, names in (("a small one", 2), ("another", 2)):
+        attributes = results.attributes | {"title": title}
+        write_results(second, dataclasses.replace(results, attributes=attributes))
+        figure = tmp_path / "new" / f"{names}.png"
+        result = command("compare", first, second, "-o", figure)
+        assert result.exit_code == 0 and f"wrote {figure}" in result.stdout, result.output
+        assert figure.read_bytes().startswith(b"\x89PNG")
+    for words, expected in (
+        ((first,), "takes two results or more"),
+        ((first, tmp_path / "none.h5"), "none.h5` does not exist"),
+        ((first, second, "-o", tmp_path / "a.xyz"), "is refused: figures are"),
+    ):
+        result = command("compare", *words)
+        assert result.exit_code == 2 and expected in " ".join(result.stderr.split())
+
+
+def test_where_to_solve_is_said_once(folder):
+    result = command("run", folder / "small.toml", "--workers", 2, "--scheduler", "tcp://x:1")
+    assert result.exit_code == 2 and "one of them says where to solve" in result.stderr
 
 
 def test_info_of_a_file_that_is_none_is_one_message(tmp_path):
@@ -478,7 +511,7 @@ def test_the_embedded_scene_runs_at_the_resolution_asked_for(tmp_path, monkeypat
     monkeypatch.setattr(scene_job, "run_scene_into", lambda *arguments: ran.append(arguments))
     for arguments in (("demo",), ("demo", "--resolution", 512, "--output", tmp_path)):
         assert command(*arguments).exit_code == 0
-    (first, folder, name, _), (second, other, finer, _) = ran
+    (first, folder, name, *_), (second, other, finer, *_) = ran
     assert (first.surface.grid.shape, second.surface.grid.shape) == ((256, 256), (512, 512))
     assert (str(folder), other) == ("graded-contact-demo", tmp_path)
     assert (name, finer) == ("demo", "demo-512")  # neither replaces the other

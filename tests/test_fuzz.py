@@ -31,6 +31,7 @@ from graded_contact.files.results import (
     write_results,
 )
 from graded_contact.files.scene import parse_scene
+from graded_contact.files.study import Study, units_of
 from graded_contact.files.surfaces import RandomSurface
 from graded_contact.studies.evaluations import Evaluation, Evaluations
 from graded_contact.studies.run import check_scene as check_scene_memory
@@ -156,8 +157,15 @@ q_to = 1e4
 [design.parameters]
 "layers[0].thickness" = [2e-5, 1e-4]
 """
+VARIED = RANDOM.replace("seed = 1", "seed = 1\nseeds = 3").replace(
+    "temperature = 300.0", "temperature = {from = 290.0, to = 310.0, points = 3}"
+) + (
+    '[sweep]\n"layers[0].thickness" = [2e-5, 1e-4]\n'
+    '"base.material.strengths[1]" = {from = 1e6, to = 3e6, points = 2}\n'
+)
 SCENES = [
-    RANDOM + SERIES, RANDOM + SERIES + LAYERS, RANDOM + FREQUENCIES + LAYERS,
+    RANDOM + SERIES, VARIED + SERIES + LAYERS, RANDOM + SERIES + LAYERS,
+    RANDOM + FREQUENCIES + LAYERS,
     FILE + SERIES + LAYERS, DESIGNED + DESIGN, DESIGNED + BAND,
 ]  # fmt: skip
 
@@ -297,9 +305,19 @@ def check_scene(text: str, folder: Path) -> bool:
         return False
     document = tomllib.loads(text)
     load, layers = document["load"], document.get("layers", [])
-    for name in ("pressure", "velocity"):
-        values, written = getattr(scene, name), load[name]
+    written_axes = {name: load[name] for name in ("pressure", "velocity")}
+    if isinstance(load.get("temperature"), list | dict):
+        written_axes["temperature"] = load["temperature"]
+    written_axes |= document.get("sweep", {})
+    if "seeds" in document["surface"]:
+        seeds = scene.axes["seed"]
+        assert len(seeds) == document["surface"]["seeds"] and np.all(np.diff(seeds) == 1)
+    assert {*scene.axes} - {"seed"} == {*written_axes}
+    assert scene.num_solves == np.prod([len(values) for values in scene.axes.values()], dtype=float)
+    for name, written in written_axes.items():
+        values = scene.axes[name]
         assert np.all(np.isfinite(values)) and values.ndim == 1
+        assert len(np.unique(values)) == len(values)
         if isinstance(written, dict):
             assert len(values) == written["points"]
             written = [written["from"], written["to"]]
@@ -343,11 +361,11 @@ def results() -> Results:
         measured=draw.uniform(size=shape),
         steps=(Step("read", 1.1, 0.3, 4.0, 0.2), Step("filled", 1.0, 0.2, 3.9, 0.0)),
     )
+    axes = {"pressure": np.array([1e5, 3e5]), "velocity": np.geomspace(1e-3, 1.0, 3)}
+    values = {name: draw.normal(size=(2, 3)) for name in OBSERVABLES}
+    message = np.array([["", "", "It stopped."], ["", "not started", "failed: no kernel"]])
     return Results(
-        pressure=np.array([1e5, 3e5]),
-        velocity=np.geomspace(1e-3, 1.0, 3),
-        **{name: draw.normal(size=(2, 3)) for name in OBSERVABLES},
-        message=np.array([["", "", "It stopped."], ["", "not started", "failed: no kernel"]]),
+        Study(axes, values, message, units_of((*axes, *values))),
         point=np.array([["a", "b", "c"], ["d", "e", "f"]]),
         surface=surface,
         fields=fields,

@@ -5,14 +5,17 @@ import pytest
 
 import graded_contact as gc
 from graded_contact.files.results import OBSERVABLES, Fields, Results
+from graded_contact.files.study import Study, units_of
 from graded_contact.plot import (
-    _unit,
+    plot_compare,
     plot_fit,
     plot_master_curve,
+    plot_reduced,
     plot_response,
     plot_sliding,
     plot_sweep,
 )
+from graded_contact.plot.figures import unit_of
 
 
 def make_fields(shape):
@@ -108,18 +111,9 @@ def test_a_sweep_has_one_line_per_pressure_and_marks_what_failed(tmp_path, veloc
     # Of one solve a fifth of the contact was not measured.
     doubts = ("slope_in_contact", "unmeasured_area", "unmeasured_friction", "extrapolated_friction")
     values |= dict.fromkeys(doubts, np.array([[0.0, 0.0, 0.0], [0.0, 0.0, 0.2]]))
-    figure = plot_sweep(
-        Results(
-            pressure=np.array([1e5, 2e6]),
-            velocity=np.array(velocity),
-            **values,
-            message=message,
-            point=np.full(message.shape, ""),
-            surface=surface,
-            fields={},
-            attributes={},
-        )
-    )
+    axes = {"pressure": np.array([1e5, 2e6]), "velocity": np.array(velocity)}
+    study = Study(axes, values, message, units_of(axes))
+    figure = plot_sweep(Results(study, np.full(message.shape, ""), surface, {}, {}))
     for axes, label in zip(figure.axes, ["friction coefficient", "contact area"], strict=True):
         assert axes.get_xlabel() == "sliding velocity [m/s]"
         assert axes.get_xscale() == scale
@@ -131,6 +125,86 @@ def test_a_sweep_has_one_line_per_pressure_and_marks_what_failed(tmp_path, veloc
     (crosses,) = (line for line in figure.axes[0].lines if line.get_marker() == "x")
     np.testing.assert_array_equal(crosses.get_xydata(), [[velocity[2], 6.0]])
     assert saved(figure, tmp_path) > 10_000
+
+
+def made(axes, names=(), failing=()):
+    """Results over axes whose friction is the sum of the indices."""
+    shape = tuple(len(at) for at in axes.values())
+    friction = np.sum(np.indices(shape), axis=0).astype(float)
+    values = {name: np.zeros(shape) for name in OBSERVABLES} | {"friction": friction}
+    values["geometric_friction"] = friction
+    for name in names:
+        at = np.reshape(axes["temperature"], [-1 if n == "temperature" else 1 for n in axes])
+        values[name] = np.broadcast_to(10.0 ** (at - 300) * axes["velocity"], shape)
+    message = np.full(shape, "", object)
+    for index in failing:
+        message[index] = "failed: no kernel"
+        friction[index] = np.nan
+    _, surface = make_fields((8, 8))
+    axes = {name: np.asarray(at) for name, at in axes.items()}
+    study = Study(axes, values, message.astype(str), units_of((*axes, *values)))
+    return Results(study, np.full(shape, ""), surface, {}, {"master_curve": "At 300 K."})
+
+
+VARIED = {
+    "layers[0].thickness": [1e-5, 5e-5], "temperature": [280.0, 300.0, 320.0], "seed": [0, 1],
+    "pressure": [1e5], "velocity": [0.1, 0.01, 1.0, 10.0],
+}  # fmt: skip
+
+
+def straight(axes):
+    return [line for line in axes.lines if line.get_linestyle() != "None" and len(line.get_xdata())]
+
+
+def test_seeds_are_a_band_paths_are_colours_and_temperatures_dashes(tmp_path):
+    results = made(VARIED, failing=[(0, 0, 1, 0, 0)])
+    figure = plot_sweep(results)
+    axes = figure.axes[0]
+    lines = straight(axes)
+    assert len(lines) == 6 and len(axes.collections) == 6
+    assert len({line.get_color() for line in lines}) == 2
+    assert len({line.get_linestyle() for line in lines}) == 3
+    # Velocity 0.01 comes first; the mean over the seeds is half a step above that of the first.
+    np.testing.assert_allclose(lines[0].get_ydata(), [1.5, 0, 2.5, 3.5])
+    band = axes.collections[0].get_paths()[0].vertices
+    assert np.isclose(band[:, 1].max(), 3.95) and np.isclose(band[:, 1].min(), 0)
+    legend = axes.get_legend()
+    assert legend.get_title().get_text() == "layers[0].thickness"
+    names = [text.get_text() for text in legend.get_texts()]
+    assert names == ["10 µm", "not converged", "50 µm", "280 K", "300 K", "320 K"]
+    assert saved(figure, tmp_path) > 10_000
+
+
+def test_without_several_velocities_the_last_axis_with_several_points_is_drawn():
+    axes = plot_sweep(made({**VARIED, "velocity": [1.0]})).axes[0]
+    assert axes.get_xlabel() == "temperature [K]" and axes.get_xscale() == "linear"
+    assert len(straight(axes)) == 2
+
+
+def test_many_values_take_a_scale_of_colours_and_few_names():
+    many = {"temperature": np.linspace(250, 350, 20), "pressure": [1e5], "velocity": [0.1, 1.0]}
+    axes = plot_sweep(made(many)).axes[0]
+    assert len({tuple(line.get_color()) for line in straight(axes)}) == 20
+    assert len(axes.get_legend().get_texts()) == 7
+
+
+def test_reduced_velocities_shift_each_temperature():
+    axes = plot_reduced(made(VARIED, names=["reduced_velocity"])).axes[0]
+    assert axes.get_xlabel().endswith("sliding velocity [m/s]") and "a_T" in axes.get_xlabel()
+    np.testing.assert_allclose(straight(axes)[0].get_xdata(), [1e-22, 1e-21, 1e-20, 1e-19])
+    with pytest.raises(ValueError, match=r"At 300 K"):
+        plot_reduced(made(VARIED))
+
+
+def test_results_are_compared_by_colour_and_only_over_the_same_axes():
+    bare = made({"seed": [0, 1], "pressure": [1e5, 2e5], "velocity": [0.1, 1.0]})
+    coated = made({"pressure": [1e5, 2e5], "velocity": [0.1, 1.0, 10.0]})
+    axes = plot_compare([bare, coated], ["bare", "coated"]).axes[0]
+    assert len({line.get_color() for line in straight(axes)}) == 2
+    names = [text.get_text() for text in axes.get_legend().get_texts()]
+    assert names == ["bare", "coated", "100 kPa", "200 kPa"]
+    with pytest.raises(ValueError, match=r"'warm' varies `temperature`.*'bare' `pressure`"):
+        plot_compare([bare, made({**VARIED, "layers[0].thickness": [1e-5]})], ["bare", "warm"])
 
 
 def test_the_response_of_a_half_space_is_its_modulus_and_loss_tangent(tmp_path):
@@ -216,6 +290,6 @@ def test_a_fit_in_time_shows_what_was_measured():
     "largest, unit", [(1e-3, "mm"), (0.99e-3, "µm"), (999.0, "m"), (0.0, "m"), (1e-20, "pm")]
 )
 def test_units_suit_the_size(largest, unit):
-    name, factor = _unit("m", largest)
+    name, factor = unit_of("m", largest)
     assert name == unit
     assert largest in (0, 1e-20) or 1 <= factor * largest * (1 + 1e-12) < 1000

@@ -1,16 +1,16 @@
 """The jobs `demo`, `run` and `info`: scenes and their results."""
 
+from collections.abc import Iterator
 from importlib import resources
 from itertools import zip_longest
 from pathlib import Path
-from typing import Annotated
+from typing import TYPE_CHECKING, Annotated, Any
 
 import numpy as np
 import typer
 
 from ..files.output import check_folder, check_name, full_path
 from ..files.results import (
-    NOT_STARTED,
     Results,
     lost_solves,
     package_versions,
@@ -19,15 +19,21 @@ from ..files.results import (
 )
 from ..files.scene import Scene, parse_scene, read_scene
 from ..files.sealed import replacing
-from ..plot import plot_sliding, plot_sweep
+from ..files.study import NOT_STARTED
+from ..plot import plot_reduced, plot_sliding, plot_sweep
+from ..plot.lines import TITLES, label_of
 from ..studies.cost import scene_cost
+from ..studies.engine import check_engine
 from ..studies.extrapolation import velocity_vector
 from ..studies.interruption import Interrupted, Interruption, interruptible
 from ..studies.run import build_surface, check_scene, point_names, run_scene
 from ..studies.store import Store
 from ..surface import Surface
-from .session import DryRun, Output, Replace, progress, refusing
+from .session import DryRun, Output, Replace, Scheduler, Workers, progress, refusing
 from .tables import print_steps, print_table
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
 
 
 def demo(
@@ -43,7 +49,8 @@ def demo(
     with refusing():
         scene = parse_scene(text)
     name = "demo" if resolution == 256 else f"demo-{resolution}"
-    run_scene_into(scene, output or Path("graded-contact-demo"), name, replace)
+    folder = output or Path("graded-contact-demo")
+    run_scene_into(scene, folder, name, replace, {"workers": "auto"})
 
 
 def run(
@@ -53,19 +60,24 @@ def run(
     output: Output = None,
     replace: Replace = False,
     dry_run: DryRun = False,
+    workers: Workers = None,
+    scheduler: Scheduler = None,
 ) -> None:
-    """Runs a scene: prints a table, writes the results (HDF5) and figures (PNG).
+    """Runs a scene: prints a table, writes the results (HDF5, CSV) and figures (PNG).
 
-    Each solve is kept as it ends: after an interruption the same command goes on from there.
+    Each solve is kept as it ends: after an interruption the same command goes on from there. All
+    cores are used where that saves time.
     """
     with refusing():
+        engine = {"workers": workers or (None if scheduler else "auto"), "scheduler": scheduler}
+        check_engine(**engine, client=None)
         scene = read_scene(scene_file)
         if dry_run:
             typer.echo(scene_cost(scene).report())
             check_scene(scene)
             return
     folder = output or scene.directory or Path(f"{scene_file.stem}-results")
-    run_scene_into(scene, folder, scene.name or scene_file.stem, replace)
+    run_scene_into(scene, folder, scene.name or scene_file.stem, replace, engine)
 
 
 def info(
@@ -85,12 +97,14 @@ def info(
         typer.echo(f"{'surface':22} {sentence}")
     print_steps(results.surface)
     kept = ", ".join(map(str, results.fields)) or "none"
-    typer.echo(f"{'fields kept':22} {kept} (pressure, velocity)")
+    typer.echo(f"{'fields kept':22} {kept} ({', '.join(results.study.axes)})")
     print_table(results)
 
 
-def run_scene_into(scene: Scene, folder: Path, name: str, replace: bool) -> None:
-    """Solves a scene, prints its table and writes its files."""
+def run_scene_into(
+    scene: Scene, folder: Path, name: str, replace: bool, engine: dict[str, Any]
+) -> None:
+    """Solves a scene, prints its table and writes its files; `engine` is told to `run_scene`."""
     with refusing(), interruptible() as interruption:
         check_name(name)
         folder = full_path(str(folder))
@@ -101,7 +115,7 @@ def run_scene_into(scene: Scene, folder: Path, name: str, replace: bool) -> None
             _refuse_other(file, scene, names)
         _introduce(scene, surface)
         with Store(folder / f"{name}.points") as store:
-            results = _solved(scene, surface, names, store, interruption)
+            results = _solved(scene, surface, names, store, interruption, engine)
             print_table(results)
             _write(file, results, replace)
     if results.caveats:
@@ -131,7 +145,12 @@ def _introduce(scene: Scene, surface: Surface) -> None:
 
 
 def _solved(
-    scene: Scene, surface: Surface, names: np.ndarray, store: Store, interruption: Interruption
+    scene: Scene,
+    surface: Surface,
+    names: np.ndarray,
+    store: Store,
+    interruption: Interruption,
+    engine: dict[str, Any],
 ) -> Results:
     """The results of a scene, those that were kept and those still to be computed."""
     found = sum(store.path(point).exists() for point in names.flat)
@@ -145,6 +164,7 @@ def _solved(
                 surface=surface,
                 store=store,
                 progress=lambda *counts: advance("sliding", *counts),
+                **engine,
             )
     except Interrupted:
         typer.echo("Nothing was finished.", err=True)
@@ -186,17 +206,30 @@ def _write(file: Path, results: Results, replace: bool) -> None:
     if not replace and (lost := lost_solves(file, finished)[0]):
         typer.echo(f"{file} holds {lost} solves that were not done again: it stays as it is")
         return
-    figures = {"sweep": plot_sweep(results)}
-    for (i, j), fields in results.fields.items():
-        key = f"contact-{i}-{j}" if len(results.fields) > 1 else "contact"
-        velocity = velocity_vector(results.velocity[j], results.attributes["direction"])
-        figures[key] = plot_sliding(fields, results.surface, velocity)
-        load = f"mean pressure {results.pressure[i] / 1e6:.4g} MPa"
-        figures[key].suptitle(f"{load}, velocity {results.velocity[j]:.3g} m/s")
     write_results(file, results)
-    typer.echo(f"wrote {file}")
-    for key, figure in figures.items():
+    results.study.to_csv(file.with_suffix(".csv"))
+    for path in (file, file.with_suffix(".csv")):
+        typer.echo(f"wrote {path}")
+    for key, figure in _figures(results):
         path = file.with_name(f"{file.stem}-{key}.png")
         with replacing(path) as partial:
             figure.savefig(partial, format="png")
         typer.echo(f"wrote {path}")
+
+
+def _figures(results: Results) -> Iterator[tuple[str, "Figure"]]:
+    """Yields each figure with the end of its name."""
+    yield "sweep", plot_sweep(results)
+    if "reduced_velocity" in results.study.values:
+        yield "master", plot_reduced(results)
+    elif "master_curve" in results.attributes:
+        typer.echo(results.attributes["master_curve"])
+    axes, units = results.study.axes, results.study.units
+    for index, fields in results.fields.items():
+        key = "-".join(map(str, ("contact", *index))) if len(results.fields) > 1 else "contact"
+        velocity = velocity_vector(results.velocity[index[-1]], results.attributes["direction"])
+        figure = plot_sliding(fields, results.surface_of(index), velocity)
+        at = zip(axes.items(), index, strict=True)
+        words = (f"{TITLES.get(n, n)} {label_of(n, values[i], units)}" for (n, values), i in at)
+        figure.suptitle(", ".join(words), fontsize="medium")
+        yield key, figure

@@ -12,7 +12,14 @@ from typing import Annotated
 import jax
 import typer
 from rich.console import Console
-from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeElapsedColumn
+from rich.progress import (
+    BarColumn,
+    MofNCompleteColumn,
+    Progress,
+    TextColumn,
+    TimeElapsedColumn,
+    TimeRemainingColumn,
+)
 
 from ..studies.interruption import Interruption
 
@@ -24,6 +31,14 @@ Replace = Annotated[
 ]
 DryRun = Annotated[
     bool, typer.Option("--dry-run", help="Only tell memory, number of solves and time.")
+]
+Workers = Annotated[
+    int | None,
+    typer.Option(min=1, help="Processes that solve, instead of as many as pay."),
+]
+Scheduler = Annotated[
+    str | None,
+    typer.Option(metavar="tcp://...", help="Use the workers of a scheduler that runs."),
 ]
 
 # A transform runs on one thread or on all, as chance will have it, with other last bits.
@@ -61,13 +76,17 @@ def progress(interruption: Interruption) -> Iterator[Callable[[str, int, int], N
     """
 
     columns = (
-        TextColumn("{task.description}"), BarColumn(), MofNCompleteColumn(), TimeElapsedColumn()
+        TextColumn("{task.description}"), BarColumn(), MofNCompleteColumn(), TimeElapsedColumn(),
+        TextColumn("left"), TimeRemainingColumn(),
     )  # fmt: skip
     with Progress(*columns, console=Console(stderr=True)) as bar:
         task = bar.add_task("", total=None)
 
         def advance(text: str, done: int, total: int) -> None:
-            bar.update(task, description=text, completed=done, total=total)
+            if bar.tasks[task].total != total:
+                # What was kept, and compiling, say nothing of the time left.
+                bar.reset(task, total=total, completed=done, description=text)
+            bar.update(task, description=text, completed=done)
             interruption.check()
 
         yield advance

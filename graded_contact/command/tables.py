@@ -38,29 +38,32 @@ def print_table(results: Results) -> None:
     columns = dict(COLUMNS)
     if results.surface.measured is None:
         del columns["unmeasured_friction"]
-    heads = ["velocity\n[m/s]", "pressure\n[MPa]", *(head for head, _ in columns.values()), ""]
-    for head in heads:
+    *others, pressure, velocity = results.study.axes.items()
+    units = {name: f"\n[{unit}]" for name, unit in results.study.units.items()}
+    heads = ["velocity\n[m/s]", "pressure\n[MPa]", *(n + units.get(n, "") for n, _ in others)]
+    for head in (*heads, *(head for head, _ in columns.values()), ""):
         table.add_column(Text(head), justify="right", no_wrap=True)
     caveats = results.caveats
-    for i, j in np.ndindex(results.friction.shape):
-        cells = [
-            format(getattr(results, name)[i, j], style) for name, (_, style) in columns.items()
-        ]
-        state = str(results.state[i, j])
+    states = results.state
+    for index in np.ndindex(states.shape):
+        *at, i, j = index
+        cells = [f"{velocity[1][j]:.3e}", f"{pressure[1][i] / 1e6:.4g}"]
+        cells += [f"{values[k]:.5g}" for (_, values), k in zip(others, at, strict=True)]
+        cells += [format(results[name][index], style) for name, (_, style) in columns.items()]
+        state = str(states[index])
         mark = state and f"[bold red]{state}[/] "
-        doubts = ",".join(str(n) for n, c in enumerate(caveats, start=1) if c.where[i, j])
+        doubts = ",".join(str(n) for n, c in enumerate(caveats, start=1) if c.where[index])
         mark += f"[yellow]({doubts})[/]" if doubts else ""
-        load = f"{results.pressure[i] / 1e6:.4g}"
-        table.add_row(f"{results.velocity[j]:.3e}", load, *cells, mark)
+        table.add_row(*cells, mark)
     console = Console()
     # A narrower screen wraps the lines; it must not cut the numbers.
-    console.width = max(console.width, 150)
+    console.width = max(console.width, 150 + 24 * len(others))
     console.print(table)
     for number, caveat in enumerate(caveats, start=1):
         console.print(f"[bold yellow]({number})[/] {escape(caveat.sentence)}", soft_wrap=True)
     warning = Console(stderr=True)
     for state, text in STATES.items():
-        chosen = results.state == state
+        chosen = states == state
         if np.any(chosen):
             warning.print(f"[bold red]Warning:[/] {chosen.sum()} of {chosen.size} solves {text}.")
             for message in sorted(set(results.message[chosen]) - {state}):

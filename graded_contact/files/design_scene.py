@@ -109,6 +109,9 @@ def parse_design(text: str, folder: str | os.PathLike = ".") -> DesignScene:
         check_positive("velocity", scene.velocity, "[m/s]")
         if len(scene.pressure) > 1 or scene.direction != 0:
             raise ValueError("needs one `pressure`, and `direction` = 0, in [load].")
+        if len(scene.axes) > 2:
+            raise ValueError(f"takes one {' and one '.join(map(repr, [*scene.axes][:-2]))}.")
+    scene = dataclasses.replace(scene, stack=scene.block({}), temperature=None)
     document = parse_toml(text)
     if "design" not in document:
         raise ValueError("The scene lacks the table [design].")

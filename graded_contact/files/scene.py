@@ -1,12 +1,13 @@
 """Scenes: a block, a surface, loads and velocities, as a TOML file describes them.
 
 The keys of a scene are the names of arguments of this package, in SI units, angles in radians; a
-`kind` names what takes them, see `MATERIALS`, `BASES` and `KINDS`. Paths are relative to the scene
+`kind` names what takes them, see `files/block.py`. Paths are relative to the scene
 file, or begin with `~`.
 
     [surface]             kind = "self_affine": the fields of `SelfAffine` (`q_low` is 2π over the
                           longest edge unless given), `roll_off`, `seed`, `amplitudes`, and a
-                          table [grid] with `shape` and `size`; or kind = "file": the arguments of
+                          table [grid] with `shape` and `size`; `seeds` = 8 draws as many surfaces,
+                          from `seed`, `seed` + 1, ...; or kind = "file": the arguments of
                           `read_surface`, and `rms_height` or `rms_slope` to rescale to
     [materials.NAME]      kind = "elastic", "prony", "prony_creep", "tabulated", "tyre_tread" or
                           "bulk_shear", whose two parts are NAMEs of materials above it; the two
@@ -19,8 +20,12 @@ file, or begin with `~`.
     [base]                kind = "half_space" with a `material`, "rigid" or "free"
     [load]                `pressure` and `velocity`: a number, a list, or {from, to, points},
                           equally spaced in the logarithm; `direction` of the velocity from the
-                          x axis; `temperature` [K]; `extrapolate` = true to allow friction from
-                          frequencies at which a material was not measured
+                          x axis; `temperature` [K]: a number, a list, or {from, to, points}, here
+                          equally spaced; `extrapolate` = true to allow friction from frequencies
+                          at which a material was not measured
+    [sweep]               values of numbers of the block, by paths as in `parameters.py`:
+                          "layers[0].thickness" = [1e-5, 1e-4], or {from, to, points}, equally
+                          spaced in the logarithm; a temperature acts on the block that has them
     [solver]              `rtol` and the numbers of `DouglasRachford`; `graded` = "layering" or
                           "riccati", or a table with that `kind` and its `rtol`, for graded layers
     [output]              `name`, `directory`, and which `fields` to keep: "last", "every" or "none"
@@ -28,9 +33,12 @@ file, or begin with `~`.
 """
 
 import dataclasses
+import itertools
+import math
 import os
+from collections.abc import Iterator, Mapping
 from pathlib import Path
-from typing import Annotated, Any, Literal
+from typing import Any
 
 import numpy as np
 from jaxtyping import Float, ScalarLike
@@ -38,51 +46,24 @@ from jaxtyping import Float, ScalarLike
 from .._checks import as_float, check_positive, check_tolerance, check_values
 from .._memory import check_points
 from ..contact.douglas_rachford import DouglasRachford
+from ..parameters import with_values
 from ..response.grading import AbstractGradedSolver
 from ..response.layering import Layering
-from ..response.profile import Blend
-from ..response.riccati import Riccati
-from ..response.shape import AbstractShape, ErrorFunction, Exponential, Linear, PowerLaw, Sinusoidal
-from ..response.stack import Free, GradedLayer, HalfSpace, Layer, Rigid, Stack
-from ..rheology.library import tyre_tread
-from ..rheology.material import AbstractMaterial, BulkShear, Elastic, Prony
-from ..rheology.shift import WLF, AbstractShift, Arrhenius
+from ..response.stack import Stack
 from ..rheology.tabulated import Tabulated
-from ..rheology.tabulated_shift import TabulatedShift
-from .moduli.quantities import DIMENSIONS, UNITS
-from .moduli.reading import read_moduli
+from .block import Block, extremes
 from .output import check_name, full_path
-from .signatures import Builder, keys_of
 from .surfaces import RandomSurface, SurfaceFile, parse_surface
-from .toml import Section, nearest, parse_toml, short, within
+from .toml import Section, parse_toml, within
 
 KEYS = (
-    "title", "surface", "grid", "materials", "layers", "base", "load", "solver", "output", "design",
+    "title", "surface", "grid", "materials", "layers", "base", "load", "sweep", "solver", "output",
+    "design",
 )  # fmt: skip
 SOLVER_KEYS = tuple(
     field.name for field in dataclasses.fields(DouglasRachford) if field.metadata.get("static")
 )
 LOAD_KEYS = ("pressure", "velocity", "direction", "temperature", "extrapolate")
-# What a `kind` makes; its keys are the parameters.
-MATERIALS = {
-    "elastic": Elastic,
-    "prony": Prony,
-    "prony_creep": Prony.from_creep,
-    "tyre_tread": tyre_tread,
-    "bulk_shear": BulkShear,
-}
-BASES = {"half_space": HalfSpace, "rigid": Rigid, "free": Free}
-KINDS = {
-    AbstractShift: {"wlf": WLF, "arrhenius": Arrhenius, "tabulated": TabulatedShift},
-    AbstractShape: {
-        "linear": Linear,
-        "sinusoidal": Sinusoidal,
-        "exponential": Exponential,
-        "power_law": PowerLaw,
-        "error_function": ErrorFunction,
-    },
-    AbstractGradedSolver: {"layering": Layering, "riccati": Riccati},
-}
 
 
 @dataclasses.dataclass(frozen=True, eq=False)
@@ -93,8 +74,10 @@ class Scene:
 
     - `text`: the TOML text.
     - `title`: one line for people.
-    - `stack`: the block, at the temperature of the scene.
+    - `stack`: the block as it is written; `block` is that of a point.
     - `surface`: where the surface comes from; `build_surface` makes it.
+    - `sweep`: other values for numbers of the stack, by their paths.
+    - `temperature`: one [K], or an axis of them, or None.
     - `pressure`, `velocity`: mean pressures [Pa] and velocities [m/s], one axis each.
     - `direction`: of the velocity from the x axis [rad].
     - `extrapolate`: whether friction may come from where a material was not measured.
@@ -110,6 +93,8 @@ class Scene:
     title: str
     stack: Stack
     surface: RandomSurface | SurfaceFile
+    sweep: dict[str, Float[np.ndarray, " values"]]
+    temperature: Float[np.ndarray, "*temperatures"] | None
     pressure: Float[np.ndarray, " pressures"]
     velocity: Float[np.ndarray, " velocities"]
     direction: float
@@ -122,6 +107,35 @@ class Scene:
     keep: str
     inputs: tuple[Path, ...]
     notes: tuple[str, ...] = ()
+
+    @property
+    def axes(self) -> dict[str, np.ndarray]:
+        """What is varied, by name, in the order of the results' axes."""
+        found = dict(self.sweep)
+        if self.temperature is not None and self.temperature.ndim:
+            found["temperature"] = self.temperature
+        if isinstance(self.surface, RandomSurface) and self.surface.seeds is not None:
+            found["seed"] = self.surface.seed + np.arange(self.surface.seeds)
+        return {**found, "pressure": self.pressure, "velocity": self.velocity}
+
+    @property
+    def num_solves(self) -> int:
+        """How many combinations there are of what is varied."""
+        return math.prod(len(values) for values in self.axes.values())
+
+    def block(self, point: Mapping[str, Any]) -> Stack:
+        """Returns the stack at a point, given by its numbers on the axes; JAX may trace them."""
+        values = {path: point[path] for path in self.sweep}
+        stack = with_values(self.stack, values) if values else self.stack
+        temperature = point.get("temperature", self.temperature)
+        return stack if temperature is None else stack.at(temperature)
+
+    def blocks(self) -> Iterator[tuple[dict[str, float], Stack]]:
+        """Yields the stacks that differ, each with its numbers of [sweep] and its temperature."""
+        axes = {name: at for name, at in self.axes.items() if name in (*self.sweep, "temperature")}
+        for numbers in itertools.product(*axes.values()):
+            point = dict(zip(axes, numbers, strict=True))
+            yield point, self.block(point)
 
 
 def read_scene(path: str | os.PathLike) -> Scene:
@@ -150,12 +164,13 @@ def parse_scene(text: str, folder: str | os.PathLike = ".") -> Scene:
     load = Section("[load]", scene.get("load"), LOAD_KEYS)
     solver = Section("[solver]", scene.get("solver", {}), ("rtol", "graded", *SOLVER_KEYS))
     output = Section("[output]", scene.get("output", {}), ("name", "directory", "fields"))
-    block = _Block(folder)
-    block.read_materials(scene, load)
-    surface = parse_surface(scene, block.builder)
-    pressure, velocity = load.values("pressure"), load.values("velocity")
+    block = Block(folder)
+    temperature = _temperature(load)
+    block.read_materials(scene, temperature)
+    surface, stack = parse_surface(scene, block.builder), block.stack(scene)
+    pressure, velocity = load.axis("pressure"), load.axis("velocity")
+    sweep = _sweep(scene, stack, temperature)
     with within(load.place):
-        check_points("pressure` x `velocity", pressure.size * velocity.size)
         check_positive("pressure", pressure, "[Pa]")
         check_values("velocity", velocity, "a velocity [m/s] must be finite")
         direction = load.number("direction", 0.0)
@@ -172,11 +187,13 @@ def parse_scene(text: str, folder: str | os.PathLike = ".") -> Scene:
         if directory is not None:
             directory = full_path(directory, folder)
     materials = block.materials.values()
-    return Scene(
+    found = Scene(
         text=text,
         title=scene.text("title", ""),
-        stack=block.stack(scene),
+        stack=stack,
         surface=surface,
+        sweep=sweep,
+        temperature=temperature,
         pressure=pressure,
         velocity=velocity,
         direction=direction,
@@ -191,6 +208,31 @@ def parse_scene(text: str, folder: str | os.PathLike = ".") -> Scene:
         inputs=tuple(block.builder.paths),
         notes=tuple(block.notes),
     )
+    check_points("` x `".join(found.axes), found.num_solves)
+    return found
+
+
+def _temperature(load: Section) -> np.ndarray | None:
+    if "temperature" not in load.content:
+        return None
+    content = load.get("temperature")
+    if not isinstance(content, list | dict):
+        return np.asarray(load.number("temperature"))
+    return load.axis("temperature", linear=True)
+
+
+def _sweep(scene: Section, stack: Stack, temperature: np.ndarray | None) -> dict[str, np.ndarray]:
+    """The axes of [sweep]; each of their values must make a block, at each temperature."""
+    content = scene.get("sweep", {})
+    section = Section("[sweep]", content, content)
+    found = {path: section.axis(path) for path in content}
+    with within(section.place):
+        for path, values in found.items():
+            for value in (np.min(values), np.max(values)):  # what is allowed has no gaps
+                changed = with_values(stack, {path: value})
+                for at in extremes(temperature):
+                    changed.at(at)
+    return found
 
 
 def _accuracy(
@@ -198,85 +240,3 @@ def _accuracy(
     graded: AbstractGradedSolver = Layering(),  # noqa: B008 (immutable)
 ) -> tuple[ScalarLike, AbstractGradedSolver]:
     return rtol, graded
-
-
-class _Block:
-    """The materials of a scene, and the stack that is made of them."""
-
-    def __init__(self, folder: Path):
-        self.materials: dict[str, AbstractMaterial] = {}
-        self.notes: list[str] = []
-        self.builder = Builder(KINDS, {AbstractMaterial: self._named}, folder)
-
-    def read_materials(self, scene: Section, load: Section) -> None:
-        content = scene.get("materials")
-        if not isinstance(content, dict):
-            raise ValueError(
-                f"[materials] must hold tables [materials.NAME], got {short(content)}."
-            )
-        kinds = {**MATERIALS, "tabulated": self._tabulated}
-        for name, entry in content.items():
-            understood = len(self.notes)
-            self.materials[name] = self.builder.build_kind(f"[materials.{name}]", entry, kinds)
-            self.notes[understood:] = [f"{name}: {note}" for note in self.notes[understood:]]
-        if "temperature" in load.content:
-            temperature = load.number("temperature")
-            for name, material in self.materials.items():
-                with within(f"[load] `temperature`, of [materials.{name}]:"):
-                    self.materials[name] = material.at(temperature)
-
-    def stack(self, scene: Section) -> Stack:
-        entries = scene.get("layers", [])
-        if not isinstance(entries, list):
-            raise ValueError(f"`layers` must be a list of tables [[layers]], got {short(entries)}.")
-        layers = [self._layer(f"[layers[{i}]]", entry) for i, entry in enumerate(entries)]
-        base = self.builder.build_kind("[base]", scene.get("base"), BASES)
-        with within("[base]"):
-            return Stack(layers=layers, base=base)
-
-    def _layer(self, place: str, entry: Any) -> Layer | GradedLayer:
-        keys = (*keys_of(Layer), *keys_of(Blend))
-        section = Section(place, entry, keys)
-        if "bottom" not in section.content and "top" not in section.content:
-            return self.builder.build(section, Layer)
-        if "material" in section.content:
-            raise ValueError(f"{place} has `material` besides `bottom` or `top`: give one.")
-        profile = self.builder.build(section, Blend)
-        return self.builder.build(section, GradedLayer, profile=profile)
-
-    def _named(self, section: Section, key: str) -> AbstractMaterial:
-        name = section.text(key)
-        if name not in self.materials:
-            raise ValueError(
-                f"{section.place} `{key}` = {name!r} is not in [materials]; "
-                f"{nearest(name, self.materials)}"
-            )
-        return self.materials[name]
-
-    def _tabulated(
-        self,
-        path: os.PathLike,
-        columns: Annotated[dict, *DIMENSIONS] | None = None,
-        units: Annotated[dict, *UNITS] | None = None,
-        deformation: str | None = None,
-        sheet: str | None = None,
-        poisson: ScalarLike = 0.5,
-        extrapolate: Literal["refuse", "plateau"] = "refuse",
-        shift: AbstractShift | None = None,
-    ) -> Tabulated:
-        """The material of a table of moduli; what was understood of it goes to the notes."""
-        try:
-            found = read_moduli(
-                path,
-                kind="frequency",
-                columns=columns,
-                units=units,
-                deformation=deformation,
-                sheet=sheet,
-                poisson=poisson,
-            )
-        except ValueError as error:
-            advice = "`graded-contact fit FILE` reads more, and writes a material for a scene."
-            raise ValueError(f"{error} {advice}") from error
-        self.notes += found.history
-        return Tabulated(*found.table(), poisson, shift=shift, extrapolate=extrapolate)

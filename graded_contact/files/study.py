@@ -7,13 +7,13 @@ attributes, so that `xarray.open_dataset(path, engine="h5netcdf")` opens it.
 import csv
 import dataclasses
 import os
-from collections.abc import Sequence
-from pathlib import Path
+from collections.abc import Iterable, Mapping, Sequence
+from types import MappingProxyType
 from typing import TYPE_CHECKING, Any, NamedTuple
 
-import h5py
 import numpy as np
 
+from .hdf5 import new_file, numbers, opened, put, texts
 from .sealed import replacing
 from .toml import nearest
 
@@ -21,6 +21,28 @@ if TYPE_CHECKING:
     import xarray
 
 FORMAT = "graded_contact study 1"
+NOT_STARTED = "not started"
+FAILED = "failed: "
+# Of axes and quantities by the last word of their names.
+UNITS = {
+    "pressure": "Pa", "velocity": "m/s", "reduced_velocity": "m/s", "temperature": "K",
+    "thickness": "m", "modulus": "Pa", "equilibrium": "Pa", "strengths": "Pa", "glassy": "Pa",
+    "times": "s", "poisson": "1", "gap": "m", "mean_gap": "m", "displacement": "m",
+    "heights": "m", **dict.fromkeys((
+        "friction", "contact_area", "contact_area_corrected", "contact_area_smooth",
+        "geometric_friction", "energy_imbalance", "slope_in_contact", "unmeasured_area",
+        "unmeasured_friction", "extrapolated_friction", "error", "num_fft_pairs",
+    ), "1"),
+}  # fmt: skip
+
+
+def units_of(
+    names: Iterable[str], more: Mapping[str, str] = MappingProxyType({})
+) -> dict[str, str]:
+    """Returns the units that are known, by name: "layers[0].thickness" has that of a thickness."""
+    known = {**UNITS, **more}
+    last = {name: name.rpartition(".")[2].partition("[")[0] for name in names}
+    return {name: known[word] for name, word in last.items() if word in known}
 
 
 @dataclasses.dataclass(frozen=True, eq=False)
@@ -116,21 +138,8 @@ class Study:
 
     def write(self, path: str | os.PathLike) -> None:
         """Writes an HDF5 file; an earlier one is replaced once the new one is whole."""
-        with replacing(path) as partial, h5py.File(partial, "w-", track_order=True) as opened:
-            file: Any = opened
-            file.attrs["format"] = FORMAT
-            file.attrs["axes"] = list(self.axes)
-            for name, at in self.axes.items():
-                _put(file, name, at, (), self._about(name))
-                file[name].make_scale(name)
-            # The format has no dimension without a scale.
-            indices = {d for name in self.values for d in self._dimensions(name)} - set(self.axes)
-            for name in sorted(indices):
-                file[name] = np.arange(int(name.split("_")[-1]))
-                file[name].make_scale(name)
-            for name, values in self.values.items():
-                _put(file, name, values, self._dimensions(name), self._about(name))
-            _put(file, "message", self.message, tuple(self.axes), {})
+        with new_file(path, FORMAT) as file:
+            put_study(file, self)
 
     def _dimensions(self, name: str) -> tuple[str, ...]:
         own = self.values[name].shape[self.message.ndim :]
@@ -159,38 +168,52 @@ def read_study(path: str | os.PathLike) -> Study:
 
     **Raises:** `FileNotFoundError`; `ValueError` for another file or a damaged one.
     """
-    if not Path(path).exists():
-        raise FileNotFoundError(f"`path={path}` does not exist.")
-    try:
-        with h5py.File(path) as opened:
-            file: Any = opened
-            if file.attrs.get("format") != FORMAT:
-                raise ValueError(f"it does not say that it holds a {FORMAT!r}")
-            axes = {str(name): _array(file[name]) for name in file.attrs["axes"]}
-            rest = [name for name in file if name not in axes and not name.startswith("index_")]
-            units = {
-                name: str(file[name].attrs["units"]) for name in file if "units" in file[name].attrs
-            }
-            values = {name: _array(file[name]) for name in rest if name != "message"}
-            return Study(axes, values, _array(file["message"]), units)
-    except (OSError, KeyError, TypeError, ValueError, RuntimeError, AttributeError) as error:
-        raise ValueError(f"`path={path}` cannot be read as a study: {error}.") from error
+    with opened(path, FORMAT) as file:
+        axes = list(map(str, file.attrs["axes"]))
+        rest = [name for name in file if name not in axes and not name.startswith("index_")]
+        return get_study(file, [name for name in rest if name != "message"])
 
 
-def _array(dataset: Any) -> np.ndarray:
-    if h5py.check_string_dtype(dataset.dtype) is None:
-        return np.asarray(dataset[()])
-    return np.asarray(dataset.asstr()[()]).astype(str)
+def put_study(
+    file: Any, study: Study, descriptions: Mapping[str, str] = MappingProxyType({})
+) -> None:
+    """Writes a study into the root of an HDF5 file, with what is said of its axes and values."""
+
+    def about(name: str) -> dict[str, str]:
+        said = {"description": descriptions[name]} if name in descriptions else {}
+        return study._about(name) | said
+
+    file.attrs["axes"] = list(study.axes)
+    for name, at in study.axes.items():
+        put(file, name, at, (name,), about(name))
+    # The format has no dimension without a scale.
+    indices = {d for name in study.values for d in study._dimensions(name)} - set(study.axes)
+    for name in sorted(indices):
+        put(file, name, np.arange(int(name.split("_")[-1])), (name,), {})
+    for name, values in study.values.items():
+        put(file, name, values, study._dimensions(name), about(name))
+    put(file, "message", study.message, tuple(study.axes), about("message"))
 
 
-def _put(file: Any, name: str, values: np.ndarray, dimensions: Sequence[str], about: dict) -> None:
-    if values.dtype.kind in "UO":
-        file.create_dataset(name, data=values.astype(object), dtype=h5py.string_dtype())
-    else:
-        file[name] = values
-    file[name].attrs.update(about)
-    for dimension, scale in zip(file[name].dims, dimensions, strict=len(dimensions) > 0):
-        dimension.attach_scale(file[scale])
+def get_study(file: Any, names: Sequence[str], kinds: str = "fiub") -> Study:
+    """Returns the study in the root of an open file, of its values those with these names.
+
+    `kinds` are those that the values may have, of NumPy's dtypes.
+
+    **Raises:** `ValueError` if shapes do not fit.
+    """
+    axes = {str(name): numbers(file[str(name)], "fiu") for name in file.attrs["axes"]}
+    values = {name: numbers(file[name], kinds) for name in names}
+    message, shape = texts(file["message"]), tuple(at.size for at in axes.values())
+    for name, array in {**values, "message": message}.items():
+        if array.shape[: len(shape)] != shape:
+            raise ValueError(f"{name} has the shape {array.shape} instead of {shape}")
+    units = {
+        name: str(file[name].attrs["units"])
+        for name in (*axes, *values)
+        if "units" in file[name].attrs
+    }
+    return Study(axes, values, message, units)
 
 
 def _quantiles(values: np.ndarray, levels: Sequence[float], along: int) -> np.ndarray:

@@ -4,7 +4,10 @@ from typing import Any, Literal, NamedTuple
 
 import jax
 import numpy as np
+from jaxtyping import ArrayLike
 
+from .._checks import check_whole
+from .._memory import check_points
 from ..grid import Grid
 from ..spectrum import SelfAffine
 from ..surface import Surface, random_surface, rescale
@@ -14,18 +17,26 @@ from .topography.reading import read_surface
 
 
 class RandomSurface(NamedTuple):
-    """A surface to be drawn: arguments of `random_surface`, with the seed of its key."""
+    """A surface to be drawn: arguments of `random_surface`, with the seed of its key.
+
+    With `seeds` there are as many, drawn from `seed`, `seed` + 1, ...
+    """
 
     spectrum: SelfAffine
     grid: Grid
     seed: int = 0
     amplitudes: Literal["exact", "gaussian"] = "exact"
+    seeds: int | None = None
 
     def build(self) -> Surface:
-        """Returns the surface, drawn anew; the same one each time."""
-        key = jax.random.key(self.seed)
+        """Returns the (first) surface, drawn anew; the same one each time."""
         with within("[surface]"):
-            return random_surface(self.spectrum, self.grid, key, amplitudes=self.amplitudes)
+            return self.drawn(self.seed)
+
+    def drawn(self, seed: ArrayLike) -> Surface:
+        """Returns the surface of another seed, which JAX may trace."""
+        key = jax.random.key(seed)
+        return random_surface(self.spectrum, self.grid, key, amplitudes=self.amplitudes)
 
 
 class SurfaceFile(NamedTuple):
@@ -45,7 +56,7 @@ def parse_surface(scene: Section, builder: Builder) -> RandomSurface | SurfaceFi
     """Returns where the surface of a scene comes from, see `scene.py` for the keys."""
     target = ("rms_height", "rms_slope")
     keys = {
-        "self_affine": (*keys_of(SelfAffine), "seed", "amplitudes"),
+        "self_affine": (*keys_of(SelfAffine), "seed", "amplitudes", "seeds"),
         "file": (*keys_of(read_surface), *target),
     }
     section, kind = Section.of_kind("[surface]", scene.get("surface"), keys)
@@ -54,7 +65,12 @@ def parse_surface(scene: Section, builder: Builder) -> RandomSurface | SurfaceFi
         # Unless given, the longest wave is as long as the longest edge.
         whole = {"q_low": 2 * np.pi / float(np.max(grid.size)), **section.content}
         spectrum = builder.build(Section(section.place, whole, whole), SelfAffine)
-        return builder.build(section, RandomSurface, spectrum=spectrum, grid=grid)
+        found = builder.build(section, RandomSurface, spectrum=spectrum, grid=grid)
+        if found.seeds is not None:
+            with within(section.place):
+                check_whole("seeds", found.seeds, 1)
+                check_points("seeds", found.seeds)
+        return found
     if "grid" in scene.content:
         raise ValueError(
             '[grid] belongs to a surface of kind "self_affine"; the points of a file are '

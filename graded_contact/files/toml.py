@@ -110,19 +110,36 @@ class Section:
             )
         return value
 
-    def values(self, key: str) -> Float[np.ndarray, " values"]:
-        """A number, a list, or {from, to, points}, as an array."""
+    def values(self, key: str, *, linear: bool = False) -> Float[np.ndarray, " values"]:
+        """A number, a list, or {from, to, points}, as an array.
+
+        A range is equally spaced in the logarithm, or itself if `linear`.
+        """
         value = self.get(key)
         if not isinstance(value, dict):
             return np.array(self.numbers(key))
         span = Section(f"{self.place} `{key}`", value, RANGE_KEYS)
         first, last, points = span.number("from"), span.number("to"), span.whole("points")
         with within(span.place):
-            check_positive("from", first, "(the spacing is logarithmic)")
-            check_positive("to", last, "(the spacing is logarithmic)")
+            for name, end in (("from", first), ("to", last)):
+                if linear:
+                    check_values(name, end, "it must be finite")
+                else:
+                    check_positive(name, end, "(the spacing is logarithmic)")
             check_values("points", points, "at least 2 points are needed", at_least=2)
             check_points("points", points)
-        return np.geomspace(first, last, points)
+        return (np.linspace if linear else np.geomspace)(first, last, points)
+
+    def axis(self, key: str, *, linear: bool = False) -> Float[np.ndarray, " values"]:
+        """As `values`, no value twice."""
+        values = self.values(key, linear=linear)
+        ordered, counts = np.unique(values, return_counts=True)
+        if len(ordered) < len(values):
+            raise ValueError(
+                f"{self.place} `{key}` has {ordered[np.argmax(counts)]:g} more than once: an axis "
+                "has a point for each value."
+            )
+        return values
 
     def _typed(
         self, key: str, default: Any, right: Callable, wanted: str, convert: Callable

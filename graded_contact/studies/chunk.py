@@ -8,20 +8,22 @@ import math
 import time
 from collections import deque
 from collections.abc import Callable, Collection, Iterable, Iterator, Sequence
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import jax
 import jax.numpy as jnp
 import numpy as np
 
 from ..contact.problem import RESULTS
-from ..files.results import FAILED
-from .program import Program
+from ..files.study import FAILED
+from .program import Program, code_of
 from .store import reason_of
 
 MOST = 64  # points of a chunk,
 BYTES = 2**26  # and of what it returns, beyond one point
 SECONDS = 1.0  # that a chunk shall take
+MOST_COMPILED = 8  # programs kept for the next study with other numbers
+_COMPILED: dict[str, Any] = {}
 
 Columns = dict[str, np.ndarray]  # scalars of several points, by name
 Keep = Sequence[Collection[str]] | None  # names of what to keep of each point; None: all
@@ -105,7 +107,12 @@ def compiled_chunk(program: Program) -> Chunk:
         return jax.lax.fori_loop(0, count, add, start)
 
     blank = {name: np.full(size, value) for name, value in program.point.items()}
-    ready = loop.lower(numbers, blank, size).compile()
+    key = code_of(program)
+    if key not in _COMPILED:
+        while len(_COMPILED) >= MOST_COMPILED:
+            del _COMPILED[next(iter(_COMPILED))]
+        _COMPILED[key] = loop.lower(numbers, blank, size).compile()
+    ready = _COMPILED[key]
 
     def run(columns, keep):
         count = len(next(iter(columns.values())))

@@ -20,7 +20,7 @@ from typing import Any
 
 import jax
 
-from ..files.results import FAILED
+from ..files.study import FAILED
 from .chunk import Chunk, Columns, Finished, Keep, Pace, Work, compiled_chunk, most_points
 from .program import Program, identity, trace
 

@@ -1,6 +1,8 @@
 """Friction from frequencies at which no material of a scene was measured is refused."""
 
+import contextlib
 from collections.abc import Callable
+from typing import Any
 
 import numpy as np
 from jaxtyping import ArrayLike
@@ -11,17 +13,18 @@ from ..files.scene import Scene
 from ..files.toml import within
 from ..grid import Grid
 from ..persson.mean_field import mean_field_friction
+from ..response.stack import Stack
 from ..rheology.measured import check_frequencies, coverage, is_unknown
 from ..surface import Surface
 
 
-def velocity_vector(speed: ArrayLike, direction: float) -> np.ndarray:
+def velocity_vector(speed: Any, direction: float) -> Any:
     """Returns the velocity as `slide` takes it: one number along x, otherwise two components."""
     if direction == 0:
-        return np.asarray(speed)
+        return speed
     unit = np.array([np.cos(direction), np.sin(direction)])
     # Rounding of a right angle would excite frequencies near zero.
-    return np.asarray(speed) * np.where(np.abs(unit) < 1e-12, 0, unit)
+    return speed * np.where(np.abs(unit) < 1e-12, 0, unit)
 
 
 def check_frequencies_of(scene: Scene, surface: Surface) -> None:
@@ -30,15 +33,24 @@ def check_frequencies_of(scene: Scene, surface: Surface) -> None:
     What a table of moduli does not hold is refused whatever its share. A series is refused if more
     than 1 % of the friction at some velocity comes from where it only extrapolates, by the mean
     field of the surface at the highest pressure, unless [load] has `extrapolate = true` or a table
-    of moduli `extrapolate = "plateau"`.
+    of moduli `extrapolate = "plateau"`. Each temperature and block of [sweep] is looked at.
     """
+    for point, stack in scene.blocks():
+        if coverage(stack) is None:  # then of no other block
+            return
+        where = ", ".join(f"{name} = {value:g}" for name, value in point.items())
+        with within(f"At {where}:") if where else contextlib.nullcontext():
+            _check_block(scene, stack, surface)
+
+
+def _check_block(scene: Scene, stack: Stack, surface: Surface) -> None:
     with within("[load] `velocity` and the surface:"):
-        check_frequencies(scene.stack, _excited(scene, surface.grid))
+        check_frequencies(stack, _excited(scene, surface.grid))
 
     def shares() -> np.ndarray:
         return np.array([
             mean_field_friction(
-                scene.stack,
+                stack,
                 surface,
                 pressure=np.max(scene.pressure),
                 velocity=velocity_vector(v, scene.direction),
@@ -48,21 +60,24 @@ def check_frequencies_of(scene: Scene, surface: Surface) -> None:
             for v in scene.velocity
         ])  # fmt: skip
 
-    refuse_extrapolated(scene, surface.grid, shares)
+    refuse_extrapolated(scene, stack, surface.grid, shares)
 
 
-def refuse_extrapolated(scene: Scene, grid: Grid, friction_shares: Callable[[], ArrayLike]) -> None:
+def refuse_extrapolated(
+    scene: Scene, stack: Stack, grid: Grid, friction_shares: Callable[[], ArrayLike]
+) -> None:
     """Refuses friction that comes from where a material only extrapolates, unless that is allowed.
 
     **Arguments:**
 
-    - `scene`: block and velocities.
+    - `scene`: its velocities.
+    - `stack`: its block, at some temperature.
     - `grid`: of its surface.
     - `friction_shares`: returns the share [1] at each velocity; called if any wave is outside.
 
     **Raises:** `ValueError` for a share of more than 1 %.
     """
-    found, excited = coverage(scene.stack), _excited(scene, grid)
+    found, excited = coverage(stack), _excited(scene, grid)
     if scene.extrapolate or found is None:
         return
     low, high = map(float, found)

@@ -95,6 +95,16 @@ def identity(program: Program) -> str:
     return fingerprint(_ADDRESS.sub("", str(program.jaxpr)), *numbers)
 
 
+def code_of(program: Program) -> str:
+    """Returns 64 hexadecimal digits that differ if compiled code would, in this process.
+
+    Unlike in `identity`, numbers that are its arguments do not count, and callbacks do.
+    """
+    inside = [_plain(number) for number in _inside(program.jaxpr)]
+    names = str(jax.tree.structure((program.point, program.like)))
+    return fingerprint(str(program.jaxpr), names, *inside)
+
+
 def _named(found: Any) -> tuple[dict[str, jax.Array], Any]:
     leaves, _ = jax.tree_util.tree_flatten_with_path(found, is_leaf=_is_result)
     arrays, end = {}, RESULTS.successful

@@ -1,45 +1,41 @@
-"""Scenes, run point by point."""
+"""Scenes, run point by point, as sweeps are."""
 
 import hashlib
 import math
 from collections.abc import Callable
 from functools import partial
+from typing import Any, Literal
 
-import jax.numpy as jnp
+import jax
 import numpy as np
-from jaxtyping import Array
+from jaxtyping import Float
 
 from .._memory import check_memory, num_numbers, sliding_memory
-from ..contact.solution import RESULTS
-from ..files.results import (
-    FAILED,
-    FIELDS,
-    NOT_STARTED,
-    OBSERVABLES,
-    Fields,
-    Results,
-    package_versions,
-)
+from ..files.results import FIELDS, OBSERVABLES, Fields, Results, package_versions
 from ..files.scene import Scene
+from ..files.study import NOT_STARTED, Study, units_of
 from ..files.surfaces import RandomSurface
 from ..files.toml import within
+from ..rheology.shift import AbstractShift
 from ..sliding import slide
 from ..surface import Surface
 from .extrapolation import check_frequencies_of, velocity_vector
-from .store import Point, Store, fingerprint, reason_of
+from .store import Point, Store, fingerprint
+from .sweep import solve_points
 
 
 def build_surface(scene: Scene) -> Surface:
-    """Returns the surface of a scene, drawn or read from its file."""
+    """Returns the surface of a scene, of its first seed, drawn or read from its file."""
     check_scene(scene)
     return scene.surface.build()
 
 
 def scene_memory(scene: Scene, shape: tuple[int, ...]) -> float:
     """Returns the bytes that a scene takes with a surface of this shape, in double precision."""
-    kept = {"every": scene.pressure.size * scene.velocity.size, "last": 1, "none": 0}[scene.keep]
+    kept = {"every": scene.num_solves, "last": 1, "none": 0}[scene.keep]
     numbers, askew = num_numbers(scene.stack), scene.direction != 0
-    fields = (1 + len(FIELDS) * kept) * math.prod(shape) * 8  # the surface, and what is kept
+    # The surface, and what is kept.
+    fields = (1 + len(_fields_of(scene)) * kept) * math.prod(shape) * 8
     return fields + sliding_memory(shape, 8, numbers, askew, scene.solver.memory)
 
 
@@ -56,9 +52,12 @@ def run_scene(
     *,
     surface: Surface | None = None,
     store: Store | None = None,
+    workers: int | Literal["auto"] | None = None,
+    scheduler: str | None = None,
+    client: Any = None,
     progress: Callable[[int, int], None] | None = None,
 ) -> Results:
-    """Returns friction, contact area and more of a scene at each of its pressures and velocities.
+    """Returns friction, contact area and more of a scene at every combination of what it varies.
 
     A solve that does not converge is kept with its message, one that fails (a kernel that cannot
     be evaluated) with its reason, and the run goes on; a run that is interrupted (Ctrl-C) returns
@@ -70,124 +69,144 @@ def run_scene(
     **Arguments:**
 
     - `scene`: what to compute.
-    - `surface`: the surface, if built before.
+    - `surface`: the surface, if built before; that of the first seed, where there are several.
     - `store`: keeps each solve on disk as it ends; those that it has are not computed again.
-    - `progress`: called after each solve with the number of finished solves and of all solves.
+    - `workers`, `scheduler`, `client`, `progress`: as in `sweep`.
 
-    **Returns:** observables with axes (pressures, velocities), and the fields that the scene keeps.
+    **Returns:** observables over the scene's axes, and the fields that it keeps.
 
     **Raises:** `ValueError` for velocities that a table of moduli does not cover; `MemoryError`;
-    `OSError` if the store cannot be written; `KeyboardInterrupt` if nothing had finished.
+    `OSError` if the store cannot be written; `TimeoutError` as `sweep`; `KeyboardInterrupt` if
+    nothing had finished.
     """
     surface = build_surface(scene) if surface is None else surface
     check_frequencies_of(scene, surface)
     names = point_names(scene, surface)
     indices = list(np.ndindex(names.shape))
-    with_fields = {"every": indices, "last": indices[-1:], "none": []}[scene.keep]
-    points: dict[tuple[int, ...], Point] = {}
-    for index in indices:
-        point = None if store is None else store.read(str(names[index]))
-        if point is not None and _is_whole(point, index in with_fields):
-            points[index] = point
-    if points and progress is not None:
-        progress(len(points), len(indices))
-    try:
-        for index in [index for index in indices if index not in points]:
-            point = _solve(scene, surface, index, index in with_fields)
-            if store is not None:
-                store.write(str(names[index]), point)
-            points[index] = point
-            if progress is not None:
-                progress(len(points), len(indices))
-    except KeyboardInterrupt:
-        if not points:
-            raise  # there is nothing to keep
-    return _collect(scene, surface, names, points, with_fields)
+    kept = {"every": len(indices), "last": 1, "none": 0}[scene.keep]  # of the last
+    whole = (*OBSERVABLES, *_fields_of(scene))
+    points = solve_points(
+        _solver(scene, surface),
+        _columns(scene),
+        names.ravel().tolist(),
+        store=store,
+        workers=workers,
+        scheduler=scheduler,
+        client=client,
+        keep=[OBSERVABLES] * (len(indices) - kept) + [whole] * kept,
+        progress=progress,
+    )
+    if not any(points):
+        raise KeyboardInterrupt  # there is nothing to keep
+    found = dict(zip(indices, points, strict=True))
+    return _collect(scene, surface, names, found, indices[len(indices) - kept :])
 
 
 def point_names(scene: Scene, surface: Surface) -> np.ndarray:
     """Returns a name for each solve of a scene by all that decides its numbers, for a store.
 
-    Two scenes that have solves in common have names in common. The shape is that of the results.
+    Scenes that vary the same numbers have the names of their common solves in common. The shape is
+    that of the results.
     """
     versions = {key: package_versions()[key] for key in ("version_graded_contact", "version_jax")}
+    rough: Any = (surface.heights, surface.measured)
+    if "seed" in scene.axes and isinstance(scene.surface, RandomSurface):
+        rough = scene.surface._replace(seed=0, seeds=None)
     common = fingerprint(
-        versions, scene.stack, surface.heights, surface.measured, surface.grid, scene.solver,
-        scene.rtol, scene.graded,
+        versions, scene.stack, None if "temperature" in scene.axes else scene.temperature,
+        rough, surface.grid, scene.direction, scene.solver, scene.rtol, scene.graded,
     )  # fmt: skip
+    columns = _columns(scene)
     names = [
-        [fingerprint(common, *_load(scene, i, j)) for j in range(len(scene.velocity))]
-        for i in range(len(scene.pressure))
+        fingerprint(common, dict(zip(columns, numbers, strict=True)))
+        for numbers in zip(*columns.values(), strict=True)
     ]
-    return np.array(names)
+    return np.reshape(names, [len(at) for at in scene.axes.values()])
 
 
-def _load(scene: Scene, i: int, j: int) -> tuple[Array, Array]:
-    """Pressure and velocity of one solve, as `slide` takes them."""
-    velocity = velocity_vector(scene.velocity[j], scene.direction)
-    return jnp.asarray(scene.pressure[i]), jnp.asarray(velocity)
+def _columns(scene: Scene) -> dict[str, np.ndarray]:
+    """The numbers of each solve, by the names of the axes."""
+    grid = np.meshgrid(*scene.axes.values(), indexing="ij")
+    return {name: at.ravel() for name, at in zip(scene.axes, grid, strict=True)}
 
 
-def _solve(scene: Scene, surface: Surface, index: tuple[int, ...], with_fields: bool) -> Point:
-    """One solve of a scene, or why there is none."""
-    pressure, velocity = _load(scene, *index)
-    inputs = {
-        "pressure": np.asarray(pressure),
-        "velocity": np.asarray(velocity),
-        "scene": scene.text,
-        **package_versions(),
-    }
-    try:
+def _fields_of(scene: Scene) -> tuple[str, ...]:
+    """The fields of a solve that is kept: heights where each has its own."""
+    return tuple(name for name in FIELDS if name != "heights" or "seed" in scene.axes)
+
+
+def _solver(scene: Scene, surface: Surface) -> Callable[[dict[str, Any]], dict[str, Any]]:
+    """What gives the numbers and fields of one solve, from its numbers on the axes."""
+    fields = _fields_of(scene) if scene.keep != "none" else ()
+
+    def solve(point: dict[str, Any]) -> dict[str, Any]:
+        rough = surface
+        if "seed" in point and isinstance(scene.surface, RandomSurface):
+            rough = scene.surface.drawn(point["seed"])
         sliding = slide(
-            scene.stack,
-            surface,
-            pressure=pressure,
-            velocity=velocity,
+            scene.block(point),
+            rough,
+            pressure=point["pressure"],
+            velocity=velocity_vector(point["velocity"], scene.direction),
             solver=scene.solver,
             rtol=scene.rtol,
             graded=scene.graded,
             throw=False,
         )
-    except (ValueError, RuntimeError) as error:
-        return Point(values={}, message=FAILED + reason_of(error), inputs=inputs)
-    kept = (*OBSERVABLES, *FIELDS) if with_fields else OBSERVABLES
-    values = {name: np.asarray(getattr(sliding, name)) for name in kept}
-    return Point(values=values, message=str(RESULTS[sliding.result]), inputs=inputs)
+        heights = {"heights": rough.heights} if "heights" in fields else {}
+        names = (*OBSERVABLES, *fields, "result")
+        return heights | {n: getattr(sliding, n) for n in names if n != "heights"}
 
-
-def _is_whole(point: Point, with_fields: bool) -> bool:
-    wanted = {*OBSERVABLES, *FIELDS} if with_fields else {*OBSERVABLES}
-    return point.message.startswith(FAILED) or wanted <= point.values.keys()
+    return solve
 
 
 def _collect(
     scene: Scene,
     surface: Surface,
     names: np.ndarray,
-    points: dict[tuple[int, ...], Point],
+    points: dict[tuple[int, ...], Point | None],
     with_fields: list[tuple[int, ...]],
 ) -> Results:
     """The results of a scene from its solves, those that there are."""
     values = {name: np.full(names.shape, np.nan, surface.heights.dtype) for name in OBSERVABLES}
     message, fields = np.full(names.shape, NOT_STARTED, object), {}
     for index, point in points.items():
+        if point is None:
+            continue
         message[index] = point.message
         if not point.values:
             continue
         for name in OBSERVABLES:
             values[name][index] = point.values[name]
         if index in with_fields:
-            fields[index] = Fields(**{name: point.values[name] for name in FIELDS})
-    return Results(
-        pressure=scene.pressure,
-        velocity=scene.velocity,
-        **values,
-        message=message.astype(str),
-        point=names,
-        surface=surface,
-        fields=fields,
-        attributes=_attributes(scene, surface, values["error"], message),
-    )
+            fields[index] = Fields(**{name: point.values[name] for name in _fields_of(scene)})
+    attributes = _attributes(scene, surface, values["error"], message)
+    if "temperature" in scene.axes:
+        factor, attributes["master_curve"] = shift_factors(scene)
+        if factor is not None:
+            axes = scene.axes
+            where = [-1 if name == "temperature" else 1 for name in axes]
+            values["reduced_velocity"] = np.broadcast_to(
+                factor.reshape(where) * scene.velocity, names.shape
+            ).astype(surface.heights.dtype)
+    study = Study(scene.axes, values, message.astype(str), units_of((*scene.axes, *values)))
+    return Results(study, names, surface, fields, attributes)
+
+
+def shift_factors(scene: Scene) -> tuple[Float[np.ndarray, " temperatures"] | None, str]:
+    """Returns a_T [1] at each temperature, None unless the materials share it; and what to say."""
+
+    def is_law(part: Any) -> bool:
+        return isinstance(part, AbstractShift)
+
+    laws: list[Any] = [law for law in jax.tree.leaves(scene.stack, is_leaf=is_law) if is_law(law)]
+    logs = np.array([[law.log_factor(at) for at in scene.axes["temperature"]] for law in laws])
+    if not laws or any(".shift." in path for path in scene.sweep):
+        return None, "No master curve: no one law of temperature holds for the block."
+    # The same law may be written about several references.
+    if not np.allclose(logs - logs[:, :1], logs[0] - logs[0, 0], rtol=1e-6, atol=1e-6):
+        return None, "No master curve: the block's materials have different laws of temperature."
+    return np.exp(logs[0]), f"Velocities times a_T are those at {float(laws[0].reference):.2f} K."
 
 
 def _attributes(scene: Scene, surface: Surface, error: np.ndarray, message: np.ndarray) -> dict:

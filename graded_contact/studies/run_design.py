@@ -93,7 +93,7 @@ def run_design(
     rough = study.spectrum if isinstance(study.spectrum, Surface) else study.scene.surface
     assert isinstance(rough, Surface | RandomSurface)
     refuse_extrapolated(
-        study.scene, rough.grid, lambda: mean_field_of(study, own).extrapolated_friction
+        study.scene, own, rough.grid, lambda: mean_field_of(study, own).extrapolated_friction
     )
     start = {path: paths(own)[path] for path in study.lower}
     with within("[design]"):

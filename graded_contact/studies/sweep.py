@@ -9,18 +9,12 @@ import numpy as np
 
 from .._checks import Numbers, as_float, check_values, short
 from .._memory import SMALL, available_memory, in_gigabytes
-from ..files.results import FAILED, NOT_STARTED, package_versions
-from ..files.study import Study
+from ..files.results import package_versions
+from ..files.study import FAILED, NOT_STARTED, Study, units_of
 from .chunk import Work, bytes_of
 from .engine import check_engine, solved
 from .program import Program, identity, trace
 from .store import Point, Store, fingerprint
-
-UNITS = {
-    "pressure": "Pa", "velocity": "m/s", "temperature": "K", "friction": "1", "contact_area": "1",
-    "contact_area_corrected": "1", "contact_area_smooth": "1", "mean_gap": "m", "gap": "m",
-    "displacement": "m", "error": "1", "num_fft_pairs": "1",
-}  # fmt: skip
 
 
 def sweep(
@@ -86,9 +80,7 @@ def sweep(
     ends = [NOT_STARTED if point is None else point.message for point in points]
     if list(columns) != list(coordinates):
         values = {**columns, **values}
-    known = {**UNITS, **(units or {})}
-    last = {name: name.rpartition(".")[2] for name in (*coordinates, *values)}
-    of = {name: known[part] for name, part in last.items() if part in known}
+    of = units_of((*coordinates, *values), units or {})
     return Study(coordinates, values, np.array(ends).reshape(shape), of)
 
 

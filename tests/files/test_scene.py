@@ -221,7 +221,7 @@ def test_materials_are_those_of_the_constructors(lines, expected):
 
 def test_a_temperature_shifts_every_material():
     scene = parse_scene(changed("[solver]", "temperature = 273.15\n[solver]"))
-    assert eqx.tree_equal(scene.stack, parse_scene(TEXT).stack.at(273.15))
+    assert eqx.tree_equal(scene.block({}), parse_scene(TEXT).stack.at(273.15))
 
 
 def test_a_range_is_equally_spaced_in_the_logarithm():
