@@ -31,6 +31,7 @@ from .fitting.result import PronyFit
 from .grid import Grid
 from .parameters import with_values
 from .persson.mean_field import MeanField, mean_field_friction, pressure_distribution
+from .random_surfaces import random_surface
 from .response.compliance import (
     effective_modulus,
     graded_compliance,
@@ -38,13 +39,13 @@ from .response.compliance import (
     surface_compliance,
 )
 from .response.grading import AbstractGradedSolver
-from .response.interior import interface_depths, interior_fields, stress_field, von_mises
+from .response.interior import interior_fields, stress_field, von_mises
 from .response.kernel import kernel_table, stack_kernel
 from .response.layering import Layering, sliced
 from .response.matrix import surface_compliance_matrix
 from .response.profile import AbstractProfile, Aged, Blend, Mixture
 from .response.riccati import Riccati
-from .response.stack import Free, GradedLayer, HalfSpace, Layer, Rigid, Stack
+from .response.stack import Free, GradedLayer, HalfSpace, Layer, Rigid, Stack, interface_depths
 from .rheology.library import tyre_tread
 from .rheology.material import AbstractMaterial, BulkShear, Elastic, Prony
 from .rheology.measured import MeasuredRange, coverage
@@ -57,7 +58,7 @@ from .spectrum import SelfAffine
 from .studies.design import Design, minimise
 from .studies.objectives import friction_curve
 from .studies.uncertainty import propagate, sensitivity
-from .surface import Surface, random_surface
+from .surface import Surface
 
 if TYPE_CHECKING:
     from . import plot

@@ -9,13 +9,14 @@ import pytest
 PACKAGE = Path(__file__).parents[1] / "graded_contact"
 ORDER = [
     "_checks", "_fft", "_memory", "caveats", "parameters",
-    "grid", "spectrum", "cutoff", "surface",
+    "grid", "spectrum", "cutoff", "surface", "random_surfaces",
     "rheology/shift", "rheology/measured", "rheology/creep", "rheology/material",
     "rheology/tabulated", "rheology/tabulated_shift", "rheology/library",
-    "response/shape", "response/profile", "response/stack", "response/slab", "response/recursion",
+    "response/shape", "response/profile", "response/profile_check", "response/stack",
+    "response/hyperbolic", "response/slab", "response/recursion",
     "response/column", "response/grading", "response/mesh", "response/layering",
-    "response/riccati", "response/compliance", "response/table", "response/kernel",
-    "response/matrix", "response/depth", "response/interior",
+    "response/rates", "response/riccati", "response/compliance", "response/table",
+    "response/kernel", "response/matrix", "response/depth", "response/interior",
     "contact/law", "contact/adhesion", "contact/anderson", "contact/solver",
     "contact/splitting", "contact/linear", "contact/douglas_rachford", "contact/rmd",
     "contact/implicit", "contact/solution", "contact/problem", "contact/path",

@@ -9,8 +9,9 @@ from jaxtyping import ArrayLike
 from .._checks import check_whole
 from .._memory import check_points
 from ..grid import Grid
+from ..random_surfaces import random_surface
 from ..spectrum import SelfAffine
-from ..surface import Surface, random_surface, rescale
+from ..surface import Surface, rescale
 from .signatures import Builder, keys_of
 from .toml import Section, within
 from .topography.reading import read_surface

@@ -17,7 +17,7 @@ from jaxtyping import Array, Bool, Float, Inexact
 from .._checks import check_tolerance
 from ..rheology.measured import check_frequencies
 from .column import AddGraded, Carried, Rule, climb_through, column_of
-from .profile import check_profile
+from .profile_check import check_profile
 from .slab import (
     Compliance,
     factors,

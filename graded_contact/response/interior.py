@@ -38,7 +38,7 @@ from .grading import AbstractGradedSolver, check_profiles, graded_tolerance, sol
 from .kernel import kernel_frequencies
 from .layering import Layering
 from .matrix import wavevectors
-from .stack import HalfSpace, Stack, is_graded
+from .stack import HalfSpace, Stack, interface_depths, is_graded
 
 
 class InteriorFields(NamedTuple):
@@ -138,23 +138,6 @@ def stress_field(
     depth = _inside(stack, depth)
     rtol = graded_tolerance(graded, rtol, pressure)
     return _stress_field(stack, grid, pressure, depth, velocity, side, graded, rtol)
-
-
-@door
-def interface_depths(stack: Stack) -> Float[Array, " layers"]:
-    """Returns the depth of the lower face of every layer [m], the last one being the bottom.
-
-    **Arguments:**
-
-    - `stack`: the block.
-
-    **Returns:** depths [m], shape `(layers,)`.
-    """
-    depths, total = [], 0.0
-    for layer in stack.layers:
-        total = total + layer.thickness
-        depths.append(total)
-    return jnp.stack(depths) if depths else jnp.zeros((0,))
 
 
 @door

@@ -22,13 +22,13 @@ from jax.custom_derivatives import SymbolicZero
 from jaxtyping import Array, Float
 
 from ..rheology.material import AbstractMaterial
+from .hyperbolic import hyperbolic
 from .slab import (
     Compliance,
     factors,
     free,
     free_face,
     half_space,
-    hyperbolic,
     plane_strain,
     push_down,
     stack_on,

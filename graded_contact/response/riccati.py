@@ -1,23 +1,4 @@
-"""Graded layers by the differential equation of the compliance, integrated by diffrax.
-
-With κ = ν/(1 - ν), c in units of 2/(E_ref q), ζ = q z upwards, R = 2 E_r/E_ref and
-
-    B1 = E_ref (1 + ν)/E,   B2 = E_ref (1 + ν)(1 - 2ν)/(2 E (1 - ν)),
-
-    c11' = B1 - 2 c12 - R c11²         c12' = κ c11 - c22 - R c11 c12
-    c22' = B2 + 2 κ c12 - R c12²       (det c)' = B1 c22 + B2 c11 - R c11 det c
-    c_T' = B1 - c_T²/B1
-
-(no derivative of a modulus appears; ν may vary). On a free base c is infinite, and its inverse
-is integrated. Upwards the equation forgets its start as e^-2ζ; downwards it would blow up. Started
-where the wave ends (`mesh.WINDOW`), it is not stiff. Downwards goes the stiffness G of what lies
-above, which with the other sign of g12 obeys the equation of the inverse, and the traction
-v = (t, s) on a clamped face, along y = -ζ
-
-    t' = κ s - B1 g11 t - B2 g12 s     s' = -t - B1 g12 t - B2 g22 s     T' = -B1 g_T T,
-
-of which the decay e^-y is taken out.
-"""
+"""Graded layers by the differential equation of the compliance, integrated by diffrax."""
 
 from collections.abc import Callable, Sequence
 from functools import partial
@@ -34,6 +15,7 @@ from .grading import AbstractGradedSolver, as_tolerance, rounding
 from .layering import add_layered
 from .mesh import build_mesh, visible
 from .profile import moduli_at
+from .rates import Equation, coefficients
 from .shape import breaks_of
 from .slab import Compliance, plane_strain
 from .stack import Free, Stack
@@ -136,7 +118,7 @@ class Riccati(AbstractGradedSolver):
         waves = _Wave(x, omega, seen, height, reference * unit, start, _sizes(scale, start))
         shape = jnp.broadcast_shapes(*(part.shape for part in jax.tree.leaves((waves, end))))
         waves = jax.tree.map(lambda part: jnp.broadcast_to(part, shape).ravel(), waves)
-        top = self._integrated(layer.profile, waves, _Equation(inverse, down, step))
+        top = self._integrated(layer.profile, waves, Equation(inverse, down, step))
         top = jax.tree.map(lambda part: part.reshape(shape), top)
         return rule.face(top, jnp.broadcast_to(reference, shape), inverse, end[1])
 
@@ -173,8 +155,8 @@ class Riccati(AbstractGradedSolver):
 
         def slope(place, y, _):
             s = highest - length * (place if down else 1 - place)
-            coefficients = _coefficients(*moduli_at(profile, s, wave.omega), wave.reference)
-            rates = equation.rates(join(y), *coefficients)
+            known = coefficients(*moduli_at(profile, s, wave.omega), wave.reference)
+            rates = equation.rates(join(y), *known)
             return split(rates) * (wave.x * length)
 
         controller = (self.controller or diffrax.PIDController)(rtol=step, atol=1e-4 * step)
@@ -217,33 +199,6 @@ class _Wave(NamedTuple):
     reference: Float[Array, "..."]
     start: Carried
     size: Carried
-
-
-class _Equation(NamedTuple):
-    """Of the compliance or its inverse, or downwards of a stiffness; the tolerance of a step."""
-
-    inverse: bool
-    down: bool
-    step: float
-
-    def rates(self, numbers, kappa, b1, b2, r):
-        plane, antiplane, traction = numbers
-        if self.down:
-            t, s, across = traction
-            traction = (
-                t + kappa * s - b1 * plane.c11 * t - b2 * plane.c12 * s,
-                s - t - b1 * plane.c12 * t - b2 * plane.c22 * s,
-                across - b1 * antiplane * across,
-            )
-            plane = plane._replace(c12=-plane.c12)
-        rates = _inverse_rates if self.inverse or self.down else _rates
-        plane = Compliance(*rates(plane, kappa, b1, b2, r))
-        if self.down:
-            plane = plane._replace(c12=-plane.c12)
-        if antiplane is not None:
-            soft = 1 / b1 if self.inverse or self.down else b1
-            antiplane = soft - antiplane * antiplane / soft
-        return Carried(plane, antiplane, traction)
 
 
 def _in_both_modes(forward, backward, given):
@@ -293,33 +248,6 @@ def _sizes(rough, start):
         size = size._replace(traction=(t + s, t + s, across))
     size = jax.tree.map(lambda z: jnp.where(z > 0, z, 1), size)
     return jax.lax.stop_gradient(size)
-
-
-def _coefficients(modulus, poisson, reference) -> tuple[Array, Array, Array, Array]:
-    soft = reference * (1 + poisson) / modulus
-    kappa = poisson / (1 - poisson)
-    stiff = 2 * modulus / (reference * (1 - poisson**2))
-    return kappa, soft, soft * (1 - 2 * poisson) / (2 * (1 - poisson)), stiff
-
-
-def _rates(c, kappa, b1, b2, r):
-    c11, c12, c22, det = c
-    return (
-        b1 - 2 * c12 - r * c11 * c11,
-        kappa * c11 - c22 - r * c11 * c12,
-        b2 + 2 * kappa * c12 - r * c12 * c12,
-        b1 * c22 + b2 * c11 - r * c11 * det,
-    )
-
-
-def _inverse_rates(z, kappa, b1, b2, r):
-    z11, z12, z22, det = z
-    return (
-        r - 2 * kappa * z12 - b1 * z11 * z11 - b2 * z12 * z12,
-        z11 - kappa * z22 - b1 * z11 * z12 - b2 * z12 * z22,
-        2 * z12 - b1 * z12 * z12 - b2 * z22 * z22,
-        r * z22 - (b1 * z11 + b2 * z22) * det,
-    )
 
 
 def _is_diffrax(value, kind):

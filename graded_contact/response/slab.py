@@ -21,15 +21,9 @@ from typing import NamedTuple
 
 import jax
 import jax.numpy as jnp
-import numpy as np
 from jaxtyping import Array, Float, Inexact
 
-# 2 (sinh x - x) = x³ Σ_k 2 x^2k/(2k+3)!; 13 terms reach rounding at x = 2.
-_PSI_SERIES = [2.0 / float(np.prod(np.arange(1.0, 2 * k + 4))) for k in range(13)]
-# x (cosh x - 1) - 3 (sinh x - x) = x⁵ Σ_k (2k+2) x^2k/(2k+5)!, likewise.
-_CHI_SERIES = [(2 * k + 2) / float(np.prod(np.arange(1.0, 2 * k + 6))) for k in range(13)]
-# e^-350 squared underflows to nothing in float64; larger q d would only make inf × 0.
-_DEEP = 350.0
+from .hyperbolic import DEEP, Hyperbolic, chi, hyperbolic
 
 
 class Compliance(NamedTuple):
@@ -94,7 +88,7 @@ def free(x: Float[Array, "*#w"], e: Inexact[Array, "*#w"]) -> Compliance:
 
 
 def factors(
-    x: Float[Array, "*#w"], e: Inexact[Array, "*#w"], functions: "Hyperbolic | None" = None
+    x: Float[Array, "*#w"], e: Inexact[Array, "*#w"], functions: Hyperbolic | None = None
 ) -> Slab:
     """Returns the factors of a slab of x = q d [1] and `e` = 1 - 2ν; real for real `e`.
 
@@ -138,16 +132,10 @@ def split_of(x: Float[Array, "*#w"], e: Inexact[Array, "*#w"]) -> Split:
     t = _terms(x, e)
     x, e1, e2, om, b = t.x, t.e1, t.e2, t.om, 1 + e
     inverse, rise = reciprocal(t.delta), (om / (1 + e1)) ** 2
-    psi = hyperbolic(x).psi
-    thin = x < 2
-    squared = jnp.where(thin, x, 1) ** 2
-    series = jnp.full_like(x, _CHI_SERIES[-1])
-    for coefficient in _CHI_SERIES[-2::-1]:
-        series = series * squared + coefficient
-    # 2 e^-x [x (cosh x - 1) - 3 (sinh x - x)]
-    chi = jnp.where(thin, 2 * e1 * x * squared**2 * series, x * rise - 3 * psi)
-    held = 2 * b * e2 * (chi + 2 * psi) - (1 + 2 * e) * (1 - e) / 2 * om * t.s2 - t.x2 * om
-    free = e * om * t.f1 + 4 * e2 * x * chi - psi * (2 * e1 * (x * rise + psi) + om * rise)
+    functions = hyperbolic(x)
+    psi, rest = functions.psi, chi(x, functions)
+    held = 2 * b * e2 * (rest + 2 * psi) - (1 + 2 * e) * (1 - e) / 2 * om * t.s2 - t.x2 * om
+    free = e * om * t.f1 + 4 * e2 * x * rest - psi * (2 * e1 * (x * rise + psi) + om * rise)
     even = 2 * b * b * e1 * t.s2 / (1 + e1) ** 2 - t.x2 - (1 + 2 * e) * t.s2
     inverse_sum = 1 / (1 + e2)
     return Split(
@@ -255,7 +243,7 @@ class _Terms(NamedTuple):
 
 
 def _terms(x, e, functions=None) -> _Terms:
-    x = jnp.minimum(x, _DEEP)
+    x = jnp.minimum(x, DEEP)
     e1, om, psi = hyperbolic(x) if functions is None else functions
     e2 = e1 * e1
     s2 = om * om
@@ -274,38 +262,3 @@ def _terms(x, e, functions=None) -> _Terms:
         f2=psi * (om + 2 * x * e1),
         delta=4 * e2 * (1 + e) ** 2 + x2 + (1 + 2 * e) * s2,
     )
-
-
-class Hyperbolic(NamedTuple):
-    """e^-x, 2 e^-x sinh x and 2 e^-x (sinh x - x)."""
-
-    e1: Float[Array, "*w"]
-    om: Float[Array, "*w"]
-    psi: Float[Array, "*w"]
-
-
-@jax.custom_jvp
-def hyperbolic(x: Float[Array, "*w"]) -> Hyperbolic:
-    """Returns the functions of x >= 0 that a slab is made of, to the last digits.
-
-    For thin slabs the difference comes first, as a series, and for thick ones the sum.
-    """
-    x = jnp.minimum(x, _DEEP)
-    e1 = jnp.exp(-x)
-    thin = x < 2
-    squared = jnp.where(thin, x, 1) ** 2
-    series = jnp.full_like(x, _PSI_SERIES[-1])
-    for coefficient in _PSI_SERIES[-2::-1]:
-        series = series * squared + coefficient
-    near = e1 * x * squared * series
-    om = jnp.where(thin, near + 2 * x * e1, 1 - e1 * e1)
-    return Hyperbolic(e1, om, jnp.where(thin, near, om - 2 * x * e1))
-
-
-@hyperbolic.defjvp
-def _hyperbolic_jvp(primals, tangents):
-    e1, om, psi = hyperbolic(*primals)
-    dx = jnp.where(primals[0] < _DEEP, tangents[0], 0)
-    # 2 e^-x (cosh x - 1) = om²/(1 + e^-x)², without the difference
-    change = Hyperbolic(-e1 * dx, 2 * e1 * e1 * dx, ((om / (1 + e1)) ** 2 - psi) * dx)
-    return Hyperbolic(e1, om, psi), change

@@ -1,13 +1,14 @@
-"""What a block is made of: layers from the loaded surface downwards, on a base. Data only."""
+"""What a block is made of: layers from the loaded surface downwards, on a base."""
 
 from collections.abc import Sequence
 from typing import Any
 
 import equinox as eqx
 import jax
+import jax.numpy as jnp
 from jaxtyping import Array, Float, ScalarLike
 
-from .._checks import check_values, scalar, short
+from .._checks import check_values, door, scalar, short
 from ..rheology.material import AbstractMaterial, material_called
 
 
@@ -157,3 +158,20 @@ def _layer_at(layer, temperature):
             "this graded layer cannot be changed."
         )
     return GradedLayer(layer.profile.at(temperature), layer.thickness)
+
+
+@door
+def interface_depths(stack: Stack) -> Float[Array, " layers"]:
+    """Returns the depth of the lower face of every layer [m], the last one being the bottom.
+
+    **Arguments:**
+
+    - `stack`: the block.
+
+    **Returns:** depths [m], shape `(layers,)`.
+    """
+    depths, total = [], 0.0
+    for layer in stack.layers:
+        total = total + layer.thickness
+        depths.append(total)
+    return jnp.stack(depths) if depths else jnp.zeros((0,))

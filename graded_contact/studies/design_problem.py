@@ -15,10 +15,11 @@ from ..files.surfaces import RandomSurface
 from ..grid import Grid
 from ..parameters import with_values
 from ..persson.mean_field import MeanField
+from ..random_surfaces import random_surface
 from ..response.compliance import effective_modulus
 from ..response.stack import Stack
 from ..sliding import slide
-from ..surface import Surface, random_surface
+from ..surface import Surface
 from .design import Constraints, Objective
 from .objectives import distance, friction_curve, loss_tangent, ripple
 from .store import Point, Store, fingerprint

@@ -7,12 +7,12 @@ import pytest
 
 import graded_contact as gc
 from graded_contact.response.interior import (
-    interface_depths,
     interior_fields,
     stress_field,
     von_mises,
 )
 from graded_contact.response.matrix import surface_compliance_matrix
+from graded_contact.response.stack import interface_depths
 from graded_contact.rheology.material import BulkShear
 
 OMEGA = 7.0
