@@ -35,6 +35,8 @@ SETTINGS = {  # of dask, for workers of our own
     # Where a worker is not back sooner, it is given up; 15 s are short on a busy machine.
     "distributed.deploy.lost-worker-timeout": "1 hour",
 }
+# Ctrl-C reaches all processes of a terminal; it is for the one that asks.
+DEAF = "import signal; signal.signal(signal.SIGINT, signal.SIG_IGN)"
 _compiling = threading.Lock()
 
 
@@ -51,7 +53,7 @@ def local_workers(count: int) -> Iterator[Any]:
         configured(SETTINGS),
         distributed.LocalCluster(
             n_workers=count, threads_per_worker=1, memory_limit=0, dashboard_address=None,
-            silence_logs=50,
+            silence_logs=50, preload=[DEAF],
         ) as cluster,
         distributed.Client(cluster, set_as_default=False) as client,
     ):  # fmt: skip
@@ -86,8 +88,8 @@ def on_workers(client: Any, program: Program, work: Work) -> Iterator[Finished]:
     - `client`: of `dask.distributed`.
     - `program`, `work`: what to solve.
 
-    **Raises:** `TimeoutError` if there is no worker; `RuntimeError` if a worker has another version
-    of what the program is made of.
+    **Raises:** `TimeoutError` if there is no worker; `ConnectionError` if the scheduler ends;
+    `RuntimeError` if a worker has another version of what the program is made of.
     """
     distributed = _distributed()
     try:
@@ -122,6 +124,9 @@ def on_workers(client: Any, program: Program, work: Work) -> Iterator[Finished]:
             points, alone = running.pop(future)
             error = future.exception() if future.status == "error" else None
             if not isinstance(error, distributed.KilledWorker):
+                if future.cancelled():
+                    address = client.scheduler.address
+                    raise ConnectionError(f"{address} is gone; what has finished, is finished.")
                 values, messages, seconds = future.result()
                 future.release()  # or it would be done again when its worker dies
                 pace.note(len(points), seconds)

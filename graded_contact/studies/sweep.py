@@ -62,7 +62,8 @@ def sweep(
     **Raises:** `ValueError` for axes without points, with equal or not finite ones, or which the
     function does not know, or for a result that is more than the memory holds; `BlockingIOError` if
     another process writes to the store; `OSError` if it cannot be written; `TimeoutError` if the
-    scheduler does not answer or has no worker; what JAX raises for a function that it cannot trace.
+    scheduler does not answer or has no worker, `ConnectionError` if it ends; what JAX raises for a
+    function that it cannot trace.
     """
     check_engine(workers, scheduler, client)
     coordinates, columns = _points(axes)

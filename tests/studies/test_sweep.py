@@ -240,6 +240,16 @@ def test_more_than_memory_holds_is_refused_with_what_would_fit(monkeypatch):
         sweep(lambda point: jnp.zeros(10**8) + point["x"], axes)
 
 
+def test_a_damaged_point_is_solved_again(tmp_path):
+    whole = sweep(draw, AXES, store=tmp_path)
+    for path, content in zip(sorted(tmp_path.glob("*.h5")), (b"", b"garbage"), strict=False):
+        path.write_bytes(content)
+    told = []
+    again = sweep(draw, AXES, store=tmp_path, progress=lambda *at: told.append(at))
+    assert told[0] == (4, 6)
+    same(again, whole)
+
+
 def test_a_second_writer_is_refused(tmp_path):
     with Store(tmp_path), pytest.raises(BlockingIOError, match="another process"):
         sweep(draw, AXES, store=tmp_path)
