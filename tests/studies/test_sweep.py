@@ -16,7 +16,6 @@ from jax.experimental.compilation_cache.compilation_cache import reset_cache
 import graded_contact as gc
 from graded_contact.contact.problem import RESULTS
 from graded_contact.files.study import read_study
-from graded_contact.studies import chunk as chunk_module
 from graded_contact.studies import cluster
 from graded_contact.studies import sweep as sweep_module
 from graded_contact.studies.program import identity, trace
@@ -133,19 +132,18 @@ def compilation_cache(tmp_path):
     jax.monitoring.unregister_event_listener(listener)
 
 
-@pytest.mark.parametrize("wrapped", [lambda f: f, jax.jit])
-def test_another_surface_or_thickness_takes_the_same_compiled_program(compilation_cache, wrapped):
-    def study(heights, thickness):
+def test_another_surface_or_thickness_takes_the_same_compiled_program(compilation_cache):
+    def study(heights, thickness, wrapped):
         def closing(point):
             return jnp.sum(heights) * thickness / point["x"]
 
         return sweep(wrapped(closing), {"x": [1.0, 2.0]})["value"]
 
-    study(np.ones(100), 3.0)
+    study(np.ones(100), 3.0, lambda f: f)
+    assert "/jax/compilation_cache/cache_misses" in compilation_cache
     compilation_cache.clear()
-    chunk_module._COMPILED.clear()  # as another process
-    np.testing.assert_array_equal(study(np.full(100, 2.0), 5.0), [1000, 500])
-    assert "/jax/compilation_cache/cache_hits" in compilation_cache
+    np.testing.assert_array_equal(study(np.full(100, 2.0), 5.0, lambda f: f), [1000, 500])
+    np.testing.assert_array_equal(study(np.full(100, 3.0), 4.0, jax.jit), [1200, 600])
     assert "/jax/compilation_cache/cache_misses" not in compilation_cache
 
 
@@ -190,7 +188,7 @@ def test_a_file_and_a_table_hold_the_study(tmp_path):
     assert [float(row[column]) for row in rows[1:]] == study["friction"].ravel().tolist()
     with h5py.File(tmp_path / "study.h5", "r+") as file:
         del file["message"]
-    with pytest.raises(ValueError, match="cannot be read as a study"):
+    with pytest.raises(ValueError, match="cannot be read as"):
         read_study(tmp_path / "study.h5")
 
 
