@@ -16,11 +16,13 @@ from jax.flatten_util import ravel_pytree
 from jaxtyping import Array, Float
 
 from .._checks import Numbers, as_float, check_positive, check_shape, check_values, short
+from ..files.errors import Errors
 from ..fitting.master import MasterCurve
 from ..fitting.result import PronyFit
 from ..parameters import paths, with_values
-from ..rheology.material import AbstractMaterial
+from ..rheology.material import AbstractMaterial, Prony
 from ..rheology.tabulated import Tabulated
+from ..rheology.tabulated_shift import TabulatedShift
 
 
 class Estimate(eqx.Module):
@@ -50,10 +52,23 @@ class Sensitivity(eqx.Module):
     storage: Float[Array, " points"]
     loss: Float[Array, " points"]
 
+    def decisive(self, share: float = 0.9) -> tuple[Float[Array, ""], Float[Array, ""]]:
+        """Returns the frequencies [rad/s] between which this `share` of all sensitivity lies.
+
+        What is left over lies half below and half above.
+        """
+        decades = jnp.log10(self.omega)
+        density = jnp.abs(self.storage) + jnp.abs(self.loss)
+        parts = (density[1:] + density[:-1]) / 2 * jnp.diff(decades)
+        total = jnp.concatenate([jnp.zeros(1), jnp.cumsum(parts)])
+        ends = total[-1] * jnp.array([(1 - share) / 2, (1 + share) / 2])
+        low, high = 10 ** jnp.interp(ends, total, decades)
+        return low, high
+
 
 def propagate(
     function: Callable[[Any], Float[Array, "*shape"]],
-    known: PronyFit | MasterCurve | Mapping[str, Numbers],
+    known: PronyFit | MasterCurve | Errors | Mapping[str, Numbers],
     tree: Any = None,
 ) -> Estimate:
     """Returns a quantity that follows from a fitted material, or a stack, with its standard error.
@@ -68,7 +83,7 @@ def propagate(
       `lambda rubber: slide(...).friction`; returns a number or an array.
     - `known`: what `fit_prony`, `fit_relaxation`, `fit_creep` or `master_curve` returned; or
       standard deviations of independent errors by the path of the number in `tree`, in its units,
-      such as `{"layers[0].thickness": 5e-6}`, see `paths`.
+      such as `{"layers[0].thickness": 5e-6}`, see `with_values`; or `Errors`, which may be shared.
     - `tree`: with `known` by path, a `Stack`, say.
 
     **Returns:** the value and its standard error.
@@ -82,7 +97,8 @@ def propagate(
         made = lambda unknowns: known.with_unknowns(unknowns).material  # noqa: E731
     elif isinstance(known, Mapping):
         deviations = {path: as_float(value, path) for path, value in known.items()}
-        values = {path: paths(tree).get(path, d) for path, d in deviations.items()}
+        found = paths(tree)
+        values = {path: found.get(path, deviation) for path, deviation in deviations.items()}
         with_values(tree, values)  # refuses a path that is not there
         for path, deviation in deviations.items():
             check_shape(path, deviation, values[path].shape)
@@ -90,10 +106,17 @@ def propagate(
         unknowns, unravel = ravel_pytree(values)
         spread = jnp.diag(ravel_pytree(deviations)[0] ** 2)
         made = lambda unknowns: with_values(tree, unravel(unknowns))  # noqa: E731
+    elif isinstance(known, Errors):
+        spread = known.directions.T @ known.directions
+        found = paths(tree)
+        unknowns = jnp.stack([found[path] for path in known.paths])
+        made = lambda unknowns: with_values(  # noqa: E731
+            tree, dict(zip(known.paths, unknowns, strict=True))
+        )
     else:
         raise ValueError(
-            f"`known={short(known)}` must be a fit of a Prony series, a master curve, or standard "
-            "deviations by path."
+            f"`known={short(known)}` must be a fit of a Prony series, a master curve, `Errors` or "
+            "standard deviations by path."
         )
 
     def quantity(unknowns):
@@ -103,6 +126,35 @@ def propagate(
     slopes, value = jax.jacrev(quantity, has_aux=True)(unknowns)
     variance = jnp.einsum("...i,ij,...j->...", slopes, spread, slopes)
     return Estimate(value, jnp.sqrt(variance))
+
+
+def errors_of(fit: PronyFit | MasterCurve, material: Prony) -> Errors:
+    """Returns what a fit knows of the numbers of its material, to hand on with it.
+
+    **Arguments:**
+
+    - `fit`: what `fit_prony`, `fit_relaxation`, `fit_creep` or `master_curve` returned.
+    - `material`: its `material`, or of a master curve what it has `exported`.
+
+    **Returns:** errors of those numbers of the material that were fitted.
+    """
+    unknowns = fit.theta if isinstance(fit, PronyFit) else fit.unknowns
+    by_law = isinstance(fit, MasterCurve) and not isinstance(material.shift, TabulatedShift)
+
+    def numbers(unknowns):
+        changed = fit.with_unknowns(unknowns)
+        changed = changed.law_material() if by_law else changed.material
+        found = paths(changed)
+        return {path: found[path] for path in scalars}
+
+    scalars = [path for path, value in paths(material).items() if not value.ndim]
+    slopes = jax.jacrev(numbers)(unknowns)
+    variances, axes = np.linalg.eigh(fit.covariance())
+    told = variances > np.finfo(float).eps * np.max(variances)
+    roots = np.sqrt(variances[told])[:, None] * axes[:, told].T
+    columns = {path: roots @ np.asarray(slopes[path]) for path in scalars}
+    columns = {path: column for path, column in columns.items() if np.any(column)}
+    return Errors(tuple(columns), np.stack(list(columns.values()), axis=1))
 
 
 def sensitivity(

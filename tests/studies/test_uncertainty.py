@@ -1,13 +1,15 @@
 """What is known of a material reaches what follows from it."""
 
+import equinox as eqx
 import jax
 import jax.numpy as jnp
 import numpy as np
 import pytest
 
 import graded_contact as gc
+from graded_contact.files.errors import read_errors, write_errors
 from graded_contact.parameters import paths
-from graded_contact.studies.uncertainty import propagate, sensitivity
+from graded_contact.studies.uncertainty import errors_of, propagate, sensitivity
 
 TRUTH = gc.Prony(1e6, [2e6, 1e7], [1e-2, 1e-4], 0.49)
 OMEGA = np.geomspace(1, 1e6, 40)
@@ -97,7 +99,7 @@ def test_noiseless_data_leave_no_doubt():
     assert np.all(found.standard_error < 1e-6 * found.value)
 
 
-def test_a_master_curve_carries_the_doubt_of_its_shifts():
+def test_a_master_curve_carries_the_doubt_of_its_shifts(tmp_path):
     shift = gc.Arrhenius(1e5, 300.0)
     law = gc.Prony(1e6, [2e6, 1e7], [1e-2, 1e-4], 0.49, shift=shift)
     omega, noise = np.geomspace(1, 1e3, 15), np.random.default_rng(1)
@@ -111,6 +113,21 @@ def test_a_master_curve_carries_the_doubt_of_its_shifts():
     lower, upper = curve.confidence([30.0], 305.0, level=0.6827)
     limits = (np.log(upper.imag) - np.log(lower.imag)) / 2
     np.testing.assert_allclose(whole.standard_error / whole.value, limits, rtol=0.05)
+    # The same from the material and its errors, written and read.
+    material = curve.exported()
+    told, path = errors_of(curve, material), tmp_path / "errors.csv"
+    write_errors(path, told)
+    read = read_errors(path)
+    assert read.paths == told.paths and "shift.activation_energy" in told.paths
+    np.testing.assert_array_equal(read.directions, told.directions)
+    again = propagate(at, read, material)
+    np.testing.assert_allclose(again.standard_error, whole.standard_error, rtol=1e-6)
+    path.write_text(path.read_text().replace("\n", "\n1.0,", 1))
+    with pytest.raises(ValueError, match="line 2"):
+        read_errors(path)
+    path.write_text("")
+    with pytest.raises(ValueError, match="holds no errors"):
+        read_errors(path)
 
 
 def test_what_decides_friction_adds_up_to_what_pressure_does():
@@ -130,6 +147,17 @@ def test_what_decides_friction_adds_up_to_what_pressure_does():
     excited = 0.1 * np.array([Q0, 50 * Q0])
     beyond = (omega < excited[0] / 30) | (omega > 30 * excited[1])
     assert np.all(np.abs(found.loss[beyond]) < 1e-3 * np.max(found.loss))
+    low, high = found.decisive()
+    assert excited[0] / 3 < low < high < 3 * excited[1]
+    i, step, width = int(np.argmax(found.loss)), 1e-4, np.log10(omega[1] / omega[0])
+    for part in ("storage", "loss"):
+        below, above = (
+            jnp.log(friction(eqx.tree_at(where, table, where(table).at[i].mul(np.exp(change)))))
+            for change in (-step, step)
+            for where in [lambda table, part=part: getattr(table, part)]
+        )
+        difference = (above - below) / (2 * step) / width
+        np.testing.assert_allclose(getattr(found, part)[i], difference, rtol=1e-4)
 
 
 def test_what_cannot_be_told_is_refused(unchecked_types):

@@ -1,0 +1,218 @@
+"""What is known of a measured material, carried to friction: against refits, and by frequency.
+
+    python benchmarks/bench_uncertainty.py bootstrap     standard errors, propagated and by refits
+    python benchmarks/bench_uncertainty.py tread         which frequencies decide; draws a figure
+
+Friction is that of the mean field on a self-affine road. A refit is the package's own fit, of the
+same number of terms unless it says so, of the fitted values and errors drawn anew from the
+residuals: one by one; or in runs of ten neighbours, storage and loss together, which keeps what
+errors share. The data: `prony_peers.py`. `tread` draws docs/bench_uncertainty.png.
+"""
+
+import argparse
+import pathlib
+import platform
+
+import jax
+import jax.numpy as jnp
+import matplotlib
+import numpy as np
+from prony_peers import ISOTHERMS, MASTER_CURVES, read_sets
+
+import graded_contact as gc
+from graded_contact.fitting.master import master_curve
+
+jax.config.update("jax_enable_x64", True)
+matplotlib.use("Agg")
+DOCS = pathlib.Path(__file__).parents[1] / "docs"
+
+POISSON = 0.49
+BRANCHES = 40  # of every material: one program serves fits of any length
+RUN = 10  # neighbours whose errors are drawn together
+Q0 = 2 * np.pi / 1e-2
+ROAD = gc.SelfAffine(rms_slope=0.1, hurst=0.8, q_low=Q0, q_roll=4 * Q0, q_high=100 * Q0)
+
+
+def padded(material):
+    """The same material with `BRANCHES` branches: the last one stands in equal parts."""
+    more = BRANCHES - len(material.times)
+    strengths = jnp.append(material.strengths[:-1], jnp.repeat(material.strengths[-1], more + 1))
+    parts = jnp.ones(BRANCHES).at[-more - 1 :].set(1 / (more + 1))
+    times = jnp.append(material.times, jnp.repeat(material.times[-1], more))
+    return gc.Prony(material.equilibrium, strengths * parts, times, POISSON)
+
+
+@jax.jit
+def friction_of(material, pressure, velocities):
+    stack = gc.Stack(base=gc.HalfSpace(material))
+
+    def one(velocity):
+        return gc.mean_field_friction(stack, ROAD, pressure=pressure, velocity=velocity).friction
+
+    return jax.vmap(one)(velocities)
+
+
+# bootstrap ----------------------------------------------------------------------------------
+
+
+def bootstrap(options):
+    for name, pressure, velocities, curve in cases():
+        case = Case(*curve)
+        print(f"\n{name}: {case.fit.terms} terms, {len(case.x)} frequencies, {case.measured} rad/s")
+        error, floor = case.fit.errors(), case.fit.floor()
+        print(f"rms log error {error.total:.1%}, of the best spectrum {floor.total:.1%}; residuals")
+        for channel, label in enumerate(("storage", "loss")):
+            mean, alike = case.mean[channel], case.alike(channel)
+            print(f"  of {label}: mean {mean:+.1%}, correlation of neighbours {alike:.2f}")
+
+        def quantity(material, pressure=pressure, velocities=velocities):
+            return friction_of(padded(material), pressure, velocities)
+
+        found = gc.propagate(quantity, case.known)
+        row("", [f"{v:.0e} m/s" for v in velocities])
+        row("friction", [f"{mu:.5f}" for mu in found.value])
+        told = found.standard_error / found.value
+        row("propagated standard error", [f"{e:.2%}" for e in told])
+        for label, draw, terms in (
+            ("refits, drawn one by one", case.single, case.fit.terms),
+            (f"refits, drawn in runs of {RUN}", case.runs, case.fit.terms),
+            ("the same, terms chosen anew", case.runs, None),
+        ):
+            count = options.refits if terms else options.refits // 4
+            refits = case.refits(draw, terms, count)
+            values = np.array([quantity(material) for material in refits])
+            scatter = np.std(values, axis=0, ddof=1) / found.value
+            bias = np.mean(values, axis=0) / found.value - 1
+            row(f"{label} ({len(values)})", [f"{e:.2%}" for e in scatter])
+            row("  propagated over that", [f"{r:.2f}" for r in told / scatter])
+            row("  their mean from the friction", [f"{b:+.2%}" for b in bias])
+
+
+def row(label, words):
+    print(f"{label:34s} " + " ".join(f"{word:>10s}" for word in words))
+
+
+def cases():
+    """Yields name, pressure [Pa], velocities [m/s], and what `Case` takes."""
+    velocities = np.array([1e-3, 1e-2, 1e-1])
+    for name, measured in read_sets({"EPDM rubber": ISOTHERMS["EPDM rubber"]}):
+        curve = master_curve(measured.isotherms(), vertical=0.1, poisson=POISSON)
+        yield f"{name}, isotherms", 6e5, velocities, (curve, curve.fit)
+    for name, measured in read_sets(MASTER_CURVES):
+        melt = name == "polyisoprene melt"
+        fit = gc.fit_prony(measured.abscissa, measured.values, poisson=POISSON)
+        yield name, 1e5 if melt else 1e6, velocities * (1e-2 if melt else 1), (fit, fit)
+
+
+class Case:
+    """A fit, its residuals, and refits of other ones about it."""
+
+    def __init__(self, known, fit):
+        self.known, self.fit = known, fit
+        self.x, self.generator = np.asarray(fit.data.x), np.random.default_rng(0)
+        self.fitted = np.asarray(fit.predict(self.x))
+        self.residual = np.log(np.asarray(fit.data.values) / self.fitted)
+        group = np.zeros(len(self.x), int) if known is fit else np.asarray(known.data.group)
+        order = np.lexsort((self.x, group))
+        self.neighbours = np.split(order, np.flatnonzero(np.diff(group[order])) + 1)
+        count = self.residual.size
+        # About their mean, which is misfit and no error: drawn, it would move every refit.
+        self.mean = np.mean(self.residual, axis=1)
+        self.enlarged = self.residual - self.mean[:, None]
+        self.enlarged *= np.sqrt(count / (count - len(fit.theta)))
+
+    @property
+    def measured(self):
+        return f"{np.min(self.x):.1e} to {np.max(self.x):.1e}"
+
+    def alike(self, channel):
+        residual = self.residual[channel]
+        products = sum(np.sum(residual[r[1:]] * residual[r[:-1]]) for r in self.neighbours)
+        return products / np.sum(residual**2)
+
+    def single(self):
+        return np.stack([self.generator.choice(c, len(self.x)) for c in self.enlarged])
+
+    def runs(self):
+        drawn = np.empty_like(self.residual)
+        for row in self.neighbours:
+            for first in range(0, len(row), RUN):
+                places = row[first : first + RUN]
+                donor = self.neighbours[self.generator.integers(len(self.neighbours))]
+                places = places[: len(donor)]
+                start = self.generator.integers(len(donor) - len(places) + 1)
+                drawn[:, places] = self.enlarged[:, donor[start : start + len(places)]]
+        return drawn
+
+    def refits(self, draw, terms, count):
+        """Materials fitted to errors drawn anew; those that cannot be are told and left out."""
+        materials = []
+        for _ in range(count):
+            storage, loss = self.fitted * np.exp(draw())
+            try:
+                materials.append(self.refit(storage + 1j * loss, terms))
+            except ValueError as error:
+                print(f"# no refit: {str(error)[:90]}")
+        return materials
+
+    def refit(self, values, terms):
+        if self.known is self.fit:
+            return gc.fit_prony(self.x, values, poisson=POISSON, terms=terms).material
+        data, lifted = self.known.data, np.asarray(self.known.vertical_shifts)
+        x, values = np.asarray(data.observations.x), values * lifted[np.asarray(data.group)]
+        temperatures = np.asarray(data.temperatures)
+        isotherms = [
+            (temperature, x[rows], values[rows])
+            for temperature, rows in zip(temperatures, self.neighbours, strict=True)
+        ]
+        again = master_curve(
+            isotherms, vertical=0.1, poisson=POISSON, terms=terms,
+            reference=temperatures[data.reference],
+        )  # fmt: skip
+        return again.material
+
+
+# tread --------------------------------------------------------------------------------------
+
+
+def tread(options):
+    """Which frequencies decide the friction of the tread at three velocities."""
+    rubber, omega = gc.tyre_tread(POISSON), np.geomspace(1e-3, 1e9, 121)
+    found = {
+        f"{velocity:g} m/s": gc.sensitivity(
+            lambda table, velocity=velocity: friction_of_any(table, 4e5, velocity), rubber, omega
+        )
+        for velocity in (1e-4, 1e-2, 1.0)
+    }
+    low, high = ROAD.q_low, ROAD.q_high
+    print(f"\ntread, q from {low:.3g} to {high:.3g} rad/m, 0.4 MPa")
+    row("", ["all E'", "all E''", "decisive", "rad/s", "excited", "rad/s"])
+    for (label, map_), velocity in zip(found.items(), (1e-4, 1e-2, 1.0), strict=True):
+        storage, loss = (np.trapezoid(s, np.log10(omega)) for s in (map_.storage, map_.loss))
+        words = [f"{storage:.3f}", f"{loss:.3f}", *(f"{w:.2g}" for w in map_.decisive())]
+        row(label, [*words, f"{low * velocity:.2g}", f"{high * velocity:.2g}"])
+    figure = gc.plot.plot_sensitivity(found)
+    figure.savefig(options.plot)
+    print(f"# {options.plot}")
+
+
+def friction_of_any(material, pressure, velocity):
+    stack = gc.Stack(base=gc.HalfSpace(material))
+    return gc.mean_field_friction(stack, ROAD, pressure=pressure, velocity=velocity).friction
+
+
+SECTIONS = {"bootstrap": bootstrap, "tread": tread}
+
+
+def main():
+    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
+    parser.add_argument("section", choices=SECTIONS)
+    parser.add_argument("--refits", type=int, default=100)
+    parser.add_argument("--plot", default=str(DOCS / "bench_uncertainty.png"))
+    options = parser.parse_args()
+    print(f"# {platform.machine()}, jax {jax.__version__}, graded_contact {gc.__version__}")
+    SECTIONS[options.section](options)
+
+
+if __name__ == "__main__":
+    main()
