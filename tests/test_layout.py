@@ -29,6 +29,7 @@ ORDER = [
     "files/moduli/titles", "files/moduli/layout", "files/moduli/isotherms",
     "files/moduli/points", "files/moduli/reading",
     "files/prony_cards", "files/errors",
+    "files/prony_cards", "files/errors",
     "files/sealed", "files/hdf5", "files/output", "files/toml",
     "files/signatures", "files/study", "files/results", "files/surfaces", "files/block",
     "files/scene", "files/design_scene",

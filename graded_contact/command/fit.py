@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
+from ..files.errors import write_errors
 from ..files.moduli.reading import read_moduli
 from ..files.output import check_folder, full_path
 from ..files.prony_cards import FORMATS, export_prony
@@ -17,6 +18,7 @@ from ..fitting.master import master_curve
 from ..fitting.prony import fit_creep, fit_prony, fit_relaxation
 from ..plot import plot_fit, plot_master_curve
 from ..rheology.material import Prony
+from ..studies.uncertainty import errors_of
 from .session import Output, refusing
 
 if TYPE_CHECKING:
@@ -134,11 +136,14 @@ def fit(
         }  # fmt: skip
         weights = {"storage_weight": storage_weight, "loss_weight": loss_weight}
         shifts = {"law": law, "scatter": scatter, "vertical": vertical}
-        figure, material, report = _fitted(measured, shifts, weights, arguments)
+        figure, material, errors, report = _fitted(measured, shifts, weights, arguments)
         name = re.sub(r"\W", "_", moduli_files[0].stem)
         name = name if name[:1].isalpha() else f"material_{name}"
         typer.echo(f"\n{report}\n\n{export_prony(material, 'toml', name=name)}")
         _write(folder, name, figure, material, ("toml", *(card or [])))
+        path = folder / f"{name}-errors.csv"
+        write_errors(path, errors)
+        typer.echo(f"wrote {path}")
 
 
 def _write(folder: Path, name: str, figure: "Figure", material: Prony, forms: tuple) -> None:
@@ -165,7 +170,7 @@ def _naming_options() -> Iterator[None]:
 
 
 def _fitted(measured, shifts, weights, arguments):
-    """The figure of the fit, its material with its shifts, and the report."""
+    """The figure of the fit, its material with its shifts, what is known of it, and the report."""
     check_law(shifts["law"])
     isotherms = measured.isotherms()
     if measured.kind != "frequency" and set(weights.values()) != {1.0}:
@@ -175,10 +180,12 @@ def _fitted(measured, shifts, weights, arguments):
         if measured.kind == "frequency":
             arguments = {**arguments, **weights}
         found = functions[measured.kind](measured.abscissa, measured.values, **arguments)
-        return plot_fit(found), found.material, found.report()
+        material = found.material
+        return plot_fit(found), material, errors_of(found, material), found.report()
     weight, loss_weight = weights.values()
     curve = master_curve(isotherms, **shifts, **arguments, weight=weight, loss_weight=loss_weight)
-    return plot_master_curve(curve), curve.exported(), curve.report()
+    material = curve.exported()
+    return plot_master_curve(curve), material, errors_of(curve, material), curve.report()
 
 
 def _pairs(option: str, texts: list[str] | None) -> dict[str, str]:

@@ -152,9 +152,8 @@ def errors_of(fit: PronyFit | MasterCurve, material: Prony) -> Errors:
     variances, axes = np.linalg.eigh(fit.covariance())
     told = variances > np.finfo(float).eps * np.max(variances)
     roots = np.sqrt(variances[told])[:, None] * axes[:, told].T
-    columns = {path: roots @ np.asarray(slopes[path]) for path in scalars}
-    columns = {path: column for path, column in columns.items() if np.any(column)}
-    return Errors(tuple(columns), np.stack(list(columns.values()), axis=1))
+    fitted = {path: np.asarray(slopes[path]) for path in scalars if np.any(slopes[path])}
+    return Errors(tuple(fitted), roots @ np.stack(list(fitted.values()), axis=1))
 
 
 def sensitivity(
