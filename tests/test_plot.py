@@ -1,5 +1,6 @@
 """Figures are made without a display, with axes named and in units that suit their size."""
 
+import jax.numpy as jnp
 import numpy as np
 import pytest
 
@@ -12,10 +13,12 @@ from graded_contact.plot import (
     plot_master_curve,
     plot_reduced,
     plot_response,
+    plot_sensitivity,
     plot_sliding,
     plot_sweep,
 )
 from graded_contact.plot.figures import unit_of
+from graded_contact.studies.uncertainty import Sensitivity
 
 
 def make_fields(shape):
@@ -293,3 +296,18 @@ def test_units_suit_the_size(largest, unit):
     name, factor = unit_of("m", largest)
     assert name == unit
     assert largest in (0, 1e-20) or 1 <= factor * largest * (1 + 1e-12) < 1000
+
+
+def test_a_sensitivity_is_drawn_by_channel_with_units():
+    omega = np.geomspace(1.0, 1e4, 5)
+    one = Sensitivity(*map(jnp.asarray, (omega, -np.linspace(0, 1, 5), np.linspace(0, 2, 5))))
+    figure = plot_sensitivity({"slow": one, "fast": one})
+    loss, storage = figure.axes
+    for axes, values in ((loss, one.loss), (storage, one.storage)):
+        assert axes.get_xlabel().endswith("[rad/s]")
+        for line in axes.lines[:2]:
+            np.testing.assert_array_equal(line.get_xdata(), omega)
+            np.testing.assert_array_equal(line.get_ydata(), values)
+    assert "friction" in loss.get_ylabel() and loss.get_ylabel().endswith("[1]")
+    assert [text.get_text() for text in loss.get_legend().get_texts()] == ["slow", "fast"]
+    assert plot_sensitivity(one).axes[0].get_legend() is None

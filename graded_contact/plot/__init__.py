@@ -9,9 +9,10 @@ from .contact import plot_sliding
 from .designs import plot_design
 from .figures import COLOURS
 from .materials import plot_fit, plot_master_curve, plot_response
+from .sensitivities import plot_sensitivity
 from .sweeps import plot_compare, plot_reduced, plot_sweep
 
 __all__ = [
     "COLOURS", "plot_compare", "plot_design", "plot_fit", "plot_master_curve", "plot_reduced",
-    "plot_response", "plot_sliding", "plot_sweep",
+    "plot_response", "plot_sensitivity", "plot_sliding", "plot_sweep",
 ]  # fmt: skip

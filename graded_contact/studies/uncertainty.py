@@ -139,12 +139,14 @@ def errors_of(fit: PronyFit | MasterCurve, material: Prony) -> Errors:
     **Returns:** errors of those numbers of the material that were fitted.
     """
     unknowns = fit.theta if isinstance(fit, PronyFit) else fit.unknowns
-    by_law = isinstance(fit, MasterCurve) and not isinstance(material.shift, TabulatedShift)
+    by_law = not isinstance(material.shift, TabulatedShift)
 
     def numbers(unknowns):
         changed = fit.with_unknowns(unknowns)
-        changed = changed.law_material() if by_law else changed.material
-        found = paths(changed)
+        if isinstance(changed, MasterCurve) and by_law:
+            found = paths(changed.law_material())
+        else:
+            found = paths(changed.material)
         return {path: found[path] for path in scalars}
 
     scalars = [path for path, value in paths(material).items() if not value.ndim]
