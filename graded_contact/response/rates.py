@@ -35,6 +35,7 @@ class Equation(NamedTuple):
     step: float
 
     def rates(self, numbers, kappa, b1, b2, r):
+        """Returns what the numbers change by per unit of ζ, or downwards of y."""
         plane, antiplane, traction = numbers
         if self.down:
             t, s, across = traction
@@ -55,6 +56,7 @@ class Equation(NamedTuple):
 
 
 def coefficients(modulus, poisson, reference) -> tuple[Array, Array, Array, Array]:
+    """Returns κ, B1, B2 and R."""
     soft = reference * (1 + poisson) / modulus
     kappa = poisson / (1 - poisson)
     stiff = 2 * modulus / (reference * (1 - poisson**2))

@@ -63,7 +63,8 @@ class Elastic(AbstractMaterial):
 
     **Fields:**
 
-    - `young`: Young's modulus E [Pa], the constructor's `modulus`, and so in paths.
+    - `young`: Young's modulus E [Pa], the constructor's `modulus`, and so in paths; `modulus` of a
+      material is its method.
     - `poisson`: Poisson's ratio ν [1], -1 < ν <= 1/2.
     """
 
