@@ -70,7 +70,7 @@ def stack_kernel(
 
     **Raises:** `ValueError` for a refused argument; `RuntimeError` if `rtol` is not reached.
     """
-    kernel, reached = attempted_kernel(stack, grid, velocity, graded=graded, rtol=rtol)
+    kernel, reached = _attempt(stack, grid, velocity, graded, rtol, choosing=False)
     return eqx.error_if(kernel, ~reached, _NOT_REACHED)
 
 
@@ -85,7 +85,12 @@ def attempted_kernel(
     """Returns the kernel, and whether it reached its tolerance, which is no error here.
 
     Arguments as in `stack_kernel`. Where the tolerance of a graded layer was missed stands NaN.
+    Under `jit`, too, a table that misses it gives way to direct evaluation: both are compiled.
     """
+    return _attempt(stack, grid, velocity, graded, rtol, choosing=True)
+
+
+def _attempt(stack, grid, velocity, graded, rtol, choosing):
     velocity, rtol = _checked(stack, grid, velocity, graded, rtol)
     numbers, askew = num_numbers(stack), velocity.ndim > 0
     check_memory(
@@ -97,8 +102,18 @@ def attempted_kernel(
     if _is_dear(stack, grid) and velocity.ndim == 0:
         kernel, error = _interpolated_kernel(stack, grid, velocity, graded, rtol)
         # NaN comes from a node that could not be solved; nor could its neighbours be.
-        if not is_concrete(error) or not error > rtol:
+        missed = error > rtol
+        if not is_concrete(error) and choosing:
+            table = (kernel, error <= rtol)
+            return jax.lax.cond(
+                missed, lambda: _direct(stack, grid, velocity, graded, rtol), lambda: table
+            )
+        if not is_concrete(error) or not missed:
             return kernel, error <= rtol
+    return _direct(stack, grid, velocity, graded, rtol)
+
+
+def _direct(stack, grid, velocity, graded, rtol):
     kernel = _direct_kernel(stack, grid, velocity, graded, rtol)
     return kernel, jnp.all(jnp.isfinite(kernel)) if is_graded(stack) else jnp.asarray(True)
 

@@ -7,6 +7,7 @@ import pytest
 
 import graded_contact as gc
 from graded_contact import response
+from graded_contact.response.kernel import attempted_kernel
 from graded_contact.response.table import tabulate
 
 HIGHEST = (300, 200)
@@ -135,6 +136,10 @@ def test_a_table_that_falls_short_gives_way_to_direct_evaluation(monkeypatch):
     np.testing.assert_allclose(kernel[k, k], one_by_one(LONG, k, k), rtol=3e-14)
     with pytest.raises(RuntimeError, match="larger `rtol`"):
         jax.jit(lambda v: gc.stack_kernel(LONG, GRID, v, rtol=rtol))(SPEED)
+    # Where a missed tolerance is no error the program chooses itself.
+    within, reached = jax.jit(lambda v: attempted_kernel(LONG, GRID, v, rtol=rtol))(SPEED)
+    assert reached
+    np.testing.assert_allclose(within[k, k], kernel[k, k], rtol=1e-14)
 
 
 def test_bad_tables_are_refused():

@@ -354,3 +354,16 @@ def test_workers_give_the_same_bits_and_survive_the_death_of_one():
         study = sweep(slow, axes, client=client, progress=kill)
     assert killed and study.complete
     same(study, sweep(slow, axes))
+
+
+def test_functions_that_differ_in_numbers_alone_are_compiled_once_in_a_process():
+    def of(factor, name="value"):
+        return lambda point: {name: jnp.cos(factor * point["x"])}
+
+    axes, chunks = {"x": [1.0, 2.0]}, chunk_module._COMPILED
+    first = sweep(of(2.0), axes)
+    count = len(chunks)
+    np.testing.assert_allclose(sweep(of(3.0), axes)["value"], np.cos([3.0, 6.0]))
+    assert len(chunks) == count and first["value"][0] == np.cos(2.0)
+    # Another name is another result.
+    assert sweep(of(2.0, "other"), axes)["other"].tolist() == first["value"].tolist()
