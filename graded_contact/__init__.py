@@ -21,6 +21,7 @@ from .contact.rmd import ResidualDynamics
 from .contact.solution import RESULTS, ContactSolution
 from .contact.solver import AbstractContactSolver
 from .cutoff import CutoffCurve
+from .files.errors import read_errors
 from .files.moduli.reading import Measured, read_moduli
 from .files.prony_cards import export_prony
 from .files.topography.preparation import surface_from_heights
@@ -93,7 +94,7 @@ __all__ = [  # noqa: RUF022 (grouped by room)
     "mean_field_friction", "MeanField", "friction_curve", "pressure_distribution",
     # files
     "read_moduli", "Measured", "read_surface", "surface_from_heights", "export_prony",
-    "read_scene", "run_scene", "read_results",
+    "read_errors", "read_scene", "run_scene", "read_results",
     # fitting
     "fit_prony", "fit_relaxation", "fit_creep", "PronyFit", "master_curve", "MasterCurve",
     # studies

@@ -3,8 +3,8 @@
 While it iterates on the finest grid, the pressure found so far is kept in a store, under the
 fingerprint of the problem. From it the same call begins again: the same contact to `rtol`, though
 not to the bit, and two to six FFT pairs more than without an end in between. A solve that is not
-interrupted has the bits of one that keeps nothing. A law that attracts may have several contacts;
-it is then the one that the pressure leads to.
+interrupted takes the same steps as one that keeps nothing, to rounding. A law that attracts may
+have several contacts; it is then the one that the pressure leads to.
 """
 
 import os

@@ -75,7 +75,7 @@ def test_what_cannot_be_kept_or_read_costs_no_solve(tmp_path, problem, undisturb
     with monkeypatch.context() as patch, pytest.warns(UserWarning, match="The solve goes on"):
         patch.setattr(Store, "write", refuse)
         found = checkpointed(tmp_path, gc.slide, block, road, every=0.0, **given)
-    np.testing.assert_array_equal(found.pressure, undisturbed.pressure)
+    assert is_same(found, undisturbed) and found.num_fft_pairs == undisturbed.num_fft_pairs
     assert not list(tmp_path.glob("*.h5"))
     checkpointed(tmp_path, gc.slide, block, road, every=0.0, **given)
     (kept,) = tmp_path.glob("*.h5")
@@ -84,7 +84,7 @@ def test_what_cannot_be_kept_or_read_costs_no_solve(tmp_path, problem, undisturb
     kept.write_bytes(damaged)
     with pytest.warns(UserWarning, match="was damaged: the solve begins anew"):
         found = checkpointed(tmp_path, gc.slide, block, road, every=0.0, **given)
-    np.testing.assert_array_equal(found.pressure, undisturbed.pressure)
+    assert is_same(found, undisturbed) and found.num_fft_pairs == undisturbed.num_fft_pairs
 
 
 def test_the_pressure_of_another_problem_is_not_taken(tmp_path, problem):
