@@ -16,6 +16,7 @@ from jax.experimental.compilation_cache.compilation_cache import reset_cache
 import graded_contact as gc
 from graded_contact.contact.problem import RESULTS
 from graded_contact.files.study import read_study
+from graded_contact.studies import chunk as chunk_module
 from graded_contact.studies import cluster
 from graded_contact.studies import sweep as sweep_module
 from graded_contact.studies.program import identity, trace
