@@ -38,7 +38,13 @@ def write_errors(path: str | os.PathLike, errors: Errors) -> None:
 
 
 def read_errors(path: str | os.PathLike) -> Errors:
-    """Returns what `write_errors` wrote, bit for bit.
+    """Returns what `write_errors` or `graded-contact fit` wrote, bit for bit.
+
+    **Arguments:**
+
+    - `path`: of the CSV file.
+
+    **Returns:** the errors, for `propagate`.
 
     **Raises:** `FileNotFoundError`; `ValueError` for anything else in the file, naming its line.
     """
