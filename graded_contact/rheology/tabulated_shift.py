@@ -97,7 +97,8 @@ class TabulatedShift(AbstractShift):
 
     def _check_covered(self, name, temperature):
         if is_concrete(self.temperatures):
-            coldest, hottest = float(self.temperatures[0]), float(self.temperatures[-1])
+            # By NumPy: known temperatures stay known inside `jit`.
+            coldest, hottest = map(float, np.asarray(self.temperatures)[[0, -1]])
             check_values(
                 name,
                 temperature,

@@ -11,6 +11,7 @@ from hypothesis import strategies as st
 from scipy.integrate import quad
 from scipy.interpolate import PchipInterpolator
 
+import graded_contact as gc
 from graded_contact import (
     WLF,
     Aged,
@@ -632,3 +633,14 @@ def test_what_a_table_of_shifts_does_not_cover_is_refused(make, message):
         make(TabulatedShift([280.0, 330.0], [1.0, -1.0], 300.0))
     hidden = jax.jit(lambda t: TabulatedShift([280.0, 330.0], [1.0, -1.0], 300.0).log_factor(t))
     assert np.isnan(hidden(340.0)) and np.isfinite(hidden(320.0))
+
+
+def test_a_block_with_a_table_of_shifts_may_change_inside_jit():
+    shift = TabulatedShift([280.0, 300.0, 320.0], [1.0, 0.0, -1.0], reference=300.0)
+    rubber = Prony(1e6, [2e6], [1e-2], 0.49, shift=shift)
+    block = gc.Stack(layers=[gc.Layer(rubber, 1e-4)], base=gc.HalfSpace(rubber))
+
+    def changed(thickness):
+        return gc.with_values(block, {"layers[0].thickness": thickness}).at(310.0)
+
+    assert eqx.tree_equal(jax.jit(changed)(2e-4), changed(2e-4), rtol=1e-12)
