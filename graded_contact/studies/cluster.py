@@ -52,7 +52,7 @@ def local_workers(count: int) -> Iterator[Any]:
     with (
         configured(SETTINGS),
         distributed.LocalCluster(
-            n_workers=count, threads_per_worker=1, memory_limit=0, dashboard_address=None,
+            n_workers=count, threads_per_worker=1, memory_limit=0, dashboard_address="127.0.0.1:0",
             silence_logs=50, preload=[DEAF],
         ) as cluster,
         distributed.Client(cluster, set_as_default=False) as client,

@@ -3,7 +3,7 @@
 Workers on this machine take `STARTING` seconds to come up and as long to compile, or to load what
 is compiled, as this process; then W of them solve `SMALL` W times as many points as this process
 does where a solve takes less than `LONG`, and `LARGE` W times beyond: one solve uses all cores,
-too. On two cores 6 s, 0.85 and 0.6 were measured (`benchmarks/bench_sweep.py throughput`); many
+too. On two cores 10 s, 0.85 and 0.6 were measured (`benchmarks/bench_sweep.py throughput`); many
 cores were not.
 """
 
@@ -19,7 +19,7 @@ from .chunk import Finished, Pace, Work, compiled_chunk, in_this_process, most_p
 from .cluster import joined, local_workers, num_cores, on_workers
 from .program import Program
 
-STARTING = 6.0  # s
+STARTING = 10.0  # s
 SMALL, LARGE = 0.85, 0.6  # gain for each worker
 LONG = 0.05  # s
 

@@ -1,5 +1,6 @@
 """A function at many points: every point once, kept at once, the same bits however it was done."""
 
+import contextlib
 import csv
 import os
 import pickle
@@ -17,7 +18,7 @@ import graded_contact as gc
 from graded_contact.contact.problem import RESULTS
 from graded_contact.files.study import read_study
 from graded_contact.studies import chunk as chunk_module
-from graded_contact.studies import cluster
+from graded_contact.studies import cluster, engine
 from graded_contact.studies import sweep as sweep_module
 from graded_contact.studies.program import identity, trace
 from graded_contact.studies.store import Store
@@ -293,7 +294,7 @@ def threads(monkeypatch):
     """A client of a scheduler and a worker that are threads of this process."""
     distributed = pytest.importorskip("distributed")
     monkeypatch.setattr(cluster, "PATIENCE", 0.2)
-    options = {"processes": False, "dashboard_address": None, "set_as_default": False}
+    options = {"processes": False, "dashboard_address": "127.0.0.1:0", "set_as_default": False}
     with distributed.Client(n_workers=1, threads_per_worker=2, **options) as client:
         yield client
 
@@ -317,6 +318,26 @@ def test_a_scheduler_without_workers_is_told(threads):
     threads.retire_workers(list(threads.scheduler_info()["workers"]))
     with pytest.raises(TimeoutError, match=r"has had no worker for 0\.2 s"):
         sweep(draw, AXES, client=threads)
+
+
+def test_workers_relieve_this_process_where_they_pay(threads, monkeypatch):
+    started = []
+    monkeypatch.setattr(engine, "num_cores", lambda: 4)
+    monkeypatch.setattr(
+        engine, "local_workers", lambda n: started.append(n) or contextlib.nullcontext(threads)
+    )
+    whole = sweep(draw, AXES, workers="auto")  # no time to be saved
+    assert not started
+    monkeypatch.setattr(engine, "pays", lambda *_: True)
+    same(sweep(draw, AXES, workers="auto"), whole)
+    assert started == [4]
+
+
+def test_workers_pay_where_they_save_more_than_they_take_to_start():
+    """An hour of short solves does, by 4 workers but not by one; seconds do not."""
+    assert engine.pays(180_000, 0.02, 20.0, 4)
+    assert not engine.pays(180_000, 0.02, 20.0, 1)
+    assert not engine.pays(1_000, 0.02, 20.0, 4)
 
 
 @pytest.mark.slow
