@@ -51,3 +51,12 @@ def test_the_example_is_read():
     study = read_design(EXAMPLE)
     assert (study.objective, study.verify, study.polish) == ("friction", 8, True)
     assert len(study.lower) == len(study.upper) == 6
+
+
+def test_a_design_takes_one_block_and_one_spectrum_without_seeds():
+    for old, new, name in (
+        ("[solver]", '[sweep]\n"layers[0].thickness" = [1e-5]\n[solver]', "thickness"),
+        ("[grid]", "seeds = 2\n[grid]", "seed"),
+    ):
+        with pytest.raises(ValueError, match=rf"\[design\] takes one .*{name}"):
+            parse_design(DESIGN.replace(old, new))

@@ -350,3 +350,49 @@ def test_a_scene_chooses_the_solver_of_its_graded_layers(line, expected):
 def test_another_solver_of_graded_layers_is_refused_with_the_nearest():
     with pytest.raises(ValueError, match=r"\[solver\].*did you mean `riccati`"):
         parse_scene(changed("[solver]", '[solver]\ngraded = "ricatti"'))
+
+
+def swept(text):
+    return changed("[solver]", f"[sweep]\n{text}\n[solver]")
+
+
+@pytest.mark.parametrize(
+    "text, expected",
+    [
+        (swept('"layers[0].thicknes" = [1e-5]'), r"\[sweep\].*nearest is 'layers\[0\].thickness'"),
+        (swept('"layers[1].thickness" = [1e-5]'), r"\[sweep\].*nearest is 'layers\[0\].thickness'"),
+        (swept('"layers[0].thickness" = []'), r"\[sweep\] `layers\[0\].thickness` = \[\] must be"),
+        (swept('"layers[0].thickness" = [1e-5, 1e-5]'), r"\[sweep\].*has 1e-05 more than once"),
+        (swept('"layers[0].thickness" = [1e-5, -1.0]'), r"\[sweep\].*`thickness=-1` is refused"),
+        (
+            swept('"layers[0].material.poisson" = [0.4, 0.6]'),
+            r"\[sweep\].*`poisson=0.6` is refused",
+        ),
+        (swept('"base.material.times" = [1.0, 2.0]'), r"\[sweep\].*has shape \(18,\)"),
+        (changed("[2e5, 4e5]", "[2e5, 2e5]"), r"\[load\] `pressure` has 200000 more than once"),
+        (changed("seed = 3", "seeds = 0"), r"\[surface\] `seeds=0` must be a whole number"),
+        (
+            changed("[solver]", "temperature = []\n[solver]"),
+            r"`temperature` = \[\] must be a number",
+        ),
+        (changed("[solver]", "temperature = [300, 100]\n[solver]"), r"`temperature`, of .*tread"),
+    ],
+)
+def test_axes_that_make_no_block_are_refused_with_their_place(text, expected):
+    with pytest.raises(ValueError, match=expected):
+        parse_scene(text)
+
+
+def test_what_a_scene_varies_is_in_the_order_of_its_axes():
+    text = swept('"layers[0].thickness" = {from = 1e-5, to = 1e-3, points = 3}')
+    text = text.replace("[sweep]", "temperature = {from = 280, to = 300, points = 3}\n[sweep]")
+    scene = parse_scene(text.replace("seed = 3", "seed = 3\nseeds = 2"))
+    names = ["layers[0].thickness", "temperature", "seed", "pressure", "velocity"]
+    assert list(scene.axes) == names and scene.num_solves == 3 * 3 * 2 * 2 * 2
+    np.testing.assert_allclose(scene.axes["temperature"], [280, 290, 300])
+    np.testing.assert_allclose(scene.axes["layers[0].thickness"], [1e-5, 1e-4, 1e-3])
+    assert scene.axes["seed"].tolist() == [3, 4]
+    block = scene.block({"layers[0].thickness": 1e-4, "temperature": 290.0})
+    expected = gc.with_values(scene.stack, {"layers[0].thickness": 1e-4}).at(290.0)
+    assert eqx.tree_equal(block, expected)
+    assert len(list(scene.blocks())) == 9
