@@ -182,21 +182,33 @@ def check_values(
     """
     if not is_concrete(value):
         return
-    array = np.asarray(value)
-    if array.dtype == object:  # whole numbers beyond 64 bits
-        array = array.astype(float)
-    good = np.isfinite(array)
-    with np.errstate(invalid="ignore"):
-        if above is not None:
-            good &= array > above
-        if at_least is not None:
-            good &= array >= at_least
-        if at_most is not None:
-            good &= array <= at_most
-    if not np.all(good):
-        index = tuple(int(i) for i in np.argwhere(~good)[0])
-        where = f"[{', '.join(map(str, index))}]" if index else ""
-        raise ValueError(f"`{name}{where}={array[index]:g}` is refused: {allowed}.")
+    for array, corner in _parts(value):
+        if array.dtype == object:  # whole numbers beyond 64 bits
+            array = array.astype(float)
+        good = np.isfinite(array)
+        with np.errstate(invalid="ignore"):
+            if above is not None:
+                good &= array > above
+            if at_least is not None:
+                good &= array >= at_least
+            if at_most is not None:
+                good &= array <= at_most
+        if not np.all(good):
+            index = tuple(int(i) for i in np.argwhere(~good)[0])
+            place = ", ".join(str(i + start) for i, start in zip(index, corner, strict=True))
+            where = f"[{place}]" if index else ""
+            raise ValueError(f"`{name}{where}={array[index]:g}` is refused: {allowed}.")
+
+
+def _parts(value: ArrayLike):
+    """An array and the index at which it starts: one, or what lies on devices of this process."""
+    if not isinstance(value, Array) or value.is_fully_replicated:
+        array = np.asarray(value)
+        return [(array, (0,) * array.ndim)]
+    return [
+        (np.asarray(shard.data), [rows.start or 0 for rows in shard.index])
+        for shard in value.addressable_shards
+    ]
 
 
 def check_positive(name: str, value: ArrayLike, unit: str) -> None:
@@ -205,10 +217,10 @@ def check_positive(name: str, value: ArrayLike, unit: str) -> None:
     Numbers too small for all digits of their dtype are refused too: compiled code takes them for 0.
     """
     if is_concrete(value):
-        array = np.asarray(value)
-        kind = array.dtype if np.issubdtype(array.dtype, np.floating) else np.float64
+        kind = getattr(value, "dtype", np.float64)
+        kind = kind if np.issubdtype(kind, np.floating) else np.float64
         least = float(np.finfo(kind).tiny)
-        check_values(name, array, f"it must be a positive number {unit}", at_least=least)
+        check_values(name, value, f"it must be a positive number {unit}", at_least=least)
 
 
 def check_together(**arrays: Array) -> None:

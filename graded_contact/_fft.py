@@ -1,26 +1,35 @@
-"""Real transforms of whole fields: XLA's, or on a CPU with many points those of ducc0.
+"""Real transforms of whole fields: XLA's, on a CPU with many points those of ducc0.
 
 Inside a loop XLA's transform runs on one thread; ducc0 (M. Reinecke), bound by jaxbind, uses all
 cores there, and is faster on one. Both packages are the optional extra `fast-cpu`; where they are
 installed, fields of `BOUND_FROM` points or more on a CPU go through them. Smaller fields gain
 nothing, and programs with bound functions are not kept by JAX's persistent compilation cache.
+
+Over several devices (see `_devices`) rows are transformed first; then all devices exchange blocks,
+once, so that each has whole columns to transform. XLA itself would gather the field on each device.
 """
 
 import importlib.util
 import math
-from functools import cache
+from functools import cache, partial
 
 import jax
 import jax.numpy as jnp
 import numpy as np
 from jax import Array
+from jax.sharding import PartitionSpec as Spec
 from jaxtyping import Complex, Float
+
+from ._devices import ROWS, mesh_of, padded
 
 BOUND_FROM = 2**19  # points, by `bench_contact.py overhead --backends xla ducc0`
 
 
 def rfftn(field: Float[Array, "*shape"]) -> Complex[Array, "*half"]:
     """Returns the unnormalised half spectrum of a real field over all its axes."""
+    mesh = mesh_of(field)
+    if mesh is not None:
+        return _forward_over(mesh, field)
     if not _is_bound(field.shape):
         return jnp.fft.rfftn(field)
     return _bound()[0](field, size=field.shape[-1])[0]
@@ -28,9 +37,37 @@ def rfftn(field: Float[Array, "*shape"]) -> Complex[Array, "*half"]:
 
 def irfftn(spectrum: Complex[Array, "*half"], shape: tuple[int, ...]) -> Float[Array, "*shape"]:
     """Returns the real field of a half spectrum, divided by the number of points."""
+    mesh = mesh_of(spectrum)
+    if mesh is not None:
+        return _inverse_over(mesh, spectrum, shape)
     if not _is_bound(shape):
         return jnp.fft.irfftn(spectrum, shape)
     return _bound()[1](spectrum, size=shape[-1])[0]
+
+
+def _forward_over(mesh, field):
+    """The half spectrum of a field on a mesh, laid by columns; what pads it is cut off."""
+    rows, columns = field.shape
+
+    @partial(jax.shard_map, mesh=mesh, in_specs=Spec(ROWS), out_specs=Spec(None, ROWS))
+    def transform(block):
+        half = padded(jnp.fft.rfft(block), 1, mesh.size)
+        half = jax.lax.all_to_all(half, ROWS, 1, 0, tiled=True)
+        return jnp.fft.fft(half[:rows], axis=0)
+
+    return transform(padded(field, 0, mesh.size))[:, : columns // 2 + 1]
+
+
+def _inverse_over(mesh, spectrum, shape):
+    """The field of a half spectrum on a mesh, laid by rows."""
+
+    @partial(jax.shard_map, mesh=mesh, in_specs=Spec(None, ROWS), out_specs=Spec(ROWS))
+    def transform(block):
+        half = padded(jnp.fft.ifft(block, axis=0), 0, mesh.size)
+        half = jax.lax.all_to_all(half, ROWS, 0, 1, tiled=True)
+        return jnp.fft.irfft(half[:, : shape[-1] // 2 + 1], shape[-1])
+
+    return transform(padded(spectrum, 1, mesh.size))[: shape[0]]
 
 
 def _is_bound(shape: tuple[int, ...]) -> bool:

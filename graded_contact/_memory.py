@@ -67,7 +67,11 @@ def sliding_memory(
 
 
 def check_memory(
-    name: str, shape: tuple[int, ...], needed: Callable[[tuple[int, ...]], float], purpose: str
+    name: str,
+    shape: tuple[int, ...],
+    needed: Callable[[tuple[int, ...]], float],
+    purpose: str,
+    devices: int = 1,
 ) -> None:
     """Raises `ValueError` if a grid needs more memory than there is, with one that would fit.
 
@@ -77,10 +81,13 @@ def check_memory(
     - `shape`: of the grid.
     - `needed`: bytes that a grid of a shape needs, beyond what is allocated.
     - `purpose`: what needs them, for the message.
+    - `devices`: over how many the grid lies. Those of a CPU share the memory of their process.
     """
     if needed(shape) < SMALL:
         return
     free = available_memory()
+    if free is not None and devices > 1:
+        free *= jax.process_count() if jax.default_backend() == "cpu" else devices
     if free is None or needed(shape) <= free:
         return
     fit = next((2**k for k in range(30, 1, -1) if needed((2**k,) * len(shape)) <= free), None)

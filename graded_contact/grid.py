@@ -8,6 +8,7 @@ direction the real part of the mean of both signs is kept: then the half spectru
 of a real operator, and its resolvent that of this operator's.
 """
 
+import functools
 from collections.abc import Sequence
 
 import equinox as eqx
@@ -15,10 +16,12 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 from jax import Array
-from jaxtyping import Complex, Float, Inexact
+from jax.sharding import NamedSharding
+from jaxtyping import Bool, Complex, Float, Inexact
 
 from . import _fft
 from ._checks import Numbers, as_float, check_positive, check_values, short
+from ._devices import num_devices, put_on, sharding_on, whole_along
 
 
 class Grid(eqx.Module):
@@ -28,12 +31,21 @@ class Grid(eqx.Module):
 
     - `shape`: number of points `(nx, ny)`, or `(nx,)` for a cell in one dimension. Static.
     - `size`: edge lengths [m], shape `(ndim,)`; one number means a square.
+
+    With `devices`, such as `jax.devices()`, each holds its share of the rows of every field of this
+    grid and of what is computed from it: surfaces, kernels, contacts, derivatives. `size` lies on
+    all of them, and its type tells so.
     """
 
     shape: tuple[int, ...] = eqx.field(static=True)
     size: Float[Array, " ndim"]
 
-    def __init__(self, shape: int | tuple[int, ...], size: Numbers):
+    def __init__(
+        self,
+        shape: int | tuple[int, ...],
+        size: Numbers,
+        devices: Sequence[jax.Device] | None = None,
+    ):
         counts = tuple(shape) if isinstance(shape, Sequence | np.ndarray) else (shape,)
         if len(counts) not in (1, 2) or not all(
             isinstance(n, int | np.integer) and not isinstance(n, bool) and 4 <= n < 2**48
@@ -51,7 +63,14 @@ class Grid(eqx.Module):
                 f"as many as `shape={self.shape}` has entries."
             )
         check_positive("size", edges, "[m]")
-        self.size = jnp.broadcast_to(edges, (len(counts),))
+        size = jnp.broadcast_to(edges, (len(counts),))
+        self.size = size if devices is None else put_on(devices, size)
+        parts = num_devices(self.size)
+        if parts > 1 and (self.ndim == 1 or self.shape[0] % parts):
+            raise ValueError(
+                f"`shape={self.shape}` is refused on {parts} `devices`: two axes are needed, and "
+                f"{parts} must divide the first."
+            )
 
     @property
     def ndim(self) -> int:
@@ -61,6 +80,14 @@ class Grid(eqx.Module):
     def spacing(self) -> Float[Array, " ndim"]:
         """Distance between neighbouring points along each axis [m]."""
         return self.size / np.array(self.shape)
+
+    @property
+    def sharding(self) -> NamedSharding | None:
+        """How fields lie on the devices, for `jax.make_array_from_callback`; None for one device.
+
+        Not under `jit`.
+        """
+        return sharding_on(self.size)
 
 
 def half_shape(shape: tuple[int, ...]) -> tuple[int, ...]:
@@ -103,16 +130,13 @@ def wavenumber(grid: Grid) -> Float[Array, "..."]:
     """Returns |q| [rad/m] on the half spectrum; the q = 0 entry is 0 and has derivative 0."""
     components = wavevector(grid)
     squared = sum(component**2 for component in components)
-    zero = _zero_mode(grid.shape)
+    zero = zero_mode(grid.shape)
     return jnp.where(zero, 0, jnp.sqrt(jnp.where(zero, 1, squared)))
 
 
-def nyquist_lines(shape: tuple[int, ...]) -> np.ndarray:
+def nyquist_lines(shape: tuple[int, ...]) -> Bool[Array, "*half"]:
     """Returns where any component of the half spectrum is at its Nyquist number, as a mask."""
-    mask = np.zeros(half_shape(shape), bool)
-    for k, n in zip(mode_numbers(shape), shape, strict=True):
-        mask |= 2 * np.abs(k) == n
-    return mask
+    return _any(2 * np.abs(k) == n for k, n in zip(mode_numbers(shape), shape, strict=True))
 
 
 def both_signs(shape: tuple[int, ...]) -> tuple[np.ndarray, ...]:
@@ -205,10 +229,14 @@ def multiplicity(shape: tuple[int, ...]) -> np.ndarray:
     return np.where((columns == 0) | (2 * columns == shape[-1]), 1, 2)
 
 
-def _zero_mode(shape: tuple[int, ...]) -> np.ndarray:
-    mask = np.zeros(half_shape(shape), bool)
-    mask[(0,) * len(shape)] = True
-    return mask
+def zero_mode(shape: tuple[int, ...]) -> Bool[Array, "*half"]:
+    """Returns where the half spectrum has its mean, q = 0, as a mask."""
+    return ~_any(k != 0 for k in mode_numbers(shape))
+
+
+def _any(masks):
+    """Combined by XLA, lest a constant as large as the grid be compiled in."""
+    return functools.reduce(jnp.logical_or, map(jnp.asarray, masks))
 
 
 def to_spectrum(field: Float[Array, "*shape"]) -> Complex[Array, "*half"]:
@@ -240,7 +268,7 @@ def resample_spectrum(spectrum: Array, shape: tuple[int, ...], new_shape: tuple[
         last = axis == len(shape) - 1
         keep = (min(n, m) - 1) // 2  # highest number below both Nyquist numbers
         nyquist = min(n, m) // 2
-        low = jnp.moveaxis(spectrum, axis, 0)
+        low = jnp.moveaxis(whole_along(spectrum, axis), axis, 0)
         top = low[: keep + 1]
         shared = low[:0]
         if min(n, m) % 2 == 0 and m < n:
@@ -268,6 +296,7 @@ def interpolate(field: Float[Array, "..."], shape: tuple[int, ...]) -> Float[Arr
         left = np.floor(position).astype(int)
         weight = (position - left).reshape([-1 if i == axis else 1 for i in range(field.ndim)])
         weight = jnp.asarray(weight, field.dtype)
+        field = whole_along(field, axis)
         right = jnp.take(field, (left + 1) % n, axis)
         field = jnp.take(field, left, axis) * (1 - weight) + right * weight
     return field

@@ -8,6 +8,7 @@ from jax import Array
 from jaxtyping import PRNGKeyArray
 
 from ._checks import check_type, door, is_concrete, short
+from ._devices import num_devices
 from ._memory import check_memory
 from .grid import Grid, mode_numbers, nyquist_lines, to_field, wavenumber
 from .spectrum import SelfAffine, relative_density, rms_height_of
@@ -44,7 +45,8 @@ def random_surface(
     if not isinstance(key, jax.Array | np.ndarray) or key.dtype in (np.float32, np.float64):
         seed = key if isinstance(key, int) else 0
         raise ValueError(f"`key={short(key)}` must be a random key: `jax.random.key({seed})`.")
-    check_memory("grid", grid.shape, memory_in(grid), "a random surface")
+    parts = num_devices(grid.size)
+    check_memory("grid", grid.shape, memory_in(grid), "a random surface", parts)
     _check_band(spectrum, grid)
     return Surface(_synthesise(spectrum, grid, key, amplitudes == "gaussian"), grid)
 

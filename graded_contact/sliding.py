@@ -12,6 +12,7 @@ import numpy as np
 from jaxtyping import Array, Float, Inexact, ScalarLike
 
 from ._checks import Numbers, as_float, check_positive, door, is_concrete
+from ._devices import num_devices
 from ._memory import check_memory, num_numbers, sliding_memory
 from .caveats import caveats_of
 from .contact.area import (
@@ -192,6 +193,7 @@ def _kernel_and_velocity(stack, surface, velocity, solver, graded, throw):
             shape, surface.heights.dtype.itemsize, numbers, askew, solver.memory
         ),
         "sliding",
+        num_devices(surface.grid.size),
     )
     if throw:
         kernel, reached = stack_kernel(stack, surface.grid, velocity, graded=graded), True
@@ -282,11 +284,10 @@ def area_against_cutoff(
         raise ValueError(f"`cutoffs={np.asarray(cutoffs)}` must ascend.")
     kernel, velocity, _ = _kernel_and_velocity(stack, surface, velocity, solver, graded, throw)
     grid = surface.grid
-    spectrum, q = to_spectrum(surface.heights), wavenumber(grid)
     known = jnp.all(jnp.isfinite(kernel))
 
     def solve(cutoff, start):
-        heights = to_field(jnp.where(q <= cutoff * (1 + 1e-6), spectrum, 0), grid.shape)
+        heights = _waves_up_to(cutoff, surface.heights, grid)
         contact = solve_contact(
             kernel, heights, pressure, law=law, solver=solver, rtol=rtol, start=start, throw=throw
         )
@@ -297,3 +298,9 @@ def area_against_cutoff(
     start, first = solve(cutoffs[0], None)
     _, rest = jax.lax.scan(lambda start, cutoff: solve(cutoff, start), start, cutoffs[1:])
     return CutoffCurve(cutoffs, *jnp.concatenate([first[None], rest]).T)
+
+
+@eqx.filter_jit
+def _waves_up_to(cutoff, heights, grid: Grid):
+    kept = wavenumber(grid) <= cutoff * (1 + 1e-6)
+    return to_field(jnp.where(kept, to_spectrum(heights), 0), grid.shape)

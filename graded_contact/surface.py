@@ -5,6 +5,7 @@ Heights h [m] point into the solid. Fourier amplitudes are h(x) = Σ_q h_q exp(i
 trigonometric interpolant, and a component at its Nyquist number has none (see `grid`).
 """
 
+from functools import partial
 from typing import NamedTuple
 
 import equinox as eqx
@@ -24,8 +25,8 @@ from ._checks import (
     check_whole,
     door,
     is_concrete,
-    numbers,
 )
+from ._devices import binned, num_devices, spread
 from ._memory import check_memory, surface_memory
 from .caveats import caveats_of_steps
 from .grid import (
@@ -73,22 +74,28 @@ class Surface(eqx.Module):
     - `steps`: the roughness after every step of reading. Static.
     """
 
-    heights: Float[Array, "*shape"] = eqx.field(converter=numbers("heights"))
+    heights: Float[Array, "*shape"]
     grid: Grid
-    history: tuple[str, ...] = eqx.field(static=True, default=())
+    history: tuple[str, ...] = eqx.field(static=True)
     # Not Boolean: `jax.grad` by a surface asks for numbers in every leaf.
-    measured: Float[Array, "*shape"] | None = eqx.field(
-        converter=lambda value: None if value is None else as_float(value, "measured"), default=None
-    )
-    steps: tuple[Step, ...] = eqx.field(static=True, default=())
+    measured: Float[Array, "*shape"] | None
+    steps: tuple[Step, ...] = eqx.field(static=True)
 
-    def __check_init__(self):
-        check_type("grid", self.grid, Grid)
-        check_type("history", self.history, tuple)
-        check_shape("heights", self.heights, self.grid.shape)
+    def __init__(
+        self,
+        heights: Numbers,
+        grid: Grid,
+        history: tuple[str, ...] = (),
+        measured: Numbers | None = None,
+        steps: tuple[Step, ...] = (),
+    ):
+        check_type("grid", grid, Grid)
+        check_type("history", history, tuple)
+        self.grid, self.history, self.steps = grid, history, steps
+        self.heights = _on_grid("heights", heights, grid)
         check_values("heights", self.heights, "heights must be finite numbers [m]")
+        self.measured = None if measured is None else _on_grid("measured", measured, grid)
         if self.measured is not None:
-            check_shape("measured", self.measured, self.grid.shape)
             reason = "a share lies between 0 and 1"
             check_values("measured", self.measured, reason, at_least=0, at_most=1)
 
@@ -96,6 +103,13 @@ class Surface(eqx.Module):
     def caveats(self) -> tuple[str, ...]:
         """What makes contact on this surface doubtful, one sentence each."""
         return caveats_of_steps(self.steps)
+
+
+def _on_grid(name: str, field: Numbers, grid: Grid) -> Array:
+    """A field of the grid, on its devices."""
+    field = as_float(field, name)
+    check_shape(name, field, grid.shape)
+    return spread(field, grid.size)
 
 
 def step(name: str, heights: Numbers, spacing: Numbers) -> Step:
@@ -220,7 +234,7 @@ def _radial_spectrum(surface: Surface, num_bins: int) -> tuple[Array, Array]:
     weight = used * multiplicity(grid.shape)
 
     def total(values):
-        return jnp.bincount(bins.ravel(), values.ravel(), length=num_bins + 1)[:num_bins]
+        return binned(bins, values, num_bins + 1)[:num_bins]
 
     count = total(weight.astype(power.dtype))
     filled = jnp.where(count > 0, count, 1)
@@ -276,9 +290,7 @@ def resample(surface: Surface, shape: int | tuple[int, ...]) -> Surface:
     grid = Grid(shape, surface.grid.size)
     if grid.shape == old:
         return surface
-    check_memory("shape", grid.shape, memory_in(grid), "a surface")
-    modes = resample_spectrum(to_spectrum(surface.heights), old, grid.shape)
-    ratio = np.prod(grid.shape) / np.prod(old)
+    check_memory("shape", grid.shape, memory_in(grid), "a surface", num_devices(grid.size))
     nearest = np.ix_(
         *(np.rint(np.arange(m) * (n / m)).astype(int) % n
           for n, m in zip(old, grid.shape, strict=True))
@@ -286,11 +298,17 @@ def resample(surface: Surface, shape: int | tuple[int, ...]) -> Surface:
     return _changed(
         surface,
         "resampled",
-        to_field(modes, grid.shape) * ratio,
+        _resampled(surface.heights, grid.shape),
         grid,
         f"Resampled from {old} to {grid.shape} points by Fourier modes.",
         None if surface.measured is None else surface.measured[nearest],
     )
+
+
+@partial(jax.jit, static_argnums=1)
+def _resampled(heights: Array, shape: tuple[int, ...]) -> Array:
+    modes = resample_spectrum(to_spectrum(heights), heights.shape, shape)
+    return to_field(modes, shape) * (np.prod(shape) / heights.size)
 
 
 def _changed(

@@ -7,6 +7,7 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Bool, Float, Inexact
 
+from .._devices import in_turns
 from ..grid import Grid
 
 # Area of a pixel count beyond the true one, per pixel edge between contact and gap.
@@ -67,21 +68,22 @@ def contact_area_smooth(margin: Float[Array, "*shape"]) -> Float[Array, ""]:
     if margin.ndim == 1:
         return jnp.mean(_positive_part_of_segment(margin, jnp.roll(margin, -1)))
 
-    # Row by row, and again for a derivative: whole fields of intermediate values cost more.
+    # Row by row of each device, and again for a derivative: whole fields of intermediate values
+    # cost more.
     @jax.checkpoint
     def add_row(total, sides):
         left, right = sides
-        up, corner = jnp.roll(left, -1), jnp.roll(right, -1)
+        up, corner = jnp.roll(left, -1, -1), jnp.roll(right, -1, -1)
         centre = (left + right + up + corner) / 4
         for a, b in pairwise((left, right, corner, up, left)):
             area, length = _triangle(a, b, centre)
             total = total + (area - _CONTOUR_OFFSET * length)
         return total, None
 
-    rows = (margin, jnp.roll(margin, -1, 0))
-    total, _ = jax.lax.scan(add_row, jnp.zeros_like(margin[0]), rows)
+    rows = (in_turns(margin), in_turns(jnp.roll(margin, -1, 0)))
+    total, _ = jax.lax.scan(add_row, jnp.zeros_like(rows[0][0]), rows)
     # A contact of a few pixels is smaller than its own correction.
-    return jnp.maximum(jnp.mean(total) / len(margin), 0)
+    return jnp.maximum(jnp.mean(total) / len(rows[0]), 0)
 
 
 def _positive_part_of_segment(a, b):

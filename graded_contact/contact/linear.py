@@ -70,12 +70,13 @@ class LinearSplitting(eqx.Module):
         )
         z, _ = draft(splitting, root * rhs, **how)
         last = iterate(splitting, z, **how)
-        return eqx.error_if(
-            sign * (rhs + root * (2 * solid(last.z) - last.z)),
+        two = eqx.error_if(
+            jnp.asarray(2, rhs.dtype),
             last.going_on,
             "The linear solve for a derivative of the contact did not converge. Raise "
             "`max_steps` of the solver's `linear`, or loosen its `rtol`.",
         )
+        return sign * (rhs + root * (two * solid(last.z) - last.z))
 
 
 def _proximal(root, sign, rhs, v):

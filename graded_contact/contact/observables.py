@@ -12,11 +12,13 @@ and is what `Sliding.friction` uses; `Sliding.geometric_friction` uses the surfa
 the difference of the two tells the error of the grid.
 """
 
+import equinox as eqx
 import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Bool, Float, Inexact
 
 from .._checks import Numbers, as_float, check_shape, check_whole, door
+from .._devices import binned
 from ..cutoff import CutoffCurve
 from ..grid import (
     Grid,
@@ -118,13 +120,18 @@ def cumulative_friction(
         check_shape(name, field, grid.shape)
     check_whole("num_wavenumbers", num_wavenumbers, 2)
     velocity = as_velocity(velocity, grid)
+    return _cumulative_friction(pressure, displacement, grid, velocity, num_wavenumbers)
+
+
+@eqx.filter_jit
+def _cumulative_friction(pressure, displacement, grid, velocity, num_wavenumbers: int):
     q = wavenumber(grid)
     work = _work(pressure, displacement, grid, velocity)
     edges = jnp.geomspace(2 * np.pi / jnp.max(grid.size), jnp.max(q), num_wavenumbers)
     # Waves on an edge belong to it, whatever the rounding.
-    place = jnp.searchsorted(edges, q.ravel() * (1 - 1e-6))
+    place = jnp.searchsorted(edges, q * (1 - 1e-6))
     place = jnp.minimum(place, num_wavenumbers - 1)
-    share = jnp.bincount(place, work.ravel(), length=num_wavenumbers)
+    share = binned(place, work, num_wavenumbers)
     return CutoffCurve(edges, -jnp.cumsum(share) / jnp.mean(pressure))
 
 

@@ -9,7 +9,6 @@ or the other way round.
 import equinox as eqx
 import jax
 import jax.numpy as jnp
-import numpy as np
 from jaxtyping import ScalarLike
 
 from .._checks import (
@@ -23,8 +22,9 @@ from .._checks import (
     door,
     is_concrete,
 )
+from .._devices import num_devices, tied
 from .._memory import check_memory, contact_memory
-from ..grid import half_shape
+from ..grid import half_shape, zero_mode
 from .douglas_rachford import DouglasRachford
 from .implicit import Inputs, State, attach_gradient
 from .law import AbstractLaw, HardWall, check_law, check_pressure
@@ -89,7 +89,8 @@ def solve_contact(
     check_tolerance("rtol", rtol, heights)
     solution = _solve_contact(inputs, solver, jnp.asarray(rtol), start)
     if throw:
-        solution = solution.result.error_if(solution, solution.result != RESULTS.successful)
+        failed = solution.result != RESULTS.successful
+        solution = tied(solution, solution.result.error_if(jnp.asarray(-0.0), failed))
     return solution
 
 
@@ -105,6 +106,7 @@ def _check_heights(heights, solver: AbstractContactSolver) -> None:
         heights.shape,
         lambda shape: contact_memory(shape, heights.dtype.itemsize, solver.memory),
         "a contact",
+        num_devices(heights),
     )
     check_values("heights", heights, "heights [m] must be finite")
 
@@ -112,12 +114,12 @@ def _check_heights(heights, solver: AbstractContactSolver) -> None:
 def _check_kernel(kernel, heights, throw: bool) -> None:
     check_shape("kernel", kernel, half_shape(heights.shape))
     if is_concrete(kernel):
-        known = np.array(kernel)
-        known[(0,) * kernel.ndim] = 1
+        ignored = zero_mode(heights.shape)
         if not throw:
-            known[~np.isfinite(known)] = 1  # `.result` will tell
-        check_positive("kernel.real", np.real(known), "[m/Pa] for every q but 0")
-        check_values("kernel.imag", np.imag(known), "it must be finite")
+            ignored = ignored | ~jnp.isfinite(kernel)  # `.result` will tell
+        known = jnp.where(ignored, 1, kernel)
+        check_positive("kernel.real", known.real, "[m/Pa] for every q but 0")
+        check_values("kernel.imag", known.imag, "it must be finite")
 
 
 def _as_start(start, heights, law: AbstractLaw):

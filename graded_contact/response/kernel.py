@@ -17,8 +17,17 @@ import numpy as np
 from jaxtyping import Array, Bool, Float, Inexact
 
 from .._checks import Numbers, door, is_concrete
+from .._devices import num_devices, spread, tied, whole_along
 from .._memory import check_memory, kernel_memory, num_numbers
-from ..grid import Grid, as_velocity, both_signs, even_on_nyquist, nyquist_lines, sliding_frequency
+from ..grid import (
+    Grid,
+    as_velocity,
+    both_signs,
+    even_on_nyquist,
+    nyquist_lines,
+    sliding_frequency,
+    zero_mode,
+)
 from .compliance import compliance_of
 from .grading import AbstractGradedSolver, check_profiles, graded_tolerance
 from .layering import Layering
@@ -71,7 +80,7 @@ def stack_kernel(
     **Raises:** `ValueError` for a refused argument; `RuntimeError` if `rtol` is not reached.
     """
     kernel, reached = _attempt(stack, grid, velocity, graded, rtol, choosing=False)
-    return eqx.error_if(kernel, ~reached, _NOT_REACHED)
+    return tied(kernel, eqx.error_if(jnp.asarray(-0.0), ~reached, _NOT_REACHED))
 
 
 def attempted_kernel(
@@ -98,6 +107,7 @@ def _attempt(stack, grid, velocity, graded, rtol, choosing):
         grid.shape,
         lambda shape: kernel_memory(shape, grid.size.dtype.itemsize, numbers, askew),
         "a kernel",
+        num_devices(grid.size),
     )
     if _is_dear(stack, grid) and velocity.ndim == 0:
         kernel, error = _interpolated_kernel(stack, grid, velocity, graded, rtol)
@@ -183,8 +193,8 @@ def _direct_kernel(stack, grid, velocity, graded, rtol):
         return _compliance(stack, qx, qy, velocity, graded, rtol)
 
     if velocity.shape == ():
-        return _mirrored(rows, grid.shape)
-    return _rules(even_on_nyquist(_in_blocks(rows, len(kx)), grid.shape), grid.shape)
+        return _mirrored(rows, grid)
+    return _on_devices(even_on_nyquist(_in_blocks(rows, len(kx)), grid.shape), grid)
 
 
 @eqx.filter_jit
@@ -198,7 +208,7 @@ def _interpolated_kernel(stack, grid, velocity, graded, rtol):
         qx = _wavenumbers(grid, 0, index)
         return jnp.exp(table.along_x(index, columns)) / _magnitude(qx[:, None], qy[None, :])
 
-    return _mirrored(rows, grid.shape), table.error
+    return _mirrored(rows, grid), table.error
 
 
 @eqx.filter_jit
@@ -216,17 +226,23 @@ def _kernel_table(stack, grid, velocity, graded, rtol):
     return tabulate(logarithm, partial(logarithm, attempt=True), highest, rtol, grid.size.dtype)
 
 
-def _mirrored(rows_of, shape):
+def _mirrored(rows_of, grid):
     """The kernel of sliding along x: rows of ±q_x are conjugates of each other."""
-    num_rows = shape[0] // 2 + 1
+    num_rows = grid.shape[0] // 2 + 1
     kernel = _in_blocks(rows_of, num_rows)
-    others = kernel[1 : shape[0] - num_rows + 1][::-1]
-    return _rules(jnp.concatenate([kernel, jnp.conj(others)]), shape)
+    others = kernel[1 : grid.shape[0] - num_rows + 1][::-1]
+    return _on_devices(jnp.concatenate([kernel, jnp.conj(others)]), grid)
+
+
+def _on_devices(kernel, grid):
+    """By the rules of the half spectrum, and laid as what leaves a compiled program is."""
+    return spread(_rules(kernel, grid.shape), grid.size)
 
 
 def _in_blocks(rows_of, num_rows):
     """All rows of the kernel, computed a block at a time."""
-    block = jax.checkpoint(rows_of)
+    # On several devices each takes its columns of every block.
+    block = jax.checkpoint(lambda index: whole_along(rows_of(index), 0))
     if num_rows <= 2 * _BLOCK_ROWS:
         return block(np.arange(num_rows))
     num_blocks = -(-num_rows // _BLOCK_ROWS)
@@ -256,9 +272,7 @@ def _compliance(stack, qx, qy, velocity, graded, rtol, *, attempt=False):
 
 def _rules(kernel, shape):
     """The rules of the half spectrum at q = 0 and on Nyquist lines."""
-    zero = np.zeros(kernel.shape, bool)
-    zero[(0,) * kernel.ndim] = True
-    kernel = jnp.where(zero, 0, kernel)
+    kernel = jnp.where(zero_mode(shape), 0, kernel)
     if jnp.iscomplexobj(kernel):
         imag = jnp.where(nyquist_lines(shape), 0, kernel.imag)
         kernel = jax.lax.complex(kernel.real, imag)

@@ -236,7 +236,8 @@ def _settled(tree):
     """
     if not jax.tree.leaves(tree):
         return tree
-    first = jax.tree.leaves(tree)[0].real.ravel()[0]
+    first = jax.tree.leaves(tree)[0].real
+    first = first[(0,) * first.ndim]
     rounds = jnp.where(jnp.isnan(first), 2, 0)
 
     def negated(state):

@@ -1,0 +1,111 @@
+"""Fields over several devices.
+
+An array that lies on a mesh of devices carries it in its type, and so does all that is computed
+from it, under `jit`, `vmap` and derivatives too: that is how a transform knows what to do. Fields
+lie on the devices by rows (axis 0), half spectra inside compiled programs by columns. XLA parts
+everything that is done point by point; what mixes rows or columns asks for them whole. On one
+device nothing here does anything.
+"""
+
+from collections.abc import Sequence
+from functools import partial
+from typing import TypeVar, cast
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+from jax import Array
+from jax.sharding import AbstractMesh, Mesh, NamedSharding
+from jax.sharding import PartitionSpec as Spec
+
+from ._checks import is_concrete, short
+
+T = TypeVar("T")
+ROWS = "rows"  # the only axis of our meshes
+
+
+def put_on(devices: Sequence[jax.Device], array: Array) -> Array:
+    """Returns an array of which each device has a copy: what is computed with it lies on them.
+
+    **Raises:** `ValueError` unless these are devices.
+    """
+    devices = list(devices) if isinstance(devices, Sequence | np.ndarray) else []
+    if not devices or not all(isinstance(device, jax.Device) for device in devices):
+        raise ValueError(f"`devices={short(devices)}` must be a list such as `jax.devices()`.")
+    return jax.device_put(array, NamedSharding(Mesh(np.array(devices), ROWS), Spec()))
+
+
+def mesh_of(array: Array) -> AbstractMesh | None:
+    """Returns the devices of an array, or None for a single one (or where the user parts work)."""
+    mesh = jax.typeof(array).sharding.mesh
+    return mesh if mesh.axis_names == (ROWS,) and mesh.are_all_axes_auto and mesh.size > 1 else None
+
+
+def num_devices(array: Array) -> int:
+    """Returns over how many devices an array lies."""
+    mesh = mesh_of(array)
+    return 1 if mesh is None else mesh.size
+
+
+def sharding_on(like: Array) -> NamedSharding | None:
+    """Returns how fields lie on the devices of an array whose numbers are known; None for one."""
+    if mesh_of(like) is None:
+        return None
+    placed = cast(NamedSharding, like.sharding)
+    return NamedSharding(placed.mesh, Spec(ROWS))
+
+
+def spread(field: Array, like: Array) -> Array:
+    """Returns a field by rows on the devices of another array."""
+    mesh = mesh_of(like)
+    if mesh is None:
+        return field
+    if is_concrete(like):
+        return jax.device_put(field, sharding_on(like))
+    return jax.lax.with_sharding_constraint(field, NamedSharding(mesh, Spec(ROWS)))
+
+
+def whole_along(array: Array, axis: int) -> Array:
+    """Returns a field or spectrum, under `jit` so laid that each device has the axis whole."""
+    mesh = mesh_of(array)
+    if mesh is None or is_concrete(array):
+        return array
+    over = Spec(None, ROWS) if axis % array.ndim == 0 else Spec(ROWS)
+    return jax.lax.with_sharding_constraint(array, NamedSharding(mesh, over))
+
+
+def in_turns(field: Array) -> Array:
+    """Returns the rows of a field for a loop over them, shape (turns, devices, ny)."""
+    return jnp.swapaxes(field.reshape(num_devices(field), -1, field.shape[1]), 0, 1)
+
+
+def binned(place: Array, spectrum: Array, num_bins: int) -> Array:
+    """Returns the sum over the modes in each bin, of half spectra `place` and `spectrum`."""
+    parts = num_devices(spectrum)
+
+    def by_device(array):
+        array = padded(array, -1, parts).reshape(*array.shape[:-1], parts, -1)
+        return jnp.moveaxis(array, -2, 0).reshape(parts, -1)
+
+    count = partial(jnp.bincount, length=num_bins)
+    return jnp.sum(jax.vmap(count)(by_device(place), by_device(spectrum)), axis=0)
+
+
+def tied(tree: T, nothing: Array) -> T:
+    """Returns a tree whose numbers exist only where `nothing` does: -0.0 that was checked.
+
+    XLA takes what a check is put on to one device, whole: it must be a number, not a field.
+    """
+    if is_concrete(nothing):
+        return tree
+
+    def tie(array):
+        return array + nothing.astype(array.dtype) if array.dtype != bool else array
+
+    return jax.tree.map(tie, tree)
+
+
+def padded(array: Array, axis: int, parts: int) -> Array:
+    """Returns an array with zeros at the end of an axis, so that it falls into equal parts."""
+    more = -array.shape[axis] % parts
+    return jnp.pad(array, [(0, more if i == axis % array.ndim else 0) for i in range(array.ndim)])
