@@ -20,7 +20,7 @@ from jax import Array
 from jax.sharding import PartitionSpec as Spec
 from jaxtyping import Complex, Float
 
-from ._devices import ROWS, mesh_of, padded
+from ._devices import ROWS, mesh_of, padded, whole_along
 
 BOUND_FROM = 2**19  # points, by `bench_contact.py overhead --backends xla ducc0`
 
@@ -55,7 +55,7 @@ def _forward_over(mesh, field):
         half = jax.lax.all_to_all(half, ROWS, 1, 0, tiled=True)
         return jnp.fft.fft(half[:rows], axis=0)
 
-    return transform(padded(field, 0, mesh.size))[:, : columns // 2 + 1]
+    return whole_along(transform(padded(field, 0, mesh.size))[:, : columns // 2 + 1], 0)
 
 
 def _inverse_over(mesh, spectrum, shape):
@@ -67,7 +67,7 @@ def _inverse_over(mesh, spectrum, shape):
         half = jax.lax.all_to_all(half, ROWS, 0, 1, tiled=True)
         return jnp.fft.irfft(half[:, : shape[-1] // 2 + 1], shape[-1])
 
-    return transform(padded(spectrum, 1, mesh.size))[: shape[0]]
+    return whole_along(transform(padded(whole_along(spectrum, 0), 1, mesh.size))[: shape[0]], 1)
 
 
 def _is_bound(shape: tuple[int, ...]) -> bool:

@@ -73,9 +73,9 @@ def curves(surface, found):
     )
 
 
-def refusal(shape) -> str:
+def refusal(make) -> str:
     try:
-        gc.Grid(shape, 1.0, jax.devices())
+        make()
     except ValueError as error:
         return str(error)
     return ""
@@ -104,7 +104,11 @@ def compare():
         "shards": [[shard.data.shape for shard in field.addressable_shards] for field in fields],
         "exchanged": largest_exchanges(programs[0]),
         "temporaries": [p.memory_analysis().temp_size_in_bytes for p in programs],
-        "refused": [refusal((66, 64)), refusal((64,))],
+        "refused": [
+            refusal(lambda: gc.Grid((66, 64), 1.0, jax.devices())),
+            refusal(lambda: gc.Grid((64,), 1.0, jax.devices())),
+            refusal(lambda: gc.Surface(one.gap.at[20, 3].set(np.nan), surfaces[0].grid)),
+        ],
     }
     print(json.dumps(told))
 

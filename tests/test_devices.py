@@ -59,8 +59,10 @@ def test_only_transforms_exchange_fields(found):
     assert largest["all-gather"] < 2 * ROW and largest["all-reduce"] < 2 * ROW
 
 
-def test_grids_that_do_not_fall_into_equal_parts_are_refused(found):
-    for message in found["refused"]:
+def test_what_is_refused_is_named_wherever_it_lies(found):
+    *grids, heights = found["refused"]
+    assert "`heights[20, 3]=nan` is refused" in heights
+    for message in grids:
         assert "refused on 4 `devices`" in message and "must divide the first" in message
 
 

@@ -80,6 +80,16 @@ def test_what_is_said_to_fit_does(ten_gigabytes):
     assert needed((4096, 4096)) <= 1e10 < needed((8192, 8192))
 
 
+def test_devices_with_memory_of_their_own_hold_a_grid_together(ten_gigabytes, monkeypatch):
+    def check(devices):
+        _memory.check_memory("grid", (8192, 8192), lambda s: 160 * s[0] * s[1], "a", devices)
+
+    with pytest.raises(ValueError, match="a of 8192 x 8192 points takes about 11 GB"):
+        check(4)  # of one CPU
+    monkeypatch.setattr(jax, "default_backend", lambda: "gpu")
+    check(4)
+
+
 @pytest.mark.parametrize(
     "old, new, message",
     [

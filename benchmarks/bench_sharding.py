@@ -1,0 +1,179 @@
+"""What does one contact over several devices cost: time, memory of each, bytes exchanged?
+
+    python benchmarks/bench_sharding.py [--sizes 1024 2048] [--devices 1 2 4] [--processes 2 4]
+
+A tread under an elastic coat, bench_contact's rough surface on N x N points (H = 0.8, roll-off
+4 q0, cut-off N/8 q0, rms slope 0.1), pressure 0.4 MPa at 0.1 m/s, rtol = 1e-6. Virtual devices of
+one process and processes with a device each (`jax.distributed`, gloo) share the cores of one
+machine: they show what is exchanged and held, not what more machines would gain. `seconds` and
+`cpu s`, of all processes together, are the least of some solves, compilation apart; `arguments`,
+`outputs` and `temporaries` are of the compiled solve, in what a device holds of a field of N x N
+numbers, `MB/device` is their sum; `peak` is the largest resident set of a process; `sent` is what a
+device sends for each FFT pair, `other` the largest that is exchanged beside transforms; `pressure`
+and `friction` are the relative differences from one device, the former root mean square.
+"""
+
+import argparse
+import json
+import os
+import platform
+import re
+import resource
+import socket
+import subprocess
+import sys
+import tempfile
+import time
+from importlib.metadata import version
+from pathlib import Path
+
+CELL = 8e-3  # m
+PRESSURE, SPEED = 4e5, 0.1  # Pa, m/s
+KINDS = "all-gather|all-to-all|all-reduce|collective-permute|reduce-scatter"
+SIZES = {"pred": 1, "s32": 4, "f32": 4, "c64": 8, "s64": 8, "u64": 8, "f64": 8, "c128": 16}
+
+
+def exchanged(program):
+    """The kind of each collective operation of a compiled program, and the bytes of its result."""
+    found = []
+    for result, kind in re.findall(rf"= (.*?) ({KINDS})(?:-start)?\(", program.as_text()):
+        total = 0
+        for dtype, shape in re.findall(r"(\w+)\[([\d,]*)\]", result):
+            count = 1
+            for n in filter(None, shape.split(",")):
+                count *= int(n)
+            total += SIZES[dtype] * count
+        found.append((kind, total))
+    return found
+
+
+def measure(size, repeat, file, process):
+    """Runs in a process of its own, on all its devices; `file` has the pressure of one device."""
+    import jax
+
+    jax.config.update("jax_enable_x64", True)
+    if process:
+        address, count, rank = process
+        jax.distributed.initialize(address, int(count), int(rank))
+    import numpy as np
+
+    import graded_contact as gc
+    from graded_contact.contact.observables import friction
+    from graded_contact.grid import to_field, to_spectrum
+
+    devices = jax.devices()
+    grid, first = gc.Grid((size, size), CELL, devices), 2 * np.pi / CELL
+    spectrum = gc.SelfAffine(
+        rms_slope=0.1, hurst=0.8, q_low=first, q_roll=4 * first, q_high=size / 8 * first
+    )
+    surface = gc.random_surface(spectrum, grid, jax.random.key(0))
+    coat = gc.Layer(gc.Elastic(6.5e6, 0.49), 50e-6)
+    stack = gc.Stack(layers=(coat,), base=gc.HalfSpace(gc.tyre_tread()))
+    kernel = gc.stack_kernel(stack, grid, SPEED)
+
+    def compiled(function):
+        return jax.jit(function).lower(kernel, surface.heights).compile()
+
+    solve = compiled(lambda k, h: gc.solve_contact(k, h, PRESSURE, throw=False))
+    pair = compiled(lambda k, h: to_field(to_spectrum(h), h.shape))
+    seconds = []
+    for _ in range(repeat):
+        begun = time.perf_counter(), time.process_time()
+        contact = jax.block_until_ready(solve(kernel, surface.heights))
+        seconds.append((time.perf_counter() - begun[0], time.process_time() - begun[1]))
+    if len(devices) == 1:
+        np.save(file, np.asarray(contact.pressure))
+    known = np.load(file, mmap_mode="r")
+    shards = contact.pressure.addressable_shards
+    wrong = sum(np.sum((np.asarray(s.data) - known[s.index]) ** 2) for s in shards)
+    memory = solve.memory_analysis()
+    field = 8 * size * size / len(devices)
+    sent = sum(total for kind, total in exchanged(pair) if kind == "all-to-all")
+    others = [total for kind, total in exchanged(solve) if kind != "all-to-all"]
+    return {
+        "seconds": min(wall for wall, _ in seconds),
+        "cpu": min(busy for _, busy in seconds),
+        "pairs": float(contact.num_fft_pairs),
+        "arguments": memory.argument_size_in_bytes / field,
+        "outputs": memory.output_size_in_bytes / field,
+        "temporaries": memory.temp_size_in_bytes / field,
+        "bytes": memory.argument_size_in_bytes + memory.output_size_in_bytes
+        + memory.temp_size_in_bytes,
+        "peak": resource.getrusage(resource.RUSAGE_SELF).ru_maxrss * 1024,
+        "sent": sent * (1 - 1 / len(devices)),
+        "other": max(others, default=0),
+        "wrong": float(wrong),
+        "size": float(np.sum(known**2)),
+        "friction": float(
+            friction(
+                contact.pressure, contact.displacement, grid, SPEED
+            )
+        ),
+    }  # fmt: skip
+
+
+def run(size, repeat, file, devices, processes):
+    """What all processes of a case tell."""
+    flags = f"--xla_force_host_platform_device_count={devices}"
+    with socket.socket() as free:
+        free.bind(("127.0.0.1", 0))
+        address = f"127.0.0.1:{free.getsockname()[1]}"
+    started = []
+    for rank in range(processes):
+        command = [sys.executable, __file__, "--case", str(size), str(repeat), str(file)]
+        command += [address, str(processes), str(rank)] if processes > 1 else []
+        environment = {**os.environ, "XLA_FLAGS": flags}
+        started.append(
+            subprocess.Popen(command, env=environment, stdout=subprocess.PIPE, text=True)
+        )
+    told = [process.communicate()[0].splitlines() for process in started]
+    if any(process.returncode for process in started):
+        raise SystemExit(f"A case of {processes} processes with {devices} devices failed.")
+    return [json.loads(lines[-1]) for lines in told]
+
+
+def table(options):
+    names = ", ".join(f"{name} {version(name)}" for name in ("graded_contact", "jax"))
+    print(f"# {names}; cpu ({platform.machine()}), {os.cpu_count()} cores, float64")
+    print(
+        "    N  devices  processes  seconds  cpu s  pairs  arguments  outputs  temporaries  "
+        "MB/device  peak MB  sent MB/pair  other kB  pressure  friction"
+    )
+    with tempfile.TemporaryDirectory() as folder:
+        for size in options.sizes:
+            file, alone = Path(folder, "pressure.npy"), None
+            cases = [(d, 1) for d in options.devices] + [(1, p) for p in options.processes]
+            for devices, processes in cases:
+                told = run(size, options.repeat, file, devices, processes)
+                one = told[0]
+                alone = alone or one["friction"]
+                wrong = (sum(each["wrong"] for each in told) / one["size"]) ** 0.5
+                print(
+                    f"{size:5d}  {devices * processes:7d}  {processes:9d}  {one['seconds']:7.1f}  "
+                    f"{sum(each['cpu'] for each in told):5.1f}  "
+                    f"{one['pairs']:5.1f}  {one['arguments']:9.2f}  {one['outputs']:7.2f}  "
+                    f"{one['temporaries']:11.2f}  {one['bytes'] / 1e6:9.0f}  "
+                    f"{max(each['peak'] for each in told) / 1e6:7.0f}  {one['sent'] / 1e6:12.2f}  "
+                    f"{one['other'] / 1e3:8.1f}  {wrong:8.0e}  "
+                    f"{abs(one['friction'] / alone - 1):8.0e}",
+                    flush=True,
+                )
+
+
+def main():
+    parser = argparse.ArgumentParser(description=__doc__.split("\n")[0])
+    parser.add_argument("--sizes", type=int, nargs="*", default=[1024, 2048])
+    parser.add_argument("--devices", type=int, nargs="*", default=[1, 2, 4], help="the first is 1")
+    parser.add_argument("--processes", type=int, nargs="*", default=[2, 4])
+    parser.add_argument("--repeat", type=int, default=2)
+    parser.add_argument("--case", nargs="*", help=argparse.SUPPRESS)
+    options = parser.parse_args()
+    if options.case:
+        size, repeat, file, *process = options.case
+        print(json.dumps(measure(int(size), int(repeat), file, process)))
+    else:
+        table(options)
+
+
+if __name__ == "__main__":
+    main()
