@@ -16,7 +16,7 @@ from graded_contact.contact import anderson
 
 jax.config.update("jax_enable_x64", True)
 if sys.argv[1:]:
-    jax.distributed.initialize(sys.argv[1], *map(int, sys.argv[2:]))
+    jax.distributed.initialize(sys.argv[1], int(sys.argv[2]), int(sys.argv[3]))
 
 anderson.SAMPLED_FROM = 0  # rows are sampled, as on large grids
 SHAPE, RTOL = (36, 50), 1e-9
@@ -103,7 +103,7 @@ def compare():
         "fft pairs": [float(s.num_fft_pairs) for s in contacts],
         "shards": [[shard.data.shape for shard in field.addressable_shards] for field in fields],
         "exchanged": largest_exchanges(programs[0]),
-        "temporaries": [p.memory_analysis().temp_size_in_bytes for p in programs],
+        "temporaries": [getattr(p.memory_analysis(), "temp_size_in_bytes") for p in programs],  # noqa: B009
         "refused": [
             refusal(lambda: gc.Grid((66, 64), 1.0, jax.devices())),
             refusal(lambda: gc.Grid((64,), 1.0, jax.devices())),
