@@ -103,7 +103,7 @@ def compare():
         "fft pairs": [float(s.num_fft_pairs) for s in contacts],
         "shards": [[shard.data.shape for shard in field.addressable_shards] for field in fields],
         "exchanged": largest_exchanges(programs[0]),
-        "temporaries": [getattr(p.memory_analysis(), "temp_size_in_bytes") for p in programs],  # noqa: B009
+        "temporaries": [p.memory_analysis().temp_size_in_bytes for p in programs],
         "refused": [
             refusal(lambda: gc.Grid((66, 64), 1.0, jax.devices())),
             refusal(lambda: gc.Grid((64,), 1.0, jax.devices())),
