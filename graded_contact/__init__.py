@@ -22,7 +22,8 @@ from .contact.solution import RESULTS, ContactSolution
 from .contact.solver import AbstractContactSolver
 from .cutoff import CutoffCurve
 from .files.errors import read_errors
-from .files.moduli.reading import Measured, read_moduli
+from .files.moduli.measured import Measured
+from .files.moduli.reading import read_moduli
 from .files.prony_cards import export_prony
 from .files.topography.preparation import surface_from_heights
 from .files.topography.reading import read_surface

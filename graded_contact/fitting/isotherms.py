@@ -14,7 +14,7 @@ from .._checks import (
     check_values,
     is_concrete,
 )
-from ..files.moduli.reading import Measured
+from ..files.moduli.measured import Measured
 from .observations import observe
 from .series import Kind
 from .shifted_observations import (

@@ -23,12 +23,13 @@ from .._checks import (
     check_positive,
     door,
 )
-from ..files.moduli.reading import Measured
+from ..files.moduli.measured import Measured
 from ..rheology.material import Prony
 from ..rheology.measured import MeasuredRange
 from ..rheology.shift import AbstractShift
 from .isotherms import Isotherm, isotherms_of, size_of
 from .lengths import best_of_length
+from .master_report import report_of
 from .observations import concrete
 from .optimum import attach_derivative, search
 from .prony import check_terms, refuse_nonsense, require_known
@@ -49,7 +50,6 @@ from .shifting import shifted_solid_or_liquid, shifts_and_series
 from .uncertainty import covariance
 
 SERVES = 1.05  # times the error with the shifts as found: a law that does no worse replaces them
-STEEP = 0.4  # decades per kelvin, two within 5 K
 
 
 class MasterCurve(eqx.Module):
@@ -186,7 +186,7 @@ class MasterCurve(eqx.Module):
 
     def report(self) -> str:
         """Returns shifts with their uncertainty, then the report of the fit, as text."""
-        return _report(self)
+        return report_of(self)
 
     def _require_known(self):
         if not concrete(self.data.observations):
@@ -290,53 +290,3 @@ def _at(material, temperature):
 
 def _deviation(slopes, spread):
     return jnp.sqrt(jnp.einsum("...i,ij,...j->...", slopes, spread, slopes))
-
-
-def _report(curve):
-    along, across = curve.shift_deviations()
-    lines = [*_law_words(curve), "", "     T [K]  log10 a_T      +-       b_T      +-"]
-    rows = zip(
-        curve.temperatures, curve.log10_shifts, along, curve.vertical_shifts, across, strict=True
-    )
-    lines += [f"{t:10.2f} {a:10.3f} {da:7.3f} {b:9.4f} {db:7.4f}" for t, a, da, b, db in rows]
-    return "\n".join([*lines, *_step_words(curve), "", curve.fit.report()])
-
-
-def _law_words(curve):
-    """The law, how well it stands for the shifts found, and which of them is exported."""
-    law = curve.law
-    if curve.data.law == "wlf":
-        words = f"WLF with c1 = {float(law.c1):.4g}, c2 = {float(law.c2):.4g} K"
-    else:
-        words = f"Arrhenius with Q = {float(law.activation_energy) / 1e3:.4g} kJ/mol"
-    lines = [f"{words} about {float(law.reference):.2f} K."]
-    if not (curve.data.departs or curve.data.lifts):
-        return lines
-    if curve._constants_at_bounds():
-        lines.append(
-            "Error: a constant of this law ran to the end of its range, so it is no result: the "
-            "shifts follow no such law."
-        )
-    found = curve.fit.errors().total
-    lines.append(
-        f"With the shifts of this table the isotherms are met within {100 * found:.3g} %, with "
-        f"the law alone within {100 * curve.law_error():.3g} %: "
-        f"{'the law' if curve._law_serves() else 'the table'} is what is exported."
-    )
-    return lines
-
-
-def _step_words(curve):
-    """Neighbours whose shifts are hardly those of one material."""
-    temperatures, shifts = np.asarray(curve.temperatures), np.asarray(curve.log10_shifts)
-    rates = np.diff(shifts) / np.diff(temperatures)
-    steps = [
-        f"{temperatures[i]:.2f} to {temperatures[i + 1]:.2f} K ({shifts[i + 1] - shifts[i]:+.2f})"
-        for i in np.flatnonzero((rates < -STEEP) | (rates > 0))
-    ]
-    if not steps:
-        return []
-    return [
-        f"Look at the steps of log10 a_T from {', '.join(steps)}: more than two decades within "
-        "5 K, or upwards, are seldom those of one material."
-    ]

@@ -19,7 +19,8 @@ import numpy as np
 
 from .._checks import Numbers, as_numbers, as_scalar, check_poisson, door
 from .lengths import best_of_length, best_spectrum
-from .observations import Observations, concrete, objective, observe, series_of
+from .model import objective, series_of
+from .observations import Observations, concrete, observe
 from .optimum import attach_derivative, search
 from .quality import rms
 from .result import Length, PronyFit, choose, liquid_of

@@ -13,7 +13,8 @@ from .._checks import Numbers, as_float, check_positive
 from ..rheology.material import Prony
 from ..rheology.measured import is_unknown
 from .lengths import best_path, criterion
-from .observations import Observations, concrete, material_of, model, series_of
+from .model import material_of, model, series_of
+from .observations import Observations, concrete
 from .quality import Errors, Floor, errors_of, floor_of, percent, rms, verdict
 from .series import Series
 from .uncertainty import covariance, resampled

@@ -10,7 +10,8 @@ from jaxtyping import Array, Float, Int
 
 from ..rheology.shift import GAS_CONSTANT, WLF, AbstractShift, Arrhenius
 from ..rheology.tabulated_shift import TabulatedShift
-from .observations import Observations, Unknowns, objective, series_of
+from .model import objective, series_of
+from .observations import Observations, Unknowns
 from .shifted_series import LN10, Law, SharedSeries
 
 LawKind = Literal["wlf", "arrhenius"]

@@ -256,7 +256,7 @@ def test_measured_materials_are_handed_on_within_the_error_of_their_fit(name, ve
     measured = MEASURED_SETS[name]()
     found = master_curve(measured, vertical=vertical)
     curves = measured
-    if isinstance(measured, gc.files.moduli.reading.Measured):
+    if isinstance(measured, gc.Measured):
         curves = [(np.mean(m.temperature), m.abscissa, m.values) for m in measured.isotherms()]
     material = read_back(export_prony(found.exported(), "toml", name="found"), "toml")
     error, kind = found.fit.errors().total, found.fit.data.kind
