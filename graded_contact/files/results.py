@@ -11,6 +11,7 @@ A file is written under another name and renamed when complete: a killed run lea
 """
 
 import dataclasses
+import functools
 import os
 from importlib.metadata import version
 from pathlib import Path
@@ -156,6 +157,8 @@ class Results:
         return self.surface if heights is None else Surface(heights, self.surface.grid)
 
 
+# Asked once: a worker of dask that ends in a thread of this process edits sys.path meanwhile.
+@functools.cache
 def package_versions() -> dict[str, str]:
     """Returns the versions of this package and of those its numbers depend on, as attributes."""
     return {f"version_{name}": version(name) for name in _PACKAGES}
