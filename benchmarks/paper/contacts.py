@@ -15,7 +15,6 @@ from itertools import product
 from pathlib import Path
 from typing import NamedTuple
 
-import jax
 import numpy as np
 from rich.console import Console
 from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeRemainingColumn
@@ -33,7 +32,7 @@ from system import (
     grid,
     options,
     relaxed,
-    spectrum,
+    surface,
     tread,
 )
 
@@ -77,14 +76,14 @@ def parts(size: Size) -> tuple[Part, ...]:
 def contact(part: Part, cutoff: int, size: Size):
     """Friction and area at a point of the sweep, which has seed, thickness and pressure."""
     rubber = RUBBERS[part.rubber]()
-    rough = spectrum(cutoff, size, ROUGHNESS[part.roughness])
+    roughness = ROUGHNESS[part.roughness]
     cell = grid(cutoff)
 
     def rub(point):
-        surface = gc.random_surface(rough, cell, jax.random.key(point["seed"]))
+        rough = surface(cutoff, size, roughness, point["seed"])
         found = gc.slide(
             coated(rubber, point["thickness"]),
-            surface,
+            rough,
             pressure=point["pressure"],
             velocity=VELOCITY,
             rtol=RTOL,

@@ -9,7 +9,6 @@ gradients, once among all coats and once among stiff ones, as wear asks for, and
 verified by contacts.
 """
 
-import jax
 import jax.numpy as jnp
 import numpy as np
 from matplotlib import rc_context
@@ -21,12 +20,12 @@ from system import (
     SMALL,
     STYLE,
     VELOCITY,
-    grid,
     options,
     panels,
     relaxed,
     save,
     spectrum,
+    surface,
     tread,
 )
 
@@ -75,9 +74,8 @@ def main():
         waves = size.cutoffs[-2:] if given.small else size.cutoffs[:2]
         found = []
         for cutoff in waves:
-            rough = spectrum(cutoff, size, SLOPES)
-            surface = gc.random_surface(rough, grid(cutoff), jax.random.key(0))
-            found.append(gc.slide(stack, surface, pressure=load, velocity=VELOCITY, rtol=1e-3))
+            rough = surface(cutoff, size)
+            found.append(gc.slide(stack, rough, pressure=load, velocity=VELOCITY, rtol=1e-3))
         less, more = (float(one.friction) for one in found)
         print(
             f"contacts, {name}: friction {less:.5f} at q1/q0 = {waves[0]}, {more:.5f} at "

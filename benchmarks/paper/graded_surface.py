@@ -8,22 +8,19 @@ of the depth, the same mean of the complex modulus. Contacts at several pressure
 much one, two and four steps miss friction and area.
 """
 
-import jax
 import numpy as np
 from matplotlib import rc_context
 from system import (
     POISSON,
     Q0,
-    SLOPES,
     SMALL,
     STYLE,
     VELOCITY,
-    grid,
     options,
     panels,
     relaxed,
     save,
-    spectrum,
+    surface,
     tread,
 )
 
@@ -37,7 +34,7 @@ TOPS = (1.0, 20.0)  # modulus of the surface over the relaxed one
 
 def contact(size, steps, top, depth):
     rubber, cutoff = tread(), size.cutoffs[-1]
-    surface = gc.random_surface(spectrum(cutoff, size, SLOPES), grid(cutoff), jax.random.key(0))
+    rough = surface(cutoff, size)
     skin = gc.Elastic(top * relaxed(rubber) * (1 - POISSON**2), POISSON)
     layer = gc.GradedLayer(gc.Blend(bottom=rubber, top=skin), depth / Q0)
     stack = gc.Stack(layers=[layer], base=gc.HalfSpace(rubber))
@@ -45,7 +42,7 @@ def contact(size, steps, top, depth):
 
     def rub(point):
         found = gc.slide(
-            stack, surface, pressure=point["pressure"], velocity=VELOCITY, rtol=1e-4, throw=False
+            stack, rough, pressure=point["pressure"], velocity=VELOCITY, rtol=1e-4, throw=False
         )
         return {"friction": found.friction, "area": found.contact_area_smooth,
                 "result": found.result}  # fmt: skip

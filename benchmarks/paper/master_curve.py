@@ -7,23 +7,20 @@ one curve of ten decades, because only ω a_T enters. Printed is how well they d
 curves stand, and what the coat leaves of the friction.
 """
 
-import jax
 import numpy as np
 from matplotlib import rc_context
 from system import (
     POISSON,
     Q0,
-    SLOPES,
     SMALL,
     STYLE,
     coated,
-    grid,
     options,
     ordered,
     panels,
     relaxed,
     save,
-    spectrum,
+    surface,
 )
 
 import graded_contact as gc
@@ -41,13 +38,13 @@ def rubber_at(temperature):
 
 def contact(size):
     cutoff = size.cutoffs[-1]
-    surface = gc.random_surface(spectrum(cutoff, size, SLOPES), grid(cutoff), jax.random.key(0))
+    rough = surface(cutoff, size)
     load = PRESSURE * relaxed(gc.tyre_tread(POISSON))
 
     def rub(point):
         found = gc.slide(
             coated(rubber_at(point["temperature"]), point["thickness"]),
-            surface,
+            rough,
             pressure=load,
             velocity=point["velocity"],
             rtol=1e-3,

@@ -13,16 +13,14 @@ from matplotlib import rc_context
 from system import (
     POISSON,
     Q0,
-    SLOPES,
     SMALL,
     STYLE,
     VELOCITY,
-    grid,
     options,
     panels,
     relaxed,
     save,
-    spectrum,
+    surface,
     tread,
 )
 
@@ -41,7 +39,7 @@ PROPERTIES = {
 
 def contact(size):
     rubber, cutoff = tread(), size.cutoffs[-1]
-    surface = gc.random_surface(spectrum(cutoff, size, SLOPES), grid(cutoff), jax.random.key(0))
+    rough = surface(cutoff, size)
 
     def log_friction(logs, point):
         """ln μ with each property multiplied by the exponential of its entry."""
@@ -56,7 +54,7 @@ def contact(size):
         layer = gc.Layer(coat, point["thickness"] * times["thickness"])
         found = gc.slide(
             gc.Stack(layers=[layer], base=gc.HalfSpace(block)),
-            surface,
+            rough,
             pressure=point["pressure"] * times["pressure"],
             velocity=VELOCITY * times["velocity"],
             rtol=1e-5,

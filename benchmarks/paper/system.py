@@ -133,6 +133,12 @@ def grid(cutoff: int) -> gc.Grid:
     return gc.Grid((POINTS_PER_WAVE * cutoff,) * 2, 2 * np.pi / Q0)
 
 
+def surface(cutoff: int, size: Size, roughness: dict[str, float] = SLOPES, seed=0) -> gc.Surface:
+    """One of the surfaces; with the same seed, that of every other cut-off has the same waves."""
+    rough = spectrum(cutoff, size, roughness)
+    return gc.random_surface(rough, grid(cutoff), jax.random.key(seed))
+
+
 # Figures ------------------------------------------------------------------------------------
 
 

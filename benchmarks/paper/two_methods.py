@@ -25,16 +25,14 @@ from system import (
     CLOSE_UP,
     FULL,
     Q0,
-    SLOPES,
     SMALL,
     VELOCITY,
     coated,
-    grid,
     options,
     relaxed,
     tread,
 )
-from system import spectrum as spectrum_of
+from system import surface as surface_of
 
 import graded_contact as gc
 from graded_contact.contact.rmd import ResidualDynamics
@@ -46,10 +44,6 @@ TIMES = np.geomspace(1e-6, 1e2, 33)  # s
 
 def points(size):
     return product((size.depths[0], size.depths[-1]), CLOSE_UP)
-
-
-def surface_of(cutoff, size):
-    return gc.random_surface(spectrum_of(cutoff, size, SLOPES), grid(cutoff), jax.random.key(0))
 
 
 def told(name, found, seconds, best):

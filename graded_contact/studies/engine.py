@@ -3,8 +3,8 @@
 Workers on this machine take `STARTING` seconds to come up and as long to compile, or to load what
 is compiled, as this process; then W of them solve `SMALL` W times as many points as this process
 does where a solve takes less than `LONG`, and `LARGE` W times beyond: one solve uses all cores,
-too. On two cores 10 s, 0.85 and 0.6 were measured (`benchmarks/bench_sweep.py throughput`); many
-cores were not.
+too. Measured on two cores (`benchmarks/bench_sweep.py throughput`): 5 s with compiled programs on
+disk; 0.65 to 0.9 at 128², 0.8 at 256², 0.7 at 512². Many cores were not.
 """
 
 import importlib.util
@@ -20,8 +20,8 @@ from .cluster import joined, local_workers, num_cores, on_workers
 from .program import Program
 
 STARTING = 10.0  # s
-SMALL, LARGE = 0.85, 0.6  # gain for each worker
-LONG = 0.05  # s
+SMALL, LARGE = 0.8, 0.7  # gain for each worker
+LONG = 0.1  # s
 
 
 def check_engine(workers: Any, scheduler: str | None, client: Any) -> None:

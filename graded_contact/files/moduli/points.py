@@ -25,7 +25,7 @@ HOTTEST = 1e4  # K
 
 
 class Points(NamedTuple):
-    """Measured points, sorted by isotherm, then by frequency or time; see `reading.Measured`."""
+    """Measured points, sorted by isotherm, then by frequency or time; see `measured.Measured`."""
 
     deformation: str
     abscissa: Float[np.ndarray, " points"]
