@@ -6,9 +6,9 @@ unknown and the check passes (shapes are always checked).
 
 import functools
 import inspect
+import reprlib
 import sys
 from collections.abc import Callable, Sequence
-from reprlib import repr as short
 from types import UnionType
 from typing import Any, Literal, TypeVar, Union, cast, get_args, get_origin
 
@@ -31,6 +31,11 @@ F = TypeVar("F", bound=Callable[..., Any])
 
 # What public functions take: a number, an array of numbers, or (nested) lists of them.
 Numbers = ArrayLike | Sequence[Any]
+
+
+def short(value: Any) -> str:
+    """Returns a value in a few words, on one line."""
+    return " ".join(reprlib.repr(value).split())
 
 
 def as_float(value: Any, name: str = "value") -> Float[Array, "..."]:

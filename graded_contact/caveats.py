@@ -14,6 +14,8 @@ from typing import Any, NamedTuple
 import numpy as np
 from jaxtyping import ArrayLike, Bool
 
+from ._shown import shown
+
 EXTRAPOLATED = 0.01  # of the friction, from frequencies at which a material was not measured
 LIMIT = 0.1  # a part of the result that one wants to be told of
 # Small strains neglect slope²/2 beside 1 (the excess of an arc over its chord): more than LIMIT.
@@ -45,6 +47,7 @@ class Rule(NamedTuple):
     sentence: str
 
 
+@shown("sentence")
 class Caveat(NamedTuple):
     """One reason for doubt, and the solves that it concerns, in the shape of their numbers."""
 

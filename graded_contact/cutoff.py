@@ -3,7 +3,10 @@
 import equinox as eqx
 from jaxtyping import Array, Float
 
+from ._shown import shown
 
+
+@shown()
 class CutoffCurve(eqx.Module):
     """Friction and contact area up to each cut-off.
 

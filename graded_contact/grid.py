@@ -22,8 +22,10 @@ from jaxtyping import Bool, Complex, Float, Inexact
 from . import _fft
 from ._checks import Numbers, as_float, check_positive, check_values, short
 from ._devices import num_devices, put_on, sharding_on, whole_along
+from ._shown import shown
 
 
+@shown()
 class Grid(eqx.Module):
     """A rectangular periodic cell sampled at equally spaced points.
 

@@ -18,6 +18,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from ._checks import check_positive, check_values
+from ._shown import shown
 
 Values = np.ndarray | np.inexact  # NumPy returns scalars for arrays without axes
 
@@ -28,9 +29,18 @@ V. A. Yastrebov, G. Anciaux, J.-F. Molinari, arXiv:1701.02727.
 """
 
 
+@shown("half_width", "offset", "peak_pressure", "friction")
 class GlidingCylinder(NamedTuple):
-    """`half_width` [m] of the contact, `offset` [m] of its middle ahead of the cylinder's axis,
-    `peak_pressure` [Pa], `friction` [1], and `pressure(x)` [Pa] at x [m] ahead of the axis."""
+    """The contact of a cylinder that glides.
+
+    **Fields:**
+
+    - `half_width`: of the contact [m].
+    - `offset`: of its middle ahead of the cylinder's axis [m].
+    - `peak_pressure`: [Pa].
+    - `friction`: [1].
+    - `pressure`: at x [m] ahead of the axis, `pressure(x)` [Pa].
+    """
 
     half_width: float
     offset: float

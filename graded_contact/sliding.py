@@ -11,9 +11,10 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float, Inexact, ScalarLike
 
-from ._checks import Numbers, as_float, check_positive, door, is_concrete
+from ._checks import Numbers, as_float, check_positive, door, is_concrete, short
 from ._devices import num_devices
 from ._memory import check_memory, num_numbers, sliding_memory
+from ._shown import shown
 from .caveats import caveats_of
 from .contact.area import (
     contact_area,
@@ -46,6 +47,7 @@ from .rheology.measured import coverage, is_unknown
 from .surface import Surface
 
 
+@shown(..., "caveats")
 class Sliding(eqx.Module):
     """Friction, contact area and fields of a sliding contact.
 
@@ -181,9 +183,9 @@ def slide(
 def _kernel_and_velocity(stack, surface, velocity, solver, graded, throw):
     """The kernel on the surface's grid, the velocity as an array, and if the kernel is good."""
     if not isinstance(stack, Stack):
-        raise ValueError(f"`stack={stack!r}` must be a `Stack(layers=..., base=...)`.")
+        raise ValueError(f"`stack={short(stack)}` must be a `Stack(layers=..., base=...)`.")
     if not isinstance(surface, Surface):
-        raise ValueError(f"`surface={surface!r}` must be a `Surface(heights, grid)`.")
+        raise ValueError(f"`surface={short(surface)}` must be a `Surface(heights, grid)`.")
     velocity = as_float(velocity, "velocity")
     numbers, askew = num_numbers(stack), velocity.ndim > 0
     check_memory(

@@ -17,11 +17,13 @@ from jax import Array
 from jaxtyping import Float, ScalarLike
 
 from ._checks import as_scalar, check_positive, check_values, is_concrete
+from ._shown import shown
 
 # Nodes of the moments with a smooth roll-off: to rounding over fifteen decades of q.
 _QUADRATURE = 256
 
 
+@shown()
 class SelfAffine(eqx.Module):
     """An isotropic self-affine spectrum with a roll-off.
 

@@ -28,6 +28,7 @@ from ._checks import (
 )
 from ._devices import binned, num_devices, spread
 from ._memory import check_memory, surface_memory
+from ._shown import shown
 from .caveats import caveats_of_steps
 from .grid import (
     Grid,
@@ -61,6 +62,7 @@ class Step(NamedTuple):
     missing: float
 
 
+@shown("grid", "heights", "measured", "history", "caveats")
 class Surface(eqx.Module):
     """Heights of a periodic rough surface.
 
@@ -129,8 +131,19 @@ def memory_in(grid: Grid):
     return lambda shape: surface_memory(shape, grid.size.dtype.itemsize)
 
 
+@shown()
 class Statistics(eqx.Module):
-    """Statistics of a surface about its mean; see `statistics`."""
+    """Statistics of a surface about its mean.
+
+    **Fields:**
+
+    - `rms_height`: of the heights [m].
+    - `rms_slope`: of the gradient's length [1].
+    - `rms_slope_along`: along each axis [1], shape `(ndim,)`.
+    - `rms_curvature`: of ∇²h/2 on a surface and h'' on a profile [1/m].
+    - `peak_to_valley`: from the highest point to the lowest [m].
+    - `skewness`, `kurtosis`: of the heights [1], 0 and 3 for Gaussian ones.
+    """
 
     rms_height: Float[Array, ""]
     rms_slope: Float[Array, ""]
@@ -146,13 +159,11 @@ class Statistics(eqx.Module):
 def statistics(surface: Surface) -> Statistics:
     """Returns the statistics of a surface, differentiable unless it is flat.
 
-    **Returns:** `rms_height` [m]; `rms_slope` [1] of the gradient's length; `rms_slope_along` each
-    axis [1], shape `(ndim,)`; `rms_curvature` [1/m], of ∇²h/2 on a surface and h'' on a profile;
-    `peak_to_valley` [m]; `skewness` and `kurtosis` [1], 0 and 3 for Gaussian heights.
-
     **Arguments:**
 
     - `surface`: any.
+
+    **Returns:** the root mean squares of height, slope and curvature and more, see `Statistics`.
     """
     grid = surface.grid
     power, scale = _modal_power(surface)

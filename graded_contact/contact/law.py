@@ -20,11 +20,13 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float
 
-from .._checks import as_scalar, check_positive, check_values, is_concrete, scalar
+from .._checks import as_scalar, check_positive, check_values, is_concrete, scalar, short
+from .._shown import shown
 
 Bound = Float[Array, ""] | float
 
 
+@shown()
 class AbstractLaw(eqx.Module):
     """What the contact solvers ask of a law.
 
@@ -64,12 +66,12 @@ class AbstractLaw(eqx.Module):
 def check_law(law: AbstractLaw) -> None:
     """Raises `ValueError` unless this is one law of contact, its parameters single numbers."""
     if not isinstance(law, AbstractLaw):
-        raise ValueError(f"`law={law!r}` must be a law of contact, such as `HardWall()`.")
+        raise ValueError(f"`law={short(law)}` must be a law of contact, such as `HardWall()`.")
     for parameter in jax.tree.leaves(law):
         if jnp.ndim(parameter) > 0:
             raise ValueError(
-                f"`law={law!r}` has a parameter of shape {parameter.shape}; single numbers are "
-                "needed. For several laws use `jax.lax.map` or `jax.vmap`."
+                f"`law={short(law)}` has a parameter of shape {parameter.shape}; single numbers "
+                "are needed. For several laws use `jax.lax.map` or `jax.vmap`."
             )
 
 

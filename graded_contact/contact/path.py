@@ -6,6 +6,7 @@ import jax.numpy as jnp
 from jaxtyping import Array, Bool, Float
 
 from .._checks import Numbers, as_float, check_values, door
+from .._shown import shown
 from .douglas_rachford import DouglasRachford
 from .law import AbstractLaw, check_law, check_pressure
 from .problem import solve_contact
@@ -13,6 +14,7 @@ from .solution import RESULTS, ContactSolution
 from .solver import AbstractContactSolver
 
 
+@shown()
 class ContactPath(eqx.Module):
     """Contacts along a path, in its order.
 
@@ -22,8 +24,8 @@ class ContactPath(eqx.Module):
     - `contact_area`: fraction of points in contact [1], shape `(steps,)`.
     - `unloading`: whether the surfaces were being drawn apart, shape `(steps,)`: the branch of a
       law that attracts. The first contact is reached from apart.
-    - `num_fft_pairs`, `result`: of each solve, shape `(steps,)`; `result == RESULTS.successful` is
-      an array.
+    - `num_fft_pairs`, `result`: of each solve [1], shape `(steps,)`; `result == RESULTS.successful`
+      is an array.
     - `last`: the last contact.
     """
 

@@ -3,6 +3,8 @@
 import equinox as eqx
 from jaxtyping import Array, Float
 
+from .._shown import shown
+
 
 class RESULTS(eqx.Enumeration):
     """How a solve ended."""
@@ -42,6 +44,7 @@ class RESULTS(eqx.Enumeration):
     bad_pressure = "The law of contact cannot have this mean pressure (a hard wall: not positive)."
 
 
+@shown()
 class ContactSolution(eqx.Module):
     """Pressure and gap of a contact, and how well they were found.
 
@@ -65,7 +68,7 @@ class ContactSolution(eqx.Module):
       the gap at which the law has the pressure σ, in hard contact 0.
     - `penetration`: largest interpenetration that the law does not allow, over the rms height [1].
     - `num_steps`: iterations on the full grid.
-    - `num_fft_pairs`: transforms spent (forward and back), coarse grids counted by their size.
+    - `num_fft_pairs`: transforms spent, forward and back [1]; coarse grids counted by their size.
     - `result`: a member of `RESULTS`.
     """
 

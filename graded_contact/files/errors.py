@@ -13,8 +13,10 @@ import numpy as np
 from jaxtyping import Array, Float
 
 from .._checks import as_float
+from .._shown import shown
 
 
+@shown()
 class Errors(eqx.Module):
     """What is known of some numbers of a material, or of anything else that holds numbers.
 

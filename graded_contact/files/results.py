@@ -22,6 +22,7 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Float
 
+from .._shown import shown
 from ..caveats import Caveat, caveats_of
 from ..grid import Grid
 from ..surface import Step, Surface
@@ -82,6 +83,7 @@ class Fields:
     heights: Float[np.ndarray, "*shape"] | None = None
 
 
+@shown("study", "surface", "caveats")
 @dataclasses.dataclass(frozen=True, eq=False)
 class Results:
     """What a scene gave at each of its points, as NumPy arrays over its axes.

@@ -45,6 +45,7 @@ from jaxtyping import Float, ScalarLike
 
 from .._checks import as_float, check_positive, check_tolerance, check_values
 from .._memory import check_points
+from .._shown import shown
 from ..contact.douglas_rachford import DouglasRachford
 from ..parameters import with_values
 from ..response.grading import AbstractGradedSolver
@@ -66,6 +67,7 @@ SOLVER_KEYS = tuple(
 LOAD_KEYS = ("pressure", "velocity", "direction", "temperature", "extrapolate")
 
 
+@shown("title", "stack", "surface", "sweep", "temperature", "pressure", "velocity")
 @dataclasses.dataclass(frozen=True, eq=False)
 class Scene:
     """What to compute, as a scene file says.

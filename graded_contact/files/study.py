@@ -13,6 +13,7 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 
+from .._shown import shown
 from .hdf5 import new_file, numbers, opened, put, texts
 from .sealed import replacing
 from .toml import nearest
@@ -45,6 +46,7 @@ def units_of(
     return {name: known[word] for name, word in last.items() if word in known}
 
 
+@shown("axes", "values", "complete")
 @dataclasses.dataclass(frozen=True, eq=False)
 class Study:
     """One NumPy array per quantity over named axes.
@@ -149,6 +151,7 @@ class Study:
         return {"units": self.units[name]} if name in self.units else {}
 
 
+@shown()
 class Spread(NamedTuple):
     """Mean, standard error of the mean, and quantiles, which lie along a first axis `quantile`."""
 

@@ -8,6 +8,7 @@ from jaxtyping import ArrayLike
 
 from .._checks import check_whole
 from .._memory import check_points
+from .._shown import shown
 from ..grid import Grid
 from ..random_surfaces import random_surface
 from ..spectrum import SelfAffine
@@ -17,6 +18,7 @@ from .toml import Section, within
 from .topography.reading import read_surface
 
 
+@shown()
 class RandomSurface(NamedTuple):
     """A surface to be drawn: arguments of `random_surface`, with the seed of its key.
 
@@ -40,6 +42,7 @@ class RandomSurface(NamedTuple):
         return random_surface(self.spectrum, self.grid, key, amplitudes=self.amplitudes)
 
 
+@shown()
 class SurfaceFile(NamedTuple):
     """A surface to be read: arguments of `read_surface` and of `rescale`."""
 

@@ -23,6 +23,7 @@ from .._checks import (
     check_positive,
     door,
 )
+from .._shown import shown
 from ..files.moduli.measured import Measured
 from ..rheology.material import Prony
 from ..rheology.measured import MeasuredRange
@@ -52,6 +53,7 @@ from .uncertainty import covariance
 SERVES = 1.05  # times the error with the shifts as found: a law that does no worse replaces them
 
 
+@shown("law", "temperatures", "log10_shifts", "vertical_shifts", "fit")
 class MasterCurve(eqx.Module):
     """A master curve: a fitted series with its shifts.
 

@@ -6,6 +6,7 @@ from typing import NamedTuple
 import numpy as np
 from scipy.special import fdtrc
 
+from .._shown import shown
 from .lengths import best_spectrum
 from .series import Series
 
@@ -16,6 +17,7 @@ FINEST = 1e-4  # log residual of a modulus that no instrument, and no search of 
 CONTRADICTION = 1e-4  # chance of agreement from which on storage and loss are said to disagree
 
 
+@shown()
 class Errors(NamedTuple):
     """Root-mean-square of ln(model/measured), of all values and of each channel.
 

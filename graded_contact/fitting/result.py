@@ -10,6 +10,7 @@ from jaxtyping import Array, Complex, Float
 from scipy.special import stdtrit
 
 from .._checks import Numbers, as_float, check_positive
+from .._shown import shown
 from ..rheology.material import Prony
 from ..rheology.measured import is_unknown
 from .lengths import best_path, criterion
@@ -31,6 +32,7 @@ class Length(NamedTuple):
     bic: float
 
 
+@shown("terms", "material", "errors")
 class PronyFit(eqx.Module):
     """A fitted Prony series with what is known about its quality.
 

@@ -18,7 +18,7 @@ import numpy as np
 from jaxtyping import Array, Float
 from numpy.polynomial import chebyshev
 
-from .._checks import as_float, check_positive, is_concrete
+from .._checks import as_float, check_positive, is_concrete, short
 from ..response.compliance import surface_compliance_unchecked
 from ..response.grading import AbstractGradedSolver, graded_tolerance
 from ..response.stack import Stack
@@ -51,7 +51,7 @@ def as_roughness(spectrum: object) -> Roughness:
         return Roughness(edges, spectrum)
     if not (isinstance(spectrum, tuple | list) and len(spectrum) == 2):
         raise ValueError(
-            f"`spectrum={spectrum!r}` must be a `SelfAffine`, a `Surface` or a pair (q, C)."
+            f"`spectrum={short(spectrum)}` must be a `SelfAffine`, a `Surface` or a pair (q, C)."
         )
     q, c = map(as_float, spectrum)
     if q.ndim != 1 or q.shape != c.shape:

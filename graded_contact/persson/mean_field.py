@@ -40,7 +40,9 @@ from .._checks import (
     check_tolerance,
     check_values,
     door,
+    short,
 )
+from .._shown import shown
 from ..cutoff import CutoffCurve
 from ..grid import as_velocity, direction_and_speed
 from ..response.grading import AbstractGradedSolver, check_profiles
@@ -61,6 +63,7 @@ _NOT_REACHED = (
 )
 
 
+@shown()
 class MeanField(eqx.Module):
     """Friction and contact area, at full magnification and as functions of it.
 
@@ -137,7 +140,7 @@ def mean_field_friction(
     **Raises:** `ValueError` for a refused argument; `RuntimeError` if `rtol` is not reached.
     """
     if not isinstance(stack, Stack):
-        raise ValueError(f"`stack={stack!r}` must be a `Stack(layers=..., base=...)`.")
+        raise ValueError(f"`stack={short(stack)}` must be a `Stack(layers=..., base=...)`.")
     if correction not in get_args(Correction):
         raise ValueError(f"`correction={correction!r}` must be one of {get_args(Correction)}.")
     pressure, velocity = as_float(pressure, "pressure"), as_velocity(velocity)

@@ -22,7 +22,9 @@ from .._checks import (
     check_values,
     door,
     is_concrete,
+    short,
 )
+from .._shown import shown
 from .grading import (
     AbstractGradedSolver,
     check_profiles,
@@ -70,11 +72,11 @@ def layered_compliance(
             )
     if not isinstance(base, Rigid | Free):
         if not (isinstance(base, tuple) and len(base) == 2):
-            raise ValueError(f"`base={base!r}` must be Rigid(), Free() or (modulus, poisson).")
+            raise ValueError(f"`base={short(base)}` must be Rigid(), Free() or (modulus, poisson).")
         base = (as_numbers(base[0], "base[0]"), as_numbers(base[1], "base[1]"))
         _check_moduli("base[0]", base[0], "base[1]", base[1])
     elif len(thickness) == 0:
-        raise ValueError(f"`thickness` is empty on {base!r}: there is nothing to deform.")
+        raise ValueError(f"`thickness` is empty on {short(base)}: there is nothing to deform.")
     _check_moduli("modulus", modulus, "poisson", poisson)
     return compliance_of_layers(q, thickness, modulus, poisson, base)
 
@@ -127,6 +129,7 @@ def effective_modulus(
     return 2 / (as_float(q, "q") * surface_compliance(stack, q, omega, graded=graded, rtol=rtol))
 
 
+@shown()
 class GradedCompliance(eqx.Module):
     """A surface compliance with its estimated error.
 

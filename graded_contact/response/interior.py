@@ -23,6 +23,7 @@ from jax import Array
 from jaxtyping import Float, Inexact
 
 from .._checks import Numbers, as_float, as_numbers, check_shape, check_values, door, is_concrete
+from .._shown import shown
 from ..grid import (
     Grid,
     as_velocity,
@@ -41,10 +42,14 @@ from .matrix import wavevectors
 from .stack import HalfSpace, Stack, interface_depths, is_graded
 
 
+@shown()
 class InteriorFields(NamedTuple):
-    """`displacement` [m], shape `(*w, 3)`, and `stress` [Pa], shape `(*w, 3, 3)`, along (x, y, z).
+    """Displacement and stress along (x, y, z). Displacement and z are into the solid.
 
-    Displacement and z are into the solid; stress is positive in tension.
+    **Fields:**
+
+    - `displacement`: [m], shape `(*w, 3)`.
+    - `stress`: positive in tension [Pa], shape `(*w, 3, 3)`.
     """
 
     displacement: Inexact[Array, "*w 3"]

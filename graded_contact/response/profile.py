@@ -25,6 +25,7 @@ import numpy as np
 from jaxtyping import Array, Float, Inexact, ScalarLike
 
 from .._checks import check_positive, check_type, check_values, scalar
+from .._shown import shown
 from ..rheology.material import AbstractMaterial, material_called
 from ..rheology.measured import check_frequencies, coverage
 from .shape import FROM_0_TO_1, AbstractShape, Linear, breaks_of, shape_called
@@ -32,6 +33,7 @@ from .shape import FROM_0_TO_1, AbstractShape, Linear, breaks_of, shape_called
 SAMPLES = 64  # intervals of height in which a profile is looked at
 
 
+@shown()
 class AbstractProfile(eqx.Module):
     """Young's modulus and Poisson's ratio as functions of height and frequency."""
 

@@ -23,9 +23,11 @@ from .._checks import (
     numbers,
     scalar,
 )
+from .._shown import shown
 from ..rheology.tabulated import monotone_cubic
 
 
+@shown()
 class AbstractShape(eqx.Module):
     """A function φ(s) of the height s [1] in a layer."""
 

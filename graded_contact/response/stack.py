@@ -9,6 +9,7 @@ import jax.numpy as jnp
 from jaxtyping import Array, Float, ScalarLike
 
 from .._checks import check_values, door, scalar, short
+from .._shown import shown
 from ..rheology.material import AbstractMaterial, material_called
 
 
@@ -27,8 +28,8 @@ def _as_layers(layers: Any) -> "tuple[Layer | GradedLayer, ...]":
 def _as_profile(profile: Any) -> Any:
     if isinstance(profile, AbstractMaterial) or not callable(profile):
         raise ValueError(
-            f"`profile={profile!r}` must be called as profile(s, omega) and return (E, ν), such "
-            "as `Blend(bottom, top)`."
+            f"`profile={short(profile)}` must be called as profile(s, omega) and return (E, ν), "
+            "such as `Blend(bottom, top)`."
         )
     # A bare function is no pytree; wrapped, it is one without leaves.
     return profile if isinstance(profile, eqx.Module) else jax.tree_util.Partial(profile)
@@ -36,10 +37,11 @@ def _as_profile(profile: Any) -> Any:
 
 def _as_base(base: Any) -> "HalfSpace | Rigid | Free":
     if not isinstance(base, HalfSpace | Rigid | Free):
-        raise ValueError(f"`base={base!r}` must be `HalfSpace(...)`, `Rigid()` or `Free()`.")
+        raise ValueError(f"`base={short(base)}` must be `HalfSpace(...)`, `Rigid()` or `Free()`.")
     return base
 
 
+@shown()
 class Layer(eqx.Module):
     """A homogeneous layer.
 
@@ -56,6 +58,7 @@ class Layer(eqx.Module):
         _check_thickness(self.thickness)
 
 
+@shown()
 class GradedLayer(eqx.Module):
     """A layer whose moduli vary continuously with height.
 
@@ -83,6 +86,7 @@ def _check_thickness(thickness: Array) -> None:
     )
 
 
+@shown()
 class HalfSpace(eqx.Module):
     """A base so deep that its bottom is never felt.
 
@@ -94,14 +98,17 @@ class HalfSpace(eqx.Module):
     material: AbstractMaterial = eqx.field(converter=material_called("material"))
 
 
+@shown()
 class Rigid(eqx.Module):
     """A rigid base to which the lowest layer is bonded."""
 
 
+@shown()
 class Free(eqx.Module):
     """No base: the bottom of the lowest layer carries no traction."""
 
 
+@shown()
 class Stack(eqx.Module):
     """A block: layers bonded to each other and to a base.
 
@@ -154,7 +161,7 @@ def _layer_at(layer, temperature):
         return Layer(layer.material.at(temperature), layer.thickness)
     if not hasattr(layer.profile, "at"):
         raise ValueError(
-            f"`profile={layer.profile!r}` has no method `at(temperature)`: the temperature of "
+            f"`profile={short(layer.profile)}` has no method `at(temperature)`: the temperature of "
             "this graded layer cannot be changed."
         )
     return GradedLayer(layer.profile.at(temperature), layer.thickness)

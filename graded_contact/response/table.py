@@ -19,6 +19,8 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float, Inexact, Int
 
+from .._shown import shown
+
 # The function, of mode numbers k_x and k_y [1] that broadcast; it may be asked between integers.
 OfModes = Callable[[Float[Array, "..."], Float[Array, "..."]], Inexact[Array, "..."]]
 
@@ -29,6 +31,7 @@ _LINES = (-0.9, 0.1, 0.95)  # such lines, from the lowest (-1) to the highest (1
 _SAFETY = 3.0  # largest error over the largest of the sample
 
 
+@shown("num_nodes", "num_evaluations", "error")
 class KernelTable(eqx.Module):
     """The values at the nodes, and how good they are.
 

@@ -31,12 +31,15 @@ from .._checks import (
     is_concrete,
     numbers,
     scalar,
+    short,
 )
+from .._shown import shown
 from .creep import creep_from_relaxation, relaxation_from_creep
 from .measured import MeasuredRange
 from .shift import AbstractShift, as_temperature, require_shift, stretched
 
 
+@shown()
 class AbstractMaterial(eqx.Module):
     """An isotropic linear viscoelastic solid."""
 
@@ -114,7 +117,9 @@ class Prony(AbstractMaterial):
 
     def __check_init__(self):
         if not isinstance(self.measured, MeasuredRange | None):
-            raise ValueError(f"`measured={self.measured!r}` must be a `MeasuredRange`, or None.")
+            raise ValueError(
+                f"`measured={short(self.measured)}` must be a `MeasuredRange`, or None."
+            )
         check_values(
             "equilibrium", self.equilibrium, "it must be zero or a positive number [Pa]", at_least=0
         )

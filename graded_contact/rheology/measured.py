@@ -14,6 +14,7 @@ import numpy as np
 from jaxtyping import Array, Float
 
 from .._checks import check_positive, is_concrete, numbers
+from .._shown import shown
 from .shift import stretched
 
 # A shifted range may miss its own ends by rounding.
@@ -34,6 +35,7 @@ class Limited(Protocol):
         ...
 
 
+@shown()
 class MeasuredRange(eqx.Module):
     """Frequencies and temperatures at which a material was measured.
 

@@ -13,12 +13,14 @@ import jax.numpy as jnp
 from jaxtyping import Array, Float, ScalarLike
 
 from .._checks import as_scalar, check_positive, check_values, is_concrete, scalar
+from .._shown import shown
 
 GAS_CONSTANT = 8.31446261815324  # J/(mol K), exact in the SI of 2019
 # How far times are shifted, as a share of the dtype's exponents: their squares must not overflow.
 _REACH = 0.45
 
 
+@shown()
 class AbstractShift(eqx.Module):
     """A law of time-temperature superposition: τ(T) = a_T τ(reference), E(T) = b_T E(reference)."""
 

@@ -19,6 +19,7 @@ from scipy.optimize import minimize
 from scipy.stats import qmc
 
 from .._checks import check_values, check_whole, door
+from .._shown import shown
 from .bounds import Flat, box_of, first_in, named
 from .evaluations import MARGIN, Evaluations
 from .problem import Problem
@@ -29,6 +30,7 @@ Constraints = Callable[[Any], Float[Array, "..."]]
 FIRST_STEP = 0.1  # longest, of the way between the bounds
 
 
+@shown()
 class Run(eqx.Module):
     """One start: parameters and value it came to, values by step, evaluations, and why it ended."""
 
@@ -41,6 +43,7 @@ class Run(eqx.Module):
     message: str
 
 
+@shown("value", "error", "converged", "parameters", "elasticities", "margins", "num_evaluations")
 class Design(eqx.Module):
     """The best design found, and the evidence.
 

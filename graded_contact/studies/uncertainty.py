@@ -16,6 +16,7 @@ from jax.flatten_util import ravel_pytree
 from jaxtyping import Array, Float
 
 from .._checks import Numbers, as_float, check_positive, check_shape, check_values, short
+from .._shown import shown
 from ..files.errors import Errors
 from ..fitting.master import MasterCurve
 from ..fitting.result import PronyFit
@@ -25,6 +26,7 @@ from ..rheology.tabulated import Tabulated
 from ..rheology.tabulated_shift import TabulatedShift
 
 
+@shown()
 class Estimate(eqx.Module):
     """A quantity that follows from a fit.
 
@@ -38,6 +40,7 @@ class Estimate(eqx.Module):
     standard_error: Float[Array, "*shape"]
 
 
+@shown()
 class Sensitivity(eqx.Module):
     """What decides a quantity f: its relative change per decade of frequency.
 

@@ -7,9 +7,11 @@ from pathlib import Path
 import numpy as np
 from jaxtyping import Bool, Complex, Float, Int
 
+from ..._shown import shown
 from .isotherms import grouped
 
 
+@shown("kind", "deformation", "abscissa", "values", "temperature", "history")
 @dataclasses.dataclass(frozen=True, eq=False)
 class Measured:
     """Measured moduli or compliances, sorted by isotherm, then by frequency or time.

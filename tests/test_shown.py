@@ -1,0 +1,103 @@
+"""What a result prints: its numbers with units, arrays by shape, how it ended."""
+
+import dataclasses
+
+import equinox as eqx
+import jax
+import jax.numpy as jnp
+import numpy as np
+import pytest
+
+import graded_contact as gc
+from graded_contact._shown import _about
+from graded_contact.contact.solution import RESULTS, ContactSolution
+from graded_contact.response.interior import InteriorFields
+from graded_contact.studies.uncertainty import Estimate, Sensitivity
+from graded_contact.surface import Statistics
+
+RESULT_CLASSES = (
+    gc.Sliding, gc.ContactSolution, gc.ContactPath, gc.CutoffCurve, gc.MeanField, Statistics,
+    InteriorFields, Sensitivity, gc.Layer, gc.Elastic, gc.Prony, gc.WLF, gc.Grid, gc.Surface,
+)  # fmt: skip
+
+
+def sliding(friction=0.25, shape=(16, 12), result=RESULTS.successful):
+    """A `Sliding` with a number of its own in every field, without solving anything."""
+    fields = {f.name: jnp.array(2.0) for f in dataclasses.fields(ContactSolution)}
+    field = jnp.zeros(shape)
+    fields |= {"pressure": field, "displacement": field, "gap": field, "mismatch": field}
+    contact = ContactSolution(**fields | {"mean_gap": jnp.array(6.13e-5), "result": result})
+    numbers = {f.name: jnp.array(0.0) for f in dataclasses.fields(gc.Sliding)}
+    numbers |= {"friction": jnp.array(friction), "friction_error": jnp.array(1.7e-8)}
+    return gc.Sliding(**numbers | {"contact": contact})
+
+
+def line(text, name):
+    """What stands behind a name."""
+    (found,) = (row for row in text.splitlines() if row.strip().startswith(f"{name} "))
+    return found.strip().removeprefix(name).strip()
+
+
+def test_a_result_shows_numbers_units_errors_shapes_and_how_it_ended():
+    text = repr(sliding())
+    assert line(text, "friction") == "0.25 ± 1.7e-08"
+    assert "friction_error" not in text
+    assert line(text, "mean_gap [m]") == "6.13e-05"
+    assert line(text, "pressure [Pa]") == "16 × 12 float64"
+    assert line(text, "result") == "successful"
+    failed = repr(sliding(result=RESULTS.max_steps_reached))
+    assert line(failed, "result").startswith("The contact solver reached `max_steps`")
+    steep = eqx.tree_at(lambda s: s.slope_in_contact, sliding(), jnp.array(0.8))
+    assert "small strains" in repr(steep)
+
+
+def test_notebooks_see_a_table_with_the_same_rows_and_their_meaning():
+    page = sliding()._repr_html_()
+    assert page.count("<tr") == len(repr(sliding()).splitlines()) - 1
+    assert "0.25 ± 1.7e-08" in page
+    assert 'title="force opposing the motion over the load [1]; &gt;= 0' in page
+
+
+def test_traced_results_show_their_shapes():
+    seen = []
+    jax.jit(lambda s: seen.append((repr(s), eqx.tree_pformat(s), s._repr_html_())))(sliding())
+    assert seen[0][0] == seen[0][1]
+    assert "f64[]" in seen[0][0]
+    assert "f64[]" in seen[0][2]
+
+
+def test_parts_rows_and_lists_are_shown():
+    materials = [gc.Elastic(2e6, 0.3), gc.Prony(1e5, jnp.geomspace(1, 9, 9), jnp.ones(9))]
+    layers = [gc.Layer(material, 1e-4) for material in (materials * 5)]
+    text = repr(gc.Stack(layers=layers, base=gc.Rigid()))
+    assert text.count("thickness [m]") == 8
+    assert line(text, "...") == "2 more"
+    assert "9 float64, 1 to 9" in text
+    assert text.splitlines()[-1].split() == ["base", "Rigid"]
+
+
+def test_batches_of_results_and_other_values_are_shown():
+    batch = jax.vmap(lambda x: Estimate(x, 2 * x))(jnp.array([1.0, jnp.nan]))
+    assert line(repr(batch), "value") == "1, nan"
+    assert line(repr(batch), "standard_error") == "2, nan"
+    numbers = np.array([1.0, np.nan, 3.0] * 3)
+    study = gc.Study({"velocity": numbers}, {"n": numbers}, np.array(["", "failed: no"]), {
+        "velocity": "m/s"
+    })  # fmt: skip
+    assert line(repr(study), "velocity [m/s]") == "9 float64, 1 to 3"
+    assert line(repr(study), "complete") == "False"
+
+
+@pytest.mark.parametrize("kind", RESULT_CLASSES, ids=lambda kind: kind.__name__)
+def test_the_docstring_of_a_class_tells_every_number_and_its_unit(kind):
+    fields = getattr(kind, "_fields", None) or [f.name for f in dataclasses.fields(kind)]
+    for name in fields:
+        unit, meaning = _about(kind, name)
+        assert meaning, name
+        assert unit or "Float" not in str(kind.__annotations__.get(name)), name
+
+
+def test_a_refused_object_is_named_on_one_line(unchecked_types):
+    with pytest.raises(ValueError, match="`base=Layer") as refusal:
+        gc.Stack(layers=(), base=gc.Layer(gc.Elastic(1e6), 1e-3))
+    assert "\n" not in str(refusal.value)
