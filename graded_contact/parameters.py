@@ -80,6 +80,12 @@ def with_values(tree: T, values: Mapping[str, Numbers]) -> T:
     return changed
 
 
+def places(tree: object, part: object) -> list[str]:
+    """Returns the paths at which `tree` holds this very object, "base.material" say."""
+    found = jax.tree_util.tree_leaves_with_path(tree, is_leaf=lambda node: node is part)
+    return [_name(tree, path) for path, node in found if node is part]
+
+
 def _name(tree, path):
     """The path of a leaf as text, in the words of constructors."""
     words, node = [], tree

@@ -3,6 +3,7 @@
 import dataclasses
 import errno
 import os
+import re
 import shutil
 import signal
 import stat
@@ -21,6 +22,7 @@ import graded_contact as gc
 from graded_contact import cli
 from graded_contact.command import scene as scene_job
 from graded_contact.command import session
+from graded_contact.command.tables import with_error
 from graded_contact.files import results as storage
 from graded_contact.files.results import read_results, write_results
 from graded_contact.files.scene import parse_scene
@@ -437,6 +439,49 @@ def test_a_fit_prints_its_report_and_a_table_that_a_scene_takes(tmp_path):
     scene = SCENE.replace('[materials.tread]\nkind = "tyre_tread"', table)
     scene = scene.replace('material = "tread"', 'material = "material_1_tread"')
     assert parse_scene(scene).stack.base.material.poisson == 0.49
+
+
+def test_what_a_fit_knows_reaches_the_friction_of_a_scene(tmp_path):
+    """Fit, card and errors, scene, run: against `propagate` of a fit to the same moduli."""
+    path = moduli_file(tmp_path / "tread.csv", [20.0])
+    fitted = command("fit", path, "-o", tmp_path, "--terms", 3, "--poisson", 0.49, "--anyway")
+    assert fitted.exit_code == 0, fitted.output
+    card = (tmp_path / "tread.toml").read_text()
+    scene = SCENE.replace('[materials.tread]\nkind = "tyre_tread"\n', card)
+    scene = scene.replace("[base]", 'errors = "tread-errors.csv"\n[base]').replace(
+        "[0.01, 1.0]", "0.1"
+    )
+    (tmp_path / "told.toml").write_text(scene)
+    ran = command("run", tmp_path / "told.toml", "-o", tmp_path / "out")
+    assert ran.exit_code == 0, ran.output
+    results = read_results(tmp_path / "out" / "told.h5")
+    measured = gc.read_moduli(path, poisson=0.49)
+    fit = gc.fit_prony(measured.abscissa, measured.values, terms=3, poisson=0.49, throw=False)
+
+    def friction(rubber):
+        block = gc.Stack(base=gc.HalfSpace(rubber))
+        return gc.slide(block, results.surface, pressure=2e5, velocity=0.1).friction
+
+    by_hand = gc.propagate(friction, fit)
+    assert by_hand.standard_error > 1e-3 * by_hand.value
+    np.testing.assert_allclose(results.friction[0, 0], by_hand.value, rtol=1e-5)
+    error = results.friction_standard_error[0, 0]
+    np.testing.assert_allclose(error, by_hand.standard_error, rtol=1e-3)
+    assert with_error(results.friction[0, 0], error) in ran.stdout
+    # Waves of 2π/1 mm to 8e4 /m excite these frequencies.
+    told = r"tread: its moduli from (\S+) to (\S+) rad/s decide 90 % of the friction at 0.1 m/s"
+    low, high = map(float, re.search(told, ran.stdout).groups())
+    assert 2e2 < low < high < 8.1e3
+    rows = (tmp_path / "out" / "told.csv").read_text().splitlines()
+    assert "friction_standard_error [1]" in rows[0]
+    assert (tmp_path / "out" / "told-sensitivity.png").read_bytes().startswith(b"\x89PNG")
+
+
+def test_a_standard_error_tells_how_many_digits_count():
+    numbers = ((0.51234, 0.0081), (0.5, 0.25), (12.3, 1.26), (1e-5, 2e-6), (0.51234, 0.0))
+    assert [with_error(*pair) for pair in numbers] == [
+        "0.5123 ± 0.0081", "0.50 ± 0.25", "12.3 ± 1.3", "0.0000100 ± 0.0000020", "0.5123 ± 0",
+    ]  # fmt: skip
 
 
 def test_a_fit_of_several_isotherms_shifts_them(tmp_path):

@@ -1,5 +1,7 @@
 """Figures are made without a display, with axes named and in units that suit their size."""
 
+import dataclasses
+
 import jax.numpy as jnp
 import numpy as np
 import pytest
@@ -208,6 +210,23 @@ def test_results_are_compared_by_colour_and_only_over_the_same_axes():
     assert names == ["bare", "coated", "100 kPa", "200 kPa"]
     with pytest.raises(ValueError, match=r"'warm' varies `temperature`.*'bare' `pressure`"):
         plot_compare([bare, made({**VARIED, "layers[0].thickness": [1e-5]})], ["bare", "warm"])
+    study = dataclasses.replace(bare.study, units=bare.study.units | {"velocity": "mm/s"})
+    with pytest.raises(ValueError, match=r"'slow' has `velocity` in mm/s, and 'bare' in m/s"):
+        plot_compare([bare, dataclasses.replace(bare, study=study)], ["bare", "slow"])
+
+
+def test_standard_errors_are_bars():
+    axes = {"pressure": [1e5], "velocity": [0.1, 1.0, 10.0]}
+    results = made(axes)
+    error = np.array([[0.1, 0.2, 0.3]])
+    values = results.study.values | {"friction_standard_error": error}
+    told = dataclasses.replace(results, study=dataclasses.replace(results.study, values=values))
+    bars, plain = (plot_sweep(one).axes for one in (told, results))
+    (container,) = bars[0].containers
+    ends = np.array([path.vertices[:, 1] for path in container[2][0].get_paths()])
+    np.testing.assert_allclose(ends, results.friction.T + error.T * [-1, 1])
+    assert not bars[1].containers and not plain[0].containers
+    assert bars[0].get_ylim()[1] > 2.3
 
 
 def test_the_response_of_a_half_space_is_its_modulus_and_loss_tangent(tmp_path):

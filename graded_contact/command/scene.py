@@ -20,20 +20,24 @@ from ..files.results import (
 from ..files.scene import Scene, parse_scene, read_scene
 from ..files.sealed import replacing
 from ..files.study import NOT_STARTED
-from ..plot import plot_reduced, plot_sliding, plot_sweep
+from ..plot import plot_reduced, plot_sensitivity, plot_sliding, plot_sweep
 from ..plot.lines import TITLES, label_of
 from ..studies.cost import scene_cost
 from ..studies.engine import check_engine
 from ..studies.extrapolation import velocity_vector
 from ..studies.interruption import Interrupted, Interruption, interruptible
 from ..studies.run import build_surface, check_scene, point_names, run_scene
+from ..studies.scene_errors import what_decides
 from ..studies.store import Store
+from ..studies.uncertainty import Sensitivity
 from ..surface import Surface
 from .session import DryRun, Output, Replace, Scheduler, Workers, progress, refusing
-from .tables import print_steps, print_table
+from .tables import print_decisive, print_steps, print_table
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
+
+Decided = dict[tuple[str, float], Sensitivity]  # by the material's name and the velocity
 
 
 def demo(
@@ -117,7 +121,9 @@ def run_scene_into(
         with Store(folder / f"{name}.points") as store:
             results = _solved(scene, surface, names, store, interruption, engine)
             print_table(results)
-            _write(file, results, replace)
+            decided = {} if interruption.signal is not None else what_decides(scene, surface)
+            print_decisive(decided)
+            _write(file, results, decided, replace)
     if results.caveats:
         where = np.any([caveat.where for caveat in results.caveats], axis=0)
         typer.secho(
@@ -200,7 +206,7 @@ def _refuse_other(file: Path, scene: Scene, names: np.ndarray) -> None:
     )
 
 
-def _write(file: Path, results: Results, replace: bool) -> None:
+def _write(file: Path, results: Results, decided: Decided, replace: bool) -> None:
     """Writes results and figures, unless the file that exists holds more."""
     finished = results.point[results.state != NOT_STARTED]
     if not replace and (lost := lost_solves(file, finished)[0]):
@@ -210,20 +216,27 @@ def _write(file: Path, results: Results, replace: bool) -> None:
     results.study.to_csv(file.with_suffix(".csv"))
     for path in (file, file.with_suffix(".csv")):
         typer.echo(f"wrote {path}")
-    for key, figure in _figures(results):
+    for key, figure in _figures(results, decided):
         path = file.with_name(f"{file.stem}-{key}.png")
         with replacing(path) as partial:
             figure.savefig(partial, format="png")
         typer.echo(f"wrote {path}")
 
 
-def _figures(results: Results) -> Iterator[tuple[str, "Figure"]]:
+def _figures(results: Results, decided: Decided) -> Iterator[tuple[str, "Figure"]]:
     """Yields each figure with the end of its name."""
     yield "sweep", plot_sweep(results)
     if "reduced_velocity" in results.study.values:
         yield "master", plot_reduced(results)
     elif "master_curve" in results.attributes:
         typer.echo(results.attributes["master_curve"])
+    if decided:
+        yield (
+            "sensitivity",
+            plot_sensitivity(
+                {f"{name}, {speed:.3g} m/s": found for (name, speed), found in decided.items()}
+            ),
+        )
     axes, units = results.study.axes, results.study.units
     for index, fields in results.fields.items():
         key = "-".join(map(str, ("contact", *index))) if len(results.fields) > 1 else "contact"

@@ -1,5 +1,7 @@
 """Results as tables on the screen."""
 
+from collections.abc import Mapping
+
 import numpy as np
 import typer
 from rich import box
@@ -9,6 +11,7 @@ from rich.table import Table
 from rich.text import Text
 
 from ..files.results import Results
+from ..studies.uncertainty import Sensitivity
 from ..surface import Surface
 
 # Column heads and formats of the table, by the name of the quantity.
@@ -50,6 +53,10 @@ def print_table(results: Results) -> None:
         cells = [f"{velocity[1][j]:.3e}", f"{pressure[1][i] / 1e6:.4g}"]
         cells += [f"{values[k]:.5g}" for (_, values), k in zip(others, at, strict=True)]
         cells += [format(results[name][index], style) for name, (_, style) in columns.items()]
+        if "friction_standard_error" in results.study.values:
+            cells[2 + len(others)] = with_error(
+                results.friction[index], results.friction_standard_error[index]
+            )
         state = str(states[index])
         mark = state and f"[bold red]{state}[/] "
         doubts = ",".join(str(n) for n, c in enumerate(caveats, start=1) if c.where[index])
@@ -68,6 +75,25 @@ def print_table(results: Results) -> None:
             warning.print(f"[bold red]Warning:[/] {chosen.sum()} of {chosen.size} solves {text}.")
             for message in sorted(set(results.message[chosen]) - {state}):
                 warning.print(message, markup=False)
+
+
+def print_decisive(decided: Mapping[tuple[str, float], Sensitivity]) -> None:
+    """Prints which moduli of materials decide the friction, where that is known."""
+    for (name, speed), found in decided.items():
+        low, high = found.decisive()
+        if np.isfinite(low):
+            typer.echo(
+                f"{name}: its moduli from {low:.2g} to {high:.2g} rad/s decide 90 % of the "
+                f"friction at {speed:.3g} m/s (mean field)"
+            )
+
+
+def with_error(value: float, error: float) -> str:
+    """Returns a number with its standard error, to two digits of that: "0.512 ± 0.0081"."""
+    if not (np.isfinite(error) and error > 0):
+        return f"{value:#.4g} ± {error:.2g}"
+    digits = max(0, 1 - int(np.floor(np.log10(error))))
+    return f"{value:.{digits}f} ± {error:.{digits}f}"
 
 
 def print_steps(surface: Surface) -> None:

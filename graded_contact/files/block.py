@@ -18,6 +18,7 @@ from ..rheology.material import AbstractMaterial, BulkShear, Elastic, Prony
 from ..rheology.shift import WLF, AbstractShift, Arrhenius
 from ..rheology.tabulated import Tabulated
 from ..rheology.tabulated_shift import TabulatedShift
+from .errors import Errors, check_errors, read_errors
 from .moduli.quantities import DIMENSIONS, UNITS
 from .moduli.reading import read_moduli
 from .signatures import Builder, keys_of
@@ -51,10 +52,19 @@ def extremes(temperature: np.ndarray | None) -> list[float]:
 
 
 class Block:
-    """The materials of a scene, and the stack that is made of them."""
+    """The materials of a scene, and the stack that is made of them.
+
+    **Fields:**
+
+    - `materials`: by name.
+    - `errors`: what is known of the numbers of some of them, by name.
+    - `notes`: what was understood of tables of moduli.
+    - `builder`: what makes them of tables.
+    """
 
     def __init__(self, folder: Path):
         self.materials: dict[str, AbstractMaterial] = {}
+        self.errors: dict[str, Errors] = {}
         self.notes: list[str] = []
         self.builder = Builder(KINDS, {AbstractMaterial: self._named}, folder)
 
@@ -66,8 +76,16 @@ class Block:
             )
         kinds = {**MATERIALS, "tabulated": self._tabulated}
         for name, entry in content.items():
-            understood = len(self.notes)
-            self.materials[name] = self.builder.build_kind(f"[materials.{name}]", entry, kinds)
+            understood, place, path = len(self.notes), f"[materials.{name}]", None
+            if isinstance(entry, dict) and "errors" in entry:
+                path = self.builder.path(Section(place, entry, entry), "errors")
+                entry = {key: value for key, value in entry.items() if key != "errors"}
+            self.materials[name] = self.builder.build_kind(place, entry, kinds)
+            if path is not None:
+                with within(f"{place} `errors`:"):
+                    self.errors[name] = read_errors(path)
+                    with within(f"`path={path}`:"):
+                        check_errors(self.errors[name], self.materials[name])
             self.notes[understood:] = [f"{name}: {note}" for note in self.notes[understood:]]
         for name, material in self.materials.items():
             for at in extremes(temperature):

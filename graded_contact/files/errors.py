@@ -6,14 +6,20 @@ in which they may be off, by one standard deviation, in their units.
 
 import csv
 import os
+from collections.abc import Sequence
 from pathlib import Path
+from typing import TypeVar
 
 import equinox as eqx
 import numpy as np
 from jaxtyping import Array, Float
 
-from .._checks import as_float
+from .._checks import as_float, check_values
 from .._shown import shown
+from ..parameters import paths, with_values
+from .toml import nearest, within
+
+T = TypeVar("T")
 
 
 @shown()
@@ -29,6 +35,41 @@ class Errors(eqx.Module):
 
     paths: tuple[str, ...] = eqx.field(static=True)
     directions: Float[Array, "directions numbers"] = eqx.field(converter=as_float)
+
+    def __check_init__(self):
+        if not self.paths:
+            raise ValueError("`paths` names no number.")
+        if len(set(self.paths)) < len(self.paths):
+            raise ValueError(f"`paths={self.paths}` names a number twice.")
+        if self.directions.ndim != 2 or self.directions.shape[1] != len(self.paths):
+            raise ValueError(
+                f"`directions` has shape {self.directions.shape}: a column for each of the "
+                f"{len(self.paths)} paths is needed."
+            )
+        check_values("directions", self.directions, "errors are finite")
+
+
+def moved(tree: T, errors: Errors, steps: Float[Array, " directions"]) -> T:
+    """Returns `tree` with its numbers off by so many standard deviations along each direction."""
+    known, off = paths(tree), steps @ errors.directions
+    changes = zip(errors.paths, off, strict=True)
+    return with_values(tree, {path: known.get(path, 0) + change for path, change in changes})
+
+
+def check_errors(errors: Errors, material: object) -> None:
+    """Raises `ValueError` unless these are errors of single numbers that the material has, and of
+    a series all of them: those of another material are not taken for its own."""
+    known = paths(material)
+    single = [path for path, value in known.items() if not value.ndim]
+    series = {path.rpartition("[")[0] for path in errors.paths} & {*known}
+    for path in errors.paths:
+        if path not in single:
+            raise ValueError(f"{path!r} is no number of the material; {nearest(path, single)}")
+    for path in single:
+        if path.rpartition("[")[0] in series and path not in errors.paths:
+            raise ValueError(
+                f"{path!r} of the material is missing: are these another one's errors?"
+            )
 
 
 def write_errors(path: str | os.PathLike, errors: Errors) -> None:
@@ -53,14 +94,19 @@ def read_errors(path: str | os.PathLike) -> Errors:
     path = Path(path)
     if not path.exists():
         raise FileNotFoundError(f"`path={path}` does not exist.")
-    with open(path, newline="", encoding="utf-8") as file:
-        names, *lines = list(csv.reader(file)) or [[]]
-    directions = np.empty((len(lines), len(names)))
-    for i, line in enumerate(lines):
+    with within(f"`path={path}`:"):
         try:
-            directions[i] = [float(word) for word in line]
-        except ValueError as error:
-            raise ValueError(f"`path={path}`, line {i + 2}: {error}.") from error
-    if not names or not np.all(np.isfinite(directions)):
-        raise ValueError(f"`path={path}` holds no errors: paths and finite numbers are needed.")
-    return Errors(tuple(names), directions)
+            with open(path, newline="", encoding="utf-8-sig") as file:
+                names, *lines = list(csv.reader(file)) or [[]]
+        except csv.Error as error:
+            raise ValueError(f"{error}.") from error
+        rows = [_numbers(i, line, names) for i, line in enumerate(lines, start=2) if line]
+        return Errors(tuple(names), np.reshape(rows, (len(rows), len(names))))
+
+
+def _numbers(number: int, line: Sequence[str], names: Sequence[str]) -> list[float]:
+    """The numbers of a line of the file, one for each name."""
+    if len(line) != len(names):
+        raise ValueError(f"line {number} has {len(line)} numbers under {len(names)} paths.")
+    with within(f"line {number}:"):
+        return [float(word) for word in line]

@@ -27,7 +27,7 @@ from ..caveats import Caveat, caveats_of
 from ..grid import Grid
 from ..surface import Step, Surface
 from .hdf5 import new_file, numbers, opened, put, texts
-from .study import FAILED, NOT_STARTED, Study, get_study, put_study, units_of
+from .study import FAILED, LOST, NOT_STARTED, Study, get_study, put_study, units_of
 
 FORMAT = "graded_contact results 3"
 _PACKAGES = ("graded_contact", "jax", "numpy", "h5py")
@@ -53,7 +53,10 @@ OBSERVABLES = {
     "error": "estimated relative error of the contact pressure",
     "num_fft_pairs": "FFT pairs spent on the solve",
 }
-REDUCED = {"reduced_velocity": "velocity times the time-temperature shift a_T"}
+OPTIONAL = {
+    "reduced_velocity": "velocity times the time-temperature shift a_T",
+    "friction_standard_error": "standard error of the friction by that of the materials",
+}
 TEXTS = {
     "message": "how the solve ended; empty where it succeeded",
     "point": "fingerprint of what decides the solve's numbers",
@@ -97,8 +100,9 @@ class Results:
     - `study`: axes; `friction`, `contact_area`, `contact_area_corrected`, `contact_area_smooth`,
       `mean_gap`, `geometric_friction`, `energy_imbalance`, `slope_in_contact`, `unmeasured_area`,
       `unmeasured_friction`, `extrapolated_friction` as in `Sliding`; `error`, `num_fft_pairs` as in
-      `ContactSolution`; `reduced_velocity` a_T v [m/s] where the block has one law of temperature;
-      and how each solve ended. It makes tables and spreads: `results.study.over("seed")`.
+      `ContactSolution`; `reduced_velocity` a_T v [m/s] where the block has one law of temperature,
+      `friction_standard_error` where errors of a material are known; and how each solve ended. It
+      makes tables and spreads: `results.study.over("seed")`.
     - `point`: the name of each solve in a store of points, shape of the axes.
     - `surface`: the rough surface, that of the first seed.
     - `fields`: fields of the solves that were kept, by their indices along the axes.
@@ -116,7 +120,7 @@ class Results:
         return self.study[name]
 
     def __getattr__(self, name: str) -> np.ndarray:
-        if name not in (*AXES, *OBSERVABLES, *REDUCED):
+        if name not in (*AXES, *OBSERVABLES, *OPTIONAL):
             raise AttributeError(f"`Results` has no attribute {name!r}.")
         try:
             return self.study[name]
@@ -173,7 +177,7 @@ def write_results(path: str | os.PathLike, results: Results) -> None:
             file.attrs[name] = value
         file.attrs["caveats"] = "\n".join(caveat.sentence for caveat in results.caveats)
         paths = {name: "number of the block" for name in results.study.axes if name not in AXES}
-        put_study(file, results.study, {**paths, **AXES, **OBSERVABLES, **REDUCED, **TEXTS})
+        put_study(file, results.study, {**paths, **AXES, **OBSERVABLES, **OPTIONAL, **TEXTS})
         about = {"description": TEXTS["point"]}
         put(file, "point", results.point, tuple(results.study.axes), about)
         _write_surface(file, results.surface)
@@ -193,7 +197,7 @@ def read_results(path: str | os.PathLike) -> Results:
     **Returns:** what `run_scene` gave.
     """
     with opened(path, FORMAT) as file:
-        study = get_study(file, [*OBSERVABLES, *(name for name in REDUCED if name in file)], "f")
+        study = get_study(file, [*OBSERVABLES, *(name for name in OPTIONAL if name in file)], "f")
         surface, point = _read_surface(file), texts(file["point"])
         shapes = {values.shape for values in (*study.values.values(), point)}
         if shapes != {study.message.shape}:
@@ -207,12 +211,13 @@ def lost_solves(path: str | os.PathLike, point: np.ndarray) -> tuple[int, dict[s
     """Returns how many solves the file at `path` has that are not in `point`, and its attributes.
 
     A file that has any must not be replaced by one with the solves of these names only. Solves that
-    were not started do not count; there are none if there is no file. Raises as `read_results`.
+    were not started, or whose worker died, do not count; there are none if there is no file. Raises
+    as `read_results`.
     """
     if not Path(path).exists():
         return 0, {}
     with opened(path, FORMAT) as file:
-        finished = texts(file["point"])[texts(file["message"]) != NOT_STARTED]
+        finished = texts(file["point"])[~np.isin(texts(file["message"]), (NOT_STARTED, LOST))]
         return int(np.sum(~np.isin(finished, point))), _attributes(file)
 
 

@@ -12,7 +12,9 @@ file, or begin with `~`.
     [materials.NAME]      kind = "elastic", "prony", "prony_creep", "tabulated", "tyre_tread" or
                           "bulk_shear", whose two parts are NAMEs of materials above it; the two
                           series may have `measured` = {omega = [lowest, highest], temperature =
-                          [lowest, highest]}, where they follow data
+                          [lowest, highest]}, where they follow data; any may have `errors`, the
+                          file NAME-errors.csv of `graded-contact fit`: friction has its standard
+                          error then, and the frequencies are told that decide it
     [[layers]]            `material` = a NAME, `thickness`; from the loaded surface downwards. A
                           graded one has, instead of `material`, the NAMEs `bottom` and `top`, and
                           may have `shape` ("linear", {kind = "exponential", rate = 2.0}, ...) and
@@ -51,8 +53,10 @@ from ..parameters import with_values
 from ..response.grading import AbstractGradedSolver
 from ..response.layering import Layering
 from ..response.stack import Stack
+from ..rheology.material import AbstractMaterial
 from ..rheology.tabulated import Tabulated
 from .block import Block, extremes
+from .errors import Errors
 from .output import check_name, full_path
 from .surfaces import RandomSurface, SurfaceFile, parse_surface
 from .toml import Section, parse_toml, within
@@ -87,6 +91,7 @@ class Scene:
     - `graded`: the solver of graded layers.
     - `name`, `directory`: of the output; None leaves them to the caller.
     - `keep`: which fields the results hold: "last", "every" or "none".
+    - `errors`: what is known of numbers of materials: name, the material of the stack, and these.
     - `inputs`: the files that the scene names.
     - `notes`: what was understood of its tables of moduli, one sentence each.
     """
@@ -107,6 +112,7 @@ class Scene:
     name: str | None
     directory: Path | None
     keep: str
+    errors: tuple[tuple[str, AbstractMaterial, Errors], ...]
     inputs: tuple[Path, ...]
     notes: tuple[str, ...] = ()
 
@@ -207,6 +213,7 @@ def parse_scene(text: str, folder: str | os.PathLike = ".") -> Scene:
         name=name,
         directory=directory,
         keep=output.choice("fields", ("last", "every", "none"), "last"),
+        errors=tuple((name, block.materials[name], known) for name, known in block.errors.items()),
         inputs=tuple(block.builder.paths),
         notes=tuple(block.notes),
     )

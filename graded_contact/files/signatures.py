@@ -45,7 +45,7 @@ class Builder:
     ):
         self.kinds, self.folder = kinds, folder
         self.paths: list[Path] = []
-        self.readers = {os.PathLike: self._path, **readers}
+        self.readers = {os.PathLike: self.path, **readers}
 
     def arguments(self, section: Section, make: Callable, given: Sequence[str] = ()) -> dict:
         """Returns what the section holds of the arguments of `make`, but for those `given`."""
@@ -107,7 +107,8 @@ class Builder:
         make = kinds[section.choice(key, tuple(kinds))]
         return self.build(Section(section.place_of(key), {}, ()), make)
 
-    def _path(self, section: Section, key: str) -> Path:
+    def path(self, section: Section, key: str) -> Path:
+        """Returns the path under a key, relative to `folder`, and adds it to `paths`."""
         with within(section.place):
             self.paths.append(full_path(section.text(key), self.folder))
         return self.paths[-1]

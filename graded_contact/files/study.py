@@ -24,6 +24,7 @@ if TYPE_CHECKING:
 FORMAT = "graded_contact study 1"
 NOT_STARTED = "not started"
 FAILED = "failed: "
+LOST = f"{FAILED}its worker died, each time that it was tried"  # no fault of the point's
 # Of axes and quantities by the last word of their names.
 UNITS = {
     "pressure": "Pa", "velocity": "m/s", "reduced_velocity": "m/s", "temperature": "K",
@@ -31,8 +32,8 @@ UNITS = {
     "times": "s", "poisson": "1", "gap": "m", "mean_gap": "m", "displacement": "m",
     "heights": "m", **dict.fromkeys((
         "friction", "contact_area", "contact_area_corrected", "contact_area_smooth",
-        "geometric_friction", "energy_imbalance", "slope_in_contact", "unmeasured_area",
-        "unmeasured_friction", "extrapolated_friction", "error", "num_fft_pairs",
+        "friction_standard_error", "geometric_friction", "energy_imbalance", "slope_in_contact",
+        "unmeasured_area", "unmeasured_friction", "extrapolated_friction", "error", "num_fft_pairs",
     ), "1"),
 }  # fmt: skip
 

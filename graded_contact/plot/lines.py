@@ -20,6 +20,7 @@ QUANTITIES = {
     "friction": "friction coefficient",
     "contact_area_smooth": "contact area / nominal area\n(sub-pixel)",
 }
+ERROR = "_standard_error"
 BAND = (0.05, 0.95)  # of the surfaces
 STYLES = ("-", "--", ":", "-.")
 MANY = len(COLOURS)  # values told apart by colours of their own
@@ -34,7 +35,7 @@ class Lines(NamedTuple):
     - `x`: where their points lie, shape `(lines, points)`.
     - `others`: numbers of the lines on the other axes, by name, shape `(lines,)` each.
     - `middle`, `low`, `high`: quantities by name, shape `(lines, points)`; quantiles `BAND` over
-      the seeds, equal to the middle where there are none.
+      the seeds, equal to the middle where there are none. Standard errors are in the middle.
     - `state`, `doubtful`: of the points as in `Results`, of the worst seed, same shape.
     - `units`: of axes, by name.
     """
@@ -77,7 +78,9 @@ def lines_of(results: Results, along: str | None = None) -> Lines:
     points = np.argsort(axes[follows], kind="stable")
     state, doubts = results.state, [caveat.where for caveat in results.caveats]
     doubtful = np.any([np.zeros(state.shape, bool), *doubts], axis=0)
-    middle = {name: results[name] for name in QUANTITIES}
+    told = [*QUANTITIES, *(f"{name}{ERROR}" for name in QUANTITIES)]
+    names = [name for name in told if name in results.study.values]
+    middle = {name: results[name] for name in names}
     low = high = middle
     x = np.broadcast_to(axes[follows], tuple(map(len, (axes[name] for name in order))))
     if along == "reduced_velocity":
@@ -86,7 +89,7 @@ def lines_of(results: Results, along: str | None = None) -> Lines:
     state, doubtful = laid(state, order), laid(doubtful, order)
     if "seed" in axes:
         spread = results.study.over("seed", BAND)
-        middle = {name: spread.mean[name] for name in QUANTITIES}
+        middle = {name: spread.mean[name] for name in names}
         low, high = ({n: spread.quantiles[n][i] for n in QUANTITIES} for i in range(2))
         x, state, doubtful = x[:, 0], _worst(state), np.any(doubtful, axis=1)
     without = [name for name in order if name != "seed"]
@@ -116,7 +119,8 @@ def _worst(state: np.ndarray) -> np.ndarray:
 
 
 def draw(axes: "Axes", lines: Lines, quantity: str, styles: list[dict[str, Any]]) -> None:
-    """Draws the lines with a band over the seeds, and marks points by their state."""
+    """Draws the lines with a band over the seeds and bars of one standard error, and marks points
+    by their state."""
     for i, style in enumerate(styles):
         x, values = lines.x[i], lines.middle[quantity][i]
         colour = style["color"]
@@ -124,6 +128,9 @@ def draw(axes: "Axes", lines: Lines, quantity: str, styles: list[dict[str, Any]]
         ends = lines.low[quantity][i], lines.high[quantity][i]
         if np.any(ends[0] < ends[1]):
             axes.fill_between(x, *ends, color=colour, alpha=0.2, linewidth=0)
+        if quantity + ERROR in lines.middle:
+            error = lines.middle[quantity + ERROR][i]
+            axes.errorbar(x, values, error, fmt="none", ecolor=colour, capsize=3)
         for state, face in (("", colour), ("not converged", "white")):
             chosen = lines.state[i] == state
             if np.any(chosen):
@@ -167,7 +174,8 @@ def finish(axes: "Axes", lines: Lines, quantity: str) -> None:
             axes.xaxis.set_major_locator(LogLocator(subs=(1, 2, 5)))
             axes.xaxis.set_major_formatter("{x:g}")
         axes.xaxis.set_minor_formatter(NullFormatter())
-    top = np.fmax.reduce([lines.middle[quantity], lines.high[quantity]], axis=None, initial=0)
+    upper = lines.middle[quantity] + lines.middle.get(quantity + ERROR, 0)
+    top = np.fmax.reduce([upper, lines.high[quantity]], axis=None, initial=0)
     axes.set_ylim(0, max(1.08 * top, axes.get_ylim()[1] if axes.get_ylim()[0] == 0 else 0) or None)
     unit = lines.units.get(lines.along)
     axes.set_xlabel(TITLES.get(lines.along, lines.along) + (f" [{unit}]" if unit else ""))

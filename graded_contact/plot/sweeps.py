@@ -19,9 +19,9 @@ def plot_sweep(results: Results) -> "Figure":
     If there is one velocity they are drawn against the last axis that has several points. The area
     is the sub-pixel one. The first of the other axes tells the lines apart by colour, the rest by
     dashes. Over several surfaces (`seed`) lines are means and bands reach from the 5 % to the 95 %
-    quantile. A solve that did not converge has a hollow marker, one with a caveat
-    (`Results.caveats`) a cross; one that failed has a triangle and one that was not started a
-    stroke, at the bottom.
+    quantile. Bars are one standard error, where errors of a material are known. A solve that did
+    not converge has a hollow marker, one with a caveat (`Results.caveats`) a cross; one that failed
+    has a triangle and one that was not started a stroke, at the bottom.
 
     **Arguments:**
 
@@ -70,8 +70,13 @@ def plot_compare(results: Sequence[Results], names: Sequence[str]) -> "Figure":
                 f"{name!r} varies {_words(lines)}, and {names[0]!r} {_words(first)}: results over "
                 "the same axes can be compared."
             )
-        if any(lines.units.get(axis) != first.units.get(axis) for axis in (first.along,)):
-            raise ValueError(f"{name!r} and {names[0]!r} have different units of {first.along}.")
+        for what in (first.along, *first.varied, *QUANTITIES):
+            here, there = lines.units.get(what), first.units.get(what)
+            if here != there:
+                raise ValueError(
+                    f"{name!r} has `{what}` in {here}, and {names[0]!r} in {there}: results in the "
+                    "same units can be compared."
+                )
     figure = new_figure(8.6, 3.7)
     for axes, quantity in zip(figure.subplots(1, 2), QUANTITIES, strict=True):
         for i, (lines, name) in enumerate(zip(every, names, strict=True)):

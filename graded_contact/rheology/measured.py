@@ -64,7 +64,7 @@ class MeasuredRange(eqx.Module):
             if ends.shape != (2,):
                 raise ValueError(f"`{name}` has shape {ends.shape}; two numbers are needed.")
             check_positive(name, ends, unit)
-            if is_concrete(ends) and ends[0] > ends[1]:
+            if is_concrete(ends) and np.diff(np.asarray(ends)) < 0:
                 raise ValueError(
                     f"`{name}` from {float(ends[0]):g} to {float(ends[1]):g} {unit} is refused: "
                     "the lowest comes first."

@@ -20,7 +20,7 @@ from typing import Any
 
 import jax
 
-from ..files.study import FAILED
+from ..files.study import LOST
 from .chunk import Chunk, Columns, Finished, Keep, Pace, Work, compiled_chunk, most_points
 from .program import Program, identity, trace
 
@@ -132,8 +132,7 @@ def on_workers(client: Any, program: Program, work: Work) -> Iterator[Finished]:
                 pace.note(len(points), seconds)
                 yield Finished(points, values, messages)
             elif alone:
-                reason = f"{FAILED}its worker died, each time that it was tried"
-                yield Finished(points, [{}], [reason])
+                yield Finished(points, [{}], [LOST])
             else:
                 suspects.extend(points)
             hand_out()

@@ -55,8 +55,9 @@ class Cost(NamedTuple):
 def scene_cost(scene: Scene) -> Cost:
     """Returns what running a scene will cost; a surface from a file is read for its shape."""
     shape = _shape(scene)
-    seconds = COMPILING + scene.num_solves * _seconds(scene, shape)
-    return Cost(shape, scene_memory(scene, shape), scene.num_solves, seconds)
+    num_solves = scene.num_solves * (2 if scene.errors else 1)
+    seconds = COMPILING + num_solves * _seconds(scene, shape)
+    return Cost(shape, scene_memory(scene, shape), num_solves, seconds)
 
 
 def design_cost(study: DesignScene) -> Cost:

@@ -1,5 +1,6 @@
 """Scenes, run point by point, as sweeps are."""
 
+import dataclasses
 import hashlib
 import math
 from collections.abc import Callable
@@ -7,19 +8,23 @@ from functools import partial
 from typing import Any, Literal
 
 import jax
+import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Float
 
-from .._memory import check_memory, num_numbers, sliding_memory
+from .._memory import DERIVATIVE, check_memory, num_numbers, sliding_memory
+from ..files.errors import moved
 from ..files.results import FIELDS, OBSERVABLES, Fields, Results, package_versions
 from ..files.scene import Scene
 from ..files.study import NOT_STARTED, Study, units_of
 from ..files.surfaces import RandomSurface
 from ..files.toml import within
+from ..response.stack import Stack
 from ..rheology.shift import AbstractShift
 from ..sliding import slide
 from ..surface import Surface
 from .extrapolation import check_frequencies_of, velocity_vector
+from .scene_errors import errors_of_stack
 from .store import Point, Store, fingerprint
 from .sweep import solve_points
 
@@ -34,8 +39,9 @@ def scene_memory(scene: Scene, shape: tuple[int, ...]) -> float:
     """Returns the bytes that a scene takes with a surface of this shape, in double precision."""
     kept = {"every": scene.num_solves, "last": 1, "none": 0}[scene.keep]
     numbers, askew = num_numbers(scene.stack), scene.direction != 0
-    # The surface, and what is kept.
-    fields = (1 + len(_fields_of(scene)) * kept) * math.prod(shape) * 8
+    # The surface, what is kept, and a derivative.
+    num_fields = 1 + len(_fields_of(scene)) * kept + (DERIVATIVE if scene.errors else 0)
+    fields = num_fields * math.prod(shape) * 8
     return fields + sliding_memory(shape, 8, numbers, askew, scene.solver.memory)
 
 
@@ -84,7 +90,7 @@ def run_scene(
     names = point_names(scene, surface)
     indices = list(np.ndindex(names.shape))
     kept = {"every": len(indices), "last": 1, "none": 0}[scene.keep]  # of the last
-    whole = (*OBSERVABLES, *_fields_of(scene))
+    quantities = _quantities_of(scene)
     points = solve_points(
         _solver(scene, surface),
         _columns(scene),
@@ -93,7 +99,7 @@ def run_scene(
         workers=workers,
         scheduler=scheduler,
         client=client,
-        keep=[OBSERVABLES] * (len(indices) - kept) + [whole] * kept,
+        keep=[quantities] * (len(indices) - kept) + [(*quantities, *_fields_of(scene))] * kept,
         progress=progress,
     )
     if not any(points):
@@ -115,6 +121,7 @@ def point_names(scene: Scene, surface: Surface) -> np.ndarray:
     common = fingerprint(
         versions, scene.stack, None if "temperature" in scene.axes else scene.temperature,
         rough, surface.grid, scene.direction, scene.solver, scene.rtol, scene.graded,
+        errors_of_stack(scene),
     )  # fmt: skip
     columns = _columns(scene)
     names = [
@@ -130,6 +137,12 @@ def _columns(scene: Scene) -> dict[str, np.ndarray]:
     return {name: at.ravel() for name, at in zip(scene.axes, grid, strict=True)}
 
 
+def _quantities_of(scene: Scene) -> tuple[str, ...]:
+    """The numbers of a solve: a standard error where errors of a material are known."""
+    known = errors_of_stack(scene) is not None
+    return (*OBSERVABLES, "friction_standard_error") if known else tuple(OBSERVABLES)
+
+
 def _fields_of(scene: Scene) -> tuple[str, ...]:
     """The fields of a solve that is kept: heights where each has its own."""
     return tuple(name for name in FIELDS if name != "heights" or "seed" in scene.axes)
@@ -138,13 +151,26 @@ def _fields_of(scene: Scene) -> tuple[str, ...]:
 def _solver(scene: Scene, surface: Surface) -> Callable[[dict[str, Any]], dict[str, Any]]:
     """What gives the numbers and fields of one solve, from its numbers on the axes."""
     fields = _fields_of(scene) if scene.keep != "none" else ()
+    errors = errors_of_stack(scene)
 
     def solve(point: dict[str, Any]) -> dict[str, Any]:
+        if errors is None:
+            return solved(point, scene.stack)
+
+        def friction(steps):
+            found = solved(point, moved(scene.stack, errors, steps))
+            return found["friction"], found
+
+        none = jnp.zeros(len(errors.directions), surface.heights.dtype)
+        slopes, found = jax.grad(friction, has_aux=True)(none)
+        return {**found, "friction_standard_error": jnp.linalg.norm(slopes)}
+
+    def solved(point: dict[str, Any], stack: Stack) -> dict[str, Any]:
         rough = surface
         if "seed" in point and isinstance(scene.surface, RandomSurface):
             rough = scene.surface.drawn(point["seed"])
         sliding = slide(
-            scene.block(point),
+            dataclasses.replace(scene, stack=stack).block(point),
             rough,
             pressure=point["pressure"],
             velocity=velocity_vector(point["velocity"], scene.direction),
@@ -168,7 +194,8 @@ def _collect(
     with_fields: list[tuple[int, ...]],
 ) -> Results:
     """The results of a scene from its solves, those that there are."""
-    values = {name: np.full(names.shape, np.nan, surface.heights.dtype) for name in OBSERVABLES}
+    quantities, dtype = _quantities_of(scene), surface.heights.dtype
+    values = {name: np.full(names.shape, np.nan, dtype) for name in quantities}
     message, fields = np.full(names.shape, NOT_STARTED, object), {}
     for index, point in points.items():
         if point is None:
@@ -176,7 +203,7 @@ def _collect(
         message[index] = point.message
         if not point.values:
             continue
-        for name in OBSERVABLES:
+        for name in quantities:
             values[name][index] = point.values[name]
         if index in with_fields:
             fields[index] = Fields(**{name: point.values[name] for name in _fields_of(scene)})

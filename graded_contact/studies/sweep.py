@@ -10,7 +10,7 @@ import numpy as np
 from .._checks import Numbers, as_float, check_values, short
 from .._memory import SMALL, available_memory, in_gigabytes
 from ..files.results import package_versions
-from ..files.study import FAILED, NOT_STARTED, Study, units_of
+from ..files.study import FAILED, LOST, NOT_STARTED, Study, units_of
 from .chunk import Work, bytes_of
 from .engine import check_engine, solved
 from .program import Program, identity, trace
@@ -33,7 +33,8 @@ def sweep(
     Points are solved in this process by one compiled program, unless workers are asked for; the
     bits are the same. A point that fails is kept with its reason, one whose solver did not converge
     with its message and its numbers, and the rest goes on. With a `store` every finished point is
-    on the disk at once, and a rerun computes what is missing there; another function, which is told
+    on the disk at once, and a rerun computes what is missing there, and what only the machine
+    failed at (its worker died); another function, which is told
     by its program, is another study. Ctrl-C returns what there is, with "not started" for the rest.
 
     Functions that differ only in numbers that they close over (heights, a thickness) share the
@@ -132,7 +133,7 @@ def solve_points(
             for i, found, message in zip(part, values, messages, strict=True):
                 inputs = {name: column[i] for name, column in columns.items()}
                 point = points[i] = Point(found, message, inputs | versions)
-                if store is not None:
+                if store is not None and message != LOST:
                     store.write(names[i], point)
             if progress is not None:
                 progress(count - points.count(None), count)

@@ -17,7 +17,7 @@ from jaxtyping import Array, Float
 
 from .._checks import Numbers, as_float, check_positive, check_shape, check_values, short
 from .._shown import shown
-from ..files.errors import Errors
+from ..files.errors import Errors, moved
 from ..fitting.master import MasterCurve
 from ..fitting.result import PronyFit
 from ..parameters import paths, with_values
@@ -110,12 +110,9 @@ def propagate(
         spread = jnp.diag(ravel_pytree(deviations)[0] ** 2)
         made = lambda unknowns: with_values(tree, unravel(unknowns))  # noqa: E731
     elif isinstance(known, Errors):
-        spread = known.directions.T @ known.directions
-        found = paths(tree)
-        unknowns = jnp.stack([found[path] for path in known.paths])
-        made = lambda unknowns: with_values(  # noqa: E731
-            tree, dict(zip(known.paths, unknowns, strict=True))
-        )
+        unknowns = jnp.zeros(len(known.directions))
+        spread = jnp.eye(len(unknowns))
+        made = lambda steps: moved(tree, known, steps)  # noqa: E731
     else:
         raise ValueError(
             f"`known={short(known)}` must be a fit of a Prony series, a master curve, `Errors` or "

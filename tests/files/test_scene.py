@@ -383,6 +383,41 @@ def test_axes_that_make_no_block_are_refused_with_their_place(text, expected):
         parse_scene(text)
 
 
+SERIES = 'kind = "prony"\nequilibrium = 2e7\nstrengths = [1e7, 2e7]\ntimes = [1.0, 0.1]'
+KNOWN = "equilibrium,strengths[0],strengths[1],poisson"
+
+
+@pytest.mark.parametrize(
+    "table, expected",
+    [
+        (
+            "equilibrium,strengths[0],strengths[1],strengths[2]\n1,1,1,1\n",
+            r"'strengths\[2\]' is no",
+        ),
+        ("equilibrium,strengths[0]\n1,1\n", r"'strengths\[1\]' of the material is missing"),
+        ("equilibrum\n1\n", "'equilibrum' is no number of the.*did you mean `equilibrium`"),
+        ("strengths\n1\n", "'strengths' is no number"),
+        ("shift.c1\n1\n", "'shift.c1' is no number"),
+        ("poisson,poisson\n1,1\n", "names a number twice"),
+        (f"{KNOWN}\n1,1,1,1\n1,1\n", "line 3 has 2 numbers under 4 paths"),
+        (f"{KNOWN}\n1,1,1\n", "line 2 has 3 numbers under 4 paths"),
+        (f"{KNOWN}\n1,1,1,x\n", "line 2: .*'x'"),
+        (f"{KNOWN}\n1,1,1,nan\n", r"`directions\[0, 3\]=nan"),
+        ("", "names no number"),
+        ("\udcff\udcfe", "codec can't decode"),
+        (None, "does not exist"),
+    ],
+)
+def test_errors_of_another_material_or_damaged_ones_are_refused(tmp_path, table, expected):
+    if table is not None:
+        (tmp_path / "e.csv").write_bytes(table.encode("utf-8", "surrogateescape"))
+    text = changed('kind = "elastic"\nmodulus = 2e7', SERIES)
+    text = text.replace("poisson = 0.4\n", 'poisson = 0.4\nerrors = "e.csv"\n')
+    with pytest.raises((ValueError, FileNotFoundError), match=expected) as raised:
+        parse_scene(text, tmp_path)
+    assert "[materials.coat] `errors`:" in str(raised.value) and "e.csv" in str(raised.value)
+
+
 def test_what_a_scene_varies_is_in_the_order_of_its_axes():
     text = swept('"layers[0].thickness" = {from = 1e-5, to = 1e-3, points = 3}')
     text = text.replace("[sweep]", "temperature = {from = 280, to = 300, points = 3}\n[sweep]")

@@ -332,6 +332,48 @@ def test_results_over_all_axes_come_back_and_open_in_xarray(varied, tmp_path):
     assert len(lines) == 17 and lines[0].startswith("layers[0].thickness [m],temperature [K],seed")
 
 
+@pytest.mark.slow
+def test_errors_act_wherever_their_material_lies_and_not_on_what_is_swept(tmp_path):
+    """Against differences of `slide`, over temperature and a path of the block."""
+    (tmp_path / "e.csv").write_text("equilibrium,strengths[0],poisson\n1e5,2e5,0\n0,-3e5,1e-3\n")
+    (tmp_path / "m.csv").write_text("modulus,poisson\n1e6,0.01\n")
+    tread = (
+        'kind = "prony"\nequilibrium = 6e6\nstrengths = [2e7]\ntimes = [1e-3]\npoisson = 0.45\n'
+        'measured = {omega = [1.0, 1e7]}\nerrors = "e.csv"\n'
+        'shift = {kind = "wlf", c1 = 4.0, c2 = 100.0, reference = 290.0}'
+    )
+    text = changed(
+        'kind = "tyre_tread"', tread, '[[layers]]',
+        'errors = "m.csv"\n[[layers]]\nmaterial = "tread"\nthickness = 1e-5\n[[layers]]',
+        "[2e5, 4e5]", "2e5", "[0.01, 1.0]", "0.1", "[solver]",
+        'temperature = [290, 300]\n[sweep]\n"layers[1].material.modulus" = [2e7, 4e7]\n[solver]',
+    )  # fmt: skip
+    scene = parse_scene(text, tmp_path)
+    results = run_scene(scene)
+    assert results.complete and results.friction_standard_error.shape == (2, 2, 1, 1)
+    surface, index = build_surface(scene), (1, 1, 0, 0)
+
+    @jax.jit
+    def friction(equilibrium, strength, poisson, stiffness):
+        rubber = gc.Prony(equilibrium, [strength], [1e-3], poisson, gc.WLF(4.0, 100.0, 290.0))
+        layers = [gc.Layer(rubber, 1e-5), gc.Layer(gc.Elastic(4e7, stiffness), 2e-5)]
+        block = gc.Stack(layers=layers, base=gc.HalfSpace(rubber)).at(300.0)
+        return gc.slide(block, surface, pressure=2e5, velocity=0.1, rtol=1e-11).friction
+
+    at = np.array([6e6, 2e7, 0.45, 0.4])
+    errors = np.array([[1e5, 2e5, 0, 0], [0, -3e5, 1e-3, 0], [0, 0, 0, 0.01]])
+    slopes = [(friction(*(at + e * 1e-3)) - friction(*(at - e * 1e-3))) / 2e-3 for e in errors]
+    np.testing.assert_allclose(results.friction[index], friction(*at), rtol=1e-5)
+    found = results.friction_standard_error[index]
+    np.testing.assert_allclose(found, np.linalg.norm(slopes), rtol=1e-3)
+    write_results(tmp_path / "a.h5", results)
+    assert same(read_results(tmp_path / "a.h5"), results)
+    # Errors decide the name of a solve.
+    bare = parse_scene(text.replace('errors = "e.csv"\n', ""), tmp_path)
+    names = run_module.point_names(bare, surface)
+    assert not np.any(np.isin(names, results.point))
+
+
 def test_frequencies_that_no_table_covers_are_refused_at_any_temperature(tmp_path):
     write(tmp_path, TABLE)
     shift = 'shift = {kind = "arrhenius", activation_energy = 1e5, reference = 293.15}\n'

@@ -16,7 +16,7 @@ from jax.experimental.compilation_cache.compilation_cache import reset_cache
 
 import graded_contact as gc
 from graded_contact.contact.problem import RESULTS
-from graded_contact.files.study import read_study
+from graded_contact.files.study import LOST, read_study
 from graded_contact.studies import chunk as chunk_module
 from graded_contact.studies import cluster, engine
 from graded_contact.studies import sweep as sweep_module
@@ -341,7 +341,7 @@ def test_workers_pay_where_they_save_more_than_they_take_to_start():
 
 
 @pytest.mark.slow
-def test_a_point_that_kills_its_worker_again_and_again_fails_and_the_rest_goes_on(monkeypatch):
+def test_a_point_whose_worker_dies_again_and_again_is_tried_anew_in_a_rerun(monkeypatch, tmp_path):
     pytest.importorskip("distributed")
 
     def deadly(packed, columns, keep):
@@ -349,10 +349,32 @@ def test_a_point_that_kills_its_worker_again_and_again_fails_and_the_rest_goes_o
             os.kill(os.getpid(), signal.SIGKILL)
         return [{"value": np.array(x)} for x in columns["x"]], [""] * len(columns["x"]), 0.1
 
-    monkeypatch.setattr(cluster, "_on_worker", deadly)
-    study = sweep(lambda point: 1.0 * point["x"], {"x": np.arange(10.0)}, workers=2)
+    function, axes = lambda point: 1.0 * point["x"], {"x": np.arange(10.0)}
+    with monkeypatch.context() as patch:
+        patch.setattr(cluster, "_on_worker", deadly)
+        study = sweep(function, axes, workers=2, store=tmp_path)
     assert study.message[2] == "failed: its worker died, each time that it was tried"
     assert np.sum(study.message == "") == 9 and study["value"][9] == 9
+    again = sweep(function, axes, store=tmp_path)
+    assert again.complete and again["value"][2] == 2
+
+
+def test_what_a_machine_failed_at_is_solved_in_a_rerun_and_a_failure_of_the_point_is_kept(
+    monkeypatch, tmp_path
+):
+    ends = {0: "", 1: LOST, 2: "failed: it is no number"}
+
+    def ended(program, work, *_):
+        for i in work.take(3):
+            yield chunk_module.Finished([i], [{"value": np.array(7.0)} if not i else {}], [ends[i]])
+
+    monkeypatch.setattr(sweep_module, "solved", ended)
+    function, axes = lambda point: 1.0 * point["x"], {"x": np.arange(3.0)}
+    assert sweep(function, axes, store=tmp_path).message.tolist() == list(ends.values())
+    monkeypatch.undo()
+    again = sweep(function, axes, store=tmp_path)
+    assert again.message.tolist() == ["", "", ends[2]]
+    assert again["value"][:2].tolist() == [7.0, 1.0]
 
 
 @pytest.mark.slow

@@ -126,7 +126,7 @@ def test_a_master_curve_carries_the_doubt_of_its_shifts(tmp_path):
     with pytest.raises(ValueError, match="line 2"):
         read_errors(path)
     path.write_text("")
-    with pytest.raises(ValueError, match="holds no errors"):
+    with pytest.raises(ValueError, match="names no number"):
         read_errors(path)
 
 
