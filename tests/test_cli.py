@@ -1,7 +1,9 @@
 """The command runs a scene, writes its results, and refuses bad input in one line."""
 
+import contextlib
 import dataclasses
 import errno
+import json
 import os
 import re
 import shutil
@@ -373,6 +375,39 @@ def test_a_run_that_is_killed_again_and_again_ends_as_if_it_had_not_been(tmp_pat
     assert one.point.tolist() == other.point.tolist() and one.complete
     assert one.fields[0, 59].gap.tobytes() == other.fields[0, 59].gap.tobytes()
     assert list(tmp_path.rglob(".*.partial")) == []
+
+
+@pytest.mark.slow
+def test_workers_of_a_scheduler_that_runs_give_the_same_bits(tmp_path):
+    """A scheduler and two workers, started by hand, as docs/many_machines.md says."""
+    pytest.importorskip("distributed")
+    scene = tmp_path / "small.toml"
+    scene.write_text(SCENE.replace("[0.01, 1.0]", "{from = 0.01, to = 1.0, points = 12}"))
+    told, dask = tmp_path / "scheduler.json", [sys.executable, "-m", "dask"]
+    with contextlib.ExitStack() as running:
+
+        def start(*words):
+            process = subprocess.Popen([*dask, *map(str, words)], stderr=subprocess.DEVNULL)
+            running.callback(process.wait)
+            running.callback(process.terminate)
+
+        start("scheduler", "--host", "127.0.0.1", "--port", 0, "--no-dashboard",
+              "--scheduler-file", told)  # fmt: skip
+        for _ in range(2):
+            start("worker", "--scheduler-file", told, "--nthreads", 1, "--memory-limit", 0,
+                  "--no-dashboard", "--local-directory", tmp_path)  # fmt: skip
+        while not told.exists():
+            time.sleep(0.1)
+        address = json.loads(told.read_text())["address"]
+        run = [sys.executable, "-m", "graded_contact", "run", scene, "-o"]
+        for words in ([tmp_path / "there", "--scheduler", address], [tmp_path / "here"]):
+            done = subprocess.run([*run, *words], capture_output=True, text=True)
+            assert done.returncode == 0, done.stderr
+    one, other = (read_results(tmp_path / at / "small.h5") for at in ("there", "here"))
+    assert one.complete and one.friction.shape == (1, 12)
+    for name in storage.OBSERVABLES:
+        assert one[name].tobytes() == other[name].tobytes()
+    assert one.fields[0, 11].gap.tobytes() == other.fields[0, 11].gap.tobytes()
 
 
 def test_results_are_compared_in_a_figure(folder, tmp_path):

@@ -84,7 +84,12 @@ times = [1e-2, 1.0]
 poisson = 0.49
 shift = {kind = "wlf", c1 = 4.0, c2 = 100.0, reference = 290.0}
 measured = {omega = [1e-3, 1e5], temperature = [280.0, 330.0]}
+errors = "errors.csv"
 """
+ERRORS = (
+    "equilibrium,strengths[0],strengths[1],times[0],times[1],shift.c1\n"
+    "1e4,-2e4,3e4,1e-4,0.0,0.1\n0.0,5e4,-1e3,2e-4,0.01,0.2\n"
+)
 FREQUENCIES = """
 [materials.a]
 kind = "tabulated"
@@ -187,7 +192,8 @@ NONSENSE = [
 NAMES = [
     "x", "", "kind", "a.b", "\0", "é", "[a]", "x" * 3000, "layers[0].thickness", "layers[9].a",
     "base.material.strengths[-1]", "base.material.poisson", "__class__", "base", "layers", "1",
-    "layers[0].material", "material", "bottom", "shift", "measured", "design", "rms_height",
+    "layers[0].material", "material", "errors", "bottom", "shift", "measured", "design",
+    "rms_height",
 ]  # fmt: skip
 
 
@@ -328,8 +334,11 @@ def check_scene(text: str, folder: Path) -> bool:
     thickness = [float(layer.thickness) for layer in scene.stack.layers]
     assert thickness == [layer["thickness"] for layer in layers] and all(t >= 0 for t in thickness)
     assert document["base"]["kind"].replace("_", "") == type(scene.stack.base).__name__.lower()
-    for leaf in jax.tree.leaves(scene.stack):
-        assert np.all(np.isfinite(leaf))
+    for leaf in jax.tree.leaves((scene.stack, scene.errors)):
+        assert isinstance(leaf, str) or np.all(np.isfinite(leaf))
+    for name, material, known in scene.errors:
+        assert "errors" in document["materials"][name]
+        assert {*known.paths} <= {*gc.parameters.paths(material)}
     if isinstance(scene.surface, RandomSurface):
         assert scene.surface.grid.shape == tuple(np.ravel(document["grid"]["shape"]).tolist())
         for name in ("rms_slope", "rms_height", "hurst", "q_high", "q_roll"):
@@ -549,7 +558,7 @@ FIT_OPTIONS = {
 
 def check_arguments(draw, folder: Path) -> bool:
     """Odd options of every sub-command, in a folder of valid and odd files."""
-    name = pick(draw, ["run", "demo", "info", "fit", "design", "x", "--version", ""])
+    name = pick(draw, ["run", "demo", "info", "compare", "fit", "design", "x", ""])
     output = ["--output", pick(draw, BAD_FOLDERS)]
     if name == "demo":
         return command(
@@ -574,6 +583,8 @@ def check_case(case: int, folder: Path) -> bool:
     draw = np.random.default_rng([SEED, case])
     with no_hang():
         if case % 10 < 5:
+            errors = damaged_text(draw, ERRORS) if draw.integers(4) == 0 else ERRORS
+            (folder / "errors.csv").write_text(errors, "utf-8")
             return check_scene(damaged_scene(draw), folder)
         if case % 10 < 8:
             return check_results(draw, folder)
@@ -588,6 +599,7 @@ def folder(tmp_path, monkeypatch, unchecked_types):
     monkeypatch.setenv("HOME", str(tmp_path))
     monkeypatch.chdir(tmp_path)
     Path("moduli.csv").write_text(TABLE)
+    Path("errors.csv").write_text(ERRORS)
     np.savetxt("heights.txt", np.random.default_rng(0).normal(size=(16, 16)))
     Path("scene.toml").write_text(SCENES[1])
     Path("design.toml").write_text(SCENES[5])

@@ -103,3 +103,14 @@ def test_the_pressure_of_another_problem_is_not_taken(tmp_path, problem):
         checkpointed(tmp_path, gc.slide, block, road, solver=gc.ResidualDynamics(), **given)
     with Store(tmp_path), pytest.raises(BlockingIOError, match="another process"):
         checkpointed(tmp_path, solve, block, road, **given)
+
+
+def test_a_contact_alone_goes_on_from_the_pressure_that_was_kept(tmp_path, problem):
+    block, road, _ = problem
+    kernel = gc.stack_kernel(block, road.grid, 0.1)
+    given = {"pressure": 2e5, "rtol": 1e-8}
+    whole = gc.solve_contact(kernel, road.heights, **given)
+    first = checkpointed(tmp_path, gc.solve_contact, kernel, road.heights, every=0.0, **given)
+    assert is_same(first, whole) and first.num_fft_pairs == whole.num_fft_pairs
+    again = checkpointed(tmp_path, gc.solve_contact, kernel, road.heights, **given)
+    assert is_same(again, whole) and again.num_fft_pairs < whole.num_fft_pairs - 10
