@@ -55,7 +55,7 @@ def print_table(results: Results) -> None:
         cells += [format(results[name][index], style) for name, (_, style) in columns.items()]
         if "friction_standard_error" in results.study.values:
             cells[2 + len(others)] = with_error(
-                results.friction[index], results.friction_standard_error[index]
+                float(results.friction[index]), float(results.friction_standard_error[index])
             )
         state = str(states[index])
         mark = state and f"[bold red]{state}[/] "

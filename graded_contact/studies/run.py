@@ -153,18 +153,6 @@ def _solver(scene: Scene, surface: Surface) -> Callable[[dict[str, Any]], dict[s
     fields = _fields_of(scene) if scene.keep != "none" else ()
     errors = errors_of_stack(scene)
 
-    def solve(point: dict[str, Any]) -> dict[str, Any]:
-        if errors is None:
-            return solved(point, scene.stack)
-
-        def friction(steps):
-            found = solved(point, moved(scene.stack, errors, steps))
-            return found["friction"], found
-
-        none = jnp.zeros(len(errors.directions), surface.heights.dtype)
-        slopes, found = jax.grad(friction, has_aux=True)(none)
-        return {**found, "friction_standard_error": jnp.linalg.norm(slopes)}
-
     def solved(point: dict[str, Any], stack: Stack) -> dict[str, Any]:
         rough = surface
         if "seed" in point and isinstance(scene.surface, RandomSurface):
@@ -183,7 +171,19 @@ def _solver(scene: Scene, surface: Surface) -> Callable[[dict[str, Any]], dict[s
         names = (*OBSERVABLES, *fields, "result")
         return heights | {n: getattr(sliding, n) for n in names if n != "heights"}
 
-    return solve
+    if errors is None:
+        return lambda point: solved(point, scene.stack)
+
+    def with_error(point: dict[str, Any]) -> dict[str, Any]:
+        def friction(steps):
+            found = solved(point, moved(scene.stack, errors, steps))
+            return found["friction"], found
+
+        none = jnp.zeros(len(errors.directions), surface.heights.dtype)
+        slopes, found = jax.grad(friction, has_aux=True)(none)
+        return {**found, "friction_standard_error": jnp.linalg.norm(slopes)}
+
+    return with_error
 
 
 def _collect(

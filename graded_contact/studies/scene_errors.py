@@ -18,7 +18,7 @@ from ..surface import Surface, radial_spectrum
 from .uncertainty import Sensitivity, sensitivity
 
 PER_DECADE = 8  # frequencies of a table of moduli
-SLOWER = 0.1  # waves across the velocity excite lower frequencies than those along it
+SLOWER = 0.01  # waves across the velocity excite lower frequencies than those along it
 
 
 def errors_of_stack(scene: Scene) -> Errors | None:
