@@ -513,9 +513,17 @@ def test_what_a_fit_knows_reaches_the_friction_of_a_scene(tmp_path):
 
 
 def test_a_standard_error_tells_how_many_digits_count():
-    numbers = ((0.51234, 0.0081), (0.5, 0.25), (12.3, 1.26), (1e-5, 2e-6), (0.51234, 0.0))
+    numbers = (
+        (0.51234, 0.0081),
+        (0.5, 0.25),
+        (12.3, 1.26),
+        (1e-5, 2e-6),
+        (0.51234, 0.0),
+        (-4.7e-18, 5e-20),
+    )
     assert [with_error(*pair) for pair in numbers] == [
         "0.5123 ± 0.0081", "0.50 ± 0.25", "12.3 ± 1.3", "0.0000100 ± 0.0000020", "0.5123 ± 0",
+        "-4.700e-18 ± 5e-20",
     ]  # fmt: skip
 
 

@@ -90,7 +90,7 @@ def print_decisive(decided: Mapping[tuple[str, float], Sensitivity]) -> None:
 
 def with_error(value: float, error: float) -> str:
     """Returns a number with its standard error, to two digits of that: "0.512 ± 0.0081"."""
-    if not (np.isfinite(error) and error > 0):
+    if not (np.isfinite(error) and error > 1e-6):
         return f"{value:#.4g} ± {error:.2g}"
     digits = max(0, 1 - int(np.floor(np.log10(error))))
     return f"{value:.{digits}f} ± {error:.{digits}f}"
