@@ -17,6 +17,7 @@ import jax
 import jax.numpy as jnp
 import matplotlib
 import numpy as np
+from rows import keep
 
 import graded_contact as gc
 from graded_contact.response.compliance import graded_compliance
@@ -121,6 +122,17 @@ def main(target):
                 f"{name:11s} {method:19s} {setting:13s} {worst:11.1e} {1e6 * each:9.1f} "
                 f"{first:12.1f}",
                 flush=True,
+            )
+            keep(
+                "bench_grading",
+                {
+                    "profile": name,
+                    "method": method,
+                    "setting": setting,
+                    "worst error": float(worst),
+                    "time of a point [us]": 1e6 * each,
+                    "first call [s]": first,
+                },
             )
         needed = layers_for(profile, q, expected, 1e-6)
         print(f"{name:11s} stepwise midpoint needs {needed} layers for 1e-6\n", flush=True)

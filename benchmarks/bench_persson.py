@@ -12,6 +12,7 @@ import time
 import jax
 import jax.numpy as jnp
 import numpy as np
+from rows import keep
 
 import graded_contact as gc
 
@@ -70,6 +71,16 @@ def speed(options):
     first_gradient, warm_gradient = timed(gradient, thickness)
     print(f"curve     first {first:6.2f} s   warm {1e3 * warm:7.1f} ms")
     print(f"gradient  first {first_gradient:6.2f} s   warm {1e3 * warm_gradient:7.1f} ms")
+    keep(
+        "bench_persson-speed",
+        {
+            "curve of 50 velocities, first [s]": first,
+            "warm [ms]": 1e3 * warm,
+            "with gradient, first [s]": first_gradient,
+            "with gradient, warm [ms]": 1e3 * warm_gradient,
+            "error of the quadrature": error,
+        },
+    )
     print(f"goal: curve <= 50 ms | reached: {1e3 * warm:.1f} ms")
     print(f"goal: quadrature error <= 1e-6 (against three times the nodes) | reached: {error:.1e}")
     print(f"goal: gradient <= 3 x curve | reached: {warm_gradient / warm:.2f} x")

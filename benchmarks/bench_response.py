@@ -37,6 +37,7 @@ from exact_stacks import (
 )
 from kernel_costs import BODIES, gradient, memory, speed
 from paper_recursion import paper_compliance
+from rows import keep
 
 import graded_contact as gc
 
@@ -141,6 +142,17 @@ def hard(options):
         print(
             f"{name:18s} {np.sum(some):6d} {spread(ours[some])}   {spread(finite)} "
             f"{lost:10.2%} {useless:9.2%}"
+        )
+        keep(
+            "bench_response-hard",
+            {
+                "stacks": name,
+                "number": int(np.sum(some)),
+                **quantiles("error", ours[some]),
+                **quantiles("error of the 3x3 recursion", finite),
+                "not finite there": float(lost),
+                "no digit there": float(useless),
+            },
         )
     print("\nthe worst of the package (condition: Σ |p ∂M/∂p|/|M| over q, all d and all E):")
     for i in np.argsort(-ours)[: options.show]:
@@ -252,6 +264,16 @@ def derivative_rows(names, mode, values, exact, unit):
         print(
             f"{name:3s} {mode:7s} {spread(itself[some, i])} {np.mean(~some):8.1%}   "
             f"{spread(larger[:, i])}"
+        )
+        keep(
+            "bench_response-derivatives",
+            {
+                "by": name,
+                "mode": mode,
+                **quantiles("relative error", itself[some, i]),
+                "ill-conditioned, left out": float(np.mean(~some)),
+                **quantiles("error over M/p or itself", larger[:, i]),
+            },
         )
     return np.max(itself[alive])
 
@@ -411,6 +433,16 @@ def slope_by_frequency(base, mode, *inputs):
 # Common -------------------------------------------------------------------------------------
 
 HEAD = f"{'worst':>8s} {'99.9 %':>8s} {'median':>8s}"
+
+
+def quantiles(name, errors):
+    """What `spread` prints, by name."""
+    some = errors if len(errors) else np.full(1, np.nan)
+    return {
+        f"{name}: worst": float(np.max(some)),
+        f"{name}: 99.9 %": float(np.quantile(some, 0.999)),
+        f"{name}: median": float(np.median(some)),
+    }
 
 
 def spread(errors):

@@ -27,6 +27,8 @@ import time
 from importlib.metadata import version
 from pathlib import Path
 
+from rows import keep
+
 CELL = 8e-3  # m
 PRESSURE, SPEED = 4e5, 0.1  # Pa, m/s
 KINDS = "all-gather|all-to-all|all-reduce|collective-permute|reduce-scatter"
@@ -157,6 +159,24 @@ def table(options):
                     f"{one['other'] / 1e3:8.1f}  {wrong:8.0e}  "
                     f"{abs(one['friction'] / alone - 1):8.0e}",
                     flush=True,
+                )
+                keep(
+                    "bench_sharding",
+                    {
+                        "N": size,
+                        "devices": devices * processes,
+                        "processes": processes,
+                        "CPU time [s]": sum(each["cpu"] for each in told),
+                        "fields of a device": one["arguments"]
+                        + one["outputs"]
+                        + one["temporaries"],
+                        "of a device [MB]": one["bytes"] / 1e6,
+                        "peak of a process [MB]": max(each["peak"] for each in told) / 1e6,
+                        "sent [MB/pair]": one["sent"] / 1e6,
+                        "largest else [kB]": one["other"] / 1e3,
+                        "pressure": wrong,
+                        "friction": abs(one["friction"] / alone - 1),
+                    },
                 )
 
 

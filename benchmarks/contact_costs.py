@@ -12,6 +12,7 @@ from functools import partial
 import jax
 import jax.numpy as jnp
 from contact_scenes import bare_pair, bodies, goal, print_versions, rough_surface, timed
+from rows import keep
 
 import graded_contact as gc
 from graded_contact import _fft
@@ -93,6 +94,17 @@ def gradient(options):
                     f"{name:12s} {load:5.2f} {n:5d} {seconds[0]:8.3f} {seconds[1]:8.3f} "
                     f"{ratio:8.2f}",
                     flush=True,
+                )
+                keep(
+                    "bench_contact-gradient",
+                    {
+                        "body": name,
+                        "p/E_r": load,
+                        "N": n,
+                        "friction [s]": seconds[0],
+                        "with gradient [s]": seconds[1],
+                        "gradient over friction": ratio,
+                    },
                 )
     found = ", ".join(f"{ratio:.2f} at N = {n}" for n, ratio in worst.items())
     goal("a gradient costs <= 1 x its solve", found)

@@ -9,6 +9,7 @@ images of the cylinder are those at `WIDE`: they change the curvature by π²/6 
 import jax.numpy as jnp
 import numpy as np
 from contact_scenes import goal, growth, print_versions
+from rows import keep
 
 import graded_contact as gc
 from graded_contact import reference
@@ -46,6 +47,18 @@ def row(v, points):
     found = (found[0] / A, found[1] / A, found[2] / exact.peak_pressure, found[3] / A)
     errors = np.abs(np.subtract(found, wanted))
     print(f"{v:7g} {points:8d} {pairs:6.0f} " + " ".join(f"{e:10.1e}" for e in errors), flush=True)
+    keep(
+        "bench_contact-cylinder",
+        {
+            "speed": v,
+            "points to a half-width": points,
+            "FFT pairs": float(pairs),
+            "half-width": float(errors[0]),
+            "offset": float(errors[1]),
+            "peak pressure": float(errors[2]),
+            "friction": float(errors[3]),
+        },
+    )
     return errors
 
 

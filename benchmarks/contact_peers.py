@@ -5,13 +5,12 @@ same reduced modulus and the same mean pressure. Their times are of the solve al
 `slide`: kernel, solve and observables.
 """
 
+import importlib
 import time
 from functools import partial
 
-import ContactMechanics
 import jax.numpy as jnp
 import numpy as np
-import SurfaceTopography
 import tamaas
 from contact_scenes import (
     BEST,
@@ -25,6 +24,7 @@ from contact_scenes import (
     rough_surface,
     timed,
 )
+from rows import keep
 
 import graded_contact as gc
 from graded_contact.contact.observables import friction
@@ -68,11 +68,14 @@ class Mechanics:
     name = "ContactMechanics"
 
     def __init__(self, heights):
+        mechanics, topography = map(
+            importlib.import_module, ("ContactMechanics", "SurfaceTopography")
+        )
         heights, shape = np.array(heights), heights.shape
         self.height, self.pixel = heights.std(), CELL**2 / heights.size
-        substrate = ContactMechanics.PeriodicFFTElasticHalfSpace(shape, 1.0, (CELL, CELL))
-        surface = SurfaceTopography.Topography(heights, (CELL, CELL), periodic=True)
-        self.system = ContactMechanics.Systems.NonSmoothContactSystem(substrate, surface)
+        substrate = mechanics.PeriodicFFTElasticHalfSpace(shape, 1.0, (CELL, CELL))
+        surface = topography.Topography(heights, (CELL, CELL), periodic=True)
+        self.system = mechanics.Systems.NonSmoothContactSystem(substrate, surface)
 
     def solve(self, pressure, tolerance):
         found = self.system.minimize_proxy(
@@ -89,7 +92,7 @@ PEERS = {peer.name: peer for peer in (Tamaas, Mechanics)}
 
 
 def elastic(options):
-    print_versions((tamaas, ContactMechanics))
+    print_versions([importlib.import_module(name) for name in options.peers])
     print("# errors against rtol = 1e-10: pressure (rms, relative), ⟨σ ∂h/∂x⟩/⟨σ⟩ (absolute: an")
     print("# elastic body has no friction but this is its error on a grid), area (relative);")
     print("# differ: pixels of the contact set that are not those of that solution")
@@ -130,6 +133,21 @@ def compare(n, load, options, points, ratios, differing, hints):
             f"{pairs:>6s} {seconds:8.3f} {errors.pressure:8.1e} {slope:8.1e} "
             f"{errors.area:8.1e} {differ:6d} {ratio:>6s}",
             flush=True,
+        )
+        keep(
+            "bench_contact-elastic",
+            {
+                "p/E*": load,
+                "N": n,
+                "solver": solver,
+                "wanted error": target,
+                "error of the pressure": float(errors.pressure),
+                "error of the area": float(errors.area),
+                "pixels that differ": differ,
+                "FFT pairs": pairs,
+                "time [s]": seconds,
+                "over our time": ratio,
+            },
         )
         return errors.pressure, differ
 

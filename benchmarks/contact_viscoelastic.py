@@ -16,6 +16,7 @@ from contact_scenes import (
     print_versions,
     rough_surface,
 )
+from rows import keep
 
 import graded_contact as gc
 from graded_contact.contact.law import RepulsiveLJ
@@ -90,6 +91,21 @@ def row(name, load, speed, n):
         solution, rtol = found[0][0]
         mu = abs(float(solution.friction / best.friction - 1)) if best.friction > 1e-9 else 0.0
         line += f" {rtol:7.1e} {mu:8.1e} {errors_of(solution.pressure, best).area:8.1e}"
+    keep(
+        "bench_contact-viscoelastic",
+        {
+            "body": name,
+            "p/E_r": load,
+            "v": speed,
+            "N": n,
+            "area": float(best.contact_area),
+            "friction": float(best.friction),
+            "pairs to 1e-4": pairs[0],
+            "pairs to 1e-8": pairs[1],
+            "with rtol 1e-4": reported[0],
+            "with rtol 1e-8": reported[1],
+        },
+    )
     print(line + ("" if best.result == gc.RESULTS.successful else "  best not found"), flush=True)
     return pairs
 

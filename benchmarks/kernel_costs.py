@@ -14,6 +14,7 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 from paper_recursion import paper_compliance
+from rows import keep
 
 import graded_contact as gc
 
@@ -87,6 +88,17 @@ def speed(options):
                 ratio = numpy_time / warm
                 line += f" {numpy_time:8.1f} {ratio:10.0f}"
             print(line, flush=True)
+            keep(
+                "bench_response-speed",
+                {
+                    "body": name,
+                    "N": n,
+                    "first call [s]": first,
+                    "warm [s]": warm,
+                    "over an FFT pair": warm / bare,
+                    "error": float(error),
+                },
+            )
             if n == 2048 and goal:
                 goals.append(f"{name}: <= {goal} FFT pairs | reached: {warm / bare:.2f}")
             if ratio:

@@ -97,15 +97,18 @@ def _rows(value: Any, depth: int, name: str, meaning: str = "") -> Iterator[_Row
 
 def _parts(value: Any, depth: int) -> Iterator[_Row]:
     """The lines of what a value shows; a number and its error share one."""
-    fields = getattr(value, "_fields", None) or [f.name for f in dataclasses.fields(value)]
+    declared = dataclasses.fields(value) if dataclasses.is_dataclass(value) else ()
+    fields = getattr(value, "_fields", [field.name for field in declared])
     asked = value._shown_names
     names = [name for entry in asked for name in (fields if entry is ... else [entry])]
     about = {name: _about(type(value), name) for name in names}
+    # Names are those of paths, see `parameters`.
+    spelt = {f.name: f.metadata.get("argument", f.name) for f in declared}
     for name in names:
         part, (unit, meaning) = getattr(value, name), about[name]
         if name.endswith("_error") and _shares(value, name.removesuffix("_error"), about):
             continue
-        title = _title(name, unit)
+        title = _title(spelt.get(name, name), unit)
         if _shares(value, name, about):
             text = f"{_text(part)} ± {float(getattr(value, f'{name}_error')):.1e}"
             yield _Row(depth, title, text, meaning)

@@ -71,6 +71,7 @@ def test_parts_rows_and_lists_are_shown():
     layers = [gc.Layer(material, 1e-4) for material in (materials * 5)]
     text = repr(gc.Stack(layers=layers, base=gc.Rigid()))
     assert text.count("thickness [m]") == 8
+    assert "modulus [Pa]" in text  # of `Elastic`: the field `young`, the path `modulus`
     assert line(text, "...") == "2 more"
     assert "9 float64, 1 to 9" in text
     assert text.splitlines()[-1].split() == ["base", "Rigid"]

@@ -21,12 +21,10 @@ import numpy as np
 from jaxtyping import Array, Float
 
 from .._checks import as_scalar, check_positive, check_values, is_concrete, scalar, short
-from .._shown import shown
 
 Bound = Float[Array, ""] | float
 
 
-@shown()
 class AbstractLaw(eqx.Module):
     """What the contact solvers ask of a law.
 

@@ -64,9 +64,11 @@ class MeasuredRange(eqx.Module):
             if ends.shape != (2,):
                 raise ValueError(f"`{name}` has shape {ends.shape}; two numbers are needed.")
             check_positive(name, ends, unit)
+            # By NumPy: under `jit` JAX traces even the parts of known arrays.
             if is_concrete(ends) and np.diff(np.asarray(ends)) < 0:
+                lowest, highest = np.asarray(ends)
                 raise ValueError(
-                    f"`{name}` from {float(ends[0]):g} to {float(ends[1]):g} {unit} is refused: "
+                    f"`{name}` from {lowest:g} to {highest:g} {unit} is refused: "
                     "the lowest comes first."
                 )
 

@@ -142,3 +142,11 @@ def test_the_share_of_friction_from_outside_is_that_of_its_waves():
     assert inside < 1e-6
     beyond = gc.mean_field_friction(stack, spectrum, pressure=1e5, velocity=10.0)
     assert 0.9 < beyond.extrapolated_friction <= 1
+
+
+def test_a_measured_material_changes_temperature_under_jit():
+    """Its range is known, though the temperature is traced."""
+    known = gc.MeasuredRange([1.0, 1e3], temperature=[260.0, 330.0])
+    material = gc.Prony(1e6, [1e6], [1.0], shift=gc.WLF(8.0, 120.0, 293.15), measured=known)
+    ends = jax.jit(lambda kelvin: material.at(kelvin).coverage())(303.15)
+    np.testing.assert_allclose(ends, material.at(303.15).coverage())

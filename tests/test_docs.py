@@ -1,0 +1,89 @@
+"""The site: every public name is described, what its pages call exists, and it builds."""
+
+import ast
+import importlib
+import inspect
+import re
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+
+import graded_contact as gc
+
+DOCS = Path(__file__).parents[1] / "docs"
+PAGES = sorted([*DOCS.glob("*.md"), *DOCS.glob("howto/*.md"), DOCS.with_name("README.md")])
+
+
+def python_blocks(page: Path) -> list[str]:
+    text = page.read_text(encoding="utf-8")
+    return re.findall(r"^```python\n(.*?)^```", text, flags=re.MULTILINE | re.DOTALL)
+
+
+def called(node: ast.AST) -> object:
+    """What `gc.name.name` stands for, or None for anything else."""
+    if isinstance(node, ast.Name):
+        return gc if node.id == "gc" else None
+    owner = called(node.value) if isinstance(node, ast.Attribute) else None
+    return None if owner is None else getattr(owner, node.attr)
+
+
+@pytest.mark.parametrize("page", PAGES, ids=lambda page: page.stem)
+def test_what_a_page_calls_exists_and_takes_its_arguments(page):
+    for block in python_blocks(page):
+        for node in ast.walk(ast.parse(block)):
+            if isinstance(node, ast.Attribute):
+                called(node)
+            if isinstance(node, ast.Call) and (function := called(node.func)) is not None:
+                known = inspect.signature(function).parameters
+                given = {keyword.arg for keyword in node.keywords} - {None}
+                assert given <= set(known), f"{ast.unparse(node.func)}: {given - set(known)}"
+
+
+def test_every_public_name_is_described_with_its_docstring(monkeypatch):
+    """Names without a docstring, and methods as well, are refused by what makes the pages."""
+    monkeypatch.syspath_prepend(str(DOCS))
+    pages = importlib.import_module("_generated").reference_pages()
+    described = set(
+        re.findall(r"\{py:(?:class|function)\} [\w.]+?\.(\w+)\(", "".join(pages.values()))
+    )
+    others = {"plot", "design", "shapes", "surface"}
+    assert set(gc.__all__) - others <= described
+    assert others <= set(pages)
+
+
+def run(command: list[str], folder: Path) -> None:
+    done = subprocess.run(command, cwd=folder, capture_output=True, text=True)
+    assert done.returncode == 0, done.stderr
+
+
+# Alone, these pages say all that their programs need.
+@pytest.mark.slow
+@pytest.mark.parametrize("name", ["own_law", "own_profile", "own_solver"])
+def test_programs_of_a_page_run(name, tmp_path):
+    program = "\n".join(python_blocks(DOCS / "howto" / f"{name}.md"))
+    done = subprocess.run(
+        [sys.executable, "-c", program], cwd=tmp_path, capture_output=True, text=True
+    )
+    assert done.returncode == 0, done.stderr
+
+
+@pytest.mark.slow
+def test_the_site_builds_without_a_warning(tmp_path):
+    pytest.importorskip("myst_nb", reason="needs the extra `docs`")
+    command = [
+        sys.executable,
+        "-m",
+        "sphinx",
+        "-q",
+        "-W",
+        "-n",
+        "-b",
+        "html",
+        str(DOCS),
+        str(tmp_path),
+    ]
+    done = subprocess.run(command, capture_output=True, text=True)
+    assert done.returncode == 0, done.stderr
+    assert (tmp_path / "reference" / "rheology.html").exists()
