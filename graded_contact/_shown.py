@@ -4,7 +4,6 @@ Units and meanings are those that the docstring of a class gives under **Fields:
 property in its own. Text for the terminal, a table for notebooks; under `jit` the shapes alone.
 """
 
-import dataclasses
 import functools
 import html
 import re
@@ -97,13 +96,13 @@ def _rows(value: Any, depth: int, name: str, meaning: str = "") -> Iterator[_Row
 
 def _parts(value: Any, depth: int) -> Iterator[_Row]:
     """The lines of what a value shows; a number and its error share one."""
-    declared = dataclasses.fields(value) if dataclasses.is_dataclass(value) else ()
-    fields = getattr(value, "_fields", [field.name for field in declared])
+    declared: Any = getattr(value, "__dataclass_fields__", {})  # a named tuple has none
+    fields = getattr(value, "_fields", declared)
     asked = value._shown_names
     names = [name for entry in asked for name in (fields if entry is ... else [entry])]
     about = {name: _about(type(value), name) for name in names}
     # Names are those of paths, see `parameters`.
-    spelt = {f.name: f.metadata.get("argument", f.name) for f in declared}
+    spelt = {name: field.metadata.get("argument", name) for name, field in declared.items()}
     for name in names:
         part, (unit, meaning) = getattr(value, name), about[name]
         if name.endswith("_error") and _shares(value, name.removesuffix("_error"), about):
