@@ -67,6 +67,7 @@ if TYPE_CHECKING:
     from .files.results import read_results
     from .files.scene import read_scene
     from .files.study import Study, read_study
+    from .page.serving import explore
     from .studies.checkpoint import checkpointed
     from .studies.run import run_scene
     from .studies.sweep import sweep
@@ -102,11 +103,12 @@ __all__ = [  # noqa: RUF022 (grouped by room)
     "sweep", "Study", "read_study", "minimise", "Design", "with_values", "design", "propagate",
     "sensitivity", "checkpointed",
     # figures
-    "plot",
+    "plot", "explore",
 ]  # fmt: skip
 
 # Imported when they are asked for: HDF5 and figures take time that a script may not need.
 _LATER = {
+    "explore": ".page.serving",
     "plot": ".plot",
     "read_results": ".files.results",
     "read_scene": ".files.scene",

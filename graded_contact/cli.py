@@ -11,6 +11,7 @@ import typer
 
 from .command.compare import compare
 from .command.design import design
+from .command.explore import explore
 from .command.fit import fit
 from .command.scene import demo, info, run
 from .command.session import prepare
@@ -41,5 +42,5 @@ def main(
     prepare()
 
 
-for job in (demo, run, info, compare, fit, design):
+for job in (demo, run, info, compare, fit, design, explore):
     app.command()(job)

@@ -28,7 +28,8 @@ ORDER = [
     "files/moduli/quantities", "files/moduli/cells", "files/moduli/tables",
     "files/moduli/titles", "files/moduli/layout", "files/moduli/isotherms", "files/moduli/measured",
     "files/moduli/points", "files/moduli/reading",
-    "files/prony_cards", "files/sealed", "files/hdf5", "files/output", "files/toml", "files/errors",
+    "files/toml_text", "files/prony_cards", "files/sealed", "files/hdf5", "files/output",
+    "files/toml", "files/errors",
     "files/signatures", "files/study", "files/results", "files/surfaces", "files/block",
     "files/scene", "files/design_scene",
     "fitting/newton", "fitting/series", "fitting/observations", "fitting/model",
@@ -46,8 +47,10 @@ ORDER = [
     "shapes", "design", "reference",
     "plot/figures", "plot/contact", "plot/materials", "plot/designs",
     "plot/sensitivities", "plot/lines", "plot/sweeps",
+    "page/document", "page/knobs", "page/model", "page/shown", "page/latest", "page/figures",
+    "page/section", "page/sliders", "page/tools", "page/view", "page/page", "page/serving",
     "command/session", "command/tables", "command/scene", "command/compare", "command/fit",
-    "command/design",
+    "command/design", "command/explore",
     "cli", "__main__",
 ]  # fmt: skip
 # What a file or folder must not see although it comes before: contact gets a kernel, not layers.

@@ -21,6 +21,7 @@ from .._checks import door
 from ..rheology.material import AbstractMaterial, Prony
 from ..rheology.measured import MeasuredRange
 from ..rheology.shift import WLF, AbstractShift
+from .toml_text import entry_text
 
 ANSYS_TERMS = 100  # the most that TB,PRONY takes
 LEAST_REMAINDER = 1e-9  # of E_eq in E_inf, to keep it to about 1e-6
@@ -80,12 +81,7 @@ def _fields(material: Prony) -> dict[str, Any]:
 
 
 def _toml(material: Prony, name: str) -> str:
-    def value(entry: Any) -> str:
-        if isinstance(entry, dict):
-            return "{" + ", ".join(f"{key} = {value(item)}" for key, item in entry.items()) + "}"
-        return json.dumps(entry)
-
-    lines = [f"{key} = {value(entry)}" for key, entry in _fields(material).items()]
+    lines = [f"{key} = {entry_text(entry)}" for key, entry in _fields(material).items()]
     return "\n".join([f"[materials.{name}]", *lines, ""])
 
 
