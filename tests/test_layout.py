@@ -124,7 +124,7 @@ def test_the_table_names_files_that_exist():
         ("contact/law", "from .. import grid", "grid"),
         ("sliding", "from .rheology import Prony", "rheology/library"),
         ("sliding", "def f():\n  import graded_contact.contact.law as law", "contact/law"),
-        ("grid", "from . import Prony", "plot/sweeps"),
+        ("grid", "from . import Prony", "page/serving"),
         ("grid", "from graded_contact import surface", "surface"),
     ],
 )

@@ -22,7 +22,8 @@ from ..plot.figures import COLOURS, unit_of
 from .knobs import Knob
 from .model import Contact, Curves, Derivatives
 
-HEIGHT, FRAME, BESIDE = 240, 166, 112  # pixels: a figure, what its axes enclose, what is beside it
+# Pixels: of a figure, of what its axes enclose, of what is beside that, also with a bar of colours.
+HEIGHT, FRAME, BESIDE, BAR = 240, 166, 84, 112
 LENGTHS = {1e3: "rad/mm", 1e6: "rad/µm", 1e9: "rad/nm"}
 BLUE, ORANGE, GREEN = COLOURS[:3]
 GREY, INK = "#8a8f98", "#2b2f36"
@@ -32,14 +33,16 @@ LARGEST_MAP = 512  # points drawn along an edge
 ASIDE = 0.995  # of the points lie within a scale
 
 
-def new_figure(title: str, x: str, y: str, *, frame: float = 0.0, **more: Any) -> Any:
+def new_figure(
+    title: str, x: str, y: str, *, frame: float = 0.0, beside: int = BESIDE, **more: Any
+) -> Any:
     """An empty figure of the page's style; its frame may be `frame` times as wide as high."""
     tools = "pan,wheel_zoom,box_zoom,reset,save"
     more = {"height": HEIGHT, "sizing_mode": "stretch_width", "min_width": 240, **more}
     if frame:
         wide = min(max(frame, 1 / 3), 2) * FRAME
         more |= {"frame_width": round(wide), "frame_height": round(wide / frame)}
-        more |= {"sizing_mode": "fixed", "width": round(wide) + BESIDE}
+        more |= {"sizing_mode": "fixed", "width": round(wide) + beside}
     found: Any = figure(
         title=title,
         x_axis_label=x,
@@ -55,7 +58,7 @@ def new_figure(title: str, x: str, y: str, *, frame: float = 0.0, **more: Any) -
         axis.axis_label_text_font_style, axis.axis_label_text_color = "normal", INK
         axis.minor_tick_line_color = axis.axis_line_color = GREY
         if isinstance(axis, LogAxis):
-            axis.ticker = LogTicker(mantissas=[1, 2, 5], desired_num_ticks=5)
+            axis.ticker = LogTicker(mantissas=[1, 2, 5], desired_num_ticks=4)
     found.grid.grid_line_color, found.outline_line_color = "#eceef1", None
     found.min_border_right = 12
     return found
@@ -83,9 +86,16 @@ class Lines:
         """Moves the point."""
         self._point.data = {"x": [x], "y": [y]}
 
-    def pin(self, pinned: bool) -> None:
-        """Keeps the curve that is shown, or drops the one that was kept."""
-        self._pinned.data = dict(self._line.data) if pinned else {"x": [], "y": []}
+    def pin(self, x: Sequence[float] | np.ndarray, y: Sequence[float] | np.ndarray) -> None:
+        """Draws a curve to compare with; an empty one is none."""
+        self._pinned.data = {"x": x, "y": y}
+
+
+def _both(lines: Sequence[Lines], curves: Curves, pinned: Curves | None):
+    """How each of `lines` shows and pins, with the curves to be shown and pinned."""
+    none = Curves(*(np.zeros(0),) * len(Curves._fields))
+    yield [line.show for line in lines], curves
+    yield [line.pin for line in lines], pinned or none
 
 
 class Response:
@@ -98,9 +108,11 @@ class Response:
         self.modulus = Lines("Composite modulus", q, "|E| [MPa]", GREEN, y_axis_type="log", **log)
         self.loss = Lines("Composite loss tangent", q, "tan δ [1]", GREEN, **log)
 
-    def show(self, curves: Curves) -> None:
-        self.modulus.show(curves.q / self._unit, curves.modulus / 1e6)
-        self.loss.show(curves.q / self._unit, curves.loss_tangent)
+    def show(self, curves: Curves, pinned: Curves | None) -> None:
+        for lines, draw in _both((self.modulus, self.loss), curves, pinned):
+            q = draw.q / self._unit
+            lines[0](q, draw.modulus / 1e6)
+            lines[1](q, draw.loss_tangent)
 
 
 class Sweep:
@@ -112,9 +124,10 @@ class Sweep:
         self.friction = Lines("Friction: mean field, • contact", v, "μ [1]", BLUE, **log)
         self.area = Lines("Contact area: mean field, • contact", v, "A/A₀ [%]", ORANGE, **log)
 
-    def show(self, curves: Curves) -> None:
-        self.friction.show(curves.speed, curves.friction)
-        self.area.show(curves.speed, 100 * curves.contact_area)
+    def show(self, curves: Curves, pinned: Curves | None) -> None:
+        for lines, draw in _both((self.friction, self.area), curves, pinned):
+            lines[0](draw.speed, draw.friction)
+            lines[1](draw.speed, 100 * draw.contact_area)
 
     def mark(self, contact: Contact) -> None:
         self.friction.mark(contact.velocity, float(contact.sliding.friction))
@@ -130,7 +143,7 @@ class Bars:
         self.figure = new_figure("Change by a step of each slider", "change [%]", "",
                                  y_range=factors)  # fmt: skip
         self.figure.yaxis.axis_label = None
-        self.figure.yaxis.major_label_text_font_size = "10px" if len(knobs) < 13 else "8px"
+        self.figure.yaxis.major_label_text_font_size = "10px" if len(knobs) < 13 else "9px"
         self.figure.ygrid.grid_line_color = None
         self._source = ColumnDataSource({"knob": [], "friction": [], "area": []})
         self._glyphs = [
@@ -176,7 +189,7 @@ class Map:
             self.figure.line("x", "y", source=self._source, color=palette[len(palette) // 2])
             return
         self.figure = new_figure(
-            title, f"x [{unit}]", f"y [{unit}]", frame=size[0] / size[1],
+            title, f"x [{unit}]", f"y [{unit}]", frame=float(size[0] / size[1]), beside=BAR,
             x_range=Range1d(0, self._factor * size[0]), y_range=Range1d(0, self._factor * size[1]),
         )  # fmt: skip
         self.figure.grid.grid_line_color = None

@@ -19,7 +19,7 @@ import panel as pn
 from ..contact.solution import RESULTS
 from .document import Document
 from .latest import Latest
-from .model import Contact, Model
+from .model import Curves, Model
 from .shown import Shown
 from .tools import Change, Tools
 from .view import View
@@ -54,6 +54,7 @@ class Page:
         self._model: Model | None = None
         self._changes: list[Change] = [lambda _: document]
         self._results: dict[str, Any] = {}
+        self._kept: Curves | None = None
         self._seconds: dict[str, float] = {}
         self._tools = Tools(folder, self.change, self._tell)
         self.view = View(self._tools, self)
@@ -71,17 +72,24 @@ class Page:
 
     def turned(self) -> None:
         """Has everything done for where the sliders stand."""
+        self.view.refuse("")
+        self._ask()
+
+    def _ask(self) -> None:
         sliders = self.view.sliders
         self._latest.ask(Job(self._shown, sliders.values if sliders else ()))
 
     def change(self, change: Change) -> None:
         """Has the scene's tables changed."""
         self._changes.append(change)
-        self.turned()
+        self._ask()
 
     def pinned(self, wanted: bool) -> None:
-        """Keeps the curves for comparison, or drops them."""
-        self.view.pin(wanted)
+        """Keeps the curves for comparison, also with another scene, or drops them."""
+        curves = self._results.get("curves")
+        self._kept = curves if wanted else None
+        if curves:
+            self.view.show_curves(curves, self._kept)
 
     def save(self, name: str) -> None:
         """Saves the scene where its sliders stand."""
@@ -164,7 +172,6 @@ class Page:
         self._shown = model
         self._results = {}
         self.view.show_model(model)
-        self.view.refuse("")
 
     def _show(self, name: str, job: Job, found: Any) -> None:
         model = job.model
@@ -172,20 +179,18 @@ class Page:
             return
         if name == "curves":
             self._results = {"curves": found, "job": job}
-            self.view.show_curves(found)
+            self.view.show_curves(found, self._kept)
+            self.view.fade()
             return
         self._results[name] = found
         if name == "contact":
             self.view.show_contact(model, job.values, found)
-            self._tell_end(found)
+            if found.sliding.result != RESULTS.successful:
+                self.view.refuse(RESULTS[found.sliding.result])
         else:
             self.view.show_derivatives(found)
         self._tell_seconds()
 
-    def _tell_end(self, contact: Contact) -> None:
-        end = contact.sliding.result
-        self.view.refuse("" if end == RESULTS.successful else RESULTS[end])
-
     def _tell_seconds(self) -> None:
-        parts = (f"{name} {1e3 * seconds:.0f} ms" for name, seconds in self._seconds.items())
-        self.view.state(" · ".join(parts), False)
+        parts = (f"{name} {1e3 * seconds:.0f}" for name, seconds in self._seconds.items())
+        self.view.state(", ".join(parts) + " ms", False)

@@ -10,7 +10,7 @@ from .knobs import Knob
 
 STEPS = 400  # positions of a slider
 DIGITS = 4  # of a number that a slider gives: what is shown is what is used
-FIELD = """input {height: 28px; min-height: 28px; padding: 2px 6px}
+FIELD = """input {height: 28px; min-height: 28px; padding: 2px 6px !important}
 .bk-spin-btn {display: none !important}"""
 STYLE = ":host {--design-primary-color: #0072B2;} label {font-size: 12px; margin-bottom: -2px;}"
 

@@ -2,7 +2,7 @@
 
 import html
 import io
-from typing import Any, Protocol
+from typing import Any, Protocol, runtime_checkable
 
 import numpy as np
 import panel as pn
@@ -32,6 +32,7 @@ STYLES = """
 DOWNLOADS = {"csv": "Curves (CSV)", "h5": "Everything (HDF5)", "pdf": "Figure (PDF)"}
 
 
+@runtime_checkable
 class Listener(Protocol):
     """What a view tells of."""
 
@@ -71,14 +72,16 @@ class View:
         self._state: Any = pn.pane.HTML("", width=SIDE - 50, height=20, margin=(10, 2), **text)
         self._turning, self._plots = pn.Column(**WIDE), pn.Column(**WIDE)
         self._downloads = [self._download(kind, label) for kind, label in DOWNLOADS.items()]
-        pin: Any = pn.widgets.Toggle(name="Pin curves to compare", margin=(2, 8), width=SIDE - 24)
-        pin.param.watch(lambda event: listener.pinned(event.new), "value")
+        self._pin: Any = pn.widgets.Toggle(
+            name="Pin curves to compare", margin=(2, 8), width=SIDE - 24, disabled=True
+        )
+        self._pin.param.watch(lambda event: listener.pinned(event.new), "value")
         tabs = pn.Tabs(
             ("Sliders", self._turning), ("Layers", tools.layers), ("Data", tools.files),
             ("Save", self._saving()), sizing_mode="stretch_width", margin=(2, 4),
         )  # fmt: skip
         side = pn.Column(
-            pn.Row(self._busy, self._state, margin=0), pin, self._refusal, self._note, tabs,
+            pn.Row(self._busy, self._state, margin=0), self._pin, self._refusal, self._note, tabs,
             width=SIDE, margin=0,
             styles={"border-right": "1px solid #e3e6ea", "overflow": "hidden auto",
                     "height": "100vh"},
@@ -118,10 +121,14 @@ class View:
         self._turning[:] = [self.sliders.view]
         self._tools.show(model.document)
 
-    def show_curves(self, curves: Curves) -> None:
-        """Draws response and mean field; the bars are those of an earlier point from now on."""
-        self._figures["response"].show(curves)
-        self._figures["sweep"].show(curves)
+    def show_curves(self, curves: Curves, pinned: Curves | None) -> None:
+        """Draws response and mean field, and those to compare with."""
+        self._figures["response"].show(curves, pinned)
+        self._figures["sweep"].show(curves, pinned)
+        self._pin.disabled = False
+
+    def fade(self) -> None:
+        """Shows that the bars are those of an earlier point."""
         self._figures["bars"].fade()
 
     def show_contact(self, model: Model, values: tuple[float, ...], contact: Contact) -> None:
@@ -150,12 +157,6 @@ class View:
     def show_derivatives(self, derivatives: Derivatives) -> None:
         """Draws what a step of each slider changes."""
         self._figures["bars"].show(derivatives)
-
-    def pin(self, wanted: bool) -> None:
-        """Keeps the curves that are shown, or drops those that were kept."""
-        response, sweep = self._figures["response"], self._figures["sweep"]
-        for lines in (response.modulus, response.loss, sweep.friction, sweep.area):
-            lines.pin(wanted)
 
     def refuse(self, text: str) -> None:
         """Shows why something was refused; nothing clears it."""

@@ -1,0 +1,153 @@
+"""The page in a browser: `pytest -m slow tests/page/test_browser.py`."""
+
+import re
+import shutil
+import signal
+import socket
+import subprocess
+import sys
+import time
+
+import pytest
+from scenes import TEXT
+
+pytestmark = pytest.mark.slow
+playwright = pytest.importorskip("playwright.sync_api", reason="playwright is not installed")
+BROWSER = shutil.which("chromium") or shutil.which("google-chrome")
+MINUTES = 600_000  # ms, for what compiles on a busy machine
+
+
+def free_port():
+    with socket.socket() as probe:
+        probe.bind(("127.0.0.1", 0))
+        return probe.getsockname()[1]
+
+
+@pytest.fixture(scope="module")
+def served(tmp_path_factory):
+    """A server's address, its folder, and its process."""
+    folder = tmp_path_factory.mktemp("explored")
+    scene = folder / "scene.toml"
+    scene.write_text(TEXT.replace("[32, 32]", "[16, 16]").replace("8e4", "4e4"), encoding="utf-8")
+    port = free_port()
+    command = [
+        "explore",
+        str(scene),
+        "--no-browser",
+        "--port",
+        str(port),
+        "-o",
+        str(folder / "out"),
+    ]
+    process = subprocess.Popen([sys.executable, "-m", "graded_contact", *command])
+    for _ in range(1200):
+        with socket.socket() as probe:
+            if probe.connect_ex(("127.0.0.1", port)) == 0:
+                break
+        time.sleep(0.1)
+    yield f"http://127.0.0.1:{port}/", folder / "out", process
+    process.kill()
+    process.wait()
+
+
+@pytest.fixture(scope="module")
+def browser():
+    if BROWSER is None:
+        pytest.skip("there is no chromium here: the page was not tried in a browser")
+    with playwright.sync_playwright() as driver:
+        found = driver.chromium.launch(executable_path=BROWSER, args=["--no-sandbox"])
+        yield found
+        found.close()
+
+
+@pytest.fixture
+def opened(browser, served):
+    """Opens pages, which ask for nothing beyond the server, and waits until they rest."""
+    asked = []
+
+    def open_page():
+        page = browser.new_page(viewport={"width": 1280, "height": 800})
+        page.set_default_timeout(MINUTES)
+        page.on("request", lambda request: asked.append(request.url))
+        page.goto(served[0])
+        rested(page)
+        return page
+
+    yield open_page
+    elsewhere = [url for url in asked if not url.startswith((served[0], "data:", "blob:"))]
+    assert elsewhere == []
+
+
+def rested(page):
+    page.get_by_text(re.compile(r"derivatives \d+ ms")).wait_for()
+
+
+def friction(page):
+    return page.locator(".head b").first
+
+
+def refusal(page):
+    return page.locator(".say.refused")
+
+
+def test_a_key_turns_a_slider_and_the_numbers_follow(opened):
+    page = opened()
+    before = friction(page).inner_text()
+    page.locator(".noUi-handle").nth(1).focus()
+    for _ in range(20):
+        page.keyboard.press("ArrowRight")
+    playwright.expect(friction(page)).not_to_have_text(before, timeout=MINUTES)
+    page.close()
+
+
+def test_two_users_have_a_scene_each_and_a_closed_tab_stops_nobody(opened):
+    one, other = opened(), opened()
+    before = friction(other).inner_text()
+    field = one.locator("input.bk-input").first
+    field.fill("300")
+    field.press("Enter")
+    playwright.expect(friction(one)).not_to_have_text(before, timeout=MINUTES)
+    assert friction(other).inner_text() == before
+    one.close()
+    field = other.locator("input.bk-input").first
+    field.fill("350")
+    field.press("Enter")
+    playwright.expect(friction(other)).not_to_have_text(before, timeout=MINUTES)
+    other.close()
+
+
+def test_bad_things_are_refused_on_the_page(opened, served, tmp_path):
+    page = opened()
+    field = page.locator("input.bk-input").first
+    field.fill("0")
+    field.press("Enter")
+    playwright.expect(refusal(page)).to_contain_text("`pressure` = 0 is refused", timeout=MINUTES)
+    page.get_by_text("Data", exact=True).click()
+    bad, large = tmp_path / "bad.txt", tmp_path / "large.bin"
+    bad.write_text("this is no topography\n")
+    large.write_bytes(bytes(200_000_000))
+    topography = page.locator("input[type=file]").nth(1)
+    topography.set_input_files(bad)
+    playwright.expect(refusal(page)).to_contain_text("bad.txt", timeout=MINUTES)
+    topography.set_input_files(large)
+    page.get_by_text("File is too large").wait_for()
+    assert list(served[1].iterdir()) == []
+    page.close()
+
+
+def test_a_layer_is_added_and_the_scene_saved(opened, served):
+    page = opened()
+    page.get_by_text("Layers", exact=True).click()
+    page.get_by_role("button", name="Add layer").click()
+    page.get_by_role("button", name="Remove").nth(1).wait_for()
+    page.get_by_text("Save", exact=True).click()
+    page.get_by_role("button", name="Save scene").click()
+    page.get_by_text("Saved as").wait_for()
+    assert (served[1] / "explored.toml").read_text().count("[[layers]]") == 2
+    page.close()
+
+
+def test_ctrl_c_ends_the_server(served):
+    process = served[2]
+    process.send_signal(signal.SIGINT)
+    assert process.wait(60) == 0
