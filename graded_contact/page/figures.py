@@ -64,6 +64,11 @@ def new_figure(
     return found
 
 
+def new_source(*names: str) -> Any:
+    """Columns of these names, empty."""
+    return ColumnDataSource({name: np.zeros(0) for name in names})
+
+
 class Lines:
     """A curve of the scene, that of a pinned one, and the point of the contact."""
 
@@ -71,8 +76,7 @@ class Lines:
         self.figure = new_figure(title, x, y, **more)
         if more.get("y_axis_type") != "log":
             self.figure.y_range.start = 0
-        empty = {"x": [], "y": []}
-        self._line, self._pinned, self._point = (ColumnDataSource(empty) for _ in range(3))
+        self._line, self._pinned, self._point = (new_source("x", "y") for _ in range(3))
         self.figure.line("x", "y", source=self._pinned, color=GREY, line_dash=(5, 4), line_width=2)
         self.figure.line("x", "y", source=self._line, color=colour, line_width=2.2)
         self.figure.scatter(
@@ -145,7 +149,7 @@ class Bars:
         self.figure.yaxis.axis_label = None
         self.figure.yaxis.major_label_text_font_size = "10px" if len(knobs) < 13 else "9px"
         self.figure.ygrid.grid_line_color = None
-        self._source = ColumnDataSource({"knob": [], "friction": [], "area": []})
+        self._source = new_source("knob", "friction", "area")
         self._glyphs = [
             self.figure.hbar(
                 y=dodge("knob", shift, range=factors), right=name, height=0.34, color=colour,
@@ -155,9 +159,10 @@ class Bars:
         ]  # fmt: skip
         names = ("friction", "contact area")
         items = [(name, [glyph]) for name, glyph in zip(names, self._glyphs, strict=True)]
-        legend = Legend(items=items, orientation="horizontal", padding=0, margin=0,
+        legend: Any = Legend(items=items, orientation="horizontal",
                         label_text_font_size="10px", border_line_color=None, glyph_height=10,
                         background_fill_alpha=0.0)  # fmt: skip
+        legend.padding = legend.margin = 0
         self.figure.add_layout(legend, "above")
 
     def show(self, derivatives: Derivatives) -> None:
@@ -185,16 +190,17 @@ class Map:
         unit, self._factor = unit_of("m", float(np.max(size)))
         if self._flat:
             self.figure = new_figure(title, f"x [{unit}]", "")
-            self._source = ColumnDataSource({"x": [], "y": []})
+            self._source = new_source("x", "y")
             self.figure.line("x", "y", source=self._source, color=palette[len(palette) // 2])
             return
         self.figure = new_figure(
             title, f"x [{unit}]", f"y [{unit}]", frame=float(size[0] / size[1]), beside=BAR,
-            x_range=Range1d(0, self._factor * size[0]), y_range=Range1d(0, self._factor * size[1]),
+            x_range=Range1d(start=0, end=self._factor * size[0]),
+            y_range=Range1d(start=0, end=self._factor * size[1]),
         )  # fmt: skip
         self.figure.grid.grid_line_color = None
         self._mapper = LinearColorMapper(palette=palette, nan_color="white", low=0, high=1)
-        self._source = ColumnDataSource({"image": []})
+        self._source = new_source("image")
         self.figure.image(
             "image", source=self._source, x=0, y=0, dw=self._factor * size[0],
             dh=self._factor * size[1], color_mapper=self._mapper,

@@ -91,8 +91,8 @@ class Knob(NamedTuple):
             shown = "nothing" if value is None else f"{value * self.factor:.6g}"
             unit = "" if self.unit == "1" else f" {self.unit}"
             raise ValueError(
-                f"`{self.label}` = {shown} is refused: from {self.low * self.factor:.4g} to "
-                f"{self.high * self.factor:.4g}{unit} is allowed here."
+                f"`{self.label}` = {shown} is refused: from {self.low * self.factor:.6g} to "
+                f"{self.high * self.factor:.6g}{unit} is allowed here."
             )
 
 

@@ -119,8 +119,8 @@ class Model:
 
     def curves(self, values: Sequence[float]) -> Curves:
         """Returns response and mean field with the knobs at `values` [SI]."""
-        modulus, friction, area = _curves(self.bench, jnp.array(values), self._waves, self._speeds)
-        modulus = np.asarray(modulus)
+        found, friction, area = _curves(self.bench, jnp.array(values), self._waves, self._speeds)
+        modulus: Any = np.asarray(found)
         return Curves(
             q=np.asarray(self._waves),
             modulus=np.abs(modulus),
@@ -242,7 +242,7 @@ class Known(AbstractContactSolver):
 @eqx.filter_jit
 def _derivatives(bench, numbers, contact):
     def observed(numbers):
-        known = Known(contact, bench.solver.linear)
+        known = Known(contact=contact, linear=bench.solver.linear)
         sliding, _ = _slide(bench, numbers, known, None)
         return jnp.stack([sliding.friction, sliding.contact_area_smooth])
 

@@ -3,11 +3,11 @@
 from collections.abc import Sequence
 
 import numpy as np
-from bokeh.models import ColumnDataSource, LabelSet, Range1d
+from bokeh.models import LabelSet, Range1d
 from scipy.signal import resample
 
 from ..plot.figures import unit_of
-from .figures import INK, new_figure
+from .figures import INK, new_figure, new_source
 
 ASPECT = 1.5  # of the frame
 TINTS = ("#9cc3e0", "#f3cf9b", "#a9d8c6", "#e3bfd6", "#f5e2a8", "#c5dff1")  # of COLOURS
@@ -24,12 +24,11 @@ class Section:
     def __init__(self):
         self.figure = new_figure(
             "Block and road, to scale", "x", "depth", frame=ASPECT,
-            x_range=Range1d(0, 1), y_range=Range1d(1, 0),
+            x_range=Range1d(start=0, end=1), y_range=Range1d(start=1, end=0),
         )  # fmt: skip
         self.figure.grid.grid_line_color = None
         self._slabs, self._names, self._road = (
-            ColumnDataSource({name: [] for name in names})
-            for names in ((*SLAB, "fill"), ("x", "y", "text"), ("x", "y"))
+            new_source(*names) for names in ((*SLAB, "fill"), ("x", "y", "text"), ("x", "y"))
         )
         self.figure.quad(
             source=self._slabs, fill_color="fill", line_color="white", **{k: k for k in SLAB}
@@ -62,7 +61,7 @@ class Section:
             "top": factor * tops, "bottom": factor * bottoms, "left": [-right] * len(tops),
             "right": [right] * len(tops), "fill": fills,
         }  # fmt: skip
-        shown = np.flatnonzero(bottoms - tops > LEAST * (deep + high))
+        shown = np.flatnonzero(bottoms - tops > LEAST * (deep + high)).tolist()
         self._names.data = {
             "x": [0.0] * len(shown),
             "y": factor * (tops + bottoms)[shown] / 2,

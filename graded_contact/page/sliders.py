@@ -30,7 +30,7 @@ class Slider:
         self._turned, self._refused, self._following = turned, refused, False
         low, high = self._place(knob.low), self._place(knob.high)
         self._slider: Any = pn.widgets.FloatSlider(
-            name=f"{knob.label} [{knob.unit}]", start=low, end=high, step=(high - low) / STEPS,
+            label=f"{knob.label} [{knob.unit}]", start=low, end=high, step=(high - low) / STEPS,
             value=self._place(knob.value), show_value=False, sizing_mode="stretch_width",
             margin=(1, 4, 1, 8), stylesheets=[STYLE],
         )  # fmt: skip

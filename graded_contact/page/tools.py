@@ -68,10 +68,10 @@ class Tools:
         self._saved: set[str] = set()
         self.layers, self.files = pn.Column(**SMALL), pn.Column(**SMALL)
         self._told = {
-            "unit": pn.widgets.TextInput(placeholder="um", name="unit of its numbers", width=125),
-            "size": pn.widgets.TextInput(placeholder="1e-3", name="edge length [m]", width=125),
+            "unit": pn.widgets.TextInput(placeholder="um", label="unit of its numbers", width=125),
+            "size": pn.widgets.TextInput(placeholder="1e-3", label="edge length [m]", width=125),
         }
-        self._material: Any = pn.widgets.Select(name="of material", **SMALL)
+        self._material: Any = pn.widgets.Select(label="of material", **SMALL)
         self.files.extend([
             _heading("Your moduli (DMA or rheometer, over frequency)"),
             self._material, self._dropper(self._take_moduli),
@@ -85,12 +85,12 @@ class Tools:
         content = document.content
         names = list(content["materials"])
         self._material.options = names
-        chosen: Any = pn.widgets.Select(name="one more on top, of", options=[NEW, *names], **SMALL)
-        add = pn.widgets.Button(name="Add layer", button_type="primary", **SMALL)
+        chosen: Any = pn.widgets.Select(label="one more on top, of", options=[NEW, *names], **SMALL)
+        add = pn.widgets.Button(label="Add layer", color="primary", **SMALL)
         add.on_click(lambda _: self._add(chosen.value))
         rows = []
         for i, layer in enumerate(content.get("layers", [])):
-            button = pn.widgets.Button(name="Remove", width=80, margin=(2, 8))
+            button = pn.widgets.Button(label="Remove", width=80, margin=(2, 8))
             button.on_click(partial(self._remove, i))
             name = f"{i + 1}  {layer_name(layer)}"
             rows.append(pn.Row(pn.pane.Str(name, width=150, margin=(8, 8)), button, margin=0))

@@ -73,7 +73,7 @@ class View:
         self._turning, self._plots = pn.Column(**WIDE), pn.Column(**WIDE)
         self._downloads = [self._download(kind, label) for kind, label in DOWNLOADS.items()]
         self._pin: Any = pn.widgets.Toggle(
-            name="Pin curves to compare", margin=(2, 8), width=SIDE - 24, disabled=True
+            label="Pin curves to compare", margin=(2, 8), width=SIDE - 24, disabled=True
         )
         self._pin.param.watch(lambda event: listener.pinned(event.new), "value")
         tabs = pn.Tabs(
@@ -91,8 +91,8 @@ class View:
 
     def _saving(self) -> Any:
         wide: dict[str, Any] = {"sizing_mode": "stretch_width", "margin": (6, 8)}
-        name: Any = pn.widgets.TextInput(name="name of the scene", value="explored", **wide)
-        save = pn.widgets.Button(name="Save scene (TOML)", button_type="primary", **wide)
+        name: Any = pn.widgets.TextInput(label="name of the scene", value="explored", **wide)
+        save = pn.widgets.Button(label="Save scene (TOML)", color="primary", **wide)
         save.on_click(lambda _: self._listener.save(name.value))
         return pn.Column(name, save, *self._downloads, **WIDE)
 

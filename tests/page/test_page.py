@@ -153,7 +153,7 @@ def test_a_page_turns_refuses_changes_and_saves(page, tmp_path):
     """What a browser would do, one after the other: building the scene twice is what costs."""
     slider = page.view.sliders._sliders[0]
     slider._field.value = 0.0
-    assert "is refused" in page.view._refusal.object and slider._field.value == 200.0
+    assert "is refused" in page.view._refusal.object and slider._field.value == 400.0
     slider._field.value = 300.0
     until(lambda: "derivatives" in page._results and page._results["job"].values[0] == 3e5)
     page.save("mine")
