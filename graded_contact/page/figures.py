@@ -66,7 +66,8 @@ def new_figure(
 
 def new_source(*names: str) -> Any:
     """Columns of these names, empty."""
-    return ColumnDataSource({name: np.zeros(0) for name in names})
+    empty: Any = {name: [] for name in names}  # an empty array of numbers is no array of colours
+    return ColumnDataSource(empty)
 
 
 class Lines:

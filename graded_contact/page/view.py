@@ -27,7 +27,7 @@ STYLES = """
 .say {font: 12px system-ui, sans-serif; line-height: 1.35; max-height: 84px; overflow-y: auto;
   overflow-wrap: anywhere}
 .refused {color: #a33600} .told {color: #5b616b}
-.state {font: 12px system-ui, sans-serif; color: #5b616b}
+.state {white-space: nowrap; font: 12px system-ui, sans-serif; color: #5b616b}
 """
 DOWNLOADS = {"csv": "Curves (CSV)", "h5": "Everything (HDF5)", "pdf": "Figure (PDF)"}
 

@@ -62,20 +62,21 @@ def browser():
 
 @pytest.fixture
 def opened(browser, served):
-    """Opens pages, which ask for nothing beyond the server, and waits until they rest."""
-    asked = []
+    """Opens pages, which raise nothing and ask nobody but the server, and waits till they rest."""
+    asked, raised = [], []
 
     def open_page():
         page = browser.new_page(viewport={"width": 1280, "height": 800})
         page.set_default_timeout(MINUTES)
         page.on("request", lambda request: asked.append(request.url))
+        page.on("pageerror", lambda error: raised.append(str(error)))
         page.goto(served[0])
         rested(page)
         return page
 
     yield open_page
     elsewhere = [url for url in asked if not url.startswith((served[0], "data:", "blob:"))]
-    assert elsewhere == []
+    assert elsewhere == [] and raised == []
 
 
 def rested(page):
@@ -92,6 +93,7 @@ def refusal(page):
 
 def test_a_key_turns_a_slider_and_the_numbers_follow(opened):
     page = opened()
+    assert page.locator(".bk-Figure").count() == 8
     before = friction(page).inner_text()
     page.locator(".noUi-handle").first.focus()
     for _ in range(20):
