@@ -22,8 +22,8 @@ from ..plot.figures import COLOURS, unit_of
 from .knobs import Knob
 from .model import Contact, Curves, Derivatives
 
-# Pixels: of a figure, of what its axes enclose, of what is beside that, also with a bar of colours.
-HEIGHT, FRAME, BESIDE, BAR = 240, 166, 84, 112
+# Pixels: of a figure and of what is around its frame; to the right, also with a bar of colours.
+HEIGHT, ABOVE, BELOW, LEFT, RIGHT, BAR = 240, 28, 46, 48, 18, 62
 LENGTHS = {1e3: "rad/mm", 1e6: "rad/µm", 1e9: "rad/nm"}
 BLUE, ORANGE, GREEN = COLOURS[:3]
 GREY, INK = "#8a8f98", "#2b2f36"
@@ -34,15 +34,14 @@ ASIDE = 0.995  # of the points lie within a scale
 
 
 def new_figure(
-    title: str, x: str, y: str, *, frame: float = 0.0, beside: int = BESIDE, **more: Any
+    title: str, x: str, y: str, *, frame: float = 0.0, right: int = RIGHT, **more: Any
 ) -> Any:
     """An empty figure of the page's style; its frame may be `frame` times as wide as high."""
     tools = "pan,wheel_zoom,box_zoom,reset,save"
     more = {"height": HEIGHT, "sizing_mode": "stretch_width", "min_width": 240, **more}
     if frame:
-        wide = min(max(frame, 1 / 3), 2) * FRAME
-        more |= {"frame_width": round(wide), "frame_height": round(wide / frame)}
-        more |= {"sizing_mode": "fixed", "width": round(wide) + beside}
+        wide = round(min(max(frame, 1 / 3), 2) * (HEIGHT - ABOVE - BELOW))
+        more |= {"sizing_mode": "fixed", "width": wide + LEFT + right, "min_border_left": LEFT}
     found: Any = figure(
         title=title,
         x_axis_label=x,
@@ -60,7 +59,8 @@ def new_figure(
         if isinstance(axis, LogAxis):
             axis.ticker = LogTicker(mantissas=[1, 2, 5], desired_num_ticks=4)
     found.grid.grid_line_color, found.outline_line_color = "#eceef1", None
-    found.min_border_right = 12
+    found.min_border_top, found.min_border_bottom = ABOVE, BELOW
+    found.min_border_right = right
     return found
 
 
@@ -195,7 +195,7 @@ class Map:
             self.figure.line("x", "y", source=self._source, color=palette[len(palette) // 2])
             return
         self.figure = new_figure(
-            title, f"x [{unit}]", f"y [{unit}]", frame=float(size[0] / size[1]), beside=BAR,
+            title, f"x [{unit}]", f"y [{unit}]", frame=float(size[0] / size[1]), right=BAR,
             x_range=Range1d(start=0, end=self._factor * size[0]),
             y_range=Range1d(start=0, end=self._factor * size[1]),
         )  # fmt: skip

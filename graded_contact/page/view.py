@@ -173,7 +173,7 @@ class View:
 
 
 def _drawn(figure: Any) -> Any:
-    size: dict[str, Any] = {"width": figure.width} if figure.frame_width else WIDE
+    size: dict[str, Any] = {"width": figure.width} if figure.sizing_mode == "fixed" else WIDE
     return pn.pane.Bokeh(figure, height=HEIGHT, **{**size, "margin": 0})
 
 
