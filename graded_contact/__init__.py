@@ -101,9 +101,9 @@ __all__ = [  # noqa: RUF022 (grouped by room)
     "fit_prony", "fit_relaxation", "fit_creep", "PronyFit", "master_curve", "MasterCurve",
     # studies
     "sweep", "Study", "read_study", "minimise", "Design", "with_values", "design", "propagate",
-    "sensitivity", "checkpointed",
+    "sensitivity", "checkpointed", "explore",
     # figures
-    "plot", "explore",
+    "plot",
 ]  # fmt: skip
 
 # Imported when they are asked for: HDF5 and figures take time that a script may not need.

@@ -3,18 +3,15 @@
 import os
 import socket
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 from .document import open_document
-
-if TYPE_CHECKING:
-    from panel.viewable import Viewable
 
 TITLE = "graded-contact explore"
 MESSAGE = 20 * 10**6  # bytes that a browser may send at once
 
 
-def explore(path: str | os.PathLike | None = None, folder: str | os.PathLike = ".") -> "Viewable":
+def explore(path: str | os.PathLike | None = None, folder: str | os.PathLike = ".") -> Any:
     """Returns a page of sliders, response, friction, contact and derivatives, for a notebook.
 
     It computes in a thread of its own; the command `graded-contact explore` shows the same.
@@ -24,7 +21,7 @@ def explore(path: str | os.PathLike | None = None, folder: str | os.PathLike = "
     - `path`: of a scene file; None for the embedded scene.
     - `folder`: the only place where anything is written: scenes that are saved, data dropped in.
 
-    **Returns:** what a notebook shows as the value of a cell.
+    **Returns:** a layout of Panel, which a notebook shows as the value of a cell.
 
     **Raises:** `ImportError` without the extra `explore`; `FileNotFoundError`; `ValueError` for
     what is no scene, or has no motion.

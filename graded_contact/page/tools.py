@@ -77,7 +77,7 @@ class Tools:
             self._material, self._dropper(self._take_moduli),
             _heading("Your topography"), pn.Row(*self._told.values(), margin=0),
             self._dropper(self._take_topography),
-            _heading(f"At most {LARGEST} MB; kept in {folder}"),
+            _heading(f"At most {LARGEST} MB; kept in {folder.name}"),
         ])  # fmt: skip
 
     def show(self, document: Document) -> None:
