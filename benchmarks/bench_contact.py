@@ -3,6 +3,7 @@
     python benchmarks/bench_contact.py elastic       beside Tamaas and ContactMechanics
     python benchmarks/bench_contact.py viscoelastic  FFT pairs, growth with N, the paper's method
     python benchmarks/bench_contact.py random        random scenes: any failure, any false claim?
+    python benchmarks/bench_contact.py hard          small contacts, moduli far apart
     python benchmarks/bench_contact.py overhead      wall time over that of the transforms alone
     python benchmarks/bench_contact.py cylinder      gliding cylinder, exact
     python benchmarks/bench_contact.py transient     time stepping to steady sliding
@@ -32,6 +33,7 @@ SECTIONS = {
     "elastic": ("contact_peers", "beside Tamaas and ContactMechanics"),
     "viscoelastic": ("contact_viscoelastic", "FFT pairs, growth with N, the paper's method"),
     "random": ("contact_random", "random scenes"),
+    "hard": ("contact_hard", "small contacts, moduli far apart"),
     "overhead": ("contact_costs", "wall time over that of the transforms alone"),
     "overhead_of": ("contact_costs", "the same with one backend, in this process"),
     "cylinder": ("contact_cylinder", "gliding cylinder, exact"),
@@ -80,6 +82,11 @@ def main():
     one("random", "--count", int, 500)
     one("random", "--seed", int, 0)
     one("random", "--show", int, 20, help="how many scenes to describe that did not converge")
+
+    one("hard", "--size", int, 128)
+    one("hard", "--count", int, 0, help="random scenes in place of the tables")
+    one("hard", "--seed", int, 0)
+    one("hard", "--show", int, 20, help="how many scenes to describe that did not converge")
 
     many(["overhead", "overhead_of"], "--sizes", int, [256, 512, 1024, 2048])
     many(["overhead"], "--backends", str, ["xla", "ducc0"])

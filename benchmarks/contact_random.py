@@ -26,12 +26,17 @@ QUANTITIES = ("pressure", "friction", "area", "gap", "mean gap", "displacement")
 
 
 def random(options):
+    survey(lambda rng, i: Scene(rng, SHAPES[i % len(SHAPES)]), options)
+
+
+def survey(draw, options):
+    """Solves the scenes that `draw(rng, i)` gives, each twice, and prints what came of them."""
     print_versions()
     rng = np.random.default_rng(options.seed)
     start, outcomes, ratios, pairs, shown = time.perf_counter(), {}, [], [], []
     for i in range(options.count):
-        scene = Scene(rng, SHAPES[i % len(SHAPES)])
-        first, ratio = scene.solve_twice()
+        scene = draw(rng, i)
+        first, ratio = solve_twice(scene)
         outcome = judge(first, ratio)
         outcomes[outcome] = outcomes.get(outcome, 0) + 1
         if ratio is not None:
@@ -61,6 +66,29 @@ def random(options):
 
 def print_percentiles(name, values, marks):
     print(f"{name:30s} " + " ".join(f"{p:8.2g}" for p in np.percentile(values, marks)))
+
+
+def solve_twice(scene):
+    """A scene's solution, and its true over its claimed errors if a closer one converged too."""
+    first, closer = scene.solve(scene.rtol), scene.solve(scene.rtol / 100)
+    if any(s.result != gc.RESULTS.successful for s in (first, closer)):
+        return first, None
+    sigma, exact = np.asarray(first.pressure), np.asarray(closer.pressure)
+    rms = float(np.std(scene.surface.heights))
+    true = (
+        np.linalg.norm(sigma - exact) / np.linalg.norm(exact),
+        abs(float(first.friction - closer.friction)),
+        abs(float(first.contact_area - closer.contact_area)),
+        float(np.sqrt(np.mean((first.gap - closer.gap) ** 2))) / rms,
+        abs(float(first.mean_gap - closer.mean_gap)) / rms,
+        float(np.std(first.displacement - closer.displacement)) / rms,
+    )
+    gap_error = first.contact.gap_error
+    claimed = (first.error, first.friction_error, first.contact_area_error, *3 * [gap_error])
+    # Agreement to rounding needs no claim.
+    return first, [
+        t / max(float(c), 1e-300) if t > 1e-12 else 0.0 for t, c in zip(true, claimed, strict=True)
+    ]
 
 
 def judge(first, ratio):
@@ -117,29 +145,6 @@ class Scene:
             self.stack, self.surface, pressure=self.load, velocity=self.speed, rtol=rtol,
             throw=False,
         )  # fmt: skip
-
-    def solve_twice(self):
-        """The solution, and its true over its claimed errors if it and the closer one converged."""
-        first, closer = self.solve(self.rtol), self.solve(self.rtol / 100)
-        if any(s.result != gc.RESULTS.successful for s in (first, closer)):
-            return first, None
-        sigma, exact = np.asarray(first.pressure), np.asarray(closer.pressure)
-        rms = float(np.std(self.surface.heights))
-        true = (
-            np.linalg.norm(sigma - exact) / np.linalg.norm(exact),
-            abs(float(first.friction - closer.friction)),
-            abs(float(first.contact_area - closer.contact_area)),
-            float(np.sqrt(np.mean((first.gap - closer.gap) ** 2))) / rms,
-            abs(float(first.mean_gap - closer.mean_gap)) / rms,
-            float(np.std(first.displacement - closer.displacement)) / rms,
-        )
-        gap_error = first.contact.gap_error
-        claimed = (first.error, first.friction_error, first.contact_area_error, *3 * [gap_error])
-        # Agreement to rounding needs no claim.
-        return first, [
-            t / max(float(c), 1e-300) if t > 1e-12 else 0.0
-            for t, c in zip(true, claimed, strict=True)
-        ]
 
 
 def random_material(rng):

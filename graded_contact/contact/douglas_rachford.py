@@ -1,12 +1,13 @@
-"""The fast solver: the splitting of `splitting.py` on nested grids.
+"""The fast solver: the splitting of `splitting.py` on nested grids, and its second gear.
 
 Coarse grids find a start for finer ones. A solve that takes long begins again with the penalty that
-suits the area found in contact.
+suits the area found in contact. Where on the finest grid more than as many steps again are to come,
+Newton steps (`newton_steps.py`) may take as many FFT pairs as the splitting took so far.
 """
 
 import dataclasses
 from collections.abc import Callable
-from typing import Any, ClassVar
+from typing import Any, ClassVar, NamedTuple
 
 import equinox as eqx
 import jax
@@ -18,38 +19,36 @@ from .._checks import check_whole
 from ..grid import interpolate, resample_spectrum, to_field, to_spectrum
 from .law import AbstractLaw
 from .linear import LinearSplitting
+from .newton_steps import newton_round, takes_newton_steps
+from .on_grid import OnGrid, as_guess, on_grid, start_of
 from .solver import (
     AbstractContactSolver,
     Iterated,
     LinearSolver,
     Prescribed,
-    least_compliance,
     participation,
     penalty_for,
     pressure_unit,
     root_mean_square,
     slope,
-    third_mode,
     to_mean,
     watch_of,
 )
 from .splitting import (
     CYCLE,
-    Solid,
-    Splitting,
     check_relaxation,
     draft,
     gap_error,
     iterate,
     rounding_error,
-    solid_of,
 )
 
 # All within 2 % of the fewest FFT pairs of `bench_contact.py viscoelastic`.
 _COARSE_ERROR = 0.02  # of the nested coarse grids, which only give a start
-_COLD_PARTICIPATION = 0.05  # ⟨σ⟩²/⟨σ²⟩ expected before anything is known
-_HIGHEST = 1e3  # pressure of a start, in what it takes to flatten the stiffest wave
 _EPOCH = 50  # steps before the penalty is chosen anew; then as many as were done
+_GEARED_FROM = 0.25  # of the points: grids that Newton steps are for
+_FEW = 100  # steps on coarse grids and in drafts, where Newton steps follow
+_STEPS, _MOST, _POINTS = 4000, 64_000, 2**16  # steps allowed on a grid of so many points
 
 
 class DouglasRachford(AbstractContactSolver):
@@ -58,7 +57,8 @@ class DouglasRachford(AbstractContactSolver):
     **Fields:**
 
     - `max_steps`: steps allowed on each grid before giving up, and in the draft of a large one;
-      they are done in twos.
+      they are done in twos, and a Newton step counts by its FFT pairs. None for 4000, on grids of
+      fewer than 2¹⁶ points for as many as cost the same, up to 64,000.
     - `relaxation`: α [1], between 0 and 1.
     - `memory`: earlier iterates that the acceleration combines; each stores two fields, on a large
       grid three quarters of one.
@@ -67,7 +67,7 @@ class DouglasRachford(AbstractContactSolver):
     - `keep`: called with the pressure [Pa] on the finest grid now and then while a solve goes on.
     """
 
-    max_steps: int = eqx.field(default=4000, static=True)
+    max_steps: int | None = eqx.field(default=None, static=True)
     relaxation: float = eqx.field(default=0.95, static=True)
     memory: int = eqx.field(default=5, static=True)
     coarsest: int = eqx.field(default=64, static=True)
@@ -76,7 +76,8 @@ class DouglasRachford(AbstractContactSolver):
     finds_unstable: ClassVar[bool] = True
 
     def __check_init__(self):
-        check_whole("max_steps", self.max_steps, 1)
+        if self.max_steps is not None:
+            check_whole("max_steps", self.max_steps, 1)
         check_whole("memory", self.memory, 1)
         check_whole("coarsest", self.coarsest, 4)
         check_relaxation(self.relaxation)
@@ -109,148 +110,98 @@ class DouglasRachford(AbstractContactSolver):
             unit = pressure_unit(near, rough, prescribed)
             guess = None
             if pressure is not None:
-                guess = _as_guess(near, law, prescribed, unit, interpolate(pressure, level))
+                guess = as_guess(near, law, prescribed, unit, interpolate(pressure, level))
             found = self._solve_on(
-                _on_grid(near, rough, waves, law, prescribed, unit, guess),
+                on_grid(near, rough, waves, law, prescribed, unit, guess),
                 guess,
                 rtol if finest else jnp.asarray(_COARSE_ERROR, rtol.dtype),
-                self.keep if finest else None,
+                finest,
+                share >= _GEARED_FROM,
             )
             pressure = found.pressure
             pairs = pairs + share * (found.num_fft_pairs + (0 if finest else 0.5))
         assert found is not None  # there is at least one grid
         return dataclasses.replace(found, num_fft_pairs=pairs)
 
-    def _solve_on(self, problem: "_OnGrid", guess, rtol, keep) -> Iterated:
+    def _solve_on(self, problem: OnGrid, guess, rtol, finest: bool, geared: bool) -> Iterated:
         """Solves on one grid, from a pressure or from none."""
         how: dict[str, Any] = dict(rtol=rtol, relaxation=self.relaxation, memory=self.memory)
-        how["watch"] = watch_of(keep, problem.unit)
-        z = _start(problem, guess)
-        z, drafted = draft(problem.splitting(1.0), z, max_steps=self.max_steps, **how)
-        z, factor, steps, epochs, error, going_on = self._epochs(problem, z, how)
-        found = _found(problem, z, factor, error, ~going_on, rtol)
+        how["watch"] = watch_of(self.keep if finest else None, problem.unit)
+        helped = takes_newton_steps(problem.law) and not problem.free_mean
+        geared &= helped
+        most = self.max_steps or _steps_of(problem.heights.size)
+        few = min(_FEW, most) if helped else most
+        z = start_of(problem, guess)
+        z, drafted = draft(problem.splitting(1.0), z, max_steps=few, **how)
+        last = _epochs(problem, z, how, most if geared else few, geared)
+        found = _found(problem, last.z, last.factor, last.error, ~last.going_on, rtol)
         # A guess takes one pair, and a draft half a one beside its steps. An epoch takes one half,
         # beginning again 1.5, what is found 3.5.
         begun = (0.0 if guess is None else 1.0) + jnp.where(drafted > 0, drafted + 0.5, 0.0)
-        pairs = (begun + steps + 2.0 * epochs + 2).astype(z.dtype)
-        return dataclasses.replace(found, num_steps=drafted + steps, num_fft_pairs=pairs)
-
-    def _epochs(self, problem: "_OnGrid", z, how):
-        """Iterates from z, again and again with another penalty if it takes long.
-
-        Returns z, the penalty over the first, steps, epochs, the error and if it was `going_on`.
-        """
-
-        def begin_again(z, factor):
-            """The same pressures and gaps with the penalty for the area in contact by now."""
-            solid, near = problem.at(factor)
-            _, y, gap = _meet(solid, near, z)
-            change = penalty_for(factor * problem.kernel, participation(y), near)
-            return y + change * gap, factor * change
-
-        def epoch(state):
-            z, factor, steps, epochs, *_ = state
-            z, factor = jax.lax.cond(epochs > 0, begin_again, lambda *same: same, z, factor)
-            limit = jnp.clip(steps, _EPOCH, self.max_steps - steps)
-            last = iterate(problem.splitting(factor), z, max_steps=limit, **how)
-            steps = steps + last.cycles * CYCLE
-            return last.z, factor, steps, epochs + 1, last.error, last.going_on
-
-        def running(state):
-            _, _, steps, *_, going_on = state
-            return going_on & (steps < self.max_steps)
-
-        one, none = jnp.ones((), z.dtype), jnp.asarray(0)
-        state = (z, one, none, none, one * jnp.inf, jnp.asarray(True))
-        return jax.lax.while_loop(running, epoch, state)
+        pairs = (begun + last.steps + last.newton_pairs + 2.0 * last.epochs + 2).astype(z.dtype)
+        return dataclasses.replace(found, num_steps=drafted + last.steps, num_fft_pairs=pairs)
 
 
-class _OnGrid(eqx.Module):
-    """The contact on one grid, dimensionless: see `splitting.py`."""
+class _Progress(NamedTuple):
+    """Where a solve stands on one grid: `factor` is the penalty over the first."""
 
-    kernel: Inexact[Array, "*half"]
-    heights: Float[Array, "*shape"]
-    waves: Inexact[Array, "*half"]  # their spectrum [m]
-    law: AbstractLaw
-    target: Float[Array, ""]  # mean of the pressure, or if that is free of the gap
-    free_mean: bool = eqx.field(static=True)
-    unit: Float[Array, ""]  # of pressure [Pa]
-    length: Float[Array, ""]  # [m]
-
-    def at(self, factor) -> tuple[Solid, AbstractLaw]:
-        """The solid and the law with a penalty this many times as large."""
-        shift = -factor * self.target if self.free_mean else self.target
-        shift = jnp.broadcast_to(shift, self.heights.shape)
-        waves = self.waves * (factor / self.length)
-        solid = solid_of(factor * self.kernel, waves, shift, self.free_mean)
-        return solid, self.law.in_units(1.0, 1 / factor)
-
-    def splitting(self, factor) -> Splitting:
-        """What is iterated with a penalty this many times as large."""
-        solid, law = self.at(factor)
-        return Splitting(solid, law.proximal)
+    z: Array
+    factor: Array
+    steps: Array
+    epochs: Array
+    error: Array
+    going_on: Array
+    newton_pairs: Array
+    coat: Array
+    settled: Array  # whether Newton steps found a contact, that the splitting is to confirm
 
 
-def _on_grid(kernel, heights, waves, law, prescribed: Prescribed, unit, guess) -> _OnGrid:
-    """The contact in units of a pressure, with a penalty that suits the guess of it."""
-    cold = jnp.asarray(_COLD_PARTICIPATION, heights.dtype)
-    penalty = penalty_for(kernel, cold if guess is None else participation(guess), law)
-    length = unit / penalty
-    load, mean_gap = prescribed
-    return _OnGrid(
-        kernel=penalty * kernel,
-        heights=heights / length,
-        waves=waves,
-        law=law.in_units(unit, length),
-        target=mean_gap / length if load is None else load / unit,
-        free_mean=load is None,
-        unit=unit,
-        length=length,
-    )
+def _epochs(problem: OnGrid, z, how, most: int, geared: bool) -> _Progress:
+    """Iterates from z, again and again with another penalty if it takes long."""
 
+    def begin_again(state):
+        """The same pressures and gaps with the penalty for the area in contact by now."""
+        solid, near = problem.at(state.factor)
+        _, y, gap = _meet(solid, near, state.z)
+        change = penalty_for(state.factor * problem.kernel, participation(y), near)
+        state = state._replace(z=y + change * gap, factor=state.factor * change)
+        return shift_gear(state) if geared else state
 
-def _as_guess(kernel, law, prescribed: Prescribed, unit, pressure):
-    """A pressure to begin from, in its unit, made possible for the law and the load."""
-    guess = pressure / unit
-    low, high = law.in_units(unit, 1.0).bounds
-    # A guess of another scale would drown all else.
-    stiffest = third_mode(jnp.abs(kernel)) / least_compliance(kernel)
-    guess = jnp.clip(guess, low, jnp.minimum(high, _HIGHEST * stiffest))
-    if prescribed.pressure is None:
-        return guess
-    # What is missing is spread evenly: a small contact scaled up would be far off.
-    mean = prescribed.pressure / unit
-    guess = guess + jnp.maximum(mean - jnp.mean(guess), 0)
-    return to_mean(jnp.clip(guess, low, high), mean, (low, high))
+    def shift_gear(state):
+        # At its pace so far the splitting needs more than as many steps again.
+        slow = state.settled | (state.error > jnp.sqrt(how["rtol"]))
+        solid, _ = problem.at(state.factor)
+        z, coat, pairs, settled = newton_round(
+            state.factor * problem.kernel,
+            state.factor * problem.heights,
+            problem.target,
+            state.z,
+            solid(state.z),
+            state.coat,
+            rtol=how["rtol"],
+            budget=jnp.where(slow, state.steps, 0),
+        )
+        pairs = state.newton_pairs + pairs + 1
+        return state._replace(z=z, coat=coat, newton_pairs=pairs, settled=settled)
 
+    def epoch(state):
+        state = jax.lax.cond(state.epochs > 0, begin_again, lambda same: same, state)
+        limit = jnp.clip(jnp.where(state.settled, 0, state.steps), _EPOCH, most - state.steps)
+        last = iterate(problem.splitting(state.factor), state.z, max_steps=limit, **how)
+        return state._replace(
+            z=last.z,
+            steps=state.steps + last.cycles * CYCLE,
+            epochs=state.epochs + 1,
+            error=last.error,
+            going_on=last.going_on,
+        )
 
-def _start(problem: _OnGrid, guess):
-    """z to begin from: that of a guessed pressure, or without one of points on springs."""
-    heights, law, target = problem.heights, problem.law, problem.target
-    if guess is None:
-        if problem.free_mean or law.attracts:
-            return target - heights
+    def running(state):
+        return state.going_on & (state.steps + state.newton_pairs < most)
 
-        def halve(_, bracket):
-            middle = jnp.mean(bracket)
-            light = jnp.mean(law.proximal(middle + heights)) < target
-            return jnp.where(light, bracket.at[0].set(middle), bracket.at[1].set(middle))
-
-        # Pressed down until they carry the load: else surfaces may start far apart.
-        ends = jnp.stack([-2 * jnp.max(heights), target - jnp.min(heights)])
-        v = jax.lax.fori_loop(0, 40, halve, ends)[1] + heights
-        return 2 * law.proximal(v) - v
-    gap = to_field(problem.kernel * to_spectrum(guess), heights.shape) - heights
-    gap = gap - jnp.mean(gap)
-    if problem.free_mean:
-        gap = gap + target
-    else:
-        weight = jnp.where(jnp.any(guess != 0), jnp.abs(guess), 1)
-        gap = gap - jnp.sum(weight * gap) / jnp.sum(weight)
-    # The law's own pressure and gap nearest to the guess; in contact, where the gap is but the
-    # guess's error, the pressure alone.
-    y = law.proximal(guess - gap)
-    return jnp.where(guess > jnp.abs(gap), guess, 2 * y - (guess - gap))
+    one, none, no = jnp.ones((), z.dtype), jnp.asarray(0), jnp.asarray(False)
+    start = _Progress(z, one, none, none, one * jnp.inf, ~no, none, 0 * one, no)
+    return jax.lax.while_loop(running, epoch, start)
 
 
 def _meet(solid: Callable, law: AbstractLaw, z):
@@ -261,7 +212,7 @@ def _meet(solid: Callable, law: AbstractLaw, z):
     return x, y, y - v
 
 
-def _found(problem: _OnGrid, z, factor, error, ended, rtol) -> Iterated:
+def _found(problem: OnGrid, z, factor, error, ended, rtol) -> Iterated:
     """The contact of z at this penalty over the first, but for what it cost."""
     solid, law = problem.at(factor)
     x, y, gap = _meet(solid, law, z)
@@ -298,3 +249,7 @@ def _nested_shapes(shape: tuple[int, ...], coarsest: int) -> list[tuple[int, ...
     while min(shapes[0]) >= 2 * coarsest:
         shapes.insert(0, tuple(-(-n // 2) for n in shapes[0]))
     return shapes
+
+
+def _steps_of(points: int) -> int:
+    return min(_STEPS * max(_POINTS // points, 1), _MOST)

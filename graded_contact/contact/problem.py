@@ -87,7 +87,10 @@ def solve_contact(
     if start is not None:
         start = _as_start(start, heights, law)
     check_tolerance("rtol", rtol, heights)
-    solution = _solve_contact(inputs, solver, jnp.asarray(rtol), start)
+    # Programs of their own: under a derivative the search is found compiled.
+    fixed, start = jax.lax.stop_gradient((inputs, start))
+    found = _find_contact(fixed, solver, jnp.asarray(rtol), start)
+    solution = _describe(inputs, solver, found, jnp.asarray(rtol))
     if throw:
         failed = solution.result != RESULTS.successful
         solution = tied(solution, solution.result.error_if(jnp.asarray(-0.0), failed))
@@ -154,18 +157,22 @@ def _prescribed(pressure, mean_gap, law) -> Prescribed:
 
 
 @eqx.filter_jit
-def _solve_contact(inputs: Inputs, solver, rtol, start) -> ContactSolution:
-    kernel, heights, law, prescribed = inputs
-    kernel = kernel.at[(0,) * kernel.ndim].set(0)
-    inputs = inputs._replace(kernel=kernel)
+def _find_contact(inputs: Inputs, solver: AbstractContactSolver, rtol, start) -> Iterated:
+    kernel, heights, law, prescribed = _without_mean(inputs)
     rtol = rtol.astype(heights.dtype)
-    found = jax.lax.stop_gradient(
-        solver.solve(
-            *jax.lax.stop_gradient((kernel, heights, law, prescribed)),
-            rtol=rtol,
-            start=jax.lax.stop_gradient(start),
-        )
-    )
+    return solver.solve(kernel, heights, law, prescribed, rtol=rtol, start=start)
+
+
+def _without_mean(inputs: Inputs) -> Inputs:
+    return inputs._replace(kernel=inputs.kernel.at[(0,) * inputs.kernel.ndim].set(0))
+
+
+@eqx.filter_jit
+def _describe(inputs: Inputs, solver, found: Iterated, rtol) -> ContactSolution:
+    inputs = _without_mean(inputs)
+    kernel, heights, law, _ = inputs
+    rtol = rtol.astype(heights.dtype)
+    found = jax.lax.stop_gradient(found)
     state = State(found.pressure, *_displacement_and_mean_gap(inputs, found))
     loaded = jnp.mean(law.margin(found.pressure, found.gap, 1.0) > 0, dtype=heights.dtype)
     loaded = jnp.maximum(loaded, 1 / heights.size)

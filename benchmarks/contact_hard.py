@@ -1,0 +1,112 @@
+"""Contacts that are hard to find: small ones, and moduli far apart. The section `hard`.
+
+Run by `bench_contact.py`. Cylinders: parabolas on one relaxation, rigid against it in 1-D, pairs by
+half-widths at rest, contrast of the moduli and speed (relaxation time times speed over the
+half-width). Rough: `rough_surface`, one relaxation (`single`) in mid-band or ten decades (`broad`).
+Random: one or ten relaxations, contrasts to 1e4, loads from 1e-6 of what closes every gap, grids
+of one and two dimensions, also odd and not square, any direction; each solved again 100 times
+closer.
+"""
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+from contact_random import survey
+from contact_scenes import CELL, Q0, print_versions, rough_surface
+
+import graded_contact as gc
+from graded_contact.grid import to_field, to_spectrum
+
+RTOL = (1e-4, 1e-8)
+CONTRASTS = (100.0, 1000.0, 1e4)
+CYLINDERS = ((1024, 16), (8192, 64))  # points, and half-widths at rest to the cell
+SPEEDS = (0.1, 1.0, 10.0)
+LOADS = (0.01, 0.1)
+SHAPES = ((64, 64), (1024,), (81, 64), (729,))
+HALF_WIDTH = 0.01  # m
+
+
+def hard(options):
+    if options.count:
+        survey(HardScene, options)
+        return
+    print_versions()
+    print("# FFT pairs to rtol = " + ", ".join(f"{r:g}" for r in RTOL) + "; !: not reached")
+    for points, cell in CYLINDERS:
+        for contrast in CONTRASTS:
+            for speed in SPEEDS:
+                name = f"cylinder {points} points, {cell} a, V = {speed:g}"
+                row(name, contrast, *cylinder(points, cell, contrast, speed))
+    surface = rough_surface(options.size)
+    for num, speed, name in ((1, 5.0, "single"), (10, 1.0, "broad")):
+        for contrast in CONTRASTS:
+            kernel = gc.stack_kernel(block(contrast, num), surface.grid, speed)
+            for load in LOADS:
+                title = f"rough {options.size}², {name}, p/E_r = {load:g}"
+                row(title, contrast, kernel, surface.heights, load)
+
+
+def row(name, contrast, kernel, heights, load):
+    pairs = []
+    for rtol in RTOL:
+        found = gc.solve_contact(kernel, heights, load, rtol=rtol, throw=False)
+        done = found.result == gc.RESULTS.successful
+        pairs.append(f"{float(found.num_fft_pairs):7.0f}{' ' if done else '!'}")
+    touching = int(jnp.sum(found.pressure > 0))
+    print(f"{name:42s} {contrast:6g} {touching:6d} " + " ".join(pairs), flush=True)
+
+
+def cylinder(points, cell, contrast, speed):
+    """Kernel, heights and load: radius and relaxed reduced modulus are 1."""
+    length = cell * HALF_WIDTH
+    x = (np.arange(points) - points / 2) * length / points
+    rubber = gc.Prony.from_creep(contrast, [(contrast - 1) / contrast], [speed * HALF_WIDTH], 0.0)
+    kernel = gc.stack_kernel(gc.Stack(base=gc.HalfSpace(rubber)), gc.Grid((points,), length), 1.0)
+    return kernel, -(x**2) / 2, np.pi / 4 * HALF_WIDTH**2 / length
+
+
+def block(contrast, num):
+    """A half space of relaxed reduced modulus 1, and of `num` relaxations."""
+    times = np.logspace(-5, 4, num) if num > 1 else [1.0]
+    rubber = gc.Prony(0.75, np.full(num, 0.75 * (contrast - 1) / num), times, 0.5)
+    return gc.Stack(base=gc.HalfSpace(rubber))
+
+
+class HardScene:
+    """A random block, surface, load, velocity and tolerance."""
+
+    def __init__(self, rng, i):
+        shape = SHAPES[i % len(SHAPES)]
+        contrast = 10 ** rng.uniform(0, 4)
+        self.stack = block(contrast, rng.choice([1, 10]))
+        cut = rng.integers(6, min(shape) // 2 + 1)
+        spectrum = gc.SelfAffine(
+            rms_slope=0.1,
+            hurst=rng.uniform(0.5, 1.0),
+            q_low=Q0,
+            q_roll=rng.uniform(1.0, cut / 2) * Q0,
+            q_high=cut * Q0,
+        )
+        grid = gc.Grid(shape, CELL)
+        key = jax.random.key(rng.integers(2**31))
+        self.surface = gc.random_surface(spectrum, grid, key)
+        speed, angle = 10 ** rng.uniform(-4, 4), rng.uniform(0, 2 * np.pi)
+        self.velocity = speed * np.array([np.cos(angle), np.sin(angle)][: len(shape)])
+        if len(shape) == 1:
+            self.velocity = speed
+        self.rtol = 10 ** rng.uniform(-7, -3)
+        kernel = gc.stack_kernel(self.stack, grid, self.velocity)
+        kernel = kernel.at[(0,) * kernel.ndim].set(np.inf)
+        full = to_field(to_spectrum(self.surface.heights) / kernel, shape)
+        closed = 10 ** rng.uniform(-6, 0)
+        self.load = -closed * float(full.min())
+        self.description = f"{shape}, contrast {contrast:.0f}, p = {closed:.1e} of full contact"
+
+    def __repr__(self):
+        return f"{self.description}, velocity {self.velocity}, rtol = {self.rtol:.1e}"
+
+    def solve(self, rtol):
+        return gc.slide(
+            self.stack, self.surface, pressure=self.load, velocity=self.velocity, rtol=rtol,
+            throw=False,
+        )  # fmt: skip

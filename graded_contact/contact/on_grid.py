@@ -1,0 +1,109 @@
+"""The contact on one grid as the splitting takes it, and what it begins from."""
+
+import equinox as eqx
+import jax
+import jax.numpy as jnp
+from jaxtyping import Array, Float, Inexact
+
+from ..grid import to_field, to_spectrum
+from .law import AbstractLaw
+from .solver import (
+    Prescribed,
+    least_compliance,
+    participation,
+    penalty_for,
+    third_mode,
+    to_mean,
+)
+from .splitting import Solid, Splitting, solid_of
+
+_COLD_PARTICIPATION = 0.05  # ⟨σ⟩²/⟨σ²⟩ expected before anything is known
+_HIGHEST = 1e3  # pressure of a start, in what it takes to flatten the stiffest wave
+
+
+class OnGrid(eqx.Module):
+    """The contact on one grid, dimensionless: see `splitting.py`."""
+
+    kernel: Inexact[Array, "*half"]
+    heights: Float[Array, "*shape"]
+    waves: Inexact[Array, "*half"]  # their spectrum [m]
+    law: AbstractLaw
+    target: Float[Array, ""]  # mean of the pressure, or if that is free of the gap
+    free_mean: bool = eqx.field(static=True)
+    unit: Float[Array, ""]  # of pressure [Pa]
+    length: Float[Array, ""]  # [m]
+
+    def at(self, factor) -> tuple[Solid, AbstractLaw]:
+        """The solid and the law with a penalty this many times as large."""
+        shift = -factor * self.target if self.free_mean else self.target
+        shift = jnp.broadcast_to(shift, self.heights.shape)
+        waves = self.waves * (factor / self.length)
+        solid = solid_of(factor * self.kernel, waves, shift, self.free_mean)
+        return solid, self.law.in_units(1.0, 1 / factor)
+
+    def splitting(self, factor) -> Splitting:
+        """What is iterated with a penalty this many times as large."""
+        solid, law = self.at(factor)
+        return Splitting(solid, law.proximal)
+
+
+def on_grid(kernel, heights, waves, law, prescribed: Prescribed, unit, guess) -> OnGrid:
+    """Returns the contact in units of a pressure, with a penalty that suits the guess of it."""
+    cold = jnp.asarray(_COLD_PARTICIPATION, heights.dtype)
+    penalty = penalty_for(kernel, cold if guess is None else participation(guess), law)
+    length = unit / penalty
+    load, mean_gap = prescribed
+    return OnGrid(
+        kernel=penalty * kernel,
+        heights=heights / length,
+        waves=waves,
+        law=law.in_units(unit, length),
+        target=mean_gap / length if load is None else load / unit,
+        free_mean=load is None,
+        unit=unit,
+        length=length,
+    )
+
+
+def as_guess(kernel, law, prescribed: Prescribed, unit, pressure):
+    """Returns a pressure to begin from, in its unit, made possible for the law and the load."""
+    guess = pressure / unit
+    low, high = law.in_units(unit, 1.0).bounds
+    # A guess of another scale would drown all else.
+    stiffest = third_mode(jnp.abs(kernel)) / least_compliance(kernel)
+    guess = jnp.clip(guess, low, jnp.minimum(high, _HIGHEST * stiffest))
+    if prescribed.pressure is None:
+        return guess
+    # What is missing is spread evenly: a small contact scaled up would be far off.
+    mean = prescribed.pressure / unit
+    guess = guess + jnp.maximum(mean - jnp.mean(guess), 0)
+    return to_mean(jnp.clip(guess, low, high), mean, (low, high))
+
+
+def start_of(problem: OnGrid, guess):
+    """Returns z to begin from: that of a guessed pressure, or without one of points on springs."""
+    heights, law, target = problem.heights, problem.law, problem.target
+    if guess is None:
+        if problem.free_mean or law.attracts:
+            return target - heights
+
+        def halve(_, bracket):
+            middle = jnp.mean(bracket)
+            light = jnp.mean(law.proximal(middle + heights)) < target
+            return jnp.where(light, bracket.at[0].set(middle), bracket.at[1].set(middle))
+
+        # Pressed down until they carry the load: else surfaces may start far apart.
+        ends = jnp.stack([-2 * jnp.max(heights), target - jnp.min(heights)])
+        v = jax.lax.fori_loop(0, 40, halve, ends)[1] + heights
+        return 2 * law.proximal(v) - v
+    gap = to_field(problem.kernel * to_spectrum(guess), heights.shape) - heights
+    gap = gap - jnp.mean(gap)
+    if problem.free_mean:
+        gap = gap + target
+    else:
+        weight = jnp.where(jnp.any(guess != 0), jnp.abs(guess), 1)
+        gap = gap - jnp.sum(weight * gap) / jnp.sum(weight)
+    # The law's own pressure and gap nearest to the guess; in contact, where the gap is but the
+    # guess's error, the pressure alone.
+    y = law.proximal(guess - gap)
+    return jnp.where(guess > jnp.abs(gap), guess, 2 * y - (guess - gap))
