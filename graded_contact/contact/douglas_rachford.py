@@ -47,6 +47,7 @@ from .splitting import (
 _COARSE_ERROR = 0.02  # of the nested coarse grids, which only give a start
 _EPOCH = 50  # steps before the penalty is chosen anew; then as many as were done
 _GEARED_FROM = 0.25  # of the points: grids that Newton steps are for
+_GEARED_UP_TO = 2**21  # points: they take more memory than is planned for larger ones
 _FEW = 100  # steps on coarse grids and in drafts, where Newton steps follow
 _STEPS, _MOST, _POINTS = 4000, 64_000, 2**16  # steps allowed on a grid of so many points
 
@@ -128,9 +129,10 @@ class DouglasRachford(AbstractContactSolver):
         how: dict[str, Any] = dict(rtol=rtol, relaxation=self.relaxation, memory=self.memory)
         how["watch"] = watch_of(self.keep if finest else None, problem.unit)
         helped = takes_newton_steps(problem.law) and not problem.free_mean
-        geared &= helped
+        geared = geared and helped and problem.heights.size <= _GEARED_UP_TO
+        alone = not helped or (finest and not geared)
         most = self.max_steps or _steps_of(problem.heights.size)
-        few = min(_FEW, most) if helped else most
+        few = most if alone else min(_FEW, most)
         z = start_of(problem, guess)
         z, drafted = draft(problem.splitting(1.0), z, max_steps=few, **how)
         last = _epochs(problem, z, how, most if geared else few, geared)
