@@ -132,7 +132,7 @@ def test_bad_things_are_refused_on_the_page(opened, served, tmp_path):
     topography.set_input_files(bad)
     playwright.expect(refusal(page)).to_contain_text("bad.txt", timeout=MINUTES)
     topography.set_input_files(large)
-    page.get_by_text("File is too large").wait_for()
+    page.get_by_text("File is too large", exact=True).wait_for()
     assert list(served[1].iterdir()) == []
     page.close()
 
