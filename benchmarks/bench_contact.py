@@ -2,6 +2,7 @@
 
     python benchmarks/bench_contact.py elastic       beside Tamaas and ContactMechanics
     python benchmarks/bench_contact.py viscoelastic  FFT pairs, growth with N, the paper's method
+    python benchmarks/bench_contact.py observables   friction, area, gap: errors, claims, pairs
     python benchmarks/bench_contact.py random        random scenes: any failure, any false claim?
     python benchmarks/bench_contact.py hard          small contacts, moduli far apart
     python benchmarks/bench_contact.py overhead      wall time over that of the transforms alone
@@ -32,6 +33,7 @@ DOCS = pathlib.Path(__file__).parents[1] / "docs"
 SECTIONS = {
     "elastic": ("contact_peers", "beside Tamaas and ContactMechanics"),
     "viscoelastic": ("contact_viscoelastic", "FFT pairs, growth with N, the paper's method"),
+    "observables": ("contact_observables", "friction, area and gap: errors, claims, pairs"),
     "random": ("contact_random", "random scenes"),
     "hard": ("contact_hard", "small contacts, moduli far apart"),
     "overhead": ("contact_costs", "wall time over that of the transforms alone"),
@@ -79,6 +81,10 @@ def main():
         "--uniform-mass", action="store_true", help="plain molecular dynamics"
     )
 
+    many(["observables"], "--sizes", int, [128, 256, 512])
+    many(["observables"], "--bodies", str, VISCOELASTIC, choices=VISCOELASTIC)
+    parts["observables"].add_argument("--gradients", action="store_true", help="of friction too")
+
     one("random", "--count", int, 500)
     one("random", "--seed", int, 0)
     one("random", "--show", int, 20, help="how many scenes to describe that did not converge")
@@ -106,7 +112,7 @@ def main():
     many(["kernel"], "--sizes", int, [128, 256])
     many(["gradient"], "--sizes", int, [512, 1024])
     many(["gradient"], "--bodies", str, ["single", "tread+coat"], choices=VISCOELASTIC)
-    many(["elastic", "viscoelastic"], "--loads", float, LOADS)
+    many(["elastic", "viscoelastic", "observables"], "--loads", float, LOADS)
     many(["kernel", "gradient"], "--loads", float, [0.01, 0.1])
 
     one("largest", "--size", int, 8192)

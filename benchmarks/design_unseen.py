@@ -51,7 +51,7 @@ def rows_of(study, options, speeds):
         return -jnp.log(
             gc.slide(
                 with_values(scene.stack, values), surface, pressure=scene.pressure[0],
-                velocity=speed, rtol=scene.rtol,
+                velocity=speed, **scene.tolerance,
             ).friction
         )  # fmt: skip
 
@@ -111,7 +111,7 @@ def warm_starts(study, options):
         stack = with_values(scene.stack, {path: change * value for path, value in own.items()})
         return gc.slide(
             stack, surface, pressure=scene.pressure[0], velocity=scene.velocity[0],
-            rtol=scene.rtol, start=start,
+            **scene.tolerance, start=start,
         )  # fmt: skip
 
     cold, begin = pairs(1.05).num_fft_pairs, pairs(1.0).pressure

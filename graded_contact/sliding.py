@@ -11,7 +11,7 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float, Inexact, ScalarLike
 
-from ._checks import Numbers, as_float, check_positive, door, is_concrete, short
+from ._checks import Numbers, as_float, check_positive, check_tolerance, door, is_concrete, short
 from ._devices import num_devices
 from ._memory import check_memory, num_numbers, sliding_memory
 from ._shown import shown
@@ -24,6 +24,8 @@ from .contact.area import (
     edge_stiffness,
 )
 from .contact.douglas_rachford import DouglasRachford
+from .contact.friction_and_area import FrictionAndArea
+from .contact.implicit import displace
 from .contact.law import AbstractLaw, HardWall
 from .contact.observables import (
     energy_imbalance,
@@ -58,7 +60,8 @@ class Sliding(eqx.Module):
     - `friction_error`: estimated error of the friction that the solver left [1]. That of the grid
       comes on top, see `geometric_friction`.
     - `contact_area`: fraction of points in contact [1]. A pixel count, without a derivative.
-    - `contact_area_error`: fraction of points that the solver may have put on the wrong side [1].
+    - `contact_area_error`: fraction of points that the solver may have put on the wrong side [1];
+      if `friction_rtol` was asked for, the error that it left in `contact_area_smooth`.
     - `contact_area_corrected`: the same less its known excess at the edges [1].
     - `contact_area_smooth`: sub-pixel area fraction [1], for gradients.
     - `geometric_friction`: friction from the surface's slope instead of the block's [1]. Its
@@ -133,7 +136,8 @@ def slide(
     law: AbstractLaw = HardWall(),  # noqa: B008 (immutable)
     solver: AbstractContactSolver = DouglasRachford(),  # noqa: B008
     graded: AbstractGradedSolver = Layering(),  # noqa: B008
-    rtol: float = 1e-6,
+    rtol: float | None = None,
+    friction_rtol: float | None = None,
     start: Numbers | None = None,
     throw: bool = True,
 ) -> Sliding:
@@ -153,7 +157,11 @@ def slide(
     - `velocity`: of the surface over the block [m/s]: a number (along x) or `(vx, vy)`. At rest
       (0, known beforehand) the relaxed moduli act and a real kernel is used.
     - `graded`: what solves graded layers, with a tolerance of its own: `Layering()`, `Riccati()`.
-    - `law`, `solver`, `rtol`, `start`, `throw`: as in `solve_contact`. Without `throw` a graded
+    - `friction_rtol`: wanted relative error of friction and of the sub-pixel contact area [1];
+      nothing better is asked for than a tenth of what the grid leaves, and than a hundredth of the
+      slope in place of a friction less than that. Or
+    - `rtol`: wanted relative error of the pressure [1]; 1e-6 if neither is given.
+    - `law`, `solver`, `start`, `throw`: as in `solve_contact`. Without `throw` a graded
       layer whose kernel misses its tolerance is a `.result` as well, and all numbers are NaN.
 
     **Returns:** friction, areas, errors and the contact itself, see `Sliding`.
@@ -163,6 +171,7 @@ def slide(
     kernel, velocity, reached = _kernel_and_velocity(
         stack, surface, velocity, solver, graded, throw
     )
+    rtol, wanted = _aim(rtol, friction_rtol, kernel, surface, velocity, law)
     contact = solve_contact(
         kernel,
         surface.heights,
@@ -171,6 +180,7 @@ def slide(
         law=law,
         solver=solver,
         rtol=rtol,
+        wanted=wanted,
         start=start,
         throw=throw,
     )
@@ -178,6 +188,19 @@ def slide(
     contact = eqx.tree_at(lambda c: c.result, contact, result)
     heights, measured, grid = surface.heights, surface.measured, surface.grid
     return _observe(contact, kernel, heights, measured, grid, velocity, law, coverage(stack))
+
+
+def _aim(rtol, friction_rtol, kernel, surface: Surface, velocity, law):
+    """The tolerance of the solve, and of what other than the pressure, if any."""
+    if rtol is not None and friction_rtol is not None:
+        raise ValueError(
+            f"`rtol={rtol}` and `friction_rtol={friction_rtol}`: give at most one of the two."
+        )
+    if friction_rtol is None:
+        return 1e-6 if rtol is None else rtol, None
+    check_tolerance("friction_rtol", friction_rtol, surface.heights)
+    heights, tolerance = surface.heights, jnp.asarray(friction_rtol, surface.heights.dtype)
+    return friction_rtol, FrictionAndArea(kernel, heights, surface.grid, velocity, law, tolerance)
 
 
 def _kernel_and_velocity(stack, surface, velocity, solver, graded, throw):
@@ -217,8 +240,7 @@ def _observe(
     known: tuple[Float[Array, ""], Float[Array, ""]] | None,
 ) -> Sliding:
     sigma, w = contact.pressure, contact.displacement
-    # Of the returned pressure itself: that balances energy to rounding.
-    own = to_field(kernel.at[(0,) * kernel.ndim].set(0) * to_spectrum(sigma), grid.shape)
+    own = displace(kernel, sigma)  # of the pressure itself: that balances energy to rounding
     margin = law.margin(sigma, contact.gap, edge_stiffness(kernel, grid))
     touching = margin > 0
     zero = jnp.zeros((), sigma.dtype)
@@ -231,13 +253,16 @@ def _observe(
     if known is not None:
         unknown = is_unknown(wave_frequencies(grid, velocity), known)
         extrapolated = friction_share(sigma, w, grid, velocity, unknown)
+    if contact.wanted_error is None:
+        mu_error = friction_error(sigma, contact.mismatch, contact.error, kernel, grid, velocity)
+        area_error = contact_area_error(margin, sigma, contact.error)
+    else:
+        mu_error, area_error = contact.wanted_error
     return Sliding(
         friction=friction(sigma, own, grid, velocity),
-        friction_error=friction_error(
-            sigma, contact.mismatch, contact.error, kernel, grid, velocity
-        ),
+        friction_error=mu_error,
         contact_area=contact_area(touching).astype(sigma.dtype),
-        contact_area_error=contact_area_error(margin, sigma, contact.error),
+        contact_area_error=area_error,
         contact_area_corrected=contact_area_corrected(touching).astype(sigma.dtype),
         contact_area_smooth=contact_area_smooth(margin),
         geometric_friction=friction(sigma, heights, grid, velocity),

@@ -26,6 +26,7 @@ def sliding(friction=0.25, shape=(16, 12), result=RESULTS.successful):
     fields = {f.name: jnp.array(2.0) for f in dataclasses.fields(ContactSolution)}
     field = jnp.zeros(shape)
     fields |= {"pressure": field, "displacement": field, "gap": field, "mismatch": field}
+    fields |= {"wanted_error": None}
     contact = ContactSolution(**fields | {"mean_gap": jnp.array(6.13e-5), "result": result})
     numbers = {f.name: jnp.array(0.0) for f in dataclasses.fields(gc.Sliding)}
     numbers |= {"friction": jnp.array(friction), "friction_error": jnp.array(1.7e-8)}

@@ -87,13 +87,13 @@ def _attached_jvp(primals, tangents):
         rhs = rhs - share * (1 - s)
     elif change.prescribed.gap is not None:
         rhs = rhs - penalty * change.prescribed.gap
-    rhs = rhs - penalty * _displace(inputs.kernel, known)
+    rhs = rhs - penalty * displace(inputs.kernel, known)
 
     def solve(kernel, rhs):
         return linear(kernel, s, rhs, free_mean=not load_given, rtol=rtol)
 
     d_pressure = known + _in_contact(penalty * inputs.kernel, s, rhs, load_given, solve)
-    d_displacement = _displace(inputs.kernel, d_pressure) + by_kernel
+    d_displacement = displace(inputs.kernel, d_pressure) + by_kernel
     d_gap = jnp.zeros_like(penalty)
     if load_given:
         closing = by_law - (1 - s) * d_pressure - penalty * s * (d_displacement - by_heights)
@@ -111,7 +111,7 @@ def _given_changes(inputs: Inputs, change: Inputs, state: State, penalty, v):
         respond = lambda law: law.in_units(1.0, 1 / penalty).proximal(v)  # noqa: E731
         by_law = jax.jvp(respond, (inputs.law,), (d_law,))[1]
     if change.kernel is not None:
-        by_kernel = _displace(change.kernel, state.pressure)
+        by_kernel = displace(change.kernel, state.pressure)
     if change.heights is not None:
         by_heights = change.heights - jnp.mean(change.heights)
     return by_law, by_kernel, by_heights
@@ -119,20 +119,15 @@ def _given_changes(inputs: Inputs, change: Inputs, state: State, penalty, v):
 
 def _in_contact(kernel, s, rhs, load_given: bool, solve):
     """√|s| τ, where A τ = √|s| rhs of zero mean √|s| τ if the load is given."""
-    # 0 in all orders where the law holds the pressure; √ alone has an infinite slope there.
-    held = s != 0
-    root = jnp.where(held, jnp.sqrt(jnp.where(held, jnp.abs(s), 1)), 0)
+    root = root_of(s)
     sign = jnp.where(s < 0, -1, 1)
 
     def project(field):
-        # A given load leaves no mean of √|s| τ, and a mean gap that follows.
-        return (
-            field - root * (jnp.sum(root * field) / jnp.sum(root * root)) if load_given else field
-        )
+        return without_mean(field, root) if load_given else field
 
     def operate(tau):
         inside = project(tau)
-        pressed = _displace(kernel, root * inside)
+        pressed = displace(kernel, root * inside)
         return project(sign * (1 - s) * inside + root * pressed) + tau - inside
 
     def solver_for(kernel):
@@ -150,8 +145,23 @@ def _in_contact(kernel, s, rhs, load_given: bool, solve):
     )
 
 
-def _displace(kernel, field):
-    """M σ without its mean."""
+def root_of(s: Float[Array, "*shape"]) -> Float[Array, "*shape"]:
+    """Returns √|s|, 0 in all orders where the law holds the pressure."""
+    held = s != 0  # √ alone has an infinite slope where it does not
+    return jnp.where(held, jnp.sqrt(jnp.where(held, jnp.abs(s), 1)), 0)
+
+
+def without_mean(
+    field: Float[Array, "*shape"], root: Float[Array, "*shape"]
+) -> Float[Array, "*shape"]:
+    """Returns τ less its part along √|s|: a given load leaves no mean of √|s| τ."""
+    return field - root * (jnp.sum(root * field) / jnp.sum(root * root))
+
+
+def displace(
+    kernel: Inexact[Array, "*half"], field: Float[Array, "*shape"]
+) -> Float[Array, "*shape"]:
+    """Returns M σ without its mean."""
     spectrum = (kernel * to_spectrum(field)).at[(0,) * field.ndim].set(0)
     return to_field(spectrum, field.shape)
 

@@ -14,6 +14,7 @@ import numpy as np
 from jaxtyping import Array, Float, Inexact
 
 from .._checks import check_tolerance, check_whole
+from .anderson import History
 from .splitting import Splitting, check_relaxation, draft, iterate, solid_of
 
 
@@ -48,18 +49,38 @@ class LinearSplitting(eqx.Module):
         free_mean: bool,
         rtol: Float[Array, ""],
     ) -> Float[Array, "*shape"]:
+        """Returns the τ of `solve`, or fails if that did not converge."""
+        if self.rtol is not None:
+            check_tolerance("rtol", self.rtol, rhs)
+            rtol = jnp.asarray(self.rtol, rhs.dtype)
+        tau, _, last = self.solve(kernel, weights, rhs, free_mean=free_mean, rtol=rtol)
+        return eqx.error_if(
+            tau,
+            last.going_on,
+            "The linear solve for a derivative of the contact did not converge. Raise "
+            "`max_steps` of the solver's `linear`, or loosen its `rtol`.",
+        )
+
+    def solve(
+        self,
+        kernel: Inexact[Array, "*half"],
+        weights: Float[Array, "*shape"],
+        rhs: Float[Array, "*shape"],
+        *,
+        free_mean: bool,
+        rtol: Float[Array, ""],
+    ) -> tuple[Float[Array, "*shape"], Float[Array, "*shape"], History]:
         """Returns τ with ε(1 - s)τ + √|s| ρM √|s| τ = rhs, ε being the sign of s.
+
+        And the pressure of the solid, near √|s| τ but with better soft waves, and the last state.
 
         **Arguments:**
 
         - `kernel`: ρM on the half spectrum, or for the adjoint its conjugate, 0 at q = 0.
         - `weights`: s, the slope of the law's proximal map at each point.
         - `rhs`: the right side. Unless `free_mean`, it and τ are orthogonal to √|s|.
-        - `rtol`: of the contact.
+        - `rtol`: relative error that ends it; that of the contact if the settings have none.
         """
-        if self.rtol is not None:
-            check_tolerance("rtol", self.rtol, rhs)
-            rtol = jnp.asarray(self.rtol, rhs.dtype)
         root, sign = jnp.sqrt(jnp.abs(weights)), jnp.where(weights < 0, -1, 1).astype(rhs.dtype)
         proximal = jax.tree_util.Partial(_proximal, root, sign, rhs)
         share = jnp.maximum(jnp.mean(root), 1 / root.size)
@@ -70,13 +91,8 @@ class LinearSplitting(eqx.Module):
         )
         z, _ = draft(splitting, root * rhs, **how)
         last = iterate(splitting, z, **how)
-        two = eqx.error_if(
-            jnp.asarray(2, rhs.dtype),
-            last.going_on,
-            "The linear solve for a derivative of the contact did not converge. Raise "
-            "`max_steps` of the solver's `linear`, or loosen its `rtol`.",
-        )
-        return sign * (rhs + root * (two * solid(last.z) - last.z))
+        x = solid(last.z)
+        return sign * (rhs + root * (2 * x - last.z)), x, last
 
 
 def _proximal(root, sign, rhs, v):

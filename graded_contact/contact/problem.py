@@ -6,10 +6,14 @@ solid. Find the pressure σ and the gap u = w - h + ū that obey the law of cont
 or the other way round.
 """
 
+import dataclasses
+import functools
+from collections.abc import Callable
+
 import equinox as eqx
 import jax
 import jax.numpy as jnp
-from jaxtyping import ScalarLike
+from jaxtyping import Array, ScalarLike
 
 from .._checks import (
     Numbers,
@@ -30,11 +34,11 @@ from .implicit import Inputs, State, attach_gradient
 from .law import AbstractLaw, HardWall, check_law, check_pressure
 from .solution import RESULTS, ContactSolution
 from .solver import AbstractContactSolver, Iterated, Prescribed, least_compliance, penalty_for
+from .wanted import WORTHLESS, Asked, Known, Wanted, solve_until
 
 # Rise of an attraction over the stiffness of the shortest wave, up to which all equilibria found
 # were stable: see `adhesion.py`.
 _RESOLVED = 0.3
-_WORTHLESS = 0.1  # error of gaps over the rms height
 
 
 @door
@@ -47,6 +51,7 @@ def solve_contact(
     law: AbstractLaw = HardWall(),  # noqa: B008 (immutable)
     solver: AbstractContactSolver = DouglasRachford(),  # noqa: B008
     rtol: float = 1e-6,
+    wanted: Callable[[ContactSolution], Array | Asked] | None = None,
     start: Numbers | None = None,
     throw: bool = True,
 ) -> ContactSolution:
@@ -67,7 +72,10 @@ def solve_contact(
     - `law`: of contact.
     - `solver`: algorithm and its limits, and how derivatives are found: see `DouglasRachford`, or
       `AbstractContactSolver` for one's own.
-    - `rtol`: wanted relative error of the pressure [1].
+    - `rtol`: wanted relative error of the pressure [1]; or
+    - `wanted`: of what else `rtol` is the relative error: a function of the solution that returns
+      numbers, continuous in the pressure. The solve then ends, mostly long before, where these are
+      known, with `.wanted_error`: see `contact/wanted.py`.
     - `start`: a pressure field [Pa] to start from, such as a neighbouring solution; a load that it
       lacks is spread evenly. One at a load or speed more than half as large again saves nothing.
       With a law that attracts, it chooses among several solutions; see `follow_contact`.
@@ -88,9 +96,9 @@ def solve_contact(
         start = _as_start(start, heights, law)
     check_tolerance("rtol", rtol, heights)
     # Programs of their own: under a derivative the search is found compiled.
-    fixed, start = jax.lax.stop_gradient((inputs, start))
-    found = _find_contact(fixed, solver, jnp.asarray(rtol), start)
-    solution = _describe(inputs, solver, found, jnp.asarray(rtol))
+    fixed, start, wanted = _fixed((inputs, start, wanted))
+    known = _find_contact(fixed, solver, jnp.asarray(rtol), wanted, start)
+    solution = _solution(inputs, solver, known, jnp.asarray(rtol))
     if throw:
         failed = solution.result != RESULTS.successful
         solution = tied(solution, solution.result.error_if(jnp.asarray(-0.0), failed))
@@ -157,10 +165,14 @@ def _prescribed(pressure, mean_gap, law) -> Prescribed:
 
 
 @eqx.filter_jit
-def _find_contact(inputs: Inputs, solver: AbstractContactSolver, rtol, start) -> Iterated:
-    kernel, heights, law, prescribed = _without_mean(inputs)
-    rtol = rtol.astype(heights.dtype)
-    return solver.solve(kernel, heights, law, prescribed, rtol=rtol, start=start)
+def _find_contact(inputs: Inputs, solver: AbstractContactSolver, rtol, wanted, start) -> Known:
+    inputs = _without_mean(inputs)
+    rtol = rtol.astype(inputs.heights.dtype)
+    if wanted is None:
+        found = solver.solve(*inputs, rtol=rtol, start=start)
+        return Known(found, None, found.error <= rtol)
+    describe = functools.partial(_describe, inputs)
+    return solve_until(inputs, solver, Wanted(wanted, rtol), start, describe)
 
 
 def _without_mean(inputs: Inputs) -> Inputs:
@@ -168,15 +180,15 @@ def _without_mean(inputs: Inputs) -> Inputs:
 
 
 @eqx.filter_jit
-def _describe(inputs: Inputs, solver, found: Iterated, rtol) -> ContactSolution:
+def _solution(inputs: Inputs, solver, known: Known, rtol) -> ContactSolution:
     inputs = _without_mean(inputs)
     kernel, heights, law, _ = inputs
     rtol = rtol.astype(heights.dtype)
-    found = jax.lax.stop_gradient(found)
+    found, errors, reached = jax.lax.stop_gradient(known)
     state = State(found.pressure, *_displacement_and_mean_gap(inputs, found))
     loaded = jnp.mean(law.margin(found.pressure, found.gap, 1.0) > 0, dtype=heights.dtype)
     loaded = jnp.maximum(loaded, 1 / heights.size)
-    pressure, displacement, mean_gap = attach_gradient(
+    state = attach_gradient(
         inputs,
         jax.lax.stop_gradient(state),
         found.gap,
@@ -184,12 +196,26 @@ def _describe(inputs: Inputs, solver, found: Iterated, rtol) -> ContactSolution:
         solver.linear,
         rtol,
     )
-    heights = heights - jnp.mean(heights)
+    solution = _describe(inputs, found, state)
+    result = _how_it_ended(inputs, solver, found, reached, solution.gap_error)
+    return dataclasses.replace(solution, wanted_error=errors, result=result)
+
+
+def _fixed(tree):
+    """The same without derivatives."""
+    numbers, others = eqx.partition(tree, eqx.is_array)
+    return eqx.combine(jax.lax.stop_gradient(numbers), others)
+
+
+def _describe(inputs: Inputs, found: Iterated, state: State | None = None) -> ContactSolution:
+    """The solution that was found; its state may have derivatives."""
+    if state is None:
+        state = State(found.pressure, *_displacement_and_mean_gap(inputs, found))
+    pressure, displacement, mean_gap = state
+    heights = inputs.heights - jnp.mean(inputs.heights)
     gap = displacement - heights + mean_gap
     rms, mean = jnp.std(heights), jnp.mean(jnp.abs(pressure))
     unit, load = jnp.where(rms > 0, rms, 1), jnp.where(mean > 0, mean, 1)
-    gap_error = found.gap_error / unit
-    worthless = (gap_error > _WORTHLESS) & (rms > 0)
     return ContactSolution(
         pressure=pressure,
         displacement=displacement,
@@ -199,24 +225,26 @@ def _describe(inputs: Inputs, solver, found: Iterated, rtol) -> ContactSolution:
         mismatch=found.mismatch,
         error=found.error,
         load_error=jnp.abs(jnp.mean(found.mismatch)) / load,
-        gap_error=gap_error,
+        gap_error=found.gap_error / unit,
         complementarity_error=jnp.mean(jnp.abs(pressure * (gap - found.gap))) / (load * unit),
         penetration=jnp.max(jnp.maximum(jnp.minimum(found.gap, 0) - gap, 0)) / unit,
+        wanted_error=None,
         num_steps=found.num_steps,
         num_fft_pairs=found.num_fft_pairs,
-        result=_how_it_ended(inputs, solver, found, rtol, worthless),
+        result=RESULTS.successful,
     )
 
 
-def _how_it_ended(inputs: Inputs, solver, found: Iterated, rtol, worthless) -> RESULTS:
+def _how_it_ended(inputs: Inputs, solver, found: Iterated, reached, gap_error) -> RESULTS:
     law, pressure = inputs.law, inputs.prescribed.pressure
     finite = jnp.isfinite(found.error) & jnp.all(jnp.isfinite(found.pressure))
     result = RESULTS.where(found.ended, RESULTS.rounding, RESULTS.max_steps_reached)
-    result = RESULTS.where(found.error <= rtol, RESULTS.successful, result)
+    result = RESULTS.where(reached, RESULTS.successful, result)
     result = RESULTS.where(finite, result, RESULTS.not_finite)
     if law.attracts and solver.finds_unstable:
         steep = law.steepest_rise * least_compliance(inputs.kernel) > _RESOLVED
         result = RESULTS.where(steep & (result == RESULTS.successful), RESULTS.unresolved, result)
+    worthless = (gap_error > WORTHLESS) & (jnp.std(inputs.heights) > 0)
     worthless = worthless & (result == RESULTS.successful)
     result = RESULTS.where(worthless, RESULTS.gap_unresolved, result)
     if pressure is not None:

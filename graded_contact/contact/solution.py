@@ -67,6 +67,8 @@ class ContactSolution(eqx.Module):
     - `complementarity_error`: mean of |σ| |u - u_σ| over that of |σ| and the rms height [1]; u_σ is
       the gap at which the law has the pressure σ, in hard contact 0.
     - `penetration`: largest interpenetration that the law does not allow, over the rms height [1].
+    - `wanted_error`: estimated errors of what was `wanted`, in its own units [1]; None if nothing
+      was.
     - `num_steps`: iterations on the full grid.
     - `num_fft_pairs`: transforms spent, forward and back [1]; coarse grids counted by their size.
     - `result`: a member of `RESULTS`.
@@ -83,6 +85,7 @@ class ContactSolution(eqx.Module):
     gap_error: Float[Array, ""]
     complementarity_error: Float[Array, ""]
     penetration: Float[Array, ""]
+    wanted_error: Float[Array, " numbers"] | None
     num_steps: Array
     num_fft_pairs: Float[Array, ""]
     result: RESULTS

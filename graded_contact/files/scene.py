@@ -28,8 +28,10 @@ file, or begin with `~`.
     [sweep]               values of numbers of the block, by paths as in `parameters.py`:
                           "layers[0].thickness" = [1e-5, 1e-4], or {from, to, points}, equally
                           spaced in the logarithm; a temperature acts on the block that has them
-    [solver]              `rtol` and the numbers of `DouglasRachford`; `graded` = "layering" or
-                          "riccati", or a table with that `kind` and its `rtol`, for graded layers
+    [solver]              `rtol` or `friction_rtol`, as in `slide` (`rtol` = 5e-5 if neither is
+                          given: friction to 1e-4), and the numbers of `DouglasRachford`; `graded` =
+                          "layering" or "riccati", or a table with that `kind` and its `rtol`, for
+                          graded layers
     [output]              `name`, `directory`, and which `fields` to keep: "last", "every" or "none"
     [design]              what the command `design` is to do, see `files/design_scene.py`
 """
@@ -87,7 +89,8 @@ class Scene:
     - `pressure`, `velocity`: mean pressures [Pa] and velocities [m/s], one axis each.
     - `direction`: of the velocity from the x axis [rad].
     - `extrapolate`: whether friction may come from where a material was not measured.
-    - `solver`, `rtol`: algorithm of the contact and wanted relative error.
+    - `solver`: algorithm of the contact.
+    - `tolerance`: `friction_rtol` or `rtol` of `slide`, by its name.
     - `graded`: the solver of graded layers.
     - `name`, `directory`: of the output; None leaves them to the caller.
     - `keep`: which fields the results hold: "last", "every" or "none".
@@ -107,7 +110,7 @@ class Scene:
     direction: float
     extrapolate: bool
     solver: DouglasRachford
-    rtol: float
+    tolerance: Mapping[str, Any]
     graded: AbstractGradedSolver
     name: str | None
     directory: Path | None
@@ -170,7 +173,9 @@ def parse_scene(text: str, folder: str | os.PathLike = ".") -> Scene:
     folder = Path(folder)
     scene = Section("the scene", parse_toml(text), KEYS)
     load = Section("[load]", scene.get("load"), LOAD_KEYS)
-    solver = Section("[solver]", scene.get("solver", {}), ("rtol", "graded", *SOLVER_KEYS))
+    solver = Section(
+        "[solver]", scene.get("solver", {}), ("rtol", "friction_rtol", "graded", *SOLVER_KEYS)
+    )
     output = Section("[output]", scene.get("output", {}), ("name", "directory", "fields"))
     block = Block(folder)
     temperature = _temperature(load)
@@ -185,9 +190,10 @@ def parse_scene(text: str, folder: str | os.PathLike = ".") -> Scene:
         full = 2 * np.pi
         reason = "an angle [rad] lies between -2π and 2π"
         check_values("direction", direction, reason, at_least=-full, at_most=full)
-    rtol, graded = block.builder.build(solver, _accuracy)
+    tolerance, graded = block.builder.build(solver, _accuracy)
     with within(solver.place):
-        check_tolerance("rtol", rtol, as_float(pressure))
+        for name, rtol in tolerance.items():
+            check_tolerance(name, rtol, as_float(pressure))
     name, directory = output.text("name", None), output.text("directory", None)
     with within(output.place):
         if name is not None:
@@ -208,7 +214,7 @@ def parse_scene(text: str, folder: str | os.PathLike = ".") -> Scene:
         extrapolate=load.truth("extrapolate", False)
         or any(isinstance(m, Tabulated) and m.extrapolate == "plateau" for m in materials),
         solver=block.builder.build(solver, DouglasRachford),
-        rtol=rtol,
+        tolerance=tolerance,
         graded=graded,
         name=name,
         directory=directory,
@@ -245,7 +251,15 @@ def _sweep(scene: Section, stack: Stack, temperature: np.ndarray | None) -> dict
 
 
 def _accuracy(
-    rtol: ScalarLike = 1e-6,
+    rtol: ScalarLike | None = None,
+    friction_rtol: ScalarLike | None = None,
     graded: AbstractGradedSolver = Layering(),  # noqa: B008 (immutable)
-) -> tuple[ScalarLike, AbstractGradedSolver]:
-    return rtol, graded
+) -> tuple[dict[str, ScalarLike], AbstractGradedSolver]:
+    if rtol is not None and friction_rtol is not None:
+        raise ValueError("Give `rtol` or `friction_rtol`, not both.")
+    if rtol is not None:
+        return {"rtol": rtol}, graded
+    if friction_rtol is not None:
+        return {"friction_rtol": friction_rtol}, graded
+    # Friction is then known to 1e-4, with 0.7 to 0.8 of the FFT pairs that 1e-6 takes.
+    return {"rtol": 5e-5}, graded

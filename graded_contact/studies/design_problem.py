@@ -147,7 +147,15 @@ def kept_contact(
 ) -> tuple[np.ndarray, np.ndarray]:
     """Friction and area of a stack on a surface, from the store or for it."""
     scene = study.scene
-    parts = (stack, heights, scene.pressure, scene.velocity, scene.solver, scene.rtol, scene.graded)
+    parts = (
+        stack,
+        heights,
+        scene.pressure,
+        scene.velocity,
+        scene.solver,
+        scene.tolerance,
+        scene.graded,
+    )
     assert isinstance(scene.surface, RandomSurface)
     name = fingerprint(package_versions(), "friction and area", scene.surface.grid, *parts)
     kept = None if store is None else store.read(name)
@@ -173,7 +181,7 @@ def _contact(study: DesignScene, stack: Stack, heights: Array) -> tuple[Array, A
             pressure=scene.pressure[0],
             velocity=velocity,
             solver=scene.solver,
-            rtol=scene.rtol,
+            **scene.tolerance,
             graded=scene.graded,
         )
         return found.friction, found.contact_area_smooth

@@ -120,7 +120,7 @@ def point_names(scene: Scene, surface: Surface) -> np.ndarray:
         rough = scene.surface._replace(seed=0, seeds=None)
     common = fingerprint(
         versions, scene.stack, None if "temperature" in scene.axes else scene.temperature,
-        rough, surface.grid, scene.direction, scene.solver, scene.rtol, scene.graded,
+        rough, surface.grid, scene.direction, scene.solver, scene.tolerance, scene.graded,
         errors_of_stack(scene),
     )  # fmt: skip
     columns = _columns(scene)
@@ -163,7 +163,7 @@ def _solver(scene: Scene, surface: Surface) -> Callable[[dict[str, Any]], dict[s
             pressure=point["pressure"],
             velocity=velocity_vector(point["velocity"], scene.direction),
             solver=scene.solver,
-            rtol=scene.rtol,
+            **scene.tolerance,
             graded=scene.graded,
             throw=False,
         )
@@ -245,7 +245,7 @@ def _attributes(scene: Scene, surface: Surface, error: np.ndarray, message: np.n
         "moduli": "\n".join(scene.notes),
         "dtype": str(surface.heights.dtype),
         "direction": scene.direction,
-        "rtol": scene.rtol,
+        **scene.tolerance,
         "largest_error": float(np.fmax.reduce(error, axis=None)),
         "num_solves": message.size,
         "num_converged": int(np.sum(message == "")),

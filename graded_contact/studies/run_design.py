@@ -162,7 +162,7 @@ def _polish(study: DesignScene, design: Design, store: Store | None, say: Progre
 
     objective, constraints = contact_problem(study, store=store, progress=say)
     scene = study.scene
-    decides = (scene.surface, study.verify, scene.solver, scene.rtol)
+    decides = (scene.surface, study.verify, scene.solver, scene.tolerance)
     say("polish", 0, POLISHING)
     polished = minimise(
         objective,

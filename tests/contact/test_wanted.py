@@ -1,0 +1,112 @@
+"""Contacts solved until chosen numbers are known, against ones solved to the last digits."""
+
+from typing import Any
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+import pytest
+from conftest import BODIES, SPEED, rough
+
+import graded_contact as gc
+
+GRID = gc.Grid((32, 32), 1.0)
+SURFACE = rough(GRID, cut=4)
+KERNEL = gc.stack_kernel(BODIES["coated"], GRID, SPEED)
+LOAD = 0.05
+LAWS = {
+    "hard": gc.HardWall(),
+    "hardness": gc.HardWall(hardness=0.3),
+    "repulsive": gc.RepulsiveLJ(1e-3, 0.05),
+    "adhesive": gc.AdhesiveLJ(2e-3, 4e-5),
+    "exponential": gc.ExponentialAdhesion(2e-3, 4e-5),
+}
+
+
+def gap_and_sharpness(contact):
+    """Two numbers that weigh all gaps and all pressures."""
+    return jnp.stack([contact.mean_gap, jnp.mean(contact.pressure**2) / LOAD**2])
+
+
+@pytest.mark.parametrize(
+    "name", ["hard", *(pytest.param(n, marks=pytest.mark.slow) for n in LAWS if n != "hard")]
+)
+def test_what_is_wanted_is_known_within_its_claimed_error(name):
+    def solve(**tolerance: Any):
+        return gc.solve_contact(KERNEL, SURFACE.heights, LOAD, law=LAWS[name], **tolerance)
+
+    best = solve(rtol=1e-10)
+    exact = gap_and_sharpness(best)
+    for rtol in (1e-2, 1e-4):
+        found = solve(rtol=rtol, wanted=gap_and_sharpness)
+        error = np.abs(gap_and_sharpness(found) - exact)
+        claimed = np.asarray(found.wanted_error)
+        assert np.all(claimed <= 1.01 * rtol * exact)
+        assert np.all(error <= claimed)
+        assert abs(found.mean_gap - best.mean_gap) <= found.gap_error * jnp.std(SURFACE.heights)
+        np.testing.assert_allclose(np.mean(found.pressure), LOAD, rtol=1e-12)
+        assert np.linalg.norm(found.pressure - best.pressure) <= found.error * np.linalg.norm(
+            best.pressure
+        )
+
+
+def test_friction_is_known_within_its_claimed_error_and_sooner_than_the_pressure():
+    def solve(pressure, **tolerance: Any):
+        return gc.slide(BODIES["coated"], SURFACE, pressure=pressure, velocity=SPEED, **tolerance)
+
+    pairs = np.zeros(2)
+    for pressure in (0.005, 0.02, 0.1):
+        best = solve(pressure, rtol=1e-9)
+        found = solve(pressure, friction_rtol=1e-4)
+        assert abs(found.friction - best.friction) <= found.friction_error
+        allowed = max(
+            1e-4 * float(best.friction),
+            0.1 * abs(float(found.geometric_friction - found.friction)),
+        )
+        assert found.friction_error <= 1.001 * allowed
+        assert abs(found.contact_area_smooth - best.contact_area_smooth) <= found.contact_area_error
+        pairs += float(found.num_fft_pairs), float(best.num_fft_pairs)
+    assert pairs[0] <= 0.7 * pairs[1]
+
+
+def test_derivatives_of_a_friction_that_is_known_are_those_of_the_closer_solve():
+    def friction(pressure, **tolerance: Any):
+        return gc.slide(
+            BODIES["coated"], SURFACE, pressure=pressure, velocity=SPEED, **tolerance
+        ).friction
+
+    exact = jax.grad(lambda p: friction(p, rtol=1e-9))(LOAD)
+    found = jax.jit(jax.grad(lambda p: friction(p, friction_rtol=1e-3)))(LOAD)
+    np.testing.assert_allclose(found, exact, rtol=1e-2)
+
+
+@pytest.mark.slow
+def test_a_batch_knows_what_its_members_know():
+    def friction(pressure):
+        s = gc.slide(
+            BODIES["coated"], SURFACE, pressure=pressure, velocity=SPEED, friction_rtol=1e-3
+        )
+        return s.friction, s.friction_error
+
+    loads = jnp.array([0.01, 0.1])
+    batch = jax.vmap(friction)(loads)
+    np.testing.assert_allclose(batch, jax.lax.map(friction, loads), rtol=1e-6)
+
+
+def test_numbers_that_did_not_become_known_are_not_passed_as_such():
+    hasty: dict[str, Any] = dict(
+        rtol=1e-4, wanted=gap_and_sharpness, solver=gc.DouglasRachford(max_steps=2)
+    )
+    with pytest.raises(RuntimeError, match="max_steps"):
+        gc.solve_contact(KERNEL, SURFACE.heights, LOAD, **hasty)
+    found = gc.solve_contact(KERNEL, SURFACE.heights, LOAD, **hasty, throw=False)
+    assert found.result == gc.RESULTS.max_steps_reached
+
+
+def test_tolerances_of_pressure_and_of_friction_exclude_each_other():
+    with pytest.raises(
+        ValueError, match=r"`rtol=0\.001` and `friction_rtol=0\.01`: give at most one"
+    ):
+        gc.slide(
+            BODIES["coated"], SURFACE, pressure=LOAD, velocity=SPEED, rtol=1e-3, friction_rtol=1e-2
+        )
