@@ -47,6 +47,7 @@ from .splitting import (
 _COARSE_ERROR = 0.02  # of the nested coarse grids, which only give a start
 _EPOCH = 50  # steps before the penalty is chosen anew; then as many as were done
 _GEARED_FROM = 0.25  # of the points: grids that Newton steps are for
+_SMALL = 0.125  # share along an axis of points in contact, up to which Newton steps pay
 _GEARED_UP_TO = 2**21  # points: they take more memory than is planned for larger ones
 _FEW = 100  # steps on coarse grids and in drafts, where Newton steps follow
 _STEPS, _MOST, _POINTS = 4000, 64_000, 2**16  # steps allowed on a grid of so many points
@@ -167,11 +168,14 @@ def _epochs(problem: OnGrid, z, how, most: int, geared: bool) -> _Progress:
         _, y, gap = _meet(solid, near, state.z)
         change = penalty_for(state.factor * problem.kernel, participation(y), near)
         state = state._replace(z=y + change * gap, factor=state.factor * change)
-        return shift_gear(state) if geared else state
-
-    def shift_gear(state):
+        if not geared:
+            return state
         # At its pace so far the splitting needs more than as many steps again.
         slow = state.settled | (state.error > jnp.sqrt(how["rtol"]))
+        slow &= jnp.mean(y > 0, dtype=y.dtype) < _SMALL**y.ndim
+        return jax.lax.cond(slow, shift_gear, lambda state, _: state, state, slow)
+
+    def shift_gear(state, slow):
         solid, _ = problem.at(state.factor)
         z, coat, pairs, settled = newton_round(
             state.factor * problem.kernel,
@@ -181,6 +185,7 @@ def _epochs(problem: OnGrid, z, how, most: int, geared: bool) -> _Progress:
             solid(state.z),
             state.coat,
             rtol=how["rtol"],
+            # Under `vmap` those that are not slow come here too.
             budget=jnp.where(slow, state.steps, 0),
         )
         pairs = state.newton_pairs + pairs + 1
