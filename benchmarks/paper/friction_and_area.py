@@ -41,11 +41,19 @@ def draw(table, size, quantity, rubber=0, roughness=0):
 
 
 def difference(table, depth, quantity, one, other, **labels):
-    """Of two cut-offs, the second over the first less 1, at each pressure, surface by surface."""
-    a, b = (rows(table, cutoff=cutoff, q0d=depth, **labels) for cutoff in (one, other))
-    order = [np.lexsort((part["pressure_ratio"], part["seed"])) for part in (a, b)]
-    ratio = b[quantity][order[1]] / a[quantity][order[0]] - 1
-    return ratio.reshape(len(np.unique(a["seed"])), -1)
+    """Of two cut-offs, the second over the first less 1: surfaces that both have by pressures."""
+    a, b = (
+        {
+            (seed, ratio): value
+            for seed, ratio, value in zip(
+                part["seed"], part["pressure_ratio"], part[quantity], strict=True
+            )
+        }
+        for part in (rows(table, cutoff=cutoff, q0d=depth, **labels) for cutoff in (one, other))
+    )
+    both = sorted(a.keys() & b.keys())
+    ratio = np.array([b[key] / a[key] - 1 for key in both])
+    return ratio.reshape(len({seed for seed, _ in both}), -1)
 
 
 def say(table, size, **labels):

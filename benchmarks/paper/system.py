@@ -59,14 +59,14 @@ class Size(NamedTuple):
     - `depths`: q0 d [1] of the figures' four panels.
     - `more_depths`: q0 d [1] of the figure against thickness, besides; the first is all but bare.
     - `pressures`: σ0/E_r0 [1].
-    - `seeds`: of the surfaces.
+    - `surfaces`: how many at each cut-off.
     """
 
     cutoffs: tuple[int, ...]
     depths: tuple[float, ...]
     more_depths: tuple[float, ...]
     pressures: tuple[float, ...]
-    seeds: int
+    surfaces: tuple[int, ...]
 
 
 FULL = Size(
@@ -74,7 +74,7 @@ FULL = Size(
     depths=(0.63e-3, 3.2e-3, 4.4e-3, 6.3e-3),
     more_depths=(1e-9, 0.2e-3, 1.3e-3, 2.1e-3, 9e-3, 13e-3),
     pressures=(0.01, 0.02, 0.04, 0.07, 0.1, 0.17, 0.3, 0.5),
-    seeds=5,
+    surfaces=(5, 5, 2),
 )
 # Sixteen times fewer waves, under coats that are as thick to the shortest.
 SMALL = Size(
@@ -82,7 +82,7 @@ SMALL = Size(
     depths=(16 * 0.63e-3, 16 * 6.3e-3),
     more_depths=(1e-9,),
     pressures=(0.1, 0.3),
-    seeds=2,
+    surfaces=(2, 2, 2),
 )
 CLOSE_UP = (0.1, 0.3)  # σ0/E_r0 of the figure against thickness
 
