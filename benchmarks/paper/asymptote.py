@@ -37,7 +37,7 @@ def draw(table, size):
 
 def main():
     given = options(__doc__).parse_args()
-    size, table = SMALL if given.small else FULL, found(given.output)
+    size, table = SMALL if given.small else FULL, found(given)
     with rc_context(STYLE):
         save(draw(table, size), given.output / "asymptote.png")
     labels = {"rubber": 0, "roughness": 0}

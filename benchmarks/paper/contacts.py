@@ -1,20 +1,23 @@
-"""Solves all contacts of the paper's figures into one table, contacts.h5.
+"""Solves all contacts of the paper's figures into one table of the file of results.
 
-    python benchmarks/paper/contacts.py [--small] [--store FOLDER] [--only CUTOFF ...]
+    python benchmarks/paper/contacts.py [--small] [--again] [--only CUTOFF ...]
 
 Friction, area and more at every cut-off, thickness, pressure and surface, for the tread; at heights
 of 0.16 mm in place of the matched slopes and for a second rubber at fewer of them. Each point is
-kept in the store as it ends: the same command goes on from there. The table has a row for each
+kept in a folder as it ends: the same command goes on from there. The table has a row for each
 point, no fields; `friction_and_area.py` and others draw from it. At the paper's size it takes hours
 and 14 GB (N = 8192), see docs/paper.md.
 """
 
+import argparse
 import contextlib
 import time
 from itertools import product
 from pathlib import Path
 from typing import NamedTuple
 
+import jax
+import jax.numpy as jnp
 import numpy as np
 from rich.console import Console
 from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeRemainingColumn
@@ -30,8 +33,10 @@ from system import (
     coated,
     epdm,
     grid,
+    kept,
     options,
     relaxed,
+    results,
     surface,
     tread,
 )
@@ -40,6 +45,7 @@ import graded_contact as gc
 from graded_contact.studies.store import Store
 
 RTOL = 1e-2  # of the pressure; against 1e-3 friction changes by 5e-5, smooth area by 4e-5
+STORE = "contacts.points"
 WAVES = 48  # at which the friction of longer waves is kept
 
 
@@ -79,17 +85,16 @@ def contact(part: Part, cutoff: int, size: Size):
     rubber = RUBBERS[part.rubber]()
     roughness = ROUGHNESS[part.roughness]
     cell = grid(cutoff)
+    large = cutoff > size.cutoffs[0]
 
     def rub(point):
         rough = surface(cutoff, size, roughness, point["seed"])
-        found = gc.slide(
-            coated(rubber, point["thickness"]),
-            rough,
-            pressure=point["pressure"],
-            velocity=VELOCITY,
-            rtol=RTOL,
-            throw=False,
-        )
+        scene = coated(rubber, point["thickness"]), rough, point["pressure"], VELOCITY
+        if large:
+            # Half the memory; at this tolerance single precision changes friction by 2e-5.
+            scene = jax.tree.map(lambda x: jnp.asarray(x, jnp.float32), scene)
+        stack, rough, pressure, velocity = scene
+        found = gc.slide(stack, rough, pressure=pressure, velocity=velocity, rtol=RTOL, throw=False)
         waves = gc.cumulative_friction(found.pressure, found.displacement, cell, VELOCITY, WAVES)
         return {
             "friction": found.friction,
@@ -108,8 +113,9 @@ def contact(part: Part, cutoff: int, size: Size):
     return rub
 
 
-def solve(size: Size, store: Store, cutoffs: tuple[int, ...]) -> gc.Study:
-    """The table: a row for each point, with what it is a point of."""
+def solve(size: Size, folder: Path, cutoffs: tuple[int, ...]) -> gc.Study:
+    """The table: a row for each point, with what it is a point of; points are kept in a folder."""
+    folder.parent.mkdir(parents=True, exist_ok=True)
     columns: list[dict[str, np.ndarray]] = []
     ends = []
     every = [(part, cutoff) for cutoff in cutoffs for part in parts(size, cutoff)]
@@ -121,7 +127,7 @@ def solve(size: Size, store: Store, cutoffs: tuple[int, ...]) -> gc.Study:
         ]
         start = time.perf_counter()
         name = f"rubber {part.rubber}, roughness {part.roughness}, q1/q0 = {cutoff}"
-        with bar(name) as advance:
+        with bar(name) as advance, Store(folder) as store:
             study = gc.sweep(contact(part, cutoff, size), points, store=store, progress=advance)
         told = sum(study.message != "")
         print(f"{name}: {len(points)} points, {time.perf_counter() - start:.0f} s, {told} failed")
@@ -135,23 +141,18 @@ def solve(size: Size, store: Store, cutoffs: tuple[int, ...]) -> gc.Study:
     return gc.Study({"point": np.arange(len(message))}, values, message, study.units)
 
 
-def found(folder: Path) -> gc.Study:
-    """The table that was solved.
-
-    **Raises:** `FileNotFoundError` before it was.
-    """
-    path = folder / "contacts.h5"
-    if not path.exists():
-        raise FileNotFoundError(f"{path} does not exist: run contacts.py with the same options.")
-    return gc.read_study(path)
+def found(given: argparse.Namespace) -> gc.Study:
+    """The table, solved unless it is in the file of results."""
+    size = SMALL if given.small else FULL
+    return kept(given, "contacts", lambda: solve(size, given.output / STORE, size.cutoffs))
 
 
 def rows(study: gc.Study, **labels: float) -> dict[str, np.ndarray]:
     """The rows of the table with these labels, such as cutoff=256, that succeeded."""
-    kept = study.message == ""
+    chosen = study.message == ""
     for name, value in labels.items():
-        kept = kept & np.isclose(study[name], value, rtol=1e-9, atol=0)
-    return {name: values[kept] for name, values in study.values.items()}
+        chosen = chosen & np.isclose(study[name], value, rtol=1e-9, atol=0)
+    return {name: values[chosen] for name, values in study.values.items()}
 
 
 def spread(rows: dict[str, np.ndarray], along: str, of: str) -> tuple[np.ndarray, ...]:
@@ -174,17 +175,12 @@ def bar(name: str):
 
 def main() -> None:
     parser = options(__doc__)
-    parser.add_argument("--store", type=Path, default=None, help="folder of finished points")
     parser.add_argument("--only", type=int, nargs="+", help="cut-offs q1/q0 to solve now")
     given = parser.parse_args()
-    size = SMALL if given.small else FULL
-    folder = given.store or given.output / "contacts.points"
-    given.output.mkdir(parents=True, exist_ok=True)
-    with Store(folder) as store:
-        study = solve(size, store, given.only or size.cutoffs)
     if given.only is None:
-        study.write(given.output / "contacts.h5")
-        print(f"wrote {given.output / 'contacts.h5'}")
+        print(f"{len(found(given).message)} contacts in {results(given)}")
+    else:
+        solve(SMALL if given.small else FULL, given.output / STORE, tuple(given.only))
 
 
 if __name__ == "__main__":

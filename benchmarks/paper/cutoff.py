@@ -43,7 +43,7 @@ def reached(q, share):
 
 def main():
     given = options(__doc__).parse_args()
-    size, table = SMALL if given.small else FULL, found(given.output)
+    size, table = SMALL if given.small else FULL, found(given)
     depths = sorted({*size.depths, *size.more_depths})
     with rc_context(STYLE):
         figure, panes = panels(2)

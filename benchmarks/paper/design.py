@@ -5,12 +5,16 @@
 Thickness, modulus and damping of one coat, by the mean field at σ0 = 0.1 E_r0: the two objectives
 are how much friction changes from the fewest to all waves, |ln μ(all)/μ(fewest)|, and the area
 lost against the bare block, ln A(bare)/A with all waves. The front between them is searched by
-gradients, once among all coats and once among stiff ones, as wear asks for, and coats on it are
-verified by contacts.
+gradients, once among all coats and once among stiff ones, as wear asks for. All coats on it are
+verified by contacts: friction from the fewest waves to twice as many.
 """
 
+from functools import partial
+
+import jax
 import jax.numpy as jnp
 import numpy as np
+from contacts import RTOL
 from matplotlib import rc_context
 from system import (
     FULL,
@@ -20,7 +24,9 @@ from system import (
     SMALL,
     STYLE,
     VELOCITY,
+    kept,
     options,
+    ordered,
     panels,
     relaxed,
     save,
@@ -49,13 +55,14 @@ def block(p, unit):
     return gc.Stack(layers=[gc.Layer(coat, p["depth"] * unit)], base=gc.HalfSpace(rubber))
 
 
-def main():
-    given = options(__doc__).parse_args()
-    size = SMALL if given.small else FULL
+def searched(given, size):
+    """The fronts by mean field, a row for each design and the bare block first, with contacts."""
     fewest, every = size.cutoffs[0], size.cutoffs[-1]
+    waves = size.cutoffs[-2:] if given.small else size.cutoffs[:2]  # of the contacts
     load, unit = PRESSURE * relaxed(tread()), 1 / (every * Q0)
     bare = gc.Stack(base=gc.HalfSpace(tread()))
 
+    @partial(jax.jit, static_argnames="cutoff")
     def theory(stack, cutoff):
         found = gc.mean_field_friction(
             stack, spectrum(cutoff, size, SLOPES), pressure=load, velocity=VELOCITY, rtol=1e-3,
@@ -63,47 +70,73 @@ def main():
         )  # fmt: skip
         return found.friction, found.contact_area
 
-    area_bare = theory(bare, every)[1]
+    bare_area = theory(bare, every)[1]
 
     def objectives(p):
         stack = block(p, unit)
         (less, _), (more, area) = theory(stack, fewest), theory(stack, every)
-        return jnp.stack([jnp.log(more / less) ** 2, jnp.log(area_bare / area)])
+        return jnp.stack([jnp.log(more / less) ** 2, jnp.log(bare_area / area)])
 
-    def contact(name, stack):
-        waves = size.cutoffs[-2:] if given.small else size.cutoffs[:2]
-        found = []
-        for cutoff in waves:
-            rough = surface(cutoff, size)
-            found.append(gc.slide(stack, rough, pressure=load, velocity=VELOCITY, rtol=1e-3))
-        less, more = (float(one.friction) for one in found)
+    def row(stack, **labels):
+        """A design's friction and area, of the theory and of contacts."""
+        (less, _), (more, area) = theory(stack, fewest), theory(stack, every)
+        one, other = (
+            gc.slide(
+                stack, surface(cutoff, size), pressure=load, velocity=VELOCITY, rtol=RTOL,
+                throw=False,
+            )
+            for cutoff in waves
+        )  # fmt: skip
+        said = gc.RESULTS[one.result] or gc.RESULTS[other.result]
+        numbers = {
+            **labels, "friction_fewest": less, "friction_all": more, "contact_area": area,
+            "friction_by_contact": one.friction, "friction_of_more_waves": other.friction,
+            "contact_area_by_contact": other.contact_area_smooth,
+        }  # fmt: skip
+        return {name: float(value) for name, value in numbers.items()}, said
+
+    rows = [row(bare, softest=0.0, **dict.fromkeys(LOWER, 0.0))]
+    for softest in SOFTEST:
+        front = gc.design.pareto_front(
+            objectives, LOWER | {"modulus": softest}, UPPER,
+            num_points=3 if given.small else 9, num_starts=2 if given.small else 6, rtol=1e-6,
+        )  # fmt: skip
+        for design, _ in front:
+            p = design.parameters
+            rows.append(row(block(p, unit), softest=softest, **p))
+    values = {name: np.array([one[name] for one, _ in rows]) for name in rows[0][0]}
+    message = np.array([said for _, said in rows])
+    return gc.Study({"point": np.arange(len(rows))}, values, message, {})
+
+
+def main():
+    given = options(__doc__).parse_args()
+    size = SMALL if given.small else FULL
+    found = kept(given, "design", lambda: searched(given, size))
+    print(f"{len(found.message)} designs, {np.sum(found.message != '')} failed")
+    change = found["friction_all"] / found["friction_fewest"] - 1
+    area = found["contact_area"] / found["contact_area"][0]
+    by_contact = found["friction_of_more_waves"] / found["friction_by_contact"] - 1
+    area_by_contact = found["contact_area_by_contact"] / found["contact_area_by_contact"][0]
+    for i in range(len(change)):
+        told = ", ".join(f"{k} {found[k][i]:.3g}" for k in ("softest", *LOWER))
         print(
-            f"contacts, {name}: friction {less:.5f} at q1/q0 = {waves[0]}, {more:.5f} at "
-            f"{waves[1]} ({more / less - 1:+.1%}), area {float(found[-1].contact_area_smooth):.4f}"
+            f"    {told if i else 'bare'}: friction changes by {change[i]:.2%}, area {area[i]:.3f} "
+            f"of the bare block's; by contact {by_contact[i]:.2%}, {area_by_contact[i]:.3f}"
         )
-
-    contact("bare", bare)
     with rc_context(STYLE):
-        figure, (pane,) = panels(1, width=5.0)
-        for softest in SOFTEST:
-            front = gc.design.pareto_front(
-                objectives, LOWER | {"modulus": softest}, UPPER,
-                num_points=3 if given.small else 9, num_starts=2 if given.small else 6, rtol=1e-6,
-            )  # fmt: skip
-            change, loss = np.array([value for _, value in front]).T
+        figure, panes = panels(2)
+        for softest, colour in zip(SOFTEST, ordered(3), strict=False):
+            here = found["softest"] == softest
             label = f"modulus at least {softest:g} times the relaxed one"
-            pane.plot(np.exp(np.sqrt(change)) - 1, np.exp(-loss), "o-", label=label)
-            print(f"{label}:")
-            for design, (change, loss) in front:
-                told = ", ".join(f"{k} {float(v):.3g}" for k, v in design.parameters.items())
-                print(
-                    f"    {told}: friction changes by {np.sqrt(change):.2%}, area "
-                    f"{np.exp(-loss):.3f} of the bare block's"
-                )
-            contact(f"first of the front, {label}", block(front[0][0].parameters, unit))
-        pane.set(xlabel=f"change of friction from $q_1/q_0$ = {fewest} to {every} [1]",
-                 ylabel="contact area over that of the bare block [1]")  # fmt: skip
-        pane.legend()
+            for pane, x, y in (
+                (panes[0], change, area), (panes[1], by_contact, area_by_contact)
+            ):  # fmt: skip
+                pane.plot(x[here], y[here], "o-", color=colour, markersize=4, label=label)
+        for pane, title in zip(panes, ("mean field", "contacts"), strict=True):
+            pane.set(xlabel="change of friction with the waves [1]", title=title)
+        panes[0].set_ylabel("contact area over the bare block's [1]")
+        panes[0].legend()
         save(figure, given.output / "design.png")
 
 

@@ -82,7 +82,7 @@ def say(table, size, **labels):
 
 def main():
     given = options(__doc__).parse_args()
-    size, table = SMALL if given.small else FULL, found(given.output)
+    size, table = SMALL if given.small else FULL, found(given)
     for rubber, roughness, name in ((0, 0, ""), (1, 0, "-epdm"), (0, 1, "-heights")):
         labels = {"rubber": rubber, "roughness": roughness}
         print(f"{RUBBERS[rubber].__name__}, {ROUGHNESS[roughness]}:")

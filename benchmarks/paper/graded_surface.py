@@ -16,6 +16,7 @@ from system import (
     SMALL,
     STYLE,
     VELOCITY,
+    kept,
     options,
     panels,
     relaxed,
@@ -32,7 +33,7 @@ STEPS = (0, 1, 2, 4)  # 0: continuous
 TOPS = (1.0, 20.0)  # modulus of the surface over the relaxed one
 
 
-def contact(size, steps, top, depth):
+def contact(size, top, depth, steps):
     rubber, cutoff = tread(), size.cutoffs[-1]
     rough = surface(cutoff, size)
     skin = gc.Elastic(top * relaxed(rubber) * (1 - POISSON**2), POISSON)
@@ -56,23 +57,36 @@ def main():
     depth = 2 / size.cutoffs[-1] * 4  # q d = 8 for the shortest wave, 1/8 of it for the longest
     ratios = np.geomspace(0.02, 0.5, 3 if given.small else 9)
     pressures = ratios * relaxed(tread())
-    given.output.mkdir(parents=True, exist_ok=True)
-    with rc_context(STYLE), Store(given.output / "graded_surface.points") as store:
+
+    def solve():
+        axes = {"pressure": pressures}
+        with Store(given.output / "graded_surface.points") as store:
+            all = [
+                [gc.sweep(contact(size, top, depth, steps), axes, store=store) for steps in STEPS]
+                for top in TOPS
+            ]
+        values = {
+            name: np.array([[one[name] for one in row] for row in all]) for name in all[0][0].values
+        }
+        message = np.array([[one.message for one in row] for row in all])
+        axes = {"top": np.array(TOPS), "steps": np.array(STEPS), "pressure": pressures}
+        return gc.Study(axes, values, message, all[0][0].units)
+
+    found = kept(given, "graded_surface", solve)
+    print(f"{found.message.size} contacts, {np.sum(found.message != '')} failed")
+    with rc_context(STYLE):
         figure, panes = panels(4, height=5.6, rows=2)
         for row, top in enumerate(TOPS):
-            found = [
-                gc.sweep(contact(size, steps, top, depth), {"pressure": pressures}, store=store)
-                for steps in STEPS
-            ]
             for pane, quantity in zip(
                 panes[2 * row : 2 * row + 2], ("friction", "area"), strict=True
             ):
-                for steps, study in zip(STEPS, found, strict=True):
+                curves = found[quantity][row]
+                for steps, curve in zip(STEPS, curves, strict=True):
                     label = f"{steps} step{'s' * (steps > 1)}" if steps else "continuous"
                     style = "-" if steps else "k-"
-                    pane.semilogx(ratios, study[quantity], style, label=label)
+                    pane.semilogx(ratios, curve, style, label=label)
                     if steps:
-                        off = study[quantity] / found[0][quantity] - 1
+                        off = curve / curves[0] - 1
                         print(
                             f"surface at {top:g} E0, {label}: {quantity} off by {off.min():+.1%} "
                             f"to {off.max():+.1%}"

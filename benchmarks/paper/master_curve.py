@@ -15,6 +15,7 @@ from system import (
     SMALL,
     STYLE,
     coated,
+    kept,
     options,
     ordered,
     panels,
@@ -70,9 +71,12 @@ def main():
         for v in reduced / a
         if 1e-7 <= v <= 10
     ]
-    given.output.mkdir(parents=True, exist_ok=True)
-    with Store(given.output / "master_curve.points") as store:
-        found = gc.sweep(contact(size), points, store=store)
+
+    def solve():
+        with Store(given.output / "master_curve.points") as store:
+            return gc.sweep(contact(size), points, store=store)
+
+    found = kept(given, "master_curve", solve)
     print(f"{len(points)} contacts, {np.sum(found.message != '')} failed")
     at = found["velocity"] * np.interp(found["temperature"], TEMPERATURES, factors)
     with rc_context(STYLE):

@@ -35,7 +35,7 @@ def theory(size, cutoff, rubber, roughness, correction):
 
 def main():
     given = options(__doc__).parse_args()
-    size, table = SMALL if given.small else FULL, found(given.output)
+    size, table = SMALL if given.small else FULL, found(given)
     with rc_context(STYLE):
         figure, panes = panels(2)
         for correction, colour in zip(CORRECTIONS, ordered(3), strict=True):

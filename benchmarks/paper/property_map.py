@@ -16,6 +16,7 @@ from system import (
     SMALL,
     STYLE,
     VELOCITY,
+    kept,
     options,
     panels,
     relaxed,
@@ -80,9 +81,12 @@ def main():
     depths = np.geomspace(0.1, 4, count) / size.cutoffs[-1]
     ratios = np.geomspace(0.01, 0.5, count)
     axes = {"thickness": depths / Q0, "pressure": ratios * relaxed(tread())}
-    given.output.mkdir(parents=True, exist_ok=True)
-    with Store(given.output / "property_map.points") as store:
-        found = gc.sweep(contact(size), axes, store=store)
+
+    def solve():
+        with Store(given.output / "property_map.points") as store:
+            return gc.sweep(contact(size), axes, store=store)
+
+    found = kept(given, "property_map", solve)
     print(f"{found.message.size} contacts and gradients, {np.sum(found.message != '')} failed")
     with rc_context(STYLE):
         figure, panes = panels(6, width=9, height=5.2, rows=2)

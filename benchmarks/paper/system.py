@@ -16,9 +16,11 @@ What they leave open or contradict is chosen here, once for all figures:
 import argparse
 import io
 import tomllib
+from collections.abc import Callable
 from pathlib import Path
 from typing import NamedTuple
 
+import h5py
 import jax
 import jax.numpy as jnp
 import numpy as np
@@ -27,6 +29,7 @@ from matplotlib.figure import Figure
 from PIL import Image
 
 import graded_contact as gc
+from graded_contact.files.study import get_study, put_study
 
 jax.config.update("jax_enable_x64", True)
 
@@ -139,6 +142,33 @@ def surface(cutoff: int, size: Size, roughness: dict[str, float] = SLOPES, seed=
     return gc.random_surface(rough, grid(cutoff), jax.random.key(seed))
 
 
+# Results ------------------------------------------------------------------------------------
+
+
+def kept(given: argparse.Namespace, name: str, solve: Callable[[], gc.Study]) -> gc.Study:
+    """What an earlier run found, from the file of results; else what `solve` gives, put there."""
+    path = results(given)
+    if path.exists() and not given.again:
+        with h5py.File(path) as file:
+            if name in file:
+                return get_study(file[name], list(file[name].attrs["values"]))
+    study = solve()
+    path.parent.mkdir(parents=True, exist_ok=True)
+    with h5py.File(path, "a") as file:
+        if name in file:
+            del file[name]
+        group = file.create_group(name, track_order=True)
+        put_study(group, study)
+        group.attrs["values"] = list(study.values)
+    print(f"wrote {name} into {path}")
+    return study
+
+
+def results(given: argparse.Namespace) -> Path:
+    """The file that all scripts share."""
+    return given.output / f"results{'-small' if given.small else ''}.h5"
+
+
 # Figures ------------------------------------------------------------------------------------
 
 
@@ -168,6 +198,9 @@ def options(doc: str) -> argparse.ArgumentParser:
     )
     parser.add_argument(
         "--small", action="store_true", help="fewer waves, pressures and surfaces: minutes for all"
+    )
+    parser.add_argument(
+        "--again", action="store_true", help="solve, although the file of results has it"
     )
     parser.add_argument(
         "--output", type=Path, default=DOCS / "paper", help="folder of results and figures"

@@ -60,7 +60,7 @@ def put(
 ) -> None:
     """Writes one dataset; one that has its only dimension's name becomes that dimension's scale.
 
-    The scales of the others lie in the root.
+    The scales of the others lie in the group, else in the root.
     """
     if values.dtype.kind in "UO":
         dataset = group.create_dataset(name, data=values.astype(object), dtype=h5py.string_dtype())
@@ -76,7 +76,7 @@ def put(
         return
     for dimension, label in zip(dataset.dims, dimensions, strict=True):
         dimension.label = label
-        dimension.attach_scale(group.file[label])
+        dimension.attach_scale((group if label in group else group.file)[label])
 
 
 def numbers(dataset: Any, kinds: str = "f") -> np.ndarray:
