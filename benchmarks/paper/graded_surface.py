@@ -30,6 +30,7 @@ from graded_contact.response.layering import sliced
 from graded_contact.studies.store import Store
 
 STEPS = (0, 1, 2, 4)  # 0: continuous
+TICKS = (0.02, 0.05, 0.1, 0.2, 0.5)
 TOPS = (1.0, 20.0)  # modulus of the surface over the relaxed one
 
 
@@ -92,6 +93,8 @@ def main():
                             f"to {off.max():+.1%}"
                         )
                 pane.set(xlabel=r"pressure $\sigma_0/E_{r0}$ [1]", ylim=(0, None))
+                pane.minorticks_off()
+                pane.set_xticks(TICKS, labels=map(str, TICKS))
                 pane.set_title(rf"surface at {top:g} $E_0$", fontsize=9)
             panes[2 * row].set_ylabel(r"micro-rolling friction $\mu_r$ [1]")
             panes[2 * row + 1].set_ylabel(r"contact area $A_c/A_0$ [1]")

@@ -28,7 +28,7 @@ import graded_contact as gc
 from graded_contact.studies.store import Store
 
 REFERENCE = 268.15  # K
-TEMPERATURES = (263.15, 283.15, 313.15)
+TEMPERATURES = (243.15, 268.15, 313.15)
 PRESSURE = 0.1  # σ0/E_r0
 BARE = 1e-9  # q0 d
 
@@ -62,14 +62,14 @@ def main():
     size = SMALL._replace(cutoffs=(16,)) if given.small else SMALL
     law = gc.tyre_tread(POISSON).shift.rebased(REFERENCE)
     factors = np.exp([float(law.log_factor(t)) for t in TEMPERATURES])
-    depths = {"bare": BARE, "coated": size.depths[0]}
-    reduced = np.geomspace(1e-7, 1e3, 11 if given.small else 41)  # a_T v [m/s]
+    depths = {"bare": BARE, "coated": size.depths[-1]}
+    reduced = np.geomspace(1e-6, 1e4, 11 if given.small else 41)  # a_T v [m/s]
     points = [
         {"temperature": t, "thickness": d / Q0, "velocity": v}
         for t, a in zip(TEMPERATURES, factors, strict=True)
         for d in depths.values()
         for v in reduced / a
-        if 1e-7 <= v <= 10
+        if 1e-7 <= v <= 40
     ]
 
     def solve():

@@ -7,7 +7,7 @@ for the E_r0 of elastic solids, the moduli ratios of the elastic coating, and th
 sublayers at their middles. Times are those of the paper's creep form, in the convention of the
 package 1/E = 1/E∞ + H/(1 + iωτ). There Im M_zz is negative: the paper's Im M_zz is -Im M_zz here.
 
-Run from the root of the repository: `python benchmarks/paper/response.py [--output docs]`.
+Run from the root of the repository: `python benchmarks/paper/response.py`.
 """
 
 import argparse
@@ -16,7 +16,7 @@ from pathlib import Path
 import numpy as np
 from matplotlib import rc_context
 from matplotlib.lines import Line2D
-from system import STYLE, ordered, panels, save
+from system import DOCS, STYLE, ordered, panels, save
 
 import graded_contact as gc
 from graded_contact import reference
@@ -307,7 +307,9 @@ FIGURES = (
 
 def main():
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
-    parser.add_argument("--output", type=Path, default=Path("docs"), help="folder of the PNG files")
+    parser.add_argument(
+        "--output", type=Path, default=DOCS / "paper", help="folder of the PNG files"
+    )
     folder = parser.parse_args().output
     for draw in FIGURES:
         with rc_context(STYLE):
@@ -315,7 +317,7 @@ def main():
             for axes in figure.axes:
                 if not axes.get_xlabel():
                     axes.set_xlabel("wavenumber $q/q_0$ [1]")
-            target = folder / f"paper_{draw.__name__}.png"
+            target = folder / f"{draw.__name__.replace('_', '-')}.png"
             save(figure, target)
         print(draw.__doc__)
         print(*(f"    {line}" for line in lines), sep="\n")
