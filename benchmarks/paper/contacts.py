@@ -3,7 +3,8 @@
     python benchmarks/paper/contacts.py [--small] [--again] [--only CUTOFF ...]
 
 Friction, area and more at every cut-off, thickness, pressure and surface, for the tread; at heights
-of 0.16 mm in place of the matched slopes and for a second rubber at fewer of them. Each point is
+of 0.16 mm in place of the matched slopes and for a second rubber at fewer of them, without the
+shortest waves. Each point is
 kept in a folder as it ends: the same command goes on from there. The table has a row for each
 point, no fields; `friction_and_area.py` and others draw from it. At the paper's size it takes hours
 and 14 GB (N = 8192), see docs/paper.md.
@@ -77,7 +78,8 @@ def parts(size: Size, cutoff: int) -> tuple[Part, ...]:
         *product(seeds, size.depths, size.pressures),
         *product(seeds, size.more_depths, CLOSE_UP),
     ]
-    return Part(0, 0, list(dict.fromkeys(points))), Part(1, 0, first), Part(0, 1, first)
+    others = () if cutoff == size.cutoffs[-1] else (Part(1, 0, first), Part(0, 1, first))
+    return Part(0, 0, list(dict.fromkeys(points))), *others
 
 
 def contact(part: Part, cutoff: int, size: Size):

@@ -85,6 +85,8 @@ def main():
     size, table = SMALL if given.small else FULL, found(given)
     for rubber, roughness, name in ((0, 0, ""), (1, 0, "-epdm"), (0, 1, "-heights")):
         labels = {"rubber": rubber, "roughness": roughness}
+        solved = np.unique(rows(table, **labels)["cutoff"])
+        size = size._replace(cutoffs=tuple(map(int, solved)))
         print(f"{RUBBERS[rubber].__name__}, {ROUGHNESS[roughness]}:")
         say(table, size, **labels)
         for quantity, short in zip(QUANTITIES, ("friction", "area"), strict=True):

@@ -41,7 +41,8 @@ def main():
         for correction, colour in zip(CORRECTIONS, ordered(3), strict=True):
             ratios = []
             for rubber, roughness in ((0, 0), (1, 0), (0, 1)):
-                for cutoff in size.cutoffs:
+                solved = rows(table, rubber=rubber, roughness=roughness)["cutoff"]
+                for cutoff in map(int, np.unique(solved)):
                     here = rows(table, cutoff=cutoff, rubber=rubber, roughness=roughness)
                     points = np.stack([here["thickness"], here["pressure"]], axis=1)
                     friction, area = theory(size, cutoff, rubber, roughness, correction)(
