@@ -28,7 +28,8 @@ def draw(table, size):
             band = (at[coated], least[coated], largest[coated])
             pane.fill_between(*band, color=colour, alpha=0.25, linewidth=0)
             thinnest = at[coated][0]
-            pane.plot([thinnest / 2.2, thinnest / 1.5], 2 * [mean[~coated][0]], color=colour)
+            for bare in mean[~coated]:
+                pane.plot([thinnest / 2.2, thinnest / 1.5], 2 * [bare], color=colour)
         pane.set_title(rf"$\sigma_0/E_{{r0}} = {pressure:g}$", fontsize=9)
         pane.set(xlabel="thickness $q_0 d$ [1]", ylabel=QUANTITIES[quantity], ylim=(0, None))
     panes[0].legend(title="$q_1/q_0$")
@@ -48,6 +49,8 @@ def main():
                 change = difference(
                     table, depth, quantity, *size.cutoffs[-2:], pressure_ratio=pressure, **labels
                 )
+                if not change.size:
+                    continue
                 print(
                     f"σ0/E_r0 = {pressure}, q0 d = {depth:.3g}: {quantity} from q1/q0 = "
                     f"{size.cutoffs[-2]} to {size.cutoffs[-1]} {np.mean(change):+.1%}"

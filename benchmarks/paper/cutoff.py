@@ -49,7 +49,8 @@ def main():
         figure, panes = panels(2)
         for pane, pressure in zip(panes, CLOSE_UP, strict=True):
             for depth, colour in zip(depths, ordered(len(depths)), strict=True):
-                for cutoff in size.cutoffs:
+                solved = rows(table, q0d=depth, pressure_ratio=pressure, rubber=0, roughness=0)
+                for cutoff in map(int, np.unique(solved["cutoff"])):
                     q, shares = curves(table, cutoff, depth, pressure)
                     at = np.array([reached(q, share) for share in shares])
                     thick = f"{1e3 * depth:.2g}" if depth > 1e-6 else "0 (bare)"

@@ -53,7 +53,7 @@ def difference(table, depth, quantity, one, other, **labels):
     )
     both = sorted(a.keys() & b.keys())
     ratio = np.array([b[key] / a[key] - 1 for key in both])
-    return ratio.reshape(len({seed for seed, _ in both}), -1)
+    return ratio.reshape(max(len({seed for seed, _ in both}), 1), -1)
 
 
 def say(table, size, **labels):
@@ -64,6 +64,8 @@ def say(table, size, **labels):
                 continue
             for one, other in pairwise(size.cutoffs):
                 change = difference(table, depth, quantity, one, other, **labels)
+                if not change.size:
+                    continue
                 print(
                     f"    {quantity}, q0 d = {depth:.3g}: from q1/q0 = {one} to {other} "
                     f"{change.min():+.1%} to {change.max():+.1%}"

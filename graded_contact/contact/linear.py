@@ -14,6 +14,7 @@ import numpy as np
 from jaxtyping import Array, Float, Inexact
 
 from .._checks import check_tolerance, check_whole
+from .._devices import tied
 from .anderson import History
 from .splitting import Splitting, check_relaxation, draft, iterate, solid_of
 
@@ -54,12 +55,13 @@ class LinearSplitting(eqx.Module):
             check_tolerance("rtol", self.rtol, rhs)
             rtol = jnp.asarray(self.rtol, rhs.dtype)
         tau, _, last = self.solve(kernel, weights, rhs, free_mean=free_mean, rtol=rtol)
-        return eqx.error_if(
-            tau,
+        checked = eqx.error_if(
+            jnp.asarray(-0.0),
             last.going_on,
             "The linear solve for a derivative of the contact did not converge. Raise "
             "`max_steps` of the solver's `linear`, or loosen its `rtol`.",
         )
+        return tied(tau, checked)
 
     def solve(
         self,
