@@ -31,8 +31,8 @@ def write_all(docs: Path) -> None:
         (docs / name).mkdir()
     for name, text in (reference_pages() | {"commands": commands_page()}).items():
         (docs / "reference" / f"{name}.md").write_text(text, encoding="utf-8")
-    shown = (docs / "validation.md").read_text(encoding="utf-8")
-    for name in re.findall(r"_measured/(\S+)\.md", shown):
+    shown = "".join(page.read_text(encoding="utf-8") for page in docs.glob("*.md"))
+    for name in set(re.findall(r"_measured/(\S+)\.md", shown)):
         rows = rows_page(ROOT / "benchmarks" / "results" / f"{name}.csv")
         (docs / "_measured" / f"{name}.md").write_text(rows, encoding="utf-8")
     for notebook in sorted((ROOT / "notebooks").glob("*.ipynb")):
