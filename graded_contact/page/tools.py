@@ -131,7 +131,9 @@ class Tools:
         for name, data in event.new.items():
             content = data.encode() if isinstance(data, str) else data
             self._change(partial(self._keep, take(), name, content))
-        event.obj.value.clear()
+        # A fresh one: the browser calls a refused file complete too.
+        place = self.files.objects.index(event.obj)
+        self.files[place] = self._dropper(take)
 
     def _keep(self, take: Take, name: str, content: bytes, document: Document) -> Document:
         """The scene with a file, which stays in the folder if it is taken."""
