@@ -9,8 +9,9 @@ kills are used up; the last start is left alone. A moment is drawn between the s
 and the time that the rest of the points would take, so that kills fall into importing, compiling,
 solving and writing. The table says for each kill when it came, how many points were on the disk
 before and after, how many of those that were there before are unchanged, and how the process ended;
-the last lines compare the collected file with the undisturbed one. A kill within the first seconds
-of a process meets Python while it imports, which then ends as any program.
+then the collected file is compared with the undisturbed one. A kill within the first seconds of a
+process meets Python while it imports, which then ends as any program. At last two commands are
+started at once on one folder: one may be refused, nothing else, and the file must be the same.
 
 `design`: a design of a coat, searched from several starts, polished and verified by contact, runs
 once undisturbed, which tells how many evaluations and surfaces it keeps. As many of these numbers
@@ -154,7 +155,7 @@ def killed(scene: Path, folder: Path, number: int, moment: float, at_point: bool
         "after": len(after),
         "unchanged": sum(after.get(name) == content for name, content in before.items()),
         "ended": process.returncode,
-        "importing": "importlib" in errors,
+        "importing": "<frozen importlib" in errors or "<frozen site" in errors,
         "traceback": "Traceback" in errors,
     }
 
@@ -196,7 +197,20 @@ def run(place: Path, num_kills: int, draw: np.random.Generator, grid: int, point
     print(f"differs from the undisturbed result in: {', '.join(names) or 'nothing'}")
     print(f"left by killed writers: {', '.join(leftovers) or 'nothing'}")
     print(f"faults (points lost, tracebacks, crashes): {faults}")
-    return faults + len(names) + (code != 0)
+    return faults + len(names) + (code != 0) + two_at_once(scene, place / "both", results[0])
+
+
+def two_at_once(scene: Path, folder: Path, whole: Results) -> int:
+    """Starts the command twice on one folder; returns the number of faults."""
+    both = [start(scene, folder) for _ in range(2)]
+    errors = [process.communicate()[1] for process in both]
+    refused = ["is being written by another process" in text for text in errors]
+    for process, text, was in zip(both, errors, refused, strict=True):
+        print(f"two at once: exit {process.returncode}, {text.splitlines()[-1] if was else 'done'}")
+    ends = [process.returncode for process in both]
+    names = different(whole, read_results(folder / "scene.h5"))
+    print(f"differs from the undisturbed result in: {', '.join(names) or 'nothing'}")
+    return len(names) + (ends != [2 * was for was in refused])
 
 
 def kept(folder: Path) -> dict[str, list[bytes]]:

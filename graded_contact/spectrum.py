@@ -8,9 +8,12 @@ doi:10.1088/0953-8984/18/32/009; Nayak's parameter is that of P. R. Nayak, J. Lu
 (1971) 398, doi:10.1115/1.3451608, for an isotropic surface.
 """
 
+import functools
+from collections.abc import Sequence
 from typing import Any, Literal
 
 import equinox as eqx
+import jax
 import jax.numpy as jnp
 import numpy as np
 from jax import Array
@@ -19,8 +22,7 @@ from jaxtyping import Float, ScalarLike
 from ._checks import as_scalar, check_positive, check_values, is_concrete
 from ._shown import shown
 
-# Nodes of the moments with a smooth roll-off: to rounding over fifteen decades of q.
-_QUADRATURE = 256
+UNITS = {"rms_height": "[m]", "rms_slope": "[1]"}
 
 
 @shown()
@@ -87,6 +89,8 @@ class SelfAffine(eqx.Module):
                 f"`q_high={float(self.q_high):g}` is refused: it must exceed "
                 f"`q_low={float(self.q_low):g}`, the band is empty."
             )
+        if all(map(is_concrete, jax.tree.leaves(self))):
+            check_square(self.prescribed, self.amplitude, _squares(self))
 
     @property
     def rms_height(self) -> Float[Array, ""]:
@@ -133,8 +137,31 @@ def one_of_height_and_slope(rms_height: Any, rms_slope: Any) -> tuple[Any, Float
         )
     name = "rms_slope" if rms_height is None else "rms_height"
     value = as_scalar(rms_slope if rms_height is None else rms_height, name)
-    check_positive(name, value, "[1]" if name == "rms_slope" else "[m]")
+    check_positive(name, value, UNITS[name])
     return name, value
+
+
+def check_square(name: str, value: Array, logarithms: Sequence[float] = (0.0,)) -> None:
+    """Refuses an amplitude whose square, times what has these logarithms, is beyond its dtype."""
+    if not is_concrete(value):
+        return
+    kind = jnp.finfo(value.dtype)
+    ends = np.log(float(kind.tiny)) - min(logarithms), np.log(float(kind.max)) - max(logarithms)
+    least, most = np.exp(np.array(ends) / 2)
+    allowed = (
+        f"it must be from {least:.2g} to {most:.2g} {UNITS[name]}, lest its square or the density "
+        f"of its spectrum leave the range of {value.dtype}"
+    )
+    check_values(name, value, allowed, at_least=least, at_most=most)
+
+
+def _squares(spectrum: SelfAffine) -> list[float]:
+    """Logarithms of the squares of rms height and slope and of C on the plateau, of amplitude 1."""
+    known = jax.tree.map(lambda leaf: np.asarray(leaf, float), spectrum)
+    height, slope = (np.log(_relative_moment(known, order, 2, np)) for order in (0, 2))
+    units = 2 * np.log(known.q_roll)
+    found = [height, slope + units, -units]
+    return [each - found[spectrum.prescribed == "rms_slope"] for each in found]
 
 
 def _check_order(name: str, value: Array, lower_name: str, lower: Array) -> None:
@@ -146,35 +173,43 @@ def _check_order(name: str, value: Array, lower_name: str, lower: Array) -> None
         )
 
 
-def _power_integral(exponent: Array, length: Array) -> Array:
+def _power_integral(exponent: Any, length: Any, lib: Any) -> Any:
     """∫_0^length exp(exponent y) dy, smooth where the exponent passes through zero."""
     t = exponent * length
-    small = jnp.abs(t) < 0.5
-    safe = jnp.where(small, 1, t)
-    near = jnp.where(small, t, 0)
-    series = jnp.ones_like(near)
+    small = lib.abs(t) < 0.5
+    safe = lib.where(small, 1, t)
+    near = lib.where(small, t, 0)
+    series = lib.ones_like(near)
     for n in range(16, 1, -1):
         series = 1 + near / n * series
-    return length * jnp.where(small, series, jnp.expm1(safe) / safe)
+    return length * lib.where(small, series, lib.expm1(safe) / safe)
 
 
-def _relative_moment(spectrum: SelfAffine, order: int | float, ndim: int) -> Array:
-    """The moment of the spectrum in units of q_roll whose plateau is 1."""
+def _relative_moment(spectrum: SelfAffine, order: float, ndim: int, lib: Any = jnp) -> Any:
+    """The moment of the spectrum in units of q_roll whose plateau is 1, by JAX or by NumPy."""
     if ndim not in (1, 2):
         raise ValueError(f"`ndim={ndim}` is refused: it must be 1 or 2.")
     unit = 2 * np.pi if ndim == 2 else 2
     if spectrum.roll_off == "smooth":
-        node, weight = np.polynomial.legendre.leggauss(_QUADRATURE)
-        low, high = (jnp.log(q / spectrum.q_roll) for q in (spectrum.q_low, spectrum.q_high))
-        y = (low + high) / 2 + (high - low) / 2 * jnp.asarray(node, low.dtype)
+        node, weight = _nodes()
+        low, high = (lib.log(q / spectrum.q_roll) for q in (spectrum.q_low, spectrum.q_high))
+        y = (low + high) / 2 + (high - low) / 2 * lib.asarray(node, low.dtype)
         # In logarithms: q^order alone may leave the range of float32.
-        exponent = (order + ndim) * y - (ndim / 2 + spectrum.hurst) * jnp.logaddexp(0.0, 2 * y)
-        return unit * (high - low) / 2 * jnp.sum(jnp.asarray(weight, y.dtype) * jnp.exp(exponent))
-    plateau = _power_integral(
-        -jnp.asarray(order + ndim, spectrum.q_low.dtype), jnp.log(spectrum.q_roll / spectrum.q_low)
+        exponent = (order + ndim) * y - (ndim / 2 + spectrum.hurst) * lib.logaddexp(0.0, 2 * y)
+        return unit * (high - low) / 2 * lib.sum(lib.asarray(weight, y.dtype) * lib.exp(exponent))
+    falls = -lib.asarray(order + ndim, spectrum.q_low.dtype), order - 2 * spectrum.hurst
+    lengths = (spectrum.q_roll / spectrum.q_low, spectrum.q_high / spectrum.q_roll)
+    plateau, tail = (
+        _power_integral(exponent, lib.log(length), lib)
+        for exponent, length in zip(falls, lengths, strict=True)
     )
-    tail = _power_integral(order - 2 * spectrum.hurst, jnp.log(spectrum.q_high / spectrum.q_roll))
     return unit * (plateau + tail)
+
+
+@functools.cache
+def _nodes() -> tuple[np.ndarray, np.ndarray]:
+    """Nodes and weights by Gauss, enough for moments to rounding over fifteen decades of q."""
+    return np.polynomial.legendre.leggauss(256)
 
 
 def relative_density(spectrum: SelfAffine, x: Array, ndim: int) -> Array:

@@ -40,7 +40,7 @@ from .grid import (
     to_spectrum,
     wavenumber,
 )
-from .spectrum import one_of_height_and_slope
+from .spectrum import check_square, one_of_height_and_slope
 
 
 class Step(NamedTuple):
@@ -269,6 +269,7 @@ def rescale(
     **Returns:** the surface of other heights.
     """
     name, target = one_of_height_and_slope(rms_height, rms_slope)
+    check_square(name, target)
     actual = getattr(statistics(surface), name)
     check_positive(f"statistics(surface).{name}", actual, "(a flat surface cannot be rescaled)")
     return _changed(

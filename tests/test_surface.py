@@ -1,3 +1,5 @@
+import re
+
 import jax
 import jax.numpy as jnp
 import numpy as np
@@ -157,12 +159,34 @@ def test_moments_scale_with_height_and_length(hurst, plateau, decades, log_unit,
         ({"q_roll": 1.0, "q_high": 1.0}, "the band is empty"),
         ({"q_high": float("nan")}, "`q_high=nan` is refused"),
         ({"q_low": jnp.ones(3)}, "`q_low` has shape"),
+        ({"rms_height": 2e199}, r"`rms_height=2e\+199` is refused.*from .* to .*e\+153 \[m\]"),
+        ({"rms_height": None, "rms_slope": 2e199}, r"`rms_slope=2e\+199` is refused"),
+        ({"rms_height": 1e-160}, "`rms_height=1e-160` is refused"),
+        # The square is a number, the density h²/q² is none, nor is the slope's square.
+        ({"rms_height": 1e-150, "q_roll": 1e10, "q_high": 2e10}, "`rms_height=1e-150` is refused"),
+        ({"rms_height": 1e150, "q_roll": 1e10, "q_high": 2e10}, r"`rms_height=1e\+150` is refused"),
+        ({"rms_height": jnp.float32(1e20)}, r"to .*e\+18 \[m\], .* of float32"),
     ],
 )
 def test_bad_spectra_are_refused(changes, message, unchecked_types):
     values = {"rms_height": 1.0, "hurst": 0.8, "q_low": 1.0, "q_roll": 2.0, "q_high": 3.0}
     with pytest.raises(ValueError, match=message):
         SelfAffine(**values | changes)
+
+
+@pytest.mark.parametrize("end", [0, 1])
+@pytest.mark.parametrize("name", ["rms_height", "rms_slope"])
+@pytest.mark.parametrize("roll_off", ["sharp", "smooth"])
+def test_amplitudes_are_allowed_as_far_as_moments_and_density_are_numbers(name, end, roll_off):
+    q = {"q_low": 1e5, "q_roll": 2e8, "q_high": 3e9, "hurst": 0.7, "roll_off": roll_off}
+    with pytest.raises(ValueError, match=f"`{name}=.* is refused") as refused:
+        SelfAffine(**q, **{name: [1e-160, 1e160][end]})
+    told = float(re.findall(r"from (\S+) to (\S+) ", str(refused.value))[0][end])
+    last = SelfAffine(**q, **{name: told * [1.1, 0.9][end]})
+    squares = [float(s) for s in (last.moment(0), last.moment(2), last.density(last.q_low))]
+    tiny, most = np.finfo(float).tiny, np.finfo(float).max
+    assert all(tiny < square < most for square in squares)
+    assert min(squares) < 2 * tiny if end == 0 else max(squares) > most / 2
 
 
 def test_a_third_dimension_is_refused():
@@ -473,6 +497,12 @@ def test_rescaling_prescribes_the_actual_value(log_target, name):
     ratio = np.asarray(scaled.heights / surface.heights)
     np.testing.assert_allclose(ratio, ratio[0, 0], rtol=1e-12)
     assert name in scaled.history[-1]
+
+
+def test_a_surface_is_not_rescaled_to_what_has_no_square():
+    surface = Surface(np.cos(np.arange(8.0)), Grid(8, 1.0))
+    with pytest.raises(ValueError, match=r"`rms_slope=2e\+199` is refused: .*to 1.3e\+154 \[1\]"):
+        rescale(surface, rms_slope=2e199)
 
 
 def test_a_flat_surface_cannot_be_rescaled():

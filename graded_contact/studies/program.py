@@ -28,6 +28,7 @@ class Program(NamedTuple):
 
     - `function`: what was traced.
     - `jaxpr`: takes `numbers` as constants, and a point.
+    - `text`: of `jaxpr`, which takes longer to write than many a solve.
     - `numbers`: arrays that the function closes over.
     - `point`: one that it was traced with; only dtypes count.
     - `like`: shapes and dtypes of what it returns: arrays by name, and a member of `RESULTS`.
@@ -35,6 +36,7 @@ class Program(NamedTuple):
 
     function: Callable[[dict[str, Any]], Any]
     jaxpr: core.Jaxpr
+    text: str
     numbers: list[Any]
     point: dict[str, np.generic]
     like: tuple[dict[str, jax.ShapeDtypeStruct], Any]
@@ -82,7 +84,7 @@ def trace(function: Callable[[dict[str, Any]], Any], point: dict[str, np.generic
         for equation in closed.jaxpr.eqns
     ]
     jaxpr = closed.jaxpr.replace(constvars=variables, eqns=equations)
-    return Program(inner, jaxpr, numbers, point, like)
+    return Program(inner, jaxpr, str(jaxpr), numbers, point, like)
 
 
 def identity(program: Program) -> str:
@@ -92,7 +94,7 @@ def identity(program: Program) -> str:
     them as well. What Python does in a callback they do not see.
     """
     numbers = [_plain(number) for number in (*program.numbers, *_inside(program.jaxpr))]
-    return fingerprint(_ADDRESS.sub("", str(program.jaxpr)), *numbers)
+    return fingerprint(_ADDRESS.sub("", program.text), *numbers)
 
 
 def code_of(program: Program) -> str:
@@ -102,7 +104,7 @@ def code_of(program: Program) -> str:
     """
     inside = [_plain(number) for number in _inside(program.jaxpr)]
     names = str(jax.tree.structure((program.point, program.like)))
-    return fingerprint(str(program.jaxpr), names, *inside)
+    return fingerprint(program.text, names, *inside)
 
 
 def _named(found: Any) -> tuple[dict[str, jax.Array], Any]:

@@ -72,6 +72,11 @@ def test_a_missing_key_is_named_with_its_place(line, place, key):
         ("[[layers]]", "[layers]", r"`layers` must be a list of tables"),
         ("hurst = 0.8", "hurst = 1.8", r"\[surface\] `hurst=1.8` is refused"),
         ("rms_slope = 0.2", "", r"\[surface\] Exactly one of `rms_height` and `rms_slope`"),
+        (
+            "rms_slope = 0.2",
+            "rms_slope = 2e199",
+            r"\[surface\] `rms_slope=2e\+199` is",
+        ),
         ("size = 1e-3", "size = -1.0", r"\[grid\] `size=-1` is refused"),
         ("modulus = 2e7", "modulus = nan", r"\[materials.coat\] `modulus=nan` is refused"),
         ("poisson = 0.4", "poisson = 0.6", r"\[materials.coat\] `poisson=0.6` is refused"),
