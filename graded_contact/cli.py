@@ -1,4 +1,4 @@
-"""The command `graded-contact`: it parses, runs a job, prints a table, writes HDF5 and PNG.
+"""The command `graded-contact`: it parses, runs a job, prints a table, writes HDF5 and figures.
 
 Exit codes: 0 all is well; 1 some solve failed or did not converge, or a design misses what was
 wanted; 2 the input was refused; 130 and 143 ended by Ctrl-C or SIGTERM, with what was finished.

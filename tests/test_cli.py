@@ -78,7 +78,8 @@ def folder(tmp_path_factory):
 
 def test_a_run_writes_results_and_figures_and_prints_their_paths(folder):
     printed = (folder / "printed.txt").read_text()
-    names = ["small-contact.png", "small-sweep.png", "small.csv", "small.h5"]
+    figures = ("contact", "dissipation", "distributions", "outline", "sweep")
+    names = [*(f"small-{figure}.png" for figure in figures), "small.csv", "small.h5"]
     entries = sorted(path.name for path in (folder / "out").iterdir())
     assert entries == [*names, "small.points"]
     rows = (folder / "out" / "small.csv").read_text().splitlines()
@@ -421,6 +422,8 @@ def test_results_are_compared_in_a_figure(folder, tmp_path):
         result = command("compare", first, second, "-o", figure)
         assert result.exit_code == 0 and f"wrote {figure}" in result.stdout, result.output
         assert figure.read_bytes().startswith(b"\x89PNG")
+    result = command("compare", first, second, "-o", tmp_path / "lines", "--format", "pdf")
+    assert result.exit_code == 0 and (tmp_path / "lines.pdf").read_bytes().startswith(b"%PDF")
     for words, expected in (
         ((first,), "takes two results or more"),
         ((first, tmp_path / "none.h5"), "none.h5` does not exist"),
@@ -458,11 +461,12 @@ def moduli_file(path, temperatures):
 
 def test_a_fit_prints_its_report_and_a_table_that_a_scene_takes(tmp_path):
     path = moduli_file(tmp_path / "1 tread.csv", [20.0])
-    result = command("fit", path, "-o", tmp_path / "out", "--card", "abaqus", "--poisson", "0.49")
+    result = command("fit", path, "-o", tmp_path / "out", "--card", "abaqus", "--poisson", "0.49",
+                     "--format", "svg")  # fmt: skip
     assert result.exit_code == 0, result.output
     for text in ("Read 40 rows", "rms log error", "Kramers-Kronig", "terms      error        BIC"):
         assert text in result.stdout
-    endings = ("-errors.csv", ".inp", ".png", ".toml")
+    endings = ("-errors.csv", ".inp", ".svg", ".toml")
     names = [f"material_1_tread{ending}" for ending in endings]
     assert sorted(path.name for path in (tmp_path / "out").iterdir()) == names
     assert all(f"wrote {tmp_path / 'out' / name}" in result.stdout for name in names)

@@ -12,14 +12,13 @@ from graded_contact.files.study import Study, units_of
 from graded_contact.plot import (
     plot_compare,
     plot_fit,
-    plot_master_curve,
     plot_reduced,
     plot_response,
     plot_sensitivity,
     plot_sliding,
     plot_sweep,
 )
-from graded_contact.plot.figures import unit_of
+from graded_contact.plot.style import unit_of
 from graded_contact.studies.uncertainty import Sensitivity
 
 
@@ -237,7 +236,7 @@ def test_the_response_of_a_half_space_is_its_modulus_and_loss_tangent(tmp_path):
     modulus = np.asarray(tread.modulus(q * 0.1))
     np.testing.assert_allclose(stiffness.lines[0].get_ydata(), np.abs(modulus) / 0.75, rtol=1e-12)
     np.testing.assert_allclose(loss.lines[0].get_ydata(), modulus.imag / modulus.real, rtol=1e-10)
-    assert stiffness.get_ylabel().endswith("[Pa]") and loss.get_ylabel() == "loss tangent"
+    assert stiffness.get_ylabel().endswith("[Pa]") and loss.get_ylabel() == "loss tangent [1]"
     assert loss.get_xlabel() == "wavenumber $q$ [rad/m]"
     assert saved(figure, tmp_path) > 10_000
 
@@ -270,25 +269,6 @@ def test_a_fit_shows_points_series_limits_and_residuals(tmp_path):
     residual = 100 * np.delete(np.log(fitted / values.imag), 3)
     np.testing.assert_allclose(below.lines[1].get_ydata(), residual, rtol=1e-9)
     assert above.get_ylabel() == "modulus [Pa]" and below.get_xlabel().endswith("[rad/s]")
-    assert saved(figure, tmp_path) > 10_000
-
-
-def test_a_master_curve_shows_isotherms_shifts_and_law(tmp_path):
-    material = gc.Prony(1e6, [1e7, 5e7], [1e-1, 1e-3], shift=gc.WLF(6.0, 110.0, 300.0))
-    omega, temperatures = np.geomspace(0.1, 10, 6), (290.0, 300.0, 310.0)
-    curves = [
-        (t, omega, (t / 300) * np.asarray(material.at(t).modulus(omega))) for t in temperatures
-    ]
-    curve = gc.master_curve(curves, vertical=0.1, terms=2)
-    figure = plot_master_curve(curve)
-    shifted, along, across = figure.axes
-    assert len({tuple(line.get_color()) for line in shifted.lines[1:4]}) == 3
-    points = [line for axes in (along, across) for line in axes.lines if len(line.get_xdata()) == 1]
-    drawn = {(float(p.get_xdata()[0]), float(p.get_ydata()[0])) for p in points}
-    for values in (curve.log10_shifts, curve.vertical_shifts):
-        assert drawn >= set(zip(temperatures, map(float, values), strict=True))
-    law = next(line for line in along.lines if line.get_label() == "WLF")
-    np.testing.assert_allclose(law.get_ydata()[-1], np.log10(curve.law.factor(310.0)), rtol=1e-6)
     assert saved(figure, tmp_path) > 10_000
 
 

@@ -7,9 +7,8 @@ import typer
 
 from ..files.output import check_folder
 from ..files.results import read_results
-from ..files.sealed import replacing
 from ..plot import plot_compare
-from .session import refusing
+from .session import FigureFormat, Format, refusing, save_figure
 
 
 def compare(
@@ -18,8 +17,12 @@ def compare(
         typer.Argument(metavar="A.h5 B.h5 ...", help="Two results or more.", show_default=False),
     ],
     output: Annotated[
-        Path, typer.Option("--output", "-o", help="The figure; its ending tells the format.")
-    ] = Path("compare.png"),
+        Path,
+        typer.Option(
+            "--output", "-o", help="The figure; its ending, if any, goes before --format."
+        ),
+    ] = Path("compare"),
+    form: FigureFormat = Format.PNG,
 ) -> None:
     """Draws friction and contact area of several results in one figure, bare beside coated say.
 
@@ -34,11 +37,9 @@ def compare(
         told = all(titles) and len(set(titles)) == len(titles)
         figure = plot_compare(results, titles if told else [str(path) for path in result_files])
         formats = figure.canvas.get_supported_filetypes()
-        form = output.suffix.removeprefix(".") or "png"
-        if form not in formats:
+        ending = output.suffix.removeprefix(".") or form
+        if ending not in formats:
             raise ValueError(f"`--output {output}` is refused: figures are {', '.join(formats)}.")
         check_folder(output.parent)
         output.parent.mkdir(parents=True, exist_ok=True)
-        with replacing(output) as partial:
-            figure.savefig(partial, format=form)
-    typer.echo(f"wrote {output}")
+        save_figure(figure, output.with_suffix(f".{ending}"), ending)

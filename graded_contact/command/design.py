@@ -8,13 +8,13 @@ import typer
 
 from ..files.design_scene import read_design
 from ..files.output import check_folder, check_name, full_path
-from ..plot import plot_design
+from ..plot import plot_design, plot_history
 from ..studies.cost import design_cost
 from ..studies.interruption import Interrupted, interruptible
 from ..studies.report_design import designed_values, missed, report
 from ..studies.run_design import check_design, run_design
 from ..studies.store import Store
-from .session import DryRun, Output, progress, refusing
+from .session import DryRun, FigureFormat, Format, Output, progress, refusing, save_figure
 
 
 def design(
@@ -23,6 +23,7 @@ def design(
     ],
     output: Output = None,
     dry_run: DryRun = False,
+    form: FigureFormat = Format.PNG,
 ) -> None:
     r"""Designs the block of a scene with a table \[design]: prints it before and after.
 
@@ -58,8 +59,8 @@ def design(
                 Path(f"{stem}.{suffix}").write_text(content, encoding="utf-8")
                 typer.echo(f"wrote {stem}.{suffix}")
             interruption.check()
-            plot_design(results).savefig(f"{stem}.png")
-            typer.echo(f"wrote {stem}.png")
+            save_figure(plot_design(results), Path(f"{stem}.{form}"), form)
+            save_figure(plot_history(results.design), Path(f"{stem}-history.{form}"), form)
         except Interrupted:
             typer.echo("Interrupted: the same command goes on from here.", err=True)
             raise typer.Exit(interruption.exit_code) from None

@@ -4,7 +4,7 @@ import contextlib
 import re
 from collections.abc import Iterator
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated
+from typing import Annotated
 
 import typer
 
@@ -16,13 +16,10 @@ from ..files.toml import nearest
 from ..fitting.isotherms import check_law
 from ..fitting.master import master_curve
 from ..fitting.prony import fit_creep, fit_prony, fit_relaxation
-from ..plot import plot_fit, plot_master_curve
+from ..plot import plot_fit, plot_master_curve, plot_van_gurp_palmen
 from ..rheology.material import Prony
 from ..studies.uncertainty import errors_of
-from .session import Output, refusing
-
-if TYPE_CHECKING:
-    from matplotlib.figure import Figure
+from .session import FigureFormat, Format, Output, refusing, save_figure
 
 # Endings of the files that other programs read.
 _SUFFIXES = {"abaqus": ".inp", "ansys": ".mac"}
@@ -106,15 +103,16 @@ def fit(
     unit: Unit = None,
     column: Column = None,
     card: Card = None,
+    form: FigureFormat = Format.PNG,
 ) -> None:
     """Fits a Prony series to files of a rheometer or DMA: prints it as a table for a scene.
 
     Several isotherms, in one file or several, are shifted into a master curve.
     """
     with refusing(), _naming_options():
-        for form in card or []:
-            if form not in FORMATS:
-                raise ValueError(f"`--card {form}` is not known; {nearest(form, FORMATS)}")
+        for other in card or []:
+            if other not in FORMATS:
+                raise ValueError(f"`--card {other}` is not known; {nearest(other, FORMATS)}")
         folder = full_path(str(output or f"{moduli_files[0].stem}-fit"))
         check_folder(folder)
         columns = _pairs("column", column)
@@ -136,20 +134,20 @@ def fit(
         }  # fmt: skip
         weights = {"storage_weight": storage_weight, "loss_weight": loss_weight}
         shifts = {"law": law, "scatter": scatter, "vertical": vertical}
-        figure, material, errors, report = _fitted(measured, shifts, weights, arguments)
+        figures, material, errors, report = _fitted(measured, shifts, weights, arguments)
         name = re.sub(r"\W", "_", moduli_files[0].stem)
         name = name if name[:1].isalpha() else f"material_{name}"
         typer.echo(f"\n{report}\n\n{export_prony(material, 'toml', name=name)}")
-        _write(folder, name, figure, material, ("toml", *(card or [])))
+        folder.mkdir(parents=True, exist_ok=True)
+        for ending, figure in figures.items():
+            save_figure(figure, folder / f"{name}{ending}.{form}", form)
+        _write_cards(folder, name, material, ("toml", *(card or [])))
         path = folder / f"{name}-errors.csv"
         write_errors(path, errors)
         typer.echo(f"wrote {path}")
 
 
-def _write(folder: Path, name: str, figure: "Figure", material: Prony, forms: tuple) -> None:
-    folder.mkdir(parents=True, exist_ok=True)
-    figure.savefig(folder / f"{name}.png")
-    typer.echo(f"wrote {folder / f'{name}.png'}")
+def _write_cards(folder: Path, name: str, material: Prony, forms: tuple) -> None:
     for form in forms:
         path = folder / f"{name}{_SUFFIXES.get(form, f'.{form}')}"
         path.write_text(export_prony(material, form, name=name), encoding="utf-8")
@@ -170,7 +168,7 @@ def _naming_options() -> Iterator[None]:
 
 
 def _fitted(measured, shifts, weights, arguments):
-    """The figure of the fit, its material with its shifts, what is known of it, and the report."""
+    """Figures by the ends of their names; the material, what is known of it, and the report."""
     check_law(shifts["law"])
     isotherms = measured.isotherms()
     if measured.kind != "frequency" and set(weights.values()) != {1.0}:
@@ -181,11 +179,14 @@ def _fitted(measured, shifts, weights, arguments):
             arguments = {**arguments, **weights}
         found = functions[measured.kind](measured.abscissa, measured.values, **arguments)
         material = found.material
-        return plot_fit(found), material, errors_of(found, material), found.report()
+        return {"": plot_fit(found)}, material, errors_of(found, material), found.report()
     weight, loss_weight = weights.values()
     curve = master_curve(isotherms, **shifts, **arguments, weight=weight, loss_weight=loss_weight)
     material = curve.exported()
-    return plot_master_curve(curve), material, errors_of(curve, material), curve.report()
+    figures = {"": plot_master_curve(curve)}
+    if measured.kind == "frequency":
+        figures["-van-gurp-palmen"] = plot_van_gurp_palmen(curve)
+    return figures, material, errors_of(curve, material), curve.report()
 
 
 def _pairs(option: str, texts: list[str] | None) -> dict[str, str]:

@@ -1,14 +1,16 @@
 """The jobs `demo`, `run` and `info`: scenes and their results."""
 
+import itertools
 from collections.abc import Iterator
 from importlib import resources
-from itertools import zip_longest
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
+import jax.numpy as jnp
 import numpy as np
 import typer
 
+from ..contact.observables import cumulative_friction
 from ..files.output import check_folder, check_name, full_path
 from ..files.results import (
     Results,
@@ -18,20 +20,40 @@ from ..files.results import (
     write_results,
 )
 from ..files.scene import Scene, parse_scene, read_scene
-from ..files.sealed import replacing
 from ..files.study import NOT_STARTED
-from ..plot import plot_reduced, plot_sensitivity, plot_sliding, plot_sweep
+from ..plot import (
+    plot_dissipation,
+    plot_distributions,
+    plot_outline,
+    plot_reduced,
+    plot_sensitivity,
+    plot_sliding,
+    plot_sweep,
+)
 from ..plot.lines import TITLES, label_of
+from ..plot.style import entitle
 from ..studies.cost import scene_cost
 from ..studies.engine import check_engine
 from ..studies.extrapolation import velocity_vector
 from ..studies.interruption import Interrupted, Interruption, interruptible
 from ..studies.run import build_surface, check_scene, point_names, run_scene
 from ..studies.scene_errors import what_decides
+from ..studies.scene_theory import mean_field_at
 from ..studies.store import Store
 from ..studies.uncertainty import Sensitivity
 from ..surface import Surface
-from .session import DryRun, Output, Replace, Scheduler, Workers, progress, refusing
+from .session import (
+    DryRun,
+    FigureFormat,
+    Format,
+    Output,
+    Replace,
+    Scheduler,
+    Workers,
+    progress,
+    refusing,
+    save_figure,
+)
 from .tables import print_decisive, print_steps, print_table
 
 if TYPE_CHECKING:
@@ -46,6 +68,7 @@ def demo(
         int, typer.Option(min=256, help="Points along each edge; the surface stays the same.")
     ] = 256,
     replace: Replace = False,
+    form: FigureFormat = Format.PNG,
 ) -> None:
     """Runs the embedded scene: a 50 µm modified surface layer on tyre tread, on a rough road."""
     text = resources.files("graded_contact.studies").joinpath("demo.toml").read_text("utf-8")
@@ -54,7 +77,7 @@ def demo(
         scene = parse_scene(text)
     name = "demo" if resolution == 256 else f"demo-{resolution}"
     folder = output or Path("graded-contact-demo")
-    run_scene_into(scene, folder, name, replace, {"workers": "auto"})
+    run_scene_into(scene, folder, name, replace, form, {"workers": "auto"})
 
 
 def run(
@@ -66,8 +89,9 @@ def run(
     dry_run: DryRun = False,
     workers: Workers = None,
     scheduler: Scheduler = None,
+    form: FigureFormat = Format.PNG,
 ) -> None:
-    """Runs a scene: prints a table, writes the results (HDF5, CSV) and figures (PNG).
+    """Runs a scene: prints a table, writes the results (HDF5, CSV) and figures.
 
     Each solve is kept as it ends: after an interruption the same command goes on from there. All
     cores are used where that saves time.
@@ -81,7 +105,7 @@ def run(
             check_scene(scene)
             return
     folder = output or scene.directory or Path(f"{scene_file.stem}-results")
-    run_scene_into(scene, folder, scene.name or scene_file.stem, replace, engine)
+    run_scene_into(scene, folder, scene.name or scene_file.stem, replace, form, engine)
 
 
 def info(
@@ -106,7 +130,7 @@ def info(
 
 
 def run_scene_into(
-    scene: Scene, folder: Path, name: str, replace: bool, engine: dict[str, Any]
+    scene: Scene, folder: Path, name: str, replace: bool, form: str, engine: dict[str, Any]
 ) -> None:
     """Solves a scene, prints its table and writes its files; `engine` is told to `run_scene`."""
     with refusing(), interruptible() as interruption:
@@ -121,9 +145,14 @@ def run_scene_into(
         with Store(folder / f"{name}.points") as store:
             results = _solved(scene, surface, names, store, interruption, engine)
             print_table(results)
-            decided = {} if interruption.signal is not None else what_decides(scene, surface)
+            whole = interruption.signal is None
+            decided = what_decides(scene, surface) if whole else {}
             print_decisive(decided)
-            _write(file, results, decided, replace)
+            if _write(file, results, replace):
+                figures = [_figures(results, decided)]
+                figures += [_contacts(scene, results, index, whole) for index in results.fields]
+                for key, figure in itertools.chain(*figures):
+                    save_figure(figure, file.with_name(f"{file.stem}-{key}.{form}"), form)
     if results.caveats:
         where = np.any([caveat.where for caveat in results.caveats], axis=0)
         typer.secho(
@@ -195,7 +224,7 @@ def _refuse_other(file: Path, scene: Scene, names: np.ndarray) -> None:
         [line for line in text.splitlines() if not line.startswith("title")]
         for text in (earlier["scene"], scene.text)
     ]
-    lines = zip_longest(*texts, fillvalue="")
+    lines = itertools.zip_longest(*texts, fillvalue="")
     versions = ((f"{k} = {earlier.get(k)}", f"{k} = {v}") for k, v in package_versions().items())
     inputs = [("another file of data", "the files named")]
     there, here = next((a, b) for a, b in (*lines, *versions, *inputs) if a.strip() != b.strip())
@@ -206,25 +235,21 @@ def _refuse_other(file: Path, scene: Scene, names: np.ndarray) -> None:
     )
 
 
-def _write(file: Path, results: Results, decided: Decided, replace: bool) -> None:
-    """Writes results and figures, unless the file that exists holds more."""
+def _write(file: Path, results: Results, replace: bool) -> bool:
+    """Writes results unless the file that exists holds more, and returns whether it did."""
     finished = results.point[results.state != NOT_STARTED]
     if not replace and (lost := lost_solves(file, finished)[0]):
         typer.echo(f"{file} holds {lost} solves that were not done again: it stays as it is")
-        return
+        return False
     write_results(file, results)
     results.study.to_csv(file.with_suffix(".csv"))
     for path in (file, file.with_suffix(".csv")):
         typer.echo(f"wrote {path}")
-    for key, figure in _figures(results, decided):
-        path = file.with_name(f"{file.stem}-{key}.png")
-        with replacing(path) as partial:
-            figure.savefig(partial, format="png")
-        typer.echo(f"wrote {path}")
+    return True
 
 
 def _figures(results: Results, decided: Decided) -> Iterator[tuple[str, "Figure"]]:
-    """Yields each figure with the end of its name."""
+    """Yields each figure of all solves with the end of its name."""
     yield "sweep", plot_sweep(results)
     if "reduced_velocity" in results.study.values:
         yield "master", plot_reduced(results)
@@ -237,12 +262,29 @@ def _figures(results: Results, decided: Decided) -> Iterator[tuple[str, "Figure"
                 {f"{name}, {speed:.3g} m/s": found for (name, speed), found in decided.items()}
             ),
         )
-    axes, units = results.study.axes, results.study.units
-    for index, fields in results.fields.items():
-        key = "-".join(map(str, ("contact", *index))) if len(results.fields) > 1 else "contact"
-        velocity = velocity_vector(results.velocity[index[-1]], results.attributes["direction"])
-        figure = plot_sliding(fields, results.surface_of(index), velocity)
-        at = zip(axes.items(), index, strict=True)
-        words = (f"{TITLES.get(n, n)} {label_of(n, values[i], units)}" for (n, values), i in at)
-        figure.suptitle(", ".join(words), fontsize="medium")
-        yield key, figure
+
+
+def _contacts(
+    scene: Scene, results: Results, index: tuple[int, ...], whole: bool
+) -> Iterator[tuple[str, "Figure"]]:
+    """Yields each figure of a solve that was kept; the maps alone unless the `whole` is asked."""
+    fields, surface = results.fields[index], results.surface_of(index)
+    speed = results.velocity[index[-1]]
+    velocity = velocity_vector(speed, results.attributes["direction"])
+    figures = {"contact": plot_sliding(fields, surface, velocity)}
+    if whole:
+        theory = mean_field_at(scene, surface, index)
+        figures["outline"] = plot_outline(fields, surface)
+        figures["distributions"] = plot_distributions(fields, theory)
+    if whole and speed != 0:
+        pressure, displacement = map(jnp.asarray, (fields.pressure, fields.displacement))
+        waves = cumulative_friction(pressure, displacement, surface.grid, velocity)
+        curves = {"contact": waves, "mean field": theory.against_cutoff}
+        figures["dissipation"] = plot_dissipation(curves)
+    at = zip(results.study.axes.items(), index, strict=True)
+    units = results.study.units
+    words = [f"{TITLES.get(n, n)} {label_of(n, values[i], units)}" for (n, values), i in at]
+    number = index if len(results.fields) > 1 else ()
+    for key, figure in figures.items():
+        entitle(figure, ", ".join(words))
+        yield "-".join(map(str, (key, *number))), figure

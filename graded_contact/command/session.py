@@ -6,8 +6,9 @@ import os
 import platform
 import stat
 from collections.abc import Callable, Iterator
+from enum import StrEnum
 from pathlib import Path
-from typing import Annotated
+from typing import TYPE_CHECKING, Annotated
 
 import jax
 import typer
@@ -21,7 +22,20 @@ from rich.progress import (
     TimeRemainingColumn,
 )
 
+from ..files.sealed import replacing
 from ..studies.interruption import Interruption
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
+
+
+class Format(StrEnum):
+    """Of a file with a figure."""
+
+    PNG = "png"
+    PDF = "pdf"
+    SVG = "svg"
+
 
 Output = Annotated[
     Path | None, typer.Option("--output", "-o", help="Folder for the results.", show_default=False)
@@ -39,6 +53,9 @@ Workers = Annotated[
 Scheduler = Annotated[
     str | None,
     typer.Option(metavar="tcp://...", help="Use the workers of a scheduler that runs."),
+]
+FigureFormat = Annotated[
+    Format, typer.Option("--format", help="Of the figures; pdf and svg are drawn in lines.")
 ]
 
 # A transform runs on one thread or on all, as chance will have it, with other last bits.
@@ -90,6 +107,13 @@ def progress(interruption: Interruption) -> Iterator[Callable[[str, int, int], N
             interruption.check()
 
         yield advance
+
+
+def save_figure(figure: "Figure", path: Path, form: str) -> None:
+    """Writes a figure, whole or not at all, and says so."""
+    with replacing(path) as partial:
+        figure.savefig(partial, format=form)
+    typer.echo(f"wrote {path}")
 
 
 def cache_folder() -> Path | None:

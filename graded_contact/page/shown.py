@@ -12,7 +12,7 @@ from ..files.hdf5 import put
 from ..files.results import package_versions
 from ..files.study import UNITS
 from ..files.toml_text import toml_text
-from ..plot.figures import COLOURS, new_figure, unit_of
+from ..plot.style import COLOURS, GAPS, PRESSURES, new_figure, styled, unit_of
 from .document import Document
 from .knobs import Knob
 from .model import Contact, Curves, Derivatives
@@ -86,6 +86,7 @@ class Shown(NamedTuple):
             about = {"units": UNITS[name], "description": name.replace("_", " ")}
             put(group, name, values, axes if name in FIELDS else (), about)
 
+    @styled
     def pdf(self) -> bytes:
         """Returns a vector figure of curves, contact and derivatives."""
         figure = new_figure(11.0, 5.6)
@@ -106,9 +107,9 @@ class Shown(NamedTuple):
                                strict=True):  # fmt: skip
             axes.plot(self.contact.velocity, value, "ko", label="contact")
             axes.set_ylim(bottom=0)
-            axes.legend(frameon=False)
-        for axes, name, colours in ((panels[1, 0], "pressure", "viridis"),
-                                    (panels[1, 1], "gap", "magma")):  # fmt: skip
+            axes.legend()
+        for axes, name, colours in ((panels[1, 0], "pressure", PRESSURES),
+                                    (panels[1, 1], "gap", GAPS)):  # fmt: skip
             self._draw_field(figure, axes, name, colours)
         self._draw_derivatives(panels[1, 2], panels[1, 3])
         content = io.BytesIO()

@@ -1,18 +1,24 @@
 """Figures of contacts, sweeps and stacks, with axes in units that suit their size.
 
-Figures are made without pyplot: they need no display, and nobody has to close them. Save one with
-`figure.savefig(path)`. The colours of lines are those of M. Okabe and K. Ito, told apart by people
-with any kind of colour vision.
+All have one style, that of `STYLE`: colours told apart with any kind of colour vision, sizes of a
+journal's columns, fonts that journals take. Figures are made without pyplot: they need no display,
+and nobody has to close them. Save one with `figure.savefig("name.pdf")`.
 """
 
 from .contact import plot_sliding
-from .designs import plot_design
-from .figures import COLOURS
-from .materials import plot_fit, plot_master_curve, plot_response
+from .designs import plot_design, plot_history
+from .distributions import plot_distributions
+from .isotherms import plot_master_curve, plot_van_gurp_palmen
+from .materials import plot_fit, plot_response
+from .patches import plot_outline
 from .sensitivities import plot_sensitivity
+from .style import COLOURS, COLUMN, PAGE, STYLE
 from .sweeps import plot_compare, plot_reduced, plot_sweep
+from .wavenumbers import plot_dissipation
 
 __all__ = [
-    "COLOURS", "plot_compare", "plot_design", "plot_fit", "plot_master_curve", "plot_reduced",
-    "plot_response", "plot_sensitivity", "plot_sliding", "plot_sweep",
+    "COLOURS", "COLUMN", "PAGE", "STYLE", "plot_compare", "plot_design", "plot_dissipation",
+    "plot_distributions", "plot_fit", "plot_history", "plot_master_curve", "plot_outline",
+    "plot_reduced", "plot_response", "plot_sensitivity", "plot_sliding", "plot_sweep",
+    "plot_van_gurp_palmen",
 ]  # fmt: skip

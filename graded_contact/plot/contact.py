@@ -10,13 +10,14 @@ from .._checks import as_float
 from ..files.results import Fields
 from ..sliding import Sliding
 from ..surface import Surface
-from .figures import COLOURS, new_figure, unit_of
+from .style import COLOURS, GAPS, HEIGHTS, PAGE, PRESSURES, new_figure, styled, unit_of
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure
 
 
+@styled
 def plot_sliding(
     sliding: Sliding | Fields, surface: Surface, velocity: ArrayLike | Sequence[float] = 0.0
 ) -> "Figure":
@@ -36,9 +37,9 @@ def plot_sliding(
     heights, pressure = np.asarray(surface.heights), np.asarray(sliding.pressure)
     gap, touches = np.maximum(np.asarray(sliding.gap), 0), pressure > 0
     quantities = [
-        ("height (into the solid)", "m", heights - np.mean(heights), "cividis"),
-        ("contact pressure", "Pa", np.where(touches, pressure, np.nan), "viridis"),
-        ("gap", "m", np.where(touches, np.nan, gap), "magma"),
+        ("height (into the solid)", "m", heights - np.mean(heights), HEIGHTS),
+        ("contact pressure", "Pa", np.where(touches, pressure, np.nan), PRESSURES),
+        ("gap", "m", np.where(touches, np.nan, gap), GAPS),
     ]
     draw = _profiles if surface.grid.ndim == 1 else _maps
     figure = draw(np.asarray(surface.grid.size), quantities)
@@ -51,7 +52,7 @@ def _maps(size: np.ndarray, quantities: list) -> "Figure":
     from matplotlib.ticker import MaxNLocator
 
     unit, factor = unit_of("m", np.max(size))
-    figure = new_figure(10.2, 1.2 + 2.9 * float(np.clip(size[1] / size[0], 0.5, 2.0)))
+    figure = new_figure(PAGE, 1.0 + 2.1 * float(np.clip(size[1] / size[0], 0.5, 2.0)))
     for axes, (label, base, values, colours) in zip(
         figure.subplots(1, 3, sharex=True, sharey=True), quantities, strict=True
     ):
@@ -62,7 +63,6 @@ def _maps(size: np.ndarray, quantities: list) -> "Figure":
             origin="lower",
             extent=(0, factor * size[0], 0, factor * size[1]),
             cmap=colours,
-            interpolation="nearest",
             norm=PowerNorm(0.5 if base == "Pa" else 1, scale * low, scale * high),
         )
         bar = figure.colorbar(
@@ -70,6 +70,8 @@ def _maps(size: np.ndarray, quantities: list) -> "Figure":
             extend=extend,
         )  # fmt: skip
         bar.set_label(f"{label} [{value_unit}]{_outliers(extend, values, base)}")
+        axes.grid(visible=False)
+        axes.spines[:].set_visible(True)
         axes.set_xlabel(f"$x$ [{unit}]")
         axes.xaxis.set_major_locator(MaxNLocator(4))
     figure.axes[0].set_ylabel(f"$y$ [{unit}]")
@@ -78,7 +80,7 @@ def _maps(size: np.ndarray, quantities: list) -> "Figure":
 
 def _profiles(size: np.ndarray, quantities: list) -> "Figure":
     unit, factor = unit_of("m", size[0])
-    figure = new_figure(7.2, 6.0)
+    figure = new_figure(PAGE, 4.4)
     panels = figure.subplots(3, 1, sharex=True)
     for axes, (label, base, values, _), colour in zip(panels, quantities, COLOURS, strict=False):
         low, high, extend = _range(values)

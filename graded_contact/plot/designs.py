@@ -1,19 +1,22 @@
-"""The figure of a design."""
+"""Figures of a design: what it came to, and how."""
 
 from typing import TYPE_CHECKING
 
 import jax
 import numpy as np
 
+from ..studies.bounds import named
+from ..studies.design import Design
 from ..studies.objectives import friction_curve, loss_tangent
 from ..studies.report_design import curve_velocities
 from ..studies.run_design import DesignResults
-from .figures import COLOURS, new_figure
+from .style import COLOURS, PAGE, few_powers_of_ten, new_figure, styled
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
 
+@styled
 def plot_design(results: DesignResults) -> "Figure":
     """Returns a figure of a design: friction over velocity, and the loss tangent, before and after.
 
@@ -43,7 +46,7 @@ def plot_design(results: DesignResults) -> "Figure":
     band = study.band or ends
     q = np.geomspace(min(ends[0], band[0]), max(ends[1], band[1]), 200)
     speed = float(np.exp(np.mean(np.log(scene.velocity))))
-    figure = new_figure(8.6, 3.7)
+    figure = new_figure(PAGE, 2.9)
     friction, loss = figure.subplots(1, 2)
     colours = ("0.45", *COLOURS)
     for (name, candidate), colour in zip(results.candidates.items(), colours, strict=False):
@@ -53,15 +56,61 @@ def plot_design(results: DesignResults) -> "Figure":
             solved = candidate.friction
             spread = solved.std(0, ddof=1) if len(solved) > 1 else None
             friction.errorbar(
-                scene.velocity, solved.mean(0), spread, fmt="o", capsize=3, color=colour
+                scene.velocity, solved.mean(0), spread, fmt="o", capsize=2, color=colour
             )
     if study.band is not None:
         loss.axvspan(*study.band, color="0.93", zorder=0)
-    friction.set(xscale="log", xlabel="sliding velocity [m/s]", ylabel="friction coefficient")
+    friction.set(xscale="log", xlabel="sliding velocity [m/s]", ylabel="friction coefficient [1]")
     loss.set(
-        xscale="log", xlabel="wavenumber $q$ [rad/m]", ylabel=f"loss tangent at {speed:.3g} m/s"
+        xscale="log", xlabel="wavenumber $q$ [rad/m]", ylabel=f"loss tangent at {speed:.3g} m/s [1]"
     )
     for axes in (friction, loss):
         axes.set_ylim(bottom=0)
-    friction.legend(frameon=False)
+    friction.legend()
+    return figure
+
+
+@styled
+def plot_history(design: Design) -> "Figure":
+    """Returns a figure of a search: objective, constraints and parameters of each evaluation.
+
+    All starts are in the first panel, the best in colour; constraints and parameters are its own,
+    the latter over what they came to.
+
+    **Arguments:**
+
+    - `design`: what `minimise`, `design.minimise_expected` or `run_design` (`.design`) returned.
+    """
+    from matplotlib.ticker import MaxNLocator
+
+    best = design.best
+    history, names = best.history, named(design.parameters)[0]
+    figure = new_figure(PAGE, 2.6)
+    constrained = history.margins.size > 0
+    value, *limits, parameters = figure.subplots(1, 3 if constrained else 2)
+    for run in design.runs:
+        style = {"color": COLOURS[0], "zorder": 3} if run is best else {"color": "0.7"}
+        value.plot(np.arange(1, 1 + len(run.history.values)), run.history.values, ".-", **style)
+    tried = np.concatenate([run.history.values for run in design.runs])
+    if 0 < 100 * np.min(tried) < np.max(tried):
+        value.set_yscale("log")
+    value.set_ylabel("objective")
+    evaluation = np.arange(1, 1 + len(history.values))
+    for axes in limits:
+        for i, margins in enumerate(history.margins.T):
+            axes.plot(evaluation, margins, ".-", label=f"[{i}]")
+        ends = axes.get_ylim()
+        axes.axhspan(min(ends[0], 0), 0, color="0.93", zorder=0)
+        axes.set_ylim(ends)
+        axes.set_ylabel("constraint (0 or more allowed)")
+        axes.legend()
+    for name, tried, last in zip(names, history.parameters.T, best.parameters, strict=True):
+        parameters.plot(evaluation, tried / last, ".-", label=name)
+    parameters.set(yscale="log", ylabel="parameter / result [1]")
+    ratios = history.parameters / np.array(best.parameters)
+    few_powers_of_ten(parameters.yaxis, np.min(ratios), np.max(ratios))
+    parameters.legend()
+    for axes in (value, *limits, parameters):
+        axes.xaxis.set_major_locator(MaxNLocator(5, integer=True))
+        axes.set_xlabel("evaluation")
     return figure

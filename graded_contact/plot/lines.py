@@ -7,7 +7,7 @@ import numpy as np
 
 from ..files.results import Results
 from ..files.study import NOT_STARTED
-from .figures import COLOURS, unit_of
+from .style import COLOURS, few_powers_of_ten, unit_of
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -17,8 +17,8 @@ TITLES = {
     "reduced_velocity": "$a_T$ × sliding velocity",
 }  # fmt: skip
 QUANTITIES = {
-    "friction": "friction coefficient",
-    "contact_area_smooth": "contact area / nominal area\n(sub-pixel)",
+    "friction": "friction coefficient [1]",
+    "contact_area_smooth": "contact area / nominal area [1]\n(sub-pixel)",
 }
 ERROR = "_standard_error"
 BAND = (0.05, 0.95)  # of the surfaces
@@ -130,7 +130,7 @@ def draw(axes: "Axes", lines: Lines, quantity: str, styles: list[dict[str, Any]]
             axes.fill_between(x, *ends, color=colour, alpha=0.2, linewidth=0)
         if quantity + ERROR in lines.middle:
             error = lines.middle[quantity + ERROR][i]
-            axes.errorbar(x, values, error, fmt="none", ecolor=colour, capsize=3)
+            axes.errorbar(x, values, error, fmt="none", ecolor=colour, capsize=2)
         for state, face in (("", colour), ("not converged", "white")):
             chosen = lines.state[i] == state
             if np.any(chosen):
@@ -146,8 +146,8 @@ def draw(axes: "Axes", lines: Lines, quantity: str, styles: list[dict[str, Any]]
         lines.x[which, at],
         lines.middle[quantity][which, at],
         "kx",
-        markersize=13,
-        markeredgewidth=1.5,
+        markersize=9,
+        markeredgewidth=1.2,
         zorder=1.9,  # behind the markers, whose faces tell states
         label="doubtful: see the caveats" if len(at) else None,
     )
@@ -164,16 +164,11 @@ def label_of(name: str, value: float, units: dict[str, str]) -> str:
 
 def finish(axes: "Axes", lines: Lines, quantity: str) -> None:
     """Names the axes of a panel and chooses their scales."""
-    from matplotlib.ticker import LogLocator, NullFormatter
-
     x = lines.x[np.isfinite(lines.x)]
     low, high = np.min(x), np.max(x)
     if low > 0 and (lines.along.endswith("velocity") or high >= 10 * low):
         axes.set_xscale("log")
-        if high < 100 * low:  # too few powers of ten to tell values
-            axes.xaxis.set_major_locator(LogLocator(subs=(1, 2, 5)))
-            axes.xaxis.set_major_formatter("{x:g}")
-        axes.xaxis.set_minor_formatter(NullFormatter())
+        few_powers_of_ten(axes.xaxis, low, high)
     upper = lines.middle[quantity] + lines.middle.get(quantity + ERROR, 0)
     top = np.fmax.reduce([upper, lines.high[quantity]], axis=None, initial=0)
     axes.set_ylim(0, max(1.08 * top, axes.get_ylim()[1] if axes.get_ylim()[0] == 0 else 0) or None)

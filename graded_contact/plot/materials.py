@@ -1,18 +1,16 @@
-"""Figures of materials and blocks: fits, master curves, responses."""
+"""Figures of materials and blocks: responses and fits."""
 
 from collections.abc import Sequence
 from typing import TYPE_CHECKING, Any
 
-import jax
 import numpy as np
 from jaxtyping import ArrayLike
 
 from .._checks import as_float, check_positive
-from ..fitting.master import MasterCurve
 from ..fitting.prony import PronyFit
 from ..response.compliance import effective_modulus
 from ..response.stack import Stack
-from .figures import COLOURS, new_figure
+from .style import COLOURS, PAGE, new_figure, styled
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -22,8 +20,12 @@ CHANNELS = {
     "relaxation": ("relaxation modulus",),
     "creep": ("creep compliance",),
 }
+ORDINATES = {
+    "frequency": "modulus [Pa]", "relaxation": "modulus [Pa]", "creep": "compliance [1/Pa]",
+}  # fmt: skip
 
 
+@styled
 def plot_response(stack: Stack, q: ArrayLike, velocity: ArrayLike | Sequence[float]) -> "Figure":
     """Returns a figure of the effective modulus and the loss tangent of a stack.
 
@@ -37,7 +39,7 @@ def plot_response(stack: Stack, q: ArrayLike, velocity: ArrayLike | Sequence[flo
     if q.ndim != 1:
         raise ValueError(f"`q` has shape {q.shape}; one axis is needed.")
     check_positive("velocity", speeds, "[m/s]")
-    figure = new_figure(8.6, 3.7)
+    figure = new_figure(PAGE, 2.9)
     stiffness, loss = figure.subplots(1, 2, sharex=True)
     for i, speed in enumerate(speeds):
         modulus = np.asarray(effective_modulus(stack, q, q * speed))
@@ -48,14 +50,15 @@ def plot_response(stack: Stack, q: ArrayLike, velocity: ArrayLike | Sequence[flo
         stiffness.loglog(q, np.abs(modulus), **style)
         loss.semilogx(q, np.imag(modulus) / np.real(modulus), **style)
     stiffness.set_ylabel("effective modulus $|2/(q M_{zz})|$ [Pa]")
-    loss.set_ylabel("loss tangent")
+    loss.set_ylabel("loss tangent [1]")
     loss.set_ylim(bottom=0)
     for axes in (stiffness, loss):
         axes.set_xlabel("wavenumber $q$ [rad/m]")
-    stiffness.legend(title="sliding velocity", frameon=False)
+    stiffness.legend(title="sliding velocity")
     return figure
 
 
+@styled
 def plot_fit(fit: PronyFit) -> "Figure":
     """Returns a figure of a fit: measured points and the series, and its log residuals.
 
@@ -65,7 +68,7 @@ def plot_fit(fit: PronyFit) -> "Figure":
 
     - `fit`: what `fit_prony`, `fit_relaxation` or `fit_creep` returned.
     """
-    figure = new_figure(7.2, 5.4)
+    figure = new_figure(PAGE, 3.8)
     above, below = figure.subplots(2, 1, sharex=True, height_ratios=(3, 1))
     x = np.asarray(fit.data.x)
     fine = np.geomspace(np.min(x[x > 0]), np.max(x), 300)
@@ -84,64 +87,9 @@ def plot_fit(fit: PronyFit) -> "Figure":
         below.plot(x[known], residual[known], ".", color=colour, markersize=4)
     above.set_xscale("log")
     above.set_yscale("log")
-    above.set_ylabel("compliance [1/Pa]" if fit.data.kind == "creep" else "modulus [Pa]")
-    above.legend(frameon=False)
+    above.set_ylabel(ORDINATES[fit.data.kind])
+    above.legend()
     below.axhline(0, color="black", linewidth=0.6)
     below.set_xlabel(r"angular frequency $\omega$ [rad/s]" if frequency else "time [s]")
     below.set_ylabel("ln(fit/measured)\n[%]")
-    return figure
-
-
-def plot_master_curve(curve: MasterCurve) -> "Figure":
-    """Returns a figure of a master curve: the shifted isotherms on the series, and their shifts.
-
-    Isotherms and shifts are coloured by temperature; bars are two standard deviations.
-
-    **Arguments:**
-
-    - `curve`: what `master_curve` returned.
-    """
-    from matplotlib import colormaps
-
-    lifted = curve.data.lifts
-    figure = new_figure(9.0, 4.6)
-    shifted, *panels = (
-        figure.subplot_mosaic("mma;mmb" if lifted else "mma", width_ratios=(1, 1, 1.2))
-    ).values()
-    data, temperatures = curve.fit.data, np.asarray(curve.temperatures)
-    colours = colormaps["coolwarm"](np.linspace(0, 1, len(temperatures)))
-    x, group = np.asarray(data.x), np.asarray(curve.data.group)
-    fine = np.geomspace(np.min(x[x > 0]), np.max(x), 300)
-    series = np.asarray(curve.fit.predict(fine))
-    names, styles = CHANNELS[data.kind], ("-", "--")
-    for values, weights, line, name, style, mark in zip(
-        data.values, data.weights, series, names, styles, "os", strict=False
-    ):
-        shifted.plot(fine, line, color="black", linewidth=0.8, linestyle=style, label=name)
-        for i, colour in enumerate(colours):
-            there = (group == i) & (np.asarray(weights) > 0)
-            shifted.plot(x[there], np.asarray(values)[there], mark, color=colour, markersize=3)
-    frequency = data.kind == "frequency"
-    reference = float(temperatures[curve.data.reference])
-    shifted.set(
-        xscale="log",
-        yscale="log",
-        xlabel=r"$\omega\,a_T$ [rad/s]" if frequency else "$t/a_T$ [s]",
-        ylabel="compliance [1/Pa]" if data.kind == "creep" else "modulus [Pa]",
-        title=f"at {reference:.2f} K",
-    )
-    shifted.legend(frameon=False)
-    rows = [(curve.log10_shifts, r"$\log_{10} a_T$"), (curve.vertical_shifts, "$b_T$")]
-    for axes, (values, label), deviation in zip(
-        panels, rows, curve.shift_deviations(), strict=False
-    ):
-        values, bars = np.asarray(values), 2 * np.asarray(deviation)
-        bars = bars * values if label == "$b_T$" else bars
-        for point in zip(temperatures, values, bars, colours, strict=True):
-            axes.errorbar(*point[:3], fmt="o", capsize=2, markersize=4, color=point[3])
-        axes.set(xlabel="temperature [K]", ylabel=label)
-    between = np.linspace(temperatures[0], temperatures[-1], 200)
-    by_law = jax.vmap(curve.law.log_factor)(between) / np.log(10)
-    panels[0].plot(between, by_law, color="0.4", linewidth=0.8, label=type(curve.law).__name__)
-    panels[0].legend(frameon=False)
     return figure

@@ -6,13 +6,14 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from ..files.results import Results
-from .figures import COLOURS, new_figure
 from .lines import MANY, QUANTITIES, STYLES, TITLES, Lines, draw, finish, label_of, lines_of
+from .style import COLOURS, PAGE, PRESSURES, TEMPERATURES, entitle, new_figure, ordered, styled
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
 
+@styled
 def plot_sweep(results: Results) -> "Figure":
     """Returns a figure of friction and contact area against velocity.
 
@@ -31,6 +32,7 @@ def plot_sweep(results: Results) -> "Figure":
     return _drawn(lines, lines.varied[0] if lines.varied else "pressure")
 
 
+@styled
 def plot_reduced(results: Results) -> "Figure":
     """Returns a figure of friction and contact area against a_T times velocity.
 
@@ -47,10 +49,11 @@ def plot_reduced(results: Results) -> "Figure":
         reason = "No master curve: the results have no axis of temperatures."
         raise ValueError(results.attributes.get("master_curve", reason))
     figure = _drawn(lines_of(results, "reduced_velocity"), "temperature")
-    figure.suptitle(results.attributes["master_curve"].replace("a_T", "$a_T$"), fontsize="medium")
+    entitle(figure, results.attributes["master_curve"].replace("a_T", "$a_T$"))
     return figure
 
 
+@styled
 def plot_compare(results: Sequence[Results], names: Sequence[str]) -> "Figure":
     """Returns a figure of friction and contact area of several results, one colour for each.
 
@@ -77,7 +80,7 @@ def plot_compare(results: Sequence[Results], names: Sequence[str]) -> "Figure":
                     f"{name!r} has `{what}` in {here}, and {names[0]!r} in {there}: results in the "
                     "same units can be compared."
                 )
-    figure = new_figure(8.6, 3.7)
+    figure = new_figure(PAGE, 2.9)
     for axes, quantity in zip(figure.subplots(1, 2), QUANTITIES, strict=True):
         for i, (lines, name) in enumerate(zip(every, names, strict=True)):
             styles = _styles(lines, lines.varied)
@@ -92,7 +95,7 @@ def plot_compare(results: Sequence[Results], names: Sequence[str]) -> "Figure":
 
 def _drawn(lines: Lines, coloured: str) -> "Figure":
     """Lines told apart by colour along one axis, by dashes along the others."""
-    figure = new_figure(8.6, 3.7)
+    figure = new_figure(PAGE, 2.9)
     dashed = [name for name in lines.varied if name != coloured]
     for axes, quantity in zip(figure.subplots(1, 2), QUANTITIES, strict=True):
         styles = _styles(lines, dashed)
@@ -106,12 +109,10 @@ def _drawn(lines: Lines, coloured: str) -> "Figure":
 
 def _colours(lines: Lines, name: str) -> tuple[list[Any], list[str | None]]:
     """A colour for each line by its number on an axis, and a label for the first of each."""
-    from matplotlib import colormaps
-
     numbers = lines.others.get(name, np.zeros(len(lines.x)))
     values = list(dict.fromkeys(numbers.tolist()))
-    scale = colormaps["coolwarm" if name == "temperature" else "viridis"]
-    chosen = COLOURS if len(values) <= MANY else scale(np.linspace(0, 1, len(values)))
+    scale = TEMPERATURES if name == "temperature" else PRESSURES
+    chosen = COLOURS if len(values) <= MANY else ordered(len(values), scale)
     # Of many the legend names some.
     named = values if len(values) <= MANY else values[:: -(-len(values) // MANY)]
     labels, seen = [], set()
@@ -144,7 +145,7 @@ def _legend(figure: "Figure", lines: Lines, dashed: Sequence[str], title: str | 
     for combination, style in zip(combinations, STYLES, strict=False):
         words = (label_of(n, v, lines.units) for n, v in zip(dashed, combination, strict=True))
         found[", ".join(words)] = Line2D([], [], color="0.4", linestyle=style)
-    figure.axes[0].legend(found.values(), found.keys(), title=title, frameon=False)
+    figure.axes[0].legend(found.values(), found.keys(), title=title)
 
 
 def _words(lines: Lines) -> str:

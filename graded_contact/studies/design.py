@@ -9,7 +9,7 @@ in what is returned, by a margin of 1e-8: write them relative, such as 1 - total
 from collections.abc import Callable
 from functools import partial
 from pathlib import Path
-from typing import Any
+from typing import Any, NamedTuple
 
 import equinox as eqx
 import jax.numpy as jnp
@@ -31,12 +31,39 @@ FIRST_STEP = 0.1  # longest, of the way between the bounds
 
 
 @shown()
+class History(NamedTuple):
+    """What a search has tried, one entry for each evaluation.
+
+    **Fields:**
+
+    - `values`: of the objective, shape `(evaluations,)`.
+    - `parameters`: shape `(evaluations, parameters)`.
+    - `margins`: of the constraints, shape `(evaluations, constraints)`.
+    """
+
+    values: Float[np.ndarray, " evaluations"]
+    parameters: Float[np.ndarray, "evaluations parameters"]
+    margins: Float[np.ndarray, "evaluations constraints"]
+
+
+@shown()
 class Run(eqx.Module):
-    """One start: parameters and value it came to, values by step, evaluations, and why it ended."""
+    """One start of a search.
+
+    **Fields:**
+
+    - `parameters`: what it came to.
+    - `value`: of the objective there.
+    - `history`: how it came there.
+    - `num_evaluations`: of objective and gradient.
+    - `feasible`: whether it satisfies the constraints.
+    - `converged`: whether it met the tolerance.
+    - `message`: why it ended.
+    """
 
     parameters: list[float]
     value: float
-    history: list[float]
+    history: History
     num_evaluations: int
     feasible: bool
     converged: bool
@@ -68,9 +95,14 @@ class Design(eqx.Module):
     multipliers: Float[np.ndarray, " multipliers"] = eqx.field(default_factory=lambda: np.zeros(0))
 
     @property
+    def best(self) -> Run:
+        """The run that came to the best."""
+        return min((run for run in self.runs if run.feasible), key=lambda run: run.value)
+
+    @property
     def converged(self) -> bool:
         """Whether the best run met the tolerance."""
-        return min((r for r in self.runs if r.feasible), key=lambda r: r.value).converged
+        return self.best.converged
 
     @property
     def num_evaluations(self) -> int:
@@ -191,19 +223,13 @@ class _Descent:
         low, high = problem.box.low, problem.box.high
         self.span = np.log(high / low)
         self.origin = np.log(start / low) / np.where(self.span > 0, self.span, 1)
-        self.count, self.last, self.best = 0, None, (np.inf, self.origin)
+        self.tried, self.last, self.best = [], None, (np.inf, self.origin)
 
     def run(self, size, rtol, max_steps):
         u = self.origin
         # The first step goes along the gradient, as far as that is large: not through the cube.
         steepness = np.linalg.norm(self.at(u)[3])
         scale = 1 / max(size, steepness / FIRST_STEP, np.finfo(float).tiny)
-        history = [self.at(u)[1]]
-
-        def after_step(u):
-            history.append(self.at(u)[1])
-            self.seen(u)
-
         self.seen(u)
         limits = {
             "type": "ineq",
@@ -218,7 +244,7 @@ class _Descent:
             bounds=[(0.0, 1.0 if s > 0 else 0.0) for s in self.span],
             constraints=[limits] if self.problem.constrained else [],
             options={"ftol": rtol * size * scale, "maxiter": max_steps},
-            callback=after_step,
+            callback=self.seen,
         )
         self.seen(np.clip(found.x, 0, 1))
         feasible = bool(np.isfinite(self.best[0]))
@@ -226,8 +252,8 @@ class _Descent:
         return Run(
             parameters=self.parameters(u).tolist(),
             value=float(value),
-            history=history,
-            num_evaluations=self.count,
+            history=History(*map(np.array, zip(*self.tried, strict=True))),
+            num_evaluations=len(self.tried),
             feasible=feasible,
             converged=bool(found.success) and feasible,
             message=str(found.message),
@@ -243,7 +269,7 @@ class _Descent:
         if self.last is None or not np.array_equal(self.last[0], u):
             x = self.parameters(u)
             value, limits, slope, slopes = self.problem.evaluate(x)
-            self.count += 1
+            self.tried.append((value, np.array(x), limits))
             self.tell(value)
             scale = self.span * x
             self.last = (np.array(u), value, limits, slope * scale, slopes * scale)

@@ -9,12 +9,12 @@ from scipy.linalg import block_diag
 
 from ..files.errors import Errors
 from ..files.scene import Scene
-from ..files.surfaces import RandomSurface
 from ..parameters import places
 from ..persson.mean_field import mean_field_friction
 from ..rheology.material import Prony
 from ..rheology.shift import require_shift
-from ..surface import Surface, radial_spectrum
+from ..surface import Surface
+from .scene_theory import roughness_of
 from .uncertainty import Sensitivity, sensitivity
 
 PER_DECADE = 8  # frequencies of a table of moduli
@@ -60,7 +60,7 @@ def what_decides(scene: Scene, surface: Surface) -> dict[tuple[str, float], Sens
 
 
 def _decided_by(scene: Scene, surface: Surface, material: Prony, speed: float) -> Sensitivity:
-    grid, rough = surface.grid, _roughness(scene, surface)
+    grid, rough = surface.grid, roughness_of(scene, surface)
     ends = SLOWER * 2 * np.pi / np.max(grid.size), np.pi / np.min(grid.spacing)
     count = int(PER_DECADE * np.log10(ends[1] / ends[0])) + 2
     omega, factor, point = np.geomspace(*ends, count) * speed, 1.0, {}
@@ -87,12 +87,3 @@ def _decided_by(scene: Scene, surface: Surface, material: Prony, speed: float) -
     # The table is about the temperature at which the material is written.
     found = sensitivity(friction, material, omega * factor)
     return Sensitivity(found.omega / factor, found.storage, found.loss)
-
-
-def _roughness(scene: Scene, surface: Surface) -> Any:
-    """The roughness as the mean field takes it; a profile by its waves."""
-    if surface.heights.ndim == 1:
-        return surface
-    if isinstance(scene.surface, RandomSurface):
-        return scene.surface.spectrum
-    return radial_spectrum(surface)

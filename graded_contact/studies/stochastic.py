@@ -29,7 +29,7 @@ from scipy.optimize import minimize
 
 from .._checks import check_values, check_whole, door
 from .bounds import Flat, box_of, first_in
-from .design import Design, Run, elasticities
+from .design import Design, History, Run, elasticities
 from .evaluations import MARGIN, Evaluations
 from .problem import Problem
 
@@ -109,7 +109,7 @@ def _judged(problem: Problem, x: Flat, path: "_Path", draws: range, rtol: float)
     margins, slope = limits.mean(axis=0), slopes.mean(axis=0)
     if np.any(margins < -SURE * _standard_error(limits) - MARGIN):
         raise ValueError(
-            f"The mean of `constraints` is {margins} at the end of {len(path.values)} steps. Widen "
+            f"The mean of `constraints` is {margins} at the end of {len(path.tried)} steps. Widen "
             "the bounds or the constraints, or raise `num_steps`."
         )
     value, error = float(values.mean()), float(_standard_error(values))
@@ -117,8 +117,8 @@ def _judged(problem: Problem, x: Flat, path: "_Path", draws: range, rtol: float)
     run = Run(
         parameters=x.tolist(),
         value=value,
-        history=path.values,
-        num_evaluations=len(path.values) + len(draws),
+        history=History(*map(np.array, zip(*path.tried, strict=True))),
+        num_evaluations=len(path.tried) + len(draws),
         feasible=True,
         converged=not message,
         message=message,
@@ -140,9 +140,9 @@ def _standard_error(samples):
 
 
 class _Path(NamedTuple):
-    """Values of all steps; logarithms of the parameters and multipliers of their latter half."""
+    """What all steps tried; logarithms of the parameters and multipliers of their latter half."""
 
-    values: list[float]
+    tried: list[tuple[float, Flat, Flat]]
     points: list[Flat]
     multipliers: list[Flat]
 
@@ -165,7 +165,7 @@ def _descend(problem, first, optimiser, num_steps, progress):
         if progress is not None:
             progress(k, value)
         gradient, pull = lagrangian.gradient(limits, x * slope, x * slopes)
-        path.values.append(value)
+        path.tried.append((value, np.asarray(x), limits))
         if 2 * k >= num_steps:
             path.points.append(np.asarray(u))
             path.multipliers.append(pull)
@@ -226,7 +226,7 @@ def _nearest_allowed(problem, u, draws):
 
 def _verdict(path, slope, error, rtol):
     """What is missing to convergence, or nothing."""
-    size, half = np.mean(np.abs(path.values)), len(path.points) // 2
+    size, half = np.mean([abs(value) for value, *_ in path.tried]), len(path.points) // 2
     earlier, later = (np.mean(part, axis=0) for part in (path.points[:half], path.points[half:]))
     drift = abs(slope @ (later - earlier))
     if drift > rtol * size:

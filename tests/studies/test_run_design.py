@@ -20,7 +20,7 @@ from graded_contact.command import design as design_job
 from graded_contact.command import session
 from graded_contact.files.design_scene import parse_design
 from graded_contact.parameters import with_values
-from graded_contact.studies.design import Design, Run
+from graded_contact.studies.design import Design, History, Run
 from graded_contact.studies.interruption import Interrupted
 from graded_contact.studies.report_design import designed_values, missed, report
 from graded_contact.studies.run_design import Candidate, DesignResults, run_design
@@ -51,14 +51,15 @@ def designed(ran):
 
 def test_the_command_writes_a_table_values_and_a_figure(ran):
     folder, printed = ran
-    names = ["coat-design.json", "coat-design.png", "coat-design.txt"]
+    figures = ["coat-design-history.png", "coat-design.png"]
+    names = sorted([*figures, "coat-design.json", "coat-design.txt"])
     assert sorted(path.name for path in folder.iterdir() if path.is_file()) == names
     assert (folder / "coat-design.points").is_dir()
     assert all(f"wrote {folder / name}" in printed for name in names)
     text = (folder / "coat-design.txt").read_text(encoding="utf-8")
     assert text in printed
     assert "polished" in text and "NOT converged" not in text
-    assert (folder / "coat-design.png").read_bytes().startswith(b"\x89PNG")
+    assert all((folder / name).read_bytes().startswith(b"\x89PNG") for name in figures)
 
 
 @pytest.mark.parametrize("text, code, reason", [
@@ -151,7 +152,8 @@ def came_to(reached, *, verify=0, text=DESIGN, outside=0.0):
         )
         solved = friction if verify else np.zeros((0, 1))
         candidates[name] = Candidate(study.scene.stack, field, solved, solved)
-    run = Run([1.0], 1.0, [], 1, True, True, "")
+    history = History(np.ones(1), np.ones((1, 1)), np.zeros((1, 0)))
+    run = Run([1.0], 1.0, history, 1, True, True, "")
     design = Design({"a": 1.0}, 1.0, {"a": 0.0}, np.zeros(0), (run,))
     return DesignResults(study, design, None, candidates)
 

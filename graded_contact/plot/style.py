@@ -1,0 +1,132 @@
+"""The one style of all figures: colours, sizes of a journal's columns, fonts, and units.
+
+It holds while a figure is made, drawn and saved, whatever the settings of the user, and leaves
+those as they are. For figures of one's own: `with matplotlib.rc_context(gc.plot.STYLE): ...`, or in
+a notebook `plt.rcParams.update(gc.plot.STYLE)`.
+"""
+
+import contextlib
+import functools
+import textwrap
+from collections.abc import Callable, Iterator
+from typing import TYPE_CHECKING, Any, ParamSpec, TypeVar
+
+import numpy as np
+
+if TYPE_CHECKING:  # it takes a third of a second to import
+    from matplotlib.figure import Figure
+
+P = ParamSpec("P")
+T = TypeVar("T")
+
+# Of M. Okabe and K. Ito, told apart by people with any kind of colour vision.
+COLOURS = ("#0072B2", "#D55E00", "#009E73", "#CC79A7", "#E69F00", "#56B4E9", "#000000")
+COLUMN, PAGE = 3.54, 7.48  # inches, 90 and 190 mm
+HEIGHTS, PRESSURES, GAPS, TEMPERATURES = "cividis", "viridis", "magma", "plasma"
+STYLE = {
+    "axes.grid": True,
+    "axes.axisbelow": True,
+    "axes.labelsize": 8,
+    "axes.linewidth": 0.6,
+    "axes.prop_cycle": f"cycler(color={list(COLOURS)})",
+    "axes.spines.right": False,
+    "axes.spines.top": False,
+    "axes.titlesize": 8,
+    "figure.constrained_layout.use": True,
+    "figure.dpi": 200,
+    "figure.figsize": (PAGE, 2.9),
+    "figure.titlesize": 8,
+    "font.size": 8,
+    "grid.color": "0.92",
+    "grid.linewidth": 0.6,
+    "image.cmap": PRESSURES,
+    "image.interpolation": "nearest",
+    "legend.fontsize": 7,
+    "legend.frameon": False,
+    "legend.title_fontsize": 7,
+    "lines.linewidth": 1.2,
+    "lines.markersize": 3.5,
+    "pdf.fonttype": 42,  # TrueType, as journals ask for
+    "ps.fonttype": 42,
+    "svg.hashsalt": "graded_contact",  # the same figure is the same file
+    "xtick.labelsize": 7,
+    "xtick.major.width": 0.6,
+    "xtick.minor.width": 0.4,
+    "ytick.labelsize": 7,
+    "ytick.major.width": 0.6,
+    "ytick.minor.width": 0.4,
+}  # fmt: skip
+_PREFIXES = {-12: "p", -9: "n", -6: "µ", -3: "m", 0: "", 3: "k", 6: "M", 9: "G"}
+
+
+@contextlib.contextmanager
+def _style() -> Iterator[None]:
+    import matplotlib.style
+
+    # On top of Matplotlib's own defaults: nothing of the user's comes in.
+    with matplotlib.style.context(["default", STYLE]):
+        yield
+
+
+def styled(draw: Callable[P, T]) -> Callable[P, T]:
+    """Lets a function that makes a figure make it in the style."""
+
+    @functools.wraps(draw)
+    def drawn(*args: P.args, **kwargs: P.kwargs) -> T:
+        with _style():
+            return draw(*args, **kwargs)
+
+    return drawn
+
+
+@functools.cache
+def _styled_figure() -> "type[Figure]":
+    from matplotlib.figure import Figure
+
+    class StyledFigure(Figure):
+        """A figure whose ticks, which are made when it is drawn, and file are in the style too."""
+
+        def draw(self, renderer: Any) -> None:
+            with _style():
+                super().draw(renderer)
+
+        def savefig(self, *args: Any, **kwargs: Any) -> None:
+            with _style():
+                super().savefig(*args, **kwargs)
+
+    return StyledFigure
+
+
+def new_figure(width: float, height: float) -> "Figure":
+    """An empty figure [inches] with a constrained layout; it needs no display."""
+    return _styled_figure()(figsize=(width, height))
+
+
+@styled
+def entitle(figure: "Figure", text: str) -> None:
+    """Puts a line above a figure, broken where it is too long."""
+    figure.suptitle(textwrap.fill(text, round(15 * figure.get_figwidth())))
+
+
+def ordered(count: int, colours: str = PRESSURES) -> np.ndarray:
+    """Colours of ordered curves, from dark to light, shape `(count, 4)`."""
+    from matplotlib import colormaps
+
+    return colormaps[colours](np.linspace(0, 0.85, count))
+
+
+def few_powers_of_ten(axis: Any, low: float, high: float) -> None:
+    """Labels an axis on the logarithm, between the powers of ten too where they are few."""
+    from matplotlib.ticker import LogLocator, NullFormatter
+
+    if high < 100 * low:
+        axis.set_major_locator(LogLocator(subs=(1, 2, 5)))
+        axis.set_major_formatter("{x:g}")
+    axis.set_minor_formatter(NullFormatter())
+
+
+def unit_of(base: str, largest: float) -> tuple[str, float]:
+    """The unit in which `largest` [base] is between 1 and 1000, and its reciprocal in `base`."""
+    exponent = 3 * int(np.floor(np.log10(largest) / 3 + 1e-9)) if largest > 0 else 0
+    exponent = min(max(exponent, min(_PREFIXES)), max(_PREFIXES))
+    return f"{_PREFIXES[exponent]}{base}", 10.0**-exponent
