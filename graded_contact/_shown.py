@@ -4,6 +4,7 @@ Units and meanings are those that the docstring of a class gives under **Fields:
 property in its own. Text for the terminal, a table for notebooks; under `jit` the shapes alone.
 """
 
+import dataclasses
 import functools
 import html
 import re
@@ -20,7 +21,7 @@ from ._checks import is_concrete, short
 T = TypeVar("T", bound=type)
 FEW = 8  # numbers of an array that are shown one by one, and entries of a list
 ENTRY = re.compile(r"^ *- ((?:`\w+`(?:, )?)+): (.*?)(?=^ *- `|^ *$|\Z)", re.MULTILINE | re.DOTALL)
-UNIT = re.compile(r"\[((?:1|(?:(?:1|Pa|rad|m|s|K)[²³⁴]?[/ ]?)+))\]")
+UNIT = re.compile(r"\[((?:1|(?:(?:1|Pa|rad|m|s|K|J|bytes)[²³⁴]?[/ ]?)+))\]")
 
 
 class _Row(NamedTuple):
@@ -96,7 +97,8 @@ def _rows(value: Any, depth: int, name: str, meaning: str = "") -> Iterator[_Row
 
 def _parts(value: Any, depth: int) -> Iterator[_Row]:
     """The lines of what a value shows; a number and its error share one."""
-    declared: Any = getattr(value, "__dataclass_fields__", {})  # a named tuple has none
+    known = dataclasses.is_dataclass(value)  # a named tuple is none
+    declared = {field.name: field for field in dataclasses.fields(value)} if known else {}
     fields = getattr(value, "_fields", declared)
     asked = value._shown_names
     names = [name for entry in asked for name in (fields if entry is ... else [entry])]
@@ -112,7 +114,7 @@ def _parts(value: Any, depth: int) -> Iterator[_Row]:
             text = f"{_text(part)} ± {float(getattr(value, f'{name}_error')):.1e}"
             yield _Row(depth, title, text, meaning)
             continue
-        if isinstance(part, Mapping) and hasattr(value, "units"):  # of a `Study`
+        if isinstance(part, Mapping) and not unit and hasattr(value, "units"):
             part = {_title(key, value.units.get(key, "")): entry for key, entry in part.items()}
         yield from _rows(part() if callable(part) else part, depth, title, meaning)
 

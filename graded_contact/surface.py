@@ -43,6 +43,7 @@ from .grid import (
 from .spectrum import check_square, one_of_height_and_slope
 
 
+@shown()
 class Step(NamedTuple):
     """The roughness after one step of reading a measured surface, see `step`.
 

@@ -11,13 +11,21 @@ import pytest
 import graded_contact as gc
 from graded_contact._shown import _about
 from graded_contact.contact.solution import RESULTS, ContactSolution
+from graded_contact.files.design_scene import DesignScene, Stiffness
+from graded_contact.files.results import Fields
+from graded_contact.fitting.quality import Errors, Floor
+from graded_contact.fitting.result import Length
 from graded_contact.response.interior import InteriorFields
+from graded_contact.studies.cost import Cost
+from graded_contact.studies.design import Design, History, Run
+from graded_contact.studies.run_design import Candidate, DesignResults
 from graded_contact.studies.uncertainty import Estimate, Sensitivity
-from graded_contact.surface import Statistics
+from graded_contact.surface import Statistics, Step
 
 RESULT_CLASSES = (
     gc.Sliding, gc.ContactSolution, gc.ContactPath, gc.CutoffCurve, gc.MeanField, Statistics,
     InteriorFields, Sensitivity, gc.Layer, gc.Elastic, gc.Prony, gc.WLF, gc.Grid, gc.Surface,
+    Fields, Candidate, Run, Stiffness, Floor, Errors, Step, gc.HardWall, gc.AdhesiveLJ,
 )  # fmt: skip
 
 
@@ -88,6 +96,28 @@ def test_batches_of_results_and_other_values_are_shown():
     })  # fmt: skip
     assert line(repr(study), "velocity [m/s]") == "9 float64, 1 to 3"
     assert line(repr(study), "complete") == "False"
+
+
+def test_a_design_shows_units_by_path_and_how_it_ended():
+    path = "layers[0].thickness"
+    history = History(np.ones(2), np.ones((2, 1)), np.zeros((2, 0)))
+    run = Run([2e-5], 0.3, history, 2, True, True, "It met the tolerance.")
+    design = Design({path: 2e-5}, 0.3, {path: -1.5}, np.zeros(0), (run,))
+    text = repr(design)
+    assert line(text, f"{path} [m]") == "2e-05" and text.count(f"{path} ") == 2
+    assert line(text, "message") == "It met the tolerance." and line(text, "converged") == "True"
+    numbers = np.array([[0.11, 0.12]])
+    block = gc.Stack(base=gc.HalfSpace(gc.Elastic(2e6)))
+    candidate = Candidate(block, Estimate(1.0, 0.1), numbers, numbers / 2)
+    found = DesignResults(None, design, None, {"before": candidate, "designed": candidate})
+    text, page = repr(found), found._repr_html_()
+    assert line(text, "polished") == "none" and text.count("0.11, 0.12") == 2
+    assert text.splitlines()[0] == "DesignResults" and page.count("0.055, 0.06") == 2
+
+
+@pytest.mark.parametrize("kind", [DesignScene, DesignResults, Length, Cost])
+def test_what_is_made_of_other_things_is_shown_too(kind):
+    assert kind.__repr__ is Design.__repr__
 
 
 @pytest.mark.parametrize("kind", RESULT_CLASSES, ids=lambda kind: kind.__name__)

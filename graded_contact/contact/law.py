@@ -21,6 +21,7 @@ import numpy as np
 from jaxtyping import Array, Float
 
 from .._checks import as_scalar, check_positive, check_values, is_concrete, scalar, short
+from .._shown import shown
 
 Bound = Float[Array, ""] | float
 
@@ -86,6 +87,7 @@ def check_pressure(pressure: Float[Array, "..."], law: AbstractLaw) -> None:
     check_values("pressure", pressure, allowed, above=low, at_most=below)
 
 
+@shown()
 class HardWall(AbstractLaw):
     """No interpenetration and no attraction: σ >= 0, u >= 0, σ u = 0.
 
@@ -126,6 +128,7 @@ class HardWall(AbstractLaw):
         return jnp.where(pressure > 0, pressure, -stiffness * jnp.maximum(gap, 0))
 
 
+@shown()
 class RepulsiveLJ(AbstractLaw):
     """The repulsive term of the integrated Lennard-Jones potential: σ = p (ε/u)⁹.
 

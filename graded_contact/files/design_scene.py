@@ -26,6 +26,7 @@ import numpy as np
 from jaxtyping import Float
 
 from .._checks import check_poisson, check_positive, check_values
+from .._shown import shown
 from ..parameters import with_values
 from ..response.stack import Stack
 from ..spectrum import SelfAffine
@@ -47,14 +48,26 @@ OBJECTIVES = {
 }
 
 
+@shown()
 class Stiffness(NamedTuple):
-    """Keeps |effective_modulus| at `q` [rad/m], `omega` [rad/s] within a fraction."""
+    """Keeps |effective_modulus| at a wave within a fraction.
+
+    **Fields:**
+
+    - `q`: wavenumber [rad/m].
+    - `omega`: angular frequency [rad/s].
+    - `within`: fraction [1].
+    """
 
     q: float
     omega: float
     within: float
 
 
+@shown(
+    "scene", "objective", "wanted", "relative", "band", "stiffness", "total_thickness", "lower",
+    "upper", "starts", "verify", "polish",
+)  # fmt: skip
 @dataclasses.dataclass(frozen=True, eq=False)
 class DesignScene:
     """What to design, as a scene with a table [design] says.

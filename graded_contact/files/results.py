@@ -69,6 +69,7 @@ FIELDS = {
 }
 
 
+@shown()
 @dataclasses.dataclass(frozen=True, eq=False)
 class Fields:
     """Fields of one solve, NumPy arrays of the shape of the surface.

@@ -9,6 +9,7 @@ import numpy as np
 from jaxtyping import Array, Float
 
 from .._checks import Numbers, as_float, check_positive, check_values, is_concrete
+from .._shown import shown
 from .series import Kind
 
 REPRESENTABLE = 1e100  # beyond this, or below its reciprocal, squares and ratios overflow
@@ -16,6 +17,7 @@ REPRESENTABLE = 1e100  # beyond this, or below its reciprocal, squares and ratio
 Unknowns = Float[Array, " unknowns"]
 
 
+@shown()
 class Observations(eqx.Module):
     """What was measured, with what is known beforehand.
 

@@ -19,9 +19,14 @@ CONTRADICTION = 1e-4  # chance of agreement from which on storage and loss are s
 
 @shown()
 class Errors(NamedTuple):
-    """Root-mean-square of ln(model/measured), of all values and of each channel.
+    """Root-mean-square of ln(model/measured).
 
     A channel without measured values has none; moduli in time are all `storage`.
+
+    **Fields:**
+
+    - `total`: of all values [1].
+    - `storage`, `loss`: of each channel [1].
     """
 
     total: float
@@ -29,6 +34,7 @@ class Errors(NamedTuple):
     loss: float | None
 
 
+@shown()
 class Floor(NamedTuple):
     """Errors of the best positive spectra of any length, the lower bound of all fits.
 
@@ -37,8 +43,8 @@ class Floor(NamedTuple):
 
     **Fields:**
 
-    - `total`: of one spectrum for all values, as in a real material (Kramers-Kronig relations).
-    - `storage`, `loss`: of a spectrum for that channel alone.
+    - `total`: of one spectrum for all values, as in a real material (Kramers-Kronig relations) [1].
+    - `storage`, `loss`: of a spectrum for that channel alone [1].
     - `chance`: probability that data of one material, with independent errors, would show a
       `total` so far above the others (F test); None where too few values are left to judge.
     - `near`: `total` of spectra whose times lie as near to the data as those of a fit.

@@ -24,8 +24,16 @@ INSTANT = 0.5  # of the first measured strain: less of it is not seen to be inst
 VAGUE = 0.5  # deviation of the logarithm of a value that data do not determine
 
 
+@shown()
 class Length(NamedTuple):
-    """A step of the path: number of terms, rms log error, Bayes information criterion."""
+    """A step of the path.
+
+    **Fields:**
+
+    - `terms`: their number.
+    - `error`: root mean square of ln(model/measured) [1].
+    - `bic`: Bayes information criterion [1].
+    """
 
     terms: int
     error: float

@@ -8,6 +8,7 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float, Int
 
+from .._shown import shown
 from ..rheology.shift import GAS_CONSTANT, WLF, AbstractShift, Arrhenius
 from ..rheology.tabulated_shift import TabulatedShift
 from .model import objective, series_of
@@ -17,6 +18,7 @@ from .shifted_series import LN10, Law, SharedSeries
 LawKind = Literal["wlf", "arrhenius"]
 
 
+@shown()
 class Isotherms(eqx.Module):
     """What was measured at several temperatures, with what is expected of the shifts.
 

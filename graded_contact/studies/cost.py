@@ -10,6 +10,7 @@ from typing import NamedTuple
 import numpy as np
 
 from .._memory import available_memory, in_gigabytes
+from .._shown import shown
 from ..files.design_scene import DesignScene
 from ..files.scene import Scene
 from ..files.surfaces import RandomSurface
@@ -24,6 +25,7 @@ PER_EVALUATION = 0.02  # s of the mean field at a velocity, with its derivatives
 EVALUATIONS = 30  # of a start
 
 
+@shown()
 class Cost(NamedTuple):
     """What to expect.
 
@@ -32,7 +34,7 @@ class Cost(NamedTuple):
     - `shape`: of the grid.
     - `memory`: at the peak [bytes].
     - `num_solves`: contacts solved, those for derivatives included.
-    - `seconds`: roughly, all solves and compilation included.
+    - `seconds`: roughly, all solves and compilation included [s].
     """
 
     shape: tuple[int, ...]

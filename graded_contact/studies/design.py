@@ -20,6 +20,7 @@ from scipy.stats import qmc
 
 from .._checks import check_values, check_whole, door
 from .._shown import shown
+from ..files.study import units_of
 from .bounds import Flat, box_of, first_in, named
 from .evaluations import MARGIN, Evaluations
 from .problem import Problem
@@ -70,7 +71,10 @@ class Run(eqx.Module):
     message: str
 
 
-@shown("value", "error", "converged", "parameters", "elasticities", "margins", "num_evaluations")
+@shown(
+    "value", "error", "converged", "message", "parameters", "elasticities", "margins",
+    "multipliers", "num_evaluations",
+)  # fmt: skip
 class Design(eqx.Module):
     """The best design found, and the evidence.
 
@@ -78,7 +82,7 @@ class Design(eqx.Module):
 
     - `parameters`: as `lower` and `upper` were given.
     - `value`: of the objective.
-    - `elasticities`: d ln|value|/d ln(parameter), shaped as `parameters`: what matters most.
+    - `elasticities`: d ln|value|/d ln(parameter) [1], shaped as `parameters`: what matters most.
     - `margins`: of the constraints, all positive; empty without constraints.
     - `runs`: what every start came to. The number of them near `value` tells how sure it is.
     - `error`: standard error of the value where it is a mean over draws, see `minimise_expected`.
@@ -103,6 +107,16 @@ class Design(eqx.Module):
     def converged(self) -> bool:
         """Whether the best run met the tolerance."""
         return self.best.converged
+
+    @property
+    def message(self) -> str:
+        """Why the best run ended."""
+        return self.best.message
+
+    @property
+    def units(self) -> dict[str, str]:
+        """Units of the parameters, where paths tell them."""
+        return units_of(self.parameters) if isinstance(self.parameters, dict) else {}
 
     @property
     def num_evaluations(self) -> int:

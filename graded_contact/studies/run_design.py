@@ -10,6 +10,7 @@ import numpy as np
 from jaxtyping import Float
 
 from .._memory import DERIVATIVE, check_memory
+from .._shown import shown
 from ..files.design_scene import DesignScene
 from ..files.results import package_versions
 from ..files.surfaces import RandomSurface
@@ -36,6 +37,7 @@ POLISHING_STEPS = 6
 POLISHING = 10  # evaluations, about
 
 
+@shown()
 class Candidate(NamedTuple):
     """A block, what the mean field says of it, and the contact solver.
 
@@ -43,7 +45,8 @@ class Candidate(NamedTuple):
 
     - `stack`: the block.
     - `field`: the mean field at each velocity.
-    - `friction`, `contact_area`: by contact, shape (surfaces, velocities); without surfaces empty.
+    - `friction`, `contact_area`: by contact [1], shape (surfaces, velocities), of no surface
+      perhaps.
     """
 
     stack: Stack
@@ -52,6 +55,7 @@ class Candidate(NamedTuple):
     contact_area: Float[np.ndarray, "surfaces velocities"]
 
 
+@shown("design", "polished", "candidates")
 class DesignResults(NamedTuple):
     """What a study came to.
 
