@@ -1,6 +1,7 @@
 """What a result prints: its numbers with units, arrays by shape, how it ended."""
 
 import dataclasses
+from typing import Any
 
 import equinox as eqx
 import jax
@@ -108,8 +109,10 @@ def test_a_design_shows_units_by_path_and_how_it_ended():
     assert line(text, "message") == "It met the tolerance." and line(text, "converged") == "True"
     numbers = np.array([[0.11, 0.12]])
     block = gc.Stack(base=gc.HalfSpace(gc.Elastic(2e6)))
-    candidate = Candidate(block, Estimate(1.0, 0.1), numbers, numbers / 2)
-    found = DesignResults(None, design, None, {"before": candidate, "designed": candidate})
+    of_field: Any = Estimate(jnp.array(1.0), jnp.array(0.1))
+    candidate = Candidate(block, of_field, numbers, numbers / 2)
+    nothing: Any = None
+    found = DesignResults(nothing, design, None, {"before": candidate, "designed": candidate})
     text, page = repr(found), found._repr_html_()
     assert line(text, "polished") == "none" and text.count("0.11, 0.12") == 2
     assert text.splitlines()[0] == "DesignResults" and page.count("0.055, 0.06") == 2
