@@ -7,7 +7,7 @@ everything that is done point by point; what mixes rows or columns asks for them
 device nothing here does anything.
 """
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from functools import partial
 from typing import TypeVar, cast
 
@@ -89,6 +89,16 @@ def binned(place: Array, spectrum: Array, num_bins: int) -> Array:
 
     count = partial(jnp.bincount, length=num_bins)
     return jnp.sum(jax.vmap(count)(by_device(place), by_device(spectrum)), axis=0)
+
+
+def required(tree: T, good: Array, check: Callable[[Array, Array], Array]) -> T:
+    """Returns a tree, or raises unless it is `good`: at once if that is known, else when it is.
+
+    `check` puts a check on a number: it fails where its second argument is true.
+    """
+    if is_concrete(good) and good:
+        return tree
+    return tied(tree, check(jnp.asarray(-0.0), ~good))
 
 
 def tied(tree: T, nothing: Array) -> T:

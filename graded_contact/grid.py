@@ -266,27 +266,20 @@ def resample_spectrum(spectrum: Array, shape: tuple[int, ...], new_shape: tuple[
     """
     if new_shape == shape:
         return spectrum
-    for axis, (n, m) in enumerate(zip(shape, new_shape, strict=True)):
-        last = axis == len(shape) - 1
-        keep = (min(n, m) - 1) // 2  # highest number below both Nyquist numbers
-        nyquist = min(n, m) // 2
-        low = jnp.moveaxis(whole_along(spectrum, axis), axis, 0)
-        top = low[: keep + 1]
-        shared = low[:0]
-        if min(n, m) % 2 == 0 and m < n:
-            line = low[nyquist]
-            line = _over_signs(line) if last else (line + low[n - nyquist]) / 2
-            shared = line[None]
-        size = m // 2 + 1 if last else m
-        negative = low[:0] if last else low[n - keep :] if keep else low[:0]
-        middle = jnp.zeros(
-            (size - len(top) - len(shared) - len(negative), *low.shape[1:]), spectrum.dtype
-        )
-        spectrum = jnp.moveaxis(jnp.concatenate([top, shared, middle, negative]), 0, axis)
-    if jnp.iscomplexobj(spectrum):
-        real = spectrum.real.astype(spectrum.dtype)
-        spectrum = jnp.where(nyquist_lines(new_shape), real, spectrum)
-    return spectrum
+    numbers = mode_numbers(new_shape)
+    known, last = [], len(shape) - 1
+    mirrored = spectrum
+    for axis, (n, m, k) in enumerate(zip(shape, new_shape, numbers, strict=True)):
+        kept = (2 * np.abs(k) < min(n, m)) | ((2 * np.abs(k) == m) & (m < n))
+        known.append(kept)
+        # Modes that are not known take another's place, to be masked.
+        k = np.where(kept, k, 0).ravel()
+        spectrum, mirrored = (whole_along(modes, axis) for modes in (spectrum, mirrored))
+        spectrum = jnp.take(spectrum, k % n, axis, mode="clip")
+        mirrored = jnp.take(mirrored, (k if axis == last else -k) % n, axis, mode="clip")
+    even = spectrum.real if last == 0 else (spectrum.real + mirrored.real) / 2
+    spectrum = jnp.where(nyquist_lines(new_shape), even, spectrum)
+    return jnp.where(~_any(~kept for kept in known), spectrum, 0)
 
 
 def interpolate(field: Float[Array, "..."], shape: tuple[int, ...]) -> Float[Array, "*shape"]:
@@ -299,6 +292,6 @@ def interpolate(field: Float[Array, "..."], shape: tuple[int, ...]) -> Float[Arr
         weight = (position - left).reshape([-1 if i == axis else 1 for i in range(field.ndim)])
         weight = jnp.asarray(weight, field.dtype)
         field = whole_along(field, axis)
-        right = jnp.take(field, (left + 1) % n, axis)
-        field = jnp.take(field, left, axis) * (1 - weight) + right * weight
+        right = jnp.take(field, (left + 1) % n, axis, mode="clip")
+        field = jnp.take(field, left, axis, mode="clip") * (1 - weight) + right * weight
     return field

@@ -5,6 +5,8 @@ velocity v. In the frame of the surface everything stands still, and every wavev
 pressure works the block at the frequency ω = -q·v.
 """
 
+import dataclasses
+
 import equinox as eqx
 import jax
 import jax.numpy as jnp
@@ -184,10 +186,21 @@ def slide(
         start=start,
         throw=throw,
     )
-    result = RESULTS.where(reached, contact.result, RESULTS.inaccurate_kernel)
-    contact = eqx.tree_at(lambda c: c.result, contact, result)
+    contact = _told(contact, reached)
     heights, measured, grid = surface.heights, surface.measured, surface.grid
-    return _observe(contact, kernel, heights, measured, grid, velocity, law, coverage(stack))
+    known = _coverage(stack)
+    return _observe(contact, kernel, heights, measured, grid, velocity, law, known)
+
+
+_coverage = eqx.filter_jit(coverage)
+
+
+def _told(contact: ContactSolution, reached) -> ContactSolution:
+    """The contact, its result that of the kernel if that was not reached."""
+    if reached is True:
+        return contact
+    result = RESULTS.where(reached, contact.result, RESULTS.inaccurate_kernel)
+    return dataclasses.replace(contact, result=result)
 
 
 def _aim(rtol, friction_rtol, kernel, surface: Surface, velocity, law):
@@ -224,7 +237,7 @@ def _kernel_and_velocity(stack, surface, velocity, solver, graded, throw):
         kernel, reached = stack_kernel(stack, surface.grid, velocity, graded=graded), True
     else:
         kernel, reached = attempted_kernel(stack, surface.grid, velocity, graded=graded)
-    at_rest = is_concrete(velocity) and not np.any(velocity)
+    at_rest = is_concrete(velocity) and not np.any(np.asarray(velocity))
     return (kernel.real if at_rest else kernel), velocity, reached
 
 

@@ -19,6 +19,7 @@ ORDER = [
     "response/kernel", "response/matrix", "response/depth", "response/interior",
     "contact/law", "contact/adhesion", "contact/anderson", "contact/solver",
     "contact/splitting", "contact/linear", "contact/newton_steps", "contact/on_grid",
+    "contact/epochs",
     "contact/douglas_rachford", "contact/rmd",
     "contact/implicit", "contact/solution", "contact/newton", "contact/wanted",
     "contact/problem", "contact/path",

@@ -49,19 +49,21 @@ def accelerate(state: History, image, error, going_on) -> History:
     Unless it is `going_on`, the newest image alone.
     """
     m = len(state.products)
-    slot = state.cycles % m
+    slot, order = jax.lax.rem(state.cycles, m), np.arange(m)
     rows = _sample(image.size)
     change = image[rows] - state.z[rows]
-    changes = state.changes.at[slot].set(change)
+    changes = jax.lax.dynamic_update_index_in_dim(state.changes, change, slot, 0)
     difference = (image - state.image).astype(state.differences.dtype)
-    differences = state.differences.at[slot].set(difference)
+    differences = jax.lax.dynamic_update_index_in_dim(state.differences, difference, slot, 0)
     row = jnp.stack(sums(*(changes[i] * change for i in range(m))))
-    products = state.products.at[slot, :].set(row).at[:, slot].set(row)
-    size = row[slot]
+    newest = order == slot
+    products = jnp.where(newest[:, None], row, state.products)
+    products = jnp.where(newest, row[:, None], products)
+    size = jnp.sum(jnp.where(newest, row, 0))
     # A change five times the least so far means that the history misleads: forget it.
     forget = size > 25 * state.best
     count = jnp.where(forget, 1, jnp.minimum(state.count + 1, m))
-    age = (slot - jnp.arange(m)) % m
+    age = jnp.where(order > slot, slot - order + m, slot - order)
     weights = _weights(products, age < count)
     # What the images weigh that are older than a difference is what the difference takes back.
     back = jnp.sum(jnp.where(age[None, :] > age[:, None], weights, 0), axis=1)
@@ -98,10 +100,20 @@ def _add(a, b):
 
 def _weights(products, used):
     """Weights of sum 1 that make the combined change least."""
-    largest = jnp.max(jnp.where(used, jnp.diag(products), 0))
-    gram = jnp.where(used[:, None] & used[None, :], products, 0)
-    gram = gram / jnp.where(largest > 0, largest, 1)
+    m = len(products)
+    order = np.arange(m)
+    diagonal = order[:, None] == order
+    largest = jnp.max(jnp.where(diagonal & used, products, 0))
+    gram = jnp.where(used[:, None] & used, products, 0) / jnp.where(largest > 0, largest, 1)
     ridge = 32 * np.finfo(products.dtype).eps ** 0.75
-    gram = gram + jnp.diag(jnp.where(used, ridge * jnp.diag(gram), 1))
-    weights = jnp.linalg.solve(gram, used.astype(products.dtype))
+    gram = jnp.where(diagonal, jnp.where(used, (1 + ridge) * gram, 1), gram)
+
+    def eliminate(k, system):
+        pivot = system[k] / system[k, k]
+        return jnp.where(order[:, None] == k, pivot, system - system[:, k, None] * pivot)
+
+    # A loop: factorisations from libraries take longer to compile and to run. The matrix is
+    # positive definite, which needs no exchange of rows.
+    system = jnp.concatenate([gram, used[:, None].astype(gram.dtype)], axis=1)
+    weights = jax.lax.fori_loop(0, m, eliminate, system)[:, m]
     return weights / jnp.sum(weights)

@@ -6,6 +6,7 @@ import jax.numpy as jnp
 from jaxtyping import Array, Float, Inexact
 
 from ..grid import to_field, to_spectrum
+from .anderson import sums
 from .law import AbstractLaw
 from .solver import (
     Prescribed,
@@ -45,6 +46,10 @@ class OnGrid(eqx.Module):
         """What is iterated with a penalty this many times as large."""
         solid, law = self.at(factor)
         return Splitting(solid, law.proximal)
+
+    def at_load(self, pressure):
+        """A pressure of the law with the load that is prescribed, if any."""
+        return pressure if self.free_mean else to_mean(pressure, self.target, self.law.bounds)
 
 
 def on_grid(kernel, heights, waves, law, prescribed: Prescribed, unit, guess) -> OnGrid:
@@ -97,12 +102,11 @@ def start_of(problem: OnGrid, guess):
         v = jax.lax.fori_loop(0, 40, halve, ends)[1] + heights
         return 2 * law.proximal(v) - v
     gap = to_field(problem.kernel * to_spectrum(guess), heights.shape) - heights
-    gap = gap - jnp.mean(gap)
+    total, weighed, mean = sums(jnp.abs(guess), jnp.abs(guess) * gap, gap)
+    loaded = (total > 0) & (not problem.free_mean)
+    gap = gap - jnp.where(loaded, weighed, mean) / jnp.where(loaded, total, gap.size)
     if problem.free_mean:
         gap = gap + target
-    else:
-        weight = jnp.where(jnp.any(guess != 0), jnp.abs(guess), 1)
-        gap = gap - jnp.sum(weight * gap) / jnp.sum(weight)
     # The law's own pressure and gap nearest to the guess; in contact, where the gap is but the
     # guess's error, the pressure alone.
     y = law.proximal(guess - gap)

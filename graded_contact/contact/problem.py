@@ -26,14 +26,21 @@ from .._checks import (
     door,
     is_concrete,
 )
-from .._devices import num_devices, tied
+from .._devices import num_devices, required
 from .._memory import check_memory, contact_memory
-from ..grid import half_shape, zero_mode
+from ..grid import half_shape
 from .douglas_rachford import DouglasRachford
 from .implicit import Inputs, State, attach_gradient
 from .law import AbstractLaw, HardWall, check_law, check_pressure
 from .solution import RESULTS, ContactSolution
-from .solver import AbstractContactSolver, Iterated, Prescribed, least_compliance, penalty_for
+from .solver import (
+    AbstractContactSolver,
+    Iterated,
+    Prescribed,
+    first_mode,
+    least_compliance,
+    penalty_for,
+)
 from .wanted import WORTHLESS, Asked, Known, Wanted, solve_until
 
 # Rise of an attraction over the stiffness of the shortest wave, up to which all equilibria found
@@ -97,12 +104,10 @@ def solve_contact(
     check_tolerance("rtol", rtol, heights)
     # Programs of their own: under a derivative the search is found compiled.
     fixed, start, wanted = _fixed((inputs, start, wanted))
-    known = _find_contact(fixed, solver, jnp.asarray(rtol), wanted, start)
-    solution = _solution(inputs, solver, known, jnp.asarray(rtol))
-    if throw:
-        failed = solution.result != RESULTS.successful
-        solution = tied(solution, solution.result.error_if(jnp.asarray(-0.0), failed))
-    return solution
+    tolerance = jnp.asarray(rtol, heights.dtype)
+    known = _search(fixed, solver, tolerance, wanted, start)
+    solution, good = _solution(inputs, solver, known, tolerance)
+    return required(solution, good, solution.result.error_if) if throw else solution
 
 
 def _check_heights(heights, solver: AbstractContactSolver) -> None:
@@ -125,12 +130,19 @@ def _check_heights(heights, solver: AbstractContactSolver) -> None:
 def _check_kernel(kernel, heights, throw: bool) -> None:
     check_shape("kernel", kernel, half_shape(heights.shape))
     if is_concrete(kernel):
-        ignored = zero_mode(heights.shape)
-        if not throw:
-            ignored = ignored | ~jnp.isfinite(kernel)  # `.result` will tell
-        known = jnp.where(ignored, 1, kernel)
-        check_positive("kernel.real", known.real, "[m/Pa] for every q but 0")
-        check_values("kernel.imag", known.imag, "it must be finite")
+        real, imag = _compliances(kernel, throw)
+        check_positive("kernel.real", real, "[m/Pa] for every q but 0")
+        check_values("kernel.imag", imag, "it must be finite")
+
+
+@functools.partial(jax.jit, static_argnames="throw")
+def _compliances(kernel, throw: bool):
+    """The kernel's real and imaginary part, where it is looked at."""
+    ignored = first_mode(kernel.shape)
+    if not throw:
+        ignored = ignored | ~jnp.isfinite(kernel)  # `.result` will tell
+    known = jnp.where(ignored, 1, kernel)
+    return known.real, known.imag
 
 
 def _as_start(start, heights, law: AbstractLaw):
@@ -164,13 +176,24 @@ def _prescribed(pressure, mean_gap, law) -> Prescribed:
     return Prescribed(pressure, None)
 
 
+def _search(inputs: Inputs, solver: AbstractContactSolver, rtol, wanted, start) -> Known:
+    """The contact that is found, in one program or, by the solver of this package, in several."""
+    heights, parts = inputs.heights, False
+    known = all(map(is_concrete, jax.tree.leaves((inputs, start))))
+    if wanted is None and known and num_devices(heights) == 1:
+        parts = isinstance(solver, DouglasRachford) and solver.in_programs(
+            inputs.law, inputs.prescribed, heights.shape
+        )
+    if not parts:
+        return _find_contact(inputs, solver, rtol, wanted, start)
+    return Known(solver.solve(*inputs, rtol=rtol, start=start), None, None)
+
+
 @eqx.filter_jit
 def _find_contact(inputs: Inputs, solver: AbstractContactSolver, rtol, wanted, start) -> Known:
     inputs = _without_mean(inputs)
-    rtol = rtol.astype(inputs.heights.dtype)
     if wanted is None:
-        found = solver.solve(*inputs, rtol=rtol, start=start)
-        return Known(found, None, found.error <= rtol)
+        return Known(solver.solve(*inputs, rtol=rtol, start=start), None, None)
     describe = functools.partial(_describe, inputs)
     return solve_until(inputs, solver, Wanted(wanted, rtol), start, describe)
 
@@ -180,11 +203,12 @@ def _without_mean(inputs: Inputs) -> Inputs:
 
 
 @eqx.filter_jit
-def _solution(inputs: Inputs, solver, known: Known, rtol) -> ContactSolution:
+def _solution(inputs: Inputs, solver, known: Known, rtol) -> tuple[ContactSolution, Array]:
+    """The solution with its derivative, and whether it is one."""
     inputs = _without_mean(inputs)
     kernel, heights, law, _ = inputs
-    rtol = rtol.astype(heights.dtype)
     found, errors, reached = jax.lax.stop_gradient(known)
+    reached = found.error <= rtol if reached is None else reached
     state = State(found.pressure, *_displacement_and_mean_gap(inputs, found))
     loaded = jnp.mean(law.margin(found.pressure, found.gap, 1.0) > 0, dtype=heights.dtype)
     loaded = jnp.maximum(loaded, 1 / heights.size)
@@ -198,7 +222,8 @@ def _solution(inputs: Inputs, solver, known: Known, rtol) -> ContactSolution:
     )
     solution = _describe(inputs, found, state)
     result = _how_it_ended(inputs, solver, found, reached, solution.gap_error)
-    return dataclasses.replace(solution, wanted_error=errors, result=result)
+    solution = dataclasses.replace(solution, wanted_error=errors, result=result)
+    return solution, result == RESULTS.successful
 
 
 def _fixed(tree):

@@ -95,7 +95,7 @@ class ResidualDynamics(AbstractContactSolver):
                 f"`law={law}` is refused: residuals molecular dynamics needs a smooth law, "
                 "`RepulsiveLJ` or `AdhesiveLJ`. Pass `solver=DouglasRachford()`."
             )
-        unit = pressure_unit(kernel, heights, prescribed)
+        unit = pressure_unit(kernel, heights - jnp.mean(heights), prescribed)
         problem, length = _dimensionless(kernel, heights, law, prescribed, unit)
         gap = _first_gap(problem, None if start is None else start / unit)
 

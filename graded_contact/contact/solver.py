@@ -136,8 +136,11 @@ def penalty_for(
 def pressure_unit(
     kernel: Inexact[Array, "*half"], heights: Float[Array, "*shape"], prescribed: Prescribed
 ) -> Float[Array, ""]:
-    """Returns a typical pressure: the prescribed one, and what flattens the longest waves."""
-    length = jnp.std(heights) + (0 if prescribed.gap is None else jnp.abs(prescribed.gap))
+    """Returns a typical pressure: the prescribed one, and what flattens the longest waves.
+
+    `heights` are of zero mean.
+    """
+    length = root_mean_square(heights) + (0 if prescribed.gap is None else jnp.abs(prescribed.gap))
     unit = length / jnp.abs(third_mode(kernel))
     unit = unit + (0 if prescribed.pressure is None else jnp.abs(prescribed.pressure))
     return jnp.where(unit > 0, unit, 1)
@@ -150,7 +153,16 @@ def third_mode(kernel: Inexact[Array, "*half"]) -> Inexact[Array, ""]:
 
 def least_compliance(kernel: Inexact[Array, "*half"]) -> Float[Array, ""]:
     """Returns the least |M| of any wave."""
-    return jnp.min(jnp.abs(kernel).at[(0,) * kernel.ndim].set(jnp.inf))
+    return jnp.min(jnp.where(first_mode(kernel.shape), jnp.inf, jnp.abs(kernel)))
+
+
+def first_mode(shape: tuple[int, ...]) -> Bool[Array, "*half"]:
+    """Returns where a half spectrum of this shape has its mean, as a mask.
+
+    Setting that entry by a mask is done on the way, by an index in a pass of its own.
+    """
+    numbers = [jax.lax.broadcasted_iota(jnp.int32, shape, axis) for axis in range(len(shape))]
+    return sum(numbers[1:], numbers[0]) == 0
 
 
 def participation(pressure: Float[Array, "*shape"]) -> Float[Array, ""]:
@@ -168,9 +180,11 @@ def to_mean(pressure, mean, bounds):
     """Scales a pressure to a mean within its bounds; one without upper bound simply by a factor."""
     low, high = bounds
     room = (pressure - low) * (1 - (pressure - low) / (high - low))
+    total, free = sums(pressure, room)
     # Where no point has room, all at a bound, evenly.
-    room = jnp.where(jnp.any(room > 0), room, 1)
-    return pressure + room * ((mean - jnp.mean(pressure)) / jnp.mean(room))
+    some = free > 0
+    missing = mean * pressure.size - total
+    return pressure + jnp.where(some, room, 1) * (missing / jnp.where(some, free, pressure.size))
 
 
 def slope(law: AbstractLaw, v: Float[Array, "*shape"]) -> Float[Array, "*shape"]:

@@ -30,7 +30,7 @@ from jaxtyping import Array, Float, Inexact
 from ..grid import half_shape, multiplicity, to_field, to_spectrum
 from .anderson import History, accelerate, sums
 from .law import AbstractLaw
-from .solver import participation_of, slope
+from .solver import first_mode, participation_of, slope
 
 DRAFTED_FROM = 2**18  # points of a grid worth a draft, by `bench_contact.py overhead`
 CYCLE = 2  # steps between accelerations
@@ -71,9 +71,9 @@ def solid_of(
 
     `shift` is the mean of x, or if that is free of x - z.
     """
-    mean = (0,) * kernel.ndim
-    filter = (1 / (1 + kernel)).at[mean].set(1 if free_mean else 0)
-    stiffness = (1 / jnp.abs(kernel)).at[mean].set(0)
+    mean = first_mode(kernel.shape)
+    filter = jnp.where(mean, 1 if free_mean else 0, 1 / (1 + kernel))
+    stiffness = jnp.where(mean, 0, 1 / jnp.where(mean, 1, jnp.abs(kernel)))
     if waves is not None:
         shift = shift + to_field(filter * waves, shift.shape)
     sharpness = jnp.sqrt(jnp.sum(weight_of_modes(shift) * stiffness**2))

@@ -63,11 +63,11 @@ class Wanted(eqx.Module):
 
 
 class Known(NamedTuple):
-    """A contact, the errors of what is wanted of it (or None), and if they are tolerable."""
+    """A contact, the errors of what is wanted of it, and if they are tolerable; or None."""
 
     contact: Iterated
     errors: Float[Array, " numbers"] | None
-    reached: Bool[Array, ""]
+    reached: Bool[Array, ""] | None
 
 
 class _State(NamedTuple):
@@ -97,7 +97,7 @@ def solve_until(
     def body(state: _State) -> _State:
         found, _, rtol, _ = state
         known, worst = _step(inputs, found, wanted, describe)
-        going_on = ~known.reached & (found.error <= rtol) & (rtol > least)
+        going_on = ~(worst <= 1) & (found.error <= rtol) & (rtol > least)
         # The claim is first to second order in the error of the pressure.
         closer = jnp.maximum(rtol * jnp.clip(0.5 / worst, 1e-3, 0.3), least)
 

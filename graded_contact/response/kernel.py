@@ -17,7 +17,7 @@ import numpy as np
 from jaxtyping import Array, Bool, Float, Inexact
 
 from .._checks import Numbers, door, is_concrete
-from .._devices import num_devices, spread, tied, whole_along
+from .._devices import num_devices, required, spread, whole_along
 from .._memory import check_memory, kernel_memory, num_numbers
 from ..grid import (
     Grid,
@@ -80,7 +80,7 @@ def stack_kernel(
     **Raises:** `ValueError` for a refused argument; `RuntimeError` if `rtol` is not reached.
     """
     kernel, reached = _attempt(stack, grid, velocity, graded, rtol, choosing=False)
-    return tied(kernel, eqx.error_if(jnp.asarray(-0.0), ~reached, _NOT_REACHED))
+    return required(kernel, reached, partial(eqx.error_if, msg=_NOT_REACHED))
 
 
 def attempted_kernel(
