@@ -1,5 +1,6 @@
 """The suite runs in double precision, with annotations checked at run time."""
 
+import gc
 import os
 import signal
 
@@ -14,6 +15,9 @@ import jaxtyping
 import pytest
 from hypothesis import settings
 from jaxtyping import install_import_hook
+
+# Traces make millions of objects that stay: looking for garbage among them is a tenth of the time.
+gc.set_threshold(200_000, 20, 1000)
 
 # A shell tells jobs in its background to ignore Ctrl-C; tests of it send it to their own process.
 if signal.getsignal(signal.SIGINT) == signal.SIG_IGN:

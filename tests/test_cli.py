@@ -480,6 +480,8 @@ def test_a_fit_prints_its_report_and_a_table_that_a_scene_takes(tmp_path):
     assert parse_scene(scene).stack.base.material.poisson == 0.49
 
 
+# That errors act in a scene, and what they do, has tests of its own in studies.
+@pytest.mark.slow
 def test_what_a_fit_knows_reaches_the_friction_of_a_scene(tmp_path):
     """Fit, card and errors, scene, run: against `propagate` of a fit to the same moduli."""
     path = moduli_file(tmp_path / "tread.csv", [20.0])

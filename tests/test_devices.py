@@ -19,7 +19,7 @@ RTOL = 1e-9  # of the solves
 
 
 def start(devices, *arguments):
-    flags = f"--xla_force_host_platform_device_count={devices} --xla_backend_optimization_level=0"
+    flags = f"{os.environ['XLA_FLAGS']} --xla_force_host_platform_device_count={devices}"
     return subprocess.Popen(
         [sys.executable, str(HERE / "over_devices.py"), *map(str, arguments)],
         env={**os.environ, "PYTHONPATH": str(HERE.parent), "XLA_FLAGS": flags},

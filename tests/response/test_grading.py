@@ -222,6 +222,8 @@ def test_differential_equation_keeps_the_digits_of_fields_that_have_decayed():
     np.testing.assert_allclose(found.stress / size, exact.stress / size, atol=1e-7)
 
 
+# Of the compliance by every leaf, and of friction by the kernel, they are always tested.
+@pytest.mark.slow
 def test_gradient_of_friction_by_every_leaf_of_a_profile_matches_central_differences():
     x = np.arange(16) / 16
     heights = 2e-6 * np.cos(2 * np.pi * x)[:, None] * np.ones(4)
@@ -471,6 +473,8 @@ def test_gradients_hold_where_the_wave_sees_only_a_part_of_the_layer():
         np.testing.assert_allclose(slope, difference, rtol=1e-6)
 
 
+# The other responses have theirs in every run.
+@pytest.mark.slow
 def test_float32_meets_its_tolerance_and_keeps_its_dtype():
     stack = Stack(layers=(GradedLayer(PROFILES["linear"], 1e-3),), base=BASE["halfspace"])
 

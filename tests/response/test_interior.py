@@ -171,9 +171,9 @@ def test_half_space_under_a_wave_of_pressure(poisson):
 @pytest.mark.parametrize(
     ("base", "shape", "velocity"),
     [
-        ("halfspace", (16, 12), 0.4),
+        pytest.param("halfspace", (16, 12), 0.4, marks=pytest.mark.slow),
         ("halfspace", (8, 6), np.array([0.4, -0.2])),
-        ("rigid", (9, 7), np.array([0.4, -0.2])),
+        pytest.param("rigid", (9, 7), np.array([0.4, -0.2]), marks=pytest.mark.slow),
         ("rigid", (16,), 0.4),
     ],
 )

@@ -60,8 +60,11 @@ def test_windows_of_friction_add_up():
             ),
             marks=pytest.mark.slow,
         ),
-        lambda s: distance(
-            friction_curve(s, SPECTRUM, pressure=1e5, velocities=[0.01, 1.0]).friction, 0.03
+        pytest.param(
+            lambda s: distance(
+                friction_curve(s, SPECTRUM, pressure=1e5, velocities=[0.01, 1.0]).friction, 0.03
+            ),
+            marks=pytest.mark.slow,
         ),
     ],
     ids=["ripple", "modulus", "window", "friction"],
