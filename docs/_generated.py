@@ -3,6 +3,7 @@
 import csv
 import importlib
 import inspect
+import pprint
 import re
 import shutil
 from pathlib import Path
@@ -89,7 +90,7 @@ def members_of(module: str) -> list[tuple[str, object]]:
 def description(place: str, thing: object, places: dict[str, str]) -> str:
     """Returns a class or function from its docstring, with the methods and properties it has."""
     if not callable(thing):
-        return f"**`{place}`**: {thing!r}"
+        return f":::{{py:data}} {place}\n```python\n{pprint.pformat(thing)}\n```\n:::"
     kind = "class" if inspect.isclass(thing) else "function"
     parts = [f"::::{{py:{kind}}} {place}{signature(thing)}", documented(thing, places)]
     for name, found in vars(thing).items() if kind == "class" else ():

@@ -72,7 +72,7 @@ if TYPE_CHECKING:
     from .studies.run import run_scene
     from .studies.sweep import sweep
 
-__version__ = "0.1.0"
+__version__ = "1.0.0rc1"
 
 __all__ = [  # noqa: RUF022 (grouped by room)
     # rheology

@@ -1,12 +1,14 @@
-"""What is installed: types, the command, and the lowest versions of what it needs."""
+"""What is installed and released: types, the command, the wheel, the lowest versions it needs."""
 
 import inspect
 import os
 import re
 import subprocess
 import sys
+import tarfile
 import tomllib
 import venv
+import zipfile
 from importlib import resources
 from pathlib import Path
 
@@ -85,7 +87,7 @@ def test_every_name_is_there_and_files_and_figures_cost_nothing_until_asked_for(
 
 def test_what_is_declared_is_imported():
     """But jaxlib, whose version must be told beside that of jax."""
-    project = tomllib.loads((ROOT / "pyproject.toml").read_text(encoding="utf-8"))["project"]
+    project = tomllib.loads(text_of("pyproject.toml"))["project"]
     declared = {re.match(r"[\w.-]+", entry)[0] for entry in project["dependencies"]} - {"jaxlib"}
     sources = [path.read_text(encoding="utf-8") for path in (ROOT / "graded_contact").rglob("*.py")]
     imported = {
@@ -115,23 +117,97 @@ def test_a_public_name_says_what_it_takes_and_returns(module, name):
         assert not unnamed or " as in `" in text or "as `" in text
 
 
+def test_the_version_is_told_once():
+    cited = re.search(r"^version: (.+)$", text_of("CITATION.cff"), flags=re.MULTILINE)[1]
+    changed = re.search(r"^## (\S+) \((.+)\)$", text_of("CHANGELOG.md"), flags=re.MULTILINE)
+    assert gc.__version__ == cited == changed[1]
+    assert f"date-released: {changed[2]}\n" in text_of("CITATION.cff")
+
+
+def text_of(name: str) -> str:
+    return (ROOT / name).read_text(encoding="utf-8")
+
+
+def run(folder: Path, *words) -> str:
+    """What a program printed, which sees nothing of this checkout but what `words` name."""
+    environment = {key: value for key, value in os.environ.items() if key != "PYTHONPATH"}
+    done = subprocess.run(
+        list(map(str, words)), capture_output=True, text=True, cwd=folder, env=environment
+    )
+    assert done.returncode == 0, done.stdout[-3000:] + done.stderr[-3000:]
+    return done.stdout
+
+
+def fresh_environment(folder: Path) -> Path:
+    """The folder of programs of a new environment."""
+    venv.create(folder, with_pip=True)
+    return folder / ("Scripts" if os.name == "nt" else "bin")
+
+
+@pytest.fixture(scope="module")
+def built(tmp_path_factory):
+    """Folder of the sdist, and of the wheel that was built from it."""
+    folder = tmp_path_factory.mktemp("dist")
+    run(folder, sys.executable, "-m", "build", "--outdir", folder, ROOT)
+    return folder
+
+
+def members(wheel: Path) -> dict[str, bytes]:
+    with zipfile.ZipFile(wheel) as archive:
+        return {name: archive.read(name) for name in archive.namelist()}
+
+
+@pytest.mark.slow
+def test_the_wheel_holds_the_package_alone_and_is_that_of_the_checkout(built, tmp_path):
+    (wheel,) = built.glob("*.whl")
+    content, about = members(wheel), f"graded_contact-{gc.__version__}.dist-info/"
+    sources = {
+        path.relative_to(ROOT).as_posix()
+        for path in (ROOT / "graded_contact").rglob("*")
+        if path.is_file() and "__pycache__" not in path.parts
+    }
+    assert "graded_contact/py.typed" in sources
+    assert {name for name in content if not name.startswith(about)} == sources
+    assert content[f"{about}licenses/LICENSE"] == (ROOT / "LICENSE").read_bytes()
+    run(tmp_path, sys.executable, "-m", "build", "--wheel", "--outdir", tmp_path, ROOT)
+    (direct,) = tmp_path.glob("*.whl")
+    assert members(direct) == content
+    (sdist,) = built.glob("*.tar.gz")
+    with tarfile.open(sdist) as archive:
+        names = {name.partition("/")[2] for name in archive.getnames()}
+    kept = {"tests/test_package.py", "docs/conf.py", "README.md", "CHANGELOG.md", "CONTRIBUTING.md"}
+    assert kept | {"LICENSE", "CITATION.cff", "pyproject.toml"} | sources <= names
+
+
+@pytest.mark.slow
+def test_the_wheel_runs_the_demo_from_a_clean_folder(built, tmp_path):
+    programs = fresh_environment(tmp_path / "clean")
+    (wheel,) = built.glob("*.whl")
+    run(tmp_path, programs / "python", "-m", "pip", "install", "--quiet", wheel)
+    where = "import graded_contact; print(graded_contact.__file__)"
+    assert str(tmp_path) in run(tmp_path, programs / "python", "-c", where)
+    run(tmp_path, programs / "graded-contact", "demo")
+    written = {path.name for path in (tmp_path / "graded-contact-demo").iterdir()}
+    assert {"demo.h5", "demo.csv", "demo-contact.png", "demo-sweep.png"} <= written
+
+
+# What a user installs; tools of those who change the package are always the newest.
+USED = ("test", "io", "cluster", "explore", "xarray")
+CORE = ("files", "page/test_page.py", "studies/test_sweep.py", "test_grid.py", "test_persson.py")
+
+
 @pytest.mark.slow
 def test_the_lowest_versions_that_are_declared_do_the_main_jobs(tmp_path):
-    """A fresh environment with every dependency at its lower bound."""
-    project = tomllib.loads((ROOT / "pyproject.toml").read_text(encoding="utf-8"))["project"]
-    lowest = [re.sub(">=", "==", entry) for entry in project["dependencies"]]
-    assert all("==" in entry for entry in lowest)
-    venv.create(tmp_path / "lowest", with_pip=True)
-    folder = "Scripts" if os.name == "nt" else "bin"
-    python = tmp_path / "lowest" / folder / "python"
+    """A fresh environment with every dependency of package and extras at its lower bound."""
+    project = tomllib.loads(text_of("pyproject.toml"))["project"]
+    extras = project["optional-dependencies"]
+    needed = {*project["dependencies"], *(entry for name in USED for entry in extras[name])}
+    assert all(">=" in entry for entry in needed)
+    lowest = [entry.replace(">=", "==") for entry in sorted(needed)]
+    python = fresh_environment(tmp_path / "lowest") / "python"
     (tmp_path / "scene.toml").write_text(SCENE)
-
-    def run(*arguments):
-        done = subprocess.run(
-            [python, *arguments], capture_output=True, text=True, cwd=tmp_path, check=False
-        )
-        assert done.returncode == 0, done.stderr[-3000:]
-
-    run("-m", "pip", "install", "--quiet", *lowest, str(ROOT))
-    run("-m", "pip", "check")
-    run("-c", JOB)
+    run(tmp_path, python, "-m", "pip", "install", "--quiet", *lowest, ROOT)
+    run(tmp_path, python, "-m", "pip", "check")
+    run(tmp_path, python, "-c", JOB)
+    tests = [ROOT / "tests" / name for name in CORE]
+    run(ROOT, python, "-m", "pytest", "-n", "0", "-p", "no:cacheprovider", *tests)
