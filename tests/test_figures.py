@@ -1,5 +1,6 @@
 """Figures for papers: one style, units in every label, and in the figures what was computed."""
 
+import base64
 import math
 import re
 
@@ -193,3 +194,18 @@ def test_the_history_of_a_design_shows_what_was_tried():
     np.testing.assert_array_equal(limits.lines[0].get_ydata(), history.margins[:, 0])
     shown = {line.get_label(): line.get_ydata() for line in parameters.lines}
     np.testing.assert_allclose(shown["a"], history.parameters[:, 0] / design.parameters["a"])
+
+
+def test_a_slider_holds_every_figure_and_shows_the_middle_one_without_html():
+    def draw(radius):
+        fields, surface = disc(16)
+        return gc.plot.plot_outline(fields, gc.Surface(radius * surface.heights, surface.grid))
+
+    shown = gc.plot.slider(draw, [1.0, 2.0, 4.0], "radius [µm]")
+    bundle = shown._repr_mimebundle_()
+    assert bundle["text/html"].count("<img") == 3 and bundle["text/html"].count(" hidden>") == 2
+    assert "<output>radius [µm]: 2</output>" in bundle["text/html"]
+    assert base64.b64decode(bundle["image/png"]) == shown.pictures[1]
+    assert all(picture.startswith(b"\x89PNG") for picture in shown.pictures)
+    with pytest.raises(ValueError, match="`values` has shape"):
+        gc.plot.slider(draw, [], "radius [µm]")

@@ -51,7 +51,7 @@ ORDER = [
     "shapes", "design", "reference",
     "plot/style", "plot/contact", "plot/patches", "plot/distributions", "plot/wavenumbers",
     "plot/materials", "plot/isotherms", "plot/designs", "plot/sensitivities", "plot/lines",
-    "plot/sweeps",
+    "plot/sweeps", "plot/slider",
     "page/document", "page/knobs", "page/model", "page/shown", "page/latest", "page/figures",
     "page/section", "page/sliders", "page/tools", "page/view", "page/page", "page/serving",
     "command/session", "command/tables", "command/scene", "command/compare", "command/fit",

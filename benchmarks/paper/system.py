@@ -41,16 +41,7 @@ TEMPERATURE = 268.15  # K
 SLOPES, HEIGHTS = {"rms_slope": 0.11}, {"rms_height": 1.6e-4}  # with all waves
 DOCS = Path(__file__).parents[2] / "docs"
 DOTS_PER_INCH = 150
-STYLE = {
-    "font.size": 9,
-    "axes.spines.top": False,
-    "axes.spines.right": False,
-    "axes.grid": True,
-    "grid.alpha": 0.25,
-    "legend.frameon": False,
-    "legend.fontsize": 8,
-    "lines.linewidth": 1.4,
-}
+STYLE = gc.plot.STYLE
 
 
 class Size(NamedTuple):

@@ -12,6 +12,7 @@ from .isotherms import plot_master_curve, plot_van_gurp_palmen
 from .materials import plot_fit, plot_response
 from .patches import plot_outline
 from .sensitivities import plot_sensitivity
+from .slider import slider
 from .style import COLOURS, COLUMN, PAGE, STYLE
 from .sweeps import plot_compare, plot_reduced, plot_sweep
 from .wavenumbers import plot_dissipation
@@ -20,5 +21,5 @@ __all__ = [
     "COLOURS", "COLUMN", "PAGE", "STYLE", "plot_compare", "plot_design", "plot_dissipation",
     "plot_distributions", "plot_fit", "plot_history", "plot_master_curve", "plot_outline",
     "plot_reduced", "plot_response", "plot_sensitivity", "plot_sliding", "plot_sweep",
-    "plot_van_gurp_palmen",
+    "plot_van_gurp_palmen", "slider",
 ]  # fmt: skip

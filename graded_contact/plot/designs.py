@@ -85,7 +85,7 @@ def plot_history(design: Design) -> "Figure":
 
     best = design.best
     history, names = best.history, named(design.parameters)[0]
-    figure = new_figure(PAGE, 2.6)
+    figure = new_figure(PAGE, 2.9)
     constrained = history.margins.size > 0
     value, *limits, parameters = figure.subplots(1, 3 if constrained else 2)
     for run in design.runs:
@@ -109,7 +109,8 @@ def plot_history(design: Design) -> "Figure":
     parameters.set(yscale="log", ylabel="parameter / result [1]")
     ratios = history.parameters / np.array(best.parameters)
     few_powers_of_ten(parameters.yaxis, np.min(ratios), np.max(ratios))
-    parameters.legend()
+    # Paths are long.
+    figure.legend(handles=parameters.get_lines(), loc="outside lower right", ncols=3)
     for axes in (value, *limits, parameters):
         axes.xaxis.set_major_locator(MaxNLocator(5, integer=True))
         axes.set_xlabel("evaluation")

@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from ..cutoff import CutoffCurve
-from .style import COLOURS, PAGE, new_figure, styled
+from .style import COLOURS, PAGE, few_powers_of_ten, new_figure, styled
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -40,6 +40,8 @@ def plot_dissipation(curves: CutoffCurve | Mapping[str, CutoffCurve]) -> "Figure
     for axes in (total, each):
         axes.axhline(0, color="0.6", linewidth=0.6, zorder=0)
         axes.set_xlabel("wavenumber $q$ [rad/m]")
+    every = np.concatenate([np.asarray(curve.cutoff) for curve in found.values()])
+    few_powers_of_ten(total.xaxis, np.min(every), np.max(every))
     if any(found):
         total.legend()
     return figure

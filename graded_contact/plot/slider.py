@@ -1,0 +1,73 @@
+"""A figure that is turned by a slider, wherever a notebook is shown."""
+
+import base64
+import html
+import io
+import sys
+from collections.abc import Callable, Sequence
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+from jaxtyping import ArrayLike
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
+
+DOTS_PER_INCH = 110
+TURN = (
+    "const all = this.parentNode.querySelectorAll('img');"
+    "all.forEach((one, i) => {one.hidden = i != this.value});"
+    "this.nextElementSibling.textContent = all[this.value].alt;"
+)
+
+
+class Slider:
+    """Figures of which one is shown, see `slider`.
+
+    Notebooks show the slider; what has no HTML shows the figure in the middle.
+    """
+
+    def __init__(self, captions: list[str], pictures: list[bytes]):
+        self.captions, self.pictures = captions, pictures
+
+    def _repr_mimebundle_(self, **_: Any) -> dict[str, Any]:
+        middle = len(self.pictures) // 2
+        coded = [base64.b64encode(picture).decode() for picture in self.pictures]
+        images = (
+            f'<img style="max-width: 100%" alt="{html.escape(caption)}" '
+            f'src="data:image/png;base64,{data}"{"" if i == middle else " hidden"}>'
+            for i, (caption, data) in enumerate(zip(self.captions, coded, strict=True))
+        )
+        knob = f'<input type="range" max="{len(coded) - 1}" value="{middle}" oninput="{TURN}">'
+        caption = f"<output>{html.escape(self.captions[middle])}</output>"
+        page = f"<div>{knob} {caption}<br>{''.join(images)}</div>"
+        return {"text/html": page, "image/png": coded[middle]}
+
+
+def slider(
+    draw: Callable[[Any], "Figure"], values: ArrayLike | Sequence[float], label: str
+) -> Slider:
+    """Returns a slider over a figure, to be shown by a notebook.
+
+    All figures are drawn at once: it needs no widgets, and turns in a page without Python too.
+
+    **Arguments:**
+
+    - `draw`: a value -> its figure.
+    - `values`: at which the slider stops, shape `(n,)`.
+    - `label`: what they are, with their unit: "thickness [µm]".
+
+    **Raises:** `ValueError` without values.
+    """
+    values = np.asarray(values)
+    if values.ndim != 1 or not len(values):
+        raise ValueError(f"`values` has shape {values.shape}; a row of at least one is needed.")
+    captions, pictures = [], []
+    for value in values:
+        figure, buffer = draw(value), io.BytesIO()
+        figure.savefig(buffer, dpi=DOTS_PER_INCH)
+        if "matplotlib.pyplot" in sys.modules:  # which would show each of its figures
+            sys.modules["matplotlib.pyplot"].close(figure)
+        captions.append(f"{label}: {value:.4g}")
+        pictures.append(buffer.getvalue())
+    return Slider(captions, pictures)
