@@ -191,8 +191,8 @@ def test_the_wheel_runs_the_demo_from_a_clean_folder(built, tmp_path):
     assert {"demo.h5", "demo.csv", "demo-contact.png", "demo-sweep.png"} <= written
 
 
-# Extras of users but `io`, whose own dependencies pip does not settle in ten minutes beside the lowest
-# NumPy; tools of those who change the package are the newest.
+# Extras of users but `io`, whose own dependencies pip did not settle in ten minutes; tools of those
+# who change the package are the newest.
 USED = ("cluster", "explore", "xarray")
 TOOLS = ("pytest", "pytest-xdist", "hypothesis", "mpmath", "beartype")
 CORE = ("files/test_results.py", "page/test_knobs.py", "studies/test_sweep.py", "test_grid.py")
