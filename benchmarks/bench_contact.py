@@ -6,6 +6,7 @@
     python benchmarks/bench_contact.py random        random scenes: any failure, any false claim?
     python benchmarks/bench_contact.py hard          small contacts, moduli far apart
     python benchmarks/bench_contact.py overhead      wall time over that of the transforms alone
+    python benchmarks/bench_contact.py many          many small solves in one program
     python benchmarks/bench_contact.py cylinder      gliding cylinder, exact
     python benchmarks/bench_contact.py transient     time stepping to steady sliding
     python benchmarks/bench_contact.py kernel        layered contacts as Tamaas finds them
@@ -38,6 +39,8 @@ SECTIONS = {
     "hard": ("contact_hard", "small contacts, moduli far apart"),
     "overhead": ("contact_costs", "wall time over that of the transforms alone"),
     "overhead_of": ("contact_costs", "the same with one backend, in this process"),
+    "many": ("contact_costs", "many small solves in one program"),
+    "many_on": ("contact_costs", "the same on so many cores, in this process"),
     "cylinder": ("contact_cylinder", "gliding cylinder, exact"),
     "transient": ("contact_transient", "time stepping to steady sliding"),
     "kernel": ("contact_peers", "layered contacts as Tamaas finds them"),
@@ -97,6 +100,11 @@ def main():
     many(["overhead", "overhead_of"], "--sizes", int, [256, 512, 1024, 2048])
     many(["overhead"], "--backends", str, ["xla", "ducc0"])
     parts["overhead_of"].add_argument("backend", choices=["xla", "ducc0"])
+    many(["many", "many_on"], "--sizes", int, [64, 128, 256])
+    many(["many"], "--cores", int, [1, 2])
+    parts["many_on"].add_argument("cores", type=int)
+    for name in ("many", "many_on"):
+        one(name, "--count", int, 200)
     for name in ("overhead", "overhead_of", "gradient"):
         one(name, "--repeat", int, 3)
 

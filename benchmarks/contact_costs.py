@@ -1,8 +1,9 @@
-"""What a solve costs beside its transforms: the sections `overhead`, `gradient` and `largest`.
+"""What a solve costs beside its transforms: the sections `overhead`, `many`, `gradient`, `largest`.
 
 Run by `bench_contact.py`.
 """
 
+import os
 import resource
 import subprocess
 import sys
@@ -64,6 +65,54 @@ def overhead_of(options):
             )
     found = ", ".join(f"{max(ratios):.2f} at N = {n}" for n, ratios in reached.items())
     goal(f"{options.backend}: a solve takes <= 1.5 x its FFT pairs", found)
+
+
+def many(options):
+    """Runs `many_on` on one core and on more, in processes of their own."""
+    print_versions()
+    print("# ms of a solve among many of one program (loads around p/E_r = 0.1), and over its FFT")
+    print(
+        "# pairs times that of a bare pair in a lax loop on as many cores; rtol = 1e-6; single: one"
+    )
+    print("# call each, without jit; jit: one call each, a program compiled as a whole")
+    print(
+        f"{'cores':>5s} {'N':>5s} {'pairs':>6s} {'pair ms':>8s} "
+        + " ".join(f"{name:>9s} {'x pairs':>7s}" for name in ("single", "jit", "lax.map", "vmap")),
+        flush=True,
+    )
+    for cores in options.cores:
+        command = [sys.executable, sys.argv[0], "many_on", str(cores)]
+        command += ["--sizes", *map(str, options.sizes), "--count", str(options.count)]
+        # A child has the cores of its parent, and XLA sizes its pools by them.
+        allowed = os.sched_getaffinity(0)
+        os.sched_setaffinity(0, sorted(allowed)[:cores])
+        subprocess.run(command, check=True)
+        os.sched_setaffinity(0, allowed)
+
+
+def many_on(options):
+    for n in options.sizes:
+        surface, loads = rough_surface(n), 0.1 * jnp.linspace(0.8, 1.2, options.count)
+        kernel = gc.stack_kernel(bodies()["single"], surface.grid, SPEED)
+
+        def solve(load, kernel=kernel, surface=surface):
+            found = gc.solve_contact(kernel, surface.heights, load, rtol=1e-6, throw=False)
+            return jnp.mean(found.pressure**2), found.num_fft_pairs
+
+        pairs = float(solve(0.1)[1])
+        one = jax.jit(solve)
+        ways = [
+            (solve, 0.1, 1),
+            (one, 0.1, 1),
+            (jax.jit(lambda loads, f=solve: jax.lax.map(f, loads)), loads, options.count),
+            (jax.jit(jax.vmap(solve)), loads, options.count),
+        ]
+        bare, row = bare_pair(n), ""
+        for function, argument, count in ways:
+            jax.block_until_ready(function(argument))
+            seconds = timed(lambda f=function, a=argument: f(a), 3 if count > 1 else 15) / count
+            row += f" {1e3 * seconds:9.2f} {seconds / (pairs * bare):7.2f}"
+        print(f"{options.cores:5d} {n:5d} {pairs:6.1f} {1e3 * bare:8.3f}{row}", flush=True)
 
 
 def gradient(options):

@@ -55,6 +55,8 @@ from .surface import Surface
 class Sliding(eqx.Module):
     """Friction, contact area and fields of a sliding contact.
 
+    Errors and `energy_imbalance` have no derivative.
+
     **Fields:**
 
     - `friction`: force opposing the motion over the load [1]; >= 0 for passive materials, nan
@@ -266,11 +268,9 @@ def _observe(
     if known is not None:
         unknown = is_unknown(wave_frequencies(grid, velocity), known)
         extrapolated = friction_share(sigma, w, grid, velocity, unknown)
-    if contact.wanted_error is None:
-        mu_error = friction_error(sigma, contact.mismatch, contact.error, kernel, grid, velocity)
-        area_error = contact_area_error(margin, sigma, contact.error)
-    else:
-        mu_error, area_error = contact.wanted_error
+    mu_error, area_error, imbalance = _errors_of(
+        *jax.lax.stop_gradient((contact, margin, own, kernel, grid, velocity))
+    )
     return Sliding(
         friction=friction(sigma, own, grid, velocity),
         friction_error=mu_error,
@@ -279,13 +279,23 @@ def _observe(
         contact_area_corrected=contact_area_corrected(touching).astype(sigma.dtype),
         contact_area_smooth=contact_area_smooth(margin),
         geometric_friction=friction(sigma, heights, grid, velocity),
-        energy_imbalance=energy_imbalance(sigma, own, kernel, grid, velocity),
+        energy_imbalance=imbalance,
         slope_in_contact=slope_in_contact(sigma, w, grid),
         unmeasured_area=area,
         unmeasured_friction=rubbing,
         extrapolated_friction=extrapolated,
         contact=contact,
     )
+
+
+def _errors_of(contact: ContactSolution, margin, own, kernel, grid: Grid, velocity):
+    """Errors of friction and area, and the imbalance of energy."""
+    sigma = contact.pressure
+    imbalance = energy_imbalance(sigma, own, kernel, grid, velocity)
+    if contact.wanted_error is not None:
+        return *contact.wanted_error, imbalance
+    mu_error = friction_error(sigma, contact.mismatch, contact.error, kernel, grid, velocity)
+    return mu_error, contact_area_error(margin, sigma, contact.error), imbalance
 
 
 @door

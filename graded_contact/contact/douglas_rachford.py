@@ -97,7 +97,7 @@ class DouglasRachford(AbstractContactSolver):
         few = most if alone else min(_FEW, most)
         keep = self.keep if finest else None
         limits = few, most if geared else few
-        return Plan(share, finest, geared, *limits, self.relaxation, self.memory, keep)
+        return Plan(share, finest, helped, geared, *limits, self.relaxation, self.memory, keep)
 
 
 def _nested_shapes(shape: tuple[int, ...], coarsest: int) -> list[tuple[int, ...]]:

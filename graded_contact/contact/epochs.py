@@ -17,7 +17,7 @@ from jaxtyping import Array
 from ..grid import interpolate, resample_spectrum, to_field, to_spectrum
 from .law import AbstractLaw
 from .newton_steps import newton_round
-from .on_grid import OnGrid, as_guess, on_grid, start_of
+from .on_grid import OnGrid, as_guess, full_or, on_grid, start_of
 from .solver import (
     Iterated,
     Prescribed,
@@ -42,6 +42,7 @@ class Plan(NamedTuple):
 
     share: float
     finest: bool
+    hard: bool  # a wall at a given load
     geared: bool
     draft_steps: int
     max_steps: int
@@ -123,7 +124,7 @@ def approach(
     `before` is a pressure [Pa], or what was found on the grid before.
     """
     near, rough, waves, unit = scene
-    guess, pairs = None, 0.5 if plan.finest else 0.5 * (1 + plan.share)
+    guess, touching, pairs = None, 0.0, 0.5 if plan.finest else 0.5 * (1 + plan.share)
     if before is not None:
         if isinstance(before, tuple):
             coarse, last = before
@@ -132,10 +133,14 @@ def approach(
             solid, near_law = coarse.at(last.factor)
             _, y, _ = _meet(solid, near_law, last.z)
             before = coarse.at_load(y) * coarse.unit
+        touching = jnp.mean(before > 0, dtype=rough.dtype)
         guess = as_guess(near, law, prescribed, unit, interpolate(before, rough.shape))
         pairs = pairs + plan.share
     problem = on_grid(near, rough, waves, law, prescribed, unit, guess)
     how = plan.how(problem, rtol)
+    if guess is not None and plan.hard:
+        guess, taken = full_or(problem, guess, touching)
+        pairs = pairs + plan.share * taken
     z = start_of(problem, guess)
     z, drafted = draft(problem.splitting(1.0), z, max_steps=plan.draft_steps, **how)
     pairs = pairs + plan.share * jnp.where(drafted > 0, drafted + 0.5, 0.0)

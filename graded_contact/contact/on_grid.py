@@ -10,6 +10,7 @@ from .anderson import sums
 from .law import AbstractLaw
 from .solver import (
     Prescribed,
+    first_mode,
     least_compliance,
     participation,
     penalty_for,
@@ -19,6 +20,7 @@ from .solver import (
 from .splitting import Solid, Splitting, solid_of
 
 _COLD_PARTICIPATION = 0.05  # ⟨σ⟩²/⟨σ²⟩ expected before anything is known
+_NEARLY = 0.98  # share of points touching, from which full contact is looked for
 _HIGHEST = 1e3  # pressure of a start, in what it takes to flatten the stiffest wave
 
 
@@ -83,6 +85,21 @@ def as_guess(kernel, law, prescribed: Prescribed, unit, pressure):
     mean = prescribed.pressure / unit
     guess = guess + jnp.maximum(mean - jnp.mean(guess), 0)
     return to_mean(jnp.clip(guess, low, high), mean, (low, high))
+
+
+def full_or(problem: OnGrid, guess, touching):
+    """Returns the pressure of full contact if that is the solution, else the guess; and FFT pairs.
+
+    It is looked for if the share of points `touching` on the grid before was large.
+    """
+
+    def look():
+        mean = first_mode(problem.kernel.shape)
+        spectrum = jnp.where(mean, 0, problem.waves / jnp.where(mean, 1, problem.kernel))
+        flat = problem.target + to_field(spectrum, guess.shape) / problem.length
+        return jnp.where(jnp.min(flat) > 0, flat, guess), jnp.full_like(touching, 0.5)
+
+    return jax.lax.cond(touching > _NEARLY, look, lambda: (guess, jnp.zeros_like(touching)))
 
 
 def start_of(problem: OnGrid, guess):

@@ -589,3 +589,19 @@ def test_hardness_below_the_load_is_reported_where_tracing_hides_it():
     wave = jnp.cos(2 * jnp.pi * jnp.arange(16) / 16)[:, None] * jnp.ones(16)
     assert jax.jit(result)(0.5) == gc.RESULTS.bad_pressure
     assert jax.jit(result)(3.0) == gc.RESULTS.successful
+
+
+def test_full_contact_is_found_at_once():
+    """Where everything touches, the pressure flattens the heights: a division mode by mode."""
+    n = 32
+    rng = np.random.default_rng(0)
+    heights = 1e-3 * rng.normal(size=(n, n))
+    kx, ky = np.fft.fftfreq(n, 1 / n)[:, None], np.arange(n // 2 + 1)[None, :]
+    q = np.hypot(kx, ky) + (kx == 0) * (ky == 0)
+    spectrum = np.fft.rfft2(heights) * q
+    spectrum[0, 0] = 0
+    exact = 1 + np.fft.irfft2(spectrum, s=(n, n))
+    assert exact.min() > 0
+    found = gc.solve_contact(1 / q, heights, 1.0, solver=gc.DouglasRachford(coarsest=8))
+    np.testing.assert_allclose(found.pressure, exact, rtol=1e-12)
+    assert found.num_fft_pairs <= 12
