@@ -1,14 +1,16 @@
 """Many solves: how fast, and what kills leave of them.
 
     python benchmarks/bench_sweep.py throughput [--sizes 128 256 512] [--points 200] [--workers 1 2]
+                                                [--repeat 3] [--error 1e-4]
     python benchmarks/bench_sweep.py kills [--kills 20] [--points 200] [--seed 0]
 
 `throughput`: friction of a tread at `points` velocities and pressures, rtol 1e-4: a plain loop over
 `slide`; `sweep` in this process; by one worker with 1/W of the cores; by W workers. Apart are the
 seconds until the first chunk is back (compiling or loading what is compiled, starting workers) and
-the pace afterwards. Bits are compared with those of `sweep` in this process. Then an elastic block,
-at the same pressures, beside Tamaas, if it is installed. The constants of `studies/engine.py` are
-from here.
+the pace afterwards. Loop and `sweep` take turns, compiled before, and are compared by CPU time, of
+which other programs take less. Bits are compared with those of `sweep` in this process. Then an
+elastic block, beside Tamaas, if it is installed, at the same error. The constants of
+`studies/engine.py` are from here.
 
 `kills`: studies of contacts in a store. One is ended by SIGKILL at random moments, and started
 again; in another workers are killed; in a third the disk is full for a while; a fourth is started
@@ -35,6 +37,7 @@ os.environ.setdefault("XLA_FLAGS", "--xla_cpu_multi_thread_eigen=false")
 import jax
 import numpy as np
 import psutil
+from sweep_elastic import elastic
 
 import graded_contact as gc
 from graded_contact.files.study import Study, read_study
@@ -44,7 +47,6 @@ from graded_contact.studies.sweep import sweep
 jax.config.update("jax_enable_x64", True)
 
 CELL = 1e-3  # m
-MODULUS = 1e7  # Pa, of the elastic block
 
 
 def surface_of(size: int) -> gc.Surface:
@@ -78,16 +80,25 @@ def axes_of(points: int) -> dict:
     return {"pressure": np.array([1e5, 3e5]), "velocity": np.geomspace(1e-4, 1.0, points // 2)}
 
 
-def throughput(sizes: list[int], points: int, workers: list[int]) -> None:
+def throughput(
+    sizes: list[int], points: int, workers: list[int], repeat: int, target: float
+) -> None:
     print(f"{'N':>5s}  {'way':38s} {'first [s]':>10s} {'points/s':>9s}  same bits")
     for size in sizes:
         surface, axes = surface_of(size), axes_of(points)
         rub = contact(surface, gc.tyre_tread())
-        looped, told = in_a_loop(rub, axes)
+        jitted = jax.jit(rub)
+        looped, told = in_a_loop(jitted, axes)
         row(size, "loop", told, "")
         here, told = timed(rub, axes)
         near = np.max(np.abs(here["friction"].ravel() - looped))
         row(size, "sweep, this process", told, f"loop within {near:.0e}")
+        ratios = []
+        for _ in range(repeat):
+            loop = in_a_loop(jitted, axes, clock=time.process_time)[1][1]
+            ratios.append(timed(rub, axes, clock=time.process_time)[1][1] / loop)
+        told = ", ".join(f"{ratio:.2f}" for ratio in ratios)
+        print(f"{size:5d}  points per CPU second by sweep / by the loop, in turns: {told}")
         for count in workers:
             rates = []
             for way, number, cores in [("one worker with 1/W of the cores", 1, count),
@@ -101,45 +112,25 @@ def throughput(sizes: list[int], points: int, workers: list[int]) -> None:
                 row(size, f"sweep, {way}, W = {count}", (up + first, rate), str(same))
                 rates.append(rate)
             print(f"{size:5d}  W workers / (W x one of them) = {rates[1] / rates[0] / count:.2f}")
-        elastic(size, surface, points)
+        for way, told, errors in elastic(size, points, target, timed):
+            said = "errors: pressure {:.1e}, area {:.1e}".format(*errors)
+            row(size, f"elastic: {way}", told, said)
 
 
-def elastic(size: int, surface: gc.Surface, points: int) -> None:
-    """Pressed, not rubbed: the same points by `sweep` and by Tamaas."""
-    pressures = np.geomspace(1e-3, 1e-1, points) * MODULUS
-    press = contact(surface, gc.Elastic(MODULUS))
-    _, told = timed(press, {"pressure": pressures, "velocity": [0.0]})
-    row(size, "elastic: sweep, this process", told, "")
-    try:
-        import tamaas
-    except ImportError:
-        print(f"{size:5d}  elastic: tamaas is not installed")
-        return
-    tamaas.set_log_level(tamaas.LogLevel.error)
-    model = tamaas.Model(tamaas.model_type.basic_2d, [CELL, CELL], [size, size])
-    model.E, model.nu = MODULUS, 0.5
-    start = time.perf_counter()
-    for pressure in pressures:
-        model.traction[...] = 0
-        tamaas.PolonskyKeerRey(model, np.array(surface.heights), 1e-4).solve(float(pressure))
-    row(size, "elastic: tamaas", (0.0, points / (time.perf_counter() - start)), "")
-
-
-def in_a_loop(rub, axes) -> tuple[list[float], tuple[float, float]]:
+def in_a_loop(jitted, axes, clock=time.perf_counter) -> tuple[list[float], tuple[float, float]]:
     grid = np.meshgrid(*axes.values(), indexing="ij")
     each = [dict(zip(axes, at, strict=True)) for at in zip(*map(np.ravel, grid), strict=True)]
-    jitted, start = jax.jit(rub), time.perf_counter()
+    start = clock()
     jax.block_until_ready(jitted(each[0]))
-    first, start = time.perf_counter() - start, time.perf_counter()
+    first, start = clock() - start, clock()
     found = [float(jitted(point)["friction"]) for point in each]
-    return found, (first, len(each) / (time.perf_counter() - start))
+    return found, (first, len(each) / (clock() - start))
 
 
-def timed(rub, axes, **options) -> tuple[Study, tuple[float, float]]:
+def timed(rub, axes, clock=time.perf_counter, **options) -> tuple[Study, tuple[float, float]]:
     """A study, the seconds until the first chunk is there, and points per second afterwards."""
-    start, marks = time.perf_counter(), []
-    found = sweep(rub, axes, progress=lambda done, _: marks.append((done, time.perf_counter())),
-                  **options)  # fmt: skip
+    start, marks = clock(), []
+    found = sweep(rub, axes, progress=lambda done, _: marks.append((done, clock())), **options)
     # All workers have compiled when a quarter is done.
     begun = next(mark for mark in marks if 4 * mark[0] >= marks[-1][0])
     rate = (marks[-1][0] - begun[0]) / (marks[-1][1] - begun[1])
@@ -271,6 +262,8 @@ def main() -> None:
     parser.add_argument("--sizes", type=int, nargs="+")
     parser.add_argument("--points", type=int, default=200)
     parser.add_argument("--workers", type=int, nargs="*", default=[1, 2])
+    parser.add_argument("--repeat", type=int, default=3)
+    parser.add_argument("--error", type=float, default=1e-4, help="of pressures, elastic")
     parser.add_argument("--kills", type=int, default=20)
     parser.add_argument("--full-after", type=int, default=2**31)
     parser.add_argument("--seed", type=int, default=0)
@@ -282,7 +275,8 @@ def main() -> None:
     packages = ("graded_contact", "jax", "distributed")
     print(platform.machine(), os.cpu_count(), "cores;", *(f"{p} {version(p)}" for p in packages))
     if given.section == "throughput":
-        throughput(given.sizes or [128, 256, 512], given.points, given.workers)
+        sizes = given.sizes or [128, 256, 512]
+        throughput(sizes, given.points, given.workers, given.repeat, given.error)
     else:
         kills((given.sizes or [256])[0], given.kills, given.points, given.seed)
 
