@@ -96,7 +96,7 @@ def test_batches_of_results_and_other_values_are_shown():
         "velocity": "m/s"
     })  # fmt: skip
     assert line(repr(study), "velocity [m/s]") == "9 float64, 1 to 3"
-    assert line(repr(study), "complete") == "False"
+    assert line(repr(study), "failed: no") == "1"
 
 
 def test_a_design_shows_units_by_path_and_how_it_ended():

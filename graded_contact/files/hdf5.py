@@ -1,6 +1,7 @@
 """HDF5 files that are whole, sealed, and open in xarray: datasets with units on named scales."""
 
 import contextlib
+import io
 import math
 import os
 from collections.abc import Iterator, Sequence
@@ -22,15 +23,25 @@ _UNREADABLE = (
 
 @contextlib.contextmanager
 def new_file(path: str | os.PathLike, format: str) -> Iterator[Any]:
-    """Gives an HDF5 file to write to; on leaving it replaces the one at `path`, whole and sealed.
+    """Gives an HDF5 file of a format to write to, see `sealed_file`."""
+    with sealed_file(path) as file:
+        file.attrs["format"] = format
+        yield file
+
+
+@contextlib.contextmanager
+def sealed_file(path: str | os.PathLike, name: str = "") -> Iterator[Any]:
+    """Gives an HDF5 file to write to; on leaving it is on the disk, whole and sealed by its name.
 
     If it is left by an exception there is no new file, and an earlier one stays.
     """
+    # Made in memory: HDF5 crashes where a disk is full in the middle of its own bookkeeping.
+    image = io.BytesIO()
+    with h5py.File(image, "w", userblock_size=SEAL, track_order=True) as file:
+        yield file
     with replacing(path) as partial:
-        with h5py.File(partial, "w-", userblock_size=SEAL, track_order=True) as file:
-            file.attrs["format"] = format
-            yield file
-        seal(partial)
+        partial.write_bytes(image.getbuffer())
+        seal(partial, name)
 
 
 @contextlib.contextmanager

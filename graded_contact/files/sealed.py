@@ -7,7 +7,6 @@ that HDF5 leaves to its users, since a damaged file may make HDF5 hang or return
 import contextlib
 import hashlib
 import os
-import re
 import uuid
 from collections.abc import Iterator
 from pathlib import Path
@@ -53,13 +52,11 @@ def replacing(path: str | os.PathLike) -> Iterator[Path]:
         with open(partial, "rb+") as written:
             os.fsync(written.fileno())
         os.replace(partial, path)
-    except (OSError, RuntimeError) as error:  # HDF5 raises both
-        found = re.search(r"errno = (\d+)", str(error))
-        number = getattr(error, "errno", None) or (int(found[1]) if found else None)
-        reason = os.strerror(number) if number else str(error)
-        raise OSError(f"`{path}` cannot be written: {reason}.") from error
+    except OSError as error:
+        raise OSError(f"`{path}` cannot be written: {error.strerror or error}.") from error
     finally:
-        partial.unlink(missing_ok=True)
+        with contextlib.suppress(OSError):
+            partial.unlink()
     if os.name == "posix":  # the new name, too, is to survive a loss of power
         folder = os.open(path.parent, os.O_RDONLY)
         os.fsync(folder)

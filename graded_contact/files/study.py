@@ -13,6 +13,7 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 
+from .._checks import check_values
 from .._shown import shown
 from .hdf5 import new_file, numbers, opened, put, texts
 from .sealed import replacing
@@ -28,12 +29,15 @@ LOST = f"{FAILED}its worker died, each time that it was tried"  # no fault of th
 # Of axes and quantities by the last word of their names.
 UNITS = {
     "pressure": "Pa", "velocity": "m/s", "reduced_velocity": "m/s", "temperature": "K",
-    "thickness": "m", "modulus": "Pa", "equilibrium": "Pa", "strengths": "Pa", "glassy": "Pa",
+    "mean_pressure": "Pa", "gap_error": "m", "thickness": "m", "modulus": "Pa",
+    "equilibrium": "Pa", "strengths": "Pa", "glassy": "Pa",
     "times": "s", "poisson": "1", "gap": "m", "mean_gap": "m", "displacement": "m",
     "heights": "m", **dict.fromkeys((
         "friction", "contact_area", "contact_area_corrected", "contact_area_smooth",
         "friction_standard_error", "geometric_friction", "energy_imbalance", "slope_in_contact",
         "unmeasured_area", "unmeasured_friction", "extrapolated_friction", "error", "num_fft_pairs",
+        "friction_error", "contact_area_error", "load_error", "complementarity_error",
+        "penetration",
     ), "1"),
 }  # fmt: skip
 
@@ -47,7 +51,7 @@ def units_of(
     return {name: known[word] for name, word in last.items() if word in known}
 
 
-@shown("axes", "values", "complete")
+@shown("axes", "values", "ends")
 @dataclasses.dataclass(frozen=True, eq=False)
 class Study:
     """One NumPy array per quantity over named axes.
@@ -80,16 +84,25 @@ class Study:
         """Whether every point succeeded."""
         return bool(np.all(self.message == ""))
 
+    @property
+    def ends(self) -> dict[str, int]:
+        """How many points ended how, by their message."""
+        messages, counts = np.unique(self.message, return_counts=True)
+        return {str(m) or "successful": int(n) for m, n in zip(messages, counts, strict=True)}
+
     def over(self, axis: str, quantiles: Sequence[float] = (0.05, 0.5, 0.95)) -> "Spread":
         """Returns mean, standard error and quantiles over an axis, such as "seed".
 
         Points that did not succeed are left out; NaN where none is left. The standard error of the
         mean is that of independent draws: NaN where there is one.
 
-        **Raises:** `ValueError` if there is no such axis.
+        **Raises:** `ValueError` if there is no such axis, or for quantiles outside 0 to 1.
         """
         if axis not in self.axes:
             raise ValueError(f"`axis={axis!r}` is no axis: {nearest(axis, self.axes)}")
+        check_values(
+            "quantiles", np.asarray(quantiles), "they are from 0 to 1", at_least=0, at_most=1
+        )
         along = list(self.axes).index(axis)
         used = self.message == ""
         mean, error, levels = {}, {}, {}

@@ -4,6 +4,7 @@ The points of a chunk are a loop whose length is an argument of the program, so 
 points takes the same program and gives the same bits, whatever was kept from an earlier run.
 """
 
+import logging
 import math
 import time
 from collections import deque
@@ -24,6 +25,8 @@ BYTES = 2**26  # and of what it returns, beyond one point
 SECONDS = 1.0  # that a chunk shall take
 MOST_COMPILED = 8  # programs kept for the next study with other numbers
 _COMPILED: dict[str, Any] = {}
+# JAX prints a traceback for each point that fails, whose reason is kept.
+_CALLBACKS = logging.getLogger("jax._src.callback")
 
 Columns = dict[str, np.ndarray]  # scalars of several points, by name
 Keep = Sequence[Collection[str]] | None  # names of what to keep of each point; None: all
@@ -117,6 +120,7 @@ def compiled_chunk(program: Program) -> Chunk:
     def run(columns, keep):
         count = len(next(iter(columns.values())))
         filled = {name: np.resize(column, size) for name, column in columns.items()}
+        _CALLBACKS.addFilter(_silent)
         try:
             values, ends = jax.tree.map(np.asarray, ready(numbers, filled, count))
         except (ValueError, RuntimeError) as error:
@@ -126,12 +130,18 @@ def compiled_chunk(program: Program) -> Chunk:
             work = Work(columns, keep, ())
             alone = [run(*work.of([i])) for i in range(count)]
             return [v for vs, _ in alone for v in vs], [m for _, ms in alone for m in ms]
+        finally:
+            _CALLBACKS.removeFilter(_silent)
         names = keep or [values] * count
         # Copies: a part of the whole would keep all of it in memory.
         points = [{name: np.array(values[name][i]) for name in names[i]} for i in range(count)]
         return points, [RESULTS[jax.tree.map(lambda a, i=i: a[i, ...], ends)] for i in range(count)]
 
     return run
+
+
+def _silent(record: logging.LogRecord) -> bool:
+    return False
 
 
 def in_this_process(run: Chunk, work: Work, pace: Pace) -> Iterator[Finished]:

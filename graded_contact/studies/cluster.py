@@ -64,11 +64,16 @@ def local_workers(count: int) -> Iterator[Any]:
 def joined(address: str) -> Iterator[Any]:
     """Gives a client of a scheduler that runs, with a worker at least.
 
-    **Raises:** `TimeoutError` if there is none; `ImportError` without the extra `cluster`.
+    **Raises:** `TimeoutError` if there is none; `ValueError` for what is no address; `ImportError`
+    without the extra `cluster`.
     """
     distributed = _distributed()
     try:
         client = distributed.Client(address, timeout=PATIENCE, set_as_default=False)
+    except ValueError as error:
+        raise ValueError(
+            f"`scheduler={address!r}` is no address such as 'tcp://host:8786': {error}."
+        ) from error
     except OSError as error:
         raise TimeoutError(
             f"`scheduler={address!r}` does not answer within {PATIENCE} s ({error})."

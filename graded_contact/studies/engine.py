@@ -30,7 +30,9 @@ def check_engine(workers: Any, scheduler: str | None, client: Any) -> None:
     named = [f"`{name}`" for name, value in given.items() if value is not None]
     if len(named) > 1:
         raise ValueError(f"{' and '.join(named)} are given: one of them says where to solve.")
-    if workers is not None and workers != "auto":
+    if isinstance(workers, str) and workers != "auto":
+        raise ValueError(f'`workers={workers!r}` must be a whole number or "auto".')
+    if workers not in (None, "auto"):
         check_whole("workers", workers, 1)
 
 

@@ -41,6 +41,14 @@ class Program(NamedTuple):
     point: dict[str, np.generic]
     like: tuple[dict[str, jax.ShapeDtypeStruct], Any]
 
+    @property
+    def unused(self) -> list[str]:
+        """Names of the numbers of a point on which nothing depends."""
+        used = {id(atom) for equation in self.jaxpr.eqns for atom in equation.invars}
+        used |= {id(atom) for atom in self.jaxpr.outvars}
+        names = zip(sorted(self.point), self.jaxpr.invars, strict=True)
+        return [name for name, variable in names if id(variable) not in used]
+
     def __call__(self, numbers: list[Any], point: dict[str, Any]) -> tuple[dict[str, Any], Any]:
         """Returns what the function gives with other numbers, at another point."""
         run = core.jaxpr_as_fun(core.ClosedJaxpr(self.jaxpr, numbers))

@@ -9,7 +9,6 @@ refuses a second writer; it ends with its process, however that ends.
 import contextlib
 import dataclasses
 import hashlib
-import io
 import os
 import socket
 import sys
@@ -21,7 +20,8 @@ import h5py
 import jax
 import numpy as np
 
-from ..files.sealed import SEAL, is_sealed, replacing, seal
+from ..files.hdf5 import sealed_file
+from ..files.sealed import is_sealed
 
 
 def fingerprint(*parts: Any) -> str:
@@ -99,8 +99,8 @@ class Store:
 
     - `folder`: where; it is made if it does not exist.
 
-    **Raises:** on entry, `BlockingIOError` if another process writes to it, `OSError` if the folder
-    cannot be made.
+    **Raises:** on entry, `BlockingIOError` if another process writes to it, `OSError` if nothing
+    can be written there.
     """
 
     def __init__(self, folder: str | os.PathLike):
@@ -108,8 +108,14 @@ class Store:
         self.damaged: list[Path] = []
 
     def __enter__(self) -> "Store":
-        self.folder.mkdir(parents=True, exist_ok=True)
-        self._lock = _lock(self.folder)
+        try:
+            self.folder.mkdir(parents=True, exist_ok=True)
+            handle = os.open(self.folder / "lock", os.O_RDWR | os.O_CREAT, 0o666)
+        except OSError as error:
+            raise OSError(
+                f"Nothing can be written to the folder `{self.folder}`: {error.strerror}."
+            ) from error
+        self._lock = _lock(handle, self.folder)
         for leftover in self.folder.glob(".*.partial"):  # of a killed process
             leftover.unlink(missing_ok=True)
         return self
@@ -145,22 +151,15 @@ class Store:
 
         **Raises:** `OSError` if it cannot be written; whatever was kept before stays whole.
         """
-        # Made in memory: HDF5 is not to meet a full disk in the middle of its own bookkeeping.
-        image = io.BytesIO()
-        with h5py.File(image, "w", userblock_size=SEAL, track_order=True) as file:
+        with sealed_file(self.path(name), name) as file:
             file.attrs["message"] = point.message
             file.create_group("inputs", track_order=True).attrs.update(point.inputs)
             for key, values in point.values.items():
                 file[f"values/{key}"] = values
-        with replacing(self.path(name)) as partial:
-            partial.write_bytes(image.getvalue())
-            seal(partial, name)
 
 
-def _lock(folder: Path) -> int:
-    """Locks a folder for this process; returns what to close to unlock it."""
-    path = folder / "lock"
-    handle = os.open(path, os.O_RDWR | os.O_CREAT, 0o666)
+def _lock(handle: int, folder: Path) -> int:
+    """Locks a folder for this process by an open file in it; returns what to close to unlock it."""
     try:
         if sys.platform == "win32":
             import msvcrt
@@ -172,9 +171,10 @@ def _lock(folder: Path) -> int:
             fcntl.flock(handle, fcntl.LOCK_EX | fcntl.LOCK_NB)
     except (BlockingIOError, PermissionError):
         os.close(handle)
+        who = (folder / "lock").read_text().strip()
         raise BlockingIOError(
-            f"`{folder}` is being written by another process ({path.read_text().strip()}). Wait "
-            "until it ends, or take another folder."
+            f"`{folder}` is being written by another process ({who}). Wait until it ends, or take "
+            "another folder."
         ) from None
     except OSError:
         # The file system has no locks. Two writers then do the same work twice, and no harm.

@@ -60,11 +60,11 @@ def sweep(
 
     **Returns:** a `Study`.
 
-    **Raises:** `ValueError` for axes without points, with equal or not finite ones, or which the
-    function does not know, or for a result that is more than the memory holds; `BlockingIOError` if
-    another process writes to the store; `OSError` if it cannot be written; `TimeoutError` if the
-    scheduler does not answer or has no worker, `ConnectionError` if it ends; what JAX raises for a
-    function that it cannot trace.
+    **Raises:** `ValueError` for axes without points, with equal or not finite ones, or on
+    which nothing depends, for names that no axis has, or for a result that is more than the memory
+    holds; `BlockingIOError` if another process writes to the store; `OSError` if it cannot be
+    written; `TimeoutError` if the scheduler does not answer or has no worker, `ConnectionError` if
+    it ends; what JAX raises for a function that it cannot trace.
     """
     check_engine(workers, scheduler, client)
     coordinates, columns = _points(axes)
@@ -195,7 +195,16 @@ def _numbers(name: Any, values: Any) -> np.ndarray:
 
 
 def _check_results(program: Program, columns: dict[str, Any], count: int) -> None:
-    """Refuses results with the name of an axis or beyond memory, before anything is computed."""
+    """Refuses no results, those with the name of an axis or beyond memory, and axes that nothing
+    depends on, before anything is computed."""
+    if not program.like[0]:
+        raise ValueError("`function` returns no numbers: a study of it has nothing to keep.")
+    idle = [name for name in program.unused if len(np.unique(columns[name])) > 1]
+    if idle:
+        raise ValueError(
+            f"`axes` has {idle[0]!r}, on which nothing that `function` returns depends: leave the "
+            "axis out, or use it."
+        )
     twice = [name for name in program.like[0] if name in (*columns, "point", "message")]
     if twice:
         raise ValueError(

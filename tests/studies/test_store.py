@@ -122,6 +122,12 @@ def test_a_full_disk_leaves_what_was_kept_and_says_so(tmp_path, monkeypatch):
     assert sorted(path.name for path in tmp_path.iterdir()) == ["a.h5", "lock"]
 
 
+def test_what_is_no_folder_is_told(tmp_path):
+    (tmp_path / "file").touch()
+    with pytest.raises(OSError, match=r"Nothing can be written to the folder `.*file`: "):
+        Store(tmp_path / "file").__enter__()
+
+
 def test_what_a_killed_writer_left_is_removed(tmp_path):
     (tmp_path / ".a.h5.0123.partial").write_text("half")
     with Store(tmp_path):

@@ -84,16 +84,21 @@ def test_a_rerun_computes_what_is_missing_to_the_same_bits(tmp_path, monkeypatch
     assert other["friction"][0, 0] == 0.1
 
 
-def test_a_point_that_fails_is_kept_with_its_reason_and_the_rest_goes_on(tmp_path):
+def test_a_point_that_fails_is_kept_with_its_reason_and_the_rest_goes_on(tmp_path, capfd):
     def picky(point):
         value = eqx.error_if(point["x"], point["x"] == 2, "two is refused")
         return {"value": value, "result": RESULTS.where(value > 3, stopped, RESULTS.successful)}
 
     stopped = RESULTS.max_steps_reached
     for _ in range(2):  # the second time from what was kept
+        capfd.readouterr()
         study = sweep(picky, {"x": [1.0, 2.0, 3.0, 4.0]}, store=tmp_path / "kept")
         assert study.message[0] == study.message[2] == ""
         assert study.message[1] == "failed: two is refused"
+        assert capfd.readouterr().err == ""  # JAX prints a traceback
+        assert study.ends["successful"] == 2 and "failed: two is refused 1" in " ".join(
+            repr(study).split()
+        )
         assert study.message[3] == RESULTS[stopped]
         np.testing.assert_array_equal(study["value"], [1, np.nan, 3, 4])
 
@@ -174,6 +179,8 @@ def test_mean_standard_error_and_quantiles_over_an_axis():
         found = spread.quantiles["value"][:, row]
         np.testing.assert_allclose(found, np.quantile(kept, [0.1, 0.5]), rtol=1e-13)
     assert list(spread.quantiles.axes) == ["quantile", "row"]
+    with pytest.raises(ValueError, match=r"`quantiles\[1\]=5` is refused: they are from 0 to 1"):
+        spread.mean.over("row", quantiles=[0.5, 5])
 
 
 def test_a_file_and_a_table_hold_the_study(tmp_path):
@@ -227,6 +234,15 @@ def test_axes_that_are_none_are_refused_before_anything_is_computed(axes, reason
         sweep(never, axes)
 
 
+def test_an_axis_on_which_nothing_depends_and_a_function_of_nothing_are_refused():
+    axes = {"velocity": [1.0, 2.0], "presure": [1.0, 2.0]}
+    with pytest.raises(ValueError, match=r"`axes` has 'presure', on which nothing .* depends"):
+        sweep(lambda point: point["velocity"], axes)
+    assert sweep(lambda point: point["velocity"], axes | {"presure": [1.0]}).complete
+    with pytest.raises(ValueError, match="`function` returns no numbers"):
+        sweep(lambda point: None, axes)
+
+
 @pytest.mark.parametrize("name", ["velocity", "message", "point"])
 def test_a_result_with_the_name_of_an_axis_is_refused(name):
     with pytest.raises(ValueError, match=f"`function` returns '{name}'"):
@@ -275,7 +291,7 @@ def test_a_sweep_of_contacts_gives_what_slide_gives():
 
 @pytest.mark.parametrize("given", [
     {"workers": 2, "scheduler": "tcp://127.0.0.1:1"}, {"workers": "auto", "client": object()},
-    {"workers": 0}, {"workers": 1.5},
+    {"workers": 0}, {"workers": 1.5}, {"workers": "all"},
 ])  # fmt: skip
 def test_one_place_to_solve_is_named(given, unchecked_types):
     with pytest.raises(ValueError, match="workers"):
