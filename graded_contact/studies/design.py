@@ -20,7 +20,6 @@ from scipy.stats import qmc
 
 from .._checks import check_values, check_whole, door
 from .._shown import shown
-from ..files.study import units_of
 from .bounds import Flat, box_of, first_in, named
 from .evaluations import MARGIN, Evaluations
 from .problem import Problem
@@ -116,6 +115,8 @@ class Design(eqx.Module):
     @property
     def units(self) -> dict[str, str]:
         """Units of the parameters, where paths tell them."""
+        from ..files.study import units_of  # later: it loads HDF5
+
         return units_of(self.parameters) if isinstance(self.parameters, dict) else {}
 
     @property
