@@ -195,7 +195,7 @@ def test_the_wheel_runs_the_demo_from_a_clean_folder(built, tmp_path):
 # who change the package are the newest.
 USED = ("cluster", "explore", "xarray")
 TOOLS = ("pytest", "pytest-xdist", "hypothesis", "mpmath", "beartype")
-CORE = ("files/test_results.py", "page/test_knobs.py", "studies/test_sweep.py", "test_grid.py")
+CORE = ("page/test_knobs.py", "studies/test_sweep.py", "test_grid.py")
 
 
 @pytest.mark.slow
