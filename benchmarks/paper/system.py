@@ -68,7 +68,7 @@ FULL = Size(
     depths=(0.63e-3, 3.2e-3, 4.4e-3, 6.3e-3),
     more_depths=(1e-9, 0.2e-3, 1.3e-3, 2.1e-3, 9e-3, 13e-3),
     pressures=(0.01, 0.02, 0.04, 0.07, 0.1, 0.17, 0.3, 0.5),
-    surfaces=(5, 1, 1),
+    surfaces=(5, 5, 1),
 )
 # Sixteen times fewer waves, under coats that are as thick to the shortest.
 SMALL = Size(
