@@ -31,6 +31,7 @@ from .fitting.master import MasterCurve, master_curve
 from .fitting.prony import fit_creep, fit_prony, fit_relaxation
 from .fitting.result import PronyFit
 from .grid import Grid
+from .magnification import area_against_cutoff
 from .parameters import with_values
 from .persson.mean_field import MeanField, mean_field_friction, pressure_distribution
 from .random_surfaces import random_surface
@@ -55,7 +56,7 @@ from .rheology.shift import WLF, AbstractShift, Arrhenius
 from .rheology.tabulated import Tabulated
 from .rheology.tabulated_shift import TabulatedShift
 from .shapes import AbstractShape
-from .sliding import Sliding, area_against_cutoff, slide
+from .sliding import Sliding, slide
 from .spectrum import SelfAffine
 from .studies.design import Design, minimise
 from .studies.objectives import friction_curve

@@ -13,7 +13,7 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float, Inexact, ScalarLike
 
-from ._checks import Numbers, as_float, check_positive, check_tolerance, door, is_concrete, short
+from ._checks import Numbers, as_float, check_tolerance, door, is_concrete, short
 from ._devices import num_devices
 from ._memory import check_memory, num_numbers, sliding_memory
 from ._shown import shown
@@ -41,8 +41,7 @@ from .contact.observables import (
 from .contact.problem import solve_contact
 from .contact.solution import RESULTS, ContactSolution
 from .contact.solver import AbstractContactSolver
-from .cutoff import CutoffCurve
-from .grid import Grid, to_field, to_spectrum, wavenumber
+from .grid import Grid
 from .response.grading import AbstractGradedSolver
 from .response.kernel import attempted_kernel, stack_kernel
 from .response.layering import Layering
@@ -172,9 +171,7 @@ def slide(
 
     **Raises:** `ValueError` for a refused argument; `RuntimeError` if kernel or solve fail.
     """
-    kernel, velocity, reached = _kernel_and_velocity(
-        stack, surface, velocity, solver, graded, throw
-    )
+    kernel, velocity, reached = kernel_and_velocity(stack, surface, velocity, solver, graded, throw)
     rtol, wanted = _aim(rtol, friction_rtol, kernel, surface, velocity, law)
     contact = solve_contact(
         kernel,
@@ -191,7 +188,7 @@ def slide(
     contact = _told(contact, reached)
     heights, measured, grid = surface.heights, surface.measured, surface.grid
     known = _coverage(stack)
-    return _observe(contact, kernel, heights, measured, grid, velocity, law, known)
+    return observe(contact, kernel, heights, measured, grid, velocity, law, known)
 
 
 _coverage = eqx.filter_jit(coverage)
@@ -218,7 +215,7 @@ def _aim(rtol, friction_rtol, kernel, surface: Surface, velocity, law):
     return friction_rtol, FrictionAndArea(kernel, heights, surface.grid, velocity, law, tolerance)
 
 
-def _kernel_and_velocity(stack, surface, velocity, solver, graded, throw):
+def kernel_and_velocity(stack, surface, velocity, solver, graded, throw):
     """The kernel on the surface's grid, the velocity as an array, and if the kernel is good."""
     if not isinstance(stack, Stack):
         raise ValueError(f"`stack={short(stack)}` must be a `Stack(layers=..., base=...)`.")
@@ -244,7 +241,7 @@ def _kernel_and_velocity(stack, surface, velocity, solver, graded, throw):
 
 
 @eqx.filter_jit
-def _observe(
+def observe(
     contact: ContactSolution,
     kernel: Inexact[Array, "*half"],
     heights: Float[Array, "*shape"],
@@ -296,61 +293,3 @@ def _errors_of(contact: ContactSolution, margin, own, kernel, grid: Grid, veloci
         return *contact.wanted_error, imbalance
     mu_error = friction_error(sigma, contact.mismatch, contact.error, kernel, grid, velocity)
     return mu_error, contact_area_error(margin, sigma, contact.error), imbalance
-
-
-@door
-def area_against_cutoff(
-    stack: Stack,
-    surface: Surface,
-    cutoffs: Numbers,
-    *,
-    pressure: ScalarLike,
-    velocity: Numbers,
-    law: AbstractLaw = HardWall(),  # noqa: B008 (immutable)
-    solver: AbstractContactSolver = DouglasRachford(),  # noqa: B008
-    graded: AbstractGradedSolver = Layering(),  # noqa: B008
-    rtol: float = 1e-6,
-    throw: bool = True,
-) -> CutoffCurve:
-    """Returns contact area and friction with only the waves up to each cut-off on the surface.
-
-    What the area loses from one cut-off to the next is due to the waves between them: at the
-    magnification q/q0 one sees the area A(q). Each contact starts from the one before.
-
-    **Arguments:**
-
-    - `cutoffs`: wavenumbers |q| [rad/m], ascending, shape `(cutoffs,)`; waves beyond are left out.
-    - the others: as in `slide`.
-
-    **Returns:** a `CutoffCurve` of the cut-offs; without `throw`, of NaN if the kernel failed.
-
-    **Raises:** `ValueError` for a refused argument; `RuntimeError` if kernel or solve fail.
-    """
-    cutoffs = as_float(cutoffs, "cutoffs")
-    if cutoffs.ndim != 1 or len(cutoffs) == 0:
-        raise ValueError(f"`cutoffs` has shape {cutoffs.shape}; a row of wavenumbers is needed.")
-    check_positive("cutoffs", cutoffs, "[rad/m]")
-    if is_concrete(cutoffs) and np.any(np.diff(cutoffs) <= 0):
-        raise ValueError(f"`cutoffs={np.asarray(cutoffs)}` must ascend.")
-    kernel, velocity, _ = _kernel_and_velocity(stack, surface, velocity, solver, graded, throw)
-    grid = surface.grid
-    known = jnp.all(jnp.isfinite(kernel))
-
-    def solve(cutoff, start):
-        heights = _waves_up_to(cutoff, surface.heights, grid)
-        contact = solve_contact(
-            kernel, heights, pressure, law=law, solver=solver, rtol=rtol, start=start, throw=throw
-        )
-        s = _observe(contact, kernel, heights, surface.measured, grid, velocity, law, None)
-        found = jnp.stack([s.friction, s.contact_area, s.contact_area_smooth])
-        return contact.pressure, jnp.where(known, found, jnp.nan)
-
-    start, first = solve(cutoffs[0], None)
-    _, rest = jax.lax.scan(lambda start, cutoff: solve(cutoff, start), start, cutoffs[1:])
-    return CutoffCurve(cutoffs, *jnp.concatenate([first[None], rest]).T)
-
-
-@eqx.filter_jit
-def _waves_up_to(cutoff, heights, grid: Grid):
-    kept = wavenumber(grid) <= cutoff * (1 + 1e-6)
-    return to_field(jnp.where(kept, to_spectrum(heights), 0), grid.shape)

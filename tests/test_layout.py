@@ -23,7 +23,7 @@ ORDER = [
     "contact/douglas_rachford", "contact/rmd",
     "contact/implicit", "contact/solution", "contact/newton", "contact/wanted",
     "contact/problem", "contact/path",
-    "contact/observables", "contact/area", "contact/friction_and_area", "sliding",
+    "contact/observables", "contact/area", "contact/friction_and_area", "sliding", "magnification",
     "persson/diffusion", "persson/modes", "persson/isotropic", "persson/mean_field",
     "files/topography/scan", "files/topography/text", "files/topography/road",
     "files/topography/library", "files/topography/holes", "files/topography/preparation",

@@ -1,0 +1,78 @@
+"""Contact area and friction with ever shorter waves on the surface: which wavelengths matter."""
+
+import equinox as eqx
+import jax
+import jax.numpy as jnp
+import numpy as np
+from jaxtyping import ScalarLike
+
+from ._checks import Numbers, as_float, check_positive, door, is_concrete
+from .contact.douglas_rachford import DouglasRachford
+from .contact.law import AbstractLaw, HardWall
+from .contact.problem import solve_contact
+from .contact.solver import AbstractContactSolver
+from .cutoff import CutoffCurve
+from .grid import Grid, to_field, to_spectrum, wavenumber
+from .response.grading import AbstractGradedSolver
+from .response.layering import Layering
+from .response.stack import Stack
+from .sliding import kernel_and_velocity, observe
+from .surface import Surface
+
+
+@door
+def area_against_cutoff(
+    stack: Stack,
+    surface: Surface,
+    cutoffs: Numbers,
+    *,
+    pressure: ScalarLike,
+    velocity: Numbers,
+    law: AbstractLaw = HardWall(),  # noqa: B008 (immutable)
+    solver: AbstractContactSolver = DouglasRachford(),  # noqa: B008
+    graded: AbstractGradedSolver = Layering(),  # noqa: B008
+    rtol: float = 1e-6,
+    throw: bool = True,
+) -> CutoffCurve:
+    """Returns contact area and friction with only the waves up to each cut-off on the surface.
+
+    What the area loses from one cut-off to the next is due to the waves between them: at the
+    magnification q/q0 one sees the area A(q). Each contact starts from the one before.
+
+    **Arguments:**
+
+    - `cutoffs`: wavenumbers |q| [rad/m], ascending, shape `(cutoffs,)`; waves beyond are left out.
+    - the others: as in `slide`.
+
+    **Returns:** a `CutoffCurve` of the cut-offs; without `throw`, of NaN if the kernel failed.
+
+    **Raises:** `ValueError` for a refused argument; `RuntimeError` if kernel or solve fail.
+    """
+    cutoffs = as_float(cutoffs, "cutoffs")
+    if cutoffs.ndim != 1 or len(cutoffs) == 0:
+        raise ValueError(f"`cutoffs` has shape {cutoffs.shape}; a row of wavenumbers is needed.")
+    check_positive("cutoffs", cutoffs, "[rad/m]")
+    if is_concrete(cutoffs) and np.any(np.diff(cutoffs) <= 0):
+        raise ValueError(f"`cutoffs={np.asarray(cutoffs)}` must ascend.")
+    kernel, velocity, _ = kernel_and_velocity(stack, surface, velocity, solver, graded, throw)
+    grid = surface.grid
+    known = jnp.all(jnp.isfinite(kernel))
+
+    def solve(cutoff, start):
+        heights = _waves_up_to(cutoff, surface.heights, grid)
+        contact = solve_contact(
+            kernel, heights, pressure, law=law, solver=solver, rtol=rtol, start=start, throw=throw
+        )
+        s = observe(contact, kernel, heights, surface.measured, grid, velocity, law, None)
+        found = jnp.stack([s.friction, s.contact_area, s.contact_area_smooth])
+        return contact.pressure, jnp.where(known, found, jnp.nan)
+
+    start, first = solve(cutoffs[0], None)
+    _, rest = jax.lax.scan(lambda start, cutoff: solve(cutoff, start), start, cutoffs[1:])
+    return CutoffCurve(cutoffs, *jnp.concatenate([first[None], rest]).T)
+
+
+@eqx.filter_jit
+def _waves_up_to(cutoff, heights, grid: Grid):
+    kept = wavenumber(grid) <= cutoff * (1 + 1e-6)
+    return to_field(jnp.where(kept, to_spectrum(heights), 0), grid.shape)
