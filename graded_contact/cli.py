@@ -9,6 +9,7 @@ from typing import Annotated
 
 import typer
 
+from . import __version__
 from .command.compare import compare
 from .command.design import design
 from .command.explore import explore
@@ -26,7 +27,7 @@ app = typer.Typer(
 
 def _print_version(wanted: bool) -> bool:
     if wanted:
-        typer.echo(f"graded-contact {version('graded_contact')} (jax {version('jax')})")
+        typer.echo(f"graded-contact {__version__} (jax {version('jax')})")
         raise typer.Exit
     return wanted
 

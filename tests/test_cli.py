@@ -598,7 +598,7 @@ def test_a_file_that_cannot_be_fitted_is_refused_in_one_message(
 
 def test_help_and_version():
     assert "demo" in command("--help").stdout
-    assert "graded-contact 0." in command("--version").stdout
+    assert f"graded-contact {gc.__version__} " in command("--version").stdout
 
 
 def test_the_embedded_scene_runs_at_the_resolution_asked_for(tmp_path, monkeypatch):

@@ -31,7 +31,7 @@ import jax.numpy as jnp
 from jax import Array
 from jaxtyping import Float, Inexact
 
-from .._checks import check_type, check_whole
+from .._checks import check_type, check_whole, short
 from ..grid import to_field, to_spectrum
 from .adhesion import AdhesiveLJ
 from .law import AbstractLaw, RepulsiveLJ
@@ -92,7 +92,7 @@ class ResidualDynamics(AbstractContactSolver):
         """Returns the contact; `start` is a pressure [Pa] to begin from."""
         if not isinstance(law, SmoothLaw):
             raise ValueError(
-                f"`law={law}` is refused: residuals molecular dynamics needs a smooth law, "
+                f"`law={short(law)}` is refused: residuals molecular dynamics needs a smooth law, "
                 "`RepulsiveLJ` or `AdhesiveLJ`. Pass `solver=DouglasRachford()`."
             )
         unit = pressure_unit(kernel, heights - jnp.mean(heights), prescribed)
