@@ -1,0 +1,106 @@
+"""From a key to the new picture: how fast the page answers, in a real browser.
+
+    python benchmarks/bench_explore.py [SCENE] [--keys 20] [--screenshot FILE]
+
+Serves `graded-contact explore` (without a scene the demo's, 256²) on the loopback address, opens it
+in headless Chromium, waits until all is compiled, and turns the first slider by one key at a time,
+each after all of the last is drawn. Times are from the key to the end of the frame in which the
+browser draws the data that changed.
+"""
+
+import argparse
+import re
+import shutil
+import socket
+import subprocess
+import sys
+import tempfile
+import time
+
+import numpy as np
+from playwright.sync_api import sync_playwright
+from rows import keep
+
+# Which figures have been drawn is told by the columns of their data.
+WATCH = """() => {
+  window.drawn = {};
+  const kind = data => data.image ? "contact" : data.friction ? "derivatives"
+    : (data.y && data.y.length > 2) ? "curves" : null;
+  for (const doc of Bokeh.documents) for (const model of doc._all_models.values()) {
+    if (model.type != "ColumnDataSource") continue;
+    model.properties.data.change.connect(() => {
+      const name = kind(model.data);
+      if (name) requestAnimationFrame(() => {
+        const after = new MessageChannel();
+        after.port1.onmessage = () => { window.drawn[name] = performance.now() - window.pressed; };
+        after.port2.postMessage(null);
+      });
+    });
+  }
+  document.addEventListener("keydown", () => {
+    window.drawn = {}; window.pressed = performance.now();
+  }, true);
+}"""
+STAGES = {"curves": 0.2, "contact": 0.3, "derivatives": 1.0}  # s, wanted
+
+
+def measure(address: str, keys: int, screenshot: str | None) -> dict[str, list[float]]:
+    """Seconds from each key to the pictures."""
+    found: dict[str, list[float]] = {name: [] for name in STAGES}
+    with sync_playwright() as driver:
+        path = shutil.which("chromium") or shutil.which("google-chrome")
+        browser = driver.chromium.launch(executable_path=path, args=["--no-sandbox"])
+        page = browser.new_page(viewport={"width": 1280, "height": 800})
+        page.set_default_timeout(600_000)
+        page.goto(address)
+        page.get_by_text(re.compile(r"derivatives \d+ ms")).wait_for()
+        page.evaluate(WATCH)
+        page.locator(".noUi-handle").first.focus()
+        for _ in range(keys + 1):
+            page.keyboard.press("ArrowRight")
+            page.wait_for_function("() => window.drawn.derivatives && window.drawn.contact")
+            for name, milliseconds in page.evaluate("() => window.drawn").items():
+                found[name].append(milliseconds / 1e3)
+            time.sleep(0.3)
+        if screenshot:
+            page.screenshot(path=screenshot)
+        browser.close()
+    return {name: values[1:] for name, values in found.items()}
+
+
+def main():
+    parser = argparse.ArgumentParser(description=__doc__.partition("\n\n")[0])
+    parser.add_argument("scene", nargs="?")
+    parser.add_argument("--keys", type=int, default=20)
+    parser.add_argument("--screenshot", help="PNG of the page afterwards")
+    options = parser.parse_args()
+    with socket.socket() as free:
+        free.bind(("127.0.0.1", 0))
+        port = free.getsockname()[1]
+    with tempfile.TemporaryDirectory() as folder:
+        command = [sys.executable, "-m", "graded_contact", "explore"]
+        command += [options.scene] if options.scene else []
+        command += ["--no-browser", "--port", str(port), "-o", folder]
+        server = subprocess.Popen(command)
+        try:
+            while True:
+                with socket.socket() as probe:
+                    if probe.connect_ex(("127.0.0.1", port)) == 0:
+                        break
+                time.sleep(0.1)
+            found = measure(f"http://127.0.0.1:{port}/", options.keys, options.screenshot)
+        finally:
+            server.terminate()
+    print(f"{'picture':12s} {'median s':>9s} {'90 % s':>7s} {'wanted':>7s}")
+    for name, wanted in STAGES.items():
+        median, slow = np.percentile(found[name], (50, 90))
+        print(f"{name:12s} {median:9.3f} {slow:7.3f} {wanted:7.1f}")
+        keep(
+            "bench_explore",
+            {"picture": name, "median [s]": median, "nine of ten within [s]": slow,
+             "wanted [s]": wanted},
+        )  # fmt: skip
+
+
+if __name__ == "__main__":
+    main()
