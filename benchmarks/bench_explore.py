@@ -17,9 +17,12 @@ import sys
 import tempfile
 import time
 
+import jax
 import numpy as np
 from playwright.sync_api import sync_playwright
 from rows import keep
+
+jax.config.update("jax_enable_x64", True)  # as the page does
 
 # Which figures have been drawn is told by the columns of their data.
 WATCH = """() => {
