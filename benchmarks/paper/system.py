@@ -24,12 +24,12 @@ import h5py
 import jax
 import jax.numpy as jnp
 import numpy as np
-from matplotlib import colormaps
 from matplotlib.figure import Figure
 from PIL import Image
 
 import graded_contact as gc
 from graded_contact.files.study import get_study, put_study
+from graded_contact.plot.style import ordered as ordered
 
 jax.config.update("jax_enable_x64", True)
 
@@ -161,11 +161,6 @@ def results(given: argparse.Namespace) -> Path:
 
 
 # Figures ------------------------------------------------------------------------------------
-
-
-def ordered(count):
-    """Colours of ordered curves, from dark to light, told apart with any colour vision."""
-    return colormaps["viridis"](np.linspace(0, 0.85, count))
 
 
 def panels(count, width=7.6, height=3.2, rows=1):
