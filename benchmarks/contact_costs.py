@@ -13,12 +13,13 @@ from functools import partial
 import jax
 import jax.numpy as jnp
 from contact_scenes import bare_pair, bodies, goal, print_versions, rough_surface, timed
-from rows import keep
+from rows import keep, where
 
 import graded_contact as gc
 from graded_contact import _fft
 
 SPEED = 0.1  # m/s
+WAYS = ("single", "jit", "lax.map", "vmap")  # of many solves
 # The fewest points that go through ducc0: all or none.
 BOUND_FROM = {"xla": 2**62, "ducc0": 0}
 
@@ -77,9 +78,10 @@ def many(options):
     print("# call each, without jit; jit: one call each, a program compiled as a whole")
     print(
         f"{'cores':>5s} {'N':>5s} {'pairs':>6s} {'pair ms':>8s} "
-        + " ".join(f"{name:>9s} {'x pairs':>7s}" for name in ("single", "jit", "lax.map", "vmap")),
+        + " ".join(f"{name:>9s} {'x pairs':>7s}" for name in WAYS),
         flush=True,
     )
+    where()  # once for all processes
     for cores in options.cores:
         command = [sys.executable, sys.argv[0], "many_on", str(cores)]
         command += ["--sizes", *map(str, options.sizes), "--count", str(options.count)]
@@ -107,12 +109,19 @@ def many_on(options):
             (jax.jit(lambda loads, f=solve: jax.lax.map(f, loads)), loads, options.count),
             (jax.jit(jax.vmap(solve)), loads, options.count),
         ]
-        bare, row = bare_pair(n), ""
-        for function, argument, count in ways:
+        bare, row, cells = bare_pair(n), "", {}
+        for name, (function, argument, count) in zip(WAYS, ways, strict=True):
             jax.block_until_ready(function(argument))
             seconds = timed(lambda f=function, a=argument: f(a), 3 if count > 1 else 15) / count
             row += f" {1e3 * seconds:9.2f} {seconds / (pairs * bare):7.2f}"
+            cells[f"{name} [ms]"] = 1e3 * seconds
+            cells[f"{name} over its pairs"] = seconds / (pairs * bare)
         print(f"{options.cores:5d} {n:5d} {pairs:6.1f} {1e3 * bare:8.3f}{row}", flush=True)
+        keep(
+            "bench_contact-many",
+            {"on cores": options.cores, "N": n, "FFT pairs": pairs, "a pair [ms]": 1e3 * bare}
+            | cells,
+        )
 
 
 def gradient(options):

@@ -13,6 +13,7 @@ import jax.numpy as jnp
 import numpy as np
 from contact_random import survey
 from contact_scenes import CELL, Q0, print_versions, rough_surface
+from rows import keep
 
 import graded_contact as gc
 from graded_contact.grid import to_field, to_spectrum
@@ -54,6 +55,15 @@ def row(name, contrast, kernel, heights, load):
         pairs.append(f"{float(found.num_fft_pairs):7.0f}{' ' if done else '!'}")
     touching = int(jnp.sum(found.pressure > 0))
     print(f"{name:42s} {contrast:6g} {touching:6d} " + " ".join(pairs), flush=True)
+    keep(
+        "bench_contact-hard",
+        {
+            "scene": name,
+            "contrast": contrast,
+            "points in contact": touching,
+            **{f"pairs to {r:g}": p.strip() for r, p in zip(RTOL, pairs, strict=True)},
+        },
+    )
 
 
 def cylinder(points, cell, contrast, speed):

@@ -10,6 +10,7 @@ import jax
 import numpy as np
 from contact_scenes import bodies, goal, print_versions, rough_surface
 from contact_viscoelastic import middle_speed
+from rows import keep
 
 import graded_contact as gc
 
@@ -74,6 +75,20 @@ def rows(name, load, n, gradients):
             + f" {grid:7.0e} {abs(found / slope - 1):7.0e}"
             + ("" if s.result == gc.RESULTS.successful else "  not reached"),
             flush=True,
+        )
+        found = dict(zip(("friction", "area", "mean gap"), pairs, strict=True))
+        keep(
+            "bench_contact-observables",
+            {
+                "body": name,
+                "p/E_r": load,
+                "N": n,
+                "tolerance": text,
+                "FFT pairs": float(s.num_fft_pairs),
+                "over those of rtol = 1e-6": ratio,
+                **{f"{key}: error": true for key, (true, _) in found.items()},
+                **{f"{key}: claimed": claim for key, (_, claim) in found.items()},
+            },
         )
         # With `rtol` the claim for the area is that of the count of points.
         claims = pairs if "friction_rtol" in way else pairs[::2]

@@ -242,6 +242,17 @@ def kernel(options):
                 worst, pixels = max(worst, error), pixels + differ
                 area = float(jnp.mean(expected > 0))
                 print(f"{name:22s} {n:5d} {load:6.3f} {area:7.4f} {error:10.1e} {differ:6d}")
+                keep(
+                    "bench_contact-kernel",
+                    {
+                        "block": name,
+                        "N": n,
+                        "mean pressure": load,
+                        "area": area,
+                        "difference of the pressures": error,
+                        "pixels that differ": differ,
+                    },
+                )
     goal(
         "layered contacts as Tamaas finds them, to the pixel",
         f"pressures within {worst:.1e}, {pixels} pixels differ in all",

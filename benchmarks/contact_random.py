@@ -16,6 +16,7 @@ import time
 import jax
 import numpy as np
 from contact_scenes import CELL, Q0, goal, print_versions
+from rows import keep
 
 import graded_contact as gc
 from graded_contact.grid import to_field, to_spectrum
@@ -53,11 +54,21 @@ def survey(draw, options):
     print("\n".join(shown[: options.show]))
     marks = (50, 90, 99, 100)
     print(f"\n{'percentile':30s} " + " ".join(f"{m:>8d}" for m in marks))
-    for name, values in zip(QUANTITIES, np.array(ratios).T, strict=True):
-        print_percentiles(f"true error/claimed, {name}", values, marks)
-    print_percentiles("FFT pairs", pairs, marks)
     wrong = sum(count for outcome, count in outcomes.items() if outcome.startswith("wrong"))
     lost = sum(count for outcome, count in outcomes.items() if outcome.startswith("not"))
+    names = [f"true error/claimed, {name}" for name in QUANTITIES]
+    for name, values in zip([*names, "FFT pairs"], [*np.array(ratios).T, pairs], strict=True):
+        print_percentiles(name, values, marks)
+        keep(
+            "bench_contact-random" if options.section == "random" else "bench_contact-hard--count",
+            {
+                "scenes": options.count,
+                "wrong": wrong,
+                "not converged": lost,
+                "of the others": name,
+                **{f"{m} %": float(np.percentile(values, m)) for m in marks},
+            },
+        )
     goal(
         "every scene converged or reported as not converged, and a closer solve agrees",
         f"{wrong} of {options.count} wrong, {lost} reported as not converged",

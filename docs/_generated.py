@@ -154,7 +154,7 @@ def commands_page() -> str:
 def rows_page(path: Path) -> str:
     """Returns the rows of a benchmark's last run, and where it ran."""
     script, _, section = path.stem.partition("-")
-    command = f"python benchmarks/{script}.py {section}".strip()
+    command = f"python benchmarks/{script}.py {section.replace('--', ' --')}".strip()
     if not path.exists():
         return f"`{command}` has stored no rows yet.\n"
     with open(path, encoding="utf-8", newline="") as file:
