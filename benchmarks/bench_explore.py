@@ -3,7 +3,7 @@
     python benchmarks/bench_explore.py [SCENE] [--keys 20] [--screenshot FILE]
 
 Serves `graded-contact explore` (without a scene the demo's, 256²) on the loopback address, opens it
-in headless Chromium, waits until all is compiled, and turns the first slider by one key at a time,
+in headless Chromium, waits until all is compiled, and turns one slider after the other by one key,
 each after all of the last is drawn. Times are from the key to the end of the frame in which the
 browser draws the data that changed.
 """
@@ -58,9 +58,11 @@ def measure(address: str, keys: int, screenshot: str | None) -> dict[str, list[f
         page.goto(address)
         page.get_by_text(re.compile(r"derivatives \d+ ms")).wait_for()
         page.evaluate(WATCH)
-        page.locator(".noUi-handle").first.focus()
-        for _ in range(keys + 1):
-            page.keyboard.press("ArrowRight")
+        sliders = page.locator(".noUi-handle")
+        count = sliders.count()
+        for i in range(keys + 1):
+            sliders.nth(i % count).focus()
+            page.keyboard.press("ArrowLeft")
             page.wait_for_function("() => window.drawn.derivatives && window.drawn.contact")
             for name, milliseconds in page.evaluate("() => window.drawn").items():
                 found[name].append(milliseconds / 1e3)

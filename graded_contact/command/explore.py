@@ -1,5 +1,7 @@
 """The job `explore`: a page in the browser."""
 
+import os
+import sys
 from pathlib import Path
 from typing import Annotated
 
@@ -30,3 +32,6 @@ def explore(
         folder = full_path(str(output))
         check_folder(folder)
         serve(scene_file, folder, address=address, port=port, show=browser)
+    sys.stdout.flush()
+    # A page's thread may be deep in a compilation: Python's own way to end would crash there.
+    os._exit(0)

@@ -7,7 +7,7 @@ from bokeh.models import LabelSet, Range1d
 from scipy.signal import resample
 
 from ..plot.style import unit_of
-from .figures import INK, new_figure, new_source
+from .figures import INK, new_figure, new_source, send
 
 ASPECT = 1.5  # of the frame
 TINTS = ("#9cc3e0", "#f3cf9b", "#a9d8c6", "#e3bfd6", "#f5e2a8", "#c5dff1")  # of COLOURS
@@ -28,12 +28,13 @@ class Section:
         )  # fmt: skip
         self.figure.grid.grid_line_color = None
         self._slabs, self._names, self._road = (
-            new_source(*names) for names in ((*SLAB, "fill"), ("x", "y", "text"), ("x", "y"))
+            new_source(*names)
+            for names in ((*SLAB, "fill"), ("x", "y", "text"), ("along", "depth"))
         )
         self.figure.quad(
             source=self._slabs, fill_color="fill", line_color="white", **{k: k for k in SLAB}
         )
-        self.figure.patch("x", "y", source=self._road, color=ROAD)
+        self.figure.patch("along", "depth", source=self._road, color=ROAD)
         words = LabelSet(
             x="x", y="y", text="text", source=self._names, text_font_size="11px", text_color=INK,
             text_align="center", text_baseline="middle",
@@ -57,21 +58,21 @@ class Section:
         edges = np.concatenate([[0], np.cumsum(thickness), [deep]])
         tops, bottoms, right = edges[:-1], edges[1:], factor * wide / 2
         fills = [*(TINTS[i % len(TINTS)] for i in range(len(thickness))), BASES[base]]
-        self._slabs.data = {
-            "top": factor * tops, "bottom": factor * bottoms, "left": [-right] * len(tops),
-            "right": [right] * len(tops), "fill": fills,
-        }  # fmt: skip
+        send(
+            self._slabs, top=factor * tops, bottom=factor * bottoms, left=[-right] * len(tops),
+            right=[right] * len(tops), fill=fills,
+        )  # fmt: skip
         shown = np.flatnonzero(bottoms - tops > LEAST * (deep + high)).tolist()
-        self._names.data = {
-            "x": [0.0] * len(shown),
-            "y": factor * (tops + bottoms)[shown] / 2,
-            "text": [names[i] for i in shown],
-        }
+        send(
+            self._names, x=[0.0] * len(shown), y=factor * (tops + bottoms)[shown] / 2,
+            text=[names[i] for i in shown],
+        )  # fmt: skip
         x, road = _around_deepest(heights, float(size[0]), wide)
-        self._road.data = {
-            "x": np.concatenate([factor * x, [right, -right]]),
-            "y": np.concatenate([factor * road, [-2 * factor * high] * 2]),
-        }
+        send(
+            self._road,
+            along=np.concatenate([factor * x, [right, -right]]),
+            depth=np.concatenate([factor * road, [-2 * factor * high] * 2]),
+        )
         self.figure.x_range.update(start=-right, end=right)
         self.figure.y_range.update(start=factor * deep, end=-factor * high)
         self.figure.xaxis.axis_label = f"x [{unit}]"
