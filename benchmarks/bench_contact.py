@@ -17,19 +17,16 @@ One FFT pair is a real transform forth and back on the full grid; coarse grids c
 Errors are of the pressure, root mean square, against a solution at 1e-10, unless stated. Surface:
 H = 0.8, roll-off 4 q0, cut-off (N/8) q0, rms slope 0.1. Bodies, all of reduced modulus 1 Pa at
 rest: elastic; `single`, one relaxation time, tenfold; `broad`, 1000-fold over ten decades; `tread`,
-the package's at -10 °C; `+coat`, under an elastic coat of modulus 1 Pa, q0 d = 6e-3. `elastic`
-draws docs/bench_contact.png.
+the package's at -10 °C; `+coat`, under an elastic coat of modulus 1 Pa, q0 d = 6e-3.
 """
 
 import argparse
 import importlib
-import pathlib
 
 import jax
 
 jax.config.update("jax_enable_x64", True)
 
-DOCS = pathlib.Path(__file__).parents[1] / "docs"
 # Peers are imported only by the sections that need them.
 SECTIONS = {
     "elastic": ("contact_peers", "beside Tamaas and ContactMechanics"),
@@ -73,7 +70,6 @@ def main():
     one("elastic", "--mechanics-up-to", int, 512, help="largest N for ContactMechanics")
     one("elastic", "--tries", int, 3, help="runs of a peer in search of equal error")
     one("elastic", "--repeat", int, 5)
-    one("elastic", "--plot", pathlib.Path, DOCS / "bench_contact.png")
 
     many(["viscoelastic"], "--sizes", int, [256, 512, 1024, 2048])
     many(["viscoelastic"], "--bodies", str, VISCOELASTIC, choices=VISCOELASTIC)

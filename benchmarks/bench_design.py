@@ -8,7 +8,6 @@
 (`paper/response.py`) over the two decades, or as many as told, in which those are flattest, at no
 less mean loss. `coating` runs the study of examples/design_coating.toml, then SciPy's differential
 evolution on the same objective and limits, by the mean field. `unseen`: see `design_unseen.py`.
-They draw docs/bench_design-composite.png and -coating.png.
 """
 
 import argparse
@@ -24,14 +23,11 @@ import jax.numpy as jnp
 import numpy as np
 import scipy
 from design_unseen import unseen
-from matplotlib import rc_context
-from matplotlib.figure import Figure
 from scipy.optimize import NonlinearConstraint, differential_evolution
 
 import graded_contact as gc
 from graded_contact.files.design_scene import read_design
 from graded_contact.parameters import paths
-from graded_contact.plot import COLOURS, plot_design
 from graded_contact.studies.design import minimise
 from graded_contact.studies.design_problem import mean_field_problem
 from graded_contact.studies.objectives import loss_tangent, ripple
@@ -41,9 +37,7 @@ from graded_contact.studies.run_design import run_design
 ROOT = pathlib.Path(__file__).parents[1]
 sys.path.append(str(ROOT / "benchmarks" / "paper"))
 from response import CONTRAST, INCOMPRESSIBLE, Q0, RELAXED, TAU, VELOCITY, rubber  # noqa: E402
-from system import STYLE, save  # noqa: E402
 
-DOCS = ROOT / "docs"
 SHARES = np.array([1e-3, 1e-2, 1e-1])  # of the paper's layers, surface first
 
 
@@ -124,26 +118,6 @@ def composite(options):
     share = f"{options.starts * 8 // 10} of {options.starts}"
     goal(f"success from >= {share} random starts", f"{flat} of {options.starts}")
     goal("< 60 s", f"{seconds:.1f} s, {design.num_evaluations} evaluations, compilation included")
-    draw_composite(paper, best, ends)
-
-
-def draw_composite(paper, best, ends):
-    q = np.geomspace(1e-2, 1e5, 400) * Q0
-    with rc_context(STYLE):
-        figure = Figure(figsize=(8.6, 3.4), dpi=150, layout="constrained")
-        left, right = figure.subplots(1, 2, width_ratios=(3, 2))
-        for stack, name, colour in ((paper, "by hand", COLOURS[0]), (best, "designed", COLOURS[1])):
-            left.semilogx(q / Q0, loss_tangent(stack, q, VELOCITY), color=colour, label=name)
-            depths = [Q0 * layer.thickness for layer in stack.layers]
-            times = [layer.material.times[0] / TAU for layer in stack.layers]
-            right.loglog(depths, times, "o-", color=colour)
-        left.axvspan(ends[0] / Q0, ends[1] / Q0, color="0.92", zorder=0, label="band")
-        left.set(xlabel="wavenumber $q/q_0$ [1]", ylabel="loss tangent [1]", ylim=(0, 1.7))
-        left.legend(loc="upper right", ncols=3, bbox_to_anchor=(1.02, 1.02))
-        right.set(
-            xlabel="thickness of the layer $q_0 d$ [1]", ylabel=r"relaxation time / $\tau$ [1]"
-        )
-        save(figure, DOCS / "bench_design-composite.png")
 
 
 # coating ------------------------------------------------------------------------------------
@@ -178,7 +152,6 @@ def coating(options):
             f"mean field {field:.4f}",
         )
     goal("design, polish and verification < 600 s", f"{seconds:.1f} s")
-    plot_design(results).savefig(DOCS / "bench_design-coating.png")
     print("\nby gradients, and by SciPy's differential evolution until it reaches as much")
     head = ("", "objective", "values", "limits", "seconds", "compiling")
     print("{:29s} {:>10s} {:>7s} {:>7s} {:>8s} {:>10s}".format(*head))

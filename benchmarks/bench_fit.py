@@ -21,7 +21,6 @@ import time
 
 import jax
 import jax.numpy as jnp
-import matplotlib
 import numpy as np
 import prony_peers as peers
 import scipy
@@ -42,10 +41,9 @@ from prony_peers import (
 
 import graded_contact as gc
 from graded_contact.fitting.master import master_curve
-from graded_contact.plot import COLOURS
+from graded_contact.plot.style import COLOURS, PAGE, new_figure, styled
 
 jax.config.update("jax_enable_x64", True)
-matplotlib.use("Agg")
 DOCS = pathlib.Path(__file__).parents[1] / "docs"
 
 # What an earlier throw-away fit reached: (terms, rms log error in %) for data over time, and rms
@@ -194,15 +192,14 @@ def fitted_to_shifted(isotherms, log10_shifts):
     return gc.fit_prony(omega, np.concatenate([part.values for part, _ in pairs]), throw=False)
 
 
+@styled
 def plot_errors(panels, target):
-    import matplotlib.pyplot as plt
     from matplotlib.ticker import FuncFormatter, MaxNLocator, NullFormatter
 
     columns = 4
     rows = -(-len(panels) // columns)
-    figure, axes = plt.subplots(
-        rows, columns, figsize=(12, 2.9 * rows), layout="constrained", squeeze=False
-    )
+    figure = new_figure(PAGE, 1.8 * rows + 0.3)
+    axes = figure.subplots(rows, columns, squeeze=False)
     for panel in axes.flat[len(panels) :]:
         panel.set_axis_off()
     for panel, (name, best, others) in zip(axes.flat, panels, strict=False):
@@ -210,7 +207,7 @@ def plot_errors(panels, target):
         chosen = dict(zip(terms, errors, strict=True))[best.terms]
         panel.semilogy(terms, 100 * np.array(errors), ".-", color=COLOURS[0], label="package")
         panel.plot(
-            best.terms, 100 * chosen, "o", color=COLOURS[0], markersize=9, fillstyle="none",
+            best.terms, 100 * chosen, "o", color=COLOURS[0], markersize=7, fillstyle="none",
             label="number of terms by BIC",
         )  # fmt: skip
         floor = best.floor().total
@@ -222,12 +219,11 @@ def plot_errors(panels, target):
         panel.xaxis.set_major_locator(MaxNLocator(integer=True))
         panel.yaxis.set_major_formatter(FuncFormatter(lambda value, _: f"{value:g}"))
         panel.yaxis.set_minor_formatter(NullFormatter())
-        panel.grid(alpha=0.3)
     for row in axes:
         row[0].set_ylabel("rms of ln(fit/measured) [%]")
     handles, labels = axes.flat[0].get_legend_handles_labels()
-    figure.legend(handles, labels, loc="outside lower center", ncols=len(labels), frameon=False)
-    figure.savefig(target, dpi=120)
+    figure.legend(handles, labels, loc="outside lower center", ncols=len(labels))
+    figure.savefig(target)
     print(f"# {target}")
 
 

@@ -3,7 +3,7 @@
 The two profiles of the paper (Scaraggi & Comingio, App. B; ν = 1/2, half space below) at eleven
 wavenumbers, q d = 1e-3..1e2, against mpmath values of `tests/data/graded_profiles.json`. Times
 are per point in a batch of 4400 (Kvaerno5: 110), compiled; the first call is timed apart. Run
-from the root of the repository: `python benchmarks/bench_grading.py [--plot FILE]`.
+from the root of the repository: `python benchmarks/bench_grading.py`.
 """
 
 import argparse
@@ -15,7 +15,6 @@ import time
 import diffrax
 import jax
 import jax.numpy as jnp
-import matplotlib
 import numpy as np
 from rows import keep
 
@@ -29,7 +28,6 @@ from graded_contact.response.slab import factors, half_space, stack_on
 from graded_contact.response.stack import GradedLayer, Stack
 
 jax.config.update("jax_enable_x64", True)
-matplotlib.use("Agg")
 ROOT = pathlib.Path(__file__).parents[1]
 COPIES, FEW_COPIES = 400, 10
 SOFT = gc.Elastic(0.75, 0.5)
@@ -102,13 +100,12 @@ def layers_for(profile, q, expected, error):
     return None
 
 
-def main(target):
+def main():
     stored = json.loads((ROOT / "tests" / "data" / "graded_profiles.json").read_text())
     print(f"jax {jax.__version__}, diffrax {diffrax.__version__}, {jax.devices()[0].device_kind},")
     print(f"{platform.processor() or platform.machine()}, q d = 1e-3..1e2, float64\n")
     header = ("profile", "method", "setting", "worst error", "us/point", "first call s")
     print("{:11s} {:19s} {:13s} {:>11s} {:>9s} {:>12s}".format(*header))
-    results = {}
     for name, profile in PROFILES.items():
         cases = [case for case in stored["cases"] if case["kind"] == name]
         q = jnp.array([case["qd"] for case in cases])
@@ -117,7 +114,6 @@ def main(target):
             copies = FEW_COPIES if "Kvaerno5" in method else COPIES
             values, first, each = timed(function, q, copies)
             worst = np.max(np.abs(values / expected - 1))
-            results.setdefault((name, method), []).append((each, worst))
             # A differential equation that its solver gave up has NaN.
             reached = f"{worst:.1e}" if np.isfinite(worst) else "not reached"
             print(
@@ -138,26 +134,8 @@ def main(target):
             )
         needed = layers_for(profile, q, expected, 1e-6)
         print(f"{name:11s} stepwise midpoint needs {needed} layers for 1e-6\n", flush=True)
-    plot(results, target)
-
-
-def plot(results, target):
-    import matplotlib.pyplot as plt
-
-    figure, panels = plt.subplots(1, 2, figsize=(10, 4), sharey=True, layout="constrained")
-    for panel, name in zip(panels, PROFILES, strict=True):
-        for (profile, method), points in results.items():
-            if profile == name:
-                times, errors = np.array(points).T
-                panel.loglog(1e6 * times, errors, "o-", label=method)
-        panel.set(title=f"{name} profile", xlabel="time per point (µs)")
-        panel.grid(alpha=0.3)
-    panels[0].set_ylabel("worst relative error of $M_{zz}$, $q d$ = 1e-3..1e2")
-    panels[1].legend()
-    figure.savefig(target, dpi=120)
 
 
 if __name__ == "__main__":
-    parser = argparse.ArgumentParser(description=__doc__.partition("\n\n")[0])
-    parser.add_argument("--plot", default=ROOT / "docs" / "bench_grading.png")
-    main(parser.parse_args().plot)
+    argparse.ArgumentParser(description=__doc__.partition("\n\n")[0]).parse_args()
+    main()

@@ -135,6 +135,9 @@ def run(size, repeat, file, devices, processes):
 
 
 def table(options):
+    import jax
+
+    jax.config.update("jax_enable_x64", True)  # as in the processes it starts
     names = ", ".join(f"{name} {version(name)}" for name in ("graded_contact", "jax"))
     print(f"# {names}; cpu ({platform.machine()}), {os.cpu_count()} cores, float64")
     print(

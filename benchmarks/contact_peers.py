@@ -28,7 +28,6 @@ from rows import keep
 
 import graded_contact as gc
 from graded_contact.contact.observables import friction
-from graded_contact.plot import COLOURS
 
 tamaas.set_log_level(tamaas.LogLevel.error)
 
@@ -102,10 +101,10 @@ def elastic(options):
         f"{'ratio':>6s}"
     )
     # Tolerances of a peer that met a target at one size begin its search at the next.
-    points, ratios, differing, hints = {}, {}, [], {}
+    ratios, differing, hints = {}, [], {}
     for n in options.sizes:
         for load in options.loads:
-            compare(n, load, options, points, ratios, differing, hints)
+            compare(n, load, options, ratios, differing, hints)
     for (peer, n, target), values in ratios.items():
         wanted = ">= 100 x faster" if (peer, n) == ("tamaas", 1024) else "faster"
         goal(
@@ -115,10 +114,9 @@ def elastic(options):
     if differing:
         pixels, where = max(differing)
         goal("contact sets at 1e-8 identical to the pixel", f"{pixels} differ at most ({where})")
-    plot(points, options.plot)
 
 
-def compare(n, load, options, points, ratios, differing, hints):
+def compare(n, load, options, ratios, differing, hints):
     """Prints the rows of one surface and load, and notes what was found."""
     surface = rough_surface(n)
     slide = partial(gc.slide, bodies()["elastic"], surface, pressure=load, velocity=0.0)
@@ -159,21 +157,19 @@ def compare(n, load, options, points, ratios, differing, hints):
         found, rtol = reached
         ours = timed(lambda r=rtol: slide(rtol=r), options.repeat)
         pairs = f"{float(found.num_fft_pairs):.1f}"
-        error, differ = row("graded_contact", target, rtol, pairs, ours, found.pressure)
-        points.setdefault(("graded_contact", n), []).append((error, ours))
+        _, differ = row("graded_contact", target, rtol, pairs, ours, found.pressure)
         if target <= 1e-8:
             differing.append((differ, f"graded_contact, N = {n}, p/E* = {load:g}"))
         for name in options.peers:
             if n > (options.tamaas_up_to if name == "tamaas" else options.mechanics_up_to):
                 continue
-            tolerance, error, seconds, pressure = at_equal_error(
+            tolerance, _, seconds, pressure = at_equal_error(
                 PEERS[name](surface.heights),
                 load,
                 target,
                 best,
                 hints.get((name, load, target), target),
                 options.tries,
-                points.setdefault((name, n), []),
             )
             hints[name, load, target] = tolerance
             ratio = seconds / ours
@@ -187,7 +183,7 @@ def friction_of(pressure, surface):
     return float(friction(jnp.asarray(pressure), surface.heights, surface.grid, 0.0))
 
 
-def at_equal_error(peer, load, target, best, tolerance, tries, points):
+def at_equal_error(peer, load, target, best, tolerance, tries):
     """The run of a peer whose true error is nearest to `target`, its tolerance sought for that.
 
     Returns its tolerance, true error, seconds and pressures.
@@ -199,7 +195,6 @@ def at_equal_error(peer, load, target, best, tolerance, tries, points):
         seconds = time.perf_counter() - start
         error = errors_of(pressure, best).pressure
         runs.append((tolerance, error, seconds, pressure))
-        points.append((error, seconds))
         if 0.3 * target <= error <= target or not np.isfinite(error):
             break
         tolerance *= 0.6 * target / max(error, 1e-3 * target)
@@ -257,28 +252,3 @@ def kernel(options):
         "layered contacts as Tamaas finds them, to the pixel",
         f"pressures within {worst:.1e}, {pixels} pixels differ in all",
     )
-
-
-def plot(points, target):
-    """Draws seconds over true error, a panel per size."""
-    import matplotlib
-
-    matplotlib.use("Agg")
-    import matplotlib.pyplot as plt
-
-    sizes = sorted({n for _, n in points})
-    figure, panels = plt.subplots(
-        1, len(sizes), figsize=(3.4 * len(sizes), 3.4), sharey=True, squeeze=False,
-        layout="constrained",
-    )  # fmt: skip
-    marks = {"graded_contact": "o", "tamaas": "s", "ContactMechanics": "^"}
-    for panel, n in zip(panels[0], sizes, strict=True):
-        for (name, mark), colour in zip(marks.items(), COLOURS, strict=False):
-            if found := points.get((name, n)):
-                panel.loglog(*zip(*found, strict=True), mark, color=colour, label=name)
-        panel.set(title=f"N = {n}", xlabel="true error of the pressure")
-        panel.invert_xaxis()
-    panels[0][0].set_ylabel("seconds")
-    panels[0][0].legend()
-    figure.savefig(target, dpi=120)
-    print(f"# {target}")

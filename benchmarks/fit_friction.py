@@ -10,7 +10,7 @@ from prony_peers import ISOTHERMS, MASTER_CURVES, OPTIMISED, PACKAGE, PLAIN, par
 
 import graded_contact as gc
 from graded_contact.fitting.master import master_curve
-from graded_contact.plot import COLOURS
+from graded_contact.plot.style import COLOURS, PAGE, new_figure, styled
 
 POISSON = 0.49
 EDGE, SLOPE = 1e-3, 0.1  # of the cell [m], rms of the roughness [1]
@@ -133,13 +133,10 @@ def report_friction(title, name, curves, velocities, beyond, materials, table):
     print("(beyond: frequencies outside the table, where E' stays and E'' falls off as 1/ω or ω)")
 
 
+@styled
 def plot_friction(drawn, target):
-    import matplotlib.pyplot as plt
-
-    figure, axes = plt.subplots(
-        2, len(drawn), figsize=(4.6 * len(drawn), 6.2), layout="constrained", squeeze=False,
-        sharex="col", height_ratios=(3, 2),
-    )  # fmt: skip
+    figure = new_figure(PAGE, 4.6)
+    axes = figure.subplots(2, len(drawn), squeeze=False, sharex="col", height_ratios=(3, 2))
     styles = {
         "table": ("black", "-"), "truth": ("black", "--"), PACKAGE: (COLOURS[0], "-"),
         PLAIN: (COLOURS[1], "-"), OPTIMISED: (COLOURS[4], "-"),
@@ -154,12 +151,11 @@ def plot_friction(drawn, target):
             below.semilogx(velocities, change, line, color=colour)
         for panel in (above, below):
             shade_runs(panel, velocities, beyond)
-            panel.grid(alpha=0.3)
-        above.set_title(title.replace(": ", ":\n"), fontsize="medium")
-        above.legend(frameon=False)
+        above.set_title(title.replace(": ", ":\n"))
+        above.legend()
         below.set(xlabel="velocity [m/s]", ylabel=f"change from the {name} [%]", ylim=(-85, 25))
-    axes[0, 0].set_ylabel("friction coefficient")
-    figure.savefig(target, dpi=120)
+    axes[0, 0].set_ylabel("friction [1]")
+    figure.savefig(target)
     print(f"# {target}; grey: frequencies beyond the table")
 
 

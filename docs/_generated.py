@@ -8,6 +8,7 @@ import re
 import shutil
 from pathlib import Path
 
+from _figures import FIGURES
 from typer.testing import CliRunner
 
 import graded_contact as gc
@@ -21,6 +22,8 @@ TITLES = {
     "contact and sliding": "Contact and sliding", "mean field": "Mean field", "files": "Files",
     "fitting": "Fitting", "studies": "Many solves and design",
 }  # fmt: skip
+
+LONG = 30  # rows that are shown only when asked for
 
 Names = dict[str, list[tuple[str, object]]]  # of modules or groups
 
@@ -36,6 +39,10 @@ def write_all(docs: Path) -> None:
     for name in set(re.findall(r"_measured/(\S+)\.md", shown)):
         rows = rows_page(ROOT / "benchmarks" / "results" / f"{name}.csv")
         (docs / "_measured" / f"{name}.md").write_text(rows, encoding="utf-8")
+    for name, draw in FIGURES.items():
+        draw(last_run(ROOT / "benchmarks" / "results" / f"{name}.csv")).savefig(
+            docs / "_measured" / f"{name}.svg"
+        )
     for notebook in sorted((ROOT / "notebooks").glob("*.ipynb")):
         shutil.copy(notebook, docs / "tutorials")
 
@@ -151,15 +158,25 @@ def commands_page() -> str:
     return "\n\n".join(parts)
 
 
+def last_run(path: Path) -> list[dict[str, str]]:
+    """Returns the rows of a benchmark's last run; none without a file."""
+    if not path.exists():
+        return []
+    with open(path, encoding="utf-8", newline="") as file:
+        rows = list(csv.DictReader(file))
+    return [row for row in rows if row["measured"] == rows[-1]["measured"]]
+
+
 def rows_page(path: Path) -> str:
     """Returns the rows of a benchmark's last run, and where it ran."""
     script, _, section = path.stem.partition("-")
     command = f"python benchmarks/{script}.py {section.replace('--', ' --')}".strip()
-    if not path.exists():
-        return f"`{command}` has stored no rows yet.\n"
-    with open(path, encoding="utf-8", newline="") as file:
-        (*head, _), *rows = csv.reader(file)
-    last = [row[:-1] for row in rows if row[-1] == rows[-1][-1]]
-    table = [head, ["---"] * len(head), *last]
+    rows = last_run(path)
+    if not rows:
+        return f"Not measured yet: `{command}`.\n"
+    head = list(rows[0])[:-1]
+    table = [head, ["---"] * len(head), *([row[name] for name in head] for row in rows)]
     lines = ["| " + " | ".join(cell.replace("|", "\\|") for cell in row) + " |" for row in table]
-    return "\n".join([f"`{command}`, {rows[-1][-1]}:", "", *lines, ""])
+    if len(rows) > LONG:
+        lines = [f":::{{dropdown}} {len(rows)} rows", *lines, ":::"]
+    return "\n".join([f"`{command}`, {rows[0]['measured']}:", "", *lines, ""])

@@ -85,7 +85,11 @@ def test_full_contact_and_none_are_drawn():
     fields, surface = make_fields((8, 8))
     for pressure in (1e6, 0.0):
         uniform = Fields(0 * fields.gap + pressure, 0 * fields.gap, 0 * fields.gap)
-        plot_sliding(uniform, surface).draw_without_rendering()
+        figure = plot_sliding(uniform, surface)
+        figure.draw_without_rendering()
+        shown = [np.isfinite(axes.images[0].get_array().filled(np.nan)) for axes in figure.axes[1:3]]
+        assert shown[0].all() == shown[0].any() == (pressure > 0)  # else white
+        assert shown[1].all() == shown[1].any() == (pressure == 0)
 
 
 @pytest.mark.parametrize("velocity", [0.3, -0.3, (0.0, 2.0), (-3.0, 4.0)])
