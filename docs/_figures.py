@@ -1,6 +1,5 @@
 """Figures of the site that are drawn from rows of benchmarks: error against time."""
 
-from collections.abc import Sequence
 from typing import Any
 
 from graded_contact.plot.style import PAGE, few_powers_of_ten, new_figure, styled
@@ -13,7 +12,7 @@ def _panels(rows: Rows, by: str, line: str, time: str, error: str, marks: str) -
     """A panel for each of what stands in column `by`, a line for each of `line`."""
     names = list(dict.fromkeys(row[by] for row in rows))
     figure = new_figure(PAGE, 2.9)
-    panels: Sequence[Any] = figure.subplots(1, len(names), sharex=True, sharey=True, squeeze=False)[0]
+    panels: Any = figure.subplots(1, len(names), sharex=True, sharey=True, squeeze=False)[0]
     for panel, name in zip(panels, names, strict=True):
         here = [row for row in rows if row[by] == name]
         for label in dict.fromkeys(row[line] for row in rows):

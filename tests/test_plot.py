@@ -87,9 +87,9 @@ def test_full_contact_and_none_are_drawn():
         uniform = Fields(0 * fields.gap + pressure, 0 * fields.gap, 0 * fields.gap)
         figure = plot_sliding(uniform, surface)
         figure.draw_without_rendering()
-        shown = [np.isfinite(axes.images[0].get_array().filled(np.nan)) for axes in figure.axes[1:3]]
-        assert shown[0].all() == shown[0].any() == (pressure > 0)  # else white
-        assert shown[1].all() == shown[1].any() == (pressure == 0)
+        for panel, coloured in zip(figure.axes[1:3], (pressure > 0, pressure == 0), strict=True):
+            found = np.isfinite(panel.images[0].get_array().filled(np.nan))
+            assert found.all() == found.any() == coloured  # else white
 
 
 @pytest.mark.parametrize("velocity", [0.3, -0.3, (0.0, 2.0), (-3.0, 4.0)])
