@@ -191,25 +191,64 @@ def test_the_wheel_runs_the_demo_from_a_clean_folder(built, tmp_path):
     assert {"demo.h5", "demo.csv", "demo-contact.png", "demo-sweep.png"} <= written
 
 
-# Extras of users but `io`, whose own dependencies pip did not settle in ten minutes; tools of those
-# who change the package are the newest.
-USED = ("cluster", "explore", "xarray")
+# A row of the comparison with other programs, at a size that takes seconds; kept out of `results/`.
+PEERS = """
+import sys
+from pathlib import Path
+sys.path.insert(0, "benchmarks")
+import rows
+folder = rows.RESULTS = Path(sys.argv.pop())
+import bench_contact
+words = "elastic --sizes 32 --targets 1e-3 --loads 0.1 --repeat 1 --tries 1 --plot"
+sys.argv[1:] = [*words.split(), str(folder / "elastic.png")]
+bench_contact.main()
+"""
 TOOLS = ("pytest", "pytest-xdist", "hypothesis", "mpmath", "beartype")
-CORE = ("page/test_knobs.py", "studies/test_sweep.py", "test_grid.py")
+TESTS = ("-m", "pytest", "-n", "0", "-p", "no:cacheprovider")
+# What is done in the checkout with the extras' lower bounds; `{}` is a folder to write to.
+LOWEST = {
+    "cluster explore xarray": [
+        ("-c", JOB),
+        (*TESTS, "tests/page/test_knobs.py", "tests/studies/test_sweep.py", "tests/test_grid.py"),
+    ],
+    "io": [(*TESTS, "tests/files/test_topography.py", "tests/files/test_moduli.py")],
+    "fast-cpu": [(*TESTS, "tests/test_fft.py")],
+    "test": [
+        (*TESTS, "tests/page/test_browser.py", "tests/rheology/test_material.py"),
+        (*TESTS, "tests/test_notebooks.py"),
+        ("-m", "build", "--wheel", "--outdir", "{}"),
+    ],
+    "bench": [("-c", PEERS, "{}")],
+    "docs": [("-m", "sphinx", "-q", "-W", "-n", "docs", "{}/site")],
+    "dev": [
+        ("-m", "ruff", "check", "."),
+        ("-m", "ruff", "format", "--check", "."),
+        ("-m", "pre_commit", "validate-config", ".pre-commit-config.yaml"),
+        ("-m", "nbstripout", "--verify", "--keep-id", "notebooks/01_quickstart.ipynb"),
+    ],
+}
+
+
+def test_the_lower_bounds_of_every_extra_are_tried():
+    extras = tomllib.loads(text_of("pyproject.toml"))["project"]["optional-dependencies"]
+    assert sorted(extras) == sorted(" ".join(LOWEST).split())
 
 
 @pytest.mark.slow
-def test_the_lowest_versions_that_are_declared_do_the_main_jobs(tmp_path):
-    """Every dependency of the package and of its extras for users at its lower bound."""
+@pytest.mark.parametrize("extras", LOWEST)
+def test_the_lowest_versions_that_are_declared_do_what_they_are_for(extras, tmp_path):
+    """Every dependency of the package and of these extras at its lower bound."""
     project = tomllib.loads(text_of("pyproject.toml"))["project"]
-    extras = project["optional-dependencies"]
-    needed = {*project["dependencies"], *(entry for name in USED for entry in extras[name])}
-    assert all(">=" in entry for entry in needed)
-    lowest = [entry.replace(">=", "==") for entry in sorted(needed)]
+    added = (project["optional-dependencies"][extra] for extra in extras.split())
+    entries = [*project["dependencies"], *(entry for extra in added for entry in extra)]
+    # By name: an extra may ask for more than the package.
+    lowest = {entry.partition(">=")[0]: entry.replace(">=", "==") for entry in entries}
+    assert all("==" in entry for entry in lowest.values())
+    tools = [name for name in TOOLS if name not in lowest]
     python = fresh_environment(tmp_path / "lowest") / "python"
-    (tmp_path / "scene.toml").write_text(SCENE)
-    run(tmp_path, python, "-m", "pip", "install", "--quiet", *lowest, *TOOLS, ROOT)
+    run(tmp_path, python, "-m", "pip", "install", "--quiet", *lowest.values(), *tools, ROOT)
     run(tmp_path, python, "-m", "pip", "check")
-    run(tmp_path, python, "-c", JOB)
-    tests = [ROOT / "tests" / name for name in CORE]
-    run(ROOT, python, "-m", "pytest", "-n", "0", "-p", "no:cacheprovider", *tests)
+    (tmp_path / "scene.toml").write_text(SCENE)
+    for words in LOWEST[extras]:
+        folder = tmp_path if words[:2] == ("-c", JOB) else ROOT
+        run(folder, python, *(word.replace("{}", str(tmp_path)) for word in words))
