@@ -7,10 +7,11 @@ from importlib.metadata import version
 
 # Compiling is most of the suite's time; optimising is a third of that, and fusing loops half of the
 # rest. Set XLA_FLAGS to have them. XLA ends the process at a flag that it no longer knows.
-FLAGS = "--xla_backend_optimization_level=0"
-if version("jaxlib").startswith("0.10."):
-    FLAGS += " --xla_cpu_use_fusion_emitters=false"
-os.environ.setdefault("XLA_FLAGS", FLAGS)
+os.environ.setdefault(
+    "XLA_FLAGS",
+    "--xla_backend_optimization_level=0"
+    + " --xla_cpu_use_fusion_emitters=false" * version("jaxlib").startswith("0.10."),
+)
 
 import jax
 import jaxtyping
