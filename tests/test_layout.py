@@ -25,7 +25,7 @@ ORDER = [
     "contact/problem", "contact/path",
     "contact/observables", "contact/area", "contact/friction_and_area", "sliding", "magnification",
     "persson/diffusion", "persson/modes", "persson/isotropic", "persson/mean_field",
-    "files/topography/scan", "files/topography/text", "files/topography/road",
+    "files/given", "files/topography/scan", "files/topography/text", "files/topography/road",
     "files/topography/library", "files/topography/holes", "files/topography/preparation",
     "files/topography/reading",
     "files/moduli/quantities", "files/moduli/cells", "files/moduli/tables",

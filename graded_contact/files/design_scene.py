@@ -19,7 +19,6 @@ that no one has designed for, and polishes it on others. Besides the tables of a
 
 import dataclasses
 import os
-from pathlib import Path
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -31,7 +30,8 @@ from ..parameters import with_values
 from ..response.stack import Stack
 from ..spectrum import SelfAffine
 from ..surface import Surface
-from .scene import Scene, parse_scene
+from .given import existing_file
+from .scene import Scene, check_paths, parse_scene
 from .surfaces import RandomSurface
 from .toml import Section, nearest, parse_toml, short, within
 
@@ -108,9 +108,7 @@ def read_design(path: str | os.PathLike) -> DesignScene:
     A missing file raises `FileNotFoundError`; whatever is wrong in it `ValueError`, naming the
     table and the key.
     """
-    path = Path(path)
-    if not path.exists():
-        raise FileNotFoundError(f"`path={path}` does not exist.")
+    path = existing_file(path)
     with within(f"{path}:"):
         return parse_design(path.read_text(encoding="utf-8"), path.parent)
 
@@ -169,6 +167,7 @@ def _bounds(table: Section, stack: Stack) -> tuple[dict[str, float], dict[str, f
         )
     parameters = Section("[design.parameters]", content, content)
     with within(parameters.place):
+        check_paths(content, stack)
         for path in content:
             ends = parameters.numbers(path)
             if len(ends) != 2 or not 0 < ends[0] <= ends[1] < np.inf:
@@ -179,7 +178,7 @@ def _bounds(table: Section, stack: Stack) -> tuple[dict[str, float], dict[str, f
             lower[path], upper[path] = ends
             if path.endswith("poisson"):
                 check_poisson(path, ends[1])
-        with_values(stack, lower)  # refuses unknown paths
+        with_values(stack, lower)  # refuses what the block's constructors do
     return lower, upper
 
 

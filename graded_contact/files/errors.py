@@ -7,7 +7,6 @@ in which they may be off, by one standard deviation, in their units.
 import csv
 import os
 from collections.abc import Sequence
-from pathlib import Path
 from typing import TypeVar
 
 import equinox as eqx
@@ -17,6 +16,7 @@ from jaxtyping import Array, Float
 from .._checks import as_float, check_values
 from .._shown import shown
 from ..parameters import paths, with_values
+from .given import existing_file
 from .toml import nearest, within
 
 T = TypeVar("T")
@@ -91,9 +91,7 @@ def read_errors(path: str | os.PathLike) -> Errors:
 
     **Raises:** `FileNotFoundError`; `ValueError` for anything else in the file, naming its line.
     """
-    path = Path(path)
-    if not path.exists():
-        raise FileNotFoundError(f"`path={path}` does not exist.")
+    path = existing_file(path)
     with within(f"`path={path}`:"):
         try:
             with open(path, newline="", encoding="utf-8-sig") as file:

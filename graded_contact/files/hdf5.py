@@ -5,12 +5,12 @@ import io
 import math
 import os
 from collections.abc import Iterator, Sequence
-from pathlib import Path
 from typing import Any
 
 import h5py
 import numpy as np
 
+from .given import existing_file
 from .sealed import SEAL, is_sealed, replacing, seal
 
 _COMPRESSION = 1100  # the most that gzip saves is a factor of 1032
@@ -51,9 +51,7 @@ def opened(path: str | os.PathLike, format: str) -> Iterator[Any]:
     **Raises:** `FileNotFoundError`; `ValueError` for another file or a damaged one, also if what
     is done with it fails.
     """
-    path = Path(path)
-    if not path.exists():
-        raise FileNotFoundError(f"`path={path}` does not exist.")
+    path = existing_file(path)
     try:
         if not is_sealed(path):
             raise ValueError("it was damaged or changed, or written by another program")

@@ -40,7 +40,7 @@ import dataclasses
 import itertools
 import math
 import os
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterable, Iterator, Mapping
 from pathlib import Path
 from typing import Any
 
@@ -51,7 +51,7 @@ from .._checks import as_float, check_positive, check_tolerance, check_values
 from .._memory import check_points
 from .._shown import shown
 from ..contact.douglas_rachford import DouglasRachford
-from ..parameters import with_values
+from ..parameters import paths, with_values
 from ..response.grading import AbstractGradedSolver
 from ..response.layering import Layering
 from ..response.stack import Stack
@@ -59,9 +59,10 @@ from ..rheology.material import AbstractMaterial
 from ..rheology.tabulated import Tabulated
 from .block import Block, extremes
 from .errors import Errors
+from .given import existing_file
 from .output import check_name, full_path
 from .surfaces import RandomSurface, SurfaceFile, parse_surface
-from .toml import Section, parse_toml, within
+from .toml import Section, nearest, parse_toml, within
 
 KEYS = (
     "title", "surface", "grid", "materials", "layers", "base", "load", "sweep", "solver", "output",
@@ -161,9 +162,7 @@ def read_scene(path: str | os.PathLike) -> Scene:
 
     **Returns:** what it describes.
     """
-    path = Path(path)
-    if not path.exists():
-        raise FileNotFoundError(f"`path={path}` does not exist.")
+    path = existing_file(path)
     with within(f"{path}:"):
         return parse_scene(path.read_text(encoding="utf-8"), path.parent)
 
@@ -240,14 +239,24 @@ def _sweep(scene: Section, stack: Stack, temperature: np.ndarray | None) -> dict
     """The axes of [sweep]; each of their values must make a block, at each temperature."""
     content = scene.get("sweep", {})
     section = Section("[sweep]", content, content)
-    found = {path: section.axis(path) for path in content}
     with within(section.place):
+        check_paths(content, stack)
+        found = {path: section.axis(path) for path in content}
         for path, values in found.items():
             for value in (np.min(values), np.max(values)):  # what is allowed has no gaps
                 changed = with_values(stack, {path: value})
                 for at in extremes(temperature):
                     changed.at(at)
     return found
+
+
+def check_paths(given: Iterable[str], stack: Stack) -> None:
+    """Raises `ValueError` unless all name numbers of the block."""
+    known = paths(stack)
+    whole = [path for path in known if not path.endswith("]")]  # entries of arrays are many
+    for path in given:
+        if path not in known:
+            raise ValueError(f"`{path}` is no number of the block; {nearest(path, whole)}")
 
 
 def _accuracy(

@@ -12,6 +12,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
+from ..files.given import existing_file
 from ..files.output import full_path
 from ..files.scene import Scene, parse_scene
 from ..files.toml import parse_toml, within
@@ -48,8 +49,8 @@ def open_document(path: Path | None) -> Document:
     """
     if path is None:
         file: Any = resources.files("graded_contact.studies").joinpath("demo.toml")
-    elif not (file := Path(path)).exists():
-        raise FileNotFoundError(f"`path={path}` does not exist.")
+    else:
+        file = existing_file(path)
     folder = Path.cwd() if path is None else Path(path).absolute().parent
     text = file.read_text("utf-8")
     with within(f"{file.name}:"):

@@ -15,7 +15,7 @@ EXAMPLE = Path(__file__).parents[2] / "examples" / "design_coating.toml"
     [
         ("[design]", "[desing]", "did you mean `design`"),
         ("ratio =", "ration =", "did you mean `ratio`"),
-        ("layers[0].thickness", "layers[0].thicknes", "nearest is 'layers.0..thickness'"),
+        ("layers[0].thickness", "layers[0].thicknes", "did you mean .layers.0..thickness."),
         ("strengths[0]", "strengths", "has shape"),
         ("[5e-5, 1e-3]", "[1e-3, 5e-5]", r"\[design.parameters\] 'layers.0..thickness' = "),
         ("[5e-5, 1e-3]", "[0, 1e-3]", "positive and in this order"),

@@ -703,9 +703,11 @@ def test_ambiguous_or_broken_files_are_refused(tmp_path, text, expected):
     assert "table.csv" in str(refusal.value)
 
 
-def test_a_missing_file_and_a_damaged_workbook_are_refused(tmp_path):
+def test_a_missing_file_a_folder_and_a_damaged_workbook_are_refused(tmp_path):
     with pytest.raises(FileNotFoundError, match=r"nowhere.csv` does not exist"):
         read_moduli(tmp_path / "nowhere.csv")
+    with pytest.raises(ValueError, match="is a folder; a file is needed"):
+        read_moduli(tmp_path)
     for start, library in ((b"\xd0\xcf\x11\xe0", "xlrd"), (b"PK\x03\x04", "openpyxl")):
         pytest.importorskip(library)
         with pytest.raises(ValueError, match=r"a.xls` cannot be read as an Excel workbook"):

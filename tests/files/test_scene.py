@@ -364,8 +364,18 @@ def swept(text):
 @pytest.mark.parametrize(
     "text, expected",
     [
-        (swept('"layers[0].thicknes" = [1e-5]'), r"\[sweep\].*nearest is 'layers\[0\].thickness'"),
-        (swept('"layers[1].thickness" = [1e-5]'), r"\[sweep\].*nearest is 'layers\[0\].thickness'"),
+        (
+            swept('"layers[0].thicknes" = [1e-5]'),
+            r"\[sweep\] `layers\[0\].thicknes` .*did you mean `layers\[0\].thickness`",
+        ),
+        (
+            swept('"layers[1].thickness" = [1e-5]'),
+            r"\[sweep\] `layers\[1\].thickness` .*did you mean `layers\[0\].thickness`",
+        ),
+        (
+            swept('"tread.E" = [1e6]'),
+            r"\[sweep\] `tread.E` is no number of the block; it takes `layers",
+        ),
         (swept('"layers[0].thickness" = []'), r"\[sweep\] `layers\[0\].thickness` = \[\] must be"),
         (swept('"layers[0].thickness" = [1e-5, 1e-5]'), r"\[sweep\].*has 1e-05 more than once"),
         (swept('"layers[0].thickness" = [1e-5, -1.0]'), r"\[sweep\].*`thickness=-1` is refused"),

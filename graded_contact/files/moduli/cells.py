@@ -12,6 +12,8 @@ from collections.abc import Callable, Iterable
 from pathlib import Path
 from typing import Any, NamedTuple
 
+from ..given import existing_file
+
 LARGEST = 100_000_000  # bytes; sweeps have thousands of points
 
 _NUMBER = re.compile(r"[-+]?(\d+\.?\d*|\.\d+)([eE][-+]?\d+)?")
@@ -77,8 +79,7 @@ def read_sheets(path: Path) -> list[Sheet]:
     What a file is, its first bytes tell, not its name. Raises `FileNotFoundError`, `ImportError`
     if the reader of a workbook is not installed, and `ValueError` for what is not a table.
     """
-    if not path.exists():
-        raise FileNotFoundError(f"`path={path}` does not exist.")
+    existing_file(path)
     if path.stat().st_size > LARGEST:
         raise ValueError(f"`path={path}` has more than {LARGEST / 1e6:g} MB, too much for a table.")
     content = path.read_bytes()

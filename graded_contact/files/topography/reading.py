@@ -16,6 +16,7 @@ import numpy as np
 
 from ..._checks import Numbers, check_positive, door
 from ...surface import Step, Surface, step
+from ..given import existing_file
 from .library import metres_of_library, read_arrays, read_instrument
 from .preparation import check_choices, surface_from_heights
 from .road import is_road, read_road
@@ -59,12 +60,10 @@ def read_surface(
     **Raises:** `FileNotFoundError` for a missing file, `ImportError` without the extra,
     `ValueError` for an unreadable or damaged file, naming all that has to be passed besides.
     """
-    path = Path(path)
     if size is not None:
         check_positive("size", np.asarray(size), "[m]")
     check_choices(periodic, fill, rim)
-    if not path.exists():
-        raise FileNotFoundError(f"`path={path}` does not exist.")
+    path = existing_file(path)
     warned: list[str] = []
     with _reading(path, warned):
         scan = _scan(path, channel)
