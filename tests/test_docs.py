@@ -60,7 +60,7 @@ def run(command: list[str], folder: Path) -> None:
 
 # Alone, these pages say all that their programs need.
 @pytest.mark.slow
-@pytest.mark.parametrize("name", ["own_law", "own_profile", "own_solver"])
+@pytest.mark.parametrize("name", ["own_law", "own_profile", "own_solver", "short_answers", "studies"])
 def test_programs_of_a_page_run(name, tmp_path):
     program = "\n".join(python_blocks(DOCS / "howto" / f"{name}.md"))
     done = subprocess.run(
