@@ -206,7 +206,7 @@ def gear_up(problem: OnGrid, state: Progress, rtol, plan: Plan) -> Progress:
             # Under `vmap` those that are not slow come here too.
             budget=jnp.where(state.slow, state.steps, 0),
         )
-        pairs = state.newton_pairs + pairs + 1
+        pairs = state.newton_pairs + pairs + 2
         return state._replace(
             z=z, coat=coat, newton_pairs=pairs, settled=settled, slow=state.due, due=state.slow
         )

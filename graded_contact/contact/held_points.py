@@ -1,0 +1,167 @@
+"""Pressures on a known set of points, for the Newton steps of `newton_steps.py`.
+
+Of the solid K + λ with the heights h and the mean pressure p̄, on the set A of points that touch:
+
+    (K + λ) σ - h + c = 0 on A,   σ = 0 elsewhere,   mean σ = p̄.
+
+Where A has few points they are eliminated one by one: the matrix of K between them is gathered from
+the response to one loaded point. Else by generalised conjugate residuals, preconditioned by the
+inverse kernel on A: two FFT pairs a direction, and so many directions only as the step is worth.
+
+S. C. Eisenstat, H. C. Elman & M. H. Schultz, SIAM J. Numer. Anal. 20 (1983) 345,
+doi:10.1137/0720023.
+"""
+
+import math
+from typing import NamedTuple
+
+import jax
+import jax.numpy as jnp
+from jaxtyping import Array, Bool, Float, Inexact
+
+from ..grid import to_field, to_spectrum
+from .splitting import DRAFTED_FROM
+
+REDUCTION = 0.1  # of the residual by one step, where it is iterated
+_NUM_DIRECTIONS, _NUM_DIRECTIONS_OF_LARGE = 24, 8  # those of large grids in single precision
+_FEWEST, _MOST = 128, 2048  # points eliminated
+
+
+class Coated(NamedTuple):
+    """A solid under a coat of springs, all in units of pressure.
+
+    **Fields:**
+
+    - `kernel`: K on the half spectrum, 0 at q = 0.
+    - `green`: the gap that one point of unit pressure opens, K in space.
+    - `coat`: compliance λ of the springs.
+    - `heights`: h, 0 at q = 0 but for what the springs rest at.
+    - `load`: mean of the pressure.
+    """
+
+    kernel: Inexact[Array, "*half"]
+    green: Float[Array, "*shape"]
+    coat: Float[Array, ""]
+    heights: Float[Array, "*shape"]
+    load: Float[Array, ""]
+
+
+def pressure_on(
+    held: Bool[Array, "*shape"],
+    solid: Coated,
+    pressure: Float[Array, "*shape"],
+    wanted: Float[Array, ""],
+    settled: Bool[Array, ""],
+    budget: Array,
+) -> tuple[Float[Array, "*shape"], Float[Array, "*shape"], Float[Array, ""], Array]:
+    """Returns pressure, gap, relative residual before, and FFT pairs.
+
+    **Arguments:**
+
+    - `held`: the set A.
+    - `pressure`: to begin from.
+    - `wanted`: relative residual that is small enough.
+    - `settled`: whether A is known, so that the residual should become as small; else one step
+      reduces it tenfold.
+    - `budget`: FFT pairs after which no direction is begun.
+    """
+    kernel, _, lam, heights, load = solid
+    coated = (kernel + lam).at[(0,) * kernel.ndim].set(0)
+    mask = held.astype(pressure.dtype)
+    points = jnp.sum(mask)
+
+    def press(field):
+        return to_field(coated * to_spectrum(field), field.shape)
+
+    def iterate():
+        begun = mask * pressure
+        begun = begun + mask * ((load * mask.size - jnp.sum(begun)) / jnp.maximum(points, 1))
+        return _iterated(press, coated, mask, heights, begun, wanted, settled, budget // 2)
+
+    rooms = _rooms(mask.size)
+    fitting = jnp.searchsorted(jnp.asarray(rooms), points)
+    eliminate = [lambda room=room: _eliminated(solid, held, room) for room in rooms]
+    pressure, off, pairs = jax.lax.switch(fitting, [*eliminate, iterate])
+    gap = press(pressure) - heights
+    return pressure, gap - jnp.sum(mask * gap) / jnp.maximum(points, 1), off, pairs + 1
+
+
+def _rooms(size: int) -> list[int]:
+    """Numbers of points up to which they are eliminated: as fast as some forty FFT pairs."""
+    most = min(_MOST, 2 ** math.ceil(math.log2(4 * math.sqrt(size))), size // 2)
+    return [2**n for n in range(int(math.log2(_FEWEST)), int(math.log2(_MOST)) + 1) if 2**n <= most]
+
+
+def _eliminated(solid: Coated, held, room: int):
+    """The pressure on at most `room` points."""
+    where = jnp.nonzero(held, size=room, fill_value=0)
+    used = jnp.arange(room) < jnp.sum(held)
+    apart = tuple((i[:, None] - i) % n for i, n in zip(where, held.shape, strict=True))
+    one = jnp.eye(room, dtype=solid.green.dtype)
+    matrix = jnp.where(used[:, None] & used, solid.green[apart] + solid.coat * one, one)
+    sides = jnp.stack([jnp.where(used, solid.heights[where], 0), used], axis=1)
+    by_heights, by_gap = jnp.linalg.solve(matrix, sides).T
+    total = jnp.sum(by_gap)  # 0 where no point is held
+    missing = solid.load * held.size - jnp.sum(by_heights)
+    found = by_heights + by_gap * (missing / jnp.where(total > 0, total, 1))
+    zero = jnp.zeros(held.shape, found.dtype)
+    return zero.at[where].add(found), zero[(0,) * zero.ndim], jnp.asarray(0)
+
+
+def _iterated(press, coated, mask, heights, pressure, wanted, settled, most):
+    """The pressure closer to the solution, the relative residual before, and FFT pairs."""
+    mean = (0,) * coated.ndim
+    inverse = (1 / coated.at[mean].set(1)).at[mean].set(0)
+    points = jnp.maximum(jnp.sum(mask), 1)
+
+    def project(field):
+        return mask * (field - jnp.sum(mask * field) / points)
+
+    def solve(field):
+        return project(to_field(inverse * to_spectrum(project(field)), field.shape))
+
+    residual = solve(heights - press(pressure))
+    size, begun = _norm(pressure), _norm(residual)
+    close = wanted * size
+    goal = jnp.where(settled, close, jnp.maximum(REDUCTION * begun, close))
+    change, num = _conjugate_residuals(lambda field: solve(press(field)), residual, goal, most)
+    return pressure + change, begun / size, 2 + 2 * num
+
+
+def _conjugate_residuals(operate, residual, goal, most):
+    """The change that brings a residual's norm below a goal, and the number of directions."""
+    large = residual.size >= DRAFTED_FROM
+    kept = _NUM_DIRECTIONS_OF_LARGE if large else _NUM_DIRECTIONS
+    fields = jnp.zeros((kept, *residual.shape), jnp.float32 if large else residual.dtype)
+    axes = tuple(range(1, fields.ndim))
+
+    def running(state):
+        _, residual, _, _, num = state
+        return (_norm(residual) > goal) & (num < most)
+
+    def body(state):
+        change, residual, directions, images, num = state
+        image = operate(residual)
+        weights = jnp.sum(images * image, axis=axes, keepdims=True)
+        image = image - jnp.sum(weights * images, axis=0)
+        direction = residual - jnp.sum(weights * directions, axis=0)
+        size = _norm(image)
+        scale = 1 / jnp.where(size > 0, size, 1)
+        image, direction = image * scale, direction * scale
+        along = jnp.sum(image * residual)
+        slot = num % kept
+        return (
+            change + along * direction,
+            residual - along * image,
+            directions.at[slot].set(direction.astype(fields.dtype)),
+            images.at[slot].set(image.astype(fields.dtype)),
+            num + 1,
+        )
+
+    start = (jnp.zeros_like(residual), residual, fields, fields, jnp.asarray(0))
+    change, *_, num = jax.lax.while_loop(running, body, start)
+    return change, num
+
+
+def _norm(field):
+    return jnp.sqrt(jnp.sum(field * field))
