@@ -8,11 +8,13 @@ of one and two dimensions, also odd and not square, any direction; each solved a
 closer.
 """
 
+from functools import partial
+
 import jax
 import jax.numpy as jnp
 import numpy as np
 from contact_random import survey
-from contact_scenes import CELL, Q0, print_versions, rough_surface
+from contact_scenes import CELL, Q0, print_versions, rough_surface, timed
 from rows import keep
 
 import graded_contact as gc
@@ -32,7 +34,8 @@ def hard(options):
         survey(HardScene, options)
         return
     print_versions()
-    print("# FFT pairs to rtol = " + ", ".join(f"{r:g}" for r in RTOL) + "; !: not reached")
+    print("# points in contact, FFT pairs to rtol = " + ", ".join(f"{r:g}" for r in RTOL))
+    print("# (!: not reached), and of the last the error claimed and the seconds when compiled")
     for points, cell in CYLINDERS:
         for contrast in CONTRASTS:
             for speed in SPEEDS:
@@ -50,18 +53,27 @@ def hard(options):
 def row(name, contrast, kernel, heights, load):
     pairs = []
     for rtol in RTOL:
-        found = gc.solve_contact(kernel, heights, load, rtol=rtol, throw=False)
+        solve = partial(gc.solve_contact, kernel, heights, load, rtol=rtol, throw=False)
+        found = solve()
         done = found.result == gc.RESULTS.successful
-        pairs.append(f"{float(found.num_fft_pairs):7.0f}{' ' if done else '!'}")
-    touching = int(jnp.sum(found.pressure > 0))
-    print(f"{name:42s} {contrast:6g} {touching:6d} " + " ".join(pairs), flush=True)
+        pairs.append(f"{float(found.num_fft_pairs):.0f}{'' if done else '!'}")
+    touching, error = int(jnp.sum(found.pressure > 0)), float(found.error)
+    seconds = timed(solve, 3)
+    print(
+        f"{name:42s} {contrast:6g} {touching:6d} "
+        + " ".join(f"{p:>6s}" for p in pairs)
+        + f" {error:7.1e} {seconds:7.3f}",
+        flush=True,
+    )
     keep(
         "bench_contact-hard",
         {
             "scene": name,
             "contrast": contrast,
             "points in contact": touching,
-            **{f"pairs to {r:g}": p.strip() for r, p in zip(RTOL, pairs, strict=True)},
+            **{f"pairs to {r:g}": p for r, p in zip(RTOL, pairs, strict=True)},
+            "claimed error at the last": error,
+            "time of the last [s]": seconds,
         },
     )
 

@@ -235,7 +235,7 @@ def found(problem: OnGrid, state: Progress, rtol) -> Iterated:
     # Where rounding ended the solve, the residual is noise, most of it out of contact.
     error = jax.lax.cond(
         ended & (state.error > rtol),
-        lambda: jnp.minimum(state.error, rounding_error(solid, law, x, y, gap)),
+        lambda: jnp.minimum(state.error, rounding_error(factor * problem.kernel, law, x, y, gap)),
         lambda: state.error,
     )
     # The displacement has the stiff waves of the law's pressure and the soft ones of the

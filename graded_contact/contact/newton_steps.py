@@ -87,7 +87,7 @@ def newton_round(
     - `coat`: λ to begin with, over the least |K|.
     - `budget`: FFT pairs after which no step is begun.
     """
-    least, green = least_compliance(kernel), to_field(kernel, z.shape)
+    least, green = least_compliance(kernel), to_field(kernel + 0j, z.shape)
     unchanged = jnp.full(3, jnp.inf, z.dtype)
     none = jnp.asarray(0)
     state = Round(x, z - x, x, z - x, coat, unchanged, none, none, jnp.asarray(False))

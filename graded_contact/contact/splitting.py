@@ -55,11 +55,6 @@ class Solid(eqx.Module):
     def __call__(self, z):
         return self.shift + to_field(self.filter * to_spectrum(z), z.shape)
 
-    def powers(self, spectrum):
-        """Sums of squares of the field with this half spectrum, and of 1/ρ Re M times it."""
-        power = (spectrum.real**2 + spectrum.imag**2) * weight_of_modes(self.shift)
-        return sums(power, power * self.stiffness**2)
-
 
 def solid_of(
     kernel: Inexact[Array, "*half"],
@@ -125,7 +120,7 @@ def iterate(
         image, before, x, y = step(z)
         image, after, *_ = step(image)
         # The spectrum of y - x comes for nothing: steps move z by 2α (y - x).
-        defect, stiff = solid.powers((after - before) / (2 * relaxation))
+        defect, stiff = powers((after - before) / (2 * relaxation), solid.stiffness, z)
         size, scale, total, squared = sums(x * x, z * z, jnp.abs(y), y * y)
         unit = jnp.where(size > 0, size, 1)
         share = splitting.share
@@ -191,6 +186,12 @@ def weight_of_modes(field: Float[Array, "*shape"]) -> Float[Array, "*half"]:
     return jnp.broadcast_to(weight, half_shape(field.shape))
 
 
+def powers(spectrum, stiffness, field):
+    """Sums of squares of a field of this half spectrum, and of `stiffness` times it."""
+    power = (spectrum.real**2 + spectrum.imag**2) * weight_of_modes(field)
+    return sums(power, power * stiffness**2)
+
+
 def _error(residual, stiff, share):
     """Estimated relative error of the pressure.
 
@@ -205,7 +206,7 @@ def _error(residual, stiff, share):
 
 
 def rounding_error(
-    solid: Solid,
+    kernel: Inexact[Array, "*half"],
     law: AbstractLaw,
     x: Float[Array, "*shape"],
     y: Float[Array, "*shape"],
@@ -213,12 +214,15 @@ def rounding_error(
 ) -> Float[Array, ""]:
     """Returns the error of y if the residual is noise: only what the law passes on counts.
 
-    Twice that noise, as it is there or as it is on average, if it happens to be small there.
+    Twice that noise, as it is there or as it is on average, if it happens to be small there. Noise
+    does not choose the waves that losses would let grow: |ρM| of the `kernel` tells what it does.
     """
     passed = slope(law, y - gap)
+    compliance = jnp.abs(kernel)
+    stiffness = jnp.where(compliance > 0, 1 / jnp.where(compliance > 0, compliance, 1), 0)
 
     def norm(field):
-        defect, stiff = solid.powers(to_spectrum(field))
+        defect, stiff = powers(to_spectrum(field), stiffness, field)
         return jnp.sqrt(defect) + jnp.sqrt(stiff)
 
     noise = jnp.maximum(norm(passed * (y - x)), jnp.sqrt(jnp.mean(passed**2)) * norm(y - x))
@@ -244,9 +248,10 @@ def gap_error(
     weight = weight_of_modes(gap)
     power = jnp.abs(to_spectrum(gap)) ** 2 * weight
     compliance = jnp.abs(kernel)
-    stiffness = jnp.where(compliance > 0, 1 / jnp.where(compliance > 0, compliance, 1), 0)
+    # Of 1/M the real part holds; losses do not.
+    stiffness = jnp.where(compliance > 0, jnp.real(1 / jnp.where(compliance > 0, kernel, 1)), 0)
     total, bent = sums(power, power * stiffness)
     allowed = compliance / (1 + compliance * bent / jnp.where(total > 0, total, 1))
     (yielded,) = sums((allowed * jnp.abs(to_spectrum(freed))) ** 2 * weight)
     share = jnp.maximum(jnp.mean(jnp.abs(held)), 1 / gap.size)
-    return 12 * (share**-0.25 * offset + share**-0.5 * jnp.sqrt(yielded / gap.size))
+    return 10 * (share**-0.25 * offset + share**-0.5 * jnp.sqrt(yielded / gap.size))

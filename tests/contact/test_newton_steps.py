@@ -48,7 +48,7 @@ def test_cylinder_of_contrast_1000_converges(speed):
     kernel, heights = cylinder(1000.0, speed)
     s = solve(kernel, heights)
     assert_solves(s, kernel, heights, LOAD)
-    assert s.num_fft_pairs <= 1500
+    assert s.num_fft_pairs <= 250
 
 
 def test_batch_of_hard_and_ordinary_contacts_is_that_of_each():
