@@ -18,6 +18,7 @@ FOLDER = Path(__file__).parents[1] / "notebooks"
 NOTEBOOKS = sorted(FOLDER.glob("*.ipynb"))
 SMALL = 64  # points along each edge
 LONGEST_FUNCTION = 10  # lines
+PATIENCE = 600  # s, for a kernel to start or a cell to end on a busy machine
 
 
 def read(path):
@@ -51,7 +52,7 @@ def execute(notebook, folder: Path) -> None:
         "PYTHONPATH": os.pathsep.join(filter(None, [package, os.environ.get("PYTHONPATH")])),
         "IPYTHONDIR": str(folder / "ipython"),
     }
-    client = NotebookClient(notebook, km=manager, timeout=300)
+    client = NotebookClient(notebook, km=manager, timeout=PATIENCE, startup_timeout=PATIENCE)
     client.execute(cleanup_kc=True, cwd=str(folder), env=os.environ | environment)
 
 
