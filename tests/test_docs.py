@@ -58,9 +58,12 @@ def run(command: list[str], folder: Path) -> None:
     assert done.returncode == 0, done.stderr
 
 
+RUN = ["own_law", "own_profile", "own_solver", "short_answers", "studies"]
+
+
 # Alone, these pages say all that their programs need.
 @pytest.mark.slow
-@pytest.mark.parametrize("name", ["own_law", "own_profile", "own_solver", "short_answers", "studies"])
+@pytest.mark.parametrize("name", RUN)
 def test_programs_of_a_page_run(name, tmp_path):
     program = "\n".join(python_blocks(DOCS / "howto" / f"{name}.md"))
     done = subprocess.run(

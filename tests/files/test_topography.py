@@ -466,6 +466,8 @@ def test_a_line_of_points_without_any_height_keeps_its_place(tmp_path):
         ("1,2,3\n4,5\n6,7,8\n", "line 2 has 2 cells, those before it 3"),
         ("1,2,3,4\n1,2,3x,4\n" * 4, "line 2 holds '3x', which is no number"),
         ("0,12\n1,15\n2,9\n4,7\n", "commas may be decimal marks or separate two columns"),
+        ("0,12,1,05,2,71\n0,31,1,99,2,03\n" * 3, "decimal marks and to separate columns too"),
+        (" \n", "it is empty"),
         ("0 1\n5 2\n1 3\n7 1\n3 4\n", "goes back and forth"),
         ("0 0 1\n1 0.3 2\n5 7 1\n2.2 3 9\n4 5.1 2\n", "form no grid"),
         ("0 0 1\n" * 9, "fewer than 4 values of x"),

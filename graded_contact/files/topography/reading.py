@@ -121,6 +121,8 @@ def _reading(path: Path, warned: list[str]) -> Iterator[None]:
 def _scan(path: Path, channel: str | int | None) -> Scan:
     """The heights in a file, by the reader that its content asks for."""
     content = path.read_bytes()
+    if not content.strip():
+        raise Refusal("it is empty")
     if content.startswith(b"\x93NUMPY") or (path.suffix == ".npz" and content[:2] == b"PK"):
         return read_arrays(content, channel)
     if is_road(content):

@@ -113,6 +113,11 @@ def _layout(lines: list[str]) -> tuple[str | None, str]:
 
     best = max(((s, d) for d in ".," for s in _SEPARATORS), key=score)
     parts = [line.split(",") for line in sample]
+    if best == (",", ".") and any(re.fullmatch(r"\s*0\d+\s*", cell) for p in parts for cell in p):
+        raise Refusal(
+            "its commas seem to be decimal marks and to separate columns too: whole numbers do not "
+            "begin with 0; write decimal points, or separate the columns by semicolons"
+        )
     if best == (",", ".") and all(
         len(p) == 2 and re.fullmatch(r"\s*[-+]?\d+", p[0]) and re.fullmatch(r"\d+\s*", p[1])
         for p in parts
