@@ -106,9 +106,11 @@ def plot_history(design: Design) -> "Figure":
         axes.legend()
     for name, tried, last in zip(names, history.parameters.T, best.parameters, strict=True):
         parameters.plot(evaluation, tried / last, ".-", label=name)
-    parameters.set(yscale="log", ylabel="parameter / result [1]")
+    parameters.set_ylabel("parameter / result [1]")
     ratios = history.parameters / np.array(best.parameters)
-    few_powers_of_ten(parameters.yaxis, np.min(ratios), np.max(ratios))
+    if np.max(ratios) > 3 * np.min(ratios):  # else a logarithmic axis has hardly a number
+        parameters.set_yscale("log")
+        few_powers_of_ten(parameters.yaxis, np.min(ratios), np.max(ratios))
     # Paths are long.
     figure.legend(handles=parameters.get_lines(), loc="outside lower right", ncols=3)
     for axes in (value, *limits, parameters):
