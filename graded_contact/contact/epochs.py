@@ -16,6 +16,7 @@ from jaxtyping import Array
 
 from ..grid import interpolate, resample_spectrum, to_field, to_spectrum
 from .law import AbstractLaw
+from .held_points import most_eliminated
 from .newton_steps import newton_round
 from .on_grid import OnGrid, as_guess, full_or, on_grid, start_of
 from .solver import (
@@ -180,8 +181,10 @@ def _epochs(problem: OnGrid, state: Progress, how, plan: Plan) -> Progress:
         state = state._replace(z=y + change * gap, factor=state.factor * change)
         if not plan.geared:
             return state
-        # At its pace so far the splitting needs more than as many steps again.
-        slow = state.settled | (state.error > jnp.sqrt(how["rtol"]))
+        # At its pace so far the splitting needs more than as many steps again; few points are
+        # found at once.
+        few = jnp.sum(y > 0) <= most_eliminated(y.size)
+        slow = state.settled | few | (state.error > jnp.sqrt(how["rtol"]))
         slow &= jnp.mean(y > 0, dtype=y.dtype) < _SMALL**y.ndim
         return state._replace(slow=slow, due=~slow)
 
