@@ -27,7 +27,7 @@ class Program(NamedTuple):
     **Fields:**
 
     - `function`: what was traced.
-    - `jaxpr`: takes `numbers` as constants, and a point.
+    - `jaxpr`: takes `numbers`, then those of a point.
     - `text`: of `jaxpr`, which takes longer to write than many a solve.
     - `numbers`: arrays that the function closes over.
     - `point`: one that it was traced with; only dtypes count.
@@ -46,13 +46,13 @@ class Program(NamedTuple):
         """Names of the numbers of a point on which nothing depends."""
         used = {id(atom) for equation in self.jaxpr.eqns for atom in equation.invars}
         used |= {id(atom) for atom in self.jaxpr.outvars}
-        names = zip(sorted(self.point), self.jaxpr.invars, strict=True)
+        names = zip(sorted(self.point), self.jaxpr.invars[len(self.numbers) :], strict=True)
         return [name for name, variable in names if id(variable) not in used]
 
     def __call__(self, numbers: list[Any], point: dict[str, Any]) -> tuple[dict[str, Any], Any]:
         """Returns what the function gives with other numbers, at another point."""
-        run = core.jaxpr_as_fun(core.ClosedJaxpr(self.jaxpr, numbers))
-        flat = run(*jax.tree.leaves(point))
+        run = core.jaxpr_as_fun(core.ClosedJaxpr(self.jaxpr, []))
+        flat = run(*numbers, *jax.tree.leaves(point))
         return jax.tree.unflatten(jax.tree.structure(self.like), flat)
 
 
@@ -91,7 +91,8 @@ def trace(function: Callable[[dict[str, Any]], Any], point: dict[str, np.generic
         equation.replace(invars=[lifted(atom) for atom in equation.invars])
         for equation in closed.jaxpr.eqns
     ]
-    jaxpr = closed.jaxpr.replace(constvars=variables, eqns=equations)
+    arguments = [*variables, *closed.jaxpr.invars]
+    jaxpr = closed.jaxpr.replace(constvars=[], invars=arguments, eqns=equations)
     return Program(inner, jaxpr, str(jaxpr), numbers, point, like)
 
 
