@@ -15,8 +15,8 @@ import numpy as np
 from jaxtyping import Array
 
 from ..grid import interpolate, resample_spectrum, to_field, to_spectrum
-from .law import AbstractLaw
 from .held_points import most_eliminated
+from .law import AbstractLaw
 from .newton_steps import newton_round
 from .on_grid import OnGrid, as_guess, full_or, on_grid, start_of
 from .solver import (

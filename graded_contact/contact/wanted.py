@@ -38,13 +38,14 @@ class Asked(NamedTuple):
     - `value`: the numbers, continuous in the pressure.
     - `size`: what they are of the order of, unless by chance much smaller.
     - `tolerance`: acceptable errors.
-    - `share`: of what a step changes them by, which is claimed as their error.
+    - `share`: of what a step changes them by, which is claimed as their error. A wall of some
+      hardness once left 1.06.
     """
 
     value: Float[Array, " numbers"]
     size: Float[Array, " numbers"]
     tolerance: Float[Array, " numbers"]
-    share: Float[Array, " numbers"] | float = 1.0
+    share: Float[Array, " numbers"] | float = 2.0
 
 
 class Wanted(eqx.Module):
