@@ -240,7 +240,6 @@ def kernel_and_velocity(stack, surface, velocity, solver, graded, throw):
     return (kernel.real if at_rest else kernel), velocity, reached
 
 
-@eqx.filter_jit
 def observe(
     contact: ContactSolution,
     kernel: Inexact[Array, "*half"],
@@ -251,45 +250,59 @@ def observe(
     law: AbstractLaw,
     known: tuple[Float[Array, ""], Float[Array, ""]] | None,
 ) -> Sliding:
+    """Returns what a contact means; in programs of their own, which hold fewer fields at once."""
+    own, margin = _own_displacement_and_margin(contact, kernel, grid, law)
+    numbers = _frictions(contact, own, kernel, heights, grid, velocity, known)
+    numbers |= _areas(contact, margin, measured, grid, velocity)
+    if contact.wanted_error is not None:
+        mu_error, area_error = contact.wanted_error
+        numbers |= dict(friction_error=mu_error, contact_area_error=area_error)
+    return Sliding(contact=contact, **numbers)
+
+
+@eqx.filter_jit
+def _own_displacement_and_margin(contact: ContactSolution, kernel, grid: Grid, law: AbstractLaw):
+    # The displacement of the pressure itself: that balances energy to rounding.
+    own = displace(kernel, contact.pressure)
+    return own, law.margin(contact.pressure, contact.gap, edge_stiffness(kernel, grid))
+
+
+@eqx.filter_jit
+def _frictions(contact: ContactSolution, own, kernel, heights, grid: Grid, velocity, known):
     sigma, w = contact.pressure, contact.displacement
-    own = displace(kernel, sigma)  # of the pressure itself: that balances energy to rounding
-    margin = law.margin(sigma, contact.gap, edge_stiffness(kernel, grid))
-    touching = margin > 0
+    extrapolated = jnp.zeros((), sigma.dtype)
+    if known is not None:
+        unknown = is_unknown(wave_frequencies(grid, velocity), known)
+        extrapolated = friction_share(sigma, w, grid, velocity, unknown)
+    # Errors have no derivative.
+    s, mismatch, error, u, m, v = jax.lax.stop_gradient(
+        (sigma, contact.mismatch, contact.error, own, kernel, velocity)
+    )
+    return dict(
+        friction=friction(sigma, own, grid, velocity),
+        friction_error=friction_error(s, mismatch, error, m, grid, v),
+        geometric_friction=friction(sigma, heights, grid, velocity),
+        energy_imbalance=energy_imbalance(s, u, m, grid, v),
+        slope_in_contact=slope_in_contact(sigma, w, grid),
+        extrapolated_friction=extrapolated,
+    )
+
+
+@eqx.filter_jit
+def _areas(contact: ContactSolution, margin, measured, grid: Grid, velocity):
+    sigma, touching = contact.pressure, margin > 0
     zero = jnp.zeros((), sigma.dtype)
     area, rubbing = (
         (zero, zero)
         if measured is None
-        else unmeasured_shares(measured, touching, sigma, w, grid, velocity)
+        else unmeasured_shares(measured, touching, sigma, contact.displacement, grid, velocity)
     )
-    extrapolated = zero
-    if known is not None:
-        unknown = is_unknown(wave_frequencies(grid, velocity), known)
-        extrapolated = friction_share(sigma, w, grid, velocity, unknown)
-    mu_error, area_error, imbalance = _errors_of(
-        *jax.lax.stop_gradient((contact, margin, own, kernel, grid, velocity))
-    )
-    return Sliding(
-        friction=friction(sigma, own, grid, velocity),
-        friction_error=mu_error,
+    known = jax.lax.stop_gradient((margin, sigma, contact.error))
+    return dict(
         contact_area=contact_area(touching).astype(sigma.dtype),
-        contact_area_error=area_error,
+        contact_area_error=contact_area_error(*known),
         contact_area_corrected=contact_area_corrected(touching).astype(sigma.dtype),
         contact_area_smooth=contact_area_smooth(margin),
-        geometric_friction=friction(sigma, heights, grid, velocity),
-        energy_imbalance=imbalance,
-        slope_in_contact=slope_in_contact(sigma, w, grid),
         unmeasured_area=area,
         unmeasured_friction=rubbing,
-        extrapolated_friction=extrapolated,
-        contact=contact,
     )
-
-
-def _errors_of(contact: ContactSolution, margin, own, kernel, grid: Grid, velocity):
-    """Errors of friction and area, and the imbalance of energy."""
-    sigma = contact.pressure
-    imbalance = energy_imbalance(sigma, own, kernel, grid, velocity)
-    if contact.wanted_error is not None:
-        return *contact.wanted_error, imbalance
-    mu_error = friction_error(sigma, contact.mismatch, contact.error, kernel, grid, velocity)
-    return mu_error, contact_area_error(margin, sigma, contact.error), imbalance
