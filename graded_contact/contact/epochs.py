@@ -183,7 +183,7 @@ def _epochs(problem: OnGrid, state: Progress, how, plan: Plan) -> Progress:
             return state
         # At its pace so far the splitting needs more than as many steps again; few points are
         # found at once.
-        few = jnp.sum(y > 0) <= most_eliminated(y.size)
+        few = jnp.sum(y > 0) <= most_eliminated(y)
         slow = state.settled | few | (state.error > jnp.sqrt(how["rtol"]))
         slow &= jnp.mean(y > 0, dtype=y.dtype) < _SMALL**y.ndim
         return state._replace(slow=slow, due=~slow)

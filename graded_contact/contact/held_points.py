@@ -19,6 +19,7 @@ import jax
 import jax.numpy as jnp
 from jaxtyping import Array, Bool, Float, Inexact
 
+from .._devices import num_devices
 from ..grid import to_field, to_spectrum
 from .splitting import DRAFTED_FROM
 
@@ -78,22 +79,27 @@ def pressure_on(
         begun = begun + mask * ((load * mask.size - jnp.sum(begun)) / jnp.maximum(points, 1))
         return _iterated(press, coated, mask, heights, begun, wanted, settled, budget // 2)
 
-    rooms = _rooms(mask.size)
-    fitting = jnp.searchsorted(jnp.asarray(rooms), points)
+    rooms = _rooms(pressure)
+    fitting = sum((points > room for room in rooms), jnp.asarray(0))
     eliminate = [lambda room=room: _eliminated(solid, held, room) for room in rooms]
     pressure, off, pairs = jax.lax.switch(fitting, [*eliminate, iterate])
     gap = press(pressure) - heights
     return pressure, gap - jnp.sum(mask * gap) / jnp.maximum(points, 1), off, pairs + 1
 
 
-def most_eliminated(size: int) -> int:
-    """Returns up to how many points of a grid are eliminated: as fast as some forty FFT pairs."""
-    return min(_MOST, 2 ** math.ceil(math.log2(4 * math.sqrt(size))), size // 2)
+def most_eliminated(field: Array) -> int:
+    """Returns up to how many points of a field are eliminated: as fast as some forty FFT pairs.
+
+    None of one that lies over several devices: that would gather it.
+    """
+    if num_devices(field) > 1:
+        return 0
+    return min(_MOST, 2 ** math.ceil(math.log2(4 * math.sqrt(field.size))), field.size // 2)
 
 
-def _rooms(size: int) -> list[int]:
+def _rooms(field: Array) -> list[int]:
     """Numbers of points for which there is a matrix, each double the last."""
-    most = most_eliminated(size)
+    most = most_eliminated(field)
     return [room for n in range(12) if _FEWEST <= (room := 2**n) <= most]
 
 
