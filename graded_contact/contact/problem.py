@@ -46,6 +46,9 @@ from .wanted import WORTHLESS, Asked, Known, Wanted, solve_until
 # Rise of an attraction over the stiffness of the shortest wave, up to which all equilibria found
 # were stable: see `adhesion.py`.
 _RESOLVED = 0.3
+# Tolerance of the linear solves of derivatives, over that of wanted numbers: derivatives may be
+# small differences of what the numbers are not.
+_OF_WANTED = 0.1
 
 
 @door
@@ -106,7 +109,8 @@ def solve_contact(
     fixed, start, wanted = _fixed((inputs, start, wanted))
     tolerance = jnp.asarray(rtol, heights.dtype)
     known = _search(fixed, solver, tolerance, wanted, start)
-    solution, good = _solution(inputs, solver, known, tolerance)
+    close = tolerance if wanted is None else _OF_WANTED * tolerance
+    solution, good = _solution(inputs, solver, known, close)
     return required(solution, good, solution.result.error_if) if throw else solution
 
 
