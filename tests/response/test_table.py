@@ -113,6 +113,7 @@ def test_kernel_table_tells_its_cost_and_error():
     assert table.num_evaluations < 129 * 102
 
 
+@pytest.mark.slow
 def test_kernel_of_a_long_stack_under_jit_and_its_derivative():
     weights = np.cos(np.arange(256 * 102)).reshape(256, 102)
 

@@ -99,6 +99,7 @@ def test_noiseless_data_leave_no_doubt():
     assert np.all(found.standard_error < 1e-6 * found.value)
 
 
+@pytest.mark.slow
 def test_a_master_curve_carries_the_doubt_of_its_shifts(tmp_path):
     shift = gc.Arrhenius(1e5, 300.0)
     law = gc.Prony(1e6, [2e6, 1e7], [1e-2, 1e-4], 0.49, shift=shift)
@@ -130,6 +131,7 @@ def test_a_master_curve_carries_the_doubt_of_its_shifts(tmp_path):
         read_errors(path)
 
 
+@pytest.mark.slow
 def test_what_decides_friction_adds_up_to_what_pressure_does():
     """Moduli and pressure all times a factor leave the friction of a half space as it is."""
 
