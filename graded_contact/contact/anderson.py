@@ -2,8 +2,8 @@
 
 D. G. Anderson, J. ACM 12 (1965) 547, doi:10.1145/321296.321305. Its cost is that of reading
 memory: images are kept as differences, so that the newest are combined with few passes. On large
-grids differences are kept in single precision, which bends the combination by 1e-7 of what is
-left, and the products that weigh them are taken over every fourth row.
+grids it is kept in single precision, which bends the combination by 1e-7 of what is left, and the
+products that weigh it are taken over every fourth row.
 """
 
 import equinox as eqx
@@ -35,8 +35,9 @@ class History(eqx.Module):
 
     @classmethod
     def empty(cls, z, m: int) -> "History":
-        fields = jnp.zeros((m, *z.shape), jnp.float32 if z.size >= SAMPLED_FROM else z.dtype)
-        changes = jnp.zeros((m, *z[_sample(z.size)].shape), z.dtype)
+        kept = jnp.float32 if z.size >= SAMPLED_FROM else z.dtype
+        fields = jnp.zeros((m, *z.shape), kept)
+        changes = jnp.zeros((m, *z[_sample(z.size)].shape), kept)
         products, infinite = jnp.zeros((m, m), z.dtype), jnp.asarray(jnp.inf, z.dtype)
         none = jnp.asarray(0)
         going_on = jnp.asarray(True)
@@ -51,11 +52,12 @@ def accelerate(state: History, image, error, going_on) -> History:
     m = len(state.products)
     slot, order = jax.lax.rem(state.cycles, m), np.arange(m)
     rows = _sample(image.size)
-    change = image[rows] - state.z[rows]
+    change = (image[rows] - state.z[rows]).astype(state.changes.dtype)
     changes = jax.lax.dynamic_update_index_in_dim(state.changes, change, slot, 0)
     difference = (image - state.image).astype(state.differences.dtype)
     differences = jax.lax.dynamic_update_index_in_dim(state.differences, difference, slot, 0)
-    row = jnp.stack(sums(*(changes[i] * change for i in range(m))))
+    weighed = change.astype(image.dtype)
+    row = jnp.stack(sums(*(changes[i] * weighed for i in range(m))))
     newest = order == slot
     products = jnp.where(newest[:, None], row, state.products)
     products = jnp.where(newest, row[:, None], products)

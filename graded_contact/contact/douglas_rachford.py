@@ -3,6 +3,7 @@
 Coarse grids find a start for finer ones; what is done on each is in `epochs.py`.
 """
 
+import dataclasses
 from collections.abc import Callable
 from typing import ClassVar
 
@@ -11,7 +12,7 @@ import numpy as np
 from jaxtyping import Array, Float, Inexact
 
 from .._checks import check_whole, is_concrete
-from .epochs import Plan, approach, found, gear_up, scenes
+from .epochs import Plan, approach, found, gap_error, gear_up, pressure_error, scenes
 from .law import AbstractLaw
 from .linear import LinearSplitting
 from .newton_steps import takes_newton_steps
@@ -81,11 +82,9 @@ class DouglasRachford(AbstractContactSolver):
                 state = gear_up(problem, state, rtol, plan)
             reached = problem, state
         assert reached is not None  # there is at least one grid
-        return found(*reached, rtol)
-
-    def in_programs(self, law: AbstractLaw, prescribed: Prescribed, shape: tuple[int, ...]) -> bool:
-        """Returns whether `solve` may be called outside `jax.jit`, as one program for each grid."""
-        return self._plan(shape, shape, law, prescribed).geared
+        contact = found(*reached)
+        error, gaps = pressure_error(*reached, contact, rtol), gap_error(*reached, contact)
+        return dataclasses.replace(contact, error=error, gap_error=gaps)
 
     def _plan(self, level, shape, law: AbstractLaw, prescribed: Prescribed) -> Plan:
         points, share = int(np.prod(level)), float(np.prod(level) / np.prod(shape))

@@ -30,7 +30,7 @@ from .solver import (
     slope,
     watch_of,
 )
-from .splitting import CYCLE, Splitting, draft, gap_error, iterate, rounding_error
+from .splitting import CYCLE, draft, estimated_gap_error, iterate, rounding_error
 
 # All within 2 % of the fewest FFT pairs of `bench_contact.py viscoelastic`.
 _COARSE_ERROR = 0.02  # of the nested coarse grids, which only give a start
@@ -68,7 +68,6 @@ class Scene(NamedTuple):
 
     kernel: Array
     heights: Array
-    waves: Array
     unit: Array
 
 
@@ -76,6 +75,7 @@ class Progress(NamedTuple):
     """Where a solve stands on one grid."""
 
     z: Array
+    shift: Array  # of the splitting
     factor: Array  # the penalty over the first
     steps: Array
     drafted: Array  # steps before
@@ -90,23 +90,22 @@ class Progress(NamedTuple):
     pairs: Array  # before the first epoch, of all grids by their size
 
     def all_pairs(self, share: float):
-        """With those of the epochs, each half a one beside its steps and one to begin again."""
-        return self.pairs + share * (self.steps + self.newton_pairs + 1.5 * self.epochs - 1)
+        """With those of the epochs, each one beside its steps and one to begin again."""
+        return self.pairs + share * (self.steps + self.newton_pairs + 2 * self.epochs - 1)
 
 
 @eqx.filter_jit
 def scenes(kernel, heights, prescribed: Prescribed, shapes) -> list[Scene]:
     shape, scenes = heights.shape, []
-    kernel = jnp.where(first_mode(kernel.shape), 0, kernel)
-    heights = heights - jnp.mean(heights)
-    spectrum = to_spectrum(heights)
+    flat = heights - jnp.mean(heights)
+    spectrum = to_spectrum(flat)
     for level in shapes:
-        near, waves, rough = resample_spectrum(kernel, shape, level), spectrum, heights
+        near, rough = kernel, heights
         if level != shape:
             share = float(np.prod(level) / np.prod(shape))
-            waves = resample_spectrum(spectrum, shape, level) * share
-            rough = to_field(waves, level)
-        scenes.append(Scene(near, rough, waves, pressure_unit(near, rough, prescribed)))
+            near = resample_spectrum(jnp.where(first_mode(kernel.shape), 0, kernel), shape, level)
+            rough = flat = to_field(resample_spectrum(spectrum, shape, level) * share, level)
+        scenes.append(Scene(near, rough, pressure_unit(near, flat, prescribed)))
     return scenes
 
 
@@ -124,31 +123,31 @@ def approach(
 
     `before` is a pressure [Pa], or what was found on the grid before.
     """
-    near, rough, waves, unit = scene
-    guess, touching, pairs = None, 0.0, 0.5 if plan.finest else 0.5 * (1 + plan.share)
+    near, rough, unit = scene
+    own = 0.0 if plan.finest else 0.5 * plan.share  # of the grid's heights
+    guess, touching, pairs = None, 0.0, own if plan.finest else 0.5 + own
     if before is not None:
         if isinstance(before, tuple):
             coarse, last = before
-            share = plan.share * coarse.heights.size / rough.size
-            pairs = last.all_pairs(share) + 1.5 * share + (pairs - 0.5)
-            solid, near_law = coarse.at(last.factor)
-            _, y, _ = _meet(solid, near_law, last.z)
+            share = plan.share * coarse.surface.size / rough.size
+            pairs = last.all_pairs(share) + share + own
+            _, y, _ = _meet(coarse, last)
             before = coarse.at_load(y) * coarse.unit
         touching = jnp.mean(before > 0, dtype=rough.dtype)
         guess = as_guess(near, law, prescribed, unit, interpolate(before, rough.shape))
         pairs = pairs + plan.share
-    problem = on_grid(near, rough, waves, law, prescribed, unit, guess)
+    problem = on_grid(near, rough, law, prescribed, unit, guess)
     how = plan.how(problem, rtol)
     if guess is not None and plan.hard:
         guess, taken = full_or(problem, guess, touching)
         pairs = pairs + plan.share * taken
-    z = start_of(problem, guess)
-    z, drafted = draft(problem.splitting(1.0), z, max_steps=plan.draft_steps, **how)
-    pairs = pairs + plan.share * jnp.where(drafted > 0, drafted + 0.5, 0.0)
-    one, none, no = jnp.ones((), z.dtype), jnp.asarray(0), jnp.asarray(False)
-    state = Progress(
-        z, one, none, drafted, none, one * jnp.inf, ~no, ~no, no, none, 0 * one, no, pairs * one
-    )
+    one, none, no = jnp.ones((), rough.dtype), jnp.asarray(0), jnp.asarray(False)
+    shift = problem.shift(one)
+    begun = problem.splitting(one, shift), start_of(problem, guess)
+    z, drafted = draft(*begun, max_steps=plan.draft_steps, **how)
+    numbers = one, none, drafted, none, one * jnp.inf
+    pairs = one * (pairs + plan.share * drafted)
+    state = Progress(z, shift, *numbers, ~no, ~no, no, none, 0 * one, no, pairs)
     if plan.geared and not in_parts:
         return problem, gear_up(problem, state, rtol, plan)
     return problem, _epochs(problem, state, how, plan)
@@ -160,8 +159,8 @@ def _epochs(problem: OnGrid, state: Progress, how, plan: Plan) -> Progress:
     def epoch(state):
         limit = jnp.where(state.settled, 0, state.steps)
         limit = jnp.clip(limit, _EPOCH, plan.max_steps - state.steps)
-        solid, near = problem.at(state.factor)
-        last = iterate(Splitting(solid, near.proximal), state.z, max_steps=limit, **how)
+        splitting = problem.splitting(state.factor, state.shift)
+        last = iterate(splitting, state.z, max_steps=limit, **how)
         steps = state.steps + last.cycles * CYCLE
         due = last.going_on & (steps + state.newton_pairs < plan.max_steps)
         state = state._replace(
@@ -172,13 +171,15 @@ def _epochs(problem: OnGrid, state: Progress, how, plan: Plan) -> Progress:
             going_on=last.going_on,
             due=due,
         )
-        return jax.lax.cond(due, begin_again, lambda same, *_: same, state, solid, near)
+        return jax.lax.cond(due, begin_again, lambda same: same, state)
 
-    def begin_again(state, solid, near):
+    def begin_again(state):
         """The same pressures and gaps with the penalty for the area in contact by now."""
-        _, y, gap = _meet(solid, near, state.z)
-        change = penalty_for(state.factor * problem.kernel, participation(y), near)
-        state = state._replace(z=y + change * gap, factor=state.factor * change)
+        _, y, gap = _meet(problem, state)
+        kernel, law = problem.solid_at(state.factor).compliance, problem.law_at(state.factor)
+        change = penalty_for(kernel, participation(y), law)
+        factor = state.factor * change
+        state = state._replace(z=y + change * gap, factor=factor, shift=problem.shift(factor))
         if not plan.geared:
             return state
         # At its pace so far the splitting needs more than as many steps again; few points are
@@ -197,13 +198,13 @@ def gear_up(problem: OnGrid, state: Progress, rtol, plan: Plan) -> Progress:
     how = plan.how(problem, rtol)
 
     def shift(state):
-        solid, _ = problem.at(state.factor)
+        solid = problem.solid_at(state.factor)
         z, coat, pairs, settled = newton_round(
-            state.factor * problem.kernel,
-            state.factor * problem.heights,
+            solid.compliance,
+            problem.heights(state.factor),
             problem.target,
             state.z,
-            solid(state.z),
+            state.shift + solid(state.z),
             state.coat,
             rtol=how["rtol"],
             # Under `vmap` those that are not slow come here too.
@@ -221,43 +222,66 @@ def gear_up(problem: OnGrid, state: Progress, rtol, plan: Plan) -> Progress:
     return jax.lax.while_loop(lambda state: state.slow | state.due, turn, state)
 
 
-def _meet(solid: Callable, law: AbstractLaw, z):
+def _meet(problem: OnGrid, state: Progress):
     """The pressures of solid and law, x and y, and the gap at which the law has the latter."""
-    x = solid(z)
-    v = 2 * x - z
-    y = law.proximal(v)
+    x = state.shift + problem.solid_at(state.factor)(state.z)
+    v = 2 * x - state.z
+    y = problem.law_at(state.factor).proximal(v)
     return x, y, y - v
 
 
 @eqx.filter_jit
-def found(problem: OnGrid, state: Progress, rtol) -> Iterated:
-    """The contact where a solve ended on the finest grid."""
-    solid, law = problem.at(state.factor)
-    factor, ended = state.factor, ~state.going_on
-    x, y, gap = _meet(solid, law, state.z)
-    # Where rounding ended the solve, the residual is noise, most of it out of contact.
-    error = jax.lax.cond(
-        ended & (state.error > rtol),
-        lambda: jnp.minimum(state.error, rounding_error(factor * problem.kernel, law, x, y, gap)),
-        lambda: state.error,
-    )
+def found(problem: OnGrid, state: Progress) -> Iterated:
+    """The contact where a solve ended on the finest grid; its errors are still to be estimated.
+
+    Until then `gap_error` is that of the gap where the law holds it.
+    """
+    factor = state.factor
+    x, y, gap = _meet(problem, state)
     # The displacement has the stiff waves of the law's pressure and the soft ones of the
     # solid's: each would magnify what is left of the error in the others.
     pressure = problem.at_load(y)
-    stiff = to_field(solid.filter * to_spectrum(pressure - x), x.shape)
+    stiff = problem.solid_at(factor)(pressure - x)
     solid_gap = (state.z - x + (pressure - x) - stiff) / factor
-    held = slope(law, y - gap)
     offset = root_mean_square(stiff) + root_mean_square(pressure - y)
-    gaps = gap_error(factor * problem.kernel, held, offset, (1 - held) * (y - x), gap)
     unit, length = problem.unit, problem.length
     return Iterated(
         pressure=pressure * unit,
         gap=gap * (length / factor),
         mismatch=(x - y) * unit,
-        displacement=(solid_gap + problem.heights) * length,
-        error=error,
-        gap_error=gaps * (length / factor),
-        ended=ended,
+        displacement=(solid_gap + problem.heights()) * length,
+        error=state.error,
+        gap_error=offset * (length / factor),
+        ended=~state.going_on,
         num_steps=state.drafted + state.steps,
-        num_fft_pairs=state.all_pairs(1.0) + 3.5,
+        num_fft_pairs=state.all_pairs(1.0) + 3,
     )
+
+
+@eqx.filter_jit
+def pressure_error(problem: OnGrid, state: Progress, contact: Iterated, rtol) -> Array:
+    """The estimated error of the pressure of the contact that was `found`."""
+    kernel, held = _held(problem, state, contact)
+    pressure, mismatch = contact.pressure / problem.unit, contact.mismatch / problem.unit
+    # Where rounding ended the solve, the residual is noise, most of it out of contact.
+    return jax.lax.cond(
+        contact.ended & (state.error > rtol),
+        lambda: jnp.minimum(state.error, rounding_error(kernel, held, pressure, mismatch)),
+        lambda: state.error,
+    )
+
+
+@eqx.filter_jit
+def gap_error(problem: OnGrid, state: Progress, contact: Iterated) -> Array:
+    """The same of the gap."""
+    kernel, held = _held(problem, state, contact)
+    length, mismatch = problem.length / state.factor, contact.mismatch / problem.unit
+    freed, gap = (1 - held) * mismatch, contact.gap / length
+    return length * estimated_gap_error(kernel, held, freed, gap, contact.gap_error / length)
+
+
+def _held(problem: OnGrid, state: Progress, contact: Iterated):
+    """The dimensionless kernel, and how far the law holds the gap."""
+    gap = contact.gap * (state.factor / problem.length)
+    held = slope(problem.law_at(state.factor), contact.pressure / problem.unit - gap)
+    return problem.solid_at(state.factor).compliance, held

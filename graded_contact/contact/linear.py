@@ -16,7 +16,7 @@ from jaxtyping import Array, Float, Inexact
 from .._checks import check_tolerance, check_whole
 from .._devices import tied
 from .anderson import History
-from .splitting import Splitting, check_relaxation, draft, iterate, solid_of
+from .splitting import Solid, Splitting, check_relaxation, draft, iterate
 
 
 class LinearSplitting(eqx.Module):
@@ -86,8 +86,8 @@ class LinearSplitting(eqx.Module):
         root, sign = jnp.sqrt(jnp.abs(weights)), jnp.where(weights < 0, -1, 1).astype(rhs.dtype)
         proximal = jax.tree_util.Partial(_proximal, root, sign, rhs)
         share = jnp.maximum(jnp.mean(root), 1 / root.size)
-        solid = solid_of(kernel, None, jnp.zeros_like(rhs), free_mean)
-        splitting = Splitting(solid, proximal, share)
+        solid = Solid(kernel, jnp.ones_like(share), free_mean)
+        splitting = Splitting(solid, jnp.zeros_like(share), proximal, share)
         how: dict[str, Any] = dict(
             rtol=rtol, relaxation=self.relaxation, memory=self.memory, max_steps=self.max_steps
         )

@@ -3,7 +3,7 @@
 import equinox as eqx
 import jax
 import jax.numpy as jnp
-from jaxtyping import Array, Float, Inexact
+from jaxtyping import Array, Float
 
 from ..grid import to_field, to_spectrum
 from .anderson import sums
@@ -17,7 +17,7 @@ from .solver import (
     third_mode,
     to_mean,
 )
-from .splitting import Solid, Splitting, solid_of
+from .splitting import Solid, Splitting
 
 _COLD_PARTICIPATION = 0.05  # ⟨σ⟩²/⟨σ²⟩ expected before anything is known
 _NEARLY = 0.98  # share of points touching, from which full contact is looked for
@@ -27,46 +27,56 @@ _HIGHEST = 1e3  # pressure of a start, in what it takes to flatten the stiffest 
 class OnGrid(eqx.Module):
     """The contact on one grid, dimensionless: see `splitting.py`."""
 
-    kernel: Inexact[Array, "*half"]
-    heights: Float[Array, "*shape"]
-    waves: Inexact[Array, "*half"]  # their spectrum [m]
+    solid: Solid
+    surface: Float[Array, "*shape"]  # heights [m] of any mean
     law: AbstractLaw
     target: Float[Array, ""]  # mean of the pressure, or if that is free of the gap
-    free_mean: bool = eqx.field(static=True)
     unit: Float[Array, ""]  # of pressure [Pa]
     length: Float[Array, ""]  # [m]
 
-    def at(self, factor) -> tuple[Solid, AbstractLaw]:
-        """The solid and the law with a penalty this many times as large."""
-        shift = -factor * self.target if self.free_mean else self.target
-        shift = jnp.broadcast_to(shift, self.heights.shape)
-        waves = self.waves * (factor / self.length)
-        solid = solid_of(factor * self.kernel, waves, shift, self.free_mean)
-        return solid, self.law.in_units(1.0, 1 / factor)
+    @property
+    def free_mean(self) -> bool:
+        return self.solid.free_mean
 
-    def splitting(self, factor) -> Splitting:
-        """What is iterated with a penalty this many times as large."""
-        solid, law = self.at(factor)
-        return Splitting(solid, law.proximal)
+    def heights(self, factor=1.0) -> Float[Array, "*shape"]:
+        """Those of zero mean, with a penalty this many times as large."""
+        scale = factor / self.length
+        # Scaled first: else a loop would keep another field.
+        return scale * self.surface - scale * jnp.mean(self.surface)
+
+    def law_at(self, factor) -> AbstractLaw:
+        """The law with a penalty this many times as large."""
+        return self.law.in_units(1.0, 1 / factor)
+
+    def solid_at(self, factor) -> Solid:
+        """The solid with a penalty this many times as large."""
+        return Solid(self.solid.kernel, factor * self.solid.penalty, self.free_mean)
+
+    def shift(self, factor) -> Float[Array, "*shape"]:
+        """What heights and target add to the map of the solid."""
+        mean = -factor * self.target if self.free_mean else self.target
+        return mean + self.solid_at(factor)(self.heights(factor))
+
+    def splitting(self, factor, shift) -> Splitting:
+        """What is iterated with a penalty this many times as large, and its shift."""
+        return Splitting(self.solid_at(factor), shift, self.law_at(factor).proximal)
 
     def at_load(self, pressure):
         """A pressure of the law with the load that is prescribed, if any."""
         return pressure if self.free_mean else to_mean(pressure, self.target, self.law.bounds)
 
 
-def on_grid(kernel, heights, waves, law, prescribed: Prescribed, unit, guess) -> OnGrid:
+def on_grid(kernel, heights, law, prescribed: Prescribed, unit, guess) -> OnGrid:
     """Returns the contact in units of a pressure, with a penalty that suits the guess of it."""
     cold = jnp.asarray(_COLD_PARTICIPATION, heights.dtype)
     penalty = penalty_for(kernel, cold if guess is None else participation(guess), law)
     length = unit / penalty
     load, mean_gap = prescribed
     return OnGrid(
-        kernel=penalty * kernel,
-        heights=heights / length,
-        waves=waves,
+        solid=Solid(kernel, penalty, free_mean=load is None),
+        surface=heights,
         law=law.in_units(unit, length),
         target=mean_gap / length if load is None else load / unit,
-        free_mean=load is None,
         unit=unit,
         length=length,
     )
@@ -94,17 +104,19 @@ def full_or(problem: OnGrid, guess, touching):
     """
 
     def look():
-        mean = first_mode(problem.kernel.shape)
-        spectrum = jnp.where(mean, 0, problem.waves / jnp.where(mean, 1, problem.kernel))
-        flat = problem.target + to_field(spectrum, guess.shape) / problem.length
-        return jnp.where(jnp.min(flat) > 0, flat, guess), jnp.full_like(touching, 0.5)
+        kernel = problem.solid.compliance
+        mean = first_mode(kernel.shape)
+        waves = to_spectrum(problem.heights())
+        spectrum = jnp.where(mean, 0, waves / jnp.where(mean, 1, kernel))
+        flat = problem.target + to_field(spectrum, guess.shape)
+        return jnp.where(jnp.min(flat) > 0, flat, guess), jnp.ones_like(touching)
 
     return jax.lax.cond(touching > _NEARLY, look, lambda: (guess, jnp.zeros_like(touching)))
 
 
 def start_of(problem: OnGrid, guess):
     """Returns z to begin from: that of a guessed pressure, or without one of points on springs."""
-    heights, law, target = problem.heights, problem.law, problem.target
+    heights, law, target = problem.heights(), problem.law, problem.target
     if guess is None:
         if problem.free_mean or law.attracts:
             return target - heights
@@ -118,7 +130,7 @@ def start_of(problem: OnGrid, guess):
         ends = jnp.stack([-2 * jnp.max(heights), target - jnp.min(heights)])
         v = jax.lax.fori_loop(0, 40, halve, ends)[1] + heights
         return 2 * law.proximal(v) - v
-    gap = to_field(problem.kernel * to_spectrum(guess), heights.shape) - heights
+    gap = to_field(problem.solid.compliance * to_spectrum(guess), heights.shape) - heights
     total, weighed, mean = sums(jnp.abs(guess), jnp.abs(guess) * gap, gap)
     loaded = (total > 0) & (not problem.free_mean)
     gap = gap - jnp.where(loaded, weighed, mean) / jnp.where(loaded, total, gap.size)

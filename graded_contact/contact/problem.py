@@ -182,35 +182,27 @@ def _prescribed(pressure, mean_gap, law) -> Prescribed:
 
 def _search(inputs: Inputs, solver: AbstractContactSolver, rtol, wanted, start) -> Known:
     """The contact that is found, in one program or, by the solver of this package, in several."""
-    heights, parts = inputs.heights, False
     known = all(map(is_concrete, jax.tree.leaves((inputs, start))))
-    if wanted is None and known and num_devices(heights) == 1:
-        parts = isinstance(solver, DouglasRachford) and solver.in_programs(
-            inputs.law, inputs.prescribed, heights.shape
-        )
-    if not parts:
-        return _find_contact(inputs, solver, rtol, wanted, start)
-    return Known(solver.solve(*inputs, rtol=rtol, start=start), None, None)
+    alone = known and wanted is None and num_devices(inputs.heights) == 1
+    if alone and isinstance(solver, DouglasRachford):
+        return Known(solver.solve(*inputs, rtol=rtol, start=start), None, None)
+    return _find_contact(inputs, solver, rtol, wanted, start)
 
 
 @eqx.filter_jit
 def _find_contact(inputs: Inputs, solver: AbstractContactSolver, rtol, wanted, start) -> Known:
-    inputs = _without_mean(inputs)
     if wanted is None:
         return Known(solver.solve(*inputs, rtol=rtol, start=start), None, None)
     describe = functools.partial(_describe, inputs)
     return solve_until(inputs, solver, Wanted(wanted, rtol), start, describe)
 
 
-def _without_mean(inputs: Inputs) -> Inputs:
-    return inputs._replace(kernel=inputs.kernel.at[(0,) * inputs.kernel.ndim].set(0))
-
-
 @eqx.filter_jit
 def _solution(inputs: Inputs, solver, known: Known, rtol) -> tuple[ContactSolution, Array]:
     """The solution with its derivative, and whether it is one."""
-    inputs = _without_mean(inputs)
-    kernel, heights, law, _ = inputs
+    kernel = inputs.kernel.at[(0,) * inputs.kernel.ndim].set(0)
+    inputs = inputs._replace(kernel=kernel)
+    heights, law = inputs.heights, inputs.law
     found, errors, reached = jax.lax.stop_gradient(known)
     reached = found.error <= rtol if reached is None else reached
     state = State(found.pressure, *_displacement_and_mean_gap(inputs, found))

@@ -16,63 +16,66 @@ gradients cannot give.
 
 P. L. Lions & B. Mercier, SIAM J. Numer. Anal. 16 (1979) 964, doi:10.1137/0716071.
 
-All is dimensionless: the kernel is ρM, lengths are in units of that of pressure over ρ. Large grids
-find their first digits in single precision, a draft, which moves half as many bytes.
+Lengths are in units of that of pressure over ρ. Large grids find their first digits in single
+precision, a draft, which moves half as many bytes, and on them nothing is stored that follows from
+the kernel mode by mode.
 """
 
+import dataclasses
 from collections.abc import Callable
 
 import equinox as eqx
 import jax
 import jax.numpy as jnp
+import numpy as np
 from jaxtyping import Array, Float, Inexact
 
-from ..grid import half_shape, multiplicity, to_field, to_spectrum
+from ..grid import multiplicity, to_field, to_spectrum
 from .anderson import History, accelerate, sums
-from .law import AbstractLaw
-from .solver import first_mode, participation_of, slope
+from .solver import first_mode, participation_of
 
 DRAFTED_FROM = 2**18  # points of a grid worth a draft, by `bench_contact.py overhead`
 CYCLE = 2  # steps between accelerations
 
 
 class Solid(eqx.Module):
-    """The map z -> x = (I + ρM)⁻¹(z + ρh) with a mean set, as one filter and one shift.
+    """The map z -> (I + ρM)⁻¹z, of the mean to nothing or to itself.
 
     **Fields:**
 
-    - `filter`: of the half spectrum.
-    - `shift`: what is added to the field.
-    - `stiffness`: 1/ρ Re M on the half spectrum, 0 for the mean.
-    - `sharpness`: its root mean square.
+    - `kernel`: M on the half spectrum, of any mean.
+    - `penalty`: ρ.
+    - `free_mean`: whether the mean stays. Static.
     """
 
-    filter: Inexact[Array, "*half"]
-    shift: Float[Array, "*shape"]
-    stiffness: Float[Array, "*half"]
-    sharpness: Float[Array, ""]
+    kernel: Inexact[Array, "*half"]
+    penalty: Float[Array, ""]
+    free_mean: bool = eqx.field(static=True)
 
     def __call__(self, z):
-        return self.shift + to_field(self.filter * to_spectrum(z), z.shape)
+        return self.under(to_spectrum(z), z.shape)
 
+    def under(self, spectrum, shape):
+        """The map of the z of a spectrum."""
+        kernel = self.compliance
+        filter = 1 / (1 + kernel)
+        if jnp.iscomplexobj(kernel):  # XLA's own division of complex numbers guards each of them
+            real, imag = 1 + kernel.real, kernel.imag
+            scale = 1 / (real**2 + imag**2)
+            filter = jax.lax.complex(real * scale, -imag * scale)
+        filter = jnp.where(first_mode(kernel.shape), 1 if self.free_mean else 0, filter)
+        return to_field(filter * spectrum, shape)
 
-def solid_of(
-    kernel: Inexact[Array, "*half"],
-    waves: Inexact[Array, "*half"] | None,
-    shift: Float[Array, "*shape"],
-    free_mean: bool,
-) -> Solid:
-    """Returns the map of a kernel ρM and of heights with the spectrum `waves`.
+    @property
+    def compliance(self) -> Inexact[Array, "*half"]:
+        """ρM, 0 for the mean."""
+        return jnp.where(first_mode(self.kernel.shape), 0, self.penalty * self.kernel)
 
-    `shift` is the mean of x, or if that is free of x - z.
-    """
-    mean = first_mode(kernel.shape)
-    filter = jnp.where(mean, 1 if free_mean else 0, 1 / (1 + kernel))
-    stiffness = jnp.where(mean, 0, 1 / jnp.where(mean, 1, jnp.real(kernel)))
-    if waves is not None:
-        shift = shift + to_field(filter * waves, shift.shape)
-    sharpness = jnp.sqrt(jnp.sum(weight_of_modes(shift) * stiffness**2))
-    return Solid(filter, shift, stiffness, sharpness)
+    @property
+    def stiffness(self) -> Float[Array, "*half"]:
+        """1/ρ Re M, 0 for the mean."""
+        mean, real = first_mode(self.kernel.shape), jnp.real(self.compliance)
+        return jnp.where(mean, 0, 1 / jnp.where(mean, 1, real))
 
 
 class Splitting(eqx.Module):
@@ -80,12 +83,14 @@ class Splitting(eqx.Module):
 
     **Fields:**
 
-    - `solid`: the map z -> x.
+    - `solid`: the map of z.
+    - `shift`: what is added to it: that of ρh, and the mean of x, or if that is free of x - z.
     - `proximal`: that of the law, a pytree.
     - `share`: of points under load [1], or None for the participation of the pressure as it is.
     """
 
     solid: Solid
+    shift: Float[Array, "..."]
     proximal: Callable
     share: Float[Array, ""] | None = None
 
@@ -106,21 +111,22 @@ def iterate(
     It ends where rounding hides the residual; a `draft` when rounding alone would cause the error.
     `watch` is called with the number of each cycle and its y.
     """
-    solid = splitting.solid
     eps = jnp.finfo(z.dtype).eps
-    rounding = 4 * eps * jnp.stack([jnp.ones_like(solid.sharpness), solid.sharpness])
+    sharpness = jnp.sqrt(jnp.sum(weight_of_modes(z) * splitting.solid.stiffness**2))
+    rounding = 4 * eps * jnp.stack([jnp.ones_like(sharpness), sharpness])
 
-    def step(z):
+    def step(splitting, z):
         spectrum = to_spectrum(z)
-        x = solid.shift + to_field(solid.filter * spectrum, z.shape)
+        x = splitting.shift + splitting.solid.under(spectrum, z.shape)
         y = splitting.proximal(2 * x - z)
         return z + (2 * relaxation) * (y - x), spectrum, x, y
 
-    def cycle(z):
-        image, before, x, y = step(z)
-        image, after, *_ = step(image)
+    def cycle(z, cycles):
+        image, before, x, y = step(_afresh(splitting, cycles), z)
+        image, after, *_ = step(_afresh(splitting, cycles + 1), image)
+        stiffness = _afresh(splitting, cycles + 2).solid.stiffness
         # The spectrum of y - x comes for nothing: steps move z by 2α (y - x).
-        defect, stiff = powers((after - before) / (2 * relaxation), solid.stiffness, z)
+        defect, stiff = powers((after - before) / (2 * relaxation), stiffness, z)
         size, scale, total, squared = sums(x * x, z * z, jnp.abs(y), y * y)
         unit = jnp.where(size > 0, size, 1)
         share = splitting.share
@@ -138,7 +144,7 @@ def iterate(
         return state.going_on & (state.cycles * CYCLE < max_steps)
 
     def body(state):
-        image, error, lost, y = cycle(state.z)
+        image, error, lost, y = cycle(state.z, state.cycles)
         if watch is not None:
             watch(state.cycles, y)
         # Steps never raise the residual of a law without attraction, acceleration may: the
@@ -164,6 +170,16 @@ def draft(
     return z, last.cycles * CYCLE
 
 
+def _afresh(splitting: Splitting, cycles: Array) -> Splitting:
+    """The same: on a large grid not stored before the loop, but computed from what is."""
+    solid = splitting.solid
+    if solid.kernel.size < DRAFTED_FROM // 2:
+        return splitting
+    one = jnp.where(cycles >= 0, 1, 0).astype(solid.penalty.dtype)  # which compilers cannot know
+    solid = Solid(solid.kernel, one * solid.penalty, solid.free_mean)
+    return dataclasses.replace(splitting, solid=solid)
+
+
 def _to_single(tree):
     """The same numbers in single precision."""
 
@@ -180,10 +196,9 @@ def check_relaxation(relaxation: float) -> None:
         raise ValueError(f"`relaxation={relaxation}` must be a number between 0 and 1.")
 
 
-def weight_of_modes(field: Float[Array, "*shape"]) -> Float[Array, "*half"]:
+def weight_of_modes(field: Float[Array, "*shape"]) -> Float[Array, "#half"]:
     """Returns what a squared mode of the half spectrum adds to a field's sum of squares."""
-    weight = jnp.asarray(multiplicity(field.shape) / field.size, field.dtype)
-    return jnp.broadcast_to(weight, half_shape(field.shape))
+    return jnp.asarray(multiplicity(field.shape) / field.size, field.dtype)
 
 
 def powers(spectrum, stiffness, field):
@@ -207,40 +222,39 @@ def _error(residual, stiff, share):
 
 def rounding_error(
     kernel: Inexact[Array, "*half"],
-    law: AbstractLaw,
-    x: Float[Array, "*shape"],
-    y: Float[Array, "*shape"],
-    gap: Float[Array, "*shape"],
+    held: Float[Array, "*shape"],
+    pressure: Float[Array, "*shape"],
+    mismatch: Float[Array, "*shape"],
 ) -> Float[Array, ""]:
-    """Returns the error of y if the residual is noise: only what the law passes on counts.
+    """Returns the error of the pressure if the mismatch is noise: what the law passes on counts.
 
     Twice that noise, as it is there or as it is on average, if it happens to be small there. Noise
     does not choose the waves that losses would let grow: |ρM| of the `kernel` tells what it does.
     """
-    passed = slope(law, y - gap)
     compliance = jnp.abs(kernel)
     stiffness = jnp.where(compliance > 0, 1 / jnp.where(compliance > 0, compliance, 1), 0)
 
-    def norm(field):
+    def norm(there):
+        field = jnp.where(there, held, jnp.sqrt(jnp.mean(held**2))) * mismatch
         defect, stiff = powers(to_spectrum(field), stiffness, field)
         return jnp.sqrt(defect) + jnp.sqrt(stiff)
 
-    noise = jnp.maximum(norm(passed * (y - x)), jnp.sqrt(jnp.mean(passed**2)) * norm(y - x))
-    size = jnp.sqrt(jnp.sum(y * y))
+    noise = jnp.max(jax.lax.map(norm, np.array([True, False])))  # in turn, for memory's sake
+    size = jnp.sqrt(jnp.sum(pressure * pressure))
     return 2 * noise / jnp.where(size > 0, size, 1)
 
 
-def gap_error(
+def estimated_gap_error(
     kernel: Inexact[Array, "*half"],
     held: Float[Array, "*shape"],
-    offset: Float[Array, ""],
     freed: Float[Array, "*shape"],
     gap: Float[Array, "*shape"],
+    offset: Float[Array, ""],
 ) -> Float[Array, ""]:
     """Returns the estimated root mean square error of the gap, in units of pressure over ρ.
 
     The gap is off by `offset` at points where the law holds it, and what lies between follows.
-    There the solid has the pressure -`freed` too much, and yields by ρM times that, though not by
+    There the solid has the pressure `freed` too much, and yields by ρM times that, though not by
     more than points held at the edges allow: the stiffness of their neighbours' free motion is
     that of the gap's own shape. Factor and powers of the share held were found by measurement; see
     `bench_contact.py random`.
