@@ -251,20 +251,22 @@ def observe(
     known: tuple[Float[Array, ""], Float[Array, ""]] | None,
 ) -> Sliding:
     """Returns what a contact means; in programs of their own, which hold fewer fields at once."""
-    own, margin = _own_displacement_and_margin(contact, kernel, grid, law)
+    own, margin, slope = _in_contact(contact, kernel, grid, law)
     numbers = _frictions(contact, own, kernel, heights, grid, velocity, known)
+    numbers |= _uncertainties(contact, own, kernel, grid, velocity)
     numbers |= _areas(contact, margin, measured, grid, velocity)
     if contact.wanted_error is not None:
         mu_error, area_error = contact.wanted_error
         numbers |= dict(friction_error=mu_error, contact_area_error=area_error)
-    return Sliding(contact=contact, **numbers)
+    return Sliding(contact=contact, slope_in_contact=slope, **numbers)
 
 
 @eqx.filter_jit
-def _own_displacement_and_margin(contact: ContactSolution, kernel, grid: Grid, law: AbstractLaw):
-    # The displacement of the pressure itself: that balances energy to rounding.
-    own = displace(kernel, contact.pressure)
-    return own, law.margin(contact.pressure, contact.gap, edge_stiffness(kernel, grid))
+def _in_contact(contact: ContactSolution, kernel, grid: Grid, law: AbstractLaw):
+    """The displacement of the pressure itself, which balances energy to rounding, and others."""
+    margin = law.margin(contact.pressure, contact.gap, edge_stiffness(kernel, grid))
+    slope = slope_in_contact(contact.pressure, contact.displacement, grid)
+    return displace(kernel, contact.pressure), margin, slope
 
 
 @eqx.filter_jit
@@ -274,17 +276,22 @@ def _frictions(contact: ContactSolution, own, kernel, heights, grid: Grid, veloc
     if known is not None:
         unknown = is_unknown(wave_frequencies(grid, velocity), known)
         extrapolated = friction_share(sigma, w, grid, velocity, unknown)
-    # Errors have no derivative.
-    s, mismatch, error, u, m, v = jax.lax.stop_gradient(
-        (sigma, contact.mismatch, contact.error, own, kernel, velocity)
-    )
     return dict(
         friction=friction(sigma, own, grid, velocity),
-        friction_error=friction_error(s, mismatch, error, m, grid, v),
         geometric_friction=friction(sigma, heights, grid, velocity),
-        energy_imbalance=energy_imbalance(s, u, m, grid, v),
-        slope_in_contact=slope_in_contact(sigma, w, grid),
         extrapolated_friction=extrapolated,
+    )
+
+
+@eqx.filter_jit
+def _uncertainties(contact: ContactSolution, own, kernel, grid: Grid, velocity):
+    # Errors have no derivative.
+    s, mismatch, error, u, m, v = jax.lax.stop_gradient(
+        (contact.pressure, contact.mismatch, contact.error, own, kernel, velocity)
+    )
+    return dict(
+        friction_error=friction_error(s, mismatch, error, m, grid, v),
+        energy_imbalance=energy_imbalance(s, u, m, grid, v),
     )
 
 

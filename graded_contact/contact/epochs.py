@@ -5,6 +5,7 @@ area found in contact. Where more than as many steps again are to come, it is sl
 (`newton_steps.py`) may take as many FFT pairs as the splitting took so far.
 """
 
+import dataclasses
 from collections.abc import Callable
 from typing import Any, NamedTuple
 
@@ -18,7 +19,7 @@ from ..grid import interpolate, resample_spectrum, to_field, to_spectrum
 from .held_points import most_eliminated
 from .law import AbstractLaw
 from .newton_steps import newton_round
-from .on_grid import OnGrid, as_guess, full_or, on_grid, start_of
+from .on_grid import OnGrid, Scene, as_guess, full_or, on_grid, start_of
 from .solver import (
     Iterated,
     Prescribed,
@@ -63,14 +64,6 @@ class Plan(NamedTuple):
         )
 
 
-class Scene(NamedTuple):
-    """The contact on a grid, and a typical pressure."""
-
-    kernel: Array
-    heights: Array
-    unit: Array
-
-
 class Progress(NamedTuple):
     """Where a solve stands on one grid."""
 
@@ -94,22 +87,25 @@ class Progress(NamedTuple):
         return self.pairs + share * (self.steps + self.newton_pairs + 2 * self.epochs - 1)
 
 
-@eqx.filter_jit
 def scenes(kernel, heights, prescribed: Prescribed, shapes) -> list[Scene]:
-    shape, scenes = heights.shape, []
-    flat = heights - jnp.mean(heights)
-    spectrum = to_spectrum(flat)
-    for level in shapes:
-        near, rough = kernel, heights
-        if level != shape:
-            share = float(np.prod(level) / np.prod(shape))
-            near = resample_spectrum(jnp.where(first_mode(kernel.shape), 0, kernel), shape, level)
-            rough = flat = to_field(resample_spectrum(spectrum, shape, level) * share, level)
-        scenes.append(Scene(near, rough, pressure_unit(near, flat, prescribed)))
-    return scenes
+    """The contact on grids of these shapes, the last of them its own."""
+    coarse, unit = _coarser(kernel, heights, prescribed, shapes[:-1])
+    return [*coarse, Scene(kernel, heights, unit)]
 
 
 @eqx.filter_jit
+def _coarser(kernel, heights, prescribed: Prescribed, shapes):
+    shape, flat, coarse = heights.shape, heights - jnp.mean(heights), []
+    spectrum = to_spectrum(flat)
+    alone = jnp.where(first_mode(kernel.shape), 0, kernel)
+    for level in shapes:
+        share = float(np.prod(level) / np.prod(shape))
+        rough = to_field(resample_spectrum(spectrum, shape, level) * share, level)
+        near = resample_spectrum(alone, shape, level)
+        coarse.append(Scene(near, rough, pressure_unit(near, rough, prescribed)))
+    return coarse, pressure_unit(kernel, flat, prescribed)
+
+
 def approach(
     scene: Scene,
     law: AbstractLaw,
@@ -123,20 +119,27 @@ def approach(
 
     `before` is a pressure [Pa], or what was found on the grid before.
     """
-    near, rough, unit = scene
+    problem, state = _approach(scene, law, prescribed, before, rtol, plan, in_parts)
+    return dataclasses.replace(problem, scene=scene), state
+
+
+@eqx.filter_jit
+def _approach(scene: Scene, law, prescribed, before, rtol, plan: Plan, in_parts: bool):
+    """The same without the scene: what a program returns it copies."""
+    rough = scene.heights
     own = 0.0 if plan.finest else 0.5 * plan.share  # of the grid's heights
     guess, touching, pairs = None, 0.0, own if plan.finest else 0.5 + own
     if before is not None:
         if isinstance(before, tuple):
             coarse, last = before
-            share = plan.share * coarse.surface.size / rough.size
+            share = plan.share * coarse.scene.heights.size / rough.size
             pairs = last.all_pairs(share) + share + own
             _, y, _ = _meet(coarse, last)
             before = coarse.at_load(y) * coarse.unit
         touching = jnp.mean(before > 0, dtype=rough.dtype)
-        guess = as_guess(near, law, prescribed, unit, interpolate(before, rough.shape))
+        guess = as_guess(scene, law, prescribed, interpolate(before, rough.shape))
         pairs = pairs + plan.share
-    problem = on_grid(near, rough, law, prescribed, unit, guess)
+    problem = on_grid(scene, law, prescribed, guess)
     how = plan.how(problem, rtol)
     if guess is not None and plan.hard:
         guess, taken = full_or(problem, guess, touching)
@@ -149,8 +152,10 @@ def approach(
     pairs = one * (pairs + plan.share * drafted)
     state = Progress(z, shift, *numbers, ~no, ~no, no, none, 0 * one, no, pairs)
     if plan.geared and not in_parts:
-        return problem, gear_up(problem, state, rtol, plan)
-    return problem, _epochs(problem, state, how, plan)
+        state = gear_up(problem, state, rtol, plan)
+    else:
+        state = _epochs(problem, state, how, plan)
+    return dataclasses.replace(problem, scene=None), state
 
 
 def _epochs(problem: OnGrid, state: Progress, how, plan: Plan) -> Progress:

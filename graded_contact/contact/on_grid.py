@@ -1,9 +1,11 @@
 """The contact on one grid as the splitting takes it, and what it begins from."""
 
+from typing import NamedTuple
+
 import equinox as eqx
 import jax
 import jax.numpy as jnp
-from jaxtyping import Array, Float
+from jaxtyping import Array, Float, Inexact
 
 from ..grid import to_field, to_spectrum
 from .anderson import sums
@@ -24,33 +26,49 @@ _NEARLY = 0.98  # share of points touching, from which full contact is looked fo
 _HIGHEST = 1e3  # pressure of a start, in what it takes to flatten the stiffest wave
 
 
+Factor = float | Float[Array, ""]  # of a penalty, over the first
+
+
+class Scene(NamedTuple):
+    """Kernel [m/Pa] and heights [m], both of any mean, on one grid, and a typical pressure [Pa]."""
+
+    kernel: Inexact[Array, "*half"]
+    heights: Float[Array, "*shape"]
+    unit: Float[Array, ""]
+
+
 class OnGrid(eqx.Module):
     """The contact on one grid, dimensionless: see `splitting.py`."""
 
-    solid: Solid
-    surface: Float[Array, "*shape"]  # heights [m] of any mean
+    scene: Scene
+    penalty: Float[Array, ""]  # [Pa/m] over the unit
     law: AbstractLaw
     target: Float[Array, ""]  # mean of the pressure, or if that is free of the gap
-    unit: Float[Array, ""]  # of pressure [Pa]
-    length: Float[Array, ""]  # [m]
+    free_mean: bool = eqx.field(static=True)
 
     @property
-    def free_mean(self) -> bool:
-        return self.solid.free_mean
+    def unit(self) -> Float[Array, ""]:
+        """Of pressure [Pa]."""
+        return self.scene.unit
 
-    def heights(self, factor=1.0) -> Float[Array, "*shape"]:
+    @property
+    def length(self) -> Float[Array, ""]:
+        """The unit of length [m]."""
+        return self.scene.unit / self.penalty
+
+    def heights(self, factor: Factor = 1.0) -> Float[Array, "*shape"]:
         """Those of zero mean, with a penalty this many times as large."""
         scale = factor / self.length
         # Scaled first: else a loop would keep another field.
-        return scale * self.surface - scale * jnp.mean(self.surface)
+        return scale * self.scene.heights - scale * jnp.mean(self.scene.heights)
 
     def law_at(self, factor) -> AbstractLaw:
         """The law with a penalty this many times as large."""
         return self.law.in_units(1.0, 1 / factor)
 
-    def solid_at(self, factor) -> Solid:
+    def solid_at(self, factor: Factor = 1.0) -> Solid:
         """The solid with a penalty this many times as large."""
-        return Solid(self.solid.kernel, factor * self.solid.penalty, self.free_mean)
+        return Solid(self.scene.kernel, factor * self.penalty, self.free_mean)
 
     def shift(self, factor) -> Float[Array, "*shape"]:
         """What heights and target add to the map of the solid."""
@@ -66,24 +84,21 @@ class OnGrid(eqx.Module):
         return pressure if self.free_mean else to_mean(pressure, self.target, self.law.bounds)
 
 
-def on_grid(kernel, heights, law, prescribed: Prescribed, unit, guess) -> OnGrid:
+def on_grid(scene: Scene, law, prescribed: Prescribed, guess) -> OnGrid:
     """Returns the contact in units of a pressure, with a penalty that suits the guess of it."""
+    kernel, heights, unit = scene
     cold = jnp.asarray(_COLD_PARTICIPATION, heights.dtype)
     penalty = penalty_for(kernel, cold if guess is None else participation(guess), law)
     length = unit / penalty
-    load, mean_gap = prescribed
-    return OnGrid(
-        solid=Solid(kernel, penalty, free_mean=load is None),
-        surface=heights,
-        law=law.in_units(unit, length),
-        target=mean_gap / length if load is None else load / unit,
-        unit=unit,
-        length=length,
-    )
+    free_mean = prescribed.pressure is None
+    (given,) = (value for value in prescribed if value is not None)
+    target = given / (length if free_mean else unit)
+    return OnGrid(scene, penalty, law.in_units(unit, length), target, free_mean)
 
 
-def as_guess(kernel, law, prescribed: Prescribed, unit, pressure):
+def as_guess(scene: Scene, law, prescribed: Prescribed, pressure):
     """Returns a pressure to begin from, in its unit, made possible for the law and the load."""
+    kernel, _, unit = scene
     guess = pressure / unit
     low, high = law.in_units(unit, 1.0).bounds
     # A guess of another scale would drown all else.
@@ -104,7 +119,7 @@ def full_or(problem: OnGrid, guess, touching):
     """
 
     def look():
-        kernel = problem.solid.compliance
+        kernel = problem.solid_at().compliance
         mean = first_mode(kernel.shape)
         waves = to_spectrum(problem.heights())
         spectrum = jnp.where(mean, 0, waves / jnp.where(mean, 1, kernel))
@@ -130,7 +145,7 @@ def start_of(problem: OnGrid, guess):
         ends = jnp.stack([-2 * jnp.max(heights), target - jnp.min(heights)])
         v = jax.lax.fori_loop(0, 40, halve, ends)[1] + heights
         return 2 * law.proximal(v) - v
-    gap = to_field(problem.solid.compliance * to_spectrum(guess), heights.shape) - heights
+    gap = to_field(problem.solid_at().compliance * to_spectrum(guess), heights.shape) - heights
     total, weighed, mean = sums(jnp.abs(guess), jnp.abs(guess) * gap, gap)
     loaded = (total > 0) & (not problem.free_mean)
     gap = gap - jnp.where(loaded, weighed, mean) / jnp.where(loaded, total, gap.size)
