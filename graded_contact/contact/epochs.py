@@ -5,7 +5,6 @@ area found in contact. Where more than as many steps again are to come, it is sl
 (`newton_steps.py`) may take as many FFT pairs as the splitting took so far.
 """
 
-import dataclasses
 from collections.abc import Callable
 from typing import Any, NamedTuple
 
@@ -119,8 +118,8 @@ def approach(
 
     `before` is a pressure [Pa], or what was found on the grid before.
     """
-    problem, state = _approach(scene, law, prescribed, before, rtol, plan, in_parts)
-    return dataclasses.replace(problem, scene=scene), state
+    numbers, state = _approach(scene, law, prescribed, before, rtol, plan, in_parts)
+    return OnGrid(scene, *numbers, prescribed.pressure is None), state
 
 
 @eqx.filter_jit
@@ -155,7 +154,7 @@ def _approach(scene: Scene, law, prescribed, before, rtol, plan: Plan, in_parts:
         state = gear_up(problem, state, rtol, plan)
     else:
         state = _epochs(problem, state, how, plan)
-    return dataclasses.replace(problem, scene=None), state
+    return (problem.penalty, problem.law, problem.target), state
 
 
 def _epochs(problem: OnGrid, state: Progress, how, plan: Plan) -> Progress:
