@@ -53,6 +53,8 @@ def as_float(value: Any, name: str = "value") -> Float[Array, "..."]:
 def as_numbers(value: Any, name: str) -> Inexact[Array, "..."]:
     """Returns `value`, real or complex, as `as_float` does."""
     wanted = "a number or a (rectangular) array of numbers is needed"
+    if isinstance(value, Array) and jnp.issubdtype(value.dtype, jnp.inexact):
+        return value.astype(value.dtype) if value.weak_type else value
     try:
         if isinstance(value, str | bytes | bool) or value is None:
             raise TypeError

@@ -14,6 +14,7 @@ import numpy as np
 from jaxtyping import Array, Float, Inexact, ScalarLike
 
 from ._checks import Numbers, as_float, check_tolerance, door, is_concrete, short
+from ._derivative import derivative_apart
 from ._devices import num_devices
 from ._memory import check_memory, num_numbers, sliding_memory
 from ._shown import shown
@@ -240,6 +241,7 @@ def kernel_and_velocity(stack, surface, velocity, solver, graded, throw):
     return (kernel.real if at_rest else kernel), velocity, reached
 
 
+@derivative_apart
 def observe(
     contact: ContactSolution,
     kernel: Inexact[Array, "*half"],

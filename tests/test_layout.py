@@ -8,7 +8,7 @@ import pytest
 
 PACKAGE = Path(__file__).parents[1] / "graded_contact"
 ORDER = [
-    "_checks", "_shown", "_devices", "_fft", "_memory", "caveats", "parameters",
+    "_checks", "_shown", "_derivative", "_devices", "_fft", "_memory", "caveats", "parameters",
     "grid", "spectrum", "cutoff", "surface", "random_surfaces",
     "rheology/shift", "rheology/measured", "rheology/creep", "rheology/material",
     "rheology/tabulated", "rheology/tabulated_shift", "rheology/library",

@@ -26,6 +26,7 @@ from .._checks import (
     door,
     is_concrete,
 )
+from .._derivative import derivative_apart, still
 from .._devices import num_devices, required
 from .._memory import check_memory, contact_memory
 from ..grid import half_shape
@@ -106,7 +107,7 @@ def solve_contact(
         start = _as_start(start, heights, law)
     check_tolerance("rtol", rtol, heights)
     # Programs of their own: under a derivative the search is found compiled.
-    fixed, start, wanted = _fixed((inputs, start, wanted))
+    fixed, start, wanted = still((inputs, start, wanted))
     tolerance = jnp.asarray(rtol, heights.dtype)
     known = _search(fixed, solver, tolerance, wanted, start)
     close = tolerance if wanted is None else _OF_WANTED * tolerance
@@ -197,6 +198,7 @@ def _find_contact(inputs: Inputs, solver: AbstractContactSolver, rtol, wanted, s
     return solve_until(inputs, solver, Wanted(wanted, rtol), start, describe)
 
 
+@derivative_apart
 @eqx.filter_jit
 def _solution(inputs: Inputs, solver, known: Known, rtol) -> tuple[ContactSolution, Array]:
     """The solution with its derivative, and whether it is one."""
@@ -220,12 +222,6 @@ def _solution(inputs: Inputs, solver, known: Known, rtol) -> tuple[ContactSoluti
     result = _how_it_ended(inputs, solver, found, reached, solution.gap_error)
     solution = dataclasses.replace(solution, wanted_error=errors, result=result)
     return solution, result == RESULTS.successful
-
-
-def _fixed(tree):
-    """The same without derivatives."""
-    numbers, others = eqx.partition(tree, eqx.is_array)
-    return eqx.combine(jax.lax.stop_gradient(numbers), others)
 
 
 def _describe(inputs: Inputs, found: Iterated, state: State | None = None) -> ContactSolution:

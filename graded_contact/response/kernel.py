@@ -17,6 +17,7 @@ import numpy as np
 from jaxtyping import Array, Bool, Float, Inexact
 
 from .._checks import Numbers, door, is_concrete
+from .._derivative import derivative_apart
 from .._devices import num_devices, required, spread, whole_along
 from .._memory import check_memory, kernel_memory, num_numbers
 from ..grid import (
@@ -160,6 +161,7 @@ def kernel_table(
     return _kernel_table(stack, grid, velocity, graded, rtol)
 
 
+@eqx.filter_jit
 def kernel_frequencies(grid: Grid, velocity: Float[Array, "..."]) -> Float[Array, " 3"]:
     """Returns |ω| [rad/s] at rest, of the longest and of the shortest wave along the velocity."""
     along = velocity if velocity.ndim == 0 else jnp.sqrt(jnp.sum(velocity**2))
@@ -178,6 +180,7 @@ def _is_dear(stack, grid):
     return many and grid.ndim == 2 and np.prod(grid.shape) > _FEW_POINTS
 
 
+@derivative_apart
 @eqx.filter_jit
 def _direct_kernel(stack, grid, velocity, graded, rtol):
     stack = prepared(stack)
@@ -197,6 +200,7 @@ def _direct_kernel(stack, grid, velocity, graded, rtol):
     return _on_devices(even_on_nyquist(_in_blocks(rows, len(kx)), grid.shape), grid)
 
 
+@derivative_apart
 @eqx.filter_jit
 def _interpolated_kernel(stack, grid, velocity, graded, rtol):
     """The kernel by its table, and the error of that."""

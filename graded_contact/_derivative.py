@@ -1,0 +1,75 @@
+"""Derivatives in programs of their own, so that values are found compiled.
+
+What is differentiated outside `jit` JAX compiles anew: once for the value and all that a derivative
+may need, and once for the derivative. Here the value is that of the programs that are compiled
+already, and the derivative one program, which computes again what it needs, and no more.
+"""
+
+from collections.abc import Callable
+from typing import Any, TypeVar, cast
+
+import equinox as eqx
+import jax
+
+from ._checks import is_concrete
+
+F = TypeVar("F", bound=Callable[..., Any])
+T = TypeVar("T")
+
+
+def still(tree: T) -> T:
+    """Returns the same numbers without derivatives: known ones outside `jit`."""
+    numbers, others = eqx.partition(tree, eqx.is_array)
+    return eqx.combine(_still(numbers), others)
+
+
+# `jax.lax.stop_gradient` takes as long for each array.
+@eqx.filter_custom_jvp
+def _still(numbers):
+    return numbers
+
+
+@_still.def_jvp
+def _still_jvp(primals, _):
+    return primals[0], jax.tree.map(lambda _: None, primals[0])
+
+
+def derivative_apart(function: F) -> F:
+    """Returns a function with its derivative, of any order and mode, compiled apart.
+
+    `function` takes positional arguments, and is compiled or consists of what is compiled.
+    """
+
+    @eqx.filter_jit
+    def change(args, tangents):
+        moving = jax.tree.map(
+            lambda tangent, arg: None if tangent is None else arg,
+            tangents,
+            args,
+            is_leaf=lambda tangent: tangent is None,
+        )
+
+        def numbers(moving):
+            return eqx.filter(function(*eqx.combine(moving, args)), eqx.is_inexact_array)
+
+        def along(moving, tangents):
+            return jax.jvp(numbers, (moving,), (tangents,))[1]
+
+        # Else a derivative in reverse would keep what it needs in a program before.
+        return jax.checkpoint(along, prevent_cse=False)(moving, tangents)
+
+    @eqx.filter_custom_jvp
+    def attached(found, args):
+        return found
+
+    @attached.def_jvp
+    def attached_jvp(primals, tangents):
+        # Attached again, so that a derivative of the rule itself moves with what was found.
+        return attached(*primals), change(primals[1], tangents[1])
+
+    def run(*args):
+        if all(map(is_concrete, jax.tree.leaves(args))):
+            return function(*args)
+        return attached(function(*still(args)), args)
+
+    return cast(F, run)
