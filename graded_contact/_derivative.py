@@ -31,13 +31,14 @@ def _still(numbers):
 
 @_still.def_jvp
 def _still_jvp(primals, _):
-    return primals[0], jax.tree.map(lambda _: None, primals[0])
+    # Once more, for the derivatives around this one.
+    return _still(primals[0]), jax.tree.map(lambda _: None, primals[0])
 
 
 def derivative_apart(function: F) -> F:
     """Returns a function with its derivative, of any order and mode, compiled apart.
 
-    `function` takes positional arguments, and is compiled or consists of what is compiled.
+    `function` takes positional arguments, returns arrays, and is compiled or made of what is.
     """
 
     @eqx.filter_jit

@@ -20,7 +20,8 @@ from .solver import AbstractContactSolver, Iterated, LinearSolver, Prescribed
 from .splitting import check_relaxation
 
 # All within 2 % of the fewest FFT pairs of `bench_contact.py viscoelastic`.
-_GEARED_FROM = 0.25  # of the points: grids that Newton steps are for
+_COARSENING = 4  # from a grid to the next; by 2 takes more pairs, and more programs to compile
+_GEARED_FROM = 1 / 16  # of the points: grids that Newton steps are for
 _GEARED_UP_TO = 2**21  # points: they take more memory than is planned for larger ones
 _FEW = 100  # steps on coarse grids and in drafts, where Newton steps follow
 _STEPS, _MOST, _POINTS = 4000, 64_000, 2**16  # steps allowed on a grid of so many points
@@ -101,8 +102,9 @@ class DouglasRachford(AbstractContactSolver):
 
 def _nested_shapes(shape: tuple[int, ...], coarsest: int) -> list[tuple[int, ...]]:
     shapes = [shape]
-    while min(shapes[0]) >= 2 * coarsest:
-        shapes.insert(0, tuple(-(-n // 2) for n in shapes[0]))
+    while (points := min(shapes[0])) >= 2 * coarsest:
+        factor = min(_COARSENING, points // coarsest)
+        shapes.insert(0, tuple(-(-n // factor) for n in shapes[0]))
     return shapes
 
 
