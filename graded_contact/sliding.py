@@ -306,7 +306,7 @@ def _areas(contact: ContactSolution, margin, measured, grid: Grid, velocity):
         if measured is None
         else unmeasured_shares(measured, touching, sigma, contact.displacement, grid, velocity)
     )
-    known = jax.lax.stop_gradient((margin, sigma, contact.error))
+    known = jax.lax.stop_gradient((margin, sigma, contact.mismatch, contact.error))
     return dict(
         contact_area=contact_area(touching).astype(sigma.dtype),
         contact_area_error=contact_area_error(*known),

@@ -39,14 +39,20 @@ def contact_area_corrected(contact: Bool[Array, "*shape"]) -> Float[Array, ""]:
 
 
 def contact_area_error(
-    margin: Float[Array, "*shape"], pressure: Float[Array, "*shape"], error: Float[Array, ""]
+    margin: Float[Array, "*shape"],
+    pressure: Float[Array, "*shape"],
+    mismatch: Float[Array, "*shape"],
+    error: Float[Array, ""],
 ) -> Float[Array, ""]:
     """Returns the fraction of points that may be on the wrong side of the edge of contact [1].
 
     Those whose margin (see `AbstractLaw.margin`) [Pa] is below three times the root mean square
-    error of the pressure, given its relative `error`. The error of the grid comes on top.
+    error of the pressure, given its relative `error`, or where the solver's `mismatch` [Pa] is more
+    than three times as large as elsewhere, as many times. The error of the grid comes on top.
     """
-    doubt = 3 * error * jnp.sqrt(jnp.mean(pressure**2))
+    typical, elsewhere = (jnp.sqrt(jnp.mean(f**2)) for f in (pressure, mismatch))
+    peak = jnp.abs(mismatch) / jnp.where(elsewhere > 0, elsewhere, 1)
+    doubt = error * typical * jnp.maximum(peak, 3)
     return jnp.mean(jnp.abs(margin) < doubt, dtype=margin.dtype)
 
 

@@ -41,5 +41,8 @@ class FrictionAndArea(eqx.Module):
         by_grid = jnp.abs(jnp.stack([geometric - mu, contact_area_corrected(margin > 0) - area]))
         value, size = jnp.stack([mu, area]), jnp.stack([slope, area])
         tolerance = self.rtol * jnp.maximum(jnp.abs(value), _LEAST_SHARE * size)
-        share = jnp.asarray(_CLAIMED, value.dtype)
-        return Asked(value, size, jnp.maximum(tolerance, _OF_GRID * by_grid), share)
+        tolerance = jnp.maximum(tolerance, _OF_GRID * by_grid)
+        # Of what does not touch there is no friction to be wrong.
+        touching = jnp.any(sigma != 0)
+        value, size, tolerance = (jnp.where(touching, a, 0) for a in (value, size, tolerance))
+        return Asked(value, size, tolerance, jnp.asarray(_CLAIMED, value.dtype))

@@ -39,6 +39,7 @@ from .solver import (
     Iterated,
     Prescribed,
     first_mode,
+    in_precision,
     least_compliance,
     penalty_for,
 )
@@ -78,6 +79,7 @@ def solve_contact(
     - `kernel`: M(q) [m/Pa] on the half spectrum of the heights, real or complex, Re M > 0; the
       q = 0 entry is ignored. See `stack_kernel`.
     - `heights`: h [m], positive into the solid, shape `(nx, ny)` or `(nx,)`; the mean is ignored.
+      The more precise of `heights` and `kernel` decides in which dtype all is computed.
     - `pressure`: mean pressure σ0 [Pa], within the bounds of the law; or
     - `mean_gap`: mean of the gap u [m], counted from the mean of the heights.
     - `law`: of contact.
@@ -105,10 +107,13 @@ def solve_contact(
     inputs = Inputs(kernel, heights, law, _prescribed(pressure, mean_gap, law))
     if start is not None:
         start = _as_start(start, heights, law)
-    check_tolerance("rtol", rtol, heights)
+    # In one precision: what ends a solve counts the digits of the fields.
+    dtype = jnp.result_type(heights, jnp.finfo(kernel.dtype).dtype)
+    inputs, start = in_precision((inputs, start), dtype)
+    check_tolerance("rtol", rtol, inputs.heights)
     # Programs of their own: under a derivative the search is found compiled.
     fixed, start, wanted = still((inputs, start, wanted))
-    tolerance = jnp.asarray(rtol, heights.dtype)
+    tolerance = jnp.asarray(rtol, dtype)
     known = _search(fixed, solver, tolerance, wanted, start)
     close = tolerance if wanted is None else _OF_WANTED * tolerance
     solution, good = _solution(inputs, solver, known, close)
@@ -120,8 +125,8 @@ def _check_heights(heights, solver: AbstractContactSolver) -> None:
         raise ValueError(f"`heights` has shape {heights.shape}; one or two axes are needed.")
     if heights.dtype not in (jnp.float32, jnp.float64):
         raise ValueError(f"`heights` has dtype {heights.dtype}; float32 or float64 is needed.")
-    if heights.size == 0:
-        raise ValueError(f"`heights` has shape {heights.shape}; points are needed.")
+    if heights.size < 2:
+        raise ValueError(f"`heights` has shape {heights.shape}; two points at least are needed.")
     check_memory(
         "heights",
         heights.shape,

@@ -147,7 +147,12 @@ def pressure_unit(
 
 
 def third_mode(kernel: Inexact[Array, "*half"]) -> Inexact[Array, ""]:
-    """Returns the kernel of the long waves: at three times the lowest wavenumber along x."""
+    """Returns the kernel of the long waves: at three times the lowest wavenumber along x.
+
+    Along y where there is but one row.
+    """
+    if kernel.ndim == 2 and len(kernel) == 1:
+        kernel = kernel[0]
     return kernel[(3,) + (0,) * (kernel.ndim - 1)]
 
 
@@ -195,3 +200,14 @@ def slope(law: AbstractLaw, v: Float[Array, "*shape"]) -> Float[Array, "*shape"]
 def root_mean_square(field: Float[Array, "..."]) -> Float[Array, ""]:
     """Returns √⟨f²⟩."""
     return jnp.sqrt(jnp.mean(field**2))
+
+
+def in_precision(tree, dtype):
+    """Returns a tree with its numbers in a real dtype, complex ones in pairs of it."""
+
+    def convert(a):
+        if not eqx.is_inexact_array(a):
+            return a
+        return a.astype(jnp.result_type(dtype, 1j) if jnp.iscomplexobj(a) else dtype)
+
+    return jax.tree.map(convert, tree)

@@ -32,7 +32,7 @@ from jaxtyping import Array, Float, Inexact
 
 from ..grid import multiplicity, to_field, to_spectrum
 from .anderson import History, accelerate, sums
-from .solver import first_mode, participation_of
+from .solver import first_mode, in_precision, participation_of
 
 DRAFTED_FROM = 2**18  # points of a grid worth a draft, by `bench_contact.py overhead`
 CYCLE = 2  # steps between accelerations
@@ -163,7 +163,7 @@ def draft(
     """
     if z.size < DRAFTED_FROM or z.dtype != jnp.float64:
         return z, jnp.asarray(0)
-    single, begin, rtol = _to_single((splitting, z, rtol))
+    single, begin, rtol = in_precision((splitting, z, rtol), jnp.float32)
     last = iterate(single, begin, rtol=rtol, draft=True, **settings)
     # A start that is as good already keeps its digits.
     z = jnp.where(last.cycles > 1, last.z.astype(z.dtype), z)
@@ -178,16 +178,6 @@ def _afresh(splitting: Splitting, cycles: Array) -> Splitting:
     one = jnp.where(cycles >= 0, 1, 0).astype(solid.penalty.dtype)  # which compilers cannot know
     solid = Solid(solid.kernel, one * solid.penalty, solid.free_mean)
     return dataclasses.replace(splitting, solid=solid)
-
-
-def _to_single(tree):
-    """The same numbers in single precision."""
-
-    def convert(a):
-        single = jnp.complex64 if jnp.iscomplexobj(a) else jnp.float32
-        return a.astype(single) if eqx.is_inexact_array(a) else a
-
-    return jax.tree.map(convert, tree)
 
 
 def check_relaxation(relaxation: float) -> None:

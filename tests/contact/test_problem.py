@@ -399,6 +399,25 @@ def test_float32_solves_to_its_precision():
     assert error <= 2e-4
 
 
+@pytest.mark.parametrize("dtype", [jnp.float32, jnp.float64])
+def test_the_more_precise_field_decides_and_a_load_does_not(dtype):
+    """In two precisions the noise of one would pass for a residual of the other, without end."""
+    heights = np.random.default_rng(1).normal(size=SMALL.shape) * 0.05
+    kernel = gc.stack_kernel(BODIES["bare"], SMALL, SPEED).astype(jnp.complex64)
+    s = gc.solve_contact(kernel, jnp.asarray(heights, dtype), 0.02, rtol=1e-4)
+    assert s.pressure.dtype == s.mean_gap.dtype == s.error.dtype == dtype
+    expected = dense_contact(np.asarray(kernel, complex), heights, 0.02)
+    np.testing.assert_allclose(s.pressure, expected, atol=1e-4 * expected.max())
+
+
+def test_fields_of_one_row_are_solved():
+    heights = np.random.default_rng(1).normal(size=(1, 24)) * 0.05
+    kernel = gc.stack_kernel(BODIES["bare"], gc.Grid((24,), 1.0), SPEED)[None]
+    expected = dense_contact(np.asarray(kernel), heights, 0.02)
+    found = gc.solve_contact(kernel, heights, 0.02)
+    np.testing.assert_allclose(found.pressure, expected, atol=1e-6 * expected.max())
+
+
 def test_unreachable_tolerance_is_refused_with_the_remedy():
     kernel, heights = half_space(SMALL).astype(jnp.float32), jnp.zeros((16, 16), jnp.float32)
     with pytest.raises(ValueError, match=r"`rtol=1e-06` cannot be reached in float32.*enable_x64"):
@@ -478,6 +497,7 @@ BAD = {
     "rtol per point": (dict(rtol=np.full(2, 1e-6)), "`rtol=array.* must be a plain number"),
     "law in words": (dict(law="hard"), "`law='hard'` must be Law"),
     "no solver": (dict(solver=None), "`solver=None` must be"),
+    "one point": (dict(kernel=np.ones(1), heights=np.zeros(1)), r"\(1,\); two points at least"),
     "half precision": (dict(heights=np.zeros((16, 16), np.float16)), "`heights` has dtype float16"),
 }
 

@@ -69,6 +69,15 @@ def test_friction_is_known_within_its_claimed_error_and_sooner_than_the_pressure
     assert pairs[0] <= 0.75 * pairs[1]
 
 
+@pytest.mark.slow
+def test_surfaces_apart_need_no_more_for_a_friction_that_is_not_there():
+    apart = 1.01 * jnp.max(SURFACE.heights - jnp.mean(SURFACE.heights))
+    s = gc.slide(BODIES["coated"], SURFACE, mean_gap=apart, velocity=SPEED, friction_rtol=1e-3)
+    assert s.result == gc.RESULTS.successful
+    assert np.isnan(s.friction)
+    assert s.contact_area_smooth == s.contact_area_error == 0
+
+
 def test_derivatives_of_a_friction_that_is_known_are_those_of_the_closer_solve():
     def friction(pressure, **tolerance: Any):
         return gc.slide(
