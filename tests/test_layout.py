@@ -18,7 +18,7 @@ ORDER = [
     "response/rates", "response/riccati", "response/compliance", "response/table",
     "response/kernel", "response/matrix", "response/depth", "response/interior",
     "contact/law", "contact/adhesion", "contact/anderson", "contact/solver",
-    "contact/splitting", "contact/linear", "contact/held_points", "contact/newton_steps",
+    "contact/splitting", "contact/held_points", "contact/linear", "contact/newton_steps",
     "contact/on_grid", "contact/epochs",
     "contact/douglas_rachford", "contact/rmd",
     "contact/implicit", "contact/solution", "contact/newton", "contact/wanted",

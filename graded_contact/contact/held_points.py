@@ -104,19 +104,37 @@ def _rooms(field: Array) -> list[int]:
 
 
 def _eliminated(solid: Coated, held, room: int):
-    """The pressure on at most `room` points."""
-    where = jnp.nonzero(held, size=room, fill_value=0)
-    used = jnp.arange(room) < jnp.sum(held)
-    apart = tuple((i[:, None] - i) % n for i, n in zip(where, held.shape, strict=True))
-    one = jnp.eye(room, dtype=solid.green.dtype)
-    matrix = jnp.where(used[:, None] & used, solid.green[apart] + solid.coat * one, one)
-    sides = jnp.stack([jnp.where(used, solid.heights[where], 0), used], axis=1)
-    by_heights, by_gap = jnp.linalg.solve(matrix, sides).T
-    total = jnp.sum(by_gap)  # 0 where no point is held
-    missing = solid.load * held.size - jnp.sum(by_heights)
-    found = by_heights + by_gap * (missing / jnp.where(total > 0, total, 1))
-    zero = jnp.zeros(held.shape, found.dtype)
-    return zero.at[where].add(found), zero[(0,) * zero.ndim], jnp.asarray(0)
+    """The pressure on at most `room` points, a residual of 0, and no FFT pairs."""
+    weight, total = held.astype(solid.green.dtype), solid.load * held.size
+    coat = jnp.broadcast_to(solid.coat, held.shape)
+    found = solve_on_few(weight, solid.green, coat, solid.heights, total, room)
+    return found, jnp.zeros_like(solid.load), jnp.asarray(0)
+
+
+def solve_on_few(
+    weight: Float[Array, "*shape"],
+    green: Float[Array, "*shape"],
+    diagonal: Float[Array, "*shape"],
+    rhs: Float[Array, "*shape"],
+    total: Float[Array, ""] | None,
+    room: int,
+) -> Float[Array, "*shape"]:
+    """Returns f with d f + w K w f + c w = rhs and Σ w f = total where w is not 0, and 0 elsewhere.
+
+    Without a `total` c is 0. `weight` w is not 0 at `room` points at most, `green` is K in space.
+    """
+    where = jnp.nonzero(weight, size=room, fill_value=0)
+    used = jnp.arange(room) < jnp.sum(weight != 0)
+    apart = tuple((i[:, None] - i) % n for i, n in zip(where, weight.shape, strict=True))
+    one, w = jnp.eye(room, dtype=green.dtype), jnp.where(used, weight[where], 0)
+    matrix = w[:, None] * green[apart] * w + jnp.where(used, diagonal[where], 1) * one
+    sides = jnp.stack([jnp.where(used, rhs[where], 0), w], axis=1)
+    found, by_weight = jnp.linalg.solve(matrix, sides).T
+    if total is not None:
+        one_more = jnp.sum(w * by_weight)  # 0 where there is no point
+        missing = total - jnp.sum(w * found)
+        found = found + by_weight * (missing / jnp.where(one_more != 0, one_more, 1))
+    return jnp.zeros_like(green).at[where].add(found)
 
 
 def _iterated(press, coated, mask, heights, pressure, wanted, settled, most):

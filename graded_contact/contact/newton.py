@@ -50,7 +50,7 @@ def newton_step(inputs: Inputs, found: Iterated) -> Iterated:
     offset = -jnp.sum(s * apart) / jnp.sum(s) if mean_gap is None else mean_gap
     residual = jnp.where(held, penalty * (apart + offset), 0)
     kernel = penalty * kernel
-    change, by_solid, last = _response(kernel, s, residual, None if load is None else missing)
+    change, by_solid, pairs = _response(kernel, s, residual, None if load is None else missing)
     # What the law holds moves along it, and what it does not stays as it is.
     v = v + jnp.where(held, change / jnp.where(held, s, 1), 0)
     after = law.proximal(v)
@@ -67,7 +67,7 @@ def newton_step(inputs: Inputs, found: Iterated) -> Iterated:
         gap_error=found.gap_error,
         ended=found.ended,
         num_steps=found.num_steps,
-        num_fft_pairs=found.num_fft_pairs + last.cycles * 2 + 4,
+        num_fft_pairs=found.num_fft_pairs + pairs + 4,
     )
 
 
@@ -83,8 +83,8 @@ def _response(kernel, s, residual, missing):
         rhs = without_mean(root * (rhs - share * (1 - s) - displace(kernel, known)), root)
     else:
         rhs = root * rhs
-    tau, x, last = LinearSplitting().solve(
+    tau, x, _, pairs = LinearSplitting().solve(
         kernel, s, rhs, free_mean=missing is None, rtol=jnp.asarray(_RTOL, s.dtype)
     )
     change = root * (tau if missing is None else without_mean(tau, root))
-    return known + change, known + x, last
+    return known + change, known + x, pairs

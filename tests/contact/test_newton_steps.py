@@ -51,6 +51,17 @@ def test_cylinder_of_contrast_1000_converges(speed):
     assert s.num_fft_pairs <= 250
 
 
+def test_derivatives_on_moduli_far_apart_are_found_and_match_differences():
+    """Once not converged in 20,000 FFT pairs; on points that stay they are exact."""
+    kernel, heights = cylinder(1e4, 1.0)
+    weight = jnp.cos(jnp.arange(N))
+    total = lambda load: jnp.vdot(weight, solve(kernel, heights, load).pressure)  # noqa: E731
+    step = 1e-4 * LOAD
+    expected = (total(LOAD + step) - total(LOAD - step)) / (2 * step)
+    for derivative in (jax.grad, jax.jacfwd):
+        np.testing.assert_allclose(derivative(total)(LOAD), expected, rtol=1e-7)
+
+
 def test_batch_of_hard_and_ordinary_contacts_is_that_of_each():
     kernels, heights = zip(*(cylinder(c, 1.0) for c in (1.5, 1000.0)), strict=True)
     batch = jax.vmap(solve, in_axes=(0, None))(jnp.stack(kernels), heights[0])
