@@ -1,6 +1,6 @@
 """How much memory a computation takes, told before anything is allocated.
 
-The peak of a contact is that of its fields, some two dozen as large as the heights; layers add next
+The peak of a contact is that of its fields, less than twenty as large as the heights; layers add next
 to nothing where the kernel is computed in blocks, and much on a grid of one dimension. The numbers
 of fields were measured (`benchmarks/bench_memory.py` compares them with peaks of whole processes);
 compiling takes memory whatever the grid, and a sweep adds what a row of its table and file takes.
@@ -16,10 +16,10 @@ import numpy as np
 
 # Fields as large as the heights, by the bytes of a number.
 SURFACE = {8: 6.0, 4: 7.0}  # the surface, its modes, and the random words of these
-CONTACT = {8: 23.5, 4: 20.0}  # without the history of the acceleration
-HISTORY = {8: 0.75, 4: 1.25}  # of each iterate of it
+CONTACT = 12.5  # without the history of the acceleration; in a program of one's own up to 8 more
+HISTORY = {8: 0.625, 4: 1.25}  # of each iterate of it
 KERNEL = 1.5
-DERIVATIVE = 26.0  # more for a derivative
+DERIVATIVE = 20.0  # more for a derivative
 BLOCK_ROWS = 16  # of a kernel whose moduli differ from point to point
 COMPILER = 8e8  # bytes of compiling a contact, not given back
 POINT = 8000  # bytes of a sweep's point, most of it in the printed table
@@ -54,7 +54,7 @@ def kernel_memory(
 
 def contact_memory(shape: tuple[int, ...], itemsize: int, history: int) -> float:
     """Returns the bytes of a contact whose acceleration keeps a `history` of so many iterates."""
-    fields = CONTACT[itemsize] + HISTORY[itemsize] * (history + 1)
+    fields = CONTACT + HISTORY[itemsize] * (history + 1)
     return COMPILER + fields * math.prod(shape) * itemsize
 
 

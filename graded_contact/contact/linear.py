@@ -30,7 +30,7 @@ class Solved(NamedTuple):
     - `tau`: the solution τ.
     - `pressure`: of the solid, near √|s| τ but with better soft waves.
     - `found`: whether it is a solution.
-    - `num_fft_pairs`: in double precision.
+    - `num_fft_pairs`: without those of a draft.
     """
 
     tau: Float[Array, "*shape"]
