@@ -1,6 +1,6 @@
 """How much memory a computation takes, told before anything is allocated.
 
-The peak of a contact is that of its fields, less than twenty as large as the heights; layers add next
+The peak of a contact is that of its fields, under twenty as large as the heights; layers add next
 to nothing where the kernel is computed in blocks, and much on a grid of one dimension. The numbers
 of fields were measured (`benchmarks/bench_memory.py` compares them with peaks of whole processes);
 compiling takes memory whatever the grid, and a sweep adds what a row of its table and file takes.
