@@ -42,7 +42,6 @@ def derivatives(point, directions, control):
 CASES = [
     ("elastic", "hard", "pressure"),
     ("coated", "hardness", "pressure"),
-    ("coated", "adhesive", "mean_gap"),
     *(
         pytest.param("coated", law, control, marks=pytest.mark.slow)
         for law, control in [
@@ -52,6 +51,7 @@ CASES = [
             ("repulsive", "mean_gap"),
             ("repulsive", "pressure"),
             ("adhesive", "pressure"),
+            ("adhesive", "mean_gap"),
             ("exponential", "pressure"),
             ("exponential", "mean_gap"),
         ]

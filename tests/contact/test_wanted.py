@@ -78,6 +78,7 @@ def test_surfaces_apart_need_no_more_for_a_friction_that_is_not_there():
     assert s.contact_area_smooth == s.contact_area_error == 0
 
 
+@pytest.mark.slow
 def test_derivatives_of_a_friction_that_is_known_are_those_of_the_closer_solve():
     def friction(pressure, **tolerance: Any):
         return gc.slide(
