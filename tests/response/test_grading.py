@@ -172,7 +172,6 @@ def fields_in(layer, depths=DEPTHS, graded=FAST, base="halfspace"):
 
 
 @pytest.mark.slow
-@pytest.mark.slow
 def test_fields_in_a_constant_profile_are_those_of_a_uniform_layer():
     graded = fields_in(GradedLayer(Blend(RUBBER, RUBBER), 1e-4))
     for value, exact in zip(graded, fields_in(gc.Layer(RUBBER, 1e-4)), strict=True):
