@@ -177,6 +177,7 @@ def check_second_derivatives(by, point, step, atol):
     assert np.all(np.diag(found) != 0)
 
 
+@pytest.mark.slow
 def test_hessian_of_friction_is_symmetric_and_matches_differences():
     """By modulus and thickness of a coat, pressure and velocity."""
     x = np.arange(16) / 16

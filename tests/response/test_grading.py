@@ -335,6 +335,7 @@ def sandwich(base):
     )
 
 
+@pytest.mark.slow
 def test_differential_equation_and_layers_agree_on_an_elastic_layer():
     profile = Blend(gc.Elastic(1e6, 0.3), gc.Elastic(3e7, 0.45), Exponential(3.0))
     stack = Stack(layers=(GradedLayer(profile, 1e-3),), base=gc.Free())
