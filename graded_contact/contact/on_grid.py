@@ -25,7 +25,6 @@ _COLD_PARTICIPATION = 0.05  # ⟨σ⟩²/⟨σ²⟩ expected before anything is 
 _NEARLY = 0.98  # share of points touching, from which full contact is looked for
 _HIGHEST = 1e3  # pressure of a start, in what it takes to flatten the stiffest wave
 
-
 Factor = float | Float[Array, ""]  # of a penalty, over the first
 
 

@@ -197,19 +197,24 @@ def _search(inputs: Inputs, solver: AbstractContactSolver, rtol, wanted, start) 
 
 @eqx.filter_jit
 def _find_contact(inputs: Inputs, solver: AbstractContactSolver, rtol, wanted, start) -> Known:
+    if not isinstance(solver, DouglasRachford):  # which takes any mean, and spares a copy
+        inputs = _without_mean(inputs)
     if wanted is None:
         return Known(solver.solve(*inputs, rtol=rtol, start=start), None, None)
     describe = functools.partial(_describe, inputs)
     return solve_until(inputs, solver, Wanted(wanted, rtol), start, describe)
 
 
+def _without_mean(inputs: Inputs) -> Inputs:
+    return inputs._replace(kernel=inputs.kernel.at[(0,) * inputs.kernel.ndim].set(0))
+
+
 @derivative_apart
 @eqx.filter_jit
 def _solution(inputs: Inputs, solver, known: Known, rtol) -> tuple[ContactSolution, Array]:
     """The solution with its derivative, and whether it is one."""
-    kernel = inputs.kernel.at[(0,) * inputs.kernel.ndim].set(0)
-    inputs = inputs._replace(kernel=kernel)
-    heights, law = inputs.heights, inputs.law
+    inputs = _without_mean(inputs)
+    kernel, heights, law, _ = inputs
     found, errors, reached = jax.lax.stop_gradient(known)
     reached = found.error <= rtol if reached is None else reached
     state = State(found.pressure, *_displacement_and_mean_gap(inputs, found))

@@ -94,7 +94,7 @@ class AbstractContactSolver(eqx.Module):
 
         **Arguments:**
 
-        - `kernel`: M [m/Pa] on the half spectrum, real or complex; that at q = 0 tells nothing.
+        - `kernel`: M [m/Pa] on the half spectrum, real or complex, its entry at q = 0 being 0.
         - `heights`: h [m], positive into the solid, of any mean.
         - `law`: gives pressures point by point, see `AbstractLaw`.
         - `prescribed`: the mean pressure or the mean gap.
