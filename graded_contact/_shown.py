@@ -21,6 +21,7 @@ from ._checks import is_concrete, short
 T = TypeVar("T", bound=type)
 FEW = 8  # numbers of an array that are shown one by one, and entries of a list
 ENTRY = re.compile(r"^ *- ((?:`\w+`(?:, )?)+): (.*?)(?=^ *- `|^ *$|\Z)", re.MULTILINE | re.DOTALL)
+PREFIXES = {-12: "p", -9: "n", -6: "µ", -3: "m", 0: "", 3: "k", 6: "M", 9: "G"}
 UNIT = re.compile(r"\[((?:1|(?:(?:1|Pa|rad|m|s|K|J|bytes)[²³⁴]?[/ ]?)+))\]")
 
 
@@ -183,3 +184,16 @@ def _array(array: jax.Array | np.ndarray) -> str:
     if entries.dtype.kind not in "fiu" or np.all(np.isnan(entries)):
         return shape
     return f"{shape}, {np.nanmin(entries):.6g} to {np.nanmax(entries):.6g}"
+
+
+def unit_of(base: str, largest: float) -> tuple[str, float]:
+    """The unit in which `largest` [base] is between 1 and 1000, and its reciprocal in `base`."""
+    exponent = 3 * int(np.floor(np.log10(largest) / 3 + 1e-9)) if largest > 0 else 0
+    exponent = min(max(exponent, min(PREFIXES)), max(PREFIXES))
+    return f"{PREFIXES[exponent]}{base}", 10.0**-exponent
+
+
+def with_unit(value: float, base: str) -> str:
+    """Returns a number in a common unit, such as "1.54 nm"."""
+    unit, factor = unit_of(base, value)
+    return f"{factor * value:.3g} {unit}"

@@ -7,6 +7,7 @@ import numpy as np
 import pytest
 
 import graded_contact as gc
+from graded_contact._shown import unit_of
 from graded_contact.files.results import OBSERVABLES, Fields, Results
 from graded_contact.files.study import Study, units_of
 from graded_contact.plot import (
@@ -18,7 +19,6 @@ from graded_contact.plot import (
     plot_sliding,
     plot_sweep,
 )
-from graded_contact.plot.style import unit_of
 from graded_contact.studies.uncertainty import Sensitivity
 
 

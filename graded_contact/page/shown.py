@@ -8,11 +8,12 @@ from typing import NamedTuple
 import h5py
 import numpy as np
 
+from .._shown import unit_of
 from ..files.hdf5 import put
 from ..files.results import package_versions
 from ..files.study import UNITS
 from ..files.toml_text import toml_text
-from ..plot.style import COLOURS, GAPS, PRESSURES, new_figure, styled, unit_of
+from ..plot.style import COLOURS, GAPS, PRESSURES, new_figure, styled
 from .document import Document
 from .knobs import Knob
 from .model import Contact, Curves, Derivatives

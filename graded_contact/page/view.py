@@ -7,7 +7,7 @@ from typing import Any, Protocol, runtime_checkable
 import numpy as np
 import panel as pn
 
-from ..plot.style import unit_of
+from .._shown import with_unit
 from .figures import HEIGHT, PALETTES, Bars, Map, Response, Sweep
 from .model import Contact, Curves, Derivatives, Model
 from .section import Section
@@ -141,7 +141,7 @@ class View:
         knobs = zip(model.knobs, values, strict=True)
         thickness = [value for knob, value in knobs if knob.quantity == "thickness"]
         names = [
-            f"{layer_name(layer)}, {_length(depth)}"
+            f"{layer_name(layer)}, {with_unit(depth, 'm')}"
             for layer, depth in zip(content.get("layers", []), thickness, strict=True)
         ]
         base = content["base"]
@@ -181,17 +181,12 @@ def _words(kind: str, text: str) -> str:
     return f'<div class="say {kind}">{html.escape(text)}</div>' if text else ""
 
 
-def _length(depth: float) -> str:
-    unit, factor = unit_of("m", depth)
-    return f"{factor * depth:.3g} {unit}"
-
-
 def _headline(title: str, contact: Contact) -> str:
     found = contact.sliding
     numbers = {
         "friction μ [1]": f"{float(found.friction):.4g}",
         "contact area A/A₀": f"{100 * float(found.contact_area_smooth):.3g} %",
-        "mean gap": _length(float(found.mean_gap)),
+        "mean gap": with_unit(float(found.mean_gap), "m"),
         "error of the pressure": f"{float(found.error):.0e}",
     }
     cells = "".join(

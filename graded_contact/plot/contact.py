@@ -7,10 +7,11 @@ import numpy as np
 from jaxtyping import ArrayLike
 
 from .._checks import as_float
+from .._shown import unit_of
 from ..files.results import Fields
 from ..sliding import Sliding
 from ..surface import Surface
-from .style import COLOURS, GAPS, HEIGHTS, PAGE, PRESSURES, new_figure, styled, unit_of
+from .style import COLOURS, GAPS, HEIGHTS, PAGE, PRESSURES, new_figure, styled
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes

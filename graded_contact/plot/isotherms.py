@@ -5,6 +5,7 @@ from typing import TYPE_CHECKING, Any
 import jax
 import numpy as np
 
+from .._shown import unit_of
 from ..files.moduli.measured import Measured
 from ..fitting.master import MasterCurve
 from .materials import CHANNELS, ORDINATES
@@ -16,7 +17,6 @@ from .style import (
     new_figure,
     ordered,
     styled,
-    unit_of,
 )
 
 if TYPE_CHECKING:

@@ -5,9 +5,10 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 
+from .._shown import unit_of
 from ..files.results import Results
 from ..files.study import NOT_STARTED
-from .style import COLOURS, few_powers_of_ten, unit_of
+from .style import COLOURS, few_powers_of_ten
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes

@@ -4,10 +4,11 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from .._shown import unit_of
 from ..files.results import Fields
 from ..sliding import Sliding
 from ..surface import Surface
-from .style import COLOURS, COLUMN, HEIGHTS, PAGE, new_figure, styled, unit_of
+from .style import COLOURS, COLUMN, HEIGHTS, PAGE, new_figure, styled
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure

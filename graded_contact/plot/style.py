@@ -56,7 +56,6 @@ STYLE = {
     "ytick.major.width": 0.6,
     "ytick.minor.width": 0.4,
 }  # fmt: skip
-_PREFIXES = {-12: "p", -9: "n", -6: "µ", -3: "m", 0: "", 3: "k", 6: "M", 9: "G"}
 
 
 @contextlib.contextmanager
@@ -123,10 +122,3 @@ def few_powers_of_ten(axis: Any, low: float, high: float) -> None:
         axis.set_major_locator(LogLocator(subs=(1, 2, 5)))
         axis.set_major_formatter("{x:g}")
     axis.set_minor_formatter(NullFormatter())
-
-
-def unit_of(base: str, largest: float) -> tuple[str, float]:
-    """The unit in which `largest` [base] is between 1 and 1000, and its reciprocal in `base`."""
-    exponent = 3 * int(np.floor(np.log10(largest) / 3 + 1e-9)) if largest > 0 else 0
-    exponent = min(max(exponent, min(_PREFIXES)), max(_PREFIXES))
-    return f"{_PREFIXES[exponent]}{base}", 10.0**-exponent
