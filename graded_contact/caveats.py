@@ -26,7 +26,8 @@ REMEDIES = {
     "resampled": "Leave out `shape`, or take more points.",
     "equally spaced": "Its dense parts lost their short waves, or its sparse ones have none.",
     "filled": "Crop to a `region` without holes, or discard the spikes around them with `rim`.",
-    "tapered": 'Take `periodic = "mirror"`, which keeps every height.',
+    "joined": 'Its edges differ much: take `periodic = "mirror"`, which keeps every height.',
+    "tapered": 'Leave out `periodic`, or take "mirror", which keeps every height.',
 }
 PREPARING = ("read", "equally spaced", "cropped", "tilt removed", "filled")
 SPIKE = 10  # distance from the mean over the rms height; 1e-22 of Gaussian heights are beyond

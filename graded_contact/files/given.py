@@ -1,17 +1,43 @@
-"""Files that a user names."""
+"""Files that a user names, and how large they may be."""
 
 import os
+import zipfile
 from pathlib import Path
+from typing import Any
 
 
-def existing_file(path: str | os.PathLike) -> Path:
+def existing_file(path: str | os.PathLike, at_most: float | None = None) -> Path:
     """Returns the path of a file.
 
-    **Raises:** `FileNotFoundError`; `ValueError` for a folder.
+    **Arguments:**
+
+    - `path`: of the file.
+    - `at_most`: bytes that it may have; None for any number.
+
+    **Raises:** `FileNotFoundError`; `ValueError` for a folder or a larger file.
     """
     path = Path(path)
     if not path.exists():
         raise FileNotFoundError(f"`path={path}` does not exist.")
     if path.is_dir():
         raise ValueError(f"`path={path}` is a folder; a file is needed.")
+    if at_most is not None and path.stat().st_size > at_most:
+        raise ValueError(
+            f"`path={path}` is refused: it has {_megabytes(path.stat().st_size)}, and at most "
+            f"{_megabytes(at_most)} are read here."
+        )
     return path
+
+
+def check_archive(source: Any, at_most: float) -> None:
+    """Raises `ValueError` if the files in a zip, a path or a stream, unpack to more bytes."""
+    with zipfile.ZipFile(source) as archive:
+        size = sum(entry.file_size for entry in archive.infolist())
+    if size > at_most:
+        raise ValueError(
+            f"its parts unpack to {_megabytes(size)}, and at most {_megabytes(at_most)} are read"
+        )
+
+
+def _megabytes(size: float) -> str:
+    return f"{size / 1e6:.3g} MB" if size < 1e9 else f"{size / 1e9:.3g} GB"

@@ -2,6 +2,11 @@
 
 What is done to the data is recorded, in order, in `Surface.history`, and what it does to the
 roughness in `Surface.steps`.
+
+A part of a rough surface is made periodic by subtracting a harmonic function (L. Moisan, J. Math.
+Imaging Vis. 39 (2011) 161, doi:10.1007/s10851-010-0227-1): among all functions that jump by as much
+from one edge to the opposite one, it has the smallest slopes. Waves are joined within their own
+length of an edge. There they lose some slope, which a common factor restores.
 """
 
 import dataclasses
@@ -11,12 +16,14 @@ import numpy as np
 from jaxtyping import ArrayLike
 
 from ..._checks import Numbers
+from ..._shown import with_unit
 from ...grid import Grid
 from ...surface import Step, Surface, resample, step
 from .holes import filled, grown, largest_rectangle
 
 TAPER = 0.1  # length of the window's flank at either end of an axis, relative to the axis
-PERIODIC = ("window", "mirror", None)
+MOST = 1.1  # factor that restores the slope: on forms without roughness it would have no limit
+PERIODIC = ("harmonic", "mirror", "window", None)
 FILL = ("low", "harmonic", None)
 LOW = 0.01  # the share of measured heights below the level to which filled holes sink
 STEEPER = 1.5  # than its rms slope the surface sinks from the mean height into a hole
@@ -27,7 +34,7 @@ def surface_from_heights(
     heights: ArrayLike,
     size: Numbers,
     *,
-    periodic: str | None = "window",
+    periodic: str | None = "harmonic",
     shape: int | tuple[int, ...] | None = None,
     region: Numbers | None = None,
     fill: str | None = "low",
@@ -46,10 +53,11 @@ def surface_from_heights(
 
     - `heights`: [m], shape `(nx, ny)` or `(nx,)`; NaN, infinite or masked where missing.
     - `size`: edge lengths [m], shape `(ndim,)`; one number means a square.
-    - `periodic`: `"window"` multiplies by a cosine-flanked (Tukey) window that falls to zero over
-      the outer tenth at either end of each axis, then scales the heights to keep their rms;
-      `"mirror"` reflects, doubling each axis, which keeps every height but leaves kinks at the
-      seams; None takes the heights as they stand and refuses them if the edges do not meet.
+    - `periodic`: `"harmonic"` subtracts the smooth function that has the jumps between opposite
+      edges, and restores the rms slope; `"mirror"` reflects, doubling each axis, which keeps every
+      height but leaves kinks at the seams; `"window"` multiplies by a cosine-flanked (Tukey) window
+      that falls to zero over the outer tenth at either end of each axis, then scales the heights to
+      keep their rms; None takes the heights unchanged and refuses them if the edges do not meet.
     - `shape`: number of points of the result; None keeps that of the data.
     - `region`: the part to keep, `[x0, x1, y0, y1]` or for a profile `[x0, x1]` [m] from the first
       point; None keeps all. Where points are missing, the history names the largest part without.
@@ -134,10 +142,29 @@ class _Prepared:
         self.notes.append(note)
         self.record("filled")
 
+    def join(self) -> None:
+        """Subtracts the harmonic function that has the jumps at the edges."""
+        before = step("", self.values, self.spacing)
+        joint = _harmonic(self.values, self.spacing / np.min(self.spacing))
+        self.values = self.values - joint
+        after = step("", self.values, self.spacing)
+        if after.rms_height <= 1e-12 * before.rms_height:
+            raise ValueError("`heights` vary only as the function that joins their edges does.")
+        factor = min(before.rms_slope / after.rms_slope, MOST)
+        self.values = factor * self.values
+        self.notes.append(
+            "Joined opposite edges by subtracting a harmonic function of rms height "
+            f"{with_unit(float(np.std(joint)), 'm')} (of {with_unit(before.rms_height, 'm')}) and "
+            f"multiplied the heights by {factor:.4g} to restore the rms slope."
+        )
+        self.record("joined")
+
     def closed(self, periodic: str | None) -> Surface:
         """The surface, its edges made to meet."""
         measured = np.where(self.missing, 0.0, 1.0)
-        if periodic == "window":
+        if periodic == "harmonic":
+            self.join()
+        elif periodic == "window":
             self.values, taper, factor = _window(self.values)
             measured = measured * taper
             self.notes.append(
@@ -253,6 +280,20 @@ def _filling_note(
     return note
 
 
+def _harmonic(values: np.ndarray, spacing: np.ndarray) -> np.ndarray:
+    """The periodic solution of ∇²s = what the jumps at the edges add to ∇² of the heights."""
+    jumps, symbol = np.zeros(values.shape), np.zeros(values.shape)
+    for axis, (n, apart) in enumerate(zip(values.shape, spacing, strict=True)):
+        ends = np.moveaxis(jumps, axis, 0)
+        first, last = np.take(values, 0, axis), np.take(values, -1, axis)
+        ends[0] += (last - first) / apart**2
+        ends[-1] += (first - last) / apart**2
+        waves = (2 * np.cos(2 * np.pi * np.arange(n) / n) - 2) / apart**2
+        symbol += np.expand_dims(waves, [a for a in range(values.ndim) if a != axis])
+    symbol.flat[0] = 1.0  # the mean of the jumps is zero
+    return np.real(np.fft.ifftn(np.fft.fftn(jumps) / symbol))
+
+
 def _window(values: np.ndarray) -> tuple[np.ndarray, np.ndarray, float]:
     """The tapered heights with their rms restored, the window, and the factor that restored it."""
     window = np.ones(values.shape)
@@ -281,5 +322,5 @@ def _check_seams(values: np.ndarray) -> None:
                 f"`periodic=None` is refused: this is a surface that is not periodic. Along {name} "
                 f"the heights jump by {across:.3g} m (rms) from the last point to the first, "
                 f"{across / max(inside, 1e-300):.3g} times the step between neighbours (the limit "
-                f"is {limit:.3g}). Pass `periodic='window'` or `periodic='mirror'`."
+                f"is {limit:.3g}). Leave out `periodic`, or pass `periodic='mirror'`."
             )
