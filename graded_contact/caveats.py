@@ -30,6 +30,8 @@ REMEDIES = {
     "tapered": 'Leave out `periodic`, or take "mirror", which keeps every height.',
 }
 PREPARING = ("read", "equally spaced", "cropped", "tilt removed", "filled")
+# Measured surfaces from a scan of atoms to a road; a wrong unit is wrong by 1000 mostly.
+USUAL = {"size": (1e-8, 1e3), "rms height": (1e-11, 1.0), "rms slope": (1e-3, 3.0)}
 SPIKE = 10  # distance from the mean over the rms height; 1e-22 of Gaussian heights are beyond
 
 

@@ -12,9 +12,10 @@ from collections.abc import Callable, Iterable
 from pathlib import Path
 from typing import Any, NamedTuple
 
-from ..given import existing_file
+from ..given import check_archive, existing_file
 
-LARGEST = 100_000_000  # bytes; sweeps have thousands of points
+LARGEST = 100_000_000  # bytes, unpacked too; sweeps have thousands of points
+MOST_CELLS = 5_000_000  # of a sheet
 
 _NUMBER = re.compile(r"[-+]?(\d+\.?\d*|\.\d+)([eE][-+]?\d+)?")
 # By the decimal mark: numbers, and those whose thousands are set apart.
@@ -79,9 +80,7 @@ def read_sheets(path: Path) -> list[Sheet]:
     What a file is, its first bytes tell, not its name. Raises `FileNotFoundError`, `ImportError`
     if the reader of a workbook is not installed, and `ValueError` for what is not a table.
     """
-    existing_file(path)
-    if path.stat().st_size > LARGEST:
-        raise ValueError(f"`path={path}` has more than {LARGEST / 1e6:g} MB, too much for a table.")
+    existing_file(path, at_most=LARGEST)
     content = path.read_bytes()
     if content.startswith(b"\xd0\xcf\x11\xe0"):
         sheets = _workbook(path, "xlrd", _read_xls)
@@ -115,10 +114,10 @@ def _read_xls(path: Path) -> list[Sheet]:
         return [
             _sheet(
                 sheet.name,
-                [
+                (
                     [cell.value if cell.ctype in kept else None for cell in sheet.row(i)]
                     for i in range(sheet.nrows)
-                ],
+                ),
             )
             for sheet in book.sheets()
         ]
@@ -127,7 +126,10 @@ def _read_xls(path: Path) -> list[Sheet]:
 def _read_xlsx(path: Path) -> list[Sheet]:
     import openpyxl
 
+    check_archive(path, LARGEST)
     book = openpyxl.load_workbook(path, read_only=True, data_only=True)
+    for sheet in book.worksheets:
+        sheet.reset_dimensions()  # which may reach far beyond the cells
     try:
         return [_sheet(sheet.title, sheet.values) for sheet in book.worksheets]
     finally:
@@ -135,16 +137,29 @@ def _read_xlsx(path: Path) -> list[Sheet]:
 
 
 def _sheet(name: str, table: Iterable[Iterable[Any]]) -> Sheet:
-    rows = [["" if value is None else value for value in values] for values in table]
-    texts = [value.strip() for values in rows for value in values if isinstance(value, str)]
+    rows: list[tuple[int, list[Any]]] = []
+    width = 0
+    for line, values in enumerate(table, start=1):
+        row = ["" if value is None else value for value in values]
+        while row and row[-1] == "":
+            row.pop()
+        if row:
+            rows.append((line, row))
+            width = max(width, len(row))
+        if width * len(rows) > MOST_CELLS:
+            raise ValueError(f"its sheet {name!r} has more than {MOST_CELLS:g} cells")
+    texts = [value.strip() for _, row in rows for value in row if isinstance(value, str)]
     decimal = max(".,", key=lambda mark: _score([texts], mark))
-    cells = [[_pointed(str(value).strip(), decimal) for value in values] for values in rows]
     return Sheet(
         name=name,
-        rows=[Row(line, row) for line, row in enumerate(cells, start=1)],
+        rows=[
+            Row(line, [_pointed(str(value).strip(), decimal) for value in row]
+                + [""] * (width - len(row)))
+            for line, row in rows
+        ],
         layout=f"sheet {name!r} of a workbook",
         spaced=False,
-    )
+    )  # fmt: skip
 
 
 def _read_text(path: Path, content: bytes) -> Sheet:

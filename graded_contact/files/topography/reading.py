@@ -17,7 +17,8 @@ import numpy as np
 from ..._checks import Numbers, check_positive, door
 from ...surface import Step, Surface, step
 from ..given import existing_file
-from .library import metres_of_library, read_arrays, read_instrument
+from ..moduli.cells import read_sheets
+from .library import metres_of_library, read_arrays, read_instrument, unpacked
 from .preparation import check_choices, surface_from_heights
 from .road import is_road, read_road
 from .scan import Refusal, Scan, metres
@@ -66,7 +67,7 @@ def read_surface(
     path = existing_file(path)
     warned: list[str] = []
     with _reading(path, warned):
-        scan = _scan(path, channel)
+        scan = _scan(path, path.read_bytes(), channel, size, unit)
         factor, known = _scales(scan, size, unit)
         if scan.periodic and periodic is not None:
             raise Refusal("it declares itself periodic; pass `periodic=None`")
@@ -108,8 +109,11 @@ def _reading(path: Path, warned: list[str]) -> Iterator[None]:
     except Exception as error:
         if type(error).__name__ == "CannotDetectFileFormat":
             reason = "its format is not known, or the file is damaged"
+        elif type(error).__module__.startswith(("SurfaceTopography", "graded_contact")):
+            reason = " ".join(str(error).split())[:300]
         else:
             reason = " ".join(f"{type(error).__name__}: {error}".split())[:300]
+            reason = f"it is damaged, or of a variant that its reader does not know ({reason})"
         raise ValueError(f"`path={path}` cannot be read: {reason}.") from error
     warned.extend(
         f"The reader warned: {entry.message}"
@@ -118,27 +122,65 @@ def _reading(path: Path, warned: list[str]) -> Iterator[None]:
     )
 
 
-def _scan(path: Path, channel: str | int | None) -> Scan:
+def _scan(
+    path: Path, content: bytes, channel: str | int | None, size: Any, unit: str | None
+) -> Scan:
     """The heights in a file, by the reader that its content asks for."""
-    content = path.read_bytes()
     if not content.strip():
         raise Refusal("it is empty")
     if content.startswith(b"\x93NUMPY") or (path.suffix == ".npz" and content[:2] == b"PK"):
-        return read_arrays(content, channel)
+        return read_arrays(content, channel, size, unit)
     if is_road(content):
         return read_road(content)
+    if content.startswith(b"PK") and b"xl/workbook.xml" in content:
+        return _read_workbook(path, content, channel)
     text = decoded(content)
     if text is None:
-        return read_instrument(path, channel)
+        try:
+            return read_instrument(content, channel)
+        except Exception as error:
+            if content.startswith(b"\xd0\xcf\x11\xe0"):
+                return _read_workbook(path, content, channel)
+            if not content.startswith(b"PK") or isinstance(error, ImportError | Refusal):
+                raise
+        inner, name = unpacked(content, channel)
+        scan = _scan(path / name, inner, None, size, unit)
+        return scan._replace(source=f"{scan.source} of {name!r}")
     # Text with a header of its own is the library's; it takes much else for a table of numbers.
     try:
-        scan = read_instrument(path, channel)
+        scan = read_instrument(content, channel)
     except Refusal:
         raise
     except Exception:  # it raises many kinds, also where it is not installed
         return read_text(text)
     told = scan.unit is not None and scan.size is not None
     return scan if told else read_text(text)
+
+
+def _read_workbook(path: Path, content: bytes, channel: str | int | None) -> Scan:
+    """The heights in the sheet of a workbook that `channel` names, or in its only table."""
+    scans, refusals = {}, []
+    sheets = read_sheets(path)
+    if {"DATA", "Certificate"} <= {sheet.name for sheet in sheets}:
+        return read_instrument(content, channel)  # of Mitutoyo's instruments
+    for sheet in filter(lambda sheet: sheet.rows, sheets):
+        width = max((len(row.cells) for row in sheet.rows), default=0)
+        cells = [row.cells + [""] * (width - len(row.cells)) for row in sheet.rows]
+        full = np.flatnonzero([any(column) for column in zip(*cells, strict=True)])
+        lines = ["\t".join(row[full[0] : full[-1] + 1]) for row in cells]
+        try:
+            scans[sheet.name] = read_text("\n".join(lines))._replace(source=sheet.layout)
+        except Refusal as error:
+            refusals.append(error)
+    names = list(scans)
+    if channel is None and len(names) == 1:
+        channel = names[0]
+    if channel in scans:
+        return scans[channel]
+    if not names:
+        raise refusals[0] if refusals else Refusal("it is an empty workbook")
+    asked = "pass `channel`, one of" if channel is None else f"it has no {channel!r}, only"
+    raise Refusal(f"it holds several sheets of heights; {asked} {names}")
 
 
 def _scales(scan: Scan, size: Any, unit: str | None) -> tuple[float, np.ndarray]:
