@@ -14,12 +14,13 @@ from typing import Any, NamedTuple
 import numpy as np
 from jaxtyping import ArrayLike, Bool
 
-from ._shown import shown
+from ._shown import shown, with_unit
 
 EXTRAPOLATED = 0.01  # of the friction, from frequencies at which a material was not measured
 LIMIT = 0.1  # a part of the result that one wants to be told of
 # Small strains neglect slope²/2 beside 1 (the excess of an arc over its chord): more than LIMIT.
 STEEP = (2 * LIMIT) ** 0.5
+ROUNDING = 1e-12  # of the slope: friction below it is none
 IDLE = 1e-3  # friction over slope below which a contact counts as without friction
 # What to do where a step of reading changed the slope.
 REMEDIES = {
@@ -31,7 +32,12 @@ REMEDIES = {
 }
 PREPARING = ("read", "equally spaced", "cropped", "tilt removed", "filled")
 # Measured surfaces from a scan of atoms to a road; a wrong unit is wrong by 1000 mostly.
-USUAL = {"size": (1e-8, 1e3), "rms height": (1e-11, 1.0), "rms slope": (1e-3, 3.0)}
+USUAL = {
+    "size": (1e-8, 1e3),  # [m]
+    "rms height": (1e-11, 1.0),  # [m]
+    "rms slope": (5e-4, 3.0),
+    "thickness": (1e-9, 1.0),  # [m], of a layer
+}
 SPIKE = 10  # distance from the mean over the rms height; 1e-22 of Gaussian heights are beyond
 
 
@@ -59,13 +65,17 @@ class Caveat(NamedTuple):
 
 
 def grid_mismatch(found: Any) -> ArrayLike:
-    """Returns |friction from the surface's slope - friction| over the friction [1]."""
+    """Returns |friction from the surface's slope - friction| over the friction [1].
+
+    It is 0 where nothing is dissipated: of an elastic block, or at rest.
+    """
     friction, geometric, slope = (
         np.asarray(getattr(found, name))
         for name in ("friction", "geometric_friction", "slope_in_contact")
     )
     scale = np.maximum(np.abs(friction), IDLE * slope)
-    return np.abs(geometric - friction) / np.where(scale == 0, 1, scale)
+    mismatch = np.abs(geometric - friction) / np.where(scale == 0, 1, scale)
+    return np.where(np.abs(friction) <= ROUNDING * slope, 0.0, mismatch)
 
 
 RULES = (
@@ -116,9 +126,34 @@ def caveats_of(found: Any, rules: Sequence[Rule] = RULES) -> tuple[Caveat, ...]:
     return tuple(caveats)
 
 
-def caveats_of_steps(steps: Sequence[Any]) -> tuple[str, ...]:
-    """Returns what makes a surface doubtful, from the roughness after each step (see `Step`)."""
+def unusual(name: str, value: float) -> str:
+    """Returns why a number that `USUAL` names is doubtful, or nothing.
+
+    Lengths are in m.
+    """
+    low, high = USUAL[name]
+    if low <= value <= high:
+        return ""
+    told, *ends = (
+        f"{number:.2g}" if name == "rms slope" else with_unit(number, "m")
+        for number in (value, low, high)
+    )
+    return f"The {name} of {told} is unusual (usual are {' to '.join(ends)}): check units."
+
+
+def caveats_of_steps(steps: Sequence[Any], size: Sequence[float] = ()) -> tuple[str, ...]:
+    """Returns what makes a measured surface doubtful.
+
+    **Arguments:**
+
+    - `steps`: its roughness after each step of reading, see `Step`.
+    - `size`: its edge lengths [m].
+    """
     sentences = []
+    if steps and steps[-1].rms_slope > 0:
+        numbers = [("size", edge) for edge in {min(size), max(size)}] if len(size) else []
+        numbers += [("rms height", steps[-1].rms_height), ("rms slope", steps[-1].rms_slope)]
+        sentences += [sentence for pair in numbers if (sentence := unusual(*pair))]
     for before, after in pairwise(steps):
         if after.name == "filled" and before.missing > LIMIT:
             sentences.append(

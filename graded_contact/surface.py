@@ -105,7 +105,7 @@ class Surface(eqx.Module):
     @property
     def caveats(self) -> tuple[str, ...]:
         """What makes contact on this surface doubtful, one sentence each."""
-        return caveats_of_steps(self.steps)
+        return caveats_of_steps(self.steps, np.asarray(self.grid.size).tolist())
 
 
 def _on_grid(name: str, field: Numbers, grid: Grid) -> Array:

@@ -21,6 +21,7 @@ from ..files.results import (
 )
 from ..files.scene import Scene, parse_scene, read_scene
 from ..files.study import NOT_STARTED
+from ..files.toml import parse_toml
 from ..plot import (
     plot_dissipation,
     plot_distributions,
@@ -36,7 +37,7 @@ from ..studies.cost import scene_cost
 from ..studies.engine import check_engine
 from ..studies.extrapolation import velocity_vector
 from ..studies.interruption import Interrupted, Interruption, interruptible
-from ..studies.run import build_surface, check_scene, point_names, run_scene
+from ..studies.run import build_surface, check_run, point_names, run_scene
 from ..studies.scene_errors import what_decides
 from ..studies.scene_theory import mean_field_at
 from ..studies.store import Store
@@ -100,12 +101,14 @@ def run(
         engine = {"workers": workers or (None if scheduler else "auto"), "scheduler": scheduler}
         check_engine(**engine, client=None)
         scene = read_scene(scene_file)
+        folder = output or scene.directory or Path(f"{scene_file.stem}-results")
+        name = scene.name or scene_file.stem
         if dry_run:
             typer.echo(scene_cost(scene).report())
-            check_scene(scene)
+            surface, *_ = _prepared(scene, folder, name, replace)
+            check_run(scene, surface)
             return
-    folder = output or scene.directory or Path(f"{scene_file.stem}-results")
-    run_scene_into(scene, folder, scene.name or scene_file.stem, replace, form, engine)
+    run_scene_into(scene, folder, name, replace, form, engine)
 
 
 def info(
@@ -134,14 +137,8 @@ def run_scene_into(
 ) -> None:
     """Solves a scene, prints its table and writes its files; `engine` is told to `run_scene`."""
     with refusing(), interruptible() as interruption:
-        check_name(name)
-        folder = full_path(str(folder))
-        check_folder(folder)
-        surface = build_surface(scene)
-        names, file = point_names(scene, surface), folder / f"{name}.h5"
-        if not replace:
-            _refuse_other(file, scene, names)
-        _introduce(scene, surface)
+        surface, names, file = _prepared(scene, folder, name, replace)
+        folder = file.parent
         with Store(folder / f"{name}.points") as store:
             results = _solved(scene, surface, names, store, interruption, engine)
             print_table(results)
@@ -168,10 +165,27 @@ def run_scene_into(
         raise typer.Exit(1)
 
 
+def _prepared(
+    scene: Scene, folder: Path, name: str, replace: bool
+) -> tuple[Surface, np.ndarray, Path]:
+    """The surface, the names of the solves, and the file of their results; prints what was read."""
+    check_name(name)
+    folder = full_path(str(folder))
+    check_folder(folder)
+    surface = build_surface(scene)
+    names, file = point_names(scene, surface), folder / f"{name}.h5"
+    if not replace:
+        _refuse_other(file, scene, names)
+    _introduce(scene, surface)
+    return surface, names, file
+
+
 def _introduce(scene: Scene, surface: Surface) -> None:
     """Prints what was understood of the scene and its files."""
     if scene.title:
         typer.echo(scene.title)
+    if "design" in parse_toml(scene.text):
+        typer.echo("[design] is not used by this command: see `graded-contact design`.")
     for sentence in scene.notes:
         typer.echo(sentence)
     for sentence in surface.history:

@@ -44,7 +44,8 @@ Replace = Annotated[
     bool, typer.Option("--replace", help="Replace a result of another scene of the same name.")
 ]
 DryRun = Annotated[
-    bool, typer.Option("--dry-run", help="Only tell memory, number of solves and time.")
+    bool,
+    typer.Option("--dry-run", help="Print what was read and what it will cost, then exit."),
 ]
 Workers = Annotated[
     int | None,

@@ -10,9 +10,10 @@ from rich.markup import escape
 from rich.table import Table
 from rich.text import Text
 
+from .._shown import with_unit
 from ..files.results import Results
 from ..studies.uncertainty import Sensitivity
-from ..surface import Surface
+from ..surface import Surface, statistics
 
 # Column heads and formats of the table, by the name of the quantity.
 COLUMNS = {
@@ -97,11 +98,14 @@ def with_error(value: float, error: float) -> str:
 
 
 def print_steps(surface: Surface) -> None:
-    """Prints the roughness after every step of reading, one line each."""
+    """Prints size and roughness, and the roughness after every step of reading, one line each."""
+    size = " x ".join(with_unit(float(edge), "m") for edge in np.asarray(surface.grid.size))
+    found = statistics(surface)
+    height = with_unit(float(found.rms_height), "m")
+    typer.echo(f"surface: {size}, rms height {height}, rms slope {float(found.rms_slope):.3g}")
     if surface.steps:
-        heads = f"{'rms height [m]':>16}{'rms slope':>12}{'peak/rms':>10}{'missing':>9}"
+        heads = f"{'rms height':>16}{'rms slope':>12}{'peak/rms':>10}{'missing':>9}"
         typer.echo(f"{'surface, after the step':24}{heads}")
-    for name, *numbers in surface.steps:
-        rms_height, rms_slope, peak, missing = numbers
-        line = f"{name:24}{rms_height:16.4g}{rms_slope:12.4g}{peak:10.3g}{missing:9.1%}"
-        typer.echo(line)
+    for name, rms_height, rms_slope, peak, missing in surface.steps:
+        numbers = f"{rms_slope:12.4g}{peak:10.3g}{missing:9.1%}"
+        typer.echo(f"{name:24}{with_unit(rms_height, 'm'):>16}{numbers}")

@@ -7,6 +7,7 @@ from typing import Annotated, Any, Literal
 import numpy as np
 from jaxtyping import ScalarLike
 
+from ..caveats import unusual
 from ..response.grading import AbstractGradedSolver
 from ..response.layering import Layering
 from ..response.profile import Blend
@@ -97,6 +98,9 @@ class Block:
         if not isinstance(entries, list):
             raise ValueError(f"`layers` must be a list of tables [[layers]], got {short(entries)}.")
         layers = [self._layer(f"[layers[{i}]]", entry) for i, entry in enumerate(entries)]
+        for i, layer in enumerate(layers):
+            if sentence := unusual("thickness", float(layer.thickness)):
+                self.notes.append(f"layers[{i}]: {sentence}")
         base = self.builder.build_kind("[base]", scene.get("base"), BASES)
         with within("[base]"):
             return Stack(layers=layers, base=base)

@@ -33,7 +33,7 @@ from ..surface import Surface
 from .given import existing_file
 from .scene import Scene, check_paths, parse_scene
 from .surfaces import RandomSurface
-from .toml import Section, nearest, parse_toml, short, within
+from .toml import LARGEST, Section, nearest, parse_toml, short, within
 
 KEYS = (
     "objective", "target", "ratio", "q_from", "q_to", "stiffness", "total_thickness",
@@ -108,7 +108,7 @@ def read_design(path: str | os.PathLike) -> DesignScene:
     A missing file raises `FileNotFoundError`; whatever is wrong in it `ValueError`, naming the
     table and the key.
     """
-    path = existing_file(path)
+    path = existing_file(path, at_most=LARGEST)
     with within(f"{path}:"):
         return parse_design(path.read_text(encoding="utf-8"), path.parent)
 

@@ -62,7 +62,7 @@ from .errors import Errors
 from .given import existing_file
 from .output import check_name, full_path
 from .surfaces import RandomSurface, SurfaceFile, parse_surface
-from .toml import Section, nearest, parse_toml, within
+from .toml import LARGEST, Section, nearest, parse_toml, within
 
 KEYS = (
     "title", "surface", "grid", "materials", "layers", "base", "load", "sweep", "solver", "output",
@@ -162,7 +162,7 @@ def read_scene(path: str | os.PathLike) -> Scene:
 
     **Returns:** what it describes.
     """
-    path = existing_file(path)
+    path = existing_file(path, at_most=LARGEST)
     with within(f"{path}:"):
         return parse_scene(path.read_text(encoding="utf-8"), path.parent)
 

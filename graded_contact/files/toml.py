@@ -14,6 +14,7 @@ from jaxtyping import Float
 from .._checks import check_positive, check_values
 from .._memory import check_points
 
+LARGEST = 1_000_000  # bytes of a text; building 20,000 layers takes a minute
 RANGE_KEYS = ("from", "to", "points")
 _REQUIRED = object()
 
@@ -169,6 +170,10 @@ def _all_of(value: Any, right: Callable) -> bool:
 
 def parse_toml(text: str) -> dict[str, Any]:
     """Returns the tables of a TOML text, or raises `ValueError` saying where it is none."""
+    if len(text) > LARGEST:
+        raise ValueError(
+            f"The text has {len(text) / 1e6:.3g} MB; at most {LARGEST / 1e6:g} MB are read."
+        )
     with within("Not valid TOML:"):
         try:
             return tomllib.loads(text)

@@ -15,7 +15,7 @@ import numpy as np
 from ..files.given import existing_file
 from ..files.output import full_path
 from ..files.scene import Scene, parse_scene
-from ..files.toml import parse_toml, within
+from ..files.toml import LARGEST, parse_toml, within
 from ..files.toml_text import toml_text
 from ..files.topography.reading import read_surface
 
@@ -50,7 +50,7 @@ def open_document(path: Path | None) -> Document:
     if path is None:
         file: Any = resources.files("graded_contact.studies").joinpath("demo.toml")
     else:
-        file = existing_file(path)
+        file = existing_file(path, at_most=LARGEST)
     folder = Path.cwd() if path is None else Path(path).absolute().parent
     text = file.read_text("utf-8")
     with within(f"{file.name}:"):
@@ -131,7 +131,7 @@ def with_topography(document: Document, path: Path, told: dict[str, str]) -> Doc
 
     - `document`: the scene.
     - `path`: of the topography.
-    - `told`: texts of `unit` and `size` [m], for a file that does not tell.
+    - `told`: texts of `periodic`, and of `unit` and `size` [m] for a file that does not tell.
 
     **Raises:** what `read_surface` does.
     """
@@ -140,7 +140,8 @@ def with_topography(document: Document, path: Path, told: dict[str, str]) -> Doc
         arguments: dict[str, Any] = dict(told)
         if "size" in told:
             arguments["size"] = _number("size", told["size"])
-        found = read_surface(path, **arguments).grid.shape
+        none = {"periodic": None} if told.get("periodic") == "none" else {}
+        found = read_surface(path, **{**arguments, **none}).grid.shape
     content["surface"] = {"kind": "file", "path": str(path), **arguments}
     if max(found) > POINTS:
         content["surface"]["shape"] = [max(2 * (POINTS * n // max(found) // 2), 16) for n in found]

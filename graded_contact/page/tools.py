@@ -3,10 +3,11 @@
 import html
 import os
 import tempfile
+import weakref
 from collections.abc import Callable
 from functools import partial
 from pathlib import Path
-from typing import Any
+from typing import Any, ClassVar
 
 import panel as pn
 
@@ -24,6 +25,12 @@ from .document import (
 
 LARGEST = 64  # MB of one file
 CHUNK = 4_000_000  # bytes of one message
+HELD = 4 * LARGEST  # MB of unfinished uploads of all pages together
+# What makes a part of a surface periodic, as people and as `read_surface` call it.
+EDGES = {
+    "joined (harmonic)": "harmonic", "mirrored: twice as long": "mirror",
+    "tapered to zero": "window", "periodic already": "none",
+}  # fmt: skip
 NEW = "a new elastic material"
 SMALL: dict[str, Any] = {"margin": (4, 8), "sizing_mode": "stretch_width"}
 
@@ -32,18 +39,37 @@ Take = Callable[[Document, Path], Document]
 
 
 class Dropper(pn.widgets.FileDropper):
-    """A place to drop a file, which is refused beyond `LARGEST` whatever the browser says."""
+    """A place to drop a file, which is refused beyond `LARGEST` whatever the browser says.
+
+    A new file replaces one that is not finished.
+    """
+
+    _all: ClassVar[weakref.WeakSet["Dropper"]] = weakref.WeakSet()
+
+    def __init__(self, **params: Any):
+        super().__init__(**params)
+        self._all.add(self)
+
+    @property
+    def held(self) -> int:
+        """Bytes of what is not finished."""
+        return sum(len(part) for parts in self._file_buffer.values() for part in parts)
 
     def _process_event(self, event: Any) -> None:
         name, data = event.data.get("name"), event.data.get("data", b"")
         if event.event_name == "upload_event":
-            later = event.data.get("chunk") != 1
-            if later and name not in self._file_buffer:
+            if event.data.get("chunk") == 1:
+                self._file_buffer.clear()
+            elif name not in self._file_buffer:
                 return  # the rest of a file that was refused
-            kept = sum(len(part) for part in self._file_buffer.get(name, ())) if later else 0
-            if kept + len(data) > LARGEST * 10**6:
-                self._file_buffer.pop(name, None)
-                self.mime_type = {"": f"`{name}` is refused: it has more than {LARGEST} MB."}
+            reason = ""
+            if self.held + len(data) > LARGEST * 10**6:
+                reason = f"it has more than {LARGEST} MB."
+            elif sum(dropper.held for dropper in self._all) + len(data) > HELD * 10**6:
+                reason = "too many files are on their way to this server: try again later."
+            if reason:
+                self._file_buffer.clear()
+                self.mime_type = {"": f"`{name}` is refused: {reason}"}
                 return
         super()._process_event(event)
 
@@ -70,12 +96,14 @@ class Tools:
         self._told = {
             "unit": pn.widgets.TextInput(placeholder="um", label="unit of its numbers", width=125),
             "size": pn.widgets.TextInput(placeholder="1e-3", label="edge length [m]", width=125),
+            "periodic": pn.widgets.Select(label="its edges", options=EDGES, **SMALL),
         }
         self._material: Any = pn.widgets.Select(label="of material", **SMALL)
         self.files.extend([
             _heading("Your moduli (DMA or rheometer, over frequency)"),
             self._material, self._dropper(self._take_moduli),
-            _heading("Your topography"), pn.Row(*self._told.values(), margin=0),
+            _heading("Your topography"), 
+            pn.Row(self._told["unit"], self._told["size"], margin=0), self._told["periodic"],
             self._dropper(self._take_topography),
             _heading(f"At most {LARGEST} MB; kept in {folder.name}"),
         ])  # fmt: skip

@@ -24,6 +24,7 @@ from ..rheology.shift import AbstractShift
 from ..sliding import slide
 from ..surface import Surface
 from .extrapolation import check_frequencies_of, velocity_vector
+from .program import trace
 from .scene_errors import errors_of_stack
 from .store import Point, Store, fingerprint
 from .sweep import solve_points
@@ -51,6 +52,12 @@ def check_scene(scene: Scene) -> None:
         with within("[grid]"):
             needed = partial(scene_memory, scene)
             check_memory("shape", scene.surface.grid.shape, needed, "this scene")
+
+
+def check_run(scene: Scene, surface: Surface) -> None:
+    """Raises `ValueError` for what `run_scene` refuses before its first solve."""
+    check_frequencies_of(scene, surface)
+    trace(_solver(scene, surface), {name: at[0] for name, at in _columns(scene).items()})
 
 
 def run_scene(

@@ -94,11 +94,6 @@ def run_design(
     check_design(study)
     say = progress or silent
     own = study.scene.stack
-    rough = study.spectrum if isinstance(study.spectrum, Surface) else study.scene.surface
-    assert isinstance(rough, Surface | RandomSurface)
-    refuse_extrapolated(
-        study.scene, own, rough.grid, lambda: mean_field_of(study, own).extrapolated_friction
-    )
     start = {path: paths(own)[path] for path in study.lower}
     with within("[design]"):
         objective, constraints = mean_field_problem(study)
@@ -134,12 +129,21 @@ def design_memory(study: DesignScene, shape: tuple[int, ...]) -> float:
 
 
 def check_design(study: DesignScene) -> None:
-    """Raises `ValueError` if the contacts of a study need more memory than there is."""
-    source = study.scene.surface
+    """Raises `ValueError` for what `run_design` refuses before its first evaluation.
+
+    It is contacts that need more memory than there is, and friction from where the block's
+    materials were not measured.
+    """
+    source, own = study.scene.surface, study.scene.stack
     if study.verify and isinstance(source, RandomSurface):
         with within("[grid]"):
             needed = partial(design_memory, study)
             check_memory("shape", source.grid.shape, needed, "this design")
+    rough = study.spectrum if isinstance(study.spectrum, Surface) else source
+    assert isinstance(rough, Surface | RandomSurface)
+    refuse_extrapolated(
+        study.scene, own, rough.grid, lambda: mean_field_of(study, own).extrapolated_friction
+    )
 
 
 def _evaluations(study: DesignScene, store: Store | None, kind: str, *decides: Any) -> Path | None:

@@ -14,7 +14,7 @@ from graded_contact.response.stack import HalfSpace, Stack
 from graded_contact.rheology.library import tyre_tread
 from graded_contact.sliding import slide
 from graded_contact.spectrum import SelfAffine
-from graded_contact.surface import Surface, statistics
+from graded_contact.surface import Surface, statistics, step
 
 DATA = Path(__file__).parents[3] / "shared" / "data" / "surfaces"
 ROAD = {"size": (5.0, 3.08), "unit": "m"}
@@ -99,7 +99,7 @@ def test_files_that_are_not_periodic_are_refused_as_such(name):
 
 
 def test_windowed_files_keep_their_rms_height_when_resampled():
-    surface = read_surface(_measured("matrix-3.txt"), shape=(128, 128))
+    surface = read_surface(_measured("matrix-3.txt"), shape=(128, 128), periodic="window")
     assert surface.grid.shape == (128, 128)
     np.testing.assert_allclose(statistics(surface).rms_height, 3.522e-8, rtol=0.01)
     assert "Resampled" in surface.history[-1]
@@ -211,7 +211,7 @@ def test_without_surface_topography_the_extra_is_named(tmp_path, monkeypatch):
 @pytest.mark.parametrize("shape", [(60,), (50, 64)])
 def test_the_window_falls_to_zero_and_keeps_the_rms_height(shape):
     values = _rough(shape)
-    surface = surface_from_heights(values, 1.0)
+    surface = surface_from_heights(values, 1.0, periodic="window")
     level, heights = _levelled(values), np.asarray(surface.heights)
     np.testing.assert_allclose(np.std(heights), np.std(level), rtol=1e-12)
     inner = tuple(slice(n // 10 + 1, n - n // 10 - 1) for n in shape)
@@ -221,6 +221,65 @@ def test_the_window_falls_to_zero_and_keeps_the_rms_height(shape):
     assert f"by {factor:.4g} to keep" in surface.history[-1]
     edge = np.take(heights, 0, 0) - np.take(heights, -1, 0)
     assert np.max(np.abs(edge)) < 0.2 * np.std(heights)
+
+
+@pytest.mark.parametrize("shape", [(60,), (50, 64)])
+def test_joined_edges_meet_and_keep_slope_and_interior(shape):
+    """The joint solves Laplace's equation off the edges, checked on the five-point stencil."""
+    values = _rough(shape)
+    size = np.array([1.0, 0.4])[: len(shape)]
+    surface = surface_from_heights(values, size)
+    level, heights = _levelled(values), np.asarray(surface.heights)
+    spacing = size / shape
+    slopes = [step("", h, spacing).rms_slope for h in (heights, level)]
+    np.testing.assert_allclose(*slopes, rtol=1e-12)
+    factor = float(re.search(r"multiplied the heights by (\S+) to", surface.history[-1]).group(1))
+    joint = level - heights / factor
+    inner = (slice(1, -1),) * len(shape)
+    bent = [np.diff(joint, 2, axis) / d**2 for axis, d in enumerate(spacing)]
+    bent = sum(np.moveaxis(b, a, 0)[(..., *inner[1:])] if a == 0 else b[1:-1]
+               for a, b in enumerate(bent))  # fmt: skip
+    scale = np.max(np.abs(np.diff(level, 2, 0))) / np.min(spacing) ** 2
+    np.testing.assert_allclose(bent, 0, atol=1e-3 * scale)  # the factor is printed to 4 digits
+    for axis in range(len(shape)):
+        seam = np.take(heights, 0, axis) - np.take(heights, -1, axis)
+        inside = np.diff(heights, axis=axis)
+        assert np.sqrt(np.mean(seam**2)) < 2 * np.sqrt(np.mean(inside**2))
+    assert surface.steps[-1].name == "joined" and surface.measured is None
+
+
+def test_a_form_without_roughness_is_not_blown_up():
+    """A saddle leaves little when its edges are joined: its slope must not go into the rest."""
+    x = np.linspace(-1, 1, 64)
+    rough = surface_from_heights(1e3 * _rough((64, 64)), 1.0)
+    surface = surface_from_heights(1e3 * _rough((64, 64)) + np.outer(x, x), 1.0)
+    factor = float(re.search(r"heights by (\S+) to", surface.history[-1]).group(1))
+    assert factor == 1.1
+    assert rough.caveats == () and any("when joined" in text for text in surface.caveats)
+
+
+@pytest.mark.slow
+def test_a_part_of_a_road_rubs_as_the_whole_does():
+    """Of 24 parts in the mean; the window is 10 % off (see `bench_cut.py`)."""
+    spectrum = SelfAffine(rms_slope=0.1, hurst=0.8, q_low=1.6e3, q_roll=3.8e4, q_high=1.5e5)
+    whole = random_surface(spectrum, Grid((256, 256), 4e-3), jax.random.key(0))
+    stack, rng = Stack(base=HalfSpace(tyre_tread())), np.random.default_rng(0)
+
+    @jax.jit
+    def friction(heights, size):
+        surface = Surface(heights, Grid(heights.shape, size))
+        return slide(stack, surface, pressure=5e4, velocity=1.0, rtol=1e-3, throw=False).friction
+
+    truth = float(friction(whole.heights, whole.grid.size))
+    found = {"harmonic": [], "window": []}
+    for _ in range(24):
+        at = rng.integers(256, size=2)
+        part = np.roll(np.asarray(whole.heights), -at, (0, 1))[:64, :64]
+        for way, values in found.items():
+            surface = surface_from_heights(part, 1e-3, periodic=way)
+            values.append(float(friction(surface.heights, surface.grid.size)))
+    off = {way: np.mean(values) / truth - 1 for way, values in found.items()}
+    assert abs(off["harmonic"]) < 0.04 < off["window"]
 
 
 def test_the_mirror_keeps_every_height_in_each_tile():
@@ -366,7 +425,9 @@ def test_the_largest_measured_part_is_named_and_can_be_cut_out():
 
 def test_every_step_of_reading_tells_the_roughness():
     heights, missing = _holed()
-    surface = surface_from_heights(heights, 1e-3, region=[0, 0.75e-3, 0, 1e-3], shape=(24, 32))
+    surface = surface_from_heights(
+        heights, 1e-3, region=[0, 0.75e-3, 0, 1e-3], shape=(24, 32), periodic="window"
+    )
     names = [row.name for row in surface.steps]
     assert names == ["read", "cropped", "tilt removed", "filled", "tapered", "resampled"]
     read, cropped, _, filled, tapered, resampled = surface.steps
@@ -381,7 +442,7 @@ def test_every_step_of_reading_tells_the_roughness():
     # The window marks its flanks, the holes are 0.
     assert np.min(surface.measured) == 0 and np.max(surface.measured) == 1
     flank = np.sin(np.pi / 2 * (3 + 0.5) / 9.6) ** 2  # 96 points, the fourth from the edge
-    whole = surface_from_heights(np.nan_to_num(heights), 1e-3)
+    whole = surface_from_heights(np.nan_to_num(heights), 1e-3, periodic="window")
     np.testing.assert_allclose(whole.measured[3, 48], flank, rtol=1e-12)
 
 

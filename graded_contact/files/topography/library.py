@@ -39,7 +39,7 @@ def surface_topography() -> Any:
 def read_instrument(content: bytes, channel: str | int | None) -> Scan:
     """Returns what SurfaceTopography makes of a file; it raises whatever it likes."""
     if content.startswith(b"PK"):
-        check_archive(io.BytesIO(content), UNPACKED)
+        _check_size(content)
     with surface_topography().open_topography(io.BytesIO(content)) as reader:
         info, index = _choose_channel(reader, channel)
         points = info.nb_grid_pts or ()
@@ -67,13 +67,20 @@ def read_instrument(content: bytes, channel: str | int | None) -> Scan:
         )
 
 
+def _check_size(content: bytes) -> None:
+    try:
+        check_archive(io.BytesIO(content), UNPACKED)
+    except ValueError as error:
+        raise Refusal(str(error)) from None
+
+
 def unpacked(content: bytes, channel: str | int | None) -> tuple[bytes, str]:
     """Returns the file in a zip that holds heights, and its name.
 
     It is the one that `channel` names, or the only one besides texts and pictures. Where the parts
     of an `.x3p` lie in a folder it is the same `.x3p` without the folder.
     """
-    check_archive(io.BytesIO(content), UNPACKED)
+    _check_size(content)
     with zipfile.ZipFile(io.BytesIO(content)) as archive:
         names = [entry.filename for entry in archive.infolist() if not entry.is_dir()]
         names = [name for name in names if not name.startswith("__MACOSX")]
@@ -126,7 +133,7 @@ def read_arrays(content: bytes, channel: str | int | None, size: Any, unit: str 
     `unit` overrule them.
     """
     if content.startswith(b"PK"):
-        check_archive(io.BytesIO(content), UNPACKED)
+        _check_size(content)
     loaded = np.load(io.BytesIO(content), allow_pickle=False)
     if isinstance(loaded, np.ndarray):
         return Scan(_real(loaded), "an array")

@@ -130,8 +130,12 @@ class _Prepared:
             return
         self.values = self.values - plane
         slope = ", ".join(f"{value:.3g}" for value in slopes)
-        self.notes.append(f"Subtracted a plane of slope ({slope}).")
         self.record("tilt removed")
+        left = self.rows[-1]
+        self.notes.append(
+            f"Subtracted a plane of slope ({slope}): rms height {with_unit(left.rms_height, 'm')} "
+            f"and slope {left.rms_slope:.3g} are left."
+        )
 
     def fill(self, fill: str | None, rim: int) -> None:
         missing = self.missing

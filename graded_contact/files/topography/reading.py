@@ -15,6 +15,7 @@ from typing import Any
 import numpy as np
 
 from ..._checks import Numbers, check_positive, door
+from ..._shown import with_unit
 from ...surface import Step, Surface, step
 from ..given import existing_file
 from ..moduli.cells import read_sheets
@@ -31,7 +32,7 @@ GAP = 3  # steps of a line scan, beyond which the points between are missing
 def read_surface(
     path: str | os.PathLike,
     *,
-    periodic: str | None = "window",
+    periodic: str | None = "harmonic",
     shape: int | tuple[int, ...] | None = None,
     size: Numbers | None = None,
     unit: str | None = None,
@@ -72,8 +73,9 @@ def read_surface(
         if scan.periodic and periodic is not None:
             raise Refusal("it declares itself periodic; pass `periodic=None`")
     heights = factor * scan.heights
-    points, lengths = " x ".join(map(str, heights.shape)), " x ".join(f"{s:.4g}" for s in known)
-    source = f"Read {points} points of {lengths} m from {scan.source} of {path.name}."
+    points = " x ".join(map(str, heights.shape))
+    lengths = " x ".join(with_unit(float(edge), "m") for edge in known)
+    source = f"Read {points} points of {lengths} from {scan.source} of {path.name}."
     notes, steps = [source, *scan.notes, *warned], []
     if scan.positions is not None:
         positions = scan.positions * (known[0] / _reach(scan.positions))
