@@ -25,6 +25,7 @@ from .road import is_road, read_road
 from .scan import Refusal, Scan, metres
 from .text import decoded, read_text
 
+DEEPEST = 3  # zips in one another
 GAP = 3  # steps of a line scan, beyond which the points between are missing
 
 
@@ -125,9 +126,14 @@ def _reading(path: Path, warned: list[str]) -> Iterator[None]:
 
 
 def _scan(
-    path: Path, content: bytes, channel: str | int | None, size: Any, unit: str | None
+    path: Path,
+    content: bytes,
+    channel: str | int | None,
+    size: Any,
+    unit: str | None,
+    depth: int = 0,
 ) -> Scan:
-    """The heights in a file, by the reader that its content asks for."""
+    """The heights in a file, which may lie in zips, by the reader that its content asks for."""
     if not content.strip():
         raise Refusal("it is empty")
     if content.startswith(b"\x93NUMPY") or (path.suffix == ".npz" and content[:2] == b"PK"):
@@ -145,8 +151,10 @@ def _scan(
                 return _read_workbook(path, content, channel)
             if not content.startswith(b"PK") or isinstance(error, ImportError | Refusal):
                 raise
+        if depth == DEEPEST:
+            raise Refusal("it has too many zips in one another")
         inner, name = unpacked(content, channel)
-        scan = _scan(path / name, inner, None, size, unit)
+        scan = _scan(path / name, inner, None, size, unit, depth + 1)
         return scan._replace(source=f"{scan.source} of {name!r}")
     # Text with a header of its own is the library's; it takes much else for a table of numbers.
     try:
@@ -161,6 +169,8 @@ def _scan(
 
 def _read_workbook(path: Path, content: bytes, channel: str | int | None) -> Scan:
     """The heights in the sheet of a workbook that `channel` names, or in its only table."""
+    if not path.exists():
+        raise Refusal("it holds a workbook: unpack it first")
     scans, refusals = {}, []
     sheets = read_sheets(path)
     if {"DATA", "Certificate"} <= {sheet.name for sheet in sheets}:
