@@ -161,3 +161,26 @@ def test_marks_and_steps_follow_a_surface_that_is_resampled():
     np.testing.assert_allclose(finer.steps[1].rms_height, 0.5)
     with pytest.raises(ValueError, match=r"`measured\[0, 0\]=2`"):
         gc.Surface(heights, grid, measured=2 * jnp.ones(grid.shape))
+
+
+@pytest.mark.parametrize(
+    ("size", "height", "words"),
+    [
+        (1e-2, 1e-4, ""),
+        (1e-6, 1e-9, ""),
+        (2.0, 1e-6, "rms slope of"),  # a scan of 2 mm, read in metres
+        (160.0, 3.3e-8, "rms slope of"),
+        (1e-5, 9e-3, "rms slope of"),
+        (4e-96, 1e-97, "size of 4e-84 pm is unusual (usual are 10 nm to 1 km): check units."),
+    ],
+)
+def test_unusual_sizes_heights_and_slopes_are_told(size, height, words):
+    values = height * np.random.default_rng(0).normal(size=(32, 32))
+    caveats = gc.surface_from_heights(values, size).caveats
+    assert (words in " ".join(caveats)) if words else caveats == ()
+
+
+def test_friction_of_an_elastic_block_is_not_doubted():
+    """It is rounding: its ratio to the friction from the slope says nothing of the grid."""
+    found = solves(friction=2.8e-18, geometric_friction=-1.9e-4, slope_in_contact=0.085)
+    assert caveats_of(found) == ()

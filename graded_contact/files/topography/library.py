@@ -41,6 +41,8 @@ def read_instrument(content: bytes, channel: str | int | None) -> Scan:
     if content.startswith(b"PK"):
         _check_size(content)
     with surface_topography().open_topography(io.BytesIO(content)) as reader:
+        if content.startswith(b"PK") and type(reader).__name__ == "HGTReader":
+            raise ValueError("this reader takes any 2 n² bytes")
         info, index = _choose_channel(reader, channel)
         points = info.nb_grid_pts or ()
         if math.prod(np.atleast_1d(points).tolist()) > MOST_POINTS:
