@@ -119,7 +119,7 @@ def test_caveats_and_the_steps_of_reading_are_printed(folder, tmp_path):
     write_results(tmp_path / "a.h5", doubtful)
     printed = " ".join(command("info", tmp_path / "a.h5").stdout.split())
     for text in (
-        "read 1e-06 0.2 4 31.0%",
+        "read 1 µm 0.2 4 31.0%",
         "(1) 31% of the points were not measured",
         "(2) The friction from the surface's slope and that from the block's differ by 972%",
     ):
@@ -150,6 +150,26 @@ def test_a_refused_scene_is_one_message_and_exit_code_2(tmp_path, old, new, expe
     assert result.exit_code == 2
     assert expected in result.stderr
     assert "Traceback" not in result.output
+
+
+def test_a_dry_run_prints_what_was_read_and_refuses_what_a_run_would(tmp_path):
+    (tmp_path / "a.toml").write_text(
+        f"{SCENE}[[layers]]\nmaterial = 'tread'\nthickness = 50\n[design]\nwords = 1\n"
+    )
+    result = command("run", tmp_path / "a.toml", "--dry-run", "-o", tmp_path / "out")
+    assert result.exit_code == 0 and not (tmp_path / "out").exists()
+    for text in (
+        "surface: 1 mm x 1 mm, rms height", "rms slope 0.2", "contact solves         2",
+        "layers[0]: The thickness of 50 m is unusual (usual are 1 nm to 1 m): check units.",
+        "[design] is not used by this command",
+    ):  # fmt: skip
+        assert text in result.stdout
+    table = "f [Hz],E' [Pa],E'' [Pa]\n" + "".join(f"{f},{1e6 + f},1e5\n" for f in range(1, 9))
+    (tmp_path / "dma.csv").write_text(table)
+    (tmp_path / "b.toml").write_text(SCENE.replace('"tyre_tread"', '"tabulated"\npath = "dma.csv"'))
+    for option in ([], ["--dry-run"]):
+        result = command("run", tmp_path / "b.toml", "-o", tmp_path / "out", *option)
+        assert result.exit_code == 2 and "velocity" in result.stderr
 
 
 def test_missing_and_damaged_files_exit_with_2(tmp_path):

@@ -4,6 +4,7 @@ import io
 import sys
 import threading
 import time
+import weakref
 
 import h5py
 import jax
@@ -204,6 +205,41 @@ def test_more_than_is_allowed_is_dropped_as_it_comes(monkeypatch):
         dropper._process_event(Event(chunk))
     assert not dropper.value and not dropper._file_buffer
     assert "more than 2 MB" in dropper.mime_type[""]
+
+
+def test_unfinished_uploads_do_not_pile_up(monkeypatch):
+    """Of one place the last is kept, and of all places together at most `HELD` MB."""
+    from graded_contact.page import tools
+
+    def event(name):
+        data = {"name": name, "chunk": 1, "total_chunks": 9, "type": "", "data": bytes(10**6)}
+        return type("Event", (), {"event_name": "upload_event", "data": data})()
+
+    monkeypatch.setattr(tools, "HELD", 3)
+    monkeypatch.setattr(tools.Dropper, "_all", weakref.WeakSet())
+    droppers = [tools.Dropper() for _ in range(5)]
+    for dropper in droppers:
+        for name in "abc":
+            dropper._process_event(event(name))
+    assert [dropper.held for dropper in droppers] == [10**6] * 3 + [0] * 2
+    assert "try again later" in droppers[-1].mime_type[""]
+
+
+def test_edges_of_a_topography_are_chosen(document, tmp_path):
+    from graded_contact.page.document import with_topography
+    from graded_contact.page.tools import EDGES
+
+    x = np.linspace(0, 2 * np.pi, 16, endpoint=False)
+    np.save(tmp_path / "a.npy", 1e-6 * np.add.outer(np.sin(x), np.cos(3 * x)))
+    told = {"unit": "m", "size": "1e-4"}
+    found = {}
+    for periodic in EDGES.values():
+        changed = with_topography(document, tmp_path / "a.npy", {**told, "periodic": periodic})
+        found[periodic] = changed.scene().surface.build()
+    assert found["mirror"].grid.shape == (32, 32)
+    assert found["none"].history[-1] == "Taken as periodic."
+    assert "Joined" in found["harmonic"].history[-1]
+    assert "Tapered" in found["window"].history[-1]
 
 
 def test_a_missing_panel_is_named_with_its_extra(monkeypatch):
