@@ -451,9 +451,7 @@ def test_what_a_scene_varies_is_in_the_order_of_its_axes():
 def test_a_scene_of_many_megabytes_is_refused_before_it_is_parsed(tmp_path):
     path = tmp_path / "long.toml"
     path.write_text("[[layers]]\nmaterial = 'a'\nthickness = 1e-5\n" * 2_500_000)  # 103 MB
-    with pytest.raises(
-        ValueError, match=r"it has 1\d\d MB, and at most 1 MB are"
-    ):
+    with pytest.raises(ValueError, match=r"it has 1\d\d MB, and at most 1 MB are"):
         read_scene(path)
     with pytest.raises(ValueError, match=r"The text has 2 MB; at most 1 MB are read"):
         parse_scene("#" * 2_000_000)
