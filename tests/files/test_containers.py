@@ -151,6 +151,27 @@ def test_a_damaged_x3p_and_a_zip_in_itself_are_refused(tmp_path):
         read_surface(tmp_path / "deep.zip")
 
 
+def test_a_file_in_which_the_reader_finds_no_channel_is_refused(tmp_path, monkeypatch):
+    class Reader:
+        channels = ()
+
+        def __enter__(self):
+            return self
+
+        def __exit__(self, *_):
+            pass
+
+        @property
+        def default_channel(self):
+            return self.channels[0]
+
+    library_of_formats = pytest.importorskip("SurfaceTopography")
+    monkeypatch.setattr(library_of_formats, "open_topography", lambda _: Reader())
+    (tmp_path / "a.nms").write_bytes(bytes(range(256)))
+    with pytest.raises(ValueError, match=r"a\.nms.*no channel of heights was found"):
+        read_surface(tmp_path / "a.nms")
+
+
 # Files that grow
 
 

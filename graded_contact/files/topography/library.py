@@ -107,6 +107,8 @@ def unpacked(content: bytes, channel: str | int | None) -> tuple[bytes, str]:
 def _choose_channel(reader: Any, channel: str | int | None) -> tuple[Any, int]:
     channels = list(reader.channels)
     names = [info.name for info in channels]
+    if not channels:
+        raise ValueError("no channel of heights was found")
     if channel is None:
         index = channels.index(reader.default_channel)
     elif isinstance(channel, int) and 0 <= channel < len(channels):

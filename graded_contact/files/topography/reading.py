@@ -110,6 +110,8 @@ def _reading(path: Path, warned: list[str]) -> Iterator[None]:
     except ImportError:
         raise
     except Exception as error:
+        if str(error).startswith(f"`path={path}`"):  # of a workbook
+            raise
         if type(error).__name__ == "CannotDetectFileFormat":
             reason = "its format is not known, or the file is damaged"
         elif type(error).__module__.startswith(("SurfaceTopography", "graded_contact")):
