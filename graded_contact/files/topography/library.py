@@ -76,6 +76,12 @@ def _check_size(content: bytes) -> None:
         raise Refusal(str(error)) from None
 
 
+def names_in(content: bytes) -> list[str]:
+    """Returns the names of the files in a zip."""
+    with zipfile.ZipFile(io.BytesIO(content)) as archive:
+        return [entry.filename for entry in archive.infolist() if not entry.is_dir()]
+
+
 def unpacked(content: bytes, channel: str | int | None) -> tuple[bytes, str]:
     """Returns the file in a zip that holds heights, and its name.
 
@@ -84,8 +90,7 @@ def unpacked(content: bytes, channel: str | int | None) -> tuple[bytes, str]:
     """
     _check_size(content)
     with zipfile.ZipFile(io.BytesIO(content)) as archive:
-        names = [entry.filename for entry in archive.infolist() if not entry.is_dir()]
-        names = [name for name in names if not name.startswith("__MACOSX")]
+        names = [name for name in names_in(content) if not name.startswith("__MACOSX")]
         if "main.xml" in names:  # as in a damaged `.x3p`
             raise Refusal("its format is not known, or the file is damaged")
         folders = [name.removesuffix("main.xml") for name in names if name.endswith("/main.xml")]

@@ -19,7 +19,7 @@ from ..._shown import with_unit
 from ...surface import Step, Surface, step
 from ..given import existing_file
 from ..moduli.cells import read_sheets
-from .library import metres_of_library, read_arrays, read_instrument, unpacked
+from .library import metres_of_library, names_in, read_arrays, read_instrument, unpacked
 from .preparation import check_choices, surface_from_heights
 from .road import is_road, read_road
 from .scan import Refusal, Scan, metres
@@ -142,7 +142,7 @@ def _scan(
         return read_arrays(content, channel, size, unit)
     if is_road(content):
         return read_road(content)
-    if content.startswith(b"PK") and b"xl/workbook.xml" in content:
+    if content.startswith(b"PK") and "xl/workbook.xml" in names_in(content):
         return _read_workbook(path, content, channel)
     text = decoded(content)
     if text is None:
