@@ -167,6 +167,13 @@ def test_a_dry_run_prints_what_was_read_and_refuses_what_a_run_would(tmp_path):
     table = "f [Hz],E' [Pa],E'' [Pa]\n" + "".join(f"{f},{1e6 + f},1e5\n" for f in range(1, 9))
     (tmp_path / "dma.csv").write_text(table)
     (tmp_path / "b.toml").write_text(SCENE.replace('"tyre_tread"', '"tabulated"\npath = "dma.csv"'))
+    np.save(tmp_path / "a.npy", 1e-6 * np.random.default_rng(0).normal(size=(16, 16)))
+    measured = 'kind = "file"\npath = "a.npy"\nunit = "m"\nsize = 2.0\n'
+    head, _, tail = SCENE.partition('kind = "self_affine"')
+    tail = "[materials" + tail.partition("[materials")[2]
+    (tmp_path / "c.toml").write_text(f"{head}{measured}{tail}")
+    result = command("run", tmp_path / "c.toml", "--dry-run", "-o", tmp_path / "out")
+    assert "Caveat: The rms slope of" in result.stdout and "2 m x 2 m" in result.stdout
     for option in ([], ["--dry-run"]):
         result = command("run", tmp_path / "b.toml", "-o", tmp_path / "out", *option)
         assert result.exit_code == 2 and "velocity" in result.stderr

@@ -14,7 +14,9 @@ from ..studies.interruption import Interrupted, interruptible
 from ..studies.report_design import designed_values, missed, report
 from ..studies.run_design import check_design, run_design
 from ..studies.store import Store
+from ..surface import Surface
 from .session import DryRun, FigureFormat, Format, Output, progress, refusing, save_figure
+from .tables import print_read
 
 
 def design(
@@ -35,6 +37,8 @@ def design(
         if dry_run:
             typer.echo(design_cost(study).report())
             check_design(study)
+            rough = study.spectrum
+            print_read(study.scene, rough if isinstance(rough, Surface) else None)
             return
         folder = output or study.scene.directory or Path(f"{scene_file.stem}-results")
         name = f"{study.scene.name or scene_file.stem}-design"

@@ -55,7 +55,7 @@ from .session import (
     refusing,
     save_figure,
 )
-from .tables import print_decisive, print_steps, print_table
+from .tables import print_decisive, print_read, print_steps, print_table
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -182,15 +182,9 @@ def _prepared(
 
 def _introduce(scene: Scene, surface: Surface) -> None:
     """Prints what was understood of the scene and its files."""
-    if scene.title:
-        typer.echo(scene.title)
+    print_read(scene, surface)
     if "design" in parse_toml(scene.text):
         typer.echo("[design] is not used by this command: see `graded-contact design`.")
-    for sentence in scene.notes:
-        typer.echo(sentence)
-    for sentence in surface.history:
-        typer.echo(f"surface: {sentence}")
-    print_steps(surface)
 
 
 def _solved(

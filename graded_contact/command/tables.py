@@ -12,6 +12,7 @@ from rich.text import Text
 
 from .._shown import with_unit
 from ..files.results import Results
+from ..files.scene import Scene
 from ..studies.uncertainty import Sensitivity
 from ..surface import Surface, statistics
 
@@ -95,6 +96,18 @@ def with_error(value: float, error: float) -> str:
         return f"{value:#.4g} ± {error:.2g}"
     digits = max(0, 1 - int(np.floor(np.log10(error))))
     return f"{value:.{digits}f} ± {error:.{digits}f}"
+
+
+def print_read(scene: Scene, surface: Surface | None) -> None:
+    """Prints what was understood of a scene's files, and what makes its surface doubtful."""
+    for sentence in filter(None, (scene.title, *scene.notes)):
+        typer.echo(sentence)
+    if surface is not None:
+        for sentence in surface.history:
+            typer.echo(f"surface: {sentence}")
+        print_steps(surface)
+        for sentence in surface.caveats:
+            typer.secho(f"Caveat: {sentence}", fg="yellow")
 
 
 def print_steps(surface: Surface) -> None:

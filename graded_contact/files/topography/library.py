@@ -199,8 +199,7 @@ def _with_size(scan: Scan, arrays: dict[str, np.ndarray], unit: str | None) -> S
 
 def _lateral_unit(name: str, scan: Scan, size: np.ndarray, unit: str | None) -> str | None:
     """The unit of a size: metres or that of the heights, by the usual slopes of rough surfaces."""
-    factor = None if unit is None else metres(unit)
-    if factor is None:
+    if unit is None or (factor := metres(unit)) is None:
         return unit
     low, high = USUAL["rms slope"]
     usual = []
