@@ -30,7 +30,7 @@ ORDER = [
     "files/topography/reading",
     "files/moduli/quantities", "files/moduli/cells", "files/moduli/tables",
     "files/moduli/titles", "files/moduli/layout", "files/moduli/isotherms", "files/moduli/measured",
-    "files/moduli/points", "files/moduli/reading",
+    "files/moduli/points", "files/moduli/steps", "files/moduli/reading",
     "files/toml_text", "files/prony_cards", "files/sealed", "files/hdf5", "files/output",
     "files/toml", "files/errors",
     "files/signatures", "files/study", "files/results", "files/surfaces", "files/block",

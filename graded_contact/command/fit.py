@@ -28,7 +28,7 @@ _FIT_OPTIONS = {
     "units": "--unit QUANTITY=UNIT", "columns": "--column QUANTITY=NAME",
     "temperature": "--temperature KELVIN", "throw": "--anyway",
     **{name: f"--{name.replace('_', '-')}" for name in (
-        "kind", "deformation", "poisson", "sheet", "terms", "law", "scatter", "vertical",
+        "kind", "deformation", "poisson", "sheet", "step", "terms", "law", "scatter", "vertical",
         "equilibrium", "glassy", "storage_weight", "loss_weight",
     )},
 }  # fmt: skip
@@ -54,6 +54,10 @@ Temperature = Annotated[
     typer.Option(metavar="KELVIN", help="One, or one for each file (or curve), in order."),
 ]
 Sheet = Annotated[str | None, typer.Option(help="Name of the sheet of a workbook.")]
+Step = Annotated[
+    list[str] | None,
+    typer.Option(metavar="NAME", help="Number or title of a step to read; may be repeated."),
+]
 Law = Annotated[str, typer.Option(help="Shifts several isotherms: wlf or arrhenius.")]
 Scatter = Annotated[
     float, typer.Option(help="Expected departures of log10 a_T from the law; 0 for none.")
@@ -92,6 +96,7 @@ def fit(
     deformation: Deformation = None,
     temperature: Temperature = None,
     sheet: Sheet = None,
+    step: Step = None,
     law: Law = "wlf",
     scatter: Scatter = 0.3,
     vertical: Vertical = 0.0,
@@ -125,6 +130,7 @@ def fit(
             poisson=poisson,
             temperature=temperature[0] if temperature and len(temperature) == 1 else temperature,
             sheet=sheet,
+            step=step,
         )
         for sentence in measured.history:
             typer.echo(sentence)

@@ -47,6 +47,14 @@ class NumberTable(NamedTuple):
     def curves(self) -> int:
         return self.head.blocks * len(self.segments)
 
+    def only(self, lines: set[int]) -> "NumberTable":
+        """Returns the table with the rows of numbers on these lines."""
+        segments = [
+            segment._replace(data=[row for row in segment.data if row.line in lines])
+            for segment in self.segments
+        ]
+        return self._replace(segments=[segment for segment in segments if segment.data])
+
 
 def find_tables(rows: list[Row], named: Iterable[str]) -> list[NumberTable]:
     """Returns the tables of numbers; `named` are names of columns that are known."""
