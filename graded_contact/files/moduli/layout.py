@@ -1,21 +1,19 @@
 """Which column of a table of measurements is which quantity, in which unit."""
 
 import dataclasses
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from typing import NamedTuple
 
 import numpy as np
 
-from .cells import Row, is_number
 from .quantities import (
     DIMENSIONS,
-    OFFSETS,
     PER_SECOND,
     UNITS,
     parse_unit,
     tells_of_shear,
 )
-from .tables import Head, NumberTable, Segment, check_widths, listed
+from .tables import Column, Head, NumberTable, Segment, check_widths, listed, numbers_of
 from .titles import stress_above, temperature_above, tension_above
 
 # The quantities that make a measurement of each kind, the most direct ones first; in the order of
@@ -38,42 +36,6 @@ WAYS = (
 KINDS = tuple(dict.fromkeys(kind for kind, _ in WAYS))
 ALIKE = 0.02  # columns whose values differ by less say the same
 HELD = 0.05  # what a test holds constant varies by less
-
-
-class Column(NamedTuple):
-    """A column of a table.
-
-    - `quantity`: a key of `quantities.DIMENSIONS`.
-    - `label`: how messages call it.
-    - `place`: counted from 0, within a block.
-    - `unit`: one of `UNITS` of its dimension.
-    - `source`: whence the unit is known.
-    - `deformation`: "tension", "shear" or None, as its name says.
-    - `base`: of the logarithms that it holds, "10" or "e"; None for plain values.
-    """
-
-    quantity: str
-    label: str
-    place: int
-    unit: str
-    source: str
-    deformation: str | None
-    base: str | None
-
-    @property
-    def factor(self) -> float:
-        return UNITS[DIMENSIONS[self.quantity]][self.unit]
-
-    def si(self, cell: str) -> float:
-        """Returns a cell's number in SI units; NaN if it is none, infinity if it is too large."""
-        if not is_number(cell):
-            return np.nan
-        with np.errstate(over="ignore"):
-            value = np.float64(cell)
-            if self.base is not None:
-                value = np.exp(value * (np.log(10) if self.base == "10" else 1))
-            offset = OFFSETS[self.unit] if self.quantity == "temperature" else 0.0
-            return float(self.factor * value + offset)
 
 
 @dataclasses.dataclass(frozen=True)
@@ -234,14 +196,6 @@ def _distinct(
         f"Of {' and '.join(map(head.label, places))}, which say the same, the first is used."
     )
     return places[:1]
-
-
-def numbers_of(rows: Sequence[Row], column: Column) -> np.ndarray:
-    """Returns the numbers of a column of the first block in SI units, NaN where there is none."""
-    return np.array(
-        [column.si(row.cells[column.place]) if column.place < len(row.cells) else np.nan
-         for row in rows]
-    )  # fmt: skip
 
 
 def _way(

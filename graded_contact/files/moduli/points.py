@@ -13,9 +13,9 @@ from jaxtyping import Complex, Float, Int
 from ..._checks import Numbers
 from .cells import Row, is_missing
 from .isotherms import isotherms, note_isotherms, temperatures
-from .layout import HELD, Column, Layout
+from .layout import HELD, Layout
 from .quantities import DIMENSIONS, SI
-from .tables import misfit, stripped
+from .tables import Column, misfit, stripped
 
 CREDIBLE = (1e2, 1e12)  # Pa
 # What numbers can be, in SI units: instruments write 9.9e37 and the like where they measured none.

@@ -14,9 +14,9 @@ import numpy as np
 
 from .cells import Row, Sheet
 from .isotherms import ISOTHERM_GAP
-from .layout import HELD, Column, Layout, Told, numbers_of, table_layout
+from .layout import HELD, Layout, Told, table_layout
 from .quantities import SI
-from .tables import NumberTable, find_tables
+from .tables import Column, NumberTable, find_tables, numbers_of
 from .titles import title_above
 
 # The whole name of a column that tells the steps apart; their numbers or names stand in it.

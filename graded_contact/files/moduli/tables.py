@@ -5,11 +5,13 @@ repeat its columns side by side, one block for each curve.
 """
 
 import re
-from collections.abc import Iterable
+from collections.abc import Iterable, Sequence
 from typing import NamedTuple
 
-from .cells import Row, holds_data, is_missing
-from .quantities import Heading, parse_heading, parse_unit
+import numpy as np
+
+from .cells import Row, holds_data, is_missing, is_number
+from .quantities import DIMENSIONS, OFFSETS, UNITS, Heading, parse_heading, parse_unit
 
 
 class Segment(NamedTuple):
@@ -31,6 +33,42 @@ class Head(NamedTuple):
 
     def label(self, place: int) -> str:
         return f"column {place + 1}" + (f" ({self.names[place]})" if self.names[place] else "")
+
+
+class Column(NamedTuple):
+    """A column of a table.
+
+    - `quantity`: a key of `quantities.DIMENSIONS`.
+    - `label`: how messages call it.
+    - `place`: counted from 0, within a block.
+    - `unit`: one of `UNITS` of its dimension.
+    - `source`: whence the unit is known.
+    - `deformation`: "tension", "shear" or None, as its name says.
+    - `base`: of the logarithms that it holds, "10" or "e"; None for plain values.
+    """
+
+    quantity: str
+    label: str
+    place: int
+    unit: str
+    source: str
+    deformation: str | None
+    base: str | None
+
+    @property
+    def factor(self) -> float:
+        return UNITS[DIMENSIONS[self.quantity]][self.unit]
+
+    def si(self, cell: str) -> float:
+        """Returns a cell's number in SI units; NaN if it is none, infinity if it is too large."""
+        if not is_number(cell):
+            return np.nan
+        with np.errstate(over="ignore"):
+            value = np.float64(cell)
+            if self.base is not None:
+                value = np.exp(value * (np.log(10) if self.base == "10" else 1))
+            offset = OFFSETS[self.unit] if self.quantity == "temperature" else 0.0
+            return float(self.factor * value + offset)
 
 
 class NumberTable(NamedTuple):
@@ -159,3 +197,11 @@ def listed(head: Head) -> str:
     if any(head.names):
         return "the columns " + ", ".join(repr(name) for name in head.names)
     return f"{len(head.names)} columns without names"
+
+
+def numbers_of(rows: Sequence[Row], column: Column) -> np.ndarray:
+    """Returns the numbers of a column of the first block in SI units, NaN where there is none."""
+    return np.array(
+        [column.si(row.cells[column.place]) if column.place < len(row.cells) else np.nan
+         for row in rows]
+    )  # fmt: skip
