@@ -613,6 +613,49 @@ def test_a_fit_of_several_isotherms_shifts_them(tmp_path):
     assert "Arrhenius with Q = " in result.stdout
 
 
+def test_wild_values_are_named_and_left_out_only_if_asked(tmp_path):
+    path = moduli_file(tmp_path / "tread.csv", [20.0])
+    lines = path.read_text().splitlines()
+    frequency, _, loss = lines[18].split(",")
+    lines[18] = f"{frequency},1.5e13,{loss}"  # in MPa
+    path.write_text("\n".join(lines))
+    plain = command("fit", path, "-o", tmp_path / "a", "--terms", 6)
+    assert plain.exit_code == 0
+    assert "Warning: no smooth positive spectrum explains the values below" in plain.stderr
+    assert re.search(
+        r"line 19 \(.* rad/s\): storage modulus 1.5e\+19 Pa, 1e\+12 times", plain.stderr
+    )
+    robust = command("fit", path, "-o", tmp_path / "b", "--terms", 6, "--robust")
+    assert robust.exit_code == 0 and "Warning: no smooth" not in robust.stderr
+    assert "Left out, because no smooth positive spectrum explains" in robust.stdout
+    assert "line 19 (" in robust.stdout
+    table = tomllib.loads((tmp_path / "b" / "tread.toml").read_text())["materials"]["tread"]
+    fitted = gc.Prony(table["equilibrium"], table["strengths"], table["times"])
+    omega = np.geomspace(0.1, 1e4, 9)
+    true = np.asarray(gc.tyre_tread().modulus(omega))
+    np.testing.assert_allclose(np.abs(fitted.modulus(omega)), np.abs(true), rtol=0.05)
+    clean = moduli_file(tmp_path / "clean.csv", [20.0])
+    said = command("fit", clean, "-o", tmp_path / "c", "--terms", 6, "--robust").stdout
+    assert "--robust leaves out no row" in said
+
+
+def test_a_step_of_a_test_is_chosen(tmp_path):
+    head = "Step\nf [Hz],E' [MPa],E'' [MPa],strain [%]\n"
+    rows = moduli_file(tmp_path / "tread.csv", [20.0]).read_text().splitlines()[1:]
+    sweep = "".join(f"{row},0.1\n" for row in rows)
+    strain = "".join(f"10,{20 / (1 + i)},1,{2.0**i}\n" for i in range(8))
+    path = tmp_path / "steps.csv"
+    path.write_text(f"Strain sweep\n{head}{strain}Frequency sweep\n{head}{sweep}")
+    plain = command("fit", path, "-o", tmp_path, "--terms", 5)
+    assert plain.exit_code == 0, plain.output
+    assert "Left out step 1" in plain.stdout and "Read 40 rows" in plain.stdout
+    chosen = command("fit", path, "-o", tmp_path, "--terms", 5, "--step", "2")
+    assert "Left out step" not in chosen.stdout
+    assert chosen.stdout.split("rms log error")[1] == plain.stdout.split("rms log error")[1]
+    refused = command("fit", path, "-o", tmp_path, "--step", "creep")
+    assert refused.exit_code == 2 and "(Here: --step.)" in refused.stderr
+
+
 def test_a_fit_takes_several_files_and_the_options_that_messages_name(tmp_path):
     paths = [
         moduli_file(tmp_path / f"{celsius:g}.csv", [celsius]) for celsius in (-20.0, -5.0, 10.0)

@@ -39,7 +39,7 @@ ORDER = [
     "fitting/lengths", "fitting/optimum", "fitting/uncertainty",
     "fitting/quality", "fitting/result", "fitting/prony",
     "fitting/shifted_series", "fitting/shifted_observations", "fitting/isotherms",
-    "fitting/shifting", "fitting/master_report", "fitting/master",
+    "fitting/shifting", "fitting/master_report", "fitting/master", "fitting/wild",
     "studies/interruption", "studies/store", "studies/checkpoint",
     "studies/program", "studies/chunk", "studies/cluster", "studies/engine", "studies/sweep",
     "studies/objectives", "studies/evaluations",

@@ -9,6 +9,7 @@ from typing import Annotated
 import typer
 
 from ..files.errors import write_errors
+from ..files.moduli.measured import Measured
 from ..files.moduli.reading import read_moduli
 from ..files.output import check_folder, full_path
 from ..files.prony_cards import FORMATS, export_prony
@@ -16,6 +17,7 @@ from ..files.toml import nearest
 from ..fitting.isotherms import check_law
 from ..fitting.master import master_curve
 from ..fitting.prony import fit_creep, fit_prony, fit_relaxation
+from ..fitting.wild import wild_values, without
 from ..plot import plot_fit, plot_master_curve, plot_van_gurp_palmen
 from ..rheology.material import Prony
 from ..studies.uncertainty import errors_of
@@ -74,6 +76,9 @@ LossWeight = Annotated[float, typer.Option(help="Weight of loss moduli.")]
 Anyway = Annotated[
     bool, typer.Option("--anyway", help="Fit data that no positive spectrum comes near to.")
 ]
+Robust = Annotated[
+    bool, typer.Option("--robust", help="Leave out rows that no smooth positive spectrum explains.")
+]
 Unit = Annotated[
     list[str] | None,
     typer.Option(metavar="QUANTITY=UNIT", help="For instance modulus=MPa; may be repeated."),
@@ -105,6 +110,7 @@ def fit(
     storage_weight: StorageWeight = 1.0,
     loss_weight: LossWeight = 1.0,
     anyway: Anyway = False,
+    robust: Robust = False,
     unit: Unit = None,
     column: Column = None,
     card: Card = None,
@@ -134,6 +140,7 @@ def fit(
         )
         for sentence in measured.history:
             typer.echo(sentence)
+        measured = _without_wild(measured, robust)
         arguments = {
             "terms": terms, "poisson": poisson, "equilibrium": equilibrium, "glassy": glassy,
             "throw": not anyway,
@@ -151,6 +158,24 @@ def fit(
         path = folder / f"{name}-errors.csv"
         write_errors(path, errors)
         typer.echo(f"wrote {path}")
+
+
+def _without_wild(measured: Measured, robust: bool) -> Measured:
+    """Names the rows that no smooth positive spectrum explains; leaves them out if asked."""
+    wild = wild_values(measured)
+    if wild and robust:
+        typer.echo("Left out, because no smooth positive spectrum explains their values:")
+    elif wild:
+        warning = (
+            "Warning: no smooth positive spectrum explains the values below. They are fitted all "
+            "the same, and spoil the fit. Correct them, or leave out their rows with --robust."
+        )
+        typer.secho(warning, fg="yellow", err=True)
+    elif robust:
+        typer.echo("--robust leaves out no row: a smooth positive spectrum explains all values.")
+    for value in wild:
+        typer.echo(str(value), err=not robust)
+    return without(measured, wild) if robust else measured
 
 
 def _write_cards(folder: Path, name: str, material: Prony, forms: tuple) -> None:

@@ -64,7 +64,7 @@ def measured_points(
         kelvin = None if kelvin is None else kelvin[held]
         isotherm = np.unique(isotherm[held], return_inverse=True)[1]
     values = _values(layout, entries.si)
-    _check_credible(values.real if layout.kind != "creep" else 1 / values, notes)
+    _check_credible(values.real if layout.kind != "creep" else 1 / values, entries.lines, notes)
     if layout.check is not None:
         _compare_tan_delta(layout.check, entries, values, notes)
     deformation, factor = _deformation(layout, poisson, notes)
@@ -261,12 +261,14 @@ def _deformation(layout: Layout, poisson: Numbers | None, notes: list[str]) -> t
 # What looks wrong.
 
 
-def _check_credible(stiffness: np.ndarray, notes: list[str]) -> None:
+def _check_credible(stiffness: np.ndarray, lines: np.ndarray, notes: list[str]) -> None:
     least, most = np.min(stiffness), np.max(stiffness)
-    if least < CREDIBLE[0] or most > CREDIBLE[1]:
+    odd = (stiffness < CREDIBLE[0]) | (stiffness > CREDIBLE[1])
+    if np.any(odd):
+        where = _listed([(int(line), "") for line in np.unique(lines[odd])])
         notes.append(
             f"Warning: moduli from {least:.3g} to {most:.3g} Pa leave the usual "
-            f"{CREDIBLE[0]:g} to {CREDIBLE[1]:g} Pa: is the unit right?"
+            f"{CREDIBLE[0]:g} to {CREDIBLE[1]:g} Pa in line {where}: is the unit right?"
         )
 
 
