@@ -124,12 +124,34 @@ def test_a_column_names_the_steps(tmp_path):
         read(tmp_path, text, "export.csv", step="auslenkung")
 
 
-def test_a_table_without_titles_is_split_by_what_is_held(tmp_path):
-    head = ",".join(map("{} [{}]".format, NAMES, UNITS)) + "\n"
+@pytest.mark.parametrize("columns", [5, 3])
+def test_a_table_without_titles_is_split_by_what_is_held(tmp_path, columns):
+    head = ",".join(map("{} [{}]".format, NAMES[:columns], UNITS)) + "\n"
     for rows in ([AMPLITUDE, sweep()], [sweep(), AMPLITUDE]):
-        measured = read(tmp_path, head + "".join(lines(part, ",") for part in rows))
+        text = head + "".join(lines(part[:, :columns], ",") for part in rows)
+        measured = read(tmp_path, text)
         check_sweep(measured)
-        told(measured, "29 rows): its frequency is held at 10 rad/s")
+        told(measured, "rows): its frequency is held at 10 rad/s")
+
+
+def test_a_lone_amplitude_sweep_is_no_sweep_over_frequency(tmp_path):
+    rows = AMPLITUDE.copy()
+    rows[:, 0] *= np.linspace(0.9999, 1.0001, 29)
+    with pytest.raises(ValueError, match="the frequency is the same in every row"):
+        read(tmp_path, HEAD + step("Amplitude sweep - 1", rows))
+
+
+def test_intervals_of_one_result(tmp_path):
+    """As RheoCompass writes; the counts of intervals are no data, and the profile no table."""
+    text = "Project:\tSBR\nMeasuring profile:\tomega = 100 ... 0.1 1/s log; 6 Pt. / dec\n"
+    for title, rows in (("Amplitude sweep", AMPLITUDE), ("Frequency sweep", sweep())):
+        text += f"Result:\t{title} 1\n\nInterval and data points:\t1\t{len(rows)}\n"
+        text += "Interval data:\tPoint No.\t" + "\t".join(NAMES) + "\tStatus\n\n"
+        text += "\t\t" + "\t".join(f"[{unit}]" for unit in UNITS) + "\t[]\n"
+        for i, row in enumerate(rows, start=1):
+            text += f"\t{i}\t" + lines([row]).rstrip() + "\tDy_auto\n"
+    check_sweep(read(tmp_path, text))
+    check_sweep(read(tmp_path, text, step="Frequency sweep 1"))
 
 
 def test_steps_in_sheets_of_a_workbook(tmp_path):
@@ -146,6 +168,16 @@ def test_steps_in_sheets_of_a_workbook(tmp_path):
     measured = read_moduli(tmp_path / "tread.xlsx")
     check_sweep(measured)
     told(measured, "Left out the sheets 'Details', 'Amplitude sweep - 1'")
+
+
+def test_a_dense_sweep_is_no_step_at_one_frequency(tmp_path):
+    """A thousand equal steps of frequency, of which neighbours differ by 0.1 to 3 %."""
+    rows = np.repeat(sweep()[:1], 1000, axis=0)
+    rows[:, 0] = 30.0 + np.arange(1000)
+    rows[:, 1] = 1e6 * rows[:, 0] ** 0.2
+    text = HEAD + step("Frequency sweep - 1", rows) + step("Frequency sweep - 2", rows[:5])
+    measured = read(tmp_path, text)
+    assert len(measured.lines) == 1005
 
 
 @pytest.mark.parametrize("order", ["by frequency", "by temperature"])

@@ -137,6 +137,8 @@ def _read_xlsx(path: Path) -> list[Sheet]:
 def _sheet(name: str, table: Iterable[Iterable[Any]]) -> Sheet:
     rows = [["" if value is None else value for value in values] for values in table]
     texts = [value.strip() for values in rows for value in values if isinstance(value, str)]
+    marked = (*_PLAIN.values(), *_GROUPED.values())
+    texts = [text for text in texts if any(number.fullmatch(text) for number in marked)]
     decimal = max(".,", key=lambda mark: _score([texts], mark))
     cells = [[_pointed(str(value).strip(), decimal) for value in values] for values in rows]
     return Sheet(
@@ -235,7 +237,7 @@ def _score(table: list[list[str]], decimal: str) -> tuple[int, int]:
         plains = sum(_PLAIN[decimal].fullmatch(cell) is not None for cell in cells)
         numbers = plains + sum(_GROUPED[decimal].fullmatch(cell) is not None for cell in cells)
         words = len(cells) - numbers - sum(map(is_missing, cells))
-        if numbers >= 2:
-            total += max(2 * numbers - words, 0)
+        if numbers >= 2 and 2 * numbers > words:  # not a sentence with numbers in it
+            total += 2 * numbers - words
             plain += plains
     return total, plain

@@ -36,6 +36,7 @@ WAYS = (
 KINDS = tuple(dict.fromkeys(kind for kind, _ in WAYS))
 ALIKE = 0.02  # columns whose values differ by less say the same
 HELD = 0.05  # what a test holds constant varies by less
+SAME = 1e-3  # relative, between frequencies that are meant to be equal
 
 
 @dataclasses.dataclass(frozen=True)

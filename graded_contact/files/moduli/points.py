@@ -13,7 +13,7 @@ from jaxtyping import Complex, Float, Int
 from ..._checks import Numbers
 from .cells import Row, is_missing
 from .isotherms import isotherms, note_isotherms, temperatures
-from .layout import HELD, Layout
+from .layout import HELD, SAME, Layout
 from .quantities import DIMENSIONS, SI
 from .tables import Column, misfit, stripped
 
@@ -22,7 +22,6 @@ CREDIBLE = (1e2, 1e12)  # Pa
 LIMITS = {"modulus": 1e30, "stress": 1e30, "compliance": 1e30}
 LIMIT = 1e100  # of shifted frequencies and times
 HOTTEST = 1e4  # K
-SAME = 1e-3  # relative, between frequencies that are meant to be equal
 
 
 class Points(NamedTuple):
@@ -290,7 +289,8 @@ def _compare_tan_delta(check: Column, entries: _Entries, values: Any, notes: lis
 def _check_sweep(layout: Layout, points: Points, notes: list[str]) -> None:
     name = "frequency" if layout.kind == "frequency" else "time"
     abscissa, lines = points.abscissa, points.lines
-    if np.ptp(abscissa) == 0:
+    least, most = np.min(abscissa), np.max(abscissa)
+    if least == most or (name == "frequency" and most < (1 + HELD) * least):
         raise ValueError(f"the {name} is the same in every row: this is no sweep over {name}")
     near = np.diff(abscissa) <= SAME * abscissa[:-1]
     twice = np.flatnonzero(near & (np.diff(points.isotherm) == 0))

@@ -183,7 +183,7 @@ def parse_heading(text: str) -> Heading:
         words.update(meaning.split())
     deformations = words & {"tension", "shear"}
     quantity = _MEANINGS.get(frozenset(words - {"tension", "shear", "modulus", "step"}))
-    if not words or len(deformations) > 1:
+    if not words - {"step"} or len(deformations) > 1:
         quantity = None
     deformation = next(iter(deformations), None)
     return Heading(quantity, unit, deformation, "angular" in words, "step" in words, base)

@@ -14,7 +14,7 @@ import numpy as np
 
 from .cells import Row, Sheet
 from .isotherms import ISOTHERM_GAP
-from .layout import HELD, Layout, Told, table_layout
+from .layout import HELD, SAME, Layout, Told, table_layout
 from .quantities import SI
 from .tables import Column, NumberTable, find_tables, numbers_of
 from .titles import title_above
@@ -22,12 +22,13 @@ from .titles import title_above
 # The whole name of a column that tells the steps apart; their numbers or names stand in it.
 _COLUMN = re.compile(
     r"(?i)(?:test\s+)?(?:action|steps?|segment|interval|sequence|schritt|abschnitt|intervalle?|[eé]tape)"
-    r"(?:[\s_-]*(?:name|no|nr|number|index|id|#))?\.?"
+    r"(?:[\s_-]*(?:name|no|nr|number|index|id|#))?\.?(?:\s*[\[(].*[\])])?"
 )
 _AMPLITUDE = re.compile(r"(?i)strain|stress|d[eé]formation|contrainte|dehnung|spannung|amplitude")
 WIDER = 1.5  # factor within which the amplitude of a frequency sweep stays
 FEWEST = 3  # rows, or frequencies, that show what a step holds constant
 RUN = 6  # rows of one frequency and temperature inside a table that names no steps
+LONG = 10  # of them, from which on the amplitude need not be seen to grow
 
 
 class Step(NamedTuple):
@@ -82,7 +83,7 @@ def rank(layout: Layout) -> tuple[int, int]:
     rows = [row for segment in layout.segments for row in segment.data]
     if layout.kind != "frequency":
         return 1, len(rows)
-    swept = layout.blocks > 1 or _frequencies(_numbers(layout, "frequency", rows)) > 1
+    swept = layout.blocks > 1 or _varies(_numbers(layout, "frequency", rows))
     return 2 * swept, len(rows)
 
 
@@ -122,7 +123,8 @@ def _chosen(steps: list[Step], wanted: Iterable[str | int]) -> list[Step]:
     found = []
     for each in map(str, wanted):
         name = each.casefold()
-        same = [s for s in steps if name in (str(s.number), s.title.casefold())]
+        same = [s for s in steps if name == str(s.number)]
+        same = same or [s for s in steps if name == s.title.casefold()]
         same = same or [s for s in steps if name in s.title.casefold()]
         if not same:
             raise ValueError(
@@ -155,7 +157,8 @@ def _swept(layout: Layout, table: NumberTable, steps: list[Step]) -> Layout:
             held += [(step, rows) for rows in _held(layout, table, step)]
     left = {step.rows[i].line for step, rows in held for i in rows}
     kept = [row for row in table.rows if row.line not in left]
-    if not left or _frequencies(_numbers(layout, "frequency", kept)) < FEWEST:
+    omega = _numbers(layout, "frequency", kept)
+    if not left or not _varies(omega) or len(np.unique(omega[omega > 0])) < FEWEST:
         return layout
     for step, places in held:
         rows = [step.rows[i] for i in places]
@@ -169,26 +172,31 @@ def _swept(layout: Layout, table: NumberTable, steps: list[Step]) -> Layout:
 
 
 def _held(layout: Layout, table: NumberTable, step: Step) -> list[np.ndarray]:
-    """Rows of a step at one frequency: all of them, or long runs in which the amplitude grows."""
+    """Rows of a step at one frequency: all of them, or runs that are a sweep of something else."""
     omega = _numbers(layout, "frequency", step.rows)
     known = np.flatnonzero(np.isfinite(omega))
     enough = FEWEST if not step.title or "freq" in _plain(step.title) else 1
     if not len(known):
         return []
-    if _frequencies(omega) == 1:
+    if not _varies(omega):
         return [np.arange(len(omega))] if len(known) >= enough else []
-    steps = np.abs(np.diff(np.log(omega[known]))) > np.log1p(HELD)
-    runs = np.split(known, np.flatnonzero(steps) + 1)
-    return [run for run in runs if len(run) >= RUN and _grows(layout, table, step, run)]
+    runs: list[list[int]] = [[]]
+    for i in known:
+        if runs[-1] and abs(omega[i] / omega[runs[-1][0]] - 1) > SAME:
+            runs.append([])
+        runs[-1].append(int(i))
+    long = [np.array(run) for run in runs if len(run) >= RUN]
+    return [run for run in long if _apart(layout, table, step, run)]
 
 
-def _grows(layout: Layout, table: NumberTable, step: Step, run: np.ndarray) -> bool:
+def _apart(layout: Layout, table: NumberTable, step: Step, run: np.ndarray) -> bool:
+    """Whether a run of one frequency is at one temperature, and long or of varied amplitude."""
     rows = [step.rows[i] for i in run]
     if "temperature" in layout.columns:
         kelvin = _numbers(layout, "temperature", rows)
         if np.nanmax(kelvin) - np.nanmin(kelvin) > ISOTHERM_GAP:
             return False
-    return bool(_amplitudes(layout, table, rows))
+    return len(run) >= LONG or bool(_amplitudes(layout, table, rows))
 
 
 def _varied(layout: Layout, table: NumberTable, rows: list[Row]) -> str:
@@ -221,12 +229,9 @@ def _numbers(layout: Layout, quantity: str, rows: list[Row]) -> np.ndarray:
     return np.where(values > 0, values, np.nan)
 
 
-def _frequencies(omega: np.ndarray) -> int:
-    """How many frequencies there are, those nearer than `HELD` counted as one."""
-    logs = np.sort(np.log(omega[np.isfinite(omega)]))
-    if not len(logs):
-        return 0
-    return 1 + int(np.sum(np.diff(logs) > np.log1p(HELD)))
+def _varies(omega: np.ndarray) -> bool:
+    known = omega[np.isfinite(omega)]
+    return bool(len(known)) and bool(np.max(known) > (1 + HELD) * np.min(known))
 
 
 def _plain(text: str) -> str:

@@ -111,8 +111,8 @@ def find_tables(rows: list[Row], named: Iterable[str]) -> list[NumberTable]:
         below = rows[start + 1 : end]
         units = below[0] if below and not holds_data(below[0]) else None
         units = units if units and any(map(parse_unit, units.cells)) else None
-        data = [row for row in below if holds_data(row)]
-        words = [row for row in below if not holds_data(row) and row is not units]
+        data = [row for row in below if _measures(row)]
+        words = [row for row in below if not _measures(row) and row is not units]
         head = _head(rows[start], units)
         key = tuple(head.names)
         if key in tables and units is not None and tables[key].head.units != head.units:
@@ -120,8 +120,13 @@ def find_tables(rows: list[Row], named: Iterable[str]) -> list[NumberTable]:
         table = tables.setdefault(key, NumberTable(head, []))
         if data:
             table.segments.append(Segment(rows[last:start], data, words))
-            last = max(i for i in range(start, end) if holds_data(rows[i])) + 1
+            last = max(i for i in range(start, end) if _measures(rows[i])) + 1
     return [table for table in tables.values() if table.rows]
+
+
+def _measures(row: Row) -> bool:
+    """Whether a row holds data, and is none such as "Interval and data points: 1 29"."""
+    return holds_data(row) and not re.match(r"(?i)(?:interval|abschnitt).*:", row.cells[0])
 
 
 def _with_signals(rows: list[Row]) -> list[Row]:
