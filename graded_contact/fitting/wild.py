@@ -6,7 +6,7 @@ or column moves many values alike; such values are not wild, and the floor of a 
 """
 
 import dataclasses
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -82,16 +82,17 @@ def _where(measured: Measured, row: int) -> str:
 
 
 def _channels(measured: Measured, rows: np.ndarray) -> dict[str, np.ndarray]:
-    values = measured.values[rows]
+    values = np.asarray(measured.values)[rows]
     if measured.kind == "frequency":
-        return {"storage modulus": values.real, "loss modulus": values.imag}
+        return {"storage modulus": np.real(values), "loss modulus": np.imag(values)}
     return {"modulus" if measured.kind == "relaxation" else "compliance": values}
 
 
 def _series(measured: Measured, rows: np.ndarray, channels: dict[str, np.ndarray]) -> Series:
-    given = {name: (values, 1.0) for name, values in channels.items()}
+    given: dict[str, Any] = {name: (values, 1.0) for name, values in channels.items()}
     none = {"equilibrium": None, "glassy": None, "times": None, "huber": HUBER}
-    return series_of(observe(measured.kind, measured.abscissa[rows], given, **none))
+    kind: Any = measured.kind
+    return series_of(observe(kind, measured.abscissa[rows], given, **none))
 
 
 def _wild(series: Series) -> np.ndarray:

@@ -24,7 +24,10 @@ _COLUMN = re.compile(
     r"(?i)(?:test\s+)?(?:action|steps?|segment|interval|sequence|schritt|abschnitt|intervalle?|[eé]tape)"
     r"(?:[\s_-]*(?:name|no|nr|number|index|id|#))?\.?(?:\s*[\[(].*[\])])?"
 )
-_AMPLITUDE = re.compile(r"(?i)strain|stress|d[eé]formation|contrainte|dehnung|spannung|amplitude")
+_AMPLITUDES = (
+    re.compile(r"(?i)strain|d[eé]formation|dehnung|amplitude"),
+    re.compile(r"(?i)stress|contrainte|spannung"),
+)
 WIDER = 1.5  # factor within which the amplitude of a frequency sweep stays
 FEWEST = 3  # rows, or frequencies, that show what a step holds constant
 RUN = 6  # rows of one frequency and temperature inside a table that names no steps
@@ -215,8 +218,8 @@ def _amplitudes(
 ) -> list[tuple[str, float, float]]:
     """Columns of strain or stress that vary: name, first and last number."""
     found = []
-    for place, name in enumerate(table.head.names):
-        if _AMPLITUDE.search(name) and place not in {c.place for c in layout.columns.values()}:
+    for pattern, (place, name) in itertools.product(_AMPLITUDES, enumerate(table.head.names)):
+        if pattern.search(name) and place not in {c.place for c in layout.columns.values()}:
             values = np.abs(numbers_of(rows, Column("strain", name, place, "1", "", None, None)))
             values = values[np.isfinite(values) & (values > 0)]
             if len(values) and np.max(values) > WIDER * np.min(values):
