@@ -20,7 +20,7 @@ TIMES = 6.0  # the usual residual
 LEAST = 0.1  # log residual below which no value harms a fit
 START = np.log(10)  # off the median of five neighbours: not fitted at first
 HUBER = 0.1  # log residual from which on a value counts linearly here
-AROUND = 8  # neighbours whose residuals are compared
+AROUND = 9  # neighbours whose residuals are compared
 FEWEST = 6  # points from which on one can be told from the others
 TURNS = 8
 
@@ -98,8 +98,7 @@ def _series(measured: Measured, rows: np.ndarray, channels: dict[str, np.ndarray
 def _wild(series: Series) -> np.ndarray:
     """Residuals of wild values, 0 for all others; shape `(channels, points)`."""
     y = series.log_values.reshape(-1, len(series.x))
-    around = np.array([_neighbours(series.x, i, 5) for i in range(len(series.x))])
-    wild = np.abs(y - np.median(y[:, around], axis=-1)) > START
+    wild = np.abs(y - _around(y, 5)) > START
     seen, residual = [], np.zeros_like(y)
     for _ in range(TURNS):
         seen.append(wild)
@@ -108,20 +107,22 @@ def _wild(series: Series) -> np.ndarray:
         tamed = dataclasses.replace(series, weights=(~wild).ravel().astype(float))
         theta, _ = best_spectrum(tamed)
         residual = y - np.log(series.model(theta)).reshape(y.shape)
-        wild = _far(series.x, residual)
+        wild = _far(residual)
         if any(np.array_equal(wild, earlier) for earlier in seen):
             break
     return np.where(wild, residual, 0)
 
 
-def _far(x: np.ndarray, residual: np.ndarray) -> np.ndarray:
+def _far(residual: np.ndarray) -> np.ndarray:
     """Where residuals are large beside those of all values and of the neighbours."""
     size = np.abs(residual)
-    around = np.array([_neighbours(x, i, AROUND + 1)[1:] for i in range(len(x))])
-    usual = np.maximum(np.median(size, axis=1)[:, None], np.median(size[:, around], axis=-1))
+    usual = np.maximum(np.median(size, axis=1)[:, None], _around(size, AROUND))
     return size > np.maximum(LEAST, TIMES * 1.4826 * usual)
 
 
-def _neighbours(x: np.ndarray, i: int, count: int) -> np.ndarray:
-    """The points nearest to a point, itself the first."""
-    return np.argsort(np.abs(np.log(x) - np.log(x[i])), kind="stable")[:count]
+def _around(values: np.ndarray, count: int) -> np.ndarray:
+    """The median of so many neighbours in order of frequency or time, the value among them."""
+    count = min(count, values.shape[1])
+    medians = np.median(np.lib.stride_tricks.sliding_window_view(values, count, axis=1), axis=-1)
+    first = np.arange(values.shape[1]) - count // 2
+    return medians[:, np.clip(first, 0, medians.shape[1] - 1)]
