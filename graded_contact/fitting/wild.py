@@ -18,6 +18,7 @@ from .series import Series
 
 TIMES = 6.0  # the usual residual
 LEAST = 0.1  # log residual below which no value harms a fit
+ROUGH = 0.03  # usual residual from which on storage and loss have a spectrum each, as in a floor
 START = np.log(10)  # off the median of five neighbours: not fitted at first
 HUBER = 0.1  # log residual from which on a value counts linearly here
 AROUND = 9  # neighbours whose residuals are compared
@@ -104,13 +105,20 @@ def _wild(series: Series) -> np.ndarray:
         seen.append(wild)
         if np.sum(~wild) < FEWEST:
             return np.zeros_like(y)
-        tamed = dataclasses.replace(series, weights=(~wild).ravel().astype(float))
-        theta, _ = best_spectrum(tamed)
-        residual = y - np.log(series.model(theta)).reshape(y.shape)
+        residual = _residual(series, ~wild)
+        if len(y) > 1 and np.max(np.median(np.abs(residual), axis=1)) > ROUGH:
+            channels = np.eye(len(y), dtype=bool)[:, :, None]
+            residual = sum(_residual(series, ~wild & own) * own for own in channels)
         wild = _far(residual)
         if any(np.array_equal(wild, earlier) for earlier in seen):
             break
     return np.where(wild, residual, 0)
+
+
+def _residual(series: Series, fitted: np.ndarray) -> np.ndarray:
+    """ln(value/spectrum) of all values, by the best spectrum of those that are fitted."""
+    theta, _ = best_spectrum(dataclasses.replace(series, weights=fitted.ravel().astype(float)))
+    return (series.log_values - np.log(series.model(theta))).reshape(fitted.shape)
 
 
 def _far(residual: np.ndarray) -> np.ndarray:
