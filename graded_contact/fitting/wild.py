@@ -108,7 +108,8 @@ def _wild(series: Series) -> np.ndarray:
         residual = _residual(series, ~wild)
         if len(y) > 1 and np.max(np.median(np.abs(residual), axis=1)) > ROUGH:
             channels = np.eye(len(y), dtype=bool)[:, :, None]
-            residual = sum(_residual(series, ~wild & own) * own for own in channels)
+            alone = [_residual(series, ~wild & own) * own for own in channels]
+            residual = np.sum(alone, axis=0)
         wild = _far(residual)
         if any(np.array_equal(wild, earlier) for earlier in seen):
             break

@@ -73,6 +73,8 @@ def understand(sheet: Sheet, told: Told) -> Layout:
     if not found:
         raise refusals[0]
     table, layout = max(found, key=lambda pair: rank(pair[1]))
+    if told.step:
+        layout.notes.append(f"Read only {', '.join(str(s) for s in steps if _within(s, table))}.")
     others = [other for other in tables if other is not table and other.rows]
     if others:
         layout.notes.append(
@@ -121,10 +123,10 @@ def _parts(table: NumberTable, rows: list[Row], title: str) -> list[tuple[str, l
     return [(title, rows)]
 
 
-def _chosen(steps: list[Step], wanted: Iterable[str | int]) -> list[Step]:
+def _chosen(steps: list[Step], names: Iterable[str | int]) -> list[Step]:
     """The steps of these numbers or titles; a part of a title stands for all that have it."""
     found = []
-    for each in map(str, wanted):
+    for each in map(str, names):
         name = each.casefold()
         same = [s for s in steps if name == str(s.number)]
         same = same or [s for s in steps if name == s.title.casefold()]
@@ -195,19 +197,17 @@ def _held(layout: Layout, table: NumberTable, step: Step) -> list[np.ndarray]:
 def _apart(layout: Layout, table: NumberTable, step: Step, run: np.ndarray) -> bool:
     """Whether a run of one frequency is at one temperature, and long or of varied amplitude."""
     rows = [step.rows[i] for i in run]
-    if "temperature" in layout.columns:
-        kelvin = _numbers(layout, "temperature", rows)
-        if np.nanmax(kelvin) - np.nanmin(kelvin) > ISOTHERM_GAP:
-            return False
+    kelvin = _temperatures(layout, rows)
+    if np.ptp(kelvin) > ISOTHERM_GAP:
+        return False
     return len(run) >= LONG or bool(_amplitudes(layout, table, rows))
 
 
 def _varied(layout: Layout, table: NumberTable, rows: list[Row]) -> str:
     """What changes in rows of one frequency, in words."""
-    if "temperature" in layout.columns:
-        kelvin = _numbers(layout, "temperature", rows)
-        if np.nanmax(kelvin) - np.nanmin(kelvin) > ISOTHERM_GAP:
-            return f", and its temperature goes from {kelvin[0]:.4g} to {kelvin[-1]:.4g} K"
+    kelvin = _temperatures(layout, rows)
+    if np.ptp(kelvin) > ISOTHERM_GAP:
+        return f", and its temperature goes from {kelvin[0]:.4g} to {kelvin[-1]:.4g} K"
     for name, low, high in _amplitudes(layout, table, rows):
         return f", and {name!r} goes from {low:.4g} to {high:.4g}"
     return ""
@@ -225,6 +225,15 @@ def _amplitudes(
             if len(values) and np.max(values) > WIDER * np.min(values):
                 found.append((name, float(values[0]), float(values[-1])))
     return found
+
+
+def _temperatures(layout: Layout, rows: list[Row]) -> np.ndarray:
+    """Those known [K]; a single 0 if none is."""
+    if "temperature" not in layout.columns:
+        return np.zeros(1)
+    kelvin = _numbers(layout, "temperature", rows)
+    known = kelvin[np.isfinite(kelvin)]
+    return known if len(known) else np.zeros(1)
 
 
 def _numbers(layout: Layout, quantity: str, rows: list[Row]) -> np.ndarray:
