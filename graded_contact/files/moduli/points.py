@@ -290,7 +290,8 @@ def _check_sweep(layout: Layout, points: Points, notes: list[str]) -> None:
     name = "frequency" if layout.kind == "frequency" else "time"
     abscissa, lines = points.abscissa, points.lines
     least, most = np.min(abscissa), np.max(abscissa)
-    if least == most or (name == "frequency" and most < (1 + HELD) * least):
+    single = name == "frequency" and np.max(points.isotherm) == 0
+    if least == most or (single and most < (1 + HELD) * least):
         raise ValueError(f"the {name} is the same in every row: this is no sweep over {name}")
     near = np.diff(abscissa) <= SAME * abscissa[:-1]
     twice = np.flatnonzero(near & (np.diff(points.isotherm) == 0))
