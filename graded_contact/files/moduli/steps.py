@@ -31,6 +31,7 @@ _AMPLITUDES = (
 WIDER = 1.5  # factor within which the amplitude of a frequency sweep stays
 FEWEST = 3  # rows, or frequencies, that show what a step holds constant
 RUN = 6  # rows of one frequency and temperature inside a table that names no steps
+LIMIT = 1e100
 LONG = 10  # of them, from which on the amplitude need not be seen to grow
 
 
@@ -220,8 +221,9 @@ def _amplitudes(
     found = []
     for pattern, (place, name) in itertools.product(_AMPLITUDES, enumerate(table.head.names)):
         if pattern.search(name) and place not in {c.place for c in layout.columns.values()}:
-            values = np.abs(numbers_of(rows, Column("strain", name, place, "1", "", None, None)))
-            values = values[np.isfinite(values) & (values > 0)]
+            column = Column("strain", name, place, "1", "", None, None)
+            values = _credible(np.abs(numbers_of(rows, column)))
+            values = values[np.isfinite(values)]
             if len(values) and np.max(values) > WIDER * np.min(values):
                 found.append((name, float(values[0]), float(values[-1])))
     return found
@@ -237,8 +239,12 @@ def _temperatures(layout: Layout, rows: list[Row]) -> np.ndarray:
 
 
 def _numbers(layout: Layout, quantity: str, rows: list[Row]) -> np.ndarray:
-    values = numbers_of(rows, layout.columns[quantity])
-    return np.where(values > 0, values, np.nan)
+    return _credible(numbers_of(rows, layout.columns[quantity]))
+
+
+def _credible(values: np.ndarray) -> np.ndarray:
+    """The values that a measurement can have, whose ratios are finite; NaN for the others."""
+    return np.where((values > 1 / LIMIT) & (values < LIMIT), values, np.nan)
 
 
 def _varies(omega: np.ndarray) -> bool:
