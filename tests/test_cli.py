@@ -471,12 +471,16 @@ def test_info_of_a_file_that_is_none_is_one_message(tmp_path):
     assert result.exit_code == 2 and "cannot be read" in result.stderr
 
 
-def moduli_file(path, temperatures):
-    """Isotherms of a tyre tread, 2 % of noise; a column of temperature if there are several."""
+def moduli_file(path, temperatures, off=0.0):
+    """Isotherms of a tyre tread, 2 % of noise; a column of temperature if there are several.
+
+    Every other one is measured this many kelvin `off`, so that shifts follow no law.
+    """
     draw, lines = np.random.default_rng(0), []
-    for celsius in temperatures:
+    for i, celsius in enumerate(temperatures):
         hertz = np.geomspace(0.1, 100, 10) if len(temperatures) > 1 else np.geomspace(1e-2, 1e4, 40)
-        values = np.asarray(gc.tyre_tread().at(celsius + 273.15).modulus(2 * np.pi * hertz)) / 1e6
+        kelvin = celsius + 273.15 + off * (-1) ** i
+        values = np.asarray(gc.tyre_tread().at(kelvin).modulus(2 * np.pi * hertz)) / 1e6
         noise = np.exp(0.02 * draw.standard_normal((2, len(hertz))))
         rows = zip(hertz, values.real * noise[0], values.imag * noise[1], strict=True)
         start = f"{celsius}," if len(temperatures) > 1 else ""
@@ -545,6 +549,70 @@ def test_what_a_fit_knows_reaches_the_friction_of_a_scene(tmp_path):
     assert (tmp_path / "out" / "told-sensitivity.png").read_bytes().startswith(b"\x89PNG")
 
 
+LAW, TABLE = ("wlf", 0.0, ("--scatter", 0)), ("tabulated", 4.0, ())
+
+
+def fitted_isotherms(folder, off, options):
+    """The file of isotherms, and a scene with what `fit` made of it pasted in."""
+    path = moduli_file(folder / "tread.csv", [-20.0, -5.0, 10.0, 25.0], off)
+    fitted = command("fit", path, "-o", folder, "--terms", 4, "--poisson", 0.49, *options)
+    assert fitted.exit_code == 0, fitted.output
+    card = (folder / "tread.toml").read_text() + 'errors = "tread-errors.csv"\n'
+    scene = SCENE.replace('[materials.tread]\nkind = "tyre_tread"\n', card)
+    scene = scene.replace("[0.01, 1.0]", "[1e-3, 1e-2]\ntemperature = [275.0, 290.0]")
+    return path, scene.replace("[32, 32]", "[16, 16]").replace("8e4", "4e4")
+
+
+@pytest.mark.parametrize("kind, off, options", [LAW, TABLE])
+def test_a_scene_takes_the_errors_of_fitted_isotherms(tmp_path, kind, off, options):
+    _, text = fitted_isotherms(tmp_path, off, options)
+    assert f'shift = {{kind = "{kind}"' in text
+    ((_, material, errors),) = parse_scene(text, tmp_path).errors
+    shifted = {path for path in errors.paths if path.startswith("shift.")}
+    if kind == "wlf":
+        assert shifted == {"shift.c1", "shift.c2"}
+        return
+    assert shifted == {f"shift.log10_factors[{i}]" for i in range(4)}
+    reference = np.asarray(errors.directions)[:, errors.paths.index("shift.log10_factors[2]")]
+    assert material.shift.log10_factors[2] == 0 and not np.any(reference)
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("kind, off, options", [LAW, TABLE])
+def test_errors_of_isotherms_reach_table_csv_and_figures(tmp_path, kind, off, options):
+    """Isotherms, fit, pasted table, run: against `propagate` of a master curve in Python."""
+    path, text = fitted_isotherms(tmp_path, off, options)
+    (tmp_path / "told.toml").write_text(text)
+    ran = command("run", tmp_path / "told.toml", "-o", tmp_path / "out")
+    assert ran.exit_code == 0, ran.output
+    results = read_results(tmp_path / "out" / "told.h5")
+    measured = gc.read_moduli(path, poisson=0.49)
+    scatter = {"scatter": 0.0} if kind == "wlf" else {}
+    curve = gc.master_curve(measured.isotherms(), terms=4, poisson=0.49, **scatter)
+
+    def friction(rubber):
+        block = gc.Stack(base=gc.HalfSpace(rubber.at(275.0)))
+        return gc.slide(block, results.surface, pressure=2e5, velocity=1e-2).friction
+
+    by_hand = gc.propagate(friction, curve)
+    assert by_hand.standard_error > 1e-3 * by_hand.value
+    errors = results.friction_standard_error
+    np.testing.assert_allclose(errors[0, 0, 1], by_hand.standard_error, rtol=1e-3)
+    assert np.all(errors > 0)
+    rows = [line.split(",") for line in (tmp_path / "out" / "told.csv").read_text().splitlines()]
+    written = [float(row[rows[0].index("friction_standard_error [1]")]) for row in rows[1:]]
+    np.testing.assert_allclose(written, errors.ravel())
+    assert all(
+        with_error(*pair) in ran.stdout
+        for pair in zip(results.friction.ravel(), errors.ravel(), strict=True)
+    )
+    for key, plot in (("sweep", gc.plot.plot_sweep), ("master", gc.plot.plot_reduced)):
+        assert (tmp_path / "out" / f"told-{key}.png").exists()
+        axes = plot(results).axes[0]
+        drawn = [part.vertices[:, 1] for bar in axes.containers for part in bar[2][0].get_paths()]
+        np.testing.assert_allclose(np.ptp(drawn, axis=1) / 2, errors.ravel())
+
+
 def test_a_standard_error_tells_how_many_digits_count():
     numbers = (
         (0.51234, 0.0081),
@@ -570,6 +638,49 @@ def test_a_fit_of_several_isotherms_shifts_them(tmp_path):
     assert len(table["times"]) == 6
     result = command("fit", path, "-o", tmp_path, "--terms", 6, "--law", "arrhenius")
     assert "Arrhenius with Q = " in result.stdout
+
+
+def test_wild_values_are_named_and_left_out_only_if_asked(tmp_path):
+    path = moduli_file(tmp_path / "tread.csv", [20.0])
+    lines = path.read_text().splitlines()
+    frequency, _, loss = lines[18].split(",")
+    lines[18] = f"{frequency},1.5e13,{loss}"  # in MPa
+    path.write_text("\n".join(lines))
+    plain = command("fit", path, "-o", tmp_path / "a", "--terms", 6)
+    assert plain.exit_code == 0
+    assert "Warning: no smooth positive spectrum explains the values below" in plain.stderr
+    assert re.search(
+        r"line 19 \(.* rad/s\): storage modulus 1.5e\+19 Pa, 1e\+12 times", plain.stderr
+    )
+    robust = command("fit", path, "-o", tmp_path / "b", "--terms", 6, "--robust")
+    assert robust.exit_code == 0 and "Warning: no smooth" not in robust.stderr
+    assert "Left out, because no smooth positive spectrum explains" in robust.stdout
+    assert "line 19 (" in robust.stdout
+    table = tomllib.loads((tmp_path / "b" / "tread.toml").read_text())["materials"]["tread"]
+    fitted = gc.Prony(table["equilibrium"], table["strengths"], table["times"])
+    omega = np.geomspace(0.1, 1e4, 9)
+    true = np.asarray(gc.tyre_tread().modulus(omega))
+    np.testing.assert_allclose(np.abs(fitted.modulus(omega)), np.abs(true), rtol=0.05)
+    clean = moduli_file(tmp_path / "clean.csv", [20.0])
+    said = command("fit", clean, "-o", tmp_path / "c", "--terms", 6, "--robust").stdout
+    assert "--robust leaves out no row" in said
+
+
+def test_a_step_of_a_test_is_chosen(tmp_path):
+    head = "Step\nf [Hz],E' [MPa],E'' [MPa],strain [%]\n"
+    rows = moduli_file(tmp_path / "tread.csv", [20.0]).read_text().splitlines()[1:]
+    sweep = "".join(f"{row},0.1\n" for row in rows)
+    strain = "".join(f"10,{20 / (1 + i)},1,{2.0**i}\n" for i in range(8))
+    path = tmp_path / "steps.csv"
+    path.write_text(f"Strain sweep\n{head}{strain}Frequency sweep\n{head}{sweep}")
+    plain = command("fit", path, "-o", tmp_path, "--terms", 5)
+    assert plain.exit_code == 0, plain.output
+    assert "Left out step 1" in plain.stdout and "Read 40 rows" in plain.stdout
+    chosen = command("fit", path, "-o", tmp_path, "--terms", 5, "--step", "2")
+    assert "Left out step" not in chosen.stdout
+    assert chosen.stdout.split("rms log error")[1] == plain.stdout.split("rms log error")[1]
+    refused = command("fit", path, "-o", tmp_path, "--step", "creep")
+    assert refused.exit_code == 2 and "(Here: --step.)" in refused.stderr
 
 
 def test_a_fit_takes_several_files_and_the_options_that_messages_name(tmp_path):

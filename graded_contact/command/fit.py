@@ -9,6 +9,7 @@ from typing import Annotated
 import typer
 
 from ..files.errors import write_errors
+from ..files.moduli.measured import Measured
 from ..files.moduli.reading import read_moduli
 from ..files.output import check_folder, full_path
 from ..files.prony_cards import FORMATS, export_prony
@@ -16,6 +17,7 @@ from ..files.toml import nearest
 from ..fitting.isotherms import check_law
 from ..fitting.master import master_curve
 from ..fitting.prony import fit_creep, fit_prony, fit_relaxation
+from ..fitting.wild import wild_values, without
 from ..plot import plot_fit, plot_master_curve, plot_van_gurp_palmen
 from ..rheology.material import Prony
 from ..studies.uncertainty import errors_of
@@ -28,7 +30,7 @@ _FIT_OPTIONS = {
     "units": "--unit QUANTITY=UNIT", "columns": "--column QUANTITY=NAME",
     "temperature": "--temperature KELVIN", "throw": "--anyway",
     **{name: f"--{name.replace('_', '-')}" for name in (
-        "kind", "deformation", "poisson", "sheet", "terms", "law", "scatter", "vertical",
+        "kind", "deformation", "poisson", "sheet", "step", "terms", "law", "scatter", "vertical",
         "equilibrium", "glassy", "storage_weight", "loss_weight",
     )},
 }  # fmt: skip
@@ -54,6 +56,10 @@ Temperature = Annotated[
     typer.Option(metavar="KELVIN", help="One, or one for each file (or curve), in order."),
 ]
 Sheet = Annotated[str | None, typer.Option(help="Name of the sheet of a workbook.")]
+Step = Annotated[
+    list[str] | None,
+    typer.Option(metavar="NAME", help="Number or title of a step to read; may be repeated."),
+]
 Law = Annotated[str, typer.Option(help="Shifts several isotherms: wlf or arrhenius.")]
 Scatter = Annotated[
     float, typer.Option(help="Expected departures of log10 a_T from the law; 0 for none.")
@@ -69,6 +75,9 @@ StorageWeight = Annotated[float, typer.Option(help="Weight of storage moduli.")]
 LossWeight = Annotated[float, typer.Option(help="Weight of loss moduli.")]
 Anyway = Annotated[
     bool, typer.Option("--anyway", help="Fit data that no positive spectrum comes near to.")
+]
+Robust = Annotated[
+    bool, typer.Option("--robust", help="Leave out rows that no smooth positive spectrum explains.")
 ]
 Unit = Annotated[
     list[str] | None,
@@ -92,6 +101,7 @@ def fit(
     deformation: Deformation = None,
     temperature: Temperature = None,
     sheet: Sheet = None,
+    step: Step = None,
     law: Law = "wlf",
     scatter: Scatter = 0.3,
     vertical: Vertical = 0.0,
@@ -100,6 +110,7 @@ def fit(
     storage_weight: StorageWeight = 1.0,
     loss_weight: LossWeight = 1.0,
     anyway: Anyway = False,
+    robust: Robust = False,
     unit: Unit = None,
     column: Column = None,
     card: Card = None,
@@ -125,9 +136,11 @@ def fit(
             poisson=poisson,
             temperature=temperature[0] if temperature and len(temperature) == 1 else temperature,
             sheet=sheet,
+            step=step,
         )
         for sentence in measured.history:
             typer.echo(sentence)
+        measured = _without_wild(measured, robust)
         arguments = {
             "terms": terms, "poisson": poisson, "equilibrium": equilibrium, "glassy": glassy,
             "throw": not anyway,
@@ -145,6 +158,24 @@ def fit(
         path = folder / f"{name}-errors.csv"
         write_errors(path, errors)
         typer.echo(f"wrote {path}")
+
+
+def _without_wild(measured: Measured, robust: bool) -> Measured:
+    """Names the rows that no smooth positive spectrum explains; leaves them out if asked."""
+    wild = wild_values(measured)
+    if wild and robust:
+        typer.echo("Left out, because no smooth positive spectrum explains their values:")
+    elif wild:
+        warning = (
+            "Warning: no smooth positive spectrum explains the values below. They are fitted all "
+            "the same, and spoil the fit. Correct them, or leave out their rows with --robust."
+        )
+        typer.secho(warning, fg="yellow", err=True)
+    elif robust:
+        typer.echo("--robust leaves out no row: a smooth positive spectrum explains all values.")
+    for value in wild:
+        typer.echo(str(value), err=not robust)
+    return without(measured, wild) if robust else measured
 
 
 def _write_cards(folder: Path, name: str, material: Prony, forms: tuple) -> None:

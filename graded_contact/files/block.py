@@ -131,6 +131,7 @@ class Block:
         units: Annotated[dict, *UNITS] | None = None,
         deformation: str | None = None,
         sheet: str | None = None,
+        step: str | None = None,
         poisson: ScalarLike = 0.5,
         extrapolate: Literal["refuse", "plateau"] = "refuse",
         shift: AbstractShift | None = None,
@@ -144,6 +145,7 @@ class Block:
                 units=units,
                 deformation=deformation,
                 sheet=sheet,
+                step=step,
                 poisson=poisson,
             )
         except ValueError as error:

@@ -22,7 +22,7 @@ from .lengths import best_of_length, best_spectrum
 from .model import objective, series_of
 from .observations import Observations, concrete, observe
 from .optimum import attach_derivative, search
-from .quality import rms
+from .quality import jumps_of, rms
 from .result import Length, PronyFit, choose, liquid_of
 
 AS_GOOD = 1.05  # times the error: a liquid that does no worse is what was measured
@@ -266,11 +266,12 @@ def refuse_nonsense(fit: PronyFit) -> None:
     off = _typical(series, best_spectrum(series)[0])
     if off > FOREIGN:
         raise ValueError(
-            f"Half of the measured values are off by more than {np.expm1(off):.0%} from every "
-            "positive spectrum (moduli grow with frequency and fall with time; storage and loss "
-            "have one spectrum). Are the columns in the right order and in one unit? Is a given "
-            "`equilibrium` or `glassy` compatible with them? A weight of 0 leaves a channel out "
-            "(`loss_weight`), and `throw=False` fits them as they are."
+            f"{jumps_of(series)}Half of the measured values are off by more than "
+            f"{np.expm1(off):.0%} from every positive spectrum (moduli grow with frequency and "
+            "fall with time; storage and loss have one spectrum). Are the columns in the right "
+            "order and in one unit? Is a given `equilibrium` or `glassy` compatible with them? A "
+            "weight of 0 leaves a channel out (`loss_weight`), and `throw=False` fits them as they "
+            "are."
         )
 
 

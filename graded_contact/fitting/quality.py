@@ -1,6 +1,7 @@
 """How near a fit comes to measured values, and how near any positive spectrum could."""
 
 import dataclasses
+from collections.abc import Sequence
 from typing import NamedTuple
 
 import numpy as np
@@ -14,6 +15,8 @@ from .series import Series
 # before the data, or are over by their first strain, show in none of them.
 WIDEST = {"frequency": (1e6, 1e6), "relaxation": (1.0, 1e6), "creep": (1.0, 1e6)}
 FINEST = 1e-4  # log residual of a modulus that no instrument, and no search of spectra, goes below
+JUMP = 0.1  # log difference of neighbours beyond what any spectrum allows
+JUMPING = 0.25  # share of neighbours: fewer are noise
 CONTRADICTION = 1e-4  # chance of agreement from which on storage and loss are said to disagree
 
 
@@ -124,17 +127,44 @@ def _chance(both, storage, loss):
     return float(fdtrc(saved, spare, max(both.cost - storage.cost - loss.cost, 0) / saved / noise))
 
 
-def verdict(terms: int, error: Errors, floor: Floor) -> str:
-    """Returns in plain words whether the data or the number of terms limit a fit."""
+def jumps_of(series: Series) -> str:
+    """Returns a sentence on data that jump as several isotherms in one do; empty if they do not.
+
+    No positive spectrum lets E' or E'' change faster than ω².
+    """
+    if series.kind != "frequency":
+        return ""
+    order = np.argsort(series.x[: len(series.x) - series.held], kind="stable")
+    share = 0.0
+    for channel in np.arange(len(series.weights)).reshape(-1, len(series.x)):
+        rows = channel[order][series.measured[channel[order]]]
+        y, log_x = series.log_values[rows], np.log(series.x[rows - channel[0]])
+        if len(rows) > 1:
+            share = max(share, np.mean(np.abs(np.diff(y)) > JUMP + 2 * np.diff(log_x)))
+    if share < JUMPING:
+        return ""
+    return (
+        f"Of neighbouring values {share:.0%} differ by more than any spectrum allows. If these are "
+        "isotherms of several temperatures, fit them with `master_curve`. "
+    )
+
+
+def verdict(terms: int, error: Errors, floor: Floor, unknown: Sequence[str]) -> str:
+    """Returns in plain words whether the data or the number of terms limit a fit.
+
+    `unknown` are the end values, `glassy` or `equilibrium`, that were not given.
+    """
     best = f"the best positive spectrum of any length is off by {percent(floor.total)}"
     if error.total <= 1.1 * floor.total:
         words = f"The data limit this fit: it is off by {percent(error.total)}, and {best}."
     elif error.total <= 1.1 * floor.near:
         words = (
             f"The ends of the data limit this fit: it is off by {percent(error.total)}; {best}, "
-            "but with relaxation times far outside the data, which cannot place them. Give "
-            "`glassy`, or `equilibrium` (0 for a liquid), to let times lie beyond that end."
+            "but with relaxation times far outside the data, which cannot place them."
         )
+        advice = {"glassy": "`glassy`", "equilibrium": "`equilibrium` (0 for a liquid)"}
+        given = " or ".join(text for name, text in advice.items() if name in unknown)
+        words += f" Give {given} to let times lie beyond that end." if given else ""
     else:
         words = f"{terms} terms limit this fit: it is off by {percent(error.total)}, but {best}."
     if floor.storage is None or floor.loss is None:

@@ -16,7 +16,7 @@ from ..rheology.measured import is_unknown
 from .lengths import best_path, criterion
 from .model import material_of, model, series_of
 from .observations import Observations, concrete
-from .quality import Errors, Floor, errors_of, floor_of, percent, rms, verdict
+from .quality import Errors, Floor, errors_of, floor_of, jumps_of, percent, rms, verdict
 from .series import Series
 from .uncertainty import covariance, resampled
 
@@ -88,7 +88,7 @@ class PronyFit(eqx.Module):
 
     def verdict(self) -> str:
         """Returns in plain words whether the data or the number of terms limit the fit."""
-        return verdict(self.terms, self.errors(), self.floor())
+        return _verdict(self, self.errors(), self.floor())
 
     def covariance(self) -> Float[np.ndarray, "unknowns unknowns"]:
         """Returns the covariance of `theta`, of errors in which neighbours may be alike."""
@@ -164,7 +164,7 @@ def _report(fit):
     error, floor, material = fit.errors(), fit.floor(), fit.material
     lowest, highest = material.coverage()
     lines = [
-        verdict(fit.terms, error, floor),
+        _verdict(fit, error, floor),
         f"{fit.terms} terms, E_eq = {float(material.equilibrium):.4g} Pa, "
         f"E_inf = {float(material.glassy):.4g} Pa, Poisson's ratio {float(fit.poisson):.3g}",
         *_undetermined(fit),
@@ -183,6 +183,11 @@ def _report(fit):
                 f"{length.terms:5d} {percent(length.error):>10} {length.bic:10.1f}{chosen}"
             )
     return "\n".join(lines)
+
+
+def _verdict(fit, error, floor):
+    unknown = [name for name in ("glassy", "equilibrium") if getattr(fit.data, name) is None]
+    return jumps_of(series_of(fit.data)) + verdict(fit.terms, error, floor, unknown)
 
 
 def _undetermined(fit):

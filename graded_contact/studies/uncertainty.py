@@ -149,12 +149,19 @@ def errors_of(fit: PronyFit | MasterCurve, material: Prony) -> Errors:
             found = paths(changed.material)
         return {path: found[path] for path in scalars}
 
-    scalars = [path for path, value in paths(material).items() if not value.ndim]
+    known = paths(material)
+    scalars = [path for path, value in known.items() if not value.ndim]
     slopes = jax.jacrev(numbers)(unknowns)
     variances, axes = np.linalg.eigh(fit.covariance())
     told = variances > np.finfo(float).eps * np.max(variances)
     roots = np.sqrt(variances[told])[:, None] * axes[:, told].T
-    fitted = {path: np.asarray(slopes[path]) for path in scalars if np.any(slopes[path])}
+    # All entries of a series: of a table of shifts, the reference is a number that cannot err.
+    entire = {path.rpartition("[")[0] for path in scalars if np.any(slopes[path])} & {*known}
+    fitted = {
+        path: np.asarray(slopes[path])
+        for path in scalars
+        if np.any(slopes[path]) or path.rpartition("[")[0] in entire
+    }
     return Errors(tuple(fitted), roots @ np.stack(list(fitted.values()), axis=1))
 
 

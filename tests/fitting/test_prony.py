@@ -375,6 +375,33 @@ def test_what_lies_beyond_the_ends_is_no_contradiction():
     assert stated.errors().total < 0.004 and "The data limit" in stated.verdict()
 
 
+@pytest.mark.parametrize(
+    "given, advice",
+    [
+        ({}, "Give `glassy` or `equilibrium` (0 for a liquid) to let"),
+        ({"equilibrium": 1e5}, "Give `glassy` to let"),
+        ({"glassy": 3.1e6}, "Give `equilibrium` (0 for a liquid) to let"),
+        ({"glassy": 3.1e6, "equilibrium": 1e5}, "cannot place them. Storage"),
+    ],
+)
+def test_nobody_is_asked_for_what_was_given(given, advice):
+    """Branches five decades beyond both ends of the data."""
+    omega = np.geomspace(1.0, 1e3, 20)
+    values = modulus(omega, 1e5, np.full(3, 1e6), np.array([1e5, 0.1, 1e-8]))
+    verdict = fit_prony(omega, values, **given).verdict()
+    assert "The ends of the data limit this fit" in verdict and advice in verdict
+
+
+def test_isotherms_taken_for_one_are_named(tread):
+    omega = np.geomspace(0.1, 100, 10)
+    tyre = gc.tyre_tread()
+    several = [np.asarray(tyre.at(kelvin).modulus(omega)) for kelvin in (255.0, 270.0, 285.0)]
+    values = noisy(np.concatenate(several), 0.02)
+    fit = fit_prony(np.tile(omega, 3), values, terms=3, throw=False)
+    assert "isotherms of several temperatures, fit them with `master_curve`" in fit.verdict()
+    assert "master_curve" not in tread[2].verdict()
+
+
 def test_a_melt_gets_no_equilibrium_modulus_and_a_solid_keeps_its_own():
     values = noisy(modulus(OMEGA, 0.0, STRENGTHS, TIMES), 0.02)
     for melt in (values, values + 1e-7 * STRENGTHS[0]):

@@ -149,6 +149,8 @@ def _sheet(name: str, table: Iterable[Iterable[Any]]) -> Sheet:
         if width * len(rows) > MOST_CELLS:
             raise ValueError(f"its sheet {name!r} has more than {MOST_CELLS:g} cells")
     texts = [value.strip() for _, row in rows for value in row if isinstance(value, str)]
+    marked = (*_PLAIN.values(), *_GROUPED.values())
+    texts = [text for text in texts if any(number.fullmatch(text) for number in marked)]
     decimal = max(".,", key=lambda mark: _score([texts], mark))
     return Sheet(
         name=name,
@@ -250,7 +252,7 @@ def _score(table: list[list[str]], decimal: str) -> tuple[int, int]:
         plains = sum(_PLAIN[decimal].fullmatch(cell) is not None for cell in cells)
         numbers = plains + sum(_GROUPED[decimal].fullmatch(cell) is not None for cell in cells)
         words = len(cells) - numbers - sum(map(is_missing, cells))
-        if numbers >= 2:
-            total += max(2 * numbers - words, 0)
+        if numbers >= 2 and 2 * numbers > words:  # not a sentence with numbers in it
+            total += 2 * numbers - words
             plain += plains
     return total, plain

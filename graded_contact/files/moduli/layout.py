@@ -1,7 +1,4 @@
-"""Which column of a table of measurements is which quantity, in which unit.
-
-Of several tables the longest that is understood is read.
-"""
+"""Which column of a table of measurements is which quantity, in which unit."""
 
 import dataclasses
 from collections.abc import Mapping
@@ -9,16 +6,14 @@ from typing import NamedTuple
 
 import numpy as np
 
-from .cells import Sheet, is_number
 from .quantities import (
     DIMENSIONS,
-    OFFSETS,
     PER_SECOND,
     UNITS,
     parse_unit,
     tells_of_shear,
 )
-from .tables import Head, NumberTable, Segment, check_widths, find_tables, listed
+from .tables import Column, Head, NumberTable, Segment, check_widths, listed, numbers_of
 from .titles import stress_above, temperature_above, tension_above
 
 # The quantities that make a measurement of each kind, the most direct ones first; in the order of
@@ -41,42 +36,7 @@ WAYS = (
 KINDS = tuple(dict.fromkeys(kind for kind, _ in WAYS))
 ALIKE = 0.02  # columns whose values differ by less say the same
 HELD = 0.05  # what a test holds constant varies by less
-
-
-class Column(NamedTuple):
-    """A column of a table.
-
-    - `quantity`: a key of `quantities.DIMENSIONS`.
-    - `label`: how messages call it.
-    - `place`: counted from 0, within a block.
-    - `unit`: one of `UNITS` of its dimension.
-    - `source`: whence the unit is known.
-    - `deformation`: "tension", "shear" or None, as its name says.
-    - `base`: of the logarithms that it holds, "10" or "e"; None for plain values.
-    """
-
-    quantity: str
-    label: str
-    place: int
-    unit: str
-    source: str
-    deformation: str | None
-    base: str | None
-
-    @property
-    def factor(self) -> float:
-        return UNITS[DIMENSIONS[self.quantity]][self.unit]
-
-    def si(self, cell: str) -> float:
-        """Returns a cell's number in SI units; NaN if it is none, infinity if it is too large."""
-        if not is_number(cell):
-            return np.nan
-        with np.errstate(over="ignore"):
-            value = np.float64(cell)
-            if self.base is not None:
-                value = np.exp(value * (np.log(10) if self.base == "10" else 1))
-            offset = OFFSETS[self.unit] if self.quantity == "temperature" else 0.0
-            return float(self.factor * value + offset)
+SAME = 1e-3  # relative, between frequencies that are meant to be equal
 
 
 @dataclasses.dataclass(frozen=True)
@@ -88,6 +48,7 @@ class Told:
     - `units`: unit of a dimension.
     - `deformation`: "tension" or "shear".
     - `temperature`: whether it is told, so that a column of it is not needed.
+    - `step`: numbers, or parts of titles, of the steps to read.
     - `held`: the constant stress of a creep test [Pa], the strain of a relaxation test [1].
     - `source`: who tells it, in words.
     """
@@ -97,6 +58,7 @@ class Told:
     units: Mapping[str, str]
     deformation: str | None
     temperature: bool
+    step: tuple[str | int, ...] = ()
     held: float | None = None
     source: str = "as told"
 
@@ -130,30 +92,11 @@ class Layout(NamedTuple):
     notes: list[str]
 
 
-def understand(sheet: Sheet, told: Told) -> Layout:
-    """Returns the longest table on a sheet whose columns are understood.
+def table_layout(table: NumberTable, told: Told, spaced: bool) -> Layout:
+    """Returns which column of a table is which quantity.
 
     Raises `ValueError` that names the line, and all arguments that would settle it.
     """
-    named = [name for name in told.columns.values() if isinstance(name, str)]
-    tables = sorted(find_tables(sheet.rows, named), key=lambda table: -len(table.rows))
-    if not tables or len(tables[0].rows) < 2:
-        raise ValueError("no table of numbers is found; rows of at least two numbers are needed")
-    refusals = []
-    for table in tables:
-        try:
-            layout = _understand(table, told, sheet.spaced)
-        except ValueError as error:
-            refusals.append(error)
-            continue
-        others = [other.head.place for other in tables if other is not table]
-        if others:
-            layout.notes.append(f"Left out tables of other columns: {', '.join(others)}.")
-        return layout
-    raise refusals[0]
-
-
-def _understand(table: NumberTable, told: Told, spaced: bool) -> Layout:
     head, notes = table.head, []
     check_widths(table, spaced)
     chosen = _chosen(head, told)
@@ -245,7 +188,7 @@ def _distinct(
     columns = [_column(head, quantity, place, told) for place in places]
     if None in columns or len({column.deformation for column in columns if column}) > 1:
         return places
-    first, *others = (_numbers(table, column) for column in columns if column)
+    first, *others = (numbers_of(table.rows, column) for column in columns if column)
     for other in others:
         both = np.isfinite(first) & np.isfinite(other) & (first != 0)
         if not np.any(both) or np.max(np.abs(other[both] / first[both] - 1)) > ALIKE:
@@ -254,14 +197,6 @@ def _distinct(
         f"Of {' and '.join(map(head.label, places))}, which say the same, the first is used."
     )
     return places[:1]
-
-
-def _numbers(table: NumberTable, column: Column) -> np.ndarray:
-    """The numbers of a column of the first block in SI units, NaN where there is none."""
-    return np.array(
-        [column.si(row.cells[column.place]) if column.place < len(row.cells) else np.nan
-         for row in table.rows]
-    )  # fmt: skip
 
 
 def _way(
@@ -315,7 +250,7 @@ def _by_what_is_held(
     for kind, quantity in (("relaxation", "strain"), ("creep", "stress")):
         place, any_unit = chosen[quantity][0], next(iter(UNITS[DIMENSIONS[quantity]]))
         base = table.head.headings[place].base
-        values = _numbers(table, Column(quantity, "", place, any_unit, "", None, base))
+        values = numbers_of(table.rows, Column(quantity, "", place, any_unit, "", None, base))
         values = values[values > 0.5 * np.nanmax(values, initial=0)]
         if len(values) and np.mean(np.abs(values / np.median(values) - 1) < HELD) > 0.9:
             held.append(kind)

@@ -13,9 +13,9 @@ from jaxtyping import Complex, Float, Int
 from ..._checks import Numbers
 from .cells import Row, is_missing
 from .isotherms import isotherms, note_isotherms, temperatures
-from .layout import HELD, Column, Layout
+from .layout import HELD, SAME, Layout
 from .quantities import DIMENSIONS, SI
-from .tables import misfit, stripped
+from .tables import Column, misfit, stripped
 
 CREDIBLE = (1e2, 1e12)  # Pa
 # What numbers can be, in SI units: instruments write 9.9e37 and the like where they measured none.
@@ -63,7 +63,7 @@ def measured_points(
         kelvin = None if kelvin is None else kelvin[held]
         isotherm = np.unique(isotherm[held], return_inverse=True)[1]
     values = _values(layout, entries.si)
-    _check_credible(values.real if layout.kind != "creep" else 1 / values, notes)
+    _check_credible(values.real if layout.kind != "creep" else 1 / values, entries.lines, notes)
     if layout.check is not None:
         _compare_tan_delta(layout.check, entries, values, notes)
     deformation, factor = _deformation(layout, poisson, notes)
@@ -260,12 +260,14 @@ def _deformation(layout: Layout, poisson: Numbers | None, notes: list[str]) -> t
 # What looks wrong.
 
 
-def _check_credible(stiffness: np.ndarray, notes: list[str]) -> None:
+def _check_credible(stiffness: np.ndarray, lines: np.ndarray, notes: list[str]) -> None:
     least, most = np.min(stiffness), np.max(stiffness)
-    if least < CREDIBLE[0] or most > CREDIBLE[1]:
+    odd = (stiffness < CREDIBLE[0]) | (stiffness > CREDIBLE[1])
+    if np.any(odd):
+        where = _listed([(int(line), "") for line in np.unique(lines[odd])])
         notes.append(
             f"Warning: moduli from {least:.3g} to {most:.3g} Pa leave the usual "
-            f"{CREDIBLE[0]:g} to {CREDIBLE[1]:g} Pa: is the unit right?"
+            f"{CREDIBLE[0]:g} to {CREDIBLE[1]:g} Pa in line {where}: is the unit right?"
         )
 
 
@@ -287,9 +289,12 @@ def _compare_tan_delta(check: Column, entries: _Entries, values: Any, notes: lis
 def _check_sweep(layout: Layout, points: Points, notes: list[str]) -> None:
     name = "frequency" if layout.kind == "frequency" else "time"
     abscissa, lines = points.abscissa, points.lines
-    if np.ptp(abscissa) == 0:
+    least, most = np.min(abscissa), np.max(abscissa)
+    single = name == "frequency" and np.max(points.isotherm) == 0
+    if least == most or (single and most < (1 + HELD) * least):
         raise ValueError(f"the {name} is the same in every row: this is no sweep over {name}")
-    twice = np.flatnonzero((np.diff(abscissa) == 0) & (np.diff(points.isotherm) == 0))
+    near = np.diff(abscissa) <= SAME * abscissa[:-1]
+    twice = np.flatnonzero(near & (np.diff(points.isotherm) == 0))
     if not len(twice):
         return
     first, second = lines[twice[0] : twice[0] + 2]
@@ -298,8 +303,12 @@ def _check_sweep(layout: Layout, points: Points, notes: list[str]) -> None:
         f"lines {first} and {second}); all are kept."
     )
     apart = np.abs(points.values[twice + 1] / points.values[twice] - 1)
-    if points.temperature is None and np.median(apart) > 0.1:
-        notes.append(
-            f"Warning: repeated points differ by {np.median(apart):.0%}: are these several "
+    if len(twice) >= 0.25 * len(lines) and np.median(apart) > 0.1:
+        doubt = (
             "isotherms, whose column of temperature is missing?"
+            if points.temperature is None
+            else "tests, of other strain for instance? `step` chooses those to read."
+        )
+        notes.append(
+            f"Warning: repeated points differ by {np.median(apart):.0%}: are these several {doubt}"
         )

@@ -5,6 +5,7 @@ into words and a unit; its words decide the quantity, or leave it undecided.
 """
 
 import re
+import unicodedata
 from typing import NamedTuple
 
 import numpy as np
@@ -46,7 +47,8 @@ PER_SECOND = "1/s"  # may mean Hz or rad/s: the name of the column decides
 
 # Other spellings, after the folding of `parse_unit`.
 _SPELLINGS = {
-    "rads-1": "rad/s", "rad/sec": "rad/s", "rad_s": "rad/s", "hertz": "Hz", "cycles/s": "Hz",
+    "rads-1": "rad/s", "rad.s-1": "rad/s", "rad/sec": "rad/s", "rad_s": "rad/s",
+    "hertz": "Hz", "cycles/s": "Hz",
     "1/s": PER_SECOND, "s-1": PER_SECOND, "1/sec": PER_SECOND,
     "sec": "s", "seconds": "s", "µs": "us", "μs": "us", "minutes": "min", "hours": "h", "hr": "h",
     "°c": "C", "degc": "C", "celsius": "C", "kelvin": "K", "°f": "F", "degf": "F",
@@ -56,7 +58,8 @@ _SPELLINGS = {
 }  # fmt: skip
 _EXACT = {unit for units in UNITS.values() for unit in units}
 
-# Words of headings. Single letters are told apart by their case: t is time and T temperature.
+# Words of headings, without their accents. Single letters are told apart by their case: t is time
+# and T temperature.
 _LETTERS = {
     "f": "frequency", "w": "angular", "ω": "angular", "t": "time", "T": "temperature",
     "Ts": "temperature", "δ": "delta", "E": "tension", "G": "shear",
@@ -69,28 +72,35 @@ _LETTERS = {
 }  # fmt: skip
 _WORDS = {
     "frequency": "frequency", "freq": "frequency", "frequenz": "frequency", "hz": "frequency",
-    "fréquence": "frequency", "angular": "angular", "ang": "angular", "omega": "angular",
-    "kreisfrequenz": "angular", "pulsation": "angular",
+    "frequence": "frequency", "angular": "angular", "ang": "angular", "omega": "angular",
+    "kreisfrequenz": "angular", "pulsation": "angular", "angulaire": "angular",
     "time": "time", "zeit": "time", "temps": "time",
     "temperature": "temperature", "temp": "temperature", "temperatur": "temperature",
-    "température": "temperature",
     "storage": "storage", "stor": "storage", "speichermodul": "storage", "elastic": "storage",
     "real": "storage", "loss": "loss", "verlustmodul": "loss", "viscous": "loss", "imag": "loss",
-    "imaginary": "loss",
+    "imaginary": "loss", "conservation": "storage", "stockage": "storage", "elastique": "storage",
+    "perte": "loss", "pertes": "loss", "visqueux": "loss",
     "magnitude": "magnitude", "abs": "magnitude", "complex": "magnitude", "komplexer": "magnitude",
+    "complexe": "magnitude",
     "tan": "tan", "delta": "delta", "tand": "tan delta", "tanδ": "tan delta", "factor": "factor",
     "tandelta": "tan delta", "tangent": "factor", "damping": "loss factor",
-    "verlustfaktor": "loss factor",
+    "verlustfaktor": "loss factor", "facteur": "factor", "tangente": "factor",
+    "amortissement": "loss", "d'amortissement": "loss",
     "phase": "phase", "angle": "phase", "phaseangle": "phase", "phasenwinkel": "phase",
+    "dephasage": "phase",
     "relaxation": "relaxation", "relax": "relaxation", "relaxationsmodul": "relaxation",
-    "modulus": "modulus", "modul": "modulus", "component": "modulus",
+    "modulus": "modulus", "modul": "modulus", "component": "modulus", "module": "modulus",
     "compliance": "compliance", "creep": "compliance", "nachgiebigkeit": "compliance",
-    "kriechnachgiebigkeit": "compliance",
+    "kriechnachgiebigkeit": "compliance", "complaisance": "compliance", "fluage": "compliance",
     "stress": "stress", "spannung": "stress", "schubspannung": "shear stress", "sigma": "stress",
+    "contrainte": "stress",
     "strain": "strain", "dehnung": "strain", "gamma": "shear strain", "epsilon": "strain",
+    "deformation": "strain",
     "tension": "tension", "tensile": "tension", "young's": "tension", "extensional": "tension",
-    "shear": "shear", "step": "step", "interval": "step", "segment": "step",
-    "action": "step", "sequence": "",
+    "traction": "tension", "young": "tension", "d'young": "tension",
+    "shear": "shear", "cisaillement": "shear", "step": "step", "interval": "step",
+    "segment": "step", "action": "step", "intervalle": "step", "d'intervalle": "step",
+    "sequence": "", "de": "", "du": "", "en": "", "au": "",
     "measured": "", "meas": "", "sample": "", "actual": "", "test": "", "reduced": "",
     "shifted": "", "applied": "",
 }  # fmt: skip
@@ -104,8 +114,8 @@ _MEANINGS = {
         "storage": ("storage",),
         "loss": ("loss",),
         "magnitude": ("magnitude",),
-        "tan_delta": ("tan delta", "loss factor", "loss factor tan delta"),
-        "phase": ("delta", "phase", "phase delta"),
+        "tan_delta": ("tan delta", "factor delta", "loss factor", "loss factor tan delta"),
+        "phase": ("delta", "phase", "phase delta", "phase loss"),
         "modulus": ("", "relaxation"),
         "compliance": ("compliance",),
         "stress": ("stress",),
@@ -116,7 +126,9 @@ _MEANINGS = {
 
 
 # Words of columns that only a test in shear has.
-_OF_SHEAR = re.compile(r"shear|schub|scher|torque|drehmoment|viscosity|viskosität|rotation", re.I)
+_OF_SHEAR = re.compile(
+    r"shear|schub|scher|cisaill|torque|drehmoment|\bcouple\b|viscosit|viskosität|rotation", re.I
+)
 _LOGARITHM = re.compile(r"(log10|log|lg|ln)(?![a-z0-9])[\s_]*", re.I)
 
 
@@ -165,13 +177,13 @@ def parse_heading(text: str) -> Heading:
     name, unit = _split_unit(inner)
     words: set[str] = set()
     for word in _words(name):
-        meaning = _LETTERS.get(word, _WORDS.get(word.lower()))
+        meaning = _LETTERS.get(word, _WORDS.get(_unaccented(word.lower())))
         if meaning is None:
             return Heading(None, unit)
         words.update(meaning.split())
     deformations = words & {"tension", "shear"}
     quantity = _MEANINGS.get(frozenset(words - {"tension", "shear", "modulus", "step"}))
-    if not words or len(deformations) > 1:
+    if not words - {"step"} or len(deformations) > 1:
         quantity = None
     deformation = next(iter(deformations), None)
     return Heading(quantity, unit, deformation, "angular" in words, "step" in words, base)
@@ -204,6 +216,11 @@ def _split_unit(text: str) -> tuple[str, str | None]:
         if gap.start() > 0 and not bare and (unit := parse_unit(ending)):
             return text[: gap.start()], unit
     return text, None
+
+
+def _unaccented(word: str) -> str:
+    letters = unicodedata.normalize("NFD", word)
+    return "".join(letter for letter in letters if not unicodedata.combining(letter))
 
 
 def _words(name: str) -> list[str]:

@@ -17,10 +17,11 @@ import numpy as np
 
 from ..._checks import Numbers, check_poisson, check_positive, door
 from .cells import Sheet, holds_data, is_number, read_sheets
-from .layout import KINDS, Layout, Told, understand
+from .layout import KINDS, Layout, Told
 from .measured import Measured, apart, joined
 from .points import measured_points
 from .quantities import DIMENSIONS, OFFSETS, UNITS, parse_unit
+from .steps import rank, understand
 from .titles import parameters
 
 DEFORMATIONS = ("tension", "shear")
@@ -48,6 +49,7 @@ def read_moduli(
     poisson: Numbers | None = None,
     temperature: Numbers | None = None,
     sheet: str | None = None,
+    step: str | int | Sequence[str | int] | None = None,
 ) -> Measured:
     """Returns the moduli or compliances that a file holds, or several files of one material.
 
@@ -73,6 +75,8 @@ def read_moduli(
     - `poisson`: Poisson's ratio ν, to turn shear into tension by E = 2(1 + ν)G.
     - `temperature`: [K], of the whole file or of each of its curves; of each of several files.
     - `sheet`: of a workbook.
+    - `step`: of a test of several steps: numbers from 1, or titles or parts of them. By default
+      steps at one frequency are left out where others sweep the frequency.
 
     A missing file raises `FileNotFoundError`; what cannot be understood `ValueError`, naming the
     file, the line and the arguments that would settle it.
@@ -80,7 +84,7 @@ def read_moduli(
     **Returns:** isotherms with what was understood of the files, see `Measured`.
     """
     paths = _paths(path)
-    told = _told(kind, columns or {}, units or {}, deformation, temperature is not None)
+    told = _told(kind, columns or {}, units or {}, deformation, temperature is not None, step)
     poisson = None if poisson is None else _numbers("poisson", poisson, 0)
     temperature = None if temperature is None else _numbers("temperature", temperature, 1)
     if poisson is not None:
@@ -169,6 +173,7 @@ def _told(
     units: Mapping[str, str],
     deformation: str | None,
     temperature: bool,
+    step: str | int | Sequence[str | int] | None,
 ) -> Told:
     choices = {"kind": (kind, KINDS), "deformation": (deformation, DEFORMATIONS)}
     for name, (value, allowed) in choices.items():
@@ -190,7 +195,8 @@ def _told(
                 f"`units={{{dimension!r}: {unit!r}}}` is refused: use one of "
                 f"{tuple(UNITS[dimension])}."
             )
-    return Told(kind, columns, units, deformation, temperature)
+    chosen = () if step is None else (step,) if isinstance(step, str | int) else tuple(step)
+    return Told(kind, columns, units, deformation, temperature, chosen)
 
 
 @contextlib.contextmanager
@@ -239,7 +245,7 @@ def _named(sheets: list[Sheet], name: str) -> list[Sheet]:
 
 
 def _understood(sheets: list[Sheet], told: Told) -> list[tuple[Sheet, Layout]]:
-    """The longest sheet that is understood, and those with the same columns, in their order."""
+    """The sheet that ranks first of those understood, and those alike, in their order."""
     found, refusals = [], []
     for sheet in sheets:
         try:
@@ -252,5 +258,6 @@ def _understood(sheets: list[Sheet], told: Told) -> list[tuple[Sheet, Layout]]:
     def columns(layout: Layout) -> tuple:
         return layout.kind, layout.columns, layout.blocks, layout.width
 
-    _, longest = max(found, key=lambda pair: len(pair[0].rows))
-    return [pair for pair in found if columns(pair[1]) == columns(longest)]
+    _, first = max(found, key=lambda pair: rank(pair[1]))
+    alike = columns(first), rank(first)[0]
+    return [pair for pair in found if (columns(pair[1]), rank(pair[1])[0]) == alike]

@@ -5,11 +5,13 @@ repeat its columns side by side, one block for each curve.
 """
 
 import re
-from collections.abc import Iterable
+from collections.abc import Iterable, Sequence
 from typing import NamedTuple
 
-from .cells import Row, holds_data, is_missing
-from .quantities import Heading, parse_heading, parse_unit
+import numpy as np
+
+from .cells import Row, holds_data, is_missing, is_number
+from .quantities import DIMENSIONS, OFFSETS, UNITS, Heading, parse_heading, parse_unit
 
 
 class Segment(NamedTuple):
@@ -33,6 +35,42 @@ class Head(NamedTuple):
         return f"column {place + 1}" + (f" ({self.names[place]})" if self.names[place] else "")
 
 
+class Column(NamedTuple):
+    """A column of a table.
+
+    - `quantity`: a key of `quantities.DIMENSIONS`.
+    - `label`: how messages call it.
+    - `place`: counted from 0, within a block.
+    - `unit`: one of `UNITS` of its dimension.
+    - `source`: whence the unit is known.
+    - `deformation`: "tension", "shear" or None, as its name says.
+    - `base`: of the logarithms that it holds, "10" or "e"; None for plain values.
+    """
+
+    quantity: str
+    label: str
+    place: int
+    unit: str
+    source: str
+    deformation: str | None
+    base: str | None
+
+    @property
+    def factor(self) -> float:
+        return UNITS[DIMENSIONS[self.quantity]][self.unit]
+
+    def si(self, cell: str) -> float:
+        """Returns a cell's number in SI units; NaN if it is none, infinity if it is too large."""
+        if not is_number(cell):
+            return np.nan
+        with np.errstate(over="ignore"):
+            value = np.float64(cell)
+            if self.base is not None:
+                value = np.exp(value * (np.log(10) if self.base == "10" else 1))
+            offset = OFFSETS[self.unit] if self.quantity == "temperature" else 0.0
+            return float(self.factor * value + offset)
+
+
 class NumberTable(NamedTuple):
     """Names of columns, and the segments below them."""
 
@@ -46,6 +84,14 @@ class NumberTable(NamedTuple):
     @property
     def curves(self) -> int:
         return self.head.blocks * len(self.segments)
+
+    def only(self, lines: set[int]) -> "NumberTable":
+        """Returns the table with the rows of numbers on these lines."""
+        segments = [
+            segment._replace(data=[row for row in segment.data if row.line in lines])
+            for segment in self.segments
+        ]
+        return self._replace(segments=[segment for segment in segments if segment.data])
 
 
 def find_tables(rows: list[Row], named: Iterable[str]) -> list[NumberTable]:
@@ -65,8 +111,8 @@ def find_tables(rows: list[Row], named: Iterable[str]) -> list[NumberTable]:
         below = rows[start + 1 : end]
         units = below[0] if below and not holds_data(below[0]) else None
         units = units if units and any(map(parse_unit, units.cells)) else None
-        data = [row for row in below if holds_data(row)]
-        words = [row for row in below if not holds_data(row) and row is not units]
+        data = [row for row in below if _measures(row)]
+        words = [row for row in below if not _measures(row) and row is not units]
         head = _head(rows[start], units)
         key = tuple(head.names)
         if key in tables and units is not None and tables[key].head.units != head.units:
@@ -74,8 +120,13 @@ def find_tables(rows: list[Row], named: Iterable[str]) -> list[NumberTable]:
         table = tables.setdefault(key, NumberTable(head, []))
         if data:
             table.segments.append(Segment(rows[last:start], data, words))
-            last = max(i for i in range(start, end) if holds_data(rows[i])) + 1
+            last = max(i for i in range(start, end) if _measures(rows[i])) + 1
     return [table for table in tables.values() if table.rows]
+
+
+def _measures(row: Row) -> bool:
+    """Whether a row holds data, and is none such as "Interval and data points: 1 29"."""
+    return holds_data(row) and not re.match(r"(?i)(?:interval|abschnitt).*:", row.cells[0])
 
 
 def _with_signals(rows: list[Row]) -> list[Row]:
@@ -151,3 +202,11 @@ def listed(head: Head) -> str:
     if any(head.names):
         return "the columns " + ", ".join(repr(name) for name in head.names)
     return f"{len(head.names)} columns without names"
+
+
+def numbers_of(rows: Sequence[Row], column: Column) -> np.ndarray:
+    """Returns the numbers of a column of the first block in SI units, NaN where there is none."""
+    return np.array(
+        [column.si(row.cells[column.place]) if column.place < len(row.cells) else np.nan
+         for row in rows]
+    )  # fmt: skip

@@ -1,5 +1,5 @@
-"""What the lines above a table say of all of it: the temperature, the constant stress of a creep
-test, the geometry. Only a value with its unit counts, and only if no line says another.
+"""What the lines above a table say of all of it: its title, the temperature, the constant stress of
+a creep test, the geometry. Only a value with its unit counts, and only if no line says another.
 """
 
 import re
@@ -21,6 +21,27 @@ _TENSION = re.compile(
     r"(?i)(?:geometr|clamp|fixture|holder|halter|probe).*"
     r"(?:tension|tensile|compression|bending|cantilever|zug|biege|druck)"
 )
+_TEST = re.compile(
+    r"(?i)sweep|ramp|hold|relax|creep|soak|step|test|balayage|rampe|fluage|paliers?|essai|kriech|versuch"
+)
+_COUNT = re.compile(r"(?i)(?:interval|abschnitt)")  # "Interval and data points: 1 29"
+# Settings of an instrument that are no temperature of a test.
+_SETTING = re.compile(r"(?i)toleran|limit|offset|compensation|expansion|calibration|span|range")
+
+
+def title_above(rows: Sequence[Row]) -> str:
+    """Returns the title of the step that follows, "Frequency sweep - 2" say; empty if none is."""
+    marks = [i for i, row in enumerate(rows) if row.cells[0].casefold() == "[step]"]
+    if marks and marks[-1] + 1 < len(rows):
+        return _last(rows[marks[-1] + 1])
+    for row in reversed(rows):
+        if _TEST.search(" ".join(row.cells)) and not _COUNT.match(row.cells[0]):
+            return _last(row)
+    return ""
+
+
+def _last(row: Row) -> str:
+    return next((cell for cell in reversed(row.cells) if cell), "")[:60]
 
 
 def temperature_above(rows: Sequence[Row]) -> float | None:
@@ -28,6 +49,7 @@ def temperature_above(rows: Sequence[Row]) -> float | None:
     found = {
         _value(number) + OFFSETS[unit]
         for row in rows
+        if not _SETTING.search(row.cells[0])
         for number, unit in _TEMPERATURE.findall(" ".join(row.cells))
     }
     for row in rows:

@@ -1,0 +1,137 @@
+"""Measured values that no smooth positive spectrum explains (NumPy).
+
+A spectrum is fitted to all values but the wild ones, in turns: a value is wild if it lies off that
+spectrum by many times what the others do, those around it as well as all. A wrong unit, temperature
+or column moves many values alike; such values are not wild, and the floor of a fit tells of them.
+"""
+
+import dataclasses
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from ..files.moduli.measured import Measured
+from .lengths import best_spectrum
+from .model import series_of
+from .observations import observe
+from .series import Series
+
+TIMES = 6.0  # the usual residual
+LEAST = 0.1  # log residual below which no value harms a fit
+ROUGH = 0.03  # usual residual from which on storage and loss have a spectrum each, as in a floor
+START = np.log(10)  # off the median of five neighbours: not fitted at first
+HUBER = 0.1  # log residual from which on a value counts linearly here
+AROUND = 9  # neighbours whose residuals are compared
+FEWEST = 6  # points from which on one can be told from the others
+TURNS = 8
+
+
+class Wild(NamedTuple):
+    """A wild value.
+
+    - `row`: its place in `Measured`; `where`: its line, frequency or time, and temperature.
+    - `name`: what it is; `value`: in Pa or 1/Pa.
+    - `residual`: ln(value/spectrum).
+    """
+
+    row: int
+    where: str
+    name: str
+    value: float
+    residual: float
+
+    def __str__(self) -> str:
+        ratio = np.exp(self.residual)
+        times = f"{ratio:.3g} times" if ratio > 1 else f"1/{1 / ratio:.3g} of"
+        unit = "1/Pa" if self.name == "compliance" else "Pa"
+        return f"{self.where}: {self.name} {self.value:.4g} {unit}, {times} what is expected"
+
+
+def wild_values(measured: Measured) -> list[Wild]:
+    """Returns the values that no smooth positive spectrum of their isotherm explains."""
+    found = []
+    for i in range(np.max(measured.isotherm) + 1):
+        rows = np.flatnonzero(measured.isotherm == i)
+        if len(rows) < FEWEST:
+            continue
+        channels = _channels(measured, rows)
+        residuals = _wild(_series(measured, rows, channels))
+        for (name, values), residual in zip(channels.items(), residuals, strict=True):
+            for k in np.flatnonzero(residual):
+                row, where = int(rows[k]), _where(measured, int(rows[k]))
+                found.append(Wild(row, where, name, float(values[k]), float(residual[k])))
+    return sorted(found)
+
+
+def without(measured: Measured, wild: list[Wild]) -> Measured:
+    """Returns what was measured without the rows of wild values."""
+    kept = np.delete(np.arange(len(measured.lines)), [value.row for value in wild])
+    return dataclasses.replace(
+        measured,
+        abscissa=measured.abscissa[kept],
+        values=measured.values[kept],
+        temperature=None if measured.temperature is None else measured.temperature[kept],
+        isotherm=np.unique(measured.isotherm[kept], return_inverse=True)[1],
+        lines=measured.lines[kept],
+    )
+
+
+def _where(measured: Measured, row: int) -> str:
+    unit = "rad/s" if measured.kind == "frequency" else "s"
+    at = f"line {measured.lines[row]} ({measured.abscissa[row]:.4g} {unit}"
+    return at + (")" if measured.temperature is None else f", {measured.temperature[row]:.2f} K)")
+
+
+def _channels(measured: Measured, rows: np.ndarray) -> dict[str, np.ndarray]:
+    values = np.asarray(measured.values)[rows]
+    if measured.kind == "frequency":
+        return {"storage modulus": np.real(values), "loss modulus": np.imag(values)}
+    return {"modulus" if measured.kind == "relaxation" else "compliance": values}
+
+
+def _series(measured: Measured, rows: np.ndarray, channels: dict[str, np.ndarray]) -> Series:
+    given: dict[str, Any] = {name: (values, 1.0) for name, values in channels.items()}
+    none = {"equilibrium": None, "glassy": None, "times": None, "huber": HUBER}
+    kind: Any = measured.kind
+    return series_of(observe(kind, measured.abscissa[rows], given, **none))
+
+
+def _wild(series: Series) -> np.ndarray:
+    """Residuals of wild values, 0 for all others; shape `(channels, points)`."""
+    y = series.log_values.reshape(-1, len(series.x))
+    wild = np.abs(y - _around(y, 5)) > START
+    seen, residual = [], np.zeros_like(y)
+    for _ in range(TURNS):
+        seen.append(wild)
+        if np.sum(~wild) < FEWEST:
+            return np.zeros_like(y)
+        residual = _residual(series, ~wild)
+        if len(y) > 1 and np.max(np.median(np.abs(residual), axis=1)) > ROUGH:
+            channels = np.eye(len(y), dtype=bool)[:, :, None]
+            alone = [_residual(series, ~wild & own) * own for own in channels]
+            residual = np.sum(alone, axis=0)
+        wild = _far(residual)
+        if any(np.array_equal(wild, earlier) for earlier in seen):
+            break
+    return np.where(wild, residual, 0)
+
+
+def _residual(series: Series, fitted: np.ndarray) -> np.ndarray:
+    """ln(value/spectrum) of all values, by the best spectrum of those that are fitted."""
+    theta, _ = best_spectrum(dataclasses.replace(series, weights=fitted.ravel().astype(float)))
+    return (series.log_values - np.log(series.model(theta))).reshape(fitted.shape)
+
+
+def _far(residual: np.ndarray) -> np.ndarray:
+    """Where residuals are large beside those of all values and of the neighbours."""
+    size = np.abs(residual)
+    usual = np.maximum(np.median(size, axis=1)[:, None], _around(size, AROUND))
+    return size > np.maximum(LEAST, TIMES * 1.4826 * usual)
+
+
+def _around(values: np.ndarray, count: int) -> np.ndarray:
+    """The median of so many neighbours in order of frequency or time, the value among them."""
+    count = min(count, values.shape[1])
+    medians = np.median(np.lib.stride_tricks.sliding_window_view(values, count, axis=1), axis=-1)
+    first = np.arange(values.shape[1]) - count // 2
+    return medians[:, np.clip(first, 0, medians.shape[1] - 1)]

@@ -1,0 +1,96 @@
+"""Values that no smooth positive spectrum explains are found, and no others."""
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+import graded_contact as gc
+from graded_contact.files.moduli.measured import Measured
+from graded_contact.fitting.wild import wild_values, without
+
+DATA = Path(__file__).parents[3] / "shared" / "data" / "rheology"
+SI_TIME = {"kind": "relaxation", "units": {"time": "s", "modulus": "Pa"}}
+
+
+def made(log_values, omega, isotherm=None):
+    """Moduli from logarithms of shape (2, points), each point on a line of its own."""
+    storage, loss = np.exp(log_values)
+    isotherm = np.zeros(len(omega), int) if isotherm is None else isotherm
+    lines = np.arange(len(omega)) + 2
+    values = storage + 1j * loss
+    return Measured("frequency", "tension", omega, values, None, isotherm, lines, Path("x"), ())
+
+
+def tread(draw, count, decades, noise):
+    lowest = 10 ** draw.uniform(-2, 6)
+    omega = np.geomspace(lowest, lowest * 10**decades, count)
+    modulus = np.asarray(gc.tyre_tread().modulus(omega))
+    logs = np.log(np.stack([modulus.real, modulus.imag]))
+    return omega, logs + noise * draw.standard_normal(logs.shape)
+
+
+@pytest.mark.parametrize("count, decades, noise", [(40, 6, 0.02), (60, 6, 0.1), (10, 3, 0.02)])
+def test_normal_errors_are_never_wild(count, decades, noise):
+    draw = np.random.default_rng(0)
+    for _ in range(20):
+        omega, logs = tread(draw, count, decades, noise)
+        assert not wild_values(made(logs, omega))
+
+
+@pytest.mark.parametrize("off", [0.7, 2.3, 30.0])
+def test_wild_values_are_found_among_many(off):
+    draw = np.random.default_rng(1)
+    found, expected = [], []
+    for number in range(20):
+        omega, logs = tread(draw, 40, 6, 0.02)
+        wild = draw.random(logs.shape) < 0.05
+        logs += np.where(wild, draw.choice([-off, off], logs.shape), 0)
+        places = [(v.name.startswith("loss"), v.row) for v in wild_values(made(logs, omega))]
+        found += [(number, *place) for place in places]
+        expected += [(number, bool(c), int(i)) for c, i in np.argwhere(wild)]
+    assert not set(found) - set(expected)
+    assert len(found) > 0.97 * len(expected)
+
+
+def test_the_residual_is_what_a_value_was_changed_by_and_rows_are_left_out():
+    omega, logs = tread(np.random.default_rng(2), 40, 6, 0.01)
+    logs[0, 17] += np.log(3)
+    logs[1, 30] -= 5
+    measured = made(logs, omega)
+    loss, storage = sorted(wild_values(measured), key=lambda value: value.name)
+    assert (storage.row, loss.row) == (17, 30) and storage.where.startswith("line 19 (")
+    np.testing.assert_allclose([storage.residual, loss.residual], [np.log(3), -5], atol=0.05)
+    assert "times what is expected" in str(storage) and "1/1" in str(loss)
+    rest = without(measured, [storage, loss])
+    assert len(rest.lines) == 38 and not {19, 32} & set(rest.lines)
+    assert not wild_values(rest)
+
+
+def test_isotherms_are_judged_one_by_one():
+    draw = np.random.default_rng(3)
+    parts = [tread(draw, 10, 3, 0.02) for _ in range(3)]
+    parts[1][1][0, 4] += 40
+    omega, logs = (np.concatenate([part[i] for part in parts], axis=-1) for i in (0, 1))
+    measured = made(logs, omega, np.repeat([0, 1, 2], 10))
+    (wild,) = wild_values(measured)
+    assert wild.row == 14
+    np.testing.assert_array_equal(np.bincount(without(measured, [wild]).isotherm), [10, 9, 10])
+
+
+@pytest.mark.parametrize(
+    "name, options",
+    [
+        ("pyvisco_freq_user_master.csv", {}),
+        ("pyvisco_freq_user_raw.csv", {}),
+        ("epdm70_tf_015p.csv", {}),
+        ("vinylfoam_dma_raw.csv", {"units": {"modulus": "MPa"}}),
+        ("reptate_PI_634k_T-35.tts", {}),
+        ("pp_stress_relaxation.csv", SI_TIME),
+        ("respect_time_test1.dat", SI_TIME),
+    ],
+)
+def test_measured_files_have_no_wild_values(name, options):
+    if not (DATA / name).exists():
+        pytest.skip(f"{name} is not beside this checkout")
+    assert not wild_values(gc.read_moduli(DATA / name, **options))
