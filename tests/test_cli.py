@@ -1,6 +1,7 @@
 """The command runs a scene, writes its results, and refuses bad input in one line."""
 
 import contextlib
+import csv
 import dataclasses
 import errno
 import json
@@ -97,6 +98,30 @@ def test_a_run_prints_a_line_per_solve_with_units(folder):
     rows = [line.split() for line in printed.splitlines() if line.strip()[:1].isdigit()]
     assert [row[0] for row in rows] == ["1.000e-02", "1.000e+00"]
     np.testing.assert_allclose([float(row[2]) for row in rows], results.friction[0], rtol=1e-3)
+
+
+def test_the_errors_of_friction_and_area_reach_the_file_the_csv_and_the_table(folder):
+    results = read_results(folder / "out" / "small.h5")
+    assert np.all(results.friction_error > 0) and results.study.units["friction_error"] == "1"
+    with open(folder / "out" / "small.csv", newline="") as file:
+        written = list(csv.DictReader(file))
+    lines = [line for line in (folder / "printed.txt").read_text().splitlines() if "e-0" in line]
+    for name in ("friction_error", "contact_area_error"):
+        np.testing.assert_array_equal(
+            [float(row[f"{name} [1]"]) for row in written], results[name][0]
+        )
+    for error in results.friction_error[0]:
+        assert any(f"{error:.1e}" in line for line in lines)
+    assert (folder / "printed.txt").read_text().count("± solver") == 2
+
+
+def test_a_file_without_errors_of_earlier_versions_is_still_read_and_printed(folder, tmp_path):
+    results = read_results(folder / "out" / "small.h5")
+    values = {n: v for n, v in results.study.values.items() if not n.endswith("_error")}
+    earlier = dataclasses.replace(results, study=dataclasses.replace(results.study, values=values))
+    write_results(tmp_path / "a.h5", earlier)
+    printed = command("info", tmp_path / "a.h5")
+    assert printed.exit_code == 0 and "± solver" not in printed.stdout
 
 
 def test_info_prints_what_a_file_holds(folder):
