@@ -51,6 +51,7 @@ from .._checks import as_float, check_positive, check_tolerance, check_values
 from .._memory import check_points
 from .._shown import shown
 from ..contact.douglas_rachford import DouglasRachford
+from ..contact.problem import RTOL
 from ..parameters import paths, with_values
 from ..response.grading import AbstractGradedSolver
 from ..response.layering import Layering
@@ -270,5 +271,4 @@ def _accuracy(
         return {"rtol": rtol}, graded
     if friction_rtol is not None:
         return {"friction_rtol": friction_rtol}, graded
-    # Friction is then known to 1e-4, with 0.7 to 0.8 of the FFT pairs that 1e-6 takes.
-    return {"rtol": 5e-5}, graded
+    return {"rtol": RTOL}, graded
