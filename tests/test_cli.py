@@ -156,7 +156,7 @@ def test_a_solve_that_does_not_converge_warns_and_exits_with_1(tmp_path):
     result = command("run", tmp_path / "scene.toml", "-o", tmp_path)
     assert result.exit_code == 1
     assert "2 of 2 solves did not converge" in " ".join(result.stderr.split())
-    assert "max_steps" in result.stderr
+    assert "max_steps" in result.stderr and "throw" not in result.stderr
     assert result.stdout.count("not converged") == 2
     assert (tmp_path / "scene.h5").exists()
 
@@ -576,8 +576,7 @@ def test_a_fit_takes_several_files_and_the_options_that_messages_name(tmp_path):
     ]
     bare = command("fit", *paths, "-o", tmp_path)
     assert bare.exit_code == 2
-    assert "`temperature` [K], one for each file" in bare.stderr
-    assert "(Here: --temperature KELVIN.)" in bare.stderr
+    assert "`--temperature KELVIN` [K], one for each file" in bare.stderr
     kelvin = [f"--temperature={celsius + 273.15}" for celsius in (-20.0, -5.0, 10.0)]
     options = ("--terms", 5, "--scatter", 0, "--equilibrium", 5e6, "--glassy", 3e9)
     result = command("fit", *paths, *kelvin, *options, "-o", tmp_path)
@@ -588,8 +587,7 @@ def test_a_fit_takes_several_files_and_the_options_that_messages_name(tmp_path):
     np.testing.assert_allclose(sum(table["strengths"]), 3e9 - 5e6, rtol=1e-6)
     options = ("--loss-weight", 0, "--anyway", "--sheet", "x")
     refused = command("fit", paths[0], *options, "-o", tmp_path)
-    assert refused.exit_code == 2 and "no `sheet='x'`" in refused.stderr
-    assert "(Here: --sheet.)" in refused.stderr
+    assert refused.exit_code == 2 and "no `--sheet x`" in refused.stderr
 
 
 @pytest.mark.parametrize(
@@ -597,18 +595,18 @@ def test_a_fit_takes_several_files_and_the_options_that_messages_name(tmp_path):
     [
         ("nothing here", (), "bad.csv"),
         ("never read", ("--card", "abacus"), "`--card abacus` is not known; did you mean `abaqus`"),
-        ("A,B\n1,2\n2,3\n", (), "(Here: --column QUANTITY=NAME, --kind, --unit QUANTITY=UNIT.)"),
+        ("A,B\n1,2\n2,3\n", (), "pass `--unit QUANTITY=UNIT` too"),
         ("f [Hz],E' [Pa],E'' [Pa],T\n1,2e6,1e5,20\n2,2e6,1e5,20\n", (), "--unit QUANTITY=UNIT"),
         ("t [s],E(t) [Pa]\n1,2e6\n2,1e6\n", ("--loss-weight", 0), "relaxation has one channel"),
         (
             "f [Hz],E' [Pa],E'' [Pa]\n1,2e6,9e5\n2,1e3,9e5\n3,1e9,2\n4,1e2,3e9\n",
             (),
-            "(Here: --equilibrium, --glassy, --loss-weight, --anyway.)",
+            "(`--loss-weight`), and `--anyway` fits them as they are.",
         ),
         ("f [Hz],E' [Pa],E'' [Pa]\n1,2e6,1e5\n2,-2e6,1e5\n", (), "must be a positive number"),
         ("f [Hz],E' [Pa],E'' [Pa]\n1,2e6,1e5\n", ("--unit", "MPa"), "write QUANTITY=UNIT"),
         ("f [Hz],E' [Pa],E'' [Pa]\n1,2e6,1e5\n2,3e6,1e5\n", ("--terms", 9), "unknowns, more than"),
-        ("f [Hz],E' [Pa],E'' [Pa]\n1,2e6,1e5\n2,3e6,1e5\n", ("--law", "foo"), "`law='foo'` is"),
+        ("f [Hz],E' [Pa],E'' [Pa]\n1,2e6,1e5\n2,3e6,1e5\n", ("--law", "foo"), "`--law foo` is"),
     ],
 )
 def test_a_file_that_cannot_be_fitted_is_refused_in_one_message(

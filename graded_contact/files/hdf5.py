@@ -40,7 +40,7 @@ def sealed_file(path: str | os.PathLike, name: str = "") -> Iterator[Any]:
     with h5py.File(image, "w", userblock_size=SEAL, track_order=True) as file:
         yield file
     with replacing(path) as partial:
-        # Not `getbuffer`: if the disk is full, the traceback holds on to it, and `image` cannot close.
+        # Not `getbuffer`: the traceback of a full disk keeps it, and `image` could not close.
         partial.write_bytes(image.getvalue())
         seal(partial, name)
 

@@ -22,7 +22,8 @@ file, or begin with `~`.
     [base]                kind = "half_space" with a `material`, "rigid" or "free"
     [load]                `pressure` and `velocity`: a number, a list, or {from, to, points},
                           equally spaced in the logarithm; `direction` of the velocity from the
-                          x axis; `temperature` [K]: a number, a list, or {from, to, points}, here
+                          x axis (in Python, two numbers are one velocity, (vx, vy));
+                          `temperature` [K]: a number, a list, or {from, to, points}, here
                           equally spaced; `extrapolate` = true to allow friction from frequencies
                           at which a material was not measured
     [sweep]               values of numbers of the block, by paths as in `parameters.py`:
