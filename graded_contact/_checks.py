@@ -235,6 +235,18 @@ def _parts(value: ArrayLike):
     ]
 
 
+def check_squares(name: str, value: ArrayLike, unit: str) -> None:
+    """Raises `ValueError` if all entries are so small that their squares are lost, but not 0."""
+    if is_concrete(value):
+        parts = [array for array, _ in _parts(value)]
+        largest = max(float(np.max(np.abs(array), initial=0)) for array in parts)
+        if largest and largest**2 < np.finfo(parts[0].dtype).tiny:
+            raise ValueError(
+                f"`{name}`, at most {largest:.2g} {unit}, are refused: their squares are too small "
+                f"for {parts[0].dtype}."
+            )
+
+
 def check_positive(name: str, value: ArrayLike, unit: str) -> None:
     """Raises `ValueError` unless every entry of `value` is finite and greater than zero.
 

@@ -21,6 +21,7 @@ from .._checks import (
     as_numbers,
     check_positive,
     check_shape,
+    check_squares,
     check_tolerance,
     check_values,
     door,
@@ -139,6 +140,7 @@ def _check_heights(heights, solver: AbstractContactSolver) -> None:
         num_devices(heights),
     )
     check_values("heights", heights, "heights [m] must be finite")
+    check_squares("heights", heights, "m")
 
 
 def _check_kernel(kernel, heights, throw: bool) -> None:
