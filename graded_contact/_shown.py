@@ -95,7 +95,8 @@ def _rows(
     value: Any, depth: int, name: str, meaning: str = "", units: bool | None = None
 ) -> Iterator[_Row]:
     """A line for a value, and one for each of its parts; the outermost decides about `units`."""
-    units = getattr(value, "_has_units", True) if units is None else units
+    if units is None:
+        units = bool(getattr(value, "_has_units", True))
     if hasattr(value, "_shown_names"):
         yield _Row(depth, name.partition(" [")[0], type(value).__name__, meaning)
         yield from _parts(value, depth + 1, units)

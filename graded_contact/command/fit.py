@@ -163,8 +163,9 @@ def _naming_options() -> Iterator[None]:
         spelt = _FIT_OPTIONS.get(name)
         if spelt is None:
             return found[0]
-        bare = value is None or " " in spelt or name == "throw"
-        return f"`{spelt}`" if bare else "`{} {}`".format(spelt, value.strip("'"))
+        if value is None or " " in spelt or name == "throw":
+            return f"`{spelt}`"
+        return "`{} {}`".format(spelt, value.strip("'"))
 
     try:
         yield
