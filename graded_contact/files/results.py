@@ -55,6 +55,8 @@ OBSERVABLES = {
     "error": "estimated relative error of the contact pressure",
     "num_fft_pairs": "FFT pairs spent on the solve",
 }
+# Files of earlier versions lack the errors.
+REQUIRED = tuple(name for name in OBSERVABLES if not name.endswith("_error"))
 OPTIONAL = {
     "reduced_velocity": "velocity times the time-temperature shift a_T",
     "friction_standard_error": "standard error of the friction by that of the materials",
@@ -201,8 +203,8 @@ def read_results(path: str | os.PathLike) -> Results:
     **Returns:** what `run_scene` gave.
     """
     with opened(path, FORMAT) as file:
-        known = [name for name in (*OBSERVABLES, *OPTIONAL) if name in file]
-        study = get_study(file, known, "f")
+        names = [name for name in (*OBSERVABLES, *OPTIONAL) if name in file or name in REQUIRED]
+        study = get_study(file, names, "f")
         surface, point = _read_surface(file), texts(file["point"])
         shapes = {values.shape for values in (*study.values.values(), point)}
         if shapes != {study.message.shape}:

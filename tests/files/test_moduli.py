@@ -639,7 +639,7 @@ def test_all_that_is_missing_is_asked_for_in_one_message(tmp_path):
     text = "f,E',E'',G',G'',T\n1,3,1,1,1,20\n2,4,1,1.5,1,20\n"
     with pytest.raises(ValueError, match=r"table.csv") as refusal:
         read_moduli(write(tmp_path, text))
-    for hint in ("`deformation`", "`columns=", "'modulus': ...", "'temperature': ..."):
+    for hint in ("`deformation`", "`columns` (of", "modulus: one of", "temperature: one of"):
         assert hint in str(refusal.value)
 
 
