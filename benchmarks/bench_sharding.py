@@ -76,7 +76,7 @@ def measure(size, repeat, file, process):
     def compiled(function):
         return jax.jit(function).lower(kernel, surface.heights).compile()
 
-    solve = compiled(lambda k, h: gc.solve_contact(k, h, PRESSURE, throw=False))
+    solve = compiled(lambda k, h: gc.solve_contact(k, h, PRESSURE, rtol=1e-6, throw=False))
     pair = compiled(lambda k, h: to_field(to_spectrum(h), h.shape))
     seconds = []
     for _ in range(repeat):

@@ -35,6 +35,8 @@ Numbers = ArrayLike | Sequence[Any]
 
 def short(value: Any) -> str:
     """Returns a value in a few words, on one line."""
+    if hasattr(type(value), "_shown_names"):  # its text is a table
+        return f"{type(value).__name__}(...)"
     return " ".join(reprlib.repr(value).split())
 
 
@@ -111,7 +113,8 @@ def is_concrete(value: Any) -> bool:
 
 
 def door(function: F) -> F:
-    """Refuses arguments of other types than the annotations of a public function name.
+    """Refuses arguments of other types than the annotations of a public function name, and calls
+    with too many arguments, too few or unknown ones, naming those that there are.
 
     Looked at are annotations that name classes, unions of them, and literals; arrays of numbers
     are the business of `as_float`.
@@ -122,12 +125,26 @@ def door(function: F) -> F:
 
     @functools.wraps(function)
     def checked(*args, **kwargs):
-        for name, value in signature.bind(*args, **kwargs).arguments.items():
+        try:
+            arguments = signature.bind(*args, **kwargs).arguments
+        except TypeError as error:
+            raise TypeError(f"{function.__name__}: {error}; {_usage(signature)}.") from None
+        for name, value in arguments.items():
             if name in hints:
                 check_type(name, value, *hints[name])
         return function(*args, **kwargs)
 
     return cast(F, checked)
+
+
+def _usage(signature: inspect.Signature) -> str:
+    """The arguments of a function, those by keyword apart."""
+    named = {"in order": [], "by keyword": []}
+    for name, entry in signature.parameters.items():
+        kind = "by keyword" if entry.kind is entry.KEYWORD_ONLY else "in order"
+        named[kind].append(f"`{name}`")
+    texts = [f"{kind} {', '.join(names)}" for kind, names in named.items() if names]
+    return f"it takes {' and '.join(texts)}"
 
 
 def check_type(name: str, value: Any, *kinds: Any) -> None:
@@ -216,6 +233,18 @@ def _parts(value: ArrayLike):
         (np.asarray(shard.data), [rows.start or 0 for rows in shard.index])
         for shard in value.addressable_shards
     ]
+
+
+def check_squares(name: str, value: ArrayLike, unit: str) -> None:
+    """Raises `ValueError` if all entries are so small that their squares are lost, but not 0."""
+    if is_concrete(value):
+        parts = [array for array, _ in _parts(value)]
+        largest = max(float(np.max(np.abs(array), initial=0)) for array in parts)
+        if largest and largest**2 < np.finfo(parts[0].dtype).tiny:
+            raise ValueError(
+                f"`{name}`, at most {largest:.2g} {unit}, are refused: their squares are too small "
+                f"for {parts[0].dtype}."
+            )
 
 
 def check_positive(name: str, value: ArrayLike, unit: str) -> None:

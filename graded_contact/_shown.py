@@ -19,6 +19,7 @@ import numpy as np
 from ._checks import is_concrete, short
 
 T = TypeVar("T", bound=type)
+M = TypeVar("M", bound=eqx.Module)
 FEW = 8  # numbers of an array that are shown one by one, and entries of a list
 ENTRY = re.compile(r"^ *- ((?:`\w+`(?:, )?)+): (.*?)(?=^ *- `|^ *$|\Z)", re.MULTILINE | re.DOTALL)
 PREFIXES = {-12: "p", -9: "n", -6: "µ", -3: "m", 0: "", 3: "k", 6: "M", 9: "G"}
@@ -34,19 +35,35 @@ class _Row(NamedTuple):
     meaning: str
 
 
-def shown(*names: str | EllipsisType) -> Callable[[T], T]:
+def shown(*names: str | EllipsisType, argument: bool = False) -> Callable[[T], T]:
     """Lets a class show its fields, or what it has under these names; `...` stands for the fields.
 
-    It is a module, dataclass or named tuple. What can be called is called.
+    It is a module, dataclass or named tuple. Methods among them are called. A derivative by an
+    `argument` has the same class, but other units. Arguments therefore show units only if their
+    constructor built them: JAX builds derivatives without it.
     """
 
     def decorate(kind: T) -> T:
-        setattr(kind, "_shown_names", names or (...,))  # noqa: B010 (pyright)
+        new = kind.__new__
+
+        def build(kind: type, *given: Any, **named: Any) -> Any:
+            return with_units(new(kind, *given, **named))
+
+        if argument:
+            setattr(kind, "_has_units", False)  # noqa: B010 (pyright)
+            setattr(kind, "__new__", build)  # noqa: B010
+        setattr(kind, "_shown_names", names or (...,))  # noqa: B010
         setattr(kind, "__repr__", _as_text)  # noqa: B010
         setattr(kind, "_repr_html_", _as_html)  # noqa: B010
         return kind
 
     return decorate
+
+
+def with_units(built: M) -> M:
+    """Returns a module, which shows units from now on."""
+    object.__setattr__(built, "_has_units", True)
+    return built
 
 
 def _as_text(self) -> str:
@@ -75,11 +92,15 @@ def _is_known(shown: Any) -> bool:
     return all(map(is_concrete, jax.tree.leaves(shown)))
 
 
-def _rows(value: Any, depth: int, name: str, meaning: str = "") -> Iterator[_Row]:
-    """A line for a value, and one for each of its parts."""
+def _rows(
+    value: Any, depth: int, name: str, meaning: str = "", units: bool | None = None
+) -> Iterator[_Row]:
+    """A line for a value, and one for each of its parts; the outermost decides about `units`."""
+    if units is None:
+        units = bool(getattr(value, "_has_units", True))
     if hasattr(value, "_shown_names"):
         yield _Row(depth, name.partition(" [")[0], type(value).__name__, meaning)
-        yield from _parts(value, depth + 1)
+        yield from _parts(value, depth + 1, units)
         return
     entries: list[tuple[str, Any]] = []
     if isinstance(value, Mapping):
@@ -91,12 +112,12 @@ def _rows(value: Any, depth: int, name: str, meaning: str = "") -> Iterator[_Row
         return
     yield _Row(depth, name, "", meaning)
     for key, entry in entries[:FEW]:
-        yield from _rows(entry, depth + 1, key)
+        yield from _rows(entry, depth + 1, key, units=units)
     if len(entries) > FEW:
         yield _Row(depth + 1, "...", f"{len(entries) - FEW} more", "")
 
 
-def _parts(value: Any, depth: int) -> Iterator[_Row]:
+def _parts(value: Any, depth: int, units: bool) -> Iterator[_Row]:
     """The lines of what a value shows; a number and its error share one."""
     known = dataclasses.is_dataclass(value)  # a named tuple is none
     declared = {field.name: field for field in dataclasses.fields(value)} if known else {}
@@ -110,14 +131,16 @@ def _parts(value: Any, depth: int) -> Iterator[_Row]:
         part, (unit, meaning) = getattr(value, name), about[name]
         if name.endswith("_error") and _shares(value, name.removesuffix("_error"), about):
             continue
-        title = _title(spelt.get(name, name), unit)
+        title = _title(spelt.get(name, name), unit if units else "")
         if _shares(value, name, about):
             text = f"{_text(part)} ± {float(getattr(value, f'{name}_error')):.1e}"
             yield _Row(depth, title, text, meaning)
             continue
         if isinstance(part, Mapping) and not unit and hasattr(value, "units"):
             part = {_title(key, value.units.get(key, "")): entry for key, entry in part.items()}
-        yield from _rows(part() if callable(part) else part, depth, title, meaning)
+        yield from _rows(
+            part() if callable(part) and name not in fields else part, depth, title, meaning, units
+        )
 
 
 def _title(name: str, unit: str) -> str:

@@ -25,7 +25,7 @@ from ._devices import num_devices, put_on, sharding_on, whole_along
 from ._shown import shown
 
 
-@shown()
+@shown(argument=True)
 class Grid(eqx.Module):
     """A rectangular periodic cell sampled at equally spaced points.
 

@@ -9,7 +9,7 @@ from jaxtyping import ScalarLike
 from ._checks import Numbers, as_float, check_positive, door, is_concrete
 from .contact.douglas_rachford import DouglasRachford
 from .contact.law import AbstractLaw, HardWall
-from .contact.problem import solve_contact
+from .contact.problem import RTOL, solve_contact
 from .contact.solver import AbstractContactSolver
 from .cutoff import CutoffCurve
 from .grid import Grid, to_field, to_spectrum, wavenumber
@@ -31,7 +31,7 @@ def area_against_cutoff(
     law: AbstractLaw = HardWall(),  # noqa: B008 (immutable)
     solver: AbstractContactSolver = DouglasRachford(),  # noqa: B008
     graded: AbstractGradedSolver = Layering(),  # noqa: B008
-    rtol: float = 1e-6,
+    rtol: float = RTOL,
     throw: bool = True,
 ) -> CutoffCurve:
     """Returns contact area and friction with only the waves up to each cut-off on the surface.

@@ -13,6 +13,7 @@ import equinox as eqx
 import jax
 
 from ._checks import Numbers, as_float, door, short
+from ._shown import with_units
 
 T = TypeVar("T")
 
@@ -109,6 +110,7 @@ def _check(tree):
         for field in dataclasses.fields(tree):
             _check(getattr(tree, field.name))
         getattr(tree, "__check_init__", lambda: None)()
+        with_units(tree)
     elif isinstance(tree, tuple | list):
         for part in tree:
             _check(part)

@@ -39,7 +39,7 @@ from .contact.observables import (
     unmeasured_shares,
     wave_frequencies,
 )
-from .contact.problem import solve_contact
+from .contact.problem import RTOL, solve_contact
 from .contact.solution import RESULTS, ContactSolution
 from .contact.solver import AbstractContactSolver
 from .grid import Grid
@@ -158,13 +158,15 @@ def slide(
     - `surface`: the rough surface; heights count into the block.
     - `pressure`: mean pressure σ0 [Pa]; or
     - `mean_gap`: mean of the gap [m], counted from the mean of the heights.
-    - `velocity`: of the surface over the block [m/s]: a number (along x) or `(vx, vy)`. At rest
-      (0, known beforehand) the relaxed moduli act and a real kernel is used.
+    - `velocity`: of the surface over the block [m/s]: a number (along x) or `(vx, vy)`. Two numbers
+      are one velocity, not two speeds as in a scene: for several speeds use `sweep` or
+      `jax.lax.map`. At rest (0, known beforehand) the relaxed moduli act and a real kernel is used.
     - `graded`: what solves graded layers, with a tolerance of its own: `Layering()`, `Riccati()`.
     - `friction_rtol`: wanted relative error of friction and of the sub-pixel contact area [1];
       nothing better is asked for than a tenth of what the grid leaves, and than a hundredth of the
       slope in place of a friction less than that. Or
-    - `rtol`: wanted relative error of the pressure [1]; 1e-6 if neither is given.
+    - `rtol`: wanted relative error of the pressure [1]; 5e-5 if neither is given: the error of
+      friction is then at most about 1e-4 of it.
     - `law`, `solver`, `start`, `throw`: as in `solve_contact`. Without `throw` a graded
       layer whose kernel misses its tolerance is a `.result` as well, and all numbers are NaN.
 
@@ -210,7 +212,7 @@ def _aim(rtol, friction_rtol, kernel, surface: Surface, velocity, law):
             f"`rtol={rtol}` and `friction_rtol={friction_rtol}`: give at most one of the two."
         )
     if friction_rtol is None:
-        return 1e-6 if rtol is None else rtol, None
+        return RTOL if rtol is None else rtol, None
     check_tolerance("friction_rtol", friction_rtol, surface.heights)
     heights, tolerance = surface.heights, jnp.asarray(friction_rtol, surface.heights.dtype)
     return friction_rtol, FrictionAndArea(kernel, heights, surface.grid, velocity, law, tolerance)

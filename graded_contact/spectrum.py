@@ -25,7 +25,7 @@ from ._shown import shown
 UNITS = {"rms_height": "[m]", "rms_slope": "[1]"}
 
 
-@shown()
+@shown(argument=True)
 class SelfAffine(eqx.Module):
     """An isotropic self-affine spectrum with a roll-off.
 

@@ -5,6 +5,7 @@ import jax.numpy as jnp
 import numpy as np
 import pytest
 
+import graded_contact as gc
 from graded_contact._checks import (
     as_float,
     check_poisson,
@@ -135,3 +136,18 @@ def test_check_tolerance_gives_double_precision_its_own_remedy():
 def test_check_tolerance_refuses_what_is_no_tolerance(value):
     with pytest.raises(ValueError, match="`rtol"):
         check_tolerance("rtol", value, jnp.ones(1))
+
+
+def test_an_object_is_named_by_its_class_and_a_call_by_the_arguments_it_lacks(unchecked_types):
+    grid = gc.Grid((8, 8), 1e-3)
+    surface, stack = (
+        gc.Surface(np.zeros((8, 8)), grid),
+        gc.Stack(base=gc.HalfSpace(gc.Elastic(1e6))),
+    )
+    with pytest.raises(ValueError, match=r"^`stack=Surface\(\.\.\.\)` must be Stack\.$"):
+        gc.slide(surface, stack, pressure=1e5, velocity=0.1)
+    for given, named in (((1e5, 0.1), {}), ((), {"presure": 1e5}), ((), {"pressure": 1e5})):
+        with pytest.raises(
+            TypeError, match=r"^slide: .*in order `stack`.*by keyword `pressure`, `me"
+        ):
+            gc.slide(stack, surface, *given, **named)

@@ -228,6 +228,10 @@ def outcomes(kinds, names=None):
                 except ValueError as error:
                     if f"`{name}" not in str(error):
                         wrong.append(f"{place} is not named: {error}")
+                except RuntimeError as error:
+                    # 2^64 Pa is a number. The solver may say that its rounding hides the gaps.
+                    if kind != "2^64" or "gaps may be wrong" not in str(error):
+                        wrong.append(f"{place} ended in {type(error).__name__}: {error}"[:200])
                 except BaseException as error:
                     wrong.append(f"{place} ended in {type(error).__name__}: {str(error)[:200]}")
                 else:

@@ -61,6 +61,30 @@ def test_a_result_shows_numbers_units_errors_shapes_and_how_it_ended():
     assert "small strains" in repr(steep)
 
 
+def test_a_derivative_shows_no_units_of_what_it_is_by(unchecked_types):
+    layer = gc.Layer(gc.Elastic(1e7, 0.3), 1e-5)
+    rubber = gc.Prony(1e6, [1e7], [1e-3], 0.4, shift=gc.WLF(10.0, 50.0, 300.0))
+    stack = gc.Stack(layers=(layer,), base=gc.HalfSpace(rubber))
+    slope = jax.grad(lambda s: jnp.abs(gc.surface_compliance(s, 1e4, 1e3)))(stack)
+    for text in (repr(slope), repr(slope.layers[0]), repr(slope.base.material)):
+        assert "thickness" in text or "equilibrium" in text
+        assert "[m]" not in text and "[Pa]" not in text
+    assert ">thickness<" in slope._repr_html_()
+    for same in (stack, gc.with_values(stack, {"layers[0].thickness": 2e-5}), stack.at(310.0)):
+        assert "thickness [m]" in repr(same) and "equilibrium [Pa]" in repr(same)
+    omega = np.geomspace(1.0, 1e5, 20)
+    fitted = gc.fit_prony(omega, np.asarray(rubber.modulus(omega)), terms=1).material
+    for material in (rubber.at(310.0), fitted):
+        assert "equilibrium [Pa]" in repr(material)
+
+
+def test_a_stack_of_graded_layers_is_shown():
+    blend = gc.Blend(gc.Elastic(1e6, 0.3), gc.Elastic(1e7, 0.3))
+    stack = gc.Stack(layers=(gc.GradedLayer(blend, 1e-4),), base=gc.Rigid())
+    assert "modulus [Pa]" in repr(stack)
+    assert "thickness [m]" in repr(gc.sliced(stack, num_slices=2))
+
+
 def test_notebooks_see_a_table_with_the_same_rows_and_their_meaning():
     page = sliding()._repr_html_()
     assert page.count("<tr") == len(repr(sliding()).splitlines()) - 1

@@ -187,15 +187,21 @@ def _write_cards(folder: Path, name: str, material: Prony, forms: tuple) -> None
 
 @contextlib.contextmanager
 def _naming_options() -> Iterator[None]:
-    """Adds to a message of `fit` the options that stand for the arguments it names."""
+    """Puts options in the place of the arguments that a message of `fit` names."""
+
+    def option(found: re.Match) -> str:
+        name, value = found.groups()
+        spelt = _FIT_OPTIONS.get(name)
+        if spelt is None:
+            return found[0]
+        if value is None or " " in spelt or name == "throw":
+            return f"`{spelt}`"
+        return "`{} {}`".format(spelt, value.strip("'"))
+
     try:
         yield
     except ValueError as error:
-        named = dict.fromkeys(re.findall(r"`(\w+)(?:=[^`]*)?`", str(error)))
-        options = [_FIT_OPTIONS[name] for name in named if name in _FIT_OPTIONS]
-        if not options:
-            raise
-        raise ValueError(f"{error} (Here: {', '.join(options)}.)") from error
+        raise ValueError(re.sub(r"`(\w+)(?:=([^`]*))?`", option, str(error))) from error
 
 
 def _fitted(measured, shifts, weights, arguments):

@@ -19,13 +19,15 @@ from ..surface import Surface, statistics
 # Column heads and formats of the table, by the name of the quantity.
 COLUMNS = {
     "friction": ("friction", "#.4g"),
+    "friction_error": ("± solver", ".1e"),
     "geometric_friction": ("friction\n(geometric)", "#.4g"),
     "contact_area": ("area\n(pixels)", ".5f"),
+    "contact_area_error": ("± solver", ".1e"),
     "contact_area_corrected": ("area\n(corrected)", ".5f"),
     "contact_area_smooth": ("area\n(sub-pixel)", ".5f"),
     "mean_gap": ("mean gap\n[m]", ".3e"),
     "num_fft_pairs": ("FFT\npairs", ".1f"),
-    "error": ("error", ".1e"),
+    "error": ("error of\npressure", ".1e"),
     "unmeasured_friction": ("on points not\nmeasured", ".1%"),
 }
 # What to say of solves that did not succeed, by their state.
@@ -40,7 +42,8 @@ def print_table(results: Results) -> None:
     """Prints one line per solve; below them, why any did not converge."""
 
     table = Table(box=box.SIMPLE_HEAD, pad_edge=False)
-    columns = dict(COLUMNS)
+    # Files of earlier versions lack some.
+    columns = {name: column for name, column in COLUMNS.items() if name in results.study.values}
     if results.surface.measured is None:
         del columns["unmeasured_friction"]
     *others, pressure, velocity = results.study.axes.items()
@@ -66,7 +69,7 @@ def print_table(results: Results) -> None:
         table.add_row(*cells, mark)
     console = Console()
     # A narrower screen wraps the lines; it must not cut the numbers.
-    console.width = max(console.width, 150 + 24 * len(others))
+    console.width = max(console.width, 180 + 24 * len(others))
     console.print(table)
     for number, caveat in enumerate(caveats, start=1):
         console.print(f"[bold yellow]({number})[/] {escape(caveat.sentence)}", soft_wrap=True)

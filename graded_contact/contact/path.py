@@ -9,7 +9,7 @@ from .._checks import Numbers, as_float, check_values, door
 from .._shown import shown
 from .douglas_rachford import DouglasRachford
 from .law import AbstractLaw, check_law, check_pressure
-from .problem import solve_contact
+from .problem import RTOL, solve_contact
 from .solution import RESULTS, ContactSolution
 from .solver import AbstractContactSolver
 
@@ -47,7 +47,7 @@ def follow_contact(
     mean_gap: Numbers | None = None,
     law: AbstractLaw,
     solver: AbstractContactSolver = DouglasRachford(),  # noqa: B008 (immutable)
-    rtol: float = 1e-6,
+    rtol: float = RTOL,
     throw: bool = True,
 ) -> ContactPath:
     """Returns the contacts along a path of mean pressures or mean gaps.

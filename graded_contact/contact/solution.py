@@ -11,14 +11,13 @@ class RESULTS(eqx.Enumeration):
 
     successful = ""
     max_steps_reached = (
-        "The contact solver reached `max_steps` before `rtol`. Raise `max_steps` "
-        "(as in `solver=DouglasRachford(max_steps=...)`), loosen `rtol`, or pass `throw=False` to "
-        "get the partial result."
+        "The contact solver reached `max_steps` before `rtol`. Raise `max_steps` of the solver, or "
+        "loosen `rtol`."
     )
     rounding = (
         "Rounding hides what is left of the error, which may be more than `rtol`: the pressures "
         "are tiny beside what the gaps are worth. Loosen `rtol`; in float32, enable "
-        "`jax_enable_x64`; or pass `throw=False` and look at `.error`."
+        "`jax_enable_x64`."
     )
     not_finite = (
         "The contact solver met a value that is not finite. Check the kernel (a negative "
@@ -38,8 +37,8 @@ class RESULTS(eqx.Enumeration):
     )
     gap_unresolved = (
         "Pressure, friction and contact area are found, but gaps may be wrong by more than a tenth "
-        "of the rms height (`.gap_error`). Tighten `rtol`; or pass `throw=False`, and leave `gap`, "
-        "`mean_gap` and `displacement` alone."
+        "of the rms height (`gap_error`). Tighten `rtol`, or do not use `gap`, `mean_gap` and "
+        "`displacement`."
     )
     bad_pressure = "The law of contact cannot have this mean pressure (a hard wall: not positive)."
 

@@ -129,7 +129,8 @@ def penalty_for(
     least twice its steepest rise, so that its proximal map is single-valued.
     """
     long = jnp.abs(third_mode(kernel))
-    penalty = 1.8 * participation**0.4 / jnp.sqrt(long * least_compliance(kernel))
+    # Not the root of the product, which underflows in float32.
+    penalty = 1.8 * participation**0.4 / jnp.sqrt(long) / jnp.sqrt(least_compliance(kernel))
     return jax.lax.stop_gradient(jnp.maximum(penalty, 2 * law.steepest_rise))
 
 

@@ -115,7 +115,9 @@ def read_design(path: str | os.PathLike) -> DesignScene:
 
 def parse_design(text: str, folder: str | os.PathLike = ".") -> DesignScene:
     """Returns the study that a TOML text describes; its paths are relative to `folder`."""
-    scene = parse_scene(text, folder)
+    scene, document = parse_scene(text, folder), parse_toml(text)
+    if "design" not in document:
+        raise ValueError("The scene lacks the table [design].")
     with within("[design]"):
         check_positive("velocity", scene.velocity, "[m/s]")
         if len(scene.pressure) > 1 or scene.direction != 0:
@@ -123,9 +125,6 @@ def parse_design(text: str, folder: str | os.PathLike = ".") -> DesignScene:
         if len(scene.axes) > 2:
             raise ValueError(f"takes one {' and one '.join(map(repr, [*scene.axes][:-2]))}.")
     scene = dataclasses.replace(scene, stack=scene.block({}), temperature=None)
-    document = parse_toml(text)
-    if "design" not in document:
-        raise ValueError("The scene lacks the table [design].")
     table = Section("[design]", document["design"], KEYS)
     lower, upper = _bounds(table, scene.stack)
     verify, polish = table.whole("verify", 0), table.get("polish", False)

@@ -40,7 +40,8 @@ def sealed_file(path: str | os.PathLike, name: str = "") -> Iterator[Any]:
     with h5py.File(image, "w", userblock_size=SEAL, track_order=True) as file:
         yield file
     with replacing(path) as partial:
-        partial.write_bytes(image.getbuffer())
+        # Not `getbuffer`: the traceback of a full disk keeps it, and `image` could not close.
+        partial.write_bytes(image.getvalue())
         seal(partial, name)
 
 

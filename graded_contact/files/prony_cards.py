@@ -10,6 +10,7 @@ Sources: Abaqus Keywords Reference Guide, *VISCOELASTIC and *TRS; Mechanical APD
 Reference, TB,PRONY and TB,SHIFT.
 """
 
+import dataclasses
 import json
 import re
 from collections.abc import Callable
@@ -178,8 +179,8 @@ def _normalised(material: Prony, program: str) -> tuple[float, list[float], list
 
 def _constants(fields: AbstractShift | MeasuredRange) -> dict[str, Any]:
     """The fields of a law, table or range, as Python numbers."""
-    given = {key: value for key, value in vars(fields).items() if value is not None}
-    return {key: np.asarray(value, float).tolist() for key, value in given.items()}
+    given = {field.name: getattr(fields, field.name) for field in dataclasses.fields(fields)}
+    return {k: np.asarray(v, float).tolist() for k, v in given.items() if v is not None}
 
 
 def _measured(material: Prony) -> list[str]:

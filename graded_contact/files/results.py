@@ -40,7 +40,9 @@ AXES = {
 }
 OBSERVABLES = {
     "friction": "friction coefficient",
+    "friction_error": "estimated error of the friction coefficient that the solver left",
     "contact_area": "contact area fraction (points in contact)",
+    "contact_area_error": "estimated error of the contact area fraction that the solver left",
     "contact_area_corrected": "contact area fraction (corrected by the perimeter)",
     "contact_area_smooth": "contact area fraction (sub-pixel)",
     "mean_gap": "mean gap",
@@ -53,6 +55,8 @@ OBSERVABLES = {
     "error": "estimated relative error of the contact pressure",
     "num_fft_pairs": "FFT pairs spent on the solve",
 }
+# Files of earlier versions lack the errors.
+REQUIRED = tuple(name for name in OBSERVABLES if not name.endswith("_error"))
 OPTIONAL = {
     "reduced_velocity": "velocity times the time-temperature shift a_T",
     "friction_standard_error": "standard error of the friction by that of the materials",
@@ -98,10 +102,11 @@ class Results:
 
     **Fields:**
 
-    - `study`: axes; `friction`, `contact_area`, `contact_area_corrected`, `contact_area_smooth`,
-      `mean_gap`, `geometric_friction`, `energy_imbalance`, `slope_in_contact`, `unmeasured_area`,
-      `unmeasured_friction`, `extrapolated_friction` as in `Sliding`; `error`, `num_fft_pairs` as in
-      `ContactSolution`; `reduced_velocity` a_T v [m/s] where the block has one law of temperature,
+    - `study`: axes; `friction`, `friction_error`, `contact_area`, `contact_area_error`,
+      `contact_area_corrected`, `contact_area_smooth`, `mean_gap`, `geometric_friction`,
+      `energy_imbalance`, `slope_in_contact`, `unmeasured_area`, `unmeasured_friction`,
+      `extrapolated_friction` as in `Sliding`; `error`, `num_fft_pairs` as in `ContactSolution`;
+      `reduced_velocity` a_T v [m/s] where the block has one law of temperature,
       `friction_standard_error` where errors of a material are known; and how each solve ended. It
       makes tables and spreads: `results.study.over("seed")`.
     - `point`: the name of each solve in a store of points, shape of the axes.
@@ -198,7 +203,8 @@ def read_results(path: str | os.PathLike) -> Results:
     **Returns:** what `run_scene` gave.
     """
     with opened(path, FORMAT) as file:
-        study = get_study(file, [*OBSERVABLES, *(name for name in OPTIONAL if name in file)], "f")
+        names = [name for name in (*OBSERVABLES, *OPTIONAL) if name in file or name in REQUIRED]
+        study = get_study(file, names, "f")
         surface, point = _read_surface(file), texts(file["point"])
         shapes = {values.shape for values in (*study.values.values(), point)}
         if shapes != {study.message.shape}:

@@ -22,7 +22,8 @@ file, or begin with `~`.
     [base]                kind = "half_space" with a `material`, "rigid" or "free"
     [load]                `pressure` and `velocity`: a number, a list, or {from, to, points},
                           equally spaced in the logarithm; `direction` of the velocity from the
-                          x axis; `temperature` [K]: a number, a list, or {from, to, points}, here
+                          x axis (in Python, two numbers are one velocity, (vx, vy));
+                          `temperature` [K]: a number, a list, or {from, to, points}, here
                           equally spaced; `extrapolate` = true to allow friction from frequencies
                           at which a material was not measured
     [sweep]               values of numbers of the block, by paths as in `parameters.py`:
@@ -51,6 +52,7 @@ from .._checks import as_float, check_positive, check_tolerance, check_values
 from .._memory import check_points
 from .._shown import shown
 from ..contact.douglas_rachford import DouglasRachford
+from ..contact.problem import RTOL
 from ..parameters import paths, with_values
 from ..response.grading import AbstractGradedSolver
 from ..response.layering import Layering
@@ -270,5 +272,4 @@ def _accuracy(
         return {"rtol": rtol}, graded
     if friction_rtol is not None:
         return {"friction_rtol": friction_rtol}, graded
-    # Friction is then known to 1e-4, with 0.7 to 0.8 of the FFT pairs that 1e-6 takes.
-    return {"rtol": 5e-5}, graded
+    return {"rtol": RTOL}, graded

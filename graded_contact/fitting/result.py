@@ -10,7 +10,7 @@ from jaxtyping import Array, Complex, Float
 from scipy.special import stdtrit
 
 from .._checks import Numbers, as_float, check_positive
-from .._shown import shown
+from .._shown import shown, with_units
 from ..rheology.material import Prony
 from ..rheology.measured import is_unknown
 from .lengths import best_path, criterion
@@ -66,7 +66,7 @@ class PronyFit(eqx.Module):
     @property
     def material(self) -> Prony:
         """The fitted material."""
-        return material_of(self.theta, self.data, self.poisson)
+        return with_units(material_of(self.theta, self.data, self.poisson))
 
     def predict(self, x: Numbers) -> Float[Array, "channels points"]:
         """Returns what the measurement would have shown at other frequencies or times.

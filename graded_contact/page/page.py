@@ -123,8 +123,8 @@ class Page:
                 document = model.turned(job.values)
             try:
                 self._model = model = Model(change(document))
-            except REFUSALS as error:
-                self._tell(str(error), True)
+            except Exception as error:
+                self._fail("the scene", error)
                 self._later(self._tell_seconds)
                 continue
             self._seconds = {}
@@ -145,13 +145,19 @@ class Page:
             # What one page compiles another need not.
             with _COMPILING if first else contextlib.nullcontext():
                 found = getattr(model, name)(job.values)
-        except Exception as error:  # whatever it is, the page must say it and go on
-            logging.getLogger(__name__).exception(name)
-            reason = str(error).strip().splitlines() or [type(error).__name__]
-            self._tell(reason[0], True)
+        except Exception as error:
+            self._fail(name, error)
             return
         self._seconds[name] = time.perf_counter() - started
         self._later(partial(self._show, name, job, found))
+
+    def _fail(self, stage: str, error: Exception) -> None:
+        """Shows the error that ended a stage; the thread goes on. Unexpected ones are logged."""
+        text = str(error).strip() or type(error).__name__
+        if not isinstance(error, REFUSALS):
+            logging.getLogger(__name__).error(stage, exc_info=error)
+            text = f"{stage}: {text.splitlines()[0]}"
+        self._tell(text, True)
 
     # What is shown, under the lock of the document.
 

@@ -26,7 +26,10 @@ CURVES = {
     "friction": ("1", "friction by mean field"),
     "contact_area": ("1", "contact area fraction by mean field"),
 }
-NUMBERS = ("friction", "contact_area", "contact_area_smooth", "mean_gap", "error")
+NUMBERS = (
+    "friction", "friction_error", "contact_area", "contact_area_error", "contact_area_smooth",
+    "mean_gap", "error",
+)  # fmt: skip
 FIELDS = ("pressure", "gap", "displacement")
 
 

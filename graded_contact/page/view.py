@@ -184,7 +184,7 @@ def _words(kind: str, text: str) -> str:
 def _headline(title: str, contact: Contact) -> str:
     found = contact.sliding
     numbers = {
-        "friction μ [1]": f"{float(found.friction):.4g}",
+        "friction μ [1]": f"{float(found.friction):.4g} ± {float(found.friction_error):.0e}",
         "contact area A/A₀": f"{100 * float(found.contact_area_smooth):.3g} %",
         "mean gap": with_unit(float(found.mean_gap), "m"),
         "error of the pressure": f"{float(found.error):.0e}",

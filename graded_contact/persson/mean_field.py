@@ -59,7 +59,7 @@ from .modes import add_up
 _NOT_REACHED = (
     "The mean field did not reach `rtol`, or met a value that is not finite (a pressure, thickness "
     "or modulus that is not positive under `jit` ends here). Raise `num_wavenumbers` and "
-    "`num_angles`, loosen `rtol`, or pass `throw=False` and see `.error`."
+    "`num_angles`, or loosen `rtol`."
 )
 
 

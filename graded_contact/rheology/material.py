@@ -33,13 +33,13 @@ from .._checks import (
     scalar,
     short,
 )
-from .._shown import shown
+from .._shown import shown, with_units
 from .creep import creep_from_relaxation, relaxation_from_creep
 from .measured import MeasuredRange
 from .shift import AbstractShift, as_temperature, require_shift, stretched
 
 
-@shown()
+@shown(argument=True)
 class AbstractMaterial(eqx.Module):
     """An isotropic linear viscoelastic solid."""
 
@@ -200,7 +200,7 @@ class Prony(AbstractMaterial):
             shift.log_factor(temperature),
             jnp.exp(shift.log_vertical(temperature)),
         )
-        return eqx.tree_at(
+        other = eqx.tree_at(
             lambda material: (
                 material.equilibrium, material.strengths, material.times, material.shift,
                 material.measured,
@@ -215,6 +215,7 @@ class Prony(AbstractMaterial):
             ),
             is_leaf=lambda leaf: leaf is None,
         )  # fmt: skip
+        return with_units(other)
 
     def coverage(self) -> tuple[Float[Array, ""], Float[Array, ""]]:
         """Returns the lowest and highest ω [rad/s] that were measured."""

@@ -11,7 +11,7 @@ import numpy as np
 from jax.flatten_util import ravel_pytree
 from jaxtyping import Array, Float
 
-from .._checks import as_float, check_whole, door
+from .._checks import as_float, check_values, check_whole, door
 from .design import Constraints, Design, Objective, minimise
 
 
@@ -129,8 +129,10 @@ def scatter(
     )
     width, _ = ravel_pytree(jax.tree.map(functools.partial(as_float, name="spread"), spread))
     width = jnp.broadcast_to(width, flat.shape) if width.shape == (1,) else width
-    if width.shape != flat.shape or not bool(jnp.all(jnp.isfinite(width) & (width >= 0))):
-        raise ValueError("`spread` must be a number or as `parameters`, zero or positive.")
+    if width.shape != flat.shape:
+        raise ValueError("`spread` must be a number or as `parameters`.")
+    allowed = "a standard deviation of ln(parameter) lies between 0 and 10"
+    check_values("spread", width, allowed, at_least=0, at_most=10)
     draws = jax.random.normal(jax.random.key(seed), (num_samples, flat.size))
     return jax.jit(lambda all_: jax.lax.map(lambda x: objective(unravel(x)), all_))(
         flat * jnp.exp(width * draws)

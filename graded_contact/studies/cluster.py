@@ -96,14 +96,14 @@ def on_workers(client: Any, program: Program, work: Work) -> Iterator[Finished]:
     **Raises:** `TimeoutError` if there is no worker; `ConnectionError` if the scheduler ends;
     `RuntimeError` if a worker has another version of what the program is made of.
     """
-    distributed = _distributed()
-    try:
-        client.wait_for_workers(1, timeout=PATIENCE)
-    except TimeoutError as error:
-        address = client.scheduler.address
-        raise TimeoutError(f"{address} has had no worker for {PATIENCE} s.") from error
-    # A task of its own: it is done again where all who know its result have died.
-    packed = client.submit(bytes, _packed(program), pure=False)
+    distributed, address = _distributed(), client.scheduler.address
+    with _connected(address):
+        try:
+            client.wait_for_workers(1, timeout=PATIENCE)
+        except TimeoutError as error:
+            raise TimeoutError(f"{address} has had no worker for {PATIENCE} s.") from error
+        # A task of its own: it is done again where all who know its result have died.
+        packed = client.submit(bytes, _packed(program), pure=False)
     ended = distributed.as_completed(loop=client.loop)
     running: dict[Any, tuple[list[int], bool]] = {}
     suspects: deque[int] = deque()
@@ -115,13 +115,14 @@ def on_workers(client: Any, program: Program, work: Work) -> Iterator[Finished]:
         ended.add(future)
 
     def hand_out():
-        # One for each thread, so that nobody dies with another.
-        places = max(1, sum(client.nthreads().values()))
-        while work.queue and len(running) < places:
-            share = -(-len(work.queue) // (2 * places))  # the end comes for all at once
-            submit(work.take(min(pace.count, share)))
-        if suspects and not running:
-            submit([suspects.popleft()], alone=True)
+        with _connected(address):
+            # One for each thread, so that nobody dies with another.
+            places = max(1, sum(client.nthreads().values()))
+            while work.queue and len(running) < places:
+                share = -(-len(work.queue) // (2 * places))  # the end comes for all at once
+                submit(work.take(min(pace.count, share)))
+            if suspects and not running:
+                submit([suspects.popleft()], alone=True)
 
     try:
         hand_out()
@@ -129,11 +130,13 @@ def on_workers(client: Any, program: Program, work: Work) -> Iterator[Finished]:
             points, alone = running.pop(future)
             error = future.exception() if future.status == "error" else None
             if not isinstance(error, distributed.KilledWorker):
-                if future.cancelled():
-                    address = client.scheduler.address
-                    raise ConnectionError(f"{address} is gone; what has finished, is finished.")
-                values, messages, seconds = future.result()
-                future.release()  # or it would be done again when its worker dies
+                if error is not None:
+                    raise error
+                with _connected(address):
+                    if future.cancelled():
+                        raise ConnectionError("its tasks were cancelled")
+                    values, messages, seconds = future.result()
+                    future.release()  # or it would be done again when its worker dies
                 pace.note(len(points), seconds)
                 yield Finished(points, values, messages)
             elif alone:
@@ -142,7 +145,22 @@ def on_workers(client: Any, program: Program, work: Work) -> Iterator[Finished]:
                 suspects.extend(points)
             hand_out()
     finally:
-        client.cancel(list(running))
+        with contextlib.suppress(OSError):
+            client.cancel(list(running))
+
+
+@contextlib.contextmanager
+def _connected(address: str) -> Iterator[None]:
+    """Raises `ConnectionError` for whatever dask raises when its scheduler ends."""
+    try:
+        yield
+    except TimeoutError:
+        raise
+    except OSError as error:
+        raise ConnectionError(
+            f"The scheduler {address} is gone: {error}. Finished points are in the store, if there "
+            "is one."
+        ) from error
 
 
 def _packed(program: Program) -> bytes:

@@ -18,7 +18,7 @@ from jaxtyping import Array, Float
 from scipy.optimize import minimize
 from scipy.stats import qmc
 
-from .._checks import check_values, check_whole, door
+from .._checks import check_tolerance, check_whole, door
 from .._shown import shown
 from .bounds import Flat, box_of, first_in, named
 from .evaluations import MARGIN, Evaluations
@@ -183,7 +183,7 @@ def minimise(
     check_whole("num_starts", num_starts, 1)
     check_whole("seed", seed, 0)
     check_whole("max_steps", max_steps, 1)
-    check_values("rtol", rtol, "it lies between 0 and 1", above=0, at_most=1)
+    check_tolerance("rtol", rtol, np.zeros(()))
     box = box_of(lower, upper)
     starts = _starts(box, first_in(box, start, lower), num_starts, seed)
     problem = Problem(objective, constraints, box, Evaluations(store, box.names))

@@ -336,8 +336,8 @@ def test_error_hidden_by_rounding_is_reported():
     """A load so small that its pressures are lost beside the gaps: once an error of 0."""
     kernel, heights = half_space(GRID), rough(GRID).heights
     with pytest.raises(RuntimeError, match="Rounding hides what is left of the error"):
-        gc.solve_contact(kernel, heights, 1e-14)
-    found = gc.solve_contact(kernel, heights, 1e-14, throw=False)
+        gc.solve_contact(kernel, heights, 1e-14, rtol=1e-6)
+    found = gc.solve_contact(kernel, heights, 1e-14, rtol=1e-6, throw=False)
     assert found.result == gc.RESULTS.rounding
     assert found.error > 1e-6
     assert found.num_steps < 100
@@ -399,6 +399,27 @@ def test_float32_solves_to_its_precision():
     assert error <= 2e-4
 
 
+@pytest.mark.parametrize("cell, modulus", [(1e-6, 1e12), (1e-9, 1e9), (1e-9, 1e12)])
+def test_small_cells_and_stiff_solids_in_float32(cell, modulus):
+    """A product of two of their compliances is less than the least number."""
+    kernel, heights = half_space(GRID), rough(GRID).heights
+    best = gc.solve_contact(kernel, heights, 0.02)
+    kernel = jnp.asarray(kernel * (cell / modulus), jnp.float32)
+    small = jnp.asarray(heights * cell, jnp.float32)
+    load = jnp.float32(0.02 * modulus)
+    s = gc.solve_contact(kernel, small, load, rtol=1e-3)
+    assert jnp.linalg.norm(s.pressure / modulus - best.pressure) <= 1e-3 * jnp.linalg.norm(
+        best.pressure
+    )
+
+
+@pytest.mark.parametrize("size, dtype", [(1e-254, jnp.float64), (1e-20, jnp.float32)])
+def test_heights_whose_squares_vanish_are_refused(size, dtype):
+    heights = jnp.asarray(size * np.cos(np.arange(256.0).reshape(16, 16)), dtype)
+    with pytest.raises(ValueError, match=f"^`heights`, at most {size:.2g} m, are refused"):
+        gc.solve_contact(half_space(SMALL).astype(dtype), heights, 1.0, rtol=1e-3)
+
+
 @pytest.mark.parametrize("dtype", [jnp.float32, jnp.float64])
 def test_the_more_precise_field_decides_and_a_load_does_not(dtype):
     """In two precisions the noise of one would pass for a residual of the other, without end."""
@@ -421,7 +442,7 @@ def test_fields_of_one_row_are_solved():
 def test_unreachable_tolerance_is_refused_with_the_remedy():
     kernel, heights = half_space(SMALL).astype(jnp.float32), jnp.zeros((16, 16), jnp.float32)
     with pytest.raises(ValueError, match=r"`rtol=1e-06` cannot be reached in float32.*enable_x64"):
-        gc.solve_contact(kernel, heights, jnp.float32(1.0))
+        gc.solve_contact(kernel, heights, jnp.float32(1.0), rtol=1e-6)
 
 
 def test_stopped_solve_reports_it_and_returns_the_partial_result():

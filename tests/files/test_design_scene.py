@@ -33,6 +33,11 @@ EXAMPLE = Path(__file__).parents[2] / "examples" / "design_coating.toml"
         ("velocity = 0.1", "velocity = 0", "`velocity"),
         ("velocity = 0.1", "velocity = 0.1\ndirection = 1", "`direction` = 0"),
         (DESIGN[DESIGN.index("[design]") :], "", r"lacks the table \[design\]"),
+        (
+            DESIGN[DESIGN.index("[design]") :],
+            '[sweep]\n"layers[0].thickness" = [1e-5, 1e-4]\n',
+            r"lacks the table \[design\]",
+        ),
         (DESIGN[DESIGN.index("[design.parameters]") :], "", "lacks the key `parameters`"),
     ],
 )

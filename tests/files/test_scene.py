@@ -1,5 +1,6 @@
 """Scenes are read strictly and built through the public constructors."""
 
+import inspect
 from pathlib import Path
 
 import equinox as eqx
@@ -57,6 +58,17 @@ def test_a_missing_key_is_named_with_its_place(line, place, key):
     with pytest.raises(ValueError) as refusal:
         parse_scene(changed(line, ""))
     assert str(refusal.value).startswith(f"{place} lacks the key `{key}`")
+
+
+def test_scenes_and_python_have_one_default_tolerance():
+    tolerance = parse_scene(changed("rtol = 1e-6", "")).tolerance
+    functions = (gc.solve_contact, gc.follow_contact, gc.area_against_cutoff)
+    defaults = [inspect.signature(f).parameters["rtol"].default for f in functions]
+    assert defaults == [tolerance["rtol"]] * 3
+    heights = np.random.default_rng(0).normal(size=(16, 16)).astype(np.float32) * 1e-6
+    single = gc.Surface(heights, gc.Grid((16, 16), 1e-3))
+    s = gc.slide(gc.Stack(base=gc.HalfSpace(gc.Elastic(1e6))), single, pressure=1e4, velocity=0.0)
+    assert 1e-6 < s.error <= tolerance["rtol"]
 
 
 @pytest.mark.parametrize(
@@ -255,7 +267,7 @@ def test_columns_and_units_of_a_table_can_be_told(tmp_path):
     np.testing.assert_allclose(material.storage, [30e3, 31e3])
     for old, new, expected in (
         ("storage =", "stor =", r"\[materials.coat.columns\] has no key `stor`.*`storage`"),
-        ('"kPa"', '"kpa "', r"`units=\{'modulus': 'kpa '\}` is refused"),
+        ('"kPa"', '"kpa "', "`units`: 'kpa ' of the modulus is refused"),
         ('"x"', '"y"', r"table.csv`: line 1: `columns` asks for 'y'"),
     ):
         with pytest.raises(ValueError, match=expected):

@@ -173,6 +173,8 @@ def test_a_page_turns_refuses_changes_and_saves(page, tmp_path):
                                       "../<b>notes.txt", b"no table", d))  # fmt: skip
     until(lambda: "notes.txt" in page.view._refusal.object)
     assert "<b>" not in page.view._refusal.object
+    page.change(lambda _: {}["a bug"])  # anything else that is raised is shown as well
+    until(lambda: "the scene: &#x27;a bug&#x27;" in page.view._refusal.object)
     assert sorted(path.name for path in tmp_path.iterdir()) == ["mine.toml", "theirs.toml"]
     rows = "".join(f"{f},{2e6 * f**0.1:g},{3e5:g}\n" for f in (0.1, 1, 10, 100, 1000))
     table = f"frequency (Hz),E' (Pa),E'' (Pa)\n{rows}".encode()

@@ -127,6 +127,15 @@ def test_c_xy_of_thin_slabs_keeps_its_digits(base, poisson):
         assert value[1, 0] == value[0, 1]
 
 
+def test_c_xy_of_stacked_free_incompressible_sheets_is_right_to_the_rounding_of_c_xx():
+    q, nu = np.array([1e-8, 1e-6, 1e-4, 0.01, 1.0]), np.full(2, 0.5)
+    thickness, modulus = np.array([0.3, 0.7]), np.full(2, 3e6)
+    found = layered_compliance_matrix(0.6 * q, 0.8 * q, thickness, modulus, nu, gc.Free())
+    for x, value in zip(q, np.asarray(found), strict=True):
+        exact = mpf("0.48") * along_less_across(x, thickness, modulus, nu, "free")
+        assert abs(mpc(complex(value[0, 1])) - exact) <= 1e-15 * abs(value[0, 0]), x
+
+
 def test_half_space_is_that_of_boussinesq_and_cerruti():
     """Fourier transforms of the fields of point forces, K. L. Johnson, Contact Mechanics (1985).
 

@@ -237,5 +237,5 @@ def test_a_pareto_front_has_two_ends():
 
 
 def test_a_spread_is_not_negative():
-    with pytest.raises(ValueError, match="`spread` must be"):
+    with pytest.raises(ValueError, match=r"`spread\[0\]=.* is refused"):
         scatter(lambda p: p["x"], {"x": 1.0}, -0.1)

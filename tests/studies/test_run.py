@@ -37,7 +37,8 @@ def test_a_run_gives_what_slide_gives(scene, results):
     surface = build_surface(scene)
     for i, j in np.ndindex(2, 2):
         pressure, velocity = scene.pressure[i], scene.velocity[j]
-        sliding = gc.slide(scene.stack, surface, pressure=pressure, velocity=velocity)
+        load = {"pressure": pressure, "velocity": velocity, **scene.tolerance}
+        sliding = gc.slide(scene.stack, surface, **load)
         for name in ("friction", "contact_area", "contact_area_smooth", "mean_gap", "error"):
             np.testing.assert_allclose(results[name][i, j], getattr(sliding, name), rtol=1e-6)
     assert list(results.fields) == [(1, 1)]
@@ -62,7 +63,8 @@ def test_a_solve_that_does_not_converge_is_kept_with_its_message():
 def test_the_direction_turns_the_velocity_from_the_x_axis():
     text = changed("[2e5, 4e5]", "2e5", "[0.01, 1.0]", "0.1\ndirection = 1.5707963267948966")
     scene = parse_scene(text)
-    along_y = gc.slide(scene.stack, build_surface(scene), pressure=2e5, velocity=[0.0, 0.1])
+    load = {"pressure": 2e5, "velocity": [0.0, 0.1], **scene.tolerance}
+    along_y = gc.slide(scene.stack, build_surface(scene), **load)
     np.testing.assert_allclose(run_scene(scene).friction, along_y.friction, rtol=1e-9)
 
 
@@ -281,7 +283,7 @@ def test_temperatures_seeds_and_paths_are_axes_of_what_slide_gives(varied):
     random, index = scene.surface, (1, 1, 1, 0, 1)
     surface = gc.random_surface(random.spectrum, random.grid, jax.random.key(4))
     block = gc.with_values(scene.stack, {"layers[0].thickness": 1e-5}).at(273.15)
-    sliding = gc.slide(block, surface, pressure=2e5, velocity=0.1)
+    sliding = gc.slide(block, surface, pressure=2e5, velocity=0.1, **scene.tolerance)
     for name in ("friction", "contact_area_smooth", "mean_gap"):
         np.testing.assert_allclose(results[name][index], getattr(sliding, name), rtol=1e-6)
     assert list(results.fields) == [index]

@@ -336,6 +336,24 @@ def test_a_scheduler_without_workers_is_told(threads):
         sweep(draw, AXES, client=threads)
 
 
+def test_a_scheduler_that_ends_is_named_and_what_was_finished_is_kept(
+    threads, monkeypatch, tmp_path
+):
+    answers = [threads.nthreads()]
+
+    def nthreads():
+        if not answers:
+            raise pytest.importorskip("distributed.comm").CommClosedError("closed")
+        return answers.pop()
+
+    monkeypatch.setattr(threads, "nthreads", nthreads)
+    with pytest.raises(
+        ConnectionError, match=r"^The scheduler inproc.* is gone: closed\. Finished"
+    ):
+        sweep(draw, AXES, client=threads, store=tmp_path)
+    assert len(list(tmp_path.glob("*.h5"))) >= 1
+
+
 def test_workers_relieve_this_process_where_they_pay(threads, monkeypatch):
     started = []
     monkeypatch.setattr(engine, "num_cores", lambda: 4)

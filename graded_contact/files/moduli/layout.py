@@ -114,7 +114,7 @@ def table_layout(table: NumberTable, told: Told, spaced: bool) -> Layout:
         if len(places) > 1:
             asked.append(
                 f"{' and '.join(map(head.label, places))} may all be the {quantity}. Tell which by "
-                f"`columns={{'{quantity}': ...}}`, or by `deformation`"
+                f"`columns` (of the {quantity}), or by `deformation`"
             )
         column = _column(head, quantity, places[0], told)
         if column is not None:
@@ -234,7 +234,7 @@ def _way(
     if silent and not told.units:
         asked.append(
             f"no unit is said of {', '.join(silent)}: pass `units` too, of those of "
-            f"{tuple(UNITS)} that are needed, such as `units={{'modulus': 'MPa'}}`"
+            f"{tuple(UNITS)} that are needed, such as MPa of the modulus"
         )
     asked += _asked_of_temperature(table, chosen, told)
     raise ValueError(f"{head.place}: {'; '.join(asked)}")
@@ -301,9 +301,8 @@ def _asked_of_units(head: Head, quantities: list[str], chosen: dict[str, list[in
         has = f"the unit {unit!r}" if unit else "no unit"
         lacking.append(f"{head.label(place)}, the {quantity}, has {has}")
     dimensions = dict.fromkeys(DIMENSIONS[quantity] for quantity in quantities)
-    units = ", ".join(f"'{dimension}': ..." for dimension in dimensions)
-    allowed = "; ".join(f"{dimension}: {list(UNITS[dimension])}" for dimension in dimensions)
-    return [f"{', '.join(lacking)}. Pass `units={{{units}}}`, one of {allowed}"]
+    allowed = "; ".join(f"{dimension}: one of {list(UNITS[dimension])}" for dimension in dimensions)
+    return [f"{', '.join(lacking)}. Pass `units`: {allowed}"]
 
 
 def _asked_of_temperature(

@@ -192,7 +192,7 @@ def _told(
             raise ValueError(f"`units` has the key {dimension!r}; use one of {tuple(UNITS)}.")
         if not isinstance(unit, str) or unit not in UNITS[dimension]:
             raise ValueError(
-                f"`units={{{dimension!r}: {unit!r}}}` is refused: use one of "
+                f"`units`: {unit!r} of the {dimension} is refused; use one of "
                 f"{tuple(UNITS[dimension])}."
             )
     chosen = () if step is None else (step,) if isinstance(step, str | int) else tuple(step)
