@@ -211,7 +211,8 @@ def _aim(rtol, friction_rtol, kernel, surface: Surface, velocity, law):
     if friction_rtol is None:
         return 1e-6 if rtol is None else rtol, None
     check_tolerance("friction_rtol", friction_rtol, surface.heights)
-    heights, tolerance = surface.heights, jnp.asarray(friction_rtol, surface.heights.dtype)
+    heights = surface.heights
+    velocity, tolerance = (jnp.asarray(a, heights.dtype) for a in (velocity, friction_rtol))
     return friction_rtol, FrictionAndArea(kernel, heights, surface.grid, velocity, law, tolerance)
 
 
