@@ -86,12 +86,9 @@ def main():
 
     one("random", "--count", int, 500)
     one("random", "--seed", int, 0)
-    one("random", "--show", int, 20, help="how many scenes to describe that did not converge")
-
     one("hard", "--size", int, 128)
     one("hard", "--count", int, 0, help="random scenes in place of the tables")
     one("hard", "--seed", int, 0)
-    one("hard", "--show", int, 20, help="how many scenes to describe that did not converge")
 
     many(["overhead", "overhead_of"], "--sizes", int, [256, 512, 1024, 2048])
     many(["overhead"], "--backends", str, ["xla", "ducc0"])

@@ -4,8 +4,7 @@ Run by `bench_contact.py`. Cylinders: parabolas on one relaxation, rigid against
 half-widths at rest, contrast of the moduli and speed (relaxation time times speed over the
 half-width). Rough: `rough_surface`, one relaxation (`single`) in mid-band or ten decades (`broad`).
 Random: one or ten relaxations, contrasts to 1e4, loads from 1e-6 of what closes every gap, grids
-of one and two dimensions, also odd and not square, any direction; each solved again 100 times
-closer.
+of one and two dimensions, also odd and not square; each solved in the ways of `contact_random.py`.
 """
 
 from functools import partial
@@ -13,7 +12,7 @@ from functools import partial
 import jax
 import jax.numpy as jnp
 import numpy as np
-from contact_random import survey
+from contact_random import Way, survey
 from contact_scenes import CELL, Q0, print_versions, rough_surface, timed
 from rows import keep
 
@@ -94,8 +93,8 @@ def block(contrast, num):
     return gc.Stack(base=gc.HalfSpace(rubber))
 
 
-class HardScene:
-    """A random block, surface, load, velocity and tolerance."""
+class HardScene(Way):
+    """A random block, surface, load, and way to solve them."""
 
     def __init__(self, rng, i):
         shape = SHAPES[i % len(SHAPES)]
@@ -112,23 +111,11 @@ class HardScene:
         grid = gc.Grid(shape, CELL)
         key = jax.random.key(rng.integers(2**31))
         self.surface = gc.random_surface(spectrum, grid, key)
-        speed, angle = 10 ** rng.uniform(-4, 4), rng.uniform(0, 2 * np.pi)
-        self.velocity = speed * np.array([np.cos(angle), np.sin(angle)][: len(shape)])
-        if len(shape) == 1:
-            self.velocity = speed
-        self.rtol = 10 ** rng.uniform(-7, -3)
-        kernel = gc.stack_kernel(self.stack, grid, self.velocity)
+        speed = 10 ** rng.uniform(-4, 4)
+        kernel = gc.stack_kernel(self.stack, grid, speed)
         kernel = kernel.at[(0,) * kernel.ndim].set(np.inf)
         full = to_field(to_spectrum(self.surface.heights) / kernel, shape)
         closed = 10 ** rng.uniform(-6, 0)
         self.load = -closed * float(full.min())
         self.description = f"{shape}, contrast {contrast:.0f}, p = {closed:.1e} of full contact"
-
-    def __repr__(self):
-        return f"{self.description}, velocity {self.velocity}, rtol = {self.rtol:.1e}"
-
-    def solve(self, rtol):
-        return gc.slide(
-            self.stack, self.surface, pressure=self.load, velocity=self.velocity, rtol=rtol,
-            throw=False,
-        )  # fmt: skip
+        self.draw_way(rng, speed)

@@ -225,6 +225,20 @@ def sliding_frequency(
     return omega - jax.lax.stop_gradient(jnp.where(jnp.abs(omega) <= rounding, omega, 0))
 
 
+def wave_frequencies(grid: Grid, velocity: Float[Array, "..."]) -> Float[Array, "..."]:
+    """Returns ω = -q·v [rad/s] of the waves of the half spectrum.
+
+    What a component of q adds is 0 on its Nyquist line. `velocity` has one component (along x) or
+    two; for one the result has the shape of a column, `(nx, 1)`.
+    """
+    components = [
+        jnp.where(2 * np.abs(k) == n, 0, q)
+        for k, n, q in zip(mode_numbers(grid.shape), grid.shape, wavevector(grid), strict=True)
+    ]
+    qx, qy = (*components, jnp.zeros(()))[:2]
+    return sliding_frequency(qx, qy, velocity[0] if velocity.shape == (1,) else velocity)
+
+
 def multiplicity(shape: tuple[int, ...]) -> np.ndarray:
     """Returns how often each entry of the half spectrum stands in the full one: 1 or 2."""
     columns = np.arange(shape[-1] // 2 + 1)

@@ -37,12 +37,11 @@ from .contact.observables import (
     friction_share,
     slope_in_contact,
     unmeasured_shares,
-    wave_frequencies,
 )
 from .contact.problem import RTOL, solve_contact
 from .contact.solution import RESULTS, ContactSolution
 from .contact.solver import AbstractContactSolver
-from .grid import Grid
+from .grid import Grid, wave_frequencies
 from .response.grading import AbstractGradedSolver
 from .response.kernel import attempted_kernel, stack_kernel
 from .response.layering import Layering
@@ -214,7 +213,8 @@ def _aim(rtol, friction_rtol, kernel, surface: Surface, velocity, law):
     if friction_rtol is None:
         return RTOL if rtol is None else rtol, None
     check_tolerance("friction_rtol", friction_rtol, surface.heights)
-    heights, tolerance = surface.heights, jnp.asarray(friction_rtol, surface.heights.dtype)
+    heights = surface.heights
+    velocity, tolerance = (jnp.asarray(a, heights.dtype) for a in (velocity, friction_rtol))
     return friction_rtol, FrictionAndArea(kernel, heights, surface.grid, velocity, law, tolerance)
 
 
@@ -290,11 +290,11 @@ def _frictions(contact: ContactSolution, own, kernel, heights, grid: Grid, veloc
 @eqx.filter_jit
 def _uncertainties(contact: ContactSolution, own, kernel, grid: Grid, velocity):
     # Errors have no derivative.
-    s, mismatch, error, u, m, v = jax.lax.stop_gradient(
-        (contact.pressure, contact.mismatch, contact.error, own, kernel, velocity)
+    s, correction, u, m, v = jax.lax.stop_gradient(
+        (contact.pressure, contact.correction, own, kernel, velocity)
     )
     return dict(
-        friction_error=friction_error(s, mismatch, error, m, grid, v),
+        friction_error=friction_error(s, correction, m, grid, v),
         energy_imbalance=energy_imbalance(s, u, m, grid, v),
     )
 
@@ -308,7 +308,7 @@ def _areas(contact: ContactSolution, margin, measured, grid: Grid, velocity):
         if measured is None
         else unmeasured_shares(measured, touching, sigma, contact.displacement, grid, velocity)
     )
-    known = jax.lax.stop_gradient((margin, sigma, contact.mismatch, contact.error))
+    known = jax.lax.stop_gradient((margin, contact.correction))
     return dict(
         contact_area=contact_area(touching).astype(sigma.dtype),
         contact_area_error=contact_area_error(*known),

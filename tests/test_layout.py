@@ -21,7 +21,7 @@ ORDER = [
     "contact/splitting", "contact/held_points", "contact/linear", "contact/newton_steps",
     "contact/on_grid", "contact/epochs",
     "contact/douglas_rachford", "contact/rmd",
-    "contact/implicit", "contact/solution", "contact/newton", "contact/wanted",
+    "contact/implicit", "contact/estimates", "contact/solution", "contact/newton", "contact/wanted",
     "contact/problem", "contact/path",
     "contact/observables", "contact/area", "contact/friction_and_area", "sliding", "magnification",
     "persson/diffusion", "persson/modes", "persson/isotropic", "persson/mean_field",

@@ -8,7 +8,7 @@ import numpy as np
 from jaxtyping import Array, Bool, Float, Inexact
 
 from .._devices import in_turns
-from ..grid import Grid
+from ..grid import Grid, mode_numbers, multiplicity
 
 # Area of a pixel count beyond the true one, per pixel edge between contact and gap.
 # V. A. Yastrebov, G. Anciaux, J.-F. Molinari, Tribol. Int. 114 (2017) 161, arXiv:1701.02727.
@@ -39,26 +39,29 @@ def contact_area_corrected(contact: Bool[Array, "*shape"]) -> Float[Array, ""]:
 
 
 def contact_area_error(
-    margin: Float[Array, "*shape"],
-    pressure: Float[Array, "*shape"],
-    mismatch: Float[Array, "*shape"],
-    error: Float[Array, ""],
+    margin: Float[Array, "*shape"], correction: Float[Array, "*shape"]
 ) -> Float[Array, ""]:
     """Returns the fraction of points that may be on the wrong side of the edge of contact [1].
 
-    Those whose margin (see `AbstractLaw.margin`) [Pa] is below three times the root mean square
-    error of the pressure, given its relative `error`, or where the solver's `mismatch` [Pa] is more
-    than three times as large as elsewhere, as many times. The error of the grid comes on top.
+    Those whose margin (see `AbstractLaw.margin`) [Pa] is below four times the `correction` of the
+    pressure, there or on average (root mean square). The error of the grid comes on top.
     """
-    typical, elsewhere = (jnp.sqrt(jnp.mean(f**2)) for f in (pressure, mismatch))
-    peak = jnp.abs(mismatch) / jnp.where(elsewhere > 0, elsewhere, 1)
-    doubt = error * typical * jnp.maximum(peak, 3)
+    doubt = 4 * jnp.maximum(jnp.abs(correction), jnp.sqrt(jnp.mean(correction**2)))
     return jnp.mean(jnp.abs(margin) < doubt, dtype=margin.dtype)
 
 
 def edge_stiffness(kernel: Inexact[Array, "*half"], grid: Grid) -> Float[Array, ""]:
-    """Returns 1/|M| at half the Nyquist wavenumber along x [Pa/m]: it weighs gaps near an edge."""
-    return 1 / jnp.abs(kernel[(grid.shape[0] // 4,) + (0,) * (grid.ndim - 1)])
+    """Returns a stiffness 1/|M| near the edge of contact [Pa/m], which weighs gaps there.
+
+    It is the geometric mean over the waves of all directions near half the Nyquist number, since
+    edges run in all directions and a wave across the velocity excites no losses.
+    """
+    counts = zip(mode_numbers(grid.shape), grid.shape, strict=True)
+    radius = sum((4 * jnp.asarray(k) / n) ** 2 for k, n in counts)
+    near = (radius >= 0.5**2) & (radius <= 1.5**2)
+    weight = jnp.where(near, multiplicity(grid.shape), 0).astype(grid.size.dtype)
+    logarithm = jnp.log(jnp.abs(jnp.where(near, kernel, 1)))
+    return jnp.exp(-jnp.sum(weight * logarithm) / jnp.sum(weight))
 
 
 def contact_area_smooth(margin: Float[Array, "*shape"]) -> Float[Array, ""]:

@@ -3,7 +3,6 @@
 Coarse grids find a start for finer ones; what is done on each is in `epochs.py`.
 """
 
-import dataclasses
 from collections.abc import Callable
 from typing import ClassVar
 
@@ -12,7 +11,7 @@ import numpy as np
 from jaxtyping import Array, Float, Inexact
 
 from .._checks import check_whole, is_concrete
-from .epochs import Plan, approach, found, gap_error, gear_up, pressure_error, scenes
+from .epochs import Plan, approach, found, gear_up, scenes
 from .law import AbstractLaw
 from .linear import LinearSplitting
 from .newton_steps import takes_newton_steps
@@ -83,9 +82,7 @@ class DouglasRachford(AbstractContactSolver):
                 state = gear_up(problem, state, rtol, plan)
             reached = problem, state
         assert reached is not None  # there is at least one grid
-        contact = found(*reached)
-        error, gaps = pressure_error(*reached, contact, rtol), gap_error(*reached, contact)
-        return dataclasses.replace(contact, error=error, gap_error=gaps)
+        return found(*reached)
 
     def _plan(self, level, shape, law: AbstractLaw, prescribed: Prescribed) -> Plan:
         points, share = int(np.prod(level)), float(np.prod(level) / np.prod(shape))

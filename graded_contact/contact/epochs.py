@@ -26,11 +26,9 @@ from .solver import (
     participation,
     penalty_for,
     pressure_unit,
-    root_mean_square,
-    slope,
     watch_of,
 )
-from .splitting import CYCLE, draft, estimated_gap_error, iterate, rounding_error
+from .splitting import CYCLE, draft, iterate
 
 # All within 2 % of the fewest FFT pairs of `bench_contact.py viscoelastic`.
 _COARSE_ERROR = 0.02  # of the nested coarse grids, which only give a start
@@ -236,10 +234,7 @@ def _meet(problem: OnGrid, state: Progress):
 
 @eqx.filter_jit
 def found(problem: OnGrid, state: Progress) -> Iterated:
-    """The contact where a solve ended on the finest grid; its errors are still to be estimated.
-
-    Until then `gap_error` is that of the gap where the law holds it.
-    """
+    """The contact where a solve ended on the finest grid."""
     factor = state.factor
     x, y, gap = _meet(problem, state)
     # The displacement has the stiff waves of the law's pressure and the soft ones of the
@@ -247,7 +242,6 @@ def found(problem: OnGrid, state: Progress) -> Iterated:
     pressure = problem.at_load(y)
     stiff = problem.solid_at(factor)(pressure - x)
     solid_gap = (state.z - x + (pressure - x) - stiff) / factor
-    offset = root_mean_square(stiff) + root_mean_square(pressure - y)
     unit, length = problem.unit, problem.length
     return Iterated(
         pressure=pressure * unit,
@@ -255,37 +249,7 @@ def found(problem: OnGrid, state: Progress) -> Iterated:
         mismatch=(x - y) * unit,
         displacement=(solid_gap + problem.heights()) * length,
         error=state.error,
-        gap_error=offset * (length / factor),
         ended=~state.going_on,
         num_steps=state.drafted + state.steps,
         num_fft_pairs=state.all_pairs(1.0) + 3,
     )
-
-
-@eqx.filter_jit
-def pressure_error(problem: OnGrid, state: Progress, contact: Iterated, rtol) -> Array:
-    """The estimated error of the pressure of the contact that was `found`."""
-    kernel, held = _held(problem, state, contact)
-    pressure, mismatch = contact.pressure / problem.unit, contact.mismatch / problem.unit
-    # Where rounding ended the solve, the residual is noise, most of it out of contact.
-    return jax.lax.cond(
-        contact.ended & (state.error > rtol),
-        lambda: jnp.minimum(state.error, rounding_error(kernel, held, pressure, mismatch)),
-        lambda: state.error,
-    )
-
-
-@eqx.filter_jit
-def gap_error(problem: OnGrid, state: Progress, contact: Iterated) -> Array:
-    """The same of the gap."""
-    kernel, held = _held(problem, state, contact)
-    length, mismatch = problem.length / state.factor, contact.mismatch / problem.unit
-    freed, gap = (1 - held) * mismatch, contact.gap / length
-    return length * estimated_gap_error(kernel, held, freed, gap, contact.gap_error / length)
-
-
-def _held(problem: OnGrid, state: Progress, contact: Iterated):
-    """The dimensionless kernel, and how far the law holds the gap."""
-    gap = contact.gap * (state.factor / problem.length)
-    held = slope(problem.law_at(state.factor), contact.pressure / problem.unit - gap)
-    return problem.solid_at(state.factor).compliance, held

@@ -16,9 +16,6 @@ from .wanted import Asked
 # and area no better than to this part of what the grid leaves.
 _LEAST_SHARE = 0.01
 _OF_GRID = 0.1
-# The most that a Newton step left of what it changed friction and area by, in random scenes;
-# mostly it is a tenth of that.
-_CLAIMED = (0.3, 1.0)
 
 
 class FrictionAndArea(eqx.Module):
@@ -38,11 +35,12 @@ class FrictionAndArea(eqx.Module):
         slope = slope_in_contact(sigma, own, grid)
         margin = self.law.margin(sigma, contact.gap, edge_stiffness(self.kernel, grid))
         area = contact_area_smooth(margin)
-        by_grid = jnp.abs(jnp.stack([geometric - mu, contact_area_corrected(margin > 0) - area]))
+        counted = contact_area_corrected(margin > 0).astype(area.dtype)
+        by_grid = jnp.abs(jnp.stack([geometric - mu, counted - area]))
         value, size = jnp.stack([mu, area]), jnp.stack([slope, area])
         tolerance = self.rtol * jnp.maximum(jnp.abs(value), _LEAST_SHARE * size)
         tolerance = jnp.maximum(tolerance, _OF_GRID * by_grid)
         # Of what does not touch there is no friction to be wrong.
         touching = jnp.any(sigma != 0)
         value, size, tolerance = (jnp.where(touching, a, 0) for a in (value, size, tolerance))
-        return Asked(value, size, tolerance, jnp.asarray(_CLAIMED, value.dtype))
+        return Asked(value, size, tolerance)

@@ -6,10 +6,11 @@ smooth law: k/(k + ρ), k = -dσ/du) and its change R = ∂P/∂θ dθ with the 
 
     (1 - s) dσ + ρ s (M dσ + dū) = R - ρ s (dM σ - dh),
 
-with the change of the mean pressure or of the mean gap ū prescribed. Points join or leave the
-contact of a hard wall with σ = 0, so to first order the set of contact stands still; where a point
-has σ = 0 and u = 0 at once the derivative is one-sided, and what is returned is that of the set as
-found. The same holds where the pressure just reaches a hardness.
+with the change of the mean pressure prescribed. If that of the mean gap ū is prescribed instead, so
+much of the response to a load alone is added that ū changes as it should. Points join or leave the
+contact of a hard wall with σ = 0, so to first order the set of contact is fixed; where a point has
+σ = 0 and u = 0 at once the derivative is one-sided, that of the set as it was found. The same holds
+where the pressure just reaches a hardness.
 
 With dσ = e + √|s| τ, where e has the right mean, the unknown τ obeys A τ = b with
 A = ε(1 - s) + √|s| ρM √|s| and ε the sign of s: the adjoint of A is that of the kernel conj(M), so
@@ -25,7 +26,7 @@ from jaxtyping import Array, Float, Inexact
 
 from ..grid import to_field, to_spectrum
 from .law import AbstractLaw
-from .solver import LinearSolver, Prescribed, slope
+from .solver import LinearSolver, Prescribed, nonzero, slope
 
 
 class Inputs(NamedTuple):
@@ -76,30 +77,34 @@ def _attached_jvp(primals, tangents):
     v = state.pressure - penalty * (gap + (moving - jax.lax.stop_gradient(moving)))
     s = slope(inputs.law.in_units(1.0, 1 / penalty), v)
     by_law, by_kernel, by_heights = _given_changes(inputs, change, state, penalty, v)
+    held = nonzero(jnp.mean(s))
 
-    load_given = inputs.prescribed.pressure is not None
-    known = by_law
-    rhs = by_law - penalty * (by_kernel - by_heights)
-    if load_given:
-        d_load = 0 if change.prescribed.pressure is None else change.prescribed.pressure
-        share = (d_load - jnp.mean(by_law)) / jnp.mean(s)
+    def respond(rhs, known, d_load):
+        """dσ under a change of the load, the part `known` of it aside, and what closes dū."""
+        share = (d_load - jnp.mean(known)) / held
         known = known + share * s
-        rhs = rhs - share * (1 - s)
-    elif change.prescribed.gap is not None:
-        rhs = rhs - penalty * change.prescribed.gap
-    rhs = rhs - penalty * displace(inputs.kernel, known)
+        rhs = rhs - share * (1 - s) - penalty * displace(inputs.kernel, known)
+        return known + _in_contact(penalty * inputs.kernel, s, rhs, linear, rtol)
 
-    def solve(kernel, rhs):
-        return linear(kernel, s, rhs, free_mean=not load_given, rtol=rtol)
+    def opened(d_pressure, given):
+        """The change of the mean gap with a pressure, and with what else is given."""
+        moved = displace(inputs.kernel, d_pressure)
+        return jnp.mean(given - (1 - s) * d_pressure - penalty * s * moved) / (penalty * held)
 
-    d_pressure = known + _in_contact(penalty * inputs.kernel, s, rhs, load_given, solve)
+    rhs = by_law - penalty * (by_kernel - by_heights)
+    given = by_law - penalty * s * (by_kernel - by_heights)
+    d_load, d_gap = change.prescribed
+    d_pressure = respond(rhs, by_law, 0.0 if d_load is None else d_load)
+    if inputs.prescribed.pressure is not None:
+        d_gap = opened(d_pressure, given)
+    else:
+        # The load follows from the gap, by the response to a load alone.
+        d_gap = jnp.zeros_like(penalty) if d_gap is None else d_gap
+        none = jnp.zeros_like(v)
+        by_load = respond(none, none, 1.0)
+        missing = d_gap - opened(d_pressure, given)
+        d_pressure = d_pressure + by_load * (missing / nonzero(opened(by_load, none)))
     d_displacement = displace(inputs.kernel, d_pressure) + by_kernel
-    d_gap = jnp.zeros_like(penalty)
-    if load_given:
-        closing = by_law - (1 - s) * d_pressure - penalty * s * (d_displacement - by_heights)
-        d_gap = jnp.mean(closing) / (penalty * jnp.mean(s))
-    elif change.prescribed.gap is not None:
-        d_gap = change.prescribed.gap
     return state, State(d_pressure, d_displacement, d_gap)
 
 
@@ -117,13 +122,13 @@ def _given_changes(inputs: Inputs, change: Inputs, state: State, penalty, v):
     return by_law, by_kernel, by_heights
 
 
-def _in_contact(kernel, s, rhs, load_given: bool, solve):
-    """√|s| τ, where A τ = √|s| rhs of zero mean √|s| τ if the load is given."""
+def _in_contact(kernel, s, rhs, linear: LinearSolver, rtol):
+    """√|s| τ of zero mean, where A τ = √|s| rhs."""
     root = root_of(s)
     sign = jnp.where(s < 0, -1, 1)
 
     def project(field):
-        return without_mean(field, root) if load_given else field
+        return without_mean(field, root)
 
     def operate(tau):
         inside = project(tau)
@@ -133,7 +138,7 @@ def _in_contact(kernel, s, rhs, load_given: bool, solve):
     def solver_for(kernel):
         def run(_, rhs):
             inside = project(rhs)
-            return project(solve(kernel, inside)) + rhs - inside
+            return project(linear(kernel, s, inside, rtol=rtol)) + rhs - inside
 
         return run
 
@@ -155,7 +160,7 @@ def without_mean(
     field: Float[Array, "*shape"], root: Float[Array, "*shape"]
 ) -> Float[Array, "*shape"]:
     """Returns τ less its part along √|s|: a given load leaves no mean of √|s| τ."""
-    return field - root * (jnp.sum(root * field) / jnp.sum(root * root))
+    return field - root * (jnp.sum(root * field) / nonzero(jnp.sum(root * root)))
 
 
 def displace(

@@ -67,14 +67,13 @@ class LinearSplitting(eqx.Module):
         weights: Float[Array, "*shape"],
         rhs: Float[Array, "*shape"],
         *,
-        free_mean: bool,
         rtol: Float[Array, ""],
     ) -> Float[Array, "*shape"]:
         """Returns the τ of `solve`, or fails if that did not converge."""
         if self.rtol is not None:
             check_tolerance("rtol", self.rtol, rhs)
             rtol = jnp.asarray(self.rtol, rhs.dtype)
-        tau, _, found, _ = self.solve(kernel, weights, rhs, free_mean=free_mean, rtol=rtol)
+        tau, _, found, _ = self.solve(kernel, weights, rhs, rtol=rtol)
         checked = eqx.error_if(
             jnp.asarray(-0.0),
             ~found,
@@ -89,7 +88,6 @@ class LinearSplitting(eqx.Module):
         weights: Float[Array, "*shape"],
         rhs: Float[Array, "*shape"],
         *,
-        free_mean: bool,
         rtol: Float[Array, ""],
     ) -> Solved:
         """Returns τ with ε(1 - s)τ + √|s| ρM √|s| τ = rhs, ε being the sign of s, and more.
@@ -98,11 +96,11 @@ class LinearSplitting(eqx.Module):
 
         - `kernel`: ρM on the half spectrum, or for the adjoint its conjugate, 0 at q = 0.
         - `weights`: s, the slope of the law's proximal map at each point.
-        - `rhs`: the right side. Unless `free_mean`, it and τ are orthogonal to √|s|.
+        - `rhs`: the right side; it and τ are orthogonal to √|s|.
         - `rtol`: relative error that ends it; that of the contact if the settings have none.
         """
         root, sign = jnp.sqrt(jnp.abs(weights)), jnp.where(weights < 0, -1, 1).astype(rhs.dtype)
-        solid = Solid(kernel, jnp.ones((), rhs.dtype), free_mean)
+        solid = Solid(kernel, jnp.ones((), rhs.dtype), False)
         few, eliminated = self._on_few(solid, weights, root, sign, rhs)
         proximal = jax.tree_util.Partial(_proximal, root, sign, rhs)
         share = jnp.maximum(jnp.mean(root), 1 / root.size)
@@ -130,8 +128,8 @@ class LinearSplitting(eqx.Module):
 
         def eliminate(_):
             green = to_field(solid.compliance + 0j, rhs.shape)
-            total = None if solid.free_mean else jnp.zeros((), rhs.dtype)
-            found = solve_on_few(root, green, sign * (1 - weights), rhs, total, room)
+            none = jnp.zeros((), rhs.dtype)
+            found = solve_on_few(root, green, sign * (1 - weights), rhs, none, room)
             return jnp.where(root > 0, found, rhs), jnp.asarray(False)
 
         # A loop of one turn: under `vmap` both branches of a condition would be computed.

@@ -25,12 +25,13 @@ from ..grid import (
     as_velocity,
     derivative,
     direction_and_speed,
-    mode_numbers,
     multiplicity,
     to_spectrum,
+    wave_frequencies,
     wavenumber,
-    wavevector,
 )
+from .estimates import error_of
+from .implicit import displace
 
 
 def friction(
@@ -58,7 +59,7 @@ def dissipation(
     Entries stand for themselves and their conjugates, so that the sum is the whole power,
     μ ⟨σ⟩ |v|.
     """
-    omega = -_project(grid, jnp.atleast_1d(as_float(velocity, "velocity")))
+    omega = wave_frequencies(grid, as_float(velocity, "velocity"))
     amplitude = to_spectrum(pressure) / np.prod(grid.shape)
     power = (amplitude.real**2 + amplitude.imag**2) * -omega * jnp.imag(kernel)
     return power * multiplicity(grid.shape)
@@ -66,26 +67,23 @@ def dissipation(
 
 def friction_error(
     pressure: Float[Array, "*shape"],
-    mismatch: Float[Array, "*shape"],
-    error: Float[Array, ""],
+    correction: Float[Array, "*shape"],
     kernel: Inexact[Array, "*half"],
     grid: Grid,
     velocity: Numbers,
 ) -> Float[Array, ""]:
     """Returns an estimate of the error of the friction coefficient that the solver left [1].
 
-    The difference between the friction of the solid's pressure, `pressure + mismatch`, and that of
-    the law's, and in addition, since the two may agree by chance, twice the relative `error` of the
-    pressure. At rest it is zero. The error of the grid comes on top.
+    It is what the `correction` of the pressure changes, see `estimates.py`; the error of the grid
+    comes on top. At rest it is that of rounding.
     """
-    speed = direction_and_speed(as_float(velocity, "velocity"))[1]
 
-    def of(pressure):
-        lost = jnp.sum(dissipation(pressure, kernel, grid, velocity))
-        return lost / (jnp.mean(pressure) * jnp.where(speed > 0, speed, 1))
+    def of(change):
+        changed = pressure + change
+        return friction(changed, displace(kernel, changed), grid, velocity)[None]
 
-    mu = of(pressure)
-    return jnp.abs(of(pressure + mismatch) - mu) + 2 * error * jnp.abs(mu)
+    size = slope_in_contact(pressure, displace(kernel, pressure), grid)
+    return error_of(of, of(jnp.zeros_like(pressure)), correction, size)[0]
 
 
 @door
@@ -133,14 +131,6 @@ def _cumulative_friction(pressure, displacement, grid, velocity, num_wavenumbers
     place = jnp.minimum(place, num_wavenumbers - 1)
     share = binned(place, work, num_wavenumbers)
     return CutoffCurve(edges, -jnp.cumsum(share) / jnp.mean(pressure))
-
-
-def wave_frequencies(grid: Grid, velocity: Numbers) -> Float[Array, "..."]:
-    """Returns ω = -q·v [rad/s] of the waves of the half spectrum, 0 on odd Nyquist lines.
-
-    For sliding along x of the shape of one column, `(nx, 1)`.
-    """
-    return jnp.negative(_project(grid, jnp.atleast_1d(as_float(velocity, "velocity"))))
 
 
 def friction_share(
@@ -217,9 +207,9 @@ def unmeasured_shares(
 
 def _work(pressure, profile, grid, velocity):
     """⟨σ ∂f/∂x_v⟩ [Pa], x_v along the velocity, of each mode and its conjugate."""
-    slope = _project(grid, direction_and_speed(as_float(velocity, "velocity"))[0])
-    # The real part of conj(σ) i q f.
-    found = -slope * (jnp.conj(to_spectrum(pressure)) * to_spectrum(profile)).imag
+    along = wave_frequencies(grid, direction_and_speed(as_float(velocity, "velocity"))[0])
+    # The real part of conj(σ) i q f, where -q along the velocity is ω at unit speed.
+    found = along * (jnp.conj(to_spectrum(pressure)) * to_spectrum(profile)).imag
     return found * multiplicity(grid.shape) / np.prod(grid.shape) ** 2
 
 
@@ -228,13 +218,3 @@ def _slope_along(field, grid, velocity):
     direction, speed = direction_and_speed(as_float(velocity, "velocity"))
     axes = range(len(direction))
     return sum(direction[axis] * derivative(field, grid, axis) for axis in axes), speed
-
-
-def _project(grid, vector):
-    """q·v [rad/m] of a vector with one component (along x) or two, 0 on its odd Nyquist lines."""
-    return sum(
-        jnp.where(2 * np.abs(k) == n, 0, q) * v
-        for k, n, q, v in zip(
-            mode_numbers(grid.shape), grid.shape, wavevector(grid), vector, strict=False
-        )
-    )

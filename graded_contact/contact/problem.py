@@ -32,6 +32,7 @@ from .._devices import num_devices, required
 from .._memory import check_memory, contact_memory
 from ..grid import half_shape
 from .douglas_rachford import DouglasRachford
+from .estimates import Assessment, assess, state_of
 from .implicit import Inputs, State, attach_gradient
 from .law import AbstractLaw, HardWall, check_law, check_pressure
 from .solution import RESULTS, ContactSolution
@@ -197,7 +198,7 @@ def _search(inputs: Inputs, solver: AbstractContactSolver, rtol, wanted, start) 
     known = all(map(is_concrete, jax.tree.leaves((inputs, start))))
     alone = known and wanted is None and num_devices(inputs.heights) == 1
     if alone and isinstance(solver, DouglasRachford):
-        return Known(solver.solve(*inputs, rtol=rtol, start=start), None, None)
+        return Known(solver.solve(*inputs, rtol=rtol, start=start))
     return _find_contact(inputs, solver, rtol, wanted, start)
 
 
@@ -206,7 +207,7 @@ def _find_contact(inputs: Inputs, solver: AbstractContactSolver, rtol, wanted, s
     if not isinstance(solver, DouglasRachford):  # which takes any mean, and spares a copy
         inputs = _without_mean(inputs)
     if wanted is None:
-        return Known(solver.solve(*inputs, rtol=rtol, start=start), None, None)
+        return Known(solver.solve(*inputs, rtol=rtol, start=start))
     describe = functools.partial(_describe, inputs)
     return solve_until(inputs, solver, Wanted(wanted, rtol), start, describe)
 
@@ -221,9 +222,12 @@ def _solution(inputs: Inputs, solver, known: Known, rtol) -> tuple[ContactSoluti
     """The solution with its derivative, and whether it is one."""
     inputs = _without_mean(inputs)
     kernel, heights, law, _ = inputs
-    found, errors, reached = jax.lax.stop_gradient(known)
-    reached = found.error <= rtol if reached is None else reached
-    state = State(found.pressure, *_displacement_and_mean_gap(inputs, found))
+    found, assessed, errors, reached = jax.lax.stop_gradient(known)
+    if assessed is None or reached is None:
+        assessed = jax.lax.stop_gradient(assess(inputs, found))
+        # Where rounding ended the solve, its own error counts noise out of contact, too.
+        reached = jnp.where(found.ended, assessed.error, found.error) <= rtol
+    state = state_of(inputs, found)
     loaded = jnp.mean(law.margin(found.pressure, found.gap, 1.0) > 0, dtype=heights.dtype)
     loaded = jnp.maximum(loaded, 1 / heights.size)
     state = attach_gradient(
@@ -234,17 +238,22 @@ def _solution(inputs: Inputs, solver, known: Known, rtol) -> tuple[ContactSoluti
         solver.linear,
         rtol,
     )
-    solution = _describe(inputs, found, state)
+    solution = _describe(inputs, found, state, assessed)
     result = _how_it_ended(inputs, solver, found, reached, solution.gap_error)
     solution = dataclasses.replace(solution, wanted_error=errors, result=result)
     return solution, result == RESULTS.successful
 
 
-def _describe(inputs: Inputs, found: Iterated, state: State | None = None) -> ContactSolution:
+def _describe(
+    inputs: Inputs,
+    found: Iterated,
+    state: State | None = None,
+    assessed: Assessment | None = None,
+) -> ContactSolution:
     """The solution that was found; its state may have derivatives."""
-    if state is None:
-        state = State(found.pressure, *_displacement_and_mean_gap(inputs, found))
-    pressure, displacement, mean_gap = state
+    if assessed is None:
+        assessed = Assessment(jnp.zeros_like(found.pressure), found.error, found.error)
+    pressure, displacement, mean_gap = state_of(inputs, found) if state is None else state
     heights = inputs.heights - jnp.mean(inputs.heights)
     gap = displacement - heights + mean_gap
     rms, mean = jnp.std(heights), jnp.mean(jnp.abs(pressure))
@@ -255,10 +264,10 @@ def _describe(inputs: Inputs, found: Iterated, state: State | None = None) -> Co
         gap=gap,
         mean_pressure=jnp.mean(pressure),
         mean_gap=mean_gap,
-        mismatch=found.mismatch,
-        error=found.error,
+        correction=assessed.correction,
+        error=assessed.error,
         load_error=jnp.abs(jnp.mean(found.mismatch)) / load,
-        gap_error=found.gap_error / unit,
+        gap_error=assessed.gap_error / unit,
         complementarity_error=jnp.mean(jnp.abs(pressure * (gap - found.gap))) / (load * unit),
         penetration=jnp.max(jnp.maximum(jnp.minimum(found.gap, 0) - gap, 0)) / unit,
         wanted_error=None,
@@ -285,13 +294,3 @@ def _how_it_ended(inputs: Inputs, solver, found: Iterated, reached, gap_error) -
         low, high = law.bounds
         result = RESULTS.where((pressure > low) & (pressure < high), result, RESULTS.bad_pressure)
     return result
-
-
-def _displacement_and_mean_gap(inputs: Inputs, found: Iterated):
-    displacement = found.displacement - jnp.mean(found.displacement)
-    if inputs.prescribed.gap is not None:
-        return displacement, inputs.prescribed.gap
-    # Weighed with the pressure, gaps of the solid and of the law agree.
-    weight = jnp.abs(found.pressure)
-    offset = found.gap - displacement + inputs.heights - jnp.mean(inputs.heights)
-    return displacement, jnp.sum(weight * offset) / jnp.sum(weight)

@@ -48,7 +48,6 @@ from .solver import (
 )
 
 _LEAST_RATIO = 0.9  # of a point's gaps after and before a step
-_MAGNIFIED = 10.0  # error of the gap, in residuals, at most
 _LOAD_RATE = 0.5  # share of the load's error that the residuals work against
 
 
@@ -120,7 +119,6 @@ class ResidualDynamics(AbstractContactSolver):
             mismatch=mismatch * unit,
             displacement=(residual + gap + problem.heights) * length,
             error=last.error,
-            gap_error=_MAGNIFIED * root_mean_square(residual) * length,
             ended=last.error <= rtol,
             num_steps=last.num_steps,
             num_fft_pairs=last.num_steps + jnp.asarray(1 if start is None else 2, gap.dtype),

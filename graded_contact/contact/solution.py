@@ -56,11 +56,12 @@ class ContactSolution(eqx.Module):
     - `gap`: u = w - h + ū [m], zero in hard contact up to the error.
     - `mean_pressure`: mean of σ [Pa].
     - `mean_gap`: mean of the gap ū [m].
-    - `mismatch`: pressure of the solid less that of the law [Pa], where the iteration stopped; zero
-      if it had converged. Without a derivative.
+    - `correction`: estimated change of the pressure to that of the exact contact [Pa], see
+      `contact/estimates.py`. Without a derivative.
     - `error`: estimated relative error of the pressure [1] (root mean square); 0 where there is no
       pressure.
-    - `load_error`: mean of `mismatch` over that of |σ| [1].
+    - `load_error`: difference of the mean pressures of solid and law, where the iteration stopped,
+      over that of |σ| [1].
     - `gap_error`: estimated error of the gap (root mean square) over the rms height [1]; those of
       `displacement` and `mean_gap` are no larger.
     - `complementarity_error`: mean of |σ| |u - u_σ| over that of |σ| and the rms height [1]; u_σ is
@@ -78,7 +79,7 @@ class ContactSolution(eqx.Module):
     gap: Float[Array, "*shape"]
     mean_pressure: Float[Array, ""]
     mean_gap: Float[Array, ""]
-    mismatch: Float[Array, "*shape"]
+    correction: Float[Array, "*shape"]
     error: Float[Array, ""]
     load_error: Float[Array, ""]
     gap_error: Float[Array, ""]

@@ -15,13 +15,14 @@ import jax.numpy as jnp
 from jax.experimental import io_callback
 from jaxtyping import Array, Bool, Float, Inexact
 
+from ..grid import multiplicity, to_spectrum
 from .anderson import sums
 from .law import AbstractLaw
 
 KEPT = 5  # cycles between pressures given to `keep`
 
 # Solves the linear system of `implicit.py`, as `LinearSplitting` does: called with the kernel times
-# the penalty, s and the right side, and with the keywords `free_mean` and `rtol`, it returns τ.
+# the penalty, s and the right side, and with the keyword `rtol`, it returns τ.
 LinearSolver = Callable[..., Float[Array, "*shape"]]
 
 
@@ -41,8 +42,8 @@ class Iterated(eqx.Module):
     - `gap`: at which the law has this pressure [m].
     - `mismatch`: pressure of the solid less that of the law [Pa].
     - `displacement`: of the solid under its pressure, but for a mean [m].
-    - `error`: estimated relative error of the pressure (root mean square) [1].
-    - `gap_error`: estimated error of the gap (root mean square) [m].
+    - `error`: estimated relative error of the pressure (root mean square) [1]; all other errors
+      are estimated afterwards (`estimates.py`).
     - `ended`: whether before the limit of steps: at `rtol`, or where rounding hides the rest.
     - `num_steps`: on the finest grid.
     - `num_fft_pairs`: of all grids, coarse ones by their size.
@@ -53,7 +54,6 @@ class Iterated(eqx.Module):
     mismatch: Float[Array, "*shape"]
     displacement: Float[Array, "*shape"]
     error: Float[Array, ""]
-    gap_error: Float[Array, ""]
     ended: Bool[Array, ""]
     num_steps: Array
     num_fft_pairs: Float[Array, ""]
@@ -187,15 +187,52 @@ def to_mean(pressure, mean, bounds):
     low, high = bounds
     room = (pressure - low) * (1 - (pressure - low) / (high - low))
     total, free = sums(pressure, room)
-    # Where no point has room, all at a bound, evenly.
-    some = free > 0
-    missing = mean * pressure.size - total
-    return pressure + jnp.where(some, room, 1) * (missing / jnp.where(some, free, pressure.size))
+    # Where all points are at a bound, those above the lower one exceed theirs, or all if none is.
+    above = jnp.where(total > low * pressure.size, pressure - low, 1)
+    room = jnp.where(free > 0, room, above)
+    return pressure + room * ((mean * pressure.size - total) / jnp.sum(room))
 
 
 def slope(law: AbstractLaw, v: Float[Array, "*shape"]) -> Float[Array, "*shape"]:
     """Returns dy/dv of the proximal map: 1 where the law holds the gap, 0 where the pressure."""
     return jax.jvp(law.proximal, (v,), (jnp.ones_like(v),))[1]
+
+
+def contact_stiffness(
+    kernel: Inexact[Array, "*half"], gap: Float[Array, "*shape"], s: Float[Array, "*shape"]
+) -> Float[Array, ""]:
+    """Returns an upper bound of dp/dū, the change of the mean pressure with the mean gap.
+
+    The stiffness is the least energy of all fields χ of mean 1: ⟨χ M⁻¹ χ⟩ in the solid, and
+    s/(1 - s) χ² in a law of slope s. Two fields are tried, the gap and a constant. At a hard wall
+    the bound is infinite in full contact.
+
+    **Arguments:**
+
+    - `kernel`: ρM on the half spectrum, 0 at q = 0.
+    - `gap`: of the law, in units of pressure over ρ.
+    - `s`: slope of the law's proximal map there.
+    """
+    field = jnp.abs(gap)
+    springs = jnp.where(s < 1, s / jnp.where(s < 1, 1 - s, 1), jnp.inf)
+    bent = bending_energy(kernel, field) + jnp.mean(jnp.where(s < 1, springs, 0) * field**2)
+    squared = jnp.mean(field) ** 2
+    by_gap = jnp.where(squared > 0, bent / nonzero(squared), jnp.inf)
+    return jnp.minimum(by_gap, jnp.mean(springs))
+
+
+def bending_energy(kernel: Inexact[Array, "*half"], field: Float[Array, "*shape"]) -> Array:
+    """Returns the mean energy ⟨f M⁻¹ f⟩ of a displacement, for a kernel that is 0 at q = 0."""
+    weight = jnp.asarray(multiplicity(field.shape) / field.size**2, field.dtype)
+    power = jnp.abs(to_spectrum(field)) ** 2 * weight
+    # Of 1/M the real part counts; losses do not hold.
+    known = jnp.abs(kernel) > 0
+    return jnp.sum(jnp.where(known, power * jnp.real(1 / jnp.where(known, kernel, 1)), 0))
+
+
+def nonzero(number: Array) -> Array:
+    """Returns a number to divide by: 1 in place of 0."""
+    return jnp.where(number != 0, number, 1)
 
 
 def root_mean_square(field: Float[Array, "..."]) -> Float[Array, ""]:

@@ -27,12 +27,11 @@ from collections.abc import Callable
 import equinox as eqx
 import jax
 import jax.numpy as jnp
-import numpy as np
 from jaxtyping import Array, Float, Inexact
 
 from ..grid import multiplicity, to_field, to_spectrum
 from .anderson import History, accelerate, sums
-from .solver import first_mode, in_precision, participation_of
+from .solver import contact_stiffness, first_mode, in_precision, participation_of
 
 DRAFTED_FROM = 2**18  # points of a grid worth a draft, by `bench_contact.py overhead`
 CYCLE = 2  # steps between accelerations
@@ -122,17 +121,27 @@ def iterate(
         return z + (2 * relaxation) * (y - x), spectrum, x, y
 
     def cycle(z, cycles):
-        image, before, x, y = step(_afresh(splitting, cycles), z)
-        image, after, *_ = step(_afresh(splitting, cycles + 1), image)
+        between, before, *_ = step(_afresh(splitting, cycles), z)
+        image, after, x, y = step(_afresh(splitting, cycles + 1), between)
         stiffness = _afresh(splitting, cycles + 2).solid.stiffness
         # The spectrum of y - x comes for nothing: steps move z by 2α (y - x).
         defect, stiff = powers((after - before) / (2 * relaxation), stiffness, z)
         size, scale, total, squared = sums(x * x, z * z, jnp.abs(y), y * y)
         unit = jnp.where(size > 0, size, 1)
         share = splitting.share
+        v = 2 * x - between
+        s = jnp.abs(jax.jvp(splitting.proximal, (v,), (jnp.ones_like(v),))[1])
         if share is None:
-            share = participation_of(total, squared, y.size)
+            # Saturated points carry a load, but hold nothing.
+            share = jnp.maximum(jnp.mean(s), 1 / y.size)
+            share = jnp.minimum(share, participation_of(total, squared, y.size))
         error = _error(jnp.sqrt(defect / unit), jnp.sqrt(stiff / unit), share)
+        if splitting.solid.free_mean:
+            # With the mean gap exact, an error of the gaps is one of the mean pressure.
+            rigid = contact_stiffness(splitting.solid.compliance, y - v, s)
+            shift = (after - before)[(0,) * z.ndim].real / (2 * relaxation * z.size)
+            by_shift = rigid * jnp.abs(shift) * jnp.sqrt(z.size / unit)
+            error = jnp.where(jnp.isfinite(rigid), error + by_shift, jnp.inf)
         # Pressures below the rounding of the gaps cannot be told from zero.
         lost = defect <= (8 * eps) ** 2 * scale
         if draft:
@@ -208,54 +217,3 @@ def _error(residual, stiff, share):
     `bench_contact.py random`.
     """
     return share**-0.45 * (residual + stiff)
-
-
-def rounding_error(
-    kernel: Inexact[Array, "*half"],
-    held: Float[Array, "*shape"],
-    pressure: Float[Array, "*shape"],
-    mismatch: Float[Array, "*shape"],
-) -> Float[Array, ""]:
-    """Returns the error of the pressure if the mismatch is noise: what the law passes on counts.
-
-    Twice that noise, as it is there or as it is on average, if it happens to be small there. Noise
-    does not choose the waves that losses would let grow: |ρM| of the `kernel` tells what it does.
-    """
-    compliance = jnp.abs(kernel)
-    stiffness = jnp.where(compliance > 0, 1 / jnp.where(compliance > 0, compliance, 1), 0)
-
-    def norm(there):
-        field = jnp.where(there, held, jnp.sqrt(jnp.mean(held**2))) * mismatch
-        defect, stiff = powers(to_spectrum(field), stiffness, field)
-        return jnp.sqrt(defect) + jnp.sqrt(stiff)
-
-    noise = jnp.max(jax.lax.map(norm, np.array([True, False])))  # in turn, for memory's sake
-    size = jnp.sqrt(jnp.sum(pressure * pressure))
-    return 2 * noise / jnp.where(size > 0, size, 1)
-
-
-def estimated_gap_error(
-    kernel: Inexact[Array, "*half"],
-    held: Float[Array, "*shape"],
-    freed: Float[Array, "*shape"],
-    gap: Float[Array, "*shape"],
-    offset: Float[Array, ""],
-) -> Float[Array, ""]:
-    """Returns the estimated root mean square error of the gap, in units of pressure over ρ.
-
-    The gap is off by `offset` at points where the law holds it, and what lies between follows.
-    There the solid has the pressure `freed` too much, and yields by ρM times that, though not by
-    more than points held at the edges allow: the stiffness of their neighbours' free motion is
-    that of the gap's own shape. Factor and powers of the share held were found by measurement; see
-    `bench_contact.py random`.
-    """
-    weight = weight_of_modes(gap)
-    power = jnp.abs(to_spectrum(gap)) ** 2 * weight
-    compliance = jnp.abs(kernel)
-    # Of 1/M the real part holds; losses do not.
-    stiffness = jnp.where(compliance > 0, jnp.real(1 / jnp.where(compliance > 0, kernel, 1)), 0)
-    total, bent = sums(power, power * stiffness)
-    allowed = compliance / (1 + compliance * bent / jnp.where(total > 0, total, 1))
-    (yielded,) = sums((allowed * jnp.abs(to_spectrum(freed))) ** 2 * weight)
-    share = jnp.maximum(jnp.mean(jnp.abs(held)), 1 / gap.size)
-    return 10 * (share**-0.25 * offset + share**-0.5 * jnp.sqrt(yielded / gap.size))

@@ -15,17 +15,15 @@ import jax
 import jax.numpy as jnp
 from jaxtyping import Array, Bool, Float
 
+from .estimates import Assessment, assess, changed, error_of
 from .implicit import Inputs
 from .newton import newton_step
 from .solution import ContactSolution
-from .solver import AbstractContactSolver, Iterated, participation, root_mean_square
+from .solver import AbstractContactSolver, Iterated, participation
 
 # Of the pressure in the first solve: at most, and over the tolerance. A second solve costs what the
 # loosest first one saves; by `bench_contact.py observables`.
 _LOOSEST, _LOOSER = 0.03, 100
-# Two numbers may agree by chance: this is added to their difference, in sizes of the number times
-# the error of the pressure. By random scenes.
-_BY_CHANCE = 0.002
 _CLOSE = 1e-3  # of what is tolerable: no step is needed
 WORTHLESS = 0.1  # error of gaps over the rms height
 
@@ -36,16 +34,13 @@ class Asked(NamedTuple):
     **Fields:**
 
     - `value`: the numbers, continuous in the pressure.
-    - `size`: what they are of the order of, unless by chance much smaller.
+    - `size`: what they are differences of, or their own size: it limits their digits.
     - `tolerance`: acceptable errors.
-    - `share`: of what a step changes them by, which is claimed as their error. A wall of some
-      hardness once left 1.06.
     """
 
     value: Float[Array, " numbers"]
     size: Float[Array, " numbers"]
     tolerance: Float[Array, " numbers"]
-    share: Float[Array, " numbers"] | float = 2.0
 
 
 class Wanted(eqx.Module):
@@ -55,8 +50,9 @@ class Wanted(eqx.Module):
     rtol: Float[Array, ""]
 
     def __call__(self, contact: ContactSolution) -> Asked:
-        # Whatever it closes over may have derivatives, of which the search must not know.
-        value = jax.lax.stop_gradient(self.observable(contact))
+        # Derivatives by what it closes over must not reach the loops of the search.
+        observable, closed = jax.closure_convert(lambda c: self.observable(c), contact)
+        value = observable(contact, *jax.lax.stop_gradient(closed))
         if isinstance(value, Asked):
             return value
         value = jnp.ravel(jnp.asarray(value))
@@ -65,11 +61,20 @@ class Wanted(eqx.Module):
 
 
 class Known(NamedTuple):
-    """A contact, the errors of what is wanted of it, and if they are tolerable; or None."""
+    """A contact, and what is known of its errors.
+
+    **Fields:**
+
+    - `contact`: from the solver, or after a step.
+    - `assessed`: the errors of the contact.
+    - `errors`: those of the target numbers.
+    - `reached`: whether these are within their tolerances.
+    """
 
     contact: Iterated
-    errors: Float[Array, " numbers"] | None
-    reached: Bool[Array, ""] | None
+    assessed: Assessment | None = None
+    errors: Float[Array, " numbers"] | None = None
+    reached: Bool[Array, ""] | None = None
 
 
 class _State(NamedTuple):
@@ -114,29 +119,33 @@ def solve_until(
     loosest = jnp.clip(_LOOSER * wanted.rtol, least, _LOOSEST).astype(dtype)
     first = solve(loosest, start)
     errors = jax.eval_shape(lambda: wanted(describe(first)).value)
-    unknown = Known(first, jnp.zeros(errors.shape, errors.dtype), jnp.asarray(False))
+    no_errors = jnp.zeros(errors.shape, errors.dtype)
+    none = jnp.zeros_like(inputs.heights), first.error, first.error
+    unknown = Known(first, Assessment(*none), no_errors, jnp.asarray(False))
     state = _State(first, unknown, loosest, jnp.asarray(True))
     return jax.lax.while_loop(lambda state: state.going_on, body, state).known
 
 
 def _step(inputs: Inputs, found: Iterated, wanted, describe) -> tuple[Known, Float[Array, ""]]:
-    """The contact after a step, its errors, and the worst of them over what is tolerable."""
-    before = describe(found)
-    old = wanted(before)
-    # A contact that is known this well needs no step: the change of a number is at most about
-    # the pressure's, by its peaks.
-    bound = found.error / jnp.sqrt(participation(found.pressure))
-    close = jnp.all(bound * old.size <= _CLOSE * old.tolerance) & found.ended
-    better = jax.lax.cond(close, lambda: found, lambda: newton_step(inputs, found))
-    after = describe(better)
-    new = wanted(after)
-    by_chance = _BY_CHANCE * found.error
-    errors = new.share * (jnp.abs(new.value - old.value) + by_chance * new.size)
-    errors = jnp.where(close, bound * new.size, errors)
+    """The contact after a step, its errors, and the worst of them over its tolerance."""
+    better = found
+    # At a given gap the load follows from small differences, of which a step knows little.
+    if inputs.prescribed.pressure is not None:
+        # Nor does a contact need one whose pressure is known this well: numbers change by no more,
+        # but for peaks.
+        before = wanted(describe(found))
+        bound = found.error / jnp.sqrt(participation(found.pressure))
+        close = jnp.all(bound * before.size <= _CLOSE * before.tolerance) & found.ended
+        better = jax.lax.cond(close, lambda: found, lambda: newton_step(inputs, found))
+    assessed = assess(inputs, better)
+    new = wanted(describe(better))
+
+    def numbers(correction):
+        return wanted(describe(changed(inputs, better, correction))).value
+
+    errors = error_of(numbers, new.value, assessed.correction, new.size)
+    ratios = errors / jnp.where(new.tolerance > 0, new.tolerance, jnp.finfo(errors.dtype).tiny)
     rms = jnp.std(inputs.heights)
-    gap_error = root_mean_square(after.gap - before.gap) + by_chance * rms
-    gap_error = jnp.where(close, found.gap_error, gap_error)
-    ratios = errors / jnp.where(new.tolerance > 0, new.tolerance, jnp.finfo(rms.dtype).tiny)
-    worst = jnp.maximum(jnp.max(ratios), gap_error / (WORTHLESS * jnp.where(rms > 0, rms, 1)))
-    better = dataclasses.replace(better, gap_error=gap_error)
-    return Known(better, errors, worst <= 1), worst
+    worthless = assessed.gap_error / (WORTHLESS * jnp.where(rms > 0, rms, 1))
+    worst = jnp.maximum(jnp.max(ratios), worthless)
+    return Known(better, assessed, errors, worst <= 1), worst

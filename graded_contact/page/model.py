@@ -229,10 +229,9 @@ class Known(AbstractContactSolver):
         return Iterated(
             pressure=known.pressure,
             gap=jnp.where(known.pressure > 0, 0, jnp.maximum(known.gap, 0)),
-            mismatch=known.mismatch,
+            mismatch=known.correction,
             displacement=known.displacement,
             error=known.error,
-            gap_error=known.gap_error * jnp.std(heights),
             ended=jnp.asarray(True),
             num_steps=jnp.asarray(0),
             num_fft_pairs=jnp.zeros_like(known.error),

@@ -5,8 +5,13 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float, Inexact
 
-from ..contact.observables import wave_frequencies
-from ..grid import direction_and_speed, multiplicity, to_spectrum, wavenumber
+from ..grid import (
+    direction_and_speed,
+    multiplicity,
+    to_spectrum,
+    wave_frequencies,
+    wavenumber,
+)
 from ..rheology.measured import is_unknown
 from ..surface import Surface
 from .diffusion import Correction, area, mean_square_growth, slowed, slowing

@@ -8,10 +8,9 @@ import numpy as np
 from jaxtyping import ArrayLike
 
 from ..caveats import EXTRAPOLATED
-from ..contact.observables import wave_frequencies
 from ..files.scene import Scene
 from ..files.toml import within
-from ..grid import Grid
+from ..grid import Grid, wave_frequencies
 from ..persson.mean_field import mean_field_friction
 from ..response.stack import Stack
 from ..rheology.measured import check_frequencies, coverage, is_unknown
@@ -105,6 +104,4 @@ def refuse_extrapolated(
 def _excited(scene: Scene, grid: Grid) -> np.ndarray:
     """Frequencies [rad/s] of all waves at each velocity."""
     velocities = [velocity_vector(v, scene.direction) for v in scene.velocity]
-    excited = np.abs([np.asarray(wave_frequencies(grid, v)) for v in velocities])
-    # Rounding of q·v is no frequency.
-    return np.where(excited > 1e-12 * np.max(excited), excited, 0)
+    return np.abs([np.asarray(wave_frequencies(grid, v)) for v in velocities])

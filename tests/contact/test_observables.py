@@ -277,12 +277,11 @@ def test_stated_errors_of_friction_and_area_cover_the_true_ones():
                     s = gc.solve_contact(kernel, heights, load, rtol=rtol)
                     mu = observables.friction(s.pressure, s.displacement, GRID, SPEED)
                     stated = observables.friction_error(
-                        s.pressure, s.mismatch, s.error, kernel, GRID, SPEED
+                        s.pressure, s.correction, kernel, GRID, SPEED
                     )
                     assert 0 < stated <= 3 * rtol * mu
                     covered.append(stated >= abs(mu - true))
-                    known = margin(s, kernel, GRID), s.pressure, s.mismatch, s.error
-                    doubt = area_of.contact_area_error(*known)
+                    doubt = area_of.contact_area_error(margin(s, kernel, GRID), s.correction)
                     wrong = np.mean((s.pressure > 0) != (best.pressure > 0))
                     inside.append(doubt >= wrong)
     assert np.mean(covered) >= 0.9
@@ -291,8 +290,8 @@ def test_stated_errors_of_friction_and_area_cover_the_true_ones():
 
 def test_a_point_whose_own_error_stands_out_is_in_doubt_at_a_larger_margin():
     """As the last point of a contact to close: its neighbours are known long before it."""
-    pressure, mismatch = jnp.ones((16, 16)), jnp.zeros((16, 16)).at[3, 5].set(1e-4)
-    for at_point, doubtful in ((0.02, 0), (0.015, 1)):
+    pressure, correction = jnp.ones((16, 16)), jnp.zeros((16, 16)).at[3, 5].set(0.006)
+    for at_point, doubtful in ((0.03, 0), (0.02, 1)):
         inside = pressure.at[3, 5].set(at_point)
-        doubt = area_of.contact_area_error(inside, pressure, mismatch, jnp.asarray(1e-3))
+        doubt = area_of.contact_area_error(inside, correction)
         assert doubt * pressure.size == doubtful

@@ -333,13 +333,22 @@ def test_known_hardness_is_checked_inside_jit():
 
 
 def test_error_hidden_by_rounding_is_reported():
-    """A load so small that its pressures are lost beside the gaps: once an error of 0."""
-    kernel, heights = half_space(GRID), rough(GRID).heights
+    """In float32, of pressures that are small beside what the gaps are worth."""
+    kernel = half_space(GRID).astype(jnp.float32)
+    heights = rough(GRID).heights.astype(jnp.float32)
     with pytest.raises(RuntimeError, match="Rounding hides what is left of the error"):
-        gc.solve_contact(kernel, heights, 1e-14, rtol=1e-6)
-    found = gc.solve_contact(kernel, heights, 1e-14, rtol=1e-6, throw=False)
+        gc.solve_contact(kernel, heights, 2e-3, rtol=2e-5)
+    found = gc.solve_contact(kernel, heights, 2e-3, rtol=2e-5, throw=False)
     assert found.result == gc.RESULTS.rounding
-    assert found.error > 1e-6
+    assert found.error > 2e-5
+
+
+def test_a_load_on_one_point_is_exact():
+    """However small its pressure is beside what the gaps are worth."""
+    kernel, heights = half_space(GRID), rough(GRID).heights
+    found = gc.solve_contact(kernel, heights, 1e-14)
+    assert np.sum(found.pressure > 0) == 1
+    assert found.error <= 1e-14
     assert found.num_steps < 100
 
 
@@ -425,10 +434,11 @@ def test_the_more_precise_field_decides_and_a_load_does_not(dtype):
     """In two precisions the noise of one would pass for a residual of the other, without end."""
     heights = np.random.default_rng(1).normal(size=SMALL.shape) * 0.05
     kernel = gc.stack_kernel(BODIES["bare"], SMALL, SPEED).astype(jnp.complex64)
-    s = gc.solve_contact(kernel, jnp.asarray(heights, dtype), 0.02, rtol=1e-4)
+    rtol = 1e-3 if dtype == jnp.float32 else 1e-4
+    s = gc.solve_contact(kernel, jnp.asarray(heights, dtype), 0.02, rtol=rtol)
     assert s.pressure.dtype == s.mean_gap.dtype == s.error.dtype == dtype
     expected = dense_contact(np.asarray(kernel, complex), heights, 0.02)
-    np.testing.assert_allclose(s.pressure, expected, atol=1e-4 * expected.max())
+    np.testing.assert_allclose(s.pressure, expected, atol=rtol * expected.max())
 
 
 def test_fields_of_one_row_are_solved():

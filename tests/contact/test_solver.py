@@ -50,8 +50,7 @@ class ProjectedGradient(gc.AbstractContactSolver):
         p, _, n, error = jax.lax.while_loop(running, descend, state)
         gap = displace(p) - heights
         gap = jnp.where(p > 0, 0, gap - jnp.sum(p * gap) / jnp.sum(p))
-        none = jnp.zeros(())
-        return Iterated(p, gap, 0 * p, displace(p), error, none, error <= rtol, n, 1.0 * n)
+        return Iterated(p, gap, 0 * p, displace(p), error, error <= rtol, n, 1.0 * n)
 
 
 def test_a_solver_of_ones_own_finds_contacts_and_their_derivatives():
@@ -113,7 +112,7 @@ def test_derivatives_have_a_tolerance_and_a_solver_of_their_own():
     """A loose derivative errs by its own tolerance; a dense solve gives that of the default."""
     kernel = gc.stack_kernel(BODIES["elastic"], GRID).real
 
-    def dense(kernel, weights, rhs, *, free_mean, rtol):
+    def dense(kernel, weights, rhs, *, rtol):
         n, root = rhs.size, jnp.sqrt(jnp.abs(weights)).ravel()
         waves = jnp.fft.rfft2(jnp.eye(n).reshape(n, *rhs.shape))
         press = jnp.fft.irfft2(kernel * waves, rhs.shape).reshape(n, n)

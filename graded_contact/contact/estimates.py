@@ -1,0 +1,182 @@
+"""How far a contact is from the exact one: the errors of pressure, gap and all that follows.
+
+A solver returns a pressure y of the law. Under y the solid opens the gap u = M y - h + c. With P,
+the proximal map of the law at the penalty ρ, the contact is exact where the residual
+R = P(y - ρu) - y vanishes. Else Newton's method asks for the change
+
+    (1 - s) dσ + ρ s (M dσ + dc) = R,        s = P'(y - ρu): at a hard wall 1 in contact, else 0.
+
+Its solution predicts the true errors within a few per cent, but costs a fifth of the solve. The
+inverse of M on the whole surface, in place of that on the contact alone, costs one FFT pair:
+
+    dσ = (1 - s) R + √s (ρM)⁻¹ √s R        with the prescribed mean.
+
+For a positive M this is at least as large as the solution, P M⁻¹ P >= (P M P)⁻¹, and mostly less
+than three times as large (`bench_contact.py random`). Errors are what it changes, see `error_of`.
+
+At a prescribed mean gap the mean pressure is wrong by dp/dū times the error of the mean gap, see
+`contact_stiffness`.
+"""
+
+import dataclasses
+from collections.abc import Callable
+from typing import NamedTuple
+
+import jax
+import jax.numpy as jnp
+from jaxtyping import Array, Float
+
+from ..grid import to_field, to_spectrum
+from .implicit import Inputs, State, displace
+from .solver import (
+    Iterated,
+    bending_energy,
+    contact_stiffness,
+    first_mode,
+    nonzero,
+    penalty_for,
+    root_mean_square,
+    slope,
+)
+
+# By `bench_contact.py random` and `hard`: no claim of 1000 scenes each may be broken.
+_SAFETY, _BY_CHANCE, _SAFETY_OF_GAP, _SPREAD = 1.5, 4.0, 4.0, 0.3
+_ROUNDING = 8  # units in the last place
+
+
+def state_of(inputs: Inputs, found: Iterated) -> State:
+    """Returns pressure, displacement of zero mean and mean gap of a contact."""
+    displacement = found.displacement - jnp.mean(found.displacement)
+    if inputs.prescribed.gap is not None:
+        return State(found.pressure, displacement, inputs.prescribed.gap)
+    # Weighed with the pressure, gaps of the solid and of the law agree.
+    weight = jnp.abs(found.pressure)
+    offset = found.gap - displacement + inputs.heights - jnp.mean(inputs.heights)
+    return State(found.pressure, displacement, jnp.sum(weight * offset) / jnp.sum(weight))
+
+
+def change_of(inputs: Inputs, found: Iterated) -> Float[Array, "*shape"]:
+    """Returns the estimated change of the pressure to the exact contact [Pa]."""
+    kernel, law, penalty = _scaled(inputs, found)
+    y, known, (load, gap) = found.pressure, penalty * found.gap, inputs.prescribed
+    apart = displace(kernel, y) - penalty * (inputs.heights - jnp.mean(inputs.heights))
+    s = _share_of_gap(law, y - known)
+    # The mean gap at which solid and law agree under this pressure.
+    offset = _offset(s, apart - known, 0.0 if gap is None else penalty * gap)
+    v = y - apart - offset
+    residual, s = law.proximal(v) - y, _share_of_gap(law, v)
+    mean, root, share = first_mode(kernel.shape), jnp.sqrt(s), s / nonzero(jnp.mean(s))
+    inverse = jnp.where(mean, 0, 1 / jnp.where(mean, 1, kernel))
+    stiff = to_field(inverse * to_spectrum(root * residual), y.shape)
+    change = (1 - s) * residual + root * stiff
+    change = change + share * ((0.0 if load is None else load - jnp.mean(y)) - jnp.mean(change))
+    if gap is not None:
+        apart = apart + displace(kernel, change)
+        offset = _offset(s, apart - known, penalty * gap)
+        # Points of contact weigh the gap unevenly, so what it varies by counts, too.
+        spread = jnp.sqrt(jnp.mean(share * (apart - known + offset) ** 2))
+        closing = offset - penalty * gap
+        closing = closing + _SPREAD * jnp.where(closing < 0, -1, 1) * spread
+        change = change + share * closing * contact_stiffness(kernel, known, s)
+    low, high = law.bounds
+    return jnp.clip(y + change, low, high) - y
+
+
+def _offset(s, apart, otherwise):
+    """What makes the mean of `apart` zero where the law holds the gap, or `otherwise` nowhere."""
+    held = jnp.sum(s)
+    return jnp.where(held > 0, -jnp.sum(s * apart) / nonzero(held), otherwise)
+
+
+class Assessment(NamedTuple):
+    """The errors of a contact.
+
+    **Fields:**
+
+    - `correction`: estimated change of the pressure to the exact contact [Pa].
+    - `error`: of the pressure, relative (root mean square) [1].
+    - `gap_error`: of the gap (root mean square) [m].
+    """
+
+    correction: Float[Array, "*shape"]
+    error: Float[Array, ""]
+    gap_error: Float[Array, ""]
+
+
+def assess(inputs: Inputs, found: Iterated) -> Assessment:
+    """Returns the errors of a contact.
+
+    The correction is limited to the error that the solver claims. Under a law that attracts,
+    equilibria are soft, and the correction is as large as that.
+    """
+    change, size = change_of(inputs, found), root_mean_square(found.pressure)
+    relative = root_mean_square(change) / nonzero(size)
+    limit = found.error / nonzero(relative)
+    change = change * (limit if inputs.law.attracts else jnp.minimum(limit, 1))
+    state = state_of(inputs, found)
+    gap = state.displacement - inputs.heights + jnp.mean(inputs.heights) + state.mean_gap
+    moved = root_mean_square(changed(inputs, found, change).gap - gap)
+    rounding = _ROUNDING * jnp.finfo(size.dtype).eps
+    closer = jnp.minimum(found.error, _SAFETY * relative + rounding)
+    return Assessment(
+        change,
+        found.error if inputs.law.attracts else closer,
+        _SAFETY_OF_GAP * moved + rounding * jnp.std(inputs.heights),
+    )
+
+
+def error_of(
+    numbers: Callable[[Array], Array], value: Array, change: Float[Array, "*shape"], size: Array
+) -> Array:
+    """Returns the errors of numbers of this value, with the change to the exact contact.
+
+    `numbers(change)` are those after a change of the pressure. What the parts of the change do may
+    cancel, in the estimate but not in truth: so their root sum of squares is added. `size` is that
+    of what the numbers are differences of, which limits their digits.
+    """
+    after, pull = jax.vjp(numbers, change)
+    parts = jax.vmap(lambda row: jnp.sqrt(jnp.sum((pull(row)[0] * change) ** 2)))
+    chance = parts(jnp.eye(after.size, dtype=after.dtype))
+    rounding = _ROUNDING * jnp.finfo(after.dtype).eps * size
+    return _SAFETY * jnp.abs(after - value) + _BY_CHANCE * chance + rounding
+
+
+def changed(inputs: Inputs, found: Iterated, change: Float[Array, "*shape"]) -> Iterated:
+    """Returns the contact after a change of its pressure.
+
+    The approximate inverse makes long waves of the change too large. Between the points of contact
+    the solid moves by no more than these allow: as if on springs, as stiff as the solid is in the
+    shape of the gap, times the share of points in contact.
+    """
+    kernel, law, penalty = _scaled(inputs, found)
+    pressure, known = found.pressure + change, penalty * found.gap
+    before = penalty * found.displacement
+    s = _share_of_gap(law, pressure - known)
+    held = jnp.mean(s) * bending_energy(kernel, known) / nonzero(jnp.mean(known**2))
+    free = jnp.where(first_mode(kernel.shape), 0, 1 / (1 + held * jnp.abs(kernel)))
+    moved = to_field(free * to_spectrum(displace(kernel, pressure) - before), pressure.shape)
+    displacement = before - jnp.mean(before) + moved
+    apart = displacement - penalty * (inputs.heights - jnp.mean(inputs.heights))
+    gap = inputs.prescribed.gap
+    offset = _offset(s, apart - known, 0.0) if gap is None else penalty * gap
+    v = pressure - apart - offset
+    return dataclasses.replace(
+        found,
+        pressure=pressure,
+        gap=(law.proximal(v) - v) / penalty,
+        displacement=displacement / penalty,
+    )
+
+
+def _share_of_gap(law, v):
+    """The slope of the law between 0, where it holds the pressure, and 1, where the gap."""
+    return jnp.clip(jnp.abs(slope(law, v)), 0, 1)
+
+
+def _scaled(inputs: Inputs, found: Iterated):
+    """The kernel and the law in units of pressure, and the penalty."""
+    kernel, law = inputs.kernel, inputs.law
+    kernel = jnp.where(first_mode(kernel.shape), 0, kernel)
+    loaded = jnp.mean(law.margin(found.pressure, found.gap, 1.0) > 0, dtype=found.pressure.dtype)
+    penalty = penalty_for(kernel, jnp.maximum(loaded, 1 / found.pressure.size), law)
+    return penalty * kernel, law.in_units(1.0, 1 / penalty), penalty
