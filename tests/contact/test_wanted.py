@@ -127,7 +127,8 @@ def test_single_precision_takes_a_tolerance_of_friction():
     """With double precision enabled: no number of the search may become one."""
     single = lambda tree: jax.tree.map(lambda a: a.astype(jnp.float32), tree)  # noqa: E731
     stack, surface = single(BODIES["coated"]), single(SURFACE)
-    s = gc.slide(stack, surface, pressure=np.float32(LOAD), velocity=SPEED, friction_rtol=1e-2)
+    load, speed = np.float32(LOAD), np.float32(SPEED)
+    s = gc.slide(stack, surface, pressure=load, velocity=speed, friction_rtol=1e-2)
     best = gc.slide(BODIES["coated"], SURFACE, pressure=LOAD, velocity=SPEED, rtol=1e-9)
     assert s.friction.dtype == s.friction_error.dtype == jnp.float32
     assert abs(float(s.friction) - float(best.friction)) <= s.friction_error
