@@ -87,7 +87,8 @@ def solve_contact(
     - `heights`: h [m], positive into the solid, shape `(nx, ny)` or `(nx,)`; the mean is ignored.
       The more precise of `heights` and `kernel` decides in which dtype all is computed.
     - `pressure`: mean pressure σ0 [Pa], within the bounds of the law; or
-    - `mean_gap`: mean of the gap u [m], counted from the mean of the heights.
+    - `mean_gap`: mean of the gap u [m], counted from the mean of the heights; above 0 at a hard
+      wall, since in full contact it is 0 at every pressure that is high enough.
     - `law`: of contact.
     - `solver`: algorithm and its limits, and how derivatives are found: see `DouglasRachford`, or
       `AbstractContactSolver` for one's own.
@@ -182,8 +183,11 @@ def _prescribed(pressure, mean_gap, law) -> Prescribed:
         mean_gap = as_float(mean_gap, "mean_gap")
         check_shape("mean_gap", mean_gap, ())
         if isinstance(law, HardWall) and law.hardness is None:
-            allowed = "the mean gap [m] at a hard wall without `hardness` must be at least 0"
-            check_values("mean_gap", mean_gap, allowed, at_least=0)
+            allowed = (
+                "the mean gap [m] at a hard wall without `hardness` must be above 0. In full "
+                "contact it is 0 at every pressure that is high enough: prescribe `pressure`"
+            )
+            check_values("mean_gap", mean_gap, allowed, above=0)
         else:
             check_values("mean_gap", mean_gap, "the mean gap [m] must be finite")
         return Prescribed(None, mean_gap)

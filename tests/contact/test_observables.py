@@ -8,6 +8,7 @@ import graded_contact as gc
 from graded_contact import reference
 from graded_contact.contact import area as area_of
 from graded_contact.contact import observables
+from graded_contact.grid import wave_frequencies
 
 GRID = gc.Grid((64, 64), 1.0)
 
@@ -295,3 +296,21 @@ def test_a_point_whose_own_error_stands_out_is_in_doubt_at_a_larger_margin():
         inside = pressure.at[3, 5].set(at_point)
         doubt = area_of.contact_area_error(inside, correction)
         assert doubt * pressure.size == doubtful
+
+
+@pytest.mark.parametrize("angle", [0, 10, 45, 80, 90])
+def test_a_scene_and_its_transpose_have_one_area(angle):
+    """Gaps at edges are weighed by waves of all directions, not by those along x alone."""
+    velocity = 0.1 * np.array([np.cos(np.radians(angle)), np.sin(np.radians(angle))])
+    kernels = [gc.stack_kernel(BODIES["bare"], GRID, v) for v in (velocity, velocity[::-1].copy())]
+    one, other = (area_of.edge_stiffness(kernel, GRID) for kernel in kernels)
+    np.testing.assert_allclose(one, other, rtol=1e-12)
+
+
+def test_waves_across_an_oblique_velocity_have_no_frequency():
+    """0.3 × 7 - 0.7 × 3 is 4e-16 in floating point, and no frequency."""
+    grid, velocity = gc.Grid((32, 32), 1.0), jnp.array([0.3, 0.7])
+    assert wave_frequencies(grid, velocity)[-7, 3] == 0
+    wave = jnp.cos(2 * jnp.pi * (3 * jnp.arange(32) - 7 * jnp.arange(32)[:, None]) / 32)
+    shifted = jnp.roll(wave, 1, 0)
+    assert observables.friction(2 + wave, shifted, grid, velocity) == pytest.approx(0, abs=1e-15)

@@ -656,3 +656,24 @@ def test_full_contact_is_found_at_once():
     found = gc.solve_contact(1 / q, heights, 1.0, solver=gc.DouglasRachford(coarsest=8))
     np.testing.assert_allclose(found.pressure, exact, rtol=1e-12)
     assert found.num_fft_pairs <= 12
+
+
+@pytest.mark.parametrize("mean_gap", [0.0, -2e-17])
+def test_a_mean_gap_of_full_contact_is_refused(mean_gap):
+    """No load follows from it: the gap is 0 at every pressure that is high enough."""
+    kernel, heights = half_space(SMALL), rough(SMALL).heights
+    with pytest.raises(ValueError, match=r"`mean_gap=.* must be above 0.*prescribe `pressure`"):
+        gc.solve_contact(kernel, heights, mean_gap=mean_gap)
+
+
+def test_derivatives_at_a_mean_gap_near_full_contact_match_differences():
+    kernel, heights = gc.stack_kernel(BODIES["coated"], SMALL, SPEED), rough(SMALL).heights
+    full = 1.2 * -jnp.min(jnp.fft.irfft2(jnp.fft.rfft2(heights) / kernel.at[0, 0].set(np.inf)))
+    gap = gc.solve_contact(kernel, heights, 0.75 * full, rtol=1e-10).mean_gap
+
+    def load(gap):
+        return gc.solve_contact(kernel, heights, mean_gap=gap, rtol=1e-11).mean_pressure
+
+    step = 1e-4 * gap
+    slope = (load(gap + step) - load(gap - step)) / (2 * step)
+    np.testing.assert_allclose(jax.grad(load)(gap), slope, rtol=1e-4)
