@@ -8,8 +8,7 @@ python benchmarks/bench_persson.py claims     `error` against the true one, in r
 or the tread; the last letter is the base: R rigid, F none), q_low d from 1e-3 to 100; self-affine
 spectra of up to 7 decades, or one or six powers of q from -6 to 0; loads from light to complete
 contact; speeds over ten decades; all corrections. The true error, relative to the result as the
-claim is, is that against at least 640
-wavenumbers and 96 angles.
+claim is, is that against at least 640 wavenumbers and 96 angles.
 """
 
 import argparse

@@ -78,7 +78,7 @@ class MeanField(eqx.Module):
     - `extrapolated_friction`: share of the friction from frequencies at which a material of the
       stack was not measured [1], to about 1 % by the quadrature; see `coverage`.
     - `error`: estimated relative error of friction and area by the quadrature [1], in the median
-      ERROR times the true one; 0 for a surface, whose modes are summed.
+      4 times the true one; 0 for a surface, whose modes are summed.
     """
 
     friction: Float[Array, ""]
