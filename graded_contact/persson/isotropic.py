@@ -139,19 +139,11 @@ def integrate(
     total = [mean_square_growth(part) for part in x]
     ratio = [a[1] / a[0] for a in averages]
     friction = [_stieltjes(*parts) for parts in zip(ratio, total, rules, strict=True)]
-    ends = [jnp.stack([b[-1], area(a[-1])]) for a, b in zip(x, friction, strict=True)]
-    # By parts the friction is a difference of products.
-    rounding = jnp.finfo(q.dtype).eps * jnp.max(jnp.abs(ratio[0])) * total[0][-1]
     better = used[:, ::4] @ many[even] + more @ many[odd]
-    safe = jnp.where(fine == 0, 1, fine)[:, ::4]
-    change = jnp.abs(better / safe - 1)
-    by_angle = jnp.stack(
-        [
-            share_of(jnp.sum(change, axis=0), friction[0][::4]),
-            share_of(change[0], v[0][::4]),
-        ]
-    )
-    error = _error(*ends, by_angle, rounding)
+    by_angle = jnp.abs(better / jnp.where(fine == 0, 1, fine)[:, ::4] - 1)
+    # By parts the friction is a difference of products.
+    product = jnp.max(jnp.abs(ratio[0])) * total[0][-1]
+    error = _error(x, friction, v[0], by_angle, product)
     share = jnp.zeros_like(q[0])
     if known is not None:
         omega = speed * q[even, None] * cosine[even]
@@ -167,12 +159,23 @@ def share_of(part: Float[Array, " n"], friction: Float[Array, " n"]) -> Float[Ar
     return jnp.sum(step * (part[1:] + part[:-1]) / 2) / jnp.where(total == 0, 1, total)
 
 
-def _error(fine, coarse, closer, by_angle, rounding):
-    """The largest relative error of friction and area."""
+def _error(x, friction, v, by_angle, product):
+    """The largest relative error of friction and area.
+
+    `x` and `friction` are those of the result, and with half of the angles by as many and by twice
+    as many wavenumbers; `by_angle` is the relative change of the growth of v and of the loss by
+    twice as many angles; `product` is what rounding is relative to.
+    """
+    fine, coarse, closer = (
+        jnp.stack([b[-1], area(a[-1])]) for a, b in zip(x, friction, strict=True)
+    )
     least = jnp.minimum(jnp.abs(coarse), jnp.abs(closer))
     change = jnp.abs(coarse - closer) / jnp.where(least == 0, 1, least)
-    rounding = rounding / jnp.where(fine[0] == 0, 1, jnp.abs(fine[0]))
-    return jnp.max(SAFETY * (change + by_angle)) + 4 * rounding
+    change += jnp.stack(
+        [share_of(jnp.sum(by_angle, axis=0), friction[0][::4]), share_of(by_angle[0], v[::4])]
+    )
+    rounding = jnp.finfo(v.dtype).eps * product / jnp.where(fine[0] == 0, 1, jnp.abs(fine[0]))
+    return SAFETY * jnp.max(change) + 4 * rounding
 
 
 def _nodes(roughness, lengths, num_intervals):
