@@ -27,8 +27,8 @@ from .series import Series
 
 # Limits of atanh ρ, and of ln σ² about the mean square. Errors with ρ > 0.95 are rather a misfit.
 LIMITS = ((-1.0, 1.8), (-12.0, 12.0))
-# Variance of the cloud over that of (atanh ρ, ln σ²). With 1, ± 1.96 standard errors enclose 90 %
-# of the true values at ρ = 0.8, with 2 about 93 %: `bench_uncertainty.py coverage`.
+# Variance of the cloud over that of (atanh ρ, ln σ²). With 1, ± 1.96 standard errors enclose 90 to
+# 92 % of the true values at ρ = 0.8; with 2, 92 % and more (`bench_uncertainty.py coverage`).
 CLOUD = 2.0
 FLATTEST = 2.0  # curvature of -ln L: what the data do not determine has the variance 1/2
 STEP = 0.05  # of (atanh ρ, ln σ²) in differences of the likelihood
