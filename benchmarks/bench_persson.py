@@ -2,12 +2,22 @@
 
 python benchmarks/bench_persson.py speed      a friction curve of 50 velocities, its gradient
 python benchmarks/bench_persson.py contact    against contacts of random surfaces
+python benchmarks/bench_persson.py claims     `error` against the true one, in random scenes
+
+`claims`: blocks of 0 to 3 layers (E elastic; V Prony series of up to six branches over ten decades,
+or the tread; the last letter is the base: R rigid, F none), q_low d from 1e-3 to 100; self-affine
+spectra of up to 7 decades, or one or six powers of q from -6 to 0; loads from light to complete
+contact; speeds over ten decades; all corrections. The true error, relative to the result as the
+claim is, is that against at least 640 wavenumbers and 96 angles.
 """
 
 import argparse
+import itertools
 import platform
 import statistics
 import time
+from functools import partial
+from typing import get_args
 
 import jax
 import jax.numpy as jnp
@@ -15,6 +25,7 @@ import numpy as np
 from rows import keep
 
 import graded_contact as gc
+from graded_contact.persson.diffusion import Correction
 
 jax.config.update("jax_enable_x64", True)
 
@@ -131,6 +142,95 @@ def contact(options):
                 )
 
 
+STACKS = ("V", "VE", "EVV", "EVVR", "VVF")
+SPECTRA = ("sharp", 1, 6)
+BRANCHES = 18
+
+
+def claims(options):
+    rng, rows, corrections = np.random.default_rng(options.seed), [], get_args(Correction)
+    for number, (letters, kind) in enumerate(itertools.product(STACKS, SPECTRA)):
+        correction = corrections[number % len(corrections)]
+        drawn = [random_scene(rng, letters, kind) for _ in range(options.scenes)]
+        scenes = jax.tree.map(lambda *leaves: jnp.stack([jnp.asarray(a) for a in leaves]), *drawn)
+
+        def solve(scene, counts, correction=correction):
+            stack, spectrum, pressure, velocity = scene
+            found = gc.mean_field_friction(
+                stack, spectrum, pressure=pressure, velocity=velocity, correction=correction,
+                throw=False, **counts,
+            )  # fmt: skip
+            return jnp.stack([found.friction, found.contact_area]), found.error
+
+        pieces = kind if kind in SPECTRA[2:] else 2
+        fine = {"num_wavenumbers": max(640, 160 * pieces), "num_angles": 96}
+        (value, claim), (exact, doubt) = (
+            jax.jit(partial(jax.lax.map, partial(solve, counts=counts)))(scenes)
+            for counts in ({}, fine)
+        )
+        true = np.max(np.abs(1 - exact / value), axis=1)
+        rows += zip(true, claim, doubt, strict=True)
+        print(f"# {letters} {kind} {correction}: {np.sum(true > claim)} broken", flush=True)
+    true, claim, doubt = np.array(rows).T
+    # A friction of 1e-15 and less of the shear is rounding, in the fine solve too.
+    known = doubt < 0.1 * np.maximum(claim, true)
+    ratio = claim[known] / true[known]
+    row = {"scenes": len(true), "with a known error": int(np.sum(known))}
+    row |= {"broken": int(np.sum(ratio < 1)), "true error, median": np.median(true[known])}
+    row |= {f"claim/true, {p} %": np.percentile(ratio, p) for p in (0, 10, 50, 90)}
+    row["claims up to rtol = 1e-4 [%]"] = 100 * np.mean(claim[known] <= 1e-4)
+    print(row)
+    keep("bench_persson-claims", row)
+
+
+def random_scene(rng, letters, kind):
+    """Stack, spectrum, pressure [Pa] and velocity [m/s]."""
+    q_low = 10 ** rng.uniform(1, 4)
+    q_roll = q_low * 10 ** rng.uniform(0, 2)
+    q_high = q_roll * 10 ** rng.uniform(0.3, 5)
+    layers = [
+        gc.Layer(random_material(rng, letter), 10 ** rng.uniform(-3, 2) / q_low)
+        for letter in letters[:-1]
+    ]
+    ends = {"R": gc.Rigid(), "F": gc.Free()}
+    base = ends.get(letters[-1]) or gc.HalfSpace(random_material(rng, letters[-1]))
+    stack = gc.Stack(layers=layers, base=base)
+    slope = 10 ** rng.uniform(-2, 0)
+    if kind in ("sharp", "smooth"):
+        spectrum = gc.SelfAffine(
+            rms_slope=slope, hurst=rng.uniform(0.05, 1), q_low=q_low, q_roll=q_roll, q_high=q_high,
+            roll_off=kind,
+        )  # fmt: skip
+    else:
+        inner = q_low * (q_high / q_low) ** rng.uniform(0, 1, kind - 1)
+        q = np.sort([q_low, *inner, q_high])
+        c = np.exp(np.append(0, np.cumsum(rng.uniform(-6, 0, kind) * np.diff(np.log(q)))))
+        dense = np.geomspace(q_low, q_high, 4001)
+        powers = dense**4 * np.exp(np.interp(np.log(dense), np.log(q), np.log(c)))
+        spectrum = q, c * slope**2 / (2 * np.pi * np.trapezoid(powers, np.log(dense)))
+    speed, angle = 10 ** rng.uniform(-8, 2), rng.uniform(0, 2 * np.pi)
+    q = np.geomspace(q_low, q_high, 7)
+    moduli = np.abs(gc.effective_modulus(stack, q, 0.7 * speed * q))
+    between = np.exp(rng.uniform(*np.log([np.min(moduli), np.max(moduli)])))
+    pressure = 10 ** rng.uniform(-3.5, 0.7) * slope * between
+    return stack, spectrum, pressure, speed * np.array([np.cos(angle), np.sin(angle)])
+
+
+def random_material(rng, letter):
+    poisson = rng.uniform(0.2, 0.5)
+    if letter == "E":
+        return gc.Elastic(10 ** rng.uniform(5, 9), poisson)
+    equilibrium, shift = 10 ** rng.uniform(5, 8), 10 ** rng.uniform(-3, 3)
+    if rng.random() < 1 / 3:
+        rubber = gc.tyre_tread()
+        scale = equilibrium / rubber.equilibrium
+        return gc.Prony(equilibrium, rubber.strengths * scale, rubber.times * shift, poisson)
+    count = rng.integers(1, 7)
+    which = np.append(np.arange(count), np.full(BRANCHES - count, count - 1))
+    strengths = equilibrium * 10 ** rng.uniform(-2, 3, count)[which] / np.bincount(which)[which]
+    return gc.Prony(equilibrium, strengths, 10 ** rng.uniform(-8, 2, count)[which], poisson)
+
+
 def main():
     parser = argparse.ArgumentParser(description=__doc__.split("\n")[0])
     sections = parser.add_subparsers(required=True)
@@ -141,6 +241,10 @@ def main():
     part.add_argument("--surfaces", type=int, default=8)
     part.add_argument("--seed", type=int, default=0)
     part.set_defaults(run=contact)
+    part = sections.add_parser("claims", help="`error` against the true one")
+    part.add_argument("--scenes", type=int, default=20, help="of each kind of block and spectrum")
+    part.add_argument("--seed", type=int, default=0)
+    part.set_defaults(run=claims)
     options = parser.parse_args()
     device = jax.devices()[0].device_kind
     print(f"# graded_contact {gc.__version__}, jax {jax.__version__}, {device}, ", end="")

@@ -581,3 +581,30 @@ def test_table_of_moduli_that_stops_short_is_refused_with_the_remedy():
         mean_field_friction(
             gc.Stack(base=gc.HalfSpace(table)), SPECTRUM, pressure=1e5, velocity=0.1
         )
+
+
+def test_error_encloses_the_true_one_where_the_quadrature_is_coarse():
+    """Random coats, rubbers, loads and speeds, on spectra of five decades; against fine rules."""
+    rng = np.random.default_rng(0)
+    draws = rng.uniform([-6, 0, -5, -4, -3, 0.1], [0, 3, -2, 2, 1, 1], (60, 6))
+
+    def solve(draw, **counts):
+        time, contrast, thickness, speed, load, hurst = draw
+        rubber = gc.Prony(1e6, [1e6 * 10**contrast], [10**time], 0.49)
+        coat = gc.Layer(gc.Elastic(4e6, 0.4), 10**thickness)
+        rough = gc.SelfAffine(rms_slope=0.2, hurst=hurst, q_low=Q0, q_roll=10 * Q0, q_high=1e5 * Q0)
+        found = mean_field_friction(
+            gc.Stack(layers=(coat,), base=gc.HalfSpace(rubber)), rough,
+            pressure=1e6 * 10**load, velocity=10**speed, throw=False, **counts,
+        )  # fmt: skip
+        return jnp.stack([found.friction, found.contact_area]), found.error
+
+    (values, errors), (exact, fine) = (
+        jax.jit(lambda d, counts=counts: jax.lax.map(partial(solve, **counts), d))(draws)
+        for counts in ({"num_wavenumbers": 32}, {"num_wavenumbers": 384, "num_angles": 64})
+    )
+    known = fine < 0.1 * errors
+    true = np.max(np.abs(1 - exact / values), axis=1)
+    assert np.sum(known) > 50
+    assert np.all((true <= errors)[known])
+    assert np.median((errors / true)[known]) < 30

@@ -14,7 +14,7 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Complex, Float
-from scipy.special import stdtrit
+from scipy.special import ndtri
 
 from .._checks import (
     Numbers,
@@ -172,9 +172,7 @@ class MasterCurve(eqx.Module):
             return jnp.log(jnp.stack([modulus.real, modulus.imag]))
 
         middle, slopes = logs(self.unknowns), jax.jacfwd(logs)(self.unknowns)
-        count = int(np.sum(np.asarray(self.data.observations.weights) > 0))
-        reach = stdtrit(max(count - len(self.unknowns), 1), (1 + level) / 2)
-        reach = reach * _deviation(slopes, self.covariance())
+        reach = ndtri((1 + level) / 2) * _deviation(slopes, self.covariance())
         known = _at(self.material, temperature).coverage()
         return limits_where_known(omega, known, middle - reach, middle + reach)
 

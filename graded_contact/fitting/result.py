@@ -7,7 +7,7 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Complex, Float
-from scipy.special import stdtrit
+from scipy.special import ndtri
 
 from .._checks import Numbers, as_float, check_positive
 from .._shown import shown, with_units
@@ -132,8 +132,7 @@ class PronyFit(eqx.Module):
             slopes = np.asarray(_log_slopes(self.theta, self.data, omega))
             spread = self.covariance()
             deviation = np.sqrt(np.einsum("...i,ij,...j->...", slopes, spread, slopes))
-            spare = max(int(np.sum(series.measured) - np.sum(free)), 1)
-            reach = stdtrit(spare, (1 + level) / 2) * deviation
+            reach = ndtri((1 + level) / 2) * deviation
             middle = _log_parts(self.theta, self.data, omega)
             lower, upper = middle - reach, middle + reach
         return limits_where_known(omega, self.material.coverage(), lower, upper)

@@ -3,9 +3,11 @@
 In log q it is Clenshaw and Curtis's rule on every smooth piece of the spectrum. For the angle φ
 between q and the velocity, cos φ = sech u turns a relaxation at whatever q v τ into poles at the
 distance π/2 from the real line of u, where the trapezoidal rule converges as exp(-π²/h); u =
-3 sinh s then makes the integrand decay doubly exponentially. Every second and every fourth node
-give coarser results without another evaluation of the response, and from these the error is
-estimated.
+3 sinh s then makes the integrand decay doubly exponentially.
+
+The error is that against twice the nodes: in q with half of the angles, in the angle at a
+quarter of the wavenumbers. These nodes are three quarters of those of the result. (An extrapolation
+from coarser rules needs none, but fails where a rule only begins to resolve spectrum or response.)
 """
 
 from functools import cache
@@ -29,6 +31,7 @@ from .diffusion import Correction, area, mean_square_growth, slowed
 # The last angle, nearly across the velocity, stands for those beyond it.
 LAST_COSINE = 1 / np.cosh(15.0)
 _STRETCH = 3.0
+SAFETY = 2.0  # of the change by twice the nodes
 
 
 class Roughness(eqx.Module):
@@ -99,42 +102,54 @@ def integrate(
     of 4.
     """
     lengths = jnp.log(roughness.edges[1:] / roughness.edges[:-1])
-    q, amplitude = _nodes(roughness, lengths, num_intervals)
-    cosine = jnp.asarray(_angles(num_angles)[0], q.dtype)
-    omega = speed * q[:, None] * cosine
+    q, amplitude = _nodes(roughness, lengths, 2 * num_intervals)
+    cosine = jnp.asarray(_angles(2 * num_angles)[0], q.dtype)
     tolerance = graded_tolerance(graded, None, q)
-    compliance = surface_compliance_unchecked(stack, q[:, None], omega, graded, tolerance)
-    stiffness = 1 / (pressure * compliance)
-    # √C q/(M σ0): squares of its factors may leave the range of float32.
-    relative = amplitude[:, None] * stiffness
-    rates = (
-        relative.real**2 + relative.imag**2,
-        (amplitude * q)[:, None] * cosine * relative.imag,
-    )
+    check = jax.lax.stop_gradient((stack, pressure, speed, q, amplitude))
 
-    strides = (1, 2, 4)
-    rules = [_clenshaw_curtis(num_intervals // stride) for stride in strides]
-    averages = [
-        [rate[::s, ::s] @ jnp.asarray(_angles(num_angles // s)[1], q.dtype) for rate in rates]
-        for s in strides
-    ]
-    v = [
-        _integral(spreading, lengths, r) for (spreading, _), r in zip(averages, rules, strict=True)
-    ]
+    def rates(values, at_q, at_angle):
+        """Growth of the variance and of the friction of complete contact, per log q and angle."""
+        stack, pressure, speed, q, amplitude = values
+        q, amplitude, along = q[at_q][:, None], amplitude[at_q][:, None], cosine[at_angle]
+        compliance = surface_compliance_unchecked(stack, q, speed * q * along, graded, tolerance)
+        # √C q/(M σ0): squares of its factors may leave the range of float32.
+        relative = amplitude / (pressure * compliance)
+        return jnp.stack(
+            [relative.real**2 + relative.imag**2, amplitude * q * along * relative.imag]
+        )
+
+    even, odd, fourth, eighth = (
+        slice(start, None, step) for start, step in ((0, 2), (1, 2), (0, 4), (0, 8))
+    )
+    used = rates((stack, pressure, speed, q, amplitude), even, even)
+    between = rates(check, odd, fourth)
+    more = rates(check, eighth, odd)
+
+    weights, few, many = (
+        jnp.asarray(_angles(count)[1], q.dtype)
+        for count in (num_angles, num_angles // 2, 2 * num_angles)
+    )
+    fine, coarse = used @ weights, used[..., ::2] @ few
+    closer = jnp.zeros((2, len(q)), q.dtype).at[:, even].set(coarse).at[:, odd].set(between @ few)
+    averages = (fine, coarse, closer)
+    rules = [_clenshaw_curtis(count) for count in (num_intervals, num_intervals, 2 * num_intervals)]
+    v = [_integral(a[0], lengths, rule) for a, rule in zip(averages, rules, strict=True)]
     # All at once: it is half of what there is to compile.
     x = jnp.split(slowed(correction, jnp.concatenate(v)), np.cumsum([len(part) for part in v])[:-1])
-    friction = [
-        _stieltjes(loss / spreading, mean_square_growth(part), rule)
-        for (spreading, loss), part, rule in zip(averages, x, rules, strict=True)
-    ]
-    ends = [jnp.stack([area(a[-1]), b[-1]]) for a, b in zip(x, friction, strict=True)]
+    total = [mean_square_growth(part) for part in x]
+    ratio = [a[1] / a[0] for a in averages]
+    friction = [_stieltjes(*parts) for parts in zip(ratio, total, rules, strict=True)]
+    better = used[:, ::4] @ many[even] + more @ many[odd]
+    by_angle = jnp.abs(better / jnp.where(fine == 0, 1, fine)[:, ::4] - 1)
+    # By parts the friction is a difference of products.
+    product = jnp.max(jnp.abs(ratio[0])) * total[0][-1]
+    error = _error(x, friction, v[0], by_angle, product)
     share = jnp.zeros_like(q[0])
     if known is not None:
-        lost = jnp.where(is_unknown(omega, known), rates[1], 0)
-        lost = lost @ jnp.asarray(_angles(num_angles)[1], q.dtype)
-        total = averages[0][1]
-        share = share_of(lost / jnp.where(total == 0, 1, total), friction[0])
-    return q, x[0], friction[0], _error(*jax.lax.stop_gradient(ends)), share
+        omega = speed * q[even, None] * cosine[even]
+        lost = jnp.where(is_unknown(omega, known), used[1], 0) @ weights
+        share = share_of(lost / jnp.where(fine[1] == 0, 1, fine[1]), friction[0])
+    return q[even], x[0], friction[0], jax.lax.stop_gradient(error), share
 
 
 def share_of(part: Float[Array, " n"], friction: Float[Array, " n"]) -> Float[Array, ""]:
@@ -144,15 +159,23 @@ def share_of(part: Float[Array, " n"], friction: Float[Array, " n"]) -> Float[Ar
     return jnp.sum(step * (part[1:] + part[:-1]) / 2) / jnp.where(total == 0, 1, total)
 
 
-def _error(fine, middle, coarse):
-    """The largest relative error of `fine`.
+def _error(x, friction, v, by_angle, product):
+    """The largest relative error of friction and area.
 
-    If halving the intervals divides the error by r, the next halving divides it by r again
-    (algebraic convergence) or by more (exponential).
+    `x` and `friction` are those of the result, and with half of the angles by as many and by twice
+    as many wavenumbers; `by_angle` is the relative change of the growth of v and of the loss by
+    twice as many angles; `product` is what rounding is relative to.
     """
-    near, far = jnp.abs(fine - middle), jnp.abs(middle - coarse)
-    factor = jnp.where(near < far, near / jnp.where(far > 0, far, 1), 1)
-    return jnp.max(near * factor / jnp.where(fine == 0, 1, jnp.abs(fine)))
+    fine, coarse, closer = (
+        jnp.stack([b[-1], area(a[-1])]) for a, b in zip(x, friction, strict=True)
+    )
+    least = jnp.minimum(jnp.abs(coarse), jnp.abs(closer))
+    change = jnp.abs(coarse - closer) / jnp.where(least == 0, 1, least)
+    change += jnp.stack(
+        [share_of(jnp.sum(by_angle, axis=0), friction[0][::4]), share_of(by_angle[0], v[::4])]
+    )
+    rounding = jnp.finfo(v.dtype).eps * product / jnp.where(fine[0] == 0, 1, jnp.abs(fine[0]))
+    return SAFETY * jnp.max(change) + 4 * rounding
 
 
 def _nodes(roughness, lengths, num_intervals):

@@ -77,8 +77,8 @@ class MeanField(eqx.Module):
     - `pressure`: the mean pressure σ0 [Pa].
     - `extrapolated_friction`: share of the friction from frequencies at which a material of the
       stack was not measured [1], to about 1 % by the quadrature; see `coverage`.
-    - `error`: estimated relative error of friction and area by the quadrature [1], mostly many
-      times too large; 0 for a surface, whose modes are summed.
+    - `error`: estimated relative error of friction and area by the quadrature [1], in the median
+      4 times the true one; 0 for a surface, whose modes are summed.
     """
 
     friction: Float[Array, ""]

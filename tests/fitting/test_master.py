@@ -379,7 +379,9 @@ def test_limits_enclose_the_modulus_at_any_temperature(curve):
         assert np.all(upper / lower < 1.5)
     known = map(channels, map(np.asarray, curve.fit.confidence(OMEGA)))
     widths = [np.log(high / low) for low, high in [known, map(channels, curve.confidence(OMEGA))]]
-    assert np.all(widths[1] > 0.99 * widths[0])
+    # Neighbours, whose likeness is estimated, are others once the isotherms are one series.
+    ratio = widths[1] / widths[0]
+    assert np.median(ratio) > 1 and np.all(ratio > 0.9), ratio
 
 
 def test_the_material_and_its_limits_know_the_temperatures_of_the_isotherms(curve):
