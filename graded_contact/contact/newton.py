@@ -31,6 +31,7 @@ def newton_step(inputs: Inputs, found: Iterated) -> Iterated:
     """Returns the contact under a given load after one step from what a solver found."""
     kernel, law = inputs.kernel, inputs.law
     load = inputs.prescribed.pressure
+    assert load is not None
     loaded = jnp.mean(law.margin(found.pressure, found.gap, 1.0) > 0, dtype=found.pressure.dtype)
     penalty = penalty_for(kernel, jnp.maximum(loaded, 1 / found.pressure.size), law)
     law = law.in_units(1.0, 1 / penalty)
