@@ -100,8 +100,12 @@ def test_a_batch_knows_what_its_members_know():
         return s.friction, s.friction_error
 
     loads = jnp.array([0.01, 0.1])
-    batch = jax.vmap(friction)(loads)
-    np.testing.assert_allclose(batch, jax.lax.map(friction, loads), rtol=1e-6)
+    (batch, batch_error), (single, single_error) = (
+        each(loads) for each in (jax.vmap(friction), lambda loads: jax.lax.map(friction, loads))
+    )
+    # Rounding differs in a batch, and with it the step at which a loose solve ends.
+    assert np.all(np.abs(batch - single) <= batch_error + single_error)
+    assert np.all(batch_error <= 1e-2 * batch)
 
 
 def test_numbers_that_did_not_become_known_are_not_passed_as_such():
