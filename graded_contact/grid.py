@@ -225,7 +225,7 @@ def sliding_frequency(
     return omega - jax.lax.stop_gradient(jnp.where(jnp.abs(omega) <= rounding, omega, 0))
 
 
-def wave_frequencies(grid: Grid, velocity: Float[Array, "..."]) -> Float[Array, "..."]:
+def wave_frequencies(grid: Grid, velocity: Numbers) -> Float[Array, "..."]:
     """Returns ω = -q·v [rad/s] of the waves of the half spectrum.
 
     What a component of q adds is 0 on its Nyquist line. `velocity` has one component (along x) or
@@ -236,6 +236,7 @@ def wave_frequencies(grid: Grid, velocity: Float[Array, "..."]) -> Float[Array, 
         for k, n, q in zip(mode_numbers(grid.shape), grid.shape, wavevector(grid), strict=True)
     ]
     qx, qy = (*components, jnp.zeros(()))[:2]
+    velocity = as_float(velocity, "velocity")
     return sliding_frequency(qx, qy, velocity[0] if velocity.shape == (1,) else velocity)
 
 

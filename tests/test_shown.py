@@ -34,7 +34,7 @@ def sliding(friction=0.25, shape=(16, 12), result=RESULTS.successful):
     """A `Sliding` with a number of its own in every field, without solving anything."""
     fields = {f.name: jnp.array(2.0) for f in dataclasses.fields(ContactSolution)}
     field = jnp.zeros(shape)
-    fields |= {"pressure": field, "displacement": field, "gap": field, "mismatch": field}
+    fields |= {"pressure": field, "displacement": field, "gap": field, "correction": field}
     fields |= {"wanted_error": None}
     contact = ContactSolution(**fields | {"mean_gap": jnp.array(6.13e-5), "result": result})
     numbers = {f.name: jnp.array(0.0) for f in dataclasses.fields(gc.Sliding)}

@@ -59,7 +59,7 @@ def dissipation(
     Entries stand for themselves and their conjugates, so that the sum is the whole power,
     μ ⟨σ⟩ |v|.
     """
-    omega = wave_frequencies(grid, as_float(velocity, "velocity"))
+    omega = wave_frequencies(grid, velocity)
     amplitude = to_spectrum(pressure) / np.prod(grid.shape)
     power = (amplitude.real**2 + amplitude.imag**2) * -omega * jnp.imag(kernel)
     return power * multiplicity(grid.shape)
