@@ -27,7 +27,7 @@ import graded_contact as gc
 from graded_contact.grid import to_field, to_spectrum
 
 BRANCHES = 6
-SHAPES = ((64, 64), (60, 48))
+SHAPES = ((64, 64),)
 CLOSEST = 1e-10
 # Errors that are not compared: the best solution has as much, and rounding.
 LEAST = 3e-10
@@ -91,7 +91,8 @@ def outcomes(scene):
     given = {"pressure": scene.load}
     for name in ("pressure", "mean_gap"):
         if name == "mean_gap":
-            if not best or scene.law.attracts or (scene.is_plain and best.mean_gap <= 0):
+            # In full contact no load follows from the gap.
+            if best is None or abs(best.mean_gap) < 1e-6 * np.std(scene.surface.heights):
                 return
             given = {"mean_gap": jnp.asarray(best.mean_gap, scene.surface.heights.dtype)}
         best = exact(scene, given)
