@@ -40,7 +40,7 @@ from .solver import (
 )
 
 # By `bench_contact.py random` and `hard`: no claim of 1000 scenes each may be broken.
-_SAFETY, _BY_CHANCE, _SAFETY_OF_GAP, _SPREAD = 1.5, 4.0, 4.0, 0.3
+_SAFETY, _BY_CHANCE, _SAFETY_OF_GAP, _SPREAD = 2.0, 5.0, 4.0, 0.3
 _ROUNDING = 8  # units in the last place
 
 
