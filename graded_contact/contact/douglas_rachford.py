@@ -22,6 +22,7 @@ from .splitting import check_relaxation
 _COARSENING = 4  # from a grid to the next; by 2 takes more pairs, and more programs to compile
 _GEARED_FROM = 1 / 16  # of the points: grids that Newton steps are for
 _GEARED_UP_TO = 2**21  # points: they take more memory than is planned for larger ones
+_MEMORY_AT_GAP = 2
 _FEW = 100  # steps on coarse grids and in drafts, where Newton steps follow
 _STEPS, _MOST, _POINTS = 4000, 64_000, 2**16  # steps allowed on a grid of so many points
 
@@ -94,7 +95,9 @@ class DouglasRachford(AbstractContactSolver):
         few = most if alone else min(_FEW, most)
         keep = self.keep if finest else None
         limits = few, most if geared else few
-        return Plan(share, finest, helped, geared, *limits, self.relaxation, self.memory, keep)
+        # At a given gap near full contact the load drifts, and long memories run away with it.
+        memory = self.memory if prescribed.gap is None else min(self.memory, _MEMORY_AT_GAP)
+        return Plan(share, finest, helped, geared, *limits, self.relaxation, memory, keep)
 
 
 def _nested_shapes(shape: tuple[int, ...], coarsest: int) -> list[tuple[int, ...]]:

@@ -136,8 +136,12 @@ def error_of(
     of what the numbers are differences of, which limits their digits.
     """
     after, pull = jax.vjp(numbers, change)
-    parts = jax.vmap(lambda row: jnp.sqrt(jnp.sum((pull(row)[0] * change) ** 2)))
-    chance = parts(jnp.eye(after.size, dtype=after.dtype))
+
+    def chance_of(row):
+        # Where nothing touches, a derivative may be no number.
+        return jnp.sqrt(jnp.sum(jnp.where(change != 0, pull(row)[0] * change, 0) ** 2))
+
+    chance = jax.vmap(chance_of)(jnp.eye(after.size, dtype=after.dtype))
     rounding = _ROUNDING * jnp.finfo(after.dtype).eps * size
     return _SAFETY * jnp.abs(after - value) + _BY_CHANCE * chance + rounding
 

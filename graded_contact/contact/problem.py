@@ -57,6 +57,7 @@ _RESOLVED = 0.3
 # Tolerance of the linear solves of derivatives, over that of wanted numbers: derivatives may be
 # small differences of what the numbers are not.
 _OF_WANTED = 0.1
+_LEAST_GAP = 1e-12  # mean gap over the rms height that is not rounding
 
 
 @door
@@ -111,7 +112,7 @@ def solve_contact(
     _check_heights(heights, solver)
     _check_kernel(kernel, heights, throw)
     check_law(law)
-    inputs = Inputs(kernel, heights, law, _prescribed(pressure, mean_gap, law))
+    inputs = Inputs(kernel, heights, law, _prescribed(pressure, mean_gap, law, heights))
     if start is not None:
         start = _as_start(start, heights, law)
     # In one precision: what ends a solve counts the digits of the fields.
@@ -174,7 +175,7 @@ def _as_start(start, heights, law: AbstractLaw):
     return start
 
 
-def _prescribed(pressure, mean_gap, law) -> Prescribed:
+def _prescribed(pressure, mean_gap, law, heights) -> Prescribed:
     if (pressure is None) == (mean_gap is None):
         raise ValueError(
             f"`pressure={pressure}` and `mean_gap={mean_gap}`: give exactly one of the two."
@@ -182,19 +183,24 @@ def _prescribed(pressure, mean_gap, law) -> Prescribed:
     if mean_gap is not None:
         mean_gap = as_float(mean_gap, "mean_gap")
         check_shape("mean_gap", mean_gap, ())
-        if isinstance(law, HardWall) and law.hardness is None:
-            allowed = (
-                "the mean gap [m] at a hard wall without `hardness` must be above 0. In full "
-                "contact it is 0 at every pressure that is high enough: prescribe `pressure`"
-            )
-            check_values("mean_gap", mean_gap, allowed, above=0)
-        else:
-            check_values("mean_gap", mean_gap, "the mean gap [m] must be finite")
+        check_values("mean_gap", mean_gap, "the mean gap [m] must be finite")
+        if isinstance(law, HardWall) and is_concrete(heights) and is_concrete(mean_gap):
+            _check_gap(float(mean_gap), law, _LEAST_GAP * float(jnp.std(heights)))
         return Prescribed(None, mean_gap)
     pressure = as_float(pressure, "pressure")
     check_shape("pressure", pressure, ())
     check_pressure(pressure, law)
     return Prescribed(pressure, None)
+
+
+def _check_gap(gap: float, law: HardWall, least: float) -> None:
+    """Raises `ValueError` unless a load follows from a mean gap at a wall."""
+    if abs(gap) <= least or (law.hardness is None and gap < 0):
+        raise ValueError(
+            f"`mean_gap={gap:g}` is refused: at a hard wall it must be above {least:.2g} m, or with "
+            "a `hardness` as much below 0. In full contact the mean gap is 0 at every pressure that "
+            "is high enough: prescribe `pressure`."
+        )
 
 
 def _search(inputs: Inputs, solver: AbstractContactSolver, rtol, wanted, start) -> Known:
@@ -283,7 +289,8 @@ def _describe(
 
 def _how_it_ended(inputs: Inputs, solver, found: Iterated, reached, gap_error) -> RESULTS:
     law, pressure = inputs.law, inputs.prescribed.pressure
-    finite = jnp.isfinite(found.error) & jnp.all(jnp.isfinite(found.pressure))
+    # Near full contact at a given gap an infinite error is a bound that is not known yet.
+    finite = ~jnp.isnan(found.error) & jnp.all(jnp.isfinite(found.pressure))
     result = RESULTS.where(found.ended, RESULTS.rounding, RESULTS.max_steps_reached)
     result = RESULTS.where(reached, RESULTS.successful, result)
     result = RESULTS.where(finite, result, RESULTS.not_finite)

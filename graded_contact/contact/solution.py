@@ -12,7 +12,7 @@ class RESULTS(eqx.Enumeration):
     successful = ""
     max_steps_reached = (
         "The contact solver reached `max_steps` before `rtol`. Raise `max_steps` of the solver, or "
-        "loosen `rtol`."
+        "loosen `rtol`; at a mean gap near full contact, prescribe `pressure`."
     )
     rounding = (
         "Rounding hides what is left of the error, which may be more than `rtol`: the pressures "
