@@ -40,8 +40,8 @@ from .solver import (
 )
 
 # By `bench_contact.py random` and `hard`: no claim of 1000 scenes each may be broken.
-_SAFETY, _BY_CHANCE, _SAFETY_OF_GAP, _SPREAD = 2.5, 5.0, 4.0, 0.3
-_ROUNDING = 8  # units in the last place
+_SAFETY, _BY_CHANCE, _SAFETY_OF_GAP, _SPREAD = 2.5, 5.0, 8.0, 0.3
+_ROUNDING, _ROUNDING_OF_GAP = 8, 100  # units in the last place
 
 
 def state_of(inputs: Inputs, found: Iterated) -> State:
@@ -75,7 +75,7 @@ def change_of(inputs: Inputs, found: Iterated) -> Float[Array, "*shape"]:
         offset = _offset(s, apart - known, penalty * gap)
         # Points of contact weigh the gap unevenly, so what it varies by counts, too.
         spread = jnp.sqrt(jnp.mean(share * (apart - known + offset) ** 2))
-        digits = _ROUNDING * jnp.finfo(y.dtype).eps * root_mean_square(apart)
+        digits = _ROUNDING_OF_GAP * jnp.finfo(y.dtype).eps * root_mean_square(apart)
         closing = offset - penalty * gap
         closing = closing + jnp.where(closing < 0, -1, 1) * (_SPREAD * spread + digits)
         change = change + share * closing * contact_stiffness(kernel, known, s)
