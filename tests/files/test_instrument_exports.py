@@ -196,3 +196,13 @@ def test_exports_are_read(tmp_path, name, encoding):
     except UnicodeEncodeError:
         pytest.skip("letters that this encoding has not")
     check(read(tmp_path, content, "export.csv", **options), deformation=deformation)
+
+
+def test_a_column_of_moments_means_shear(tmp_path):
+    """German exports name the torque `Moment`; taken as tension, moduli were 3 times too low."""
+    rows = "\n".join(f"{10.0**k};{3e6};{3e5};0.1;{1e-3}" for k in range(-2, 4))
+    path = tmp_path / "german.csv"
+    heading = "Kreisfrequenz;Speichermodul;Verlustmodul;Deformation;Moment\nrad/s;Pa;Pa;%;mN·m\n"
+    path.write_text(heading + rows + "\n", encoding="utf-8")
+    measured = gc.read_moduli(path, poisson=0.5)
+    np.testing.assert_allclose(np.real(measured.values), 9e6)

@@ -52,10 +52,9 @@ def read_surface(
 
     - `path`: the file.
     - `periodic`, `shape`, `region`, `fill`, `rim`: as in `surface_from_heights`.
-    - `size`: edge lengths [m], for a file that does not tell; refused otherwise. One number means a
-      square.
-    - `unit`: length unit of the file's numbers ("um", "nm", ...), for a file that does not tell;
-      refused otherwise.
+    - `size`: edge lengths [m], for a file that does not state them. An `.npz` is overruled, other
+      files that state them refuse it. One number means a square.
+    - `unit`: length unit of the file's numbers ("um", "nm", ...), likewise.
     - `channel`: name or index of the channel; None takes the file's default height channel.
 
     **Returns:** the surface, with its history.
