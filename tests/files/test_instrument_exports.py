@@ -204,5 +204,5 @@ def test_a_column_of_moments_means_shear(tmp_path):
     path = tmp_path / "german.csv"
     heading = "Kreisfrequenz;Speichermodul;Verlustmodul;Deformation;Moment\nrad/s;Pa;Pa;%;mN·m\n"
     path.write_text(heading + rows + "\n", encoding="utf-8")
-    measured = gc.read_moduli(path, poisson=0.5)
+    measured = read_moduli(path, poisson=0.5)
     np.testing.assert_allclose(np.real(measured.values), 9e6)

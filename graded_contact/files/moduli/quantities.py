@@ -127,7 +127,8 @@ _MEANINGS = {
 
 # Words of columns that only a test in shear has.
 _OF_SHEAR = re.compile(
-    r"shear|schub|scher|cisaill|torque|drehmoment|\bmoment\b|\bcouple\b|viscosit|viskosität|rotation",
+    r"shear|schub|scher|cisaill|torque|drehmoment|\bmoment\b|\bcouple\b|rotation"
+    r"|viscosit|viskosität",
     re.I,
 )
 _LOGARITHM = re.compile(r"(log10|log|lg|ln)(?![a-z0-9])[\s_]*", re.I)
