@@ -39,7 +39,7 @@ from .solver import (
     slope,
 )
 
-# By `bench_contact.py random` and `hard`: no claim of 1000 scenes each may be broken.
+# By `bench_contact.py random --count 1000 --seed 30`: 12 of 8,552 claims were broken.
 _SAFETY, _BY_CHANCE, _SAFETY_OF_GAP, _SPREAD = 2.5, 5.0, 8.0, 0.3
 _ROUNDING, _ROUNDING_OF_GAP = 8, 100  # units in the last place
 
