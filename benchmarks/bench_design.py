@@ -26,8 +26,8 @@ from design_unseen import unseen
 from scipy.optimize import NonlinearConstraint, differential_evolution
 
 import graded_contact as gc
+from graded_contact.core.parameters import paths
 from graded_contact.files.design_scene import read_design
-from graded_contact.parameters import paths
 from graded_contact.studies.design import minimise
 from graded_contact.studies.design_problem import mean_field_problem
 from graded_contact.studies.objectives import loss_tangent, ripple

@@ -4,12 +4,12 @@
 
 Every case is a process of its own, so that nothing is left from another: it draws a random surface
 (`surface`), solves its contact with a coated tread whose kernel is computed before (`contact`),
-slides it over that block (`slide`), or does so under an angle (`askew`) or with the derivative by
+slides it over that block (`slide`), or does so under an angle (`oblique`) or with the derivative by
 the block's thickness (`derivative`). It runs twice: at first it compiles, which takes memory of its
 own whatever the grid (`first`), then it finds everything compiled (`peak`). Both are the largest
 resident set size that `getrusage` tells, less that of the second run on 64 x 64 points, which holds
 the libraries. They are in fields, of the size of the heights, and so is the estimate: that of
-`graded_contact._memory` for the case and for the surface and the kernel that live beside it. A
+`graded_contact.core.memory` for the case and for the surface and the kernel that live beside it. A
 ratio (estimate over peak) below 1 is a fault; on small grids what libraries keep for later shows.
 """
 
@@ -24,7 +24,7 @@ import sys
 import tempfile
 from importlib.metadata import version
 
-CASES = ("surface", "contact", "slide", "askew", "derivative")
+CASES = ("surface", "contact", "slide", "oblique", "derivative")
 BASE = 64  # points along a side of the case that is subtracted
 MODES = 8  # of the smallest grid; the spectrum is the same on all
 CELL = 8e-3  # m
@@ -36,7 +36,7 @@ def measure(case: str, size: int) -> dict[str, float]:
     import numpy as np
 
     import graded_contact as gc
-    from graded_contact import _memory
+    from graded_contact.core import memory as _memory
 
     first = 2 * np.pi / CELL
     spectrum = gc.SelfAffine(
@@ -44,7 +44,7 @@ def measure(case: str, size: int) -> dict[str, float]:
     )
     coat = gc.Layer(gc.Elastic(6.5e6, 0.49), 50e-6)
     stack = gc.Stack(layers=(coat,), base=gc.HalfSpace(gc.tyre_tread()))
-    grid, velocity = gc.Grid((size, size), CELL), (0.08, 0.06) if case == "askew" else 0.1
+    grid, velocity = gc.Grid((size, size), CELL), (0.08, 0.06) if case == "oblique" else 0.1
     surface = gc.random_surface(spectrum, grid, jax.random.key(0))
 
     def friction(thickness):
@@ -68,7 +68,7 @@ def measure(case: str, size: int) -> dict[str, float]:
     field = size**2 * itemsize
     numbers, history = _memory.num_numbers(stack), gc.DouglasRachford().memory
     drawing = _memory.surface_memory(shape, itemsize)
-    sliding = _memory.sliding_memory(shape, itemsize, numbers, case == "askew", history)
+    sliding = _memory.sliding_memory(shape, itemsize, numbers, case == "oblique", history)
     beside = {
         "surface": 0.0,
         "contact": _memory.contact_memory(shape, itemsize, history) + 2 * field,

@@ -61,7 +61,7 @@ def measure(size, repeat, file, process):
 
     import graded_contact as gc
     from graded_contact.contact.observables import friction
-    from graded_contact.grid import to_field, to_spectrum
+    from graded_contact.fields.grid import to_field, to_spectrum
 
     devices = jax.devices()
     grid, first = gc.Grid((size, size), CELL, devices), 2 * np.pi / CELL

@@ -16,7 +16,7 @@ from contact_scenes import bare_pair, bodies, goal, print_versions, rough_surfac
 from rows import keep, where
 
 import graded_contact as gc
-from graded_contact import _fft
+from graded_contact.fields import transforms as _fft
 
 SPEED = 0.1  # m/s
 WAYS = ("single", "jit", "lax.map", "vmap")  # of many solves

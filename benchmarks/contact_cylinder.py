@@ -14,7 +14,7 @@ from rows import keep
 import graded_contact as gc
 from graded_contact import reference
 from graded_contact.contact.area import edge_stiffness
-from graded_contact.grid import to_field, to_spectrum
+from graded_contact.fields.grid import to_field, to_spectrum
 
 CELL, WIDE = 8, 2**14
 A, PEAK = map(float, reference.hertz_line(1.0, 1.0, 1.0))

@@ -17,7 +17,7 @@ from contact_scenes import CELL, Q0, print_versions, rough_surface, timed
 from rows import keep
 
 import graded_contact as gc
-from graded_contact.grid import to_field, to_spectrum
+from graded_contact.fields.grid import to_field, to_spectrum
 
 RTOL = (1e-4, 1e-8)
 CONTRASTS = (100.0, 1000.0, 1e4)

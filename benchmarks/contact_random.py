@@ -24,7 +24,7 @@ from contact_scenes import CELL, Q0, goal, print_versions
 from rows import keep
 
 import graded_contact as gc
-from graded_contact.grid import to_field, to_spectrum
+from graded_contact.fields.grid import to_field, to_spectrum
 
 BRANCHES = 6
 SHAPES = ((64, 64),)

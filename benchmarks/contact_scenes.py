@@ -12,7 +12,7 @@ import jax.numpy as jnp
 import numpy as np
 
 import graded_contact as gc
-from graded_contact import _fft
+from graded_contact.fields import transforms as _fft
 
 CELL = 1.0  # m
 Q0 = 2 * np.pi / CELL

@@ -16,7 +16,7 @@ import numpy as np
 from contact_scenes import Q0, goal, print_versions, rough_surface
 
 import graded_contact as gc
-from graded_contact.grid import derivative, to_field, to_spectrum, wavenumber, wavevector
+from graded_contact.fields.grid import derivative, to_field, to_spectrum, wavenumber, wavevector
 
 RELAXED, BRANCH, TIME, POISSON = 0.75, 1.5, 1.0, 0.5
 

@@ -14,7 +14,7 @@ import jax.numpy as jnp
 import numpy as np
 
 import graded_contact as gc
-from graded_contact.parameters import paths, with_values
+from graded_contact.core.parameters import paths, with_values
 from graded_contact.studies.design import minimise
 from graded_contact.studies.design_problem import mean_field_problem
 from graded_contact.studies.stochastic import minimise_expected

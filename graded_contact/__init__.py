@@ -20,7 +20,8 @@ from .contact.problem import solve_contact
 from .contact.rmd import ResidualDynamics
 from .contact.solution import RESULTS, ContactSolution
 from .contact.solver import AbstractContactSolver
-from .cutoff import CutoffCurve
+from .core.parameters import with_values
+from .fields.grid import Grid
 from .files.errors import read_errors
 from .files.moduli.measured import Measured
 from .files.moduli.reading import read_moduli
@@ -30,11 +31,9 @@ from .files.topography.reading import read_surface
 from .fitting.master import MasterCurve, master_curve
 from .fitting.prony import fit_creep, fit_prony, fit_relaxation
 from .fitting.result import PronyFit
-from .grid import Grid
-from .magnification import area_against_cutoff
-from .parameters import with_values
+from .friction.magnification import area_against_cutoff
+from .friction.sliding import Sliding, slide
 from .persson.mean_field import MeanField, mean_field_friction, pressure_distribution
-from .random_surfaces import random_surface
 from .response.compliance import (
     effective_modulus,
     graded_compliance,
@@ -55,13 +54,14 @@ from .rheology.measured import MeasuredRange, coverage
 from .rheology.shift import WLF, AbstractShift, Arrhenius
 from .rheology.tabulated import Tabulated
 from .rheology.tabulated_shift import TabulatedShift
+from .roughness.cutoff import CutoffCurve
+from .roughness.random_surfaces import random_surface
+from .roughness.spectrum import SelfAffine
+from .roughness.surface import Surface
 from .shapes import AbstractShape
-from .sliding import Sliding, slide
-from .spectrum import SelfAffine
 from .studies.design import Design, minimise
 from .studies.objectives import friction_curve
 from .studies.uncertainty import propagate, sensitivity
-from .surface import Surface
 
 if TYPE_CHECKING:
     from . import plot

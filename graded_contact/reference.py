@@ -17,8 +17,8 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import ArrayLike
 
-from ._checks import check_positive, check_values
-from ._shown import shown
+from .core.checks import check_positive, check_values
+from .core.quantities import shown
 
 Values = np.ndarray | np.inexact  # NumPy returns scalars for arrays without axes
 

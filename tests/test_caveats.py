@@ -8,9 +8,9 @@ import numpy as np
 import pytest
 
 import graded_contact as gc
-from graded_contact.caveats import caveats_of, caveats_of_steps
 from graded_contact.contact.observables import slope_in_contact, unmeasured_shares
-from graded_contact.surface import Step, step
+from graded_contact.core.warnings import caveats_of, caveats_of_steps
+from graded_contact.roughness.surface import Step, step
 
 
 def solves(**changed):

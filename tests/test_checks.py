@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 import graded_contact as gc
-from graded_contact._checks import (
+from graded_contact.core.checks import (
     as_float,
     check_poisson,
     check_positive,

@@ -6,7 +6,7 @@ import jax.numpy as jnp
 import numpy as np
 import pytest
 
-from graded_contact._derivative import derivative_apart, still
+from graded_contact.core.derivative import derivative_apart, still
 
 
 def plain(x, unit):

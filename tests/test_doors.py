@@ -142,7 +142,7 @@ def calls():
         (gc.effective_modulus, wave),
         (gc.surface_compliance_matrix, vector),
         (gc.layered_compliance, layers),
-        (gc.graded_compliance, wave | dict(stack=graded, rtol=1e-6, graded=gc.Layering())),
+        (gc.graded_compliance, wave | dict(stack=graded, rtol=1e-6, graded_solver=gc.Layering())),
         (gc.stack_kernel, dict(stack=stack, grid=grid, velocity=0.1, rtol=1e-8)),
         (gc.kernel_table, dict(stack=stack, grid=grid, velocity=0.1, rtol=1e-8)),
         (gc.interface_depths, dict(stack=stack)),

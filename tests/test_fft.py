@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from jax.test_util import check_grads
 
-from graded_contact import _fft
+from graded_contact.fields import transforms as _fft
 
 needs_ducc = pytest.mark.skipif(not _fft._is_installed(), reason="the extra fast-cpu is absent")
 SHAPES = [(16, 12), (15, 9), (8, 7), (20,), (9,)]

@@ -3,7 +3,7 @@ import jax.numpy as jnp
 import numpy as np
 import pytest
 
-from graded_contact.grid import (
+from graded_contact.fields.grid import (
     Grid,
     coordinates,
     derivative,

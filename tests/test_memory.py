@@ -8,8 +8,9 @@ import pytest
 from typer.testing import CliRunner
 
 import graded_contact as gc
-from graded_contact import _memory, cli
+from graded_contact import cli
 from graded_contact.command import session
+from graded_contact.core import memory as _memory
 from graded_contact.files.scene import parse_scene
 
 BLOCK = gc.Stack(layers=(), base=gc.HalfSpace(gc.Elastic(1e6)))

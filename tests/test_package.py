@@ -38,7 +38,7 @@ assert np.isfinite(rate.layers[0].thickness)
 graded = gc.GradedLayer(gc.Blend(gc.Elastic(1e6, 0.4), gc.Elastic(1e7, 0.4)), 1e-3)
 rigid = gc.Stack(layers=(graded,), base=gc.Rigid())
 riccati, layers = (
-    gc.graded_compliance(rigid, np.array([1e3]), np.array([0.0]), graded=solver).value
+    gc.graded_compliance(rigid, np.array([1e3]), np.array([0.0]), graded_solver=solver).value
     for solver in (gc.Riccati(), gc.Layering())
 )
 np.testing.assert_allclose(riccati, layers, rtol=1e-6)

@@ -5,7 +5,7 @@ import numpy as np
 import pytest
 
 import graded_contact as gc
-from graded_contact.parameters import paths, with_values
+from graded_contact.core.parameters import paths, with_values
 
 RUBBER = gc.Prony(1e6, [4e6, 2e7], [1e-2, 1e-4], 0.49)
 COATED = gc.Stack(

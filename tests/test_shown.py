@@ -10,18 +10,18 @@ import numpy as np
 import pytest
 
 import graded_contact as gc
-from graded_contact._shown import _about
 from graded_contact.contact.solution import RESULTS, ContactSolution
+from graded_contact.core.quantities import _about
 from graded_contact.files.design_scene import DesignScene, Stiffness
 from graded_contact.files.results import Fields
 from graded_contact.fitting.quality import Errors, Floor
 from graded_contact.fitting.result import Length
 from graded_contact.response.interior import InteriorFields
+from graded_contact.roughness.surface import Statistics, Step
 from graded_contact.studies.cost import Cost
 from graded_contact.studies.design import Design, History, Run
 from graded_contact.studies.run_design import Candidate, DesignResults
 from graded_contact.studies.uncertainty import Estimate, Sensitivity
-from graded_contact.surface import Statistics, Step
 
 RESULT_CLASSES = (
     gc.Sliding, gc.ContactSolution, gc.ContactPath, gc.CutoffCurve, gc.MeanField, Statistics,

@@ -36,7 +36,7 @@ from system import surface as surface_of
 
 import graded_contact as gc
 from graded_contact.contact.rmd import ResidualDynamics
-from graded_contact.grid import derivative, to_field, to_spectrum, wavenumber, wavevector
+from graded_contact.fields.grid import derivative, to_field, to_spectrum, wavenumber, wavevector
 
 RANGE = 0.01  # of the law, over the rms height
 TIMES = np.geomspace(1e-6, 1e2, 33)  # s

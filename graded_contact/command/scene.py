@@ -33,6 +33,7 @@ from ..plot import (
 )
 from ..plot.lines import TITLES, label_of
 from ..plot.style import entitle
+from ..roughness.surface import Surface
 from ..studies.cost import scene_cost
 from ..studies.engine import check_engine
 from ..studies.extrapolation import velocity_vector
@@ -42,7 +43,6 @@ from ..studies.scene_errors import what_decides
 from ..studies.scene_theory import mean_field_at
 from ..studies.store import Store
 from ..studies.uncertainty import Sensitivity
-from ..surface import Surface
 from .session import (
     DryRun,
     FigureFormat,

@@ -10,11 +10,11 @@ from rich.markup import escape
 from rich.table import Table
 from rich.text import Text
 
-from .._shown import with_unit
+from ..core.quantities import with_unit
 from ..files.results import Results
 from ..files.scene import Scene
+from ..roughness.surface import Surface, statistics
 from ..studies.uncertainty import Sensitivity
-from ..surface import Surface, statistics
 
 # Column heads and formats of the table, by the name of the quantity.
 COLUMNS = {

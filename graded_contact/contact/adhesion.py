@@ -14,8 +14,8 @@ import equinox as eqx
 import jax.numpy as jnp
 from jaxtyping import Array, Float
 
-from .._checks import check_positive, check_values, scalar
-from .._shown import shown
+from ..core.checks import check_positive, check_values, scalar
+from ..core.quantities import shown
 from .law import AbstractLaw, Bound, gap_margin, power, proximal_root, repulsive_bracket
 
 

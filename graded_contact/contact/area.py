@@ -7,8 +7,8 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Bool, Float, Inexact
 
-from .._devices import in_turns
-from ..grid import Grid, mode_numbers, multiplicity
+from ..fields.devices import in_turns
+from ..fields.grid import Grid, mode_numbers, multiplicity
 
 # Area of a pixel count beyond the true one, per pixel edge between contact and gap.
 # V. A. Yastrebov, G. Anciaux, J.-F. Molinari, Tribol. Int. 114 (2017) 161, arXiv:1701.02727.

@@ -10,7 +10,7 @@ import equinox as eqx
 import numpy as np
 from jaxtyping import Array, Float, Inexact
 
-from .._checks import check_whole, is_concrete
+from ..core.checks import check_whole, is_concrete
 from .epochs import Plan, approach, found, gear_up, scenes
 from .law import AbstractLaw
 from .linear import LinearSplitting

@@ -14,7 +14,7 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array
 
-from ..grid import interpolate, resample_spectrum, to_field, to_spectrum
+from ..fields.grid import interpolate, resample_spectrum, to_field, to_spectrum
 from .held_points import most_eliminated
 from .law import AbstractLaw
 from .newton_steps import newton_round

@@ -26,7 +26,7 @@ import jax
 import jax.numpy as jnp
 from jaxtyping import Array, Float
 
-from ..grid import to_field, to_spectrum
+from ..fields.grid import to_field, to_spectrum
 from .implicit import Inputs, State, displace
 from .solver import (
     Iterated,

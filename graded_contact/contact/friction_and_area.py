@@ -4,7 +4,7 @@ import equinox as eqx
 import jax.numpy as jnp
 from jaxtyping import Array, Float, Inexact
 
-from ..grid import Grid
+from ..fields.grid import Grid
 from .area import contact_area_corrected, contact_area_smooth, edge_stiffness
 from .implicit import displace
 from .law import AbstractLaw

@@ -19,8 +19,8 @@ import jax
 import jax.numpy as jnp
 from jaxtyping import Array, Bool, Float, Inexact
 
-from .._devices import num_devices
-from ..grid import to_field, to_spectrum
+from ..fields.devices import num_devices
+from ..fields.grid import to_field, to_spectrum
 from .splitting import DRAFTED_FROM
 
 REDUCTION = 0.1  # of the residual by one step, where it is iterated

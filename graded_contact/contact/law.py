@@ -20,8 +20,8 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float
 
-from .._checks import as_scalar, check_positive, check_values, is_concrete, scalar, short
-from .._shown import shown
+from ..core.checks import as_scalar, check_positive, check_values, is_concrete, scalar, short
+from ..core.quantities import shown
 
 Bound = Float[Array, ""] | float
 

@@ -15,9 +15,9 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Bool, Float, Inexact
 
-from .._checks import check_tolerance, check_whole
-from .._devices import tied
-from ..grid import to_field
+from ..core.checks import check_tolerance, check_whole
+from ..fields.devices import tied
+from ..fields.grid import to_field
 from .held_points import most_eliminated, solve_on_few
 from .splitting import CYCLE, Solid, Splitting, check_relaxation, draft, iterate
 

@@ -25,7 +25,7 @@ import jax
 import jax.numpy as jnp
 from jaxtyping import Array, Bool, Float, Inexact
 
-from ..grid import to_field
+from ..fields.grid import to_field
 from .held_points import REDUCTION, Coated, pressure_on
 from .law import AbstractLaw, HardWall
 from .solver import least_compliance

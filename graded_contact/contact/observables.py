@@ -17,10 +17,9 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Bool, Float, Inexact
 
-from .._checks import Numbers, as_float, check_shape, check_whole, door
-from .._devices import binned
-from ..cutoff import CutoffCurve
-from ..grid import (
+from ..core.checks import Numbers, as_float, check_shape, check_types, check_whole
+from ..fields.devices import binned
+from ..fields.grid import (
     Grid,
     as_velocity,
     derivative,
@@ -30,6 +29,7 @@ from ..grid import (
     wave_frequencies,
     wavenumber,
 )
+from ..roughness.cutoff import CutoffCurve
 from .estimates import error_of
 from .implicit import displace
 
@@ -86,7 +86,7 @@ def friction_error(
     return error_of(of, of(jnp.zeros_like(pressure)), correction, size)[0]
 
 
-@door
+@check_types
 def cumulative_friction(
     pressure: Float[Array, "*shape"],
     displacement: Float[Array, "*shape"],

@@ -7,7 +7,7 @@ import jax
 import jax.numpy as jnp
 from jaxtyping import Array, Float, Inexact
 
-from ..grid import to_field, to_spectrum
+from ..fields.grid import to_field, to_spectrum
 from .anderson import sums
 from .law import AbstractLaw
 from .solver import (

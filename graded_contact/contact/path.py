@@ -5,8 +5,8 @@ import jax
 import jax.numpy as jnp
 from jaxtyping import Array, Bool, Float
 
-from .._checks import Numbers, as_float, check_values, door
-from .._shown import shown
+from ..core.checks import Numbers, as_float, check_types, check_values
+from ..core.quantities import shown
 from .douglas_rachford import DouglasRachford
 from .law import AbstractLaw, check_law, check_pressure
 from .problem import RTOL, solve_contact
@@ -38,7 +38,7 @@ class ContactPath(eqx.Module):
     last: ContactSolution
 
 
-@door
+@check_types
 def follow_contact(
     kernel: Numbers,
     heights: Numbers,

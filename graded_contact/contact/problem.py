@@ -15,7 +15,7 @@ import jax
 import jax.numpy as jnp
 from jaxtyping import Array, ScalarLike
 
-from .._checks import (
+from ..core.checks import (
     Numbers,
     as_float,
     as_numbers,
@@ -23,14 +23,14 @@ from .._checks import (
     check_shape,
     check_squares,
     check_tolerance,
+    check_types,
     check_values,
-    door,
     is_concrete,
 )
-from .._derivative import derivative_apart, still
-from .._devices import num_devices, required
-from .._memory import check_memory, contact_memory
-from ..grid import half_shape
+from ..core.derivative import derivative_apart, still
+from ..core.memory import check_memory, contact_memory
+from ..fields.devices import num_devices, required
+from ..fields.grid import half_shape
 from .douglas_rachford import DouglasRachford
 from .estimates import Assessment, assess, state_of
 from .implicit import Inputs, State, attach_gradient
@@ -60,7 +60,7 @@ _OF_WANTED = 0.1
 _LEAST_GAP = 1e-12  # mean gap over the rms height that is not rounding
 
 
-@door
+@check_types
 def solve_contact(
     kernel: Numbers,
     heights: Numbers,
@@ -301,7 +301,7 @@ def _how_it_ended(inputs: Inputs, solver, found: Iterated, reached, gap_error) -
     worthless = worthless & (result == RESULTS.successful)
     result = RESULTS.where(worthless, RESULTS.gap_unresolved, result)
     if pressure is not None:
-        # At the door the value is unknown if the pressure is traced.
+        # On input the value is unknown if the pressure is traced.
         low, high = law.bounds
         result = RESULTS.where((pressure > low) & (pressure < high), result, RESULTS.bad_pressure)
     return result

@@ -31,8 +31,8 @@ import jax.numpy as jnp
 from jax import Array
 from jaxtyping import Float, Inexact
 
-from .._checks import check_type, check_whole, short
-from ..grid import to_field, to_spectrum
+from ..core.checks import check_type, check_whole, short
+from ..fields.grid import to_field, to_spectrum
 from .adhesion import AdhesiveLJ
 from .law import AbstractLaw, RepulsiveLJ
 from .linear import LinearSplitting

@@ -15,7 +15,7 @@ import jax.numpy as jnp
 from jax.experimental import io_callback
 from jaxtyping import Array, Bool, Float, Inexact
 
-from ..grid import multiplicity, to_spectrum
+from ..fields.grid import multiplicity, to_spectrum
 from .anderson import sums
 from .law import AbstractLaw
 

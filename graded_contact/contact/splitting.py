@@ -29,7 +29,7 @@ import jax
 import jax.numpy as jnp
 from jaxtyping import Array, Float, Inexact
 
-from ..grid import multiplicity, to_field, to_spectrum
+from ..fields.grid import multiplicity, to_field, to_spectrum
 from .anderson import History, accelerate, sums
 from .solver import contact_stiffness, first_mode, in_precision, participation_of
 

@@ -7,7 +7,7 @@ from typing import Annotated, Any, Literal
 import numpy as np
 from jaxtyping import ScalarLike
 
-from ..caveats import unusual
+from ..core.warnings import unusual
 from ..response.grading import AbstractGradedSolver
 from ..response.layering import Layering
 from ..response.profile import Blend

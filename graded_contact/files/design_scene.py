@@ -24,12 +24,12 @@ from typing import Any, NamedTuple
 import numpy as np
 from jaxtyping import Float
 
-from .._checks import check_poisson, check_positive, check_values
-from .._shown import shown
-from ..parameters import with_values
+from ..core.checks import check_poisson, check_positive, check_values
+from ..core.parameters import with_values
+from ..core.quantities import shown
 from ..response.stack import Stack
-from ..spectrum import SelfAffine
-from ..surface import Surface
+from ..roughness.spectrum import SelfAffine
+from ..roughness.surface import Surface
 from .given import existing_file
 from .scene import Scene, check_paths, parse_scene
 from .surfaces import RandomSurface

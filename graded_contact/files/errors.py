@@ -13,9 +13,9 @@ import equinox as eqx
 import numpy as np
 from jaxtyping import Array, Float
 
-from .._checks import as_float, check_values
-from .._shown import shown
-from ..parameters import paths, with_values
+from ..core.checks import as_float, check_values
+from ..core.parameters import paths, with_values
+from ..core.quantities import shown
 from .given import existing_file
 from .toml import nearest, within
 

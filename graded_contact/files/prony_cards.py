@@ -18,7 +18,7 @@ from typing import Any
 
 import numpy as np
 
-from .._checks import door
+from ..core.checks import check_types
 from ..rheology.material import AbstractMaterial, Prony
 from ..rheology.measured import MeasuredRange
 from ..rheology.shift import WLF, AbstractShift
@@ -28,7 +28,7 @@ ANSYS_TERMS = 100  # the most that TB,PRONY takes
 LEAST_REMAINDER = 1e-9  # of E_eq in E_inf, to keep it to about 1e-6
 
 
-@door
+@check_types
 def export_prony(material: AbstractMaterial, format: str, *, name: str = "material") -> str:
     """Returns the text of a Prony material in one of `FORMATS`, SI units.
 

@@ -22,10 +22,10 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Float
 
-from .._shown import shown
-from ..caveats import Caveat, caveats_of
-from ..grid import Grid
-from ..surface import Step, Surface
+from ..core.quantities import shown
+from ..core.warnings import Caveat, caveats_of
+from ..fields.grid import Grid
+from ..roughness.surface import Step, Surface
 from .hdf5 import new_file, numbers, opened, put, texts
 from .study import FAILED, LOST, NOT_STARTED, Study, get_study, put_study, units_of
 

@@ -30,9 +30,9 @@ file, or begin with `~`.
                           "layers[0].thickness" = [1e-5, 1e-4], or {from, to, points}, equally
                           spaced in the logarithm; a temperature acts on the block that has them
     [solver]              `rtol` or `friction_rtol`, as in `slide` (`rtol` = 5e-5 if neither is
-                          given: friction to 1e-4), and the numbers of `DouglasRachford`; `graded` =
-                          "layering" or "riccati", or a table with that `kind` and its `rtol`, for
-                          graded layers
+                          given: friction to 1e-4), the numbers of `DouglasRachford`, and
+                          `graded_solver` = "layering" or "riccati", or a table with that `kind` and
+                          its `rtol`, for graded layers
     [output]              `name`, `directory`, and which `fields` to keep: "last", "every" or "none"
     [design]              what the command `design` is to do, see `files/design_scene.py`
 """
@@ -48,12 +48,12 @@ from typing import Any
 import numpy as np
 from jaxtyping import Float, ScalarLike
 
-from .._checks import as_float, check_positive, check_tolerance, check_values
-from .._memory import check_points
-from .._shown import shown
 from ..contact.douglas_rachford import DouglasRachford
 from ..contact.problem import RTOL
-from ..parameters import paths, with_values
+from ..core.checks import as_float, check_positive, check_tolerance, check_values
+from ..core.memory import check_points
+from ..core.parameters import paths, with_values
+from ..core.quantities import shown
 from ..response.grading import AbstractGradedSolver
 from ..response.layering import Layering
 from ..response.stack import Stack
@@ -94,7 +94,7 @@ class Scene:
     - `extrapolate`: whether friction may come from where a material was not measured.
     - `solver`: algorithm of the contact.
     - `tolerance`: `friction_rtol` or `rtol` of `slide`, by its name.
-    - `graded`: the solver of graded layers.
+    - `graded_solver`: the solver of graded layers.
     - `name`, `directory`: of the output; None leaves them to the caller.
     - `keep`: which fields the results hold: "last", "every" or "none".
     - `errors`: what is known of numbers of materials: name, the material of the stack, and these.
@@ -114,7 +114,7 @@ class Scene:
     extrapolate: bool
     solver: DouglasRachford
     tolerance: Mapping[str, Any]
-    graded: AbstractGradedSolver
+    graded_solver: AbstractGradedSolver
     name: str | None
     directory: Path | None
     keep: str
@@ -175,7 +175,9 @@ def parse_scene(text: str, folder: str | os.PathLike = ".") -> Scene:
     scene = Section("the scene", parse_toml(text), KEYS)
     load = Section("[load]", scene.get("load"), LOAD_KEYS)
     solver = Section(
-        "[solver]", scene.get("solver", {}), ("rtol", "friction_rtol", "graded", *SOLVER_KEYS)
+        "[solver]",
+        scene.get("solver", {}),
+        ("rtol", "friction_rtol", "graded_solver", *SOLVER_KEYS),
     )
     output = Section("[output]", scene.get("output", {}), ("name", "directory", "fields"))
     block = Block(folder)
@@ -191,7 +193,7 @@ def parse_scene(text: str, folder: str | os.PathLike = ".") -> Scene:
         full = 2 * np.pi
         reason = "an angle [rad] lies between -2π and 2π"
         check_values("direction", direction, reason, at_least=-full, at_most=full)
-    tolerance, graded = block.builder.build(solver, _accuracy)
+    tolerance, graded_solver = block.builder.build(solver, _accuracy)
     with within(solver.place):
         for name, rtol in tolerance.items():
             check_tolerance(name, rtol, as_float(pressure))
@@ -216,7 +218,7 @@ def parse_scene(text: str, folder: str | os.PathLike = ".") -> Scene:
         or any(isinstance(m, Tabulated) and m.extrapolate == "plateau" for m in materials),
         solver=block.builder.build(solver, DouglasRachford),
         tolerance=tolerance,
-        graded=graded,
+        graded_solver=graded_solver,
         name=name,
         directory=directory,
         keep=output.choice("fields", ("last", "every", "none"), "last"),
@@ -264,12 +266,12 @@ def check_paths(given: Iterable[str], stack: Stack) -> None:
 def _accuracy(
     rtol: ScalarLike | None = None,
     friction_rtol: ScalarLike | None = None,
-    graded: AbstractGradedSolver = Layering(),  # noqa: B008 (immutable)
+    graded_solver: AbstractGradedSolver = Layering(),  # noqa: B008 (immutable)
 ) -> tuple[dict[str, ScalarLike], AbstractGradedSolver]:
     if rtol is not None and friction_rtol is not None:
         raise ValueError("Give `rtol` or `friction_rtol`, not both.")
     if rtol is not None:
-        return {"rtol": rtol}, graded
+        return {"rtol": rtol}, graded_solver
     if friction_rtol is not None:
-        return {"friction_rtol": friction_rtol}, graded
-    return {"rtol": RTOL}, graded
+        return {"friction_rtol": friction_rtol}, graded_solver
+    return {"rtol": RTOL}, graded_solver

@@ -13,8 +13,8 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 
-from .._checks import check_values
-from .._shown import shown
+from ..core.checks import check_values
+from ..core.quantities import shown
 from .hdf5 import new_file, numbers, opened, put, texts
 from .sealed import replacing
 from .toml import nearest

@@ -6,13 +6,13 @@ import jax
 import numpy as np
 from jaxtyping import ArrayLike
 
-from .._checks import check_whole
-from .._memory import check_points
-from .._shown import shown
-from ..grid import Grid
-from ..random_surfaces import random_surface
-from ..spectrum import SelfAffine
-from ..surface import Surface, rescale
+from ..core.checks import check_whole
+from ..core.memory import check_points
+from ..core.quantities import shown
+from ..fields.grid import Grid
+from ..roughness.random_surfaces import random_surface
+from ..roughness.spectrum import SelfAffine
+from ..roughness.surface import Surface, rescale
 from .signatures import Builder, keys_of
 from .toml import Section, within
 from .topography.reading import read_surface

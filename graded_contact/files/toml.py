@@ -11,8 +11,8 @@ from typing import Any
 import numpy as np
 from jaxtyping import Float
 
-from .._checks import check_positive, check_values
-from .._memory import check_points
+from ..core.checks import check_positive, check_values
+from ..core.memory import check_points
 
 LARGEST = 1_000_000  # bytes of a text; building 20,000 layers takes a minute
 RANGE_KEYS = ("from", "to", "points")

@@ -6,14 +6,7 @@ from typing import Any, get_args
 import jax.numpy as jnp
 import numpy as np
 
-from .._checks import (
-    Numbers,
-    as_float,
-    as_numbers,
-    check_positive,
-    check_values,
-    is_concrete,
-)
+from ..core.checks import Numbers, as_float, as_numbers, check_positive, check_values, is_concrete
 from ..files.moduli.measured import Measured
 from .observations import observe
 from .series import Kind

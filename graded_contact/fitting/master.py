@@ -16,14 +16,8 @@ import numpy as np
 from jaxtyping import Array, Complex, Float
 from scipy.special import ndtri
 
-from .._checks import (
-    Numbers,
-    as_float,
-    check_poisson,
-    check_positive,
-    door,
-)
-from .._shown import shown
+from ..core.checks import Numbers, as_float, check_poisson, check_positive, check_types
+from ..core.quantities import shown
 from ..files.moduli.measured import Measured
 from ..rheology.material import Prony
 from ..rheology.measured import MeasuredRange
@@ -203,7 +197,7 @@ class MasterCurve(eqx.Module):
         return covariance(series, residual, jacobian, free, penalty, shared.group)
 
 
-@door
+@check_types
 def master_curve(
     isotherms: Measured | Sequence[Measured | Isotherm],
     *,

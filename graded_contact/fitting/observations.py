@@ -8,8 +8,8 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float
 
-from .._checks import Numbers, as_float, check_positive, check_values, is_concrete
-from .._shown import shown
+from ..core.checks import Numbers, as_float, check_positive, check_values, is_concrete
+from ..core.quantities import shown
 from .series import Kind
 
 REPRESENTABLE = 1e100  # beyond this, or below its reciprocal, squares and ratios overflow

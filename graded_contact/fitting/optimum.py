@@ -14,7 +14,7 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Bool, Float
 
-from .._checks import is_concrete
+from ..core.checks import is_concrete
 
 RIDGE = 1e-13  # relative to the diagonal of the Hessian: far below what data determine
 

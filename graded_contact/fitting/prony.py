@@ -17,7 +17,7 @@ import dataclasses
 
 import numpy as np
 
-from .._checks import Numbers, as_numbers, as_scalar, check_poisson, door
+from ..core.checks import Numbers, as_numbers, as_scalar, check_poisson, check_types
 from .lengths import best_of_length, best_spectrum
 from .model import objective, series_of
 from .observations import Observations, concrete, observe
@@ -29,7 +29,7 @@ AS_GOOD = 1.05  # times the error: a liquid that does no worse is what was measu
 FOREIGN = 0.3  # median log residual from which on data are no linear viscoelastic moduli
 
 
-@door
+@check_types
 def fit_prony(
     omega: Numbers,
     modulus: Numbers,
@@ -90,7 +90,7 @@ def fit_prony(
     return _fit(data, terms, within, start, poisson, throw)
 
 
-@door
+@check_types
 def fit_relaxation(
     time: Numbers,
     modulus: Numbers,
@@ -130,7 +130,7 @@ def fit_relaxation(
     return _fit(data, terms, within, start, poisson, throw)
 
 
-@door
+@check_types
 def fit_creep(
     time: Numbers,
     compliance: Numbers,

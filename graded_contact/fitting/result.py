@@ -9,8 +9,8 @@ import numpy as np
 from jaxtyping import Array, Complex, Float
 from scipy.special import ndtri
 
-from .._checks import Numbers, as_float, check_positive
-from .._shown import shown, with_units
+from ..core.checks import Numbers, as_float, check_positive
+from ..core.quantities import shown, with_units
 from ..rheology.material import Prony
 from ..rheology.measured import is_unknown
 from .lengths import best_path, criterion

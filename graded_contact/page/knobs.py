@@ -13,16 +13,16 @@ import jax
 import numpy as np
 from jaxtyping import Array, Float
 
+from ..core.parameters import paths, with_values
 from ..files.prony_cards import export_prony
 from ..files.scene import Scene
 from ..files.surfaces import RandomSurface
 from ..files.toml import parse_toml
-from ..parameters import paths, with_values
 from ..response.stack import Stack
 from ..rheology.material import BulkShear, Elastic, Prony
 from ..rheology.shift import WLF, AbstractShift
 from ..rheology.tabulated_shift import TabulatedShift
-from ..surface import Surface, statistics
+from ..roughness.surface import Surface, statistics
 from .document import Document
 
 WIDE, ROUGH = 50.0, 10.0  # how far a knob goes either way, and one of roughness, as a factor

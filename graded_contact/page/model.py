@@ -15,16 +15,16 @@ from jaxtyping import Array, Float
 
 from ..contact.solution import ContactSolution
 from ..contact.solver import AbstractContactSolver, Iterated, LinearSolver
+from ..fields.grid import direction_and_speed
 from ..files.surfaces import RandomSurface
-from ..grid import direction_and_speed
+from ..friction.sliding import Sliding, slide
 from ..persson.mean_field import mean_field_friction
 from ..response.compliance import effective_modulus
 from ..response.grading import AbstractGradedSolver
 from ..response.stack import Stack
-from ..sliding import Sliding, slide
+from ..roughness.surface import Surface, radial_spectrum, statistics
 from ..studies.extrapolation import velocity_vector
 from ..studies.run import build_surface
-from ..surface import Surface, radial_spectrum, statistics
 from .document import Document
 from .knobs import STEPS, Turn, knobs_of, turned, written
 
@@ -44,7 +44,7 @@ class Bench(eqx.Module):
     turns: tuple[Turn, ...] = eqx.field(static=True)
     direction: float = eqx.field(static=True)
     solver: AbstractContactSolver
-    graded: AbstractGradedSolver
+    graded_solver: AbstractGradedSolver
 
 
 class Curves(NamedTuple):
@@ -101,7 +101,7 @@ class Model:
             turns=tuple(knob.turn for knob in self.knobs),
             direction=self.scene.direction,
             solver=self.scene.solver,
-            graded=self.scene.graded,
+            graded_solver=self.scene.graded_solver,
         )
         low, high = document.speeds
         self._speeds = jnp.geomspace(low, high, NUM_SPEEDS)
@@ -185,11 +185,16 @@ def _at(bench: Bench, numbers: Array) -> tuple[Stack, Surface, Any, Array, Any]:
 def _curves(bench, numbers, waves, speeds):
     stack, _, rough, pressure, velocity = _at(bench, numbers)
     speed = direction_and_speed(velocity)[1]
-    modulus = effective_modulus(stack, waves, waves * speed, graded=bench.graded)
+    modulus = effective_modulus(stack, waves, waves * speed, graded_solver=bench.graded_solver)
 
     def at(speed):
         field = mean_field_friction(
-            stack, rough, pressure=pressure, velocity=speed, graded=bench.graded, throw=False
+            stack,
+            rough,
+            pressure=pressure,
+            velocity=speed,
+            graded_solver=bench.graded_solver,
+            throw=False,
         )
         return field.friction, field.contact_area
 
@@ -201,7 +206,7 @@ def _slide(bench, numbers, solver, start):
     stack, surface, _, pressure, velocity = _at(bench, numbers)
     return slide(
         stack, surface, pressure=pressure, velocity=velocity, solver=solver,
-        graded=bench.graded, rtol=RTOL, start=start, throw=False,
+        graded_solver=bench.graded_solver, rtol=RTOL, start=start, throw=False,
     ), surface.heights  # fmt: skip
 
 

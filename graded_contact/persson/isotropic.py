@@ -20,12 +20,12 @@ import numpy as np
 from jaxtyping import Array, Float
 from numpy.polynomial import chebyshev
 
-from .._checks import as_float, check_positive, is_concrete, short
+from ..core.checks import as_float, check_positive, is_concrete, short
 from ..response.compliance import surface_compliance_unchecked
 from ..response.grading import AbstractGradedSolver, graded_tolerance
 from ..response.stack import Stack
 from ..rheology.measured import is_unknown
-from ..spectrum import SelfAffine
+from ..roughness.spectrum import SelfAffine
 from .diffusion import Correction, area, mean_square_growth, slowed
 
 # The last angle, nearly across the velocity, stands for those beyond it.
@@ -91,7 +91,7 @@ def integrate(
     num_intervals: int,
     num_angles: int,
     known: tuple[Float[Array, ""], Float[Array, ""]] | None,
-    graded: AbstractGradedSolver,
+    graded_solver: AbstractGradedSolver,
 ) -> tuple[
     Float[Array, " n"], Float[Array, " n"], Float[Array, " n"], Float[Array, ""], Float[Array, ""]
 ]:
@@ -104,14 +104,16 @@ def integrate(
     lengths = jnp.log(roughness.edges[1:] / roughness.edges[:-1])
     q, amplitude = _nodes(roughness, lengths, 2 * num_intervals)
     cosine = jnp.asarray(_angles(2 * num_angles)[0], q.dtype)
-    tolerance = graded_tolerance(graded, None, q)
+    tolerance = graded_tolerance(graded_solver, None, q)
     check = jax.lax.stop_gradient((stack, pressure, speed, q, amplitude))
 
     def rates(values, at_q, at_angle):
         """Growth of the variance and of the friction of complete contact, per log q and angle."""
         stack, pressure, speed, q, amplitude = values
         q, amplitude, along = q[at_q][:, None], amplitude[at_q][:, None], cosine[at_angle]
-        compliance = surface_compliance_unchecked(stack, q, speed * q * along, graded, tolerance)
+        compliance = surface_compliance_unchecked(
+            stack, q, speed * q * along, graded_solver, tolerance
+        )
         # √C q/(M σ0): squares of its factors may leave the range of float32.
         relative = amplitude / (pressure * compliance)
         return jnp.stack(

@@ -32,26 +32,26 @@ import equinox as eqx
 import jax.numpy as jnp
 from jaxtyping import Array, Float
 
-from .._checks import (
+from ..core.checks import (
     Numbers,
     as_float,
     check_positive,
     check_shape,
     check_tolerance,
+    check_types,
     check_values,
-    door,
     short,
 )
-from .._shown import shown
-from ..cutoff import CutoffCurve
-from ..grid import as_velocity, direction_and_speed
+from ..core.quantities import shown
+from ..fields.grid import as_velocity, direction_and_speed
 from ..response.grading import AbstractGradedSolver, check_profiles
 from ..response.kernel import stack_kernel
 from ..response.layering import Layering
 from ..response.stack import Stack
 from ..rheology.measured import coverage
-from ..spectrum import SelfAffine
-from ..surface import Surface
+from ..roughness.cutoff import CutoffCurve
+from ..roughness.spectrum import SelfAffine
+from ..roughness.surface import Surface
 from .diffusion import Correction, area, density
 from .isotropic import LAST_COSINE, as_roughness, integrate
 from .modes import add_up
@@ -96,7 +96,7 @@ class MeanField(eqx.Module):
         return cutoff / cutoff[0]
 
 
-@door
+@check_types
 def mean_field_friction(
     stack: Stack,
     spectrum: SelfAffine | Surface | tuple[Numbers, Numbers],
@@ -106,7 +106,7 @@ def mean_field_friction(
     correction: Correction = "yang_persson",
     num_wavenumbers: int = 64,
     num_angles: int = 16,
-    graded: AbstractGradedSolver = Layering(),  # noqa: B008 (immutable)
+    graded_solver: AbstractGradedSolver = Layering(),  # noqa: B008 (immutable)
     rtol: float = 1e-4,
     throw: bool = True,
 ) -> MeanField:
@@ -131,7 +131,7 @@ def mean_field_friction(
     - `num_wavenumbers`: intervals of the quadrature in q, shared by the smooth pieces of the
       spectrum and rounded up to multiples of 4 on each.
     - `num_angles`: intervals between the directions along and across the velocity, a multiple of 4.
-    - `graded`: what solves graded layers, with a tolerance of its own: `Layering()`, `Riccati()`.
+    - `graded_solver`: the solver of graded layers and its tolerance, `Layering()` or `Riccati()`.
     - `rtol`: largest acceptable `error` [1].
     - `throw`: whether to raise if it is exceeded; otherwise look at `.error`.
 
@@ -147,10 +147,10 @@ def mean_field_friction(
     check_shape("pressure", pressure, ())
     check_positive("pressure", pressure, "[Pa]")
     check_tolerance("rtol", rtol, pressure)
-    # At the door the value is unknown if the pressure is traced.
+    # On input the value is unknown if the pressure is traced.
     load = jnp.where(pressure > 0, pressure, jnp.nan)
     if isinstance(spectrum, Surface):
-        kernel = stack_kernel(stack, spectrum.grid, velocity, graded=graded)
+        kernel = stack_kernel(stack, spectrum.grid, velocity, graded_solver=graded_solver)
         q, x, friction, share = add_up(
             kernel, spectrum, load, velocity, correction, coverage(stack)
         )
@@ -161,7 +161,7 @@ def mean_field_friction(
         _check_frequencies(stack, speed * roughness.edges)
         counts = _counts(num_wavenumbers, len(roughness.edges) - 1, num_angles)
         q, x, friction, error, share = integrate(
-            stack, roughness, load, speed, correction, *counts, coverage(stack), graded
+            stack, roughness, load, speed, correction, *counts, coverage(stack), graded_solver
         )
     contact_area = area(x)
     solution = MeanField(
@@ -179,7 +179,7 @@ def mean_field_friction(
     return solution
 
 
-@door
+@check_types
 def pressure_distribution(mean_field: MeanField, stress: Numbers) -> Float[Array, "n m"]:
     """Returns the probability density P(σ, ζ) [1/Pa] of the pressure in contact.
 

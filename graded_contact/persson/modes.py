@@ -5,7 +5,7 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float, Inexact
 
-from ..grid import (
+from ..fields.grid import (
     direction_and_speed,
     multiplicity,
     to_spectrum,
@@ -13,7 +13,7 @@ from ..grid import (
     wavenumber,
 )
 from ..rheology.measured import is_unknown
-from ..surface import Surface
+from ..roughness.surface import Surface
 from .diffusion import Correction, area, mean_square_growth, slowed, slowing
 
 

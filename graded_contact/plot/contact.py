@@ -6,11 +6,11 @@ from typing import TYPE_CHECKING
 import numpy as np
 from jaxtyping import ArrayLike
 
-from .._checks import as_float
-from .._shown import unit_of
+from ..core.checks import as_float
+from ..core.quantities import unit_of
 from ..files.results import Fields
-from ..sliding import Sliding
-from ..surface import Surface
+from ..friction.sliding import Sliding
+from ..roughness.surface import Surface
 from .style import COLOURS, GAPS, HEIGHTS, PAGE, PRESSURES, new_figure, styled
 
 if TYPE_CHECKING:
@@ -135,7 +135,7 @@ def _show_direction(axes: "Axes", velocity: np.ndarray) -> None:
     if speed == 0:
         return
     along = np.pad(velocity / speed, (0, 2 - len(velocity)))
-    # Places in points from there: an arrow in the units of the axes would be askew.
+    # Places in points from there: an arrow in the units of the axes would be oblique.
     around = OffsetFrom(axes, (0.5, 0.84), "points")
     halo = [withStroke(linewidth=4, foreground="white")]
     axes.annotate(

@@ -37,7 +37,7 @@ def plot_design(results: DesignResults) -> "Figure":
                 study.spectrum,
                 pressure=scene.pressure[0],
                 velocities=velocities,
-                graded=scene.graded,
+                graded_solver=scene.graded_solver,
             ).friction
         )
     )
@@ -51,7 +51,11 @@ def plot_design(results: DesignResults) -> "Figure":
     colours = ("0.45", *COLOURS)
     for (name, candidate), colour in zip(results.candidates.items(), colours, strict=False):
         friction.plot(velocities, curve(candidate.stack), color=colour, label=name)
-        loss.plot(q, loss_tangent(candidate.stack, q, speed, graded=scene.graded), color=colour)
+        loss.plot(
+            q,
+            loss_tangent(candidate.stack, q, speed, graded_solver=scene.graded_solver),
+            color=colour,
+        )
         if study.verify:
             solved = candidate.friction
             spread = solved.std(0, ddof=1) if len(solved) > 1 else None

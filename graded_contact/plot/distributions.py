@@ -4,10 +4,10 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from .._shown import unit_of
+from ..core.quantities import unit_of
 from ..files.results import Fields
+from ..friction.sliding import Sliding
 from ..persson.mean_field import MeanField, pressure_distribution
-from ..sliding import Sliding
 from .style import COLOURS, PAGE, new_figure, styled
 
 if TYPE_CHECKING:

@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from jaxtyping import ArrayLike
 
-from .._checks import as_float, check_positive
+from ..core.checks import as_float, check_positive
 from ..fitting.prony import PronyFit
 from ..response.compliance import effective_modulus
 from ..response.stack import Stack

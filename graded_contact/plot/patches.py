@@ -4,10 +4,10 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from .._shown import unit_of
+from ..core.quantities import unit_of
 from ..files.results import Fields
-from ..sliding import Sliding
-from ..surface import Surface
+from ..friction.sliding import Sliding
+from ..roughness.surface import Surface
 from .style import COLOURS, COLUMN, HEIGHTS, PAGE, new_figure, styled
 
 if TYPE_CHECKING:

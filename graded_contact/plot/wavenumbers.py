@@ -5,7 +5,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from ..cutoff import CutoffCurve
+from ..roughness.cutoff import CutoffCurve
 from .style import COLOURS, PAGE, few_powers_of_ten, new_figure, styled
 
 if TYPE_CHECKING:

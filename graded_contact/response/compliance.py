@@ -12,19 +12,19 @@ import equinox as eqx
 import jax.numpy as jnp
 from jaxtyping import Array, Float, Inexact
 
-from .._checks import (
+from ..core.checks import (
     Numbers,
     as_float,
     as_numbers,
     check_poisson,
     check_positive,
     check_together,
+    check_types,
     check_values,
-    door,
     is_concrete,
     short,
 )
-from .._shown import shown
+from ..core.quantities import shown
 from .grading import (
     AbstractGradedSolver,
     check_profiles,
@@ -38,7 +38,7 @@ from .recursion import ManyLayers, compliance_of_layers, prepared
 from .stack import Free, HalfSpace, Layer, Rigid, Stack, is_graded
 
 
-@door
+@check_types
 def layered_compliance(
     q: Numbers,
     thickness: Numbers,
@@ -81,13 +81,13 @@ def layered_compliance(
     return compliance_of_layers(q, thickness, modulus, poisson, base)
 
 
-@door
+@check_types
 def surface_compliance(
     stack: Stack,
     q: Numbers,
     omega: Numbers,
     *,
-    graded: AbstractGradedSolver = Layering(),  # noqa: B008 (immutable)
+    graded_solver: AbstractGradedSolver = Layering(),  # noqa: B008 (immutable)
     rtol: float | None = None,
 ) -> Inexact[Array, "*w"]:
     """Returns the surface compliance M_zz [m/Pa] of a stack.
@@ -97,25 +97,25 @@ def surface_compliance(
     - `stack`: the block.
     - `q`: wavenumbers |q| [rad/m], positive.
     - `omega`: angular frequencies ω [rad/s], of either sign.
-    - `graded`: what solves graded layers, `Layering()` or `Riccati()`.
-    - `rtol`: relative tolerance in graded layers; by default that of `graded`. If it is not
+    - `graded_solver`: what solves graded layers, `Layering()` or `Riccati()`.
+    - `rtol`: relative tolerance in graded layers; by default that of `graded_solver`. If it is not
       reached, an error is raised; `graded_compliance` returns the estimate. Stacks of
       homogeneous layers are exact, and ignore it.
 
     **Returns:** M_zz, of the shape to which `q` and `omega` broadcast; complex unless every
     material is elastic.
     """
-    q, omega, rtol = _checked(stack, q, omega, graded, rtol)
-    return surface_compliance_unchecked(stack, q, omega, graded, rtol)
+    q, omega, rtol = _checked(stack, q, omega, graded_solver, rtol)
+    return surface_compliance_unchecked(stack, q, omega, graded_solver, rtol)
 
 
-@door
+@check_types
 def effective_modulus(
     stack: Stack,
     q: Numbers,
     omega: Numbers,
     *,
-    graded: AbstractGradedSolver = Layering(),  # noqa: B008 (immutable)
+    graded_solver: AbstractGradedSolver = Layering(),  # noqa: B008 (immutable)
     rtol: float | None = None,
 ) -> Inexact[Array, "*w"]:
     """Returns 2/(q M_zz) [Pa]: the E/(1-ν²) of the half space that would respond alike.
@@ -126,7 +126,10 @@ def effective_modulus(
 
     **Returns:** the modulus, of the shape to which `q` and `omega` broadcast.
     """
-    return 2 / (as_float(q, "q") * surface_compliance(stack, q, omega, graded=graded, rtol=rtol))
+    return 2 / (
+        as_float(q, "q")
+        * surface_compliance(stack, q, omega, graded_solver=graded_solver, rtol=rtol)
+    )
 
 
 @shown()
@@ -143,13 +146,13 @@ class GradedCompliance(eqx.Module):
     error: Float[Array, "*w"]
 
 
-@door
+@check_types
 def graded_compliance(
     stack: Stack,
     q: Numbers,
     omega: Numbers,
     *,
-    graded: AbstractGradedSolver = Layering(),  # noqa: B008 (immutable)
+    graded_solver: AbstractGradedSolver = Layering(),  # noqa: B008 (immutable)
     rtol: float | None = None,
     throw: bool = True,
 ) -> GradedCompliance:
@@ -157,18 +160,18 @@ def graded_compliance(
 
     **Arguments:**
 
-    - `stack`, `q`, `omega`, `graded`, `rtol`: as in `surface_compliance`.
+    - `stack`, `q`, `omega`, `graded_solver`, `rtol`: as in `surface_compliance`.
     - `throw`: whether a tolerance that is not reached is an error.
 
     **Returns:** a `GradedCompliance` of the shape to which `q` and `omega` broadcast.
     """
     if not is_graded(stack):
         raise ValueError("`stack` has no `GradedLayer`: take `surface_compliance`.")
-    q, omega, rtol = _checked(stack, q, omega, graded, rtol)
-    return _graded(stack, q, omega, graded, rtol, throw)
+    q, omega, rtol = _checked(stack, q, omega, graded_solver, rtol)
+    return _graded(stack, q, omega, graded_solver, rtol, throw)
 
 
-def _checked(stack, q, omega, graded, rtol):
+def _checked(stack, q, omega, graded_solver, rtol):
     """Arrays of equal rank: a modulus is computed once per entry of `omega`."""
     q, omega = as_float(q, "q"), as_float(omega, "omega")
     check_positive("q", q, "[rad/m]")
@@ -176,7 +179,7 @@ def _checked(stack, q, omega, graded, rtol):
     check_together(q=q, omega=omega)
     check_profiles(stack, omega)
     rank = max(q.ndim, omega.ndim)
-    rtol = graded_tolerance(graded, rtol, q)
+    rtol = graded_tolerance(graded_solver, rtol, q)
     q, omega = (x.reshape((1,) * (rank - x.ndim) + x.shape) for x in (q, omega))
     return q, omega, rtol
 
@@ -186,17 +189,17 @@ def surface_compliance_unchecked(
     stack: Stack,
     q: Float[Array, "..."],
     omega: Float[Array, "..."],
-    graded: AbstractGradedSolver,
+    graded_solver: AbstractGradedSolver,
     rtol: float,
 ) -> Inexact[Array, "*w"]:
     """Returns M_zz [m/Pa] at `q` and `omega` of equal rank."""
-    return compliance_of(prepared(stack), q, omega, graded, rtol)
+    return compliance_of(prepared(stack), q, omega, graded_solver, rtol)
 
 
 @eqx.filter_jit
-def _graded(stack, q, omega, graded, rtol, throw):
+def _graded(stack, q, omega, graded_solver, rtol, throw):
     climb = surface_climb(stack, q, omega)
-    (value,), error = solve_graded(graded, climb, relative, stack, q, omega, rtol, throw)
+    (value,), error = solve_graded(graded_solver, climb, relative, stack, q, omega, rtol, throw)
     return GradedCompliance(value, error)
 
 
@@ -204,7 +207,7 @@ def compliance_of(
     stack: Stack | ManyLayers,
     q: Float[Array, "..."],
     omega: Float[Array, "..."],
-    graded: AbstractGradedSolver,
+    graded_solver: AbstractGradedSolver,
     rtol: float,
     *,
     attempt: bool = False,
@@ -219,7 +222,7 @@ def compliance_of(
         thickness = stack.thickness
         modulus, poisson = stack.moduli(omega)
     elif is_graded(stack):
-        solver = Layering(retry=False) if attempt else graded
+        solver = Layering(retry=False) if attempt else graded_solver
         found = _graded(stack, q, omega, solver, rtol, throw and not attempt)
         if attempt or throw:
             return found.value

@@ -14,7 +14,7 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Bool, Float, Inexact
 
-from .._checks import check_tolerance
+from ..core.checks import check_tolerance
 from ..rheology.measured import check_frequencies
 from .column import AddGraded, Carried, Rule, climb_through, column_of
 from .profile_check import check_profile
@@ -83,9 +83,9 @@ def check_profiles(stack: Stack, omega: Float[Array, "..."]) -> None:
             check_profile(f"layers[{i}].profile", layer.profile, omega)
 
 
-def graded_tolerance(graded: AbstractGradedSolver, rtol: float | None, like: Array) -> float:
+def graded_tolerance(graded_solver: AbstractGradedSolver, rtol: float | None, like: Array) -> float:
     """Returns the tolerance to use, refusing what the dtype of `like` cannot reach."""
-    rtol = graded.rtol if rtol is None else rtol
+    rtol = graded_solver.rtol if rtol is None else rtol
     if rtol is None:
         return 1e-9 if like.dtype == jnp.float64 else 1e-4
     check_tolerance("rtol", rtol, like, floor_factor=_REFUSED_BELOW)
@@ -106,7 +106,7 @@ def rounding(like: Array) -> float:
 
 
 def solve_graded(
-    graded: AbstractGradedSolver,
+    graded_solver: AbstractGradedSolver,
     climb: Callable[[AddGraded], tuple[Array, ...]],
     measure: Callable[[Sequence[Array], Sequence[Array]], Float[Array, "*w"]],
     stack: Stack,
@@ -115,8 +115,8 @@ def solve_graded(
     rtol: float,
     throw: bool,
 ) -> tuple[tuple[Array, ...], Float[Array, "*w"]]:
-    """Returns what `graded` finds, see there, and its error, which may be one to raise."""
-    values, error = graded.solve(climb, measure, stack, q, omega, rtol)
+    """Returns what `graded_solver` finds, see there, and its error, which may be one to raise."""
+    values, error = graded_solver.solve(climb, measure, stack, q, omega, rtol)
     error = jax.lax.stop_gradient(error)
     if throw:
         # Written so that NaN fails.

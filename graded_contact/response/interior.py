@@ -22,9 +22,17 @@ import jax.numpy as jnp
 from jax import Array
 from jaxtyping import Float, Inexact
 
-from .._checks import Numbers, as_float, as_numbers, check_shape, check_values, door, is_concrete
-from .._shown import shown
-from ..grid import (
+from ..core.checks import (
+    Numbers,
+    as_float,
+    as_numbers,
+    check_shape,
+    check_types,
+    check_values,
+    is_concrete,
+)
+from ..core.quantities import shown
+from ..fields.grid import (
     Grid,
     as_velocity,
     both_signs,
@@ -56,7 +64,7 @@ class InteriorFields(NamedTuple):
     stress: Inexact[Array, "*w 3 3"]
 
 
-@door
+@check_types
 def interior_fields(
     stack: Stack,
     qx: Numbers,
@@ -66,7 +74,7 @@ def interior_fields(
     depth: Numbers,
     *,
     side: Side = "below",
-    graded: AbstractGradedSolver = Layering(),  # noqa: B008 (immutable)
+    graded_solver: AbstractGradedSolver = Layering(),  # noqa: B008 (immutable)
     rtol: float | None = None,
 ) -> InteriorFields:
     """Returns displacement and stress in a stack, for one wave of surface traction per entry.
@@ -81,9 +89,9 @@ def interior_fields(
     - `depth`: z [m] below the surface, from 0 down to the bottom, or any on a half space.
     - `side`: at an interface σ_xx, σ_yy and σ_xy jump: the layer "above" or "below" it is meant.
       The values of `interface_depths` are recognised as such exactly.
-    - `graded`: what solves graded layers, `Layering()` or `Riccati()`.
+    - `graded_solver`: what solves graded layers, `Layering()` or `Riccati()`.
     - `rtol`: tolerance in graded layers, of stresses over the traction at the surface and of
-      displacements as the stresses that they make; by default that of `graded`. If it is not
+      displacements as the stresses that they make; by default that of `graded_solver`. If it is not
       reached, an error is raised. Where the fields have decayed to less than that, `Layering` has
       no digits of them; `Riccati` keeps them, its tolerance being that of what is left.
 
@@ -100,11 +108,11 @@ def interior_fields(
         check_values("traction", part, "a traction [Pa] must be finite")
     _check_side(side)
     depth = _inside(stack, depth)
-    rtol = graded_tolerance(graded, rtol, qx)
-    return _interior_fields(stack, qx, qy, omega, traction, depth, side, graded, rtol)
+    rtol = graded_tolerance(graded_solver, rtol, qx)
+    return _interior_fields(stack, qx, qy, omega, traction, depth, side, graded_solver, rtol)
 
 
-@door
+@check_types
 def stress_field(
     stack: Stack,
     grid: Grid,
@@ -113,7 +121,7 @@ def stress_field(
     velocity: Numbers = 0.0,
     *,
     side: Side = "below",
-    graded: AbstractGradedSolver = Layering(),  # noqa: B008 (immutable)
+    graded_solver: AbstractGradedSolver = Layering(),  # noqa: B008 (immutable)
     rtol: float | None = None,
 ) -> InteriorFields:
     """Returns displacement and stress at one depth under a pressure on a periodic cell.
@@ -126,7 +134,7 @@ def stress_field(
       acts.
     - `depth`: z [m], one number.
     - `velocity`: of the pressure over the block [m/s], as in `stack_kernel`.
-    - `side`, `graded`, `rtol`: as in `interior_fields`.
+    - `side`, `graded_solver`, `rtol`: as in `interior_fields`.
 
     **Returns:** real fields, shape `(*grid.shape, 3)` and `(*grid.shape, 3, 3)`. The mean pressure
     compresses the block without lateral strain, σ_xx = σ_yy = ν/(1-ν) σ_zz at ω = 0; the mean
@@ -141,11 +149,11 @@ def stress_field(
     check_profiles(stack, kernel_frequencies(grid, velocity))
     _check_side(side)
     depth = _inside(stack, depth)
-    rtol = graded_tolerance(graded, rtol, pressure)
-    return _stress_field(stack, grid, pressure, depth, velocity, side, graded, rtol)
+    rtol = graded_tolerance(graded_solver, rtol, pressure)
+    return _stress_field(stack, grid, pressure, depth, velocity, side, graded_solver, rtol)
 
 
-@door
+@check_types
 def von_mises(stress: Numbers) -> Float[Array, "*w"]:
     """Returns the von Mises stress sqrt(3/2 s:s) [Pa] of real stresses, s their deviator.
 
@@ -188,7 +196,7 @@ def _inside(stack: Stack, depth: Array) -> Array:
     return eqx.error_if(depth, depth > bottom, "A `depth` lies below the bottom of the block.")
 
 
-def _fields(stack, qx, qy, omega, traction, depth, side, graded, rtol):
+def _fields(stack, qx, qy, omega, traction, depth, side, graded_solver, rtol):
     """Returns (u_x, u_y, u_z), (σ_xx, σ_yy, σ_zz, σ_yz, σ_xz, σ_xy) and ν/(1 - ν) at the depth."""
     q = jnp.hypot(qx, qy)
     a, b = qx / q, qy / q
@@ -220,7 +228,7 @@ def _fields(stack, qx, qy, omega, traction, depth, side, graded, rtol):
         return error(*kinds(*differences), *kinds(*values))
 
     if is_graded(stack):
-        found, _ = solve_graded(graded, climb, measure, stack, q, omega, rtol, throw=True)
+        found, _ = solve_graded(graded_solver, climb, measure, stack, q, omega, rtol, throw=True)
     else:
         found = climb(None)
     t, s, shear, u, w, v = found
@@ -255,18 +263,18 @@ def _rotated(a, b, *, ll, tt, zz, tz, lz, lt):
 
 
 @eqx.filter_jit
-def _interior_fields(stack, qx, qy, omega, traction, depth, side, graded, rtol):
+def _interior_fields(stack, qx, qy, omega, traction, depth, side, graded_solver, rtol):
     rank = max(qx.ndim, traction.ndim - 1, depth.ndim)
     lift = lambda x: x.reshape((1,) * (rank - x.ndim) + x.shape)  # noqa: E731
     traction = [lift(traction[..., i]) for i in range(3)]
     displacement, stress, _ = _fields(
-        stack, lift(qx), lift(qy), lift(omega), traction, lift(depth), side, graded, rtol
+        stack, lift(qx), lift(qy), lift(omega), traction, lift(depth), side, graded_solver, rtol
     )
     return InteriorFields(jnp.stack(displacement, -1), _tensor(stress))
 
 
 @eqx.filter_jit
-def _stress_field(stack, grid, pressure, depth, velocity, side, graded, rtol):
+def _stress_field(stack, grid, pressure, depth, velocity, side, graded_solver, rtol):
     spectrum = to_spectrum(pressure)
     qx, *qy = wavevector(grid, both_signs(grid.shape))
     qy = qy[0] if qy else jnp.zeros_like(qx)
@@ -275,7 +283,7 @@ def _stress_field(stack, grid, pressure, depth, velocity, side, graded, rtol):
     unit = [jnp.asarray(x, pressure.dtype) for x in (0, 0, 1)]
     depth = depth.reshape((1,) * qx.ndim)
     displacement, stress, lateral = _fields(
-        stack, jnp.where(zero, qx.ravel()[1], qx), qy, omega, unit, depth, side, graded, rtol
+        stack, jnp.where(zero, qx.ravel()[1], qx), qy, omega, unit, depth, side, graded_solver, rtol
     )
     means = [0, 0, 0, *(-lateral.ravel()[0],) * 2, -1, 0, 0, 0]
     fields = []

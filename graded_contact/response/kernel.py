@@ -16,11 +16,11 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Bool, Float, Inexact
 
-from .._checks import Numbers, door, is_concrete
-from .._derivative import derivative_apart
-from .._devices import num_devices, required, spread, whole_along
-from .._memory import check_memory, kernel_memory, num_numbers
-from ..grid import (
+from ..core.checks import Numbers, check_types, is_concrete
+from ..core.derivative import derivative_apart
+from ..core.memory import check_memory, kernel_memory, num_numbers
+from ..fields.devices import num_devices, required, spread, whole_along
+from ..fields.grid import (
     Grid,
     as_velocity,
     both_signs,
@@ -49,13 +49,13 @@ _NOT_REACHED = (
 )
 
 
-@door
+@check_types
 def stack_kernel(
     stack: Stack,
     grid: Grid,
     velocity: Numbers = 0.0,
     *,
-    graded: AbstractGradedSolver = Layering(),  # noqa: B008 (immutable)
+    graded_solver: AbstractGradedSolver = Layering(),  # noqa: B008 (immutable)
     rtol: float | None = None,
 ) -> Inexact[Array, "*half"]:
     """Returns M_zz [m/Pa] of a stack on the half spectrum of a grid, for steady sliding.
@@ -70,8 +70,8 @@ def stack_kernel(
     - `stack`: the block.
     - `grid`: the periodic cell.
     - `velocity`: of the rough surface over the block [m/s]: a number (along x) or `(vx, vy)`.
-    - `graded`: what solves graded layers, `Layering()` or `Riccati()`.
-    - `rtol`: relative tolerance of graded and long stacks; by default that of `graded`.
+    - `graded_solver`: what solves graded layers, `Layering()` or `Riccati()`.
+    - `rtol`: relative tolerance of graded and long stacks; by default that of `graded_solver`.
 
     **Returns:** the kernel, shape of the half spectrum. The q = 0 entry is 0 (the mean
     displacement belongs to the mean gap) and Nyquist lines hold the real part of the mean over
@@ -80,7 +80,7 @@ def stack_kernel(
 
     **Raises:** `ValueError` for a refused argument; `RuntimeError` if `rtol` is not reached.
     """
-    kernel, reached = _attempt(stack, grid, velocity, graded, rtol, choosing=False)
+    kernel, reached = _attempt(stack, grid, velocity, graded_solver, rtol, choosing=False)
     return required(kernel, reached, partial(eqx.error_if, msg=_NOT_REACHED))
 
 
@@ -89,7 +89,7 @@ def attempted_kernel(
     grid: Grid,
     velocity: Numbers = 0.0,
     *,
-    graded: AbstractGradedSolver = Layering(),  # noqa: B008 (immutable)
+    graded_solver: AbstractGradedSolver = Layering(),  # noqa: B008 (immutable)
     rtol: float | None = None,
 ) -> tuple[Inexact[Array, "*half"], Bool[Array, ""]]:
     """Returns the kernel, and whether it reached its tolerance, which is no error here.
@@ -97,45 +97,45 @@ def attempted_kernel(
     Arguments as in `stack_kernel`. Where the tolerance of a graded layer was missed stands NaN.
     Under `jit`, too, a table that misses it gives way to direct evaluation: both are compiled.
     """
-    return _attempt(stack, grid, velocity, graded, rtol, choosing=True)
+    return _attempt(stack, grid, velocity, graded_solver, rtol, choosing=True)
 
 
-def _attempt(stack, grid, velocity, graded, rtol, choosing):
-    velocity, rtol = _checked(stack, grid, velocity, graded, rtol)
-    numbers, askew = num_numbers(stack), velocity.ndim > 0
+def _attempt(stack, grid, velocity, graded_solver, rtol, choosing):
+    velocity, rtol = _checked(stack, grid, velocity, graded_solver, rtol)
+    numbers, oblique = num_numbers(stack), velocity.ndim > 0
     check_memory(
         "grid",
         grid.shape,
-        lambda shape: kernel_memory(shape, grid.size.dtype.itemsize, numbers, askew),
+        lambda shape: kernel_memory(shape, grid.size.dtype.itemsize, numbers, oblique),
         "a kernel",
         num_devices(grid.size),
     )
     if _is_dear(stack, grid) and velocity.ndim == 0:
-        kernel, error = _interpolated_kernel(stack, grid, velocity, graded, rtol)
+        kernel, error = _interpolated_kernel(stack, grid, velocity, graded_solver, rtol)
         # NaN comes from a node that could not be solved; nor could its neighbours be.
         missed = error > rtol
         if not is_concrete(error) and choosing:
             table = (kernel, error <= rtol)
             return jax.lax.cond(
-                missed, lambda: _direct(stack, grid, velocity, graded, rtol), lambda: table
+                missed, lambda: _direct(stack, grid, velocity, graded_solver, rtol), lambda: table
             )
         if not is_concrete(error) or not missed:
             return kernel, error <= rtol
-    return _direct(stack, grid, velocity, graded, rtol)
+    return _direct(stack, grid, velocity, graded_solver, rtol)
 
 
-def _direct(stack, grid, velocity, graded, rtol):
-    kernel = _direct_kernel(stack, grid, velocity, graded, rtol)
+def _direct(stack, grid, velocity, graded_solver, rtol):
+    kernel = _direct_kernel(stack, grid, velocity, graded_solver, rtol)
     return kernel, jnp.all(jnp.isfinite(kernel)) if is_graded(stack) else jnp.asarray(True)
 
 
-@door
+@check_types
 def kernel_table(
     stack: Stack,
     grid: Grid,
     velocity: Numbers = 0.0,
     *,
-    graded: AbstractGradedSolver = Layering(),  # noqa: B008 (immutable)
+    graded_solver: AbstractGradedSolver = Layering(),  # noqa: B008 (immutable)
     rtol: float | None = None,
 ) -> KernelTable:
     """Returns the table of log(q M_zz) from which `stack_kernel` interpolates.
@@ -146,19 +146,19 @@ def kernel_table(
 
     **Arguments:**
 
-    - `stack`, `grid`, `velocity`, `graded`, `rtol`: as in `stack_kernel`.
+    - `stack`, `grid`, `velocity`, `graded_solver`, `rtol`: as in `stack_kernel`.
 
     **Returns:** the table, with its cost and error.
 
     **Raises:** `ValueError` for a refused argument.
     """
-    velocity, rtol = _checked(stack, grid, velocity, graded, rtol)
+    velocity, rtol = _checked(stack, grid, velocity, graded_solver, rtol)
     if grid.ndim == 1 or velocity.ndim == 1:
         raise ValueError(
             f"`grid` has shape {grid.shape} and `velocity` shape {velocity.shape}; a table is "
             "made in two dimensions and for sliding along x."
         )
-    return _kernel_table(stack, grid, velocity, graded, rtol)
+    return _kernel_table(stack, grid, velocity, graded_solver, rtol)
 
 
 @eqx.filter_jit
@@ -169,10 +169,10 @@ def kernel_frequencies(grid: Grid, velocity: Float[Array, "..."]) -> Float[Array
     return along * jnp.stack([jnp.zeros_like(lowest), lowest, highest])
 
 
-def _checked(stack, grid, velocity, graded, rtol):
+def _checked(stack, grid, velocity, graded_solver, rtol):
     velocity = as_velocity(velocity, grid)
     check_profiles(stack, kernel_frequencies(grid, velocity))
-    return velocity, graded_tolerance(graded, rtol, grid.size)
+    return velocity, graded_tolerance(graded_solver, rtol, grid.size)
 
 
 def _is_dear(stack, grid):
@@ -182,18 +182,18 @@ def _is_dear(stack, grid):
 
 @derivative_apart
 @eqx.filter_jit
-def _direct_kernel(stack, grid, velocity, graded, rtol):
+def _direct_kernel(stack, grid, velocity, graded_solver, rtol):
     stack = prepared(stack)
     if grid.ndim == 1:
         qx = _wavenumbers(grid, 0, np.arange(grid.shape[0] // 2 + 1))
-        kernel = _compliance(stack, qx, jnp.zeros_like(qx), velocity, graded, rtol)
+        kernel = _compliance(stack, qx, jnp.zeros_like(qx), velocity, graded_solver, rtol)
         return _rules(kernel, grid.shape)
     kx, ky = both_signs(grid.shape)
     qy = _wavenumbers(grid, 1, ky)
 
     def rows(index):
         qx = _wavenumbers(grid, 0, jnp.asarray(kx)[index])
-        return _compliance(stack, qx, qy, velocity, graded, rtol)
+        return _compliance(stack, qx, qy, velocity, graded_solver, rtol)
 
     if velocity.shape == ():
         return _mirrored(rows, grid)
@@ -202,9 +202,9 @@ def _direct_kernel(stack, grid, velocity, graded, rtol):
 
 @derivative_apart
 @eqx.filter_jit
-def _interpolated_kernel(stack, grid, velocity, graded, rtol):
+def _interpolated_kernel(stack, grid, velocity, graded_solver, rtol):
     """The kernel by its table, and the error of that."""
-    table = _kernel_table(stack, grid, velocity, graded, rtol)
+    table = _kernel_table(stack, grid, velocity, graded_solver, rtol)
     numbers = np.arange(grid.shape[1] // 2 + 1)
     qy, columns = _wavenumbers(grid, 1, numbers), table.along_y(numbers)
 
@@ -216,14 +216,14 @@ def _interpolated_kernel(stack, grid, velocity, graded, rtol):
 
 
 @eqx.filter_jit
-def _kernel_table(stack, grid, velocity, graded, rtol):
+def _kernel_table(stack, grid, velocity, graded_solver, rtol):
     stack, lowest = prepared(stack), 2 * np.pi / grid.size
     # The nodes are solved more closely than they are interpolated.
     closer = max(rtol / 4, 400 * float(np.finfo(grid.size.dtype).eps))
 
     def logarithm(kx, ky, attempt=False):
         qx, qy = kx * lowest[0], ky * lowest[1]
-        compliance = _compliance(stack, qx, qy, velocity, graded, closer, attempt=attempt)
+        compliance = _compliance(stack, qx, qy, velocity, graded_solver, closer, attempt=attempt)
         return jnp.log(compliance * _magnitude(qx, qy))
 
     highest = (grid.shape[0] // 2, grid.shape[1] // 2)
@@ -267,11 +267,11 @@ def _magnitude(qx, qy):
     return jnp.sqrt(jnp.where(squared == 0, 1, squared))
 
 
-def _compliance(stack, qx, qy, velocity, graded, rtol, *, attempt=False):
+def _compliance(stack, qx, qy, velocity, graded_solver, rtol, *, attempt=False):
     q = _magnitude(qx, qy)
     # For sliding along x the frequency keeps the shape of qx: one modulus per row.
     omega = sliding_frequency(qx, qy, velocity)
-    return compliance_of(stack, q, omega, graded, rtol, attempt=attempt, throw=False)
+    return compliance_of(stack, q, omega, graded_solver, rtol, attempt=attempt, throw=False)
 
 
 def _rules(kernel, shape):

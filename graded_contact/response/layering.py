@@ -16,7 +16,7 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float, Inexact, ScalarLike
 
-from .._checks import Numbers, as_float, check_type, check_whole, door
+from ..core.checks import Numbers, as_float, check_type, check_types, check_whole
 from ..rheology.material import AbstractMaterial
 from .column import AddGraded, Cut, Rule, kept, settled_shape
 from .grading import AbstractGradedSolver, as_tolerance, rounding
@@ -221,7 +221,7 @@ class _AtHeight(AbstractMaterial):
         return _AtHeight(self.profile.at(temperature), self.height)
 
 
-@door
+@check_types
 def sliced(stack: Stack, num_slices: int) -> Stack:
     """Returns the stack with every graded layer cut into equal layers of its middle moduli.
 

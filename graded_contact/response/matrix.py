@@ -33,7 +33,7 @@ import jax.numpy as jnp
 from jax import Array
 from jaxtyping import Complex, Inexact
 
-from .._checks import Numbers, as_float, check_together, check_values, door, is_concrete
+from ..core.checks import Numbers, as_float, check_together, check_types, check_values, is_concrete
 from .column import Carried, Column, Rule, climb_through, column, column_of
 from .grading import AbstractGradedSolver, check_profiles, graded_tolerance, solve_graded
 from .layering import Layering
@@ -65,14 +65,14 @@ class Face(NamedTuple):
     shear: Inexact[Array, "..."]
 
 
-@door
+@check_types
 def surface_compliance_matrix(
     stack: Stack,
     qx: Numbers,
     qy: Numbers,
     omega: Numbers,
     *,
-    graded: AbstractGradedSolver = Layering(),  # noqa: B008 (immutable)
+    graded_solver: AbstractGradedSolver = Layering(),  # noqa: B008 (immutable)
     rtol: float | None = None,
 ) -> Complex[Array, "*w 3 3"]:
     """Returns the compliance C [m/Pa] from surface tractions to surface displacements.
@@ -85,15 +85,15 @@ def surface_compliance_matrix(
     - `stack`: the block.
     - `qx`, `qy`: wavevector [rad/m], not both zero.
     - `omega`: angular frequencies ω [rad/s], of either sign.
-    - `graded`: what solves graded layers, `Layering()` or `Riccati()`.
+    - `graded_solver`: what solves graded layers, `Layering()` or `Riccati()`.
     - `rtol`: relative tolerance in graded layers, of c11, c22 and c_T each and of c12 over their
-      geometric mean; by default that of `graded`. If it is not reached, an error is raised.
+      geometric mean; by default that of `graded_solver`. If it is not reached, an error is raised.
 
     **Returns:** C, of the shape to which `qx`, `qy` and `omega` broadcast and two axes of 3.
     """
     qx, qy, omega = wavevectors(stack, qx, qy, omega)
-    rtol = graded_tolerance(graded, rtol, qx)
-    return _surface_compliance_matrix(stack, qx, qy, omega, graded, rtol)
+    rtol = graded_tolerance(graded_solver, rtol, qx)
+    return _surface_compliance_matrix(stack, qx, qy, omega, graded_solver, rtol)
 
 
 def layered_compliance_matrix(qx, qy, thickness, modulus, poisson, base) -> Complex[Array, "..."]:
@@ -260,11 +260,11 @@ def _relative(differences, values):
 
 
 @eqx.filter_jit
-def _surface_compliance_matrix(stack, qx, qy, omega, graded, rtol):
+def _surface_compliance_matrix(stack, qx, qy, omega, graded_solver, rtol):
     q = jnp.hypot(qx, qy)
     climb = _climb(column_of(stack, q, omega))
     if is_graded(stack):
-        values, _ = solve_graded(graded, climb, _relative, stack, q, omega, rtol, throw=True)
+        values, _ = solve_graded(graded_solver, climb, _relative, stack, q, omega, rtol, throw=True)
     else:
         values = climb(None)
     return _matrix(qx / q, qy / q, values)

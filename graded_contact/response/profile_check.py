@@ -7,7 +7,7 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float
 
-from .._checks import is_concrete
+from ..core.checks import is_concrete
 from .profile import SAMPLES, moduli_at
 
 # A change that a smooth profile spreads over more than 2^-40 of the layer.

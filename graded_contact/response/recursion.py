@@ -48,7 +48,7 @@ def compliance_of_layers(q, thickness, modulus, poisson, base) -> Array:
     """
     supported = isinstance(base, Rigid | Free)
     unit = largest([*(() if supported else base[:1]), *jax.tree.leaves(modulus)])
-    # At the door the value is unknown if a thickness is traced: no number may come of it then.
+    # On input the value is unknown if a thickness is traced: no number may come of it then.
     for d in jax.tree.leaves(thickness):
         unit = jnp.where(jnp.all(d >= 0), unit, jnp.nan)
     if not supported:

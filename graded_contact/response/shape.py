@@ -14,7 +14,7 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float
 
-from .._checks import (
+from ..core.checks import (
     as_float,
     check_positive,
     check_values,
@@ -23,7 +23,7 @@ from .._checks import (
     numbers,
     scalar,
 )
-from .._shown import shown
+from ..core.quantities import shown
 from ..rheology.tabulated import monotone_cubic
 
 

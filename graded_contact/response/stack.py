@@ -8,8 +8,8 @@ import jax
 import jax.numpy as jnp
 from jaxtyping import Array, Float, ScalarLike
 
-from .._checks import check_values, door, scalar, short
-from .._shown import shown
+from ..core.checks import check_types, check_values, scalar, short
+from ..core.quantities import shown
 from ..rheology.material import AbstractMaterial, material_called
 
 
@@ -167,7 +167,7 @@ def _layer_at(layer, temperature):
     return GradedLayer(layer.profile.at(temperature), layer.thickness)
 
 
-@door
+@check_types
 def interface_depths(stack: Stack) -> Float[Array, " layers"]:
     """Returns the depth of the lower face of every layer [m], the last one being the bottom.
 

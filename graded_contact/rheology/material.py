@@ -19,7 +19,7 @@ import numpy as np
 from jax import Array
 from jaxtyping import Complex, Float, Inexact, ScalarLike
 
-from .._checks import (
+from ..core.checks import (
     Numbers,
     as_float,
     as_scalar,
@@ -33,7 +33,7 @@ from .._checks import (
     scalar,
     short,
 )
-from .._shown import shown, with_units
+from ..core.quantities import shown, with_units
 from .creep import creep_from_relaxation, relaxation_from_creep
 from .measured import MeasuredRange
 from .shift import AbstractShift, as_temperature, require_shift, stretched

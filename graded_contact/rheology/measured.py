@@ -13,8 +13,8 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float
 
-from .._checks import check_positive, is_concrete, numbers
-from .._shown import shown
+from ..core.checks import check_positive, is_concrete, numbers
+from ..core.quantities import shown
 from .shift import stretched
 
 # A shifted range may miss its own ends by rounding.

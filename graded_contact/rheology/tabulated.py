@@ -8,7 +8,7 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Complex, Float, ScalarLike
 
-from .._checks import (
+from ..core.checks import (
     Numbers,
     as_float,
     as_numbers,

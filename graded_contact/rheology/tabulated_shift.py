@@ -7,7 +7,7 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float, ScalarLike
 
-from .._checks import (
+from ..core.checks import (
     as_float,
     as_scalar,
     check_positive,

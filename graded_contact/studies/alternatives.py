@@ -11,11 +11,11 @@ import numpy as np
 from jax.flatten_util import ravel_pytree
 from jaxtyping import Array, Float
 
-from .._checks import as_float, check_values, check_whole, door
+from ..core.checks import as_float, check_types, check_values, check_whole
 from .design import Constraints, Design, Objective, minimise
 
 
-@door
+@check_types
 def rounded(
     objective: Objective, design: Design, choices: dict[str, Sequence[float]], **arguments: Any
 ) -> Design:
@@ -48,7 +48,7 @@ def rounded(
     return minimise(objective, bounds["lower"], bounds["upper"], start, **arguments)
 
 
-@door
+@check_types
 def pareto_front(
     objectives: Callable[[Any], Float[Array, "2"]],
     lower: Any,
@@ -107,7 +107,7 @@ def pareto_front(
     return sorted(front, key=lambda pair: float(pair[1][0]))
 
 
-@door
+@check_types
 def scatter(
     objective: Objective, parameters: Any, spread: Any, *, num_samples: int = 64, seed: int = 0
 ) -> Float[Array, " samples"]:

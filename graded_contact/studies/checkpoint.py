@@ -16,8 +16,8 @@ from typing import Any, TypeVar
 import equinox as eqx
 import numpy as np
 
-from .._checks import check_values
 from ..contact.douglas_rachford import DouglasRachford
+from ..core.checks import check_values
 from ..files.results import package_versions
 from .store import Point, Store, fingerprint
 

@@ -18,8 +18,8 @@ from jaxtyping import Array, Float
 from scipy.optimize import minimize
 from scipy.stats import qmc
 
-from .._checks import check_tolerance, check_whole, door
-from .._shown import shown
+from ..core.checks import check_tolerance, check_types, check_whole
+from ..core.quantities import shown
 from .bounds import Flat, box_of, first_in, named
 from .evaluations import MARGIN, Evaluations
 from .problem import Problem
@@ -141,7 +141,7 @@ class Design(eqx.Module):
         return "\n".join(lines)
 
 
-@door
+@check_types
 def minimise(
     objective: Objective,
     lower: Any,

@@ -8,18 +8,18 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float
 
-from .._checks import Numbers, as_float
+from ..core.checks import Numbers, as_float
+from ..core.parameters import with_values
+from ..fields.grid import Grid
 from ..files.design_scene import DesignScene
 from ..files.results import package_versions
 from ..files.surfaces import RandomSurface
-from ..grid import Grid
-from ..parameters import with_values
+from ..friction.sliding import slide
 from ..persson.mean_field import MeanField
-from ..random_surfaces import random_surface
 from ..response.compliance import effective_modulus
 from ..response.stack import Stack
-from ..sliding import slide
-from ..surface import Surface
+from ..roughness.random_surfaces import random_surface
+from ..roughness.surface import Surface
 from .design import Constraints, Objective
 from .objectives import distance, friction_curve, loss_tangent, ripple
 from .store import Point, Store, fingerprint
@@ -81,7 +81,7 @@ def mean_field_of(study: DesignScene, stack: Stack) -> MeanField:
         study.spectrum,
         pressure=scene.pressure[0],
         velocities=scene.velocity,
-        graded=scene.graded,
+        graded_solver=scene.graded_solver,
     )
 
 
@@ -99,7 +99,10 @@ def band_tangents(study: DesignScene, stack: Stack) -> list[Float[Array, " waves
     """The loss tangent over the band, at each velocity."""
     assert study.band is not None
     q = np.geomspace(*study.band, WAVES)
-    return [loss_tangent(stack, q, v, graded=study.scene.graded) for v in study.scene.velocity]
+    return [
+        loss_tangent(stack, q, v, graded_solver=study.scene.graded_solver)
+        for v in study.scene.velocity
+    ]
 
 
 def _constraints(study: DesignScene) -> Constraints | None:
@@ -122,7 +125,9 @@ def _constraints(study: DesignScene) -> Constraints | None:
 def modulus_kept(study: DesignScene, stack: Stack) -> Float[Array, ""]:
     stiffness = study.stiffness
     assert stiffness is not None
-    modulus = effective_modulus(stack, stiffness.q, stiffness.omega, graded=study.scene.graded)
+    modulus = effective_modulus(
+        stack, stiffness.q, stiffness.omega, graded_solver=study.scene.graded_solver
+    )
     return jnp.abs(modulus)
 
 
@@ -154,7 +159,7 @@ def kept_contact(
         scene.velocity,
         scene.solver,
         scene.tolerance,
-        scene.graded,
+        scene.graded_solver,
     )
     assert isinstance(scene.surface, RandomSurface)
     name = fingerprint(package_versions(), "friction and area", scene.surface.grid, *parts)
@@ -182,7 +187,7 @@ def _contact(study: DesignScene, stack: Stack, heights: Array) -> tuple[Array, A
             velocity=velocity,
             solver=scene.solver,
             **scene.tolerance,
-            graded=scene.graded,
+            graded_solver=scene.graded_solver,
         )
         return found.friction, found.contact_area_smooth
 

@@ -14,7 +14,7 @@ from typing import Any
 
 import jax
 
-from .._checks import check_whole
+from ..core.checks import check_whole
 from .chunk import Finished, Pace, Work, compiled_chunk, in_this_process, most_points
 from .cluster import joined, local_workers, num_cores, on_workers
 from .program import Program

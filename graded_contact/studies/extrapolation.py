@@ -7,14 +7,14 @@ from typing import Any
 import numpy as np
 from jaxtyping import ArrayLike
 
-from ..caveats import EXTRAPOLATED
+from ..core.warnings import EXTRAPOLATED
+from ..fields.grid import Grid, wave_frequencies
 from ..files.scene import Scene
 from ..files.toml import within
-from ..grid import Grid, wave_frequencies
 from ..persson.mean_field import mean_field_friction
 from ..response.stack import Stack
 from ..rheology.measured import check_frequencies, coverage, is_unknown
-from ..surface import Surface
+from ..roughness.surface import Surface
 
 
 def velocity_vector(speed: Any, direction: float) -> Any:
@@ -53,7 +53,7 @@ def _check_block(scene: Scene, stack: Stack, surface: Surface) -> None:
                 surface,
                 pressure=np.max(scene.pressure),
                 velocity=velocity_vector(v, scene.direction),
-                graded=scene.graded,
+                graded_solver=scene.graded_solver,
                 throw=False,
             ).extrapolated_friction
             for v in scene.velocity

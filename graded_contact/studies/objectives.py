@@ -8,31 +8,31 @@ import jax
 import jax.numpy as jnp
 from jaxtyping import Array, Float, Inexact, ScalarLike
 
-from .._checks import (
+from ..core.checks import (
     Numbers,
     as_float,
     as_scalar,
     check_positive,
     check_together,
+    check_types,
     check_values,
-    door,
 )
 from ..persson.mean_field import MeanField, mean_field_friction
 from ..response.compliance import effective_modulus
 from ..response.grading import AbstractGradedSolver
 from ..response.layering import Layering
 from ..response.stack import Stack
-from ..spectrum import SelfAffine
-from ..surface import Surface
+from ..roughness.spectrum import SelfAffine
+from ..roughness.surface import Surface
 
 
-@door
+@check_types
 def loss_tangent(
     stack: Stack,
     q: Numbers,
     velocity: Numbers,
     *,
-    graded: AbstractGradedSolver = Layering(),  # noqa: B008 (immutable)
+    graded_solver: AbstractGradedSolver = Layering(),  # noqa: B008 (immutable)
 ) -> Float[Array, "..."]:
     """Returns Im E_eff/Re E_eff [1] of the whole stack at `q` [rad/m] for sliding along q.
 
@@ -41,14 +41,14 @@ def loss_tangent(
     - `stack`: the block.
     - `q`: wavenumbers [rad/m], positive.
     - `velocity`: [m/s], positive.
-    - `graded`: what solves graded layers, `Layering()` or `Riccati()`.
+    - `graded_solver`: what solves graded layers, `Layering()` or `Riccati()`.
 
     **Returns:** Im E_eff/Re E_eff [1], shape of `q` and `velocity` together.
     """
     q, velocity = as_float(q, "q"), as_float(velocity, "velocity")
     check_positive("velocity", velocity, "[m/s]")
     check_together(q=q, velocity=velocity)
-    modulus = effective_modulus(stack, q, q * velocity, graded=graded)
+    modulus = effective_modulus(stack, q, q * velocity, graded_solver=graded_solver)
     return modulus.imag / modulus.real
 
 
@@ -85,20 +85,20 @@ def distance(values: Numbers, target: Numbers) -> Float[Array, ""]:
     return jnp.mean(jnp.real(logs * jnp.conj(logs)))
 
 
-@door
+@check_types
 def friction_curve(
     stack: Stack,
     spectrum: SelfAffine | Surface | tuple[Numbers, Numbers],
     *,
     pressure: ScalarLike,
     velocities: Numbers,
-    graded: AbstractGradedSolver = Layering(),  # noqa: B008 (immutable)
+    graded_solver: AbstractGradedSolver = Layering(),  # noqa: B008 (immutable)
 ) -> MeanField:
     """Returns the mean field at each velocity, along a first axis of every array of it.
 
     **Arguments:**
 
-    - `stack`, `spectrum`, `pressure`, `graded`: as in `mean_field_friction`.
+    - `stack`, `spectrum`, `pressure`, `graded_solver`: as in `mean_field_friction`.
     - `velocities`: along x [m/s], shape `(n,)`.
 
     **Returns:** a `MeanField` whose arrays have the velocities as their first axis.
@@ -110,13 +110,13 @@ def friction_curve(
     check_positive("pressure", as_scalar(pressure, "pressure"), "[Pa]")
     return jax.lax.map(
         lambda v: mean_field_friction(
-            stack, spectrum, pressure=pressure, velocity=v, graded=graded
+            stack, spectrum, pressure=pressure, velocity=v, graded_solver=graded_solver
         ),
         velocities,
     )
 
 
-@door
+@check_types
 def friction_between(field: MeanField, q_from: ScalarLike, q_to: ScalarLike) -> Float[Array, ""]:
     """Returns the friction that roughness between two wavenumbers adds [1].
 

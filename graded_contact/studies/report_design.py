@@ -5,9 +5,9 @@ from typing import Any
 import numpy as np
 from jaxtyping import Float
 
-from ..caveats import EXTRAPOLATED
+from ..core.parameters import paths
+from ..core.warnings import EXTRAPOLATED
 from ..files.design_scene import DesignScene
-from ..parameters import paths
 from ..persson.isotropic import LAST_COSINE
 from ..persson.mean_field import MeanField
 from ..response.stack import materials_of

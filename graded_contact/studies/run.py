@@ -12,17 +12,17 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Float
 
-from .._memory import DERIVATIVE, check_memory, num_numbers, sliding_memory
+from ..core.memory import DERIVATIVE, check_memory, num_numbers, sliding_memory
 from ..files.errors import moved
 from ..files.results import FIELDS, OBSERVABLES, Fields, Results, package_versions
 from ..files.scene import Scene
 from ..files.study import NOT_STARTED, Study, units_of
 from ..files.surfaces import RandomSurface
 from ..files.toml import within
+from ..friction.sliding import slide
 from ..response.stack import Stack
 from ..rheology.shift import AbstractShift
-from ..sliding import slide
-from ..surface import Surface
+from ..roughness.surface import Surface
 from .extrapolation import check_frequencies_of, velocity_vector
 from .program import trace
 from .scene_errors import errors_of_stack
@@ -39,11 +39,11 @@ def build_surface(scene: Scene) -> Surface:
 def scene_memory(scene: Scene, shape: tuple[int, ...]) -> float:
     """Returns the bytes that a scene takes with a surface of this shape, in double precision."""
     kept = {"every": scene.num_solves, "last": 1, "none": 0}[scene.keep]
-    numbers, askew = num_numbers(scene.stack), scene.direction != 0
+    numbers, oblique = num_numbers(scene.stack), scene.direction != 0
     # The surface, what is kept, and a derivative.
     num_fields = 1 + len(_fields_of(scene)) * kept + (DERIVATIVE if scene.errors else 0)
     fields = num_fields * math.prod(shape) * 8
-    return fields + sliding_memory(shape, 8, numbers, askew, scene.solver.memory)
+    return fields + sliding_memory(shape, 8, numbers, oblique, scene.solver.memory)
 
 
 def check_scene(scene: Scene) -> None:
@@ -127,7 +127,7 @@ def point_names(scene: Scene, surface: Surface) -> np.ndarray:
         rough = scene.surface._replace(seed=0, seeds=None)
     common = fingerprint(
         versions, scene.stack, None if "temperature" in scene.axes else scene.temperature,
-        rough, surface.grid, scene.direction, scene.solver, scene.tolerance, scene.graded,
+        rough, surface.grid, scene.direction, scene.solver, scene.tolerance, scene.graded_solver,
         errors_of_stack(scene),
     )  # fmt: skip
     columns = _columns(scene)
@@ -171,7 +171,7 @@ def _solver(scene: Scene, surface: Surface) -> Callable[[dict[str, Any]], dict[s
             velocity=velocity_vector(point["velocity"], scene.direction),
             solver=scene.solver,
             **scene.tolerance,
-            graded=scene.graded,
+            graded_solver=scene.graded_solver,
             throw=False,
         )
         heights = {"heights": rough.heights} if "heights" in fields else {}

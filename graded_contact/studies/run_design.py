@@ -9,16 +9,16 @@ from typing import Any, NamedTuple
 import numpy as np
 from jaxtyping import Float
 
-from .._memory import DERIVATIVE, check_memory
-from .._shown import shown
+from ..core.memory import DERIVATIVE, check_memory
+from ..core.parameters import paths, with_values
+from ..core.quantities import shown
 from ..files.design_scene import DesignScene
 from ..files.results import package_versions
 from ..files.surfaces import RandomSurface
 from ..files.toml import within
-from ..parameters import paths, with_values
 from ..persson.mean_field import MeanField
 from ..response.stack import Stack
-from ..surface import Surface
+from ..roughness.surface import Surface
 from .design import Design, minimise
 from .design_problem import (
     Progress,
@@ -154,7 +154,7 @@ def _evaluations(study: DesignScene, store: Store | None, kind: str, *decides: A
     name = fingerprint(
         package_versions(), scene.stack, scene.pressure, scene.velocity, study.objective,
         study.wanted, study.relative, study.band, study.stiffness, study.total_thickness,
-        scene.graded, sorted(study.lower), *decides,
+        scene.graded_solver, sorted(study.lower), *decides,
     )  # fmt: skip
     return store.folder / f"{kind}-{name[:16]}.jsonl"
 

@@ -7,13 +7,13 @@ import jax
 import numpy as np
 from scipy.linalg import block_diag
 
+from ..core.parameters import places
 from ..files.errors import Errors
 from ..files.scene import Scene
-from ..parameters import places
 from ..persson.mean_field import mean_field_friction
 from ..rheology.material import Prony
 from ..rheology.shift import require_shift
-from ..surface import Surface
+from ..roughness.surface import Surface
 from .scene_theory import roughness_of
 from .uncertainty import Sensitivity, sensitivity
 
@@ -80,7 +80,7 @@ def _decided_by(scene: Scene, surface: Surface, material: Prony, speed: float) -
             rough,
             pressure=np.max(scene.pressure),
             velocity=speed,
-            graded=scene.graded,
+            graded_solver=scene.graded_solver,
             throw=False,
         ).friction
 

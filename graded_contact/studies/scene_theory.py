@@ -5,7 +5,7 @@ from typing import Any
 from ..files.scene import Scene
 from ..files.surfaces import RandomSurface
 from ..persson.mean_field import MeanField, mean_field_friction
-from ..surface import Surface, radial_spectrum
+from ..roughness.surface import Surface, radial_spectrum
 from .extrapolation import velocity_vector
 
 
@@ -23,7 +23,7 @@ def mean_field_at(scene: Scene, surface: Surface, index: tuple[int, ...]) -> Mea
         roughness_of(scene, surface),
         pressure=point["pressure"],
         velocity=velocity_vector(point["velocity"], scene.direction),
-        graded=scene.graded,
+        graded_solver=scene.graded_solver,
         throw=False,
     )
 

@@ -27,7 +27,7 @@ import optax
 from jaxtyping import Array, Float, PRNGKeyArray
 from scipy.optimize import minimize
 
-from .._checks import check_values, check_whole, door
+from ..core.checks import check_types, check_values, check_whole
 from .bounds import Flat, box_of, first_in
 from .design import Design, History, Run, elasticities
 from .evaluations import MARGIN, Evaluations
@@ -43,7 +43,7 @@ RandomObjective = Callable[[Any, PRNGKeyArray], Float[Array, ""]]
 RandomConstraints = Callable[[Any, PRNGKeyArray], Float[Array, "..."]]
 
 
-@door
+@check_types
 def minimise_expected(
     objective: RandomObjective,
     lower: Any,

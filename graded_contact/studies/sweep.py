@@ -7,8 +7,8 @@ from typing import Any, Literal
 
 import numpy as np
 
-from .._checks import Numbers, as_float, check_values, short
-from .._memory import SMALL, available_memory, in_gigabytes
+from ..core.checks import Numbers, as_float, check_values, short
+from ..core.memory import SMALL, available_memory, in_gigabytes
 from ..files.results import package_versions
 from ..files.study import FAILED, LOST, NOT_STARTED, Study, units_of
 from .chunk import Work, bytes_of

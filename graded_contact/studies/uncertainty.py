@@ -15,12 +15,12 @@ import numpy as np
 from jax.flatten_util import ravel_pytree
 from jaxtyping import Array, Float
 
-from .._checks import Numbers, as_float, check_positive, check_shape, check_values, short
-from .._shown import shown
+from ..core.checks import Numbers, as_float, check_positive, check_shape, check_values, short
+from ..core.parameters import paths, with_values
+from ..core.quantities import shown
 from ..files.errors import Errors, moved
 from ..fitting.master import MasterCurve
 from ..fitting.result import PronyFit
-from ..parameters import paths, with_values
 from ..rheology.material import AbstractMaterial, Prony
 from ..rheology.tabulated import Tabulated
 from ..rheology.tabulated_shift import TabulatedShift

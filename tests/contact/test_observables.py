@@ -8,7 +8,7 @@ import graded_contact as gc
 from graded_contact import reference
 from graded_contact.contact import area as area_of
 from graded_contact.contact import observables
-from graded_contact.grid import wave_frequencies
+from graded_contact.fields.grid import wave_frequencies
 
 GRID = gc.Grid((64, 64), 1.0)
 

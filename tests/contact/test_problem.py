@@ -12,7 +12,7 @@ from graded_contact import reference
 from graded_contact.contact import anderson, splitting
 from graded_contact.contact.area import contact_area_corrected
 from graded_contact.contact.observables import friction
-from graded_contact.grid import half_shape, wavenumber, wavevector
+from graded_contact.fields.grid import half_shape, wavenumber, wavevector
 
 SMALL = gc.Grid((16, 16), 1.0)
 GRID = gc.Grid((64, 64), 1.0)

@@ -19,7 +19,7 @@ from graded_contact.files.results import (
 )
 from graded_contact.files.sealed import SEAL, seal
 from graded_contact.files.study import NOT_STARTED, Study, units_of
-from graded_contact.surface import Step
+from graded_contact.roughness.surface import Step
 
 
 def make_results(shape=(4, 6), dtype=np.float64) -> Results:

@@ -353,9 +353,12 @@ def test_a_directory_is_relative_to_the_scene(tmp_path, monkeypatch):
     "line, expected",
     [
         ("", gc.Layering()),
-        ('graded = "riccati"', gc.Riccati()),
-        ('graded = {kind = "layering", num_cells = 8, rtol = 1e-7}', gc.Layering(8, rtol=1e-7)),
-        ('graded = {kind = "riccati", rtol = 1e-8}', gc.Riccati(rtol=1e-8)),
+        ('graded_solver = "riccati"', gc.Riccati()),
+        (
+            'graded_solver = {kind = "layering", num_cells = 8, rtol = 1e-7}',
+            gc.Layering(8, rtol=1e-7),
+        ),
+        ('graded_solver = {kind = "riccati", rtol = 1e-8}', gc.Riccati(rtol=1e-8)),
     ],
 )
 def test_a_scene_chooses_the_solver_of_its_graded_layers(line, expected):

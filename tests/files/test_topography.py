@@ -8,13 +8,13 @@ import numpy as np
 import pytest
 
 from graded_contact import read_surface, surface_from_heights
-from graded_contact.grid import Grid
-from graded_contact.random_surfaces import random_surface
+from graded_contact.fields.grid import Grid
+from graded_contact.friction.sliding import slide
 from graded_contact.response.stack import HalfSpace, Stack
 from graded_contact.rheology.library import tyre_tread
-from graded_contact.sliding import slide
-from graded_contact.spectrum import SelfAffine
-from graded_contact.surface import Surface, statistics, step
+from graded_contact.roughness.random_surfaces import random_surface
+from graded_contact.roughness.spectrum import SelfAffine
+from graded_contact.roughness.surface import Surface, statistics, step
 
 DATA = Path(__file__).parents[3] / "shared" / "data" / "surfaces"
 ROAD = {"size": (5.0, 3.08), "unit": "m"}

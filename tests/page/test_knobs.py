@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 from scenes import TEXT, changed
 
+from graded_contact.core.parameters import paths
 from graded_contact.files.toml_text import toml_text
 from graded_contact.page.document import (
     open_document,
@@ -17,7 +18,6 @@ from graded_contact.page.document import (
     without_layer,
 )
 from graded_contact.page.knobs import knobs_of, turned, written
-from graded_contact.parameters import paths
 
 SHIFT = 'kind = "tyre_tread"\npoisson = 0.45'
 WARM = "temperature = [280.0, 300.0]\nvelocity ="

@@ -100,7 +100,7 @@ def errors_and_estimates(solver, rtol):
         def one(profile, depth, material, q, kind=kind):
             base = {"rigid": gc.Rigid(), "free": gc.Free(), "halfspace": gc.HalfSpace(material)}
             stack = Stack(layers=(GradedLayer(profile, depth),), base=base[kind])
-            return graded_compliance(stack, q, 0.0, rtol=rtol, graded=solver, throw=False)
+            return graded_compliance(stack, q, 0.0, rtol=rtol, graded_solver=solver, throw=False)
 
         found = jax.jit(jax.vmap(one))(*batch)
         expected = np.array([complex_of(c["M_zz"]) for c in cases])
@@ -150,7 +150,7 @@ def test_every_entry_of_the_matrix_meets_the_stored_cases(kind, graded):
     def one(profile, depth, material, qx, qy):
         base = {"rigid": gc.Rigid(), "free": gc.Free(), "halfspace": gc.HalfSpace(material)}
         stack = Stack(layers=(GradedLayer(profile, depth),), base=base[kind])
-        return gc.surface_compliance_matrix(stack, qx, qy, 0.0, graded=graded, rtol=1e-8)
+        return gc.surface_compliance_matrix(stack, qx, qy, 0.0, graded_solver=graded, rtol=1e-8)
 
     found = jax.jit(jax.vmap(one))(*batch[:3], qx, qy)
     mirror = np.diag([1, 1, -1])
@@ -168,7 +168,7 @@ TRACTION = np.array([0.3, 0.5j, 1.0])
 def fields_in(layer, depths=DEPTHS, graded=FAST, base="halfspace"):
     """One call of one shape for all tests of fields, so that it compiles once for each base."""
     stack = Stack(layers=(gc.Layer(GLASS, 2e-5), layer), base=BASE[base])
-    return gc.interior_fields(stack, *WAVE, TRACTION, depths, graded=graded, rtol=1e-7)
+    return gc.interior_fields(stack, *WAVE, TRACTION, depths, graded_solver=graded, rtol=1e-7)
 
 
 @pytest.mark.slow
@@ -215,7 +215,7 @@ def test_differential_equation_keeps_the_digits_of_fields_that_have_decayed():
     """To e^-50 of those above; a mesh as fine as the decay takes is the reference."""
     stack = Stack(layers=(GradedLayer(Blend(RUBBER, HARD), 1e-4),), base=gc.Rigid())
     found, exact = (
-        gc.interior_fields(stack, 3e5, -4e5, 1e3, TRACTION, 1e-4, graded=graded, rtol=1e-8)
+        gc.interior_fields(stack, 3e5, -4e5, 1e3, TRACTION, 1e-4, graded_solver=graded, rtol=1e-8)
         for graded in (Riccati(), Layering(num_cells=300, retry=False))
     )
     size = np.max(np.abs(exact.stress))
@@ -235,7 +235,7 @@ def test_gradient_of_friction_by_every_leaf_of_a_profile_matches_central_differe
     def friction(profile):
         stack = Stack(layers=(GradedLayer(profile, 1e-4),), base=gc.Rigid())
         return gc.slide(
-            stack, surface, pressure=1e6, velocity=0.1, graded=FAST, rtol=1e-10, throw=False
+            stack, surface, pressure=1e6, velocity=0.1, graded_solver=FAST, rtol=1e-10, throw=False
         ).friction
 
     slopes = jax.tree.leaves(jax.jit(jax.grad(friction))(profile))
@@ -284,7 +284,7 @@ def test_constant_profile_is_a_uniform_layer(base):
     uniform = Stack(layers=(gc.Layer(RUBBER, 1e-3),), base=BASE[base])
     graded = Stack(layers=(GradedLayer(Blend(RUBBER, RUBBER), 1e-3),), base=BASE[base])
     np.testing.assert_allclose(
-        graded_compliance(graded, q, 1e3, rtol=1e-7, graded=FAST).value,
+        graded_compliance(graded, q, 1e3, rtol=1e-7, graded_solver=FAST).value,
         surface_compliance(uniform, q, 1e3),
         rtol=1e-12,
     )
@@ -339,8 +339,8 @@ def sandwich(base):
 def test_differential_equation_and_layers_agree_on_an_elastic_layer():
     profile = Blend(gc.Elastic(1e6, 0.3), gc.Elastic(3e7, 0.45), Exponential(3.0))
     stack = Stack(layers=(GradedLayer(profile, 1e-3),), base=gc.Free())
-    layers = graded_compliance(stack, Q, 0.0, rtol=1e-9, graded=FAST)
-    equation = graded_compliance(stack, Q, 0.0, rtol=1e-9, graded=Riccati())
+    layers = graded_compliance(stack, Q, 0.0, rtol=1e-9, graded_solver=FAST)
+    equation = graded_compliance(stack, Q, 0.0, rtol=1e-9, graded_solver=Riccati())
     np.testing.assert_allclose(equation.value, layers.value, rtol=1e-9)
 
 
@@ -348,8 +348,8 @@ def test_differential_equation_and_layers_agree_on_an_elastic_layer():
 @pytest.mark.parametrize("base", BASES)
 def test_differential_equation_and_layers_agree_in_a_stack_of_both(base):
     stack = sandwich(base)
-    layers = graded_compliance(stack, Q, OMEGA, rtol=1e-10, graded=FINE)
-    equation = graded_compliance(stack, Q, OMEGA, rtol=1e-9, graded=Riccati())
+    layers = graded_compliance(stack, Q, OMEGA, rtol=1e-10, graded_solver=FINE)
+    equation = graded_compliance(stack, Q, OMEGA, rtol=1e-9, graded_solver=Riccati())
     np.testing.assert_allclose(equation.value, layers.value, rtol=1e-9)
 
 
@@ -391,7 +391,9 @@ PROFILES = {
 def test_compliance_is_passive_and_hermitian(name):
     stack = Stack(layers=(GradedLayer(PROFILES[name], 1e-3),), base=BASE["halfspace"])
     q, omega = np.meshgrid(np.geomspace(1e1, 1e6, 5), np.geomspace(1e-1, 1e7, 5))
-    both = graded_compliance(stack, q, np.stack([omega, -omega]), rtol=1e-6, graded=FINE).value
+    both = graded_compliance(
+        stack, q, np.stack([omega, -omega]), rtol=1e-6, graded_solver=FINE
+    ).value
     np.testing.assert_allclose(both[1], np.conj(both[0]), rtol=1e-14)
     assert np.all(both[0].imag <= 0)
     assert np.all(both[0].real > 0)
@@ -411,7 +413,7 @@ def test_gradient_by_every_leaf_matches_central_differences(solver):
     @jax.jit
     def value(leaves):
         m = graded_compliance(
-            *treedef.unflatten(leaves), rtol=1e-10, graded=solver, throw=False
+            *treedef.unflatten(leaves), rtol=1e-10, graded_solver=solver, throw=False
         ).value
         return 1e13 * (m.real + 3 * m.imag)
 
@@ -439,7 +441,7 @@ def test_differential_equation_has_equal_derivatives_in_both_modes():
         profile = Blend(gc.Elastic(1e6, 0.3), gc.Elastic(1e7 * x[0], 0.45), Exponential(3 * x[2]))
         stack = Stack(layers=(GradedLayer(profile, 1e-3 * x[1]),), base=gc.Rigid())
         q = jnp.array([3e1, 1e3, 3e4]) * x[3]
-        m = graded_compliance(stack, q, 0.0, rtol=1e-9, graded=solver, throw=False).value
+        m = graded_compliance(stack, q, 0.0, rtol=1e-9, graded_solver=solver, throw=False).value
         return jnp.sum(m * jnp.array([1e9, 1e10, 1e11]))
 
     point, step = jnp.ones(4), 1e-3
@@ -465,7 +467,7 @@ def test_gradients_hold_where_the_wave_sees_only_a_part_of_the_layer():
     def value(d, q, top):
         profile = Blend(gc.Elastic(1e6, 0.3), gc.Elastic(top, 0.45), Exponential(30.0))
         stack = Stack(layers=(GradedLayer(profile, d),), base=gc.Rigid())
-        return graded_compliance(stack, q, 0.0, rtol=1e-11, graded=FAST).value * 1e9
+        return graded_compliance(stack, q, 0.0, rtol=1e-11, graded_solver=FAST).value * 1e9
 
     value = jax.jit(value)
     for i, slope in enumerate(jax.jit(jax.grad(value, (0, 1, 2)))(1e-3, 3e5, 1e8)):
@@ -486,7 +488,7 @@ def test_float32_meets_its_tolerance_and_keeps_its_dtype():
 
         def total(d):
             moved = eqx.tree_at(lambda s: s.layers[0].thickness, given, d)
-            found = graded_compliance(moved, q, omega, rtol=1e-4, graded=FAST)
+            found = graded_compliance(moved, q, omega, rtol=1e-4, graded_solver=FAST)
             return jnp.sum(found.value.real), found.value
 
         return jax.jit(jax.value_and_grad(total, has_aux=True))(given.layers[0].thickness)
@@ -504,12 +506,12 @@ def test_float32_meets_its_tolerance_and_keeps_its_dtype():
 def test_grids_of_every_shape_jit_and_vmap_give_the_same_numbers():
     stack = Stack(layers=(GradedLayer(PROFILES["aged"], 1e-3),), base=BASE["rigid"])
     q, omega = jnp.geomspace(1e1, 1e5, 60)[:, None], jnp.geomspace(1, 1e6, 5)
-    table = graded_compliance(stack, q, omega, graded=FINE).value
+    table = graded_compliance(stack, q, omega, graded_solver=FINE).value
     assert table.shape == (60, 5)
 
     def one(q, d):
         moved = eqx.tree_at(lambda s: s.layers[0].thickness, stack, d)
-        return graded_compliance(moved, q, omega[3], graded=FINE).value
+        return graded_compliance(moved, q, omega[3], graded_solver=FINE).value
 
     batch = jax.jit(jax.vmap(one))(q[5:8, 0], jnp.array([1e-3, 2e-3, 1e-3]))
     assert batch.shape == (3,)
@@ -521,14 +523,14 @@ def test_kernel_of_a_graded_stack_is_its_compliance():
     stack = Stack(layers=(GradedLayer(PROFILES["aged"], 1e-3),), base=BASE["rigid"])
     kernel = gc.stack_kernel(stack, grid, 0.3)
     q = 2 * np.pi * np.array([2 / 1e-2, 1 / 2e-2])
-    expected = graded_compliance(stack, np.linalg.norm(q), -q[0] * 0.3, graded=FINE).value
+    expected = graded_compliance(stack, np.linalg.norm(q), -q[0] * 0.3, graded_solver=FINE).value
     np.testing.assert_allclose(kernel[2, 1], expected, rtol=1e-9)
 
 
 def test_sharp_profile_is_retried_on_a_finer_mesh():
     sharp = Blend(gc.Elastic(1e6, 0.3), gc.Elastic(1e9, 0.3), Sinusoidal(0.05, 5.0))
     stack = Stack(layers=(GradedLayer(sharp, 1e-3),), base=gc.Rigid())
-    coarse = graded_compliance(stack, 3e3, 0.0, graded=FAST, throw=False)
+    coarse = graded_compliance(stack, 3e3, 0.0, graded_solver=FAST, throw=False)
     assert coarse.error > 1e-9
     fine = graded_compliance(stack, 3e3, 0.0)
     assert fine.error <= 1e-9

@@ -61,7 +61,7 @@ def test_operator_is_real_that_of_all_waves_and_inverted_by_its_filter(shape):
 
 
 def test_velocity_along_y_is_that_along_x_on_the_transposed_grid():
-    """Nyquist lines of both axes are treated alike, also askew."""
+    """Nyquist lines of both axes are treated alike, also oblique."""
     stack, shape = stack_of(), (8, 6)
     for velocity in VELOCITIES:
         kernel = gc.stack_kernel(stack, gc.Grid(shape, SIZE), velocity)

@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 import graded_contact as gc
-from graded_contact.parameters import paths
+from graded_contact.core.parameters import paths
 from graded_contact.rheology.measured import check_frequencies
 
 SHIFT = gc.WLF(4.57, 113.6, 298.15)

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 import graded_contact as gc
-from graded_contact.parameters import paths, with_values
+from graded_contact.core.parameters import paths, with_values
 from graded_contact.studies.objectives import (
     distance,
     friction_between,

@@ -18,8 +18,8 @@ import graded_contact as gc
 from graded_contact import cli
 from graded_contact.command import design as design_job
 from graded_contact.command import session
+from graded_contact.core.parameters import with_values
 from graded_contact.files.design_scene import parse_design
-from graded_contact.parameters import with_values
 from graded_contact.studies.design import Design, History, Run
 from graded_contact.studies.interruption import Interrupted
 from graded_contact.studies.report_design import designed_values, missed, report

@@ -5,7 +5,7 @@ import itertools
 import numpy as np
 from jaxtyping import Float, Int
 
-from ..._checks import Numbers
+from ...core.checks import Numbers
 from .layout import Layout
 from .titles import temperature_above
 

@@ -10,7 +10,7 @@ from typing import Any, NamedTuple
 import numpy as np
 from jaxtyping import Complex, Float, Int
 
-from ..._checks import Numbers
+from ...core.checks import Numbers
 from .cells import Row, is_missing
 from .isotherms import isotherms, note_isotherms, temperatures
 from .layout import HELD, SAME, Layout

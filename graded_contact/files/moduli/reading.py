@@ -15,7 +15,7 @@ from typing import Any
 
 import numpy as np
 
-from ..._checks import Numbers, check_poisson, check_positive, door
+from ...core.checks import Numbers, check_poisson, check_positive, check_types
 from .cells import Sheet, holds_data, is_number, read_sheets
 from .layout import KINDS, Layout, Told
 from .measured import Measured, apart, joined
@@ -38,7 +38,7 @@ _REPTATE = {
 }
 
 
-@door
+@check_types
 def read_moduli(
     path: str | os.PathLike | Sequence[str | os.PathLike],
     *,

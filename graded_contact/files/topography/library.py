@@ -10,8 +10,8 @@ from typing import Any
 
 import numpy as np
 
-from ...caveats import USUAL
-from ...surface import step
+from ...core.warnings import USUAL
+from ...roughness.surface import step
 from ..given import check_archive
 from .scan import Refusal, Scan, metres, unit_in
 

@@ -15,10 +15,10 @@ from typing import Any
 import numpy as np
 from jaxtyping import ArrayLike
 
-from ..._checks import Numbers
-from ..._shown import with_unit
-from ...grid import Grid
-from ...surface import Step, Surface, resample, step
+from ...core.checks import Numbers
+from ...core.quantities import with_unit
+from ...fields.grid import Grid
+from ...roughness.surface import Step, Surface, resample, step
 from .holes import filled, grown, largest_rectangle
 
 TAPER = 0.1  # length of the window's flank at either end of an axis, relative to the axis

@@ -14,9 +14,9 @@ from typing import Any
 
 import numpy as np
 
-from ..._checks import Numbers, check_positive, door
-from ..._shown import with_unit
-from ...surface import Step, Surface, step
+from ...core.checks import Numbers, check_positive, check_types
+from ...core.quantities import with_unit
+from ...roughness.surface import Step, Surface, step
 from ..given import existing_file
 from ..moduli.cells import read_sheets
 from .library import metres_of_library, names_in, read_arrays, read_instrument, unpacked
@@ -29,7 +29,7 @@ DEEPEST = 3  # zips in one another
 GAP = 3  # steps of a line scan, beyond which the points between are missing
 
 
-@door
+@check_types
 def read_surface(
     path: str | os.PathLike,
     *,

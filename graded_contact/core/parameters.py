@@ -12,8 +12,8 @@ from typing import Any, TypeVar
 import equinox as eqx
 import jax
 
-from ._checks import Numbers, as_float, door, short
-from ._shown import with_units
+from .checks import Numbers, as_float, check_types, short
+from .quantities import with_units
 
 T = TypeVar("T")
 
@@ -39,7 +39,7 @@ def paths(tree: object) -> dict[str, jax.Array]:
     return found
 
 
-@door
+@check_types
 def with_values(tree: T, values: Mapping[str, Numbers]) -> T:
     """Returns `tree` with other values at some paths; differentiable in them.
 

@@ -19,8 +19,8 @@ import numpy as np
 from jax import Array
 from jaxtyping import Float, ScalarLike
 
-from ._checks import as_scalar, check_positive, check_values, is_concrete
-from ._shown import shown
+from ..core.checks import as_scalar, check_positive, check_values, is_concrete
+from ..core.quantities import shown
 
 UNITS = {"rms_height": "[m]", "rms_slope": "[1]"}
 

@@ -11,7 +11,7 @@ from typing import Any, TypeVar, cast
 import equinox as eqx
 import jax
 
-from ._checks import is_concrete
+from .checks import is_concrete
 
 F = TypeVar("F", bound=Callable[..., Any])
 T = TypeVar("T")

@@ -16,7 +16,7 @@ import equinox as eqx
 import jax
 import numpy as np
 
-from ._checks import is_concrete, short
+from .checks import is_concrete, short
 
 T = TypeVar("T", bound=type)
 M = TypeVar("M", bound=eqx.Module)

@@ -18,7 +18,7 @@ from jax import Array
 from jax.sharding import AbstractMesh, Mesh, NamedSharding
 from jax.sharding import PartitionSpec as Spec
 
-from ._checks import is_concrete, short
+from ..core.checks import is_concrete, short
 
 T = TypeVar("T")
 ROWS = "rows"  # the only axis of our meshes

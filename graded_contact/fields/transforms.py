@@ -20,7 +20,7 @@ from jax import Array
 from jax.sharding import PartitionSpec as Spec
 from jaxtyping import Complex, Float
 
-from ._devices import ROWS, mesh_of, padded, whole_along
+from .devices import ROWS, mesh_of, padded, whole_along
 
 BOUND_FROM = 2**19  # points, by `bench_contact.py overhead --backends xla ducc0`
 

@@ -13,24 +13,18 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float, Inexact, ScalarLike
 
-from ._checks import Numbers, as_float, check_tolerance, door, is_concrete, short
-from ._derivative import derivative_apart
-from ._devices import num_devices
-from ._memory import check_memory, num_numbers, sliding_memory
-from ._shown import shown
-from .caveats import caveats_of
-from .contact.area import (
+from ..contact.area import (
     contact_area,
     contact_area_corrected,
     contact_area_error,
     contact_area_smooth,
     edge_stiffness,
 )
-from .contact.douglas_rachford import DouglasRachford
-from .contact.friction_and_area import FrictionAndArea
-from .contact.implicit import displace
-from .contact.law import AbstractLaw, HardWall
-from .contact.observables import (
+from ..contact.douglas_rachford import DouglasRachford
+from ..contact.friction_and_area import FrictionAndArea
+from ..contact.implicit import displace
+from ..contact.law import AbstractLaw, HardWall
+from ..contact.observables import (
     energy_imbalance,
     friction,
     friction_error,
@@ -38,16 +32,22 @@ from .contact.observables import (
     slope_in_contact,
     unmeasured_shares,
 )
-from .contact.problem import RTOL, solve_contact
-from .contact.solution import RESULTS, ContactSolution
-from .contact.solver import AbstractContactSolver
-from .grid import Grid, wave_frequencies
-from .response.grading import AbstractGradedSolver
-from .response.kernel import attempted_kernel, stack_kernel
-from .response.layering import Layering
-from .response.stack import Stack
-from .rheology.measured import coverage, is_unknown
-from .surface import Surface
+from ..contact.problem import RTOL, solve_contact
+from ..contact.solution import RESULTS, ContactSolution
+from ..contact.solver import AbstractContactSolver
+from ..core.checks import Numbers, as_float, check_tolerance, check_types, is_concrete, short
+from ..core.derivative import derivative_apart
+from ..core.memory import check_memory, num_numbers, sliding_memory
+from ..core.quantities import shown
+from ..core.warnings import caveats_of
+from ..fields.devices import num_devices
+from ..fields.grid import Grid, wave_frequencies
+from ..response.grading import AbstractGradedSolver
+from ..response.kernel import attempted_kernel, stack_kernel
+from ..response.layering import Layering
+from ..response.stack import Stack
+from ..rheology.measured import coverage, is_unknown
+from ..roughness.surface import Surface
 
 
 @shown(..., "caveats")
@@ -128,7 +128,7 @@ class Sliding(eqx.Module):
         return self.contact.result
 
 
-@door
+@check_types
 def slide(
     stack: Stack,
     surface: Surface,
@@ -138,7 +138,7 @@ def slide(
     velocity: Numbers,
     law: AbstractLaw = HardWall(),  # noqa: B008 (immutable)
     solver: AbstractContactSolver = DouglasRachford(),  # noqa: B008
-    graded: AbstractGradedSolver = Layering(),  # noqa: B008
+    graded_solver: AbstractGradedSolver = Layering(),  # noqa: B008
     rtol: float | None = None,
     friction_rtol: float | None = None,
     start: Numbers | None = None,
@@ -160,7 +160,7 @@ def slide(
     - `velocity`: of the surface over the block [m/s]: a number (along x) or `(vx, vy)`. Two numbers
       are one velocity, not two speeds as in a scene: for several speeds use `sweep` or
       `jax.lax.map`. At rest (0, known beforehand) the relaxed moduli act and a real kernel is used.
-    - `graded`: what solves graded layers, with a tolerance of its own: `Layering()`, `Riccati()`.
+    - `graded_solver`: the solver of graded layers and its tolerance, `Layering()` or `Riccati()`.
     - `friction_rtol`: wanted relative error of friction and of the sub-pixel contact area [1];
       nothing better is asked for than a tenth of what the grid leaves, and than a hundredth of the
       slope in place of a friction less than that. Or
@@ -173,7 +173,9 @@ def slide(
 
     **Raises:** `ValueError` for a refused argument; `RuntimeError` if kernel or solve fail.
     """
-    kernel, velocity, reached = kernel_and_velocity(stack, surface, velocity, solver, graded, throw)
+    kernel, velocity, reached = kernel_and_velocity(
+        stack, surface, velocity, solver, graded_solver, throw
+    )
     rtol, wanted = _aim(rtol, friction_rtol, kernel, surface, velocity, law)
     contact = solve_contact(
         kernel,
@@ -218,27 +220,32 @@ def _aim(rtol, friction_rtol, kernel, surface: Surface, velocity, law):
     return friction_rtol, FrictionAndArea(kernel, heights, surface.grid, velocity, law, tolerance)
 
 
-def kernel_and_velocity(stack, surface, velocity, solver, graded, throw):
+def kernel_and_velocity(stack, surface, velocity, solver, graded_solver, throw):
     """The kernel on the surface's grid, the velocity as an array, and if the kernel is good."""
     if not isinstance(stack, Stack):
         raise ValueError(f"`stack={short(stack)}` must be a `Stack(layers=..., base=...)`.")
     if not isinstance(surface, Surface):
         raise ValueError(f"`surface={short(surface)}` must be a `Surface(heights, grid)`.")
     velocity = as_float(velocity, "velocity")
-    numbers, askew = num_numbers(stack), velocity.ndim > 0
+    numbers, oblique = num_numbers(stack), velocity.ndim > 0
     check_memory(
         "surface",
         surface.grid.shape,
         lambda shape: sliding_memory(
-            shape, surface.heights.dtype.itemsize, numbers, askew, solver.memory
+            shape, surface.heights.dtype.itemsize, numbers, oblique, solver.memory
         ),
         "sliding",
         num_devices(surface.grid.size),
     )
     if throw:
-        kernel, reached = stack_kernel(stack, surface.grid, velocity, graded=graded), True
+        kernel, reached = (
+            stack_kernel(stack, surface.grid, velocity, graded_solver=graded_solver),
+            True,
+        )
     else:
-        kernel, reached = attempted_kernel(stack, surface.grid, velocity, graded=graded)
+        kernel, reached = attempted_kernel(
+            stack, surface.grid, velocity, graded_solver=graded_solver
+        )
     at_rest = is_concrete(velocity) and not np.any(np.asarray(velocity))
     return (kernel.real if at_rest else kernel), velocity, reached
 

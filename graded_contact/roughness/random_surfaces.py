@@ -7,15 +7,15 @@ import numpy as np
 from jax import Array
 from jaxtyping import PRNGKeyArray
 
-from ._checks import check_type, door, is_concrete, short
-from ._devices import num_devices
-from ._memory import check_memory
-from .grid import Grid, mode_numbers, nyquist_lines, to_field, wavenumber
+from ..core.checks import check_type, check_types, is_concrete, short
+from ..core.memory import check_memory
+from ..fields.devices import num_devices
+from ..fields.grid import Grid, mode_numbers, nyquist_lines, to_field, wavenumber
 from .spectrum import SelfAffine, relative_density, rms_height_of
 from .surface import Surface, memory_in
 
 
-@door
+@check_types
 def random_surface(
     spectrum: SelfAffine,
     grid: Grid,

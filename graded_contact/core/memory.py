@@ -32,7 +32,7 @@ def surface_memory(shape: tuple[int, ...], itemsize: int) -> float:
 
 
 def kernel_memory(
-    shape: tuple[int, ...], itemsize: int, num_numbers: int = 0, askew: bool = False
+    shape: tuple[int, ...], itemsize: int, num_numbers: int = 0, oblique: bool = False
 ) -> float:
     """Returns the bytes of the kernel of a stack.
 
@@ -40,12 +40,12 @@ def kernel_memory(
 
     - `shape`, `itemsize`: of the heights.
     - `num_numbers`: of the stack: thicknesses, moduli, relaxation times.
-    - `askew`: whether moduli differ within a row, as for sliding that is not along x.
+    - `oblique`: whether moduli differ within a row, as for sliding that is not along x.
     """
     rows = 0
     if len(shape) == 1:
         rows = 1
-    elif askew:
+    elif oblique:
         rows = min(BLOCK_ROWS, shape[0])
     # Each branch of each material at each of so many points, complex on half of them.
     branches = num_numbers / 2 * rows * shape[-1]
@@ -59,11 +59,11 @@ def contact_memory(shape: tuple[int, ...], itemsize: int, history: int) -> float
 
 
 def sliding_memory(
-    shape: tuple[int, ...], itemsize: int, num_numbers: int, askew: bool, history: int
+    shape: tuple[int, ...], itemsize: int, num_numbers: int, oblique: bool, history: int
 ) -> float:
     """Returns the bytes of a kernel, and of a contact with it; arguments as above."""
     contact = contact_memory(shape, itemsize, history) + math.prod(shape) * itemsize
-    return max(kernel_memory(shape, itemsize, num_numbers, askew), contact)
+    return max(kernel_memory(shape, itemsize, num_numbers, oblique), contact)
 
 
 def check_memory(

@@ -19,10 +19,10 @@ from jax import Array
 from jax.sharding import NamedSharding
 from jaxtyping import Bool, Complex, Float, Inexact
 
-from . import _fft
-from ._checks import Numbers, as_float, check_positive, check_values, short
-from ._devices import num_devices, put_on, sharding_on, whole_along
-from ._shown import shown
+from ..core.checks import Numbers, as_float, check_positive, check_values, short
+from ..core.quantities import shown
+from . import transforms as _fft
+from .devices import num_devices, put_on, sharding_on, whole_along
 
 
 @shown(argument=True)

@@ -6,21 +6,21 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import ScalarLike
 
-from ._checks import Numbers, as_float, check_positive, door, is_concrete
-from .contact.douglas_rachford import DouglasRachford
-from .contact.law import AbstractLaw, HardWall
-from .contact.problem import RTOL, solve_contact
-from .contact.solver import AbstractContactSolver
-from .cutoff import CutoffCurve
-from .grid import Grid, to_field, to_spectrum, wavenumber
-from .response.grading import AbstractGradedSolver
-from .response.layering import Layering
-from .response.stack import Stack
+from ..contact.douglas_rachford import DouglasRachford
+from ..contact.law import AbstractLaw, HardWall
+from ..contact.problem import RTOL, solve_contact
+from ..contact.solver import AbstractContactSolver
+from ..core.checks import Numbers, as_float, check_positive, check_types, is_concrete
+from ..fields.grid import Grid, to_field, to_spectrum, wavenumber
+from ..response.grading import AbstractGradedSolver
+from ..response.layering import Layering
+from ..response.stack import Stack
+from ..roughness.cutoff import CutoffCurve
+from ..roughness.surface import Surface
 from .sliding import kernel_and_velocity, observe
-from .surface import Surface
 
 
-@door
+@check_types
 def area_against_cutoff(
     stack: Stack,
     surface: Surface,
@@ -30,7 +30,7 @@ def area_against_cutoff(
     velocity: Numbers,
     law: AbstractLaw = HardWall(),  # noqa: B008 (immutable)
     solver: AbstractContactSolver = DouglasRachford(),  # noqa: B008
-    graded: AbstractGradedSolver = Layering(),  # noqa: B008
+    graded_solver: AbstractGradedSolver = Layering(),  # noqa: B008
     rtol: float = RTOL,
     throw: bool = True,
 ) -> CutoffCurve:
@@ -54,7 +54,9 @@ def area_against_cutoff(
     check_positive("cutoffs", cutoffs, "[rad/m]")
     if is_concrete(cutoffs) and np.any(np.diff(cutoffs) <= 0):
         raise ValueError(f"`cutoffs={np.asarray(cutoffs)}` must ascend.")
-    kernel, velocity, _ = kernel_and_velocity(stack, surface, velocity, solver, graded, throw)
+    kernel, velocity, _ = kernel_and_velocity(
+        stack, surface, velocity, solver, graded_solver, throw
+    )
     grid = surface.grid
     known = jnp.all(jnp.isfinite(kernel))
 

@@ -3,7 +3,7 @@
 import equinox as eqx
 from jaxtyping import Array, Float
 
-from ._shown import shown
+from ..core.quantities import shown
 
 
 @shown()

@@ -112,7 +112,7 @@ def is_concrete(value: Any) -> bool:
     return not isinstance(value, Tracer)
 
 
-def door(function: F) -> F:
+def check_types(function: F) -> F:
     """Refuses arguments of other types than the annotations of a public function name, and calls
     with too many arguments, too few or unknown ones, naming those that there are.
 

@@ -1,0 +1,340 @@
+"""Rough surfaces: statistics, resampling.
+
+Heights h [m] point into the solid. Fourier amplitudes are h(x) = Σ_q h_q exp(i q·x), so that
+|h_q|² = C(q) Π 2π/L. Slopes, curvatures and spectra ignore the mean height; slopes are those of the
+trigonometric interpolant, and a component at its Nyquist number has none (see `grid`).
+"""
+
+from functools import partial
+from typing import NamedTuple
+
+import equinox as eqx
+import jax
+import jax.numpy as jnp
+import numpy as np
+from jax import Array
+from jaxtyping import Complex, Float, ScalarLike
+
+from ..core.checks import (
+    Numbers,
+    as_float,
+    check_positive,
+    check_shape,
+    check_type,
+    check_types,
+    check_values,
+    check_whole,
+    is_concrete,
+)
+from ..core.memory import check_memory, surface_memory
+from ..core.quantities import shown
+from ..core.warnings import caveats_of_steps
+from ..fields.devices import binned, num_devices, spread
+from ..fields.grid import (
+    Grid,
+    mode_numbers,
+    multiplicity,
+    nyquist_lines,
+    resample_spectrum,
+    to_field,
+    to_spectrum,
+    wavenumber,
+)
+from .spectrum import check_square, one_of_height_and_slope
+
+
+@shown()
+class Step(NamedTuple):
+    """The roughness after one step of reading a measured surface, see `step`.
+
+    **Fields:**
+
+    - `name`: of the step.
+    - `rms_height`: about the mean [m].
+    - `rms_slope`: between neighbouring measured points [1].
+    - `peak`: the largest distance from the mean over the rms height [1].
+    - `missing`: the share of points without a height [1].
+    """
+
+    name: str
+    rms_height: float
+    rms_slope: float
+    peak: float
+    missing: float
+
+
+@shown("grid", "heights", "measured", "history", "caveats", argument=True)
+class Surface(eqx.Module):
+    """Heights of a periodic rough surface.
+
+    **Fields:**
+
+    - `heights`: h [m], shape `grid.shape`. The mean need not be zero; contact ignores it.
+    - `grid`: the periodic cell.
+    - `history`: what was done to the heights, one sentence each. Static.
+    - `measured`: how much of each height was measured [1], shape `grid.shape`: 1 as measured, 0
+      invented to fill a hole, the factor of the window where tapered; None: nothing to tell apart.
+    - `steps`: the roughness after every step of reading. Static.
+    """
+
+    heights: Float[Array, "*shape"]
+    grid: Grid
+    history: tuple[str, ...] = eqx.field(static=True)
+    # Not Boolean: `jax.grad` by a surface asks for numbers in every leaf.
+    measured: Float[Array, "*shape"] | None
+    steps: tuple[Step, ...] = eqx.field(static=True)
+
+    def __init__(
+        self,
+        heights: Numbers,
+        grid: Grid,
+        history: tuple[str, ...] = (),
+        measured: Numbers | None = None,
+        steps: tuple[Step, ...] = (),
+    ):
+        check_type("grid", grid, Grid)
+        check_type("history", history, tuple)
+        self.grid, self.history, self.steps = grid, history, steps
+        self.heights = _on_grid("heights", heights, grid)
+        check_values("heights", self.heights, "heights must be finite numbers [m]")
+        self.measured = None if measured is None else _on_grid("measured", measured, grid)
+        if self.measured is not None:
+            reason = "a share lies between 0 and 1"
+            check_values("measured", self.measured, reason, at_least=0, at_most=1)
+
+    @property
+    def caveats(self) -> tuple[str, ...]:
+        """What makes contact on this surface doubtful, one sentence each."""
+        return caveats_of_steps(self.steps, np.asarray(self.grid.size).tolist())
+
+
+def _on_grid(name: str, field: Numbers, grid: Grid) -> Array:
+    """A field of the grid, on its devices."""
+    field = as_float(field, name)
+    check_shape(name, field, grid.shape)
+    return spread(field, grid.size)
+
+
+def step(name: str, heights: Numbers, spacing: Numbers) -> Step:
+    """Returns the roughness of heights [m], NaN where missing, `spacing` [m] apart on each axis."""
+    values = np.asarray(heights, float)
+    deviation = values - np.nanmean(values)
+    rms = float(np.sqrt(np.nanmean(deviation**2)))
+    slopes = (np.diff(values, axis=axis) / apart for axis, apart in enumerate(np.asarray(spacing)))
+    squares = [np.mean(slope[np.isfinite(slope)] ** 2) for slope in slopes]
+    peak = float(np.nanmax(np.abs(deviation)) / rms) if rms > 0 else 0.0
+    missing = float(np.mean(np.isnan(values)))
+    return Step(name, rms, float(np.sqrt(np.sum(squares))), peak, missing)
+
+
+def memory_in(grid: Grid):
+    """Bytes that a surface of a shape takes, in the dtype of the grid."""
+    return lambda shape: surface_memory(shape, grid.size.dtype.itemsize)
+
+
+@shown()
+class Statistics(eqx.Module):
+    """Statistics of a surface about its mean.
+
+    **Fields:**
+
+    - `rms_height`: of the heights [m].
+    - `rms_slope`: of the gradient's length [1].
+    - `rms_slope_along`: along each axis [1], shape `(ndim,)`.
+    - `rms_curvature`: of ∇²h/2 on a surface and h'' on a profile [1/m].
+    - `peak_to_valley`: from the highest point to the lowest [m].
+    - `skewness`, `kurtosis`: of the heights [1], 0 and 3 for Gaussian ones.
+    """
+
+    rms_height: Float[Array, ""]
+    rms_slope: Float[Array, ""]
+    rms_slope_along: Float[Array, " ndim"]
+    rms_curvature: Float[Array, ""]
+    peak_to_valley: Float[Array, ""]
+    skewness: Float[Array, ""]
+    kurtosis: Float[Array, ""]
+
+
+@check_types
+@eqx.filter_jit
+def statistics(surface: Surface) -> Statistics:
+    """Returns the statistics of a surface, differentiable unless it is flat.
+
+    **Arguments:**
+
+    - `surface`: any.
+
+    **Returns:** the root mean squares of height, slope and curvature and more, see `Statistics`.
+    """
+    grid = surface.grid
+    power, scale = _modal_power(surface)
+    unit = 2 * np.pi / grid.size[0]
+    squares = [
+        (k * grid.size[0] / length) ** 2
+        for k, length in zip(mode_numbers(grid.shape), grid.size, strict=True)
+    ]
+    inner = [
+        jnp.where(2 * np.abs(k) == n, 0, square)
+        for k, n, square in zip(mode_numbers(grid.shape), grid.shape, squares, strict=True)
+    ]
+    along = jnp.stack([jnp.sum(square * power) for square in inner])
+    bent = jnp.sum(sum(squares) ** 2 * power)
+    height = _root(jnp.sum(power))
+    relative = (surface.heights - jnp.mean(surface.heights)) / scale
+    standard = relative / jnp.where(height == 0, 1, height)
+    return Statistics(
+        rms_height=scale * height,
+        rms_slope=scale * unit * _root(jnp.sum(along)),
+        rms_slope_along=scale * unit * _root(along),
+        rms_curvature=scale * unit * unit * _root(bent) / grid.ndim,
+        peak_to_valley=jnp.max(surface.heights) - jnp.min(surface.heights),
+        skewness=jnp.mean(standard**3),
+        kurtosis=jnp.mean(standard**4),
+    )
+
+
+def _modal_power(surface: Surface) -> tuple[Array, Array]:
+    """|h_q|² of every mode but q = 0, counted with its multiplicity, in units of scale² [m²]."""
+    heights = surface.heights - jnp.mean(surface.heights)
+    peak = jnp.max(jnp.abs(jax.lax.stop_gradient(heights)))
+    scale = jnp.where(peak == 0, 1, peak)
+    modes = to_spectrum(heights / scale) / np.prod(surface.grid.shape)
+    return _abs_squared(modes) * multiplicity(surface.grid.shape), scale
+
+
+def _abs_squared(values: Complex[Array, "..."]) -> Array:
+    return values.real**2 + values.imag**2
+
+
+def _root(square: Array) -> Array:
+    """The square root, with derivative 0 at 0."""
+    return jnp.where(square > 0, jnp.sqrt(jnp.where(square > 0, square, 1)), 0)
+
+
+@check_types
+def radial_spectrum(
+    surface: Surface, num_bins: int = 40
+) -> tuple[Float[Array, " bins"], Float[Array, " bins"]]:
+    """Returns wavenumbers [rad/m] and the radially averaged C(q) of a surface.
+
+    C has the normalisation of `SelfAffine.density` for the grid's `ndim`: [m⁴], or [m³] of a
+    profile. Bins are equally wide in log q between 2π/L of the longest axis and the smallest
+    Nyquist wavenumber. A bin that holds no mode has C = NaN at its geometric centre.
+
+    **Arguments:**
+
+    - `surface`: any.
+    - `num_bins`: rings, equally spaced in the logarithm of q.
+
+    **Returns:** q [rad/m] and C(q), each of shape `(num_bins,)`; C is NaN in an empty ring.
+    """
+    check_whole("num_bins", num_bins, 1)
+    return _radial_spectrum(surface, num_bins)
+
+
+@eqx.filter_jit
+def _radial_spectrum(surface: Surface, num_bins: int) -> tuple[Array, Array]:
+    grid = surface.grid
+    power, scale = _modal_power(surface)
+    fundamental = 2 * np.pi / jnp.max(grid.size)
+    x = wavenumber(grid) / fundamental
+    span = jnp.log(jnp.min(np.pi / grid.spacing) / fundamental)
+    # The lowest modes lie on the edge of the first bin: rounding must not expel them.
+    position = jnp.log(jnp.where(x > 0, x, 1)) / span * num_bins + 1e-4
+    used = (x > 0) & (position < num_bins) & ~nyquist_lines(grid.shape)
+    bins = jnp.where(used, jnp.floor(position).astype(int), num_bins)
+    weight = used * multiplicity(grid.shape)
+
+    def total(values):
+        return binned(bins, values, num_bins + 1)[:num_bins]
+
+    count = total(weight.astype(power.dtype))
+    filled = jnp.where(count > 0, count, 1)
+    centre = jnp.exp(span * (jnp.arange(num_bins, dtype=power.dtype) + 0.5) / num_bins)
+    q = fundamental * jnp.where(count > 0, total(weight * x) / filled, centre)
+    density = (scale * jnp.prod(jnp.sqrt(grid.size / (2 * np.pi)))) ** 2 * total(power) / filled
+    return q, jnp.where(count > 0, density, jnp.nan)
+
+
+@check_types
+def rescale(
+    surface: Surface, *, rms_height: ScalarLike | None = None, rms_slope: ScalarLike | None = None
+) -> Surface:
+    """Returns the surface with its heights multiplied to have this rms height [m] or slope [1].
+
+    **Arguments:**
+
+    - `surface`: not flat.
+    - `rms_height` [m] or `rms_slope` [1]: what it shall have.
+
+    **Returns:** the surface of other heights.
+    """
+    name, target = one_of_height_and_slope(rms_height, rms_slope)
+    check_square(name, target)
+    actual = getattr(statistics(surface), name)
+    check_positive(f"statistics(surface).{name}", actual, "(a flat surface cannot be rescaled)")
+    return _changed(
+        surface,
+        "rescaled",
+        surface.heights * (target / actual),
+        surface.grid,
+        f"Heights were multiplied to prescribe the {name}.",
+        surface.measured,
+    )
+
+
+@check_types
+def resample(surface: Surface, shape: int | tuple[int, ...]) -> Surface:
+    """Returns the surface on another number of points of the same cell, by its Fourier modes.
+
+    A finer grid interpolates (modes on the old Nyquist lines are dropped); a coarser one loses the
+    waves that it cannot hold.
+
+    **Arguments:**
+
+    - `surface`: any.
+    - `shape`: number of points along each edge.
+
+    **Returns:** the surface on the other grid, of the same size.
+    """
+    old = surface.grid.shape
+    if np.size(shape) != len(old):
+        raise ValueError(f"`shape={shape}` is refused: {len(old)} whole numbers are needed.")
+    grid = Grid(shape, surface.grid.size)
+    if grid.shape == old:
+        return surface
+    check_memory("shape", grid.shape, memory_in(grid), "a surface", num_devices(grid.size))
+    nearest = np.ix_(
+        *(np.rint(np.arange(m) * (n / m)).astype(int) % n
+          for n, m in zip(old, grid.shape, strict=True))
+    )  # fmt: skip
+    return _changed(
+        surface,
+        "resampled",
+        _resampled(surface.heights, grid.shape),
+        grid,
+        f"Resampled from {old} to {grid.shape} points by Fourier modes.",
+        None if surface.measured is None else surface.measured[nearest],
+    )
+
+
+@partial(jax.jit, static_argnums=1)
+def _resampled(heights: Array, shape: tuple[int, ...]) -> Array:
+    modes = resample_spectrum(to_spectrum(heights), heights.shape, shape)
+    return to_field(modes, shape) * (np.prod(shape) / heights.size)
+
+
+def _changed(
+    surface: Surface,
+    name: str,
+    heights: Array,
+    grid: Grid,
+    sentence: str,
+    measured: Array | None,
+) -> Surface:
+    """The surface after a step, told in its history and, where steps are recorded, in these."""
+    steps = surface.steps
+    if steps and is_concrete(heights):
+        steps = (*steps, step(name, np.asarray(heights), np.asarray(grid.spacing)))
+    history = (*surface.history, sentence)
+    return Surface(heights=heights, grid=grid, history=history, measured=measured, steps=steps)
