@@ -18,7 +18,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from .core.checks import check_positive, check_values
-from .core.quantities import shown
+from .core.display import shown
 
 Values = np.ndarray | np.inexact  # NumPy returns scalars for arrays without axes
 

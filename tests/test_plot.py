@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 import graded_contact as gc
-from graded_contact.core.quantities import unit_of
+from graded_contact.core.display import unit_of
 from graded_contact.files.results import OBSERVABLES, Fields, Results
 from graded_contact.files.study import Study, units_of
 from graded_contact.plot import (

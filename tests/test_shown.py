@@ -11,7 +11,7 @@ import pytest
 
 import graded_contact as gc
 from graded_contact.contact.solution import RESULTS, ContactSolution
-from graded_contact.core.quantities import _about
+from graded_contact.core.display import _about
 from graded_contact.files.design_scene import DesignScene, Stiffness
 from graded_contact.files.results import Fields
 from graded_contact.fitting.quality import Errors, Floor

@@ -10,7 +10,7 @@ from rich.markup import escape
 from rich.table import Table
 from rich.text import Text
 
-from ..core.quantities import with_unit
+from ..core.display import with_unit
 from ..files.results import Results
 from ..files.scene import Scene
 from ..roughness.surface import Surface, statistics

@@ -15,7 +15,7 @@ import jax.numpy as jnp
 from jaxtyping import Array, Float
 
 from ..core.checks import check_positive, check_values, scalar
-from ..core.quantities import shown
+from ..core.display import shown
 from .law import AbstractLaw, Bound, gap_margin, power, proximal_root, repulsive_bracket
 
 

@@ -21,7 +21,7 @@ import numpy as np
 from jaxtyping import Array, Float
 
 from ..core.checks import as_scalar, check_positive, check_values, is_concrete, scalar, short
-from ..core.quantities import shown
+from ..core.display import shown
 
 Bound = Float[Array, ""] | float
 

@@ -6,7 +6,7 @@ import jax.numpy as jnp
 from jaxtyping import Array, Bool, Float
 
 from ..core.checks import Numbers, as_float, check_types, check_values
-from ..core.quantities import shown
+from ..core.display import shown
 from .douglas_rachford import DouglasRachford
 from .law import AbstractLaw, check_law, check_pressure
 from .problem import RTOL, solve_contact

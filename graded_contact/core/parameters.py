@@ -13,7 +13,7 @@ import equinox as eqx
 import jax
 
 from .checks import Numbers, as_float, check_types, short
-from .quantities import with_units
+from .display import with_units
 
 T = TypeVar("T")
 

@@ -14,7 +14,7 @@ from typing import Any, NamedTuple
 import numpy as np
 from jaxtyping import ArrayLike, Bool
 
-from .quantities import shown, with_unit
+from .display import shown, with_unit
 
 EXTRAPOLATED = 0.01  # of the friction, from frequencies at which a material was not measured
 LIMIT = 0.1  # a part of the result that one wants to be told of

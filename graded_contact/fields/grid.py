@@ -20,7 +20,7 @@ from jax.sharding import NamedSharding
 from jaxtyping import Bool, Complex, Float, Inexact
 
 from ..core.checks import Numbers, as_float, check_positive, check_values, short
-from ..core.quantities import shown
+from ..core.display import shown
 from . import transforms as _fft
 from .devices import num_devices, put_on, sharding_on, whole_along
 

@@ -25,8 +25,8 @@ import numpy as np
 from jaxtyping import Float
 
 from ..core.checks import check_poisson, check_positive, check_values
+from ..core.display import shown
 from ..core.parameters import with_values
-from ..core.quantities import shown
 from ..response.stack import Stack
 from ..roughness.spectrum import SelfAffine
 from ..roughness.surface import Surface

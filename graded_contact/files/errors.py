@@ -14,8 +14,8 @@ import numpy as np
 from jaxtyping import Array, Float
 
 from ..core.checks import as_float, check_values
+from ..core.display import shown
 from ..core.parameters import paths, with_values
-from ..core.quantities import shown
 from .given import existing_file
 from .toml import nearest, within
 

@@ -22,7 +22,7 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Float
 
-from ..core.quantities import shown
+from ..core.display import shown
 from ..core.warnings import Caveat, caveats_of
 from ..fields.grid import Grid
 from ..roughness.surface import Step, Surface

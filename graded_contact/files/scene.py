@@ -51,9 +51,9 @@ from jaxtyping import Float, ScalarLike
 from ..contact.douglas_rachford import DouglasRachford
 from ..contact.problem import RTOL
 from ..core.checks import as_float, check_positive, check_tolerance, check_values
+from ..core.display import shown
 from ..core.memory import check_points
 from ..core.parameters import paths, with_values
-from ..core.quantities import shown
 from ..response.grading import AbstractGradedSolver
 from ..response.layering import Layering
 from ..response.stack import Stack

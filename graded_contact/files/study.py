@@ -14,7 +14,7 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 import numpy as np
 
 from ..core.checks import check_values
-from ..core.quantities import shown
+from ..core.display import shown
 from .hdf5 import new_file, numbers, opened, put, texts
 from .sealed import replacing
 from .toml import nearest

@@ -7,8 +7,8 @@ import numpy as np
 from jaxtyping import ArrayLike
 
 from ..core.checks import check_whole
+from ..core.display import shown
 from ..core.memory import check_points
-from ..core.quantities import shown
 from ..fields.grid import Grid
 from ..roughness.random_surfaces import random_surface
 from ..roughness.spectrum import SelfAffine

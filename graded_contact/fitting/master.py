@@ -17,7 +17,7 @@ from jaxtyping import Array, Complex, Float
 from scipy.special import ndtri
 
 from ..core.checks import Numbers, as_float, check_poisson, check_positive, check_types
-from ..core.quantities import shown
+from ..core.display import shown
 from ..files.moduli.measured import Measured
 from ..rheology.material import Prony
 from ..rheology.measured import MeasuredRange

@@ -9,7 +9,7 @@ import numpy as np
 from jaxtyping import Array, Float
 
 from ..core.checks import Numbers, as_float, check_positive, check_values, is_concrete
-from ..core.quantities import shown
+from ..core.display import shown
 from .series import Kind
 
 REPRESENTABLE = 1e100  # beyond this, or below its reciprocal, squares and ratios overflow

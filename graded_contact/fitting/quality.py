@@ -7,7 +7,7 @@ from typing import NamedTuple
 import numpy as np
 from scipy.special import fdtrc
 
-from ..core.quantities import shown
+from ..core.display import shown
 from .lengths import best_spectrum
 from .series import Series
 

@@ -10,7 +10,7 @@ from jaxtyping import Array, Complex, Float
 from scipy.special import ndtri
 
 from ..core.checks import Numbers, as_float, check_positive
-from ..core.quantities import shown, with_units
+from ..core.display import shown, with_units
 from ..rheology.material import Prony
 from ..rheology.measured import is_unknown
 from .lengths import best_path, criterion

@@ -8,7 +8,7 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float, Int
 
-from ..core.quantities import shown
+from ..core.display import shown
 from ..rheology.shift import GAS_CONSTANT, WLF, AbstractShift, Arrhenius
 from ..rheology.tabulated_shift import TabulatedShift
 from .model import objective, series_of

@@ -37,8 +37,8 @@ from ..contact.solution import RESULTS, ContactSolution
 from ..contact.solver import AbstractContactSolver
 from ..core.checks import Numbers, as_float, check_tolerance, check_types, is_concrete, short
 from ..core.derivative import derivative_apart
+from ..core.display import shown
 from ..core.memory import check_memory, num_numbers, sliding_memory
-from ..core.quantities import shown
 from ..core.warnings import caveats_of
 from ..fields.devices import num_devices
 from ..fields.grid import Grid, wave_frequencies

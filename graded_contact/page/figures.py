@@ -18,7 +18,7 @@ from bokeh.palettes import magma, viridis
 from bokeh.plotting import figure
 from bokeh.transform import dodge
 
-from ..core.quantities import unit_of
+from ..core.display import unit_of
 from ..plot.style import COLOURS
 from .knobs import Knob
 from .model import Contact, Curves, Derivatives

@@ -6,7 +6,7 @@ import numpy as np
 from bokeh.models import LabelSet, Range1d
 from scipy.signal import resample
 
-from ..core.quantities import unit_of
+from ..core.display import unit_of
 from .figures import INK, new_figure, new_source, send
 
 ASPECT = 1.5  # of the frame

@@ -8,7 +8,7 @@ from typing import NamedTuple
 import h5py
 import numpy as np
 
-from ..core.quantities import unit_of
+from ..core.display import unit_of
 from ..files.hdf5 import put
 from ..files.results import package_versions
 from ..files.study import UNITS

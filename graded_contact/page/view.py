@@ -7,7 +7,7 @@ from typing import Any, Protocol, runtime_checkable
 import numpy as np
 import panel as pn
 
-from ..core.quantities import with_unit
+from ..core.display import with_unit
 from .figures import HEIGHT, PALETTES, Bars, Map, Response, Sweep
 from .model import Contact, Curves, Derivatives, Model
 from .section import Section

@@ -42,7 +42,7 @@ from ..core.checks import (
     check_values,
     short,
 )
-from ..core.quantities import shown
+from ..core.display import shown
 from ..fields.grid import as_velocity, direction_and_speed
 from ..response.grading import AbstractGradedSolver, check_profiles
 from ..response.kernel import stack_kernel

@@ -7,7 +7,7 @@ import numpy as np
 from jaxtyping import ArrayLike
 
 from ..core.checks import as_float
-from ..core.quantities import unit_of
+from ..core.display import unit_of
 from ..files.results import Fields
 from ..friction.sliding import Sliding
 from ..roughness.surface import Surface

@@ -4,7 +4,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from ..core.quantities import unit_of
+from ..core.display import unit_of
 from ..files.results import Fields
 from ..friction.sliding import Sliding
 from ..persson.mean_field import MeanField, pressure_distribution

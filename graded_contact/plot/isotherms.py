@@ -5,7 +5,7 @@ from typing import TYPE_CHECKING, Any
 import jax
 import numpy as np
 
-from ..core.quantities import unit_of
+from ..core.display import unit_of
 from ..files.moduli.measured import Measured
 from ..fitting.master import MasterCurve
 from .materials import CHANNELS, ORDINATES

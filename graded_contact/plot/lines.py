@@ -5,7 +5,7 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 
-from ..core.quantities import unit_of
+from ..core.display import unit_of
 from ..files.results import Results
 from ..files.study import NOT_STARTED
 from .style import COLOURS, few_powers_of_ten

@@ -24,7 +24,7 @@ from ..core.checks import (
     is_concrete,
     short,
 )
-from ..core.quantities import shown
+from ..core.display import shown
 from .grading import (
     AbstractGradedSolver,
     check_profiles,

@@ -31,7 +31,7 @@ from ..core.checks import (
     check_values,
     is_concrete,
 )
-from ..core.quantities import shown
+from ..core.display import shown
 from ..fields.grid import (
     Grid,
     as_velocity,

@@ -25,7 +25,7 @@ import numpy as np
 from jaxtyping import Array, Float, Inexact, ScalarLike
 
 from ..core.checks import check_positive, check_type, check_values, scalar
-from ..core.quantities import shown
+from ..core.display import shown
 from ..rheology.material import AbstractMaterial, material_called
 from ..rheology.measured import check_frequencies, coverage
 from .shape import FROM_0_TO_1, AbstractShape, Linear, breaks_of, shape_called

@@ -23,7 +23,7 @@ from ..core.checks import (
     numbers,
     scalar,
 )
-from ..core.quantities import shown
+from ..core.display import shown
 from ..rheology.tabulated import monotone_cubic
 
 

@@ -9,7 +9,7 @@ import jax.numpy as jnp
 from jaxtyping import Array, Float, ScalarLike
 
 from ..core.checks import check_types, check_values, scalar, short
-from ..core.quantities import shown
+from ..core.display import shown
 from ..rheology.material import AbstractMaterial, material_called
 
 

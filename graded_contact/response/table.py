@@ -19,7 +19,7 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float, Inexact, Int
 
-from ..core.quantities import shown
+from ..core.display import shown
 
 # The function, of mode numbers k_x and k_y [1] that broadcast; it may be asked between integers.
 OfModes = Callable[[Float[Array, "..."], Float[Array, "..."]], Inexact[Array, "..."]]

@@ -33,7 +33,7 @@ from ..core.checks import (
     scalar,
     short,
 )
-from ..core.quantities import shown, with_units
+from ..core.display import shown, with_units
 from .creep import creep_from_relaxation, relaxation_from_creep
 from .measured import MeasuredRange
 from .shift import AbstractShift, as_temperature, require_shift, stretched

@@ -14,7 +14,7 @@ import numpy as np
 from jaxtyping import Array, Float
 
 from ..core.checks import check_positive, is_concrete, numbers
-from ..core.quantities import shown
+from ..core.display import shown
 from .shift import stretched
 
 # A shifted range may miss its own ends by rounding.

@@ -13,7 +13,7 @@ import jax.numpy as jnp
 from jaxtyping import Array, Float, ScalarLike
 
 from ..core.checks import as_scalar, check_positive, check_values, is_concrete, scalar
-from ..core.quantities import shown
+from ..core.display import shown
 
 GAS_CONSTANT = 8.31446261815324  # J/(mol K), exact in the SI of 2019
 # How far times are shifted, as a share of the dtype's exponents: their squares must not overflow.

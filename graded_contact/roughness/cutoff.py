@@ -3,7 +3,7 @@
 import equinox as eqx
 from jaxtyping import Array, Float
 
-from ..core.quantities import shown
+from ..core.display import shown
 
 
 @shown()

@@ -20,7 +20,7 @@ from jax import Array
 from jaxtyping import Float, ScalarLike
 
 from ..core.checks import as_scalar, check_positive, check_values, is_concrete
-from ..core.quantities import shown
+from ..core.display import shown
 
 UNITS = {"rms_height": "[m]", "rms_slope": "[1]"}
 

@@ -26,8 +26,8 @@ from ..core.checks import (
     check_whole,
     is_concrete,
 )
+from ..core.display import shown
 from ..core.memory import check_memory, surface_memory
-from ..core.quantities import shown
 from ..core.warnings import caveats_of_steps
 from ..fields.devices import binned, num_devices, spread
 from ..fields.grid import (

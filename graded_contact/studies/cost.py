@@ -9,8 +9,8 @@ from typing import NamedTuple
 
 import numpy as np
 
+from ..core.display import shown
 from ..core.memory import available_memory, in_gigabytes
-from ..core.quantities import shown
 from ..files.design_scene import DesignScene
 from ..files.scene import Scene
 from ..files.surfaces import RandomSurface

@@ -19,7 +19,7 @@ from scipy.optimize import minimize
 from scipy.stats import qmc
 
 from ..core.checks import check_tolerance, check_types, check_whole
-from ..core.quantities import shown
+from ..core.display import shown
 from .bounds import Flat, box_of, first_in, named
 from .evaluations import MARGIN, Evaluations
 from .problem import Problem

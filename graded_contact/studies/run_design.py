@@ -9,9 +9,9 @@ from typing import Any, NamedTuple
 import numpy as np
 from jaxtyping import Float
 
+from ..core.display import shown
 from ..core.memory import DERIVATIVE, check_memory
 from ..core.parameters import paths, with_values
-from ..core.quantities import shown
 from ..files.design_scene import DesignScene
 from ..files.results import package_versions
 from ..files.surfaces import RandomSurface

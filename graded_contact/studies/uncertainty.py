@@ -16,8 +16,8 @@ from jax.flatten_util import ravel_pytree
 from jaxtyping import Array, Float
 
 from ..core.checks import Numbers, as_float, check_positive, check_shape, check_values, short
+from ..core.display import shown
 from ..core.parameters import paths, with_values
-from ..core.quantities import shown
 from ..files.errors import Errors, moved
 from ..fitting.master import MasterCurve
 from ..fitting.result import PronyFit

@@ -7,7 +7,7 @@ from pathlib import Path
 import numpy as np
 from jaxtyping import Bool, Complex, Float, Int
 
-from ...core.quantities import shown
+from ...core.display import shown
 from .isotherms import grouped
 
 

@@ -16,7 +16,7 @@ import numpy as np
 from jaxtyping import ArrayLike
 
 from ...core.checks import Numbers
-from ...core.quantities import with_unit
+from ...core.display import with_unit
 from ...fields.grid import Grid
 from ...roughness.surface import Step, Surface, resample, step
 from .holes import filled, grown, largest_rectangle

@@ -15,7 +15,7 @@ from typing import Any
 import numpy as np
 
 from ...core.checks import Numbers, check_positive, check_types
-from ...core.quantities import with_unit
+from ...core.display import with_unit
 from ...roughness.surface import Step, Surface, step
 from ..given import existing_file
 from ..moduli.cells import read_sheets
