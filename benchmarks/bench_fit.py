@@ -169,7 +169,7 @@ def shifted_isotherms():
     gains = []
     for name, measured in read_sets(ISOTHERMS):
         parts = measured.isotherms()
-        choices = ({"scatter": 3.0}, {"scatter": 3.0, "vertical": 0.1}, {"scatter": 0.0})
+        choices = ({"shift_std": 3.0}, {"shift_std": 3.0, "vertical_shift_std": 0.1}, {"shift_std": 0.0})
         curves = [master_curve(parts, **choice).fit for choice in choices]
         found = [100 * curve.errors().total for curve in curves]
         cells = [f"{e:7.3f} ({c.terms:2d})" for e, c in zip(found, curves, strict=True)]

@@ -49,7 +49,7 @@ def friction(options):
 def scenes(count):
     """Yields `(title, true material or None, table, pressure [Pa], velocities [m/s])`."""
     for _, measured in read_sets({"EPDM rubber": ISOTHERMS["EPDM rubber"]}):
-        data = master_curve(measured.isotherms(), vertical=0.1).fit.data
+        data = master_curve(measured.isotherms(), vertical_shift_std=0.1).fit.data
         omega, (storage, loss) = np.asarray(data.x), np.asarray(data.values)
         order = np.argsort(omega)
         table = omega[order], (storage + 1j * loss)[order]

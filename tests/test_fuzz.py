@@ -548,7 +548,7 @@ FIT_OPTIONS = {
     "--terms": ["2", *NUMBERS], "--poisson": ["0.3", "0.5", "-1", "0.6", *NUMBERS],
     "--kind": ["frequency", "relaxation", "creep", "x", "", "\0"], "--deformation": ["shear", "x"],
     "--temperature": ["300", *NUMBERS], "--sheet": ["1", "x", ""], "--law": ["wlf", "x", ""],
-    "--scatter": ["0", *NUMBERS], "--vertical": NUMBERS, "--equilibrium": ["0", "1e5", *NUMBERS],
+    "--shift-std": ["0", *NUMBERS], "--vertical-shift-std": NUMBERS, "--equilibrium": ["0", "1e5", *NUMBERS],
     "--glassy": ["1e12", *NUMBERS], "--storage-weight": NUMBERS, "--loss-weight": NUMBERS,
     "--unit": ["modulus=MPa", "modulus", "=", "modulus=furlong", "x=y", "frequency=", "\0=\0"],
     "--column": ["loss=3", "loss=99", "loss=-1", "loss=x", "=", "loss=" + "9" * 400, "x=1"],
