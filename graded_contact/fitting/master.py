@@ -35,7 +35,7 @@ from .model import attach_derivative, search
 from .observations import concrete
 from .prony import (
     PronyFit,
-    as_limits_omega,
+    check_limits,
     deviation,
     limits_where_measured,
     linear_limits,
@@ -159,7 +159,7 @@ class MasterCurve(eqx.Module):
         The uncertainty of the shifts is included. `temperature` [K] is by default the reference;
         beyond the isotherms all limits are NaN.
         """
-        omega = as_limits_omega(omega, level)
+        omega = check_limits(omega, level)
 
         def material(curve):
             return curve.material if temperature is None else curve.material.at(temperature)

@@ -132,7 +132,7 @@ class PronyFit(eqx.Module):
         def logs(theta):
             return _log_parts(theta, self.data, omega)
 
-        omega = as_limits_omega(omega, level)
+        omega = check_limits(omega, level)
         series, theta = self._problem()
         if resamples:
             free = series.within_bounds(theta)
@@ -149,7 +149,7 @@ class PronyFit(eqx.Module):
         return series_of(self.data), np.asarray(self.theta)
 
 
-def as_limits_omega(omega: Numbers, level: float) -> Float[Array, "*w"]:
+def check_limits(omega: Numbers, level: float) -> Float[Array, "*w"]:
     """Returns the frequencies [rad/s] at which limits of E* are requested, checked."""
     if not 0 < level < 1:
         raise ValueError(f"`level={level!r}` must lie between 0 and 1.")
@@ -158,17 +158,15 @@ def as_limits_omega(omega: Numbers, level: float) -> Float[Array, "*w"]:
     return omega
 
 
-def linear_limits(
-    function: Any, unknowns: Float[Array, " unknowns"], spread: np.ndarray, level: float
-) -> tuple[Array, Array]:
-    """Returns limits of `function(unknowns)`, linearised, for unknowns of the covariance."""
-    middle, slopes = function(unknowns), jax.jacfwd(function)(unknowns)
-    reach = ndtri((1 + level) / 2) * deviation(slopes, spread)
+def linear_limits(logs: Any, unknowns: Array, spread: np.ndarray, level: float) -> Any:
+    """Returns limits of `logs(unknowns)`, linearised, for unknowns of this covariance."""
+    middle = logs(unknowns)
+    reach = ndtri((1 + level) / 2) * deviation(jax.jacfwd(logs)(unknowns), spread)
     return middle - reach, middle + reach
 
 
-def deviation(slopes: Float[Array, "*any unknowns"], spread: np.ndarray) -> Float[Array, "*any"]:
-    """Returns standard deviations of quantities from their slopes by unknowns of a covariance."""
+def deviation(slopes: Array, spread: np.ndarray) -> Array:
+    """Returns standard deviations of quantities from their slopes by unknowns."""
     return jnp.sqrt(jnp.einsum("...i,ij,...j->...", slopes, spread, slopes))
 
 
