@@ -22,9 +22,9 @@ from .contact.solution import RESULTS, ContactSolution
 from .contact.solver import AbstractContactSolver
 from .core.parameters import with_values
 from .fields.grid import Grid
-from .files.parameter_covariance import read_errors
 from .files.moduli.measured import Measured
 from .files.moduli.reading import read_moduli
+from .files.parameter_covariance import read_errors
 from .files.prony_cards import export_prony
 from .files.topography.preparation import surface_from_heights
 from .files.topography.reading import read_surface

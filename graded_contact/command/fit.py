@@ -9,10 +9,10 @@ from typing import Annotated
 import typer
 from typer import Option
 
-from ..files.parameter_covariance import write_errors
 from ..files.moduli.measured import Measured
 from ..files.moduli.reading import read_moduli
 from ..files.output import check_folder, full_path
+from ..files.parameter_covariance import write_errors
 from ..files.prony_cards import FORMATS, export_prony
 from ..files.toml import nearest
 from ..fitting.master import master_curve

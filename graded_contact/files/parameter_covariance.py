@@ -6,7 +6,6 @@ direction of their errors: one standard deviation, in the units of the numbers.
 
 import csv
 import os
-from collections.abc import Sequence
 from typing import TypeVar
 
 import equinox as eqx

@@ -1,4 +1,4 @@
-"""The best series of every length, from one branch to as many as the data can tell apart.
+"""The best series of every length, from one branch to as many as the data determine.
 
 Two walks meet: upwards, each new branch put where it lowers the error most; downwards from the best
 positive spectrum of all, each time joining the two branches (or dropping the one) that costs least.
@@ -175,7 +175,7 @@ def _measured_by(series, theta):
 
 
 def _top(series, theta, most):
-    """The shortest series that comes within 0.05 % of the floor, which no data tell apart."""
+    """The shortest series that comes within 0.05 % of the floor, a difference that no data show."""
     cost = _measured_by(series, theta)[1]
     while True:
         terms, limit = series.terms(theta), 1.001 * cost

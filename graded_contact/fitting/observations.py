@@ -135,13 +135,20 @@ def observe(
             check_positive(name, value, allowed)
     parts = [values]
     if kind == "frequency":
-        values = as_numbers(values, "modulus")
-        parts = [values.real, values.imag]
-    pairs = [
-        _channel(name, *part, x) for name, *part in zip(CHANNELS[kind], parts, weights, strict=True)
+        modulus = as_numbers(values, "modulus")
+        parts = [modulus.real, modulus.imag]
+    channels = [
+        _channel(name, part, weight, x)
+        for name, part, weight in zip(CHANNELS[kind], parts, weights, strict=True)
     ]
-    values, weights = map(jnp.stack, zip(*pairs, strict=True))
-    data = Observations(x=x, values=values, weights=weights, kind=kind, flows=flows, **known)
+    data = Observations(
+        x=x,
+        values=jnp.stack([channel[0] for channel in channels]),
+        weights=jnp.stack([channel[1] for channel in channels]),
+        kind=kind,
+        flows=flows,
+        **known,
+    )
     if concrete(data):
         _check_content(data, x_name)
     return data

@@ -195,7 +195,7 @@ def report_of(fit: Any) -> str:
     if fit.path:
         path = pd.DataFrame(fit.path).rename(columns={"bic": "BIC"})
         path[""] = np.where(path["terms"] == fit.terms, "*", "")
-        formats = {"error": percent, "BIC": "{:.1f}".format}
+        formats = [str, percent, "{:.1f}".format, str]
         lines += ["", path.to_string(index=False, formatters=formats)]
     return "\n".join(lines)
 

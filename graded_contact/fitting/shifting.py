@@ -86,8 +86,8 @@ def isotherms_of(
         middle = int(np.argmin(np.abs(temperatures - float(reference))))
     x, values = (jnp.concatenate([curve[i] for curve in curves]) for i in (2, 3))
     equilibrium, glassy, huber = known
-    weights = weights if kind == "frequency" else weights[:1]
-    observations = observe(kind, x, values, weights, equilibrium, glassy, None, huber)
+    used = weights if kind == "frequency" else weights[:1]
+    observations = observe(kind, x, values, used, equilibrium, glassy, None, huber)
     if observations.flows:
         raise ValueError("`equilibrium=0` is not available for creep at several temperatures.")
     return Isotherms(

@@ -23,7 +23,7 @@ ROUGH = 0.03  # usual residual from which on storage and loss have a spectrum ea
 START = np.log(10)  # off the median of five neighbours: not fitted at first
 HUBER = 0.1  # log residual from which on a value counts linearly here
 AROUND = 9  # neighbours whose residuals are compared
-FEWEST = 6  # points from which on one can be told from the others
+FEWEST = 6  # points from which on one can be distinguished from the others
 TURNS = 8
 
 
