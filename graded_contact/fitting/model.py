@@ -43,9 +43,9 @@ RIDGE = 1e-13  # relative to the diagonal of the Hessian: far below what data de
 def series_of(data: Observations, xp: Any = np) -> Series:
     """Returns the least-squares problem of the observations, in arrays of the module `xp`."""
     x, values, weights = (xp.asarray(part) for part in (data.x, data.values, data.weights))
-    if data.end is not None:
+    if data.known_end is not None:
         x = xp.append(x, COMPLETE[data.kind])
-        end = xp.stack([xp.asarray(data.end)] * len(values))[:, None]
+        end = xp.stack([xp.asarray(data.known_end)] * len(values))[:, None]
         values = xp.concatenate([values, end], axis=1)
         first = np.arange(len(end))[:, None] == 0
         end_weights = xp.where(first, END_WEIGHT * xp.sum(weights), 0.0)
@@ -63,7 +63,7 @@ def series_of(data: Observations, xp: Any = np) -> Series:
             REACH[data.kind][0] if data.glassy is None else REACH_TO_KNOWN,
             REACH[data.kind][1] if data.equilibrium is None else REACH_TO_KNOWN,
         ),
-        num_ends=int(data.end is not None),
+        num_ends=int(data.known_end is not None),
         huber=NO_OUTLIER if data.huber is None else xp.asarray(data.huber),
     )
 
@@ -72,11 +72,11 @@ def _fixed_columns(data, x, xp):
     """The known part of a series at `x`, and the columns of strengths whose time is not fitted."""
     rows = len(data.values) * len(x)
     constant = xp.asarray(np.arange(rows) < len(x), float)  # the first channel alone has it
-    known = constant * (0.0 if data.start is None else xp.asarray(data.start))
+    known = constant * (0.0 if data.known_start is None else xp.asarray(data.known_start))
     static = [xp.zeros((0, rows))]
     if data.times is not None:
         static.append(branches(data.kind, x, xp.asarray(data.times))[0])
-    if data.start is None:
+    if data.known_start is None:
         static.append(constant[None])
     if data.flows:
         static.append(x[None] / xp.max(xp.asarray(data.x)))
@@ -86,7 +86,7 @@ def _fixed_columns(data, x, xp):
 def _least_static(data):
     """Logarithms of the least strengths of the static columns."""
     least = np.full(data.num_extras + (0 if data.times is None else data.times.size), -np.inf)
-    if data.start is None:
+    if data.known_start is None:
         least[len(least) - data.num_extras] = np.log(1e-300)
         if data.kind == "creep" and is_concrete(data.values):
             smallest = np.min(np.asarray(data.values)[np.asarray(data.weights) > 0])
@@ -118,9 +118,9 @@ def material_of(
     """Returns the material with these unknowns, in relaxation form."""
     strengths, times, extras = _unpack(theta, data)
     common = {"poisson": poisson, "shift": shift, "measured": measured_range(data)}
-    start = extras[0] if data.start is None else data.start
+    start = extras[0] if data.known_start is None else data.known_start
     if data.kind != "creep":
-        if data.start is None:  # exactly zero where the data need none
+        if data.known_start is None:  # exactly zero where the data need none
             smallest = jnp.min(jnp.where(data.weights > 0, data.values, jnp.inf))
             start = jnp.where(start > 1.001 * NEGLIGIBLE * smallest, start, 0)
         return Prony(equilibrium=start, strengths=strengths, times=times, **common)

@@ -57,14 +57,14 @@ class Observations(eqx.Module):
     flows: bool = eqx.field(static=True)
 
     @property
-    def start(self) -> Float[Array, ""] | None:
+    def known_start(self) -> Float[Array, ""] | None:
         """The known value of a series without its branches: E_eq, or 1/E_inf of compliances."""
         if self.kind != "creep":
             return self.equilibrium
         return None if self.glassy is None else 1 / self.glassy
 
     @property
-    def end(self) -> Float[Array, ""] | None:
+    def known_end(self) -> Float[Array, ""] | None:
         """The known value of a complete series: E_inf, or 1/E_eq of compliances."""
         if self.kind != "creep":
             return self.glassy
@@ -73,7 +73,7 @@ class Observations(eqx.Module):
     @property
     def num_extras(self) -> int:
         """The number of unknowns that belong to no branch."""
-        return int(self.start is None) + int(self.flows)
+        return int(self.known_start is None) + int(self.flows)
 
     def num_unknowns(self, terms: int) -> int:
         """Returns the length of θ of a series of `terms` branches."""

@@ -70,12 +70,12 @@ class Series:
         last = len(self.x) - self.num_ends
         return (self.weights > 0) & (np.arange(len(self.weights)) % len(self.x) < last)
 
-    def split(self, theta: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    def split(self, theta: Any) -> tuple[Any, Any, Any]:
         """Returns `(s, ln τ, c)` of the unknowns."""
         terms = self.terms(theta)
         return theta[:terms], theta[terms : 2 * terms], theta[2 * terms :]
 
-    def terms(self, theta: np.ndarray) -> int:
+    def terms(self, theta: Any) -> int:
         """Returns the number of branches with a time of their own."""
         return (len(theta) - len(self.static)) // 2
 
@@ -150,7 +150,7 @@ class Series:
             static=sums(self.static) / sizes,
         )
 
-    def branches(self, log_times: np.ndarray) -> np.ndarray:
+    def branches(self, log_times: Any) -> Any:
         """Returns φ at every row, shape `(terms, rows)`."""
         return branches(self.kind, self.x, array_module(self.x).exp(log_times))[0]
 
