@@ -520,7 +520,7 @@ def test_a_fit_prints_its_report_and_a_table_that_a_scene_takes(tmp_path):
     result = command("fit", path, "-o", tmp_path / "out", "--card", "abaqus", "--poisson", "0.49",
                      "--format", "svg")  # fmt: skip
     assert result.exit_code == 0, result.output
-    for text in ("Read 40 rows", "rms log error", "Kramers-Kronig", "terms      error        BIC"):
+    for text in ("Read 40 rows", "rms log error", "Kramers-Kronig", "BIC"):
         assert text in result.stdout
     endings = ("-errors.csv", ".inp", ".svg", ".toml")
     names = [f"material_1_tread{ending}" for ending in endings]

@@ -411,7 +411,7 @@ def test_derivatives_by_the_data_match_differences():
         (lambda c: [(268.0, OMEGA[1:], c[0][2]), *c[1:]], {}, r"`isotherms\[0\]` has x of shape"),
         (lambda c: [(t - 260, x, m) for t, x, m in c], {}, "they are in kelvin"),
         (lambda c: c, {"law": "vft"}, "`law='vft'` is refused"),
-        (lambda c: c, {"scatter": -1.0}, "`shift_std=-1` is refused"),
+        (lambda c: c, {"shift_std": -1.0}, "`shift_std=-1` is refused"),
         (lambda c: c, {"reference": 25.0}, "`reference=25` is refused: isotherms are from 268"),
         (lambda c: c, {"terms": 3, "within": 0.1}, "`terms` and `within` both set"),
         (lambda c: c, {"terms": 90}, "`terms=90` has 181 unknowns"),
