@@ -14,6 +14,7 @@ docs/bench_fit.png and docs/bench_fit-friction.png.
 """
 
 import argparse
+import dataclasses
 import pathlib
 import platform
 import statistics
@@ -35,6 +36,7 @@ from prony_peers import (
     PLAIN,
     RELAXATIONS,
     error_of,
+    fit_measured,
     goal,
     read_sets,
 )
@@ -45,29 +47,6 @@ from graded_contact.plot.style import COLOURS, PAGE, new_figure, styled
 
 jax.config.update("jax_enable_x64", True)
 DOCS = pathlib.Path(__file__).parents[1] / "docs"
-
-# What an earlier throw-away fit reached: (terms, rms log error in %) for data over time, and rms
-# log error in % of shifted isotherms, without and with vertical shifts.
-TO_REACH_IN_TIME = {
-    "NREL E(t)": [(25, 0.185)],
-    "polypropylene": [(7, 0.102)],
-    "bimodal, noisy": [(2, 4.744)],
-    "twin-peaked": [(8, 0.532), (23, 0.000)],
-    "ring polymer": [(6, 1.440), (5, 3.159)],
-}
-TO_REACH_SHIFTED = {
-    "NREL polymer": (10.10, 9.50),
-    "EPDM rubber": (4.23, 2.91),
-    "vinyl foam": (3.12, 2.33),
-    "polyisoprene melt": (7.80, 1.34),
-}
-
-
-def fit(measured, **choices):
-    """The package's fit of master curves over frequency or time."""
-    function = gc.fit_prony if measured.kind == "frequency" else gc.fit_relaxation
-    return function(measured.abscissa, measured.values, **choices)
-
 
 # errors -------------------------------------------------------------------------------------
 
@@ -96,7 +75,6 @@ def errors(options):
             f"{name}: <= 1.05 floor at <= 2 terms per decade (log error over the NNLS floor)",
             f"{ratio:.3f} with {terms} terms, {per_decade:.2f} per decade",
         )
-    against_earlier_fits()
     shifted_isotherms()
     if panels:
         plot_errors(panels, options.plot)
@@ -104,16 +82,15 @@ def errors(options):
 
 def rows_of(measured):
     """(label, terms, log error, relative error) of all fits, and the package's best fit by BIC."""
-    rows = []
+    best = fit_measured(measured)
+    rows = [(f"{PACKAGE}, BIC", best.terms, *error_of(best.material, measured))]
     if peers.pyvisco is not None:
-        x, values = measured.abscissa, measured.values
         for label, optimise in ((PLAIN, False), (OPTIMISED, True)):
+            x, values = measured.abscissa, measured.values
             material, terms = peers.pyvisco_fit(x, values, optimise=optimise)
             rows.append((label, terms, *error_of(material, measured)))
-        equal = fit(measured, terms=rows[0][1])
+        equal = fit_measured(measured, terms=rows[1][1])
         rows.append((PACKAGE, equal.terms, *error_of(equal.material, measured)))
-    best = fit(measured)
-    rows.append((f"{PACKAGE}, BIC", best.terms, *error_of(best.material, measured)))
     return rows, best
 
 
@@ -147,30 +124,18 @@ def ratio_to_floor(measured, best, floor):
     return length.error / floor, length.terms, length.terms / decades
 
 
-def against_earlier_fits():
-    print("\nover time, at the lengths of an earlier fit; rms log error, %")
-    missed = []
-    for name, measured in read_sets(RELAXATIONS):
-        for terms, earlier in TO_REACH_IN_TIME[name]:
-            reached = 100 * fit(measured, terms=terms).errors().total
-            print(f"{name:18s} {terms:3d} terms: {reached:.4f}, earlier {earlier:.3f}")
-            if round(reached, 3) > earlier:
-                missed.append(name)
-    goal("at or below the earlier fit on every set", f"missed: {', '.join(missed) or 'none'}")
-
-
 def shifted_isotherms():
     print("\nraw isotherms, shifts and series fitted together; rms log error, % (terms); pyvisco:")
-    print(
-        "the package's series on data shifted by its `get_aT`; earlier: without and with vertical"
-    )
+    print("the package's series on data shifted by its `get_aT`")
     print(f"{'set':18s} {'isotherms':>9s} {'free':>12s} {'and vertical':>12s} ", end="")
-    print(f"{'by a WLF law':>12s} {'pyvisco':>12s} {'earlier fit':>16s}")
+    print(f"{'by a WLF law':>12s} {'pyvisco':>12s}")
     gains = []
     for name, measured in read_sets(ISOTHERMS):
         parts = measured.isotherms()
-        choices = ({"scatter": 3.0}, {"scatter": 3.0, "vertical": 0.1}, {"scatter": 0.0})
-        curves = [master_curve(parts, **choice).fit for choice in choices]
+        curves = [
+            master_curve(parts, shift_std=along, vertical_shift_std=across).fit
+            for along, across in ((3.0, 0.0), (3.0, 0.1), (0.0, 0.0))
+        ]
         found = [100 * curve.errors().total for curve in curves]
         cells = [f"{e:7.3f} ({c.terms:2d})" for e, c in zip(found, curves, strict=True)]
         cells.append(f"{'-':>12s}")
@@ -178,8 +143,6 @@ def shifted_isotherms():
             other = fitted_to_shifted(parts, peers.pyvisco_shifts(parts))
             cells[-1] = f"{100 * other.errors().total:7.3f} ({other.terms:2d})"
             gains.append((100 * other.errors().total / found[0], name))
-        earlier = TO_REACH_SHIFTED[name]
-        cells.append(f"{earlier[0]:8.2f}{earlier[1]:8.2f}")
         print(f"{name:18s} {len(parts):9d} {' '.join(f'{c:>12s}' for c in cells)}", flush=True)
     if gains:
         least, name = min(gains)
@@ -194,8 +157,6 @@ def fitted_to_shifted(isotherms, log10_shifts):
 
 @styled
 def plot_errors(panels, target):
-    from matplotlib.ticker import FuncFormatter, MaxNLocator, NullFormatter
-
     columns = 4
     rows = -(-len(panels) // columns)
     figure = new_figure(PAGE, 1.8 * rows + 0.3)
@@ -203,22 +164,16 @@ def plot_errors(panels, target):
     for panel in axes.flat[len(panels) :]:
         panel.set_axis_off()
     for panel, (name, best, others) in zip(axes.flat, panels, strict=False):
-        terms, errors, _ = zip(*best.path, strict=True)
-        chosen = dict(zip(terms, errors, strict=True))[best.terms]
-        panel.semilogy(terms, 100 * np.array(errors), ".-", color=COLOURS[0], label="package")
-        panel.plot(
-            best.terms, 100 * chosen, "o", color=COLOURS[0], markersize=7, fillstyle="none",
-            label="number of terms by BIC",
-        )  # fmt: skip
-        floor = best.floor().total
-        panel.axhline(100 * floor, color="black", linewidth=0.8, linestyle="--", label="floor")
+        found = {length.terms: 100 * length.error for length in best.path}
+        panel.semilogy(found.keys(), found.values(), ".-", color=COLOURS[0], label="package")
+        mark = {"markersize": 7, "fillstyle": "none", "label": "number of terms by BIC"}
+        panel.plot(best.terms, found[best.terms], "o", color=COLOURS[0], **mark)
+        floor = 100 * best.floor().total
+        panel.axhline(floor, color="black", linewidth=0.8, linestyle="--", label="floor")
         for label, number, log, _ in others:
-            mark, colour = ("s", COLOURS[1]) if label == PLAIN else ("^", COLOURS[4])
-            panel.plot(number, 100 * log, mark, color=colour, label=label)
+            colour = COLOURS[1] if label == PLAIN else COLOURS[4]
+            panel.plot(number, 100 * log, "s", color=colour, label=label)
         panel.set(title=name, xlabel="number of terms")
-        panel.xaxis.set_major_locator(MaxNLocator(integer=True))
-        panel.yaxis.set_major_formatter(FuncFormatter(lambda value, _: f"{value:g}"))
-        panel.yaxis.set_minor_formatter(NullFormatter())
     for row in axes:
         row[0].set_ylabel("rms of ln(fit/measured) [%]")
     handles, labels = axes.flat[0].get_legend_handles_labels()
@@ -234,12 +189,10 @@ def speed(options):
     print(f"\nseconds; median of {options.repeat} calls after the first")
     print(f"{'set':18s} {'task':32s} {'terms':>5s} {'first':>8s} {'median':>8s}")
     found = {}
-    for name, measured in read_sets(MASTER_CURVES | RELAXATIONS):
-        for task, terms, function, repeat in tasks_of(measured, options.repeat):
-            found[name, task] = report_seconds(name, task, terms, function, repeat)
-    for name, measured in read_sets(ISOTHERMS):
-        for task, terms, function, repeat in isotherm_tasks(measured, options.repeat):
-            found[name, task] = report_seconds(name, task, terms, function, repeat)
+    for sets, tasks in ((MASTER_CURVES | RELAXATIONS, tasks_of), (ISOTHERMS, isotherm_tasks)):
+        for name, measured in read_sets(sets):
+            for task, terms, function, repeat in tasks(measured, options.repeat):
+                found[name, task] = report_seconds(name, task, terms, function, repeat)
 
     def worst(chosen, value):
         some = {key: value(*seconds) for key, seconds in found.items() if key[1] in chosen}
@@ -264,33 +217,26 @@ FITS = (GIVEN, PATH, LIMITS)
 
 def tasks_of(measured, repeat):
     """Yields `(task, terms, function, repeat)`; peers that take seconds are not repeated."""
-    best = fit(measured)
+    best = fit_measured(measured)
     x, values = measured.abscissa, measured.values
     decades = int(np.ceil(np.log10(np.max(x) / np.min(x[x > 0]))))
     probe = jnp.geomspace(1 / np.max(x), 1 / np.min(x[x > 0]), 50)
     probe = jnp.geomspace(np.min(x), np.max(x), 50) if measured.kind == "frequency" else probe
-    yield GIVEN, decades, lambda: fit(measured, terms=decades).theta, repeat
-    yield PATH, best.terms, lambda: fit(measured).theta, repeat
+    yield GIVEN, decades, lambda: fit_measured(measured, terms=decades).theta, repeat
+    yield PATH, best.terms, lambda: fit_measured(measured).theta, repeat
     yield LIMITS, best.terms, lambda: best.confidence(probe), repeat
 
     def logarithms(values):
-        function = gc.fit_prony if measured.kind == "frequency" else gc.fit_relaxation
-        modulus = function(x, values, start=best).material.modulus(probe)
+        same = dataclasses.replace(measured, values=values)
+        again = fit_measured(same, start=best, equilibrium=best.data.equilibrium)
+        modulus = again.material.modulus(probe)
         return jnp.sum(jnp.log(modulus.imag))
 
     yield GRADIENT, best.terms, lambda: jax.grad(logarithms)(jnp.asarray(values)), repeat
     if peers.pyvisco is not None:
-        for task, choice, times in (
-            (PLAIN, {}, repeat),
-            (OPTIMISED, {"optimise": True}, 1),
-            ("pyvisco, its number of terms", {"minimise_terms": True}, 0),
-        ):
-            try:
-                _, terms = peers.pyvisco_fit(x, values, **choice)
-            except (ValueError, IndexError, KeyError) as error:
-                print(f"{'':18s} {task:32s} failed: {type(error).__name__}")
-                continue
-            yield task, terms, lambda choice=choice: peers.pyvisco_fit(x, values, **choice), times
+        for task, optimise, times in ((PLAIN, False, repeat), (OPTIMISED, True, 1)):
+            _, terms = peers.pyvisco_fit(x, values, optimise=optimise)
+            yield task, terms, lambda o=optimise: peers.pyvisco_fit(x, values, optimise=o), times
 
 
 def isotherm_tasks(measured, repeat):

@@ -103,7 +103,7 @@ def cases():
     """Yields name, pressure [Pa], velocities [m/s], and what `Case` takes."""
     velocities = np.array([1e-3, 1e-2, 1e-1])
     for name, measured in read_sets({"EPDM rubber": ISOTHERMS["EPDM rubber"]}):
-        curve = master_curve(measured.isotherms(), vertical=0.1, poisson=POISSON)
+        curve = master_curve(measured.isotherms(), vertical_shift_std=0.1, poisson=POISSON)
         yield f"{name}, isotherms", 6e5, velocities, (curve, curve.fit)
     for name, measured in read_sets(MASTER_CURVES):
         melt = name == "polyisoprene melt"
@@ -173,7 +173,7 @@ class Case:
             for temperature, rows in zip(temperatures, self.neighbours, strict=True)
         ]
         again = master_curve(
-            isotherms, vertical=0.1, poisson=POISSON, terms=terms,
+            isotherms, vertical_shift_std=0.1, poisson=POISSON, terms=terms,
             reference=temperatures[data.reference],
         )  # fmt: skip
         return again.material

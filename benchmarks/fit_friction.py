@@ -1,10 +1,9 @@
 """One rough surface on differently fitted materials, for `bench_fit.py`."""
 
-import csv
-
 import jax
 import jax.numpy as jnp
 import numpy as np
+import pandas as pd
 import prony_peers as peers
 from prony_peers import ISOTHERMS, MASTER_CURVES, OPTIMISED, PACKAGE, PLAIN, parts_of, read_sets
 
@@ -49,7 +48,7 @@ def friction(options):
 def scenes(count):
     """Yields `(title, true material or None, table, pressure [Pa], velocities [m/s])`."""
     for _, measured in read_sets({"EPDM rubber": ISOTHERMS["EPDM rubber"]}):
-        data = master_curve(measured.isotherms(), vertical=0.1).fit.data
+        data = master_curve(measured.isotherms(), vertical_shift_std=0.1).fit.data
         omega, (storage, loss) = np.asarray(data.x), np.asarray(data.values)
         order = np.argsort(omega)
         table = omega[order], (storage + 1j * loss)[order]
@@ -70,9 +69,8 @@ def scenes(count):
 def published_shift(celsius):
     """log10 a_T of the NREL polymer, from the table that comes with its master curve."""
     path = peers.FOLDER / "pyvisco_freq_user_master__shift_factors.csv"
-    with path.open(encoding="utf-8-sig") as file:
-        rows = list(csv.reader(file))[2:]
-    return {float(temperature): float(shift) for temperature, shift in rows}[celsius]
+    table = pd.read_csv(path, skiprows=2, header=None, index_col=0)
+    return table.loc[celsius, 1]
 
 
 def materials_of(omega, values):
@@ -110,27 +108,22 @@ def report_friction(title, name, curves, velocities, beyond, materials, table):
     omega, values = table
     print(f"\n{title}; table from {omega[0]:.3g} to {omega[-1]:.3g} rad/s")
     labels = [label for label in curves if label != name]
-    print(f"{'velocity':>9s} {'':>6s} {name:>17s} " + " ".join(f"{v:>26s}" for v in labels))
-    print(f"{'m/s':>9s} {'':>6s} {'friction':>8s} {'area':>8s} ", end="")
-    print(" ".join(f"{'friction':>8s} {'':>8s} {'area':>8s}" for _ in labels))
-    for i, v in enumerate(velocities):
-        mu, area = curves[name][i]
-        line = f"{v:9.1e} {'beyond' if beyond[i] else '':6s} {mu:8.5f} {area:8.4f} "
-        for label in labels:
-            other, area = curves[label][i]
-            line += f"{other:8.5f} {other / mu - 1:+8.1%} {area:8.4f} "
-        print(line.rstrip())
-    measured = parts_of(values)
+    rows = {("velocity", "[m/s]"): velocities, ("outside", "table"): beyond}
+    for label, values_of in curves.items():
+        rows[label, "friction"], rows[label, "area"] = values_of.T
+        if label != name:
+            rows[label, "change"] = values_of[:, 0] / curves[name][:, 0] - 1
+    print(pd.DataFrame(rows).to_string(index=False, float_format="{:.4g}".format))
     inside = ~beyond if np.any(~beyond) else np.full(len(beyond), True)
     for label in labels:
         fitted = parts_of(materials[label].modulus(omega))
-        storage, loss = np.sqrt(np.mean(np.log(fitted / measured) ** 2, axis=1))
+        storage, loss = np.sqrt(np.mean(np.log(fitted / parts_of(values)) ** 2, axis=1))
         change = curves[label][inside, 0] / curves[name][inside, 0] - 1
         print(
             f"  {label}: friction off by {change[np.argmax(np.abs(change))]:+.1%} at worst "
             f"within the table; rms log error of E' {storage:.1%}, of E'' {loss:.1%}"
         )
-    print("(beyond: frequencies outside the table, where E' stays and E'' falls off as 1/ω or ω)")
+    print("(outside: frequencies beyond the table, where E' stays and E'' falls off as 1/ω or ω)")
 
 
 @styled

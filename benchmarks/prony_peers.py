@@ -18,7 +18,7 @@ import graded_contact as gc
 try:
     import pandas as pd
     import pyvisco
-    from pyvisco import master, opt, prony
+    from pyvisco import master, prony
 except ImportError:
     pyvisco = None
 
@@ -49,11 +49,17 @@ ISOTHERMS = {
 
 def read_sets(sets):
     """Yields `(name, Measured)` of those whose file is there; prints what is left out."""
-    for name, (file, told) in sets.items():
+    for name, (file, options) in sets.items():
         if (FOLDER / file).is_file():
-            yield name, gc.read_moduli(FOLDER / file, **told)
+            yield name, gc.read_moduli(FOLDER / file, **options)
         else:
             print(f"# {name} is left out: there is no {FOLDER / file}")
+
+
+def fit_measured(measured, **choices):
+    """The package's fit of a master curve over frequency or time."""
+    function = gc.fit_prony if measured.kind == "frequency" else gc.fit_relaxation
+    return function(measured.abscissa, measured.values, **choices)
 
 
 def parts_of(modulus):
@@ -108,19 +114,15 @@ def floor_by_nnls(measured):
     return floors
 
 
-def pyvisco_fit(x, values, *, optimise=False, minimise_terms=False, poisson=0.5):
+def pyvisco_fit(x, values, *, optimise=False, poisson=0.5):
     """The material that pyvisco fits to moduli: its default, or with `opt=True` after smoothing.
 
     Its defaults are one term per decade and no smoothing; its documentation smooths over five
-    points before it optimises. `minimise_terms`: with the number of terms that `opt.nprony` picks.
+    points before it optimises.
     """
-    optimise = optimise or minimise_terms
     with _quietly():
         frame = master.smooth(_frame(x, values), 5 if optimise else 1)
         series, _ = prony.fit(prony.discretize(frame), frame, optimise)
-        if minimise_terms:
-            tried, number, _ = opt.nprony(frame, series)
-            series = tried[number]
     terms = series["df_terms"].sort_values("tau_i")
     strengths, times = series["E_0"] * terms["alpha_i"].to_numpy(), terms["tau_i"].to_numpy()
     equilibrium = max(series["E_0"] - np.sum(strengths), 0.0)
@@ -167,5 +169,5 @@ def _quietly():
         yield
 
 
-def goal(wanted, reached):
-    print(f"goal: {wanted} | reached: {reached}", flush=True)
+def goal(target, reached):
+    print(f"goal: {target} | reached: {reached}", flush=True)

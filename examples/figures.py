@@ -96,7 +96,7 @@ def of_materials():
         return kelvin, omega, exact.real * noise[0] + 1j * exact.imag * noise[1]
 
     isotherms = [isotherm(kelvin) for kelvin in np.arange(253.15, 334, 10)]
-    curve = gc.master_curve(isotherms, vertical=0.1, terms=7, poisson=0.49)
+    curve = gc.master_curve(isotherms, vertical_shift_std=0.1, terms=7, poisson=0.49)
     save("master_curve", gc.plot.plot_master_curve(curve))
     save("van_gurp_palmen", gc.plot.plot_van_gurp_palmen(curve))
     save("fit", gc.plot.plot_fit(gc.fit_prony(*isotherms[4][1:], terms=4, poisson=0.49)))

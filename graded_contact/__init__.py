@@ -22,15 +22,14 @@ from .contact.solution import RESULTS, ContactSolution
 from .contact.solver import AbstractContactSolver
 from .core.parameters import with_values
 from .fields.grid import Grid
-from .files.errors import read_errors
 from .files.moduli.measured import Measured
 from .files.moduli.reading import read_moduli
+from .files.parameter_covariance import read_errors
 from .files.prony_cards import export_prony
 from .files.topography.preparation import surface_from_heights
 from .files.topography.reading import read_surface
 from .fitting.master import MasterCurve, master_curve
-from .fitting.prony import fit_creep, fit_prony, fit_relaxation
-from .fitting.result import PronyFit
+from .fitting.prony import PronyFit, fit_creep, fit_prony, fit_relaxation
 from .friction.magnification import area_against_cutoff
 from .friction.sliding import Sliding, slide
 from .persson.mean_field import MeanField, mean_field_friction, pressure_distribution

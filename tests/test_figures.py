@@ -132,7 +132,7 @@ MODULI = [t / 300 * np.asarray(MATERIAL.at(t).modulus(OMEGA)) for t in TEMPERATU
 @pytest.fixture(scope="module")
 def curve():
     isotherms = [(t, OMEGA, values) for t, values in zip(TEMPERATURES, MODULI, strict=True)]
-    return gc.master_curve(isotherms, vertical=0.1, terms=2)
+    return gc.master_curve(isotherms, vertical_shift_std=0.1, terms=2)
 
 
 def test_a_master_curve_shows_isotherms_before_and_after_shifts_and_law(curve):
@@ -170,7 +170,7 @@ def test_a_van_gurp_palmen_plot_shows_phase_angles_as_measured(curve, tmp_path):
             np.testing.assert_allclose(angle, np.rad2deg(np.angle(values)), rtol=1e-9)
     time = np.geomspace(1e-2, 1e2, 9)
     relaxing = [(t, time, 1e6 + t * 1e3 * np.exp(-time)) for t in TEMPERATURES[:2]]
-    relaxation = gc.master_curve(relaxing, kind="relaxation", terms=1, scatter=0)
+    relaxation = gc.master_curve(relaxing, kind="relaxation", terms=1, shift_std=0)
     with pytest.raises(ValueError, match=r"`isotherms` is of kind 'relaxation'"):
         gc.plot.plot_van_gurp_palmen(relaxation)
 

@@ -14,8 +14,8 @@ from graded_contact.contact.solution import RESULTS, ContactSolution
 from graded_contact.core.display import _about
 from graded_contact.files.design_scene import DesignScene, Stiffness
 from graded_contact.files.results import Fields
-from graded_contact.fitting.quality import Errors, Floor
-from graded_contact.fitting.result import Length
+from graded_contact.fitting.lengths import Length
+from graded_contact.fitting.quality import FitErrors, Floor
 from graded_contact.response.interior import InteriorFields
 from graded_contact.roughness.surface import Statistics, Step
 from graded_contact.studies.cost import Cost
@@ -26,7 +26,7 @@ from graded_contact.studies.uncertainty import Estimate, Sensitivity
 RESULT_CLASSES = (
     gc.Sliding, gc.ContactSolution, gc.ContactPath, gc.CutoffCurve, gc.MeanField, Statistics,
     InteriorFields, Sensitivity, gc.Layer, gc.Elastic, gc.Prony, gc.WLF, gc.Grid, gc.Surface,
-    Fields, Candidate, Run, Stiffness, Floor, Errors, Step, gc.HardWall, gc.AdhesiveLJ,
+    Fields, Candidate, Run, Stiffness, Floor, FitErrors, Step, gc.HardWall, gc.AdhesiveLJ,
 )  # fmt: skip
 
 

@@ -7,16 +7,17 @@ from pathlib import Path
 from typing import Annotated
 
 import typer
+from typer import Option
 
-from ..files.errors import write_errors
 from ..files.moduli.measured import Measured
 from ..files.moduli.reading import read_moduli
 from ..files.output import check_folder, full_path
+from ..files.parameter_covariance import write_errors
 from ..files.prony_cards import FORMATS, export_prony
 from ..files.toml import nearest
-from ..fitting.isotherms import check_law
 from ..fitting.master import master_curve
 from ..fitting.prony import fit_creep, fit_prony, fit_relaxation
+from ..fitting.shifting import check_law
 from ..fitting.wild import wild_values, without
 from ..plot import plot_fit, plot_master_curve, plot_van_gurp_palmen
 from ..rheology.material import Prony
@@ -30,90 +31,67 @@ _FIT_OPTIONS = {
     "units": "--unit QUANTITY=UNIT", "columns": "--column QUANTITY=NAME",
     "temperature": "--temperature KELVIN", "throw": "--anyway",
     **{name: f"--{name.replace('_', '-')}" for name in (
-        "kind", "deformation", "poisson", "sheet", "step", "terms", "law", "scatter", "vertical",
-        "equilibrium", "glassy", "storage_weight", "loss_weight",
+        "kind", "deformation", "poisson", "sheet", "step", "terms", "law", "shift_std",
+        "vertical_shift_std", "equilibrium", "glassy", "storage_weight", "loss_weight",
     )},
 }  # fmt: skip
 
-# Options by their type; each says what it is for.
 Number = float | None
-Files = Annotated[
-    list[Path],
-    typer.Argument(
-        metavar="FILE...",
-        help="Moduli or compliances of one material, in one file or several.",
-        show_default=False,
-    ),
-]
-Terms = Annotated[int | None, typer.Option(min=1, help="Number of terms.")]
-Poisson = Annotated[float, typer.Option(help="Poisson's ratio of the material.")]
-Kind = Annotated[str | None, typer.Option(help="frequency, relaxation or creep.")]
-Deformation = Annotated[
-    str | None, typer.Option(help="tension or shear, if the file does not say.")
-]
-Temperature = Annotated[
-    list[float] | None,
-    typer.Option(metavar="KELVIN", help="One, or one for each file (or curve), in order."),
-]
-Sheet = Annotated[str | None, typer.Option(help="Name of the sheet of a workbook.")]
-Step = Annotated[
-    list[str] | None,
-    typer.Option(metavar="NAME", help="Number or title of a step to read; may be repeated."),
-]
-Law = Annotated[str, typer.Option(help="Shifts several isotherms: wlf or arrhenius.")]
-Scatter = Annotated[
-    float, typer.Option(help="Expected departures of log10 a_T from the law; 0 for none.")
-]
-Vertical = Annotated[
-    float, typer.Option(help="Expected size of ln b_T, the shifts of their moduli.")
-]
-Equilibrium = Annotated[
-    Number, typer.Option(metavar="PASCAL", help="E_eq if known; 0 for a liquid.")
-]
-Glassy = Annotated[Number, typer.Option(metavar="PASCAL", help="Instantaneous modulus if known.")]
-StorageWeight = Annotated[float, typer.Option(help="Weight of storage moduli.")]
-LossWeight = Annotated[float, typer.Option(help="Weight of loss moduli.")]
-Anyway = Annotated[
-    bool, typer.Option("--anyway", help="Fit data that no positive spectrum comes near to.")
-]
-Robust = Annotated[
-    bool, typer.Option("--robust", help="Leave out rows that no smooth positive spectrum explains.")
-]
-Unit = Annotated[
-    list[str] | None,
-    typer.Option(metavar="QUANTITY=UNIT", help="For instance modulus=MPa; may be repeated."),
-]
-Column = Annotated[
-    list[str] | None,
-    typer.Option(metavar="QUANTITY=NAME", help="For instance loss=4; may be repeated."),
-]
-Card = Annotated[
-    list[str] | None, typer.Option(help="Also write toml, csv, json, abaqus or ansys.")
-]
+Texts = list[str] | None
 
 
 def fit(
-    moduli_files: Files,
+    moduli_files: Annotated[
+        list[Path],
+        typer.Argument(
+            metavar="FILE...",
+            help="Moduli or compliances of one material, in one file or several.",
+            show_default=False,
+        ),
+    ],
     output: Output = None,
-    terms: Terms = None,
-    poisson: Poisson = 0.5,
-    kind: Kind = None,
-    deformation: Deformation = None,
-    temperature: Temperature = None,
-    sheet: Sheet = None,
-    step: Step = None,
-    law: Law = "wlf",
-    scatter: Scatter = 0.3,
-    vertical: Vertical = 0.0,
-    equilibrium: Equilibrium = None,
-    glassy: Glassy = None,
-    storage_weight: StorageWeight = 1.0,
-    loss_weight: LossWeight = 1.0,
-    anyway: Anyway = False,
-    robust: Robust = False,
-    unit: Unit = None,
-    column: Column = None,
-    card: Card = None,
+    terms: Annotated[int | None, Option(min=1, help="Number of terms.")] = None,
+    poisson: Annotated[float, Option(help="Poisson's ratio of the material.")] = 0.5,
+    kind: Annotated[str | None, Option(help="frequency, relaxation or creep.")] = None,
+    deformation: Annotated[
+        str | None, Option(help="tension or shear, if it is not in the file.")
+    ] = None,
+    temperature: Annotated[
+        list[float] | None,
+        Option(metavar="KELVIN", help="One, or one for each file (or curve), in order."),
+    ] = None,
+    sheet: Annotated[str | None, Option(help="Name of the sheet of a workbook.")] = None,
+    step: Annotated[
+        Texts, Option(metavar="NAME", help="Number or title of a step to read; may be repeated.")
+    ] = None,
+    law: Annotated[str, Option(help="Shifts several isotherms: wlf or arrhenius.")] = "wlf",
+    shift_std: Annotated[
+        float, Option(help="Expected standard deviation of log10 a_T from the law; 0 for none.")
+    ] = 0.3,
+    vertical_shift_std: Annotated[
+        float, Option(help="Expected standard deviation of ln b_T, the shift of moduli.")
+    ] = 0.0,
+    equilibrium: Annotated[
+        Number, Option(metavar="PASCAL", help="E_eq if known; 0 for a liquid.")
+    ] = None,
+    glassy: Annotated[
+        Number, Option(metavar="PASCAL", help="Instantaneous modulus if known.")
+    ] = None,
+    storage_weight: Annotated[float, Option(help="Weight of storage moduli.")] = 1.0,
+    loss_weight: Annotated[float, Option(help="Weight of loss moduli.")] = 1.0,
+    anyway: Annotated[
+        bool, Option("--anyway", help="Fit data that no positive spectrum comes near to.")
+    ] = False,
+    robust: Annotated[
+        bool, Option("--robust", help="Leave out rows that no smooth positive spectrum explains.")
+    ] = False,
+    unit: Annotated[
+        Texts, Option(metavar="QUANTITY=UNIT", help="For instance modulus=MPa; may be repeated.")
+    ] = None,
+    column: Annotated[
+        Texts, Option(metavar="QUANTITY=NAME", help="For instance loss=4; may be repeated.")
+    ] = None,
+    card: Annotated[Texts, Option(help="Also write toml, csv, json, abaqus or ansys.")] = None,
     form: FigureFormat = Format.PNG,
 ) -> None:
     """Fits a Prony series to files of a rheometer or DMA: prints it as a table for a scene.
@@ -146,7 +124,7 @@ def fit(
             "throw": not anyway,
         }  # fmt: skip
         weights = {"storage_weight": storage_weight, "loss_weight": loss_weight}
-        shifts = {"law": law, "scatter": scatter, "vertical": vertical}
+        shifts = {"law": law, "shift_std": shift_std, "vertical_shift_std": vertical_shift_std}
         figures, material, errors, report = _fitted(measured, shifts, weights, arguments)
         name = re.sub(r"\W", "_", moduli_files[0].stem)
         name = name if name[:1].isalpha() else f"material_{name}"
@@ -161,7 +139,7 @@ def fit(
 
 
 def _without_wild(measured: Measured, robust: bool) -> Measured:
-    """Names the rows that no smooth positive spectrum explains; leaves them out if asked."""
+    """Prints the rows that no smooth positive spectrum explains; leaves them out if `robust`."""
     wild = wild_values(measured)
     if wild and robust:
         typer.echo("Left out, because no smooth positive spectrum explains their values:")
@@ -205,16 +183,15 @@ def _naming_options() -> Iterator[None]:
 
 
 def _fitted(measured, shifts, weights, arguments):
-    """Figures by the ends of their names; the material, what is known of it, and the report."""
+    """Figures by the ends of their names; the material, its errors, and the report."""
     check_law(shifts["law"])
     isotherms = measured.isotherms()
     if measured.kind != "frequency" and set(weights.values()) != {1.0}:
         raise ValueError(f"`storage_weight`, `loss_weight`: {measured.kind} has one channel only.")
     if len(isotherms) == 1:
-        functions = {"frequency": fit_prony, "relaxation": fit_relaxation, "creep": fit_creep}
-        if measured.kind == "frequency":
-            arguments = {**arguments, **weights}
-        found = functions[measured.kind](measured.abscissa, measured.values, **arguments)
+        function = {"frequency": fit_prony, "relaxation": fit_relaxation, "creep": fit_creep}
+        given = {**arguments, **weights} if measured.kind == "frequency" else arguments
+        found = function[measured.kind](measured.abscissa, measured.values, **given)
         material = found.material
         return {"": plot_fit(found)}, material, errors_of(found, material), found.report()
     weight, loss_weight = weights.values()

@@ -19,9 +19,9 @@ from ..rheology.material import AbstractMaterial, BulkShear, Elastic, Prony
 from ..rheology.shift import WLF, AbstractShift, Arrhenius
 from ..rheology.tabulated import Tabulated
 from ..rheology.tabulated_shift import TabulatedShift
-from .errors import Errors, check_errors, read_errors
 from .moduli.quantities import DIMENSIONS, UNITS
 from .moduli.reading import read_moduli
+from .parameter_covariance import Errors, check_errors, read_errors
 from .signatures import Builder, keys_of
 from .toml import Section, nearest, short, within
 

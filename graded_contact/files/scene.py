@@ -60,9 +60,9 @@ from ..response.stack import Stack
 from ..rheology.material import AbstractMaterial
 from ..rheology.tabulated import Tabulated
 from .block import Block, extremes
-from .errors import Errors
 from .given import existing_file
 from .output import check_name, full_path
+from .parameter_covariance import Errors
 from .surfaces import RandomSurface, SurfaceFile, parse_surface
 from .toml import LARGEST, Section, nearest, parse_toml, within
 

@@ -1,4 +1,4 @@
-"""The best series of every length, from one branch to as many as the data can tell apart.
+"""The best series of every length, from one branch to as many as the data determine.
 
 Two walks meet: upwards, each new branch put where it lowers the error most; downwards from the best
 positive spectrum of all, each time joining the two branches (or dropping the one) that costs least.
@@ -8,9 +8,15 @@ R. J. Hanson, Solving Least Squares Problems, SIAM 1995, ch. 23), its neighbours
 Newton's method on all unknowns; no added branch lowers its error, which makes it the floor.
 """
 
+import dataclasses
+from typing import NamedTuple
+
 import numpy as np
 from scipy.optimize import nnls
 
+from ..core.display import shown
+from .model import series_of
+from .observations import Observations, concrete
 from .series import Series
 
 Fitted = tuple[np.ndarray, float]  # unknowns θ, and their cost
@@ -19,6 +25,113 @@ MANY = 2000  # rows, from which on an orthogonal reduction of them pays
 PER_DECADE = 10
 MOST_ADDED = 10  # branches, to the best spectrum on a grid
 RESOLUTION = 1e-6  # of measured values, relative
+AS_GOOD = 1.05  # times the error: a liquid that does no worse is what was measured
+
+
+@shown()
+class Length(NamedTuple):
+    """A number of terms that was tried.
+
+    **Fields:**
+
+    - `terms`: their number.
+    - `error`: root mean square of ln(model/measured) [1].
+    - `bic`: Bayes information criterion [1].
+    """
+
+    terms: int
+    error: float
+    bic: float
+
+
+# The number of terms ----------------------------------------------------------------------------
+
+
+def check_terms(data: Observations, terms: int) -> None:
+    """Raises `ValueError` for a number of terms that the data cannot have."""
+    least = 0 if data.num_extras or data.times is not None else 1
+    if not isinstance(terms, int | np.integer) or terms < least:
+        raise ValueError(f"`terms={terms}` must be a whole number, at least {least}.")
+    if concrete(data) and data.times is None:
+        count, unknowns = int(np.sum(np.asarray(data.weights) > 0)), data.num_unknowns(terms)
+        if unknowns > count:
+            raise ValueError(
+                f"`terms={terms}` has {unknowns} unknowns, more than the {count} measured values."
+            )
+
+
+def check_choosable(data: Observations) -> None:
+    """Raises `ValueError` under transformations: the number of terms depends on the values."""
+    if not concrete(data):
+        raise ValueError(
+            "`terms=None` needs values that are concrete: under `jit`, `grad` or `vmap` give "
+            "`terms`, `times`, or `start` from a fit to similar data."
+        )
+
+
+def choose(series: Series, within: float | None) -> tuple[np.ndarray, tuple[Length, ...]]:
+    """Returns the unknowns of the best length, see `fit_prony`, and all lengths tried."""
+    if within is not None and not within > 0:
+        raise ValueError(f"`within={within!r}` must be a positive number [1].")
+    most = (np.sum(series.measured) - 1 - len(series.static)) // 2
+    fitted = best_path(series, max(int(most), 1))
+    path = tuple(
+        Length(n, series.rms(theta), _criterion(series, theta, cost))
+        for n, (theta, cost) in fitted.items()
+    )
+    if within is None:
+        chosen = min(path, key=lambda length: length.bic)
+    else:
+        least = min(length.error for length in path)
+        chosen = next(length for length in path if length.error <= (1 + within) * least)
+    return fitted[chosen.terms][0], path
+
+
+def choose_solid_or_liquid(
+    data: Observations, within: float | None
+) -> tuple[Observations, np.ndarray, tuple[Length, ...]]:
+    """Returns the data, with E_eq = 0 where they need none; the unknowns; lengths tried.
+
+    They need none if no spectrum near to them is better for it: slow branches far outside would
+    replace any E_eq.
+    """
+    series = series_of(data)
+    theta, path = choose(series, within)
+    if may_be_liquid(data):
+        liquid = data.as_liquid()
+        other, lengths = choose(dataclasses.replace(series_of(liquid), reach=series.reach), within)
+        if series_of(liquid).rms(other) <= AS_GOOD * series.rms(theta):
+            return liquid, other, lengths
+    return data, theta, path
+
+
+def may_be_liquid(data: Observations) -> bool:
+    """Returns whether E_eq is unknown and loss exceeds storage at the lowest frequencies."""
+    return data.equilibrium is None and data.times is None and flows(data)
+
+
+def flows(data: Observations) -> bool:
+    """Returns whether moduli over frequency have more loss than storage where they begin."""
+    if data.kind != "frequency":
+        return False
+    both = np.all(np.asarray(data.weights) > 0, axis=0)
+    lowest = np.argsort(np.where(both, np.asarray(data.x), np.inf))[: min(3, int(np.sum(both)))]
+    storage, loss = np.asarray(data.values)[:, lowest]
+    return bool(len(lowest) and np.all(loss > storage))
+
+
+def _criterion(series, theta, cost):
+    """The Bayes information criterion, n ln(mean square) + p ln n.
+
+    G. Schwarz, Ann. Statist. 6 (1978) 461, doi:10.1214/aos/1176344136. Errors below `RESOLUTION`
+    are rounding and no reason for a further term.
+    """
+    count = np.sum(series.measured)
+    mean_square = 2 * cost / np.sum(series.weights[series.measured])
+    return float(count * np.log(mean_square + RESOLUTION**2) + len(theta) * np.log(count))
+
+
+# The best series --------------------------------------------------------------------------------
 
 
 def best_spectrum(series: Series) -> Fitted:
@@ -62,7 +175,7 @@ def _measured_by(series, theta):
 
 
 def _top(series, theta, most):
-    """The shortest series that comes within 0.05 % of the floor, which no data tell apart."""
+    """The shortest series that comes within 0.05 % of the floor, a difference that no data show."""
     cost = _measured_by(series, theta)[1]
     while True:
         terms, limit = series.terms(theta), 1.001 * cost
@@ -94,17 +207,6 @@ def _downwards(series, path):
         for shorter in _one_fewer(series, path[terms][0]):
             _keep_better(path, terms - 1, series.minimise(shorter, rtol=SEARCH, max_steps=40))
     return path
-
-
-def criterion(series: Series, theta: np.ndarray, cost: float) -> float:
-    """Returns the Bayes information criterion, n ln(mean square) + p ln n.
-
-    G. Schwarz, Ann. Statist. 6 (1978) 461, doi:10.1214/aos/1176344136. Errors below `RESOLUTION`
-    are rounding and no reason for a further term.
-    """
-    count = np.sum(series.measured)
-    mean_square = 2 * cost / np.sum(series.weights[series.measured])
-    return float(count * np.log(mean_square + RESOLUTION**2) + len(theta) * np.log(count))
 
 
 def _keep_better(path, terms, fitted):

@@ -8,43 +8,54 @@ amount expected beforehand, and their uncertainty is reported.
 
 import dataclasses
 from collections.abc import Sequence
+from typing import Any
 
 import equinox as eqx
 import jax
 import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Complex, Float
-from scipy.special import ndtri
 
-from ..core.checks import Numbers, as_float, check_poisson, check_positive, check_types
+from ..core.checks import (
+    Numbers,
+    as_float,
+    check_poisson,
+    check_types,
+    check_values,
+    is_concrete,
+)
 from ..core.display import shown
 from ..files.moduli.measured import Measured
 from ..rheology.material import Prony
 from ..rheology.measured import MeasuredRange
 from ..rheology.shift import AbstractShift
-from .isotherms import Isotherm, isotherms_of, size_of
-from .lengths import best_of_length
-from .master_report import report_of
+from ..rheology.tabulated_shift import TabulatedShift
+from .lengths import best_of_length, check_choosable, check_terms
+from .model import attach_derivative, search
 from .observations import concrete
-from .optimum import attach_derivative, search
-from .prony import check_terms, refuse_nonsense, require_known
-from .quality import rms
-from .result import PronyFit, limits_where_known
-from .shifted_observations import (
+from .prony import (
+    PronyFit,
+    check_limits,
+    deviation,
+    limits_where_measured,
+    linear_limits,
+    refuse_nonsense,
+)
+from .shifted_series import (
+    LAW_LIMITS,
+    LN10,
     Isotherms,
     at_reference,
     law_of,
-    log_shift_of,
-    log_vertical_of,
-    shared_objective,
-    shared_series_of,
-    shift_of,
+    shifted_objective,
+    shifted_series_of,
+    shifts_of,
 )
-from .shifted_series import LN10
-from .shifting import shifted_solid_or_liquid, shifts_and_series
+from .shifting import Isotherm, isotherms_of, shifted_solid_or_liquid, shifts_and_series
 from .uncertainty import covariance
 
-SERVES = 1.05  # times the error with the shifts as found: a law that does no worse replaces them
+SERVES = 1.05  # times the error with the fitted shifts: a law that does no worse replaces them
+STEEP = 0.4  # decades per kelvin, two within 5 K
 
 
 @shown("law", "temperatures", "log10_shifts", "vertical_shifts", "fit")
@@ -56,7 +67,7 @@ class MasterCurve(eqx.Module):
     - `fit`: the series, fitted to all data shifted to the reference temperature. Its errors and
       floor are those of the master curve; its `confidence` takes the shifts as known.
     - `unknowns`: of series and shifts together, see `shifted_series`.
-    - `data`: what was fitted.
+    - `data`: the fitted isotherms.
     """
 
     fit: PronyFit
@@ -66,18 +77,29 @@ class MasterCurve(eqx.Module):
     @property
     def law(self) -> AbstractShift:
         """The fitted law about the reference temperature, without departures from it."""
-        return law_of(self.unknowns, self.data)
+        p = shifted_series_of(self.data, jnp).split(self.unknowns).law
+        return law_of(p, self.data.temperatures, self.data.reference, self.data.law)
 
     @property
     def shift(self) -> AbstractShift:
-        """The shifts as found: a table, or the law if `scatter` and `vertical` are 0."""
-        return shift_of(self.unknowns, self.data)
+        """The fitted shifts: a table, or the law if both standard deviations of shifts are 0."""
+        if not (self.data.departs or self.data.lifts):
+            return self.law
+        across = self.vertical_shifts
+        # Moduli change by the reciprocal of the factor of a compliance.
+        across = 1 / across if self.data.observations.kind == "creep" else across
+        return TabulatedShift(
+            temperatures=self.temperatures,
+            log10_factors=self.log10_shifts,
+            reference=self.temperatures[self.data.reference],
+            vertical_factors=across if self.data.lifts else None,
+        )
 
     @property
     def material(self) -> Prony:
         """The material at the reference temperature; `material.at(T)` is that at another.
 
-        It carries the shifts as found, and so has the error of the fit on every isotherm; and the
+        It carries the fitted shifts, and so has the error of the fit on every isotherm; and the
         temperatures of the isotherms, beyond which it was not measured.
         """
         return self._material(self.shift)
@@ -85,41 +107,23 @@ class MasterCurve(eqx.Module):
     def law_material(self) -> Prony:
         """Returns the material with the law alone, which also holds between and beyond isotherms.
 
-        `law_error` says how far it is off.
+        Its error on the isotherms is `law_error`.
         """
         return self._material(self.law)
 
     def law_error(self) -> float:
         """Returns the rms log error on all isotherms of the series shifted by the law alone."""
-        self._require_known()
-        shared = shared_series_of(self.data)
-        by_law = shared.law.shifts(shared.split(np.asarray(self.unknowns)).law)[0]
-        return rms(shared.shifted(by_law, np.zeros_like(by_law)), np.asarray(self.fit.theta))
+        shared, unknowns = self._problem()
+        by_law = shared.law_shifts(shared.split(unknowns).law)
+        return shared.shifted(by_law, np.zeros_like(by_law)).rms(np.asarray(self.fit.theta))
 
     def exported(self) -> Prony:
-        """Returns the material to hand on: with the law if it serves as well as the shifts found.
+        """Returns the material to hand on: with the law if it serves as well as the fitted shifts.
 
         It does where its error is at most 1.05 times that of the fit and no constant has run to
         its bound; otherwise the material carries the table of shifts.
         """
         return self.law_material() if self._law_serves() else self.material
-
-    def _law_serves(self):
-        bounded = self._constants_at_bounds()
-        return not bounded and self.law_error() <= SERVES * self.fit.errors().total
-
-    def _constants_at_bounds(self):
-        """Which unknowns of the law are no result but the end of the search."""
-        shared = shared_series_of(self.data)
-        found = shared.split(np.asarray(self.unknowns)).law
-        lower, upper = shared.law.bounds
-        return bool(np.any((found < lower + 1e-3) | (found > upper - 1e-3)))
-
-    def _material(self, shift):
-        material = self.fit.material
-        assert material.measured is not None
-        measured = MeasuredRange(material.measured.omega, self.temperatures[np.array([0, -1])])
-        return dataclasses.replace(material, shift=shift, measured=measured)
 
     @property
     def temperatures(self) -> Float[Array, " isotherms"]:
@@ -129,24 +133,23 @@ class MasterCurve(eqx.Module):
     @property
     def log10_shifts(self) -> Float[Array, " isotherms"]:
         """log10 a_T of the isotherms; 0 at the reference."""
-        return log_shift_of(self.unknowns, self.data) / LN10
+        return shifts_of(self.unknowns, self.data)[0] / LN10
 
     @property
     def vertical_shifts(self) -> Float[Array, " isotherms"]:
         """b_T of the isotherms: moduli there are b_T (creep: compliances) times the master's."""
-        return jnp.exp(log_vertical_of(self.unknowns, self.data))
+        return jnp.exp(shifts_of(self.unknowns, self.data)[1])
 
     def shift_deviations(
         self,
     ) -> tuple[Float[Array, " isotherms"], Float[Array, " isotherms"]]:
         """Returns standard deviations of log10 a_T and of ln b_T.
 
-        Large ones tell of isotherms too flat to be placed by anything but the law.
+        They are large for isotherms too flat to be placed by anything but the law.
         """
         spread = self.covariance()
-        shifts = jax.jacfwd(log_shift_of)(self.unknowns, self.data) / LN10
-        verticals = jax.jacfwd(log_vertical_of)(self.unknowns, self.data)
-        return _deviation(shifts, spread), _deviation(verticals, spread)
+        along, across = jax.jacfwd(shifts_of)(self.unknowns, self.data)
+        return deviation(along / LN10, spread), deviation(across, spread)
 
     def confidence(
         self, omega: Numbers, temperature: Numbers | None = None, *, level: float = 0.95
@@ -156,19 +159,17 @@ class MasterCurve(eqx.Module):
         The uncertainty of the shifts is included. `temperature` [K] is by default the reference;
         beyond the isotherms all limits are NaN.
         """
-        if not 0 < level < 1:
-            raise ValueError(f"`level={level!r}` must lie between 0 and 1.")
-        omega = as_float(omega, "omega")
-        check_positive("omega", omega, "[rad/s]")
+        omega = check_limits(omega, level)
+
+        def material(curve):
+            return curve.material if temperature is None else curve.material.at(temperature)
 
         def logs(unknowns):
-            modulus = _at(self.with_unknowns(unknowns).material, temperature).modulus(omega)
+            modulus = material(self.with_unknowns(unknowns)).modulus(omega)
             return jnp.log(jnp.stack([modulus.real, modulus.imag]))
 
-        middle, slopes = logs(self.unknowns), jax.jacfwd(logs)(self.unknowns)
-        reach = ndtri((1 + level) / 2) * _deviation(slopes, self.covariance())
-        known = _at(self.material, temperature).coverage()
-        return limits_where_known(omega, known, middle - reach, middle + reach)
+        limits = linear_limits(logs, self.unknowns, self.covariance(), level)
+        return limits_where_measured(omega, material(self), limits)
 
     def with_unknowns(self, unknowns: Float[Array, " unknowns"]) -> "MasterCurve":
         """Returns the master curve with other `unknowns`, those of its series included."""
@@ -178,23 +179,47 @@ class MasterCurve(eqx.Module):
             (unknowns, unknowns[: len(self.fit.theta)]),
         )
 
+    def covariance(self) -> Float[np.ndarray, "unknowns unknowns"]:
+        """Returns the covariance of `unknowns`; errors of neighbours on an isotherm may be
+        correlated."""
+        shared, unknowns = self._problem()
+        series, residual, jacobian, _ = shared.derivatives(unknowns)
+        free, penalty = shared.within_bounds(unknowns), shared.penalty(unknowns)
+        return covariance(series, residual, jacobian, free, penalty, shared.group)
+
     def report(self) -> str:
         """Returns shifts with their uncertainty, then the report of the fit, as text."""
-        return report_of(self)
+        import pandas as pd
 
-    def _require_known(self):
+        along, across = self.shift_deviations()
+        columns = (self.temperatures, self.log10_shifts, along, self.vertical_shifts, across)
+        table = pd.DataFrame(np.transpose(columns)).to_string(
+            index=False,
+            header=["T [K]", "log10 a_T", "+-", "b_T", "+-"],
+            formatters=[f"{{:.{digits}f}}".format for digits in (2, 3, 3, 4, 4)],
+        )
+        return "\n".join([*_law_words(self), "", table, *_step_words(self), "", self.fit.report()])
+
+    def _law_serves(self):
+        bounded = self._constants_at_bounds()
+        return not bounded and self.law_error() <= SERVES * self.fit.errors().total
+
+    def _constants_at_bounds(self):
+        """Whether unknowns of the law are no result but the end of the search."""
+        shared, unknowns = self._problem()
+        found, (lower, upper) = shared.split(unknowns).law, np.log(LAW_LIMITS[self.data.law]).T
+        return bool(np.any((found < lower + 1e-3) | (found > upper - 1e-3)))
+
+    def _material(self, shift):
+        material = self.fit.material
+        assert material.measured is not None
+        measured = MeasuredRange(material.measured.omega, self.temperatures[np.array([0, -1])])
+        return dataclasses.replace(material, shift=shift, measured=measured)
+
+    def _problem(self):
         if not concrete(self.data.observations):
             raise ValueError("The quality of a fit is not available under `jit` or `grad`.")
-
-    def covariance(self) -> Float[np.ndarray, "unknowns unknowns"]:
-        """Returns the covariance of `unknowns`; neighbours on an isotherm may err alike."""
-        self._require_known()
-        shared, unknowns = shared_series_of(self.data), np.asarray(self.unknowns)
-        series, residual, jacobian, _ = shared.derivatives(unknowns)
-        lower, upper = shared.bounds(unknowns)
-        free = (unknowns > lower) & (unknowns < upper)
-        penalty = shared.penalty(unknowns)
-        return covariance(series, residual, jacobian, free, penalty, shared.group)
+        return shifted_series_of(self.data), np.asarray(self.unknowns)
 
 
 @check_types
@@ -203,8 +228,8 @@ def master_curve(
     *,
     kind: str = "frequency",
     law: str = "wlf",
-    scatter: Numbers = 0.3,
-    vertical: Numbers = 0.0,
+    shift_std: Numbers = 0.3,
+    vertical_shift_std: Numbers = 0.0,
     reference: Numbers | None = None,
     terms: int | None = None,
     within: float | None = None,
@@ -225,16 +250,17 @@ def master_curve(
       what `read_moduli(path)` returned.
     - `kind`: "frequency", "relaxation" or "creep"; files know their own.
     - `law`: "wlf" or "arrhenius".
-    - `scatter`: expected departure of log10 a_T from the law [decades]; 0 holds the shifts to it,
-      3 leaves them practically free.
-    - `vertical`: expected size of ln b_T [1], such as 0.1; 0 for no vertical shifts.
+    - `shift_std`: expected standard deviation of log10 a_T from the law [decades]; with 0 the
+      shifts follow the law, with 3 they are practically free.
+    - `vertical_shift_std`: expected standard deviation of ln b_T [1], such as 0.1; 0 for no
+      vertical shifts.
     - `reference`: the isotherm nearest to this temperature [K] stays in place; by default the
       middle one.
     - `weight`, `loss_weight`: of the squared residuals [1]; the latter, of loss moduli, is by
       default the same.
 
-    The others: as `fit_prony`. Differentiable if `terms` is given; what
-    `scatter` and `vertical` mean beside the error of the fit then counts as known.
+    The others: as `fit_prony`. Differentiable if `terms` is given; the weight that `shift_std` and
+    `vertical_shift_std` have beside the error of the fit then counts as known.
 
     **Returns:** shifts, their law, and the fit of the shifted isotherms.
 
@@ -242,45 +268,85 @@ def master_curve(
     """
     poisson = as_float(poisson, "poisson")
     check_poisson("poisson", poisson)
-    sizes = size_of("scatter", scatter) * LN10, size_of("vertical", vertical)
-    data = isotherms_of(
-        isotherms, kind, law, sizes, reference,
-        channels=(weight, weight if loss_weight is None else loss_weight),
-        equilibrium=equilibrium, glassy=glassy, huber=huber,
-    )  # fmt: skip
+    sizes = (
+        _std_of("shift_std", shift_std) * LN10,
+        _std_of("vertical_shift_std", vertical_shift_std),
+    )
+    weights = (weight, weight if loss_weight is None else loss_weight)
+    known = (equilibrium, glassy, huber)
+    data = isotherms_of(isotherms, kind, law, sizes, reference, weights, *known)
     if terms is not None and within is not None:
         raise ValueError("`terms` and `within` both set the number of terms: give one.")
     if terms is None:
-        require_known(data.observations)
+        check_choosable(data.observations)
         data, found, path = shifted_solid_or_liquid(data, sizes, within)
         unknowns, free, penalty = map(jnp.asarray, found)
     else:
         check_terms(data.observations, terms)
-        count = data.observations.num_unknowns(terms) + data.num_shift_unknowns
-        unknowns, free, penalty = search(
-            lambda data: shifts_and_series(
-                data, sizes, lambda s: (best_of_length(s, terms)[0], ())
-            )[0],
-            (count, 2),
-            data,
-        )
+        count = data.observations.num_unknowns(terms) + sum(data.shift_counts)
+
+        def find(data):
+            found, _ = shifts_and_series(data, sizes, lambda series: best_of_length(series, terms))
+            return found
+
+        unknowns, free, penalty = search(find, (count, 2), data)
         path = ()
-    data = eqx.tree_at(lambda d: d.penalty, data, penalty)
-    unknowns = attach_derivative(shared_objective, unknowns, free, data)
+    data = dataclasses.replace(data, penalty=penalty)
+    unknowns = attach_derivative(shifted_objective, unknowns, free, data)
     fit = PronyFit(
-        theta=unknowns[: len(unknowns) - data.num_shift_unknowns],
+        theta=unknowns[: len(unknowns) - sum(data.shift_counts)],
         data=at_reference(unknowns, data),
         poisson=poisson,
         path=path,
     )
-    if throw and concrete(fit.data):
+    if throw:
         refuse_nonsense(fit)
     return MasterCurve(fit=fit, unknowns=unknowns, data=data)
 
 
-def _at(material, temperature):
-    return material if temperature is None else material.at(temperature)
+def _std_of(name: str, value: Any) -> float:
+    """An expected standard deviation of shifts, checked."""
+    if not is_concrete(value):
+        raise ValueError(f"`{name}` must be a concrete number: it decides what is fitted.")
+    check_values(name, value, "it must be zero or positive", at_least=0)
+    return float(value)
 
 
-def _deviation(slopes, spread):
-    return jnp.sqrt(jnp.einsum("...i,ij,...j->...", slopes, spread, slopes))
+def _law_words(curve):
+    """The law, how well it represents the fitted shifts, and which of both is exported."""
+    law = curve.law
+    if curve.data.law == "wlf":
+        words = f"WLF with c1 = {float(law.c1):.4g}, c2 = {float(law.c2):.4g} K"
+    else:
+        words = f"Arrhenius with Q = {float(law.activation_energy) / 1e3:.4g} kJ/mol"
+    lines = [f"{words} about {float(law.reference):.2f} K."]
+    if not (curve.data.departs or curve.data.lifts):
+        return lines
+    if curve._constants_at_bounds():
+        lines.append(
+            "Error: a constant of this law ran to the end of its range, so it is no result: the "
+            "shifts follow no such law."
+        )
+    exported = "law" if curve._law_serves() else "table"
+    return [
+        *lines,
+        f"The isotherms are met within {100 * curve.fit.errors().total:.3g} % with the shifts of "
+        f"this table, within {100 * curve.law_error():.3g} % with the law alone: the {exported} is "
+        "what is exported.",
+    ]
+
+
+def _step_words(curve):
+    """A sentence on neighbours whose shifts are hardly those of one material."""
+    temperatures, shifts = np.asarray(curve.temperatures), np.asarray(curve.log10_shifts)
+    rates = np.diff(shifts) / np.diff(temperatures)
+    steps = [
+        f"{temperatures[i]:.2f} to {temperatures[i + 1]:.2f} K ({shifts[i + 1] - shifts[i]:+.2f})"
+        for i in np.flatnonzero((rates < -STEEP) | (rates > 0))
+    ]
+    if not steps:
+        return []
+    return [
+        f"Look at the steps of log10 a_T from {', '.join(steps)}: more than two decades within "
+        "5 K, or upwards, are seldom those of one material."
+    ]

@@ -1,51 +1,140 @@
-"""What a material with given unknowns would have shown, and how far off the observations are.
+"""Observations as a least-squares problem, the optimum as a material, and its derivatives.
 
 The unknowns are θ = (ln strengths, ln times, ln extras): see `series`. The extra of moduli is
-E_eq; those of a compliance are 1/E_inf and, for a liquid, the fluidity 1/η. What is known is left
-out of θ; an end value that is a sum of unknowns (E_inf of moduli, 1/E_eq of compliances) is held
-by a term of great weight.
+E_eq; those of a compliance are 1/E_inf and, for a liquid, the fluidity 1/η. Known values are not
+part of θ; a known end value that is a sum of unknowns (E_inf of moduli, 1/E_eq of compliances) is a
+term of great weight.
+
+At the optimum θ of an objective f its gradient vanishes, so that dθ = -f_θθ⁻¹ f_θd dd for a change
+dd of anything observed or known. Unknowns at a bound stay there. With more terms than the data
+determine f_θθ is nearly singular: single terms then have no useful derivative, but E(ω) has.
 """
+
+import dataclasses
+from collections.abc import Callable
+from typing import Any
 
 import equinox as eqx
 import jax
 import jax.numpy as jnp
 import numpy as np
-from jaxtyping import Array, Float
+from jaxtyping import Array, Bool, Float
 
-from ..core.checks import Numbers
+from ..core.checks import Numbers, is_concrete
 from ..rheology.material import Prony
 from ..rheology.measured import MeasuredRange
 from ..rheology.shift import AbstractShift
 from .observations import Observations, Unknowns
-from .series import COMPLETE, NEGLIGIBLE, Series, branches
+from .series import COMPLETE, NEGLIGIBLE, NO_OUTLIER, Series, branches
 
-HELD = 1e6  # weight of an end value that is known, over that of all measured values
+END_WEIGHT = 1e6  # of an end value that is known, over that of all measured values
 # How far times may lie outside those of the data, before and after. Farther out strengths grow
 # without effect, and a slow branch replaces E_eq, so that a solid melts just below its data.
 REACH = {"frequency": (3.0, 3.0), "relaxation": (2.5, 5.0), "creep": (10.0, 5.0)}
 STIFFEST = 30.0  # times the first secant modulus of creep: more shows in no measured strain
 REACH_TO_KNOWN = 1e3  # on the side of a known end value, which branches have to lead up to
 LAST = 1e12  # a retardation time this much beyond the data is viscous flow to rounding
+RIDGE = 1e-13  # relative to the diagonal of the Hessian: far below what data determine
+
+
+# The problem and its material -------------------------------------------------------------------
+
+
+def series_of(data: Observations, xp: Any = np) -> Series:
+    """Returns the least-squares problem of the observations, in arrays of the module `xp`."""
+    x, values, weights = (xp.asarray(part) for part in (data.x, data.values, data.weights))
+    if data.known_end is not None:
+        x = xp.append(x, COMPLETE[data.kind])
+        end = xp.stack([xp.asarray(data.known_end)] * len(values))[:, None]
+        values = xp.concatenate([values, end], axis=1)
+        first = np.arange(len(end))[:, None] == 0
+        end_weights = xp.where(first, END_WEIGHT * xp.sum(weights), 0.0)
+        weights = xp.concatenate([weights, end_weights], axis=1)
+    known, static = _fixed_columns(data, x, xp)
+    return Series(
+        kind=data.kind,
+        x=x,
+        log_values=xp.log(values).ravel(),
+        weights=weights.ravel(),
+        known=known,
+        static=static,
+        least=_least_static(data),
+        reach=(
+            REACH[data.kind][0] if data.glassy is None else REACH_TO_KNOWN,
+            REACH[data.kind][1] if data.equilibrium is None else REACH_TO_KNOWN,
+        ),
+        num_ends=int(data.known_end is not None),
+        huber=NO_OUTLIER if data.huber is None else xp.asarray(data.huber),
+    )
+
+
+def _fixed_columns(data, x, xp):
+    """The known part of a series at `x`, and the columns of strengths whose time is not fitted."""
+    rows = len(data.values) * len(x)
+    constant = xp.asarray(np.arange(rows) < len(x), float)  # the first channel alone has it
+    known = constant * (0.0 if data.known_start is None else xp.asarray(data.known_start))
+    static = [xp.zeros((0, rows))]
+    if data.times is not None:
+        static.append(branches(data.kind, x, xp.asarray(data.times))[0])
+    if data.known_start is None:
+        static.append(constant[None])
+    if data.flows:
+        static.append(x[None] / xp.max(xp.asarray(data.x)))
+    return known, xp.concatenate(static)
+
+
+def _least_static(data):
+    """Logarithms of the least strengths of the static columns."""
+    least = np.full(data.num_extras + (0 if data.times is None else data.times.size), -np.inf)
+    if data.known_start is None:
+        least[len(least) - data.num_extras] = np.log(1e-300)
+        if data.kind == "creep" and is_concrete(data.values):
+            smallest = np.min(np.asarray(data.values)[np.asarray(data.weights) > 0])
+            least[len(least) - data.num_extras] = np.log(smallest / STIFFEST)
+    return least
+
+
+def objective(theta: Unknowns, data: Observations) -> Float[Array, ""]:
+    """Returns Σ w ρ(ln model - ln measured), in JAX."""
+    series = series_of(data, jnp)
+    return series.cost(series.residual(series.model(theta)))
+
+
+@eqx.filter_jit
+def model(
+    theta: Unknowns, data: Observations, x: Float[Array, " any"]
+) -> Float[Array, "channels any"]:
+    """Returns what a measurement of this kind at frequencies or times `x` would show."""
+    strengths, times, extras = _unpack(theta, data)
+    known, static = _fixed_columns(dataclasses.replace(data, times=None), x, jnp)
+    rows = known + strengths @ branches(data.kind, x, times)[0] + extras @ static
+    return rows.reshape(-1, len(x))
 
 
 @eqx.filter_jit
 def material_of(
     theta: Unknowns, data: Observations, poisson: Numbers, shift: AbstractShift | None = None
 ) -> Prony:
-    """Returns the material that the unknowns stand for, in relaxation form."""
+    """Returns the material with these unknowns, in relaxation form."""
     strengths, times, extras = _unpack(theta, data)
     common = {"poisson": poisson, "shift": shift, "measured": measured_range(data)}
+    start = extras[0] if data.known_start is None else data.known_start
     if data.kind != "creep":
-        equilibrium = _equilibrium(theta, data)
-        return Prony(equilibrium=equilibrium, strengths=strengths, times=times, **common)
-    glassy = 1 / extras[0] if data.glassy is None else data.glassy
+        if data.known_start is None:  # exactly zero where the data need none
+            smallest = jnp.min(jnp.where(data.weights > 0, data.values, jnp.inf))
+            start = jnp.where(start > 1.001 * NEGLIGIBLE * smallest, start, 0)
+        return Prony(equilibrium=start, strengths=strengths, times=times, **common)
+    glassy = 1 / start
     if data.flows:
         last = LAST * jax.lax.stop_gradient(jnp.maximum(jnp.max(data.x), jnp.max(times, initial=0)))
         strengths = jnp.append(strengths, extras[-1] * last / jnp.max(data.x))
         times = jnp.append(times, last)
     if not len(times):
         return Prony(equilibrium=glassy, strengths=strengths, times=times, **common)
-    material = Prony.from_creep(glassy, strengths, _apart(times), **common)
+    # Retardation times that the fit let meet are moved 1e-6 apart.
+    meet = jnp.abs(times[:, None] - times) < 1e-7 * times
+    times = times * (1 + 1e-6 * jnp.sum(jnp.tril(meet, -1), axis=1))
+    material = Prony.from_creep(glassy, strengths, times, **common)
     if data.flows:
         material = eqx.tree_at(lambda m: m.equilibrium, material, jnp.zeros_like(glassy))
     return material
@@ -62,117 +151,65 @@ def measured_range(data: Observations) -> MeasuredRange:
     return MeasuredRange(jnp.stack([lowest, highest]))
 
 
-def objective(theta: Unknowns, data: Observations) -> Float[Array, ""]:
-    """Returns Σ w ρ(ln model - ln measured), the same as `Series.cost`, for derivatives."""
-    residual = jnp.log(model(theta, data, data.x)) - jnp.log(data.values)
-    squares = residual**2 / 2
-    if data.huber is not None:
-        size = jnp.abs(residual)
-        squares = jnp.where(size <= data.huber, squares, data.huber * (size - data.huber / 2))
-    cost = jnp.sum(jnp.where(data.weights > 0, data.weights * squares, 0))
-    end = _known_end(data)
-    if end is not None:
-        strengths, _, extras = _unpack(theta, data)
-        total = jnp.sum(strengths) + _start_value(theta, data, extras)
-        cost = cost + HELD * jnp.sum(data.weights) * jnp.log(total / end) ** 2 / 2
-    return cost
+def _unpack(theta, data):
+    """Strengths, times and extras, each possibly empty."""
+    terms = data.num_terms(theta)
+    extras = jnp.exp(theta[len(theta) - data.num_extras :])
+    times = jnp.exp(theta[terms : 2 * terms]) if data.times is None else data.times
+    return jnp.exp(theta[:terms]), times, extras
+
+
+# The optimum in differentiable programs ---------------------------------------------------------
+
+
+def search(find: Callable[..., tuple], sizes: tuple[int, ...], *arguments: Any) -> tuple:
+    """Returns the arrays that `find(*arguments)` finds in NumPy, also under `jit` and `grad`.
+
+    `arguments` are pytrees of arrays. `find` returns the unknowns, of shape `(sizes[0],)`, which of
+    them are at no bound, and float arrays of the other `sizes`. No derivatives are attached.
+    """
+    arguments = jax.lax.stop_gradient(arguments)
+    if all(is_concrete(leaf) for leaf in jax.tree.leaves(arguments)):
+        return tuple(map(jnp.asarray, find(*arguments)))
+    unknowns, *others = (jax.ShapeDtypeStruct((size,), np.float64) for size in sizes)
+    free = jax.ShapeDtypeStruct((sizes[0],), np.bool_)
+    return jax.pure_callback(find, (unknowns, free, *others), *arguments, vmap_method="sequential")
+
+
+@eqx.filter_custom_jvp
+def attach_derivative(
+    objective: Callable[[Array, Any], Array],
+    theta: Float[Array, " unknowns"],
+    free: Bool[Array, " unknowns"],
+    data: Any,
+) -> Float[Array, " unknowns"]:
+    """Returns `theta` unchanged, with its derivatives by every number in `data`.
+
+    `theta` must minimise `objective(theta, data)` in its `free` entries; this is not checked.
+    """
+    return theta
+
+
+@attach_derivative.def_jvp
+def _attach_derivative_jvp(primals, tangents):
+    objective, theta, free, data = primals
+    return theta, _change(objective, theta, free, data, tangents[3])
 
 
 @eqx.filter_jit
-def model(
-    theta: Unknowns, data: Observations, x: Float[Array, " any"]
-) -> Float[Array, "channels any"]:
-    """Returns what a measurement of this kind at frequencies or times `x` would show."""
-    strengths, times, extras = _unpack(theta, data)
-    start = _start_value(theta, data, extras)
-    if data.kind == "frequency":
-        modulus = material_of(theta, data, 0.5).modulus(x)
-        return jnp.stack([modulus.real, modulus.imag])
-    ages = -x[:, None] / times
-    if data.kind == "relaxation":
-        return (start + jnp.exp(ages) @ strengths)[None]
-    flow = extras[-1] * x / jnp.max(data.x) if data.flows else 0
-    return (start - jnp.expm1(ages) @ strengths + flow)[None]
+def _change(objective, theta, free, data, d_data):
+    gradient = jax.grad(objective)
+    _, forcing = eqx.filter_jvp(lambda data: gradient(theta, data), (data,), (d_data,))
 
+    def column(direction):
+        return jax.jvp(lambda theta: gradient(theta, data), (theta,), (direction,))[1]
 
-def series_of(data: Observations) -> Series:
-    """Returns the least-squares problem of the observations, in NumPy."""
-    x, values = np.asarray(data.x), np.asarray(data.values)
-    weights = np.asarray(data.weights)
-    end = _known_end(data)
-    if end is not None:
-        x = np.append(x, COMPLETE[data.kind])
-        held = np.zeros((len(values), 1))
-        held[0] = HELD * np.sum(weights)
-        values = np.concatenate([values, np.full_like(held, float(end))], axis=1)
-        weights = np.concatenate([weights, held], axis=1)
-    rows = values.size
-    first = np.arange(rows) < len(x)  # what is constant is seen by the first channel alone
-    known = data.equilibrium if data.kind != "creep" else data.glassy
-    least = [np.zeros(0)] if data.times is None else [np.full(data.times.shape, -np.inf)]
-    start = 0.0 if known is None else float(known if data.kind != "creep" else 1 / known)
-    static = [np.zeros((0, rows))]
-    if data.times is not None:
-        static.append(branches(data.kind, x, np.asarray(data.times))[0])
-    if known is None:
-        static.append(first[None].astype(float))
-        stiffest = np.min(values[weights > 0]) / STIFFEST if data.kind == "creep" else 0.0
-        least.append(np.log(np.maximum([stiffest], 1e-300)))
-    if data.flows:
-        static.append(x[None] / np.max(x))
-        least.append(np.array([-np.inf]))
-    reach = (
-        REACH[data.kind][0] if data.glassy is None else REACH_TO_KNOWN,
-        REACH[data.kind][1] if data.equilibrium is None else REACH_TO_KNOWN,
-    )
-    return Series(
-        kind=data.kind,
-        x=x,
-        log_values=np.log(values).ravel(),
-        weights=weights.ravel(),
-        known=start * first,
-        static=np.concatenate(static),
-        least=np.concatenate(least),
-        reach=reach,
-        held=int(end is not None),
-        huber=np.inf if data.huber is None else float(data.huber),
-    )
-
-
-def _unpack(theta, data):
-    """Strengths, times and extras, each possibly empty."""
-    count = len(theta) - data.num_extras
-    extras = jnp.exp(theta[count:])
-    if data.times is not None:
-        return jnp.exp(theta[:count]), data.times, extras
-    terms = count // 2
-    return jnp.exp(theta[:terms]), jnp.exp(theta[terms:count]), extras
-
-
-def _known_end(data):
-    """The known value of a complete series: E_inf of moduli, 1/E_eq of compliances."""
-    if data.kind != "creep":
-        return data.glassy
-    return None if data.equilibrium is None or data.flows else 1 / data.equilibrium
-
-
-def _start_value(theta, data, extras):
-    """The value of a series without its branches: E_eq of moduli, 1/E_inf of compliances."""
-    if data.kind != "creep":
-        return _equilibrium(theta, data)
-    return extras[0] if data.glassy is None else 1 / data.glassy
-
-
-def _equilibrium(theta, data):
-    """E_eq, exactly zero where the data want none."""
-    if data.equilibrium is not None:
-        return data.equilibrium
-    smallest = jnp.min(jnp.where(data.weights > 0, data.values, jnp.inf))
-    fitted = jnp.exp(theta[-1])
-    return jnp.where(fitted > 1.001 * NEGLIGIBLE * smallest, fitted, 0)
-
-
-def _apart(times):
-    """Retardation times of which none is another's: where a fit let two meet, 1e-6 apart."""
-    meet = jnp.abs(times[:, None] - times) < 1e-7 * times
-    return times * (1 + 1e-6 * jnp.sum(jnp.tril(meet, -1), axis=1))
+    # One column at a time: all at once would take unknowns times the memory of a gradient.
+    hessian = jax.lax.map(column, jnp.eye(len(theta), dtype=theta.dtype))
+    scale = jnp.sqrt(jnp.maximum(jnp.abs(jnp.diagonal(hessian)), 1e-300))
+    scale = jnp.where(free, scale, 1)
+    both = free[:, None] & free
+    matrix = jnp.where(both, hessian / scale / scale[:, None], 0)
+    matrix = matrix + jnp.diag(jnp.where(free, RIDGE, 1))
+    change = jnp.linalg.solve(matrix, jnp.where(free, forcing / scale, 0))
+    return -change / scale

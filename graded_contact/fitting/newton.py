@@ -10,7 +10,7 @@ from typing import NamedTuple
 import numpy as np
 from scipy.linalg import get_lapack_funcs
 
-DAMPED = 1e-2  # a step so damped that its length says nothing about the distance left
+DAMPED = 1e-2  # a step so damped that its length does not show the distance left
 LONGEST = 3.0  # the most a step changes an unknown: all are logarithms
 LEAST = 1e-14  # relative decrease of the value, below which rounding hides whether it falls
 SINGULAR = 1e-13  # of a Hessian scaled to a unit diagonal
@@ -73,11 +73,11 @@ def newton_minimum(
         if decrease <= max(rtol, LEAST) * before and damping < DAMPED:
             break
     if rtol == 0:
-        point, here = _settled(expand, point, here, lower, upper)
+        point, here = _converged(expand, point, here, lower, upper)
     return point, here.value
 
 
-def _settled(expand, point, here, lower, upper):
+def _converged(expand, point, here, lower, upper):
     """Takes undamped steps as long as each gains much less than the one before."""
     least = np.inf
     while True:

@@ -8,18 +8,31 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float
 
-from ..core.checks import Numbers, as_float, check_positive, check_values, is_concrete
+from ..core.checks import (
+    Numbers,
+    as_float,
+    as_numbers,
+    check_positive,
+    check_values,
+    is_concrete,
+)
 from ..core.display import shown
 from .series import Kind
 
 REPRESENTABLE = 1e100  # beyond this, or below its reciprocal, squares and ratios overflow
+# The arguments that hold the measured values of each channel.
+CHANNELS = {
+    "frequency": ("modulus.real", "modulus.imag"),
+    "relaxation": ("modulus",),
+    "creep": ("compliance",),
+}
 
 Unknowns = Float[Array, " unknowns"]
 
 
 @shown()
 class Observations(eqx.Module):
-    """What was measured, with what is known beforehand.
+    """Measured values, and what is known beforehand.
 
     **Fields:**
 
@@ -44,30 +57,52 @@ class Observations(eqx.Module):
     flows: bool = eqx.field(static=True)
 
     @property
+    def known_start(self) -> Float[Array, ""] | None:
+        """The known value of a series without its branches: E_eq, or 1/E_inf of compliances."""
+        if self.kind != "creep":
+            return self.equilibrium
+        return None if self.glassy is None else 1 / self.glassy
+
+    @property
+    def known_end(self) -> Float[Array, ""] | None:
+        """The known value of a complete series: E_inf, or 1/E_eq of compliances."""
+        if self.kind != "creep":
+            return self.glassy
+        return None if self.equilibrium is None or self.flows else 1 / self.equilibrium
+
+    @property
     def num_extras(self) -> int:
-        """How many unknowns belong to no branch."""
-        known = self.glassy if self.kind == "creep" else self.equilibrium
-        return int(known is None) + int(self.flows)
+        """The number of unknowns that belong to no branch."""
+        return int(self.known_start is None) + int(self.flows)
 
     def num_unknowns(self, terms: int) -> int:
         """Returns the length of θ of a series of `terms` branches."""
         return terms * (2 if self.times is None else 1) + self.num_extras
 
+    def num_terms(self, theta: Any) -> int:
+        """Returns the number of branches of a series with the unknowns `theta`."""
+        return (len(theta) - self.num_extras) // (2 if self.times is None else 1)
+
+    def as_liquid(self) -> "Observations":
+        """Returns the same data with E_eq = 0."""
+        return eqx.tree_at(
+            lambda data: data.equilibrium, self, jnp.zeros(()), is_leaf=lambda leaf: leaf is None
+        )
+
 
 def observe(
     kind: Kind,
     x: Numbers,
-    channels: dict[str, tuple[Any, Numbers]],
-    *,
-    equilibrium: Numbers | None,
-    glassy: Numbers | None,
-    times: Numbers | None,
-    huber: Numbers | None,
+    values: Numbers,
+    weights: tuple[Numbers, ...],
+    equilibrium: Numbers | None = None,
+    glassy: Numbers | None = None,
+    times: Numbers | None = None,
+    huber: Numbers | None = None,
 ) -> Observations:
-    """Returns the observations, checked.
+    """Returns the observations, checked. Values that are NaN count as not measured.
 
-    `channels` holds `(values, weight)` by the name of the argument that the values came in; those
-    that are NaN count as not measured.
+    `weights` has an entry for each channel, see `CHANNELS`.
     """
     x_name, unit = ("omega", "[rad/s]") if kind == "frequency" else ("time", "[s]")
     x = as_float(x, x_name)
@@ -82,7 +117,7 @@ def observe(
         check_positive(x_name, x, unit)
     else:
         check_values(x_name, x, f"it must be zero or a positive number {unit}", at_least=0)
-    # Of a number as it was given: inside `jit` a converted one is not known.
+    # Of the number as given: inside `jit` a converted one is not concrete.
     flows = (
         kind == "creep"
         and equilibrium is not None
@@ -98,22 +133,29 @@ def observe(
     for name, allowed in (("glassy", "[Pa]"), ("times", "[s]"), ("huber", "[1]")):
         if (value := known[name]) is not None:
             check_positive(name, value, allowed)
-    pairs = [_channel(name, *channel, x) for name, channel in channels.items()]
+    parts = [values]
+    if kind == "frequency":
+        modulus = as_numbers(values, "modulus")
+        parts = [modulus.real, modulus.imag]
+    channels = [
+        _channel(name, part, weight, x)
+        for name, part, weight in zip(CHANNELS[kind], parts, weights, strict=True)
+    ]
     data = Observations(
         x=x,
-        values=jnp.stack([values for values, _ in pairs]),
-        weights=jnp.stack([weights for _, weights in pairs]),
+        values=jnp.stack([channel[0] for channel in channels]),
+        weights=jnp.stack([channel[1] for channel in channels]),
         kind=kind,
         flows=flows,
         **known,
     )
     if concrete(data):
-        _check_content(data, x_name, list(channels))
+        _check_content(data, x_name)
     return data
 
 
 def concrete(data: Observations) -> bool:
-    """Returns whether all numbers of the observations are known now."""
+    """Returns whether all numbers of the observations are concrete."""
     return all(is_concrete(leaf) for leaf in jax.tree.leaves(data))
 
 
@@ -126,18 +168,19 @@ def _channel(name, values, weight, x):
             f"The weight of `{name}` has shape {weight.shape}; the shape must be () or {x.shape}."
         )
     check_values(f"weight of {name}", weight, "it must be zero or positive", at_least=0)
-    present = ~jnp.isnan(values)
-    weights = jnp.where(present, jnp.broadcast_to(weight, x.shape), 0)
+    weights = jnp.where(jnp.isnan(values), 0, weight)
+    values = jnp.where(weights > 0, values, 1)
     check_values(
         name,
-        jnp.where(weights > 0, values, 1),
+        values,
         "its logarithm is fitted, so it must be positive; NaN, or a weight of 0, leaves it out",
         above=0,
     )
-    return jnp.where(weights > 0, values, 1), weights
+    return values, weights
 
 
-def _check_content(data, x_name, names):
+def _check_content(data, x_name):
+    names = CHANNELS[data.kind]
     counts = np.sum(np.asarray(data.weights) > 0, axis=1)
     if np.sum(counts) < 2:
         raise ValueError(
@@ -146,12 +189,12 @@ def _check_content(data, x_name, names):
         )
     if data.kind == "frequency" and counts[0] == 0 and data.equilibrium is None:
         raise ValueError(
-            "`equilibrium=None` cannot be fitted to a loss modulus alone, which says nothing "
-            "about it. Give it, or 0 for a liquid."
+            "`equilibrium=None` cannot be fitted to a loss modulus alone, which does not depend "
+            "on it. Give it, or 0 for a liquid."
         )
-    if data.kind != "frequency" and not np.any(np.asarray(data.x) > 0):
-        raise ValueError(f"`{x_name}` holds no time after 0.")
     x = np.asarray(data.x)
+    if not np.any(x > 0):
+        raise ValueError(f"`{x_name}` holds no time after 0.")
     for name, measured in ((x_name, x[x > 0]), (names[0], np.asarray(data.values))):
         check_values(
             name,

@@ -13,20 +13,177 @@ The relaxation forms of N terms with E_eq > 0 and the creep forms of N terms are
 the best of one kind is the best of the other, and `fit.material.creep()` is exact.
 """
 
-import dataclasses
+from typing import Any
 
+import equinox as eqx
+import jax
+import jax.numpy as jnp
 import numpy as np
+from jaxtyping import Array, Complex, Float
+from scipy.special import ndtri
 
-from ..core.checks import Numbers, as_numbers, as_scalar, check_poisson, check_types
-from .lengths import best_of_length, best_spectrum
-from .model import objective, series_of
+from ..core.checks import (
+    Numbers,
+    as_float,
+    as_scalar,
+    check_poisson,
+    check_positive,
+    check_types,
+)
+from ..core.display import shown, with_units
+from ..rheology.material import Prony
+from ..rheology.measured import is_unknown
+from .lengths import (
+    Length,
+    best_of_length,
+    best_spectrum,
+    check_choosable,
+    check_terms,
+    choose_solid_or_liquid,
+)
+from .model import attach_derivative, material_of, model, objective, search, series_of
 from .observations import Observations, concrete, observe
-from .optimum import attach_derivative, search
-from .quality import jumps_of, rms
-from .result import Length, PronyFit, choose, liquid_of
+from .quality import FitErrors, Floor, errors_of, floor_of, jumps_of, report_of, verdict_of
+from .series import Series
+from .uncertainty import covariance, resampled
 
-AS_GOOD = 1.05  # times the error: a liquid that does no worse is what was measured
 FOREIGN = 0.3  # median log residual from which on data are no linear viscoelastic moduli
+
+
+@shown("terms", "material", "errors")
+class PronyFit(eqx.Module):
+    """A fitted Prony series and its quality.
+
+    **Fields:**
+
+    - `theta`: the unknowns of the fit, see `model`; shape `(unknowns,)`.
+    - `data`: the fitted observations.
+    - `poisson`: Poisson's ratio of the material [1].
+    - `path`: the best fits of every number of terms, if they were needed to choose it. Static.
+    """
+
+    theta: Float[Array, " unknowns"]
+    data: Observations
+    poisson: Float[Array, ""]
+    path: tuple[Length, ...] = eqx.field(static=True)
+
+    @property
+    def terms(self) -> int:
+        """The number of terms that were fitted."""
+        return self.data.num_terms(self.theta)
+
+    @property
+    def material(self) -> Prony:
+        """The fitted material."""
+        return with_units(material_of(self.theta, self.data, self.poisson))
+
+    def predict(self, x: Numbers) -> Float[Array, "channels points"]:
+        """Returns what the measurement would have shown at other frequencies or times.
+
+        `x` are angular frequencies [rad/s] or times [s], shape `(points,)`. The rows are storage
+        and loss modulus [Pa]; or one of moduli [Pa] or compliances [1/Pa].
+        """
+        return model(self.theta, self.data, as_float(x))
+
+    def errors(self) -> FitErrors:
+        """Returns the errors of the fit."""
+        return errors_of(*self._problem())
+
+    def floor(self) -> Floor:
+        """Returns the errors of the best positive spectra, and whether the channels agree."""
+        return floor_of(*self._problem())
+
+    def verdict(self) -> str:
+        """Returns in plain words whether the data or the number of terms limit the fit."""
+        return verdict_of(self, self.errors(), self.floor())
+
+    def report(self) -> str:
+        """Returns the fit as text: terms, errors, verdict, and the lengths tried."""
+        return report_of(self)
+
+    def covariance(self) -> Float[np.ndarray, "unknowns unknowns"]:
+        """Returns the covariance of `theta`; errors of neighbours may be correlated."""
+        series, theta = self._problem()
+        residual, jacobian, _ = series.derivatives(theta)
+        return covariance(series, residual, jacobian, series.within_bounds(theta))
+
+    def with_unknowns(self, unknowns: Float[Array, " unknowns"]) -> "PronyFit":
+        """Returns the fit with another `theta`."""
+        return eqx.tree_at(lambda fit: fit.theta, self, unknowns)
+
+    def confidence(
+        self, omega: Numbers, *, level: float = 0.95, resamples: int = 0, seed: int = 0
+    ) -> tuple[Complex[Array, "*w"], Complex[Array, "*w"]]:
+        """Returns `(lower, upper)`, limits of E'(ω) and, in the imaginary part, of E''(ω) [Pa].
+
+        **Arguments:**
+
+        - `omega`: angular frequencies [rad/s], positive.
+        - `level`: probability that each limit pair encloses the true value.
+        - `resamples`: 0 for linearised (Gauss-Newton) limits, or the number of refits to data
+          with resampled residuals (bootstrap) whose quantiles are taken; `seed` draws them.
+
+        Outside the measured frequencies (of times, their reciprocals) the limits are NaN: nothing
+        was measured there. Both kinds assume that the errors scatter about a series of this length,
+        with neighbours as correlated as the residuals show. Where `floor` reports that the data
+        contradict themselves, the true material may lie outside the limits.
+        """
+
+        def logs(theta):
+            return _log_parts(theta, self.data, omega)
+
+        omega = check_limits(omega, level)
+        series, theta = self._problem()
+        if resamples:
+            free = series.within_bounds(theta)
+            refits = jnp.asarray(resampled(series, theta, free, resamples, seed))
+            tails = jnp.array([(1 - level) / 2, (1 + level) / 2])
+            limits = jnp.quantile(jax.vmap(logs)(refits), tails, axis=0)
+        else:
+            limits = linear_limits(logs, self.theta, self.covariance(), level)
+        return limits_where_measured(omega, self.material, limits)
+
+    def _problem(self) -> tuple[Series, np.ndarray]:
+        if not concrete(self.data):
+            raise ValueError("The quality of a fit is not available under `jit` or `grad`.")
+        return series_of(self.data), np.asarray(self.theta)
+
+
+def check_limits(omega: Numbers, level: float) -> Float[Array, "*w"]:
+    """Returns the frequencies [rad/s] at which limits of E* are requested, checked."""
+    if not 0 < level < 1:
+        raise ValueError(f"`level={level!r}` must lie between 0 and 1.")
+    omega = as_float(omega, "omega")
+    check_positive("omega", omega, "[rad/s]")
+    return omega
+
+
+def linear_limits(logs: Any, unknowns: Array, spread: np.ndarray, level: float) -> Any:
+    """Returns limits of `logs(unknowns)`, linearised, for unknowns of this covariance."""
+    middle = logs(unknowns)
+    reach = ndtri((1 + level) / 2) * deviation(jax.jacfwd(logs)(unknowns), spread)
+    return middle - reach, middle + reach
+
+
+def deviation(slopes: Array, spread: np.ndarray) -> Array:
+    """Returns standard deviations of quantities from their slopes by unknowns."""
+    return jnp.sqrt(jnp.einsum("...i,ij,...j->...", slopes, spread, slopes))
+
+
+def limits_where_measured(
+    omega: Float[Array, "*w"], material: Prony, limits: Any
+) -> tuple[Complex[Array, "*w"], Complex[Array, "*w"]]:
+    """Returns limits of E* [Pa] from those of ln E', ln E''; NaN where nothing was measured."""
+    outside = is_unknown(omega, material.coverage())
+    lower, upper = (jnp.where(outside, jnp.nan, jnp.exp(limit)) for limit in limits)
+    return jax.lax.complex(*lower), jax.lax.complex(*upper)
+
+
+@eqx.filter_jit
+def _log_parts(theta, data, omega):
+    """ln E' and ln E'', stacked."""
+    modulus = material_of(theta, data, 0.5).modulus(omega)
+    return jnp.log(jnp.stack([modulus.real, modulus.imag]))
 
 
 @check_types
@@ -74,19 +231,8 @@ def fit_prony(
 
     **Returns:** the material, and how well it is known.
     """
-    modulus = as_numbers(modulus, "modulus")
-    data = observe(
-        "frequency",
-        omega,
-        {
-            "modulus.real": (modulus.real, storage_weight),
-            "modulus.imag": (modulus.imag, loss_weight),
-        },
-        equilibrium=equilibrium,
-        glassy=glassy,
-        times=times,
-        huber=huber,
-    )
+    weights = (storage_weight, loss_weight)
+    data = observe("frequency", omega, modulus, weights, equilibrium, glassy, times, huber)
     return _fit(data, terms, within, start, poisson, throw)
 
 
@@ -118,15 +264,7 @@ def fit_relaxation(
 
     **Returns:** as `fit_prony`.
     """
-    data = observe(
-        "relaxation",
-        time,
-        {"modulus": (modulus, weight)},
-        equilibrium=equilibrium,
-        glassy=glassy,
-        times=times,
-        huber=huber,
-    )
+    data = observe("relaxation", time, modulus, (weight,), equilibrium, glassy, times, huber)
     return _fit(data, terms, within, start, poisson, throw)
 
 
@@ -162,15 +300,7 @@ def fit_creep(
 
     **Returns:** as `fit_prony`.
     """
-    data = observe(
-        "creep",
-        time,
-        {"compliance": (compliance, weight)},
-        equilibrium=equilibrium,
-        glassy=glassy,
-        times=times,
-        huber=huber,
-    )
+    data = observe("creep", time, compliance, (weight,), equilibrium, glassy, times, huber)
     return _fit(data, terms, within, start, poisson, throw)
 
 
@@ -185,11 +315,11 @@ def _fit(data, terms, within, start, poisson, throw):
     if data.times is not None:
         terms = data.times.size
     elif start is not None:
-        begin, terms = _unknowns(start, data), start.terms
+        begin, terms = _unknowns_of(start, data), start.terms
     elif terms is None:
-        require_known(data)
-        data, begin, path = solid_or_liquid(data, within)
-        terms = (len(begin) - data.num_extras) // 2
+        check_choosable(data)
+        data, begin, path = choose_solid_or_liquid(data, within)
+        terms = data.num_terms(begin)
     check_terms(data, terms)
 
     def find(data, begin):
@@ -203,67 +333,29 @@ def _fit(data, terms, within, start, poisson, throw):
     theta, free = search(find, (data.num_unknowns(terms),), data, begin)
     theta = attach_derivative(objective, theta, free, data)
     fit = PronyFit(theta=theta, data=data, poisson=poisson, path=path)
-    if throw and concrete(data):
+    if throw:
         refuse_nonsense(fit)
     return fit
 
 
-def solid_or_liquid(
-    data: Observations, within: float | None
-) -> tuple[Observations, np.ndarray, tuple[Length, ...]]:
-    """Returns the data, with E_eq = 0 where they ask for none; the unknowns; lengths tried.
-
-    They ask for none if no spectrum near to them is better for it: slow branches far outside would
-    stand for any E_eq.
-    """
-    series = series_of(data)
-    begin, path = choose(series, within)
-    if (liquid := liquid_of(data)) is not None:
-        near = dataclasses.replace(series_of(liquid), reach=series.reach)
-        other, lengths = choose(near, within)
-        if rms(near, other) <= AS_GOOD * rms(series, begin):
-            return liquid, other, lengths
-    return data, begin, path
-
-
-def _unknowns(start, data):
+def _unknowns_of(start, data):
     alike = (start.data.kind, start.data.num_extras) == (data.kind, data.num_extras)
     if not alike or start.data.times is not None:
         raise ValueError(
-            f"`start` is a fit of kind {start.data.kind!r} in which other end values were known, "
-            "or the times; it must be one of the same form as is asked for."
+            f"`start` is a fit of kind {start.data.kind!r} with other known end values, or with "
+            "given times; it must be of the same form as this fit."
         )
     return start.theta
 
 
-def require_known(data: Observations) -> None:
-    """Raises `ValueError` under transformations: the number of terms depends on the values."""
-    if not concrete(data):
-        raise ValueError(
-            "`terms=None` needs values that are known: under `jit`, `grad` or `vmap` give "
-            "`terms`, `times`, or `start` from a fit to similar data."
-        )
-
-
-def check_terms(data: Observations, terms: int) -> None:
-    """Raises `ValueError` for a number of terms that the data cannot have."""
-    least = 0 if data.num_extras or data.times is not None else 1
-    if not isinstance(terms, int | np.integer) or terms < least:
-        raise ValueError(f"`terms={terms}` must be a whole number, at least {least}.")
-    if concrete(data) and data.times is None:
-        count, unknowns = int(np.sum(np.asarray(data.weights) > 0)), data.num_unknowns(terms)
-        if unknowns > count:
-            raise ValueError(
-                f"`terms={terms}` has {unknowns} unknowns, more than the {count} measured values."
-            )
-
-
 def refuse_nonsense(fit: PronyFit) -> None:
-    """Raises `ValueError` if half of the data are far from every positive spectrum."""
-    series = series_of(fit.data)
-    if _typical(series, np.asarray(fit.theta)) < FOREIGN:
+    """Raises `ValueError` if half of the data, where concrete, are far from every spectrum."""
+    if not concrete(fit.data):
         return
-    off = _typical(series, best_spectrum(series)[0])
+    series = series_of(fit.data)
+    if _typical_residual(series, np.asarray(fit.theta)) < FOREIGN:
+        return
+    off = _typical_residual(series, best_spectrum(series)[0])
     if off > FOREIGN:
         raise ValueError(
             f"{jumps_of(series)}Half of the measured values are off by more than "
@@ -275,7 +367,7 @@ def refuse_nonsense(fit: PronyFit) -> None:
         )
 
 
-def _typical(series, theta):
+def _typical_residual(series, theta):
     """The median size of the log residuals, of the worse channel.
 
     A channel of small weight is not trusted, and may be off by as much more.

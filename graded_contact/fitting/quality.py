@@ -1,14 +1,14 @@
-"""How near a fit comes to measured values, and how near any positive spectrum could."""
+"""How near a fit comes to measured values, how near any positive spectrum could, and the report."""
 
 import dataclasses
-from collections.abc import Sequence
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 from scipy.special import fdtrc
 
 from ..core.display import shown
-from .lengths import best_spectrum
+from .lengths import best_spectrum, flows
+from .model import series_of
 from .series import Series
 
 # How far times of the best spectra may lie outside the data, before and after. Those that decay
@@ -17,11 +17,13 @@ WIDEST = {"frequency": (1e6, 1e6), "relaxation": (1.0, 1e6), "creep": (1.0, 1e6)
 FINEST = 1e-4  # log residual of a modulus that no instrument, and no search of spectra, goes below
 JUMP = 0.1  # log difference of neighbours beyond what any spectrum allows
 JUMPING = 0.25  # share of neighbours: fewer are noise
-CONTRADICTION = 1e-4  # chance of agreement from which on storage and loss are said to disagree
+CONTRADICTION = 1e-4  # chance of agreement below which storage and loss contradict each other
+INSTANT = 0.5  # of the first measured strain: less of it is not seen to be instant
+VAGUE = 0.5  # deviation of the logarithm of a value that data do not determine
 
 
 @shown()
-class Errors(NamedTuple):
+class FitErrors(NamedTuple):
     """Root-mean-square of ln(model/measured).
 
     A channel without measured values has none; moduli in time are all `storage`.
@@ -39,7 +41,7 @@ class Errors(NamedTuple):
 
 @shown()
 class Floor(NamedTuple):
-    """Errors of the best positive spectra of any length, the lower bound of all fits.
+    """FitErrors of the best positive spectra of any length, the lower bound of all fits.
 
     Relaxation times may lie six decades outside the data, where a branch is a dashpot or a spring
     to a millionth: a wider reach would lower no error.
@@ -60,31 +62,21 @@ class Floor(NamedTuple):
     near: float
 
 
-def rms(series: Series, theta: np.ndarray, rows: np.ndarray | bool = True) -> float:
-    """Returns the root mean square of the log residuals in `rows`, one of which is measured."""
-    counted = series.measured & rows
-    residual, weights = series.residual(series.model(theta))[counted], series.weights[counted]
-    return float(np.sqrt(np.average(residual**2, weights=weights)))
-
-
 def _channels(series):
-    """The rows of storage moduli, and those of loss moduli."""
+    """The rows of storage moduli and those of loss moduli; None for a channel without values."""
     storage = np.arange(len(series.weights)) < len(series.x)
-    return storage, ~storage
+    return [rows if np.any(series.measured & rows) else None for rows in (storage, ~storage)]
 
 
-def errors_of(series: Series, theta: np.ndarray) -> Errors:
+def errors_of(series: Series, theta: np.ndarray) -> FitErrors:
     """Returns the errors of the fit `theta`."""
-    parts = (
-        rms(series, theta, rows) if np.any(series.measured & rows) else None
-        for rows in _channels(series)
-    )
-    return Errors(rms(series, theta), *parts)
+    parts = (rows if rows is None else series.rms(theta, rows) for rows in _channels(series))
+    return FitErrors(series.rms(theta), *parts)
 
 
 def floor_of(series: Series, theta: np.ndarray) -> Floor:
     """Returns the errors of the best positive spectra, of which the fit `theta` is one."""
-    near = min(_best(series).error, rms(series, theta))
+    near = min(_best(series).error, series.rms(theta))
     reach = tuple(map(max, series.reach, WIDEST[series.kind]))
     series = dataclasses.replace(series, reach=reach)
     both = _best(series)
@@ -92,11 +84,10 @@ def floor_of(series: Series, theta: np.ndarray) -> Floor:
     if series.kind != "frequency":
         return Floor(total, total, None, None, near)
     parts = [
-        _best(dataclasses.replace(series, weights=np.where(rows, series.weights, 0)))
-        if np.any(series.measured & rows)
-        else None
+        rows if rows is None
+        else _best(dataclasses.replace(series, weights=np.where(rows, series.weights, 0)))
         for rows in _channels(series)
-    ]
+    ]  # fmt: skip
     storage, loss = (part and part.error for part in parts)
     return Floor(total, storage, loss, _chance(both, *parts), near)
 
@@ -112,7 +103,7 @@ def _best(series):
     """The best positive spectrum."""
     theta, cost = best_spectrum(series)
     free = np.sum(series.within_bounds(theta))
-    return _Best(rms(series, theta), cost, int(np.sum(series.measured)), int(free))
+    return _Best(series.rms(theta), cost, int(np.sum(series.measured)), int(free))
 
 
 def _chance(both, storage, loss):
@@ -134,7 +125,7 @@ def jumps_of(series: Series) -> str:
     """
     if series.kind != "frequency":
         return ""
-    order = np.argsort(series.x[: len(series.x) - series.held], kind="stable")
+    order = np.argsort(series.x[: len(series.x) - series.num_ends], kind="stable")
     share = 0.0
     for channel in np.arange(len(series.weights)).reshape(-1, len(series.x)):
         rows = channel[order][series.measured[channel[order]]]
@@ -149,28 +140,27 @@ def jumps_of(series: Series) -> str:
     )
 
 
-def verdict(terms: int, error: Errors, floor: Floor, unknown: Sequence[str]) -> str:
-    """Returns in plain words whether the data or the number of terms limit a fit.
-
-    `unknown` are the end values, `glassy` or `equilibrium`, that were not given.
-    """
+def verdict_of(fit: Any, error: FitErrors, floor: Floor) -> str:
+    """Returns in plain words whether the data or the number of terms limit a `PronyFit`."""
+    off = f"it is off by {percent(error.total)}"
     best = f"the best positive spectrum of any length is off by {percent(floor.total)}"
     if error.total <= 1.1 * floor.total:
-        words = f"The data limit this fit: it is off by {percent(error.total)}, and {best}."
+        words = f"The data limit this fit: {off}, and {best}."
     elif error.total <= 1.1 * floor.near:
         words = (
-            f"The ends of the data limit this fit: it is off by {percent(error.total)}; {best}, "
-            "but with relaxation times far outside the data, which cannot place them."
+            f"The ends of the data limit this fit: {off}; {best}, but with relaxation times far "
+            "outside the data, which cannot place them."
         )
         advice = {"glassy": "`glassy`", "equilibrium": "`equilibrium` (0 for a liquid)"}
-        given = " or ".join(text for name, text in advice.items() if name in unknown)
-        words += f" Give {given} to let times lie beyond that end." if given else ""
+        given = [text for name, text in advice.items() if getattr(fit.data, name) is None]
+        words += f" Give {' or '.join(given)} to let times lie beyond that end." if given else ""
     else:
-        words = f"{terms} terms limit this fit: it is off by {percent(error.total)}, but {best}."
+        words = f"{fit.terms} terms limit this fit: {off}, but {best}."
+    words = jumps_of(series_of(fit.data)) + words
     if floor.storage is None or floor.loss is None:
         return words
     if floor.chance is None:
-        return f"{words} Whether storage and loss agree cannot be told from so few values."
+        return f"{words} These values are too few to judge whether storage and loss agree."
     alone = (
         f"alone, storage can be met within {percent(floor.storage)} and loss within "
         f"{percent(floor.loss)}"
@@ -181,6 +171,53 @@ def verdict(terms: int, error: Errors, floor: Floor, unknown: Sequence[str]) -> 
         f"{words} Storage and loss contradict each other (Kramers-Kronig): {alone}. Look at the "
         "shifts and at thermal drift, or give the channel you trust less a smaller weight."
     )
+
+
+def report_of(fit: Any) -> str:
+    """Returns the report of a `PronyFit`: verdict, end values, errors and the lengths tried."""
+    import pandas as pd
+
+    error, floor, material = fit.errors(), fit.floor(), fit.material
+    lowest, highest = material.coverage()
+    channels = ["total", "storage", "loss"]
+    rows = pd.DataFrame([error, floor[:3]], index=["this fit", "floor"], columns=channels)
+    rows.columns.name = "rms log error"
+    lines = [
+        verdict_of(fit, error, floor),
+        f"{fit.terms} terms, E_eq = {float(material.equilibrium):.4g} Pa, "
+        f"E_inf = {float(material.glassy):.4g} Pa, Poisson's ratio {float(fit.poisson):.3g}",
+        *_undetermined(fit),
+        f"Measured from {float(lowest):.4g} to {float(highest):.4g} rad/s; outside, where limits "
+        "end, the series is an extrapolation.",
+        "",
+        rows.map(percent, na_action="ignore").to_string(na_rep=""),
+    ]
+    if fit.path:
+        path = pd.DataFrame(fit.path).rename(columns={"bic": "BIC"})
+        path[""] = np.where(path["terms"] == fit.terms, "*", "")
+        formats = [str, percent, "{:.1f}".format, str]
+        lines += ["", path.to_string(index=False, formatters=formats)]
+    return "\n".join(lines)
+
+
+def _undetermined(fit):
+    """A sentence on an end value that the data do not determine, if there is one."""
+    data = fit.data
+    if flows(data) and float(fit.material.equilibrium) == 0:
+        return [
+            "The data end where they flow, loss above storage, and show no equilibrium modulus."
+        ]
+    if data.kind != "creep" or data.glassy is not None:
+        return []
+    series, place = series_of(data), len(fit.theta) - data.num_extras  # of 1/E_inf
+    first = np.min(series.log_values[series.measured])
+    instant = float(fit.theta[place]) > first + np.log(INSTANT)
+    if instant and fit.covariance()[place, place] < VAGUE**2:
+        return []
+    return [
+        "E_inf is not determined by these data, which begin too late to show the instant strain: "
+        "it is only as high as they allow. Give `glassy` if you know it."
+    ]
 
 
 def percent(value: float) -> str:

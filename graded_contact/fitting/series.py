@@ -1,17 +1,18 @@
-"""How far a series of exponential branches lies from measured values, in logarithms (NumPy).
+"""How far a series of exponential branches lies from measured values, in logarithms.
 
-Rows are measured values, all of the storage moduli before the loss moduli. The model is linear in
-positive strengths,
+Rows are measured values, all storage moduli before the loss moduli. The model is linear in positive
+strengths,
 
     m = known + Σ_k exp(s_k) φ(x, τ_k) + Σ_j exp(c_j) B_j,
 
-with a basis φ for each kind of measurement and `static` columns B for strengths without a time of
-their own: E_eq, the glassy compliance, flow, or a whole grid of given times. The unknowns are
+with a basis φ for each kind of measurement and `static` columns B for strengths whose time is not
+fitted: E_eq, the glassy compliance, flow, or a whole grid of given times. The unknowns are
 logarithms, θ = (s, ln τ, c), so that strengths are positive by construction.
 
-A search expands this model hundreds of times, at every length: in JAX each length would take 3 s to
-compile and each expansion 5 times as long (`bench_fit.py solvers`). Derivatives of the optimum by
-the data are JAX's, see `observations`.
+The model takes NumPy arrays in the search and JAX arrays where the optimum is differentiated by the
+data (`model`). A search expands the model hundreds of times at every length. With derivatives by
+JAX each length takes 1 to 4 s to compile, and an expansion takes 5 times as long
+(`bench_fit.py solvers`). The search therefore has closed-form derivatives in NumPy.
 
 The squared logarithm (ln m - y)² is convex in m, hence in the strengths, wherever m < e times the
 measured value: a spectrum there that no added branch improves is the best of all.
@@ -19,22 +20,26 @@ measured value: a spectrum there that no added branch improves is the best of al
 
 import dataclasses
 import functools
-from typing import Literal
+from typing import Any, Literal
 
+import jax
+import jax.numpy as jnp
 import numpy as np
 
 from .newton import Expansion, newton_minimum
 
 Kind = Literal["frequency", "relaxation", "creep"]
 # Where a branch of relative strength one counts fully: infinite frequency, or the end of creep.
-COMPLETE = {"frequency": 1e200, "relaxation": 0.0, "creep": 1e200}
+COMPLETE = {"frequency": 1e150, "relaxation": 0.0, "creep": 1e150}
+NO_OUTLIER = 1e100  # log residual; infinity would leave NaN in derivatives
+FARTHEST = 1e60  # ωτ, or its reciprocal, beyond which a branch no longer changes
 MOST_POINTS = 400  # that a search goes through
 NEGLIGIBLE = 1e-9  # of the smallest measured value: a strength that changes nothing
 
 
 @dataclasses.dataclass(frozen=True, eq=False)
 class Series:
-    """Measured logarithms, and the model that is to meet them.
+    """Measured logarithms and their model; arrays are all NumPy's or all JAX's.
 
     **Fields:**
 
@@ -42,35 +47,35 @@ class Series:
     - `x`: angular frequencies [rad/s] or times [s], shape `(points,)`.
     - `log_values`, `weights`, `known`: shape `(rows,)`; a row is an entry of a channel.
     - `static`: columns B, shape `(columns, rows)`.
-    - `reach`: how far times may lie outside those of the data, before and after.
+    - `reach`: factors by which times may lie outside those of the data, before and after.
     - `least`: logarithms of the least strengths of the static columns.
-    - `held`: how many of the last points state what is known; they are no measurement.
+    - `num_ends`: how many of the last points are known end values instead of measurements.
     - `huber`: log residual from which on a row counts linearly instead of squared.
     """
 
     kind: Kind
-    x: np.ndarray
-    log_values: np.ndarray
-    weights: np.ndarray
-    known: np.ndarray
-    static: np.ndarray
+    x: Any
+    log_values: Any
+    weights: Any
+    known: Any
+    static: Any
     reach: tuple[float, float]
     least: np.ndarray
-    held: int = 0
-    huber: float = np.inf
+    num_ends: int = 0
+    huber: Any = NO_OUTLIER
 
     @property
     def measured(self) -> np.ndarray:
         """Which rows hold a measured value."""
-        last = len(self.x) - self.held
+        last = len(self.x) - self.num_ends
         return (self.weights > 0) & (np.arange(len(self.weights)) % len(self.x) < last)
 
-    def split(self, theta: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    def split(self, theta: Any) -> tuple[Any, Any, Any]:
         """Returns `(s, ln τ, c)` of the unknowns."""
         terms = self.terms(theta)
         return theta[:terms], theta[terms : 2 * terms], theta[2 * terms :]
 
-    def terms(self, theta: np.ndarray) -> int:
+    def terms(self, theta: Any) -> int:
         """Returns the number of branches with a time of their own."""
         return (len(theta) - len(self.static)) // 2
 
@@ -93,8 +98,8 @@ class Series:
         return float(np.log(NEGLIGIBLE) + np.min(self.log_values[self.measured]))
 
     def time_limits(self) -> tuple[float, float]:
-        """Returns the logarithms of the shortest and the longest time that data tell of."""
-        x = self.x[: len(self.x) - self.held]
+        """Returns the logarithms of the shortest and the longest time that data determine."""
+        x = self.x[: len(self.x) - self.num_ends]
         shortest, longest = np.min(x[x > 0]), np.max(x)
         if self.kind == "frequency":
             shortest, longest = 1 / longest, 1 / shortest
@@ -111,7 +116,7 @@ class Series:
             weights=self.weights[rows],
             known=self.known[rows],
             static=self.static[:, rows],
-            held=0,
+            num_ends=0,
         )
 
     def thinned(self) -> "Series":
@@ -119,14 +124,14 @@ class Series:
 
         A search through it costs no more than one through few data.
         """
-        count = len(self.x) - self.held
+        count = len(self.x) - self.num_ends
         if count <= MOST_POINTS:
             return self
         log_x = np.log(np.maximum(self.x, 1e-2 * np.min(self.x[self.x > 0])))
         order = np.append(np.argsort(log_x[:count]), np.arange(count, len(self.x)))
         log_x = log_x[order]
         place = (log_x - log_x[0]) / (log_x[count - 1] - log_x[0]) * MOST_POINTS
-        place[count:] = 2 * MOST_POINTS + np.arange(self.held)
+        place[count:] = 2 * MOST_POINTS + np.arange(self.num_ends)
         starts = np.flatnonzero(np.diff(np.floor(place), prepend=-1))
 
         def sums(rows):
@@ -145,24 +150,33 @@ class Series:
             static=sums(self.static) / sizes,
         )
 
-    def branches(self, log_times: np.ndarray) -> np.ndarray:
+    def branches(self, log_times: Any) -> Any:
         """Returns φ at every row, shape `(terms, rows)`."""
-        return branches(self.kind, self.x, np.exp(log_times))[0]
+        return branches(self.kind, self.x, array_module(self.x).exp(log_times))[0]
 
-    def model(self, theta: np.ndarray) -> np.ndarray:
+    def model(self, theta: Any) -> Any:
         """Returns m at every row."""
         s, log_times, c = self.split(theta)
-        return self._sum(np.exp(s) @ self.branches(log_times), np.exp(c))
+        xp = array_module(self.x)
+        return self._sum(xp.exp(s) @ self.branches(log_times), xp.exp(c))
 
-    def residual(self, model: np.ndarray) -> np.ndarray:
+    def residual(self, model: Any) -> Any:
         """Returns ln m - y; zero where nothing was measured."""
-        return np.where(self.weights > 0, np.log(model) - self.log_values, 0)
+        xp = array_module(self.x)
+        return xp.where(self.weights > 0, xp.log(model) - self.log_values, 0)
 
-    def cost(self, residual: np.ndarray) -> np.ndarray | np.floating:
+    def cost(self, residual: Any) -> Any:
         """Returns Σ w ρ(residual) with ρ(r) = r²/2, or Huber's, along the last axis."""
-        size = np.abs(residual)
-        squares = np.where(size <= self.huber, size**2 / 2, self.huber * (size - self.huber / 2))
+        size = abs(residual)
+        linear = self.huber * (size - self.huber / 2)
+        squares = array_module(self.x).where(size <= self.huber, residual**2 / 2, linear)
         return squares @ self.weights
+
+    def rms(self, theta: np.ndarray, rows: np.ndarray | bool = True) -> float:
+        """Returns the root mean square of the log residuals in `rows`, one of which is measured."""
+        counted = self.measured & rows
+        residual = self.residual(self.model(theta))[counted]
+        return float(np.sqrt(np.average(residual**2, weights=self.weights[counted])))
 
     def expand(self, theta: np.ndarray) -> Expansion:
         """Returns the cost about `theta`.
@@ -189,7 +203,7 @@ class Series:
         clipped = np.clip(residual, -self.huber, self.huber)
         near = (residual > -2) & (residual < 0.5)
         exact = (size <= self.huber) - clipped
-        safe = np.minimum(1, self.huber / np.maximum(size, 1e-300))
+        safe = np.minimum(1, self.huber / np.maximum(size, 1e-100))
         return self.weights * clipped, self.weights * np.where(near, exact, safe), near
 
     def minimise(
@@ -204,12 +218,13 @@ class Series:
         return np.concatenate([s[order], log_times[order], c]), cost
 
     def _sum(self, branches, static):
-        """m, kept off zero where every decay has underflowed."""
-        return np.maximum(self.known + branches + static @ self.static, 1e-12 * self._values)
+        """m, above zero also where every decay has underflowed."""
+        xp = array_module(self.x)
+        return xp.maximum(self.known + branches + static @ self.static, 1e-12 * self._values)
 
     @functools.cached_property
     def _values(self):
-        return np.exp(self.log_values)
+        return array_module(self.x).exp(self.log_values)
 
     def derivatives(self, theta: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
         """Returns the residual, ∂ ln m/∂θ, and (∂²m/∂(ln τ)²)/m of each branch, by rows."""
@@ -227,30 +242,31 @@ class Series:
         return self.residual(model), jacobian, curvature * relative
 
 
-def branches(
-    kind: Kind, x: np.ndarray, times: np.ndarray
-) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+def array_module(values: Any) -> Any:
+    """Returns `jax.numpy` for JAX's arrays and `numpy` for all others."""
+    return jnp if isinstance(values, jax.Array) else np
+
+
+def branches(kind: Kind, x: Any, times: Any) -> tuple[Any, Any, Any]:
     """Returns φ and its first two derivatives by ln τ, each of shape `(terms, rows)`."""
+    xp = array_module(x)
     if kind == "frequency":
-        with np.errstate(over="ignore"):
-            z = np.multiply.outer(times, x)
-        small = np.minimum(z, 1 / z)
-        square = small * small
-        inverse = 1 / (1 + square)
-        loss = small * inverse
-        storage = np.where(z > 1, inverse, square * inverse)
-        loss2, tilt = loss * loss, 1 - 2 * storage
+        # Beyond these limits a branch is complete or absent, and powers of z overflow.
+        z = xp.clip(times[:, None] * x, 1 / FARTHEST, FARTHEST)
+        inverse = 1 / z
+        loss, storage = 1 / (z + inverse), 1 / (1 + inverse**2)
+        loss2, tilt = loss**2, 1 - 2 * storage
         return (
-            np.concatenate([storage, loss], axis=1),
-            np.concatenate([2 * loss2, loss * tilt], axis=1),
-            np.concatenate([4 * loss2 * tilt, loss * (1 - 8 * loss2)], axis=1),
+            xp.concatenate([storage, loss], axis=1),
+            xp.concatenate([2 * loss2, loss * tilt], axis=1),
+            xp.concatenate([4 * loss2 * tilt, loss * (1 - 8 * loss2)], axis=1),
         )
-    z = np.multiply.outer(1 / times, x)
-    decay = np.exp(-z)
+    z = x / times[:, None]
+    decay = xp.exp(-z)
     slope = z * decay
     curvature = (z - 1) * slope
     if kind == "creep":
-        return -np.expm1(-z), -slope, -curvature
+        return -xp.expm1(-z), -slope, -curvature
     return decay, slope, curvature
 
 

@@ -1,149 +1,191 @@
-"""One series for measurements at many temperatures, each shifted along and across (NumPy).
+"""One series for measurements at many temperatures, each shifted along and across.
 
 An isotherm g measures b_g m(x a_g) at frequencies x (or times x/a_g). Its shift is a law plus a
 departure, ln a_g = L_g(p) + e_g. The unknowns are (θ, p, e, ln b): those of the series, the law's,
 and departures and vertical shifts of all isotherms but the reference. Departures and ln b may be
 expected to be small; those squares are then part of the cost.
+
+The unknowns p of WLF are the logarithms of its slope c1/c2 [1/K] at the reference and of the
+distance [K] of the coldest isotherm from the Vogel temperature; that of Arrhenius is ln Q/R [K].
 """
 
 import dataclasses
 import functools
-from typing import NamedTuple
+from typing import Any, Literal, NamedTuple
 
+import equinox as eqx
+import jax
+import jax.numpy as jnp
 import numpy as np
+from jaxtyping import Array, Float, Int
 
+from ..core.display import shown
+from ..rheology.shift import GAS_CONSTANT, WLF, AbstractShift, Arrhenius
+from .model import series_of
 from .newton import Expansion, newton_minimum
-from .series import Series, gram, gram_diagonal
+from .observations import Observations, Unknowns
+from .series import Series, array_module, gram, gram_diagonal
 
 LN10 = float(np.log(10))
+LawKind = Literal["wlf", "arrhenius"]
+# Limits of exp(p), far beyond those of any material, and values of a usual polymer.
+LAW_LIMITS = {"wlf": [(1e-4, 10), (1, 1e4)], "arrhenius": [(1e2, 1e6)]}
+LAW_TYPICAL = {"wlf": [0.1, 60.0], "arrhenius": [1e4]}
 
 
-class Law(NamedTuple):
-    """A shift law: its unknowns' bounds, and what follows from the temperatures [K].
+@shown()
+class Isotherms(eqx.Module):
+    """Measurements at several temperatures, and what is expected of the shifts.
 
-    `kind` is "wlf", with unknowns the logarithms of the slope c1/c2 [1/K] at the reference and of
-    the distance [K] of the coldest isotherm from the Vogel temperature, or "arrhenius", with that
-    of Q/R [K].
+    **Fields:**
+
+    - `observations`: all points, as measured.
+    - `group`: number of the isotherm of each point, shape `(points,)`.
+    - `temperatures`: [K], shape `(isotherms,)`, increasing.
+    - `penalty`: weights of the squares of departures and of ln b in the objective [1].
+    - `reference`: the isotherm that is not shifted. Static.
+    - `law`: the shift law. Static.
+    - `departs`, `lifts`: whether there are departures, and vertical shifts. Static.
     """
 
-    kind: str
-    temperatures: np.ndarray
-    reference: float
+    observations: Observations
+    group: Int[Array, " points"]
+    temperatures: Float[Array, " isotherms"]
+    penalty: Float[Array, " 2"]
+    reference: int = eqx.field(static=True)
+    law: LawKind = eqx.field(static=True)
+    departs: bool = eqx.field(static=True)
+    lifts: bool = eqx.field(static=True)
 
     @property
-    def bounds(self) -> tuple[np.ndarray, np.ndarray]:
-        """Limits of the unknowns, far beyond those of any material."""
-        limits = [(1e-4, 10), (1, 1e4)] if self.kind == "wlf" else [(1e2, 1e6)]
-        lower, upper = np.log(limits).T
-        return lower, upper
+    def shift_counts(self) -> list[int]:
+        """The numbers of unknowns of the law, of departures, and of vertical shifts."""
+        others = len(self.temperatures) - 1
+        return [len(LAW_LIMITS[self.law]), others * self.departs, others * self.lifts]
 
-    @property
-    def typical(self) -> np.ndarray:
-        """The unknowns of a usual polymer."""
-        return np.log([0.1, 60.0] if self.kind == "wlf" else [1e4])
 
-    def shifts(self, p: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-        """Returns ln a of each isotherm and its derivatives by `p`, unknowns first."""
-        step = self.temperatures - self.reference
-        if self.kind == "arrhenius":
-            value = np.exp(p[0]) * (1 / self.temperatures - 1 / self.reference)
-            return value, value[None], value[None, None]
-        slope, margin = np.exp(p)
-        c2 = self.reference - np.min(self.temperatures) + margin
-        value = -LN10 * slope * step * c2 / (c2 + step)
-        by_margin = -LN10 * slope * (step / (c2 + step)) ** 2 * margin
-        twice = by_margin * (1 - 2 * margin / (c2 + step))
-        return (
-            value,
-            np.array([value, by_margin]),
-            np.array([[value, by_margin], [by_margin, twice]]),
-        )
+def law_of(
+    p: Float[Array, " law"], temperatures: Float[Array, " isotherms"], reference: int, law: LawKind
+) -> AbstractShift:
+    """Returns the shift law with the unknowns `p` about the temperature of an isotherm."""
+    base = temperatures[reference]
+    if law == "arrhenius":
+        return Arrhenius(activation_energy=GAS_CONSTANT * jnp.exp(p[0]), reference=base)
+    slope, distance = jnp.exp(p)
+    c2 = base - temperatures[0] + distance
+    return WLF(c1=slope * c2, c2=c2, reference=base)
+
+
+@functools.partial(jax.jit, static_argnums=(2, 3))
+def _law_shifts(p, temperatures, reference, law):
+    return jax.vmap(law_of(p, temperatures, reference, law).log_factor)(temperatures)
+
+
+@functools.partial(jax.jit, static_argnums=(2, 3))
+def _law_derivatives(p, temperatures, reference, law):
+    """The first and second derivatives of ln a of each isotherm by `p`, unknowns first."""
+    slope = jax.jacfwd(_law_shifts)
+    first = slope(p, temperatures, reference, law)
+    second = jax.jacfwd(slope)(p, temperatures, reference, law)
+    return jnp.moveaxis(first, 0, -1), jnp.moveaxis(second, 0, -1)
 
 
 class Parts(NamedTuple):
     """The unknowns by what they belong to."""
 
-    theta: np.ndarray
-    law: np.ndarray
-    departures: np.ndarray
-    log_vertical: np.ndarray
+    theta: Any
+    law: Any
+    departures: Any
+    log_vertical: Any
 
 
 @dataclasses.dataclass(frozen=True, eq=False)
-class SharedSeries:
-    """Measurements at several temperatures, and the model that is to meet them.
+class ShiftedSeries:
+    """Measurements at several temperatures and their model; arrays as those of its `series`.
 
     **Fields:**
 
-    - `series`: all points as they were measured.
-    - `group`: number of the isotherm of each point, -1 for what was not measured.
-    - `reference`: the isotherm that stays in place.
-    - `law`: the shift law.
-    - `stiffness`: weights of the squares of departures and ln b in the cost; infinite where they
-      are none.
+    - `series`: all points as measured.
+    - `group`: number of the isotherm of each point, -1 for a known end value.
+    - `data`: the isotherms.
     """
 
     series: Series
-    group: np.ndarray
-    reference: int
-    law: Law
-    stiffness: tuple[float, float]
+    group: Any
+    data: Isotherms
+
+    @functools.cached_property
+    def _temperatures(self):
+        return array_module(self.series.x).asarray(self.data.temperatures)
 
     @property
-    def channels(self) -> int:
+    def _channels(self) -> int:
         return len(self.series.weights) // len(self.series.x)
 
     @functools.cached_property
     def _member(self) -> np.ndarray:
         """Which rows belong to which isotherm, shape `(isotherms, rows)`."""
-        rows = np.tile(self.group, self.channels)
-        return (rows == np.arange(len(self.law.temperatures))[:, None]).astype(float)
+        rows = np.tile(self.group, self._channels)
+        return (rows == np.arange(len(self._temperatures))[:, None]).astype(float)
 
     @functools.cached_property
-    def _moving(self) -> tuple[np.ndarray, np.ndarray]:
-        """The isotherms that have a departure, and those that have a vertical shift."""
-        others = np.delete(np.arange(len(self.law.temperatures)), self.reference)
-        departing, lifted = (others if np.isfinite(s) else others[:0] for s in self.stiffness)
-        return departing, lifted
+    def _others(self) -> np.ndarray:
+        """The isotherms that are shifted."""
+        return np.delete(np.arange(len(self._temperatures)), self.data.reference)
 
-    def split(self, unknowns: np.ndarray) -> Parts:
+    def split(self, unknowns: Any) -> Parts:
         """Returns the unknowns by what they belong to."""
-        counts = [len(self.law.bounds[0]), *map(len, self._moving)]
-        ends = len(unknowns) - np.cumsum(counts[::-1])[::-1]
-        return Parts(*np.split(unknowns, ends))
+        ends = len(unknowns) - np.cumsum(self.data.shift_counts[::-1])[::-1]
+        return Parts(*array_module(unknowns).split(unknowns, ends))
 
-    def shifts(self, unknowns: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    def law_shifts(self, p: Any) -> Any:
+        """Returns ln a of each isotherm by the law."""
+        shifts = _law_shifts(p, self._temperatures, self.data.reference, self.data.law)
+        return array_module(self.series.x).asarray(shifts)
+
+    def shifts(self, unknowns: Any) -> tuple[Any, Any]:
         """Returns ln a and ln b of every isotherm."""
-        parts = self.split(unknowns)
-        departing, lifted = self._moving
-        log_shift = self.law.shifts(parts.law)[0]
-        log_shift[departing] += parts.departures
-        log_vertical = np.zeros(len(log_shift))
-        log_vertical[lifted] = parts.log_vertical
-        return log_shift, log_vertical
+        xp, parts = array_module(self.series.x), self.split(unknowns)
+        log_shift = self.law_shifts(parts.law)
 
-    def shifted(self, log_shift: np.ndarray, log_vertical: np.ndarray) -> Series:
+        def with_reference(values):
+            before, after = values[: self.data.reference], values[self.data.reference :]
+            return xp.concatenate([before, xp.zeros(1), after])
+
+        if self.data.departs:
+            log_shift = log_shift + with_reference(parts.departures)
+        if not self.data.lifts:
+            return log_shift, xp.zeros_like(log_shift)
+        return log_shift, with_reference(parts.log_vertical)
+
+    def shifted(self, log_shift: Any, log_vertical: Any) -> Series:
         """Returns the problem of a single isotherm that remains once the shifts are known."""
-        series = self.series
-        along, across = np.append(log_shift, 0)[self.group], np.append(log_vertical, 0)[self.group]
+        series, xp = self.series, array_module(self.series.x)
+        along, across = xp.append(log_shift, 0)[self.group], xp.append(log_vertical, 0)[self.group]
         along = along if series.kind == "frequency" else -along
         return dataclasses.replace(
             series,
-            x=series.x * np.exp(along),
-            log_values=series.log_values - np.tile(across, self.channels),
+            x=series.x * xp.exp(along),
+            log_values=series.log_values - xp.tile(across, self._channels),
         )
 
-    def join(self, theta: np.ndarray, law: np.ndarray, log_shift: np.ndarray) -> np.ndarray:
+    def join(self, theta: np.ndarray, p: np.ndarray, log_shift: np.ndarray) -> np.ndarray:
         """Returns unknowns with these shifts, as far as departures allow, and none across."""
-        departing, lifted = self._moving
-        departures = (log_shift - self.law.shifts(law)[0])[departing]
-        return np.concatenate([theta, law, departures, np.zeros(len(lifted))])
+        _, departures, lifts = self.data.shift_counts
+        steps = (log_shift - self.law_shifts(p))[self._others][:departures]
+        return np.concatenate([theta, p, steps, np.zeros(lifts)])
 
-    def penalty(self, unknowns: np.ndarray) -> np.ndarray:
+    def penalty(self, unknowns: Any) -> Any:
         """Returns the weight of the square of each unknown in the cost."""
-        departing, lifted = self._moving
-        before = len(unknowns) - len(departing) - len(lifted)
-        return np.repeat([0.0, *self.stiffness], [before, len(departing), len(lifted)])
+        xp, (_, *counts) = array_module(self.series.x), self.data.shift_counts
+        weights = xp.append(0.0, xp.asarray(self.data.penalty))
+        return xp.repeat(weights, np.array([len(unknowns) - sum(counts), *counts]))
+
+    def cost(self, unknowns: Any) -> Any:
+        """Returns the cost of the shifted series and of departures and vertical shifts."""
+        series = self.shifted(*self.shifts(unknowns))
+        residual = series.residual(series.model(self.split(unknowns).theta))
+        return series.cost(residual) + self.penalty(unknowns) @ unknowns**2 / 2
 
     def derivatives(self, unknowns: np.ndarray):
         """Returns the shifted series, its residual, ∂ ln m/∂unknowns, and second derivatives."""
@@ -152,16 +194,19 @@ class SharedSeries:
         residual, jacobian, bend = series.derivatives(parts.theta)
         terms = len(bend)
         by_shift = np.sum(jacobian[terms : 2 * terms], axis=0) * self._member
-        _, by_law, _ = self.law.shifts(parts.law)
-        departing, lifted = self._moving
-        present = self._member[lifted] * (series.weights > 0)
-        jacobian = np.concatenate([jacobian, by_law @ by_shift, by_shift[departing], present])
-        return series, residual, jacobian, (bend, by_shift)
+        law = self._temperatures, self.data.reference, self.data.law
+        by_law, by_law_twice = map(np.asarray, _law_derivatives(parts.law, *law))
+        moves = np.concatenate([by_law, np.eye(len(self._member))[self._others]])
+        moves = moves[: len(parts.law) + len(parts.departures)]
+        lifts = self._member[self._others][: len(parts.log_vertical)] * (series.weights > 0)
+        jacobian = np.concatenate([jacobian, moves @ by_shift, lifts])
+        return series, residual, jacobian, (bend, by_shift, moves, by_law_twice)
 
     def expand(self, unknowns: np.ndarray) -> Expansion:
         """Returns the cost about `unknowns`; exact at a minimum, as `Series.expand`."""
         parts = self.split(unknowns)
-        series, residual, jacobian, (bend, by_shift) = self.derivatives(unknowns)
+        series, residual, jacobian, second = self.derivatives(unknowns)
+        bend, by_shift, moves, by_law_twice = second
         pull, stiffness, near = series.forces(residual)
         terms, inner = len(bend), len(unknowns) - len(parts.log_vertical)
         hessian = gram(jacobian, stiffness)
@@ -172,9 +217,7 @@ class SharedSeries:
         diagonal = np.arange(terms, 2 * terms)
         hessian[diagonal, diagonal] += bend @ near_pull
         # A shift moves every branch as a change of its time does.
-        _, by_law, by_law_twice = self.law.shifts(parts.law)
         shifting = slice(len(parts.theta), inner)
-        moves = np.concatenate([by_law, np.eye(len(self.law.temperatures))[self._moving[0]]])
         by_strength = (jacobian[terms : 2 * terms] * near_pull) @ self._member.T @ moves.T
         by_time = (bend * near_pull) @ self._member.T @ moves.T
         both = slice(0, 2 * terms)
@@ -197,14 +240,46 @@ class SharedSeries:
         """Returns the limits of the unknowns; those of times move with the shifts."""
         parts = self.split(unknowns)
         lower, upper = self.shifted(*self.shifts(unknowns)).bounds(parts.theta)
-        law_lower, law_upper = self.law.bounds
+        law_lower, law_upper = np.log(LAW_LIMITS[self.data.law]).T
         free = np.full(len(parts.departures) + len(parts.log_vertical), np.inf)
         return np.concatenate([lower, law_lower, -free]), np.concatenate([upper, law_upper, free])
 
-    def minimise(
-        self, unknowns: np.ndarray, *, rtol: float, max_steps: int = 150
-    ) -> tuple[np.ndarray, float]:
-        """Returns the unknowns and the cost of the minimum reached from `unknowns`."""
-        return newton_minimum(
-            self.expand, unknowns, *self.bounds(unknowns), rtol=rtol, max_steps=max_steps
-        )
+    def within_bounds(self, unknowns: np.ndarray) -> np.ndarray:
+        """Returns which unknowns are at no bound."""
+        lower, upper = self.bounds(unknowns)
+        return (unknowns > lower) & (unknowns < upper)
+
+    def minimise(self, unknowns: np.ndarray, *, rtol: float) -> np.ndarray:
+        """Returns the unknowns of the minimum reached from `unknowns`."""
+        bounds = self.bounds(unknowns)
+        return newton_minimum(self.expand, unknowns, *bounds, rtol=rtol, max_steps=150)[0]
+
+
+def shifted_series_of(data: Isotherms, xp: Any = np) -> ShiftedSeries:
+    """Returns the least-squares problem of the isotherms, in arrays of the module `xp`."""
+    series = series_of(data.observations, xp)
+    group = xp.append(xp.asarray(data.group), xp.full(series.num_ends, -1))
+    return ShiftedSeries(series, group, data)
+
+
+def shifted_objective(unknowns: Unknowns, data: Isotherms) -> Float[Array, ""]:
+    """Returns the cost of `ShiftedSeries`, in JAX."""
+    return shifted_series_of(data, jnp).cost(unknowns)
+
+
+@eqx.filter_jit
+def shifts_of(
+    unknowns: Unknowns, data: Isotherms
+) -> tuple[Float[Array, " isotherms"], Float[Array, " isotherms"]]:
+    """Returns ln a and ln b of every isotherm, in JAX."""
+    return shifted_series_of(data, jnp).shifts(unknowns)
+
+
+@eqx.filter_jit
+def at_reference(unknowns: Unknowns, data: Isotherms) -> Observations:
+    """Returns all measurements as if made at the reference temperature."""
+    observed = data.observations
+    along, across = (jnp.exp(shifts)[data.group] for shifts in shifts_of(unknowns, data))
+    x = observed.x * along if observed.kind == "frequency" else observed.x / along
+    values = jnp.where(observed.weights > 0, observed.values / across, 1)
+    return dataclasses.replace(observed, x=x, values=values)

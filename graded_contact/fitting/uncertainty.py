@@ -158,10 +158,11 @@ class _Errors:
         diagonal = 1 / np.where(size > 0, own * size, 1)
         return diagonal, np.where(self.first, 0, -alike * diagonal)
 
-    def whitened(self, parameters: np.ndarray, errors: np.ndarray) -> np.ndarray:
-        """Returns W times `errors`: independent ones of unit variance."""
+    def whitened(self, parameters: np.ndarray, columns: np.ndarray) -> np.ndarray:
+        """Returns W times `columns`: of errors, independent ones of unit variance."""
         diagonal, left = self.filter(parameters)
-        return diagonal * errors + left * np.append(0, errors[:-1])
+        before = np.concatenate([columns[:1], columns[:-1]])
+        return (diagonal * columns.T + left * before.T).T
 
     def coloured(self, parameters: np.ndarray, independent: np.ndarray) -> np.ndarray:
         """Returns W⁻¹ times independent errors."""
@@ -201,41 +202,23 @@ class _Errors:
         return [np.clip(self.likely + reach @ sign, lower, upper) for sign in signs]
 
     @functools.cached_property
-    def _products(self):
-        """Sums over the rows of each channel from which W G and W r follow; the penalty.
-
-        G is taken in combinations of unknowns whose derivatives are orthonormal.
-        """
+    def _orthonormal(self):
+        """G in combinations of unknowns whose derivatives are orthonormal, and the penalty."""
         stacked = np.vstack([self.design, np.diag(np.sqrt(self.penalty))])
         scale = np.linalg.norm(stacked, axis=0)
         scale = np.where(scale > 0, scale, 1)
         _, sizes, axes = np.linalg.svd(stacked / scale, full_matrices=False)
-        told = sizes > 1e-7 * np.max(sizes, initial=0)
-        combined = (axes[told].T / sizes[told]) / scale[:, None]
-        table = np.column_stack([self.design @ combined, self.errors / np.sqrt(self.mean_square)])
-        before = np.vstack([table[:1], table[:-1]])
-        products = []
-        for number in range(self.channel[-1] + 1):
-            here = self.channel == number
-            alone, later = table[here & self.first], table[here & ~self.first]
-            earlier = before[here & ~self.first]
-            both = later.T @ earlier
-            sums = (alone.T @ alone, later.T @ later, both + both.T, earlier.T @ earlier)
-            products.append((sums, len(alone), len(later)))
-        return products, combined.T @ (self.penalty[:, None] * combined)
+        determined = sizes > 1e-7 * np.max(sizes, initial=0)
+        combined = (axes[determined].T / sizes[determined]) / scale[:, None]
+        return self.design @ combined, combined.T @ (self.penalty[:, None] * combined)
 
     def _surprise(self, parameters):
         """-ln L, less a constant."""
-        products, prior = self._products
-        alike, log_size = np.split(parameters, 2)
-        total, half_log = np.zeros((len(prior) + 1,) * 2), 0.0
-        total[:-1, :-1] = prior
-        for (sums, alone, later), rho, log_square in zip(
-            products, np.tanh(alike), log_size, strict=True
-        ):
-            square = (sums[1] - rho * sums[2] + rho**2 * sums[3]) / (1 - rho**2)
-            total += (sums[0] + square) * np.exp(-log_square)
-            half_log += ((alone + later) * log_square + later * np.log1p(-(rho**2))) / 2
-        root = np.linalg.cholesky(total[:-1, :-1])
-        pull = np.linalg.solve(root, total[:-1, -1])
-        return half_log + np.sum(np.log(np.diagonal(root))) + (total[-1, -1] - pull @ pull) / 2
+        design, prior = self._orthonormal
+        columns = np.column_stack([design * np.sqrt(self.mean_square), self.errors])
+        white = self.whitened(parameters, columns)
+        products = white.T @ white
+        root = np.linalg.cholesky(products[:-1, :-1] + prior)
+        pull = np.linalg.solve(root, products[:-1, -1])
+        half_logs = np.sum(np.log(np.diagonal(root))) - np.sum(np.log(self.filter(parameters)[0]))
+        return half_logs + (products[-1, -1] - pull @ pull) / 2

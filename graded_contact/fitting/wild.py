@@ -1,12 +1,13 @@
 """Measured values that no smooth positive spectrum explains (NumPy).
 
-A spectrum is fitted to all values but the wild ones, in turns: a value is wild if it lies off that
-spectrum by many times what the others do, those around it as well as all. A wrong unit, temperature
-or column moves many values alike; such values are not wild, and the floor of a fit tells of them.
+A spectrum is fitted to all values but the wild ones, and wild values are found again, until they
+stay the same. A value is wild if its distance from the spectrum is many times that of the others,
+of its neighbours as well as of all. A wrong unit, temperature or column moves many values alike;
+such values are not wild, and show in the floor of a fit.
 """
 
 import dataclasses
-from typing import Any, NamedTuple
+from typing import NamedTuple, cast
 
 import numpy as np
 
@@ -14,7 +15,7 @@ from ..files.moduli.measured import Measured
 from .lengths import best_spectrum
 from .model import series_of
 from .observations import observe
-from .series import Series
+from .series import Kind, Series
 
 TIMES = 6.0  # the usual residual
 LEAST = 0.1  # log residual below which no value harms a fit
@@ -22,7 +23,7 @@ ROUGH = 0.03  # usual residual from which on storage and loss have a spectrum ea
 START = np.log(10)  # off the median of five neighbours: not fitted at first
 HUBER = 0.1  # log residual from which on a value counts linearly here
 AROUND = 9  # neighbours whose residuals are compared
-FEWEST = 6  # points from which on one can be told from the others
+FEWEST = 6  # points from which on one can be distinguished from the others
 TURNS = 8
 
 
@@ -55,7 +56,9 @@ def wild_values(measured: Measured) -> list[Wild]:
         if len(rows) < FEWEST:
             continue
         channels = _channels(measured, rows)
-        residuals = _wild(_series(measured, rows, channels))
+        kind, weights = cast(Kind, measured.kind), (1.0,) * len(channels)
+        x, values = measured.abscissa[rows], np.asarray(measured.values)[rows]
+        residuals = _wild(series_of(observe(kind, x, values, weights, huber=HUBER)))
         for (name, values), residual in zip(channels.items(), residuals, strict=True):
             for k in np.flatnonzero(residual):
                 row, where = int(rows[k]), _where(measured, int(rows[k]))
@@ -87,13 +90,6 @@ def _channels(measured: Measured, rows: np.ndarray) -> dict[str, np.ndarray]:
     if measured.kind == "frequency":
         return {"storage modulus": np.real(values), "loss modulus": np.imag(values)}
     return {"modulus" if measured.kind == "relaxation" else "compliance": values}
-
-
-def _series(measured: Measured, rows: np.ndarray, channels: dict[str, np.ndarray]) -> Series:
-    given: dict[str, Any] = {name: (values, 1.0) for name, values in channels.items()}
-    none = {"equilibrium": None, "glassy": None, "times": None, "huber": HUBER}
-    kind: Any = measured.kind
-    return series_of(observe(kind, measured.abscissa[rows], given, **none))
 
 
 def _wild(series: Series) -> np.ndarray:

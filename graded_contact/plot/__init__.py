@@ -8,7 +8,7 @@ and nobody has to close them. Save one with `figure.savefig("name.pdf")`.
 from .contact import plot_sliding
 from .designs import plot_design, plot_history
 from .distributions import plot_distributions
-from .isotherms import plot_master_curve, plot_van_gurp_palmen
+from .master_curves import plot_master_curve, plot_van_gurp_palmen
 from .materials import plot_fit, plot_response
 from .patches import plot_outline
 from .sensitivities import plot_sensitivity

@@ -13,7 +13,7 @@ import numpy as np
 from jaxtyping import Float
 
 from ..core.memory import DERIVATIVE, check_memory, num_numbers, sliding_memory
-from ..files.errors import moved
+from ..files.parameter_covariance import moved
 from ..files.results import FIELDS, OBSERVABLES, Fields, Results, package_versions
 from ..files.scene import Scene
 from ..files.study import NOT_STARTED, Study, units_of

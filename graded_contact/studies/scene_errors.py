@@ -8,7 +8,7 @@ import numpy as np
 from scipy.linalg import block_diag
 
 from ..core.parameters import places
-from ..files.errors import Errors
+from ..files.parameter_covariance import Errors
 from ..files.scene import Scene
 from ..persson.mean_field import mean_field_friction
 from ..rheology.material import Prony

@@ -18,9 +18,9 @@ from jaxtyping import Array, Float
 from ..core.checks import Numbers, as_float, check_positive, check_shape, check_values, short
 from ..core.display import shown
 from ..core.parameters import paths, with_values
-from ..files.errors import Errors, moved
+from ..files.parameter_covariance import Errors, moved
 from ..fitting.master import MasterCurve
-from ..fitting.result import PronyFit
+from ..fitting.prony import PronyFit
 from ..rheology.material import AbstractMaterial, Prony
 from ..rheology.tabulated import Tabulated
 from ..rheology.tabulated_shift import TabulatedShift

@@ -68,8 +68,8 @@ def curve():
 # Recovery ---------------------------------------------------------------------------------------
 
 
-def test_shifts_held_to_a_law_recover_it():
-    found = master_curve(isotherms(), scatter=0)
+def test_shifts_that_follow_a_law_recover_it():
+    found = master_curve(isotherms(), shift_std=0)
     assert isinstance(found.shift, WLF) and found.fit.terms == 4
     np.testing.assert_allclose([found.shift.c1, found.shift.c2], [C1, C2], rtol=0.05)
     along, across = found.shift_deviations()
@@ -77,13 +77,8 @@ def test_shifts_held_to_a_law_recover_it():
     assert np.all(np.abs(error) < 0.02) and np.all(np.abs(error) <= 4 * along)
     assert np.all(across == 0) and np.all(np.asarray(found.vertical_shifts) == 1)
     assert abs(found.fit.errors().total - 0.01) < 0.002
-
-
-def test_the_material_holds_at_every_temperature():
-    """Also where nothing was measured, by the law."""
-    material = master_curve(isotherms(), scatter=0).material
-    for temperature in (*TEMPERATURES, 293.0):
-        assert spread(material.at(temperature), wlf(temperature)) < 0.05
+    for temperature in (*TEMPERATURES, 293.0):  # also where nothing was measured, by the law
+        assert spread(found.material.at(temperature), wlf(temperature)) < 0.05
 
 
 def test_shifts_near_a_law_are_recovered_within_their_limits(curve):
@@ -104,7 +99,7 @@ def bent(temperature):
 
 @pytest.fixture(scope="module")
 def bent_curve():
-    return master_curve(isotherms(bent, vertical=0.05), vertical=0.2, terms=4)
+    return master_curve(isotherms(bent, vertical=0.05), vertical_shift_std=0.2, terms=4)
 
 
 def test_departures_from_the_law_are_followed_and_interpolated(bent_curve):
@@ -197,19 +192,19 @@ def test_moduli_in_time_are_handed_on_with_their_vertical_shifts(kind):
             else 1 / 2e8 - np.expm1(-ages) @ (0.1 / STRENGTHS[::-1])
         )
         curves.append((temperature, time, values * (temperature / REFERENCE)))
-    found = master_curve(curves, kind=kind, vertical=0.3, terms=4)
+    found = master_curve(curves, kind=kind, vertical_shift_std=0.3, terms=4)
     error = found.fit.errors().total
     assert error < 0.02 and np.max(abs(np.asarray(found.vertical_shifts) - 1)) > 0.04
     np.testing.assert_allclose(misfit(found.material, curves, kind), error, rtol=1e-6)
 
 
-def test_a_law_that_fails_and_steps_of_decades_are_told(bent_curve, curve):
+def test_a_law_that_fails_and_steps_of_decades_are_reported(bent_curve, curve):
     report = bent_curve.report()
     assert "the table is what is exported" in report and "the law is what" in curve.report()
     assert "Look at" not in curve.report()
 
     close = [((REFERENCE + (t - REFERENCE) / 4), x, values) for t, x, values in isotherms(bent)]
-    found = master_curve(close, scatter=1, terms=4)
+    found = master_curve(close, shift_std=1, terms=4)
     assert "Look at the steps of log10 a_T from 293.00 to 295.50 K (-1." in found.report()
 
 
@@ -225,27 +220,15 @@ def test_a_constant_at_its_bound_is_an_error_and_not_exported():
 
 
 PLAZEK = [144.9, 133.8, 125, 114.5, 109.6, 106.7, 104.5, 101.8, 100.6, 97]  # °C
+CREEP_IN_SHEAR = {"kind": "creep", "units": {"time": "s", "compliance": "cm2/dyn"}, "poisson": 0.5,
+                  "temperature": 273.15 + np.array(PLAZEK), "deformation": "shear"}  # fmt: skip
 MEASURED_SETS = {
-    "reptate_PI600k": lambda: by_set("reptate_PI600k_raw_isotherms.csv", 0, 2, 3),
-    "pyvisco": lambda: gc.read_moduli(DATA / "pyvisco_freq_user_raw.csv"),
-    "vinylfoam": lambda: gc.read_moduli(DATA / "vinylfoam_dma_raw.csv", units={"modulus": "MPa"}),
-    "epdm70": lambda: gc.read_moduli(DATA / "epdm70_tf_015p.csv", poisson=0.5),
-    "plazek1965": lambda: gc.read_moduli(
-        DATA / "plazek1965_ps_creep_isotherms.csv",
-        kind="creep",
-        units={"time": "s", "compliance": "cm2/dyn"},
-        temperature=273.15 + np.array(PLAZEK),
-        poisson=0.5,
-        deformation="shear",
-    ),
+    "reptate_PI600k_raw_isotherms.csv": {"poisson": 0.5},
+    "pyvisco_freq_user_raw.csv": {},
+    "vinylfoam_dma_raw.csv": {"units": {"modulus": "MPa"}},
+    "epdm70_tf_015p.csv": {"poisson": 0.5},
+    "plazek1965_ps_creep_isotherms.csv": CREEP_IN_SHEAR,
 }
-
-
-def by_set(name, temperature, omega, storage):
-    table = np.genfromtxt(DATA / name, delimiter=",", skip_header=1)
-    celsius, x = table[:, temperature], table[:, omega]
-    values = table[:, storage] + 1j * table[:, storage + 1]
-    return [(t + 273.15, x[celsius == t], values[celsius == t]) for t in np.unique(celsius)]
 
 
 @pytest.mark.slow
@@ -253,21 +236,17 @@ def by_set(name, temperature, omega, storage):
 @pytest.mark.parametrize("name", MEASURED_SETS)
 @pytest.mark.parametrize("vertical", [0.0, 0.1])
 def test_measured_materials_are_handed_on_within_the_error_of_their_fit(name, vertical):
-    measured = MEASURED_SETS[name]()
-    found = master_curve(measured, vertical=vertical)
-    curves = measured
-    if isinstance(measured, gc.Measured):
-        curves = [(np.mean(m.temperature), m.abscissa, m.values) for m in measured.isotherms()]
+    measured = gc.read_moduli(DATA / name, **MEASURED_SETS[name])
+    found = master_curve(measured, vertical_shift_std=vertical)
+    curves = [(np.mean(m.temperature), m.abscissa, m.values) for m in measured.isotherms()]
     material = read_back(export_prony(found.exported(), "toml", name="found"), "toml")
     error, kind = found.fit.errors().total, found.fit.data.kind
     ratio = misfit(material, curves, kind) / error
-    by_law = misfit(found.law_material(), curves, kind) if "range" not in found.report() else np.nan
-    print(f"{name} {vertical}: fit {error:.3%}, exported {ratio:.3f} of it, law {by_law:.3%}")
     assert ratio <= 1.1
 
 
 def test_an_arrhenius_law_is_recovered():
-    curve = master_curve(isotherms(arrhenius), law="arrhenius", scatter=0)
+    curve = master_curve(isotherms(arrhenius), law="arrhenius", shift_std=0)
     assert isinstance(curve.shift, Arrhenius)
     np.testing.assert_allclose(curve.shift.activation_energy, 90e3, rtol=0.01)
     np.testing.assert_allclose(curve.log10_shifts, arrhenius(TEMPERATURES), atol=0.02)
@@ -275,7 +254,7 @@ def test_an_arrhenius_law_is_recovered():
 
 
 def test_vertical_shifts_are_recovered_within_their_limits():
-    curve = master_curve(isotherms(vertical=0.05), vertical=0.2)
+    curve = master_curve(isotherms(vertical=0.05), vertical_shift_std=0.2)
     exact = 0.05 * (TEMPERATURES - REFERENCE) / 10
     along, across = curve.shift_deviations()
     error = np.log(np.asarray(curve.vertical_shifts)) - exact
@@ -296,27 +275,17 @@ def test_moduli_and_compliances_in_time_are_shifted(kind):
         if kind == "creep":
             exact = 1 / 2e8 + (1 - decay) @ (10 / STRENGTHS)
         curves.append((temperature, time, exact * np.exp(0.01 * draw.standard_normal(15))))
-    curve = master_curve(curves, kind=kind, scatter=0, terms=4)
+    curve = master_curve(curves, kind=kind, shift_std=0, terms=4)
     np.testing.assert_allclose(curve.log10_shifts, wlf(TEMPERATURES), atol=0.06)
     assert abs(curve.fit.errors().total - 0.01) < 0.003
     assert curve.fit.data.kind == kind
 
 
-def test_the_reference_is_the_isotherm_asked_for():
-    curve = master_curve(isotherms()[::-1], scatter=0, reference=280.0, terms=4)
+def test_the_reference_is_the_isotherm_nearest_to_it():
+    curve = master_curve(isotherms()[::-1], shift_std=0, reference=280.0, terms=4)
     np.testing.assert_allclose(curve.log10_shifts, wlf(TEMPERATURES) - wlf(278.0), atol=0.03)
     assert float(curve.log10_shifts[1]) == 0 and float(curve.shift.reference) == 278
     assert spread(curve.material, wlf(278.0)) < 0.05
-
-
-@pytest.mark.skipif(not DATA.exists(), reason="measured data lie beside the project")
-def test_a_polyisoprene_is_met_within_a_per_cent_once_moduli_may_shift():
-    table = np.genfromtxt(DATA / "reptate_PI600k_raw_isotherms.csv", delimiter=",", skip_header=1)
-    celsius, omega, values = table[:, 0], table[:, 2], table[:, 3] + 1j * table[:, 4]
-    curves = [(t + 273.15, omega[celsius == t], values[celsius == t]) for t in np.unique(celsius)]
-    curve = master_curve(curves, vertical=0.3)
-    assert curve.fit.errors().total < 0.01
-    assert 4 < float(curve.law.c1) < 8 and np.all(np.diff(curve.log10_shifts) < 0)
 
 
 # Optimum and uncertainty ------------------------------------------------------------------------
@@ -325,7 +294,7 @@ def test_a_polyisoprene_is_met_within_a_per_cent_once_moduli_may_shift():
 def test_no_other_least_squares_gets_lower():
     """SciPy on all unknowns at once, shifts included, from the fit and from around the truth."""
     curves = isotherms(noise=0.02)
-    found = master_curve(curves, scatter=0, terms=4)
+    found = master_curve(curves, shift_std=0, terms=4)
 
     def residual(unknowns):
         strengths, times, (start, c1, c2) = np.split(np.exp(unknowns), [4, 8])
@@ -362,7 +331,7 @@ def test_errors_of_the_shifts_are_as_large_as_reported():
     assert 0.6 < np.sqrt(np.mean(np.square(scores))) < 1.5
 
 
-def test_a_flat_isotherm_is_said_to_be_ill_placed():
+def test_a_flat_isotherm_has_large_errors_of_its_shift():
     """Storage moduli far below the transition say nothing of a shift: only the law does."""
     line = np.exp(0.01 * np.random.default_rng(1).standard_normal(12))
     cold = (235.0, OMEGA, modulus(OMEGA, wlf(235)) * line)
@@ -422,7 +391,7 @@ def test_derivatives_by_the_data_match_differences():
             (t, OMEGA, jax.lax.complex(*jnp.exp(row.reshape(2, 12))))
             for t, row in zip(TEMPERATURES, logs, strict=True)
         ]
-        material = master_curve(given, scatter=0, terms=4).material
+        material = master_curve(given, shift_std=0, terms=4).material
         return jnp.log(material.at(283.0).modulus(1.0).imag)
 
     gradient = jax.jit(jax.grad(loss))(logs)
@@ -440,11 +409,9 @@ def test_derivatives_by_the_data_match_differences():
         (lambda c: [*c, c[0]], {}, "`isotherms` holds 268 K twice"),
         (lambda c: [(-5.0, *c[0][1:]), *c[1:]], {}, r"`temperature\[0\]=-5` is refused"),
         (lambda c: [(268.0, OMEGA[1:], c[0][2]), *c[1:]], {}, r"`isotherms\[0\]` has x of shape"),
-        (lambda c: [(t, x, -m) for t, x, m in c], {}, r"`modulus.real\[0\]=-"),
-        (lambda c: [(t, x, m.imag + 1j * m.real) for t, x, m in c], {}, "every positive spectrum"),
+        (lambda c: [(t - 260, x, m) for t, x, m in c], {}, "they are in kelvin"),
         (lambda c: c, {"law": "vft"}, "`law='vft'` is refused"),
-        (lambda c: c, {"kind": "stress"}, "`kind='stress'` is refused"),
-        (lambda c: c, {"scatter": -1.0}, "`scatter=-1` is refused"),
+        (lambda c: c, {"shift_std": -1.0}, "`shift_std=-1` is refused"),
         (lambda c: c, {"reference": 25.0}, "`reference=25` is refused: isotherms are from 268"),
         (lambda c: c, {"terms": 3, "within": 0.1}, "`terms` and `within` both set"),
         (lambda c: c, {"terms": 90}, "`terms=90` has 181 unknowns"),
@@ -462,27 +429,3 @@ def test_an_isotherm_in_another_unit_is_refused_or_shows_in_the_error():
         master_curve(curves, terms=4)
     curve = master_curve(curves, terms=4, throw=False)
     assert curve.fit.floor().total > 1
-
-
-def test_isotherms_of_a_file_are_taken_as_they_are(tmp_path):
-    lines = ["T [°C],omega [rad/s],E' [Pa],E'' [Pa]"]
-    for temperature, omega, values in isotherms():
-        lines += [
-            f"{temperature - 273.15},{w},{m.real},{m.imag}"
-            for w, m in zip(omega, values, strict=True)
-        ]
-    path = tmp_path / "sweeps.csv"
-    path.write_text("\n".join(lines))
-    parts = gc.read_moduli(path).isotherms()
-    curve = master_curve(parts, scatter=0, terms=4)
-    np.testing.assert_allclose(curve.temperatures, TEMPERATURES)
-    np.testing.assert_allclose(curve.log10_shifts, wlf(TEMPERATURES), atol=0.02)
-    path.write_text("\n".join(lines).replace("E'", "G'"))
-    with pytest.raises(ValueError, match=r"must be in tension.*with `poisson`"):
-        master_curve(gc.read_moduli(path).isotherms())
-
-
-def test_degrees_celsius_are_refused():
-    x = np.geomspace(0.1, 10, 5)
-    with pytest.raises(ValueError, match="temperatures up to 40; they are in kelvin"):
-        master_curve([(t, x, 1e6 + 1e5j * x) for t in (20.0, 40.0)], terms=1)

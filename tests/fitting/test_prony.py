@@ -114,12 +114,9 @@ def test_a_series_without_noise_is_recovered(kind, terms):
     np.testing.assert_allclose(found, np.concatenate(expected), rtol=1e-5)
     assert fit.material.poisson == 0.4
     np.testing.assert_allclose(np.ravel(fit.predict(x)), channels(values), rtol=1e-6)
-
-
-def test_the_relaxation_form_of_a_creep_fit_is_its_reciprocal():
-    material = fit_creep(*measured("creep")).material
-    exact = 1 / (1 / START + (1 / (1 + 1j * np.multiply.outer(OMEGA, TIMES))) @ COMPLIANCES)
-    np.testing.assert_allclose(material.modulus(OMEGA), exact, rtol=1e-6)
+    if kind == "creep":  # the relaxation form is the exact reciprocal
+        creep = (1 / (1 + 1j * np.multiply.outer(OMEGA, TIMES[:terms]))) @ COMPLIANCES[:terms]
+        np.testing.assert_allclose(fit.material.modulus(OMEGA), 1 / (1 / START + creep), rtol=1e-6)
 
 
 def test_a_constant_is_a_spring():
@@ -197,7 +194,7 @@ def test_the_floor_is_that_of_a_dense_spectrum(tread):
 
 
 def test_the_path_has_every_length_and_the_least_criterion_is_chosen(tread):
-    _, values, fit = tread
+    omega, values, fit = tread
     lengths = [length.terms for length in fit.path]
     assert lengths == list(range(lengths[0], lengths[-1] + 1)) and lengths[0] == 1
     errors = np.array([length.error for length in fit.path])
@@ -206,22 +203,13 @@ def test_the_path_has_every_length_and_the_least_criterion_is_chosen(tread):
     criteria = count * np.log(errors**2) + (2 * np.array(lengths) + 1) * np.log(count)
     np.testing.assert_allclose([length.bic for length in fit.path], criteria, rtol=1e-6)
     assert fit.terms == lengths[np.argmin(criteria)]
-
-
-def test_within_chooses_the_shortest_near_the_least_error(tread):
-    omega, values, fit = tread
+    length = fit.path[4]
+    alone = fit_prony(omega, values, terms=length.terms)
+    assert alone.terms == length.terms and alone.path == ()
+    assert alone.errors().total <= 1.02 * length.error
     short = fit_prony(omega, values, within=3.0)
-    errors = {length.terms: length.error for length in short.path}
-    limit = 4 * min(errors.values())
-    assert short.terms < fit.terms and errors[short.terms] <= limit < errors[short.terms - 1]
-
-
-def test_a_given_length_is_at_least_as_good_as_on_the_path(tread):
-    omega, values, fit = tread
-    for length in fit.path[2:8]:
-        alone = fit_prony(omega, values, terms=length.terms)
-        assert alone.terms == length.terms and alone.path == ()
-        assert alone.errors().total <= 1.02 * length.error
+    within = [length.terms for length in short.path if length.error <= 4 * np.min(errors)]
+    assert short.terms == within[0] < fit.terms
 
 
 def test_an_earlier_fit_is_a_start(tread):
@@ -264,15 +252,9 @@ def test_missing_values_and_those_of_no_weight_are_left_out(tread):
     removed = fit_prony(omega[~bad], values[~bad], terms=7)
     assert spread(absent, removed.material) < 1e-5
     assert spread(ignored, removed.material) < 1e-5
-
-
-@pytest.mark.parametrize("missing", [np.nan + 1j * np.nan, 0 + 1j * np.nan])
-def test_a_decade_that_was_not_measured_is_bridged(tread, missing):
-    omega, values, _ = tread
-    gap = (omega > 1e2) & (omega < 1e3)
-    fit = fit_prony(omega, np.where(gap, values.real + missing, values))
-    assert spread(fit, gc.tyre_tread(), omega[~gap]) < 0.1
-    assert spread(fit, gc.tyre_tread(), omega[gap]) < 0.2
+    half = fit_prony(omega, np.where(bad, values.real + 1j * np.nan, values))
+    assert spread(half, gc.tyre_tread(), omega[~bad]) < 0.1  # the gap of the loss is bridged
+    assert spread(half, gc.tyre_tread(), omega[bad]) < 0.2
 
 
 def test_outliers_hardly_move_a_huber_fit(tread):
@@ -339,16 +321,11 @@ def test_a_loss_modulus_alone_is_fitted_when_the_equilibrium_is_known():
 # The verdict ------------------------------------------------------------------------------------
 
 
-def test_consistent_data_are_said_to_agree(tread):
+def test_consistent_data_agree_and_a_contradiction_is_flagged(tread):
     omega, values, fit = tread
     assert fit.floor().chance > 1e-3
     assert "The data limit this fit" in fit.verdict() and "agree (Kramers-Kronig)" in fit.verdict()
-    short = fit_prony(omega, values, terms=3)
-    assert "3 terms limit this fit" in short.verdict()
-
-
-def test_a_contradiction_of_storage_and_loss_is_flagged(tread):
-    omega, values, _ = tread
+    assert "3 terms limit this fit" in fit_prony(omega, values, terms=3).verdict()
     fit = fit_prony(omega, values.real + 1.3j * values.imag)
     floor = fit.floor()
     assert floor.chance < 1e-9 and floor.total > 2 * max(floor.storage, floor.loss)
@@ -370,26 +347,10 @@ def test_what_lies_beyond_the_ends_is_no_contradiction():
     floor = fit.floor()
     assert floor.total < 0.004 < 3 * floor.total < floor.near and floor.chance > 1e-3
     assert "The ends of the data limit this fit" in fit.verdict()
+    assert "Give `glassy` to let times lie beyond that end" in fit.verdict()
     assert "agree (Kramers-Kronig)" in fit.verdict()
     stated = fit_prony(omega, noisy(exact, 0.002), equilibrium=0, glassy=3.0006e9)
     assert stated.errors().total < 0.004 and "The data limit" in stated.verdict()
-
-
-@pytest.mark.parametrize(
-    "given, advice",
-    [
-        ({}, "Give `glassy` or `equilibrium` (0 for a liquid) to let"),
-        ({"equilibrium": 1e5}, "Give `glassy` to let"),
-        ({"glassy": 3.1e6}, "Give `equilibrium` (0 for a liquid) to let"),
-        ({"glassy": 3.1e6, "equilibrium": 1e5}, "cannot place them. Storage"),
-    ],
-)
-def test_nobody_is_asked_for_what_was_given(given, advice):
-    """Branches five decades beyond both ends of the data."""
-    omega = np.geomspace(1.0, 1e3, 20)
-    values = modulus(omega, 1e5, np.full(3, 1e6), np.array([1e5, 0.1, 1e-8]))
-    verdict = fit_prony(omega, values, **given).verdict()
-    assert "The ends of the data limit this fit" in verdict and advice in verdict
 
 
 def test_isotherms_taken_for_one_are_named(tread):
@@ -406,7 +367,7 @@ def test_a_melt_gets_no_equilibrium_modulus_and_a_solid_keeps_its_own():
     values = noisy(modulus(OMEGA, 0.0, STRENGTHS, TIMES), 0.02)
     for melt in (values, values + 1e-7 * STRENGTHS[0]):
         assert float(fit_prony(OMEGA, melt).material.equilibrium) == 0
-    assert "tell of no equilibrium modulus" in fit_prony(OMEGA, values).report()
+    assert "show no equilibrium modulus" in fit_prony(OMEGA, values).report()
     low = modulus(OMEGA, 4e5, STRENGTHS, TIMES)  # loss exceeds it where it ends, yet it shows
     found = fit_prony(OMEGA, noisy(low, 0.02)).material.equilibrium
     assert low[0].imag > low[0].real
@@ -577,27 +538,6 @@ def test_one_reverse_pass_gives_the_derivative_by_every_point_under_jit_and_vmap
         np.testing.assert_allclose(gradient[0][index], (ends[0] - ends[1]) / 2e-5, rtol=1e-4)
 
 
-@pytest.mark.slow  # as the notebook on fits does
-def test_the_gradient_of_friction_by_a_measured_point_is_one_call():
-    """Through the contact solver: friction of a sine on a half space of the fitted material."""
-    _, values = measured("frequency")
-    surface = gc.Surface(1e-6 * np.cos(2 * np.pi * np.arange(16) / 16), gc.Grid((16,), 1e-3))
-    start = fit_prony(OMEGA[::3], values[::3])
-
-    def friction(real):
-        data = jax.lax.complex(real, jnp.asarray(values.imag[::3]))
-        material = fit_prony(OMEGA[::3], data, start=start).material
-        stack = gc.Stack(base=gc.HalfSpace(material))
-        return gc.slide(stack, surface, pressure=5e3, velocity=1e-3, rtol=1e-10).friction
-
-    real = jnp.asarray(values.real[::3])
-    slope = jax.grad(friction)(real)
-    step = 1e-4 * real[8]
-    difference = (friction(real.at[8].add(step)) - friction(real.at[8].add(-step))) / (2 * step)
-    assert abs(difference * real[8]) > 1e-3 * friction(real)
-    np.testing.assert_allclose(slope[8], difference, rtol=1e-3)
-
-
 # Robustness -------------------------------------------------------------------------------------
 
 
@@ -608,7 +548,7 @@ def test_few_points_are_met_without_nonsense(count):
     assert len(fit.theta) <= 2 * count
     fitted = young(fit.material, np.geomspace(1e-4, 1e8, 50))
     assert np.all(np.isfinite(fitted)) and np.all(fitted.imag > 0)
-    assert "cannot be told from so few values" in fit.verdict() or count > 3
+    assert "too few to judge" in fit.verdict() or count > 3
 
 
 def test_ten_thousand_points_are_fitted_like_eighty():
@@ -628,12 +568,8 @@ def test_more_terms_than_the_data_tell_apart_stay_harmless(tread):
 
 # What a slip of columns, signs or units makes of good data.
 SLIPS = {
-    "equal": lambda m: np.full(80, 1e6 + 1e6j),
     "falling": lambda m: m.real[::-1] + 1j * m.imag,
-    "loss in MPa": lambda m: m.real + 1e-6j * m.imag,
-    "storage in MPa": lambda m: 1e-6 * m.real + 1j * m.imag,
     "half in MPa": lambda m: np.where(np.arange(80) < 40, 1, 1e-6) * m,
-    "swapped": lambda m: m.imag + 1j * m.real,
     "threefold loss": lambda m: m.real + 3j * m.imag,
 }
 
@@ -648,27 +584,11 @@ def test_data_of_no_material_are_refused_or_flagged(tread, slip):
     assert "contradict each other" in fit.verdict()
 
 
-def test_a_modulus_that_grows_and_a_compliance_that_falls_are_refused():
-    for kind in ("relaxation", "creep"):
-        x, values = measured(kind)
-        with pytest.raises(ValueError, match="from every positive spectrum"):
-            FITS[kind](x, values[::-1])
-
-
-def test_a_unit_mistaken_throughout_changes_nothing_but_the_unit(tread):
-    omega, values, fit = tread
-    small = fit_prony(2 * np.pi * omega, 1e-6 * values)
-    assert small.terms == fit.terms
-    np.testing.assert_allclose(1e6 * small.material.strengths, fit.material.strengths, rtol=1e-5)
-    np.testing.assert_allclose(2 * np.pi * small.material.times, fit.material.times, rtol=1e-5)
-
-
 @pytest.mark.parametrize(
     "values, message",
     [
         (lambda m: np.where(np.arange(60) == 7, 0, 1) * m, r"`modulus.real\[7\]=0` is refused"),
         (lambda m: m.conj(), r"`modulus.imag\[0\]=-.*must be positive; NaN, or a weight of 0"),
-        (lambda m: np.where(np.arange(60) == 7, np.inf, m.real) + 1j * m.imag, r"\[7\]=inf"),
         (lambda m: m[1:], r"`modulus.real` has shape \(59,\)"),
         (lambda m: np.where(np.arange(60) == 0, m, np.nan + 1j * np.nan) + 0j, "terms"),
         (lambda m: np.full(60, np.nan + 1j * np.nan), r"holds 0 measured value\(s\)"),
@@ -683,15 +603,11 @@ def test_values_that_have_no_logarithm_are_refused(values, message):
     "arguments, message",
     [
         ({"terms": 0}, "`terms=0` must be a whole number, at least 1"),
-        ({"terms": -2, "equilibrium": None}, "`terms=-2` must be a whole number, at least 0"),
         ({"terms": 61}, "`terms=61` has 122 unknowns, more than the 120"),
         ({"terms": 3, "within": 0.1}, "`terms` and `within` both set the number of terms"),
         ({"within": -1.0}, "`within=-1.0` must be a positive number"),
         ({"times": [1.0, 1.0]}, "`times` holds a value twice"),
-        ({"times": [1.0, -1.0]}, r"`times\[1\]=-1` is refused"),
-        ({"equilibrium": -1.0}, "`equilibrium=-1` is refused"),
         ({"equilibrium": 2e6, "glassy": 1e6}, "`glassy=1e.06` must exceed `equilibrium=2e.06`"),
-        ({"huber": 0.0}, "`huber=0` is refused"),
         ({"loss_weight": -1.0}, "`weight of modulus.imag=-1` is refused"),
         ({"loss_weight": np.ones(3)}, r"weight of `modulus.imag` has shape \(3,\)"),
         ({"poisson": 0.6}, "`poisson=0.6` is refused"),
@@ -702,11 +618,28 @@ def test_arguments_out_of_range_are_refused(arguments, message):
         fit_prony(*measured("frequency"), **({"equilibrium": 0.0} | arguments))
 
 
-def test_numbers_that_no_measurement_gives_are_refused():
-    """Their squares and ratios overflow: the search once asked for infinitely many terms."""
-    for x, values in ((1e300 * TIME, 1.0), (1e-300 * TIME, 1.0), (TIME, 1e200)):
-        with pytest.raises(ValueError, match="a measured value lies between 1e-100 and 1e"):
-            fit_creep(x, values * np.ones(60))
+@pytest.mark.parametrize(
+    "fit, x, values, message",
+    [
+        (fit_prony, np.append(0.0, OMEGA[1:]), OMEGA + 1j, r"`omega\[0\]=0` is refused"),
+        (fit_prony, OMEGA.reshape(2, 30), OMEGA + 1j, r"`omega` has shape \(2, 30\)"),
+        (fit_prony, OMEGA.astype(np.float32), OMEGA + 1j, "double precision"),
+        (fit_relaxation, np.zeros(60), OMEGA, "`time` holds no time after 0"),
+        (fit_creep, 1e300 * TIME, TIME, "a measured value lies between 1e-100 and 1e"),
+        (fit_creep, TIME, 1e200 * TIME, "a measured value lies between 1e-100 and 1e"),
+        (fit_relaxation, TIME, measured("relaxation")[1][::-1], "from every positive spectrum"),
+        (fit_creep, TIME, measured("creep")[1][::-1], "from every positive spectrum"),
+    ],
+)
+def test_data_that_no_measurement_gives_are_refused(fit, x, values, message):
+    with pytest.raises(ValueError, match=message):
+        fit(x, values)
+
+
+def test_a_modulus_at_time_zero_is_the_glassy_one():
+    _, values = measured("relaxation", 1)
+    at_once = fit_relaxation(np.append(0.0, TIME), np.append(START + 2e7, values))
+    np.testing.assert_allclose(at_once.material.glassy, START + 2e7, rtol=1e-6)
 
 
 def test_creep_gives_no_glassy_modulus_beyond_what_its_first_strain_can_show():
@@ -721,33 +654,17 @@ def test_creep_gives_no_glassy_modulus_beyond_what_its_first_strain_can_show():
     assert "E_inf is not determined" not in stated.report()
 
 
-def test_bad_abscissae_are_refused():
-    _, values = measured("frequency")
-    with pytest.raises(ValueError, match=r"`omega\[0\]=0` is refused"):
-        fit_prony(np.append(0.0, OMEGA[1:]), values)
-    with pytest.raises(ValueError, match=r"`omega` has shape \(2, 30\)"):
-        fit_prony(OMEGA.reshape(2, 30), values)
-    with pytest.raises(ValueError, match="double precision"):
-        fit_prony(OMEGA.astype(np.float32), values)
-    with pytest.raises(ValueError, match="`time` holds no time after 0"):
-        fit_relaxation(np.zeros(3), np.ones(3))
-    _, values = measured("relaxation", 1)
-    at_once = fit_relaxation(np.append(0.0, TIME), np.append(START + 2e7, values))
-    np.testing.assert_allclose(at_once.material.glassy, START + 2e7, rtol=1e-6)
-
-
 def test_what_needs_known_values_says_so():
     _, values = measured("frequency")
     start = fit_relaxation(*measured("relaxation"), terms=3)
     with pytest.raises(ValueError, match="`start` is a fit of kind 'relaxation'"):
         fit_prony(OMEGA, values, start=start)
-    with pytest.raises(ValueError, match="`terms=None` needs values that are known"):
+    with pytest.raises(ValueError, match="`terms=None` needs values that are concrete"):
         jax.jit(lambda m: fit_prony(OMEGA, m).theta)(values)
     with pytest.raises(ValueError, match="not available under `jit`"):
         jax.jit(lambda m: fit_prony(OMEGA, m, terms=2).confidence(OMEGA))(values)
-    for level in (0, 1.5):
-        with pytest.raises(ValueError, match=f"`level={level}` must lie between 0 and 1"):
-            start.confidence(OMEGA, level=level)
+    with pytest.raises(ValueError, match=r"`level=1\.5` must lie between 0 and 1"):
+        start.confidence(OMEGA, level=1.5)
 
 
 # Properties -------------------------------------------------------------------------------------

@@ -9,7 +9,7 @@ from scipy import stats
 
 import graded_contact as gc
 from graded_contact.core.parameters import paths
-from graded_contact.files.errors import read_errors, write_errors
+from graded_contact.files.parameter_covariance import read_errors, write_errors
 from graded_contact.studies.uncertainty import errors_of, propagate, sensitivity
 
 TRUTH = gc.Prony(1e6, [2e6, 1e7], [1e-2, 1e-4], 0.49)
@@ -119,7 +119,7 @@ def test_a_master_curve_carries_the_doubt_of_its_shifts(tmp_path):
     for temperature in (290.0, 300.0, 310.0):
         modulus = np.asarray(law.at(temperature).modulus(omega))
         isotherms.append((temperature, omega, modulus * noise.lognormal(sigma=0.02, size=15)))
-    curve = gc.master_curve(isotherms, law="arrhenius", scatter=0.0, terms=2, poisson=0.49)
+    curve = gc.master_curve(isotherms, law="arrhenius", shift_std=0.0, terms=2, poisson=0.49)
     at = lambda material: material.at(305.0).modulus(jnp.array([30.0])).imag  # noqa: E731
     whole = propagate(at, curve)
     lower, upper = curve.confidence([30.0], 305.0, level=0.6827)

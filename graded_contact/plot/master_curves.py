@@ -9,15 +9,7 @@ from ..core.display import unit_of
 from ..files.moduli.measured import Measured
 from ..fitting.master import MasterCurve
 from .materials import CHANNELS, ORDINATES
-from .style import (
-    COLUMN,
-    PAGE,
-    TEMPERATURES,
-    few_powers_of_ten,
-    new_figure,
-    ordered,
-    styled,
-)
+from .style import COLUMN, PAGE, TEMPERATURES, few_powers_of_ten, new_figure, ordered, styled
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes

@@ -1,12 +1,11 @@
-"""What is known of the numbers of a material, as a CSV file beside its card.
+"""The covariance of the numbers of a material, as a CSV file beside its card.
 
-The first line has their paths in the material; each further line one of the independent directions
-in which they may be off, by one standard deviation, in their units.
+The first line holds the paths of the numbers in the material. Each further line is one independent
+direction of their errors: one standard deviation, in the units of the numbers.
 """
 
 import csv
 import os
-from collections.abc import Sequence
 from typing import TypeVar
 
 import equinox as eqx
@@ -24,7 +23,7 @@ T = TypeVar("T")
 
 @shown()
 class Errors(eqx.Module):
-    """What is known of some numbers of a material, or of anything else that holds numbers.
+    """Errors of some numbers of a material, or of any other object that holds numbers.
 
     **Fields:**
 
@@ -50,15 +49,17 @@ class Errors(eqx.Module):
 
 
 def moved(tree: T, errors: Errors, steps: Float[Array, " directions"]) -> T:
-    """Returns `tree` with its numbers off by so many standard deviations along each direction."""
+    """Returns `tree` with its numbers changed by so many standard deviations in each direction."""
     known, off = paths(tree), steps @ errors.directions
     changes = zip(errors.paths, off, strict=True)
     return with_values(tree, {path: known.get(path, 0) + change for path, change in changes})
 
 
 def check_errors(errors: Errors, material: object) -> None:
-    """Raises `ValueError` unless these are errors of single numbers that the material has, and of
-    a series all of them: those of another material are not taken for its own."""
+    """Raises `ValueError` unless the errors fit the material.
+
+    They must be of single numbers that the material has, and cover each series entirely.
+    """
     known = paths(material)
     single = [path for path, value in known.items() if not value.ndim]
     series = {path.rpartition("[")[0] for path in errors.paths} & {*known}
@@ -68,7 +69,8 @@ def check_errors(errors: Errors, material: object) -> None:
     for path in single:
         if path.rpartition("[")[0] in series and path not in errors.paths:
             raise ValueError(
-                f"{path!r} of the material is missing: are these another one's errors?"
+                f"{path!r} of the material is missing: these errors seem to belong to another "
+                "material."
             )
 
 
@@ -98,13 +100,10 @@ def read_errors(path: str | os.PathLike) -> Errors:
                 names, *lines = list(csv.reader(file)) or [[]]
         except csv.Error as error:
             raise ValueError(f"{error}.") from error
-        rows = [_numbers(i, line, names) for i, line in enumerate(lines, start=2) if line]
+        rows = []
+        for number, line in enumerate(lines, start=2):
+            if line and len(line) != len(names):
+                raise ValueError(f"line {number} has {len(line)} numbers under {len(names)} paths.")
+            with within(f"line {number}:"):
+                rows += [[float(word) for word in line]] if line else []
         return Errors(tuple(names), np.reshape(rows, (len(rows), len(names))))
-
-
-def _numbers(number: int, line: Sequence[str], names: Sequence[str]) -> list[float]:
-    """The numbers of a line of the file, one for each name."""
-    if len(line) != len(names):
-        raise ValueError(f"line {number} has {len(line)} numbers under {len(names)} paths.")
-    with within(f"line {number}:"):
-        return [float(word) for word in line]
