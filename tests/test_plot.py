@@ -39,7 +39,7 @@ def test_maps_have_axes_and_bars_with_units(tmp_path):
     labels = [axes.get_xlabel() for axes in figure.axes]
     assert labels[:3] == ["$x$ [mm]"] * 3
     assert figure.axes[0].get_ylabel() == "$y$ [mm]"
-    assert labels[3:] == ["height (into the solid) [µm]", "contact pressure [MPa]", "gap [µm]"]
+    assert labels[3:] == ["height into the solid [µm]", "contact pressure [MPa]", "gap [µm]"]
     assert saved(figure, tmp_path) > 10_000
 
 
