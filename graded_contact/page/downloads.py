@@ -1,7 +1,7 @@
 """The downloads of a page: curves (CSV), everything that it shows (HDF5), a figure (PDF)."""
 
 import io
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 import pandas as pd
@@ -21,14 +21,14 @@ class Shown(NamedTuple):
 
     - `model`: of the scene.
     - `values`: of its knobs [SI].
-    - `curves`, `contact`, `derivatives`: of the model at these values, the latter two None until
-      they are computed.
+    - `curves`, `contact`, `derivatives`: of the model at these values; the last one is None until
+      it is computed.
     """
 
     model: Model
     values: tuple[float, ...]
     curves: xr.Dataset
-    contact: Contact | None = None
+    contact: Contact
     derivatives: Derivatives | None = None
 
 
@@ -62,11 +62,11 @@ def _contact(shown: Shown) -> xr.Dataset:
     """Numbers and fields of the contact, with the words of the table of quantities."""
     sliding, heights = shown.contact.sliding, shown.contact.heights
     axes = ("x", "y")[: heights.ndim]
-    places = zip(axes, shown.model.size, heights.shape, strict=True)
-    found = {axis: ((axis,), np.arange(n) * (length / n)) for axis, length, n in places}
-    fields = {name: getattr(sliding, name) for name in ("pressure", "gap", "displacement")}
-    for name, values in {"heights": heights, **fields}.items():
-        found[name] = (axes, np.asarray(values))
+    found: dict[str, Any] = {"heights": (axes, heights)}
+    for axis, length, points in zip(axes, shown.model.size, heights.shape, strict=True):
+        found[axis] = (axis, np.arange(points) * (length / points))
+    for name in ("pressure", "gap", "displacement"):
+        found[name] = (axes, np.asarray(getattr(sliding, name)))
     for name in OBSERVABLES:
         if hasattr(sliding, name):
             found[name] = ((), np.asarray(getattr(sliding, name)))
@@ -82,7 +82,8 @@ def to_pdf(shown: Shown) -> bytes:
     panels = figure.subplots(2, 4)
     sliding = shown.contact.sliding
     points = {"friction": sliding.friction, "contact_area": sliding.contact_area_smooth}
-    for axes, (name, curve) in zip(panels[0], shown.curves.items(), strict=True):
+    for axes, name in zip(panels[0], ("modulus", "loss_tangent", *points), strict=True):
+        curve: Any = shown.curves[name]
         scale = "log" if name == "modulus" else "linear"
         curve.plot(ax=axes, xscale="log", yscale=scale, color=COLOURS[0])
         if name in points:

@@ -116,26 +116,21 @@ class Model:
         The response is over `q` [rad/m] at the chosen velocity, the mean field over `speed` [m/s].
         """
         found = _curves(self._scenery, jnp.array(values), self._waves, self._speeds)
-        modulus, friction, area = map(np.asarray, found)
-        q, speed, at = "q", "speed", "at the chosen velocity"
-
-        def curve(along: str, numbers: Any, unit: str, meaning: str) -> tuple:
-            return along, np.asarray(numbers), {"units": unit, "long_name": meaning}
-
-        return xr.Dataset(
-            {
-                "modulus": curve(q, np.abs(modulus), "Pa", f"composite modulus |2/(q M_zz)| {at}"),
-                "loss_tangent": curve(
-                    q, modulus.imag / modulus.real, "1", f"composite loss tangent {at}"
-                ),
-                "friction": curve(speed, friction, "1", "friction by mean field"),
-                "contact_area": curve(speed, area, "1", "contact area fraction by mean field"),
-            },
-            coords={
-                q: curve(q, self._waves, "rad/m", "wavenumber"),
-                speed: curve(speed, self._speeds, "m/s", "velocity"),
-            },
-        )
+        modulus, friction, area = (np.asarray(numbers) for numbers in found)
+        tangent = np.imag(modulus) / np.real(modulus)
+        meaning = "composite modulus |2/(q M_zz)|"
+        curves = {
+            "q": ("q", self._waves, "rad/m", "wavenumber"),
+            "modulus": ("q", np.abs(modulus), "Pa", f"{meaning} at the chosen velocity"),
+            "loss_tangent": ("q", tangent, "1", "composite loss tangent at the chosen velocity"),
+            "speed": ("speed", self._speeds, "m/s", "velocity"),
+            "friction": ("speed", friction, "1", "friction by mean field"),
+            "contact_area": ("speed", area, "1", "contact area fraction by mean field"),
+        }
+        return xr.Dataset({
+            name: (along, np.asarray(numbers), {"units": unit, "long_name": words})
+            for name, (along, numbers, unit, words) in curves.items()
+        })  # fmt: skip
 
     def contact(self, values: Sequence[float]) -> Contact:
         """Returns the contact at `values` [SI], solved from the last one."""

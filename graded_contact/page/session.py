@@ -55,6 +55,7 @@ class Session(param.Parameterized):
         self._changes: list[Change] = [lambda _: document]
         self._newest: Any = None  # the model that is soon shown, and values of its knobs
         self._values: tuple[float, ...] = ()
+        self._curves: Any = None
         self._point: Any = None
         self._call, self._turn, self._ended = 0, asyncio.Lock(), False
         self._seconds: dict[str, float] = {}
@@ -110,11 +111,12 @@ class Session(param.Parameterized):
         async with self._turn:
             while self._changes:
                 await self._read(self._changes.pop(0))
+        model, values = self._newest, self._values
         for stage, rest in STAGES.items():
             await asyncio.sleep(rest)
             async with self._turn:
-                stale = self._ended or call != self._call or self._newest is None
-                if stale or not await self._compute(stage):
+                stale = self._ended or call != self._call or model is None
+                if stale or not await self._compute(stage, model, values):
                     return
 
     async def _read(self, change: Change) -> None:
@@ -133,9 +135,9 @@ class Session(param.Parameterized):
         self._newest, self._values, self._seconds = model, model.values, {}
         self._show(model=model)
 
-    async def _compute(self, stage: str) -> bool:
+    async def _compute(self, stage: str, model: Any, values: tuple[float, ...]) -> bool:
         """Computes one stage and shows it; returns whether that succeeded."""
-        model, values, first = self._newest, self._values, stage not in self._seconds
+        first = stage not in self._seconds
         if first:
             self._show(status=f"compiling: {stage}", busy=True)
 
@@ -152,10 +154,13 @@ class Session(param.Parameterized):
             return False
         self._seconds[stage] = time.perf_counter() - started
         if stage == "curves":
-            self._point = Shown(model, values, found)
+            self._curves = found
             self._show(curves=found)
             return True
-        self._point = self._point._replace(**{stage: found})
+        if stage == "contact":
+            self._point = Shown(model, values, self._curves, found)
+        else:
+            self._point = self._point._replace(derivatives=found)
         self._show(shown=self._point, **self._timing())
         if stage == "contact" and found.sliding.result != RESULTS.successful:
             self.tell(RESULTS[found.sliding.result])

@@ -7,7 +7,7 @@ import numpy as np
 from jaxtyping import ArrayLike
 
 from ..core.checks import as_float
-from ..core.display import unit_of
+from ..core.display import unit_of, with_unit
 from ..core.quantities import FIELDS
 from ..persson.mean_field import MeanField, pressure_distribution
 from ..roughness.cutoff import CutoffCurve
@@ -22,7 +22,7 @@ from .style import (
     few_powers_of_ten,
     new_figure,
     styled,
-)
+)  # fmt: skip
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -47,9 +47,8 @@ def plot_sliding(
 ) -> "Figure":
     """Returns a figure of heights, contact pressure and gap: maps, or lines of a profile.
 
-    The map of the pressure is white out of contact, that of the gap is white in contact. The
-    colours of the pressure follow the square root. Scales leave out values far beyond 99 % of the
-    points; the labels then give the range of these values.
+    Pressure is white out of contact, gap is white in contact. The colours of the pressure follow
+    the square root. Labels give the range of outliers, which lie beyond the scale.
 
     **Arguments:**
 
@@ -92,7 +91,7 @@ def draw_field(axes: "Axes", name: str, values: np.ndarray, size: np.ndarray) ->
     from matplotlib.ticker import MaxNLocator
 
     colours, exponent, colour = LOOKS[name]
-    low, high, extend = value_range(values)
+    low, high, extend = _value_range(values)
     base = FIELDS[name].unit
     unit, scale = unit_of(base, max(abs(low), abs(high)))
     words, label = FIELDS[name].meaning, f"[{unit}]{_outliers(extend, values, base)}"
@@ -128,11 +127,10 @@ def _draw_map(axes: "Axes", values: np.ndarray, size: np.ndarray, **style: Any) 
     return image
 
 
-def value_range(values: np.ndarray) -> tuple[float, float, str]:
-    """Returns the range to draw, and at which ends values lie beyond it, as colour bars name them.
+def _value_range(values: np.ndarray) -> tuple[float, float, str]:
+    """Returns the range to draw, and the ends with outliers, as colour bars name them.
 
-    It ends with the values, unless outliers are further from the median than twice the distance
-    within which 99 % of the points lie, 0.5 % being beyond either side.
+    Outliers are further from the median than twice the distance within which 99 % of points lie.
     """
     finite = values[np.isfinite(values)]
     if not finite.size:
@@ -220,9 +218,8 @@ def plot_outline(sliding: Any, surface: Surface) -> "Figure":
 def plot_distributions(sliding: Any, mean_field: MeanField | None = None) -> "Figure":
     """Returns a figure of the distributions of contact pressure and gap.
 
-    Densities are over the nominal area: the integral of that of the pressure is the contact area,
-    the integral of that of the gap is the rest. In Persson's theory the pressure has a Gaussian
-    distribution less its mirror image.
+    Densities are over the nominal area: that of the pressure has the contact area as its integral.
+    In Persson's theory the pressure has a Gaussian distribution less its mirror image.
 
     **Arguments:**
 
@@ -242,12 +239,12 @@ def plot_distributions(sliding: Any, mean_field: MeanField | None = None) -> "Fi
         density = np.asarray(pressure_distribution(mean_field, stress))[-1]
         left.plot(scale * stress, density / scale, color=COLOURS[1], label="Persson's theory")
     _, scale = _draw_density(right, "gap", gap, (pressure <= 0) & (gap > 0))
-    mean, unit = scale * float(np.mean(gap)), unit_of("m", 1 / scale)[0]
-    right.axvline(mean, color="0.3", linewidth=0.8, linestyle="--", label=f"mean {mean:.3g} {unit}")
+    mean = float(np.mean(gap))
+    label = f"mean {with_unit(mean, 'm')}"
+    right.axvline(scale * mean, color="0.3", linewidth=0.8, linestyle="--", label=label)
     for axes in (left, right):
         axes.legend()
-        axes.set_xlim(left=0)
-        axes.set_ylim(bottom=0)
+        axes.set(xlim=(0, None), ylim=(0, None))
     return figure
 
 
