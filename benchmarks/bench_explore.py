@@ -24,7 +24,7 @@ from rows import keep
 
 jax.config.update("jax_enable_x64", True)  # as the page does
 
-# Which figures have been drawn is told by the columns of their data.
+# The columns of the data show which figures are drawn.
 WATCH = """() => {
   window.drawn = {};
   const kind = data => data.image ? "contact" : data.friction ? "derivatives"
@@ -44,12 +44,28 @@ WATCH = """() => {
     window.drawn = {}; window.pressed = performance.now();
   }, true);
 }"""
-STAGES = {"curves": 0.2, "contact": 0.3, "derivatives": 1.0}  # s, wanted
+TARGETS = {"curves": 0.2, "contact": 0.3, "derivatives": 1.0}  # s
+
+
+def free_port() -> int:
+    """Returns a port that nobody uses."""
+    with socket.socket() as free:
+        free.bind(("127.0.0.1", 0))
+        return free.getsockname()[1]
+
+
+def wait_for(port: int) -> None:
+    """Ends when a server listens."""
+    while True:
+        with socket.socket() as probe:
+            if probe.connect_ex(("127.0.0.1", port)) == 0:
+                return
+        time.sleep(0.1)
 
 
 def measure(address: str, keys: int, screenshot: str | None) -> dict[str, list[float]]:
-    """Seconds from each key to the pictures."""
-    found: dict[str, list[float]] = {name: [] for name in STAGES}
+    """Returns the seconds from each key to the pictures."""
+    found: dict[str, list[float]] = {name: [] for name in TARGETS}
     with sync_playwright() as driver:
         path = shutil.which("chromium") or shutil.which("google-chrome")
         browser = driver.chromium.launch(executable_path=path, args=["--no-sandbox"])
@@ -59,9 +75,8 @@ def measure(address: str, keys: int, screenshot: str | None) -> dict[str, list[f
         page.get_by_text(re.compile(r"derivatives \d+ ms")).wait_for()
         page.evaluate(WATCH)
         sliders = page.locator(".noUi-handle")
-        count = sliders.count()
         for i in range(keys + 1):
-            sliders.nth(i % count).focus()
+            sliders.nth(i % sliders.count()).focus()
             page.keyboard.press("ArrowLeft")
             page.wait_for_function("() => window.drawn.derivatives && window.drawn.contact")
             for name, milliseconds in page.evaluate("() => window.drawn").items():
@@ -75,36 +90,24 @@ def measure(address: str, keys: int, screenshot: str | None) -> dict[str, list[f
 
 def main():
     parser = argparse.ArgumentParser(description=__doc__.partition("\n\n")[0])
-    parser.add_argument("scene", nargs="?")
+    parser.add_argument("scene", nargs="*")
     parser.add_argument("--keys", type=int, default=20)
     parser.add_argument("--screenshot", help="PNG of the page afterwards")
-    options = parser.parse_args()
-    with socket.socket() as free:
-        free.bind(("127.0.0.1", 0))
-        port = free.getsockname()[1]
+    options, port = parser.parse_args(), free_port()
     with tempfile.TemporaryDirectory() as folder:
-        command = [sys.executable, "-m", "graded_contact", "explore"]
-        command += [options.scene] if options.scene else []
-        command += ["--no-browser", "--port", str(port), "-o", folder]
-        server = subprocess.Popen(command)
+        command = [sys.executable, "-m", "graded_contact", "explore", *options.scene]
+        server = subprocess.Popen([*command, "--no-browser", "--port", str(port), "-o", folder])
         try:
-            while True:
-                with socket.socket() as probe:
-                    if probe.connect_ex(("127.0.0.1", port)) == 0:
-                        break
-                time.sleep(0.1)
+            wait_for(port)
             found = measure(f"http://127.0.0.1:{port}/", options.keys, options.screenshot)
         finally:
             server.terminate()
-    print(f"{'picture':12s} {'median s':>9s} {'90 % s':>7s} {'wanted':>7s}")
-    for name, wanted in STAGES.items():
+    print(f"{'picture':12s} {'median s':>9s} {'90 % s':>7s} {'target':>7s}")
+    for name, target in TARGETS.items():
         median, slow = np.percentile(found[name], (50, 90))
-        print(f"{name:12s} {median:9.3f} {slow:7.3f} {wanted:7.1f}")
-        keep(
-            "bench_explore",
-            {"picture": name, "median [s]": median, "nine of ten within [s]": slow,
-             "wanted [s]": wanted},
-        )  # fmt: skip
+        print(f"{name:12s} {median:9.3f} {slow:7.3f} {target:7.1f}")
+        row = {"picture": name, "median [s]": median, "nine of ten within [s]": slow}
+        keep("bench_explore", row | {"wanted [s]": target})
 
 
 if __name__ == "__main__":

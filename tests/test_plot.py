@@ -34,21 +34,18 @@ def saved(figure, folder) -> int:
     return (folder / "figure.png").stat().st_size
 
 
-def test_maps_have_axes_and_bars_with_units(tmp_path):
-    figure = plot_sliding(*make_fields((8, 16)))
-    labels = [axes.get_xlabel() for axes in figure.axes]
-    assert labels[:3] == ["$x$ [mm]"] * 3
-    assert figure.axes[0].get_ylabel() == "$y$ [mm]"
-    assert labels[3:] == ["height (into the solid) [µm]", "contact pressure [MPa]", "gap [µm]"]
-    assert saved(figure, tmp_path) > 10_000
-
-
-def test_a_map_shows_x_to_the_right_and_y_upwards():
+def test_maps_have_units_with_x_to_the_right_and_y_upwards(tmp_path):
     fields, surface = make_fields((8, 16))
-    image = plot_sliding(fields, surface).axes[0].images[0]
+    figure = plot_sliding(fields, surface)
+    image = figure.axes[0].images[0]
     heights = np.asarray(surface.heights - np.mean(surface.heights))
     np.testing.assert_allclose(image.get_array(), 1e6 * heights.T)
     assert image.origin == "lower"
+    labels = [axes.get_xlabel() for axes in figure.axes]
+    assert labels[:3] == ["$x$ [mm]"] * 3
+    assert figure.axes[0].get_ylabel() == "$y$ [mm]"
+    assert labels[3:] == ["height into the solid [µm]", "contact pressure [MPa]", "gap [µm]"]
+    assert saved(figure, tmp_path) > 10_000
 
 
 def test_a_profile_is_drawn_as_lines(tmp_path):
@@ -92,7 +89,7 @@ def test_full_contact_and_none_are_drawn():
             assert found.all() == found.any() == coloured  # else white
 
 
-@pytest.mark.parametrize("velocity", [0.3, -0.3, (0.0, 2.0), (-3.0, 4.0)])
+@pytest.mark.parametrize("velocity", [-0.3, (-3.0, 4.0)])
 def test_an_arrow_points_along_the_velocity(velocity):
     shape = (8, 32)  # whose panels have unlike scales
     figure = plot_sliding(*make_fields(shape), velocity)
@@ -107,8 +104,6 @@ def test_an_arrow_points_along_the_velocity(velocity):
 
 def test_at_rest_there_is_no_arrow():
     assert not any(axes.texts for axes in plot_sliding(*make_fields((8, 8)), (0.0, 0.0)).axes)
-    (arrow,) = plot_sliding(*make_fields((16,)), -1.0).axes[1].texts
-    assert arrow.xy[0] < 0 and arrow.xy[1] == 0
 
 
 @pytest.mark.parametrize("velocity, scale", [([1.0, 0.01, 0.1], "log"), ([0, 0.1, 1], "linear")])

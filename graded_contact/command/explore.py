@@ -15,23 +15,23 @@ from .session import refusing
 def explore(
     scene_file: Annotated[
         Path | None,
-        typer.Argument(metavar="[SCENE.toml]", help="The scene; by default that of `demo`."),
+        typer.Argument(metavar="[SCENE.toml]", help="Scene file (default: the scene of `demo`)."),
     ] = None,
     output: Annotated[
-        Path, typer.Option("--output", "-o", help="Folder for scenes and data that are kept.")
+        Path, typer.Option("--output", "-o", help="Folder for saved scenes and dropped files.")
     ] = Path("explored"),
-    address: Annotated[str, typer.Option(help="Where to listen.")] = "127.0.0.1",
-    port: Annotated[int, typer.Option(min=1, max=65535, help="Port to listen at.")] = 5006,
+    address: Annotated[str, typer.Option(help="Address of the server.")] = "127.0.0.1",
+    port: Annotated[int, typer.Option(min=1, max=65535, help="Port of the server.")] = 5006,
     browser: Annotated[bool, typer.Option(help="Open a browser.")] = True,
 ) -> None:
     """Shows a scene as a page of sliders in the browser, until Ctrl-C.
 
-    Nothing is written outside the folder. Whoever reaches the address may use the page.
+    The page writes into the folder only. Everybody who can reach the address can use the page.
     """
     with refusing():
         folder = full_path(str(output))
         check_folder(folder)
         serve(scene_file, folder, address=address, port=port, show=browser)
     sys.stdout.flush()
-    # A page's thread may be deep in a compilation: Python's own way to end would crash there.
+    # A thread may be compiling: the normal exit of Python would wait for it, or crash.
     os._exit(0)

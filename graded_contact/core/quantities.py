@@ -68,7 +68,7 @@ FIELDS = _table([
     ("pressure", r"\sigma", "Pa", "contact pressure"),
     ("gap", "u", "m", "gap"),
     ("displacement", "w", "m", "displacement into the solid"),
-    ("heights", "h", "m", "height of the surface, into the solid"),
+    ("heights", "h", "m", "height into the solid"),
     ("measured", "", "1", "share of each height that was measured, not filled or tapered"),
     ("x", "x", "m", "position along x"),
     ("y", "y", "m", "position along y"),

@@ -1,11 +1,14 @@
-"""The scene that a page shows, as the tables of its file: what is added, replaced and saved.
+"""The scene that a page shows, as the tables of its file: opened, changed and saved.
 
-Every change makes other tables, which the reader of scenes then takes or refuses: what it says is
-what the page shows. A page shows one point: axes of the scene (lists of pressures, [sweep], seeds)
-give their middle, and are not saved.
+Every change makes new tables. The reader of scenes checks them, and the page shows its errors. A
+page shows one point: of lists of pressures, [sweep] and seeds it takes the middle, and it does not
+save them.
 """
 
 import copy
+import os
+import tempfile
+from collections.abc import Callable
 from importlib import resources
 from pathlib import Path
 from typing import Any, NamedTuple
@@ -13,13 +16,14 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from ..files.given import existing_file
-from ..files.output import full_path
+from ..files.output import check_name, full_path
 from ..files.scene import Scene, parse_scene
+from ..files.sealed import replacing
 from ..files.toml import LARGEST, parse_toml, within
 from ..files.toml_text import toml_text
 from ..files.topography.reading import read_surface
 
-POINTS = 256  # along the longer edge of a topography that is dropped in
+POINTS = 256  # along the longer edge of a topography that the user drops
 THICKNESS = 1e-4  # m, of a first layer
 
 
@@ -29,23 +33,32 @@ class Document(NamedTuple):
     **Fields:**
 
     - `content`: as `tomllib` gives it; never changed in place.
-    - `folder`: what its paths are relative to.
-    - `speeds`: lowest and highest velocity [m/s] that the page offers.
+    - `folder`: its paths are relative to this folder.
+    - `speeds`: lowest and highest velocity [m/s] of the page.
     """
 
     content: dict[str, Any]
     folder: Path
     speeds: tuple[float, float]
 
+    @property
+    def text(self) -> str:
+        """The tables as TOML."""
+        return toml_text(self.content)
+
     def scene(self) -> Scene:
-        """Returns what the tables describe, or raises what `read_scene` does."""
-        return parse_scene(toml_text(self.content), self.folder)
+        """Returns the scene of the tables, or raises the errors of `read_scene`."""
+        return parse_scene(self.text, self.folder)
+
+    def copied(self) -> "Document":
+        """Returns a copy, whose tables may be changed."""
+        return self._replace(content=copy.deepcopy(self.content))
 
 
 def open_document(path: Path | None) -> Document:
-    """Returns the scene of a file, or the embedded one, at one point.
+    """Returns the scene of a file, or that of the demo, at one point.
 
-    **Raises:** `FileNotFoundError`; `ValueError` for what is no scene, or has no motion.
+    **Raises:** `FileNotFoundError`; `ValueError` for a file without a scene, or without motion.
     """
     if path is None:
         file: Any = resources.files("graded_contact.studies").joinpath("demo.toml")
@@ -54,8 +67,7 @@ def open_document(path: Path | None) -> Document:
     folder = Path.cwd() if path is None else Path(path).absolute().parent
     text = file.read_text("utf-8")
     with within(f"{file.name}:"):
-        scene = parse_scene(text, folder)
-        return _at_one_point(parse_toml(text), scene, folder)
+        return _at_one_point(parse_toml(text), parse_scene(text, folder), folder)
 
 
 def _at_one_point(content: dict[str, Any], scene: Scene, folder: Path) -> Document:
@@ -70,90 +82,133 @@ def _at_one_point(content: dict[str, Any], scene: Scene, folder: Path) -> Docume
         load["direction"] = scene.direction
     if scene.temperature is not None:
         load["temperature"] = _middle(np.sort(scene.temperature, axis=None))
-    kept = {k: copy.deepcopy(v) for k, v in content.items() if k not in ("sweep", "design")}
-    kept["load"] = load
-    kept["surface"].pop("seeds", None)
-    for table in (kept["surface"], *kept["materials"].values()):
+    content = {k: v for k, v in content.items() if k not in ("sweep", "design")} | {"load": load}
+    content["surface"].pop("seeds", None)
+    for table in (content["surface"], *content["materials"].values()):
         if "path" in table:
             table["path"] = str(full_path(table["path"], folder))
         if table.get("kind") == "tabulated":
-            # A knob soon leaves a table; what its friction then rests on is told.
+            # A slider soon leaves the table; the page warns how much friction depends on that.
             table["extrapolate"] = "plateau"
-    return Document(kept, folder, speeds)
+    return Document(content, folder, speeds)
 
 
 def _middle(values: np.ndarray) -> float:
     return float(values[len(values) // 2])
 
 
+def layer_name(layer: dict[str, Any]) -> str:
+    """Returns the material of a layer of the tables, or both materials of a graded one."""
+    return layer["material"] if "material" in layer else f"{layer['top']} → {layer['bottom']}"
+
+
 def with_layer(document: Document, material: str | None) -> Document:
-    """Returns the scene with one more layer on top, as thick as the one below it.
+    """Returns the scene with one more layer on top, as thick as the layer below it.
 
     **Arguments:**
 
     - `document`: the scene.
-    - `material`: a name of [materials]; None for a new elastic one.
+    - `material`: a name of [materials]; None for a new elastic material.
     """
-    content = copy.deepcopy(document.content)
+    document = document.copied()
+    content = document.content
     if material is None:
         material = free_name("coat", content["materials"])
         content["materials"][material] = {"kind": "elastic", "modulus": 1e7, "poisson": 0.49}
     below = content.get("layers", [])
     thickness = below[0]["thickness"] if below else THICKNESS
     content["layers"] = [{"material": material, "thickness": thickness}, *below]
-    return document._replace(content=content)
+    return document
 
 
 def without_layer(document: Document, index: int) -> Document:
-    """Returns the scene without one of its layers, counted from the surface; its material stays."""
-    content = copy.deepcopy(document.content)
-    del content["layers"][index]
-    return document._replace(content=content)
+    """Returns the scene without one layer, counted from the surface; its material stays."""
+    document = document.copied()
+    del document.content["layers"][index]
+    return document
 
 
-def with_moduli(document: Document, name: str, path: Path) -> Document:
+def with_moduli(document: Document, path: Path, name: str) -> Document:
     """Returns the scene with the table of moduli in a file for the material `name`."""
-    content = copy.deepcopy(document.content)
-    old = content["materials"][name]
+    document = document.copied()
+    old = document.content["materials"][name]
     table: dict[str, Any] = {"kind": "tabulated", "path": str(path), "extrapolate": "plateau"}
-    if "poisson" in old:
-        table["poisson"] = old["poisson"]
-    if old.get("kind") == "tabulated" and "shift" in old:
-        table["shift"] = old["shift"]
-    content["materials"][name] = table
-    return document._replace(content=content)
+    kept = ("poisson", "shift") if old["kind"] == "tabulated" else ("poisson",)
+    document.content["materials"][name] = table | {key: old[key] for key in kept if key in old}
+    return document
 
 
-def with_topography(document: Document, path: Path, told: dict[str, str]) -> Document:
-    """Returns the scene with the surface in a file, resampled to some `POINTS` along its edge.
+def with_topography(document: Document, path: Path, options: dict[str, Any]) -> Document:
+    """Returns the scene with the surface in a file, resampled to `POINTS` along its longer edge.
 
     **Arguments:**
 
     - `document`: the scene.
     - `path`: of the topography.
-    - `told`: texts of `periodic`, and of `unit` and `size` [m] for a file that does not tell.
+    - `options`: `periodic`, and `unit` and `size` [m] if the file does not give them, as the
+      tables of a scene have them.
 
-    **Raises:** what `read_surface` does.
+    **Raises:** the errors of `read_surface`.
     """
-    content = copy.deepcopy(document.content)
+    document = document.copied()
+    content = document.content
     with within(f"{path.name}:"):
-        arguments: dict[str, Any] = dict(told)
-        if "size" in told:
-            arguments["size"] = _number("size", told["size"])
-        none = {"periodic": None} if told.get("periodic") == "none" else {}
-        found = read_surface(path, **{**arguments, **none}).grid.shape
-    content["surface"] = {"kind": "file", "path": str(path), **arguments}
-    if max(found) > POINTS:
-        content["surface"]["shape"] = [max(2 * (POINTS * n // max(found) // 2), 16) for n in found]
+        periodic = {"periodic": None} if options.get("periodic") == "none" else {}
+        shape = read_surface(path, **{**options, **periodic}).grid.shape
+    content["surface"] = {"kind": "file", "path": str(path), **options}
+    if max(shape) > POINTS:
+        content["surface"]["shape"] = [max(2 * (POINTS * n // max(shape) // 2), 16) for n in shape]
     content.pop("grid", None)
-    return document._replace(content=content)
+    return document
 
 
-def _number(name: str, text: str) -> float:
-    try:
-        return float(text)
-    except ValueError:
-        raise ValueError(f"`{name}={text}` is refused: a number is needed.") from None
+def with_file(
+    document: Document,
+    folder: Path,
+    name: str,
+    data: bytes,
+    change: Callable[[Document, Path], Document],
+) -> Document:
+    """Returns the scene with a file of the user, which is stored in a folder.
+
+    **Arguments:**
+
+    - `document`: the scene.
+    - `folder`: keeps the file if its scene is valid, under a new name if another file has its own.
+    - `name`, `data`: of the file, as a browser sends them.
+    - `change`: makes the scene with a file at a path.
+
+    **Raises:** the errors of the scene with the file; the folder then stays unchanged.
+    """
+    name = Path(name.replace("\\", "/")).name
+    check_name(name)
+    folder.mkdir(parents=True, exist_ok=True)
+    with tempfile.TemporaryDirectory(dir=folder, prefix=".dropped-") as place:
+        tried = Path(place) / name
+        tried.write_bytes(data)
+        try:
+            change(document, tried).scene()
+        except ValueError as error:
+            raise ValueError(str(error).replace(f"{place}{os.sep}", "")) from error
+        taken = {path.stem for path in folder.iterdir()}
+        kept = folder / f"{free_name(tried.stem, taken)}{tried.suffix}"
+        tried.rename(kept)
+    return change(document, kept)
+
+
+def save_document(document: Document, folder: Path, name: str, replace: bool) -> Path:
+    """Writes the scene as NAME.toml into a folder, and returns its path.
+
+    **Raises:** `ValueError` for a bad name, or for an existing file unless `replace`; `OSError`.
+    """
+    check_name(name)
+    path = folder / f"{name}.toml"
+    if path.exists() and not replace:
+        raise ValueError(f"{path} exists: choose another name.")
+    folder.mkdir(parents=True, exist_ok=True)
+    with replacing(path) as partial_path:
+        Path(partial_path).write_text(document.text, "utf-8")
+    return path
 
 
 def free_name(stem: str, taken: Any) -> str:

@@ -1,13 +1,15 @@
-"""The figures of a page, drawn by Bokeh in the browser: only numbers travel when a knob turns."""
+"""The figures of a page, drawn by Bokeh in the browser: only numbers travel when a slider moves."""
 
 from collections.abc import Sequence
 from typing import Any
 
 import numpy as np
+import xarray as xr
 from bokeh.models import (
     ColorBar,
     ColumnDataSource,
     FactorRange,
+    LabelSet,
     Legend,
     LinearColorMapper,
     LogAxis,
@@ -17,213 +19,198 @@ from bokeh.models import (
 from bokeh.palettes import magma, viridis
 from bokeh.plotting import figure
 from bokeh.transform import dodge
+from scipy.signal import resample
 
 from ..core.display import unit_of
+from ..core.quantities import FIELDS
 from ..plot.style import COLOURS
 from .knobs import Knob
-from .model import Contact, Curves, Derivatives
+from .model import Derivatives
 
-# Pixels: of a figure and of what is around its frame; to the right, also with a bar of colours.
+# Pixels: of a figure, around its frame, and at the right of a map, where its bar of colours is.
 HEIGHT, ABOVE, BELOW, LEFT, RIGHT, BAR = 240, 28, 46, 48, 18, 62
-LENGTHS = {1e3: "rad/mm", 1e6: "rad/µm", 1e9: "rad/nm"}
 BLUE, ORANGE, GREEN = COLOURS[:3]
 GREY, INK = "#8a8f98", "#2b2f36"
-TINTS = ("#9cc3e0", "#f3cf9b", "#a9d8c6", "#e3bfd6", "#f5e2a8", "#c5dff1")  # of COLOURS
-BASE = "#c9cdd3"
+PALETTES = {"pressure": viridis(256), "gap": magma(256)}
 LARGEST_MAP = 512  # points drawn along an edge
-ASIDE = 0.995  # of the points lie within a scale
+SHOWN_SHARE = 0.995  # of the points within a scale of colours
+
+ASPECT = 1.5  # of the figure of the block
+LAYERS = ("#9cc3e0", "#f3cf9b", "#a9d8c6", "#e3bfd6", "#f5e2a8", "#c5dff1")  # tints of COLOURS
+BASES = {"half_space": "#c9cdd3", "rigid": "#6b7078", "free": "#ffffff"}
+ROAD = "#4a4f57"
+FINER = 8  # points drawn for one of the road
+LEAST = 0.09  # of the height drawn: thinner layers have no label
+SLAB = ("top", "bottom", "left", "right")
 
 
-def new_figure(
+def _new_figure(
     title: str, x: str, y: str, *, frame: float = 0.0, right: int = RIGHT, **more: Any
 ) -> Any:
-    """An empty figure of the page's style; its frame may be `frame` times as wide as high."""
-    tools = "pan,wheel_zoom,box_zoom,reset,save"
+    """An empty figure of the page's style; if `frame` is given, its frame has this aspect ratio."""
     more = {"height": HEIGHT, "sizing_mode": "stretch_width", "min_width": 240, **more}
     if frame:
         wide = round(min(max(frame, 1 / 3), 2) * (HEIGHT - ABOVE - BELOW))
         more |= {"sizing_mode": "fixed", "width": wide + LEFT + right, "min_border_left": LEFT}
-    found: Any = figure(
-        title=title,
-        x_axis_label=x,
-        y_axis_label=y,
-        tools=tools,
-        toolbar_location="above",
-        **more,
-    )
-    found.toolbar.autohide, found.toolbar.logo = True, None
-    found.title.text_font_size, found.title.text_color = "12px", INK
-    for axis in found.axis:
+    new: Any = figure(
+        title=title, x_axis_label=x, y_axis_label=y, toolbar_location="above",
+        tools="pan,wheel_zoom,box_zoom,reset,save", **more,
+    )  # fmt: skip
+    new.toolbar.autohide, new.toolbar.logo = True, None
+    new.title.text_font_size, new.title.text_color = "12px", INK
+    for axis in new.axis:
         axis.axis_label_text_font_size = axis.major_label_text_font_size = "11px"
         axis.axis_label_text_font_style, axis.axis_label_text_color = "normal", INK
         axis.minor_tick_line_color = axis.axis_line_color = GREY
         if isinstance(axis, LogAxis):
             axis.ticker = LogTicker(mantissas=[1, 2, 5], desired_num_ticks=4)
-    found.grid.grid_line_color, found.outline_line_color = "#eceef1", None
-    found.min_border_top, found.min_border_bottom = ABOVE, BELOW
-    found.min_border_right = right
-    return found
+    new.grid.grid_line_color, new.outline_line_color = "#eceef1", None
+    new.min_border_top, new.min_border_bottom = ABOVE, BELOW
+    new.min_border_right = right
+    return new
 
 
-def new_source(*names: str) -> Any:
-    """Columns of these names, empty."""
+def _new_source(*names: str) -> Any:
     empty: Any = {name: [] for name in names}  # an empty array of numbers is no array of colours
     return ColumnDataSource(empty)
 
 
-def send(source: Any, **columns: Any) -> None:
-    """Draws these columns, unless they are drawn: each figure costs the browser some 20 ms."""
+def _send(source: Any, **columns: Any) -> None:
+    """Draws columns that differ from those drawn: each figure costs the browser some 20 ms."""
     if not all(np.array_equal(source.data[name], column) for name, column in columns.items()):
         source.data = columns
 
 
 class Lines:
-    """A curve of the scene, that of a pinned one, and the point of the contact."""
+    """A curve of the scene, the pinned one, and the point of the contact.
 
-    def __init__(self, title: str, x: str, y: str, colour: str, **more: Any):
-        self.figure = new_figure(title, x, y, **more)
-        if more.get("y_axis_type") != "log":
+    **Arguments:**
+
+    - `name`: of the curve in `Model.curves`.
+    - `title`, `x`, `y`: words.
+    - `colour`: of the curve.
+    - `scale`: units of the axes [SI].
+    - `log`: whether the ordinate is logarithmic.
+    """
+
+    def __init__(
+        self, name: str, title: str, x: str, y: str, colour: str, scale: tuple, log: bool = False
+    ):
+        self.name, self._scale = name, scale
+        self.figure = _new_figure(title, x, y, x_axis_type="log",
+                                  y_axis_type="log" if log else "linear")  # fmt: skip
+        if not log:
             self.figure.y_range.start = 0
-        self._line, self._pinned, self._point = (new_source("x", "y") for _ in range(3))
+        self._line, self._pinned, self._point = (_new_source("x", "y") for _ in range(3))
         self.figure.line("x", "y", source=self._pinned, color=GREY, line_dash=(5, 4), line_width=2)
         self.figure.line("x", "y", source=self._line, color=colour, line_width=2.2)
         self.figure.scatter(
             "x", "y", source=self._point, size=9, fill_color=colour, line_color="white"
         )
 
-    def show(self, x: np.ndarray, y: np.ndarray) -> None:
-        send(self._line, x=x, y=y)
+    def show(self, curves: xr.Dataset, pinned: xr.Dataset | None) -> None:
+        """Draws the curve, and a pinned one if there is one."""
+        for source, data in ((self._line, curves), (self._pinned, pinned)):
+            if data is None:
+                _send(source, x=[], y=[])
+                continue
+            curve = data[self.name]
+            x, y = curve[curve.dims[0]].values, curve.values
+            _send(source, x=x / self._scale[0], y=y / self._scale[1])
 
     def mark(self, x: float, y: float) -> None:
-        """Moves the point."""
-        send(self._point, x=[x], y=[y])
-
-    def pin(self, x: Sequence[float] | np.ndarray, y: Sequence[float] | np.ndarray) -> None:
-        """Draws a curve to compare with; an empty one is none."""
-        send(self._pinned, x=x, y=y)
+        """Moves the point to an abscissa and an ordinate [SI]."""
+        _send(self._point, x=[x / self._scale[0]], y=[y / self._scale[1]])
 
 
-def _both(lines: Sequence[Lines], curves: Curves, pinned: Curves | None):
-    """How each of `lines` shows and pins, with the curves to be shown and pinned."""
-    none = Curves(*(np.zeros(0),) * len(Curves._fields))
-    yield [line.show for line in lines], curves
-    yield [line.pin for line in lines], pinned or none
-
-
-class Response:
-    """Composite modulus and loss tangent against the wavenumber, the highest being `highest`."""
-
-    def __init__(self, highest: float):
-        self._unit = max((unit for unit in LENGTHS if unit <= highest), default=1e3)
-        q = f"wavenumber q [{LENGTHS[self._unit]}]"
-        log = {"x_axis_type": "log"}
-        self.modulus = Lines("Composite modulus", q, "|E| [MPa]", GREEN, y_axis_type="log", **log)
-        self.loss = Lines("Composite loss tangent", q, "tan δ [1]", GREEN, **log)
-
-    def show(self, curves: Curves, pinned: Curves | None) -> None:
-        for lines, draw in _both((self.modulus, self.loss), curves, pinned):
-            q = draw.q / self._unit
-            lines[0](q, draw.modulus / 1e6)
-            lines[1](q, draw.loss_tangent)
-
-
-class Sweep:
-    """Friction and contact area against velocity: line by mean field, point by contact."""
-
-    def __init__(self):
-        v = "velocity [m/s]"
-        log = {"x_axis_type": "log"}
-        self.friction = Lines("Friction: mean field, • contact", v, "μ [1]", BLUE, **log)
-        self.area = Lines("Contact area: mean field, • contact", v, "A/A₀ [%]", ORANGE, **log)
-
-    def show(self, curves: Curves, pinned: Curves | None) -> None:
-        for lines, draw in _both((self.friction, self.area), curves, pinned):
-            lines[0](draw.speed, draw.friction)
-            lines[1](draw.speed, 100 * draw.contact_area)
-
-    def mark(self, contact: Contact) -> None:
-        self.friction.mark(contact.velocity, float(contact.sliding.friction))
-        self.area.mark(contact.velocity, 100 * float(contact.sliding.contact_area_smooth))
+def new_lines(highest: float) -> dict[str, Lines]:
+    """Returns the figures of the curves of `Model.curves`, by name, up to a wavenumber [rad/m]."""
+    units = {1e3: "rad/mm", 1e6: "rad/µm", 1e9: "rad/nm"}
+    wave = max((unit for unit in units if unit <= highest), default=1e3)
+    q, v = f"wavenumber q [{units[wave]}]", "velocity [m/s]"
+    friction, area = "Friction: mean field, • contact", "Contact area: mean field, • contact"
+    lines = (
+        Lines("modulus", "Composite modulus", q, "|E| [MPa]", GREEN, (wave, 1e6), log=True),
+        Lines("loss_tangent", "Composite loss tangent", q, "tan δ [1]", GREEN, (wave, 1)),
+        Lines("friction", friction, v, "μ [1]", BLUE, (1, 1)),
+        Lines("contact_area", area, v, "A/A₀ [%]", ORANGE, (1, 0.01)),
+    )
+    return {line.name: line for line in lines}
 
 
 class Bars:
-    """What a step of each knob changes."""
+    """The change by a step of each knob."""
 
     def __init__(self, knobs: Sequence[Knob]):
         self._labels = [f"{knob.label} {knob.step}" for knob in knobs]
         factors = FactorRange(factors=self._labels[::-1], range_padding=0.05)
-        self.figure = new_figure("Change by a step of each slider", "change [%]", "",
-                                 y_range=factors)  # fmt: skip
+        self.figure = _new_figure("Change by a step of each slider", "change [%]", "",
+                                  y_range=factors)  # fmt: skip
         self.figure.yaxis.axis_label = None
         self.figure.yaxis.major_label_text_font_size = "10px" if len(knobs) < 13 else "9px"
         self.figure.ygrid.grid_line_color = None
-        self._source = new_source("knob", "friction", "area")
+        self._source = _new_source("knob", *Derivatives._fields)
         self._glyphs = [
             self.figure.hbar(
                 y=dodge("knob", shift, range=factors), right=name, height=0.34, color=colour,
                 source=self._source,
             )
-            for name, colour, shift in (("friction", BLUE, 0.19), ("area", ORANGE, -0.19))
+            for name, colour, shift in zip(
+                Derivatives._fields, (BLUE, ORANGE), (0.19, -0.19), strict=True
+            )
         ]  # fmt: skip
-        names = ("friction", "contact area")
-        items = [(name, [glyph]) for name, glyph in zip(names, self._glyphs, strict=True)]
-        legend: Any = Legend(items=items, orientation="horizontal",
-                        label_text_font_size="10px", border_line_color=None, glyph_height=10,
-                        background_fill_alpha=0.0)  # fmt: skip
+        names = zip(Derivatives._fields, self._glyphs, strict=True)
+        legend: Any = Legend(
+            items=[(name.replace("_", " "), [glyph]) for name, glyph in names],
+            orientation="horizontal", label_text_font_size="10px", border_line_color=None,
+            glyph_height=10, background_fill_alpha=0.0,
+        )  # fmt: skip
         legend.padding = legend.margin = 0
         self.figure.add_layout(legend, "above")
 
     def show(self, derivatives: Derivatives) -> None:
-        self._source.data = {
-            "knob": self._labels,
-            "friction": derivatives.friction,
-            "area": derivatives.contact_area,
-        }
-        self._alpha(1.0)
+        self._source.data = {"knob": self._labels, **derivatives._asdict()}
+        self.fade(1.0)
 
-    def fade(self) -> None:
-        """Shows that the bars belong to an earlier point."""
-        self._alpha(0.35)
-
-    def _alpha(self, alpha: float) -> None:
+    def fade(self, alpha: float) -> None:
+        """Draws the bars with this opacity: less than 1 if they belong to an earlier point."""
         for glyph in self._glyphs:
             glyph.glyph.update(fill_alpha=alpha, line_alpha=alpha)
 
 
 class Map:
-    """A field of the contact, as a map or a profile; left white where there is none."""
+    """A field of the contact, as a map or a profile; NaN is white in a map."""
 
-    def __init__(self, title: str, base: str, palette: Sequence[str], size: np.ndarray):
-        self._base, self._title, self._flat = base, title, len(size) == 1
+    def __init__(self, name: str, size: np.ndarray):
+        self._name, self._size = name, size
+        palette = PALETTES[name]
         unit, self._factor = unit_of("m", float(np.max(size)))
-        if self._flat:
-            self.figure = new_figure(title, f"x [{unit}]", "")
-            self._source = new_source("x", "y")
+        if len(size) == 1:
+            self.figure = _new_figure(name, f"x [{unit}]", "")
+            self._source = _new_source("x", "y")
             self.figure.line("x", "y", source=self._source, color=palette[len(palette) // 2])
             return
-        self.figure = new_figure(
-            title, f"x [{unit}]", f"y [{unit}]", frame=float(size[0] / size[1]), right=BAR,
-            x_range=Range1d(start=0, end=self._factor * size[0]),
-            y_range=Range1d(start=0, end=self._factor * size[1]),
+        wide, high = (self._factor * size).tolist()
+        self.figure = _new_figure(
+            name, f"x [{unit}]", f"y [{unit}]", frame=wide / high, right=BAR,
+            x_range=Range1d(start=0, end=wide), y_range=Range1d(start=0, end=high),
         )  # fmt: skip
         self.figure.grid.grid_line_color = None
         self._mapper = LinearColorMapper(palette=palette, nan_color="white", low=0, high=1)
-        self._source = new_source("image")
-        self.figure.image(
-            "image", source=self._source, x=0, y=0, dw=self._factor * size[0],
-            dh=self._factor * size[1], color_mapper=self._mapper,
-        )  # fmt: skip
+        self._source = _new_source("image")
+        self.figure.image("image", source=self._source, x=0, y=0, dw=wide, dh=high,
+                          color_mapper=self._mapper)  # fmt: skip
         bar = ColorBar(color_mapper=self._mapper, width=10, padding=4, bar_line_color=None,
                        major_label_text_font_size="10px")  # fmt: skip
         self.figure.add_layout(bar, "right")
 
-    def show(self, field: np.ndarray, size: np.ndarray) -> None:
-        known = field[np.isfinite(field)]
-        high = float(np.quantile(known, ASIDE)) if known.size else 1.0
-        unit, scale = unit_of(self._base, high)
-        self.figure.title.text = f"{self._title} [{unit}]"
-        if self._flat:
-            x = self._factor * size[0] * np.arange(len(field)) / len(field)
+    def show(self, field: np.ndarray) -> None:
+        finite, quantity = field[np.isfinite(field)], FIELDS[self._name]
+        high = float(np.quantile(finite, SHOWN_SHARE)) if finite.size else 1.0
+        unit, scale = unit_of(quantity.unit, high)
+        self.figure.title.text = f"{quantity.meaning.capitalize()} [{unit}]"
+        if field.ndim == 1:
+            x = self._factor * self._size[0] * np.arange(len(field)) / len(field)
             self._source.data = {"x": x, "y": scale * np.nan_to_num(field)}
             return
         step = -(-max(field.shape) // LARGEST_MAP)
@@ -231,4 +218,79 @@ class Map:
         self._source.data = {"image": [(scale * field[::step, ::step].T).astype(np.float32)]}
 
 
-PALETTES = {"pressure": viridis(256), "gap": magma(256)}
+class Block:
+    """Block and road before contact, to scale, around the deepest point of the road."""
+
+    def __init__(self):
+        self.figure = _new_figure(
+            "Block and road, to scale", "x", "depth", frame=ASPECT,
+            x_range=Range1d(start=0, end=1), y_range=Range1d(start=1, end=0),
+        )  # fmt: skip
+        self.figure.grid.grid_line_color = None
+        columns = ((*SLAB, "fill"), ("x", "y", "text"), ("along", "depth"))
+        self._slabs, self._names, self._road = (_new_source(*names) for names in columns)
+        self.figure.quad(
+            source=self._slabs, fill_color="fill", line_color="white", **{k: k for k in SLAB}
+        )
+        self.figure.patch("along", "depth", source=self._road, color=ROAD)
+        words = LabelSet(
+            x="x", y="y", text="text", source=self._names, text_font_size="11px", text_color=INK,
+            text_align="center", text_baseline="middle",
+        )  # fmt: skip
+        self.figure.add_layout(words)
+
+    def show(
+        self,
+        thickness: np.ndarray,
+        names: Sequence[str],
+        base: str,
+        heights: np.ndarray,
+        length: float,
+    ) -> None:
+        """Draws layers [m] below the road.
+
+        **Arguments:**
+
+        - `thickness`, `names`: of the layers; the last name is that of the base.
+        - `base`: its kind.
+        - `heights`, `length`: of the surface, and its length along x [m].
+        """
+        solid = float(np.sum(thickness)) or length / 4
+        # The base below the layers, and the road above them.
+        deep, high = solid * (1.35 if base == "half_space" else 1.12), 0.45 * solid
+        wide = ASPECT * (deep + high)
+        unit, factor = unit_of("m", wide)
+        edges = np.concatenate([[0], np.cumsum(thickness), [deep]])
+        tops, bottoms, right = edges[:-1], edges[1:], factor * wide / 2
+        fills = [*(LAYERS[i % len(LAYERS)] for i in range(len(thickness))), BASES[base]]
+        _send(
+            self._slabs, top=factor * tops, bottom=factor * bottoms, left=[-right] * len(tops),
+            right=[right] * len(tops), fill=fills,
+        )  # fmt: skip
+        thick = np.flatnonzero(bottoms - tops > LEAST * (deep + high)).tolist()
+        _send(
+            self._names, x=[0.0] * len(thick), y=factor * (tops + bottoms)[thick] / 2,
+            text=[names[i] for i in thick],
+        )  # fmt: skip
+        x, road = _around_deepest(heights, length, wide)
+        _send(
+            self._road,
+            along=np.concatenate([factor * x, [right, -right]]),
+            depth=np.concatenate([factor * road, [-2 * factor * high] * 2]),
+        )
+        self.figure.x_range.update(start=-right, end=right)
+        self.figure.y_range.update(start=factor * deep, end=-factor * high)
+        self.figure.xaxis.axis_label = f"x [{unit}]"
+        self.figure.yaxis.axis_label = f"depth [{unit}]"
+
+
+def _around_deepest(
+    heights: np.ndarray, length: float, wide: float
+) -> tuple[np.ndarray, np.ndarray]:
+    """Abscissas and depths [m] of the road along x, with its deepest point at the origin."""
+    where = np.unravel_index(np.argmax(heights), heights.shape)
+    line = np.roll(heights if heights.ndim == 1 else heights[:, where[1]], -where[0])
+    fine = resample(line, FINER * len(line))
+    x = np.linspace(-wide / 2, wide / 2, 300)
+    at = np.arange(len(fine)) * (length / len(fine))
+    return x, np.interp(x, at, fine - np.max(heights), period=length)

@@ -1,7 +1,7 @@
-"""What a page shows: a scene built, its knobs, and the compiled functions of their values.
+"""The numbers of a page: a scene with its knobs, and compiled functions of their values.
 
-Values of knobs are traced: turning one compiles nothing. Another scene of the same structure
-(number of layers, kinds of materials, grid) takes the compiled functions of the first.
+Values of knobs are traced: changing one compiles nothing. Another scene of the same structure
+(number of layers, kinds of materials, grid) uses the compiled functions of the first.
 """
 
 from collections.abc import Sequence
@@ -11,6 +11,7 @@ import equinox as eqx
 import jax
 import jax.numpy as jnp
 import numpy as np
+import xarray as xr
 from jaxtyping import Array, Float
 
 from ..contact.solution import ContactSolution
@@ -26,40 +27,28 @@ from ..roughness.surface import Surface, radial_spectrum, statistics
 from ..studies.extrapolation import velocity_vector
 from ..studies.run import build_surface
 from .document import Document
-from .knobs import STEPS, Turn, knobs_of, turned, written
+from .knobs import Target, changed_document, changed_stack, knobs_of
 
-RTOL = 1e-4  # of pressures: what is drawn and printed needs no more
+RTOL = 1e-4  # of pressures: enough for figures and the printed digits
 NUM_SPEEDS, NUM_WAVES = 25, 80
-PER_CENT = 0.01
 
 
-class Bench(eqx.Module):
-    """What the compiled functions take besides the values of knobs."""
+class Scenery(eqx.Module):
+    """Arguments of the compiled functions beside the values of knobs."""
 
     stack: Stack
     surface: Surface
     spectrum: tuple[Array, Array] | None
     rms_height: Float[Array, ""]
-    drawn: RandomSurface | None
-    turns: tuple[Turn, ...] = eqx.field(static=True)
+    random: RandomSurface | None
+    targets: tuple[Target, ...] = eqx.field(static=True)
     direction: float = eqx.field(static=True)
     solver: AbstractContactSolver
     graded_solver: AbstractGradedSolver
 
 
-class Curves(NamedTuple):
-    """Response and mean field: against `q` [rad/m] at the velocity, and against `speed` [m/s]."""
-
-    q: np.ndarray
-    modulus: np.ndarray
-    loss_tangent: np.ndarray
-    speed: np.ndarray
-    friction: np.ndarray
-    contact_area: np.ndarray
-
-
 class Contact(NamedTuple):
-    """The contact at the chosen point, and the heights [m] that make it."""
+    """The contact at the chosen velocity [m/s], and the heights [m] of its surface."""
 
     sliding: Sliding
     heights: np.ndarray
@@ -67,161 +56,166 @@ class Contact(NamedTuple):
 
 
 class Derivatives(NamedTuple):
-    """Changes [%] of friction and contact area per step of each knob (`Knob.step`)."""
+    """Changes [%] of friction and contact area by a step of each knob (`Knob.step`)."""
 
     friction: np.ndarray
     contact_area: np.ndarray
 
 
 class Model:
-    """A scene that can be turned.
+    """A scene whose knobs can be changed.
 
     **Fields:**
 
     - `document`, `scene`, `surface`: as opened.
-    - `knobs`: what can be turned.
-    - `highest`: wavenumber [rad/m] of the roughness.
+    - `knobs`: see `knobs_of`.
+    - `highest`: wavenumber of the roughness [rad/m].
     """
 
     def __init__(self, document: Document):
         self.document, self.scene = document, document.scene()
         self.surface = surface = build_surface(self.scene)
         self.knobs = knobs_of(document, self.scene, surface)
-        drawn = self.scene.surface if isinstance(self.scene.surface, RandomSurface) else None
+        random = self.scene.surface if isinstance(self.scene.surface, RandomSurface) else None
         spectrum = None
-        if drawn is None and surface.grid.ndim == 2:
+        if random is None and surface.grid.ndim == 2:
             q, density = map(np.asarray, radial_spectrum(surface))
             spectrum = (jnp.asarray(q[density > 0]), jnp.asarray(density[density > 0]))
-        self.bench = Bench(
+        self._scenery = Scenery(
             stack=self.scene.stack,
             surface=surface,
             spectrum=spectrum,
             rms_height=statistics(surface).rms_height,
-            drawn=drawn,
-            turns=tuple(knob.turn for knob in self.knobs),
+            random=random,
+            targets=tuple(knob.target for knob in self.knobs),
             direction=self.scene.direction,
             solver=self.scene.solver,
             graded_solver=self.scene.graded_solver,
         )
-        low, high = document.speeds
-        self._speeds = jnp.geomspace(low, high, NUM_SPEEDS)
+        self._speeds = jnp.geomspace(*document.speeds, NUM_SPEEDS)
         grid = surface.grid
-        highest = float(np.pi / np.max(grid.spacing)) if drawn is None else drawn.spectrum.q_high
+        highest = np.pi / np.max(grid.spacing) if random is None else random.spectrum.q_high
         self.highest = float(highest)
-        self._waves = jnp.geomspace(2 * np.pi / float(np.max(grid.size)), highest, NUM_WAVES)
+        self._waves = jnp.geomspace(2 * np.pi / np.max(grid.size), self.highest, NUM_WAVES)
         self._start = jnp.zeros_like(surface.heights) + self.values[0]
         self._last: Any = ((), None)
 
     @property
     def values(self) -> tuple[float, ...]:
-        """Where the knobs stood when the scene was opened [SI]."""
+        """The values of the knobs in the scene as opened [SI]."""
         return tuple(knob.value for knob in self.knobs)
 
-    def curves(self, values: Sequence[float]) -> Curves:
-        """Returns response and mean field with the knobs at `values` [SI]."""
-        found, friction, area = _curves(self.bench, jnp.array(values), self._waves, self._speeds)
-        modulus: Any = np.asarray(found)
-        return Curves(
-            q=np.asarray(self._waves),
-            modulus=np.abs(modulus),
-            loss_tangent=modulus.imag / modulus.real,
-            speed=np.asarray(self._speeds),
-            friction=np.asarray(friction),
-            contact_area=np.asarray(area),
-        )
+    @property
+    def size(self) -> np.ndarray:
+        """Edge lengths of the cell [m]."""
+        return np.asarray(self.surface.grid.size)
+
+    def curves(self, values: Sequence[float]) -> xr.Dataset:
+        """Returns response and mean field with the knobs at `values` [SI].
+
+        The response is over `q` [rad/m] at the chosen velocity, the mean field over `speed` [m/s].
+        """
+        found = _curves(self._scenery, jnp.array(values), self._waves, self._speeds)
+        modulus, friction, area = (np.asarray(numbers) for numbers in found)
+        tangent = np.imag(modulus) / np.real(modulus)
+        meaning = "composite modulus |2/(q M_zz)|"
+        curves = {
+            "q": ("q", self._waves, "rad/m", "wavenumber"),
+            "modulus": ("q", np.abs(modulus), "Pa", f"{meaning} at the chosen velocity"),
+            "loss_tangent": ("q", tangent, "1", "composite loss tangent at the chosen velocity"),
+            "speed": ("speed", self._speeds, "m/s", "velocity"),
+            "friction": ("speed", friction, "1", "friction by mean field"),
+            "contact_area": ("speed", area, "1", "contact area fraction by mean field"),
+        }
+        return xr.Dataset({
+            name: (along, np.asarray(numbers), {"units": unit, "long_name": words})
+            for name, (along, numbers, unit, words) in curves.items()
+        })  # fmt: skip
 
     def contact(self, values: Sequence[float]) -> Contact:
-        """Returns the contact at `values` [SI], found from the last one."""
-        sliding, heights = _contact(self.bench, jnp.array(values), self._start)
+        """Returns the contact at `values` [SI], solved from the last one."""
+        sliding, heights = _contact(self._scenery, jnp.array(values), self._start)
         if np.all(np.isfinite(np.asarray(sliding.pressure))):
             self._start = sliding.pressure
         self._last = (tuple(values), Contact(sliding, np.asarray(heights), values[1]))
         return self._last[1]
 
     def derivatives(self, values: Sequence[float]) -> Derivatives:
-        """Returns what a step of each knob changes, at `values` [SI]."""
+        """Returns the change by a step of each knob, at `values` [SI]."""
         last, contact = self._last
         if last != tuple(values):
             contact = self.contact(values)
-        known = contact.sliding.contact
-        found, slopes = map(np.asarray, _derivatives(self.bench, jnp.array(values), known))
-        steps = [
-            PER_CENT * value if knob.logarithmic else STEPS[knob.quantity]
-            for knob, value in zip(self.knobs, values, strict=True)
-        ]
+        found, slopes = _derivatives(self._scenery, jnp.array(values), contact.sliding.contact)
+        steps = [k.step_size(value) for k, value in zip(self.knobs, values, strict=True)]
         with np.errstate(invalid="ignore", divide="ignore"):
-            return Derivatives(*(slopes * steps / found[:, None] / PER_CENT))
+            return Derivatives(*(100 * np.asarray(slopes) * steps / np.asarray(found)[:, None]))
 
-    def turned(self, values: Sequence[float]) -> Document:
-        """Returns the scene with the knobs at `values` [SI], to be saved or changed."""
-        return written(self.document, self.scene.stack, self.knobs, values)
+    def changed(self, values: Sequence[float]) -> Document:
+        """Returns the scene with the knobs at `values` [SI]."""
+        return changed_document(self.document, self.scene.stack, self.knobs, values)
 
 
-def _at(bench: Bench, numbers: Array) -> tuple[Stack, Surface, Any, Array, Any]:
+def _at(scenery: Scenery, numbers: Array) -> tuple[Stack, Surface, Any, Array, Any]:
     """Block, surface, its spectrum, pressure and velocity with knobs at `numbers`."""
-    by_kind = dict(zip((turn.kind for turn in bench.turns), numbers, strict=True))
-    surface, spectrum = bench.surface, bench.spectrum
-    if bench.drawn is not None:
+    kinds = (target.kind for target in scenery.targets)
+    by_kind = dict(zip(kinds, numbers, strict=True))
+    surface, spectrum = scenery.surface, scenery.spectrum
+    if scenery.random is not None:
+        amplitude_and_hurst = (by_kind["amplitude"], by_kind["hurst"])
         spectrum = eqx.tree_at(
-            lambda s: (s.amplitude, s.hurst),
-            bench.drawn.spectrum,
-            (by_kind["amplitude"], by_kind["hurst"]),
+            lambda s: (s.amplitude, s.hurst), scenery.random.spectrum, amplitude_and_hurst
         )
-        drawn = bench.drawn._replace(spectrum=spectrum)
-        surface = drawn.drawn(drawn.seed)
+        random = scenery.random._replace(spectrum=spectrum)
+        surface = random.drawn(random.seed)
     else:
-        factor = by_kind["height"] / bench.rms_height
+        factor = by_kind["height"] / scenery.rms_height
         surface = eqx.tree_at(lambda s: s.heights, surface, surface.heights * factor)
         if spectrum is not None:
             spectrum = (spectrum[0], spectrum[1] * factor**2)
-    velocity = velocity_vector(by_kind["velocity"], bench.direction)
-    stack = turned(bench.stack, bench.turns, numbers)
-    # A profile's spectrum is not that of a surface: its modes are summed as they are.
+    velocity = velocity_vector(by_kind["velocity"], scenery.direction)
+    stack = changed_stack(scenery.stack, scenery.targets, numbers)
+    # The spectrum of a profile is not that of a surface: the mean field sums its modes.
     rough = surface if surface.grid.ndim == 1 else spectrum
     return stack, surface, rough, by_kind["pressure"], velocity
 
 
 @eqx.filter_jit
-def _curves(bench, numbers, waves, speeds):
-    stack, _, rough, pressure, velocity = _at(bench, numbers)
-    speed = direction_and_speed(velocity)[1]
-    modulus = effective_modulus(stack, waves, waves * speed, graded_solver=bench.graded_solver)
+def _curves(scenery, numbers, waves, speeds):
+    stack, _, rough, pressure, velocity = _at(scenery, numbers)
+    speed, graded_solver = direction_and_speed(velocity)[1], scenery.graded_solver
+    modulus = effective_modulus(stack, waves, waves * speed, graded_solver=graded_solver)
 
     def at(speed):
         field = mean_field_friction(
-            stack,
-            rough,
-            pressure=pressure,
-            velocity=speed,
-            graded_solver=bench.graded_solver,
+            stack, rough, pressure=pressure, velocity=speed, graded_solver=graded_solver,
             throw=False,
-        )
+        )  # fmt: skip
         return field.friction, field.contact_area
 
-    along = speeds if bench.direction == 0 else speeds[:, None] * velocity / speed
+    along = speeds if scenery.direction == 0 else speeds[:, None] * velocity / speed
     return modulus.astype(complex), *jax.lax.map(at, along)
 
 
-def _slide(bench, numbers, solver, start):
-    stack, surface, _, pressure, velocity = _at(bench, numbers)
+def _slide(scenery, numbers, solver, start):
+    stack, surface, _, pressure, velocity = _at(scenery, numbers)
     return slide(
         stack, surface, pressure=pressure, velocity=velocity, solver=solver,
-        graded_solver=bench.graded_solver, rtol=RTOL, start=start, throw=False,
+        graded_solver=scenery.graded_solver, rtol=RTOL, start=start, throw=False,
     ), surface.heights  # fmt: skip
 
 
 @eqx.filter_jit
-def _contact(bench, numbers, start):
-    return _slide(bench, numbers, bench.solver, start)
+def _contact(scenery, numbers, start):
+    return _slide(scenery, numbers, scenery.solver, start)
 
 
 class Known(AbstractContactSolver):
-    """Finds the contact that was found before: there only derivatives remain to be done.
+    """Returns a contact that is already solved, so that only its derivatives are computed.
 
     **Fields:**
 
     - `contact`: at a hard wall, of the same block, surface and load.
-    - `linear`: finds its derivatives.
+    - `linear`: solves for its derivatives.
     """
 
     contact: ContactSolution
@@ -244,10 +238,10 @@ class Known(AbstractContactSolver):
 
 
 @eqx.filter_jit
-def _derivatives(bench, numbers, contact):
+def _derivatives(scenery, numbers, contact):
     def observed(numbers):
-        known = Known(contact=contact, linear=bench.solver.linear)
-        sliding, _ = _slide(bench, numbers, known, None)
+        known = Known(contact=contact, linear=scenery.solver.linear)
+        sliding, _ = _slide(scenery, numbers, known, None)
         return jnp.stack([sliding.friction, sliding.contact_area_smooth])
 
     found, pull = jax.vjp(observed, numbers)

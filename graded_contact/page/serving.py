@@ -1,4 +1,4 @@
-"""Pages for browsers, one for each tab, and the page of a notebook."""
+"""Serves a page to each tab of a browser, or to the cell of a notebook."""
 
 import os
 import socket
@@ -8,29 +8,28 @@ from typing import Any
 from .document import open_document
 
 TITLE = "graded-contact explore"
-MESSAGE = 20 * 10**6  # bytes that a browser may send at once
+MESSAGE = 20 * 10**6  # bytes of one message of a browser
 
 
 def explore(path: str | os.PathLike | None = None, folder: str | os.PathLike = ".") -> Any:
     """Returns a page of sliders, response, friction, contact and derivatives, for a notebook.
 
-    It computes in a thread of its own; the command `graded-contact explore` shows the same.
+    It computes in a thread; the command `graded-contact explore` shows the same page.
 
     **Arguments:**
 
-    - `path`: of a scene file; None for the embedded scene.
-    - `folder`: the only place where anything is written: scenes that are saved, data dropped in.
+    - `path`: of a scene file; None for the scene of the demo.
+    - `folder`: the page writes saved scenes and dropped files into this folder only.
 
     **Returns:** a layout of Panel, which a notebook shows as the value of a cell.
 
     **Raises:** `ImportError` without the extra `explore`; `FileNotFoundError`; `ValueError` for
-    what is no scene, or has no motion.
+    a file without a scene, or without motion.
     """
     pn = _panel()
-    pn.extension("filedropper")
     page = _new_page(None if path is None else Path(path), Path(folder))
-    page.turned()
-    return page.view.whole
+    pn.state.execute(page.session.update)
+    return page
 
 
 def serve(path: Path | None, folder: Path, *, address: str, port: int, show: bool) -> None:
@@ -39,23 +38,22 @@ def serve(path: Path | None, folder: Path, *, address: str, port: int, show: boo
     **Arguments:**
 
     - `path`, `folder`: as in `explore`.
-    - `address`, `port`: where to listen.
+    - `address`, `port`: where the server listens.
     - `show`: whether to open a browser.
 
     **Raises:** as `explore`; `OSError` if the port is taken.
     """
     pn = _panel()
-    open_document(path)  # refused before anything listens
-    pn.extension("filedropper")
+    open_document(path)  # refused before the server listens
 
     def page() -> Any:
-        found = _new_page(path, folder)
-        # Not before the browser has the page: what only asks for it costs nothing.
-        pn.state.onload(found.turned)
-        pn.state.on_session_destroyed(lambda _: found.end())
-        return found.view.whole
+        new = _new_page(path, folder)
+        # A request without a browser, which never loads the page, costs nothing.
+        pn.state.onload(new.session.update)
+        pn.state.on_session_destroyed(lambda _: new.session.end())
+        return new
 
-    # Pages of other sites must not speak to this server through their visitors' browsers.
+    # Pages of other sites must not reach this server through the browsers of their visitors.
     names = dict.fromkeys((address, "localhost", "127.0.0.1", socket.gethostname()))
     pn.serve(
         {"/": page}, address=address, port=port, show=show, title=TITLE,
@@ -64,7 +62,7 @@ def serve(path: Path | None, folder: Path, *, address: str, port: int, show: boo
 
 
 def _new_page(path: Path | None, folder: Path) -> Any:
-    from .page import Page
+    from .view import Page
 
     return Page(open_document(path), folder.absolute())
 
@@ -76,4 +74,5 @@ def _panel() -> Any:
         raise ImportError(
             'The page needs Panel: `pip install "graded_contact[explore]"`.'
         ) from error
+    panel.extension("filedropper")
     return panel

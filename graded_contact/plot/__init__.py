@@ -1,21 +1,17 @@
 """Figures of contacts, sweeps and stacks, with axes in units that suit their size.
 
-All have one style, that of `STYLE`: colours told apart with any kind of colour vision, sizes of a
-journal's columns, fonts that journals take. Figures are made without pyplot: they need no display,
-and nobody has to close them. Save one with `figure.savefig("name.pdf")`.
+All have the style `STYLE`: colours that suit any kind of colour vision, the widths of the columns
+of a journal, and fonts that journals accept. Figures are made without pyplot: they need no display,
+and you need not close them. Save one with `figure.savefig("name.pdf")`.
 """
 
-from .contact import plot_sliding
+from .contact import plot_dissipation, plot_distributions, plot_outline, plot_sliding
 from .designs import plot_design, plot_history
-from .distributions import plot_distributions
 from .master_curves import plot_master_curve, plot_van_gurp_palmen
-from .materials import plot_fit, plot_response
-from .patches import plot_outline
-from .sensitivities import plot_sensitivity
+from .materials import plot_fit, plot_response, plot_sensitivity
 from .slider import slider
 from .style import COLOURS, COLUMN, PAGE, STYLE
 from .sweeps import plot_compare, plot_reduced, plot_sweep
-from .wavenumbers import plot_dissipation
 
 __all__ = [
     "COLOURS", "COLUMN", "PAGE", "STYLE", "plot_compare", "plot_design", "plot_dissipation",

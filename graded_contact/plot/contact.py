@@ -1,112 +1,141 @@
-"""Figures of one contact: maps, or the lines of a profile."""
+"""Figures of one contact: fields, outline, distributions, and the waves that make friction."""
 
-from collections.abc import Sequence
-from typing import TYPE_CHECKING
+from collections.abc import Mapping, Sequence
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from jaxtyping import ArrayLike
 
 from ..core.checks import as_float
-from ..core.display import unit_of
-from ..files.results import Fields
-from ..friction.sliding import Sliding
+from ..core.display import unit_of, with_unit
+from ..core.quantities import FIELDS
+from ..persson.mean_field import MeanField, pressure_distribution
+from ..roughness.cutoff import CutoffCurve
 from ..roughness.surface import Surface
-from .style import COLOURS, GAPS, HEIGHTS, PAGE, PRESSURES, new_figure, styled
+from .style import (
+    COLOURS,
+    COLUMN,
+    GAPS,
+    HEIGHTS,
+    PAGE,
+    PRESSURES,
+    few_powers_of_ten,
+    new_figure,
+    styled,
+)  # fmt: skip
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure
 
+# Colours of a map, the exponent of their scale, and the colour of a profile.
+LOOKS = {
+    "heights": (HEIGHTS, 1.0, COLOURS[0]),
+    "pressure": (PRESSURES, 0.5, COLOURS[1]),  # most of the contact is far from its peak
+    "gap": (GAPS, 1.0, COLOURS[2]),
+}
+FINEST = 1024  # points along an edge that an outline can show
+BINS = 50
+SHOWN_SHARE = 0.999  # of the points of a distribution
+REACH = 4.0  # standard deviations of the theory that a figure shows
+PER_DECADE = 10  # steps of the friction per ln q
+
 
 @styled
 def plot_sliding(
-    sliding: Sliding | Fields, surface: Surface, velocity: ArrayLike | Sequence[float] = 0.0
+    sliding: Any, surface: Surface, velocity: ArrayLike | Sequence[float] = 0.0
 ) -> "Figure":
     """Returns a figure of heights, contact pressure and gap: maps, or lines of a profile.
 
-    Points out of contact are left white in the map of the pressure, points in contact in that of
-    the gap. The colours of the pressure follow the square root: most of the contact is far from
-    its peak. Scales leave out what lies far beyond 99 % of the points; their labels tell how far.
+    Pressure is white out of contact, gap is white in contact. The colours of the pressure follow
+    the square root. Labels give the range of outliers, which lie beyond the scale.
 
     **Arguments:**
 
-    - `sliding`: a solution of `slide`, or one of the `fields` of `Results`.
+    - `sliding`: a solution of `slide`, or one of the fields of results: anything that has
+      `pressure` [Pa] and `gap` [m].
     - `surface`: the surface that slides.
-    - `velocity`: that of the surface [m/s], as `slide` takes it: its direction is shown by an
-      arrow, unless it is zero.
+    - `velocity`: of the surface [m/s], as in `slide`. An arrow shows its direction if it is not 0.
     """
-    heights, pressure = np.asarray(surface.heights), np.asarray(sliding.pressure)
-    gap, touches = np.maximum(np.asarray(sliding.gap), 0), pressure > 0
-    quantities = [
-        ("height (into the solid)", "m", heights - np.mean(heights), HEIGHTS),
-        ("contact pressure", "Pa", np.where(touches, pressure, np.nan), PRESSURES),
-        ("gap", "m", np.where(touches, np.nan, gap), GAPS),
-    ]
-    draw = _profiles if surface.grid.ndim == 1 else _maps
-    figure = draw(np.asarray(surface.grid.size), quantities)
-    _show_direction(figure.axes[1], np.atleast_1d(as_float(velocity, "velocity")))
+    heights, size = np.asarray(surface.heights), np.asarray(surface.grid.size)
+    fields = {"heights": heights - np.mean(heights), **masked_fields(sliding)}
+    if heights.ndim == 1:
+        figure = new_figure(PAGE, 4.4)
+        panels = figure.subplots(3, 1, sharex=True)
+    else:
+        figure = new_figure(PAGE, 1.0 + 2.1 * float(np.clip(size[1] / size[0], 0.5, 2.0)))
+        panels = figure.subplots(1, 3, sharex=True, sharey=True)
+    for axes, (name, values) in zip(panels, fields.items(), strict=True):
+        draw_field(axes, name, values, size)
+        axes.label_outer()
+    _draw_direction(panels[1], np.atleast_1d(as_float(velocity, "velocity")))
     return figure
 
 
-def _maps(size: np.ndarray, quantities: list) -> "Figure":
+def masked_fields(sliding: Any) -> dict[str, np.ndarray]:
+    """Returns pressure [Pa] and gap [m], NaN where there is none: out of contact, and in it."""
+    pressure, gap = np.asarray(sliding.pressure), np.asarray(sliding.gap)
+    touches = pressure > 0
+    return {
+        "pressure": np.where(touches, pressure, np.nan),
+        "gap": np.where(touches, np.nan, np.maximum(gap, 0)),
+    }
+
+
+def draw_field(axes: "Axes", name: str, values: np.ndarray, size: np.ndarray) -> None:
+    """Draws a field named in `LOOKS` over a cell [m]: a map with its bar, or the line of a profile.
+
+    Where a map is white, because values are NaN, a line runs at zero.
+    """
     from matplotlib.colors import PowerNorm
     from matplotlib.ticker import MaxNLocator
 
-    unit, factor = unit_of("m", np.max(size))
-    figure = new_figure(PAGE, 1.0 + 2.1 * float(np.clip(size[1] / size[0], 0.5, 2.0)))
-    for axes, (label, base, values, colours) in zip(
-        figure.subplots(1, 3, sharex=True, sharey=True), quantities, strict=True
-    ):
-        low, high, extend = _range(values)
-        value_unit, scale = unit_of(base, max(abs(low), abs(high)))
-        image = axes.imshow(
-            scale * values.T,
-            origin="lower",
-            extent=(0, factor * size[0], 0, factor * size[1]),
-            cmap=colours,
-            norm=PowerNorm(0.5 if base == "Pa" else 1, scale * low, scale * high),
-        )
-        bar = figure.colorbar(
-            image, ax=axes, orientation="horizontal", shrink=0.9, pad=0.02, ticks=MaxNLocator(5),
-            extend=extend,
-        )  # fmt: skip
-        bar.set_label(f"{label} [{value_unit}]{_outliers(extend, values, base)}")
-        axes.grid(visible=False)
-        axes.spines[:].set_visible(True)
-        axes.set_xlabel(f"$x$ [{unit}]")
-        axes.xaxis.set_major_locator(MaxNLocator(4))
-    figure.axes[0].set_ylabel(f"$y$ [{unit}]")
-    return figure
-
-
-def _profiles(size: np.ndarray, quantities: list) -> "Figure":
-    unit, factor = unit_of("m", size[0])
-    figure = new_figure(PAGE, 4.4)
-    panels = figure.subplots(3, 1, sharex=True)
-    for axes, (label, base, values, _), colour in zip(panels, quantities, COLOURS, strict=False):
-        low, high, extend = _range(values)
-        value_unit, scale = unit_of(base, max(abs(low), abs(high)))
+    colours, exponent, colour = LOOKS[name]
+    low, high, extend = _value_range(values)
+    base = FIELDS[name].unit
+    unit, scale = unit_of(base, max(abs(low), abs(high)))
+    words, label = FIELDS[name].meaning, f"[{unit}]{_outliers(extend, values, base)}"
+    if values.ndim == 1:
+        length, factor = unit_of("m", size[0])
         x = factor * size[0] * np.arange(len(values)) / len(values)
-        # Where a map is left blank, a line runs at zero.
-        axes.plot(x, scale * np.where(np.isnan(values), 0, values), color=colour)
+        axes.plot(x, scale * np.nan_to_num(values), color=colour)
         if extend != "neither":
             low, margin = min(low, 0), 0.05 * (high - min(low, 0))
             axes.set_ylim(scale * (low - margin), scale * (high + margin))
-        axes.set_ylabel(f"{label}\n[{value_unit}]{_outliers(extend, values, base)}")
-    panels[-1].set_xlabel(f"$x$ [{unit}]")
-    return figure
+        axes.set(xlabel=f"$x$ [{length}]", ylabel=f"{words}\n{label}")
+        return
+    norm = PowerNorm(exponent, scale * low, scale * high)
+    image = _draw_map(axes, scale * values, size, cmap=colours, norm=norm)
+    axes.figure.colorbar(
+        image, ax=axes, orientation="horizontal", shrink=0.9, pad=0.02, ticks=MaxNLocator(5),
+        extend=extend, label=f"{words} {label}",
+    )  # fmt: skip
 
 
-def _range(values: np.ndarray) -> tuple[float, float, str]:
-    """The range to draw, and at which ends values lie beyond it, in the words of colour bars.
+def _draw_map(axes: "Axes", values: np.ndarray, size: np.ndarray, **style: Any) -> Any:
+    """Draws values over a cell [m], x to the right and y upwards."""
+    from matplotlib.ticker import MaxNLocator
 
-    It ends with the values, unless outliers are further from the median than twice the distance
-    within which 99 % of the points lie, 0.5 % being beyond either side.
+    unit, factor = unit_of("m", np.max(size))
+    extent = (0, factor * size[0], 0, factor * size[1])
+    image = axes.imshow(values.T, origin="lower", extent=extent, **style)
+    axes.grid(visible=False)
+    axes.spines[:].set_visible(True)
+    axes.set(xlabel=f"$x$ [{unit}]", ylabel=f"$y$ [{unit}]")
+    for axis in (axes.xaxis, axes.yaxis):
+        axis.set_major_locator(MaxNLocator(4))
+    return image
+
+
+def _value_range(values: np.ndarray) -> tuple[float, float, str]:
+    """Returns the range to draw, and the ends with outliers, as colour bars name them.
+
+    Outliers are further from the median than twice the distance within which 99 % of points lie.
     """
-    known = values[np.isfinite(values)]
-    if not known.size:
+    finite = values[np.isfinite(values)]
+    if not finite.size:
         return 0.0, 0.0, "neither"
-    least, lower, median, upper, most = np.quantile(known, [0, 0.005, 0.5, 0.995, 1])
+    least, lower, median, upper, most = np.quantile(finite, [0, 0.005, 0.5, 0.995, 1])
     low, high = max(least, 2 * lower - median), min(most, 2 * upper - median)
     low = 0 if 0 <= low < 0.05 * high else low
     extend = {(True, True): "both", (True, False): "min", (False, True): "max"}
@@ -126,8 +155,8 @@ def _outliers(extend: str, values: np.ndarray, base: str) -> str:
     return f"\noutliers {reach[extend]}"
 
 
-def _show_direction(axes: "Axes", velocity: np.ndarray) -> None:
-    """An arrow along the velocity, one component or two, in the upper part of a panel."""
+def _draw_direction(axes: "Axes", velocity: np.ndarray) -> None:
+    """Draws an arrow along the velocity, one component or two, in the upper part of a panel."""
     from matplotlib.patheffects import withStroke
     from matplotlib.text import OffsetFrom
 
@@ -135,7 +164,7 @@ def _show_direction(axes: "Axes", velocity: np.ndarray) -> None:
     if speed == 0:
         return
     along = np.pad(velocity / speed, (0, 2 - len(velocity)))
-    # Places in points from there: an arrow in the units of the axes would be oblique.
+    # Distances in points: an arrow in the units of the axes would be oblique.
     around = OffsetFrom(axes, (0.5, 0.84), "points")
     halo = [withStroke(linewidth=4, foreground="white")]
     axes.annotate(
@@ -143,3 +172,129 @@ def _show_direction(axes: "Axes", velocity: np.ndarray) -> None:
         ha="center", va="center", path_effects=halo, zorder=5,
         arrowprops={"arrowstyle": "-|>", "color": "black", "path_effects": halo},
     )  # fmt: skip
+
+
+@styled
+def plot_outline(sliding: Any, surface: Surface) -> "Figure":
+    """Returns a figure of the heights with the outline of the contact.
+
+    The outline runs between points in contact and points out of contact. On a profile the contact
+    is drawn as thick pieces.
+
+    **Arguments:**
+
+    - `sliding`, `surface`: as in `plot_sliding`.
+    """
+    heights, pressure = np.asarray(surface.heights), np.asarray(sliding.pressure)
+    heights, size = heights - np.mean(heights), np.asarray(surface.grid.size)
+    unit, factor = unit_of("m", np.max(size))
+    height_unit, scale = unit_of("m", np.max(np.abs(heights)))
+    x = [factor * (np.arange(n) + 0.5) * s / n for n, s in zip(heights.shape, size, strict=True)]
+    label = f"{FIELDS['heights'].meaning} [{height_unit}]"
+    if heights.ndim == 1:
+        figure = new_figure(PAGE, 2.2)
+        axes = figure.subplots()
+        axes.plot(x[0], scale * heights, color="0.6", linewidth=0.8, label="surface")
+        touching = np.where(pressure > 0, scale * heights, np.nan)
+        axes.plot(x[0], touching, ".-", color=COLOURS[1], linewidth=2.5, label="contact")
+        axes.set(xlabel=f"$x$ [{unit}]", ylabel=label)
+        axes.legend()
+        return figure
+    figure = new_figure(COLUMN, 0.4 + 2.7 * float(np.clip(size[1] / size[0], 0.5, 2.0)))
+    axes = figure.subplots()
+    image = _draw_map(axes, scale * heights, size, cmap=HEIGHTS)
+    figure.colorbar(image, ax=axes, shrink=0.9, pad=0.02, label=label)
+    # Pressure and gap are scaled alike, so that the outline lies between their points.
+    gap = np.maximum(np.asarray(sliding.gap), 0)
+    level = pressure / (np.std(pressure) or 1) - gap / (np.std(gap) or 1)
+    if np.any(level > 0) and np.any(level < 0):
+        step = -(-max(level.shape) // FINEST)
+        x, level = [at[::step] for at in x], level[::step, ::step]
+        axes.contour(*x, level.T, levels=[0.0], colors="black", linewidths=0.5)
+    return figure
+
+
+@styled
+def plot_distributions(sliding: Any, mean_field: MeanField | None = None) -> "Figure":
+    """Returns a figure of the distributions of contact pressure and gap.
+
+    Densities are over the nominal area: that of the pressure has the contact area as its integral.
+    In Persson's theory the pressure has a Gaussian distribution less its mirror image.
+
+    **Arguments:**
+
+    - `sliding`: as in `plot_sliding`.
+    - `mean_field`: what `mean_field_friction` returned for the same contact, to compare with.
+    """
+    pressure, gap = np.ravel(sliding.pressure), np.ravel(sliding.gap)
+    figure = new_figure(PAGE, 2.7)
+    left, right = figure.subplots(1, 2)
+    high = 0.0
+    if mean_field is not None:
+        spread = float(np.sqrt(mean_field.stress_variance[-1]))
+        high = float(mean_field.pressure) + REACH * spread
+    high, scale = _draw_density(left, "pressure", pressure, pressure > 0, high, "contact")
+    if mean_field is not None:
+        stress = np.linspace(0, high, 400)
+        density = np.asarray(pressure_distribution(mean_field, stress))[-1]
+        left.plot(scale * stress, density / scale, color=COLOURS[1], label="Persson's theory")
+    _, scale = _draw_density(right, "gap", gap, (pressure <= 0) & (gap > 0))
+    mean = float(np.mean(gap))
+    label = f"mean {with_unit(mean, 'm')}"
+    right.axvline(scale * mean, color="0.3", linewidth=0.8, linestyle="--", label=label)
+    for axes in (left, right):
+        axes.legend()
+        axes.set(xlim=(0, None), ylim=(0, None))
+    return figure
+
+
+def _draw_density(axes, name, values, counted, high=0.0, label=None) -> tuple[float, float]:
+    """Draws the density over all points of the `values` that count, up to `high` at least.
+
+    Returns the end of the axis [SI] and the SI unit in units of the axis.
+    """
+    found = values[counted]
+    high = max(high, float(np.quantile(found, SHOWN_SHARE))) if found.size else high or 1.0
+    unit, scale = unit_of(FIELDS[name].unit, high)
+    counts, edges = np.histogram(scale * found, BINS, (0, scale * high or 1))
+    density = counts / (len(values) * np.diff(edges))
+    axes.stairs(density, edges, fill=True, color=COLOURS[0], alpha=0.35)
+    axes.stairs(density, edges, color=COLOURS[0], linewidth=0.8, label=label)
+    quantity = FIELDS[name]._replace(unit=unit)
+    axes.set(xlabel=quantity.label, ylabel=f"$P({quantity.symbol})$ [1/{unit}]")
+    return high, scale
+
+
+@styled
+def plot_dissipation(curves: CutoffCurve | Mapping[str, CutoffCurve]) -> "Figure":
+    """Returns a figure of friction over the wavenumber: up to each, and per ln q.
+
+    The area under the steps, over ln q, is the friction that the curve gains.
+
+    **Arguments:**
+
+    - `curves`: what `cumulative_friction` or `area_against_cutoff` returned, or `against_cutoff` of
+      a mean field; or several, by their labels.
+    """
+    by_label = curves if isinstance(curves, Mapping) else {"": curves}
+    figure = new_figure(PAGE, 2.7)
+    total, each = figure.subplots(1, 2, sharex=True)
+    for i, (label, curve) in enumerate(by_label.items()):
+        q, friction = np.asarray(curve.cutoff), np.asarray(curve.friction)
+        colour = COLOURS[i % len(COLOURS)]
+        total.plot(q, friction, color=colour, label=label)
+        # Steps of equal length on the logarithm, none finer than the curve.
+        count = max(1, min(len(q) - 1, round(PER_DECADE * np.log10(q[-1] / q[0]))))
+        edges = np.geomspace(q[0], q[-1], count + 1)
+        steps = np.diff(np.interp(np.log(edges), np.log(q), friction)) / np.diff(np.log(edges))
+        each.stairs(steps, edges, color=colour, linewidth=1.2, label=label)
+    total.set(xscale="log", ylabel="friction of waves up to $q$ [1]")
+    each.set_ylabel(r"$\mathrm{d}\mu/\mathrm{d}\ln q$ [1]")
+    for axes in (total, each):
+        axes.axhline(0, color="0.6", linewidth=0.6, zorder=0)
+        axes.set_xlabel("wavenumber $q$ [rad/m]")
+    every = np.concatenate([np.asarray(curve.cutoff) for curve in by_label.values()])
+    few_powers_of_ten(total.xaxis, np.min(every), np.max(every))
+    if any(by_label):
+        total.legend()
+    return figure

@@ -1,6 +1,6 @@
-"""Figures of materials and blocks: responses and fits."""
+"""Figures of materials and blocks: responses, fits, and sensitivities to a material."""
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -10,6 +10,7 @@ from ..core.checks import as_float, check_positive
 from ..fitting.prony import PronyFit
 from ..response.compliance import effective_modulus
 from ..response.stack import Stack
+from ..studies.uncertainty import Sensitivity
 from .style import COLOURS, PAGE, new_figure, styled
 
 if TYPE_CHECKING:
@@ -92,4 +93,35 @@ def plot_fit(fit: PronyFit) -> "Figure":
     below.axhline(0, color="black", linewidth=0.6)
     below.set_xlabel(r"angular frequency $\omega$ [rad/s]" if frequency else "time [s]")
     below.set_ylabel("ln(fit/measured)\n[%]")
+    return figure
+
+
+@styled
+def plot_sensitivity(
+    sensitivity: Sensitivity | Mapping[str, Sensitivity], *, of: str = "friction"
+) -> "Figure":
+    """Returns a figure of the parts of a master curve on which a quantity depends.
+
+    One panel shows loss moduli, the other storage moduli, over the frequency. The area under a
+    curve is the relative change of the quantity over the relative change of all these moduli.
+
+    **Arguments:**
+
+    - `sensitivity`: what `sensitivity` returned; or several, by their labels.
+    - `of`: name of the quantity.
+    """
+    by_label = sensitivity if isinstance(sensitivity, Mapping) else {"": sensitivity}
+    figure = new_figure(PAGE, 2.9)
+    panels = figure.subplots(1, 2, sharex=True, sharey=True)
+    channels = (("loss", "loss modulus $E''$"), ("storage", "storage modulus $E'$"))
+    for axes, (name, title) in zip(panels, channels, strict=True):
+        for i, (label, curve) in enumerate(by_label.items()):
+            values = getattr(curve, name)
+            axes.semilogx(curve.omega, values, color=COLOURS[i % len(COLOURS)], label=label)
+        axes.axhline(0, color="0.6", linewidth=0.8, zorder=0)
+        axes.set_xlabel("angular frequency $\\omega$ [rad/s]")
+        axes.set_title(title)
+    panels[0].set_ylabel(f"relative change of the {of} per that of\nthe modulus and decade [1]")
+    if any(by_label):
+        panels[0].legend()
     return figure

@@ -1,8 +1,8 @@
 """The one style of all figures: colours, sizes of a journal's columns, fonts, and units.
 
-It holds while a figure is made, drawn and saved, whatever the settings of the user, and leaves
-those as they are. For figures of one's own: `with matplotlib.rc_context(gc.plot.STYLE): ...`, or in
-a notebook `plt.rcParams.update(gc.plot.STYLE)`.
+A figure has this style when it is made, drawn and saved. The settings of the user neither act nor
+change. For your own figures: `with matplotlib.rc_context(gc.plot.STYLE): ...`, or in a notebook
+`plt.rcParams.update(gc.plot.STYLE)`.
 """
 
 import contextlib
@@ -19,7 +19,7 @@ if TYPE_CHECKING:  # it takes a third of a second to import
 P = ParamSpec("P")
 T = TypeVar("T")
 
-# Of M. Okabe and K. Ito, told apart by people with any kind of colour vision.
+# Of M. Okabe and K. Ito, for any kind of colour vision.
 COLOURS = ("#0072B2", "#D55E00", "#009E73", "#CC79A7", "#E69F00", "#56B4E9", "#000000")
 COLUMN, PAGE = 3.54, 7.48  # inches, 90 and 190 mm
 HEIGHTS, PRESSURES, GAPS, TEMPERATURES = "cividis", "viridis", "magma", "plasma"
@@ -46,7 +46,7 @@ STYLE = {
     "legend.title_fontsize": 7,
     "lines.linewidth": 1.2,
     "lines.markersize": 3.5,
-    "pdf.fonttype": 42,  # TrueType, as journals ask for
+    "pdf.fonttype": 42,  # TrueType, as journals require
     "ps.fonttype": 42,
     "svg.hashsalt": "graded_contact",  # the same figure is the same file
     "xtick.labelsize": 7,
@@ -62,13 +62,13 @@ STYLE = {
 def _style() -> Iterator[None]:
     import matplotlib.style
 
-    # On top of Matplotlib's own defaults: nothing of the user's comes in.
+    # On top of the defaults of Matplotlib, not of the settings of the user.
     with matplotlib.style.context(["default", STYLE]):
         yield
 
 
 def styled(draw: Callable[P, T]) -> Callable[P, T]:
-    """Lets a function that makes a figure make it in the style."""
+    """Returns a function that makes its figure in the style."""
 
     @functools.wraps(draw)
     def drawn(*args: P.args, **kwargs: P.kwargs) -> T:
@@ -83,7 +83,7 @@ def _styled_figure() -> "type[Figure]":
     from matplotlib.figure import Figure
 
     class StyledFigure(Figure):
-        """A figure whose ticks, which are made when it is drawn, and file are in the style too."""
+        """A figure in the style also when it is drawn, which makes its ticks, and saved."""
 
         def draw(self, renderer: Any) -> None:
             with _style():
@@ -115,7 +115,7 @@ def ordered(count: int, colours: str = PRESSURES) -> np.ndarray:
 
 
 def few_powers_of_ten(axis: Any, low: float, high: float) -> None:
-    """Labels an axis on the logarithm, between the powers of ten too where they are few."""
+    """Labels a logarithmic axis, between the powers of ten too if there are few."""
     from matplotlib.ticker import LogLocator, NullFormatter
 
     if high < 100 * low:

@@ -88,7 +88,7 @@ def friction(page):
 
 
 def refusal(page):
-    return page.locator(".say.refused")
+    return page.locator(".say.error")
 
 
 def test_a_key_turns_a_slider_and_the_numbers_follow(opened):
@@ -123,7 +123,9 @@ def test_bad_things_are_refused_on_the_page(opened, served, tmp_path):
     field = page.locator("input.bk-input").first
     field.fill("0")
     field.press("Enter")
-    playwright.expect(refusal(page)).to_contain_text("`pressure` = 0 is refused", timeout=MINUTES)
+    playwright.expect(refusal(page)).to_contain_text(
+        "`pressure`: 0 kPa is refused", timeout=MINUTES
+    )
     page.get_by_text("Data", exact=True).click()
     bad, large = tmp_path / "bad.txt", tmp_path / "large.bin"
     bad.write_text("this is no topography\n")

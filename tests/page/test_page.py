@@ -1,10 +1,11 @@
 """Pages without a browser: their numbers, the order of their work, what they refuse and save."""
 
+import asyncio
 import io
 import sys
 import threading
-import time
 import weakref
+from functools import partial, partialmethod
 
 import h5py
 import jax
@@ -15,14 +16,15 @@ from scenes import TEXT
 import graded_contact as gc
 from graded_contact.files.scene import read_scene
 from graded_contact.page import model as models
-from graded_contact.page.document import open_document
-from graded_contact.page.latest import Latest
+from graded_contact.page.document import open_document, with_moduli
 from graded_contact.page.model import Model
-from graded_contact.page.shown import Shown
 
 pytest.importorskip("panel")
+from graded_contact.page import widgets
+from graded_contact.page.downloads import Shown, to_csv, to_hdf5, to_pdf
+from graded_contact.page.view import Page
 
-SECONDS = 600  # for what compiles
+SECONDS = 600  # of a compilation
 
 
 @pytest.fixture(scope="module")
@@ -53,10 +55,11 @@ def test_the_curves_of_a_page_are_those_of_the_package(model):
     at = 7
     field = gc.mean_field_friction(
         model.scene.stack, model.scene.surface.spectrum,
-        pressure=model.values[0], velocity=curves.speed[at],
+        pressure=model.values[0], velocity=float(curves.speed[at]),
     )  # fmt: skip
     np.testing.assert_allclose(curves.friction[at], field.friction, rtol=1e-10)
-    modulus = gc.effective_modulus(model.scene.stack, curves.q, curves.q * model.values[1])
+    q = curves.q.values
+    modulus = gc.effective_modulus(model.scene.stack, q, q * model.values[1])
     np.testing.assert_allclose(curves.modulus, np.abs(modulus), rtol=1e-10)
 
 
@@ -92,156 +95,125 @@ def test_turning_compiles_nothing(model):
     jax.monitoring.clear_event_listeners()
 
 
-def test_what_is_shown_can_be_taken_away(model):
+def test_downloads_have_units_and_everything_that_is_shown(model):
     values = model.values
-    shown = Shown(
-        model.turned(values), model.knobs, model.curves(values), model.contact(values),
-        np.asarray(model.surface.grid.size), model.derivatives(values),
-    )  # fmt: skip
-    rows = shown.csv().splitlines()
+    stages = (model.curves, model.contact, model.derivatives)
+    shown = Shown(model, values, *(stage(values) for stage in stages))
+    rows = to_csv(shown).decode().splitlines()
     assert rows[0].startswith("q [rad/m],modulus [Pa],loss_tangent [1],speed [m/s]")
-    with h5py.File(io.BytesIO(shown.hdf5())) as file:
+    assert float(rows[1].split(",")[1]) == shown.curves.modulus[0]
+    with h5py.File(io.BytesIO(to_hdf5(shown))) as file:
         np.testing.assert_array_equal(file["contact/pressure"], shown.contact.sliding.pressure)
         assert file["contact/pressure"].attrs["units"] == "Pa"
+        assert file["contact/friction"][()] == float(shown.contact.sliding.friction)
         assert len(file["change_by_step_of_slider/friction"]) == len(model.knobs)
-    assert shown.pdf().startswith(b"%PDF")
+        assert "[[layers]]" in file.attrs["scene"]
+    assert to_pdf(shown).startswith(b"%PDF")
 
 
-def test_only_the_latest_job_is_finished():
-    done, begun, go = [], threading.Event(), threading.Event()
+async def rest():
+    """Ends when every other task of the event loop has ended."""
+    await asyncio.sleep(0)
+    while len(asyncio.all_tasks()) > 1:
+        await asyncio.sleep(0.01)
 
-    def first(job):
-        begun.set()
+
+def test_only_the_latest_values_are_finished(document, tmp_path, monkeypatch):
+    done, go = [], threading.Event()
+    stages = ("curves", "contact", "derivatives")
+    original = {stage: getattr(Model, stage) for stage in stages}
+
+    def recorded(model, stage, values):
+        done.append((stage, values[0]))
         go.wait(SECONDS)
-        done.append(("first", job))
+        return original[stage](model, values)
 
-    finished = threading.Event()
+    async def steps():
+        page = Page(document, tmp_path)
+        await page.session.update()
+        for stage in stages:
+            monkeypatch.setattr(Model, stage, partialmethod(recorded, stage))
+        for value in (1e5, 2e5, 3e5):
+            page.sliders[0].value = value
+            await asyncio.sleep(0.05)
+        go.set()
+        await rest()
+        return page
 
-    def second(job):
-        done.append(("second", job))
-        finished.set()
-
-    latest = Latest([(0.0, first), (0.0, second)])
-    latest.ask(1)
-    begun.wait(SECONDS)
-    latest.ask(2)
-    latest.ask(3)
-    go.set()
-    assert finished.wait(SECONDS)
-    assert done == [("first", 1), ("first", 3), ("second", 3)]
-    latest.end()
+    page = asyncio.run(steps())
+    assert done == [("curves", 1e5), *((stage, 3e5) for stage in stages)]
+    shown = page.session.shown
+    assert shown.values[0] == 3e5 and shown.derivatives is not None
 
 
-@pytest.fixture
-def page(model, document, tmp_path):
-    from graded_contact.page.page import Page
-
+def test_a_page_refuses_changes_and_saves(document, tmp_path):
+    """The steps of a user in a browser, in one test: two scenes compile."""
     page = Page(document, tmp_path)
-    page.turned()
-    until(lambda: "derivatives" in page._results)
-    yield page
-    page.end()
+
+    async def drop(name, data):
+        page.session.take_file(name, data, partial(with_moduli, name="tread"))
+        await rest()
+
+    async def steps():
+        await page.session.update()
+        pressure, session = page.sliders[0], page.session
+        pressure._field.value = 0.0
+        assert "is refused" in session.message and pressure._field.value == 400.0
+        pressure._field.value = 300.0
+        await rest()
+        assert session.message == "" and session.shown.values[0] == 3e5
+        assert session.shown.derivatives is not None and not session.busy
+        session.save("mine")
+        assert read_scene(tmp_path / "mine.toml").pressure == 3e5
+        session.save("mine")  # its own
+        assert not session.error
+        (tmp_path / "theirs.toml").write_text("")
+        session.save("theirs")
+        assert session.error and "exists" in session.message
+        session.save("../out")
+        assert "is refused" in session.message
+
+        await drop("../<b>notes.txt", b"no table")
+        assert "notes.txt" in session.message
+        assert "<b>" not in page.__panel__()[0][2].object
+        session.change(lambda _: {}["a bug"])  # an unexpected error is shown as well
+        await rest()
+        assert session.message == "the scene: 'a bug'"
+        assert sorted(path.name for path in tmp_path.iterdir()) == ["mine.toml", "theirs.toml"]
+        rows = "".join(f"{f},{2e6 * f**0.1:g},{3e5:g}\n" for f in (0.1, 1, 10, 100, 1000))
+        table = f"frequency (Hz),E' (Pa),E'' (Pa)\n{rows}".encode()
+        await drop("dma.csv", table)
+        assert session.model.document.content["materials"]["tread"]["kind"] == "tabulated"
+        assert (tmp_path / "dma.csv").read_bytes() == table
+        assert session.model.values[0] == 3e5 and session.shown.model is session.model
+
+    asyncio.run(steps())
 
 
-def until(true):
-    end = time.monotonic() + SECONDS
-    while not true():
-        assert time.monotonic() < end
-        time.sleep(0.01)
+def upload(name, chunk=1):
+    data = {"name": name, "chunk": chunk, "total_chunks": 9, "type": "", "data": bytes(10**6)}
+    return type("Event", (), {"event_name": "upload_event", "data": data})()
 
 
-def test_a_page_turns_refuses_changes_and_saves(page, tmp_path):
-    """What a browser would do, one after the other: building the scene twice is what costs."""
-    slider = page.view.sliders._sliders[0]
-    slider._field.value = 0.0
-    assert "is refused" in page.view._refusal.object and slider._field.value == 400.0
-    slider._field.value = 300.0
-    until(lambda: "derivatives" in page._results and page._results["job"].values[0] == 3e5)
-    page.save("mine")
-    assert read_scene(tmp_path / "mine.toml").pressure == 3e5
-    page.save("mine")  # its own
-    (tmp_path / "theirs.toml").write_text("")
-    page.save("theirs")
-    assert "exists" in page.view._refusal.object
-    page.save("../out")
-    assert "is refused" in page.view._refusal.object
-
-    from graded_contact.page.tools import with_moduli
-
-    tools = page._tools
-    page.change(lambda d: tools._keep(lambda d, path: with_moduli(d, "tread", path),
-                                      "../<b>notes.txt", b"no table", d))  # fmt: skip
-    until(lambda: "notes.txt" in page.view._refusal.object)
-    assert "<b>" not in page.view._refusal.object
-    page.change(lambda _: {}["a bug"])  # anything else that is raised is shown as well
-    until(lambda: "the scene: &#x27;a bug&#x27;" in page.view._refusal.object)
-    assert sorted(path.name for path in tmp_path.iterdir()) == ["mine.toml", "theirs.toml"]
-    rows = "".join(f"{f},{2e6 * f**0.1:g},{3e5:g}\n" for f in (0.1, 1, 10, 100, 1000))
-    table = f"frequency (Hz),E' (Pa),E'' (Pa)\n{rows}".encode()
-    page.change(lambda d: tools._keep(lambda d, path: with_moduli(d, "tread", path),
-                                      "dma.csv", table, d))  # fmt: skip
-    until(lambda: page._shown.document.content["materials"]["tread"]["kind"] == "tabulated")
-    assert (tmp_path / "dma.csv").read_bytes() == table
-    assert page._shown.values[0] == 3e5
-
-
-def test_more_than_is_allowed_is_dropped_as_it_comes(monkeypatch):
-    from graded_contact.page import tools
-
-    class Event:
-        event_name = "upload_event"
-
-        def __init__(self, chunk):
-            data = {
-                "name": "a",
-                "chunk": chunk,
-                "total_chunks": 3,
-                "type": "",
-                "data": bytes(10**6),
-            }
-            self.data = data
-
-    monkeypatch.setattr(tools, "LARGEST", 2)
-    dropper = tools.Dropper()
+def test_a_large_file_is_refused_while_it_arrives(monkeypatch):
+    monkeypatch.setattr(widgets, "LARGEST", 2)
+    dropper = widgets.Dropper()
     for chunk in (1, 2, 3):
-        dropper._process_event(Event(chunk))
+        dropper._process_event(upload("a", chunk))
     assert not dropper.value and not dropper._file_buffer
-    assert "more than 2 MB" in dropper.mime_type[""]
+    assert "more than 2 MB" in dropper.refusal
 
 
-def test_unfinished_uploads_do_not_pile_up(monkeypatch):
-    """Of one place the last is kept, and of all places together at most `HELD` MB."""
-    from graded_contact.page import tools
-
-    def event(name):
-        data = {"name": name, "chunk": 1, "total_chunks": 9, "type": "", "data": bytes(10**6)}
-        return type("Event", (), {"event_name": "upload_event", "data": data})()
-
-    monkeypatch.setattr(tools, "HELD", 3)
-    monkeypatch.setattr(tools.Dropper, "_all", weakref.WeakSet())
-    droppers = [tools.Dropper() for _ in range(5)]
+def test_unfinished_uploads_are_limited(monkeypatch):
+    """Each place keeps the last one, and all places together at most `UNFINISHED` MB."""
+    monkeypatch.setattr(widgets, "UNFINISHED", 3)
+    monkeypatch.setattr(widgets.Dropper, "_all", weakref.WeakSet())
+    droppers = [widgets.Dropper() for _ in range(5)]
     for dropper in droppers:
         for name in "abc":
-            dropper._process_event(event(name))
-    assert [dropper.held for dropper in droppers] == [10**6] * 3 + [0] * 2
-    assert "try again later" in droppers[-1].mime_type[""]
-
-
-def test_edges_of_a_topography_are_chosen(document, tmp_path):
-    from graded_contact.page.document import with_topography
-    from graded_contact.page.tools import EDGES
-
-    x = np.linspace(0, 2 * np.pi, 16, endpoint=False)
-    np.save(tmp_path / "a.npy", 1e-6 * np.add.outer(np.sin(x), np.cos(3 * x)))
-    told = {"unit": "m", "size": "1e-4"}
-    found = {}
-    for periodic in EDGES.values():
-        changed = with_topography(document, tmp_path / "a.npy", {**told, "periodic": periodic})
-        found[periodic] = changed.scene().surface.build()
-    assert found["mirror"].grid.shape == (32, 32)
-    assert found["none"].history[-1] == "Taken as periodic."
-    assert "Joined" in found["harmonic"].history[-1]
-    assert "Tapered" in found["window"].history[-1]
+            dropper._process_event(upload(name))
+    assert [dropper.unfinished for dropper in droppers] == [10**6] * 3 + [0] * 2
+    assert "Try again later" in droppers[-1].refusal
 
 
 def test_a_missing_panel_is_named_with_its_extra(monkeypatch):

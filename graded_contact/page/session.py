@@ -1,0 +1,187 @@
+"""The session of a page: its scene, the values of the sliders, and the order of the computation.
+
+For each change the session computes the curves first, then the contact, then the derivatives. A new
+change replaces an earlier one between these stages. Everything is computed in a thread, one stage
+at a time; all else runs on the event loop.
+"""
+
+import asyncio
+import contextlib
+import logging
+import threading
+import time
+from collections.abc import Callable
+from functools import partial
+from pathlib import Path
+from typing import Any
+
+import panel as pn
+import param
+
+from ..contact.solution import RESULTS
+from .document import Document, save_document, with_file
+from .downloads import Shown
+from .model import Model
+
+# Seconds to rest before each stage: no derivatives while a slider moves.
+STAGES = {"curves": 0.0, "contact": 0.0, "derivatives": 0.25}
+EXPECTED = (ValueError, OSError, ImportError, MemoryError)  # errors of the package for bad input
+_COMPILING = threading.Lock()
+
+Change = Callable[[Document], Document]
+
+
+class Session(param.Parameterized):
+    """What a page shows, as parameters; they change under the lock of the page's document.
+
+    **Arguments:**
+
+    - `document`: the scene.
+    - `folder`: the only folder into which the session writes.
+    """
+
+    model: Any = param.Parameter(doc="The `Model` of the scene; None until it is read.")
+    curves: Any = param.Parameter(doc="The last curves.")
+    pinned: Any = param.Parameter(doc="Curves to compare with, or None.")
+    shown: Any = param.Parameter(doc="The last point with a contact, `Shown`.")
+    message = param.String(doc="What the user must know.")
+    error = param.Boolean(doc="Whether the message reports an error.")
+    status = param.String("reading the scene")
+    busy = param.Boolean(True)
+
+    def __init__(self, document: Document, folder: Path):
+        super().__init__()
+        self.folder = folder
+        self._changes: list[Change] = [lambda _: document]
+        self._newest: Any = None  # the model that is soon shown, and values of its knobs
+        self._values: tuple[float, ...] = ()
+        self._curves: Any = None
+        self._point: Any = None
+        self._call, self._turn, self._ended = 0, asyncio.Lock(), False
+        self._seconds: dict[str, float] = {}
+        self._saved: set[str] = set()
+
+    # Actions of the user.
+
+    def set_value(self, model: Model, index: int, value: float) -> None:
+        """Changes the value of one knob [SI], if `model` is still the newest."""
+        if model is self._newest:
+            self._values = (*self._values[:index], value, *self._values[index + 1 :])
+            pn.state.execute(self.update)
+
+    def change(self, change: Change) -> None:
+        """Changes the tables of the scene."""
+        self._changes.append(change)
+        pn.state.execute(self.update)
+
+    def take_file(
+        self, name: str, data: bytes | str, change: Callable[[Document, Path], Document]
+    ) -> None:
+        """Changes the scene by a file of the user, see `with_file`."""
+        data = data.encode() if isinstance(data, str) else data
+        file = {"folder": self.folder, "name": name, "data": data}
+        self.change(partial(with_file, **file, change=change))
+
+    def save(self, name: str) -> None:
+        """Saves the scene at its present values; replaces only scenes of this session."""
+        try:
+            document = self._newest.changed(self._values)
+            path = save_document(document, self.folder, name, name in self._saved)
+        except (ValueError, OSError) as error:
+            self.tell(str(error))
+            return
+        self._saved.add(name)
+        self.tell(f"Saved as {path}: `graded-contact run` and `explore` open it.", error=False)
+
+    def end(self) -> None:
+        """Stops after the stage that is being computed, when the tab of the page is closed."""
+        self._ended = True
+
+    def tell(self, text: str, error: bool = True) -> None:
+        """Shows a message."""
+        self._show(message=text, error=error)
+
+    # The computation.
+
+    async def update(self) -> None:
+        """Computes what the sliders ask for; a later call replaces this one between two stages."""
+        self._call += 1
+        call = self._call
+        self.tell("")
+        async with self._turn:
+            while self._changes:
+                await self._read(self._changes.pop(0))
+        model, values = self._newest, self._values
+        for stage, rest in STAGES.items():
+            await asyncio.sleep(rest)
+            async with self._turn:
+                stale = self._ended or call != self._call or model is None
+                if stale or not await self._compute(stage, model, values):
+                    return
+
+    async def _read(self, change: Change) -> None:
+        """Changes the scene, and builds its model."""
+        self._show(status="reading the scene", busy=True)
+        old, values = self._newest, self._values
+
+        def build() -> Model:
+            return Model(change(old and old.changed(values)))
+
+        try:
+            model = await asyncio.to_thread(build)
+        except Exception as error:
+            self._fail("the scene", error)
+            return
+        self._newest, self._values, self._seconds = model, model.values, {}
+        self._show(model=model)
+
+    async def _compute(self, stage: str, model: Any, values: tuple[float, ...]) -> bool:
+        """Computes one stage and shows it; returns whether that succeeded."""
+        first = stage not in self._seconds
+        if first:
+            self._show(status=f"compiling: {stage}", busy=True)
+
+        def compute() -> Any:
+            # Another page may be compiling the same function.
+            with _COMPILING if first else contextlib.nullcontext():
+                return getattr(model, stage)(values)
+
+        started = time.perf_counter()
+        try:
+            found = await asyncio.to_thread(compute)
+        except Exception as error:
+            self._fail(stage, error)
+            return False
+        self._seconds[stage] = time.perf_counter() - started
+        if stage == "curves":
+            self._curves = found
+            self._show(curves=found)
+            return True
+        if stage == "contact":
+            self._point = Shown(model, values, self._curves, found)
+        else:
+            self._point = self._point._replace(derivatives=found)
+        self._show(shown=self._point, **self._timing())
+        if stage == "contact" and found.sliding.result != RESULTS.successful:
+            self.tell(RESULTS[found.sliding.result])
+        return True
+
+    def _fail(self, stage: str, error: Exception) -> None:
+        """Shows the error that ended a stage. Unexpected errors are logged."""
+        text = str(error).strip() or type(error).__name__
+        if not isinstance(error, EXPECTED):
+            logging.getLogger(__name__).error(stage, exc_info=error)
+            text = f"{stage}: {text.splitlines()[0]}"
+        self._show(message=text, error=True, **self._timing())
+
+    def _timing(self) -> dict[str, Any]:
+        parts = (f"{name} {1e3 * seconds:.0f}" for name, seconds in self._seconds.items())
+        return {"status": ", ".join(parts) + " ms", "busy": False}
+
+    def _show(self, **values: Any) -> None:
+        def show() -> None:
+            with pn.io.hold():
+                self.param.update(**values)
+
+        if not self._ended:
+            pn.state.execute(show, schedule=True)
