@@ -35,7 +35,6 @@ from ..plot.lines import TITLES, label_of
 from ..plot.style import entitle
 from ..roughness.surface import Surface
 from ..studies.cost import scene_cost
-from ..studies.engine import check_engine
 from ..studies.extrapolation import velocity_vector
 from ..studies.interruption import Interrupted, Interruption, interruptible
 from ..studies.run import build_surface, check_run, point_names, run_scene
@@ -43,6 +42,7 @@ from ..studies.scene_errors import what_decides
 from ..studies.scene_theory import mean_field_at
 from ..studies.store import Store
 from ..studies.uncertainty import Sensitivity
+from ..studies.workers import check_workers
 from .session import (
     DryRun,
     FigureFormat,
@@ -99,7 +99,7 @@ def run(
     """
     with refusing():
         engine = {"workers": workers or (None if scheduler else "auto"), "scheduler": scheduler}
-        check_engine(**engine, client=None)
+        check_workers(*engine.values())
         scene = read_scene(scene_file)
         folder = output or scene.directory or Path(f"{scene_file.stem}-results")
         name = scene.name or scene_file.stem

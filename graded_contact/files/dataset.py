@@ -16,6 +16,11 @@ from .sealed import read_sealed, write_sealed
 if TYPE_CHECKING:
     from xarray import Dataset
 
+# How a point ended, if neither solved nor stopped by its solver.
+NOT_STARTED = "not started"
+FAILED = "failed: "
+LOST = f"{FAILED}its worker died, each time that it was tried"  # no fault of the point's
+
 _QUANTITIES = {**PARAMETERS, **FIELDS, **OBSERVABLES, **AXES}
 
 

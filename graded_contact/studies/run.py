@@ -104,8 +104,7 @@ def run_scene(
         names.ravel().tolist(),
         store=store,
         workers=workers,
-        scheduler=scheduler,
-        client=client,
+        client=scheduler if client is None else client,
         keep=[quantities] * (len(indices) - kept) + [(*quantities, *_fields_of(scene))] * kept,
         progress=progress,
     )
