@@ -70,7 +70,7 @@ if TYPE_CHECKING:
     from .files.study import Study, read_study
     from .page.serving import explore
     from .studies.checkpoint import checkpointed
-    from .studies.run import run_scene
+    from .studies.run_scene import run_scene
     from .studies.sweep import sweep
 
 __version__ = "1.0.0rc1"

@@ -5,7 +5,7 @@ from typing import Annotated
 
 import typer
 
-from ..files.output import check_folder
+from ..files.paths import check_folder
 from ..files.results import read_results
 from ..plot import plot_compare
 from .session import FigureFormat, Format, refusing, save_figure

@@ -11,7 +11,7 @@ import numpy as np
 import typer
 
 from ..contact.observables import cumulative_friction
-from ..files.output import check_folder, check_name, full_path
+from ..files.paths import check_folder, check_name, full_path
 from ..files.results import (
     Results,
     lost_solves,
@@ -38,7 +38,7 @@ from ..studies.cost import scene_cost
 from ..studies.engine import check_engine
 from ..studies.extrapolation import velocity_vector
 from ..studies.interruption import Interrupted, Interruption, interruptible
-from ..studies.run import build_surface, check_run, point_names, run_scene
+from ..studies.run_scene import build_surface, check_run, point_names, run_scene
 from ..studies.scene_errors import what_decides
 from ..studies.scene_theory import mean_field_at
 from ..studies.store import Store

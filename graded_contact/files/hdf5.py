@@ -10,7 +10,7 @@ from typing import Any
 import h5py
 import numpy as np
 
-from .given import existing_file
+from .paths import existing_file
 from .sealed import SEAL, is_sealed, replacing, seal
 
 _COMPRESSION = 1100  # the most that gzip saves is a factor of 1032

@@ -24,7 +24,7 @@ from ..response.grading import AbstractGradedSolver
 from ..response.stack import Stack
 from ..roughness.surface import Surface, radial_spectrum, statistics
 from ..studies.extrapolation import velocity_vector
-from ..studies.run import build_surface
+from ..studies.run_scene import build_surface
 from .document import Document
 from .knobs import STEPS, Turn, knobs_of, turned, written
 

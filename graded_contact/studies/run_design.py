@@ -30,7 +30,7 @@ from .design_problem import (
     silent,
 )
 from .extrapolation import refuse_extrapolated
-from .run import scene_memory
+from .run_scene import scene_memory
 from .store import Store, fingerprint
 
 POLISHING_STEPS = 6

@@ -12,9 +12,9 @@ import graded_contact as gc
 from graded_contact.fields.grid import wave_frequencies
 from graded_contact.files.results import FIELDS, read_results, write_results
 from graded_contact.files.scene import parse_scene, read_scene
-from graded_contact.studies import run as run_module
+from graded_contact.studies import run_scene as run_module
 from graded_contact.studies.extrapolation import check_frequencies_of
-from graded_contact.studies.run import build_surface, run_scene
+from graded_contact.studies.run_scene import build_surface, run_scene
 from graded_contact.studies.store import Store
 
 DATA = Path(__file__).parents[3] / "shared" / "data"
