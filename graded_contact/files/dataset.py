@@ -1,0 +1,73 @@
+"""Numbers over named axes: units, statistics and files of an `xarray.Dataset`.
+
+A file is HDF5 as xarray writes it, after 512 bytes with a checksum of the rest.
+`xarray.open_dataset(path, engine="h5netcdf")` opens it too.
+"""
+
+import io
+import os
+from collections.abc import Mapping
+from types import MappingProxyType
+from typing import TYPE_CHECKING
+
+from ..core.quantities import AXES, FIELDS, OBSERVABLES, PARAMETERS
+from .sealed import read_sealed, write_sealed
+
+if TYPE_CHECKING:
+    from xarray import Dataset
+
+_QUANTITIES = {**PARAMETERS, **FIELDS, **OBSERVABLES, **AXES}
+
+
+def attach(dataset: "Dataset", units: Mapping[str, str] = MappingProxyType({})) -> "Dataset":
+    """Returns the dataset after `units` and `long_name` were added to what has none.
+
+    **Arguments:**
+
+    - `dataset`: its variables and coordinates are looked up in the table of quantities by the last
+      word of their names: "layers[0].thickness" is a thickness.
+    - `units`: of names that the table does not have, or has in another unit.
+    """
+    for name, variable in dataset.variables.items():
+        entry = _QUANTITIES.get(str(name).rpartition(".")[2].partition("[")[0])
+        known = {} if entry is None else {"units": entry.unit, "long_name": entry.meaning}
+        if name in units:
+            known["units"] = units[str(name)]
+        variable.attrs = known | variable.attrs
+    return dataset
+
+
+def mean_and_error(dataset: "Dataset", axis: str = "seed") -> tuple["Dataset", "Dataset"]:
+    """Returns the mean and its standard error over an axis of independent draws.
+
+    Only points that succeeded count, those with an empty `message`.
+    """
+    solved = dataset.drop_vars("message").where(dataset["message"] == "")
+    count = solved.count(axis)
+    return solved.mean(axis, keep_attrs=True), solved.std(
+        axis, ddof=1, keep_attrs=True
+    ) / count**0.5
+
+
+def write(path: str | os.PathLike, dataset: "Dataset") -> None:
+    """Writes a file, or nothing: an earlier one is replaced when the new one is complete.
+
+    **Raises:** `OSError` if it cannot be written.
+    """
+    packed = {
+        name: {"zlib": True, "shuffle": True}
+        for name, variable in dataset.variables.items()
+        if variable.ndim and variable.dtype.kind in "fiub"
+    }
+    # In memory first: HDF5 crashes if the disk is full.
+    write_sealed(path, bytes(dataset.to_netcdf(engine="h5netcdf", encoding=packed)))
+
+
+def read(path: str | os.PathLike) -> "Dataset":
+    """Returns the dataset that `write` wrote, bit for bit.
+
+    **Raises:** `FileNotFoundError`; `ValueError` for another file, or a damaged one.
+    """
+    import xarray
+
+    return xarray.load_dataset(io.BytesIO(read_sealed(path)), engine="h5netcdf")
