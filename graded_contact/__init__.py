@@ -114,7 +114,7 @@ _LATER = {
     "read_results": ".files.results",
     "read_scene": ".files.scene",
     "read_study": ".files.study",
-    "run_scene": ".studies.run",
+    "run_scene": ".studies.run_scene",
     "Study": ".files.study",
     "checkpointed": ".studies.checkpoint",
     "sweep": ".studies.sweep",

@@ -12,7 +12,7 @@ import uuid
 from collections.abc import Iterator
 from pathlib import Path
 
-from .given import existing_file
+from .paths import existing_file
 
 SEAL = 512  # bytes, the least that HDF5 can skip
 
@@ -34,7 +34,9 @@ def read_sealed(path: str | os.PathLike) -> bytes:
     whole = existing_file(path).read_bytes()
     content = whole[SEAL:]
     if whole[:SEAL] != _header(content):
-        raise ValueError(f"`path={path}` is damaged, or another program changed or wrote it.")
+        raise ValueError(
+            f"`path={path}` is damaged, or another program or an earlier version wrote it."
+        )
     return content
 
 

@@ -9,8 +9,8 @@ import h5py
 import numpy as np
 
 from ..core.display import unit_of
+from ..files.dataset import package_versions
 from ..files.hdf5 import put
-from ..files.results import package_versions
 from ..files.study import UNITS
 from ..files.toml_text import toml_text
 from ..plot.style import COLOURS, GAPS, PRESSURES, new_figure, styled

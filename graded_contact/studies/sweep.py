@@ -9,7 +9,7 @@ import numpy as np
 
 from ..core.checks import Numbers, as_float, check_values, short
 from ..core.memory import SMALL, available_memory, in_gigabytes
-from ..files.results import package_versions
+from ..files.dataset import package_versions
 from ..files.study import FAILED, LOST, NOT_STARTED, Study, units_of
 from .chunk import Work, bytes_of
 from .engine import check_engine, solved
