@@ -36,12 +36,12 @@ from ..plot.style import entitle
 from ..plot.sweeps import label_of, title_of
 from ..roughness.surface import Surface
 from ..studies.cost import scene_cost
-from ..studies.engine import check_engine
 from ..studies.interruption import Interrupted, Interruption, interruptible
 from ..studies.run_scene import build_surface, check_run, point_names, run_scene
 from ..studies.scene_theory import mean_field_at, velocity_vector, what_decides
 from ..studies.store import Store
 from ..studies.uncertainty import Sensitivity
+from ..studies.workers import check_workers
 from .session import (
     DryRun,
     FigureFormat,
@@ -98,8 +98,8 @@ def run(
     cores are used where that saves time.
     """
     with refusing():
-        engine = {"workers": workers or (None if scheduler else "auto"), "scheduler": scheduler}
-        check_engine(**engine, client=None)
+        engine = {"workers": workers or (None if scheduler else "auto"), "client": scheduler}
+        check_workers(**engine)
         scene = read_scene(scene_file)
         folder = output or scene.directory or Path(f"{scene_file.stem}-results")
         name = scene.name or scene_file.stem

@@ -12,18 +12,17 @@ from importlib.metadata import version
 from types import MappingProxyType
 from typing import TYPE_CHECKING
 
-from ..core.quantities import AXES, FIELDS, OBSERVABLES, PARAMETERS
+from ..core.quantities import quantity_of
 from .sealed import read_sealed, replacing, write_sealed
 
 if TYPE_CHECKING:
     from xarray import Dataset
 
+# How a point ended, if neither solved nor stopped by its solver.
 NOT_STARTED = "not started"
 FAILED = "failed: "
-LOST = f"{FAILED}its worker died, each time that it was tried"  # not a fault of the point
+LOST = f"{FAILED}its worker died, each time that it was tried"  # no fault of the point's
 _PACKAGES = ("graded_contact", "jax", "numpy", "h5py")
-
-_QUANTITIES = {**PARAMETERS, **FIELDS, **OBSERVABLES, **AXES}
 
 
 def attach(dataset: "Dataset", units: Mapping[str, str] = MappingProxyType({})) -> "Dataset":
@@ -36,7 +35,7 @@ def attach(dataset: "Dataset", units: Mapping[str, str] = MappingProxyType({})) 
     - `units`: of names that the table does not have, or has in another unit.
     """
     for name, variable in dataset.variables.items():
-        entry = _QUANTITIES.get(str(name).rpartition(".")[2].partition("[")[0])
+        entry = quantity_of(str(name))
         known = {} if entry is None else {"units": entry.unit, "long_name": entry.meaning}
         if name in units:
             known["units"] = units[str(name)]

@@ -66,26 +66,3 @@ def replacing(path: str | os.PathLike) -> Iterator[Path]:
         folder = os.open(path.parent, os.O_RDONLY)
         os.fsync(folder)
         os.close(folder)
-
-
-# Of the HDF5 layout in `hdf5.py`.
-
-
-def seal(path: str | os.PathLike, name: str = "") -> None:
-    """Writes a digest of an HDF5 file into its first `SEAL` bytes, which must be its user block."""
-    with open(path, "rb+") as file:
-        header = _named_header(file, name)
-        file.seek(0)
-        file.write(header)
-
-
-def is_sealed(path: str | os.PathLike, name: str = "") -> bool:
-    """Returns whether a file is, byte for byte, what was sealed under this name."""
-    with open(path, "rb") as file:
-        return file.read(SEAL) == _named_header(file, name)
-
-
-def _named_header(file, name: str) -> bytes:
-    file.seek(SEAL)
-    digest = hashlib.file_digest(file, "sha256").hexdigest()
-    return f"graded_contact {name}\n{digest}\n".encode().ljust(SEAL)

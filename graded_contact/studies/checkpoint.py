@@ -67,7 +67,7 @@ def checkpointed(
             if time.monotonic() - written < every:
                 return
             try:
-                store.write(name, Point({"pressure": np.asarray(pressure)}, "not finished", {}))
+                store.write(name, Point({"pressure": np.asarray(pressure)}))
             except OSError as error:
                 warnings.warn(f"{error} The solve goes on.", stacklevel=2)
             written = time.monotonic()

@@ -166,7 +166,7 @@ def kept_contact(
     kept = None if store is None else store.read(name)
     if kept is None:
         friction, area = map(np.asarray, _contact(study, stack, heights))
-        kept = Point({"friction": friction, "contact_area": area}, "", {})
+        kept = Point({"friction": friction, "contact_area": area})
         if store is not None:
             store.write(name, kept)
     return kept.values["friction"], kept.values["contact_area"]

@@ -5,7 +5,7 @@ import hashlib
 import math
 from collections.abc import Callable
 from functools import partial
-from typing import TYPE_CHECKING, Any, Literal
+from typing import TYPE_CHECKING, Any
 
 import jax
 import jax.numpy as jnp
@@ -27,7 +27,7 @@ from ..roughness.surface import Surface
 from .program import trace
 from .scene_theory import check_frequencies_of, errors_of_stack, velocity_vector
 from .store import Point, Store, fingerprint
-from .sweep import solve_points
+from .sweep import Workers, solve_points
 
 if TYPE_CHECKING:
     from xarray import Dataset
@@ -73,8 +73,7 @@ def run_scene(
     *,
     surface: Surface | None = None,
     store: Store | None = None,
-    workers: int | Literal["auto"] | None = None,
-    scheduler: str | None = None,
+    workers: Workers = None,
     client: Any = None,
     progress: Callable[[int, int], None] | None = None,
 ) -> "Dataset":
@@ -92,7 +91,7 @@ def run_scene(
     - `scene`: what to compute.
     - `surface`: the surface, if built before; that of the first seed, where there are several.
     - `store`: keeps each solve on disk as it ends; a solve found there is not computed again.
-    - `workers`, `scheduler`, `client`, `progress`: as in `sweep`.
+    - `workers`, `client`, `progress`: as in `sweep`.
 
     **Returns:** an `xarray.Dataset` over the axes of the scene, as far as it has them: the paths of
     [sweep], `temperature` [K], `seed`, and always `pressure` [Pa] and `velocity` [m/s]. Variables
@@ -118,7 +117,6 @@ def run_scene(
         names.ravel().tolist(),
         store=store,
         workers=workers,
-        scheduler=scheduler,
         client=client,
         keep=[numbers] * (len(indices) - kept) + [(*numbers, *_fields_of(scene))] * kept,
         progress=progress,
