@@ -30,7 +30,7 @@ from graded_contact.files import results as storage
 from graded_contact.files.results import read_results, write_results
 from graded_contact.files.scene import parse_scene
 from graded_contact.roughness.surface import Step
-from graded_contact.studies import run as run_module
+from graded_contact.studies import run_scene as run_module
 from graded_contact.studies.store import Store
 
 SCENE = """

@@ -35,7 +35,7 @@ from graded_contact.files.study import Study, units_of
 from graded_contact.files.surfaces import RandomSurface
 from graded_contact.roughness.surface import Step
 from graded_contact.studies.evaluations import Evaluation, Evaluations
-from graded_contact.studies.run import check_scene as check_scene_memory
+from graded_contact.studies.run_scene import check_scene as check_scene_memory
 from graded_contact.studies.store import Point, Store, fingerprint
 
 SEED = 20261

@@ -11,7 +11,7 @@ import typer
 from ..files.errors import write_errors
 from ..files.moduli.measured import Measured
 from ..files.moduli.reading import read_moduli
-from ..files.output import check_folder, full_path
+from ..files.paths import check_folder, full_path
 from ..files.prony_cards import FORMATS, export_prony
 from ..files.toml import nearest
 from ..fitting.isotherms import check_law

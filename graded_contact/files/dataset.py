@@ -4,14 +4,16 @@ A file is HDF5 as xarray writes it, after 512 bytes with a checksum of the rest.
 `xarray.open_dataset(path, engine="h5netcdf")` opens it too.
 """
 
+import functools
 import io
 import os
 from collections.abc import Mapping
+from importlib.metadata import version
 from types import MappingProxyType
 from typing import TYPE_CHECKING
 
-from ..core.quantities import AXES, FIELDS, OBSERVABLES, PARAMETERS
-from .sealed import read_sealed, write_sealed
+from ..core.quantities import quantity_of
+from .sealed import read_sealed, replacing, write_sealed
 
 if TYPE_CHECKING:
     from xarray import Dataset
@@ -20,8 +22,7 @@ if TYPE_CHECKING:
 NOT_STARTED = "not started"
 FAILED = "failed: "
 LOST = f"{FAILED}its worker died, each time that it was tried"  # no fault of the point's
-
-_QUANTITIES = {**PARAMETERS, **FIELDS, **OBSERVABLES, **AXES}
+_PACKAGES = ("graded_contact", "jax", "numpy", "h5py")
 
 
 def attach(dataset: "Dataset", units: Mapping[str, str] = MappingProxyType({})) -> "Dataset":
@@ -34,7 +35,7 @@ def attach(dataset: "Dataset", units: Mapping[str, str] = MappingProxyType({})) 
     - `units`: of names that the table does not have, or has in another unit.
     """
     for name, variable in dataset.variables.items():
-        entry = _QUANTITIES.get(str(name).rpartition(".")[2].partition("[")[0])
+        entry = quantity_of(str(name))
         known = {} if entry is None else {"units": entry.unit, "long_name": entry.meaning}
         if name in units:
             known["units"] = units[str(name)]
@@ -76,3 +77,31 @@ def read(path: str | os.PathLike) -> "Dataset":
     import xarray
 
     return xarray.load_dataset(io.BytesIO(read_sealed(path)), engine="h5netcdf")
+
+
+def write_csv(path: str | os.PathLike, dataset: "Dataset") -> None:
+    """Writes a table with a row for each point: axes, numbers (no fields) and message."""
+    axes = dataset["message"].dims
+    numbers = [
+        str(name)
+        for name, variable in dataset.data_vars.items()
+        if {*variable.dims} <= {*axes} and variable.dtype.kind in "fiub"
+    ]
+    table = dataset[[*numbers, "message"]].to_dataframe(dim_order=[*axes]).reset_index()
+    # Whole numbers, as seeds, have no unit.
+    heads = {
+        name: f"{name} [{dataset[name].units}]"
+        for name in table
+        if "units" in dataset[name].attrs and dataset[name].dtype.kind == "f"
+    }
+    with replacing(path) as partial:
+        table.rename(columns=heads).to_csv(
+            partial, index=False, na_rep="nan", lineterminator="\r\n"
+        )
+
+
+# Called once: a worker of dask that ends in a thread of this process edits sys.path meanwhile.
+@functools.cache
+def package_versions() -> dict[str, str]:
+    """Returns the versions of this package and of those its numbers depend on, as attributes."""
+    return {f"version_{name}": version(name) for name in _PACKAGES}

@@ -61,8 +61,7 @@ from ..rheology.material import AbstractMaterial
 from ..rheology.tabulated import Tabulated
 from .block import Block, extremes
 from .errors import Errors
-from .given import existing_file
-from .output import check_name, full_path
+from .paths import check_name, existing_file, full_path
 from .surfaces import RandomSurface, SurfaceFile, parse_surface
 from .toml import LARGEST, Section, nearest, parse_toml, within
 

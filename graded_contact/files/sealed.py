@@ -12,7 +12,7 @@ import uuid
 from collections.abc import Iterator
 from pathlib import Path
 
-from .given import existing_file
+from .paths import existing_file
 
 SEAL = 512  # bytes, the least that HDF5 can skip
 
@@ -34,7 +34,9 @@ def read_sealed(path: str | os.PathLike) -> bytes:
     whole = existing_file(path).read_bytes()
     content = whole[SEAL:]
     if whole[:SEAL] != _header(content):
-        raise ValueError(f"`path={path}` is damaged, or another program changed or wrote it.")
+        raise ValueError(
+            f"`path={path}` is damaged, or another program or an earlier version wrote it."
+        )
     return content
 
 
@@ -64,26 +66,3 @@ def replacing(path: str | os.PathLike) -> Iterator[Path]:
         folder = os.open(path.parent, os.O_RDONLY)
         os.fsync(folder)
         os.close(folder)
-
-
-# Of the HDF5 layout in `hdf5.py`.
-
-
-def seal(path: str | os.PathLike, name: str = "") -> None:
-    """Writes a digest of an HDF5 file into its first `SEAL` bytes, which must be its user block."""
-    with open(path, "rb+") as file:
-        header = _named_header(file, name)
-        file.seek(0)
-        file.write(header)
-
-
-def is_sealed(path: str | os.PathLike, name: str = "") -> bool:
-    """Returns whether a file is, byte for byte, what was sealed under this name."""
-    with open(path, "rb") as file:
-        return file.read(SEAL) == _named_header(file, name)
-
-
-def _named_header(file, name: str) -> bytes:
-    file.seek(SEAL)
-    digest = hashlib.file_digest(file, "sha256").hexdigest()
-    return f"graded_contact {name}\n{digest}\n".encode().ljust(SEAL)

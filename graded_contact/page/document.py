@@ -12,8 +12,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from ..files.given import existing_file
-from ..files.output import full_path
+from ..files.paths import existing_file, full_path
 from ..files.scene import Scene, parse_scene
 from ..files.toml import LARGEST, parse_toml, within
 from ..files.toml_text import toml_text

@@ -9,9 +9,8 @@ import h5py
 import numpy as np
 
 from ..core.display import unit_of
-from ..files.hdf5 import put
-from ..files.results import package_versions
-from ..files.study import UNITS
+from ..core.quantities import quantity_of
+from ..files.dataset import package_versions
 from ..files.toml_text import toml_text
 from ..plot.style import COLOURS, GAPS, PRESSURES, new_figure, styled
 from .document import Document
@@ -68,27 +67,30 @@ class Shown(NamedTuple):
             if self.derivatives is not None:
                 group = file.create_group("change_by_step_of_slider")
                 steps = np.array([f"{knob.label} {knob.step}" for knob in self.knobs])
-                put(file, "slider", steps, ("slider",), {"units": "1", "description": "and step"})
+                _put(file, "slider", steps, ("slider",), {"units": "1", "description": "and step"})
                 for name, values in self.derivatives._asdict().items():
-                    put(group, name, values, ("slider",), {"units": "%", "description": "change"})
+                    _put(group, name, values, ("slider",), {"units": "%", "description": "change"})
         return content.getvalue()
 
     def _put_curve(self, file: h5py.File, name: str, along: str) -> None:
         unit, description = CURVES[name]
         about = {"units": unit, "description": description}
-        put(file, name, getattr(self.curves, name), (along,), about)
+        _put(file, name, getattr(self.curves, name), (along,), about)
 
     def _put_contact(self, group: h5py.Group) -> None:
         heights = self.contact.heights
         axes = ("x", "y")[: heights.ndim]
         for axis, length, points in zip(axes, self.size, heights.shape, strict=True):
             about = {"units": "m", "description": f"position along {axis}"}
-            put(group.file, axis, np.arange(points) * (length / points), (axis,), about)
-        put(group, "heights", heights, axes, {"units": "m", "description": "into the solid"})
+            _put(group.file, axis, np.arange(points) * (length / points), (axis,), about)
+        _put(group, "heights", heights, axes, {"units": "m", "description": "into the solid"})
         for name in (*NUMBERS, *FIELDS):
             values = np.asarray(getattr(self.contact.sliding, name))
-            about = {"units": UNITS[name], "description": name.replace("_", " ")}
-            put(group, name, values, axes if name in FIELDS else (), about)
+            about = {
+                "units": known.unit if (known := quantity_of(name)) else "1",
+                "description": name.replace("_", " "),
+            }
+            _put(group, name, values, axes if name in FIELDS else (), about)
 
     @styled
     def pdf(self) -> bytes:
@@ -160,3 +162,27 @@ def shown_field(contact: Contact, name: str) -> np.ndarray:
     if name == "pressure":
         return np.where(touching, np.asarray(contact.sliding.pressure), np.nan)
     return np.where(touching, np.nan, np.maximum(np.asarray(contact.sliding.gap), 0))
+
+
+def _put(
+    group, name: str, values: np.ndarray, dimensions: Sequence[str], about: dict[str, str]
+) -> None:
+    """Writes one dataset; one that has its only dimension's name becomes that dimension's scale.
+
+    The scales of the others lie in the group, else in the root.
+    """
+    if values.dtype.kind in "UO":
+        dataset = group.create_dataset(name, data=values.astype(object), dtype=h5py.string_dtype())
+    elif values.ndim:
+        dataset = group.create_dataset(
+            name, data=values, compression="gzip", shuffle=True, fletcher32=True
+        )
+    else:
+        dataset = group.create_dataset(name, data=values)
+    dataset.attrs.update(about)
+    if tuple(dimensions) == (name,):
+        dataset.make_scale(name)
+        return
+    for dimension, label in zip(dataset.dims, dimensions, strict=True):
+        dimension.label = label
+        dimension.attach_scale((group if label in group else group.file)[label])

@@ -11,7 +11,7 @@ from typing import Any, ClassVar
 
 import panel as pn
 
-from ..files.output import check_name
+from ..files.paths import check_name
 from ..files.sealed import replacing
 from ..files.toml_text import toml_text
 from .document import (

@@ -8,7 +8,6 @@ from jaxtyping import ArrayLike
 
 from ..core.checks import as_float
 from ..core.display import unit_of
-from ..files.results import Fields
 from ..friction.sliding import Sliding
 from ..roughness.surface import Surface
 from .style import COLOURS, GAPS, HEIGHTS, PAGE, PRESSURES, new_figure, styled
@@ -16,11 +15,12 @@ from .style import COLOURS, GAPS, HEIGHTS, PAGE, PRESSURES, new_figure, styled
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure
+    from xarray import Dataset
 
 
 @styled
 def plot_sliding(
-    sliding: Sliding | Fields, surface: Surface, velocity: ArrayLike | Sequence[float] = 0.0
+    sliding: "Sliding | Dataset", surface: Surface, velocity: ArrayLike | Sequence[float] = 0.0
 ) -> "Figure":
     """Returns a figure of heights, contact pressure and gap: maps, or lines of a profile.
 
@@ -30,7 +30,7 @@ def plot_sliding(
 
     **Arguments:**
 
-    - `sliding`: a solution of `slide`, or one of the `fields` of `Results`.
+    - `sliding`: a solution of `slide`, or the first of `contact_at(results, index)`.
     - `surface`: the surface that slides.
     - `velocity`: that of the surface [m/s], as `slide` takes it: its direction is shown by an
       arrow, unless it is zero.

@@ -5,13 +5,13 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from ..core.display import unit_of
-from ..files.results import Fields
 from ..friction.sliding import Sliding
 from ..persson.mean_field import MeanField, pressure_distribution
 from .style import COLOURS, PAGE, new_figure, styled
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
+    from xarray import Dataset
 
 BINS = 50
 ASIDE = 0.999  # of the points are within the figure
@@ -19,7 +19,9 @@ REACH = 4.0  # standard deviations of the theory that are
 
 
 @styled
-def plot_distributions(sliding: Sliding | Fields, mean_field: MeanField | None = None) -> "Figure":
+def plot_distributions(
+    sliding: "Sliding | Dataset", mean_field: MeanField | None = None
+) -> "Figure":
     """Returns a figure of the distributions of contact pressure and gap.
 
     Densities are over the nominal area: that of the pressure encloses the contact area, that of the
@@ -27,7 +29,7 @@ def plot_distributions(sliding: Sliding | Fields, mean_field: MeanField | None =
 
     **Arguments:**
 
-    - `sliding`: a solution of `slide`, or one of the `fields` of `Results`.
+    - `sliding`: a solution of `slide`, or the first of `contact_at(results, index)`.
     - `mean_field`: what `mean_field_friction` returned for the same contact, to compare with.
     """
     pressure, gap = np.ravel(sliding.pressure), np.ravel(sliding.gap)

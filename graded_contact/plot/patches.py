@@ -5,19 +5,19 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from ..core.display import unit_of
-from ..files.results import Fields
 from ..friction.sliding import Sliding
 from ..roughness.surface import Surface
 from .style import COLOURS, COLUMN, HEIGHTS, PAGE, new_figure, styled
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
+    from xarray import Dataset
 
 FINEST = 1024  # points along an edge that an outline can show
 
 
 @styled
-def plot_outline(sliding: Sliding | Fields, surface: Surface) -> "Figure":
+def plot_outline(sliding: "Sliding | Dataset", surface: Surface) -> "Figure":
     """Returns a figure of the heights with the outline of the contact.
 
     The outline runs where the pressure goes over into the gap, between points of the grid. On a
@@ -25,7 +25,7 @@ def plot_outline(sliding: Sliding | Fields, surface: Surface) -> "Figure":
 
     **Arguments:**
 
-    - `sliding`: a solution of `slide`, or one of the `fields` of `Results`.
+    - `sliding`: a solution of `slide`, or the first of `contact_at(results, index)`.
     - `surface`: the surface that slides.
     """
     from matplotlib.ticker import MaxNLocator

@@ -18,7 +18,7 @@ import numpy as np
 
 from ..contact.douglas_rachford import DouglasRachford
 from ..core.checks import check_values
-from ..files.results import package_versions
+from ..files.dataset import package_versions
 from .store import Point, Store, fingerprint
 
 T = TypeVar("T")

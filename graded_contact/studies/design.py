@@ -20,6 +20,7 @@ from scipy.stats import qmc
 
 from ..core.checks import check_tolerance, check_types, check_whole
 from ..core.display import shown
+from ..core.quantities import quantity_of
 from .bounds import Flat, box_of, first_in, named
 from .evaluations import MARGIN, Evaluations
 from .problem import Problem
@@ -115,9 +116,9 @@ class Design(eqx.Module):
     @property
     def units(self) -> dict[str, str]:
         """Units of the parameters, where paths tell them."""
-        from ..files.study import units_of  # later: it loads HDF5
-
-        return units_of(self.parameters) if isinstance(self.parameters, dict) else {}
+        if not isinstance(self.parameters, dict):
+            return {}
+        return {path: known.unit for path in self.parameters if (known := quantity_of(path))}
 
     @property
     def num_evaluations(self) -> int:

@@ -11,8 +11,8 @@ from jaxtyping import Array, Float
 from ..core.checks import Numbers, as_float
 from ..core.parameters import with_values
 from ..fields.grid import Grid
+from ..files.dataset import package_versions
 from ..files.design_scene import DesignScene
-from ..files.results import package_versions
 from ..files.surfaces import RandomSurface
 from ..friction.sliding import slide
 from ..persson.mean_field import MeanField

@@ -12,8 +12,8 @@ from jaxtyping import Float
 from ..core.display import shown
 from ..core.memory import DERIVATIVE, check_memory
 from ..core.parameters import paths, with_values
+from ..files.dataset import package_versions
 from ..files.design_scene import DesignScene
-from ..files.results import package_versions
 from ..files.surfaces import RandomSurface
 from ..files.toml import within
 from ..persson.mean_field import MeanField
@@ -29,8 +29,8 @@ from .design_problem import (
     mean_field_problem,
     silent,
 )
-from .extrapolation import refuse_extrapolated
-from .run import scene_memory
+from .run_scene import scene_memory
+from .scene_theory import refuse_extrapolated
 from .store import Store, fingerprint
 
 POLISHING_STEPS = 6

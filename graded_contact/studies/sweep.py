@@ -12,8 +12,7 @@ import numpy as np
 
 from ..core.checks import Numbers, as_float, check_values, short
 from ..core.memory import SMALL, available_memory, in_gigabytes
-from ..files.dataset import FAILED, LOST, NOT_STARTED, attach
-from ..files.results import package_versions
+from ..files.dataset import FAILED, LOST, NOT_STARTED, attach, package_versions
 from .program import Program, Task, compiled, trace
 from .store import Point, Store, fingerprint
 from .workers import check_workers, connected, num_cores, on_workers, pays
