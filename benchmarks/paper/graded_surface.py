@@ -68,7 +68,8 @@ def main():
                 for top in TOPS
             ]
         whole = xarray.combine_nested(studies, ["top", "steps"])
-        return whole.assign_coords(top=list(TOPS), steps=list(STEPS))
+        whole = whole.assign_coords(top=list(TOPS), steps=list(STEPS))
+        return whole.transpose("top", "steps", "pressure")
 
     found = kept(given, "graded_surface", solve)
     print(f"{found['message'].size} contacts, {np.sum(found['message'] != '')} failed")

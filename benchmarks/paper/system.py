@@ -142,12 +142,16 @@ def kept(
     """The arrays of an earlier run, from the file of results; else those of `solve`, put there."""
     path = results(given)
     path.parent.mkdir(parents=True, exist_ok=True)
-    with h5py.File(path, "a") as file:
-        solved = name in file and not given.again
-        if name in file and not solved:
-            del file[name]
-    if not solved:
-        solve().to_netcdf(path, mode="a", group=name, engine="h5netcdf")
+    names = []
+    if path.exists():
+        with h5py.File(path) as file:
+            names = list(file)
+    if name not in names or given.again:
+        study = solve()
+        if name in names:
+            with h5py.File(path, "a") as file:
+                del file[name]
+        study.to_netcdf(path, mode="a", group=name, engine="h5netcdf")
         print(f"wrote {name} into {path}")
     study = xarray.load_dataset(path, group=name, engine="h5netcdf")
     return {name: variable.values for name, variable in study.variables.items()}

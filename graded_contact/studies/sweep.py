@@ -86,10 +86,11 @@ def sweep(
             program, columns, names, store=store, workers=workers, client=client, progress=progress
         )
     ends = [NOT_STARTED if point is None else point.message for point in points]
-    data: dict[str, Any] = {"message": (tuple(coordinates), np.reshape(ends, shape))}
+    data: dict[str, Any] = {}
     for name, like in program.like[0].items():
         dimensions = (*coordinates, *(f"{name}_{i}" for i in range(like.ndim)))
         data[name] = dimensions, _together(name, like, points).reshape(*shape, *like.shape)
+    data["message"] = tuple(coordinates), np.reshape(ends, shape)
     if list(columns) != list(coordinates):
         coordinates |= {name: ("point", column) for name, column in columns.items()}
     return attach(xarray.Dataset(data, coordinates), units or {})
