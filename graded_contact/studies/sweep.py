@@ -130,20 +130,21 @@ def solve_points(
         if not _is_whole(points[i], needed or ()):
             points[i] = None
             tasks[i] = {name: column[i] for name, column in columns.items()}, needed
-    if progress is not None and len(tasks) < count:
-        progress(count - len(tasks), count)
+    stored = count - len(tasks)
+    if progress is not None and stored:
+        progress(stored, count)
     if not tasks:
         return points
     if not isinstance(function, Program):
         function = trace(function, {name: column[0] for name, column in columns.items()})
     solved = _solved(function, tasks, workers, client)
     with contextlib.suppress(KeyboardInterrupt), contextlib.closing(solved):
-        for i, point in solved:
+        for done, (i, point) in enumerate(solved, start=stored + 1):
             points[i] = point
             if store is not None and point.message != LOST:
                 store.write(names[i], point)
             if progress is not None:
-                progress(count - points.count(None), count)
+                progress(done, count)
     return points
 
 

@@ -24,7 +24,7 @@ from .store import Point
 PATIENCE = 30  # s until a scheduler or a first worker must have answered
 SECONDS, MOST = 1.0, 64  # length of a task, and its points at most
 # Local workers start within `STARTING` seconds, and each of W gives `GAIN` of this process
-# (`benchmarks/bench_sweep.py throughput`, two cores: 5 s; 0.65 to 0.9 at 128², 0.7 at 512²).
+# (`benchmarks/bench_sweep.py`, two cores: 5 s; 0.65 to 0.9 at 128², 0.7 at 512²).
 STARTING, GAIN = 10.0, 0.7
 OPTIONS = (
     "jax_enable_x64", "jax_compilation_cache_dir", "jax_persistent_cache_min_compile_time_secs",
