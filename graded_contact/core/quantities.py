@@ -77,7 +77,7 @@ FIELDS = _table([
 # Numbers of the contact solver.
 SOLVER = _table([
     ("mean_pressure", r"\bar\sigma", "Pa", "mean contact pressure"),
-    ("gap_error", "", "m", "estimated solver error of the mean gap"),
+    ("gap_error", "", "1", "estimated solver error of the gap over the rms height"),
     ("load_error", "", "1", "relative error of the load"),
     ("complementarity_error", "", "1", "relative pressure on points with a gap"),
     ("penetration", "", "1", "relative penetration"),
