@@ -130,9 +130,7 @@ class Job(NamedTuple):
         """The finished points, evaluations and surfaces on the disk."""
         found = set()
         for path in (folder / self.store).glob("[!.]*"):
-            if path.suffix == ".jsonl":
-                found.update(path.read_bytes().split(b"\n")[1:-1])  # no head, no half line
-            elif path.name != "lock":
+            if path.name != "lock":
                 found.add(path.name.encode() + path.read_bytes())
         return found
 

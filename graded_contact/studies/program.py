@@ -16,7 +16,7 @@ import numpy as np
 from jax.extend import core
 
 from ..contact.problem import RESULTS
-from ..files.dataset import FAILED
+from ..files.dataset import FAILED, package_versions
 from ..files.toml import nearest
 from .store import Point, fingerprint
 
@@ -53,8 +53,7 @@ class Program(NamedTuple):
         They count each array that it closes over, bit for bit, but not what Python does in a
         callback.
         """
-        arrays = [*self.closed.consts, *_inside(self.closed.jaxpr)]
-        return fingerprint(_ADDRESS.sub("", self.text), *map(_plain, arrays))
+        return key_of(self.closed, self.text)
 
     @property
     def unused(self) -> list[str]:
@@ -77,7 +76,9 @@ def trace(function: Callable[[dict[str, Any]], Any], point: dict[str, np.generic
     raises for a function that it cannot trace.
     """
     # The arrays of a jitted function would be constants of the compiled code.
-    inner: Any = function.__wrapped__ if isinstance(function, jax.stages.Wrapped) else function
+    inner: Any = function
+    if isinstance(function, jax.stages.Wrapped):
+        inner = inner.__wrapped__
     try:
         closed, like = jax.make_jaxpr(lambda p: _named(inner(p)), return_shape=True)(point)
     except KeyError as error:
@@ -89,6 +90,13 @@ def trace(function: Callable[[dict[str, Any]], Any], point: dict[str, np.generic
         ) from error
     names = jax.tree.structure((point, like))
     return Program(inner, point, closed, f"{closed.jaxpr} {names}", like)
+
+
+def key_of(closed: core.ClosedJaxpr, text: str) -> str:
+    """Returns the key of a traced function and its text, see `Program.key`."""
+    arrays = [*closed.consts, *_inside(closed.jaxpr)]
+    versions = [package_versions()[f"version_{name}"] for name in ("graded_contact", "jax")]
+    return fingerprint(versions, _ADDRESS.sub("", text), *map(_plain, arrays))
 
 
 def compiled(program: Program) -> Callable[[Task], Point]:

@@ -5,6 +5,7 @@ point. A file is whole or absent, and damage is detected (`files/sealed.py`). A 
 second process that writes; the lock ends with its process, however that ends.
 """
 
+import contextlib
 import hashlib
 import io
 import os
@@ -54,6 +55,15 @@ class Point(NamedTuple):
 
     values: dict[str, np.ndarray]
     message: str = ""
+
+
+def opened(
+    store: "str | os.PathLike | Store | None",
+) -> contextlib.AbstractContextManager["Store | None"]:
+    """Gives a store that is open: `store`, or a new one of this folder."""
+    if isinstance(store, str | os.PathLike):
+        return Store(store)
+    return contextlib.nullcontext(store)
 
 
 class Store:
@@ -121,6 +131,6 @@ class Store:
         **Raises:** `OSError` if it cannot be written; other files, and an earlier one, stay whole.
         """
         content = io.BytesIO()
-        arrays = {f"values/{key}": array for key, array in point.values.items()}
+        arrays: Any = {f"values/{key}": array for key, array in point.values.items()}
         np.savez(content, name=name, message=point.message, **arrays)
         write_sealed(self.path(name), content.getvalue())

@@ -12,9 +12,9 @@ import numpy as np
 
 from ..core.checks import Numbers, as_float, check_values, short
 from ..core.memory import SMALL, available_memory, in_gigabytes
-from ..files.dataset import FAILED, LOST, NOT_STARTED, attach, package_versions
+from ..files.dataset import FAILED, LOST, NOT_STARTED, attach
 from .program import Program, Task, compiled, trace
-from .store import Point, Store, fingerprint
+from .store import Point, Store, fingerprint, opened
 from .workers import check_workers, connected, num_cores, on_workers, pays
 
 if TYPE_CHECKING:
@@ -78,13 +78,15 @@ def sweep(
     count, shape = len(next(iter(columns.values()))), tuple(map(len, coordinates.values()))
     program = trace(function, {name: column[0] for name, column in columns.items()})
     _check_results(program, columns, count)
-    with contextlib.ExitStack() as opened:
-        if isinstance(store, str | os.PathLike):
-            store = opened.enter_context(Store(store))
-        names = [] if store is None else _names(program, columns)
+    names = []
+    if store is not None:
+        key, rows = program.key, zip(*columns.values(), strict=True)
+        names = [fingerprint(key, [*map(np.asarray, row)]) for row in rows]
+    with opened(store) as points_of:
         points = solve_points(
-            program, columns, names, store=store, workers=workers, client=client, progress=progress
-        )
+            program, columns, names, store=points_of, workers=workers, client=client,
+            progress=progress,
+        )  # fmt: skip
     ends = [NOT_STARTED if point is None else point.message for point in points]
     data: dict[str, Any] = {}
     for name, like in program.like[0].items():
@@ -171,7 +173,8 @@ def _solved(
             ):
                 break
     if left:
-        with connected(num_cores() if here else workers, client) as client:
+        count = num_cores() if workers == "auto" else workers
+        with connected(count, client) as client:
             yield from on_workers(client, program, left)
 
 
@@ -243,15 +246,6 @@ def _check_results(program: Program, columns: dict[str, Any], count: int) -> Non
             f"{in_gigabytes(free)} of memory that are free. {int(free // one)} would fit; or let "
             "`function` return less."
         )
-
-
-def _names(program: Program, columns: dict[str, np.ndarray]) -> list[str]:
-    """A name for each point by all that decides its numbers."""
-    versions = package_versions()
-    decisive = {key: versions[key] for key in ("version_graded_contact", "version_jax")}
-    key = program.key
-    values = zip(*columns.values(), strict=True)
-    return [fingerprint(decisive, key, list(columns), [*map(np.asarray, v)]) for v in values]
 
 
 def _together(name: str, like: Any, points: Sequence[Point | None]) -> np.ndarray:
