@@ -1,29 +1,26 @@
-"""What kills leave of a run: nothing finished is lost, and the end is the same bit for bit.
+"""What kills leave of a long job: nothing finished is lost, and the end is the same byte for byte.
 
     python benchmarks/bench_kills.py run [--kills 20] [--seed 0] [--grid 128] [--points 60]
     python benchmarks/bench_kills.py design [--kills 10] [--seed 0]
+    python benchmarks/bench_kills.py sweep [--kills 20] [--seed 0] [--grid 256] [--points 200]
 
-`run`: a scene runs once undisturbed. Then `graded-contact run` starts again and again in another
-folder, and each time is ended at a random moment by SIGKILL, SIGINT or SIGTERM, in turn, until the
-kills are used up; the last start is left alone. A moment is drawn between the start of the process
-and the time that the rest of the points would take, so that kills fall into importing, compiling,
-solving and writing. The table says for each kill when it came, how many points were on the disk
-before and after, how many of those that were there before are unchanged, and how the process ended;
-then the collected file is compared with the undisturbed one. A kill within the first seconds of a
-process meets Python while it imports, which then ends as any program. At last two commands are
-started at once on one folder: one may be refused, nothing else, and the file must be the same.
+A job runs once undisturbed. Then it is started many times in another folder and ended by a signal:
+SIGKILL, SIGINT (Ctrl-C) or SIGTERM in turn; a `sweep` by SIGKILL. One signal in four comes at a
+random time after the start, while Python imports or JAX compiles. The others come a little after a
+random number of new points (evaluations, surfaces) is in the store. The table prints how much was
+stored before and after, how much of that is lost or changed, and how the process ended. The last
+start runs to its end. Then the files of results are compared with the undisturbed ones byte for
+byte. At last two processes start at once in one folder: one may be refused.
 
-`design`: a design of a coat, searched from several starts, polished and verified by contact, runs
-once undisturbed, which tells how many evaluations and surfaces it keeps. As many of these numbers
-as there are kills are drawn; each start is ended by SIGINT or SIGKILL, in turn, a random while
-after the next of them is on the disk and at least one of its own: in the search, the polish or the
-verification. At the end parameters and report are compared with the undisturbed ones bit for bit,
-and every evaluation and surface. After SIGINT the process must end with 130.
+`sweep` is the function `gc.sweep` in a script. Its workers are killed, too, and the disk is full
+for a while.
 """
 
 import argparse
+import contextlib
 import os
 import platform
+import resource
 import signal
 import subprocess
 import sys
@@ -31,14 +28,14 @@ import tempfile
 import time
 from importlib.metadata import version
 from pathlib import Path
+from typing import NamedTuple
+
+# Transforms by one thread each give the same bits in any process.
+os.environ.setdefault("XLA_FLAGS", "--xla_cpu_multi_thread_eigen=false")
 
 import numpy as np
+import psutil
 
-from graded_contact.files.results import Results, read_results
-
-SIGNALS = (signal.SIGKILL, signal.SIGINT, signal.SIGTERM)
-# How a process may end, 0 if it was done before the signal.
-ENDS = {number: (0, -number, 128 + number) for number in SIGNALS}
 SCENE = """
 title = "to be killed"
 [surface]
@@ -104,199 +101,189 @@ polish = true
 "layers[0].material.strengths[0]" = [1e6, 1e8]
 "layers[0].material.times[0]" = [1e-4, 1e-1]
 """
-KEPT = {"mean-field": "search", "polish": "polish"}  # what a file of evaluations is of
 
 
-def start(scene: Path, folder: Path, verb: str = "run") -> subprocess.Popen:
-    """The command on a scene, in a process of its own."""
-    command = [sys.executable, "-m", "graded_contact", verb, str(scene), "-o", str(folder)]
-    return subprocess.Popen(command, stdout=subprocess.DEVNULL, stderr=subprocess.PIPE, text=True)
+class Job(NamedTuple):
+    """What is killed.
 
+    **Fields:**
 
-def finished(folder: Path) -> dict[str, bytes]:
-    """The points on the disk, by name."""
-    return {path.name: path.read_bytes() for path in (folder / "scene.points").glob("*.h5")}
-
-
-def different(one: Results, other: Results) -> list[str]:
-    """Names of what differs between two results, by a single bit."""
-    quantities = (*one.study.axes, *one.study.values)
-    names = [name for name in quantities if one[name].tobytes() != other[name].tobytes()]
-    names += ["message"] * bool(np.any(one.message != other.message))
-    names += ["point"] * bool(np.any(one.point != other.point))
-    names += ["attributes"] * (one.attributes != other.attributes)
-    if one.fields.keys() != other.fields.keys():
-        return [*names, "fields"]
-    for index, fields in one.fields.items():
-        names += [
-            f"{name} of {index}" for name in ("pressure", "gap", "displacement")
-            if getattr(fields, name).tobytes() != getattr(other.fields[index], name).tobytes()
-        ]  # fmt: skip
-    return names
-
-
-def killed(scene: Path, folder: Path, number: int, moment: float, at_point: bool) -> dict:
-    """Starts the command, sends a signal, and says what came of it.
-
-    The moment counts from the start, or (`at_point`) from the first point that is kept.
+    - `arguments`: of Python, without the folder of the results.
+    - `files`: of the results.
+    - `store`: the folder of finished points.
+    - `signals`: that end it.
     """
-    before = finished(folder)
-    begin, process = time.monotonic(), start(scene, folder)
-    while at_point and process.poll() is None and len(finished(folder)) == len(before):
-        time.sleep(0.005)
-    time.sleep(moment)
-    came = time.monotonic() - begin
-    process.send_signal(number)
-    errors = process.communicate()[1]
-    after = finished(folder)
-    return {
-        "seconds": came,
-        "before": len(before),
-        "after": len(after),
-        "unchanged": sum(after.get(name) == content for name, content in before.items()),
-        "ended": process.returncode,
-        "importing": "<frozen importlib" in errors or "<frozen site" in errors,
-        "traceback": "Traceback" in errors,
-    }
+
+    arguments: list[str]
+    files: tuple[str, ...]
+    store: str
+    signals: tuple[signal.Signals, ...] = (signal.SIGKILL, signal.SIGINT, signal.SIGTERM)
+
+    def start(self, folder: Path, *options: str) -> subprocess.Popen:
+        folder.mkdir(exist_ok=True)
+        command = [sys.executable, *self.arguments, str(folder), *options]
+        return subprocess.Popen(
+            command, stdout=subprocess.DEVNULL, stderr=subprocess.PIPE, text=True
+        )
+
+    def stored(self, folder: Path) -> set[bytes]:
+        """The finished points, evaluations and surfaces on the disk."""
+        found = set()
+        for path in (folder / self.store).glob("[!.]*"):
+            if path.name != "lock":
+                found.add(path.name.encode() + path.read_bytes())
+        return found
+
+    def different(self, one: Path, other: Path) -> list[str]:
+        """Names of the files of results that differ."""
+        return [n for n in self.files if (one / n).read_bytes() != (other / n).read_bytes()]
 
 
-def run(place: Path, num_kills: int, draw: np.random.Generator, grid: int, points: int) -> int:
-    """The section `run`; returns the number of faults."""
-    scene, folder = place / "scene.toml", place / "killed"
-    scene.write_text(SCENE.format(grid=grid, points=points))
-    begin = time.monotonic()
-    if start(scene, place / "whole").wait() != 0:
-        sys.exit("the undisturbed run failed")
-    print(f"undisturbed: {time.monotonic() - begin:.1f} s, {points} points")
-    print(f"{'kill':>4} {'signal':8} {'at [s]':>7} {'before':>6} {'after':>6} "
-          f"{'unchanged':>9} {'exit':>5}  traceback")  # fmt: skip
+def ended(process: subprocess.Popen) -> tuple[int, str]:
+    """How a process ended, and the last line that it wrote."""
+    lines = process.communicate()[1].strip().splitlines()
+    return process.returncode, lines[-1] if lines else ""
+
+
+def kills(job: Job, place: Path, count: int, draw: np.random.Generator) -> int:
+    """Kills a job many times; returns the number of faults."""
+    whole, folder, begin = place / "whole", place / "killed", time.monotonic()
+    code, line = ended(job.start(whole))
+    took, total = time.monotonic() - begin, len(job.stored(whole))
+    print(f"undisturbed: exit {code} {line}, {took:.1f} s; stored: {total}")
+    print(
+        f"{'kill':>4} {'signal':8} {'at [s]':>7} {'before':>6} {'after':>6} {'lost':>4} {'exit':>5}"
+    )
     faults = 0
-    for i in range(num_kills):
-        number = SIGNALS[i % len(SIGNALS)]
-        # One in four anywhere from the start; the others while points are being made.
-        at_point = bool(draw.random() > 0.25)
-        moment = draw.exponential(0.3) if at_point else draw.uniform(0, 6)
-        row = killed(scene, folder, number, moment, at_point)
-        lost = row["before"] - row["unchanged"]
-        faults += lost
-        if not row["importing"]:  # Python has not begun the command: it ends as any program
-            faults += row["traceback"] + (row["ended"] not in ENDS[number])
-        note = "importing" if row["importing"] else "yes" if row["traceback"] else "no"
-        print(f"{i + 1:4} {number.name:8} {row['seconds']:7.2f} {row['before']:6} "
-              f"{row['after']:6} {row['unchanged']:9} {row['ended']:5}  "
-              f"{note}", flush=True)  # fmt: skip
-    before = finished(folder)
-    code = start(scene, folder).wait()
-    after = finished(folder)
-    same = sum(after[name] == content for name, content in before.items())
-    print(f"left alone: exit {code}, {len(before)} points found, {same} unchanged, "
-          f"{len(after)} at the end")  # fmt: skip
-    results = [read_results(place / at / "scene.h5") for at in ("whole", "killed")]
-    names = different(*results)
-    leftovers = [str(path.relative_to(folder)) for path in folder.rglob(".*.partial")]
-    print(f"differs from the undisturbed result in: {', '.join(names) or 'nothing'}")
-    print(f"left by killed writers: {', '.join(leftovers) or 'nothing'}")
-    print(f"faults (points lost, tracebacks, crashes): {faults}")
-    return faults + len(names) + (code != 0) + two_at_once(scene, place / "both", results[0])
-
-
-def two_at_once(scene: Path, folder: Path, whole: Results) -> int:
-    """Starts the command twice on one folder; returns the number of faults."""
-    both = [start(scene, folder) for _ in range(2)]
-    errors = [process.communicate()[1] for process in both]
-    refused = ["is being written by another process" in text for text in errors]
-    for process, text, was in zip(both, errors, refused, strict=True):
-        print(f"two at once: exit {process.returncode}, {text.splitlines()[-1] if was else 'done'}")
-    ends = [process.returncode for process in both]
-    names = different(whole, read_results(folder / "scene.h5"))
-    print(f"differs from the undisturbed result in: {', '.join(names) or 'nothing'}")
-    return len(names) + (ends != [2 * was for was in refused])
-
-
-def kept(folder: Path) -> dict[str, list[bytes]]:
-    """What a design has on the disk: whole lines of evaluations, and surfaces, by their stage."""
-    found = {"search": [], "polish": [], "surfaces": []}
-    for path in sorted((folder / "scene-design.points").glob("[!.]*")):
-        if path.suffix == ".jsonl":
-            lines = path.read_bytes().split(b"\n")[1:-1]  # neither the head nor what is half
-            found[KEPT[path.stem.rpartition("-")[0]]] += lines
-        elif path.suffix == ".h5":
-            found["surfaces"].append(path.name.encode() + path.read_bytes())
-    return found
-
-
-def size(found: dict[str, list[bytes]]) -> int:
-    return sum(map(len, found.values()))
-
-
-def num_lost(before: dict[str, list[bytes]], after: dict[str, list[bytes]]) -> int:
-    return sum(len(set(part) - set(after[stage])) for stage, part in before.items())
-
-
-def design(place: Path, num_kills: int, draw: np.random.Generator) -> int:
-    """The section `design`; returns the number of faults."""
-    scene, whole, folder = place / "scene.toml", place / "whole", place / "killed"
-    scene.write_text(DESIGN)
-    begin, process = time.monotonic(), start(scene, whole, "design")
-    process.communicate()
-    wanted, undisturbed = kept(whole), process.returncode
-    counts = ", ".join(f"{stage} {len(part)}" for stage, part in wanted.items())
-    print(f"undisturbed: exit {undisturbed}, {time.monotonic() - begin:.1f} s; kept: {counts}")
-    print(f"{'kill':>4} {'signal':8} {'at [s]':>7} {'before':>6} {'after':>6}  "
-          f"{'  '.join(wanted)}  {'lost':>4} {'exit':>5}  traceback")  # fmt: skip
-    moments = np.sort(draw.choice(np.arange(1, size(wanted)), num_kills, replace=False))
-    faults = 0
-    for i, moment in enumerate(moments):
-        number = (signal.SIGINT, signal.SIGKILL)[i % 2]
-        before = kept(folder)
-        least = max(moment, size(before) + 1)
-        begin, process = time.monotonic(), start(scene, folder, "design")
-        while process.poll() is None and size(kept(folder)) < least:
-            time.sleep(0.002)
-        time.sleep(draw.exponential(0.02))
+    for i in range(count):
+        number, before = job.signals[i % len(job.signals)], job.stored(folder)
+        begin, process = time.monotonic(), job.start(folder)
+        if draw.random() < 0.25:
+            time.sleep(draw.uniform(0, took))
+        else:
+            least = len(before) + draw.integers(1, max(2, 2 * (total - len(before)) // (count - i)))
+            while process.poll() is None and len(job.stored(folder)) < least:
+                time.sleep(0.005)
+            time.sleep(draw.exponential(0.02))
         came = time.monotonic() - begin
         process.send_signal(number)
         errors = process.communicate()[1]
-        after = kept(folder)
-        missing = num_lost(before, after)
-        expected = 130 if number == signal.SIGINT else -signal.SIGKILL
-        faults += missing + ("Traceback" in errors) + (process.returncode != expected)
-        parts = "  ".join(f"{len(part):{len(stage)}}" for stage, part in after.items())
-        print(f"{i + 1:4} {number.name:8} {came:7.2f} {size(before):6} {size(after):6}  {parts}  "
-              f"{missing:4} {process.returncode:5}  "
-              f"{'yes' if 'Traceback' in errors else 'no'}", flush=True)  # fmt: skip
-    before, process = kept(folder), start(scene, folder, "design")
+        after, end = job.stored(folder), process.returncode
+        lost = len(before - after)
+        faults += lost
+        # Python that still imports ends as any program.
+        if "<frozen " not in errors:
+            faults += "Traceback" in errors or end not in (code, -number, 128 + number)
+        print(f"{i + 1:4} {number.name:8} {came:7.2f} {len(before):6} {len(after):6} {lost:4} "
+              f"{end:5}", flush=True)  # fmt: skip
+    return faults + finished(job, whole, folder, f"{count} kills")
+
+
+def finished(job: Job, whole: Path, folder: Path, what: str) -> int:
+    """Runs a job to its end; returns the number of faults."""
+    before, undisturbed = job.stored(folder), job.stored(whole)
+    code, line = ended(job.start(folder))
+    after, names = job.stored(folder), job.different(whole, folder)
+    lost, left = len(before - after), [*folder.rglob(".*.partial")]
+    print(f"{what}, then left alone: exit {code} {line}; {len(before)} found, {lost} of them lost; "
+          f"store {'the same' if after == undisturbed else 'differs'}, "
+          f"results differ in {', '.join(names) or 'nothing'}", flush=True)  # fmt: skip
+    return lost + len(names) + len(left) + (after != undisturbed)
+
+
+def two_at_once(job: Job, place: Path) -> int:
+    """Starts a job twice in one folder; returns the number of faults."""
+    folder, faults = place / "both", 0
+    for code, line in [ended(one) for one in [job.start(folder), job.start(folder)]]:
+        print(f"two at once: exit {code} {line}")
+        faults += code != 0 and "is being written by another process" not in line
+    return faults + len(job.different(place / "whole", folder))
+
+
+def workers_killed(job: Job, place: Path, count: int, draw: np.random.Generator) -> int:
+    """Kills workers of a sweep, each after new points; returns the number of faults."""
+    folder, number, seen = place / "workers", 0, 0
+    process = job.start(folder, "--workers", "2")
+    while process.poll() is None:
+        time.sleep(draw.uniform(0, 1))
+        if number == count or len(job.stored(folder)) == seen:
+            continue
+        seen = len(job.stored(folder))
+        with contextlib.suppress(psutil.NoSuchProcess, IndexError):
+            children = psutil.Process(process.pid).children()
+            workers = [c for c in children if any("spawn_main" in word for word in c.cmdline())]
+            workers[draw.integers(len(workers))].kill()
+            number += 1
     process.communicate()
-    after = kept(folder)
-    print(f"left alone: exit {process.returncode}, {size(before)} found, {size(after)} at the end")
-    names = [
-        name for name in ("scene-design.json", "scene-design.txt")
-        if (folder / name).read_bytes() != (whole / name).read_bytes()
-    ]  # fmt: skip
-    names += [stage for stage in wanted if set(wanted[stage]) != set(after[stage])]
-    print(f"differs from the undisturbed result in: {', '.join(names) or 'nothing'}")
-    faults += num_lost(before, after) + (process.returncode != undisturbed)
-    print(f"faults (of what was kept lost, tracebacks, other exits): {faults}")
-    return faults + len(names)
+    return finished(job, place / "whole", folder, f"{number} kills of workers")
+
+
+def full_disk(job: Job, place: Path, points: int) -> int:
+    """Fills the disk when half of the points are stored; returns the number of faults."""
+    print("full disk:", ended(job.start(place / "full", "--full-after", str(points // 2)))[1])
+    return finished(job, place / "whole", place / "full", "full disk")
+
+
+def study(folder: Path, size: int, points: int, workers: int | None, full_after: int) -> None:
+    """The process of a sweep."""
+    import jax
+    from bench_sweep import axes_of, contact, surface_of
+
+    import graded_contact as gc
+    from graded_contact.files.dataset import write
+
+    jax.config.update("jax_enable_x64", True)
+
+    def fill(done, _):
+        if done >= full_after:  # no file can grow beyond a byte, as on a full disk
+            signal.signal(signal.SIGXFSZ, signal.SIG_IGN)
+            resource.setrlimit(resource.RLIMIT_FSIZE, (1, resource.RLIM_INFINITY))
+
+    rub = contact(surface_of(size), gc.tyre_tread())
+    found = gc.sweep(rub, axes_of(points), store=folder / "points", workers=workers, progress=fill)
+    write(folder / "study.h5", found)
 
 
 def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__.split("\n")[0])
-    parser.add_argument("section", choices=["run", "design"])
-    parser.add_argument("--kills", type=int, help="20 of `run`, 10 of `design`")
+    parser.add_argument("section", choices=["run", "design", "sweep", "study"])
+    parser.add_argument("folder", nargs="?", type=Path, help="of `study`, which `sweep` starts")
+    parser.add_argument("--kills", type=int, help="10 of `design`, 20 of the others")
     parser.add_argument("--seed", type=int, default=0)
-    parser.add_argument("--grid", type=int, default=128)
-    parser.add_argument("--points", type=int, default=60)
-    options = parser.parse_args()
-    draw = np.random.default_rng(options.seed)
+    parser.add_argument("--grid", type=int, help="256 of `sweep`, 128 of `run`")
+    parser.add_argument("--points", type=int, help="200 of `sweep`, 60 of `run`")
+    parser.add_argument("--workers", type=int)
+    parser.add_argument("--full-after", type=int, default=2**31)
+    given = parser.parse_args()
+    sweeps = given.section in ("sweep", "study")
+    grid, points = given.grid or (256 if sweeps else 128), given.points or (200 if sweeps else 60)
+    if given.section == "study":
+        return study(given.folder, grid, points, given.workers, given.full_after)
     versions = ", ".join(f"{name} {version(name)}" for name in ("graded_contact", "jax", "h5py"))
-    print(f"{platform.processor() or platform.machine()}, {os.cpu_count()} cores; {versions}")
-    with tempfile.TemporaryDirectory() as place:
-        if options.section == "run":
-            kills = options.kills or 20
-            faults = run(Path(place), kills, draw, options.grid, options.points)
+    print(f"{platform.machine()}, {os.cpu_count()} cores; {versions}")
+    count, draw = (
+        given.kills or (10 if given.section == "design" else 20),
+        np.random.default_rng(given.seed),
+    )
+    with tempfile.TemporaryDirectory() as folder:
+        place = Path(folder)
+        scene = place / "scene.toml"
+        command = ["-m", "graded_contact", given.section, str(scene), "-o"]
+        if given.section == "run":
+            scene.write_text(SCENE.format(grid=grid, points=points))
+            job = Job(command, ("scene.h5", "scene.csv"), "scene.points")
+        elif given.section == "design":
+            scene.write_text(DESIGN)
+            job = Job(command, ("scene-design.json", "scene-design.txt"), "scene-design.points")
         else:
-            faults = design(Path(place), options.kills or 10, draw)
+            script = [__file__, "--grid", str(grid), "--points", str(points), "study"]
+            job = Job(script, ("study.h5",), "points", (signal.SIGKILL,))
+        faults = kills(job, place, count, draw)
+        if given.section != "design":
+            faults += two_at_once(job, place)
+        if sweeps:
+            faults += workers_killed(job, place, count // 2, draw) + full_disk(job, place, points)
+    print(f"faults: {faults}")
     sys.exit(bool(faults))
 
 

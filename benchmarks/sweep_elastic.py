@@ -1,7 +1,7 @@
 """Elastic contacts at many pressures, by `sweep` and point by point by Tamaas, at equal error.
 
-Run by `bench_sweep.py throughput`. Both get the same heights, reduced modulus and pressures. The
-tolerance of each is sought at the middle pressure, for the wanted error of the pressures there;
+Run by `bench_sweep.py`. Both get the same heights, reduced modulus and pressures. The
+tolerance of each is sought at the middle pressure, for the target error of the pressures there;
 the errors that are printed are those at pressures along the whole series.
 """
 

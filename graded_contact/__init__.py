@@ -66,10 +66,9 @@ if TYPE_CHECKING:
     from . import plot
     from .files.results import read_results
     from .files.scene import read_scene
-    from .files.study import Study, read_study
     from .page.serving import explore
     from .studies.checkpoint import checkpointed
-    from .studies.run import run_scene
+    from .studies.run_scene import run_scene
     from .studies.sweep import sweep
 
 __version__ = "1.0.0rc1"
@@ -100,7 +99,7 @@ __all__ = [  # noqa: RUF022 (grouped by room)
     # fitting
     "fit_prony", "fit_relaxation", "fit_creep", "PronyFit", "master_curve", "MasterCurve",
     # studies
-    "sweep", "Study", "read_study", "minimise", "Design", "with_values", "design", "propagate",
+    "sweep", "minimise", "Design", "with_values", "design", "propagate",
     "sensitivity", "checkpointed", "explore",
     # figures
     "plot",
@@ -112,9 +111,7 @@ _LATER = {
     "plot": ".plot",
     "read_results": ".files.results",
     "read_scene": ".files.scene",
-    "read_study": ".files.study",
-    "run_scene": ".studies.run",
-    "Study": ".files.study",
+    "run_scene": ".studies.run_scene",
     "checkpointed": ".studies.checkpoint",
     "sweep": ".studies.sweep",
 }

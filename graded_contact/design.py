@@ -1,12 +1,13 @@
 """What a block should do, and what finds the block that does it."""
 
 from .core.parameters import paths, with_values
-from .studies.alternatives import pareto_front, rounded, scatter
+from .studies.alternatives import pareto_front, scatter, snap_to_values
 from .studies.design import Design, Run, minimise
 from .studies.objectives import distance, friction_between, loss_tangent, ripple
 from .studies.stochastic import minimise_expected
 
 __all__ = [
     "Design", "Run", "distance", "friction_between", "loss_tangent", "minimise",
-    "minimise_expected", "pareto_front", "paths", "ripple", "rounded", "scatter", "with_values",
+    "minimise_expected", "pareto_front", "paths", "ripple", "scatter", "snap_to_values",
+    "with_values",
 ]  # fmt: skip

@@ -3,6 +3,7 @@
 import base64
 import math
 import re
+from typing import NamedTuple
 
 import jax.numpy as jnp
 import matplotlib
@@ -11,8 +12,16 @@ import pytest
 from scipy.integrate import trapezoid
 
 import graded_contact as gc
-from graded_contact.files.results import Fields
 from graded_contact.plot.style import ordered, styled
+
+
+class Fields(NamedTuple):
+    """The fields of a contact that figures need."""
+
+    pressure: np.ndarray
+    gap: np.ndarray
+    displacement: np.ndarray
+
 
 BARE = ("", "evaluation", "objective", "constraint (0 or more allowed)")  # labels without a unit
 

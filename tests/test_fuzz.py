@@ -16,26 +16,20 @@ import h5py
 import jax
 import numpy as np
 import pytest
+import xarray
 from typer.testing import CliRunner
 
 import graded_contact as gc
 from graded_contact import cli
 from graded_contact.command import session
+from graded_contact.core.quantities import OBSERVABLES
+from graded_contact.files.dataset import attach, write
 from graded_contact.files.design_scene import parse_design
-from graded_contact.files.results import (
-    FIELDS,
-    OBSERVABLES,
-    Fields,
-    Results,
-    read_results,
-    write_results,
-)
+from graded_contact.files.results import KEPT_FIELDS, read_results, surface_variables
 from graded_contact.files.scene import parse_scene
-from graded_contact.files.study import Study, units_of
 from graded_contact.files.surfaces import RandomSurface
 from graded_contact.roughness.surface import Step
-from graded_contact.studies.evaluations import Evaluation, Evaluations
-from graded_contact.studies.run import check_scene as check_scene_memory
+from graded_contact.studies.run_scene import check_scene as check_scene_memory
 from graded_contact.studies.store import Point, Store, fingerprint
 
 SEED = 20261
@@ -358,11 +352,8 @@ def told(error: Exception) -> None:
     assert "Traceback" not in text and "jax" not in text.lower(), text[:1000]
 
 
-def results() -> Results:
-    draw = np.random.default_rng(0)
-    shape, fields = (8, 6), {}
-    for index in ((0, 1), (1, 0)):
-        fields[index] = Fields(**{name: draw.normal(size=shape) for name in FIELDS})
+def results() -> xarray.Dataset:
+    draw, shape = np.random.default_rng(0), (8, 6)
     surface = gc.Surface(
         heights=draw.normal(size=shape),
         grid=gc.Grid(shape, [1e-3, 2e-3]),
@@ -370,16 +361,15 @@ def results() -> Results:
         measured=draw.uniform(size=shape),
         steps=(Step("read", 1.1, 0.3, 4.0, 0.2), Step("filled", 1.0, 0.2, 3.9, 0.0)),
     )
+    variables, places, attributes = surface_variables(surface)
     axes = {"pressure": np.array([1e5, 3e5]), "velocity": np.geomspace(1e-3, 1.0, 3)}
-    values = {name: draw.normal(size=(2, 3)) for name in OBSERVABLES}
-    message = np.array([["", "", "It stopped."], ["", "not started", "failed: no kernel"]])
-    return Results(
-        Study(axes, values, message, units_of((*axes, *values))),
-        point=np.array([["a", "b", "c"], ["d", "e", "f"]]),
-        surface=surface,
-        fields=fields,
-        attributes={"title": "µ", "seed": 3, "rtol": 1e-6, "scene": "a = 1\n" * 9},
-    )
+    variables |= {name: ((*axes,), draw.normal(size=(2, 3))) for name in OBSERVABLES}
+    variables |= {name: ((*places,), draw.normal(size=shape)) for name in KEPT_FIELDS.values()}
+    message = [["", "", "It stopped."], ["", "not started", "failed: no kernel"]]
+    variables["message"] = (*axes,), np.array(message)
+    variables["point"] = (*axes,), np.array([["a", "b", "c"], ["d", "e", "f"]])
+    attributes |= {"title": "µ", "seed": 3, "rtol": 1e-6, "scene": "a = 1\n" * 9}
+    return attach(xarray.Dataset(variables, axes | places, attributes))
 
 
 VALUES = [
@@ -404,7 +394,7 @@ def damage_results(draw, path: Path) -> None:
             holder = pick(draw, [file, file, file[name]])
             kind = draw.integers(13)
             if kind < 3:
-                attribute = pick(draw, [*holder.attrs, "x", "surface_size", "surface_step_name"])
+                attribute = pick(draw, [*holder.attrs, "x", "surface_steps", "period"])
                 with contextlib.suppress(OSError):  # too long for an attribute
                     holder.attrs[attribute] = pick(draw, VALUES)
             elif kind < 5 and len(holder.attrs):
@@ -470,11 +460,10 @@ def command(*arguments) -> bool:
 
 def check_results(draw, folder: Path) -> bool:
     path = folder / "result.h5"
-    write_results(path, results())
-    before = fingerprint(results())
+    write(path, results())
     damage_results(draw, path)
     try:
-        accepted = fingerprint(read_results(path)) == before
+        accepted = read_results(path).identical(results())
         assert accepted, "other numbers than were written"
     except REFUSALS as error:
         told(error)
@@ -484,14 +473,11 @@ def check_results(draw, folder: Path) -> bool:
     return accepted
 
 
-POINT = Point(
-    {"friction": np.array(0.1), "gap": np.arange(12.0).reshape(4, 3)}, "", {"v": np.float64(1)}
-)
-EVALUATION = Evaluation(0.5, np.array([0.1]), np.array([1.0, 2.0]), np.array([[3.0, 4.0]]))
+POINT = Point({"friction": np.array(0.1), "gap": np.arange(12.0).reshape(4, 3)})
 
 
 def check_kept(draw, folder: Path) -> bool:
-    """A point or a search's evaluations: as they were kept, fewer of them, or a refusal."""
+    """A stored point: as it was written, or none."""
     shutil.rmtree(folder / "points", ignore_errors=True)
     with Store(folder / "points") as store:
         store.write("a", POINT)
@@ -506,32 +492,7 @@ def check_kept(draw, folder: Path) -> bool:
         except OSError:
             point = None
         assert point is None or fingerprint(point) == fingerprint(POINT)
-        search = store.folder / "search.jsonl"
-        kept = Evaluations(search, ["a", "b"])
-        for k in range(4):
-            kept.add(np.array([1.0, k]), EVALUATION)
-        written = kept.kept
-        search.write_text(damaged_json(draw, search.read_text()), "utf-8", "replace")
-        try:
-            again = Evaluations(search, ["a", "b"])
-        except REFUSALS as error:
-            told(error)
-            return point is not None
-    for at, evaluation in again.kept.items():
-        assert fingerprint(evaluation) == fingerprint(written[at])
     return True
-
-
-def damaged_json(draw, text: str) -> str:
-    at, kind = int(draw.integers(len(text))), draw.integers(3)
-    if kind == 0:
-        return text[:at]
-    if kind == 1:
-        return text[:at] + chr(draw.integers(0x250)) + text[at + 1 :]
-    value = pick(draw, ["nan", "Infinity", "null", "{}", "[]", '"x"', "9" * 400, "9" * 5000,
-                        "[" * 5000, "true", "[[1]]", "1e999"])  # fmt: skip
-    first = text.find(" ", at)
-    return text[:first] + value + text[first + 4 :]
 
 
 BAD_PATHS = [

@@ -1,15 +1,17 @@
 """Figures are made without a display, with axes named and in units that suit their size."""
 
-import dataclasses
+from typing import NamedTuple
 
 import jax.numpy as jnp
 import numpy as np
 import pytest
+import xarray
 
 import graded_contact as gc
 from graded_contact.core.display import unit_of
-from graded_contact.files.results import OBSERVABLES, Fields, Results
-from graded_contact.files.study import Study, units_of
+from graded_contact.core.quantities import OBSERVABLES
+from graded_contact.files.dataset import attach
+from graded_contact.files.results import surface_variables
 from graded_contact.plot import (
     plot_compare,
     plot_fit,
@@ -20,6 +22,23 @@ from graded_contact.plot import (
     plot_sweep,
 )
 from graded_contact.studies.uncertainty import Sensitivity
+
+
+class Fields(NamedTuple):
+    """The fields of a contact that figures need."""
+
+    pressure: np.ndarray
+    gap: np.ndarray
+    displacement: np.ndarray
+
+
+def make_results(axes, values, message, **attributes):
+    _, surface = make_fields((8, 8))
+    variables, places, about = surface_variables(surface)
+    variables |= {name: (tuple(axes), value) for name, value in values.items()}
+    variables["message"] = tuple(axes), message.astype(str)
+    coordinates = {name: (name, np.asarray(at)) for name, at in axes.items()} | places
+    return attach(xarray.Dataset(variables, coordinates, about | attributes))
 
 
 def make_fields(shape):
@@ -109,14 +128,12 @@ def test_at_rest_there_is_no_arrow():
 @pytest.mark.parametrize("velocity, scale", [([1.0, 0.01, 0.1], "log"), ([0, 0.1, 1], "linear")])
 def test_a_sweep_has_one_line_per_pressure_and_marks_what_failed(tmp_path, velocity, scale):
     message = np.array([["", "", ""], ["", "It stopped.", ""]])
-    _, surface = make_fields((8, 8))
-    values = {name: np.arange(1.0, 7.0).reshape(2, 3) for name in OBSERVABLES}
+    values = {n: np.arange(1.0, 7.0).reshape(2, 3) for n in OBSERVABLES if "standard" not in n}
     # Of one solve a fifth of the contact was not measured.
     doubts = ("slope_in_contact", "unmeasured_area", "unmeasured_friction", "extrapolated_friction")
     values |= dict.fromkeys(doubts, np.array([[0.0, 0.0, 0.0], [0.0, 0.0, 0.2]]))
     axes = {"pressure": np.array([1e5, 2e6]), "velocity": np.array(velocity)}
-    study = Study(axes, values, message, units_of(axes))
-    figure = plot_sweep(Results(study, np.full(message.shape, ""), surface, {}, {}))
+    figure = plot_sweep(make_results(axes, values, message))
     for axes, label in zip(figure.axes, ["friction coefficient", "contact area"], strict=True):
         assert axes.get_xlabel() == "sliding velocity [m/s]"
         assert axes.get_xscale() == scale
@@ -134,19 +151,18 @@ def made(axes, names=(), failing=()):
     """Results over axes whose friction is the sum of the indices."""
     shape = tuple(len(at) for at in axes.values())
     friction = np.sum(np.indices(shape), axis=0).astype(float)
-    values = {name: np.zeros(shape) for name in OBSERVABLES} | {"friction": friction}
+    values = {n: np.zeros(shape) for n in OBSERVABLES if not n.startswith("reduced")}
+    del values["friction_standard_error"]
+    values["friction"] = friction
     values["geometric_friction"] = friction
-    for name in names:
-        at = np.reshape(axes["temperature"], [-1 if n == "temperature" else 1 for n in axes])
-        values[name] = np.broadcast_to(10.0 ** (at - 300) * axes["velocity"], shape)
     message = np.full(shape, "", object)
     for index in failing:
         message[index] = "failed: no kernel"
         friction[index] = np.nan
-    _, surface = make_fields((8, 8))
-    axes = {name: np.asarray(at) for name, at in axes.items()}
-    study = Study(axes, values, message.astype(str), units_of((*axes, *values)))
-    return Results(study, np.full(shape, ""), surface, {}, {"master_curve": "At 300 K."})
+    results = make_results(axes, values, message, master_curve="At 300 K.")
+    for name in names:
+        results[name] = 10.0 ** (results.temperature - 300) * results.velocity
+    return attach(results)
 
 
 VARIED = {
@@ -208,21 +224,20 @@ def test_results_are_compared_by_colour_and_only_over_the_same_axes():
     assert names == ["bare", "coated", "100 kPa", "200 kPa"]
     with pytest.raises(ValueError, match=r"'warm' varies `temperature`.*'bare' `pressure`"):
         plot_compare([bare, made({**VARIED, "layers[0].thickness": [1e-5]})], ["bare", "warm"])
-    study = dataclasses.replace(bare.study, units=bare.study.units | {"velocity": "mm/s"})
+    slow = bare.assign_coords(velocity=bare.velocity.assign_attrs(units="mm/s"))
     with pytest.raises(ValueError, match=r"'slow' has `velocity` in mm/s, and 'bare' in m/s"):
-        plot_compare([bare, dataclasses.replace(bare, study=study)], ["bare", "slow"])
+        plot_compare([bare, slow], ["bare", "slow"])
 
 
 def test_standard_errors_are_bars():
     axes = {"pressure": [1e5], "velocity": [0.1, 1.0, 10.0]}
     results = made(axes)
     error = np.array([[0.1, 0.2, 0.3]])
-    values = results.study.values | {"friction_standard_error": error}
-    told = dataclasses.replace(results, study=dataclasses.replace(results.study, values=values))
-    bars, plain = (plot_sweep(one).axes for one in (told, results))
+    known = results.assign(friction_standard_error=(("pressure", "velocity"), error))
+    bars, plain = (plot_sweep(one).axes for one in (known, results))
     (container,) = bars[0].containers
     ends = np.array([path.vertices[:, 1] for path in container[2][0].get_paths()])
-    np.testing.assert_allclose(ends, results.friction.T + error.T * [-1, 1])
+    np.testing.assert_allclose(ends, results.friction.values.T + error.T * [-1, 1])
     assert not bars[1].containers and not plain[0].containers
     assert bars[0].get_ylim()[1] > 2.3
 

@@ -13,7 +13,6 @@ import graded_contact as gc
 from graded_contact.contact.solution import RESULTS, ContactSolution
 from graded_contact.core.display import _about
 from graded_contact.files.design_scene import DesignScene, Stiffness
-from graded_contact.files.results import Fields
 from graded_contact.fitting.lengths import Length
 from graded_contact.fitting.quality import FitErrors, Floor
 from graded_contact.response.interior import InteriorFields
@@ -26,7 +25,7 @@ from graded_contact.studies.uncertainty import Estimate, Sensitivity
 RESULT_CLASSES = (
     gc.Sliding, gc.ContactSolution, gc.ContactPath, gc.CutoffCurve, gc.MeanField, Statistics,
     InteriorFields, Sensitivity, gc.Layer, gc.Elastic, gc.Prony, gc.WLF, gc.Grid, gc.Surface,
-    Fields, Candidate, Run, Stiffness, Floor, FitErrors, Step, gc.HardWall, gc.AdhesiveLJ,
+    Candidate, Run, Stiffness, Floor, FitErrors, Step, gc.HardWall, gc.AdhesiveLJ,
 )  # fmt: skip
 
 
@@ -115,12 +114,6 @@ def test_batches_of_results_and_other_values_are_shown():
     batch = jax.vmap(lambda x: Estimate(x, 2 * x))(jnp.array([1.0, jnp.nan]))
     assert line(repr(batch), "value") == "1, nan"
     assert line(repr(batch), "standard_error") == "2, nan"
-    numbers = np.array([1.0, np.nan, 3.0] * 3)
-    study = gc.Study({"velocity": numbers}, {"n": numbers}, np.array(["", "failed: no"]), {
-        "velocity": "m/s"
-    })  # fmt: skip
-    assert line(repr(study), "velocity [m/s]") == "9 float64, 1 to 3"
-    assert line(repr(study), "failed: no") == "1"
 
 
 def test_a_design_shows_units_by_path_and_how_it_ended():

@@ -20,6 +20,7 @@ from typing import NamedTuple
 import jax
 import jax.numpy as jnp
 import numpy as np
+import xarray
 from rich.console import Console
 from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeRemainingColumn
 from system import (
@@ -115,11 +116,10 @@ def contact(part: Part, cutoff: int, size: Size):
     return rub
 
 
-def solve(size: Size, folder: Path, cutoffs: tuple[int, ...]) -> gc.Study:
+def solve(size: Size, folder: Path, cutoffs: tuple[int, ...]) -> xarray.Dataset:
     """The table: a row for each point, with what it is a point of; points are kept in a folder."""
     folder.parent.mkdir(parents=True, exist_ok=True)
-    columns: list[dict[str, np.ndarray]] = []
-    ends = []
+    studies = []
     every = [(part, cutoff) for cutoff in cutoffs for part in parts(size, cutoff)]
     for part, cutoff in every:
         stiffness = relaxed(RUBBERS[part.rubber]())
@@ -131,30 +131,28 @@ def solve(size: Size, folder: Path, cutoffs: tuple[int, ...]) -> gc.Study:
         name = f"rubber {part.rubber}, roughness {part.roughness}, q1/q0 = {cutoff}"
         with bar(name) as advance, Store(folder) as store:
             study = gc.sweep(contact(part, cutoff, size), points, store=store, progress=advance)
-        told = sum(study.message != "")
-        print(f"{name}: {len(points)} points, {time.perf_counter() - start:.0f} s, {told} failed")
+        failed = np.sum(study["message"].values != "")
+        print(f"{name}: {len(points)} points, {time.perf_counter() - start:.0f} s, {failed} failed")
         _, depth, ratio = np.array(part.points).T
-        same = {"rubber": part.rubber, "roughness": part.roughness, "cutoff": cutoff}
-        labels = {key: np.full(len(points), value) for key, value in same.items()}
-        columns.append({**labels, "q0d": depth, "pressure_ratio": ratio, **study.values})
-        ends.append(study.message)
-    values = {key: np.concatenate([one[key] for one in columns]) for key in columns[0]}
-    message = np.concatenate(ends)
-    return gc.Study({"point": np.arange(len(message))}, values, message, study.units)
+        labels = {"rubber": part.rubber, "roughness": part.roughness, "cutoff": cutoff,
+                  "q0d": depth, "pressure_ratio": ratio}  # fmt: skip
+        columns = {key: ("point", np.full(len(points), at)) for key, at in labels.items()}
+        studies.append(study.drop_vars("point").assign(columns))
+    return xarray.concat(studies, "point")
 
 
-def found(given: argparse.Namespace) -> gc.Study:
+def found(given: argparse.Namespace) -> dict[str, np.ndarray]:
     """The table, solved unless it is in the file of results."""
     size = SMALL if given.small else FULL
     return kept(given, "contacts", lambda: solve(size, given.output / STORE, size.cutoffs))
 
 
-def rows(study: gc.Study, **labels: float) -> dict[str, np.ndarray]:
+def rows(table: dict[str, np.ndarray], **labels: float) -> dict[str, np.ndarray]:
     """The rows of the table with these labels, such as cutoff=256, that succeeded."""
-    chosen = study.message == ""
+    chosen = table["message"] == ""
     for name, value in labels.items():
-        chosen = chosen & np.isclose(study[name], value, rtol=1e-9, atol=0)
-    return {name: values[chosen] for name, values in study.values.items()}
+        chosen = chosen & np.isclose(table[name], value, rtol=1e-9, atol=0)
+    return {name: values[chosen] for name, values in table.items() if len(values) == len(chosen)}
 
 
 def spread(rows: dict[str, np.ndarray], along: str, of: str) -> tuple[np.ndarray, ...]:
@@ -180,7 +178,7 @@ def main() -> None:
     parser.add_argument("--only", type=int, nargs="+", help="cut-offs q1/q0 to solve now")
     given = parser.parse_args()
     if given.only is None:
-        print(f"{len(found(given).message)} contacts in {results(given)}")
+        print(f"{len(found(given)['message'])} contacts in {results(given)}")
     else:
         solve(SMALL if given.small else FULL, given.output / STORE, tuple(given.only))
 

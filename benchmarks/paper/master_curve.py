@@ -77,7 +77,7 @@ def main():
             return gc.sweep(contact(size), points, store=store)
 
     found = kept(given, "master_curve", solve)
-    print(f"{len(points)} contacts, {np.sum(found.message != '')} failed")
+    print(f"{len(points)} contacts, {np.sum(found['message'] != '')} failed")
     at = found["velocity"] * np.interp(found["temperature"], TEMPERATURES, factors)
     with rc_context(STYLE):
         figure, panes = panels(2)

@@ -87,7 +87,9 @@ def main():
             return gc.sweep(contact(size), axes, store=store)
 
     found = kept(given, "property_map", solve)
-    print(f"{found.message.size} contacts and gradients, {np.sum(found.message != '')} failed")
+    print(
+        f"{found['message'].size} contacts and gradients, {np.sum(found['message'] != '')} failed"
+    )
     with rc_context(STYLE):
         figure, panes = panels(6, width=9, height=5.2, rows=2)
         for pane, (name, title) in zip(panes, PROPERTIES.items(), strict=True):

@@ -24,11 +24,11 @@ import h5py
 import jax
 import jax.numpy as jnp
 import numpy as np
+import xarray
 from matplotlib.figure import Figure
 from PIL import Image
 
 import graded_contact as gc
-from graded_contact.files.study import get_study, put_study
 from graded_contact.plot.style import ordered as ordered
 
 jax.config.update("jax_enable_x64", True)
@@ -136,23 +136,25 @@ def surface(cutoff: int, size: Size, roughness: dict[str, float] = SLOPES, seed=
 # Results ------------------------------------------------------------------------------------
 
 
-def kept(given: argparse.Namespace, name: str, solve: Callable[[], gc.Study]) -> gc.Study:
-    """What an earlier run found, from the file of results; else what `solve` gives, put there."""
+def kept(
+    given: argparse.Namespace, name: str, solve: Callable[[], xarray.Dataset]
+) -> dict[str, np.ndarray]:
+    """The arrays of an earlier run, from the file of results; else those of `solve`, put there."""
     path = results(given)
-    if path.exists() and not given.again:
-        with h5py.File(path) as file:
-            if name in file:
-                return get_study(file[name], list(file[name].attrs["values"]))
-    study = solve()
     path.parent.mkdir(parents=True, exist_ok=True)
-    with h5py.File(path, "a") as file:
-        if name in file:
-            del file[name]
-        group = file.create_group(name, track_order=True)
-        put_study(group, study)
-        group.attrs["values"] = list(study.values)
-    print(f"wrote {name} into {path}")
-    return study
+    names = []
+    if path.exists():
+        with h5py.File(path) as file:
+            names = list(file)
+    if name not in names or given.again:
+        study = solve()
+        if name in names:
+            with h5py.File(path, "a") as file:
+                del file[name]
+        study.to_netcdf(path, mode="a", group=name, engine="h5netcdf")
+        print(f"wrote {name} into {path}")
+    study = xarray.load_dataset(path, group=name, engine="h5netcdf")
+    return {name: variable.values for name, variable in study.variables.items()}
 
 
 def results(given: argparse.Namespace) -> Path:

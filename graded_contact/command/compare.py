@@ -5,7 +5,7 @@ from typing import Annotated
 
 import typer
 
-from ..files.output import check_folder
+from ..files.paths import check_folder
 from ..files.results import read_results
 from ..plot import plot_compare
 from .session import FigureFormat, Format, refusing, save_figure
@@ -14,28 +14,27 @@ from .session import FigureFormat, Format, refusing, save_figure
 def compare(
     result_files: Annotated[
         list[Path],
-        typer.Argument(metavar="A.h5 B.h5 ...", help="Two results or more.", show_default=False),
+        typer.Argument(metavar="A.h5 B.h5 ...", help="Two or more results.", show_default=False),
     ],
     output: Annotated[
         Path,
-        typer.Option(
-            "--output", "-o", help="The figure; its ending, if any, goes before --format."
-        ),
+        typer.Option("--output", "-o", help="The figure. Its ending, if any, overrides --format."),
     ] = Path("compare"),
     form: FigureFormat = Format.PNG,
 ) -> None:
-    """Draws friction and contact area of several results in one figure, bare beside coated say.
+    """Draws friction and contact area of several results in one figure.
 
-    They must vary the same axes. The legend has the titles of their scenes, or the names of the
-    files where titles are missing or alike.
+    The results must vary the same axes. The legend has the titles of their scenes, or the names of
+    the files if titles are missing or equal.
     """
     with refusing():
         if len(result_files) < 2:
             raise ValueError("`compare` takes two results or more.")
         results = [read_results(path) for path in result_files]
-        titles = [str(one.attributes["title"]) for one in results]
-        told = all(titles) and len(set(titles)) == len(titles)
-        figure = plot_compare(results, titles if told else [str(path) for path in result_files])
+        titles = [str(one.attrs["title"]) for one in results]
+        if not all(titles) or len(set(titles)) < len(titles):
+            titles = [str(path) for path in result_files]
+        figure = plot_compare(results, titles)
         formats = figure.canvas.get_supported_filetypes()
         ending = output.suffix.removeprefix(".") or form
         if ending not in formats:

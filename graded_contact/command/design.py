@@ -7,7 +7,7 @@ from typing import Annotated
 import typer
 
 from ..files.design_scene import read_design
-from ..files.output import check_folder, check_name, full_path
+from ..files.paths import check_folder, check_name, full_path
 from ..plot import plot_design, plot_history
 from ..roughness.surface import Surface
 from ..studies.cost import design_cost

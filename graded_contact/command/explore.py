@@ -7,7 +7,7 @@ from typing import Annotated
 
 import typer
 
-from ..files.output import check_folder, full_path
+from ..files.paths import check_folder, full_path
 from ..page.serving import serve
 from .session import refusing
 

@@ -11,8 +11,8 @@ from typer import Option
 
 from ..files.moduli.measured import Measured
 from ..files.moduli.reading import read_moduli
-from ..files.output import check_folder, full_path
 from ..files.parameter_covariance import write_errors
+from ..files.paths import check_folder, full_path
 from ..files.prony_cards import FORMATS, export_prony
 from ..files.toml import nearest
 from ..fitting.master import master_curve

@@ -11,16 +11,17 @@ import numpy as np
 import typer
 
 from ..contact.observables import cumulative_friction
-from ..files.output import check_folder, check_name, full_path
+from ..files.dataset import NOT_STARTED, package_versions, write, write_csv
+from ..files.paths import check_folder, check_name, full_path
 from ..files.results import (
-    Results,
+    contact_at,
+    kept_solves,
     lost_solves,
-    package_versions,
     read_results,
-    write_results,
+    surface_of,
+    warnings_of,
 )
 from ..files.scene import Scene, parse_scene, read_scene
-from ..files.study import NOT_STARTED
 from ..files.toml import parse_toml
 from ..plot import (
     plot_dissipation,
@@ -31,18 +32,16 @@ from ..plot import (
     plot_sliding,
     plot_sweep,
 )
-from ..plot.lines import TITLES, label_of
 from ..plot.style import entitle
+from ..plot.sweeps import label_of, title_of
 from ..roughness.surface import Surface
 from ..studies.cost import scene_cost
-from ..studies.engine import check_engine
-from ..studies.extrapolation import velocity_vector
 from ..studies.interruption import Interrupted, Interruption, interruptible
-from ..studies.run import build_surface, check_run, point_names, run_scene
-from ..studies.scene_errors import what_decides
-from ..studies.scene_theory import mean_field_at
+from ..studies.run_scene import build_surface, check_run, point_names, run_scene
+from ..studies.scene_theory import mean_field_at, velocity_vector, what_decides
 from ..studies.store import Store
 from ..studies.uncertainty import Sensitivity
+from ..studies.workers import check_workers
 from .session import (
     DryRun,
     FigureFormat,
@@ -59,6 +58,7 @@ from .tables import print_decisive, print_read, print_steps, print_table
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
+    from xarray import Dataset
 
 Decided = dict[tuple[str, float], Sensitivity]  # by the material's name and the velocity
 
@@ -98,8 +98,8 @@ def run(
     cores are used where that saves time.
     """
     with refusing():
-        engine = {"workers": workers or (None if scheduler else "auto"), "scheduler": scheduler}
-        check_engine(**engine, client=None)
+        engine = {"workers": workers or (None if scheduler else "auto"), "client": scheduler}
+        check_workers(**engine)
         scene = read_scene(scene_file)
         folder = output or scene.directory or Path(f"{scene_file.stem}-results")
         name = scene.name or scene_file.stem
@@ -119,23 +119,24 @@ def info(
     """Prints what a result file holds: inputs, versions, and the table of results."""
     with refusing():
         results = read_results(result_file)
-    for name, value in results.attributes.items():
-        if name != "scene" and value != "":
+    for name, value in results.attrs.items():
+        if name not in ("scene", "caveats") and not name.startswith("surface_") and value != "":
             typer.echo(f"{name:22} {str(value).replace(chr(10), chr(10) + 23 * ' ')}")
-    grid = results.surface.grid
-    typer.echo(f"{'grid':22} {' x '.join(map(str, grid.shape))} points, size {grid.size} m")
-    for sentence in results.surface.history:
+    surface = surface_of(results)
+    shape, size = surface.grid.shape, surface.grid.size
+    typer.echo(f"{'grid':22} {' x '.join(map(str, shape))} points, size {size} m")
+    for sentence in surface.history:
         typer.echo(f"{'surface':22} {sentence}")
-    print_steps(results.surface)
-    kept = ", ".join(map(str, results.fields)) or "none"
-    typer.echo(f"{'fields kept':22} {kept} ({', '.join(results.study.axes)})")
+    print_steps(surface)
+    kept = ", ".join(map(str, kept_solves(results))) or "none"
+    typer.echo(f"{'fields kept':22} {kept} ({', '.join(map(str, results['message'].dims))})")
     print_table(results)
 
 
 def run_scene_into(
     scene: Scene, folder: Path, name: str, replace: bool, form: str, engine: dict[str, Any]
 ) -> None:
-    """Solves a scene, prints its table and writes its files; `engine` is told to `run_scene`."""
+    """Solves a scene, prints its table and writes its files; `run_scene` takes `engine`."""
     with refusing(), interruptible() as interruption:
         surface, names, file = _prepared(scene, folder, name, replace)
         folder = file.parent
@@ -147,21 +148,22 @@ def run_scene_into(
             print_decisive(decided)
             if _write(file, results, replace):
                 figures = [_figures(results, decided)]
-                figures += [_contacts(scene, results, index, whole) for index in results.fields]
+                kept = kept_solves(results)
+                figures += [_contacts(scene, results, index, len(kept), whole) for index in kept]
                 for key, figure in itertools.chain(*figures):
                     save_figure(figure, file.with_name(f"{file.stem}-{key}.{form}"), form)
-    if results.caveats:
-        where = np.any([caveat.where for caveat in results.caveats], axis=0)
+    if warnings := warnings_of(results):
+        where = np.any([warning.where for warning in warnings], axis=0)
         typer.secho(
-            f"Warning: {np.sum(where)} of {where.size} solves are doubtful; the reasons stand "
-            "below the table and in the file.",
+            f"Warning: {np.sum(where)} of {where.size} solves are doubtful; the reasons are below "
+            "the table and in the file.",
             fg="yellow",
             err=True,
         )
     if interruption.signal is not None:
         typer.echo("Interrupted: the same command goes on from here.", err=True)
         raise typer.Exit(interruption.exit_code)
-    if not results.complete:
+    if np.any(results["message"] != ""):
         raise typer.Exit(1)
 
 
@@ -181,7 +183,7 @@ def _prepared(
 
 
 def _introduce(scene: Scene, surface: Surface) -> None:
-    """Prints what was understood of the scene and its files."""
+    """Prints how the scene and its files were read."""
     print_read(scene, surface)
     if "design" in parse_toml(scene.text):
         typer.echo("[design] is not used by this command: see `graded-contact design`.")
@@ -194,8 +196,8 @@ def _solved(
     store: Store,
     interruption: Interruption,
     engine: dict[str, Any],
-) -> Results:
-    """The results of a scene, those that were kept and those still to be computed."""
+) -> "Dataset":
+    """The results of a scene: solves that the store has, and those still to be computed."""
     found = sum(store.path(point).exists() for point in names.flat)
     if found:
         typer.echo(f"{found} of {names.size} solves are found in {store.folder}")
@@ -220,7 +222,7 @@ def _solved(
 
 
 def _refuse_other(file: Path, scene: Scene, names: np.ndarray) -> None:
-    """Refuses to replace a file with solves that the scene has not."""
+    """Refuses to replace a file that has solves which the scene does not have."""
     remedy = "Give another --output, or --replace to replace it."
     try:
         lost, earlier = lost_solves(file, names)
@@ -243,26 +245,26 @@ def _refuse_other(file: Path, scene: Scene, names: np.ndarray) -> None:
     )
 
 
-def _write(file: Path, results: Results, replace: bool) -> bool:
+def _write(file: Path, results: "Dataset", replace: bool) -> bool:
     """Writes results unless the file that exists holds more, and returns whether it did."""
-    finished = results.point[results.state != NOT_STARTED]
+    finished = results["point"].values[(results["message"] != NOT_STARTED).values]
     if not replace and (lost := lost_solves(file, finished)[0]):
-        typer.echo(f"{file} holds {lost} solves that were not done again: it stays as it is")
+        typer.echo(f"{file} holds {lost} solves that were not done again: it is not changed")
         return False
-    write_results(file, results)
-    results.study.to_csv(file.with_suffix(".csv"))
+    write(file, results)
+    write_csv(file.with_suffix(".csv"), results)
     for path in (file, file.with_suffix(".csv")):
         typer.echo(f"wrote {path}")
     return True
 
 
-def _figures(results: Results, decided: Decided) -> Iterator[tuple[str, "Figure"]]:
+def _figures(results: "Dataset", decided: Decided) -> Iterator[tuple[str, "Figure"]]:
     """Yields each figure of all solves with the end of its name."""
     yield "sweep", plot_sweep(results)
-    if "reduced_velocity" in results.study.values:
+    if "reduced_velocity" in results:
         yield "master", plot_reduced(results)
-    elif "master_curve" in results.attributes:
-        typer.echo(results.attributes["master_curve"])
+    elif "master_curve" in results.attrs:
+        typer.echo(results.attrs["master_curve"])
     if decided:
         yield (
             "sensitivity",
@@ -273,26 +275,23 @@ def _figures(results: Results, decided: Decided) -> Iterator[tuple[str, "Figure"
 
 
 def _contacts(
-    scene: Scene, results: Results, index: tuple[int, ...], whole: bool
+    scene: Scene, results: "Dataset", index: tuple[int, ...], num_kept: int, whole: bool
 ) -> Iterator[tuple[str, "Figure"]]:
-    """Yields each figure of a solve that was kept; the maps alone unless the `whole` is asked."""
-    fields, surface = results.fields[index], results.surface_of(index)
-    speed = results.velocity[index[-1]]
-    velocity = velocity_vector(speed, results.attributes["direction"])
+    """Yields each figure of a solve that was kept; only the maps if the run was interrupted."""
+    fields, surface = contact_at(results, index)
+    at = results["message"].isel(dict(zip(results["message"].dims, index, strict=True)))
+    velocity = velocity_vector(at["velocity"].item(), results.attrs["direction"])
     figures = {"contact": plot_sliding(fields, surface, velocity)}
     if whole:
         theory = mean_field_at(scene, surface, index)
         figures["outline"] = plot_outline(fields, surface)
         figures["distributions"] = plot_distributions(fields, theory)
-    if whole and speed != 0:
-        pressure, displacement = map(jnp.asarray, (fields.pressure, fields.displacement))
-        waves = cumulative_friction(pressure, displacement, surface.grid, velocity)
-        curves = {"contact": waves, "mean field": theory.against_cutoff}
-        figures["dissipation"] = plot_dissipation(curves)
-    at = zip(results.study.axes.items(), index, strict=True)
-    units = results.study.units
-    words = [f"{TITLES.get(n, n)} {label_of(n, values[i], units)}" for (n, values), i in at]
-    number = index if len(results.fields) > 1 else ()
+        if at["velocity"] != 0:
+            pressure, displacement = (jnp.asarray(fields[n]) for n in ("pressure", "displacement"))
+            waves = cumulative_friction(pressure, displacement, surface.grid, velocity)
+            curves = {"contact": waves, "mean field": theory.against_cutoff}
+            figures["dissipation"] = plot_dissipation(curves)
+    title = ", ".join(f"{title_of(str(name))} {label_of(at[name])}" for name in at.coords)
     for key, figure in figures.items():
-        entitle(figure, ", ".join(words))
-        yield "-".join(map(str, (key, *number))), figure
+        entitle(figure, title)
+        yield "-".join(map(str, (key, *(index if num_kept > 1 else ())))), figure

@@ -1,6 +1,7 @@
 """Results as tables on the screen."""
 
 from collections.abc import Mapping
+from typing import TYPE_CHECKING
 
 import numpy as np
 import typer
@@ -11,12 +12,15 @@ from rich.table import Table
 from rich.text import Text
 
 from ..core.display import with_unit
-from ..files.results import Results
+from ..files.results import state_of, warnings_of
 from ..files.scene import Scene
 from ..roughness.surface import Surface, statistics
 from ..studies.uncertainty import Sensitivity
 
-# Column heads and formats of the table, by the name of the quantity.
+if TYPE_CHECKING:
+    from xarray import Dataset
+
+# Heads and formats of the columns, by the name of the quantity.
 COLUMNS = {
     "friction": ("friction", "#.4g"),
     "friction_error": ("± solver", ".1e"),
@@ -30,7 +34,7 @@ COLUMNS = {
     "error": ("error of\npressure", ".1e"),
     "unmeasured_friction": ("on points not\nmeasured", ".1%"),
 }
-# What to say of solves that did not succeed, by their state.
+# Text about solves that did not succeed, by their state.
 STATES = {
     "not converged": "did not converge; their numbers are partial results",
     "failed": "failed",
@@ -38,47 +42,44 @@ STATES = {
 }
 
 
-def print_table(results: Results) -> None:
-    """Prints one line per solve; below them, why any did not converge."""
-
+def print_table(results: "Dataset") -> None:
+    """Prints one line for each solve; below them, why any did not converge."""
+    axes = results["message"].dims
+    others = axes[:-2]  # the last two are pressure and velocity
+    names = [name for name in COLUMNS if name in results]
+    if "measured" not in results:
+        names.remove("unmeasured_friction")
+    heads = ["velocity\n[m/s]", "pressure\n[MPa]", *map(str, others)]
+    for i, name in enumerate(others, start=2):
+        heads[i] += f"\n[{unit}]" if (unit := results[name].attrs.get("units", "1")) != "1" else ""
     table = Table(box=box.SIMPLE_HEAD, pad_edge=False)
-    # Files of earlier versions lack some.
-    columns = {name: column for name, column in COLUMNS.items() if name in results.study.values}
-    if results.surface.measured is None:
-        del columns["unmeasured_friction"]
-    *others, pressure, velocity = results.study.axes.items()
-    units = {name: f"\n[{unit}]" for name, unit in results.study.units.items()}
-    heads = ["velocity\n[m/s]", "pressure\n[MPa]", *(n + units.get(n, "") for n, _ in others)]
-    for head in (*heads, *(head for head, _ in columns.values()), ""):
+    for head in (*heads, *(COLUMNS[name][0] for name in names), ""):
         table.add_column(Text(head), justify="right", no_wrap=True)
-    caveats = results.caveats
-    states = results.state
+    warnings, states = warnings_of(results), state_of(results).values
+    error = "friction_standard_error"
+    values = {name: results[name].values for name in (*names, error) if name in results}
     for index in np.ndindex(states.shape):
-        *at, i, j = index
-        cells = [f"{velocity[1][j]:.3e}", f"{pressure[1][i] / 1e6:.4g}"]
-        cells += [f"{values[k]:.5g}" for (_, values), k in zip(others, at, strict=True)]
-        cells += [format(results[name][index], style) for name, (_, style) in columns.items()]
-        if "friction_standard_error" in results.study.values:
-            cells[2 + len(others)] = with_error(
-                float(results.friction[index]), float(results.friction_standard_error[index])
-            )
-        state = str(states[index])
-        mark = state and f"[bold red]{state}[/] "
-        doubts = ",".join(str(n) for n, c in enumerate(caveats, start=1) if c.where[index])
+        *at, load, speed = (results[a].values[i] for a, i in zip(axes, index, strict=True))
+        cells = {name: format(values[name][index], COLUMNS[name][1]) for name in names}
+        if error in values:
+            cells["friction"] = with_error(*(float(values[n][index]) for n in ("friction", error)))
+        mark = f"[bold red]{state}[/] " if (state := states[index]) else ""
+        doubts = ",".join(str(n) for n, c in enumerate(warnings, start=1) if c.where[index])
         mark += f"[yellow]({doubts})[/]" if doubts else ""
-        table.add_row(*cells, mark)
+        numbers = (f"{speed:.3e}", f"{load / 1e6:.4g}", *(f"{number:.5g}" for number in at))
+        table.add_row(*numbers, *cells.values(), mark)
     console = Console()
     # A narrower screen wraps the lines; it must not cut the numbers.
     console.width = max(console.width, 180 + 24 * len(others))
     console.print(table)
-    for number, caveat in enumerate(caveats, start=1):
+    for number, caveat in enumerate(warnings, start=1):
         console.print(f"[bold yellow]({number})[/] {escape(caveat.sentence)}", soft_wrap=True)
     warning = Console(stderr=True)
     for state, text in STATES.items():
         chosen = states == state
         if np.any(chosen):
             warning.print(f"[bold red]Warning:[/] {chosen.sum()} of {chosen.size} solves {text}.")
-            for message in sorted(set(results.message[chosen]) - {state}):
+            for message in sorted(set(results["message"].values[chosen]) - {state}):
                 warning.print(message, markup=False)
 
 
@@ -102,7 +103,7 @@ def with_error(value: float, error: float) -> str:
 
 
 def print_read(scene: Scene, surface: Surface | None) -> None:
-    """Prints what was understood of a scene's files, and what makes its surface doubtful."""
+    """Prints how the files of a scene were read, and why its surface is doubtful."""
     for sentence in filter(None, (scene.title, *scene.notes)):
         typer.echo(sentence)
     if surface is not None:

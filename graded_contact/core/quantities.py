@@ -74,6 +74,15 @@ FIELDS = _table([
     ("y", "y", "m", "position along y"),
 ])  # fmt: skip
 
+# Numbers of the contact solver.
+SOLVER = _table([
+    ("mean_pressure", r"\bar\sigma", "Pa", "mean contact pressure"),
+    ("gap_error", "", "1", "estimated solver error of the gap over the rms height"),
+    ("load_error", "", "1", "relative error of the load"),
+    ("complementarity_error", "", "1", "relative pressure on points with a gap"),
+    ("penetration", "", "1", "relative penetration"),
+])  # fmt: skip
+
 # Numbers of materials and blocks, by the last part of their path.
 PARAMETERS = _table([
     ("modulus", "E", "Pa", "Young's modulus"),
@@ -85,3 +94,12 @@ PARAMETERS = _table([
     ("reference", "T_0", "K", "reference temperature"),
     ("width", "", "1", "width of the transition"),
 ])  # fmt: skip
+
+
+def quantity_of(path: str) -> Quantity | None:
+    """Returns the entry of a name or path: "layers[0].thickness" is a thickness."""
+    return _ALL.get(path.rpartition(".")[2].partition("[")[0])
+
+
+# The pressure of an axis comes before that of a field.
+_ALL = {**PARAMETERS, **SOLVER, **FIELDS, **OBSERVABLES, **AXES}

@@ -30,7 +30,7 @@ from ..core.parameters import with_values
 from ..response.stack import Stack
 from ..roughness.spectrum import SelfAffine
 from ..roughness.surface import Surface
-from .given import existing_file
+from .paths import existing_file
 from .scene import Scene, check_paths, parse_scene
 from .surfaces import RandomSurface
 from .toml import LARGEST, Section, nearest, parse_toml, short, within

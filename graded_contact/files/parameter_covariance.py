@@ -15,7 +15,7 @@ from jaxtyping import Array, Float
 from ..core.checks import as_float, check_values
 from ..core.display import shown
 from ..core.parameters import paths, with_values
-from .given import existing_file
+from .paths import existing_file
 from .toml import nearest, within
 
 T = TypeVar("T")

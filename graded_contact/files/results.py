@@ -1,299 +1,148 @@
-"""Results of a scene, and the HDF5 file that holds them.
+"""Results of a scene: an `xarray.Dataset` with the surface, numbers and fields of the solves.
 
-The root group is a study (`files/study.py`): one dataset per quantity over the axes of the scene,
-such as `pressure` and `velocity`. Beside it lies the surface over `x` and `y`; a group `solve_i_j`
-has the fields of the solve with these indices along the axes. Every dataset carries its `units` and
-a `description`, every dimension is a scale, so that xarray opens the file with `engine="h5netcdf"`.
-Attributes of the root hold the scene (TOML text), the versions of the packages, the dtype, the seed
-and what else the run reported.
-
-A file is written under another name and renamed when complete: a killed run leaves no half file.
+The results of a scene have, over the axes that it varies, one variable for each number of a solve,
+`message` (how the solve ended, empty where it succeeded) and `point` (a name of everything that
+decides the numbers). Over `x` and `y` are the `heights` of the surface, of the first seed, and how
+much of them was `measured`. Fields of solves that were kept are `contact_pressure`, `gap`,
+`displacement` and, where each seed has its own, `contact_heights`: over the axes, `x` and `y` if
+all solves were kept, over `x` and `y` if only the last one was.
 """
 
-import dataclasses
-import functools
+import json
 import os
-from importlib.metadata import version
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING
 
-import h5py
 import jax.numpy as jnp
 import numpy as np
-from jaxtyping import Float
 
-from ..core.display import shown
-from ..core.warnings import Caveat, caveats_of
+from ..core.warnings import Caveat, caveats_of, caveats_of_steps
 from ..fields.grid import Grid
 from ..roughness.surface import Step, Surface
-from .hdf5 import new_file, numbers, opened, put, texts
-from .study import FAILED, LOST, NOT_STARTED, Study, get_study, put_study, units_of
+from .dataset import FAILED, LOST, NOT_STARTED, read
 
-FORMAT = "graded_contact results 3"
-_PACKAGES = ("graded_contact", "jax", "numpy", "h5py")
-# What they are, by name; units are those of studies.
-AXES = {
-    "temperature": "temperature",
-    "seed": "number that the surface is drawn from",
-    "pressure": "mean pressure",
-    "velocity": "sliding velocity",
-}
-OBSERVABLES = {
-    "friction": "friction coefficient",
-    "friction_error": "estimated error of the friction coefficient that the solver left",
-    "contact_area": "contact area fraction (points in contact)",
-    "contact_area_error": "estimated error of the contact area fraction that the solver left",
-    "contact_area_corrected": "contact area fraction (corrected by the perimeter)",
-    "contact_area_smooth": "contact area fraction (sub-pixel)",
-    "mean_gap": "mean gap",
-    "geometric_friction": "friction coefficient from the slope of the surface",
-    "energy_imbalance": "work of friction against dissipation, relative difference",
-    "slope_in_contact": "rms slope of the block, weighted by the pressure",
-    "unmeasured_area": "share of the contact area on filled or tapered points",
-    "unmeasured_friction": "share of the friction on filled or tapered points",
-    "extrapolated_friction": "share of the friction where no modulus was measured",
-    "error": "estimated relative error of the contact pressure",
-    "num_fft_pairs": "FFT pairs spent on the solve",
-}
-# Files of earlier versions lack the errors.
-REQUIRED = tuple(name for name in OBSERVABLES if not name.endswith("_error"))
-OPTIONAL = {
-    "reduced_velocity": "velocity times the time-temperature shift a_T",
-    "friction_standard_error": "standard error of the friction by that of the materials",
-}
-TEXTS = {
-    "message": "how the solve ended; empty where it succeeded",
-    "point": "fingerprint of what decides the solve's numbers",
-}
-FIELDS = {
-    "pressure": "contact pressure",
+if TYPE_CHECKING:
+    from xarray import DataArray, Dataset
+
+# Fields of a kept solve: names in a `Sliding` and in the results.
+KEPT_FIELDS = {
+    "pressure": "contact_pressure",
     "gap": "gap",
-    "displacement": "displacement into the solid",
-    "heights": "height of the surface, into the solid",
+    "displacement": "displacement",
+    "heights": "contact_heights",
 }
 
 
-@shown()
-@dataclasses.dataclass(frozen=True, eq=False)
-class Fields:
-    """Fields of one solve, NumPy arrays of the shape of the surface.
-
-    **Fields:**
-
-    - `pressure`: contact pressure [Pa].
-    - `gap`, `displacement`: gap and displacement into the solid [m].
-    - `heights`: of the surface [m] where each seed has its own, otherwise None.
-    """
-
-    pressure: Float[np.ndarray, "*shape"]
-    gap: Float[np.ndarray, "*shape"]
-    displacement: Float[np.ndarray, "*shape"]
-    heights: Float[np.ndarray, "*shape"] | None = None
-
-
-@shown("study", "surface", "caveats")
-@dataclasses.dataclass(frozen=True, eq=False)
-class Results:
-    """What a scene gave at each of its points, as NumPy arrays over its axes.
-
-    The axes are, as far as the scene has them: the paths of [sweep], `temperature` [K], `seed`;
-    and always `pressure` [Pa] and `velocity` [m/s]. Axes and quantities are had by `results[name]`
-    and, but for paths, as attributes: `results.friction`.
-
-    **Fields:**
-
-    - `study`: axes; `friction`, `friction_error`, `contact_area`, `contact_area_error`,
-      `contact_area_corrected`, `contact_area_smooth`, `mean_gap`, `geometric_friction`,
-      `energy_imbalance`, `slope_in_contact`, `unmeasured_area`, `unmeasured_friction`,
-      `extrapolated_friction` as in `Sliding`; `error`, `num_fft_pairs` as in `ContactSolution`;
-      `reduced_velocity` a_T v [m/s] where the block has one law of temperature,
-      `friction_standard_error` where errors of a material are known; and how each solve ended. It
-      makes tables and spreads: `results.study.over("seed")`.
-    - `point`: the name of each solve in a store of points, shape of the axes.
-    - `surface`: the rough surface, that of the first seed.
-    - `fields`: fields of the solves that were kept, by their indices along the axes.
-    - `attributes`: texts and numbers about the run: the scene, the seed, the versions, ...
-    """
-
-    study: Study
-    point: np.ndarray
-    surface: Surface
-    fields: dict[tuple[int, ...], Fields]
-    attributes: dict[str, Any]
-
-    def __getitem__(self, name: str) -> np.ndarray:
-        """Returns the quantity or the axis of this name."""
-        return self.study[name]
-
-    def __getattr__(self, name: str) -> np.ndarray:
-        if name not in (*AXES, *OBSERVABLES, *OPTIONAL):
-            raise AttributeError(f"`Results` has no attribute {name!r}.")
-        try:
-            return self.study[name]
-        except KeyError as error:
-            raise AttributeError(error.args[0]) from error
-
-    @property
-    def message(self) -> np.ndarray:
-        """How each solve ended, shape of the axes; empty where it succeeded."""
-        return self.study.message
-
-    @property
-    def converged(self) -> np.ndarray:
-        """Whether each solve succeeded, shape of the axes."""
-        return self.message == ""
-
-    @property
-    def state(self) -> np.ndarray:
-        """A word for each solve, same shape: empty where it succeeded, "not started", "failed"
-        (there is no number) or "not converged" (the numbers are partial results)."""
-        failed = np.char.startswith(self.message, FAILED)
-        words = np.where(failed, "failed", np.where(self.converged, "", "not converged"))
-        return np.where(self.message == NOT_STARTED, NOT_STARTED, words)
-
-    @property
-    def complete(self) -> bool:
-        """Whether every solve succeeded."""
-        return self.study.complete
-
-    @property
-    def caveats(self) -> tuple[Caveat, ...]:
-        """What makes these numbers doubtful although solved, and the solves that it concerns."""
-        everywhere = np.ones(self.message.shape, bool)
-        of_surface = tuple(Caveat(text, everywhere) for text in self.surface.caveats)
-        return (*of_surface, *caveats_of(self))
-
-    def surface_of(self, index: tuple[int, ...]) -> Surface:
-        """Returns the surface of a solve whose fields were kept."""
-        heights = self.fields[index].heights
-        return self.surface if heights is None else Surface(heights, self.surface.grid)
-
-
-# Asked once: a worker of dask that ends in a thread of this process edits sys.path meanwhile.
-@functools.cache
-def package_versions() -> dict[str, str]:
-    """Returns the versions of this package and of those its numbers depend on, as attributes."""
-    return {f"version_{name}": version(name) for name in _PACKAGES}
-
-
-def write_results(path: str | os.PathLike, results: Results) -> None:
-    """Writes results to an HDF5 file; an earlier one is replaced once the new one is complete."""
-    with new_file(path, FORMAT) as file:
-        for name, value in results.attributes.items():
-            file.attrs[name] = value
-        file.attrs["caveats"] = "\n".join(caveat.sentence for caveat in results.caveats)
-        paths = {name: "number of the block" for name in results.study.axes if name not in AXES}
-        put_study(file, results.study, {**paths, **AXES, **OBSERVABLES, **OPTIONAL, **TEXTS})
-        about = {"description": TEXTS["point"]}
-        put(file, "point", results.point, tuple(results.study.axes), about)
-        _write_surface(file, results.surface)
-        for index, fields in results.fields.items():
-            _write_fields(file, index, fields, results.study.axes)
-
-
-def read_results(path: str | os.PathLike) -> Results:
-    """Returns the results held by a file that `write_results` wrote, bit for bit.
-
-    A missing file raises `FileNotFoundError`, an unreadable or truncated one `ValueError`.
+def read_results(path: str | os.PathLike) -> "Dataset":
+    """Returns the results that `run_scene`, or the command `run`, gave.
 
     **Arguments:**
 
     - `path`: of the HDF5 file.
 
-    **Returns:** what `run_scene` gave.
+    **Returns:** an `xarray.Dataset`, bit for bit as it was written; see `run_scene`.
+
+    **Raises:** `FileNotFoundError`; `ValueError` for another file, or a damaged one.
     """
-    with opened(path, FORMAT) as file:
-        names = [name for name in (*OBSERVABLES, *OPTIONAL) if name in file or name in REQUIRED]
-        study = get_study(file, names, "f")
-        surface, point = _read_surface(file), texts(file["point"])
-        shapes = {values.shape for values in (*study.values.values(), point)}
-        if shapes != {study.message.shape}:
-            raise ValueError(f"its quantities have the shapes {shapes}")
-        groups = (name for name in file if name.startswith("solve_"))
-        fields = dict(_read_fields(file[name], study, surface) for name in groups)
-        return Results(study, point, surface, fields, _attributes(file))
+    results = read(path)
+    if not {"message", "point", "heights"} <= results.variables.keys():
+        raise ValueError(f"`path={path}` has no results of a scene.")
+    return results
 
 
-def lost_solves(path: str | os.PathLike, point: np.ndarray) -> tuple[int, dict[str, Any]]:
-    """Returns how many solves the file at `path` has that are not in `point`, and its attributes.
+def state_of(results: "Dataset") -> "DataArray":
+    """Returns a word for each solve, over the axes.
 
-    A file that has any must not be replaced by one with the solves of these names only. Solves that
-    were not started, or whose worker died, do not count; there are none if there is no file. Raises
-    as `read_results`.
+    It is empty where the solve succeeded, "not started", "failed" (there is no number) or
+    "not converged" (the numbers are partial results).
     """
-    if not Path(path).exists():
-        return 0, {}
-    with opened(path, FORMAT) as file:
-        finished = texts(file["point"])[~np.isin(texts(file["message"]), (NOT_STARTED, LOST))]
-        return int(np.sum(~np.isin(finished, point))), _attributes(file)
+    message = results["message"]
+    words = np.full(message.shape, "not converged", object)
+    words[message.values == ""] = ""
+    words[message.values == NOT_STARTED] = NOT_STARTED
+    words[message.str.startswith(FAILED).values] = "failed"
+    return message.copy(data=words.astype(str))
 
 
-def _about(name: str, description: str) -> dict[str, str]:
-    return {"units": units_of([name])[name], "description": description}
+def warnings_of(results: "Dataset") -> tuple[Caveat, ...]:
+    """Returns why numbers are doubtful although solved, and the solves that are concerned."""
+    everywhere = np.ones(results["message"].shape, bool)
+    of_surface = caveats_of_steps(_steps_of(results), _size_of(results).tolist())
+    return (*(Caveat(text, everywhere) for text in of_surface), *caveats_of(results))
 
 
-def _write_surface(file: h5py.File, surface: Surface) -> None:
+def surface_variables(surface: Surface) -> tuple[dict, dict, dict]:
+    """Returns variables, coordinates and attributes of a dataset that hold a surface."""
     heights, size = np.asarray(surface.heights), np.asarray(surface.grid.size)
-    file.attrs["surface_size"] = size
-    file.attrs["surface_history"] = "\n".join(surface.history)
     axes = ("x", "y")[: heights.ndim]
-    for axis, points, length in zip(axes, heights.shape, size, strict=True):
-        where = np.arange(points) * (length / points)
-        put(file, axis, where, (axis,), {"units": "m", "description": f"position along {axis}"})
-    put(file, "heights", heights, axes, _about("heights", FIELDS["heights"]))
+    places = {
+        axis: (axis, np.arange(points) * (length / points), {"period": length})
+        for axis, points, length in zip(axes, heights.shape, size, strict=True)
+    }
+    variables = {"heights": (axes, heights)}
     if surface.measured is not None:
-        about = "how much of each height was measured, not filled or tapered"
-        about = {"units": "1", "description": about}
-        put(file, "measured", np.asarray(surface.measured), axes, about)
-    if surface.steps:
-        for name, values in zip(Step._fields, zip(*surface.steps, strict=True), strict=True):
-            file.attrs[f"surface_step_{name}"] = values
+        variables["measured"] = (axes, np.asarray(surface.measured))
+    attributes = {
+        "surface_history": "\n".join(surface.history),
+        "surface_steps": json.dumps(surface.steps),
+    }
+    return variables, places, attributes
 
 
-def _read_surface(file: Any) -> Surface:
-    heights = numbers(file["heights"])
-    history = str(file.attrs["surface_history"])
-    steps = [file.attrs.get(f"surface_step_{name}", ()) for name in Step._fields]
+def surface_of(results: "Dataset") -> Surface:
+    """Returns the surface of results, that of the first seed."""
+    history, values = results.attrs["surface_history"], results["heights"].values
     return Surface(
-        heights=jnp.asarray(heights),
-        grid=Grid(heights.shape, jnp.asarray(file.attrs["surface_size"])),
+        heights=jnp.asarray(values),
+        grid=Grid(values.shape, jnp.asarray(_size_of(results))),
         history=tuple(history.split("\n")) if history else (),
-        measured=jnp.asarray(numbers(file["measured"])) if "measured" in file else None,
-        steps=tuple(
-            Step(str(name), *map(float, values)) for name, *values in zip(*steps, strict=True)
-        ),
+        measured=jnp.asarray(results["measured"].values) if "measured" in results else None,
+        steps=_steps_of(results),
     )
 
 
-def _write_fields(file: h5py.File, index: tuple[int, ...], fields: Fields, axes: dict) -> None:
-    group = file.create_group("_".join(map(str, ("solve", *index))))
-    for (name, at), i in zip(axes.items(), index, strict=True):
-        group.attrs[name] = at[i]
-    for name, description in FIELDS.items():
-        values = getattr(fields, name)
-        if values is not None:
-            put(group, name, values, ("x", "y")[: values.ndim], _about(name, description))
+def _size_of(results: "Dataset") -> np.ndarray:
+    return np.array([results[axis].attrs["period"] for axis in results["heights"].dims])
 
 
-def _read_fields(group: Any, study: Study, surface: Surface) -> tuple[tuple[int, ...], Fields]:
-    index = tuple(map(int, group.name.split("_")[1:]))
-    study.message[index]  # there is such a solve
-    if len(index) != study.message.ndim:
-        raise ValueError(f"{group.name} has not the axes of the solves")
-    names = [name for name in FIELDS if name != "heights" or name in group]
-    arrays = {name: numbers(group[name]) for name in names}
-    if any(array.shape != surface.grid.shape for array in arrays.values()):
-        raise ValueError(f"{group.name} has not the shape {surface.grid.shape} of the surface")
-    return index, Fields(**arrays)
+def _steps_of(results: "Dataset") -> tuple[Step, ...]:
+    return tuple(Step(*step) for step in json.loads(results.attrs["surface_steps"]))
 
 
-def _attributes(file: Any) -> dict[str, Any]:
-    """The texts and numbers of the root, those apart that have a field of their own."""
-    found = {}
-    for name, value in file.attrs.items():
-        if name in ("format", "caveats", "axes") or name.startswith("surface_"):
-            continue
-        if not isinstance(value, str | np.number | np.bool_):
-            raise ValueError(f"the attribute {name} is neither a text nor a number")
-        found[name] = value if isinstance(value, str) else value.item()
-    return found
+def kept_solves(results: "Dataset") -> list[tuple[int, ...]]:
+    """Returns the indices along the axes of the solves whose fields were kept."""
+    shape = results["message"].shape
+    if "gap" not in results:
+        return []
+    if results["gap"].ndim == results["heights"].ndim:
+        return [tuple(n - 1 for n in shape)]
+    solved = ~np.isin(state_of(results), (NOT_STARTED, "failed"))
+    return [tuple(map(int, index)) for index in np.argwhere(solved)]
+
+
+def contact_at(results: "Dataset", index: tuple[int, ...]) -> tuple["Dataset", Surface]:
+    """Returns `pressure`, `gap` and `displacement` of a solve that was kept, and its surface."""
+    kept = {new: name for name, new in KEPT_FIELDS.items() if new in results}
+    fields = results[[*kept]]
+    at = dict(zip(results["message"].dims, index, strict=True))
+    fields = fields.isel({axis: i for axis, i in at.items() if axis in fields.dims}, drop=True)
+    fields = fields.rename(kept)
+    surface = surface_of(results)
+    if "heights" in fields:
+        surface = Surface(jnp.asarray(fields["heights"].values), surface.grid)
+    return fields, surface
+
+
+def lost_solves(path: str | os.PathLike, point: np.ndarray) -> tuple[int, dict]:
+    """Returns how many solves the file at `path` has that are not in `point`, and its attributes.
+
+    A file that has any must not be replaced by one with only the solves of these names. Solves that
+    were not started, or whose worker died, do not count; there are none if there is no file.
+
+    **Raises:** as `read_results`.
+    """
+    if not Path(path).exists():
+        return 0, {}
+    earlier = read_results(path)
+    finished = ~np.isin(earlier["message"], (NOT_STARTED, LOST))
+    return int(np.sum(~np.isin(earlier["point"].values[finished], point))), earlier.attrs

@@ -60,9 +60,8 @@ from ..response.stack import Stack
 from ..rheology.material import AbstractMaterial
 from ..rheology.tabulated import Tabulated
 from .block import Block, extremes
-from .given import existing_file
-from .output import check_name, full_path
 from .parameter_covariance import Errors
+from .paths import check_name, existing_file, full_path
 from .surfaces import RandomSurface, SurfaceFile, parse_surface
 from .toml import LARGEST, Section, nearest, parse_toml, within
 

@@ -1,7 +1,8 @@
-"""Files that are whole or absent, and that show whether they are what was written.
+"""Files that are whole or absent, and that show damage.
 
-A file is written under another name, brought to the disk and renamed. A digest stands in the bytes
-that HDF5 leaves to its users, since a damaged file may make HDF5 hang or return other numbers.
+A file is written under another name, flushed to the disk and renamed. It begins with `SEAL` bytes
+that hold a checksum of the rest: a damaged HDF5 file may make HDF5 hang or return other numbers.
+HDF5 skips these bytes.
 """
 
 import contextlib
@@ -10,33 +11,37 @@ import os
 import uuid
 from collections.abc import Iterator
 from pathlib import Path
-from typing import Any
 
-SEAL = 512  # bytes before those of HDF5, the least that it allows
+from .paths import existing_file
+
+SEAL = 512  # bytes, the least that HDF5 can skip
 
 
-def seal(path: str | os.PathLike, name: str = "") -> None:
-    """Writes a digest of an HDF5 file into its first `SEAL` bytes, which must be its user block.
+def write_sealed(path: str | os.PathLike, content: bytes) -> None:
+    """Writes a checksum and the content; an earlier file is replaced when the new one is complete.
 
-    HDF5 leaves them to us. It may hang or return other numbers where a file is damaged: look with
-    `is_sealed` before it opens one.
+    **Raises:** `OSError` if it cannot be written; an earlier file stays.
     """
-    with open(path, "rb+") as file:
-        header = _header(file, name)
-        file.seek(0)
-        file.write(header)
+    with replacing(path) as partial:
+        partial.write_bytes(_header(content) + content)
 
 
-def is_sealed(path: str | os.PathLike, name: str = "") -> bool:
-    """Returns whether a file is, byte for byte, what was sealed under this name."""
-    with open(path, "rb") as file:
-        return file.read(SEAL) == _header(file, name)
+def read_sealed(path: str | os.PathLike) -> bytes:
+    """Returns the content of a file that `write_sealed` wrote.
+
+    **Raises:** `FileNotFoundError`; `ValueError` if the file differs from what was written.
+    """
+    whole = existing_file(path).read_bytes()
+    content = whole[SEAL:]
+    if whole[:SEAL] != _header(content):
+        raise ValueError(
+            f"`path={path}` is damaged, or another program or an earlier version wrote it."
+        )
+    return content
 
 
-def _header(file: Any, name: str) -> bytes:
-    file.seek(SEAL)
-    digest = hashlib.file_digest(file, "sha256").hexdigest()
-    return f"graded_contact {name}\n{digest}\n".encode().ljust(SEAL)
+def _header(content: bytes) -> bytes:
+    return f"graded_contact\n{hashlib.sha256(content).hexdigest()}\n".encode().ljust(SEAL)
 
 
 @contextlib.contextmanager

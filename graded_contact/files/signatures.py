@@ -15,7 +15,7 @@ from typing import Annotated, Any, Literal, Union, get_args, get_origin
 
 from jaxtyping import AbstractArray
 
-from .output import full_path
+from .paths import full_path
 from .toml import Section, within
 
 Kinds = Mapping[str, Callable]

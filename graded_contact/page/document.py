@@ -15,8 +15,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from ..files.given import existing_file
-from ..files.output import check_name, full_path
+from ..files.paths import check_name, existing_file, full_path
 from ..files.scene import Scene, parse_scene
 from ..files.sealed import replacing
 from ..files.toml import LARGEST, parse_toml, within

@@ -8,7 +8,7 @@ import pandas as pd
 import xarray as xr
 
 from ..core.quantities import FIELDS, OBSERVABLES
-from ..files.results import package_versions
+from ..files.dataset import package_versions
 from ..plot.contact import draw_field, masked_fields
 from ..plot.style import COLOURS, new_figure, styled
 from .model import Contact, Derivatives, Model

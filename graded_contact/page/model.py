@@ -24,8 +24,8 @@ from ..response.compliance import effective_modulus
 from ..response.grading import AbstractGradedSolver
 from ..response.stack import Stack
 from ..roughness.surface import Surface, radial_spectrum, statistics
-from ..studies.extrapolation import velocity_vector
-from ..studies.run import build_surface
+from ..studies.run_scene import build_surface
+from ..studies.scene_theory import velocity_vector
 from .document import Document
 from .knobs import Target, changed_document, changed_stack, knobs_of
 

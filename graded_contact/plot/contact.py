@@ -9,6 +9,7 @@ from jaxtyping import ArrayLike
 from ..core.checks import as_float
 from ..core.display import unit_of, with_unit
 from ..core.quantities import FIELDS
+from ..friction.sliding import Sliding
 from ..persson.mean_field import MeanField, pressure_distribution
 from ..roughness.cutoff import CutoffCurve
 from ..roughness.surface import Surface
@@ -27,6 +28,7 @@ from .style import (
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure
+    from xarray import Dataset
 
 # Colours of a map, the exponent of their scale, and the colour of a profile.
 LOOKS = {
@@ -43,7 +45,7 @@ PER_DECADE = 10  # steps of the friction per ln q
 
 @styled
 def plot_sliding(
-    sliding: Any, surface: Surface, velocity: ArrayLike | Sequence[float] = 0.0
+    sliding: "Sliding | Dataset", surface: Surface, velocity: ArrayLike | Sequence[float] = 0.0
 ) -> "Figure":
     """Returns a figure of heights, contact pressure and gap: maps, or lines of a profile.
 
@@ -52,8 +54,7 @@ def plot_sliding(
 
     **Arguments:**
 
-    - `sliding`: a solution of `slide`, or one of the fields of results: anything that has
-      `pressure` [Pa] and `gap` [m].
+    - `sliding`: a solution of `slide`, or the first of `contact_at(results, index)`.
     - `surface`: the surface that slides.
     - `velocity`: of the surface [m/s], as in `slide`. An arrow shows its direction if it is not 0.
     """
@@ -72,7 +73,7 @@ def plot_sliding(
     return figure
 
 
-def masked_fields(sliding: Any) -> dict[str, np.ndarray]:
+def masked_fields(sliding: "Sliding | Dataset") -> dict[str, np.ndarray]:
     """Returns pressure [Pa] and gap [m], NaN where there is none: out of contact, and in it."""
     pressure, gap = np.asarray(sliding.pressure), np.asarray(sliding.gap)
     touches = pressure > 0
@@ -175,7 +176,7 @@ def _draw_direction(axes: "Axes", velocity: np.ndarray) -> None:
 
 
 @styled
-def plot_outline(sliding: Any, surface: Surface) -> "Figure":
+def plot_outline(sliding: "Sliding | Dataset", surface: Surface) -> "Figure":
     """Returns a figure of the heights with the outline of the contact.
 
     The outline runs between points in contact and points out of contact. On a profile the contact
@@ -215,7 +216,9 @@ def plot_outline(sliding: Any, surface: Surface) -> "Figure":
 
 
 @styled
-def plot_distributions(sliding: Any, mean_field: MeanField | None = None) -> "Figure":
+def plot_distributions(
+    sliding: "Sliding | Dataset", mean_field: MeanField | None = None
+) -> "Figure":
     """Returns a figure of the distributions of contact pressure and gap.
 
     Densities are over the nominal area: that of the pressure has the contact area as its integral.

@@ -5,9 +5,9 @@ from typing import TYPE_CHECKING
 import jax
 import numpy as np
 
-from ..studies.bounds import named
 from ..studies.design import Design
 from ..studies.objectives import friction_curve, loss_tangent
+from ..studies.problem import named
 from ..studies.report_design import curve_velocities
 from ..studies.run_design import DesignResults
 from .style import COLOURS, PAGE, few_powers_of_ten, new_figure, styled

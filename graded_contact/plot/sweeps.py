@@ -1,152 +1,288 @@
 """Figures of scenes: friction and contact area along what was varied."""
 
 from collections.abc import Sequence
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 
-from ..files.results import Results
-from .lines import MANY, QUANTITIES, STYLES, TITLES, Lines, draw, finish, label_of, lines_of
-from .style import COLOURS, PAGE, PRESSURES, TEMPERATURES, entitle, new_figure, ordered, styled
+from ..core.display import unit_of
+from ..core.quantities import AXES, OBSERVABLES
+from ..files.dataset import NOT_STARTED
+from ..files.results import state_of, warnings_of
+from .style import (
+    COLOURS,
+    PAGE,
+    PRESSURES,
+    TEMPERATURES,
+    entitle,
+    few_powers_of_ten,
+    new_figure,
+    ordered,
+    styled,
+)
 
 if TYPE_CHECKING:
+    from matplotlib.axes import Axes
     from matplotlib.figure import Figure
+    from xarray import DataArray, Dataset
+
+DRAWN = ("friction", "contact_area_smooth")
+ERROR = "_standard_error"
+DOUBTFUL = "doubtful: see the caveats"
+BAND = (0.05, 0.95)  # quantiles over the surfaces
+DASHES = ("-", "--", ":", "-.")
+MANY = len(COLOURS)  # values with a colour each
 
 
 @styled
-def plot_sweep(results: Results) -> "Figure":
+def plot_sweep(results: "Dataset") -> "Figure":
     """Returns a figure of friction and contact area against velocity.
 
     If there is one velocity they are drawn against the last axis that has several points. The area
-    is the sub-pixel one. The first of the other axes tells the lines apart by colour, the rest by
-    dashes. Over several surfaces (`seed`) lines are means and bands reach from the 5 % to the 95 %
-    quantile. Bars are one standard error, where errors of a material are known. A solve that did
-    not converge has a hollow marker, one with a caveat (`Results.caveats`) a cross; one that failed
-    has a triangle and one that was not started a stroke, at the bottom.
+    is the sub-pixel one. The first of the other axes has a colour for each value, the rest have
+    dashes. Over several surfaces (`seed`) lines are means, and bands reach from the 5 % to the 95 %
+    quantile. Bars are one standard error, if errors of a material are known. A solve that did not
+    converge has a hollow marker, one with a caveat a cross, one that failed a triangle and one that
+    was not started a stroke, both at the bottom.
 
     **Arguments:**
 
-    - `results`: what `run_scene` gave.
+    - `results`: what `run_scene` returned.
     """
-    lines = lines_of(results)
+    lines = _lines(results)
     return _drawn(lines, lines.varied[0] if lines.varied else "pressure")
 
 
 @styled
-def plot_reduced(results: Results) -> "Figure":
+def plot_reduced(results: "Dataset") -> "Figure":
     """Returns a figure of friction and contact area against a_T times velocity.
 
-    Where temperature only shifts the times of one law they fall on one curve; where it lifts moduli
-    too (b_T), or acts on parts of the block only, they need not. As `plot_sweep` otherwise.
+    If temperature only shifts the times of one law, they fall on one curve. They need not if it
+    also changes moduli (b_T), or acts on parts of the block only. Otherwise as `plot_sweep`.
 
     **Arguments:**
 
-    - `results`: what `run_scene` gave for several temperatures.
+    - `results`: what `run_scene` returned for several temperatures.
 
-    **Raises:** `ValueError` if there is no such curve, saying why.
+    **Raises:** `ValueError` with the reason if there is no such curve.
     """
-    if "reduced_velocity" not in results.study.values:
+    if "reduced_velocity" not in results:
         reason = "No master curve: the results have no axis of temperatures."
-        raise ValueError(results.attributes.get("master_curve", reason))
-    figure = _drawn(lines_of(results, "reduced_velocity"), "temperature")
-    entitle(figure, results.attributes["master_curve"].replace("a_T", "$a_T$"))
+        raise ValueError(results.attrs.get("master_curve", reason))
+    figure = _drawn(_lines(results, "reduced_velocity"), "temperature")
+    entitle(figure, results.attrs["master_curve"].replace("a_T", "$a_T$"))
     return figure
 
 
 @styled
-def plot_compare(results: Sequence[Results], names: Sequence[str]) -> "Figure":
+def plot_compare(results: "Sequence[Dataset]", names: Sequence[str]) -> "Figure":
     """Returns a figure of friction and contact area of several results, one colour for each.
 
     **Arguments:**
 
-    - `results`: what `run_scene` gave, over the same axes; points may differ, and axes of one point
+    - `results`: what `run_scene` returned, over the same axes. Points may differ; axes of one point
       and seeds do not matter.
-    - `names`: what the legend calls them.
+    - `names`: of the results, for the legend.
 
     **Raises:** `ValueError` if they vary different axes.
     """
-    every = [lines_of(one) for one in results]
+    every = [_lines(one) for one in results]
     first = every[0]
-    for lines, name in zip(every, names, strict=True):
+    for lines, name, one in zip(every, names, results, strict=True):
         if (lines.along, lines.varied) != (first.along, first.varied):
             raise ValueError(
                 f"{name!r} varies {_words(lines)}, and {names[0]!r} {_words(first)}: results over "
                 "the same axes can be compared."
             )
-        for what in (first.along, *first.varied, *QUANTITIES):
-            here, there = lines.units.get(what), first.units.get(what)
+        for what in (first.along, *first.varied, *DRAWN):
+            here, there = _unit(one[what]), _unit(results[0][what])
             if here != there:
                 raise ValueError(
                     f"{name!r} has `{what}` in {here}, and {names[0]!r} in {there}: results in the "
                     "same units can be compared."
                 )
     figure = new_figure(PAGE, 2.9)
-    for axes, quantity in zip(figure.subplots(1, 2), QUANTITIES, strict=True):
+    for axes, quantity in zip(figure.subplots(1, 2), DRAWN, strict=True):
         for i, (lines, name) in enumerate(zip(every, names, strict=True)):
-            styles = _styles(lines, lines.varied)
-            for style in styles:
-                style["color"] = COLOURS[i % len(COLOURS)]
-            styles[0]["label"] = name
-            draw(axes, lines, quantity, styles)
-            finish(axes, lines, quantity)
+            dashes = _dashes(lines, lines.varied)
+            for j, line in enumerate(lines.each):
+                style = {"linestyle": dashes[j], "color": COLOURS[i % len(COLOURS)]}
+                _draw(axes, line, quantity, style, None if j else name)
+            _finish(axes, lines, quantity)
     _legend(figure, first, dashed=first.varied, title=None)
     return figure
 
 
-def _drawn(lines: Lines, coloured: str) -> "Figure":
-    """Lines told apart by colour along one axis, by dashes along the others."""
+def title_of(name: str) -> str:
+    """Returns the name of an axis in words."""
+    return AXES[name].meaning if name in AXES else name
+
+
+def label_of(number: "DataArray") -> str:
+    """Returns a number of an axis with its unit, as in legends."""
+    unit, value = _unit(number), number.item()
+    if unit in ("", "1", "K"):
+        return f"{value:.5g} {unit}".removesuffix("1").rstrip()
+    unit, factor = unit_of(unit, abs(value))
+    return f"{factor * value:.3g} {unit}"
+
+
+class _Lines(NamedTuple):
+    """Results as lines along one axis, one for each combination of the others but the seed.
+
+    **Fields:**
+
+    - `along`: name of the axis.
+    - `varied`: the other axes with several values.
+    - `each`: of each line the quantities with `_low` and `_high` (equal without seeds), `x`,
+      `state` and `doubtful` along the axis; the numbers on the other axes are its coordinates.
+    """
+
+    along: str
+    varied: list[str]
+    each: "list[Dataset]"
+
+
+def _lines(results: "Dataset", along: str | None = None) -> _Lines:
+    """The lines of results along an axis: by default velocity, or the last with several points."""
+    axes = [str(axis) for axis in results["message"].dims]
+    longer = [axis for axis in axes if results.sizes[axis] > 1 and axis != "seed"]
+    if along is None:
+        along = "velocity" if "velocity" in longer or not longer else longer[-1]
+    follows = "velocity" if along == "reduced_velocity" else along
+    others = [axis for axis in axes if axis not in (follows, "seed")]
+    state = state_of(results)
+    doubts = [caveat.where for caveat in warnings_of(results)]
+    doubtful = state.copy(data=np.any([np.zeros(state.shape, bool), *doubts], axis=0))
+    names = [name for name in (*DRAWN, *(name + ERROR for name in DRAWN)) if name in results]
+    middle = low = high = results[names]
+    if "seed" in axes:
+        solved = middle.where(results["message"] == "")
+        middle = solved.mean("seed", keep_attrs=True)
+        levels = solved.quantile(BAND, "seed")
+        low, high = (levels.isel(quantile=i, drop=True) for i in range(2))
+        state, doubtful = _worst(state), doubtful.any("seed")
+    lines = middle.assign(
+        {f"{name}_low": low[name] for name in DRAWN}
+        | {f"{name}_high": high[name] for name in DRAWN}
+        | {"x": results[along], "state": state, "doubtful": doubtful}
+    ).sortby(follows)
+    each = [
+        lines.isel(dict(zip(others, index, strict=True)))
+        for index in np.ndindex(*(results.sizes[axis] for axis in others))
+    ]
+    return _Lines(along, [axis for axis in others if results.sizes[axis] > 1], each)
+
+
+def _worst(state: "DataArray") -> "DataArray":
+    """One word for the seeds of a point: "failed" or "not started" only if no seed has a number."""
+    lost = state.isin(["failed", NOT_STARTED]).all("seed")
+    some = (state != "").any("seed")
+    words = np.where(lost, state.isel(seed=0), np.where(some, "not converged", ""))
+    return lost.copy(data=words)
+
+
+def _drawn(lines: _Lines, coloured: str) -> "Figure":
+    """Lines with a colour for each value on one axis, and dashes for the others."""
     figure = new_figure(PAGE, 2.9)
     dashed = [name for name in lines.varied if name != coloured]
-    for axes, quantity in zip(figure.subplots(1, 2), QUANTITIES, strict=True):
-        styles = _styles(lines, dashed)
-        for style, colour, label in zip(styles, *_colours(lines, coloured), strict=True):
-            style |= {"color": colour, "label": label}
-        draw(axes, lines, quantity, styles)
-        finish(axes, lines, quantity)
-    _legend(figure, lines, dashed, TITLES.get(coloured, coloured))
+    numbers = [line[coloured].item() if coloured in line.coords else 0 for line in lines.each]
+    values = list(dict.fromkeys(numbers))
+    scale = TEMPERATURES if coloured == "temperature" else PRESSURES
+    colours = COLOURS if len(values) <= MANY else ordered(len(values), scale)
+    # The legend names some of many.
+    named = values if len(values) <= MANY else values[:: -(-len(values) // MANY)]
+    dashes = _dashes(lines, dashed)
+    for axes, quantity in zip(figure.subplots(1, 2), DRAWN, strict=True):
+        for i, line in enumerate(lines.each):
+            new = numbers[i] in named and numbers[i] not in numbers[:i]
+            label = label_of(line[coloured]) if new and coloured in line.coords else None
+            style = {"linestyle": dashes[i], "color": colours[values.index(numbers[i])]}
+            _draw(axes, line, quantity, style, label)
+        _finish(axes, lines, quantity)
+    _legend(figure, lines, dashed, title_of(coloured))
     return figure
 
 
-def _colours(lines: Lines, name: str) -> tuple[list[Any], list[str | None]]:
-    """A colour for each line by its number on an axis, and a label for the first of each."""
-    numbers = lines.others.get(name, np.zeros(len(lines.x)))
-    values = list(dict.fromkeys(numbers.tolist()))
-    scale = TEMPERATURES if name == "temperature" else PRESSURES
-    chosen = COLOURS if len(values) <= MANY else ordered(len(values), scale)
-    # Of many the legend names some.
-    named = values if len(values) <= MANY else values[:: -(-len(values) // MANY)]
-    labels, seen = [], set()
-    for number in numbers.tolist():
-        new = number in named and number not in seen
-        labels.append(label_of(name, number, lines.units) if new else None)
-        seen.add(number)
-    return [chosen[values.index(number)] for number in numbers.tolist()], labels
+def _combinations(lines: _Lines, names: Sequence[str]) -> list[tuple[str, ...]]:
+    """The numbers of each line on some axes, with units."""
+    return [tuple(label_of(line[name]) for name in names) for line in lines.each]
 
 
-def _combinations(lines: Lines, names: Sequence[str]) -> list[tuple[float, ...]]:
-    """The numbers of each line on some axes."""
-    columns = [lines.others[name].tolist() for name in names]
-    return list(zip(*columns, strict=True)) if columns else [()] * len(lines.x)
-
-
-def _styles(lines: Lines, names: Sequence[str]) -> list[dict[str, Any]]:
-    """Dashes for each line by its numbers on some axes; of many combinations they come again."""
+def _dashes(lines: _Lines, names: Sequence[str]) -> list[str]:
+    """Dashes for each line by its numbers on some axes; of many combinations they repeat."""
     each = _combinations(lines, names)
     order = list(dict.fromkeys(each))
-    return [{"linestyle": STYLES[order.index(one) % len(STYLES)]} for one in each]
+    return [DASHES[order.index(one) % len(DASHES)] for one in each]
 
 
-def _legend(figure: "Figure", lines: Lines, dashed: Sequence[str], title: str | None) -> None:
+def _legend(figure: "Figure", lines: _Lines, dashed: Sequence[str], title: str | None) -> None:
     from matplotlib.lines import Line2D
 
     handles, labels = figure.axes[0].get_legend_handles_labels()
-    found = dict(zip(labels, handles, strict=True))
+    entries = sorted(zip(labels, handles, strict=True), key=lambda entry: entry[0] == DOUBTFUL)
+    found = dict(entries)
     combinations = list(dict.fromkeys(_combinations(lines, dashed))) if dashed else []
-    for combination, style in zip(combinations, STYLES, strict=False):
-        words = (label_of(n, v, lines.units) for n, v in zip(dashed, combination, strict=True))
-        found[", ".join(words)] = Line2D([], [], color="0.4", linestyle=style)
+    for combination, dashes in zip(combinations, DASHES, strict=False):
+        found[", ".join(combination)] = Line2D([], [], color="0.4", linestyle=dashes)
     figure.axes[0].legend(found.values(), found.keys(), title=title)
 
 
-def _words(lines: Lines) -> str:
+def _draw(
+    axes: "Axes", line: "Dataset", quantity: str, style: dict[str, Any], label: str | None
+) -> None:
+    """Draws a line with a band over the seeds and bars of one standard error, and marks points by
+    their state."""
+    x, values, state = (line[name].values for name in ("x", quantity, "state"))
+    low, high = line[f"{quantity}_low"], line[f"{quantity}_high"]
+    colour = style["color"]
+    axes.plot(x, values, **style, label=label)
+    if np.any(low < high):
+        axes.fill_between(x, low, high, color=colour, alpha=0.2, linewidth=0)
+    if quantity + ERROR in line:
+        error = line[quantity + ERROR]
+        axes.errorbar(x, values, error, fmt="none", ecolor=colour, capsize=2)
+    for word, face in (("", colour), ("not converged", "white")):
+        at = state == word
+        if np.any(at):
+            marker: dict[str, Any] = {"color": colour, "markerfacecolor": face, "label": word}
+            axes.plot(x[at], values[at], "o", **marker)
+    for word, mark in (("failed", "^"), (NOT_STARTED, "|")):
+        at = state == word
+        if np.any(at):
+            axes.plot(x[at], np.zeros(at.sum()), mark, color=colour, clip_on=False, label=word)
+    at = line["doubtful"].values
+    if np.any(at):
+        axes.plot(
+            x[at], values[at], "kx", markersize=9, markeredgewidth=1.2,
+            zorder=1.9,  # behind the markers, whose faces show states
+            label=DOUBTFUL,
+        )  # fmt: skip
+
+
+def _finish(axes: "Axes", lines: _Lines, quantity: str) -> None:
+    """Names the axes of a panel and chooses their scales."""
+    x = np.concatenate([line["x"] for line in lines.each])
+    x = x[np.isfinite(x)]
+    low, high = np.min(x), np.max(x)
+    if low > 0 and (lines.along.endswith("velocity") or high >= 10 * low):
+        axes.set_xscale("log")
+        few_powers_of_ten(axes.xaxis, low, high)
+    ends = [line[quantity] + line.get(quantity + ERROR, 0) for line in lines.each]
+    ends += [line[f"{quantity}_high"] for line in lines.each]
+    top = np.fmax.reduce(np.concatenate(ends), initial=0)
+    axes.set_ylim(0, max(1.08 * top, axes.get_ylim()[1] if axes.get_ylim()[0] == 0 else 0) or None)
+    title = title_of(lines.along)
+    if lines.along == "reduced_velocity":
+        title = f"$a_T$ × {title_of('velocity')}"
+    unit = _unit(lines.each[0]["x"])
+    axes.set_xlabel(title + (f" [{unit}]" if unit else ""))
+    axes.set_ylabel(f"{OBSERVABLES[quantity].meaning} [1]")
+
+
+def _unit(values: "DataArray") -> str:
+    return values.attrs.get("units", "")
+
+
+def _words(lines: _Lines) -> str:
     return ", ".join(f"`{name}`" for name in (*lines.varied, lines.along))

@@ -2,7 +2,6 @@
 
 import functools
 from collections.abc import Callable, Sequence
-from pathlib import Path
 from typing import Any
 
 import jax
@@ -16,7 +15,7 @@ from .design import Constraints, Design, Objective, minimise
 
 
 @check_types
-def rounded(
+def snap_to_values(
     objective: Objective, design: Design, choices: dict[str, Sequence[float]], **arguments: Any
 ) -> Design:
     """Returns a design with some parameters from what can be made, the others found again.
@@ -41,8 +40,8 @@ def rounded(
         if not np.any(inside):
             raise ValueError(f"`choices[{key!r}]` has no value between the bounds.")
         logs = np.log(values[inside])
-        wanted = np.log(np.asarray(start[key]))
-        nearest = np.abs(wanted[..., None] - logs).argmin(axis=-1)
+        logarithm = np.log(np.asarray(start[key]))
+        nearest = np.abs(logarithm[..., None] - logs).argmin(axis=-1)
         start[key] = bounds["lower"][key] = bounds["upper"][key] = values[inside][nearest]
     arguments.setdefault("num_starts", 1)
     return minimise(objective, bounds["lower"], bounds["upper"], start, **arguments)
@@ -56,7 +55,6 @@ def pareto_front(
     *,
     num_points: int = 7,
     constraints: Constraints | None = None,
-    store: str | Path | None = None,
     **arguments: Any,
 ) -> list[tuple[Design, Float[np.ndarray, "2"]]]:
     """Returns designs between which one of two objectives improves only if the other worsens.
@@ -68,8 +66,6 @@ def pareto_front(
 
     - `objectives`: parameters -> two numbers, both to be small.
     - `num_points`: ceilings, the two ends included.
-    - `store`: as in `minimise`, a file for each point: of "front.jsonl" they are
-      "front-first.jsonl", "front-second.jsonl" for the ends, "front-2of7.jsonl" and so on.
     - `lower`, `upper`, `constraints` and other `arguments`: as in `minimise`.
 
     **Returns:** pairs of a design and its two objectives, the first objective increasing.
@@ -77,7 +73,7 @@ def pareto_front(
     if num_points < 2:
         raise ValueError(f"`num_points={num_points}` must be at least 2.")
 
-    def best(point, i, start=None, limit=None):
+    def best(i, start=None, limit=None):
         def all_constraints(p):
             parts = [] if constraints is None else [jnp.ravel(constraints(p))]
             if limit is not None:
@@ -85,20 +81,17 @@ def pareto_front(
             return jnp.concatenate(parts)
 
         some = all_constraints if constraints is not None or limit is not None else None
-        # Every point is a problem of its own.
-        own = None if store is None else Path(store).with_stem(f"{Path(store).stem}-{point}")
         found = minimise(
-            lambda p: objectives(p)[i], lower, upper, start, constraints=some, store=own,
-            **arguments,
-        )  # fmt: skip
+            lambda p: objectives(p)[i], lower, upper, start, constraints=some, **arguments
+        )
         return found, np.asarray(objectives(found.parameters))
 
-    ends = [best("first", 0), best("second", 1)]
+    ends = [best(0), best(1)]
     high, low = ends[0][1][1], ends[1][1][1]
     spread = abs(high - low) or 1.0
     found, previous = [ends[0]], ends[0][0]
-    for k, limit in enumerate(np.linspace(high, low, num_points)[1:-1], start=2):
-        found.append(best(f"{k}of{num_points}", 0, previous.parameters, limit))
+    for limit in np.linspace(high, low, num_points)[1:-1]:
+        found.append(best(0, previous.parameters, limit))
         previous = found[-1][0]
     found.append(ends[1])
     values = np.array([v for _, v in found])

@@ -18,7 +18,7 @@ import numpy as np
 
 from ..contact.douglas_rachford import DouglasRachford
 from ..core.checks import check_values
-from ..files.results import package_versions
+from ..files.dataset import package_versions
 from .store import Point, Store, fingerprint
 
 T = TypeVar("T")
@@ -67,7 +67,7 @@ def checkpointed(
             if time.monotonic() - written < every:
                 return
             try:
-                store.write(name, Point({"pressure": np.asarray(pressure)}, "not finished", {}))
+                store.write(name, Point({"pressure": np.asarray(pressure)}))
             except OSError as error:
                 warnings.warn(f"{error} The solve goes on.", stacklevel=2)
             written = time.monotonic()

@@ -14,8 +14,8 @@ from ..core.memory import available_memory, in_gigabytes
 from ..files.design_scene import DesignScene
 from ..files.scene import Scene
 from ..files.surfaces import RandomSurface
-from .run import build_surface, scene_memory
 from .run_design import POLISHING, design_memory
+from .run_scene import build_surface, scene_memory
 
 PER_POINT = 25e-9  # s for each point of the grid and FFT pair
 PER_PAIR = 1e-4  # s besides

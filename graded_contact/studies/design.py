@@ -20,13 +20,14 @@ from scipy.stats import qmc
 
 from ..core.checks import check_tolerance, check_types, check_whole
 from ..core.display import shown
-from .bounds import Flat, box_of, first_in, named
-from .evaluations import MARGIN, Evaluations
-from .problem import Problem
+from ..core.quantities import quantity_of
+from .problem import Flat, Problem, box_of, first_in, named
+from .store import Store, opened
 
 Objective = Callable[[Any], Float[Array, ""]]
 Constraints = Callable[[Any], Float[Array, "..."]]
 
+MARGIN = 1e-8  # by which constraints hold
 FIRST_STEP = 0.1  # longest, of the way between the bounds
 
 
@@ -115,9 +116,9 @@ class Design(eqx.Module):
     @property
     def units(self) -> dict[str, str]:
         """Units of the parameters, where paths tell them."""
-        from ..files.study import units_of  # later: it loads HDF5
-
-        return units_of(self.parameters) if isinstance(self.parameters, dict) else {}
+        if not isinstance(self.parameters, dict):
+            return {}
+        return {path: known.unit for path in self.parameters if (known := quantity_of(path))}
 
     @property
     def num_evaluations(self) -> int:
@@ -153,7 +154,7 @@ def minimise(
     seed: int = 0,
     rtol: float = 1e-9,
     max_steps: int = 200,
-    store: str | Path | None = None,
+    store: str | Path | Store | None = None,
     progress: Callable[[int, float], None] | None = None,
 ) -> Design:
     """Returns the parameters between `lower` and `upper` that make `objective` least.
@@ -168,17 +169,16 @@ def minimise(
     - `num_starts`, `seed`: how many starts, and what spreads them.
     - `rtol`: change of the objective over its size at which a run ends.
     - `max_steps`: of a run.
-    - `store`: a file that keeps every evaluation at once: a call that was cut off, called again,
-      repeats its steps from there and goes on. Other bounds, starts and tolerances may share it.
+    - `store`: a folder, which is made, or a `Store`. Each evaluation is on the disk at once: the
+      same call after a kill repeats its steps from there. Other searches may share the folder.
     - `progress`: called with the number of the start and the value after each evaluation; what it
       raises ends the search.
 
     **Returns:** the best parameters, and what every start came to.
 
     **Raises:** `ValueError` for bounds that are refused, for an objective or constraint that is
-    not finite (naming the parameters), if no start satisfies the constraints, and for a `store`
-    whose values are not those of `objective` and `constraints`: where the search starts, where it
-    ends and at its first entry they are computed again.
+    not finite (naming the parameters), and if no start satisfies the constraints; of a `store`,
+    `BlockingIOError` if another process writes to it, and `OSError` if it cannot be written.
     """
     check_whole("num_starts", num_starts, 1)
     check_whole("seed", seed, 0)
@@ -186,15 +186,14 @@ def minimise(
     check_tolerance("rtol", rtol, np.zeros(()))
     box = box_of(lower, upper)
     starts = _starts(box, first_in(box, start, lower), num_starts, seed)
-    problem = Problem(objective, constraints, box, Evaluations(store, box.names))
-    problem.prove()
-    # A start may be where the objective is all but zero.
-    size = np.median([abs(problem.evaluate(x, proven=True).value) for x in starts])
     runs = []
-    for i, x in enumerate(starts):
-        tell = _silent if progress is None else partial(progress, i)
-        runs.append(_Descent(problem, x, tell).run(size, rtol, max_steps))
-        problem.evaluate(np.array(runs[-1].parameters), proven=True)
+    with opened(store) as points:
+        problem = Problem(objective, constraints, box, points)
+        # A start may be where the objective is all but zero.
+        size = np.median([abs(problem.evaluate(x).value) for x in starts])
+        for i, x in enumerate(starts):
+            report = _silent if progress is None else partial(progress, i)
+            runs.append(_Descent(problem, x, report).run(size, rtol, max_steps))
     feasible = [run for run in runs if run.feasible]
     if not feasible:
         least = max(problem.evaluate(np.array(run.parameters)).limits.min() for run in runs)
@@ -220,7 +219,7 @@ def elasticities(x: Flat, value: float, slope: Flat) -> Flat:
 
 
 def _silent(_: float) -> None:
-    """Tells nobody."""
+    """Reports nothing."""
 
 
 def _starts(box, first, num_starts, seed):
@@ -233,8 +232,8 @@ def _starts(box, first, num_starts, seed):
 class _Descent:
     """One run of sequential quadratic programming, on the unit cube."""
 
-    def __init__(self, problem, start, tell):
-        self.problem, self.start, self.tell = problem, start, tell
+    def __init__(self, problem, start, report):
+        self.problem, self.start, self.report = problem, start, report
         low, high = problem.box.low, problem.box.high
         self.span = np.log(high / low)
         self.origin = np.log(start / low) / np.where(self.span > 0, self.span, 1)
@@ -285,7 +284,7 @@ class _Descent:
             x = self.parameters(u)
             value, limits, slope, slopes = self.problem.evaluate(x)
             self.tried.append((value, np.array(x), limits))
-            self.tell(value)
+            self.report(value)
             scale = self.span * x
             self.last = (np.array(u), value, limits, slope * scale, slopes * scale)
         return self.last

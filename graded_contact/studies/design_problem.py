@@ -11,8 +11,8 @@ from jaxtyping import Array, Float
 from ..core.checks import Numbers, as_float
 from ..core.parameters import with_values
 from ..fields.grid import Grid
+from ..files.dataset import package_versions
 from ..files.design_scene import DesignScene
-from ..files.results import package_versions
 from ..files.surfaces import RandomSurface
 from ..friction.sliding import slide
 from ..persson.mean_field import MeanField
@@ -166,7 +166,7 @@ def kept_contact(
     kept = None if store is None else store.read(name)
     if kept is None:
         friction, area = map(np.asarray, _contact(study, stack, heights))
-        kept = Point({"friction": friction, "contact_area": area}, "", {})
+        kept = Point({"friction": friction, "contact_area": area})
         if store is not None:
             store.write(name, kept)
     return kept.values["friction"], kept.values["contact_area"]

@@ -1,27 +1,102 @@
-"""What a design makes least, and its limits, with derivatives by flat parameters."""
+"""A function of positive, bounded parameters: its constraints, derivatives, and stored values."""
 
 from collections.abc import Callable
+from typing import Any, NamedTuple
 
 import jax
 import jax.numpy as jnp
 import numpy as np
+from jax.flatten_util import ravel_pytree
 from jaxtyping import Array, Float
 
-from .bounds import Box, Flat, text_of
-from .evaluations import Evaluation, Evaluations
+from .program import key_of
+from .store import Point, Store, fingerprint
 
-Limits = tuple[Float[np.ndarray, " constraints"], Float[np.ndarray, "constraints parameters"]]
+Flat = Float[np.ndarray, " parameters"]
+
+
+class Box(NamedTuple):
+    """Flat bounds, the names of what they bound, and what gives flat values their nesting."""
+
+    low: Flat
+    high: Flat
+    names: list[str]
+    unravel: Callable[[Array], Any]
+
+
+def box_of(lower: Any, upper: Any) -> Box:
+    """Returns the bounds, checked.
+
+    **Raises:** `ValueError` unless both have the same nesting and 0 < lower <= upper.
+    """
+    if jax.tree.structure(lower) != jax.tree.structure(upper):
+        raise ValueError("`lower` and `upper` must have the same nesting.")
+    names, low = named(lower)
+    names_high, high = named(upper)
+    if names != names_high:
+        raise ValueError("`lower` and `upper` must have arrays of the same shapes.")
+    if len(low) == 0:
+        raise ValueError("`lower` holds no parameter.")
+    for name, a, b in zip(names, low, high, strict=True):
+        if not (np.isfinite(a) and np.isfinite(b) and 0 < a <= b):
+            raise ValueError(
+                f"Bounds of {name} are {a:g} and {b:g}; they must be positive, and the lower one "
+                "not above the upper."
+            )
+    _, unravel = ravel_pytree(jax.tree.map(lambda leaf: jnp.asarray(leaf, float), lower))
+    return Box(low, high, names, unravel)
+
+
+def first_in(box: Box, start: Any, lower: Any) -> Flat:
+    """Returns where a search begins: `start`, checked, or the middle on the logarithm."""
+    if start is None:
+        return np.sqrt(box.low * box.high)
+    if jax.tree.structure(start) != jax.tree.structure(lower):
+        raise ValueError("`start` must have the nesting of `lower`.")
+    names, first = named(start)
+    if first.shape != box.low.shape:
+        raise ValueError("`start` must have arrays of the same shapes as `lower`.")
+    for name, x, a, b in zip(names, first, box.low, box.high, strict=True):
+        if not a * (1 - 1e-9) <= x <= b * (1 + 1e-9):
+            raise ValueError(f"`start` has {name} = {x:g}, not between {a:g} and {b:g}.")
+    return np.clip(first, box.low, box.high)
+
+
+def named(tree: Any) -> tuple[list[str], Flat]:
+    """Returns names and values of all numbers in a nesting."""
+    names, values = [], []
+    for path, leaf in jax.tree_util.tree_leaves_with_path(tree):
+        array = np.asarray(leaf, float)
+        where = jax.tree_util.keystr(path, simple=True, separator=".") or "parameter"
+        for index in np.ndindex(array.shape):
+            names.append(where + "".join(f"[{i}]" for i in index))
+            values.append(float(array[index]))
+    return names, np.array(values)
+
+
+def text_of(parameters: Any) -> str:
+    """Returns names and values in one line."""
+    return ", ".join(f"{n} = {v:.6g}" for n, v in zip(*named(parameters), strict=True))
+
+
+class Evaluation(NamedTuple):
+    """Objective and constraints at some parameters, with their derivatives."""
+
+    value: float
+    limits: Float[np.ndarray, " constraints"]
+    slope: Float[np.ndarray, " parameters"]
+    slopes: Float[np.ndarray, "constraints parameters"]
 
 
 class Problem:
-    """Objective and constraints of a design, each point of it computed once.
+    """Objective and constraints of a design; each point is computed once.
 
     **Arguments:**
 
     - `objective`, `constraints`: functions of the parameters, the latter or None; if they are
-      random, of a key besides.
-    - `box`: where the parameters lie.
-    - `kept`: what is computed already; of a random problem it names "draw" as a last parameter.
+      random, also of a key.
+    - `box`: bounds of the parameters.
+    - `store`: of evaluations, under a name of all that the functions compute, or None.
     - `key`: of a random problem.
     """
 
@@ -30,11 +105,15 @@ class Problem:
         objective: Callable[..., Array],
         constraints: Callable[..., Array] | None,
         box: Box,
-        kept: Evaluations,
+        store: Store | None,
         key: Array | None = None,
     ):
-        self.box, self.kept, self.key = box, kept, key
+        self.box, self.store, self.key = box, store, key
         self.constrained = constraints is not None
+        self._found: dict[str, Evaluation] = {}
+
+        def value(x, *key):
+            return objective(box.unravel(x), *key)
 
         def limits(x, *key):
             if constraints is None:
@@ -42,35 +121,30 @@ class Problem:
             return jnp.ravel(jnp.asarray(constraints(box.unravel(x), *key)))
 
         self._limits = jax.jit(lambda x, *key: (limits(x, *key), jax.jacrev(limits)(x, *key)))
-        self._objective = jax.jit(
-            jax.value_and_grad(lambda x, *key: objective(box.unravel(x), *key))
-        )
+        self._objective = jax.jit(jax.value_and_grad(value))
+        if store is not None:
+            arguments = jnp.asarray(box.low), *self._keys(None if key is None else 0)
+            traced = jax.make_jaxpr(lambda *x: (value(*x), limits(*x)))(*arguments)
+            self._name = key_of(traced, str(traced.jaxpr))
 
-    def evaluate(self, x: Flat, draw: int | None = None, *, proven: bool = False) -> Evaluation:
-        """Returns objective and constraints; `proven`, even if a file has them already.
+    def evaluate(self, x: Flat, draw: int | None = None) -> Evaluation:
+        """Returns objective and constraints.
 
         **Arguments:**
 
         - `x`: flat parameters.
-        - `draw`: which draw of a random problem; None of another.
+        - `draw`: number of the draw of a random problem; None of another.
 
         **Raises:** `ValueError` for what is not finite.
         """
-        at = x if draw is None else np.append(x, draw)
-        kept = self.kept.get(at, proven)
-        if kept is not None:
-            return kept
-        value, slope = self._objective(x, *self._keys(draw))
-        if not np.isfinite(value):
-            raise ValueError(f"`objective` is {np.asarray(value)} at {self._text(x, draw)}.")
-        limits, slopes = self.limits(x, draw)
-        if not (np.all(np.isfinite(slope)) and np.all(np.isfinite(slopes))):
-            raise ValueError(f"A derivative is not finite at {self._text(x, draw)}.")
-        found = Evaluation(float(value), limits, np.asarray(slope), slopes)
-        self.kept.add(at, found)
-        return found
+        at = fingerprint(x, *map(jax.random.key_data, self._keys(draw)))
+        if at not in self._found:
+            self._found[at] = self._stored(at, x, draw)
+        return self._found[at]
 
-    def limits(self, x: Flat, draw: int | None = None) -> Limits:
+    def limits(
+        self, x: Flat, draw: int | None = None
+    ) -> tuple[Float[np.ndarray, " constraints"], Float[np.ndarray, "constraints parameters"]]:
         """Returns the constraints and their derivatives, computed anew.
 
         **Raises:** `ValueError` for constraints that are not finite.
@@ -80,13 +154,26 @@ class Problem:
             raise ValueError(f"`constraints` is {limits} at {self._text(x, draw)}.")
         return limits, slopes
 
-    def prove(self) -> None:
-        """Computes the first entry of a file again; other values than are kept are refused."""
-        first = self.kept.first
-        if first is None:
-            return
-        x, draw = (first, None) if self.key is None else (first[:-1], int(first[-1]))
-        self.evaluate(x, draw, proven=True)
+    def _stored(self, at: str, x: Flat, draw: int | None) -> Evaluation:
+        if self.store is None:
+            return self._computed(x, draw)
+        name = fingerprint(self._name, at)
+        point = self.store.read(name)
+        if point is None:
+            found = self._computed(x, draw)
+            self.store.write(name, Point(jax.tree.map(np.asarray, found._asdict())))
+            return found
+        arrays: Any = point.values
+        return Evaluation(**arrays)._replace(value=float(arrays["value"]))
+
+    def _computed(self, x: Flat, draw: int | None) -> Evaluation:
+        value, slope = self._objective(x, *self._keys(draw))
+        if not np.isfinite(value):
+            raise ValueError(f"`objective` is {np.asarray(value)} at {self._text(x, draw)}.")
+        limits, slopes = self.limits(x, draw)
+        if not (np.all(np.isfinite(slope)) and np.all(np.isfinite(slopes))):
+            raise ValueError(f"A derivative is not finite at {self._text(x, draw)}.")
+        return Evaluation(float(value), limits, np.asarray(slope), slopes)
 
     def _keys(self, draw):
         return () if self.key is None else (jax.random.fold_in(self.key, draw),)

@@ -1,13 +1,14 @@
-"""What a function computes: its program, apart from the numbers that go into it.
+"""A function of a point as JAX sees it: its key, and the compiled code.
 
-Heights of a surface, properties of a stack and whatever else a function closes over become
-arguments of the program, so that functions that differ in these numbers alone take the same
-compiled code, and compiling does not slow down with the surface.
+Arrays that the function closes over (heights, moduli of a stack) become arguments of the compiled
+code. So functions that differ in these arrays alone share it, and compiling does not slow down with
+the surface.
 """
 
+import logging
 import re
-from collections.abc import Callable, Iterator
-from typing import Any, NamedTuple, cast
+from collections.abc import Callable, Collection, Iterator
+from typing import Any, NamedTuple
 
 import jax
 import jax.numpy as jnp
@@ -15,59 +16,69 @@ import numpy as np
 from jax.extend import core
 
 from ..contact.problem import RESULTS
+from ..files.dataset import FAILED, package_versions
 from ..files.toml import nearest
-from .store import fingerprint
+from .store import Point, fingerprint
 
 _ADDRESS = re.compile(r" at 0x[0-9a-f]+")
+_MOST_COMPILED = 8  # programs that stay for later sweeps in this process
+_COMPILED: dict[str, Any] = {}
+
+# The numbers of a point, and the names of its results that are needed; None: all.
+Task = tuple[dict[str, np.generic], Collection[str] | None]
 
 
 class Program(NamedTuple):
-    """A function of a point as JAX sees it (https://docs.jax.dev/en/latest/jaxpr.html).
+    """A traced function (https://docs.jax.dev/en/latest/jaxpr.html).
 
     **Fields:**
 
     - `function`: what was traced.
-    - `jaxpr`: takes `numbers`, then those of a point.
-    - `text`: of `jaxpr`, which takes longer to write than many a solve.
-    - `numbers`: arrays that the function closes over.
-    - `point`: one that it was traced with; only dtypes count.
+    - `point`: one that it was traced at; only names and dtypes count.
+    - `closed`: the jaxpr, and the arrays that the function closes over.
+    - `text`: of the jaxpr and of the names of what it returns.
     - `like`: shapes and dtypes of what it returns: arrays by name, and a member of `RESULTS`.
     """
 
     function: Callable[[dict[str, Any]], Any]
-    jaxpr: core.Jaxpr
-    text: str
-    numbers: list[Any]
     point: dict[str, np.generic]
+    closed: core.ClosedJaxpr
+    text: str
     like: tuple[dict[str, jax.ShapeDtypeStruct], Any]
 
     @property
-    def unused(self) -> list[str]:
-        """Names of the numbers of a point on which nothing depends."""
-        used = {id(atom) for equation in self.jaxpr.eqns for atom in equation.invars}
-        used |= {id(atom) for atom in self.jaxpr.outvars}
-        names = zip(sorted(self.point), self.jaxpr.invars[len(self.numbers) :], strict=True)
-        return [name for name, variable in names if id(variable) not in used]
+    def key(self) -> str:
+        """64 hexadecimal digits that differ if the function computes anything else.
 
-    def __call__(self, numbers: list[Any], point: dict[str, Any]) -> tuple[dict[str, Any], Any]:
-        """Returns what the function gives with other numbers, at another point."""
-        run = core.jaxpr_as_fun(core.ClosedJaxpr(self.jaxpr, []))
-        flat = run(*numbers, *jax.tree.leaves(point))
-        return jax.tree.unflatten(jax.tree.structure(self.like), flat)
+        They count each array that it closes over, bit for bit, but not what Python does in a
+        callback.
+        """
+        return key_of(self.closed, self.text)
+
+    @property
+    def unused(self) -> list[str]:
+        """Names of the axes on which no result depends."""
+        jaxpr = self.closed.jaxpr
+        used = {id(atom) for equation in jaxpr.eqns for atom in equation.invars}
+        used |= {id(atom) for atom in jaxpr.outvars}
+        return [
+            n for n, v in zip(sorted(self.point), jaxpr.invars, strict=True) if id(v) not in used
+        ]
 
 
 def trace(function: Callable[[dict[str, Any]], Any], point: dict[str, np.generic]) -> Program:
     """Returns the program of a function of a point.
 
-    It gives the arrays that the function returns, in any nesting, by their paths, complex ones as
-    real and imaginary parts; and how its solves ended: of several, the last that did not succeed.
+    The program returns the arrays of the function by their paths, complex ones as real and
+    imaginary parts, and how its solves ended: the last that did not succeed.
 
-    **Raises:** `ValueError` if the function asks for what the point does not have; what JAX raises
-    for a function that it cannot trace.
+    **Raises:** `ValueError` if the function reads a name that the point does not have; what JAX
+    raises for a function that it cannot trace.
     """
-    # What is compiled apart would keep its numbers.
-    apart = isinstance(function, jax.stages.Wrapped)
-    inner = cast(Any, function).__wrapped__ if apart else function
+    # The arrays of a jitted function would be constants of the compiled code.
+    inner: Any = function
+    if isinstance(function, jax.stages.Wrapped):
+        inner = inner.__wrapped__
     try:
         closed, like = jax.make_jaxpr(lambda p: _named(inner(p)), return_shape=True)(point)
     except KeyError as error:
@@ -75,45 +86,48 @@ def trace(function: Callable[[dict[str, Any]], Any], point: dict[str, np.generic
         if not isinstance(name, str) or name in point:
             raise
         raise ValueError(
-            f"`function` asks for {name!r}, which no axis has; {nearest(name, point)}"
+            f"`function` reads {name!r}, which is no axis; {nearest(name, point)}"
         ) from error
-    variables, numbers = list(closed.jaxpr.constvars), list(closed.consts)
-
-    def lifted(atom):  # single numbers stand in the text of the program
-        shape: Any = atom.aval
-        if not isinstance(atom, core.Literal) or not jnp.issubdtype(shape.dtype, jnp.inexact):
-            return atom
-        variables.append(core.Var(shape))
-        numbers.append(np.asarray(atom.val, shape.dtype))
-        return variables[-1]
-
-    equations = [
-        equation.replace(invars=[lifted(atom) for atom in equation.invars])
-        for equation in closed.jaxpr.eqns
-    ]
-    arguments = [*variables, *closed.jaxpr.invars]
-    jaxpr = closed.jaxpr.replace(constvars=[], invars=arguments, eqns=equations)
-    return Program(inner, jaxpr, str(jaxpr), numbers, point, like)
+    names = jax.tree.structure((point, like))
+    return Program(inner, point, closed, f"{closed.jaxpr} {names}", like)
 
 
-def identity(program: Program) -> str:
-    """Returns 64 hexadecimal digits that differ if a program computes anything else.
-
-    Each number that it closes over counts bit for bit. A library that changes the program changes
-    them as well. What Python does in a callback they do not see.
-    """
-    numbers = [_plain(number) for number in (*program.numbers, *_inside(program.jaxpr))]
-    return fingerprint(_ADDRESS.sub("", program.text), *numbers)
+def key_of(closed: core.ClosedJaxpr, text: str) -> str:
+    """Returns the key of a traced function and its text, see `Program.key`."""
+    arrays = [*closed.consts, *_inside(closed.jaxpr)]
+    versions = [package_versions()[f"version_{name}"] for name in ("graded_contact", "jax")]
+    return fingerprint(versions, _ADDRESS.sub("", text), *map(_plain, arrays))
 
 
-def code_of(program: Program) -> str:
-    """Returns 64 hexadecimal digits that differ if compiled code would, in this process.
+def compiled(program: Program) -> Callable[[Task], Point]:
+    """Returns what solves one point; a point that fails has no values and its reason."""
+    jaxpr = program.closed.jaxpr
+    open_jaxpr = jaxpr.replace(constvars=[], invars=[*jaxpr.constvars, *jaxpr.invars])
+    code = fingerprint(program.text, *map(_plain, _inside(jaxpr)))
+    if code not in _COMPILED:
+        if len(_COMPILED) == _MOST_COMPILED:
+            del _COMPILED[next(iter(_COMPILED))]
+        run = jax.jit(core.jaxpr_as_fun(core.ClosedJaxpr(open_jaxpr, [])))
+        _COMPILED[code] = run.lower(
+            *program.closed.consts, *jax.tree.leaves(program.point)
+        ).compile()
+    run, arrays = _COMPILED[code], jax.device_put(program.closed.consts)
+    names = jax.tree.structure(program.like)
 
-    Unlike in `identity`, numbers that are its arguments do not count, and callbacks do.
-    """
-    inside = [_plain(number) for number in _inside(program.jaxpr)]
-    names = str(jax.tree.structure((program.point, program.like)))
-    return fingerprint(program.text, names, *inside)
+    def solve(task):
+        point, needed = task
+        log = logging.getLogger("jax._src.callback")
+        log.addFilter(_nothing)  # JAX prints a traceback for a point that fails
+        try:
+            found = jax.tree.map(np.asarray, run(*arrays, *jax.tree.leaves(point)))
+        except (ValueError, RuntimeError) as error:
+            return Point({}, FAILED + _reason(error))
+        finally:
+            log.removeFilter(_nothing)
+        values, end = jax.tree.unflatten(names, found)
+        return Point({name: values[name] for name in needed or values}, RESULTS[end])
+
+    return solve
 
 
 def _named(found: Any) -> tuple[dict[str, jax.Array], Any]:
@@ -123,12 +137,10 @@ def _named(found: Any) -> tuple[dict[str, jax.Array], Any]:
         name = jax.tree_util.keystr(path, simple=True, separator=".") or "value"
         if _is_result(leaf):
             end = RESULTS.where(leaf == RESULTS.successful, end, leaf)
-            continue
-        leaf = jnp.asarray(leaf)
-        if jnp.iscomplexobj(leaf):
-            arrays |= {f"{name}.real": leaf.real, f"{name}.imag": leaf.imag}
+        elif jnp.iscomplexobj(leaf):
+            arrays |= {f"{name}.real": jnp.real(leaf), f"{name}.imag": jnp.imag(leaf)}
         else:
-            arrays[name] = leaf
+            arrays[name] = jnp.asarray(leaf)
     return arrays, end
 
 
@@ -137,7 +149,7 @@ def _is_result(value: Any) -> bool:
 
 
 def _inside(jaxpr: Any) -> Iterator[Any]:
-    """The numbers that programs inside a program close over, which their text abridges."""
+    """The arrays that jitted functions inside close over, which the text abridges."""
     for equation in jaxpr.eqns:
         for inner in jax.tree.leaves(equation.params):
             if hasattr(inner, "eqns"):
@@ -145,7 +157,25 @@ def _inside(jaxpr: Any) -> Iterator[Any]:
                 yield from _inside(inner)
 
 
-def _plain(number: Any) -> np.ndarray:
-    if jnp.issubdtype(number.dtype, jax.dtypes.prng_key):
-        number = jax.random.key_data(number)
-    return np.asarray(number)
+def _plain(array: Any) -> np.ndarray:
+    if jnp.issubdtype(array.dtype, jax.dtypes.prng_key):
+        array = jax.random.key_data(array)
+    return np.asarray(array)
+
+
+def _nothing(record: logging.LogRecord) -> bool:
+    return False
+
+
+def _reason(error: Exception) -> str:
+    """Why a point failed, without the traceback that compiled code puts around it.
+
+    **Raises:** `MemoryError` and `KeyboardInterrupt`, which compiled code reports as errors of its
+    own: they are not the point's.
+    """
+    reason = str(error).rpartition("Error: ")[2].partition("\n\n")[0].strip()
+    if "RESOURCE_EXHAUSTED" in str(error):
+        raise MemoryError(reason) from error
+    if "KeyboardInterrupt" in str(error):
+        raise KeyboardInterrupt from error
+    return reason

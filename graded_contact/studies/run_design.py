@@ -3,8 +3,7 @@
 import dataclasses
 import math
 from functools import partial
-from pathlib import Path
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 from jaxtyping import Float
@@ -13,7 +12,6 @@ from ..core.display import shown
 from ..core.memory import DERIVATIVE, check_memory
 from ..core.parameters import paths, with_values
 from ..files.design_scene import DesignScene
-from ..files.results import package_versions
 from ..files.surfaces import RandomSurface
 from ..files.toml import within
 from ..persson.mean_field import MeanField
@@ -29,9 +27,9 @@ from .design_problem import (
     mean_field_problem,
     silent,
 )
-from .extrapolation import refuse_extrapolated
-from .run import scene_memory
-from .store import Store, fingerprint
+from .run_scene import scene_memory
+from .scene_theory import refuse_extrapolated
+from .store import Store
 
 POLISHING_STEPS = 6
 POLISHING = 10  # evaluations, about
@@ -105,7 +103,7 @@ def run_design(
             constraints=constraints,
             num_starts=study.starts,
             seed=study.seed,
-            store=_evaluations(study, store, "mean-field", study.spectrum),
+            store=store,
             progress=lambda i, value: say(f"design, value {value:.4g}", i, study.starts),
         )
     stacks = {"before": own, "designed": with_values(own, design.parameters)}
@@ -146,19 +144,6 @@ def check_design(study: DesignScene) -> None:
     )
 
 
-def _evaluations(study: DesignScene, store: Store | None, kind: str, *decides: Any) -> Path | None:
-    """The file for the evaluations of a search, named by all that decides their values."""
-    if store is None:
-        return None
-    scene = study.scene
-    name = fingerprint(
-        package_versions(), scene.stack, scene.pressure, scene.velocity, study.objective,
-        study.wanted, study.relative, study.band, study.stiffness, study.total_thickness,
-        scene.graded_solver, sorted(study.lower), *decides,
-    )  # fmt: skip
-    return store.folder / f"{kind}-{name[:16]}.jsonl"
-
-
 def _polish(study: DesignScene, design: Design, store: Store | None, say: Progress) -> Design:
     """A few steps from the design, by the contact solver's gradients."""
     done = 0
@@ -169,8 +154,6 @@ def _polish(study: DesignScene, design: Design, store: Store | None, say: Progre
         say(f"polish, value {value:.4g}", min(done, POLISHING), POLISHING)
 
     objective, constraints = contact_problem(study, store=store, progress=say)
-    scene = study.scene
-    decides = (scene.surface, study.verify, scene.solver, scene.tolerance)
     say("polish", 0, POLISHING)
     polished = minimise(
         objective,
@@ -180,7 +163,7 @@ def _polish(study: DesignScene, design: Design, store: Store | None, say: Progre
         constraints=constraints,
         num_starts=1,
         max_steps=POLISHING_STEPS,
-        store=_evaluations(study, store, "polish", *decides),
+        store=store,
         progress=after_evaluation,
     )
     say("polish", POLISHING, POLISHING)

@@ -1,12 +1,45 @@
-"""The mean field of a scene, beside its contacts."""
+"""What is known of a scene without solving its contacts: its mean field and its materials.
 
+Friction of frequencies at which no material was measured is refused before the first solve.
+Errors of materials are carried to the friction; the mean field tells which frequencies decide it.
+"""
+
+import contextlib
+import dataclasses
+from collections.abc import Callable
 from typing import Any
 
+import jax
+import numpy as np
+from jaxtyping import ArrayLike
+from scipy.linalg import block_diag
+
+from ..core.parameters import places
+from ..core.warnings import EXTRAPOLATED
+from ..fields.grid import Grid, wave_frequencies
+from ..files.parameter_covariance import Errors
 from ..files.scene import Scene
 from ..files.surfaces import RandomSurface
+from ..files.toml import within
 from ..persson.mean_field import MeanField, mean_field_friction
+from ..response.stack import Stack
+from ..rheology.material import Prony
+from ..rheology.measured import check_frequencies, coverage, is_unknown
+from ..rheology.shift import require_shift
 from ..roughness.surface import Surface, radial_spectrum
-from .extrapolation import velocity_vector
+from .uncertainty import Sensitivity, sensitivity
+
+PER_DECADE = 8  # frequencies of a table of moduli
+SLOWER = 0.01  # waves across the velocity excite lower frequencies than those along it
+
+
+def velocity_vector(speed: Any, direction: float) -> Any:
+    """Returns the velocity as `slide` takes it: one number along x, otherwise two components."""
+    if direction == 0:
+        return speed
+    unit = np.array([np.cos(direction), np.sin(direction)])
+    # Rounding of a right angle would excite frequencies near zero.
+    return speed * np.where(np.abs(unit) < 1e-12, 0, unit)
 
 
 def mean_field_at(scene: Scene, surface: Surface, index: tuple[int, ...]) -> MeanField:
@@ -35,3 +68,152 @@ def roughness_of(scene: Scene, surface: Surface) -> Any:
     if isinstance(scene.surface, RandomSurface):
         return scene.surface.spectrum
     return radial_spectrum(surface)
+
+
+def check_frequencies_of(scene: Scene, surface: Surface) -> None:
+    """Refuses, before the first solve, friction of frequencies that no material was measured at.
+
+    What a table of moduli does not hold is refused whatever its share. A series is refused if more
+    than 1 % of the friction at some velocity comes from where it only extrapolates, by the mean
+    field of the surface at the highest pressure, unless [load] has `extrapolate = true` or a table
+    of moduli `extrapolate = "plateau"`. Each temperature and block of [sweep] is looked at.
+    """
+    for point, stack in scene.blocks():
+        if coverage(stack) is None:  # then of no other block
+            return
+        where = ", ".join(f"{name} = {value:g}" for name, value in point.items())
+        with within(f"At {where}:") if where else contextlib.nullcontext():
+            _check_block(scene, stack, surface)
+
+
+def _check_block(scene: Scene, stack: Stack, surface: Surface) -> None:
+    with within("[load] `velocity` and the surface:"):
+        check_frequencies(stack, _excited(scene, surface.grid))
+
+    def shares() -> np.ndarray:
+        return np.array([
+            mean_field_friction(
+                stack,
+                surface,
+                pressure=np.max(scene.pressure),
+                velocity=velocity_vector(v, scene.direction),
+                graded_solver=scene.graded_solver,
+                throw=False,
+            ).extrapolated_friction
+            for v in scene.velocity
+        ])  # fmt: skip
+
+    refuse_extrapolated(scene, stack, surface.grid, shares)
+
+
+def refuse_extrapolated(
+    scene: Scene, stack: Stack, grid: Grid, friction_shares: Callable[[], ArrayLike]
+) -> None:
+    """Refuses friction that comes from where a material only extrapolates, unless that is allowed.
+
+    **Arguments:**
+
+    - `scene`: its velocities.
+    - `stack`: its block, at some temperature.
+    - `grid`: of its surface.
+    - `friction_shares`: returns the share [1] at each velocity; called if any wave is outside.
+
+    **Raises:** `ValueError` for a share of more than 1 %.
+    """
+    found, excited = coverage(stack), _excited(scene, grid)
+    if scene.extrapolate or found is None:
+        return
+    low, high = map(float, found)
+    if not np.any(is_unknown(excited, (low, high))):
+        return
+    shares = np.asarray(friction_shares())
+    refused = shares > EXTRAPOLATED
+    if np.any(refused):
+        where = (
+            f"the materials of the block were measured from {low:.3g} to {high:.3g} rad/s"
+            if low <= high
+            else "there is no frequency at which all materials of the block were measured, at this "
+            "temperature"
+        )
+        speeds = np.abs(scene.velocity[refused])
+        raise ValueError(
+            f"[load] `velocity` and the surface excite {np.min(excited[excited > 0]):.3g} to "
+            f"{np.max(excited):.3g} rad/s, but {where}: up to {np.max(shares):.0%} of the friction "
+            f"at {np.sum(refused)} of {len(shares)} velocities ({np.min(speeds):.3g} to "
+            f"{np.max(speeds):.3g} m/s) would come from outside. Take other velocities or another "
+            "temperature, or set `extrapolate = true` in [load]."
+        )
+
+
+def _excited(scene: Scene, grid: Grid) -> np.ndarray:
+    """Frequencies [rad/s] of all waves at each velocity."""
+    velocities = [velocity_vector(v, scene.direction) for v in scene.velocity]
+    return np.abs([np.asarray(wave_frequencies(grid, v)) for v in velocities])
+
+
+def errors_of_stack(scene: Scene) -> Errors | None:
+    """Returns what is known of the numbers of a scene's stack, None if of none.
+
+    A material that lies at several places is off alike at all of them.
+    """
+    names, blocks = [], []
+    for _, material, known in scene.errors:
+        at = places(scene.stack, material)
+        if at:
+            names += [f"{place}.{path}" for place in at for path in known.paths]
+            blocks.append(np.tile(known.directions, len(at)))
+    return Errors(tuple(names), block_diag(*blocks)) if names else None
+
+
+def what_decides(scene: Scene, surface: Surface) -> dict[tuple[str, float], Sensitivity]:
+    """Returns which frequencies of its materials decide the friction of a scene.
+
+    By the mean field of an isotropic surface, for each series of which errors are known: at the
+    slowest, a middle and the fastest velocity that is not 0, the highest pressure, the first
+    temperature and the block as it is written, without [sweep].
+
+    **Arguments:**
+
+    - `scene`, `surface`: what was run.
+
+    **Returns:** the sensitivity by the name of the material and the velocity [m/s]; frequencies are
+    those at the scene's temperature.
+    """
+    speeds = np.unique(np.abs(scene.velocity[scene.velocity != 0]))
+    found = {}
+    for name, material, _ in scene.errors:
+        if not isinstance(material, Prony) or not places(scene.stack, material):
+            continue
+        for speed in np.unique(speeds[[0, len(speeds) // 2, -1]] if len(speeds) else speeds):
+            found[name, float(speed)] = _decided_by(scene, surface, material, speed)
+    return found
+
+
+def _decided_by(scene: Scene, surface: Surface, material: Prony, speed: float) -> Sensitivity:
+    grid, rough = surface.grid, roughness_of(scene, surface)
+    ends = SLOWER * 2 * np.pi / np.max(grid.size), np.pi / np.min(grid.spacing)
+    count = int(PER_DECADE * np.log10(ends[1] / ends[0])) + 2
+    omega, factor, point = np.geomspace(*ends, count) * speed, 1.0, {}
+    if scene.temperature is not None:
+        point["temperature"] = np.ravel(scene.temperature)[0]
+        factor = float(require_shift(material.shift).factor(point["temperature"]))
+
+    def friction(table: Any) -> jax.Array:
+        swapped = jax.tree.map(
+            lambda node: table if node is material else node,
+            scene.stack,
+            is_leaf=lambda node: node is material,
+        )
+        block = dataclasses.replace(scene, stack=swapped, sweep={}).block(point)
+        return mean_field_friction(
+            block,
+            rough,
+            pressure=np.max(scene.pressure),
+            velocity=speed,
+            graded_solver=scene.graded_solver,
+            throw=False,
+        ).friction
+
+    # The table is about the temperature at which the material is written.
+    found = sensitivity(friction, material, omega * factor)
+    return Sensitivity(found.omega / factor, found.storage, found.loss)

@@ -28,10 +28,9 @@ from jaxtyping import Array, Float, PRNGKeyArray
 from scipy.optimize import minimize
 
 from ..core.checks import check_types, check_values, check_whole
-from .bounds import Flat, box_of, first_in
-from .design import Design, History, Run, elasticities
-from .evaluations import MARGIN, Evaluations
-from .problem import Problem
+from .design import MARGIN, Design, History, Run, elasticities
+from .problem import Flat, Problem, box_of, first_in
+from .store import Store, opened
 
 LEARNING_RATE = 0.1  # of the logarithms at first; it falls to zero as a cosine
 STIFFNESS = 10.0  # of the penalty: one tenth missed pulls as the objective does
@@ -56,7 +55,7 @@ def minimise_expected(
     num_checks: int = 16,
     seed: int = 0,
     rtol: float = 0.01,
-    store: str | Path | None = None,
+    store: str | Path | Store | None = None,
     progress: Callable[[int, float], None] | None = None,
 ) -> Design:
     """Returns the parameters between `lower` and `upper` that make the mean of `objective` least.
@@ -74,7 +73,7 @@ def minimise_expected(
     - `seed`: of all draws: the same gives the same design.
     - `rtol`: change and standard error of the value, over the objective's size, up to which
       the result counts as converged.
-    - `store`: as in `minimise`: a run that was cut off goes on from its last step.
+    - `store`: as in `minimise`.
     - `progress`: called with the number and the value of each draw; what it raises ends the run.
 
     **Returns:** the design; its value, margins and elasticities are means over the draws that
@@ -89,19 +88,18 @@ def minimise_expected(
     check_values("rtol", rtol, "it lies between 0 and 1", above=0, at_most=1)
     box = box_of(lower, upper)
     first = first_in(box, start, lower)
-    kept = Evaluations(store, [*box.names, "draw"])
-    problem = Problem(objective, constraints, box, kept, jax.random.key(seed))
-    problem.prove()
-    path = _descend(problem, first, optimiser, num_steps, progress)
-    # One set of draws to move the mean by, another to judge where that led.
-    last = num_steps + num_checks
-    x = _nearest_allowed(problem, np.mean(path.points, axis=0), range(last, last + num_checks))
-    return _judged(problem, x, path, range(num_steps, last), rtol)
+    with opened(store) as points:
+        problem = Problem(objective, constraints, box, points, jax.random.key(seed))
+        path = _descend(problem, first, optimiser, num_steps, progress)
+        # One set of draws to move the mean by, another to judge where that led.
+        last = num_steps + num_checks
+        x = _nearest_allowed(problem, np.mean(path.points, axis=0), range(last, last + num_checks))
+        return _judged(problem, x, path, range(num_steps, last), rtol)
 
 
 def _judged(problem: Problem, x: Flat, path: "_Path", draws: range, rtol: float) -> Design:
     """The design at `x`, by draws that no step has seen."""
-    checks = [problem.evaluate(x, draw, proven=draw == draws[0]) for draw in draws]
+    checks = [problem.evaluate(x, draw) for draw in draws]
     values, limits, slopes = (
         np.array([getattr(check, name) for check in checks])
         for name in ("value", "limits", "slope")

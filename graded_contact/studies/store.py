@@ -1,103 +1,77 @@
-"""Finished points of a study, kept on disk one by one; what was finished survives any end.
+"""Finished points of a study on the disk, one file each: no later end of the process loses them.
 
-A store is a folder with one HDF5 file per point, named by a fingerprint of everything that decides
-the point's numbers. A file is written under another name, brought to the disk and renamed, so that
-it is whole or absent. It begins with a digest of itself, so that a damaged one is known. A lock
-refuses a second writer; it ends with its process, however that ends.
+A store is a folder. The name of a file is a fingerprint of all that decides the numbers of the
+point. A file is whole or absent, and damage is detected (`files/sealed.py`). A lock refuses a
+second process that writes; the lock ends with its process, however that ends.
 """
 
 import contextlib
-import dataclasses
 import hashlib
+import io
 import os
-import socket
-import sys
-from collections.abc import Iterator
 from pathlib import Path
-from typing import Any
+from typing import Any, NamedTuple
 
-import h5py
+import filelock
 import jax
 import numpy as np
 
-from ..files.hdf5 import sealed_file
-from ..files.sealed import is_sealed
+from ..files.sealed import read_sealed, write_sealed
 
 
 def fingerprint(*parts: Any) -> str:
     """Returns 64 hexadecimal digits that differ if any of `parts` does, the same in any process.
 
-    Parts are numbers, texts, None, arrays (bit for bit, with dtype and shape), and lists, tuples,
-    dicts and dataclasses (such as stacks and solvers) of these.
+    Parts are trees of JAX, such as stacks, solvers, lists and dicts, of numbers, texts and arrays
+    (bit for bit, with dtype and shape).
 
-    **Raises:** `ValueError` for anything else: a function has no name that lasts.
+    **Raises:** `ValueError` for anything else: a function has no lasting name.
     """
-    digest = hashlib.sha256()
-    for piece in _pieces(parts):
-        digest.update(f"{len(piece)}:".encode() + piece)
-    return digest.hexdigest()
+    leaves, structure = jax.tree.flatten(parts)
+    if " at 0x" in str(structure):
+        raise ValueError(f"{structure} has a function, which has no lasting name.")
+    pieces = [str(structure).encode()]
+    for leaf in leaves:
+        array = np.asarray(leaf)
+        if array.dtype.kind in "biufc" and not isinstance(leaf, bool | int | float | complex):
+            pieces.append(f"{array.dtype.str}{array.shape}".encode() + array.tobytes())
+        elif array.dtype.kind in "biufcUS":
+            kind = f"{type(leaf).__name__}{array.shape}"
+            pieces.append(f"{kind}{array.tolist()!r}".encode("utf-8", "surrogatepass"))
+        else:
+            raise ValueError(f"{leaf!r} has no lasting name.")
+    lengths = [f"{len(piece)}:".encode() for piece in pieces]
+    return hashlib.sha256(b"".join([*lengths, *pieces])).hexdigest()
 
 
-def _pieces(value: Any) -> Iterator[bytes]:
-    """What a value consists of, each kind of it announced: no two values give the same pieces."""
-    kind = f"{type(value).__module__}.{type(value).__qualname__}"
-    if value is None or isinstance(value, bool | int | float | complex | str | bytes):
-        yield f"{kind} {value!r}".encode("utf-8", "surrogatepass")
-    elif isinstance(value, jax.Array | np.ndarray | np.generic):
-        array = np.asarray(value)
-        text = array.dtype.kind in "OU"
-        yield f"array {'text' if text else array.dtype.str} {array.shape}".encode()
-        yield from _pieces(array.tolist()) if text else [np.ascontiguousarray(array).tobytes()]
-    elif isinstance(value, list | tuple):
-        yield f"{len(value)} entries".encode()
-        for entry in value:
-            yield from _pieces(entry)
-    elif isinstance(value, dict):
-        yield b"dict"
-        yield from _pieces(sorted(value.items()))
-    elif dataclasses.is_dataclass(value) and not isinstance(value, type):
-        yield kind.encode()
-        yield from _pieces({f.name: getattr(value, f.name) for f in dataclasses.fields(value)})
-    else:
-        raise ValueError(f"A {kind} cannot be told from others by its value: {value!r}.")
-
-
-@dataclasses.dataclass(frozen=True, eq=False)
-class Point:
-    """What a study found at one point.
+class Point(NamedTuple):
+    """Result of one point.
 
     **Fields:**
 
     - `values`: numbers and fields by name, any shapes.
     - `message`: why it failed; empty where it succeeded.
-    - `inputs`: what the point is of, for people: numbers and texts by name.
     """
 
     values: dict[str, np.ndarray]
-    message: str
-    inputs: dict[str, Any]
+    message: str = ""
 
 
-def reason_of(error: Exception) -> str:
-    """Returns why a point failed, without the traceback that compiled code puts around it.
-
-    **Raises:** `MemoryError` and `KeyboardInterrupt`, which compiled code tells as errors of its
-    own, and which are not the point's.
-    """
-    reason = str(error).rpartition("Error: ")[2].partition("\n\n")[0].strip()
-    if "RESOURCE_EXHAUSTED" in str(error):
-        raise MemoryError(reason) from error
-    if "KeyboardInterrupt" in str(error):
-        raise KeyboardInterrupt from error
-    return reason
+def opened(
+    store: "str | os.PathLike | Store | None",
+) -> contextlib.AbstractContextManager["Store | None"]:
+    """Gives a store that is open: `store`, or a new one of this folder."""
+    if isinstance(store, str | os.PathLike):
+        return Store(store)
+    return contextlib.nullcontext(store)
 
 
 class Store:
-    """A folder of finished points; `with Store(folder) as store:` makes it and locks it.
+    """A folder of finished points; `with Store(folder) as store:` makes and locks it.
 
     **Arguments:**
 
-    - `folder`: where; it is made if it does not exist.
+    - `folder`: it is made if it does not exist.
 
     **Raises:** on entry, `BlockingIOError` if another process writes to it, `OSError` if nothing
     can be written there.
@@ -106,80 +80,57 @@ class Store:
     def __init__(self, folder: str | os.PathLike):
         self.folder = Path(folder)
         self.damaged: list[Path] = []
+        self._lock = filelock.FileLock(self.folder / "lock")
 
     def __enter__(self) -> "Store":
         try:
             self.folder.mkdir(parents=True, exist_ok=True)
-            handle = os.open(self.folder / "lock", os.O_RDWR | os.O_CREAT, 0o666)
+            self._lock.acquire(timeout=0)
+        except filelock.Timeout:
+            raise BlockingIOError(
+                f"`{self.folder}` is being written by another process. Wait until it ends, or take "
+                "another folder."
+            ) from None
         except OSError as error:
             raise OSError(
                 f"Nothing can be written to the folder `{self.folder}`: {error.strerror}."
             ) from error
-        self._lock = _lock(handle, self.folder)
         for leftover in self.folder.glob(".*.partial"):  # of a killed process
             leftover.unlink(missing_ok=True)
         return self
 
     def __exit__(self, *_: object) -> None:
-        os.close(self._lock)
+        self._lock.release()
 
     def path(self, name: str) -> Path:
         """Returns the file of a point, whether or not it exists."""
-        return self.folder / f"{name}.h5"
+        return self.folder / f"{name}.point"
 
     def read(self, name: str) -> Point | None:
         """Returns the point of this name; None if it is absent or damaged.
 
-        The paths of damaged ones are added to `damaged`.
+        The paths of damaged files are added to `damaged`.
         """
         path = self.path(name)
-        if not path.exists():
+        try:
+            with np.load(io.BytesIO(read_sealed(path))) as file:
+                found = dict(file)
+        except FileNotFoundError:
             return None
-        if not is_sealed(path, name):
+        except ValueError:
+            found = {"name": np.array(None)}
+        if found.pop("name") != name:
             self.damaged.append(path)
             return None
-        with h5py.File(path) as file:
-            arrays: Any = file.get("values", {})
-            return Point(
-                values={key: np.asarray(array[()]) for key, array in arrays.items()},
-                message=str(file.attrs["message"]),
-                inputs=dict(file["inputs"].attrs),
-            )
+        message = str(found.pop("message"))
+        return Point({key.removeprefix("values/"): array for key, array in found.items()}, message)
 
     def write(self, name: str, point: Point) -> None:
-        """Keeps a point; on return it is on the disk.
+        """Writes a point; on return it is on the disk.
 
-        **Raises:** `OSError` if it cannot be written; whatever was kept before stays whole.
+        **Raises:** `OSError` if it cannot be written; other files, and an earlier one, stay whole.
         """
-        with sealed_file(self.path(name), name) as file:
-            file.attrs["message"] = point.message
-            file.create_group("inputs", track_order=True).attrs.update(point.inputs)
-            for key, values in point.values.items():
-                file[f"values/{key}"] = values
-
-
-def _lock(handle: int, folder: Path) -> int:
-    """Locks a folder for this process by an open file in it; returns what to close to unlock it."""
-    try:
-        if sys.platform == "win32":
-            import msvcrt
-
-            msvcrt.locking(handle, msvcrt.LK_NBLCK, 1)
-        else:
-            import fcntl
-
-            fcntl.flock(handle, fcntl.LOCK_EX | fcntl.LOCK_NB)
-    except (BlockingIOError, PermissionError):
-        os.close(handle)
-        who = (folder / "lock").read_text().strip()
-        raise BlockingIOError(
-            f"`{folder}` is being written by another process ({who}). Wait until it ends, or take "
-            "another folder."
-        ) from None
-    except OSError:
-        # The file system has no locks. Two writers then do the same work twice, and no harm.
-        return handle
-    with contextlib.suppress(OSError):  # for people only: a full disk does not matter here
-        os.truncate(handle, 0)
-        os.write(handle, f"process {os.getpid()} on {socket.gethostname()}\n".encode())
-    return handle
+        content = io.BytesIO()
+        arrays: Any = {f"values/{key}": array for key, array in point.values.items()}
+        np.savez(content, name=name, message=point.message, **arrays)
+        write_sealed(self.path(name), content.getvalue())

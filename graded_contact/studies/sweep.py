@@ -1,20 +1,26 @@
-"""A function at many points of named axes, each point kept at once."""
+"""A function at many points of named axes; each result is stored when it ends."""
 
 import contextlib
+import importlib.util
 import os
-from collections.abc import Callable, Collection, Mapping, Sequence
-from typing import Any, Literal
+import time
+from collections.abc import Callable, Collection, Generator, Mapping, Sequence
+from typing import TYPE_CHECKING, Any, Literal
 
+import jax
 import numpy as np
 
 from ..core.checks import Numbers, as_float, check_values, short
 from ..core.memory import SMALL, available_memory, in_gigabytes
-from ..files.results import package_versions
-from ..files.study import FAILED, LOST, NOT_STARTED, Study, units_of
-from .chunk import Work, bytes_of
-from .engine import check_engine, solved
-from .program import Program, identity, trace
-from .store import Point, Store, fingerprint
+from ..files.dataset import FAILED, LOST, NOT_STARTED, attach
+from .program import Program, Task, compiled, trace
+from .store import Point, Store, fingerprint, opened
+from .workers import check_workers, connected, num_cores, on_workers, pays
+
+if TYPE_CHECKING:
+    from xarray import Dataset
+
+Workers = int | Literal["auto"] | None
 
 
 def sweep(
@@ -22,68 +28,74 @@ def sweep(
     axes: Mapping[str, Numbers] | Sequence[Mapping[str, Any]],
     *,
     store: str | os.PathLike | Store | None = None,
-    workers: int | Literal["auto"] | None = None,
-    scheduler: str | None = None,
+    workers: Workers = None,
     client: Any = None,
     units: Mapping[str, str] | None = None,
     progress: Callable[[int, int], None] | None = None,
-) -> Study:
-    """Returns what a function gives at every point of a grid, or of a list.
+) -> "Dataset":
+    """Returns the results of a function at every point of a grid, or of a list.
 
-    Points are solved in this process by one compiled program, unless workers are asked for; the
-    bits are the same. A point that fails is kept with its reason, one whose solver did not converge
-    with its message and its numbers, and the rest goes on. With a `store` every finished point is
-    on the disk at once, and a rerun computes what is missing there, and what only the machine
-    failed at (its worker died); another function, which is told
-    by its program, is another study. Ctrl-C returns what there is, with "not started" for the rest.
+    One compiled function solves all points. A point that fails has its reason and NaN; a point
+    whose solver did not converge has the message of the solver and its numbers. With a `store`
+    each result is on the disk when its point ends; the same call then solves only the points that
+    are not there, and those whose worker died. Another function, or another number that it closes
+    over, is another study. Ctrl-C returns the results so far.
 
-    Functions that differ only in numbers that they close over (heights, a thickness) share the
-    compiled code in JAX's compilation cache (`jax_compilation_cache_dir`), unless they call back
-    into Python. Each point starts afresh: a start from its neighbour saves 2 to 12 % of the FFT
-    pairs, and would make its bits depend on what was solved before.
+    Each point is solved by itself: a start from its neighbour saves 2 to 12 % of the FFT pairs, but
+    the bits would depend on the points solved before. The same call on the same machine gives the
+    same bits. Workers give the same bits if they have as many cores as this process and the same
+    `XLA_FLAGS`; otherwise last digits may differ.
 
     **Arguments:**
 
-    - `function`: called as function(point), point being a dict of scalars by the axes' names,
-      traced by JAX. It returns arrays in any nesting, such as a `Sliding`: their names are the
-      paths to them, "friction"; complex ones come as two, "name.real" and "name.imag".
-    - `axes`: coordinates of each axis by its name, of one dimension: every combination is a point.
-      Or a list of points, each a dict of the same names.
+    - `function`: called as function(point), with a dict of scalars by the names of the axes; JAX
+      traces it. It returns arrays in any nesting, such as a `Sliding`. Their names are their paths,
+      "friction"; a complex array becomes two, "name.real" and "name.imag".
+    - `axes`: coordinates by the name of the axis, each of one dimension: every combination is a
+      point. Or a list of points, each a dict with the same names.
     - `store`: a folder, which is made, or a `Store`.
-    - `workers`: how many processes on this machine solve; or "auto": this process begins, and is
-      relieved by one worker per core if that saves time. A script that has them needs
-      `if __name__ == "__main__":`. Instead of these
-    - `scheduler`: address of a scheduler of `dask.distributed` that runs, "tcp://...", or
-    - `client`: of `dask.distributed`.
-    - `units`: of axes and quantities, by name, beside those that are known here.
-    - `progress`: called with the number of finished points and of all points, each second or solve.
+    - `workers`: number of worker processes on this machine; "auto": one per core, from the moment
+      that they save time. A script with workers needs `if __name__ == "__main__":`.
+    - `client`: in place of `workers`, a client of `dask.distributed`, or the address of a
+      scheduler, "tcp://host:8786".
+    - `units`: of axes and results by name, beside those that the package knows.
+    - `progress`: called with the number of finished points and of all points.
 
-    **Returns:** a `Study`.
+    **Returns:** a dataset over the axes in their order, or over `point` for a list. `message` is
+    empty where a point succeeded; otherwise "not started", "failed: ..." or the solver's message.
+    A result that is an array has the further dimensions `<name>_0`, `<name>_1`, ...
 
-    **Raises:** `ValueError` for axes without points, with equal or not finite ones, or on
-    which nothing depends, for names that no axis has, or for a result that is more than the memory
-    holds; `BlockingIOError` if another process writes to the store; `OSError` if it cannot be
-    written; `TimeoutError` if the scheduler does not answer or has no worker, `ConnectionError` if
-    it ends; what JAX raises for a function that it cannot trace.
+    **Raises:** `ValueError` for axes without points, with equal or not finite coordinates, or on
+    which no result depends, for names that no axis has, or for results larger than the memory;
+    `BlockingIOError` if another process writes to the store; `OSError` if the store cannot be
+    written, or if no scheduler or worker answers; `ConnectionError` if the scheduler ends; what JAX
+    raises for a function that it cannot trace.
     """
-    check_engine(workers, scheduler, client)
+    import xarray
+
+    check_workers(workers, client)
     coordinates, columns = _points(axes)
     count, shape = len(next(iter(columns.values()))), tuple(map(len, coordinates.values()))
     program = trace(function, {name: column[0] for name, column in columns.items()})
     _check_results(program, columns, count)
-    with contextlib.ExitStack() as opened:
-        if isinstance(store, str | os.PathLike):
-            store = opened.enter_context(Store(store))
+    names = []
+    if store is not None:
+        key, rows = program.key, zip(*columns.values(), strict=True)
+        names = [fingerprint(key, [*map(np.asarray, row)]) for row in rows]
+    with opened(store) as points_of:
         points = solve_points(
-            program, columns, [] if store is None else _names(program, columns), store=store,
-            workers=workers, scheduler=scheduler, client=client, progress=progress,
+            program, columns, names, store=points_of, workers=workers, client=client,
+            progress=progress,
         )  # fmt: skip
-    values = {name: _together(name, one, points, shape) for name, one in program.like[0].items()}
     ends = [NOT_STARTED if point is None else point.message for point in points]
+    data: dict[str, Any] = {}
+    for name, like in program.like[0].items():
+        dimensions = (*coordinates, *(f"{name}_{i}" for i in range(like.ndim)))
+        data[name] = dimensions, _together(name, like, points).reshape(*shape, *like.shape)
+    data["message"] = tuple(coordinates), np.reshape(ends, shape)
     if list(columns) != list(coordinates):
-        values = {**columns, **values}
-    of = units_of((*coordinates, *values), units or {})
-    return Study(coordinates, values, np.array(ends).reshape(shape), of)
+        coordinates |= {name: ("point", column) for name, column in columns.items()}
+    return attach(xarray.Dataset(data, coordinates), units or {})
 
 
 def solve_points(
@@ -92,89 +104,109 @@ def solve_points(
     names: Sequence[str] = (),
     *,
     store: Store | None = None,
-    workers: int | Literal["auto"] | None = None,
-    scheduler: str | None = None,
+    workers: Workers = None,
     client: Any = None,
     keep: Sequence[Collection[str]] | None = None,
     progress: Callable[[int, int], None] | None = None,
 ) -> list[Point | None]:
-    """Returns what a function gives at each point, None where Ctrl-C came first.
+    """Returns the result of a function at each point, None where Ctrl-C came first.
 
     **Arguments:**
 
     - `function`: as in `sweep`, or its program.
-    - `columns`: one number per point by the names that the function knows.
-    - `names`: of the points in the store, each by all that decides its numbers.
-    - `store`: keeps each point as it ends; those that it has are not computed again.
-    - `workers`, `scheduler`, `client`, `progress`: as in `sweep`.
-    - `keep`: names of what to keep of each point, None: all. A point of the store that lacks any of
-      them is computed again.
+    - `columns`: one number per point by the names that the function reads.
+    - `names`: of the points in the store, each a fingerprint of all that decides its numbers.
+    - `store`: points that it holds are not solved again.
+    - `workers`, `client`, `progress`: as in `sweep`.
+    - `keep`: names of the results of each point that are needed, None: all. A point of the store
+      that lacks any of them is solved again.
 
-    **Raises:** `OSError` if the store cannot be written.
+    **Raises:** as `sweep`.
     """
-    check_engine(workers, scheduler, client)
+    check_workers(workers, client)
     count = len(next(iter(columns.values())))
     points: list[Point | None] = [None] * count
-    if store is not None:
-        points = [store.read(name) for name in names]
-    missing = [i for i in range(count) if not _is_whole(points[i], keep[i] if keep else ())]
-    for i in missing:
-        points[i] = None
-    if progress is not None and len(missing) < count:
-        progress(count - len(missing), count)
-    if not missing:
+    tasks: dict[int, Task] = {}
+    for i in range(count):
+        needed = keep[i] if keep else None
+        points[i] = store.read(names[i]) if store is not None else None
+        if not _is_whole(points[i], needed or ()):
+            points[i] = None
+            tasks[i] = {name: column[i] for name, column in columns.items()}, needed
+    stored = count - len(tasks)
+    if progress is not None and stored:
+        progress(stored, count)
+    if not tasks:
         return points
     if not isinstance(function, Program):
         function = trace(function, {name: column[0] for name, column in columns.items()})
-    versions = package_versions()
-    ended = solved(function, Work(columns, keep, missing), workers, scheduler, client)
-    with contextlib.suppress(KeyboardInterrupt), contextlib.closing(ended):
-        for part, values, messages in ended:
-            for i, found, message in zip(part, values, messages, strict=True):
-                inputs = {name: column[i] for name, column in columns.items()}
-                point = points[i] = Point(found, message, inputs | versions)
-                if store is not None and message != LOST:
-                    store.write(names[i], point)
+    solved = _solved(function, tasks, workers, client)
+    with contextlib.suppress(KeyboardInterrupt), contextlib.closing(solved):
+        for done, (i, point) in enumerate(solved, start=stored + 1):
+            points[i] = point
+            if store is not None and point.message != LOST:
+                store.write(names[i], point)
             if progress is not None:
-                progress(count - points.count(None), count)
+                progress(done, count)
     return points
 
 
-def _is_whole(point: Point | None, wanted: Collection[str]) -> bool:
-    """Whether a point from the store has all that is wanted, or failed."""
+def _solved(
+    program: Program, tasks: dict[int, Task], workers: Workers, client: Any
+) -> Generator[tuple[int, Point]]:
+    """Yields points as they end: in this process, on workers, or first here and then there."""
+    left, here = dict(tasks), client is None and workers in (None, "auto")
+    if here:
+        can_start = workers == "auto" and importlib.util.find_spec("distributed")
+        start = time.perf_counter()
+        solve = compiled(program)
+        compiling = time.perf_counter() - start
+        for i, task in tasks.items():
+            start = time.perf_counter()
+            yield i, solve(task)
+            del left[i]
+            seconds = time.perf_counter() - start
+            if (
+                can_start
+                and jax.default_backend() == "cpu"
+                and pays(len(left) * seconds, compiling)
+            ):
+                break
+    if left:
+        count = num_cores() if workers == "auto" else workers
+        with connected(count, client) as client:
+            yield from on_workers(client, program, left)
+
+
+def _is_whole(point: Point | None, needed: Collection[str]) -> bool:
+    """Whether a point of the store has all that is needed, or failed."""
     return point is not None and (
-        point.message.startswith(FAILED) or point.values.keys() >= set(wanted)
+        point.message.startswith(FAILED) or point.values.keys() >= set(needed)
     )
 
 
-def _points(axes: Any) -> tuple[dict[str, np.ndarray], dict[str, np.ndarray]]:
+def _points(axes: Any) -> tuple[dict[str, Any], dict[str, np.ndarray]]:
     """Coordinates of the axes, and one number per point for each name."""
-    if isinstance(axes, Mapping):
-        coordinates = {name: _axis(name, at) for name, at in axes.items()}
-        if not coordinates:
-            raise ValueError("`axes={}` has no points: give at least one axis.")
+    if isinstance(axes, Mapping) and axes:
+        coordinates = {name: _numbers(name, at) for name, at in axes.items()}
         grid = np.meshgrid(*coordinates.values(), indexing="ij")
-        return coordinates, {name: at.ravel() for name, at in zip(coordinates, grid, strict=True)}
-    if isinstance(axes, str) or not isinstance(axes, Sequence) or not axes:
-        raise ValueError(f"`axes={short(axes)}` must be a dict of axes or a list of points.")
-    for i, point in enumerate(axes):
-        if not isinstance(point, Mapping) or not point or point.keys() != axes[0].keys():
-            raise ValueError(
-                f"`axes[{i}]={short(point)}` must be a dict with the names of the first point, "
-                f"{short(axes[0])}."
-            )
-    columns = {name: _numbers(name, [point[name] for point in axes]) for name in axes[0]}
-    each = np.stack(list(columns.values()), axis=1)
-    if len(np.unique(each, axis=0)) < len(each):
-        raise ValueError("`axes` lists a point twice.")
-    return {"point": np.arange(len(axes))}, columns
-
-
-def _axis(name: str, values: Any) -> np.ndarray:
-    at = _numbers(name, values)
-    if len(np.unique(at)) < len(at):
-        raise ValueError(f"`{name}={short(values)}` holds a value twice.")
-    return at
+        columns = {name: at.ravel() for name, at in zip(coordinates, grid, strict=True)}
+    elif isinstance(axes, list | tuple) and axes:
+        for i, point in enumerate(axes):
+            if not isinstance(point, Mapping) or not point or point.keys() != axes[0].keys():
+                raise ValueError(
+                    f"`axes[{i}]={short(point)}` must be a dict with the names of the first "
+                    f"point, {short(axes[0])}."
+                )
+        columns = {name: _numbers(name, [point[name] for point in axes]) for name in axes[0]}
+        coordinates = {"point": np.arange(len(axes))}
+    else:
+        raise ValueError(
+            f"`axes={short(axes)}` must be a dict of axes or a list of points, one at least."
+        )
+    if len(np.unique(np.stack([*columns.values()]), axis=1).T) < len(next(iter(columns.values()))):
+        raise ValueError(f"`axes={short(axes)}` holds a point twice.")
+    return coordinates, columns
 
 
 def _numbers(name: Any, values: Any) -> np.ndarray:
@@ -187,31 +219,26 @@ def _numbers(name: Any, values: Any) -> np.ndarray:
     whole = np.asarray(values).dtype.kind in "iu"
     at = np.asarray(values) if whole else np.asarray(as_float(values, name))
     if at.ndim != 1 or not at.size:
-        raise ValueError(
-            f"`{name}` has shape {at.shape}: one axis with a point at least is needed."
-        )
+        raise ValueError(f"`{name}` has shape {at.shape}: an axis has one dimension, and points.")
     check_values(name, at, "the numbers of an axis are finite")
     return at
 
 
 def _check_results(program: Program, columns: dict[str, Any], count: int) -> None:
-    """Refuses no results, those with the name of an axis or beyond memory, and axes that nothing
-    depends on, before anything is computed."""
-    if not program.like[0]:
-        raise ValueError("`function` returns no numbers: a study of it has nothing to keep.")
+    """Refuses what no study can hold, before anything is computed."""
+    results = program.like[0]
+    if not results:
+        raise ValueError("`function` returns no numbers.")
     idle = [name for name in program.unused if len(np.unique(columns[name])) > 1]
     if idle:
         raise ValueError(
-            f"`axes` has {idle[0]!r}, on which nothing that `function` returns depends: leave the "
-            "axis out, or use it."
+            f"`axes` has {idle[0]!r}, on which no result of `function` depends: leave the axis "
+            "out, or use it."
         )
-    twice = [name for name in program.like[0] if name in (*columns, "point", "message")]
+    twice = [name for name in results if name in (*columns, "point", "message")]
     if twice:
-        raise ValueError(
-            f"`function` returns {twice[0]!r}, which is the name of an axis or of what a study "
-            "adds: give it another."
-        )
-    one = bytes_of(program)
+        raise ValueError(f"`function` returns {twice[0]!r}, the name of an axis: give it another.")
+    one = sum(like.size * like.dtype.itemsize for like in results.values())
     free = available_memory() if one * count > SMALL else None
     if free is not None and one * count > free:
         raise ValueError(
@@ -221,21 +248,12 @@ def _check_results(program: Program, columns: dict[str, Any], count: int) -> Non
         )
 
 
-def _names(program: Program, columns: dict[str, np.ndarray]) -> list[str]:
-    """A name for each point by all that decides its numbers."""
-    versions = package_versions()
-    decisive = {key: versions[key] for key in ("version_graded_contact", "version_jax")}
-    name = identity(program)
-    values = zip(*columns.values(), strict=True)
-    return [fingerprint(decisive, name, list(columns), [*map(np.asarray, v)]) for v in values]
-
-
-def _together(name, like, points, shape) -> np.ndarray:
-    """One array of a quantity at all points, NaN where there is none."""
+def _together(name: str, like: Any, points: Sequence[Point | None]) -> np.ndarray:
+    """One array of a result at all points, NaN where there is none."""
     found = [None if point is None else point.values.get(name) for point in points]
     dtype = np.result_type(like.dtype, 0.0) if any(one is None for one in found) else like.dtype
     whole = np.full((len(points), *like.shape), np.nan if dtype.kind == "f" else 0, dtype)
     for i, one in enumerate(found):
         if one is not None:
             whole[i] = one
-    return whole.reshape(*shape, *like.shape)
+    return whole

@@ -76,9 +76,9 @@ def test_what_cannot_be_kept_or_read_costs_no_solve(tmp_path, problem, undisturb
         patch.setattr(Store, "write", refuse)
         found = checkpointed(tmp_path, gc.slide, block, road, every=0.0, **given)
     assert is_same(found, undisturbed) and found.num_fft_pairs == undisturbed.num_fft_pairs
-    assert not list(tmp_path.glob("*.h5"))
+    assert not list(tmp_path.glob("*.point"))
     checkpointed(tmp_path, gc.slide, block, road, every=0.0, **given)
-    (kept,) = tmp_path.glob("*.h5")
+    (kept,) = tmp_path.glob("*.point")
     damaged = bytearray(kept.read_bytes())
     damaged[len(damaged) // 2] ^= 1
     kept.write_bytes(damaged)
@@ -98,7 +98,7 @@ def test_the_pressure_of_another_problem_is_not_taken(tmp_path, problem):
     for load in (2e5, 2e5, 3e5, 3e5):
         checkpointed(tmp_path, solve, block, road, every=0.0, **{**given, "pressure": load})
     assert [start is None for start in begun] == [True, False, True, False]
-    assert len(list(tmp_path.glob("*.h5"))) == 2
+    assert len(list(tmp_path.glob("*.point"))) == 2
     with pytest.raises(ValueError, match=r"`solver=.*keeps nothing"):
         checkpointed(tmp_path, gc.slide, block, road, solver=gc.ResidualDynamics(), **given)
     with Store(tmp_path), pytest.raises(BlockingIOError, match="another process"):

@@ -98,7 +98,7 @@ def test_a_design_goes_on_from_where_it_was_interrupted(ran, tmp_path):
         for text in ("design, value", "polish, before", "polish, value", "contact"):
             with pytest.raises(Interrupted):
                 run_design(study, store=store, progress=until(text, 8))
-        kept = sorted(path.name for path in store.folder.glob("*.h5"))
+        kept = sorted(path.name for path in store.folder.glob("*.point"))
         assert len(kept) >= 3  # two surfaces before the polish, one of the verification
         results = run_design(study, store=store)
     values = json.loads((ran[0] / "coat-design.json").read_text())

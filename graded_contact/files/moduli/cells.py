@@ -12,7 +12,7 @@ from collections.abc import Callable, Iterable
 from pathlib import Path
 from typing import Any, NamedTuple
 
-from ..given import check_archive, existing_file
+from ..paths import check_archive, existing_file
 
 LARGEST = 100_000_000  # bytes, unpacked too; sweeps have thousands of points
 MOST_CELLS = 5_000_000  # of a sheet

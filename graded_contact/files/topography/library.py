@@ -12,7 +12,7 @@ import numpy as np
 
 from ...core.warnings import USUAL
 from ...roughness.surface import step
-from ..given import check_archive
+from ..paths import check_archive
 from .scan import Refusal, Scan, metres, unit_in
 
 UNPACKED = 1e9  # bytes of all that a zip holds

@@ -17,8 +17,8 @@ import numpy as np
 from ...core.checks import Numbers, check_positive, check_types
 from ...core.display import with_unit
 from ...roughness.surface import Step, Surface, step
-from ..given import existing_file
 from ..moduli.cells import read_sheets
+from ..paths import existing_file
 from .library import metres_of_library, names_in, read_arrays, read_instrument, unpacked
 from .preparation import check_choices, surface_from_heights
 from .road import is_road, read_road

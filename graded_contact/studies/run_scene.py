@@ -1,11 +1,11 @@
-"""Scenes, run point by point, as sweeps are."""
+"""Scenes: a `slide` at every combination of what a scene varies."""
 
 import dataclasses
 import hashlib
 import math
 from collections.abc import Callable
 from functools import partial
-from typing import Any, Literal
+from typing import TYPE_CHECKING, Any
 
 import jax
 import jax.numpy as jnp
@@ -13,21 +13,29 @@ import numpy as np
 from jaxtyping import Float
 
 from ..core.memory import DERIVATIVE, check_memory, num_numbers, sliding_memory
+from ..core.quantities import FIELDS, OBSERVABLES
+from ..files.dataset import NOT_STARTED, attach, package_versions
 from ..files.parameter_covariance import moved
-from ..files.results import FIELDS, OBSERVABLES, Fields, Results, package_versions
+from ..files.results import KEPT_FIELDS, surface_variables, warnings_of
 from ..files.scene import Scene
-from ..files.study import NOT_STARTED, Study, units_of
 from ..files.surfaces import RandomSurface
 from ..files.toml import within
 from ..friction.sliding import slide
 from ..response.stack import Stack
 from ..rheology.shift import AbstractShift
 from ..roughness.surface import Surface
-from .extrapolation import check_frequencies_of, velocity_vector
 from .program import trace
-from .scene_errors import errors_of_stack
+from .scene_theory import check_frequencies_of, errors_of_stack, velocity_vector
 from .store import Point, Store, fingerprint
-from .sweep import solve_points
+from .sweep import Workers, solve_points
+
+if TYPE_CHECKING:
+    from xarray import Dataset
+
+# Numbers of every solve; the others follow from a law of temperature or errors of a material.
+SOLVED = tuple(
+    name for name in OBSERVABLES if name not in ("reduced_velocity", "friction_standard_error")
+)
 
 
 def build_surface(scene: Scene) -> Surface:
@@ -65,28 +73,33 @@ def run_scene(
     *,
     surface: Surface | None = None,
     store: Store | None = None,
-    workers: int | Literal["auto"] | None = None,
-    scheduler: str | None = None,
+    workers: Workers = None,
     client: Any = None,
     progress: Callable[[int, int], None] | None = None,
-) -> Results:
+) -> "Dataset":
     """Returns friction, contact area and more of a scene at every combination of what it varies.
 
     A solve that does not converge is kept with its message, one that fails (a kernel that cannot
-    be evaluated) with its reason, and the run goes on; a run that is interrupted (Ctrl-C) returns
-    what it has, with NaN and "not started" for the rest. Every solve starts afresh: a start from
-    the neighbouring velocity saves 2 to 12 % of the FFT pairs (measured with 13 and 41 velocities
-    over four decades), costs a second compilation, and would make each result depend on the one
-    before.
+    be evaluated) with its reason, and the run goes on. A run that is interrupted (Ctrl-C) returns
+    what it has, with NaN and "not started" for the rest. No solve starts from another one: a start
+    from the neighbouring velocity saves 2 to 12 % of the FFT pairs (measured with 13 and 41
+    velocities over four decades), costs a second compilation, and each result would depend on the
+    one before.
 
     **Arguments:**
 
     - `scene`: what to compute.
     - `surface`: the surface, if built before; that of the first seed, where there are several.
-    - `store`: keeps each solve on disk as it ends; those that it has are not computed again.
-    - `workers`, `scheduler`, `client`, `progress`: as in `sweep`.
+    - `store`: keeps each solve on disk as it ends; a solve found there is not computed again.
+    - `workers`, `client`, `progress`: as in `sweep`.
 
-    **Returns:** observables over the scene's axes, and the fields that it keeps.
+    **Returns:** an `xarray.Dataset` over the axes of the scene, as far as it has them: the paths of
+    [sweep], `temperature` [K], `seed`, and always `pressure` [Pa] and `velocity` [m/s]. Variables
+    are the numbers of `Sliding` (`friction`, `contact_area`, ...), `message`, `point`,
+    `reduced_velocity` a_T v [m/s] if the block has one law of temperature, and
+    `friction_standard_error` if errors of a material are known; the `heights` of the surface, and
+    the fields of solves that the scene keeps. Attributes hold the scene, the seed, the versions and
+    the caveats.
 
     **Raises:** `ValueError` for velocities that a table of moduli does not cover; `MemoryError`;
     `OSError` if the store cannot be written; `TimeoutError` as `sweep`; `KeyboardInterrupt` if
@@ -97,22 +110,20 @@ def run_scene(
     names = point_names(scene, surface)
     indices = list(np.ndindex(names.shape))
     kept = {"every": len(indices), "last": 1, "none": 0}[scene.keep]  # of the last
-    quantities = _quantities_of(scene)
+    numbers = _numbers_of(scene)
     points = solve_points(
         _solver(scene, surface),
         _columns(scene),
         names.ravel().tolist(),
         store=store,
         workers=workers,
-        scheduler=scheduler,
         client=client,
-        keep=[quantities] * (len(indices) - kept) + [(*quantities, *_fields_of(scene))] * kept,
+        keep=[numbers] * (len(indices) - kept) + [(*numbers, *_fields_of(scene))] * kept,
         progress=progress,
     )
     if not any(points):
         raise KeyboardInterrupt  # there is nothing to keep
-    found = dict(zip(indices, points, strict=True))
-    return _collect(scene, surface, names, found, indices[len(indices) - kept :])
+    return _collect(scene, surface, names, points)
 
 
 def point_names(scene: Scene, surface: Surface) -> np.ndarray:
@@ -144,15 +155,15 @@ def _columns(scene: Scene) -> dict[str, np.ndarray]:
     return {name: at.ravel() for name, at in zip(scene.axes, grid, strict=True)}
 
 
-def _quantities_of(scene: Scene) -> tuple[str, ...]:
-    """The numbers of a solve: a standard error where errors of a material are known."""
+def _numbers_of(scene: Scene) -> tuple[str, ...]:
+    """The numbers of a solve: a standard error if errors of a material are known."""
     known = errors_of_stack(scene) is not None
-    return (*OBSERVABLES, "friction_standard_error") if known else tuple(OBSERVABLES)
+    return (*SOLVED, "friction_standard_error") if known else SOLVED
 
 
 def _fields_of(scene: Scene) -> tuple[str, ...]:
-    """The fields of a solve that is kept: heights where each has its own."""
-    return tuple(name for name in FIELDS if name != "heights" or "seed" in scene.axes)
+    """The fields of a solve that is kept: heights if each seed has its own."""
+    return tuple(name for name in KEPT_FIELDS if name != "heights" or "seed" in scene.axes)
 
 
 def _solver(scene: Scene, surface: Surface) -> Callable[[dict[str, Any]], dict[str, Any]]:
@@ -175,7 +186,7 @@ def _solver(scene: Scene, surface: Surface) -> Callable[[dict[str, Any]], dict[s
             throw=False,
         )
         heights = {"heights": rough.heights} if "heights" in fields else {}
-        names = (*OBSERVABLES, *fields, "result")
+        names = (*SOLVED, *fields, "result")
         return heights | {n: getattr(sliding, n) for n in names if n != "heights"}
 
     if errors is None:
@@ -194,37 +205,50 @@ def _solver(scene: Scene, surface: Surface) -> Callable[[dict[str, Any]], dict[s
 
 
 def _collect(
-    scene: Scene,
-    surface: Surface,
-    names: np.ndarray,
-    points: dict[tuple[int, ...], Point | None],
-    with_fields: list[tuple[int, ...]],
-) -> Results:
-    """The results of a scene from its solves, those that there are."""
-    quantities, dtype = _quantities_of(scene), surface.heights.dtype
-    values = {name: np.full(names.shape, np.nan, dtype) for name in quantities}
-    message, fields = np.full(names.shape, NOT_STARTED, object), {}
-    for index, point in points.items():
-        if point is None:
-            continue
-        message[index] = point.message
-        if not point.values:
-            continue
-        for name in quantities:
-            values[name][index] = point.values[name]
-        if index in with_fields:
-            fields[index] = Fields(**{name: point.values[name] for name in _fields_of(scene)})
-    attributes = _attributes(scene, surface, values["error"], message)
-    if "temperature" in scene.axes:
+    scene: Scene, surface: Surface, names: np.ndarray, points: list[Point | None]
+) -> "Dataset":
+    """The results of a scene from its solves; None stands for one that was not started."""
+    import xarray
+
+    axes, shape, dtype = tuple(scene.axes), names.shape, surface.heights.dtype
+
+    def over_axes(name: str, points: list[Point | None], *inner: int) -> np.ndarray:
+        """A quantity of some solves, NaN where a solve has no numbers."""
+        values = np.full((len(points), *inner), np.nan, dtype)
+        for i, point in enumerate(points):
+            if point is not None and point.values:
+                values[i] = point.values[name]
+        return values
+
+    variables: dict[str, Any] = {
+        name: (axes, over_axes(name, points).reshape(shape)) for name in _numbers_of(scene)
+    }
+    ends = [NOT_STARTED if point is None else point.message for point in points]
+    variables["message"] = axes, np.reshape(ends, shape)
+    variables["point"] = axes, names
+    of_surface, places, about = surface_variables(surface)
+    attributes = _attributes(scene, surface) | about
+    coordinates = {name: (name, at) for name, at in scene.axes.items()} | places
+    if "temperature" in axes:
         factor, attributes["master_curve"] = shift_factors(scene)
         if factor is not None:
-            axes = scene.axes
-            where = [-1 if name == "temperature" else 1 for name in axes]
-            values["reduced_velocity"] = np.broadcast_to(
-                factor.reshape(where) * scene.velocity, names.shape
-            ).astype(surface.heights.dtype)
-    study = Study(scene.axes, values, message.astype(str), units_of((*scene.axes, *values)))
-    return Results(study, names, surface, fields, attributes)
+            reduced = np.multiply.outer(factor, scene.velocity).astype(dtype)
+            variables["reduced_velocity"] = ("temperature", "velocity"), reduced
+    last = points[-1]
+    grid, inner = tuple(places), surface.grid.shape
+    for name in _fields_of(scene):
+        about = {"units": FIELDS[name].unit, "long_name": FIELDS[name].meaning}
+        if scene.keep == "every":
+            values = over_axes(name, points, *inner).reshape(*shape, *inner)
+            variables[KEPT_FIELDS[name]] = (*axes, *grid), values, about
+        elif scene.keep == "last" and last is not None and last.values:
+            variables[KEPT_FIELDS[name]] = grid, last.values[name], about
+    results = attach(xarray.Dataset(variables | of_surface, coordinates, attributes))
+    results.attrs["largest_error"] = float(results["error"].max())
+    results.attrs["num_solves"] = names.size
+    results.attrs["num_converged"] = ends.count("")
+    results.attrs["caveats"] = "\n".join(caveat.sentence for caveat in warnings_of(results))
+    return results
 
 
 def shift_factors(scene: Scene) -> tuple[Float[np.ndarray, " temperatures"] | None, str]:
@@ -243,7 +267,7 @@ def shift_factors(scene: Scene) -> tuple[Float[np.ndarray, " temperatures"] | No
     return np.exp(logs[0]), f"Velocities times a_T are those at {float(laws[0].reference):.2f} K."
 
 
-def _attributes(scene: Scene, surface: Surface, error: np.ndarray, message: np.ndarray) -> dict:
+def _attributes(scene: Scene, surface: Surface) -> dict[str, Any]:
     digests = [f"{hashlib.sha256(path.read_bytes()).hexdigest()}  {path}" for path in scene.inputs]
     attributes = {
         "title": scene.title,
@@ -253,9 +277,6 @@ def _attributes(scene: Scene, surface: Surface, error: np.ndarray, message: np.n
         "dtype": str(surface.heights.dtype),
         "direction": scene.direction,
         **scene.tolerance,
-        "largest_error": float(np.fmax.reduce(error, axis=None)),
-        "num_solves": message.size,
-        "num_converged": int(np.sum(message == "")),
         **package_versions(),
     }
     if isinstance(scene.surface, RandomSurface):

@@ -1,0 +1,107 @@
+"""Numbers over named axes: units, statistics and files of an `xarray.Dataset`.
+
+A file is HDF5 as xarray writes it, after 512 bytes with a checksum of the rest.
+`xarray.open_dataset(path, engine="h5netcdf")` opens it too.
+"""
+
+import functools
+import io
+import os
+from collections.abc import Mapping
+from importlib.metadata import version
+from types import MappingProxyType
+from typing import TYPE_CHECKING
+
+from ..core.quantities import quantity_of
+from .sealed import read_sealed, replacing, write_sealed
+
+if TYPE_CHECKING:
+    from xarray import Dataset
+
+# How a point ended, if neither solved nor stopped by its solver.
+NOT_STARTED = "not started"
+FAILED = "failed: "
+LOST = f"{FAILED}its worker died, each time that it was tried"  # no fault of the point's
+_PACKAGES = ("graded_contact", "jax", "numpy", "h5py")
+
+
+def attach(dataset: "Dataset", units: Mapping[str, str] = MappingProxyType({})) -> "Dataset":
+    """Returns the dataset after `units` and `long_name` were added to what has none.
+
+    **Arguments:**
+
+    - `dataset`: its variables and coordinates are looked up in the table of quantities by the last
+      word of their names: "layers[0].thickness" is a thickness.
+    - `units`: of names that the table does not have, or has in another unit.
+    """
+    for name, variable in dataset.variables.items():
+        entry = quantity_of(str(name))
+        known = {} if entry is None else {"units": entry.unit, "long_name": entry.meaning}
+        if name in units:
+            known["units"] = units[str(name)]
+        variable.attrs = known | variable.attrs
+    return dataset
+
+
+def mean_and_error(dataset: "Dataset", axis: str = "seed") -> tuple["Dataset", "Dataset"]:
+    """Returns the mean and its standard error over an axis of independent draws.
+
+    Only points that succeeded count, those with an empty `message`.
+    """
+    solved = dataset.drop_vars("message").where(dataset["message"] == "")
+    count = solved.count(axis)
+    return solved.mean(axis, keep_attrs=True), solved.std(
+        axis, ddof=1, keep_attrs=True
+    ) / count**0.5
+
+
+def write(path: str | os.PathLike, dataset: "Dataset") -> None:
+    """Writes a file, or nothing: an earlier one is replaced when the new one is complete.
+
+    **Raises:** `OSError` if it cannot be written.
+    """
+    packed = {
+        name: {"zlib": True, "shuffle": True}
+        for name, variable in dataset.variables.items()
+        if variable.ndim and variable.dtype.kind in "fiub"
+    }
+    # In memory first: HDF5 crashes if the disk is full.
+    write_sealed(path, bytes(dataset.to_netcdf(engine="h5netcdf", encoding=packed)))
+
+
+def read(path: str | os.PathLike) -> "Dataset":
+    """Returns the dataset that `write` wrote, bit for bit.
+
+    **Raises:** `FileNotFoundError`; `ValueError` for another file, or a damaged one.
+    """
+    import xarray
+
+    return xarray.load_dataset(io.BytesIO(read_sealed(path)), engine="h5netcdf")
+
+
+def write_csv(path: str | os.PathLike, dataset: "Dataset") -> None:
+    """Writes a table with a row for each point: axes, numbers (no fields) and message."""
+    axes = dataset["message"].dims
+    numbers = [
+        str(name)
+        for name, variable in dataset.data_vars.items()
+        if {*variable.dims} <= {*axes} and variable.dtype.kind in "fiub"
+    ]
+    table = dataset[[*numbers, "message"]].to_dataframe(dim_order=[*axes]).reset_index()
+    # Whole numbers, as seeds, have no unit.
+    heads = {
+        name: f"{name} [{dataset[name].units}]"
+        for name in table
+        if "units" in dataset[name].attrs and dataset[name].dtype.kind == "f"
+    }
+    with replacing(path) as partial:
+        table.rename(columns=heads).to_csv(
+            partial, index=False, na_rep="nan", lineterminator="\r\n"
+        )
+
+
+# Called once: a worker of dask that ends in a thread of this process edits sys.path meanwhile.
+@functools.cache
+def package_versions() -> dict[str, str]:
+    """Returns the versions of this package and of those its numbers depend on, as attributes."""
+    return {f"version_{name}": version(name) for name in _PACKAGES}

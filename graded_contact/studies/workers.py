@@ -1,0 +1,193 @@
+"""Points solved by the workers of `dask.distributed` (the extra `cluster`).
+
+The function goes to each worker once, by cloudpickle, and is compiled there once. A task holds a
+few points, about `SECONDS` of work. dask replaces a worker that dies, and solves its points again.
+"""
+
+import contextlib
+import functools
+import os
+import threading
+import time
+from collections import deque
+from collections.abc import Callable, Iterator
+from concurrent.futures import CancelledError
+from typing import Any
+
+import jax
+
+from ..core.checks import check_whole
+from ..files.dataset import LOST
+from .program import Program, Task, compiled, trace
+from .store import Point
+
+PATIENCE = 30  # s until a scheduler or a first worker must have answered
+SECONDS, MOST = 1.0, 64  # length of a task, and its points at most
+# Local workers start within `STARTING` seconds, and each of W gives `GAIN` of this process
+# (`benchmarks/bench_sweep.py`, two cores: 5 s; 0.65 to 0.9 at 128², 0.7 at 512²).
+STARTING, GAIN = 10.0, 0.7
+OPTIONS = (
+    "jax_enable_x64", "jax_compilation_cache_dir", "jax_persistent_cache_min_compile_time_secs",
+    "jax_persistent_cache_min_entry_size_bytes",
+)  # fmt: skip
+SETTINGS = {  # of dask, for local workers
+    "distributed.scheduler.allowed-failures": 1,
+    # A worker that is not back sooner is given up; 15 s are short on a busy machine.
+    "distributed.deploy.lost-worker-timeout": "1 hour",
+}
+# Ctrl-C reaches all processes of a terminal, but only the caller may act on it.
+DEAF = "import signal; signal.signal(signal.SIGINT, signal.SIG_IGN)"
+_compiling = threading.Lock()
+
+
+def check_workers(workers: Any, client: Any) -> None:
+    """Raises `ValueError` unless at most one is given, and `workers` is a number or "auto"."""
+    if workers is not None and client is not None:
+        raise ValueError("`workers` and `client` (a scheduler) are given: only one can solve.")
+    if isinstance(workers, str) and workers != "auto":
+        raise ValueError(f'`workers={workers!r}` must be a whole number or "auto".')
+    if workers not in (None, "auto"):
+        check_whole("workers", workers, 1)
+
+
+def num_cores() -> int:
+    """Returns how many cores this process may use."""
+    if hasattr(os, "sched_getaffinity"):
+        return len(os.sched_getaffinity(0))
+    return os.cpu_count() or 1
+
+
+def pays(left: float, compiling: float) -> bool:
+    """Returns whether local workers save more time than they take to start and to compile.
+
+    **Arguments:**
+
+    - `left`: seconds that this process would still take.
+    - `compiling`: seconds that it took to compile.
+    """
+    return left * (1 - 1 / (GAIN * num_cores())) > STARTING + compiling
+
+
+@contextlib.contextmanager
+def connected(workers: int | None, client: Any) -> Iterator[Any]:
+    """Gives a client of dask: `client`, one of the scheduler at the address `client`, or one with
+    `workers` new processes on this machine.
+
+    **Raises:** `ImportError` without the extra `cluster`; `OSError` if no scheduler answers.
+    """
+    try:
+        import distributed
+        from dask import config
+    except ImportError as error:
+        raise ImportError(
+            "Workers need dask.distributed: `pip install 'graded_contact[cluster]'`."
+        ) from error
+    if isinstance(client, str):
+        with distributed.Client(client, timeout=PATIENCE, set_as_default=False) as joined:
+            yield joined
+    elif client is not None:
+        yield client
+    else:
+        with (
+            config.set(SETTINGS),
+            distributed.LocalCluster(
+                n_workers=workers, threads_per_worker=1, memory_limit=0, silence_logs=50,
+                dashboard_address="127.0.0.1:0", preload=[DEAF],
+            ) as cluster,
+            distributed.Client(cluster, set_as_default=False) as own,
+        ):  # fmt: skip
+            yield own
+
+
+def on_workers(
+    client: Any, program: Program, tasks: dict[int, Task]
+) -> Iterator[tuple[int, Point]]:
+    """Yields the results of points as they end, in any order.
+
+    Points whose worker died too often (twice for local workers, four times by dask's default) are
+    tried again one by one; one that fails then is `LOST`.
+
+    **Arguments:**
+
+    - `client`: of `dask.distributed`.
+    - `program`: what to solve.
+    - `tasks`: by the numbers of the points.
+
+    **Raises:** `TimeoutError` if there is no worker; `ConnectionError` if the scheduler ends;
+    `RuntimeError` if a worker has another version of what the program is made of.
+    """
+    from distributed import KilledWorker, as_completed
+
+    client.wait_for_workers(1, timeout=PATIENCE)
+    ended, running, queue, size = as_completed(loop=client.loop), {}, deque(tasks), 1
+
+    def submit(numbers):
+        future = client.submit(_solve_there, packed, [tasks[i] for i in numbers], pure=False)
+        running[future] = numbers
+        ended.add(future)
+
+    def hand_out():
+        places = max(1, sum(client.nthreads().values()))
+        while queue and len(running) < places:  # more would wait at a worker, and die with it
+            share = -(-len(queue) // (2 * places))
+            submit([queue.popleft() for _ in range(min(size, share))])
+
+    try:
+        # A task of its own: dask repeats it if all workers with its result have died.
+        packed = client.submit(bytes, _packed(program), pure=False)
+        hand_out()
+        for future in ended:
+            numbers, error = running.pop(future), future.exception()
+            if error is None:
+                found, seconds = future.result()
+                size = max(1, min(MOST, int(SECONDS * len(numbers) / max(seconds, 1e-6))))
+                yield from zip(numbers, found, strict=True)
+            elif not isinstance(error, KilledWorker):
+                raise error
+            elif len(numbers) == 1:
+                yield numbers[0], Point({}, LOST)
+            else:
+                for i in numbers:
+                    submit([i])
+            future.release()
+            hand_out()
+    except (OSError, CancelledError) as error:
+        raise ConnectionError(
+            f"The scheduler {client.scheduler.address} is gone: {error}. Finished points are in "
+            "the store, if there is one."
+        ) from error
+    finally:
+        with contextlib.suppress(OSError):
+            client.cancel(list(running))
+
+
+def _packed(program: Program) -> bytes:
+    import cloudpickle
+
+    options = {name: getattr(jax.config, name) for name in OPTIONS}
+    # The function comes last: to unpack it may start XLA.
+    function = cloudpickle.dumps((program.function, program.point))
+    return cloudpickle.dumps((options, program.key, function))
+
+
+def _solve_there(packed: bytes, tasks: list[Task]) -> tuple[list[Point], float]:
+    with _compiling:  # a worker may have several threads
+        solve = _unpacked(packed)
+    start = time.perf_counter()
+    return [solve(task) for task in tasks], time.perf_counter() - start
+
+
+@functools.lru_cache(maxsize=2)
+def _unpacked(packed: bytes) -> Callable[[Task], Point]:
+    import cloudpickle
+
+    options, key, function = cloudpickle.loads(packed)
+    for option, value in options.items():
+        jax.config.update(option, value)
+    program = trace(*cloudpickle.loads(function))
+    if program.key != key:
+        raise RuntimeError(
+            "A worker makes another program of `function`: it has another version of JAX, of "
+            "graded_contact or of a library that `function` uses."
+        )
+    return compiled(program)
