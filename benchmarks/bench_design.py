@@ -174,7 +174,7 @@ def compare(name, study, options):
     seconds = time.perf_counter() - stamps[0]
     counts, compiling = design.num_evaluations, stamps[1] - stamps[0]
     print(row.format(f"{name}: gradients", design.value, counts, "same", seconds, compiling))
-    enough = 1 + 1e-6 if study.wanted is not None else design.value * (1 - 1e-3)
+    enough = 1 + 1e-6 if study.goal is not None else design.value * (1 - 1e-3)
     begin = time.perf_counter()
     found, calls, compiling_too = by_evolution(study, objective, constraints, enough, options)
     spent = time.perf_counter() - begin

@@ -30,9 +30,8 @@ from graded_contact.files.results import (
     read_results,
     write_results,
 )
-from graded_contact.files.scene import parse_scene
+from graded_contact.files.scene import RandomSurface, parse_scene
 from graded_contact.files.study import Study, units_of
-from graded_contact.files.surfaces import RandomSurface
 from graded_contact.roughness.surface import Step
 from graded_contact.studies.evaluations import Evaluation, Evaluations
 from graded_contact.studies.run import check_scene as check_scene_memory

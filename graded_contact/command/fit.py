@@ -13,7 +13,7 @@ from ..files.moduli.measured import Measured
 from ..files.moduli.reading import read_moduli
 from ..files.output import check_folder, full_path
 from ..files.prony_cards import FORMATS, export_prony
-from ..files.toml import nearest
+from ..files.schema import nearest
 from ..fitting.isotherms import check_law
 from ..fitting.master import master_curve
 from ..fitting.prony import fit_creep, fit_prony, fit_relaxation

@@ -20,8 +20,8 @@ from ..files.results import (
     write_results,
 )
 from ..files.scene import Scene, parse_scene, read_scene
+from ..files.schema import parse_toml
 from ..files.study import NOT_STARTED
-from ..files.toml import parse_toml
 from ..plot import (
     plot_dissipation,
     plot_distributions,

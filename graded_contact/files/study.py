@@ -16,8 +16,8 @@ import numpy as np
 from ..core.checks import check_values
 from ..core.display import shown
 from .hdf5 import new_file, numbers, opened, put, texts
+from .schema import nearest
 from .sealed import replacing
-from .toml import nearest
 
 if TYPE_CHECKING:
     import xarray

@@ -15,8 +15,7 @@ import numpy as np
 from ..files.given import existing_file
 from ..files.output import full_path
 from ..files.scene import Scene, parse_scene
-from ..files.toml import LARGEST, parse_toml, within
-from ..files.toml_text import toml_text
+from ..files.schema import LARGEST, parse_toml, toml_text, within
 from ..files.topography.reading import read_surface
 
 POINTS = 256  # along the longer edge of a topography that is dropped in

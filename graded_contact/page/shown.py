@@ -11,8 +11,8 @@ import numpy as np
 from ..core.display import unit_of
 from ..files.hdf5 import put
 from ..files.results import package_versions
+from ..files.schema import toml_text
 from ..files.study import UNITS
-from ..files.toml_text import toml_text
 from ..plot.style import COLOURS, GAPS, PRESSURES, new_figure, styled
 from .document import Document
 from .knobs import Knob

@@ -12,8 +12,8 @@ from typing import Any, ClassVar
 import panel as pn
 
 from ..files.output import check_name
+from ..files.schema import toml_text
 from ..files.sealed import replacing
-from ..files.toml_text import toml_text
 from .document import (
     Document,
     free_name,

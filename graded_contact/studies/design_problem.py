@@ -13,7 +13,7 @@ from ..core.parameters import with_values
 from ..fields.grid import Grid
 from ..files.design_scene import DesignScene
 from ..files.results import package_versions
-from ..files.surfaces import RandomSurface
+from ..files.scene import RandomSurface
 from ..friction.sliding import slide
 from ..persson.mean_field import MeanField
 from ..response.compliance import effective_modulus
@@ -87,8 +87,8 @@ def mean_field_of(study: DesignScene, stack: Stack) -> MeanField:
 
 def _goal(study: DesignScene, friction: Array, before: Numbers) -> Float[Array, ""]:
     """What is to be small, of the friction at each velocity and of that before."""
-    if study.wanted is not None:
-        wanted = study.wanted * (as_float(before) if study.relative else 1)
+    if study.goal is not None:
+        wanted = study.goal * (as_float(before) if study.relative else 1)
         # 1 where it is reached: a value whose relative changes mean something.
         return jnp.exp(distance(friction, wanted))
     mean = jnp.exp(jnp.mean(jnp.log(friction)))

@@ -10,7 +10,7 @@ from jaxtyping import ArrayLike
 from ..core.warnings import EXTRAPOLATED
 from ..fields.grid import Grid, wave_frequencies
 from ..files.scene import Scene
-from ..files.toml import within
+from ..files.schema import within
 from ..persson.mean_field import mean_field_friction
 from ..response.stack import Stack
 from ..rheology.measured import check_frequencies, coverage, is_unknown

@@ -15,7 +15,7 @@ import numpy as np
 from jax.extend import core
 
 from ..contact.problem import RESULTS
-from ..files.toml import nearest
+from ..files.schema import nearest
 from .store import fingerprint
 
 _ADDRESS = re.compile(r" at 0x[0-9a-f]+")

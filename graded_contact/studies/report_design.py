@@ -44,7 +44,7 @@ def missed(results: DesignResults) -> list[str]:
     the standard error of the mean, and to 1 %.
     """
     study, last = results.study, list(results.candidates.values())[-1]
-    if study.wanted is None:
+    if study.goal is None:
         return []
     friction, own = (
         c.friction if study.verify else np.asarray(c.field.friction)[None]
@@ -55,12 +55,12 @@ def missed(results: DesignResults) -> list[str]:
     reached = np.mean(friction, axis=0) / (np.mean(own, axis=0) if study.relative else 1)
     room = 0.05 if study.verify else 0.01
     error = 0 if len(share) < 2 else np.std(share, axis=0, ddof=1) / np.sqrt(len(share))
-    allowed = room * study.wanted + 2 * error
+    allowed = room * study.goal + 2 * error
     by, kind = "contact" if study.verify else "mean field", "ratio" if study.relative else "target"
     return [
         f"{kind} missed at {v:g} m/s: {got:.3g} of {wanted:.3g}, by {by}"
         for v, got, wanted, most in zip(
-            study.scene.velocity, reached, study.wanted, allowed, strict=True
+            study.scene.velocity, reached, study.goal, allowed, strict=True
         )
         if not abs(got - wanted) <= most
     ]

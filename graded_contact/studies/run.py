@@ -15,10 +15,9 @@ from jaxtyping import Float
 from ..core.memory import DERIVATIVE, check_memory, num_numbers, sliding_memory
 from ..files.errors import moved
 from ..files.results import FIELDS, OBSERVABLES, Fields, Results, package_versions
-from ..files.scene import Scene
+from ..files.scene import RandomSurface, Scene
+from ..files.schema import within
 from ..files.study import NOT_STARTED, Study, units_of
-from ..files.surfaces import RandomSurface
-from ..files.toml import within
 from ..friction.sliding import slide
 from ..response.stack import Stack
 from ..rheology.shift import AbstractShift
@@ -38,7 +37,7 @@ def build_surface(scene: Scene) -> Surface:
 
 def scene_memory(scene: Scene, shape: tuple[int, ...]) -> float:
     """Returns the bytes that a scene takes with a surface of this shape, in double precision."""
-    kept = {"every": scene.num_solves, "last": 1, "none": 0}[scene.keep]
+    kept = {"every": scene.num_solves, "last": 1, "none": 0}[scene.fields]
     numbers, oblique = num_numbers(scene.stack), scene.direction != 0
     # The surface, what is kept, and a derivative.
     num_fields = 1 + len(_fields_of(scene)) * kept + (DERIVATIVE if scene.errors else 0)
@@ -96,7 +95,7 @@ def run_scene(
     check_frequencies_of(scene, surface)
     names = point_names(scene, surface)
     indices = list(np.ndindex(names.shape))
-    kept = {"every": len(indices), "last": 1, "none": 0}[scene.keep]  # of the last
+    kept = {"every": len(indices), "last": 1, "none": 0}[scene.fields]  # of the last
     quantities = _quantities_of(scene)
     points = solve_points(
         _solver(scene, surface),
@@ -157,7 +156,7 @@ def _fields_of(scene: Scene) -> tuple[str, ...]:
 
 def _solver(scene: Scene, surface: Surface) -> Callable[[dict[str, Any]], dict[str, Any]]:
     """What gives the numbers and fields of one solve, from its numbers on the axes."""
-    fields = _fields_of(scene) if scene.keep != "none" else ()
+    fields = _fields_of(scene) if scene.fields != "none" else ()
     errors = errors_of_stack(scene)
 
     def solved(point: dict[str, Any], stack: Stack) -> dict[str, Any]:

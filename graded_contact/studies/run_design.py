@@ -14,8 +14,8 @@ from ..core.memory import DERIVATIVE, check_memory
 from ..core.parameters import paths, with_values
 from ..files.design_scene import DesignScene
 from ..files.results import package_versions
-from ..files.surfaces import RandomSurface
-from ..files.toml import within
+from ..files.scene import RandomSurface
+from ..files.schema import within
 from ..persson.mean_field import MeanField
 from ..response.stack import Stack
 from ..roughness.surface import Surface
@@ -124,7 +124,7 @@ def run_design(
 def design_memory(study: DesignScene, shape: tuple[int, ...]) -> float:
     """Returns the bytes that the contacts of a study take on a grid of this shape."""
     fields = 2 * study.verify + DERIVATIVE if study.polish else 1
-    scene = dataclasses.replace(study.scene, keep="none")
+    scene = dataclasses.replace(study.scene, fields="none")
     return scene_memory(scene, shape) + fields * math.prod(shape) * 8
 
 
@@ -153,7 +153,7 @@ def _evaluations(study: DesignScene, store: Store | None, kind: str, *decides: A
     scene = study.scene
     name = fingerprint(
         package_versions(), scene.stack, scene.pressure, scene.velocity, study.objective,
-        study.wanted, study.relative, study.band, study.stiffness, study.total_thickness,
+        study.goal, study.relative, study.band, study.stiffness, study.total_thickness,
         scene.graded_solver, sorted(study.lower), *decides,
     )  # fmt: skip
     return store.folder / f"{kind}-{name[:16]}.jsonl"

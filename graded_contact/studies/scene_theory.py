@@ -2,8 +2,7 @@
 
 from typing import Any
 
-from ..files.scene import Scene
-from ..files.surfaces import RandomSurface
+from ..files.scene import RandomSurface, Scene
 from ..persson.mean_field import MeanField, mean_field_friction
 from ..roughness.surface import Surface, radial_spectrum
 from .extrapolation import velocity_vector

@@ -81,7 +81,7 @@ def test_scenes_and_python_have_one_default_tolerance():
         ('material = "coat"', "material = 3", r"\[layers\[0\]\] `material` = 3 must be a text"),
         ("[2e5, 4e5]", "[]", r"\[load\] `pressure` = \[\] must be a number or a list"),
         ("[grid]", "[[grid]]", r"\[grid\] must be a table"),
-        ("[[layers]]", "[layers]", r"`layers` must be a list of tables"),
+        ("[[layers]]", "[layers]", r"`layers` = .* must be a list of tables"),
         ("hurst = 0.8", "hurst = 1.8", r"\[surface\] `hurst=1.8` is refused"),
         ("rms_slope = 0.2", "", r"\[surface\] Exactly one of `rms_height` and `rms_slope`"),
         (
@@ -168,7 +168,7 @@ def test_a_path_may_begin_with_the_users_folder(tmp_path, monkeypatch):
     [
         ('top = "coat"\n', "", r"\[layers\[0\]\] lacks the key `top`"),
         ('top = "coat"', 'top = "coal"', r"`top` = 'coal' is not in \[materials\].*coat"),
-        ('"sinusoidal"', '"linaer"', r"`shape` = 'linaer' is not known.*linear"),
+        ('"sinusoidal"', '"linaer"', r"`kind` = 'linaer' is not known.*linear"),
         ('shape = "sinusoidal"', 'material = "coat"', r"`material` besides `bottom` or `top`"),
     ],
 )
@@ -363,13 +363,13 @@ def test_a_directory_is_relative_to_the_scene(tmp_path, monkeypatch):
 )
 def test_a_scene_chooses_the_solver_of_its_graded_layers(line, expected):
     scene = parse_scene(changed("[solver]", f"[solver]\n{line}"))
-    assert eqx.tree_equal(scene.graded, expected) is True
-    assert scene.graded == expected
+    assert eqx.tree_equal(scene.graded_solver, expected) is True
+    assert scene.graded_solver == expected
 
 
 def test_another_solver_of_graded_layers_is_refused_with_the_nearest():
-    with pytest.raises(ValueError, match=r"\[solver\].*did you mean `riccati`"):
-        parse_scene(changed("[solver]", '[solver]\ngraded = "ricatti"'))
+    with pytest.raises(ValueError, match=r"\[solver.graded_solver\].*did you mean `riccati`"):
+        parse_scene(changed("[solver]", '[solver]\ngraded_solver = "ricatti"'))
 
 
 def swept(text):
