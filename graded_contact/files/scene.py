@@ -15,7 +15,7 @@ from typing import Annotated, Any, Literal, NamedTuple
 
 import jax
 import numpy as np
-from jaxtyping import ArrayLike, Float, ScalarLike
+from jaxtyping import ArrayLike, Float, PRNGKeyArray, ScalarLike
 
 from ..contact.douglas_rachford import DouglasRachford
 from ..contact.problem import RTOL
@@ -110,7 +110,10 @@ class RandomSurface(NamedTuple):
 
     def drawn(self, seed: ArrayLike) -> Surface:
         """Returns the surface of another seed, which JAX may trace."""
-        key = jax.random.key(seed)
+        return self.of_key(jax.random.key(seed))
+
+    def of_key(self, key: PRNGKeyArray) -> Surface:
+        """Returns the surface of a random key."""
         return random_surface(self.spectrum, self.grid, key, amplitudes=self.amplitudes)
 
 
@@ -430,10 +433,7 @@ class Block:
             return Stack(layers=layers, base=base)
 
     def _layer(self, place: str, table: dict[str, Any]) -> Layer | GradedLayer:
-        keys = keys_of(GradedLayer), keys_of(Blend)
-        check_keys(
-            place, table, [key.name for part in (keys_of(Layer), keys_of(Blend)) for key in part]
-        )
+        check_keys(place, table, [key.name for key in (*keys_of(Layer), *keys_of(Blend))])
         if "bottom" not in table and "top" not in table:
             return self.reader.build(place, table, Layer)
         if "material" in table:
