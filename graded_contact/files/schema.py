@@ -21,24 +21,28 @@ import inspect
 import json
 import os
 import re
-import sys
 import tomllib
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from pathlib import Path
-from reprlib import repr as short
 from types import UnionType
 from typing import Annotated, Any, Literal, NamedTuple, Union, get_args, get_origin
 
 import numpy as np
 from jaxtyping import AbstractArray, Float
 
-from ..core.checks import check_positive, check_values
+from ..core.checks import check_positive, check_type, check_values, short
 from ..core.memory import check_points
 from .output import full_path
 
 LARGEST = 1_000_000  # bytes of a text; building 20,000 layers takes a minute
 ROOT = "the scene"
 REQUIRED = inspect.Parameter.empty
+
+# The classes of plain values, and of the entries of lists, by the types of annotations.
+CLASSES: dict[Any, type] = {
+    float: float, list[float]: float, Sequence[Any]: float, int: int, tuple[int, ...]: int,
+    bool: bool, str: str, os.PathLike: str, list[dict]: dict,
+}  # fmt: skip
 
 Kinds = Mapping[str, Callable]
 
@@ -56,26 +60,6 @@ class Key(NamedTuple):
     name: str
     annotation: Any
     default: Any = REQUIRED
-
-    @property
-    def words(self) -> str:
-        """The type in words."""
-        parts = _parts(self.annotation)
-        choices = [part for part in parts if isinstance(part, str)]
-        if choices:
-            return " or ".join(f'"{choice}"' for choice in choices)
-        if any(isinstance(part, Spacing) for part in parts):
-            return "a number, a list, or {from, to, points}"
-        leaf = _leaf(parts)
-        return "a table" if leaf is None else leaf.words.partition(" (")[0]
-
-
-class Leaf(NamedTuple):
-    """A type of values that are no tables: in words, which values are right, what they become."""
-
-    words: str
-    is_right: Callable[[Any], bool]
-    convert: Callable[[Any], Any]
 
 
 class Spacing(NamedTuple):
@@ -100,7 +84,7 @@ def keys_of(make: Callable, *without: str) -> tuple[Key, ...]:
         annotation = parameter.annotation
         annotation = types.get(name) if annotation is Any else annotation
         parts = _parts(annotation)
-        if name not in without and (_leaf(parts) or any(map(_is_table, parts))):
+        if name not in without and (_classes(parts) or any(map(_is_table, parts))):
             found.append(Key(name, annotation, parameter.default))
     return tuple(found)
 
@@ -172,12 +156,10 @@ class Reader:
                 return self._axis(place, key.name, value, part)
             if isinstance(part, type) and dataclasses.is_dataclass(part):
                 return self.build(inner, value, part)
-        choices = [part for part in parts if isinstance(part, str)]
-        leaf = _leaf(parts)
-        assert leaf is not None
-        if not leaf.is_right(value):
-            raise ValueError(f"{place} `{key.name}` = {short(value)} must be {leaf.words}.")
-        return _choice(place, key.name, value, choices) if choices else leaf.convert(value)
+        if choices := [part for part in parts if isinstance(part, str)]:
+            return _choice(place, key.name, value, choices)
+        with within(place):
+            return _plain(key.name, value, parts)
 
     def path(self, place: str, name: str, value: Any) -> Path:
         """Returns the path under a key, relative to `folder`, and adds it to `paths`."""
@@ -218,58 +200,41 @@ class Reader:
         return values
 
 
-def _is_number(value: Any) -> bool:
-    """Whether it is a number that a float can hold: TOML's whole numbers have no end."""
-    if isinstance(value, bool):
-        return False
-    return isinstance(value, float) or (isinstance(value, int) and abs(value) <= sys.float_info.max)
-
-
-def _is_whole(value: Any) -> bool:
-    return isinstance(value, int) and not isinstance(value, bool) and abs(value) < 10**18
-
-
-def _one_or_all(is_right: Callable[[Any], bool]) -> Callable[[Any], bool]:
-    return lambda value: (
-        is_right(value)
-        or (isinstance(value, list) and len(value) > 0 and all(map(is_right, value)))
-    )
-
-
-def _floats(value: Any) -> list[float]:
-    return [float(entry) for entry in (value if isinstance(value, list) else [value])]
-
-
-def _float_s(value: Any) -> float | list[float]:
-    return _floats(value) if isinstance(value, list) else float(value)
-
-
-def _leaf(parts: Sequence[Any]) -> Leaf | None:
-    """What a value must be that is no table; None if the types allow no such value."""
-    arrays = [part for part in parts if isinstance(part, type) and issubclass(part, AbstractArray)]
-    always_list = list[float] in parts or any(array.dims for array in arrays)
+def _plain(name: str, value: Any, parts: Sequence[Any]) -> Any:
+    """A number, text or truth, or a list of numbers, as the types take them."""
+    classes, is_list = _classes(parts), isinstance(value, list)
     if list[dict] in parts:
-        return Leaf("a list of tables", lambda v: isinstance(v, list), list)
-    if always_list or Sequence[Any] in parts:
-        right = _one_or_all(_is_number)
-        return Leaf("a number or a list of numbers", right, _floats if always_list else _float_s)
+        if not is_list:
+            raise ValueError(f"`{name}={short(value)}` must be a list of tables.")
+        return value
+    rows = list[float] in parts or any(_is_array(part) and part.dims for part in parts)
+    entries = (
+        value if is_list and (rows or {Sequence[Any], tuple[int, ...]} & {*parts}) else [value]
+    )
+    if not entries:
+        raise ValueError(f"`{name}` is an empty list; at least one number is needed.")
+    if classes == (bool,) and not isinstance(value, bool):
+        raise ValueError(f"`{name}={short(value)}` must be true or false.")
+    for entry in entries:
+        check_type(name, entry, *classes)
+        if classes != (float,) and isinstance(entry, int) and abs(entry) >= 10**18:
+            raise ValueError(f"`{name}={short(entry)}` has more than 18 digits.")
+    if classes == (float,):
+        entries = [float(entry) for entry in entries]
     if tuple[int, ...] in parts:
-        wholes = "a whole number, or a list of them, of at most 18 digits"
-        return Leaf(
-            wholes, _one_or_all(_is_whole), lambda v: tuple(v) if isinstance(v, list) else (v,)
-        )
-    if float in parts or arrays:
-        return Leaf("a number (without quotes)", _is_number, float)
-    if int in parts and str in parts:
-        right = "a whole number of at most 18 digits, or a text"
-        return Leaf(right, lambda v: isinstance(v, str) or _is_whole(v), lambda v: v)
-    if int in parts:
-        return Leaf("a whole number of at most 18 digits", _is_whole, int)
-    if bool in parts:
-        return Leaf("true or false", lambda v: isinstance(v, bool), bool)
-    if any(part in (str, os.PathLike) or isinstance(part, str) for part in parts):
-        return Leaf("a text in quotes", lambda v: isinstance(v, str), str)
-    return None
+        return tuple(entries)
+    return entries if rows or is_list else entries[0]
+
+
+def _classes(parts: Sequence[Any]) -> tuple[type, ...]:
+    """The classes of a plain value, or of the entries of a list; none if it is a table."""
+    found = [float if _is_array(part) else CLASSES.get(part) for part in parts]
+    found += [str for part in parts if isinstance(part, str)]
+    return (float,) if float in found else tuple(dict.fromkeys(filter(None, found)))
+
+
+def _is_array(part: Any) -> bool:
+    return isinstance(part, type) and issubclass(part, AbstractArray)
 
 
 def _is_table(part: Any) -> bool:
