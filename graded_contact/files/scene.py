@@ -1,8 +1,8 @@
 """Scenes: a block, a surface, loads and velocities, as a TOML file describes them.
 
 The keys of a scene are the names of arguments of this package, in SI units, angles in radians; a
-`kind` names what takes them. `tables` returns all of them by table, and the site prints that. Paths
-are relative to the scene file, or begin with `~`.
+`kind` names what takes them. `TABLES` has all of them, and the site lists them. Paths are relative
+to the scene file, or begin with `~`.
 """
 
 import dataclasses
@@ -131,15 +131,27 @@ class SurfaceFile(NamedTuple):
             return rescale(surface, **self.target) if self.target else surface
 
 
+SURFACES: dict[str, Mapping[Callable, tuple[Key, ...]]] = {
+    "self_affine": {
+        SelfAffine: tuple(
+            key._replace(default=None) if key.name == "q_low" else key
+            for key in keys_of(SelfAffine)
+        ),
+        RandomSurface: keys_of(RandomSurface, "spectrum", "grid"),
+    },
+    "file": {read_surface: keys_of(read_surface), rescale: keys_of(rescale, "surface")},
+}
+
+
 @dataclasses.dataclass(frozen=True)
 class Tables:
     """The tables of a scene; those that need others are converted after them.
 
     **Fields:**
 
-    - `surface`: height and grid, see below.
-    - `materials`: tables [materials.NAME].
-    - `base`: what lies below the layers.
+    - `surface`: of the rough counter-body, with a `kind`.
+    - `materials`: tables [materials.NAME], each with a `kind`; one may use those above it.
+    - `base`: below the layers, with a `kind`.
     - `load`: pressures, velocities, temperatures.
     - `title`: one line for the reader.
     - `grid`: of a random surface.
@@ -330,27 +342,22 @@ def _tolerance(rtol: float | None = None, friction_rtol: float | None = None) ->
 
 def _surface(tables: Tables, reader: Reader) -> RandomSurface | SurfaceFile:
     """Where the surface of a scene comes from."""
-    place, target_keys = "[surface]", keys_of(rescale, "surface")
-    drawn_keys = keys_of(RandomSurface, "spectrum", "grid")
-    kinds = {
-        "self_affine": (keys_of(SelfAffine), drawn_keys),
-        "file": (keys_of(read_surface), target_keys),
-    }
-    kind, entries = kind_of(place, tables.surface, {name: sum(kinds[name], ()) for name in kinds})
+    place, keys = "[surface]", {kind: [*takers.values()] for kind, takers in SURFACES.items()}
+    kind, entries = kind_of(place, tables.surface, {name: sum(keys[name], ()) for name in keys})
     if kind == "file":
         if tables.grid is not None:
             raise ValueError(
                 '[grid] belongs to a surface of kind "self_affine"; the points of a file are '
                 "resampled by `shape` in [surface]."
             )
-        if all(key.name in entries for key in target_keys):
+        if all(key.name in entries for key in keys[kind][1]):
             raise ValueError(f"{place} takes `rms_height` or `rms_slope` to rescale to, not both.")
-        return SurfaceFile(*reader.arguments(place, entries, *kinds[kind]))
+        return SurfaceFile(*reader.arguments(place, entries, *keys[kind]))
     if tables.grid is None:
         raise ValueError(f"{ROOT} lacks the key `grid`.")
+    spectrum, drawn = reader.arguments(place, entries, *keys[kind])
     # Unless given, the longest wave is as long as the longest edge.
-    entries = {"q_low": 2 * np.pi / float(np.max(tables.grid.size)), **entries}
-    spectrum, drawn = reader.arguments(place, entries, *kinds[kind])
+    spectrum.setdefault("q_low", 2 * np.pi / float(np.max(tables.grid.size)))
     with within(place):
         found = RandomSurface(SelfAffine(**spectrum), tables.grid, **drawn)
         if found.seeds is not None:
@@ -464,7 +471,20 @@ class Block:
         extrapolate: Literal["refuse", "plateau"] = "refuse",
         shift: AbstractShift | None = None,
     ) -> Tabulated:
-        """The material of a table of moduli; what was understood of it goes to the notes."""
+        """Returns the material of a table of moduli; its history goes to the notes.
+
+        **Arguments:**
+
+        - `path`: of the table, text or Excel.
+        - `columns`: names of quantities and their columns, by name or by number from 1.
+        - `units`: of the columns, if the table does not state them.
+        - `deformation`: "tension" or "shear"; moduli in shear become Young's moduli.
+        - `sheet`: of a workbook.
+        - `step`: of a test with several steps.
+        - `poisson`: Poisson's ratio [1].
+        - `extrapolate`: "plateau" continues the moduli outside the table, "refuse" does not.
+        - `shift`: time-temperature shift.
+        """
         options = {"columns": columns, "units": units, "deformation": deformation}
         try:
             found = read_moduli(
@@ -486,21 +506,29 @@ KEYS = {
         "[output]": ("name", "directory", "fields"),
     }.items()
 }
-# The functions and classes that take the entries of each table: the site lists their keys.
-TABLES: dict[str, tuple[Callable, ...]] = {
-    "The scene": (Tables,),
-    '[surface], kind = "self_affine"': (SelfAffine, RandomSurface),
-    '[surface], kind = "file"': (read_surface, rescale),
-    "[grid]": (Grid,),
-    **{f'[materials.NAME], kind = "{kind}"': (make,) for kind, make in MATERIALS.items()},
-    '[materials.NAME], kind = "tabulated"': (Block.tabulated,),
-    "[[layers]]": (Layer, Blend, GradedLayer),
-    '[base], kind = "half_space" (or "rigid", "free")': (HalfSpace,),
-    "[load]": (Scene,),
-    "[solver]": (_tolerance, Scene, DouglasRachford),
-    "[output]": (Scene,),
+# All keys, by table and by what takes them: the site lists them.
+TABLES: dict[str, Mapping[Callable, tuple[Key, ...]]] = {
+    "The scene": {Tables: keys_of(Tables)},
+    **{f'[surface], kind = "{kind}"': takers for kind, takers in SURFACES.items()},
+    "[grid]": {Grid: keys_of(Grid)},
+    "[materials.NAME], any kind": {read_errors: (ERRORS,)},
     **{
-        f'{place}, kind = "{kind}"': (make,)
+        f'[materials.NAME], kind = "{kind}"': {make: keys_of(make)}
+        for kind, make in {**MATERIALS, "tabulated": Block.tabulated}.items()
+    },
+    "[[layers]]": {Layer: keys_of(Layer), Blend: keys_of(Blend)},
+    '[base], kind = "half_space" ("rigid" and "free" have no keys)': {
+        HalfSpace: keys_of(HalfSpace)
+    },
+    "[load]": {Scene: KEYS["[load]"]},
+    "[solver]": {
+        _tolerance: keys_of(_tolerance),
+        Scene: KEYS["[solver]"],
+        DouglasRachford: keys_of(DouglasRachford),
+    },
+    "[output]": {Scene: KEYS["[output]"]},
+    **{
+        f'{place}, kind = "{kind}"': {make: keys_of(make)}
         for place, kinds in zip(("shift", "shape", "graded_solver"), KINDS.values(), strict=True)
         for kind, make in kinds.items()
     },

@@ -76,15 +76,15 @@ RANGE = (Key("from", float), Key("to", float), Key("points", int))
 
 
 def keys_of(make: Callable, *without: str) -> tuple[Key, ...]:
-    """Returns the keys that a scene has for a function or class, but for some parameters."""
+    """Returns the keys that a table has for a function or class, without some parameters."""
     types = getattr(make, "__annotations__", {})
     found = []
     for name, parameter in inspect.signature(make).parameters.items():
         # The signature of a module with converters says `Any`, its fields what they hold.
         annotation = parameter.annotation
         annotation = types.get(name) if annotation is Any else annotation
-        parts = _parts(annotation)
-        if name not in without and (_classes(parts) or any(map(_is_table, parts))):
+        parts = parts_of(annotation)
+        if name not in without and (classes_of(parts) or any(map(_is_table, parts))):
             found.append(Key(name, annotation, parameter.default))
     return tuple(found)
 
@@ -138,7 +138,7 @@ class Reader:
 
     def value(self, place: str, key: Key, value: Any) -> Any:
         """Returns the value under a key, converted to the type of the key."""
-        parts = _parts(key.annotation)
+        parts = parts_of(key.annotation)
         # A sheet may be called "none"; that there is no sheet is the default.
         is_text = key.default is None and (str in parts or os.PathLike in parts)
         if type(None) in parts and value == "none" and not is_text:
@@ -202,7 +202,7 @@ class Reader:
 
 def _plain(name: str, value: Any, parts: Sequence[Any]) -> Any:
     """A number, text or truth, or a list of numbers, as the types take them."""
-    classes, is_list = _classes(parts), isinstance(value, list)
+    classes, is_list = classes_of(parts), isinstance(value, list)
     if list[dict] in parts:
         if not is_list:
             raise ValueError(f"`{name}={short(value)}` must be a list of tables.")
@@ -226,8 +226,8 @@ def _plain(name: str, value: Any, parts: Sequence[Any]) -> Any:
     return entries if rows or is_list else entries[0]
 
 
-def _classes(parts: Sequence[Any]) -> tuple[type, ...]:
-    """The classes of a plain value, or of the entries of a list; none if it is a table."""
+def classes_of(parts: Sequence[Any]) -> tuple[type, ...]:
+    """Returns the classes of a plain value, or of the entries of a list; none for a table."""
     found = [float if _is_array(part) else CLASSES.get(part) for part in parts]
     found += [str for part in parts if isinstance(part, str)]
     return (float,) if float in found else tuple(dict.fromkeys(filter(None, found)))
@@ -241,11 +241,11 @@ def _is_table(part: Any) -> bool:
     return dataclasses.is_dataclass(part) or get_origin(part) is dict or isinstance(part, Spacing)
 
 
-def _parts(annotation: Any) -> list[Any]:
-    """The classes and choices of an annotation, those of a union one by one."""
+def parts_of(annotation: Any) -> list[Any]:
+    """Returns the classes and choices of an annotation, those of a union one by one."""
     origin = get_origin(annotation)
     if origin in (Union, UnionType):
-        return [part for member in get_args(annotation) for part in _parts(member)]
+        return [part for member in get_args(annotation) for part in parts_of(member)]
     if origin is Annotated:
         return list(annotation.__metadata__)
     return list(get_args(annotation)) if origin is Literal else [annotation]
