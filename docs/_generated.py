@@ -15,6 +15,8 @@ from typer.testing import CliRunner
 
 import graded_contact as gc
 from graded_contact.cli import app
+from graded_contact.contact.douglas_rachford import DouglasRachford
+from graded_contact.fields.grid import Grid
 from graded_contact.files import scene
 from graded_contact.files.design_scene import DesignScene, Stiffness
 from graded_contact.files.schema import (
@@ -26,6 +28,8 @@ from graded_contact.files.schema import (
     keys_of,
     parts_of,
 )
+from graded_contact.response.profile import Blend
+from graded_contact.response.stack import HalfSpace, Layer
 from graded_contact.rheology.material import AbstractMaterial
 
 ROOT = Path(__file__).parents[1]
@@ -37,6 +41,36 @@ TITLES = {
     "fitting": "Fitting", "studies": "Many solves and design",
 }  # fmt: skip
 
+SHORT = ("shift", "shape", "graded_solver")  # keys whose tables have a kind
+# Keys of scenes, by table and by what takes them.
+TABLES: dict[str, dict[Callable, tuple[Key, ...]]] = {
+    "The scene": {scene.Tables: keys_of(scene.Tables)},
+    **{f'[surface], kind = "{kind}"': takers for kind, takers in scene.SURFACES.items()},
+    "[grid]": {Grid: keys_of(Grid)},
+    "[materials.NAME], any kind": {gc.read_errors: (scene.ERRORS,)},
+    **{
+        f'[materials.NAME], kind = "{kind}"': {make: keys_of(make)}
+        for kind, make in {**scene.MATERIALS, "tabulated": scene.Block.tabulated}.items()
+    },
+    "[[layers]]": {Layer: keys_of(Layer), Blend: keys_of(Blend)},
+    '[base], kind = "half_space" ("rigid" and "free" have no keys)': {
+        HalfSpace: keys_of(HalfSpace)
+    },
+    "[load]": {scene.Scene: scene.KEYS["[load]"]},
+    "[solver]": {
+        scene._tolerance: keys_of(scene._tolerance),
+        scene.Scene: scene.KEYS["[solver]"],
+        DouglasRachford: keys_of(DouglasRachford),
+    },
+    "[output]": {scene.Scene: scene.KEYS["[output]"]},
+    **{
+        f'{place}, kind = "{kind}"': {make: keys_of(make)}
+        for place, kinds in zip(SHORT, scene.KINDS.values(), strict=True)
+        for kind, make in kinds.items()
+    },
+    "[design]": {DesignScene: keys_of(DesignScene, "scene", "spectrum")},
+    "[design.stiffness]": {Stiffness: keys_of(Stiffness)},
+}
 WORDS = {float: "number", int: "whole number", bool: "true or false", str: "text", dict: "tables"}
 # Of keys that become fields of another name.
 MEANINGS = {
@@ -185,12 +219,8 @@ def commands_page() -> str:
 def keys_page() -> str:
     """Returns the keys of scenes, those that their reader takes, table by table."""
     about = inspect.cleandoc(scene.__doc__ or "").partition("\n\n")[2]
-    design = {
-        "[design]": {DesignScene: keys_of(DesignScene, "scene", "spectrum")},
-        "[design.stiffness]": {Stiffness: keys_of(Stiffness)},
-    }
     parts = ["# The keys of a scene", about]
-    for title, takers in (scene.TABLES | design).items():
+    for title, takers in TABLES.items():
         rows = [key_row(key, make) for make, keys in takers.items() for key in keys]
         if rows:
             head = [["key", "type", "default", "unit", "meaning"], 5 * ["---"]]

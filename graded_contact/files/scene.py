@@ -1,8 +1,8 @@
 """Scenes: a block, a surface, loads and velocities, as a TOML file describes them.
 
 The keys of a scene are the names of arguments of this package, in SI units, angles in radians; a
-`kind` names what takes them. `TABLES` has all of them, and the site lists them. Paths are relative
-to the scene file, or begin with `~`.
+`kind` names what takes them. The site lists all of them. Paths are relative to the scene file, or
+begin with `~`.
 """
 
 import dataclasses
@@ -222,7 +222,7 @@ class Scene:
     tolerance: Mapping[str, Any]
     graded_solver: AbstractGradedSolver = Layering()  # noqa: RUF009 (immutable)
     name: str | None = None
-    directory: os.PathLike | None = None
+    directory: Path | None = None
     fields: Literal["last", "every", "none"] = "last"
     errors: tuple[tuple[str, AbstractMaterial, Errors], ...]
     inputs: tuple[Path, ...]
@@ -505,31 +505,4 @@ KEYS = {
         "[solver]": ("graded_solver",),
         "[output]": ("name", "directory", "fields"),
     }.items()
-}
-# All keys, by table and by what takes them: the site lists them.
-TABLES: dict[str, Mapping[Callable, tuple[Key, ...]]] = {
-    "The scene": {Tables: keys_of(Tables)},
-    **{f'[surface], kind = "{kind}"': takers for kind, takers in SURFACES.items()},
-    "[grid]": {Grid: keys_of(Grid)},
-    "[materials.NAME], any kind": {read_errors: (ERRORS,)},
-    **{
-        f'[materials.NAME], kind = "{kind}"': {make: keys_of(make)}
-        for kind, make in {**MATERIALS, "tabulated": Block.tabulated}.items()
-    },
-    "[[layers]]": {Layer: keys_of(Layer), Blend: keys_of(Blend)},
-    '[base], kind = "half_space" ("rigid" and "free" have no keys)': {
-        HalfSpace: keys_of(HalfSpace)
-    },
-    "[load]": {Scene: KEYS["[load]"]},
-    "[solver]": {
-        _tolerance: keys_of(_tolerance),
-        Scene: KEYS["[solver]"],
-        DouglasRachford: keys_of(DouglasRachford),
-    },
-    "[output]": {Scene: KEYS["[output]"]},
-    **{
-        f'{place}, kind = "{kind}"': {make: keys_of(make)}
-        for place, kinds in zip(("shift", "shape", "graded_solver"), KINDS.values(), strict=True)
-        for kind, make in kinds.items()
-    },
 }

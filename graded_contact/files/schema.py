@@ -41,7 +41,7 @@ REQUIRED = inspect.Parameter.empty
 # The classes of plain values, and of the entries of lists, by the types of annotations.
 CLASSES: dict[Any, type] = {
     float: float, list[float]: float, Sequence[Any]: float, int: int, tuple[int, ...]: int,
-    bool: bool, str: str, os.PathLike: str, list[dict]: dict,
+    bool: bool, str: str, os.PathLike: str, Path: str, list[dict]: dict,
 }  # fmt: skip
 
 Kinds = Mapping[str, Callable]
@@ -110,7 +110,7 @@ class Reader:
         readers: Mapping[type, Callable[[str, str, Any], Any]] = {},
     ):
         self.folder, self.kinds = folder, kinds
-        self.readers = {os.PathLike: self.path, **readers}
+        self.readers = {os.PathLike: self.path, Path: self.path, **readers}
         self.paths: list[Path] = []
 
     def build(self, place: str, table: Any, make: Callable, **given: Any) -> Any:
@@ -140,7 +140,7 @@ class Reader:
         """Returns the value under a key, converted to the type of the key."""
         parts = parts_of(key.annotation)
         # A sheet may be called "none"; that there is no sheet is the default.
-        is_text = key.default is None and (str in parts or os.PathLike in parts)
+        is_text = key.default is None and str in classes_of(parts)
         if type(None) in parts and value == "none" and not is_text:
             return None
         inner = f"[{key.name}]" if place == ROOT else f"{place[:-1]}.{key.name}]"
