@@ -29,10 +29,8 @@ import graded_contact as gc
 from graded_contact.core.parameters import paths
 from graded_contact.files.design_scene import read_design
 from graded_contact.studies.design import minimise
-from graded_contact.studies.design_problem import mean_field_problem
 from graded_contact.studies.objectives import loss_tangent, ripple
-from graded_contact.studies.report_design import report
-from graded_contact.studies.run_design import run_design
+from graded_contact.studies.run_design import mean_field_problem, report, run_design
 
 ROOT = pathlib.Path(__file__).parents[1]
 sys.path.append(str(ROOT / "benchmarks" / "paper"))
@@ -156,7 +154,7 @@ def coating(options):
     head = ("", "objective", "values", "limits", "seconds", "compiling")
     print("{:29s} {:>10s} {:>7s} {:>7s} {:>8s} {:>10s}".format(*head))
     # Friction within 1e-3 of what is wanted, or of the most that the gradients found.
-    hard = dataclasses.replace(study, objective="maximise_friction", wanted=None)
+    hard = dataclasses.replace(study, objective="maximise_friction", ratio=None)
     for name, task in (("30 % more", study), ("as much as possible", hard)):
         compare(name, task, options)
 
@@ -174,7 +172,7 @@ def compare(name, study, options):
     seconds = time.perf_counter() - stamps[0]
     counts, compiling = design.num_evaluations, stamps[1] - stamps[0]
     print(row.format(f"{name}: gradients", design.value, counts, "same", seconds, compiling))
-    enough = 1 + 1e-6 if study.wanted is not None else design.value * (1 - 1e-3)
+    enough = 1 + 1e-6 if study.goal is not None else design.value * (1 - 1e-3)
     begin = time.perf_counter()
     found, calls, compiling_too = by_evolution(study, objective, constraints, enough, options)
     spent = time.perf_counter() - begin

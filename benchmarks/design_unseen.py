@@ -16,7 +16,7 @@ import numpy as np
 import graded_contact as gc
 from graded_contact.core.parameters import paths, with_values
 from graded_contact.studies.design import minimise
-from graded_contact.studies.design_problem import mean_field_problem
+from graded_contact.studies.run_design import mean_field_problem
 from graded_contact.studies.stochastic import minimise_expected
 
 SPEEDS = np.log([1e-3, 10.0])

@@ -6,13 +6,31 @@ import inspect
 import pprint
 import re
 import shutil
+from collections.abc import Callable, Sequence
 from pathlib import Path
+from typing import Any
 
 from _figures import FIGURES
 from typer.testing import CliRunner
 
 import graded_contact as gc
 from graded_contact.cli import app
+from graded_contact.contact.douglas_rachford import DouglasRachford
+from graded_contact.fields.grid import Grid
+from graded_contact.files import scene
+from graded_contact.files.design_scene import DesignScene, Stiffness
+from graded_contact.files.schema import (
+    REQUIRED,
+    Key,
+    Spacing,
+    classes_of,
+    entry_text,
+    keys_of,
+    parts_of,
+)
+from graded_contact.response.profile import Blend
+from graded_contact.response.stack import HalfSpace, Layer
+from graded_contact.rheology.material import AbstractMaterial
 
 ROOT = Path(__file__).parents[1]
 # Namespaces of the package, with pages of their own.
@@ -23,6 +41,45 @@ TITLES = {
     "fitting": "Fitting", "studies": "Many solves and design",
 }  # fmt: skip
 
+SHORT = ("shift", "shape", "graded_solver")  # keys whose tables have a kind
+# Keys of scenes, by table and by what takes them.
+TABLES: dict[str, dict[Callable, tuple[Key, ...]]] = {
+    "The scene": {scene.Tables: keys_of(scene.Tables)},
+    **{f'[surface], kind = "{kind}"': takers for kind, takers in scene.SURFACES.items()},
+    "[grid]": {Grid: keys_of(Grid)},
+    "[materials.NAME], any kind": {gc.read_errors: (scene.ERRORS,)},
+    **{
+        f'[materials.NAME], kind = "{kind}"': {make: keys_of(make)}
+        for kind, make in {**scene.MATERIALS, "tabulated": scene.Block.tabulated}.items()
+    },
+    "[[layers]]": {Layer: keys_of(Layer), Blend: keys_of(Blend)},
+    '[base], kind = "half_space" ("rigid" and "free" have no keys)': {
+        HalfSpace: keys_of(HalfSpace)
+    },
+    "[load]": {scene.Scene: scene.KEYS["[load]"]},
+    "[solver]": {
+        scene._tolerance: keys_of(scene._tolerance),
+        scene.Scene: scene.KEYS["[solver]"],
+        DouglasRachford: keys_of(DouglasRachford),
+    },
+    "[output]": {scene.Scene: scene.KEYS["[output]"]},
+    **{
+        f'{place}, kind = "{kind}"': {make: keys_of(make)}
+        for place, kinds in zip(SHORT, scene.KINDS.values(), strict=True)
+        for kind, make in kinds.items()
+    },
+    "[design]": {DesignScene: keys_of(DesignScene, "scene", "spectrum")},
+    "[design.stiffness]": {Stiffness: keys_of(Stiffness)},
+}
+WORDS = {float: "number", int: "whole number", bool: "true or false", str: "text", dict: "tables"}
+# Of keys that become fields of another name.
+MEANINGS = {
+    "modulus": "Young's modulus [Pa].",
+    "rms_height": "rms height [m], instead of `rms_slope`.",
+    "rms_slope": "rms slope [1], instead of `rms_height`.",
+    "q_low": "lowest wavenumber [rad/m]; by default 2π over the longest edge of the grid.",
+    "errors": "file NAME-errors.csv of `graded-contact fit`: friction then has its standard error.",
+}
 LONG = 30  # rows that are shown only when asked for
 
 Names = dict[str, list[tuple[str, object]]]  # of modules or groups
@@ -33,7 +90,8 @@ def write_all(docs: Path) -> None:
     for name in ("reference", "_measured", "tutorials"):
         shutil.rmtree(docs / name, ignore_errors=True)
         (docs / name).mkdir()
-    for name, text in (reference_pages() | {"commands": commands_page()}).items():
+    made = {"commands": commands_page(), "scene_keys": keys_page()}
+    for name, text in (reference_pages() | made).items():
         (docs / "reference" / f"{name}.md").write_text(text, encoding="utf-8")
     shown = "".join(page.read_text(encoding="utf-8") for page in docs.glob("*.md"))
     for name in set(re.findall(r"_measured/(\S+)\.md", shown)):
@@ -156,6 +214,67 @@ def commands_page() -> str:
         lines = "\n".join(line.rstrip() for line in said.strip().splitlines())
         parts += [f"## `graded-contact {name}`" if name else "", f"```text\n{lines}\n```"]
     return "\n\n".join(parts)
+
+
+def keys_page() -> str:
+    """Returns the keys of scenes, those that their reader takes, table by table."""
+    about = inspect.cleandoc(scene.__doc__ or "").partition("\n\n")[2]
+    parts = ["# The keys of a scene", about]
+    for title, takers in TABLES.items():
+        rows = [key_row(key, make) for make, keys in takers.items() for key in keys]
+        if rows:
+            head = [["key", "type", "default", "unit", "meaning"], 5 * ["---"]]
+            lines = ["| " + " | ".join(row) + " |" for row in head + rows]
+            parts += [f"## {title}", "\n".join(lines)]
+    return "\n\n".join(parts)
+
+
+def key_row(key: Key, make: Callable) -> list[str]:
+    """Returns key, type, default, unit and meaning, from signature and docstring."""
+    pattern = r"^ *- (`[^:]*`[^:]*): (.*?)(?=^ *- `|^ *$|\Z)"
+    entries = re.findall(pattern, make.__doc__ or "", re.MULTILINE | re.DOTALL)
+    found = [" ".join(text.split()) for names, text in entries if f"`{key.name}`" in names]
+    meaning = MEANINGS[key.name] if key.name in MEANINGS else found[0]
+    meaning = meaning.removesuffix(" Static.")
+    unit = re.search(r"(?<![\w\[])\[((?:1|Pa|rad|m|s|K|J)(?:/\w+)?)\]", meaning)
+    cells = [f"`{key.name}`", words(key), default_text(key), unit[1] if unit else "", meaning]
+    return [cell.replace("|", "\\|") for cell in cells]
+
+
+def words(key: Key) -> str:
+    """Returns what the value of a key may be."""
+    parts = parts_of(key.annotation)
+    if choices := [f'"{part}"' for part in parts if isinstance(part, str)]:
+        return " or ".join(choices)
+    for part in parts:
+        if isinstance(part, Spacing):
+            return f"number, list, or {{from, to, points}}, {part.words}"
+        if part is AbstractMaterial:
+            return "NAME of a material"
+        if part in scene.KINDS:
+            return "table with a `kind`"
+    names = {
+        float: "number",
+        int: "whole number",
+        bool: "true or false",
+        str: "text",
+        dict: "tables",
+    }
+    found = " or ".join(names[kind] for kind in classes_of(parts)) or "table"
+    rows = any(getattr(part, "dims", ()) for part in parts) or list[float] in parts
+    if rows or Sequence[Any] in parts or tuple[int, ...] in parts:
+        return f"{found}, or a list of them"
+    return found
+
+
+def default_text(key: Key) -> str:
+    """Returns the value of a key that is missing."""
+    if key.default is REQUIRED:
+        return "required"
+    names = {make: kind for kinds in scene.KINDS.values() for kind, make in kinds.items()}
+    if type(key.default) in names:
+        return f'"{names[type(key.default)]}"'
+    return entry_text(key.default) if isinstance(key.default, int | float | str) else ""
 
 
 def last_run(path: Path) -> list[dict[str, str]]:

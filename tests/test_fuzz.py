@@ -26,8 +26,7 @@ from graded_contact.core.quantities import OBSERVABLES
 from graded_contact.files.dataset import attach, write
 from graded_contact.files.design_scene import parse_design
 from graded_contact.files.results import KEPT_FIELDS, read_results, surface_variables
-from graded_contact.files.scene import parse_scene
-from graded_contact.files.surfaces import RandomSurface
+from graded_contact.files.scene import RandomSurface, parse_scene
 from graded_contact.roughness.surface import Step
 from graded_contact.studies.run_scene import check_scene as check_scene_memory
 from graded_contact.studies.store import Point, Store, fingerprint

@@ -14,7 +14,7 @@ from ..files.moduli.reading import read_moduli
 from ..files.parameter_covariance import write_errors
 from ..files.paths import check_folder, full_path
 from ..files.prony_cards import FORMATS, export_prony
-from ..files.toml import nearest
+from ..files.schema import nearest
 from ..fitting.master import master_curve
 from ..fitting.prony import fit_creep, fit_prony, fit_relaxation
 from ..fitting.shifting import check_law

@@ -16,7 +16,7 @@ from ..core.checks import as_float, check_values
 from ..core.display import shown
 from ..core.parameters import paths, with_values
 from .paths import existing_file
-from .toml import nearest, within
+from .schema import nearest, within
 
 T = TypeVar("T")
 

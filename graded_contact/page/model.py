@@ -17,7 +17,7 @@ from jaxtyping import Array, Float
 from ..contact.solution import ContactSolution
 from ..contact.solver import AbstractContactSolver, Iterated, LinearSolver
 from ..fields.grid import direction_and_speed
-from ..files.surfaces import RandomSurface
+from ..files.scene import RandomSurface
 from ..friction.sliding import Sliding, slide
 from ..persson.mean_field import mean_field_friction
 from ..response.compliance import effective_modulus

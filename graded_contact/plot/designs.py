@@ -1,26 +1,33 @@
-"""Figures of a design: what it came to, and how."""
+"""Figures of a design: friction and loss tangent before and after, and the search."""
 
 from typing import TYPE_CHECKING
 
 import jax
 import numpy as np
+from jaxtyping import Float
 
+from ..files.design_scene import DesignScene
+from ..persson.isotropic import LAST_COSINE
+from ..persson.mean_field import MeanField
+from ..response.stack import materials_of
+from ..rheology.tabulated import Tabulated
 from ..studies.design import Design
 from ..studies.objectives import friction_curve, loss_tangent
 from ..studies.problem import named
-from ..studies.report_design import curve_velocities
 from ..studies.run_design import DesignResults
 from .style import COLOURS, PAGE, few_powers_of_ten, new_figure, styled
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
+CURVE_POINTS = 41
+
 
 @styled
 def plot_design(results: DesignResults) -> "Figure":
     """Returns a figure of a design: friction over velocity, and the loss tangent, before and after.
 
-    Lines are the mean field's; points with bars are contact, mean and standard deviation over the
+    Lines are the mean field; points with bars are contact, mean and standard deviation over the
     surfaces.
 
     **Arguments:**
@@ -29,7 +36,7 @@ def plot_design(results: DesignResults) -> "Figure":
     """
     study, scene = results.study, results.study.scene
     before = results.candidates["before"].field
-    velocities = curve_velocities(study, before)
+    velocities = _curve_velocities(study, before)
     curve = jax.jit(
         lambda stack: (
             friction_curve(
@@ -42,26 +49,21 @@ def plot_design(results: DesignResults) -> "Figure":
         )
     )
     cutoff = before.against_cutoff.cutoff
-    ends = (np.min(cutoff), np.max(cutoff))
-    band = study.band or ends
-    q = np.geomspace(min(ends[0], band[0]), max(ends[1], band[1]), 200)
+    ends = [np.min(cutoff), np.max(cutoff), *(study.band or ())]
+    q = np.geomspace(min(ends), max(ends), 200)
     speed = float(np.exp(np.mean(np.log(scene.velocity))))
     figure = new_figure(PAGE, 2.9)
     friction, loss = figure.subplots(1, 2)
     colours = ("0.45", *COLOURS)
     for (name, candidate), colour in zip(results.candidates.items(), colours, strict=False):
-        friction.plot(velocities, curve(candidate.stack), color=colour, label=name)
-        loss.plot(
-            q,
-            loss_tangent(candidate.stack, q, speed, graded_solver=scene.graded_solver),
-            color=colour,
-        )
+        style = {"color": colour, "label": f"{name}, mean field"}
+        friction.plot(velocities, curve(candidate.stack), **style)
+        tangent = loss_tangent(candidate.stack, q, speed, graded_solver=scene.graded_solver)
+        loss.plot(q, tangent, color=colour)
         if study.verify:
-            solved = candidate.friction
+            solved, style["label"] = candidate.friction, f"{name}, contact"
             spread = solved.std(0, ddof=1) if len(solved) > 1 else None
-            friction.errorbar(
-                scene.velocity, solved.mean(0), spread, fmt="o", capsize=2, color=colour
-            )
+            friction.errorbar(scene.velocity, solved.mean(0), spread, fmt="o", capsize=2, **style)
     if study.band is not None:
         loss.axvspan(*study.band, color="0.93", zorder=0)
     friction.set(xscale="log", xlabel="sliding velocity [m/s]", ylabel="friction coefficient [1]")
@@ -72,6 +74,17 @@ def plot_design(results: DesignResults) -> "Figure":
         axes.set_ylim(bottom=0)
     friction.legend()
     return figure
+
+
+def _curve_velocities(study: DesignScene, field: MeanField) -> Float[np.ndarray, " velocities"]:
+    """Velocities [m/s] about those of the study, at which its materials were measured."""
+    first, last = study.scene.velocity.min() / 100, study.scene.velocity.max() * 100
+    waves = np.asarray(field.against_cutoff.cutoff).reshape(-1)[[0, -1]]
+    for material in materials_of(study.scene.stack):
+        if isinstance(material, Tabulated) and material.extrapolate == "refuse":
+            first = max(first, float(material.omega[0]) / (waves[0] * LAST_COSINE))
+            last = min(last, float(material.omega[-1]) / waves[1])
+    return np.geomspace(first, last, CURVE_POINTS)
 
 
 @styled

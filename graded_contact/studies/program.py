@@ -17,7 +17,7 @@ from jax.extend import core
 
 from ..contact.problem import RESULTS
 from ..files.dataset import FAILED, package_versions
-from ..files.toml import nearest
+from ..files.schema import nearest
 from .store import Point, fingerprint
 
 _ADDRESS = re.compile(r" at 0x[0-9a-f]+")

@@ -1,50 +1,60 @@
-"""Designs of scenes, run: the mean field decides, contact polishes and verifies."""
+"""Designs of scenes, run: the mean field decides, contact polishes and verifies.
+
+mean_field_problem ─ minimise ─> designed ─┐
+contact_problem ──── minimise ─> polished ─┼─> contact on unseen surfaces ─> report, missed
+                                 before ───┘
+"""
 
 import dataclasses
 import math
+from collections.abc import Callable
 from functools import partial
 from typing import NamedTuple
 
+import equinox as eqx
+import jax
+import jax.numpy as jnp
 import numpy as np
-from jaxtyping import Float
+from jaxtyping import Array, Float
 
+from ..core.checks import Numbers, as_float
 from ..core.display import shown
 from ..core.memory import DERIVATIVE, check_memory
 from ..core.parameters import paths, with_values
+from ..core.warnings import EXTRAPOLATED
+from ..files.dataset import package_versions
 from ..files.design_scene import DesignScene
-from ..files.surfaces import RandomSurface
-from ..files.toml import within
+from ..files.scene import RandomSurface
+from ..files.schema import within
+from ..friction.sliding import slide
 from ..persson.mean_field import MeanField
+from ..response.compliance import effective_modulus
 from ..response.stack import Stack
 from ..roughness.surface import Surface
-from .design import Design, minimise
-from .design_problem import (
-    Progress,
-    contact_problem,
-    heights_of,
-    kept_contact,
-    mean_field_of,
-    mean_field_problem,
-    silent,
-)
+from .design import Constraints, Design, Objective, minimise
+from .objectives import distance, friction_curve, loss_tangent, ripple
 from .run_scene import scene_memory
 from .scene_theory import refuse_extrapolated
-from .store import Store
+from .store import Point, Store, fingerprint
 
+WAVES = 65  # of a band whose loss tangent is to be flat
 POLISHING_STEPS = 6
 POLISHING = 10  # evaluations, about
+
+Progress = Callable[[str, int, int], None]
+Values = dict[str, Float[Array, "..."]]
 
 
 @shown()
 class Candidate(NamedTuple):
-    """A block, what the mean field says of it, and the contact solver.
+    """A block, its mean field and its contacts.
 
     **Fields:**
 
     - `stack`: the block.
     - `field`: the mean field at each velocity.
-    - `friction`, `contact_area`: by contact [1], shape (surfaces, velocities), of no surface
-      perhaps.
+    - `friction`, `contact_area`: by contact [1], shape (surfaces, velocities); without verification
+      there are no surfaces.
     """
 
     stack: Stack
@@ -55,11 +65,11 @@ class Candidate(NamedTuple):
 
 @shown("design", "polished", "candidates")
 class DesignResults(NamedTuple):
-    """What a study came to.
+    """The design of a scene, and what verifies it.
 
     **Fields:**
 
-    - `study`: what was asked.
+    - `study`: the scene and its table [design].
     - `design`: by the mean field.
     - `polished`: by the contact solver, or None.
     - `candidates`: "before", "designed" and, if polished, "polished".
@@ -74,7 +84,7 @@ class DesignResults(NamedTuple):
 def run_design(
     study: DesignScene, *, store: Store | None = None, progress: Progress | None = None
 ) -> DesignResults:
-    """Returns the design that a study asks for, and what verifies it.
+    """Returns the design of a scene, and what verifies it.
 
     **Arguments:**
 
@@ -90,46 +100,36 @@ def run_design(
     mean field is not solved to its tolerance.
     """
     check_design(study)
-    say = progress or silent
-    own = study.scene.stack
-    start = {path: paths(own)[path] for path in study.lower}
+    own, say = study.scene.stack, progress or _no_progress
     with within("[design]"):
-        objective, constraints = mean_field_problem(study)
-        design = minimise(
-            objective,
-            study.lower,
-            study.upper,
-            start,
-            constraints=constraints,
+        design = _search(
+            study, mean_field_problem(study), {path: paths(own)[path] for path in study.lower},
             num_starts=study.starts,
             seed=study.seed,
             store=store,
             progress=lambda i, value: say(f"design, value {value:.4g}", i, study.starts),
-        )
-    stacks = {"before": own, "designed": with_values(own, design.parameters)}
+        )  # fmt: skip
     say("design", study.starts, study.starts)
+    stacks = {"before": own, "designed": with_values(own, design.parameters)}
     polished = None
     if study.polish:
         polished = _polish(study, design, store, say)
         stacks["polished"] = with_values(own, polished.parameters)
-    candidates = {
-        name: Candidate(stacks[name], mean_field_of(study, stacks[name]), *verified)
-        for name, verified in _verify(study, stacks, store, say).items()
-    }
+    candidates, total = {}, study.verify * len(stacks)
+    for name, stack in stacks.items():
+        solved = []
+        for i in range(study.verify):
+            solved.append(_stored_contact(study, stack, _heights(study, i), store))
+            say("contact", len(candidates) * study.verify + len(solved), total)
+        found = np.reshape(solved, (study.verify, 2, study.scene.velocity.size))
+        candidates[name] = Candidate(stack, _mean_field(study, stack), found[:, 0], found[:, 1])
     return DesignResults(study, design, polished, candidates)
-
-
-def design_memory(study: DesignScene, shape: tuple[int, ...]) -> float:
-    """Returns the bytes that the contacts of a study take on a grid of this shape."""
-    fields = 2 * study.verify + DERIVATIVE if study.polish else 1
-    scene = dataclasses.replace(study.scene, keep="none")
-    return scene_memory(scene, shape) + fields * math.prod(shape) * 8
 
 
 def check_design(study: DesignScene) -> None:
     """Raises `ValueError` for what `run_design` refuses before its first evaluation.
 
-    It is contacts that need more memory than there is, and friction from where the block's
+    That is: contacts that need more memory than there is, and friction from where the block's
     materials were not measured.
     """
     source, own = study.scene.surface, study.scene.stack
@@ -140,8 +140,59 @@ def check_design(study: DesignScene) -> None:
     rough = study.spectrum if isinstance(study.spectrum, Surface) else source
     assert isinstance(rough, Surface | RandomSurface)
     refuse_extrapolated(
-        study.scene, own, rough.grid, lambda: mean_field_of(study, own).extrapolated_friction
+        study.scene, own, rough.grid, lambda: _mean_field(study, own).extrapolated_friction
     )
+
+
+def design_memory(study: DesignScene, shape: tuple[int, ...]) -> float:
+    """Returns the bytes that the contacts of a study take on a grid of this shape."""
+    fields = 2 * study.verify + DERIVATIVE if study.polish else 1
+    scene = dataclasses.replace(study.scene, fields="none")
+    return scene_memory(scene, shape) + fields * math.prod(shape) * 8
+
+
+def mean_field_problem(study: DesignScene) -> tuple[Objective, Constraints | None]:
+    """Returns what the design makes least, and its constraints, as functions of parameters.
+
+    Both are for `minimise`, or any other search: they take a dict of numbers by path.
+    """
+    stack = study.scene.stack
+    if study.band is not None:
+
+        def flatness(values: Values) -> Float[Array, ""]:
+            tangents = _band_tangents(study, with_values(stack, values))
+            return jnp.mean(jnp.stack([ripple(tangent) for tangent in tangents]))
+
+        return flatness, _constraints(study)
+    before = _mean_field(study, stack).friction
+
+    def objective(values: Values) -> Float[Array, ""]:
+        return _objective(study, _mean_field(study, with_values(stack, values)).friction, before)
+
+    return objective, _constraints(study)
+
+
+def contact_problem(
+    study: DesignScene, *, store: Store | None = None, progress: Progress | None = None
+) -> tuple[Objective, Constraints | None]:
+    """Returns the same of the mean friction by contact over the surfaces for polishing.
+
+    `store` and `progress` are as in `run_design`.
+    """
+    stack, say = study.scene.stack, progress or _no_progress
+    fields, friction_before = [], []
+    for i in range(study.verify):
+        say("polish, before", i, study.verify)
+        fields.append(_heights(study, study.verify + i))
+        friction_before.append(_stored_contact(study, stack, fields[-1], store)[0])
+    heights, before = jnp.stack(fields), np.mean(friction_before, axis=0)
+
+    def objective(values: Values) -> Float[Array, ""]:
+        changed = with_values(stack, values)
+        friction = jax.lax.map(lambda h: _contact(study, changed, h)[0], heights)
+        return _objective(study, jnp.mean(friction, axis=0), before)
+
+    return objective, _constraints(study)
 
 
 def _polish(study: DesignScene, design: Design, store: Store | None, say: Progress) -> Design:
@@ -153,36 +204,219 @@ def _polish(study: DesignScene, design: Design, store: Store | None, say: Progre
         done += 1
         say(f"polish, value {value:.4g}", min(done, POLISHING), POLISHING)
 
-    objective, constraints = contact_problem(study, store=store, progress=say)
+    problem = contact_problem(study, store=store, progress=say)
     say("polish", 0, POLISHING)
-    polished = minimise(
-        objective,
-        study.lower,
-        study.upper,
-        design.parameters,
-        constraints=constraints,
+    polished = _search(
+        study, problem, design.parameters,
         num_starts=1,
         max_steps=POLISHING_STEPS,
         store=store,
         progress=after_evaluation,
-    )
+    )  # fmt: skip
     say("polish", POLISHING, POLISHING)
     return polished
 
 
-def _verify(
-    study: DesignScene, stacks: dict[str, Stack], store: Store | None, say: Progress
-) -> dict[str, tuple[np.ndarray, np.ndarray]]:
-    """Friction and area by contact of each stack, on surfaces that no polishing has seen."""
-    empty = np.zeros((0, len(study.scene.velocity)))
-    if not study.verify:
-        return dict.fromkeys(stacks, (empty, empty))
-    found, total = {}, study.verify * len(stacks)
-    for name, stack in stacks.items():
-        pairs = []
-        for i in range(study.verify):
-            pairs.append(kept_contact(study, stack, heights_of(study, i), store))
-            say("contact", len(found) * study.verify + len(pairs), total)
-        friction, area = (np.stack(parts) for parts in zip(*pairs, strict=True))
-        found[name] = (friction, area)
-    return found
+def _search(
+    study: DesignScene, problem: tuple[Objective, Constraints | None], start: Any, **options: Any
+) -> Design:
+    objective, constraints = problem
+    return minimise(objective, study.lower, study.upper, start, constraints=constraints, **options)
+
+
+def _no_progress(text: str, done: int, total: int) -> None:
+    pass
+
+
+@eqx.filter_jit
+def _mean_field(study: DesignScene, stack: Stack) -> MeanField:
+    scene = study.scene
+    return friction_curve(
+        stack,
+        study.spectrum,
+        pressure=scene.pressure[0],
+        velocities=scene.velocity,
+        graded_solver=scene.graded_solver,
+    )
+
+
+def _objective(study: DesignScene, friction: Array, before: Numbers) -> Float[Array, ""]:
+    """What is to be small, of the friction at each velocity and of that before."""
+    if study.goal is not None:
+        goal = study.goal * (as_float(before) if study.relative else 1)
+        # 1 where it is reached: a value whose relative changes mean something.
+        return jnp.exp(distance(friction, goal))
+    mean = jnp.exp(jnp.mean(jnp.log(friction)))
+    return mean if study.objective == "minimise_friction" else -mean
+
+
+def _constraints(study: DesignScene) -> Constraints | None:
+    own, stiffness, limit = study.scene.stack, study.stiffness, study.total_thickness
+    if stiffness is None and limit is None:
+        return None
+
+    def constraints(values: Values) -> Float[Array, " limits"]:
+        stack, parts = with_values(own, values), []
+        if stiffness is not None:
+            change = _modulus(study, stack) / _modulus(study, own) - 1
+            parts += [stiffness.within - change, stiffness.within + change]
+        if limit is not None:
+            parts.append(1 - _total_thickness(stack) / limit)
+        return jnp.stack(parts)
+
+    return constraints
+
+
+def _band_tangents(study: DesignScene, stack: Stack) -> list[Float[Array, " waves"]]:
+    """The loss tangent over the band, at each velocity."""
+    assert study.band is not None
+    q, solver = np.geomspace(*study.band, WAVES), study.scene.graded_solver
+    return [loss_tangent(stack, q, v, graded_solver=solver) for v in study.scene.velocity]
+
+
+def _modulus(study: DesignScene, stack: Stack) -> Float[Array, ""]:
+    """|effective_modulus| at the wave whose stiffness is limited."""
+    wave, solver = study.stiffness, study.scene.graded_solver
+    assert wave is not None
+    return jnp.abs(effective_modulus(stack, wave.q, wave.omega, graded_solver=solver))
+
+
+def _total_thickness(stack: Stack) -> Float[Array, ""]:
+    return sum((layer.thickness for layer in stack.layers), start=jnp.zeros(()))
+
+
+def _heights(study: DesignScene, index: int) -> Float[Array, "nx ny"]:
+    """Heights of one of the surfaces for verification, or after these of one for polishing."""
+    source = study.scene.surface
+    assert isinstance(source, RandomSurface)
+    return source.of_key(
+        jax.random.split(jax.random.key(source.seed), 2 * study.verify)[index]
+    ).heights
+
+
+def _stored_contact(
+    study: DesignScene, stack: Stack, heights: Array, store: Store | None
+) -> tuple[np.ndarray, np.ndarray]:
+    """Friction and area of a stack on a surface, from the store or for it."""
+    scene = study.scene
+    assert isinstance(scene.surface, RandomSurface)
+    name = fingerprint(
+        package_versions(), "friction and area", scene.surface.grid, stack, heights, scene.pressure,
+        scene.velocity, scene.solver, scene.tolerance, scene.graded_solver,
+    )  # fmt: skip
+    found = None if store is None else store.read(name)
+    if found is None:
+        friction, area = map(np.asarray, _contact(study, stack, heights))
+        found = Point({"friction": friction, "contact_area": area})
+        if store is not None:
+            store.write(name, found)
+    return found.values["friction"], found.values["contact_area"]
+
+
+@eqx.filter_jit
+def _contact(study: DesignScene, stack: Stack, heights: Array) -> tuple[Array, Array]:
+    """Friction and sub-pixel area by contact, at each velocity."""
+    scene = study.scene
+    assert isinstance(scene.surface, RandomSurface)
+    surface = Surface(heights, scene.surface.grid)
+
+    def one(velocity: Array) -> tuple[Array, Array]:
+        found = slide(
+            stack,
+            surface,
+            pressure=scene.pressure[0],
+            velocity=velocity,
+            solver=scene.solver,
+            **scene.tolerance,
+            graded_solver=scene.graded_solver,
+        )
+        return found.friction, found.contact_area_smooth
+
+    return jax.lax.map(one, jnp.asarray(scene.velocity))
+
+
+def report(results: DesignResults) -> str:
+    """Returns a table of before and after, and the runs that led there, as text.
+
+    Contact is given as mean ± standard deviation over the surfaces. A friction that the design does
+    not reach, see `missed`, is reported below the table.
+    """
+    from pandas import DataFrame  # takes a third of a second to import
+
+    table = DataFrame.from_dict(_rows(results), orient="index", columns=[*results.candidates])
+    texts = [table.to_string(), *missed(results)]
+    texts += ["", f"objective {results.study.objective}, by mean field", results.design.report()]
+    if results.polished is not None:
+        texts += ["", "the same, polished by contact", results.polished.report()]
+    return "\n".join(texts)
+
+
+def _rows(results: DesignResults) -> dict[str, list[str]]:
+    """The rows of the table: a text for each candidate."""
+    study, candidates = results.study, list(results.candidates.values())
+    rows = {path: [f"{paths(c.stack)[path]:.5g}" for c in candidates] for path in study.lower}
+    if study.total_thickness is not None:
+        rows["all layers [m]"] = [f"{_total_thickness(c.stack):.5g}" for c in candidates]
+    if study.stiffness is not None:
+        rows["|effective modulus| [Pa]"] = [f"{_modulus(study, c.stack):.5g}" for c in candidates]
+    for i, v in enumerate(study.scene.velocity):
+        at = f"at {v:g} m/s"
+        if study.band is not None:
+            bands = [_band_tangents(study, c.stack)[i] for c in candidates]
+            rows[f"loss tangent {at}, max/min"] = [f"{b.max() / b.min():.4g}" for b in bands]
+        shares = [float(c.field.extrapolated_friction[i]) for c in candidates]
+        if max(shares) > EXTRAPOLATED:
+            rows[f"friction not measured {at}"] = [f"{share:.2g}" for share in shares]
+        for name in ("friction", "contact_area"):
+            label = f"{name.replace('_', ' ')} {at}"
+            fields = [getattr(c.field, name)[i] for c in candidates]
+            rows[f"{label}, mean field"] = [f"{value:.4g}" for value in fields]
+            if study.verify:
+                solved = [getattr(c, name)[:, i] for c in candidates]
+                alone = ", one surface, spread unknown" if study.verify == 1 else ""
+                rows[f"{label}, contact{alone}"] = list(map(_mean_and_spread, solved))
+    return rows
+
+
+def _mean_and_spread(values: Float[np.ndarray, " surfaces"]) -> str:
+    spread = f" ± {values.std(ddof=1):.2g}" if len(values) > 1 else ""
+    return f"{values.mean():.4g}{spread}"
+
+
+def missed(results: DesignResults) -> list[str]:
+    """Returns a sentence for each velocity at which the last candidate misses `target` or `ratio`.
+
+    It is judged by contact if there are surfaces, otherwise by the mean field; to 5 % and twice the
+    standard error of the mean, and to 1 %.
+    """
+    study, last = results.study, list(results.candidates.values())[-1]
+    if study.goal is None:
+        return []
+    friction, own = (
+        c.friction if study.verify else np.asarray(c.field.friction)[None]
+        for c in (last, results.candidates["before"])
+    )
+    share = friction / own if study.relative else friction
+    # Of means: surface by surface a small friction before would weigh too much.
+    reached = np.mean(friction, axis=0) / (np.mean(own, axis=0) if study.relative else 1)
+    room = 0.05 if study.verify else 0.01
+    error = 0 if len(share) < 2 else np.std(share, axis=0, ddof=1) / np.sqrt(len(share))
+    allowed = room * study.goal + 2 * error
+    by, kind = "contact" if study.verify else "mean field", "ratio" if study.relative else "target"
+    return [
+        f"{kind} missed at {v:g} m/s: {got:.3g} of {goal:.3g}, by {by}"
+        for v, got, goal, most in zip(
+            study.scene.velocity, reached, study.goal, allowed, strict=True
+        )
+        if not abs(got - goal) <= most
+    ]
+
+
+def designed_values(results: DesignResults) -> dict[str, Any]:
+    """Returns all numbers of the last candidate by path, as lists and numbers for a JSON file.
+
+    `with_values(stack, ...)` of the scene's stack and these is the designed stack.
+    """
+    known = paths(list(results.candidates.values())[-1].stack)
+    whole = {path: leaf for path, leaf in known.items() if path.rpartition("[")[0] not in known}
+    return {path: np.asarray(leaf).tolist() for path, leaf in whole.items()}

@@ -17,9 +17,8 @@ from ..core.quantities import FIELDS, OBSERVABLES
 from ..files.dataset import NOT_STARTED, attach, package_versions
 from ..files.parameter_covariance import moved
 from ..files.results import KEPT_FIELDS, surface_variables, warnings_of
-from ..files.scene import Scene
-from ..files.surfaces import RandomSurface
-from ..files.toml import within
+from ..files.scene import RandomSurface, Scene
+from ..files.schema import within
 from ..friction.sliding import slide
 from ..response.stack import Stack
 from ..rheology.shift import AbstractShift
@@ -46,7 +45,7 @@ def build_surface(scene: Scene) -> Surface:
 
 def scene_memory(scene: Scene, shape: tuple[int, ...]) -> float:
     """Returns the bytes that a scene takes with a surface of this shape, in double precision."""
-    kept = {"every": scene.num_solves, "last": 1, "none": 0}[scene.keep]
+    kept = {"every": scene.num_solves, "last": 1, "none": 0}[scene.fields]
     numbers, oblique = num_numbers(scene.stack), scene.direction != 0
     # The surface, what is kept, and a derivative.
     num_fields = 1 + len(_fields_of(scene)) * kept + (DERIVATIVE if scene.errors else 0)
@@ -109,7 +108,7 @@ def run_scene(
     check_frequencies_of(scene, surface)
     names = point_names(scene, surface)
     indices = list(np.ndindex(names.shape))
-    kept = {"every": len(indices), "last": 1, "none": 0}[scene.keep]  # of the last
+    kept = {"every": len(indices), "last": 1, "none": 0}[scene.fields]  # of the last
     numbers = _numbers_of(scene)
     points = solve_points(
         _solver(scene, surface),
@@ -168,7 +167,7 @@ def _fields_of(scene: Scene) -> tuple[str, ...]:
 
 def _solver(scene: Scene, surface: Surface) -> Callable[[dict[str, Any]], dict[str, Any]]:
     """What gives the numbers and fields of one solve, from its numbers on the axes."""
-    fields = _fields_of(scene) if scene.keep != "none" else ()
+    fields = _fields_of(scene) if scene.fields != "none" else ()
     errors = errors_of_stack(scene)
 
     def solved(point: dict[str, Any], stack: Stack) -> dict[str, Any]:
@@ -238,10 +237,10 @@ def _collect(
     grid, inner = tuple(places), surface.grid.shape
     for name in _fields_of(scene):
         about = {"units": FIELDS[name].unit, "long_name": FIELDS[name].meaning}
-        if scene.keep == "every":
+        if scene.fields == "every":
             values = over_axes(name, points, *inner).reshape(*shape, *inner)
             variables[KEPT_FIELDS[name]] = (*axes, *grid), values, about
-        elif scene.keep == "last" and last is not None and last.values:
+        elif scene.fields == "last" and last is not None and last.values:
             variables[KEPT_FIELDS[name]] = grid, last.values[name], about
     results = attach(xarray.Dataset(variables | of_surface, coordinates, attributes))
     results.attrs["largest_error"] = float(results["error"].max())
