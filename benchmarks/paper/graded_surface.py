@@ -9,6 +9,7 @@ much one, two and four steps miss friction and area.
 """
 
 import numpy as np
+import xarray
 from matplotlib import rc_context
 from system import (
     POISSON,
@@ -17,6 +18,7 @@ from system import (
     STYLE,
     VELOCITY,
     kept,
+    num_failed,
     options,
     panels,
     relaxed,
@@ -62,26 +64,22 @@ def main():
     def solve():
         axes = {"pressure": pressures}
         with Store(given.output / "graded_surface.points") as store:
-            all = [
+            tables = [
                 [gc.sweep(contact(size, top, depth, steps), axes, store=store) for steps in STEPS]
                 for top in TOPS
             ]
-        values = {
-            name: np.array([[one[name] for one in row] for row in all]) for name in all[0][0].values
-        }
-        message = np.array([[one.message for one in row] for row in all])
-        axes = {"top": np.array(TOPS), "steps": np.array(STEPS), "pressure": pressures}
-        return gc.Study(axes, values, message, all[0][0].units)
+        together = xarray.combine_nested(tables, ["top", "steps"])
+        return together.assign_coords(top=list(TOPS), steps=list(STEPS))
 
     found = kept(given, "graded_surface", solve)
-    print(f"{found.message.size} contacts, {np.sum(found.message != '')} failed")
+    print(f"{found.message.size} contacts, {num_failed(found)} failed")
     with rc_context(STYLE):
         figure, panes = panels(4, height=5.6, rows=2)
         for row, top in enumerate(TOPS):
             for pane, quantity in zip(
                 panes[2 * row : 2 * row + 2], ("friction", "area"), strict=True
             ):
-                curves = found[quantity][row]
+                curves = found[quantity].values[row]
                 for steps, curve in zip(STEPS, curves, strict=True):
                     label = f"{steps} step{'s' * (steps > 1)}" if steps else "continuous"
                     style = "-" if steps else "k-"

@@ -20,15 +20,14 @@ from collections.abc import Callable
 from pathlib import Path
 from typing import NamedTuple
 
-import h5py
 import jax
 import jax.numpy as jnp
 import numpy as np
+import xarray
 from matplotlib.figure import Figure
 from PIL import Image
 
 import graded_contact as gc
-from graded_contact.files.study import get_study, put_study
 from graded_contact.plot.style import ordered as ordered
 
 jax.config.update("jax_enable_x64", True)
@@ -136,27 +135,29 @@ def surface(cutoff: int, size: Size, roughness: dict[str, float] = SLOPES, seed=
 # Results ------------------------------------------------------------------------------------
 
 
-def kept(given: argparse.Namespace, name: str, solve: Callable[[], gc.Study]) -> gc.Study:
-    """What an earlier run found, from the file of results; else what `solve` gives, put there."""
-    path = results(given)
-    if path.exists() and not given.again:
-        with h5py.File(path) as file:
-            if name in file:
-                return get_study(file[name], list(file[name].attrs["values"]))
-    study = solve()
-    path.parent.mkdir(parents=True, exist_ok=True)
-    with h5py.File(path, "a") as file:
-        if name in file:
-            del file[name]
-        group = file.create_group(name, track_order=True)
-        put_study(group, study)
-        group.attrs["values"] = list(study.values)
-    print(f"wrote {name} into {path}")
-    return study
+def kept(
+    given: argparse.Namespace, name: str, solve: Callable[[], xarray.Dataset]
+) -> xarray.Dataset:
+    """The table of an earlier run, from the file of results; otherwise that of `solve`."""
+    path, tables = results(given), {}
+    if path.exists():
+        found = xarray.open_groups(path, engine="h5netcdf")
+        tables = {at.strip("/"): table.load() for at, table in found.items() if at != "/"}
+    if name not in tables or given.again:
+        tables[name] = solve()
+        path.parent.mkdir(parents=True, exist_ok=True)
+        xarray.DataTree.from_dict(tables).to_netcdf(path, engine="h5netcdf")
+        print(f"wrote {name} into {path}")
+    return tables[name]
+
+
+def num_failed(table: xarray.Dataset) -> int:
+    """How many points of a table did not succeed."""
+    return int(np.sum(table["message"] != ""))
 
 
 def results(given: argparse.Namespace) -> Path:
-    """The file that all scripts share."""
+    """The file of all scripts, with a group for each table."""
     return given.output / f"results{'-small' if given.small else ''}.h5"
 
 
@@ -178,7 +179,7 @@ def save(figure, target):
 
 
 def options(doc: str) -> argparse.ArgumentParser:
-    """Options that all scripts have."""
+    """The options of all scripts."""
     parser = argparse.ArgumentParser(
         description=doc, formatter_class=argparse.RawDescriptionHelpFormatter
     )
