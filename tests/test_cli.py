@@ -199,13 +199,6 @@ def test_missing_and_damaged_files_exit_with_2(tmp_path):
     assert result.exit_code == 2 and "a.h5" in result.stderr
 
 
-def test_an_output_folder_that_cannot_be_made_is_refused_before_solving(tmp_path):
-    (tmp_path / "scene.toml").write_text(SCENE)
-    result = command("run", tmp_path / "scene.toml", "-o", tmp_path / "scene.toml" / "out")
-    assert result.exit_code == 2
-    assert "9/9" not in result.output and "scene.toml" in result.stderr
-
-
 @pytest.fixture
 def rerun(folder, tmp_path):
     """A copy of the run's folder, and what runs the scene there again."""

@@ -92,7 +92,7 @@ def refusing() -> Iterator[None]:
 def progress(interruption: Interruption) -> Iterator[Callable[[str, int, int], None]]:
     """Gives a function that shows a text, done and total in a bar on the error stream.
 
-    After a signal the function ends the command: it is called between two steps, where this is safe.
+    After a signal the function ends the command: it is called between two steps, where it is safe.
     """
 
     columns = (

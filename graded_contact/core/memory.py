@@ -2,8 +2,8 @@
 
 A contact needs fewer than twenty fields as large as the heights. Layers add little if the kernel is
 computed in blocks, and much on a grid of one dimension. The numbers of fields were measured:
-`benchmarks/bench_memory.py` compares them with the peaks of whole processes. Compiling adds the same
-amount for every grid, and each point of a sweep adds a row of its table and file.
+`benchmarks/bench_memory.py` compares them with the peaks of whole processes. Compiling adds the
+same amount for every grid, and each point of a sweep adds a row of its table and file.
 """
 
 import math

@@ -1,8 +1,8 @@
 """The cost of a scene or a design before it is run: memory, solves, seconds.
 
 Seconds are right to a factor of about four: bodies need different numbers of transforms, and
-machines differ in speed. On two cores an FFT pair with all its other work takes `PER_POINT` for each
-point of the grid.
+machines differ in speed. On two cores an FFT pair, with the work around it, takes `PER_POINT` for
+each point of the grid.
 """
 
 from typing import NamedTuple
