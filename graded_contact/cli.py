@@ -1,7 +1,7 @@
 """The command `graded-contact`: it parses, runs a job, prints a table, writes HDF5 and figures.
 
-Exit codes: 0 all is well; 1 some solve failed or did not converge, or a design misses what was
-wanted; 2 the input was refused; 130 and 143 ended by Ctrl-C or SIGTERM, with what was finished.
+Exit codes: 0 success; 1 a solve failed or did not converge, or a design misses its target; 2 the
+input was refused; 130 and 143 ended by Ctrl-C or SIGTERM, with the finished solves written.
 """
 
 from importlib.metadata import version
@@ -25,11 +25,11 @@ app = typer.Typer(
 )
 
 
-def _print_version(wanted: bool) -> bool:
-    if wanted:
+def _print_version(chosen: bool) -> bool:
+    if chosen:
         typer.echo(f"graded-contact {__version__} (jax {version('jax')})")
         raise typer.Exit
-    return wanted
+    return chosen
 
 
 @app.callback()

@@ -112,18 +112,6 @@ def test_a_scene_that_does_not_fit_is_refused(
     assert re.search(message, result.stderr)
 
 
-def test_a_dry_run_tells_and_writes_nothing(tmp_path, monkeypatch):
-    monkeypatch.setattr(session, "cache_folder", lambda: None)
-    sweep = SCENE.replace("velocity = 0.1", "velocity = {from = 0.1, to = 1, points = 13}")
-    (tmp_path / "s.toml").write_text(sweep.replace("[32, 32]", "[1024, 1024]"))
-    folder = tmp_path / "out"
-    arguments = ["run", str(tmp_path / "s.toml"), "-o", str(folder), "--dry-run"]
-    result = CliRunner().invoke(cli.app, arguments)
-    assert result.exit_code == 0 and not folder.exists()
-    assert "1024 x 1024 points" in result.stdout and "contact solves         13" in result.stdout
-    assert "memory" in result.stdout and "time  " in result.stdout
-
-
 def test_free_memory_is_the_least_of_machine_and_group(monkeypatch):
     files = {
         "/proc/meminfo": ["MemTotal: 99 kB", "MemAvailable:       1000 kB"],

@@ -6,7 +6,7 @@ From the table of contacts.py, as friction_and_area.py. The bare block is a dash
 """
 
 import numpy as np
-from contacts import found, rows, spread
+from contacts import draw_spread, found, num_rows, rows
 from friction_and_area import QUANTITIES, difference
 from matplotlib import rc_context
 from system import CLOSE_UP, FULL, SMALL, STYLE, options, ordered, panels, save
@@ -21,15 +21,12 @@ def draw(table, size):
     ):
         for cutoff, colour in zip(size.cutoffs, ordered(len(size.cutoffs)), strict=True):
             here = rows(table, cutoff=cutoff, pressure_ratio=pressure, rubber=0, roughness=0)
-            at, mean, least, largest = spread(here, "q0d", quantity)
-            coated = at > BARE
-            line = (at[coated], mean[coated])
-            pane.semilogx(*line, "o-", markersize=3, color=colour, label=f"{cutoff}")
-            band = (at[coated], least[coated], largest[coated])
-            pane.fill_between(*band, color=colour, alpha=0.25, linewidth=0)
-            thinnest = at[coated][0]
-            for bare in mean[~coated]:
-                pane.plot([thinnest / 2.2, thinnest / 1.5], 2 * [bare], color=colour)
+            coated, bare = here.isel(point=here.q0d > BARE), here.isel(point=here.q0d <= BARE)
+            draw_spread(pane, coated, "q0d", quantity, colour, f"{cutoff}")
+            thinnest = coated.q0d.min().item()
+            if num_rows(bare):
+                mean = bare[quantity].mean().item()
+                pane.plot([thinnest / 2.2, thinnest / 1.5], 2 * [mean], color=colour)
         pane.set_title(rf"$\sigma_0/E_{{r0}} = {pressure:g}$", fontsize=9)
         pane.set(xlabel="thickness $q_0 d$ [1]", ylabel=QUANTITIES[quantity], ylim=(0, None))
     panes[0].legend(title="$q_1/q_0$")

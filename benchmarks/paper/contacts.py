@@ -36,6 +36,7 @@ from system import (
     epdm,
     grid,
     kept,
+    num_failed,
     options,
     relaxed,
     results,
@@ -117,9 +118,9 @@ def contact(part: Part, cutoff: int, size: Size):
 
 
 def solve(size: Size, folder: Path, cutoffs: tuple[int, ...]) -> xarray.Dataset:
-    """The table: a row for each point, with what it is a point of; points are kept in a folder."""
+    """The table: a row for each point with its labels; finished points are kept in a folder."""
     folder.parent.mkdir(parents=True, exist_ok=True)
-    studies = []
+    tables = []
     every = [(part, cutoff) for cutoff in cutoffs for part in parts(size, cutoff)]
     for part, cutoff in every:
         stiffness = relaxed(RUBBERS[part.rubber]())
@@ -130,36 +131,45 @@ def solve(size: Size, folder: Path, cutoffs: tuple[int, ...]) -> xarray.Dataset:
         start = time.perf_counter()
         name = f"rubber {part.rubber}, roughness {part.roughness}, q1/q0 = {cutoff}"
         with bar(name) as advance, Store(folder) as store:
-            study = gc.sweep(contact(part, cutoff, size), points, store=store, progress=advance)
-        failed = np.sum(study["message"].values != "")
-        print(f"{name}: {len(points)} points, {time.perf_counter() - start:.0f} s, {failed} failed")
+            table = gc.sweep(contact(part, cutoff, size), points, store=store, progress=advance)
+        seconds = time.perf_counter() - start
+        print(f"{name}: {len(points)} points, {seconds:.0f} s, {num_failed(table)} failed")
         _, depth, ratio = np.array(part.points).T
-        labels = {"rubber": part.rubber, "roughness": part.roughness, "cutoff": cutoff,
-                  "q0d": depth, "pressure_ratio": ratio}  # fmt: skip
-        columns = {key: ("point", np.full(len(points), at)) for key, at in labels.items()}
-        studies.append(study.drop_vars("point").assign(columns))
-    return xarray.concat(studies, "point")
+        same = {"rubber": part.rubber, "roughness": part.roughness, "cutoff": cutoff}
+        labels = {key: np.full(len(points), value) for key, value in same.items()}
+        labels |= {"q0d": depth, "pressure_ratio": ratio}
+        tables.append(table.assign_coords({key: ("point", at) for key, at in labels.items()}))
+    return xarray.concat(tables, "point").assign_coords(point=range(sum(map(num_rows, tables))))
 
 
-def found(given: argparse.Namespace) -> dict[str, np.ndarray]:
+def num_rows(table: xarray.Dataset) -> int:
+    return table.sizes["point"]
+
+
+def found(given: argparse.Namespace) -> xarray.Dataset:
     """The table, solved unless it is in the file of results."""
     size = SMALL if given.small else FULL
     return kept(given, "contacts", lambda: solve(size, given.output / STORE, size.cutoffs))
 
 
-def rows(table: dict[str, np.ndarray], **labels: float) -> dict[str, np.ndarray]:
+def rows(table: xarray.Dataset, **labels: float) -> xarray.Dataset:
     """The rows of the table with these labels, such as cutoff=256, that succeeded."""
     chosen = table["message"] == ""
     for name, value in labels.items():
         chosen = chosen & np.isclose(table[name], value, rtol=1e-9, atol=0)
-    return {name: values[chosen] for name, values in table.items() if len(values) == len(chosen)}
+    return table.isel(point=chosen.values)
 
 
-def spread(rows: dict[str, np.ndarray], along: str, of: str) -> tuple[np.ndarray, ...]:
-    """Where a quantity was found, and there its mean, least and largest over the surfaces."""
-    at = np.unique(rows[along])
-    each = [rows[of][rows[along] == x] for x in at]
-    return at, *(np.array([reduce(one) for one in each]) for reduce in (np.mean, np.min, np.max))
+def cutoffs_of(table: xarray.Dataset) -> list[int]:
+    return np.unique(table["cutoff"]).tolist()
+
+
+def draw_spread(pane, rows: xarray.Dataset, along: str, of: str, colour, label: str) -> None:
+    """The mean of a quantity over the surfaces, in a band from their least to their largest."""
+    each = rows[of].groupby(along)
+    mean = each.mean()
+    pane.semilogx(mean[along], mean, "o-", markersize=3, color=colour, label=label)
+    pane.fill_between(mean[along], each.min(), each.max(), color=colour, alpha=0.25, linewidth=0)
 
 
 @contextlib.contextmanager
@@ -178,7 +188,7 @@ def main() -> None:
     parser.add_argument("--only", type=int, nargs="+", help="cut-offs q1/q0 to solve now")
     given = parser.parse_args()
     if given.only is None:
-        print(f"{len(found(given)['message'])} contacts in {results(given)}")
+        print(f"{num_rows(found(given))} contacts in {results(given)}")
     else:
         solve(SMALL if given.small else FULL, given.output / STORE, tuple(given.only))
 

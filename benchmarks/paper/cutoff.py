@@ -7,7 +7,7 @@ it reaches 95 %: shorter waves do not matter. Drawn for the roughness with all w
 """
 
 import numpy as np
-from contacts import WAVES, found, rows
+from contacts import WAVES, cutoffs_of, found, rows
 from matplotlib import rc_context
 from system import (
     CLOSE_UP,
@@ -30,7 +30,7 @@ def curves(table, cutoff, depth, pressure):
     here = rows(table, cutoff=cutoff, q0d=depth, pressure_ratio=pressure, rubber=0, roughness=0)
     highest = np.sqrt(2) * POINTS_PER_WAVE / 2 * cutoff * Q0
     q = np.geomspace(Q0, highest, WAVES)  # as `cumulative_friction` has them
-    up_to = here["friction_up_to"]
+    up_to = here["friction_up_to"].values
     return q, up_to / up_to[:, -1:]
 
 
@@ -50,7 +50,7 @@ def main():
         for pane, pressure in zip(panes, CLOSE_UP, strict=True):
             for depth, colour in zip(depths, ordered(len(depths)), strict=True):
                 solved = rows(table, q0d=depth, pressure_ratio=pressure, rubber=0, roughness=0)
-                for cutoff in map(int, np.unique(solved["cutoff"])):
+                for cutoff in cutoffs_of(solved):
                     q, shares = curves(table, cutoff, depth, pressure)
                     at = np.array([reached(q, share) for share in shares])
                     thick = f"{1e3 * depth:.2g}" if depth > 1e-6 else "0 (bare)"

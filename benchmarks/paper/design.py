@@ -13,7 +13,6 @@ from functools import partial
 
 import jax
 import jax.numpy as jnp
-import numpy as np
 import xarray
 from contacts import RTOL
 from matplotlib import rc_context
@@ -26,6 +25,7 @@ from system import (
     STYLE,
     VELOCITY,
     kept,
+    num_failed,
     options,
     ordered,
     panels,
@@ -88,13 +88,13 @@ def searched(given, size):
             )
             for cutoff in waves
         )  # fmt: skip
-        message = gc.RESULTS[one.result] or gc.RESULTS[other.result]
         numbers = {
             **labels, "friction_fewest": less, "friction_all": more, "contact_area": area,
             "friction_by_contact": one.friction, "friction_of_more_waves": other.friction,
             "contact_area_by_contact": other.contact_area_smooth,
         }  # fmt: skip
-        return {name: float(value) for name, value in numbers.items()}, message
+        message = gc.RESULTS[one.result] or gc.RESULTS[other.result]
+        return {name: float(value) for name, value in numbers.items()} | {"message": message}
 
     rows = [row(bare, softest=0.0, **dict.fromkeys(LOWER, 0.0))]
     for softest in SOFTEST:
@@ -105,15 +105,16 @@ def searched(given, size):
         for design, _ in front:
             p = design.parameters
             rows.append(row(block(p, unit), softest=softest, **p))
-    values = {name: ("point", [one[name] for one, _ in rows]) for name in rows[0][0]}
-    return xarray.Dataset({**values, "message": ("point", [message for _, message in rows])})
+    columns = {name: ("point", [one[name] for one in rows]) for name in rows[0]}
+    return xarray.Dataset(columns)
 
 
 def main():
     given = options(__doc__).parse_args()
     size = SMALL if given.small else FULL
     found = kept(given, "design", lambda: searched(given, size))
-    print(f"{len(found['message'])} designs, {np.sum(found['message'] != '')} failed")
+    print(f"{found.sizes['point']} designs, {num_failed(found)} failed")
+    found = {name: values.values for name, values in found.items()}
     change = found["friction_all"] / found["friction_fewest"] - 1
     area = found["contact_area"] / found["contact_area"][0]
     by_contact = found["friction_of_more_waves"] / found["friction_by_contact"] - 1

@@ -8,8 +8,15 @@ largest. Printed is what the paper says of these figures, in numbers.
 
 from itertools import pairwise
 
-import numpy as np
-from contacts import ROUGHNESS, RUBBERS, found, rows, spread
+from contacts import (
+    ROUGHNESS,
+    RUBBERS,
+    cutoffs_of,
+    draw_spread,
+    found,
+    num_rows,
+    rows,
+)
 from matplotlib import rc_context
 from system import FULL, SMALL, STYLE, options, ordered, panels, save
 
@@ -22,17 +29,13 @@ QUANTITIES = {
 def draw(table, size, quantity, rubber=0, roughness=0):
     """One figure: a panel for each coat, a curve for each cut-off."""
     depths = [
-        d
-        for d in size.depths
-        if len(rows(table, q0d=d, rubber=rubber, roughness=roughness)["seed"])
+        d for d in size.depths if num_rows(rows(table, q0d=d, rubber=rubber, roughness=roughness))
     ]
     figure, panes = panels(len(depths), height=2.9 * len(depths) / 2, rows=len(depths) // 2)
     for pane, depth in zip(panes, depths, strict=True):
         for cutoff, colour in zip(size.cutoffs, ordered(len(size.cutoffs)), strict=True):
             here = rows(table, cutoff=cutoff, q0d=depth, rubber=rubber, roughness=roughness)
-            at, mean, least, largest = spread(here, "pressure_ratio", quantity)
-            pane.semilogx(at, mean, "o-", markersize=3, color=colour, label=f"{cutoff}")
-            pane.fill_between(at, least, largest, color=colour, alpha=0.25, linewidth=0)
+            draw_spread(pane, here, "pressure_ratio", quantity, colour, f"{cutoff}")
         pane.set_title(rf"$q_0 d = {1e3 * depth:.3g} \times 10^{{-3}}$", fontsize=9)
         pane.set(xlabel=r"pressure $\sigma_0/E_{r0}$ [1]", ylabel=QUANTITIES[quantity])
         pane.set_ylim(0, None)
@@ -41,26 +44,22 @@ def draw(table, size, quantity, rubber=0, roughness=0):
 
 
 def difference(table, depth, quantity, one, other, **labels):
-    """Of two cut-offs, the second over the first less 1: surfaces that both have by pressures."""
+    """The second of two cut-offs over the first less 1, for surfaces and pressures of both."""
     a, b = (
-        {
-            (seed, ratio): value
-            for seed, ratio, value in zip(
-                part["seed"], part["pressure_ratio"], part[quantity], strict=True
-            )
-        }
-        for part in (rows(table, cutoff=cutoff, q0d=depth, **labels) for cutoff in (one, other))
+        rows(table, cutoff=cutoff, q0d=depth, **labels)
+        .reset_coords(drop=False)
+        .set_coords(["seed", "pressure_ratio"])
+        .set_index(point=["seed", "pressure_ratio"])[quantity]
+        for cutoff in (one, other)
     )
-    both = sorted(a.keys() & b.keys())
-    ratio = np.array([b[key] / a[key] - 1 for key in both])
-    return ratio.reshape(max(len({seed for seed, _ in both}), 1), -1)
+    return (b / a - 1).values
 
 
 def say(table, size, **labels):
     """What more waves change under each coat, and what the coat changes for each cut-off."""
     for quantity in QUANTITIES:
         for depth in size.depths:
-            if not len(rows(table, q0d=depth, **labels)["seed"]):
+            if not num_rows(rows(table, q0d=depth, **labels)):
                 continue
             for one, other in pairwise(size.cutoffs):
                 change = difference(table, depth, quantity, one, other, **labels)
@@ -72,10 +71,12 @@ def say(table, size, **labels):
                 )
         for cutoff in size.cutoffs:
             thin, thick = (
-                spread(rows(table, cutoff=cutoff, q0d=d, **labels), "pressure_ratio", quantity)[1]
+                rows(table, cutoff=cutoff, q0d=d, **labels)[quantity]
+                .groupby("pressure_ratio")
+                .mean()
                 for d in (size.depths[0], size.depths[-1])
             )
-            change = thick / thin - 1
+            change = (thick / thin - 1).values
             print(
                 f"    {quantity}, q1/q0 = {cutoff}: from the thinnest to the thickest coat "
                 f"{change.min():+.1%} to {change.max():+.1%}"
@@ -87,8 +88,7 @@ def main():
     size, table = SMALL if given.small else FULL, found(given)
     for rubber, roughness, name in ((0, 0, ""), (1, 0, "-epdm"), (0, 1, "-heights")):
         labels = {"rubber": rubber, "roughness": roughness}
-        solved = np.unique(rows(table, **labels)["cutoff"])
-        size = size._replace(cutoffs=tuple(map(int, solved)))
+        size = size._replace(cutoffs=tuple(cutoffs_of(rows(table, **labels))))
         print(f"{RUBBERS[rubber].__name__}, {ROUGHNESS[roughness]}:")
         say(table, size, **labels)
         for quantity, short in zip(QUANTITIES, ("friction", "area"), strict=True):

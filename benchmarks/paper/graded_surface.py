@@ -18,6 +18,7 @@ from system import (
     STYLE,
     VELOCITY,
     kept,
+    num_failed,
     options,
     panels,
     relaxed,
@@ -63,23 +64,22 @@ def main():
     def solve():
         axes = {"pressure": pressures}
         with Store(given.output / "graded_surface.points") as store:
-            studies = [
+            tables = [
                 [gc.sweep(contact(size, top, depth, steps), axes, store=store) for steps in STEPS]
                 for top in TOPS
             ]
-        whole = xarray.combine_nested(studies, ["top", "steps"])
-        whole = whole.assign_coords(top=list(TOPS), steps=list(STEPS))
-        return whole.transpose("top", "steps", "pressure")
+        together = xarray.combine_nested(tables, ["top", "steps"])
+        return together.assign_coords(top=list(TOPS), steps=list(STEPS))
 
     found = kept(given, "graded_surface", solve)
-    print(f"{found['message'].size} contacts, {np.sum(found['message'] != '')} failed")
+    print(f"{found.message.size} contacts, {num_failed(found)} failed")
     with rc_context(STYLE):
         figure, panes = panels(4, height=5.6, rows=2)
         for row, top in enumerate(TOPS):
             for pane, quantity in zip(
                 panes[2 * row : 2 * row + 2], ("friction", "area"), strict=True
             ):
-                curves = found[quantity][row]
+                curves = found[quantity].values[row]
                 for steps, curve in zip(STEPS, curves, strict=True):
                     label = f"{steps} step{'s' * (steps > 1)}" if steps else "continuous"
                     style = "-" if steps else "k-"

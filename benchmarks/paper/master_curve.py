@@ -16,6 +16,7 @@ from system import (
     STYLE,
     coated,
     kept,
+    num_failed,
     options,
     ordered,
     panels,
@@ -77,7 +78,8 @@ def main():
             return gc.sweep(contact(size), points, store=store)
 
     found = kept(given, "master_curve", solve)
-    print(f"{len(points)} contacts, {np.sum(found['message'] != '')} failed")
+    print(f"{len(points)} contacts, {num_failed(found)} failed")
+    found = {name: values.values for name, values in found.variables.items()}
     at = found["velocity"] * np.interp(found["temperature"], TEMPERATURES, factors)
     with rc_context(STYLE):
         figure, panes = panels(2)

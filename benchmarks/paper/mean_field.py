@@ -9,7 +9,7 @@ the area of the contact, by three forms of the theory. Printed is where they may
 import jax
 import jax.numpy as jnp
 import numpy as np
-from contacts import ROUGHNESS, RUBBERS, found, rows
+from contacts import ROUGHNESS, RUBBERS, cutoffs_of, found, rows
 from matplotlib import rc_context
 from system import FULL, SMALL, STYLE, VELOCITY, coated, options, ordered, panels, save, spectrum
 
@@ -41,8 +41,7 @@ def main():
         for correction, colour in zip(CORRECTIONS, ordered(3), strict=True):
             ratios = []
             for rubber, roughness in ((0, 0), (1, 0), (0, 1)):
-                solved = rows(table, rubber=rubber, roughness=roughness)["cutoff"]
-                for cutoff in map(int, np.unique(solved)):
+                for cutoff in cutoffs_of(rows(table, rubber=rubber, roughness=roughness)):
                     here = rows(table, cutoff=cutoff, rubber=rubber, roughness=roughness)
                     points = np.stack([here["thickness"], here["pressure"]], axis=1)
                     friction, area = theory(size, cutoff, rubber, roughness, correction)(

@@ -17,6 +17,7 @@ from system import (
     STYLE,
     VELOCITY,
     kept,
+    num_failed,
     options,
     panels,
     relaxed,
@@ -87,13 +88,11 @@ def main():
             return gc.sweep(contact(size), axes, store=store)
 
     found = kept(given, "property_map", solve)
-    print(
-        f"{found['message'].size} contacts and gradients, {np.sum(found['message'] != '')} failed"
-    )
+    print(f"{found.message.size} contacts and gradients, {num_failed(found)} failed")
     with rc_context(STYLE):
         figure, panes = panels(6, width=9, height=5.2, rows=2)
         for pane, (name, title) in zip(panes, PROPERTIES.items(), strict=True):
-            slopes = found[f"slope_{name}"]
+            slopes = found[f"slope_{name}"].values
             far = np.nanmax(np.abs(slopes))
             drawn = pane.pcolormesh(
                 ratios, depths * size.cutoffs[-1], slopes, cmap="RdBu_r", vmin=-far, vmax=far,

@@ -20,7 +20,6 @@ from collections.abc import Callable
 from pathlib import Path
 from typing import NamedTuple
 
-import h5py
 import jax
 import jax.numpy as jnp
 import numpy as np
@@ -138,27 +137,27 @@ def surface(cutoff: int, size: Size, roughness: dict[str, float] = SLOPES, seed=
 
 def kept(
     given: argparse.Namespace, name: str, solve: Callable[[], xarray.Dataset]
-) -> dict[str, np.ndarray]:
-    """The arrays of an earlier run, from the file of results; else those of `solve`, put there."""
-    path = results(given)
-    path.parent.mkdir(parents=True, exist_ok=True)
-    names = []
+) -> xarray.Dataset:
+    """The table of an earlier run, from the file of results; otherwise that of `solve`."""
+    path, tables = results(given), {}
     if path.exists():
-        with h5py.File(path) as file:
-            names = list(file)
-    if name not in names or given.again:
-        study = solve()
-        if name in names:
-            with h5py.File(path, "a") as file:
-                del file[name]
-        study.to_netcdf(path, mode="a", group=name, engine="h5netcdf")
+        found = xarray.open_groups(path, engine="h5netcdf")
+        tables = {at.strip("/"): table.load() for at, table in found.items() if at != "/"}
+    if name not in tables or given.again:
+        tables[name] = solve()
+        path.parent.mkdir(parents=True, exist_ok=True)
+        xarray.DataTree.from_dict(tables).to_netcdf(path, engine="h5netcdf")
         print(f"wrote {name} into {path}")
-    study = xarray.load_dataset(path, group=name, engine="h5netcdf")
-    return {name: variable.values for name, variable in study.variables.items()}
+    return tables[name]
+
+
+def num_failed(table: xarray.Dataset) -> int:
+    """How many points of a table did not succeed."""
+    return int(np.sum(table["message"] != ""))
 
 
 def results(given: argparse.Namespace) -> Path:
-    """The file that all scripts share."""
+    """The file of all scripts, with a group for each table."""
     return given.output / f"results{'-small' if given.small else ''}.h5"
 
 
@@ -180,7 +179,7 @@ def save(figure, target):
 
 
 def options(doc: str) -> argparse.ArgumentParser:
-    """Options that all scripts have."""
+    """The options of all scripts."""
     parser = argparse.ArgumentParser(
         description=doc, formatter_class=argparse.RawDescriptionHelpFormatter
     )

@@ -66,12 +66,12 @@ Decided = dict[tuple[str, float], Sensitivity]  # by the material's name and the
 def demo(
     output: Output = None,
     resolution: Annotated[
-        int, typer.Option(min=256, help="Points along each edge; the surface stays the same.")
+        int, typer.Option(min=256, help="Points along each edge, of the same surface.")
     ] = 256,
     replace: Replace = False,
     form: FigureFormat = Format.PNG,
 ) -> None:
-    """Runs the embedded scene: a 50 µm modified surface layer on tyre tread, on a rough road."""
+    """Runs a built-in scene: tyre tread with a modified layer of 50 µm on a rough road."""
     text = resources.files("graded_contact.studies").joinpath("demo.toml").read_text("utf-8")
     text = text.replace("shape = [256, 256]", f"shape = [{resolution}, {resolution}]")
     with refusing():
@@ -83,7 +83,7 @@ def demo(
 
 def run(
     scene_file: Annotated[
-        Path, typer.Argument(metavar="SCENE.toml", help="The scene.", show_default=False)
+        Path, typer.Argument(metavar="SCENE.toml", help="Scene file.", show_default=False)
     ],
     output: Output = None,
     replace: Replace = False,
@@ -94,8 +94,8 @@ def run(
 ) -> None:
     """Runs a scene: prints a table, writes the results (HDF5, CSV) and figures.
 
-    Each solve is kept as it ends: after an interruption the same command goes on from there. All
-    cores are used where that saves time.
+    Each solve is stored when it ends: after an interruption the same command solves only the rest.
+    All cores are used if that saves time.
     """
     with refusing():
         engine = {"workers": workers or (None if scheduler else "auto"), "client": scheduler}
@@ -113,10 +113,10 @@ def run(
 
 def info(
     result_file: Annotated[
-        Path, typer.Argument(metavar="RESULT.h5", help="A result.", show_default=False)
+        Path, typer.Argument(metavar="RESULT.h5", help="Result file.", show_default=False)
     ],
 ) -> None:
-    """Prints what a result file holds: inputs, versions, and the table of results."""
+    """Prints a result file: inputs, versions, and the table of results."""
     with refusing():
         results = read_results(result_file)
     for name, value in results.attrs.items():

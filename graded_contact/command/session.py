@@ -1,4 +1,4 @@
-"""Around every job: its options, precision, the cache of compiled code, refusals, progress."""
+"""What all jobs share: options, precision, the cache of compiled code, refusals, progress."""
 
 import contextlib
 import hashlib
@@ -30,7 +30,7 @@ if TYPE_CHECKING:
 
 
 class Format(StrEnum):
-    """Of a file with a figure."""
+    """Format of a file with a figure."""
 
     PNG = "png"
     PDF = "pdf"
@@ -41,25 +41,27 @@ Output = Annotated[
     Path | None, typer.Option("--output", "-o", help="Folder for the results.", show_default=False)
 ]
 Replace = Annotated[
-    bool, typer.Option("--replace", help="Replace a result of another scene of the same name.")
+    bool, typer.Option("--replace", help="Replace an earlier result, also one of another scene.")
 ]
 DryRun = Annotated[
     bool,
-    typer.Option("--dry-run", help="Print what was read and what it will cost, then exit."),
+    typer.Option(
+        "--dry-run", help="Print estimated memory, number of solves and run time, then exit."
+    ),
 ]
 Workers = Annotated[
     int | None,
-    typer.Option(min=1, help="Processes that solve, instead of as many as pay."),
+    typer.Option(min=1, help="Number of worker processes (default: automatic)."),
 ]
 Scheduler = Annotated[
     str | None,
-    typer.Option(metavar="tcp://...", help="Use the workers of a scheduler that runs."),
+    typer.Option(metavar="tcp://...", help="Use the workers of a running dask scheduler."),
 ]
 FigureFormat = Annotated[
-    Format, typer.Option("--format", help="Of the figures; pdf and svg are drawn in lines.")
+    Format, typer.Option("--format", help="Format of the figures; pdf and svg are vector graphics.")
 ]
 
-# A transform runs on one thread or on all, as chance will have it, with other last bits.
+# Otherwise a transform may use one thread or all of them, and its last bits would differ.
 ONE_THREAD = "--xla_cpu_multi_thread_eigen=false"
 
 
@@ -88,9 +90,9 @@ def refusing() -> Iterator[None]:
 
 @contextlib.contextmanager
 def progress(interruption: Interruption) -> Iterator[Callable[[str, int, int], None]]:
-    """A bar on the error stream, moved by what is being done, and how much of how much is done.
+    """Gives a function that shows a text, done and total in a bar on the error stream.
 
-    After a signal, moving it ends the command: between two steps that is safe.
+    After a signal the function ends the command: it is called between two steps, where it is safe.
     """
 
     columns = (
@@ -102,7 +104,7 @@ def progress(interruption: Interruption) -> Iterator[Callable[[str, int, int], N
 
         def advance(text: str, done: int, total: int) -> None:
             if bar.tasks[task].total != total:
-                # What was kept, and compiling, say nothing of the time left.
+                # Stored points and compiling do not count for the time left.
                 bar.reset(task, total=total, completed=done, description=text)
             bar.update(task, description=text, completed=done)
             interruption.check()
@@ -111,16 +113,16 @@ def progress(interruption: Interruption) -> Iterator[Callable[[str, int, int], N
 
 
 def save_figure(figure: "Figure", path: Path, form: str) -> None:
-    """Writes a figure, whole or not at all, and says so."""
+    """Writes a figure, whole or not at all, and prints its path."""
     with replacing(path) as partial:
         figure.savefig(partial, format=form)
     typer.echo(f"wrote {path}")
 
 
 def cache_folder() -> Path | None:
-    """The user's cache folder for this kind of machine; None if others could write to it.
+    """The user's cache folder for this kind of machine; None if other users can write to it.
 
-    What lies in it is executed: it belongs to the user alone, and to one kind of processor.
+    Its files are executed: only the user may write to it, and only this processor use it.
     """
     home = os.environ.get("XDG_CACHE_HOME")
     with contextlib.suppress(OSError, RuntimeError):
@@ -137,7 +139,7 @@ def cache_folder() -> Path | None:
 
 
 def _processor() -> str:
-    """What decides whether compiled code runs here: the processor's model and instructions."""
+    """The processor's model and instructions, which compiled code depends on."""
     with contextlib.suppress(OSError):
         lines = Path("/proc/cpuinfo").read_text().splitlines()
         kept = {line for line in lines if line.startswith(("model name", "flags", "Features"))}

@@ -1,9 +1,9 @@
-"""How much memory a computation takes, told before anything is allocated.
+"""Estimates of the memory of a computation, before anything is allocated.
 
-The peak of a contact is that of its fields, under twenty as large as the heights; layers add next
-to nothing where the kernel is computed in blocks, and much on a grid of one dimension. The numbers
-of fields were measured (`benchmarks/bench_memory.py` compares them with peaks of whole processes);
-compiling takes memory whatever the grid, and a sweep adds what a row of its table and file takes.
+A contact needs fewer than twenty fields as large as the heights. Layers add little if the kernel is
+computed in blocks, and much on a grid of one dimension. The numbers of fields were measured:
+`benchmarks/bench_memory.py` compares them with the peaks of whole processes. Compiling adds the
+same amount for every grid, and each point of a sweep adds a row of its table and file.
 """
 
 import math
@@ -16,14 +16,14 @@ import numpy as np
 
 # Fields as large as the heights, by the bytes of a number.
 SURFACE = {8: 6.0, 4: 7.0}  # the surface, its modes, and the random words of these
-CONTACT = 12.5  # without the history of the acceleration; in a program of one's own up to 8 more
+CONTACT = 12.5  # without the history of the acceleration; up to 8 more in a custom program
 HISTORY = {8: 0.625, 4: 1.25}  # of each iterate of it
 KERNEL = 1.5
 DERIVATIVE = 20.0  # more for a derivative
 BLOCK_ROWS = 16  # of a kernel whose moduli differ from point to point
-COMPILER = 8e8  # bytes of compiling a contact, not given back
+COMPILER = 8e8  # bytes of compiling a contact, which are not freed
 POINT = 8000  # bytes of a sweep's point, most of it in the printed table
-SMALL = 2**30  # bytes that nobody need ask for
+SMALL = 2**30  # bytes below which nothing is checked
 
 
 def surface_memory(shape: tuple[int, ...], itemsize: int) -> float:
@@ -47,13 +47,13 @@ def kernel_memory(
         rows = 1
     elif oblique:
         rows = min(BLOCK_ROWS, shape[0])
-    # Each branch of each material at each of so many points, complex on half of them.
+    # Each branch of each material at each point of these rows, complex on half of them.
     branches = num_numbers / 2 * rows * shape[-1]
     return (KERNEL * math.prod(shape) + branches) * itemsize
 
 
 def contact_memory(shape: tuple[int, ...], itemsize: int, history: int) -> float:
-    """Returns the bytes of a contact whose acceleration keeps a `history` of so many iterates."""
+    """Returns the bytes of a contact whose acceleration stores `history` iterates."""
     fields = CONTACT + HISTORY[itemsize] * (history + 1)
     return COMPILER + fields * math.prod(shape) * itemsize
 
@@ -111,12 +111,12 @@ def check_points(name: str, count: int) -> None:
 
 
 def in_gigabytes(size: float) -> str:
-    """Returns a number of bytes as people read it."""
+    """Returns a number of bytes as text."""
     return f"{size / 1e9:.2g} GB" if size < 1e10 else f"{size / 1e9:.0f} GB"
 
 
 def available_memory() -> float | None:
-    """Returns the bytes that are free where JAX computes, or None where that cannot be told."""
+    """Returns the bytes that are free where JAX computes, or None if unknown."""
     if jax.default_backend() != "cpu":
         known = jax.local_devices()[0].memory_stats() or {}
         if "bytes_limit" not in known:
@@ -127,7 +127,7 @@ def available_memory() -> float | None:
 
 
 def _of_machine() -> float | None:
-    """What the machine has left; on other systems than Linux, all that it has."""
+    """Free bytes of the machine; on other systems than Linux, all bytes."""
     for line in _lines("/proc/meminfo"):
         if line.startswith("MemAvailable:"):
             return int(line.split()[1]) * 1024
@@ -138,7 +138,7 @@ def _of_machine() -> float | None:
 
 
 def _of_groups() -> list[float]:
-    """What the control groups of this process have left (containers, batch systems)."""
+    """Free bytes of the control groups of this process (containers, batch systems)."""
     found = []
     for line in _lines("/proc/self/cgroup"):
         _, controllers, group = line.split(":", 2)

@@ -1,8 +1,8 @@
 """Caveats: what makes numbers doubtful although every solve succeeded, in sentences.
 
 Nothing is stored twice: a caveat follows from numbers that a `Sliding`, a `Surface` or a result
-file holds anyway. `Sliding.caveats`, `Surface.caveats` and `Results.caveats` give the sentences;
-the table, the file, the figure and the command's summary print those of `Results`. A new rule is
+file has. `Sliding.caveats`, `Surface.caveats` and `warnings_of(results)` give the sentences; the
+table, the file, the figure and the command's summary print those of the results. A new rule is
 one more `Rule` in `RULES`; its quantity is a field of `Sliding` (and thus a dataset of the file),
 of any shape, and NaN where a solve has none.
 """
@@ -113,7 +113,7 @@ RULES = (
 
 
 def caveats_of(found: Any, rules: Sequence[Rule] = RULES) -> tuple[Caveat, ...]:
-    """Returns the caveats of a `Sliding` or of `Results`."""
+    """Returns the caveats of a `Sliding` or of the results of a scene."""
     caveats = []
     for rule in rules:
         values = np.asarray(rule.quantity(found))

@@ -1,4 +1,4 @@
-"""A figure that is turned by a slider, wherever a notebook is shown."""
+"""A slider over figures that needs neither widgets nor Python."""
 
 import base64
 import html
@@ -24,7 +24,7 @@ TURN = (
 class Slider:
     """Figures of which one is shown, see `slider`.
 
-    Notebooks show the slider; what has no HTML shows the figure in the middle.
+    Notebooks show the slider; without HTML the figure in the middle is shown.
     """
 
     def __init__(self, captions: list[str], pictures: list[bytes]):
@@ -47,15 +47,15 @@ class Slider:
 def slider(
     draw: Callable[[Any], "Figure"], values: ArrayLike | Sequence[float], label: str
 ) -> Slider:
-    """Returns a slider over a figure, to be shown by a notebook.
+    """Returns a slider over a figure, for a notebook.
 
-    All figures are drawn at once: it needs no widgets, and turns in a page without Python too.
+    All figures are drawn at once, so that the slider also works on a page without Python.
 
     **Arguments:**
 
     - `draw`: a value -> its figure.
-    - `values`: at which the slider stops, shape `(n,)`.
-    - `label`: what they are, with their unit: "thickness [µm]".
+    - `values`: positions of the slider, shape `(n,)`.
+    - `label`: of the values, with their unit: "thickness [µm]".
 
     **Raises:** `ValueError` without values.
     """
@@ -66,7 +66,7 @@ def slider(
     for value in values:
         figure, buffer = draw(value), io.BytesIO()
         figure.savefig(buffer, dpi=DOTS_PER_INCH)
-        if "matplotlib.pyplot" in sys.modules:  # which would show each of its figures
+        if "matplotlib.pyplot" in sys.modules:  # it would show each figure
             sys.modules["matplotlib.pyplot"].close(figure)
         captions.append(f"{label}: {value:.4g}")
         pictures.append(buffer.getvalue())

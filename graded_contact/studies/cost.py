@@ -1,8 +1,8 @@
-"""What a scene or a design will cost, told before it is run: memory, solves, seconds.
+"""The cost of a scene or a design before it is run: memory, solves, seconds.
 
-Seconds are rough, right to a factor of some four: bodies differ in the transforms that they need,
-machines in the time of one. On two cores a transform forth and back, with all that goes with it,
-takes `PER_POINT` for each point of the grid.
+Seconds are right to a factor of about four: bodies need different numbers of transforms, and
+machines differ in speed. On two cores an FFT pair, with the work around it, takes `PER_POINT` for
+each point of the grid.
 """
 
 from typing import NamedTuple
@@ -26,7 +26,7 @@ EVALUATIONS = 30  # of a start
 
 @shown()
 class Cost(NamedTuple):
-    """What to expect.
+    """Estimated cost.
 
     **Fields:**
 
@@ -49,12 +49,12 @@ class Cost(NamedTuple):
             f"{'grid':22} {' x '.join(map(str, self.shape))} points\n"
             f"{'memory':22} about {in_gigabytes(self.memory)}{beside}\n"
             f"{'contact solves':22} {self.num_solves}\n"
-            f"{'time':22} about {_span(self.seconds)} on two cores, give or take a factor of four"
+            f"{'time':22} about {_span(self.seconds)} on two cores, within a factor of four"
         )
 
 
 def scene_cost(scene: Scene) -> Cost:
-    """Returns what running a scene will cost; a surface from a file is read for its shape."""
+    """Returns the cost of running a scene; a surface from a file is read for its shape."""
     shape = _shape(scene)
     num_solves = scene.num_solves * (2 if scene.errors else 1)
     seconds = COMPILING + num_solves * _seconds(scene, shape)
@@ -62,7 +62,7 @@ def scene_cost(scene: Scene) -> Cost:
 
 
 def design_cost(study: DesignScene) -> Cost:
-    """Returns what a design will cost, as `scene_cost` does."""
+    """Returns the cost of a design."""
     scene, verify, num_velocities = study.scene, study.verify, study.scene.velocity.size
     seconds = COMPILING + study.starts * EVALUATIONS * num_velocities * PER_EVALUATION
     if not verify:
@@ -70,7 +70,7 @@ def design_cost(study: DesignScene) -> Cost:
     shape = _shape(scene)
     num_solves = verify * num_velocities * (3 if study.polish else 2)
     if study.polish:
-        # Before, and each evaluation with a derivative, which takes another solve.
+        # The start, and each evaluation with a derivative, which takes another solve.
         num_solves += verify * num_velocities * (1 + 2 * POLISHING)
     seconds += COMPILING * (1 + 2 * study.polish) + num_solves * _seconds(scene, shape)
     return Cost(shape, design_memory(study, shape), num_solves, seconds)
@@ -84,7 +84,7 @@ def _shape(scene: Scene) -> tuple[int, ...]:
 
 
 def _seconds(scene: Scene, shape: tuple[int, ...]) -> float:
-    """Of one solve."""
+    """Seconds of one solve."""
     # Friction to any tolerance takes about as long as the pressure to 1e-4.
     pairs = -PAIRS * np.log10(scene.tolerance.get("rtol", 1e-4))
     return float(pairs * (PER_PAIR + PER_POINT * np.prod(shape, dtype=float)))
