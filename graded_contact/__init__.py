@@ -23,7 +23,7 @@ from .contact.solver import AbstractContactSolver
 from .core.parameters import with_values
 from .fields.grid import Grid
 from .files.errors import read_errors
-from .files.moduli.measured import Measured
+from .files.moduli.points import Measured
 from .files.moduli.reading import read_moduli
 from .files.prony_cards import export_prony
 from .files.topography.preparation import surface_from_heights

@@ -9,7 +9,7 @@ from typing import Annotated
 import typer
 
 from ..files.errors import write_errors
-from ..files.moduli.measured import Measured
+from ..files.moduli.points import Measured
 from ..files.moduli.reading import read_moduli
 from ..files.output import check_folder, full_path
 from ..files.prony_cards import FORMATS, export_prony

@@ -7,7 +7,7 @@ import jax.numpy as jnp
 import numpy as np
 
 from ..core.checks import Numbers, as_float, as_numbers, check_positive, check_values, is_concrete
-from ..files.moduli.measured import Measured
+from ..files.moduli.points import Measured
 from .observations import observe
 from .series import Kind
 from .shifted_observations import (

@@ -18,7 +18,7 @@ from scipy.special import ndtri
 
 from ..core.checks import Numbers, as_float, check_poisson, check_positive, check_types
 from ..core.display import shown
-from ..files.moduli.measured import Measured
+from ..files.moduli.points import Measured
 from ..rheology.material import Prony
 from ..rheology.measured import MeasuredRange
 from ..rheology.shift import AbstractShift

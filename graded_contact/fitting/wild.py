@@ -10,7 +10,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from ..files.moduli.measured import Measured
+from ..files.moduli.points import Measured
 from .lengths import best_spectrum
 from .model import series_of
 from .observations import observe

@@ -8,8 +8,8 @@ import numpy as np
 import pytest
 
 from graded_contact import read_surface
-from graded_contact.files.moduli import cells
-from graded_contact.files.topography import library
+from graded_contact.files import tables as cells
+from graded_contact.files.topography import formats as library
 
 SIZE = (4e-3, 3e-3)
 RNG = np.random.default_rng(0)

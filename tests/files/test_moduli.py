@@ -9,7 +9,7 @@ import pytest
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
-from graded_contact.files.moduli.quantities import parse_heading, parse_unit
+from graded_contact.files.units import parse_heading, parse_unit
 from graded_contact.files.moduli.reading import read_moduli
 from graded_contact.rheology.tabulated import Tabulated
 
