@@ -20,10 +20,10 @@ from ..rheology.shift import WLF, AbstractShift, Arrhenius
 from ..rheology.tabulated import Tabulated
 from ..rheology.tabulated_shift import TabulatedShift
 from .errors import Errors, check_errors, read_errors
-from .moduli.quantities import DIMENSIONS, UNITS
 from .moduli.reading import read_moduli
 from .signatures import Builder, keys_of
 from .toml import Section, nearest, short, within
+from .units import DIMENSIONS, UNITS
 
 # What a `kind` makes; its keys are the parameters.
 MATERIALS = {

@@ -47,7 +47,7 @@ def export_prony(material: AbstractMaterial, format: str, *, name: str = "materi
 
     - `material`: to be written.
     - `format`: one of `FORMATS`.
-    - `name`: what the other program shall call it.
+    - `name`: of the material in the other program.
 
     **Returns:** the text of the file.
     """
@@ -136,7 +136,7 @@ def _ansys(material: Prony, name: str) -> str:
     if poisson == 0.5:
         raise ValueError(
             "`poisson=0.5` is refused: Ansys takes a linear elastic constant below 0.5 only. Give "
-            "the material 0.4999, say, and use mixed u-P elements."
+            "the material 0.4999 and use mixed u-P elements."
         )
     if len(times) > ANSYS_TERMS:
         raise ValueError(

@@ -611,7 +611,7 @@ def test_all_that_is_missing_is_asked_for_in_one_message(tmp_path):
         ("", "", {"columns": {"modul": "f"}}, "`columns` has the key 'modul'"),
         ("", "", {"units": {"force": "N"}}, "`units` has the key 'force'"),
         ("", "", {"units": {"modulus": "mPa"}}, "`units`: 'mPa' of the modulus is refused"),
-        ("", "", {"kind": "dma"}, "`kind='dma'` must be 'frequency' or 'relaxation' or 'creep'"),
+        ("", "", {"kind": "dma"}, "`kind='dma'` is refused: use one of"),
         ("", "", {"kind": "creep"}, "Needed: time, compliance"),
         ("", "", {"poisson": 0.6}, r"`poisson=0.6` is refused"),
         ("", "", {"temperature": "hot"}, "`temperature='hot'` is refused: .* a list of numbers"),

@@ -262,7 +262,7 @@ def _at_constant_load(
         raise ValueError(
             f"the {quantity} is not constant: this is no {measured.kind}. {' '.join(notes[-2:])}"
         )
-    entries = entries[good].copy()
+    entries = entries.loc[good].copy()
     entries["isotherm"] = np.unique(entries["isotherm"], return_inverse=True)[1]
     return entries
 

@@ -11,14 +11,14 @@ import dataclasses
 import os
 from collections.abc import Iterator, Mapping, Sequence
 from pathlib import Path
-from typing import Any, Literal
+from typing import Any
 
 import numpy as np
 
 from ...core.checks import Numbers, check_poisson, check_positive, check_types
 from ..tables import Sheet, holds_data, is_number, parameters, read_sheets
 from ..units import DIMENSIONS, OFFSETS, UNITS, parse_unit
-from .columns import MeasuredTable, Options
+from .columns import WAYS, MeasuredTable, Options
 from .points import Measured, distinct, joined, measured_points
 from .steps import rank, understand
 
@@ -38,10 +38,10 @@ _REPTATE = {
 def read_moduli(
     path: str | os.PathLike | Sequence[str | os.PathLike],
     *,
-    kind: Literal["frequency", "relaxation", "creep"] | None = None,
+    kind: str | None = None,
     columns: Mapping[str, str | int] | None = None,
     units: Mapping[str, str] | None = None,
-    deformation: Literal["tension", "shear"] | None = None,
+    deformation: str | None = None,
     poisson: Numbers | None = None,
     temperature: Numbers | None = None,
     sheet: str | None = None,
@@ -133,6 +133,11 @@ def _options(
     temperature: bool,
     step: str | int | Sequence[str | int] | None,
 ) -> Options:
+    kinds = tuple(dict.fromkeys(kind for kind, _ in WAYS))
+    choices = (("kind", kind, kinds), ("deformation", deformation, ("tension", "shear")))
+    for name, value, allowed in choices:
+        if value not in (None, *allowed):
+            raise ValueError(f"`{name}={value!r}` is refused: use one of {allowed}.")
     for quantity in columns:
         if quantity not in DIMENSIONS:
             raise ValueError(

@@ -151,7 +151,7 @@ def names_in(content: bytes) -> list[str]:
 def unpacked(content: bytes, channel: str | int | None) -> tuple[bytes, str]:
     """Returns the file in a zip that holds heights, and its name.
 
-    It is the one that `channel` names, or the only one besides texts and pictures. Where the parts
+    It is the one that `channel` names, or the only one besides texts and pictures. If the parts
     of an `.x3p` lie in a folder it is the same `.x3p` without the folder.
     """
     _check_size(content)
@@ -231,6 +231,7 @@ def _with_size(scan: Scan, arrays: dict[str, np.ndarray], unit: str | None) -> S
     """The heights with the size from other arrays, such as "size" or "pixel_size_um"."""
     shape = np.array(scan.heights.shape)
     found: dict[str, Scan] = {}
+    edges = []
     for name, array in arrays.items():
         match = _SIZE.fullmatch(name)
         if not match or array.dtype.kind not in "iuf" or array.size not in (1, len(shape)):
@@ -243,7 +244,7 @@ def _with_size(scan: Scan, arrays: dict[str, np.ndarray], unit: str | None) -> S
         size = np.broadcast_to(np.ravel(array) * (1 if whole else shape), shape.shape).astype(float)
         lateral = suffix or _lateral_unit(name, scan, size, unit or scan.unit)
         found[name] = scan._replace(size=size, lateral_unit=lateral)
-    edges = [(metres(str(each.lateral_unit)) or 1.0) * each.size for each in found.values()]
+        edges.append((metres(str(lateral)) or 1.0) * size)
     if not all(np.allclose(edge, edges[0], rtol=0.01) for edge in edges):
         raise Refusal(
             f"its {' and '.join(map(repr, found))} contradict each other; pass `size` [m]"
@@ -252,7 +253,7 @@ def _with_size(scan: Scan, arrays: dict[str, np.ndarray], unit: str | None) -> S
 
 
 def _lateral_unit(name: str, scan: Scan, size: np.ndarray, unit: str | None) -> str | None:
-    """The unit of a size: metres or that of the heights, by the usual slopes of rough surfaces."""
+    """The unit of a size: metres, or that of the heights if only this gives a usual rms slope."""
     if unit is None or (factor := metres(unit)) is None:
         return unit
     low, high = USUAL["rms slope"]

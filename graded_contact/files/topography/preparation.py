@@ -58,20 +58,20 @@ def surface_from_heights(
     - `heights`: [m], shape `(nx, ny)` or `(nx,)`; NaN, infinite or masked where missing.
     - `size`: edge lengths [m], shape `(ndim,)`; one number means a square.
     - `periodic`: `"harmonic"` subtracts the smooth function that has the jumps between opposite
-      edges, and restores the rms slope; `"mirror"` reflects, doubling each axis, which keeps every
-      height but leaves kinks at the seams; `"window"` multiplies by a cosine-flanked (Tukey) window
+      edges, and restores the rms slope; `"mirror"` reflects, which doubles each axis: all heights
+      remain, with kinks at the seams; `"window"` multiplies by a cosine-flanked (Tukey) window
       that falls to zero over the outer tenth at either end of each axis, then scales the heights to
-      keep their rms; None takes the heights unchanged and refuses them if the edges do not meet.
-    - `shape`: number of points of the result; None keeps that of the data.
-    - `region`: the part to keep, `[x0, x1, y0, y1]` or for a profile `[x0, x1]` [m] from the first
-      point; None keeps all. Where points are missing, the history names the largest part without.
+      restore their rms; None uses the heights unchanged and refuses them if the edges do not meet.
+    - `shape`: number of points of the result; None uses that of the data.
+    - `region`: the part to use, `[x0, x1, y0, y1]` or for a profile `[x0, x1]` [m] from the first
+      point; None uses all. If points are missing, the history names the largest complete part.
     - `fill`: `"low"` lets the surface sink from the heights around a hole towards the lowest
       measured ones, somewhat steeper than it is rough, which keeps it out of contact; `"harmonic"`
       solves Laplace's equation, the smoothest that joins the heights around; None refuses missing
       points.
     - `rim`: how many rings of measured points around each hole to discard with it. Optical
       instruments report spikes there, which the filling would continue; the history has a
-      warning when the rims stand out.
+      warning when the rims are much rougher.
     - `history`, `steps`: to begin those of the surface with.
 
     **Returns:** the surface, with what was done to it.
@@ -274,8 +274,8 @@ def _filling_note(
     )
     if around > 3 * spread:
         note += (
-            f" Their rims stand out: their rms height is {around:.3g} m, {around / spread:.2g} times "
-            f"that of all measured points. They may be artefacts, see `rim={rim + 1}`."
+            f" Their rims stand out: their rms height of {around:.3g} m is {around / spread:.2g} "
+            f"times that of all measured points. They may be artefacts, see `rim={rim + 1}`."
         )
     return note
 
@@ -301,8 +301,8 @@ def _filled(
     rows, columns, entries = [], [], []
     diagonal = np.full(size, 1 / length**2 if np.isfinite(length) else 0.0)
     right = diagonal * bottom
-    for axis, apart in enumerate(spacing):
-        weight = 1 / apart**2
+    for axis, pixel in enumerate(spacing):
+        weight = 1 / pixel**2
         for way in (1, -1):
             here = np.moveaxis(number, axis, 0)[::way][:-1]
             there = np.moveaxis(number, axis, 0)[::way][1:]

@@ -145,7 +145,7 @@ def _scan(
     unit: str | None,
     depth: int = 0,
 ) -> Scan:
-    """The heights in a file, which may lie in zips, by the reader that its content asks for."""
+    """The heights in a file, which may lie in zips, by the reader that fits its content."""
     if not content.strip():
         raise Refusal("it is empty")
     if content.startswith(b"\x93NUMPY") or (path.suffix == ".npz" and content[:2] == b"PK"):
@@ -168,7 +168,7 @@ def _scan(
         inner, name = unpacked(content, channel)
         scan = _scan(path / name, inner, None, size, unit, depth + 1)
         return scan._replace(source=f"{scan.source} of {name!r}")
-    # Text with a header of its own is the library's; it takes much else for a table of numbers.
+    # The library reads text with a known header; it takes much else for a table of numbers.
     try:
         scan = read_instrument(content, channel)
     except Refusal:
@@ -196,8 +196,7 @@ def _read_workbook(path: Path, content: bytes, channel: str | int | None) -> Sca
     if {"DATA", "Certificate"} <= {sheet.name for sheet in sheets}:
         return read_instrument(content, channel)  # of Mitutoyo's instruments
     for sheet in filter(lambda sheet: sheet.rows, sheets):
-        width = max((len(row.cells) for row in sheet.rows), default=0)
-        cells = [row.cells + [""] * (width - len(row.cells)) for row in sheet.rows]
+        cells = [row.cells for row in sheet.rows]  # all rows of a sheet are equally wide
         full = np.flatnonzero([any(column) for column in zip(*cells, strict=True)])
         lines = ["\t".join(row[full[0] : full[-1] + 1]) for row in cells]
         try:
@@ -246,7 +245,7 @@ def _scales(scan: Scan, size: Any, unit: str | None) -> tuple[float, np.ndarray]
 
 
 def _reach(positions: np.ndarray) -> float:
-    """The period that the points of a line stand for: one mean step more than their span."""
+    """The period of the points of a line: their span and one mean step."""
     return float(np.ptp(positions)) * len(positions) / (len(positions) - 1)
 
 
