@@ -1,4 +1,4 @@
-"""Files in many layouts are written here and read back; measured files lie beside the project."""
+"""Files in many layouts are written here and read back; measured files are beside the project."""
 
 import re
 import sys
