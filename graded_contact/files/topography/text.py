@@ -135,7 +135,7 @@ def _numbers(body: dict[int, str], layout: TextLayout) -> np.ndarray:
     try:
         table = pd.read_csv(text, sep=separator or " ", decimal=layout.decimal, header=None,
                             index_col=False, dtype=float, skipinitialspace=True)  # fmt: skip
-        return table.to_numpy()
+        return np.ascontiguousarray(table.to_numpy())
     except ValueError:  # some cells are words, or have marks between thousands
         return np.array(
             [[_number_or_word(cell, number) for cell in layout.cells(line)]
