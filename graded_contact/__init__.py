@@ -22,7 +22,7 @@ from .contact.solution import RESULTS, ContactSolution
 from .contact.solver import AbstractContactSolver
 from .core.parameters import with_values
 from .fields.grid import Grid
-from .files.moduli.measured import Measured
+from .files.moduli.points import Measured
 from .files.moduli.reading import read_moduli
 from .files.parameter_covariance import read_errors
 from .files.prony_cards import export_prony

@@ -9,7 +9,7 @@ from typing import Annotated
 import typer
 from typer import Option
 
-from ..files.moduli.measured import Measured
+from ..files.moduli.points import Measured
 from ..files.moduli.reading import read_moduli
 from ..files.parameter_covariance import write_errors
 from ..files.paths import check_folder, full_path
@@ -117,7 +117,7 @@ def fit(
             step=step,
         )
         for sentence in measured.history:
-            typer.echo(sentence)
+            typer.echo(_with_options(sentence))
         measured = _without_wild(measured, robust)
         arguments = {
             "terms": terms, "poisson": poisson, "equilibrium": equilibrium, "glassy": glassy,
@@ -163,9 +163,8 @@ def _write_cards(folder: Path, name: str, material: Prony, forms: tuple) -> None
         typer.echo(f"wrote {path}")
 
 
-@contextlib.contextmanager
-def _naming_options() -> Iterator[None]:
-    """Puts options in the place of the arguments that a message of `fit` names."""
+def _with_options(message: str) -> str:
+    """The message with options in place of the arguments that it names."""
 
     def option(found: re.Match) -> str:
         name, value = found.groups()
@@ -176,10 +175,15 @@ def _naming_options() -> Iterator[None]:
             return f"`{spelt}`"
         return "`{} {}`".format(spelt, value.strip("'"))
 
+    return re.sub(r"`(\w+)(?:=([^`]*))?`", option, message)
+
+
+@contextlib.contextmanager
+def _naming_options() -> Iterator[None]:
     try:
         yield
     except ValueError as error:
-        raise ValueError(re.sub(r"`(\w+)(?:=([^`]*))?`", option, str(error))) from error
+        raise ValueError(_with_options(str(error))) from error
 
 
 def _fitted(measured, shifts, weights, arguments):

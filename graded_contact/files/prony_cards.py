@@ -47,7 +47,7 @@ def export_prony(material: AbstractMaterial, format: str, *, name: str = "materi
 
     - `material`: to be written.
     - `format`: one of `FORMATS`.
-    - `name`: what the other program shall call it.
+    - `name`: of the material in the other program.
 
     **Returns:** the text of the file.
     """
@@ -121,12 +121,10 @@ def _abaqus(material: Prony, name: str) -> str:
         "*VISCOELASTIC, TIME=PRONY",
         *(f"{ratio!r}, {ratio!r}, {time!r}" for ratio, time in zip(ratios, times, strict=True)),
     ]
-    shift = material.shift
-    if isinstance(shift, WLF):
-        constants = (shift.reference, shift.c1, shift.c2)
-        lines += ["*TRS, DEFINITION=WLF", ", ".join(repr(float(value)) for value in constants)]
-    elif shift is not None:
-        lines += [f"** {line}" for line in ("Not part of this card:", *_law(shift))]
+    if isinstance(material.shift, WLF):
+        lines += ["*TRS, DEFINITION=WLF", ", ".join(_wlf(material.shift))]
+    else:
+        lines += [f"** {line}" for line in _not_written(material.shift)]
     return "\n".join([*lines, ""])
 
 
@@ -136,7 +134,7 @@ def _ansys(material: Prony, name: str) -> str:
     if poisson == 0.5:
         raise ValueError(
             "`poisson=0.5` is refused: Ansys takes a linear elastic constant below 0.5 only. Give "
-            "the material 0.4999, say, and use mixed u-P elements."
+            "the material 0.4999 and use mixed u-P elements."
         )
     if len(times) > ANSYS_TERMS:
         raise ValueError(
@@ -153,13 +151,10 @@ def _ansys(material: Prony, name: str) -> str:
         lines.append(f"TB,PRONY,MATID,1,{len(times)},{part}")
         for i, (ratio, time) in enumerate(zip(ratios, times, strict=True)):
             lines.append(f"TBDATA,{2 * i + 1},{ratio!r},{time!r}")
-    shift = material.shift
-    if isinstance(shift, WLF):
-        constants = (shift.reference, shift.c1, shift.c2)
-        lines.append("TB,SHIFT,MATID,1,3,WLF")
-        lines.append("TBDATA,1," + ",".join(repr(float(value)) for value in constants))
-    elif shift is not None:
-        lines += [f"! {line}" for line in ("Not part of this card:", *_law(shift))]
+    if isinstance(material.shift, WLF):
+        lines += ["TB,SHIFT,MATID,1,3,WLF", ",".join(["TBDATA,1", *_wlf(material.shift)])]
+    else:
+        lines += [f"! {line}" for line in _not_written(material.shift)]
     return "\n".join([*lines, ""])
 
 
@@ -192,6 +187,14 @@ def _measured(material: Prony) -> list[str]:
         for name, (low, high) in _constants(material.measured).items()
     ]
     return [f"Measured from {' and '.join(ranges)}; an extrapolation outside"]
+
+
+def _wlf(shift: WLF) -> list[str]:
+    return [repr(float(value)) for value in (shift.reference, shift.c1, shift.c2)]
+
+
+def _not_written(shift: AbstractShift | None) -> list[str]:
+    return ["Not part of this card:", *_law(shift)] if shift is not None else []
 
 
 def _law(shift: AbstractShift | None) -> list[str]:

@@ -39,7 +39,6 @@ from ..rheology.tabulated_shift import TabulatedShift
 from ..roughness.random_surfaces import random_surface
 from ..roughness.spectrum import SelfAffine
 from ..roughness.surface import Surface, rescale
-from .moduli.quantities import DIMENSIONS, UNITS
 from .moduli.reading import read_moduli
 from .parameter_covariance import Errors, check_errors, read_errors
 from .paths import check_name, existing_file
@@ -58,6 +57,7 @@ from .schema import (
     within,
 )
 from .topography.reading import read_surface
+from .units import DIMENSIONS, UNITS
 
 # What a `kind` makes; its keys are the parameters. Tables of moduli are made by `Block`.
 MATERIALS = {

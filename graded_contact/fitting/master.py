@@ -25,7 +25,7 @@ from ..core.checks import (
     is_concrete,
 )
 from ..core.display import shown
-from ..files.moduli.measured import Measured
+from ..files.moduli.points import Measured
 from ..rheology.material import Prony
 from ..rheology.measured import MeasuredRange
 from ..rheology.shift import AbstractShift

@@ -1,4 +1,4 @@
-"""Damaged files are read or refused with a message; every row is read or told to be left out."""
+"""Damaged files are read or refused with a message; every row is read or reported as left out."""
 
 import contextlib
 import re
@@ -131,16 +131,6 @@ def test_damaged_exports_are_read_or_refused(tmp_path, name):
     draw = np.random.default_rng([SEED, *name.encode()])
     for _ in range(20):
         check_damaged(tmp_path, name, damaged(content, draw), options)
-
-
-@pytest.mark.slow
-def test_damaged_exports_are_read_or_refused_many_times(tmp_path):
-    draw, accepted = np.random.default_rng(SEED), 0
-    for i in range(1500):
-        name = list(SAMPLES)[i % len(SAMPLES)]
-        content, options = SAMPLES[name]
-        accepted += check_damaged(tmp_path, name, damaged(content, draw), options)
-    assert 100 < accepted < 1400  # neither all nor none, or little would be tried
 
 
 @pytest.mark.slow

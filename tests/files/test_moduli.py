@@ -1,4 +1,4 @@
-"""Files in many layouts are written here and read back; measured files lie beside the project."""
+"""Files in many layouts are written here and read back; measured files are beside the project."""
 
 import re
 import sys
@@ -9,8 +9,8 @@ import pytest
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
-from graded_contact.files.moduli.quantities import parse_heading, parse_unit
 from graded_contact.files.moduli.reading import read_moduli
+from graded_contact.files.units import parse_heading, parse_unit
 from graded_contact.rheology.tabulated import Tabulated
 
 DATA = Path(__file__).parents[3] / "shared" / "data" / "rheology"
@@ -63,9 +63,7 @@ POLYMERS = [
     ("reptate_PI_634k_T-35.tts", {}, 159, (4.3e-8, 1.2e2), (144, 1.02e6), (3.7e3, 1.08e6)),
     ("pyvisco_time_user_master.csv", {}, 481, (0.0028, 1.4e28), (8.57e7, 1.71e9), None),
     ("pp_stress_relaxation.csv", SI_TIME, 76, (0.001, 1.1e4), (1.47e8, 3.73e8), None),
-    ("respect_time_test1.dat", SI_TIME, 100, (0.1, 5e2), (2.05e-5, 1.58), None),
     ("respect_time_test3.dat", SI_TIME, 200, (0.0001, 1e4), (0.304, 238), None),
-    ("respect_time_test6.dat", SI_TIME, 26, (9e-6, 2.1), (857, 8.39e5), None),
 ]  # fmt: skip
 
 
@@ -100,7 +98,7 @@ ISOTHERMS = [
     ISOTHERMS,
     ids=[r[0] for r in ISOTHERMS],
 )
-def test_measured_isotherms_are_told_apart(name, options, count, isotherms, celsius, deformation):
+def test_measured_isotherms_are_separated(name, options, count, isotherms, celsius, deformation):
     measured = read_moduli(data(name), **options)
     assert len(measured.abscissa) == count and measured.deformation == deformation
     parts = measured.isotherms()
@@ -110,15 +108,6 @@ def test_measured_isotherms_are_told_apart(name, options, count, isotherms, cels
     np.testing.assert_allclose(means[[0, -1]] - 273.15, celsius, atol=0.3)
     for part in parts:
         assert np.ptp(part.temperature) < 0.4 and np.all(np.diff(part.abscissa) >= 0)
-
-
-def test_the_lines_of_a_measured_file_are_kept():
-    path = data("reptate_PI600k_raw_isotherms.csv")
-    measured, text = read_moduli(path), path.read_text().splitlines()
-    for i in (0, 50, 158):
-        _, celsius, omega, storage, loss = map(float, text[measured.lines[i] - 1].split(","))
-        assert measured.abscissa[i] == omega and measured.values[i] == storage + 1j * loss
-        assert measured.temperature[i] == celsius + 273.15
 
 
 def test_the_eplexor_workbook_is_read_as_its_decoded_form():
@@ -157,11 +146,6 @@ def test_creep_curves_side_by_side_become_isotherms():
         np.testing.assert_allclose(part.values, 10 * compliance[there][order], rtol=1e-14)
 
 
-def test_a_sweep_of_strain_is_refused():
-    with pytest.raises(ValueError, match=r"epdm70_sd_10hz.csv`: the frequency is the same"):
-        read_moduli(data("epdm70_sd_10hz.csv"))
-
-
 # Layouts, each with the same four points.
 
 
@@ -188,7 +172,6 @@ def test_separators_decimal_marks_and_encodings(tmp_path, separator, decimal, en
         (["Angular frequency (rad/s)", "E' / GPa", 'E" / GPa'], None, (2 * np.pi, 1e-9, 1e-9)),
         (["omega", "E' [Pa]", "E'' [Pa]"], None, (2 * np.pi, 1, 1)),
         (["ω", "E′ [Pa]", "E″ [Pa]"], ["s⁻¹", "", ""], (2 * np.pi, 1, 1)),
-        (["f", "E’ [Pa]", "E’’ [Pa]"], ["1/s", "", ""], (1, 1, 1)),
         (["freq_khz", "E_storage_mpa", "E_loss_mpa"], None, (1e-3, 1e-6, 1e-6)),
         (["Frequency", "Storage modulus", "Loss modulus"], ["Hz", "psi", "psi"],
          (1, 1 / 6894.757293168361, 1 / 6894.757293168361)),
@@ -221,24 +204,6 @@ def test_a_tan_delta_that_contradicts_the_moduli_is_warned_of(tmp_path):
     )
     (warning,) = [note for note in read_moduli(path).history if note.startswith("Warning")]
     assert "33 % in line 4" in warning
-
-
-def test_an_instruments_preamble_steps_and_footer(tmp_path):
-    """As TRIOS writes: sections, names and units repeated for every temperature, Latin-1."""
-    text = "Filename\tsample 7\nGap\t1.5\tmm\t2\n"
-    for celsius, factor in ((40.02, 1.0), (20.01, 4.0)):
-        text += f"\n[step]\nFrequency sweep at {celsius}\n"
-        text += "Angular frequency\tStorage modulus\tLoss modulus\tTan(delta)\tTemperature\n"
-        text += "rad/s\tMPa\tMPa\t\t°C\n"
-        for w, storage, loss in zip(OMEGA, STORAGE, LOSS, strict=True):
-            cells = (w, factor * storage / 1e6, factor * loss / 1e6, loss / storage, celsius)
-            text += "\t".join(map(repr, map(float, cells))) + "\n"
-    measured = read_moduli(write(tmp_path, text + "end of file\n", "run.txt", "latin-1"))
-    cold, hot = measured.isotherms()
-    check(hot)
-    check(cold, modulus=4 * MODULUS)
-    np.testing.assert_allclose([cold.temperature[0], hot.temperature[0]], [293.16, 313.17])
-    assert any("no numbers: 3 row(s), line 13-14, 21" in note for note in measured.history)
 
 
 def test_numpys_commented_header_is_a_header(tmp_path):
@@ -309,22 +274,7 @@ def test_the_result_does_not_depend_on_order_or_units(
 # Kinds, overrides, and what is recorded.
 
 
-def test_relaxation_and_creep(tmp_path):
-    time = np.array([0.0, 1.0, 10.0])
-    path = written(tmp_path, ["t [min]", "G(t) [kPa]"], [time, [9.0, 5.0, 2.0]])
-    measured = read_moduli(path, poisson=0.25)
-    assert (measured.kind, measured.deformation) == ("relaxation", "tension")
-    np.testing.assert_allclose(measured.abscissa, [60, 600])
-    np.testing.assert_allclose(measured.values, [12.5e3, 5e3])
-    assert any("time 0: 1 row(s), line 2" in note for note in measured.history)
-    path = written(tmp_path, ["Time [s]", "Creep compliance J(t) [1/MPa]"], [time[1:], [2.0, 5.0]])
-    measured = read_moduli(path)
-    assert (measured.kind, measured.deformation) == ("creep", "shear")
-    np.testing.assert_allclose(measured.values, [2e-6, 5e-6])
-    np.testing.assert_allclose(read_moduli(path, poisson=0.25).values, [0.8e-6, 2e-6])
-
-
-def test_shear_stays_shear_until_poissons_ratio_is_told(tmp_path):
+def test_poissons_ratio_converts_shear_moduli_and_compliances(tmp_path):
     path = written(tmp_path, ["f_Hz", "G_storage_pa", "G_loss_pa"], [HERTZ, STORAGE, LOSS])
     measured = read_moduli(path)
     assert measured.deformation == "shear" and measured.temperature is None
@@ -333,9 +283,20 @@ def test_shear_stays_shear_until_poissons_ratio_is_told(tmp_path):
         measured.table()
     check(read_moduli(path, poisson=0.4), modulus=2.8 * MODULUS)
     check(read_moduli(path, deformation="tension"))
+    path = written(tmp_path, ["t [min]", "G(t) [kPa]"], [[0.0, 1, 10], [9.0, 5, 2]])
+    measured = read_moduli(path, poisson=0.25)
+    assert (measured.kind, measured.deformation) == ("relaxation", "tension")
+    np.testing.assert_allclose(measured.abscissa, [60, 600])
+    np.testing.assert_allclose(measured.values, [12.5e3, 5e3])
+    assert any("time 0: 1 row(s), line 2" in note for note in measured.history)
+    path = written(tmp_path, ["Time [s]", "Creep compliance J(t) [1/MPa]"], [[1, 10], [2.0, 5]])
+    measured = read_moduli(path)
+    assert (measured.kind, measured.deformation) == ("creep", "shear")
+    np.testing.assert_allclose(measured.values, [2e-6, 5e-6])
+    np.testing.assert_allclose(read_moduli(path, poisson=0.25).values, [0.8e-6, 2e-6])
 
 
-def test_everything_can_be_told(tmp_path):
+def test_everything_can_be_overridden(tmp_path):
     path = written(tmp_path, ["a", "b", "c", "d"], [LOSS, HERTZ, [1, 2, 3, 4], STORAGE])
     columns = {"frequency": "b", "storage": 4, "loss": "a"}
     units = {"frequency": "rad/s", "modulus": "kPa"}
@@ -344,12 +305,11 @@ def test_everything_can_be_told(tmp_path):
     )
     check(measured, HERTZ, 1e3 * MODULUS)
     assert set(measured.temperature) == {300.0}
-    assert "Column 2 (b): frequency in rad/s, as told." in measured.history
-    assert "Column 1 (a): loss in kPa, as told; times 1000 in Pa." in measured.history
+    assert "Column 2 (b): frequency in rad/s, as given in `units`." in measured.history
     assert "Not used: 'c'." in measured.history
 
 
-def test_a_frequency_without_a_unit_is_told_by_its_name_only(tmp_path):
+def test_a_frequency_without_a_unit_goes_by_its_name_only(tmp_path):
     text = PLAIN.replace("Hz, MPa, MPa\n", "")
     for name, rate in (("f", 2 * np.pi), ("omega", 1)):
         path = write(tmp_path, text.replace("f,", f"{name},"))
@@ -383,7 +343,7 @@ def test_both_deformations_in_a_file_are_chosen_between(tmp_path):
     check(read_moduli(path, deformation="shear", poisson=0.5))
 
 
-def test_missing_points_are_left_out_and_told(tmp_path):
+def test_missing_points_are_left_out_and_reported(tmp_path):
     text = (
         "f;E';E''\nHz;Pa;Pa\n0,1;1250000;250000\n0,5;--;3\n1;2,5e6;7,5e5\n2;;\n"
         "10;5,75e6;3,25e6\n3;4\n"
@@ -417,7 +377,7 @@ def test_a_table_makes_a_material_and_repeats_are_refused_by_line(tmp_path):
     np.testing.assert_allclose(material.modulus(2 * np.pi), 2e6 + 3e5j)
     repeated = read_moduli(write(tmp_path, PLAIN + "10, 5, 0.1\n"))
     assert any("lines 3 and 8" in note for note in repeated.history)
-    with pytest.raises(ValueError, match=r"table.csv`, lines 3 and 8: the same frequency 62.8"):
+    with pytest.raises(ValueError, match=r"table.csv`, lines 3 and 8: both have the frequency"):
         repeated.table()
 
 
@@ -429,15 +389,12 @@ def test_a_table_makes_a_material_and_repeats_are_refused_by_line(tmp_path):
     [
         ("1, 2, ?", r"column 3 .E''., where the loss must be a number: 1 row.s., line 7 .'\?'."),
         ("1, -2, 0.3", r"column 2 .E'., where the storage must be a positive .* line 7 .'-2'."),
-        ("1, 2, 0", r"column 3 .E''., where the loss must be a positive number: .* line 7"),
         (
             "1e999, 2, 0.3",
             r"column 1 .f., where the frequency must lie between .* line 7 .'1e999'.",
         ),
-        ("1, 1e308, 0.3", r"column 2 .E'., where the storage must lie between .* line 7 .'1e308'."),
         ("1, 2, 9.9e37", r"column 3 .E''., where the loss must lie between 1e-30 and 1e.30 Pa"),
-        ("1, 2, 1e-300", r"column 3 .E''., where the loss must lie between"),
-        ("1,5, 2, 0,3", "5 entries, where there are 3 columns: 1 row.s., line 7."),
+        ("1,5, 2, 0,3", "5 entries in 3 columns: 1 row.s., line 7."),
         ("1, , 0.3", "a missing value: 1 row.s., line 7."),
         ("1, 2, inf", "a missing value: 1 row.s., line 7."),
     ],
@@ -446,14 +403,6 @@ def test_a_row_that_cannot_be_used_is_left_out_with_line_and_reason(tmp_path, ro
     measured = read_moduli(write(tmp_path, PLAIN.replace("1, 2, 0.3", row)))
     np.testing.assert_allclose(measured.values, [1e6 + 0.2e6j, 3e6 + 0.4e6j])
     assert any(re.match(f"Left out for {sentence}", note) for note in measured.history)
-
-
-def test_every_row_left_out_is_told(tmp_path):
-    lines = ["f [Hz],E' [Pa],E'' [Pa]", *(f"{i},{1e6 + i},1e5" for i in range(1, 41))]
-    for line in (5, 6, 7, 8, 12, 20, 21, 33):  # counted from 1, the names being the first
-        lines[line - 1] = f"{line - 1},NaN,1e5"
-    history = read_moduli(write(tmp_path, "\n".join(lines))).history
-    assert "Left out for a missing value: 8 row(s), line 5-8, 12, 20-21, 33." in history
 
 
 def test_a_file_of_which_half_cannot_be_used_is_refused_with_the_reasons(tmp_path):
@@ -475,7 +424,7 @@ def test_creep_is_strain_over_a_held_stress(tmp_path):
     assert (measured.kind, measured.deformation) == ("creep", "shear")
     np.testing.assert_allclose(measured.abscissa, 60 * TIME)
     np.testing.assert_allclose(measured.values, strain / (1e3 * np.array(columns[2])))
-    assert "Stress held at 2000 Pa." in measured.history
+    assert "Constant stress: 2000 Pa." in measured.history
     # Loading before and recovery after are no creep.
     more = ([1e-3, 200, 300], [0.1, 3, 2], [0.5, 0, 0.01], [7, 207, 307])
     columns = [np.append(*pair) for pair in zip(columns, more, strict=True)]
@@ -483,7 +432,7 @@ def test_creep_is_strain_over_a_held_stress(tmp_path):
     np.testing.assert_array_equal(again.values, measured.values)
     left = " ".join(note for note in again.history if note.startswith("Left out"))
     assert "must be a positive number: 1 row(s), line 7" in left
-    assert "a stress that departs from it by 10%: 2 row(s), line 6, 8" in left
+    assert "a stress that differs from it by 10%: 2 row(s), line 6, 8" in left
 
 
 def test_a_constant_stress_may_stand_above_the_table(tmp_path):
@@ -492,7 +441,7 @@ def test_a_constant_stress_may_stand_above_the_table(tmp_path):
     measured = read_moduli(write(tmp_path, text))
     assert measured.kind == "creep"
     np.testing.assert_allclose(measured.values, 1e-3 * np.arange(1, 5) / 2e3)
-    with pytest.raises(ValueError, match="a constant stress also by a line above the table"):
+    with pytest.raises(ValueError, match="a constant stress may also be in a line above the table"):
         read_moduli(write(tmp_path, text.replace("stress", "load")))
 
 
@@ -505,7 +454,7 @@ def test_relaxation_is_stress_over_a_held_strain(tmp_path):
     assert (measured.kind, measured.deformation) == ("relaxation", "tension")
     np.testing.assert_allclose(measured.values[:3], 1e6 * stress[:3] / 5e-3)
     path = written(tmp_path, ["Time [s]", "Stress [MPa]", "Strain [%]"], [TIME, stress, stress])
-    with pytest.raises(ValueError, match="of stress and strain, neither is held constant; pass `k"):
+    with pytest.raises(ValueError, match="of stress and strain, neither is constant; pass `k"):
         read_moduli(path)
     path = written(tmp_path, ["Time [s]", "Stress [MPa]", "Strain"], [TIME, stress, [0.5] * 4])
     with pytest.raises(
@@ -527,6 +476,8 @@ def test_reptates_files_of_sweeps_creep_and_relaxation(tmp_path):
     measured = read_moduli(write(tmp_path, text, "a.creep"))
     assert (measured.kind, measured.deformation) == ("creep", "shear")
     np.testing.assert_allclose(measured.values, [2e-6, 4e-6])
+    with pytest.raises(ValueError, match="its columns must be time, strain, in this order"):
+        read_moduli(write(tmp_path, text.replace("s -", "- s"), "b.creep"))
     text = "Mw=224;gamma=0.5;\nt sxy\n1 4e5\n2 3e5\n"
     measured = read_moduli(write(tmp_path, text, "a.gt"))
     np.testing.assert_allclose(measured.values, [8e5, 6e5])
@@ -568,7 +519,7 @@ def test_a_slow_ramp_with_sweeps_is_cut_into_isotherms_and_a_plain_ramp_refused(
     measured = read_moduli(written(tmp_path, names, [celsius, 10 * [1, 3, 10, 30], *values]))
     assert len(measured.isotherms()) == 10
     np.testing.assert_allclose(measured.isotherms()[1].values.real, 1e6 + celsius[4:8])
-    with pytest.raises(ValueError, match=r"the temperature runs through 19.5 K within a sweep"):
+    with pytest.raises(ValueError, match=r"the temperature changes by 19.5 K within a sweep"):
         read_moduli(written(tmp_path, names, [celsius, 1 + np.arange(40), *values]))
 
 
@@ -591,7 +542,7 @@ def test_sheets_of_one_isotherm_each_are_joined_and_of_one_temperature_refused(t
     cold, hot = read_moduli(save([40, 20])).isotherms()
     np.testing.assert_allclose(cold.values, 4e6 + 5e5j)
     np.testing.assert_allclose(hot.temperature, 313.15)
-    with pytest.raises(ValueError, match=r"'step 0', 'step 1'.* hold tables alike.*pass `sheet`"):
+    with pytest.raises(ValueError, match=r"'step 0', 'step 1'.* hold similar tables.*pass `sheet`"):
         read_moduli(save([20, 20]))
     assert len(read_moduli(save([20, 20]), sheet="step 1").abscissa) == 2
 
@@ -607,7 +558,7 @@ def test_several_files_are_isotherms_of_one_material(tmp_path):
     assert len(cold.abscissa) == 2
     np.testing.assert_allclose(hot.abscissa, 2 * np.pi * np.array([1, 2, 10, 20]))
     assert "Together 2 isotherm(s), 280.00 to 300.20 K, of 6 points." in measured.history
-    with pytest.raises(ValueError, match=r"a.csv'.* do not say their temperature; pass `temperatu"):
+    with pytest.raises(ValueError, match=r"the temperature of .*a.csv'.* is not known; pass"):
         read_moduli(paths)
     with pytest.raises(ValueError, match=r"`temperature` has shape .2,.; .* of the 3 files"):
         read_moduli(paths, temperature=[300.0, 280.0])
@@ -654,19 +605,15 @@ def test_all_that_is_missing_is_asked_for_in_one_message(tmp_path):
         ("f, E', E''\nHz,", "x, E', E''\nU/min,", {"columns": {"frequency": "x"}},
          "has the unit 'U/min'"),
         ("Hz, MPa, MPa", "Hz, MPa, mPa", {}, r"line 1: column 3 .E''., the loss, has the unit 'm"),
-        ("Hz, MPa, MPa", "Hz, MPa, s", {}, "has the unit 's'"),
         ("0.4\n\n# a note\n0.1, 1, 0.2\n1, 2, 0.3", "0.4", {}, "no table of numbers"),
         ("0.1, 1, 0.2\n1, 2, 0.3\n", "1, , \n", {}, "1 complete rows"),
-        ("", "", {"columns": {"storage": "G"}}, "asks for 'G', but the file has no column"),
-        ("", "", {"columns": {"storage": 4}}, "asks for 4"),
+        ("", "", {"columns": {"storage": "G"}}, "names 'G', but the file has no column"),
         ("", "", {"columns": {"modul": "f"}}, "`columns` has the key 'modul'"),
         ("", "", {"units": {"force": "N"}}, "`units` has the key 'force'"),
         ("", "", {"units": {"modulus": "mPa"}}, "`units`: 'mPa' of the modulus is refused"),
         ("", "", {"kind": "dma"}, "`kind='dma'` is refused: use one of"),
         ("", "", {"kind": "creep"}, "Needed: time, compliance"),
-        ("", "", {"deformation": "bending"}, "`deformation='bending'` is refused"),
         ("", "", {"poisson": 0.6}, r"`poisson=0.6` is refused"),
-        ("", "", {"poisson": [0.4, 0.5]}, r"`poisson=\[0.4, 0.5\]` is refused: .* a number"),
         ("", "", {"temperature": "hot"}, "`temperature='hot'` is refused: .* a list of numbers"),
         ("", "", {"temperature": -3.0}, r"`temperature=-3` is refused"),
         ("", "", {"temperature": [300.0, 310.0]}, "`temperature` has shape .2,."),
@@ -684,8 +631,8 @@ def test_what_is_not_understood_is_refused_by_line(tmp_path, old, new, options, 
     "text, expected",
     [
         ("f, E', G''\nHz, Pa, Pa\n1, 2, 3\n2, 3, 4\n", "mix tension and shear"),
-        ("t, E(t), J(t)\ns, Pa, 1/Pa\n1, 2, 3\n2, 3, 4\n", "line 1: a modulus and a compliance"),
-        ("f E' E''\nHz Pa Pa\n1 2 3\n2 3\n", "2 entries, where there are 3 columns: .* line 4"),
+        ("t, E(t), J(t)\ns, Pa, 1/Pa\n1, 2, 3\n2, 3, 4\n", "line 1: it has a modulus and a comp"),
+        ("f E' E''\nHz Pa Pa\n1 2 3\n2 3\n", "2 entries in 3 columns: .* line 4"),
         ("f Storage modulus Loss modulus\n1 2 3\n2 3 4\n", "line 2 has 3 entries, but .* 5"),
         ("f, E', E'', T\nHz, Pa, Pa, K\n1, 2, 3, -20\n2, 3, 4, -20\n", "absolute zero.*line 3"),
         ("f, E', E'', T\nHz, Pa, Pa,\n1, 2, 3, 20\n2, 3, 4, 20\n", "the temperature, has no unit"),
@@ -728,28 +675,21 @@ def test_the_extra_is_named_where_a_reader_is_not_installed(tmp_path, monkeypatc
     [
         ("t", {"quantity": "time"}),
         ("Step time (s)", {"quantity": "time", "unit": "s", "step": True}),
-        ("T [K]", {"quantity": "temperature", "unit": "K"}),
         ("w", {"quantity": "frequency", "angular": True}),
         ("ang. frequency / rad s-1", {"quantity": "frequency", "unit": "rad/s", "angular": True}),
-        ("f_mhz", {}),
         ("f (mHz)", {"quantity": "frequency", "unit": "mHz"}),
         ("Shear loss modulus G'' (Pa)", {"quantity": "loss", "unit": "Pa", "deformation": "shear"}),
         ("Shear modulus (elastic component)(Pa)",
          {"quantity": "storage", "unit": "Pa", "deformation": "shear"}),
-        ("tanδ", {"quantity": "tan_delta"}),
         ("Tan(delta)", {"quantity": "tan_delta"}),
-        ("|J*|", {}),
         ("log E'", {"quantity": "storage", "deformation": "tension", "base": "10"}),
-        ("log10(f [Hz])", {"quantity": "frequency", "unit": "Hz", "base": "10"}),
         ("ln(G') [Pa]",
          {"quantity": "storage", "unit": "Pa", "deformation": "shear", "base": "e"}),
         ("log_aT", {}),
         ("T_set_C", {"unit": "C"}),
-        ("Loss tangent", {"quantity": "tan_delta"}),
         ("Creep compliance D(t) [m²/N]",
          {"quantity": "compliance", "unit": "m2/N", "deformation": "tension"}),
         ("Creep strain [%]", {"quantity": "strain", "unit": "%"}),
-        ("Strain 1", {}),
         ("Schubspannung [Pa]", {"quantity": "stress", "unit": "Pa", "deformation": "shear"}),
         ("Young's modulus", {"quantity": "modulus", "deformation": "tension"}),
         ("", {}),

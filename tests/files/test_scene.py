@@ -227,7 +227,7 @@ def test_a_table_makes_a_material_with_its_path_beside_the_scene(tmp_path):
     scene = parse_scene(tabulated("plateau"), tmp_path)
     expected = gc.Tabulated(omega, modulus, 0.4, extrapolate="plateau")
     assert eqx.tree_equal(scene.stack.layers[0].material, expected)
-    assert "coat: Column 1 (f): frequency in Hz, as the file says" in " ".join(scene.notes)
+    assert "coat: Column 1 (f): frequency in Hz, as in the file" in " ".join(scene.notes)
     with pytest.raises(FileNotFoundError, match=r"\[materials.coat\].*elsewhere/table.csv"):
         parse_scene(tabulated("plateau"), tmp_path / "elsewhere")
 
@@ -244,7 +244,7 @@ def test_columns_and_units_of_a_table_can_be_told(tmp_path):
     for old, new, expected in (
         ("storage =", "stor =", r"\[materials.coat.columns\] has no key `stor`.*`storage`"),
         ('"kPa"', '"kpa "', "`units`: 'kpa ' of the modulus is refused"),
-        ('"x"', '"y"', r"table.csv`: line 1: `columns` asks for 'y'"),
+        ('"x"', '"y"', r"table.csv`: line 1: `columns` names 'y'"),
     ):
         with pytest.raises(ValueError, match=expected):
             parse_scene(text.replace(old, new), tmp_path)

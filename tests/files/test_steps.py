@@ -67,7 +67,7 @@ def check_sweep(measured, factor=1.0):
     np.testing.assert_allclose(measured.values, expected, rtol=1e-6)
 
 
-def told(measured, *texts):
+def noted(measured, *texts):
     history = " ".join(measured.history)
     assert all(text in history for text in texts), history
 
@@ -79,9 +79,9 @@ TRIOS = HEAD + step("Amplitude sweep - 1", AMPLITUDE) + step("Frequency sweep - 
 def test_an_amplitude_sweep_is_left_out_by_name(tmp_path, separator):
     measured = read(tmp_path, TRIOS.replace("\t", separator))
     check_sweep(measured)
-    told(
+    noted(
         measured, "Left out step 1 'Amplitude sweep - 1' (lines 16-44, 29 rows): its frequency is "
-        "held at 10 rad/s, and 'Oscillation strain' goes from 0.01 to 100. `step` chooses other"
+        "constant at 10 rad/s, and 'Oscillation strain' goes from 0.01 to 100. `step` chooses other"
     )  # fmt: skip
     assert measured.temperature[0] == 298.15  # not the tolerance of 1 °C
 
@@ -93,7 +93,7 @@ def test_only_frequency_sweeps_of_many_steps_are_read(tmp_path):
     measured = read(tmp_path, text)
     for part, factor in zip(measured.isotherms(), (1.0, 0.5), strict=True):
         check_sweep(part, factor)
-    told(
+    noted(
         measured, "step 1 'Peak hold - 1'", "step 2 'Time sweep - 2'", "step 3 'Amplitude",
         "step 5 'Temperature ramp - 5'", "its temperature goes from 273.1 to 333.1 K",
     )  # fmt: skip
@@ -104,7 +104,7 @@ def test_a_step_is_chosen_by_number_or_title(tmp_path, chosen):
     text = TRIOS + step("Frequency sweep - 3", sweep(0.5)) + step("Frequency sweep - 33", sweep(3))
     both = read(tmp_path, text)
     assert len(both.abscissa) == 39
-    told(both, "Warning: repeated points differ by", "`step` chooses those to read")
+    noted(both, "Warning: repeated points differ by", "`step` chooses those to read")
     check_sweep(read(tmp_path, text, step=chosen), 0.5)
     assert len(read(tmp_path, text, step="Frequency").abscissa) == 39
     with pytest.raises(ValueError, match=r"no `step='creep'`; there are step 1 'Amplitude sweep"):
@@ -119,19 +119,19 @@ def test_a_column_names_the_steps(tmp_path):
     text += lines(AMPLITUDE, ";", "Auslenkung;") + lines(sweep(), ";", "Frequenzen;")
     measured = read(tmp_path, text, "export.csv")
     check_sweep(measured)
-    told(measured, "step 1 'Auslenkung' (lines 2-30, 29 rows)")
+    noted(measured, "step 1 'Auslenkung' (lines 2-30, 29 rows)")
     with pytest.raises(ValueError, match="the same in every row"):
         read(tmp_path, text, "export.csv", step="auslenkung")
 
 
 @pytest.mark.parametrize("columns", [5, 3])
-def test_a_table_without_titles_is_split_by_what_is_held(tmp_path, columns):
+def test_a_table_without_titles_is_split_by_what_is_constant(tmp_path, columns):
     head = ",".join(map("{} [{}]".format, NAMES[:columns], UNITS)) + "\n"
     for rows in ([AMPLITUDE, sweep()], [sweep(), AMPLITUDE]):
         text = head + "".join(lines(part[:, :columns], ",") for part in rows)
         measured = read(tmp_path, text)
         check_sweep(measured)
-        told(measured, "rows): its frequency is held at 10 rad/s")
+        noted(measured, "rows): its frequency is constant at 10 rad/s")
 
 
 def test_a_lone_amplitude_sweep_is_no_sweep_over_frequency(tmp_path):
@@ -167,7 +167,7 @@ def test_steps_in_sheets_of_a_workbook(tmp_path):
     book.save(tmp_path / "tread.xlsx")
     measured = read_moduli(tmp_path / "tread.xlsx")
     check_sweep(measured)
-    told(measured, "Left out the sheets 'Details', 'Amplitude sweep - 1'")
+    noted(measured, "Left out the sheets 'Details', 'Amplitude sweep - 1'")
 
 
 def test_a_dense_sweep_is_no_step_at_one_frequency(tmp_path):
@@ -181,8 +181,8 @@ def test_a_dense_sweep_is_no_step_at_one_frequency(tmp_path):
 
 
 @pytest.mark.parametrize("order", ["by frequency", "by temperature"])
-def test_ramps_at_several_frequencies_are_isotherms_as_ever(tmp_path, order):
-    """Frequencies that a whole file holds in turns, with repeats, are its sweep."""
+def test_ramps_at_several_frequencies_are_isotherms(tmp_path, order):
+    """Frequencies that change through the whole file, with repeats, are its sweep."""
     rows = [
         [f, 1e6 * f**0.1 * 0.9**i, 1e5, 0.1, 20.0 + 5 * i]
         for f in (1.0, 3.0, 10.0)
@@ -230,4 +230,4 @@ def test_french_rheocompass(tmp_path, names):
     check_sweep(measured)
     assert measured.deformation == "shear"
     np.testing.assert_allclose(measured.temperature, 298.15)
-    told(measured, "step 1 'Balayage en amplitude 1'")
+    noted(measured, "step 1 'Balayage en amplitude 1'")

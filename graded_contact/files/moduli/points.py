@@ -1,86 +1,143 @@
-"""From the columns of a table to moduli in SI units, point by point.
+"""From the columns of a table to moduli in SI units, point by point, and their isotherms.
 
-Each function adds to `notes` what it understood or did, in sentences; every row left out is told,
-with the reason.
+Each function adds to `notes` what it understood or did, in sentences; every row that is left out is
+reported, with the reason.
 """
 
-from collections.abc import Iterable
-from typing import Any, NamedTuple
+import dataclasses
+import itertools
+from collections.abc import Sequence
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
-from jaxtyping import Complex, Float, Int
+from jaxtyping import Bool, Complex, Float, Int
 
 from ...core.checks import Numbers
-from .cells import Row, is_missing
-from .isotherms import isotherms, note_isotherms, temperatures
-from .layout import HELD, SAME, Layout
-from .quantities import DIMENSIONS, SI
-from .tables import Column, misfit, stripped
+from ...core.display import shown
+from ..tables import Column, is_missing, temperature_above
+from ..units import DIMENSIONS, SI
+from .columns import CONSTANT, SAME, MeasuredTable, misfit
+
+if TYPE_CHECKING:
+    import pandas as pd
 
 CREDIBLE = (1e2, 1e12)  # Pa
 # What numbers can be, in SI units: instruments write 9.9e37 and the like where they measured none.
 LIMITS = {"modulus": 1e30, "stress": 1e30, "compliance": 1e30}
 LIMIT = 1e100  # of shifted frequencies and times
 HOTTEST = 1e4  # K
+ISOTHERM_GAP = 1.0  # K from one isotherm to the next; instruments vary by a few tenths
+RAMP = 5.0  # K over which no isotherm drifts
 
 
-class Points(NamedTuple):
-    """Measured points, sorted by isotherm, then by frequency or time; see `measured.Measured`."""
+@shown("kind", "deformation", "abscissa", "values", "temperature", "history")
+@dataclasses.dataclass(frozen=True, eq=False)
+class Measured:
+    """Measured moduli or compliances, sorted by isotherm, then by frequency or time.
 
+    **Fields:**
+
+    - `kind`: "frequency" (complex modulus), "relaxation" (modulus) or "creep" (compliance).
+    - `deformation`: "tension" (Young's modulus E, compliance D) or "shear" (G, J).
+    - `abscissa`: angular frequencies [rad/s] or times [s], shape `(points,)`.
+    - `values`: E' + iE'' [Pa], E(t) [Pa] or D(t) [1/Pa]; in shear G or J; shape `(points,)`.
+    - `temperature`: [K], shape `(points,)`; None if it is not known.
+    - `isotherm`: number of the isotherm from 0, in order of temperature, shape `(points,)`.
+    - `lines`: the line of each point in the file, shape `(points,)`.
+    - `path`: the file.
+    - `history`: what was understood and done, one sentence each.
+    """
+
+    kind: str
     deformation: str
     abscissa: Float[np.ndarray, " points"]
     values: Complex[np.ndarray, " points"] | Float[np.ndarray, " points"]
     temperature: Float[np.ndarray, " points"] | None
     isotherm: Int[np.ndarray, " points"]
     lines: Int[np.ndarray, " points"]
+    path: Path
+    history: tuple[str, ...]
 
+    def isotherms(self) -> tuple["Measured", ...]:
+        """Returns the isotherms, from the coldest to the hottest."""
+        return tuple(self._part(self.isotherm == i) for i in range(np.max(self.isotherm) + 1))
 
-class _Entries(NamedTuple):
-    """The numbers of a table in SI units, with the curve and line of each row."""
+    def table(self) -> tuple[Float[np.ndarray, " points"], Complex[np.ndarray, " points"]]:
+        """Returns `(omega, modulus)` [rad/s], [Pa], the arguments of `Tabulated`.
 
-    si: dict[str, np.ndarray]
-    check: np.ndarray
-    curve: np.ndarray
-    lines: np.ndarray
+        Raises `ValueError` unless these are Young's moduli at one temperature, each frequency
+        once.
+        """
+        count = np.max(self.isotherm) + 1
+        if self.kind != "frequency" or self.deformation != "tension" or count > 1:
+            raise ValueError(
+                f"`path={self.path}` holds {count} isotherm(s) of kind {self.kind!r} in "
+                f"{self.deformation}; a table needs one, of kind 'frequency' in tension (shear is "
+                "converted with `poisson`). Fit all others with `master_curve`, `fit_relaxation` "
+                "or `fit_creep`; the command `graded-contact fit FILE` does so, and writes the "
+                "material as a table for a scene."
+            )
+        twice = np.flatnonzero(np.diff(self.abscissa) == 0)
+        if len(twice):
+            first, second = self.lines[twice[0] : twice[0] + 2]
+            raise ValueError(
+                f"`path={self.path}`, lines {first} and {second}: both have the frequency "
+                f"{self.abscissa[twice[0]]:g} rad/s. Keep one of them."
+            )
+        return self.abscissa, self.values
 
-    def only(self, chosen: np.ndarray) -> "_Entries":
-        si = {quantity: values[chosen] for quantity, values in self.si.items()}
-        return _Entries(si, self.check[chosen], self.curve[chosen], self.lines[chosen])
+    def _part(self, chosen: Bool[np.ndarray, " points"]) -> "Measured":
+        return dataclasses.replace(
+            self,
+            abscissa=self.abscissa[chosen],
+            values=self.values[chosen],
+            temperature=None if self.temperature is None else self.temperature[chosen],
+            isotherm=np.zeros(np.sum(chosen), int),
+            lines=self.lines[chosen],
+        )
 
 
 def measured_points(
-    layout: Layout, poisson: Numbers | None, temperature: Numbers | None, notes: list[str]
-) -> Points:
+    path: Path,
+    measured: MeasuredTable,
+    poisson: Numbers | None,
+    temperature: Numbers | None,
+    notes: list[str],
+) -> Measured:
     """Returns the points of a table; `poisson` and `temperature` as in `read_moduli`."""
-    notes += [_understood(column) for column in layout.columns.values()] + layout.notes
-    entries = _entries(layout, notes)
-    kelvin = temperatures(layout, entries.curve, entries.si.get("temperature"), temperature, notes)
-    abscissa = entries.si["frequency" if layout.kind == "frequency" else "time"]
-    isotherm = isotherms(kelvin, entries.curve, abscissa, layout.blocks > 1)
-    held = _held(layout, entries, isotherm, notes)
-    if not np.all(held):
-        entries, abscissa = entries.only(held), abscissa[held]
-        kelvin = None if kelvin is None else kelvin[held]
-        isotherm = np.unique(isotherm[held], return_inverse=True)[1]
-    values = _values(layout, entries.si)
-    _check_credible(values.real if layout.kind != "creep" else 1 / values, entries.lines, notes)
-    if layout.check is not None:
-        _compare_tan_delta(layout.check, entries, values, notes)
-    deformation, factor = _deformation(layout, poisson, notes)
-    values = values / factor if layout.kind == "creep" else factor * values
-    note_isotherms(kelvin, isotherm, notes)
-    order = np.lexsort((abscissa, isotherm))
-    if layout.blocks == 1 and np.any(np.diff(entries.lines[order]) < 0):
+    kind, table = measured.kind, measured.table
+    notes += [_understood(column) for column in measured.columns.values()] + measured.notes
+    entries = _entries(measured, notes)
+    kelvin = _temperatures(measured, entries, temperature, notes)
+    if kelvin is not None:
+        entries["temperature"] = kelvin
+    entries["isotherm"] = _isotherms(entries, separate=table.blocks > 1)
+    entries = _at_constant_load(measured, entries, notes)
+    values = _values(measured, entries)
+    lines = entries["line"].to_numpy()
+    _check_credible(1 / values if kind == "creep" else values.real, lines, notes)
+    if measured.check is not None:
+        _compare_tan_delta(measured.check, entries, values, notes)
+    deformation, factor = _deformation(measured, poisson, notes)
+    values = values / factor if kind == "creep" else factor * values
+    order = np.lexsort((entries["abscissa"], entries["isotherm"]))
+    entries, values = entries.iloc[order], values[order]
+    _note_isotherms(entries, notes)
+    if table.blocks == 1 and np.any(np.diff(entries["line"]) < 0):
         notes.append("Sorted the rows.")
-    points = Points(
+    points = Measured(
+        kind=kind,
         deformation=deformation,
-        abscissa=abscissa[order],
-        values=values[order],
-        temperature=None if kelvin is None else kelvin[order],
-        isotherm=isotherm[order],
-        lines=entries.lines[order],
+        abscissa=np.array(entries["abscissa"]),
+        values=values,
+        temperature=None if kelvin is None else np.array(entries["temperature"]),
+        isotherm=np.array(entries["isotherm"]),
+        lines=np.array(entries["line"]),
+        path=path,
+        history=(),
     )
-    _check_sweep(layout, points, notes)
+    _check_sweep(points, notes)
     return points
 
 
@@ -96,45 +153,44 @@ def _understood(column: Column) -> str:
 # Rows to numbers.
 
 
-def _entries(layout: Layout, notes: list[str]) -> _Entries:
-    columns, found, check, places = layout.columns, [], [], []
-    left: dict[str, list[tuple[int, str]]] = {}  # reason: lines, with what stands there
+def _entries(measured: MeasuredTable, notes: list[str]) -> "pd.DataFrame":
+    """The numbers in SI units by quantity, with the abscissa, curve and line of each point."""
+    import pandas as pd
+
+    columns, table = measured.columns, measured.table
+    width, found = len(table.names), []
+    left: dict[str, list[tuple[int, str]]] = {}  # reason: lines, each with its cell
     unusable = 0
 
-    def leave(reason: str, line: int, what: str = "") -> None:
-        left.setdefault(reason, []).append((line, what))
+    def leave(reason: str, line: int, cell: str = "") -> None:
+        left.setdefault(reason, []).append((line, cell))
 
-    for curve, row in _curves(layout):
-        width, entries = layout.blocks * layout.width, len(stripped(row.cells))
-        if misfit(entries, width, layout.spaced):
-            leave(f"{entries} entries, where there are {width} columns", row.line)
+    rows = [(i, row) for i, segment in enumerate(table.segments) for row in segment.data]
+    for (segment, row), block in itertools.product(rows, range(table.blocks)):
+        if entries := misfit(row, table.blocks * width, measured.spaced):
+            leave(f"{entries} entries in {table.blocks * width} columns", row.line)
             unusable += 1
             continue
-        block = curve % layout.blocks
-        mine = row.cells + [""] * (layout.blocks * layout.width - len(row.cells))
-        mine = mine[block * layout.width :][: layout.width]
-        empty = sum(is_missing(mine[column.place]) for column in columns.values())
+        cells = [*row.cells, *[""] * (table.blocks * width)][block * width :]
+        empty = sum(is_missing(cells[column.place]) for column in columns.values())
         if empty:
-            if layout.blocks == 1 or empty < len(columns):
+            if table.blocks == 1 or empty < len(columns):
                 leave("a missing value", row.line)
             continue
-        numbers = [column.si(mine[column.place]) for column in columns.values()]
-        bad = [
-            (reason, column)
-            for number, column in zip(numbers, columns.values(), strict=True)
-            if (reason := _refused(column, number))
-        ]
-        if bad:
-            reason, column = bad[0]
-            cell = mine[column.place]
-            leave(f"{column.label}, where the {column.quantity} {reason}", row.line, repr(cell))
-            unusable += column.quantity not in ("stress", "strain")  # none before and after a test
-        elif "time" in columns and numbers[list(columns).index("time")] == 0:
+        numbers = {name: column.si(cells[column.place]) for name, column in columns.items()}
+        refused = ((name, _refused(columns[name], number)) for name, number in numbers.items())
+        name, reason = next((pair for pair in refused if pair[1]), ("", None))
+        if reason:
+            column = columns[name]
+            reason = f"{column.label}, where the {name} {reason}"
+            leave(reason, row.line, repr(cells[column.place]))
+            unusable += name not in ("stress", "strain")  # none before and after a test
+        elif numbers.get("time") == 0:
             leave("the time 0", row.line)
         else:
-            found.append(numbers)
-            check.append(layout.check.si(mine[layout.check.place]) if layout.check else np.nan)
-            places.append((curve, row.line))
+            check = measured.check.si(cells[measured.check.place]) if measured.check else np.nan
+            curve = segment * table.blocks + block
+            found.append({**numbers, "check": check, "curve": curve, "line": row.line})
     left_out = [_left_out(reason, lines) for reason, lines in left.items()]
     if len(found) < 2 or unusable > len(found):
         raise ValueError(
@@ -142,23 +198,16 @@ def _entries(layout: Layout, notes: list[str]) -> _Entries:
             f"them. {' '.join(left_out)} Are the columns and units right (`columns`, `units`)"
         )
     notes += left_out
-    words = [(row.line, "") for segment in layout.segments for row in segment.words]
+    words = [(row.line, "") for segment in table.segments for row in segment.words]
     if words:
         notes.append(_left_out("having no numbers", words))
-    table, where = np.array(found).T, np.array(places).T
-    return _Entries(dict(zip(columns, table, strict=True)), np.array(check), where[0], where[1])
-
-
-def _curves(layout: Layout) -> Iterable[tuple[int, Row]]:
-    """Each row, once for each block, with the number of the curve that it belongs to."""
-    for number, segment in enumerate(layout.segments):
-        for row in segment.data:
-            for block in range(layout.blocks):
-                yield number * layout.blocks + block, row
+    entries = pd.DataFrame(found)
+    entries["abscissa"] = entries["frequency" if measured.kind == "frequency" else "time"]
+    return entries
 
 
 def _refused(column: Column, value: float) -> str | None:
-    """What a number in SI units must be that this one is not."""
+    """The condition that a number in SI units does not meet."""
     if np.isnan(value):
         return "must be a number"
     if column.quantity == "temperature":
@@ -181,48 +230,51 @@ def _left_out(reason: str, lines: list[tuple[int, str]]) -> str:
 
 
 def _listed(rows: list[tuple[int, str]]) -> str:
-    """All lines with what stands there; neighbours of which nothing is told as "4-9"."""
-    parts: list[list[int | str]] = []
-    for line, what in rows:
-        if parts and not what and not parts[-1][2] and line == int(parts[-1][1]) + 1:
+    """All lines with their cells; neighbours without a cell as "4-9"."""
+    parts: list[list[Any]] = []
+    for line, cell in rows:
+        if parts and not cell and not parts[-1][2] and line == parts[-1][1] + 1:
             parts[-1][1] = line
         else:
-            parts.append([line, line, what])
+            parts.append([line, line, cell])
     return ", ".join(
-        (f"{first}" if first == last else f"{first}-{last}") + (f" ({what})" if what else "")
-        for first, last, what in parts
+        (f"{first}" if first == last else f"{first}-{last}") + (f" ({cell})" if cell else "")
+        for first, last, cell in parts
     )
 
 
-def _held(layout: Layout, entries: _Entries, isotherm: np.ndarray, notes: list[str]) -> np.ndarray:
-    """Which rows are of the load that the test holds constant: not of loading, nor of recovery."""
-    good = np.ones(len(isotherm), bool)
-    if "stress" not in entries.si or "strain" not in entries.si:
-        return good
-    quantity = "stress" if layout.kind == "creep" else "strain"
-    load = entries.si[quantity]
-    for i in range(np.max(isotherm) + 1):
-        mine = isotherm == i
-        typical = np.median(load[mine][load[mine] > 0.5 * np.max(load[mine])])
-        good[mine] = np.abs(load[mine] / typical - 1) < 2 * HELD
-        notes.append(f"{quantity.capitalize()} held at {typical:.4g} {SI[quantity]}.")
+def _at_constant_load(
+    measured: MeasuredTable, entries: "pd.DataFrame", notes: list[str]
+) -> "pd.DataFrame":
+    """The rows at the load that the test holds constant: not of loading, nor of recovery."""
+    if not {"stress", "strain"} <= set(measured.columns):
+        return entries
+    quantity = "stress" if measured.kind == "creep" else "strain"
+    good = np.ones(len(entries), bool)
+    for _, load in entries[quantity].groupby(entries["isotherm"]):
+        typical = np.median(load[load > 0.5 * np.max(load)])
+        good[load.index] = np.abs(load / typical - 1) < 2 * CONSTANT
+        notes.append(f"Constant {quantity}: {typical:.4g} {SI[quantity]}.")
     if not np.all(good):
-        rows = [(int(line), "") for line in entries.lines[~good]]
-        notes.append(_left_out(f"a {quantity} that departs from it by {2 * HELD:.0%}", rows))
+        rows = [(int(line), "") for line in entries["line"][~good]]
+        notes.append(_left_out(f"a {quantity} that differs from it by {2 * CONSTANT:.0%}", rows))
     if np.sum(good) < max(2, 0.5 * len(good)):
         raise ValueError(
-            f"the {quantity} is not held constant: this is no {layout.kind}. {' '.join(notes[-2:])}"
+            f"the {quantity} is not constant: this is no {measured.kind}. {' '.join(notes[-2:])}"
         )
-    return good
+    entries = entries.loc[good].copy()
+    entries["isotherm"] = np.unique(entries["isotherm"], return_inverse=True)[1]
+    return entries
 
 
-def _values(layout: Layout, si: dict[str, np.ndarray]) -> Any:
-    if layout.kind == "creep":
+def _values(measured: MeasuredTable, entries: "pd.DataFrame") -> Any:
+    si = {name: entries[name].to_numpy() for name in measured.columns}
+    if measured.kind == "creep":
         direct = si.get("compliance")
-        return si["strain"] / si.get("stress", layout.held) if direct is None else direct
-    if layout.kind == "relaxation":
+        return si["strain"] / si.get("stress", measured.load) if direct is None else direct
+    if measured.kind == "relaxation":
         direct = si.get("modulus")
-        return si["stress"] / si.get("strain", layout.held) if direct is None else direct
+        return si["stress"] / si.get("strain", measured.load) if direct is None else direct
     if "storage" in si and "loss" in si:
         return si["storage"] + 1j * si["loss"]
     ratio = si["tan_delta"] if "tan_delta" in si else np.tan(si["phase"])
@@ -233,31 +285,185 @@ def _values(layout: Layout, si: dict[str, np.ndarray]) -> Any:
     return si["loss"] * (1 / ratio + 1j)
 
 
-def _deformation(layout: Layout, poisson: Numbers | None, notes: list[str]) -> tuple[str, float]:
-    """Tension or shear, and the factor to the modulus to bring it there."""
-    said = {column.deformation for column in layout.columns.values()} - {None}
-    if len(said) > 1:
-        labels = ", ".join(column.label for column in layout.columns.values())
-        raise ValueError(f"{labels} mix tension and shear; tell by `columns` which belong together")
-    if not said and layout.shear:
-        said = {"shear"}
+def _deformation(
+    measured: MeasuredTable, poisson: Numbers | None, notes: list[str]
+) -> tuple[str, float]:
+    """Tension or shear, and the factor that converts the modulus."""
+    named = {column.deformation for column in measured.columns.values()} - {None}
+    if len(named) > 1:
+        labels = ", ".join(column.label for column in measured.columns.values())
+        raise ValueError(f"{labels} mix tension and shear; choose matching ones by `columns`")
+    if not named and measured.shear:
+        named = {"shear"}
         notes.append(
-            f"Taken as of shear, of which the column {layout.shear!r} tells; otherwise pass "
+            f"Read as shear, because of the column {measured.shear!r}; otherwise pass "
             "`deformation='tension'`."
         )
-    if said == {"shear"} and poisson is not None:
+    if named == {"shear"} and poisson is not None:
         factor = 2 * (1 + float(np.asarray(poisson)))
-        notes.append(f"Turned from shear into tension: E = {factor:.6g} G, from `poisson`.")
+        notes.append(f"Converted from shear to tension by `poisson`: E = {factor:.6g} G.")
         return "tension", factor
-    if said == {"shear"}:
-        notes.append("These are of shear (modulus G); `poisson` turns them into tension (E).")
+    if named == {"shear"}:
+        notes.append("These are shear moduli (G); `poisson` converts them to Young's moduli (E).")
         return "shear", 1.0
-    if not said:
-        notes.append("Taken as of tension (Young's modulus); otherwise pass `deformation='shear'`.")
+    if not named:
+        notes.append("Read as tension (Young's modulus); otherwise pass `deformation='shear'`.")
     return "tension", 1.0
 
 
+# Temperatures.
+
+
+def _temperatures(
+    measured: MeasuredTable, entries: "pd.DataFrame", given: Numbers | None, notes: list[str]
+) -> Any:
+    """[K] as given, from a column, or from titles such as "25 °C" above curves."""
+    table = measured.table
+    count = table.blocks * len(table.segments)
+    curve = entries["curve"].to_numpy()
+    if given is not None:
+        kelvin = np.asarray(given)
+        if kelvin.shape not in ((), (count,)):
+            raise ValueError(
+                f"`temperature` has shape {kelvin.shape}; one number is needed, or one for each of "
+                f"the {count} curve(s)"
+            )
+        return np.broadcast_to(kelvin, (count,))[curve]
+    if "temperature" in entries:
+        return entries["temperature"]
+    found = []
+    width = len(table.names)
+    for segment, block in itertools.product(table.segments, range(table.blocks)):
+        rows = segment.titles
+        if table.blocks > 1:
+            part = slice(block * width, (block + 1) * width)
+            rows = [row._replace(cells=row.cells[part]) for row in rows[-1:]]
+        found.append(temperature_above([row for row in rows if row.cells]))
+    if None in found:
+        return None
+    listed = ", ".join(f"{value:.2f}" for value in found)
+    notes.append(f"Took the temperature from the lines above the numbers: {listed} K.")
+    return np.array(found)[curve]
+
+
+def _isotherms(entries: "pd.DataFrame", separate: bool) -> Int[np.ndarray, " points"]:
+    """Numbers of isotherms from 0, the coldest first.
+
+    An isotherm is a group of temperatures; or a curve, if these are `separate`. Without
+    temperatures the curves are isotherms if they overlap.
+    """
+    curve, abscissa = entries["curve"].to_numpy(), entries["abscissa"].to_numpy()
+    if "temperature" not in entries:
+        ends = sorted((part.min(), part.max()) for _, part in entries.groupby("curve")["abscissa"])
+        over = any(low < high for (_, high), (low, _) in itertools.pairwise(ends))
+        if separate or over:
+            return np.unique(curve, return_inverse=True)[1]
+        return np.zeros_like(curve)
+    kelvin = entries["temperature"].to_numpy()
+    if separate:
+        return _by_mean(kelvin, curve)
+    isotherm = _grouped(kelvin)
+    if _drift(kelvin, isotherm) <= RAMP:
+        return isotherm
+    # A slow ramp, on which each sweep is an isotherm of its own.
+    steps = np.diff(np.log(abscissa), prepend=np.log(abscissa[0]))
+    back = steps * np.sign(np.median(steps)) < 0
+    return _by_mean(kelvin, np.cumsum(back))
+
+
+def _grouped(kelvin: np.ndarray) -> Int[np.ndarray, " points"]:
+    """Numbers of groups of temperatures, from 0, the coldest first."""
+    order = np.argsort(kelvin, kind="stable")
+    group = np.empty(len(kelvin), int)
+    group[order] = np.cumsum(np.diff(kelvin[order], prepend=kelvin[order[0]]) > ISOTHERM_GAP)
+    return group
+
+
+def _by_mean(kelvin: np.ndarray, group: np.ndarray) -> np.ndarray:
+    """The groups, numbered by their mean temperature."""
+    names, group = np.unique(group, return_inverse=True)
+    means = [np.mean(kelvin[group == i]) for i in range(len(names))]
+    return np.argsort(np.argsort(means, kind="stable"))[group]
+
+
+def _drift(kelvin: np.ndarray, isotherm: np.ndarray) -> float:
+    return max(float(np.ptp(kelvin[isotherm == i])) for i in np.unique(isotherm))
+
+
+def joined(parts: Sequence[Measured]) -> Measured:
+    """The isotherms of several files or sheets; those of one temperature become one."""
+    for field in ("kind", "deformation"):
+        found = {str(part.path.name): getattr(part, field) for part in parts}
+        if len(set(found.values())) > 1:
+            raise ValueError(f"`path` names files of different {field}: {found}.")
+    lacking = [str(part.path) for part in parts if part.temperature is None]
+    if lacking:
+        raise ValueError(
+            f"`path` names several files, and the temperature of {lacking} is not known; pass "
+            "`temperature` [K], one for each file."
+        )
+    curves, group = _curves(parts)
+    isotherm = np.repeat(group, [len(curve.abscissa) for curve in curves])
+
+    def all_of(field: str) -> np.ndarray:
+        return np.concatenate([getattr(curve, field) for curve in curves])
+
+    order = np.lexsort((all_of("abscissa"), isotherm))
+    kelvin = all_of("temperature")
+    note = (
+        f"Together {np.max(group) + 1} isotherm(s), {np.min(kelvin):.2f} to {np.max(kelvin):.2f} "
+        f"K, of {len(order)} points."
+    )
+    return dataclasses.replace(
+        parts[0],
+        **{name: all_of(name)[order] for name in ("abscissa", "values", "temperature", "lines")},
+        isotherm=isotherm[order],
+        history=(*(sentence for part in parts for sentence in part.history), note),
+    )
+
+
+def distinct(parts: Sequence[Measured]) -> bool:
+    """Whether no two parts hold isotherms of one temperature."""
+    if any(part.temperature is None for part in parts):
+        return False
+    owner = np.repeat(np.arange(len(parts)), [np.max(part.isotherm) + 1 for part in parts])
+    _, group = _curves(parts)
+    return len(set(zip(group.tolist(), owner.tolist(), strict=True))) == len(set(group))
+
+
+def _curves(parts: Sequence[Measured]) -> tuple[list[Measured], np.ndarray]:
+    """The isotherms of all parts, and the group of temperature of each."""
+    curves = [curve for part in parts for curve in part.isotherms()]
+    means = [float(np.mean(np.asarray(curve.temperature))) for curve in curves]
+    return curves, _grouped(np.array(means))
+
+
 # What looks wrong.
+
+
+def _note_isotherms(entries: "pd.DataFrame", notes: list[str]) -> None:
+    """Reports the number of isotherms; refuses temperatures that change during a sweep."""
+    isotherm = entries["isotherm"].to_numpy()
+    count = np.max(isotherm) + 1
+    if "temperature" not in entries:
+        if count > 1:
+            notes.append(f"{count} curves of unknown temperature; pass their `temperature`s [K].")
+        return
+    kelvin = entries["temperature"].to_numpy()
+    drift = _drift(kelvin, isotherm)
+    notes.append(
+        f"{count} isotherm(s), {np.min(kelvin):.2f} to {np.max(kelvin):.2f} K, each constant "
+        f"within {drift:.2g} K."
+    )
+    if drift > RAMP:
+        raise ValueError(
+            f"the temperature changes by {drift:.3g} K within a sweep: these are no isotherms"
+        )
+    if drift > 2 * ISOTHERM_GAP:
+        notes.append(
+            f"Warning: a temperature drifts by {drift:.3g} K without a step above "
+            f"{ISOTHERM_GAP:g} K; these may not be isotherms."
+        )
 
 
 def _check_credible(stiffness: np.ndarray, lines: np.ndarray, notes: list[str]) -> None:
@@ -266,32 +472,35 @@ def _check_credible(stiffness: np.ndarray, lines: np.ndarray, notes: list[str]) 
     if np.any(odd):
         where = _listed([(int(line), "") for line in np.unique(lines[odd])])
         notes.append(
-            f"Warning: moduli from {least:.3g} to {most:.3g} Pa leave the usual "
+            f"Warning: moduli from {least:.3g} to {most:.3g} Pa are outside the usual "
             f"{CREDIBLE[0]:g} to {CREDIBLE[1]:g} Pa in line {where}: is the unit right?"
         )
 
 
-def _compare_tan_delta(check: Column, entries: _Entries, values: Any, notes: list[str]) -> None:
-    """Compares a column of tan delta, not needed otherwise, with the moduli read."""
-    told = entries.check
+def _compare_tan_delta(
+    check: Column, entries: "pd.DataFrame", values: Any, notes: list[str]
+) -> None:
+    """Compares a column of tan delta, not needed otherwise, with the moduli."""
+    tangent = entries["check"].to_numpy()
     with np.errstate(invalid="ignore", divide="ignore", over="ignore"):
-        error = np.where(told > 0, np.abs(values.imag / values.real / told - 1), 0)
+        error = np.where(tangent > 0, np.abs(values.imag / values.real / tangent - 1), 0)
     worst = int(np.argmax(error))
     if error[worst] < 0.02:
         notes.append(f"The tan delta of {check.label} agrees with loss over storage modulus.")
     else:
         notes.append(
             f"Warning: the tan delta of {check.label} differs from loss over storage modulus by "
-            f"{100 * error[worst]:.2g} % in line {entries.lines[worst]}: are the columns right?"
+            f"{100 * error[worst]:.2g} % in line {entries['line'].iloc[worst]}: are the columns "
+            "right?"
         )
 
 
-def _check_sweep(layout: Layout, points: Points, notes: list[str]) -> None:
-    name = "frequency" if layout.kind == "frequency" else "time"
+def _check_sweep(points: Measured, notes: list[str]) -> None:
+    name = "frequency" if points.kind == "frequency" else "time"
     abscissa, lines = points.abscissa, points.lines
     least, most = np.min(abscissa), np.max(abscissa)
     single = name == "frequency" and np.max(points.isotherm) == 0
-    if least == most or (single and most < (1 + HELD) * least):
+    if least == most or (single and most < (1 + CONSTANT) * least):
         raise ValueError(f"the {name} is the same in every row: this is no sweep over {name}")
     near = np.diff(abscissa) <= SAME * abscissa[:-1]
     twice = np.flatnonzero(near & (np.diff(points.isotherm) == 0))
@@ -300,15 +509,16 @@ def _check_sweep(layout: Layout, points: Points, notes: list[str]) -> None:
     first, second = lines[twice[0] : twice[0] + 2]
     notes.append(
         f"{len(twice)} points repeat the {name} of another at their temperature (first in "
-        f"lines {first} and {second}); all are kept."
+        f"lines {first} and {second}); all are used."
     )
-    apart = np.abs(points.values[twice + 1] / points.values[twice] - 1)
-    if len(twice) >= 0.25 * len(lines) and np.median(apart) > 0.1:
+    difference = np.abs(points.values[twice + 1] / points.values[twice] - 1)
+    if len(twice) >= 0.25 * len(lines) and np.median(difference) > 0.1:
         doubt = (
             "isotherms, whose column of temperature is missing?"
             if points.temperature is None
             else "tests, of other strain for instance? `step` chooses those to read."
         )
         notes.append(
-            f"Warning: repeated points differ by {np.median(apart):.0%}: are these several {doubt}"
+            f"Warning: repeated points differ by {np.median(difference):.0%}: are these several "
+            f"{doubt}"
         )

@@ -10,34 +10,38 @@ length of an edge. There they lose some slope, which a common factor restores.
 """
 
 import dataclasses
-from typing import Any
+from typing import Literal
 
 import numpy as np
 from jaxtyping import ArrayLike
+from scipy.ndimage import binary_dilation
+from scipy.sparse import coo_matrix
+from scipy.sparse.linalg import cg
 
-from ...core.checks import Numbers
+from ...core.checks import Numbers, check_types, check_whole
 from ...core.display import with_unit
 from ...fields.grid import Grid
 from ...roughness.surface import Step, Surface, resample, step
-from .holes import filled, grown, largest_rectangle
 
 TAPER = 0.1  # length of the window's flank at either end of an axis, relative to the axis
 MOST = 1.1  # factor that restores the slope: on forms without roughness it would have no limit
-PERIODIC = ("harmonic", "mirror", "window", None)
-FILL = ("low", "harmonic", None)
+Periodic = Literal["harmonic", "mirror", "window"]
+Fill = Literal["low", "harmonic"]
 LOW = 0.01  # the share of measured heights below the level to which filled holes sink
 STEEPER = 1.5  # than its rms slope the surface sinks from the mean height into a hole
 LARGEST = 1e5  # [m], higher than any mountain
+_COARSE = 512  # lines along an axis among which the largest rectangle is sought
 
 
+@check_types
 def surface_from_heights(
     heights: ArrayLike,
     size: Numbers,
     *,
-    periodic: str | None = "harmonic",
+    periodic: Periodic | None = "harmonic",
     shape: int | tuple[int, ...] | None = None,
     region: Numbers | None = None,
-    fill: str | None = "low",
+    fill: Fill | None = "low",
     rim: int = 0,
     history: tuple[str, ...] = (),
     steps: tuple[Step, ...] = (),
@@ -47,34 +51,34 @@ def surface_from_heights(
     In this order: a region is cut out; a least-squares plane through the measured points is
     subtracted (not with `periodic=None`, for it would open a seam); missing points are filled; the
     edges are made to meet; the surface is resampled. `Surface.measured` marks what was filled or
-    tapered, and `Surface.steps` tells the roughness after each step.
+    tapered, and `Surface.steps` holds the roughness after each step.
 
     **Arguments:**
 
     - `heights`: [m], shape `(nx, ny)` or `(nx,)`; NaN, infinite or masked where missing.
     - `size`: edge lengths [m], shape `(ndim,)`; one number means a square.
     - `periodic`: `"harmonic"` subtracts the smooth function that has the jumps between opposite
-      edges, and restores the rms slope; `"mirror"` reflects, doubling each axis, which keeps every
-      height but leaves kinks at the seams; `"window"` multiplies by a cosine-flanked (Tukey) window
+      edges, and restores the rms slope; `"mirror"` reflects, which doubles each axis: all heights
+      remain, with kinks at the seams; `"window"` multiplies by a cosine-flanked (Tukey) window
       that falls to zero over the outer tenth at either end of each axis, then scales the heights to
-      keep their rms; None takes the heights unchanged and refuses them if the edges do not meet.
-    - `shape`: number of points of the result; None keeps that of the data.
-    - `region`: the part to keep, `[x0, x1, y0, y1]` or for a profile `[x0, x1]` [m] from the first
-      point; None keeps all. Where points are missing, the history names the largest part without.
+      restore their rms; None uses the heights unchanged and refuses them if the edges do not meet.
+    - `shape`: number of points of the result; None uses that of the data.
+    - `region`: the part to use, `[x0, x1, y0, y1]` or for a profile `[x0, x1]` [m] from the first
+      point; None uses all. If points are missing, the history names the largest complete part.
     - `fill`: `"low"` lets the surface sink from the heights around a hole towards the lowest
       measured ones, somewhat steeper than it is rough, which keeps it out of contact; `"harmonic"`
       solves Laplace's equation, the smoothest that joins the heights around; None refuses missing
       points.
     - `rim`: how many rings of measured points around each hole to discard with it. Optical
-      instruments report spikes there, which the filling would continue; the history tells when
-      the rims stand out.
+      instruments report spikes there, which the filling would continue; the history has a
+      warning when the rims are much rougher.
     - `history`, `steps`: to begin those of the surface with.
 
     **Returns:** the surface, with what was done to it.
 
     **Raises:** `ValueError` for a refused argument.
     """
-    check_choices(periodic, fill, rim)
+    check_whole("rim", rim, 0)
     values = np.ma.filled(np.ma.asarray(heights, float), np.nan)
     values = np.where(np.isfinite(values), values, np.nan)
     edges = np.asarray(Grid(values.shape, size).size, float)  # refuses a wrong number of axes
@@ -117,8 +121,7 @@ class _Prepared:
         """Counts rims as missing, and subtracts the plane or, if it stays `tilted`, the mean."""
         self.missing = np.isnan(self.values)
         self.num_missing = int(np.sum(self.missing))
-        for _ in range(rim):
-            self.missing = grown(self.missing)
+        self.missing = _grown(self.missing, rim)
         known = self.values[~self.missing]
         _check_measured(known)
         plane, slopes = _plane(self.values, self.missing, self.spacing)
@@ -139,7 +142,7 @@ class _Prepared:
 
     def fill(self, fill: str | None, rim: int) -> None:
         missing = self.missing
-        around = np.sqrt(np.mean(self.values[grown(missing) & ~missing] ** 2))
+        around = np.sqrt(np.mean(self.values[_grown(missing, 1) & ~missing] ** 2))
         self.notes.append(_region_note(missing, self.spacing))
         self.values = _fill(np.where(missing, np.nan, self.values), missing, self.spacing, fill)
         note = _filling_note(missing, self.num_missing, fill, rim, around, self.spread)
@@ -201,26 +204,17 @@ def _check_measured(known: np.ndarray) -> None:
         raise ValueError(f"`heights` has {known.size} measured points; at least 4 are needed.")
 
 
-def check_choices(periodic: Any, fill: Any, rim: Any) -> None:
-    """Raises `ValueError` for a choice that is refused."""
-    if isinstance(rim, bool) or not isinstance(rim, int) or rim < 0:
-        raise ValueError(f"`rim={rim}` is refused: a whole number of at least 0 is needed.")
-    for name, value, choices in (("periodic", periodic, PERIODIC), ("fill", fill, FILL)):
-        if value not in choices:
-            raise ValueError(f"`{name}={value!r}` is refused: use one of {choices}.")
-
-
 def _part(region: Numbers, shape: tuple[int, ...], spacing: np.ndarray) -> tuple[slice, ...]:
     """The points in a region [m]."""
     limits = np.asarray(region, float)
     size = spacing * np.array(shape)
-    wanted = "[x0, x1, y0, y1]" if len(shape) == 2 else "[x0, x1]"
+    allowed = "[x0, x1, y0, y1]" if len(shape) == 2 else "[x0, x1]"
     if limits.shape != (2 * len(shape),) or not np.all(np.isfinite(limits)):
-        raise ValueError(f"`region={limits.tolist()}` is refused: it must be {wanted} [m].")
+        raise ValueError(f"`region={limits.tolist()}` is refused: it must be {allowed} [m].")
     ends = np.rint(limits.reshape(-1, 2) / spacing[:, None]).astype(int)
     if np.any(ends < 0) or np.any(ends[:, 1] > shape) or np.any(ends[:, 1] - ends[:, 0] < 4):
         raise ValueError(
-            f"`region={limits.tolist()}` is refused: {wanted} must lie in the map of "
+            f"`region={limits.tolist()}` is refused: {allowed} must lie in the map of "
             f"{' x '.join(f'{s:.4g}' for s in size)} m and hold at least 4 points along each axis."
         )
     return tuple(slice(first, last) for first, last in ends)
@@ -250,15 +244,15 @@ def _fill(
     slope = step("", values, spacing).rms_slope / scale
     descent = (np.mean(known) / scale - bottom) / (STEEPER * slope) if slope > 0 else np.inf
     length = max(descent, 2 * float(np.max(spacing))) if fill == "low" else np.inf
-    return scale * filled(np.where(missing, 0, values / scale), missing, spacing, bottom, length)
+    return scale * _filled(np.where(missing, 0, values / scale), missing, spacing, bottom, length)
 
 
 def _region_note(missing: np.ndarray, spacing: np.ndarray) -> str:
-    """What part of the map lacks nothing."""
-    part = largest_rectangle(missing)
+    """The largest part of the map that was measured completely."""
+    part = _largest_rectangle(missing)
     points = np.prod([p.stop - p.start for p in part])
     if min(p.stop - p.start for p in part) < 4:
-        return "No part of it of 4 points along each axis was measured completely."
+        return "No part of 4 points along each axis was measured completely."
     ends = [f"{end * apart:.6g}" for p, apart in zip(part, spacing, strict=True)
             for end in (p.start, p.stop)]  # fmt: skip
     return (
@@ -271,17 +265,96 @@ def _filling_note(
     missing: np.ndarray, num_missing: int, fill: str | None, rim: int, around: float, spread: float
 ) -> str:
     rings = f", with {rim} ring(s) of measured points around them," if rim else ""
-    how = "sinking from their rims" if fill == "low" else "with harmonic functions"
+    how = "below their surroundings, so that they do not touch" if fill == "low" else (
+        "with harmonic functions"
+    )  # fmt: skip
     note = (
         f"Filled {num_missing} missing points ({100 * num_missing / missing.size:.2g} %){rings} "
         f"{how}."
     )
     if around > 3 * spread:
         note += (
-            f" Their rims stand out, with rms height {around:.3g} m against {spread:.3g} m of all "
-            f"measured points: they may be artefacts, see `rim={rim + 1}`."
+            f" Their rims stand out: their rms height of {around:.3g} m is {around / spread:.2g} "
+            f"times that of all measured points. They may be artefacts, see `rim={rim + 1}`."
         )
     return note
+
+
+def _grown(missing: np.ndarray, rings: int) -> np.ndarray:
+    """The holes and rings of points around them, diagonally too."""
+    box = np.ones((3,) * missing.ndim)
+    return binary_dilation(missing, box, iterations=rings) if rings else missing
+
+
+def _filled(
+    values: np.ndarray, missing: np.ndarray, spacing: np.ndarray, bottom: float, length: float
+) -> np.ndarray:
+    """Heights with those missing replaced by the solution of λ² ∇²f = f - bottom in the holes.
+
+    f takes the measured heights around a hole and sinks towards `bottom` [m] within the `length` λ
+    [m]: by the maximum principle it nowhere rises above the highest point around the hole. With an
+    infinite length it is harmonic. Beyond the edges of the map nothing is known (df/dn = 0).
+    """
+    number = np.full(values.shape, -1)
+    size = int(np.count_nonzero(missing))
+    number[missing] = np.arange(size)
+    rows, columns, entries = [], [], []
+    diagonal = np.full(size, 1 / length**2 if np.isfinite(length) else 0.0)
+    right = diagonal * bottom
+    for axis, pixel in enumerate(spacing):
+        weight = 1 / pixel**2
+        for way in (1, -1):
+            here = np.moveaxis(number, axis, 0)[::way][:-1]
+            there = np.moveaxis(number, axis, 0)[::way][1:]
+            beside = np.moveaxis(values, axis, 0)[::way][1:]
+            inside = here >= 0
+            np.add.at(diagonal, here[inside], weight)
+            known = inside & (there < 0)
+            np.add.at(right, here[known], weight * beside[known])
+            unknown = inside & (there >= 0)
+            rows.append(here[unknown])
+            columns.append(there[unknown])
+            entries.append(np.full(np.count_nonzero(unknown), -weight))
+    scale = np.max(diagonal)
+    rows, columns = np.concatenate(rows), np.concatenate(columns)
+    matrix = coo_matrix((np.concatenate(entries) / scale, (rows, columns)), (size, size)).tocsr()
+    matrix.setdiag(diagonal / scale)
+    start = np.full(size, np.mean(values[~missing]))
+    found, info = cg(matrix, right / scale, start, rtol=1e-11, maxiter=20 * max(values.shape) + 200)
+    if info:
+        raise ValueError("`fill` did not converge: crop the holes by `region`.")
+    result = values.copy()
+    result[missing] = found
+    return result
+
+
+def _largest_rectangle(missing: np.ndarray) -> tuple[slice, ...]:
+    """The largest part of a map, or of a profile, without missing points.
+
+    On maps of more than 512 lines it is exact only to blocks of lines.
+    """
+    flat = missing[:, None] if missing.ndim == 1 else missing
+    blocks = [max(1, -(-n // _COARSE)) for n in flat.shape]
+    padded = np.pad(flat, [(0, -n % b) for n, b in zip(flat.shape, blocks, strict=True)],
+                    constant_values=True)  # fmt: skip
+    nx, ny = (n // b for n, b in zip(padded.shape, blocks, strict=True))
+    good = ~np.any(padded.reshape(nx, blocks[0], ny, blocks[1]), axis=(1, 3))
+    depth, best, found = np.zeros(ny, int), 0, (0, 0, 0, 0)
+    for i in range(nx):
+        depth = np.where(good[i], depth + 1, 0)
+        stack: list[tuple[int, int]] = []  # columns where a rectangle of some depth begins
+        for j, height in enumerate([*depth.tolist(), 0]):
+            begin = j
+            while stack and stack[-1][1] >= height:
+                begin, high = stack.pop()
+                if high * (j - begin) > best:
+                    best, found = high * (j - begin), (i + 1 - high, i + 1, begin, j)
+            stack.append((begin, height))
+    parts = (
+        slice(found[0] * blocks[0], found[1] * blocks[0]),
+        slice(found[2] * blocks[1], found[3] * blocks[1]),
+    )
+    return parts[: missing.ndim]
 
 
 def _harmonic(values: np.ndarray, spacing: np.ndarray) -> np.ndarray:

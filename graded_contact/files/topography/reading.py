@@ -17,13 +17,23 @@ import numpy as np
 from ...core.checks import Numbers, check_positive, check_types
 from ...core.display import with_unit
 from ...roughness.surface import Step, Surface, step
-from ..moduli.cells import read_sheets
 from ..paths import existing_file
-from .library import metres_of_library, names_in, read_arrays, read_instrument, unpacked
-from .preparation import check_choices, surface_from_heights
-from .road import is_road, read_road
-from .scan import Refusal, Scan, metres
-from .text import decoded, read_text
+from ..tables import decoded, read_sheets
+from ..units import metres
+from .formats import (
+    Refusal,
+    Scan,
+    chosen,
+    is_road,
+    metres_of_library,
+    names_in,
+    read_arrays,
+    read_instrument,
+    read_road,
+    unpacked,
+)
+from .preparation import Fill, Periodic, surface_from_heights
+from .text import read_text
 
 DEEPEST = 3  # zips in one another
 GAP = 3  # steps of a line scan, beyond which the points between are missing
@@ -33,38 +43,39 @@ GAP = 3  # steps of a line scan, beyond which the points between are missing
 def read_surface(
     path: str | os.PathLike,
     *,
-    periodic: str | None = "harmonic",
+    periodic: Periodic | None = "harmonic",
     shape: int | tuple[int, ...] | None = None,
     size: Numbers | None = None,
     unit: str | None = None,
     region: Numbers | None = None,
-    fill: str | None = "low",
+    fill: Fill | None = "low",
     rim: int = 0,
     channel: str | int | None = None,
 ) -> Surface:
     """Returns a measured surface, or a profile from a line scan, made periodic.
 
     Read are the formats of instruments that SurfaceTopography knows, OpenCRG roads, NumPy's `.npy`
-    and `.npz`, and text: a matrix of heights (x along a row), two columns x z, three columns x y z.
-    A line scan that is not equally spaced is interpolated linearly to its median step.
+    and `.npz`, and text: a matrix of heights, two columns x z, three columns x y z. x runs along a
+    row of a matrix of text, as in the exports of instruments, but along the first axis of a NumPy
+    array, as in `Surface.heights`: the text of an array is its transpose. A line scan that is not
+    equally spaced is interpolated linearly to its median step.
 
     **Arguments:**
 
     - `path`: the file.
-    - `periodic`, `shape`, `region`, `fill`, `rim`: as in `surface_from_heights`.
-    - `size`: edge lengths [m], for a file that does not state them. An `.npz` is overruled, other
-      files that state them refuse it. One number means a square.
+    - `periodic`, `shape`, `region`, `fill`, `rim`: see `surface_from_heights`.
+    - `size`: edge lengths [m], for a file that does not state them. It overrides those of an
+      `.npz`; other files that state them refuse it. One number means a square.
     - `unit`: length unit of the file's numbers ("um", "nm", ...), likewise.
     - `channel`: name or index of the channel; None takes the file's default height channel.
 
     **Returns:** the surface, with its history.
 
     **Raises:** `FileNotFoundError` for a missing file, `ImportError` without the extra,
-    `ValueError` for an unreadable or damaged file, naming all that has to be passed besides.
+    `ValueError` for an unreadable or damaged file, naming the arguments that would help.
     """
     if size is not None:
         check_positive("size", np.asarray(size), "[m]")
-    check_choices(periodic, fill, rim)
     path = existing_file(path)
     warned: list[str] = []
     with _reading(path, warned):
@@ -88,11 +99,11 @@ def read_surface(
                 f"Its pixels of {pixel[0]:.3g} m by {pixel[-1]:.3g} m are not square: if the file "
                 "was cut short, its heights are stretched."
             )
-    options = {"periodic": periodic, "shape": shape, "region": region, "fill": fill, "rim": rim}
     try:
         return surface_from_heights(
-            heights, known, **options, history=tuple(notes), steps=tuple(steps)
-        )
+            heights, known, periodic=periodic, shape=shape, region=region, fill=fill, rim=rim,
+            history=tuple(notes), steps=tuple(steps),
+        )  # fmt: skip
     except ValueError as error:
         raise ValueError(f"`path={path}`: {error}") from error
 
@@ -134,7 +145,7 @@ def _scan(
     unit: str | None,
     depth: int = 0,
 ) -> Scan:
-    """The heights in a file, which may lie in zips, by the reader that its content asks for."""
+    """The heights in a file, which may lie in zips, by the reader that fits its content."""
     if not content.strip():
         raise Refusal("it is empty")
     if content.startswith(b"\x93NUMPY") or (path.suffix == ".npz" and content[:2] == b"PK"):
@@ -143,7 +154,7 @@ def _scan(
         return read_road(content)
     if content.startswith(b"PK") and "xl/workbook.xml" in names_in(content):
         return _read_workbook(path, content, channel)
-    text = decoded(content)
+    text = _text(content)
     if text is None:
         try:
             return read_instrument(content, channel)
@@ -157,15 +168,23 @@ def _scan(
         inner, name = unpacked(content, channel)
         scan = _scan(path / name, inner, None, size, unit, depth + 1)
         return scan._replace(source=f"{scan.source} of {name!r}")
-    # Text with a header of its own is the library's; it takes much else for a table of numbers.
+    # The library reads text with a known header; it takes much else for a table of numbers.
     try:
         scan = read_instrument(content, channel)
     except Refusal:
         raise
     except Exception:  # it raises many kinds, also where it is not installed
         return read_text(text)
-    told = scan.unit is not None and scan.size is not None
-    return scan if told else read_text(text)
+    return scan if scan.unit is not None and scan.size is not None else read_text(text)
+
+
+def _text(content: bytes) -> str | None:
+    """The text of a file, or None for a file that is no text."""
+    text, encoding = decoded(content) or ("", None)
+    start = text[:10_000]
+    odd = sum(not (character.isprintable() or character.isspace()) for character in start)
+    is_text = encoding and not (encoding == "Latin-1" and odd > 0.01 * len(start))
+    return text if is_text else None
 
 
 def _read_workbook(path: Path, content: bytes, channel: str | int | None) -> Scan:
@@ -177,40 +196,36 @@ def _read_workbook(path: Path, content: bytes, channel: str | int | None) -> Sca
     if {"DATA", "Certificate"} <= {sheet.name for sheet in sheets}:
         return read_instrument(content, channel)  # of Mitutoyo's instruments
     for sheet in filter(lambda sheet: sheet.rows, sheets):
-        width = max((len(row.cells) for row in sheet.rows), default=0)
-        cells = [row.cells + [""] * (width - len(row.cells)) for row in sheet.rows]
+        cells = [row.cells for row in sheet.rows]  # all rows of a sheet are equally wide
         full = np.flatnonzero([any(column) for column in zip(*cells, strict=True)])
         lines = ["\t".join(row[full[0] : full[-1] + 1]) for row in cells]
         try:
             scans[sheet.name] = read_text("\n".join(lines))._replace(source=sheet.layout)
         except Refusal as error:
             refusals.append(error)
-    names = list(scans)
-    if channel is None and len(names) == 1:
-        channel = names[0]
-    if channel in scans:
-        return scans[channel]
-    if not names:
+    if not scans:
         raise refusals[0] if refusals else Refusal("it is an empty workbook")
-    asked = "pass `channel`, one of" if channel is None else f"it has no {channel!r}, only"
-    raise Refusal(f"it holds several sheets of heights; {asked} {names}")
+    names = list(scans)
+    return scans[names[chosen(channel, names, "it holds several sheets of heights")]]
 
 
 def _scales(scan: Scan, size: Any, unit: str | None) -> tuple[float, np.ndarray]:
-    """Metres per unit of the heights, and the edge lengths [m]; asks for all that is not told."""
-    told = (scan.unit, *((scan.lateral_unit,) if scan.size is not None else ()))
-    lacking = {"unit": None in told and unit is None, "size": scan.size is None and size is None}
-    if any(lacking.values()):
-        hints = {"unit": "`unit`, for instance 'um'", "size": "`size` [m]"}
-        names = [name for name, absent in lacking.items() if absent]
-        asked = ", and ".join(hints[name] for name in names)
-        raise Refusal(f"it does not tell its {' and '.join(names)}; pass {asked}")
-    if None not in told and unit is not None:
+    """Metres per unit of the heights, and the edge lengths [m]; refuses a file without these."""
+    own = (scan.unit, *((scan.lateral_unit,) if scan.size is not None else ()))
+    lacking = {}
+    if None in own and unit is None:
+        lacking["unit"] = "`unit`, for instance 'um'"
+    if scan.size is None and size is None:
+        lacking["size"] = "`size` [m]"
+    if lacking:
+        hints = ", and ".join(lacking.values())
+        raise Refusal(f"it does not state its {' and '.join(lacking)}; pass {hints}")
+    if None not in own and unit is not None:
         raise Refusal(f"it is in {scan.unit!r}; leave out `unit={unit!r}`")
     factors = []
-    for name in told:
-        spelt = unit if name is None else name
-        factor = metres(str(spelt)) or metres_of_library(str(spelt))
+    for name in own:
+        spelt = str(unit if name is None else name)
+        factor = metres(spelt) or metres_of_library(spelt)
         if factor is None:
             named = f"`unit={unit!r}`" if name is None else f"{scan.source} in {name!r}"
             raise Refusal(f"{named} is not a length, such as 'm', 'um' or 'nm'")
@@ -218,7 +233,7 @@ def _scales(scan: Scan, size: Any, unit: str | None) -> tuple[float, np.ndarray]
     if scan.size is not None:
         known = factors[-1] * scan.size
         if size is not None:
-            raise Refusal(f"it tells its size, {known} m; leave out `size`")
+            raise Refusal(f"it states its size, {known} m; leave out `size`")
         if not (np.all(np.isfinite(known)) and np.all(known > 0)):
             raise Refusal(f"its size of {known} m is no length")
         return factors[0], known
@@ -230,7 +245,7 @@ def _scales(scan: Scan, size: Any, unit: str | None) -> tuple[float, np.ndarray]
 
 
 def _reach(positions: np.ndarray) -> float:
-    """The period that the points of a line stand for: one mean step more than their span."""
+    """The period of the points of a line: their span and one mean step."""
     return float(np.ptp(positions)) * len(positions) / (len(positions) - 1)
 
 

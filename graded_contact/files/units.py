@@ -1,4 +1,4 @@
-"""What the columns of a rheometer's or DMA's table are called, and in which units they come.
+"""Quantities and units that the headings of measured tables name.
 
 A heading such as "Storage modulus, MPa", "E' [MPa]", "E_stor (MPa)" or "G_storage_pa" is split
 into words and a unit; its words decide the quantity, or leave it undecided.
@@ -28,19 +28,16 @@ UNITS: dict[str, dict[str, float]] = {
     "frequency": {"rad/s": 1.0, "Hz": 2 * np.pi, "kHz": 2e3 * np.pi, "MHz": 2e6 * np.pi,
                   "mHz": 2e-3 * np.pi},
     "time": {"s": 1.0, "ms": 1e-3, "us": 1e-6, "min": 60.0, "h": 3600.0},
-    "temperature": {"C": 1.0, "K": 1.0, "F": 5 / 9},
+    "temperature": {"K": 1.0, "C": 1.0, "F": 5 / 9},
     "modulus": _MODULUS,
     "stress": _MODULUS,
-    "compliance": {"m2/N": 1.0, "mm2/N": 1e-6, "cm2/dyn": 10.0,
-                   **{f"1/{unit}": 1 / factor for unit, factor in _MODULUS.items()}},
+    "compliance": {**{f"1/{unit}": 1 / factor for unit, factor in _MODULUS.items()},
+                   "m2/N": 1.0, "mm2/N": 1e-6, "cm2/dyn": 10.0},
     "ratio": {"1": 1.0, "%": 0.01},
     "strain": {"1": 1.0, "%": 0.01},
-    "angle": {"deg": np.pi / 180, "rad": 1.0},
+    "angle": {"rad": 1.0, "deg": np.pi / 180},
 }  # fmt: skip
-SI = {
-    "frequency": "rad/s", "time": "s", "temperature": "K", "modulus": "Pa", "stress": "Pa",
-    "compliance": "1/Pa", "ratio": "1", "strain": "1", "angle": "rad",
-}  # fmt: skip
+SI = {dimension: next(iter(units)) for dimension, units in UNITS.items()}
 OFFSETS = {"C": 273.15, "K": 0.0, "F": 459.67 * 5 / 9}
 
 PER_SECOND = "1/s"  # may mean Hz or rad/s: the name of the column decides
@@ -58,8 +55,21 @@ _SPELLINGS = {
 }  # fmt: skip
 _EXACT = {unit for units in UNITS.values() for unit in units}
 
-# Words of headings, without their accents. Single letters are told apart by their case: t is time
-# and T temperature.
+# Metres per unit of length, as the headings of topographies spell it, after `_folded`.
+_METRES = {
+    "m": 1.0, "dm": 1e-1, "cm": 1e-2, "mm": 1e-3, "um": 1e-6, "nm": 1e-9, "pm": 1e-12,
+    "km": 1e3, "å": 1e-10, "angstrom": 1e-10, "inch": 0.0254, "mil": 2.54e-5,
+    "micron": 1e-6, "microns": 1e-6,
+    **{f"{prefix}{word}": factor
+       for prefix, factor in {"": 1.0, "milli": 1e-3, "micro": 1e-6, "nano": 1e-9}.items()
+       for word in ("meter", "metre", "meters", "metres")},
+}  # fmt: skip
+_NAMED = "|".join(sorted(map(re.escape, _METRES), key=len)[::-1])
+# A unit is at the end of a heading: "z [nm]", "Height (µm)", "depth / mm", "z_um", "unit: nm".
+_AT_END = re.compile(rf"(?:^|[\[(<{{/_:=,\s])({_NAMED})\s*[\])>}}]?\s*[.:;,]*$", re.IGNORECASE)
+
+# Words of headings, without their accents. Single letters are distinguished by their case: t is
+# time and T temperature.
 _LETTERS = {
     "f": "frequency", "w": "angular", "ω": "angular", "t": "time", "T": "temperature",
     "Ts": "temperature", "δ": "delta", "E": "tension", "G": "shear",
@@ -71,39 +81,36 @@ _LETTERS = {
     "σ": "stress", "τ": "shear stress", "ε": "strain", "γ": "shear strain",
 }  # fmt: skip
 _WORDS = {
-    "frequency": "frequency", "freq": "frequency", "frequenz": "frequency", "hz": "frequency",
-    "frequence": "frequency", "angular": "angular", "ang": "angular", "omega": "angular",
-    "kreisfrequenz": "angular", "pulsation": "angular", "angulaire": "angular",
-    "time": "time", "zeit": "time", "temps": "time",
-    "temperature": "temperature", "temp": "temperature", "temperatur": "temperature",
-    "storage": "storage", "stor": "storage", "speichermodul": "storage", "elastic": "storage",
-    "real": "storage", "loss": "loss", "verlustmodul": "loss", "viscous": "loss", "imag": "loss",
-    "imaginary": "loss", "conservation": "storage", "stockage": "storage", "elastique": "storage",
-    "perte": "loss", "pertes": "loss", "visqueux": "loss",
-    "magnitude": "magnitude", "abs": "magnitude", "complex": "magnitude", "komplexer": "magnitude",
-    "complexe": "magnitude",
-    "tan": "tan", "delta": "delta", "tand": "tan delta", "tanδ": "tan delta", "factor": "factor",
-    "tandelta": "tan delta", "tangent": "factor", "damping": "loss factor",
-    "verlustfaktor": "loss factor", "facteur": "factor", "tangente": "factor",
-    "amortissement": "loss", "d'amortissement": "loss",
-    "phase": "phase", "angle": "phase", "phaseangle": "phase", "phasenwinkel": "phase",
-    "dephasage": "phase",
-    "relaxation": "relaxation", "relax": "relaxation", "relaxationsmodul": "relaxation",
-    "modulus": "modulus", "modul": "modulus", "component": "modulus", "module": "modulus",
-    "compliance": "compliance", "creep": "compliance", "nachgiebigkeit": "compliance",
-    "kriechnachgiebigkeit": "compliance", "complaisance": "compliance", "fluage": "compliance",
-    "stress": "stress", "spannung": "stress", "schubspannung": "shear stress", "sigma": "stress",
-    "contrainte": "stress",
-    "strain": "strain", "dehnung": "strain", "gamma": "shear strain", "epsilon": "strain",
-    "deformation": "strain",
-    "tension": "tension", "tensile": "tension", "young's": "tension", "extensional": "tension",
-    "traction": "tension", "young": "tension", "d'young": "tension",
-    "shear": "shear", "cisaillement": "shear", "step": "step", "interval": "step",
-    "segment": "step", "action": "step", "intervalle": "step", "d'intervalle": "step",
-    "sequence": "", "de": "", "du": "", "en": "", "au": "",
-    "measured": "", "meas": "", "sample": "", "actual": "", "test": "", "reduced": "",
-    "shifted": "", "applied": "",
-}  # fmt: skip
+    word: meaning
+    for meaning, words in {
+        "frequency": "frequency freq frequenz hz frequence",
+        "angular": "angular ang omega kreisfrequenz pulsation angulaire",
+        "time": "time zeit temps",
+        "temperature": "temperature temp temperatur",
+        "storage": "storage stor speichermodul elastic real conservation stockage elastique",
+        "loss": "loss verlustmodul viscous imag imaginary perte pertes visqueux amortissement"
+        " d'amortissement",
+        "magnitude": "magnitude abs complex komplexer complexe",
+        "tan": "tan",
+        "delta": "delta",
+        "tan delta": "tand tanδ tandelta",
+        "factor": "factor tangent facteur tangente",
+        "loss factor": "damping verlustfaktor",
+        "phase": "phase angle phaseangle phasenwinkel dephasage",
+        "relaxation": "relaxation relax relaxationsmodul",
+        "modulus": "modulus modul component module",
+        "compliance": "compliance creep nachgiebigkeit kriechnachgiebigkeit complaisance fluage",
+        "stress": "stress spannung sigma contrainte",
+        "shear stress": "schubspannung",
+        "strain": "strain dehnung epsilon deformation",
+        "shear strain": "gamma",
+        "tension": "tension tensile young's extensional traction young d'young",
+        "shear": "shear cisaillement",
+        "step": "step interval segment action intervalle d'intervalle",
+        "": "sequence de du en au measured meas sample actual test reduced shifted applied",
+    }.items()
+    for word in words.split()
+}
 # Which words, together, mean which quantity; "modulus" and the deformation may be left out.
 _MEANINGS = {
     frozenset(words.split()): quantity
@@ -135,14 +142,14 @@ _LOGARITHM = re.compile(r"(log10|log|lg|ln)(?![a-z0-9])[\s_]*", re.I)
 
 
 class Heading(NamedTuple):
-    """What a column's heading says; None where it does not say it.
+    """The quantity and unit that a heading names; None for what it does not name.
 
     - `quantity`: a key of `DIMENSIONS`.
     - `unit`: a unit of `UNITS`, of any dimension, or `PER_SECOND`.
     - `deformation`: "tension" (E, D) or "shear" (G, J).
     - `angular`: whether a frequency is called angular.
     - `step`: whether a time is called one of the step or interval.
-    - `base`: of the logarithms that the column holds: "10" or "e".
+    - `base`: "10" or "e" of a column of logarithms.
     """
 
     quantity: str | None
@@ -151,6 +158,21 @@ class Heading(NamedTuple):
     angular: bool = False
     step: bool = False
     base: str | None = None
+
+
+def metres(unit: str) -> float | None:
+    """Returns metres per unit of length, or None for what is none."""
+    return _METRES.get(_folded(unit))
+
+
+def length_unit(heading: str) -> str | None:
+    """Returns the unit of length at the end of a heading, or None."""
+    found = _AT_END.search(_folded(heading))
+    return found.group(1) if found else None
+
+
+def _folded(text: str) -> str:
+    return text.replace("µ", "u").replace("μ", "u").replace("Å", "å").strip().lower()
 
 
 def parse_unit(text: str) -> str | None:
@@ -174,7 +196,7 @@ def parse_unit(text: str) -> str | None:
 
 
 def parse_heading(text: str) -> Heading:
-    """Returns what the heading of a column says."""
+    """Returns the quantity and unit that the heading of a column names."""
     inner, base = _without_logarithm(text.strip())
     name, unit = _split_unit(inner)
     words: set[str] = set()
@@ -191,8 +213,8 @@ def parse_heading(text: str) -> Heading:
     return Heading(quantity, unit, deformation, "angular" in words, "step" in words, base)
 
 
-def tells_of_shear(text: str) -> bool:
-    """Whether a heading tells that the test was one in shear, whatever its column holds."""
+def implies_shear(text: str) -> bool:
+    """Returns whether only a test in shear has a column of this heading."""
     return _OF_SHEAR.search(text) is not None
 
 

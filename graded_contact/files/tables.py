@@ -1,0 +1,530 @@
+"""Text files and Excel workbooks as rows of cells, and the tables of numbers in them.
+
+Cells that are numbers become text with a decimal point and without marks between thousands,
+whatever marks the file has; all other cells are unchanged. The names of the columns are in a row
+above a table. Tables with the same names are one table in segments, such as the steps of a test. A
+table may also repeat its columns side by side, one block for each curve.
+"""
+
+import codecs
+import contextlib
+import csv
+import io
+import re
+import warnings
+from collections.abc import Iterable, Sequence
+from pathlib import Path
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from .paths import check_archive, existing_file
+from .units import DIMENSIONS, OFFSETS, UNITS, Heading, parse_heading, parse_unit
+
+LARGEST = 100_000_000  # bytes, unpacked too; sweeps have thousands of points
+MOST_CELLS = 5_000_000  # of a sheet
+LONGEST = 10_000_000  # characters of a line
+
+_NUMBER = re.compile(r"[-+]?(\d+\.?\d*|\.\d+)([eE][-+]?\d+)?")
+# By the decimal mark: numbers, and those with marks between thousands.
+_PLAIN = {
+    mark: re.compile(rf"[-+−]?(\d+[{mark}]?\d*|[{mark}]\d+)([eEdD][-+]?\d+)?") for mark in ".,"
+}
+_GROUPED = {
+    mark: re.compile(rf"[-+−]?[1-9]\d{{0,2}}([{other}'’\s]\d{{3}})+([{mark}]\d*)?")
+    for mark, other in (".,", ",.")
+}
+_MISSING = {
+    "", "-", "--", "---", "n/a", "n.a.", "na", "#n/a", "#nv", "nan", "-nan", "+nan", "null", "none",
+    "inf", "-inf", "+inf", "infinity", "-infinity", "#num!", "#div/0!", "#value!", "#ref!",
+}  # fmt: skip
+COMMENT = re.compile(r"^\s*(#+|%+|//|!)\s*")
+_REMARK = re.compile(r"(?<=[\d\s])\s*(#|//|!).*$")  # behind numbers
+_SEPARATORS = {"\t": "tabs", ";": "semicolons", ",": "commas", None: "spaces"}
+_SAMPLE = 200  # lines at the end of a file that show its separator and decimal mark
+_START = 5000  # characters of such a line
+
+
+class Row(NamedTuple):
+    """One line of a file: its number, counted from 1, and its cells."""
+
+    line: int
+    cells: list[str]
+
+
+class Sheet(NamedTuple):
+    """The rows of a file, or of one sheet of a workbook.
+
+    - `name`: of the sheet; empty for a text file.
+    - `layout`: its encoding, separator and decimal mark, in words.
+    - `spaced`: whether spaces separate its cells, so that no cell can be empty.
+    """
+
+    name: str
+    rows: list[Row]
+    layout: str
+    spaced: bool
+
+
+class TextLayout(NamedTuple):
+    """The separator of the cells of a text, None for spaces, and its decimal mark."""
+
+    separator: str | None
+    decimal: str
+
+    def __str__(self) -> str:
+        return _SEPARATORS[self.separator] + " and decimal commas" * (self.decimal == ",")
+
+    def split(self, line: str) -> list[str]:
+        """Returns the cells of a line as they are written."""
+        if self.separator is None:
+            return line.split()
+        return [cell.strip() for cell in next(csv.reader([line], delimiter=self.separator), [])]
+
+    def cells(self, line: str) -> list[str]:
+        """Returns the cells of a line, numbers with a decimal point."""
+        return [_with_point(cell, self.decimal) for cell in self.split(line)]
+
+
+def is_number(cell: str) -> bool:
+    return _NUMBER.fullmatch(cell) is not None
+
+
+def is_missing(cell: str) -> bool:
+    """Whether a cell is empty or marks a missing value."""
+    return cell.lower() in _MISSING
+
+
+def holds_data(row: Row) -> bool:
+    """Whether a row holds numbers, besides missing ones and some words, such as a sample's name."""
+    numbers = _numbers(row)
+    words = len(row.cells) - numbers - sum(map(is_missing, row.cells))
+    return 2 * numbers > words and (numbers >= 2 or words == 0)
+
+
+def _numbers(row: Row) -> int:
+    return sum(map(is_number, row.cells))
+
+
+def stripped(cells: list[Any]) -> list[Any]:
+    """Returns the cells without the empty ones at the end."""
+    count = max((i + 1 for i, cell in enumerate(cells) if cell != ""), default=0)
+    return cells[:count]
+
+
+# Text.
+
+
+def decoded(content: bytes) -> tuple[str, str] | None:
+    """Returns the text of a file and its encoding, or None for a file that is no text."""
+    if content.startswith((codecs.BOM_UTF16_LE, codecs.BOM_UTF16_BE)):
+        return content.decode("utf-16", errors="replace"), "UTF-16"
+    for start, code in ((1, "utf-16-le"), (0, "utf-16-be")):
+        half = content[start:1000:2]
+        if half.count(0) > 0.9 * max(len(half), 1):
+            text = content.decode(code, errors="replace")
+            return None if "\0" in text else (text, "UTF-16")
+    if b"\0" in content:
+        return None
+    for code, name in (("utf-8-sig", "UTF-8"), ("cp1252", "Latin-1")):
+        with contextlib.suppress(UnicodeDecodeError):
+            return content.decode(code), name
+    return content.decode("latin-1"), "Latin-1"
+
+
+def lines_of(text: str) -> list[str]:
+    return re.split(r"\r\n|\r|\n", text)
+
+
+def text_layout(lines: Iterable[str], least: int) -> TextLayout:
+    """Returns the layout in which most cells are numbers, of rows with at `least` so many."""
+    sample = [line[:_START] for line in lines if line.strip()][-_SAMPLE:]
+    candidates = [TextLayout(separator, decimal) for decimal in ".," for separator in _SEPARATORS]
+
+    def score(layout: TextLayout) -> tuple[int, int]:
+        return _score(map(layout.split, sample), layout.decimal, least)
+
+    return max(candidates, key=score)  # the first of equals
+
+
+def _score(table: Iterable[list[str]], decimal: str, least: int) -> tuple[int, int]:
+    """How well a table is read with a decimal mark.
+
+    Marks between thousands count less: 1,234 alone is a little more than one, but 1,234 beside
+    0.5 is a thousand.
+    """
+    total, plain = 0, 0
+    for cells in table:
+        plains = sum(_PLAIN[decimal].fullmatch(cell) is not None for cell in cells)
+        numbers = plains + sum(_GROUPED[decimal].fullmatch(cell) is not None for cell in cells)
+        words = len(cells) - numbers - sum(map(is_missing, cells))
+        if numbers >= least and 2 * numbers > words:  # not a sentence with numbers in it
+            total += 2 * numbers - words
+            plain += plains
+    return total, plain
+
+
+def _with_point(cell: str, decimal: str) -> str:
+    """A number with a decimal point and nothing between thousands; other cells unchanged."""
+    if _GROUPED[decimal].fullmatch(cell):
+        cell = re.sub(rf"[^-+−\d{decimal}]", "", cell)
+    elif not _PLAIN[decimal].fullmatch(cell):
+        return cell
+    return cell.replace("−", "-").replace(",", ".").replace("d", "e").replace("D", "e")
+
+
+def _read_text(path: Path, content: bytes) -> Sheet:
+    text, encoding = decoded(content) or ("\0", "")
+    lines = lines_of(text)
+    if "\0" in text or max(map(len, lines)) > 100_000:
+        raise ValueError(f"`path={path}` is neither a table of text nor an Excel workbook.")
+    layout = text_layout(lines, 2)
+    rows = []
+    for number, line in enumerate(lines, start=1):
+        comment = COMMENT.match(line)
+        row = Row(number, layout.cells(line[comment.end() :] if comment else line))
+        if not comment and _REMARK.search(line):
+            without = Row(number, layout.cells(_REMARK.sub("", line)))
+            if holds_data(without) and _numbers(without) >= _numbers(row):
+                row = without
+        if not (comment and holds_data(row)):  # numbers that were commented out
+            rows.append(row)
+    spaced = layout.separator is None
+    if spaced:
+        width = max((len(row.cells) for row in rows if holds_data(row)), default=0)
+        rows = [row if holds_data(row) else _names(row, lines, width) for row in rows]
+    grouped = _GROUPED[layout.decimal]
+    marked = any(grouped.fullmatch(cell) for line in lines for cell in layout.split(line))
+    marks = ", with marks between thousands" if marked else ""
+    return Sheet("", rows, f"{encoding} text with {layout}{marks}", spaced)
+
+
+def _names(row: Row, lines: list[str], width: int) -> Row:
+    """A row of names such as "Storage modulus", which hold single spaces."""
+    text = COMMENT.sub("", lines[row.line - 1], count=1).strip()
+    cells = re.split(r"\s{2,}|\t", text)
+    return Row(row.line, cells) if len(cells) == width else row
+
+
+# Files and workbooks.
+
+
+def read_sheets(path: Path) -> list[Sheet]:
+    """Returns the sheets of a workbook, or a text file as the only sheet, without empty rows.
+
+    The first bytes of a file decide what it is, not its name. Raises `FileNotFoundError`,
+    `ImportError` if the reader of a workbook is not installed, and `ValueError` for what is not a
+    table.
+    """
+    existing_file(path, at_most=LARGEST)
+    content = path.read_bytes()
+    if content.startswith(b"\xd0\xcf\x11\xe0"):
+        sheets = _read_workbook(path, "xlrd")
+    elif content.startswith(b"PK\x03\x04"):
+        sheets = _read_workbook(path, "openpyxl")
+    else:
+        sheets = [_read_text(path, content)]
+    return [sheet._replace(rows=[row for row in sheet.rows if any(row.cells)]) for sheet in sheets]
+
+
+def _read_workbook(path: Path, library: str) -> list[Sheet]:
+    """Without pandas, which pads every row to the widest one: a few far cells would fill memory."""
+    try:
+        with warnings.catch_warnings():
+            warnings.simplefilter("ignore")  # of styles and extensions, not of cells
+            return _read_xls(path) if library == "xlrd" else _read_xlsx(path)
+    except ImportError as error:
+        raise ImportError(
+            f"`path={path}` is an Excel workbook, which needs the package {library}: "
+            "pip install graded_contact[io]"
+        ) from error
+    except Exception as error:  # the libraries raise many kinds on a damaged file
+        reason = " ".join(f"{type(error).__name__}: {error}".split())[:300]
+        raise ValueError(f"`path={path}` cannot be read as an Excel workbook: {reason}.") from error
+
+
+def _read_xls(path: Path) -> list[Sheet]:
+    import xlrd
+
+    values = (xlrd.XL_CELL_TEXT, xlrd.XL_CELL_NUMBER)  # those of other cells are codes
+    with xlrd.open_workbook(str(path), logfile=io.StringIO()) as book:
+        return [
+            _sheet(sheet.name, ([cell.value if cell.ctype in values else "" for cell in row]
+                                for row in sheet.get_rows()))
+            for sheet in book.sheets()
+        ]  # fmt: skip
+
+
+def _read_xlsx(path: Path) -> list[Sheet]:
+    import openpyxl
+
+    check_archive(path, LARGEST)
+    book = openpyxl.load_workbook(path, read_only=True, data_only=True)
+    for sheet in book.worksheets:
+        sheet.reset_dimensions()  # which may reach far beyond the cells
+    try:
+        return [_sheet(sheet.title, sheet.values) for sheet in book.worksheets]
+    finally:
+        book.close()
+
+
+def _sheet(name: str, table: Iterable[Iterable[Any]]) -> Sheet:
+    rows: list[tuple[int, list[Any]]] = []
+    width = 0
+    for line, values in enumerate(table, start=1):
+        row = stripped(["" if value is None else value for value in values])
+        if row:
+            rows.append((line, row))
+            width = max(width, len(row))
+        if width * len(rows) > MOST_CELLS:
+            raise ValueError(f"its sheet {name!r} has more than {MOST_CELLS:g} cells")
+    # Numbers may be cells of text: these decide about the decimal mark.
+    texts = [cell.strip() for _, row in rows for cell in row if isinstance(cell, str)]
+    marked = (*_PLAIN.values(), *_GROUPED.values())
+    texts = [text for text in texts if any(number.fullmatch(text) for number in marked)]
+    decimal = max(".,", key=lambda mark: _score([texts], mark, 2))
+    return Sheet(
+        name,
+        [Row(line, [_with_point(str(cell).strip(), decimal) for cell in row]
+             + [""] * (width - len(row))) for line, row in rows],
+        f"sheet {name!r} of a workbook",
+        spaced=False,
+    )  # fmt: skip
+
+
+# Tables.
+
+
+class Column(NamedTuple):
+    """A column of a table.
+
+    - `quantity`: a key of `units.DIMENSIONS`.
+    - `label`: its number and name, for messages.
+    - `place`: counted from 0, within a block.
+    - `unit`: one of `UNITS` of its dimension.
+    - `source`: where the unit comes from.
+    - `deformation`: "tension", "shear" or None, by its name.
+    - `base`: of the logarithms that it holds, "10" or "e"; None for plain values.
+    """
+
+    quantity: str
+    label: str
+    place: int
+    unit: str
+    source: str
+    deformation: str | None
+    base: str | None
+
+    @property
+    def factor(self) -> float:
+        return UNITS[DIMENSIONS[self.quantity]][self.unit]
+
+    def si(self, cell: str) -> float:
+        """Returns a cell's number in SI units; NaN if it is none, infinity if it is too large."""
+        if not is_number(cell):
+            return np.nan
+        with np.errstate(over="ignore"):
+            value = np.float64(cell)
+            if self.base is not None:
+                value = np.exp(value * (np.log(10) if self.base == "10" else 1))
+            offset = OFFSETS[self.unit] if self.quantity == "temperature" else 0.0
+            return float(self.factor * value + offset)
+
+    def numbers(self, rows: Sequence[Row]) -> np.ndarray:
+        """Returns the numbers of the first block in SI units, NaN where there is none."""
+        cells = (row.cells[self.place] if self.place < len(row.cells) else "" for row in rows)
+        return np.array(list(map(self.si, cells)))
+
+
+class Segment(NamedTuple):
+    """A part of a table: the `titles` above it, its rows of numbers, and its other rows."""
+
+    titles: list[Row]
+    data: list[Row]
+    words: list[Row]
+
+
+class Table(NamedTuple):
+    """Names and units of the columns of one block, and the segments below them."""
+
+    place: str
+    names: list[str]
+    units: list[str]
+    headings: list[Heading]
+    blocks: int
+    segments: list[Segment]
+
+    @property
+    def rows(self) -> list[Row]:
+        return [row for segment in self.segments for row in segment.data]
+
+    def label(self, place: int) -> str:
+        return f"column {place + 1}" + (f" ({self.names[place]})" if self.names[place] else "")
+
+    def listed(self) -> str:
+        """Returns the names of the columns, for messages."""
+        if any(self.names):
+            return "the columns " + ", ".join(map(repr, self.names))
+        return f"{len(self.names)} columns without names"
+
+    def only(self, lines: set[int]) -> "Table":
+        """Returns the table with the rows of numbers on these lines."""
+        segments = [
+            segment._replace(data=[row for row in segment.data if row.line in lines])
+            for segment in self.segments
+        ]
+        return self._replace(segments=[segment for segment in segments if segment.data])
+
+
+def find_tables(rows: list[Row], named: Iterable[str]) -> list[Table]:
+    """Returns the tables of numbers; `named` are names of columns that are known."""
+    rows = _with_signals(rows)
+    starts = _starts(rows, set(named))
+    if not starts:
+        data = [row for row in rows if holds_data(row)]
+        empty = [""] * max((len(row.cells) for row in data), default=0)
+        above = [row for row in rows if data and row.line < data[0].line]
+        headings = list(map(parse_heading, empty))
+        return [Table("no line of names", empty, empty, headings, 1, [Segment(above, data, [])])]
+    tables: dict[tuple[str, ...], Table] = {}
+    last = 0  # behind the numbers above
+    for start, end in zip(starts, [*starts[1:], len(rows)], strict=True):
+        below = rows[start + 1 : end]
+        has_units = below and not holds_data(below[0]) and any(map(parse_unit, below[0].cells))
+        units = below[0] if has_units else None
+        data = [row for row in below if _is_measured(row)]
+        words = [row for row in below if not _is_measured(row) and row is not units]
+        table = _headed(rows[start], units)
+        key = tuple(table.names)
+        if key in tables and units is not None and tables[key].units != table.units:
+            key = (*table.names, *table.units)
+        table = tables.setdefault(key, table)
+        if data:
+            table.segments.append(Segment(rows[last:start], data, words))
+            last = max(i for i in range(start, end) if _is_measured(rows[i])) + 1
+    return [table for table in tables.values() if table.rows]
+
+
+def _is_measured(row: Row) -> bool:
+    """Whether a row holds data, and is none such as "Interval and data points: 1 29"."""
+    return holds_data(row) and not re.match(r"(?i)(?:interval|abschnitt).*:", row.cells[0])
+
+
+def _with_signals(rows: list[Row]) -> list[Row]:
+    """Names below one another, "Sig1 Time (min)", "Sig2 ...", as one row."""
+    named = [i for i, row in enumerate(rows) if re.fullmatch(r"Sig\d+", row.cells[0])]
+    if len(named) < 2:
+        return rows
+    names = Row(rows[named[-1]].line, [" ".join(rows[i].cells[1:]) for i in named])
+    return [names if i == named[-1] else row for i, row in enumerate(rows) if i not in named[:-1]]
+
+
+def _starts(rows: list[Row], named: set[str]) -> list[int]:
+    """The rows of names: those that name two quantities."""
+    words = [i for i, row in enumerate(rows) if not holds_data(row)]
+
+    def num_names(row: Row) -> int:
+        quantities = {parse_heading(cell).quantity for cell in row.cells} - {None}
+        return len(quantities) + len(named & set(row.cells))
+
+    if starts := [i for i in words if num_names(rows[i]) >= 2]:
+        return starts
+    # Otherwise the last row of words before the numbers that is not one of units.
+    first = next((i for i, row in enumerate(rows) if holds_data(row)), 0)
+    above = [i for i in words if i < first and len(rows[i].cells) > 1]
+    above = [
+        i for i in above if not all(is_missing(cell) or parse_unit(cell) for cell in rows[i].cells)
+    ]
+    return above[-1:]
+
+
+def _headed(row: Row, units: Row | None) -> Table:
+    names = stripped(row.cells)
+    below = ((units.cells if units else []) + [""] * len(names))[: len(names)]
+    columns = list(zip(names, below, strict=True))
+    repeats = (
+        width
+        for width in range(2, len(names))
+        if len(names) % width == 0 and columns == columns[:width] * (len(names) // width)
+    )
+    width = next(repeats, len(names))
+    headings = [parse_heading(name) for name in names[:width]]
+    place, blocks = f"line {row.line}", len(names) // width
+    return Table(place, names[:width], below[:width], headings, blocks, [])
+
+
+# The lines above a table: its title, the temperature, the constant stress of a creep test, the
+# geometry. A value counts only with its unit, and only if no line gives another value.
+
+_VALUE = r"([-+]?\d+(?:[.,]\d+)?(?:[eE][-+]?\d+)?)"
+# Not "10 °C/min", and not the end of a word or of another number.
+_TEMPERATURE = re.compile(
+    rf"(?<![\w.,]){_VALUE}\s*(?:°|º|deg\.?)?\s*([CK])\b(?!\s*(?:/|\^|min|per))"
+)
+_STRESS = re.compile(
+    rf"(?i)\b(?:schub)?(?:stress|spannung)\b[^\w+-]*{_VALUE}\s*([a-z][a-z0-9/^²]*)"
+)
+_TENSION = re.compile(
+    r"(?i)(?:geometr|clamp|fixture|holder|halter|probe).*"
+    r"(?:tension|tensile|compression|bending|cantilever|zug|biege|druck)"
+)
+_TEST = re.compile(
+    r"(?i)sweep|ramp|hold|relax|creep|soak|step|test|balayage|rampe|fluage|paliers?|essai|kriech|versuch"
+)
+_COUNT = re.compile(r"(?i)(?:interval|abschnitt)")  # "Interval and data points: 1 29"
+# Settings of an instrument that are no temperature of a test.
+_SETTING = re.compile(r"(?i)toleran|limit|offset|compensation|expansion|calibration|span|range")
+
+
+def title_above(rows: Sequence[Row]) -> str:
+    """Returns the title of the step that follows, "Frequency sweep - 2" say; empty if none is."""
+    marks = [i for i, row in enumerate(rows) if row.cells[0].casefold() == "[step]"]
+    if marks and marks[-1] + 1 < len(rows):
+        title = rows[marks[-1] + 1]
+    else:
+        tests = [row for row in rows if _TEST.search(" ".join(row.cells))]
+        titles = [row for row in tests if not _COUNT.match(row.cells[0])]
+        title = titles[-1] if titles else Row(0, [])
+    return next((cell for cell in reversed(title.cells) if cell), "")[:60]
+
+
+def temperature_above(rows: Sequence[Row]) -> float | None:
+    """Returns the only temperature [K] that the rows name, such as "25 °C"."""
+    found = {
+        _value(number) + OFFSETS[unit]
+        for row in rows
+        if not _SETTING.search(row.cells[0])
+        for number, unit in _TEMPERATURE.findall(" ".join(row.cells))
+    }
+    for given in map(parameters, rows):
+        if "chem" in given and is_number(given.get("T", "")):  # as RepTate's files begin
+            found.add(float(given["T"]) + OFFSETS["C"])
+    return found.pop() if len(found) == 1 else None
+
+
+def stress_above(rows: Sequence[Row]) -> float | None:
+    """Returns the only stress [Pa] that the rows name, such as "Stress: 2 kPa"."""
+    found = {
+        _value(number) * UNITS["stress"][unit]
+        for row in rows
+        for number, word in _STRESS.findall(" ".join(row.cells))
+        if (unit := parse_unit(word)) in UNITS["stress"]
+    }
+    return found.pop() if len(found) == 1 else None
+
+
+def tension_above(rows: Sequence[Row]) -> bool:
+    """Returns whether a row names a geometry of tension, compression or bending."""
+    return any(_TENSION.search(" ".join(row.cells)) for row in rows)
+
+
+def parameters(row: Row) -> dict[str, str]:
+    """Returns the parameters of a line such as "T=-35; Mw = 634.5;", as RepTate's files begin."""
+    entries = [entry.split("=", 1) for entry in " ".join(row.cells).split(";") if entry.strip()]
+    if not all(len(entry) == 2 for entry in entries):
+        return {}
+    return {name.strip(): value.strip() for name, value in entries}
+
+
+def _value(text: str) -> float:
+    return float(text.replace(",", "."))
