@@ -6,7 +6,6 @@ unknown and the check passes (shapes are always checked).
 
 import functools
 import inspect
-import reprlib
 import sys
 from collections.abc import Callable, Sequence
 from types import UnionType
@@ -17,6 +16,8 @@ import numpy as np
 from jax import Array
 from jax.core import Tracer
 from jaxtyping import AbstractArray, ArrayLike, Float, Inexact
+
+from .display import short, with_units
 
 # What users call the classes that annotations name.
 _WORDS = {
@@ -31,13 +32,6 @@ F = TypeVar("F", bound=Callable[..., Any])
 
 # What public functions take: a number, an array of numbers, or (nested) lists of them.
 Numbers = ArrayLike | Sequence[Any]
-
-
-def short(value: Any) -> str:
-    """Returns a value in a few words, on one line."""
-    if hasattr(type(value), "_shown_names"):  # its text is a table
-        return f"{type(value).__name__}(...)"
-    return " ".join(reprlib.repr(value).split())
 
 
 def as_float(value: Any, name: str = "value") -> Float[Array, "..."]:
@@ -132,7 +126,7 @@ def check_types(function: F) -> F:
         for name, value in arguments.items():
             if name in hints:
                 check_type(name, value, *hints[name])
-        return function(*args, **kwargs)
+        return with_units(function(*args, **kwargs))
 
     return cast(F, checked)
 

@@ -13,7 +13,6 @@ import equinox as eqx
 import jax
 
 from .checks import Numbers, as_float, check_types, short
-from .display import with_units
 
 T = TypeVar("T")
 
@@ -110,7 +109,6 @@ def _check(tree):
         for field in dataclasses.fields(tree):
             _check(getattr(tree, field.name))
         getattr(tree, "__check_init__", lambda: None)()
-        with_units(tree)
     elif isinstance(tree, tuple | list):
         for part in tree:
             _check(part)

@@ -25,7 +25,7 @@ from . import transforms as _fft
 from .devices import num_devices, put_on, sharding_on, whole_along
 
 
-@shown(argument=True)
+@shown()
 class Grid(eqx.Module):
     """A rectangular periodic cell sampled at equally spaced points.
 

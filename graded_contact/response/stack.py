@@ -41,7 +41,7 @@ def _as_base(base: Any) -> "HalfSpace | Rigid | Free":
     return base
 
 
-@shown(argument=True)
+@shown()
 class Layer(eqx.Module):
     """A homogeneous layer.
 
@@ -58,7 +58,7 @@ class Layer(eqx.Module):
         _check_thickness(self.thickness)
 
 
-@shown(argument=True)
+@shown()
 class GradedLayer(eqx.Module):
     """A layer whose moduli vary continuously with height.
 
@@ -86,7 +86,7 @@ def _check_thickness(thickness: Array) -> None:
     )
 
 
-@shown(argument=True)
+@shown()
 class HalfSpace(eqx.Module):
     """A base so deep that its bottom is never felt.
 
@@ -108,7 +108,7 @@ class Free(eqx.Module):
     """No base: the bottom of the lowest layer carries no traction."""
 
 
-@shown(argument=True)
+@shown()
 class Stack(eqx.Module):
     """A block: layers bonded to each other and to a base.
 

@@ -39,7 +39,7 @@ from .measured import MeasuredRange
 from .shift import AbstractShift, as_temperature, require_shift, stretched
 
 
-@shown(argument=True)
+@shown()
 class AbstractMaterial(eqx.Module):
     """An isotropic linear viscoelastic solid."""
 

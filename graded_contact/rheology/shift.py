@@ -20,7 +20,7 @@ GAS_CONSTANT = 8.31446261815324  # J/(mol K), exact in the SI of 2019
 _REACH = 0.45
 
 
-@shown(argument=True)
+@shown()
 class AbstractShift(eqx.Module):
     """A law of time-temperature superposition: τ(T) = a_T τ(reference), E(T) = b_T E(reference)."""
 

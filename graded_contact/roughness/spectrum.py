@@ -25,7 +25,7 @@ from ..core.display import shown
 UNITS = {"rms_height": "[m]", "rms_slope": "[1]"}
 
 
-@shown(argument=True)
+@shown()
 class SelfAffine(eqx.Module):
     """An isotropic self-affine spectrum with a roll-off.
 

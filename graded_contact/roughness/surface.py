@@ -63,7 +63,7 @@ class Step(NamedTuple):
     missing: float
 
 
-@shown("grid", "heights", "measured", "history", "caveats", argument=True)
+@shown("grid", "heights", "measured", "history", "caveats")
 class Surface(eqx.Module):
     """Heights of a periodic rough surface.
 
