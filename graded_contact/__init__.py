@@ -51,13 +51,10 @@ from .response.stack import Free, GradedLayer, HalfSpace, Layer, Rigid, Stack, i
 from .rheology.library import tyre_tread
 from .rheology.material import AbstractMaterial, BulkShear, Elastic, Prony
 from .rheology.measured import MeasuredRange, coverage
-from .rheology.shift import WLF, AbstractShift, Arrhenius
+from .rheology.shift import WLF, AbstractShift, Arrhenius, TabulatedShift
 from .rheology.tabulated import Tabulated
-from .rheology.tabulated_shift import TabulatedShift
-from .roughness.cutoff import CutoffCurve
-from .roughness.random_surfaces import random_surface
-from .roughness.spectrum import SelfAffine
-from .roughness.surface import Surface
+from .roughness.spectrum import CutoffCurve, SelfAffine
+from .roughness.surface import Surface, random_surface
 from .shapes import AbstractShape
 from .studies.design import Design, minimise
 from .studies.objectives import friction_curve

@@ -9,9 +9,15 @@ from hypothesis import strategies as st
 from scipy.integrate import quad, simpson
 
 from graded_contact.fields.grid import Grid, coordinates
-from graded_contact.roughness.random_surfaces import random_surface
 from graded_contact.roughness.spectrum import SelfAffine
-from graded_contact.roughness.surface import Surface, radial_spectrum, resample, rescale, statistics
+from graded_contact.roughness.surface import (
+    Surface,
+    radial_spectrum,
+    random_surface,
+    resample,
+    rescale,
+    statistics,
+)
 
 LENGTH = 1e-3
 Q0 = 2 * np.pi / LENGTH

@@ -209,16 +209,17 @@ def direction_and_speed(
 
 
 def sliding_frequency(
-    qx: Float[Array, "..."], qy: Float[Array, "..."], velocity: Float[Array, "..."]
+    qx: Float[Array, "..."], qy: Float[Array, "..."] | float, velocity: Float[Array, "..."]
 ) -> Float[Array, "..."]:
-    """Returns ω = -q·v [rad/s], which for a velocity along x has the shape of `qx`.
+    """Returns ω = -q·v [rad/s] of a surface moving with `velocity`: the one place of this sign.
 
-    Across the velocity rounding leaves some 1e-17 where 0 is meant: another number whenever it is
+    `velocity` is v, along x (then ω has the shape of `qx`), or has one or two components. Across
+    the velocity rounding leaves some 1e-17 where 0 is meant: another number whenever it is
     computed anew, outside of any table of moduli, and with a sign. There it is 0, with its
     derivative -q.
     """
-    if velocity.ndim == 0:
-        return -qx * velocity
+    if velocity.size == 1:
+        return -qx * velocity.reshape(())
     along, across = qx * velocity[0], qy * velocity[1]
     omega = -(along + across)
     rounding = 4 * jnp.finfo(omega.dtype).eps * jnp.abs(along)
@@ -235,9 +236,8 @@ def wave_frequencies(grid: Grid, velocity: Numbers) -> Float[Array, "..."]:
         jnp.where(2 * np.abs(k) == n, 0, q)
         for k, n, q in zip(mode_numbers(grid.shape), grid.shape, wavevector(grid), strict=True)
     ]
-    qx, qy = (*components, jnp.zeros(()))[:2]
-    velocity = as_float(velocity, "velocity")
-    return sliding_frequency(qx, qy, velocity[0] if velocity.shape == (1,) else velocity)
+    qx, qy = (*components, 0.0)[:2]
+    return sliding_frequency(qx, qy, as_float(velocity, "velocity"))
 
 
 def multiplicity(shape: tuple[int, ...]) -> np.ndarray:

@@ -16,9 +16,8 @@ from ..response.shape import AbstractShape, ErrorFunction, Exponential, Linear, 
 from ..response.stack import Free, GradedLayer, HalfSpace, Layer, Rigid, Stack
 from ..rheology.library import tyre_tread
 from ..rheology.material import AbstractMaterial, BulkShear, Elastic, Prony
-from ..rheology.shift import WLF, AbstractShift, Arrhenius
+from ..rheology.shift import WLF, AbstractShift, Arrhenius, TabulatedShift
 from ..rheology.tabulated import Tabulated
-from ..rheology.tabulated_shift import TabulatedShift
 from .errors import Errors, check_errors, read_errors
 from .moduli.quantities import DIMENSIONS, UNITS
 from .moduli.reading import read_moduli

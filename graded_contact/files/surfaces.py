@@ -10,9 +10,8 @@ from ..core.checks import check_whole
 from ..core.display import shown
 from ..core.memory import check_points
 from ..fields.grid import Grid
-from ..roughness.random_surfaces import random_surface
 from ..roughness.spectrum import SelfAffine
-from ..roughness.surface import Surface, rescale
+from ..roughness.surface import Surface, random_surface, rescale
 from .signatures import Builder, keys_of
 from .toml import Section, within
 from .topography.reading import read_surface

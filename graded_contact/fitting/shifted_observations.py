@@ -9,8 +9,7 @@ import numpy as np
 from jaxtyping import Array, Float, Int
 
 from ..core.display import shown
-from ..rheology.shift import GAS_CONSTANT, WLF, AbstractShift, Arrhenius
-from ..rheology.tabulated_shift import TabulatedShift
+from ..rheology.shift import GAS_CONSTANT, WLF, AbstractShift, Arrhenius, TabulatedShift
 from .model import objective, series_of
 from .observations import Observations, Unknowns
 from .shifted_series import LN10, Law, SharedSeries

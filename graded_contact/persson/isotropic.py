@@ -21,6 +21,7 @@ from jaxtyping import Array, Float
 from numpy.polynomial import chebyshev
 
 from ..core.checks import as_float, check_positive, is_concrete, short
+from ..fields.grid import sliding_frequency
 from ..response.compliance import surface_compliance_unchecked
 from ..response.grading import AbstractGradedSolver, graded_tolerance
 from ..response.stack import Stack
@@ -111,13 +112,12 @@ def integrate(
         """Growth of the variance and of the friction of complete contact, per log q and angle."""
         stack, pressure, speed, q, amplitude = values
         q, amplitude, along = q[at_q][:, None], amplitude[at_q][:, None], cosine[at_angle]
-        compliance = surface_compliance_unchecked(
-            stack, q, speed * q * along, graded_solver, tolerance
-        )
+        omega = sliding_frequency(q * along, 0.0, speed)
+        compliance = surface_compliance_unchecked(stack, q, omega, graded_solver, tolerance)
         # √C q/(M σ0): squares of its factors may leave the range of float32.
         relative = amplitude / (pressure * compliance)
         return jnp.stack(
-            [relative.real**2 + relative.imag**2, amplitude * q * along * relative.imag]
+            [relative.real**2 + relative.imag**2, -amplitude * q * along * relative.imag]
         )
 
     even, odd, fourth, eighth = (
@@ -148,7 +148,7 @@ def integrate(
     error = _error(x, friction, v[0], by_angle, product)
     share = jnp.zeros_like(q[0])
     if known is not None:
-        omega = speed * q[even, None] * cosine[even]
+        omega = sliding_frequency(q[even, None] * cosine[even], 0.0, speed)
         lost = jnp.where(is_unknown(omega, known), used[1], 0) @ weights
         share = share_of(lost / jnp.where(fine[1] == 0, 1, fine[1]), friction[0])
     return q[even], x[0], friction[0], jax.lax.stop_gradient(error), share

@@ -49,8 +49,7 @@ from ..response.kernel import stack_kernel
 from ..response.layering import Layering
 from ..response.stack import Stack
 from ..rheology.measured import coverage
-from ..roughness.cutoff import CutoffCurve
-from ..roughness.spectrum import SelfAffine
+from ..roughness.spectrum import CutoffCurve, SelfAffine
 from ..roughness.surface import Surface
 from .diffusion import Correction, area, density
 from .isotropic import LAST_COSINE, as_roughness, integrate

@@ -5,7 +5,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from ..roughness.cutoff import CutoffCurve
+from ..roughness.spectrum import CutoffCurve
 from .style import COLOURS, PAGE, few_powers_of_ten, new_figure, styled
 
 if TYPE_CHECKING:

@@ -24,7 +24,7 @@ from ..core.checks import (
     scalar,
 )
 from ..core.display import shown
-from ..rheology.tabulated import monotone_cubic
+from ..core.spline import monotone_cubic
 
 
 @shown()

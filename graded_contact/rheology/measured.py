@@ -15,11 +15,10 @@ from jaxtyping import Array, Float
 
 from ..core.checks import check_positive, is_concrete, numbers
 from ..core.display import shown
-from .shift import stretched
+from .shift import NEAR, stretched
 
 # A shifted range may miss its own ends by rounding.
 SLACK = 64
-NEAR = 1.0  # K beyond measured temperatures: two isotherms are not nearer to each other
 
 
 @runtime_checkable

@@ -16,8 +16,7 @@ import equinox as eqx
 import jax
 import jax.numpy as jnp
 import numpy as np
-from jax import Array
-from jaxtyping import Float, ScalarLike
+from jaxtyping import Array, Float, ScalarLike
 
 from ..core.checks import as_scalar, check_positive, check_values, is_concrete
 from ..core.display import shown
@@ -233,3 +232,25 @@ def rms_height_of(spectrum: SelfAffine, ndim: int) -> Array:
         return spectrum.amplitude
     ratio = _relative_moment(spectrum, 0, ndim) / _relative_moment(spectrum, 2, ndim)
     return spectrum.amplitude / spectrum.q_roll * jnp.sqrt(ratio)
+
+
+@shown()
+class CutoffCurve(eqx.Module):
+    """Friction and contact area up to each cut-off.
+
+    Whose waves count is told by what returns it: `cumulative_friction` adds up the waves of one
+    contact, `area_against_cutoff` and `mean_field_friction` leave out those of the surface.
+
+    **Fields:**
+
+    - `cutoff`: wavenumbers q [rad/m], increasing, shape `(cutoffs,)`.
+    - `friction`: force opposing the motion over the load [1], shape `(cutoffs,)`.
+    - `contact_area`: fraction of the nominal area in contact [1], shape `(cutoffs,)`; None where
+      there is one contact.
+    - `contact_area_smooth`: that with sub-pixel edges [1], shape `(cutoffs,)`; None without a grid.
+    """
+
+    cutoff: Float[Array, " cutoffs"]
+    friction: Float[Array, " cutoffs"]
+    contact_area: Float[Array, " cutoffs"] | None = None
+    contact_area_smooth: Float[Array, " cutoffs"] | None = None

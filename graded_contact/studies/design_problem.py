@@ -18,8 +18,7 @@ from ..friction.sliding import slide
 from ..persson.mean_field import MeanField
 from ..response.compliance import effective_modulus
 from ..response.stack import Stack
-from ..roughness.random_surfaces import random_surface
-from ..roughness.surface import Surface
+from ..roughness.surface import Surface, random_surface
 from .design import Constraints, Objective
 from .objectives import distance, friction_curve, loss_tangent, ripple
 from .store import Point, Store, fingerprint

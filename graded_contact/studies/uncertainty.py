@@ -22,8 +22,8 @@ from ..files.errors import Errors, moved
 from ..fitting.master import MasterCurve
 from ..fitting.result import PronyFit
 from ..rheology.material import AbstractMaterial, Prony
+from ..rheology.shift import TabulatedShift
 from ..rheology.tabulated import Tabulated
-from ..rheology.tabulated_shift import TabulatedShift
 
 
 @shown()
