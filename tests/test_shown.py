@@ -24,8 +24,9 @@ from graded_contact.studies.run_design import Candidate, DesignResults
 from graded_contact.studies.uncertainty import Estimate, Sensitivity
 
 RESULT_CLASSES = (
-    gc.Sliding, gc.ContactSolution, gc.ContactPath, gc.CutoffCurve, gc.MeanField, Statistics,
-    InteriorFields, Sensitivity, gc.Layer, gc.Elastic, gc.Prony, gc.WLF, gc.Grid, gc.Surface,
+    gc.Sliding, gc.ContactSolution, gc.contacts.ContactPath, gc.contacts.CutoffCurve,
+    gc.contacts.MeanField, Statistics, InteriorFields, Sensitivity, gc.Layer, gc.Elastic, gc.Prony,
+    gc.WLF, gc.Grid, gc.Surface,
     Fields, Candidate, Run, Stiffness, Floor, Errors, Step, gc.HardWall, gc.AdhesiveLJ,
 )  # fmt: skip
 
@@ -93,7 +94,7 @@ def test_a_stack_of_graded_layers_is_shown():
     blend = gc.Blend(gc.Elastic(1e6, 0.3), gc.Elastic(1e7, 0.3))
     stack = gc.Stack(layers=(gc.GradedLayer(blend, 1e-4),), base=gc.Rigid())
     assert "modulus [Pa]" in repr(stack)
-    assert "thickness [m]" in repr(gc.sliced(stack, num_slices=2))
+    assert "thickness [m]" in repr(gc.blocks.sliced(stack, num_slices=2))
 
 
 def test_notebooks_see_a_table_with_the_same_rows_and_their_meaning():

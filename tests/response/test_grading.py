@@ -168,7 +168,9 @@ TRACTION = np.array([0.3, 0.5j, 1.0])
 def fields_in(layer, depths=DEPTHS, graded=FAST, base="halfspace"):
     """One call of one shape for all tests of fields, so that it compiles once for each base."""
     stack = Stack(layers=(gc.Layer(GLASS, 2e-5), layer), base=BASE[base])
-    return gc.interior_fields(stack, *WAVE, TRACTION, depths, graded_solver=graded, rtol=1e-7)
+    return gc.blocks.interior_fields(
+        stack, *WAVE, TRACTION, depths, graded_solver=graded, rtol=1e-7
+    )
 
 
 @pytest.mark.slow
@@ -215,7 +217,9 @@ def test_differential_equation_keeps_the_digits_of_fields_that_have_decayed():
     """To e^-50 of those above; a mesh as fine as the decay takes is the reference."""
     stack = Stack(layers=(GradedLayer(Blend(RUBBER, HARD), 1e-4),), base=gc.Rigid())
     found, exact = (
-        gc.interior_fields(stack, 3e5, -4e5, 1e3, TRACTION, 1e-4, graded_solver=graded, rtol=1e-8)
+        gc.blocks.interior_fields(
+            stack, 3e5, -4e5, 1e3, TRACTION, 1e-4, graded_solver=graded, rtol=1e-8
+        )
         for graded in (Riccati(), Layering(num_cells=300, retry=False))
     )
     size = np.max(np.abs(exact.stress))

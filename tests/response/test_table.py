@@ -108,7 +108,7 @@ def test_kernel_of_a_dear_stack_is_that_of_single_wavevectors(stack, rtol):
 
 
 def test_kernel_table_tells_its_cost_and_error():
-    table = gc.kernel_table(LONG, GRID, SPEED)
+    table = gc.blocks.kernel_table(LONG, GRID, SPEED)
     assert table.error <= 1e-9
     assert table.num_evaluations < 129 * 102
 
@@ -145,8 +145,8 @@ def test_a_table_that_falls_short_gives_way_to_direct_evaluation(monkeypatch):
 
 def test_bad_tables_are_refused():
     with pytest.raises(ValueError, match="two dimensions"):
-        gc.kernel_table(LONG, gc.Grid(64, 1.0), SPEED)
+        gc.blocks.kernel_table(LONG, gc.Grid(64, 1.0), SPEED)
     with pytest.raises(ValueError, match="sliding along x"):
-        gc.kernel_table(LONG, GRID, [SPEED, 0.0])
+        gc.blocks.kernel_table(LONG, GRID, [SPEED, 0.0])
     with pytest.raises(ValueError, match="cannot be reached"):
         gc.stack_kernel(LONG, GRID, SPEED, rtol=1e-16)
