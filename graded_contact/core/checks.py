@@ -265,6 +265,32 @@ def check_together(**arrays: Array) -> None:
         raise ValueError(f"Incompatible shapes: {text}; they must broadcast.") from None
 
 
+def check_rows(least: int, **arrays: Array) -> None:
+    """Raises `ValueError` unless these are one-dimensional, of equal length, at least `least`."""
+    first = next(iter(arrays.values())).shape
+    if any(array.shape != first for array in arrays.values()) or not (
+        len(first) == 1 and first[0] >= least
+    ):
+        text = " and ".join(f"`{name}` {array.shape}" for name, array in arrays.items())
+        raise ValueError(
+            f"{text.replace('` ', '` has shape ', 1)}; one-dimensional arrays of equal length, at "
+            f"least {least}, are needed."
+        )
+
+
+def check_increasing(name: str, value: Array) -> None:
+    """Raises `ValueError` unless every entry of a row exceeds the one before it."""
+    if is_concrete(value):
+        entries = np.asarray(value)  # inside `jit` JAX would trace even known arrays
+        falling = np.flatnonzero(np.diff(entries) <= 0) + 1
+        if len(falling):
+            i = falling[0]
+            raise ValueError(
+                f"`{name}[{i}]={entries[i]:g}` does not exceed the entry before it: the "
+                "entries must be strictly increasing."
+            )
+
+
 def check_poisson(name: str, value: ArrayLike) -> None:
     """Raises `ValueError` unless -1 < ν <= 1/2, the range of a stable isotropic solid."""
     check_values(

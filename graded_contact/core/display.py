@@ -138,7 +138,7 @@ def _fields(value: Any, units: bool) -> Iterator[tuple[str, Any, str]]:
     declared = {} if named else {field.name: field for field in dataclasses.fields(value)}
     fields = named or declared
     names = [name for entry in value._shown_names for name in (fields if entry is ... else [entry])]
-    parts = {name: getattr(value, name) for name in names}
+    parts: dict[str, Any] = {name: getattr(value, name) for name in names}
     for name, part in parts.items():
         error = parts.get(f"{name}_error")
         if name.endswith("_error") and _is_number(parts.get(name.removesuffix("_error"))):

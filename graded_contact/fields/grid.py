@@ -236,7 +236,7 @@ def wave_frequencies(grid: Grid, velocity: Numbers) -> Float[Array, "..."]:
         jnp.where(2 * np.abs(k) == n, 0, q)
         for k, n, q in zip(mode_numbers(grid.shape), grid.shape, wavevector(grid), strict=True)
     ]
-    qx, qy = (*components, 0.0)[:2]
+    qx, qy = (*components, jnp.zeros(()))[:2]
     return sliding_frequency(qx, qy, as_float(velocity, "velocity"))
 
 

@@ -20,7 +20,7 @@ import numpy as np
 from jaxtyping import Array, Float
 from numpy.polynomial import chebyshev
 
-from ..core.checks import as_float, check_positive, is_concrete, short
+from ..core.checks import as_float, check_increasing, check_positive, is_concrete, short
 from ..fields.grid import sliding_frequency
 from ..response.compliance import surface_compliance_unchecked
 from ..response.grading import AbstractGradedSolver, graded_tolerance
@@ -70,14 +70,7 @@ def as_roughness(spectrum: object) -> Roughness:
         raise ValueError(f"`spectrum` holds C(q) at {len(q)} wavenumbers; at least 2 are needed.")
     check_positive("spectrum[0]", q, "[rad/m]")
     check_positive("spectrum[1]", c, "[m⁴]")
-    if is_concrete(q):
-        falling = np.diff(np.asarray(q)) <= 0
-        if np.any(falling):
-            i = int(np.argmax(falling)) + 1
-            raise ValueError(
-                f"`spectrum[0][{i}]={float(q[i]):g}` does not exceed the entry before it: "
-                "wavenumbers must be strictly increasing."
-            )
+    check_increasing("spectrum[0]", q)
     return Roughness(q, c)
 
 

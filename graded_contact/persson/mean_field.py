@@ -26,8 +26,6 @@ M. Scaraggi, B. N. J. Persson, arXiv:1506.06955. Signs, factors and the stack's 
 half space's are derived from complete contact.
 """
 
-from typing import get_args
-
 import equinox as eqx
 import jax.numpy as jnp
 from jaxtyping import Array, Float
@@ -35,12 +33,11 @@ from jaxtyping import Array, Float
 from ..core.checks import (
     Numbers,
     as_float,
+    as_scalar,
     check_positive,
-    check_shape,
     check_tolerance,
     check_types,
     check_values,
-    short,
 )
 from ..core.display import shown
 from ..fields.grid import as_velocity, direction_and_speed
@@ -138,12 +135,7 @@ def mean_field_friction(
 
     **Raises:** `ValueError` for a refused argument; `RuntimeError` if `rtol` is not reached.
     """
-    if not isinstance(stack, Stack):
-        raise ValueError(f"`stack={short(stack)}` must be a `Stack(layers=..., base=...)`.")
-    if correction not in get_args(Correction):
-        raise ValueError(f"`correction={correction!r}` must be one of {get_args(Correction)}.")
-    pressure, velocity = as_float(pressure, "pressure"), as_velocity(velocity)
-    check_shape("pressure", pressure, ())
+    pressure, velocity = as_scalar(pressure, "pressure"), as_velocity(velocity)
     check_positive("pressure", pressure, "[Pa]")
     check_tolerance("rtol", rtol, pressure)
     # On input the value is unknown if the pressure is traced.

@@ -33,6 +33,7 @@ from ..core.checks import (
     Numbers,
     as_float,
     as_numbers,
+    as_scalar,
     check_shape,
     check_types,
     check_values,
@@ -128,7 +129,6 @@ def interior_fields(
         raise ValueError(f"`traction` has shape {traction.shape}; its last axis must be (x, y, z).")
     for part in (traction.real, traction.imag):
         check_values("traction", part, "a traction [Pa] must be finite")
-    _check_side(side)
     depth = _inside(stack, depth)
     rtol = graded_tolerance(graded_solver, rtol, qx)
     return _interior_fields(stack, qx, qy, omega, traction, depth, side, graded_solver, rtol)
@@ -163,13 +163,11 @@ def stress_field(
     displacement, which belongs to the mean gap, is left out. Nyquist lines are treated as in
     `stack_kernel`, with which the surface's displacement agrees.
     """
-    pressure, depth = as_float(pressure, "pressure"), as_float(depth, "depth")
+    pressure, depth = as_float(pressure, "pressure"), as_scalar(depth, "depth")
     velocity = as_velocity(velocity, grid)
     check_shape("pressure", pressure, grid.shape)
     check_values("pressure", pressure, "a pressure [Pa] must be finite")
-    check_shape("depth", depth, ())
     check_profiles(stack, kernel_frequencies(grid, velocity))
-    _check_side(side)
     depth = _inside(stack, depth)
     rtol = graded_tolerance(graded_solver, rtol, pressure)
     return _stress_field(stack, grid, pressure, depth, velocity, side, graded_solver, rtol)
@@ -195,11 +193,6 @@ def von_mises(stress: Numbers) -> Float[Array, "*w"]:
     squared = 1.5 * jnp.sum((deviator / size) ** 2, axis=(-2, -1))
     none = squared == 0
     return jnp.where(none, 0, jnp.sqrt(jnp.where(none, 1, squared))) * size
-
-
-def _check_side(side: str) -> None:
-    if side not in ("above", "below"):
-        raise ValueError(f"`side={side!r}` must be 'above' or 'below'.")
 
 
 def _inside(stack: Stack, depth: Array) -> Array:

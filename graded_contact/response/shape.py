@@ -17,6 +17,7 @@ from jaxtyping import Array, Float
 from ..core.checks import (
     as_float,
     check_positive,
+    check_rows,
     check_values,
     instance,
     is_concrete,
@@ -153,15 +154,7 @@ class Table(AbstractShape):
     values: Float[Array, " points"] = eqx.field(converter=numbers("values"))
 
     def __check_init__(self):
-        if (
-            self.heights.ndim != 1
-            or len(self.heights) < 2
-            or (self.heights.shape != self.values.shape)
-        ):
-            raise ValueError(
-                f"`heights` has shape {self.heights.shape} and `values` {self.values.shape}; two "
-                "one-dimensional arrays of equal length, at least 2, are needed."
-            )
+        check_rows(2, heights=self.heights, values=self.values)
         check_values("values", self.values, "the values of a profile must be finite")
         if is_concrete(self.heights):
             h = np.asarray(self.heights)

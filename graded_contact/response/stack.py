@@ -79,8 +79,6 @@ class GradedLayer(eqx.Module):
 
 
 def _check_thickness(thickness: Array) -> None:
-    if thickness.shape != ():
-        raise ValueError(f"`thickness` has shape {thickness.shape}; one length is needed.")
     check_values(
         "thickness", thickness, "a thickness [m] is zero (no layer) or positive", at_least=0
     )

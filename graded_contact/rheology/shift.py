@@ -16,7 +16,9 @@ from jaxtyping import Array, Float, ScalarLike
 from ..core.checks import (
     as_float,
     as_scalar,
+    check_increasing,
     check_positive,
+    check_rows,
     check_values,
     is_concrete,
     numbers,
@@ -194,30 +196,14 @@ class TabulatedShift(AbstractShift):
     )
 
     def __check_init__(self):
-        for name in ("log10_factors", "vertical_factors"):
-            value = getattr(self, name)
-            if value is not None and (
-                self.temperatures.ndim != 1
-                or value.shape != self.temperatures.shape
-                or len(self.temperatures) < 2
-            ):
-                raise ValueError(
-                    f"`temperatures` has shape {self.temperatures.shape} and `{name}` "
-                    f"{value.shape}; two one-dimensional arrays of equal length, at least 2, are "
-                    "needed."
-                )
+        rows = {"temperatures": self.temperatures, "log10_factors": self.log10_factors}
+        if self.vertical_factors is not None:
+            rows["vertical_factors"] = self.vertical_factors
+            check_positive("vertical_factors", self.vertical_factors, "[1]")
+        check_rows(2, **rows)
         check_positive("temperatures", self.temperatures, "[K]")
         check_values("log10_factors", self.log10_factors, "finite numbers")
-        if self.vertical_factors is not None:
-            check_positive("vertical_factors", self.vertical_factors, "[1]")
-        if is_concrete(self.temperatures):
-            steps = np.diff(np.asarray(self.temperatures))
-            if np.any(steps <= 0):
-                i = int(np.argmax(steps <= 0)) + 1
-                raise ValueError(
-                    f"`temperatures[{i}]={float(self.temperatures[i]):g}` does not exceed the "
-                    "entry before it: sort the table first."
-                )
+        check_increasing("temperatures", self.temperatures)
         self._check_covered("reference", self.reference)
 
     def log_factor(self, temperature: ScalarLike) -> Float[Array, ""]:

@@ -13,8 +13,10 @@ from ..core.checks import (
     as_float,
     as_numbers,
     as_scalar,
+    check_increasing,
     check_poisson,
     check_positive,
+    check_rows,
     check_type,
     is_concrete,
 )
@@ -65,23 +67,12 @@ class Tabulated(AbstractMaterial):
         self.poisson = as_scalar(poisson, "poisson")
         self.shift = shift
         self.extrapolate = extrapolate
-        if self.omega.ndim != 1 or len(self.omega) < 2 or complex_modulus.shape != self.omega.shape:
-            raise ValueError(
-                f"`omega` has shape {self.omega.shape} and `modulus` {complex_modulus.shape}; "
-                "two one-dimensional arrays of equal length, at least 2, are needed."
-            )
+        check_rows(2, omega=self.omega, modulus=complex_modulus)
         check_positive("omega", self.omega, "[rad/s]")
         check_positive("modulus.real", self.storage, "[Pa]")
         check_positive("modulus.imag", self.loss, "[Pa] (the loss modulus)")
         check_poisson("poisson", self.poisson)
-        if is_concrete(self.omega):
-            steps = np.diff(np.asarray(self.omega))
-            if np.any(steps <= 0):
-                i = int(np.argmax(steps <= 0)) + 1
-                raise ValueError(
-                    f"`omega[{i}]={float(self.omega[i]):g}` does not exceed the entry before it: "
-                    "frequencies must be strictly increasing (sort the table first)."
-                )
+        check_increasing("omega", self.omega)
         check_type("extrapolate", extrapolate, "refuse", "plateau")
         check_type("shift", shift, AbstractShift, type(None))
 

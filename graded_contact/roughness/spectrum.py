@@ -18,7 +18,7 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float, ScalarLike
 
-from ..core.checks import as_scalar, check_positive, check_values, is_concrete
+from ..core.checks import as_scalar, check_positive, check_type, check_values, is_concrete
 from ..core.display import shown
 
 UNITS = {"rms_height": "[m]", "rms_slope": "[1]"}
@@ -66,8 +66,7 @@ class SelfAffine(eqx.Module):
         roll_off: Literal["sharp", "smooth"] = "sharp",
     ):
         """Prescribes either `rms_height` [m] or `rms_slope` [1] (of the gradient's length)."""
-        if roll_off not in ("sharp", "smooth"):
-            raise ValueError(f"`roll_off={roll_off!r}` must be 'sharp' or 'smooth'.")
+        check_type("roll_off", roll_off, "sharp", "smooth")
         self.roll_off = roll_off
         self.prescribed, self.amplitude = one_of_height_and_slope(rms_height, rms_slope)
         self.hurst = as_scalar(hurst, "hurst")

@@ -6,7 +6,7 @@ trigonometric interpolant, and a component at its Nyquist number has none (see `
 """
 
 from functools import partial
-from typing import NamedTuple
+from typing import Literal, NamedTuple
 
 import equinox as eqx
 import jax
@@ -145,7 +145,7 @@ def random_surface(
     grid: Grid,
     key: PRNGKeyArray,
     *,
-    amplitudes: str = "exact",
+    amplitudes: Literal["exact", "gaussian"] = "exact",
 ) -> Surface:
     """Returns a random surface (on a 1-D grid, a profile) with the given spectrum and zero mean.
 
@@ -165,7 +165,6 @@ def random_surface(
 
     **Returns:** the surface; differentiable in `spectrum`, usable under `vmap` over keys.
     """
-    check_type("amplitudes", amplitudes, "exact", "gaussian")
     if not isinstance(key, jax.Array | np.ndarray) or key.dtype in (np.float32, np.float64):
         seed = key if isinstance(key, int) else 0
         raise ValueError(f"`key={short(key)}` must be a random key: `jax.random.key({seed})`.")

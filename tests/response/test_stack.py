@@ -12,23 +12,6 @@ def test_negative_thickness_is_refused():
         gc.Layer(STEEL, -1e-6)
 
 
-def test_nan_thickness_is_refused():
-    with pytest.raises(ValueError, match="`thickness=nan`"):
-        gc.Layer(STEEL, np.nan)
-
-
-def test_thickness_of_two_values_is_refused():
-    with pytest.raises(ValueError, match=r"`thickness` has shape \(2,\)"):
-        gc.Layer(STEEL, [1e-6, 2e-6])
-
-
-def test_a_number_is_no_material():
-    with pytest.raises(ValueError, match=r"`material=2\.0` must be a material"):
-        gc.Layer(2.0, 1e-6)
-    with pytest.raises(ValueError, match=r"`material=2\.0` must be a material"):
-        gc.HalfSpace(2.0)
-
-
 @pytest.mark.parametrize("base", [gc.Free(), gc.Rigid()])
 def test_empty_stack_is_refused_without_a_half_space(base):
     with pytest.raises(ValueError, match=r"`layers` is empty on a .* base"):

@@ -41,12 +41,6 @@ def test_table_meets_its_tolerance_and_knows_its_error(tolerance):
     assert np.all(table.num_nodes >= 4)
 
 
-@pytest.mark.slow
-def test_looser_tables_are_smaller():
-    nodes = [int(np.prod(table_of(0.05, tolerance).num_nodes)) for tolerance in (1e-4, 1e-8)]
-    assert nodes[0] < nodes[1]
-
-
 def test_table_of_what_it_cannot_resolve_says_so():
     rough = lambda kx, ky: jnp.sin(5 * kx) + ky  # noqa: E731
     table = tabulate(rough, rough, HIGHEST, 1e-6, np.dtype(float))
