@@ -92,7 +92,7 @@ def free_slab_compliance(
 ) -> Values:
     """Returns M_zz [m/Pa] of a slab whose lower face is free.
 
-    With x = q d, relative to a half space, m = (sinh x cosh x + x)/(sinh² x - x²), whatever ν;
+    With x = q d, relative to a half space, m = (sinh x cosh x + x)/(sinh² x - x²), for any ν;
     a thin slab bends as a plate, M_zz = 12/(E_r d³ q⁴). Scaraggi & Comingio (on.air.fixedni)
     with its leading 1 corrected to tanh x.
 

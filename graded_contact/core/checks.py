@@ -48,7 +48,7 @@ def as_float(value: Any, name: str = "value") -> Float[Array, "..."]:
 
 def as_numbers(value: Any, name: str) -> Inexact[Array, "..."]:
     """Returns `value`, real or complex, as `as_float` does."""
-    wanted = "a number or a (rectangular) array of numbers is needed"
+    needed = "a number or a (rectangular) array of numbers is needed"
     if isinstance(value, Array) and jnp.issubdtype(value.dtype, jnp.inexact):
         return value.astype(value.dtype) if value.weak_type else value
     try:
@@ -59,9 +59,9 @@ def as_numbers(value: Any, name: str) -> Inexact[Array, "..."]:
         except OverflowError:  # a whole number beyond 64 bits
             array = jnp.asarray(np.asarray(value, float))
     except (TypeError, ValueError, OverflowError):
-        raise ValueError(f"`{name}={short(value)}` is refused: {wanted}.") from None
+        raise ValueError(f"`{name}={short(value)}` is refused: {needed}.") from None
     if not (jnp.issubdtype(array.dtype, jnp.number) or array.dtype == bool):
-        raise ValueError(f"`{name}` holds {array.dtype} and is refused: {wanted}.")
+        raise ValueError(f"`{name}` holds {array.dtype} and is refused: {needed}.")
     dtype = array.dtype if jnp.issubdtype(array.dtype, jnp.inexact) else jnp.result_type(float)
     return jnp.asarray(array, dtype=dtype)
 
@@ -169,7 +169,7 @@ def _is_of(value: Any, kind: Any) -> bool:
 
 
 def _plain(annotation: Any) -> tuple[Any, ...]:
-    """The classes and literals that an annotation names; none if it says more than that."""
+    """The classes and literals that an annotation names; none for other annotations."""
     origin = get_origin(annotation)
     if origin is Literal:
         return get_args(annotation)

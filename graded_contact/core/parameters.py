@@ -1,6 +1,6 @@
 """Numbers inside a stack, or any other module, by their path: "layers[0].thickness".
 
-A path names what the constructor's arguments name. A field that must be called otherwise says so:
+A path names what the constructor's arguments name. A field with another name has metadata:
 `eqx.field(metadata={"argument": "modulus"})`.
 """
 
@@ -25,7 +25,7 @@ def paths(tree: object) -> dict[str, jax.Array]:
 
     **Arguments:**
 
-    - `tree`: a `Stack`, say.
+    - `tree`: for example a `Stack`.
 
     **Returns:** arrays by path.
     """
@@ -44,7 +44,7 @@ def with_values(tree: T, values: Mapping[str, Numbers]) -> T:
 
     **Arguments:**
 
-    - `tree`: a `Stack`, say.
+    - `tree`: for example a `Stack`.
     - `values`: by path, see `paths`.
 
     **Returns:** the tree, checked as its constructors do.
@@ -81,7 +81,7 @@ def with_values(tree: T, values: Mapping[str, Numbers]) -> T:
 
 
 def places(tree: object, part: object) -> list[str]:
-    """Returns the paths at which `tree` holds this very object, "base.material" say."""
+    """Returns the paths of this very object in `tree`, such as "base.material"."""
     found = jax.tree_util.tree_leaves_with_path(tree, is_leaf=lambda node: node is part)
     return [_name(tree, path) for path, node in found if node is part]
 

@@ -1,7 +1,7 @@
 """The mean field of an isotropic spectrum, by quadrature over wavenumber and angle.
 
 In log q it is Clenshaw and Curtis's rule on every smooth piece of the spectrum. For the angle φ
-between q and the velocity, cos φ = sech u turns a relaxation at whatever q v τ into poles at the
+between q and the velocity, cos φ = sech u turns a relaxation at any q v τ into poles at the
 distance π/2 from the real line of u, where the trapezoidal rule converges as exp(-π²/h); u =
 3 sinh s then makes the integrand decay doubly exponentially.
 
@@ -29,7 +29,7 @@ from ..rheology.measured import is_unknown
 from ..roughness.spectrum import SelfAffine
 from .diffusion import Correction, area, mean_square_growth, slowed
 
-# The last angle, nearly across the velocity, stands for those beyond it.
+# The last angle, nearly across the velocity, represents those beyond it.
 LAST_COSINE = 1 / np.cosh(15.0)
 _STRETCH = 3.0
 SAFETY = 2.0  # of the change by twice the nodes

@@ -18,8 +18,8 @@ have, the share A is there. Friction is what this pressure dissipates,
     dμ = A C q dq ∫dφ q cos φ Im(1/M)/σ0  =  ½ A C q³ dq ∫dφ cos φ Im E_eff(q, q v cos φ)/σ0,
 
 which at A = 1 is the exact friction of complete contact. A correction slows the diffusion, dV' =
-S dV: V' stands for V in the area, A S for A in the friction. (Programs that have S in the friction
-alone keep the uncorrected area; here one diffusion gives both.)
+S dV: V' replaces V in the area, A S replaces A in the friction. (Programs that have S in the
+friction alone keep the uncorrected area; here one diffusion gives both.)
 
 Sources: B. N. J. Persson, J. Chem. Phys. 115 (2001) 3840, doi:10.1063/1.1388626; layered solids:
 M. Scaraggi, B. N. J. Persson, arXiv:1506.06955. Signs, factors and the stack's M in place of the
@@ -119,7 +119,7 @@ def mean_field_friction(
     - `spectrum`: isotropic roughness, as a `SelfAffine` or as a pair `(q, C)` of wavenumbers
       [rad/m] and C(q) [m⁴], shape `(points,)`, a power law between neighbours (`radial_spectrum`
       of a surface gives such a pair; rings without modes, where C is NaN, are left out); or a
-      `Surface`, whose modes are summed as they are, isotropic or not.
+      `Surface`, whose modes are summed, isotropic or not.
     - `pressure`: mean pressure σ0 [Pa].
     - `velocity`: of the surface over the block [m/s]: a number (along x) or `(vx, vy)`.
     - `correction`: how partial contact slows the diffusion: `"none"` (Persson 2001),

@@ -207,7 +207,7 @@ def compliance_of(
 ) -> Inexact[Array, "*w"]:
     """Returns M_zz [m/Pa] of a `prepared` stack at `q` and `omega` of equal rank.
 
-    An `attempt` at a graded stack is quick, and returns what it found whatever its error. Without
+    An `attempt` at a graded stack is quick, and returns its result for any error. Without
     `throw` a tolerance that is not reached leaves NaN.
     """
     if isinstance(stack, ManyLayers):

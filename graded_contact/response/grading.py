@@ -111,7 +111,7 @@ def column_of(stack: Stack, q: Float[Array, "..."], omega: Float[Array, "..."]) 
 
 
 def column(thickness, moduli, base, q, others=()) -> Column:
-    """Returns a column of layers with these moduli, (E, ν) [Pa, 1]; None stands for graded ones.
+    """Returns a column of layers with these moduli, (E, ν) [Pa, 1]; None for graded ones.
 
     `others` are moduli [Pa] that occur besides.
     """
@@ -150,7 +150,7 @@ def climb_through(
 
     - `face`: at the base, or for a `rule` that goes downwards at the surface.
     - `parts`: what is there of the thickness of each homogeneous layer [m].
-    - `cuts`: likewise where a graded layer is cut.
+    - `cuts`: where each graded layer is cut.
     """
     down = rule.half_space is None
     start = 0
@@ -241,7 +241,7 @@ class AbstractGradedSolver(eqx.Module):
         - `measure`: the error [1] that `differences` of these `values` are.
         - `stack`, `q`, `omega`: what it climbs through; wavenumbers [rad/m] and frequencies [rad/s]
           of equal rank.
-        - `rtol`: the error to aim at.
+        - `rtol`: the target error.
         """
 
 

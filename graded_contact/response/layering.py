@@ -1,14 +1,14 @@
 """Graded layers as homogeneous ones that have their moduli at middle heights, extrapolated.
 
 On a mesh adapted to the profile and to each wavenumber every cell is cut n-fold. The error is even
-in 1/n within every cell of the mesh, whatever the mesh, so that extrapolation in 1/n²
+in 1/n within every cell of any mesh, so that extrapolation in 1/n²
 (Richardson, Phil. Trans. R. Soc. A 226 (1927) 299, doi:10.1098/rsta.1927.0008) over n = 1, 2, 3, 4,
 6, 8 gives order 12. The layers themselves are exact (`slab`), passive, and need no derivative of
 the profile.
 
 Cells are few where nothing changes or nothing is seen. A surface wave of wavenumber q forgets what
 lies deeper than a few 1/q: with x = q × depth, the
-answer changes by less than 2 (1 + 2x)² e^-2x whatever is there. A layer thicker than `WINDOW`/q
+answer changes by less than 2 (1 + 2x)² e^-2x by anything there. A layer thicker than `WINDOW`/q
 is therefore entered at that depth, from the half space that matches the profile there. Above,
 cells share a density that counts the changes of ln E and ν and the decay lengths of the wave,
 less with depth.
@@ -155,7 +155,7 @@ def _mass(profile, x, s, omega):
 
 
 def _representative(omega):
-    """A few frequencies that span those asked for."""
+    """A few frequencies that span the given ones."""
     size = jnp.abs(omega).ravel()
     if size.size <= _FREQUENCIES:
         return size

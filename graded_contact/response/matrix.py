@@ -15,7 +15,7 @@ The antiplane part (shear waves with displacement along e_T) obeys the scalar fo
 recursion of `slab`, with transmission 1/cosh(q d) and both factors tanh(q d), in units of
 1/(μ q), μ the shear modulus.
 
-What lies below a face is held as homogeneous coordinates (n, c11, c12, c22, det)/n, so that a
+What lies below a face is stored as homogeneous coordinates (n, c11, c12, c22, det)/n, so that a
 clamped (n > 0 alone) and a free face (det > 0 alone) are ordinary starting points and layers may
 have no thickness. Of thin layers on a rigid base, and of a free sheet with ν = 1/2, c11 and c_T
 agree to the last digit, and C_xy is their difference: it is carried along as one more coordinate,

@@ -3,7 +3,7 @@
 A profile is a module called with heights s [1] (0 at the layer's bottom, 1 at its top) and
 angular frequencies ω [rad/s] that broadcast against each other; it returns Young's modulus
 E [Pa] and Poisson's ratio [1], entry by entry, each of a shape that broadcasts to theirs. Where
-a derivative of it jumps, it may say so in an attribute `breaks` (heights strictly between 0 and
+a derivative of it jumps, it may have an attribute `breaks` (heights strictly between 0 and
 1): the layer is then cut there, and convergence is as fast as without. E and ν themselves must
 be continuous; a jump is a boundary between two layers.
 
@@ -53,7 +53,7 @@ class Blend(AbstractProfile):
 
     If `mixing` is "linear", E = (1 - φ) E_bottom + φ E_top and ν = (1 - φ) ν_bottom + φ ν_top, also
     beyond φ = 1: the paper's E = E₀ (1 + s + sin 2πs) is `Blend(Elastic(E0), Elastic(2*E0),
-    Sinusoidal())`. If it is "logarithmic", E = E_bottom^(1-φ) E_top^φ, which is positive whatever φ
+    Sinusoidal())`. If it is "logarithmic", E = E_bottom^(1-φ) E_top^φ, which is positive for any φ
     is, and ν is as above for a shape that never leaves [0, 1] (`Linear`, `Exponential`, `PowerLaw`,
     `ErrorFunction`); for any other it is the average with weights (1 - φ)² and φ², which stays
     between the two.

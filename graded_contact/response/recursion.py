@@ -6,7 +6,7 @@ its lower face; v_0 is the traction on the base. Then, with Q, G, P of `slab` an
 
     M_zz = Φ = Σ_i [v_iᵀ Q_i v_i + 2 v_iᵀ P_i w_i - w_iᵀ G_i w_i] + v_0ᵀ c_0 v_0,
 
-and a change of any property changes M_zz by what it changes in Φ with all v and w held: the
+and a change of any property changes M_zz by what it changes in Φ with all v and w fixed: the
 derivative is a sum over layers, without a chain through the recursion. It costs a second sweep,
 downwards, for v and w; differentiating the recursion itself costs some hundred evaluations.
 """
@@ -211,7 +211,7 @@ def _layer_change(q, d_q, layer, d_layer, fields, potential):
 
 
 def _change_by_poisson(potential, properties, d_e):
-    """What e = 1 - 2ν changes in a potential(e) over E_r, where v and w are held."""
+    """What e = 1 - 2ν changes in a potential(e) over E_r, where v and w are fixed."""
     if isinstance(d_e, SymbolicZero):
         return 0
     reduced, e = properties
@@ -220,7 +220,7 @@ def _change_by_poisson(potential, properties, d_e):
 
 
 def _layer_potential(e, x, v, w):
-    """vᵀQv + 2vᵀPw - wᵀGw of one layer, for v and w that are held."""
+    """vᵀQv + 2vᵀPw - wᵀGw of one layer, for fixed v and w."""
     s = factors(x, e)
     across = v[0] * (s.p11 * w[0] + s.p12 * w[1]) + v[1] * (s.p21 * w[0] + s.p22 * w[1])
     return _form(s.q11, s.q12, s.q22, v) + 2 * across - _form(s.g11, s.g12, s.g22, w)

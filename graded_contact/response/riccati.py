@@ -101,7 +101,7 @@ class Riccati(AbstractGradedSolver):
 
     The tolerance of a step is `rtol`/30; the error is estimated by a second integration with
     one ten times larger. `benchmarks/bench_grading.py` sets it beside `Layering`, which shares
-    nothing with it but a rough solution that tells the sizes: it is slower for an equal error.
+    nothing with it but a rough solution for the sizes: it is slower for an equal error.
 
     **Fields:**
 
@@ -277,7 +277,7 @@ class _Wave(NamedTuple):
 def _in_both_modes(forward, backward, given):
     """Returns `backward(given)`, with derivatives by either in the mode that it has.
 
-    The map of tangents is linear, and JAX is told its transpose as that of the solution of a linear
+    The map of tangents is linear, and JAX gets its transpose as that of the solution of a linear
     system: (b, 0) -> (0, L b), transposed (0, c) -> (Lᵀ c, 0).
     """
     given, rest = eqx.partition(given, eqx.is_inexact_array)

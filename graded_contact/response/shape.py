@@ -1,6 +1,6 @@
 """How a quantity varies with height in a graded layer: shapes φ(s), s from 0 (bottom) to 1 (top).
 
-Where a derivative of a shape jumps, it may say so in an attribute `breaks`: heights strictly
+Where a derivative of a shape jumps, it may have an attribute `breaks`: heights strictly
 between 0 and 1. The layer is then cut there, and convergence is as fast as without.
 """
 
@@ -174,5 +174,5 @@ class Table(AbstractShape):
 
 
 def breaks_of(profile: Any) -> Float[Array, " inner"]:
-    """Returns the heights at which a profile or shape says that it is not smooth."""
+    """Returns the heights at which a profile or shape is not smooth, by its attribute `breaks`."""
     return as_float(getattr(profile, "breaks", np.zeros(0)))

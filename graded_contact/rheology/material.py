@@ -180,7 +180,7 @@ class Prony(AbstractMaterial):
         omega = as_float(omega, "omega")
         x = omega[..., None] * self.times
         # x²/(1 + x²) and x/(1 + x²), in forms that neither overflow nor cancel and are even and
-        # odd as they stand: split into size and sign, they would have no derivative at rest.
+        # odd: split into size and sign, they would have no derivative at rest.
         small = jnp.abs(x) <= 1
         y = jnp.where(small, x, 1 / jnp.where(small, 1, x))
         loss = y / (1 + y * y)
@@ -250,7 +250,7 @@ class BulkShear(AbstractMaterial):
 
     - `bulk`: material whose `modulus` is read as K(ω) [Pa], not as Young's modulus; its own
       Poisson's ratio is ignored.
-    - `shear`: likewise for G(ω) [Pa].
+    - `shear`: the same for G(ω) [Pa].
     """
 
     bulk: AbstractMaterial = eqx.field(converter=_part_called("bulk"))

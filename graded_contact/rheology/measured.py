@@ -1,7 +1,7 @@
 """Where a material was measured, and what lies outside.
 
 A fitted series has a modulus at every frequency, but only where there were data is it more than an
-extrapolation. Whatever is limited says so by two methods, `coverage()` and `check(omega)`; the
+extrapolation. A limited material has two methods, `coverage()` and `check(omega)`; the
 functions below find all that is limited in a material, profile or stack.
 """
 

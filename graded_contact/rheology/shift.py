@@ -175,7 +175,7 @@ class TabulatedShift(AbstractShift):
     """Shifts at some temperatures, interpolated between them.
 
     ln a_T and ln b_T are monotone cubics in 1/T, in which Arrhenius' law is a straight line. More
-    than 1 K outside the table a temperature is refused: shifts that follow no law say nothing
+    than 1 K outside the table a temperature is refused: shifts that follow no law are unknown
     there.
 
     **Fields:**

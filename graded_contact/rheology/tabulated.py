@@ -27,7 +27,7 @@ from .shift import AbstractShift, as_temperature, require_shift, stretched
 
 
 class Tabulated(AbstractMaterial):
-    """A measured modulus used as it stands, by monotone interpolation of its logarithms.
+    """A measured modulus without a fit, by monotone interpolation of its logarithms.
 
     E' and E'' are interpolated by Fritsch-Carlson cubics in log ω. At rest (ω = 0 exactly) the
     modulus is the first E'. Other frequencies outside the table raise an error, unless

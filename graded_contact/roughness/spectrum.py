@@ -147,8 +147,8 @@ def check_square(name: str, value: Array, logarithms: Sequence[float] = (0.0,)) 
     ends = np.log(float(kind.tiny)) - min(logarithms), np.log(float(kind.max)) - max(logarithms)
     least, most = np.exp(np.array(ends) / 2)
     allowed = (
-        f"it must be from {least:.2g} to {most:.2g} {UNITS[name]}, lest its square or the density "
-        f"of its spectrum leave the range of {value.dtype}"
+        f"it must be from {least:.2g} to {most:.2g} {UNITS[name]}, otherwise its square or the "
+        f"density of its spectrum leaves the range of {value.dtype}"
     )
     check_values(name, value, allowed, at_least=least, at_most=most)
 
@@ -237,7 +237,7 @@ def rms_height_of(spectrum: SelfAffine, ndim: int) -> Array:
 class CutoffCurve(eqx.Module):
     """Friction and contact area up to each cut-off.
 
-    Whose waves count is told by what returns it: `cumulative_friction` adds up the waves of one
+    Which waves count depends on the function: `cumulative_friction` adds up the waves of one
     contact, `area_against_cutoff` and `mean_field_friction` leave out those of the surface.
 
     **Fields:**

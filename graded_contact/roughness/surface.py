@@ -80,7 +80,7 @@ class Surface(eqx.Module):
     - `grid`: the periodic cell.
     - `history`: what was done to the heights, one sentence each. Static.
     - `measured`: how much of each height was measured [1], shape `grid.shape`: 1 as measured, 0
-      invented to fill a hole, the factor of the window where tapered; None: nothing to tell apart.
+      invented to fill a hole, the factor of the window where tapered; None: all alike.
     - `steps`: the roughness after every step of reading. Static.
     """
 
@@ -111,7 +111,7 @@ class Surface(eqx.Module):
 
     @property
     def caveats(self) -> tuple[str, ...]:
-        """What makes contact on this surface doubtful, one sentence each."""
+        """Warnings about contact on this surface, one sentence each."""
         return caveats_of_steps(self.steps, np.asarray(self.grid.size).tolist())
 
 
@@ -233,7 +233,7 @@ def _mode_bits(key: Array, shape: tuple[int, ...]) -> tuple[Array, Array, Array]
     across = jax.vmap(words, (None, 0))
     bits = jax.vmap(across, (0, None))(rows.ravel(), columns.ravel())
     bits = bits.reshape(*np.broadcast_shapes(*(k.shape for k in numbers)), 2)
-    # Combined by XLA, lest a constant as large as the grid be compiled in.
+    # Combined by XLA: otherwise a constant as large as the grid would be compiled in.
     mirrored = jnp.asarray(rows < 0) & jnp.asarray(columns == 0)
     sign = jnp.where(mirrored, -1, 1) if len(shape) == 2 else jnp.ones(1, int)
     return bits[..., 0], bits[..., 1], sign
@@ -439,7 +439,7 @@ def _changed(
     sentence: str,
     measured: Array | None,
 ) -> Surface:
-    """The surface after a step, told in its history and, where steps are recorded, in these."""
+    """The surface after a step, which its history and its steps (if recorded) get too."""
     steps = surface.steps
     if steps and is_concrete(heights):
         steps = (*steps, step(name, np.asarray(heights), np.asarray(grid.spacing)))
