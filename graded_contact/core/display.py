@@ -140,7 +140,7 @@ def _fields(value: Any, units: bool) -> Iterator[tuple[str, Any, str]]:
     names = [name for entry in value._shown_names for name in (fields if entry is ... else [entry])]
     parts: dict[str, Any] = {name: getattr(value, name) for name in names}
     for name, part in parts.items():
-        error = parts.get(f"{name}_error")
+        error: Any = parts.get(f"{name}_error")
         if name.endswith("_error") and _is_number(parts.get(name.removesuffix("_error"))):
             continue
         if name in declared:  # paths have the names of arguments, see `parameters`
