@@ -2,7 +2,7 @@
 
     python benchmarks/bench_response.py hard         errors on 20,000 random stacks
     python benchmarks/bench_response.py derivatives  errors of derivatives, signs in float32
-    python benchmarks/bench_response.py speed        kernels in FFT pairs (`--large`: N = 8192)
+    python benchmarks/bench_response.py speed        kernels in FFT pairs
     python benchmarks/bench_response.py gradient     cost of a gradient in evaluations
 
 Errors are against mpmath at 100 digits, on the same doubles (`exact_stacks.py`); beside the package
@@ -35,7 +35,7 @@ from exact_stacks import (
     exact_value,
     random_stacks,
 )
-from kernel_costs import BODIES, gradient, memory, speed
+from kernel_costs import BODIES, gradient, speed
 from paper_recursion import paper_compliance
 from rows import keep
 
@@ -154,9 +154,6 @@ def hard(options):
                 "no digit there": float(useless),
             },
         )
-    print("\nthe worst of the package (condition: Σ |p ∂M/∂p|/|M| over q, all d and all E):")
-    for i in np.argsort(-ours)[: options.show]:
-        describe(labels[0][i], cases[i], ours[i])
     above = np.sum(~(ours <= 1e-14))
     print(f"\ngoal: worst <= 1e-14 | reached: {np.max(ours):.1e}; {above} of {len(ours)} above it")
 
@@ -190,23 +187,6 @@ def stored_cases(path):
 def _array(values):
     array = np.array(values, complex)
     return array if array.imag.any() else array.real
-
-
-def describe(base, case, error):
-    """Prints a stack, its error and how strongly relative changes of its properties are felt."""
-    q, layers, below = case
-    group = (q, *map(np.array, zip(*layers, strict=True)))
-    group += below if base == "half space" else (1.0, 0.0)
-    value, pull = jax.vjp(partial(compliance, base), *map(jnp.asarray, group))
-    slopes = pull(jnp.ones_like(value))
-    condition = sum(jnp.sum(jnp.abs(p * s)) for p, s in zip(group[:3], slopes[:3], strict=True))
-    parts = ", ".join(f"({q * d:.3g}, {e:.3g}, {nu:.15g})" for d, e, nu in layers[:4])
-    more = ", ..." if len(layers) > 4 else ""
-    on = f"half space ({below[0]:.3g}, {below[1]:.15g})" if base == "half space" else base
-    print(
-        f"  {error:.1e} (condition {condition / abs(value):.2g}), {len(layers)} layers "
-        f"(q d, E, ν): {parts}{more} on {on}"
-    )
 
 
 # derivatives --------------------------------------------------------------------------------
@@ -476,7 +456,6 @@ def main():
     part.add_argument("--count", type=int, default=20000)
     part.add_argument("--seed", type=int, default=0)
     part.add_argument("--processes", type=int, default=2)
-    part.add_argument("--show", type=int, default=5, help="how many of the worst to describe")
     part.add_argument(
         "--stored", type=pathlib.Path, default=ROOT / "tests" / "data" / "compliance_cases.json"
     )
@@ -489,16 +468,11 @@ def main():
     part.add_argument("--bodies", nargs="+", default=list(BODIES), choices=list(BODIES))
     part.add_argument("--repeat", type=int, default=5)
     part.add_argument("--points", type=int, default=4000)
-    part.add_argument("--numpy-up-to", type=int, default=2048, help="largest N for NumPy")
-    part.add_argument("--numpy-rows", type=int, default=32, help="rows on which NumPy is timed")
-    part.add_argument("--large", action="store_true", help="memory of the kernel at N = 8192")
     part = section(gradient, help="cost of a gradient")
     part.add_argument("--sizes", type=int, nargs="+", default=[2048])
     part.add_argument("--repeat", type=int, default=5)
-    section(memory).add_argument("--size", type=int, default=8192)
     options = parser.parse_args()
-    if options.run is not memory:
-        print_versions()
+    print_versions()
     options.run(options)
 
 

@@ -3,17 +3,13 @@
 Run by `bench_response.py`.
 """
 
-import resource
 import statistics
-import subprocess
-import sys
 import time
 from functools import partial
 
 import jax
 import jax.numpy as jnp
 import numpy as np
-from paper_recursion import paper_compliance
 from rows import keep
 
 import graded_contact as gc
@@ -58,20 +54,13 @@ BODIES = {
 def speed(options):
     print("# first: seconds of the first call, compilation included; x fft: warm seconds over one")
     print("# rfft2 + irfft2 of the grid in a loop; error: worst of random points against")
-    print(
-        "# surface_compliance; NumPy: the paper's 3x3 on the rows q_x >= 0, timed on some of them"
-    )
-    if options.large:
-        large_kernel()
+    print("# surface_compliance")
     goals = []
     for n in options.sizes:
         grid = gc.Grid((n, n), CELL)
         bare = transform_pair(n)
         print(f"\n# N = {n}: one FFT pair {1e3 * bare:.3g} ms")
-        print(
-            f"{'body':12s} {'first s':>8s} {'warm s':>8s} {'x fft':>7s} {'error':>8s} "
-            f"{'NumPy s':>8s} {'NumPy/warm':>10s}"
-        )
+        print(f"{'body':12s} {'first s':>8s} {'warm s':>8s} {'x fft':>7s} {'error':>8s}")
         for name in options.bodies:
             make, goal = BODIES[name]
             stack = make()
@@ -82,11 +71,6 @@ def speed(options):
             warm = timed(run, options.repeat)
             error = kernel_error(stack, grid, kernel, options.points)
             line = f"{name:12s} {first:8.2f} {warm:8.3f} {warm / bare:7.2f} {error:8.1e}"
-            ratio = None
-            if name != "graded 1e-9" and n <= options.numpy_up_to:
-                numpy_time = time_numpy(stack, n, options.numpy_rows)
-                ratio = numpy_time / warm
-                line += f" {numpy_time:8.1f} {ratio:10.0f}"
             print(line, flush=True)
             keep(
                 "bench_response-speed",
@@ -101,8 +85,6 @@ def speed(options):
             )
             if n == 2048 and goal:
                 goals.append(f"{name}: <= {goal} FFT pairs | reached: {warm / bare:.2f}")
-            if ratio:
-                goals.append(f"{name}, N = {n}: >= 50 x NumPy 3x3 | reached: {ratio:.0f} x")
     print("\n" + "\n".join(f"goal: {line}" for line in goals))
 
 
@@ -130,23 +112,6 @@ def kernel_error(stack, grid, kernel, num_points):
     return np.max(np.abs(kernel[i, j] / np.asarray(expected) - 1))
 
 
-def time_numpy(stack, n, num_rows):
-    """Seconds of the paper's recursion on the rows q_x >= 0, from blocks of eight rows."""
-    qy = 2 * np.pi / CELL * np.arange(n // 2 + 1)
-    qy[0] = 1.0
-    materials = [layer.material for layer in stack.layers]
-    thickness = [float(layer.thickness) for layer in stack.layers]
-    total, blocks = 0.0, np.arange(n // 2 + 1)[: num_rows // 8 * 8].reshape(-1, 8)
-    for rows in blocks:
-        qx = 2 * np.pi / CELL * rows[:, None]
-        moduli = [np.asarray(m.modulus(-qx * VELOCITY)) for m in (*materials, stack.base.material)]
-        ratios = [float(m.poisson) for m in (*materials, stack.base.material)]
-        start = time.perf_counter()
-        paper_compliance(qx, qy, thickness, moduli[:-1], ratios[:-1], (moduli[-1], ratios[-1]))
-        total += time.perf_counter() - start
-    return total * (n // 2 + 1) / blocks.size
-
-
 def timed(function, repeat):
     """Median time of a call that was made before [s]."""
     times = []
@@ -155,25 +120,6 @@ def timed(function, repeat):
         jax.block_until_ready(function())
         times.append(time.perf_counter() - start)
     return statistics.median(times)
-
-
-def large_kernel(n=8192):
-    """Prints the peak memory of the kernel of three layers, in a process of its own."""
-    command = [sys.executable, sys.argv[0], "memory", "--size", str(n)]
-    print(subprocess.run(command, check=True, capture_output=True, text=True).stdout, end="")
-
-
-def memory(options):
-    """Peak of a process before and after the kernel; not for itself, but for `large_kernel`."""
-    stack, n = layered(3), options.size
-    jax.block_until_ready(gc.stack_kernel(stack, gc.Grid((256, 256), CELL), VELOCITY))
-    before = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss * 1024
-    kernel = jax.block_until_ready(gc.stack_kernel(stack, gc.Grid((n, n), CELL), VELOCITY))
-    above = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss * 1024 - before - kernel.nbytes
-    print(
-        f"goal: N = 8192, 3 layers, <= 3 GB above the output | reached at N = {n}: "
-        f"{above / 1e9:.2f} GB above the output of {kernel.nbytes / 1e9:.2f} GB"
-    )
 
 
 def gradient(options):

@@ -34,11 +34,13 @@ from graded_contact.rheology.material import AbstractMaterial
 
 ROOT = Path(__file__).parents[1]
 # Namespaces of the package, with pages of their own.
-MODULES = ("shapes", "surface", "design", "plot", "reference")
+MODULES = (
+    "materials", "blocks", "contacts", "shapes", "surface", "design", "plot", "reference",
+)  # fmt: skip
 TITLES = {
     "rheology": "Materials", "response": "Blocks and their response", "surfaces": "Surfaces",
-    "contact and sliding": "Contact and sliding", "mean field": "Mean field", "files": "Files",
-    "fitting": "Fitting", "studies": "Many solves and design",
+    "contact and sliding": "Contact and sliding", "mean field": "Mean field",
+    "fitting": "Data and fits", "studies": "Many solves and design",
 }  # fmt: skip
 
 SHORT = ("shift", "shape", "graded_solver")  # keys whose tables have a kind

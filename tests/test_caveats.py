@@ -176,7 +176,7 @@ def test_marks_and_steps_follow_a_surface_that_is_resampled():
 )
 def test_unusual_sizes_heights_and_slopes_are_told(size, height, words):
     values = height * np.random.default_rng(0).normal(size=(32, 32))
-    caveats = gc.surface_from_heights(values, size).caveats
+    caveats = gc.surface.surface_from_heights(values, size).caveats
     assert (words in " ".join(caveats)) if words else caveats == ()
 
 

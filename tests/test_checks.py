@@ -10,7 +10,6 @@ from graded_contact.core.checks import (
     as_float,
     check_poisson,
     check_positive,
-    check_shape,
     check_tolerance,
     check_values,
     is_concrete,
@@ -42,11 +41,6 @@ def test_as_float_strengthens_weak_types_under_tracing():
 def test_as_float_refuses_what_is_not_a_number(value):
     with pytest.raises(ValueError, match=r"`value=.* is refused: a number or a"):
         as_float(value)
-
-
-def test_as_float_refuses_complex():
-    with pytest.raises(ValueError, match=r"`value=.*a real number is needed"):
-        as_float(1 + 2j)
 
 
 def test_is_concrete_tells_values_from_tracers():
@@ -92,25 +86,10 @@ def test_checks_of_values_pass_under_tracing():
     assert function(-5.0) == -5
 
 
-def test_check_positive_states_the_unit():
-    with pytest.raises(ValueError, match=r"`d=0` is refused: it must be a positive number \[m\]"):
-        check_positive("d", 0, "[m]")
-
-
 @pytest.mark.parametrize("value", [-1.0, 0.5 + 1e-15, np.nan])
 def test_check_poisson_refuses_unstable_solids(value):
     with pytest.raises(ValueError, match=r"greater than -1 and at most 0\.5"):
         check_poisson("poisson", value)
-
-
-def test_check_poisson_allows_the_whole_range():
-    check_poisson("poisson", np.array([-0.999, 0.0, 0.5]))
-
-
-def test_check_shape_names_both_shapes():
-    check_shape("x", jnp.ones((2, 3)), (2, 3))
-    with pytest.raises(ValueError, match=r"`x` has shape \(2, 3\); the shape must be \(3,\)"):
-        check_shape("x", jnp.ones((2, 3)), (3,))
 
 
 def test_check_tolerance_refuses_what_single_precision_cannot_reach():

@@ -90,7 +90,7 @@ def calls():
     wave = dict(stack=stack, q=[1e3], omega=[1.0], rtol=1e-8)
     vector = dict(stack=stack, qx=[1e3], qy=[1e3], omega=[1.0])
     job = dict(stack=stack, surface=surface, pressure=1e5, velocity=0.1)
-    how = dict(law=gc.HardWall(), solver=gc.DouglasRachford(), rtol=1e-6, throw=True)
+    how = dict(law=gc.HardWall(), solver=gc.contacts.DouglasRachford(), rtol=1e-6, throw=True)
     contact = dict(kernel=kernel, heights=surface.heights)
     search = dict(num_starts=1, seed=0, rtol=1e-6, max_steps=20)
     bounds = dict(lower={"a": 1.0}, upper={"a": 3.0}, start={"a": 1.5})
@@ -106,14 +106,14 @@ def calls():
         (gc.Arrhenius, dict(activation_energy=1e5, reference=300.0)),
         (gc.AdhesiveLJ, dict(range=1e-9, work=0.05, contact_gap=1.0)),
         (gc.RepulsiveLJ, dict(range=1e-9, pressure=1e6, contact_gap=1.6)),
-        (gc.ExponentialAdhesion, dict(range=1e-9, work=0.05)),
+        (gc.contacts.ExponentialAdhesion, dict(range=1e-9, work=0.05)),
         (gc.HardWall, dict(hardness=1e8)),
         (gc.Aged, dict(material=solid, bottom=1.0, top=2.0, shape=gc.shapes.Linear())),
         (gc.Blend, dict(bottom=glass, top=solid, shape=gc.shapes.Linear(), mixing="linear")),
         (gc.Mixture, dict(matrix=solid, filler=glass, fraction=gc.shapes.Linear())),
         (gc.BulkShear, dict(bulk=glass, shear=solid)),
-        (gc.DouglasRachford, dict(max_steps=10, relaxation=0.9, memory=5, coarsest=64)),
-        (gc.ResidualDynamics, dict(max_steps=10, uniform_mass=False)),
+        (gc.contacts.DouglasRachford, dict(max_steps=10, relaxation=0.9, memory=5, coarsest=64)),
+        (gc.contacts.ResidualDynamics, dict(max_steps=10, uniform_mass=False)),
         (gc.Elastic, dict(modulus=1e6, poisson=0.3)),
         (gc.Prony, dict(equilibrium=1e6, strengths=[1e6], times=[1e-3], poisson=0.3, shift=wlf)),
         (gc.Prony.from_creep, dict(glassy=1e9, compliances=[1e-6], times=[1e-3], poisson=0.3)),
@@ -128,8 +128,8 @@ def calls():
         (gc.HalfSpace, dict(material=solid)),
         (gc.Stack, dict(layers=(layer,), base=gc.Rigid())),
         (gc.Grid, dict(shape=(8, 8), size=1e-3)),
-        (gc.Layering, dict(num_cells=8, retry=True, rtol=1e-6)),
-        (gc.Riccati, dict(solver=None, controller=None, adjoint=None, rtol=1e-6)),
+        (gc.blocks.Layering, dict(num_cells=8, retry=True, rtol=1e-6)),
+        (gc.blocks.Riccati, dict(solver=None, controller=None, adjoint=None, rtol=1e-6)),
         (gc.SelfAffine, dict(rms_slope=0.2, **band)),
         (gc.Surface, dict(heights=np.zeros((8, 8)), grid=grid, history=())),
         (gc.random_surface, draw),
@@ -142,27 +142,30 @@ def calls():
         (gc.effective_modulus, wave),
         (gc.surface_compliance_matrix, vector),
         (gc.layered_compliance, layers),
-        (gc.graded_compliance, wave | dict(stack=graded, rtol=1e-6, graded_solver=gc.Layering())),
-        (gc.stack_kernel, dict(stack=stack, grid=grid, velocity=0.1, rtol=1e-8)),
-        (gc.kernel_table, dict(stack=stack, grid=grid, velocity=0.1, rtol=1e-8)),
-        (gc.interface_depths, dict(stack=stack)),
-        (gc.interior_fields, vector | dict(depth=1e-4, traction=[0.0, 0.0, 1.0])),
         (
-            gc.stress_field,
+            gc.blocks.graded_compliance,
+            wave | dict(stack=graded, rtol=1e-6, graded_solver=gc.blocks.Layering()),
+        ),
+        (gc.stack_kernel, dict(stack=stack, grid=grid, velocity=0.1, rtol=1e-8)),
+        (gc.blocks.kernel_table, dict(stack=stack, grid=grid, velocity=0.1, rtol=1e-8)),
+        (gc.blocks.interface_depths, dict(stack=stack)),
+        (gc.blocks.interior_fields, vector | dict(depth=1e-4, traction=[0.0, 0.0, 1.0])),
+        (
+            gc.blocks.stress_field,
             dict(stack=stack, grid=grid, pressure=np.ones((8, 8)), depth=1e-4, velocity=0.1),
         ),
-        (gc.von_mises, dict(stress=np.eye(3))),
-        (gc.sliced, dict(stack=graded, num_slices=3)),
+        (gc.blocks.von_mises, dict(stress=np.eye(3))),
+        (gc.blocks.sliced, dict(stack=graded, num_slices=3)),
         (gc.slide, job | how),
         (gc.slide, dict(stack=stack, surface=surface, mean_gap=1e-6, velocity=0.1)),
         (gc.solve_contact, contact | dict(pressure=1e5) | how),
         (
-            gc.follow_contact,
+            gc.contacts.follow_contact,
             dict(kernel=kernel.real, heights=surface.heights, pressure=[1e4, 1e5]) | how,
         ),
-        (gc.area_against_cutoff, job | dict(cutoffs=[2 * q0, 3 * q0])),
+        (gc.contacts.area_against_cutoff, job | dict(cutoffs=[2 * q0, 3 * q0])),
         (
-            gc.cumulative_friction,
+            gc.contacts.cumulative_friction,
             dict(
                 pressure=sliding.pressure,
                 displacement=sliding.displacement,
@@ -175,13 +178,13 @@ def calls():
             gc.mean_field_friction,
             dict(stack=stack, spectrum=spectrum, pressure=1e5, velocity=0.1),
         ),
-        (gc.pressure_distribution, dict(mean_field=field, stress=[1e5])),
+        (gc.contacts.pressure_distribution, dict(mean_field=field, stress=[1e5])),
         (gc.design.loss_tangent, dict(stack=stack, q=[1e3], velocity=0.1)),
         (
-            gc.friction_curve,
+            gc.design.friction_curve,
             dict(stack=stack, spectrum=spectrum, pressure=1e5, velocities=[0.1]),
         ),
-        (gc.export_prony, dict(material=solid, format="abaqus", name="rubber")),
+        (gc.materials.export_prony, dict(material=solid, format="abaqus", name="rubber")),
         (gc.fit_prony, dict(omega=omega, modulus=modulus, terms=2, poisson=0.4)),
         (gc.fit_relaxation, dict(time=time, modulus=relaxation, terms=2)),
         (gc.fit_creep, dict(time=time, compliance=1 / relaxation, terms=2)),

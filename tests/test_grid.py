@@ -174,11 +174,6 @@ def test_a_coarsened_kernel_is_that_of_a_real_operator_alike_along_both_axes(sha
     np.testing.assert_allclose(inverse, unit, atol=1e-11)
 
 
-def test_resampling_to_the_same_shape_changes_nothing():
-    modes = to_spectrum(jnp.asarray(np.random.default_rng(4).normal(size=(6, 8))))
-    np.testing.assert_array_equal(resample_spectrum(modes, (6, 8), (6, 8)), modes)
-
-
 @pytest.mark.parametrize(
     ("shape", "size", "message"),
     [

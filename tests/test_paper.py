@@ -7,9 +7,8 @@ from pathlib import Path
 import pytest
 
 FOLDER = Path(__file__).parents[1] / "benchmarks" / "paper"
-SCRIPTS = sorted(
-    path.stem for path in FOLDER.glob("*.py") if path.stem not in ("system", "contacts")
-)
+MODULES = ("system", "contacts", "coated_half_space")
+SCRIPTS = sorted(path.stem for path in FOLDER.glob("*.py") if path.stem not in MODULES)
 
 
 @pytest.fixture(scope="module")

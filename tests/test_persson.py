@@ -376,16 +376,6 @@ def test_pair_of_a_power_law_is_the_self_affine_spectrum():
     )
 
 
-def test_radial_spectrum_of_a_surface_gives_nearly_what_its_modes_give():
-    q, density = gc.surface.radial_spectrum(SURFACE, 40)
-    assert np.any(np.isnan(density))  # rings without modes
-    known = np.where(density > 1e-6 * np.nanmax(density), density, np.nan)  # the surface's band
-    pair = mean_field_friction(COATED, (q, known), pressure=1e5, velocity=0.05)
-    modes = mean_field(COATED, SURFACE, pressure=1e5, velocity=0.05)
-    np.testing.assert_allclose(pair.contact_area, modes.contact_area, rtol=0.1)
-    np.testing.assert_allclose(pair.friction, modes.friction, rtol=0.15)
-
-
 def test_spectrum_without_roll_off_is_the_limit_of_a_short_one():
     def friction(q_roll):
         spectrum = gc.SelfAffine(rms_slope=0.2, hurst=0.8, q_low=Q0, q_roll=q_roll, q_high=50 * Q0)
@@ -515,14 +505,6 @@ def test_gradient_at_rest_is_that_of_a_start_along_x(spectrum):
         np.testing.assert_allclose(slope, [secant, 0], rtol=1e-6, atol=1e-12)
 
 
-def test_vmap_gives_what_single_calls_give():
-    velocities = jnp.array([1e-3, 1e-2, 0.1])
-    f = partial(mean_field, BARE, SPECTRUM, pressure=3e5)
-    single = [f(velocity=v).friction for v in velocities]
-    batch = jax.vmap(lambda v: f(velocity=v).friction)(velocities)
-    np.testing.assert_allclose(batch, single, rtol=1e-12)
-
-
 def test_float32_gives_float32_near_the_float64_result():
     single = lambda tree: jax.tree.map(lambda x: x.astype(jnp.float32), tree)  # noqa: E731
     loose = mean_field_friction(
@@ -565,14 +547,6 @@ def test_bad_argument_is_refused(changed, message):
     # With annotations checked, as here, the checker may come first.
     with pytest.raises((ValueError, TypeError), match=message):
         mean_field_friction(stack, spectrum, **call)
-
-
-def test_stress_that_is_no_list_of_pressures_is_refused():
-    solution = mean_field(COATED, SPECTRUM, pressure=3e5, velocity=0.05)
-    with pytest.raises(ValueError, match=r"`stress` has shape \(\)"):
-        pressure_distribution(solution, 1e5)
-    with pytest.raises(ValueError, match=r"`stress\[1\]=-1` is refused"):
-        pressure_distribution(solution, [1.0, -1.0])
 
 
 def test_table_of_moduli_that_stops_short_is_refused_with_the_remedy():

@@ -1,6 +1,8 @@
 """The closed forms against mpmath by other routes, published numbers and limits."""
 
+import importlib.util
 import math
+from pathlib import Path
 
 import mpmath as mp
 import numpy as np
@@ -8,6 +10,13 @@ import pytest
 from scipy.integrate import quad
 
 from graded_contact import reference
+
+PAPER = Path(__file__).parents[1] / "benchmarks" / "paper" / "coated_half_space.py"
+spec = importlib.util.spec_from_file_location("coated_half_space", PAPER)
+assert spec is not None and spec.loader is not None
+module = importlib.util.module_from_spec(spec)
+spec.loader.exec_module(module)
+paper_coated_half_space_compliance = module.paper_coated_half_space_compliance
 
 # (modulus, ν): compressible, auxetic, incompressible, lossy, lossy with complex ν
 MATERIALS = [(2.0, 0.3), (0.7, -0.6), (3.0, 0.5), (2 - 1j, 0.49), (5 - 3j, 0.4 + 0.02j)]
@@ -116,7 +125,7 @@ def test_paper_coated_half_space_matches_the_exact_route_to_its_theory():
             nu, nub = random.uniform(0.1, 0.45, 2) + 1j * random.uniform(-0.05, 0.05, 2)
             nu0, nub0 = random.uniform(0.1, 0.45, 2)
             moduli = (e, nu, nu0, eb, nub, nub0)
-            value = reference.paper_coated_half_space_compliance(1.0, depth, *moduli)
+            value = paper_coated_half_space_compliance(1.0, depth, *moduli)
             expected = mixed_compliance(depth, *moduli)
             assert abs(value - expected) <= 1e-11 * abs(expected)
 
@@ -124,43 +133,14 @@ def test_paper_coated_half_space_matches_the_exact_route_to_its_theory():
 def test_paper_coated_half_space_is_right_only_where_poisson_ratios_are_constant():
     q = np.array([0.1, 1.0, 4.0])
     args = (q, 1.0, 2 - 1j, 0.3)
-    same = reference.paper_coated_half_space_compliance(*args, 0.3, 5 + 1j, 0.45, 0.45)
+    same = paper_coated_half_space_compliance(*args, 0.3, 5 + 1j, 0.45, 0.45)
     exact = reference.coated_half_space_compliance(*args, 5 + 1j, 0.45)
     np.testing.assert_allclose(same, exact, rtol=1e-12)
     # A glassy half space, ν 0.49 -> 0.3, comes out 14.6 times too soft (same solid as coating).
-    soft = reference.paper_coated_half_space_compliance(q, 1e-3, 1.0, 0.3, 0.49, 1.0, 0.3, 0.49)
+    soft = paper_coated_half_space_compliance(q, 1e-3, 1.0, 0.3, 0.49, 1.0, 0.3, 0.49)
     np.testing.assert_allclose(soft / reference.half_space_compliance(q, 1.0, 0.3), 14.571, 1e-4)
     with pytest.raises(ValueError, match=r"`poisson_at_rest=0\.5` is refused"):
-        reference.paper_coated_half_space_compliance(q, 1.0, 1.0, 0.3, 0.5, 1.0, 0.3, 0.49)
-
-
-@pytest.mark.parametrize(
-    "ratio, poisson, base_poisson, expected",
-    [
-        (0.1, 0.3, 0.45,
-         [0.10764797504117493, 0.28637785335248642, 0.79503137447249605, 0.99998471867230222]),
-        (10, 0.45, 0.3,
-         [10.709838190650158, 7.6009581703364344, 1.5056186660011883, 1.0000255828494558]),
-        (0.001, 0.49, 0.2,
-         [0.0032137737374238182, 0.071550199372728984, 0.65162888977388796, 0.99996866181323663]),
-    ],
-)  # fmt: skip
-def test_coated_half_space_matches_tabulated_values(ratio, poisson, base_poisson, expected):
-    q = np.array([0.05, 0.5, 2, 8])
-    value = reference.coated_half_space_compliance(q, 1.0, ratio, poisson, 1.0, base_poisson)
-    relative = value / reference.half_space_compliance(q, ratio, poisson)
-    np.testing.assert_allclose(relative, expected, rtol=1e-12)
-
-
-def test_coated_half_space_matches_tabulated_complex_values():
-    q = np.array([0.1, 1.0])
-    value = reference.coated_half_space_compliance(q, 1.0, 2 - 1j, 0.49, 5 - 3j, 0.4 + 0.02j)
-    relative = value / reference.half_space_compliance(q, 2 - 1j, 0.49)
-    expected = [
-        0.41369960122259003 + 0.026069422629326922j,
-        0.55027959946103187 + 0.024173555084631268j,
-    ]
-    np.testing.assert_allclose(relative, expected, rtol=1e-14)
+        paper_coated_half_space_compliance(q, 1.0, 1.0, 0.3, 0.5, 1.0, 0.3, 0.49)
 
 
 def test_deep_layers_are_half_spaces_and_do_not_overflow():
@@ -173,21 +153,6 @@ def test_deep_layers_are_half_spaces_and_do_not_overflow():
             reference.coated_half_space_compliance(*args, 1e-3, 0.1),
         ):
             np.testing.assert_allclose(value, half, rtol=1e-15)
-
-
-def test_thin_layer_limits():
-    q, d, modulus, poisson = 1e-3, 1.0, 2.0, 0.3
-    uniaxial = d * (1 + poisson) * (1 - 2 * poisson) / (modulus * (1 - poisson))
-    rigid = reference.slab_on_rigid_compliance(q, d, modulus, poisson)
-    np.testing.assert_allclose(rigid, uniaxial, rtol=1e-5)  # next order is (qd)²
-    lubrication = q**2 * d**3 / modulus
-    rigid = reference.slab_on_rigid_compliance(q, d, modulus, 0.5)
-    np.testing.assert_allclose(rigid, lubrication, rtol=1e-5)
-    plate = 12 * (1 - poisson**2) / (modulus * d**3 * q**4)
-    free = reference.free_slab_compliance(q, d, modulus, poisson)
-    np.testing.assert_allclose(free, plate, rtol=1e-5)
-    base = reference.coated_half_space_compliance(q, 1e-9, modulus, poisson, 5.0, 0.2)
-    np.testing.assert_allclose(base, reference.half_space_compliance(q, 5.0, 0.2), rtol=1e-11)
 
 
 @pytest.mark.parametrize("name", ["q", "thickness"])
@@ -230,14 +195,6 @@ def test_hertz_line_has_the_slope_of_its_cylinder():
         # u'(x) = -(2/(π E*)) PV ∫ p(s)/(x - s) ds
         slope = 2 / (np.pi * modulus) * quad(pressure, -a, a, weight="cauchy", wvar=x)[0]
         np.testing.assert_allclose(slope, -x / radius, rtol=1e-6)
-
-
-def test_westergaard_area_matches_tabulated_values():
-    full = np.pi * 2e6 * 1e-6 / 1e-3
-    ratio = np.array([0.05, 0.2, 0.5, 0.8, 0.95, 1.0, 3.0])
-    area = reference.westergaard_area(ratio * full, 1e-6, 1e-3, 2e6)
-    expected = [0.143566, 0.295167, 0.5, 0.704833, 0.856434, 1, 1]
-    np.testing.assert_allclose(area, expected, atol=5e-7)
 
 
 @pytest.mark.parametrize("ratio", [0.05, 0.6, 0.999, 1.5])
@@ -359,24 +316,6 @@ def gliding(ratio, speed):
     a, peak = reference.hertz_line(1.0, 1.0, 1.0)
     contact = reference.viscoelastic_cylinder(1.0, 1.0, ratio, ratio - 1, 2.0, speed * a / 2)
     return contact, float(a), float(peak)
-
-
-@pytest.mark.parametrize(
-    "speed, half_width, offset, peak, friction",
-    [
-        (0.01, 0.99550006, 0.00448762, 1.000025, 0.00895050),
-        (0.1, 0.95506044, 0.04376042, 1.002753, 0.08505882),
-        (1, 0.60091875, 0.31742599, 2.370220, 0.46390575),
-        (3, 0.35929412, 0.33311518, 2.994130, 0.37738939),
-        (10, 0.32061140, 0.15991146, 3.139139, 0.17139060),
-        (100, 0.31628735, 0.02642474, 3.161884, 0.02755007),
-    ],
-)
-def test_cylinder_matches_tabulated_values(speed, half_width, offset, peak, friction):
-    contact, a, relaxed_peak = gliding(10, speed)
-    values = [contact.half_width / a, contact.offset / a, contact.friction / a]
-    np.testing.assert_allclose(values, [half_width, offset, friction], atol=5.1e-9)
-    assert contact.peak_pressure / relaxed_peak == pytest.approx(peak, abs=5.1e-7)
 
 
 @pytest.mark.parametrize(

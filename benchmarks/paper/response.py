@@ -14,6 +14,7 @@ import argparse
 from pathlib import Path
 
 import numpy as np
+from coated_half_space import paper_coated_half_space_compliance
 from matplotlib import rc_context
 from matplotlib.lines import Line2D
 from system import DOCS, STYLE, ordered, panels, save
@@ -196,7 +197,7 @@ def three_theories(ratio, depth, rubbery, glassy):
     omega = q * 0.02 * VELOCITY
     base = CONTRAST * RELAXED / (1 + (CONTRAST - 1) / (1 + 1j * omega * TAU))
     poisson = bulk_poisson(omega, rubbery, glassy)
-    theirs = reference.paper_coated_half_space_compliance(
+    theirs = paper_coated_half_space_compliance(
         q, thickness, *coat, coat[1], base, poisson, rubbery
     )
     layer = ([thickness], [coat[0]], [coat[1]])

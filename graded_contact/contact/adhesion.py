@@ -19,7 +19,7 @@ from ..core.display import shown
 from .law import AbstractLaw, Bound, gap_margin, power, proximal_root, repulsive_bracket
 
 
-@shown(argument=True)
+@shown()
 class AdhesiveLJ(AbstractLaw):
     """The Lennard-Jones potential integrated over two half spaces: σ = (8w/3ε) [(ε/u)⁹ - (ε/u)³].
 
@@ -80,7 +80,7 @@ class AdhesiveLJ(AbstractLaw):
         return gap_margin(pressure - self.pressure_at(edge), gap - edge, stiffness)
 
 
-@shown(argument=True)
+@shown()
 class ExponentialAdhesion(AbstractLaw):
     """A hard wall that attracts: σ = -(w/λ) exp(-u/λ) for u > 0, σ >= -w/λ at u = 0.
 

@@ -87,7 +87,7 @@ def check_pressure(pressure: Float[Array, "..."], law: AbstractLaw) -> None:
     check_values("pressure", pressure, allowed, above=low, at_most=below)
 
 
-@shown(argument=True)
+@shown()
 class HardWall(AbstractLaw):
     """No interpenetration and no attraction: σ >= 0, u >= 0, σ u = 0.
 
@@ -128,7 +128,7 @@ class HardWall(AbstractLaw):
         return jnp.where(pressure > 0, pressure, -stiffness * jnp.maximum(gap, 0))
 
 
-@shown(argument=True)
+@shown()
 class RepulsiveLJ(AbstractLaw):
     """The repulsive term of the integrated Lennard-Jones potential: σ = p (ε/u)⁹.
 

@@ -29,7 +29,7 @@ from ..fields.grid import (
     wave_frequencies,
     wavenumber,
 )
-from ..roughness.cutoff import CutoffCurve
+from ..roughness.spectrum import CutoffCurve
 from .estimates import error_of
 from .implicit import displace
 

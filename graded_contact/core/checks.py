@@ -6,7 +6,6 @@ unknown and the check passes (shapes are always checked).
 
 import functools
 import inspect
-import reprlib
 import sys
 from collections.abc import Callable, Sequence
 from types import UnionType
@@ -17,6 +16,8 @@ import numpy as np
 from jax import Array
 from jax.core import Tracer
 from jaxtyping import AbstractArray, ArrayLike, Float, Inexact
+
+from .display import short, with_units
 
 # What users call the classes that annotations name.
 _WORDS = {
@@ -33,13 +34,6 @@ F = TypeVar("F", bound=Callable[..., Any])
 Numbers = ArrayLike | Sequence[Any]
 
 
-def short(value: Any) -> str:
-    """Returns a value in a few words, on one line."""
-    if hasattr(type(value), "_shown_names"):  # its text is a table
-        return f"{type(value).__name__}(...)"
-    return " ".join(reprlib.repr(value).split())
-
-
 def as_float(value: Any, name: str = "value") -> Float[Array, "..."]:
     """Returns `value` as a strongly typed real floating-point array.
 
@@ -54,7 +48,7 @@ def as_float(value: Any, name: str = "value") -> Float[Array, "..."]:
 
 def as_numbers(value: Any, name: str) -> Inexact[Array, "..."]:
     """Returns `value`, real or complex, as `as_float` does."""
-    wanted = "a number or a (rectangular) array of numbers is needed"
+    needed = "a number or a (rectangular) array of numbers is needed"
     if isinstance(value, Array) and jnp.issubdtype(value.dtype, jnp.inexact):
         return value.astype(value.dtype) if value.weak_type else value
     try:
@@ -65,9 +59,9 @@ def as_numbers(value: Any, name: str) -> Inexact[Array, "..."]:
         except OverflowError:  # a whole number beyond 64 bits
             array = jnp.asarray(np.asarray(value, float))
     except (TypeError, ValueError, OverflowError):
-        raise ValueError(f"`{name}={short(value)}` is refused: {wanted}.") from None
+        raise ValueError(f"`{name}={short(value)}` is refused: {needed}.") from None
     if not (jnp.issubdtype(array.dtype, jnp.number) or array.dtype == bool):
-        raise ValueError(f"`{name}` holds {array.dtype} and is refused: {wanted}.")
+        raise ValueError(f"`{name}` holds {array.dtype} and is refused: {needed}.")
     dtype = array.dtype if jnp.issubdtype(array.dtype, jnp.inexact) else jnp.result_type(float)
     return jnp.asarray(array, dtype=dtype)
 
@@ -132,7 +126,7 @@ def check_types(function: F) -> F:
         for name, value in arguments.items():
             if name in hints:
                 check_type(name, value, *hints[name])
-        return function(*args, **kwargs)
+        return with_units(function(*args, **kwargs))
 
     return cast(F, checked)
 
@@ -175,7 +169,7 @@ def _is_of(value: Any, kind: Any) -> bool:
 
 
 def _plain(annotation: Any) -> tuple[Any, ...]:
-    """The classes and literals that an annotation names; none if it says more than that."""
+    """The classes and literals that an annotation names; none for other annotations."""
     origin = get_origin(annotation)
     if origin is Literal:
         return get_args(annotation)
@@ -269,6 +263,32 @@ def check_together(**arrays: Array) -> None:
     except ValueError:
         text = ", ".join(f"`{name}` {array.shape}" for name, array in arrays.items())
         raise ValueError(f"Incompatible shapes: {text}; they must broadcast.") from None
+
+
+def check_rows(least: int, **arrays: Array) -> None:
+    """Raises `ValueError` unless these are one-dimensional, of equal length, at least `least`."""
+    first = next(iter(arrays.values())).shape
+    if any(array.shape != first for array in arrays.values()) or not (
+        len(first) == 1 and first[0] >= least
+    ):
+        text = " and ".join(f"`{name}` {array.shape}" for name, array in arrays.items())
+        raise ValueError(
+            f"{text.replace('` ', '` has shape ', 1)}; one-dimensional arrays of equal length, at "
+            f"least {least}, are needed."
+        )
+
+
+def check_increasing(name: str, value: Array) -> None:
+    """Raises `ValueError` unless every entry of a row exceeds the one before it."""
+    if is_concrete(value):
+        entries = np.asarray(value)  # inside `jit` JAX would trace even known arrays
+        falling = np.flatnonzero(np.diff(entries) <= 0) + 1
+        if len(falling):
+            i = falling[0]
+            raise ValueError(
+                f"`{name}[{i}]={entries[i]:g}` does not exceed the entry before it: the "
+                "entries must be strictly increasing."
+            )
 
 
 def check_poisson(name: str, value: ArrayLike) -> None:

@@ -1,33 +1,35 @@
-"""How objects show themselves: numbers with units, arrays by their shape, how a solve ended.
+"""How objects print: numbers with units, arrays by their shape, how a solve ended.
 
-Units and meanings are those that the docstring of a class gives under **Fields:**, and that of a
-property in its own. Text for the terminal, a table for notebooks; under `jit` the shapes alone.
+Units and meanings come from the table of quantities, by the names of fields. Text for the terminal,
+a table for notebooks; under `jit` the shapes alone. A derivative has the class of the quantity but
+another unit, so units are printed only for what a constructor or a public function made: JAX builds
+derivatives (and whatever leaves `jit` and `vmap`) without either. Whole numbers have no derivative,
+so an object that holds one prints units in any case.
 """
 
 import dataclasses
-import functools
 import html
-import re
-from collections.abc import Callable, Iterator, Mapping
+import inspect
+import reprlib
+from collections.abc import Iterator, Mapping
 from types import EllipsisType
 from typing import Any, NamedTuple, TypeVar
 
 import equinox as eqx
 import jax
 import numpy as np
+from jax.core import Tracer
 
-from .checks import is_concrete, short
+from .quantities import quantity_of
 
-T = TypeVar("T", bound=type)
-M = TypeVar("M", bound=eqx.Module)
-FEW = 8  # numbers of an array that are shown one by one, and entries of a list
-ENTRY = re.compile(r"^ *- ((?:`\w+`(?:, )?)+): (.*?)(?=^ *- `|^ *$|\Z)", re.MULTILINE | re.DOTALL)
+K = TypeVar("K", bound=type)
+T = TypeVar("T")
+FEW = 8  # numbers of an array that are printed one by one, and entries of a list
 PREFIXES = {-12: "p", -9: "n", -6: "µ", -3: "m", 0: "", 3: "k", 6: "M", 9: "G"}
-UNIT = re.compile(r"\[((?:1|(?:(?:1|Pa|rad|m|s|K|J|bytes)[²³⁴]?[/ ]?)+))\]")
 
 
 class _Row(NamedTuple):
-    """A line: how far it is indented, its name with the unit, its text, and what it means."""
+    """A line: its indentation, the name with the unit, the text, and the meaning."""
 
     depth: int
     name: str
@@ -35,50 +37,73 @@ class _Row(NamedTuple):
     meaning: str
 
 
-def shown(*names: str | EllipsisType, argument: bool = False) -> Callable[[T], T]:
-    """Lets a class show its fields, or what it has under these names; `...` stands for the fields.
+def short(value: Any) -> str:
+    """Returns a value in a few words, on one line."""
+    if hasattr(type(value), "_shown_names"):  # it prints as a table
+        return f"{type(value).__name__}(...)"
+    return " ".join(reprlib.repr(value).split())
 
-    It is a module, dataclass or named tuple. Methods among them are called. A derivative by an
-    `argument` has the same class, but other units. Arguments therefore show units only if their
-    constructor built them: JAX builds derivatives without it.
+
+def shown(*names: str | EllipsisType):
+    """Makes a module, dataclass or named tuple print its fields.
+
+    Or the fields, properties and methods of these `names`; `...` stands for all fields.
     """
 
-    def decorate(kind: T) -> T:
-        new = kind.__new__
-
-        def build(kind: type, *given: Any, **named: Any) -> Any:
-            return with_units(new(kind, *given, **named))
-
-        if argument:
-            setattr(kind, "_has_units", False)  # noqa: B010 (pyright)
-            setattr(kind, "__new__", build)  # noqa: B010
-        setattr(kind, "_shown_names", names or (...,))  # noqa: B010
+    def decorate(kind: K) -> K:
+        setattr(kind, "_shown_names", names or (...,))  # noqa: B010 (pyright)
         setattr(kind, "__repr__", _as_text)  # noqa: B010
         setattr(kind, "_repr_html_", _as_html)  # noqa: B010
+        if issubclass(kind, eqx.Module):
+            new = kind.__new__
+            setattr(kind, "__new__", lambda cls, *args, **named: _marked(new(cls, *args, **named)))  # noqa: B010
         return kind
 
     return decorate
 
 
-def with_units(built: M) -> M:
-    """Returns a module, which shows units from now on."""
-    object.__setattr__(built, "_has_units", True)
-    return built
+def with_units(tree: T) -> T:
+    """Returns a tree whose modules print units from now on."""
+    if isinstance(tree, tuple | list):
+        for part in tree:
+            with_units(part)
+    elif isinstance(tree, eqx.Module):
+        for field in dataclasses.fields(tree):
+            with_units(getattr(tree, field.name))
+        _marked(tree)
+    return tree
+
+
+def _marked(module):
+    object.__setattr__(module, "_has_units", True)
+    return module
+
+
+def _has_units(value: Any) -> bool:
+    if not isinstance(value, eqx.Module) or hasattr(value, "_has_units"):
+        return True
+    leaves = filter(eqx.is_array, jax.tree.leaves(value))
+    return any(leaf.dtype.kind in "iu" for leaf in leaves)
+
+
+def _is_traced(value: Any) -> bool:
+    return any(isinstance(leaf, Tracer) for leaf in jax.tree.leaves(value))
 
 
 def _as_text(self) -> str:
-    if not _is_known(self):
+    if _is_traced(self):
         return eqx.tree_pformat(self)
-    first, *rows = _rows(self, 0, "")
+    first, *rows = _rows(self, 0, "", "", _has_units(self))
     width = max((2 * row.depth + len(row.name) for row in rows), default=0)
     lines = [f"{'  ' * row.depth + row.name:{width}s}  {row.text}".rstrip() for row in rows]
     return "\n".join([first.text, *lines])
 
 
 def _as_html(self) -> str:
-    if not _is_known(self):
+    if _is_traced(self):
         return f"<pre>{html.escape(eqx.tree_pformat(self))}</pre>"
-    first, *rows = (_Row(row.depth, *map(html.escape, row[1:])) for row in _rows(self, 0, ""))
+    rows = _rows(self, 0, "", "", _has_units(self))
+    first, *rows = (_Row(row.depth, *map(html.escape, row[1:])) for row in rows)
     cell = '<td style="text-align: left'
     lines = [
         f'<tr title="{row.meaning}">{cell}; padding-left: {2 * row.depth - 1}em">{row.name}</td>'
@@ -88,89 +113,52 @@ def _as_html(self) -> str:
     return f"<table><caption><b>{first.text}</b></caption>{''.join(lines)}</table>"
 
 
-def _is_known(shown: Any) -> bool:
-    return all(map(is_concrete, jax.tree.leaves(shown)))
-
-
-def _rows(
-    value: Any, depth: int, name: str, meaning: str = "", units: bool | None = None
-) -> Iterator[_Row]:
-    """A line for a value, and one for each of its parts; the outermost decides about `units`."""
-    if units is None:
-        units = bool(getattr(value, "_has_units", True))
+def _rows(value: Any, depth: int, name: str, meaning: str, units: bool) -> Iterator[_Row]:
+    """A line for a value, and one for each of its parts."""
+    entries, most, text = [], FEW, ""
     if hasattr(value, "_shown_names"):
-        yield _Row(depth, name.partition(" [")[0], type(value).__name__, meaning)
-        yield from _parts(value, depth + 1, units)
-        return
-    entries: list[tuple[str, Any]] = []
-    if isinstance(value, Mapping):
-        entries = [(str(key), entry) for key, entry in value.items()]
+        entries, text = list(_fields(value, units)), type(value).__name__
+        most = len(entries)
+    elif isinstance(value, Mapping):
+        entries = [(str(key), entry, "") for key, entry in value.items()]
     elif isinstance(value, list | tuple) and not all(map(_is_number, value)):
-        entries = [(f"[{i}]", entry) for i, entry in enumerate(value)]
-    if not entries:
-        yield _Row(depth, name, _text(value), meaning)
-        return
-    yield _Row(depth, name, "", meaning)
-    for key, entry in entries[:FEW]:
-        yield from _rows(entry, depth + 1, key, units=units)
-    if len(entries) > FEW:
-        yield _Row(depth + 1, "...", f"{len(entries) - FEW} more", "")
+        entries = [(f"[{i}]", entry, "") for i, entry in enumerate(value)]
+    else:
+        text = _text(value)
+    yield _Row(depth, name, text or ("" if entries else _text(value)), meaning)
+    for title, entry, about in entries[:most]:
+        yield from _rows(entry, depth + 1, title, about, units)
+    if len(entries) > most:
+        yield _Row(depth + 1, "...", f"{len(entries) - most} more", "")
 
 
-def _parts(value: Any, depth: int, units: bool) -> Iterator[_Row]:
-    """The lines of what a value shows; a number and its error share one."""
-    known = dataclasses.is_dataclass(value)  # a named tuple is none
-    declared = {field.name: field for field in dataclasses.fields(value)} if known else {}
-    fields = getattr(value, "_fields", declared)
-    asked = value._shown_names
-    names = [name for entry in asked for name in (fields if entry is ... else [entry])]
-    about = {name: _about(type(value), name) for name in names}
-    # Names are those of paths, see `parameters`.
-    spelt = {name: field.metadata.get("argument", name) for name, field in declared.items()}
-    for name in names:
-        part, (unit, meaning) = getattr(value, name), about[name]
-        if name.endswith("_error") and _shares(value, name.removesuffix("_error"), about):
+def _fields(value: Any, units: bool) -> Iterator[tuple[str, Any, str]]:
+    """Title, value and meaning of what an object prints; a number and its error share a line."""
+    named = getattr(value, "_fields", None)  # of a named tuple
+    declared = {} if named else {field.name: field for field in dataclasses.fields(value)}
+    fields = named or declared
+    names = [name for entry in value._shown_names for name in (fields if entry is ... else [entry])]
+    parts: dict[str, Any] = {name: getattr(value, name) for name in names}
+    for name, part in parts.items():
+        error: Any = parts.get(f"{name}_error")
+        if name.endswith("_error") and _is_number(parts.get(name.removesuffix("_error"))):
             continue
-        title = _title(spelt.get(name, name), unit if units else "")
-        if _shares(value, name, about):
-            text = f"{_text(part)} ± {float(getattr(value, f'{name}_error')):.1e}"
-            yield _Row(depth, title, text, meaning)
-            continue
-        if isinstance(part, Mapping) and not unit and hasattr(value, "units"):
-            part = {_title(key, value.units.get(key, "")): entry for key, entry in part.items()}
-        yield from _rows(
-            part() if callable(part) and name not in fields else part, depth, title, meaning, units
-        )
+        if name in declared:  # paths have the names of arguments, see `parameters`
+            name = declared[name].metadata.get("argument", name)
+        known = quantity_of(name, type(value).__name__)
+        if _is_number(part) and _is_number(error):
+            part = f"{_text(part)} ± {float(error):.1e}"
+        elif inspect.ismethod(part):
+            part = part()
+        elif isinstance(part, Mapping) and known is None and units:
+            part = {_title(str(key)): entry for key, entry in part.items()}
+        title = _title(name, type(value).__name__) if units else name
+        yield title, part, "" if known is None else known.meaning
 
 
-def _title(name: str, unit: str) -> str:
-    return f"{name} [{unit}]" if unit not in ("", "1") else name
-
-
-def _shares(value: Any, name: str, about: Mapping[str, tuple[str, str]]) -> bool:
-    """Whether a number and its error, in the same unit, are both shown."""
-    error = f"{name}_error"
-    both = name in about and error in about and about[name][0] == about[error][0]
-    return both and all(_is_number(getattr(value, entry)) for entry in (name, error))
-
-
-@functools.cache
-def _about(kind: type, name: str) -> tuple[str, str]:
-    """The unit and the meaning of a field or property of a class, as its docstring has them."""
-    for names, body in ENTRY.findall(kind.__doc__ or ""):
-        listed = re.findall(r"\w+", names)
-        if name in listed:
-            return _unit(body, listed.index(name), len(listed)), " ".join(body.split())
-    lines = (getattr(getattr(kind, name, None), "__doc__", None) or "").partition("\n\n")[0]
-    return _unit(lines, 0, 1), " ".join(lines.split())
-
-
-def _unit(text: str, place: int, count: int) -> str:
-    """The unit in a text, or that of one of several fields; empty if it has more than one."""
-    units = UNIT.findall(text)
-    if count > 1 and len(units) >= count:
-        return units[place]
-    return units[0] if len(set(units)) == 1 else ""
+def _title(name: str, owner: str = "") -> str:
+    known = quantity_of(name, owner)
+    return name if known is None or known.unit == "1" else f"{name} [{known.unit}]"
 
 
 def _is_number(value: Any) -> bool:

@@ -1,6 +1,6 @@
 """Numbers inside a stack, or any other module, by their path: "layers[0].thickness".
 
-A path names what the constructor's arguments name. A field that must be called otherwise says so:
+A path names what the constructor's arguments name. A field with another name has metadata:
 `eqx.field(metadata={"argument": "modulus"})`.
 """
 
@@ -13,7 +13,6 @@ import equinox as eqx
 import jax
 
 from .checks import Numbers, as_float, check_types, short
-from .display import with_units
 
 T = TypeVar("T")
 
@@ -26,7 +25,7 @@ def paths(tree: object) -> dict[str, jax.Array]:
 
     **Arguments:**
 
-    - `tree`: a `Stack`, say.
+    - `tree`: for example a `Stack`.
 
     **Returns:** arrays by path.
     """
@@ -45,7 +44,7 @@ def with_values(tree: T, values: Mapping[str, Numbers]) -> T:
 
     **Arguments:**
 
-    - `tree`: a `Stack`, say.
+    - `tree`: for example a `Stack`.
     - `values`: by path, see `paths`.
 
     **Returns:** the tree, checked as its constructors do.
@@ -82,7 +81,7 @@ def with_values(tree: T, values: Mapping[str, Numbers]) -> T:
 
 
 def places(tree: object, part: object) -> list[str]:
-    """Returns the paths at which `tree` holds this very object, "base.material" say."""
+    """Returns the paths of this very object in `tree`, such as "base.material"."""
     found = jax.tree_util.tree_leaves_with_path(tree, is_leaf=lambda node: node is part)
     return [_name(tree, path) for path, node in found if node is part]
 
@@ -110,7 +109,6 @@ def _check(tree):
         for field in dataclasses.fields(tree):
             _check(getattr(tree, field.name))
         getattr(tree, "__check_init__", lambda: None)()
-        with_units(tree)
     elif isinstance(tree, tuple | list):
         for part in tree:
             _check(part)

@@ -74,32 +74,91 @@ FIELDS = _table([
     ("y", "y", "m", "position along y"),
 ])  # fmt: skip
 
-# Numbers of the contact solver.
-SOLVER = _table([
-    ("mean_pressure", r"\bar\sigma", "Pa", "mean contact pressure"),
-    ("gap_error", "", "1", "estimated solver error of the gap over the rms height"),
-    ("load_error", "", "1", "relative error of the load"),
-    ("complementarity_error", "", "1", "relative pressure on points with a gap"),
-    ("penetration", "", "1", "relative penetration"),
-])  # fmt: skip
-
-# Numbers of materials and blocks, by the last part of their path.
+# Numbers of materials, layers, laws, spectra and grids, by the last part of their path. A name that
+# means another quantity in one class is listed with that class.
 PARAMETERS = _table([
     ("modulus", "E", "Pa", "Young's modulus"),
     ("poisson", r"\nu", "1", "Poisson's ratio"),
     ("equilibrium", r"E_\infty", "Pa", "long-time modulus"),
+    ("glassy", "E_0", "Pa", "instantaneous modulus"),
     ("strengths", "E_k", "Pa", "branch moduli"),
     ("times", r"\tau_k", "s", "relaxation times"),
+    ("omega", r"\omega", "rad/s", "angular frequency"),
+    ("Tabulated.storage", "E'", "Pa", "storage modulus"),
+    ("Tabulated.loss", "E''", "Pa", "loss modulus"),
     ("thickness", "d", "m", "layer thickness"),
     ("reference", "T_0", "K", "reference temperature"),
+    ("c1", "c_1", "1", "first constant of the WLF law"),
+    ("c2", "c_2", "K", "second constant of the WLF law"),
+    ("activation_energy", "Q", "J/mol", "activation energy"),
+    ("temperatures", "T", "K", "temperatures"),
+    ("log10_factors", r"\log a_T", "1", "decadic logarithm of the shift of times"),
+    ("vertical_factors", "b_T", "1", "shift of moduli"),
     ("width", "", "1", "width of the transition"),
+    ("centre", "s_0", "1", "height of the middle of the transition"),
+    ("rate", "", "1", "rate of the exponential"),
+    ("exponent", "", "1", "exponent of the power law"),
+    ("periods", "", "1", "periods over the thickness"),
+    ("Sinusoidal.amplitude", "", "1", "amplitude of the wave"),
+    ("Table.heights", "s", "1", "heights of the table"),
+    ("Table.values", r"\phi", "1", "values of the table"),
+    ("Aged.bottom", "", "1", "factor of the times at the bottom"),
+    ("Aged.top", "", "1", "factor of the times at the top"),
+    ("fraction", r"\phi", "1", "volume fraction of the filler"),
+    ("hurst", "H", "1", "Hurst exponent"),
+    ("q", "q", "rad/m", "wavenumber"),
+    ("q_low", "q_0", "rad/m", "lowest wavenumber"),
+    ("q_roll", "q_r", "rad/m", "wavenumber of the roll-off"),
+    ("q_high", "q_1", "rad/m", "highest wavenumber"),
+    ("size", "L", "m", "edge lengths of the cell"),
+    ("range", r"\rho", "m", "range of the law of contact"),
+    ("work", r"\Delta\gamma", "J/m²", "work of adhesion"),
+    ("hardness", r"\sigma_H", "Pa", "hardness"),
+    ("contact_gap", "", "1", "gap below which there is contact, over the range"),
 ])  # fmt: skip
 
-
-def quantity_of(path: str) -> Quantity | None:
-    """Returns the entry of a name or path: "layers[0].thickness" is a thickness."""
-    return _ALL.get(path.rpartition(".")[2].partition("[")[0])
-
+# Other numbers of results.
+RESULTS = _table([
+    ("rms_height", r"h_\mathrm{rms}", "m", "rms height"),
+    ("rms_slope", r"h'_\mathrm{rms}", "1", "rms slope"),
+    ("rms_slope_along", "", "1", "rms slope along each axis"),
+    ("rms_curvature", "", "1/m", "rms curvature"),
+    ("peak_to_valley", "", "m", "highest point above the lowest"),
+    ("skewness", "", "1", "skewness of the heights"),
+    ("kurtosis", "", "1", "kurtosis of the heights"),
+    ("peak", "", "1", "largest distance from the mean over the rms height"),
+    ("missing", "", "1", "share of points without a height"),
+    ("ContactSolution.pressure", r"\sigma", "Pa", "contact pressure"),
+    ("mean_pressure", r"\bar\sigma", "Pa", "mean contact pressure"),
+    ("correction", "", "Pa", "estimated change of the pressure to the converged one"),
+    ("penetration", "", "1", "largest penetration over the rms height"),
+    ("gap_error", "", "1", "estimated relative error of the gap"),
+    ("load_error", "", "1", "estimated relative error of the load"),
+    ("complementarity_error", "", "1", "pressure outside contact, relative"),
+    ("wanted_error", "", "1", "estimated error of the target"),
+    ("stress", r"\sigma_{ij}", "Pa", "stress"),
+    ("stress_variance", "V", "Pa²", "variance of the pressure"),
+    ("cutoff", "q", "rad/m", "cut-off of the roughness"),
+    ("GradedCompliance.value", "M_{zz}", "m/Pa", "surface compliance"),
+    ("half_width", "l", "m", "half-width of the contact"),
+    ("offset", "", "m", "offset of the middle of the contact"),
+    ("peak_pressure", r"p_\mathrm{max}", "Pa", "largest pressure"),
+    ("elasticities", "", "1", "relative change of the objective over that of the parameter"),
+    ("band", "q", "rad/m", "band of wavenumbers"),
+    ("memory", "", "bytes", "memory"),
+    ("seconds", "", "s", "run time"),
+    ("weights", "", "1", "weights of the measurements"),
+    ("bic", "", "1", "Bayesian information criterion"),
+    ("storage", "", "1", "relative error of the storage modulus"),
+    ("loss", "", "1", "relative error of the loss modulus"),
+    ("total", "", "1", "relative error of the modulus"),
+])  # fmt: skip
 
 # The pressure of an axis comes before that of a field.
-_ALL = {**PARAMETERS, **SOLVER, **FIELDS, **OBSERVABLES, **AXES}
+_ALL = PARAMETERS | RESULTS | FIELDS | OBSERVABLES | AXES
+
+
+def quantity_of(name: str, owner: str = "") -> Quantity | None:
+    """Returns the entry of a field of the class `owner`, or of the last part of a path, or None."""
+    last = name.rpartition(".")[2].partition("[")[0]
+    return _ALL.get(f"{owner}.{last}") or _ALL.get(last)

@@ -1,4 +1,4 @@
-"""Caveats: what makes numbers doubtful although every solve succeeded, in sentences.
+"""Caveats: warnings about numbers of solves that succeeded, in sentences.
 
 Nothing is stored twice: a caveat follows from numbers that a `Sliding`, a `Surface` or a result
 file has. `Sliding.caveats`, `Surface.caveats` and `warnings_of(results)` give the sentences; the
@@ -17,7 +17,7 @@ from jaxtyping import ArrayLike, Bool
 from .display import shown, with_unit
 
 EXTRAPOLATED = 0.01  # of the friction, from frequencies at which a material was not measured
-LIMIT = 0.1  # a part of the result that one wants to be told of
+LIMIT = 0.1  # the part of a result above which there is a warning
 # Small strains neglect slope²/2 beside 1 (the excess of an arc over its chord): more than LIMIT.
 STEEP = (2 * LIMIT) ** 0.5
 ROUNDING = 1e-12  # of the slope: friction below it is none
@@ -42,13 +42,13 @@ SPIKE = 10  # distance from the mean over the rms height; 1e-22 of Gaussian heig
 
 
 class Rule(NamedTuple):
-    """Which numbers are doubtful: those with `quantity` above `limit`.
+    """A warning where `quantity` exceeds `limit`.
 
     **Fields:**
 
-    - `quantity`: its value from fields of `Sliding`, held by the object that it is given.
-    - `limit`: where the doubt begins.
-    - `sentence`: what to say; `{worst}` is the largest value.
+    - `quantity`: its value from the fields of a `Sliding` or of `Results`.
+    - `limit`: above it there is a warning.
+    - `sentence`: the warning; `{worst}` is the largest value.
     """
 
     quantity: Callable[[Any], ArrayLike]
@@ -58,7 +58,7 @@ class Rule(NamedTuple):
 
 @shown("sentence")
 class Caveat(NamedTuple):
-    """One reason for doubt, and the solves that it concerns, in the shape of their numbers."""
+    """One warning, and the solves that it concerns, in the shape of their numbers."""
 
     sentence: str
     where: Bool[np.ndarray, "*solves"]
@@ -88,8 +88,9 @@ RULES = (
     Rule(
         lambda found: found.slope_in_contact,
         STEEP,
-        "The block's rms slope where it carries the load is {worst:.2g}: small strains, which "
-        f"everything here assumes, neglect slope²/2, more than {LIMIT:.0%} of it from {STEEP:.2g}.",
+        "The block's rms slope where it carries the load is {worst:.2g}. The model "
+        f"assumes small strains: above an rms slope of {STEEP:.2g} the neglected terms exceed "
+        f"{LIMIT:.0%}.",
     ),
     Rule(
         lambda found: found.extrapolated_friction,
@@ -127,22 +128,22 @@ def caveats_of(found: Any, rules: Sequence[Rule] = RULES) -> tuple[Caveat, ...]:
 
 
 def unusual(name: str, value: float) -> str:
-    """Returns why a number that `USUAL` names is doubtful, or nothing.
+    """Returns a warning if a number is outside of its range in `USUAL`, or nothing.
 
     Lengths are in m.
     """
     low, high = USUAL[name]
     if low <= value <= high:
         return ""
-    told, *ends = (
+    here, *ends = (
         f"{number:.2g}" if name == "rms slope" else with_unit(number, "m")
         for number in (value, low, high)
     )
-    return f"The {name} of {told} is unusual (usual are {' to '.join(ends)}): check units."
+    return f"The {name} of {here} is unusual (usual are {' to '.join(ends)}): check units."
 
 
 def caveats_of_steps(steps: Sequence[Any], size: Sequence[float] = ()) -> tuple[str, ...]:
-    """Returns what makes a measured surface doubtful.
+    """Returns the warnings about a measured surface.
 
     **Arguments:**
 

@@ -4,8 +4,8 @@ Axis 0 is x (the default direction of sliding), axis 1 is y. A field of shape `(
 half spectrum `(nx, ny//2 + 1)` of `rfftn`; a one-dimensional cell `(nx,)` has `(nx//2 + 1,)`.
 Wavevectors are angular, q = 2π k/L [rad/m]. On a Nyquist line both signs of that component of q are
 the same mode, so what is odd in it (a derivative) vanishes there. Of a response that depends on the
-direction the real part of the mean of both signs is kept: then the half spectrum is Hermitian, that
-of a real operator, and its resolvent that of this operator's.
+direction the real part of the mean of both signs is taken: then the half spectrum is Hermitian,
+that of a real operator, and its resolvent that of this operator's.
 """
 
 import functools
@@ -25,7 +25,7 @@ from . import transforms as _fft
 from .devices import num_devices, put_on, sharding_on, whole_along
 
 
-@shown(argument=True)
+@shown()
 class Grid(eqx.Module):
     """A rectangular periodic cell sampled at equally spaced points.
 
@@ -36,7 +36,7 @@ class Grid(eqx.Module):
 
     With `devices`, such as `jax.devices()`, each holds its share of the rows of every field of this
     grid and of what is computed from it: surfaces, kernels, contacts, derivatives. `size` lies on
-    all of them, and its type tells so.
+    all of them, which its type shows.
     """
 
     shape: tuple[int, ...] = eqx.field(static=True)
@@ -209,16 +209,17 @@ def direction_and_speed(
 
 
 def sliding_frequency(
-    qx: Float[Array, "..."], qy: Float[Array, "..."], velocity: Float[Array, "..."]
+    qx: Float[Array, "..."], qy: Float[Array, "..."] | float, velocity: Float[Array, "..."]
 ) -> Float[Array, "..."]:
-    """Returns ω = -q·v [rad/s], which for a velocity along x has the shape of `qx`.
+    """Returns ω = -q·v [rad/s] of a surface moving with `velocity`: the one place of this sign.
 
-    Across the velocity rounding leaves some 1e-17 where 0 is meant: another number whenever it is
+    `velocity` is v, along x (then ω has the shape of `qx`), or has one or two components. Across
+    the velocity rounding leaves some 1e-17 where 0 is meant: another number whenever it is
     computed anew, outside of any table of moduli, and with a sign. There it is 0, with its
     derivative -q.
     """
-    if velocity.ndim == 0:
-        return -qx * velocity
+    if velocity.size == 1:
+        return -qx * velocity.reshape(())
     along, across = qx * velocity[0], qy * velocity[1]
     omega = -(along + across)
     rounding = 4 * jnp.finfo(omega.dtype).eps * jnp.abs(along)
@@ -236,12 +237,11 @@ def wave_frequencies(grid: Grid, velocity: Numbers) -> Float[Array, "..."]:
         for k, n, q in zip(mode_numbers(grid.shape), grid.shape, wavevector(grid), strict=True)
     ]
     qx, qy = (*components, jnp.zeros(()))[:2]
-    velocity = as_float(velocity, "velocity")
-    return sliding_frequency(qx, qy, velocity[0] if velocity.shape == (1,) else velocity)
+    return sliding_frequency(qx, qy, as_float(velocity, "velocity"))
 
 
 def multiplicity(shape: tuple[int, ...]) -> np.ndarray:
-    """Returns how often each entry of the half spectrum stands in the full one: 1 or 2."""
+    """Returns how often each entry of the half spectrum occurs in the full one: 1 or 2."""
     columns = np.arange(shape[-1] // 2 + 1)
     return np.where((columns == 0) | (2 * columns == shape[-1]), 1, 2)
 
@@ -252,7 +252,7 @@ def zero_mode(shape: tuple[int, ...]) -> Bool[Array, "*half"]:
 
 
 def _any(masks):
-    """Combined by XLA, lest a constant as large as the grid be compiled in."""
+    """Combined by XLA: otherwise a constant as large as the grid would be compiled in."""
     return functools.reduce(jnp.logical_or, map(jnp.asarray, masks))
 
 
@@ -276,7 +276,7 @@ def derivative(field: Float[Array, "*shape"], grid: Grid, axis: int) -> Float[Ar
 def resample_spectrum(spectrum: Array, shape: tuple[int, ...], new_shape: tuple[int, ...]) -> Array:
     """Returns a half spectrum cut or zero-padded to the modes of another grid on the same cell.
 
-    Values are copied, not rescaled. On the Nyquist lines of a coarser grid the even part is kept,
+    Values are copied, not rescaled. On the Nyquist lines of a coarser grid the even part is taken,
     see `even_on_nyquist`; the Nyquist lines of a finer grid stay empty.
     """
     if new_shape == shape:

@@ -3,7 +3,7 @@
 Inside a loop XLA's transform runs on one thread; ducc0 (M. Reinecke), bound by jaxbind, uses all
 cores there, and is faster on one. Both packages are the optional extra `fast-cpu`; where they are
 installed, fields of `BOUND_FROM` points or more on a CPU go through them. Smaller fields gain
-nothing, and programs with bound functions are not kept by JAX's persistent compilation cache.
+nothing, and programs with bound functions are not stored by JAX's persistent compilation cache.
 
 Over several devices (see `_devices`) rows are transformed first; then all devices exchange blocks,
 once, so that each has whole columns to transform. XLA itself would gather the field on each device.
@@ -91,7 +91,7 @@ def _bound():
         return [axis for axis in range(ndim) if axis not in batched]
 
     def weights(array, axes, size):
-        """How often each entry of a half spectrum stands in the full one, broadcastable."""
+        """How often each entry of a half spectrum occurs in the full one, broadcastable."""
         column = np.arange(size // 2 + 1)
         twice = np.where((column == 0) | (2 * column == size), 1.0, 2.0).astype(array.real.dtype)
         return twice.reshape([-1 if axis == axes[-1] else 1 for axis in range(array.ndim)])

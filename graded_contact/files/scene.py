@@ -33,12 +33,10 @@ from ..response.shape import AbstractShape, ErrorFunction, Exponential, Linear, 
 from ..response.stack import Free, GradedLayer, HalfSpace, Layer, Rigid, Stack
 from ..rheology.library import tyre_tread
 from ..rheology.material import AbstractMaterial, BulkShear, Elastic, Prony
-from ..rheology.shift import WLF, AbstractShift, Arrhenius
+from ..rheology.shift import WLF, AbstractShift, Arrhenius, TabulatedShift
 from ..rheology.tabulated import Tabulated
-from ..rheology.tabulated_shift import TabulatedShift
-from ..roughness.random_surfaces import random_surface
 from ..roughness.spectrum import SelfAffine
-from ..roughness.surface import Surface, rescale
+from ..roughness.surface import Surface, random_surface, rescale
 from .moduli.reading import read_moduli
 from .parameter_covariance import Errors, check_errors, read_errors
 from .paths import check_name, existing_file

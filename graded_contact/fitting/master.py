@@ -28,8 +28,7 @@ from ..core.display import shown
 from ..files.moduli.points import Measured
 from ..rheology.material import Prony
 from ..rheology.measured import MeasuredRange
-from ..rheology.shift import AbstractShift
-from ..rheology.tabulated_shift import TabulatedShift
+from ..rheology.shift import AbstractShift, TabulatedShift
 from .lengths import best_of_length, check_choosable, check_terms
 from .model import attach_derivative, search
 from .observations import concrete

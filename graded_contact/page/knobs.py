@@ -18,8 +18,7 @@ from ..files.scene import RandomSurface, Scene
 from ..files.schema import parse_toml
 from ..response.stack import Stack
 from ..rheology.material import BulkShear, Elastic, Prony
-from ..rheology.shift import WLF, AbstractShift
-from ..rheology.tabulated_shift import TabulatedShift
+from ..rheology.shift import WLF, AbstractShift, TabulatedShift
 from ..roughness.surface import Surface, statistics
 from .document import Document
 

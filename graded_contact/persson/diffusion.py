@@ -7,7 +7,7 @@ its mirror image (B. N. J. Persson, J. Chem. Phys. 115 (2001) 3840, doi:10.1063/
 contact area is A = ∫P dσ = erf(1/√(2v)), and the mean square pressure grows as d⟨σ²⟩/dv = A.
 
 In partial contact finer roughness adds less than this, since the edges of the contact give way to
-it. The corrections in use slow the diffusion: x(v) stands in place of v, with dx/dv = S.
+it. The corrections in use slow the diffusion: x(v) replaces v, with dx/dv = S.
 
 - `"yang_persson"`: S = 0.45 + 0.55 A². C. Yang, B. N. J. Persson, J. Phys.: Condens. Matter 20
   (2008) 215214, doi:10.1088/0953-8984/20/21/215214.

@@ -1,7 +1,7 @@
 """The mean field of an isotropic spectrum, by quadrature over wavenumber and angle.
 
 In log q it is Clenshaw and Curtis's rule on every smooth piece of the spectrum. For the angle φ
-between q and the velocity, cos φ = sech u turns a relaxation at whatever q v τ into poles at the
+between q and the velocity, cos φ = sech u turns a relaxation at any q v τ into poles at the
 distance π/2 from the real line of u, where the trapezoidal rule converges as exp(-π²/h); u =
 3 sinh s then makes the integrand decay doubly exponentially.
 
@@ -20,7 +20,8 @@ import numpy as np
 from jaxtyping import Array, Float
 from numpy.polynomial import chebyshev
 
-from ..core.checks import as_float, check_positive, is_concrete, short
+from ..core.checks import as_float, check_increasing, check_positive, is_concrete, short
+from ..fields.grid import sliding_frequency
 from ..response.compliance import surface_compliance_unchecked
 from ..response.grading import AbstractGradedSolver, graded_tolerance
 from ..response.stack import Stack
@@ -28,7 +29,7 @@ from ..rheology.measured import is_unknown
 from ..roughness.spectrum import SelfAffine
 from .diffusion import Correction, area, mean_square_growth, slowed
 
-# The last angle, nearly across the velocity, stands for those beyond it.
+# The last angle, nearly across the velocity, represents those beyond it.
 LAST_COSINE = 1 / np.cosh(15.0)
 _STRETCH = 3.0
 SAFETY = 2.0  # of the change by twice the nodes
@@ -69,14 +70,7 @@ def as_roughness(spectrum: object) -> Roughness:
         raise ValueError(f"`spectrum` holds C(q) at {len(q)} wavenumbers; at least 2 are needed.")
     check_positive("spectrum[0]", q, "[rad/m]")
     check_positive("spectrum[1]", c, "[m⁴]")
-    if is_concrete(q):
-        falling = np.diff(np.asarray(q)) <= 0
-        if np.any(falling):
-            i = int(np.argmax(falling)) + 1
-            raise ValueError(
-                f"`spectrum[0][{i}]={float(q[i]):g}` does not exceed the entry before it: "
-                "wavenumbers must be strictly increasing."
-            )
+    check_increasing("spectrum[0]", q)
     return Roughness(q, c)
 
 
@@ -111,13 +105,12 @@ def integrate(
         """Growth of the variance and of the friction of complete contact, per log q and angle."""
         stack, pressure, speed, q, amplitude = values
         q, amplitude, along = q[at_q][:, None], amplitude[at_q][:, None], cosine[at_angle]
-        compliance = surface_compliance_unchecked(
-            stack, q, speed * q * along, graded_solver, tolerance
-        )
+        omega = sliding_frequency(q * along, 0.0, speed)
+        compliance = surface_compliance_unchecked(stack, q, omega, graded_solver, tolerance)
         # √C q/(M σ0): squares of its factors may leave the range of float32.
         relative = amplitude / (pressure * compliance)
         return jnp.stack(
-            [relative.real**2 + relative.imag**2, amplitude * q * along * relative.imag]
+            [relative.real**2 + relative.imag**2, -amplitude * q * along * relative.imag]
         )
 
     even, odd, fourth, eighth = (
@@ -148,7 +141,7 @@ def integrate(
     error = _error(x, friction, v[0], by_angle, product)
     share = jnp.zeros_like(q[0])
     if known is not None:
-        omega = speed * q[even, None] * cosine[even]
+        omega = sliding_frequency(q[even, None] * cosine[even], 0.0, speed)
         lost = jnp.where(is_unknown(omega, known), used[1], 0) @ weights
         share = share_of(lost / jnp.where(fine[1] == 0, 1, fine[1]), friction[0])
     return q[even], x[0], friction[0], jax.lax.stop_gradient(error), share

@@ -18,15 +18,13 @@ have, the share A is there. Friction is what this pressure dissipates,
     dμ = A C q dq ∫dφ q cos φ Im(1/M)/σ0  =  ½ A C q³ dq ∫dφ cos φ Im E_eff(q, q v cos φ)/σ0,
 
 which at A = 1 is the exact friction of complete contact. A correction slows the diffusion, dV' =
-S dV: V' stands for V in the area, A S for A in the friction. (Programs that have S in the friction
-alone keep the uncorrected area; here one diffusion gives both.)
+S dV: V' replaces V in the area, A S replaces A in the friction. (Programs that have S in the
+friction alone keep the uncorrected area; here one diffusion gives both.)
 
 Sources: B. N. J. Persson, J. Chem. Phys. 115 (2001) 3840, doi:10.1063/1.1388626; layered solids:
 M. Scaraggi, B. N. J. Persson, arXiv:1506.06955. Signs, factors and the stack's M in place of the
 half space's are derived from complete contact.
 """
-
-from typing import get_args
 
 import equinox as eqx
 import jax.numpy as jnp
@@ -35,12 +33,11 @@ from jaxtyping import Array, Float
 from ..core.checks import (
     Numbers,
     as_float,
+    as_scalar,
     check_positive,
-    check_shape,
     check_tolerance,
     check_types,
     check_values,
-    short,
 )
 from ..core.display import shown
 from ..fields.grid import as_velocity, direction_and_speed
@@ -49,8 +46,7 @@ from ..response.kernel import stack_kernel
 from ..response.layering import Layering
 from ..response.stack import Stack
 from ..rheology.measured import coverage
-from ..roughness.cutoff import CutoffCurve
-from ..roughness.spectrum import SelfAffine
+from ..roughness.spectrum import CutoffCurve, SelfAffine
 from ..roughness.surface import Surface
 from .diffusion import Correction, area, density
 from .isotropic import LAST_COSINE, as_roughness, integrate
@@ -123,7 +119,7 @@ def mean_field_friction(
     - `spectrum`: isotropic roughness, as a `SelfAffine` or as a pair `(q, C)` of wavenumbers
       [rad/m] and C(q) [m⁴], shape `(points,)`, a power law between neighbours (`radial_spectrum`
       of a surface gives such a pair; rings without modes, where C is NaN, are left out); or a
-      `Surface`, whose modes are summed as they are, isotropic or not.
+      `Surface`, whose modes are summed, isotropic or not.
     - `pressure`: mean pressure σ0 [Pa].
     - `velocity`: of the surface over the block [m/s]: a number (along x) or `(vx, vy)`.
     - `correction`: how partial contact slows the diffusion: `"none"` (Persson 2001),
@@ -139,12 +135,7 @@ def mean_field_friction(
 
     **Raises:** `ValueError` for a refused argument; `RuntimeError` if `rtol` is not reached.
     """
-    if not isinstance(stack, Stack):
-        raise ValueError(f"`stack={short(stack)}` must be a `Stack(layers=..., base=...)`.")
-    if correction not in get_args(Correction):
-        raise ValueError(f"`correction={correction!r}` must be one of {get_args(Correction)}.")
-    pressure, velocity = as_float(pressure, "pressure"), as_velocity(velocity)
-    check_shape("pressure", pressure, ())
+    pressure, velocity = as_scalar(pressure, "pressure"), as_velocity(velocity)
     check_positive("pressure", pressure, "[Pa]")
     check_tolerance("rtol", rtol, pressure)
     # On input the value is unknown if the pressure is traced.

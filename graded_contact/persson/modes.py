@@ -1,4 +1,4 @@
-"""The mean field of one surface: a sum over its modes, with whatever anisotropy they have."""
+"""The mean field of one surface: a sum over its modes, isotropic or not."""
 
 import equinox as eqx
 import jax.numpy as jnp

@@ -18,7 +18,6 @@ from ..core.checks import (
     as_numbers,
     check_poisson,
     check_positive,
-    check_together,
     check_types,
     check_values,
     is_concrete,
@@ -27,7 +26,7 @@ from ..core.checks import (
 from ..core.display import shown
 from .grading import (
     AbstractGradedSolver,
-    check_profiles,
+    as_waves,
     graded_tolerance,
     relative,
     solve_graded,
@@ -172,16 +171,9 @@ def graded_compliance(
 
 
 def _checked(stack, q, omega, graded_solver, rtol):
-    """Arrays of equal rank: a modulus is computed once per entry of `omega`."""
-    q, omega = as_float(q, "q"), as_float(omega, "omega")
+    q = as_float(q, "q")
     check_positive("q", q, "[rad/m]")
-    check_values("omega", omega, "frequencies [rad/s] must be finite")
-    check_together(q=q, omega=omega)
-    check_profiles(stack, omega)
-    rank = max(q.ndim, omega.ndim)
-    rtol = graded_tolerance(graded_solver, rtol, q)
-    q, omega = (x.reshape((1,) * (rank - x.ndim) + x.shape) for x in (q, omega))
-    return q, omega, rtol
+    return *as_waves(stack, q=q, omega=omega), graded_tolerance(graded_solver, rtol, q)
 
 
 @eqx.filter_jit
@@ -215,7 +207,7 @@ def compliance_of(
 ) -> Inexact[Array, "*w"]:
     """Returns M_zz [m/Pa] of a `prepared` stack at `q` and `omega` of equal rank.
 
-    An `attempt` at a graded stack is quick, and returns what it found whatever its error. Without
+    An `attempt` at a graded stack is quick, and returns its result for any error. Without
     `throw` a tolerance that is not reached leaves NaN.
     """
     if isinstance(stack, ManyLayers):

@@ -94,7 +94,7 @@ def attempted_kernel(
 ) -> tuple[Inexact[Array, "*half"], Bool[Array, ""]]:
     """Returns the kernel, and whether it reached its tolerance, which is no error here.
 
-    Arguments as in `stack_kernel`. Where the tolerance of a graded layer was missed stands NaN.
+    Arguments as in `stack_kernel`. NaN where the tolerance of a graded layer was missed.
     Under `jit`, too, a table that misses it gives way to direct evaluation: both are compiled.
     """
     return _attempt(stack, grid, velocity, graded_solver, rtol, choosing=True)

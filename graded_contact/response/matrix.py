@@ -15,7 +15,7 @@ The antiplane part (shear waves with displacement along e_T) obeys the scalar fo
 recursion of `slab`, with transmission 1/cosh(q d) and both factors tanh(q d), in units of
 1/(μ q), μ the shear modulus.
 
-What lies below a face is held as homogeneous coordinates (n, c11, c12, c22, det)/n, so that a
+What lies below a face is stored as homogeneous coordinates (n, c11, c12, c22, det)/n, so that a
 clamped (n > 0 alone) and a free face (det > 0 alone) are ordinary starting points and layers may
 have no thickness. Of thin layers on a rigid base, and of a free sheet with ν = 1/2, c11 and c_T
 agree to the last digit, and C_xy is their difference: it is carried along as one more coordinate,
@@ -33,9 +33,19 @@ import jax.numpy as jnp
 from jax import Array
 from jaxtyping import Complex, Inexact
 
-from ..core.checks import Numbers, as_float, check_together, check_types, check_values, is_concrete
-from .column import Carried, Column, Rule, climb_through, column, column_of
-from .grading import AbstractGradedSolver, check_profiles, graded_tolerance, solve_graded
+from ..core.checks import Numbers, as_float, check_types, is_concrete
+from .grading import (
+    AbstractGradedSolver,
+    Carried,
+    Column,
+    Rule,
+    as_waves,
+    climb_through,
+    column,
+    column_of,
+    graded_tolerance,
+    solve_graded,
+)
 from .layering import Layering
 from .slab import Compliance, Slab, Split, factors, half_space, in_units, split_of
 from .stack import Free, Rigid, Stack, is_graded
@@ -111,19 +121,12 @@ def wavevectors(
     stack: Stack, qx: Numbers, qy: Numbers, omega: Numbers
 ) -> tuple[Array, Array, Array]:
     """Returns the arguments as arrays of equal rank, checked."""
-    qx, qy, omega = as_float(qx, "qx"), as_float(qy, "qy"), as_float(omega, "omega")
-    check_values("qx", qx, "a wavenumber [rad/m] must be finite")
-    check_values("qy", qy, "a wavenumber [rad/m] must be finite")
-    check_values("omega", omega, "frequencies [rad/s] must be finite")
-    check_together(qx=qx, qy=qy, omega=omega)
+    qx, qy, omega = as_waves(stack, qx=qx, qy=qy, omega=omega)
     if is_concrete(qx) and is_concrete(qy) and bool(jnp.any((qx == 0) & (qy == 0))):
         raise ValueError(
             "`qx=0` with `qy=0` is refused: the mean displacement of a block is not determined "
             "by its mean traction (only differences of displacement are meant here)."
         )
-    check_profiles(stack, omega)
-    rank = max(x.ndim for x in (qx, qy, omega))
-    qx, qy, omega = (x.reshape((1,) * (rank - x.ndim) + x.shape) for x in (qx, qy, omega))
     return qx, qy, omega
 
 

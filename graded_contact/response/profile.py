@@ -3,7 +3,7 @@
 A profile is a module called with heights s [1] (0 at the layer's bottom, 1 at its top) and
 angular frequencies ω [rad/s] that broadcast against each other; it returns Young's modulus
 E [Pa] and Poisson's ratio [1], entry by entry, each of a shape that broadcasts to theirs. Where
-a derivative of it jumps, it may say so in an attribute `breaks` (heights strictly between 0 and
+a derivative of it jumps, it may have an attribute `breaks` (heights strictly between 0 and
 1): the layer is then cut there, and convergence is as fast as without. E and ν themselves must
 be continuous; a jump is a boundary between two layers.
 
@@ -24,7 +24,7 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float, Inexact, ScalarLike
 
-from ..core.checks import check_positive, check_type, check_values, scalar
+from ..core.checks import check_positive, check_type, check_values, is_concrete, scalar
 from ..core.display import shown
 from ..rheology.material import AbstractMaterial, material_called
 from ..rheology.measured import check_frequencies, coverage
@@ -33,7 +33,7 @@ from .shape import FROM_0_TO_1, AbstractShape, Linear, breaks_of, shape_called
 SAMPLES = 64  # intervals of height in which a profile is looked at
 
 
-@shown(argument=True)
+@shown()
 class AbstractProfile(eqx.Module):
     """Young's modulus and Poisson's ratio as functions of height and frequency."""
 
@@ -53,7 +53,7 @@ class Blend(AbstractProfile):
 
     If `mixing` is "linear", E = (1 - φ) E_bottom + φ E_top and ν = (1 - φ) ν_bottom + φ ν_top, also
     beyond φ = 1: the paper's E = E₀ (1 + s + sin 2πs) is `Blend(Elastic(E0), Elastic(2*E0),
-    Sinusoidal())`. If it is "logarithmic", E = E_bottom^(1-φ) E_top^φ, which is positive whatever φ
+    Sinusoidal())`. If it is "logarithmic", E = E_bottom^(1-φ) E_top^φ, which is positive for any φ
     is, and ν is as above for a shape that never leaves [0, 1] (`Linear`, `Exponential`, `PowerLaw`,
     `ErrorFunction`); for any other it is the average with weights (1 - φ)² and φ², which stays
     between the two.
@@ -238,3 +238,90 @@ def moduli_at(
 def _shear_and_bulk_compliance(material, omega):
     modulus, poisson = material.modulus(omega), material.poisson_ratio(omega)
     return modulus / (2 * (1 + poisson)), 3 * (1 - 2 * poisson) / modulus
+
+
+# A change that a smooth profile spreads over more than 2^-40 of the layer.
+_HALVINGS = 40
+
+
+def check_profile(name: str, profile: Any, omega: Float[Array, "..."]) -> None:
+    """Raises `ValueError` naming the height at which a profile is not usable, if it is known.
+
+    Sampled at 65 heights and up to five of the frequencies: finite E of positive real part, ν
+    of real part in (-1, 1/2], and no jump between samples.
+    """
+    if not all(is_concrete(leaf) for leaf in jax.tree.leaves((profile, omega))):
+        return
+    sizes = jnp.sort(jnp.abs(jnp.ravel(omega)))
+    if sizes.size == 0:
+        return
+    omega = sizes[np.linspace(0, sizes.size - 1, min(sizes.size, 5)).astype(int)]
+    s = jnp.linspace(0, 1, SAMPLES + 1, dtype=omega.dtype)
+    _check_shapes(name, profile, s, omega)
+    modulus, poisson, where, jump = (np.array(part) for part in _survey(profile, s, omega))
+
+    def refuse(bad, value, why):
+        i, j = (int(k) for k in np.argwhere(bad)[0])
+        raise ValueError(
+            f"`{name}` at s={float(s[i]):g}, omega={float(omega[j]):g}: {why}, got {value[i, j]:g}."
+        )
+
+    for bad, value, why in (
+        (~np.isfinite(modulus), modulus, "the modulus [Pa] must be finite"),
+        (~np.isfinite(poisson), poisson, "Poisson's ratio must be finite"),
+        (~(np.real(modulus) > 0), modulus, "the modulus [Pa] must have a positive real part"),
+        (
+            ~((np.real(poisson) > -1) & (np.real(poisson) <= 0.5 + 1e-6)),
+            poisson,
+            "Poisson's ratio must be greater than -1 and at most 0.5",
+        ),
+    ):
+        if np.any(bad):
+            refuse(bad, value, why)
+    if np.any(jump > 1e-2):
+        i = int(np.argmax(jump))
+        raise ValueError(
+            f"`{name}` jumps at s={where[i]:.6g}. Put a boundary between two layers there."
+        )
+
+
+def _check_shapes(name, profile, s, omega):
+    expected = (s.size, omega.size)
+    try:
+        modulus, poisson = jax.eval_shape(moduli_at, profile, s[:, None], omega)
+        shape = jnp.broadcast_shapes(modulus.shape, poisson.shape)
+        fits = jnp.broadcast_shapes(shape, expected) == expected
+        got = f"E of shape {modulus.shape} and ν of shape {poisson.shape}"
+    except (TypeError, ValueError, AttributeError) as error:
+        fits, got = False, f"{type(error).__name__}: {error}"
+    if not fits:
+        raise ValueError(
+            f"`{name}` must return a pair (E, ν) that broadcasts to {expected} for s of shape "
+            f"{(s.size, 1)} and omega of shape {omega.shape}; it gave {got}."
+        )
+
+
+@jax.jit
+def _survey(profile, s, omega):
+    """Samples of the profile, and the largest change left after halving every interval."""
+
+    def sample(s):
+        modulus, poisson = moduli_at(profile, s[..., None], omega)
+        shape = (*s.shape, omega.size)
+        return jnp.broadcast_to(modulus, shape), jnp.broadcast_to(poisson, shape)
+
+    def changes(s):
+        """Of each height to the next, along the first axis."""
+        modulus, poisson = sample(s)
+        change = jnp.abs(jnp.log(modulus[1:] / modulus[:-1])) + jnp.abs(jnp.diff(poisson, axis=0))
+        return jnp.max(change, axis=-1)
+
+    def halve(_, ends):
+        low, high = ends
+        middle = (low + high) / 2
+        lower, upper = changes(jnp.stack([low, middle, high]))
+        return jnp.where(upper > lower, middle, low), jnp.where(upper > lower, high, middle)
+
+    halvings = min(_HALVINGS, int(-np.log2(float(jnp.finfo(s.dtype).eps))) - 8)
+    ends = jax.lax.fori_loop(0, halvings, halve, (s[:-1], s[1:]))
+    return *sample(s), ends[1], changes(jnp.stack(ends))[0]

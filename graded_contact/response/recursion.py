@@ -6,14 +6,14 @@ its lower face; v_0 is the traction on the base. Then, with Q, G, P of `slab` an
 
     M_zz = Φ = Σ_i [v_iᵀ Q_i v_i + 2 v_iᵀ P_i w_i - w_iᵀ G_i w_i] + v_0ᵀ c_0 v_0,
 
-and a change of any property changes M_zz by what it changes in Φ with all v and w held: the
+and a change of any property changes M_zz by what it changes in Φ with all v and w fixed: the
 derivative is a sum over layers, without a chain through the recursion. It costs a second sweep,
 downwards, for v and w; differentiating the recursion itself costs some hundred evaluations.
 """
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from functools import partial
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import jax
 import jax.numpy as jnp
@@ -22,15 +22,15 @@ from jax.custom_derivatives import SymbolicZero
 from jaxtyping import Array, Float
 
 from ..rheology.material import AbstractMaterial
-from .hyperbolic import hyperbolic
 from .slab import (
-    Compliance,
     factors,
     free,
     free_face,
     half_space,
+    hyperbolic,
     plane_strain,
     push_down,
+    rigid,
     stack_on,
 )
 from .stack import Free, HalfSpace, Layer, Rigid, Stack
@@ -72,6 +72,25 @@ def largest(moduli: Sequence[Array]) -> Array:
     return jax.lax.stop_gradient(jnp.max(jnp.array(sizes)))
 
 
+def stable_shape(step: Callable[[Any], Any], face: Any) -> Any:
+    """Returns shapes and dtypes that no further `step` changes."""
+    for _ in range(2):
+        after = jax.eval_shape(step, face)
+        face = jax.tree.map(
+            lambda a, b: jax.ShapeDtypeStruct(
+                jnp.broadcast_shapes(a.shape, b.shape), jnp.result_type(a, b)
+            ),
+            face,
+            after,
+        )
+    return face
+
+
+def cast_like(new: Any, old: Any) -> Any:
+    """Returns `new` with the shapes and dtypes of `old`, as the carry of a scan must have."""
+    return jax.tree.map(lambda n, o: jnp.broadcast_to(n, o.shape).astype(o.dtype), new, old)
+
+
 def _stacked(*properties):
     """Arrays with the layers along their first axis and of one rank, from arrays or sequences."""
     arrays = [
@@ -84,8 +103,7 @@ def _stacked(*properties):
 def _lowest(q, layers, base):
     """State, modulus, and the layers above it, of what needs no state below."""
     if isinstance(base, Rigid):
-        nothing = jnp.zeros_like(q)
-        return Compliance(nothing, nothing, nothing, nothing), jnp.ones((), q.dtype), layers
+        return rigid(q), jnp.ones((), q.dtype), layers
     if isinstance(base, Free):
         d, reduced, e = layers[-1]
         return free(q * d, e), reduced, layers[:-1]
@@ -109,9 +127,7 @@ def _scanned(q, layers, base):
     num_above = len(layers[0]) if above else len(layers[0]) - 1
     below = (state, reduced)
     # The carry keeps one shape and dtype from the first step on.
-    like = jax.eval_shape(lambda b: _add(q, b, at(0)), below)
-    like = jax.eval_shape(lambda b: _add(q, b, at(0)), like)
-    below = jax.tree.map(lambda b, l: jnp.broadcast_to(b, l.shape).astype(l.dtype), below, like)
+    below = cast_like(below, stable_shape(lambda below: _add(q, below, at(0)), below))
     step = jax.checkpoint(lambda below, layer: (_add(q, below, layer), None))
     upwards = jax.tree.map(lambda part: part[:num_above], layers)
     (state, reduced), _ = jax.lax.scan(step, below, upwards, reverse=True)
@@ -195,7 +211,7 @@ def _layer_change(q, d_q, layer, d_layer, fields, potential):
 
 
 def _change_by_poisson(potential, properties, d_e):
-    """What e = 1 - 2ν changes in a potential(e) over E_r, where v and w are held."""
+    """What e = 1 - 2ν changes in a potential(e) over E_r, where v and w are fixed."""
     if isinstance(d_e, SymbolicZero):
         return 0
     reduced, e = properties
@@ -204,7 +220,7 @@ def _change_by_poisson(potential, properties, d_e):
 
 
 def _layer_potential(e, x, v, w):
-    """vᵀQv + 2vᵀPw - wᵀGw of one layer, for v and w that are held."""
+    """vᵀQv + 2vᵀPw - wᵀGw of one layer, for fixed v and w."""
     s = factors(x, e)
     across = v[0] * (s.p11 * w[0] + s.p12 * w[1]) + v[1] * (s.p21 * w[0] + s.p22 * w[1])
     return _form(s.q11, s.q12, s.q22, v) + 2 * across - _form(s.g11, s.g12, s.g22, w)

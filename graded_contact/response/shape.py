@@ -1,6 +1,6 @@
 """How a quantity varies with height in a graded layer: shapes φ(s), s from 0 (bottom) to 1 (top).
 
-Where a derivative of a shape jumps, it may say so in an attribute `breaks`: heights strictly
+Where a derivative of a shape jumps, it may have an attribute `breaks`: heights strictly
 between 0 and 1. The layer is then cut there, and convergence is as fast as without.
 """
 
@@ -17,6 +17,7 @@ from jaxtyping import Array, Float
 from ..core.checks import (
     as_float,
     check_positive,
+    check_rows,
     check_values,
     instance,
     is_concrete,
@@ -24,7 +25,7 @@ from ..core.checks import (
     scalar,
 )
 from ..core.display import shown
-from ..rheology.tabulated import monotone_cubic
+from ..core.spline import monotone_cubic
 
 
 @shown()
@@ -153,15 +154,7 @@ class Table(AbstractShape):
     values: Float[Array, " points"] = eqx.field(converter=numbers("values"))
 
     def __check_init__(self):
-        if (
-            self.heights.ndim != 1
-            or len(self.heights) < 2
-            or (self.heights.shape != self.values.shape)
-        ):
-            raise ValueError(
-                f"`heights` has shape {self.heights.shape} and `values` {self.values.shape}; two "
-                "one-dimensional arrays of equal length, at least 2, are needed."
-            )
+        check_rows(2, heights=self.heights, values=self.values)
         check_values("values", self.values, "the values of a profile must be finite")
         if is_concrete(self.heights):
             h = np.asarray(self.heights)
@@ -181,5 +174,5 @@ class Table(AbstractShape):
 
 
 def breaks_of(profile: Any) -> Float[Array, " inner"]:
-    """Returns the heights at which a profile or shape says that it is not smooth."""
+    """Returns the heights at which a profile or shape is not smooth, by its attribute `breaks`."""
     return as_float(getattr(profile, "breaks", np.zeros(0)))

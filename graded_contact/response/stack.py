@@ -41,7 +41,7 @@ def _as_base(base: Any) -> "HalfSpace | Rigid | Free":
     return base
 
 
-@shown(argument=True)
+@shown()
 class Layer(eqx.Module):
     """A homogeneous layer.
 
@@ -58,7 +58,7 @@ class Layer(eqx.Module):
         _check_thickness(self.thickness)
 
 
-@shown(argument=True)
+@shown()
 class GradedLayer(eqx.Module):
     """A layer whose moduli vary continuously with height.
 
@@ -79,14 +79,12 @@ class GradedLayer(eqx.Module):
 
 
 def _check_thickness(thickness: Array) -> None:
-    if thickness.shape != ():
-        raise ValueError(f"`thickness` has shape {thickness.shape}; one length is needed.")
     check_values(
         "thickness", thickness, "a thickness [m] is zero (no layer) or positive", at_least=0
     )
 
 
-@shown(argument=True)
+@shown()
 class HalfSpace(eqx.Module):
     """A base so deep that its bottom is never felt.
 
@@ -108,7 +106,7 @@ class Free(eqx.Module):
     """No base: the bottom of the lowest layer carries no traction."""
 
 
-@shown(argument=True)
+@shown()
 class Stack(eqx.Module):
     """A block: layers bonded to each other and to a base.
 

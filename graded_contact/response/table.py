@@ -21,7 +21,7 @@ from jaxtyping import Array, Float, Inexact, Int
 
 from ..core.display import shown
 
-# The function, of mode numbers k_x and k_y [1] that broadcast; it may be asked between integers.
+# The function, of mode numbers k_x and k_y [1] that broadcast; also between integers.
 OfModes = Callable[[Float[Array, "..."], Float[Array, "..."]], Inexact[Array, "..."]]
 
 _TILE = 28  # nodes are evaluated in squares of so many a side
@@ -66,7 +66,7 @@ def tabulate(
 ) -> KernelTable:
     """Returns a table for the mode numbers 0 ... `highest` in each direction.
 
-    It has the nodes that `tolerance` seems to need; whether it was met, `error` says. `probe` is
+    It has the nodes that `tolerance` seems to need; `error` shows whether it was met. `probe` is
     the function, or a cheaper version of it, from which the number of nodes is read off.
     """
     counts = _counts(probe, highest, tolerance / 10, dtype)

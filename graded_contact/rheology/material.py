@@ -25,13 +25,13 @@ from ..core.checks import (
     as_scalar,
     check_poisson,
     check_positive,
+    check_rows,
     check_type,
     check_values,
     instance,
     is_concrete,
     numbers,
     scalar,
-    short,
 )
 from ..core.display import shown, with_units
 from .creep import creep_from_relaxation, relaxation_from_creep
@@ -39,7 +39,7 @@ from .measured import MeasuredRange
 from .shift import AbstractShift, as_temperature, require_shift, stretched
 
 
-@shown(argument=True)
+@shown()
 class AbstractMaterial(eqx.Module):
     """An isotropic linear viscoelastic solid."""
 
@@ -116,10 +116,7 @@ class Prony(AbstractMaterial):
     measured: MeasuredRange | None = None
 
     def __check_init__(self):
-        if not isinstance(self.measured, MeasuredRange | None):
-            raise ValueError(
-                f"`measured={short(self.measured)}` must be a `MeasuredRange`, or None."
-            )
+        check_type("measured", self.measured, MeasuredRange, type(None))
         check_values(
             "equilibrium", self.equilibrium, "it must be zero or a positive number [Pa]", at_least=0
         )
@@ -183,7 +180,7 @@ class Prony(AbstractMaterial):
         omega = as_float(omega, "omega")
         x = omega[..., None] * self.times
         # x²/(1 + x²) and x/(1 + x²), in forms that neither overflow nor cancel and are even and
-        # odd as they stand: split into size and sign, they would have no derivative at rest.
+        # odd: split into size and sign, they would have no derivative at rest.
         small = jnp.abs(x) <= 1
         y = jnp.where(small, x, 1 / jnp.where(small, 1, x))
         loss = y / (1 + y * y)
@@ -253,7 +250,7 @@ class BulkShear(AbstractMaterial):
 
     - `bulk`: material whose `modulus` is read as K(ω) [Pa], not as Young's modulus; its own
       Poisson's ratio is ignored.
-    - `shear`: likewise for G(ω) [Pa].
+    - `shear`: the same for G(ω) [Pa].
     """
 
     bulk: AbstractMaterial = eqx.field(converter=_part_called("bulk"))
@@ -279,11 +276,7 @@ class BulkShear(AbstractMaterial):
 
 
 def _check_series(name: str, values: Array, unit: str, times_name: str, times: Array) -> None:
-    if values.ndim != 1 or values.shape != times.shape:
-        raise ValueError(
-            f"`{name}` has shape {values.shape} and `{times_name}` {times.shape}; "
-            "two one-dimensional arrays of equal length are needed."
-        )
+    check_rows(0, **{name: values, times_name: times})
     check_positive(name, values, unit)
     check_positive(times_name, times, "[s]")
 

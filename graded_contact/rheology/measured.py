@@ -1,7 +1,7 @@
 """Where a material was measured, and what lies outside.
 
 A fitted series has a modulus at every frequency, but only where there were data is it more than an
-extrapolation. Whatever is limited says so by two methods, `coverage()` and `check(omega)`; the
+extrapolation. A limited material has two methods, `coverage()` and `check(omega)`; the
 functions below find all that is limited in a material, profile or stack.
 """
 
@@ -15,11 +15,10 @@ from jaxtyping import Array, Float
 
 from ..core.checks import check_positive, is_concrete, numbers
 from ..core.display import shown
-from .shift import stretched
+from .shift import NEAR, stretched
 
 # A shifted range may miss its own ends by rounding.
 SLACK = 64
-NEAR = 1.0  # K beyond measured temperatures: two isotherms are not nearer to each other
 
 
 @runtime_checkable

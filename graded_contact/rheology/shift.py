@@ -10,17 +10,30 @@ import math
 import equinox as eqx
 import jax
 import jax.numpy as jnp
+import numpy as np
 from jaxtyping import Array, Float, ScalarLike
 
-from ..core.checks import as_scalar, check_positive, check_values, is_concrete, scalar
+from ..core.checks import (
+    as_float,
+    as_scalar,
+    check_increasing,
+    check_positive,
+    check_rows,
+    check_values,
+    is_concrete,
+    numbers,
+    scalar,
+)
 from ..core.display import shown
+from ..core.spline import monotone_cubic
 
+NEAR = 1.0  # K beyond measured temperatures: two isotherms are not nearer to each other
 GAS_CONSTANT = 8.31446261815324  # J/(mol K), exact in the SI of 2019
 # How far times are shifted, as a share of the dtype's exponents: their squares must not overflow.
 _REACH = 0.45
 
 
-@shown(argument=True)
+@shown()
 class AbstractShift(eqx.Module):
     """A law of time-temperature superposition: τ(T) = a_T τ(reference), E(T) = b_T E(reference)."""
 
@@ -156,3 +169,75 @@ def require_shift(shift: AbstractShift | None) -> AbstractShift:
             "`shift=WLF(c1, c2, reference)` or `shift=Arrhenius(activation_energy, reference)`."
         )
     return shift
+
+
+class TabulatedShift(AbstractShift):
+    """Shifts at some temperatures, interpolated between them.
+
+    ln a_T and ln b_T are monotone cubics in 1/T, in which Arrhenius' law is a straight line. More
+    than 1 K outside the table a temperature is refused: shifts that follow no law are unknown
+    there.
+
+    **Fields:**
+
+    - `temperatures`: [K], shape `(isotherms,)`, increasing, at least two.
+    - `log10_factors`: log10 a_T [1], shape `(isotherms,)`; they may count from any temperature.
+    - `reference`: temperature [K] at which the material's times were given; within the table.
+    - `vertical_factors`: b_T [1], shape `(isotherms,)`, in ratios: moduli at T are
+      b_T(T)/b_T(T_ref) times those at the reference. By default 1.
+    """
+
+    temperatures: Float[Array, " isotherms"] = eqx.field(converter=numbers("temperatures"))
+    log10_factors: Float[Array, " isotherms"] = eqx.field(converter=numbers("log10_factors"))
+    reference: Float[Array, ""] = eqx.field(converter=scalar("reference"))
+    vertical_factors: Float[Array, " isotherms"] | None = eqx.field(
+        converter=lambda value: None if value is None else as_float(value, "vertical_factors"),
+        default=None,
+    )
+
+    def __check_init__(self):
+        rows = {"temperatures": self.temperatures, "log10_factors": self.log10_factors}
+        if self.vertical_factors is not None:
+            rows["vertical_factors"] = self.vertical_factors
+            check_positive("vertical_factors", self.vertical_factors, "[1]")
+        check_rows(2, **rows)
+        check_positive("temperatures", self.temperatures, "[K]")
+        check_values("log10_factors", self.log10_factors, "finite numbers")
+        check_increasing("temperatures", self.temperatures)
+        self._check_covered("reference", self.reference)
+
+    def log_factor(self, temperature: ScalarLike) -> Float[Array, ""]:
+        return math.log(10) * self._change(self.log10_factors, temperature)
+
+    def log_vertical(self, temperature: ScalarLike) -> Float[Array, ""]:
+        if self.vertical_factors is None:
+            return jnp.zeros_like(self.reference)
+        return self._change(jnp.log(self.vertical_factors), temperature)
+
+    def rebased(self, temperature: ScalarLike) -> "TabulatedShift":
+        temperature = as_scalar(temperature, "temperature")
+        self._check_covered("temperature", temperature)
+        return eqx.tree_at(lambda shift: shift.reference, self, temperature)
+
+    def _change(self, values, temperature):
+        """What `values` gain from the reference to `temperature`; NaN outside, if traced."""
+        temperature = as_scalar(temperature, "temperature")
+        self._check_covered("temperature", temperature)
+        coldest, hottest = self.temperatures[0] - NEAR, self.temperatures[-1] + NEAR
+        inside = (temperature >= coldest) & (temperature <= hottest)
+        places = -1 / jnp.stack([temperature, self.reference])
+        there, here = monotone_cubic(-1 / self.temperatures, values, places)
+        return jnp.where(inside, there - here, jnp.nan)
+
+    def _check_covered(self, name, temperature):
+        if is_concrete(self.temperatures):
+            # By NumPy: known temperatures stay known inside `jit`.
+            coldest, hottest = map(float, np.asarray(self.temperatures)[[0, -1]])
+            check_values(
+                name,
+                temperature,
+                f"the table of shifts covers {coldest:.2f} to {hottest:.2f} K. Use a law, such as "
+                "`WLF`, to go beyond what was measured",
+                at_least=coldest - NEAR,
+                at_most=hottest + NEAR,
+            )

@@ -13,18 +13,21 @@ from ..core.checks import (
     as_float,
     as_numbers,
     as_scalar,
+    check_increasing,
     check_poisson,
     check_positive,
+    check_rows,
     check_type,
     is_concrete,
 )
+from ..core.spline import monotone_cubic
 from .material import AbstractMaterial
 from .measured import is_within
 from .shift import AbstractShift, as_temperature, require_shift, stretched
 
 
 class Tabulated(AbstractMaterial):
-    """A measured modulus used as it stands, by monotone interpolation of its logarithms.
+    """A measured modulus without a fit, by monotone interpolation of its logarithms.
 
     E' and E'' are interpolated by Fritsch-Carlson cubics in log ω. At rest (ω = 0 exactly) the
     modulus is the first E'. Other frequencies outside the table raise an error, unless
@@ -64,23 +67,12 @@ class Tabulated(AbstractMaterial):
         self.poisson = as_scalar(poisson, "poisson")
         self.shift = shift
         self.extrapolate = extrapolate
-        if self.omega.ndim != 1 or len(self.omega) < 2 or complex_modulus.shape != self.omega.shape:
-            raise ValueError(
-                f"`omega` has shape {self.omega.shape} and `modulus` {complex_modulus.shape}; "
-                "two one-dimensional arrays of equal length, at least 2, are needed."
-            )
+        check_rows(2, omega=self.omega, modulus=complex_modulus)
         check_positive("omega", self.omega, "[rad/s]")
         check_positive("modulus.real", self.storage, "[Pa]")
         check_positive("modulus.imag", self.loss, "[Pa] (the loss modulus)")
         check_poisson("poisson", self.poisson)
-        if is_concrete(self.omega):
-            steps = np.diff(np.asarray(self.omega))
-            if np.any(steps <= 0):
-                i = int(np.argmax(steps <= 0)) + 1
-                raise ValueError(
-                    f"`omega[{i}]={float(self.omega[i]):g}` does not exceed the entry before it: "
-                    "frequencies must be strictly increasing (sort the table first)."
-                )
+        check_increasing("omega", self.omega)
         check_type("extrapolate", extrapolate, "refuse", "plateau")
         check_type("shift", shift, AbstractShift, type(None))
 
@@ -144,35 +136,3 @@ class Tabulated(AbstractMaterial):
                 shift.rebased(temperature),
             ),
         )
-
-
-def monotone_cubic(
-    nodes: Float[Array, " n"], values: Float[Array, " n"], x: Float[Array, "*w"]
-) -> Float[Array, "*w"]:
-    """Returns the Fritsch-Carlson monotone cubic interpolant at `x`, as SciPy's PCHIP.
-
-    F. N. Fritsch, J. Butland, SIAM J. Sci. Stat. Comput. 5 (1984) 300, doi:10.1137/0905021.
-    """
-    h, secant = jnp.diff(nodes), jnp.diff(values) / jnp.diff(nodes)
-    if len(values) == 2:
-        slopes = jnp.broadcast_to(secant, (2,))
-    else:
-        left, right = secant[:-1], secant[1:]
-        same = left * right > 0
-        w1, w2 = 2 * h[1:] + h[:-1], h[1:] + 2 * h[:-1]
-        safe_left, safe_right = jnp.where(same, left, 1), jnp.where(same, right, 1)
-        inner = jnp.where(same, (w1 + w2) / (w1 / safe_left + w2 / safe_right), 0)
-        ends = [_end_slope(h[i], h[j], secant[i], secant[j]) for i, j in ((0, 1), (-1, -2))]
-        slopes = jnp.concatenate([ends[0][None], inner, ends[1][None]])
-    i = jnp.clip(jnp.searchsorted(nodes, x, side="right") - 1, 0, len(nodes) - 2)
-    t = (x - nodes[i]) / h[i]
-    rise = values[i + 1] - values[i]
-    a, b = slopes[i] * h[i], slopes[i + 1] * h[i]
-    return values[i] + t * (a + t * ((3 * rise - 2 * a - b) + t * (a + b - 2 * rise)))
-
-
-def _end_slope(h0, h1, secant0, secant1):
-    slope = ((2 * h0 + h1) * secant0 - h0 * secant1) / (h0 + h1)
-    slope = jnp.where(slope * secant0 <= 0, 0, slope)
-    steep = (secant0 * secant1 < 0) & (jnp.abs(slope) > 3 * jnp.abs(secant0))
-    return jnp.where(steep, 3 * secant0, slope)

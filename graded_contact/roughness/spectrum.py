@@ -16,16 +16,15 @@ import equinox as eqx
 import jax
 import jax.numpy as jnp
 import numpy as np
-from jax import Array
-from jaxtyping import Float, ScalarLike
+from jaxtyping import Array, Float, ScalarLike
 
-from ..core.checks import as_scalar, check_positive, check_values, is_concrete
+from ..core.checks import as_scalar, check_positive, check_type, check_values, is_concrete
 from ..core.display import shown
 
 UNITS = {"rms_height": "[m]", "rms_slope": "[1]"}
 
 
-@shown(argument=True)
+@shown()
 class SelfAffine(eqx.Module):
     """An isotropic self-affine spectrum with a roll-off.
 
@@ -67,8 +66,7 @@ class SelfAffine(eqx.Module):
         roll_off: Literal["sharp", "smooth"] = "sharp",
     ):
         """Prescribes either `rms_height` [m] or `rms_slope` [1] (of the gradient's length)."""
-        if roll_off not in ("sharp", "smooth"):
-            raise ValueError(f"`roll_off={roll_off!r}` must be 'sharp' or 'smooth'.")
+        check_type("roll_off", roll_off, "sharp", "smooth")
         self.roll_off = roll_off
         self.prescribed, self.amplitude = one_of_height_and_slope(rms_height, rms_slope)
         self.hurst = as_scalar(hurst, "hurst")
@@ -149,8 +147,8 @@ def check_square(name: str, value: Array, logarithms: Sequence[float] = (0.0,)) 
     ends = np.log(float(kind.tiny)) - min(logarithms), np.log(float(kind.max)) - max(logarithms)
     least, most = np.exp(np.array(ends) / 2)
     allowed = (
-        f"it must be from {least:.2g} to {most:.2g} {UNITS[name]}, lest its square or the density "
-        f"of its spectrum leave the range of {value.dtype}"
+        f"it must be from {least:.2g} to {most:.2g} {UNITS[name]}, otherwise its square or the "
+        f"density of its spectrum leaves the range of {value.dtype}"
     )
     check_values(name, value, allowed, at_least=least, at_most=most)
 
@@ -233,3 +231,25 @@ def rms_height_of(spectrum: SelfAffine, ndim: int) -> Array:
         return spectrum.amplitude
     ratio = _relative_moment(spectrum, 0, ndim) / _relative_moment(spectrum, 2, ndim)
     return spectrum.amplitude / spectrum.q_roll * jnp.sqrt(ratio)
+
+
+@shown()
+class CutoffCurve(eqx.Module):
+    """Friction and contact area up to each cut-off.
+
+    Which waves count depends on the function: `cumulative_friction` adds up the waves of one
+    contact, `area_against_cutoff` and `mean_field_friction` leave out those of the surface.
+
+    **Fields:**
+
+    - `cutoff`: wavenumbers q [rad/m], increasing, shape `(cutoffs,)`.
+    - `friction`: force opposing the motion over the load [1], shape `(cutoffs,)`.
+    - `contact_area`: fraction of the nominal area in contact [1], shape `(cutoffs,)`; None where
+      there is one contact.
+    - `contact_area_smooth`: that with sub-pixel edges [1], shape `(cutoffs,)`; None without a grid.
+    """
+
+    cutoff: Float[Array, " cutoffs"]
+    friction: Float[Array, " cutoffs"]
+    contact_area: Float[Array, " cutoffs"] | None = None
+    contact_area_smooth: Float[Array, " cutoffs"] | None = None

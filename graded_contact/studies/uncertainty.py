@@ -22,8 +22,8 @@ from ..files.parameter_covariance import Errors, moved
 from ..fitting.master import MasterCurve
 from ..fitting.prony import PronyFit
 from ..rheology.material import AbstractMaterial, Prony
+from ..rheology.shift import TabulatedShift
 from ..rheology.tabulated import Tabulated
-from ..rheology.tabulated_shift import TabulatedShift
 
 
 @shown()

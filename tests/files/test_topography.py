@@ -11,9 +11,8 @@ from graded_contact.fields.grid import Grid
 from graded_contact.friction.sliding import slide
 from graded_contact.response.stack import HalfSpace, Stack
 from graded_contact.rheology.library import tyre_tread
-from graded_contact.roughness.random_surfaces import random_surface
 from graded_contact.roughness.spectrum import SelfAffine
-from graded_contact.roughness.surface import Surface, statistics, step
+from graded_contact.roughness.surface import Surface, random_surface, statistics, step
 
 DATA = Path(__file__).parents[3] / "shared" / "data" / "surfaces"
 ROAD = {"size": (5.0, 3.08), "unit": "m"}

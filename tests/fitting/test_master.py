@@ -13,8 +13,7 @@ import graded_contact as gc
 from graded_contact import master_curve
 from graded_contact.files.prony_cards import export_prony
 from graded_contact.files.scene import parse_scene
-from graded_contact.rheology.shift import WLF, Arrhenius
-from graded_contact.rheology.tabulated_shift import TabulatedShift
+from graded_contact.rheology.shift import WLF, Arrhenius, TabulatedShift
 
 DATA = Path(__file__).parents[3] / "shared" / "data" / "rheology"
 STRENGTHS = np.array([2e6, 9e6, 4e7, 1.5e8])  # [Pa]

@@ -11,7 +11,6 @@ from mpmath import mp, mpc, mpf
 
 import graded_contact as gc
 from graded_contact import reference
-from graded_contact.response.recursion import _settled
 
 CASES = json.loads(
     (pathlib.Path(__file__).parents[1] / "data" / "compliance_cases.json").read_text()
@@ -200,19 +199,6 @@ def test_kernel_of_a_scalar_velocity_is_that_of_the_vector_along_x(shape):
     )
 
 
-def test_kernel_matches_the_compliance_wavevector_by_wavevector():
-    grid = gc.Grid((8, 6), (1e-2, 2e-2))
-    stack, velocity = stack_of([1e-3]), np.array([0.2, -0.5])
-    kernel = np.asarray(gc.stack_kernel(stack, grid, velocity))
-    for i, kx in enumerate([0, 1, 2, 3]):
-        for ky in (0, 1, 2):
-            if kx == ky == 0:
-                continue
-            q = 2 * np.pi * np.array([kx / 1e-2, ky / 2e-2])
-            expected = gc.surface_compliance(stack, np.linalg.norm(q), -q @ velocity)
-            np.testing.assert_allclose(kernel[i, ky], expected, rtol=1e-14)
-
-
 def test_kernel_of_a_line_is_that_of_the_row_at_qy_zero():
     stack = stack_of([1e-3])
     line = gc.stack_kernel(stack, gc.Grid((16,), 1e-2), 0.3)
@@ -326,12 +312,6 @@ def test_layered_compliance_refuses(arguments, message):
         gc.layered_compliance(*arguments)
 
 
-def test_a_word_is_no_base():
-    # With annotations checked, as here, the checker comes first.
-    with pytest.raises((ValueError, TypeError), match="base"):
-        gc.layered_compliance(1.0, [1e-3], [1e6], [0.3], "rigid")
-
-
 def test_bad_wavenumbers_frequencies_and_velocities_are_refused():
     stack = stack_of([1e-4])
     with pytest.raises(ValueError, match="`q=0` is refused"):
@@ -362,11 +342,3 @@ def test_derivatives_beside_a_nan_keep_their_sign():
         found = slope(q.at[place].set(jnp.nan))
         np.testing.assert_allclose(found[beside], slope(q)[beside], rtol=1e-12)
         assert np.isnan(found[place])
-
-
-def test_settled_numbers_are_what_they_were_beside_nan():
-    """And so are their derivatives: one bad wavenumber must not turn the sign of the others."""
-    values = jnp.array([jnp.nan, 1.0, 2.0])
-    np.testing.assert_array_equal(jax.jit(_settled)(values), values)
-    _, slope = jax.jvp(_settled, (values,), (jnp.ones(3),))
-    np.testing.assert_array_equal(slope, jnp.ones(3))

@@ -105,7 +105,9 @@ def test_stress_and_displacement_under_the_axis_match_kenpave():
 
     def fields(q):
         load = jnp.array([0.0, 0.0, 1.0])
-        u, stress = gc.interior_fields(stack, q, 0.0, 0.0, load, depth[:, None, None], side="above")
+        u, stress = gc.blocks.interior_fields(
+            stack, q, 0.0, 0.0, load, depth[:, None, None], side="above"
+        )
         # On the axis every direction is radial: the mean of those along and across q.
         radial = (stress[..., 0, 0] + stress[..., 1, 1]) / 2
         return np.stack([u[..., 2].real, -stress[..., 2, 2].real, -radial.real])

@@ -208,21 +208,6 @@ def test_a_grid_of_modes_is_the_sum_of_its_waves():
     np.testing.assert_allclose(stress, total, atol=1e-13)
 
 
-def test_many_equal_layers_are_one():
-    rubber = gc.Elastic(2.0, 0.48)
-    stacks = [
-        gc.Stack(layers=tuple(gc.Layer(rubber, 0.65 / n) for _ in range(n)), base=gc.Free())
-        for n in (1, 12)
-    ]
-    whole, parts = (
-        interior_fields(s, WAVES[:4, :1], WAVES[:4, 1:], OMEGA, TRACTION, [0.1, 0.33, 0.6])
-        for s in stacks
-    )
-    for one, many in zip(whole, parts, strict=True):
-        size = np.max(np.abs(one), axis=tuple(range(2, one.ndim)), keepdims=True)
-        np.testing.assert_allclose(many / size, one / size, atol=2e-12)
-
-
 def test_gradient_matches_central_differences():
     """Of elastic layers, to compile fast; lossy moduli have theirs in the test of the matrix."""
     layers = (gc.Layer(gc.Elastic(3.0, 0.5), 0.1), gc.Layer(gc.Elastic(20.0, 0.3), 0.3))

@@ -242,19 +242,6 @@ def test_gradients_match_central_differences(dtype):
             assert abs(difference - slope[index] * leaf[index]) <= rtol * abs(difference) + atol
 
 
-def test_vmap_over_thickness_and_jit_give_the_same_numbers():
-    rubber = gc.Prony(1e6, [9e6], [1e-2], 0.5)
-
-    def one(d):
-        stack = gc.Stack(layers=(gc.Layer(rubber, d),), base=gc.Rigid())
-        return surface_compliance_matrix(stack, 1e3, 2e3, 30.0)
-
-    thicknesses = jnp.array([1e-5, 1e-4, 1e-3])
-    batch = jax.vmap(one)(thicknesses)
-    for d, expected in zip(thicknesses, batch, strict=True):
-        np.testing.assert_allclose(one(d), expected, rtol=1e-13, atol=1e-25)
-
-
 @pytest.mark.parametrize(
     ("arguments", "message"),
     [

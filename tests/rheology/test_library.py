@@ -10,11 +10,6 @@ import pytest
 
 from graded_contact.rheology.library import tyre_tread
 
-# Slowest, a middle and the fastest entry of the creep form, converted at high precision.
-CREEP = {0: (627.2467129591128, 8.707573369456755e-09),
-         9: (1.4006787198479992e-06, 1.4940680613846003e-08),
-         17: (2.0733759994920413e-14, 1.895143816453561e-11)}  # fmt: skip
-
 
 def test_tread_has_the_tabulated_series():
     tread = tyre_tread()
@@ -26,14 +21,6 @@ def test_tread_has_the_tabulated_series():
         assert tread.strengths[index] == strength
     np.testing.assert_allclose(tread.glassy, 2457203000.0, rtol=1e-15)
     assert np.log10(tread.times[-1] / tread.times[0]) > 10
-
-
-def test_tread_creep_form_is_the_tabulated_one():
-    glassy, compliances, times = tyre_tread().creep()
-    np.testing.assert_allclose(glassy, 2457203000.0, rtol=1e-15)
-    for index, (time, compliance) in CREEP.items():
-        assert times[index] == pytest.approx(time, rel=1e-12)
-        assert compliances[index] == pytest.approx(compliance, rel=1e-12)
 
 
 def test_tread_has_the_properties_its_documentation_states():
@@ -54,13 +41,6 @@ def test_tread_is_given_at_twenty_degrees_and_slows_in_the_cold():
     warm, zero, cold = (tread.at(t).times[0] for t in (298.15, 273.15, 253.15))
     assert np.log10(zero / warm) == pytest.approx(1.29, abs=0.005)
     assert np.log10(cold / warm) == pytest.approx(3.0, abs=0.01)
-
-
-def test_tread_takes_a_poisson_ratio():
-    assert tyre_tread().poisson == 0.5
-    assert tyre_tread(0.49).poisson == 0.49
-    with pytest.raises(ValueError, match="`poisson"):
-        tyre_tread(0.6)
 
 
 def test_double_precision_may_be_enabled_before_or_after_import():

@@ -13,9 +13,9 @@ from graded_contact.core.parameters import paths
 from graded_contact.rheology.measured import check_frequencies
 
 SHIFT = gc.WLF(4.57, 113.6, 298.15)
-RANGE = gc.MeasuredRange([1e-2, 1e4], [250.0, 350.0])
+RANGE = gc.materials.MeasuredRange([1e-2, 1e4], [250.0, 350.0])
 FITTED = gc.Prony(1e6, [4e6, 2e7], [1e-1, 1e-3], 0.5, SHIFT, RANGE)
-FAST = gc.Prony(1e6, [2e7], [1e-6], 0.4, SHIFT, gc.MeasuredRange([1.0, 1e7]))
+FAST = gc.Prony(1e6, [2e7], [1e-6], 0.4, SHIFT, gc.materials.MeasuredRange([1.0, 1e7]))
 TABLE = gc.Tabulated([1e-1, 1e3], np.array([1e6 + 1e5j, 2e6 + 1e5j]), shift=SHIFT)
 STEEL = gc.Elastic(2e11, 0.3)
 HAND_WRITTEN = gc.Prony(1e6, [2e7], [1e-6])
@@ -50,18 +50,24 @@ class Homemade(eqx.Module):
 def test_the_range_of_a_composite_is_what_all_its_parts_were_measured_at(tree, expected):
     if not isinstance(tree, gc.Elastic | gc.Prony | gc.Tabulated | gc.BulkShear):
         tree = gc.Stack(layers=[gc.GradedLayer(tree, 1e-3)], base=gc.Rigid())
-    found = gc.coverage(tree)
+    found = gc.materials.coverage(tree)
     assert found == expected or np.allclose(found, expected, rtol=1e-12)
 
 
 def test_the_range_moves_with_the_times_and_is_empty_beyond_the_measured_temperatures():
     warm = FITTED.at(330.0)
     factor = float(SHIFT.factor(330.0))
-    np.testing.assert_allclose(gc.coverage(warm), np.array([1e-2, 1e4]) / factor, rtol=1e-12)
-    lowest, highest = gc.coverage(FITTED.at(240.0))
+    np.testing.assert_allclose(
+        gc.materials.coverage(warm), np.array([1e-2, 1e4]) / factor, rtol=1e-12
+    )
+    lowest, highest = gc.materials.coverage(FITTED.at(240.0))
     assert lowest > highest
-    np.testing.assert_allclose(gc.coverage(FITTED.at(240.0).at(298.15)), [1e-2, 1e4], rtol=1e-12)
-    np.testing.assert_allclose(gc.coverage(TABLE.at(330.0)), np.array([0.1, 1e3]) / factor)
+    np.testing.assert_allclose(
+        gc.materials.coverage(FITTED.at(240.0).at(298.15)), [1e-2, 1e4], rtol=1e-12
+    )
+    np.testing.assert_allclose(
+        gc.materials.coverage(TABLE.at(330.0)), np.array([0.1, 1e3]) / factor
+    )
 
 
 @pytest.mark.parametrize("bottom", [TABLE, gc.Elastic(1e9)])
@@ -82,9 +88,9 @@ def test_ranges_have_no_derivative_and_pass_through_maps_scans_and_new_values():
     slope = jax.jit(jax.grad(lambda m: m.at(330.0).modulus(30.0).imag))(FITTED)
     assert np.all(slope.measured.omega == 0) and np.all(slope.times != 0)
     pair = jax.tree.map(lambda *leaves: jnp.stack(leaves), FITTED, dataclasses.replace(
-        FITTED, measured=gc.MeasuredRange([1.0, 2.0], [200.0, 400.0])))  # fmt: skip
-    mapped = jax.vmap(lambda m: jnp.stack(gc.coverage(m)))(pair)
-    _, scanned = jax.lax.scan(lambda _, m: (None, jnp.stack(gc.coverage(m))), None, pair)
+        FITTED, measured=gc.materials.MeasuredRange([1.0, 2.0], [200.0, 400.0])))  # fmt: skip
+    mapped = jax.vmap(lambda m: jnp.stack(gc.materials.coverage(m)))(pair)
+    _, scanned = jax.lax.scan(lambda _, m: (None, jnp.stack(gc.materials.coverage(m))), None, pair)
     np.testing.assert_array_equal(mapped, [[1e-2, 1e4], [1.0, 2.0]])
     np.testing.assert_array_equal(scanned, mapped)
     other = gc.with_values(FITTED, {"times[0]": 0.5})
@@ -95,10 +101,13 @@ def test_ranges_have_no_derivative_and_pass_through_maps_scans_and_new_values():
 @pytest.mark.parametrize(
     ("build", "message"),
     [
-        (lambda: gc.MeasuredRange([2.0, 1.0]), r"`omega` from 2 to 1 \[rad/s\] is refused"),
-        (lambda: gc.MeasuredRange([0.0, 1.0]), r"`omega\[0\]=0` is refused"),
-        (lambda: gc.MeasuredRange([1.0]), r"`omega` has shape \(1,\)"),
-        (lambda: gc.MeasuredRange([1.0, 2.0], [-20.0, 3.0]), r"`temperature\[0\]=-20`"),
+        (
+            lambda: gc.materials.MeasuredRange([2.0, 1.0]),
+            r"`omega` from 2 to 1 \[rad/s\] is refused",
+        ),
+        (lambda: gc.materials.MeasuredRange([0.0, 1.0]), r"`omega\[0\]=0` is refused"),
+        (lambda: gc.materials.MeasuredRange([1.0]), r"`omega` has shape \(1,\)"),
+        (lambda: gc.materials.MeasuredRange([1.0, 2.0], [-20.0, 3.0]), r"`temperature\[0\]=-20`"),
         (lambda: gc.Prony(1.0, [1.0], [1.0], measured=(1.0, 2.0)), "`measured=.*MeasuredRange"),
     ],
 )
@@ -120,7 +129,7 @@ SURFACE = gc.random_surface(
 def test_the_share_of_friction_from_outside_is_that_of_its_waves():
     """In complete contact the pressure of each wave is h_q/M, and its work q Im M |h_q/M|²."""
     speed, limit = 0.1, 2.5 * WAVE * 0.1
-    measured = dataclasses.replace(FITTED, measured=gc.MeasuredRange([1e-2, limit]))
+    measured = dataclasses.replace(FITTED, measured=gc.materials.MeasuredRange([1e-2, limit]))
     stack = gc.Stack(base=gc.HalfSpace(measured))
     found = gc.slide(stack, SURFACE, pressure=1e8, velocity=speed, rtol=1e-9)
     assert found.contact_area == 1
@@ -146,7 +155,7 @@ def test_the_share_of_friction_from_outside_is_that_of_its_waves():
 
 def test_a_measured_material_changes_temperature_under_jit():
     """Its range is known, though the temperature is traced."""
-    known = gc.MeasuredRange([1.0, 1e3], temperature=[260.0, 330.0])
+    known = gc.materials.MeasuredRange([1.0, 1e3], temperature=[260.0, 330.0])
     material = gc.Prony(1e6, [1e6], [1.0], shift=gc.WLF(8.0, 120.0, 293.15), measured=known)
     ends = jax.jit(lambda kelvin: material.at(kelvin).coverage())(303.15)
     np.testing.assert_allclose(ends, material.at(303.15).coverage())
