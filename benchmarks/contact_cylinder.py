@@ -70,7 +70,9 @@ def glide(v, points):
     s = gc.solve_contact(alone, -(x**2) / 2, 1 / (CELL * A), rtol=1e-9)
     pressure = np.asarray(s.pressure)
     stiffness = edge_stiffness(alone, gc.Grid((n,), CELL * A))
-    left, right = edges(x, np.asarray(gc.HardWall().margin(s.pressure, s.gap, stiffness)))
+    left, right = edges(
+        x, np.asarray(gc.HardWall().contact_indicator(s.pressure, s.gap, stiffness))
+    )
     # The slope of the surface is -x.
     friction = np.sum(pressure * x) / np.sum(pressure)
     return ((right - left) / 2, (right + left) / 2, pressure.max(), friction), s.num_fft_pairs

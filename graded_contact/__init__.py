@@ -12,8 +12,8 @@ from typing import TYPE_CHECKING
 
 from . import design, shapes, surface
 from .contact.adhesion import AdhesiveLJ, ExponentialAdhesion
-from .contact.douglas_rachford import DouglasRachford
 from .contact.law import AbstractLaw, HardWall, RepulsiveLJ
+from .contact.nested_solve import DouglasRachford
 from .contact.observables import cumulative_friction
 from .contact.path import ContactPath, follow_contact
 from .contact.problem import solve_contact

@@ -30,8 +30,8 @@ from ..fields.grid import (
     wavenumber,
 )
 from ..roughness.cutoff import CutoffCurve
+from .adjoint import displace
 from .estimates import error_of
-from .implicit import displace
 
 
 def friction(

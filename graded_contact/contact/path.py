@@ -7,8 +7,9 @@ from jaxtyping import Array, Bool, Float
 
 from ..core.checks import Numbers, as_float, check_types, check_values
 from ..core.display import shown
-from .douglas_rachford import DouglasRachford
+from .adjoint import LinearSolver, LinearSplitting
 from .law import AbstractLaw, check_law, check_pressure
+from .nested_solve import DouglasRachford
 from .problem import RTOL, solve_contact
 from .solution import RESULTS, ContactSolution
 from .solver import AbstractContactSolver
@@ -47,6 +48,7 @@ def follow_contact(
     mean_gap: Numbers | None = None,
     law: AbstractLaw,
     solver: AbstractContactSolver = DouglasRachford(),  # noqa: B008 (immutable)
+    adjoint: LinearSolver = LinearSplitting(),  # noqa: B008
     rtol: float = RTOL,
     throw: bool = True,
 ) -> ContactPath:
@@ -79,6 +81,7 @@ def follow_contact(
             heights,
             law=law,
             solver=solver,
+            adjoint=adjoint,
             rtol=rtol,
             start=start,
             throw=throw,
@@ -115,5 +118,6 @@ def _path(pressure, mean_gap, law: AbstractLaw):
 
 
 def _summary(contact: ContactSolution, law: AbstractLaw):
-    area = jnp.mean(law.margin(contact.pressure, contact.gap, 1.0) > 0, dtype=contact.gap.dtype)
+    touching = law.contact_indicator(contact.pressure, contact.gap, 1.0) > 0
+    area = jnp.mean(touching, dtype=contact.gap.dtype)
     return contact.mean_gap, contact.mean_pressure, area, contact.num_fft_pairs, contact.result

@@ -119,6 +119,8 @@ def _rows(
 
 def _parts(value: Any, depth: int, units: bool) -> Iterator[_Row]:
     """The lines of what a value shows; a number and its error share one."""
+    if hasattr(value, "before_display"):
+        value.before_display()
     known = dataclasses.is_dataclass(value)  # a named tuple is none
     declared = {field.name: field for field in dataclasses.fields(value)} if known else {}
     fields = getattr(value, "_fields", declared)

@@ -48,7 +48,7 @@ from typing import Any
 import numpy as np
 from jaxtyping import Float, ScalarLike
 
-from ..contact.douglas_rachford import DouglasRachford
+from ..contact.nested_solve import DouglasRachford
 from ..contact.problem import RTOL
 from ..core.checks import as_float, check_positive, check_tolerance, check_values
 from ..core.display import shown

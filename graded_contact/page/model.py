@@ -5,7 +5,7 @@ Values of knobs are traced: turning one compiles nothing. Another scene of the s
 """
 
 from collections.abc import Sequence
-from typing import Any, ClassVar, NamedTuple
+from typing import Any, NamedTuple
 
 import equinox as eqx
 import jax
@@ -13,8 +13,7 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float
 
-from ..contact.solution import ContactSolution
-from ..contact.solver import AbstractContactSolver, Iterated, LinearSolver
+from ..contact.solver import AbstractContactSolver
 from ..fields.grid import direction_and_speed
 from ..files.surfaces import RandomSurface
 from ..friction.sliding import Sliding, slide
@@ -202,52 +201,23 @@ def _curves(bench, numbers, waves, speeds):
     return modulus.astype(complex), *jax.lax.map(at, along)
 
 
-def _slide(bench, numbers, solver, start):
+def _slide(bench, numbers, start, solution=None):
     stack, surface, _, pressure, velocity = _at(bench, numbers)
     return slide(
-        stack, surface, pressure=pressure, velocity=velocity, solver=solver,
-        graded_solver=bench.graded_solver, rtol=RTOL, start=start, throw=False,
+        stack, surface, pressure=pressure, velocity=velocity, solver=bench.solver,
+        graded_solver=bench.graded_solver, rtol=RTOL, start=start, solution=solution, throw=False,
     ), surface.heights  # fmt: skip
 
 
 @eqx.filter_jit
 def _contact(bench, numbers, start):
-    return _slide(bench, numbers, bench.solver, start)
-
-
-class Known(AbstractContactSolver):
-    """Finds the contact that was found before: there only derivatives remain to be done.
-
-    **Fields:**
-
-    - `contact`: at a hard wall, of the same block, surface and load.
-    - `linear`: finds its derivatives.
-    """
-
-    contact: ContactSolution
-    linear: LinearSolver
-    memory: int = 0
-    finds_unstable: ClassVar[bool] = False
-
-    def solve(self, kernel, heights, law, prescribed, *, rtol, start) -> Iterated:
-        known = self.contact
-        return Iterated(
-            pressure=known.pressure,
-            gap=jnp.where(known.pressure > 0, 0, jnp.maximum(known.gap, 0)),
-            mismatch=known.correction,
-            displacement=known.displacement,
-            error=known.error,
-            ended=jnp.asarray(True),
-            num_steps=jnp.asarray(0),
-            num_fft_pairs=jnp.zeros_like(known.error),
-        )
+    return _slide(bench, numbers, start)
 
 
 @eqx.filter_jit
 def _derivatives(bench, numbers, contact):
     def observed(numbers):
-        known = Known(contact=contact, linear=bench.solver.linear)
-        sliding, _ = _slide(bench, numbers, known, None)
+        sliding, _ = _slide(bench, numbers, None, solution=contact)
         return jnp.stack([sliding.friction, sliding.contact_area_smooth])
 
     found, pull = jax.vjp(observed, numbers)

@@ -16,6 +16,7 @@ from jax.extend import core
 
 from ..contact.problem import RESULTS
 from ..files.toml import nearest
+from ..friction.sliding import with_observables
 from .store import fingerprint
 
 _ADDRESS = re.compile(r" at 0x[0-9a-f]+")
@@ -69,7 +70,9 @@ def trace(function: Callable[[dict[str, Any]], Any], point: dict[str, np.generic
     apart = isinstance(function, jax.stages.Wrapped)
     inner = cast(Any, function).__wrapped__ if apart else function
     try:
-        closed, like = jax.make_jaxpr(lambda p: _named(inner(p)), return_shape=True)(point)
+        closed, like = jax.make_jaxpr(
+            lambda p: _named(with_observables(inner(p))), return_shape=True
+        )(point)
     except KeyError as error:
         name = error.args[0] if error.args else None
         if not isinstance(name, str) or name in point:

@@ -106,7 +106,7 @@ def test_exponential_attraction_over_a_long_range_only_adds_to_the_load():
     hard = gc.solve_contact(kernel, LINE, 0.005 + work / length, rtol=1e-9)
     law = gc.ExponentialAdhesion(length, work)
     s = gc.solve_contact(kernel, LINE, 0.005, law=law, rtol=1e-9)
-    touching = law.margin(s.pressure, s.gap, 1.0) > 0
+    touching = law.contact_indicator(s.pressure, s.gap, 1.0) > 0
     np.testing.assert_array_equal(touching, hard.pressure > 0)
     # The gap varies by a thousandth of the range.
     expected = hard.pressure - work / length
@@ -124,7 +124,7 @@ def test_contact_mechanics_challenge_is_solved_where_its_range_is_resolved():
     s = gc.solve_contact(kernel, wave, 250e3, **how)
     assert s.result == gc.RESULTS.successful
     np.testing.assert_allclose(np.mean(s.pressure), 250e3, rtol=1e-12)
-    touching = np.asarray(law.margin(s.pressure, s.gap, 1.0) > 0)
+    touching = np.asarray(law.contact_indicator(s.pressure, s.gap, 1.0) > 0)
     assert 0 < np.mean(touching) < 1
     assert np.max(np.abs(s.gap[touching])) <= 1e-6 * amplitude
     pull = -0.05 / 2.071e-9 * np.exp(-s.gap / 2.071e-9)

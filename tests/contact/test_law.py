@@ -168,7 +168,7 @@ def test_margin_changes_sign_at_the_edge_of_contact(name):
         pressure = formula(name, gap)
         expected = [True, True, False, False]
     for stiffness in (1e-3, 1e3):
-        margin = law.margin(pressure, gap, stiffness)
+        margin = law.contact_indicator(pressure, gap, stiffness)
         np.testing.assert_array_equal(margin > 0, expected)
         assert np.all(np.diff(margin) < 0)
 

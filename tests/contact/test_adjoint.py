@@ -7,7 +7,7 @@ import pytest
 from conftest import BODIES, SPEED, rough
 
 import graded_contact as gc
-from graded_contact.contact.linear import LinearSplitting
+from graded_contact.contact.adjoint import LinearSplitting
 
 GRID = gc.Grid((32, 32), 1.0)
 HEIGHTS = rough(GRID, cut=4).heights
@@ -156,10 +156,10 @@ def test_raising_the_surface_as_a_whole_changes_nothing():
 
 def test_derivative_that_does_not_converge_raises():
     kernel = gc.stack_kernel(BODIES["bare"], GRID, SPEED)
-    solver = gc.DouglasRachford(linear=LinearSplitting(max_steps=4))
+    adjoint = LinearSplitting(max_steps=4)
 
     def total(h):
-        s = gc.solve_contact(kernel, h, 0.5, solver=solver, rtol=1e-6)  # too many to eliminate
+        s = gc.solve_contact(kernel, h, 0.5, adjoint=adjoint, rtol=1e-6)  # too many to eliminate
         return jnp.sum(WEIGHTS * s.pressure)
 
     with pytest.raises(RuntimeError, match="linear solve for a derivative"):

@@ -38,9 +38,9 @@ def test_what_is_wanted_is_known_within_its_claimed_error(name):
     best = solve(rtol=1e-10)
     exact = gap_and_sharpness(best)
     for rtol in (1e-2, 1e-4):
-        found = solve(rtol=rtol, wanted=gap_and_sharpness)
+        found = solve(rtol=rtol, target=gap_and_sharpness)
         error = np.abs(gap_and_sharpness(found) - exact)
-        claimed = np.asarray(found.wanted_error)
+        claimed = np.asarray(found.target_error)
         assert np.all(claimed <= 1.01 * rtol * exact)
         assert np.all(error <= claimed + 10 * best.error * exact)
         assert abs(found.mean_gap - best.mean_gap) <= found.gap_error * jnp.std(SURFACE.heights)
@@ -110,7 +110,7 @@ def test_a_batch_knows_what_its_members_know():
 
 def test_numbers_that_did_not_become_known_are_not_passed_as_such():
     hasty: dict[str, Any] = dict(
-        rtol=1e-4, wanted=gap_and_sharpness, solver=gc.DouglasRachford(max_steps=2)
+        rtol=1e-4, target=gap_and_sharpness, solver=gc.DouglasRachford(max_steps=2)
     )
     with pytest.raises(RuntimeError, match="max_steps"):
         gc.solve_contact(KERNEL, SURFACE.heights, LOAD, **hasty)
