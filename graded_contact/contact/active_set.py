@@ -36,7 +36,7 @@ class Coated(NamedTuple):
     - `kernel`: K on the half spectrum, 0 at q = 0.
     - `green`: the gap that one point of unit pressure opens, K in space.
     - `coat`: compliance λ of the springs.
-    - `heights`: h, 0 at q = 0 but for what the springs rest at.
+    - `heights`: h, 0 at q = 0 except for the rest of the springs.
     - `load`: mean of the pressure.
     """
 
@@ -125,9 +125,9 @@ def solve_on_few(
     """
     where = jnp.nonzero(weight, size=room, fill_value=0)
     used = jnp.arange(room) < jnp.sum(weight != 0)
-    apart = tuple((i[:, None] - i) % n for i, n in zip(where, weight.shape, strict=True))
+    offsets = tuple((i[:, None] - i) % n for i, n in zip(where, weight.shape, strict=True))
     one, w = jnp.eye(room, dtype=green.dtype), jnp.where(used, weight[where], 0)
-    matrix = w[:, None] * green[apart] * w + jnp.where(used, diagonal[where], 1) * one
+    matrix = w[:, None] * green[offsets] * w + jnp.where(used, diagonal[where], 1) * one
     sides = jnp.stack([jnp.where(used, rhs[where], 0), w], axis=1)
     found, by_weight = jnp.linalg.solve(matrix, sides).T
     one_more = jnp.sum(w * by_weight)  # 0 where there is no point

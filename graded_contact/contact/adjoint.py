@@ -218,7 +218,7 @@ def _attached_jvp(primals, tangents):
     total = nonzero(jnp.mean(s))
 
     def respond(rhs, known, d_load):
-        """dσ under a change of the load, the part `known` of it aside, and what closes dū."""
+        """dσ under a change of the load, of which the part `known` is given."""
         share = (d_load - jnp.mean(known)) / total
         known = known + share * s
         rhs = rhs - share * (1 - s) - penalty * displace(inputs.kernel, known)

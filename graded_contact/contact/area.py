@@ -104,7 +104,7 @@ def _positive_part_of_segment(a, b):
 
 
 def _triangle(a, b, c):
-    """Area where the interpolant of a, b (one apart) and c (centre) is positive, and contour."""
+    """Area where the interpolant of a, b and the centre c is positive, and its contour."""
     in_a, in_b, in_c = a > 0, b > 0, c > 0
     # The vertex that stands alone with its sign, if there is one, and the two after it.
     by_a, by_b = (in_a != in_b) & (in_a != in_c), (in_b != in_a) & (in_b != in_c)

@@ -81,12 +81,12 @@ def state_of(inputs: Inputs, found: SolverOutput) -> State:
 def change_of(inputs: Inputs, found: SolverOutput) -> Float[Array, "*shape"]:
     """Returns the estimated change of the pressure to the exact contact [Pa]."""
     kernel, law, penalty = _scaled(inputs, found)
-    y, known, (load, gap) = found.pressure, penalty * found.gap, inputs.loading
-    apart = displace(kernel, y) - penalty * (inputs.heights - jnp.mean(inputs.heights))
-    s = _share_of_gap(law, y - known)
+    y, law_gap, (load, gap) = found.pressure, penalty * found.gap, inputs.loading
+    solid_gap = displace(kernel, y) - penalty * (inputs.heights - jnp.mean(inputs.heights))
+    s = _share_of_gap(law, y - law_gap)
     # The mean gap at which solid and law agree under this pressure.
-    offset = _offset(s, apart - known, 0.0 if gap is None else penalty * gap)
-    v = y - apart - offset
+    offset = _offset(s, solid_gap - law_gap, 0.0 if gap is None else penalty * gap)
+    v = y - solid_gap - offset
     residual, s = law.proximal(v) - y, _share_of_gap(law, v)
     mean, root, share = first_mode(kernel.shape), jnp.sqrt(s), s / nonzero(jnp.mean(s))
     inverse = jnp.where(mean, 0, 1 / jnp.where(mean, 1, kernel))
@@ -94,22 +94,22 @@ def change_of(inputs: Inputs, found: SolverOutput) -> Float[Array, "*shape"]:
     change = (1 - s) * residual + root * stiff
     change = change + share * ((0.0 if load is None else load - jnp.mean(y)) - jnp.mean(change))
     if gap is not None:
-        apart = apart + displace(kernel, change)
-        offset = _offset(s, apart - known, penalty * gap)
+        solid_gap = solid_gap + displace(kernel, change)
+        offset = _offset(s, solid_gap - law_gap, penalty * gap)
         # Points of contact weigh the gap unevenly, so what it varies by counts, too.
-        spread = jnp.sqrt(jnp.mean(share * (apart - known + offset) ** 2))
-        digits = _ROUNDING_OF_GAP * jnp.finfo(y.dtype).eps * root_mean_square(apart)
+        spread = jnp.sqrt(jnp.mean(share * (solid_gap - law_gap + offset) ** 2))
+        digits = _ROUNDING_OF_GAP * jnp.finfo(y.dtype).eps * root_mean_square(solid_gap)
         closing = offset - penalty * gap
         closing = closing + jnp.where(closing < 0, -1, 1) * (_SPREAD * spread + digits)
-        change = change + share * closing * contact_stiffness(kernel, known, s)
+        change = change + share * closing * contact_stiffness(kernel, law_gap, s)
     low, high = law.bounds
     return jnp.clip(y + change, low, high) - y
 
 
-def _offset(s, apart, otherwise):
-    """What makes the mean of `apart` zero where the law fixes the gap, or `otherwise` nowhere."""
+def _offset(s, solid_gap, otherwise):
+    """What makes the mean of `solid_gap` zero where the law fixes the gap; else `otherwise`."""
     fixed = jnp.sum(s)
-    return jnp.where(fixed > 0, -jnp.sum(s * apart) / nonzero(fixed), otherwise)
+    return jnp.where(fixed > 0, -jnp.sum(s * solid_gap) / nonzero(fixed), otherwise)
 
 
 class Assessment(NamedTuple):
@@ -177,17 +177,17 @@ def changed(inputs: Inputs, found: SolverOutput, change: Float[Array, "*shape"])
     shape of the gap, times the share of points in contact.
     """
     kernel, law, penalty = _scaled(inputs, found)
-    pressure, known = found.pressure + change, penalty * found.gap
+    pressure, law_gap = found.pressure + change, penalty * found.gap
     before = penalty * found.displacement
-    s = _share_of_gap(law, pressure - known)
-    fixed = jnp.mean(s) * bending_energy(kernel, known) / nonzero(jnp.mean(known**2))
+    s = _share_of_gap(law, pressure - law_gap)
+    fixed = jnp.mean(s) * bending_energy(kernel, law_gap) / nonzero(jnp.mean(law_gap**2))
     free = jnp.where(first_mode(kernel.shape), 0, 1 / (1 + fixed * jnp.abs(kernel)))
     moved = to_field(free * to_spectrum(displace(kernel, pressure) - before), pressure.shape)
     displacement = before - jnp.mean(before) + moved
-    apart = displacement - penalty * (inputs.heights - jnp.mean(inputs.heights))
+    solid_gap = displacement - penalty * (inputs.heights - jnp.mean(inputs.heights))
     gap = inputs.loading.gap
-    offset = _offset(s, apart - known, 0.0) if gap is None else penalty * gap
-    v = pressure - apart - offset
+    offset = _offset(s, solid_gap - law_gap, 0.0) if gap is None else penalty * gap
+    v = pressure - solid_gap - offset
     return dataclasses.replace(
         found,
         pressure=pressure,
@@ -220,10 +220,10 @@ def error_step(inputs: Inputs, found: SolverOutput) -> SolverOutput:
     v = y - penalty * found.gap
     s = slope(law, v)
     fixed = s != 0  # where the law fixes the gap
-    apart = displace(kernel, y) / penalty - inputs.heights
-    apart = apart + jnp.mean(inputs.heights) - found.gap
-    offset = -jnp.sum(s * apart) / nonzero(jnp.sum(s))
-    residual = jnp.where(fixed, penalty * (apart + offset), 0)
+    difference = displace(kernel, y) / penalty - inputs.heights
+    difference = difference + jnp.mean(inputs.heights) - found.gap
+    offset = -jnp.sum(s * difference) / nonzero(jnp.sum(s))
+    residual = jnp.where(fixed, penalty * (difference + offset), 0)
     change, by_solid, pairs = _response(kernel, s, residual, missing)
     # Points whose gap the law fixes move along the law, the others do not change.
     v = v + jnp.where(fixed, change / jnp.where(fixed, s, 1), 0)

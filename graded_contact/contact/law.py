@@ -197,7 +197,7 @@ def power(t, n: int):
 
 
 def repulsive_bracket(v, pressure, range):
-    """Bounds of t in p t⁻⁹ - εt = v, at most a factor 2 apart: those of v = 0, v << 0, v >> 0."""
+    """Bounds of t in p t⁻⁹ - εt = v, within a factor of 2: those of v = 0, v << 0, v >> 0."""
     rest = (pressure / range) ** 0.1
     pressed = v > 0
     force = jnp.where(pressed, v, 0)
@@ -210,7 +210,7 @@ def repulsive_bracket(v, pressure, range):
 def proximal_root(pressure_and_slope: Callable, unit, v, low, high, steps: int):
     """The pressure y = f at the gap u = `unit` t with y - v = u, t in [low, high].
 
-    Newton's method from `low`, bisecting where it would leave the bracket, but for the last two
+    Newton's method from `low`, bisecting where it would leave the bracket, except in the last two
     steps. Derivatives of every order are those of the root.
     """
 

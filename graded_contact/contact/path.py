@@ -23,8 +23,8 @@ class ContactPath(eqx.Module):
 
     - `mean_gap`, `mean_pressure`: [m], [Pa], shape `(steps,)`.
     - `contact_area`: fraction of points in contact [1], shape `(steps,)`.
-    - `unloading`: whether the surfaces were being drawn apart, shape `(steps,)`: the branch of a
-      law that attracts. The first contact is reached from apart.
+    - `unloading`: whether the mean gap was being increased, shape `(steps,)`: the branch of a law
+      that attracts. The first contact is reached from open surfaces.
     - `num_fft_pairs`, `result`: of each solve [1], shape `(steps,)`; `result == RESULTS.successful`
       is an array.
     - `last`: the last contact.
@@ -55,7 +55,7 @@ def follow_contact(
     """Returns the contacts along a path of mean pressures or mean gaps.
 
     With a law that attracts a contact depends on how it was reached. A path of gaps that begins
-    where the surfaces are apart, closes and opens again follows the loading branch through the
+    where the surfaces do not touch, closes and opens again follows the loading branch through the
     snapping into contact and the unloading branch through the snapping out of it, if its steps are
     small: at a jump it takes the state that the solver finds next. Prefer gaps to pressures: at a
     given load the whole surface is unstable wherever the pressure rises with the gap.
