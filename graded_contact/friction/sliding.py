@@ -60,8 +60,10 @@ class _Observable:
     uses.
     """
 
-    def __init__(self, formula: Callable[["Sliding"], Float[Array, "..."]]):
-        self.formula = formula
+    def __init__(
+        self, formula: Callable[["Sliding"], Float[Array, "..."]], has_derivative: bool = True
+    ):
+        self.formula, self.has_derivative = formula, has_derivative
 
     def __set_name__(self, owner: type, name: str) -> None:
         self.name = name
@@ -71,11 +73,8 @@ class _Observable:
             return self  # pyright: ignore[reportReturnType]
         return sliding.compute(self.name)[0]
 
-
-def _has_no_derivative(
-    formula: Callable[["Sliding"], Float[Array, ""]],
-) -> Callable[["Sliding"], Float[Array, ""]]:
-    return lambda sliding: formula(jax.lax.stop_gradient(sliding))
+    def of(self, sliding: "Sliding") -> Float[Array, "..."]:
+        return self.formula(sliding if self.has_derivative else jax.lax.stop_gradient(sliding))
 
 
 def _moved(s: "Sliding"):
@@ -153,10 +152,12 @@ class Sliding(eqx.Module):
     - `contact`: pressure, gap and convergence, see `ContactSolution`; also reached directly as
       `.pressure`, `.gap`, `.displacement` [Pa, m, m], `.mean_gap` [m], `.error`, `.num_fft_pairs`
       and `.result`.
-    - `kernel`, `heights`, `measured`, `grid`, `velocity`, `law`: of the block, of the surface and
-      of the motion.
-    - `measured_range`: angular frequencies [rad/s] between which all materials were measured, or
-      None.
+    - `kernel`: M of the block [m/Pa], see `stack_kernel`.
+    - `heights`: h of the surface [m].
+    - `measured`: share of each height that was measured [1], or None, see `Surface`.
+    - `grid`, `law`: of the surface and of the contact.
+    - `velocity`: of the surface over the block [m/s].
+    - `measured_range`: lowest and highest ω at which all materials were measured [rad/s], or None.
     """
 
     contact: ContactSolution
@@ -169,18 +170,17 @@ class Sliding(eqx.Module):
     measured_range: tuple[Float[Array, "..."], Float[Array, "..."]] | None = None
 
     friction = _Observable(lambda s: friction(s.pressure, _moved(s), s.grid, s.velocity))
-    friction_error = _Observable(_has_no_derivative(_friction_error))
+    friction_error = _Observable(_friction_error, has_derivative=False)
     contact_area = _Observable(lambda s: contact_area(_touching(s)).astype(s.pressure.dtype))
-    contact_area_error = _Observable(_has_no_derivative(_contact_area_error))
+    contact_area_error = _Observable(_contact_area_error, has_derivative=False)
     contact_area_corrected = _Observable(
         lambda s: contact_area_corrected(_touching(s)).astype(s.pressure.dtype)
     )
     contact_area_smooth = _Observable(lambda s: contact_area_smooth(s.contact_indicator))
     geometric_friction = _Observable(lambda s: friction(s.pressure, s.heights, s.grid, s.velocity))
     energy_imbalance = _Observable(
-        _has_no_derivative(
-            lambda s: energy_imbalance(s.pressure, _moved(s), s.kernel, s.grid, s.velocity)
-        )
+        lambda s: energy_imbalance(s.pressure, _moved(s), s.kernel, s.grid, s.velocity),
+        has_derivative=False,
     )
     slope_in_contact = _Observable(lambda s: slope_in_contact(s.pressure, s.displacement, s.grid))
     unmeasured_area = _Observable(lambda s: _unmeasured(s, 0))
@@ -396,4 +396,4 @@ def with_observables(tree: Any) -> Any:
 def _computed(sliding: Sliding, names: tuple[str, ...]) -> dict[str, Float[Array, "..."]]:
     if sliding.contact.error.ndim > 0:  # a batch
         return jax.lax.map(lambda one: _computed(one, names), sliding)
-    return {name: vars(Sliding)[name].formula(sliding) for name in names}
+    return {name: vars(Sliding)[name].of(sliding) for name in names}
