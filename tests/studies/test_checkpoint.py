@@ -93,7 +93,7 @@ def test_the_pressure_of_another_problem_is_not_taken(tmp_path, problem):
 
     def solve(*inputs, start, solver, **given):
         begun.append(start)
-        solver.keep(np.ones(road.grid.shape))
+        solver.callback(np.ones(road.grid.shape))
 
     for load in (2e5, 2e5, 3e5, 3e5):
         checkpointed(tmp_path, solve, block, road, every=0.0, **{**given, "pressure": load})
