@@ -8,7 +8,6 @@
     python benchmarks/bench_contact.py overhead      wall time over that of the transforms alone
     python benchmarks/bench_contact.py many          many small solves in one program
     python benchmarks/bench_contact.py cylinder      gliding cylinder, exact
-    python benchmarks/bench_contact.py transient     time stepping to steady sliding
     python benchmarks/bench_contact.py kernel        layered contacts as Tamaas finds them
     python benchmarks/bench_contact.py gradient      cost of derivatives
     python benchmarks/bench_contact.py largest       N = 8192: minutes and memory
@@ -39,7 +38,6 @@ SECTIONS = {
     "many": ("contact_costs", "many small solves in one program"),
     "many_on": ("contact_costs", "the same on so many cores, in this process"),
     "cylinder": ("contact_cylinder", "gliding cylinder, exact"),
-    "transient": ("contact_transient", "time stepping to steady sliding"),
     "kernel": ("contact_peers", "layered contacts as Tamaas finds them"),
     "gradient": ("contact_costs", "cost of derivatives"),
     "largest": ("contact_costs", "N = 8192: minutes and memory"),
@@ -103,12 +101,6 @@ def main():
 
     many(["cylinder"], "--points", int, [16, 32, 64, 128], help="to a half-width at rest")
     many(["cylinder"], "--speeds", float, [0.01, 0.1, 1, 3, 10, 100], help="τv over that")
-
-    one("transient", "--size", int, 32)
-    one("transient", "--load", float, 0.05)
-    one("transient", "--duration", float, 25.0, help="relaxation times")
-    many(["transient"], "--speeds", float, [0.1, 0.5, 2.0], help="v τ q0")
-    many(["transient"], "--steps", int, [8, 16, 32], help="to a relaxation time")
 
     many(["kernel"], "--sizes", int, [128, 256])
     many(["gradient"], "--sizes", int, [512, 1024])

@@ -75,8 +75,8 @@ def measured(folder: Path) -> Iterator[Whole]:
 def closed(part: np.ndarray, spacing: float, way: str) -> gc.Surface:
     size = spacing * np.array(part.shape)
     if way != "cut":
-        return gc.surface_from_heights(part, size, periodic=way)
-    mirrored = gc.surface_from_heights(part, size, periodic="mirror")
+        return gc.surface.surface_from_heights(part, size, periodic=way)
+    mirrored = gc.surface.surface_from_heights(part, size, periodic="mirror")
     levelled = mirrored.heights[tuple(slice(n) for n in part.shape)]
     return gc.Surface(levelled - jnp.mean(levelled), gc.Grid(part.shape, size))
 

@@ -66,7 +66,7 @@ def measure(case: str, size: int) -> dict[str, float]:
 
     shape, itemsize = grid.shape, grid.size.dtype.itemsize
     field = size**2 * itemsize
-    numbers, history = _memory.num_numbers(stack), gc.DouglasRachford().memory
+    numbers, history = _memory.num_numbers(stack), gc.contacts.DouglasRachford().history_length
     drawing = _memory.surface_memory(shape, itemsize)
     sliding = _memory.sliding_memory(shape, itemsize, numbers, case == "oblique", history)
     beside = {

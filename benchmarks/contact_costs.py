@@ -13,7 +13,7 @@ from functools import partial
 import jax
 import jax.numpy as jnp
 from contact_scenes import bare_pair, bodies, goal, print_versions, rough_surface, timed
-from rows import keep, where
+from rows import report, where
 
 import graded_contact as gc
 from graded_contact.fields import transforms as _fft
@@ -76,11 +76,6 @@ def many(options):
         "# pairs times that of a bare pair in a lax loop on as many cores; rtol = 1e-6; single: one"
     )
     print("# call each, without jit; jit: one call each, a program compiled as a whole")
-    print(
-        f"{'cores':>5s} {'N':>5s} {'pairs':>6s} {'pair ms':>8s} "
-        + " ".join(f"{name:>9s} {'x pairs':>7s}" for name in WAYS),
-        flush=True,
-    )
     where()  # once for all processes
     for cores in options.cores:
         command = [sys.executable, sys.argv[0], "many_on", str(cores)]
@@ -109,15 +104,13 @@ def many_on(options):
             (jax.jit(lambda loads, f=solve: jax.lax.map(f, loads)), loads, options.count),
             (jax.jit(jax.vmap(solve)), loads, options.count),
         ]
-        bare, row, cells = bare_pair(n), "", {}
+        bare, cells = bare_pair(n), {}
         for name, (function, argument, count) in zip(WAYS, ways, strict=True):
             jax.block_until_ready(function(argument))
             seconds = timed(lambda f=function, a=argument: f(a), 3 if count > 1 else 15) / count
-            row += f" {1e3 * seconds:9.2f} {seconds / (pairs * bare):7.2f}"
             cells[f"{name} [ms]"] = 1e3 * seconds
             cells[f"{name} over its pairs"] = seconds / (pairs * bare)
-        print(f"{options.cores:5d} {n:5d} {pairs:6.1f} {1e3 * bare:8.3f}{row}", flush=True)
-        keep(
+        report(
             "bench_contact-many",
             {"on cores": options.cores, "N": n, "FFT pairs": pairs, "a pair [ms]": 1e3 * bare}
             | cells,
@@ -128,7 +121,6 @@ def gradient(options):
     print_versions()
     print("# seconds of friction, and of it with its derivatives by every leaf of the block;")
     print("# rtol = 1e-6; gradient: the difference over the former")
-    print(f"{'body':12s} {'p/E_r':>5s} {'N':>5s} {'value':>8s} {'both':>8s} {'gradient':>8s}")
     worst = {}
     for n in options.sizes:
         surface = rough_surface(n)
@@ -148,12 +140,7 @@ def gradient(options):
                     seconds.append(timed(lambda f=function, s=stack: f(s), options.repeat))
                 ratio = seconds[1] / seconds[0] - 1
                 worst[n] = max(worst.get(n, 0.0), ratio)
-                print(
-                    f"{name:12s} {load:5.2f} {n:5d} {seconds[0]:8.3f} {seconds[1]:8.3f} "
-                    f"{ratio:8.2f}",
-                    flush=True,
-                )
-                keep(
+                report(
                     "bench_contact-gradient",
                     {
                         "body": name,
@@ -181,7 +168,7 @@ def largest(options):
         jax.block_until_ready(found)
         minutes = (time.perf_counter() - start) / 60
         peak = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss * 1024 / 1e9
-        said = "" if found.result == gc.RESULTS.successful else ", NOT CONVERGED"
+        said = "" if found.result == gc.contacts.RESULTS.successful else ", NOT CONVERGED"
         print(
             f"# p/E_r = {load:g}, v = {options.velocity:g} m/s: friction "
             f"{float(found.friction):.5f} +- {float(found.friction_error):.0e}, area "

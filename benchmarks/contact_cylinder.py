@@ -9,7 +9,7 @@ images of the cylinder are those at `WIDE`: they change the curvature by π²/6 
 import jax.numpy as jnp
 import numpy as np
 from contact_scenes import goal, growth, print_versions
-from rows import keep
+from rows import report
 
 import graded_contact as gc
 from graded_contact import reference
@@ -27,7 +27,6 @@ def cylinder(options):
     published()
     print("# errors: half-width, shift of the middle and friction over the half-width at rest a,")
     print("# peak over its own; pairs to rtol = 1e-9")
-    print(f"{'V':>7s} {'points/a':>8s} {'pairs':>6s} " + " ".join(f"{q:>10s}" for q in QUANTITIES))
     errors = np.array([[row(v, n) for n in options.points] for v in options.speeds])
     worst = errors.max(axis=0)
     for i, name in enumerate(QUANTITIES):
@@ -42,12 +41,11 @@ def cylinder(options):
 def row(v, points):
     """Prints and returns the absolute errors at the speed τv/a = v on a grid."""
     exact = reference.viscoelastic_cylinder(1.0, 1.0, 1 + CREEP, CREEP, v * A, 1.0)
-    wanted = (exact.half_width / A, exact.offset / A, 1.0, exact.friction / A)
+    expected = (exact.half_width / A, exact.offset / A, 1.0, exact.friction / A)
     found, pairs = glide(v, points)
     found = (found[0] / A, found[1] / A, found[2] / exact.peak_pressure, found[3] / A)
-    errors = np.abs(np.subtract(found, wanted))
-    print(f"{v:7g} {points:8d} {pairs:6.0f} " + " ".join(f"{e:10.1e}" for e in errors), flush=True)
-    keep(
+    errors = np.abs(np.subtract(found, expected))
+    report(
         "bench_contact-cylinder",
         {
             "speed": v,
@@ -70,7 +68,9 @@ def glide(v, points):
     s = gc.solve_contact(alone, -(x**2) / 2, 1 / (CELL * A), rtol=1e-9)
     pressure = np.asarray(s.pressure)
     stiffness = edge_stiffness(alone, gc.Grid((n,), CELL * A))
-    left, right = edges(x, np.asarray(gc.HardWall().margin(s.pressure, s.gap, stiffness)))
+    left, right = edges(
+        x, np.asarray(gc.HardWall().contact_indicator(s.pressure, s.gap, stiffness))
+    )
     # The slope of the surface is -x.
     friction = np.sum(pressure * x) / np.sum(pressure)
     return ((right - left) / 2, (right + left) / 2, pressure.max(), friction), s.num_fft_pairs
@@ -89,11 +89,14 @@ def kernel(v, points):
     return cut.at[-1].set(cut[-1].real)
 
 
-def edges(x, margin):
-    """Where the margin (pressure inside, minus gap times a stiffness outside) passes zero."""
-    inside = np.flatnonzero(margin > 0)
+def edges(x, indicator):
+    """Where the contact indicator passes zero."""
+    inside = np.flatnonzero(indicator > 0)
     pairs = ((inside[0], inside[0] - 1), (inside[-1], inside[-1] + 1))
-    return [(x[i] * margin[j] - x[j] * margin[i]) / (margin[j] - margin[i]) for i, j in pairs]
+    return [
+        (x[i] * indicator[j] - x[j] * indicator[i]) / (indicator[j] - indicator[i])
+        for i, j in pairs
+    ]
 
 
 def published():

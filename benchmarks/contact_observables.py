@@ -73,7 +73,7 @@ def rows(name, load, n, gradients):
             f"{name:11s} {load:5.2f} {n:4d} {text:>20s} {float(s.num_fft_pairs):6.0f} {ratio:5.2f} "
             + " ".join(f"{true:8.1e}/{claim:8.1e}" for true, claim in pairs)
             + f" {grid:7.0e} {abs(found / slope - 1):7.0e}"
-            + ("" if s.result == gc.RESULTS.successful else "  not reached"),
+            + ("" if s.result == gc.contacts.RESULTS.successful else "  not reached"),
             flush=True,
         )
         found = dict(zip(("friction", "area", "mean gap"), pairs, strict=True))

@@ -24,7 +24,7 @@ from contact_scenes import (
     rough_surface,
     timed,
 )
-from rows import keep
+from rows import report
 
 import graded_contact as gc
 from graded_contact.contact.observables import friction
@@ -94,12 +94,7 @@ def elastic(options):
     print_versions([importlib.import_module(name) for name in options.peers])
     print("# errors against rtol = 1e-10: pressure (rms, relative), ⟨σ ∂h/∂x⟩/⟨σ⟩ (absolute: an")
     print("# elastic body has no friction but this is its error on a grid), area (relative);")
-    print("# differ: pixels of the contact set that are not those of that solution")
-    print(
-        f"{'p/E*':>5s} {'N':>5s} {'law':9s} {'solver':16s} {'target':>6s} {'tol':>7s} "
-        f"{'pairs':>6s} {'seconds':>8s} {'err σ':>8s} {'err μ':>8s} {'err A':>8s} {'differ':>6s} "
-        f"{'ratio':>6s}"
-    )
+    print("# pixels that differ: of the contact set from that solution")
     # Tolerances of a peer that met a target at one size begin its search at the next.
     ratios, differing, hints = {}, [], {}
     for n in options.sizes:
@@ -126,13 +121,7 @@ def compare(n, load, options, ratios, differing, hints):
         errors = errors_of(pressure, best)
         slope = abs(friction_of(pressure, surface) - friction_of(best.pressure, surface))
         differ = int(np.sum((np.asarray(pressure) > 0) != np.asarray(best.pressure > 0)))
-        print(
-            f"{load:5.2f} {n:5d} {'hard wall':9s} {solver:16s} {target:6.0e} {tolerance:7.1e} "
-            f"{pairs:>6s} {seconds:8.3f} {errors.pressure:8.1e} {slope:8.1e} "
-            f"{errors.area:8.1e} {differ:6d} {ratio:>6s}",
-            flush=True,
-        )
-        keep(
+        report(
             "bench_contact-elastic",
             {
                 "p/E*": load,
@@ -146,6 +135,7 @@ def compare(n, load, options, ratios, differing, hints):
                 "time [s]": seconds,
                 "over our time": ratio,
             },
+            f"  tolerance {tolerance:.1e}, error of the friction {slope:.1e}",
         )
         return errors.pressure, differ
 
@@ -222,7 +212,6 @@ def kernel(options):
             base=gc.Rigid(),
         ),
     }
-    print(f"{'stack':22s} {'N':>5s} {'p':>6s} {'area':>7s} {'difference':>10s} {'pixels':>6s}")
     worst, pixels = 0.0, 0
     for n in options.sizes:
         surface = rough_surface(n)
@@ -236,8 +225,7 @@ def kernel(options):
                 differ = int(np.sum((found > 0) != np.asarray(expected > 0)))
                 worst, pixels = max(worst, error), pixels + differ
                 area = float(jnp.mean(expected > 0))
-                print(f"{name:22s} {n:5d} {load:6.3f} {area:7.4f} {error:10.1e} {differ:6d}")
-                keep(
+                report(
                     "bench_contact-kernel",
                     {
                         "block": name,

@@ -34,7 +34,7 @@ LEAST = 3e-10
 
 
 def random(options):
-    survey(lambda rng, i: Scene(rng, SHAPES[i % len(SHAPES)]), options)
+    survey(lambda rng, i: layered_scene(rng, SHAPES[i % len(SHAPES)]), options)
 
 
 def survey(draw, options):
@@ -99,7 +99,7 @@ def outcomes(scene):
         for kind, rtol in (("rtol", scene.rtol), ("friction_rtol", scene.friction_rtol)):
             found = scene.solve(given, **{kind: rtol})
             way = f"{name}, {kind}"
-            if found.result != gc.RESULTS.successful:
+            if found.result != gc.contacts.RESULTS.successful:
                 yield way, "not converged, and says so", ()
             elif best is None:
                 yield way, "converged, the best did not", ()
@@ -111,7 +111,7 @@ def exact(scene, given):
     """The closest solution in double precision, or None."""
     for rtol in (CLOSEST, 10 * CLOSEST):
         best = scene.solve(given, rtol=rtol, double=True)
-        if best.result == gc.RESULTS.successful:
+        if best.result == gc.contacts.RESULTS.successful:
             return best
     return None
 
@@ -133,10 +133,32 @@ def compare(scene, kind, found, best):
     yield "gap", wrong, float(found.contact.gap_error), float(best.contact.gap_error)
 
 
-class Way:
-    """What is drawn beside block, surface and load: law, direction, precision and tolerances."""
+class Scene:
+    """A block with a random surface, load, speed, law, precision and tolerances.
 
-    def draw_way(self, rng, speed):
+    The load is a share of what closes every gap, between ten to the powers `closed`.
+    """
+
+    def __init__(self, rng, stack, shape, description, *, closed, rms_slope=None):
+        self.stack, grid = stack, gc.Grid(shape, CELL)
+        cut = rng.integers(6, min(shape) // 2 + 1)
+        spectrum = gc.SelfAffine(
+            rms_slope=10 ** rng.uniform(-2, 0) if rms_slope is None else rms_slope,
+            hurst=rng.uniform(0.5, 1.0),
+            q_low=Q0,
+            q_roll=rng.uniform(1.0, cut / 2) * Q0,
+            q_high=cut * Q0,
+        )
+        self.surface = gc.random_surface(spectrum, grid, jax.random.key(rng.integers(2**31)))
+        speed, share = 10 ** rng.uniform(-4, 4), 10 ** rng.uniform(*closed)
+        kernel = gc.stack_kernel(stack, grid, speed)
+        kernel = kernel.at[(0,) * kernel.ndim].set(np.inf)
+        full = to_field(to_spectrum(self.surface.heights) / kernel, shape)
+        self.load = -share * float(full.min())
+        self.description = f"{description}, cut-off {cut} q0, p = {share:.1e} of full contact"
+        self._draw_way(rng, speed)
+
+    def _draw_way(self, rng, speed):
         angle = rng.choice([0.0, np.pi / 2, rng.uniform(0, 2 * np.pi)])
         velocity = speed * np.array([np.cos(angle), np.sin(angle)])
         self.velocity = np.where(abs(velocity) > 1e-12 * speed, velocity, 0)
@@ -182,40 +204,18 @@ class Way:
         )
 
 
-class Scene(Way):
-    """A random block, surface, load, and way to solve them."""
-
-    def __init__(self, rng, shape):
-        base = rng.choice(["half space", "rigid", "free"], p=[0.4, 0.4, 0.2])
-        free = base == "free"
-        num_layers = rng.integers({"half space": 0, "rigid": 1, "free": 3}[base], 4)
-        materials = [random_material(rng) for _ in range(4)]
-        thickest = 0 if free else 0.5
-        thickness = 10 ** rng.uniform(-3, thickest, 3) / Q0 * (np.arange(3) < num_layers)
-        bases = {"half space": gc.HalfSpace(materials[-1]), "rigid": gc.Rigid(), "free": gc.Free()}
-        self.stack = gc.Stack(
-            layers=tuple(gc.Layer(m, d) for m, d in zip(materials, thickness, strict=False)),
-            base=bases[base],
-        )
-        cut = rng.integers(6, min(shape) // 2 + 1)
-        spectrum = gc.SelfAffine(
-            rms_slope=10 ** rng.uniform(-2, 0),
-            hurst=rng.uniform(0.5, 1.0),
-            q_low=Q0,
-            q_roll=rng.uniform(1.0, cut / 2) * Q0,
-            q_high=cut * Q0,
-        )
-        grid = gc.Grid(shape, CELL)
-        key = jax.random.key(rng.integers(2**31))
-        self.surface = gc.random_surface(spectrum, grid, key)
-        speed = 10 ** rng.uniform(-4, 4)
-        closed = 10 ** rng.uniform(-1.5 if free else -4, np.log10(1.5))
-        kernel = gc.stack_kernel(self.stack, grid, speed).at[0, 0].set(np.inf)
-        full = to_field(to_spectrum(self.surface.heights) / kernel, shape)
-        self.load = -closed * float(full.min())
-        self.description = f"{num_layers} layers, {base}, {shape}, cut-off {cut} q0"
-        self.description += f", p = {closed:.1e} of full contact"
-        self.draw_way(rng, speed)
+def layered_scene(rng, shape):
+    """A scene of a block of 0 to 3 layers."""
+    base = rng.choice(["half space", "rigid", "free"], p=[0.4, 0.4, 0.2])
+    free = base == "free"
+    num_layers = rng.integers({"half space": 0, "rigid": 1, "free": 3}[base], 4)
+    materials = [random_material(rng) for _ in range(4)]
+    thickness = 10 ** rng.uniform(-3, 0 if free else 0.5, 3) / Q0 * (np.arange(3) < num_layers)
+    bases = {"half space": gc.HalfSpace(materials[-1]), "rigid": gc.Rigid(), "free": gc.Free()}
+    layers = tuple(gc.Layer(m, d) for m, d in zip(materials, thickness, strict=False))
+    stack = gc.Stack(layers=layers, base=bases[base])
+    closed = (-1.5 if free else -4, np.log10(1.5))
+    return Scene(rng, stack, shape, f"{num_layers} layers, {base}, {shape}", closed=closed)
 
 
 def random_material(rng):

@@ -15,6 +15,7 @@ from pathlib import Path
 import jax
 
 RESULTS = Path(__file__).parent / "results"
+_PRINTED: list[str] = []  # columns of the last row
 MEASURED = "GRADED_CONTACT_MEASURED"  # of the environment
 
 
@@ -29,6 +30,18 @@ def _now_and_here() -> str:
     device = f"{jax.devices()[0].device_kind} {platform.machine()}, {os.cpu_count()} cores"
     busy = f"load {os.getloadavg()[0]:.1f}" if hasattr(os, "getloadavg") else "load unknown"
     return f"{now} UTC, {device}, {busy}, {names}, {jax.numpy.ones(()).dtype}"
+
+
+def report(name: str, row: dict[str, str | float], note: str = "") -> None:
+    """Prints a row, with a note behind it, and appends it; a header where the columns change."""
+    if list(row) != _PRINTED:
+        _PRINTED[:] = list(row)
+        print("  ".join(f"{key:>9s}" for key in row))
+    cells = {key: cell if isinstance(cell, str) else f"{cell:.4g}" for key, cell in row.items()}
+    print(
+        "  ".join(f"{cell:>{max(len(key), 9)}s}" for key, cell in cells.items()) + note, flush=True
+    )
+    keep(name, row)
 
 
 def keep(name: str, row: dict[str, str | float]) -> None:

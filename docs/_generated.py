@@ -11,11 +11,11 @@ from pathlib import Path
 from typing import Any
 
 from _figures import FIGURES
+from graded_contact.contact.nested_solve import DouglasRachford
 from typer.testing import CliRunner
 
 import graded_contact as gc
 from graded_contact.cli import app
-from graded_contact.contact.douglas_rachford import DouglasRachford
 from graded_contact.fields.grid import Grid
 from graded_contact.files import scene
 from graded_contact.files.design_scene import DesignScene, Stiffness
@@ -49,7 +49,7 @@ TABLES: dict[str, dict[Callable, tuple[Key, ...]]] = {
     "The scene": {scene.Tables: keys_of(scene.Tables)},
     **{f'[surface], kind = "{kind}"': takers for kind, takers in scene.SURFACES.items()},
     "[grid]": {Grid: keys_of(Grid)},
-    "[materials.NAME], any kind": {gc.read_errors: (scene.ERRORS,)},
+    "[materials.NAME], any kind": {gc.materials.read_errors: (scene.ERRORS,)},
     **{
         f'[materials.NAME], kind = "{kind}"': {make: keys_of(make)}
         for kind, make in {**scene.MATERIALS, "tabulated": scene.Block.tabulated}.items()

@@ -60,7 +60,9 @@ def of_contacts():
     load = {"pressure": PRESSURE, "velocity": VELOCITY}
     sliding = gc.slide(block(), road, **load)
     theory = gc.mean_field_friction(block(), road, **load)
-    waves = gc.cumulative_friction(sliding.pressure, sliding.displacement, road.grid, VELOCITY)
+    waves = gc.contacts.cumulative_friction(
+        sliding.pressure, sliding.displacement, road.grid, VELOCITY
+    )
     save("sliding", gc.plot.plot_sliding(sliding, road, VELOCITY))
     save("outline", gc.plot.plot_outline(sliding, road))
     save("distributions", gc.plot.plot_distributions(sliding, theory))

@@ -1,20 +1,25 @@
-"""More about contact: laws, solvers (custom ones too), loading paths, cut-off curves."""
+"""More about contact: laws, solvers, loading paths, cut-off curves, parts of custom solvers."""
 
 from .contact.adhesion import AdhesiveLJ, ExponentialAdhesion
-from .contact.douglas_rachford import DouglasRachford
+from .contact.adjoint import LinearSplitting
 from .contact.law import AbstractLaw, HardWall, RepulsiveLJ
+from .contact.nested_solve import DouglasRachford
 from .contact.observables import cumulative_friction
+from .contact.operator import Solid
 from .contact.path import ContactPath, follow_contact
 from .contact.rmd import ResidualDynamics
 from .contact.solution import RESULTS
-from .contact.solver import AbstractContactSolver
+from .contact.solver import AbstractContactSolver, Loading, SolverOutput, run_steps
+from .contact.splitting import Splitting
+from .contact.target import ObservableTarget
 from .friction.magnification import area_against_cutoff
 from .persson.mean_field import MeanField, pressure_distribution
 from .roughness.spectrum import CutoffCurve
 
 __all__ = [
     "RESULTS", "AbstractContactSolver", "AbstractLaw", "AdhesiveLJ", "ContactPath", "CutoffCurve",
-    "DouglasRachford", "ExponentialAdhesion", "HardWall", "MeanField", "RepulsiveLJ",
-    "ResidualDynamics", "area_against_cutoff", "cumulative_friction", "follow_contact",
-    "pressure_distribution",
+    "DouglasRachford", "ExponentialAdhesion", "HardWall", "LinearSplitting", "Loading",
+    "MeanField", "ObservableTarget", "RepulsiveLJ", "ResidualDynamics", "Solid", "SolverOutput",
+    "Splitting", "area_against_cutoff", "cumulative_friction", "follow_contact",
+    "pressure_distribution", "run_steps",
 ]  # fmt: skip

@@ -26,7 +26,7 @@ BLOCK = gc.Stack(
     layers=(gc.Layer(gc.Elastic(6.5e6, 0.49), 2e-4),),
     base=gc.HalfSpace(gc.Prony(1e6, [9e6], [1e-3], 0.5)),
 )
-SOLVER = gc.DouglasRachford(coarsest=18)
+SOLVER = gc.contacts.DouglasRachford(coarsest=18)
 NUMBERS = ("friction", "contact_area", "contact_area_smooth", "energy_imbalance", "mean_gap")
 
 
@@ -67,7 +67,9 @@ def distance(many, one) -> float:
 
 def curves(surface, found):
     return (
-        gc.cumulative_friction(found.pressure, found.displacement, surface.grid, 0.5).friction,
+        gc.contacts.cumulative_friction(
+            found.pressure, found.displacement, surface.grid, 0.5
+        ).friction,
         gc.surface.radial_spectrum(surface)[1],
         gc.surface.resample(surface, (24, 30)).heights,
     )

@@ -112,7 +112,10 @@ def calls():
         (gc.Blend, dict(bottom=glass, top=solid, shape=gc.shapes.Linear(), mixing="linear")),
         (gc.Mixture, dict(matrix=solid, filler=glass, fraction=gc.shapes.Linear())),
         (gc.BulkShear, dict(bulk=glass, shear=solid)),
-        (gc.contacts.DouglasRachford, dict(max_steps=10, relaxation=0.9, memory=5, coarsest=64)),
+        (
+            gc.contacts.DouglasRachford,
+            dict(max_steps=10, relaxation=0.9, history_length=5, coarsest=64),
+        ),
         (gc.contacts.ResidualDynamics, dict(max_steps=10, uniform_mass=False)),
         (gc.Elastic, dict(modulus=1e6, poisson=0.3)),
         (gc.Prony, dict(equilibrium=1e6, strengths=[1e6], times=[1e-3], poisson=0.3, shift=wlf)),

@@ -96,9 +96,9 @@ def test_the_contact_of_a_profile_is_thick():
 def theory(mean=4e5, spread=9e5):
     """A mean field whose pressure has spread this far."""
     zero = jnp.zeros(())
-    curve = gc.CutoffCurve(jnp.array([1.0, 2.0]), jnp.zeros(2))
+    curve = gc.contacts.CutoffCurve(jnp.array([1.0, 2.0]), jnp.zeros(2))
     variance = jnp.array([0.0, spread**2])
-    return gc.MeanField(zero, zero, curve, variance, jnp.array(mean), zero, zero)
+    return gc.contacts.MeanField(zero, zero, curve, variance, jnp.array(mean), zero, zero)
 
 
 def test_distributions_enclose_the_area_and_perssons_the_mean_pressure():
@@ -121,7 +121,7 @@ def test_distributions_enclose_the_area_and_perssons_the_mean_pressure():
 
 def test_dissipation_is_the_slope_of_the_friction_and_encloses_it():
     q = np.geomspace(1e3, 1e6, 64)
-    curve = gc.CutoffCurve(jnp.asarray(q), jnp.asarray(0.1 * np.log(q / 1e3)))
+    curve = gc.contacts.CutoffCurve(jnp.asarray(q), jnp.asarray(0.1 * np.log(q / 1e3)))
     figure = gc.plot.plot_dissipation({"contact": curve, "mean field": curve})
     check_labels(figure)
     total, each = figure.axes

@@ -15,6 +15,7 @@ from graded_contact.core.quantities import quantity_of
 from graded_contact.files.design_scene import DesignScene, Stiffness
 from graded_contact.fitting.lengths import Length
 from graded_contact.fitting.quality import FitErrors, Floor
+from graded_contact.friction.sliding import OBSERVABLES
 from graded_contact.response.interior import InteriorFields
 from graded_contact.roughness.surface import Statistics, Step
 from graded_contact.studies.cost import Cost
@@ -30,16 +31,26 @@ RESULT_CLASSES = (
 )  # fmt: skip
 
 
-def sliding(friction=0.25, shape=(16, 12), result=RESULTS.successful):
+def sliding(friction=0.25, shape=(16, 12), result=RESULTS.successful, **numbers):
     """A `Sliding` with a number of its own in every field, without solving anything."""
     fields = {f.name: jnp.array(2.0) for f in dataclasses.fields(ContactSolution)}
     field = jnp.zeros(shape)
     fields |= {"pressure": field, "displacement": field, "gap": field, "correction": field}
-    fields |= {"wanted_error": None}
+    fields |= {"target_error": None}
     contact = ContactSolution(**fields | {"mean_gap": jnp.array(6.13e-5), "result": result})
-    numbers = {f.name: jnp.array(0.0) for f in dataclasses.fields(gc.Sliding)}
+    found = gc.Sliding(
+        contact=contact,
+        kernel=field,
+        heights=field,
+        measured=None,
+        grid=gc.Grid(shape, 1.0),
+        velocity=jnp.array(0.0),
+        law=gc.HardWall(),
+    )
+    vars(found).update(dict.fromkeys(OBSERVABLES, jnp.array(0.0)))
     numbers |= {"friction": jnp.array(friction), "friction_error": jnp.array(1.7e-8)}
-    return gc.Sliding(**numbers | {"contact": contact})
+    vars(found).update(numbers)
+    return found
 
 
 def line(text, name):
@@ -57,7 +68,7 @@ def test_a_result_shows_numbers_units_errors_shapes_and_how_it_ended():
     assert line(text, "result") == "successful"
     failed = repr(sliding(result=RESULTS.max_steps_reached))
     assert line(failed, "result").startswith("The contact solver reached `max_steps`")
-    steep = eqx.tree_at(lambda s: s.slope_in_contact, sliding(), jnp.array(0.8))
+    steep = sliding(slope_in_contact=jnp.array(0.8))
     assert "small strains" in repr(steep)
 
 

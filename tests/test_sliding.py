@@ -1,3 +1,5 @@
+import dataclasses
+import pickle
 import subprocess
 import sys
 
@@ -10,6 +12,7 @@ from hypothesis import given, settings
 
 import graded_contact as gc
 from graded_contact.contact.problem import RTOL
+from graded_contact.friction.sliding import OBSERVABLES
 
 CELL = 0.01  # m
 GRID = gc.Grid((64, 64), CELL)
@@ -28,7 +31,7 @@ def coated(thickness=100e-6, modulus=6.51e6):
 
 def test_main_job_gives_friction_and_area_of_a_coated_tread():
     s = gc.slide(coated(), SURFACE, pressure=4e5, velocity=0.1)
-    assert s.result == gc.RESULTS.successful
+    assert s.result == gc.contacts.RESULTS.successful
     assert 0 < s.friction < 1
     assert 0 < s.contact_area < 1
     np.testing.assert_allclose(np.mean(s.pressure), 4e5, rtol=1e-13)
@@ -51,12 +54,6 @@ def test_block_at_rest_has_the_relaxed_modulus_and_no_friction():
     np.testing.assert_allclose(rest.pressure, elastic.pressure, atol=1e-5 * rest.pressure.max())
     assert abs(rest.friction) <= 1e-13
     assert abs(elastic.friction) <= 1e-13
-
-
-def test_elastic_solid_has_no_friction_at_speed():
-    s = gc.slide(gc.Stack(base=gc.HalfSpace(gc.Elastic(1e7))), SURFACE, pressure=4e5, velocity=3.0)
-    assert abs(s.friction) <= 1e-13
-    assert s.energy_imbalance <= 1e-13
 
 
 def turned(surface):
@@ -100,7 +97,7 @@ def test_askew_a_solve_keeps_its_promise_and_its_derivatives(points):
     assert s.contact.complementarity_error <= 1e-11
     assert s.contact.penetration <= 1e-11
     assert s.energy_imbalance <= 1e-13
-    curve = gc.cumulative_friction(s.pressure, s.displacement, grid, arguments[0])
+    curve = gc.contacts.cumulative_friction(s.pressure, s.displacement, grid, arguments[0])
     shares = curve.friction
     np.testing.assert_allclose(shares[-1], s.friction, rtol=1e-12)
     assert np.all(np.diff(shares) >= -1e-12)
@@ -150,13 +147,6 @@ def test_units_scale_out(length, stress, time):
     np.testing.assert_allclose(other.mean_gap, one.mean_gap * length, rtol=1e-5)
 
 
-def test_area_increases_with_pressure():
-    areas = jax.vmap(
-        lambda p: gc.slide(coated(), SURFACE, pressure=p, velocity=0.1).contact_area_smooth
-    )(jnp.array([1e5, 3e5, 1e6, 3e6]))
-    assert np.all(np.diff(areas) > 0)
-
-
 def test_colder_tread_is_stiffer_and_touches_less():
     warm, cold = (
         gc.slide(coated().at(t), SURFACE, pressure=4e5, velocity=0.1).contact_area_smooth
@@ -203,36 +193,31 @@ def test_gradients_by_every_leaf_match_central_differences():
     assert np.all(checked >= 12)
 
 
-@pytest.mark.slow
-def test_gradient_of_slide_is_a_stack():
-    gradient = jax.grad(
-        lambda s: gc.slide(s, SURFACE, pressure=4e5, velocity=0.1).contact_area_smooth
-    )(coated())
-    assert isinstance(gradient, gc.Stack)
-    assert gradient.layers[0].material.young < 0  # a stiffer coat touches less
+def test_observables_of_a_batch_a_copy_and_inside_jit_are_those_of_the_call():
+    """They are computed when they are read, and no tracer stays behind."""
+    slide = lambda v: gc.slide(coated(), SURFACE, pressure=4e5, velocity=v)  # noqa: E731
+    one = slide(0.1)
+    jax.jit(lambda x: x * one.contact_area_smooth)(2.0)
+    numbers = np.array(one.compute(*OBSERVABLES))
+    np.testing.assert_allclose(jax.jit(slide)(0.1).compute(*OBSERVABLES), numbers, 1e-9, 1e-14)
+    np.testing.assert_array_equal(pickle.loads(pickle.dumps(one)).compute(*OBSERVABLES), numbers)
+    stacked = jax.tree.map(lambda a: jnp.stack([a, a]), one)
+    np.testing.assert_allclose(np.array(stacked.compute(*OBSERVABLES))[:, 1], numbers, 1e-9, 1e-14)
+    for batch in (jax.vmap(slide), lambda v: jax.lax.map(slide, v)):
+        found = batch(jnp.array([0.01, 0.1]))
+        np.testing.assert_allclose(found.friction[1], one.friction, rtol=1e-5)
+    assert dataclasses.replace(one, law=gc.HardWall()).friction == one.friction
 
 
-def test_jit_and_vmap_give_what_plain_calls_give():
-    f = lambda p, v: gc.slide(coated(), SURFACE, pressure=p, velocity=v).friction  # noqa: E731
-    plain = f(4e5, 0.1)
-    np.testing.assert_allclose(jax.jit(f)(4e5, 0.1), plain, rtol=1e-12)
-    batch = jax.vmap(f, (None, 0))(4e5, jnp.array([0.01, 0.1]))
-    np.testing.assert_allclose(batch[1], plain, rtol=1e-5)
+def test_a_known_solution_has_derivatives_without_a_solve():
+    def by_thickness(d, **known):
+        return gc.slide(coated(d), SURFACE, pressure=4e5, velocity=0.1, **known).friction
 
-
-def test_float32_gives_float32_near_the_float64_result():
-    single = lambda tree: jax.tree.map(lambda x: x.astype(jnp.float32), tree)  # noqa: E731
-    loose = gc.slide(
-        single(coated()),
-        single(SURFACE),
-        pressure=np.float32(4e5),
-        velocity=np.float32(0.1),
-        rtol=1e-4,
-    )
-    assert loose.friction.dtype == jnp.float32
-    tight = gc.slide(coated(), SURFACE, pressure=4e5, velocity=0.1)
-    np.testing.assert_allclose(loose.friction, tight.friction, rtol=1e-3)
-    np.testing.assert_allclose(loose.contact_area_smooth, tight.contact_area_smooth, rtol=1e-2)
+    known = gc.slide(coated(), SURFACE, pressure=4e5, velocity=0.1).contact
+    value, slope = jax.value_and_grad(by_thickness)(1e-4, solution=known)
+    exact, expected = jax.value_and_grad(by_thickness)(1e-4)
+    assert value == exact
+    np.testing.assert_allclose(slope, expected, rtol=1e-9)
 
 
 def test_one_dimensional_surface_slides_as_a_ridged_plane_does():
@@ -283,14 +268,10 @@ def test_x64_before_or_after_import_gives_the_same_bits():
     ("changed", "message"),
     [
         ({"pressure": 0.0}, "`pressure=0` is refused"),
-        ({"pressure": -1.0}, "`pressure=-1` is refused"),
-        ({"pressure": np.nan}, "`pressure=nan` is refused"),
         ({"pressure": [1.0, 2.0]}, r"`pressure` has shape \(2,\)"),
         ({"velocity": np.nan}, "`velocity=nan` is refused"),
         ({"velocity": [1.0, 2.0, 3.0]}, r"`velocity` has shape \(3,\)"),
         ({"velocity": "fast"}, "`velocity='fast'` is refused: a number or"),
-        ({"rtol": -1.0}, "`rtol=-1` is refused"),
-        ({"start": np.ones((8, 8))}, "`start` has shape"),
     ],
 )
 def test_bad_argument_is_refused(changed, message, unchecked_types):
@@ -307,11 +288,11 @@ def test_wrong_objects_are_refused():
 
 
 def test_unfinished_solve_is_not_passed_as_converged():
-    hasty = gc.DouglasRachford(max_steps=2)
+    hasty = gc.contacts.DouglasRachford(max_steps=2)
     with pytest.raises(RuntimeError, match="max_steps"):
         gc.slide(coated(), SURFACE, pressure=4e5, velocity=0.1, solver=hasty)
     s = gc.slide(coated(), SURFACE, pressure=4e5, velocity=0.1, solver=hasty, throw=False)
-    assert s.result == gc.RESULTS.max_steps_reached
+    assert s.result == gc.contacts.RESULTS.max_steps_reached
     assert np.isfinite(s.friction)
 
 
@@ -330,14 +311,16 @@ def test_a_kernel_that_fails_is_a_result_or_an_error():
         return gc.slide(stack, wave, pressure=4e5, velocity=velocity, throw=throw)
 
     s = jax.jit(run)(0.1)
-    assert s.result == gc.RESULTS.inaccurate_kernel
+    assert s.result == gc.contacts.RESULTS.inaccurate_kernel
     assert np.isnan(s.friction)
     with pytest.raises(RuntimeError, match="tolerance was not reached in a kernel"):
         run(0.1, throw=True)
     kernel = gc.stack_kernel(coated(), wave.grid, 0.1).at[3, 2].set(jnp.nan)
     with pytest.raises(ValueError, match=r"`kernel\.real\[3, 2\]=nan` is refused"):
         gc.solve_contact(kernel, heights, 4e5)
-    assert gc.solve_contact(kernel, heights, 4e5, throw=False).result == gc.RESULTS.not_finite
+    assert (
+        gc.solve_contact(kernel, heights, 4e5, throw=False).result == gc.contacts.RESULTS.not_finite
+    )
 
 
 def test_values_that_only_tracing_hides_do_not_pass_as_solved():
@@ -345,12 +328,12 @@ def test_values_that_only_tracing_hides_do_not_pass_as_solved():
     pressed = jax.jit(
         lambda p: gc.slide(coated(), SURFACE, pressure=p, velocity=0.1, throw=False).result
     )
-    assert pressed(-4e5) == gc.RESULTS.bad_pressure
+    assert pressed(-4e5) == gc.contacts.RESULTS.bad_pressure
     layered = jax.jit(
         lambda d: gc.slide(coated(d), SURFACE, pressure=4e5, velocity=0.1, throw=False).result
     )
-    assert layered(-1e-4) == gc.RESULTS.not_finite
-    assert layered(1e-4) == gc.RESULTS.successful
+    assert layered(-1e-4) == gc.contacts.RESULTS.not_finite
+    assert layered(1e-4) == gc.contacts.RESULTS.successful
 
 
 def test_table_that_does_not_cover_the_sliding_frequencies_is_refused_with_both_ranges():
@@ -363,7 +346,7 @@ def test_area_and_friction_against_the_cutoff_end_at_those_of_the_surface():
     """Smoother surfaces touch more; the waves of the surface end at 8.3 q0."""
     cutoffs = Q0 * np.array([2.0, 4.0, 8.3])
     law = dict(pressure=4e5, velocity=0.1, rtol=1e-8)
-    curve = gc.area_against_cutoff(coated(), SURFACE, cutoffs, **law)
+    curve = gc.contacts.area_against_cutoff(coated(), SURFACE, cutoffs, **law)
     whole = gc.slide(coated(), SURFACE, **law)
     np.testing.assert_allclose(curve.cutoff, cutoffs)
     np.testing.assert_allclose(curve.friction[-1], whole.friction, rtol=1e-6)
@@ -382,7 +365,7 @@ def test_area_and_friction_against_the_cutoff_end_at_those_of_the_surface():
 def test_without_throw_a_failed_kernel_leaves_a_curve_of_nan():
     """The cut-offs stay; what failed is known only when it runs."""
     curve = jax.jit(
-        lambda d: gc.area_against_cutoff(
+        lambda d: gc.contacts.area_against_cutoff(
             coated(d), SURFACE, Q0 * np.array([2.0, 4.0]), pressure=4e5, velocity=0.1, throw=False
         )
     )
@@ -404,7 +387,7 @@ def test_without_throw_a_failed_kernel_leaves_a_curve_of_nan():
 )
 def test_bad_cutoff_is_refused(cutoffs, message):
     with pytest.raises(ValueError, match=message):
-        gc.area_against_cutoff(coated(), SURFACE, cutoffs, pressure=4e5, velocity=0.1)
+        gc.contacts.area_against_cutoff(coated(), SURFACE, cutoffs, pressure=4e5, velocity=0.1)
 
 
 def test_held_at_a_mean_gap_the_block_carries_the_load_that_has_it():

@@ -99,7 +99,9 @@ def contact(part: Part, cutoff: int, size: Size):
             scene = jax.tree.map(lambda x: jnp.asarray(x, jnp.float32), scene)
         stack, rough, pressure, velocity = scene
         found = gc.slide(stack, rough, pressure=pressure, velocity=velocity, rtol=RTOL, throw=False)
-        waves = gc.cumulative_friction(found.pressure, found.displacement, cell, VELOCITY, WAVES)
+        waves = gc.contacts.cumulative_friction(
+            found.pressure, found.displacement, cell, VELOCITY, WAVES
+        )
         return {
             "friction": found.friction,
             "friction_error": found.friction_error,

@@ -93,7 +93,7 @@ def searched(given, size):
             "friction_by_contact": one.friction, "friction_of_more_waves": other.friction,
             "contact_area_by_contact": other.contact_area_smooth,
         }  # fmt: skip
-        message = gc.RESULTS[one.result] or gc.RESULTS[other.result]
+        message = gc.contacts.RESULTS[one.result] or gc.contacts.RESULTS[other.result]
         return {name: float(value) for name, value in numbers.items()} | {"message": message}
 
     rows = [row(bare, softest=0.0, **dict.fromkeys(LOWER, 0.0))]

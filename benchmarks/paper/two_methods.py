@@ -53,7 +53,7 @@ def told(name, found, seconds, best):
         f"{float(found.contact_area_smooth):.4f} "
         f"({float(found.contact_area_smooth - best.contact_area_smooth):+.1e}), "
         f"{float(found.num_fft_pairs):8.0f} FFT pairs, {seconds:7.1f} s"
-        f"{'' if found.result == gc.RESULTS.successful else ', NOT CONVERGED'}",
+        f"{'' if found.result == gc.contacts.RESULTS.successful else ', NOT CONVERGED'}",
         flush=True,
     )
 

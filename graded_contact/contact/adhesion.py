@@ -6,7 +6,7 @@ it, and the solution depends on history: `follow_contact` goes along a path of l
 A grid resolves that if the attraction rises well less steeply than the solid is stiff to the
 shortest wave, 1/|M|; beyond, points snap one by one. `DouglasRachford` finds equilibria, stable or
 not: of 100 solves along a closing and opening path on a wavy line none was unstable where the
-former was 0.3 of the latter, 1 at 0.5, 4 at 0.7, 11 at 3; it says so above 0.3. Those of
+former was 0.3 of the latter, 1 at 0.5, 4 at 0.7, 11 at 3; above 0.3 it reports that. Those of
 `ResidualDynamics`, which moves as masses do, were stable throughout.
 """
 
@@ -16,7 +16,7 @@ from jaxtyping import Array, Float
 
 from ..core.checks import check_positive, check_values, scalar
 from ..core.display import shown
-from .law import AbstractLaw, Bound, gap_margin, power, proximal_root, repulsive_bracket
+from .law import AbstractLaw, Bound, indicator_of_gap, power, proximal_root, repulsive_bracket
 
 
 @shown()
@@ -75,9 +75,9 @@ class AdhesiveLJ(AbstractLaw):
         _, high = repulsive_bracket(v, self._scale, self.range)
         return proximal_root(self._pressure_and_slope, self.range, v, low, high, 16)
 
-    def margin(self, pressure, gap, stiffness):
+    def contact_indicator(self, pressure, gap, stiffness):
         edge = self.contact_gap * self.range
-        return gap_margin(pressure - self.pressure_at(edge), gap - edge, stiffness)
+        return indicator_of_gap(pressure - self.pressure_at(edge), gap - edge, stiffness)
 
 
 @shown()
@@ -120,13 +120,13 @@ class ExponentialAdhesion(AbstractLaw):
             pull = tension * jnp.exp(-t)
             return -pull, pull
 
-        # Where the gap is closed the root is not wanted; that of another v does.
+        # Where the gap is closed the root is not needed; that of another v serves.
         pulled = jnp.where(closed, -tension - self.range, v)
         low, high = -(pulled + tension) / self.range, -pulled / self.range
         y = proximal_root(pressure_and_slope, self.range, pulled, low, high, 12)
         return jnp.where(closed, v, y)
 
-    def margin(self, pressure, gap, stiffness):
+    def contact_indicator(self, pressure, gap, stiffness):
         # Stiffer than the law everywhere, so that only a closed gap passes.
         steep = jnp.maximum(stiffness, 2 * self.steepest_rise)
         beyond = pressure + self.work / self.range

@@ -1,9 +1,9 @@
 """Anderson's acceleration of a fixed-point iteration, with a short memory.
 
-D. G. Anderson, J. ACM 12 (1965) 547, doi:10.1145/321296.321305. Its cost is that of reading
-memory: images are kept as differences, so that the newest are combined with few passes. On large
-grids it is kept in single precision, which bends the combination by 1e-7 of what is left, and the
-products that weigh it are taken over every fourth row.
+D. G. Anderson, J. ACM 12 (1965) 547, doi:10.1145/321296.321305. Its cost is that of
+reading memory: images are stored as differences, so that the newest are combined in few passes. On
+large grids they are stored in single precision, which changes the combination by 1e-7 of the
+residual, and their products are summed over every fourth row.
 """
 
 import equinox as eqx
@@ -17,10 +17,11 @@ from jaxtyping import Bool, Float
 # by `bench_contact.py overhead`.
 SAMPLED_FROM = 2**16
 _SAMPLE = 4
+CYCLE = 2  # steps of the iteration between accelerations
 
 
 class History(eqx.Module):
-    """State of the acceleration. The entries of cycle i stand in slot i mod m of every array."""
+    """State of the iteration and its history. Cycle i is in slot i mod m of every array."""
 
     z: Float[Array, "*shape"]
     image: Float[Array, "*shape"]  # the last T(z)
@@ -31,23 +32,27 @@ class History(eqx.Module):
     best: Float[Array, ""]
     cycles: Array
     error: Float[Array, ""]
-    going_on: Bool[Array, ""]
+    running: Bool[Array, ""]
+
+    @property
+    def num_steps(self) -> Array:
+        return self.cycles * CYCLE
 
     @classmethod
     def empty(cls, z, m: int) -> "History":
-        kept = jnp.float32 if z.size >= SAMPLED_FROM else z.dtype
-        fields = jnp.zeros((m, *z.shape), kept)
-        changes = jnp.zeros((m, *z[_sample(z.size)].shape), kept)
+        stored = jnp.float32 if z.size >= SAMPLED_FROM else z.dtype
+        fields = jnp.zeros((m, *z.shape), stored)
+        changes = jnp.zeros((m, *z[_sample(z.size)].shape), stored)
         products, infinite = jnp.zeros((m, m), z.dtype), jnp.asarray(jnp.inf, z.dtype)
         none = jnp.asarray(0)
-        going_on = jnp.asarray(True)
-        return cls(z, z, fields, changes, products, none, infinite, none, infinite, going_on)
+        running = jnp.asarray(True)
+        return cls(z, z, fields, changes, products, none, infinite, none, infinite, running)
 
 
-def accelerate(state: History, image, error, going_on) -> History:
+def accelerate(state: History, image, error, running) -> History:
     """Returns the next state: an affine combination of images whose changes nearly cancel.
 
-    Unless it is `going_on`, the newest image alone.
+    The newest image alone if the iteration is not `running` any more.
     """
     m = len(state.products)
     slot, order = jax.lax.rem(state.cycles, m), np.arange(m)
@@ -67,9 +72,9 @@ def accelerate(state: History, image, error, going_on) -> History:
     count = jnp.where(forget, 1, jnp.minimum(state.count + 1, m))
     age = jnp.where(order > slot, slot - order + m, slot - order)
     weights = _weights(products, age < count)
-    # What the images weigh that are older than a difference is what the difference takes back.
+    # A difference takes back the weights of all images that are older than it.
     back = jnp.sum(jnp.where(age[None, :] > age[:, None], weights, 0), axis=1)
-    back = jnp.where(going_on & jnp.all(jnp.isfinite(back)), back, 0)
+    back = jnp.where(running & jnp.all(jnp.isfinite(back)), back, 0)
     return History(
         z=image - sum(back[i] * differences[i] for i in range(m)),
         image=image,
@@ -80,7 +85,7 @@ def accelerate(state: History, image, error, going_on) -> History:
         best=jnp.where(forget, size, jnp.minimum(state.best, size)),
         cycles=state.cycles + 1,
         error=error,
-        going_on=going_on,
+        running=running,
     )
 
 

@@ -39,15 +39,16 @@ def contact_area_corrected(contact: Bool[Array, "*shape"]) -> Float[Array, ""]:
 
 
 def contact_area_error(
-    margin: Float[Array, "*shape"], correction: Float[Array, "*shape"]
+    indicator: Float[Array, "*shape"], correction: Float[Array, "*shape"]
 ) -> Float[Array, ""]:
     """Returns the fraction of points that may be on the wrong side of the edge of contact [1].
 
-    Those whose margin (see `AbstractLaw.margin`) [Pa] is below four times the `correction` of the
-    pressure, there or on average (root mean square). The error of the grid comes on top.
+    Those whose indicator (see `AbstractLaw.contact_indicator`) [Pa] is below four times the
+    `correction` of the pressure, there or on average (root mean square). The error of
+    the grid comes on top.
     """
     doubt = 4 * jnp.maximum(jnp.abs(correction), jnp.sqrt(jnp.mean(correction**2)))
-    return jnp.mean(jnp.abs(margin) < doubt, dtype=margin.dtype)
+    return jnp.mean(jnp.abs(indicator) < doubt, dtype=indicator.dtype)
 
 
 def edge_stiffness(kernel: Inexact[Array, "*half"], grid: Grid) -> Float[Array, ""]:
@@ -64,18 +65,18 @@ def edge_stiffness(kernel: Inexact[Array, "*half"], grid: Grid) -> Float[Array, 
     return jnp.exp(-jnp.sum(weight * logarithm) / jnp.sum(weight))
 
 
-def contact_area_smooth(margin: Float[Array, "*shape"]) -> Float[Array, ""]:
+def contact_area_smooth(indicator: Float[Array, "*shape"]) -> Float[Array, ""]:
     """Returns a sub-pixel contact area fraction [1], continuous in every parameter.
 
-    The margin (see `AbstractLaw.margin`), for a hard wall the pressure in contact and minus gap
-    times `edge_stiffness` outside, is interpolated linearly on the four
-    triangles of each pixel, and the area where it is positive is summed exactly. A point joins the
-    contact with margin 0, so the area never jumps. On a grid the contour lies 0.14 pixels outside a
-    straight edge of contact; that much of its length is taken off. Where it differs much from the
-    pixel count, the grid does not resolve the contact.
+    The indicator (see `AbstractLaw.contact_indicator`), for a hard wall the pressure in contact and
+    minus gap times `edge_stiffness` outside, is interpolated linearly on the four triangles of each
+    pixel, and the area where it is positive is summed exactly. A point joins the contact with
+    indicator 0, so the area never jumps. On a grid the contour lies 0.14 pixels outside a straight
+    edge of contact; that much of its length is subtracted. If this area differs much from the pixel
+    count, the grid does not resolve the contact.
     """
-    if margin.ndim == 1:
-        return jnp.mean(_positive_part_of_segment(margin, jnp.roll(margin, -1)))
+    if indicator.ndim == 1:
+        return jnp.mean(_positive_part_of_segment(indicator, jnp.roll(indicator, -1)))
 
     # Row by row of each device, and again for a derivative: whole fields of intermediate values
     # cost more.
@@ -89,7 +90,7 @@ def contact_area_smooth(margin: Float[Array, "*shape"]) -> Float[Array, ""]:
             total = total + (area - _CONTOUR_OFFSET * length)
         return total, None
 
-    rows = (in_turns(margin), in_turns(jnp.roll(margin, -1, 0)))
+    rows = (in_turns(indicator), in_turns(jnp.roll(indicator, -1, 0)))
     total, _ = jax.lax.scan(add_row, jnp.zeros_like(rows[0][0]), rows)
     # A contact of a few pixels is smaller than its own correction.
     return jnp.maximum(jnp.mean(total) / len(rows[0]), 0)
@@ -103,7 +104,7 @@ def _positive_part_of_segment(a, b):
 
 
 def _triangle(a, b, c):
-    """Area where the interpolant of a, b (one apart) and c (centre) is positive, and contour."""
+    """Area where the interpolant of a, b and the centre c is positive, and its contour."""
     in_a, in_b, in_c = a > 0, b > 0, c > 0
     # The vertex that stands alone with its sign, if there is one, and the two after it.
     by_a, by_b = (in_a != in_b) & (in_a != in_c), (in_b != in_a) & (in_b != in_c)

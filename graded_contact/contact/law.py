@@ -27,9 +27,9 @@ Bound = Float[Array, ""] | float
 
 
 class AbstractLaw(eqx.Module):
-    """What the contact solvers ask of a law.
+    """What the contact solvers need of a law.
 
-    `attracts` says whether σ rises with u anywhere: then solutions depend on history.
+    `attracts` is whether σ rises with u anywhere: then solutions depend on history.
     """
 
     attracts: ClassVar[bool]
@@ -53,12 +53,12 @@ class AbstractLaw(eqx.Module):
         """Returns the pressure y that the law has at the gap y - v."""
 
     @abstractmethod
-    def margin(
+    def contact_indicator(
         self, pressure: Float[Array, "*shape"], gap: Float[Array, "*shape"], stiffness: Bound
     ) -> Float[Array, "*shape"]:
-        """Returns how far points are inside contact (> 0) or outside [Pa], 0 at the edge.
+        """Returns how far points are inside contact (> 0) or outside (< 0) [Pa], 0 at the edge.
 
-        Outside, gaps beyond the edge's are turned to pressures by `stiffness` [Pa/m].
+        Outside, `stiffness` [Pa/m] turns gaps beyond that of the edge to pressures.
         """
 
 
@@ -75,7 +75,7 @@ def check_law(law: AbstractLaw) -> None:
 
 
 def check_pressure(pressure: Float[Array, "..."], law: AbstractLaw) -> None:
-    """Raises `ValueError` unless the law can have these mean pressures [Pa], if they are known."""
+    """Raises `ValueError` if the law cannot have these mean pressures [Pa]; traced ones pass."""
     low, high = law.bounds
     if not (is_concrete(low) and is_concrete(high)):
         return
@@ -124,7 +124,7 @@ class HardWall(AbstractLaw):
         y = jnp.where(v > 0, v, 0)
         return y if self.hardness is None else jnp.where(y < self.hardness, y, self.hardness)
 
-    def margin(self, pressure, gap, stiffness):
+    def contact_indicator(self, pressure, gap, stiffness):
         return jnp.where(pressure > 0, pressure, -stiffness * jnp.maximum(gap, 0))
 
 
@@ -178,13 +178,13 @@ class RepulsiveLJ(AbstractLaw):
         low, high = repulsive_bracket(v, self.pressure, self.range)
         return proximal_root(self._pressure_and_slope, self.range, v, low, high, 7)
 
-    def margin(self, pressure, gap, stiffness):
+    def contact_indicator(self, pressure, gap, stiffness):
         edge = self.contact_gap * self.range
-        return gap_margin(pressure - self.pressure_at(edge), gap - edge, stiffness)
+        return indicator_of_gap(pressure - self.pressure_at(edge), gap - edge, stiffness)
 
 
-def gap_margin(pressure, gap, stiffness):
-    """The margin, from pressure and gap less those at the edge of contact."""
+def indicator_of_gap(pressure, gap, stiffness):
+    """The contact indicator, from pressure and gap less those at the edge of contact."""
     return jnp.where(gap < 0, jnp.maximum(pressure, 0), -stiffness * gap)
 
 
@@ -197,7 +197,7 @@ def power(t, n: int):
 
 
 def repulsive_bracket(v, pressure, range):
-    """Bounds of t in p t⁻⁹ - εt = v, at most a factor 2 apart: those of v = 0, v << 0, v >> 0."""
+    """Bounds of t in p t⁻⁹ - εt = v, within a factor of 2: those of v = 0, v << 0, v >> 0."""
     rest = (pressure / range) ** 0.1
     pressed = v > 0
     force = jnp.where(pressed, v, 0)
@@ -210,7 +210,7 @@ def repulsive_bracket(v, pressure, range):
 def proximal_root(pressure_and_slope: Callable, unit, v, low, high, steps: int):
     """The pressure y = f at the gap u = `unit` t with y - v = u, t in [low, high].
 
-    Newton's method from `low`, bisecting where it would leave the bracket, but for the last two
+    Newton's method from `low`, bisecting where it would leave the bracket, except in the last two
     steps. Derivatives of every order are those of the root.
     """
 

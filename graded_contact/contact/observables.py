@@ -1,4 +1,4 @@
-"""What a contact solution tells: friction, its error, dissipation per wavenumber.
+"""Observables of a contact solution: friction, its error, dissipation per wavenumber.
 
 The surface h(x - vt) moves with velocity v over the solid. On the moving surface the pressure σ
 does the work ⟨σ ∇w⟩·v per area and time against the solid, w being its displacement: the
@@ -9,7 +9,7 @@ In contact ∇w = ∇h, and for the continuous problem ⟨σ ∇w⟩ = ⟨σ ∇
 differ by ⟨σ ∇u⟩, which lives at the edges of the contact. The displacement's slope converges
 faster (ten times less error at 8 points per shortest wavelength, `benchmarks/bench_contact.py`)
 and is what `Sliding.friction` uses; `Sliding.geometric_friction` uses the surface's slope, and
-the difference of the two tells the error of the grid.
+the difference of the two is the error of the grid.
 """
 
 import equinox as eqx
@@ -30,8 +30,8 @@ from ..fields.grid import (
     wavenumber,
 )
 from ..roughness.spectrum import CutoffCurve
+from .adjoint import displace
 from .estimates import error_of
-from .implicit import displace
 
 
 def friction(
@@ -190,9 +190,9 @@ def unmeasured_shares(
 ) -> tuple[Float[Array, ""], Float[Array, ""]]:
     """Returns the shares of contact area and friction on points that were not measured [1].
 
-    `measured` says how much of each height was, see `Surface`. Friction is what remains of the
-    tangential traction |σ ∂w/∂x_v| up and down the slopes; the share is that of the traction, lest
-    the cancellation make it noise. 0 without contact.
+    `measured` is the measured share of each height, see `Surface`. Friction is what remains of the
+    tangential traction |σ ∂w/∂x_v| up and down the slopes; the share is that of the traction,
+    because cancellation would make that of the friction noise. 0 without contact.
     """
     lost = 1 - measured
     touching = contact.astype(measured.dtype)

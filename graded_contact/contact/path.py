@@ -7,8 +7,9 @@ from jaxtyping import Array, Bool, Float
 
 from ..core.checks import Numbers, as_float, check_types, check_values
 from ..core.display import shown
-from .douglas_rachford import DouglasRachford
+from .adjoint import LinearSolver, LinearSplitting
 from .law import AbstractLaw, check_law, check_pressure
+from .nested_solve import DouglasRachford
 from .problem import RTOL, solve_contact
 from .solution import RESULTS, ContactSolution
 from .solver import AbstractContactSolver
@@ -22,8 +23,8 @@ class ContactPath(eqx.Module):
 
     - `mean_gap`, `mean_pressure`: [m], [Pa], shape `(steps,)`.
     - `contact_area`: fraction of points in contact [1], shape `(steps,)`.
-    - `unloading`: whether the surfaces were being drawn apart, shape `(steps,)`: the branch of a
-      law that attracts. The first contact is reached from apart.
+    - `unloading`: whether the mean gap was being increased, shape `(steps,)`: the branch of a law
+      that attracts. The first contact is reached from open surfaces.
     - `num_fft_pairs`, `result`: of each solve [1], shape `(steps,)`; `result == RESULTS.successful`
       is an array.
     - `last`: the last contact.
@@ -47,13 +48,14 @@ def follow_contact(
     mean_gap: Numbers | None = None,
     law: AbstractLaw,
     solver: AbstractContactSolver = DouglasRachford(),  # noqa: B008 (immutable)
+    adjoint: LinearSolver = LinearSplitting(),  # noqa: B008
     rtol: float = RTOL,
     throw: bool = True,
 ) -> ContactPath:
     """Returns the contacts along a path of mean pressures or mean gaps.
 
     With a law that attracts a contact depends on how it was reached. A path of gaps that begins
-    where the surfaces are apart, closes and opens again follows the loading branch through the
+    where the surfaces do not touch, closes and opens again follows the loading branch through the
     snapping into contact and the unloading branch through the snapping out of it, if its steps are
     small: at a jump it takes the state that the solver finds next. Prefer gaps to pressures: at a
     given load the whole surface is unstable wherever the pressure rises with the gap.
@@ -79,6 +81,7 @@ def follow_contact(
             heights,
             law=law,
             solver=solver,
+            adjoint=adjoint,
             rtol=rtol,
             start=start,
             throw=throw,
@@ -115,5 +118,6 @@ def _path(pressure, mean_gap, law: AbstractLaw):
 
 
 def _summary(contact: ContactSolution, law: AbstractLaw):
-    area = jnp.mean(law.margin(contact.pressure, contact.gap, 1.0) > 0, dtype=contact.gap.dtype)
+    touching = law.contact_indicator(contact.pressure, contact.gap, 1.0) > 0
+    area = jnp.mean(touching, dtype=contact.gap.dtype)
     return contact.mean_gap, contact.mean_pressure, area, contact.num_fft_pairs, contact.result

@@ -31,21 +31,21 @@ from ..core.derivative import derivative_apart, still
 from ..core.memory import check_memory, contact_memory
 from ..fields.devices import num_devices, required
 from ..fields.grid import half_shape
-from .douglas_rachford import DouglasRachford
-from .estimates import Assessment, assess, state_of
-from .implicit import Inputs, State, attach_gradient
+from .adjoint import Inputs, LinearSolver, LinearSplitting, State, attach_gradient
+from .estimates import Assessment, assess, penalty_at, state_of
 from .law import AbstractLaw, HardWall, check_law, check_pressure
+from .nested_solve import DouglasRachford
+from .operator import first_mode, least_compliance
 from .solution import RESULTS, ContactSolution
 from .solver import (
     AbstractContactSolver,
-    Iterated,
-    Prescribed,
-    first_mode,
+    Loading,
+    SolverOutput,
     in_precision,
-    least_compliance,
+    participation,
     penalty_for,
 )
-from .wanted import WORTHLESS, Asked, Known, Wanted, solve_until
+from .target import WORTHLESS, FoundContact, ObservableTarget, Target, solve_until
 
 # Default tolerance of the pressure. Friction was then off by 3e-5 at most, by 2e-7 in the median,
 # for 0.77 of the FFT pairs of 1e-6 (156 viscoelastic contacts, `bench_contact.py observables`).
@@ -54,9 +54,9 @@ RTOL = 5e-5
 # Rise of an attraction over the stiffness of the shortest wave, up to which all equilibria found
 # were stable: see `adhesion.py`.
 _RESOLVED = 0.3
-# Tolerance of the linear solves of derivatives, over that of wanted numbers: derivatives may be
-# small differences of what the numbers are not.
-_OF_WANTED = 0.1
+# Tolerance of the linear solves of derivatives, over that of target numbers: derivatives may be
+# small differences where the numbers are not.
+_OF_TARGET = 0.1
 _LEAST_GAP = 1e-12  # mean gap over the rms height that is not rounding
 
 
@@ -69,15 +69,17 @@ def solve_contact(
     mean_gap: ScalarLike | None = None,
     law: AbstractLaw = HardWall(),  # noqa: B008 (immutable)
     solver: AbstractContactSolver = DouglasRachford(),  # noqa: B008
+    adjoint: LinearSolver = LinearSplitting(),  # noqa: B008
     rtol: float = RTOL,
-    wanted: Callable[[ContactSolution], Array | Asked] | None = None,
+    target: Callable[[ContactSolution], Array | ObservableTarget] | None = None,
     start: Numbers | None = None,
+    solution: ContactSolution | None = None,
     throw: bool = True,
 ) -> ContactSolution:
     """Returns the contact of a rough surface with a solid at a mean pressure or a mean gap.
 
     Differentiable in `kernel`, `heights`, `law` and what is prescribed (forward and reverse, one
-    linear solve; see `contact/implicit.py` for where the derivative is one-sided), and works under
+    linear solve; see `contact/adjoint.py` for where the derivative is one-sided), and works under
     `jit` and `vmap`. A batch under `vmap` runs until its slowest member has converged;
     `jax.lax.map` gives the same results and stops member by member, which on a CPU is faster.
 
@@ -91,15 +93,19 @@ def solve_contact(
     - `mean_gap`: mean of the gap u [m], counted from the mean of the heights; above 0 at a hard
       wall, since in full contact it is 0 at every pressure that is high enough.
     - `law`: of contact.
-    - `solver`: algorithm and its limits, and how derivatives are found: see `DouglasRachford`, or
-      `AbstractContactSolver` for one's own.
-    - `rtol`: wanted relative error of the pressure [1]; or
-    - `wanted`: of what else `rtol` is the relative error: a function of the solution that returns
-      numbers, continuous in the pressure. The solve then ends, mostly long before, where these are
-      known, with `.wanted_error`: see `contact/wanted.py`.
+    - `solver`: algorithm and its limits: see `DouglasRachford`, or `AbstractContactSolver` to write
+      a custom one.
+    - `adjoint`: solver of the linear systems of derivatives, and its tolerance: see
+      `LinearSplitting`.
+    - `rtol`: requested relative error of the pressure [1]; or
+    - `target`: function of the solution that returns numbers, continuous in the pressure, whose
+      relative error `rtol` is then. The solve ends where these are accurate, mostly long before
+      the pressure is, with their `.target_error`: see `contact/target.py`.
     - `start`: a pressure field [Pa] to start from, such as a neighbouring solution; a load that it
-      lacks is spread evenly. One at a load or speed more than half as large again saves nothing.
-      With a law that attracts, it chooses among several solutions; see `follow_contact`.
+      lacks is spread evenly. A start whose load or speed differs by more than 1.5 times gives no
+      speed-up. With a law that attracts, it chooses among several solutions; see `follow_contact`.
+    - `solution`: of an earlier call with the same arguments. Nothing is solved then: the same
+      contact is returned, with derivatives.
     - `throw`: whether to raise if the solver fails or the kernel is not finite; otherwise look at
       `.result`.
 
@@ -112,20 +118,23 @@ def solve_contact(
     _check_heights(heights, solver)
     _check_kernel(kernel, heights, throw)
     check_law(law)
-    inputs = Inputs(kernel, heights, law, _prescribed(pressure, mean_gap, law, heights))
+    inputs = Inputs(kernel, heights, law, _loading(pressure, mean_gap, law, heights))
     if start is not None:
         start = _as_start(start, heights, law)
     # In one precision: what ends a solve counts the digits of the fields.
     dtype = jnp.result_type(heights, jnp.finfo(kernel.dtype).dtype)
     inputs, start = in_precision((inputs, start), dtype)
     check_tolerance("rtol", rtol, inputs.heights)
-    # Programs of their own: under a derivative the search is found compiled.
-    fixed, start, wanted = still((inputs, start, wanted))
+    # Compiled separately: under a derivative the search is compiled already.
+    fixed, start, target, solution = still((inputs, start, target, solution))
     tolerance = jnp.asarray(rtol, dtype)
-    known = _search(fixed, solver, tolerance, wanted, start)
-    close = tolerance if wanted is None else _OF_WANTED * tolerance
-    solution, good = _solution(inputs, solver, known, close)
-    return required(solution, good, solution.result.error_if) if throw else solution
+    if solution is None:
+        found = _search(fixed, solver, tolerance, target, start)
+    else:
+        found = FoundContact(_output_of(fixed, solution))
+    close = tolerance if target is None else _OF_TARGET * tolerance
+    result, good = _solution(inputs, solver.finds_unstable, found, adjoint, close)
+    return required(result, good, result.result.error_if) if throw else result
 
 
 def _check_heights(heights, solver: AbstractContactSolver) -> None:
@@ -138,7 +147,7 @@ def _check_heights(heights, solver: AbstractContactSolver) -> None:
     check_memory(
         "heights",
         heights.shape,
-        lambda shape: contact_memory(shape, heights.dtype.itemsize, solver.memory),
+        lambda shape: contact_memory(shape, heights.dtype.itemsize, solver.history_length),
         "a contact",
         num_devices(heights),
     )
@@ -156,12 +165,12 @@ def _check_kernel(kernel, heights, throw: bool) -> None:
 
 @functools.partial(jax.jit, static_argnames="throw")
 def _compliances(kernel, throw: bool):
-    """The kernel's real and imaginary part, where it is looked at."""
+    """Real and imaginary part of the kernel, 1 and 0 where it is ignored."""
     ignored = first_mode(kernel.shape)
     if not throw:
-        ignored = ignored | ~jnp.isfinite(kernel)  # `.result` will tell
-    known = jnp.where(ignored, 1, kernel)
-    return known.real, known.imag
+        ignored = ignored | ~jnp.isfinite(kernel)  # `.result` reports them
+    checked = jnp.where(ignored, 1, kernel)
+    return checked.real, checked.imag
 
 
 def _as_start(start, heights, law: AbstractLaw):
@@ -175,7 +184,7 @@ def _as_start(start, heights, law: AbstractLaw):
     return start
 
 
-def _prescribed(pressure, mean_gap, law, heights) -> Prescribed:
+def _loading(pressure, mean_gap, law, heights) -> Loading:
     if (pressure is None) == (mean_gap is None):
         raise ValueError(
             f"`pressure={pressure}` and `mean_gap={mean_gap}`: give exactly one of the two."
@@ -186,11 +195,11 @@ def _prescribed(pressure, mean_gap, law, heights) -> Prescribed:
         check_values("mean_gap", mean_gap, "the mean gap [m] must be finite")
         if isinstance(law, HardWall) and is_concrete(heights) and is_concrete(mean_gap):
             _check_gap(float(mean_gap), law, _LEAST_GAP * float(jnp.std(heights)))
-        return Prescribed(None, mean_gap)
+        return Loading(None, mean_gap)
     pressure = as_float(pressure, "pressure")
     check_shape("pressure", pressure, ())
     check_pressure(pressure, law)
-    return Prescribed(pressure, None)
+    return Loading(pressure, None)
 
 
 def _check_gap(gap: float, law: HardWall, least: float) -> None:
@@ -203,23 +212,52 @@ def _check_gap(gap: float, law: HardWall, least: float) -> None:
         )
 
 
-def _search(inputs: Inputs, solver: AbstractContactSolver, rtol, wanted, start) -> Known:
-    """The contact that is found, in one program or, by the solver of this package, in several."""
-    known = all(map(is_concrete, jax.tree.leaves((inputs, start))))
-    alone = known and wanted is None and num_devices(inputs.heights) == 1
-    if alone and isinstance(solver, DouglasRachford):
-        return Known(solver.solve(*inputs, rtol=rtol, start=start))
-    return _find_contact(inputs, solver, rtol, wanted, start)
+def _search(inputs: Inputs, solver: AbstractContactSolver, rtol, target, start) -> FoundContact:
+    """The contact that is found: in one program, or by `DouglasRachford` outside `jit` in a few."""
+    concrete = all(map(is_concrete, jax.tree.leaves((inputs, start))))
+    single = concrete and target is None and num_devices(inputs.heights) == 1
+    if single and isinstance(solver, DouglasRachford):
+        return FoundContact(solver.solve(*inputs, rtol=rtol, start=start))
+    return _find_contact(inputs, solver, rtol, target, start)
 
 
 @eqx.filter_jit
-def _find_contact(inputs: Inputs, solver: AbstractContactSolver, rtol, wanted, start) -> Known:
-    if not isinstance(solver, DouglasRachford):  # which takes any mean, and spares a copy
+def _find_contact(inputs: Inputs, solver: AbstractContactSolver, rtol, target, start):
+    if not isinstance(solver, DouglasRachford):  # which accepts any mean, and saves a copy
         inputs = _without_mean(inputs)
-    if wanted is None:
-        return Known(solver.solve(*inputs, rtol=rtol, start=start))
+    if target is None:
+        return FoundContact(solver.solve(*inputs, rtol=rtol, start=start))
     describe = functools.partial(_describe, inputs)
-    return solve_until(inputs, solver, Wanted(wanted, rtol), start, describe)
+    return solve_until(inputs, solver, Target(target, rtol), start, describe)
+
+
+@eqx.filter_jit
+def _output_of(inputs: Inputs, solution: ContactSolution) -> SolverOutput:
+    """What a solver would return for a solution: the gap is that of the law."""
+    pressure, unit = solution.pressure, jnp.zeros((), solution.pressure.dtype)
+    gap = _gap_of_law(inputs, solution)
+    return SolverOutput(
+        pressure=pressure,
+        gap=gap,
+        mismatch=solution.correction,
+        displacement=solution.displacement,
+        error=solution.error,
+        ended=jnp.asarray(True),
+        num_steps=jnp.asarray(0),
+        num_fft_pairs=unit,
+    )
+
+
+def _gap_of_law(inputs: Inputs, solution: ContactSolution):
+    law, pressure, gap = inputs.law, solution.pressure, solution.gap
+    if isinstance(law, HardWall):
+        low, high = law.bounds
+        closed = jnp.where(pressure > low, jnp.minimum(gap, 0), jnp.maximum(gap, 0))
+        return jnp.where((pressure > low) & (pressure < high), 0, closed)
+    # The gap of the law's point nearest to pressure and gap.
+    penalty = penalty_for(inputs.kernel, participation(pressure), law)
+    v = pressure - penalty * gap
+    return (law.in_units(1.0, 1 / penalty).proximal(v) - v) / penalty
 
 
 def _without_mean(inputs: Inputs) -> Inputs:
@@ -228,35 +266,28 @@ def _without_mean(inputs: Inputs) -> Inputs:
 
 @derivative_apart
 @eqx.filter_jit
-def _solution(inputs: Inputs, solver, known: Known, rtol) -> tuple[ContactSolution, Array]:
+def _solution(
+    inputs: Inputs, finds_unstable: bool, known: FoundContact, adjoint: LinearSolver, rtol
+) -> tuple[ContactSolution, Array]:
     """The solution with its derivative, and whether it is one."""
     inputs = _without_mean(inputs)
-    kernel, heights, law, _ = inputs
     found, assessed, errors, reached = jax.lax.stop_gradient(known)
     if assessed is None or reached is None:
         assessed = jax.lax.stop_gradient(assess(inputs, found))
         # Where rounding ended the solve, its own error counts noise out of contact, too.
         reached = jnp.where(found.ended, assessed.error, found.error) <= rtol
-    state = state_of(inputs, found)
-    loaded = jnp.mean(law.margin(found.pressure, found.gap, 1.0) > 0, dtype=heights.dtype)
-    loaded = jnp.maximum(loaded, 1 / heights.size)
-    state = attach_gradient(
-        inputs,
-        jax.lax.stop_gradient(state),
-        found.gap,
-        penalty_for(kernel, loaded, law),
-        solver.linear,
-        rtol,
-    )
+    state = jax.lax.stop_gradient(state_of(inputs, found))
+    penalty = penalty_at(inputs, found)
+    state = attach_gradient(inputs, state, found.gap, penalty, adjoint, rtol)
     solution = _describe(inputs, found, state, assessed)
-    result = _how_it_ended(inputs, solver, found, reached, solution.gap_error)
-    solution = dataclasses.replace(solution, wanted_error=errors, result=result)
+    result = _how_it_ended(inputs, finds_unstable, found, reached, solution.gap_error)
+    solution = dataclasses.replace(solution, target_error=errors, result=result)
     return solution, result == RESULTS.successful
 
 
 def _describe(
     inputs: Inputs,
-    found: Iterated,
+    found: SolverOutput,
     state: State | None = None,
     assessed: Assessment | None = None,
 ) -> ContactSolution:
@@ -280,21 +311,21 @@ def _describe(
         gap_error=assessed.gap_error / unit,
         complementarity_error=jnp.mean(jnp.abs(pressure * (gap - found.gap))) / (load * unit),
         penetration=jnp.max(jnp.maximum(jnp.minimum(found.gap, 0) - gap, 0)) / unit,
-        wanted_error=None,
+        target_error=None,
         num_steps=found.num_steps,
         num_fft_pairs=found.num_fft_pairs,
         result=RESULTS.successful,
     )
 
 
-def _how_it_ended(inputs: Inputs, solver, found: Iterated, reached, gap_error) -> RESULTS:
-    law, pressure = inputs.law, inputs.prescribed.pressure
-    # Near full contact at a given gap an infinite error is a bound that is not known yet.
+def _how_it_ended(inputs: Inputs, finds_unstable, found: SolverOutput, reached, gap_error):
+    law, pressure = inputs.law, inputs.loading.pressure
+    # Near full contact at a given gap the bound of the error may still be infinite.
     finite = ~jnp.isnan(found.error) & jnp.all(jnp.isfinite(found.pressure))
     result = RESULTS.where(found.ended, RESULTS.rounding, RESULTS.max_steps_reached)
     result = RESULTS.where(reached, RESULTS.successful, result)
     result = RESULTS.where(finite, result, RESULTS.not_finite)
-    if law.attracts and solver.finds_unstable:
+    if law.attracts and finds_unstable:
         steep = law.steepest_rise * least_compliance(inputs.kernel) > _RESOLVED
         result = RESULTS.where(steep & (result == RESULTS.successful), RESULTS.unresolved, result)
     worthless = (gap_error > WORTHLESS) & (jnp.std(inputs.heights) > 0)

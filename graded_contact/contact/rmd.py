@@ -35,15 +35,13 @@ from ..core.checks import check_type, check_whole, short
 from ..fields.grid import to_field, to_spectrum
 from .adhesion import AdhesiveLJ
 from .law import AbstractLaw, RepulsiveLJ
-from .linear import LinearSplitting
+from .operator import root_mean_square, third_mode
 from .solver import (
     AbstractContactSolver,
-    Iterated,
-    LinearSolver,
-    Prescribed,
+    Loading,
+    SolverOutput,
     pressure_unit,
-    root_mean_square,
-    third_mode,
+    run_steps,
     to_mean,
 )
 
@@ -55,7 +53,7 @@ SmoothLaw = RepulsiveLJ | AdhesiveLJ
 
 
 class ResidualDynamics(AbstractContactSolver):
-    """Settings of residuals molecular dynamics. All static, but for `linear`.
+    """Settings of residuals molecular dynamics. All static.
 
     `rtol` of the solve is the ε of both criteria, and `error` the larger of them: of gaps, not of
     pressures.
@@ -65,13 +63,11 @@ class ResidualDynamics(AbstractContactSolver):
     - `max_steps`: steps allowed before giving up.
     - `uniform_mass`: whether all points have one mass whatever the law, as in plain molecular
       dynamics; that takes many more steps.
-    - `linear`: finds derivatives, see `AbstractContactSolver`.
     """
 
     max_steps: int = eqx.field(default=100_000, static=True)
     uniform_mass: bool = eqx.field(default=False, static=True)
-    linear: LinearSolver = LinearSplitting()
-    memory: ClassVar[int] = 0
+    history_length: ClassVar[int] = 0
     finds_unstable: ClassVar[bool] = False
 
     def __check_init__(self):
@@ -83,37 +79,30 @@ class ResidualDynamics(AbstractContactSolver):
         kernel: Inexact[Array, "*half"],
         heights: Float[Array, "*shape"],
         law: AbstractLaw,
-        prescribed: Prescribed,
+        loading: Loading,
         *,
         rtol: Float[Array, ""],
         start: Float[Array, "*shape"] | None,
-    ) -> Iterated:
+    ) -> SolverOutput:
         """Returns the contact; `start` is a pressure [Pa] to begin from."""
         if not isinstance(law, SmoothLaw):
             raise ValueError(
                 f"`law={short(law)}` is refused: residuals molecular dynamics needs a smooth law, "
                 "`RepulsiveLJ` or `AdhesiveLJ`. Pass `solver=DouglasRachford()`."
             )
-        unit = pressure_unit(kernel, heights - jnp.mean(heights), prescribed)
-        problem, length = _dimensionless(kernel, heights, law, prescribed, unit)
+        unit = pressure_unit(kernel, heights - jnp.mean(heights), loading)
+        problem, length = _dimensionless(kernel, heights, law, loading, unit)
         gap = _first_gap(problem, None if start is None else start / unit)
-
-        def running(state: _Motion):
-            return (state.error > rtol) & (state.num_steps < self.max_steps)
-
-        def body(state: _Motion):
-            return _step(problem, state, self.uniform_mass or law.attracts)
-
-        last = jax.lax.while_loop(running, body, _Motion.at_rest(gap))
+        last = run_steps(_Verlet(problem, rtol, self.uniform_mass), gap, self.max_steps)
         gap = last.gap
         pressure = problem.law.pressure_at(gap)
         residual, _ = _residual(problem, gap, pressure, _stiffness(problem.law, gap))
         mismatch = (
             problem.law.pressure_at(jnp.maximum(gap + residual, _LEAST_RATIO * gap)) - pressure
         )
-        if problem.prescribed.pressure is not None:
-            pressure = to_mean(pressure, problem.prescribed.pressure, problem.law.bounds)
-        return Iterated(
+        if problem.loading.pressure is not None:
+            pressure = to_mean(pressure, problem.loading.pressure, problem.law.bounds)
+        return SolverOutput(
             pressure=pressure * unit,
             gap=gap * length,
             mismatch=mismatch * unit,
@@ -129,7 +118,7 @@ class _Problem(NamedTuple):
     kernel: Inexact[Array, "*half"]
     heights: Float[Array, "*shape"]
     law: SmoothLaw
-    prescribed: Prescribed
+    loading: Loading
 
 
 class _Motion(NamedTuple):
@@ -139,18 +128,31 @@ class _Motion(NamedTuple):
     error: Float[Array, ""]
     num_steps: Array
 
-    @classmethod
-    def at_rest(cls, gap):
-        still = jnp.zeros_like(gap)
-        return cls(gap, still, still, jnp.asarray(jnp.inf, gap.dtype), jnp.asarray(0))
+
+class _Verlet(NamedTuple):
+    """The steps, for `run_steps`."""
+
+    problem: _Problem
+    rtol: Float[Array, ""]
+    uniform_mass: bool
+
+    def init(self, start):
+        still = jnp.zeros_like(start)
+        return _Motion(start, still, still, jnp.asarray(jnp.inf, start.dtype), jnp.asarray(0))
+
+    def step(self, state: _Motion) -> _Motion:
+        return _step(self.problem, state, self.uniform_mass or self.problem.law.attracts)
+
+    def done(self, state: _Motion):
+        return ~(state.error > self.rtol)
 
 
-def _dimensionless(kernel, heights, law: SmoothLaw, prescribed: Prescribed, unit):
+def _dimensionless(kernel, heights, law: SmoothLaw, loading: Loading, unit):
     """The problem for pressures in `unit` and lengths such that |M|max = 1, and that length."""
     kernel = kernel.at[(0,) * kernel.ndim].set(0)
     length = unit * jnp.max(jnp.abs(kernel))
-    pressure, gap = prescribed
-    scaled = Prescribed(
+    pressure, gap = loading
+    scaled = Loading(
         None if pressure is None else pressure / unit, None if gap is None else gap / length
     )
     heights = (heights - jnp.mean(heights)) / length
@@ -179,10 +181,10 @@ def _residual(problem: _Problem, u, pressure, stiffness):
     """L with the mean gap ū, and the relative error of the load."""
     displacement = to_field(problem.kernel * to_spectrum(pressure), u.shape)
     residual = displacement - problem.heights - u
-    if problem.prescribed.gap is not None:
-        return residual + problem.prescribed.gap, jnp.zeros((), u.dtype)
-    assert problem.prescribed.pressure is not None  # one of the two is prescribed
-    excess = jnp.mean(pressure) - problem.prescribed.pressure
+    if problem.loading.gap is not None:
+        return residual + problem.loading.gap, jnp.zeros((), u.dtype)
+    assert problem.loading.pressure is not None  # one of the two is prescribed
+    excess = jnp.mean(pressure) - problem.loading.pressure
     rate = stiffness / _mass(stiffness)
     mean_gap = (_LOAD_RATE * excess - jnp.mean(rate * residual)) / jnp.mean(rate)
     return residual + mean_gap, jnp.abs(excess) / jnp.mean(jnp.abs(pressure))
@@ -198,7 +200,7 @@ def _stiffness(law, u):
 
 def _first_gap(problem: _Problem, start):
     """The gaps of points alone on springs, under a pressure or none."""
-    pressure, mean_gap = problem.prescribed
+    pressure, mean_gap = problem.loading
     offset = -problem.heights + (0 if mean_gap is None else mean_gap)
     if start is not None:
         offset = offset + to_field(problem.kernel * to_spectrum(start), offset.shape)

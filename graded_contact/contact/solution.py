@@ -1,4 +1,4 @@
-"""What a contact is found to be, and how the search for it ended."""
+"""The contact solution: pressure, gap, their errors, and how the solve ended."""
 
 import equinox as eqx
 from jaxtyping import Array, Float
@@ -16,7 +16,7 @@ class RESULTS(eqx.Enumeration):
     )
     rounding = (
         "Rounding hides what is left of the error, which may be more than `rtol`: the pressures "
-        "are tiny beside what the gaps are worth. Loosen `rtol`; in float32, enable "
+        "are tiny compared with the stiffness times the gaps. Loosen `rtol`; in float32, enable "
         "`jax_enable_x64`."
     )
     not_finite = (
@@ -67,8 +67,8 @@ class ContactSolution(eqx.Module):
     - `complementarity_error`: mean of |σ| |u - u_σ| over that of |σ| and the rms height [1]; u_σ is
       the gap at which the law has the pressure σ, in hard contact 0.
     - `penetration`: largest interpenetration that the law does not allow, over the rms height [1].
-    - `wanted_error`: estimated errors of what was `wanted`, in its own units [1]; None if nothing
-      was.
+    - `target_error`: estimated errors of the numbers of `target`, in their own units [1]; None
+      without a target.
     - `num_steps`: iterations on the full grid.
     - `num_fft_pairs`: transforms spent, forward and back [1]; coarse grids counted by their size.
     - `result`: a member of `RESULTS`.
@@ -85,7 +85,7 @@ class ContactSolution(eqx.Module):
     gap_error: Float[Array, ""]
     complementarity_error: Float[Array, ""]
     penetration: Float[Array, ""]
-    wanted_error: Float[Array, " numbers"] | None
+    target_error: Float[Array, " numbers"] | None
     num_steps: Array
     num_fft_pairs: Float[Array, ""]
     result: RESULTS

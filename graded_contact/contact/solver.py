@@ -1,13 +1,12 @@
-"""What the contact solvers share: their interface, what they return, units and a penalty.
+"""The interface of contact solvers, and what they share: units, a penalty, a loop of steps.
 
-`solve_contact`, `slide` and what builds on them take any `AbstractContactSolver`, also one's own.
-The contact that it finds gets its derivatives afterwards, from another solver, of linear systems
-(`implicit.py`): so a contact solver is never differentiated, and need not know how that is done.
+`solve_contact` and `slide` accept any `AbstractContactSolver`. The contact that it finds gets its
+derivatives afterwards (`adjoint.py`), so a contact solver is never differentiated.
 """
 
 from abc import abstractmethod
 from collections.abc import Callable
-from typing import NamedTuple
+from typing import Any, NamedTuple, Protocol, runtime_checkable
 
 import equinox as eqx
 import jax
@@ -15,25 +14,21 @@ import jax.numpy as jnp
 from jax.experimental import io_callback
 from jaxtyping import Array, Bool, Float, Inexact
 
-from ..fields.grid import multiplicity, to_spectrum
 from .anderson import sums
 from .law import AbstractLaw
+from .operator import least_compliance, root_mean_square, third_mode
 
-KEPT = 5  # cycles between pressures given to `keep`
-
-# Solves the linear system of `implicit.py`, as `LinearSplitting` does: called with the kernel times
-# the penalty, s and the right side, and with the keyword `rtol`, it returns τ.
-LinearSolver = Callable[..., Float[Array, "*shape"]]
+_CALLBACK_EVERY = 5  # cycles between pressures passed to a callback
 
 
-class Prescribed(NamedTuple):
-    """What holds the bodies together: a mean pressure [Pa] or a mean gap [m]; the other is None."""
+class Loading(NamedTuple):
+    """What presses the bodies together: a mean pressure [Pa] or a mean gap [m]. One is None."""
 
     pressure: Float[Array, ""] | None
     gap: Float[Array, ""] | None
 
 
-class Iterated(eqx.Module):
+class SolverOutput(eqx.Module):
     """The contact that a solver found.
 
     **Fields:**
@@ -41,12 +36,12 @@ class Iterated(eqx.Module):
     - `pressure`: of the law [Pa], shape of the heights; its mean is the prescribed one, if any.
     - `gap`: at which the law has this pressure [m].
     - `mismatch`: pressure of the solid less that of the law [Pa].
-    - `displacement`: of the solid under its pressure, but for a mean [m].
-    - `error`: estimated relative error of the pressure (root mean square) [1]; all other errors
+    - `displacement`: of the solid under its pressure, up to a mean [m].
+    - `error`: estimated relative error of the pressure (root mean square) [1]. All other errors
       are estimated afterwards (`estimates.py`).
-    - `ended`: whether before the limit of steps: at `rtol`, or where rounding hides the rest.
+    - `ended`: whether the solver stopped by itself: at `rtol`, or where rounding hides the rest.
     - `num_steps`: on the finest grid.
-    - `num_fft_pairs`: of all grids, coarse ones by their size.
+    - `num_fft_pairs`: of all grids, coarse ones counted by their size.
     """
 
     pressure: Float[Array, "*shape"]
@@ -64,16 +59,13 @@ class AbstractContactSolver(eqx.Module):
 
     **Fields:**
 
-    - `linear`: the solver of the linear systems of derivatives. `LinearSplitting()` takes whatever
-      contact was found.
-    - `memory`: how many earlier iterates are kept, two fields each: what a solve will take is told
-      before anything is allocated.
+    - `history_length`: number of earlier iterates that are stored, two fields each. The memory of
+      a solve is estimated from it before anything is allocated.
     - `finds_unstable`: whether equilibria may be unstable ones, under laws that attract. Where the
       grid does not resolve the attraction, the contact then ends with `RESULTS.unresolved`.
     """
 
-    linear: eqx.AbstractVar[LinearSolver]
-    memory: eqx.AbstractVar[int]
+    history_length: eqx.AbstractVar[int]
     finds_unstable: eqx.AbstractClassVar[bool]
 
     @abstractmethod
@@ -82,38 +74,68 @@ class AbstractContactSolver(eqx.Module):
         kernel: Inexact[Array, "*half"],
         heights: Float[Array, "*shape"],
         law: AbstractLaw,
-        prescribed: Prescribed,
+        loading: Loading,
         *,
         rtol: Float[Array, ""],
         start: Float[Array, "*shape"] | None,
-    ) -> Iterated:
+    ) -> SolverOutput:
         """Returns the contact of heights with the solid of a kernel.
 
-        Called once inside `jax.jit`, without derivatives. What it may not solve it refuses by
-        `ValueError`; a failure that only values show is left to `error` and `ended`.
+        Called once inside `jax.jit`, without derivatives. A problem that the solver does not accept
+        raises `ValueError`; a failure that only values show is reported by `error` and `ended`.
+        A loop of steps is written by `run_steps`.
 
         **Arguments:**
 
         - `kernel`: M [m/Pa] on the half spectrum, real or complex, its entry at q = 0 being 0.
         - `heights`: h [m], positive into the solid, of any mean.
         - `law`: gives pressures point by point, see `AbstractLaw`.
-        - `prescribed`: the mean pressure or the mean gap.
-        - `rtol`: wanted relative error of the pressure [1].
+        - `loading`: the mean pressure or the mean gap.
+        - `rtol`: requested relative error of the pressure [1].
         - `start`: a pressure [Pa] to begin from, or None.
         """
 
 
-def watch_of(keep: Callable[[Array], None] | None, unit: Float[Array, ""]) -> Callable | None:
-    """Returns what to call with the number of each cycle and its pressure in `unit`.
+@runtime_checkable
+class Steps(Protocol):
+    """An iteration in steps: another `done` or `step` exchanges stopping or acceleration.
 
-    Out of a compiled loop, it calls `keep` in Python with the pressure [Pa] of every few cycles.
+    A state has `num_steps`.
     """
-    if keep is None:
+
+    def init(self, start: Array) -> Any:
+        """Returns the first state."""
+        ...
+
+    def step(self, state: Any) -> Any:
+        """Returns the next state."""
+        ...
+
+    def done(self, state: Any) -> Bool[Array, ""]:
+        """Returns whether a state is the last."""
+        ...
+
+
+def run_steps(steps: Steps, start: Array, max_steps: Array | int) -> Any:
+    """Returns the last state of an iteration: where it is done, or after `max_steps`."""
+
+    def running(state):
+        return ~steps.done(state) & (state.num_steps < max_steps)
+
+    return jax.lax.while_loop(running, lambda state: steps.step(state), steps.init(start))
+
+
+def watch_of(callback: Callable[[Array], None] | None, unit: Float[Array, ""]) -> Callable | None:
+    """Returns what a compiled loop calls with the number of each cycle and its pressure in `unit`.
+
+    Every few cycles it calls `callback` in Python with the pressure [Pa].
+    """
+    if callback is None:
         return None
 
     def watch(cycle, pressure):
-        due = cycle % KEPT == KEPT - 1
-        jax.lax.cond(due, lambda: io_callback(keep, None, pressure * unit), lambda: None)
+        now = cycle % _CALLBACK_EVERY == _CALLBACK_EVERY - 1
+        jax.lax.cond(now, lambda: io_callback(callback, None, pressure * unit), lambda: None)
 
     return watch
 
@@ -135,40 +157,16 @@ def penalty_for(
 
 
 def pressure_unit(
-    kernel: Inexact[Array, "*half"], heights: Float[Array, "*shape"], prescribed: Prescribed
+    kernel: Inexact[Array, "*half"], heights: Float[Array, "*shape"], loading: Loading
 ) -> Float[Array, ""]:
     """Returns a typical pressure: the prescribed one, and what flattens the longest waves.
 
     `heights` are of zero mean.
     """
-    length = root_mean_square(heights) + (0 if prescribed.gap is None else jnp.abs(prescribed.gap))
+    length = root_mean_square(heights) + (0 if loading.gap is None else jnp.abs(loading.gap))
     unit = length / jnp.abs(third_mode(kernel))
-    unit = unit + (0 if prescribed.pressure is None else jnp.abs(prescribed.pressure))
+    unit = unit + (0 if loading.pressure is None else jnp.abs(loading.pressure))
     return jnp.where(unit > 0, unit, 1)
-
-
-def third_mode(kernel: Inexact[Array, "*half"]) -> Inexact[Array, ""]:
-    """Returns the kernel of the long waves: at three times the lowest wavenumber along x.
-
-    Along y where there is but one row.
-    """
-    if kernel.ndim == 2 and len(kernel) == 1:
-        kernel = kernel[0]
-    return kernel[(3,) + (0,) * (kernel.ndim - 1)]
-
-
-def least_compliance(kernel: Inexact[Array, "*half"]) -> Float[Array, ""]:
-    """Returns the least |M| of any wave."""
-    return jnp.min(jnp.where(first_mode(kernel.shape), jnp.inf, jnp.abs(kernel)))
-
-
-def first_mode(shape: tuple[int, ...]) -> Bool[Array, "*half"]:
-    """Returns where a half spectrum of this shape has its mean, as a mask.
-
-    Setting that entry by a mask is done on the way, by an index in a pass of its own.
-    """
-    numbers = [jax.lax.broadcasted_iota(jnp.int32, shape, axis) for axis in range(len(shape))]
-    return sum(numbers[1:], numbers[0]) == 0
 
 
 def participation(pressure: Float[Array, "*shape"]) -> Float[Array, ""]:
@@ -187,57 +185,15 @@ def to_mean(pressure, mean, bounds):
     low, high = bounds
     room = (pressure - low) * (1 - (pressure - low) / (high - low))
     total, free = sums(pressure, room)
-    # Where all points are at a bound, those above the lower one exceed theirs, or all if none is.
+    # If all points are at a bound, those above the lower bound exceed theirs, or all points do.
     above = jnp.where(total > low * pressure.size, pressure - low, 1)
     room = jnp.where(free > 0, room, above)
     return pressure + room * ((mean * pressure.size - total) / jnp.sum(room))
 
 
 def slope(law: AbstractLaw, v: Float[Array, "*shape"]) -> Float[Array, "*shape"]:
-    """Returns dy/dv of the proximal map: 1 where the law holds the gap, 0 where the pressure."""
+    """Returns dy/dv of the proximal map: 1 where the law fixes the gap, 0 where the pressure."""
     return jax.jvp(law.proximal, (v,), (jnp.ones_like(v),))[1]
-
-
-def contact_stiffness(
-    kernel: Inexact[Array, "*half"], gap: Float[Array, "*shape"], s: Float[Array, "*shape"]
-) -> Float[Array, ""]:
-    """Returns an upper bound of dp/dū, the change of the mean pressure with the mean gap.
-
-    The stiffness is the least energy of all fields χ of mean 1: ⟨χ M⁻¹ χ⟩ in the solid, and
-    s/(1 - s) χ² in a law of slope s. Two fields are tried, the gap and a constant. At a hard wall
-    the bound is infinite in full contact.
-
-    **Arguments:**
-
-    - `kernel`: ρM on the half spectrum, 0 at q = 0.
-    - `gap`: of the law, in units of pressure over ρ.
-    - `s`: slope of the law's proximal map there.
-    """
-    field = jnp.abs(gap)
-    springs = jnp.where(s < 1, s / jnp.where(s < 1, 1 - s, 1), jnp.inf)
-    bent = bending_energy(kernel, field) + jnp.mean(jnp.where(s < 1, springs, 0) * field**2)
-    squared = jnp.mean(field) ** 2
-    by_gap = jnp.where(squared > 0, bent / nonzero(squared), jnp.inf)
-    return jnp.minimum(by_gap, jnp.mean(springs))
-
-
-def bending_energy(kernel: Inexact[Array, "*half"], field: Float[Array, "*shape"]) -> Array:
-    """Returns the mean energy ⟨f M⁻¹ f⟩ of a displacement, for a kernel that is 0 at q = 0."""
-    weight = jnp.asarray(multiplicity(field.shape) / field.size**2, field.dtype)
-    power = jnp.abs(to_spectrum(field)) ** 2 * weight
-    # Of 1/M the real part counts; losses do not hold.
-    known = jnp.abs(kernel) > 0
-    return jnp.sum(jnp.where(known, power * jnp.real(1 / jnp.where(known, kernel, 1)), 0))
-
-
-def nonzero(number: Array) -> Array:
-    """Returns a number to divide by: 1 in place of 0."""
-    return jnp.where(number != 0, number, 1)
-
-
-def root_mean_square(field: Float[Array, "..."]) -> Float[Array, ""]:
-    """Returns √⟨f²⟩."""
-    return jnp.sqrt(jnp.mean(field**2))
 
 
 def in_precision(tree, dtype):

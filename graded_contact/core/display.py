@@ -134,6 +134,8 @@ def _rows(value: Any, depth: int, name: str, meaning: str, units: bool) -> Itera
 
 def _fields(value: Any, units: bool) -> Iterator[tuple[str, Any, str]]:
     """Title, value and meaning of what an object prints; a number and its error share a line."""
+    if hasattr(value, "before_display"):
+        value.before_display()
     named = getattr(value, "_fields", None)  # of a named tuple
     declared = {} if named else {field.name: field for field in dataclasses.fields(value)}
     fields = named or declared

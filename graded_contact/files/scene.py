@@ -17,7 +17,7 @@ import jax
 import numpy as np
 from jaxtyping import ArrayLike, Float, PRNGKeyArray, ScalarLike
 
-from ..contact.douglas_rachford import DouglasRachford
+from ..contact.nested_solve import DouglasRachford
 from ..contact.problem import RTOL
 from ..core.checks import as_float, check_positive, check_tolerance, check_values, check_whole
 from ..core.display import shown

@@ -6,8 +6,9 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import ScalarLike
 
-from ..contact.douglas_rachford import DouglasRachford
+from ..contact.adjoint import LinearSolver, LinearSplitting
 from ..contact.law import AbstractLaw, HardWall
+from ..contact.nested_solve import DouglasRachford
 from ..contact.problem import RTOL, solve_contact
 from ..contact.solver import AbstractContactSolver
 from ..core.checks import Numbers, as_float, check_positive, check_types, is_concrete
@@ -17,7 +18,7 @@ from ..response.layering import Layering
 from ..response.stack import Stack
 from ..roughness.spectrum import CutoffCurve
 from ..roughness.surface import Surface
-from .sliding import kernel_and_velocity, observe
+from .sliding import Sliding, kernel_and_velocity
 
 
 @check_types
@@ -30,6 +31,7 @@ def area_against_cutoff(
     velocity: Numbers,
     law: AbstractLaw = HardWall(),  # noqa: B008 (immutable)
     solver: AbstractContactSolver = DouglasRachford(),  # noqa: B008
+    adjoint: LinearSolver = LinearSplitting(),  # noqa: B008
     graded_solver: AbstractGradedSolver = Layering(),  # noqa: B008
     rtol: float = RTOL,
     throw: bool = True,
@@ -63,10 +65,26 @@ def area_against_cutoff(
     def solve(cutoff, start):
         heights = _waves_up_to(cutoff, surface.heights, grid)
         contact = solve_contact(
-            kernel, heights, pressure, law=law, solver=solver, rtol=rtol, start=start, throw=throw
+            kernel,
+            heights,
+            pressure,
+            law=law,
+            solver=solver,
+            adjoint=adjoint,
+            rtol=rtol,
+            start=start,
+            throw=throw,
         )
-        s = observe(contact, kernel, heights, surface.measured, grid, velocity, law, None)
-        found = jnp.stack([s.friction, s.contact_area, s.contact_area_smooth])
+        s = Sliding(
+            contact=contact,
+            kernel=kernel,
+            heights=heights,
+            measured=None,
+            grid=grid,
+            velocity=velocity,
+            law=law,
+        )
+        found = jnp.stack(s.compute("friction", "contact_area", "contact_area_smooth"))
         return contact.pressure, jnp.where(known, found, jnp.nan)
 
     start, first = solve(cutoffs[0], None)

@@ -6,6 +6,8 @@ pressure works the block at the frequency ω = -q·v.
 """
 
 import dataclasses
+from collections.abc import Callable
+from typing import Any
 
 import equinox as eqx
 import jax
@@ -13,6 +15,7 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float, Inexact, ScalarLike
 
+from ..contact.adjoint import LinearSolver, LinearSplitting
 from ..contact.area import (
     contact_area,
     contact_area_corrected,
@@ -20,10 +23,8 @@ from ..contact.area import (
     contact_area_smooth,
     edge_stiffness,
 )
-from ..contact.douglas_rachford import DouglasRachford
-from ..contact.friction_and_area import FrictionAndArea
-from ..contact.implicit import displace
 from ..contact.law import AbstractLaw, HardWall
+from ..contact.nested_solve import DouglasRachford
 from ..contact.observables import (
     energy_imbalance,
     friction,
@@ -32,9 +33,11 @@ from ..contact.observables import (
     slope_in_contact,
     unmeasured_shares,
 )
+from ..contact.operator import displace
 from ..contact.problem import RTOL, solve_contact
 from ..contact.solution import RESULTS, ContactSolution
 from ..contact.solver import AbstractContactSolver
+from ..contact.target import FrictionAndArea
 from ..core.checks import Numbers, as_float, check_tolerance, check_types, is_concrete, short
 from ..core.derivative import derivative_apart
 from ..core.display import shown
@@ -50,13 +53,79 @@ from ..rheology.measured import coverage, is_unknown
 from ..roughness.surface import Surface
 
 
-@shown(..., "caveats")
+class _Observable:
+    """An attribute of `Sliding` that is computed when it is first read.
+
+    The number is stored with the object, unless it is traced. Under `jit` XLA drops what nothing
+    uses.
+    """
+
+    def __init__(
+        self, formula: Callable[["Sliding"], Float[Array, "..."]], has_derivative: bool = True
+    ):
+        self.formula, self.has_derivative = formula, has_derivative
+
+    def __set_name__(self, owner: type, name: str) -> None:
+        self.name = name
+
+    def __get__(self, sliding: "Sliding", kind: type | None = None) -> Float[Array, "..."]:
+        if sliding is None:
+            return self  # pyright: ignore[reportReturnType]
+        return sliding.compute(self.name)[0]
+
+    def of(self, sliding: "Sliding") -> Float[Array, "..."]:
+        return self.formula(sliding if self.has_derivative else jax.lax.stop_gradient(sliding))
+
+
+def _moved(s: "Sliding"):
+    """The displacement of the pressure itself, which balances energy to rounding."""
+    return displace(s.kernel, s.pressure)
+
+
+def _touching(s: "Sliding"):
+    return s.contact_indicator > 0
+
+
+def _friction_error(s: "Sliding"):
+    if s.contact.target_error is not None:
+        return s.contact.target_error[0]
+    return friction_error(s.pressure, s.contact.correction, s.kernel, s.grid, s.velocity)
+
+
+def _contact_area_error(s: "Sliding"):
+    if s.contact.target_error is not None:
+        return s.contact.target_error[1]
+    return contact_area_error(s.contact_indicator, s.contact.correction)
+
+
+def _unmeasured(s: "Sliding", which: int):
+    if s.measured is None:
+        return jnp.zeros((), s.pressure.dtype)
+    return unmeasured_shares(
+        s.measured, _touching(s), s.pressure, s.displacement, s.grid, s.velocity
+    )[which]
+
+
+def _extrapolated(s: "Sliding"):
+    if s.measured_range is None:
+        return jnp.zeros((), s.pressure.dtype)
+    outside = is_unknown(wave_frequencies(s.grid, s.velocity), s.measured_range)
+    return friction_share(s.pressure, s.displacement, s.grid, s.velocity, outside)
+
+
+@shown(
+    "friction", "friction_error", "contact_area", "contact_area_error", "contact_area_corrected",
+    "contact_area_smooth", "geometric_friction", "energy_imbalance", "slope_in_contact",
+    "unmeasured_area", "unmeasured_friction", "extrapolated_friction", "contact", "caveats",
+)  # fmt: skip
 class Sliding(eqx.Module):
     """Friction, contact area and fields of a sliding contact.
 
-    Errors and `energy_imbalance` have no derivative.
+    The contact is solved; every other number is computed when it is read. A batch of them, as
+    `jax.lax.map`, `jax.vmap` or a stack of leaves make it, gives arrays of numbers. Errors and
+    `energy_imbalance` have no derivative.
 
-    **Fields:**
+    **Observables:**
 
     - `friction`: force opposing the motion over the load [1]; >= 0 for passive materials, nan
       where a mean gap leaves no contact.
@@ -64,7 +133,7 @@ class Sliding(eqx.Module):
       comes on top, see `geometric_friction`.
     - `contact_area`: fraction of points in contact [1]. A pixel count, without a derivative.
     - `contact_area_error`: fraction of points that the solver may have put on the wrong side [1];
-      if `friction_rtol` was asked for, the error that it left in `contact_area_smooth`.
+      with `friction_rtol`, the error of `contact_area_smooth`.
     - `contact_area_corrected`: the same less its known excess at the edges [1].
     - `contact_area_smooth`: sub-pixel area fraction [1], for gradients.
     - `geometric_friction`: friction from the surface's slope instead of the block's [1]. Its
@@ -75,28 +144,68 @@ class Sliding(eqx.Module):
       points that were filled or tapered, not measured [1]; 0 where `Surface.measured` is None.
     - `extrapolated_friction`: share of the friction from waves that excite frequencies at which a
       material was not measured [1]: its modulus there is an extrapolation. See `coverage`.
+    - `contact_indicator`: how far points are inside contact or outside [Pa], shape of the heights;
+      see `AbstractLaw.contact_indicator`.
+
+    **Fields:**
+
     - `contact`: pressure, gap and convergence, see `ContactSolution`; also reached directly as
       `.pressure`, `.gap`, `.displacement` [Pa, m, m], `.mean_gap` [m], `.error`, `.num_fft_pairs`
       and `.result`.
+    - `kernel`: M of the block [m/Pa], see `stack_kernel`.
+    - `heights`: h of the surface [m].
+    - `measured`: share of each height that was measured [1], or None, see `Surface`.
+    - `grid`, `law`: of the surface and of the contact.
+    - `velocity`: of the surface over the block [m/s].
+    - `measured_range`: lowest and highest ω at which all materials were measured [rad/s], or None.
     """
 
-    friction: Float[Array, ""]
-    friction_error: Float[Array, ""]
-    contact_area: Float[Array, ""]
-    contact_area_error: Float[Array, ""]
-    contact_area_corrected: Float[Array, ""]
-    contact_area_smooth: Float[Array, ""]
-    geometric_friction: Float[Array, ""]
-    energy_imbalance: Float[Array, ""]
-    slope_in_contact: Float[Array, ""]
-    unmeasured_area: Float[Array, ""]
-    unmeasured_friction: Float[Array, ""]
-    extrapolated_friction: Float[Array, ""]
     contact: ContactSolution
+    kernel: Inexact[Array, "..."]
+    heights: Float[Array, "..."]
+    measured: Float[Array, "..."] | None
+    grid: Grid
+    velocity: Float[Array, "..."]
+    law: AbstractLaw
+    measured_range: tuple[Float[Array, "..."], Float[Array, "..."]] | None = None
+
+    friction = _Observable(lambda s: friction(s.pressure, _moved(s), s.grid, s.velocity))
+    friction_error = _Observable(_friction_error, has_derivative=False)
+    contact_area = _Observable(lambda s: contact_area(_touching(s)).astype(s.pressure.dtype))
+    contact_area_error = _Observable(_contact_area_error, has_derivative=False)
+    contact_area_corrected = _Observable(
+        lambda s: contact_area_corrected(_touching(s)).astype(s.pressure.dtype)
+    )
+    contact_area_smooth = _Observable(lambda s: contact_area_smooth(s.contact_indicator))
+    geometric_friction = _Observable(lambda s: friction(s.pressure, s.heights, s.grid, s.velocity))
+    energy_imbalance = _Observable(
+        lambda s: energy_imbalance(s.pressure, _moved(s), s.kernel, s.grid, s.velocity),
+        has_derivative=False,
+    )
+    slope_in_contact = _Observable(lambda s: slope_in_contact(s.pressure, s.displacement, s.grid))
+    unmeasured_area = _Observable(lambda s: _unmeasured(s, 0))
+    unmeasured_friction = _Observable(lambda s: _unmeasured(s, 1))
+    extrapolated_friction = _Observable(_extrapolated)
+    contact_indicator = _Observable(
+        lambda s: s.law.contact_indicator(s.pressure, s.gap, edge_stiffness(s.kernel, s.grid))
+    )
+
+    def compute(self, *names: str) -> list[Float[Array, "..."]]:
+        """Returns the observables of these names, those not computed before by one program."""
+        missing = tuple(name for name in names if name not in vars(self))
+        found = _computed(self, missing) if missing else {}
+        if all(map(is_concrete, found.values())):
+            vars(self).update(found)
+        return [found[name] if name in found else vars(self)[name] for name in names]
+
+    def before_display(self) -> None:
+        """Computes all that is shown."""
+        self.compute(*OBSERVABLES)
 
     @property
     def caveats(self) -> tuple[str, ...]:
-        """What makes these numbers doubtful, one sentence each; not under `jit`."""
+        """Warnings about these numbers, one sentence each; not under `jit`."""
+        self.before_display()
         return tuple(caveat.sentence for caveat in caveats_of(self))
 
     @property
@@ -138,10 +247,12 @@ def slide(
     velocity: Numbers,
     law: AbstractLaw = HardWall(),  # noqa: B008 (immutable)
     solver: AbstractContactSolver = DouglasRachford(),  # noqa: B008
+    adjoint: LinearSolver = LinearSplitting(),  # noqa: B008
     graded_solver: AbstractGradedSolver = Layering(),  # noqa: B008
     rtol: float | None = None,
     friction_rtol: float | None = None,
     start: Numbers | None = None,
+    solution: ContactSolution | None = None,
     throw: bool = True,
 ) -> Sliding:
     """Returns friction, contact area and fields of a rough surface sliding on a block.
@@ -161,12 +272,14 @@ def slide(
       are one velocity, not two speeds as in a scene: for several speeds use `sweep` or
       `jax.lax.map`. At rest (0, known beforehand) the relaxed moduli act and a real kernel is used.
     - `graded_solver`: the solver of graded layers and its tolerance, `Layering()` or `Riccati()`.
-    - `friction_rtol`: wanted relative error of friction and of the sub-pixel contact area [1];
-      nothing better is asked for than a tenth of what the grid leaves, and than a hundredth of the
-      slope in place of a friction less than that. Or
-    - `rtol`: wanted relative error of the pressure [1]; 5e-5 if neither is given: the error of
+    - `friction_rtol`: requested relative error of friction and of the sub-pixel contact area [1].
+      The tolerance is never below a tenth of the grid error. If friction is below 1 % of the rms
+      slope, the error is relative to that 1 %. Or
+    - `rtol`: requested relative error of the pressure [1]; 5e-5 if neither is given: the error of
       friction is then at most about 1e-4 of it.
-    - `law`, `solver`, `start`, `throw`: as in `solve_contact`. Without `throw` a graded
+    - `law`, `solver`, `adjoint`, `start`, `throw`: as in `solve_contact`.
+    - `solution`: `.contact` of an earlier call with the same arguments. Nothing is solved then: the
+      same numbers are returned, with derivatives. Without `throw` a graded
       layer whose kernel misses its tolerance is a `.result` as well, and all numbers are NaN.
 
     **Returns:** friction, areas, errors and the contact itself, see `Sliding`.
@@ -176,7 +289,7 @@ def slide(
     kernel, velocity, reached = kernel_and_velocity(
         stack, surface, velocity, solver, graded_solver, throw
     )
-    rtol, wanted = _aim(rtol, friction_rtol, kernel, surface, velocity, law)
+    rtol, target = _tolerance(rtol, friction_rtol, kernel, surface, velocity, law)
     contact = solve_contact(
         kernel,
         surface.heights,
@@ -184,21 +297,30 @@ def slide(
         mean_gap=mean_gap,
         law=law,
         solver=solver,
+        adjoint=adjoint,
         rtol=rtol,
-        wanted=wanted,
+        target=target,
         start=start,
+        solution=solution,
         throw=throw,
     )
-    contact = _told(contact, reached)
-    heights, measured, grid = surface.heights, surface.measured, surface.grid
-    known = _coverage(stack)
-    return observe(contact, kernel, heights, measured, grid, velocity, law, known)
+    contact = _with_kernel_result(contact, reached)
+    return Sliding(
+        contact=contact,
+        kernel=kernel,
+        heights=surface.heights,
+        measured=surface.measured,
+        grid=surface.grid,
+        velocity=velocity,
+        law=law,
+        measured_range=_coverage(stack),
+    )
 
 
 _coverage = eqx.filter_jit(coverage)
 
 
-def _told(contact: ContactSolution, reached) -> ContactSolution:
+def _with_kernel_result(contact: ContactSolution, reached) -> ContactSolution:
     """The contact, its result that of the kernel if that was not reached."""
     if reached is True:
         return contact
@@ -206,8 +328,8 @@ def _told(contact: ContactSolution, reached) -> ContactSolution:
     return dataclasses.replace(contact, result=result)
 
 
-def _aim(rtol, friction_rtol, kernel, surface: Surface, velocity, law):
-    """The tolerance of the solve, and of what other than the pressure, if any."""
+def _tolerance(rtol, friction_rtol, kernel, surface: Surface, velocity, law):
+    """The tolerance of the solve, and its target if that is not the pressure."""
     if rtol is not None and friction_rtol is not None:
         raise ValueError(
             f"`rtol={rtol}` and `friction_rtol={friction_rtol}`: give at most one of the two."
@@ -232,7 +354,7 @@ def kernel_and_velocity(stack, surface, velocity, solver, graded_solver, throw):
         "surface",
         surface.grid.shape,
         lambda shape: sliding_memory(
-            shape, surface.heights.dtype.itemsize, numbers, oblique, solver.memory
+            shape, surface.heights.dtype.itemsize, numbers, oblique, solver.history_length
         ),
         "sliding",
         num_devices(surface.grid.size),
@@ -250,77 +372,28 @@ def kernel_and_velocity(stack, surface, velocity, solver, graded_solver, throw):
     return (kernel.real if at_rest else kernel), velocity, reached
 
 
+OBSERVABLES = tuple(
+    name
+    for name, attribute in vars(Sliding).items()
+    if isinstance(attribute, _Observable) and name != "contact_indicator"
+)
+
+
+def with_observables(tree: Any) -> Any:
+    """Returns a tree with the observables and the contact of each `Sliding` in its place."""
+
+    def numbers(leaf):
+        if not isinstance(leaf, Sliding):
+            return leaf
+        values = zip(OBSERVABLES, leaf.compute(*OBSERVABLES), strict=True)
+        return dict(values) | {"contact": leaf.contact}
+
+    return jax.tree.map(numbers, tree, is_leaf=lambda leaf: isinstance(leaf, Sliding))
+
+
 @derivative_apart
-def observe(
-    contact: ContactSolution,
-    kernel: Inexact[Array, "*half"],
-    heights: Float[Array, "*shape"],
-    measured: Float[Array, "*shape"] | None,
-    grid: Grid,
-    velocity: Float[Array, "..."],
-    law: AbstractLaw,
-    known: tuple[Float[Array, ""], Float[Array, ""]] | None,
-) -> Sliding:
-    """Returns what a contact means; in programs of their own, which hold fewer fields at once."""
-    own, margin, slope = _in_contact(contact, kernel, grid, law)
-    numbers = _frictions(contact, own, kernel, heights, grid, velocity, known)
-    numbers |= _uncertainties(contact, own, kernel, grid, velocity)
-    numbers |= _areas(contact, margin, measured, grid, velocity)
-    if contact.wanted_error is not None:
-        mu_error, area_error = contact.wanted_error
-        numbers |= dict(friction_error=mu_error, contact_area_error=area_error)
-    return Sliding(contact=contact, slope_in_contact=slope, **numbers)
-
-
 @eqx.filter_jit
-def _in_contact(contact: ContactSolution, kernel, grid: Grid, law: AbstractLaw):
-    """The displacement of the pressure itself, which balances energy to rounding, and others."""
-    margin = law.margin(contact.pressure, contact.gap, edge_stiffness(kernel, grid))
-    slope = slope_in_contact(contact.pressure, contact.displacement, grid)
-    return displace(kernel, contact.pressure), margin, slope
-
-
-@eqx.filter_jit
-def _frictions(contact: ContactSolution, own, kernel, heights, grid: Grid, velocity, known):
-    sigma, w = contact.pressure, contact.displacement
-    extrapolated = jnp.zeros((), sigma.dtype)
-    if known is not None:
-        unknown = is_unknown(wave_frequencies(grid, velocity), known)
-        extrapolated = friction_share(sigma, w, grid, velocity, unknown)
-    return dict(
-        friction=friction(sigma, own, grid, velocity),
-        geometric_friction=friction(sigma, heights, grid, velocity),
-        extrapolated_friction=extrapolated,
-    )
-
-
-@eqx.filter_jit
-def _uncertainties(contact: ContactSolution, own, kernel, grid: Grid, velocity):
-    # Errors have no derivative.
-    s, correction, u, m, v = jax.lax.stop_gradient(
-        (contact.pressure, contact.correction, own, kernel, velocity)
-    )
-    return dict(
-        friction_error=friction_error(s, correction, m, grid, v),
-        energy_imbalance=energy_imbalance(s, u, m, grid, v),
-    )
-
-
-@eqx.filter_jit
-def _areas(contact: ContactSolution, margin, measured, grid: Grid, velocity):
-    sigma, touching = contact.pressure, margin > 0
-    zero = jnp.zeros((), sigma.dtype)
-    area, rubbing = (
-        (zero, zero)
-        if measured is None
-        else unmeasured_shares(measured, touching, sigma, contact.displacement, grid, velocity)
-    )
-    known = jax.lax.stop_gradient((margin, contact.correction))
-    return dict(
-        contact_area=contact_area(touching).astype(sigma.dtype),
-        contact_area_error=contact_area_error(*known),
-        contact_area_corrected=contact_area_corrected(touching).astype(sigma.dtype),
-        contact_area_smooth=contact_area_smooth(margin),
-        unmeasured_area=area,
-        unmeasured_friction=rubbing,
-    )
+def _computed(sliding: Sliding, names: tuple[str, ...]) -> dict[str, Float[Array, "..."]]:
+    if sliding.contact.error.ndim > 0:  # a batch
+        return jax.lax.map(lambda one: _computed(one, names), sliding)
+    return {name: vars(Sliding)[name].of(sliding) for name in names}

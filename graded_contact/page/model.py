@@ -5,7 +5,7 @@ Values of knobs are traced: changing one compiles nothing. Another scene of the 
 """
 
 from collections.abc import Sequence
-from typing import Any, ClassVar, NamedTuple
+from typing import Any, NamedTuple
 
 import equinox as eqx
 import jax
@@ -14,8 +14,7 @@ import numpy as np
 import xarray as xr
 from jaxtyping import Array, Float
 
-from ..contact.solution import ContactSolution
-from ..contact.solver import AbstractContactSolver, Iterated, LinearSolver
+from ..contact.solver import AbstractContactSolver
 from ..fields.grid import direction_and_speed
 from ..files.scene import RandomSurface
 from ..friction.sliding import Sliding, slide
@@ -196,52 +195,23 @@ def _curves(scenery, numbers, waves, speeds):
     return modulus.astype(complex), *jax.lax.map(at, along)
 
 
-def _slide(scenery, numbers, solver, start):
+def _slide(scenery, numbers, start, solution=None):
     stack, surface, _, pressure, velocity = _at(scenery, numbers)
     return slide(
-        stack, surface, pressure=pressure, velocity=velocity, solver=solver,
-        graded_solver=scenery.graded_solver, rtol=RTOL, start=start, throw=False,
+        stack, surface, pressure=pressure, velocity=velocity, solver=scenery.solver,
+        graded_solver=scenery.graded_solver, rtol=RTOL, start=start, solution=solution, throw=False,
     ), surface.heights  # fmt: skip
 
 
 @eqx.filter_jit
 def _contact(scenery, numbers, start):
-    return _slide(scenery, numbers, scenery.solver, start)
-
-
-class Known(AbstractContactSolver):
-    """Returns a contact that is already solved, so that only its derivatives are computed.
-
-    **Fields:**
-
-    - `contact`: at a hard wall, of the same block, surface and load.
-    - `linear`: solves for its derivatives.
-    """
-
-    contact: ContactSolution
-    linear: LinearSolver
-    memory: int = 0
-    finds_unstable: ClassVar[bool] = False
-
-    def solve(self, kernel, heights, law, prescribed, *, rtol, start) -> Iterated:
-        known = self.contact
-        return Iterated(
-            pressure=known.pressure,
-            gap=jnp.where(known.pressure > 0, 0, jnp.maximum(known.gap, 0)),
-            mismatch=known.correction,
-            displacement=known.displacement,
-            error=known.error,
-            ended=jnp.asarray(True),
-            num_steps=jnp.asarray(0),
-            num_fft_pairs=jnp.zeros_like(known.error),
-        )
+    return _slide(scenery, numbers, start)
 
 
 @eqx.filter_jit
 def _derivatives(scenery, numbers, contact):
     def observed(numbers):
-        known = Known(contact=contact, linear=scenery.solver.linear)
-        sliding, _ = _slide(scenery, numbers, known, None)
+        sliding, _ = _slide(scenery, numbers, None, solution=contact)
         return jnp.stack([sliding.friction, sliding.contact_area_smooth])
 
     found, pull = jax.vjp(observed, numbers)

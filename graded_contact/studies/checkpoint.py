@@ -16,7 +16,7 @@ from typing import Any, TypeVar
 import equinox as eqx
 import numpy as np
 
-from ..contact.douglas_rachford import DouglasRachford
+from ..contact.nested_solve import DouglasRachford
 from ..core.checks import check_values
 from ..files.dataset import package_versions
 from .store import Point, Store, fingerprint
@@ -72,5 +72,5 @@ def checkpointed(
                 warnings.warn(f"{error} The solve goes on.", stacklevel=2)
             written = time.monotonic()
 
-        solver = eqx.tree_at(lambda s: s.keep, solver, keep, is_leaf=lambda leaf: leaf is None)
+        solver = eqx.tree_at(lambda s: s.callback, solver, keep, is_leaf=lambda leaf: leaf is None)
         return solve(*inputs, solver=solver, start=begin, **given)

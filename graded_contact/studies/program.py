@@ -18,6 +18,7 @@ from jax.extend import core
 from ..contact.problem import RESULTS
 from ..files.dataset import FAILED, package_versions
 from ..files.schema import nearest
+from ..friction.sliding import with_observables
 from .store import Point, fingerprint
 
 _ADDRESS = re.compile(r" at 0x[0-9a-f]+")
@@ -80,7 +81,9 @@ def trace(function: Callable[[dict[str, Any]], Any], point: dict[str, np.generic
     if isinstance(function, jax.stages.Wrapped):
         inner = inner.__wrapped__
     try:
-        closed, like = jax.make_jaxpr(lambda p: _named(inner(p)), return_shape=True)(point)
+        closed, like = jax.make_jaxpr(
+            lambda p: _named(with_observables(inner(p))), return_shape=True
+        )(point)
     except KeyError as error:
         name = error.args[0] if error.args else None
         if not isinstance(name, str) or name in point:

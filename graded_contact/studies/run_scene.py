@@ -50,7 +50,7 @@ def scene_memory(scene: Scene, shape: tuple[int, ...]) -> float:
     # The surface, what is kept, and a derivative.
     num_fields = 1 + len(_fields_of(scene)) * kept + (DERIVATIVE if scene.errors else 0)
     fields = num_fields * math.prod(shape) * 8
-    return fields + sliding_memory(shape, 8, numbers, oblique, scene.solver.memory)
+    return fields + sliding_memory(shape, 8, numbers, oblique, scene.solver.history_length)
 
 
 def check_scene(scene: Scene) -> None:

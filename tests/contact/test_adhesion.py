@@ -31,8 +31,13 @@ GAPS = np.concatenate([np.linspace(0.016, 0.003, 26), np.linspace(0.0035, 0.024,
 
 @jax.jit
 def close_and_open(law):
-    return gc.follow_contact(
-        elastic_line(), LINE, mean_gap=GAPS, law=law, solver=gc.ResidualDynamics(), rtol=1e-8
+    return gc.contacts.follow_contact(
+        elastic_line(),
+        LINE,
+        mean_gap=GAPS,
+        law=law,
+        solver=gc.contacts.ResidualDynamics(),
+        rtol=1e-8,
     )
 
 
@@ -57,7 +62,7 @@ def test_loading_and_unloading_differ_and_are_told_apart():
     """Drawn apart, the surfaces hold on where they had not yet snapped together."""
     path = close_and_open(attraction(1.0))
     np.testing.assert_array_equal(path.unloading, np.arange(len(GAPS)) >= 26)
-    assert np.all(path.result == gc.RESULTS.successful)
+    assert np.all(path.result == gc.contacts.RESULTS.successful)
     at = 0.0157
     closing = np.interp(at, GAPS[:26][::-1], path.mean_pressure[:26][::-1])
     opening = np.interp(at, GAPS[26:], path.mean_pressure[26:])
@@ -66,7 +71,7 @@ def test_loading_and_unloading_differ_and_are_told_apart():
     assert lost > 0.1 * np.max(path.mean_pressure) * np.ptp(GAPS)
 
 
-@pytest.mark.parametrize("solver", [gc.DouglasRachford(), gc.ResidualDynamics()])
+@pytest.mark.parametrize("solver", [gc.contacts.DouglasRachford(), gc.contacts.ResidualDynamics()])
 @pytest.mark.parametrize("mean_gap", [0.0135, 0.006])
 def test_resolved_attraction_ends_in_a_stable_equilibrium(solver, mean_gap):
     """Zero gradient and positive curvature of the dense energy."""
@@ -85,9 +90,11 @@ def test_attraction_too_steep_for_the_grid_is_reported():
     with pytest.raises(RuntimeError, match="rises too steeply for the grid"):
         gc.solve_contact(elastic_line(), LINE, **arguments)
     s = gc.solve_contact(elastic_line(), LINE, **arguments, throw=False)
-    assert s.result == gc.RESULTS.unresolved
+    assert s.result == gc.contacts.RESULTS.unresolved
     assert s.error <= 1e-6
-    moved = gc.solve_contact(elastic_line(), LINE, **arguments, solver=gc.ResidualDynamics())
+    moved = gc.solve_contact(
+        elastic_line(), LINE, **arguments, solver=gc.contacts.ResidualDynamics()
+    )
     line = AdhesiveLine(LINE, RANGE, float(arguments["law"].work))
     assert np.linalg.eigvalsh(line.curvature(np.asarray(moved.gap)))[0] > 0
 
@@ -95,7 +102,7 @@ def test_attraction_too_steep_for_the_grid_is_reported():
 def test_vanishing_attraction_leaves_the_hard_wall():
     kernel, heights = elastic_line(), LINE
     hard = gc.solve_contact(kernel, heights, 0.005, rtol=1e-9)
-    law = gc.ExponentialAdhesion(RANGE, 1e-12)
+    law = gc.contacts.ExponentialAdhesion(RANGE, 1e-12)
     s = gc.solve_contact(kernel, heights, 0.005, law=law, rtol=1e-9)
     np.testing.assert_allclose(s.pressure, hard.pressure, atol=1e-6 * hard.pressure.max())
 
@@ -104,9 +111,9 @@ def test_exponential_attraction_over_a_long_range_only_adds_to_the_load():
     """The limit of Derjaguin, Muller & Toporov: a uniform tension w/λ presses like a load."""
     kernel, work, length = elastic_line(), 1e-3, 10.0
     hard = gc.solve_contact(kernel, LINE, 0.005 + work / length, rtol=1e-9)
-    law = gc.ExponentialAdhesion(length, work)
+    law = gc.contacts.ExponentialAdhesion(length, work)
     s = gc.solve_contact(kernel, LINE, 0.005, law=law, rtol=1e-9)
-    touching = law.margin(s.pressure, s.gap, 1.0) > 0
+    touching = law.contact_indicator(s.pressure, s.gap, 1.0) > 0
     np.testing.assert_array_equal(touching, hard.pressure > 0)
     # The gap varies by a thousandth of the range.
     expected = hard.pressure - work / length
@@ -116,15 +123,15 @@ def test_exponential_attraction_over_a_long_range_only_adds_to_the_load():
 def test_contact_mechanics_challenge_is_solved_where_its_range_is_resolved():
     """V11: E* = 25 MPa, w = 0.05 J/m², λ = 2.071 nm, on its shortest wave of 0.1 μm, slope 1."""
     cell, modulus, n = 1e-7, 25e6, 128
-    law = gc.ExponentialAdhesion(2.071e-9, 0.05)
+    law = gc.contacts.ExponentialAdhesion(2.071e-9, 0.05)
     kernel = elastic_line(n, modulus, cell)
     amplitude = np.sqrt(2) * cell / (2 * np.pi)
     wave = amplitude * np.cos(2 * np.pi * np.arange(n) / n)
-    how = dict(law=law, solver=gc.DouglasRachford(max_steps=4000), throw=False)
+    how = dict(law=law, solver=gc.contacts.DouglasRachford(max_steps=4000), throw=False)
     s = gc.solve_contact(kernel, wave, 250e3, **how)
-    assert s.result == gc.RESULTS.successful
+    assert s.result == gc.contacts.RESULTS.successful
     np.testing.assert_allclose(np.mean(s.pressure), 250e3, rtol=1e-12)
-    touching = np.asarray(law.margin(s.pressure, s.gap, 1.0) > 0)
+    touching = np.asarray(law.contact_indicator(s.pressure, s.gap, 1.0) > 0)
     assert 0 < np.mean(touching) < 1
     assert np.max(np.abs(s.gap[touching])) <= 1e-6 * amplitude
     pull = -0.05 / 2.071e-9 * np.exp(-s.gap / 2.071e-9)
@@ -132,7 +139,7 @@ def test_contact_mechanics_challenge_is_solved_where_its_range_is_resolved():
     np.testing.assert_allclose(s.pressure[~touching], pull[~touching], atol=1e-6 * scale)
     # Far coarser, as on any grid of the whole surface, the range is not resolved, and it says so.
     coarse = gc.solve_contact(elastic_line(n, modulus, 1e-4), 1e3 * wave, 250e3, **how)
-    assert coarse.result != gc.RESULTS.successful
+    assert coarse.result != gc.contacts.RESULTS.successful
 
 
 @pytest.mark.slow
@@ -161,8 +168,10 @@ def test_wave_of_short_range_follows_johnson_kendall_roberts():
 
     @jax.jit
     def close(law, gaps):
-        moving = gc.ResidualDynamics()
-        return gc.follow_contact(kernel, wave, mean_gap=gaps, law=law, solver=moving, rtol=1e-7)
+        moving = gc.contacts.ResidualDynamics()
+        return gc.contacts.follow_contact(
+            kernel, wave, mean_gap=gaps, law=law, solver=moving, rtol=1e-7
+        )
 
     for strength in (0.1, 0.3):
         work = (strength * full) ** 2 / 2

@@ -6,7 +6,7 @@ import numpy as np
 
 from graded_contact.contact.anderson import History, accelerate
 
-step = partial(jax.jit(accelerate), going_on=True)
+step = partial(jax.jit(accelerate), running=True)
 
 
 def run(matrix, b, memory, cycles):
@@ -55,6 +55,6 @@ def test_last_step_is_the_image_alone():
     start = History.empty(jnp.zeros(2), 4)
     first = step(start, jnp.array([1.0, 0.0]), jnp.asarray(1.0))
     image = jnp.array([1.5, 0.1])
-    last = accelerate(first, image, jnp.asarray(0.1), going_on=jnp.asarray(False))
+    last = accelerate(first, image, jnp.asarray(0.1), running=jnp.asarray(False))
     np.testing.assert_array_equal(last.z, image)
     assert not np.array_equal(step(first, image, jnp.asarray(0.1)).z, image)

@@ -26,7 +26,7 @@ def glide(speed, points):
         velocity=1.0,
         rtol=1e-7,
         # The contact is smaller than a point of the coarse grids.
-        solver=gc.DouglasRachford(coarsest=n),
+        solver=gc.contacts.DouglasRachford(coarsest=n),
     )
     return x, found, reference.viscoelastic_cylinder(1.0, 1.0, 1 + CREEP, CREEP, speed * A, 1.0)
 

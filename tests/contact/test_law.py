@@ -14,7 +14,7 @@ import graded_contact as gc
 LAWS = {
     "repulsive": gc.RepulsiveLJ(0.02, 3.0),
     "adhesive": gc.AdhesiveLJ(0.3, 0.02),
-    "exponential": gc.ExponentialAdhesion(0.3, 0.02),
+    "exponential": gc.contacts.ExponentialAdhesion(0.3, 0.02),
 }
 
 
@@ -168,7 +168,7 @@ def test_margin_changes_sign_at_the_edge_of_contact(name):
         pressure = formula(name, gap)
         expected = [True, True, False, False]
     for stiffness in (1e-3, 1e3):
-        margin = law.margin(pressure, gap, stiffness)
+        margin = law.contact_indicator(pressure, gap, stiffness)
         np.testing.assert_array_equal(margin > 0, expected)
         assert np.all(np.diff(margin) < 0)
 
@@ -182,8 +182,8 @@ REFUSED = [
     (gc.AdhesiveLJ, dict(range=-1.0, work=1.0), "range"),
     (gc.AdhesiveLJ, dict(range=1.0, work=0.0), "work"),
     (gc.AdhesiveLJ, dict(range=1.0, work=1.0, contact_gap=1.3), "contact_gap"),
-    (gc.ExponentialAdhesion, dict(range=np.inf, work=1.0), "range"),
-    (gc.ExponentialAdhesion, dict(range=1.0, work=-0.05), "work"),
+    (gc.contacts.ExponentialAdhesion, dict(range=np.inf, work=1.0), "range"),
+    (gc.contacts.ExponentialAdhesion, dict(range=1.0, work=-0.05), "work"),
 ]
 
 

@@ -15,10 +15,10 @@ WAVE = 0.01 * np.cos(2 * np.pi * np.arange(N) / N)
 
 def test_path_of_pressures_gives_what_single_solves_give():
     loads = np.array([0.002, 0.01, 0.02, 0.01])
-    path = gc.follow_contact(KERNEL, WAVE, loads, law=gc.HardWall(), rtol=1e-8)
+    path = gc.contacts.follow_contact(KERNEL, WAVE, loads, law=gc.HardWall(), rtol=1e-8)
     np.testing.assert_allclose(path.mean_pressure, loads, rtol=1e-12)
     np.testing.assert_array_equal(path.unloading, [False, False, False, True])
-    assert np.all(path.result == gc.RESULTS.successful)
+    assert np.all(path.result == gc.contacts.RESULTS.successful)
     for load, gap, area in zip(loads, path.mean_gap, path.contact_area, strict=True):
         s = gc.solve_contact(KERNEL, WAVE, load, rtol=1e-8)
         np.testing.assert_allclose(gap, s.mean_gap, rtol=1e-6)
@@ -31,7 +31,7 @@ EXPORTED_LAWS = {
     "HardWall": gc.HardWall(),
     "RepulsiveLJ": gc.RepulsiveLJ(1e-3, 0.01),
     "AdhesiveLJ": gc.AdhesiveLJ(1e-3, 1e-6),
-    "ExponentialAdhesion": gc.ExponentialAdhesion(1e-3, 1e-6),
+    "ExponentialAdhesion": gc.contacts.ExponentialAdhesion(1e-3, 1e-6),
 }
 
 
@@ -54,8 +54,8 @@ def test_every_law_is_tried():
 )
 def test_the_default_solver_takes_every_law(name):
     law = EXPORTED_LAWS[name]
-    path = gc.follow_contact(KERNEL, WAVE, mean_gap=np.array([8e-3, 5e-3]), law=law)
-    assert np.all(path.result == gc.RESULTS.successful)
+    path = gc.contacts.follow_contact(KERNEL, WAVE, mean_gap=np.array([8e-3, 5e-3]), law=law)
+    assert np.all(path.result == gc.contacts.RESULTS.successful)
     assert path.mean_pressure[1] > max(path.mean_pressure[0], 0)
 
 
@@ -63,7 +63,7 @@ def test_derivative_along_a_path_is_that_of_its_last_contact():
     """The start of a solve carries no derivative; what is prescribed does."""
 
     def work(gaps):
-        path = gc.follow_contact(KERNEL, WAVE, mean_gap=gaps, law=gc.HardWall(), rtol=1e-9)
+        path = gc.contacts.follow_contact(KERNEL, WAVE, mean_gap=gaps, law=gc.HardWall(), rtol=1e-9)
         return path.mean_pressure[-1]
 
     gaps = jnp.array([0.008, 0.004])
@@ -83,7 +83,10 @@ def test_derivative_along_a_path_is_that_of_its_last_contact():
         (dict(), "`pressure` and `mean_gap`"),
         (dict(pressure=[1.0], mean_gap=[1.0]), "`pressure` and `mean_gap`"),
         (dict(pressure=[1.0], law="hard"), "`law='hard'` must be Law"),
-        (dict(pressure=[1.0], solver=gc.ResidualDynamics()), r"Pass `solver=DouglasRachford\(\)`"),
+        (
+            dict(pressure=[1.0], solver=gc.contacts.ResidualDynamics()),
+            r"Pass `solver=DouglasRachford\(\)`",
+        ),
         (dict(pressure=1.0), r"`pressure` has shape \(\)"),
         (dict(mean_gap=np.ones((2, 2))), r"`mean_gap` has shape \(2, 2\)"),
         (dict(mean_gap=np.ones(0)), r"`mean_gap` has shape \(0,\)"),
@@ -93,13 +96,13 @@ def test_derivative_along_a_path_is_that_of_its_last_contact():
 )
 def test_bad_path_is_refused(arguments, message, unchecked_types):
     with pytest.raises(ValueError, match=message):
-        gc.follow_contact(KERNEL, WAVE, **(dict(law=gc.HardWall()) | arguments))
+        gc.contacts.follow_contact(KERNEL, WAVE, **(dict(law=gc.HardWall()) | arguments))
 
 
 def test_failed_step_is_reported():
-    hasty = gc.DouglasRachford(max_steps=2)
+    hasty = gc.contacts.DouglasRachford(max_steps=2)
     arguments = dict(mean_gap=np.array([0.008, 0.004]), law=gc.HardWall(), solver=hasty)
-    path = gc.follow_contact(KERNEL, WAVE, **arguments, throw=False)
-    assert np.all(path.result == gc.RESULTS.max_steps_reached)
+    path = gc.contacts.follow_contact(KERNEL, WAVE, **arguments, throw=False)
+    assert np.all(path.result == gc.contacts.RESULTS.max_steps_reached)
     with pytest.raises(RuntimeError, match="max_steps"):
-        gc.follow_contact(KERNEL, WAVE, **arguments)
+        gc.contacts.follow_contact(KERNEL, WAVE, **arguments)

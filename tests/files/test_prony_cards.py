@@ -11,8 +11,10 @@ from graded_contact.files.prony_cards import FORMATS, export_prony
 from graded_contact.files.scene import parse_scene
 
 SHIFT = gc.WLF(4.57, 113.6, 298.15)
-TABLE = gc.TabulatedShift([280.0, 300.0, 325.0], [2 / 3, 0.0, -1.7], 300.0, [0.97, 1.0, 10 / 9])
-RANGE = gc.MeasuredRange([1e-2 / 3, 1e7 / 3], [280.0, 325.0])
+TABLE = gc.materials.TabulatedShift(
+    [280.0, 300.0, 325.0], [2 / 3, 0.0, -1.7], 300.0, [0.97, 1.0, 10 / 9]
+)
+RANGE = gc.materials.MeasuredRange([1e-2 / 3, 1e7 / 3], [280.0, 325.0])
 OMEGA = 10.0 ** np.arange(-6, 16)
 MATERIALS = {
     "tread": gc.tyre_tread(poisson=0.49),

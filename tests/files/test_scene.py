@@ -55,7 +55,7 @@ def test_a_missing_key_is_named_with_its_place(line, place, key):
 
 def test_scenes_and_python_have_one_default_tolerance():
     tolerance = parse_scene(changed("rtol = 1e-6", "")).tolerance
-    functions = (gc.solve_contact, gc.follow_contact, gc.area_against_cutoff)
+    functions = (gc.solve_contact, gc.contacts.follow_contact, gc.contacts.area_against_cutoff)
     defaults = [inspect.signature(f).parameters["rtol"].default for f in functions]
     assert defaults == [tolerance["rtol"]] * 3
     heights = np.random.default_rng(0).normal(size=(16, 16)).astype(np.float32) * 1e-6
@@ -325,13 +325,13 @@ def test_a_directory_is_relative_to_the_scene(tmp_path, monkeypatch):
 @pytest.mark.parametrize(
     "line, expected",
     [
-        ("", gc.Layering()),
-        ('graded_solver = "riccati"', gc.Riccati()),
+        ("", gc.blocks.Layering()),
+        ('graded_solver = "riccati"', gc.blocks.Riccati()),
         (
             'graded_solver = {kind = "layering", num_cells = 8, rtol = 1e-7}',
-            gc.Layering(8, rtol=1e-7),
+            gc.blocks.Layering(8, rtol=1e-7),
         ),
-        ('graded_solver = {kind = "riccati", rtol = 1e-8}', gc.Riccati(rtol=1e-8)),
+        ('graded_solver = {kind = "riccati", rtol = 1e-8}', gc.blocks.Riccati(rtol=1e-8)),
     ],
 )
 def test_a_scene_chooses_the_solver_of_its_graded_layers(line, expected):

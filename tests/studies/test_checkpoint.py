@@ -93,14 +93,16 @@ def test_the_pressure_of_another_problem_is_not_taken(tmp_path, problem):
 
     def solve(*inputs, start, solver, **given):
         begun.append(start)
-        solver.keep(np.ones(road.grid.shape))
+        solver.callback(np.ones(road.grid.shape))
 
     for load in (2e5, 2e5, 3e5, 3e5):
         checkpointed(tmp_path, solve, block, road, every=0.0, **{**given, "pressure": load})
     assert [start is None for start in begun] == [True, False, True, False]
     assert len(list(tmp_path.glob("*.point"))) == 2
     with pytest.raises(ValueError, match=r"`solver=.*keeps nothing"):
-        checkpointed(tmp_path, gc.slide, block, road, solver=gc.ResidualDynamics(), **given)
+        checkpointed(
+            tmp_path, gc.slide, block, road, solver=gc.contacts.ResidualDynamics(), **given
+        )
     with Store(tmp_path), pytest.raises(BlockingIOError, match="another process"):
         checkpointed(tmp_path, solve, block, road, **given)
 

@@ -27,7 +27,7 @@ def same(one: Point, other: Point) -> bool:
     return sorted(arrays[0]) == sorted(arrays[1]) and one.message == other.message
 
 
-def block(modulus, solver=gc.DouglasRachford()):  # noqa: B008 (immutable)
+def block(modulus, solver=gc.contacts.DouglasRachford()):  # noqa: B008 (immutable)
     material = gc.Prony(1e6, [modulus], [1.0], shift=gc.WLF(4.0, 100.0, 300.0))
     profile = gc.Blend(material, gc.Elastic(1e6), gc.shapes.Linear())
     layers = (gc.Layer(gc.Elastic(2e6), 1e-3), gc.GradedLayer(profile, 1e-3))
@@ -37,7 +37,7 @@ def block(modulus, solver=gc.DouglasRachford()):  # noqa: B008 (immutable)
 def test_a_fingerprint_differs_for_any_two_inputs():
     inputs = [
         *(block(modulus) for modulus in (1e6, np.nextafter(1e6, 2e6))),
-        block(1e6, gc.DouglasRachford(max_steps=7)),
+        block(1e6, gc.contacts.DouglasRachford(max_steps=7)),
         *(np.full(shape, 1.0) for shape in ((2, 3), (3, 2), 6)),
         np.full(6, 1.0, np.float32), np.full(6, 1), [1.0] * 6, [1] * 6, tuple("111111"),
         0.0, -0.0, None, "None", "", [], {}, [[]], [{}], {"a": 1}, {"a": {"": 1}}, {"a": [1]},

@@ -1,12 +1,12 @@
-"""Pressures on a known set of points, for the Newton steps of `newton_steps.py`.
+"""Pressures on a known set of points, for the Newton steps of `semismooth_newton.py`.
 
-Of the solid K + λ with the heights h and the mean pressure p̄, on the set A of points that touch:
+Of the solid K + λ with the heights h and the mean pressure p̄, on the set A of points in contact:
 
     (K + λ) σ - h + c = 0 on A,   σ = 0 elsewhere,   mean σ = p̄.
 
-Where A has few points they are eliminated one by one: the matrix of K between them is gathered from
-the response to one loaded point. Else by generalised conjugate residuals, preconditioned by the
-inverse kernel on A: two FFT pairs a direction, and so many directions only as the step is worth.
+If A has few points, a dense system is solved: the matrix of K between them is gathered from the
+response to one loaded point. Else generalised conjugate residuals solve it, preconditioned by the
+inverse kernel on A: two FFT pairs a direction, and no more directions than the step is worth.
 
 S. C. Eisenstat, H. C. Elman & M. H. Schultz, SIAM J. Numer. Anal. 20 (1983) 345,
 doi:10.1137/0720023.
@@ -23,7 +23,7 @@ from ..fields.devices import num_devices
 from ..fields.grid import to_field, to_spectrum
 from .splitting import DRAFTED_FROM
 
-REDUCTION = 0.1  # of the residual by one step, where it is iterated
+REDUCTION = 0.1  # of the residual by one step, if it is iterated
 _NUM_DIRECTIONS, _NUM_DIRECTIONS_OF_LARGE = 24, 8  # those of large grids in single precision
 _FEWEST, _MOST = 128, 2048  # points eliminated
 
@@ -36,7 +36,7 @@ class Coated(NamedTuple):
     - `kernel`: K on the half spectrum, 0 at q = 0.
     - `green`: the gap that one point of unit pressure opens, K in space.
     - `coat`: compliance λ of the springs.
-    - `heights`: h, 0 at q = 0 but for what the springs rest at.
+    - `heights`: h, 0 at q = 0 except for the rest of the springs.
     - `load`: mean of the pressure.
     """
 
@@ -48,27 +48,27 @@ class Coated(NamedTuple):
 
 
 def pressure_on(
-    held: Bool[Array, "*shape"],
+    contact: Bool[Array, "*shape"],
     solid: Coated,
     pressure: Float[Array, "*shape"],
-    wanted: Float[Array, ""],
-    settled: Bool[Array, ""],
+    tolerance: Float[Array, ""],
+    unchanged: Bool[Array, ""],
     budget: Array,
 ) -> tuple[Float[Array, "*shape"], Float[Array, "*shape"], Float[Array, ""], Array]:
     """Returns pressure, gap, relative residual before, and FFT pairs.
 
     **Arguments:**
 
-    - `held`: the set A.
+    - `contact`: the set A.
     - `pressure`: to begin from.
-    - `wanted`: relative residual that is small enough.
-    - `settled`: whether A is known, so that the residual should become as small; else one step
-      reduces it tenfold.
+    - `tolerance`: relative residual that is small enough.
+    - `unchanged`: whether A is as in the last step, so that the residual should become as small;
+      else one step reduces it tenfold.
     - `budget`: FFT pairs after which no direction is begun.
     """
     kernel, _, lam, heights, load = solid
     coated = (kernel + lam).at[(0,) * kernel.ndim].set(0)
-    mask = held.astype(pressure.dtype)
+    mask = contact.astype(pressure.dtype)
     points = jnp.sum(mask)
 
     def press(field):
@@ -77,11 +77,11 @@ def pressure_on(
     def iterate():
         begun = mask * pressure
         begun = begun + mask * ((load * mask.size - jnp.sum(begun)) / jnp.maximum(points, 1))
-        return _iterated(press, coated, mask, heights, begun, wanted, settled, budget // 2)
+        return _iterated(press, coated, mask, heights, begun, tolerance, unchanged, budget // 2)
 
     rooms = _rooms(pressure)
     fitting = sum((points > room for room in rooms), jnp.asarray(0))
-    eliminate = [lambda room=room: _eliminated(solid, held, room) for room in rooms]
+    eliminate = [lambda room=room: _eliminated(solid, contact, room) for room in rooms]
     pressure, off, pairs = jax.lax.switch(fitting, [*eliminate, iterate])
     gap = press(pressure) - heights
     return pressure, gap - jnp.sum(mask * gap) / jnp.maximum(points, 1), off, pairs + 1
@@ -103,10 +103,10 @@ def _rooms(field: Array) -> list[int]:
     return [room for n in range(12) if _FEWEST <= (room := 2**n) <= most]
 
 
-def _eliminated(solid: Coated, held, room: int):
+def _eliminated(solid: Coated, contact, room: int):
     """The pressure on at most `room` points, a residual of 0, and no FFT pairs."""
-    weight, total = held.astype(solid.green.dtype), solid.load * held.size
-    coat = jnp.broadcast_to(solid.coat, held.shape)
+    weight, total = contact.astype(solid.green.dtype), solid.load * contact.size
+    coat = jnp.broadcast_to(solid.coat, contact.shape)
     found = solve_on_few(weight, solid.green, coat, solid.heights, total, room)
     return found, jnp.zeros_like(solid.load), jnp.asarray(0)
 
@@ -125,9 +125,9 @@ def solve_on_few(
     """
     where = jnp.nonzero(weight, size=room, fill_value=0)
     used = jnp.arange(room) < jnp.sum(weight != 0)
-    apart = tuple((i[:, None] - i) % n for i, n in zip(where, weight.shape, strict=True))
+    offsets = tuple((i[:, None] - i) % n for i, n in zip(where, weight.shape, strict=True))
     one, w = jnp.eye(room, dtype=green.dtype), jnp.where(used, weight[where], 0)
-    matrix = w[:, None] * green[apart] * w + jnp.where(used, diagonal[where], 1) * one
+    matrix = w[:, None] * green[offsets] * w + jnp.where(used, diagonal[where], 1) * one
     sides = jnp.stack([jnp.where(used, rhs[where], 0), w], axis=1)
     found, by_weight = jnp.linalg.solve(matrix, sides).T
     one_more = jnp.sum(w * by_weight)  # 0 where there is no point
@@ -136,7 +136,7 @@ def solve_on_few(
     return jnp.zeros_like(green).at[where].add(found)
 
 
-def _iterated(press, coated, mask, heights, pressure, wanted, settled, most):
+def _iterated(press, coated, mask, heights, pressure, tolerance, unchanged, most):
     """The pressure closer to the solution, the relative residual before, and FFT pairs."""
     mean = (0,) * coated.ndim
     inverse = (1 / coated.at[mean].set(1)).at[mean].set(0)
@@ -150,8 +150,8 @@ def _iterated(press, coated, mask, heights, pressure, wanted, settled, most):
 
     residual = solve(heights - press(pressure))
     size, begun = _norm(pressure), _norm(residual)
-    close = wanted * size
-    goal = jnp.where(settled, close, jnp.maximum(REDUCTION * begun, close))
+    close = tolerance * size
+    goal = jnp.where(unchanged, close, jnp.maximum(REDUCTION * begun, close))
     change, num = _conjugate_residuals(lambda field: solve(press(field)), residual, goal, most)
     return pressure + change, begun / size, 2 + 2 * num
 
@@ -159,8 +159,8 @@ def _iterated(press, coated, mask, heights, pressure, wanted, settled, most):
 def _conjugate_residuals(operate, residual, goal, most):
     """The change that brings a residual's norm below a goal, and the number of directions."""
     large = residual.size >= DRAFTED_FROM
-    kept = _NUM_DIRECTIONS_OF_LARGE if large else _NUM_DIRECTIONS
-    fields = jnp.zeros((kept, *residual.shape), jnp.float32 if large else residual.dtype)
+    stored = _NUM_DIRECTIONS_OF_LARGE if large else _NUM_DIRECTIONS
+    fields = jnp.zeros((stored, *residual.shape), jnp.float32 if large else residual.dtype)
     axes = tuple(range(1, fields.ndim))
 
     def running(state):
@@ -177,7 +177,7 @@ def _conjugate_residuals(operate, residual, goal, most):
         scale = 1 / jnp.where(size > 0, size, 1)
         image, direction = image * scale, direction * scale
         along = jnp.sum(image * residual)
-        slot = num % kept
+        slot = num % stored
         return (
             change + along * direction,
             residual - along * image,

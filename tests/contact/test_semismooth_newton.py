@@ -22,7 +22,7 @@ def cylinder(contrast, speed):
 
 def solve(kernel, heights, load=LOAD):
     # One grid, so that little is compiled.
-    solver = gc.DouglasRachford(coarsest=max(heights.shape))
+    solver = gc.contacts.DouglasRachford(coarsest=max(heights.shape))
     return gc.solve_contact(kernel, heights, load, rtol=1e-8, solver=solver)
 
 

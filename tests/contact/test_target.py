@@ -19,7 +19,7 @@ LAWS = {
     "hardness": gc.HardWall(hardness=0.3),
     "repulsive": gc.RepulsiveLJ(1e-3, 0.05),
     "adhesive": gc.AdhesiveLJ(2e-3, 4e-5),
-    "exponential": gc.ExponentialAdhesion(2e-3, 4e-5),
+    "exponential": gc.contacts.ExponentialAdhesion(2e-3, 4e-5),
 }
 
 
@@ -38,9 +38,9 @@ def test_what_is_wanted_is_known_within_its_claimed_error(name):
     best = solve(rtol=1e-10)
     exact = gap_and_sharpness(best)
     for rtol in (1e-2, 1e-4):
-        found = solve(rtol=rtol, wanted=gap_and_sharpness)
+        found = solve(rtol=rtol, target=gap_and_sharpness)
         error = np.abs(gap_and_sharpness(found) - exact)
-        claimed = np.asarray(found.wanted_error)
+        claimed = np.asarray(found.target_error)
         assert np.all(claimed <= 1.01 * rtol * exact)
         assert np.all(error <= claimed + 10 * best.error * exact)
         assert abs(found.mean_gap - best.mean_gap) <= found.gap_error * jnp.std(SURFACE.heights)
@@ -74,7 +74,7 @@ def test_friction_is_known_within_its_claimed_error_and_sooner_than_the_pressure
 def test_surfaces_apart_need_no_more_for_a_friction_that_is_not_there():
     apart = 1.01 * jnp.max(SURFACE.heights - jnp.mean(SURFACE.heights))
     s = gc.slide(BODIES["coated"], SURFACE, mean_gap=apart, velocity=SPEED, friction_rtol=1e-3)
-    assert s.result == gc.RESULTS.successful
+    assert s.result == gc.contacts.RESULTS.successful
     assert np.isnan(s.friction)
     assert s.contact_area_smooth == s.contact_area_error == 0
 
@@ -110,12 +110,12 @@ def test_a_batch_knows_what_its_members_know():
 
 def test_numbers_that_did_not_become_known_are_not_passed_as_such():
     hasty: dict[str, Any] = dict(
-        rtol=1e-4, wanted=gap_and_sharpness, solver=gc.DouglasRachford(max_steps=2)
+        rtol=1e-4, target=gap_and_sharpness, solver=gc.contacts.DouglasRachford(max_steps=2)
     )
     with pytest.raises(RuntimeError, match="max_steps"):
         gc.solve_contact(KERNEL, SURFACE.heights, LOAD, **hasty)
     found = gc.solve_contact(KERNEL, SURFACE.heights, LOAD, **hasty, throw=False)
-    assert found.result == gc.RESULTS.max_steps_reached
+    assert found.result == gc.contacts.RESULTS.max_steps_reached
 
 
 def test_tolerances_of_pressure_and_of_friction_exclude_each_other():

@@ -1,12 +1,12 @@
 """The second gear of the splitting: semismooth Newton steps for hard walls, where it is slow.
 
 Where a small contact carries the load, or moduli differ a thousandfold, the splitting takes
-thousands of steps to settle which points touch. A Newton step takes that set A as known, and
+thousands of steps to find which points are in contact. A Newton step takes that set A as known, and
 solves for the pressures on it,
 
     K σ - h + c = 0 on A,   σ = 0 elsewhere,   mean σ as prescribed,      K = ρM,
 
-see `held_points.py`. The next A is where σ exceeds the gap. Far from the solution such steps may go
+see `active_set.py`. The next A is where σ exceeds the gap. Far from the solution such steps may go
 round in circles. Then they solve a contact coated by springs, whose compliance λ makes that easier
 and whose rest is at the last pressure that was accepted, σ' (the proximal point method):
 
@@ -26,14 +26,14 @@ import jax.numpy as jnp
 from jaxtyping import Array, Bool, Float, Inexact
 
 from ..fields.grid import to_field
-from .held_points import REDUCTION, Coated, pressure_on
+from .active_set import REDUCTION, Coated, pressure_on
 from .law import AbstractLaw, HardWall
-from .solver import least_compliance
+from .operator import least_compliance
 
 _COATED_ERROR = 1e-3  # of a coated contact
 _FACTOR = 10.0  # from one coat to the next
 _THINNEST = 0.01  # coat, over the least compliance of any wave
-_CLOSER = 3e-3  # than the wanted error, which the splitting is to confirm
+_CLOSER = 3e-3  # than the requested error, which the splitting is to confirm
 
 
 def takes_newton_steps(law: AbstractLaw) -> bool:
@@ -88,24 +88,24 @@ def newton_round(
     - `budget`: FFT pairs after which no step is begun.
     """
     least, green = least_compliance(kernel), to_field(kernel + 0j, z.shape)
-    unchanged = jnp.full(3, jnp.inf, z.dtype)
+    unknown = jnp.full(3, jnp.inf, z.dtype)
     none = jnp.asarray(0)
-    state = Round(x, z - x, x, z - x, coat, unchanged, none, none, jnp.asarray(False))
+    state = Round(x, z - x, x, z - x, coat, unknown, none, none, jnp.asarray(False))
 
     def running(state):
         return (state.pairs < budget) & ~state.found
 
     def body(state):
         lam = state.coat * least
-        wanted = jnp.where(lam > 0, jnp.maximum(rtol, _COATED_ERROR), rtol * _CLOSER)
-        held = state.pressure * (1 + lam) > state.gap
-        settled = state.changes[0] == 0
+        tolerance = jnp.where(lam > 0, jnp.maximum(rtol, _COATED_ERROR), rtol * _CLOSER)
+        contact = state.pressure * (1 + lam) > state.gap
+        unchanged = state.changes[0] == 0
         solid = Coated(kernel, green, lam, heights + lam * (state.centre - load), load)
         pressure, gap, off, pairs = pressure_on(
-            held, solid, state.pressure, wanted, settled, budget - state.pairs
+            contact, solid, state.pressure, tolerance, unchanged, budget - state.pairs
         )
-        changed = jnp.sum((pressure * (1 + lam) > gap) != held).astype(z.dtype)
-        accepted = (changed == 0) & (settled | (off * REDUCTION <= wanted))
+        changed = jnp.sum((pressure * (1 + lam) > gap) != contact).astype(z.dtype)
+        accepted = (changed == 0) & (unchanged | (off * REDUCTION <= tolerance))
         stuck = (state.count > 2) & (changed > 0) & (changed >= jnp.max(state.changes))
         thinner = jnp.where(state.coat > _THINNEST, state.coat / _FACTOR, 0)
         thicker = jnp.maximum(state.coat * _FACTOR, 1)
@@ -119,7 +119,7 @@ def newton_round(
             centre=centre,
             centre_gap=centre_gap,
             coat=jnp.where(accepted, thinner, jnp.where(stuck, thicker, state.coat)),
-            changes=jnp.where(fresh, unchanged, jnp.roll(state.changes, 1).at[0].set(changed)),
+            changes=jnp.where(fresh, unknown, jnp.roll(state.changes, 1).at[0].set(changed)),
             count=jnp.where(fresh, 0, state.count + 1),
             pairs=state.pairs + pairs,
             found=accepted & (lam == 0),

@@ -7,7 +7,7 @@ import pytest
 from conftest import BODIES, SPEED, rough
 
 import graded_contact as gc
-from graded_contact.contact.linear import LinearSplitting
+from graded_contact.contact.adjoint import LinearSplitting
 
 GRID = gc.Grid((32, 32), 1.0)
 HEIGHTS = rough(GRID, cut=4).heights
@@ -21,7 +21,7 @@ LAWS = {
     "hardness": gc.HardWall(hardness=0.3),
     "repulsive": gc.RepulsiveLJ(1e-3, 0.05),
     "adhesive": gc.AdhesiveLJ(2e-3, 4e-5),
-    "exponential": gc.ExponentialAdhesion(2e-3, 4e-5),
+    "exponential": gc.contacts.ExponentialAdhesion(2e-3, 4e-5),
 }
 
 
@@ -156,10 +156,10 @@ def test_raising_the_surface_as_a_whole_changes_nothing():
 
 def test_derivative_that_does_not_converge_raises():
     kernel = gc.stack_kernel(BODIES["bare"], GRID, SPEED)
-    solver = gc.DouglasRachford(linear=LinearSplitting(max_steps=4))
+    adjoint = LinearSplitting(max_steps=4)
 
     def total(h):
-        s = gc.solve_contact(kernel, h, 0.5, solver=solver, rtol=1e-6)  # too many to eliminate
+        s = gc.solve_contact(kernel, h, 0.5, adjoint=adjoint, rtol=1e-6)  # too many to eliminate
         return jnp.sum(WEIGHTS * s.pressure)
 
     with pytest.raises(RuntimeError, match="linear solve for a derivative"):
@@ -200,7 +200,7 @@ def test_hessian_under_a_law_that_attracts_is_symmetric_and_matches_differences(
     ridges = 0.01 * jnp.cos(2 * jnp.pi * x) + 0.003 * jnp.cos(6 * jnp.pi * x + 1)
 
     def by(x):
-        law = gc.ExponentialAdhesion(2e-5 * x[3], 1e-9)
+        law = gc.contacts.ExponentialAdhesion(2e-5 * x[3], 1e-9)
         job = dict(mean_gap=6e-3 * x[2], law=law, rtol=1e-12)
         s = gc.solve_contact(x[0] * kernel, x[1] * ridges, **job)
         return jnp.sum(WEIGHTS[0, :16] * (10 * s.pressure + 20 * s.displacement)) + s.mean_pressure

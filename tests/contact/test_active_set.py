@@ -5,7 +5,7 @@ import jax.numpy as jnp
 import numpy as np
 import pytest
 
-from graded_contact.contact.held_points import Coated, pressure_on
+from graded_contact.contact.active_set import Coated, pressure_on
 
 SHAPE = (24, 20)
 LOAD = 0.3
