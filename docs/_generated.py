@@ -11,11 +11,11 @@ from pathlib import Path
 from typing import Any
 
 from _figures import FIGURES
-from graded_contact.contact.nested_solve import DouglasRachford
 from typer.testing import CliRunner
 
 import graded_contact as gc
 from graded_contact.cli import app
+from graded_contact.contact.nested_solve import DouglasRachford
 from graded_contact.fields.grid import Grid
 from graded_contact.files import scene
 from graded_contact.files.design_scene import DesignScene, Stiffness
