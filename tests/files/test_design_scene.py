@@ -13,17 +13,13 @@ EXAMPLE = Path(__file__).parents[2] / "examples" / "design_coating.toml"
 @pytest.mark.parametrize(
     "old, new, message",
     [
-        ("[design]", "[desing]", "did you mean `design`"),
         ("ratio =", "ration =", "did you mean `ratio`"),
         ("layers[0].thickness", "layers[0].thicknes", "did you mean .layers.0..thickness."),
         ("[5e-5, 1e-3]", "[1e-3, 5e-5]", r"\[design.parameters\] 'layers.0..thickness' = "),
-        ("[5e-5, 1e-3]", "[0, 1e-3]", "positive and in this order"),
         ('times[0]" = [1e-5, 1e-1]', 'poisson" = [0.4, 0.6]', "at most 0.5"),
-        ('"friction"', '"maximise_frictoin"', "did you mean `maximise_friction`"),
         ('"friction"', '"maximise_friction"', '`ratio` belongs to the objective "friction"'),
         ("ratio = 1.3", "", "either `target` or `ratio`"),
         ("ratio = 1.3", "ratio = [1.3, 1.2]", "`ratio` has 2 numbers"),
-        ("ratio = 1.3", "ratio = -1.3", r"`ratio.0.=-1.3` is refused"),
         ("within = 0.01", "within = 0", "`within=0` is refused"),
         ("total_thickness = 4e-4", "total_thickness = -1", "`total_thickness=-1` is refused"),
         ("verify = 2", "verify = 0", "`polish` needs `verify`"),
@@ -31,12 +27,6 @@ EXAMPLE = Path(__file__).parents[2] / "examples" / "design_coating.toml"
         ("velocity = 0.1", "velocity = 0", "`velocity"),
         ("velocity = 0.1", "velocity = 0.1\ndirection = 1", "`direction` = 0"),
         (DESIGN[DESIGN.index("[design]") :], "", r"lacks the table \[design\]"),
-        (
-            DESIGN[DESIGN.index("[design]") :],
-            '[sweep]\n"layers[0].thickness" = [1e-5, 1e-4]\n',
-            r"lacks the table \[design\]",
-        ),
-        (DESIGN[DESIGN.index("[design.parameters]") :], "", "lacks the key `parameters`"),
     ],
 )
 def test_a_table_that_cannot_be_designed_is_refused(old, new, message):

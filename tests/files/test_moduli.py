@@ -120,13 +120,6 @@ def test_the_eplexor_workbook_is_read_as_its_decoded_form():
     np.testing.assert_allclose(workbook.temperature, 24.97374 + 273.15)
 
 
-def test_the_reptate_curve_takes_its_temperature_from_the_first_line():
-    measured = read_moduli(data("reptate_PI_634k_T-35.tts"), poisson=0.5)
-    raw = np.loadtxt(DATA / "reptate_PI_634k_T-35.tts", skiprows=1)
-    check(measured, raw[:, 0], 3 * (raw[:, 1] + 1j * raw[:, 2]))
-    np.testing.assert_allclose(measured.temperature, 238.15, rtol=1e-15)
-
-
 def test_creep_curves_side_by_side_become_isotherms():
     celsius = np.array([144.9, 133.8, 125, 114.5, 109.6, 106.7, 104.5, 101.8, 100.6, 97])
     measured = read_moduli(
@@ -149,11 +142,13 @@ def test_creep_curves_side_by_side_become_isotherms():
 # Layouts, each with the same four points.
 
 
-@pytest.mark.parametrize("encoding", ["utf-8", "utf-8-sig", "latin-1", "utf-16"])
 @pytest.mark.parametrize(
-    "separator, decimal",
-    [(",", "."), (";", "."), (";", ","), ("\t", "."), ("\t", ","), ("   ", "."), ("  ", ",")],
-)
+    "separator, decimal, encoding",
+    [
+        (",", ".", "utf-8"), (";", ",", "utf-8-sig"), ("\t", ",", "latin-1"),
+        ("   ", ".", "utf-16"), ("  ", ",", "utf-8"),
+    ],
+)  # fmt: skip
 def test_separators_decimal_marks_and_encodings(tmp_path, separator, decimal, encoding):
     names = ["Frequenz [Hz]", "Speichermodul [MPa]", "Verlustmodul [MPa]", "Temperatur [°C]"]
     if "  " in separator:
@@ -168,9 +163,7 @@ def test_separators_decimal_marks_and_encodings(tmp_path, separator, decimal, en
 @pytest.mark.parametrize(
     "names, units, scales",
     [
-        (["f", "E_stor", "E_loss"], ["Hz", "MPa", "kPa"], (1, 1e-6, 1e-3)),
         (["Angular frequency (rad/s)", "E' / GPa", 'E" / GPa'], None, (2 * np.pi, 1e-9, 1e-9)),
-        (["omega", "E' [Pa]", "E'' [Pa]"], None, (2 * np.pi, 1, 1)),
         (["ω", "E′ [Pa]", "E″ [Pa]"], ["s⁻¹", "", ""], (2 * np.pi, 1, 1)),
         (["freq_khz", "E_storage_mpa", "E_loss_mpa"], None, (1e-3, 1e-6, 1e-6)),
         (["Frequency", "Storage modulus", "Loss modulus"], ["Hz", "psi", "psi"],
@@ -197,13 +190,18 @@ def test_tan_delta_phase_and_magnitude_stand_for_a_modulus(tmp_path, names, colu
     check(read_moduli(written(tmp_path, ["f", *names], [HERTZ, *columns])))
 
 
-def test_a_tan_delta_that_contradicts_the_moduli_is_warned_of(tmp_path):
-    tangent = LOSS / STORAGE * np.array([1, 1, 1.5, 1])
-    path = written(
-        tmp_path, ["f", "E' [Pa]", "E'' [Pa]", "tan delta"], [HERTZ, STORAGE, LOSS, tangent]
-    )
-    (warning,) = [note for note in read_moduli(path).history if note.startswith("Warning")]
-    assert "33 % in line 4" in warning
+@pytest.mark.parametrize(
+    "scale, name, column, warning",
+    [
+        (1, "tan delta", LOSS / STORAGE * [1, 1, 1.5, 1], "33 % in line 4"),
+        (1e-6, "strain", HERTZ, "1.25 to 25 Pa"),
+        (1, "T_C", [20, 20.9, 21.8, 22.7], "drifts by 2.7 K"),
+    ],
+)
+def test_doubtful_columns_are_warned_of(tmp_path, scale, name, column, warning):
+    columns = [HERTZ, scale * STORAGE, scale * LOSS, column]
+    path = written(tmp_path, ["f", "E' [Pa]", "E'' [Pa]", name], columns)
+    assert any(warning in note for note in read_moduli(path).history)
 
 
 def test_numpys_commented_header_is_a_header(tmp_path):
@@ -321,13 +319,6 @@ def test_a_frequency_without_a_unit_goes_by_its_name_only(tmp_path):
         read_moduli(path, columns={"frequency": "rate"}, units={"modulus": "MPa"})
 
 
-def test_columns_of_words_may_outnumber_those_of_numbers(tmp_path):
-    text = "sample,by,run,machine,f [Hz],E' [Pa],E'' [Pa]\n"
-    for f, storage, loss in np.stack([HERTZ, STORAGE, LOSS], axis=1).tolist():
-        text += f"SBR 3,AB,first,DMA 7,{f!r},{storage!r},{loss!r}\n"
-    check(read_moduli(write(tmp_path, text)))
-
-
 def test_quoted_cells_with_decimal_commas(tmp_path):
     text = '"f, in Hz","E\' [MPa]","E\'\' [MPa]"\n"0,1","1,5","0,2"\n"1,0","2,5","0,3"\n'
     measured = read_moduli(write(tmp_path, text))
@@ -353,24 +344,6 @@ def test_missing_points_are_left_out_and_reported(tmp_path):
     assert "Left out for a missing value: 3 row(s), line 4, 6, 8." in measured.history
 
 
-def test_units_mistaken_by_a_million_are_warned_of(tmp_path):
-    path = written(tmp_path, ["f", "E'", "E''"], [HERTZ, STORAGE / 1e6, LOSS / 1e6])
-    with pytest.raises(ValueError, match=r"column 2 \(E'\), the storage, has no unit"):
-        read_moduli(path)
-    measured = read_moduli(path, units={"modulus": "Pa"})
-    (warning,) = [note for note in measured.history if note.startswith("Warning")]
-    assert "1.25 to 25 Pa" in warning
-
-
-def test_a_drifting_temperature_is_warned_of(tmp_path):
-    path = written(
-        tmp_path,
-        ["f", "E' [Pa]", "E'' [Pa]", "T_C"],
-        [HERTZ, STORAGE, LOSS, [20, 20.9, 21.8, 22.7]],
-    )
-    assert "drifts by 2.7 K" in read_moduli(path).history[-1]
-
-
 def test_a_table_makes_a_material_and_repeats_are_refused_by_line(tmp_path):
     measured = read_moduli(write(tmp_path, PLAIN))
     material = Tabulated(*measured.table())
@@ -393,10 +366,7 @@ def test_a_table_makes_a_material_and_repeats_are_refused_by_line(tmp_path):
             "1e999, 2, 0.3",
             r"column 1 .f., where the frequency must lie between .* line 7 .'1e999'.",
         ),
-        ("1, 2, 9.9e37", r"column 3 .E''., where the loss must lie between 1e-30 and 1e.30 Pa"),
         ("1,5, 2, 0,3", "5 entries in 3 columns: 1 row.s., line 7."),
-        ("1, , 0.3", "a missing value: 1 row.s., line 7."),
-        ("1, 2, inf", "a missing value: 1 row.s., line 7."),
     ],
 )
 def test_a_row_that_cannot_be_used_is_left_out_with_line_and_reason(tmp_path, row, sentence):
@@ -456,11 +426,6 @@ def test_relaxation_is_stress_over_a_held_strain(tmp_path):
     path = written(tmp_path, ["Time [s]", "Stress [MPa]", "Strain [%]"], [TIME, stress, stress])
     with pytest.raises(ValueError, match="of stress and strain, neither is constant; pass `k"):
         read_moduli(path)
-    path = written(tmp_path, ["Time [s]", "Stress [MPa]", "Strain"], [TIME, stress, [0.5] * 4])
-    with pytest.raises(
-        ValueError, match=r"the strain, has no unit. Pass `units`: strain: one of \["
-    ):
-        read_moduli(path)
 
 
 def test_reptates_files_of_sweeps_creep_and_relaxation(tmp_path):
@@ -500,16 +465,6 @@ def test_isotherms_below_one_another_take_temperatures_from_the_lines_above(tmp_
     assert any("2 curves of unknown temperature" in note for note in without.history)
     told = read_moduli(write(tmp_path, text.replace("°C", "")), temperature=[298.15, 267.65])
     np.testing.assert_array_equal(told.values, np.concatenate([cold.values, hot.values]))
-
-
-def test_of_tables_with_other_columns_the_longest_understood_is_read(tmp_path):
-    text = (
-        "Strain [%],E' [Pa],E'' [Pa]\n" + "".join(f"{i},1e6,1e5\n" for i in range(1, 9))
-        + "f [Hz],E' [Pa],E'' [Pa],T [°C]\n1,2e6,1e5,20\n2,3e6,2e5,20\n"
-    )  # fmt: skip
-    measured = read_moduli(write(tmp_path, text))
-    np.testing.assert_allclose(measured.values.real, [2e6, 3e6])
-    assert "Left out tables of other columns: line 1." in measured.history
 
 
 def test_a_slow_ramp_with_sweeps_is_cut_into_isotherms_and_a_plain_ramp_refused(tmp_path):
@@ -569,13 +524,6 @@ def test_several_files_are_isotherms_of_one_material(tmp_path):
         read_moduli([])
 
 
-def test_a_step_of_which_no_line_tells_is_warned_of(tmp_path):
-    path = written(
-        tmp_path, ["f", "E' [Pa]", "E'' [Pa]"], [[1, 2, 1, 2], [1e6, 2e6, 3e6, 4e6], [1e5] * 4]
-    )
-    assert "whose column of temperature is missing" in " ".join(read_moduli(path).history)
-
-
 # Refusals, each with the file and the remedy.
 
 
@@ -587,34 +535,22 @@ def test_all_that_is_missing_is_asked_for_in_one_message(tmp_path):
         assert hint in str(refusal.value)
     told = {"kind": "creep", "units": {"time": "s", "compliance": "1/Pa"}}
     assert len(read_moduli(write(tmp_path, text), **told, temperature=[300, 310]).lines) == 4
-    text = "f,E',E'',G',G'',T\n1,3,1,1,1,20\n2,4,1,1.5,1,20\n"
-    with pytest.raises(ValueError, match=r"table.csv") as refusal:
-        read_moduli(write(tmp_path, text))
-    for hint in ("`deformation`", "`columns` (of", "modulus: one of", "temperature: one of"):
-        assert hint in str(refusal.value)
 
 
 @pytest.mark.parametrize(
     "old, new, options, expected",
     [
         ("f, ", "x, ", {}, "line 1: of the columns 'x', .*Needed: frequency, storage, loss"),
-        ("f, E', E''\nHz, MPa, MPa\n", "", {}, "3 columns without names.*`kind`"),
         ("f, E', E''\nHz, MPa, MPa\n", "", {"kind": "frequency"},
          r"column 1, the frequency, has no unit, column 2, the storage, has no unit, .*"
          r"Pass `units`: frequency: one of .*; modulus: one of "),
-        ("f, E', E''\nHz,", "x, E', E''\nU/min,", {"columns": {"frequency": "x"}},
-         "has the unit 'U/min'"),
         ("Hz, MPa, MPa", "Hz, MPa, mPa", {}, r"line 1: column 3 .E''., the loss, has the unit 'm"),
         ("0.4\n\n# a note\n0.1, 1, 0.2\n1, 2, 0.3", "0.4", {}, "no table of numbers"),
-        ("0.1, 1, 0.2\n1, 2, 0.3\n", "1, , \n", {}, "1 complete rows"),
         ("", "", {"columns": {"storage": "G"}}, "names 'G', but the file has no column"),
         ("", "", {"columns": {"modul": "f"}}, "`columns` has the key 'modul'"),
         ("", "", {"units": {"force": "N"}}, "`units` has the key 'force'"),
-        ("", "", {"units": {"modulus": "mPa"}}, "`units`: 'mPa' of the modulus is refused"),
         ("", "", {"kind": "dma"}, "`kind='dma'` is refused: use one of"),
-        ("", "", {"kind": "creep"}, "Needed: time, compliance"),
         ("", "", {"poisson": 0.6}, r"`poisson=0.6` is refused"),
-        ("", "", {"temperature": "hot"}, "`temperature='hot'` is refused: .* a list of numbers"),
         ("", "", {"temperature": -3.0}, r"`temperature=-3` is refused"),
         ("", "", {"temperature": [300.0, 310.0]}, "`temperature` has shape .2,."),
     ],
@@ -633,13 +569,9 @@ def test_what_is_not_understood_is_refused_by_line(tmp_path, old, new, options, 
         ("f, E', G''\nHz, Pa, Pa\n1, 2, 3\n2, 3, 4\n", "mix tension and shear"),
         ("t, E(t), J(t)\ns, Pa, 1/Pa\n1, 2, 3\n2, 3, 4\n", "line 1: it has a modulus and a comp"),
         ("f E' E''\nHz Pa Pa\n1 2 3\n2 3\n", "2 entries in 3 columns: .* line 4"),
-        ("f Storage modulus Loss modulus\n1 2 3\n2 3 4\n", "line 2 has 3 entries, but .* 5"),
         ("f, E', E'', T\nHz, Pa, Pa, K\n1, 2, 3, -20\n2, 3, 4, -20\n", "absolute zero.*line 3"),
-        ("f, E', E'', T\nHz, Pa, Pa,\n1, 2, 3, 20\n2, 3, 4, 20\n", "the temperature, has no unit"),
-        ("f, E*, delta\nHz, Pa,\n1, 2, 3\n2, 3, 4\n", "the phase, has no unit"),
         ("f, E*, delta\nHz, Pa, deg\n1, 2, 90\n2, 3, 4\n", "below 90°: .* line 3 .'90'."),
         ("", "no table of numbers"),
-        ("only words\nand more\n", "no table of numbers"),
         ("f, E', E''\0\n", "neither a table of text nor an Excel"),
         ("7" * 200_000, "neither a table of text nor an Excel"),
     ],
@@ -673,23 +605,17 @@ def test_the_extra_is_named_where_a_reader_is_not_installed(tmp_path, monkeypatc
 @pytest.mark.parametrize(
     "text, expected",
     [
-        ("t", {"quantity": "time"}),
         ("Step time (s)", {"quantity": "time", "unit": "s", "step": True}),
-        ("w", {"quantity": "frequency", "angular": True}),
         ("ang. frequency / rad s-1", {"quantity": "frequency", "unit": "rad/s", "angular": True}),
-        ("f (mHz)", {"quantity": "frequency", "unit": "mHz"}),
         ("Shear loss modulus G'' (Pa)", {"quantity": "loss", "unit": "Pa", "deformation": "shear"}),
         ("Shear modulus (elastic component)(Pa)",
          {"quantity": "storage", "unit": "Pa", "deformation": "shear"}),
-        ("Tan(delta)", {"quantity": "tan_delta"}),
-        ("log E'", {"quantity": "storage", "deformation": "tension", "base": "10"}),
         ("ln(G') [Pa]",
          {"quantity": "storage", "unit": "Pa", "deformation": "shear", "base": "e"}),
         ("log_aT", {}),
         ("T_set_C", {"unit": "C"}),
         ("Creep compliance D(t) [m²/N]",
          {"quantity": "compliance", "unit": "m2/N", "deformation": "tension"}),
-        ("Creep strain [%]", {"quantity": "strain", "unit": "%"}),
         ("Schubspannung [Pa]", {"quantity": "stress", "unit": "Pa", "deformation": "shear"}),
         ("Young's modulus", {"quantity": "modulus", "deformation": "tension"}),
         ("", {}),

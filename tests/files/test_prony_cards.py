@@ -121,26 +121,12 @@ def test_a_toml_table_makes_the_same_material_in_a_scene(shift):
     assert set(tomllib.loads(snippet)["materials"]) == {"my-rubber_2"}
 
 
-@pytest.mark.parametrize("format", ["abaqus", "ansys", "csv"])
-def test_an_arrhenius_law_is_mentioned_in_a_comment(format):
-    material = gc.Prony(1e6, [1e7], [1.0], 0.4, gc.Arrhenius(8e4, 293.15))
-    line = next(line for line in export_prony(material, format).splitlines() if "80000.0" in line)
-    assert line.startswith(("**", "!", "#"))
-
-
 @pytest.mark.parametrize("format, mark", [("abaqus", "** "), ("ansys", "! "), ("csv", "# ")])
-def test_a_table_of_shifts_is_listed_in_comments(format, mark):
-    material = gc.Prony(1e6, [1e7], [1.0], 0.4, TABLE)
-    lines = export_prony(material, format).splitlines()
-    assert f"{mark}temperatures, log10_factors, vertical_factors" in lines
-    assert f"{mark}280.0, {2 / 3!r}, 0.97" in lines
-
-
-def test_single_precision_materials_keep_their_numbers():
-    strengths = np.array([1e7, 3.3e6], np.float32)
-    material = gc.Prony(np.float32(1e6), strengths, np.array([0.1, 1.0], np.float32))
-    entries = json.loads(export_prony(material, "json"))
-    assert entries["times"] == [float(np.float32(0.1)), 1.0]
+@pytest.mark.parametrize("shift, number", [(gc.Arrhenius(8e4, 293.15), "80000.0"), (TABLE, "0.97")])
+def test_a_law_that_a_format_cannot_hold_is_in_a_comment(format, mark, shift, number):
+    text = export_prony(gc.Prony(1e6, [1e7], [1.0], 0.4, shift), format)
+    assert all(line.startswith(mark) for line in text.splitlines() if number in line)
+    assert number in text
 
 
 @pytest.mark.parametrize(

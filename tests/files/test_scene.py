@@ -18,13 +18,8 @@ from graded_contact.files.scene import parse_scene, read_scene
 @pytest.mark.parametrize(
     "old, new, place, nearest",
     [
-        ("title =", "titel =", "the scene", "title"),
         ("hurst =", "hust =", "[surface]", "hurst"),
-        ("shape =", "shap =", "[grid]", "shape"),
-        ("modulus =", "modulos =", "[materials.coat]", "modulus"),
         ("velocity = [0.01, 1.0]", "velocity = {from=1.0, too=2.0, points=2}", "[load]", "to"),
-        ("rtol =", "rtoll =", "[solver]", "rtol"),
-        ('kind = "elastic"', 'kin = "elastic"', "[materials.coat]", "kind"),
         ('kind = "elastic"', 'kind = "elastik"', "[materials.coat]", "elastic"),
         ('material = "coat"', 'material = "coating"', "[layers[0]]", "coat"),
         ("[solver]", "[output]\nfields = 'evry'\n[solver]", "[output]", "every"),
@@ -41,10 +36,8 @@ def test_a_misspelt_word_is_refused_with_its_place_and_the_nearest(old, new, pla
     "line, place, key",
     [
         ("hurst = 0.8", "[surface]", "hurst"),
-        ("size = 1e-3", "[grid]", "size"),
         ("thickness = 2e-5", "[layers[0]]", "thickness"),
         ('[base]\nkind = "half_space"\nmaterial = "tread"', "the scene", "base"),
-        ('kind = "self_affine"', "[surface]", "kind"),
     ],
 )
 def test_a_missing_key_is_named_with_its_place(line, place, key):
@@ -68,26 +61,16 @@ def test_scenes_and_python_have_one_default_tolerance():
     "old, new, expected",
     [
         ("hurst = 0.8", 'hurst = "0.8"', r"\[surface\] `hurst='0.8'` must be a plain number"),
-        ("hurst = 0.8", "hurst = true", r"\[surface\] `hurst=True` must be a plain number"),
         ("seed = 3", "seed = 3.5", r"\[surface\] `seed=3.5` must be a whole number"),
-        ("[32, 32]", "[32, 32.0]", r"\[grid\] `shape=32.0` must be a whole number"),
         ('material = "coat"', "material = 3", r"\[layers\[0\]\] `material=3` must be a text"),
         ("[2e5, 4e5]", "[]", r"\[load\] `pressure` is an empty list"),
         ("[grid]", "[[grid]]", r"\[grid\] must be a table"),
         ("[[layers]]", "[layers]", r"`layers=.*` must be a list of tables"),
         ("hurst = 0.8", "hurst = 1.8", r"\[surface\] `hurst=1.8` is refused"),
         ("rms_slope = 0.2", "", r"\[surface\] Exactly one of `rms_height` and `rms_slope`"),
-        (
-            "rms_slope = 0.2",
-            "rms_slope = 2e199",
-            r"\[surface\] `rms_slope=2e\+199` is",
-        ),
-        ("2e-5", "-2e-5", r"\[layers\[0\]\] `thickness=-2e-05` is refused"),
         ("[2e5, 4e5]", "[2e5, 0]", r"\[load\] `pressure\[1\]=0` is refused"),
-        ("[0.01, 1.0]", "inf", r"\[load\] `velocity\[0\]=inf` is refused"),
         ("[0.01, 1.0]", "{from=0.0, to=1.0, points=3}", r"\[load\] `velocity` `from=0` is refused"),
         ("rtol = 1e-6", "rtol = 1e-16", r"\[solver\] `rtol=1e-16` cannot be reached"),
-        ("rtol = 1e-6", "max_steps = 0", r"\[solver\] `max_steps=0`"),
         ("[solver]", "temperature = 100\n[solver]", r"\[load\] `temperature`, of \[materials.tr"),
         ("title", "= title", "Not valid TOML"),
     ],
@@ -112,17 +95,10 @@ def test_a_layer_may_be_graded():
         np.testing.assert_allclose(found, expected, rtol=1e-15)
 
 
-@pytest.mark.parametrize(
-    "shape, expected",
-    [
-        ('{kind = "exponential", rate = 2.0}', gc.shapes.Exponential(2.0)),
-        ('{kind = "sinusoidal", periods = 3}', gc.shapes.Sinusoidal(periods=3.0)),
-        ('"error_function"', gc.shapes.ErrorFunction()),
-    ],
-)
-def test_a_shape_has_the_arguments_of_its_constructor(shape, expected):
+def test_a_shape_has_the_arguments_of_its_constructor():
+    shape = '{kind = "exponential", rate = 2.0}'
     (layer,) = parse_scene(changed(LAYER, GRADED, '"sinusoidal"', shape)).stack.layers
-    assert eqx.tree_equal(layer.profile.shape, expected)
+    assert eqx.tree_equal(layer.profile.shape, gc.shapes.Exponential(2.0))
 
 
 def test_a_material_may_be_made_of_those_above_it():
@@ -136,20 +112,11 @@ def test_a_material_may_be_made_of_those_above_it():
         parse_scene(changed("[[layers]]", solid.replace('"coat"', '"oil"') + "[[layers]]"))
 
 
-def test_a_path_may_begin_with_the_users_folder(tmp_path, monkeypatch):
-    monkeypatch.setenv("HOME", str(tmp_path))
-    text = tabulated("plateau").replace('"table.csv"', '"~/table.csv"')
-    path = write(tmp_path, TABLE)
-    assert parse_scene(text, tmp_path / "elsewhere").inputs == (path,)
-
-
 @pytest.mark.parametrize(
     "old, new, message",
     [
-        ('top = "coat"\n', "", r"\[layers\[0\]\] lacks the key `top`"),
         ('"sinusoidal"', '"exponential"', r"\[layers\[0\].shape\] lacks the key `rate`"),
         ('top = "coat"', 'top = "coal"', r"`top` = 'coal' is not in \[materials\].*coat"),
-        ('"sinusoidal"', '"linaer"', r"`kind` = 'linaer' is not known.*linear"),
         ('shape = "sinusoidal"', 'material = "coat"', r"`material` besides `bottom` or `top`"),
     ],
 )
@@ -217,11 +184,6 @@ def test_materials_are_those_of_the_constructors(lines, expected):
     assert eqx.tree_equal(scene.stack.layers[0].material, expected)
 
 
-def test_a_temperature_shifts_every_material():
-    scene = parse_scene(changed("[solver]", "temperature = 273.15\n[solver]"))
-    assert eqx.tree_equal(scene.block({}), parse_scene(TEXT).stack.at(273.15))
-
-
 def test_a_table_makes_a_material_with_its_path_beside_the_scene(tmp_path):
     omega, modulus = read_moduli(write(tmp_path, TABLE)).table()
     scene = parse_scene(tabulated("plateau"), tmp_path)
@@ -241,27 +203,16 @@ def test_columns_and_units_of_a_table_can_be_told(tmp_path):
     material = parse_scene(text, tmp_path).stack.layers[0].material
     np.testing.assert_allclose(material.omega, [10, 11])
     np.testing.assert_allclose(material.storage, [30e3, 31e3])
-    for old, new, expected in (
-        ("storage =", "stor =", r"\[materials.coat.columns\] has no key `stor`.*`storage`"),
-        ('"kPa"', '"kpa "', "`units`: 'kpa ' of the modulus is refused"),
-        ('"x"', '"y"', r"table.csv`: line 1: `columns` names 'y'"),
+    with pytest.raises(
+        ValueError, match=r"\[materials.coat.columns\] has no key `stor`.*`storage`"
     ):
-        with pytest.raises(ValueError, match=expected):
-            parse_scene(text.replace(old, new), tmp_path)
+        parse_scene(text.replace("storage =", "stor ="), tmp_path)
 
 
 def test_a_table_of_several_temperatures_is_refused(tmp_path):
     write(tmp_path, "f [Hz],E' [Pa],E'' [Pa],T [K]\n1,2,1,290\n2,3,1,290\n1,1,1,300\n2,2,1,300\n")
     expected = r"\[materials.coat\].*holds 2 isotherm.*`graded-contact fit FILE` does so"
     with pytest.raises(ValueError, match=expected):
-        parse_scene(tabulated("plateau"), tmp_path)
-
-
-def test_a_creep_test_is_no_table_but_can_be_fitted(tmp_path):
-    write(tmp_path, "t [s],J(t) [1/Pa]\n1,2e-6\n2,3e-6\n")
-    with pytest.raises(
-        ValueError, match=r"Needed: frequency.*`graded-contact fit FILE` reads more"
-    ):
         parse_scene(tabulated("plateau"), tmp_path)
 
 
@@ -298,12 +249,9 @@ def test_a_file_takes_one_length_for_a_square_and_a_region(tmp_path):
     "lines, expected",
     [
         ('name = "../../evil"', r"\[output\] `name='../../evil'` is refused.*'/'"),
-        ("name = 'a\\b'", "is refused"),
         ('name = "a\\u0000"', r"`name='a\\x00'` is refused"),
-        ('name = ".."', "letters or digits are needed"),
         (f'name = "{100 * "µ"}"', "it has 200 bytes"),
         ('directory = "a\\u0000"', r"\[output\] .*'a\\x00' is refused"),
-        ('directory = "~nobody-of-this-name/a"', r"\[output\] .*is refused"),
     ],
 )
 def test_an_output_that_no_folder_can_have_is_refused(lines, expected):
@@ -326,18 +274,15 @@ def test_a_directory_is_relative_to_the_scene(tmp_path, monkeypatch):
     "line, expected",
     [
         ("", gc.blocks.Layering()),
-        ('graded_solver = "riccati"', gc.blocks.Riccati()),
         (
             'graded_solver = {kind = "layering", num_cells = 8, rtol = 1e-7}',
             gc.blocks.Layering(8, rtol=1e-7),
         ),
-        ('graded_solver = {kind = "riccati", rtol = 1e-8}', gc.blocks.Riccati(rtol=1e-8)),
     ],
 )
 def test_a_scene_chooses_the_solver_of_its_graded_layers(line, expected):
     scene = parse_scene(changed("[solver]", f"[solver]\n{line}"))
     assert eqx.tree_equal(scene.graded_solver, expected) is True
-    assert scene.graded_solver == expected
 
 
 def swept(text):
@@ -352,10 +297,6 @@ def swept(text):
             r"\[sweep\] `layers\[0\].thicknes` .*did you mean `layers\[0\].thickness`",
         ),
         (
-            swept('"layers[1].thickness" = [1e-5]'),
-            r"\[sweep\] `layers\[1\].thickness` .*did you mean `layers\[0\].thickness`",
-        ),
-        (
             swept('"tread.E" = [1e6]'),
             r"\[sweep\] `tread.E` is no number of the block; it takes `layers",
         ),
@@ -363,7 +304,6 @@ def swept(text):
             swept('"layers[0].thickness" = []'),
             r"\[sweep\] `layers\[0\].thickness` is an empty list",
         ),
-        (swept('"layers[0].thickness" = [1e-5, -1.0]'), r"\[sweep\].*`thickness=-1` is refused"),
         (
             swept('"layers[0].material.poisson" = [0.4, 0.6]'),
             r"\[sweep\].*`poisson=0.6` is refused",
@@ -371,10 +311,6 @@ def swept(text):
         (swept('"base.material.times" = [1.0, 2.0]'), r"\[sweep\].*has shape \(18,\)"),
         (changed("[2e5, 4e5]", "[2e5, 2e5]"), r"\[load\] `pressure` has 200000 more than once"),
         (changed("seed = 3", "seeds = 0"), r"\[surface\] `seeds=0` must be a whole number"),
-        (
-            changed("[solver]", "temperature = []\n[solver]"),
-            r"`temperature` is an empty list",
-        ),
         (changed("[solver]", "temperature = [300, 100]\n[solver]"), r"`temperature`, of .*tread"),
     ],
 )
@@ -395,8 +331,6 @@ KNOWN = "equilibrium,strengths[0],strengths[1],poisson"
             r"'strengths\[2\]' is no",
         ),
         ("equilibrium,strengths[0]\n1,1\n", r"'strengths\[1\]' of the material is missing"),
-        ("equilibrum\n1\n", "'equilibrum' is no number of the.*did you mean `equilibrium`"),
-        ("strengths\n1\n", "'strengths' is no number"),
         ("shift.c1\n1\n", "'shift.c1' is no number"),
         ("poisson,poisson\n1,1\n", "names a number twice"),
         (f"{KNOWN}\n1,1,1,1\n1,1\n", "line 3 has 2 numbers under 4 paths"),

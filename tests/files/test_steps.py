@@ -75,9 +75,8 @@ def noted(measured, *texts):
 TRIOS = HEAD + step("Amplitude sweep - 1", AMPLITUDE) + step("Frequency sweep - 2", sweep())
 
 
-@pytest.mark.parametrize("separator", ["\t", ","])
-def test_an_amplitude_sweep_is_left_out_by_name(tmp_path, separator):
-    measured = read(tmp_path, TRIOS.replace("\t", separator))
+def test_an_amplitude_sweep_is_left_out_by_name(tmp_path):
+    measured = read(tmp_path, TRIOS.replace("\t", ","))
     check_sweep(measured)
     noted(
         measured, "Left out step 1 'Amplitude sweep - 1' (lines 16-44, 29 rows): its frequency is "
@@ -99,7 +98,7 @@ def test_only_frequency_sweeps_of_many_steps_are_read(tmp_path):
     )  # fmt: skip
 
 
-@pytest.mark.parametrize("chosen", [3, "3", "frequency sweep - 3", ["Frequency sweep - 3"]])
+@pytest.mark.parametrize("chosen", [3, ["Frequency sweep - 3"]])
 def test_a_step_is_chosen_by_number_or_title(tmp_path, chosen):
     text = TRIOS + step("Frequency sweep - 3", sweep(0.5)) + step("Frequency sweep - 33", sweep(3))
     both = read(tmp_path, text)
@@ -124,11 +123,10 @@ def test_a_column_names_the_steps(tmp_path):
         read(tmp_path, text, "export.csv", step="auslenkung")
 
 
-@pytest.mark.parametrize("columns", [5, 3])
-def test_a_table_without_titles_is_split_by_what_is_constant(tmp_path, columns):
-    head = ",".join(map("{} [{}]".format, NAMES[:columns], UNITS)) + "\n"
+def test_a_table_without_titles_is_split_by_what_is_constant(tmp_path):
+    head = ",".join(map("{} [{}]".format, NAMES[:3], UNITS)) + "\n"
     for rows in ([AMPLITUDE, sweep()], [sweep(), AMPLITUDE]):
-        text = head + "".join(lines(part[:, :columns], ",") for part in rows)
+        text = head + "".join(lines(part[:, :3], ",") for part in rows)
         measured = read(tmp_path, text)
         check_sweep(measured)
         noted(measured, "rows): its frequency is constant at 10 rad/s")
@@ -139,19 +137,6 @@ def test_a_lone_amplitude_sweep_is_no_sweep_over_frequency(tmp_path):
     rows[:, 0] *= np.linspace(0.9999, 1.0001, 29)
     with pytest.raises(ValueError, match="the frequency is the same in every row"):
         read(tmp_path, HEAD + step("Amplitude sweep - 1", rows))
-
-
-def test_intervals_of_one_result(tmp_path):
-    """As RheoCompass writes; the counts of intervals are no data, and the profile no table."""
-    text = "Project:\tSBR\nMeasuring profile:\tomega = 100 ... 0.1 1/s log; 6 Pt. / dec\n"
-    for title, rows in (("Amplitude sweep", AMPLITUDE), ("Frequency sweep", sweep())):
-        text += f"Result:\t{title} 1\n\nInterval and data points:\t1\t{len(rows)}\n"
-        text += "Interval data:\tPoint No.\t" + "\t".join(NAMES) + "\tStatus\n\n"
-        text += "\t\t" + "\t".join(f"[{unit}]" for unit in UNITS) + "\t[]\n"
-        for i, row in enumerate(rows, start=1):
-            text += f"\t{i}\t" + lines([row]).rstrip() + "\tDy_auto\n"
-    check_sweep(read(tmp_path, text))
-    check_sweep(read(tmp_path, text, step="Frequency sweep 1"))
 
 
 def test_steps_in_sheets_of_a_workbook(tmp_path):
@@ -180,8 +165,8 @@ def test_a_dense_sweep_is_no_step_at_one_frequency(tmp_path):
     assert len(measured.lines) == 1005
 
 
-@pytest.mark.parametrize("order", ["by frequency", "by temperature"])
-def test_ramps_at_several_frequencies_are_isotherms(tmp_path, order):
+@pytest.mark.parametrize("column", [0, 4])
+def test_ramps_at_several_frequencies_are_isotherms(tmp_path, column):
     """Frequencies that change through the whole file, with repeats, are its sweep."""
     rows = [
         [f, 1e6 * f**0.1 * 0.9**i, 1e5, 0.1, 20.0 + 5 * i]
@@ -189,7 +174,7 @@ def test_ramps_at_several_frequencies_are_isotherms(tmp_path, order):
         for i in range(8)
         for _ in range(3)
     ]
-    rows = sorted(rows, key=lambda row: row[4] if order == "by temperature" else row[0])
+    rows = sorted(rows, key=lambda row: row[column])
     measured = read(
         tmp_path, ",".join(map("{} [{}]".format, NAMES, UNITS)) + "\n" + lines(rows, ",")
     )
@@ -209,9 +194,7 @@ FRENCH = (
     "names",
     [
         ("Pulsation", "Module de conservation", "Module de perte"),
-        ("Pulsation angulaire", "Module de stockage", "Module de perte"),
         ("Fréquence angulaire", "Module élastique", "Module visqueux"),
-        ("Frequence angulaire", "G' module de conservation", "G'' module de perte"),
     ],
 )
 def test_french_rheocompass(tmp_path, names):

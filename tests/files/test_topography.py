@@ -90,16 +90,11 @@ def test_spikes_around_large_holes_are_reported_and_discarded_on_request():
     assert statistics(surface).rms_height < 3e-7  # without the spikes of 3e-4 m
 
 
-def test_a_file_that_is_not_periodic_is_refused():
-    with pytest.raises(ValueError, match="a surface that is not periodic"):
-        read_surface(_measured("matrix-3.txt"), periodic=None)
-
-
 @pytest.mark.parametrize(
     ("name", "kept"),
     [
-        ("di-5.di", 500), ("di-5.di", 100_000), ("sur-2.sur", 9000), ("matrix-3.txt", 400_000),
-        ("frt-2.frt", 3000), ("hfm-1.hfm", 100_000), ("belgian_block_open.npz", 3000),
+        ("di-5.di", 100_000), ("sur-2.sur", 9000), ("matrix-3.txt", 400_000), ("frt-2.frt", 3000),
+        ("hfm-1.hfm", 100_000), ("belgian_block_open.npz", 3000),
     ],
 )  # fmt: skip
 def test_truncated_files_are_refused_by_name(name, kept, tmp_path):
@@ -149,15 +144,10 @@ def test_a_line_scan_of_two_columns_gives_a_profile(tmp_path):
     ("options", "message"),
     [
         ({}, r"state its unit and size; pass `unit`, for instance 'um', and `size` \[m\]"),
-        ({"size": 1.0, "unit": "nm", "region": [0, 1]}, r"\[x0, x1, y0, y1\]"),
         ({"size": 1.0, "unit": "nm", "region": [0, 2, 0, 1]}, "must lie in the map"),
         ({"size": 1.0, "unit": "furlong"}, "`unit='furlong'` is not a length"),
         ({"size": -1.0, "unit": "nm"}, "`size=-1` is refused"),
-        ({"size": (1.0, 1.0, 1.0), "unit": "nm"}, "it needs 2 lengths"),
-        (
-            {"size": 1.0, "unit": "nm", "periodic": "taper"},
-            "`periodic='taper'` must be",
-        ),
+        ({"size": 1.0, "unit": "nm", "periodic": "taper"}, "`periodic='taper'` must be"),
         ({"size": 1.0, "unit": "nm", "rim": -1}, "`rim=-1` must be a whole number"),
         ({"size": 1.0, "unit": "nm", "shape": (8,)}, "2 whole numbers are needed"),
     ],
@@ -186,9 +176,8 @@ def test_without_surface_topography_the_extra_is_named(tmp_path, monkeypatch):
         read_surface(tmp_path / "map.sur")
 
 
-@pytest.mark.parametrize("shape", [(60,), (50, 64)])
-def test_the_window_falls_to_zero_and_keeps_the_rms_height(shape):
-    values = _rough(shape)
+def test_the_window_falls_to_zero_and_keeps_the_rms_height():
+    values = _rough(shape := (50, 64))
     surface = surface_from_heights(values, 1.0, periodic="window")
     level, heights = _levelled(values), np.asarray(surface.heights)
     np.testing.assert_allclose(np.std(heights), np.std(level), rtol=1e-12)
@@ -275,13 +264,12 @@ def test_a_tilted_surface_is_not_periodic():
         surface_from_heights(values, 1.0, periodic=None)
 
 
-@pytest.mark.parametrize("kind", ["masked", "nan"])
-def test_holes_are_filled_harmonically(kind):
+def test_holes_are_filled_harmonically():
     """x² - y² solves Laplace's equation, on the lattice too."""
     x, y = np.meshgrid(np.arange(16.0), np.arange(20.0), indexing="ij")
     values = x**2 - y**2
     hole = (abs(x - 8) < 3) & (abs(y - 9) < 4)
-    damaged = np.ma.array(values, mask=hole) if kind == "masked" else np.where(hole, np.nan, values)
+    damaged = np.ma.array(values, mask=hole)
     surface = surface_from_heights(damaged, [16.0, 20.0], periodic="mirror", fill="harmonic")
     filled = np.asarray(surface.heights)[:16, :20] - values
     plane = _levelled(filled)
@@ -296,7 +284,6 @@ def test_holes_are_filled_harmonically(kind):
     ("values", "message"),
     [
         (np.full((8, 8), np.nan), "`heights` has 0 measured points"),
-        (np.full((8, 8), 3.0), "no roughness is left"),
         (np.add.outer(np.arange(8.0), 2 * np.arange(9.0)), "no roughness is left"),
         (np.zeros((4, 4, 4)), "one or two whole numbers"),
     ],
@@ -413,11 +400,8 @@ def _texts():
         ("commas", rows(","), square),
         ("commas and spaces", rows(", "), square),
         ("a comma at the end", rows(",", spare=","), square),
-        ("semicolons", rows(";"), square),
         ("decimal commas", rows(";", ","), square),
         ("decimal commas, tabs", rows("\t", ","), square),
-        ("decimal commas, spaces", rows("  ", ","), square),
-        ("tabs", rows("\t"), square),
         ("spaces", rows(" "), square),
         ("header", "Instrument;A 7\nHöhe in µm\n" + rows(";"), {"size": square["size"]}),
         ("comments", "# of 2024\n# unit: um\n" + rows(" "), {"size": square["size"]}),
@@ -443,7 +427,7 @@ def test_matrices_and_triples_are_read_in_any_layout(tmp_path, encoding):
         np.testing.assert_allclose(surface.heights[:6, :5], expected, atol=1e-9 * vertical)
 
 
-@pytest.mark.parametrize("word", ["nan", "NaN", "---", "BAD", "", "n/a", "inf", "*****"])
+@pytest.mark.parametrize("word", ["NaN", "---", "", "inf"])
 def test_words_between_the_numbers_are_missing_points(tmp_path, word):
     h, _ = _texts()
     cells = [[f"{v:g}" for v in row] for row in h.T]
@@ -475,9 +459,7 @@ def test_a_line_of_points_without_any_height_keeps_its_place(tmp_path):
         (" \n", "it is empty"),
         ("0 1\n5 2\n1 3\n7 1\n3 4\n", "goes back and forth"),
         ("0 0 1\n1 0.3 2\n5 7 1\n2.2 3 9\n4 5.1 2\n", "form no grid"),
-        ("0 0 1\n" * 9, "fewer than 4 values of x"),
         ("0 3 1 4\n1 5 9 2\n2 6 5 3\n3 8 9 7\n4 3 2 3\n", "an axis. remove it"),
-        ("only words\nand more\n", "it holds no table of numbers"),
     ],
 )
 def test_texts_that_could_be_read_in_two_ways_or_in_none_are_refused(tmp_path, text, message):
@@ -626,12 +608,10 @@ def test_long_sections_at_unequal_distances_are_interpolated(tmp_path):
 @pytest.mark.parametrize(
     ("old", "new", "message"),
     [
-        (b"REFERENCE_LINE_INCREMENT = 0.5", b"REFERENCE_LINE_INCREMENT = 0", "a length above 0"),
         (b"LONG_SECTION_V_INCREMENT = 0.25", b"", "no distance between its long sections"),
         (b"#:LRFI", b"#:XYZ", "its format 'XYZ' is not known"),
         (b"long section 3,m", b"long section 3,V", "not all in one unit of length"),
         (b"$$$$", b"$", "its header does not end"),
-        (b"$CT", b"$ROAD_CRG_FILE", "it refers to another OpenCRG file"),
         (b"* LONG", b"REFERENCE_LINE_START_U = 0\nREFERENCE_LINE_END_U = 9.5\n* LONG", "9 of 20 r"),
     ],
 )

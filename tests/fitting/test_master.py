@@ -1,6 +1,5 @@
 """Master curves: shifts and moduli of known materials are recovered within their own limits."""
 
-import json
 from pathlib import Path
 
 import jax
@@ -151,24 +150,18 @@ velocity = 1
 """
 
 
-def read_back(text, format):
-    """The material that a scene, or Python, makes of an exported one."""
-    if format == "toml":
-        return parse_scene(SCENE + text).stack.base.material
-    entries = json.loads(text)
-    shift = entries["shift"]
-    law = {"tabulated": TabulatedShift, "wlf": WLF, "arrhenius": Arrhenius}[shift.pop("kind")]
-    series = {key: entries[key] for key in ("equilibrium", "strengths", "times", "poisson")}
-    return gc.Prony(shift=law(**shift), **series)
+def read_back(found):
+    """The material that a scene makes of an exported one."""
+    text = export_prony(found.exported(), "toml", name="found")
+    return parse_scene(SCENE + text).stack.base.material
 
 
-@pytest.mark.parametrize("format", ["toml", "json"])
-def test_an_exported_material_is_as_near_to_every_isotherm_as_the_fit(bent_curve, curve, format):
+def test_an_exported_material_is_as_near_to_every_isotherm_as_the_fit(bent_curve, curve):
     for found, curves, kept in (
         (curve, isotherms(), WLF),
         (bent_curve, isotherms(bent, vertical=0.05), TabulatedShift),
     ):
-        material = read_back(export_prony(found.exported(), format, name="found"), format)
+        material = read_back(found)
         assert isinstance(material.shift, kept)
         error = found.fit.errors().total
         np.testing.assert_allclose(misfit(found.material, curves), error, rtol=1e-9)
@@ -198,10 +191,8 @@ def test_moduli_in_time_are_handed_on_with_their_vertical_shifts(kind):
 
 
 def test_a_law_that_fails_and_steps_of_decades_are_reported(bent_curve, curve):
-    report = bent_curve.report()
-    assert "the table is what is exported" in report and "the law is what" in curve.report()
-    assert "Look at" not in curve.report()
-
+    assert "the table is what is exported" in bent_curve.report()
+    assert "the law is what" in curve.report() and "Look at" not in curve.report()
     close = [((REFERENCE + (t - REFERENCE) / 4), x, values) for t, x, values in isotherms(bent)]
     found = master_curve(close, shift_std=1, terms=4)
     assert "Look at the steps of log10 a_T from 293.00 to 295.50 K (-1." in found.report()
@@ -233,15 +224,12 @@ MEASURED_SETS = {
 @pytest.mark.slow
 @pytest.mark.skipif(not DATA.exists(), reason="measured data lie beside the project")
 @pytest.mark.parametrize("name", MEASURED_SETS)
-@pytest.mark.parametrize("vertical", [0.0, 0.1])
-def test_measured_materials_are_handed_on_within_the_error_of_their_fit(name, vertical):
+def test_measured_materials_are_handed_on_within_the_error_of_their_fit(name):
     measured = gc.read_moduli(DATA / name, **MEASURED_SETS[name])
-    found = master_curve(measured, vertical_shift_std=vertical)
+    found = master_curve(measured, vertical_shift_std=0.1)
     curves = [(np.mean(m.temperature), m.abscissa, m.values) for m in measured.isotherms()]
-    material = read_back(export_prony(found.exported(), "toml", name="found"), "toml")
     error, kind = found.fit.errors().total, found.fit.data.kind
-    ratio = misfit(material, curves, kind) / error
-    assert ratio <= 1.1
+    assert misfit(read_back(found), curves, kind) <= 1.1 * error
 
 
 def test_an_arrhenius_law_is_recovered():
@@ -366,16 +354,6 @@ def test_the_material_and_its_limits_know_the_temperatures_of_the_isotherms(curv
         np.testing.assert_array_equal(np.isfinite(limit.imag), np.arange(12) % 11 > 0)
 
 
-def test_the_report_lists_the_shifts(curve):
-    report = curve.report()
-    assert "WLF with c1 = " in report and "about 298.00 K" in report
-    rows = [line.split() for line in report.splitlines() if line.strip()[:3].isdigit()]
-    found = {float(row[0]): float(row[1]) for row in rows if len(row) == 5}
-    assert list(found) == list(TEMPERATURES)
-    np.testing.assert_allclose(list(found.values()), curve.log10_shifts, atol=1e-3)
-    assert curve.fit.report() in report
-
-
 # Derivatives ------------------------------------------------------------------------------------
 
 
@@ -407,12 +385,10 @@ def test_derivatives_by_the_data_match_differences():
         (lambda c: c[:1], {}, "`isotherms` holds 1; at least 2 are needed"),
         (lambda c: [*c, c[0]], {}, "`isotherms` holds 268 K twice"),
         (lambda c: [(-5.0, *c[0][1:]), *c[1:]], {}, r"`temperature\[0\]=-5` is refused"),
-        (lambda c: [(268.0, OMEGA[1:], c[0][2]), *c[1:]], {}, r"`isotherms\[0\]` has x of shape"),
         (lambda c: [(t - 260, x, m) for t, x, m in c], {}, "they are in kelvin"),
         (lambda c: c, {"law": "vft"}, "`law='vft'` is refused"),
         (lambda c: c, {"shift_std": -1.0}, "`shift_std=-1` is refused"),
         (lambda c: c, {"reference": 25.0}, "`reference=25` is refused: isotherms are from 268"),
-        (lambda c: c, {"terms": 3, "within": 0.1}, "`terms` and `within` both set"),
         (lambda c: c, {"terms": 90}, "`terms=90` has 181 unknowns"),
     ],
 )
