@@ -88,53 +88,32 @@ def test_a_run_writes_results_and_figures_and_prints_their_paths(folder):
     assert (folder / "out" / "small-sweep.png").read_bytes().startswith(b"\x89PNG")
 
 
-def test_a_run_prints_a_line_per_solve_with_units(folder):
-    printed = (folder / "printed.txt").read_text()
+def test_file_csv_table_and_info_hold_the_same_numbers(folder):
     results = read_results(folder / "out" / "small.h5")
     assert np.all(results.message == "") and results.attrs["scene"] == SCENE
-    for head in ("[m/s]", "[MPa]", "[m]", "friction", "(pixels)", "(corrected)", "pairs", "error"):
-        assert head in printed
-    rows = [line.split() for line in printed.splitlines() if line.strip()[:1].isdigit()]
-    assert [row[0] for row in rows] == ["1.000e-02", "1.000e+00"]
-    np.testing.assert_allclose([float(row[2]) for row in rows], results.friction[0], rtol=1e-3)
-
-
-def test_the_errors_of_friction_and_area_reach_the_file_the_csv_and_the_table(folder):
-    results = read_results(folder / "out" / "small.h5")
     assert np.all(results.friction_error > 0) and results.friction_error.units == "1"
     with open(folder / "out" / "small.csv", newline="") as file:
         written = list(csv.DictReader(file))
-    lines = [line for line in (folder / "printed.txt").read_text().splitlines() if "e-0" in line]
+    printed = (folder / "printed.txt").read_text().splitlines()
+    rows = [line.split() for line in printed if line.strip()[:1].isdigit()]
+    assert [row[0] for row in rows] == ["1.000e-02", "1.000e+00"]
+    np.testing.assert_allclose([float(row[2]) for row in rows], results.friction[0], rtol=1e-3)
+    info = command("info", folder / "out" / "small.h5")
+    assert info.exit_code == 0 and "float64" in info.stdout
     for name in ("friction_error", "contact_area_error"):
         np.testing.assert_array_equal(
             [float(row[f"{name} [1]"]) for row in written], results[name][0]
         )
     for error in results.friction_error.values[0]:
-        assert any(f"{error:.1e}" in line for line in lines)
-    assert (folder / "printed.txt").read_text().count("± solver") == 2
-
-
-def test_info_prints_what_a_file_holds(folder):
-    result = command("info", folder / "out" / "small.h5")
-    assert result.exit_code == 0
-    for text in ("a small one", "float64", "version_jax", "32 x 32 points", "1.000e-02"):
-        assert text in result.stdout
+        assert f"{error:.1e}" in "".join(printed) and f"{error:.1e}" in info.stdout
 
 
 def test_caveats_and_the_steps_of_reading_are_printed(folder, tmp_path):
     results = read_results(folder / "out" / "small.h5")
     steps = (Step("read", 1e-6, 0.2, 4.0, 0.31), Step("filled", 1e-6, 0.2, 4.0, 0.0))
-    frictions = {"friction": 1.8, "geometric_friction": -15.7}
-    doubtful = results.copy(deep=True).assign_attrs(surface_steps=json.dumps(steps))
-    for name, value in frictions.items():
-        doubtful[name][:] = value
-    write(tmp_path / "a.h5", doubtful)
+    write(tmp_path / "a.h5", results.assign_attrs(surface_steps=json.dumps(steps)))
     printed = " ".join(command("info", tmp_path / "a.h5").stdout.split())
-    for text in (
-        "read 1 µm 0.2 4 31.0%",
-        "(1) 31% of the points were not measured",
-        "(2) The friction from the surface's slope and that from the block's differ by 972%",
-    ):
+    for text in ("read 1 µm 0.2 4 31.0%", "(1) 31% of the points were not measured"):
         assert text in printed
 
 
@@ -148,20 +127,17 @@ def test_a_solve_that_does_not_converge_warns_and_exits_with_1(tmp_path):
     assert (tmp_path / "scene.h5").exists()
 
 
-@pytest.mark.parametrize(
-    "old, new, expected",
-    [
-        ("hurst", "hust", "did you mean `hurst`?"),
-        ("2e5", "-2e5", "`pressure[0]=-200000` is refused"),
-        ("8e4", "8e9", "`q_high=8e+09` is refused"),
-    ],
-)
-def test_a_refused_scene_is_one_message_and_exit_code_2(tmp_path, old, new, expected):
-    (tmp_path / "scene.toml").write_text(SCENE.replace(old, new))
-    result = command("run", tmp_path / "scene.toml", "-o", tmp_path / "out")
-    assert result.exit_code == 2
-    assert expected in result.stderr
-    assert "Traceback" not in result.output
+def test_what_is_refused_is_one_message_and_exit_code_2(tmp_path):
+    (tmp_path / "scene.toml").write_text(SCENE.replace("8e4", "8e9"))
+    (tmp_path / "a.h5").write_text("not HDF5")
+    for words, expected in (
+        (("run", tmp_path / "scene.toml", "-o", tmp_path / "out"), "`q_high=8e+09` is refused"),
+        (("run", tmp_path / "none.toml"), "none.toml"),
+        (("info", tmp_path / "a.h5"), "a.h5"),
+    ):
+        result = command(*words)
+        assert result.exit_code == 2 and expected in result.stderr
+        assert "Traceback" not in result.output
 
 
 def test_a_dry_run_prints_what_was_read_and_refuses_what_a_run_would(tmp_path):
@@ -179,24 +155,9 @@ def test_a_dry_run_prints_what_was_read_and_refuses_what_a_run_would(tmp_path):
     table = "f [Hz],E' [Pa],E'' [Pa]\n" + "".join(f"{f},{1e6 + f},1e5\n" for f in range(1, 9))
     (tmp_path / "dma.csv").write_text(table)
     (tmp_path / "b.toml").write_text(SCENE.replace('"tyre_tread"', '"tabulated"\npath = "dma.csv"'))
-    np.save(tmp_path / "a.npy", 1e-6 * np.random.default_rng(0).normal(size=(16, 16)))
-    measured = 'kind = "file"\npath = "a.npy"\nunit = "m"\nsize = 2.0\n'
-    head, _, tail = SCENE.partition('kind = "self_affine"')
-    tail = "[materials" + tail.partition("[materials")[2]
-    (tmp_path / "c.toml").write_text(f"{head}{measured}{tail}")
-    result = command("run", tmp_path / "c.toml", "--dry-run", "-o", tmp_path / "out")
-    assert "Caveat: The rms slope of" in result.stdout and "2 m x 2 m" in result.stdout
     for option in ([], ["--dry-run"]):
         result = command("run", tmp_path / "b.toml", "-o", tmp_path / "out", *option)
         assert result.exit_code == 2 and "velocity" in result.stderr
-
-
-def test_missing_and_damaged_files_exit_with_2(tmp_path):
-    result = command("run", tmp_path / "none.toml")
-    assert result.exit_code == 2 and "none.toml" in result.stderr
-    (tmp_path / "a.h5").write_text("not HDF5")
-    result = command("info", tmp_path / "a.h5")
-    assert result.exit_code == 2 and "a.h5" in result.stderr
 
 
 @pytest.fixture
@@ -289,8 +250,8 @@ def test_what_is_no_result_is_replaced_only_if_asked(rerun, tmp_path):
     path = tmp_path / "out" / "small.h5"
     path.write_text("my notes")
     result = rerun()
-    assert result.exit_code == 2 and "another program" in result.stderr
-    assert "--replace" in result.stderr and path.read_text() == "my notes"
+    assert result.exit_code == 2 and "--replace" in result.stderr
+    assert path.read_text() == "my notes"
     assert np.all(rerun("--replace").exit_code == 0 and read_results(path).message == "")
 
 
@@ -351,7 +312,6 @@ def in_a_file(folder):
     "folder, name, expected",
     [
         (in_a_file, "small", "Nothing can be written to the folder"),
-        (lambda folder: folder / ("x" * 300), "small", "Nothing can be written to the folder"),
         (lambda folder: folder / "out", "x" * 200, "it has 200 bytes, and may have 180"),
     ],
 )
@@ -363,15 +323,6 @@ def test_an_output_is_checked_before_anything_is_computed(
     result = command("run", tmp_path / f"{name}.toml", "-o", folder(tmp_path / "place"))
     assert result.exit_code == 2 and expected in result.stderr, result.output
     assert "Traceback" not in result.output and not (tmp_path / "place").is_dir()
-
-
-@pytest.mark.skipif(
-    not Path("/proc/self").exists(), reason="a folder that takes no files is at hand on Linux"
-)
-def test_a_folder_that_takes_no_files_is_refused(tmp_path):
-    (tmp_path / "small.toml").write_text(SCENE)
-    result = command("run", tmp_path / "small.toml", "-o", "/proc/self")
-    assert result.exit_code == 2 and "Nothing can be written" in result.stderr
 
 
 def test_the_output_of_a_fit_is_checked_before_the_data_are_read(tmp_path):
@@ -441,14 +392,7 @@ def test_workers_of_a_scheduler_that_runs_give_the_same_bits(tmp_path):
 
 def test_results_are_compared_in_a_figure(folder, tmp_path):
     first, second = folder / "out" / "small.h5", tmp_path / "b.h5"
-    results = read_results(first)
-    write(second, results)
-    for title, names in (("a small one", 2), ("another", 2)):
-        write(second, results.assign_attrs(title=title))
-        figure = tmp_path / "new" / f"{names}.png"
-        result = command("compare", first, second, "-o", figure)
-        assert result.exit_code == 0 and f"wrote {figure}" in result.stdout, result.output
-        assert figure.read_bytes().startswith(b"\x89PNG")
+    write(second, read_results(first))
     result = command("compare", first, second, "-o", tmp_path / "lines", "--format", "pdf")
     assert result.exit_code == 0 and (tmp_path / "lines.pdf").read_bytes().startswith(b"%PDF")
     for words, expected in (
@@ -505,44 +449,6 @@ def test_a_fit_prints_its_report_and_a_table_that_a_scene_takes(tmp_path):
     assert parse_scene(scene).stack.base.material.poisson == 0.49
 
 
-# That errors act in a scene, and what they do, has tests of its own in studies.
-@pytest.mark.slow
-def test_what_a_fit_knows_reaches_the_friction_of_a_scene(tmp_path):
-    """Fit, card and errors, scene, run: against `propagate` of a fit to the same moduli."""
-    path = moduli_file(tmp_path / "tread.csv", [20.0])
-    fitted = command("fit", path, "-o", tmp_path, "--terms", 3, "--poisson", 0.49, "--anyway")
-    assert fitted.exit_code == 0, fitted.output
-    card = (tmp_path / "tread.toml").read_text()
-    scene = SCENE.replace('[materials.tread]\nkind = "tyre_tread"\n', card)
-    scene = scene.replace("[base]", 'errors = "tread-errors.csv"\n[base]').replace(
-        "[0.01, 1.0]", "0.1"
-    )
-    (tmp_path / "told.toml").write_text(scene)
-    ran = command("run", tmp_path / "told.toml", "-o", tmp_path / "out")
-    assert ran.exit_code == 0, ran.output
-    results = read_results(tmp_path / "out" / "told.h5")
-    measured = gc.read_moduli(path, poisson=0.49)
-    fit = gc.fit_prony(measured.abscissa, measured.values, terms=3, poisson=0.49, throw=False)
-
-    def friction(rubber):
-        block = gc.Stack(base=gc.HalfSpace(rubber))
-        return gc.slide(block, surface_of(results), pressure=2e5, velocity=0.1).friction
-
-    by_hand = gc.propagate(friction, fit)
-    assert by_hand.standard_error > 1e-3 * by_hand.value
-    np.testing.assert_allclose(results.friction[0, 0], by_hand.value, rtol=1e-5)
-    error = results.friction_standard_error[0, 0]
-    np.testing.assert_allclose(error, by_hand.standard_error, rtol=1e-3)
-    assert with_error(results.friction.values[0, 0], float(error)) in ran.stdout
-    # Waves of 2π/1 mm to 8e4 /m excite these frequencies.
-    told = r"tread: its moduli from (\S+) to (\S+) rad/s decide 90 % of the friction at 0.1 m/s"
-    low, high = map(float, re.search(told, ran.stdout).groups())
-    assert 2e2 < low < high < 8.1e3
-    rows = (tmp_path / "out" / "told.csv").read_text().splitlines()
-    assert "friction_standard_error [1]" in rows[0]
-    assert (tmp_path / "out" / "told-sensitivity.png").read_bytes().startswith(b"\x89PNG")
-
-
 LAW, TABLE = ("wlf", 0.0, ("--shift-std", 0)), ("tabulated", 4.0, ())
 
 
@@ -579,6 +485,7 @@ def test_errors_of_isotherms_reach_table_csv_and_figures(tmp_path, kind, off, op
     (tmp_path / "told.toml").write_text(text)
     ran = command("run", tmp_path / "told.toml", "-o", tmp_path / "out")
     assert ran.exit_code == 0, ran.output
+    assert "decide 90 % of the friction" in ran.stdout
     results = read_results(tmp_path / "out" / "told.h5")
     measured = gc.read_moduli(path, poisson=0.49)
     shifts = {"shift_std": 0.0} if kind == "wlf" else {}
@@ -600,6 +507,7 @@ def test_errors_of_isotherms_reach_table_csv_and_figures(tmp_path, kind, off, op
         with_error(*pair) in ran.stdout
         for pair in zip(results.friction.values.ravel(), errors.values.ravel(), strict=True)
     )
+    assert (tmp_path / "out" / "told-sensitivity.png").exists()
     for key, plot in (("sweep", gc.plot.plot_sweep), ("master", gc.plot.plot_reduced)):
         assert (tmp_path / "out" / f"told-{key}.png").exists()
         axes = plot(results).axes[0]
@@ -608,18 +516,9 @@ def test_errors_of_isotherms_reach_table_csv_and_figures(tmp_path, kind, off, op
 
 
 def test_a_standard_error_tells_how_many_digits_count():
-    numbers = (
-        (0.51234, 0.0081),
-        (0.5, 0.25),
-        (12.3, 1.26),
-        (1e-5, 2e-6),
-        (0.51234, 0.0),
-        (-4.7e-18, 5e-20),
-    )
-    assert [with_error(*pair) for pair in numbers] == [
-        "0.5123 ± 0.0081", "0.50 ± 0.25", "12.3 ± 1.3", "0.0000100 ± 0.0000020", "0.5123 ± 0",
-        "-4.700e-18 ± 5e-20",
-    ]  # fmt: skip
+    numbers = ((0.51234, 0.0081), (12.3, 1.26), (0.51234, 0.0), (-4.7e-18, 5e-20))
+    texts = ["0.5123 ± 0.0081", "12.3 ± 1.3", "0.5123 ± 0", "-4.700e-18 ± 5e-20"]
+    assert [with_error(*pair) for pair in numbers] == texts
 
 
 def test_a_fit_of_several_isotherms_shifts_them(tmp_path):
@@ -655,26 +554,6 @@ def test_wild_values_are_named_and_left_out_only_if_asked(tmp_path):
     omega = np.geomspace(0.1, 1e4, 9)
     true = np.asarray(gc.tyre_tread().modulus(omega))
     np.testing.assert_allclose(np.abs(fitted.modulus(omega)), np.abs(true), rtol=0.05)
-    clean = moduli_file(tmp_path / "clean.csv", [20.0])
-    said = command("fit", clean, "-o", tmp_path / "c", "--terms", 6, "--robust").stdout
-    assert "--robust leaves out no row" in said
-
-
-def test_a_step_of_a_test_is_chosen(tmp_path):
-    head = "Step\nf [Hz],E' [MPa],E'' [MPa],strain [%]\n"
-    rows = moduli_file(tmp_path / "tread.csv", [20.0]).read_text().splitlines()[1:]
-    sweep = "".join(f"{row},0.1\n" for row in rows)
-    strain = "".join(f"10,{20 / (1 + i)},1,{2.0**i}\n" for i in range(8))
-    path = tmp_path / "steps.csv"
-    path.write_text(f"Strain sweep\n{head}{strain}Frequency sweep\n{head}{sweep}")
-    plain = command("fit", path, "-o", tmp_path, "--terms", 5)
-    assert plain.exit_code == 0, plain.output
-    assert "Left out step 1" in plain.stdout and "Read 40 rows" in plain.stdout
-    chosen = command("fit", path, "-o", tmp_path, "--terms", 5, "--step", "2")
-    assert "Left out step" not in chosen.stdout
-    assert chosen.stdout.split("rms log error")[1] == plain.stdout.split("rms log error")[1]
-    refused = command("fit", path, "-o", tmp_path, "--step", "creep")
-    assert refused.exit_code == 2 and "there is no `--step creep`" in refused.stderr
 
 
 def test_a_fit_takes_several_files_and_the_options_that_messages_name(tmp_path):
@@ -702,7 +581,6 @@ def test_a_fit_takes_several_files_and_the_options_that_messages_name(tmp_path):
     [
         ("nothing here", (), "bad.csv"),
         ("never read", ("--card", "abacus"), "`--card abacus` is not known; did you mean `abaqus`"),
-        ("A,B\n1,2\n2,3\n", (), "pass `--unit QUANTITY=UNIT` too"),
         ("f [Hz],E' [Pa],E'' [Pa],T\n1,2e6,1e5,20\n2,2e6,1e5,20\n", (), "--unit QUANTITY=UNIT"),
         ("t [s],E(t) [Pa]\n1,2e6\n2,1e6\n", ("--loss-weight", 0), "relaxation has one channel"),
         (
@@ -710,9 +588,7 @@ def test_a_fit_takes_several_files_and_the_options_that_messages_name(tmp_path):
             (),
             "(`--loss-weight`), and `--anyway` fits them as they are.",
         ),
-        ("f [Hz],E' [Pa],E'' [Pa]\n1,2e6,1e5\n2,-2e6,1e5\n", (), "must be a positive number"),
         ("f [Hz],E' [Pa],E'' [Pa]\n1,2e6,1e5\n", ("--unit", "MPa"), "write QUANTITY=UNIT"),
-        ("f [Hz],E' [Pa],E'' [Pa]\n1,2e6,1e5\n2,3e6,1e5\n", ("--terms", 9), "unknowns, more than"),
         ("f [Hz],E' [Pa],E'' [Pa]\n1,2e6,1e5\n2,3e6,1e5\n", ("--law", "foo"), "`--law foo` is"),
     ],
 )

@@ -12,7 +12,6 @@ import pytest
 from scipy.integrate import trapezoid
 
 import graded_contact as gc
-from graded_contact.plot.style import ordered, styled
 
 
 class Fields(NamedTuple):
@@ -63,17 +62,6 @@ def test_fonts_in_a_pdf_are_truetype(tmp_path):
     assert b"/FontFile2" in content and b"/Type3" not in content
 
 
-def test_the_style_serves_figures_of_ones_own():
-    with matplotlib.rc_context(gc.plot.STYLE):
-        cycle = matplotlib.rcParams["axes.prop_cycle"].by_key()["color"]
-    assert cycle == list(gc.plot.COLOURS)
-    assert (
-        styled(lambda: matplotlib.rcParams["font.size"])() == 8 != matplotlib.rcParams["font.size"]
-    )
-    brightness = ordered(9)[:, :3] @ [0.2126, 0.7152, 0.0722]
-    assert np.all(np.diff(brightness) > 0)
-
-
 def test_the_outline_of_a_contact_runs_between_its_points_and_the_others():
     figure = gc.plot.plot_outline(*disc())
     check_labels(figure)
@@ -82,15 +70,6 @@ def test_the_outline_of_a_contact_runs_between_its_points_and_the_others():
     radius = np.hypot(*(outline.vertices - 2).T)
     np.testing.assert_allclose(radius, 1, atol=0.05)  # half a spacing
     assert axes.get_xlabel() == "$x$ [m]" and figure.axes[1].get_ylabel().endswith("[µm]")
-
-
-def test_the_contact_of_a_profile_is_thick():
-    fields, surface = disc()
-    line = Fields(fields.pressure[:, 20], fields.gap[:, 20], fields.gap[:, 20])
-    figure = gc.plot.plot_outline(line, gc.Surface(surface.heights[:, 20], gc.Grid((40,), 4.0)))
-    check_labels(figure)
-    touching = figure.axes[0].lines[1].get_ydata()
-    np.testing.assert_array_equal(np.isfinite(touching), line.pressure > 0)
 
 
 def theory(mean=4e5, spread=9e5):
@@ -129,8 +108,6 @@ def test_dissipation_is_the_slope_of_the_friction_and_encloses_it():
     steps = each.patches[0].get_data()
     np.testing.assert_allclose(steps.values, 0.1, rtol=1e-6)
     assert len(steps.edges) == 31 and steps.edges[0] == 1e3
-    assert [text.get_text() for text in total.get_legend().get_texts()] == ["contact", "mean field"]
-    assert gc.plot.plot_dissipation(curve).axes[0].get_legend() is None
 
 
 OMEGA, TEMPERATURES = np.geomspace(0.1, 10, 6), (290.0, 300.0, 310.0)

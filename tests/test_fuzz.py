@@ -1,4 +1,4 @@
-"""Damaged scenes, results, kept points and arguments: taken as they stand, or refused in a message.
+"""Damaged scenes and arguments: taken as they stand, or refused in a message.
 
 Every case draws from a seed of its own, so that one number repeats it.
 """
@@ -6,30 +6,22 @@ Every case draws from a seed of its own, so that one number repeats it.
 import contextlib
 import json
 import os
-import shutil
 import signal
 import time
 import tomllib
 from pathlib import Path
 
-import h5py
 import jax
 import numpy as np
 import pytest
-import xarray
 from typer.testing import CliRunner
 
 import graded_contact as gc
 from graded_contact import cli
 from graded_contact.command import session
-from graded_contact.core.quantities import OBSERVABLES
-from graded_contact.files.dataset import attach, write
 from graded_contact.files.design_scene import parse_design
-from graded_contact.files.results import KEPT_FIELDS, read_results, surface_variables
 from graded_contact.files.scene import RandomSurface, parse_scene
-from graded_contact.roughness.surface import Step
 from graded_contact.studies.run_scene import check_scene as check_scene_memory
-from graded_contact.studies.store import Point, Store, fingerprint
 
 SEED = 20261
 SECONDS = 60
@@ -351,101 +343,6 @@ def told(error: Exception) -> None:
     assert "Traceback" not in text and "jax" not in text.lower(), text[:1000]
 
 
-def results() -> xarray.Dataset:
-    draw, shape = np.random.default_rng(0), (8, 6)
-    surface = gc.Surface(
-        heights=draw.normal(size=shape),
-        grid=gc.Grid(shape, [1e-3, 2e-3]),
-        history=("Read.", "Filled."),
-        measured=draw.uniform(size=shape),
-        steps=(Step("read", 1.1, 0.3, 4.0, 0.2), Step("filled", 1.0, 0.2, 3.9, 0.0)),
-    )
-    variables, places, attributes = surface_variables(surface)
-    axes = {"pressure": np.array([1e5, 3e5]), "velocity": np.geomspace(1e-3, 1.0, 3)}
-    variables |= {name: ((*axes,), draw.normal(size=(2, 3))) for name in OBSERVABLES}
-    variables |= {name: ((*places,), draw.normal(size=shape)) for name in KEPT_FIELDS.values()}
-    message = [["", "", "It stopped."], ["", "not started", "failed: no kernel"]]
-    variables["message"] = (*axes,), np.array(message)
-    variables["point"] = (*axes,), np.array([["a", "b", "c"], ["d", "e", "f"]])
-    attributes |= {"title": "µ", "seed": 3, "rtol": 1e-6, "scene": "a = 1\n" * 9}
-    return attach(xarray.Dataset(variables, axes | places, attributes))
-
-
-VALUES = [
-    1, -1.5, np.nan, 10**18, "x", "", "é", b"\xff\xfe", [1.0, 2.0], ["a", "b"], np.zeros((2, 2)),
-    h5py.Empty("f8"), np.float32(3), True, 2 + 1j, np.zeros(0), "y" * 60_000, [[1]], np.inf,
-    np.array([(1, 2.0)], dtype=[("a", "i4"), ("b", "f8")]), "\n\n", "[bold]", "2e-6",
-]  # fmt: skip
-
-
-def damage_results(draw, path: Path) -> None:
-    """One to three damages to a file of results, through HDF5 or to its bytes."""
-    if draw.integers(2) == 0:
-        damage_bytes(draw, path)
-        return
-    with h5py.File(path, "a") as file:
-        for _ in range(draw.integers(1, 4)):
-            names = []
-            file.visit(names.append)
-            if not names:
-                return
-            name, other = pick(draw, names), pick(draw, names)
-            holder = pick(draw, [file, file, file[name]])
-            kind = draw.integers(13)
-            if kind < 3:
-                attribute = pick(draw, [*holder.attrs, "x", "surface_steps", "period"])
-                with contextlib.suppress(OSError):  # too long for an attribute
-                    holder.attrs[attribute] = pick(draw, VALUES)
-            elif kind < 5 and len(holder.attrs):
-                del holder.attrs[pick(draw, list(holder.attrs))]
-            elif kind == 5:
-                with contextlib.suppress(ValueError, OSError, RuntimeError):  # into itself
-                    file.move(name, pick(draw, [f"{name}x", f"solve_{other}", "solve_0_0", "a/b"]))
-            elif kind == 6:
-                file[name + "copy"] = file[other]
-            elif kind == 7 and isinstance(file[name], h5py.Dataset) and 0 < file[name].size < 1000:
-                with contextlib.suppress(TypeError, ValueError, OSError):  # other types of numbers
-                    file[name][...] = pick(draw, [0, np.inf, np.nan, "", "x"])
-            else:
-                del file[name]
-                replace_dataset(draw, file, name, other, kind)
-
-
-def replace_dataset(draw, file, name: str, other: str, kind: int) -> None:
-    if kind == 8:
-        file.create_group(name)
-    elif kind == 9:
-        link = (h5py.SoftLink(pick(draw, [other, "/", name, "/nowhere"])),
-                h5py.ExternalLink(pick(draw, ["nowhere.h5", "result.h5"]), other))  # fmt: skip
-        file[name] = pick(draw, link)
-    elif kind == 10:
-        with contextlib.suppress(TypeError):
-            file[name] = pick(draw, VALUES)
-    elif kind == 11:
-        shape = pick(draw, [(60_000, 60_000), (2, 3), (1 << 40,), (0,), (), (2, 3, 4), (8, 6)])
-        chunks = pick(draw, [None, True]) if shape and 0 not in shape else None
-        dtype = pick(draw, ["f8", "f4", "i8", "c16", h5py.string_dtype(), "S4", "V16"])
-        file.create_dataset(name, shape=shape, dtype=dtype, chunks=chunks)
-    # Otherwise it is gone.
-
-
-def damage_bytes(draw, path: Path) -> None:
-    content = bytearray(path.read_bytes())
-    kind = draw.integers(4)
-    if kind == 0:
-        content = content[: draw.integers(len(content))]
-    elif kind == 1:
-        at, length = draw.integers(len(content)), draw.integers(1, 600)
-        content[at : at + length] = bytes([pick(draw, [0, 255])]) * len(content[at : at + length])
-    elif kind == 2:
-        at, where, length = *draw.integers(len(content), size=2), draw.integers(1, 600)
-        content[at : at + length] = content[where : where + length]
-    else:
-        for _ in range(draw.integers(1, 8)):
-            content[draw.integers(len(content))] ^= 1 << draw.integers(8)
-    path.write_bytes(content)
-
-
 def command(*arguments) -> bool:
     """Runs the command; whether it was content. It refuses with a message and exit code 2 alone."""
     found = CliRunner().invoke(cli.app, [str(argument) for argument in arguments])
@@ -455,43 +352,6 @@ def command(*arguments) -> bool:
     assert "Traceback" not in found.output
     assert found.exit_code == 0 or found.stderr.strip()
     return found.exit_code == 0
-
-
-def check_results(draw, folder: Path) -> bool:
-    path = folder / "result.h5"
-    write(path, results())
-    damage_results(draw, path)
-    try:
-        accepted = read_results(path).identical(results())
-        assert accepted, "other numbers than were written"
-    except REFUSALS as error:
-        told(error)
-        assert "result.h5" in str(error)
-        accepted = False
-    assert command("info", path) == accepted
-    return accepted
-
-
-POINT = Point({"friction": np.array(0.1), "gap": np.arange(12.0).reshape(4, 3)})
-
-
-def check_kept(draw, folder: Path) -> bool:
-    """A stored point: as it was written, or none."""
-    shutil.rmtree(folder / "points", ignore_errors=True)
-    with Store(folder / "points") as store:
-        store.write("a", POINT)
-        path = store.path("a")
-        if draw.integers(3) == 0:
-            path.unlink()
-            pick(draw, [path.mkdir, path.touch, lambda: path.symlink_to(path)])()
-        else:
-            damage_bytes(draw, path)
-        try:
-            point = store.read("a")
-        except OSError:
-            point = None
-        assert point is None or fingerprint(point) == fingerprint(POINT)
-    return True
 
 
 BAD_PATHS = [
@@ -543,13 +403,11 @@ def check_case(case: int, folder: Path) -> bool:
     """One case by its number; whether what was damaged was accepted."""
     draw = np.random.default_rng([SEED, case])
     with no_hang():
-        if case % 10 < 5:
+        if case % 4:
             errors = damaged_text(draw, ERRORS) if draw.integers(4) == 0 else ERRORS
             (folder / "errors.csv").write_text(errors, "utf-8")
             return check_scene(damaged_scene(draw), folder)
-        if case % 10 < 8:
-            return check_results(draw, folder)
-        return (check_kept if case % 10 == 8 else check_arguments)(draw, folder)
+        return check_arguments(draw, folder)
 
 
 @pytest.fixture
@@ -575,9 +433,6 @@ def test_the_undamaged_are_accepted(folder):
         assert check_scene(text, folder)
         again = "\n".join(f"{k} = {source(v)}" for k, v in tomllib.loads(text).items())
         assert check_scene(again, folder)
-    write_results(folder / "a.h5", results())
-    assert fingerprint(read_results(folder / "a.h5")) == fingerprint(results())
-    assert command("info", folder / "a.h5")
     assert command("run", "scene.toml", "--dry-run")
     assert command("design", "design.toml", "--dry-run")
 

@@ -86,10 +86,3 @@ def test_a_notebook_runs_and_shows_figures(path, tmp_path):
     printed = [output.text for output in outputs if output.get("name") == "stderr"]
     assert shown
     assert not [text for text in printed if "Warning" in text]
-
-
-def test_a_function_is_long_from_eleven_lines_on():
-    lines = ["%matplotlib inline", "def f():", *["    g()"] * 9]
-    assert long_functions("\n".join(lines)) == []
-    assert long_functions("\n".join([*lines, "    g()"])) == ["f, line 2"]
-    assert long_functions("f = lambda: (\n" + "1 +\n" * 10 + "1)") == ["lambda, line 1"]

@@ -9,14 +9,11 @@ import tarfile
 import tomllib
 import venv
 import zipfile
-from importlib import resources
 from pathlib import Path
 
 import pytest
-from typer.testing import CliRunner
 
 import graded_contact as gc
-from graded_contact.cli import app
 
 ROOT = Path(__file__).parents[1]
 
@@ -55,18 +52,10 @@ load = {pressure = 2e5, velocity = 0.01}
 """
 
 
-def test_the_package_says_that_it_is_typed():
-    assert resources.files("graded_contact").joinpath("py.typed").is_file()
-
-
 def test_the_module_is_the_command():
     command = [sys.executable, "-m", "graded_contact", "--version"]
     printed = subprocess.run(command, capture_output=True, text=True, check=True).stdout
     assert printed.startswith("graded-contact ")
-
-
-def test_the_help_of_design_names_its_table():
-    assert "[design]" in CliRunner().invoke(app, ["design", "--help"]).output
 
 
 LAZY = """

@@ -188,12 +188,8 @@ def test_a_coat_gives_the_friction_asked_for():
     "arguments, message",
     [
         ({"lower": {"a": 0.0}, "upper": {"a": 1.0}}, "Bounds of a are 0 and 1; they must be pos"),
-        ({"lower": {"a": 2.0}, "upper": {"a": 1.0}}, "Bounds of a are 2 and 1"),
         ({"lower": {"a": 1.0}, "upper": {"b": 1.0}}, "same nesting"),
-        ({"lower": {"a": np.ones(1)}, "upper": {"a": np.ones(2)}}, "same shapes"),
-        ({"lower": {}, "upper": {}}, "no parameter"),
         ({"start": {"a": 30.0}}, "`start` has a = 30, not between"),
-        ({"start": {"b": 1.0}}, "nesting of `lower`"),
         ({"num_starts": 0}, "`num_starts=0` must be a whole number, at least 1"),
         ({"constraints": lambda p: p["a"] - 20}, "No start of 2 satisfies `constraints`.*10"),
         ({"objective": lambda p: jnp.log(p["a"] - 5)}, "`objective` is nan at a = 1"),
@@ -208,11 +204,8 @@ def test_what_cannot_be_designed_is_refused(arguments, message):
         minimise(**{**usual, **arguments})
 
 
-def test_a_pareto_front_has_two_ends():
+def test_bad_numbers_of_points_and_spreads_are_refused():
     with pytest.raises(ValueError, match="`num_points=1` must be at least 2"):
         pareto_front(lambda p: jnp.zeros(2), {"x": 0.1}, {"x": 1.0}, num_points=1)
-
-
-def test_a_spread_is_not_negative():
     with pytest.raises(ValueError, match=r"`spread\[0\]=.* is refused"):
         scatter(lambda p: p["x"], {"x": 1.0}, -0.1)

@@ -68,23 +68,18 @@ def test_the_command_writes_a_table_values_and_a_figure(ran):
     assert all((folder / name).read_bytes().startswith(b"\x89PNG") for name in figures)
 
 
-@pytest.mark.parametrize("text, code, reason", [
-    (DESIGN.replace("ratio", "ration"), 2, "did you mean `ratio`"),
-    (DESIGN, 1, "Error: not solved.\n"),
-])  # fmt: skip
-def test_the_command_ends_with_a_code_and_one_line(tmp_path, monkeypatch, text, code, reason):
-    """2 for a refused scene, 1 for a solve that failed, of which JAX has much to say."""
+def test_a_solve_that_fails_is_one_line(tmp_path, monkeypatch):
 
     def fail(*_, **__):
         raise RuntimeError("Above is the stack.\nequinox.RuntimeError: not solved.\n\n----\nHow to")
 
     monkeypatch.setattr(session, "cache_folder", lambda: None)
     monkeypatch.setattr(design_job, "run_design", fail)
-    (tmp_path / "coat.toml").write_text(text)
+    (tmp_path / "coat.toml").write_text(DESIGN)
     arguments = ["design", str(tmp_path / "coat.toml"), "-o", str(tmp_path)]
     result = CliRunner().invoke(cli.app, arguments)
-    assert result.exit_code == code
-    assert reason in result.stderr and "How to" not in result.output
+    assert result.exit_code == 1
+    assert "Error: not solved.\n" in result.stderr and "How to" not in result.output
 
 
 @pytest.mark.slow
@@ -190,12 +185,6 @@ def test_a_ratio_is_missed_beyond_what_is_uncertain(reached, verify, said):
     assert bool(missed(came_to(reached, verify=verify))) == said
 
 
-def test_one_surface_has_no_spread_and_two_that_of_a_sample():
-    one, two = report(came_to([1.3], verify=1)), report(came_to([1.3, 1.5], verify=2))
-    assert "±" not in one and "friction at 0.1 m/s, contact, one surface, spread unknown" in one
-    assert "0.14 ± 0.014" in two and "unknown" not in two  # |a - b|/√2
-
-
 def test_friction_from_frequencies_that_were_not_measured_is_refused_or_reported():
     """The waves excite 63 rad/s and more; of what is allowed the table tells the share."""
     tread = 'kind = "tyre_tread"\npoisson = 0.49\n'
@@ -207,20 +196,4 @@ def test_friction_from_frequencies_that_were_not_measured_is_refused_or_reported
     allowed = parse_design(text.replace("velocity = 0.1", "velocity = 0.1\nextrapolate = true"))
     assert allowed.scene.extrapolate
     assert "not measured" not in report(came_to([1.3], outside=0.009))
-    said = report(came_to([1.3], outside=0.25))
-    assert any(
-        line.startswith("friction not measured at 0.1 m/s") and line.split()[-2:] == ["0.25"] * 2
-        for line in said.splitlines()
-    )
-
-
-def test_limits_that_nothing_satisfies_are_refused():
-    study = parse_design(FLAT.replace("total_thickness = 4e-4", "total_thickness = 1e-5"))
-    with pytest.raises(ValueError, match=r"\[design\] No start of 2 satisfies"):
-        run_design(study)
-
-
-def test_a_start_outside_the_bounds_is_refused():
-    study = parse_design(FLAT.replace("[5e-5, 1e-3]", "[5e-4, 1e-3]"))
-    with pytest.raises(ValueError, match=r"`start` has layers.0..thickness = 0.0002, not between"):
-        run_design(study)
+    assert "friction not measured at 0.1 m/s" in report(came_to([1.3], outside=0.25))

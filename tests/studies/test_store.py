@@ -118,12 +118,6 @@ def test_a_full_disk_leaves_what_was_written_and_is_reported(tmp_path, monkeypat
     assert [path.name for path in tmp_path.glob("*point*")] == ["a.point"]
 
 
-def test_what_is_no_folder_is_refused(tmp_path):
-    (tmp_path / "file").touch()
-    with pytest.raises(OSError, match=r"Nothing can be written to the folder `.*file`: "):
-        Store(tmp_path / "file").__enter__()
-
-
 def test_what_a_killed_writer_left_is_removed(tmp_path):
     (tmp_path / ".a.point.0123.partial").write_text("half")
     with Store(tmp_path):
