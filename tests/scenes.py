@@ -1,4 +1,9 @@
-"""Scenes that several tests read."""
+"""Scenes that several tests read, and damages to files."""
+
+import contextlib
+import re
+
+import numpy as np
 
 TEXT = """
 title = "a small one"
@@ -29,6 +34,27 @@ pressure = [2e5, 4e5]
 velocity = [0.01, 1.0]
 [solver]
 rtol = 1e-6
+"""
+
+BARE = """
+title = "a small one"
+[surface]
+kind = "self_affine"
+rms_slope = 0.2
+hurst = 0.8
+q_roll = 2e4
+q_high = 8e4
+[grid]
+shape = [32, 32]
+size = 1e-3
+[materials.tread]
+kind = "tyre_tread"
+[base]
+kind = "half_space"
+material = "tread"
+[load]
+pressure = 2e5
+velocity = [0.01, 1.0]
 """
 
 
@@ -104,3 +130,51 @@ def tabulated(extrapolate: str) -> str:
         'kind = "elastic"\nmodulus = 2e7',
         f'kind = "tabulated"\npath = "table.csv"\nextrapolate = "{extrapolate}"',
     )
+
+
+# What stands in a damaged file where a number was.
+TOKENS = [
+    b"1e308", b"-1e308", b"1e-320", b"9.9e37", b"NaN", b"inf", b"-5", b"0", b"", b"x", b"---",
+    b"1,5", b"1.234.567", b"\xff\xfe", b'"', b"#", b"T=1e999;", b"9" * 400, b"\xc3\x28", b"=",
+    b"25 \xc2\xb0C", b"stress 1 kPa", b"MPa", b"\t", b";", b"1e", b"--1", b"\x00", b"f", b"E'",
+]  # fmt: skip
+
+
+def damaged(content: bytes, draw: np.random.Generator) -> bytes:
+    """The content after one to four damages."""
+    for _ in range(draw.integers(1, 5)):
+        lines = content.split(b"\n")
+        line, other = draw.integers(len(lines), size=2)
+        kind = draw.integers(10)
+        if kind == 0 and content:  # bytes
+            array = np.frombuffer(content, np.uint8).copy()
+            array[draw.integers(len(array), size=draw.integers(1, 20))] = draw.integers(256)
+            content = array.tobytes()
+            continue
+        if kind == 1:
+            content = content[: draw.integers(len(content) + 1)]
+            continue
+        if kind == 2:
+            with contextlib.suppress(UnicodeError):
+                code = ("utf-16", "utf-16-be", "utf-32", "cp1252", "utf-8-sig")[draw.integers(5)]
+                content = content.decode("utf-8").encode(code)
+            continue
+        if kind == 3:
+            del lines[line : line + draw.integers(1, 6)]
+        elif kind == 4:
+            lines[line], lines[other] = lines[other], lines[line]
+        elif kind == 5:
+            lines.insert(line, lines[other])
+        elif kind == 6:  # two columns of every line
+            mark = (b"\t", b",", b";", b" ")[draw.integers(4)]
+            first, second = draw.integers(4, size=2)
+            for i, cells in enumerate(text.split(mark) for text in lines):
+                if len(cells) > max(first, second):
+                    cells[first], cells[second] = cells[second], cells[first]
+                    lines[i] = mark.join(cells)
+        else:
+            cells = re.split(rb"([\t,; ]+)", lines[line])
+            cells[draw.integers(len(cells))] = TOKENS[draw.integers(len(TOKENS))]
+            lines[line] = b"".join(cells)
+        content = b"\n".join(lines)
+    return content

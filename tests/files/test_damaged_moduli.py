@@ -1,11 +1,11 @@
 """Damaged files are read or refused with a message; every row is read or reported as left out."""
 
-import contextlib
 import re
 from pathlib import Path
 
 import numpy as np
 import pytest
+from scenes import damaged
 from test_instrument_exports import EXPORTS, rheocompass, trios
 
 from graded_contact.files.moduli.reading import read_moduli
@@ -34,51 +34,6 @@ OPTIONS = {
         for i in (1, 3, 6)
     },
 }
-TOKENS = [
-    b"1e308", b"-1e308", b"1e-320", b"9.9e37", b"NaN", b"inf", b"-5", b"0", b"", b"x", b"---",
-    b"1,5", b"1.234.567", b"\xff\xfe", b'"', b"#", b"T=1e999;", b"9" * 400, b"\xc3\x28", b"=",
-    b"25 \xc2\xb0C", b"stress 1 kPa", b"MPa", b"\t", b";", b"1e", b"--1", b"\x00", b"f", b"E'",
-]  # fmt: skip
-
-
-def damaged(content: bytes, draw: np.random.Generator) -> bytes:
-    """The content after one to four damages."""
-    for _ in range(draw.integers(1, 5)):
-        lines = content.split(b"\n")
-        line, other = draw.integers(len(lines), size=2)
-        kind = draw.integers(10)
-        if kind == 0 and content:  # bytes
-            array = np.frombuffer(content, np.uint8).copy()
-            array[draw.integers(len(array), size=draw.integers(1, 20))] = draw.integers(256)
-            content = array.tobytes()
-            continue
-        if kind == 1:
-            content = content[: draw.integers(len(content) + 1)]
-            continue
-        if kind == 2:
-            with contextlib.suppress(UnicodeError):
-                code = ("utf-16", "utf-16-be", "utf-32", "cp1252", "utf-8-sig")[draw.integers(5)]
-                content = content.decode("utf-8").encode(code)
-            continue
-        if kind == 3:
-            del lines[line : line + draw.integers(1, 6)]
-        elif kind == 4:
-            lines[line], lines[other] = lines[other], lines[line]
-        elif kind == 5:
-            lines.insert(line, lines[other])
-        elif kind == 6:  # two columns of every line
-            mark = (b"\t", b",", b";", b" ")[draw.integers(4)]
-            first, second = draw.integers(4, size=2)
-            for i, cells in enumerate(text.split(mark) for text in lines):
-                if len(cells) > max(first, second):
-                    cells[first], cells[second] = cells[second], cells[first]
-                    lines[i] = mark.join(cells)
-        else:
-            cells = re.split(rb"([\t,; ]+)", lines[line])
-            cells[draw.integers(len(cells))] = TOKENS[draw.integers(len(TOKENS))]
-            lines[line] = b"".join(cells)
-        content = b"\n".join(lines)
-    return content
 
 
 def check_damaged(folder, name: str, content: bytes, options: dict) -> bool:

@@ -15,12 +15,12 @@ MAGNITUDE, DEGREES = np.abs(MODULUS), np.degrees(np.angle(MODULUS))
 CELSIUS = np.array([20.1, 20.0, 19.9, 20.0])
 
 
-def rows(*columns, separator="\t", decimal=".", form="{:.9g}", start="", end=""):
+def rows(*columns, separator="\t", decimal=".", start="", end=""):
     """Lines of numbers; a column may be one text for all lines."""
     columns = [[column] * len(HERTZ) if isinstance(column, str) else column for column in columns]
     lines = []
     for entries in zip(*columns, strict=True):
-        cells = [e if isinstance(e, str) else form.format(e).replace(".", decimal) for e in entries]
+        cells = [e if isinstance(e, str) else f"{e:.9g}".replace(".", decimal) for e in entries]
         lines.append(start + separator.join(cells) + end)
     return "\n".join(lines) + "\n"
 
@@ -142,9 +142,6 @@ EXPORTS = {
         + rows(np.log10(HERTZ), np.log10(STORAGE / 1e6), np.log(LOSS), separator=","),
         {}, "tension",
     ),
-    "thousands": (
-        "f [Hz]\tE' [Pa]\tE'' [Pa]\n" + rows(HERTZ, STORAGE, LOSS, form="{:,}"), {}, "tension",
-    ),
     "German thousands": (
         "f [Hz];E' [Pa];E'' [Pa]\n"
         + rows(HERTZ, *(np.char.translate([f"{x:,.2f}" for x in part], str.maketrans(",.", ".,"))
@@ -160,6 +157,12 @@ EXPORTS = {
         "# sweep of a tread\n\nf [Hz]  E' [Pa]  E'' [Pa]\n\n10 5.75e6 3.25e6 # repeated\n"
         "# 1 7e6 7e6\n100 2.5e7 1.5e7\n\n\n0.1 1.25D+06 2.5D+05\n1 2.5e6 7.5e5\n# the end\n",
         {}, "tension",
+    ),
+    "French": (
+        "Pulsation (rad/s)\tTempérature (°C)\tModule de conservation (Pa)\t"
+        "Module de perte (Pa)\tCouple (mN·m)\n"
+        + rows(OMEGA, CELSIUS, STORAGE, LOSS, HERTZ, decimal=","),
+        {}, "shear",
     ),
     "RepTate, ending .dat": (
         "T=20;Mw=94.9;chem=PI;\nw G' G''\n" + rows(OMEGA, STORAGE, LOSS, separator="   "),

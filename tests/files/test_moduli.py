@@ -334,16 +334,6 @@ def test_both_deformations_in_a_file_are_chosen_between(tmp_path):
     check(read_moduli(path, deformation="shear", poisson=0.5))
 
 
-def test_missing_points_are_left_out_and_reported(tmp_path):
-    text = (
-        "f;E';E''\nHz;Pa;Pa\n0,1;1250000;250000\n0,5;--;3\n1;2,5e6;7,5e5\n2;;\n"
-        "10;5,75e6;3,25e6\n3;4\n"
-    )
-    measured = read_moduli(write(tmp_path, text))
-    check(measured, OMEGA[:3], MODULUS[:3])
-    assert "Left out for a missing value: 3 row(s), line 4, 6, 8." in measured.history
-
-
 def test_a_table_makes_a_material_and_repeats_are_refused_by_line(tmp_path):
     measured = read_moduli(write(tmp_path, PLAIN))
     material = Tabulated(*measured.table())
@@ -367,6 +357,7 @@ def test_a_table_makes_a_material_and_repeats_are_refused_by_line(tmp_path):
             r"column 1 .f., where the frequency must lie between .* line 7 .'1e999'.",
         ),
         ("1,5, 2, 0,3", "5 entries in 3 columns: 1 row.s., line 7."),
+        ("1, --, 0.3", "a missing value: 1 row.s., line 7."),
     ],
 )
 def test_a_row_that_cannot_be_used_is_left_out_with_line_and_reason(tmp_path, row, sentence):

@@ -5,6 +5,7 @@ import tomllib
 
 import numpy as np
 import pytest
+from scenes import BARE
 
 import graded_contact as gc
 from graded_contact.files.prony_cards import FORMATS, export_prony
@@ -102,12 +103,7 @@ def test_csv_and_json_hold_every_digit(material):
 def test_a_toml_table_makes_the_same_material_in_a_scene(shift):
     material = gc.Prony(1e6 / 3, [2e9 / 3, 1e7 / 7], [1e-22 / 3, 1 / 3], 1 / 3, shift, RANGE)
     snippet = export_prony(material, "toml", name="my-rubber_2")
-    scene = (
-        '[surface]\nkind = "self_affine"\nrms_slope = 0.2\nhurst = 0.8\nq_roll = 2e4\n'
-        "q_high = 8e4\n[grid]\nshape = [32, 32]\nsize = 1e-3\n"
-        '[base]\nkind = "half_space"\nmaterial = "my-rubber_2"\n'
-        "[load]\npressure = 1e5\nvelocity = 1\n"
-    )
+    scene = BARE.replace('material = "tread"', 'material = "my-rubber_2"')
     found = parse_scene(scene + snippet).stack.base.material
     for field in ("equilibrium", "strengths", "times", "poisson"):
         assert np.array_equal(getattr(found, field), getattr(material, field))

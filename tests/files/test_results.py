@@ -9,7 +9,7 @@ import xarray
 
 import graded_contact as gc
 from graded_contact.core.quantities import OBSERVABLES
-from graded_contact.files.dataset import LOST, NOT_STARTED, attach, write, write_csv
+from graded_contact.files.dataset import LOST, NOT_STARTED, attach, write
 from graded_contact.files.results import (
     KEPT_FIELDS,
     contact_at,
@@ -58,8 +58,6 @@ def test_results_come_back_bit_for_bit(tmp_path, shape, dtype):
     np.testing.assert_array_equal(before.grid.size, after.grid.size)
     assert after.history == ("Read.", "Filled.") and after.steps[1].name == "resampled"
     assert after.steps == before.steps
-    with xarray.open_dataset(tmp_path / "a.h5", engine="h5netcdf") as opened:
-        assert opened.identical(results)
 
 
 def test_warnings_follow_from_the_numbers(tmp_path):
@@ -87,19 +85,6 @@ def test_fields_are_those_of_the_solves_that_were_kept():
         np.testing.assert_array_equal(surface.heights, results.contact_heights.values[at])
         assert not {"velocity", "pressure"} & {*fields.coords}
     assert kept_solves(last.drop_vars([*KEPT_FIELDS.values()])) == []
-
-
-def test_a_table_has_a_row_for_each_solve(tmp_path):
-    results = make_results()
-    write_csv(tmp_path / "a.csv", results)
-    head, *rows = (tmp_path / "a.csv").read_text().splitlines()
-    names = ["pressure", "velocity", *OBSERVABLES, "message"]
-    assert [word.partition(" [")[0] for word in head.split(",")] == names
-    assert head.startswith("pressure [Pa],velocity [m/s],friction [1],")
-    assert len(rows) == 6 and rows[2].endswith(",It stopped.") and ",nan," in rows[1]
-    np.testing.assert_array_equal(
-        [float(row.split(",")[2]) for row in rows], results.friction.values.ravel()
-    )
 
 
 def test_an_interrupted_write_leaves_the_earlier_file_and_nothing_else(tmp_path, monkeypatch):

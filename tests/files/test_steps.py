@@ -179,38 +179,3 @@ def test_ramps_at_several_frequencies_are_isotherms(tmp_path, column):
         tmp_path, ",".join(map("{} [{}]".format, NAMES, UNITS)) + "\n" + lines(rows, ",")
     )
     assert len(measured.abscissa) == 72 and np.max(measured.isotherm) == 7
-
-
-FRENCH = (
-    "Projet :\tSBR\nTest :\tBalayages\n\n{steps}",
-    "Résultat :\t{title}\n\nIntervalle et points de données :\t1\t{count}\n"
-    "Interval données :\tPoint No.\tTemps\t{names}\tDéformation de cisaillement\tCouple\t"
-    "Température\tÉtat\n\t\t\t\t\t\t\t\t\t\n"
-    "\t\t[s]\t[rad/s]\t[Pa]\t[Pa]\t[%]\t[mN·m]\t[°C]\t\n",
-)
-
-
-@pytest.mark.parametrize(
-    "names",
-    [
-        ("Pulsation", "Module de conservation", "Module de perte"),
-        ("Fréquence angulaire", "Module élastique", "Module visqueux"),
-    ],
-)
-def test_french_rheocompass(tmp_path, names):
-    whole, interval = FRENCH
-    text = ""
-    for title, rows in (
-        ("Balayage en amplitude 1", AMPLITUDE),
-        ("Balayage en fréquence 1", sweep()),
-    ):
-        text += interval.format(title=title, count=len(rows), names="\t".join(names))
-        for i, (omega, storage, loss, strain, celsius) in enumerate(rows, start=1):
-            cells = (i, 2 * i, omega, storage, loss, strain, 1.5, celsius)
-            text += "\t" + "\t".join(f"{x:.8g}" for x in cells).replace(".", ",") + "\tWMa\n"
-    (tmp_path / "essai.csv").write_text(whole.format(steps=text), encoding="utf-16")
-    measured = read_moduli(tmp_path / "essai.csv")
-    check_sweep(measured)
-    assert measured.deformation == "shear"
-    np.testing.assert_allclose(measured.temperature, 298.15)
-    noted(measured, "step 1 'Balayage en amplitude 1'")

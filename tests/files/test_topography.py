@@ -5,14 +5,12 @@ from pathlib import Path
 import jax
 import numpy as np
 import pytest
+from scenes import damaged
 
 from graded_contact import read_surface, surface_from_heights
 from graded_contact.fields.grid import Grid
-from graded_contact.friction.sliding import slide
-from graded_contact.response.stack import HalfSpace, Stack
-from graded_contact.rheology.library import tyre_tread
 from graded_contact.roughness.spectrum import SelfAffine
-from graded_contact.roughness.surface import Surface, random_surface, statistics, step
+from graded_contact.roughness.surface import random_surface, statistics, step
 
 DATA = Path(__file__).parents[3] / "shared" / "data" / "surfaces"
 ROAD = {"size": (5.0, 3.08), "unit": "m"}
@@ -223,30 +221,6 @@ def test_a_form_without_roughness_is_not_blown_up():
     factor = float(re.search(r"heights by (\S+) to", surface.history[-1]).group(1))
     assert factor == 1.1
     assert rough.caveats == () and any("when joined" in text for text in surface.caveats)
-
-
-@pytest.mark.slow
-def test_a_part_of_a_road_rubs_as_the_whole_does():
-    """Of 24 parts in the mean; the window is 10 % off (see `bench_cut.py`)."""
-    spectrum = SelfAffine(rms_slope=0.1, hurst=0.8, q_low=1.6e3, q_roll=3.8e4, q_high=1.5e5)
-    whole = random_surface(spectrum, Grid((256, 256), 4e-3), jax.random.key(0))
-    stack, rng = Stack(base=HalfSpace(tyre_tread())), np.random.default_rng(0)
-
-    @jax.jit
-    def friction(heights, size):
-        surface = Surface(heights, Grid(heights.shape, size))
-        return slide(stack, surface, pressure=5e4, velocity=1.0, rtol=1e-3, throw=False).friction
-
-    truth = float(friction(whole.heights, whole.grid.size))
-    found = {"harmonic": [], "window": []}
-    for _ in range(24):
-        at = rng.integers(256, size=2)
-        part = np.roll(np.asarray(whole.heights), -at, (0, 1))[:64, :64]
-        for way, values in found.items():
-            surface = surface_from_heights(part, 1e-3, periodic=way)
-            values.append(float(friction(surface.heights, surface.grid.size)))
-    off = {way: np.mean(values) / truth - 1 for way, values in found.items()}
-    assert abs(off["harmonic"]) < 0.04 < off["window"]
 
 
 def test_a_periodic_surface_is_unchanged_even_if_a_plane_fits_it():
@@ -636,23 +610,10 @@ def test_no_damage_to_a_file_brings_a_reader_down(tmp_path):
     np.savez(tmp_path / "a.npz", _rough((8, 9)))
     bare = {"unit": "um", "size": 1e-5}
     originals += [((tmp_path / name).read_bytes(), bare, name) for name in ("a.npy", "a.npz")]
-    tokens = (b"nan", b"1e999", b"-", b",", b";", b"\t", b"\n", b"\0", b"$", b"$$", b"*", b"#",
-              b"e", b"9" * 400, b"\xff", b"\xe2\x82", b'"', b"_", b"0x1", b"inf")  # fmt: skip
     refused = 0
     for case in range(500):
         content, arguments, name = originals[case % len(originals)]
-        content = bytearray(content)
-        for _ in range(rng.integers(1, 6)):
-            at = int(rng.integers(len(content) + 1))
-            match rng.integers(4):
-                case 0:
-                    content[at : at + 1] = bytes([rng.integers(256)])
-                case 1:
-                    content[at:at] = tokens[rng.integers(len(tokens))]
-                case 2:
-                    del content[at : at + int(rng.integers(1, 40))]
-                case 3:
-                    content = content[: max(at, 1)]
+        content = damaged(content, rng)
         (tmp_path / name).write_bytes(content)
         try:
             surface = read_surface(tmp_path / name, **arguments)

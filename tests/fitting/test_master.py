@@ -6,6 +6,7 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 import pytest
+from scenes import BARE
 from scipy.optimize import least_squares
 
 import graded_contact as gc
@@ -131,29 +132,11 @@ def misfit(material, curves, kind="frequency"):
     return np.sqrt(np.mean(np.concatenate(logs) ** 2))
 
 
-SCENE = """
-[surface]
-kind = "self_affine"
-rms_slope = 0.2
-hurst = 0.8
-q_roll = 2e4
-q_high = 8e4
-[grid]
-shape = [32, 32]
-size = 1e-3
-[base]
-kind = "half_space"
-material = "found"
-[load]
-pressure = 1e5
-velocity = 1
-"""
-
-
 def read_back(found):
     """The material that a scene makes of an exported one."""
     text = export_prony(found.exported(), "toml", name="found")
-    return parse_scene(SCENE + text).stack.base.material
+    scene = BARE.replace('material = "tread"', 'material = "found"')
+    return parse_scene(scene + text).stack.base.material
 
 
 def test_an_exported_material_is_as_near_to_every_isotherm_as_the_fit(bent_curve, curve):
@@ -173,7 +156,7 @@ def test_an_exported_material_is_as_near_to_every_isotherm_as_the_fit(bent_curve
 
 
 @pytest.mark.parametrize("kind", ["relaxation", "creep"])
-def test_moduli_in_time_are_handed_on_with_their_vertical_shifts(kind):
+def test_moduli_in_time_are_shifted_and_handed_on_with_their_vertical_shifts(kind):
     """Each isotherm of compliances is its b_T higher, moduli the reciprocal."""
     time, curves = np.geomspace(0.01, 10, 12), []
     for temperature in TEMPERATURES:
@@ -188,6 +171,7 @@ def test_moduli_in_time_are_handed_on_with_their_vertical_shifts(kind):
     error = found.fit.errors().total
     assert error < 0.02 and np.max(abs(np.asarray(found.vertical_shifts) - 1)) > 0.04
     np.testing.assert_allclose(misfit(found.material, curves, kind), error, rtol=1e-6)
+    np.testing.assert_allclose(found.log10_shifts, wlf(TEMPERATURES), atol=0.06)
 
 
 def test_a_law_that_fails_and_steps_of_decades_are_reported(bent_curve, curve):
@@ -251,21 +235,6 @@ def test_vertical_shifts_are_recovered_within_their_limits():
     assert np.all(np.abs(shift_error) <= 4 * along)
     without = master_curve(isotherms(vertical=0.05))
     assert without.fit.errors().total > 1.5 * curve.fit.errors().total
-
-
-@pytest.mark.parametrize("kind", ["relaxation", "creep"])
-def test_moduli_and_compliances_in_time_are_shifted(kind):
-    time, draw, curves = np.geomspace(0.01, 100, 15), np.random.default_rng(1), []
-    for temperature in TEMPERATURES:
-        decay = np.exp(-np.divide.outer(time / 10 ** wlf(temperature), TIMES))
-        exact = START + decay @ STRENGTHS
-        if kind == "creep":
-            exact = 1 / 2e8 + (1 - decay) @ (10 / STRENGTHS)
-        curves.append((temperature, time, exact * np.exp(0.01 * draw.standard_normal(15))))
-    curve = master_curve(curves, kind=kind, shift_std=0, terms=4)
-    np.testing.assert_allclose(curve.log10_shifts, wlf(TEMPERATURES), atol=0.06)
-    assert abs(curve.fit.errors().total - 0.01) < 0.003
-    assert curve.fit.data.kind == kind
 
 
 def test_the_reference_is_the_isotherm_nearest_to_it():

@@ -317,16 +317,6 @@ def test_what_lies_beyond_the_ends_is_no_contradiction():
     assert stated.errors().total < 0.004 and "The data limit" in stated.verdict()
 
 
-def test_isotherms_taken_for_one_are_named(tread):
-    omega = np.geomspace(0.1, 100, 10)
-    tyre = gc.tyre_tread()
-    several = [np.asarray(tyre.at(kelvin).modulus(omega)) for kelvin in (255.0, 270.0, 285.0)]
-    values = noisy(np.concatenate(several), 0.02)
-    fit = fit_prony(np.tile(omega, 3), values, terms=3, throw=False)
-    assert "isotherms of several temperatures, fit them with `master_curve`" in fit.verdict()
-    assert "master_curve" not in tread[2].verdict()
-
-
 def test_a_melt_gets_no_equilibrium_modulus_and_a_solid_keeps_its_own():
     values = noisy(modulus(OMEGA, 0.0, STRENGTHS, TIMES), 0.02)
     for melt in (values, values + 1e-7 * STRENGTHS[0]):
@@ -387,16 +377,6 @@ def test_limits_enclose_the_truth_as_often_as_they_say():
         lower, upper = (channels(np.asarray(limit)) for limit in fit.confidence(OMEGA, level=0.9))
         inside.append((lower < exact) & (exact < upper))
     assert 0.85 < np.mean(inside) < 0.95
-
-
-def test_limits_are_finite_when_unknowns_are_at_their_bounds(tread):
-    """The longest time of this fit is at the end of what the data can tell."""
-    omega, values, _ = tread
-    fit = fit_prony(omega, values, terms=11)
-    limits = [channels(np.asarray(limit)) for limit in fit.confidence(omega)]
-    middle = channels(young(fit.material, omega))
-    assert np.all(limits[0] < middle) and np.all(middle < limits[1])
-    assert np.all(np.log(limits[1] / limits[0]) < 0.5)
 
 
 def test_limits_end_where_the_data_end():

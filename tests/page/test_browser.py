@@ -139,18 +139,6 @@ def test_bad_things_are_refused_on_the_page(opened, served, tmp_path):
     page.close()
 
 
-def test_a_layer_is_added_and_the_scene_saved(opened, served):
-    page = opened()
-    page.get_by_text("Layers", exact=True).click()
-    page.get_by_role("button", name="Add layer").click()
-    page.get_by_role("button", name="Remove").nth(1).wait_for()
-    page.get_by_text("Save", exact=True).click()
-    page.get_by_role("button", name="Save scene").click()
-    page.get_by_text("Saved as").wait_for()
-    assert (served[1] / "explored.toml").read_text().count("[[layers]]") == 2
-    page.close()
-
-
 def test_ctrl_c_ends_the_server(served):
     process = served[2]
     process.send_signal(signal.SIGINT)

@@ -13,7 +13,6 @@ from graded_contact.files.schema import toml_text
 from graded_contact.page.document import (
     open_document,
     with_layer,
-    with_moduli,
     with_topography,
     without_layer,
 )
@@ -116,17 +115,6 @@ def test_layers_come_and_go(opened):
 def test_a_scene_without_motion_is_refused(opened):
     with pytest.raises(ValueError, match=r"scene.toml: \[load\] `velocity` is 0"):
         opened(changed("velocity = [0.01, 1.0]", "velocity = 0.0"))
-
-
-def test_a_table_of_moduli_replaces_a_material(opened, tmp_path):
-    table = tmp_path / "dma.csv"
-    rows = "\n".join(f"{f},{2 + math.log10(f):g},{0.3:g}" for f in (0.1, 1, 10, 100))
-    table.write_text(f"frequency (Hz),E' (MPa),E'' (MPa)\n{rows}\n")
-    scene = with_moduli(opened(TEXT), table, "tread").scene()
-    np.testing.assert_allclose(scene.stack.base.material.storage, [1e6, 2e6, 3e6, 4e6])
-    table.write_text(f"frequency (Hz),E' (MPa),E'' (MPa)\n{rows.replace('0.3', '-0.3')}\n")
-    with pytest.raises(ValueError, match=r"materials.tread"):
-        with_moduli(opened(TEXT), table, "tread").scene()
 
 
 def test_a_topography_needs_its_unit_and_its_size(opened, tmp_path):

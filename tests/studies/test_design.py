@@ -118,7 +118,6 @@ def test_a_design_stopped_at_any_step_resumes_to_the_same_result(tmp_path):
     # The same wherever the search starts: only the optimum differs.
     {"objective": lambda p: jnp.maximum(valley(p), 3)},
     {"constraints": lambda p: jnp.array([0.9 - (p["a"] + p["b"][0]) / 4])},
-    {"constraints": None},
 ])  # fmt: skip
 def test_a_search_never_takes_the_stored_values_of_another(tmp_path, changed):
     usual = {

@@ -12,7 +12,6 @@ from graded_contact.fields.grid import wave_frequencies
 from graded_contact.files.results import (
     contact_at,
     kept_solves,
-    state_of,
     warnings_of,
 )
 from graded_contact.files.scene import parse_scene, read_scene
@@ -50,18 +49,6 @@ def test_a_run_gives_what_slide_gives(scene, results):
     assert results.attrs["scene"] == TEXT
     assert results.attrs["seed"] == 3
     assert results.attrs["dtype"] == "float64"
-
-
-def test_a_solve_that_does_not_converge_is_kept_with_its_message():
-    scene = parse_scene(
-        changed("rtol = 1e-6", 'rtol = 1e-6\nmax_steps = 2\n[output]\nfields = "every"')
-    )
-    results = run_scene(scene)
-    assert np.all(results.message != "")
-    assert "max_steps" in results.message.values[1, 1]
-    assert np.all(results.error > 1e-6)
-    assert len(kept_solves(results)) == 4 and results.gap.shape == (2, 2, 32, 32)
-    assert results.attrs["num_converged"] == 0
 
 
 def test_the_direction_turns_the_velocity_from_the_x_axis():
@@ -146,25 +133,6 @@ def solved(monkeypatch):
 
     monkeypatch.setattr(Store, "write", noting)
     return calls
-
-
-def test_a_run_goes_on_from_its_store(scene, results, solved, tmp_path):
-    def interrupt(done, total):
-        if done == 3:
-            raise KeyboardInterrupt
-
-    counts = []
-    with Store(tmp_path) as store:
-        kept = run_scene(scene, store=store, progress=interrupt)
-        np.testing.assert_array_equal(state_of(kept), [["", ""], ["", "not started"]])
-        np.testing.assert_array_equal(kept.friction[0], results.friction[0])
-        names = results.point.values.ravel().tolist()
-        assert solved == names[:3]
-        again = run_scene(scene, store=store, progress=lambda *count: counts.append(count))
-        assert solved[3:] == names[3:] and counts == [(3, 4), (4, 4)]
-        assert again.identical(results)
-        assert run_scene(scene, store=store).identical(results)
-        assert len(solved) == 4
 
 
 def test_scenes_share_the_solves_that_they_have_in_common(scene, results, solved, tmp_path):

@@ -263,7 +263,9 @@ def test_tasks_hold_the_numbers_of_a_few_points(threads, monkeypatch):
     monkeypatch.setattr(threads, "submit", noted)
     function = lambda point: jnp.sum(heights * point["x"])  # noqa: E731
     axes = {"x": np.arange(20.0)}
-    assert same(sweep(function, axes, client=threads), sweep(function, axes))
+    whole = sweep(function, axes)
+    assert same(sweep(function, axes, client=threads), whole)
+    assert same(sweep(function, axes, client=threads.scheduler.address), whole)
     assert sizes[0] > heights.nbytes and max(sizes[1:]) < 2000
 
 
