@@ -14,9 +14,9 @@ import pytest
 from scenes import damaged
 from typer.testing import CliRunner
 
-import graded_contact as gc
 from graded_contact import cli
 from graded_contact.command import session
+from graded_contact.core.parameters import paths
 from graded_contact.files.design_scene import parse_design
 from graded_contact.files.scene import RandomSurface, parse_scene
 from graded_contact.studies.run_scene import check_scene as check_scene_memory
@@ -275,7 +275,7 @@ def check_scene(text: str, folder: Path) -> bool:
         assert isinstance(leaf, str) or np.all(np.isfinite(leaf))
     for name, material, known in scene.errors:
         assert "errors" in document["materials"][name]
-        assert {*known.paths} <= {*gc.parameters.paths(material)}
+        assert {*known.paths} <= {*paths(material)}
     if isinstance(scene.surface, RandomSurface):
         assert scene.surface.grid.shape == tuple(np.ravel(document["grid"]["shape"]).tolist())
         for name in ("rms_slope", "rms_height", "hurst", "q_high", "q_roll"):

@@ -53,7 +53,7 @@ def test_shapes_are_known_under_jit(ten_gigabytes):
         jax.eval_shape(friction, heights)
 
 
-def test_what_is_said_to_fit_does(ten_gigabytes):
+def test_a_grid_of_the_named_size_fits(ten_gigabytes):
     def needed(shape):
         return _memory.sliding_memory(shape, 8, 60, False, 5)
 

@@ -65,7 +65,7 @@ def test_a_profile_is_drawn_as_lines():
     figure.draw_without_rendering()
 
 
-def test_an_outlier_does_not_set_the_scale_and_the_bar_tells_of_it():
+def test_an_outlier_does_not_set_the_scale_and_the_bar_shows_it():
     fields, surface = make_fields((32, 32))
     without = plot_sliding(fields, surface)
     heights = surface.heights.at[3, 4].set(-1e-3)

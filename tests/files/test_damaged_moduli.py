@@ -10,7 +10,6 @@ from test_instrument_exports import EXPORTS, rheocompass, trios
 
 from graded_contact.files.moduli.reading import read_moduli
 
-DATA = Path(__file__).parents[3] / "shared" / "data" / "rheology"
 SEED = 20261
 CREEP = "Time [s];Shear strain [%];Shear stress [kPa]\n" + "".join(
     f"{10**i};{1 + i};2,0{i}\n" for i in range(6)
@@ -21,18 +20,6 @@ SAMPLES = {
     "rheocompass.csv": (rheocompass(decimal=",").encode("utf-16"), {}),
     "creep.csv": (CREEP.encode(), {}),
     "sweep.tts": (b"T=-35;Mw=2;\n" + b"".join(b"%d 1e5 2e%d 0\n" % (i, i) for i in range(9)), {}),
-}
-OPTIONS = {
-    "pp_stress_relaxation.csv": {"kind": "relaxation", "units": {"time": "s", "modulus": "Pa"}},
-    "vinylfoam_dma_raw.csv": {"units": {"modulus": "MPa"}},
-    "plazek1965_ps_creep_isotherms.csv": {
-        "kind": "creep",
-        "units": {"time": "s", "compliance": "cm2/dyn"},
-    },
-    **{
-        f"respect_time_test{i}.dat": {"kind": "relaxation", "units": {"time": "s", "modulus": "Pa"}}
-        for i in (1, 3, 6)
-    },
 }
 
 
@@ -65,17 +52,3 @@ def test_damaged_exports_are_read_or_refused(tmp_path, name):
     draw = np.random.default_rng([SEED, *name.encode()])
     for _ in range(20):
         check_damaged(tmp_path, name, damaged(content, draw), options)
-
-
-@pytest.mark.slow
-def test_damaged_measured_files_are_read_or_refused(tmp_path):
-    paths = sorted(DATA.glob("*")) if DATA.exists() else []
-    if not paths:
-        pytest.skip("the measured files are not beside this checkout")
-    draw, accepted = np.random.default_rng(SEED), 0
-    for i in range(1500):
-        path = paths[i % len(paths)]
-        options = OPTIONS.get(path.name, {})
-        content = damaged(path.read_bytes(), draw)
-        accepted += check_damaged(tmp_path, path.name, content, options)
-    assert 100 < accepted < 1400

@@ -377,7 +377,7 @@ def test_a_file_of_which_half_cannot_be_used_is_refused_with_the_reasons(tmp_pat
 TIME = np.array([0.1, 1.0, 10.0, 100.0])
 
 
-def test_creep_is_strain_over_a_held_stress(tmp_path):
+def test_creep_is_strain_over_a_constant_stress(tmp_path):
     strain = np.array([0.01, 0.02, 0.035, 0.05])
     names = ["Step time [min]", "Shear strain [%]", "Shear stress [kPa]", "Time [min]"]
     columns = [TIME, 100 * strain, [2.0, 2.01, 1.99, 2.0], TIME + 7]
@@ -406,7 +406,7 @@ def test_a_constant_stress_may_stand_above_the_table(tmp_path):
         read_moduli(write(tmp_path, text.replace("stress", "load")))
 
 
-def test_relaxation_is_stress_over_a_held_strain(tmp_path):
+def test_relaxation_is_stress_over_a_constant_strain(tmp_path):
     stress = np.array([9.0, 5.0, 3.0, 2.0])
     path = written(
         tmp_path, ["Time [s]", "Stress [MPa]", "Strain [%]"], [TIME, stress, [0.5, 0.5, 0.5, 0.501]]
@@ -518,7 +518,7 @@ def test_several_files_are_isotherms_of_one_material(tmp_path):
 # Refusals, each with the file and the remedy.
 
 
-def test_all_that_is_missing_is_asked_for_in_one_message(tmp_path):
+def test_one_message_names_all_that_is_missing(tmp_path):
     text = "A,B,A,B\n1,2e-9,1,3e-9\n2,3e-9,2,4e-9\n"
     with pytest.raises(ValueError, match=r"table.csv") as refusal:
         read_moduli(write(tmp_path, text))

@@ -194,7 +194,7 @@ def test_a_table_makes_a_material_with_its_path_beside_the_scene(tmp_path):
         parse_scene(tabulated("plateau"), tmp_path / "elsewhere")
 
 
-def test_columns_and_units_of_a_table_can_be_told(tmp_path):
+def test_columns_and_units_of_a_table_can_be_stated(tmp_path):
     write(tmp_path, "T;loss;omega;x\n20;4;10;30\n20;5;11;31\n")
     text = tabulated("plateau") + (
         '[materials.coat.columns]\nstorage = "x"\ntemperature = "T"\n'

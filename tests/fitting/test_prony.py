@@ -146,7 +146,7 @@ def test_no_other_least_squares_gets_lower(kind):
         1 + np.iscomplexobj(values))), rtol=1e-9)  # fmt: skip
 
 
-def test_given_times_are_kept_and_their_strengths_the_best_that_are_not_negative(tread):
+def test_given_times_get_the_best_strengths_that_are_not_negative(tread):
     """Non-negative least squares of relative errors is nearly as good in logarithms."""
     omega, values, _ = tread
     times = np.geomspace(1e-8, 1e2, 15)
@@ -241,7 +241,7 @@ def test_outliers_hardly_move_a_huber_fit(tread):
 
 
 @pytest.mark.parametrize("kind", FITS)
-def test_known_ends_are_kept(kind):
+def test_known_ends_are_met(kind):
     x, values = measured(kind)
     truth = FITS[kind](x, values).material
     low, high = 0.9 * float(truth.equilibrium), 1.2 * float(truth.glassy)
@@ -487,7 +487,7 @@ def test_ten_thousand_points_are_fitted_like_eighty():
     assert spread(fit, truth, np.geomspace(1e-2, 1e6, 80)) < 0.03
 
 
-def test_more_terms_than_the_data_tell_apart_stay_harmless(tread):
+def test_more_terms_than_the_data_determine_do_no_harm(tread):
     omega, values, fit = tread
     long = fit_prony(omega, values, terms=40)
     assert long.errors().total <= fit.errors().total
@@ -575,7 +575,7 @@ def test_creep_gives_no_glassy_modulus_beyond_what_its_first_strain_can_show():
     assert "E_inf is not determined" not in stated.report()
 
 
-def test_what_needs_known_values_says_so():
+def test_traced_values_are_refused_where_known_ones_are_needed():
     _, values = measured("frequency")
     start = fit_relaxation(*measured("relaxation"), terms=3)
     with pytest.raises(ValueError, match="`start` is a fit of kind 'relaxation'"):

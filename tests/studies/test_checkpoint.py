@@ -65,7 +65,7 @@ def test_a_killed_solve_goes_on(tmp_path, problem, undisturbed):
     assert found.contact.num_steps < undisturbed.contact.num_steps - 10
 
 
-def test_what_cannot_be_kept_or_read_costs_no_solve(tmp_path, problem, undisturbed, monkeypatch):
+def test_what_cannot_be_stored_or_read_costs_no_solve(tmp_path, problem, undisturbed, monkeypatch):
     block, road, given = problem
     full = OSError(28, "No space left on device")
 
@@ -107,7 +107,7 @@ def test_the_pressure_of_another_problem_is_not_taken(tmp_path, problem):
         checkpointed(tmp_path, solve, block, road, **given)
 
 
-def test_a_contact_alone_goes_on_from_the_pressure_that_was_kept(tmp_path, problem):
+def test_a_contact_alone_goes_on_from_the_stored_pressure(tmp_path, problem):
     block, road, _ = problem
     kernel = gc.stack_kernel(block, road.grid, 0.1)
     given = {"pressure": 2e5, "rtol": 1e-8}

@@ -21,7 +21,7 @@ def valley(p):
     return 0.5 + jnp.log(a / 2) ** 2 + 10 * jnp.log(a * b / 6) ** 2
 
 
-def test_a_smooth_minimum_is_found_and_held_parameters_stay():
+def test_a_smooth_minimum_is_found_and_constant_parameters_stay():
     design = minimise(valley, LOW, HIGH, num_starts=3)
     assert design.converged
     np.testing.assert_allclose(design.parameters["a"], 2, rtol=1e-3)
@@ -167,7 +167,7 @@ def test_scatter_of_a_power_law_is_lognormal():
     np.testing.assert_allclose(alone, 0.5, rtol=1e-12)
 
 
-def test_a_coat_gives_the_friction_asked_for():
+def test_a_coat_gives_the_required_friction():
     spectrum = gc.SelfAffine(rms_slope=0.1, hurst=0.8, q_low=600.0, q_roll=2e3, q_high=6e4)
     rubber = gc.Prony(1e6, [4e6, 2e7], [1e-2, 1e-4], 0.49)
 

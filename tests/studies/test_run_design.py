@@ -116,7 +116,7 @@ def test_limits_hold_for_the_written_stack(designed):
     np.testing.assert_array_equal(stack.base.material.strengths, own.base.material.strengths)
 
 
-def test_contact_on_other_surfaces_has_the_friction_asked_for(designed):
+def test_contact_on_other_surfaces_has_the_required_friction(designed):
     """Surfaces drawn here; a coat's gain scatters much less over them than friction itself."""
     source = parse_design(DESIGN).scene.surface
     surface = gc.random_surface(source.spectrum, source.grid, jax.random.key(77))
@@ -159,7 +159,7 @@ def came_to(reached, *, verify=0, text=DESIGN, outside=0.0):
     return DesignResults(study, design, None, candidates)
 
 
-def test_a_ratio_out_of_reach_is_said_in_table_file_and_exit_code(tmp_path, monkeypatch):
+def test_a_ratio_out_of_reach_is_reported_in_table_file_and_exit_code(tmp_path, monkeypatch):
     results = came_to([4.99], text=DESIGN.replace("ratio = 1.3", "ratio = 16"))
     monkeypatch.setattr(session, "cache_folder", lambda: None)
     monkeypatch.setattr(design_job, "run_design", lambda *_, **__: results)

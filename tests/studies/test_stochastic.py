@@ -105,7 +105,7 @@ def test_the_same_seed_gives_the_same_design_and_a_cut_off_run_goes_on(tmp_path)
     assert other.value != whole.value
 
 
-def test_what_has_not_converged_is_said():
+def test_what_has_not_converged_is_reported():
     design = minimise_expected(bowl, LOW, HIGH, num_steps=8, num_checks=200, rtol=1e-3)
     assert not design.converged
     assert "raise `num_steps`" in design.report()
