@@ -1,26 +1,22 @@
-"""Figures are made without a display, with axes named and in units that suit their size."""
+"""Figures without a display: one style, units in every label, and in them what was computed."""
 
+import base64
+import math
+import re
 from typing import NamedTuple
 
 import jax.numpy as jnp
+import matplotlib
 import numpy as np
 import pytest
 import xarray
+from scipy.integrate import trapezoid
 
 import graded_contact as gc
 from graded_contact.core.display import unit_of
 from graded_contact.core.quantities import OBSERVABLES
 from graded_contact.files.dataset import attach
 from graded_contact.files.results import surface_variables
-from graded_contact.plot import (
-    plot_compare,
-    plot_fit,
-    plot_reduced,
-    plot_response,
-    plot_sensitivity,
-    plot_sliding,
-    plot_sweep,
-)
 from graded_contact.studies.uncertainty import Sensitivity
 
 
@@ -50,7 +46,7 @@ def make_fields(shape):
 
 def test_maps_have_units_with_x_to_the_right_and_y_upwards():
     fields, surface = make_fields((8, 16))
-    figure = plot_sliding(fields, surface)
+    figure = gc.plot.plot_sliding(fields, surface)
     image = figure.axes[0].images[0]
     heights = np.asarray(surface.heights - np.mean(surface.heights))
     np.testing.assert_allclose(image.get_array(), 1e6 * heights.T)
@@ -60,17 +56,17 @@ def test_maps_have_units_with_x_to_the_right_and_y_upwards():
 
 
 def test_a_profile_is_drawn_as_lines():
-    figure = plot_sliding(*make_fields((16,)))
+    figure = gc.plot.plot_sliding(*make_fields((16,)))
     assert [axes.get_ylabel().split("\n")[1] for axes in figure.axes] == ["[µm]", "[MPa]", "[µm]"]
     figure.draw_without_rendering()
 
 
 def test_an_outlier_does_not_set_the_scale_and_the_bar_shows_it():
     fields, surface = make_fields((32, 32))
-    without = plot_sliding(fields, surface)
+    without = gc.plot.plot_sliding(fields, surface)
     heights = surface.heights.at[3, 4].set(-1e-3)
     fields.pressure[5, 6], fields.gap[5, 6] = 2e9, 0.0
-    figure = plot_sliding(fields, gc.Surface(heights, surface.grid))
+    figure = gc.plot.plot_sliding(fields, gc.Surface(heights, surface.grid))
     for before, after in zip(without.axes[:2], figure.axes[:2], strict=False):
         (low, high), (least, most) = (axes.images[0].get_clim() for axes in (before, after))
         assert most - least < 2 * (high - low)
@@ -80,7 +76,7 @@ def test_an_outlier_does_not_set_the_scale_and_the_bar_shows_it():
 @pytest.mark.parametrize("velocity", [-0.3, (-3.0, 4.0)])
 def test_an_arrow_points_along_the_velocity(velocity):
     shape = (8, 32)  # whose panels have unlike scales
-    figure = plot_sliding(*make_fields(shape), velocity)
+    figure = gc.plot.plot_sliding(*make_fields(shape), velocity)
     (arrow,) = figure.axes[1].texts
     assert arrow.get_text() == "sliding"
     assert arrow.xycoords is arrow.anncoords  # in points, unlike the units of the axes
@@ -98,7 +94,7 @@ def test_a_sweep_has_one_line_per_pressure_and_marks_what_failed(velocity, scale
     doubts = ("slope_in_contact", "unmeasured_area", "unmeasured_friction", "extrapolated_friction")
     values |= dict.fromkeys(doubts, np.array([[0.0, 0.0, 0.0], [0.0, 0.0, 0.2]]))
     axes = {"pressure": np.array([1e5, 2e6]), "velocity": np.array(velocity)}
-    figure = plot_sweep(make_results(axes, values, message))
+    figure = gc.plot.plot_sweep(make_results(axes, values, message))
     for axes, label in zip(figure.axes, ["friction coefficient", "contact area"], strict=True):
         assert axes.get_xscale() == scale and axes.get_ylabel().startswith(label)
         lines = [line for line in axes.lines if line.get_linestyle() == "-"]
@@ -137,7 +133,7 @@ def straight(axes):
 
 def test_seeds_are_a_band_paths_are_colours_and_temperatures_dashes():
     results = made(VARIED, failing=[(0, 0, 1, 0, 0)])
-    figure = plot_sweep(results)
+    figure = gc.plot.plot_sweep(results)
     axes = figure.axes[0]
     lines = straight(axes)
     assert len(lines) == 6 and len(axes.collections) == 6
@@ -152,22 +148,24 @@ def test_seeds_are_a_band_paths_are_colours_and_temperatures_dashes():
 
 
 def test_reduced_velocities_shift_each_temperature():
-    axes = plot_reduced(made(VARIED, names=["reduced_velocity"])).axes[0]
+    axes = gc.plot.plot_reduced(made(VARIED, names=["reduced_velocity"])).axes[0]
     np.testing.assert_allclose(straight(axes)[0].get_xdata(), [1e-22, 1e-21, 1e-20, 1e-19])
     with pytest.raises(ValueError, match=r"At 300 K"):
-        plot_reduced(made(VARIED))
+        gc.plot.plot_reduced(made(VARIED))
 
 
 def test_results_are_compared_by_colour_and_only_over_the_same_axes():
     bare = made({"seed": [0, 1], "pressure": [1e5, 2e5], "velocity": [0.1, 1.0]})
     coated = made({"pressure": [1e5, 2e5], "velocity": [0.1, 1.0, 10.0]})
-    axes = plot_compare([bare, coated], ["bare", "coated"]).axes[0]
+    axes = gc.plot.plot_compare([bare, coated], ["bare", "coated"]).axes[0]
     assert len({line.get_color() for line in straight(axes)}) == 2
     with pytest.raises(ValueError, match=r"'warm' varies `temperature`.*'bare' `pressure`"):
-        plot_compare([bare, made({**VARIED, "layers[0].thickness": [1e-5]})], ["bare", "warm"])
+        gc.plot.plot_compare(
+            [bare, made({**VARIED, "layers[0].thickness": [1e-5]})], ["bare", "warm"]
+        )
     slow = bare.assign_coords(velocity=bare.velocity.assign_attrs(units="mm/s"))
     with pytest.raises(ValueError, match=r"'slow' has `velocity` in mm/s, and 'bare' in m/s"):
-        plot_compare([bare, slow], ["bare", "slow"])
+        gc.plot.plot_compare([bare, slow], ["bare", "slow"])
 
 
 def test_standard_errors_are_bars():
@@ -175,7 +173,7 @@ def test_standard_errors_are_bars():
     results = made(axes)
     error = np.array([[0.1, 0.2, 0.3]])
     known = results.assign(friction_standard_error=(("pressure", "velocity"), error))
-    bars, plain = (plot_sweep(one).axes for one in (known, results))
+    bars, plain = (gc.plot.plot_sweep(one).axes for one in (known, results))
     (container,) = bars[0].containers
     ends = np.array([path.vertices[:, 1] for path in container[2][0].get_paths()])
     np.testing.assert_allclose(ends, results.friction.values.T + error.T * [-1, 1])
@@ -185,7 +183,7 @@ def test_standard_errors_are_bars():
 def test_the_response_of_a_half_space_is_its_modulus_and_loss_tangent():
     tread = gc.tyre_tread()
     q = np.geomspace(1e2, 1e6, 20)
-    figure = plot_response(gc.Stack(base=gc.HalfSpace(tread)), q, [0.1, 1.0])
+    figure = gc.plot.plot_response(gc.Stack(base=gc.HalfSpace(tread)), q, [0.1, 1.0])
     stiffness, loss = figure.axes
     modulus = np.asarray(tread.modulus(q * 0.1))
     np.testing.assert_allclose(stiffness.lines[0].get_ydata(), np.abs(modulus) / 0.75, rtol=1e-12)
@@ -195,9 +193,9 @@ def test_the_response_of_a_half_space_is_its_modulus_and_loss_tangent():
 def test_the_response_refuses_bad_arguments():
     stack = gc.Stack(base=gc.HalfSpace(gc.tyre_tread()))
     with pytest.raises(ValueError, match="`q` has shape"):
-        plot_response(stack, 1e3, 1.0)
+        gc.plot.plot_response(stack, 1e3, 1.0)
     with pytest.raises(ValueError, match="`velocity"):
-        plot_response(stack, np.array([1e3]), 0.0)
+        gc.plot.plot_response(stack, np.array([1e3]), 0.0)
 
 
 def test_a_fit_shows_points_series_limits_and_residuals():
@@ -205,7 +203,7 @@ def test_a_fit_shows_points_series_limits_and_residuals():
     values = np.asarray(tread.modulus(omega)) * np.exp(0.05 * np.sin(np.arange(20)))
     values[3] = values[3].real + 1j * np.nan
     fit = gc.fit_prony(omega, values, terms=4)
-    figure = plot_fit(fit)
+    figure = gc.plot.plot_fit(fit)
     above, below = figure.axes
     points, line = above.lines[2], above.lines[3]  # of the loss modulus
     assert len(points.get_xdata()) == 19 and line.get_label() == "loss modulus"
@@ -224,13 +222,13 @@ def test_a_fit_shows_points_series_limits_and_residuals():
 def test_a_fit_in_time_shows_what_was_measured():
     time = np.append(0.0, np.geomspace(1e-2, 1e2, 20))
     modulus = 1e6 + 4e6 * np.exp(-time)
-    relaxation = plot_fit(gc.fit_relaxation(time, modulus, terms=1)).axes[0]
+    relaxation = gc.plot.plot_fit(gc.fit_relaxation(time, modulus, terms=1)).axes[0]
     np.testing.assert_allclose(
         relaxation.lines[1].get_ydata(), 1e6 + 4e6 * np.exp(-relaxation.lines[1].get_xdata())
     )
     for known in ({}, {"equilibrium": 0}):
         compliance = 1e-6 - 8e-7 * np.exp(-time / 5) + (2e-8 * time if known else 0)
-        creep = plot_fit(gc.fit_creep(time, compliance, terms=1, **known)).axes[0]
+        creep = gc.plot.plot_fit(gc.fit_creep(time, compliance, terms=1, **known)).axes[0]
         assert creep.get_ylabel() == "compliance [1/Pa]"
         x = creep.lines[1].get_xdata()
         exact = 1e-6 - 8e-7 * np.exp(-x / 5) + (2e-8 * x if known else 0)
@@ -249,9 +247,184 @@ def test_units_suit_the_size(largest, unit):
 def test_a_sensitivity_is_drawn_by_channel_with_units():
     omega = np.geomspace(1.0, 1e4, 5)
     one = Sensitivity(*map(jnp.asarray, (omega, -np.linspace(0, 1, 5), np.linspace(0, 2, 5))))
-    figure = plot_sensitivity({"slow": one, "fast": one})
+    figure = gc.plot.plot_sensitivity({"slow": one, "fast": one})
     loss, storage = figure.axes
     for axes, values in ((loss, one.loss), (storage, one.storage)):
         for line in axes.lines[:2]:
             np.testing.assert_array_equal(line.get_xdata(), omega)
             np.testing.assert_array_equal(line.get_ydata(), values)
+
+
+BARE = ("", "evaluation", "objective", "constraint (0 or more allowed)")  # labels without a unit
+
+
+def check_labels(figure):
+    """Every axis has a label, and that a unit."""
+    for axes in figure.axes:
+        for label in (axes.get_xlabel(), axes.get_ylabel()):
+            assert label in BARE or re.search(r"\[[^\]]+\]", label), label
+        shown = [axes.get_xlabel(), axes.get_ylabel()]
+        assert any(shown), "a panel without labels"
+
+
+def disc(n=40):
+    """A round contact of radius 1 m, a quarter of the cell's edge."""
+    x = (np.arange(n) + 0.5) * 4 / n
+    r = np.hypot(*np.meshgrid(x - 2, x - 2, indexing="ij"))
+    pressure, gap = 2e6 * np.maximum(1 - r**2, 0), 1e-6 * np.maximum(r**2 - 1, 0)
+    return Fields(pressure, gap, 0 * gap), gc.Surface(-1e-6 * r**2, gc.Grid((n, n), 4.0))
+
+
+def test_a_figure_is_the_same_whatever_the_user_has_set_and_leaves_that_alone(tmp_path):
+    def drawn(name):
+        gc.plot.plot_outline(*disc()).savefig(tmp_path / name)
+        return (tmp_path / name).read_bytes()
+
+    plain = drawn("plain.svg")
+    with matplotlib.rc_context({"font.size": 30, "axes.facecolor": "black", "svg.hashsalt": "a"}):
+        before = dict(matplotlib.rcParams)
+        other = drawn("other.svg")
+        assert dict(matplotlib.rcParams) == before
+    dates = re.compile(rb"<dc:date>.*?</dc:date>")
+    assert dates.sub(b"", plain) == dates.sub(b"", other)
+
+
+def test_fonts_in_a_pdf_are_truetype(tmp_path):
+    gc.plot.plot_outline(*disc()).savefig(tmp_path / "a.pdf")
+    content = (tmp_path / "a.pdf").read_bytes()
+    assert b"/FontFile2" in content and b"/Type3" not in content
+
+
+def test_the_outline_of_a_contact_runs_between_its_points_and_the_others():
+    figure = gc.plot.plot_outline(*disc())
+    check_labels(figure)
+    axes = figure.axes[0]
+    (outline,) = axes.collections[0].get_paths()
+    radius = np.hypot(*(outline.vertices - 2).T)
+    np.testing.assert_allclose(radius, 1, atol=0.05)  # half a spacing
+    assert axes.get_xlabel() == "$x$ [m]" and figure.axes[1].get_ylabel().endswith("[µm]")
+
+
+def theory(mean=4e5, spread=9e5):
+    """A mean field whose pressure has spread this far."""
+    zero = jnp.zeros(())
+    curve = gc.contacts.CutoffCurve(jnp.array([1.0, 2.0]), jnp.zeros(2))
+    variance = jnp.array([0.0, spread**2])
+    return gc.contacts.MeanField(zero, zero, curve, variance, jnp.array(mean), zero, zero)
+
+
+def test_distributions_enclose_the_area_and_perssons_the_mean_pressure():
+    """∫P dσ = erf(σ0/√(2V)) and ∫σ P dσ = σ0, in closed form."""
+    fields, _ = disc()
+    figure = gc.plot.plot_distributions(fields, theory())
+    check_labels(figure)
+    pressure, gap = figure.axes
+    touching = np.mean(fields.pressure > 0)
+    for axes, share in ((pressure, touching), (gap, 1 - touching)):
+        steps = axes.patches[1].get_data()
+        np.testing.assert_allclose(np.sum(steps.values * np.diff(steps.edges)), share, rtol=5e-3)
+    stress, density = pressure.lines[0].get_data()
+    assert pressure.get_xlabel().endswith("[MPa]")
+    area, load = trapezoid(density, stress), trapezoid(stress * density, stress)
+    np.testing.assert_allclose(area, math.erf(4e5 / 9e5 / math.sqrt(2)), rtol=1e-3)
+    np.testing.assert_allclose(load, 0.4, rtol=1e-3)
+    assert not gc.plot.plot_distributions(fields).axes[0].lines
+
+
+def test_dissipation_is_the_slope_of_the_friction_and_encloses_it():
+    q = np.geomspace(1e3, 1e6, 64)
+    curve = gc.contacts.CutoffCurve(jnp.asarray(q), jnp.asarray(0.1 * np.log(q / 1e3)))
+    figure = gc.plot.plot_dissipation({"contact": curve, "mean field": curve})
+    check_labels(figure)
+    total, each = figure.axes
+    np.testing.assert_allclose(total.lines[0].get_ydata(), curve.friction)
+    steps = each.patches[0].get_data()
+    np.testing.assert_allclose(steps.values, 0.1, rtol=1e-6)
+    assert len(steps.edges) == 31 and steps.edges[0] == 1e3
+
+
+OMEGA, TEMPERATURES = np.geomspace(0.1, 10, 6), (290.0, 300.0, 310.0)
+MATERIAL = gc.Prony(1e6, [1e7, 5e7], [1e-1, 1e-3], shift=gc.WLF(6.0, 110.0, 300.0))
+MODULI = [t / 300 * np.asarray(MATERIAL.at(t).modulus(OMEGA)) for t in TEMPERATURES]
+
+
+@pytest.fixture(scope="module")
+def curve():
+    isotherms = [(t, OMEGA, values) for t, values in zip(TEMPERATURES, MODULI, strict=True)]
+    return gc.master_curve(isotherms, vertical_shift_std=0.1, terms=2)
+
+
+def test_a_master_curve_shows_isotherms_before_and_after_shifts_and_law(curve):
+    figure = gc.plot.plot_master_curve(curve)
+    check_labels(figure)
+    before, after, along, across = figure.axes
+    for line, values in zip(before.lines, MODULI, strict=False):
+        np.testing.assert_allclose(line.get_data(), (OMEGA, values.real))
+    for panel in (before, after):
+        assert len({tuple(line.get_color()) for line in panel.lines[:3]}) == 3
+    moved = [line.get_xdata() for line in after.lines[:3]]
+    factors = 10 ** np.asarray(curve.log10_shifts)
+    np.testing.assert_allclose(moved, factors[:, None] * OMEGA, rtol=1e-9)
+    points = [line for axes in (along, across) for line in axes.lines if len(line.get_xdata()) == 1]
+    drawn = {(float(p.get_xdata()[0]), float(p.get_ydata()[0])) for p in points}
+    for values in (curve.log10_shifts, curve.vertical_shifts):
+        assert drawn >= set(zip(TEMPERATURES, map(float, values), strict=True))
+    law = next(line for line in along.lines if line.get_label() == "WLF")
+    np.testing.assert_allclose(law.get_ydata()[-1], np.log10(curve.law.factor(310.0)), rtol=1e-6)
+
+
+def test_a_van_gurp_palmen_plot_shows_phase_angles_as_measured(curve, tmp_path):
+    rows = [f"{t - 273.15},{w / 2 / np.pi},{e.real / 1e6},{e.imag / 1e6}"
+            for t, values in zip(TEMPERATURES, MODULI, strict=True)
+            for w, e in zip(OMEGA, values, strict=True)]  # fmt: skip
+    (tmp_path / "a.csv").write_text("\n".join(["T [°C],f [Hz],E' [MPa],E'' [MPa]", *rows]))
+    for isotherms in (curve, gc.read_moduli(tmp_path / "a.csv")):
+        figure = gc.plot.plot_van_gurp_palmen(isotherms)
+        check_labels(figure)
+        axes, bar = figure.axes
+        assert bar.get_ylabel() == "temperature [K]" and axes.get_xlabel() == "$|E^*|$ [MPa]"
+        for line, values in zip(axes.lines, MODULI, strict=False):
+            size, angle = line.get_data()
+            np.testing.assert_allclose(1e6 * size, np.abs(values), rtol=1e-9)
+            np.testing.assert_allclose(angle, np.rad2deg(np.angle(values)), rtol=1e-9)
+    time = np.geomspace(1e-2, 1e2, 9)
+    relaxing = [(t, time, 1e6 + t * 1e3 * np.exp(-time)) for t in TEMPERATURES[:2]]
+    relaxation = gc.master_curve(relaxing, kind="relaxation", terms=1, shift_std=0)
+    with pytest.raises(ValueError, match=r"`isotherms` is of kind 'relaxation'"):
+        gc.plot.plot_van_gurp_palmen(relaxation)
+
+
+def test_the_history_of_a_design_shows_what_was_tried():
+    design = gc.minimise(
+        lambda x: (jnp.log(x["a"]) - 1) ** 2 + x["b"],
+        {"a": 0.1, "b": 0.5}, {"a": 10.0, "b": 2.0},
+        constraints=lambda x: 1 - x["a"] / 2, num_starts=2,
+    )  # fmt: skip
+    figure = gc.plot.plot_history(design)
+    check_labels(figure)
+    value, limits, parameters = figure.axes
+    assert len(value.lines) == 2
+    history = design.best.history
+    assert len(history.values) == design.best.num_evaluations
+    np.testing.assert_allclose(
+        history.values, (np.log(history.parameters[:, 0]) - 1) ** 2 + history.parameters[:, 1]
+    )
+    np.testing.assert_allclose(history.margins[:, 0], 1 - history.parameters[:, 0] / 2)
+    np.testing.assert_array_equal(limits.lines[0].get_ydata(), history.margins[:, 0])
+    shown = {line.get_label(): line.get_ydata() for line in parameters.lines}
+    np.testing.assert_allclose(shown["a"], history.parameters[:, 0] / design.parameters["a"])
+
+
+def test_a_slider_holds_every_figure_and_shows_the_middle_one_without_html():
+    def draw(radius):
+        fields, surface = disc(16)
+        return gc.plot.plot_outline(fields, gc.Surface(radius * surface.heights, surface.grid))
+
+    shown = gc.plot.slider(draw, [1.0, 2.0, 4.0], "radius [µm]")
+    bundle = shown._repr_mimebundle_()
+    assert bundle["text/html"].count("<img") == 3 and bundle["text/html"].count(" hidden>") == 2
+    assert "<output>radius [µm]: 2</output>" in bundle["text/html"]
+    assert base64.b64decode(bundle["image/png"]) == shown.pictures[1]
+    assert all(picture.startswith(b"\x89PNG") for picture in shown.pictures)
+    with pytest.raises(ValueError, match="`values` has shape"):
+        gc.plot.slider(draw, [], "radius [µm]")
