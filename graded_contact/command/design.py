@@ -26,7 +26,7 @@ def design(
     dry_run: DryRun = False,
     form: FigureFormat = Format.PNG,
 ) -> None:
-    r"""Designs the block of a scene with a table \[design]: prints it before and after.
+    r"""Designs the block of a scene with a table \[design]: prints the block before and after.
 
     Each evaluation and each verified surface is kept: after an interruption the same command goes
     on from there.

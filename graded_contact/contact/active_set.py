@@ -1,4 +1,4 @@
-"""Pressures on a known set of points, for the Newton steps of `semismooth_newton.py`.
+"""Pressures on a given set of points, for the Newton steps of `semismooth_newton.py`.
 
 Of the solid K + λ with the heights h and the mean pressure p̄, on the set A of points in contact:
 
@@ -88,9 +88,9 @@ def pressure_on(
 
 
 def most_eliminated(field: Array) -> int:
-    """Returns up to how many points of a field are eliminated: as fast as some forty FFT pairs.
+    """Returns the largest number of points to eliminate, in the time of about forty FFT pairs.
 
-    None of one that lies over several devices: that would gather it.
+    It is 0 for a field over several devices, because elimination would gather the field.
     """
     if num_devices(field) > 1:
         return 0

@@ -1,8 +1,8 @@
-"""How far a contact is from the exact one: the errors of pressure, gap and all that follows.
+"""The errors of a contact: of pressure, gap and every number computed from them.
 
 A solver returns a pressure y of the law. Under y the solid opens the gap u = M y - h + c. With P,
 the proximal map of the law at the penalty ρ, the contact is exact where the residual
-R = P(y - ρu) - y vanishes. Else Newton's method asks for the change
+R = P(y - ρu) - y vanishes. Otherwise Newton's method gives the change
 
     (1 - s) dσ + ρ s (M dσ + dc) = R,        s = P'(y - ρu): at a hard wall 1 in contact, else 0.
 
@@ -210,7 +210,7 @@ def _scaled(inputs: Inputs, found: SolverOutput):
 
 @eqx.filter_jit
 def error_step(inputs: Inputs, found: SolverOutput) -> SolverOutput:
-    """Returns the contact under a given load after one step from what a solver found."""
+    """Returns the contact under a given load, one Newton step after the result of a solver."""
     kernel, law, penalty = _scaled(inputs, found)
     load = inputs.loading.pressure
     assert load is not None

@@ -27,7 +27,7 @@ Bound = Float[Array, ""] | float
 
 
 class AbstractLaw(eqx.Module):
-    """What the contact solvers need of a law.
+    """The law of contact, as the solvers use it.
 
     `attracts` is whether σ rises with u anywhere: then solutions depend on history.
     """

@@ -1,4 +1,4 @@
-"""The fast solver: nested grids, on each the splitting and, where it is slow, Newton steps.
+"""The fast solver: splitting on nested grids, and Newton steps where the splitting is slow.
 
     for each grid, from the coarsest to the finest:
         start     the pressure of the grid before (or springs), a draft in single precision
@@ -139,7 +139,7 @@ class DouglasRachford(AbstractContactSolver):
 
 
 class GridSettings(NamedTuple):
-    """What is done on a grid, static except `rtol`."""
+    """Settings of the solve on one grid, static except `rtol`."""
 
     share: float  # of its points, of those of the finest grid
     finest: bool
@@ -173,7 +173,7 @@ class GridProblem(eqx.Module):
         return self.unit / self.penalty
 
     def scaled_heights(self, factor: Factor = 1.0) -> Float[Array, "*shape"]:
-        """Those of zero mean."""
+        """Returns the dimensionless heights, of zero mean."""
         scale = factor / self.length
         # Scaled first: else a loop would store another field.
         return scale * self.heights - scale * jnp.mean(self.heights)

@@ -1,4 +1,4 @@
-"""The second gear of the splitting: semismooth Newton steps for hard walls, where it is slow.
+"""Semismooth Newton steps for hard walls, where the splitting is slow.
 
 Where a small contact carries the load, or moduli differ a thousandfold, the splitting takes
 thousands of steps to find which points are in contact. A Newton step takes that set A as known, and
@@ -37,7 +37,7 @@ _CLOSER = 3e-3  # than the requested error, which the splitting is to confirm
 
 
 def takes_newton_steps(law: AbstractLaw) -> bool:
-    """Returns whether the steps know a law: a hard wall of no hardness."""
+    """Returns whether the steps can solve a law: a hard wall without hardness."""
     return isinstance(law, HardWall) and law.hardness is None
 
 
@@ -77,7 +77,7 @@ def newton_round(
     rtol: Float[Array, ""],
     budget: Array,
 ) -> tuple[Float[Array, "*shape"], Float[Array, ""], Array, Bool[Array, ""]]:
-    """Returns z = σ + u, the coat to go on with, the FFT pairs, and if the contact was found.
+    """Returns z = σ + u, the next coat, the FFT pairs, and whether the contact was found.
 
     **Arguments:**
 

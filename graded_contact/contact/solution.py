@@ -45,7 +45,7 @@ class RESULTS(eqx.Enumeration):
 
 @shown()
 class ContactSolution(eqx.Module):
-    """Pressure and gap of a contact, and how well they were found.
+    """Pressure and gap of a contact, and their errors.
 
     **Fields:**
 

@@ -1,4 +1,4 @@
-"""The iteration on one grid that finds contacts and their derivatives.
+"""The iteration on one grid that solves contacts and their derivatives.
 
 Douglas-Rachford splitting, with Anderson's acceleration. One real field z = σ + ρ u holds
 pressure σ and gap u at once. One step costs one FFT pair:

@@ -5,8 +5,8 @@
     print(fit.report())
     rubber = fit.material                     # a `Prony`, ready for a stack
 
-Minimised is the sum of squared logarithms of model over measurement, so that every decade counts
-alike; in absolute squares the rubbery loss, which friction lives on, has no say. Strengths are
+The fit minimises the sum of squared logarithms of model over measurement. So every decade has the
+same weight; in absolute squares the rubbery loss, which friction needs, has none. Strengths are
 positive by construction, hence every fit is passive. Times are free within a decade of the data.
 
 The relaxation forms of N terms with E_eq > 0 and the creep forms of N terms are the same functions:
@@ -78,7 +78,7 @@ class PronyFit(eqx.Module):
         return with_units(material_of(self.theta, self.data, self.poisson))
 
     def predict(self, x: Numbers) -> Float[Array, "channels points"]:
-        """Returns what the measurement would have shown at other frequencies or times.
+        """Returns the fitted values at other frequencies or times.
 
         `x` are angular frequencies [rad/s] or times [s], shape `(points,)`. The rows are storage
         and loss modulus [Pa]; or one of moduli [Pa] or compliances [1/Pa].

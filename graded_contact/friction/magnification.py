@@ -1,4 +1,4 @@
-"""Contact area and friction with ever shorter waves on the surface: which wavelengths matter."""
+"""Contact area and friction as shorter waves are added to the surface: which wavelengths matter."""
 
 import equinox as eqx
 import jax

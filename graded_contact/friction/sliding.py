@@ -1,8 +1,8 @@
-"""The main job: a rough rigid surface sliding on a layered viscoelastic block.
+"""A rough rigid surface sliding on a layered viscoelastic block.
 
 The surface h(x - vt) is pressed on the block by a mean pressure and moves steadily with the
-velocity v. In the frame of the surface everything stands still, and every wavevector q of the
-pressure works the block at the frequency ω = -q·v.
+velocity v. In the frame of the surface the contact is steady, and every wavevector q of the
+pressure deforms the block at the frequency ω = -q·v.
 """
 
 import dataclasses

@@ -144,7 +144,7 @@ def _value_range(values: np.ndarray) -> tuple[float, float, str]:
 
 
 def _outliers(extend: str, values: np.ndarray, base: str) -> str:
-    """What a label says of the values [base] beyond a range."""
+    """The part of a label for values [base] beyond a range."""
     if extend == "neither":
         return ""
     ends = (np.nanmin(values), np.nanmax(values))

@@ -1,4 +1,4 @@
-"""Figures of what was measured at several temperatures."""
+"""Figures of measurements at several temperatures."""
 
 from typing import TYPE_CHECKING, Any
 

@@ -1,4 +1,4 @@
-"""Figures of scenes: friction and contact area along what was varied."""
+"""Figures of scenes: friction and contact area over the varied quantities."""
 
 from collections.abc import Sequence
 from typing import TYPE_CHECKING, Any, NamedTuple

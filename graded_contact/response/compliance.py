@@ -117,7 +117,7 @@ def effective_modulus(
     graded_solver: AbstractGradedSolver = Layering(),  # noqa: B008 (immutable)
     rtol: float | None = None,
 ) -> Inexact[Array, "*w"]:
-    """Returns 2/(q M_zz) [Pa]: the E/(1-ν²) of the half space that would respond alike.
+    """Returns 2/(q M_zz) [Pa]: the E/(1-ν²) of the half space with the same response.
 
     Its imaginary over its real part is the loss tangent of the composite.
 

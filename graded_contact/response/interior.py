@@ -331,7 +331,7 @@ def depth_climb(
     depth: Float[Array, "..."],
     side: Side,
 ) -> tuple[Callable[[AddGraded | None], tuple[Array, ...]], Local]:
-    """Returns the recursion to (t, s, σ_T) [Pa] and (U, w, w_T) at a depth, and what is there.
+    """Returns the recursion to (t, s, σ_T) [Pa] and (U, w, w_T) at a depth, and the material there.
 
     **Arguments:**
 

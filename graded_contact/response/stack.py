@@ -1,4 +1,4 @@
-"""What a block is made of: layers from the loaded surface downwards, on a base."""
+"""The parts of a block: layers from the loaded surface downwards, on a base."""
 
 from collections.abc import Sequence
 from typing import Any
@@ -86,7 +86,7 @@ def _check_thickness(thickness: Array) -> None:
 
 @shown()
 class HalfSpace(eqx.Module):
-    """A base so deep that its bottom is never felt.
+    """A base so deep that its bottom has no effect.
 
     **Fields:**
 

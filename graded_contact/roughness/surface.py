@@ -87,7 +87,7 @@ class Surface(eqx.Module):
     heights: Float[Array, "*shape"]
     grid: Grid
     history: tuple[str, ...] = eqx.field(static=True)
-    # Not Boolean: `jax.grad` by a surface asks for numbers in every leaf.
+    # Not Boolean: `jax.grad` by a surface needs numbers in every leaf.
     measured: Float[Array, "*shape"] | None
     steps: tuple[Step, ...] = eqx.field(static=True)
 
@@ -123,7 +123,7 @@ def _on_grid(name: str, field: Numbers, grid: Grid) -> Array:
 
 
 def step(name: str, heights: Numbers, spacing: Numbers) -> Step:
-    """Returns the roughness of heights [m], NaN where missing, `spacing` [m] apart on each axis."""
+    """Returns the roughness of heights [m], NaN where missing, at distances `spacing` [m]."""
     values = np.asarray(heights, float)
     deviation = values - np.nanmean(values)
     rms = float(np.sqrt(np.nanmean(deviation**2)))

@@ -1,4 +1,4 @@
-"""One long solve that can go on after its process was killed.
+"""One long solve that can continue after its process was killed.
 
 While it iterates on the finest grid, the pressure found so far is kept in a store, under the
 fingerprint of the problem. From it the same call begins again: the same contact to `rtol`, though
@@ -31,7 +31,7 @@ def checkpointed(
     every: float = 60.0,
     **given: Any,
 ) -> T:
-    """Returns what `solve(*inputs, **given)` returns, going on from where an earlier call ended.
+    """Returns what `solve(*inputs, **given)` returns, continued from the last stored state.
 
     Compiled in every process anew, which takes seconds; not under `jit` or `grad`.
 

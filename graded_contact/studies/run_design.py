@@ -65,7 +65,7 @@ class Candidate(NamedTuple):
 
 @shown("design", "polished", "candidates")
 class DesignResults(NamedTuple):
-    """The design of a scene, and what verifies it.
+    """The design of a scene, and the contacts that verify it.
 
     **Fields:**
 
@@ -84,7 +84,7 @@ class DesignResults(NamedTuple):
 def run_design(
     study: DesignScene, *, store: Store | None = None, progress: Progress | None = None
 ) -> DesignResults:
-    """Returns the design of a scene, and what verifies it.
+    """Returns the design of a scene, and the contacts that verify it.
 
     **Arguments:**
 
@@ -152,7 +152,7 @@ def design_memory(study: DesignScene, shape: tuple[int, ...]) -> float:
 
 
 def mean_field_problem(study: DesignScene) -> tuple[Objective, Constraints | None]:
-    """Returns what the design makes least, and its constraints, as functions of parameters.
+    """Returns the objective and the constraints of a design, as functions of parameters.
 
     Both are for `minimise`, or any other search: they take a dict of numbers by path.
     """

@@ -1,4 +1,4 @@
-"""Scenes: a `slide` at every combination of what a scene varies."""
+"""Scenes: a `slide` at every combination of the varied quantities."""
 
 import dataclasses
 import hashlib
@@ -76,7 +76,7 @@ def run_scene(
     client: Any = None,
     progress: Callable[[int, int], None] | None = None,
 ) -> "Dataset":
-    """Returns friction, contact area and more of a scene at every combination of what it varies.
+    """Returns friction, contact area and more at every combination of the varied quantities.
 
     A solve that does not converge is kept with its message, one that fails (a kernel that cannot
     be evaluated) with its reason, and the run goes on. A run that is interrupted (Ctrl-C) returns
@@ -206,7 +206,7 @@ def _solver(scene: Scene, surface: Surface) -> Callable[[dict[str, Any]], dict[s
 def _collect(
     scene: Scene, surface: Surface, names: np.ndarray, points: list[Point | None]
 ) -> "Dataset":
-    """The results of a scene from its solves; None stands for one that was not started."""
+    """The results of a scene from its solves; None marks a solve that was not started."""
     import xarray
 
     axes, shape, dtype = tuple(scene.axes), names.shape, surface.heights.dtype
@@ -251,7 +251,7 @@ def _collect(
 
 
 def shift_factors(scene: Scene) -> tuple[Float[np.ndarray, " temperatures"] | None, str]:
-    """Returns a_T [1] at each temperature, None unless the materials share it; and what to say."""
+    """Returns a_T [1] at each temperature, None unless the materials share it; and a message."""
 
     def is_law(part: Any) -> bool:
         return isinstance(part, AbstractShift)
