@@ -206,7 +206,7 @@ def westergaard_pressure(
 def double_sinusoid_area(
     pressure: ArrayLike, amplitude: ArrayLike, wavelength: ArrayLike, reduced_modulus: ArrayLike
 ) -> tuple[Values, Values]:
-    """Returns the area fraction [1] of D cos(2π x/λ) cos(2π y/λ) at light load and near full load.
+    """Returns the area fraction [1] of D cos(2π x/λ) cos(2π y/λ), light and nearly full contact.
 
     With p* = √2 π E* D/λ: light load A/A0 = π (3p/(8π p*))^(2/3) (Hertz, two crests a cell);
     near full contact 1 - A/A0 = (3/(2π)) (1 - p/p*). K. L. Johnson, J. A. Greenwood,

@@ -18,7 +18,7 @@ from .display import shown, with_unit
 
 EXTRAPOLATED = 0.01  # of the friction, from frequencies at which a material was not measured
 LIMIT = 0.1  # the part of a result above which there is a warning
-# Small strains neglect slope²/2 (the excess of an arc over its chord): more than LIMIT of 1.
+# Small strains neglect slope²/2, the excess of an arc over its chord. Above STEEP it is > LIMIT.
 STEEP = (2 * LIMIT) ** 0.5
 ROUNDING = 1e-12  # of the slope: friction below it is none
 IDLE = 1e-3  # friction over slope below which a contact counts as without friction
