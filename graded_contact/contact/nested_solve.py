@@ -1,11 +1,11 @@
 """The fast solver: splitting on nested grids, and Newton steps where the splitting is slow.
 
     for each grid, from the coarsest to the finest:
-        start     the pressure of the grid before (or springs), a draft in single precision
+        start     the pressure of the coarser grid (or springs), a draft in single precision
         epochs    the splitting (`splitting.py`); after 50, 100, 200, ... steps a new penalty
-                  for the area found in contact
-        Newton    semismooth Newton steps (`semismooth_newton.py`) while more than as many steps
-                  again are expected; then the splitting confirms the contact
+                  for the current contact area
+        Newton    semismooth Newton steps (`semismooth_newton.py`), if the splitting would need
+                  more than as many steps again; then the splitting confirms the contact
 
 This is the only place where Python looks at values: outside `jit` Newton steps are compiled when
 the first solve needs them.

@@ -61,7 +61,7 @@ class ResidualDynamics(AbstractContactSolver):
     **Fields:**
 
     - `max_steps`: steps allowed before giving up.
-    - `uniform_mass`: whether all points have one mass whatever the law, as in plain molecular
+    - `uniform_mass`: whether all points have one mass for every law, as in plain molecular
       dynamics; that takes many more steps.
     """
 

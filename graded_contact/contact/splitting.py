@@ -43,7 +43,7 @@ class Splitting(eqx.Module):
     **Fields:**
 
     - `solid`: gives x.
-    - `shift`: what heights and prescribed mean add to x; if the mean is free, to x - z.
+    - `shift`: part of x from heights and prescribed mean; if the mean is free, of x - z.
     - `proximal`: that of the law, a pytree.
     - `rtol`: relative error of the pressure at which the iteration ends.
     - `share`: of points under load [1], or None for the participation of the current pressure.

@@ -1,9 +1,9 @@
 """Caveats: warnings about numbers of solves that succeeded, in sentences.
 
-Nothing is stored twice: a caveat follows from numbers that a `Sliding`, a `Surface` or a result
-file has. `Sliding.caveats`, `Surface.caveats` and `warnings_of(results)` give the sentences; the
+A caveat is computed from the numbers of a `Sliding`, a `Surface` or a result file; it is not
+stored. `Sliding.caveats`, `Surface.caveats` and `warnings_of(results)` give the sentences. The
 table, the file, the figure and the command's summary print those of the results. A new rule is
-one more `Rule` in `RULES`; its quantity is a field of `Sliding` (and thus a dataset of the file),
+one more `Rule` in `RULES`. Its quantity is a field of `Sliding` (and thus a variable of the file),
 of any shape, and NaN where a solve has none.
 """
 

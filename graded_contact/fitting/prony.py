@@ -219,12 +219,12 @@ def fit_prony(
     - `equilibrium`: E_eq [Pa] if known, 0 for a liquid. By default fitted; with the number of
       terms free it is 0 where loss exceeds storage at the lowest frequencies and the error is no
       larger for it, as for melts.
-    - `glassy`: E_inf [Pa] if known; by default what follows from the branches.
+    - `glassy`: E_inf [Pa] if known; by default it follows from the branches.
     - `storage_weight`, `loss_weight`: weights of the squared residuals [1], shape `()` or
       `(points,)`; a weight of 0 leaves a value out.
     - `huber`: log residual [1] from which on a value counts linearly (outliers); by default none.
     - `poisson`: Poisson's ratio of the material [1].
-    - `throw`: whether to raise for data that no positive spectrum comes near to.
+    - `throw`: whether to raise for data that are far from all positive spectra.
 
     Raises `ValueError` for input that cannot be fitted, such as moduli that are not positive, and
     for data half of which are off by more than 30 % from every positive spectrum.
@@ -260,7 +260,7 @@ def fit_relaxation(
     - `modulus`: E(t) [Pa], shape `(points,)`; NaN is a missing value.
     - `weight`: weights of the squared residuals [1], shape `()` or `(points,)`.
 
-    The others, and what is raised: as `fit_prony`.
+    Other arguments and errors: as `fit_prony`.
 
     **Returns:** as `fit_prony`.
     """
@@ -296,7 +296,7 @@ def fit_creep(
     - `times`: given retardation times t_j [s].
     - `weight`: weights of the squared residuals [1], shape `()` or `(points,)`.
 
-    The others, and what is raised: as `fit_prony`.
+    Other arguments and errors: as `fit_prony`.
 
     **Returns:** as `fit_prony`.
     """

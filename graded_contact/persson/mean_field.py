@@ -111,7 +111,7 @@ def mean_field_friction(
     Differentiable in every leaf of `stack` and `spectrum`, in `pressure` and `velocity`; works
     under `jit` and `vmap`. A friction curve is `jax.lax.map(lambda v: mean_field_friction(stack,
     spectrum, pressure=p, velocity=v), velocities)` inside `jax.jit`, on a CPU faster than `vmap`
-    because what one velocity needs stays in the cache.
+    because the data of one velocity stay in the cache.
 
     **Arguments:**
 

@@ -96,7 +96,7 @@ def surface_compliance(
     - `stack`: the block.
     - `q`: wavenumbers |q| [rad/m], positive.
     - `omega`: angular frequencies ω [rad/s], of either sign.
-    - `graded_solver`: what solves graded layers, `Layering()` or `Riccati()`.
+    - `graded_solver`: solver of graded layers, `Layering()` or `Riccati()`.
     - `rtol`: relative tolerance in graded layers; by default that of `graded_solver`. If it is not
       reached, an error is raised; `graded_compliance` returns the estimate. Stacks of
       homogeneous layers are exact, and ignore it.

@@ -95,7 +95,7 @@ def surface_compliance_matrix(
     - `stack`: the block.
     - `qx`, `qy`: wavevector [rad/m], not both zero.
     - `omega`: angular frequencies ω [rad/s], of either sign.
-    - `graded_solver`: what solves graded layers, `Layering()` or `Riccati()`.
+    - `graded_solver`: solver of graded layers, `Layering()` or `Riccati()`.
     - `rtol`: relative tolerance in graded layers, of c11, c22 and c_T each and of c12 over their
       geometric mean; by default that of `graded_solver`. If it is not reached, an error is raised.
 

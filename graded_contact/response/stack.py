@@ -47,7 +47,7 @@ class Layer(eqx.Module):
 
     **Fields:**
 
-    - `material`: what it is made of.
+    - `material`: the material of the layer.
     - `thickness`: d [m]. Zero is allowed, and is no layer.
     """
 
@@ -90,7 +90,7 @@ class HalfSpace(eqx.Module):
 
     **Fields:**
 
-    - `material`: what it is made of.
+    - `material`: the material of the half space.
     """
 
     material: AbstractMaterial = eqx.field(converter=material_called("material"))
@@ -113,7 +113,7 @@ class Stack(eqx.Module):
     **Fields:**
 
     - `layers`: from the loaded surface downwards; may be empty on a half space.
-    - `base`: what the lowest layer rests on.
+    - `base`: below the lowest layer.
     """
 
     layers: tuple[Layer | GradedLayer, ...] = eqx.field(

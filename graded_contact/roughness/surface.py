@@ -78,7 +78,7 @@ class Surface(eqx.Module):
 
     - `heights`: h [m], shape `grid.shape`. The mean need not be zero; contact ignores it.
     - `grid`: the periodic cell.
-    - `history`: what was done to the heights, one sentence each. Static.
+    - `history`: the changes of the heights, one sentence each. Static.
     - `measured`: how much of each height was measured [1], shape `grid.shape`: 1 as measured, 0
       invented to fill a hole, the factor of the window where tapered; None: all alike.
     - `steps`: the roughness after every step of reading. Static.
@@ -326,7 +326,7 @@ def radial_spectrum(
 
     C has the normalisation of `SelfAffine.density` for the grid's `ndim`: [m⁴], or [m³] of a
     profile. Bins are equally wide in log q between 2π/L of the longest axis and the smallest
-    Nyquist wavenumber. A bin that holds no mode has C = NaN at its geometric centre.
+    Nyquist wavenumber. A bin without modes has C = NaN at its geometric centre.
 
     **Arguments:**
 
@@ -372,7 +372,7 @@ def rescale(
     **Arguments:**
 
     - `surface`: not flat.
-    - `rms_height` [m] or `rms_slope` [1]: what it shall have.
+    - `rms_height` [m] or `rms_slope` [1]: the new value.
 
     **Returns:** the surface of other heights.
     """

@@ -111,7 +111,7 @@ def scatter(
     - `objective`: as in `minimise`.
     - `parameters`: of the design.
     - `spread`: standard deviation of ln(parameter) [1]: one number, or as `parameters`.
-    - `num_samples`, `seed`: how many draws, and what draws them.
+    - `num_samples`, `seed`: number of draws, and the seed of the draws.
 
     **Returns:** values of the objective, shape `(num_samples,)`.
     """

@@ -53,7 +53,7 @@ class Run(eqx.Module):
 
     **Fields:**
 
-    - `parameters`: what it came to.
+    - `parameters`: its result.
     - `value`: of the objective there.
     - `history`: how it came there.
     - `num_evaluations`: of objective and gradient.
@@ -76,7 +76,7 @@ class Run(eqx.Module):
     "multipliers", "num_evaluations",
 )  # fmt: skip
 class Design(eqx.Module):
-    """The best design found, and the evidence.
+    """The best design found, and all runs.
 
     **Fields:**
 
@@ -166,7 +166,7 @@ def minimise(
       they are equal the parameter is fixed.
     - `start`: where to start first, in the same nesting; by default the middle on the logarithm.
     - `constraints`: parameters -> numbers that must not be negative.
-    - `num_starts`, `seed`: how many starts, and what spreads them.
+    - `num_starts`, `seed`: number of starts, and the seed of their positions.
     - `rtol`: change of the objective over its size at which a run ends.
     - `max_steps`: of a run.
     - `store`: a folder, which is made, or a `Store`. Each evaluation is on the disk at once: the
@@ -174,7 +174,7 @@ def minimise(
     - `progress`: called with the number of the start and the value after each evaluation; what it
       raises ends the search.
 
-    **Returns:** the best parameters, and what every start came to.
+    **Returns:** the best parameters, and the result of every start.
 
     **Raises:** `ValueError` for bounds that are refused, for an objective or constraint that is
     not finite (naming the parameters), and if no start satisfies the constraints; of a `store`,

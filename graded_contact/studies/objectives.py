@@ -41,7 +41,7 @@ def loss_tangent(
     - `stack`: the block.
     - `q`: wavenumbers [rad/m], positive.
     - `velocity`: [m/s], positive.
-    - `graded_solver`: what solves graded layers, `Layering()` or `Riccati()`.
+    - `graded_solver`: solver of graded layers, `Layering()` or `Riccati()`.
 
     **Returns:** Im E_eff/Re E_eff [1], shape of `q` and `velocity` together.
     """

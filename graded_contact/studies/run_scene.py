@@ -78,7 +78,7 @@ def run_scene(
 ) -> "Dataset":
     """Returns friction, contact area and more at every combination of the varied quantities.
 
-    A solve that does not converge is kept with its message, one that fails (a kernel that cannot
+    A solve that does not converge is stored with its message, one that fails (a kernel that cannot
     be evaluated) with its reason, and the run goes on. A run that is interrupted (Ctrl-C) returns
     what it has, with NaN and "not started" for the rest. No solve starts from another one: a start
     from the neighbouring velocity saves 2 to 12 % of the FFT pairs (measured with 13 and 41
@@ -87,9 +87,9 @@ def run_scene(
 
     **Arguments:**
 
-    - `scene`: what to compute.
+    - `scene`: the scene.
     - `surface`: the surface, if built before; that of the first seed, where there are several.
-    - `store`: keeps each solve on disk as it ends; a solve found there is not computed again.
+    - `store`: stores each solve on disk as it ends; a solve in the store is not computed again.
     - `workers`, `client`, `progress`: as in `sweep`.
 
     **Returns:** an `xarray.Dataset` over the axes of the scene, as far as it has them: the paths of

@@ -77,14 +77,14 @@ def propagate(
     """Returns a quantity that follows from a fitted material, or a stack, with its standard error.
 
     To first order in the errors: of the unknowns of a fit (of a master curve, those of the shifts
-    included), or of numbers of any stack. What a misfit of the whole series means it does not know,
-    see `PronyFit.confidence`.
+    included), or of numbers of any stack. The effect of a misfit of the whole
+    series is not included, see `PronyFit.confidence`.
 
     **Arguments:**
 
     - `function`: called as function(material), or as function(tree), differentiable, such as
       `lambda rubber: slide(...).friction`; returns a number or an array.
-    - `known`: what `fit_prony`, `fit_relaxation`, `fit_creep` or `master_curve` returned; or
+    - `known`: the result of `fit_prony`, `fit_relaxation`, `fit_creep` or `master_curve`; or
       standard deviations of independent errors by the path of the number in `tree`, in its units,
       such as `{"layers[0].thickness": 5e-6}`, see `with_values`; or `Errors`, which may be shared.
     - `tree`: with `known` by path, such as a `Stack`.
@@ -133,7 +133,7 @@ def errors_of(fit: PronyFit | MasterCurve, material: Prony) -> Errors:
 
     **Arguments:**
 
-    - `fit`: what `fit_prony`, `fit_relaxation`, `fit_creep` or `master_curve` returned.
+    - `fit`: the result of `fit_prony`, `fit_relaxation`, `fit_creep` or `master_curve`.
     - `material`: its `material`, or of a master curve what it has `exported`.
 
     **Returns:** errors of those numbers of the material that were fitted.
@@ -168,10 +168,10 @@ def errors_of(fit: PronyFit | MasterCurve, material: Prony) -> Errors:
 def sensitivity(
     function: Callable[[Tabulated], Float[Array, ""]], material: AbstractMaterial, omega: Numbers
 ) -> Sensitivity:
-    """Returns which part of a master curve decides a quantity.
+    """Returns the sensitivity of a quantity to each part of a master curve.
 
-    The material is replaced by a table of its moduli at `omega`, which goes on level beyond its
-    ends: outside, nothing is reported.
+    The material is replaced by a table of its moduli at `omega`. Beyond its ends the moduli are
+    constant, and nothing is reported.
 
     **Arguments:**
 

@@ -46,7 +46,7 @@ class Measured:
     - `isotherm`: number of the isotherm from 0, in order of temperature, shape `(points,)`.
     - `lines`: the line of each point in the file, shape `(points,)`.
     - `path`: the file.
-    - `history`: what was understood and done, one sentence each.
+    - `history`: how the file was read, one sentence for each step.
     """
 
     kind: str

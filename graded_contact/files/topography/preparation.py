@@ -74,7 +74,7 @@ def surface_from_heights(
       warning when the rims are much rougher.
     - `history`, `steps`: to begin those of the surface with.
 
-    **Returns:** the surface, with what was done to it.
+    **Returns:** the surface, with its history.
 
     **Raises:** `ValueError` for a refused argument.
     """
