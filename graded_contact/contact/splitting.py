@@ -17,8 +17,8 @@ do not have it.
 P. L. Lions & B. Mercier, SIAM J. Numer. Anal. 16 (1979) 964, doi:10.1137/0716071.
 
 The unit of length is that of pressure over ρ. On large grids a draft in single precision, which
-moves half as many bytes, finds the first digits, and nothing is stored there that follows from the
-kernel mode by mode.
+moves half as many bytes, computes the first digits. There the filter is computed from the kernel at
+each step and not stored.
 """
 
 import dataclasses

@@ -1,8 +1,9 @@
 """Derivatives in separate programs, so that the programs of values are reused.
 
-What is differentiated outside `jit` JAX compiles anew: once for the value and all that a derivative
-may need, and once for the derivative. Here the value is that of the programs that are compiled
-already, and the derivative one program, which computes again what it needs, and no more.
+Outside `jit`, JAX compiles a differentiated function again: one program for the value and
+everything that a derivative may need, and one for the derivative. Here the programs of the value
+are those that are already compiled. The derivative is one program, which computes again only what
+it needs.
 """
 
 from collections.abc import Callable

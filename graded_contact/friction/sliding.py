@@ -121,8 +121,8 @@ def _extrapolated(s: "Sliding"):
 class Sliding(eqx.Module):
     """Friction, contact area and fields of a sliding contact.
 
-    The contact is solved. Every other number is computed when it is read. A batch of `Sliding`s, from
-    `jax.lax.map`, `jax.vmap` or a stack of leaves, gives arrays of numbers. Errors and
+    The contact is solved. Every other number is computed when it is read. A batch, from
+    `jax.lax.map`, `jax.vmap` or a stack of leaves, has arrays of numbers. Errors and
     `energy_imbalance` have no derivative.
 
     **Observables:**

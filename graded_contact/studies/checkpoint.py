@@ -45,8 +45,9 @@ def checkpointed(
     **Returns:** the solution. The stored state stays, and a further call starts from it.
 
     **Raises:** `BlockingIOError` if another process solves in this folder; `ValueError` for another
-    solver than `DouglasRachford`; and as `solve`. If nothing can be written the solve goes on, and
-    warns; so it does where what was kept is damaged, and begins anew.
+    solver than `DouglasRachford`; and the errors of `solve`. If the folder cannot be written, the
+    solve continues with a warning. If the stored state is damaged, the solve starts anew with a
+    warning.
     """
     check_values("every", every, "a time [s] is at least 0", at_least=0)
     solver = given.pop("solver", DouglasRachford())

@@ -89,10 +89,10 @@ def run_design(
     **Arguments:**
 
     - `study`: what to design.
-    - `store`: keeps every evaluation and every verified surface at once: the same study goes on
-      from there, another one shares what it has in common with it.
-    - `progress`: called with what is being done, and how much of how much is done, after every
-      evaluation and solve; what it raises ends the design.
+    - `store`: stores every evaluation and every verified surface at once. The same study continues
+      from there; another study uses the entries that both have in common.
+    - `progress`: called with the current step, the number done and the total, after every
+      evaluation and solve. An exception in it ends the design.
 
     **Raises:** `ValueError` for bounds and limits that nothing satisfies, a start outside the
     bounds, or a block whose friction comes from where its materials were not measured (more than

@@ -78,12 +78,12 @@ def run_scene(
 ) -> "Dataset":
     """Returns friction, contact area and more at every combination of the varied quantities.
 
-    A solve that does not converge is stored with its message, one that fails (a kernel that cannot
-    be evaluated) with its reason, and the run goes on. A run that is interrupted (Ctrl-C) returns
-    what it has, with NaN and "not started" for the rest. No solve starts from another one: a start
-    from the neighbouring velocity saves 2 to 12 % of the FFT pairs (measured with 13 and 41
-    velocities over four decades), costs a second compilation, and each result would depend on the
-    one before.
+    A solve that does not converge is stored with its message. A solve that fails (a kernel that
+    cannot be evaluated) is stored with its reason. The run continues in both cases. An interrupted
+    run (Ctrl-C) returns all finished solves, with NaN and "not started" for the rest. No solve
+    starts from another one: a start from the neighbouring velocity saves 2 to 12 % of the FFT pairs
+    (measured with 13 and 41 velocities over four decades), costs a second compilation, and each
+    result would depend on the one before.
 
     **Arguments:**
 
