@@ -117,7 +117,16 @@ class Steps(Protocol):
 
 
 def run_steps(steps: Steps, start: Array, max_steps: Array | int) -> Any:
-    """Returns the last state of an iteration: where it is done, or after `max_steps`."""
+    """Returns the last state of an iteration: where it is done, or after `max_steps`.
+
+    **Arguments:**
+
+    - `steps`: the iteration, see `Steps`.
+    - `start`: argument of `steps.init`.
+    - `max_steps`: limit of the state's `num_steps`.
+
+    **Returns:** the state after the last `steps.step`.
+    """
 
     def running(state):
         return ~steps.done(state) & (state.num_steps < max_steps)
