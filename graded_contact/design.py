@@ -1,4 +1,4 @@
-"""What a block should do, and what finds the block that does it."""
+"""Objectives for a block, and the searches for the block that meets them."""
 
 from .core.parameters import paths, with_values
 from .studies.alternatives import pareto_front, scatter, snap_to_values

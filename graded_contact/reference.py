@@ -1,11 +1,11 @@
-"""Closed forms to test contact and compliance programs against. Nothing here is imported inside.
+"""Closed forms for tests of contact and compliance programs. The package itself does not use them.
 
 Plain NumPy formulas, SI units, the conventions of the package: z and displacement into the solid,
 pressure positive in compression, fields exp(i(q x + ω t)) so that loss moduli are positive, a
 surface moving with velocity v along x excites ω = -q v. "Reduced modulus" means E/(1 - ν²) of the
 one deformable solid, or 1/Σ (1 - ν²)/E of two.
 
-They are written to be read beside their sources. Where a formula loses digits to cancellation its
+They follow the notation of their sources. Where a formula loses digits to cancellation its
 docstring says so; the package's own functions do not.
 """
 
@@ -206,7 +206,7 @@ def westergaard_pressure(
 def double_sinusoid_area(
     pressure: ArrayLike, amplitude: ArrayLike, wavelength: ArrayLike, reduced_modulus: ArrayLike
 ) -> tuple[Values, Values]:
-    """Returns the area fraction [1] of D cos(2π x/λ) cos(2π y/λ) at light load and near full.
+    """Returns the area fraction [1] of D cos(2π x/λ) cos(2π y/λ), light and nearly full contact.
 
     With p* = √2 π E* D/λ: light load A/A0 = π (3p/(8π p*))^(2/3) (Hertz, two crests a cell);
     near full contact 1 - A/A0 = (3/(2π)) (1 - p/p*). K. L. Johnson, J. A. Greenwood,

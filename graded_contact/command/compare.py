@@ -18,7 +18,7 @@ def compare(
     ],
     output: Annotated[
         Path,
-        typer.Option("--output", "-o", help="The figure. Its ending, if any, overrides --format."),
+        typer.Option("--output", "-o", help="Figure file. Its extension overrides --format."),
     ] = Path("compare"),
     form: FigureFormat = Format.PNG,
 ) -> None:

@@ -26,10 +26,10 @@ def design(
     dry_run: DryRun = False,
     form: FigureFormat = Format.PNG,
 ) -> None:
-    r"""Designs the block of a scene with a table \[design]: prints it before and after.
+    r"""Designs the block of a scene with a table \[design]: prints the block before and after.
 
-    Each evaluation and each verified surface is kept: after an interruption the same command goes
-    on from there.
+    Each evaluation and each verified surface is stored. After an interruption the same command
+    continues from there.
     """
     with refusing(), interruptible() as interruption:
         study = read_design(scene_file)

@@ -50,7 +50,7 @@ def fit(
         ),
     ],
     output: Output = None,
-    terms: Annotated[int | None, Option(min=1, help="Number of terms.")] = None,
+    terms: Annotated[int | None, Option(min=1, help="Number of terms (default: BIC).")] = None,
     poisson: Annotated[float, Option(help="Poisson's ratio of the material.")] = 0.5,
     kind: Annotated[str | None, Option(help="frequency, relaxation or creep.")] = None,
     deformation: Annotated[
@@ -58,7 +58,7 @@ def fit(
     ] = None,
     temperature: Annotated[
         list[float] | None,
-        Option(metavar="KELVIN", help="One, or one for each file (or curve), in order."),
+        Option(metavar="KELVIN", help="One temperature, or one per file (or curve)."),
     ] = None,
     sheet: Annotated[str | None, Option(help="Name of the sheet of a workbook.")] = None,
     step: Annotated[
@@ -80,7 +80,7 @@ def fit(
     storage_weight: Annotated[float, Option(help="Weight of storage moduli.")] = 1.0,
     loss_weight: Annotated[float, Option(help="Weight of loss moduli.")] = 1.0,
     anyway: Annotated[
-        bool, Option("--anyway", help="Fit data that no positive spectrum comes near to.")
+        bool, Option("--anyway", help="Fit data that are far from all positive spectra.")
     ] = False,
     robust: Annotated[
         bool, Option("--robust", help="Leave out rows that no smooth positive spectrum explains.")

@@ -66,7 +66,7 @@ Decided = dict[tuple[str, float], Sensitivity]  # by the material's name and the
 def demo(
     output: Output = None,
     resolution: Annotated[
-        int, typer.Option(min=256, help="Points along each edge, of the same surface.")
+        int, typer.Option(min=256, help="Points along each edge; same surface.")
     ] = 256,
     replace: Replace = False,
     form: FigureFormat = Format.PNG,

@@ -90,7 +90,7 @@ def refusing() -> Iterator[None]:
 
 @contextlib.contextmanager
 def progress(interruption: Interruption) -> Iterator[Callable[[str, int, int], None]]:
-    """Gives a function that shows a text, done and total in a bar on the error stream.
+    """Yields a function that shows text, done and total in a progress bar on the error stream.
 
     After a signal the function ends the command: it is called between two steps, where it is safe.
     """

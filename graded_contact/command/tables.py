@@ -43,7 +43,7 @@ STATES = {
 
 
 def print_table(results: "Dataset") -> None:
-    """Prints one line for each solve; below them, why any did not converge."""
+    """Prints one line for each solve, then the reasons of solves that did not converge."""
     axes = results["message"].dims
     others = axes[:-2]  # the last two are pressure and velocity
     names = [name for name in COLUMNS if name in results]
@@ -84,7 +84,7 @@ def print_table(results: "Dataset") -> None:
 
 
 def print_decisive(decided: Mapping[tuple[str, float], Sensitivity]) -> None:
-    """Prints which moduli of materials decide the friction, where that is known."""
+    """Prints which moduli of materials decide the friction, if this is known."""
     for (name, speed), found in decided.items():
         low, high = found.decisive()
         if np.isfinite(low):
@@ -103,7 +103,7 @@ def with_error(value: float, error: float) -> str:
 
 
 def print_read(scene: Scene, surface: Surface | None) -> None:
-    """Prints how the files of a scene were read, and why its surface is doubtful."""
+    """Prints how the files of a scene were read, and the warnings about its surface."""
     for sentence in filter(None, (scene.title, *scene.notes)):
         typer.echo(sentence)
     if surface is not None:

@@ -1,12 +1,13 @@
-"""Pressures on a known set of points, for the Newton steps of `semismooth_newton.py`.
+"""Pressures on a given set of points, for the Newton steps of `semismooth_newton.py`.
 
-Of the solid K + λ with the heights h and the mean pressure p̄, on the set A of points in contact:
+The equations of the solid K + λ with heights h and mean pressure p̄, on the set A of points in
+contact:
 
     (K + λ) σ - h + c = 0 on A,   σ = 0 elsewhere,   mean σ = p̄.
 
 If A has few points, a dense system is solved: the matrix of K between them is gathered from the
-response to one loaded point. Else generalised conjugate residuals solve it, preconditioned by the
-inverse kernel on A: two FFT pairs a direction, and no more directions than the step is worth.
+response to one loaded point. Otherwise generalised conjugate residuals solve it, preconditioned by
+the inverse kernel on A: two FFT pairs for each direction, with a limited number of directions.
 
 S. C. Eisenstat, H. C. Elman & M. H. Schultz, SIAM J. Numer. Anal. 20 (1983) 345,
 doi:10.1137/0720023.
@@ -88,9 +89,9 @@ def pressure_on(
 
 
 def most_eliminated(field: Array) -> int:
-    """Returns up to how many points of a field are eliminated: as fast as some forty FFT pairs.
+    """Returns the largest number of points to eliminate, in the time of about forty FFT pairs.
 
-    None of one that lies over several devices: that would gather it.
+    It is 0 for a field over several devices, because elimination would gather the field.
     """
     if num_devices(field) > 1:
         return 0

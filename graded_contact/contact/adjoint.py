@@ -1,4 +1,4 @@
-"""The derivative of a contact solution, attached to a solution found without one.
+"""The derivative of a contact solution, attached after the solve.
 
 At a solution every point obeys σ = P(v) with v = σ - ρu: P is the proximal map of the law at the
 penalty ρ. With its slope s = dP/dv at each point (the hard wall: 1 in contact and 0 outside; a
@@ -168,7 +168,7 @@ def _proximal(root, sign, rhs, v):
 
 
 class Inputs(NamedTuple):
-    """What a contact follows from."""
+    """The inputs of a contact."""
 
     kernel: Inexact[Array, "*half"]
     heights: Float[Array, "*shape"]

@@ -1,4 +1,4 @@
-"""Anderson's acceleration of a fixed-point iteration, with a short memory.
+"""Anderson's acceleration of a fixed-point iteration, with few earlier iterates.
 
 D. G. Anderson, J. ACM 12 (1965) 547, doi:10.1145/321296.321305. Its cost is that of
 reading memory: images are stored as differences, so that the newest are combined in few passes. On

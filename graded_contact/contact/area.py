@@ -1,4 +1,4 @@
-"""The contact area: counted, less what counting adds, and by a contour between the points."""
+"""The contact area: counted, corrected for the edges, and by a contour between the points."""
 
 from itertools import pairwise
 
@@ -106,7 +106,7 @@ def _positive_part_of_segment(a, b):
 def _triangle(a, b, c):
     """Area where the interpolant of a, b and the centre c is positive, and its contour."""
     in_a, in_b, in_c = a > 0, b > 0, c > 0
-    # The vertex that stands alone with its sign, if there is one, and the two after it.
+    # The vertex whose sign differs from the other two, if there is one, and the next two.
     by_a, by_b = (in_a != in_b) & (in_a != in_c), (in_b != in_a) & (in_b != in_c)
     by_c = (in_c != in_a) & (in_c != in_b)
     lone = jnp.where(by_a, a, jnp.where(by_b, b, c))

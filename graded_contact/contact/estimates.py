@@ -1,34 +1,35 @@
-"""How far a contact is from the exact one: the errors of pressure, gap and all that follows.
+"""The errors of a contact: of pressure, gap and every number computed from them.
 
-A solver returns a pressure y of the law. Under y the solid opens the gap u = M y - h + c. With P,
-the proximal map of the law at the penalty ρ, the contact is exact where the residual
-R = P(y - ρu) - y vanishes. Else Newton's method asks for the change
+A solver returns a pressure y of the law. The solid under y has the gap u = M y - h + c. Let P be
+the proximal map of the law at the penalty ρ. The contact is exact where the residual
+R = P(y - ρu) - y vanishes. Otherwise Newton's method gives the change
 
     (1 - s) dσ + ρ s (M dσ + dc) = R,        s = P'(y - ρu): at a hard wall 1 in contact, else 0.
 
 Its solution predicts the true errors within a few per cent, but costs a fifth of the solve. The
-inverse of M on the whole surface, in place of that on the contact alone, costs one FFT pair:
+inverse of M on the whole surface, instead of on the contact only, costs one FFT pair:
 
     dσ = (1 - s) R + √s (ρM)⁻¹ √s R        with the prescribed mean.
 
 For a positive M this is at least as large as the solution, P M⁻¹ P >= (P M P)⁻¹, and mostly less
-than three times as large (`bench_contact.py random`). Errors are what it changes, see `error_of`.
+than three times as large (`bench_contact.py random`). The error of a number is its change by dσ,
+see `error_of`.
 
 At a prescribed mean gap the mean pressure is wrong by dp/dū times the error of the mean gap, see
 `contact_stiffness`.
 
-`error_step` does solve for the change, to a few hundredths, and adds it: y and its gap u_y solve
+`error_step` solves for the change to a few hundredths and adds it. y and its gap u_y solve
 exactly the contact of the heights h + δ with
 
     δ = M y - h + c - u_y    where the law fixes the gap,
 
 and any δ >= 0 elsewhere. The derivative of the contact by its heights (`adjoint.py`) therefore
-gives what δ has done to pressure and gap, and so to every number that follows from them. This is
+gives the effect of δ on pressure and gap, and so on every number computed from them. This is
 the dual-weighted residual of R. Becker & R. Rannacher, Acta Numerica 10 (2001) 1,
 doi:10.1017/S0962492901000010, for all numbers at once: one linear solve for the change of the
 contact replaces one adjoint solve for each number. The numbers after the step are better than
-those before, by more than they would be with the FFT pairs of the step spent on the solver, as
-long as that has not yet found the points in contact.
+those before. As long as the solver has not yet found the points in contact, this step improves them
+more than the same FFT pairs in the solver.
 """
 
 import dataclasses
@@ -210,7 +211,7 @@ def _scaled(inputs: Inputs, found: SolverOutput):
 
 @eqx.filter_jit
 def error_step(inputs: Inputs, found: SolverOutput) -> SolverOutput:
-    """Returns the contact under a given load after one step from what a solver found."""
+    """Returns the contact under a given load, one Newton step after the result of a solver."""
     kernel, law, penalty = _scaled(inputs, found)
     load = inputs.loading.pressure
     assert load is not None

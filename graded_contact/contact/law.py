@@ -27,7 +27,7 @@ Bound = Float[Array, ""] | float
 
 
 class AbstractLaw(eqx.Module):
-    """What the contact solvers need of a law.
+    """The law of contact, as the solvers use it.
 
     `attracts` is whether σ rises with u anywhere: then solutions depend on history.
     """
@@ -134,7 +134,7 @@ class RepulsiveLJ(AbstractLaw):
 
     The first term of `AdhesiveLJ`, p being 8w/3ε, as used for contact without adhesion by B. N. J.
     Persson & M. Scaraggi, J. Chem. Phys. 141 (2014) 124701, doi:10.1063/1.4895789, and in their
-    later work. It goes to the hard wall as ε -> 0; only the product p ε⁹ matters to the solution.
+    later work. As ε -> 0 it approaches the hard wall. Only the product p ε⁹ matters.
     A point is in contact where u < `contact_gap` ε.
 
     **Fields:**

@@ -1,11 +1,11 @@
-"""The fast solver: nested grids, on each the splitting and, where it is slow, Newton steps.
+"""The fast solver: splitting on nested grids, and Newton steps where the splitting is slow.
 
     for each grid, from the coarsest to the finest:
-        start     the pressure of the grid before (or springs), a draft in single precision
+        start     the pressure of the coarser grid (or springs), a draft in single precision
         epochs    the splitting (`splitting.py`); after 50, 100, 200, ... steps a new penalty
-                  for the area found in contact
-        Newton    semismooth Newton steps (`semismooth_newton.py`) while more than as many steps
-                  again are expected; then the splitting confirms the contact
+                  for the current contact area
+        Newton    semismooth Newton steps (`semismooth_newton.py`), if the splitting would need
+                  more than as many steps again; then the splitting confirms the contact
 
 This is the only place where Python looks at values: outside `jit` Newton steps are compiled when
 the first solve needs them.
@@ -139,7 +139,7 @@ class DouglasRachford(AbstractContactSolver):
 
 
 class GridSettings(NamedTuple):
-    """What is done on a grid, static except `rtol`."""
+    """Settings of the solve on one grid, static except `rtol`."""
 
     share: float  # of its points, of those of the finest grid
     finest: bool
@@ -173,7 +173,7 @@ class GridProblem(eqx.Module):
         return self.unit / self.penalty
 
     def scaled_heights(self, factor: Factor = 1.0) -> Float[Array, "*shape"]:
-        """Those of zero mean."""
+        """Returns the dimensionless heights, of zero mean."""
         scale = factor / self.length
         # Scaled first: else a loop would store another field.
         return scale * self.heights - scale * jnp.mean(self.heights)

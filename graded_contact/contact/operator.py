@@ -1,4 +1,4 @@
-"""The solid as the solvers see it: an operator from pressures to displacements.
+"""The solid as an operator from pressures to displacements.
 
 Under steady sliding the operator is diagonal in Fourier space, w = M σ mode by mode. A solver needs
 three things of it: M σ, (I + ρM)⁻¹ z, and what happens to the mean. The mean of the pressure or
@@ -87,7 +87,7 @@ def third_mode(kernel: Inexact[Array, "*half"]) -> Inexact[Array, ""]:
 
 
 def least_compliance(kernel: Inexact[Array, "*half"]) -> Float[Array, ""]:
-    """Returns the least |M| of all waves."""
+    """Returns the smallest |M| of all waves."""
     return jnp.min(jnp.where(first_mode(kernel.shape), jnp.inf, jnp.abs(kernel)))
 
 

@@ -1,4 +1,4 @@
-"""Contact along a path of loads or gaps, each solution the start of the next."""
+"""Contact along a path of loads or gaps: each solution is the start of the next."""
 
 import equinox as eqx
 import jax

@@ -2,8 +2,8 @@
 
 The displacement is w = M σ mode by mode: M is the kernel, and w and the heights h count into the
 solid. Find the pressure σ and the gap u = w - h + ū that obey the law of contact: for a hard wall
-σ >= 0, u >= 0, σ u = 0. Either the mean of σ is given, and the mean gap ū is whatever makes it so,
-or the other way round.
+σ >= 0, u >= 0, σ u = 0. Either the mean of σ is prescribed and the mean gap ū follows, or ū is
+prescribed and the mean of σ follows.
 """
 
 import dataclasses

@@ -1,4 +1,4 @@
-"""Residuals molecular dynamics: the gap moves as masses driven by what is left of the equations.
+"""Residuals molecular dynamics: the gap moves as masses driven by the residual of the equations.
 
 The reference method of M. Scaraggi & D. Comingio (the paper of this package) and of B. N. J.
 Persson & M. Scaraggi, J. Chem. Phys. 141 (2014) 124701. With the residual
@@ -61,7 +61,7 @@ class ResidualDynamics(AbstractContactSolver):
     **Fields:**
 
     - `max_steps`: steps allowed before giving up.
-    - `uniform_mass`: whether all points have one mass whatever the law, as in plain molecular
+    - `uniform_mass`: whether all points have one mass for every law, as in plain molecular
       dynamics; that takes many more steps.
     """
 

@@ -1,19 +1,19 @@
-"""The second gear of the splitting: semismooth Newton steps for hard walls, where it is slow.
+"""Semismooth Newton steps for hard walls, where the splitting is slow.
 
-Where a small contact carries the load, or moduli differ a thousandfold, the splitting takes
-thousands of steps to find which points are in contact. A Newton step takes that set A as known, and
-solves for the pressures on it,
+If a small contact carries the load, or moduli differ by a factor of a thousand, the splitting
+takes thousands of steps to find the points in contact. A Newton step assumes a set A of points in
+contact and solves for the pressures on A,
 
     K σ - h + c = 0 on A,   σ = 0 elsewhere,   mean σ as prescribed,      K = ρM,
 
-see `active_set.py`. The next A is where σ exceeds the gap. Far from the solution such steps may go
-round in circles. Then they solve a contact coated by springs, whose compliance λ makes that easier
-and whose rest is at the last pressure that was accepted, σ' (the proximal point method):
+see `active_set.py`. The next A is where σ exceeds the gap. Far from the solution such steps may
+cycle. Then they solve a contact coated by springs of compliance λ, which is easier. The springs
+rest at the last accepted pressure σ' (the proximal point method):
 
     (K + λ) σ - (h + λ σ') + c = 0 on A.
 
-Every such contact is nearer to the solution than the last; λ falls tenfold after each, to 0, and
-rises tenfold where the number of points that change sides does not fall.
+Each such contact is nearer to the solution than the last. λ falls by a factor of ten after each, to
+0, and rises by a factor of ten if the number of points that change sides does not fall.
 
 M. Hintermüller, K. Ito & K. Kunisch, SIAM J. Optim. 13 (2002) 865,
 doi:10.1137/S1052623401383558; R. T. Rockafellar, SIAM J. Control Optim. 14 (1976) 877,
@@ -37,7 +37,7 @@ _CLOSER = 3e-3  # than the requested error, which the splitting is to confirm
 
 
 def takes_newton_steps(law: AbstractLaw) -> bool:
-    """Returns whether the steps know a law: a hard wall of no hardness."""
+    """Returns whether the steps can solve a law: a hard wall without hardness."""
     return isinstance(law, HardWall) and law.hardness is None
 
 
@@ -77,7 +77,7 @@ def newton_round(
     rtol: Float[Array, ""],
     budget: Array,
 ) -> tuple[Float[Array, "*shape"], Float[Array, ""], Array, Bool[Array, ""]]:
-    """Returns z = σ + u, the coat to go on with, the FFT pairs, and if the contact was found.
+    """Returns z = σ + u, the next coat, the FFT pairs, and whether the contact was found.
 
     **Arguments:**
 

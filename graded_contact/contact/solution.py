@@ -45,14 +45,14 @@ class RESULTS(eqx.Enumeration):
 
 @shown()
 class ContactSolution(eqx.Module):
-    """Pressure and gap of a contact, and how well they were found.
+    """Pressure and gap of a contact, and their errors.
 
     **Fields:**
 
     - `pressure`: σ [Pa], of the law; its mean is exactly the load, if that was prescribed. Shape of
       the heights.
-    - `displacement`: w [m], of zero mean, positive into the solid: M σ, but with what is left of
-      the error of σ kept out of the soft waves, which would magnify it.
+    - `displacement`: w [m], of zero mean, positive into the solid: M σ, but without the rest of
+      the error of σ in the soft waves, which would magnify it.
     - `gap`: u = w - h + ū [m], zero in hard contact up to the error.
     - `mean_pressure`: mean of σ [Pa].
     - `mean_gap`: mean of the gap ū [m].

@@ -1,4 +1,4 @@
-"""The interface of contact solvers, and what they share: units, a penalty, a loop of steps.
+"""The interface of contact solvers, and their common parts: units, a penalty, a loop of steps.
 
 `solve_contact` and `slide` accept any `AbstractContactSolver`. The contact that it finds gets its
 derivatives afterwards (`adjoint.py`), so a contact solver is never differentiated.
@@ -22,7 +22,7 @@ _CALLBACK_EVERY = 5  # cycles between pressures passed to a callback
 
 
 class Loading(NamedTuple):
-    """What presses the bodies together: a mean pressure [Pa] or a mean gap [m]. One is None."""
+    """The loading: a mean pressure [Pa] or a mean gap [m]. The other one is None."""
 
     pressure: Float[Array, ""] | None
     gap: Float[Array, ""] | None
@@ -100,7 +100,7 @@ class AbstractContactSolver(eqx.Module):
 class Steps(Protocol):
     """An iteration in steps: another `done` or `step` exchanges stopping or acceleration.
 
-    A state has `num_steps`.
+    A state has the attribute `num_steps`.
     """
 
     def init(self, start: Array) -> Any:
@@ -117,7 +117,16 @@ class Steps(Protocol):
 
 
 def run_steps(steps: Steps, start: Array, max_steps: Array | int) -> Any:
-    """Returns the last state of an iteration: where it is done, or after `max_steps`."""
+    """Returns the last state of an iteration: where it is done, or after `max_steps`.
+
+    **Arguments:**
+
+    - `steps`: the iteration, see `Steps`.
+    - `start`: argument of `steps.init`.
+    - `max_steps`: limit of the state's `num_steps`.
+
+    **Returns:** the state after the last `steps.step`.
+    """
 
     def running(state):
         return ~steps.done(state) & (state.num_steps < max_steps)
@@ -126,7 +135,7 @@ def run_steps(steps: Steps, start: Array, max_steps: Array | int) -> Any:
 
 
 def watch_of(callback: Callable[[Array], None] | None, unit: Float[Array, ""]) -> Callable | None:
-    """Returns what a compiled loop calls with the number of each cycle and its pressure in `unit`.
+    """Returns the function that a compiled loop calls with each cycle number and its pressure.
 
     Every few cycles it calls `callback` in Python with the pressure [Pa].
     """
@@ -159,7 +168,7 @@ def penalty_for(
 def pressure_unit(
     kernel: Inexact[Array, "*half"], heights: Float[Array, "*shape"], loading: Loading
 ) -> Float[Array, ""]:
-    """Returns a typical pressure: the prescribed one, and what flattens the longest waves.
+    """Returns a typical pressure: the prescribed one plus that which flattens the longest waves.
 
     `heights` are of zero mean.
     """

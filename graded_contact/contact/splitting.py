@@ -1,4 +1,4 @@
-"""The iteration on one grid that finds contacts and their derivatives.
+"""The iteration on one grid that solves contacts and their derivatives.
 
 Douglas-Rachford splitting, with Anderson's acceleration. One real field z = σ + ρ u holds
 pressure σ and gap u at once. One step costs one FFT pair:
@@ -17,8 +17,8 @@ do not have it.
 P. L. Lions & B. Mercier, SIAM J. Numer. Anal. 16 (1979) 964, doi:10.1137/0716071.
 
 The unit of length is that of pressure over ρ. On large grids a draft in single precision, which
-moves half as many bytes, finds the first digits, and nothing is stored there that follows from the
-kernel mode by mode.
+moves half as many bytes, computes the first digits. There the filter is computed from the kernel at
+each step and not stored.
 """
 
 import dataclasses
@@ -43,7 +43,7 @@ class Splitting(eqx.Module):
     **Fields:**
 
     - `solid`: gives x.
-    - `shift`: what heights and prescribed mean add to x; if the mean is free, to x - z.
+    - `shift`: part of x from heights and prescribed mean; if the mean is free, of x - z.
     - `proximal`: that of the law, a pytree.
     - `rtol`: relative error of the pressure at which the iteration ends.
     - `share`: of points under load [1], or None for the participation of the current pressure.

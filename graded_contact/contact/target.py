@@ -1,9 +1,9 @@
-"""Solves until chosen numbers are accurate, whatever that takes of the pressure.
+"""Solves until chosen numbers are accurate, at any accuracy of the pressure.
 
-Friction and mean gap are accurate long before the pressure is. After a solve that is good to a few
-per cent, one step of Newton's method (`error_step`) leads to better numbers, and their change is
-their error before the step. Only if that is too large a closer solve follows, which begins where
-the step ended.
+Friction and mean gap are accurate long before the pressure is. After a solve to a few per cent, one
+step of Newton's method (`error_step`) improves the numbers, and their change is their error before
+the step. Only if this change is too large, a closer solve follows. It
+starts from the result of the step.
 """
 
 import dataclasses
@@ -43,7 +43,7 @@ class ObservableTarget(NamedTuple):
     **Fields:**
 
     - `value`: the numbers, continuous in the pressure.
-    - `size`: what they are differences of, or their own size: it limits their digits.
+    - `size`: of the numbers, or of the terms that they are differences of; it limits their digits.
     - `tolerance`: acceptable errors.
     """
 

@@ -132,7 +132,7 @@ def check_types(function: F) -> F:
 
 
 def _usage(signature: inspect.Signature) -> str:
-    """The arguments of a function, those by keyword apart."""
+    """The positional arguments of a function, and its keyword arguments separately."""
     named = {"in order": [], "by keyword": []}
     for name, entry in signature.parameters.items():
         kind = "by keyword" if entry.kind is entry.KEYWORD_ONLY else "in order"

@@ -1,8 +1,9 @@
-"""Derivatives in programs of their own, so that values are found compiled.
+"""Derivatives in separate programs, so that the programs of values are reused.
 
-What is differentiated outside `jit` JAX compiles anew: once for the value and all that a derivative
-may need, and once for the derivative. Here the value is that of the programs that are compiled
-already, and the derivative one program, which computes again what it needs, and no more.
+Outside `jit`, JAX compiles a differentiated function again: one program for the value and
+everything that a derivative may need, and one for the derivative. Here the programs of the value
+are those that are already compiled. The derivative is one program, which computes again only what
+it needs.
 """
 
 from collections.abc import Callable
@@ -18,7 +19,7 @@ T = TypeVar("T")
 
 
 def still(tree: T) -> T:
-    """Returns the same numbers without derivatives: known ones outside `jit`."""
+    """Returns the same numbers without derivatives; outside `jit` these are concrete."""
     numbers, others = eqx.partition(tree, eqx.is_array)
     return eqx.combine(_still(numbers), others)
 
@@ -36,7 +37,7 @@ def _still_jvp(primals, _):
 
 
 def derivative_apart(function: F) -> F:
-    """Returns a function with its derivative, of any order and mode, compiled apart.
+    """Returns a function whose derivative, of any order and mode, is compiled separately.
 
     `function` takes positional arguments, returns arrays, and is compiled or made of what is.
     """

@@ -47,7 +47,7 @@ def short(value: Any) -> str:
 def shown(*names: str | EllipsisType):
     """Makes a module, dataclass or named tuple print its fields.
 
-    Or the fields, properties and methods of these `names`; `...` stands for all fields.
+    Or the fields, properties and methods of these `names`; `...` means all fields.
     """
 
     def decorate(kind: K) -> K:

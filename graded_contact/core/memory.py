@@ -73,7 +73,7 @@ def check_memory(
     purpose: str,
     devices: int = 1,
 ) -> None:
-    """Raises `ValueError` if a grid needs more memory than there is, with one that would fit.
+    """Raises `ValueError` if a grid needs more memory than is free, and names one that fits.
 
     **Arguments:**
 
@@ -116,7 +116,7 @@ def in_gigabytes(size: float) -> str:
 
 
 def available_memory() -> float | None:
-    """Returns the bytes that are free where JAX computes, or None if unknown."""
+    """Returns the free memory [bytes] of the device of JAX, or None if unknown."""
     if jax.default_backend() != "cpu":
         known = jax.local_devices()[0].memory_stats() or {}
         if "bytes_limit" not in known:

@@ -9,7 +9,7 @@ from typing import NamedTuple
 
 
 class Quantity(NamedTuple):
-    """What a number is.
+    """One quantity.
 
     **Fields:**
 

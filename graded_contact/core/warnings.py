@@ -1,9 +1,9 @@
 """Caveats: warnings about numbers of solves that succeeded, in sentences.
 
-Nothing is stored twice: a caveat follows from numbers that a `Sliding`, a `Surface` or a result
-file has. `Sliding.caveats`, `Surface.caveats` and `warnings_of(results)` give the sentences; the
+A caveat is computed from the numbers of a `Sliding`, a `Surface` or a result file; it is not
+stored. `Sliding.caveats`, `Surface.caveats` and `warnings_of(results)` give the sentences. The
 table, the file, the figure and the command's summary print those of the results. A new rule is
-one more `Rule` in `RULES`; its quantity is a field of `Sliding` (and thus a dataset of the file),
+one more `Rule` in `RULES`. Its quantity is a field of `Sliding` (and thus a variable of the file),
 of any shape, and NaN where a solve has none.
 """
 
@@ -18,7 +18,7 @@ from .display import shown, with_unit
 
 EXTRAPOLATED = 0.01  # of the friction, from frequencies at which a material was not measured
 LIMIT = 0.1  # the part of a result above which there is a warning
-# Small strains neglect slope²/2 beside 1 (the excess of an arc over its chord): more than LIMIT.
+# Small strains neglect slope²/2, the excess of an arc over its chord. Above STEEP it is > LIMIT.
 STEEP = (2 * LIMIT) ** 0.5
 ROUNDING = 1e-12  # of the slope: friction below it is none
 IDLE = 1e-3  # friction over slope below which a contact counts as without friction

@@ -3,7 +3,7 @@
 An array that lies on a mesh of devices carries it in its type, and so does all that is computed
 from it, under `jit`, `vmap` and derivatives too: that is how a transform knows what to do. Fields
 lie on the devices by rows (axis 0), half spectra inside compiled programs by columns. XLA parts
-everything that is done point by point; what mixes rows or columns asks for them whole. On one
+all pointwise operations; operations that mix rows or columns need them whole. On one
 device nothing here does anything.
 """
 
@@ -25,7 +25,7 @@ ROWS = "rows"  # the only axis of our meshes
 
 
 def put_on(devices: Sequence[jax.Device], array: Array) -> Array:
-    """Returns an array of which each device has a copy: what is computed with it lies on them.
+    """Returns an array of which each device has a copy; results are on these devices.
 
     **Raises:** `ValueError` unless these are devices.
     """
@@ -36,19 +36,19 @@ def put_on(devices: Sequence[jax.Device], array: Array) -> Array:
 
 
 def mesh_of(array: Array) -> AbstractMesh | None:
-    """Returns the devices of an array, or None for a single one (or where the user parts work)."""
+    """Returns the devices of an array, or None for one (or if the user distributes the work)."""
     mesh = jax.typeof(array).sharding.mesh
     return mesh if mesh.axis_names == (ROWS,) and mesh.are_all_axes_auto and mesh.size > 1 else None
 
 
 def num_devices(array: Array) -> int:
-    """Returns over how many devices an array lies."""
+    """Returns the number of devices of an array."""
     mesh = mesh_of(array)
     return 1 if mesh is None else mesh.size
 
 
 def sharding_on(like: Array) -> NamedSharding | None:
-    """Returns how fields lie on the devices of an array whose numbers are known; None for one."""
+    """Returns how fields are distributed over the devices of a concrete array; None for one."""
     if mesh_of(like) is None:
         return None
     placed = cast(NamedSharding, like.sharding)
@@ -66,7 +66,7 @@ def spread(field: Array, like: Array) -> Array:
 
 
 def whole_along(array: Array, axis: int) -> Array:
-    """Returns a field or spectrum, under `jit` so laid that each device has the axis whole."""
+    """Returns a field or spectrum, under `jit` with the whole axis on each device."""
     mesh = mesh_of(array)
     if mesh is None or is_concrete(array):
         return array
@@ -92,7 +92,7 @@ def binned(place: Array, spectrum: Array, num_bins: int) -> Array:
 
 
 def required(tree: T, good: Array, check: Callable[[Array, Array], Array]) -> T:
-    """Returns a tree, or raises unless it is `good`: at once if that is known, else when it is.
+    """Returns a tree, or raises unless it is `good`: at once if this is concrete, else at run time.
 
     `check` puts a check on a number: it fails where its second argument is true.
     """
@@ -102,7 +102,7 @@ def required(tree: T, good: Array, check: Callable[[Array, Array], Array]) -> T:
 
 
 def tied(tree: T, nothing: Array) -> T:
-    """Returns a tree whose numbers exist only where `nothing` does: -0.0 that was checked.
+    """Returns a tree that depends on `nothing`, the -0.0 of a run-time check.
 
     XLA takes what a check is put on to one device, whole: it must be a number, not a field.
     """

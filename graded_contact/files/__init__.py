@@ -1,1 +1,1 @@
-"""What crosses the disk: topographies, moduli, Prony series for other programs, scenes, results."""
+"""Files: topographies, moduli, Prony series for other programs, scenes, results."""

@@ -26,7 +26,7 @@ _PACKAGES = ("graded_contact", "jax", "numpy", "h5py")
 
 
 def attach(dataset: "Dataset", units: Mapping[str, str] = MappingProxyType({})) -> "Dataset":
-    """Returns the dataset after `units` and `long_name` were added to what has none.
+    """Returns the dataset with `units` and `long_name` added where they are missing.
 
     **Arguments:**
 
@@ -56,7 +56,7 @@ def mean_and_error(dataset: "Dataset", axis: str = "seed") -> tuple["Dataset", "
 
 
 def write(path: str | os.PathLike, dataset: "Dataset") -> None:
-    """Writes a file, or nothing: an earlier one is replaced when the new one is complete.
+    """Writes a file completely or not at all; it replaces an earlier file only at the end.
 
     **Raises:** `OSError` if it cannot be written.
     """

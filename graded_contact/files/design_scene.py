@@ -160,7 +160,7 @@ class DesignScene:
 def read_design(path: str | os.PathLike) -> DesignScene:
     """Returns the design scene that a TOML file describes; the site lists its keys.
 
-    A missing file raises `FileNotFoundError`; whatever is wrong in it `ValueError`, naming the
+    A missing file raises `FileNotFoundError`; every error in it raises `ValueError`, naming the
     table and the key.
     """
     path = existing_file(path, at_most=LARGEST)

@@ -1,4 +1,4 @@
-"""The covariance of the numbers of a material, as a CSV file beside its card.
+"""The covariance of the numbers of a material, as a CSV file next to its table.
 
 The first line holds the paths of the numbers in the material. Each further line is one independent
 direction of their errors: one standard deviation, in the units of the numbers.

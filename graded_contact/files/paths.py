@@ -1,4 +1,4 @@
-"""Files that a user names: what is read, and where results are written.
+"""Paths from the user: files to read, folders to write results to.
 
 Names and folders are checked before anything is computed.
 """
@@ -33,7 +33,7 @@ def check_name(name: str) -> None:
 
 
 def full_path(text: str, beside: str | os.PathLike = ".") -> Path:
-    """Returns the path that a text names: `~` is the user's, others are relative to `beside`.
+    """Returns the path that a text names: `~` is the user's, other paths are relative to `beside`.
 
     **Raises:** `ValueError` for one that no file system has.
     """

@@ -258,7 +258,7 @@ class Scene:
 def read_scene(path: str | os.PathLike) -> Scene:
     """Returns the scene that a TOML file describes; the site lists its keys.
 
-    A missing file raises `FileNotFoundError`; whatever is wrong in it `ValueError`, naming the
+    A missing file raises `FileNotFoundError`. An error in the file raises `ValueError` with the
     table and the key.
 
     **Arguments:**

@@ -1,4 +1,4 @@
-"""Tables of a TOML text become objects; keys, types and defaults are those of their constructors.
+"""Objects from TOML tables: keys, types and defaults are those of the constructors.
 
 A table holds the arguments of a dataclass or a function. Its signature is the schema: from it come
 the conversion, the keys that errors name, and the table of keys on the site. What an annotation
@@ -80,7 +80,7 @@ def keys_of(make: Callable, *without: str) -> tuple[Key, ...]:
     types = getattr(make, "__annotations__", {})
     found = []
     for name, parameter in inspect.signature(make).parameters.items():
-        # The signature of a module with converters says `Any`, its fields what they hold.
+        # The signature of a module with converters says `Any`, its fields say what they contain.
         annotation = parameter.annotation
         annotation = types.get(name) if annotation is Any else annotation
         parts = parts_of(annotation)
@@ -114,13 +114,13 @@ class Reader:
         self.paths: list[Path] = []
 
     def build(self, place: str, table: Any, make: Callable, **given: Any) -> Any:
-        """Returns what `make` gives of the entries of a table, and of what is `given`."""
+        """Returns `make` called with the entries of a table and with `given`."""
         (entries,) = self.arguments(place, table, keys_of(make, *given))
         with within(place):
             return make(**given, **entries)
 
     def build_kind(self, place: str, table: Any, kinds: Kinds) -> Any:
-        """Returns what the constructor gives that a table names by its `kind`."""
+        """Returns the object of the constructor that a table names by its `kind`."""
         kind, rest = kind_of(place, table, {name: keys_of(make) for name, make in kinds.items()})
         return self.build(place, rest, kinds[kind])
 
@@ -280,7 +280,7 @@ def _choice(place: str, key: str, value: Any, choices: Iterable[str]) -> str:
 
 
 def nearest(word: Any, choices: Iterable[str]) -> str:
-    """Returns advice on a word that is none of `choices`."""
+    """Returns a hint for a word that is not in `choices`."""
     choices = list(choices)
     close = difflib.get_close_matches(str(word), choices, n=1)
     if close:

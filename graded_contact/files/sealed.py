@@ -1,4 +1,4 @@
-"""Files that are whole or absent, and that show damage.
+"""Files that are written completely or not at all, with a checksum against damage.
 
 A file is written under another name, flushed to the disk and renamed. It begins with `SEAL` bytes
 that hold a checksum of the rest: a damaged HDF5 file may make HDF5 hang or return other numbers.
@@ -46,7 +46,7 @@ def _header(content: bytes) -> bytes:
 
 @contextlib.contextmanager
 def replacing(path: str | os.PathLike) -> Iterator[Path]:
-    """Gives a name to write under; on leaving, that file replaces the one at `path`, whole.
+    """Yields a temporary path; on exit, that file replaces the file at `path`.
 
     If it is left by an exception there is no new file, and an earlier one stays.
     """

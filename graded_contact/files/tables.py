@@ -76,7 +76,7 @@ class TextLayout(NamedTuple):
         return _SEPARATORS[self.separator] + " and decimal commas" * (self.decimal == ",")
 
     def split(self, line: str) -> list[str]:
-        """Returns the cells of a line as they are written."""
+        """Returns the cells of a line unchanged."""
         if self.separator is None:
             return line.split()
         return [cell.strip() for cell in next(csv.reader([line], delimiter=self.separator), [])]
@@ -150,7 +150,7 @@ def text_layout(lines: Iterable[str], least: int) -> TextLayout:
 def _score(table: Iterable[list[str]], decimal: str, least: int) -> tuple[int, int]:
     """How well a table is read with a decimal mark.
 
-    Marks between thousands count less: 1,234 alone is a little more than one, but 1,234 beside
+    Marks between thousands count less: 1,234 alone is a little more than one, but 1,234 next to
     0.5 is a thousand.
     """
     total, plain = 0, 0
@@ -477,7 +477,7 @@ _SETTING = re.compile(r"(?i)toleran|limit|offset|compensation|expansion|calibrat
 
 
 def title_above(rows: Sequence[Row]) -> str:
-    """Returns the title of the step that follows, "Frequency sweep - 2" say; empty if none is."""
+    """Returns the title of the next step, such as "Frequency sweep - 2", or an empty text."""
     marks = [i for i, row in enumerate(rows) if row.cells[0].casefold() == "[step]"]
     if marks and marks[-1] + 1 < len(rows):
         title = rows[marks[-1] + 1]

@@ -161,7 +161,7 @@ class Heading(NamedTuple):
 
 
 def metres(unit: str) -> float | None:
-    """Returns metres per unit of length, or None for what is none."""
+    """Returns metres per unit of length, or None if the text is not a unit of length."""
     return _METRES.get(_folded(unit))
 
 

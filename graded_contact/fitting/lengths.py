@@ -1,4 +1,4 @@
-"""The best series of every length, from one branch to as many as the data determine.
+"""The best series of every length, from one branch to the most that the data determine.
 
 Two walks meet: upwards, each new branch put where it lowers the error most; downwards from the best
 positive spectrum of all, each time joining the two branches (or dropping the one) that costs least.
@@ -90,7 +90,7 @@ def choose(series: Series, within: float | None) -> tuple[np.ndarray, tuple[Leng
 def choose_solid_or_liquid(
     data: Observations, within: float | None
 ) -> tuple[Observations, np.ndarray, tuple[Length, ...]]:
-    """Returns the data, with E_eq = 0 where they need none; the unknowns; lengths tried.
+    """Returns the data, with E_eq = 0 if they need no equilibrium modulus; unknowns; lengths tried.
 
     They need none if no spectrum near to them is better for it: slow branches far outside would
     replace any E_eq.
@@ -111,7 +111,7 @@ def may_be_liquid(data: Observations) -> bool:
 
 
 def flows(data: Observations) -> bool:
-    """Returns whether moduli over frequency have more loss than storage where they begin."""
+    """Returns whether the loss exceeds the storage modulus at the lowest frequencies."""
     if data.kind != "frequency":
         return False
     both = np.all(np.asarray(data.weights) > 0, axis=0)

@@ -117,7 +117,7 @@ class MasterCurve(eqx.Module):
         return shared.shifted(by_law, np.zeros_like(by_law)).rms(np.asarray(self.fit.theta))
 
     def exported(self) -> Prony:
-        """Returns the material to hand on: with the law if it serves as well as the fitted shifts.
+        """Returns the material for export: with the law if it fits as well as the fitted shifts.
 
         It does where its error is at most 1.05 times that of the fit and no constant has run to
         its bound; otherwise the material carries the table of shifts.

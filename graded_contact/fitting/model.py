@@ -104,7 +104,7 @@ def objective(theta: Unknowns, data: Observations) -> Float[Array, ""]:
 def model(
     theta: Unknowns, data: Observations, x: Float[Array, " any"]
 ) -> Float[Array, "channels any"]:
-    """Returns what a measurement of this kind at frequencies or times `x` would show."""
+    """Returns the result of a measurement of this kind at frequencies or times `x`."""
     strengths, times, extras = _unpack(theta, data)
     known, static = _fixed_columns(dataclasses.replace(data, times=None), x, jnp)
     rows = known + strengths @ branches(data.kind, x, times)[0] + extras @ static
@@ -131,7 +131,7 @@ def material_of(
         times = jnp.append(times, last)
     if not len(times):
         return Prony(equilibrium=glassy, strengths=strengths, times=times, **common)
-    # Retardation times that the fit let meet are moved 1e-6 apart.
+    # Retardation times that coincide after the fit are separated by 1e-6.
     meet = jnp.abs(times[:, None] - times) < 1e-7 * times
     times = times * (1 + 1e-6 * jnp.sum(jnp.tril(meet, -1), axis=1))
     material = Prony.from_creep(glassy, strengths, times, **common)
@@ -141,7 +141,7 @@ def material_of(
 
 
 def measured_range(data: Observations) -> MeasuredRange:
-    """Returns the frequencies that the data cover; a time t stands for the frequency 1/t."""
+    """Returns the frequencies that the data cover; a time t counts as the frequency 1/t."""
     used = (data.x > 0) & jnp.any(data.weights > 0, axis=0)
     x = jax.lax.stop_gradient(data.x)
     lowest = jnp.min(jnp.where(used, x, jnp.inf))

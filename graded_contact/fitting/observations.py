@@ -32,7 +32,7 @@ Unknowns = Float[Array, " unknowns"]
 
 @shown()
 class Observations(eqx.Module):
-    """Measured values, and what is known beforehand.
+    """Measured values, and parameters that are known before the fit.
 
     **Fields:**
 

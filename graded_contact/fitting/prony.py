@@ -5,8 +5,8 @@
     print(fit.report())
     rubber = fit.material                     # a `Prony`, ready for a stack
 
-Minimised is the sum of squared logarithms of model over measurement, so that every decade counts
-alike; in absolute squares the rubbery loss, which friction lives on, has no say. Strengths are
+The fit minimises the sum of squared logarithms of model over measurement. So every decade has the
+same weight; in absolute squares the rubbery loss, which friction needs, has none. Strengths are
 positive by construction, hence every fit is passive. Times are free within a decade of the data.
 
 The relaxation forms of N terms with E_eq > 0 and the creep forms of N terms are the same functions:
@@ -78,7 +78,7 @@ class PronyFit(eqx.Module):
         return with_units(material_of(self.theta, self.data, self.poisson))
 
     def predict(self, x: Numbers) -> Float[Array, "channels points"]:
-        """Returns what the measurement would have shown at other frequencies or times.
+        """Returns the fitted values at other frequencies or times.
 
         `x` are angular frequencies [rad/s] or times [s], shape `(points,)`. The rows are storage
         and loss modulus [Pa]; or one of moduli [Pa] or compliances [1/Pa].
@@ -219,12 +219,12 @@ def fit_prony(
     - `equilibrium`: E_eq [Pa] if known, 0 for a liquid. By default fitted; with the number of
       terms free it is 0 where loss exceeds storage at the lowest frequencies and the error is no
       larger for it, as for melts.
-    - `glassy`: E_inf [Pa] if known; by default what follows from the branches.
+    - `glassy`: E_inf [Pa] if known; by default it follows from the branches.
     - `storage_weight`, `loss_weight`: weights of the squared residuals [1], shape `()` or
       `(points,)`; a weight of 0 leaves a value out.
     - `huber`: log residual [1] from which on a value counts linearly (outliers); by default none.
     - `poisson`: Poisson's ratio of the material [1].
-    - `throw`: whether to raise for data that no positive spectrum comes near to.
+    - `throw`: whether to raise for data that are far from all positive spectra.
 
     Raises `ValueError` for input that cannot be fitted, such as moduli that are not positive, and
     for data half of which are off by more than 30 % from every positive spectrum.
@@ -260,7 +260,7 @@ def fit_relaxation(
     - `modulus`: E(t) [Pa], shape `(points,)`; NaN is a missing value.
     - `weight`: weights of the squared residuals [1], shape `()` or `(points,)`.
 
-    The others, and what is raised: as `fit_prony`.
+    Other arguments and errors: as `fit_prony`.
 
     **Returns:** as `fit_prony`.
     """
@@ -296,7 +296,7 @@ def fit_creep(
     - `times`: given retardation times t_j [s].
     - `weight`: weights of the squared residuals [1], shape `()` or `(points,)`.
 
-    The others, and what is raised: as `fit_prony`.
+    Other arguments and errors: as `fit_prony`.
 
     **Returns:** as `fit_prony`.
     """

@@ -1,4 +1,4 @@
-"""How near a fit comes to measured values, how near any positive spectrum could, and the report."""
+"""The error of a fit, the smallest error of any positive spectrum, and the report."""
 
 import dataclasses
 from typing import Any, NamedTuple

@@ -1,4 +1,4 @@
-"""How far a series of exponential branches lies from measured values, in logarithms.
+"""The difference between a series of exponential branches and measured values, in logarithms.
 
 Rows are measured values, all storage moduli before the loss moduli. The model is linear in positive
 strengths,
@@ -76,11 +76,11 @@ class Series:
         return theta[:terms], theta[terms : 2 * terms], theta[2 * terms :]
 
     def terms(self, theta: Any) -> int:
-        """Returns the number of branches with a time of their own."""
+        """Returns the number of branches with a separate time."""
         return (len(theta) - len(self.static)) // 2
 
     def bounds(self, theta: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        """Returns the limits of the unknowns: strengths of some use, times the data can see."""
+        """Returns the limits of the unknowns: strengths that matter, times that data cover."""
         terms = self.terms(theta)
         shortest, longest = self.time_limits()
         lower, upper = np.full(len(theta), self.faintest()), np.full(len(theta), np.inf)

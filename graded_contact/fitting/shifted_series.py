@@ -1,4 +1,4 @@
-"""One series for measurements at many temperatures, each shifted along and across.
+"""One series for measurements at many temperatures, each with a horizontal and a vertical shift.
 
 An isotherm g measures b_g m(x a_g) at frequencies x (or times x/a_g). Its shift is a law plus a
 departure, ln a_g = L_g(p) + e_g. The unknowns are (θ, p, e, ln b): those of the series, the law's,

@@ -2,7 +2,7 @@
 
 It is that of a Gauss-Newton fit, C = H⁻¹ (Σ_ij g_i w_i V_ij w_j g_jᵀ) H⁻¹ with H = Σ_i w_i g_i g_iᵀ
 and g = ∂ ln m/∂θ. V is the covariance of the errors. Each channel has its own size of errors σ, and
-its own correlation of neighbours ρ: errors k points apart have the correlation ρ^k.
+its own correlation of neighbours ρ: errors at a distance of k points have the correlation ρ^k.
 
 The residuals are smaller and less alike than the errors, because the fit follows the errors in
 part. σ and ρ therefore come from the restricted likelihood, that of the combinations of the

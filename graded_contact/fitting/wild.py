@@ -119,7 +119,7 @@ def _residual(series: Series, fitted: np.ndarray) -> np.ndarray:
 
 
 def _far(residual: np.ndarray) -> np.ndarray:
-    """Where residuals are large beside those of all values and of the neighbours."""
+    """Where residuals are large compared with those of all values and of the neighbours."""
     size = np.abs(residual)
     usual = np.maximum(np.median(size, axis=1)[:, None], _around(size, AROUND))
     return size > np.maximum(LEAST, TIMES * 1.4826 * usual)

@@ -1,4 +1,4 @@
-"""Contact area and friction with ever shorter waves on the surface: which wavelengths matter."""
+"""Contact area and friction as shorter waves are added to the surface: which wavelengths matter."""
 
 import equinox as eqx
 import jax
@@ -38,7 +38,7 @@ def area_against_cutoff(
 ) -> CutoffCurve:
     """Returns contact area and friction with only the waves up to each cut-off on the surface.
 
-    What the area loses from one cut-off to the next is due to the waves between them: at the
+    The loss of area from one cut-off to the next is due to the waves between them: at the
     magnification q/q0 one sees the area A(q). Each contact starts from the one before.
 
     **Arguments:**

@@ -1,8 +1,8 @@
-"""The main job: a rough rigid surface sliding on a layered viscoelastic block.
+"""A rough rigid surface sliding on a layered viscoelastic block.
 
 The surface h(x - vt) is pressed on the block by a mean pressure and moves steadily with the
-velocity v. In the frame of the surface everything stands still, and every wavevector q of the
-pressure works the block at the frequency ω = -q·v.
+velocity v. In the frame of the surface the contact is steady, and every wavevector q of the
+pressure deforms the block at the frequency ω = -q·v.
 """
 
 import dataclasses
@@ -121,25 +121,25 @@ def _extrapolated(s: "Sliding"):
 class Sliding(eqx.Module):
     """Friction, contact area and fields of a sliding contact.
 
-    The contact is solved; every other number is computed when it is read. A batch of them, as
-    `jax.lax.map`, `jax.vmap` or a stack of leaves make it, gives arrays of numbers. Errors and
+    The contact is solved. Every other number is computed when it is read. A batch, from
+    `jax.lax.map`, `jax.vmap` or a stack of leaves, has arrays of numbers. Errors and
     `energy_imbalance` have no derivative.
 
     **Observables:**
 
     - `friction`: force opposing the motion over the load [1]; >= 0 for passive materials, nan
       where a mean gap leaves no contact.
-    - `friction_error`: estimated error of the friction that the solver left [1]. That of the grid
-      comes on top, see `geometric_friction`.
+    - `friction_error`: estimated error of the friction from the solver [1]. The error of the grid
+      adds to it, see `geometric_friction`.
     - `contact_area`: fraction of points in contact [1]. A pixel count, without a derivative.
     - `contact_area_error`: fraction of points that the solver may have put on the wrong side [1];
       with `friction_rtol`, the error of `contact_area_smooth`.
-    - `contact_area_corrected`: the same less its known excess at the edges [1].
+    - `contact_area_corrected`: `contact_area` less its known excess at the edges [1].
     - `contact_area_smooth`: sub-pixel area fraction [1], for gradients.
     - `geometric_friction`: friction from the surface's slope instead of the block's [1]. Its
-      distance from `friction` is the error of the grid.
+      difference from `friction` is the error of the grid.
     - `energy_imbalance`: work of friction against dissipation in the block, relative [1].
-    - `slope_in_contact`: rms slope of the block where it carries the load [1]: the strains there.
+    - `slope_in_contact`: rms slope of the block where it carries the load [1], the strains there.
     - `unmeasured_area`, `unmeasured_friction`: shares of the contact area and of the friction on
       points that were filled or tapered, not measured [1]; 0 where `Surface.measured` is None.
     - `extrapolated_friction`: share of the friction from waves that excite frequencies at which a
@@ -191,7 +191,7 @@ class Sliding(eqx.Module):
     )
 
     def compute(self, *names: str) -> list[Float[Array, "..."]]:
-        """Returns the observables of these names, those not computed before by one program."""
+        """Returns the observables of these names; one program computes those that are missing."""
         missing = tuple(name for name in names if name not in vars(self))
         found = _computed(self, missing) if missing else {}
         if all(map(is_concrete, found.values())):
@@ -279,8 +279,10 @@ def slide(
       friction is then at most about 1e-4 of it.
     - `law`, `solver`, `adjoint`, `start`, `throw`: as in `solve_contact`.
     - `solution`: `.contact` of an earlier call with the same arguments. Nothing is solved then: the
-      same numbers are returned, with derivatives. Without `throw` a graded
-      layer whose kernel misses its tolerance is a `.result` as well, and all numbers are NaN.
+      same numbers are returned, with derivatives.
+
+    With `throw=False`, `.result` also reports a graded layer whose kernel misses its tolerance; all
+    numbers are then NaN.
 
     **Returns:** friction, areas, errors and the contact itself, see `Sliding`.
 

@@ -1,1 +1,1 @@
-"""The page in the browser: a scene with sliders, and what it gives at once."""
+"""The page in the browser: a scene with sliders and its results."""

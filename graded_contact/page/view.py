@@ -1,4 +1,4 @@
-"""A page: sliders and tools beside figures, bound to the parameters of a session."""
+"""A page: sliders and tools next to figures, bound to the parameters of a session."""
 
 import html
 import io

@@ -1,4 +1,4 @@
-"""How the pressure in a contact spreads as finer roughness comes into view.
+"""Diffusion of the pressure in a contact as finer roughness is added.
 
 Stresses are in units of the mean pressure σ0: v = V/σ0², where V is the variance that the pressure
 would have in complete contact. The density P of the pressure obeys ∂P/∂v = ½ ∂²P/∂σ² and starts as
@@ -72,7 +72,7 @@ def slowing(correction: Correction, x: Float[Array, "*n"]) -> Float[Array, "*n"]
 
 @partial(jax.custom_jvp, nondiff_argnums=(0,))
 def slowed(correction: Correction, v: Float[Array, "*n"]) -> Float[Array, "*n"]:
-    """Returns x(v) [1], how far the slowed diffusion has come.
+    """Returns x(v) [1], the progress of the slowed diffusion.
 
     The inverse v(x) = ∫dx/S is tabulated; within an interval of the table two of Newton's steps
     solve for x to rounding, with Gauss's rule for the integral from the start of the interval.

@@ -1,9 +1,9 @@
 """Persson's multiscale mean-field theory of friction and contact area, for any stack.
 
-The contact is looked at with growing magnification ζ = q/q_low: roughness up to the wavenumber q
-is seen, finer roughness not yet. Were the contact complete, every wave h_q of a surface that moves
-with velocity v would add the pressure h_q/M, M = M_zz(q, -q·v), and the variance V of the pressure
-about its mean σ0 would grow by
+At the magnification ζ = q/q_low, the contact has the roughness up to the wavenumber q and no finer
+roughness. If the contact were complete, every wave h_q of a surface with the velocity v would add
+the pressure h_q/M, M = M_zz(q, -q·v), and the variance V of the pressure about its mean σ0 would
+grow by
 
     dV = C q dq ∫dφ |1/M|²  =  ¼ C q³ dq ∫dφ |E_eff(q, q v cos φ)|²,
 
@@ -111,7 +111,7 @@ def mean_field_friction(
     Differentiable in every leaf of `stack` and `spectrum`, in `pressure` and `velocity`; works
     under `jit` and `vmap`. A friction curve is `jax.lax.map(lambda v: mean_field_friction(stack,
     spectrum, pressure=p, velocity=v), velocities)` inside `jax.jit`, on a CPU faster than `vmap`
-    because what one velocity needs stays in the cache.
+    because the data of one velocity stay in the cache.
 
     **Arguments:**
 

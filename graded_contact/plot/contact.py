@@ -144,7 +144,7 @@ def _value_range(values: np.ndarray) -> tuple[float, float, str]:
 
 
 def _outliers(extend: str, values: np.ndarray, base: str) -> str:
-    """What a label says of the values [base] beyond a range."""
+    """The part of a label for values [base] beyond a range."""
     if extend == "neither":
         return ""
     ends = (np.nanmin(values), np.nanmax(values))
@@ -227,7 +227,7 @@ def plot_distributions(
     **Arguments:**
 
     - `sliding`: as in `plot_sliding`.
-    - `mean_field`: what `mean_field_friction` returned for the same contact, to compare with.
+    - `mean_field`: the result of `mean_field_friction` for the same contact, to compare with.
     """
     pressure, gap = np.ravel(sliding.pressure), np.ravel(sliding.gap)
     figure = new_figure(PAGE, 2.7)
@@ -276,7 +276,7 @@ def plot_dissipation(curves: CutoffCurve | Mapping[str, CutoffCurve]) -> "Figure
 
     **Arguments:**
 
-    - `curves`: what `cumulative_friction` or `area_against_cutoff` returned, or `against_cutoff` of
+    - `curves`: the result of `cumulative_friction` or `area_against_cutoff`, or `against_cutoff` of
       a mean field; or several, by their labels.
     """
     by_label = curves if isinstance(curves, Mapping) else {"": curves}

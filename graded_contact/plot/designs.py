@@ -32,7 +32,7 @@ def plot_design(results: DesignResults) -> "Figure":
 
     **Arguments:**
 
-    - `results`: what `run_design` returned.
+    - `results`: the result of `run_design`.
     """
     study, scene = results.study, results.study.scene
     before = results.candidates["before"].field
@@ -96,7 +96,7 @@ def plot_history(design: Design) -> "Figure":
 
     **Arguments:**
 
-    - `design`: what `minimise`, `design.minimise_expected` or `run_design` (`.design`) returned.
+    - `design`: the result of `minimise`, `design.minimise_expected` or `run_design` (`.design`).
     """
     from matplotlib.ticker import MaxNLocator
 

@@ -1,4 +1,4 @@
-"""Figures of what was measured at several temperatures."""
+"""Figures of measurements at several temperatures."""
 
 from typing import TYPE_CHECKING, Any
 
@@ -26,7 +26,7 @@ def plot_master_curve(curve: MasterCurve) -> "Figure":
 
     **Arguments:**
 
-    - `curve`: what `master_curve` returned.
+    - `curve`: the result of `master_curve`.
     """
     measured, shifted = curve.data.observations, curve.fit.data
     frequency = shifted.kind == "frequency"
@@ -64,7 +64,7 @@ def plot_van_gurp_palmen(isotherms: MasterCurve | Measured) -> "Figure":
 
     **Arguments:**
 
-    - `isotherms`: what `read_moduli` or `master_curve` returned, of moduli over frequency; the
+    - `isotherms`: the result of `read_moduli` or `master_curve`, of moduli over frequency; the
       latter shows its series as well.
 
     **Raises:** `ValueError` for relaxation and creep.

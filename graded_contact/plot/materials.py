@@ -67,7 +67,7 @@ def plot_fit(fit: PronyFit) -> "Figure":
 
     **Arguments:**
 
-    - `fit`: what `fit_prony`, `fit_relaxation` or `fit_creep` returned.
+    - `fit`: the result of `fit_prony`, `fit_relaxation` or `fit_creep`.
     """
     figure = new_figure(PAGE, 3.8)
     above, below = figure.subplots(2, 1, sharex=True, height_ratios=(3, 1))
@@ -107,7 +107,7 @@ def plot_sensitivity(
 
     **Arguments:**
 
-    - `sensitivity`: what `sensitivity` returned; or several, by their labels.
+    - `sensitivity`: the result of `sensitivity`; or several, by their labels.
     - `of`: name of the quantity.
     """
     by_label = sensitivity if isinstance(sensitivity, Mapping) else {"": sensitivity}

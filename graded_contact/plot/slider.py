@@ -22,7 +22,7 @@ TURN = (
 
 
 class Slider:
-    """Figures of which one is shown, see `slider`.
+    """Several figures, one of which is shown; see `slider`.
 
     Notebooks show the slider; without HTML the figure in the middle is shown.
     """

@@ -1,4 +1,4 @@
-"""Figures of scenes: friction and contact area along what was varied."""
+"""Figures of scenes: friction and contact area over the varied quantities."""
 
 from collections.abc import Sequence
 from typing import TYPE_CHECKING, Any, NamedTuple
@@ -47,7 +47,7 @@ def plot_sweep(results: "Dataset") -> "Figure":
 
     **Arguments:**
 
-    - `results`: what `run_scene` returned.
+    - `results`: the result of `run_scene`.
     """
     lines = _lines(results)
     return _drawn(lines, lines.varied[0] if lines.varied else "pressure")
@@ -62,7 +62,7 @@ def plot_reduced(results: "Dataset") -> "Figure":
 
     **Arguments:**
 
-    - `results`: what `run_scene` returned for several temperatures.
+    - `results`: the result of `run_scene` for several temperatures.
 
     **Raises:** `ValueError` with the reason if there is no such curve.
     """
@@ -80,7 +80,7 @@ def plot_compare(results: "Sequence[Dataset]", names: Sequence[str]) -> "Figure"
 
     **Arguments:**
 
-    - `results`: what `run_scene` returned, over the same axes. Points may differ; axes of one point
+    - `results`: the result of `run_scene`, over the same axes. Points may differ; axes of one point
       and seeds do not matter.
     - `names`: of the results, for the legend.
 

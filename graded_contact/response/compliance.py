@@ -96,7 +96,7 @@ def surface_compliance(
     - `stack`: the block.
     - `q`: wavenumbers |q| [rad/m], positive.
     - `omega`: angular frequencies ω [rad/s], of either sign.
-    - `graded_solver`: what solves graded layers, `Layering()` or `Riccati()`.
+    - `graded_solver`: solver of graded layers, `Layering()` or `Riccati()`.
     - `rtol`: relative tolerance in graded layers; by default that of `graded_solver`. If it is not
       reached, an error is raised; `graded_compliance` returns the estimate. Stacks of
       homogeneous layers are exact, and ignore it.
@@ -117,7 +117,7 @@ def effective_modulus(
     graded_solver: AbstractGradedSolver = Layering(),  # noqa: B008 (immutable)
     rtol: float | None = None,
 ) -> Inexact[Array, "*w"]:
-    """Returns 2/(q M_zz) [Pa]: the E/(1-ν²) of the half space that would respond alike.
+    """Returns 2/(q M_zz) [Pa]: the E/(1-ν²) of the half space with the same response.
 
     Its imaginary over its real part is the loss tangent of the composite.
 

@@ -1,4 +1,4 @@
-"""The recursion through a stack with graded layers, and the interface of what solves these.
+"""The recursion through a stack with graded layers, and the interface of their solvers.
 
 The recursion carries the state of a face through the layers. A `Rule` defines the state and how it
 passes a homogeneous slab: the rule of M_zz is below, that of the full compliance in `matrix`, that
@@ -38,14 +38,14 @@ from .stack import Free, GradedLayer, HalfSpace, Rigid, Stack
 
 
 class Cut(NamedTuple):
-    """A height s in a graded layer, and which part of the layer is meant."""
+    """A height s in a graded layer, which separates two parts of it."""
 
     height: Float[Array, "..."]
     upper: bool
 
 
 class Rule(NamedTuple):
-    """What a recursion carries from face to face.
+    """The state that a recursion passes from face to face.
 
     - `add(face, x, reduced, e, lowest)`: the state of a slab's other face, of x = q d, E_r in the
       unit of the column and e = 1 - 2ν. If there is nothing below, `face` is None, or `lowest` a
@@ -303,7 +303,7 @@ def solve_graded(
     rtol: float,
     throw: bool,
 ) -> tuple[tuple[Array, ...], Float[Array, "*w"]]:
-    """Returns what `graded_solver` finds, see there, and its error, which may be one to raise."""
+    """Returns the values and the error from `graded_solver`; the error may be one to raise."""
     values, error = graded_solver.solve(climb, measure, stack, q, omega, rtol)
     error = jax.lax.stop_gradient(error)
     if throw:

@@ -112,7 +112,7 @@ def interior_fields(
     - `depth`: z [m] below the surface, from 0 down to the bottom, or any on a half space.
     - `side`: at an interface σ_xx, σ_yy and σ_xy jump: the layer "above" or "below" it is meant.
       The values of `interface_depths` are recognised as such exactly.
-    - `graded_solver`: what solves graded layers, `Layering()` or `Riccati()`.
+    - `graded_solver`: solver of graded layers, `Layering()` or `Riccati()`.
     - `rtol`: tolerance in graded layers, of stresses over the traction at the surface and of
       displacements as the stresses that they make; by default that of `graded_solver`. If it is not
       reached, an error is raised. Where the fields have decayed to less than that, `Layering` has
@@ -331,7 +331,7 @@ def depth_climb(
     depth: Float[Array, "..."],
     side: Side,
 ) -> tuple[Callable[[AddGraded | None], tuple[Array, ...]], Local]:
-    """Returns the recursion to (t, s, σ_T) [Pa] and (U, w, w_T) at a depth, and what is there.
+    """Returns the recursion to (t, s, σ_T) [Pa] and (U, w, w_T) at a depth, and the material there.
 
     **Arguments:**
 

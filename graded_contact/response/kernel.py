@@ -1,11 +1,14 @@
 """The surface compliance of a stack on the whole half spectrum of a grid, for steady sliding.
 
-A surface moving with velocity v excites the wavevector q at ω = -q·v. What is computed, and how
-often: moduli once per row of equal q_x (sliding along x makes ω depend on the row alone), the
-geometry in real arithmetic where Poisson's ratio is real, rows of -q_x by conjugation. Rows are
-taken in blocks that fit the cache, so that temporaries do not grow with the grid; derivatives
-recompute a block instead of storing it. Graded and long stacks are interpolated from a table of
-few wavevectors where that is less work (`table`).
+A surface moving with velocity v excites the wavevector q at ω = -q·v. To save work:
+
+- Moduli are computed once per row of equal q_x: for sliding along x, ω depends on the row only.
+- The geometry uses real arithmetic if Poisson's ratio is real.
+- Rows of -q_x follow by conjugation.
+- Rows are computed in blocks that fit the cache, so temporaries do not grow with the grid;
+  derivatives recompute a block instead of storing it.
+- Graded and long stacks are interpolated from a table of few wavevectors if that is less work
+  (`table`).
 """
 
 from functools import partial
@@ -70,7 +73,7 @@ def stack_kernel(
     - `stack`: the block.
     - `grid`: the periodic cell.
     - `velocity`: of the rough surface over the block [m/s]: a number (along x) or `(vx, vy)`.
-    - `graded_solver`: what solves graded layers, `Layering()` or `Riccati()`.
+    - `graded_solver`: solver of graded layers, `Layering()` or `Riccati()`.
     - `rtol`: relative tolerance of graded and long stacks; by default that of `graded_solver`.
 
     **Returns:** the kernel, shape of the half spectrum. The q = 0 entry is 0 (the mean

@@ -18,7 +18,7 @@ recursion of `slab`, with transmission 1/cosh(q d) and both factors tanh(q d), i
 What lies below a face is stored as homogeneous coordinates (n, c11, c12, c22, det)/n, so that a
 clamped (n > 0 alone) and a free face (det > 0 alone) are ordinary starting points and layers may
 have no thickness. Of thin layers on a rigid base, and of a free sheet with ν = 1/2, c11 and c_T
-agree to the last digit, and C_xy is their difference: it is carried along as one more coordinate,
+agree to the last digit, and C_xy is their difference: it is computed as one more coordinate,
 (1 - ν) c11 n_t - n c_t, by a recursion whose terms are all as small as it is. The exception are
 several free sheets of one modulus with ν = 1/2: there C_xy is 0.5 (q d)² C_xx, and right to the
 rounding of C_xx only.
@@ -95,7 +95,7 @@ def surface_compliance_matrix(
     - `stack`: the block.
     - `qx`, `qy`: wavevector [rad/m], not both zero.
     - `omega`: angular frequencies ω [rad/s], of either sign.
-    - `graded_solver`: what solves graded layers, `Layering()` or `Riccati()`.
+    - `graded_solver`: solver of graded layers, `Layering()` or `Riccati()`.
     - `rtol`: relative tolerance in graded layers, of c11, c22 and c_T each and of c12 over their
       geometric mean; by default that of `graded_solver`. If it is not reached, an error is raised.
 

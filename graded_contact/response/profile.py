@@ -1,4 +1,4 @@
-"""How moduli vary through a graded layer: profile(s, omega) -> (E, ν), s from 0 to 1 upwards.
+"""Moduli through a graded layer: profile(s, omega) -> (E, ν), s from 0 (bottom) to 1 (top).
 
 A profile is a module called with heights s [1] (0 at the layer's bottom, 1 at its top) and
 angular frequencies ω [rad/s] that broadcast against each other; it returns Young's modulus
@@ -230,7 +230,7 @@ class Aged(AbstractProfile):
 def moduli_at(
     profile: Any, s: Float[Array, "..."], omega: Float[Array, "..."]
 ) -> tuple[Inexact[Array, "..."], Inexact[Array, "..."]]:
-    """Returns what a profile gives, as arrays: a function may return Python numbers."""
+    """Returns E and ν of a profile as arrays: a function may return Python numbers."""
     modulus, poisson = profile(s, omega)
     return jnp.asarray(modulus), jnp.asarray(poisson)
 

@@ -45,7 +45,7 @@ class Equation(NamedTuple):
     step: float
 
     def rates(self, numbers, kappa, b1, b2, r):
-        """Returns what the numbers change by per unit of ζ, or downwards of y."""
+        """Returns the rates of change per unit of ζ, or downwards of y."""
         plane, antiplane, traction = numbers
         if self.down:
             t, s, across = traction
@@ -100,7 +100,7 @@ class Riccati(AbstractGradedSolver):
     """The differential equation of the compliance, integrated by diffrax.
 
     The tolerance of a step is `rtol`/30; the error is estimated by a second integration with
-    one ten times larger. `benchmarks/bench_grading.py` sets it beside `Layering`, which shares
+    one ten times larger. `benchmarks/bench_grading.py` compares it with `Layering`, which shares
     nothing with it but a rough solution for the sizes: it is slower for an equal error.
 
     **Fields:**

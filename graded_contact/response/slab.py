@@ -1,4 +1,4 @@
-"""One homogeneous slab under a wave of surface traction: bounded factors that never cancel.
+"""One homogeneous slab under a wave of surface traction, by bounded factors without cancellation.
 
 In the frame of the wavevector, with z out of the body, take (t, s) = (-iσ_L, σ_3) and
 (U, w) = (-iw_L, w_3): then everything is real for real moduli. A slab is described by the
@@ -11,7 +11,7 @@ below, the upper face has
 all in units of 2/(E_r q) with E_r = E/(1 - ν²) of the slab. Q, G, P are 2×2; their entries are
 sums of decaying exponentials in x = q d, so that nothing grows for thick slabs, and the small
 differences of thin ones are written out as series, so that nothing cancels. The determinant of
-c is carried along: for a free laminate the product c11 c22 - c12² loses every digit of it.
+c is computed separately: for a free laminate c11 c22 - c12² loses every digit of it.
 
 The factors are those of the quasi-static Navier equations (the paper's slab matrices M1 to M4
 for constant ν, rearranged); `docs/theory.md` derives them.
@@ -178,7 +178,7 @@ def factors(
 
 
 class Split(NamedTuple):
-    """What keeps c11 from c_T, the antiplane compliance, in units of 1/(μ q) (see `matrix`)."""
+    """The difference of c11 and c_T (antiplane compliance), in units of 1/(μ q), see `matrix`."""
 
     held: Inexact[Array, "*w"]  # (1 - ν) q11 - tanh x
     free: Inexact[Array, "*w"]  # (1 - ν) tanh x (c11 det g of the free slab) - det g

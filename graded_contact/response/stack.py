@@ -1,4 +1,4 @@
-"""What a block is made of: layers from the loaded surface downwards, on a base."""
+"""The parts of a block: layers from the loaded surface downwards, on a base."""
 
 from collections.abc import Sequence
 from typing import Any
@@ -47,7 +47,7 @@ class Layer(eqx.Module):
 
     **Fields:**
 
-    - `material`: what it is made of.
+    - `material`: the material of the layer.
     - `thickness`: d [m]. Zero is allowed, and is no layer.
     """
 
@@ -86,11 +86,11 @@ def _check_thickness(thickness: Array) -> None:
 
 @shown()
 class HalfSpace(eqx.Module):
-    """A base so deep that its bottom is never felt.
+    """A base so deep that its bottom has no effect.
 
     **Fields:**
 
-    - `material`: what it is made of.
+    - `material`: the material of the half space.
     """
 
     material: AbstractMaterial = eqx.field(converter=material_called("material"))
@@ -113,7 +113,7 @@ class Stack(eqx.Module):
     **Fields:**
 
     - `layers`: from the loaded surface downwards; may be empty on a half space.
-    - `base`: what the lowest layer rests on.
+    - `base`: below the lowest layer.
     """
 
     layers: tuple[Layer | GradedLayer, ...] = eqx.field(

@@ -1,14 +1,14 @@
 """A function of the wavevector on the quadrant of a grid, interpolated from few wavevectors.
 
-The compliance of a graded or long stack is dear, and smooth: for sliding along x, log(q M_zz) is
-analytic in log q_x and log q_y (Re M_zz > 0 keeps the logarithm on its branch), and polynomials
+The compliance of a graded or long stack is expensive, but smooth: for sliding along x, log(q M_zz)
+is analytic in log q_x and log q_y (Re M_zz > 0 keeps the logarithm on its branch), and polynomials
 through Chebyshev nodes converge geometrically (L. N. Trefethen, Approximation Theory and
-Approximation Practice, SIAM 2013, ch. 8). With the nodes' values in a matrix L, those of the
-whole grid are A_x L A_yᵀ: two matrix products. The lines q_x = 0 and q_y = 0 are one more node
-in each direction.
+Approximation Practice, SIAM 2013, ch. 8). With the nodes' values in a matrix L, those of the whole
+grid are A_x L A_yᵀ: two matrix products. The lines q_x = 0 and q_y = 0 are one more node in each
+direction.
 
-How many nodes are needed is read off the Chebyshev coefficients along a few lines; the error
-that is left is measured at wavevectors of the grid which are not nodes.
+The number of nodes follows from the Chebyshev coefficients along a few lines. The error is
+measured at wavevectors of the grid that are not nodes.
 """
 
 from collections.abc import Callable

@@ -1,4 +1,4 @@
-"""Where a material was measured, and what lies outside.
+"""Where a material was measured, and what is outside this range.
 
 A fitted series has a modulus at every frequency, but only where there were data is it more than an
 extrapolation. A limited material has two methods, `coverage()` and `check(omega)`; the
@@ -23,7 +23,7 @@ SLACK = 64
 
 @runtime_checkable
 class Limited(Protocol):
-    """What knows the frequencies at which it was measured."""
+    """A material with a known range of measured frequencies."""
 
     def coverage(self) -> tuple[Float[Array, ""], Float[Array, ""]]:
         """Returns the lowest and highest ω [rad/s]; the lowest is infinite if there is none."""
@@ -38,7 +38,7 @@ class Limited(Protocol):
 class MeasuredRange(eqx.Module):
     """Frequencies and temperatures at which a material was measured.
 
-    Its numbers decide nothing but what is reported: they have no derivative.
+    Its numbers only affect what is reported: they have no derivative.
 
     **Fields:**
 
@@ -103,7 +103,7 @@ def is_unknown(omega: Any, known: tuple[Any, Any]) -> Any:
 def coverage(tree: Any) -> tuple[Float[Array, ""], Float[Array, ""]] | None:
     """Returns the lowest and highest ω [rad/s] at which all materials in `tree` were measured.
 
-    None if none of them is limited; the lowest exceeds the highest if there is no such frequency.
+    None if no material is limited; the lowest exceeds the highest if there is no such frequency.
 
     **Arguments:**
 

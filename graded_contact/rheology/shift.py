@@ -1,4 +1,4 @@
-"""Laws of time-temperature superposition: how relaxation times move with temperature.
+"""Laws of time-temperature superposition: relaxation times as functions of temperature.
 
 Temperatures are in kelvin. Source of the first: M. L. Williams, R. F. Landel, J. D. Ferry,
 J. Am. Chem. Soc. 77 (1955) 3701, doi:10.1021/ja01619a008.

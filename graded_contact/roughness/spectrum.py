@@ -1,7 +1,7 @@
 """Spectra of roughness.
 
 A spectrum C(q) is two-sided and isotropic, <h²> = ∫ d²q C(q) over the whole plane for a surface,
-<h²> = ∫ dq C(q) over the whole line for a profile; `ndim` tells which.
+<h²> = ∫ dq C(q) over the whole line for a profile; `ndim` is 2 or 1.
 
 The shape of the spectrum is that of B. N. J. Persson, J. Phys.: Condens. Matter 18 (2006) 7789,
 doi:10.1088/0953-8984/18/32/009; Nayak's parameter is that of P. R. Nayak, J. Lubr. Technol. 93
@@ -127,7 +127,7 @@ class SelfAffine(eqx.Module):
 
 
 def one_of_height_and_slope(rms_height: Any, rms_slope: Any) -> tuple[Any, Float[Array, ""]]:
-    """Returns which of the two was given, and its value; refuses both or none."""
+    """Returns the name and the value of the one that was given; refuses both or none."""
     if (rms_height is None) == (rms_slope is None):
         raise ValueError(
             "Exactly one of `rms_height` and `rms_slope` is needed, got "

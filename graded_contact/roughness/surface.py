@@ -78,7 +78,7 @@ class Surface(eqx.Module):
 
     - `heights`: h [m], shape `grid.shape`. The mean need not be zero; contact ignores it.
     - `grid`: the periodic cell.
-    - `history`: what was done to the heights, one sentence each. Static.
+    - `history`: the changes of the heights, one sentence each. Static.
     - `measured`: how much of each height was measured [1], shape `grid.shape`: 1 as measured, 0
       invented to fill a hole, the factor of the window where tapered; None: all alike.
     - `steps`: the roughness after every step of reading. Static.
@@ -87,7 +87,7 @@ class Surface(eqx.Module):
     heights: Float[Array, "*shape"]
     grid: Grid
     history: tuple[str, ...] = eqx.field(static=True)
-    # Not Boolean: `jax.grad` by a surface asks for numbers in every leaf.
+    # Not Boolean: `jax.grad` by a surface needs numbers in every leaf.
     measured: Float[Array, "*shape"] | None
     steps: tuple[Step, ...] = eqx.field(static=True)
 
@@ -123,7 +123,7 @@ def _on_grid(name: str, field: Numbers, grid: Grid) -> Array:
 
 
 def step(name: str, heights: Numbers, spacing: Numbers) -> Step:
-    """Returns the roughness of heights [m], NaN where missing, `spacing` [m] apart on each axis."""
+    """Returns the roughness of heights [m], NaN where missing, at distances `spacing` [m]."""
     values = np.asarray(heights, float)
     deviation = values - np.nanmean(values)
     rms = float(np.sqrt(np.nanmean(deviation**2)))
@@ -326,7 +326,7 @@ def radial_spectrum(
 
     C has the normalisation of `SelfAffine.density` for the grid's `ndim`: [m⁴], or [m³] of a
     profile. Bins are equally wide in log q between 2π/L of the longest axis and the smallest
-    Nyquist wavenumber. A bin that holds no mode has C = NaN at its geometric centre.
+    Nyquist wavenumber. A bin without modes has C = NaN at its geometric centre.
 
     **Arguments:**
 
@@ -372,7 +372,7 @@ def rescale(
     **Arguments:**
 
     - `surface`: not flat.
-    - `rms_height` [m] or `rms_slope` [1]: what it shall have.
+    - `rms_height` [m] or `rms_slope` [1]: the new value.
 
     **Returns:** the surface of other heights.
     """

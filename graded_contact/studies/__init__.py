@@ -1,1 +1,1 @@
-"""Studies made of many solves: scenes run, blocks designed, finished points kept on disk."""
+"""Studies of many solves: scenes, designs, and finished points stored on disk."""

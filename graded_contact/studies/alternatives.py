@@ -1,4 +1,4 @@
-"""Around a design: what can be made, what trades off, and what scatters."""
+"""Alternatives to a design: available values, trade-offs, and manufacturing scatter."""
 
 import functools
 from collections.abc import Callable, Sequence
@@ -18,7 +18,7 @@ from .design import Constraints, Design, Objective, minimise
 def snap_to_values(
     objective: Objective, design: Design, choices: dict[str, Sequence[float]], **arguments: Any
 ) -> Design:
-    """Returns a design with some parameters from what can be made, the others found again.
+    """Returns a design with some parameters at available values, the others optimised again.
 
     **Arguments:**
 
@@ -104,14 +104,14 @@ def pareto_front(
 def scatter(
     objective: Objective, parameters: Any, spread: Any, *, num_samples: int = 64, seed: int = 0
 ) -> Float[Array, " samples"]:
-    """Returns the objective of designs that scatter as manufacture does.
+    """Returns the objective of designs with manufacturing scatter.
 
     **Arguments:**
 
     - `objective`: as in `minimise`.
     - `parameters`: of the design.
     - `spread`: standard deviation of ln(parameter) [1]: one number, or as `parameters`.
-    - `num_samples`, `seed`: how many draws, and what draws them.
+    - `num_samples`, `seed`: number of draws, and the seed of the draws.
 
     **Returns:** values of the objective, shape `(num_samples,)`.
     """

@@ -1,10 +1,10 @@
-"""One long solve that can go on after its process was killed.
+"""One long solve that can continue after its process was killed.
 
-While it iterates on the finest grid, the pressure found so far is kept in a store, under the
-fingerprint of the problem. From it the same call begins again: the same contact to `rtol`, though
-not to the bit, and two to six FFT pairs more than without an end in between. A solve that is not
-interrupted takes the same steps as one that keeps nothing, to rounding. A law that attracts may
-have several contacts; it is then the one that the pressure leads to.
+While the solve iterates on the finest grid, the current pressure is stored under the fingerprint of
+the problem. After a kill the same call starts from this pressure. It gives the same contact to
+`rtol`, but not the same bits, and takes two to six FFT pairs more than without the kill. A solve
+without interruption takes the same steps as one without a store, to rounding. A law that attracts
+may have several contacts; the result is then the contact that follows from the stored pressure.
 """
 
 import os
@@ -31,22 +31,23 @@ def checkpointed(
     every: float = 60.0,
     **given: Any,
 ) -> T:
-    """Returns what `solve(*inputs, **given)` returns, going on from where an earlier call ended.
+    """Returns what `solve(*inputs, **given)` returns, continued from the last stored state.
 
     Compiled in every process anew, which takes seconds; not under `jit` or `grad`.
 
     **Arguments:**
 
-    - `folder`: where the pressure is kept; it may hold that of other problems.
+    - `folder`: where the pressure is stored; it may contain pressures of other problems.
     - `solve`: `slide` or `solve_contact`.
-    - `inputs`, `given`: its arguments. A `start` among them counts if nothing is kept.
+    - `inputs`, `given`: its arguments. A `start` among them counts if nothing is stored.
     - `every`: least time from one writing to the next [s].
 
-    **Returns:** the solution. What was kept stays, and a further call begins from there.
+    **Returns:** the solution. The stored state stays, and a further call starts from it.
 
     **Raises:** `BlockingIOError` if another process solves in this folder; `ValueError` for another
-    solver than `DouglasRachford`; and as `solve`. If nothing can be written the solve goes on, and
-    warns; so it does where what was kept is damaged, and begins anew.
+    solver than `DouglasRachford`; and the errors of `solve`. If the folder cannot be written, the
+    solve continues with a warning. If the stored state is damaged, the solve starts anew with a
+    warning.
     """
     check_values("every", every, "a time [s] is at least 0", at_least=0)
     solver = given.pop("solver", DouglasRachford())

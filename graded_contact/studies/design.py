@@ -1,4 +1,4 @@
-"""Design: positive, bounded parameters that make an objective least, by its gradients.
+"""Design: positive, bounded parameters that minimise an objective, by its gradients.
 
 Every parameter is searched on the logarithm between its bounds, by SciPy's sequential quadratic
 programming (D. Kraft, DFVLR-FB 88-28, 1988), from several starts: the first is the one given, the
@@ -33,7 +33,7 @@ FIRST_STEP = 0.1  # longest, of the way between the bounds
 
 @shown()
 class History(NamedTuple):
-    """What a search has tried, one entry for each evaluation.
+    """The evaluations of a search, one entry each.
 
     **Fields:**
 
@@ -53,7 +53,7 @@ class Run(eqx.Module):
 
     **Fields:**
 
-    - `parameters`: what it came to.
+    - `parameters`: its result.
     - `value`: of the objective there.
     - `history`: how it came there.
     - `num_evaluations`: of objective and gradient.
@@ -76,7 +76,7 @@ class Run(eqx.Module):
     "multipliers", "num_evaluations",
 )  # fmt: skip
 class Design(eqx.Module):
-    """The best design found, and the evidence.
+    """The best design found, and all runs.
 
     **Fields:**
 
@@ -84,7 +84,7 @@ class Design(eqx.Module):
     - `value`: of the objective.
     - `elasticities`: d ln|value|/d ln(parameter) [1], shaped as `parameters`: what matters most.
     - `margins`: of the constraints, all positive; empty without constraints.
-    - `runs`: what every start came to. The number of them near `value` tells how sure it is.
+    - `runs`: the result of every start. Many of them near `value` mean a reliable minimum.
     - `error`: standard error of the value where it is a mean over draws, see `minimise_expected`.
     - `multipliers`: by how much the value would fall by an allowance of 1 in each constraint;
       of `minimise_expected`, else empty.
@@ -100,7 +100,7 @@ class Design(eqx.Module):
 
     @property
     def best(self) -> Run:
-        """The run that came to the best."""
+        """The best run."""
         return min((run for run in self.runs if run.feasible), key=lambda run: run.value)
 
     @property
@@ -115,7 +115,7 @@ class Design(eqx.Module):
 
     @property
     def units(self) -> dict[str, str]:
-        """Units of the parameters, where paths tell them."""
+        """Units of the parameters, if they follow from the paths."""
         if not isinstance(self.parameters, dict):
             return {}
         return {path: known.unit for path in self.parameters if (known := quantity_of(path))}
@@ -157,16 +157,16 @@ def minimise(
     store: str | Path | Store | None = None,
     progress: Callable[[int, float], None] | None = None,
 ) -> Design:
-    """Returns the parameters between `lower` and `upper` that make `objective` least.
+    """Returns the parameters between `lower` and `upper` that minimise `objective`.
 
     **Arguments:**
 
     - `objective`: parameters -> a number, differentiable by JAX; it is jitted.
     - `lower`, `upper`: bounds, positive numbers in any nesting of dicts, lists and arrays. Where
-      they are equal the parameter is held.
+      they are equal the parameter is fixed.
     - `start`: where to start first, in the same nesting; by default the middle on the logarithm.
     - `constraints`: parameters -> numbers that must not be negative.
-    - `num_starts`, `seed`: how many starts, and what spreads them.
+    - `num_starts`, `seed`: number of starts, and the seed of their positions.
     - `rtol`: change of the objective over its size at which a run ends.
     - `max_steps`: of a run.
     - `store`: a folder, which is made, or a `Store`. Each evaluation is on the disk at once: the
@@ -174,7 +174,7 @@ def minimise(
     - `progress`: called with the number of the start and the value after each evaluation; what it
       raises ends the search.
 
-    **Returns:** the best parameters, and what every start came to.
+    **Returns:** the best parameters, and the result of every start.
 
     **Raises:** `ValueError` for bounds that are refused, for an objective or constraint that is
     not finite (naming the parameters), and if no start satisfies the constraints; of a `store`,

@@ -1,9 +1,9 @@
 """Ctrl-C and SIGTERM end a long command at a safe place, not in the middle of compiled code.
 
 A `KeyboardInterrupt` raised while compiled code calls back into Python ends in a segmentation
-fault. So the signals are only noted, by a thread of their own (the main thread hears of nothing
-while it compiles or solves), and raised where the command asks. A second signal ends the process
-at once: what was finished is on the disk by then.
+fault. So a separate thread only notes the signals (the main thread notices nothing while it
+compiles or solves), and the command raises them where this is safe. A second signal ends the
+process at once. All finished results are then on the disk.
 """
 
 import contextlib
@@ -47,7 +47,7 @@ class Interruption:
 def interruptible() -> Iterator[Interruption]:
     """Gives an `Interruption` that notes SIGINT and SIGTERM; a second signal ends the process.
 
-    It must be entered by the main thread. Signals that the process was told to ignore stay ignored.
+    It must be entered by the main thread. Signals that the process ignores stay ignored.
     """
     found = Interruption()
     heard, wakeup = socket.socketpair()
@@ -72,7 +72,7 @@ def interruptible() -> Iterator[Interruption]:
 
 
 def _leave_to_thread(number: int, frame: object) -> None:
-    """Python must have a handler, or it would not tell the thread."""
+    """Python must have a handler, otherwise it does not notify the thread."""
 
 
 def _listen(heard: socket.socket, found: Interruption) -> None:

@@ -1,4 +1,4 @@
-"""What a coating should do, as functions of a stack to be made small or to be limited.
+"""Objectives and constraints for a coating, as functions of a stack.
 
 They read the response and the mean field only: milliseconds. Contact solves with the same meaning
 are the user's `slide(...)`, to verify and polish what these found.
@@ -41,7 +41,7 @@ def loss_tangent(
     - `stack`: the block.
     - `q`: wavenumbers [rad/m], positive.
     - `velocity`: [m/s], positive.
-    - `graded_solver`: what solves graded layers, `Layering()` or `Riccati()`.
+    - `graded_solver`: solver of graded layers, `Layering()` or `Riccati()`.
 
     **Returns:** Im E_eff/Re E_eff [1], shape of `q` and `velocity` together.
     """
@@ -56,7 +56,7 @@ def ripple(values: Numbers) -> Float[Array, ""]:
     """Returns the variance of the logarithm of positive values [1]: 0 where they are flat.
 
     `ripple(loss_tangent(stack, q, velocity))` over a band of q is small if the band is damped
-    evenly; `jnp.max(...)/jnp.min(...)` says the same to people, with kinks.
+    evenly; `jnp.max(...)/jnp.min(...)` is easier to read, but has kinks.
 
     **Arguments:**
 

@@ -16,7 +16,7 @@ Flat = Float[np.ndarray, " parameters"]
 
 
 class Box(NamedTuple):
-    """Flat bounds, the names of what they bound, and what gives flat values their nesting."""
+    """Flat bounds, their names, and the function that restores the nesting of flat values."""
 
     low: Flat
     high: Flat
@@ -133,7 +133,7 @@ class Problem:
         **Arguments:**
 
         - `x`: flat parameters.
-        - `draw`: number of the draw of a random problem; None of another.
+        - `draw`: number of the draw of a random problem; None for other problems.
 
         **Raises:** `ValueError` for what is not finite.
         """

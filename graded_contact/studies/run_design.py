@@ -65,7 +65,7 @@ class Candidate(NamedTuple):
 
 @shown("design", "polished", "candidates")
 class DesignResults(NamedTuple):
-    """The design of a scene, and what verifies it.
+    """The design of a scene, and the contacts that verify it.
 
     **Fields:**
 
@@ -84,15 +84,15 @@ class DesignResults(NamedTuple):
 def run_design(
     study: DesignScene, *, store: Store | None = None, progress: Progress | None = None
 ) -> DesignResults:
-    """Returns the design of a scene, and what verifies it.
+    """Returns the design of a scene, and the contacts that verify it.
 
     **Arguments:**
 
     - `study`: what to design.
-    - `store`: keeps every evaluation and every verified surface at once: the same study goes on
-      from there, another one shares what it has in common with it.
-    - `progress`: called with what is being done, and how much of how much is done, after every
-      evaluation and solve; what it raises ends the design.
+    - `store`: stores every evaluation and every verified surface at once. The same study continues
+      from there; another study uses the entries that both have in common.
+    - `progress`: called with the current step, the number done and the total, after every
+      evaluation and solve. An exception in it ends the design.
 
     **Raises:** `ValueError` for bounds and limits that nothing satisfies, a start outside the
     bounds, or a block whose friction comes from where its materials were not measured (more than
@@ -152,7 +152,7 @@ def design_memory(study: DesignScene, shape: tuple[int, ...]) -> float:
 
 
 def mean_field_problem(study: DesignScene) -> tuple[Objective, Constraints | None]:
-    """Returns what the design makes least, and its constraints, as functions of parameters.
+    """Returns the objective and the constraints of a design, as functions of parameters.
 
     Both are for `minimise`, or any other search: they take a dict of numbers by path.
     """

@@ -1,4 +1,4 @@
-"""Scenes: a `slide` at every combination of what a scene varies."""
+"""Scenes: a `slide` at every combination of the varied quantities."""
 
 import dataclasses
 import hashlib
@@ -76,20 +76,20 @@ def run_scene(
     client: Any = None,
     progress: Callable[[int, int], None] | None = None,
 ) -> "Dataset":
-    """Returns friction, contact area and more of a scene at every combination of what it varies.
+    """Returns friction, contact area and more at every combination of the varied quantities.
 
-    A solve that does not converge is kept with its message, one that fails (a kernel that cannot
-    be evaluated) with its reason, and the run goes on. A run that is interrupted (Ctrl-C) returns
-    what it has, with NaN and "not started" for the rest. No solve starts from another one: a start
-    from the neighbouring velocity saves 2 to 12 % of the FFT pairs (measured with 13 and 41
-    velocities over four decades), costs a second compilation, and each result would depend on the
-    one before.
+    A solve that does not converge is stored with its message. A solve that fails (a kernel that
+    cannot be evaluated) is stored with its reason. The run continues in both cases. An interrupted
+    run (Ctrl-C) returns all finished solves, with NaN and "not started" for the rest. No solve
+    starts from another one: a start from the neighbouring velocity saves 2 to 12 % of the FFT pairs
+    (measured with 13 and 41 velocities over four decades), costs a second compilation, and each
+    result would depend on the one before.
 
     **Arguments:**
 
-    - `scene`: what to compute.
+    - `scene`: the scene.
     - `surface`: the surface, if built before; that of the first seed, where there are several.
-    - `store`: keeps each solve on disk as it ends; a solve found there is not computed again.
+    - `store`: stores each solve on disk as it ends; a solve in the store is not computed again.
     - `workers`, `client`, `progress`: as in `sweep`.
 
     **Returns:** an `xarray.Dataset` over the axes of the scene, as far as it has them: the paths of
@@ -206,7 +206,7 @@ def _solver(scene: Scene, surface: Surface) -> Callable[[dict[str, Any]], dict[s
 def _collect(
     scene: Scene, surface: Surface, names: np.ndarray, points: list[Point | None]
 ) -> "Dataset":
-    """The results of a scene from its solves; None stands for one that was not started."""
+    """The results of a scene from its solves; None marks a solve that was not started."""
     import xarray
 
     axes, shape, dtype = tuple(scene.axes), names.shape, surface.heights.dtype
@@ -251,7 +251,7 @@ def _collect(
 
 
 def shift_factors(scene: Scene) -> tuple[Float[np.ndarray, " temperatures"] | None, str]:
-    """Returns a_T [1] at each temperature, None unless the materials share it; and what to say."""
+    """Returns a_T [1] at each temperature, None unless the materials share it; and a message."""
 
     def is_law(part: Any) -> bool:
         return isinstance(part, AbstractShift)

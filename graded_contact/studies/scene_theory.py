@@ -1,7 +1,7 @@
-"""What is known of a scene without solving its contacts: its mean field and its materials.
+"""Results of a scene without solving its contacts: mean field and materials.
 
 Friction of frequencies at which no material was measured is refused before the first solve.
-Errors of materials are carried to the friction; the mean field tells which frequencies decide it.
+Errors of materials are propagated to the friction; the mean field shows which frequencies matter.
 """
 
 import contextlib
@@ -151,7 +151,7 @@ def _excited(scene: Scene, grid: Grid) -> np.ndarray:
 
 
 def errors_of_stack(scene: Scene) -> Errors | None:
-    """Returns what is known of the numbers of a scene's stack, None if of none.
+    """Returns the errors of the numbers of a scene's stack, or None without errors.
 
     A material that lies at several places is off alike at all of them.
     """
@@ -169,7 +169,7 @@ def what_decides(scene: Scene, surface: Surface) -> dict[tuple[str, float], Sens
 
     By the mean field of an isotropic surface, for each series of which errors are known: at the
     slowest, a middle and the fastest velocity that is not 0, the highest pressure, the first
-    temperature and the block as it is written, without [sweep].
+    temperature and the block of the file, without [sweep].
 
     **Arguments:**
 

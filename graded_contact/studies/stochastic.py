@@ -1,4 +1,4 @@
-"""Design under chance: parameters that make the expectation of a random objective least.
+"""Design with a random objective: parameters that minimise its mean.
 
     def objective(parameters, key):           # friction on a surface that nobody saw before
         surface = random_surface(spectrum, grid, key)
@@ -58,7 +58,7 @@ def minimise_expected(
     store: str | Path | Store | None = None,
     progress: Callable[[int, float], None] | None = None,
 ) -> Design:
-    """Returns the parameters between `lower` and `upper` that make the mean of `objective` least.
+    """Returns the parameters between `lower` and `upper` that minimise the mean of `objective`.
 
     **Arguments:**
 
@@ -78,7 +78,7 @@ def minimise_expected(
 
     **Returns:** the design; its value, margins and elasticities are means over the draws that
     judge it, `error` is the standard error of the value, `multipliers` are those of the
-    constraints. There is one run, whose message says what is missing where it has not converged.
+    constraints. There is one run, whose message says what is missing if it did not converge.
 
     **Raises:** `ValueError` as `minimise` does, and if the result misses a constraint.
     """
@@ -181,7 +181,7 @@ class _Lagrangian:
         self.multipliers, self.squares = 0.0, 0.0
 
     def gradient(self, limits, slope, slopes):
-        """Returns its gradient, and the multipliers that stand for it."""
+        """Returns its gradient, and the multipliers in it."""
         self.squares = self.squares + np.array([slope @ slope, *np.sum(slopes**2, axis=1)])
         own, *theirs = np.maximum(self.squares, np.finfo(float).tiny)
         stiffness = STIFFNESS * np.sqrt(own / np.array(theirs))

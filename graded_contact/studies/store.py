@@ -1,4 +1,4 @@
-"""Finished points of a study on the disk, one file each: no later end of the process loses them.
+"""Finished points of a study on the disk, one file each: they survive a kill of the process.
 
 A store is a folder. The name of a file is a fingerprint of all that decides the numbers of the
 point. A file is whole or absent, and damage is detected (`files/sealed.py`). A lock refuses a
@@ -60,7 +60,7 @@ class Point(NamedTuple):
 def opened(
     store: "str | os.PathLike | Store | None",
 ) -> contextlib.AbstractContextManager["Store | None"]:
-    """Gives a store that is open: `store`, or a new one of this folder."""
+    """Yields an open store: `store`, or a new one of this folder."""
     if isinstance(store, str | os.PathLike):
         return Store(store)
     return contextlib.nullcontext(store)

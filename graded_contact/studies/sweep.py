@@ -58,7 +58,7 @@ def sweep(
       that they save time. A script with workers needs `if __name__ == "__main__":`.
     - `client`: in place of `workers`, a client of `dask.distributed`, or the address of a
       scheduler, "tcp://host:8786".
-    - `units`: of axes and results by name, beside those that the package knows.
+    - `units`: of axes and results by name, in addition to those that the package knows.
     - `progress`: called with the number of finished points and of all points.
 
     **Returns:** a dataset over the axes in their order, or over `point` for a list. `message` is

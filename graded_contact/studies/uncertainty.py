@@ -1,4 +1,4 @@
-"""What is known of a measured material, carried to friction or whatever else follows from it.
+"""Errors of a measured material, propagated to friction or any other result.
 
 A fit knows the covariance C of its unknowns θ; a quantity f(θ) with the slopes g = ∂f/∂θ then has
 the variance gᵀ C g to first order. Where in frequency a quantity draws on a master curve tell its
@@ -42,7 +42,7 @@ class Estimate(eqx.Module):
 
 @shown()
 class Sensitivity(eqx.Module):
-    """What decides a quantity f: its relative change per decade of frequency.
+    """The sensitivity of a quantity f: its relative change per decade of frequency.
 
     **Fields:**
 
@@ -77,17 +77,17 @@ def propagate(
     """Returns a quantity that follows from a fitted material, or a stack, with its standard error.
 
     To first order in the errors: of the unknowns of a fit (of a master curve, those of the shifts
-    included), or of numbers of any stack. What a misfit of the whole series means it does not know,
-    see `PronyFit.confidence`.
+    included), or of numbers of any stack. The effect of a misfit of the whole
+    series is not included, see `PronyFit.confidence`.
 
     **Arguments:**
 
     - `function`: called as function(material), or as function(tree), differentiable, such as
       `lambda rubber: slide(...).friction`; returns a number or an array.
-    - `known`: what `fit_prony`, `fit_relaxation`, `fit_creep` or `master_curve` returned; or
+    - `known`: the result of `fit_prony`, `fit_relaxation`, `fit_creep` or `master_curve`; or
       standard deviations of independent errors by the path of the number in `tree`, in its units,
       such as `{"layers[0].thickness": 5e-6}`, see `with_values`; or `Errors`, which may be shared.
-    - `tree`: with `known` by path, a `Stack`, say.
+    - `tree`: with `known` by path, such as a `Stack`.
 
     **Returns:** the value and its standard error.
 
@@ -129,11 +129,11 @@ def propagate(
 
 
 def errors_of(fit: PronyFit | MasterCurve, material: Prony) -> Errors:
-    """Returns what a fit knows of the numbers of its material, to hand on with it.
+    """Returns the errors of the numbers of a fitted material, for export with it.
 
     **Arguments:**
 
-    - `fit`: what `fit_prony`, `fit_relaxation`, `fit_creep` or `master_curve` returned.
+    - `fit`: the result of `fit_prony`, `fit_relaxation`, `fit_creep` or `master_curve`.
     - `material`: its `material`, or of a master curve what it has `exported`.
 
     **Returns:** errors of those numbers of the material that were fitted.
@@ -168,10 +168,10 @@ def errors_of(fit: PronyFit | MasterCurve, material: Prony) -> Errors:
 def sensitivity(
     function: Callable[[Tabulated], Float[Array, ""]], material: AbstractMaterial, omega: Numbers
 ) -> Sensitivity:
-    """Returns which part of a master curve decides a quantity.
+    """Returns the sensitivity of a quantity to each part of a master curve.
 
-    The material is replaced by a table of its moduli at `omega`, which goes on level beyond its
-    ends: outside, nothing is told.
+    The material is replaced by a table of its moduli at `omega`. Beyond its ends the moduli are
+    constant, and nothing is reported.
 
     **Arguments:**
 
@@ -201,7 +201,7 @@ def sensitivity(
         return jnp.log(function(eqx.tree_at(lambda t: (t.storage, t.loss), table, values)))
 
     storage, loss = jax.grad(quantity)((jnp.log(table.storage), jnp.log(table.loss)))
-    # Decades that each frequency stands for, by the trapezoidal rule.
+    # Decades that each frequency represents, by the trapezoidal rule.
     decades = np.log10(np.asarray(omega))
     width = np.diff(np.concatenate([decades[:1], (decades[1:] + decades[:-1]) / 2, decades[-1:]]))
     return Sensitivity(omega, storage / width, loss / width)

@@ -133,7 +133,7 @@ def on_workers(
             submit([queue.popleft() for _ in range(min(size, share))])
 
     try:
-        # A task of its own: dask repeats it if all workers with its result have died.
+        # A separate task: dask repeats it if all workers with its result have died.
         packed = client.submit(bytes, _packed(program), pure=False)
         hand_out()
         for future in ended:

@@ -46,7 +46,7 @@ class Measured:
     - `isotherm`: number of the isotherm from 0, in order of temperature, shape `(points,)`.
     - `lines`: the line of each point in the file, shape `(points,)`.
     - `path`: the file.
-    - `history`: what was understood and done, one sentence each.
+    - `history`: how the file was read, one sentence for each step.
     """
 
     kind: str
@@ -365,7 +365,7 @@ def _isotherms(entries: "pd.DataFrame", separate: bool) -> Int[np.ndarray, " poi
     isotherm = _grouped(kelvin)
     if _drift(kelvin, isotherm) <= RAMP:
         return isotherm
-    # A slow ramp, on which each sweep is an isotherm of its own.
+    # A slow ramp, on which each sweep is a separate isotherm.
     steps = np.diff(np.log(abscissa), prepend=np.log(abscissa[0]))
     back = steps * np.sign(np.median(steps)) < 0
     return _by_mean(kelvin, np.cumsum(back))

@@ -47,7 +47,7 @@ def read_moduli(
     sheet: str | None = None,
     step: str | int | Sequence[str | int] | None = None,
 ) -> Measured:
-    """Returns the moduli or compliances that a file holds, or several files of one material.
+    """Returns the moduli or compliances in a file, or in several files of one material.
 
     Files: text with commas, semicolons, tabs or spaces, with decimal points or commas; Excel
     workbooks (the extra `io`); RepTate's `.tts`, `.osc`, `.gt` and `.creep`. Columns have a line of
@@ -75,7 +75,7 @@ def read_moduli(
     - `step`: of a test of several steps: numbers from 1, or titles or parts of them. By default
       steps at one frequency are left out if others sweep the frequency.
 
-    **Returns:** isotherms, with a history of what was understood, see `Measured`.
+    **Returns:** isotherms, with a history of the reading, see `Measured`.
 
     **Raises:** `FileNotFoundError` for a missing file; `ValueError` for a file that is not
     understood, naming the line and the arguments that would help.

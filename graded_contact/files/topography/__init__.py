@@ -1,1 +1,1 @@
-"""Reading files of measured heights, one module per kind of file, and what to do with holes."""
+"""Reading files of measured heights, one module for each kind of file; filling of holes."""

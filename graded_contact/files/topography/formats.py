@@ -103,7 +103,7 @@ def surface_topography() -> Any:
 
 
 def read_instrument(content: bytes, channel: str | int | None) -> Scan:
-    """Returns what SurfaceTopography makes of a file; it raises whatever it likes."""
+    """Returns the topography that SurfaceTopography reads from a file; it may raise any error."""
     if content.startswith(b"PK"):
         _check_size(content)
     with surface_topography().open_topography(io.BytesIO(content)) as reader:

@@ -1,4 +1,4 @@
-"""Measured heights made a surface: cropped, levelled, filled where they are missing, made periodic.
+"""From measured heights to a surface: crop, level, fill holes, make periodic.
 
 What is done to the data is recorded, in order, in `Surface.history`, and what it does to the
 roughness in `Surface.steps`.
@@ -74,7 +74,7 @@ def surface_from_heights(
       warning when the rims are much rougher.
     - `history`, `steps`: to begin those of the surface with.
 
-    **Returns:** the surface, with what was done to it.
+    **Returns:** the surface, with its history.
 
     **Raises:** `ValueError` for a refused argument.
     """
@@ -101,7 +101,7 @@ def surface_from_heights(
 
 @dataclasses.dataclass
 class _Prepared:
-    """Heights [m] at points some `spacing` [m] apart, and what was done to them so far."""
+    """Heights [m] at points of distance `spacing` [m], and the steps so far."""
 
     values: np.ndarray
     spacing: np.ndarray
@@ -167,7 +167,7 @@ class _Prepared:
         self.record("joined")
 
     def closed(self, periodic: str | None) -> Surface:
-        """The surface, its edges made to meet."""
+        """The surface with joined edges."""
         measured = np.where(self.missing, 0.0, 1.0)
         if periodic == "harmonic":
             self.join()

@@ -1,8 +1,8 @@
-"""Measured surfaces from files; what is then done to the heights: `preparation`.
+"""Measured surfaces from files; `preparation` then treats the heights.
 
 Instruments' files are read by SurfaceTopography (the extra `io`,
 https://github.com/ContactEngineering), which knows some fifty formats of profilometers and
-microscopes; plain text, OpenCRG roads and NumPy's files by the modules beside this one.
+microscopes; plain text, OpenCRG roads and NumPy's files by the other modules of this folder.
 """
 
 import contextlib
