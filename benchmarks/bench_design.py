@@ -1,4 +1,4 @@
-"""Inverse design: a flat loss tangent, a coating for friction, and search without gradients.
+"""Inverse design: a flat loss tangent, and a coating for friction.
 
     python benchmarks/bench_design.py composite   the paper's composite against a designed one
     python benchmarks/bench_design.py coating     30 % more friction, verified by contact
@@ -6,8 +6,7 @@
 
 `composite` compares with the three hand-made layers of the paper's Fig. composite
 (`paper/response.py`) over the two decades, or as many as told, in which those are flattest, at no
-less mean loss. `coating` runs the study of examples/design_coating.toml, then SciPy's differential
-evolution on the same objective and limits, by the mean field. `unseen`: see `design_unseen.py`.
+less mean loss. `coating` runs the study of examples/design_coating.toml. `unseen`: see `design_unseen.py`.
 """
 
 import dataclasses
@@ -15,19 +14,16 @@ import sys
 import time
 from itertools import pairwise
 
-import jax
 import jax.numpy as jnp
 import numpy as np
 from design_unseen import unseen
 from rows import ROOT, goal, run, show
-from scipy.optimize import NonlinearConstraint, differential_evolution
 
 import graded_contact as gc
-from graded_contact.core.parameters import paths
 from graded_contact.files.design_scene import read_design
 from graded_contact.studies.design import minimise
 from graded_contact.studies.objectives import loss_tangent, ripple
-from graded_contact.studies.run_design import mean_field_problem, report, run_design
+from graded_contact.studies.run_design import report, run_design
 
 sys.path.append(str(ROOT / "benchmarks" / "paper"))
 from response import CONTRAST, INCOMPRESSIBLE, Q0, RELAXED, TAU, VELOCITY, rubber
@@ -64,6 +60,13 @@ def flattest(stack, decades):
     return q[first], q[first + width]
 
 
+def show_tangent(name, tangent, evaluations):
+    """Prints a row, and returns max/min of a loss tangent."""
+    ratio = tangent.max() / tangent.min()
+    show({"layers": name, "max/min": ratio, "mean": tangent.mean(), "evaluations": evaluations})
+    return ratio
+
+
 def composite(starts=10, decades=2, waves=61, seed=0):
     """A flat loss tangent over so many decades."""
     paper = layered(2 * np.pi * SHARES / (Q0 * VELOCITY), 2 * np.pi * SHARES / Q0)
@@ -90,25 +93,20 @@ def composite(starts=10, decades=2, waves=61, seed=0):
         "thicknesses 10 µm to 1 mm of the layer at the surface, 1 to 30 times from one to the next"
     )
     by_hand = np.asarray(loss_tangent(paper, fine, VELOCITY))
-    tangent_of = {"by hand": (by_hand, 0)}
+    least = show_tangent("by hand", by_hand, 0)
+    ratios = []
     for i, found in enumerate(design.runs):
         # The order of a dict's leaves is that of its sorted keys.
         p = dict(zip(("thickness", "time"), np.split(np.array(found.parameters), 2), strict=True))
         tangent = np.asarray(loss_tangent(from_parameters(p), fine, VELOCITY))
-        tangent_of[f"random start {i}"] = tangent, found.num_evaluations
-    for name, (tangent, count) in tangent_of.items():
-        ratio = tangent.max() / tangent.min()
-        show({"layers": name, "max/min": ratio, "mean": tangent.mean(), "evaluations": count})
-    ratios = [
-        tangent.max() / tangent.min() if found.feasible else np.inf
-        for (tangent, _), found in zip(list(tangent_of.values())[1:], design.runs, strict=True)
-    ]
+        ratio = show_tangent(f"random start {i}", tangent, found.num_evaluations)
+        ratios.append(ratio if found.feasible else np.inf)
     best = from_parameters(design.parameters)
     for layer in best.layers:
         moduli = layer.material
         print(f"layer: {1e3 * layer.thickness:.4g} mm, relaxation time {moduli.times[0]:.4g} s")
-    flat = sum(ratio < by_hand.max() / by_hand.min() for ratio in ratios)
-    goal("max/min less than by hand", f"{min(ratios):.3f} < {by_hand.max() / by_hand.min():.3f}")
+    flat = sum(ratio < least for ratio in ratios)
+    goal("max/min less than by hand", f"{min(ratios):.3f} < {least:.3f}")
     share = f"{starts * 8 // 10} of {starts}"
     goal(f"success from >= {share} random starts", f"{flat} of {starts}")
     goal("< 60 s", f"{spent:.1f} s, {design.num_evaluations} evaluations, compilation included")
@@ -117,8 +115,8 @@ def composite(starts=10, decades=2, waves=61, seed=0):
 # coating ------------------------------------------------------------------------------------
 
 
-def coating(size=256, surfaces=8, generations=300, seed=0):
-    """30 % more friction of a coat, verified by contact, and a search without gradients."""
+def coating(size=256, surfaces=8):
+    """30 % more friction of a coat, verified by contact."""
     study = read_design(ROOT / "examples" / "design_coating.toml")
     surface = study.scene.surface
     grid = gc.Grid((size, size), surface.grid.size)
@@ -146,76 +144,6 @@ def coating(size=256, surfaces=8, generations=300, seed=0):
             f"mean field {field:.4f}",
         )
     goal("design, polish and verification < 600 s", f"{seconds:.1f} s")
-    print("\nby gradients, and by SciPy's differential evolution until it reaches as much")
-    # Friction within 1e-3 of what is wanted, or of the most that the gradients found.
-    hard = dataclasses.replace(study, objective="maximise_friction", ratio=None)
-    for name, task in (("30 % more", study), ("as much as possible", hard)):
-        compare(name, task, generations, seed)
-
-
-def compare(name, study, generations, seed):
-    """Prints what two searches need for the same friction, by the mean field."""
-    columns = ("search", "objective", "values", "limits", "seconds", "compiling")
-    objective, constraints = mean_field_problem(study)
-    own = {path: paths(study.scene.stack)[path] for path in study.lower}
-    stamps = [time.perf_counter()]
-    design = minimise(
-        objective, study.lower, study.upper, own, constraints=constraints, num_starts=1,
-        progress=lambda *_: stamps.append(time.perf_counter()),
-    )  # fmt: skip
-    seconds = time.perf_counter() - stamps[0]
-    counts, compiling = design.num_evaluations, stamps[1] - stamps[0]
-    cells = f"{name}: gradients", design.value, counts, "same", seconds, compiling
-    show(dict(zip(columns, cells, strict=True)))
-    enough = 1 + 1e-6 if study.goal is not None else design.value * (1 - 1e-3)
-    begin = time.perf_counter()
-    found, calls, compiling_too = by_evolution(
-        study, objective, constraints, enough, generations, seed
-    )
-    spent = time.perf_counter() - begin
-    limits = str(calls["limit"])
-    cells = f"{name}: evolution", found.fun, calls["value"], limits, spent, compiling_too
-    show(dict(zip(columns, cells, strict=True)))
-    warm = (spent - compiling_too) / (seconds - compiling)
-    goal(
-        "as much as gradient-free search with fewer evaluations and less time",
-        f"evolution needs {calls['value'] / counts:.0f} times the evaluations, "
-        f"{spent / seconds:.2f} times the time, {warm:.1f} times without compilation"
-        + ("" if found.fun <= enough else ", and does NOT get there"),
-    )
-
-
-def by_evolution(study, objective, constraints, enough, generations, seed):
-    """SciPy's search without gradients, stopped where it has `enough`."""
-    low, high = (np.array(list(ends.values())) for ends in (study.lower, study.upper))
-    counts, compiling = {"value": 0, "limit": 0}, 0.0
-
-    def counted(kind, function):
-        compiled = jax.jit(
-            lambda u: function(dict(zip(study.lower, low * (high / low) ** u, strict=True)))
-        )
-
-        def call(u):
-            nonlocal compiling
-            counts[kind] += 1
-            begin = time.perf_counter()
-            found = np.asarray(compiled(u))
-            compiling += (counts[kind] == 1) * (time.perf_counter() - begin)
-            return found
-
-        return call
-
-    value = counted("value", objective)
-    found = differential_evolution(
-        lambda u: float(value(u)),
-        [(0, 1)] * len(low),
-        constraints=NonlinearConstraint(counted("limit", constraints), 0, np.inf),
-        callback=lambda intermediate_result: (
-            intermediate_result.fun <= enough and not np.any(intermediate_result.constr_violation)
-        ),
-        maxiter=generations, tol=0, polish=False, rng=seed,
-    )  # fmt: skip
-    return found, counts, compiling
 
 
 if __name__ == "__main__":
