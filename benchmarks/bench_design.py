@@ -5,8 +5,9 @@
     python benchmarks/bench_design.py unseen      the same coat on frozen and on ever new surfaces
 
 `composite` compares with the three hand-made layers of the paper's Fig. composite
-(`paper/response.py`) over the two decades, or as many as told, in which those are flattest, at no
-less mean loss. `coating` runs the study of examples/design_coating.toml. `unseen`: see `design_unseen.py`.
+(`paper/response.py`) over the two decades, or `--decades`, in which those are flattest, at no less
+mean loss. `coating` runs the study of examples/design_coating.toml. `unseen`: see
+`design_unseen.py`.
 """
 
 import dataclasses

@@ -21,8 +21,9 @@ import graded_contact as gc
 @cache
 def imported(name):
     """Another program, which only these sections need."""
+    module = importlib.import_module(name)
     print(f"# {name} {version(name)}")
-    return importlib.import_module(name)
+    return module
 
 
 class Tamaas:

@@ -4,8 +4,7 @@
 
 The friction master curve μ(a_T v), bare against coated: contacts at velocities from a creep to a
 skid, at three temperatures each; over a_T v they lie on one curve of ten decades, because only
-ω a_T enters. Printed is how well they do, where the two curves stand, and what the coat leaves of the
-friction.
+ω a_T enters. Printed is how well they do, and where the two curves stand.
 
 A layer graded continuously, beside steps of equal integral of stiffness, as wear leaves no sharp
 interface. The modulus passes linearly with height from the tread's to that of the surface, the
