@@ -10,7 +10,6 @@ Printed are the bias of friction, contact area and rms slope against the whole [
 error, and the standard deviation of the parts; 200 parts of each kind.
 """
 
-import argparse
 from collections.abc import Callable, Iterator
 from pathlib import Path
 from typing import NamedTuple
@@ -19,11 +18,9 @@ import equinox as eqx
 import jax
 import jax.numpy as jnp
 import numpy as np
-from rows import keep
+from rows import report, run
 
-jax.config.update("jax_enable_x64", True)
-
-import graded_contact as gc  # noqa: E402
+import graded_contact as gc
 
 PART, PARTS, WHOLES = 96, 200, 8
 PRESSURES = (5e4, 5e5)  # areas of 4 and 40 % on a rms slope of 0.1
@@ -113,23 +110,18 @@ def measure(name: str, wholes: Callable[[], Iterator[Whole]], pressure: float) -
         for column, of in zip(("friction", "area", "slope"), np.transpose(parts), strict=True):
             row[f"{column} [%]"] = f"{np.mean(of):+.1f} ± {np.std(of) / np.sqrt(len(of)):.1f}"
             row[f"{column}, scatter [%]"] = float(np.std(of))
-        print(
-            "  ".join(f"{cell:.3g}" if isinstance(cell, float) else cell for cell in row.values())
-        )
-        keep("bench_cut", row)
+        report("bench_cut", row)
 
 
-def main() -> None:
-    parser = argparse.ArgumentParser(description=__doc__)
-    parser.add_argument("--data", type=Path, help="folder of the measured surfaces")
-    folder = parser.parse_args().data
+def cut(data: str | None = None) -> None:
+    """Random surfaces, and the measured ones in the folder `--data`."""
     for pressure in PRESSURES:
         for roll_off in (24, 8, 1):
             measure(f"roll-off at {roll_off} waves", lambda n=roll_off: drawn(n), pressure)
         measure("profile, roll-off at 24 waves", lambda: drawn(24, 1), pressure)
-        if folder is not None:
-            measure("measured", lambda: measured(folder), pressure)
+        if data is not None:
+            measure("measured", lambda: measured(Path(data)), pressure)
 
 
 if __name__ == "__main__":
-    main()
+    run(__doc__, cut)

@@ -1,46 +1,35 @@
-"""Inverse design: a flat loss tangent, a coating for friction, and search without gradients.
+"""Inverse design: a flat loss tangent, and a coating for friction.
 
     python benchmarks/bench_design.py composite   the paper's composite against a designed one
     python benchmarks/bench_design.py coating     30 % more friction, verified by contact
     python benchmarks/bench_design.py unseen      the same coat on frozen and on ever new surfaces
 
 `composite` compares with the three hand-made layers of the paper's Fig. composite
-(`paper/response.py`) over the two decades, or as many as told, in which those are flattest, at no
-less mean loss. `coating` runs the study of examples/design_coating.toml, then SciPy's differential
-evolution on the same objective and limits, by the mean field. `unseen`: see `design_unseen.py`.
+(`paper/response.py`) over the two decades, or `--decades`, in which those are flattest, at no less
+mean loss. `coating` runs the study of examples/design_coating.toml. `unseen`: see
+`design_unseen.py`.
 """
 
-import argparse
 import dataclasses
-import pathlib
-import platform
 import sys
 import time
 from itertools import pairwise
 
-import jax
 import jax.numpy as jnp
 import numpy as np
-import scipy
 from design_unseen import unseen
-from scipy.optimize import NonlinearConstraint, differential_evolution
+from rows import ROOT, goal, run, show
 
 import graded_contact as gc
-from graded_contact.core.parameters import paths
 from graded_contact.files.design_scene import read_design
 from graded_contact.studies.design import minimise
 from graded_contact.studies.objectives import loss_tangent, ripple
-from graded_contact.studies.run_design import mean_field_problem, report, run_design
+from graded_contact.studies.run_design import report, run_design
 
-ROOT = pathlib.Path(__file__).parents[1]
 sys.path.append(str(ROOT / "benchmarks" / "paper"))
-from response import CONTRAST, INCOMPRESSIBLE, Q0, RELAXED, TAU, VELOCITY, rubber  # noqa: E402
+from response import CONTRAST, INCOMPRESSIBLE, Q0, RELAXED, TAU, VELOCITY, rubber
 
 SHARES = np.array([1e-3, 1e-2, 1e-1])  # of the paper's layers, surface first
-
-
-def goal(wanted, reached):
-    print(f"goal: {wanted} | reached: {reached}")
 
 
 # composite ----------------------------------------------------------------------------------
@@ -72,15 +61,23 @@ def flattest(stack, decades):
     return q[first], q[first + width]
 
 
-def composite(options):
+def show_tangent(name, tangent, evaluations):
+    """Prints a row, and returns max/min of a loss tangent."""
+    ratio = tangent.max() / tangent.min()
+    show({"layers": name, "max/min": ratio, "mean": tangent.mean(), "evaluations": evaluations})
+    return ratio
+
+
+def composite(starts=10, decades=2, waves=61, seed=0):
+    """A flat loss tangent over so many decades."""
     paper = layered(2 * np.pi * SHARES / (Q0 * VELOCITY), 2 * np.pi * SHARES / Q0)
-    ends = flattest(paper, options.decades)
-    fine, coarse = np.geomspace(*ends, 2001), np.geomspace(*ends, options.waves)
+    ends = flattest(paper, decades)
+    fine, coarse = np.geomspace(*ends, 2001), np.geomspace(*ends, waves)
     mean = jnp.mean(loss_tangent(paper, coarse, VELOCITY))
     lower = {"time": np.array([1e-6, 1, 1]), "thickness": np.array([1e-5, 1, 1])}
     upper = {"time": np.array([1e-3, 30, 30]), "thickness": np.array([1e-3, 30, 30])}
     tangents = lambda p: loss_tangent(from_parameters(p), coarse, VELOCITY)  # noqa: E731
-    draws = np.random.default_rng(options.seed).random(6)
+    draws = np.random.default_rng(seed).random(6)
     first = {
         "time": lower["time"] * (upper["time"] / lower["time"]) ** draws[:3],
         "thickness": lower["thickness"] * (upper["thickness"] / lower["thickness"]) ** draws[3:],
@@ -89,44 +86,43 @@ def composite(options):
     design = minimise(
         lambda p: ripple(tangents(p)), lower, upper, first,
         constraints=lambda p: jnp.mean(tangents(p)) / mean - 1,
-        num_starts=options.starts, seed=options.seed,
+        num_starts=starts, seed=seed,
     )  # fmt: skip
-    seconds = time.perf_counter() - begin
+    spent = time.perf_counter() - begin
     print(f"band q/q0 = {ends[0] / Q0:.3g} to {ends[1] / Q0:.3g}; bounds: times 1 µs to 1 ms and")
     print(
         "thicknesses 10 µm to 1 mm of the layer at the surface, 1 to 30 times from one to the next"
     )
     by_hand = np.asarray(loss_tangent(paper, fine, VELOCITY))
-    print(f"{'':14s} {'max/min':>8s} {'mean':>6s} {'evaluations':>11s}")
-    print(f"{'by hand':14s} {by_hand.max() / by_hand.min():8.3f} {by_hand.mean():6.3f}")
+    least = show_tangent("by hand", by_hand, 0)
     ratios = []
-    for i, run in enumerate(design.runs):
+    for i, found in enumerate(design.runs):
         # The order of a dict's leaves is that of its sorted keys.
-        p = dict(zip(("thickness", "time"), np.split(np.array(run.parameters), 2), strict=True))
-        found = np.asarray(loss_tangent(from_parameters(p), fine, VELOCITY))
-        ratios.append(found.max() / found.min() if run.feasible else np.inf)
-        row = f"{ratios[-1]:8.3f} {found.mean():6.3f} {run.num_evaluations:11d}"
-        print(f"{f'random start {i}':14s} {row}")
+        p = dict(zip(("thickness", "time"), np.split(np.array(found.parameters), 2), strict=True))
+        tangent = np.asarray(loss_tangent(from_parameters(p), fine, VELOCITY))
+        ratio = show_tangent(f"random start {i}", tangent, found.num_evaluations)
+        ratios.append(ratio if found.feasible else np.inf)
     best = from_parameters(design.parameters)
     for layer in best.layers:
         moduli = layer.material
         print(f"layer: {1e3 * layer.thickness:.4g} mm, relaxation time {moduli.times[0]:.4g} s")
-    flat = sum(ratio < by_hand.max() / by_hand.min() for ratio in ratios)
-    goal("max/min less than by hand", f"{min(ratios):.3f} < {by_hand.max() / by_hand.min():.3f}")
-    share = f"{options.starts * 8 // 10} of {options.starts}"
-    goal(f"success from >= {share} random starts", f"{flat} of {options.starts}")
-    goal("< 60 s", f"{seconds:.1f} s, {design.num_evaluations} evaluations, compilation included")
+    flat = sum(ratio < least for ratio in ratios)
+    goal("max/min less than by hand", f"{min(ratios):.3f} < {least:.3f}")
+    share = f"{starts * 8 // 10} of {starts}"
+    goal(f"success from >= {share} random starts", f"{flat} of {starts}")
+    goal("< 60 s", f"{spent:.1f} s, {design.num_evaluations} evaluations, compilation included")
 
 
 # coating ------------------------------------------------------------------------------------
 
 
-def coating(options):
+def coating(size=256, surfaces=8):
+    """30 % more friction of a coat, verified by contact."""
     study = read_design(ROOT / "examples" / "design_coating.toml")
     surface = study.scene.surface
-    grid = gc.Grid((options.size, options.size), surface.grid.size)
+    grid = gc.Grid((size, size), surface.grid.size)
     scene = dataclasses.replace(study.scene, surface=surface._replace(grid=grid))
-    study = dataclasses.replace(study, scene=scene, verify=options.surfaces)
+    study = dataclasses.replace(study, scene=scene, verify=surfaces)
     begin = time.perf_counter()
     clock = [("", begin)]
     results = run_design(
@@ -144,110 +140,12 @@ def coating(options):
         field = float(candidate.field.friction[0] / before.field.friction[0])
         mean = candidate.friction.mean() / before.friction.mean()
         goal(
-            f"{name}: friction 1.3 times that before, on {options.surfaces} unseen surfaces, "
-            f"N = {options.size}",
+            f"{name}: friction 1.3 times that before, on {surfaces} unseen surfaces, N = {size}",
             f"{mean:.4f} of the means, {gain.mean():.4f} +- {gain.std():.4f} surface by surface; "
             f"mean field {field:.4f}",
         )
     goal("design, polish and verification < 600 s", f"{seconds:.1f} s")
-    print("\nby gradients, and by SciPy's differential evolution until it reaches as much")
-    head = ("", "objective", "values", "limits", "seconds", "compiling")
-    print("{:29s} {:>10s} {:>7s} {:>7s} {:>8s} {:>10s}".format(*head))
-    # Friction within 1e-3 of what is wanted, or of the most that the gradients found.
-    hard = dataclasses.replace(study, objective="maximise_friction", ratio=None)
-    for name, task in (("30 % more", study), ("as much as possible", hard)):
-        compare(name, task, options)
-
-
-def compare(name, study, options):
-    """Prints what two searches need for the same friction, by the mean field."""
-    row = "{:29s} {:10.6f} {:7d} {:>7s} {:8.1f} {:10.1f}"
-    objective, constraints = mean_field_problem(study)
-    own = {path: paths(study.scene.stack)[path] for path in study.lower}
-    stamps = [time.perf_counter()]
-    design = minimise(
-        objective, study.lower, study.upper, own, constraints=constraints, num_starts=1,
-        progress=lambda *_: stamps.append(time.perf_counter()),
-    )  # fmt: skip
-    seconds = time.perf_counter() - stamps[0]
-    counts, compiling = design.num_evaluations, stamps[1] - stamps[0]
-    print(row.format(f"{name}: gradients", design.value, counts, "same", seconds, compiling))
-    enough = 1 + 1e-6 if study.goal is not None else design.value * (1 - 1e-3)
-    begin = time.perf_counter()
-    found, calls, compiling_too = by_evolution(study, objective, constraints, enough, options)
-    spent = time.perf_counter() - begin
-    limits = str(calls["limit"])
-    print(row.format(f"{name}: evolution", found.fun, calls["value"], limits, spent, compiling_too))
-    warm = (spent - compiling_too) / (seconds - compiling)
-    goal(
-        "as much as gradient-free search with fewer evaluations and less time",
-        f"evolution needs {calls['value'] / counts:.0f} times the evaluations, "
-        f"{spent / seconds:.2f} times the time, {warm:.1f} times without compilation"
-        + ("" if found.fun <= enough else ", and does NOT get there"),
-    )
-
-
-def by_evolution(study, objective, constraints, enough, options):
-    """SciPy's search without gradients, stopped where it has `enough`."""
-    low, high = (np.array(list(ends.values())) for ends in (study.lower, study.upper))
-    counts, compiling = {"value": 0, "limit": 0}, 0.0
-
-    def counted(kind, function):
-        compiled = jax.jit(
-            lambda u: function(dict(zip(study.lower, low * (high / low) ** u, strict=True)))
-        )
-
-        def call(u):
-            nonlocal compiling
-            counts[kind] += 1
-            begin = time.perf_counter()
-            found = np.asarray(compiled(u))
-            compiling += (counts[kind] == 1) * (time.perf_counter() - begin)
-            return found
-
-        return call
-
-    value = counted("value", objective)
-    found = differential_evolution(
-        lambda u: float(value(u)),
-        [(0, 1)] * len(low),
-        constraints=NonlinearConstraint(counted("limit", constraints), 0, np.inf),
-        callback=lambda intermediate_result: (
-            intermediate_result.fun <= enough and not np.any(intermediate_result.constr_violation)
-        ),
-        maxiter=options.generations, tol=0, polish=False, rng=options.seed,
-    )  # fmt: skip
-    return found, counts, compiling
-
-
-def main():
-    parser = argparse.ArgumentParser(description=__doc__.split("\n")[0])
-    sections = parser.add_subparsers(required=True)
-    part = sections.add_parser("composite", help="a flat loss tangent")
-    part.add_argument("--starts", type=int, default=10)
-    part.add_argument("--decades", type=int, default=2, help="of the band to be flat")
-    part.add_argument("--waves", type=int, default=61)
-    part.add_argument("--seed", type=int, default=0)
-    part.set_defaults(run=composite)
-    part = sections.add_parser("coating", help="friction of a coat")
-    part.add_argument("--size", type=int, default=256)
-    part.add_argument("--surfaces", type=int, default=8)
-    part.add_argument("--generations", type=int, default=300)
-    part.add_argument("--seed", type=int, default=0)
-    part.set_defaults(run=coating)
-    part = sections.add_parser("unseen", help="gain on surfaces that no search has seen")
-    part.add_argument("--points", type=int, default=64, help="along an edge")
-    part.add_argument("--unseen", type=int, default=32)
-    part.add_argument("--seed", type=int, default=0)
-    part.set_defaults(
-        run=lambda options: unseen(read_design(ROOT / "examples" / "design_coating.toml"), options)
-    )
-    options = parser.parse_args()
-    device = jax.devices()[0].device_kind
-    print(f"# graded_contact {gc.__version__}, jax {jax.__version__}, scipy {scipy.__version__}, ")
-    print(f"# {device}, {platform.machine()}, float64")
-    options.run(options)
 
 
 if __name__ == "__main__":
-    main()
+    run(__doc__, composite, coating, unseen)

@@ -1,6 +1,6 @@
 """From a key to the new picture: how fast the page answers, in a real browser.
 
-    python benchmarks/bench_explore.py [SCENE] [--keys 20] [--screenshot FILE]
+    python benchmarks/bench_explore.py [--scene FILE] [--keys 20] [--screenshot FILE]
 
 Serves `graded-contact explore` (without a scene the demo's, 256²) on the loopback address, opens it
 in headless Chromium, waits until all is compiled, and turns one slider after the other by one key,
@@ -8,7 +8,6 @@ each after all of the last is drawn. Times are from the key to the end of the fr
 browser draws the data that changed.
 """
 
-import argparse
 import re
 import shutil
 import socket
@@ -17,12 +16,9 @@ import sys
 import tempfile
 import time
 
-import jax
 import numpy as np
 from playwright.sync_api import sync_playwright
-from rows import keep
-
-jax.config.update("jax_enable_x64", True)  # as the page does
+from rows import report, run
 
 # The columns of the data show which figures are drawn.
 WATCH = """() => {
@@ -88,27 +84,22 @@ def measure(address: str, keys: int, screenshot: str | None) -> dict[str, list[f
     return {name: values[1:] for name, values in found.items()}
 
 
-def main():
-    parser = argparse.ArgumentParser(description=__doc__.partition("\n\n")[0])
-    parser.add_argument("scene", nargs="*")
-    parser.add_argument("--keys", type=int, default=20)
-    parser.add_argument("--screenshot", help="PNG of the page afterwards")
-    options, port = parser.parse_args(), free_port()
+def explore(scene=None, keys=20, screenshot=None):
+    """Seconds of each picture; `--screenshot` is the PNG of the page afterwards."""
+    port = free_port()
     with tempfile.TemporaryDirectory() as folder:
-        command = [sys.executable, "-m", "graded_contact", "explore", *options.scene]
+        command = [sys.executable, "-m", "graded_contact", "explore", *([scene] if scene else [])]
         server = subprocess.Popen([*command, "--no-browser", "--port", str(port), "-o", folder])
         try:
             wait_for(port)
-            found = measure(f"http://127.0.0.1:{port}/", options.keys, options.screenshot)
+            found = measure(f"http://127.0.0.1:{port}/", keys, screenshot)
         finally:
             server.terminate()
-    print(f"{'picture':12s} {'median s':>9s} {'90 % s':>7s} {'target':>7s}")
     for name, target in TARGETS.items():
         median, slow = np.percentile(found[name], (50, 90))
-        print(f"{name:12s} {median:9.3f} {slow:7.3f} {target:7.1f}")
         row = {"picture": name, "median [s]": median, "nine of ten within [s]": slow}
-        keep("bench_explore", row | {"wanted [s]": target})
+        report("bench_explore", row | {"wanted [s]": target})
 
 
 if __name__ == "__main__":
-    main()
+    run(__doc__, explore)

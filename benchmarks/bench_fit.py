@@ -2,31 +2,23 @@
 
     python benchmarks/bench_fit.py errors     errors over numbers of terms, on open data
     python benchmarks/bench_fit.py speed      seconds, the first call apart
-    python benchmarks/bench_fit.py recovery   known spectra from noisy data: bias, coverage
     python benchmarks/bench_fit.py friction   one rough surface on differently fitted materials
     python benchmarks/bench_fit.py solvers    the search against SciPy's and optimistix's
 
 Errors are root mean squares of ln(fit/measured) over all storage and loss moduli, which is what the
 package minimises, and of fit/measured - 1. The floor is that of non-negative least squares (SciPy)
-on a dense grid of times, in the latter. Data and peers: `prony_peers.py`; the last three sections:
-`fit_recovery.py`, `fit_friction.py`, `fit_solvers.py`. `errors` and `friction` draw
+on a dense grid of times, in the latter. Data and peers: `prony_peers.py`; the last two sections:
+`fit_friction.py`, `fit_solvers.py`. `errors` and `friction` draw
 docs/bench_fit.png and docs/bench_fit-friction.png.
 """
 
-import argparse
 import dataclasses
-import pathlib
-import platform
-import statistics
-import time
 
 import jax
 import jax.numpy as jnp
 import numpy as np
 import prony_peers as peers
-import scipy
 from fit_friction import friction
-from fit_recovery import recovery
 from fit_solvers import solvers
 from prony_peers import (
     ISOTHERMS,
@@ -37,26 +29,20 @@ from prony_peers import (
     RELAXATIONS,
     error_of,
     fit_measured,
-    goal,
     read_sets,
 )
+from rows import ROOT, goal, run, seconds, show, timed
 
 import graded_contact as gc
 from graded_contact.fitting.master import master_curve
 from graded_contact.plot.style import COLOURS, PAGE, new_figure, styled
 
-jax.config.update("jax_enable_x64", True)
-DOCS = pathlib.Path(__file__).parents[1] / "docs"
-
 # errors -------------------------------------------------------------------------------------
 
 
-def errors(options):
-    print("\nmaster curves; rms of ln(fit/measured) and of fit/measured - 1, in %")
-    print(
-        f"{'set':18s} {'points':>6s} {'decades':>7s} {'fit':20s} {'terms':>5s} {'log':>8s} ", end=""
-    )
-    print(f"{'relative':>9s} {'over floor':>10s}")
+def errors(plot=str(ROOT / "docs" / "bench_fit.png")):
+    """Errors over numbers of terms, on open data."""
+    print("master curves; rms of ln(fit/measured) and of fit/measured - 1, in %")
     panels, gains, ratios = [], [], []
     for name, measured in read_sets(MASTER_CURVES | RELAXATIONS):
         floors = peers.floor_by_nnls(measured)
@@ -77,7 +63,7 @@ def errors(options):
         )
     shifted_isotherms()
     if panels:
-        plot_errors(panels, options.plot)
+        plot_errors(panels, plot)
 
 
 def rows_of(measured):
@@ -96,17 +82,15 @@ def rows_of(measured):
 
 def print_rows(name, measured, rows, floors):
     x = measured.abscissa
-    decades = np.log10(np.max(x) / np.min(x[x > 0]))
-    label = f"{name:18s} {len(x):6d} {decades:7.1f}"
     for method, terms, log, relative in rows:
-        print(
-            f"{label:33s} {method:20s} {terms:5d} {100 * log:8.4f} {100 * relative:9.4f} "
-            f"{relative / floors[0]:10.3g}"
-        )
-        label = ""
+        show({
+            "set": name, "points": len(x), "decades": np.log10(np.max(x) / np.min(x[x > 0])),
+            "fit": method, "terms": terms, "log [%]": 100 * log, "relative [%]": 100 * relative,
+            "over floor": relative / floors[0],
+        })  # fmt: skip
     parts = zip(("all", "storage alone", "loss alone"), floors, strict=False)
     text = ", ".join(f"{part} {100 * value:.4g}" for part, value in parts)
-    print(f"{'':33s} floor by NNLS, relative: {text}", flush=True)
+    print(f"# floor by NNLS, relative [%]: {text}", flush=True)
 
 
 def gain_at_equal_length(rows):
@@ -127,8 +111,6 @@ def ratio_to_floor(measured, best, floor):
 def shifted_isotherms():
     print("\nraw isotherms, shifts and series fitted together; rms log error, % (terms); pyvisco:")
     print("the package's series on data shifted by its `get_aT`")
-    print(f"{'set':18s} {'isotherms':>9s} {'free':>12s} {'and vertical':>12s} ", end="")
-    print(f"{'by a WLF law':>12s} {'pyvisco':>12s}")
     gains = []
     for name, measured in read_sets(ISOTHERMS):
         parts = measured.isotherms()
@@ -136,14 +118,14 @@ def shifted_isotherms():
             master_curve(parts, shift_std=along, vertical_shift_std=across).fit
             for along, across in ((3.0, 0.0), (3.0, 0.1), (0.0, 0.0))
         ]
-        found = [100 * curve.errors().total for curve in curves]
-        cells = [f"{e:7.3f} ({c.terms:2d})" for e, c in zip(found, curves, strict=True)]
-        cells.append(f"{'-':>12s}")
+        cells = dict(zip(("free", "and vertical", "by a WLF law"), curves, strict=True))
         if peers.pyvisco is not None:
-            other = fitted_to_shifted(parts, peers.pyvisco_shifts(parts))
-            cells[-1] = f"{100 * other.errors().total:7.3f} ({other.terms:2d})"
-            gains.append((100 * other.errors().total / found[0], name))
-        print(f"{name:18s} {len(parts):9d} {' '.join(f'{c:>12s}' for c in cells)}", flush=True)
+            cells["pyvisco"] = fitted_to_shifted(parts, peers.pyvisco_shifts(parts))
+            gain = cells["pyvisco"].errors().total / curves[0].errors().total
+            gains.append((gain, name))
+        show({"set": name, "isotherms": len(parts)} | {
+            way: f"{100 * curve.errors().total:.3f} ({curve.terms})" for way, curve in cells.items()
+        })  # fmt: skip
     if gains:
         least, name = min(gains)
         goal("nearer than with pyvisco's shifts", f"{least:.3g} times nearer or more ({name})")
@@ -185,17 +167,20 @@ def plot_errors(panels, target):
 # speed --------------------------------------------------------------------------------------
 
 
-def speed(options):
-    print(f"\nseconds; median of {options.repeat} calls after the first")
-    print(f"{'set':18s} {'task':32s} {'terms':>5s} {'first':>8s} {'median':>8s}")
+def speed(repeat=5):
+    """Seconds: the first call, and the median of later ones."""
     found = {}
     for sets, tasks in ((MASTER_CURVES | RELAXATIONS, tasks_of), (ISOTHERMS, isotherm_tasks)):
         for name, measured in read_sets(sets):
-            for task, terms, function, repeat in tasks(measured, options.repeat):
-                found[name, task] = report_seconds(name, task, terms, function, repeat)
+            for task, terms, function, times in tasks(measured, repeat):
+                first = seconds(function)
+                median = timed(function, times)
+                found[name, task] = first, median
+                row = {"set": name, "task": task, "terms": terms}
+                show(row | {"first [s]": first, "median [s]": median})
 
     def worst(chosen, value):
-        some = {key: value(*seconds) for key, seconds in found.items() if key[1] in chosen}
+        some = {key: value(*times) for key, times in found.items() if key[1] in chosen}
         if not some:
             return "-"
         name, task = max(some, key=some.get)
@@ -246,60 +231,7 @@ def isotherm_tasks(measured, repeat):
         yield "pyvisco, shifts alone", len(parts), lambda: peers.pyvisco_shifts(parts), repeat
 
 
-def report_seconds(name, task, terms, function, repeat):
-    def once():
-        start = time.perf_counter()
-        jax.block_until_ready(function())
-        return time.perf_counter() - start
-
-    first = once()
-    middle = statistics.median([once() for _ in range(repeat)] or [first])
-    print(f"{name:18s} {task:32s} {terms:5d} {first:8.3f} {middle:8.3f}", flush=True)
-    return first, middle
-
-
-# Common -------------------------------------------------------------------------------------
-
-
-def print_versions():
-    other = "no pyvisco" if peers.pyvisco is None else f"pyvisco {peers.pyvisco.__version__}"
-    print(
-        f"# graded_contact {gc.__version__}, jax {jax.__version__}, numpy {np.__version__}, "
-        f"scipy {scipy.__version__}, {other}"
-    )
-    device = jax.devices()[0].device_kind
-    print(f"# {device} ({platform.machine()}), float64, python {platform.python_version()}")
+if __name__ == "__main__":
     if peers.pyvisco is None:
         print("# pyvisco is left out: pip install pyvisco==2.1.3")
-
-
-def main():
-    parser = argparse.ArgumentParser(description=__doc__.split("\n")[0])
-    sections = parser.add_subparsers(required=True)
-
-    def section(function, **extra):
-        part = sections.add_parser(function.__name__, **extra)
-        part.set_defaults(run=function)
-        return part
-
-    part = section(errors, help="errors over numbers of terms")
-    part.add_argument("--plot", type=pathlib.Path, default=DOCS / "bench_fit.png")
-    part = section(speed, help="seconds of fits")
-    part.add_argument("--repeat", type=int, default=5)
-    part = section(recovery, help="known spectra from noisy data")
-    part.add_argument("--draws", type=int, default=200)
-    part.add_argument("--bootstrap", type=int, default=20, help="draws with resampled limits")
-    part.add_argument("--seed", type=int, default=0)
-    part = section(friction, help="friction on differently fitted materials")
-    part.add_argument("--size", type=int, default=256, help="points along an edge")
-    part.add_argument("--velocities", type=int, default=15)
-    part.add_argument("--plot", type=pathlib.Path, default=DOCS / "bench_fit-friction.png")
-    part = section(solvers, help="the search against other libraries'")
-    part.add_argument("--repeat", type=int, default=3)
-    options = parser.parse_args()
-    print_versions()
-    options.run(options)
-
-
-if __name__ == "__main__":
-    main()
+    run(__doc__, errors, speed, friction, solvers)

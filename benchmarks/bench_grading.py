@@ -6,17 +6,13 @@ are per point in a batch of 4400 (Kvaerno5: 110), compiled; the first call is ti
 from the root of the repository: `python benchmarks/bench_grading.py`.
 """
 
-import argparse
 import json
-import pathlib
-import platform
-import time
 
 import diffrax
 import jax
 import jax.numpy as jnp
 import numpy as np
-from rows import keep
+from rows import ROOT, report, run, seconds
 
 import graded_contact as gc
 from graded_contact.response.compliance import graded_compliance
@@ -27,8 +23,6 @@ from graded_contact.response.shape import Linear, Sinusoidal
 from graded_contact.response.slab import factors, half_space, stack_on
 from graded_contact.response.stack import GradedLayer, Stack
 
-jax.config.update("jax_enable_x64", True)
-ROOT = pathlib.Path(__file__).parents[1]
 COPIES, FEW_COPIES = 400, 10
 SOFT = gc.Elastic(0.75, 0.5)
 PROFILES = {
@@ -39,17 +33,9 @@ PROFILES = {
 
 def timed(function, q, copies):
     """Values at `q`, seconds of the first call, seconds per point after it."""
-    batch = jnp.tile(q, copies)
-    start = time.perf_counter()
-    function = jax.jit(function)
-    values = jax.block_until_ready(function(batch))
-    first = time.perf_counter() - start
-    times = []
-    for _ in range(3):
-        start = time.perf_counter()
-        jax.block_until_ready(function(batch))
-        times.append(time.perf_counter() - start)
-    return np.asarray(values)[: len(q)], first, min(times) / len(batch)
+    batch, function = jnp.tile(q, copies), jax.jit(function)
+    first, *later = (seconds(lambda: function(batch)) for _ in range(4))
+    return np.asarray(function(batch))[: len(q)], first, min(later) / len(batch)
 
 
 def stepwise(profile, num_layers):
@@ -102,12 +88,9 @@ def layers_for(profile, q, expected, error):
     return None
 
 
-def main():
+def grading():
+    """Errors and times of all methods."""
     stored = json.loads((ROOT / "tests" / "data" / "graded_profiles.json").read_text())
-    print(f"jax {jax.__version__}, diffrax {diffrax.__version__}, {jax.devices()[0].device_kind},")
-    print(f"{platform.processor() or platform.machine()}, q d = 1e-3..1e2, float64\n")
-    header = ("profile", "method", "setting", "worst error", "us/point", "first call s")
-    print("{:11s} {:19s} {:13s} {:>11s} {:>9s} {:>12s}".format(*header))
     for name, profile in PROFILES.items():
         cases = [case for case in stored["cases"] if case["kind"] == name]
         q = jnp.array([case["qd"] for case in cases])
@@ -116,28 +99,19 @@ def main():
             copies = FEW_COPIES if "Kvaerno5" in method else COPIES
             values, first, each = timed(function, q, copies)
             worst = np.max(np.abs(values / expected - 1))
-            # A differential equation that its solver gave up has NaN.
-            reached = f"{worst:.1e}" if np.isfinite(worst) else "not reached"
-            print(
-                f"{name:11s} {method:19s} {setting:13s} {reached:>11s} {1e6 * each:9.1f} "
-                f"{first:12.1f}",
-                flush=True,
-            )
-            keep(
-                "bench_grading",
-                {
-                    "profile": name,
-                    "method": method,
-                    "setting": setting,
-                    "worst error": reached,
-                    "time of a point [us]": 1e6 * each,
-                    "first call [s]": first,
-                },
-            )
+            row = {
+                "profile": name,
+                "method": method,
+                "setting": setting,
+                # A differential equation that its solver gave up has NaN.
+                "worst error": f"{worst:.1e}" if np.isfinite(worst) else "not reached",
+                "time of a point [us]": 1e6 * each,
+                "first call [s]": first,
+            }
+            report("bench_grading", row)
         needed = layers_for(profile, q, expected, 1e-6)
-        print(f"{name:11s} stepwise midpoint needs {needed} layers for 1e-6\n", flush=True)
+        print(f"{name}: stepwise midpoint needs {needed} layers for 1e-6", flush=True)
 
 
 if __name__ == "__main__":
-    argparse.ArgumentParser(description=__doc__.partition("\n\n")[0]).parse_args()
-    main()
+    run(__doc__, grading)

@@ -1,4 +1,4 @@
-"""Is the memory that is told before a computation what it takes? Peaks of whole processes.
+"""Is the memory that is given before a computation what it takes? Peaks of whole processes.
 
     python benchmarks/bench_memory.py [--sizes 1024 2048 4096] [--bits 64 32]
 
@@ -7,7 +7,7 @@ Every case is a process of its own, so that nothing is left from another: it dra
 slides it over that block (`slide`), or does so under an angle (`oblique`) or with the derivative by
 the block's thickness (`derivative`). It runs twice: at first it compiles, which takes memory of its
 own whatever the grid (`first`), then it finds everything compiled (`peak`). Both are the largest
-resident set size that `getrusage` tells, less that of the second run on 64 x 64 points, which holds
+resident set size that `getrusage` gives, less that of the second run on 64 x 64 points, which holds
 the libraries. They are in fields, of the size of the heights, and so is the estimate: that of
 `graded_contact.core.memory` for the case and for the surface and the kernel that live beside it. A
 ratio (estimate over peak) below 1 is a fault; on small grids what libraries keep for later shows.

@@ -1,7 +1,6 @@
-"""Mean-field friction: milliseconds and quadrature error, and the contact solver beside it.
+"""Mean-field friction: milliseconds, and the error of the quadrature.
 
 python benchmarks/bench_persson.py speed      a friction curve of 50 velocities, its gradient
-python benchmarks/bench_persson.py contact    against contacts of random surfaces
 python benchmarks/bench_persson.py claims     `error` against the true one, in random scenes
 
 `claims`: blocks of 0 to 3 layers (E elastic; V Prony series of up to six branches over ten decades,
@@ -11,23 +10,17 @@ contact; speeds over ten decades; all corrections. The true error, relative to t
 claim is, is that against at least 640 wavenumbers and 96 angles.
 """
 
-import argparse
 import itertools
-import platform
-import statistics
-import time
 from functools import partial
 from typing import get_args
 
 import jax
 import jax.numpy as jnp
 import numpy as np
-from rows import keep
+from rows import goal, report, run, seconds, timed
 
 import graded_contact as gc
 from graded_contact.persson.diffusion import Correction
-
-jax.config.update("jax_enable_x64", True)
 
 
 def tread(share):
@@ -45,17 +38,8 @@ def three_treads(thickness):
     return gc.Stack(layers=layers, base=gc.HalfSpace(tread(1.0)))
 
 
-def timed(function, *arguments, repeat=15):
-    """First call and median of later ones [s]."""
-    times = []
-    for _ in range(repeat + 1):
-        start = time.perf_counter()
-        jax.block_until_ready(function(*arguments))
-        times.append(time.perf_counter() - start)
-    return times[0], statistics.median(times[1:])
-
-
-def speed(options):
+def speed():
+    """A friction curve of 50 velocities on three layers, and its gradient."""
     spectrum = gc.SelfAffine(rms_slope=0.1, hurst=0.8, q_low=63.0, q_roll=250.0, q_high=63e3)
     velocities = jnp.geomspace(1e-6, 30.0, 50)
     thickness = jnp.array([1e-4, 3e-4, 1e-3])
@@ -73,16 +57,15 @@ def speed(options):
 
     value = jax.jit(curve)
     gradient = jax.jit(jax.value_and_grad(lambda d: jnp.sum(curve(d)[0])))
+    (first, warm), (first_gradient, warm_gradient) = (
+        (seconds(partial(function, thickness)), timed(partial(function, thickness), 15))
+        for function in (value, gradient)
+    )
     exact = jax.jit(lambda d: curve(d, num_wavenumbers=192, num_angles=48))(thickness)
     error = max(
         float(np.max(np.abs(a / b - 1))) for a, b in zip(value(thickness), exact, strict=True)
     )
-    print("50 velocities, three layers of tread on a half space")
-    first, warm = timed(value, thickness)
-    first_gradient, warm_gradient = timed(gradient, thickness)
-    print(f"curve     first {first:6.2f} s   warm {1e3 * warm:7.1f} ms")
-    print(f"gradient  first {first_gradient:6.2f} s   warm {1e3 * warm_gradient:7.1f} ms")
-    keep(
+    report(
         "bench_persson-speed",
         {
             "curve of 50 velocities, first [s]": first,
@@ -92,54 +75,9 @@ def speed(options):
             "error of the quadrature": error,
         },
     )
-    print(f"goal: curve <= 50 ms | reached: {1e3 * warm:.1f} ms")
-    print(f"goal: quadrature error <= 1e-6 (against three times the nodes) | reached: {error:.1e}")
-    print(f"goal: gradient <= 3 x curve | reached: {warm_gradient / warm:.2f} x")
-
-
-def contact(options):
-    n, cell = options.size, 0.01
-    q0 = 2 * np.pi / cell
-    spectrum = gc.SelfAffine(rms_slope=0.1, hurst=0.8, q_low=q0, q_roll=4 * q0, q_high=n / 16 * q0)
-    grid = gc.Grid((n, n), cell)
-    rubber = gc.Prony(1e6, [4e6, 2e7], [1e-2, 1e-4], 0.49)
-    bodies = {
-        "bare": gc.Stack(base=gc.HalfSpace(rubber)),
-        "coated": gc.Stack(
-            layers=(gc.Layer(gc.Elastic(4e6, 0.4), 1e-4),), base=gc.HalfSpace(rubber)
-        ),
-    }
-    keys = jax.random.split(jax.random.key(options.seed), options.surfaces)
-    surfaces = [gc.random_surface(spectrum, grid, key) for key in keys]
-    print(f"# {options.surfaces} surfaces, N = {n}: mean +- standard deviation; none, yp: mean")
-    print("# field without correction and with that of Yang and Persson, from the spectrum")
-    print(
-        f"{'body':7s} {'p [Pa]':>8s} {'v [m/s]':>8s} {'area':>17s} {'none':>7s} {'yp':>7s} "
-        f"{'friction':>19s} {'none':>8s} {'yp':>8s}"
-    )
-    for name, stack in bodies.items():
-        for pressure in (3e4, 3e5):
-            for velocity in (1e-3, 3e-2, 1.0):
-                found = [
-                    gc.slide(stack, surface, pressure=pressure, velocity=velocity, rtol=1e-5)
-                    for surface in surfaces
-                ]
-                area = np.array([float(f.contact_area_smooth) for f in found])
-                friction = np.array([float(f.friction) for f in found])
-                fields = [
-                    gc.mean_field_friction(
-                        stack, spectrum, pressure=pressure, velocity=velocity, correction=c
-                    )
-                    for c in ("none", "yang_persson")
-                ]
-                print(
-                    f"{name:7s} {pressure:8.0e} {velocity:8.0e} "
-                    f"{area.mean():8.4f} +-{area.std():7.4f} "
-                    + " ".join(f"{float(f.contact_area):7.4f}" for f in fields)
-                    + f" {friction.mean():9.5f} +-{friction.std():8.5f} "
-                    + " ".join(f"{float(f.friction):8.5f}" for f in fields),
-                    flush=True,
-                )
+    goal("curve <= 50 ms", f"{1e3 * warm:.1f} ms")
+    goal("quadrature error <= 1e-6 (against three times the nodes)", f"{error:.1e}")
+    goal("gradient <= 3 x curve", f"{warm_gradient / warm:.2f} x")
 
 
 STACKS = ("V", "VE", "EVV", "EVVR", "VVF")
@@ -147,12 +85,13 @@ SPECTRA = ("sharp", 1, 6)
 BRANCHES = 18
 
 
-def claims(options):
-    rng, rows, corrections = np.random.default_rng(options.seed), [], get_args(Correction)
+def claims(scenes=20, seed=0):
+    """`error` against the true one, in random scenes of each kind of block and spectrum."""
+    rng, rows, corrections = np.random.default_rng(seed), [], get_args(Correction)
     for number, (letters, kind) in enumerate(itertools.product(STACKS, SPECTRA)):
         correction = corrections[number % len(corrections)]
-        drawn = [random_scene(rng, letters, kind) for _ in range(options.scenes)]
-        scenes = jax.tree.map(lambda *leaves: jnp.stack([jnp.asarray(a) for a in leaves]), *drawn)
+        drawn = [random_scene(rng, letters, kind) for _ in range(scenes)]
+        stacked = jax.tree.map(lambda *leaves: jnp.stack([jnp.asarray(a) for a in leaves]), *drawn)
 
         def solve(scene, counts, correction=correction):
             stack, spectrum, pressure, velocity = scene
@@ -165,7 +104,7 @@ def claims(options):
         pieces = kind if kind in SPECTRA[2:] else 2
         fine = {"num_wavenumbers": max(640, 160 * pieces), "num_angles": 96}
         (value, claim), (exact, doubt) = (
-            jax.jit(partial(jax.lax.map, partial(solve, counts=counts)))(scenes)
+            jax.jit(partial(jax.lax.map, partial(solve, counts=counts)))(stacked)
             for counts in ({}, fine)
         )
         true = np.max(np.abs(1 - exact / value), axis=1)
@@ -179,8 +118,7 @@ def claims(options):
     row |= {"broken": int(np.sum(ratio < 1)), "true error, median": np.median(true[known])}
     row |= {f"claim/true, {p} %": np.percentile(ratio, p) for p in (0, 10, 50, 90)}
     row["claims up to rtol = 1e-4 [%]"] = 100 * np.mean(claim[known] <= 1e-4)
-    print(row)
-    keep("bench_persson-claims", row)
+    report("bench_persson-claims", row)
 
 
 def random_scene(rng, letters, kind):
@@ -231,26 +169,5 @@ def random_material(rng, letter):
     return gc.Prony(equilibrium, strengths, 10 ** rng.uniform(-8, 2, count)[which], poisson)
 
 
-def main():
-    parser = argparse.ArgumentParser(description=__doc__.split("\n")[0])
-    sections = parser.add_subparsers(required=True)
-    part = sections.add_parser("speed", help="milliseconds and quadrature error")
-    part.set_defaults(run=speed)
-    part = sections.add_parser("contact", help="against the contact solver")
-    part.add_argument("--size", type=int, default=512)
-    part.add_argument("--surfaces", type=int, default=8)
-    part.add_argument("--seed", type=int, default=0)
-    part.set_defaults(run=contact)
-    part = sections.add_parser("claims", help="`error` against the true one")
-    part.add_argument("--scenes", type=int, default=20, help="of each kind of block and spectrum")
-    part.add_argument("--seed", type=int, default=0)
-    part.set_defaults(run=claims)
-    options = parser.parse_args()
-    device = jax.devices()[0].device_kind
-    print(f"# graded_contact {gc.__version__}, jax {jax.__version__}, {device}, ", end="")
-    print(f"{platform.machine()}, float64")
-    options.run(options)
-
-
 if __name__ == "__main__":
-    main()
+    run(__doc__, speed, claims)

@@ -1,9 +1,8 @@
 """How exact, how fast: the surface compliance M_zz, its derivatives and its kernel on a grid.
 
     python benchmarks/bench_response.py hard         errors on 20,000 random stacks
-    python benchmarks/bench_response.py derivatives  errors of derivatives, signs in float32
+    python benchmarks/bench_response.py derivatives  errors of derivatives
     python benchmarks/bench_response.py speed        kernels in FFT pairs
-    python benchmarks/bench_response.py gradient     cost of a gradient in evaluations
 
 Errors are against mpmath at 100 digits, on the same doubles (`exact_stacks.py`); beside the package
 stands the paper's 3×3 recursion (`paper_recursion.py`). Random stacks: 1 to 300 layers on a half
@@ -12,37 +11,27 @@ moduli over twelve decades; loss tangents up to 10; ν from -0.9 to 1/2, with 1/
 frequent; complex ν from passive bulk and shear moduli.
 """
 
-import argparse
-import json
 import multiprocessing
-import pathlib
-import platform
 import sys
 import time
 from functools import partial
 
 import jax
 import jax.numpy as jnp
-import mpmath as mp
 import numpy as np
 from exact_stacks import (
-    DIGITS,
     cases_of,
     change_with_digits,
-    exact_compliance,
     exact_slope_by_frequency,
     exact_slopes,
     exact_value,
     random_stacks,
 )
-from kernel_costs import BODIES, gradient, speed
 from paper_recursion import paper_compliance
-from rows import keep
+from rows import goal, report, run, timed
 
 import graded_contact as gc
 
-jax.config.update("jax_enable_x64", True)
-ROOT = pathlib.Path(__file__).parents[1]
 BASES = {"half space": None, "rigid": gc.Rigid(), "free": gc.Free()}
 # Each count is compiled once.
 COUNTS = (1, 2, 3, 4, 5, 8, 16, 30, 64, 128, 300)
@@ -98,12 +87,12 @@ def paper_compliances(base, *group):
 # hard ---------------------------------------------------------------------------------------
 
 
-def hard(options):
-    stored_cases(options.stored)
-    rng = np.random.default_rng(options.seed)
+def hard(count=20000, seed=0, processes=2):
+    """Errors on random stacks."""
+    rng = np.random.default_rng(seed)
     cells = [(b, n, k) for b in BASES for n in COUNTS for k in KINDS]
     chances = np.array([KINDS[k] for _, _, k in cells]) / (len(BASES) * len(COUNTS))
-    sizes = rng.multinomial(options.count, chances / chances.sum())
+    sizes = rng.multinomial(count, chances / chances.sum())
     cells = [(*cell, m) for cell, m in zip(cells, sizes, strict=True) if m > 0]
     groups = [random_stacks(rng, m, n, kind) for _, n, kind, m in cells]
     cases = [
@@ -112,10 +101,10 @@ def hard(options):
         for case in cases_of(group, base)
     ]
     start = time.perf_counter()
-    exact = run_oracle(exact_value, cases, options.processes)
+    exact = run_oracle(exact_value, cases, processes)
     print(f"# oracle: {len(cases)} stacks in {time.perf_counter() - start:.0f} s")
     some = cases[:: max(1, len(cases) // 200)]
-    change = np.max(run_oracle(change_with_digits, some, options.processes))
+    change = np.max(run_oracle(change_with_digits, some, processes))
     print(f"# twice as many digits change {len(some)} of them by at most {change:.0e}")
 
     ours, theirs = [], []
@@ -126,8 +115,6 @@ def hard(options):
     theirs = relative_error(np.concatenate(theirs), exact)
     labels = [np.repeat(np.array(column), sizes[sizes > 0]) for column in zip(*cells, strict=True)]
 
-    print(f"\n{'':18s} {'':>6s} {'package':^26s}   {'paper, 3x3 in NumPy':^43s}")
-    print(f"{'stacks':18s} {'number':>6s} {HEAD}   {HEAD} {'not finite':>10s} {'no digit':>9s}")
     sets = [("all", np.full(len(ours), True))]
     for label, names in zip(labels, (BASES, COUNTS, KINDS), strict=False):
         sets += [
@@ -137,56 +124,19 @@ def hard(options):
         ]
     for name, some in sets:
         finite = theirs[some & np.isfinite(theirs)]
-        lost = 1 - len(finite) / np.sum(some)
-        useless = np.mean(~(theirs[some] < 0.1))
-        print(
-            f"{name:18s} {np.sum(some):6d} {spread(ours[some])}   {spread(finite)} "
-            f"{lost:10.2%} {useless:9.2%}"
-        )
-        keep(
+        report(
             "bench_response-hard",
             {
                 "stacks": name,
                 "number": int(np.sum(some)),
                 **quantiles("error", ours[some]),
                 **quantiles("error of the 3x3 recursion", finite),
-                "not finite there": float(lost),
-                "no digit there": float(useless),
+                "not finite there": float(1 - len(finite) / np.sum(some)),
+                "no digit there": float(np.mean(~(theirs[some] < 0.1))),
             },
         )
     above = np.sum(~(ours <= 1e-14))
-    print(f"\ngoal: worst <= 1e-14 | reached: {np.max(ours):.1e}; {above} of {len(ours)} above it")
-
-
-def stored_cases(path):
-    """Errors on a reference file, of the package and of the oracle itself."""
-    stored = [case for case in json.loads(path.read_text())["cases"] if "layers" in case]
-    oracle, ours = [], []
-    for case in stored:
-        with mp.workdps(DIGITS):
-            # Doubles in decimal form, but for the group whose moduli are given to 30 digits.
-            number = mp.mpf if case["group"] == "nu_omega" else float
-            q = mp.sqrt(sum(mp.mpf(float(v)) ** 2 for v in case["q"]))
-            layers = [
-                (float(part["d"]), *(mp.mpc(*map(number, part[name])) for name in ("E", "nu")))
-                for part in case["layers"][::-1]
-            ]
-            base, below = case["substrate"]["kind"], case["substrate"]
-            if base == "halfspace":
-                base = tuple(mp.mpc(*map(number, below[name])) for name in ("E", "nu"))
-            expected = mp.mpc(*case["M_zz"])
-            oracle.append(float(abs(exact_compliance(q, layers, base) / expected - 1)))
-            d, e, nu = (_array([layer[i] for layer in layers]) for i in range(3))
-            below = BASES[base] if isinstance(base, str) else (_array(base[0]), _array(base[1]))
-            value = complex(gc.layered_compliance(float(q), d, e, nu, below))
-            ours.append(float(abs(value - expected) / abs(expected)))
-    print(f"# {len(stored)} stored cases of {path.name}, 30 digits:")
-    print(f"{'':18s} {HEAD}\n{'package':18s} {spread(ours)}\n{'oracle':18s} {spread(oracle)}\n")
-
-
-def _array(values):
-    array = np.array(values, complex)
-    return array if array.imag.any() else array.real
+    goal("worst <= 1e-14", f"{np.max(ours):.1e}; {above} of {len(ours)} above it")
 
 
 # derivatives --------------------------------------------------------------------------------
@@ -197,10 +147,11 @@ DERIVATIVE_CELLS = ((1, "lossy"), (3, "elastic"), (3, "lossy"), (8, "lossy"), (3
 DEAD = 1e-4
 
 
-def derivatives(options):
-    rng = np.random.default_rng(options.seed)
+def derivatives(count=600, seed=0, processes=2):
+    """Errors of derivatives."""
+    rng = np.random.default_rng(seed)
     cells = [(base, *cell) for base in BASES for cell in DERIVATIVE_CELLS]
-    size = -(-options.count // len(cells))
+    size = -(-count // len(cells))
     groups = [random_stacks(rng, size, n, kind) for _, n, kind in cells]
     # Half of them the uppermost: deep layers are often not seen at all.
     chosen = [rng.integers(n, size=size) * rng.integers(2, size=size) for _, n, _ in cells]
@@ -209,29 +160,25 @@ def derivatives(options):
         for (base, *_), group, layer in zip(cells, groups, chosen, strict=True)
         for case, j in zip(cases_of(group, base), layer, strict=True)
     ]
-    exact = run_oracle(exact_slopes, cases, options.processes)
+    exact = run_oracle(exact_slopes, cases, processes)
     modes = {"grad": reverse_slopes, "jvp": forward_slopes}
     found = {mode: [] for mode in modes}
-    units, single = [], []
+    units = []
     for (base, *_), group, layer in zip(cells, groups, chosen, strict=True):
         for mode, function in modes.items():
             found[mode].append(function(base, group, layer))
         units.append(natural_units(base, group, layer))
-        single.append(single_precision(base, group, layer))
-    unit, single = np.concatenate(units), np.concatenate(single)
-    print(f"\n{len(cases)} stacks; an ill-conditioned derivative p ∂M/∂p is below {DEAD:g} M:")
-    print(f"{'':11s} {'relative to itself':^35s}   {'relative to M/p or itself':^26s}")
-    print(f"{'by':3s} {'mode':7s} {HEAD} {'left out':>8s}   {HEAD}")
+    unit = np.concatenate(units)
+    print(f"\n{len(cases)} stacks; an ill-conditioned derivative p ∂M/∂p is below {DEAD:g} M")
     worst = 0.0
     for mode, values in found.items():
         worst = max(worst, derivative_rows(PARAMETERS, mode, np.concatenate(values), exact, unit))
-    worst = max(worst, by_frequency(options, rng))
-    print(f"\ngoal: worst <= 1e-11 | reached: {worst:.1e}")
-    report_signs(single)
+    worst = max(worst, by_frequency(count, processes, rng))
+    goal("worst <= 1e-11", f"{worst:.1e}")
 
 
 def derivative_rows(names, mode, values, exact, unit):
-    """Prints a line per parameter and returns the worst error of well-conditioned derivatives."""
+    """Reports a row per parameter and returns the worst error of well-conditioned derivatives."""
     size = np.hypot(exact[..., 0], exact[..., 2])
     itself = relative_error(values, exact)
     with np.errstate(all="ignore"):
@@ -241,11 +188,7 @@ def derivative_rows(names, mode, values, exact, unit):
     alive = size > DEAD * unit
     for i, name in enumerate(names):
         some = alive[:, i]
-        print(
-            f"{name:3s} {mode:7s} {spread(itself[some, i])} {np.mean(~some):8.1%}   "
-            f"{spread(larger[:, i])}"
-        )
-        keep(
+        report(
             "bench_response-derivatives",
             {
                 "by": name,
@@ -309,55 +252,10 @@ def natural_units(base, group, layer):
     return np.stack([value / q, value / d[rows, layer], value / np.abs(e[rows, layer]), value], 1)
 
 
-def single_precision(base, group, layer):
-    """Slopes on inputs that float32 holds, over the larger of |∂M/∂p| and |M/p|.
-
-    The last axis: real part in float64, in float32, imaginary part likewise, whether float32 holds
-    M and ∂M/∂p, and the smallest q d of a layer.
-    """
-    narrow = tuple(a.astype(np.complex64 if np.iscomplexobj(a) else np.float32) for a in group)
-    wide = tuple(a.astype(complex if np.iscomplexobj(a) else float) for a in narrow)
-    double, float32 = (reverse_slopes(base, g, layer) for g in (wide, narrow))
-    size, value = np.abs(double), np.abs(compliances(base, *wide))[:, None]
-    limits = np.finfo(np.float32)
-    held = (np.minimum(size, value) > limits.tiny) & (np.maximum(size, value) < limits.max)
-    scale = np.maximum(size, natural_units(base, wide, layer))
-    depth = np.broadcast_to((narrow[0] * narrow[1].min(1))[:, None], size.shape)
-    parts = []
-    for part in (np.real, np.imag):
-        with np.errstate(all="ignore"):
-            parts += [part(double) / scale, part(float32).astype(float) / scale]
-    return np.stack([*parts, held, depth], -1)
-
-
-def report_signs(single):
-    """Counts signs of float32 derivatives that float64 contradicts."""
-    print("\nfloat32 against float64 derivatives at the same float32 inputs, where float32 holds M")
-    print("and ∂M/∂p; real and imaginary parts apart; size: over the larger of |∂M/∂p| and |M/p|")
-    print(f"{'thinnest layer':14s} {'size':>7s} {'parts':>7s} {'wrong sign':>10s} ", end="")
-    print(f"{'not finite':>10s} {'median error':>12s}")
-    held, depth = single[..., 4] == 1, single[..., 5]
-    double, float32 = single[..., 0:4:2], single[..., 1:4:2]
-    finite = np.isfinite(float32)
-    for name, some in (("q d >= 1e-5", depth >= 1e-5), ("q d < 1e-5", depth < 1e-5)):
-        for least in (1e-1, 1e-3):
-            large = (held & some)[..., None] & (np.abs(double) > least)
-            seen = large & finite
-            false = np.sum(double[seen] * float32[seen] <= 0)
-            error = np.median(np.abs(float32[seen] / double[seen] - 1)) if np.any(seen) else 0
-            print(
-                f"{name:14s} > {least:5.0e} {np.sum(large):7d} {false:10d} "
-                f"{np.sum(large & ~finite):10d} {error:12.1e}"
-            )
-    large = held[..., None] & (np.abs(double) > 1e-3)
-    wrong, lost = np.sum(large & finite & (double * float32 <= 0)), np.sum(large & ~finite)
-    print(f"goal: every sign right in float32 | reached: {wrong} wrong, {lost} not finite")
-
-
-def by_frequency(options, rng):
-    """Prints errors of derivatives by ω of stacks of Prony layers, and returns the worst."""
+def by_frequency(count, processes, rng):
+    """Reports errors of derivatives by ω of stacks of Prony layers, and returns the worst."""
     cells = [(base, num_layers) for base in BASES for num_layers in (3, 8)]
-    size, branches = -(-options.count // len(cells)), 3
+    size, branches = -(-count // len(cells)), 3
     groups, cases = [], []
     for base, num_layers in cells:
         q, d, _, nu, _, base_nu = random_stacks(rng, size, num_layers, "elastic")
@@ -369,7 +267,7 @@ def by_frequency(options, rng):
         nu = np.concatenate([nu, base_nu[:, None]], 1)
         groups.append((q, omega, d, equilibrium, strengths, times, nu))
         cases += [_prony_case(base, *(a[i].tolist() for a in groups[-1])) for i in range(size)]
-    exact = run_oracle(exact_slope_by_frequency, cases, options.processes)
+    exact = run_oracle(exact_slope_by_frequency, cases, processes)
     omega = np.concatenate([group[1] for group in groups])
     unit = np.hypot(exact[:, 0], exact[:, 2]) / omega
     worst = 0.0
@@ -410,13 +308,107 @@ def slope_by_frequency(base, mode, *inputs):
     return jax.vmap(of_one)(*inputs)
 
 
-# Common -------------------------------------------------------------------------------------
+# speed --------------------------------------------------------------------------------------
 
-HEAD = f"{'worst':>8s} {'99.9 %':>8s} {'median':>8s}"
+CELL, VELOCITY = 0.1, 0.1  # m, m/s
+
+
+def rubber(share):
+    """A tread between soft and slow (share 0) and stiff and fast (1), real ν."""
+    tread = gc.tyre_tread()
+    return gc.Prony(
+        equilibrium=tread.equilibrium * (1 + share),
+        strengths=tread.strengths * (1 + 3 * share),
+        times=tread.times * 10 ** (-2 * share),
+        poisson=0.45 + 0.05 * share,
+    )
+
+
+def layered(num_layers):
+    """A millimetre of layers on a half space; one layer of it is 0.1 mm."""
+    share = (np.arange(num_layers) + 0.5) / num_layers
+    thickness = np.full(num_layers, 1e-3 / num_layers) if num_layers > 1 else [1e-4]
+    layers = tuple(gc.Layer(rubber(s), d) for s, d in zip(share, thickness, strict=True))
+    return gc.Stack(layers=layers, base=gc.HalfSpace(rubber(1.0)))
+
+
+def graded():
+    profile = gc.Blend(rubber(1.0), rubber(0.0), gc.shapes.Linear())
+    return gc.Stack(layers=(gc.GradedLayer(profile, 1e-3),), base=gc.HalfSpace(rubber(1.0)))
+
+
+# Name -> (stack, goal in FFT pairs at N = 2048)
+BODIES = {
+    "1 layer": (lambda: layered(1), None),
+    "3 layers": (lambda: layered(3), 1),
+    "30 layers": (lambda: layered(30), 8),
+    "300 layers": (lambda: layered(300), None),
+    "graded 1e-9": (graded, 4),
+}
+
+
+def speed(sizes=(1024, 2048, 4096), bodies=tuple(BODIES), repeat=5, points=4000):
+    """Kernels in FFT pairs: of one rfft2 and irfft2 of the grid in a loop.
+
+    The error is the worst of random points against `surface_compliance`.
+    """
+    for n in sizes:
+        grid = gc.Grid((n, n), CELL)
+        bare = transform_pair(n)
+        print(f"# N = {n}: one FFT pair {1e3 * bare:.3g} ms")
+        for name in bodies:
+            make, most = BODIES[name]
+            stack = make()
+            run = partial(gc.stack_kernel, stack, grid, VELOCITY)
+            start = time.perf_counter()
+            kernel = np.asarray(run())
+            first = time.perf_counter() - start
+            warm = timed(run, repeat)
+            error = kernel_error(stack, grid, kernel, points)
+            report(
+                "bench_response-speed",
+                {
+                    "body": name,
+                    "N": n,
+                    "first call [s]": first,
+                    "warm [s]": warm,
+                    "over an FFT pair": warm / bare,
+                    "error": float(error),
+                },
+            )
+            if n == 2048 and most:
+                goal(f"{name}: <= {most} FFT pairs", f"{warm / bare:.2f}")
+
+
+def transform_pair(n):
+    count = max(4, 2 * (2048 // n) ** 2)
+
+    @jax.jit
+    def pairs(field):
+        one = lambda _, f: jnp.fft.irfft2(jnp.fft.rfft2(f), f.shape)  # noqa: E731
+        return jax.lax.fori_loop(0, count, one, field)
+
+    field = jax.random.normal(jax.random.key(0), (n, n))
+    jax.block_until_ready(pairs(field))
+    return timed(partial(pairs, field), 3) / count
+
+
+def kernel_error(stack, grid, kernel, num_points):
+    """The worst relative error at random points off the Nyquist lines and off q = 0."""
+    n = grid.shape[0]
+    rng = np.random.default_rng(0)
+    i, j = rng.integers(1 - n // 2, n // 2, num_points), rng.integers(1, n // 2, num_points)
+    qx, qy = (2 * np.pi / CELL * k for k in (i, j))
+    rtol = 1e-12 if any(isinstance(layer, gc.GradedLayer) for layer in stack.layers) else None
+    expected = gc.surface_compliance(stack, np.hypot(qx, qy), -qx * VELOCITY, rtol=rtol)
+    return np.max(np.abs(kernel[i, j] / np.asarray(expected) - 1))
+
+
+# Common -------------------------------------------------------------------------------------
 
 
 def quantiles(name, errors):
-    """What `spread` prints, by name."""
+    """The worst, the 99.9 % quantile and the median."""
     some = errors if len(errors) else np.full(1, np.nan)
     return {
         f"{name}: worst": float(np.max(some)),
@@ -425,56 +417,5 @@ def quantiles(name, errors):
     }
 
 
-def spread(errors):
-    if len(errors) == 0:
-        return f"{'-':>8s} {'-':>8s} {'-':>8s}"
-    values = (np.max(errors), np.quantile(errors, 0.999), np.median(errors))
-    return " ".join(f"{v:8.1e}" for v in values)
-
-
-def print_versions():
-    backend = mp.libmp.BACKEND
-    print(
-        f"# graded_contact {gc.__version__}, jax {jax.__version__}, numpy {np.__version__}, ",
-        end="",
-    )
-    print(f"mpmath {mp.__version__} ({backend})")
-    device = jax.devices()[0].device_kind
-    print(f"# {device} ({platform.machine()}), float64, python {platform.python_version()}")
-
-
-def main():
-    parser = argparse.ArgumentParser(description=__doc__.split("\n")[0])
-    sections = parser.add_subparsers(required=True)
-
-    def section(function, **extra):
-        part = sections.add_parser(function.__name__, **extra)
-        part.set_defaults(run=function)
-        return part
-
-    part = section(hard, help="errors on random stacks")
-    part.add_argument("--count", type=int, default=20000)
-    part.add_argument("--seed", type=int, default=0)
-    part.add_argument("--processes", type=int, default=2)
-    part.add_argument(
-        "--stored", type=pathlib.Path, default=ROOT / "tests" / "data" / "compliance_cases.json"
-    )
-    part = section(derivatives, help="errors of derivatives")
-    part.add_argument("--count", type=int, default=600)
-    part.add_argument("--seed", type=int, default=0)
-    part.add_argument("--processes", type=int, default=2)
-    part = section(speed, help="kernels in FFT pairs")
-    part.add_argument("--sizes", type=int, nargs="+", default=[1024, 2048, 4096])
-    part.add_argument("--bodies", nargs="+", default=list(BODIES), choices=list(BODIES))
-    part.add_argument("--repeat", type=int, default=5)
-    part.add_argument("--points", type=int, default=4000)
-    part = section(gradient, help="cost of a gradient")
-    part.add_argument("--sizes", type=int, nargs="+", default=[2048])
-    part.add_argument("--repeat", type=int, default=5)
-    options = parser.parse_args()
-    print_versions()
-    options.run(options)
-
-
 if __name__ == "__main__":
-    main()
+    run(__doc__, hard, derivatives, speed)

@@ -6,17 +6,16 @@ A tread under an elastic coat, bench_contact's rough surface on N x N points (H 
 4 q0, cut-off N/8 q0, rms slope 0.1), pressure 0.4 MPa at 0.1 m/s, rtol = 1e-6. Virtual devices of
 one process and processes with a device each (`jax.distributed`, gloo) share the cores of one
 machine: they show what is exchanged and held, not what more machines would gain. `seconds` and
-`cpu s`, of all processes together, are the least of some solves, compilation apart; `arguments`,
-`outputs` and `temporaries` are of the compiled solve, in what a device holds of a field of N x N
-numbers, `MB/device` is their sum; `peak` is the largest resident set of a process; `sent` is what a
-device sends for each FFT pair, `other` the largest that is exchanged beside transforms; `pressure`
+the CPU time, of all processes together, are the least of some solves, compilation apart;
+`arguments`, `outputs` and `temporaries` are of the compiled solve, in what a device holds of a
+field of N x N numbers, then comes their sum; the peak is the largest resident set of a process;
+`sent` is what a device sends for each FFT pair, `else` the largest that is exchanged beside
+transforms; `pressure`
 and `friction` are the relative differences from one device, the former root mean square.
 """
 
-import argparse
 import json
 import os
-import platform
 import re
 import resource
 import socket
@@ -24,10 +23,15 @@ import subprocess
 import sys
 import tempfile
 import time
-from importlib.metadata import version
 from pathlib import Path
 
-from rows import keep
+import jax
+import numpy as np
+from rows import keep, run, show
+
+import graded_contact as gc
+from graded_contact.contact.observables import friction
+from graded_contact.fields.grid import to_field, to_spectrum
 
 CELL = 8e-3  # m
 PRESSURE, SPEED = 4e5, 0.1  # Pa, m/s
@@ -51,18 +55,9 @@ def exchanged(program):
 
 def measure(size, repeat, file, process):
     """Runs in a process of its own, on all its devices; `file` has the pressure of one device."""
-    import jax
-
-    jax.config.update("jax_enable_x64", True)
     if process:
         address, count, rank = process
         jax.distributed.initialize(address, int(count), int(rank))
-    import numpy as np
-
-    import graded_contact as gc
-    from graded_contact.contact.observables import friction
-    from graded_contact.fields.grid import to_field, to_spectrum
-
     devices = jax.devices()
     grid, first = gc.Grid((size, size), CELL, devices), 2 * np.pi / CELL
     spectrum = gc.SelfAffine(
@@ -106,16 +101,12 @@ def measure(size, repeat, file, process):
         "other": max(others, default=0),
         "wrong": float(wrong),
         "size": float(np.sum(known**2)),
-        "friction": float(
-            friction(
-                contact.pressure, contact.displacement, grid, SPEED
-            )
-        ),
+        "friction": float(friction(contact.pressure, contact.displacement, grid, SPEED)),
     }  # fmt: skip
 
 
-def run(size, repeat, file, devices, processes):
-    """What all processes of a case tell."""
+def results_of(size, repeat, file, devices, processes):
+    """The results of all processes of a case."""
     flags = f"--xla_force_host_platform_device_count={devices}"
     with socket.socket() as free:
         free.bind(("127.0.0.1", 0))
@@ -134,69 +125,36 @@ def run(size, repeat, file, devices, processes):
     return [json.loads(lines[-1]) for lines in told]
 
 
-def table(options):
-    import jax
-
-    jax.config.update("jax_enable_x64", True)  # as in the processes it starts
-    names = ", ".join(f"{name} {version(name)}" for name in ("graded_contact", "jax"))
-    print(f"# {names}; cpu ({platform.machine()}), {os.cpu_count()} cores, float64")
-    print(
-        "    N  devices  processes  seconds  cpu s  pairs  arguments  outputs  temporaries  "
-        "MB/device  peak MB  sent MB/pair  other kB  pressure  friction"
-    )
+def sharding(sizes=(1024, 2048), devices=(1, 2, 4), processes=(2, 4), repeat=2, case=()):
+    """The table; the first of `--devices` is 1. `--case` is for the processes that this starts."""
+    if case:
+        size, times, file, *process = case
+        print(json.dumps(measure(int(size), int(times), file, process)))
+        return
     with tempfile.TemporaryDirectory() as folder:
-        for size in options.sizes:
+        for size in sizes:
             file, alone = Path(folder, "pressure.npy"), None
-            cases = [(d, 1) for d in options.devices] + [(1, p) for p in options.processes]
-            for devices, processes in cases:
-                told = run(size, options.repeat, file, devices, processes)
-                one = told[0]
+            for count, processes_of in [(d, 1) for d in devices] + [(1, p) for p in processes]:
+                each = results_of(size, repeat, file, count, processes_of)
+                one = each[0]
                 alone = alone or one["friction"]
-                wrong = (sum(each["wrong"] for each in told) / one["size"]) ** 0.5
-                print(
-                    f"{size:5d}  {devices * processes:7d}  {processes:9d}  {one['seconds']:7.1f}  "
-                    f"{sum(each['cpu'] for each in told):5.1f}  "
-                    f"{one['pairs']:5.1f}  {one['arguments']:9.2f}  {one['outputs']:7.2f}  "
-                    f"{one['temporaries']:11.2f}  {one['bytes'] / 1e6:9.0f}  "
-                    f"{max(each['peak'] for each in told) / 1e6:7.0f}  {one['sent'] / 1e6:12.2f}  "
-                    f"{one['other'] / 1e3:8.1f}  {wrong:8.0e}  "
-                    f"{abs(one['friction'] / alone - 1):8.0e}",
-                    flush=True,
-                )
-                keep(
-                    "bench_sharding",
-                    {
-                        "N": size,
-                        "devices": devices * processes,
-                        "processes": processes,
-                        "CPU time [s]": sum(each["cpu"] for each in told),
-                        "fields of a device": one["arguments"]
-                        + one["outputs"]
-                        + one["temporaries"],
-                        "of a device [MB]": one["bytes"] / 1e6,
-                        "peak of a process [MB]": max(each["peak"] for each in told) / 1e6,
-                        "sent [MB/pair]": one["sent"] / 1e6,
-                        "largest else [kB]": one["other"] / 1e3,
-                        "pressure": wrong,
-                        "friction": abs(one["friction"] / alone - 1),
-                    },
-                )
-
-
-def main():
-    parser = argparse.ArgumentParser(description=__doc__.split("\n")[0])
-    parser.add_argument("--sizes", type=int, nargs="*", default=[1024, 2048])
-    parser.add_argument("--devices", type=int, nargs="*", default=[1, 2, 4], help="the first is 1")
-    parser.add_argument("--processes", type=int, nargs="*", default=[2, 4])
-    parser.add_argument("--repeat", type=int, default=2)
-    parser.add_argument("--case", nargs="*", help=argparse.SUPPRESS)
-    options = parser.parse_args()
-    if options.case:
-        size, repeat, file, *process = options.case
-        print(json.dumps(measure(int(size), int(repeat), file, process)))
-    else:
-        table(options)
+                row = {
+                    "N": size,
+                    "devices": count * processes_of,
+                    "processes": processes_of,
+                    "CPU time [s]": sum(a["cpu"] for a in each),
+                    "fields of a device": one["arguments"] + one["outputs"] + one["temporaries"],
+                    "of a device [MB]": one["bytes"] / 1e6,
+                    "peak of a process [MB]": max(a["peak"] for a in each) / 1e6,
+                    "sent [MB/pair]": one["sent"] / 1e6,
+                    "largest else [kB]": one["other"] / 1e3,
+                    "pressure": (sum(a["wrong"] for a in each) / one["size"]) ** 0.5,
+                    "friction": abs(one["friction"] / alone - 1),
+                }
+                keep("bench_sharding", row)
+                more = ("seconds", "pairs", "arguments", "outputs", "temporaries")
+                show(row | {name: one[name] for name in more})
 
 
 if __name__ == "__main__":
-    main()
+    run(__doc__, sharding)

@@ -1,22 +1,19 @@
 """Many solves: how fast.
 
     python benchmarks/bench_sweep.py [--sizes 128 256 512] [--points 200] [--workers 1 2]
-                                     [--repeat 3] [--error 1e-4]
+                                     [--repeat 3]
 
 Friction of a tread at `points` velocities and pressures, rtol 1e-4: a plain loop over `slide`;
 `sweep` in this process; by one worker with 1/W of the cores; by W workers. The seconds until the
 first points are back (compiling or loading, starting workers) and the pace afterwards are
 separate. Loop and `sweep` are interleaved and compared by CPU time, which other programs disturb
-less. Bits are compared with those of `sweep` in this process. Then an elastic block, beside Tamaas
-if it is installed, at the same error. The constants of `studies/workers.py` are from here.
+less. Bits are compared with those of `sweep` in this process. The constants of
+`studies/workers.py` are from here.
 """
 
-import argparse
 import contextlib
 import os
-import platform
 import time
-from importlib.metadata import version
 from typing import Any
 
 # Transforms by one thread each give the same bits in any process.
@@ -24,13 +21,11 @@ os.environ.setdefault("XLA_FLAGS", "--xla_cpu_multi_thread_eigen=false")
 
 import jax
 import numpy as np
-from sweep_elastic import elastic
+from rows import run, show
 
 import graded_contact as gc
 from graded_contact.studies.sweep import sweep
 from graded_contact.studies.workers import connected
-
-jax.config.update("jax_enable_x64", True)
 
 CELL = 1e-3  # m
 
@@ -66,25 +61,23 @@ def axes_of(points: int) -> dict:
     return {"pressure": np.array([1e5, 3e5]), "velocity": np.geomspace(1e-4, 1.0, points // 2)}
 
 
-def throughput(
-    sizes: list[int], points: int, workers: list[int], repeat: int, target: float
-) -> None:
-    print(f"{'N':>5s}  {'way':38s} {'first [s]':>10s} {'points/s':>9s}  same bits")
+def throughput(sizes=(128, 256, 512), points=200, workers=(1, 2), repeat=3):
+    """Seconds to the first points and points per second of each way."""
     for size in sizes:
         surface, axes = surface_of(size), axes_of(points)
         rub = contact(surface, gc.tyre_tread())
         jitted = jax.jit(rub)
-        looped, told = in_a_loop(jitted, axes)
-        row(size, "loop", told, "")
-        here, told = timed(rub, axes)
+        looped, speed = in_a_loop(jitted, axes)
+        row(size, "loop", speed, "")
+        here, speed = timed(rub, axes)
         near = np.max(np.abs(here["friction"].values.ravel() - looped))
-        row(size, "sweep, this process", told, f"loop within {near:.0e}")
+        row(size, "sweep, this process", speed, f"loop within {near:.0e}")
         ratios = []
         for _ in range(repeat):
             loop = in_a_loop(jitted, axes, clock=time.process_time)[1][1]
             ratios.append(timed(rub, axes, clock=time.process_time)[1][1] / loop)
-        told = ", ".join(f"{ratio:.2f}" for ratio in ratios)
-        print(f"{size:5d}  points per CPU second by sweep / by the loop, interleaved: {told}")
+        text = ", ".join(f"{ratio:.2f}" for ratio in ratios)
+        print(f"{size:5d}  points per CPU second by sweep / by the loop, interleaved: {text}")
         for count in workers:
             rates = []
             for way, number, cores in [("one worker with 1/W of the cores", 1, count),
@@ -98,9 +91,6 @@ def throughput(
                 row(size, f"sweep, {way}, W = {count}", (up + first, rate), str(same))
                 rates.append(rate)
             print(f"{size:5d}  W workers / (W x one of them) = {rates[1] / rates[0] / count:.2f}")
-        for way, told, errors in elastic(size, points, target, timed):
-            said = "errors: pressure {:.1e}, area {:.1e}".format(*errors)
-            row(size, f"elastic: {way}", told, said)
 
 
 def in_a_loop(jitted, axes, clock=time.perf_counter) -> tuple[list[float], tuple[float, float]]:
@@ -135,24 +125,9 @@ def some_cores(part: int):
     os.sched_setaffinity(0, cores)
 
 
-def row(size, way, told, same):
-    print(f"{size:5d}  {way:38s} {told[0]:10.2f} {told[1]:9.1f}  {same}", flush=True)
-
-
-def main() -> None:
-    parser = argparse.ArgumentParser(
-        description=__doc__, formatter_class=argparse.RawTextHelpFormatter
-    )
-    parser.add_argument("--sizes", type=int, nargs="+", default=[128, 256, 512])
-    parser.add_argument("--points", type=int, default=200)
-    parser.add_argument("--workers", type=int, nargs="*", default=[1, 2])
-    parser.add_argument("--repeat", type=int, default=3)
-    parser.add_argument("--error", type=float, default=1e-4, help="of pressures, elastic")
-    given = parser.parse_args()
-    packages = ("graded_contact", "jax", "distributed")
-    print(platform.machine(), os.cpu_count(), "cores;", *(f"{p} {version(p)}" for p in packages))
-    throughput(given.sizes, given.points, given.workers, given.repeat, given.error)
+def row(size, way, speed, same):
+    show({"N": size, "way": way, "first [s]": speed[0], "points/s": speed[1], "same bits": same})
 
 
 if __name__ == "__main__":
-    main()
+    run(__doc__, throughput)

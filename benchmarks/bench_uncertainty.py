@@ -13,25 +13,21 @@ errors share. The data: `prony_peers.py`. `tread` draws docs/bench_uncertainty.p
 ρ (AR(1)), and counts how often the truth lies within 1 and 1.96 standard errors of `propagate`.
 """
 
-import argparse
 import itertools
-import pathlib
-import platform
+from functools import partial
 
 import jax
 import jax.numpy as jnp
 import matplotlib
 import numpy as np
 from prony_peers import ISOTHERMS, MASTER_CURVES, read_sets
-from rows import keep
+from rows import ROOT, report, run, show
 from scipy.stats import binom
 
 import graded_contact as gc
 from graded_contact.fitting.master import master_curve
 
-jax.config.update("jax_enable_x64", True)
 matplotlib.use("Agg")
-DOCS = pathlib.Path(__file__).parents[1] / "docs"
 
 POISSON = 0.49
 BRANCHES = 40  # of every material: one program serves fits of any length
@@ -62,7 +58,8 @@ def friction_of(material, pressure, velocities):
 # bootstrap ----------------------------------------------------------------------------------
 
 
-def bootstrap(options):
+def bootstrap(refits=100):
+    """Standard errors of friction, propagated and by refits."""
     for name, pressure, velocities, curve in cases():
         case = Case(*curve)
         print(f"\n{name}: {case.fit.terms} terms, {len(case.x)} frequencies, {case.measured} rad/s")
@@ -76,27 +73,27 @@ def bootstrap(options):
             return friction_of(padded(material), pressure, velocities)
 
         found = gc.propagate(quantity, case.known)
-        row("", [f"{v:.0e} m/s" for v in velocities])
-        row("friction", [f"{mu:.5f}" for mu in found.value])
-        told = found.standard_error / found.value
-        row("propagated standard error", [f"{e:.2%}" for e in told])
+        row = partial(show_velocities, velocities)
+        row("friction", found.value, "{:.5f}")
+        propagated = found.standard_error / found.value
+        row("propagated standard error", propagated, "{:.2%}")
         for label, draw, terms in (
             ("refits, drawn one by one", case.single, case.fit.terms),
             (f"refits, drawn in runs of {RUN}", case.runs, case.fit.terms),
             ("the same, terms chosen anew", case.runs, None),
         ):
-            count = options.refits if terms else options.refits // 4
-            refits = case.refits(draw, terms, count)
-            values = np.array([quantity(material) for material in refits])
+            materials = case.refits(draw, terms, refits if terms else refits // 4)
+            values = np.array([quantity(material) for material in materials])
             scatter = np.std(values, axis=0, ddof=1) / found.value
+            row(f"{label} ({len(values)})", scatter, "{:.2%}")
+            row("  propagated over that", propagated / scatter, "{:.2f}")
             bias = np.mean(values, axis=0) / found.value - 1
-            row(f"{label} ({len(values)})", [f"{e:.2%}" for e in scatter])
-            row("  propagated over that", [f"{r:.2f}" for r in told / scatter])
-            row("  their mean from the friction", [f"{b:+.2%}" for b in bias])
+            row("  their mean from the friction", bias, "{:+.2%}")
 
 
-def row(label, words):
-    print(f"{label:34s} " + " ".join(f"{word:>10s}" for word in words))
+def show_velocities(velocities, what, numbers, form):
+    cells = {f"{v:.0e} m/s": form.format(x) for v, x in zip(velocities, numbers, strict=True)}
+    show({"what": f"{what:34s}"} | cells)
 
 
 def cases():
@@ -192,7 +189,7 @@ FOUR = gc.Prony(
 QUANTITIES = ("storage modulus", "loss modulus", "friction")
 
 
-def coverage(options):
+def coverage(sets=120):
     """Counts how often 1 and 1.96 standard errors enclose the truth."""
 
     def series(terms):
@@ -207,18 +204,17 @@ def coverage(options):
         "the same, terms by BIC": (TWO, series(None), 6e5, 1e-2, 1e3),
         "six isotherms of 15 points": (FOUR, isotherms, 3e6, 3e-4, 10.0),
     }
-    bands = [binom.interval(0.95, options.sets, p) for p in (0.6827, 0.95)]
+    bands = [binom.interval(0.95, sets, p) for p in (0.6827, 0.95)]
     for (name, case), alike in itertools.product(cases.items(), (0.0, 0.5, 0.8)):
-        off = np.array([deviation(*case, alike, seed) for seed in range(options.sets)])
+        off = np.array([deviation(*case, alike, seed) for seed in range(sets)])
         for quantity, column in zip(QUANTITIES, off.T, strict=True):
-            cells = {"data": name, "ρ": alike, "sets": options.sets, "quantity": quantity}
+            cells = {"data": name, "ρ": alike, "sets": sets, "quantity": quantity}
             for reach, (low, high) in zip((1, 1.96), bands, strict=True):
                 cells[f"within {reach} standard error [%]"] = 100 * np.mean(abs(column) < reach)
-                expected = f"{100 * low / options.sets:.0f} to {100 * high / options.sets:.0f}"
+                expected = f"{100 * low / sets:.0f} to {100 * high / sets:.0f}"
                 cells[f"expected for {reach} [%]"] = expected
             cells["bias over standard error"] = np.mean(column)
-            print(*cells.values(), flush=True)
-            keep("bench_uncertainty-coverage", cells)
+            report("bench_uncertainty-coverage", cells)
 
 
 def deviation(truth, fit, pressure, velocity, omega, alike, seed):
@@ -257,7 +253,7 @@ def friction_and_slopes(material, pressure, velocity):
 # tread --------------------------------------------------------------------------------------
 
 
-def tread(options):
+def tread(plot=str(ROOT / "docs" / "bench_uncertainty.png")):
     """Which frequencies decide the friction of the tread at three velocities."""
     rubber, omega = gc.tyre_tread(POISSON), np.geomspace(1e-3, 1e9, 121)
     found = {
@@ -268,14 +264,15 @@ def tread(options):
     }
     low, high = ROAD.q_low, ROAD.q_high
     print(f"\ntread, q from {low:.3g} to {high:.3g} rad/m, 0.4 MPa")
-    row("", ["all E'", "all E''", "decisive", "rad/s", "excited", "rad/s"])
     for (label, map_), velocity in zip(found.items(), (1e-4, 1e-2, 1.0), strict=True):
         storage, loss = (np.trapezoid(s, np.log10(omega)) for s in (map_.storage, map_.loss))
-        words = [f"{storage:.3f}", f"{loss:.3f}", *(f"{w:.2g}" for w in map_.decisive())]
-        row(label, [*words, f"{low * velocity:.2g}", f"{high * velocity:.2g}"])
+        bands = (*map_.decisive(), low * velocity, high * velocity)
+        names = ("decisive from", "to [rad/s]", "excited from", "until [rad/s]")
+        row = {"velocity": label, "all E'": storage, "all E''": loss}
+        show(row | dict(zip(names, bands, strict=True)))
     figure = gc.plot.plot_sensitivity(found)
-    figure.savefig(options.plot)
-    print(f"# {options.plot}")
+    figure.savefig(plot)
+    print(f"# {plot}")
 
 
 def friction_of_any(material, pressure, velocity):
@@ -283,19 +280,5 @@ def friction_of_any(material, pressure, velocity):
     return gc.mean_field_friction(stack, ROAD, pressure=pressure, velocity=velocity).friction
 
 
-SECTIONS = {"bootstrap": bootstrap, "coverage": coverage, "tread": tread}
-
-
-def main():
-    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
-    parser.add_argument("section", choices=SECTIONS)
-    parser.add_argument("--refits", type=int, default=100)
-    parser.add_argument("--sets", type=int, default=120)
-    parser.add_argument("--plot", default=str(DOCS / "bench_uncertainty.png"))
-    options = parser.parse_args()
-    print(f"# {platform.machine()}, jax {jax.__version__}, graded_contact {gc.__version__}")
-    SECTIONS[options.section](options)
-
-
 if __name__ == "__main__":
-    main()
+    run(__doc__, bootstrap, coverage, tread)

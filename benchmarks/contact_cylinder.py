@@ -8,8 +8,8 @@ images of the cylinder are those at `WIDE`: they change the curvature by π²/6 
 
 import jax.numpy as jnp
 import numpy as np
-from contact_scenes import goal, growth, print_versions
-from rows import report
+from contact_scenes import growth
+from rows import goal, report
 
 import graded_contact as gc
 from graded_contact import reference
@@ -22,19 +22,18 @@ CREEP = 9.0  # delayed over instantaneous compliance
 QUANTITIES = ("half-width", "shift", "peak", "friction")
 
 
-def cylinder(options):
-    print_versions()
-    published()
+def cylinder(points=(16, 32, 64, 128), speeds=(0.01, 0.1, 1.0, 3.0, 10.0, 100.0)):
+    """Gliding cylinder, exact: points to a half-width at rest, τv over that half-width."""
     print("# errors: half-width, shift of the middle and friction over the half-width at rest a,")
     print("# peak over its own; pairs to rtol = 1e-9")
-    errors = np.array([[row(v, n) for n in options.points] for v in options.speeds])
+    errors = np.array([[row(v, n) for n in points] for v in speeds])
     worst = errors.max(axis=0)
     for i, name in enumerate(QUANTITIES):
-        order = -growth(options.points, worst[:, i])
+        order = -growth(points, worst[:, i])
         goal(
             f"{name} converges to the closed form at a stated order",
-            f"order {order:.2f}, error {worst[-1, i]:.1e} at {options.points[-1]} points per a "
-            f"(worst of V = {min(options.speeds):g}..{max(options.speeds):g})",
+            f"order {order:.2f}, error {worst[-1, i]:.1e} at {points[-1]} points per a "
+            f"(worst of V = {min(speeds):g}..{max(speeds):g})",
         )
 
 
@@ -97,16 +96,3 @@ def edges(x, indicator):
         (x[i] * indicator[j] - x[j] * indicator[i]) / (indicator[j] - indicator[i])
         for i, j in pairs
     ]
-
-
-def published():
-    """Prints the closed form beside CONTACT's output for Wang and Knothe's rollers (1993)."""
-    print("# the closed form against CONTACT, two rollers of 100 mm, 600 N/mm, elements of 0.16 mm")
-    modulus = 1143e6 / (1 - 0.4)
-    output = ((0, 60.32, 80), (9e-3, 78.74, 62), (45e-3, 84.72, 57), (2, 85.31, 56))
-    for time, peak, elements in output:
-        exact = reference.viscoelastic_cylinder(600e3, 0.05, modulus, 1.0, time, 1.0)
-        print(
-            f"#   τ = {time:5.3f} s: peak {exact.peak_pressure / 1e6:.3f} MPa, CONTACT {peak}; "
-            f"width {2e3 * exact.half_width / 0.16:.1f} elements, CONTACT {elements}"
-        )

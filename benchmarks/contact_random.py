@@ -1,4 +1,4 @@
-"""Random scenes: which converge, and are their errors what they claim? The section `random`.
+"""Scenes that are random, and such that are hard: the sections `random` and `hard`.
 
 Run by `bench_contact.py`. Blocks of 0 to 3 layers, each elastic or a Prony series of six branches
 over ten decades, moduli over three decades, q0 d from 1e-3 to 3, ν from 0.2 to 1/2, on a half
@@ -12,37 +12,44 @@ of their modulus.
 Each scene is solved at its mean pressure and at the mean gap that follows, each by `rtol` (1e-3 to
 1e-6) and by `friction_rtol` (1e-2 to 1e-4), and what these claim is compared with a solution at
 1e-10 (1e-9 if that fails) in double precision.
+
+Hard: small contacts, and moduli far apart. Cylinders: parabolas on one relaxation, rigid against it
+in 1-D, pairs by half-widths at rest, contrast of the moduli and speed (relaxation time times speed
+over the half-width). Rough: `rough_surface`, one relaxation (`single`) in mid-band or ten decades
+(`broad`). Random hard ones: one or ten relaxations, contrasts to 1e4, loads from 1e-6 of what
+closes every gap, grids of one and two dimensions, also odd and not square; each solved in the ways
+above.
 """
 
 import sys
 import time
+from functools import partial
 
 import jax
 import jax.numpy as jnp
 import numpy as np
-from contact_scenes import CELL, Q0, goal, print_versions
-from rows import keep
+from contact_scenes import CELL, Q0, rough_surface
+from rows import goal, report, timed
 
 import graded_contact as gc
 from graded_contact.fields.grid import to_field, to_spectrum
 
 BRANCHES = 6
-SHAPES = ((64, 64),)
 CLOSEST = 1e-10
 # Errors that are not compared: the best solution has as much, and rounding.
 LEAST = 3e-10
 
 
-def random(options):
-    survey(lambda rng, i: layered_scene(rng, SHAPES[i % len(SHAPES)]), options)
+def random(count=500, seed=0):
+    """Random scenes: any failure, any false claim?"""
+    survey("random", lambda rng, _: layered_scene(rng, (64, 64)), count, seed)
 
 
-def survey(draw, options):
-    """Solves the scenes that `draw(rng, i)` returns and prints what came of them."""
-    print_versions()
-    rng = np.random.default_rng(options.seed)
+def survey(name, draw, num_scenes, seed):
+    """Solves the scenes that `draw(rng, i)` returns and reports what came of them."""
+    rng = np.random.default_rng(seed)
     start, counts, broken, ratios = time.perf_counter(), {}, {}, {}
-    for i in range(options.count):
+    for i in range(num_scenes):
         scene = draw(rng, i)
         for way, outcome, found in outcomes(scene):
             counts[way, outcome] = counts.get((way, outcome), 0) + 1
@@ -58,27 +65,21 @@ def survey(draw, options):
                     ratios.setdefault((way, quantity), []).append(claim / true)
         if (i + 1) % 50 == 0:
             passed = time.perf_counter() - start
-            print(f"  {i + 1} of {options.count}, {passed:.0f} s", file=sys.stderr)
-    print(f"# {options.count} scenes in {time.perf_counter() - start:.0f} s")
+            print(f"  {i + 1} of {num_scenes}, {passed:.0f} s", file=sys.stderr)
+    print(f"# {num_scenes} scenes in {time.perf_counter() - start:.0f} s")
     for (way, outcome), count in sorted(counts.items()):
         print(f"{way:30s} {outcome:40s} {count:5d}")
+    print("\nclaimed over true error, percentiles")
     marks = (1, 10, 50, 90, 99)
-    title = "claimed over true error, percentile"
-    print(f"\n{title:42s} {'broken':>6s} {'of':>5s} " + " ".join(f"{m:>8d}" for m in marks))
     for (way, quantity), found in sorted(ratios.items()):
-        wrong, shares = broken.get((way, quantity), 0), np.percentile(found, marks)
-        print(
-            f"{way:30s} {quantity:11s} {wrong:6d} {len(found):5d} "
-            + " ".join(f"{share:8.2g}" for share in shares)
-        )
-        name = "random" if options.section == "random" else "hard--count"
-        keep(
+        shares = np.percentile(found, marks)
+        report(
             f"bench_contact-{name}",
             {
                 "prescribed, tolerance": way,
                 "claim of": quantity,
-                "scenes": options.count,
-                "broken": wrong,
+                "scenes": num_scenes,
+                "broken": broken.get((way, quantity), 0),
                 "true error above rounding": len(found),
                 **{f"{m} %": float(s) for m, s in zip(marks, shares, strict=True)},
             },
@@ -224,3 +225,78 @@ def random_material(rng):
     if rng.random() < 0.4:
         strengths = np.full(BRANCHES, 1e-12 * modulus)
     return gc.Prony(modulus, strengths, 10 ** rng.uniform(-5, 5, BRANCHES), poisson)
+
+
+# hard ---------------------------------------------------------------------------------------
+
+HARD_RTOL = (1e-4, 1e-8)
+CONTRASTS = (100.0, 1000.0, 1e4)
+CYLINDERS = ((1024, 16), (8192, 64))  # points, and half-widths at rest to the cell
+SPEEDS = (0.1, 1.0, 10.0)
+HARD_LOADS = (0.01, 0.1)
+SHAPES = ((64, 64), (1024,), (81, 64), (729,))
+HALF_WIDTH = 0.01  # m
+
+
+def hard(size=128, count=0, seed=0):
+    """Small contacts, moduli far apart; with `--count` random scenes in place of the tables."""
+    if count:
+        survey("hard--count", hard_scene, count, seed)
+        return
+    for points, cell in CYLINDERS:
+        for contrast in CONTRASTS:
+            for speed in SPEEDS:
+                name = f"cylinder {points} points, {cell} a, V = {speed:g}"
+                row(name, contrast, *cylinder(points, cell, contrast, speed))
+    surface = rough_surface(size)
+    for num, speed, name in ((1, 5.0, "single"), (10, 1.0, "broad")):
+        for contrast in CONTRASTS:
+            kernel = gc.stack_kernel(block(contrast, num), surface.grid, speed)
+            for load in HARD_LOADS:
+                title = f"rough {size}², {name}, p/E_r = {load:g}"
+                row(title, contrast, kernel, surface.heights, load)
+
+
+def row(name, contrast, kernel, heights, load):
+    """Reports points in contact, and FFT pairs to each tolerance (!: not reached)."""
+    pairs = {}
+    for rtol in HARD_RTOL:
+        solve = partial(gc.solve_contact, kernel, heights, load, rtol=rtol, throw=False)
+        found = solve()
+        done = found.result == gc.contacts.RESULTS.successful
+        pairs[f"pairs to {rtol:g}"] = f"{float(found.num_fft_pairs):.0f}{'' if done else '!'}"
+    report(
+        "bench_contact-hard",
+        {
+            "scene": name,
+            "contrast": contrast,
+            "points in contact": int(jnp.sum(found.pressure > 0)),
+            **pairs,
+            "claimed error at the last": float(found.error),
+            "time of the last [s]": timed(solve, 3),
+        },
+    )
+
+
+def cylinder(points, cell, contrast, speed):
+    """Kernel, heights and load: radius and relaxed reduced modulus are 1."""
+    length = cell * HALF_WIDTH
+    x = (np.arange(points) - points / 2) * length / points
+    rubber = gc.Prony.from_creep(contrast, [(contrast - 1) / contrast], [speed * HALF_WIDTH], 0.0)
+    kernel = gc.stack_kernel(gc.Stack(base=gc.HalfSpace(rubber)), gc.Grid((points,), length), 1.0)
+    return kernel, -(x**2) / 2, np.pi / 4 * HALF_WIDTH**2 / length
+
+
+def block(contrast, num):
+    """A half space of relaxed reduced modulus 1, and of `num` relaxations."""
+    times = np.logspace(-5, 4, num) if num > 1 else [1.0]
+    rubber = gc.Prony(0.75, np.full(num, 0.75 * (contrast - 1) / num), times, 0.5)
+    return gc.Stack(base=gc.HalfSpace(rubber))
+
+
+def hard_scene(rng, i):
+    """A scene of one or ten relaxations of any contrast."""
+    shape, contrast = SHAPES[i % len(SHAPES)], 10 ** rng.uniform(0, 4)
+    stack = block(contrast, rng.choice([1, 10]))
+    name = f"{shape}, contrast {contrast:.0f}"
+    return Scene(rng, stack, shape, name, closed=(-6, 0), rms_slope=0.1)

@@ -1,15 +1,11 @@
 """Surfaces, bodies and measures shared by the sections of `bench_contact.py`."""
 
-import os
-import platform
-import statistics
-import time
 from functools import cache, partial
 from typing import NamedTuple
 
 import jax
-import jax.numpy as jnp
 import numpy as np
+from rows import timed
 
 import graded_contact as gc
 from graded_contact.fields import transforms as _fft
@@ -17,6 +13,8 @@ from graded_contact.fields import transforms as _fft
 CELL = 1.0  # m
 Q0 = 2 * np.pi / CELL
 BEST = 1e-10  # tolerance of what counts as exact
+LOADS = (0.01, 0.1, 0.3)  # p/E_r
+BODIES = ("elastic", "single", "single+coat", "tread", "tread+coat", "broad", "broad+coat")
 
 
 @cache
@@ -109,33 +107,3 @@ def bare_pair(n):
     field = rough_surface(n).heights
     jax.block_until_ready(transform_pairs(field, count))
     return timed(lambda: transform_pairs(field, count), 3) / count
-
-
-def timed(function, repeat):
-    """Median time of a call that was made before [s]."""
-    times = []
-    for _ in range(repeat):
-        start = time.perf_counter()
-        jax.block_until_ready(function())
-        times.append(time.perf_counter() - start)
-    return statistics.median(times)
-
-
-def goal(text, reached):
-    print(f"goal: {text} | reached: {reached}", flush=True)
-
-
-def print_versions(peers=()):
-    """Prints versions of the package and of `peers` (modules), and the device."""
-    others = "".join(f", {peer.__name__} {peer.__version__}" for peer in peers)
-    large = jnp.zeros(()).dtype, "ducc0" if _fft._is_installed() else "XLA"
-    print(
-        f"# graded_contact {gc.__version__}, jax {jax.__version__}, numpy {np.__version__}{others}"
-    )
-    device = jax.devices()[0].device_kind
-    print(
-        f"# {device} ({platform.machine()}), {large[0]}, python {platform.python_version()}; "
-        f"transforms of large fields by {large[1]}"
-    )
-    if tunables := os.environ.get("GLIBC_TUNABLES"):
-        print(f"# GLIBC_TUNABLES={tunables}")

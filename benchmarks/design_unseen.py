@@ -12,9 +12,11 @@ import time
 import jax
 import jax.numpy as jnp
 import numpy as np
+from rows import ROOT, show
 
 import graded_contact as gc
 from graded_contact.core.parameters import paths, with_values
+from graded_contact.files.design_scene import read_design
 from graded_contact.studies.design import minimise
 from graded_contact.studies.run_design import mean_field_problem
 from graded_contact.studies.stochastic import minimise_expected
@@ -24,22 +26,22 @@ CHECKS = 8
 FROZEN = (8, 32)
 
 
-def unseen(study, options):
-    print(
-        f"\ngain in friction on {options.unseen} unseen surfaces, N = {options.points}; 'seen': as"
-    )
-    print("the search sees it, on its own surfaces; 'limits': the least, negative if broken")
-    columns = ("contacts", "seconds", "gain", "+-", "seen", "limits")
+def unseen(points=64, unseen=32, seed=0):
+    """Gain in friction on surfaces that no search has seen, of points² points.
+
+    "seen": as the search sees it, on its own surfaces; "limits": the least, negative if broken.
+    """
+    study = read_design(ROOT / "examples" / "design_coating.toml")
     for what, speeds in (("one speed", None), ("all speeds", SPEEDS)):
-        print(f"\n{what:34s} " + " ".join(f"{column:>9s}" for column in columns))
-        rows_of(study, options, speeds)
-    warm_starts(study, options)
+        gains_of(study, points, unseen, seed, what, speeds)
+    warm_starts(study, points)
 
 
-def rows_of(study, options, speeds):
+def gains_of(study, points, num_unseen, seed, what, speeds):
+    """Reports a row for each search."""
     scene, own = study.scene, {path: paths(study.scene.stack)[path] for path in study.lower}
     _, constraints = mean_field_problem(study)
-    grid = gc.Grid((options.points, options.points), scene.surface.grid.size)
+    grid = gc.Grid((points, points), scene.surface.grid.size)
     bounds = study.lower, study.upper, own
 
     def loss(values, key):
@@ -59,7 +61,7 @@ def rows_of(study, options, speeds):
         return jax.lax.map(lambda key: loss(values, key), keys)
 
     all_losses = jax.jit(losses)
-    new = jax.random.split(jax.random.key(options.seed + 1), options.unseen)
+    new = jax.random.split(jax.random.key(seed + 1), num_unseen)
     before = np.asarray(all_losses(own, new))
 
     def row(name, search, contacts, reference):
@@ -69,15 +71,15 @@ def rows_of(study, options, speeds):
         gains = before - np.asarray(all_losses(design.parameters, new))
         error = np.exp(gains.mean()) * gains.std(ddof=1) / np.sqrt(len(gains))
         note = "" if design.converged else f"  {design.runs[0].message}"
-        print(
-            f"{name:34s} {contacts * design.num_evaluations:9d} {seconds:9.1f} "
-            f"{np.exp(gains.mean()):9.4f} {error:9.4f} {np.exp(reference - design.value):9.4f} "
-            f"{float(np.min(constraints(design.parameters))):9.1e}{note}",
-            flush=True,
-        )
+        show({
+            "drawn": what, "search": f"{name:34s}", "contacts": contacts * design.num_evaluations,
+            "seconds": seconds, "gain": np.exp(gains.mean()), "+-": error,
+            "seen": np.exp(reference - design.value),
+            "limits": float(np.min(constraints(design.parameters))),
+        }, note)  # fmt: skip
 
     for frozen in FROZEN:
-        keys = jax.random.split(jax.random.key(options.seed + 2), frozen)
+        keys = jax.random.split(jax.random.key(seed + 2), frozen)
         reference = float(np.mean(all_losses(own, keys)))
         for steps in (8, 32):
             row(
@@ -93,16 +95,16 @@ def rows_of(study, options, speeds):
             f"stochastic, {steps} steps + {CHECKS} checks",
             lambda steps=steps: minimise_expected(
                 loss, *bounds, constraints=lambda values, _: constraints(values),
-                num_steps=steps, num_checks=CHECKS, seed=options.seed,
+                num_steps=steps, num_checks=CHECKS, seed=seed,
             ),
             1, before.mean(),
         )  # fmt: skip
 
 
-def warm_starts(study, options):
+def warm_starts(study, points):
     """What a contact saves that begins with the pressure of a neighbour."""
     scene, own = study.scene, {path: paths(study.scene.stack)[path] for path in study.lower}
-    grid = gc.Grid((options.points, options.points), scene.surface.grid.size)
+    grid = gc.Grid((points, points), scene.surface.grid.size)
     one, other = (
         gc.random_surface(scene.surface.spectrum, grid, jax.random.key(seed)) for seed in (0, 1)
     )

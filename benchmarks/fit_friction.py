@@ -6,6 +6,7 @@ import numpy as np
 import pandas as pd
 import prony_peers as peers
 from prony_peers import ISOTHERMS, MASTER_CURVES, OPTIMISED, PACKAGE, PLAIN, parts_of, read_sets
+from rows import ROOT
 
 import graded_contact as gc
 from graded_contact.fitting.master import master_curve
@@ -15,9 +16,9 @@ POISSON = 0.49
 EDGE, SLOPE = 1e-3, 0.1  # of the cell [m], rms of the roughness [1]
 
 
-def friction(options):
+def friction(size=256, velocities=15, plot=str(ROOT / "docs" / "bench_fit-friction.png")):
+    """Friction of one surface of size² points on differently fitted materials."""
     q0 = 2 * np.pi / EDGE
-    size = options.size
     spectrum = gc.SelfAffine(
         rms_slope=SLOPE, hurst=0.8, q_low=q0, q_roll=4 * q0, q_high=size / 4 * q0
     )
@@ -29,20 +30,20 @@ def friction(options):
     )
     print(f"rad/m, rms slope {SLOPE}, ν = {POISSON}")
     drawn = []
-    for title, reference, (omega, values), pressure, velocities in scenes(options.velocities):
+    for title, reference, (omega, values), pressure, speeds in scenes(velocities):
         materials = materials_of(omega, values)
         if reference is None:
             reference, name = materials["table"], "table"
         else:
             materials, name = {"truth": reference} | materials, "truth"
         curves = {
-            label: friction_curve(material, road, pressure, velocities)
+            label: friction_curve(material, road, pressure, speeds)
             for label, material in materials.items()
         }
-        beyond = (q0 * velocities < omega[0]) | (np.pi * size / EDGE * velocities > omega[-1])
-        report_friction(title, name, curves, velocities, beyond, materials, (omega, values))
-        drawn.append((title, name, curves, velocities, beyond))
-    plot_friction(drawn, options.plot)
+        beyond = (q0 * speeds < omega[0]) | (np.pi * size / EDGE * speeds > omega[-1])
+        report_friction(title, name, curves, speeds, beyond, materials, (omega, values))
+        drawn.append((title, name, curves, speeds, beyond))
+    plot_friction(drawn, plot)
 
 
 def scenes(count):

@@ -6,7 +6,7 @@ SciPy's "lm", have no bounds.
 """
 
 import dataclasses
-import time
+from functools import partial
 from typing import NamedTuple
 from unittest import mock
 
@@ -14,6 +14,7 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 from prony_peers import MASTER_CURVES, RELAXATIONS, fit_measured, read_sets
+from rows import seconds, show, timed
 from scipy.optimize import least_squares
 
 import graded_contact as gc
@@ -39,26 +40,26 @@ class Search(NamedTuple):
         return self.problem.bounds(self.start)
 
 
-def solvers(options):
-    print("\nsearches of fits of given length; each fit is two searches from different starts, and")
-    print("one to rounding; cost: over that of the package, after the last; first: seconds, with")
-    print("compilation; remaining: Newton's next step, NaN beyond the bounds")
-    print(f"{'set':28s} {'solver':22s} {'first':>8s} {'median':>8s} {'times':>7s} ", end="")
-    print(f"{'cost':>9s} {'remaining':>9s}")
+def solvers(repeat=3):
+    """The search against SciPy's and optimistix's.
+
+    Each fit is two searches from different starts, and one to rounding. After the last follow the
+    cost over that of the package, and Newton's next step, NaN beyond the bounds.
+    """
     for name, measured in read_sets(MASTER_CURVES | RELAXATIONS):
         x = measured.abscissa
         terms = int(np.ceil(np.log10(np.max(x) / np.min(x[x > 0]))))
         searches = searches_of(lambda m=measured, n=terms: fit_measured(m, terms=n))
         mine = None
         for label, solve in methods().items():
-            first, median, points = seconds(solve, searches, options.repeat)
+            first, median, points = rounds(solve, searches, repeat)
             mine = mine or (median, cost_of(searches[-1], points[-1]))
-            ratio, cost = median / mine[0], cost_of(searches[-1], points[-1]) / mine[1]
-            print(
-                f"{name + f', {terms} terms':28s} {label:22s} {first:8.3f} {median:8.3f} "
-                f"{ratio:7.2f} {cost:9.5f} {remaining(searches[-1], points[-1]):9.1e}",
-                flush=True,
-            )
+            show({
+                "set": name, "terms": terms, "solver": label, "first [s]": first,
+                "median [s]": median, "over the package": median / mine[0],
+                "cost": f"{cost_of(searches[-1], points[-1]) / mine[1]:.5f}",
+                "remaining": remaining(searches[-1], points[-1]),
+            })  # fmt: skip
     expansions()
 
 
@@ -119,19 +120,17 @@ def by_optimistix(search):
     return np.asarray(found.value)
 
 
-def seconds(solve, searches, repeat):
+def rounds(solve, searches, repeat):
     """Seconds of the first and of the middle later round of all searches, and where they ended."""
 
+    @np.errstate(all="ignore")  # far off
     def once():
-        start = time.perf_counter()
-        with np.errstate(all="ignore"):  # far off
-            points = [solve(search) for search in searches]
-        return time.perf_counter() - start, points
+        points[:] = [solve(search) for search in searches]
 
-    first, points = once()
+    points = []
+    first = seconds(once)
     # A method that takes a minute is not worth repeating.
-    later = [once()[0] for _ in range(repeat if first < 20 else 0)] or [first]
-    return first, float(np.median(later)), points
+    return first, timed(once, repeat) if first < 20 else first, points
 
 
 def cost_of(search, point):
@@ -151,8 +150,7 @@ def remaining(search, point):
 
 def expansions():
     """What derivatives by JAX would cost the search: value, gradient and Hessian."""
-    print("\na value with its gradient and Hessian, seconds: closed form, and JAX for one length")
-    print(f"{'terms':>5s} {'closed':>9s} {'JAX, first':>10s} {'JAX':>9s}")
+    print("\na value with its gradient and Hessian: closed form, and JAX for one length")
     omega = np.geomspace(1e-3, 1e13, 200)
     values = gc.tyre_tread().modulus(omega)
     for terms in (8, 16):
@@ -165,14 +163,8 @@ def expansions():
         compiled = jax.jit(
             lambda theta, cost=cost: (*jax.value_and_grad(cost)(theta), jax.hessian(cost)(theta))
         )
-        closed = timed(lambda last=last: last.problem.expand(last.start), 200)
-        first = timed(lambda f=compiled, last=last: jax.block_until_ready(f(last.start)), 1)
-        by_jax = timed(lambda f=compiled, last=last: jax.block_until_ready(f(last.start)), 200)
-        print(f"{terms:5d} {closed:9.5f} {first:10.3f} {by_jax:9.5f}")
-
-
-def timed(function, repeat):
-    start = time.perf_counter()
-    for _ in range(repeat):
-        function()
-    return (time.perf_counter() - start) / repeat
+        first = seconds(partial(compiled, last.start))
+        show({
+            "terms": terms, "closed [s]": timed(partial(last.problem.expand, last.start), 200),
+            "JAX, first [s]": first, "JAX [s]": timed(partial(compiled, last.start), 200),
+        })  # fmt: skip

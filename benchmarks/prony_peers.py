@@ -167,7 +167,3 @@ def _quietly():
     with warnings.catch_warnings(), contextlib.redirect_stdout(io.StringIO()):
         warnings.simplefilter("ignore")
         yield
-
-
-def goal(target, reached):
-    print(f"goal: {target} | reached: {reached}", flush=True)

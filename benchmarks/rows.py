@@ -1,22 +1,71 @@
-"""Rows of benchmarks, appended to `results/*.csv`: the site shows these, and nobody types numbers.
+"""What all benchmarks share: options, time, goals, and rows that `results/*.csv` store.
 
-A file is named for the command that fills it: `bench_contact-elastic.csv` for `python
-benchmarks/bench_contact.py elastic`, `bench_contact-hard--count.csv` for `... hard --count`. The
-site shows its last run.
+A function is a section, its parameters are the options of the command line: `run` reads them. The
+site shows the stored rows, and nobody types numbers. A file is named after the command that fills
+it: `bench_contact-elastic.csv` for `python benchmarks/bench_contact.py elastic`,
+`bench_contact-hard--count.csv` for `... hard --count`. The site shows its last run.
 """
 
+import argparse
 import csv
 import datetime
+import inspect
 import os
 import platform
+import statistics
+import time
+from collections.abc import Callable
 from importlib.metadata import version
 from pathlib import Path
+from typing import Any
 
 import jax
 
+jax.config.update("jax_enable_x64", True)
+
+ROOT = Path(__file__).parents[1]
 RESULTS = Path(__file__).parent / "results"
-_PRINTED: list[str] = []  # columns of the last row
 MEASURED = "GRADED_CONTACT_MEASURED"  # of the environment
+_PRINTED: list[str] = []  # columns of the last row
+
+
+def run(doc: str | None, *sections: Callable[..., None]) -> None:
+    """Runs the section that the command line names, or the only one."""
+    doc = doc or ""
+    parser = argparse.ArgumentParser(
+        description=doc, formatter_class=argparse.RawDescriptionHelpFormatter
+    )
+    if len(sections) == 1:
+        add_options(parser, sections[0])
+    else:
+        parts = parser.add_subparsers(required=True)
+        for section in sections:
+            text = inspect.getdoc(section) or ""
+            line = text.partition("\n")[0].replace("%", "%%")
+            add_options(parts.add_parser(section.__name__, help=line, description=text), section)
+    given = vars(parser.parse_args())
+    section = given.pop("section")
+    print(f"# {where()}")
+    section(**given)
+
+
+def add_options(parser: argparse.ArgumentParser, section: Callable[..., None]) -> None:
+    """Makes an option of each parameter; its type is that of the default, a tuple takes several."""
+    parser.set_defaults(section=section)
+    for name, parameter in inspect.signature(section).parameters.items():
+        default, option = parameter.default, f"--{name.replace('_', '-')}"
+        if default is parameter.empty:
+            parser.add_argument(name)
+        elif isinstance(default, bool):
+            parser.add_argument(option, action="store_true")
+        else:
+            several = isinstance(default, tuple)
+            first = next(iter(default), "") if several else default
+            kind = str if first is None else type(first)
+            parser.add_argument(
+                option, type=kind, default=default, nargs="*" if several else None,
+                help=f"default: {default}",
+            )  # fmt: skip
 
 
 def where() -> str:
@@ -32,8 +81,31 @@ def _now_and_here() -> str:
     return f"{now} UTC, {device}, {busy}, {names}, {jax.numpy.ones(()).dtype}"
 
 
+def timed(function: Callable[[], Any], repeat: int) -> float:
+    """Returns the median time of a call that was made before [s]."""
+    return statistics.median(seconds(function) for _ in range(repeat))
+
+
+def seconds(function: Callable[[], Any]) -> float:
+    """Returns the time of one call [s]."""
+    start = time.perf_counter()
+    jax.block_until_ready(function())
+    return time.perf_counter() - start
+
+
+def goal(text: str, reached: str) -> None:
+    """Prints a goal and what was reached."""
+    print(f"goal: {text} | reached: {reached}", flush=True)
+
+
 def report(name: str, row: dict[str, str | float], note: str = "") -> None:
-    """Prints a row, with a note behind it, and appends it; a header where the columns change."""
+    """Prints a row, with a note behind it, and stores it."""
+    show(row, note)
+    keep(name, row)
+
+
+def show(row: dict[str, str | float], note: str = "") -> None:
+    """Prints a row, under a header where the columns change."""
     if list(row) != _PRINTED:
         _PRINTED[:] = list(row)
         print("  ".join(f"{key:>9s}" for key in row))
@@ -41,11 +113,10 @@ def report(name: str, row: dict[str, str | float], note: str = "") -> None:
     print(
         "  ".join(f"{cell:>{max(len(key), 9)}s}" for key, cell in cells.items()) + note, flush=True
     )
-    keep(name, row)
 
 
 def keep(name: str, row: dict[str, str | float]) -> None:
-    """Appends a row; names of columns carry their units, as in `{"time [s]": 1.0}`."""
+    """Stores a row; names of columns carry their units, as in `{"time [s]": 1.0}`."""
     path = RESULTS / f"{name}.csv"
     path.parent.mkdir(exist_ok=True)
     cells = {

@@ -317,7 +317,6 @@ def test_the_output_of_a_fit_is_checked_before_the_data_are_read(tmp_path):
 @pytest.mark.slow
 @pytest.mark.skipif(os.name != "posix", reason="signals are those of POSIX")
 def test_a_run_that_is_killed_again_and_again_ends_as_if_it_had_not_been(tmp_path):
-    """See benchmarks/bench_kills.py for more kills at more moments."""
     scene, folder = tmp_path / "small.toml", tmp_path / "out" / "small.points"
     scene.write_text(SCENE.replace("[0.01, 1.0]", "{from = 0.01, to = 1.0, points = 60}"))
 

@@ -4,10 +4,9 @@
 
 Friction, area and more at every cut-off, thickness, pressure and surface, for the tread; at heights
 of 0.16 mm in place of the matched slopes and for a second rubber at fewer of them, without the
-shortest waves. Each point is
-kept in a folder as it ends: the same command goes on from there. The table has a row for each
-point, no fields; `friction_and_area.py` and others draw from it. At the paper's size it takes hours
-and 14 GB (N = 8192), see docs/paper.md.
+shortest waves. Each point is kept in a folder as it ends: the same command goes on from there. The
+table has a row for each point, no fields; `contact_figures.py` draws from it. At the paper's size
+it takes hours and 14 GB (N = 8192), see docs/paper.md.
 """
 
 import argparse

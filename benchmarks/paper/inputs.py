@@ -9,20 +9,16 @@ composite over that of the block alone, by M_zz at ω = q v.
 
 import jax.numpy as jnp
 import numpy as np
-from matplotlib import rc_context
 from system import (
-    FULL,
     HEIGHTS,
     Q0,
     SLOPES,
-    SMALL,
-    STYLE,
     VELOCITY,
     coated,
     epdm,
-    options,
     ordered,
     panels,
+    read,
     relaxed,
     save,
     spectrum,
@@ -102,16 +98,14 @@ def hidden(size):
 
 
 def main():
-    given = options(__doc__).parse_args()
-    size = SMALL if given.small else FULL
-    with rc_context(STYLE):
-        for name, figure in (
-            ("rubber", real_part(size)),
-            ("spectrum", density(size)),
-            ("amplitude", amplitude(size, (1.0,))),
-            ("amplitude-range", amplitude(size, (0.1, 2.0))),
-        ):
-            save(figure, given.output / f"{name}.png")
+    given, size = read(__doc__)
+    for name, figure in (
+        ("rubber", real_part(size)),
+        ("spectrum", density(size)),
+        ("amplitude", amplitude(size, (1.0,))),
+        ("amplitude-range", amplitude(size, (0.1, 2.0))),
+    ):
+        save(figure, given.output / f"{name}.png")
     print("loss of the composite over that of the block:")
     hidden(size)
 

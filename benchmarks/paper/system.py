@@ -24,6 +24,7 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 import xarray
+from matplotlib import rcParams
 from matplotlib.figure import Figure
 from PIL import Image
 
@@ -178,7 +179,14 @@ def save(figure, target):
     print(f"wrote {target}")
 
 
-def options(doc: str) -> argparse.ArgumentParser:
+def read(doc: str | None) -> tuple[argparse.Namespace, Size]:
+    """What the command line gives, with the style of all figures switched on."""
+    rcParams.update(STYLE)
+    given = options(doc).parse_args()
+    return given, SMALL if given.small else FULL
+
+
+def options(doc: str | None) -> argparse.ArgumentParser:
     """The options of all scripts."""
     parser = argparse.ArgumentParser(
         description=doc, formatter_class=argparse.RawDescriptionHelpFormatter

@@ -23,12 +23,10 @@ import numpy as np
 from scipy.optimize import nnls
 from system import (
     CLOSE_UP,
-    FULL,
     Q0,
-    SMALL,
     VELOCITY,
     coated,
-    options,
+    read,
     relaxed,
     tread,
 )
@@ -46,7 +44,7 @@ def points(size):
     return product((size.depths[0], size.depths[-1]), CLOSE_UP)
 
 
-def told(name, found, seconds, best):
+def report(name, found, seconds, best):
     print(
         f"    {name:34s} friction {float(found.friction):.6f} "
         f"({float(found.friction / best.friction) - 1:+.1e}), area "
@@ -82,7 +80,7 @@ def dynamics(size):
                 jax.block_until_ready(run(rtol=0.5))  # compiles
                 start = time.perf_counter()
                 found = jax.block_until_ready(run())
-                told(f"{name}: {way}", found, time.perf_counter() - start, best)
+                report(f"{name}: {way}", found, time.perf_counter() - start, best)
 
 
 # Steps in time ------------------------------------------------------------------------------
@@ -181,16 +179,15 @@ def in_time(size, cutoff, passes, steps):
 
 
 def main():
-    given = options(__doc__).parse_args()
+    given, size = read(__doc__)
+    dynamics(size)
     if given.small:
-        dynamics(SMALL)
-        in_time(SMALL, 8, 2, (64, 128))
+        in_time(size, 8, 2, (64, 128))
     else:
-        dynamics(FULL)
         # As thick to the shortest wave as the coats of the paper are.
         waves = 32
-        thick = tuple(d * FULL.cutoffs[0] / waves for d in FULL.depths)
-        in_time(FULL._replace(depths=thick), waves, 4, (256, 512))
+        thick = tuple(d * size.cutoffs[0] / waves for d in size.depths)
+        in_time(size._replace(depths=thick), waves, 4, (256, 512))
 
 
 if __name__ == "__main__":
