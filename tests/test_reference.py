@@ -1,7 +1,7 @@
 """The closed forms against mpmath by other routes, published numbers and limits."""
 
-import importlib.util
 import math
+import runpy
 from pathlib import Path
 
 import mpmath as mp
@@ -12,11 +12,9 @@ from scipy.integrate import quad
 from graded_contact import reference
 
 PAPER = Path(__file__).parents[1] / "benchmarks" / "paper" / "coated_half_space.py"
-spec = importlib.util.spec_from_file_location("coated_half_space", PAPER)
-assert spec is not None and spec.loader is not None
-module = importlib.util.module_from_spec(spec)
-spec.loader.exec_module(module)
-paper_coated_half_space_compliance = module.paper_coated_half_space_compliance
+paper_coated_half_space_compliance = runpy.run_path(str(PAPER))[
+    "paper_coated_half_space_compliance"
+]
 
 # (modulus, ν): compressible, auxetic, incompressible, lossy, lossy with complex ν
 MATERIALS = [(2.0, 0.3), (0.7, -0.6), (3.0, 0.5), (2 - 1j, 0.49), (5 - 3j, 0.4 + 0.02j)]
