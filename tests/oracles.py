@@ -1,5 +1,6 @@
-"""Brute-force solutions that share no code with the package."""
+"""Brute-force solutions that share no code with the package, and differences for gradients."""
 
+import jax
 import numpy as np
 from scipy.optimize import brentq, minimize
 
@@ -130,3 +131,34 @@ class AdhesiveLine:
             ),
         )
         return gap_of(found.x)
+
+
+def differences(function, arguments, step=1e-5, fixed=(0.0,)):
+    """Returns the change of `function` per relative change of each number among its arguments.
+
+    By central differences. Numbers equal to one of `fixed` stay.
+    """
+    value = jax.jit(function)
+    leaves, treedef = jax.tree.flatten(arguments)
+    found = []
+    for i, leaf in enumerate(leaves):
+        for index in np.ndindex(leaf.shape):
+            if leaf[index] in fixed:
+                continue
+            moved = [leaf.at[index].multiply(1 + change) for change in (step, -step)]
+            moved = [treedef.unflatten([*leaves[:i], m, *leaves[i + 1 :]]) for m in moved]
+            high, low = (float(value(*m)) for m in moved)
+            found.append((high - low) / (2 * step))
+    return found
+
+
+def elasticities(function, arguments, step=1e-5, fixed=(0.0,)):
+    """Returns pairs of the same changes by the gradient and by central differences."""
+    gradient = jax.jit(jax.grad(function, tuple(range(len(arguments)))))(*arguments)
+    slopes = [
+        float(slope[index] * leaf[index])
+        for leaf, slope in zip(*map(jax.tree.leaves, (arguments, gradient)), strict=True)
+        for index in np.ndindex(leaf.shape)
+        if leaf[index] not in fixed
+    ]
+    return list(zip(slopes, differences(function, arguments, step, fixed), strict=True))

@@ -30,11 +30,9 @@ def solves(**changed):
         ({"friction": np.nan, "geometric_friction": np.nan}, []),
         ({"friction": 0.0, "geometric_friction": 2e-5}, []),  # at rest
         ({"friction": 0.3, "geometric_friction": 0.34}, ["differ by 13%"]),
-        ({"friction": 0.01, "geometric_friction": -0.01}, ["differ by 200%"]),
         ({"slope_in_contact": 0.5}, ["rms slope where it carries the load is 0.5"]),
         ({"unmeasured_friction": 0.11}, ["11% of the friction"]),
         ({"extrapolated_friction": 0.02}, ["2% of the friction comes from frequencies"]),
-        ({"extrapolated_friction": 0.009}, []),
         ({"unmeasured_area": 0.7}, ["70% of the contact area"]),
         (
             {"friction": 1.8, "geometric_friction": -15.7, "slope_in_contact": 2.0},
@@ -65,13 +63,10 @@ def test_a_caveat_says_which_solves_it_concerns_and_the_worst():
     ("steps", "words"),
     [
         ([("read", 0.2), ("resampled", 0.19)], []),
-        ([("read", 0.2), ("resampled", 0.3)], []),  # a finer grid
         ([("read", 0.206), ("resampled", 0.14)], ["fell from 0.206 to 0.14 when resampled"]),
         ([("read", 0.2), ("equally spaced", 0.1)], ["fell from 0.2 to 0.1 when equally spaced"]),
-        ([("read", 0.2), ("tapered", 0.3)], ["rose from 0.2 to 0.3 when tapered"]),
         ([("read", 0.2), ("filled", 0.1)], []),  # spikes that were discarded
         ([("read", 0.2), ("filled", 0.3)], ["rose from 0.2 to 0.3 when filled"]),
-        ([("read", 0.0), ("resampled", 0.0)], []),
     ],
 )
 def test_steps_that_change_the_slope_are_told(steps, words):
@@ -167,10 +162,7 @@ def test_marks_and_steps_follow_a_surface_that_is_resampled():
     ("size", "height", "words"),
     [
         (1e-2, 1e-4, ""),
-        (1e-6, 1e-9, ""),
         (2.0, 1e-6, "rms slope of"),  # a scan of 2 mm, read in metres
-        (160.0, 3.3e-8, "rms slope of"),
-        (1e-5, 9e-3, "rms slope of"),
         (4e-96, 1e-97, "size of 4e-84 pm is unusual (usual are 10 nm to 1 km): check units."),
     ],
 )

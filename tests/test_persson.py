@@ -7,6 +7,7 @@ import mpmath as mp
 import numpy as np
 import pytest
 from hypothesis import given, settings
+from oracles import elasticities
 from scipy.integrate import quad, solve_ivp
 from scipy.optimize import brentq
 from scipy.special import erf
@@ -140,25 +141,18 @@ def rubber_modulus(omega):
     )
 
 
-@pytest.mark.parametrize("correction", ["none", "yang_persson"])
-def test_half_space_matches_integration_of_the_differential_equations(correction):
-    area, friction = integrated(
-        lambda q, omega: reference.half_space_compliance(q, rubber_modulus(omega), 0.49),
-        3e5, 0.05, correction,
-    )  # fmt: skip
-    solution = mean_field(BARE, SPECTRUM, pressure=3e5, velocity=0.05, correction=correction)
-    np.testing.assert_allclose(solution.contact_area, area, rtol=1e-7)
-    np.testing.assert_allclose(solution.friction, friction, rtol=1e-7)
+@pytest.mark.parametrize(
+    ("stack", "correction"), [(BARE, "none"), (BARE, "yang_persson"), (COATED, "none")]
+)
+def test_friction_matches_integration_of_the_differential_equations(stack, correction):
+    def compliance(q, omega):
+        below = (rubber_modulus(omega), 0.49)
+        if stack is BARE:
+            return reference.half_space_compliance(q, *below)
+        return reference.coated_half_space_compliance(q, 1e-4, 4e6, 0.4, *below)
 
-
-def test_coated_half_space_matches_integration_of_the_differential_equations():
-    area, friction = integrated(
-        lambda q, omega: reference.coated_half_space_compliance(
-            q, 1e-4, 4e6, 0.4, rubber_modulus(omega), 0.49
-        ),
-        3e5, 0.05, "none",
-    )  # fmt: skip
-    solution = mean_field(COATED, SPECTRUM, pressure=3e5, velocity=0.05, correction="none")
+    area, friction = integrated(compliance, 3e5, 0.05, correction)
+    solution = mean_field(stack, SPECTRUM, pressure=3e5, velocity=0.05, correction=correction)
     np.testing.assert_allclose(solution.contact_area, area, rtol=1e-7)
     np.testing.assert_allclose(solution.friction, friction, rtol=1e-7)
 
@@ -179,13 +173,6 @@ def test_complete_contact_has_the_friction_of_the_contact_solver(stack, velocity
 
 
 X = jnp.arange(64)[:, None] / 64
-
-
-def test_single_wave_in_complete_contact_matches_the_closed_form():
-    wave = gc.Surface(1e-5 * jnp.cos(2 * jnp.pi * X) + jnp.zeros((64, 64)), GRID)
-    solution = mean_field(BARE, wave, pressure=1e8, velocity=0.05, correction="none")
-    expected = 1e-10 * Q0**2 * rubber_modulus(Q0 * 0.05).imag / (1 - 0.49**2) / 4e8
-    np.testing.assert_allclose(solution.friction, expected, rtol=1e-12)
 
 
 def test_single_wave_in_partial_contact_takes_the_share_of_the_mean_square_pressure():
@@ -220,15 +207,6 @@ def test_modes_of_a_surface_add_up_to_its_isotropic_spectrum():
     np.testing.assert_allclose(modes.against_cutoff.contact_area[inside], at, rtol=0.03)
 
 
-def test_ridges_rub_across_and_not_along():
-    ridges = gc.Surface(2e-5 * jnp.cos(4 * jnp.pi * X) + jnp.zeros((64, 64)), GRID)
-    across = mean_field(COATED, ridges, pressure=2e4, velocity=jnp.array([0.05, 0.0]))
-    along = mean_field(COATED, ridges, pressure=2e4, velocity=jnp.array([0.0, 0.05]))
-    assert across.friction > 1e-4
-    assert abs(along.friction) <= 1e-15
-    assert along.contact_area > across.contact_area  # relaxed, so softer
-
-
 def test_profile_slides_as_a_ridged_plane_does():
     line = 1e-5 * jnp.cos(2 * jnp.pi * X[:, 0]) + 5e-6 * jnp.sin(10 * jnp.pi * X[:, 0])
     profile = gc.Surface(line, gc.Grid((64,), CELL))
@@ -252,57 +230,12 @@ def test_rest_and_high_speed_have_the_relaxed_and_the_glassy_area_and_no_frictio
     np.testing.assert_allclose(rest.contact_area, slow.contact_area, rtol=1e-9)
 
 
-def test_coats_that_are_thick_or_of_no_thickness_are_half_spaces():
-    coat = gc.Prony(2e6, [3e7, 1e7], [1e-3, 1e-5], 0.45)
-    thick, none = (
-        mean_field(
-            gc.Stack(layers=(gc.Layer(coat, d),), base=gc.HalfSpace(RUBBER)),
-            SPECTRUM, pressure=3e5, velocity=0.05,
-        )
-        for d in (1.0, 0.0)
-    )  # fmt: skip
-    expected = mean_field(gc.Stack(base=gc.HalfSpace(coat)), SPECTRUM, pressure=3e5, velocity=0.05)
-    bare = mean_field(BARE, SPECTRUM, pressure=3e5, velocity=0.05)
-    for quantity in ("friction", "contact_area"):
-        np.testing.assert_allclose(getattr(thick, quantity), getattr(expected, quantity), rtol=1e-9)
-        np.testing.assert_allclose(getattr(none, quantity), getattr(bare, quantity), rtol=1e-9)
-
-
 def test_only_the_length_of_the_velocity_matters_to_an_isotropic_spectrum():
-    one = mean_field(COATED, SPECTRUM, pressure=3e5, velocity=jnp.asarray(0.05))
-    for velocity in ([0.03, -0.04], [0.0, 0.05]):
-        other = mean_field(COATED, SPECTRUM, pressure=3e5, velocity=jnp.asarray(velocity))
-        np.testing.assert_allclose(other.friction, one.friction, rtol=1e-14)
-    back = mean_field(COATED, SPECTRUM, pressure=3e5, velocity=jnp.asarray(-0.05))
-    assert back.friction == one.friction
-
-
-@settings(max_examples=8)
-@given(length=st.floats(-4, 4), stress=st.floats(-4, 4), time=st.floats(-4, 4))
-def test_units_scale_out(length, stress, time):
-    length, stress, time = 10.0**length, 10.0**stress, 10.0**time
-
-    def run(length, stress, time):
-        rubber = gc.Prony(
-            1e6 * stress, np.array([4e6, 2e7]) * stress, np.array([1e-2, 1e-4]) * time, 0.49
-        )
-        coat = gc.Layer(gc.Elastic(4e6 * stress, 0.4), 1e-4 * length)
-        spectrum = gc.SelfAffine(
-            rms_slope=0.2,
-            hurst=0.8,
-            q_low=Q0 / length,
-            q_roll=3.3 * Q0 / length,
-            q_high=100 * Q0 / length,
-        )
-        stack = gc.Stack(layers=(coat,), base=gc.HalfSpace(rubber))
-        return mean_field(stack, spectrum, pressure=1e5 * stress, velocity=0.05 * length / time)
-
-    one, other = run(1.0, 1.0, 1.0), run(length, stress, time)
-    np.testing.assert_allclose(other.friction, one.friction, rtol=1e-11)
-    np.testing.assert_allclose(other.contact_area, one.contact_area, rtol=1e-11)
-    np.testing.assert_allclose(
-        other.against_cutoff.cutoff, one.against_cutoff.cutoff / length, rtol=1e-12
+    one, back, oblique = (
+        mean_field(COATED, SPECTRUM, pressure=3e5, velocity=jnp.asarray(v)).friction
+        for v in (0.05, -0.05, [0.03, -0.04])
     )
+    np.testing.assert_allclose([back, oblique], one, rtol=1e-14)
 
 
 @settings(max_examples=20)
@@ -435,48 +368,37 @@ def test_values_that_only_tracing_hides_do_not_pass_as_solved():
 # Derivatives and transformations
 
 
-def test_gradient_by_every_leaf_matches_central_differences():
+COAT = gc.Layer(gc.Prony(3e6, [2e7], [1e-4], 0.45), 2e-4)
+NODES = jnp.stack([SPECTRUM.q_low, SPECTRUM.q_roll, SPECTRUM.q_high])
+
+
+@pytest.mark.parametrize(
+    ("stack", "roughness", "as_spectrum"),
+    [
+        (
+            gc.Stack(layers=(COAT,), base=gc.HalfSpace(RUBBER)),
+            gc.SelfAffine(rms_height=1e-4, hurst=0.7, q_low=Q0, q_roll=3.3 * Q0, q_high=90 * Q0),
+            lambda spectrum: spectrum,
+        ),
+        (BARE, (NODES, SPECTRUM.density(NODES)), lambda pair: pair),
+        (
+            BARE,
+            jnp.asarray(0.2),
+            lambda tilt: gc.Surface(SURFACE.heights * (1 + tilt * jnp.sin(2 * jnp.pi * X)), GRID),
+        ),
+    ],
+    ids=["spectrum", "pair of arrays", "surface"],
+)
+def test_gradient_by_every_leaf_matches_central_differences(stack, roughness, as_spectrum):
     """Every leaf of stack and spectrum, pressure, and both components of the velocity."""
-    spectrum = gc.SelfAffine(rms_height=1e-4, hurst=0.7, q_low=Q0, q_roll=3.3 * Q0, q_high=90 * Q0)
-    coat = gc.Layer(gc.Prony(3e6, [2e7], [1e-4], 0.45), 2e-4)
-    stack = gc.Stack(layers=(coat,), base=gc.HalfSpace(RUBBER))
-    check_gradient(stack, spectrum)
 
-
-def test_gradient_by_a_pair_of_arrays_matches_central_differences():
-    q = jnp.stack([SPECTRUM.q_low, SPECTRUM.q_roll, SPECTRUM.q_high])
-    check_gradient(BARE, (q, SPECTRUM.density(q)))
-
-
-def test_gradient_by_the_heights_of_a_surface_matches_central_differences():
-    check_gradient(
-        BARE,
-        jnp.asarray(0.2),
-        lambda tilt: gc.Surface(SURFACE.heights * (1 + tilt * jnp.sin(2 * jnp.pi * X)), GRID),
-    )
-
-
-def check_gradient(stack, roughness, as_spectrum=lambda roughness: roughness):
-    start = (stack, roughness, jnp.asarray(2e5), jnp.array([0.04, 0.02]))
-
-    @jax.jit
-    def value(arguments):
-        stack, roughness, pressure, velocity = arguments
+    def value(stack, roughness, pressure, velocity):
         s = mean_field(stack, as_spectrum(roughness), pressure=pressure, velocity=velocity)
         return jnp.log(s.friction) + 0.3 * jnp.log(s.contact_area)
 
-    gradient = jax.jit(jax.grad(value))(start)
-    leaves, treedef = jax.tree.flatten(start)
-    for i, (leaf, slope) in enumerate(zip(leaves, jax.tree.leaves(gradient), strict=True)):
-        for index in np.ndindex(leaf.shape):
-            step = 1e-5 * float(leaf[index])
-            up, down = (
-                value(treedef.unflatten([*leaves[:i], leaf.at[index].add(d), *leaves[i + 1 :]]))
-                for d in (step, -step)
-            )
-            floor = 1e-8 / abs(float(leaf[index]))
-            difference = float(up - down) / (2 * step)
-            assert abs(difference - slope[index]) <= 1e-6 * abs(difference) + floor, (i, index)
+    arguments = (stack, roughness, jnp.asarray(2e5), jnp.array([0.04, 0.02]))
+    for slope, difference in elasticities(value, arguments):
+        assert abs(difference - slope) <= 1e-6 * abs(difference) + 1e-8
 
 
 @pytest.mark.parametrize("correction", ["wang_mueser", "xu"])
@@ -522,19 +444,11 @@ def test_float32_gives_float32_near_the_float64_result():
 @pytest.mark.parametrize(
     ("changed", "message"),
     [
-        ({"pressure": 0.0}, "`pressure=0` is refused"),
-        ({"pressure": np.nan}, "`pressure=nan` is refused"),
-        ({"pressure": [1.0, 2.0]}, r"`pressure` has shape \(2,\)"),
-        ({"velocity": np.inf}, "`velocity=inf` is refused"),
         ({"velocity": [1.0, 2.0, 3.0]}, r"`velocity` has shape \(3,\).*jax.vmap"),
         ({"num_wavenumbers": 3}, "`num_wavenumbers=3` is refused"),
         ({"num_angles": 18}, "`num_angles=18` is refused: a multiple of 4"),
-        ({"rtol": 0.0}, "`rtol=0` is refused"),
-        ({"rtol": 1e-18}, "`rtol=1e-18` cannot be reached"),
         ({"spectrum": ([1.0, 2.0], [1.0])}, r"`spectrum` holds q of shape \(2,\) and C"),
-        ({"spectrum": ([2.0, 1.0], [1.0, 1.0])}, r"`spectrum\[0\]\[1\]=1` does not exceed"),
         ({"spectrum": ([1.0, 2.0], [1.0, 0.0])}, r"`spectrum\[1\]\[1\]=0` is refused"),
-        ({"spectrum": ([0.0, 2.0], [1.0, 1.0])}, r"`spectrum\[0\]\[0\]=0` is refused"),
         ({"spectrum": ([1.0, 2.0], [1.0, np.nan])}, "at 1 wavenumbers"),
         ({"correction": "person"}, "correction"),
         ({"spectrum": 3.0}, "spectrum"),

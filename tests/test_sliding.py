@@ -1,7 +1,5 @@
 import dataclasses
 import pickle
-import subprocess
-import sys
 
 import hypothesis.strategies as st
 import jax
@@ -56,19 +54,6 @@ def test_block_at_rest_has_the_relaxed_modulus_and_no_friction():
     assert abs(elastic.friction) <= 1e-13
 
 
-def turned(surface):
-    """The surface rotated by half a turn: h(-x, -y)."""
-    return gc.Surface(jnp.roll(jnp.flip(surface.heights), (1, 1), (0, 1)), surface.grid)
-
-
-def test_reversed_velocity_on_the_turned_surface_mirrors_the_solution():
-    forward = gc.slide(coated(), SURFACE, pressure=4e5, velocity=0.1, rtol=1e-9)
-    back = gc.slide(coated(), turned(SURFACE), pressure=4e5, velocity=-0.1, rtol=1e-9)
-    mirrored = jnp.roll(jnp.flip(back.pressure), (1, 1), (0, 1))
-    np.testing.assert_allclose(mirrored, forward.pressure, atol=1e-6 * forward.pressure.max())
-    np.testing.assert_allclose(back.friction, forward.friction, rtol=1e-6)
-
-
 def test_velocity_along_y_on_the_transposed_surface_swaps_the_axes():
     along_x = gc.slide(coated(), SURFACE, pressure=4e5, velocity=[0.1, 0.0], rtol=1e-9)
     swapped = gc.Surface(SURFACE.heights.T, GRID)
@@ -79,10 +64,9 @@ def test_velocity_along_y_on_the_transposed_surface_swaps_the_axes():
     )
 
 
-@pytest.mark.parametrize("points", [32, pytest.param(33, marks=pytest.mark.slow)])
-def test_askew_a_solve_keeps_its_promise_and_its_derivatives(points):
+def test_along_an_oblique_velocity_a_solve_keeps_its_promise_and_its_derivatives():
     """An operator that is not that of its half spectrum left penetrations of 4e-5 at 1e-10."""
-    grid = gc.Grid((points, points), CELL)
+    grid = gc.Grid((32, 32), CELL)
     surface = gc.random_surface(SPECTRUM, grid, jax.random.key(0))
 
     def solve(velocity, times, thickness):
@@ -145,14 +129,6 @@ def test_units_scale_out(length, stress, time):
     np.testing.assert_allclose(other.friction, one.friction, rtol=1e-5)
     np.testing.assert_allclose(other.contact_area_smooth, one.contact_area_smooth, rtol=1e-4)
     np.testing.assert_allclose(other.mean_gap, one.mean_gap * length, rtol=1e-5)
-
-
-def test_colder_tread_is_stiffer_and_touches_less():
-    warm, cold = (
-        gc.slide(coated().at(t), SURFACE, pressure=4e5, velocity=0.1).contact_area_smooth
-        for t in (293.15, 263.15)
-    )
-    assert cold < warm
 
 
 def test_gradients_by_every_leaf_match_central_differences():
@@ -233,43 +209,10 @@ def test_one_dimensional_surface_slides_as_a_ridged_plane_does():
     np.testing.assert_allclose(two.pressure[:, 0], one.pressure, atol=1e-5 * one.pressure.max())
 
 
-X64 = """
-import {first}
-import {second}
-jax.config.update("jax_enable_x64", True)
-import numpy as np
-import graded_contact as gc
-grid = gc.Grid((16, 16), 0.01)
-x = np.arange(16) / 16
-surface = gc.Surface(1e-4 * np.cos(2 * np.pi * x)[:, None] * np.cos(4 * np.pi * x), grid)
-coat = gc.Layer(gc.Elastic(6e6, 0.49), 1e-4)
-stack = gc.Stack(layers=(coat,), base=gc.HalfSpace(gc.tyre_tread()))
-s = gc.slide(stack, surface, pressure=4e5, velocity=0.1)
-print(np.asarray(s.pressure).tobytes().hex(), float(s.friction).hex())
-"""
-
-
-@pytest.mark.slow
-def test_x64_before_or_after_import_gives_the_same_bits():
-    outputs = [
-        subprocess.run(
-            [sys.executable, "-c", X64.format(first=a, second=b)],
-            capture_output=True,
-            text=True,
-            check=True,
-        ).stdout
-        for a, b in (("jax", "jax"), ("graded_contact", "jax"))
-    ]
-    assert outputs[0] == outputs[1]
-    assert len(outputs[0]) > 16 * 16 * 16
-
-
 @pytest.mark.parametrize(
     ("changed", "message"),
     [
-        ({"pressure": 0.0}, "`pressure=0` is refused"),
         ({"pressure": [1.0, 2.0]}, r"`pressure` has shape \(2,\)"),
-        ({"velocity": np.nan}, "`velocity=nan` is refused"),
         ({"velocity": [1.0, 2.0, 3.0]}, r"`velocity` has shape \(3,\)"),
         ({"velocity": "fast"}, "`velocity='fast'` is refused: a number or"),
     ],
@@ -277,14 +220,6 @@ def test_x64_before_or_after_import_gives_the_same_bits():
 def test_bad_argument_is_refused(changed, message, unchecked_types):
     with pytest.raises(ValueError, match=message):
         gc.slide(coated(), SURFACE, **({"pressure": 4e5, "velocity": 0.1} | changed))
-
-
-def test_wrong_objects_are_refused():
-    # With annotations checked, as here, the checker comes first.
-    with pytest.raises((ValueError, TypeError), match="stack"):
-        gc.slide(gc.tyre_tread(), SURFACE, pressure=4e5, velocity=0.1)
-    with pytest.raises((ValueError, TypeError), match="surface"):
-        gc.slide(coated(), SURFACE.heights, pressure=4e5, velocity=0.1)
 
 
 def test_unfinished_solve_is_not_passed_as_converged():
@@ -374,29 +309,6 @@ def test_without_throw_a_failed_kernel_leaves_a_curve_of_nan():
     np.testing.assert_array_equal(failed.cutoff, Q0 * np.array([2.0, 4.0]))
     for found in (failed.friction, failed.contact_area, failed.contact_area_smooth):
         np.testing.assert_array_equal(found, [np.nan, np.nan])
-
-
-@pytest.mark.parametrize(
-    "cutoffs, message",
-    [
-        (1.0, r"`cutoffs` has shape \(\)"),
-        ([], r"`cutoffs` has shape \(0,\)"),
-        ([1.0, 0.0], r"`cutoffs\[1\]=0` is refused"),
-        ([1.0, np.nan], r"`cutoffs\[1\]=nan` is refused"),
-    ],
-)
-def test_bad_cutoff_is_refused(cutoffs, message):
-    with pytest.raises(ValueError, match=message):
-        gc.contacts.area_against_cutoff(coated(), SURFACE, cutoffs, pressure=4e5, velocity=0.1)
-
-
-def test_held_at_a_mean_gap_the_block_carries_the_load_that_has_it():
-    by_load = gc.slide(coated(), SURFACE, pressure=4e5, velocity=0.1, rtol=1e-8)
-    by_gap = gc.slide(coated(), SURFACE, mean_gap=by_load.mean_gap, velocity=0.1, rtol=1e-8)
-    np.testing.assert_allclose(np.mean(by_gap.pressure), 4e5, rtol=1e-5)
-    np.testing.assert_allclose(by_gap.friction, by_load.friction, rtol=1e-5)
-    assert by_load.friction_error <= 1e-7
-    assert by_load.contact_area_error <= 0.01
 
 
 def test_soft_law_slides_nearly_as_the_hard_wall():

@@ -90,23 +90,15 @@ def test_the_density_has_the_plateau_the_power_law_and_the_edges():
     relative = spectrum.density(q) / spectrum.density(jnp.asarray(roll))
     expected = [0, 0, 1, 1, 2**-3.4, (high / roll) ** -3.4, 0]
     np.testing.assert_allclose(relative, expected, rtol=1e-12)
-
-
-def test_the_rms_values_and_nayaks_parameter_follow_from_the_moments():
-    spectrum = _spectrum(rms_slope=0.3)
+    # Without plateau, and without slope.
+    for q_roll in (Q0, 10.5 * Q0):
+        other = _spectrum(q_roll=q_roll)
+        total = _integral(lambda q, s=other: s.density(jnp.asarray(q)), other, 2)
+        np.testing.assert_allclose(total, 4e-12, rtol=1e-9)
     m0, m2, m4 = (float(spectrum.moment(n)) for n in (0, 2, 4))
-    np.testing.assert_allclose(spectrum.rms_slope, 0.3, rtol=1e-14)
-    np.testing.assert_allclose(spectrum.rms_height, np.sqrt(m0), rtol=1e-14)
-    np.testing.assert_allclose(spectrum.rms_curvature, np.sqrt(m4) / 2, rtol=1e-14)
+    found = (spectrum.rms_height, spectrum.rms_slope, spectrum.rms_curvature)
+    np.testing.assert_allclose(found, [np.sqrt(m0), np.sqrt(m2), np.sqrt(m4) / 2], rtol=1e-13)
     np.testing.assert_allclose(spectrum.nayak_parameter, 1.5 * m0 * m4 / m2**2, rtol=1e-13)
-
-
-def test_a_spectrum_without_plateau_or_without_slope_is_allowed():
-    bare = _spectrum(q_roll=Q0)
-    white = _spectrum(q_roll=10.5 * Q0)
-    for spectrum in (bare, white):
-        norm = _integral(lambda q, s=spectrum: s.density(jnp.asarray(q)), spectrum, 2)
-        np.testing.assert_allclose(norm, 4e-12, rtol=1e-9)
 
 
 LEAVES = ("amplitude", "hurst", "q_low", "q_roll", "q_high")
@@ -135,19 +127,9 @@ def test_derivatives_of_moments_match_differences(prescribed, order):
     [
         ({"rms_height": None}, "Exactly one of `rms_height` and `rms_slope`"),
         ({"rms_slope": 0.1}, "Exactly one of `rms_height` and `rms_slope`"),
-        ({"rms_height": -1.0}, "`rms_height=-1` is refused"),
-        ({"rms_height": jnp.ones(2)}, "`rms_height` has shape"),
-        ({"hurst": 0.0}, "`hurst=0` is refused"),
-        ({"hurst": 1.1}, "`hurst=1.1` is refused"),
-        ({"q_low": 0.0}, "`q_low=0` is refused"),
         ({"q_roll": 0.5}, "`q_roll=0.5` is refused: it must be at least `q_low=1`"),
-        ({"q_high": 1.5}, "`q_high=1.5` is refused: it must be at least `q_roll=2`"),
         ({"q_roll": 1.0, "q_high": 1.0}, "the band is empty"),
-        ({"q_high": float("nan")}, "`q_high=nan` is refused"),
-        ({"q_low": jnp.ones(3)}, "`q_low` has shape"),
         ({"rms_height": 2e199}, r"`rms_height=2e\+199` is refused.*from .* to .*e\+153 \[m\]"),
-        ({"rms_height": None, "rms_slope": 2e199}, r"`rms_slope=2e\+199` is refused"),
-        ({"rms_height": 1e-160}, "`rms_height=1e-160` is refused"),
         # The square is a number, the density h²/q² is none, nor is the slope's square.
         ({"rms_height": 1e-150, "q_roll": 1e10, "q_high": 2e10}, "`rms_height=1e-150` is refused"),
         ({"rms_height": 1e150, "q_roll": 1e10, "q_high": 2e10}, r"`rms_height=1e\+150` is refused"),
@@ -335,35 +317,18 @@ def test_a_band_that_the_grid_does_not_hold_is_refused(changes, shape, message):
 # Surfaces, statistics, rescaling, resampling
 
 
-@pytest.mark.parametrize(
-    ("heights", "message"),
-    [
-        (np.zeros((4, 5)), r"`heights` has shape \(4, 5\)"),
-        (np.full((4, 4), np.nan), r"`heights\[0, 0\]=nan`"),
-    ],
-)
-def test_bad_heights_are_refused(heights, message):
-    with pytest.raises(ValueError, match=message):
-        Surface(heights, Grid((4, 4), 1.0))
-
-
 def test_statistics_of_crossed_cosines_match_their_closed_form():
+    """Those that the spectrum does not give; an offset of 7 m costs as many digits."""
     grid = Grid((30, 40), jnp.array([2e-3, 1e-3]))
     x, y = coordinates(grid)
-    qx, qy, a, b = 2 * np.pi * 3 / 2e-3, 2 * np.pi * 5 / 1e-3, 2e-6, 1e-6
-    heights = a * jnp.cos(qx * x) + b * jnp.sin(qy * y) + 7.0
+    a, b = 2e-6, 1e-6
+    heights = a * jnp.cos(6 * jnp.pi * x / 2e-3) + b * jnp.sin(10 * jnp.pi * y / 1e-3) + 7.0
     s = statistics(Surface(heights, grid))
-    close = {"rtol": 1e-8}  # the offset of 7 m costs as many digits
-    np.testing.assert_allclose(s.rms_height, np.sqrt((a**2 + b**2) / 2), **close)
-    along = np.array([a * qx, b * qy]) / np.sqrt(2)
-    np.testing.assert_allclose(s.rms_slope_along, along, **close)
-    np.testing.assert_allclose(s.rms_slope, np.hypot(*along), **close)
-    bend = np.sqrt((a * qx**2) ** 2 + (b * qy**2) ** 2) / np.sqrt(2) / 2
-    np.testing.assert_allclose(s.rms_curvature, bend, **close)
+    np.testing.assert_allclose(s.rms_height, np.sqrt((a**2 + b**2) / 2), rtol=1e-8)
     np.testing.assert_allclose(s.peak_to_valley, 2 * a + 2 * b, rtol=1e-2)
     np.testing.assert_allclose(s.skewness, 0, atol=1e-8)
     fourth = 3 / 8 * (a**4 + b**4) + 6 * (a * b / 2) ** 2
-    np.testing.assert_allclose(s.kurtosis, fourth / ((a**2 + b**2) / 2) ** 2, **close)
+    np.testing.assert_allclose(s.kurtosis, fourth / ((a**2 + b**2) / 2) ** 2, rtol=1e-8)
 
 
 @pytest.mark.parametrize("shape", [(27,), (16, 21)])
@@ -412,18 +377,6 @@ def test_a_flat_surface_has_zero_statistics_and_finite_derivatives():
     assert np.all(np.isfinite(gradient))
 
 
-@pytest.mark.parametrize("shape", [(128, 128), (512,)])
-def test_the_radial_spectrum_reproduces_the_target(shape):
-    """Away from the edges and the kink; bins are narrow against the power law."""
-    spectrum = _spectrum(q_low=2 * Q0, q_roll=8 * Q0, q_high=40 * Q0)
-    surface = random_surface(spectrum, Grid(shape, LENGTH), KEY)
-    q, density = (np.asarray(v) for v in radial_spectrum(surface, 30))
-    expected = np.asarray(spectrum.density(jnp.asarray(q), len(shape)))
-    inside = (q > 2.3 * Q0) & (q < 35 * Q0) & np.isfinite(density) & (abs(q / Q0 - 8) > 1)
-    assert np.sum(inside) > 10
-    np.testing.assert_allclose(density[inside], expected[inside], rtol=0.05)
-
-
 @pytest.mark.parametrize("shape", [(15, 20), (33,)])
 def test_the_radial_spectrum_averages_the_full_plane(shape):
     size = [1.0, 1.3][: len(shape)]
@@ -466,17 +419,6 @@ def test_rescaling_prescribes_the_actual_value(log_target, name):
     assert name in scaled.history[-1]
 
 
-def test_a_surface_is_not_rescaled_to_what_has_no_square():
-    surface = Surface(np.cos(np.arange(8.0)), Grid(8, 1.0))
-    with pytest.raises(ValueError, match=r"`rms_slope=2e\+199` is refused: .*to 1.3e\+154 \[1\]"):
-        rescale(surface, rms_slope=2e199)
-
-
-def test_a_flat_surface_cannot_be_rescaled():
-    with pytest.raises(ValueError, match="a flat surface cannot be rescaled"):
-        rescale(Surface(np.zeros((8, 8)), Grid((8, 8), 1.0)), rms_height=1.0)
-
-
 def test_resampling_a_random_surface_gives_the_surface_of_that_grid():
     shape = (48, 24)
     spectrum, grid = _spectrum(), Grid((24, 24), LENGTH)
@@ -487,9 +429,17 @@ def test_resampling_a_random_surface_gives_the_surface_of_that_grid():
     assert str(shape) in other.history[-1]
 
 
-def test_resampling_to_another_number_of_axes_is_refused():
-    with pytest.raises(ValueError, match="2 whole numbers are needed"):
-        resample(Surface(np.zeros((8, 8)), Grid((8, 8), 1.0)), (16,))
+@pytest.mark.parametrize(
+    ("change", "message"),
+    [
+        (lambda flat: rescale(flat, rms_height=1.0), "a flat surface cannot be rescaled"),
+        (lambda flat: rescale(flat, rms_slope=2e199), r"`rms_slope=2e\+199` .*to 1.3e\+154 \[1\]"),
+        (lambda flat: resample(flat, (16,)), "2 whole numbers are needed"),
+    ],
+)
+def test_bad_changes_of_a_surface_are_refused(change, message):
+    with pytest.raises(ValueError, match=message):
+        change(Surface(np.zeros((8, 8)), Grid((8, 8), 1.0)))
 
 
 EDGES = dict(hurst=0.8, q_low=2.0, q_roll=4.0, q_high=9.0)

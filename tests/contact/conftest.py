@@ -32,6 +32,13 @@ BODIES = {
         base=gc.Rigid(),
     ),
 }
+LAWS = {
+    "hard": gc.HardWall(),
+    "hardness": gc.HardWall(hardness=0.3),
+    "repulsive": gc.RepulsiveLJ(1e-3, 0.05),
+    "adhesive": gc.AdhesiveLJ(2e-3, 4e-5),
+    "exponential": gc.contacts.ExponentialAdhesion(2e-3, 4e-5),
+}
 SPEED = 0.1  # m/s, with a cell of 1 m and a relaxation time of 1 s: near the peak of loss
 
 

@@ -4,7 +4,7 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 import pytest
-from conftest import BODIES, SPEED, rough
+from conftest import BODIES, LAWS, SPEED, rough
 
 import graded_contact as gc
 from graded_contact.contact.adjoint import LinearSplitting
@@ -16,13 +16,6 @@ WEIGHTS = jnp.asarray(np.random.default_rng(0).normal(size=(32, 32)))
 
 LOAD = 0.05
 MEAN_GAP = 0.6 * float(jnp.std(HEIGHTS))
-LAWS = {
-    "hard": gc.HardWall(),
-    "hardness": gc.HardWall(hardness=0.3),
-    "repulsive": gc.RepulsiveLJ(1e-3, 0.05),
-    "adhesive": gc.AdhesiveLJ(2e-3, 4e-5),
-    "exponential": gc.contacts.ExponentialAdhesion(2e-3, 4e-5),
-}
 
 
 def observe(kernel, heights, target, law, control):
@@ -45,15 +38,10 @@ CASES = [
     *(
         pytest.param("coated", law, control, marks=pytest.mark.slow)
         for law, control in [
-            ("hard", "pressure"),
             ("hard", "mean_gap"),
-            ("hardness", "mean_gap"),
-            ("repulsive", "mean_gap"),
             ("repulsive", "pressure"),
-            ("adhesive", "pressure"),
             ("adhesive", "mean_gap"),
             ("exponential", "pressure"),
-            ("exponential", "mean_gap"),
         ]
     ),
 ]
@@ -142,16 +130,16 @@ def test_derivative_is_one_sided_where_a_point_only_just_touches():
     np.testing.assert_allclose(slope(flat - step), left, rtol=1e-6)
 
 
-def test_mean_pressure_follows_the_load_exactly():
+def test_mean_pressure_follows_the_load_exactly_and_nothing_the_mean_height():
     kernel = gc.stack_kernel(BODIES["coated"], GRID, SPEED)
-    mean = lambda p: jnp.mean(gc.solve_contact(kernel, HEIGHTS, p).pressure)  # noqa: E731
-    np.testing.assert_allclose(jax.grad(mean)(0.05), 1.0, rtol=1e-12)
 
+    def sums(load, lift):
+        pressure = gc.solve_contact(kernel, HEIGHTS + lift, load).pressure
+        return jnp.stack([jnp.mean(pressure), jnp.sum(WEIGHTS * pressure)])
 
-def test_raising_the_surface_as_a_whole_changes_nothing():
-    kernel = gc.stack_kernel(BODIES["coated"], GRID, SPEED)
-    shifted = lambda c: jnp.sum(WEIGHTS * gc.solve_contact(kernel, HEIGHTS + c, 0.05).pressure)  # noqa: E731
-    assert abs(jax.grad(shifted)(0.0)) <= 1e-9
+    by_load, by_lift = jax.jacrev(sums, (0, 1))(0.05, 0.0)
+    np.testing.assert_allclose(by_load[0], 1.0, rtol=1e-12)
+    assert abs(by_lift[1]) <= 1e-9
 
 
 def test_derivative_that_does_not_converge_raises():
@@ -206,27 +194,3 @@ def test_hessian_under_a_law_that_attracts_is_symmetric_and_matches_differences(
         return jnp.sum(WEIGHTS[0, :16] * (10 * s.pressure + 20 * s.displacement)) + s.mean_pressure
 
     check_second_derivatives(by, jnp.ones(4), 1e-5, 1e-5)
-
-
-@pytest.mark.slow
-@pytest.mark.parametrize(
-    "law", [gc.HardWall(), gc.RepulsiveLJ(5e-3, 0.1)], ids=["hard", "repulsive"]
-)
-def test_second_derivatives_of_friction_are_symmetric_and_match_differences_of_the_gradient(law):
-    """By modulus and thickness of a coat, pressure and velocity, on a set of contact that stays."""
-    grid = gc.Grid((16, 16), 1.0)
-    surface = rough(grid, cut=4)
-
-    def by(x):
-        coat = gc.Layer(gc.Elastic(x[0], 0.4), 0.1 * x[1])
-        stack = gc.Stack(layers=(coat,), base=gc.HalfSpace(gc.Prony(0.75, [3.0], [1.0], 0.5)))
-        load = dict(pressure=0.1 * x[2], velocity=0.1 * x[3])
-        return gc.slide(stack, surface, **load, law=law, rtol=1e-11).friction
-
-    point, step = jnp.array([1.0, 0.3, 1.0, 1.0]), 1e-4
-    slope = jax.jit(jax.grad(by))
-    rows = [(slope(point + step * e) - slope(point - step * e)) / (2 * step) for e in jnp.eye(4)]
-    for differentiate in (jax.jacfwd, jax.jacrev):
-        found = jax.jit(differentiate(jax.grad(by)))(point)
-        np.testing.assert_allclose(found, found.T, atol=1e-9)
-        np.testing.assert_allclose(found, rows, atol=1e-6)

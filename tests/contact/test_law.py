@@ -48,17 +48,6 @@ def test_proximal_map_solves_its_equation(name):
 
 
 @pytest.mark.parametrize("name", LAWS)
-def test_proximal_map_is_monotone(name):
-    """The gap falls with v; the pressure rises with it unless the law attracts."""
-    v = jnp.sort(jnp.asarray(pressures(name)))
-    y = LAWS[name].proximal(v)
-    assert np.all(np.diff(y - v) < 0)
-    assert LAWS[name].attracts == (name != "repulsive")
-    if not LAWS[name].attracts:
-        assert np.all(np.diff(y) >= 0)
-
-
-@pytest.mark.parametrize("name", LAWS)
 def test_slope_of_the_proximal_map_matches_central_differences(name):
     """By the argument, and by every parameter that decides it."""
     law, v = LAWS[name], jnp.asarray(pressures(name)[::5])
@@ -175,15 +164,8 @@ def test_margin_changes_sign_at_the_edge_of_contact(name):
 
 REFUSED = [
     (gc.HardWall, dict(hardness=0.0), "hardness"),
-    (gc.HardWall, dict(hardness=np.nan), "hardness"),
     (gc.RepulsiveLJ, dict(range=0.0, pressure=1.0), "range"),
-    (gc.RepulsiveLJ, dict(range=1.0, pressure=-1.0), "pressure"),
-    (gc.RepulsiveLJ, dict(range=1.0, pressure=1.0, contact_gap=0.0), "contact_gap"),
-    (gc.AdhesiveLJ, dict(range=-1.0, work=1.0), "range"),
-    (gc.AdhesiveLJ, dict(range=1.0, work=0.0), "work"),
     (gc.AdhesiveLJ, dict(range=1.0, work=1.0, contact_gap=1.3), "contact_gap"),
-    (gc.contacts.ExponentialAdhesion, dict(range=np.inf, work=1.0), "range"),
-    (gc.contacts.ExponentialAdhesion, dict(range=1.0, work=-0.05), "work"),
 ]
 
 

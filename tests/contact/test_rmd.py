@@ -32,8 +32,6 @@ def solve(law, control="pressure", solver=gc.contacts.ResidualDynamics(), rtol=1
     [
         ("repulsive", "pressure"),
         ("adhesive", "mean_gap"),
-        pytest.param("repulsive", "mean_gap", marks=pytest.mark.slow),
-        pytest.param("adhesive", "pressure", marks=pytest.mark.slow),
     ],
 )
 def test_dynamics_and_splitting_agree(law, control):
@@ -87,22 +85,6 @@ def test_unfinished_motion_is_reported():
     np.testing.assert_allclose(s.mean_pressure, LOAD)
 
 
-def test_slide_takes_the_dynamics():
-    s = gc.slide(
-        BODIES["coated"],
-        SURFACE,
-        pressure=LOAD,
-        velocity=SPEED,
-        law=LAWS["repulsive"],
-        solver=gc.contacts.ResidualDynamics(),
-        rtol=1e-5,
-    )
-    split = gc.slide(
-        BODIES["coated"], SURFACE, pressure=LOAD, velocity=SPEED, law=LAWS["repulsive"]
-    )
-    np.testing.assert_allclose(s.friction, split.friction, rtol=1e-3)
-
-
 @pytest.mark.parametrize(
     "law", [gc.HardWall(), gc.contacts.ExponentialAdhesion(1e-3, 1e-6)], ids=str
 )
@@ -110,8 +92,3 @@ def test_law_that_is_not_smooth_is_refused(law):
     kernel = gc.stack_kernel(BODIES["elastic"], GRID)
     with pytest.raises(ValueError, match=r"`law=.*needs a smooth law, `RepulsiveLJ`"):
         gc.solve_contact(kernel, HEIGHTS, LOAD, law=law, solver=gc.contacts.ResidualDynamics())
-
-
-def test_bad_setting_is_refused():
-    with pytest.raises(ValueError, match="`max_steps=0`"):
-        gc.contacts.ResidualDynamics(max_steps=0)

@@ -91,18 +91,11 @@ def test_what_is_no_solver_is_refused(unchecked_types):
         gc.contacts.AbstractContactSolver()
 
 
-@pytest.mark.parametrize(
-    "settings, message",
-    [
-        (dict(rtol=2.0), "`rtol=2` is refused"),
-        (dict(max_steps=0), "`max_steps=0`"),
-        (dict(history_length=0), "`history_length=0`"),
-        (dict(relaxation=1.0), "`relaxation=1.0`"),
-    ],
-)
-def test_bad_setting_of_the_linear_solver_is_refused(settings, message):
-    with pytest.raises(ValueError, match=message):
-        LinearSplitting(**settings)
+@pytest.mark.parametrize("solver", [LinearSplitting, gc.contacts.DouglasRachford])
+@pytest.mark.parametrize("setting", [("max_steps", 0), ("history_length", 0), ("relaxation", 1.0)])
+def test_bad_setting_is_refused(solver, setting, unchecked_types):
+    with pytest.raises(ValueError, match=f"`{setting[0]}={setting[1]}`"):
+        solver(**dict([setting]))
 
 
 def test_derivatives_have_a_tolerance_and_a_solver_of_their_own():

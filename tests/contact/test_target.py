@@ -6,7 +6,7 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 import pytest
-from conftest import BODIES, SPEED, rough
+from conftest import BODIES, LAWS, SPEED, rough
 
 import graded_contact as gc
 
@@ -14,13 +14,6 @@ GRID = gc.Grid((32, 32), 1.0)
 SURFACE = rough(GRID, cut=4)
 KERNEL = gc.stack_kernel(BODIES["coated"], GRID, SPEED)
 LOAD = 0.05
-LAWS = {
-    "hard": gc.HardWall(),
-    "hardness": gc.HardWall(hardness=0.3),
-    "repulsive": gc.RepulsiveLJ(1e-3, 0.05),
-    "adhesive": gc.AdhesiveLJ(2e-3, 4e-5),
-    "exponential": gc.contacts.ExponentialAdhesion(2e-3, 4e-5),
-}
 
 
 def gap_and_sharpness(contact):
@@ -68,54 +61,6 @@ def test_friction_is_known_within_its_claimed_error_and_sooner_than_the_pressure
         assert wrong <= found.contact_area_error + 1e-9  # the best is solved to as much
         pairs += float(found.num_fft_pairs), float(best.num_fft_pairs)
     assert pairs[0] <= 0.75 * pairs[1]
-
-
-@pytest.mark.slow
-def test_surfaces_apart_need_no_more_for_a_friction_that_is_not_there():
-    apart = 1.01 * jnp.max(SURFACE.heights - jnp.mean(SURFACE.heights))
-    s = gc.slide(BODIES["coated"], SURFACE, mean_gap=apart, velocity=SPEED, friction_rtol=1e-3)
-    assert s.result == gc.contacts.RESULTS.successful
-    assert np.isnan(s.friction)
-    assert s.contact_area_smooth == s.contact_area_error == 0
-
-
-@pytest.mark.slow
-def test_derivatives_of_a_friction_that_is_known_are_those_of_the_closer_solve():
-    def friction(pressure, **tolerance: Any):
-        return gc.slide(
-            BODIES["coated"], SURFACE, pressure=pressure, velocity=SPEED, **tolerance
-        ).friction
-
-    exact = jax.grad(lambda p: friction(p, rtol=1e-9))(LOAD)
-    found = jax.jit(jax.grad(lambda p: friction(p, friction_rtol=1e-3)))(LOAD)
-    np.testing.assert_allclose(found, exact, rtol=1e-2)
-
-
-@pytest.mark.slow
-def test_a_batch_knows_what_its_members_know():
-    def friction(pressure):
-        s = gc.slide(
-            BODIES["coated"], SURFACE, pressure=pressure, velocity=SPEED, friction_rtol=1e-3
-        )
-        return s.friction, s.friction_error
-
-    loads = jnp.array([0.01, 0.1])
-    (batch, batch_error), (single, single_error) = (
-        each(loads) for each in (jax.vmap(friction), lambda loads: jax.lax.map(friction, loads))
-    )
-    # Rounding differs in a batch, and with it the step at which a loose solve ends.
-    assert np.all(np.abs(batch - single) <= batch_error + single_error)
-    assert np.all(batch_error <= 1e-2 * batch)
-
-
-def test_numbers_that_did_not_become_known_are_not_passed_as_such():
-    hasty: dict[str, Any] = dict(
-        rtol=1e-4, target=gap_and_sharpness, solver=gc.contacts.DouglasRachford(max_steps=2)
-    )
-    with pytest.raises(RuntimeError, match="max_steps"):
-        gc.solve_contact(KERNEL, SURFACE.heights, LOAD, **hasty)
-    found = gc.solve_contact(KERNEL, SURFACE.heights, LOAD, **hasty, throw=False)
-    assert found.result == gc.contacts.RESULTS.max_steps_reached
 
 
 def test_tolerances_of_pressure_and_of_friction_exclude_each_other():

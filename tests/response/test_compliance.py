@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 from hypothesis import given, settings
 from mpmath import mp, mpc, mpf
+from oracles import elasticities
 
 import graded_contact as gc
 from graded_contact import reference
@@ -82,35 +83,15 @@ def test_one_layer_matches_the_closed_forms(poisson):
     )
 
 
-def test_half_space_of_complex_modulus_and_poisson_ratio_is_two_over_q_reduced_modulus():
-    e, nu, q = 5e6 - 3e6j, 0.4 + 0.02j, np.array([1.0, 1e4])
-    expected = 2 * (1 - nu**2) / (e * q)
-    value = gc.layered_compliance(q, np.zeros(0), np.zeros(0), np.zeros(0), (e, nu))
-    np.testing.assert_allclose(value, expected, rtol=1e-15)
-
-
-def test_four_and_five_layers_agree_though_one_is_unrolled_and_the_other_scanned():
-    q = np.geomspace(1e2, 1e6, 7)
-    d, e, nu = [1e-5, 3e-5, 2e-4, 1e-3], [1e6, 3e7, 2e6 + 1e6j, 5e6], [0.5, 0.3, 0.49, 0.2]
-    base = (2e7 + 1e6j, 0.45)
-    four = gc.layered_compliance(q, d, e, nu, base)
-    halves = lambda v, f: [v[0], *[x * f for x in [v[1], v[1]]], *v[2:]]  # noqa: E731
-    five = gc.layered_compliance(q, halves(d, 0.5), halves(e, 1), halves(nu, 1), base)
-    np.testing.assert_allclose(five, four, rtol=4e-15)
-
-
-@pytest.mark.parametrize("num_layers", [3, 6])
-def test_properties_may_vary_with_frequency_or_not(num_layers):
+def test_properties_may_vary_with_frequency_or_not():
     """Moduli of shape (n,) and (n, *w) mean the same where they are the same."""
-    q, d = np.geomspace(1e2, 1e5, 7), np.full(num_layers, 1e-4)
-    e, nu = np.linspace(1e6, 2e6, num_layers) + 1e5j, np.linspace(0.2, 0.5, num_layers)
+    q, d = np.geomspace(1e2, 1e5, 7), np.full(6, 1e-4)
+    e, nu = np.linspace(1e6, 2e6, 6) + 1e5j, np.linspace(0.2, 0.5, 6)
     plain = gc.layered_compliance(q, d, e, nu, (1e7, 0.3))
-    wide = np.broadcast_to(e[:, None], (num_layers, 7))
-    np.testing.assert_allclose(gc.layered_compliance(q, d, wide, nu, (1e7, 0.3)), plain, rtol=4e-15)
-    wide_nu = np.broadcast_to(nu[:, None], (num_layers, 7))
-    np.testing.assert_allclose(
-        gc.layered_compliance(q, d, e, wide_nu, (1e7, 0.3)), plain, rtol=4e-15
-    )
+    wide_e, wide_nu = (np.broadcast_to(x[:, None], (6, 7)) for x in (e, nu))
+    for moduli in ((wide_e, nu), (e, wide_nu)):
+        found = gc.layered_compliance(q, d, *moduli, (1e7, 0.3))
+        np.testing.assert_allclose(found, plain, rtol=4e-15)
 
 
 def stack_of(thicknesses, e0=6e6, tau=1e-3):
@@ -166,31 +147,7 @@ def test_compliance_is_passive_and_hermitian(d, omega, q, lossless):
     assert forward.real > 0
 
 
-@settings(max_examples=20)
-@given(length=positive, stress=positive)
-def test_units_scale_out(length, stress):
-    q, d = np.array([1e2, 1e4]), np.array([1e-4, 2e-3])
-    e, nu = np.array([1e6 + 1e5j, 3e7]), np.array([0.5, 0.3])
-    value = gc.layered_compliance(q, d, e, nu, (5e6, 0.4))
-    scaled = gc.layered_compliance(q / length, d * length, e * stress, nu, (5e6 * stress, 0.4))
-    np.testing.assert_allclose(scaled, value * length / stress, rtol=2e-14)
-
-
-def test_kernel_is_hermitian_dissipates_along_x_and_is_empty_at_rest():
-    grid = gc.Grid((16, 12), (1e-2, 2e-2))
-    stack = stack_of([1e-3])
-    kernel = np.asarray(gc.stack_kernel(stack, grid, 0.3))
-    assert kernel.shape == (16, 7)
-    assert kernel[0, 0] == 0
-    np.testing.assert_array_equal(kernel[1:8], np.conj(kernel[:8:-1]))
-    # A surface moving to +x excites ω = -q_x v < 0 for q_x > 0, where Im M >= 0.
-    assert np.all(kernel[1:8, :-1].imag > 0)
-    assert not kernel[8].imag.any()
-    assert not kernel[:, 6].imag.any()
-    assert not np.asarray(gc.stack_kernel(stack, grid, 0.0)).imag.any()
-
-
-@pytest.mark.parametrize("shape", [(16, 12), (15, 9), (15, 12)])
+@pytest.mark.parametrize("shape", [(16, 12), (15, 9)])
 def test_kernel_of_a_scalar_velocity_is_that_of_the_vector_along_x(shape):
     grid = gc.Grid(shape, (1e-2, 2e-2))
     stack = stack_of([1e-3])
@@ -214,30 +171,15 @@ def test_kernel_of_elastic_materials_is_real():
 
 @pytest.mark.parametrize("num_layers", [0, 2, 6])
 def test_gradient_by_every_leaf_matches_central_differences(num_layers):
-    stack = stack_of(np.geomspace(1e-5, 1e-3, num_layers))
-
-    @jax.jit
     def value(stack, q, omega):
         m = gc.surface_compliance(stack, q, omega)
         return 1e12 * (m.real + 3 * m.imag)
 
+    stack = stack_of(np.geomspace(1e-5, 1e-3, num_layers))
     arguments = (stack, jnp.asarray(2e4), jnp.asarray(50.0))
-    gradient = jax.jit(jax.grad(value, (0, 1, 2)))(*arguments)
-    leaves, treedef = jax.tree.flatten(arguments)
-    for i, (leaf, slope) in enumerate(zip(leaves, jax.tree.leaves(gradient), strict=True)):
-        for index in np.ndindex(leaf.shape):
-            if leaf[index] == 0:
-                continue
-            step = 1e-5 * abs(float(leaf[index]))
-            ends = []
-            for sign in (1, -1):
-                moved = leaf.at[index].add(sign * step)
-                ends.append(
-                    float(value(*treedef.unflatten([*leaves[:i], moved, *leaves[i + 1 :]])))
-                )
-            difference = (ends[0] - ends[1]) / (2 * step)
-            scale = abs(float(value(*arguments)) / float(leaf[index]))
-            assert abs(difference - slope[index]) <= 1e-7 * abs(slope[index]) + 3e-10 * scale
+    scale = abs(float(value(*arguments)))
+    for slope, difference in elasticities(value, arguments):
+        assert abs(difference - slope) <= 1e-7 * abs(slope) + 3e-10 * scale
 
 
 def test_soft_films_under_a_free_plate_do_not_spoil_its_derivatives():
@@ -275,56 +217,29 @@ def test_float32_gradients_have_the_right_sign_and_size():
         )
 
 
-def test_vmap_over_thickness_and_jit_give_the_same_numbers():
-    q, omega = 1e4, 1e2
+def test_broadcasting_vmap_and_jit_give_the_same_numbers():
+    q, omega = np.geomspace(1e3, 1e5, 4)[:, None], np.geomspace(1, 1e3, 3)
     thicknesses = jnp.array([1e-5, 1e-4, 1e-3])
     one = lambda d: gc.surface_compliance(stack_of([1e-4, d]), q, omega)  # noqa: E731
     batch = jax.vmap(one)(thicknesses)
     np.testing.assert_allclose(batch, [one(d) for d in thicknesses], rtol=1e-15)
     np.testing.assert_allclose(jax.jit(one)(thicknesses[1]), batch[1], rtol=1e-15)
-
-
-def test_frequencies_and_wavenumbers_broadcast():
-    stack = stack_of([1e-4])
-    q, omega = np.geomspace(1e3, 1e5, 4)[:, None], np.geomspace(1, 1e3, 3)
-    table = gc.surface_compliance(stack, q, omega)
-    assert table.shape == (4, 3)
-    np.testing.assert_allclose(
-        table[2, 1], gc.surface_compliance(stack, q[2, 0], omega[1]), rtol=1e-15
-    )
+    alone = gc.surface_compliance(stack_of([1e-4, 1e-4]), q[2, 0], omega[1])
+    np.testing.assert_allclose(batch[1, 2, 1], alone, rtol=1e-15)
 
 
 @pytest.mark.parametrize(
     ("arguments", "message"),
     [
-        ((-1.0, [1e-3], [1e6], [0.3], gc.Rigid()), "`q=-1` is refused: it must be a positive"),
-        ((1.0, [-1e-3], [1e6], [0.3], gc.Rigid()), r"`thickness\[0\]=-0.001` is refused"),
         ((1.0, [1e-3], [1e6, 1e6], [0.3], gc.Rigid()), "`modulus` has shape"),
-        ((1.0, [1e-3], [np.nan], [0.3], gc.Rigid()), r"`modulus\[0\]=nan`"),
         ((1.0, [1e-3], [0.0], [0.3], gc.Rigid()), "`modulus` holds a zero"),
         ((1.0, [1e-3], [1e6], [0.6], gc.Rigid()), r"`poisson\[0\]=0.6` is refused"),
         ((1.0, [], [], [], gc.Free()), "`thickness` is empty"),
-        ((1.0, 1e-3, [1e6], [0.3], gc.Rigid()), "`thickness` has shape"),
     ],
 )
 def test_layered_compliance_refuses(arguments, message):
     with pytest.raises(ValueError, match=message):
         gc.layered_compliance(*arguments)
-
-
-def test_bad_wavenumbers_frequencies_and_velocities_are_refused():
-    stack = stack_of([1e-4])
-    with pytest.raises(ValueError, match="`q=0` is refused"):
-        gc.surface_compliance(stack, 0.0, 1.0)
-    with pytest.raises(ValueError, match="`omega=nan` is refused"):
-        gc.surface_compliance(stack, 1.0, np.nan)
-    grid = gc.Grid((8, 8), 1.0)
-    with pytest.raises(ValueError, match=r"`velocity` has shape \(3,\)"):
-        gc.stack_kernel(stack, grid, [1.0, 2.0, 3.0])
-    with pytest.raises(ValueError, match="`velocity=inf` is refused"):
-        gc.stack_kernel(stack, grid, np.inf)
-    with pytest.raises(ValueError, match=r"`velocity` has shape \(2,\)"):
-        gc.stack_kernel(stack, gc.Grid((8,), 1.0), [1.0, 2.0])
 
 
 def test_derivatives_beside_a_nan_keep_their_sign():

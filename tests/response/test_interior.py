@@ -4,6 +4,7 @@ import jax.numpy as jnp
 import mpmath as mp
 import numpy as np
 import pytest
+from oracles import elasticities
 
 import graded_contact as gc
 from graded_contact.response.interior import (
@@ -130,22 +131,6 @@ def test_tractions_are_continuous_and_lateral_stresses_jump_across_interfaces():
     assert np.all(np.abs(jump) > 1e-2)
 
 
-@pytest.mark.parametrize("base", BASES)
-def test_forces_balance_inside(base):
-    """iq_x σ_xi + iq_y σ_yi + ∂σ_zi/∂z = 0, by central differences in depth."""
-    middles, step = np.array([0.27, 1.0 if base == "halfspace" else 0.6]), 1e-4
-    depths = (middles[:, None] + step * np.arange(-2, 3)).ravel()
-    _, stress = fields_of(stack_on(base), [*depths, 0.0])
-    stress = np.asarray(stress)[:4, :10].reshape(4, 2, 5, 3, 3)
-    far, near = stress[:, :, 4] - stress[:, :, 0], stress[:, :, 3] - stress[:, :, 1]
-    slope = (8 * near - far) / (12 * step)
-    qx, qy = WAVES[:4].T[..., None, None]
-    middle = stress[:, :, 2]
-    force = 1j * qx * middle[:, :, 0] + 1j * qy * middle[:, :, 1] + slope[:, :, 2]
-    size = np.max(np.abs(middle), axis=(2, 3)) * (1 + np.hypot(qx, qy)[:, 0])
-    assert np.max(np.abs(force) / size[..., None]) < 1e-9
-
-
 @pytest.mark.parametrize("poisson", [0.2, 0.5])
 def test_half_space_under_a_wave_of_pressure(poisson):
     """p cos qx: σ_zz, σ_xx = -p (1 ± qz) e^-qz cos qx, σ_xz = -p qz e^-qz sin qx (K. L. Johnson,
@@ -171,9 +156,7 @@ def test_half_space_under_a_wave_of_pressure(poisson):
 @pytest.mark.parametrize(
     ("base", "shape", "velocity"),
     [
-        pytest.param("halfspace", (16, 12), 0.4, marks=pytest.mark.slow),
         ("halfspace", (8, 6), np.array([0.4, -0.2])),
-        pytest.param("rigid", (9, 7), np.array([0.4, -0.2]), marks=pytest.mark.slow),
         ("rigid", (16,), 0.4),
     ],
 )
@@ -212,28 +195,17 @@ def test_gradient_matches_central_differences():
     """Of elastic layers, to compile fast; lossy moduli have theirs in the test of the matrix."""
     layers = (gc.Layer(gc.Elastic(3.0, 0.5), 0.1), gc.Layer(gc.Elastic(20.0, 0.3), 0.3))
     stack = gc.Stack(layers=layers, base=gc.HalfSpace(gc.Elastic(2.0, 0.45)))
-    weights = np.random.default_rng(2).normal(size=(2, 3, 3, 3))
-    where = (jnp.array([3.0, -2.0]), jnp.array([0.05, 0.25, 0.7]))
+    real, imag = np.random.default_rng(2).normal(size=(2, 3, 3, 3))
 
-    @jax.jit
     def value(stack, wave, depth):
         displacement, stress = interior_fields(stack, *wave, OMEGA, TRACTION, depth)
-        real, imag = weights
         return jnp.sum(real * stress.real + imag * stress.imag) + jnp.sum(
             real[0] * displacement.real + imag[0] * displacement.imag
         )
 
-    arguments = (stack, *where)
-    gradient = jax.jit(jax.grad(value, (0, 1, 2)))(*arguments)
-    leaves, treedef = jax.tree.flatten(arguments)
-    for i, (leaf, slope) in enumerate(zip(leaves, jax.tree.leaves(gradient), strict=True)):
-        for index in np.ndindex(leaf.shape):
-            moved = [leaf.at[index].multiply(1 + step) for step in (1e-5, -1e-5)]
-            moved = [[*leaves[:i], m, *leaves[i + 1 :]] for m in moved]
-            ends = [float(value(*treedef.unflatten(m))) for m in moved]
-            difference = (ends[0] - ends[1]) / 2e-5
-            slope_ = slope[index] * leaf[index]
-            assert abs(difference - slope_) <= 1e-7 * abs(slope_) + 1e-8
+    arguments = (stack, jnp.array([3.0, -2.0]), jnp.array([0.05, 0.25, 0.7]))
+    for slope, difference in elasticities(value, arguments):
+        assert abs(difference - slope) <= 1e-7 * abs(slope) + 1e-8
 
 
 def test_vmap_over_depth_and_thickness_and_jit_give_the_same_numbers():
@@ -283,18 +255,14 @@ def test_von_mises_of_simple_stresses():
 @pytest.mark.parametrize(
     ("changes", "message"),
     [
-        ({"qx": 0.0, "qy": 0.0}, "`qx=0` with `qy=0` is refused"),
         ({"traction": [1.0, 2.0]}, r"`traction` has shape \(2,\)"),
-        ({"traction": [np.nan, 0.0, 0.0]}, r"`traction\[0\]=nan`"),
-        ({"depth": -0.1}, "`depth=-0.1` is refused"),
+        ({"side": "left"}, "side"),  # with annotations checked, as here, the checker comes first
         ({"depth": 0.66}, "`depth=0.66` is refused: the block ends at 0.65 m"),
-        ({"depth": [0.1, np.nan]}, r"`depth\[1\]=nan`"),
-        ({"omega": np.inf}, "`omega=inf`"),
     ],
 )
 def test_bad_input_is_refused(changes, message):
     arguments = {"qx": 1.0, "qy": 0.0, "omega": 1.0, "traction": TRACTION, "depth": 0.1}
-    with pytest.raises(ValueError, match=message):
+    with pytest.raises((ValueError, TypeError), match=message):
         interior_fields(stack_on("rigid"), **arguments | changes)
 
 
@@ -302,19 +270,10 @@ def test_bad_input_is_refused(changes, message):
     ("changes", "message"),
     [
         ({"pressure": np.ones((4, 5))}, r"`pressure` has shape \(4, 5\)"),
-        ({"pressure": np.full((4, 4), np.nan)}, r"`pressure\[0, 0\]=nan`"),
         ({"depth": [0.1, 0.2]}, r"`depth` has shape \(2,\)"),
-        ({"velocity": [1.0, 2.0, 3.0]}, r"`velocity` has shape \(3,\)"),
-        ({"velocity": np.inf}, "`velocity=inf`"),
     ],
 )
 def test_bad_fields_are_refused(changes, message):
     arguments = {"pressure": np.ones((4, 4)), "depth": 0.1, "velocity": 0.0}
     with pytest.raises(ValueError, match=message):
         stress_field(stack_on("rigid"), gc.Grid((4, 4), 1.0), **arguments | changes)
-
-
-def test_a_side_is_above_or_below():
-    # With annotations checked, as here, the checker comes first.
-    with pytest.raises((ValueError, TypeError), match="side"):
-        interior_fields(stack_on("rigid"), 1.0, 0.0, 1.0, TRACTION, 0.1, side="left")

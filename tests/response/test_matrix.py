@@ -7,6 +7,7 @@ import mpmath as mp
 import numpy as np
 import pytest
 from mpmath import mpc, mpf
+from oracles import differences
 
 import graded_contact as gc
 from graded_contact.response.matrix import layered_compliance_matrix, surface_compliance_matrix
@@ -181,18 +182,12 @@ def test_matrix_is_reciprocal_passive_hermitian_and_turns_with_the_wavevector(ba
     assert np.max(np.linalg.eigvalsh(lossy)) <= 1e-15
     assert np.min(np.linalg.eigvalsh(lossy)) < -1e-3
 
+    normal = gc.surface_compliance(stack, np.hypot(qx, qy), omega)
+    np.testing.assert_allclose(forward[:, 2, 2], normal, rtol=2e-14)
+
     turn = np.array([[0.6, -0.8, 0], [0.8, 0.6, 0], [0, 0, 1]])
     turned = surface_compliance_matrix(stack, 0.6 * qx - 0.8 * qy, 0.8 * qx + 0.6 * qy, omega)
     np.testing.assert_allclose((turn @ forward @ turn.T) / size, turned / size, atol=3e-13)
-
-
-@pytest.mark.parametrize("base", BASES)
-def test_last_entry_is_the_surface_compliance(base):
-    stack = stack_on(base)
-    qx, qy, omega = waves()
-    matrix = surface_compliance_matrix(stack, qx, qy, omega)
-    normal = gc.surface_compliance(stack, np.hypot(qx, qy), omega)
-    np.testing.assert_allclose(matrix[:, 2, 2], normal, rtol=2e-14)
 
 
 def test_shapes_broadcast_and_elastic_stacks_give_a_complex_matrix_too():
@@ -203,53 +198,42 @@ def test_shapes_broadcast_and_elastic_stacks_give_a_complex_matrix_too():
     assert surface_compliance_matrix(stack, 1.0, 0.0, 0.0).shape == (3, 3)
 
 
-@pytest.mark.parametrize(
-    "dtype", [jnp.float32, pytest.param(jnp.float64, marks=pytest.mark.slow)], ids=["f32", "f64"]
-)
-def test_gradients_match_central_differences(dtype):
-    """In pascals and metres a careless backward pass overflows float32, silently.
+def test_gradients_match_central_differences():
+    """Of float32: in pascals and metres a careless backward pass overflows it, silently.
 
-    In float64 the interior's gradient, which passes through the same recursion, is always tested.
+    In float64 the interior's gradient passes through the same recursion.
     """
     qx, qy, omega = (w[:4] for w in waves())
-    weights = np.random.default_rng(1).normal(size=(2, 4, 3, 3))
+    real, imag = np.random.default_rng(1).normal(size=(2, 4, 3, 3))
     exact = surface_compliance_matrix(stack_on("free"), qx, qy, omega)
     size = np.max(np.abs(exact), axis=(1, 2), keepdims=True)
 
     def value(stack, qx, qy, omega):
         matrix = surface_compliance_matrix(stack, qx, qy, omega)
         scaled = matrix / size.astype(qx.dtype)
-        real, imag = weights.astype(qx.dtype)
-        return jnp.sum(real * scaled.real + imag * scaled.imag), matrix
+        return jnp.sum(real * scaled.real + imag * scaled.imag).astype(qx.dtype), matrix
 
     arguments = jax.tree.map(jnp.asarray, (stack_on("free"), qx, qy, omega))
-    rounded = jax.tree.map(lambda x: x.astype(dtype), arguments)
-    gradient, matrix = jax.jit(jax.grad(value, (0, 1, 2, 3), has_aux=True))(*rounded)
-    assert matrix.real.dtype == dtype
-    np.testing.assert_allclose(matrix / size, exact / size, atol=50 * jnp.finfo(dtype).eps)
-
-    leaves, treedef = jax.tree.flatten(arguments)
-    scalar = jax.jit(lambda leaves: value(*treedef.unflatten(leaves))[0])
-    rtol, atol = (1e-2, 1e-4) if dtype == jnp.float32 else (1e-7, 3e-9)
-    for i, (leaf, slope) in enumerate(zip(leaves, jax.tree.leaves(gradient), strict=True)):
-        assert slope.dtype == dtype
-        for index in np.ndindex(leaf.shape):
-            # A Poisson's ratio of 1/2 may be exceeded, for the formulas are analytic there.
-            moved = [leaf.at[index].multiply(1 + step) for step in (1e-5, -1e-5)]
-            ends = [float(scalar([*leaves[:i], m, *leaves[i + 1 :]])) for m in moved]
-            # Per relative change of each number that goes in.
-            difference = (ends[0] - ends[1]) / 2e-5
-            assert abs(difference - slope[index] * leaf[index]) <= rtol * abs(difference) + atol
+    single = jax.tree.map(lambda x: x.astype(jnp.float32), arguments)
+    gradient, matrix = jax.jit(jax.grad(value, (0, 1, 2, 3), has_aux=True))(*single)
+    assert matrix.dtype == jnp.complex64
+    eps = jnp.finfo(jnp.float32).eps
+    np.testing.assert_allclose(matrix / size, exact / size, atol=50 * eps)
+    slopes = [
+        slope[index] * leaf[index]
+        for leaf, slope in zip(*map(jax.tree.leaves, (arguments, gradient)), strict=True)
+        for index in np.ndindex(leaf.shape)
+    ]
+    assert all(slope.dtype == jnp.float32 for slope in jax.tree.leaves(gradient))
+    # A Poisson's ratio of 1/2 may be exceeded, for the formulas are analytic there.
+    expected = differences(lambda *a: value(*a)[0], arguments, fixed=())
+    np.testing.assert_allclose(slopes, expected, rtol=1e-2, atol=1e-4)
 
 
 @pytest.mark.parametrize(
     ("arguments", "message"),
     [
         ((0.0, 0.0, 1.0), "`qx=0` with `qy=0` is refused"),
-        (([1.0, 0.0], [0.0, 0.0], 1.0), "`qx=0` with `qy=0` is refused"),
-        ((np.nan, 1.0, 1.0), "`qx=nan` is refused"),
-        ((1.0, np.inf, 1.0), "`qy=inf` is refused"),
-        ((1.0, 1.0, np.nan), "`omega=nan` is refused"),
         ((1.0 + 1j, 1.0, 1.0), "a real number is needed"),
         ((np.ones(2), np.ones(3), 1.0), "(?i)incompatible shapes"),
     ],

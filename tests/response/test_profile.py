@@ -26,7 +26,6 @@ STEEL, RUBBER = gc.Elastic(2e11, 0.3), gc.Prony(1e6, [1e8], [1e-3], 0.5)
         (Linear(), S),
         (Sinusoidal(), S + np.sin(2 * np.pi * S)),
         (Exponential(3.0), np.expm1(3 * S) / np.expm1(3)),
-        (Exponential(-3.0), np.expm1(-3 * S) / np.expm1(-3)),
         (Exponential(0.0), S),
         (Exponential(5e-4), np.expm1(5e-4 * S) / np.expm1(5e-4)),
         (PowerLaw(2.5), S**2.5),
@@ -40,17 +39,12 @@ def test_shapes_are_their_formulas(shape, expected):
     np.testing.assert_allclose(shape(jnp.asarray(S)), expected, rtol=1e-10, atol=1e-15)
 
 
-def test_papers_profiles_are_blends():
+def test_blends_are_linear_or_exponential():
     s, omega = jnp.asarray(S), jnp.zeros(())
-    linear = Blend(gc.Elastic(1e6), gc.Elastic(1e6 * (1 + 1e4)))
-    np.testing.assert_allclose(linear(s, omega)[0], 1e6 * (1 + 1e4 * S), rtol=1e-14)
     wavy = Blend(gc.Elastic(1e6), gc.Elastic(2e6), Sinusoidal())
     np.testing.assert_allclose(wavy(s, omega)[0], 1e6 * (1 + S + np.sin(2 * np.pi * S)), rtol=1e-14)
-
-
-def test_logarithmic_blend_is_exponential():
     profile = Blend(gc.Elastic(1e3, 0.2), gc.Elastic(1e9, 0.4), mixing="logarithmic")
-    modulus, poisson = profile(jnp.asarray(S), jnp.zeros(()))
+    modulus, poisson = profile(s, omega)
     np.testing.assert_allclose(modulus, 1e3 * 10 ** (6 * S), rtol=1e-13)
     np.testing.assert_allclose(poisson, 0.2 + 0.2 * S, rtol=1e-14)
 
@@ -118,26 +112,13 @@ def test_temperature_reaches_the_materials_of_every_profile():
     [
         (lambda: Table([0, 0.5], [1, 2]), "exactly 0 .* exactly 1"),
         (lambda: Table([0, 0.5, 0.5, 1], [1, 2, 3, 4]), "heights must increase"),
-        (lambda: Table([0, 1], [1, 2, 3]), r"`heights` has shape \(2,\) and `values` \(3,\)"),
-        (lambda: Table([0, 1], [1, np.nan]), r"`values\[1\]=nan`"),
-        (lambda: PowerLaw(0.0), "`exponent=0` is refused"),
-        (lambda: ErrorFunction(0.5, -1.0), "`width=-1` is refused"),
         (lambda: Aged(RUBBER, 1.0, 0.0), "`top=0` is refused"),
+        (lambda: Mixture(STEEL, RUBBER, Sinusoidal()), "a volume fraction lies between 0 and 1"),
+        (lambda: Blend(STEEL, RUBBER, "linear"), "'linear'` must be a shape"),
+        (lambda: Aged(3.0), "must be a material"),
         (lambda: GradedLayer(RUBBER, 1e-3), "`profile=.* must be called as profile"),
-        (lambda: GradedLayer(3.0, 1e-3), "`profile=3.0` must be called as profile"),
-        (lambda: GradedLayer(Blend(STEEL, RUBBER), -1e-3), "`thickness=-0.001` is refused"),
-        (lambda: GradedLayer(Blend(STEEL, RUBBER), [1e-3]), r"`thickness` has shape \(1,\)"),
     ],
 )
 def test_bad_profiles_are_refused(make, message):
     with pytest.raises(ValueError, match=message):
         make()
-
-
-def test_a_mixture_has_volume_fractions_and_shapes_are_shapes():
-    with pytest.raises(ValueError, match=r"`fraction\[.*a volume fraction lies between 0 and 1"):
-        gc.Mixture(gc.Elastic(1e6), gc.Elastic(2e6), gc.shapes.Sinusoidal())
-    with pytest.raises(ValueError, match="'linear'` must be a shape"):
-        gc.Blend(gc.Elastic(1e6), gc.Elastic(2e6), "linear")
-    with pytest.raises(ValueError, match="must be a material"):
-        gc.Aged(3.0)

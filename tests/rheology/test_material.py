@@ -187,30 +187,24 @@ def check_gradient(function, x):
         np.testing.assert_allclose(gradient[i], difference, rtol=1e-8, atol=1e-10)
 
 
-@pytest.mark.parametrize("part", [jnp.real, jnp.imag])
-def test_gradient_of_prony_modulus(part):
-    def function(x):
-        material = Prony(jnp.exp(x[0]), jnp.exp(x[1:3]), jnp.exp(x[3:5]))
-        return part(material.modulus(jnp.exp(x[5:6]))[0])
-
-    check_gradient(jax.jit(function), jnp.array([0.1, 1.0, 2.0, -0.5, 0.8, 0.2]))
+def logarithm_of_creep(glassy, compliances, times):
+    return jnp.log(glassy) + jnp.sum(jnp.log(compliances) * jnp.array([1.0, 2.0])) + times[0]
 
 
-@pytest.mark.parametrize("part", [jnp.real, jnp.imag])
-def test_gradient_of_from_creep(part):
-    def function(x):
-        material = Prony.from_creep(jnp.exp(x[0]), jnp.exp(x[1:3]), jnp.exp(x[3:5]))
-        return part(material.modulus(jnp.array(0.7))) / 5
-
-    check_gradient(jax.jit(function), jnp.array([1.0, 0.3, -0.5, -1.5, 1.8]))
-
-
-def test_gradient_of_creep():
-    def function(x):
-        glassy, compliances, times = Prony(jnp.exp(x[0]), jnp.exp(x[1:3]), jnp.exp(x[3:5])).creep()
-        return jnp.log(glassy) + jnp.sum(jnp.log(compliances) * jnp.array([1.0, 2.0])) + times[0]
-
-    check_gradient(jax.jit(function), jnp.array([0.2, 0.5, 1.0, -1.0, 1.0]))
+@pytest.mark.parametrize(
+    "function, point",
+    [
+        (lambda *x: Prony(*x).modulus(1.2).real, [0.1, 1.0, 2.0, -0.5, 0.8]),
+        (lambda *x: Prony(*x).modulus(1.2).imag, [0.1, 1.0, 2.0, -0.5, 0.8]),
+        (lambda *x: Prony.from_creep(*x).modulus(0.7).real / 5, [1.0, 0.3, -0.5, -1.5, 1.8]),
+        (lambda *x: Prony.from_creep(*x).modulus(0.7).imag / 5, [1.0, 0.3, -0.5, -1.5, 1.8]),
+        (lambda *x: logarithm_of_creep(*Prony(*x).creep()), [0.2, 0.5, 1.0, -1.0, 1.0]),
+    ],
+)
+def test_gradients_of_moduli_and_creep_match_differences(function, point):
+    """By the logarithms of the modulus, of two strengths and of two times."""
+    by = jax.jit(lambda x: function(jnp.exp(x[0]), jnp.exp(x[1:3]), jnp.exp(x[3:5])))
+    check_gradient(by, jnp.array(point))
 
 
 def test_gradient_at_rest_and_at_the_branch_of_the_formula_is_finite():
@@ -224,12 +218,8 @@ def test_elastic_modulus_is_the_same_real_number_at_every_frequency():
     material = Elastic(2e6, 0.3)
     value = material.modulus(jnp.array([[0.0, -1e3, 1e300]]))
     np.testing.assert_array_equal(value, np.full((1, 3), 2e6))
-    assert not jnp.iscomplexobj(value)
-    assert material.poisson_ratio(jnp.ones(3)) == 0.3
-    assert material.at(300.0) is material
-    slope = jax.grad(lambda m: m.modulus(jnp.ones(4)).sum())(material)
-    assert slope.young == 4
-    assert Elastic(1).poisson == 0.5
+    assert not jnp.iscomplexobj(value) and material.at(300.0) is material
+    assert jax.grad(lambda m: m.modulus(jnp.ones(4)).sum())(material).young == 4
 
 
 def test_single_precision_in_and_out():
@@ -261,15 +251,12 @@ def test_single_precision_creep_round_trip():
 SHIFTS = [WLF(c1=4.57, c2=113.6, reference=298.15), Arrhenius(8e4, 298.15)]
 
 
-def test_wlf_factor_is_its_definition():
-    factor = float(SHIFTS[0].factor(jnp.array(273.15)))
-    assert factor == pytest.approx(10 ** (4.57 * 25 / (113.6 - 25)), rel=1e-14)
-    assert np.log10(factor) == pytest.approx(1.29, abs=0.005)  # Ferry's SBR at 0 °C
-
-
-def test_arrhenius_factor_is_its_definition():
+def test_shift_factors_are_their_definitions():
+    wlf, arrhenius = (float(shift.factor(jnp.array(273.15))) for shift in SHIFTS)
+    assert wlf == pytest.approx(10 ** (4.57 * 25 / (113.6 - 25)), rel=1e-14)
+    assert np.log10(wlf) == pytest.approx(1.29, abs=0.005)  # Ferry's SBR at 0 °C
     expected = np.exp(8e4 / 8.31446261815324 * (1 / 273.15 - 1 / 298.15))
-    assert float(SHIFTS[1].factor(jnp.array(273.15))) == pytest.approx(expected, rel=1e-13)
+    assert arrhenius == pytest.approx(expected, rel=1e-13)
 
 
 @pytest.mark.parametrize("shift", SHIFTS, ids=["wlf", "arrhenius"])
@@ -299,16 +286,6 @@ def test_temperature_moves_the_modulus_along_frequency(shift):
             np.testing.assert_allclose(a, b, rtol=1e-12)
     cold = material.at(268.15)
     np.testing.assert_allclose(cold.at(shift.reference).times, material.times, rtol=1e-13)
-
-
-@pytest.mark.parametrize("shift", SHIFTS, ids=["wlf", "arrhenius"])
-def test_gradient_with_respect_to_temperature(shift):
-    material = two_branches(shift=shift, equilibrium=1.0, strengths=[2.0, 3.0])
-
-    def function(x):
-        return jnp.log(material.at(300 + 10 * x[0]).modulus(jnp.array(300.0)).imag)
-
-    check_gradient(jax.jit(function), jnp.array([-1.3]))
 
 
 VOGEL = 298.15 - 113.6
@@ -354,11 +331,6 @@ def test_single_precision_is_glassy_too():
     assert value == np.float32(3.7e7) and np.isfinite(slope)
 
 
-def test_material_without_shift_refuses_a_temperature():
-    with pytest.raises(ValueError, match=r"no law of time-temperature superposition.*WLF\(c1"):
-        two_branches().at(300.0)
-
-
 TABLE_OMEGA = np.array([1e-2, 1e-1, 0.5, 7.0, 1e2, 3e4])
 TABLE_MODULUS = np.array([1 + 0.1j, 1.3 + 0.3j, 2 + 0.8j, 6 + 0.7j, 5.5 + 0.75j, 9 + 0.1j]) * 1e6
 
@@ -375,19 +347,15 @@ def test_tabulated_matches_scipy_pchip():
     np.testing.assert_array_equal(modulus_of(table, -jnp.asarray(omega)), np.conj(value))
 
 
-@pytest.mark.parametrize("points", [2, 3])
-def test_tabulated_short_tables_match_scipy(points):
-    omega, modulus = TABLE_OMEGA[2 : 2 + points], TABLE_MODULUS[2 : 2 + points]
+def test_a_table_of_two_rows_is_a_straight_line_of_logarithms():
+    omega, modulus = TABLE_OMEGA[2:4], TABLE_MODULUS[2:4]
     middle = np.geomspace(omega[0], omega[-1], 7)[1:-1]
     value = modulus_of(Tabulated(omega, modulus), jnp.asarray(middle))
-    if points == 2:
-        expected = np.exp(np.interp(np.log(middle), np.log(omega), np.log(modulus.real)))
-    else:
-        expected = np.exp(PchipInterpolator(np.log(omega), np.log(modulus.real))(np.log(middle)))
+    expected = np.exp(np.interp(np.log(middle), np.log(omega), np.log(modulus.real)))
     np.testing.assert_allclose(value.real, expected, rtol=1e-13)
 
 
-@pytest.mark.parametrize("omega", [9e-3, 3.1e4, -1e6, 1e-300])
+@pytest.mark.parametrize("omega", [9e-3, -1e6])
 def test_tabulated_refuses_frequencies_outside(omega):
     """With both ranges where the values are known, and when they turn up under `jit`."""
     table = Tabulated(TABLE_OMEGA, TABLE_MODULUS)
@@ -466,38 +434,17 @@ def test_derivatives_at_and_around_rest_match_differences_alone_and_jointly(mate
     [
         (lambda: Elastic(0.0), r"`modulus=0` is refused: .*\[Pa\]"),
         (lambda: Elastic(1.0, 0.51), r"`poisson=0\.51`"),
-        (lambda: Elastic(1j), "a real number is needed"),
-        (lambda: two_branches(equilibrium=-1.0), r"`equilibrium=-1` is refused: .*zero or"),
-        (lambda: two_branches(strengths=[1.0, -2.0]), r"`strengths\[1\]=-2`"),
         (lambda: two_branches(times=[0.0, 1.0]), r"`times\[0\]=0` is refused: .*\[s\]"),
         (lambda: two_branches(times=[1.0]), r"`strengths` has shape \(2,\) and `times` \(1,\)"),
-        (lambda: two_branches(strengths=1.0, times=1.0), "one-dimensional arrays"),
-        (lambda: two_branches(poisson=np.nan), "`poisson=nan`"),
-        (lambda: Prony.from_creep(0.0, [1.0], [1.0]), "`glassy=0`"),
-        (lambda: Prony.from_creep(1.0, [-1.0], [1.0]), r"`compliances\[0\]=-1` .*\[1/Pa\]"),
-        (lambda: Prony.from_creep(1.0, [1.0], [1.0, 2.0]), "`compliances` has shape"),
-        (lambda: Prony.from_creep(1.0, [1.0], [np.inf]), r"`times\[0\]=inf`"),
         (lambda: Prony.from_creep(1.0, [1.0] * 2, [3.0] * 2), "`times` holds a value twice"),
-        (lambda: Prony.from_creep(1.0, [1.0], [1.0], poisson=-1.0), "`poisson=-1`"),
         (lambda: two_branches(equilibrium=0.0).creep(), r"`equilibrium=0` .*a liquid flows"),
         (lambda: two_branches(times=[1.0, 1.0]).creep(), "`times` holds a value twice"),
-        (lambda: WLF(0.0, 1.0, 1.0), "`c1=0`"),
-        (lambda: WLF(1.0, -1.0, 1.0), "`c2=-1`"),
-        (lambda: WLF(1.0, 1.0, -300.0), "`reference=-300`"),
-        (lambda: Arrhenius(-1.0, 300.0), "`activation_energy=-1`"),
-        (lambda: Arrhenius(1.0, 0.0), "`reference=0`"),
         (lambda: SHIFTS[0].factor(jnp.array(184.0)), r"only above 184\.55 K"),
-        (lambda: SHIFTS[1].factor(jnp.array(-5.0)), "`temperature=-5`"),
-        (lambda: SHIFTS[1].rebased(jnp.array(-5.0)), "`temperature=-5`"),
+        (lambda: two_branches().at(300.0), r"no law of time-temperature superposition.*WLF\(c1"),
         (lambda: two_branches(shift=SHIFTS[0]).at(20.0), "temperatures are in kelvin"),
-        (lambda: Elastic(1.0).at(-3.0), "`temperature=-3`"),
         (lambda: Tabulated([1.0, 2.0], [1 + 1j]), "one-dimensional arrays of equal length"),
-        (lambda: Tabulated([1.0], [1 + 1j]), "at least 2"),
         (lambda: Tabulated([2.0, 1.0], [1 + 1j] * 2), r"`omega\[1\]=1` .*strictly increasing"),
-        (lambda: Tabulated([0.0, 1.0], [1 + 1j] * 2), r"`omega\[0\]=0`"),
-        (lambda: Tabulated([1.0, 2.0], [1 + 1j, -1 + 1j]), r"`modulus\.real\[1\]=-1`"),
         (lambda: Tabulated([1.0, 2.0], [1.0, 1 + 1j]), r"`modulus\.imag\[0\]=0` .*loss modulus"),
-        (lambda: Tabulated([1.0, 2.0], [1 + 1j] * 2, 0.6), r"`poisson=0\.6`"),
     ],
 )
 def test_bad_input_is_refused_by_name(build, message):
@@ -566,15 +513,9 @@ def test_the_derivative_of_a_table_of_shifts_matches_differences():
 @pytest.mark.parametrize(
     "make, message",
     [
-        (
-            lambda t: t.log_factor(331.5),
-            "`temperature=331.5` is refused: the table of",
-        ),
+        (lambda t: t.log_factor(331.5), "`temperature=331.5` is refused: the table of"),
         (lambda t: t.rebased(278.0), r"280.00 to 330.00 K. Use a law"),
-        (lambda t: TabulatedShift([280.0, 270.0], [0, 1], 280.0), r"`temperatures\[1\]=270`"),
         (lambda t: TabulatedShift([280.0, 290.0], [0, 1], 400.0), "`reference=400` is refused"),
-        (lambda t: TabulatedShift([280.0, 290.0], [0], 280.0), r"`log10_factors` \(1,\)"),
-        (lambda t: TabulatedShift([280.0, 290.0], [0, 1], 280.0, [1, 0]), r"factors\[1\]=0"),
     ],
 )
 def test_what_a_table_of_shifts_does_not_cover_is_refused(make, message):
