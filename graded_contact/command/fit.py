@@ -145,8 +145,8 @@ def _without_wild(measured: Measured, robust: bool) -> Measured:
         typer.echo("Left out, because no smooth positive spectrum explains their values:")
     elif wild:
         warning = (
-            "Warning: no smooth positive spectrum explains the values below. They are fitted all "
-            "the same, and spoil the fit. Correct them, or leave out their rows with --robust."
+            "Warning: no smooth positive spectrum explains the values below. The fit uses them "
+            "and is less accurate. Correct them, or leave out their rows with --robust."
         )
         typer.secho(warning, fg="yellow", err=True)
     elif robust:

@@ -215,7 +215,9 @@ def _solved(
         typer.echo("Nothing was finished.", err=True)
         raise typer.Exit(interruption.exit_code) from None
     except OSError as error:
-        raise OSError(f"{error} The same command goes on from what is kept.") from error
+        raise OSError(
+            f"{error} Run the same command again to continue from the stored solves."
+        ) from error
     for path in store.damaged:
         typer.echo(f"{path} was damaged: it is computed again", err=True)
     return results
@@ -239,8 +241,8 @@ def _refuse_other(file: Path, scene: Scene, names: np.ndarray) -> None:
     inputs = [("another file of data", "the files named")]
     there, here = next((a, b) for a, b in (*lines, *versions, *inputs) if a.strip() != b.strip())
     raise ValueError(
-        f"{file} holds {lost} solves of {earlier['title'] or 'another scene'!r} that "
-        f"{scene.title or 'this scene'!r} does not ask for: there `{there}`, here `{here}`. "
+        f"{file} contains {lost} solves of {earlier['title'] or 'another scene'!r} that "
+        f"{scene.title or 'this scene'!r} does not have. File: `{there}`. Scene: `{here}`. "
         f"{remedy}"
     )
 

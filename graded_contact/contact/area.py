@@ -7,7 +7,7 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Bool, Float, Inexact
 
-from ..fields.devices import in_turns
+from ..fields.devices import interleaved_rows
 from ..fields.grid import Grid, mode_numbers, multiplicity
 
 # Area of a pixel count beyond the true one, per pixel edge between contact and gap.
@@ -90,7 +90,7 @@ def contact_area_smooth(indicator: Float[Array, "*shape"]) -> Float[Array, ""]:
             total = total + (area - _CONTOUR_OFFSET * length)
         return total, None
 
-    rows = (in_turns(indicator), in_turns(jnp.roll(indicator, -1, 0)))
+    rows = (interleaved_rows(indicator), interleaved_rows(jnp.roll(indicator, -1, 0)))
     total, _ = jax.lax.scan(add_row, jnp.zeros_like(rows[0][0]), rows)
     # A contact of a few pixels is smaller than its own correction.
     return jnp.maximum(jnp.mean(total) / len(rows[0]), 0)

@@ -207,8 +207,8 @@ def _check_gap(gap: float, law: HardWall, least: float) -> None:
     if abs(gap) <= least or (law.hardness is None and gap < 0):
         raise ValueError(
             f"`mean_gap={gap:g}` is refused: at a hard wall it must be above {least:.2g} m, or "
-            "with a `hardness` as much below 0. In full contact the mean gap is 0 at every "
-            "pressure that is high enough: prescribe `pressure`."
+            f"below -{least:.2g} m with a `hardness`. In full contact the mean gap is 0 at every "
+            "pressure: prescribe `pressure` instead."
         )
 
 

@@ -236,7 +236,7 @@ def check_squares(name: str, value: ArrayLike, unit: str) -> None:
         largest = max(float(np.max(np.abs(array), initial=0)) for array in parts)
         if largest and largest**2 < np.finfo(parts[0].dtype).tiny:
             raise ValueError(
-                f"`{name}`, at most {largest:.2g} {unit}, are refused: their squares are too small "
+                f"`{name}` up to {largest:.2g} {unit} is refused: the squares are too small "
                 f"for {parts[0].dtype}."
             )
 

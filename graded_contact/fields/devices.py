@@ -74,7 +74,7 @@ def whole_along(array: Array, axis: int) -> Array:
     return jax.lax.with_sharding_constraint(array, NamedSharding(mesh, over))
 
 
-def in_turns(field: Array) -> Array:
+def interleaved_rows(field: Array) -> Array:
     """Returns the rows of a field for a loop over them, shape (turns, devices, ny)."""
     return jnp.swapaxes(field.reshape(num_devices(field), -1, field.shape[1]), 0, 1)
 

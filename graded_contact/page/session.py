@@ -88,16 +88,18 @@ class Session(param.Parameterized):
             document = self._newest.changed(self._values)
             path = save_document(document, self.folder, name, name in self._saved)
         except (ValueError, OSError) as error:
-            self.tell(str(error))
+            self.show_message(str(error))
             return
         self._saved.add(name)
-        self.tell(f"Saved as {path}: `graded-contact run` and `explore` open it.", error=False)
+        self.show_message(
+            f"Saved as {path}: `graded-contact run` and `explore` open it.", error=False
+        )
 
     def end(self) -> None:
         """Stops after the stage that is being computed, when the tab of the page is closed."""
         self._ended = True
 
-    def tell(self, text: str, error: bool = True) -> None:
+    def show_message(self, text: str, error: bool = True) -> None:
         """Shows a message."""
         self._show(message=text, error=error)
 
@@ -107,7 +109,7 @@ class Session(param.Parameterized):
         """Computes what the sliders ask for; a later call replaces this one between two stages."""
         self._call += 1
         call = self._call
-        self.tell("")
+        self.show_message("")
         async with self._turn:
             while self._changes:
                 await self._read(self._changes.pop(0))
@@ -163,7 +165,7 @@ class Session(param.Parameterized):
             self._point = self._point._replace(derivatives=found)
         self._show(shown=self._point, **self._timing())
         if stage == "contact" and found.sliding.result != RESULTS.successful:
-            self.tell(RESULTS[found.sliding.result])
+            self.show_message(RESULTS[found.sliding.result])
         return True
 
     def _fail(self, stage: str, error: Exception) -> None:

@@ -129,7 +129,7 @@ class Page(pn.viewable.Viewer):
 
         def dropper(change: Callable[[], Any]) -> Dropper:
             new = Dropper(**SMALL)
-            new.param.watch(lambda event: self.session.tell(event.new), "refusal")
+            new.param.watch(lambda event: self.session.show_message(event.new), "refusal")
             new.param.watch(partial(dropped, change), "value")
             return new
 
@@ -175,7 +175,7 @@ class Page(pn.viewable.Viewer):
         for i, slider in enumerate(self.sliders):
             set_value = partial(self.session.set_value, model, i)
             slider.param.watch(lambda event, set_value=set_value: set_value(event.new), "value")
-            slider.param.watch(lambda event: self.session.tell(event.new), "refusal")
+            slider.param.watch(lambda event: self.session.show_message(event.new), "refusal")
         self._lines, self._bars, self._block = new_lines(model.highest), Bars(model.knobs), Block()
         self._maps = {name: Map(name, model.size) for name in ("pressure", "gap")}
         lines, maps = self._lines, self._maps

@@ -124,8 +124,8 @@ def wavevectors(
     qx, qy, omega = as_waves(stack, qx=qx, qy=qy, omega=omega)
     if is_concrete(qx) and is_concrete(qy) and bool(jnp.any((qx == 0) & (qy == 0))):
         raise ValueError(
-            "`qx=0` with `qy=0` is refused: the mean displacement of a block is not determined "
-            "by its mean traction (only differences of displacement are meant here)."
+            "`qx=0` with `qy=0` is refused: the mean displacement does not follow from the mean "
+            "traction."
         )
     return qx, qy, omega
 
@@ -232,7 +232,7 @@ def _split(below: Below, s: Slab, small: Split, tanh, p, n, n_t) -> Array:
     across = 2 * s.p11 * s.p12 * (n_t * c12 - one_t * det * s.g12)
     across = across + s.p12**2 * (n_t * c22 + one_t * det * s.g11)
     return (
-        small.held * (n * n_t - both * tanh * c_t)
+        small.clamped * (n * n_t - both * tanh * c_t)
         + s.p11**2 * along
         + squared * c_t * (n - both)
         + p * across

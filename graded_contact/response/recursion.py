@@ -147,14 +147,14 @@ def _unrolled_jvp(primals, tangents):
     q, layers, base = primals
     d_q, d_layers, d_base = tangents
     state, reduced, above = _lowest(q, layers, base)
-    functions = [_settled(hyperbolic(q * d)) for d, _, _ in above]
+    functions = [_computed_once(hyperbolic(q * d)) for d, _, _ in above]
     states = [(state, reduced)]
     for layer, known in reversed(list(zip(above, functions, strict=True))):
         states.append(_add(q, states[-1], layer, known))
     state, reduced = states.pop()
     value = state.c22 * (1 / reduced)
 
-    states = _settled(states)
+    states = _computed_once(states)
     v = (jnp.zeros_like(value), jnp.ones_like(value))
     change = jnp.zeros_like(value)
     for layer, d_layer, known in zip(above, d_layers, functions, strict=False):
@@ -163,21 +163,23 @@ def _unrolled_jvp(primals, tangents):
         slab = factors(q * d, e, known)
         w, v_below = push_down(v, slab, below, reduced / reduced_below)
         energy = _form(slab.q11, slab.q12, slab.q22, v) + _form(slab.g11, slab.g12, slab.g22, w)
-        w, v_below, energy = _settled((w, v_below, energy))
-        held = partial(_layer_potential, x=q * d, v=v, w=w)
-        change += _layer_change(q, d_q, layer, d_layer, (v_below, w, energy), held)
+        w, v_below, energy = _computed_once((w, v_below, energy))
+        potential = partial(_layer_potential, x=q * d, v=v, w=w)
+        change += _layer_change(q, d_q, layer, d_layer, (v_below, w, energy), potential)
         v = v_below
     if isinstance(base, Free):
         d, reduced, e = layers[-1]
         w = free_face(v, factors(q * d, e))
-        held = partial(_free_potential, x=q * d, v=v)
+        potential = partial(_free_potential, x=q * d, v=v)
         nothing = jnp.zeros_like(v[0])
-        fields = ((nothing, nothing), w, held(e))
-        change += _layer_change(q, d_q, layers[-1], d_layers[-1], fields, held)
+        fields = ((nothing, nothing), w, potential(e))
+        change += _layer_change(q, d_q, layers[-1], d_layers[-1], fields, potential)
     elif not isinstance(base, Rigid):
         (reduced, e), (d_reduced, d_e) = base, d_base
-        held = partial(_half_space_potential, v=v)
-        change += _change(-held(e) / reduced**2, d_reduced) + _change_by_poisson(held, base, d_e)
+        potential = partial(_half_space_potential, v=v)
+        change += _change(-potential(e) / reduced**2, d_reduced) + _change_by_poisson(
+            potential, base, d_e
+        )
     return value, change
 
 
@@ -216,7 +218,7 @@ def _change_by_poisson(potential, properties, d_e):
         return 0
     reduced, e = properties
     _, slope = jax.jvp(potential, (e,), (jnp.ones_like(e),))
-    return _settled(slope) / reduced * d_e
+    return _computed_once(slope) / reduced * d_e
 
 
 def _layer_potential(e, x, v, w):
@@ -243,7 +245,7 @@ def _form(a11, a12, a22, v):
 
 
 @jax.custom_jvp
-def _settled(tree):
+def _computed_once(tree):
     """Returns `tree`, computed once and stored.
 
     XLA fuses what feeds several consumers into each of them and computes it as often: the
@@ -263,9 +265,9 @@ def _settled(tree):
     return jax.lax.while_loop(lambda s: s[0] < rounds, negated, start)[1]
 
 
-@_settled.defjvp
-def _settled_jvp(primals, tangents):
-    return _settled(*primals), tangents[0]
+@_computed_once.defjvp
+def _computed_once_jvp(primals, tangents):
+    return _computed_once(*primals), tangents[0]
 
 
 class ManyLayers(NamedTuple):

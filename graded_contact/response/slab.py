@@ -180,7 +180,7 @@ def factors(
 class Split(NamedTuple):
     """The difference of c11 and c_T (antiplane compliance), in units of 1/(μ q), see `matrix`."""
 
-    held: Inexact[Array, "*w"]  # (1 - ν) q11 - tanh x
+    clamped: Inexact[Array, "*w"]  # (1 - ν) q11 - tanh x
     free: Inexact[Array, "*w"]  # (1 - ν) tanh x (c11 det g of the free slab) - det g
     p11_less_1: Inexact[Array, "*w"]
 
@@ -192,12 +192,12 @@ def split_of(x: Float[Array, "*#w"], e: Inexact[Array, "*#w"]) -> Split:
     inverse, rise = reciprocal(t.delta), (om / (1 + e1)) ** 2
     functions = hyperbolic(x)
     psi, rest = functions.psi, chi(x, functions)
-    held = 2 * b * e2 * (rest + 2 * psi) - (1 + 2 * e) * (1 - e) / 2 * om * t.s2 - t.x2 * om
+    clamped = 2 * b * e2 * (rest + 2 * psi) - (1 + 2 * e) * (1 - e) / 2 * om * t.s2 - t.x2 * om
     free = e * om * t.f1 + 4 * e2 * x * rest - psi * (2 * e1 * (x * rise + psi) + om * rise)
     even = 2 * b * b * e1 * t.s2 / (1 + e1) ** 2 - t.x2 - (1 + 2 * e) * t.s2
     inverse_sum = 1 / (1 + e2)
     return Split(
-        held * inverse * inverse_sum,
+        clamped * inverse * inverse_sum,
         b * b / 2 * free * inverse * inverse_sum,
         (even - 2 * b * e1 * x * om) * inverse,
     )

@@ -34,7 +34,7 @@ def snap_to_values(
     start = dict(design.parameters)
     for key, values in choices.items():
         if key not in start:
-            raise ValueError(f"`choices` names {key!r}, which is none of {list(start)}.")
+            raise ValueError(f"`choices` has the unknown key {key!r}; allowed: {list(start)}.")
         values = np.asarray(values, float)
         inside = (values >= np.max(bounds["lower"][key])) & (values <= np.min(bounds["upper"][key]))
         if not np.any(inside):

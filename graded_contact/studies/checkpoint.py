@@ -52,7 +52,7 @@ def checkpointed(
     check_values("every", every, "a time [s] is at least 0", at_least=0)
     solver = given.pop("solver", DouglasRachford())
     if not isinstance(solver, DouglasRachford):
-        raise ValueError(f"`solver={solver!r}` keeps nothing: `DouglasRachford` does.")
+        raise ValueError(f"`solver={solver!r}` has no checkpoints; use `DouglasRachford`.")
     begin = given.pop("start", None)
     name = fingerprint(package_versions(), solve.__name__, inputs, given, solver)
     with Store(folder) as store:

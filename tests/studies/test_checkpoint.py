@@ -99,7 +99,7 @@ def test_the_pressure_of_another_problem_is_not_taken(tmp_path, problem):
         checkpointed(tmp_path, solve, block, road, every=0.0, **{**given, "pressure": load})
     assert [start is None for start in begun] == [True, False, True, False]
     assert len(list(tmp_path.glob("*.point"))) == 2
-    with pytest.raises(ValueError, match=r"`solver=.*keeps nothing"):
+    with pytest.raises(ValueError, match=r"`solver=.*has no checkpoints"):
         checkpointed(
             tmp_path, gc.slide, block, road, solver=gc.contacts.ResidualDynamics(), **given
         )

@@ -85,7 +85,9 @@ def _table(lines: list[str]) -> _Table:
             cells = layout.split(body[number])
             words = list(dict.fromkeys([*words, *(cells[i][:20] for i in np.flatnonzero(missing))]))
         if len(words) > _MOST_WORDS:
-            raise Refusal(f"line {number} holds {words[-1]!r}, and lines before it other words")
+            raise Refusal(
+                f"line {number} contains {words[-1]!r}; earlier lines contain other words"
+            )
     if words:
         notes.append(f"Missing points are written {', '.join(map(repr, words))}.")
     return _Table(np.where(lost, np.nan, values), header, layout, notes)
@@ -187,7 +189,7 @@ def _line_scan(table: _Table) -> Scan:
     if np.sum(steps < 0) > np.sum(steps > 0):
         x, z, steps = x[::-1], z[::-1], -steps[::-1]
     if np.sum(steps <= 0) > 0.01 * len(steps):
-        raise Refusal("its first column, the position, goes back and forth")
+        raise Refusal("its first column (the position) goes back and forth")
     lateral, unit = _column_units(table)
     if np.any(steps <= 0):
         notes.append(f"Sorted {np.sum(steps <= 0)} points whose position stepped back.")
