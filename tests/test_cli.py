@@ -221,7 +221,7 @@ def test_a_result_of_another_scene_is_replaced_only_if_asked(rerun, tmp_path, mo
     assert result.exit_code == 2 and path.read_bytes() == before
     text = result.stderr
     assert "contains 2 solves of 'a small one' that 'another one' does not have" in text
-    assert "there `pressure = 2e5`, here `pressure = 3e5`" in text and "--replace" in text
+    assert "File: `pressure = 2e5`. Scene: `pressure = 3e5`." in text and "--replace" in text
     result = rerun("--replace", text=other)
     assert result.exit_code == 0 and read_results(path).pressure == 3e5
     assert rerun("--replace").exit_code == 0 and read_results(path).pressure == 2e5
