@@ -26,7 +26,7 @@ jax.config.update("jax_enable_x64", True)
 ROOT = Path(__file__).parents[1]
 RESULTS = Path(__file__).parent / "results"
 MEASURED = "GRADED_CONTACT_MEASURED"  # of the environment
-_PRINTED: list[str] = []  # columns of the last row
+_WIDTHS: dict[str, int] = {}  # of the columns printed last
 
 
 def run(doc: str | None, *sections: Callable[..., None]) -> None:
@@ -105,14 +105,20 @@ def report(name: str, row: dict[str, str | float], note: str = "") -> None:
 
 
 def show(row: dict[str, str | float], note: str = "") -> None:
-    """Prints a row, under a header where the columns change."""
-    if list(row) != _PRINTED:
-        _PRINTED[:] = list(row)
-        print("  ".join(f"{key:>9s}" for key in row))
-    cells = {key: cell if isinstance(cell, str) else f"{cell:.4g}" for key, cell in row.items()}
-    print(
-        "  ".join(f"{cell:>{max(len(key), 9)}s}" for key, cell in cells.items()) + note, flush=True
-    )
+    """Prints a row, under a header where the columns change; texts to the left."""
+    texts = {key for key, cell in row.items() if isinstance(cell, str)}
+    cells = {key: cell if key in texts else f"{cell:.4g}" for key, cell in row.items()}
+    if list(row) != list(_WIDTHS):
+        _WIDTHS.clear()
+        # Later texts of a column may be a little longer than the first.
+        _WIDTHS.update({k: max(len(k), len(c) + 6 if k in texts else 9) for k, c in cells.items()})
+        _print_aligned({key: key for key in row}, texts)
+    _print_aligned(cells, texts, note)
+
+
+def _print_aligned(cells: dict[str, str], texts: set[str], note: str = "") -> None:
+    words = (f"{c:{'<' if k in texts else '>'}{_WIDTHS[k]}s}" for k, c in cells.items())
+    print("  ".join(words) + note, flush=True)
 
 
 def keep(name: str, row: dict[str, str | float]) -> None:
