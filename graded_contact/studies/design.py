@@ -16,7 +16,6 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float
 from scipy.optimize import minimize
-from scipy.stats import qmc
 
 from ..core.checks import check_tolerance, check_types, check_whole
 from ..core.display import shown
@@ -224,6 +223,8 @@ def _silent(_: float) -> None:
 
 def _starts(box, first, num_starts, seed):
     """The first, and others spread evenly over the box."""
+    from scipy.stats import qmc  # takes 0.4 s to import
+
     shift = np.random.default_rng(seed).random(len(first))
     spread = (qmc.Halton(len(first), scramble=False).random(num_starts)[1:] + shift) % 1
     return [first, *(box.low * (box.high / box.low) ** u for u in spread)]
