@@ -13,7 +13,7 @@ import pytest
 import graded_contact as gc
 
 DOCS = Path(__file__).parents[1] / "docs"
-PAGES = sorted([*DOCS.glob("*.md"), *DOCS.glob("howto/*.md"), DOCS.with_name("README.md")])
+PAGES = sorted([*DOCS.glob("*.md"), *DOCS.glob("howto/*.md"), *DOCS.glob("theory/*.md"), DOCS.with_name("README.md")])
 
 
 def python_blocks(page: Path) -> list[str]:
