@@ -6,6 +6,9 @@ from pathlib import Path
 sys.path.insert(0, str(Path(__file__).parent))
 
 import _generated
+from docutils import nodes
+from docutils.utils.math.latex2mathml import tex2mathml
+from sphinx.application import Sphinx
 
 import graded_contact
 
@@ -27,13 +30,38 @@ exclude_patterns = ["_*"]
 # Pages that may not be there.
 suppress_warnings = ["toc.empty_glob"]
 
+html_static_path = ["_static"]
+html_css_files = ["site.css"]
 html_theme = "pydata_sphinx_theme"
 html_title = "graded_contact"
 html_theme_options = {
     "show_toc_level": 2,
     "navigation_with_keys": False,
     "navbar_end": ["theme-switcher"],
-    "secondary_sidebar_items": ["page-toc"],
+    "navbar_persistent": ["search-button"],
+    "header_links_before_dropdown": 9,
+    "secondary_sidebar_items": {"**": ["page-toc"], "index": []},
 }
+html_sidebars = {
+    name: [] for name in ("index", "numbers", "explore", "validation", "comparison", "paper")
+}
+html_math_renderer = "mathml"
+
+
+def setup(app: Sphinx) -> None:
+    """Formulas become MathML, which browsers typeset without a script and without a network."""
+    app.add_html_math_renderer("mathml", (inline_formula, None), (block_formula, None))
+
+
+def inline_formula(translator, node) -> None:
+    translator.body.append(tex2mathml(node.astext()))
+    raise nodes.SkipNode
+
+
+def block_formula(translator, node) -> None:
+    text = tex2mathml(node.astext(), as_block=True)
+    translator.body.append(f'<div class="formula">{text}</div>')
+    raise nodes.SkipNode
+
 
 _generated.write_all(Path(__file__).parent)
