@@ -1,4 +1,4 @@
-"""The site: `sphinx-build -W docs site`; with `-D nb_execution_mode=cache` the notebooks run."""
+"""The site: `sphinx-build -W docs site`; `-D nb_execution_mode=off` skips the notebooks."""
 
 import sys
 from pathlib import Path
@@ -17,15 +17,19 @@ version = release = graded_contact.__version__
 copyright = "the graded_contact maintainers"
 
 extensions = [
+    "sphinx.ext.viewcode",
     "myst_nb",
     "sphinx_copybutton",
     "sphinx_design",
 ]
 myst_enable_extensions = ["colon_fence", "deflist", "dollarmath", "attrs_inline"]
 myst_heading_anchors = 3
-nb_execution_mode = "off"
+nb_execution_mode = "cache"
 nb_execution_timeout = 600
 nitpicky = True
+nitpick_ignore_regex = [("py:class", ".*")]  # types of arguments
+python_use_unqualified_type_names = True
+python_maximum_signature_line_length = 88
 exclude_patterns = ["_*"]
 # Pages that may not be there.
 suppress_warnings = ["toc.empty_glob"]
@@ -49,8 +53,15 @@ html_math_renderer = "mathml"
 
 
 def setup(app: Sphinx) -> None:
-    """Formulas become MathML, which browsers typeset without a script and without a network."""
+    """Formulas become MathML: browsers typeset it without scripts."""
     app.add_html_math_renderer("mathml", (inline_formula, None), (block_formula, None))
+    app.connect("source-read", link_names)
+
+
+def link_names(app: Sphinx, page: str, source: list[str]) -> None:
+    """Names in the tables of the reference are links."""
+    if page == "reference":
+        source[0] = _generated.linked(source[0], _generated.all_places())
 
 
 def inline_formula(translator, node) -> None:
