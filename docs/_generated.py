@@ -10,6 +10,7 @@ from collections.abc import Callable, Sequence
 from pathlib import Path
 from typing import Any
 
+from _examples import EXAMPLES
 from _figures import FIGURES
 from jaxtyping import ScalarLike
 from numpy.typing import ArrayLike
@@ -171,6 +172,8 @@ def description(place: str, thing: object, places: dict[str, str]) -> str:
     module, _, name = place.rpartition(".")
     head = f"::::{{py:{kind}}} {name}{signature(thing)}\n:module: {module}\n"
     parts = [head, documented(thing, places)]
+    if name in EXAMPLES:
+        parts += [f"**Example:**\n\n```python\n{EXAMPLES[name].strip()}\n```"]
     for name, found in vars(thing).items() if kind == "class" else ():
         function = found.fget if isinstance(found, property) else getattr(found, "__func__", found)
         if name.startswith("_") or not inspect.isfunction(function) or not function.__doc__:
