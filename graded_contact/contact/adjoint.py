@@ -30,14 +30,13 @@ import equinox as eqx
 import jax
 import jax.numpy as jnp
 import numpy as np
-from jaxtyping import Array, Bool, Float, Inexact
+from jaxtyping import Array, Bool, Float
 
 from ..core.checks import check_tolerance, check_whole
 from ..fields.devices import tied
-from ..fields.grid import to_field
-from .active_set import most_eliminated, solve_on_few
+from .active_set import green_of, most_eliminated, solve_on_few
 from .law import AbstractLaw
-from .operator import Solid, displace, nonzero
+from .operator import AbstractOperator, Solid, nonzero
 from .solver import Loading, slope
 from .splitting import Splitting, check_relaxation, draft, iterate
 
@@ -87,7 +86,7 @@ class LinearSplitting(eqx.Module):
 
     def __call__(
         self,
-        kernel: Inexact[Array, "*half"],
+        operator: AbstractOperator,
         weights: Float[Array, "*shape"],
         rhs: Float[Array, "*shape"],
         *,
@@ -97,7 +96,7 @@ class LinearSplitting(eqx.Module):
         if self.rtol is not None:
             check_tolerance("rtol", self.rtol, rhs)
             rtol = jnp.asarray(self.rtol, rhs.dtype)
-        tau, _, found, _ = self.solve(kernel, weights, rhs, rtol=rtol)
+        tau, _, found, _ = self.solve(operator, weights, rhs, rtol=rtol)
         checked = eqx.error_if(
             jnp.asarray(-0.0),
             ~found,
@@ -108,7 +107,7 @@ class LinearSplitting(eqx.Module):
 
     def solve(
         self,
-        kernel: Inexact[Array, "*half"],
+        operator: AbstractOperator,
         weights: Float[Array, "*shape"],
         rhs: Float[Array, "*shape"],
         *,
@@ -118,14 +117,14 @@ class LinearSplitting(eqx.Module):
 
         **Arguments:**
 
-        - `kernel`: ρM on the half spectrum, or for the adjoint its conjugate, 0 at q = 0.
+        - `operator`: ρM, or its adjoint.
         - `weights`: s, the slope of the law's proximal map at each point.
         - `rhs`: the right side; it and τ are orthogonal to √|s|.
         - `rtol`: relative error that ends it; that of the contact if the settings have none.
         """
         root, sign = jnp.sqrt(jnp.abs(weights)), jnp.where(weights < 0, -1, 1).astype(rhs.dtype)
-        solid = Solid(kernel, jnp.ones((), rhs.dtype), False)
-        few, eliminated = self._on_few(solid, weights, root, sign, rhs)
+        solid = Solid(operator, jnp.ones((), rhs.dtype), False)
+        few, eliminated = self._on_few(operator, weights, root, sign, rhs)
         proximal = jax.tree_util.Partial(_proximal, root, sign, rhs)
         share = jnp.maximum(jnp.mean(root), 1 / root.size)
         splitting = Splitting(
@@ -146,15 +145,14 @@ class LinearSplitting(eqx.Module):
         ended = jnp.where(few, jnp.all(jnp.isfinite(eliminated)), ~last.running)
         return LinearSolution(tau, pressure, ended, last.num_steps)
 
-    def _on_few(self, solid: Solid, weights, root, sign, rhs):
+    def _on_few(self, operator: AbstractOperator, weights, root, sign, rhs):
         """Whether few points are in contact, and if so τ."""
-        room = most_eliminated(rhs)
-        if room == 0:
+        room, green = most_eliminated(operator, rhs), green_of(operator, rhs.shape)
+        if room == 0 or green is None:
             return jnp.asarray(False), rhs
         few = jnp.sum(weights != 0) <= room
 
         def eliminate(_):
-            green = to_field(solid.compliance + 0j, rhs.shape)
             none = jnp.zeros((), rhs.dtype)
             found = solve_on_few(root, green, sign * (1 - weights), rhs, none, room)
             return jnp.where(root > 0, found, rhs), jnp.asarray(False)
@@ -170,7 +168,7 @@ def _proximal(root, sign, rhs, v):
 class Inputs(NamedTuple):
     """The inputs of a contact."""
 
-    kernel: Inexact[Array, "*half"]
+    operator: AbstractOperator
     heights: Float[Array, "*shape"]
     law: AbstractLaw
     loading: Loading
@@ -181,7 +179,7 @@ class State(NamedTuple):
 
     pressure: Float[Array, "*shape"]
     displacement: Float[Array, "*shape"]
-    mean_gap: Float[Array, ""]
+    mean_gap: Float[Array, "..."]
 
 
 def attach_gradient(
@@ -209,28 +207,30 @@ def _attached(inputs, state, gap, penalty, adjoint, rtol):
 def _attached_jvp(primals, tangents):
     inputs, state, gap, penalty, adjoint, rtol = primals
     change: Inputs = tangents[0]
+    operator = inputs.operator
     # Attached again, so that a derivative of the rule itself moves with the state.
     state = _attached(*primals)
     moving = state.displacement - inputs.heights + jnp.mean(inputs.heights) + state.mean_gap
     v = state.pressure - penalty * (gap + (moving - jax.lax.stop_gradient(moving)))
     s = slope(inputs.law.in_units(1.0, 1 / penalty), v)
-    by_law, by_kernel, by_heights = _given_changes(inputs, change, state, penalty, v)
-    total = nonzero(jnp.mean(s))
+    by_law, by_operator, by_heights = _given_changes(inputs, change, state, penalty, v)
+    total = nonzero(operator.mean(s))
 
     def respond(rhs, known, d_load):
         """dσ under a change of the load, of which the part `known` is given."""
-        share = (d_load - jnp.mean(known)) / total
+        share = (d_load - operator.mean(known)) / total
         known = known + share * s
-        rhs = rhs - share * (1 - s) - penalty * displace(inputs.kernel, known)
-        return known + _in_contact(penalty * inputs.kernel, s, rhs, adjoint, rtol)
+        rhs = rhs - share * (1 - s) - penalty * operator.displace(known)
+        return known + _in_contact(operator.scaled(penalty), s, rhs, adjoint, rtol)
 
     def opened(d_pressure, given):
         """The change of the mean gap with a pressure, and with what else is given."""
-        moved = displace(inputs.kernel, d_pressure)
-        return jnp.mean(given - (1 - s) * d_pressure - penalty * s * moved) / (penalty * total)
+        moved = operator.displace(d_pressure)
+        left = given - (1 - s) * d_pressure - penalty * s * moved
+        return operator.mean(left) / (penalty * total)
 
-    rhs = by_law - penalty * (by_kernel - by_heights)
-    given = by_law - penalty * s * (by_kernel - by_heights)
+    rhs = by_law - penalty * (by_operator - by_heights)
+    given = by_law - penalty * s * (by_operator - by_heights)
     d_load, d_gap = change.loading
     d_pressure = respond(rhs, by_law, 0.0 if d_load is None else d_load)
     if inputs.loading.pressure is not None:
@@ -242,49 +242,51 @@ def _attached_jvp(primals, tangents):
         by_load = respond(none, none, 1.0)
         missing = d_gap - opened(d_pressure, given)
         d_pressure = d_pressure + by_load * (missing / nonzero(opened(by_load, none)))
-    d_displacement = displace(inputs.kernel, d_pressure) + by_kernel
+    d_displacement = operator.displace(d_pressure) + by_operator
     return state, State(d_pressure, d_displacement, d_gap)
 
 
 def _given_changes(inputs: Inputs, change: Inputs, state: State, penalty, v):
     """R of the law, dM σ and dh without its mean, each 0 where nothing changes."""
-    by_law = by_kernel = by_heights = jnp.zeros_like(v)
+    by_law = by_operator = by_heights = jnp.zeros_like(v)
     if jax.tree.leaves(change.law):
         d_law = _fill_with_zeros(change.law, inputs.law)
         respond = lambda law: law.in_units(1.0, 1 / penalty).proximal(v)  # noqa: E731
         by_law = jax.jvp(respond, (inputs.law,), (d_law,))[1]
-    if change.kernel is not None:
-        by_kernel = displace(change.kernel, state.pressure)
+    if jax.tree.leaves(change.operator):
+        d_operator = _fill_with_zeros(change.operator, inputs.operator)
+        moved = lambda operator: operator.displace(state.pressure)  # noqa: E731
+        by_operator = jax.jvp(moved, (inputs.operator,), (d_operator,))[1]
     if change.heights is not None:
         by_heights = change.heights - jnp.mean(change.heights)
-    return by_law, by_kernel, by_heights
+    return by_law, by_operator, by_heights
 
 
-def _in_contact(kernel, s, rhs, adjoint: LinearSolver, rtol):
+def _in_contact(operator: AbstractOperator, s, rhs, adjoint: LinearSolver, rtol):
     """√|s| τ of zero mean, where A τ = √|s| rhs."""
     root = root_of(s)
     sign = jnp.where(s < 0, -1, 1)
 
     def project(field):
-        return without_mean(field, root)
+        return without_mean(operator, field, root)
 
     def operate(tau):
         inside = project(tau)
-        pressed = displace(kernel, root * inside)
+        pressed = operator.displace(root * inside)
         return project(sign * (1 - s) * inside + root * pressed) + tau - inside
 
-    def solver_for(kernel):
+    def solver_for(operator):
         def run(_, rhs):
             inside = project(rhs)
-            return project(adjoint(kernel, s, inside, rtol=rtol)) + rhs - inside
+            return project(adjoint(operator, s, inside, rtol=rtol)) + rhs - inside
 
         return run
 
     return root * jax.lax.custom_linear_solve(
         operate,
         project(root * rhs),
-        solve=solver_for(kernel),
-        transpose_solve=solver_for(jnp.conj(kernel)),
+        solve=solver_for(operator),
+        transpose_solve=solver_for(operator.transposed),
     )
 
 
@@ -295,10 +297,10 @@ def root_of(s: Float[Array, "*shape"]) -> Float[Array, "*shape"]:
 
 
 def without_mean(
-    field: Float[Array, "*shape"], root: Float[Array, "*shape"]
+    operator: AbstractOperator, field: Float[Array, "*shape"], root: Float[Array, "*shape"]
 ) -> Float[Array, "*shape"]:
     """Returns τ less its part along √|s|: a given load leaves no mean of √|s| τ."""
-    return field - root * (jnp.sum(root * field) / nonzero(jnp.sum(root * root)))
+    return field - root * (operator.mean(root * field) / nonzero(operator.mean(root * root)))
 
 
 def _fill_with_zeros(tangents, primals):

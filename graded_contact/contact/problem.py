@@ -35,7 +35,7 @@ from .adjoint import Inputs, LinearSolver, LinearSplitting, State, attach_gradie
 from .estimates import Assessment, assess, penalty_at, state_of
 from .law import AbstractLaw, HardWall, check_law, check_pressure
 from .nested_solve import DouglasRachford
-from .operator import first_mode, least_compliance
+from .operator import Steady, first_mode
 from .solution import RESULTS, ContactSolution
 from .solver import (
     AbstractContactSolver,
@@ -118,7 +118,7 @@ def solve_contact(
     _check_heights(heights, solver)
     _check_kernel(kernel, heights, throw)
     check_law(law)
-    inputs = Inputs(kernel, heights, law, _loading(pressure, mean_gap, law, heights))
+    inputs = Inputs(Steady(kernel), heights, law, _loading(pressure, mean_gap, law, heights))
     if start is not None:
         start = _as_start(start, heights, law)
     # In one precision: what ends a solve counts the digits of the fields.
@@ -255,13 +255,14 @@ def _gap_of_law(inputs: Inputs, solution: ContactSolution):
         closed = jnp.where(pressure > low, jnp.minimum(gap, 0), jnp.maximum(gap, 0))
         return jnp.where((pressure > low) & (pressure < high), 0, closed)
     # The gap of the law's point nearest to pressure and gap.
-    penalty = penalty_for(inputs.kernel, participation(pressure), law)
+    penalty = penalty_for(inputs.operator, participation(pressure), law)
     v = pressure - penalty * gap
     return (law.in_units(1.0, 1 / penalty).proximal(v) - v) / penalty
 
 
 def _without_mean(inputs: Inputs) -> Inputs:
-    return inputs._replace(kernel=inputs.kernel.at[(0,) * inputs.kernel.ndim].set(0))
+    operator = inputs.operator
+    return inputs._replace(operator=operator.with_kernel(operator.compliance))
 
 
 @derivative_apart
@@ -326,7 +327,7 @@ def _how_it_ended(inputs: Inputs, finds_unstable, found: SolverOutput, reached, 
     result = RESULTS.where(reached, RESULTS.successful, result)
     result = RESULTS.where(finite, result, RESULTS.not_finite)
     if law.attracts and finds_unstable:
-        steep = law.steepest_rise * least_compliance(inputs.kernel) > _RESOLVED
+        steep = law.steepest_rise * inputs.operator.least > _RESOLVED
         result = RESULTS.where(steep & (result == RESULTS.successful), RESULTS.unresolved, result)
     worthless = (gap_error > WORTHLESS) & (jnp.std(inputs.heights) > 0)
     worthless = worthless & (result == RESULTS.successful)
@@ -334,5 +335,6 @@ def _how_it_ended(inputs: Inputs, finds_unstable, found: SolverOutput, reached, 
     if pressure is not None:
         # On input the value is unknown if the pressure is traced.
         low, high = law.bounds
-        result = RESULTS.where((pressure > low) & (pressure < high), result, RESULTS.bad_pressure)
+        possible = jnp.all((pressure > low) & (pressure < high))
+        result = RESULTS.where(possible, result, RESULTS.bad_pressure)
     return result
