@@ -121,12 +121,12 @@ def solve_on_few(
     green: Float[Array, "*shape"],
     diagonal: Float[Array, "*shape"],
     rhs: Float[Array, "*shape"],
-    total: Float[Array, ""],
+    total: Float[Array, ""] | None,
     room: int,
 ) -> Float[Array, "*shape"]:
     """Returns f with d f + w K w f + c w = rhs and Σ w f = total where w is not 0, and 0 elsewhere.
 
-    `weight` w is not 0 at `room` points at most, `green` is K in space.
+    `weight` w is not 0 at `room` points at most, `green` is K in space. Without a `total`, c = 0.
     """
     where = jnp.nonzero(weight, size=room, fill_value=0)
     used = jnp.arange(room) < jnp.sum(weight != 0)
@@ -135,9 +135,8 @@ def solve_on_few(
     matrix = w[:, None] * green[offsets] * w + jnp.where(used, diagonal[where], 1) * one
     sides = jnp.stack([jnp.where(used, rhs[where], 0), w], axis=1)
     found, by_weight = jnp.linalg.solve(matrix, sides).T
-    one_more = jnp.sum(w * by_weight)  # 0 where there is no point
-    missing = total - jnp.sum(w * found)
-    found = found + by_weight * (missing / jnp.where(one_more != 0, one_more, 1))
+    if total is not None:  # the sum is 0 where there is no point
+        found = found + by_weight * ((total - jnp.sum(w * found)) / nonzero(jnp.sum(w * by_weight)))
     return jnp.zeros_like(green).at[where].add(found)
 
 

@@ -6,8 +6,7 @@ smooth law: k/(k + ρ), k = -dσ/du) and its change R = ∂P/∂θ dθ with the 
 
     (1 - s) dσ + ρ s (M dσ + dū) = R - ρ s (dM σ - dh),
 
-with the change of the mean pressure prescribed. If that of the mean gap ū is prescribed instead, so
-much of the response to a load alone is added that ū changes as it should. Points join or leave the
+with the change of the mean pressure or that of the mean gap ū prescribed. Points join or leave the
 contact of a hard wall with σ = 0, so to first order the set of contact is fixed; where a point has
 σ = 0 and u = 0 at once the derivative is one-sided, that of the set as it was found. The same holds
 where the pressure just reaches a hardness.
@@ -37,11 +36,11 @@ from ..fields.devices import tied
 from .active_set import green_of, most_eliminated, solve_on_few
 from .law import AbstractLaw
 from .operator import AbstractOperator, Solid, nonzero
-from .solver import Loading, slope
+from .solver import Loading, history_of, slope
 from .splitting import Splitting, check_relaxation, draft, iterate
 
-# Solves A τ = b, as `LinearSplitting` does: called with ρM, s and b, and with the keyword `rtol`,
-# it returns τ.
+# Solves A τ = b, as `LinearSplitting` does: called with ρM, s and b, and with the keywords `rtol`
+# and `free_mean`, it returns τ.
 LinearSolver = Callable[..., Float[Array, "*shape"]]
 
 
@@ -91,12 +90,13 @@ class LinearSplitting(eqx.Module):
         rhs: Float[Array, "*shape"],
         *,
         rtol: Float[Array, ""],
+        free_mean: bool = False,
     ) -> Float[Array, "*shape"]:
         """Returns the τ of `solve`, or fails if that did not converge."""
         if self.rtol is not None:
             check_tolerance("rtol", self.rtol, rhs)
             rtol = jnp.asarray(self.rtol, rhs.dtype)
-        tau, _, found, _ = self.solve(operator, weights, rhs, rtol=rtol)
+        tau, _, found, _ = self.solve(operator, weights, rhs, rtol=rtol, free_mean=free_mean)
         checked = eqx.error_if(
             jnp.asarray(-0.0),
             ~found,
@@ -112,6 +112,7 @@ class LinearSplitting(eqx.Module):
         rhs: Float[Array, "*shape"],
         *,
         rtol: Float[Array, ""],
+        free_mean: bool = False,
     ) -> LinearSolution:
         """Returns τ with ε(1 - s)τ + √|s| ρM √|s| τ = rhs, ε being the sign of s, and more.
 
@@ -119,12 +120,15 @@ class LinearSplitting(eqx.Module):
 
         - `operator`: ρM, or its adjoint.
         - `weights`: s, the slope of the law's proximal map at each point.
-        - `rhs`: the right side; it and τ are orthogonal to √|s|.
+        - `rhs`: the right side.
         - `rtol`: relative error that ends it; that of the contact if the settings have none.
+        - `free_mean`: whether the mean of √|s| τ is free; else it is 0, and `rhs` has no part along
+          √|s|.
         """
         root, sign = jnp.sqrt(jnp.abs(weights)), jnp.where(weights < 0, -1, 1).astype(rhs.dtype)
-        solid = Solid(operator, jnp.ones((), rhs.dtype), False)
-        few, eliminated = self._on_few(operator, weights, root, sign, rhs)
+        solid = Solid(operator, jnp.ones((), rhs.dtype), free_mean)
+        total = None if free_mean else jnp.zeros((), rhs.dtype)
+        few, eliminated = self._on_few(operator, weights, root, sign, rhs, total)
         proximal = jax.tree_util.Partial(_proximal, root, sign, rhs)
         share = jnp.maximum(jnp.mean(root), 1 / root.size)
         splitting = Splitting(
@@ -134,7 +138,7 @@ class LinearSplitting(eqx.Module):
             rtol,
             share,
             relaxation=self.relaxation,
-            history_length=self.history_length,
+            history_length=history_of(self.history_length, free_mean),
         )
         max_steps = jnp.where(few, 0, self.max_steps)
         z, _ = draft(splitting, root * rhs, max_steps=max_steps)
@@ -145,7 +149,7 @@ class LinearSplitting(eqx.Module):
         ended = jnp.where(few, jnp.all(jnp.isfinite(eliminated)), ~last.running)
         return LinearSolution(tau, pressure, ended, last.num_steps)
 
-    def _on_few(self, operator: AbstractOperator, weights, root, sign, rhs):
+    def _on_few(self, operator: AbstractOperator, weights, root, sign, rhs, total):
         """Whether few points are in contact, and if so τ."""
         room, green = most_eliminated(operator, rhs), green_of(operator, rhs.shape)
         if room == 0 or green is None:
@@ -153,8 +157,7 @@ class LinearSplitting(eqx.Module):
         few = jnp.sum(weights != 0) <= room
 
         def eliminate(_):
-            none = jnp.zeros((), rhs.dtype)
-            found = solve_on_few(root, green, sign * (1 - weights), rhs, none, room)
+            found = solve_on_few(root, green, sign * (1 - weights), rhs, total, room)
             return jnp.where(root > 0, found, rhs), jnp.asarray(False)
 
         # A loop of one turn: under `vmap` both branches of a condition would be computed.
@@ -216,33 +219,24 @@ def _attached_jvp(primals, tangents):
     by_law, by_operator, by_heights = _given_changes(inputs, change, state, penalty, v)
     total = nonzero(operator.mean(s))
 
-    def respond(rhs, known, d_load):
-        """dσ under a change of the load, of which the part `known` is given."""
-        share = (d_load - operator.mean(known)) / total
-        known = known + share * s
-        rhs = rhs - share * (1 - s) - penalty * operator.displace(known)
-        return known + _in_contact(operator.scaled(penalty), s, rhs, adjoint, rtol)
-
-    def opened(d_pressure, given):
-        """The change of the mean gap with a pressure, and with what else is given."""
-        moved = operator.displace(d_pressure)
-        left = given - (1 - s) * d_pressure - penalty * s * moved
-        return operator.mean(left) / (penalty * total)
-
     rhs = by_law - penalty * (by_operator - by_heights)
-    given = by_law - penalty * s * (by_operator - by_heights)
     d_load, d_gap = change.loading
-    d_pressure = respond(rhs, by_law, 0.0 if d_load is None else d_load)
-    if inputs.loading.pressure is not None:
-        d_gap = opened(d_pressure, given)
+    free_mean = inputs.loading.pressure is None
+    known = by_law  # the part of dσ that is given
+    if free_mean:
+        d_gap = jnp.zeros_like(state.mean_gap) if d_gap is None else d_gap
+        rhs = rhs - penalty * d_gap
     else:
-        # The load follows from the gap, by the response to a load alone.
-        d_gap = jnp.zeros_like(penalty) if d_gap is None else d_gap
-        none = jnp.zeros_like(v)
-        by_load = respond(none, none, 1.0)
-        missing = d_gap - opened(d_pressure, given)
-        d_pressure = d_pressure + by_load * (missing / nonzero(opened(by_load, none)))
+        share = ((0.0 if d_load is None else d_load) - operator.mean(known)) / total
+        known = known + share * s
+        rhs = rhs - share * (1 - s)
+    rhs = rhs - penalty * operator.displace(known)
+    scaled = operator.scaled(penalty)
+    d_pressure = known + _in_contact(scaled, s, rhs, adjoint, rtol, free_mean)
     d_displacement = operator.displace(d_pressure) + by_operator
+    if not free_mean:
+        left = by_law - (1 - s) * d_pressure - penalty * s * (d_displacement - by_heights)
+        d_gap = operator.mean(left) / (penalty * total)
     return state, State(d_pressure, d_displacement, d_gap)
 
 
@@ -262,13 +256,13 @@ def _given_changes(inputs: Inputs, change: Inputs, state: State, penalty, v):
     return by_law, by_operator, by_heights
 
 
-def _in_contact(operator: AbstractOperator, s, rhs, adjoint: LinearSolver, rtol):
-    """√|s| τ of zero mean, where A τ = √|s| rhs."""
+def _in_contact(operator: AbstractOperator, s, rhs, adjoint: LinearSolver, rtol, free_mean: bool):
+    """√|s| τ, of zero mean unless that is free, where A τ = √|s| rhs."""
     root = root_of(s)
     sign = jnp.where(s < 0, -1, 1)
 
     def project(field):
-        return without_mean(operator, field, root)
+        return field if free_mean else without_mean(operator, field, root)
 
     def operate(tau):
         inside = project(tau)
@@ -278,7 +272,8 @@ def _in_contact(operator: AbstractOperator, s, rhs, adjoint: LinearSolver, rtol)
     def solver_for(operator):
         def run(_, rhs):
             inside = project(rhs)
-            return project(adjoint(operator, s, inside, rtol=rtol)) + rhs - inside
+            tau = adjoint(operator, s, inside, rtol=rtol, free_mean=free_mean)
+            return project(tau) + rhs - inside
 
         return run
 

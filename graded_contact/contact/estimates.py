@@ -67,13 +67,13 @@ def penalty_at(inputs: Inputs, found: SolverOutput) -> Float[Array, ""]:
 
 def state_of(inputs: Inputs, found: SolverOutput) -> State:
     """Returns pressure, displacement of zero mean and mean gap of a contact."""
-    displacement = found.displacement - jnp.mean(found.displacement)
+    mean = inputs.operator.mean
+    displacement = found.displacement - mean(found.displacement)
     if inputs.loading.gap is not None:
         return State(found.pressure, displacement, inputs.loading.gap)
     # Weighed with the pressure, gaps of the solid and of the law agree.
     weight = jnp.abs(found.pressure)
     offset = found.gap - displacement + inputs.heights - jnp.mean(inputs.heights)
-    mean = inputs.operator.mean
     return State(found.pressure, displacement, mean(weight * offset) / mean(weight))
 
 
@@ -181,7 +181,7 @@ def changed(inputs: Inputs, found: SolverOutput, change: Float[Array, "*shape"])
     fixed = jnp.mean(s) * bending_energy(operator, law_gap) / nonzero(jnp.mean(law_gap**2))
     free = jnp.where(operator.is_mean, 0, 1 / (1 + fixed * jnp.abs(operator.kernel)))
     moved = operator.filtered(free, operator.displace(pressure) - before)
-    displacement = before - jnp.mean(before) + moved
+    displacement = before - operator.mean(before) + moved
     solid_gap = displacement - penalty * (inputs.heights - jnp.mean(inputs.heights))
     gap = inputs.loading.gap
     offset = _offset(operator, s, solid_gap - law_gap, 0.0) if gap is None else penalty * gap

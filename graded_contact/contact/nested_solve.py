@@ -30,6 +30,7 @@ from .solver import (
     AbstractContactSolver,
     Loading,
     SolverOutput,
+    history_of,
     participation,
     penalty_for,
     pressure_unit,
@@ -47,7 +48,6 @@ _NEWTON_UP_TO = 2**21  # points: they take more memory than is planned for large
 _SMALL = 0.125  # share along an axis of points in contact, up to which Newton steps pay
 _FEW = 100  # steps on coarse grids and in drafts, where Newton steps follow
 _STEPS, _MOST, _POINTS = 4000, 64_000, 2**16  # steps allowed on a grid of so many points
-_HISTORY_AT_GAP = 2  # of given mean gaps; with 5 some loads diverged above an area of 0.99
 _COLD_PARTICIPATION = 0.05  # ⟨σ⟩²/⟨σ²⟩ expected before anything is known
 _NEARLY = 0.98  # share of points touching, from which full contact is looked for
 _HIGHEST = 1e3  # pressure of a start, in what it takes to flatten the stiffest wave
@@ -119,10 +119,6 @@ class DouglasRachford(AbstractContactSolver):
         newton = hard and share >= _NEWTON_FROM and points <= _NEWTON_UP_TO
         most = self.max_steps or min(_STEPS * max(_POINTS // points, 1), _MOST)
         few = most if not hard or (finest and not newton) else min(_FEW, most)
-        length = self.history_length
-        if loading.pressure is None:
-            # Near full contact the load drifts, and long histories run away with it.
-            length = min(length, _HISTORY_AT_GAP)
         return GridSettings(
             share=share,
             finest=finest,
@@ -131,7 +127,7 @@ class DouglasRachford(AbstractContactSolver):
             draft_steps=few,
             max_steps=most if newton else few,
             relaxation=self.relaxation,
-            history_length=length,
+            history_length=history_of(self.history_length, loading.pressure is None),
             callback=self.callback if finest else None,
             rtol=rtol if finest else jnp.asarray(_COARSE_ERROR, rtol.dtype),
         )

@@ -18,6 +18,7 @@ from .anderson import sums
 from .law import AbstractLaw
 from .operator import AbstractOperator, nonzero, root_mean_square
 
+_HISTORY_AT_GAP = 2  # of given mean gaps; with 5 some loads diverged above an area of 0.99
 _CALLBACK_EVERY = 5  # cycles between pressures passed to a callback
 
 
@@ -136,6 +137,14 @@ def run_steps(steps: Steps, start: Array, max_steps: Array | int) -> Any:
         return ~steps.done(state) & (state.num_steps < max_steps)
 
     return jax.lax.while_loop(running, lambda state: steps.step(state), steps.init(start))
+
+
+def history_of(length: int, free_mean: bool) -> int:
+    """Returns how many iterates to combine: few if the mean pressure is free.
+
+    Near full contact the load drifts, and long histories run away with it.
+    """
+    return min(length, _HISTORY_AT_GAP) if free_mean else length
 
 
 def watch_of(callback: Callable[[Array], None] | None, unit: Float[Array, ""]) -> Callable | None:

@@ -93,9 +93,11 @@ class CyclicSliding(eqx.Module):
       0 for a spring, π/2 for a dashpot; 0 without motion.
     - `slope_in_contact`: rms slope of the block where it carries the load, the largest of all times
       [1].
+    - `load_mismatch`: difference of `load_work` from -∮ σ0 dū, its other form, over the energy
+      dissipated [1]: the error of grid and times, 0 without dissipation.
     - `energy_imbalance`: works of friction and load against dissipation, relative [1].
     - `largest_step`: largest distance that the surface moves from one time to the next, in spacings
-      of the grid [1].
+      of the grid, along x plus along y [1].
     - `unresolved_motion`: share of the velocity at the upper half of the frequencies [1].
     - `extrapolated_friction`: share of the dissipation at frequencies at which a material was not
       measured [1].
@@ -129,6 +131,7 @@ class CyclicSliding(eqx.Module):
     phase: Float[Array, ""]
     slope_in_contact: Float[Array, ""]
     energy_imbalance: Float[Array, ""]
+    load_mismatch: Float[Array, ""]
     largest_step: Float[Array, ""]
     unresolved_motion: Float[Array, ""]
     extrapolated_friction: Float[Array, ""]
@@ -273,6 +276,12 @@ RULES = (
         "the times do not resolve how the shortest waves move. Take more times.",
     ),
     Rule(
+        lambda found: found.load_mismatch,
+        LIMIT,
+        "The work of the load, in two forms, differs by {worst:.0%} of the dissipated energy: grid "
+        "and times do not resolve the contact. Take more of both, or a smoother motion.",
+    ),
+    Rule(
         lambda found: found.unresolved_motion,
         LIMIT,
         "{worst:.0%} of the velocity is at the upper half of the frequencies that the times "
@@ -333,12 +342,20 @@ def velocity_of(
     drift = cells * size
     share = jnp.arange(count, dtype=moved.dtype)[:, None] / count
     back = moved - drift * share
-    omega = period_frequencies(count, period)
-    if count % 2 == 0:
-        omega = omega.at[-1].set(0)
-    waves = 1j * omega[:, None] * jnp.fft.rfft(back, axis=0)
-    velocity = jnp.fft.irfft(waves, count, axis=0) + drift / period
+    velocity = _rate(back, _odd_frequencies(count, period)) + drift / period
     return velocity.reshape(displacement.shape), back.reshape(displacement.shape)
+
+
+def _odd_frequencies(count: int, period):
+    """The frequencies ω >= 0 of a period; the highest of an even count has no sign and is 0."""
+    omega = period_frequencies(count, period)
+    return omega if count % 2 else omega.at[-1].set(0)
+
+
+def _rate(values, omega):
+    """The derivative by time of periodic values, shape `(nt, n)`."""
+    waves = 1j * omega[:, None] * jnp.fft.rfft(values, axis=0)
+    return jnp.fft.irfft(waves, len(values), axis=0)
 
 
 def _mean_over(field):
@@ -439,9 +456,7 @@ def _numbers(contact, operator: SpaceTime, surface: Surface, law, displacement, 
     heights = jnp.broadcast_to(surface.heights, pressure.shape)
     geometric = tractions(pressure, heights, grid, velocity.shape[1])
     power = jnp.mean(jnp.sum(traction * velocity, axis=1))
-    omega = period_frequencies(count, period)
-    if count % 2 == 0:
-        omega = omega.at[-1].set(0)
+    omega = _odd_frequencies(count, period)
     signed = jnp.concatenate([omega, -omega[1 : (count + 1) // 2][::-1]])
     rate = operator.filtered(
         1j * signed.reshape(-1, *[1] * grid.ndim) * operator.compliance, pressure
@@ -450,6 +465,7 @@ def _numbers(contact, operator: SpaceTime, surface: Surface, law, displacement, 
     dissipation = _dissipation(operator, pressure, omega)
     lost, size = jnp.sum(dissipation), jnp.mean(jnp.abs(pressure * rate))
     first = jnp.fft.rfft(traction, axis=0)[1], jnp.fft.rfft(_components(back), axis=0)[1]
+    by_gap = -jnp.mean(load * _rate(contact.mean_gap.reshape(count, 1), omega)[:, 0])
     lead = jnp.sum(first[0] * jnp.conj(first[1]))
     indicator = _indicator(law, contact, operator, grid)
     touching = indicator > 0
@@ -484,7 +500,8 @@ def _numbers(contact, operator: SpaceTime, surface: Surface, law, displacement, 
         phase=jnp.angle(jnp.where(jnp.abs(lead) > 0, lead, 1)),
         slope_in_contact=jnp.max(_slopes(pressure, contact.displacement, grid)),
         energy_imbalance=jax.lax.stop_gradient(jnp.abs(exchanged - lost) / nonzero(size)),
-        largest_step=jnp.max(_length(steps)) / jnp.min(grid.spacing),
+        load_mismatch=jnp.abs(exchanged - power - by_gap) / nonzero(lost),
+        largest_step=jnp.max(jnp.sum(jnp.abs(steps) / grid.spacing[: steps.shape[1]], axis=1)),
         unresolved_motion=jnp.sqrt(upper),
         extrapolated_friction=jnp.asarray(outside, load.dtype),
         velocity=moving,

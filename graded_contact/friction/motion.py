@@ -45,20 +45,21 @@ class Motion(eqx.Module):
     @property
     def highest_speed(self) -> Float[Array, ""]:
         """The largest distance between neighbouring times over the time between them [m/s]."""
-        return jnp.max(_steps(self.displacement)) * len(self.displacement) / self.period
+        moved = jnp.sqrt(jnp.sum(_steps(self.displacement) ** 2, axis=1))
+        return jnp.max(moved) * len(self.displacement) / self.period
 
     def largest_step(self, grid: Grid) -> Float[Array, ""]:
-        """Returns the largest distance between neighbouring times, in spacings of the grid [1].
+        """Returns the largest distance between neighbouring times, in spacings along x plus y [1].
 
         Above 1, take more times.
         """
-        return jnp.max(_steps(self.displacement)) / jnp.min(grid.spacing)
+        moved = _steps(self.displacement)
+        return jnp.max(jnp.sum(moved / grid.spacing[: moved.shape[1]], axis=1))
 
 
 def _steps(displacement):
-    """Distances from each time to the next one; the step that closes the period may be a drift."""
-    moved = jnp.diff(displacement.reshape(len(displacement), -1), axis=0)
-    return jnp.max(jnp.abs(moved), axis=1)
+    """Distances from each time to the next one of this period, along each axis."""
+    return jnp.abs(jnp.diff(displacement.reshape(len(displacement), -1), axis=0))
 
 
 @check_types

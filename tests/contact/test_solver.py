@@ -102,7 +102,7 @@ def test_derivatives_have_a_tolerance_and_a_solver_of_their_own():
     """A loose derivative errs by its own tolerance; a dense solve gives that of the default."""
     kernel = gc.stack_kernel(BODIES["elastic"], GRID).real
 
-    def dense(operator, weights, rhs, *, rtol):
+    def dense(operator, weights, rhs, *, rtol, free_mean):
         n, root = rhs.size, jnp.sqrt(jnp.abs(weights)).ravel()
         unit = jnp.eye(n).reshape(n, *rhs.shape)
         press = jax.vmap(operator.displace)(unit).reshape(n, n)
