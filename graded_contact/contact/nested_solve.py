@@ -21,6 +21,7 @@ import numpy as np
 from jaxtyping import Array, Float, Inexact
 
 from ..core.checks import check_whole, is_concrete
+from ..core.program import compiled
 from ..fields.grid import interpolate, resample_spectrum, to_field, to_spectrum
 from .active_set import most_eliminated
 from .anderson import sums
@@ -243,7 +244,7 @@ def _grids(kernel, heights, loading: Loading, shapes) -> list[tuple[Array, Array
     return [*coarse, (kernel, heights, unit)]
 
 
-@eqx.filter_jit
+@compiled
 def _coarser(kernel, heights, loading: Loading, shapes):
     shape, flat, coarse = heights.shape, heights - jnp.mean(heights), []
     spectrum = to_spectrum(flat)
@@ -271,7 +272,7 @@ def _problem(grid, numbers, loading: Loading) -> GridProblem:
     return GridProblem(kernel, heights, unit, penalty, law, mean, free_mean)
 
 
-@eqx.filter_jit
+@compiled
 def _begin(grid, law, loading: Loading, before, settings: GridSettings, looks: bool):
     """The same without the grid: what a program returns it copies."""
     kernel, rough, unit = grid
@@ -423,7 +424,7 @@ def _epochs(problem: GridProblem, state: SolveState, settings: GridSettings) -> 
     return jax.lax.while_loop(lambda state: state.next == _EPOCH_NEXT, epoch, state)
 
 
-@eqx.filter_jit
+@compiled
 def _alternate(problem: GridProblem, state: SolveState, settings: GridSettings) -> SolveState:
     """Iterates to the end, with Newton steps where the splitting is slow."""
 
@@ -458,7 +459,7 @@ def _alternate(problem: GridProblem, state: SolveState, settings: GridSettings) 
     return jax.lax.while_loop(lambda state: state.next != _NOTHING, turn, state)
 
 
-@eqx.filter_jit
+@compiled
 def _output(problem: GridProblem, state: SolveState) -> SolverOutput:
     """The contact where a solve ended on the finest grid."""
     factor = state.factor
