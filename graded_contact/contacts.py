@@ -13,6 +13,7 @@ from .contact.solver import AbstractContactSolver, Loading, SolverOutput, run_st
 from .contact.splitting import Splitting
 from .contact.target import ObservableTarget
 from .friction.magnification import area_against_cutoff
+from .friction.softening import slide_softened
 from .persson.mean_field import MeanField, pressure_distribution
 from .roughness.spectrum import CutoffCurve
 
@@ -21,5 +22,5 @@ __all__ = [
     "DouglasRachford", "ExponentialAdhesion", "HardWall", "LinearSplitting", "Loading",
     "MeanField", "ObservableTarget", "RepulsiveLJ", "ResidualDynamics", "Solid", "SolverOutput",
     "Splitting", "area_against_cutoff", "cumulative_friction", "follow_contact",
-    "pressure_distribution", "run_steps",
+    "pressure_distribution", "run_steps", "slide_softened",
 ]  # fmt: skip

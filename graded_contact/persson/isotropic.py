@@ -33,6 +33,7 @@ from ..response.compliance import surface_compliance_unchecked
 from ..response.grading import AbstractGradedSolver, graded_tolerance
 from ..response.stack import Stack
 from ..rheology.measured import is_unknown
+from ..rheology.softening import at_strain
 from ..roughness.spectrum import SelfAffine, between_ends, narrowing
 from .diffusion import Correction, area, mean_square_growth, slowed
 
@@ -143,6 +144,7 @@ def integrate(
     num_angles: int,
     known: tuple[Float[Array, ""], Float[Array, ""]] | None,
     graded_solver: AbstractGradedSolver,
+    strain_per_slope: Float[Array, ""] | None,
 ) -> tuple[
     Float[Array, " n"], Float[Array, " n"], Float[Array, " n"], Float[Array, ""], Float[Array, ""]
 ]:
@@ -158,7 +160,10 @@ def integrate(
     direction, speed = direction_and_speed(velocity)
     turn = roughness.turn_of(direction)
     tolerance = graded_tolerance(graded_solver, None, q)
-    check = jax.lax.stop_gradient((stack, roughness, own, pressure, speed, turn, q))
+    strain = None
+    if strain_per_slope is not None:
+        strain = strain_per_slope * _slope(roughness, q, lengths, 2 * num_intervals)
+    everything = stack, roughness, own, pressure, speed, turn, q, strain
 
     def frequencies(speed, turn, q, at_angle):
         """Components of q/|q| along the velocity, angles from across the lay, and ω."""
@@ -167,14 +172,14 @@ def integrate(
 
     def rates(values, at_q, at_angle):
         """Growth of the variance and of the friction of complete contact, per log q and angle."""
-        stack, roughness, own, pressure, speed, turn, q = values
+        stack, roughness, own, pressure, speed, turn, q, strain = values
         along, offset, omega = frequencies(speed, turn, q[at_q], at_angle)
-        q = q[at_q][:, None, None]
+        strain, q = None if strain is None else strain[at_q], q[at_q][:, None, None]
         amplitude = roughness.root_density(q) * q * roughness.root_narrowing(q, offset)
 
         def relative_to(amplitude, omega):
             # √C q/(M σ0): squares of its factors may leave the range of float32.
-            compliance = surface_compliance_unchecked(stack, q, omega, graded_solver, tolerance)
+            compliance = _compliance(stack, q, omega, strain, graded_solver, tolerance)
             relative = amplitude / (pressure * compliance)
             return relative.real**2 + relative.imag**2, relative.imag
 
@@ -186,7 +191,8 @@ def integrate(
     even, odd, fourth, eighth = (
         slice(start, None, step) for start, step in ((0, 2), (1, 2), (0, 4), (0, 8))
     )
-    used = rates((stack, roughness, own, pressure, speed, turn, q), even, even)
+    used = rates(everything, even, even)
+    check = jax.lax.stop_gradient(everything)
     between = rates(check, odd, fourth)
     more = rates(check, eighth, odd)
 
@@ -255,6 +261,24 @@ def _nodes(edges, lengths, num_intervals):
     from_below = edges[:-1, None] * jnp.exp(t * lengths[:, None])
     from_above = edges[1:, None] * jnp.exp((t - 1) * lengths[:, None])
     return _joined(jnp.where(t < 0.5, from_below, from_above))
+
+
+def _slope(roughness, q, lengths, num_intervals):
+    """The rms slope of the track up to each node [1]."""
+    rate = 2 * np.pi * (roughness.root_density(q, mean=True) * q**2) ** 2
+    square = _integral(rate, lengths, _clenshaw_curtis(num_intervals))
+    return jnp.where(square > 0, jnp.sqrt(jnp.where(square > 0, square, 1)), 0)
+
+
+def _compliance(stack, q, omega, strain, graded_solver, tolerance):
+    """M_zz at `q` of shape (n, 1, 1), of the block at the strain of each q, or as it is."""
+    if strain is None:
+        return surface_compliance_unchecked(stack, q, omega, graded_solver, tolerance)
+    return jax.vmap(
+        lambda q, omega, strain: surface_compliance_unchecked(
+            at_strain(stack, strain), q, omega, graded_solver, tolerance
+        )
+    )(q, omega, strain)
 
 
 def _joined(pieces):

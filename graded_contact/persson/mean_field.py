@@ -30,7 +30,7 @@ half space's are derived from complete contact.
 
 import equinox as eqx
 import jax.numpy as jnp
-from jaxtyping import Array, Float
+from jaxtyping import Array, Float, ScalarLike
 
 from ..core.checks import (
     Numbers,
@@ -48,6 +48,7 @@ from ..response.kernel import stack_kernel
 from ..response.layering import Layering
 from ..response.stack import Stack
 from ..rheology.measured import coverage
+from ..rheology.softening import at_strain
 from ..roughness.spectrum import CutoffCurve, SelfAffine
 from ..roughness.surface import Surface
 from .diffusion import Correction, area, density
@@ -102,6 +103,7 @@ def mean_field_friction(
     pressure: Numbers,
     velocity: Numbers,
     own_roughness: SelfAffine | tuple[Numbers, Numbers] | None = None,
+    strain_per_slope: ScalarLike | None = None,
     correction: Correction = "yang_persson",
     num_wavenumbers: int = 64,
     num_angles: int = 16,
@@ -128,6 +130,9 @@ def mean_field_friction(
     - `own_roughness`: roughness of the block itself, which moves with it, a `SelfAffine` or a pair
       as above. It reduces the area as the roughness of the track does, at rest: it excites no
       frequency, and the block does not dissipate in its own waves.
+    - `strain_per_slope`: for a block with `materials.StrainSoftening`. The modulus at each q is
+      that at the amplitude ε = `strain_per_slope` times the rms slope of the track up to q, the
+      factor [1] being of order 1. None: the amplitude of each material.
     - `correction`: how partial contact slows the diffusion: `"none"` (Persson 2001),
       `"yang_persson"`, `"wang_mueser"` or `"xu"`, see `persson/diffusion.py`.
     - `num_wavenumbers`: intervals of the quadrature in q, shared by the smooth pieces of the
@@ -146,9 +151,15 @@ def mean_field_friction(
     check_tolerance("rtol", rtol, pressure)
     # On input the value is unknown if the pressure is traced.
     load = jnp.where(pressure > 0, pressure, jnp.nan)
+    ratio = None
+    if strain_per_slope is not None:
+        ratio = as_scalar(strain_per_slope, "strain_per_slope")
+        check_positive("strain_per_slope", ratio, "[1]")
+        at_strain(stack, 0.0)  # refuses a block that does not soften
     if isinstance(spectrum, Surface):
-        if own_roughness is not None:
-            raise ValueError("`own_roughness` is refused with a `Surface` as `spectrum`.")
+        extra = {"own_roughness": own_roughness, "strain_per_slope": strain_per_slope}
+        for name in (name for name, value in extra.items() if value is not None):
+            raise ValueError(f"`{name}` is refused with a `Surface` as `spectrum`.")
         kernel = stack_kernel(stack, spectrum.grid, velocity, graded_solver=graded_solver)
         q, x, friction, share = add_up(
             kernel, spectrum, load, velocity, correction, coverage(stack)
@@ -163,7 +174,7 @@ def mean_field_friction(
         counts = _counts(num_wavenumbers, edges - 1, num_angles)
         q, x, friction, error, share = integrate(
             stack, roughness, own, load, velocity, correction, *counts, coverage(stack),
-            graded_solver,
+            graded_solver, ratio,
         )  # fmt: skip
     contact_area = area(x)
     solution = MeanField(
