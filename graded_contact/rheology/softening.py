@@ -1,9 +1,11 @@
 """Strain softening: filled rubber is softer at larger strain amplitude (Payne's effect).
 
 A strain sweep gives the factors f(ε) of E' and g(ε) of E''. The modulus at one amplitude is used as
-that of a linear solid, as in A. Lang, M. Klüppel, Tribol. Int. 113 (2017) 523, and B. N. J. Persson,
-B. Lorenz, M. Shimizu, M. Koishi, Adv. Polym. Sci. 275 (2017) 103, doi:10.1007/12_2016_14. Factors
-that are the same at every frequency obey Kramers' and Kronig's relation only if f = g = constant.
+that of a linear solid. (Factors that are the same at every frequency obey the relation of Kramers
+and Kronig only if f = g.)
+
+Source of the effect: A. R. Payne, J. Appl. Polym. Sci. 6 (1962) 57,
+doi:10.1002/app.1962.070061906.
 """
 
 from typing import TypeVar
