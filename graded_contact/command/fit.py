@@ -9,7 +9,7 @@ from typing import Annotated
 import typer
 from typer import Option
 
-from ..files.moduli.points import Measured
+from ..files.moduli.measured import Measured
 from ..files.moduli.reading import read_moduli
 from ..files.parameter_covariance import write_errors
 from ..files.paths import check_folder, full_path

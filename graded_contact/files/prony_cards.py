@@ -22,7 +22,7 @@ from ..core.checks import check_types
 from ..rheology.material import AbstractMaterial, Prony
 from ..rheology.measured import MeasuredRange
 from ..rheology.shift import WLF, AbstractShift
-from .schema import entry_text
+from .toml import entry_text
 
 ANSYS_TERMS = 100  # the most that TB,PRONY takes
 LEAST_REMAINDER = 1e-9  # of E_eq in E_inf, to keep it to about 1e-6

@@ -14,8 +14,9 @@ from jaxtyping import Array, Float
 
 from ..core.parameters import paths, with_values
 from ..files.prony_cards import export_prony
-from ..files.scene import RandomSurface, Scene
-from ..files.schema import parse_toml
+from ..files.scene import Scene
+from ..files.surface_source import RandomSurface
+from ..files.toml import parse_toml
 from ..response.stack import Stack
 from ..rheology.material import BulkShear, Elastic, Prony
 from ..rheology.shift import WLF, AbstractShift, TabulatedShift

@@ -16,7 +16,7 @@ from jaxtyping import Array, Float
 
 from ..contact.solver import AbstractContactSolver
 from ..fields.grid import direction_and_speed
-from ..files.scene import RandomSurface
+from ..files.surface_source import RandomSurface
 from ..friction.sliding import Sliding, slide
 from ..persson.mean_field import mean_field_friction
 from ..response.compliance import effective_modulus

@@ -17,8 +17,9 @@ from ..core.quantities import FIELDS, OBSERVABLES
 from ..files.dataset import NOT_STARTED, attach, package_versions
 from ..files.parameter_covariance import moved
 from ..files.results import KEPT_FIELDS, surface_variables, warnings_of
-from ..files.scene import RandomSurface, Scene
+from ..files.scene import Scene
 from ..files.schema import within
+from ..files.surface_source import RandomSurface
 from ..friction.sliding import slide
 from ..response.stack import Stack
 from ..rheology.shift import AbstractShift

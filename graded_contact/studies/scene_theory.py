@@ -18,8 +18,9 @@ from ..core.parameters import places
 from ..core.warnings import EXTRAPOLATED
 from ..fields.grid import Grid, wave_frequencies
 from ..files.parameter_covariance import Errors
-from ..files.scene import RandomSurface, Scene
+from ..files.scene import Scene
 from ..files.schema import within
+from ..files.surface_source import RandomSurface
 from ..persson.mean_field import MeanField, mean_field_friction
 from ..response.stack import Stack
 from ..rheology.material import Prony

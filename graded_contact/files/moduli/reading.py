@@ -16,11 +16,13 @@ from typing import Any
 import numpy as np
 
 from ...core.checks import Numbers, check_poisson, check_positive, check_types
-from ..tables import Sheet, holds_data, is_number, parameters, read_sheets
+from ..cells import Sheet, holds_data, is_number, read_sheets
 from ..units import DIMENSIONS, OFFSETS, UNITS, parse_unit
 from .columns import WAYS, MeasuredTable, Options
-from .points import Measured, distinct, joined, measured_points
+from .measured import Measured, distinct, joined
+from .points import measured_points
 from .steps import rank, understand
+from .tables import parameters
 
 # RepTate's manual fixes the order and units of the columns by the ending of the file, and which
 # parameter of its first line is the constant load.
