@@ -99,7 +99,7 @@ def run_design(
     mean field is not solved to its tolerance.
     """
     check_design(study)
-    own, say = study.scene.stack, progress or _no_progress
+    own, say = study.scene.stack, progress or (lambda *_: None)
     with within("[design]"):
         design = _search(
             study, mean_field_problem(study), {path: paths(own)[path] for path in study.lower},
@@ -178,7 +178,7 @@ def contact_problem(
 
     `store` and `progress` are as in `run_design`.
     """
-    stack, say = study.scene.stack, progress or _no_progress
+    stack, say = study.scene.stack, progress or (lambda *_: None)
     fields, friction_before = [], []
     for i in range(study.verify):
         say("polish, before", i, study.verify)
@@ -221,10 +221,6 @@ def _search(
 ) -> Design:
     objective, constraints = problem
     return minimise(objective, study.lower, study.upper, start, constraints=constraints, **options)
-
-
-def _no_progress(text: str, done: int, total: int) -> None:
-    pass
 
 
 @eqx.filter_jit

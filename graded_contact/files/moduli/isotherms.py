@@ -17,6 +17,17 @@ from .measured import ISOTHERM_GAP, grouped
 RAMP = 5.0  # K over which no isotherm drifts
 
 
+def one_each(temperature: Numbers, count: int, what: str) -> np.ndarray:
+    """Returns a temperature for each of so many files, sheets or curves."""
+    kelvin = np.asarray(temperature)
+    if kelvin.shape not in ((), (count,)):
+        raise ValueError(
+            f"`temperature` has shape {kelvin.shape}; one number is needed, or one for each of the "
+            f"{count} {what}."
+        )
+    return np.broadcast_to(kelvin, (count,))
+
+
 def temperatures_of(
     measured: MeasuredTable, entries: "pd.DataFrame", given: Numbers | None, notes: list[str]
 ) -> Any:
@@ -25,13 +36,7 @@ def temperatures_of(
     count = table.blocks * len(table.segments)
     curve = entries["curve"].to_numpy()
     if given is not None:
-        kelvin = np.asarray(given)
-        if kelvin.shape not in ((), (count,)):
-            raise ValueError(
-                f"`temperature` has shape {kelvin.shape}; one number is needed, or one for each of "
-                f"the {count} curve(s)"
-            )
-        return np.broadcast_to(kelvin, (count,))[curve]
+        return one_each(given, count, "curve(s)")[curve]
     if "temperature" in entries:
         return entries["temperature"]
     found = []
