@@ -21,17 +21,10 @@ from graded_contact.cli import app
 from graded_contact.contact.nested_solve import DouglasRachford
 from graded_contact.core.checks import Numbers
 from graded_contact.fields.grid import Grid
-from graded_contact.files import scene
+from graded_contact.files import block, scene, surface_source
 from graded_contact.files.design_scene import DesignScene, Stiffness
-from graded_contact.files.schema import (
-    REQUIRED,
-    Key,
-    Spacing,
-    classes_of,
-    entry_text,
-    keys_of,
-    parts_of,
-)
+from graded_contact.files.schema import REQUIRED, Key, Spacing, classes_of, keys_of, parts_of
+from graded_contact.files.toml import entry_text
 from graded_contact.response.profile import Blend
 from graded_contact.response.stack import HalfSpace, Layer
 from graded_contact.rheology.material import AbstractMaterial
@@ -51,12 +44,12 @@ SHORT = ("shift", "shape", "graded_solver")  # keys whose tables have a kind
 # Keys of scenes, by table and by what takes them.
 TABLES: dict[str, dict[Callable, tuple[Key, ...]]] = {
     "The scene": {scene.Tables: keys_of(scene.Tables)},
-    **{f'[surface], kind = "{kind}"': takers for kind, takers in scene.SURFACES.items()},
+    **{f'[surface], kind = "{kind}"': takers for kind, takers in surface_source.SURFACES.items()},
     "[grid]": {Grid: keys_of(Grid)},
-    "[materials.NAME], any kind": {gc.materials.read_errors: (scene.ERRORS,)},
+    "[materials.NAME], any kind": {gc.materials.read_errors: (block.ERRORS,)},
     **{
         f'[materials.NAME], kind = "{kind}"': {make: keys_of(make)}
-        for kind, make in {**scene.MATERIALS, "tabulated": scene.Block.tabulated}.items()
+        for kind, make in {**block.MATERIALS, "tabulated": block.Block.tabulated}.items()
     },
     "[[layers]]": {Layer: keys_of(Layer), Blend: keys_of(Blend)},
     '[base], kind = "half_space" ("rigid" and "free" have no keys)': {
@@ -71,7 +64,7 @@ TABLES: dict[str, dict[Callable, tuple[Key, ...]]] = {
     "[output]": {scene.Scene: scene.KEYS["[output]"]},
     **{
         f'{place}, kind = "{kind}"': {make: keys_of(make)}
-        for place, kinds in zip(SHORT, scene.KINDS.values(), strict=True)
+        for place, kinds in zip(SHORT, block.KINDS.values(), strict=True)
         for kind, make in kinds.items()
     },
     "[design]": {DesignScene: keys_of(DesignScene, "scene", "spectrum")},
@@ -298,7 +291,7 @@ def words(key: Key) -> str:
             return f"number, list, or {{from, to, points}}, {part.words}"
         if part is AbstractMaterial:
             return "NAME of a material"
-        if part in scene.KINDS:
+        if part in block.KINDS:
             return "table with a `kind`"
     names = {
         float: "number",
@@ -318,7 +311,7 @@ def default_text(key: Key) -> str:
     """Returns the value of a key that is missing."""
     if key.default is REQUIRED:
         return "required"
-    names = {make: kind for kinds in scene.KINDS.values() for kind, make in kinds.items()}
+    names = {make: kind for kinds in block.KINDS.values() for kind, make in kinds.items()}
     if type(key.default) in names:
         return f'"{names[type(key.default)]}"'
     return entry_text(key.default) if isinstance(key.default, int | float | str) else ""

@@ -1,6 +1,6 @@
 """More about materials: classes to extend, measured ranges, fits, other programs' formats."""
 
-from .files.moduli.points import Measured
+from .files.moduli.measured import Measured
 from .files.parameter_covariance import read_errors
 from .files.prony_cards import export_prony
 from .fitting.master import MasterCurve

@@ -29,6 +29,7 @@ from ..core.checks import (
 )
 from ..core.display import shown
 from ..core.memory import check_memory, surface_memory
+from ..core.program import compiled
 from ..core.warnings import caveats_of_steps
 from ..fields.devices import binned, num_devices, spread
 from ..fields.grid import (
@@ -216,7 +217,7 @@ def _check_band(spectrum: SelfAffine, grid: Grid) -> None:
             )
 
 
-@eqx.filter_jit
+@compiled
 def _synthesise(spectrum: SelfAffine, grid: Grid, key: Array, gaussian: bool) -> Array:
     x = wavenumber(grid) / spectrum.q_roll
     density = relative_density(spectrum, x, grid.ndim)
@@ -288,7 +289,7 @@ class Statistics(eqx.Module):
 
 
 @check_types
-@eqx.filter_jit
+@compiled
 def statistics(surface: Surface) -> Statistics:
     """Returns the statistics of a surface, differentiable unless it is flat.
 
@@ -385,7 +386,7 @@ def radial_spectrum(
     return _radial_spectrum(surface, num_bins)
 
 
-@eqx.filter_jit
+@compiled
 def _radial_spectrum(surface: Surface, num_bins: int) -> tuple[Array, Array]:
     grid = surface.grid
     power, scale = _modal_power(surface)
