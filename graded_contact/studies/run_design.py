@@ -229,7 +229,7 @@ def _search(
 
 @eqx.filter_jit
 def design_mean_field(
-    study: DesignScene, stack: Stack, velocities: np.ndarray | None = None
+    study: DesignScene, stack: Stack, velocities: Numbers | None = None
 ) -> MeanField:
     """Returns the mean field of a stack at the velocities of the study, or at others [m/s]."""
     scene = study.scene
