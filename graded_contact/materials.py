@@ -8,8 +8,9 @@ from .fitting.prony import PronyFit
 from .rheology.material import AbstractMaterial
 from .rheology.measured import MeasuredRange, coverage
 from .rheology.shift import AbstractShift, TabulatedShift
+from .rheology.softening import StrainSoftening, at_strain
 
 __all__ = [
     "AbstractMaterial", "AbstractShift", "MasterCurve", "Measured", "MeasuredRange", "PronyFit",
-    "TabulatedShift", "coverage", "export_prony", "read_errors",
+    "StrainSoftening", "TabulatedShift", "at_strain", "coverage", "export_prony", "read_errors",
 ]  # fmt: skip
