@@ -1,6 +1,6 @@
 """How many transforms, how long and how exact: contact of elastic and viscoelastic bodies.
 
-    python benchmarks/bench_contact.py elastic       beside Tamaas and ContactMechanics
+    python benchmarks/bench_contact.py elastic       compared with Tamaas and ContactMechanics
     python benchmarks/bench_contact.py viscoelastic  FFT pairs, growth with N
     python benchmarks/bench_contact.py observables   friction, area, gap: errors, claims, pairs
     python benchmarks/bench_contact.py random        random scenes: any failure, any false claim?

@@ -1,4 +1,4 @@
-"""What a solve costs beside its transforms: the sections `overhead`, `many`, `gradient`, `largest`.
+"""Costs of a solve besides transforms: sections `overhead`, `many`, `gradient`, `largest`.
 
 Run by `bench_contact.py`.
 """
