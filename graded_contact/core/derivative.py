@@ -11,8 +11,13 @@ from typing import Any, TypeVar, cast
 
 import equinox as eqx
 import jax
+import jax.numpy as jnp
+from jax import Array
 
 from .checks import is_concrete
+
+# Fails at run time if its second argument is true, else returns the first, a number.
+Check = Callable[[Array, Array], Array]
 
 F = TypeVar("F", bound=Callable[..., Any])
 T = TypeVar("T")
@@ -36,10 +41,12 @@ def _still_jvp(primals, _):
     return _still(primals[0]), jax.tree.map(lambda _: None, primals[0])
 
 
-def derivative_apart(function: F) -> F:
+def derivative_apart(function: F, check: Check | None = None) -> F:
     """Returns a function whose derivative, of any order and mode, is compiled separately.
 
     `function` takes positional arguments, returns arrays, and is compiled or made of what is.
+    `check` fails where a derivative is NaN. It is a program of its own: JAX stores no program on
+    disk that calls Python.
     """
 
     @eqx.filter_jit
@@ -67,7 +74,10 @@ def derivative_apart(function: F) -> F:
     @attached.def_jvp
     def attached_jvp(primals, tangents):
         # Attached again, so that a derivative of the rule itself moves with what was found.
-        return attached(*primals), change(primals[1], tangents[1])
+        found = attached(*primals)
+        if check is None:
+            return found, change(primals[1], tangents[1])
+        return found, _checked(change(primals[1], _checked(tangents[1], check)), check)
 
     def run(*args):
         if all(map(is_concrete, jax.tree.leaves(args))):
@@ -75,3 +85,23 @@ def derivative_apart(function: F) -> F:
         return attached(function(*still(args)), args)
 
     return cast(F, run)
+
+
+@eqx.filter_jit
+def _checked(tangents: T, check: Check) -> T:
+    """The tangents, or in reverse mode the cotangents, the first of which must be no NaN.
+
+    If one is NaN, all are.
+    """
+    leaves, structure = jax.tree.flatten(tangents)
+
+    def look(_, leaf):
+        nothing = check(jnp.asarray(-0.0), jnp.isnan(jnp.sum(leaf)))
+        return leaf + nothing.astype(leaf.dtype)
+
+    # The solve of a system that is none: a linear function with a transpose of its own.
+    first = [
+        jax.lax.custom_linear_solve(lambda x: x, leaf, look, transpose_solve=look)
+        for leaf in leaves[:1]
+    ]
+    return jax.tree.unflatten(structure, first + leaves[1:])
