@@ -26,9 +26,9 @@ from ..core.checks import (
     check_values,
     is_concrete,
 )
+from ..core.compilation import compiled
 from ..core.derivative import derivative_apart, still
 from ..core.memory import check_memory, contact_memory
-from ..core.program import compiled
 from ..fields.devices import num_devices, required
 from ..fields.grid import half_shape
 from .adjoint import (
