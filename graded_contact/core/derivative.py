@@ -13,6 +13,8 @@ import equinox as eqx
 import jax
 import jax.numpy as jnp
 from jax import Array
+from jax.extend.core import Primitive
+from jax.interpreters import ad, batching, mlir
 
 from .checks import is_concrete
 
@@ -45,7 +47,7 @@ def derivative_apart(function: F, check: Check | None = None) -> F:
     """Returns a function whose derivative, of any order and mode, is compiled separately.
 
     `function` takes positional arguments, returns arrays, and is compiled or made of what is.
-    `check` fails where a derivative is NaN. It is a program of its own: JAX stores no program on
+    `check` fails where a derivative is NaN. It is no part of its program: JAX stores no program on
     disk that calls Python.
     """
 
@@ -87,21 +89,39 @@ def derivative_apart(function: F, check: Check | None = None) -> F:
     return cast(F, run)
 
 
-@eqx.filter_jit
 def _checked(tangents: T, check: Check) -> T:
     """The tangents, or in reverse mode the cotangents, the first of which must be no NaN.
 
     If one is NaN, all are.
     """
     leaves, structure = jax.tree.flatten(tangents)
+    leaves[:1] = [_checked_p.bind(leaf, check=check) for leaf in leaves[:1]]
+    return jax.tree.unflatten(structure, leaves)
 
-    def look(_, leaf):
-        nothing = check(jnp.asarray(-0.0), jnp.isnan(jnp.sum(leaf)))
-        return leaf + nothing.astype(leaf.dtype)
 
-    # The solve of a system that is none: a linear function with a transpose of its own.
-    first = [
-        jax.lax.custom_linear_solve(lambda x: x, leaf, look, transpose_solve=look)
-        for leaf in leaves[:1]
-    ]
-    return jax.tree.unflatten(structure, first + leaves[1:])
+# The identity. A primitive, since outside `jit` its own transpose is to run in Python.
+_checked_p = Primitive("checked")
+
+
+@_checked_p.def_impl
+def _look(leaf, *, check: Check):
+    return leaf + check(jnp.asarray(-0.0), _is_lost(leaf)).astype(leaf.dtype)
+
+
+@jax.jit
+def _is_lost(leaf):
+    return jnp.isnan(jnp.sum(leaf))
+
+
+def _transposed(cotangent, leaf, *, check: Check):
+    return [_checked_p.bind(cotangent, check=check)]
+
+
+def _batched(leaves, axes, *, check: Check):
+    return _checked_p.bind(*leaves, check=check), axes[0]
+
+
+_checked_p.def_abstract_eval(lambda leaf, *, check: leaf)
+ad.deflinear2(_checked_p, _transposed)
+batching.primitive_batchers[_checked_p] = _batched
+mlir.register_lowering(_checked_p, mlir.lower_fun(_look, multiple_results=False))
