@@ -30,8 +30,8 @@ from ..fields.grid import (
     wavenumber,
 )
 from ..roughness.spectrum import CutoffCurve
-from .adjoint import displace
 from .estimates import error_of
+from .operator import displace
 
 
 def friction(

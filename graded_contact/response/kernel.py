@@ -42,7 +42,7 @@ from .table import KernelTable, tabulate
 
 _BLOCK_ROWS = 16
 # With so few layers, or points of the grid, direct evaluation is faster than a table.
-_FEW_LAYERS, _FEW_POINTS = 6, 192**2
+FEW_LAYERS, FEW_POINTS = 6, 192**2
 
 
 _NOT_REACHED = (
@@ -180,8 +180,8 @@ def _checked(stack, grid, velocity, graded_solver, rtol):
 
 
 def _is_dear(stack, grid):
-    many = is_graded(stack) or len(stack.layers) > _FEW_LAYERS
-    return many and grid.ndim == 2 and np.prod(grid.shape) > _FEW_POINTS
+    many = is_graded(stack) or len(stack.layers) > FEW_LAYERS
+    return many and grid.ndim == 2 and np.prod(grid.shape) > FEW_POINTS
 
 
 @derivative_apart
