@@ -164,9 +164,9 @@ def linear(n=128, loads=(0.01, 0.1, 0.5), tolerances=(1e-2, 1e-3, 5e-5)):
     print("# of dμ/dp (elastic: of the area's): pairs and true relative error of the adjoint field")
     surface, systems, ratios = rough_surface(n), [], {}
 
-    def recorded(*system, rtol):
+    def recorded(*system, **keys):
         jax.debug.callback(lambda *found: systems.append(found), *system)
-        return LinearSplitting(rtol=1e-2)(*system, rtol=rtol)
+        return LinearSplitting(rtol=1e-2)(*system, **keys)
 
     solve = jax.jit(lambda *system, rtol: LinearSplitting().solve(*system, rtol=rtol))
     for name, speed in AT_PEAK.items():
@@ -178,12 +178,11 @@ def linear(n=128, loads=(0.01, 0.1, 0.5), tolerances=(1e-2, 1e-3, 5e-5)):
         for load in loads:
             jax.block_until_ready(jax.grad(value, has_aux=True)(load, adjoint=recorded))
             jax.effects_barrier()
-            system, pairs = map(jnp.asarray, systems[-1]), float(value(load)[1])
-            kernel, weights, rhs = system
-            best = solve(kernel, weights, rhs, rtol=1e-11).tau
+            system, pairs = jax.tree.map(jnp.asarray, systems[-1]), float(value(load)[1])
+            best = solve(*system, rtol=1e-11).tau
             row = {"body": name, "p/E_r": load, "solve": pairs}
             for rtol in tolerances:
-                found = solve(kernel, weights, rhs, rtol=rtol)
+                found = solve(*system, rtol=rtol)
                 off = jnp.linalg.norm(found.tau - best) / jnp.linalg.norm(best)
                 row |= {
                     f"at {rtol:g}": float(found.num_fft_pairs),

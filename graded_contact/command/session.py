@@ -84,8 +84,8 @@ def prepare() -> None:
 
 def announce_compilation() -> None:
     """Prints that the job compiles, if the cache of compiled code is empty."""
-    folder = jax.config.jax_compilation_cache_dir
-    if folder is None or not any(Path(folder).glob("*")):
+    folder = cache_folder()
+    if folder is None or not any(folder.iterdir()):
         typer.echo(COMPILING, err=True)
 
 

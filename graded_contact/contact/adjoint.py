@@ -38,13 +38,8 @@ from .operator import AbstractOperator, Solid, nonzero
 from .solver import Loading, history_of, slope
 from .splitting import Splitting, check_relaxation, draft, iterate
 
-<<<<<<< HEAD
-# Solves A τ = b, as `LinearSplitting` does: called with ρM, s and b, and with the keyword `rtol`,
-# it returns τ, or NaN if it does not converge: `solve_contact` then fails.
-=======
 # Solves A τ = b, as `LinearSplitting` does: called with ρM, s and b, and with the keywords `rtol`
-# and `free_mean`, it returns τ.
->>>>>>> main
+# and `free_mean`, it returns τ, or NaN if it does not converge: `solve_contact` then fails.
 LinearSolver = Callable[..., Float[Array, "*shape"]]
 
 
@@ -100,19 +95,8 @@ class LinearSplitting(eqx.Module):
         if self.rtol is not None:
             check_tolerance("rtol", self.rtol, rhs)
             rtol = jnp.asarray(self.rtol, rhs.dtype)
-<<<<<<< HEAD
-        tau, _, found, _ = self.solve(kernel, weights, rhs, rtol=rtol)
-        return jnp.where(found, tau, jnp.nan)
-=======
         tau, _, found, _ = self.solve(operator, weights, rhs, rtol=rtol, free_mean=free_mean)
-        checked = eqx.error_if(
-            jnp.asarray(-0.0),
-            ~found,
-            "The linear solve for a derivative of the contact did not converge. Raise "
-            "`max_steps` of `adjoint`, or loosen its `rtol`.",
-        )
-        return tied(tau, checked)
->>>>>>> main
+        return jnp.where(found, tau, jnp.nan)
 
     def solve(
         self,
@@ -129,15 +113,10 @@ class LinearSplitting(eqx.Module):
 
         - `operator`: ρM, or its adjoint.
         - `weights`: s, the slope of the law's proximal map at each point.
-<<<<<<< HEAD
-        - `rhs`: the right side; it and τ are orthogonal to √|s|.
-        - `rtol`: relative error that ends it.
-=======
         - `rhs`: the right side.
-        - `rtol`: relative error that ends it; that of the contact if the settings have none.
+        - `rtol`: relative error that ends it.
         - `free_mean`: whether the mean of √|s| τ is free; else it is 0, and `rhs` has no part along
           √|s|.
->>>>>>> main
         """
         root, sign = jnp.sqrt(jnp.abs(weights)), jnp.where(weights < 0, -1, 1).astype(rhs.dtype)
         solid = Solid(operator, jnp.ones((), rhs.dtype), free_mean)

@@ -44,7 +44,8 @@ _probe = jax.jit(lambda: 0)
 
 @functools.cache
 def _alone(function):
-    return eqx.filter_jit(function, compiler_options=_options())
+    # As `jax.jit` takes it, which the types of Equinox do not say.
+    return eqx.filter_jit(function, compiler_options=_options())  # pyright: ignore
 
 
 @functools.cache
