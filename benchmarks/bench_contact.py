@@ -10,6 +10,7 @@
     python benchmarks/bench_contact.py cylinder      gliding cylinder, exact
     python benchmarks/bench_contact.py kernel        layered contacts as Tamaas finds them
     python benchmarks/bench_contact.py gradient      cost of derivatives
+    python benchmarks/bench_contact.py cycle         periodic motion, beside time steps
     python benchmarks/bench_contact.py largest       N = 8192: minutes and memory
 
 One FFT pair is a real transform forth and back on the full grid; coarse grids count by their size.
@@ -20,6 +21,7 @@ the package's at -10 °C; `+coat`, under an elastic coat of modulus 1 Pa, q0 d =
 """
 
 from contact_costs import gradient, largest, many, many_on, overhead, overhead_of
+from contact_cycle import cycle
 from contact_cylinder import cylinder
 from contact_errors import observables, viscoelastic
 from contact_peers import elastic, kernel
@@ -30,7 +32,7 @@ from rows import run
 def main():
     run(
         __doc__, elastic, viscoelastic, observables, random, hard, overhead, overhead_of, many,
-        many_on, cylinder, kernel, gradient, largest,
+        many_on, cylinder, cycle, kernel, gradient, largest,
     )  # fmt: skip
 
 

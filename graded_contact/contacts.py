@@ -5,7 +5,7 @@ from .contact.adjoint import LinearSplitting
 from .contact.law import AbstractLaw, HardWall, RepulsiveLJ
 from .contact.nested_solve import DouglasRachford
 from .contact.observables import cumulative_friction
-from .contact.operator import Solid
+from .contact.operator import AbstractOperator, Solid, Steady
 from .contact.path import ContactPath, follow_contact
 from .contact.rmd import ResidualDynamics
 from .contact.solution import RESULTS
@@ -17,9 +17,10 @@ from .persson.mean_field import MeanField, pressure_distribution
 from .roughness.spectrum import CutoffCurve
 
 __all__ = [
-    "RESULTS", "AbstractContactSolver", "AbstractLaw", "AdhesiveLJ", "ContactPath", "CutoffCurve",
-    "DouglasRachford", "ExponentialAdhesion", "HardWall", "LinearSplitting", "Loading",
+    "RESULTS", "AbstractContactSolver", "AbstractLaw", "AbstractOperator", "AdhesiveLJ",
+    "ContactPath", "CutoffCurve", "DouglasRachford", "ExponentialAdhesion", "HardWall",
+    "LinearSplitting", "Loading",
     "MeanField", "ObservableTarget", "RepulsiveLJ", "ResidualDynamics", "Solid", "SolverOutput",
-    "Splitting", "area_against_cutoff", "cumulative_friction", "follow_contact",
+    "Splitting", "Steady", "area_against_cutoff", "cumulative_friction", "follow_contact",
     "pressure_distribution", "run_steps",
 ]  # fmt: skip
