@@ -36,11 +36,11 @@ import dataclasses
 from collections.abc import Callable
 from typing import NamedTuple
 
-import equinox as eqx
 import jax
 import jax.numpy as jnp
 from jaxtyping import Array, Float
 
+from ..core.program import compiled
 from .adjoint import Inputs, LinearSplitting, State, root_of, without_mean
 from .operator import (
     bending_energy,
@@ -205,7 +205,7 @@ def _scaled(inputs: Inputs, found: SolverOutput):
     return inputs.operator.scaled(penalty), inputs.law.in_units(1.0, 1 / penalty), penalty
 
 
-@eqx.filter_jit
+@compiled
 def error_step(inputs: Inputs, found: SolverOutput) -> SolverOutput:
     """Returns the contact under a given load, one Newton step after the result of a solver."""
     operator, law, penalty = _scaled(inputs, found)

@@ -21,6 +21,7 @@ import numpy as np
 from jaxtyping import Array, Float
 
 from ..core.checks import check_whole, is_concrete
+from ..core.program import compiled
 from ..fields.grid import interpolate, resample_spectrum, to_field, to_spectrum
 from .active_set import most_eliminated
 from .law import AbstractLaw
@@ -249,7 +250,7 @@ def _grids(operator, heights, loading: Loading, shapes) -> list[OneGrid]:
     return [*coarse, OneGrid(operator, heights, loading, unit)]
 
 
-@eqx.filter_jit
+@compiled
 def _coarser(operator, heights, loading: Loading, shapes):
     shape, flat, coarse = heights.shape, heights - jnp.mean(heights), []
     spectrum = to_spectrum(flat)
@@ -287,7 +288,7 @@ def _problem(grid: OneGrid, numbers) -> GridProblem:
     return GridProblem(operator, heights, unit, penalty, law, mean, free_mean)
 
 
-@eqx.filter_jit
+@compiled
 def _begin(grid: OneGrid, law, before, settings: GridSettings, looks: bool):
     """The same without the grid: what a program returns it copies."""
     operator, rough, loading, unit = grid
@@ -441,7 +442,7 @@ def _epochs(problem: GridProblem, state: SolveState, settings: GridSettings) -> 
     return jax.lax.while_loop(lambda state: state.next == _EPOCH_NEXT, epoch, state)
 
 
-@eqx.filter_jit
+@compiled
 def _alternate(problem: GridProblem, state: SolveState, settings: GridSettings) -> SolveState:
     """Iterates to the end, with Newton steps where the splitting is slow."""
 
@@ -476,7 +477,7 @@ def _alternate(problem: GridProblem, state: SolveState, settings: GridSettings) 
     return jax.lax.while_loop(lambda state: state.next != _NOTHING, turn, state)
 
 
-@eqx.filter_jit
+@compiled
 def _output(problem: GridProblem, state: SolveState) -> SolverOutput:
     """The contact where a solve ended on the finest grid."""
     factor = state.factor

@@ -10,7 +10,6 @@ import dataclasses
 import functools
 from collections.abc import Callable
 
-import equinox as eqx
 import jax
 import jax.numpy as jnp
 import numpy as np
@@ -30,6 +29,7 @@ from ..core.checks import (
 )
 from ..core.derivative import derivative_apart, still
 from ..core.memory import check_memory, contact_memory
+from ..core.program import compiled
 from ..fields.devices import num_devices, required
 from ..fields.grid import half_shape
 from .adjoint import Inputs, LinearSolver, LinearSplitting, State, attach_gradient
@@ -255,7 +255,7 @@ def _search(inputs: Inputs, solver: AbstractContactSolver, rtol, target, start) 
     return _find_contact(inputs, solver, rtol, target, start)
 
 
-@eqx.filter_jit
+@compiled
 def _find_contact(inputs: Inputs, solver: AbstractContactSolver, rtol, target, start):
     if not isinstance(solver, DouglasRachford):  # which accepts any mean, and saves a copy
         inputs = _without_mean(inputs)
@@ -265,7 +265,7 @@ def _find_contact(inputs: Inputs, solver: AbstractContactSolver, rtol, target, s
     return solve_until(inputs, solver, Target(target, rtol), start, describe)
 
 
-@eqx.filter_jit
+@compiled
 def _output_of(inputs: Inputs, solution: ContactSolution) -> SolverOutput:
     """What a solver would return for a solution: the gap is that of the law."""
     pressure, unit = solution.pressure, jnp.zeros((), solution.pressure.dtype)
@@ -300,7 +300,7 @@ def _without_mean(inputs: Inputs) -> Inputs:
 
 
 @derivative_apart
-@eqx.filter_jit
+@compiled
 def _solution(
     inputs: Inputs, finds_unstable: bool, known: FoundContact, adjoint: LinearSolver, rtol
 ) -> tuple[ContactSolution, Array]:
