@@ -12,6 +12,7 @@
     python benchmarks/bench_contact.py gradient      cost of derivatives
     python benchmarks/bench_contact.py linear        FFT pairs and errors of their linear solves
     python benchmarks/bench_contact.py first         seconds before the first answer
+    python benchmarks/bench_contact.py cycle         periodic motion, beside time steps
     python benchmarks/bench_contact.py largest       N = 8192: minutes and memory
 
 One FFT pair is a real transform forth and back on the full grid; coarse grids count by their size.
@@ -32,6 +33,7 @@ from contact_costs import (
     overhead,
     overhead_of,
 )
+from contact_cycle import cycle
 from contact_cylinder import cylinder
 from contact_errors import observables, viscoelastic
 from contact_peers import elastic, kernel
@@ -42,7 +44,7 @@ from rows import run
 def main():
     run(
         __doc__, elastic, viscoelastic, observables, random, hard, overhead, overhead_of, many,
-        many_on, cylinder, kernel, gradient, linear, first,
+        many_on, cylinder, cycle, kernel, gradient, linear, first,
         first_of, largest,
     )  # fmt: skip
 

@@ -6,7 +6,7 @@ from .contact.adjoint import LinearSplitting
 from .contact.law import AbstractLaw, HardWall, RepulsiveLJ
 from .contact.nested_solve import DouglasRachford
 from .contact.observables import cumulative_friction
-from .contact.operator import Solid
+from .contact.operator import AbstractOperator, Solid, Steady
 from .contact.path import ContactPath, follow_contact
 from .contact.rmd import ResidualDynamics
 from .contact.solution import RESULTS
@@ -21,10 +21,10 @@ from .roughness.spectrum import CutoffCurve
 from .studies.friction_table import friction_table
 
 __all__ = [
-    "RESULTS", "AbstractContactSolver", "AbstractLaw", "AdhesiveLJ", "ContactPath", "CutoffCurve",
-    "DouglasRachford", "ExponentialAdhesion", "HardWall", "LinearSplitting", "Loading",
-    "MeanField", "ObservableTarget", "RepulsiveLJ", "ResidualDynamics", "Solid", "SolverOutput",
-    "Splitting", "area_against_cutoff", "cumulative_friction", "export_friction",
-    "follow_contact", "friction_table",
+    "RESULTS", "AbstractContactSolver", "AbstractLaw", "AbstractOperator", "AdhesiveLJ",
+    "ContactPath", "CutoffCurve", "DouglasRachford", "ExponentialAdhesion", "HardWall",
+    "LinearSplitting", "Loading", "MeanField", "ObservableTarget", "RepulsiveLJ",
+    "ResidualDynamics", "Solid", "SolverOutput", "Splitting", "Steady", "area_against_cutoff",
+    "cumulative_friction", "export_friction", "follow_contact", "friction_table",
     "pressure_distribution", "run_steps", "slide_softened",
 ]  # fmt: skip

@@ -213,11 +213,11 @@ def _attached_jvp(primals, tangents):
     total = nonzero(operator.mean(s))
 
     rhs = by_law - penalty * (by_operator - by_heights)
-    d_load, d_gap = change.loading
+    d_load, given_gap = change.loading
+    d_gap = jnp.zeros_like(state.mean_gap) if given_gap is None else given_gap
     free_mean = inputs.loading.pressure is None
     known = by_law  # the part of dσ that is given
     if free_mean:
-        d_gap = jnp.zeros_like(state.mean_gap) if d_gap is None else d_gap
         rhs = rhs - penalty * d_gap
     else:
         share = ((0.0 if d_load is None else d_load) - operator.mean(known)) / total
