@@ -21,7 +21,7 @@ import numpy as np
 from jaxtyping import Array, Float
 
 from ..core.checks import check_whole, is_concrete
-from ..core.program import compiled
+from ..core.compilation import compiled
 from ..fields.grid import interpolate, resample_spectrum, to_field, to_spectrum
 from .active_set import most_eliminated
 from .law import AbstractLaw
