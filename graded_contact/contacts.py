@@ -1,4 +1,7 @@
-"""More about contact: laws, solvers, loading paths, cut-off curves, parts of custom solvers."""
+"""More about contact: stiffness, flow through the gap, laws, solvers, loading paths, cut-off curves.
+
+And parts of custom solvers.
+"""
 
 from .contact.adhesion import AdhesiveLJ, ExponentialAdhesion
 from .contact.adjoint import LinearSplitting
@@ -12,14 +15,16 @@ from .contact.solution import RESULTS
 from .contact.solver import AbstractContactSolver, Loading, SolverOutput, run_steps
 from .contact.splitting import Splitting
 from .contact.target import ObservableTarget
+from .friction.gap_flow import GapFlow, gap_flow
 from .friction.magnification import area_against_cutoff
+from .friction.stiffness import contact_conductance, contact_stiffness
 from .persson.mean_field import MeanField, pressure_distribution
 from .roughness.spectrum import CutoffCurve
 
 __all__ = [
     "RESULTS", "AbstractContactSolver", "AbstractLaw", "AdhesiveLJ", "ContactPath", "CutoffCurve",
-    "DouglasRachford", "ExponentialAdhesion", "HardWall", "LinearSplitting", "Loading",
+    "DouglasRachford", "ExponentialAdhesion", "GapFlow", "HardWall", "LinearSplitting", "Loading",
     "MeanField", "ObservableTarget", "RepulsiveLJ", "ResidualDynamics", "Solid", "SolverOutput",
-    "Splitting", "area_against_cutoff", "cumulative_friction", "follow_contact",
-    "pressure_distribution", "run_steps",
+    "Splitting", "area_against_cutoff", "contact_conductance", "contact_stiffness",
+    "cumulative_friction", "follow_contact", "gap_flow", "pressure_distribution", "run_steps",
 ]  # fmt: skip

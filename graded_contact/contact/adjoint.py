@@ -288,6 +288,20 @@ def _in_contact(kernel, s, rhs, adjoint: LinearSolver, rtol):
     )
 
 
+def opening_by_load(
+    kernel: Inexact[Array, "*half"],
+    s: Float[Array, "*shape"],
+    adjoint: LinearSolver,
+    rtol: Float[Array, ""],
+) -> Float[Array, ""]:
+    """Returns ρ dū/dp of a contact whose points have the slopes s; `kernel` is ρM."""
+    total = nonzero(jnp.mean(s))
+    known = s / total
+    rhs = -(1 - s) / total - displace(kernel, known)
+    change = known + _in_contact(kernel, s, rhs, adjoint, rtol)
+    return -jnp.mean((1 - s) * change + s * displace(kernel, change)) / total
+
+
 def root_of(s: Float[Array, "*shape"]) -> Float[Array, "*shape"]:
     """Returns √|s|, 0 in all orders where the law fixes the pressure."""
     positive = s != 0  # elsewhere √ alone has an infinite slope

@@ -121,6 +121,7 @@ def solve_contact(
     _check_kernel(kernel, heights, throw)
     check_law(law)
     loading = _loading(pressure, mean_gap, law, heights)
+    start = None if start is None else _as_start(start, heights, law)
     if is_window(kernel, heights.shape):
         rest = dict(solver=solver, adjoint=adjoint, rtol=rtol, throw=throw)
         return solve_on_window(
@@ -128,8 +129,6 @@ def solve_contact(
             law=law, target=target, start=start, solution=solution,
         )  # fmt: skip
     inputs = Inputs(kernel, heights, law, loading)
-    if start is not None:
-        start = _as_start(start, heights, law)
     # In one precision: what ends a solve counts the digits of the fields.
     dtype = jnp.result_type(heights, jnp.finfo(kernel.dtype).dtype)
     inputs, start = in_precision((inputs, start), dtype)

@@ -1,9 +1,9 @@
 """Contacts on a window, with no pressure around it: indenters, spheres, edges of blocks.
 
 A kernel of a cell of twice the window's length gives the displacement of a pressure on the window
-(`response/window.py`). The contact on that cell is an ordinary one, under a law without any pressure
-outside the window: the first half of each axis. The heights there do not matter; mirrored ones
-have the mean and the rms of the window, and no steps.
+(`response/window.py`). The contact on that cell is an ordinary one, under a law without any
+pressure outside the window: the first half of each axis. The heights there do not matter; mirrored
+ones have the mean and the rms of the window, and no steps.
 """
 
 import dataclasses

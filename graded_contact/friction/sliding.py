@@ -38,7 +38,7 @@ from ..contact.problem import RTOL, solve_contact
 from ..contact.solution import RESULTS, ContactSolution
 from ..contact.solver import AbstractContactSolver
 from ..contact.target import FrictionAndArea
-from ..contact.window import is_window, on_cell
+from ..contact.window import is_window, on_cell, on_window
 from ..core.checks import Numbers, as_float, check_tolerance, check_types, is_concrete, short
 from ..core.derivative import derivative_apart
 from ..core.display import shown
@@ -115,6 +115,7 @@ def _friction_error(s: "Sliding"):
 def _image_error(s: "Sliding"):
     """What the errors of a window's kernel change under this pressure."""
     pressure, cell = _loaded(s)[0], _cell(s)
+    assert s.kernel_error is not None
     moved = (displace(error, pressure) for error in s.kernel_error)
     return sum(jnp.abs(friction(pressure, field, cell, s.velocity)) for field in moved)
 
@@ -172,6 +173,9 @@ class Sliding(eqx.Module):
       material was not measured [1]: its modulus there is an extrapolation. See `coverage`.
     - `contact_indicator`: how far points are inside contact or outside [Pa], shape of the heights;
       see `AbstractLaw.contact_indicator`.
+
+    Friction errors of a contact on a window (`Surface(..., periodic=False)`) include those of its
+    kernel. Such a contact also has an `approach` and a `rim_load`.
 
     **Fields:**
 
@@ -256,6 +260,27 @@ class Sliding(eqx.Module):
     @property
     def error(self) -> Float[Array, ""]:
         return self.contact.error
+
+    @property
+    def approach(self) -> Float[Array, ""]:
+        """How far a body on a window moved into the block after its first touch [m].
+
+        Against the block far away; not along a line, where a block yields without bound.
+        """
+        if not is_window(self.kernel, self.grid.shape) or self.grid.ndim == 1:
+            raise ValueError("`approach` is that of a window in two dimensions; see `mean_gap`.")
+        pressure, moved = _loaded(self)
+        moved = on_window(moved) + self.kernel[0, 0].real * jnp.mean(pressure)
+        travelled = moved - self.heights - self.gap
+        return jnp.sum(self.pressure * travelled) / jnp.sum(self.pressure) + jnp.max(self.heights)
+
+    @property
+    def rim_load(self) -> Float[Array, "..."]:
+        """The share of the load on the outermost points of a window [1]; 0 if periodic."""
+        rim = np.full(self.grid.shape, self.kernel_error is not None)
+        rim[(slice(1, -1),) * self.grid.ndim] = False
+        axes = tuple(range(-self.grid.ndim, 0))
+        return jnp.sum(self.pressure, axes, where=rim) / jnp.sum(self.pressure, axes)
 
     @property
     def num_fft_pairs(self) -> Float[Array, ""]:

@@ -12,7 +12,9 @@ that of the long cell's own images, estimated by those of a cell half as long, a
 few points, estimated by half as many. The second one matters where a block relaxes
 slowly: the track that a load leaves behind is not smooth across the motion.
 
-A constant in G moves the mean displacement only, so it may take any value.
+The entry at q = 0, which contact ignores, holds the mean of G so that G vanishes far away. This
+gives the approach of an indenter. In one dimension G grows without bound, and that entry is
+arbitrary.
 
 R. W. Hockney, Methods Comput. Phys. 9 (1970) 135; S. Liu, Q. Wang & G. Liu, Wear 243 (2000) 101,
 doi:10.1016/S0043-1648(00)00427-0.
@@ -54,7 +56,7 @@ def window_kernel(
     - `graded_solver`: solver of graded layers.
 
     **Returns:** the kernel on the half spectrum of a cell of twice as many points along each axis,
-    0 at q = 0, for `solve_contact` with heights on the window.
+    for `solve_contact` with heights on the window.
 
     **Raises:** `ValueError` for a refused argument; `RuntimeError` if a graded layer misses its
     tolerance.
@@ -89,9 +91,11 @@ def without_images(
     windows, points = _WINDOWS[grid.ndim], _POINTS[grid.ndim]
     shape = (windows * points,) * grid.ndim
     fewer = resample_spectrum(far, shape, tuple(n // 2 for n in shape))
-    images = _images(far, grid, points, 2)
-    errors = _images(far, grid, points, windows // 2), images - _images(fewer, grid, points // 2, 2)
-    return near - images, jnp.stack(errors)
+    images, own = (_images(far, grid, points, length) for length in (2, windows // 2))
+    errors = jnp.stack([own, images - _images(fewer, grid, points // 2, 2)])
+    mean = zero_mode(tuple(2 * n for n in grid.shape))
+    # Doubling the long cell halves what it lacks of G.
+    return near - images - jnp.where(mean, own, 0), jnp.where(mean, 0, errors)
 
 
 def _images(far, grid: Grid, points: int, length: int):
@@ -110,7 +114,6 @@ def _images(far, grid: Grid, points: int, length: int):
         weights = jnp.asarray(_spline(points, n), images.dtype)
         images = jnp.moveaxis(jnp.tensordot(weights, images, (1, axis)), 0, axis)
     spectrum = to_spectrum(images)
-    spectrum = jnp.where(zero_mode(images.shape), 0, spectrum)
     return spectrum if jnp.iscomplexobj(far) else spectrum.real
 
 
