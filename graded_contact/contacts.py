@@ -1,6 +1,6 @@
-"""More about contact: stiffness, flow through the gap, laws, solvers, loading paths, cut-off curves.
+"""More about contact: stiffness, flow through the gap, laws, loading paths, cut-off curves.
 
-And parts of custom solvers.
+And solvers, and parts of custom ones.
 """
 
 from .contact.adhesion import AdhesiveLJ, ExponentialAdhesion

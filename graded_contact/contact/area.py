@@ -101,7 +101,7 @@ def coverage(indicator: Float[Array, "*shape"]) -> Float[Array, "*shape"]:
     if indicator.ndim == 1:
         sides = (jnp.roll(indicator, 1), jnp.roll(indicator, -1))
         halves = [_positive_part_of_segment(indicator, (indicator + side) / 2) for side in sides]
-        return sum(halves) / 2
+        return (halves[0] + halves[1]) / 2
     total = jnp.zeros_like(indicator)
     for dx, dy in ((1, 1), (1, -1), (-1, 1), (-1, -1)):
         along, across = jnp.roll(indicator, dx, 0), jnp.roll(indicator, dy, 1)

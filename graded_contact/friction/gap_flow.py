@@ -136,9 +136,8 @@ def _solve(weights, spacing, *, dtype):
     factor = splu(matrix.tocsc(), permc_spec="MMD_AT_PLUS_A", options={"SymmetricMode": True})
     pressure, percolates = [], []
     for axis in (0, 1):
-        flow = np.zeros_like(weights)
-        flow[axis] = weights[axis] * spacing[axis]
-        source = sum(flow[i] - np.roll(flow[i], 1, i) for i in (0, 1))
+        flow = weights[axis] * spacing[axis]
+        source = flow - np.roll(flow, 1, axis)
         found = scale * factor.solve(scale * source.ravel())
         pressure.append(found.reshape(points.shape))
         percolates.append(_winds(weight > 0, first, second, points, axis))
