@@ -1,7 +1,5 @@
-"""More about contact: stiffness, flow through the gap, laws, loading paths, cut-off curves.
-
-And solvers, and parts of custom ones.
-"""
+"""More about contact: laws, solvers, cut-off curves, stiffness, flow through the gap, tables of
+friction, softening with strain, parts of custom solvers."""
 
 from .contact.adhesion import AdhesiveLJ, ExponentialAdhesion
 from .contact.adjoint import LinearSplitting
@@ -15,16 +13,20 @@ from .contact.solution import RESULTS
 from .contact.solver import AbstractContactSolver, Loading, SolverOutput, run_steps
 from .contact.splitting import Splitting
 from .contact.target import ObservableTarget
+from .files.friction_cards import export_friction
 from .friction.gap_flow import GapFlow, gap_flow
 from .friction.magnification import area_against_cutoff
+from .friction.softening import slide_softened
 from .friction.stiffness import contact_conductance, contact_stiffness
 from .persson.mean_field import MeanField, pressure_distribution
 from .roughness.spectrum import CutoffCurve
+from .studies.friction_table import friction_table
 
 __all__ = [
     "RESULTS", "AbstractContactSolver", "AbstractLaw", "AdhesiveLJ", "ContactPath", "CutoffCurve",
     "DouglasRachford", "ExponentialAdhesion", "GapFlow", "HardWall", "LinearSplitting", "Loading",
     "MeanField", "ObservableTarget", "RepulsiveLJ", "ResidualDynamics", "Solid", "SolverOutput",
     "Splitting", "area_against_cutoff", "contact_conductance", "contact_stiffness",
-    "cumulative_friction", "follow_contact", "gap_flow", "pressure_distribution", "run_steps",
+    "cumulative_friction", "export_friction", "follow_contact", "friction_table", "gap_flow",
+    "pressure_distribution", "run_steps", "slide_softened",
 ]  # fmt: skip

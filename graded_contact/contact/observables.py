@@ -12,12 +12,12 @@ and is what `Sliding.friction` uses; `Sliding.geometric_friction` uses the surfa
 the difference of the two is the error of the grid.
 """
 
-import equinox as eqx
 import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Bool, Float, Inexact
 
 from ..core.checks import Numbers, as_float, check_shape, check_types, check_whole
+from ..core.program import compiled
 from ..fields.devices import binned
 from ..fields.grid import (
     Grid,
@@ -30,8 +30,8 @@ from ..fields.grid import (
     wavenumber,
 )
 from ..roughness.spectrum import CutoffCurve
-from .adjoint import displace
 from .estimates import error_of
+from .operator import displace
 
 
 def friction(
@@ -121,7 +121,7 @@ def cumulative_friction(
     return _cumulative_friction(pressure, displacement, grid, velocity, num_wavenumbers)
 
 
-@eqx.filter_jit
+@compiled
 def _cumulative_friction(pressure, displacement, grid, velocity, num_wavenumbers: int):
     q = wavenumber(grid)
     work = _work(pressure, displacement, grid, velocity)

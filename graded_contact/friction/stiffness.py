@@ -22,7 +22,7 @@ from jaxtyping import Array, Float, ScalarLike
 
 from ..contact.adjoint import LinearSolver, LinearSplitting, opening_by_load
 from ..contact.area import coverage
-from ..contact.operator import first_mode
+from ..contact.operator import Steady, first_mode
 from ..contact.solver import penalty_for
 from ..contact.window import is_window
 from ..core.checks import as_scalar, check_positive, check_type, check_types
@@ -96,11 +96,12 @@ def _check(sliding: Sliding) -> None:
 
 @eqx.filter_jit
 def _stiffness(sliding: Sliding, kernel, adjoint: LinearSolver):
-    kernel = jnp.where(first_mode(kernel.shape), 0, kernel)
+    operator = Steady(kernel)
     share = coverage(sliding.contact_indicator)
-    penalty = penalty_for(kernel, jnp.mean(share), sliding.law)
-    yielding = jnp.mean(multiplicity(share.shape) * kernel.real) * kernel.size / share.size
+    penalty = penalty_for(operator, jnp.mean(share), sliding.law)
+    # G(0), the sum over all waves.
+    yielding = jnp.sum(multiplicity(share.shape) * operator.compliance.real) / share.size
     soft = _YIELDING * penalty * yielding * (1 - share)
     s = jnp.where(share > 0, share / jnp.where(share > 0, share + soft, 1), 0)
     rtol = jnp.asarray(_RTOL, share.dtype)
-    return -penalty / opening_by_load(penalty * kernel, s, adjoint, rtol)
+    return -penalty / opening_by_load(operator.scaled(penalty), s, adjoint, rtol)
