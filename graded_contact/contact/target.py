@@ -24,6 +24,7 @@ from .observables import friction, slope_in_contact
 from .operator import displace
 from .solution import ContactSolution
 from .solver import AbstractContactSolver, SolverOutput, participation
+from .window import on_cell
 
 # Of the pressure in the first solve: at most, and over the tolerance. A second solve costs what the
 # loosest first one saves; by `bench_contact.py observables`.
@@ -175,12 +176,13 @@ class FrictionAndArea(eqx.Module):
     rtol: Float[Array, ""]
 
     def __call__(self, contact: ContactSolution) -> ObservableTarget:
-        grid, sigma = self.grid, contact.pressure
+        grid, sigma = self.grid, on_cell(contact.pressure, self.kernel)
+        heights = on_cell(self.heights, self.kernel, "symmetric")
         own = displace(self.kernel, sigma)
-        mu, geometric = (friction(sigma, f, grid, self.velocity) for f in (own, self.heights))
+        mu, geometric = (friction(sigma, f, grid, self.velocity) for f in (own, heights))
         slope = slope_in_contact(sigma, own, grid)
         indicator = self.law.contact_indicator(
-            sigma, contact.gap, edge_stiffness(self.kernel, grid)
+            contact.pressure, contact.gap, edge_stiffness(self.kernel, grid)
         )
         area = contact_area_smooth(indicator)
         counted = contact_area_corrected(indicator > 0).astype(area.dtype)

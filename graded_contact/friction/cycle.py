@@ -41,7 +41,7 @@ from ..response.layering import Layering
 from ..response.periodic import periodic_kernel
 from ..response.stack import Stack
 from ..rheology.measured import coverage
-from ..roughness.surface import Surface
+from ..roughness.surface import Surface, check_periodic
 from .cycle_numbers import MeanAndPeak, components, cycle_numbers
 
 _FEWEST = 4  # times in a period
@@ -206,6 +206,7 @@ def slide_cycle(
     **Raises:** `ValueError` for a refused argument; `RuntimeError` if kernel or solve fail.
     """
     displacement, period = _motion(stack, surface, displacement, period)
+    check_periodic(surface)
     if rtol is not None and friction_rtol is not None:
         raise ValueError(
             f"`rtol={rtol}` and `friction_rtol={friction_rtol}`: give at most one of the two."

@@ -38,6 +38,7 @@ from ..contact.problem import RTOL, solve_contact
 from ..contact.solution import RESULTS, ContactSolution
 from ..contact.solver import AbstractContactSolver
 from ..contact.target import FrictionAndArea
+from ..contact.window import is_window, on_cell, on_window
 from ..core.checks import Numbers, as_float, check_tolerance, check_types, is_concrete, short
 from ..core.compilation import compiled
 from ..core.derivative import derivative_apart
@@ -50,6 +51,7 @@ from ..response.grading import AbstractGradedSolver
 from ..response.kernel import attempted_kernel, stack_kernel
 from ..response.layering import Layering
 from ..response.stack import Stack
+from ..response.window import doubled, long_cell, without_images
 from ..rheology.measured import coverage, is_unknown
 from ..roughness.surface import Surface
 
@@ -78,9 +80,25 @@ class _Observable:
         return self.formula(sliding if self.has_derivative else jax.lax.stop_gradient(sliding))
 
 
-def _moved(s: "Sliding"):
-    """The displacement of the pressure itself, which balances energy to rounding."""
-    return displace(s.kernel, s.pressure)
+def _cell(s: "Sliding") -> Grid:
+    """The cell of the kernel: that of the surface, or of a window's surroundings, too."""
+    return doubled(s.grid) if is_window(s.kernel, s.grid.shape) else s.grid
+
+
+def _loaded(s: "Sliding"):
+    """The pressure on the cell, and its own displacement, which balances energy to rounding."""
+    pressure = on_cell(s.pressure, s.kernel)
+    return pressure, displace(s.kernel, pressure)
+
+
+def _displaced(s: "Sliding"):
+    """Pressure and displacement on the cell."""
+    return _loaded(s) if is_window(s.kernel, s.grid.shape) else (s.pressure, s.displacement)
+
+
+def _geometric_friction(s: "Sliding"):
+    heights = on_cell(s.heights, s.kernel, "symmetric")
+    return friction(on_cell(s.pressure, s.kernel), heights, _cell(s), s.velocity)
 
 
 def _touching(s: "Sliding"):
@@ -90,7 +108,17 @@ def _touching(s: "Sliding"):
 def _friction_error(s: "Sliding"):
     if s.contact.target_error is not None:
         return s.contact.target_error[0]
-    return friction_error(s.pressure, s.contact.correction, s.kernel, s.grid, s.velocity)
+    correction, cell = on_cell(s.contact.correction, s.kernel), _cell(s)
+    by_solver = friction_error(_loaded(s)[0], correction, s.kernel, cell, s.velocity)
+    return by_solver if s.kernel_error is None else by_solver + _image_error(s)
+
+
+def _image_error(s: "Sliding"):
+    """What the errors of a window's kernel change under this pressure."""
+    pressure, cell = _loaded(s)[0], _cell(s)
+    assert s.kernel_error is not None
+    moved = (displace(error, pressure) for error in s.kernel_error)
+    return sum(jnp.abs(friction(pressure, field, cell, s.velocity)) for field in moved)
 
 
 def _contact_area_error(s: "Sliding"):
@@ -102,16 +130,15 @@ def _contact_area_error(s: "Sliding"):
 def _unmeasured(s: "Sliding", which: int):
     if s.measured is None:
         return jnp.zeros((), s.pressure.dtype)
-    return unmeasured_shares(
-        s.measured, _touching(s), s.pressure, s.displacement, s.grid, s.velocity
-    )[which]
+    measured, touching = on_cell(s.measured, s.kernel), on_cell(_touching(s), s.kernel)
+    return unmeasured_shares(measured, touching, *_displaced(s), _cell(s), s.velocity)[which]
 
 
 def _extrapolated(s: "Sliding"):
     if s.measured_range is None:
         return jnp.zeros((), s.pressure.dtype)
-    outside = is_unknown(wave_frequencies(s.grid, s.velocity), s.measured_range)
-    return friction_share(s.pressure, s.displacement, s.grid, s.velocity, outside)
+    outside = is_unknown(wave_frequencies(_cell(s), s.velocity), s.measured_range)
+    return friction_share(*_displaced(s), _cell(s), s.velocity, outside)
 
 
 @shown(
@@ -148,17 +175,22 @@ class Sliding(eqx.Module):
     - `contact_indicator`: how far points are inside contact or outside [Pa], shape of the heights;
       see `AbstractLaw.contact_indicator`.
 
+    Friction errors of a contact on a window (`Surface(..., periodic=False)`) include those of its
+    kernel. Such a contact also has an `approach` and a `rim_load`.
+
     **Fields:**
 
     - `contact`: pressure, gap and convergence, see `ContactSolution`; also reached directly as
       `.pressure`, `.gap`, `.displacement` [Pa, m, m], `.mean_gap` [m], `.error`, `.num_fft_pairs`
       and `.result`.
-    - `kernel`: M of the block [m/Pa], see `stack_kernel`.
+    - `kernel`: M of the block [m/Pa], see `stack_kernel`; on a window see `window_kernel`.
     - `heights`: h of the surface [m].
     - `measured`: share of each height that was measured [1], or None, see `Surface`.
     - `grid`, `law`: of the surface and of the contact.
     - `velocity`: of the surface over the block [m/s].
     - `measured_range`: lowest and highest ω at which all materials were measured [rad/s], or None.
+    - `kernel_error`: two estimated errors of the kernel of a window [m/Pa], see
+      `response/window.py`; None if periodic.
     """
 
     contact: ContactSolution
@@ -169,8 +201,9 @@ class Sliding(eqx.Module):
     velocity: Float[Array, "..."]
     law: AbstractLaw
     measured_range: tuple[Float[Array, "..."], Float[Array, "..."]] | None = None
+    kernel_error: Inexact[Array, "..."] | None = None
 
-    friction = _Observable(lambda s: friction(s.pressure, _moved(s), s.grid, s.velocity))
+    friction = _Observable(lambda s: friction(*_loaded(s), _cell(s), s.velocity))
     friction_error = _Observable(_friction_error, has_derivative=False)
     contact_area = _Observable(lambda s: contact_area(_touching(s)).astype(s.pressure.dtype))
     contact_area_error = _Observable(_contact_area_error, has_derivative=False)
@@ -178,17 +211,17 @@ class Sliding(eqx.Module):
         lambda s: contact_area_corrected(_touching(s)).astype(s.pressure.dtype)
     )
     contact_area_smooth = _Observable(lambda s: contact_area_smooth(s.contact_indicator))
-    geometric_friction = _Observable(lambda s: friction(s.pressure, s.heights, s.grid, s.velocity))
+    geometric_friction = _Observable(_geometric_friction)
     energy_imbalance = _Observable(
-        lambda s: energy_imbalance(s.pressure, _moved(s), s.kernel, s.grid, s.velocity),
+        lambda s: energy_imbalance(*_loaded(s), s.kernel, _cell(s), s.velocity),
         has_derivative=False,
     )
-    slope_in_contact = _Observable(lambda s: slope_in_contact(s.pressure, s.displacement, s.grid))
+    slope_in_contact = _Observable(lambda s: slope_in_contact(*_displaced(s), _cell(s)))
     unmeasured_area = _Observable(lambda s: _unmeasured(s, 0))
     unmeasured_friction = _Observable(lambda s: _unmeasured(s, 1))
     extrapolated_friction = _Observable(_extrapolated)
     contact_indicator = _Observable(
-        lambda s: s.law.contact_indicator(s.pressure, s.gap, edge_stiffness(s.kernel, s.grid))
+        lambda s: s.law.contact_indicator(s.pressure, s.gap, edge_stiffness(s.kernel, _cell(s)))
     )
 
     def compute(self, *names: str) -> list[Float[Array, "..."]]:
@@ -228,6 +261,27 @@ class Sliding(eqx.Module):
     @property
     def error(self) -> Float[Array, ""]:
         return self.contact.error
+
+    @property
+    def approach(self) -> Float[Array, ""]:
+        """How far a body on a window moved into the block after its first touch [m].
+
+        Against the block far away; not along a line, where a block yields without bound.
+        """
+        if not is_window(self.kernel, self.grid.shape) or self.grid.ndim == 1:
+            raise ValueError("`approach` is that of a window in two dimensions; see `mean_gap`.")
+        pressure, moved = _loaded(self)
+        moved = on_window(moved) + self.kernel[0, 0].real * jnp.mean(pressure)
+        travelled = moved - self.heights - self.gap
+        return jnp.sum(self.pressure * travelled) / jnp.sum(self.pressure) + jnp.max(self.heights)
+
+    @property
+    def rim_load(self) -> Float[Array, "..."]:
+        """The share of the load on the outermost points of a window [1]; 0 if periodic."""
+        rim = np.full(self.grid.shape, self.kernel_error is not None)
+        rim[(slice(1, -1),) * self.grid.ndim] = False
+        axes = tuple(range(-self.grid.ndim, 0))
+        return jnp.sum(self.pressure, axes, where=rim) / jnp.sum(self.pressure, axes)
 
     @property
     def num_fft_pairs(self) -> Float[Array, ""]:
@@ -289,7 +343,7 @@ def slide(
 
     **Raises:** `ValueError` for a refused argument; `RuntimeError` if kernel or solve fail.
     """
-    kernel, velocity, reached = kernel_and_velocity(
+    kernel, velocity, reached, kernel_error = kernel_and_velocity(
         stack, surface, velocity, solver, graded_solver, throw
     )
     rtol, target = _tolerance(rtol, friction_rtol, kernel, surface, velocity, law)
@@ -317,6 +371,7 @@ def slide(
         velocity=velocity,
         law=law,
         measured_range=_coverage(stack),
+        kernel_error=kernel_error,
     )
 
 
@@ -340,13 +395,13 @@ def _tolerance(rtol, friction_rtol, kernel, surface: Surface, velocity, law):
     if friction_rtol is None:
         return RTOL if rtol is None else rtol, None
     check_tolerance("friction_rtol", friction_rtol, surface.heights)
-    heights = surface.heights
+    heights, cell = surface.heights, surface.grid if surface.periodic else doubled(surface.grid)
     velocity, tolerance = (jnp.asarray(a, heights.dtype) for a in (velocity, friction_rtol))
-    return friction_rtol, FrictionAndArea(kernel, heights, surface.grid, velocity, law, tolerance)
+    return friction_rtol, FrictionAndArea(kernel, heights, cell, velocity, law, tolerance)
 
 
 def kernel_and_velocity(stack, surface, velocity, solver, graded_solver, throw):
-    """The kernel on the surface's grid, the velocity as an array, and if the kernel is good."""
+    """The kernel for the surface, the velocity as an array, if the kernel is good, its error."""
     if not isinstance(stack, Stack):
         raise ValueError(f"`stack={short(stack)}` must be a `Stack(layers=..., base=...)`.")
     if not isinstance(surface, Surface):
@@ -362,17 +417,22 @@ def kernel_and_velocity(stack, surface, velocity, solver, graded_solver, throw):
         "sliding",
         num_devices(surface.grid.size),
     )
-    if throw:
-        kernel, reached = (
-            stack_kernel(stack, surface.grid, velocity, graded_solver=graded_solver),
-            True,
-        )
-    else:
-        kernel, reached = attempted_kernel(
-            stack, surface.grid, velocity, graded_solver=graded_solver
-        )
+
+    def kernel_on(cell: Grid):
+        if throw:
+            return stack_kernel(stack, cell, velocity, graded_solver=graded_solver), True
+        return attempted_kernel(stack, cell, velocity, graded_solver=graded_solver)
+
     at_rest = is_concrete(velocity) and not np.any(np.asarray(velocity))
-    return (kernel.real if at_rest else kernel), velocity, reached
+    if surface.periodic:
+        kernel, reached = kernel_on(surface.grid)
+        return (kernel.real if at_rest else kernel), velocity, reached, None
+    near, reached = kernel_on(doubled(surface.grid))
+    far, also = kernel_on(long_cell(surface.grid))
+    if at_rest:
+        near, far = near.real, far.real
+    kernel, error = without_images(near, far, surface.grid)
+    return kernel, velocity, (True if throw else reached & also), error
 
 
 OBSERVABLES = tuple(
