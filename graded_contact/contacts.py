@@ -14,12 +14,14 @@ from .contact.splitting import Splitting
 from .contact.target import ObservableTarget
 from .friction.magnification import area_against_cutoff
 from .persson.mean_field import MeanField, pressure_distribution
+from .rheology.shear import AbstractShear, ConstantShear, PeakedShear
 from .roughness.spectrum import CutoffCurve
 
 __all__ = [
-    "RESULTS", "AbstractContactSolver", "AbstractLaw", "AdhesiveLJ", "ContactPath", "CutoffCurve",
-    "DouglasRachford", "ExponentialAdhesion", "HardWall", "LinearSplitting", "Loading",
-    "MeanField", "ObservableTarget", "RepulsiveLJ", "ResidualDynamics", "Solid", "SolverOutput",
-    "Splitting", "area_against_cutoff", "cumulative_friction", "follow_contact",
-    "pressure_distribution", "run_steps",
+    "RESULTS", "AbstractContactSolver", "AbstractLaw", "AbstractShear", "AdhesiveLJ",
+    "ConstantShear", "ContactPath", "CutoffCurve", "DouglasRachford", "ExponentialAdhesion",
+    "HardWall", "LinearSplitting", "Loading", "MeanField", "ObservableTarget", "PeakedShear",
+    "RepulsiveLJ", "ResidualDynamics", "Solid", "SolverOutput", "Splitting",
+    "area_against_cutoff", "cumulative_friction", "follow_contact", "pressure_distribution",
+    "run_steps",
 ]  # fmt: skip

@@ -62,6 +62,7 @@ def calls():
     kernel = gc.stack_kernel(stack, grid, 0.1)
     field = gc.mean_field_friction(stack, spectrum, pressure=1e5, velocity=0.1)
     sliding = gc.slide(stack, surface, pressure=1e5, velocity=0.1)
+    peaked = gc.contacts.PeakedShear(1e6, 1e-2, 0.1, wlf)
     omega, time = np.geomspace(1e-2, 1e6, 40), np.geomspace(1e-6, 1e1, 40)
     modulus = np.asarray(solid.modulus(omega))
     relaxation = 1e6 + 1e7 * np.exp(-time / 1e-3)
@@ -140,6 +141,9 @@ def calls():
         (gc.blocks.sliced, dict(stack=graded, num_slices=3)),
         (gc.slide, job | how),
         (gc.slide, dict(stack=stack, surface=surface, mean_gap=1e-6, velocity=0.1)),
+        (gc.slide, job | dict(shear=peaked, temperature=300.0)),
+        (gc.contacts.ConstantShear, dict(stress=1e6)),
+        (gc.contacts.PeakedShear, dict(peak=1e6, velocity=1e-2, steepness=0.1, shift=wlf)),
         (gc.solve_contact, contact | dict(pressure=1e5) | how),
         (
             gc.contacts.follow_contact,
@@ -158,7 +162,8 @@ def calls():
         ),
         (
             gc.mean_field_friction,
-            dict(stack=stack, spectrum=spectrum, pressure=1e5, velocity=0.1),
+            dict(stack=stack, spectrum=spectrum, pressure=1e5, velocity=0.1)
+            | dict(shear=peaked, temperature=300.0),
         ),
         (gc.contacts.pressure_distribution, dict(mean_field=field, stress=[1e5])),
         (gc.design.loss_tangent, dict(stack=stack, q=[1e3], velocity=0.1)),
