@@ -12,6 +12,8 @@ from .contact.solution import RESULTS
 from .contact.solver import AbstractContactSolver, Loading, SolverOutput, run_steps
 from .contact.splitting import Splitting
 from .contact.target import ObservableTarget
+from .friction.heat import heat_depths, heat_source
+from .friction.heating import Heating, flash_temperature
 from .friction.magnification import area_against_cutoff
 from .persson.mean_field import MeanField, pressure_distribution
 from .rheology.shear import AbstractShear, ConstantShear, PeakedShear
@@ -20,8 +22,8 @@ from .roughness.spectrum import CutoffCurve
 __all__ = [
     "RESULTS", "AbstractContactSolver", "AbstractLaw", "AbstractShear", "AdhesiveLJ",
     "ConstantShear", "ContactPath", "CutoffCurve", "DouglasRachford", "ExponentialAdhesion",
-    "HardWall", "LinearSplitting", "Loading", "MeanField", "ObservableTarget", "PeakedShear",
-    "RepulsiveLJ", "ResidualDynamics", "Solid", "SolverOutput", "Splitting",
-    "area_against_cutoff", "cumulative_friction", "follow_contact", "pressure_distribution",
-    "run_steps",
+    "HardWall", "Heating", "LinearSplitting", "Loading", "MeanField", "ObservableTarget",
+    "PeakedShear", "RepulsiveLJ", "ResidualDynamics", "Solid", "SolverOutput", "Splitting",
+    "area_against_cutoff", "cumulative_friction", "flash_temperature", "follow_contact",
+    "heat_depths", "heat_source", "pressure_distribution", "run_steps",
 ]  # fmt: skip

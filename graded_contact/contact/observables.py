@@ -64,11 +64,18 @@ def shear_friction(
     """
     if stress is None:
         return jnp.zeros((), pressure.dtype)
-    none = jnp.zeros((), pressure.dtype)
+    least, added = shear_parts(pressure, stress)
+    return (least * contact_area_smooth(indicator) + jnp.mean(added)) / jnp.mean(pressure)
+
+
+def shear_parts(
+    pressure: Float[Array, "*shape"],
+    stress: Callable[[Float[Array, "..."]], Float[Array, "..."]],
+) -> tuple[Float[Array, ""], Float[Array, "*shape"]]:
+    """Returns the shear stress without pressure and what the pressure adds to it [Pa]."""
+    least = stress(jnp.zeros((), pressure.dtype))
     pressed = pressure != 0  # elsewhere a power of the pressure may have no derivative
-    added = jnp.where(pressed, stress(jnp.where(pressed, pressure, 1)) - stress(none), 0)
-    force = stress(none) * contact_area_smooth(indicator) + jnp.mean(added)
-    return force / jnp.mean(pressure)
+    return least, jnp.where(pressed, stress(jnp.where(pressed, pressure, 1)) - least, 0)
 
 
 def shear_friction_error(

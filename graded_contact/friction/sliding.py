@@ -134,7 +134,8 @@ def _extrapolated(s: "Sliding"):
 @shown(
     "friction", "friction_error", "hysteresis_friction", "shear_friction", "contact_area",
     "contact_area_error", "contact_area_corrected", "contact_area_smooth", "geometric_friction",
-    "energy_imbalance", "slope_in_contact", "unmeasured_area", "unmeasured_friction", "extrapolated_friction", "contact", "caveats",
+    "energy_imbalance", "slope_in_contact", "unmeasured_area", "unmeasured_friction",
+    "extrapolated_friction", "contact", "caveats",
 )  # fmt: skip
 class Sliding(eqx.Module):
     """Friction, contact area and fields of a sliding contact.
