@@ -20,23 +20,32 @@ and lowers the friction. The fixed point of this loop is found by Anderson's acc
 and its temperatures in each step, and differentiated implicitly.
 """
 
+import dataclasses
+from collections.abc import Callable
+from typing import Any
+
 import equinox as eqx
 import jax
 import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Complex, Float
 
+from ..contact.solution import RESULTS
 from ..core.checks import (
     Numbers,
     as_float,
     check_positive,
     check_types,
     check_values,
+    is_concrete,
     scalar,
 )
+from ..core.derivative import still
 from ..core.display import shown
+from ..core.fixed_point import attach_fixed_point, find_fixed_point
 from ..fields.grid import (
     Grid,
+    direction_and_speed,
     multiplicity,
     to_field,
     to_spectrum,
@@ -44,10 +53,35 @@ from ..fields.grid import (
     wavenumber,
 )
 from ..response.grading import AbstractGradedSolver
+from ..response.heated import check_heated, heated
 from ..response.layering import Layering
 from ..response.stack import Stack
-from .heat import heat_depths, heat_source, shear_heat
+from ..rheology.shift import as_temperature
+from .heat import gauss_within, heat_depths, heat_source, intervals, shear_heat
 from .sliding import Sliding
+
+NUM_CELLS = 8  # of the depth, each at one temperature
+_FIRST = 0.25  # depth of the first cell [spacings]; the last one ends at the size of the surface
+
+
+@shown()
+class HeatedContact(eqx.Module):
+    """The temperatures at which a contact is.
+
+    **Fields:**
+
+    - `stack`: the block in thin layers, each at its temperature; for `heat_source`.
+    - `surface_rise`: temperature of the surface above the bulk [K], mean over the contact.
+    - `rises`: the same of each cell of the depth [K], shape `(cells,)`.
+    - `edges`: depths between which the cells lie [m], from 0, shape `(cells + 1,)`.
+    - `error`: change of the temperatures in the last step over the largest rise [1].
+    """
+
+    stack: Stack
+    surface_rise: Float[Array, ""]
+    rises: Float[Array, " cells"]
+    edges: Float[Array, " edges"]
+    error: Float[Array, ""]
 
 
 @shown()
@@ -74,6 +108,84 @@ class Heating(eqx.Module):
         check_positive("diffusivity", self.diffusivity, "[m²/s]")
         allowed = "a conductivity [W/(m K)] is zero or positive"
         check_values("counterface_conductivity", self.counterface_conductivity, allowed, at_least=0)
+
+    def settle(
+        self,
+        solve: Callable[..., Sliding],
+        stack: Stack,
+        grid: Grid,
+        inputs: dict[str, Any],
+        rtol: float,
+        throw: bool,
+    ) -> Sliding:
+        """Returns the contact of a block at the temperatures that the contact causes.
+
+        **Arguments:**
+
+        - `solve`: `slide` without heating, called with the block and the `inputs`.
+        - `stack`, `grid`: the block, and the cell of the surface.
+        - `inputs`: all that has derivatives, by the names of `slide`; `temperature` [K] among them.
+        - `rtol`: change of the temperatures at which the iteration ends [1].
+        - `throw`: whether to raise if it does not end.
+        """
+        if inputs["temperature"] is None:
+            raise ValueError(
+                "`temperature=None` is refused with `heating`: give the bulk temperature [K]."
+            )
+        temperature = as_temperature(inputs["temperature"]).astype(grid.size.dtype)
+        inputs = inputs | {"temperature": temperature}
+        check_heated(stack)
+        first, last = _FIRST * jnp.min(grid.spacing), jnp.max(grid.size)
+        edges = jax.lax.stop_gradient(intervals(first, last, NUM_CELLS))
+        given = self, stack, inputs
+        fixed = still(given)
+
+        def contact(x, values, **how):
+            """The rises that a contact causes at rises of the surface and of the cells, and it."""
+            heating, stack, inputs = values
+            block = heated(stack, inputs["temperature"], x[1:], edges)
+            at_surface = {"temperature": inputs["temperature"] + x[0]}
+            s = solve(block, **inputs | at_surface | how)
+            return _rises(s, heating, stack, block, edges), s, block
+
+        def step(x, start):
+            image, s, _ = contact(x, fixed, start=start)
+            return image, s.pressure
+
+        none = jnp.zeros(NUM_CELLS + 1, edges.dtype)
+        point = find_fixed_point(step, none, fixed[2]["start"], jnp.asarray(rtol, edges.dtype))
+        x = jax.lax.stop_gradient(point.x)
+        _, s, block = contact(x, fixed, start=point.state)
+        if not all(map(is_concrete, jax.tree.leaves(given))):
+            found = {"start": None, "solution": still(s.contact)}
+            x = attach_fixed_point(lambda x: contact(x, given, **found)[0], x)
+            _, s, block = contact(x, given, **found)
+        reached = point.error <= rtol
+        if throw:
+            x = eqx.error_if(x, ~reached, RESULTS[RESULTS.not_settled])
+        result = RESULTS.where(reached, s.result, RESULTS.not_settled)
+        return dataclasses.replace(
+            s,
+            contact=dataclasses.replace(s.contact, result=result),
+            heated=HeatedContact(block, x[0], x[1:], edges, point.error),
+        )
+
+
+@eqx.filter_jit
+def _rises(s: Sliding, heating: Heating, stack: Stack, block: Stack, edges):
+    """The mean rises of the surface and of the cells over the contact [K]."""
+    depths, weights = gauss_within(stack, edges)
+    source = heat_source(s, block, depths)
+    # A few depths miss some of the heat.
+    made = jnp.sum(jnp.mean(source, tuple(range(1, source.ndim))) * weights)
+    power = s.hysteresis_friction * jnp.mean(s.pressure) * direction_and_speed(s.velocity)[1]
+    source = source * jnp.where(made > 0, jnp.abs(power) / jnp.where(made > 0, made, 1), 0)
+    spectra = temperatures(s, heating, source, weights, jnp.append(0.0, depths))
+    surface, *inside = jax.vmap(lambda spectrum: mean_in_contact(s, spectrum))(spectra)
+    inside = jnp.stack(inside)
+    share = jnp.where((depths > edges[:-1, None]) & (depths < edges[1:, None]), weights, 0)
+    total = jnp.sum(share, 1)
+    return jnp.append(surface, share @ inside / jnp.where(total > 0, total, 1))
 
 
 @check_types

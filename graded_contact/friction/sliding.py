@@ -180,6 +180,7 @@ class Sliding(eqx.Module):
     - `velocity`: of the surface over the block [m/s].
     - `measured_range`: lowest and highest ω at which all materials were measured [rad/s], or None.
     - `shear`: shear stress [Pa] as a function of the pressure, or None.
+    - `heated`: temperatures of the contact, see `HeatedContact`, or None.
     """
 
     contact: ContactSolution
@@ -191,6 +192,7 @@ class Sliding(eqx.Module):
     law: AbstractLaw
     measured_range: tuple[Float[Array, "..."], Float[Array, "..."]] | None = None
     shear: ShearStress | None = None
+    heated: Any = None
 
     friction = _Observable(lambda s: _hysteresis(s) + _shear(s))
     friction_error = _Observable(_friction_error, has_derivative=False)
@@ -278,6 +280,7 @@ def slide(
     friction_rtol: float | None = None,
     shear: ShearLaw | None = None,
     temperature: ScalarLike | None = None,
+    heating: Any = None,
     start: Numbers | None = None,
     solution: ContactSolution | None = None,
     throw: bool = True,
@@ -307,7 +310,10 @@ def slide(
     - `shear`: law of the shear stress in the contact, called as shear(pressure, speed,
       temperature), such as `ConstantShear` or `PeakedShear`; None for hysteresis alone. The shear
       traction does not change the pressure, which is exact for ν = 1/2 on a half space.
-    - `temperature`: of the contact [K], for a law of shear that varies with it.
+    - `temperature`: of the contact [K], for a law of shear that varies with it; with `heating` the
+      bulk temperature, to which the block is brought, see `Stack.at`.
+    - `heating`: conductivities, see `Heating`: the heat of friction then changes the temperature of
+      the block under the contact; `.heated` has the temperatures. None for one temperature.
     - `law`, `solver`, `adjoint`, `start`, `throw`: as in `solve_contact`.
     - `solution`: `.contact` of an earlier call with the same arguments. Nothing is solved then: the
       same numbers are returned, with derivatives.
@@ -319,6 +325,16 @@ def slide(
 
     **Raises:** `ValueError` for a refused argument; `RuntimeError` if kernel or solve fail.
     """
+    if heating is not None:
+        inputs = {
+            "surface": surface, "pressure": pressure, "mean_gap": mean_gap, "velocity": velocity,
+            "law": law, "shear": shear, "temperature": temperature, "start": start,
+        }  # fmt: skip
+        settings = {
+            "solver": solver, "adjoint": adjoint, "graded_solver": graded_solver, "rtol": rtol,
+            "friction_rtol": friction_rtol, "throw": throw,
+        }  # fmt: skip
+        return _settled(heating, stack, inputs, settings, solution)
     kernel, velocity, reached = kernel_and_velocity(
         stack, surface, velocity, solver, graded_solver, throw
     )
@@ -352,6 +368,23 @@ def slide(
     )
 
 
+def _settled(heating, stack, inputs, settings, solution) -> Sliding:
+    """The contact at the temperatures that it causes."""
+    if not hasattr(heating, "settle"):
+        raise ValueError(f"`heating={short(heating)}` must be a `Heating(conductivity, ...)`.")
+    if solution is not None:
+        raise ValueError("`solution` is refused with `heating`: the temperatures belong to it.")
+    _check_parts(stack, inputs["surface"])
+    return heating.settle(
+        lambda stack, **inputs: slide(stack, **inputs, **settings),
+        stack,
+        inputs["surface"].grid,
+        inputs,
+        settings["rtol"] or settings["friction_rtol"] or RTOL,
+        settings["throw"],
+    )
+
+
 _coverage = eqx.filter_jit(coverage)
 
 
@@ -380,10 +413,7 @@ def _tolerance(rtol, friction_rtol, kernel, surface: Surface, velocity, law, she
 
 def kernel_and_velocity(stack, surface, velocity, solver, graded_solver, throw):
     """The kernel on the surface's grid, the velocity as an array, and if the kernel is good."""
-    if not isinstance(stack, Stack):
-        raise ValueError(f"`stack={short(stack)}` must be a `Stack(layers=..., base=...)`.")
-    if not isinstance(surface, Surface):
-        raise ValueError(f"`surface={short(surface)}` must be a `Surface(heights, grid)`.")
+    _check_parts(stack, surface)
     velocity = as_float(velocity, "velocity")
     numbers, oblique = num_numbers(stack), velocity.ndim > 0
     check_memory(
@@ -406,6 +436,13 @@ def kernel_and_velocity(stack, surface, velocity, solver, graded_solver, throw):
         )
     at_rest = is_concrete(velocity) and not np.any(np.asarray(velocity))
     return (kernel.real if at_rest else kernel), velocity, reached
+
+
+def _check_parts(stack, surface) -> None:
+    if not isinstance(stack, Stack):
+        raise ValueError(f"`stack={short(stack)}` must be a `Stack(layers=..., base=...)`.")
+    if not isinstance(surface, Surface):
+        raise ValueError(f"`surface={short(surface)}` must be a `Surface(heights, grid)`.")
 
 
 OBSERVABLES = tuple(
