@@ -23,8 +23,9 @@ from rows import ROOT, goal, run, show
 import graded_contact as gc
 from graded_contact.files.design_scene import read_design
 from graded_contact.studies.design import minimise
+from graded_contact.studies.design_report import report
 from graded_contact.studies.objectives import loss_tangent, ripple
-from graded_contact.studies.run_design import report, run_design
+from graded_contact.studies.run_design import run_design
 
 sys.path.append(str(ROOT / "benchmarks" / "paper"))
 from response import CONTRAST, INCOMPRESSIBLE, Q0, RELAXED, TAU, VELOCITY, rubber

@@ -98,7 +98,7 @@ def explore(scene=None, keys=20, screenshot=None):
     for name, target in TARGETS.items():
         median, slow = np.percentile(found[name], (50, 90))
         row = {"picture": name, "median [s]": median, "nine of ten within [s]": slow}
-        report("bench_explore", row | {"wanted [s]": target})
+        report("bench_explore", row | {"target [s]": target})
 
 
 if __name__ == "__main__":

@@ -98,9 +98,9 @@ def elastic(
             chosen = [peer for peer in peers if n <= largest[peer]]
             compare(n, load, targets, chosen, tries, repeat, ratios, differing, hints)
     for (peer, n, target), values in ratios.items():
-        wanted = ">= 100 x faster" if (peer, n) == ("tamaas", 1024) else "faster"
+        claim = ">= 100 x faster" if (peer, n) == ("tamaas", 1024) else "faster"
         goal(
-            f"{wanted} than {peer} at N = {n} and an error of {target:.0e}",
+            f"{claim} than {peer} at N = {n} and an error of {target:.0e}",
             ", ".join(f"{ratio:.1f} x at p/E* = {load:g}" for load, ratio in values),
         )
     if differing:
@@ -123,7 +123,7 @@ def compare(n, load, targets, peers, tries, repeat, ratios, differing, hints):
                 "p/E*": load,
                 "N": n,
                 "solver": solver,
-                "wanted error": target,
+                "target error": target,
                 "error of the pressure": float(errors.pressure),
                 "error of the area": float(errors.area),
                 "pixels that differ": differ,

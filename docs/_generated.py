@@ -10,24 +10,21 @@ from collections.abc import Callable, Sequence
 from pathlib import Path
 from typing import Any
 
+from _examples import EXAMPLES
 from _figures import FIGURES
+from jaxtyping import ScalarLike
+from numpy.typing import ArrayLike
 from typer.testing import CliRunner
 
 import graded_contact as gc
 from graded_contact.cli import app
 from graded_contact.contact.nested_solve import DouglasRachford
+from graded_contact.core.checks import Numbers
 from graded_contact.fields.grid import Grid
-from graded_contact.files import scene
+from graded_contact.files import block, scene, surface_source
 from graded_contact.files.design_scene import DesignScene, Stiffness
-from graded_contact.files.schema import (
-    REQUIRED,
-    Key,
-    Spacing,
-    classes_of,
-    entry_text,
-    keys_of,
-    parts_of,
-)
+from graded_contact.files.schema import REQUIRED, Key, Spacing, classes_of, keys_of, parts_of
+from graded_contact.files.toml import entry_text
 from graded_contact.response.profile import Blend
 from graded_contact.response.stack import HalfSpace, Layer
 from graded_contact.rheology.material import AbstractMaterial
@@ -47,12 +44,12 @@ SHORT = ("shift", "shape", "graded_solver")  # keys whose tables have a kind
 # Keys of scenes, by table and by what takes them.
 TABLES: dict[str, dict[Callable, tuple[Key, ...]]] = {
     "The scene": {scene.Tables: keys_of(scene.Tables)},
-    **{f'[surface], kind = "{kind}"': takers for kind, takers in scene.SURFACES.items()},
+    **{f'[surface], kind = "{kind}"': takers for kind, takers in surface_source.SURFACES.items()},
     "[grid]": {Grid: keys_of(Grid)},
-    "[materials.NAME], any kind": {gc.materials.read_errors: (scene.ERRORS,)},
+    "[materials.NAME], any kind": {gc.materials.read_errors: (block.ERRORS,)},
     **{
         f'[materials.NAME], kind = "{kind}"': {make: keys_of(make)}
-        for kind, make in {**scene.MATERIALS, "tabulated": scene.Block.tabulated}.items()
+        for kind, make in {**block.MATERIALS, "tabulated": block.Block.tabulated}.items()
     },
     "[[layers]]": {Layer: keys_of(Layer), Blend: keys_of(Blend)},
     '[base], kind = "half_space" ("rigid" and "free" have no keys)': {
@@ -67,7 +64,7 @@ TABLES: dict[str, dict[Callable, tuple[Key, ...]]] = {
     "[output]": {scene.Scene: scene.KEYS["[output]"]},
     **{
         f'{place}, kind = "{kind}"': {make: keys_of(make)}
-        for place, kinds in zip(SHORT, scene.KINDS.values(), strict=True)
+        for place, kinds in zip(SHORT, block.KINDS.values(), strict=True)
         for kind, make in kinds.items()
     },
     "[design]": {DesignScene: keys_of(DesignScene, "scene", "spectrum")},
@@ -110,13 +107,7 @@ def write_all(docs: Path) -> None:
 def reference_pages() -> dict[str, str]:
     """Returns a page for each group of `graded_contact.__all__`, and for each of `MODULES`."""
     groups, modules = public_groups(), {name: members_of(name) for name in MODULES}
-    # A name that two have is described in the group.
-    places = {
-        name: f"graded_contact.{module}.{name}"
-        for module, members in modules.items()
-        for name, _ in members
-    }
-    places |= {name: f"graded_contact.{name}" for group in groups.values() for name, _ in group}
+    places = all_places()
     pages = {}
     for title, members in groups.items():
         parts = [description(places[name], thing, places) for name, thing in members]
@@ -130,6 +121,18 @@ def reference_pages() -> dict[str, str]:
             parts.append(description(at, thing, places) if own else f"- {{py:obj}}`{at}`")
         pages[module] = "\n\n".join(parts)
     return pages
+
+
+def all_places() -> dict[str, str]:
+    """Returns where each public name is described; in the group, if two places have it."""
+    places = {
+        name: f"graded_contact.{module}.{name}"
+        for module in MODULES
+        for name, _ in members_of(module)
+    }
+    for group in public_groups().values():
+        places |= {name: f"graded_contact.{name}" for name, _ in group}
+    return places
 
 
 def public_groups() -> Names:
@@ -159,7 +162,11 @@ def description(place: str, thing: object, places: dict[str, str]) -> str:
     if not callable(thing):
         return f":::{{py:data}} {place}\n```python\n{pprint.pformat(thing)}\n```\n:::"
     kind = "class" if inspect.isclass(thing) else "function"
-    parts = [f"::::{{py:{kind}}} {place}{signature(thing)}", documented(thing, places)]
+    module, _, name = place.rpartition(".")
+    head = f"::::{{py:{kind}}} {name}{signature(thing)}\n:module: {module}\n"
+    parts = [head, documented(thing, places)]
+    if name in EXAMPLES:
+        parts += [f"**Example:**\n\n```python\n{EXAMPLES[name].strip()}\n```"]
     for name, found in vars(thing).items() if kind == "class" else ():
         function = found.fget if isinstance(found, property) else getattr(found, "__func__", found)
         if name.startswith("_") or not inspect.isfunction(function) or not function.__doc__:
@@ -180,30 +187,61 @@ def documented(thing: object, places: dict[str, str]) -> str:
 
 
 def signature(thing) -> str:
-    """Returns the arguments with their defaults; what they may be is in the docstring."""
+    """Returns the arguments with their types and defaults."""
     try:
-        entries = inspect.signature(thing).parameters.values()
+        entries = list(inspect.signature(thing).parameters.values())
     except (TypeError, ValueError):
         return "()"
-    bare = [entry.replace(annotation=entry.empty) for entry in entries if entry.name != "self"]
-    # Objects show themselves over several lines, and functions by their address.
-    written = [
-        str(entry.replace(default=entry.empty)) + f"={type(entry.default).__name__}()"
-        if not isinstance(entry.default, int | float | str | tuple | None | type(entry.empty))
-        else str(entry)
-        for entry in bare
-    ]
-    return re.sub(r"<[^>]*>", "...", f"({', '.join(written)})")
+    written = [argument(entry) for entry in entries if entry.name != "self"]
+    named = [entry.name for entry in entries if entry.kind is entry.KEYWORD_ONLY]
+    if named and not any(entry.kind is entry.VAR_POSITIONAL for entry in entries):
+        written.insert(len(written) - len(named), "*")
+    return f"({', '.join(written)})"
+
+
+def argument(entry: inspect.Parameter) -> str:
+    """Returns one argument; a default that is an object is shown as a call of its class."""
+    default = entry.default
+    plain = default is entry.empty or isinstance(default, int | float | str | tuple | None)
+    text = str(entry.replace(annotation=entry.empty, default=entry.empty))
+    kind = entry.annotation
+    if kind is not entry.empty:
+        text += ": " + short_type(kind)
+    if default is entry.empty:
+        return text
+    equals = "=" if kind is entry.empty else " = "
+    shown = repr(default) if plain else f"{type(default).__name__}()"
+    return text + equals + re.sub(r"<[^>]*>", "...", shown)
+
+
+def short_type(annotation: object) -> str:
+    """Returns an annotation without the modules of its names, and with the names of unions."""
+    text = bare_type(annotation)
+    for name, union in (("Numbers", Numbers), ("Scalar", ScalarLike), ("Numbers", ArrayLike)):
+        members = bare_type(union).removesuffix("]")
+        text = text.replace(members + ", NoneType]", name + " | None")
+        text = text.replace(members + "]", name)
+    return re.sub(r"Union\[Key\[.*?\'4\'\]\]", "Key", text)
+
+
+def bare_type(annotation: object) -> str:
+    text = annotation if isinstance(annotation, str) else inspect.formatannotation(annotation)
+    return re.sub(r"\b(?:[a-zA-Z_]\w*\.)+(?=\w)", "", text.replace("~", ""))
 
 
 def linked(text: str, places: dict[str, str]) -> str:
-    """Returns a docstring in which names of the reference are links."""
+    """Returns a text in which names of the reference, and calls of them, are links."""
 
     def link(found):
-        name = found[1].removeprefix("graded_contact.").removeprefix("gc.")
-        return f"{{py:obj}}`{name} <{places[name]}>`" if name in places else found[0]
+        name, rest = found.groups()
+        name = name.removeprefix("graded_contact.").removeprefix("gc.")
+        last = name.rpartition(".")[2]
+        place = places.get(name) or places.get(last)
+        if place is None or not place.endswith(f".{name}"):
+            return found[0]
+        return f"{{py:obj}}`{name}{rest} <{place}>`"
 
-    return re.sub(r"(?<![`}])`([\w.]+)`(?!`)", link, text)
+    return re.sub(r"(?<![`}])`([\w.]+)((?:\([^`<>]*\))?)`(?!`)", link, text)
 
 
 def commands_page() -> str:
@@ -253,7 +291,7 @@ def words(key: Key) -> str:
             return f"number, list, or {{from, to, points}}, {part.words}"
         if part is AbstractMaterial:
             return "NAME of a material"
-        if part in scene.KINDS:
+        if part in block.KINDS:
             return "table with a `kind`"
     names = {
         float: "number",
@@ -273,7 +311,7 @@ def default_text(key: Key) -> str:
     """Returns the value of a key that is missing."""
     if key.default is REQUIRED:
         return "required"
-    names = {make: kind for kinds in scene.KINDS.values() for kind, make in kinds.items()}
+    names = {make: kind for kinds in block.KINDS.values() for kind, make in kinds.items()}
     if type(key.default) in names:
         return f'"{names[type(key.default)]}"'
     return entry_text(key.default) if isinstance(key.default, int | float | str) else ""

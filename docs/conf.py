@@ -1,4 +1,4 @@
-"""The site: `sphinx-build -W docs site`; with `-D nb_execution_mode=cache` the notebooks run."""
+"""The site: `sphinx-build -W docs site`; `-D nb_execution_mode=off` skips the notebooks."""
 
 import sys
 from pathlib import Path
@@ -6,6 +6,9 @@ from pathlib import Path
 sys.path.insert(0, str(Path(__file__).parent))
 
 import _generated
+from docutils import nodes
+from docutils.utils.math.latex2mathml import tex2mathml
+from sphinx.application import Sphinx
 
 import graded_contact
 
@@ -14,26 +17,62 @@ version = release = graded_contact.__version__
 copyright = "the graded_contact maintainers"
 
 extensions = [
+    "sphinx.ext.viewcode",
     "myst_nb",
     "sphinx_copybutton",
     "sphinx_design",
 ]
 myst_enable_extensions = ["colon_fence", "deflist", "dollarmath", "attrs_inline"]
 myst_heading_anchors = 3
-nb_execution_mode = "off"
+nb_execution_mode = "cache"
 nb_execution_timeout = 600
 nitpicky = True
+nitpick_ignore_regex = [("py:class", ".*")]  # types of arguments
+python_use_unqualified_type_names = True
+python_maximum_signature_line_length = 88
 exclude_patterns = ["_*"]
 # Pages that may not be there.
 suppress_warnings = ["toc.empty_glob"]
 
+html_static_path = ["_static"]
+html_css_files = ["site.css"]
 html_theme = "pydata_sphinx_theme"
 html_title = "graded_contact"
 html_theme_options = {
     "show_toc_level": 2,
     "navigation_with_keys": False,
     "navbar_end": ["theme-switcher"],
-    "secondary_sidebar_items": ["page-toc"],
+    "navbar_persistent": ["search-button"],
+    "header_links_before_dropdown": 9,
+    "secondary_sidebar_items": {"**": ["page-toc"], "index": []},
 }
+html_sidebars = {
+    name: [] for name in ("index", "numbers", "explore", "validation", "comparison", "paper")
+}
+html_math_renderer = "mathml"
+
+
+def setup(app: Sphinx) -> None:
+    """Formulas become MathML: browsers typeset it without scripts."""
+    app.add_html_math_renderer("mathml", (inline_formula, None), (block_formula, None))
+    app.connect("source-read", link_names)
+
+
+def link_names(app: Sphinx, page: str, source: list[str]) -> None:
+    """Names in the tables of the reference are links."""
+    if page == "reference":
+        source[0] = _generated.linked(source[0], _generated.all_places())
+
+
+def inline_formula(translator, node) -> None:
+    translator.body.append(tex2mathml(node.astext()))
+    raise nodes.SkipNode
+
+
+def block_formula(translator, node) -> None:
+    text = tex2mathml(node.astext(), as_block=True)
+    translator.body.append(f'<div class="formula">{text}</div>')
+    raise nodes.SkipNode
+
 
 _generated.write_all(Path(__file__).parent)

@@ -3,15 +3,15 @@
 Data flows one way: material -> stack -> response -> contact -> observables. The main job is
 `slide`. SI units everywhere; `docs/theory.md` and the module docstrings state conventions.
 
-The names below are the main ones. The others are in `materials`, `blocks`, `contacts`, `surface`,
-`shapes` (of graded layers), `design` (searches and objectives), `plot` (figures) and `reference`
-(closed forms).
+The names below are the main ones. The others are in `materials`, `blocks`, `contacts`, `motion`
+(back and forth, start and stop), `surface`, `shapes` (of graded layers), `design` (searches and
+objectives), `plot` (figures) and `reference` (closed forms).
 """
 
 import importlib
 from typing import TYPE_CHECKING
 
-from . import blocks, contacts, design, materials, reference, shapes, surface
+from . import blocks, contacts, design, materials, motion, reference, shapes, surface
 from .contact.adhesion import AdhesiveLJ
 from .contact.law import HardWall, RepulsiveLJ
 from .contact.problem import solve_contact
@@ -52,7 +52,7 @@ __version__ = "1.0.0rc1"
 __all__ = [  # noqa: RUF022 (grouped by subject, the main ones first)
     # contact and sliding
     "slide", "Sliding", "solve_contact", "ContactSolution",
-    "HardWall", "RepulsiveLJ", "AdhesiveLJ", "contacts",
+    "HardWall", "RepulsiveLJ", "AdhesiveLJ", "contacts", "motion",
     # mean field
     "mean_field_friction",
     # rheology
@@ -85,7 +85,7 @@ _LATER = {
 
 
 def __getattr__(name: str) -> object:
-    for space in (materials, blocks, contacts, surface, design, shapes):
+    for space in (materials, blocks, contacts, motion, surface, design, shapes):
         if name in space.__all__:
             return getattr(space, name)
     if name not in _LATER:

@@ -14,6 +14,7 @@ from .command.compare import compare
 from .command.design import design
 from .command.explore import explore
 from .command.fit import fit
+from .command.friction_table import table
 from .command.scene import demo, info, run
 from .command.session import prepare
 
@@ -43,5 +44,5 @@ def main(
     prepare()
 
 
-for job in (demo, run, info, compare, fit, design, explore):
+for job in (demo, run, info, table, compare, fit, design, explore):
     app.command()(job)

@@ -1,4 +1,5 @@
-"""More about contact: laws, solvers, loading paths, cut-off curves, parts of custom solvers."""
+"""More about contact: laws, solvers, loading paths, cut-off curves, tables of friction, softening
+with strain, parts of custom solvers."""
 
 from .contact.adhesion import AdhesiveLJ, ExponentialAdhesion
 from .contact.adjoint import LinearSplitting
@@ -12,18 +13,22 @@ from .contact.solution import RESULTS
 from .contact.solver import AbstractContactSolver, Loading, SolverOutput, run_steps
 from .contact.splitting import Splitting
 from .contact.target import ObservableTarget
+from .files.friction_cards import export_friction
 from .friction.heat import heat_depths, heat_source
 from .friction.heating import Heating, flash_temperature
 from .friction.magnification import area_against_cutoff
+from .friction.softening import slide_softened
 from .persson.mean_field import MeanField, pressure_distribution
 from .rheology.shear import AbstractShear, ConstantShear, PeakedShear
 from .roughness.spectrum import CutoffCurve
+from .studies.friction_table import friction_table
 
 __all__ = [
     "RESULTS", "AbstractContactSolver", "AbstractLaw", "AbstractShear", "AdhesiveLJ",
     "ConstantShear", "ContactPath", "CutoffCurve", "DouglasRachford", "ExponentialAdhesion",
     "HardWall", "Heating", "LinearSplitting", "Loading", "MeanField", "ObservableTarget",
     "PeakedShear", "RepulsiveLJ", "ResidualDynamics", "Solid", "SolverOutput", "Splitting",
-    "area_against_cutoff", "cumulative_friction", "flash_temperature", "follow_contact",
-    "heat_depths", "heat_source", "pressure_distribution", "run_steps",
+    "area_against_cutoff", "cumulative_friction", "export_friction", "flash_temperature",
+    "follow_contact", "friction_table", "heat_depths", "heat_source", "pressure_distribution",
+    "run_steps", "slide_softened",
 ]  # fmt: skip

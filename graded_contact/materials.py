@@ -1,6 +1,6 @@
 """More about materials: classes to extend, measured ranges, fits, other programs' formats."""
 
-from .files.moduli.points import Measured
+from .files.moduli.measured import Measured
 from .files.parameter_covariance import read_errors
 from .files.prony_cards import export_prony
 from .fitting.master import MasterCurve
@@ -8,8 +8,9 @@ from .fitting.prony import PronyFit
 from .rheology.material import AbstractMaterial
 from .rheology.measured import MeasuredRange, coverage
 from .rheology.shift import AbstractShift, TabulatedShift
+from .rheology.softening import StrainSoftening, at_strain
 
 __all__ = [
     "AbstractMaterial", "AbstractShift", "MasterCurve", "Measured", "MeasuredRange", "PronyFit",
-    "TabulatedShift", "coverage", "export_prony", "read_errors",
+    "StrainSoftening", "TabulatedShift", "at_strain", "coverage", "export_prony", "read_errors",
 ]  # fmt: skip

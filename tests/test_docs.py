@@ -13,7 +13,14 @@ import pytest
 import graded_contact as gc
 
 DOCS = Path(__file__).parents[1] / "docs"
-PAGES = sorted([*DOCS.glob("*.md"), *DOCS.glob("howto/*.md"), DOCS.with_name("README.md")])
+PAGES = sorted(
+    [
+        *DOCS.glob("*.md"),
+        *DOCS.glob("howto/*.md"),
+        *DOCS.glob("theory/*.md"),
+        DOCS.with_name("README.md"),
+    ]
+)
 
 
 def python_blocks(page: Path) -> list[str]:
@@ -29,25 +36,33 @@ def called(node: ast.AST) -> object:
     return None if owner is None else getattr(owner, node.attr)
 
 
+def check_calls(block: str) -> None:
+    for node in ast.walk(ast.parse(block)):
+        if isinstance(node, ast.Attribute):
+            called(node)
+        if isinstance(node, ast.Call) and (function := called(node.func)) is not None:
+            given = [keyword.arg for keyword in node.keywords if keyword.arg]
+            inspect.signature(function).bind_partial(*node.args, **dict.fromkeys(given))
+
+
 @pytest.mark.parametrize("page", PAGES, ids=lambda page: page.stem)
 def test_what_a_page_calls_exists_and_takes_its_arguments(page):
     for block in python_blocks(page):
-        for node in ast.walk(ast.parse(block)):
-            if isinstance(node, ast.Attribute):
-                called(node)
-            if isinstance(node, ast.Call) and (function := called(node.func)) is not None:
-                known = inspect.signature(function).parameters
-                given = {keyword.arg for keyword in node.keywords} - {None}
-                assert given <= set(known), f"{ast.unparse(node.func)}: {given - set(known)}"
+        check_calls(block)
+
+
+def test_what_examples_call_exists_and_takes_their_arguments(monkeypatch):
+    monkeypatch.syspath_prepend(str(DOCS))
+    for name, block in importlib.import_module("_examples").EXAMPLES.items():
+        assert name in gc.__all__
+        check_calls(block)
 
 
 def test_every_public_name_is_described_with_its_docstring(monkeypatch):
     """Names without a docstring, and methods as well, are refused by what makes the pages."""
     monkeypatch.syspath_prepend(str(DOCS))
     pages = importlib.import_module("_generated").reference_pages()
-    described = set(
-        re.findall(r"\{py:(?:class|function)\} [\w.]+?\.(\w+)\(", "".join(pages.values()))
-    )
+    described = set(re.findall(r"\{py:(?:class|function)\} (\w+)\(", "".join(pages.values())))
     others = set(importlib.import_module("_generated").MODULES)
     assert set(gc.__all__) - others <= described
     assert others <= set(pages)

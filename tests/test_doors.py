@@ -69,6 +69,8 @@ def calls():
     table = dict(omega=omega, modulus=modulus, poisson=0.3, shift=wlf, extrapolate="refuse")
     wave = dict(stack=stack, q=[1e3], omega=[1.0], rtol=1e-8)
     vector = dict(stack=stack, qx=[1e3], qy=[1e3], omega=[1.0])
+    sweep = dict(material=solid, strain=[1e-3, 1e-1], storage=[1.0, 0.5], loss=[1.0, 0.7])
+    soft = gc.Stack(base=gc.HalfSpace(gc.materials.StrainSoftening(**sweep)))
     job = dict(stack=stack, surface=surface, pressure=1e5, velocity=0.1)
     how = dict(law=gc.HardWall(), solver=gc.contacts.DouglasRachford(), rtol=1e-6, throw=True)
     contact = dict(kernel=kernel, heights=surface.heights)
@@ -143,6 +145,21 @@ def calls():
         (gc.slide, dict(stack=stack, surface=surface, mean_gap=1e-6, velocity=0.1)),
         (gc.slide, job | dict(shear=peaked, temperature=300.0)),
         (gc.contacts.ConstantShear, dict(stress=1e6)),
+        (
+            gc.contacts.Heating,
+            dict(conductivity=0.25, diffusivity=1e-7, counterface_conductivity=1.0),
+        ),
+        (gc.contacts.heat_depths, dict(stack=stack, grid=grid, num_intervals=4)),
+        (gc.contacts.heat_source, dict(sliding=sliding, stack=stack, depths=[1e-4])),
+        (
+            gc.contacts.flash_temperature,
+            dict(
+                sliding=sliding,
+                stack=stack,
+                heating=gc.contacts.Heating(0.25, 1e-7),
+                depths=[0.0],
+            ),
+        ),
         (gc.contacts.PeakedShear, dict(peak=1e6, velocity=1e-2, steepness=0.1, shift=wlf)),
         (gc.solve_contact, contact | dict(pressure=1e5) | how),
         (
@@ -162,14 +179,41 @@ def calls():
         ),
         (
             gc.mean_field_friction,
-            dict(stack=stack, spectrum=spectrum, pressure=1e5, velocity=0.1)
-            | dict(shear=peaked, temperature=300.0),
+            dict(
+                stack=soft,
+                spectrum=spectrum,
+                pressure=1e5,
+                velocity=0.1,
+                own_roughness=spectrum,
+                strain_per_slope=1.0,
+                shear=peaked,
+                temperature=300.0,
+            ),
         ),
         (gc.contacts.pressure_distribution, dict(mean_field=field, stress=[1e5])),
         (gc.design.loss_tangent, dict(stack=stack, q=[1e3], velocity=0.1)),
         (
             gc.design.friction_curve,
             dict(stack=stack, spectrum=spectrum, pressure=1e5, velocities=[0.1]),
+        ),
+        (gc.SelfAffine, dict(rms_slope=0.2, roll_off="smooth", anisotropy=2.0, angle=0.3, **band)),
+        (gc.materials.StrainSoftening, sweep),
+        (
+            gc.materials.StrainSoftening.from_sweep,
+            dict(material=solid, strain=[1e-3, 1e-1], modulus=[2e6 + 3e5j, 1e6 + 3e5j]),
+        ),
+        (gc.materials.at_strain, dict(block=soft, strain=0.1)),
+        (
+            gc.contacts.slide_softened,
+            dict(
+                stack=soft,
+                surface=surface,
+                pressure=1e5,
+                velocity=0.1,
+                strain_per_slope=1.0,
+                strain_rtol=1e-3,
+                max_solves=9,
+            ),
         ),
         (gc.materials.export_prony, dict(material=solid, format="abaqus", name="rubber")),
         (gc.fit_prony, dict(omega=omega, modulus=modulus, terms=2, poisson=0.4)),

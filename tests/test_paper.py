@@ -1,10 +1,13 @@
 """The scripts that draw the paper's figures, at small size, contacts first."""
 
+import shutil
 import subprocess
 import sys
 from pathlib import Path
 
+import numpy as np
 import pytest
+from matplotlib.image import imread
 
 FOLDER = Path(__file__).parents[1] / "benchmarks" / "paper"
 MODULES = ("system", "contacts", "coated_half_space")
@@ -37,3 +40,18 @@ def test_script_runs_at_small_size_and_no_contact_fails(drawn, script):
     assert "NOT CONVERGED" not in printed
     assert " 0 failed" in printed or "failed" not in printed
     assert "nan" not in printed
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("script", SCRIPTS)
+def test_committed_figures_are_what_the_stored_results_give(tmp_path, script):
+    """Up to a hundredth of the pixels: fonts differ between machines."""
+    committed = FOLDER.parents[1] / "docs" / "paper"
+    shutil.copy(committed / "results.h5", tmp_path)
+    command = [sys.executable, FOLDER / f"{script}.py", "--output", tmp_path]
+    done = subprocess.run(command, capture_output=True, text=True)
+    assert done.returncode == 0, done.stderr
+    for drawing in tmp_path.glob("*.png"):
+        new, old = (imread(folder / drawing.name) for folder in (tmp_path, committed))
+        assert new.shape == old.shape, drawing.name
+        assert np.mean(np.any(new != old, axis=-1)) < 0.01, drawing.name

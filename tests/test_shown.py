@@ -23,7 +23,7 @@ from graded_contact.studies.uncertainty import Sensitivity
 RESULT_CLASSES = (
     gc.Sliding, gc.ContactSolution, gc.contacts.ContactPath, gc.contacts.CutoffCurve,
     gc.contacts.MeanField, Statistics, InteriorFields, Sensitivity, gc.Layer, gc.Elastic, gc.Prony,
-    gc.WLF, gc.Grid, gc.Surface,
+    gc.materials.StrainSoftening, gc.WLF, gc.Grid, gc.Surface,
     Candidate, Run, Stiffness, Floor, FitErrors, Step, gc.HardWall, gc.AdhesiveLJ,
 )  # fmt: skip
 

@@ -11,8 +11,9 @@ from ..files.paths import check_folder, check_name, full_path
 from ..plot import plot_design, plot_history
 from ..roughness.surface import Surface
 from ..studies.cost import design_cost
+from ..studies.design_report import designed_values, missed, report
 from ..studies.interruption import Interrupted, interruptible
-from ..studies.run_design import check_design, designed_values, missed, report, run_design
+from ..studies.run_design import check_design, run_design
 from ..studies.store import Store
 from .session import DryRun, FigureFormat, Format, Output, progress, refusing, save_figure
 from .tables import print_read

@@ -9,7 +9,7 @@ from typing import Annotated
 import typer
 from typer import Option
 
-from ..files.moduli.points import Measured
+from ..files.moduli.measured import Measured
 from ..files.moduli.reading import read_moduli
 from ..files.parameter_covariance import write_errors
 from ..files.paths import check_folder, full_path
@@ -20,7 +20,6 @@ from ..fitting.prony import fit_creep, fit_prony, fit_relaxation
 from ..fitting.shifting import check_law
 from ..fitting.wild import wild_values, without
 from ..plot import plot_fit, plot_master_curve, plot_van_gurp_palmen
-from ..rheology.material import Prony
 from ..studies.uncertainty import errors_of
 from .session import FigureFormat, Format, Output, refusing, save_figure
 
@@ -36,62 +35,74 @@ _FIT_OPTIONS = {
     )},
 }  # fmt: skip
 
-Number = float | None
-Texts = list[str] | None
+Files = Annotated[
+    list[Path],
+    typer.Argument(
+        metavar="FILE...", help="Moduli or compliances of one material, in one file or several.",
+        show_default=False,
+    ),
+]  # fmt: skip
+Text, Texts, Number = str | None, list[str] | None, float | None
+Terms = Annotated[int | None, Option(min=1, help="Number of terms (default: BIC).")]
+Poisson = Annotated[float, Option(help="Poisson's ratio of the material.")]
+Kind = Annotated[Text, Option(help="frequency, relaxation or creep.")]
+Deformation = Annotated[Text, Option(help="tension or shear, if it is not in the file.")]
+Temperature = Annotated[
+    list[float] | None,
+    Option(metavar="KELVIN", help="One temperature, or one per file (or curve)."),
+]
+SheetName = Annotated[Text, Option(help="Name of the sheet of a workbook.")]
+Steps = Annotated[
+    Texts, Option(metavar="NAME", help="Number or title of a step to read; may be repeated.")
+]
+Law = Annotated[str, Option(help="Shifts several isotherms: wlf or arrhenius.")]
+ShiftStd = Annotated[
+    float, Option(help="Expected standard deviation of log10 a_T from the law; 0 for none.")
+]
+VerticalShiftStd = Annotated[
+    float, Option(help="Expected standard deviation of ln b_T, the shift of moduli.")
+]
+Equilibrium = Annotated[Number, Option(metavar="PASCAL", help="E_eq if known; 0 for a liquid.")]
+Glassy = Annotated[Number, Option(metavar="PASCAL", help="Instantaneous modulus if known.")]
+StorageWeight = Annotated[float, Option(help="Weight of storage moduli.")]
+LossWeight = Annotated[float, Option(help="Weight of loss moduli.")]
+Anyway = Annotated[
+    bool, Option("--anyway", help="Fit data that are far from all positive spectra.")
+]
+Robust = Annotated[
+    bool, Option("--robust", help="Leave out rows that no smooth positive spectrum explains.")
+]
+Units = Annotated[
+    Texts, Option(metavar="QUANTITY=UNIT", help="For instance modulus=MPa; may be repeated.")
+]
+Columns = Annotated[
+    Texts, Option(metavar="QUANTITY=NAME", help="For instance loss=4; may be repeated.")
+]
+Cards = Annotated[Texts, Option(help="Also write toml, csv, json, abaqus or ansys.")]
 
 
 def fit(
-    moduli_files: Annotated[
-        list[Path],
-        typer.Argument(
-            metavar="FILE...",
-            help="Moduli or compliances of one material, in one file or several.",
-            show_default=False,
-        ),
-    ],
+    moduli_files: Files,
     output: Output = None,
-    terms: Annotated[int | None, Option(min=1, help="Number of terms (default: BIC).")] = None,
-    poisson: Annotated[float, Option(help="Poisson's ratio of the material.")] = 0.5,
-    kind: Annotated[str | None, Option(help="frequency, relaxation or creep.")] = None,
-    deformation: Annotated[
-        str | None, Option(help="tension or shear, if it is not in the file.")
-    ] = None,
-    temperature: Annotated[
-        list[float] | None,
-        Option(metavar="KELVIN", help="One temperature, or one per file (or curve)."),
-    ] = None,
-    sheet: Annotated[str | None, Option(help="Name of the sheet of a workbook.")] = None,
-    step: Annotated[
-        Texts, Option(metavar="NAME", help="Number or title of a step to read; may be repeated.")
-    ] = None,
-    law: Annotated[str, Option(help="Shifts several isotherms: wlf or arrhenius.")] = "wlf",
-    shift_std: Annotated[
-        float, Option(help="Expected standard deviation of log10 a_T from the law; 0 for none.")
-    ] = 0.3,
-    vertical_shift_std: Annotated[
-        float, Option(help="Expected standard deviation of ln b_T, the shift of moduli.")
-    ] = 0.0,
-    equilibrium: Annotated[
-        Number, Option(metavar="PASCAL", help="E_eq if known; 0 for a liquid.")
-    ] = None,
-    glassy: Annotated[
-        Number, Option(metavar="PASCAL", help="Instantaneous modulus if known.")
-    ] = None,
-    storage_weight: Annotated[float, Option(help="Weight of storage moduli.")] = 1.0,
-    loss_weight: Annotated[float, Option(help="Weight of loss moduli.")] = 1.0,
-    anyway: Annotated[
-        bool, Option("--anyway", help="Fit data that are far from all positive spectra.")
-    ] = False,
-    robust: Annotated[
-        bool, Option("--robust", help="Leave out rows that no smooth positive spectrum explains.")
-    ] = False,
-    unit: Annotated[
-        Texts, Option(metavar="QUANTITY=UNIT", help="For instance modulus=MPa; may be repeated.")
-    ] = None,
-    column: Annotated[
-        Texts, Option(metavar="QUANTITY=NAME", help="For instance loss=4; may be repeated.")
-    ] = None,
-    card: Annotated[Texts, Option(help="Also write toml, csv, json, abaqus or ansys.")] = None,
+    terms: Terms = None,
+    poisson: Poisson = 0.5,
+    kind: Kind = None,
+    deformation: Deformation = None,
+    temperature: Temperature = None,
+    sheet: SheetName = None,
+    step: Steps = None,
+    law: Law = "wlf",
+    shift_std: ShiftStd = 0.3,
+    vertical_shift_std: VerticalShiftStd = 0.0,
+    equilibrium: Equilibrium = None,
+    glassy: Glassy = None,
+    storage_weight: StorageWeight = 1.0,
+    loss_weight: LossWeight = 1.0,
+    anyway: Anyway = False,
+    robust: Robust = False,
+    unit: Units = None,
+    column: Columns = None,
+    card: Cards = None,
     form: FigureFormat = Format.PNG,
 ) -> None:
     """Fits a Prony series to files of a rheometer or DMA: prints it as a table for a scene.
@@ -106,16 +117,11 @@ def fit(
         check_folder(folder)
         columns = _pairs("column", column)
         measured = read_moduli(
-            moduli_files,
-            kind=kind,
-            deformation=deformation,
-            units=_pairs("unit", unit),
+            moduli_files, kind=kind, deformation=deformation, poisson=poisson, sheet=sheet,
+            units=_pairs("unit", unit), step=step,
             columns={key: int(v) if v.isdecimal() else v for key, v in columns.items()},
-            poisson=poisson,
             temperature=temperature[0] if temperature and len(temperature) == 1 else temperature,
-            sheet=sheet,
-            step=step,
-        )
+        )  # fmt: skip
         for sentence in measured.history:
             typer.echo(_with_options(sentence))
         measured = _without_wild(measured, robust)
@@ -125,17 +131,10 @@ def fit(
         }  # fmt: skip
         weights = {"storage_weight": storage_weight, "loss_weight": loss_weight}
         shifts = {"law": law, "shift_std": shift_std, "vertical_shift_std": vertical_shift_std}
-        figures, material, errors, report = _fitted(measured, shifts, weights, arguments)
+        found = _fitted(measured, shifts, weights, arguments)
         name = re.sub(r"\W", "_", moduli_files[0].stem)
         name = name if name[:1].isalpha() else f"material_{name}"
-        typer.echo(f"\n{report}\n\n{export_prony(material, 'toml', name=name)}")
-        folder.mkdir(parents=True, exist_ok=True)
-        for ending, figure in figures.items():
-            save_figure(figure, folder / f"{name}{ending}.{form}", form)
-        _write_cards(folder, name, material, ("toml", *(card or [])))
-        path = folder / f"{name}-errors.csv"
-        write_errors(path, errors)
-        typer.echo(f"wrote {path}")
+        _write(folder, name, found, ("toml", *(card or [])), form)
 
 
 def _without_wild(measured: Measured, robust: bool) -> Measured:
@@ -156,11 +155,20 @@ def _without_wild(measured: Measured, robust: bool) -> Measured:
     return without(measured, wild) if robust else measured
 
 
-def _write_cards(folder: Path, name: str, material: Prony, forms: tuple) -> None:
-    for form in forms:
-        path = folder / f"{name}{_SUFFIXES.get(form, f'.{form}')}"
-        path.write_text(export_prony(material, form, name=name), encoding="utf-8")
+def _write(folder: Path, name: str, found: tuple, cards: tuple, form: str) -> None:
+    """Prints the report, and writes figures, cards and errors of what `_fitted` returned."""
+    figures, material, errors, report = found
+    typer.echo(f"\n{report}\n\n{export_prony(material, 'toml', name=name)}")
+    folder.mkdir(parents=True, exist_ok=True)
+    for ending, figure in figures.items():
+        save_figure(figure, folder / f"{name}{ending}.{form}", form)
+    for card in cards:
+        path = folder / f"{name}{_SUFFIXES.get(card, f'.{card}')}"
+        path.write_text(export_prony(material, card, name=name), encoding="utf-8")
         typer.echo(f"wrote {path}")
+    path = folder / f"{name}-errors.csv"
+    write_errors(path, errors)
+    typer.echo(f"wrote {path}")
 
 
 def _with_options(message: str) -> str:

@@ -22,7 +22,7 @@ from ..files.results import (
     warnings_of,
 )
 from ..files.scene import Scene, parse_scene, read_scene
-from ..files.schema import parse_toml
+from ..files.toml import parse_toml
 from ..plot import (
     plot_dissipation,
     plot_distributions,

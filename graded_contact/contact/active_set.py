@@ -18,10 +18,10 @@ from typing import NamedTuple
 
 import jax
 import jax.numpy as jnp
-from jaxtyping import Array, Bool, Float, Inexact
+from jaxtyping import Array, Bool, Float
 
 from ..fields.devices import num_devices
-from ..fields.grid import to_field, to_spectrum
+from .operator import AbstractOperator, nonzero
 from .splitting import DRAFTED_FROM
 
 REDUCTION = 0.1  # of the residual by one step, if it is iterated
@@ -34,18 +34,23 @@ class Coated(NamedTuple):
 
     **Fields:**
 
-    - `kernel`: K on the half spectrum, 0 at q = 0.
-    - `green`: the gap that one point of unit pressure opens, K in space.
+    - `operator`: K.
+    - `green`: the gap that one point of unit pressure opens, K in space, see `green_of`.
     - `coat`: compliance λ of the springs.
     - `heights`: h, 0 at q = 0 except for the rest of the springs.
     - `load`: mean of the pressure.
     """
 
-    kernel: Inexact[Array, "*half"]
-    green: Float[Array, "*shape"]
+    operator: AbstractOperator
+    green: Float[Array, "*shape"] | None
     coat: Float[Array, ""]
     heights: Float[Array, "*shape"]
-    load: Float[Array, ""]
+    load: Float[Array, "..."]
+
+
+def green_of(operator: AbstractOperator, shape: tuple[int, ...]) -> Float[Array, "*shape"] | None:
+    """Returns the displacement around one loaded point, or None if it is not the same for each."""
+    return operator.to_field(operator.compliance + 0j, shape) if operator.of_distance else None
 
 
 def pressure_on(
@@ -67,49 +72,48 @@ def pressure_on(
       else one step reduces it tenfold.
     - `budget`: FFT pairs after which no direction is begun.
     """
-    kernel, _, lam, heights, load = solid
-    coated = (kernel + lam).at[(0,) * kernel.ndim].set(0)
+    operator, _, lam, heights, load = solid
+    coated = operator.with_kernel(operator.kernel + lam)
     mask = contact.astype(pressure.dtype)
-    points = jnp.sum(mask)
-
-    def press(field):
-        return to_field(coated * to_spectrum(field), field.shape)
+    share = nonzero(operator.mean(mask))
 
     def iterate():
         begun = mask * pressure
-        begun = begun + mask * ((load * mask.size - jnp.sum(begun)) / jnp.maximum(points, 1))
-        return _iterated(press, coated, mask, heights, begun, tolerance, unchanged, budget // 2)
+        begun = begun + mask * ((load - operator.mean(begun)) / share)
+        return _iterated(coated, mask, heights, begun, tolerance, unchanged, budget // 2)
 
-    rooms = _rooms(pressure)
+    points, rooms = jnp.sum(mask), _rooms(operator, pressure)
     fitting = sum((points > room for room in rooms), jnp.asarray(0))
     eliminate = [lambda room=room: _eliminated(solid, contact, room) for room in rooms]
     pressure, off, pairs = jax.lax.switch(fitting, [*eliminate, iterate])
-    gap = press(pressure) - heights
-    return pressure, gap - jnp.sum(mask * gap) / jnp.maximum(points, 1), off, pairs + 1
+    gap = coated.displace(pressure) - heights
+    return pressure, gap - operator.mean(mask * gap) / share, off, pairs + 1
 
 
-def most_eliminated(field: Array) -> int:
+def most_eliminated(operator: AbstractOperator, field: Array) -> int:
     """Returns the largest number of points to eliminate, in the time of about forty FFT pairs.
 
-    It is 0 for a field over several devices, because elimination would gather the field.
+    It is 0 for a field over several devices, because elimination would gather the field, and for an
+    operator whose matrix does not follow from one loaded point.
     """
-    if num_devices(field) > 1:
+    if num_devices(field) > 1 or not operator.of_distance:
         return 0
     return min(_MOST, 2 ** math.ceil(math.log2(4 * math.sqrt(field.size))), field.size // 2)
 
 
-def _rooms(field: Array) -> list[int]:
+def _rooms(operator: AbstractOperator, field: Array) -> list[int]:
     """Numbers of points for which there is a matrix, each double the last."""
-    most = most_eliminated(field)
+    most = most_eliminated(operator, field)
     return [room for n in range(12) if _FEWEST <= (room := 2**n) <= most]
 
 
 def _eliminated(solid: Coated, contact, room: int):
     """The pressure on at most `room` points, a residual of 0, and no FFT pairs."""
+    assert solid.green is not None  # of a matrix between few points
     weight, total = contact.astype(solid.green.dtype), solid.load * contact.size
     coat = jnp.broadcast_to(solid.coat, contact.shape)
     found = solve_on_few(weight, solid.green, coat, solid.heights, total, room)
-    return found, jnp.zeros_like(solid.load), jnp.asarray(0)
+    return found, jnp.zeros((), found.dtype), jnp.asarray(0)
 
 
 def solve_on_few(
@@ -117,12 +121,12 @@ def solve_on_few(
     green: Float[Array, "*shape"],
     diagonal: Float[Array, "*shape"],
     rhs: Float[Array, "*shape"],
-    total: Float[Array, ""],
+    total: Float[Array, ""] | None,
     room: int,
 ) -> Float[Array, "*shape"]:
     """Returns f with d f + w K w f + c w = rhs and Σ w f = total where w is not 0, and 0 elsewhere.
 
-    `weight` w is not 0 at `room` points at most, `green` is K in space.
+    `weight` w is not 0 at `room` points at most, `green` is K in space. Without a `total`, c = 0.
     """
     where = jnp.nonzero(weight, size=room, fill_value=0)
     used = jnp.arange(room) < jnp.sum(weight != 0)
@@ -131,29 +135,27 @@ def solve_on_few(
     matrix = w[:, None] * green[offsets] * w + jnp.where(used, diagonal[where], 1) * one
     sides = jnp.stack([jnp.where(used, rhs[where], 0), w], axis=1)
     found, by_weight = jnp.linalg.solve(matrix, sides).T
-    one_more = jnp.sum(w * by_weight)  # 0 where there is no point
-    missing = total - jnp.sum(w * found)
-    found = found + by_weight * (missing / jnp.where(one_more != 0, one_more, 1))
+    if total is not None:  # the sum is 0 where there is no point
+        found = found + by_weight * ((total - jnp.sum(w * found)) / nonzero(jnp.sum(w * by_weight)))
     return jnp.zeros_like(green).at[where].add(found)
 
 
-def _iterated(press, coated, mask, heights, pressure, tolerance, unchanged, most):
+def _iterated(coated, mask, heights, pressure, tolerance, unchanged, most):
     """The pressure closer to the solution, the relative residual before, and FFT pairs."""
-    mean = (0,) * coated.ndim
-    inverse = (1 / coated.at[mean].set(1)).at[mean].set(0)
-    points = jnp.maximum(jnp.sum(mask), 1)
+    inverse, share = coated.inverse, nonzero(coated.mean(mask))
 
     def project(field):
-        return mask * (field - jnp.sum(mask * field) / points)
+        return mask * (field - coated.mean(mask * field) / share)
 
     def solve(field):
-        return project(to_field(inverse * to_spectrum(project(field)), field.shape))
+        return project(coated.filtered(inverse, project(field)))
 
-    residual = solve(heights - press(pressure))
+    residual = solve(heights - coated.displace(pressure))
     size, begun = _norm(pressure), _norm(residual)
     close = tolerance * size
     goal = jnp.where(unchanged, close, jnp.maximum(REDUCTION * begun, close))
-    change, num = _conjugate_residuals(lambda field: solve(press(field)), residual, goal, most)
+    operate = lambda field: solve(coated.displace(field))  # noqa: E731
+    change, num = _conjugate_residuals(operate, residual, goal, most)
     return pressure + change, begun / size, 2 + 2 * num
 
 

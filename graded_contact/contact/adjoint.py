@@ -6,8 +6,7 @@ smooth law: k/(k + ρ), k = -dσ/du) and its change R = ∂P/∂θ dθ with the 
 
     (1 - s) dσ + ρ s (M dσ + dū) = R - ρ s (dM σ - dh),
 
-with the change of the mean pressure prescribed. If that of the mean gap ū is prescribed instead, so
-much of the response to a load alone is added that ū changes as it should. Points join or leave the
+with the change of the mean pressure or that of the mean gap ū prescribed. Points join or leave the
 contact of a hard wall with σ = 0, so to first order the set of contact is fixed; where a point has
 σ = 0 and u = 0 at once the derivative is one-sided, that of the set as it was found. The same holds
 where the pressure just reaches a hardness.
@@ -30,19 +29,18 @@ import equinox as eqx
 import jax
 import jax.numpy as jnp
 import numpy as np
-from jaxtyping import Array, Bool, Float, Inexact
+from jaxtyping import Array, Bool, Float
 
 from ..core.checks import check_tolerance, check_whole
 from ..fields.devices import tied
-from ..fields.grid import to_field
-from .active_set import most_eliminated, solve_on_few
+from .active_set import green_of, most_eliminated, solve_on_few
 from .law import AbstractLaw
-from .operator import Solid, displace, nonzero
-from .solver import Loading, slope
+from .operator import AbstractOperator, Solid, nonzero
+from .solver import Loading, history_of, slope
 from .splitting import Splitting, check_relaxation, draft, iterate
 
-# Solves A τ = b, as `LinearSplitting` does: called with ρM, s and b, and with the keyword `rtol`,
-# it returns τ.
+# Solves A τ = b, as `LinearSplitting` does: called with ρM, s and b, and with the keywords `rtol`
+# and `free_mean`, it returns τ.
 LinearSolver = Callable[..., Float[Array, "*shape"]]
 
 
@@ -87,17 +85,18 @@ class LinearSplitting(eqx.Module):
 
     def __call__(
         self,
-        kernel: Inexact[Array, "*half"],
+        operator: AbstractOperator,
         weights: Float[Array, "*shape"],
         rhs: Float[Array, "*shape"],
         *,
         rtol: Float[Array, ""],
+        free_mean: bool = False,
     ) -> Float[Array, "*shape"]:
         """Returns the τ of `solve`, or fails if that did not converge."""
         if self.rtol is not None:
             check_tolerance("rtol", self.rtol, rhs)
             rtol = jnp.asarray(self.rtol, rhs.dtype)
-        tau, _, found, _ = self.solve(kernel, weights, rhs, rtol=rtol)
+        tau, _, found, _ = self.solve(operator, weights, rhs, rtol=rtol, free_mean=free_mean)
         checked = eqx.error_if(
             jnp.asarray(-0.0),
             ~found,
@@ -108,24 +107,28 @@ class LinearSplitting(eqx.Module):
 
     def solve(
         self,
-        kernel: Inexact[Array, "*half"],
+        operator: AbstractOperator,
         weights: Float[Array, "*shape"],
         rhs: Float[Array, "*shape"],
         *,
         rtol: Float[Array, ""],
+        free_mean: bool = False,
     ) -> LinearSolution:
         """Returns τ with ε(1 - s)τ + √|s| ρM √|s| τ = rhs, ε being the sign of s, and more.
 
         **Arguments:**
 
-        - `kernel`: ρM on the half spectrum, or for the adjoint its conjugate, 0 at q = 0.
+        - `operator`: ρM, or its adjoint.
         - `weights`: s, the slope of the law's proximal map at each point.
-        - `rhs`: the right side; it and τ are orthogonal to √|s|.
+        - `rhs`: the right side.
         - `rtol`: relative error that ends it; that of the contact if the settings have none.
+        - `free_mean`: whether the mean of √|s| τ is free; else it is 0, and `rhs` has no part along
+          √|s|.
         """
         root, sign = jnp.sqrt(jnp.abs(weights)), jnp.where(weights < 0, -1, 1).astype(rhs.dtype)
-        solid = Solid(kernel, jnp.ones((), rhs.dtype), False)
-        few, eliminated = self._on_few(solid, weights, root, sign, rhs)
+        solid = Solid(operator, jnp.ones((), rhs.dtype), free_mean)
+        total = None if free_mean else jnp.zeros((), rhs.dtype)
+        few, eliminated = self._on_few(operator, weights, root, sign, rhs, total)
         proximal = jax.tree_util.Partial(_proximal, root, sign, rhs)
         share = jnp.maximum(jnp.mean(root), 1 / root.size)
         splitting = Splitting(
@@ -135,7 +138,7 @@ class LinearSplitting(eqx.Module):
             rtol,
             share,
             relaxation=self.relaxation,
-            history_length=self.history_length,
+            history_length=history_of(self.history_length, free_mean),
         )
         max_steps = jnp.where(few, 0, self.max_steps)
         z, _ = draft(splitting, root * rhs, max_steps=max_steps)
@@ -146,17 +149,15 @@ class LinearSplitting(eqx.Module):
         ended = jnp.where(few, jnp.all(jnp.isfinite(eliminated)), ~last.running)
         return LinearSolution(tau, pressure, ended, last.num_steps)
 
-    def _on_few(self, solid: Solid, weights, root, sign, rhs):
+    def _on_few(self, operator: AbstractOperator, weights, root, sign, rhs, total):
         """Whether few points are in contact, and if so τ."""
-        room = most_eliminated(rhs)
-        if room == 0:
+        room, green = most_eliminated(operator, rhs), green_of(operator, rhs.shape)
+        if room == 0 or green is None:
             return jnp.asarray(False), rhs
         few = jnp.sum(weights != 0) <= room
 
         def eliminate(_):
-            green = to_field(solid.compliance + 0j, rhs.shape)
-            none = jnp.zeros((), rhs.dtype)
-            found = solve_on_few(root, green, sign * (1 - weights), rhs, none, room)
+            found = solve_on_few(root, green, sign * (1 - weights), rhs, total, room)
             return jnp.where(root > 0, found, rhs), jnp.asarray(False)
 
         # A loop of one turn: under `vmap` both branches of a condition would be computed.
@@ -170,7 +171,7 @@ def _proximal(root, sign, rhs, v):
 class Inputs(NamedTuple):
     """The inputs of a contact."""
 
-    kernel: Inexact[Array, "*half"]
+    operator: AbstractOperator
     heights: Float[Array, "*shape"]
     law: AbstractLaw
     loading: Loading
@@ -181,7 +182,7 @@ class State(NamedTuple):
 
     pressure: Float[Array, "*shape"]
     displacement: Float[Array, "*shape"]
-    mean_gap: Float[Array, ""]
+    mean_gap: Float[Array, "..."]
 
 
 def attach_gradient(
@@ -209,82 +210,78 @@ def _attached(inputs, state, gap, penalty, adjoint, rtol):
 def _attached_jvp(primals, tangents):
     inputs, state, gap, penalty, adjoint, rtol = primals
     change: Inputs = tangents[0]
+    operator = inputs.operator
     # Attached again, so that a derivative of the rule itself moves with the state.
     state = _attached(*primals)
     moving = state.displacement - inputs.heights + jnp.mean(inputs.heights) + state.mean_gap
     v = state.pressure - penalty * (gap + (moving - jax.lax.stop_gradient(moving)))
     s = slope(inputs.law.in_units(1.0, 1 / penalty), v)
-    by_law, by_kernel, by_heights = _given_changes(inputs, change, state, penalty, v)
-    total = nonzero(jnp.mean(s))
+    by_law, by_operator, by_heights = _given_changes(inputs, change, state, penalty, v)
+    total = nonzero(operator.mean(s))
 
-    def respond(rhs, known, d_load):
-        """dσ under a change of the load, of which the part `known` is given."""
-        share = (d_load - jnp.mean(known)) / total
-        known = known + share * s
-        rhs = rhs - share * (1 - s) - penalty * displace(inputs.kernel, known)
-        return known + _in_contact(penalty * inputs.kernel, s, rhs, adjoint, rtol)
-
-    def opened(d_pressure, given):
-        """The change of the mean gap with a pressure, and with what else is given."""
-        moved = displace(inputs.kernel, d_pressure)
-        return jnp.mean(given - (1 - s) * d_pressure - penalty * s * moved) / (penalty * total)
-
-    rhs = by_law - penalty * (by_kernel - by_heights)
-    given = by_law - penalty * s * (by_kernel - by_heights)
+    rhs = by_law - penalty * (by_operator - by_heights)
     d_load, d_gap = change.loading
-    d_pressure = respond(rhs, by_law, 0.0 if d_load is None else d_load)
-    if inputs.loading.pressure is not None:
-        d_gap = opened(d_pressure, given)
+    free_mean = inputs.loading.pressure is None
+    known = by_law  # the part of dσ that is given
+    if free_mean:
+        d_gap = jnp.zeros_like(state.mean_gap) if d_gap is None else d_gap
+        rhs = rhs - penalty * d_gap
     else:
-        # The load follows from the gap, by the response to a load alone.
-        d_gap = jnp.zeros_like(penalty) if d_gap is None else d_gap
-        none = jnp.zeros_like(v)
-        by_load = respond(none, none, 1.0)
-        missing = d_gap - opened(d_pressure, given)
-        d_pressure = d_pressure + by_load * (missing / nonzero(opened(by_load, none)))
-    d_displacement = displace(inputs.kernel, d_pressure) + by_kernel
+        share = ((0.0 if d_load is None else d_load) - operator.mean(known)) / total
+        known = known + share * s
+        rhs = rhs - share * (1 - s)
+    rhs = rhs - penalty * operator.displace(known)
+    scaled = operator.scaled(penalty)
+    d_pressure = known + _in_contact(scaled, s, rhs, adjoint, rtol, free_mean)
+    d_displacement = operator.displace(d_pressure) + by_operator
+    if not free_mean:
+        left = by_law - (1 - s) * d_pressure - penalty * s * (d_displacement - by_heights)
+        d_gap = operator.mean(left) / (penalty * total)
     return state, State(d_pressure, d_displacement, d_gap)
 
 
 def _given_changes(inputs: Inputs, change: Inputs, state: State, penalty, v):
     """R of the law, dM σ and dh without its mean, each 0 where nothing changes."""
-    by_law = by_kernel = by_heights = jnp.zeros_like(v)
+    by_law = by_operator = by_heights = jnp.zeros_like(v)
     if jax.tree.leaves(change.law):
         d_law = _fill_with_zeros(change.law, inputs.law)
         respond = lambda law: law.in_units(1.0, 1 / penalty).proximal(v)  # noqa: E731
         by_law = jax.jvp(respond, (inputs.law,), (d_law,))[1]
-    if change.kernel is not None:
-        by_kernel = displace(change.kernel, state.pressure)
+    if jax.tree.leaves(change.operator):
+        d_operator = _fill_with_zeros(change.operator, inputs.operator)
+        moved = lambda operator: operator.displace(state.pressure)  # noqa: E731
+        by_operator = jax.jvp(moved, (inputs.operator,), (d_operator,))[1]
     if change.heights is not None:
         by_heights = change.heights - jnp.mean(change.heights)
-    return by_law, by_kernel, by_heights
+    return by_law, by_operator, by_heights
 
 
-def _in_contact(kernel, s, rhs, adjoint: LinearSolver, rtol):
-    """√|s| τ of zero mean, where A τ = √|s| rhs."""
+def _in_contact(operator: AbstractOperator, s, rhs, adjoint: LinearSolver, rtol, free_mean: bool):
+    """√|s| τ, of zero mean unless that is free, where A τ = √|s| rhs."""
     root = root_of(s)
     sign = jnp.where(s < 0, -1, 1)
 
     def project(field):
-        return without_mean(field, root)
+        return field if free_mean else without_mean(operator, field, root)
 
     def operate(tau):
         inside = project(tau)
-        pressed = displace(kernel, root * inside)
+        pressed = operator.displace(root * inside)
         return project(sign * (1 - s) * inside + root * pressed) + tau - inside
 
-    def solver_for(kernel):
+    def solver_for(operator):
         def run(_, rhs):
             inside = project(rhs)
-            return project(adjoint(kernel, s, inside, rtol=rtol)) + rhs - inside
+            tau = adjoint(operator, s, inside, rtol=rtol, free_mean=free_mean)
+            return project(tau) + rhs - inside
 
         return run
 
     return root * jax.lax.custom_linear_solve(
         operate,
         project(root * rhs),
-        solve=solver_for(kernel),
-        transpose_solve=solver_for(jnp.conj(kernel)),
+        solve=solver_for(operator),
+        transpose_solve=solver_for(operator.transposed),
     )
 
 
@@ -295,10 +292,10 @@ def root_of(s: Float[Array, "*shape"]) -> Float[Array, "*shape"]:
 
 
 def without_mean(
-    field: Float[Array, "*shape"], root: Float[Array, "*shape"]
+    operator: AbstractOperator, field: Float[Array, "*shape"], root: Float[Array, "*shape"]
 ) -> Float[Array, "*shape"]:
     """Returns τ less its part along √|s|: a given load leaves no mean of √|s| τ."""
-    return field - root * (jnp.sum(root * field) / nonzero(jnp.sum(root * root)))
+    return field - root * (operator.mean(root * field) / nonzero(operator.mean(root * root)))
 
 
 def _fill_with_zeros(tangents, primals):

@@ -36,18 +36,15 @@ import dataclasses
 from collections.abc import Callable
 from typing import NamedTuple
 
-import equinox as eqx
 import jax
 import jax.numpy as jnp
 from jaxtyping import Array, Float
 
-from ..fields.grid import to_field, to_spectrum
+from ..core.program import compiled
 from .adjoint import Inputs, LinearSplitting, State, root_of, without_mean
 from .operator import (
     bending_energy,
     contact_stiffness,
-    displace,
-    first_mode,
     nonzero,
     root_mean_square,
 )
@@ -65,52 +62,52 @@ def penalty_at(inputs: Inputs, found: SolverOutput) -> Float[Array, ""]:
     pressure = found.pressure
     touching = inputs.law.contact_indicator(pressure, found.gap, 1.0) > 0
     loaded = jnp.maximum(jnp.mean(touching, dtype=pressure.dtype), 1 / pressure.size)
-    return penalty_for(inputs.kernel, loaded, inputs.law)
+    return penalty_for(inputs.operator, loaded, inputs.law)
 
 
 def state_of(inputs: Inputs, found: SolverOutput) -> State:
     """Returns pressure, displacement of zero mean and mean gap of a contact."""
-    displacement = found.displacement - jnp.mean(found.displacement)
+    mean = inputs.operator.mean
+    displacement = found.displacement - mean(found.displacement)
     if inputs.loading.gap is not None:
         return State(found.pressure, displacement, inputs.loading.gap)
     # Weighed with the pressure, gaps of the solid and of the law agree.
     weight = jnp.abs(found.pressure)
     offset = found.gap - displacement + inputs.heights - jnp.mean(inputs.heights)
-    return State(found.pressure, displacement, jnp.sum(weight * offset) / jnp.sum(weight))
+    return State(found.pressure, displacement, mean(weight * offset) / mean(weight))
 
 
 def change_of(inputs: Inputs, found: SolverOutput) -> Float[Array, "*shape"]:
     """Returns the estimated change of the pressure to the exact contact [Pa]."""
-    kernel, law, penalty = _scaled(inputs, found)
+    operator, law, penalty = _scaled(inputs, found)
     y, law_gap, (load, gap) = found.pressure, penalty * found.gap, inputs.loading
-    solid_gap = displace(kernel, y) - penalty * (inputs.heights - jnp.mean(inputs.heights))
+    solid_gap = operator.displace(y) - penalty * (inputs.heights - jnp.mean(inputs.heights))
     s = _share_of_gap(law, y - law_gap)
     # The mean gap at which solid and law agree under this pressure.
-    offset = _offset(s, solid_gap - law_gap, 0.0 if gap is None else penalty * gap)
+    offset = _offset(operator, s, solid_gap - law_gap, 0.0 if gap is None else penalty * gap)
     v = y - solid_gap - offset
     residual, s = law.proximal(v) - y, _share_of_gap(law, v)
-    mean, root, share = first_mode(kernel.shape), jnp.sqrt(s), s / nonzero(jnp.mean(s))
-    inverse = jnp.where(mean, 0, 1 / jnp.where(mean, 1, kernel))
-    stiff = to_field(inverse * to_spectrum(root * residual), y.shape)
-    change = (1 - s) * residual + root * stiff
-    change = change + share * ((0.0 if load is None else load - jnp.mean(y)) - jnp.mean(change))
+    mean, root = operator.mean, jnp.sqrt(s)
+    share = s / nonzero(mean(s))
+    change = (1 - s) * residual + root * operator.filtered(operator.inverse, root * residual)
+    change = change + share * ((0.0 if load is None else load - mean(y)) - mean(change))
     if gap is not None:
-        solid_gap = solid_gap + displace(kernel, change)
-        offset = _offset(s, solid_gap - law_gap, penalty * gap)
+        solid_gap = solid_gap + operator.displace(change)
+        offset = _offset(operator, s, solid_gap - law_gap, penalty * gap)
         # Points of contact weigh the gap unevenly, so what it varies by counts, too.
-        spread = jnp.sqrt(jnp.mean(share * (solid_gap - law_gap + offset) ** 2))
+        spread = jnp.sqrt(mean(share * (solid_gap - law_gap + offset) ** 2))
         digits = _ROUNDING_OF_GAP * jnp.finfo(y.dtype).eps * root_mean_square(solid_gap)
         closing = offset - penalty * gap
         closing = closing + jnp.where(closing < 0, -1, 1) * (_SPREAD * spread + digits)
-        change = change + share * closing * contact_stiffness(kernel, law_gap, s)
+        change = change + share * closing * contact_stiffness(operator, law_gap, s)
     low, high = law.bounds
     return jnp.clip(y + change, low, high) - y
 
 
-def _offset(s, solid_gap, otherwise):
+def _offset(operator, s, solid_gap, otherwise):
     """What makes the mean of `solid_gap` zero where the law fixes the gap; else `otherwise`."""
-    fixed = jnp.sum(s)
-    return jnp.where(fixed > 0, -jnp.sum(s * solid_gap) / nonzero(fixed), otherwise)
+    fixed = operator.mean(s)
+    return jnp.where(fixed > 0, -operator.mean(s * solid_gap) / nonzero(fixed), otherwise)
 
 
 class Assessment(NamedTuple):
@@ -177,17 +174,17 @@ def changed(inputs: Inputs, found: SolverOutput, change: Float[Array, "*shape"])
     the solid moves by no more than these allow: as if on springs, as stiff as the solid is in the
     shape of the gap, times the share of points in contact.
     """
-    kernel, law, penalty = _scaled(inputs, found)
+    operator, law, penalty = _scaled(inputs, found)
     pressure, law_gap = found.pressure + change, penalty * found.gap
     before = penalty * found.displacement
     s = _share_of_gap(law, pressure - law_gap)
-    fixed = jnp.mean(s) * bending_energy(kernel, law_gap) / nonzero(jnp.mean(law_gap**2))
-    free = jnp.where(first_mode(kernel.shape), 0, 1 / (1 + fixed * jnp.abs(kernel)))
-    moved = to_field(free * to_spectrum(displace(kernel, pressure) - before), pressure.shape)
-    displacement = before - jnp.mean(before) + moved
+    fixed = jnp.mean(s) * bending_energy(operator, law_gap) / nonzero(jnp.mean(law_gap**2))
+    free = jnp.where(operator.is_mean, 0, 1 / (1 + fixed * jnp.abs(operator.kernel)))
+    moved = operator.filtered(free, operator.displace(pressure) - before)
+    displacement = before - operator.mean(before) + moved
     solid_gap = displacement - penalty * (inputs.heights - jnp.mean(inputs.heights))
     gap = inputs.loading.gap
-    offset = _offset(s, solid_gap - law_gap, 0.0) if gap is None else penalty * gap
+    offset = _offset(operator, s, solid_gap - law_gap, 0.0) if gap is None else penalty * gap
     v = pressure - solid_gap - offset
     return dataclasses.replace(
         found,
@@ -203,43 +200,43 @@ def _share_of_gap(law, v):
 
 
 def _scaled(inputs: Inputs, found: SolverOutput):
-    """The kernel and the law in units of pressure, and the penalty."""
+    """The operator and the law in units of pressure, and the penalty."""
     penalty = penalty_at(inputs, found)
-    kernel = jnp.where(first_mode(inputs.kernel.shape), 0, inputs.kernel)
-    return penalty * kernel, inputs.law.in_units(1.0, 1 / penalty), penalty
+    return inputs.operator.scaled(penalty), inputs.law.in_units(1.0, 1 / penalty), penalty
 
 
-@eqx.filter_jit
+@compiled
 def error_step(inputs: Inputs, found: SolverOutput) -> SolverOutput:
     """Returns the contact under a given load, one Newton step after the result of a solver."""
-    kernel, law, penalty = _scaled(inputs, found)
-    load = inputs.loading.pressure
+    operator, law, penalty = _scaled(inputs, found)
+    mean, load = operator.mean, inputs.loading.pressure
     assert load is not None
     # As the law had it, before it was scaled to the load.
-    missing = jnp.mean(found.mismatch)
-    y = to_mean(found.pressure, load - missing, law.bounds)
+    missing = mean(found.mismatch)
+    y = to_mean(operator, found.pressure, load - missing, law.bounds)
     v = y - penalty * found.gap
     s = slope(law, v)
     fixed = s != 0  # where the law fixes the gap
-    difference = displace(kernel, y) / penalty - inputs.heights
+    difference = operator.displace(y) / penalty - inputs.heights
     difference = difference + jnp.mean(inputs.heights) - found.gap
-    offset = -jnp.sum(s * difference) / nonzero(jnp.sum(s))
+    offset = -mean(s * difference) / nonzero(mean(s))
     residual = jnp.where(fixed, penalty * (difference + offset), 0)
-    change, by_solid, pairs = _response(kernel, s, residual, missing)
+    change, by_solid, pairs = _response(operator, s, residual, missing)
     # Points whose gap the law fixes move along the law, the others do not change.
     v = v + jnp.where(fixed, change / jnp.where(fixed, s, 1), 0)
     after = law.proximal(v)
-    pressure = to_mean(after, load, law.bounds)
+    pressure = to_mean(operator, after, load, law.bounds)
     size = root_mean_square(pressure)
     left = 2 * (_STEP_RTOL * root_mean_square(change) + root_mean_square(after - y - change))
     # The soft waves are the solid's, as in what the solver leaves.
     x = y + by_solid
-    stiff = displace(kernel / (1 + kernel), pressure - x)
+    kernel = operator.compliance
+    stiff = operator.filtered(kernel / (1 + kernel), pressure - x)
     return SolverOutput(
         pressure=pressure,
         gap=(after - v) / penalty,
         mismatch=x - after,
-        displacement=(displace(kernel, x) + stiff) / penalty,
+        displacement=(operator.displace(x) + stiff) / penalty,
         error=left / nonzero(size),
         ended=found.ended,
         num_steps=found.num_steps,
@@ -247,15 +244,16 @@ def error_step(inputs: Inputs, found: SolverOutput) -> SolverOutput:
     )
 
 
-def _response(kernel, s, residual, missing):
+def _response(operator, s, residual, missing):
     """dσ of (1 - s) dσ + s (ρM dσ + ρ dū) = -s `residual`, the solid's, and FFT pairs.
 
     The mean of dσ is `missing`.
     """
-    root, share = root_of(s), missing / nonzero(jnp.mean(s))
+    root, share = root_of(s), missing / nonzero(operator.mean(s))
     known = share * s
-    rhs = without_mean(root * (-residual - share * (1 - s) - displace(kernel, known)), root)
+    rhs = root * (-residual - share * (1 - s) - operator.displace(known))
+    rhs = without_mean(operator, rhs, root)
     tau, x, _, pairs = LinearSplitting().solve(
-        kernel, s, rhs, rtol=jnp.asarray(_STEP_RTOL, s.dtype)
+        operator, s, rhs, rtol=jnp.asarray(_STEP_RTOL, s.dtype)
     )
-    return known + root * without_mean(tau, root), known + x, pairs
+    return known + root * without_mean(operator, tau, root), known + x, pairs

@@ -18,19 +18,20 @@ import equinox as eqx
 import jax
 import jax.numpy as jnp
 import numpy as np
-from jaxtyping import Array, Float, Inexact
+from jaxtyping import Array, Float
 
 from ..core.checks import check_whole, is_concrete
+from ..core.program import compiled
 from ..fields.grid import interpolate, resample_spectrum, to_field, to_spectrum
 from .active_set import most_eliminated
-from .anderson import sums
 from .law import AbstractLaw
-from .operator import Solid, first_mode, least_compliance, third_mode
+from .operator import AbstractOperator, Solid, nonzero
 from .semismooth_newton import newton_round, takes_newton_steps
 from .solver import (
     AbstractContactSolver,
     Loading,
     SolverOutput,
+    history_of,
     participation,
     penalty_for,
     pressure_unit,
@@ -48,7 +49,6 @@ _NEWTON_UP_TO = 2**21  # points: they take more memory than is planned for large
 _SMALL = 0.125  # share along an axis of points in contact, up to which Newton steps pay
 _FEW = 100  # steps on coarse grids and in drafts, where Newton steps follow
 _STEPS, _MOST, _POINTS = 4000, 64_000, 2**16  # steps allowed on a grid of so many points
-_HISTORY_AT_GAP = 2  # of given mean gaps; with 5 some loads diverged above an area of 0.99
 _COLD_PARTICIPATION = 0.05  # ⟨σ⟩²/⟨σ²⟩ expected before anything is known
 _NEARLY = 0.98  # share of points touching, from which full contact is looked for
 _HIGHEST = 1e3  # pressure of a start, in what it takes to flatten the stiffest wave
@@ -89,7 +89,7 @@ class DouglasRachford(AbstractContactSolver):
 
     def solve(
         self,
-        kernel: Inexact[Array, "*half"],
+        operator: AbstractOperator,
         heights: Float[Array, "*shape"],
         law: AbstractLaw,
         loading: Loading,
@@ -102,11 +102,11 @@ class DouglasRachford(AbstractContactSolver):
         nested = start is None and not law.attracts
         shapes = _nested_shapes(heights.shape, self.coarsest) if nested else [heights.shape]
         last = None
-        for grid in _grids(kernel, heights, loading, shapes):
-            settings = self._settings(grid[1].shape, heights.shape, law, loading, rtol)
+        for grid in _grids(operator, heights, loading, shapes):
+            settings = self._settings(grid.heights.shape, heights.shape, law, loading, rtol)
             looks = settings.newton and is_concrete(heights)
             before = start if last is None else last
-            problem, state = _begin_on_grid(grid, law, loading, before, settings, looks)
+            problem, state = _begin_on_grid(grid, law, before, settings, looks)
             if looks and state.next == _NEWTON_NEXT:
                 state = _alternate(problem, state, settings)
             last = problem, state
@@ -120,10 +120,6 @@ class DouglasRachford(AbstractContactSolver):
         newton = hard and share >= _NEWTON_FROM and points <= _NEWTON_UP_TO
         most = self.max_steps or min(_STEPS * max(_POINTS // points, 1), _MOST)
         few = most if not hard or (finest and not newton) else min(_FEW, most)
-        length = self.history_length
-        if loading.pressure is None:
-            # Near full contact the load drifts, and long histories run away with it.
-            length = min(length, _HISTORY_AT_GAP)
         return GridSettings(
             share=share,
             finest=finest,
@@ -132,7 +128,7 @@ class DouglasRachford(AbstractContactSolver):
             draft_steps=few,
             max_steps=most if newton else few,
             relaxation=self.relaxation,
-            history_length=length,
+            history_length=history_of(self.history_length, loading.pressure is None),
             callback=self.callback if finest else None,
             rtol=rtol if finest else jnp.asarray(_COARSE_ERROR, rtol.dtype),
         )
@@ -159,12 +155,12 @@ class GridProblem(eqx.Module):
     A factor is that of a penalty over the first one.
     """
 
-    kernel: Inexact[Array, "*half"]  # [m/Pa], of any mean
+    operator: AbstractOperator
     heights: Float[Array, "*shape"]  # [m], of any mean
     unit: Float[Array, ""]  # of pressure [Pa]
     penalty: Float[Array, ""]  # [Pa/m] over the unit
     law: AbstractLaw
-    mean: Float[Array, ""]  # prescribed, of the pressure, or if that is free of the gap
+    mean: Float[Array, "..."]  # prescribed, of the pressure, or if that is free of the gap
     free_mean: bool = eqx.field(static=True)
 
     @property
@@ -182,7 +178,7 @@ class GridProblem(eqx.Module):
         return self.law.in_units(1.0, 1 / factor)
 
     def solid_at(self, factor: Factor = 1.0) -> Solid:
-        return Solid(self.kernel, factor * self.penalty, self.free_mean)
+        return Solid(self.operator, factor * self.penalty, self.free_mean)
 
     def shift(self, factor) -> Float[Array, "*shape"]:
         """What heights and mean add to x of the splitting."""
@@ -202,7 +198,9 @@ class GridProblem(eqx.Module):
 
     def at_load(self, pressure):
         """A pressure of the law with the load that is prescribed, if any."""
-        return pressure if self.free_mean else to_mean(pressure, self.mean, self.law.bounds)
+        if self.free_mean:
+            return pressure
+        return to_mean(self.operator, pressure, self.mean, self.law.bounds)
 
     def meet(self, state: "SolveState"):
         """The pressures of solid and law, x and y, and the gap at which the law has y."""
@@ -237,44 +235,63 @@ def _nested_shapes(shape: tuple[int, ...], coarsest: int) -> list[tuple[int, ...
     return shapes
 
 
-def _grids(kernel, heights, loading: Loading, shapes) -> list[tuple[Array, Array, Array]]:
-    """Kernel, heights and unit of pressure on grids of these shapes, the last of them its own."""
-    coarse, unit = _coarser(kernel, heights, loading, shapes[:-1])
-    return [*coarse, (kernel, heights, unit)]
+class OneGrid(NamedTuple):
+    """What is given on one grid, and the unit of pressure there."""
+
+    operator: AbstractOperator
+    heights: Float[Array, "*shape"]
+    loading: Loading
+    unit: Float[Array, ""]
 
 
-@eqx.filter_jit
-def _coarser(kernel, heights, loading: Loading, shapes):
+def _grids(operator, heights, loading: Loading, shapes) -> list[OneGrid]:
+    """What is given on grids of these shapes, the last of them its own."""
+    coarse, unit = _coarser(operator, heights, loading, shapes[:-1])
+    return [*coarse, OneGrid(operator, heights, loading, unit)]
+
+
+@compiled
+def _coarser(operator, heights, loading: Loading, shapes):
     shape, flat, coarse = heights.shape, heights - jnp.mean(heights), []
     spectrum = to_spectrum(flat)
-    without_mean = jnp.where(first_mode(kernel.shape), 0, kernel)
     for level in shapes:
         share = float(np.prod(level) / np.prod(shape))
         rough = to_field(resample_spectrum(spectrum, shape, level) * share, level)
-        near = resample_spectrum(without_mean, shape, level)
-        coarse.append((near, rough, pressure_unit(near, rough, loading)))
-    return coarse, pressure_unit(kernel, flat, loading)
+        near, less = operator.coarser(shape, level), _loading_on(level, loading)
+        coarse.append(OneGrid(near, rough, less, pressure_unit(near, rough, less)))
+    return coarse, pressure_unit(operator, flat, loading)
 
 
-def _begin_on_grid(grid, law, loading: Loading, before, settings: GridSettings, looks: bool):
+def _loading_on(shape, loading: Loading) -> Loading:
+    """The loading on a coarser grid: what varies is interpolated."""
+
+    def sample(a):
+        if a is None or a.ndim == 0:
+            return a
+        return interpolate(a, tuple(min(n, m) for n, m in zip(a.shape, shape, strict=True)))
+
+    return Loading(*map(sample, loading))
+
+
+def _begin_on_grid(grid: OneGrid, law, before, settings: GridSettings, looks: bool):
     """The contact on a grid, and how far the splitting comes; unless Python `looks`, to the end.
 
     `before` is a pressure [Pa], what was found on the grid before, or None.
     """
-    numbers, state = _begin(grid, law, loading, before, settings, looks)
-    return _problem(grid, numbers, loading), state
+    numbers, state = _begin(grid, law, before, settings, looks)
+    return _problem(grid, numbers), state
 
 
-def _problem(grid, numbers, loading: Loading) -> GridProblem:
-    (kernel, heights, unit), (penalty, law, mean) = grid, numbers
+def _problem(grid: OneGrid, numbers) -> GridProblem:
+    (operator, heights, loading, unit), (penalty, law, mean) = grid, numbers
     free_mean = loading.pressure is None
-    return GridProblem(kernel, heights, unit, penalty, law, mean, free_mean)
+    return GridProblem(operator, heights, unit, penalty, law, mean, free_mean)
 
 
-@eqx.filter_jit
-def _begin(grid, law, loading: Loading, before, settings: GridSettings, looks: bool):
+@compiled
+def _begin(grid: OneGrid, law, before, settings: GridSettings, looks: bool):
     """The same without the grid: what a program returns it copies."""
-    kernel, rough, unit = grid
+    operator, rough, loading, unit = grid
     share = settings.share
     own = 0.0 if settings.finest else 0.5 * share  # of the grid's heights
     guess, touching, pairs = None, 0.0, own if settings.finest else 0.5 + own
@@ -284,14 +301,14 @@ def _begin(grid, law, loading: Loading, before, settings: GridSettings, looks: b
             pairs = last.pairs + share * coarse.heights.size / rough.size + own
             before = coarse.at_load(coarse.meet(last)[1]) * coarse.unit
         touching = jnp.mean(before > 0, dtype=rough.dtype)
-        guess = _as_guess(grid, law, loading, interpolate(before, rough.shape))
+        guess = _as_guess(grid, law, interpolate(before, rough.shape))
         pairs = pairs + share
     cold = jnp.asarray(_COLD_PARTICIPATION, rough.dtype)
-    penalty = penalty_for(kernel, cold if guess is None else participation(guess), law)
+    penalty = penalty_for(operator, cold if guess is None else participation(guess), law)
     length = unit / penalty
     mean = loading.gap / length if loading.pressure is None else loading.pressure / unit
     numbers = penalty, law.in_units(unit, length), mean
-    problem = _problem(grid, numbers, loading)
+    problem = _problem(grid, numbers)
     if guess is not None and settings.hard:
         guess, taken = _full_contact_or(problem, guess, touching)
         pairs = pairs + share * taken
@@ -318,20 +335,20 @@ def _begin(grid, law, loading: Loading, before, settings: GridSettings, looks: b
     return numbers, _epochs(problem, state, settings)
 
 
-def _as_guess(grid, law, loading: Loading, pressure):
+def _as_guess(grid: OneGrid, law, pressure):
     """A pressure to begin from, in its unit, made possible for the law and the load."""
-    kernel, _, unit = grid
+    operator, _, loading, unit = grid
     guess = pressure / unit
     low, high = law.in_units(unit, 1.0).bounds
     # A guess of another scale would dominate everything else.
-    stiffest = third_mode(jnp.abs(kernel)) / least_compliance(kernel)
+    stiffest = operator.long_wave / operator.least
     guess = jnp.clip(guess, low, jnp.minimum(high, _HIGHEST * stiffest))
     if loading.pressure is None:
         return guess
     # A load that is missing is spread evenly: a small contact scaled up would be far off.
     mean = loading.pressure / unit
-    guess = guess + jnp.maximum(mean - jnp.mean(guess), 0)
-    return to_mean(jnp.clip(guess, low, high), mean, (low, high))
+    guess = guess + jnp.maximum(mean - operator.mean(guess), 0)
+    return to_mean(operator, jnp.clip(guess, low, high), mean, (low, high))
 
 
 def _full_contact_or(problem: GridProblem, guess, touching):
@@ -341,11 +358,8 @@ def _full_contact_or(problem: GridProblem, guess, touching):
     """
 
     def look():
-        kernel = problem.solid_at().compliance
-        mean = first_mode(kernel.shape)
-        waves = to_spectrum(problem.scaled_heights())
-        spectrum = jnp.where(mean, 0, waves / jnp.where(mean, 1, kernel))
-        flat = problem.mean + to_field(spectrum, guess.shape)
+        solid = problem.solid_at().scaled
+        flat = problem.mean + solid.filtered(solid.inverse, problem.scaled_heights())
         return jnp.where(jnp.min(flat) > 0, flat, guess), jnp.ones_like(touching)
 
     return jax.lax.cond(touching > _NEARLY, look, lambda: (guess, jnp.zeros_like(touching)))
@@ -354,23 +368,26 @@ def _full_contact_or(problem: GridProblem, guess, touching):
 def _start_of(problem: GridProblem, guess):
     """z to begin from: that of a guessed pressure, or without one of points on springs."""
     heights, law, mean = problem.scaled_heights(), problem.law, problem.mean
+    average = problem.operator.mean
     if guess is None:
         if problem.free_mean or law.attracts:
             return mean - heights
 
         def halve(_, bracket):
-            middle = jnp.mean(bracket)
-            light = jnp.mean(law.proximal(middle + heights)) < mean
-            return jnp.where(light, bracket.at[0].set(middle), bracket.at[1].set(middle))
+            middle = jnp.mean(bracket, axis=0)
+            light = average(law.proximal(middle + heights)) < mean
+            low, high = bracket
+            return jnp.stack([jnp.where(light, middle, low), jnp.where(light, high, middle)])
 
         # Pressed down until they carry the load: else surfaces may start far from each other.
-        ends = jnp.stack([-2 * jnp.max(heights), mean - jnp.min(heights)])
+        high = mean - jnp.min(heights)
+        ends = jnp.stack([jnp.full_like(high, -2 * jnp.max(heights)), high])
         v = jax.lax.fori_loop(0, 40, halve, ends)[1] + heights
         return 2 * law.proximal(v) - v
     gap = problem.solid_at().displace(guess) - heights
-    total, weighed, level = sums(jnp.abs(guess), jnp.abs(guess) * gap, gap)
+    total, weighed = average(jnp.abs(guess)), average(jnp.abs(guess) * gap)
     loaded = (total > 0) & (not problem.free_mean)
-    gap = gap - jnp.where(loaded, weighed, level) / jnp.where(loaded, total, gap.size)
+    gap = gap - jnp.where(loaded, weighed / nonzero(total), average(gap))
     if problem.free_mean:
         gap = gap + mean
     # The law's own pressure and gap nearest to the guess; in contact, where the gap is only the
@@ -402,8 +419,8 @@ def _epochs(problem: GridProblem, state: SolveState, settings: GridSettings) -> 
     def begin_again(state: SolveState) -> SolveState:
         """The same pressures and gaps with the penalty for the current area in contact."""
         _, y, gap = problem.meet(state)
-        kernel, law = problem.solid_at(state.factor).compliance, problem.law_at(state.factor)
-        change = penalty_for(kernel, participation(y), law)
+        solid, law = problem.solid_at(state.factor).scaled, problem.law_at(state.factor)
+        change = penalty_for(solid, participation(y), law)
         factor = state.factor * change
         state = state._replace(
             z=y + change * gap,
@@ -415,7 +432,7 @@ def _epochs(problem: GridProblem, state: SolveState, settings: GridSettings) -> 
             return state
         # At its present rate the splitting needs more than as many steps again; few points are
         # found at once.
-        few = jnp.sum(y > 0) <= most_eliminated(y)
+        few = jnp.sum(y > 0) <= most_eliminated(problem.operator, y)
         slow = state.confirming | few | (state.error > jnp.sqrt(settings.rtol))
         slow &= jnp.mean(y > 0, dtype=y.dtype) < _SMALL**y.ndim
         return state._replace(next=jnp.where(slow, _NEWTON_NEXT, _EPOCH_NEXT))
@@ -423,7 +440,7 @@ def _epochs(problem: GridProblem, state: SolveState, settings: GridSettings) -> 
     return jax.lax.while_loop(lambda state: state.next == _EPOCH_NEXT, epoch, state)
 
 
-@eqx.filter_jit
+@compiled
 def _alternate(problem: GridProblem, state: SolveState, settings: GridSettings) -> SolveState:
     """Iterates to the end, with Newton steps where the splitting is slow."""
 
@@ -431,7 +448,7 @@ def _alternate(problem: GridProblem, state: SolveState, settings: GridSettings) 
         solid = problem.solid_at(state.factor)
         slow = state.next == _NEWTON_NEXT
         z, coat, pairs, confirming = newton_round(
-            solid.compliance,
+            solid.scaled,
             problem.scaled_heights(state.factor),
             problem.mean,
             state.z,
@@ -458,7 +475,7 @@ def _alternate(problem: GridProblem, state: SolveState, settings: GridSettings) 
     return jax.lax.while_loop(lambda state: state.next != _NOTHING, turn, state)
 
 
-@eqx.filter_jit
+@compiled
 def _output(problem: GridProblem, state: SolveState) -> SolverOutput:
     """The contact where a solve ended on the finest grid."""
     factor = state.factor

@@ -14,12 +14,12 @@ the difference of the two is the error of the grid.
 
 from collections.abc import Callable
 
-import equinox as eqx
 import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Bool, Float, Inexact
 
 from ..core.checks import Numbers, as_float, check_shape, check_types, check_whole
+from ..core.program import compiled
 from ..fields.devices import binned
 from ..fields.grid import (
     Grid,
@@ -32,9 +32,9 @@ from ..fields.grid import (
     wavenumber,
 )
 from ..roughness.spectrum import CutoffCurve
-from .adjoint import displace
 from .area import contact_area_smooth
 from .estimates import error_of
+from .operator import displace
 
 
 def friction(
@@ -170,7 +170,7 @@ def cumulative_friction(
     return _cumulative_friction(pressure, displacement, grid, velocity, num_wavenumbers)
 
 
-@eqx.filter_jit
+@compiled
 def _cumulative_friction(pressure, displacement, grid, velocity, num_wavenumbers: int):
     q = wavenumber(grid)
     work = _work(pressure, displacement, grid, velocity)

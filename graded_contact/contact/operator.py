@@ -1,17 +1,133 @@
 """The solid as an operator from pressures to displacements.
 
-Under steady sliding the operator is diagonal in Fourier space, w = M σ mode by mode. A solver needs
-three things of it: M σ, (I + ρM)⁻¹ z, and what happens to the mean. The mean of the pressure or
-that of the gap is prescribed, so the operator leaves the mean of a displacement open. Its real part
-is positive, which is what makes the splitting converge.
+An operator M is diagonal in some waves: M = U* K U with the kernel K, one number for each wave. U
+is orthogonal up to a factor, so that the resolvent is diagonal too, (I + ρM)⁻¹ = U* (1 + ρK)⁻¹ U:
+one transform forth and back. A solver needs these of it, and what happens to the mean. The mean of
+the pressure or that of the gap is prescribed, so the operator leaves the mean of a displacement
+open. The real part of K is positive, which is what makes the splitting converge.
+
+Under steady sliding U is the Fourier transform in the frame of the surface (`Steady`). Under any
+other periodic motion it is one in space and time (`space_time.py`), and the mean is prescribed at
+every time. Another operator is one more subclass of `AbstractOperator`: it has a kernel, the
+transforms `to_waves` and `to_field`, and `mean`.
 """
+
+from abc import abstractmethod
+from typing import ClassVar
 
 import equinox as eqx
 import jax
 import jax.numpy as jnp
 from jaxtyping import Array, Bool, Float, Inexact
 
-from ..fields.grid import multiplicity, to_field, to_spectrum
+from ..fields.grid import multiplicity, resample_spectrum, to_field, to_spectrum
+
+
+class AbstractOperator(eqx.Module):
+    """M, the displacement under a pressure, diagonal in waves.
+
+    **Fields:**
+
+    - `kernel`: M of each wave [m/Pa], on half of the last axis. What it has for means is ignored.
+    - `of_distance`: whether M depends on the distance of two points only, so that its matrix
+      between few points can be gathered. Static.
+    """
+
+    kernel: eqx.AbstractVar[Inexact[Array, "*half"]]
+    of_distance: eqx.AbstractClassVar[bool]
+
+    @abstractmethod
+    def to_waves(self, field: Float[Array, "*shape"]) -> Inexact[Array, "*half"]:
+        """Returns U f, unnormalised as `to_spectrum` is."""
+
+    @abstractmethod
+    def to_field(
+        self, waves: Inexact[Array, "*half"], shape: tuple[int, ...]
+    ) -> Float[Array, "*shape"]:
+        """Returns the field of these waves, the inverse of `to_waves`."""
+
+    @abstractmethod
+    def mean(self, field: Float[Array, "*shape"]) -> Float[Array, "..."]:
+        """Returns the mean that is prescribed, broadcastable to the field."""
+
+    @abstractmethod
+    def coarser(self, shape: tuple[int, ...], new_shape: tuple[int, ...]) -> "AbstractOperator":
+        """Returns the operator on a coarser grid of the same cell, for a start."""
+
+    @property
+    @abstractmethod
+    def is_mean(self) -> Bool[Array, "*half"]:
+        """Where the waves have the mean, as a mask."""
+
+    @property
+    @abstractmethod
+    def long_wave(self) -> Float[Array, ""]:
+        """|M| of the long waves: at three times the lowest wavenumber along x, the softest."""
+
+    @property
+    def least(self) -> Float[Array, ""]:
+        """The smallest |M| of all waves."""
+        return jnp.min(jnp.where(self.is_mean, jnp.inf, jnp.abs(self.kernel)))
+
+    @property
+    def compliance(self) -> Inexact[Array, "*half"]:
+        """The kernel, 0 for the mean."""
+        return jnp.where(self.is_mean, 0, self.kernel)
+
+    @property
+    def inverse(self) -> Inexact[Array, "*half"]:
+        """1/M, 0 for the mean."""
+        return jnp.where(self.is_mean, 0, 1 / jnp.where(self.is_mean, 1, self.kernel))
+
+    @property
+    def transposed(self) -> "AbstractOperator":
+        """The adjoint operator."""
+        return self.with_kernel(jnp.conj(self.kernel))
+
+    def scaled(self, factor: Float[Array, ""] | float) -> "AbstractOperator":
+        """Returns the operator times a factor."""
+        return self.with_kernel(factor * self.kernel)
+
+    def with_kernel(self, kernel: Inexact[Array, "*half"]) -> "AbstractOperator":
+        """Returns the operator with another kernel in the same waves."""
+        return eqx.tree_at(lambda operator: operator.kernel, self, kernel)
+
+    def filtered(
+        self, factors: Inexact[Array, "*half"], field: Float[Array, "*shape"]
+    ) -> Float[Array, "*shape"]:
+        """Returns a field whose waves were multiplied by `factors`."""
+        return self.to_field(factors * self.to_waves(field), field.shape)
+
+    def displace(self, pressure: Float[Array, "*shape"]) -> Float[Array, "*shape"]:
+        """Returns M σ without its mean."""
+        return self.filtered(self.compliance, pressure)
+
+
+class Steady(AbstractOperator):
+    """Steady sliding: waves in the frame of the surface; see `stack_kernel` for the kernel."""
+
+    kernel: Inexact[Array, "*half"]
+    of_distance: ClassVar[bool] = True
+
+    def to_waves(self, field):
+        return to_spectrum(field)
+
+    def to_field(self, waves, shape):
+        return to_field(waves, shape)
+
+    def mean(self, field):
+        return jnp.mean(field)
+
+    def coarser(self, shape, new_shape):
+        return Steady(resample_spectrum(self.compliance, shape, new_shape))
+
+    @property
+    def is_mean(self):
+        return first_mode(self.kernel.shape)
+
+    @property
+    def long_wave(self):
+        return jnp.abs(third_mode(self.kernel))
 
 
 class Solid(eqx.Module):
@@ -19,52 +135,51 @@ class Solid(eqx.Module):
 
     **Fields:**
 
-    - `kernel`: M on the half spectrum, of any mean.
+    - `operator`: M.
     - `penalty`: ρ.
     - `free_mean`: whether (I + ρM)⁻¹ keeps the mean; else it removes the mean. Static.
     """
 
-    kernel: Inexact[Array, "*half"]
+    operator: AbstractOperator
     penalty: Float[Array, ""]
     free_mean: bool = eqx.field(static=True)
 
     @property
-    def compliance(self) -> Inexact[Array, "*half"]:
-        """ρM, 0 for the mean."""
-        return jnp.where(first_mode(self.kernel.shape), 0, self.penalty * self.kernel)
+    def scaled(self) -> AbstractOperator:
+        """ρM."""
+        return self.operator.scaled(self.penalty)
 
     @property
     def stiffness(self) -> Float[Array, "*half"]:
         """1/ρ Re M, 0 for the mean."""
-        mean, real = first_mode(self.kernel.shape), jnp.real(self.compliance)
+        mean, real = self.operator.is_mean, jnp.real(self.scaled.compliance)
         return jnp.where(mean, 0, 1 / jnp.where(mean, 1, real))
 
     def displace(self, pressure: Float[Array, "*shape"]) -> Float[Array, "*shape"]:
         """Returns ρM σ, of zero mean."""
-        return to_field(self.compliance * to_spectrum(pressure), pressure.shape)
+        return self.scaled.displace(pressure)
 
     def resolve(self, z: Float[Array, "*shape"]) -> Float[Array, "*shape"]:
         """Returns (I + ρM)⁻¹ z."""
-        return self.resolve_spectrum(to_spectrum(z), z.shape)
+        return self.resolve_waves(self.operator.to_waves(z), z.shape)
 
-    def resolve_spectrum(self, spectrum, shape: tuple[int, ...]) -> Float[Array, "*shape"]:
-        """Returns (I + ρM)⁻¹ z for the spectrum of z."""
-        kernel = self.compliance
+    def resolve_waves(self, waves, shape: tuple[int, ...]) -> Float[Array, "*shape"]:
+        """Returns (I + ρM)⁻¹ z for the waves of z."""
+        kernel = self.scaled.compliance
         filter = 1 / (1 + kernel)
         if jnp.iscomplexobj(kernel):  # XLA's own division of complex numbers guards each of them
             real, imag = 1 + kernel.real, kernel.imag
             scale = 1 / (real**2 + imag**2)
             filter = jax.lax.complex(real * scale, -imag * scale)
-        filter = jnp.where(first_mode(kernel.shape), 1 if self.free_mean else 0, filter)
-        return to_field(filter * spectrum, shape)
+        filter = jnp.where(self.operator.is_mean, 1 if self.free_mean else 0, filter)
+        return self.operator.to_field(filter * waves, shape)
 
 
 def displace(
     kernel: Inexact[Array, "*half"], field: Float[Array, "*shape"]
 ) -> Float[Array, "*shape"]:
-    """Returns M σ without its mean."""
-    spectrum = (kernel * to_spectrum(field)).at[(0,) * field.ndim].set(0)
-    return to_field(spectrum, field.shape)
+    """Returns M σ without its mean, under steady sliding."""
+    return Steady(kernel).displace(field)
 
 
 def first_mode(shape: tuple[int, ...]) -> Bool[Array, "*half"]:
@@ -86,22 +201,16 @@ def third_mode(kernel: Inexact[Array, "*half"]) -> Inexact[Array, ""]:
     return kernel[(3,) + (0,) * (kernel.ndim - 1)]
 
 
-def least_compliance(kernel: Inexact[Array, "*half"]) -> Float[Array, ""]:
-    """Returns the smallest |M| of all waves."""
-    return jnp.min(jnp.where(first_mode(kernel.shape), jnp.inf, jnp.abs(kernel)))
-
-
-def bending_energy(kernel: Inexact[Array, "*half"], field: Float[Array, "*shape"]) -> Array:
-    """Returns the mean energy ⟨f M⁻¹ f⟩ of a displacement, for a kernel that is 0 at q = 0."""
+def bending_energy(operator: AbstractOperator, field: Float[Array, "*shape"]) -> Array:
+    """Returns the mean energy ⟨f M⁻¹ f⟩ of a displacement."""
     weight = jnp.asarray(multiplicity(field.shape) / field.size**2, field.dtype)
-    power = jnp.abs(to_spectrum(field)) ** 2 * weight
+    power = jnp.abs(operator.to_waves(field)) ** 2 * weight
     # Only the real part of 1/M stores energy.
-    present = jnp.abs(kernel) > 0
-    return jnp.sum(jnp.where(present, power * jnp.real(1 / jnp.where(present, kernel, 1)), 0))
+    return jnp.sum(power * jnp.real(operator.inverse))
 
 
 def contact_stiffness(
-    kernel: Inexact[Array, "*half"], gap: Float[Array, "*shape"], s: Float[Array, "*shape"]
+    operator: AbstractOperator, gap: Float[Array, "*shape"], s: Float[Array, "*shape"]
 ) -> Float[Array, ""]:
     """Returns an upper bound of dp/dū, the change of the mean pressure with the mean gap.
 
@@ -111,13 +220,13 @@ def contact_stiffness(
 
     **Arguments:**
 
-    - `kernel`: ρM on the half spectrum, 0 at q = 0.
+    - `operator`: ρM.
     - `gap`: of the law, in units of pressure over ρ.
     - `s`: slope of the law's proximal map there.
     """
     field = jnp.abs(gap)
     springs = jnp.where(s < 1, s / jnp.where(s < 1, 1 - s, 1), jnp.inf)
-    bent = bending_energy(kernel, field) + jnp.mean(jnp.where(s < 1, springs, 0) * field**2)
+    bent = bending_energy(operator, field) + jnp.mean(jnp.where(s < 1, springs, 0) * field**2)
     squared = jnp.mean(field) ** 2
     by_gap = jnp.where(squared > 0, bent / nonzero(squared), jnp.inf)
     return jnp.minimum(by_gap, jnp.mean(springs))

@@ -10,10 +10,10 @@ import dataclasses
 import functools
 from collections.abc import Callable
 
-import equinox as eqx
 import jax
 import jax.numpy as jnp
-from jaxtyping import Array, ScalarLike
+import numpy as np
+from jaxtyping import Array, Float, ScalarLike
 
 from ..core.checks import (
     Numbers,
@@ -29,13 +29,14 @@ from ..core.checks import (
 )
 from ..core.derivative import derivative_apart, still
 from ..core.memory import check_memory, contact_memory
+from ..core.program import compiled
 from ..fields.devices import num_devices, required
 from ..fields.grid import half_shape
 from .adjoint import Inputs, LinearSolver, LinearSplitting, State, attach_gradient
 from .estimates import Assessment, assess, penalty_at, state_of
 from .law import AbstractLaw, HardWall, check_law, check_pressure
 from .nested_solve import DouglasRachford
-from .operator import first_mode, least_compliance
+from .operator import Steady, first_mode
 from .solution import RESULTS, ContactSolution
 from .solver import (
     AbstractContactSolver,
@@ -118,11 +119,27 @@ def solve_contact(
     _check_heights(heights, solver)
     _check_kernel(kernel, heights, throw)
     check_law(law)
-    inputs = Inputs(kernel, heights, law, _loading(pressure, mean_gap, law, heights))
+    loading = loading_of(pressure, mean_gap, law, heights)
+    inputs = Inputs(Steady(kernel), heights, law, loading)
+    return contact_of(inputs, solver, adjoint, rtol, target, start, solution, throw)
+
+
+def contact_of(
+    inputs: Inputs,
+    solver: AbstractContactSolver,
+    adjoint: LinearSolver,
+    rtol: float,
+    target: Callable[[ContactSolution], Array | ObservableTarget] | None,
+    start: Numbers | None,
+    solution: ContactSolution | None,
+    throw: bool,
+) -> ContactSolution:
+    """Returns the contact of checked inputs; see `solve_contact` for the arguments."""
     if start is not None:
-        start = _as_start(start, heights, law)
+        start = _as_start(start, inputs.heights, inputs.law)
     # In one precision: what ends a solve counts the digits of the fields.
-    dtype = jnp.result_type(heights, jnp.finfo(kernel.dtype).dtype)
+    kernel = inputs.operator.kernel
+    dtype = jnp.result_type(inputs.heights, jnp.finfo(kernel.dtype).dtype)
     inputs, start = in_precision((inputs, start), dtype)
     check_tolerance("rtol", rtol, inputs.heights)
     # Compiled separately: under a derivative the search is compiled already.
@@ -184,22 +201,39 @@ def _as_start(start, heights, law: AbstractLaw):
     return start
 
 
-def _loading(pressure, mean_gap, law, heights) -> Loading:
+def loading_of(
+    pressure: Numbers | None,
+    mean_gap: Numbers | None,
+    law: AbstractLaw,
+    heights: Float[Array, "*shape"],
+    num_times: int | None = None,
+) -> Loading:
+    """Returns the loading: one number, or one for each of `num_times`, the heights' first axis."""
     if (pressure is None) == (mean_gap is None):
         raise ValueError(
             f"`pressure={pressure}` and `mean_gap={mean_gap}`: give exactly one of the two."
         )
     if mean_gap is not None:
         mean_gap = as_float(mean_gap, "mean_gap")
-        check_shape("mean_gap", mean_gap, ())
         check_values("mean_gap", mean_gap, "the mean gap [m] must be finite")
+        spread = _over_times("mean_gap", mean_gap, heights, num_times)
         if isinstance(law, HardWall) and is_concrete(heights) and is_concrete(mean_gap):
-            _check_gap(float(mean_gap), law, _LEAST_GAP * float(jnp.std(heights)))
-        return Loading(None, mean_gap)
+            for gap in np.unique(np.asarray(mean_gap)):
+                _check_gap(float(gap), law, _LEAST_GAP * float(jnp.std(heights)))
+        return Loading(None, spread)
     pressure = as_float(pressure, "pressure")
-    check_shape("pressure", pressure, ())
+    spread = _over_times("pressure", pressure, heights, num_times)
     check_pressure(pressure, law)
-    return Loading(pressure, None)
+    return Loading(spread, None)
+
+
+def _over_times(name: str, value, heights, num_times: int | None):
+    """A number, or one at each time as an array that broadcasts to the heights."""
+    if num_times is None or value.ndim:
+        check_shape(name, value, () if num_times is None else (num_times,))
+    if num_times is None:
+        return value
+    return jnp.broadcast_to(value, num_times).reshape(-1, *[1] * (heights.ndim - 1))
 
 
 def _check_gap(gap: float, law: HardWall, least: float) -> None:
@@ -221,7 +255,7 @@ def _search(inputs: Inputs, solver: AbstractContactSolver, rtol, target, start) 
     return _find_contact(inputs, solver, rtol, target, start)
 
 
-@eqx.filter_jit
+@compiled
 def _find_contact(inputs: Inputs, solver: AbstractContactSolver, rtol, target, start):
     if not isinstance(solver, DouglasRachford):  # which accepts any mean, and saves a copy
         inputs = _without_mean(inputs)
@@ -231,7 +265,7 @@ def _find_contact(inputs: Inputs, solver: AbstractContactSolver, rtol, target, s
     return solve_until(inputs, solver, Target(target, rtol), start, describe)
 
 
-@eqx.filter_jit
+@compiled
 def _output_of(inputs: Inputs, solution: ContactSolution) -> SolverOutput:
     """What a solver would return for a solution: the gap is that of the law."""
     pressure, unit = solution.pressure, jnp.zeros((), solution.pressure.dtype)
@@ -255,17 +289,18 @@ def _gap_of_law(inputs: Inputs, solution: ContactSolution):
         closed = jnp.where(pressure > low, jnp.minimum(gap, 0), jnp.maximum(gap, 0))
         return jnp.where((pressure > low) & (pressure < high), 0, closed)
     # The gap of the law's point nearest to pressure and gap.
-    penalty = penalty_for(inputs.kernel, participation(pressure), law)
+    penalty = penalty_for(inputs.operator, participation(pressure), law)
     v = pressure - penalty * gap
     return (law.in_units(1.0, 1 / penalty).proximal(v) - v) / penalty
 
 
 def _without_mean(inputs: Inputs) -> Inputs:
-    return inputs._replace(kernel=inputs.kernel.at[(0,) * inputs.kernel.ndim].set(0))
+    operator = inputs.operator
+    return inputs._replace(operator=operator.with_kernel(operator.compliance))
 
 
 @derivative_apart
-@eqx.filter_jit
+@compiled
 def _solution(
     inputs: Inputs, finds_unstable: bool, known: FoundContact, adjoint: LinearSolver, rtol
 ) -> tuple[ContactSolution, Array]:
@@ -326,7 +361,7 @@ def _how_it_ended(inputs: Inputs, finds_unstable, found: SolverOutput, reached, 
     result = RESULTS.where(reached, RESULTS.successful, result)
     result = RESULTS.where(finite, result, RESULTS.not_finite)
     if law.attracts and finds_unstable:
-        steep = law.steepest_rise * least_compliance(inputs.kernel) > _RESOLVED
+        steep = law.steepest_rise * inputs.operator.least > _RESOLVED
         result = RESULTS.where(steep & (result == RESULTS.successful), RESULTS.unresolved, result)
     worthless = (gap_error > WORTHLESS) & (jnp.std(inputs.heights) > 0)
     worthless = worthless & (result == RESULTS.successful)
@@ -334,5 +369,6 @@ def _how_it_ended(inputs: Inputs, finds_unstable, found: SolverOutput, reached, 
     if pressure is not None:
         # On input the value is unknown if the pressure is traced.
         low, high = law.bounds
-        result = RESULTS.where((pressure > low) & (pressure < high), result, RESULTS.bad_pressure)
+        possible = jnp.all((pressure > low) & (pressure < high))
+        result = RESULTS.where(possible, result, RESULTS.bad_pressure)
     return result

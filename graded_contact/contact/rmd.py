@@ -29,13 +29,12 @@ import equinox as eqx
 import jax
 import jax.numpy as jnp
 from jax import Array
-from jaxtyping import Float, Inexact
+from jaxtyping import Float
 
 from ..core.checks import check_type, check_whole, short
-from ..fields.grid import to_field, to_spectrum
 from .adhesion import AdhesiveLJ
 from .law import AbstractLaw, RepulsiveLJ
-from .operator import root_mean_square, third_mode
+from .operator import AbstractOperator, root_mean_square
 from .solver import (
     AbstractContactSolver,
     Loading,
@@ -76,7 +75,7 @@ class ResidualDynamics(AbstractContactSolver):
 
     def solve(
         self,
-        kernel: Inexact[Array, "*half"],
+        operator: AbstractOperator,
         heights: Float[Array, "*shape"],
         law: AbstractLaw,
         loading: Loading,
@@ -90,8 +89,8 @@ class ResidualDynamics(AbstractContactSolver):
                 f"`law={short(law)}` is refused: residuals molecular dynamics needs a smooth law, "
                 "`RepulsiveLJ` or `AdhesiveLJ`. Pass `solver=DouglasRachford()`."
             )
-        unit = pressure_unit(kernel, heights - jnp.mean(heights), loading)
-        problem, length = _dimensionless(kernel, heights, law, loading, unit)
+        unit = pressure_unit(operator, heights - jnp.mean(heights), loading)
+        problem, length = _dimensionless(operator, heights, law, loading, unit)
         gap = _first_gap(problem, None if start is None else start / unit)
         last = run_steps(_Verlet(problem, rtol, self.uniform_mass), gap, self.max_steps)
         gap = last.gap
@@ -101,7 +100,7 @@ class ResidualDynamics(AbstractContactSolver):
             problem.law.pressure_at(jnp.maximum(gap + residual, _LEAST_RATIO * gap)) - pressure
         )
         if problem.loading.pressure is not None:
-            pressure = to_mean(pressure, problem.loading.pressure, problem.law.bounds)
+            pressure = to_mean(operator, pressure, problem.loading.pressure, problem.law.bounds)
         return SolverOutput(
             pressure=pressure * unit,
             gap=gap * length,
@@ -115,7 +114,7 @@ class ResidualDynamics(AbstractContactSolver):
 
 
 class _Problem(NamedTuple):
-    kernel: Inexact[Array, "*half"]
+    operator: AbstractOperator
     heights: Float[Array, "*shape"]
     law: SmoothLaw
     loading: Loading
@@ -147,16 +146,16 @@ class _Verlet(NamedTuple):
         return ~(state.error > self.rtol)
 
 
-def _dimensionless(kernel, heights, law: SmoothLaw, loading: Loading, unit):
+def _dimensionless(operator, heights, law: SmoothLaw, loading: Loading, unit):
     """The problem for pressures in `unit` and lengths such that |M|max = 1, and that length."""
-    kernel = kernel.at[(0,) * kernel.ndim].set(0)
-    length = unit * jnp.max(jnp.abs(kernel))
+    length = unit * jnp.max(jnp.abs(operator.compliance))
     pressure, gap = loading
     scaled = Loading(
         None if pressure is None else pressure / unit, None if gap is None else gap / length
     )
     heights = (heights - jnp.mean(heights)) / length
-    return _Problem(kernel * (unit / length), heights, law.in_units(unit, length), scaled), length
+    operator = operator.scaled(unit / length)
+    return _Problem(operator, heights, law.in_units(unit, length), scaled), length
 
 
 def _step(problem: _Problem, state: _Motion, uniform_mass: bool) -> _Motion:
@@ -179,7 +178,7 @@ def _step(problem: _Problem, state: _Motion, uniform_mass: bool) -> _Motion:
 
 def _residual(problem: _Problem, u, pressure, stiffness):
     """L with the mean gap ū, and the relative error of the load."""
-    displacement = to_field(problem.kernel * to_spectrum(pressure), u.shape)
+    displacement = problem.operator.displace(pressure)
     residual = displacement - problem.heights - u
     if problem.loading.gap is not None:
         return residual + problem.loading.gap, jnp.zeros((), u.dtype)
@@ -203,9 +202,9 @@ def _first_gap(problem: _Problem, start):
     pressure, mean_gap = problem.loading
     offset = -problem.heights + (0 if mean_gap is None else mean_gap)
     if start is not None:
-        offset = offset + to_field(problem.kernel * to_spectrum(start), offset.shape)
+        offset = offset + problem.operator.displace(start)
     elif pressure is not None:
         start = pressure
-    spring = 1 / jnp.maximum(1 / jnp.abs(third_mode(problem.kernel)), 2 * problem.law.steepest_rise)
+    spring = 1 / jnp.maximum(1 / problem.operator.long_wave, 2 * problem.law.steepest_rise)
     rest = (0 if start is None else start) - offset / spring
     return spring * (problem.law.in_units(1.0, spring).proximal(rest) - rest)

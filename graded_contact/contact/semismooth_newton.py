@@ -23,12 +23,11 @@ doi:10.1137/0314056.
 import equinox as eqx
 import jax
 import jax.numpy as jnp
-from jaxtyping import Array, Bool, Float, Inexact
+from jaxtyping import Array, Bool, Float
 
-from ..fields.grid import to_field
-from .active_set import REDUCTION, Coated, pressure_on
+from .active_set import REDUCTION, Coated, green_of, pressure_on
 from .law import AbstractLaw, HardWall
-from .operator import least_compliance
+from .operator import AbstractOperator
 
 _COATED_ERROR = 1e-3  # of a coated contact
 _FACTOR = 10.0  # from one coat to the next
@@ -67,9 +66,9 @@ class Round(eqx.Module):
 
 
 def newton_round(
-    kernel: Inexact[Array, "*half"],
+    operator: AbstractOperator,
     heights: Float[Array, "*shape"],
-    load: Float[Array, ""],
+    load: Float[Array, "..."],
     z: Float[Array, "*shape"],
     x: Float[Array, "*shape"],
     coat: Float[Array, ""],
@@ -81,13 +80,13 @@ def newton_round(
 
     **Arguments:**
 
-    - `kernel`, `heights`: K and h in units of pressure, 0 at q = 0.
+    - `operator`, `heights`: K and h in units of pressure, h of zero mean.
     - `load`: mean of the pressure.
     - `z`, `x`: of the splitting, and the pressure of the solid there.
     - `coat`: λ to begin with, over the least |K|.
     - `budget`: FFT pairs after which no step is begun.
     """
-    least, green = least_compliance(kernel), to_field(kernel + 0j, z.shape)
+    least, green = operator.least, green_of(operator, z.shape)
     unknown = jnp.full(3, jnp.inf, z.dtype)
     none = jnp.asarray(0)
     state = Round(x, z - x, x, z - x, coat, unknown, none, none, jnp.asarray(False))
@@ -100,7 +99,7 @@ def newton_round(
         tolerance = jnp.where(lam > 0, jnp.maximum(rtol, _COATED_ERROR), rtol * _CLOSER)
         contact = state.pressure * (1 + lam) > state.gap
         unchanged = state.changes[0] == 0
-        solid = Coated(kernel, green, lam, heights + lam * (state.centre - load), load)
+        solid = Coated(operator, green, lam, heights + lam * (state.centre - load), load)
         pressure, gap, off, pairs = pressure_on(
             contact, solid, state.pressure, tolerance, unchanged, budget - state.pairs
         )

@@ -59,7 +59,7 @@ class ContactSolution(eqx.Module):
       the error of σ in the soft waves, which would magnify it.
     - `gap`: u = w - h + ū [m], zero in hard contact up to the error.
     - `mean_pressure`: mean of σ [Pa].
-    - `mean_gap`: mean of the gap ū [m].
+    - `mean_gap`: mean of the gap ū [m]; of a periodic motion one for each time.
     - `correction`: estimated change of the pressure to that of the exact contact [Pa], see
       `contact/estimates.py`. Without a derivative.
     - `error`: estimated relative error of the pressure [1] (root mean square); 0 where there is no
@@ -82,7 +82,7 @@ class ContactSolution(eqx.Module):
     displacement: Float[Array, "*shape"]
     gap: Float[Array, "*shape"]
     mean_pressure: Float[Array, ""]
-    mean_gap: Float[Array, ""]
+    mean_gap: Float[Array, "..."]
     correction: Float[Array, "*shape"]
     error: Float[Array, ""]
     load_error: Float[Array, ""]

@@ -12,20 +12,24 @@ import equinox as eqx
 import jax
 import jax.numpy as jnp
 from jax.experimental import io_callback
-from jaxtyping import Array, Bool, Float, Inexact
+from jaxtyping import Array, Bool, Float
 
 from .anderson import sums
 from .law import AbstractLaw
-from .operator import least_compliance, root_mean_square, third_mode
+from .operator import AbstractOperator, nonzero, root_mean_square
 
+_HISTORY_AT_GAP = 2  # of given mean gaps; with 5 some loads diverged above an area of 0.99
 _CALLBACK_EVERY = 5  # cycles between pressures passed to a callback
 
 
 class Loading(NamedTuple):
-    """The loading: a mean pressure [Pa] or a mean gap [m]. The other one is None."""
+    """The loading: a mean pressure [Pa] or a mean gap [m]. The other one is None.
 
-    pressure: Float[Array, ""] | None
-    gap: Float[Array, ""] | None
+    One number, or of the shape of the operator's means.
+    """
+
+    pressure: Float[Array, "..."] | None
+    gap: Float[Array, "..."] | None
 
 
 class SolverOutput(eqx.Module):
@@ -71,7 +75,7 @@ class AbstractContactSolver(eqx.Module):
     @abstractmethod
     def solve(
         self,
-        kernel: Inexact[Array, "*half"],
+        operator: AbstractOperator,
         heights: Float[Array, "*shape"],
         law: AbstractLaw,
         loading: Loading,
@@ -79,7 +83,7 @@ class AbstractContactSolver(eqx.Module):
         rtol: Float[Array, ""],
         start: Float[Array, "*shape"] | None,
     ) -> SolverOutput:
-        """Returns the contact of heights with the solid of a kernel.
+        """Returns the contact of heights with a solid.
 
         Called once inside `jax.jit`, without derivatives. A problem that the solver does not accept
         raises `ValueError`; a failure that only values show is reported by `error` and `ended`.
@@ -87,7 +91,8 @@ class AbstractContactSolver(eqx.Module):
 
         **Arguments:**
 
-        - `kernel`: M [m/Pa] on the half spectrum, real or complex, its entry at q = 0 being 0.
+        - `operator`: M, of a pressure [Pa] the displacement [m]; under steady sliding `.kernel` is
+          M [m/Pa] on the half spectrum, real or complex. See `operator.py`.
         - `heights`: h [m], positive into the solid, of any mean.
         - `law`: gives pressures point by point, see `AbstractLaw`.
         - `loading`: the mean pressure or the mean gap.
@@ -134,6 +139,14 @@ def run_steps(steps: Steps, start: Array, max_steps: Array | int) -> Any:
     return jax.lax.while_loop(running, lambda state: steps.step(state), steps.init(start))
 
 
+def history_of(length: int, free_mean: bool) -> int:
+    """Returns how many iterates to combine: few if the mean pressure is free.
+
+    Near full contact the load drifts, and long histories run away with it.
+    """
+    return min(length, _HISTORY_AT_GAP) if free_mean else length
+
+
 def watch_of(callback: Callable[[Array], None] | None, unit: Float[Array, ""]) -> Callable | None:
     """Returns the function that a compiled loop calls with each cycle number and its pressure.
 
@@ -150,7 +163,7 @@ def watch_of(callback: Callable[[Array], None] | None, unit: Float[Array, ""]) -
 
 
 def penalty_for(
-    kernel: Inexact[Array, "*half"], participation: Float[Array, ""] | float, law: AbstractLaw
+    operator: AbstractOperator, participation: Float[Array, ""] | float, law: AbstractLaw
 ) -> Float[Array, ""]:
     """Returns ρ = 1.8 s^0.4/√(|M| at three times the lowest wavenumber × least |M|) [Pa/m].
 
@@ -159,22 +172,21 @@ def penalty_for(
     10 % of the fewest FFT pairs of `bench_contact.py viscoelastic`. For a law that attracts, at
     least twice its steepest rise, so that its proximal map is single-valued.
     """
-    long = jnp.abs(third_mode(kernel))
+    long, least = operator.long_wave, operator.least
     # Not the root of the product, which underflows in float32.
-    penalty = 1.8 * participation**0.4 / jnp.sqrt(long) / jnp.sqrt(least_compliance(kernel))
+    penalty = 1.8 * participation**0.4 / jnp.sqrt(long) / jnp.sqrt(least)
     return jax.lax.stop_gradient(jnp.maximum(penalty, 2 * law.steepest_rise))
 
 
 def pressure_unit(
-    kernel: Inexact[Array, "*half"], heights: Float[Array, "*shape"], loading: Loading
+    operator: AbstractOperator, heights: Float[Array, "*shape"], loading: Loading
 ) -> Float[Array, ""]:
     """Returns a typical pressure: the prescribed one plus that which flattens the longest waves.
 
     `heights` are of zero mean.
     """
-    length = root_mean_square(heights) + (0 if loading.gap is None else jnp.abs(loading.gap))
-    unit = length / jnp.abs(third_mode(kernel))
-    unit = unit + (0 if loading.pressure is None else jnp.abs(loading.pressure))
+    pressure, gap = (0 if a is None else jnp.max(jnp.abs(a)) for a in loading)
+    unit = (root_mean_square(heights) + gap) / operator.long_wave + pressure
     return jnp.where(unit > 0, unit, 1)
 
 
@@ -189,15 +201,15 @@ def participation_of(total, squared, count: int):
     return jnp.maximum(total**2 / jnp.where(squared > 0, squared, 1), 1) / count
 
 
-def to_mean(pressure, mean, bounds):
+def to_mean(operator: AbstractOperator, pressure, mean, bounds):
     """Scales a pressure to a mean within its bounds; one without upper bound simply by a factor."""
     low, high = bounds
     room = (pressure - low) * (1 - (pressure - low) / (high - low))
-    total, free = sums(pressure, room)
+    total, free = operator.mean(pressure), operator.mean(room)
     # If all points are at a bound, those above the lower bound exceed theirs, or all points do.
-    above = jnp.where(total > low * pressure.size, pressure - low, 1)
+    above = jnp.where(total > low, pressure - low, 1)
     room = jnp.where(free > 0, room, above)
-    return pressure + room * ((mean * pressure.size - total) / jnp.sum(room))
+    return pressure + room * ((mean - total) / nonzero(operator.mean(room)))
 
 
 def slope(law: AbstractLaw, v: Float[Array, "*shape"]) -> Float[Array, "*shape"]:

@@ -29,7 +29,7 @@ import jax
 import jax.numpy as jnp
 from jaxtyping import Array, Bool, Float
 
-from ..fields.grid import multiplicity, to_spectrum
+from ..fields.grid import multiplicity
 from .anderson import CYCLE, History, accelerate, sums
 from .operator import Solid, contact_stiffness
 from .solver import in_precision, participation_of, run_steps
@@ -90,9 +90,10 @@ class Splitting(eqx.Module):
         error = _error(jnp.sqrt(defect / unit), jnp.sqrt(stiff / unit), share)
         if self.solid.free_mean:
             # With the mean gap exact, an error of the gaps is one of the mean pressure.
-            rigid = contact_stiffness(self.solid.compliance, y - v, s)
-            shift = (after - before)[(0,) * z.ndim].real / (2 * self.relaxation * z.size)
-            by_shift = rigid * jnp.abs(shift) * jnp.sqrt(z.size / unit)
+            rigid = contact_stiffness(self.solid.scaled, y - v, s)
+            shift = jnp.where(self.solid.operator.is_mean, jnp.abs(after - before), 0)
+            shift = jnp.sqrt(jnp.sum(shift**2)) / (2 * self.relaxation * z.size)
+            by_shift = rigid * shift * jnp.sqrt(z.size / unit)
             error = jnp.where(jnp.isfinite(rigid), error + by_shift, jnp.inf)
         # Pressures below the rounding of the gaps cannot be distinguished from zero.
         lost = defect <= (8 * jnp.finfo(z.dtype).eps) ** 2 * scale
@@ -106,20 +107,20 @@ class Splitting(eqx.Module):
         return accelerate(state, image, error, (error > self.rtol) & ~lost)
 
     def _move(self, z, cycles):
-        """z⁺, the spectrum of z, x and y."""
-        spectrum = to_spectrum(z)
-        x = self.shift + self._recomputed(cycles).resolve_spectrum(spectrum, z.shape)
+        """z⁺, the waves of z, x and y."""
+        waves = self.solid.operator.to_waves(z)
+        x = self.shift + self._recomputed(cycles).resolve_waves(waves, z.shape)
         y = self.proximal(2 * x - z)
-        return z + (2 * self.relaxation) * (y - x), spectrum, x, y
+        return z + (2 * self.relaxation) * (y - x), waves, x, y
 
     def _recomputed(self, cycles: Array) -> Solid:
         """The solid. On a large grid what follows from its kernel is computed in every step."""
         solid = self.solid
-        if solid.kernel.size < DRAFTED_FROM // 2:
+        if solid.operator.kernel.size < DRAFTED_FROM // 2:
             return solid
         # A factor that compilers do not know keeps them from storing it before the loop.
         one = jnp.where(cycles >= 0, 1, 0).astype(solid.penalty.dtype)
-        return Solid(solid.kernel, one * solid.penalty, solid.free_mean)
+        return Solid(solid.operator, one * solid.penalty, solid.free_mean)
 
 
 def iterate(splitting: Splitting, z: Float[Array, "*shape"], *, max_steps: Array | int) -> History:

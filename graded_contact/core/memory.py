@@ -19,6 +19,7 @@ SURFACE = {8: 6.0, 4: 7.0}  # the surface, its modes, and the random words of th
 CONTACT = 12.5  # without the history of the acceleration; up to 8 more in a custom program
 HISTORY = {8: 0.625, 4: 1.25}  # of each iterate of it
 KERNEL = 1.5
+CYCLE = 6.0  # more in space and time: the kernel there, spectra of two transforms
 DERIVATIVE = 20.0  # more for a derivative
 BLOCK_ROWS = 16  # of a kernel whose moduli differ from point to point
 COMPILER = 8e8  # bytes of compiling a contact, which are not freed
@@ -64,6 +65,11 @@ def sliding_memory(
     """Returns the bytes of a kernel, and of a contact with it; arguments as above."""
     contact = contact_memory(shape, itemsize, history) + math.prod(shape) * itemsize
     return max(kernel_memory(shape, itemsize, num_numbers, oblique), contact)
+
+
+def cycle_memory(shape: tuple[int, ...], itemsize: int, history: int) -> float:
+    """Returns the bytes of a contact in space and time, fields of `shape`, with its kernel."""
+    return contact_memory(shape, itemsize, history) + CYCLE * math.prod(shape) * itemsize
 
 
 def check_memory(

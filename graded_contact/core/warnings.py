@@ -78,13 +78,8 @@ def grid_mismatch(found: Any) -> ArrayLike:
     return np.where(np.abs(friction) <= ROUNDING * slope, 0.0, mismatch)
 
 
-RULES = (
-    Rule(
-        grid_mismatch,
-        LIMIT,
-        "The friction from the surface's slope and that from the block's differ by {worst:.0%}: "
-        "the grid does not resolve the contact. Take more points, or a smoother surface.",
-    ),
+# Of every contact under sliding, steady or not.
+SLIDING_RULES = (
     Rule(
         lambda found: found.slope_in_contact,
         STEEP,
@@ -98,6 +93,15 @@ RULES = (
         "{worst:.0%} of the friction comes from frequencies or a temperature at which a material "
         "was not measured: its modulus there is an extrapolation.",
     ),
+)
+RULES = (
+    Rule(
+        grid_mismatch,
+        LIMIT,
+        "The friction from the surface's slope and that from the block's differ by {worst:.0%}: "
+        "the grid does not resolve the contact. Take more points, or a smoother surface.",
+    ),
+    *SLIDING_RULES,
     Rule(
         lambda found: found.unmeasured_friction,
         LIMIT,

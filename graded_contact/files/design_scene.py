@@ -19,8 +19,10 @@ from ..core.parameters import with_values
 from ..roughness.spectrum import SelfAffine
 from ..roughness.surface import Surface
 from .paths import existing_file
-from .scene import RandomSurface, Scene, check_paths, parse_scene
-from .schema import LARGEST, Reader, parse_toml, within
+from .scene import Scene, check_paths, parse_scene
+from .schema import LARGEST, Reader, within
+from .surface_source import RandomSurface
+from .toml import parse_toml
 
 # The keys that belong to one objective only.
 OBJECTIVES = {"friction": ("target", "ratio"), "flat_loss_tangent": ("q_from", "q_to")}

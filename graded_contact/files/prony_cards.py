@@ -22,7 +22,7 @@ from ..core.checks import check_types
 from ..rheology.material import AbstractMaterial, Prony
 from ..rheology.measured import MeasuredRange
 from ..rheology.shift import WLF, AbstractShift
-from .schema import entry_text
+from .toml import entry_text
 
 ANSYS_TERMS = 100  # the most that TB,PRONY takes
 LEAST_REMAINDER = 1e-9  # of E_eq in E_inf, to keep it to about 1e-6
@@ -121,11 +121,8 @@ def _abaqus(material: Prony, name: str) -> str:
         "*VISCOELASTIC, TIME=PRONY",
         *(f"{ratio!r}, {ratio!r}, {time!r}" for ratio, time in zip(ratios, times, strict=True)),
     ]
-    if isinstance(material.shift, WLF):
-        lines += ["*TRS, DEFINITION=WLF", ", ".join(_wlf(material.shift))]
-    else:
-        lines += [f"** {line}" for line in _not_written(material.shift)]
-    return "\n".join([*lines, ""])
+    card = "*TRS, DEFINITION=WLF\n{}, {}, {}"
+    return "\n".join([*lines, *_shift_lines(material.shift, card, "**"), ""])
 
 
 def _ansys(material: Prony, name: str) -> str:
@@ -151,11 +148,8 @@ def _ansys(material: Prony, name: str) -> str:
         lines.append(f"TB,PRONY,MATID,1,{len(times)},{part}")
         for i, (ratio, time) in enumerate(zip(ratios, times, strict=True)):
             lines.append(f"TBDATA,{2 * i + 1},{ratio!r},{time!r}")
-    if isinstance(material.shift, WLF):
-        lines += ["TB,SHIFT,MATID,1,3,WLF", ",".join(["TBDATA,1", *_wlf(material.shift)])]
-    else:
-        lines += [f"! {line}" for line in _not_written(material.shift)]
-    return "\n".join([*lines, ""])
+    card = "TB,SHIFT,MATID,1,3,WLF\nTBDATA,1,{},{},{}"
+    return "\n".join([*lines, *_shift_lines(material.shift, card, "!"), ""])
 
 
 def _normalised(material: Prony, program: str) -> tuple[float, list[float], list[float]]:
@@ -189,12 +183,14 @@ def _measured(material: Prony) -> list[str]:
     return [f"Measured from {' and '.join(ranges)}; an extrapolation outside"]
 
 
-def _wlf(shift: WLF) -> list[str]:
-    return [repr(float(value)) for value in (shift.reference, shift.c1, shift.c2)]
-
-
-def _not_written(shift: AbstractShift | None) -> list[str]:
-    return ["Not part of this card:", *_law(shift)] if shift is not None else []
+def _shift_lines(shift: AbstractShift | None, card: str, comment: str) -> list[str]:
+    """A WLF law in the words of `card`, another law in comments."""
+    if shift is None:
+        return []
+    if isinstance(shift, WLF):
+        constants = (shift.reference, shift.c1, shift.c2)
+        return [card.format(*(repr(float(value)) for value in constants))]
+    return [f"{comment} {line}" for line in ("Not part of this card:", *_law(shift))]
 
 
 def _law(shift: AbstractShift | None) -> list[str]:

@@ -9,135 +9,41 @@ import dataclasses
 import itertools
 import math
 import os
-from collections.abc import Callable, Iterable, Iterator, Mapping
+from collections.abc import Iterable, Iterator, Mapping
 from pathlib import Path
-from typing import Annotated, Any, Literal, NamedTuple
+from typing import Annotated, Any, Literal
 
-import jax
 import numpy as np
-from jaxtyping import ArrayLike, Float, PRNGKeyArray, ScalarLike
+from jaxtyping import Float
 
 from ..contact.nested_solve import DouglasRachford
 from ..contact.problem import RTOL
-from ..core.checks import as_float, check_positive, check_tolerance, check_values, check_whole
+from ..core.checks import as_float, check_positive, check_tolerance, check_values
 from ..core.display import shown
 from ..core.memory import check_points
 from ..core.parameters import paths, with_values
-from ..core.warnings import unusual
 from ..fields.grid import Grid
 from ..response.grading import AbstractGradedSolver
 from ..response.layering import Layering
-from ..response.profile import Blend
-from ..response.riccati import Riccati
-from ..response.shape import AbstractShape, ErrorFunction, Exponential, Linear, PowerLaw, Sinusoidal
-from ..response.stack import Free, GradedLayer, HalfSpace, Layer, Rigid, Stack
-from ..rheology.library import tyre_tread
-from ..rheology.material import AbstractMaterial, BulkShear, Elastic, Prony
-from ..rheology.shift import WLF, AbstractShift, Arrhenius, TabulatedShift
+from ..response.stack import Stack
+from ..rheology.material import AbstractMaterial
 from ..rheology.tabulated import Tabulated
-from ..roughness.spectrum import SelfAffine
-from ..roughness.surface import Surface, random_surface, rescale
-from .moduli.reading import read_moduli
-from .parameter_covariance import Errors, check_errors, read_errors
+from .block import Block, extremes
+from .parameter_covariance import Errors
 from .paths import check_name, existing_file
 from .schema import (
     LARGEST,
     LINEAR,
     LOGARITHMIC,
     ROOT,
-    Key,
-    Reader,
-    check_keys,
     keys_of,
-    kind_of,
     nearest,
-    parse_toml,
     within,
 )
-from .topography.reading import read_surface
-from .units import DIMENSIONS, UNITS
-
-# What a `kind` makes; its keys are the parameters. Tables of moduli are made by `Block`.
-MATERIALS = {
-    "elastic": Elastic,
-    "prony": Prony,
-    "prony_creep": Prony.from_creep,
-    "tyre_tread": tyre_tread,
-    "bulk_shear": BulkShear,
-}
-BASES = {"half_space": HalfSpace, "rigid": Rigid, "free": Free}
-KINDS = {
-    AbstractShift: {"wlf": WLF, "arrhenius": Arrhenius, "tabulated": TabulatedShift},
-    AbstractShape: {
-        "linear": Linear,
-        "sinusoidal": Sinusoidal,
-        "exponential": Exponential,
-        "power_law": PowerLaw,
-        "error_function": ErrorFunction,
-    },
-    AbstractGradedSolver: {"layering": Layering, "riccati": Riccati},
-}
-ERRORS = Key("errors", os.PathLike, None)  # of every material
+from .surface_source import RandomSurface, SurfaceFile, surface_source
+from .toml import parse_toml
 
 Values = Annotated[Float[np.ndarray, " _"], LOGARITHMIC]
-
-
-@shown()
-class RandomSurface(NamedTuple):
-    """A surface to be drawn: arguments of `random_surface`, with the seed of its key.
-
-    **Fields:**
-
-    - `spectrum`, `grid`: of the surface.
-    - `seed`: of the random surface, or of the first.
-    - `amplitudes`: as in `random_surface`.
-    - `seeds`: number of surfaces, drawn from `seed`, `seed` + 1, ...; one axis of the results.
-    """
-
-    spectrum: SelfAffine
-    grid: Grid
-    seed: int = 0
-    amplitudes: Literal["exact", "gaussian"] = "exact"
-    seeds: int | None = None
-
-    def build(self) -> Surface:
-        """Returns the (first) surface, drawn anew; the same one each time."""
-        with within("[surface]"):
-            return self.drawn(self.seed)
-
-    def drawn(self, seed: ArrayLike) -> Surface:
-        """Returns the surface of another seed, which JAX may trace."""
-        return self.of_key(jax.random.key(seed))
-
-    def of_key(self, key: PRNGKeyArray) -> Surface:
-        """Returns the surface of a random key."""
-        return random_surface(self.spectrum, self.grid, key, amplitudes=self.amplitudes)
-
-
-@shown()
-class SurfaceFile(NamedTuple):
-    """A surface to be read: arguments of `read_surface` and of `rescale`."""
-
-    arguments: dict[str, Any]
-    target: dict[str, float]
-
-    def build(self) -> Surface:
-        """Returns the surface, read and rescaled."""
-        with within("[surface]"):
-            surface = read_surface(**self.arguments)
-            return rescale(surface, **self.target) if self.target else surface
-
-
-SURFACES: dict[str, Mapping[Callable, tuple[Key, ...]]] = {
-    "self_affine": {
-        SelfAffine: tuple(
-            key._replace(default=None) if key.name == "q_low" else key
-            for key in keys_of(SelfAffine)
-        ),
-        RandomSurface: keys_of(RandomSurface, "spectrum", "grid"),
-    },
-    "file": {read_surface: keys_of(read_surface), rescale: keys_of(rescale, "surface")},
-}
 
 
 @dataclasses.dataclass(frozen=True)
@@ -295,7 +201,11 @@ def parse_scene(text: str, folder: str | os.PathLike = ".") -> Scene:
         algorithm = {"solver": DouglasRachford(**solver), "tolerance": _tolerance(**tolerance)}
         for name, rtol in algorithm["tolerance"].items():
             check_tolerance(name, rtol, as_float(load["pressure"]))
-    surface, stack, inputs = _surface(tables, reader), block.stack(tables), tuple(reader.paths)
+    surface, stack, inputs = (
+        surface_source(tables.surface, tables.grid, reader),
+        block.stack(tables.layers, tables.base),
+        tuple(reader.paths),
+    )
     (output,) = reader.arguments("[output]", tables.output, KEYS["[output]"])
     with within("[output]"):
         if "name" in output:
@@ -337,37 +247,6 @@ def _tolerance(rtol: float | None = None, friction_rtol: float | None = None) ->
     return {"friction_rtol": friction_rtol}
 
 
-def _surface(tables: Tables, reader: Reader) -> RandomSurface | SurfaceFile:
-    """Where the surface of a scene comes from."""
-    place, keys = "[surface]", {kind: [*takers.values()] for kind, takers in SURFACES.items()}
-    kind, entries = kind_of(place, tables.surface, {name: sum(keys[name], ()) for name in keys})
-    if kind == "file":
-        if tables.grid is not None:
-            raise ValueError(
-                '[grid] belongs to a surface of kind "self_affine"; the points of a file are '
-                "resampled by `shape` in [surface]."
-            )
-        if all(key.name in entries for key in keys[kind][1]):
-            raise ValueError(f"{place} takes `rms_height` or `rms_slope` to rescale to, not both.")
-        return SurfaceFile(*reader.arguments(place, entries, *keys[kind]))
-    if tables.grid is None:
-        raise ValueError(f"{ROOT} lacks the key `grid`.")
-    spectrum, drawn = reader.arguments(place, entries, *keys[kind])
-    # Unless given, the longest wave is as long as the longest edge.
-    spectrum.setdefault("q_low", 2 * np.pi / float(np.max(tables.grid.size)))
-    with within(place):
-        found = RandomSurface(SelfAffine(**spectrum), tables.grid, **drawn)
-        if found.seeds is not None:
-            check_whole("seeds", found.seeds, 1)
-            check_points("seeds", found.seeds)
-    return found
-
-
-def _extremes(temperature: np.ndarray | None) -> list[float]:
-    """The lowest and the highest temperature: laws hold in between."""
-    return [] if temperature is None else [float(np.min(temperature)), float(np.max(temperature))]
-
-
 def _check_sweep(scene: Scene) -> None:
     """Raises `ValueError` unless every value makes a block, at each temperature."""
     with within("[sweep]"):
@@ -375,7 +254,7 @@ def _check_sweep(scene: Scene) -> None:
         for path, values in scene.sweep.items():
             for value in (np.min(values), np.max(values)):  # what is allowed has no gaps
                 changed = with_values(scene.stack, {path: value})
-                for at in _extremes(scene.temperature):
+                for at in extremes(scene.temperature):
                     changed.at(at)
 
 
@@ -386,112 +265,6 @@ def check_paths(given: Iterable[str], stack: Stack) -> None:
     for path in given:
         if path not in known:
             raise ValueError(f"`{path}` is no number of the block; {nearest(path, whole)}")
-
-
-class Block:
-    """The materials of a scene, and the stack that is made of them.
-
-    **Fields:**
-
-    - `materials`: by name.
-    - `errors`: of the numbers of some of them, by name.
-    - `notes`: what was understood of tables of moduli.
-    - `reader`: converts the tables.
-    """
-
-    def __init__(self, folder: Path):
-        self.materials: dict[str, AbstractMaterial] = {}
-        self.errors: dict[str, Errors] = {}
-        self.notes: list[str] = []
-        self.reader = Reader(folder, KINDS, {AbstractMaterial: self._named})
-
-    def read_materials(self, tables: Mapping[str, Any], temperature: np.ndarray | None) -> None:
-        """Makes the materials of [materials], each of which may use those above it."""
-        kinds = {**MATERIALS, "tabulated": self.tabulated}
-        keys = {kind: (*keys_of(make), ERRORS) for kind, make in kinds.items()}
-        for name, table in tables.items():
-            understood, place = len(self.notes), f"[materials.{name}]"
-            kind, entries = kind_of(place, table, keys)
-            found, beside = self.reader.arguments(place, entries, keys[kind][:-1], (ERRORS,))
-            with within(place):
-                self.materials[name] = kinds[kind](**found)
-            if beside:
-                with within(f"{place} `errors`:"):
-                    self.errors[name] = read_errors(beside["errors"])
-                    with within(f"`path={beside['errors']}`:"):
-                        check_errors(self.errors[name], self.materials[name])
-            self.notes[understood:] = [f"{name}: {note}" for note in self.notes[understood:]]
-        for name, material in self.materials.items():
-            for at in _extremes(temperature):
-                with within(f"[load] `temperature`, of [materials.{name}]:"):
-                    material.at(at)
-
-    def stack(self, tables: Tables) -> Stack:
-        """Returns the stack of the layers and the base."""
-        layers = [self._layer(f"[layers[{i}]]", table) for i, table in enumerate(tables.layers)]
-        for i, layer in enumerate(layers):
-            if sentence := unusual("thickness", float(layer.thickness)):
-                self.notes.append(f"layers[{i}]: {sentence}")
-        base = self.reader.build_kind("[base]", tables.base, BASES)
-        with within("[base]"):
-            return Stack(layers=layers, base=base)
-
-    def _layer(self, place: str, table: dict[str, Any]) -> Layer | GradedLayer:
-        check_keys(place, table, [key.name for key in (*keys_of(Layer), *keys_of(Blend))])
-        if "bottom" not in table and "top" not in table:
-            return self.reader.build(place, table, Layer)
-        if "material" in table:
-            raise ValueError(f"{place} has `material` besides `bottom` or `top`: give one.")
-        thickness, profile = self.reader.arguments(
-            place, table, keys_of(GradedLayer), keys_of(Blend)
-        )
-        with within(place):
-            return GradedLayer(profile=Blend(**profile), **thickness)
-
-    def _named(self, place: str, key: str, value: Any) -> AbstractMaterial:
-        name = self.reader.value(place, Key(key, str), value)
-        if name not in self.materials:
-            raise ValueError(
-                f"{place} `{key}` = {name!r} is not in [materials]; {nearest(name, self.materials)}"
-            )
-        return self.materials[name]
-
-    def tabulated(
-        self,
-        path: os.PathLike,
-        columns: dict[Literal[tuple(DIMENSIONS)], object] | None = None,
-        units: dict[Literal[tuple(UNITS)], object] | None = None,
-        deformation: str | None = None,
-        sheet: str | None = None,
-        step: str | None = None,
-        poisson: ScalarLike = 0.5,
-        extrapolate: Literal["refuse", "plateau"] = "refuse",
-        shift: AbstractShift | None = None,
-    ) -> Tabulated:
-        """Returns the material of a table of moduli; its history goes to the notes.
-
-        **Arguments:**
-
-        - `path`: of the table, text or Excel.
-        - `columns`: names of quantities and their columns, by name or by number from 1.
-        - `units`: of the columns, if the table does not state them.
-        - `deformation`: "tension" or "shear"; moduli in shear become Young's moduli.
-        - `sheet`: of a workbook.
-        - `step`: of a test with several steps.
-        - `poisson`: Poisson's ratio [1].
-        - `extrapolate`: "plateau" continues the moduli outside the table, "refuse" does not.
-        - `shift`: time-temperature shift.
-        """
-        options = {"columns": columns, "units": units, "deformation": deformation}
-        try:
-            found = read_moduli(
-                path, kind="frequency", sheet=sheet, step=step, poisson=poisson, **options
-            )
-        except ValueError as error:
-            advice = "`graded-contact fit FILE` reads more, and writes a material for a scene."
-            raise ValueError(f"{error} {advice}") from error
-        self.notes += found.history
-        return Tabulated(*found.table(), poisson, shift=shift, extrapolate=extrapolate)
 
 
 # The keys of tables that are fields of a scene.

@@ -25,21 +25,15 @@ from ..core.checks import (
     is_concrete,
 )
 from ..core.display import shown
-from ..files.moduli.points import Measured
+from ..files.moduli.measured import Measured
 from ..rheology.material import Prony
 from ..rheology.measured import MeasuredRange
 from ..rheology.shift import AbstractShift, TabulatedShift
 from .lengths import best_of_length, check_choosable, check_terms
+from .limits import check_limits, deviation, limits_where_measured, linear_limits
 from .model import attach_derivative, search
 from .observations import concrete
-from .prony import (
-    PronyFit,
-    check_limits,
-    deviation,
-    limits_where_measured,
-    linear_limits,
-    refuse_nonsense,
-)
+from .prony import PronyFit, refuse_nonsense
 from .shifted_series import (
     LAW_LIMITS,
     LN10,

@@ -13,26 +13,21 @@ The relaxation forms of N terms with E_eq > 0 and the creep forms of N terms are
 the best of one kind is the best of the other, and `fit.material.creep()` is exact.
 """
 
-from typing import Any
-
 import equinox as eqx
 import jax
 import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Complex, Float
-from scipy.special import ndtri
 
 from ..core.checks import (
     Numbers,
     as_float,
     as_scalar,
     check_poisson,
-    check_positive,
     check_types,
 )
 from ..core.display import shown, with_units
 from ..rheology.material import Prony
-from ..rheology.measured import is_unknown
 from .lengths import (
     Length,
     best_of_length,
@@ -41,6 +36,7 @@ from .lengths import (
     check_terms,
     choose_solid_or_liquid,
 )
+from .limits import check_limits, limits_where_measured, linear_limits
 from .model import attach_derivative, material_of, model, objective, search, series_of
 from .observations import Observations, concrete, observe
 from .quality import FitErrors, Floor, errors_of, floor_of, jumps_of, report_of, verdict_of
@@ -147,36 +143,6 @@ class PronyFit(eqx.Module):
         if not concrete(self.data):
             raise ValueError("The quality of a fit is not available under `jit` or `grad`.")
         return series_of(self.data), np.asarray(self.theta)
-
-
-def check_limits(omega: Numbers, level: float) -> Float[Array, "*w"]:
-    """Returns the frequencies [rad/s] at which limits of E* are requested, checked."""
-    if not 0 < level < 1:
-        raise ValueError(f"`level={level!r}` must lie between 0 and 1.")
-    omega = as_float(omega, "omega")
-    check_positive("omega", omega, "[rad/s]")
-    return omega
-
-
-def linear_limits(logs: Any, unknowns: Array, spread: np.ndarray, level: float) -> Any:
-    """Returns limits of `logs(unknowns)`, linearised, for unknowns of this covariance."""
-    middle = logs(unknowns)
-    reach = ndtri((1 + level) / 2) * deviation(jax.jacfwd(logs)(unknowns), spread)
-    return middle - reach, middle + reach
-
-
-def deviation(slopes: Array, spread: np.ndarray) -> Array:
-    """Returns standard deviations of quantities from their slopes by unknowns."""
-    return jnp.sqrt(jnp.einsum("...i,ij,...j->...", slopes, spread, slopes))
-
-
-def limits_where_measured(
-    omega: Float[Array, "*w"], material: Prony, limits: Any
-) -> tuple[Complex[Array, "*w"], Complex[Array, "*w"]]:
-    """Returns limits of E* [Pa] from those of ln E', ln E''; NaN where nothing was measured."""
-    outside = is_unknown(omega, material.coverage())
-    lower, upper = (jnp.where(outside, jnp.nan, jnp.exp(limit)) for limit in limits)
-    return jax.lax.complex(*lower), jax.lax.complex(*upper)
 
 
 @eqx.filter_jit

@@ -11,7 +11,7 @@ from typing import NamedTuple, cast
 
 import numpy as np
 
-from ..files.moduli.points import Measured
+from ..files.moduli.measured import Measured
 from .lengths import best_spectrum
 from .model import series_of
 from .observations import observe

@@ -44,6 +44,7 @@ from ..core.checks import Numbers, as_float, check_tolerance, check_types, is_co
 from ..core.derivative import derivative_apart
 from ..core.display import shown
 from ..core.memory import check_memory, num_numbers, sliding_memory
+from ..core.program import compiled
 from ..core.warnings import caveats_of
 from ..fields.devices import num_devices
 from ..fields.grid import Grid, direction_and_speed, wave_frequencies
@@ -388,7 +389,7 @@ def _settled(heating, stack, inputs, settings, solution) -> Sliding:
     )
 
 
-_coverage = eqx.filter_jit(coverage)
+_coverage = compiled(coverage)
 
 
 def _with_kernel_result(contact: ContactSolution, reached) -> ContactSolution:
@@ -468,7 +469,7 @@ def with_observables(tree: Any) -> Any:
 
 
 @derivative_apart
-@eqx.filter_jit
+@compiled
 def _computed(sliding: Sliding, names: tuple[str, ...]) -> dict[str, Float[Array, "..."]]:
     if sliding.contact.error.ndim > 0:  # a batch
         return jax.lax.map(lambda one: _computed(one, names), sliding)

@@ -17,8 +17,9 @@ import numpy as np
 
 from ..files.paths import check_name, existing_file, full_path
 from ..files.scene import Scene, parse_scene
-from ..files.schema import LARGEST, parse_toml, toml_text, within
+from ..files.schema import LARGEST, within
 from ..files.sealed import replacing
+from ..files.toml import parse_toml, toml_text
 from ..files.topography.reading import read_surface
 
 POINTS = 256  # along the longer edge of a topography that the user drops

@@ -8,17 +8,17 @@ from collections import defaultdict
 from collections.abc import Iterator, Sequence
 from typing import Any, NamedTuple
 
-import jax
 import numpy as np
 from jaxtyping import Array, Float
 
 from ..core.parameters import paths, with_values
 from ..files.prony_cards import export_prony
-from ..files.scene import RandomSurface, Scene
-from ..files.schema import parse_toml
+from ..files.scene import Scene
+from ..files.surface_source import RandomSurface
+from ..files.toml import parse_toml
 from ..response.stack import Stack
 from ..rheology.material import BulkShear, Elastic, Prony
-from ..rheology.shift import WLF, AbstractShift, TabulatedShift
+from ..rheology.shift import WLF, TabulatedShift, shifts_in
 from ..roughness.surface import Surface, statistics
 from .document import Document
 
@@ -128,11 +128,7 @@ def _wide(target: Target, label: str, quantity: str, value: float, key: tuple) -
 
 def _temperature(scene: Scene) -> Iterator[Knob]:
     """A temperature, if every material has a law for it and all laws have one reference."""
-
-    def is_law(part: Any) -> bool:
-        return isinstance(part, AbstractShift)
-
-    laws: list[Any] = [law for law in jax.tree.leaves(scene.stack, is_leaf=is_law) if is_law(law)]
+    laws = shifts_in(scene.stack)
     references = {round(float(law.reference), 6) for law in laws}
     if not laws or (scene.temperature is None and len(references) > 1):
         return

@@ -16,7 +16,7 @@ from jaxtyping import Array, Float
 
 from ..contact.solver import AbstractContactSolver
 from ..fields.grid import direction_and_speed
-from ..files.scene import RandomSurface
+from ..files.surface_source import RandomSurface
 from ..friction.sliding import Sliding, slide
 from ..persson.mean_field import mean_field_friction
 from ..response.compliance import effective_modulus
@@ -134,6 +134,7 @@ class Model:
     def contact(self, values: Sequence[float]) -> Contact:
         """Returns the contact at `values` [SI], solved from the last one."""
         sliding, heights = _contact(self._scenery, jnp.array(values), self._start)
+        sliding.before_display()  # here in the thread, not when the page reads its numbers
         if np.all(np.isfinite(np.asarray(sliding.pressure))):
             self._start = sliding.pressure
         self._last = (tuple(values), Contact(sliding, np.asarray(heights), values[1]))

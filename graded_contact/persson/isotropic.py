@@ -1,9 +1,16 @@
-"""The mean field of an isotropic spectrum, by quadrature over wavenumber and angle.
+"""The mean field of spectra, by quadrature over wavenumber and angle.
 
 In log q it is Clenshaw and Curtis's rule on every smooth piece of the spectrum. For the angle φ
 between q and the velocity, cos φ = sech u turns a relaxation at any q v τ into poles at the
 distance π/2 from the real line of u, where the trapezoidal rule converges as exp(-π²/h); u =
 3 sinh s then makes the integrand decay doubly exponentially.
+
+A spectrum with a lay varies with the angle to the direction across the lay, on the scale 1/γ. This
+direction and that across the velocity cut the half turn into two parts; a rule that is dense at
+both ends (`between_ends`) resolves either scale in each of them.
+
+The rubber's own roughness moves with the rubber: its waves excite no frequency, so that they add
+C_own q dq ∫dφ |1/M(q, 0)|² to the variance and nothing to the loss.
 
 The error is that against twice the nodes: in q with half of the angles, in the angle at a
 quarter of the wavenumbers. These nodes are three quarters of those of the result. (An extrapolation
@@ -21,12 +28,13 @@ from jaxtyping import Array, Float
 from numpy.polynomial import chebyshev
 
 from ..core.checks import as_float, check_increasing, check_positive, is_concrete, short
-from ..fields.grid import sliding_frequency
+from ..fields.grid import direction_and_speed, sliding_frequency
 from ..response.compliance import surface_compliance_unchecked
 from ..response.grading import AbstractGradedSolver, graded_tolerance
 from ..response.stack import Stack
 from ..rheology.measured import is_unknown
-from ..roughness.spectrum import SelfAffine
+from ..rheology.softening import at_strain
+from ..roughness.spectrum import SelfAffine, between_ends, narrowing
 from .diffusion import Correction, area, mean_square_growth, slowed
 
 # The last angle, nearly across the velocity, represents those beyond it.
@@ -36,7 +44,7 @@ SAFETY = 2.0  # of the change by twice the nodes
 
 
 class Roughness(eqx.Module):
-    """An isotropic spectrum in smooth pieces.
+    """A spectrum in smooth pieces.
 
     **Fields:**
 
@@ -47,30 +55,79 @@ class Roughness(eqx.Module):
     edges: Float[Array, " points"]
     source: SelfAffine | Float[Array, " points"]
 
+    @property
+    def lay(self) -> Float[Array, ""] | None:
+        """The angle of the lay from the x axis [rad], or None."""
+        return self.source.angle if isinstance(self.source, SelfAffine) else None
 
-def as_roughness(spectrum: object) -> Roughness:
+    def turn_of(self, direction: Float[Array, " components"]) -> Float[Array, ""] | None:
+        """Returns the angle from the lay to a direction, from 0 to π [rad], or None."""
+        if self.lay is None:
+            return None
+        x, y = direction if len(direction) == 2 else (direction[0], jnp.zeros_like(direction[0]))
+        return jnp.mod(jnp.arctan2(y, x) - self.lay, np.pi)
+
+    def root_density(self, q: Float[Array, "*n"], mean: bool = False) -> Float[Array, "*n"]:
+        """Returns √C [m²] across the lay, or that of the `mean` over directions; 0 outside."""
+        if isinstance(self.source, SelfAffine):
+            across = None if mean or self.lay is None else self.lay + np.pi / 2
+            density = self.source.density(q, 2, across)
+            # The derivative of the root at 0 is infinite.
+            return jnp.where(density > 0, jnp.sqrt(jnp.where(density > 0, density, 1)), 0)
+        root = jnp.log(self.source) / 2
+        slack = 8 * jnp.finfo(q.dtype).eps
+        inside = (q >= self.edges[0] * (1 - slack)) & (q <= self.edges[-1] * (1 + slack))
+        between = jnp.interp(jnp.log(q), jnp.log(self.edges), root)
+        return jnp.where(inside, jnp.exp(between), 0)
+
+    def root_narrowing(
+        self, q: Float[Array, "..."], offset: Float[Array, "..."]
+    ) -> Float[Array, "..."]:
+        """Returns the ratio of √C at angles from the direction across the lay to √C across [1]."""
+        if not isinstance(self.source, SelfAffine) or self.lay is None:
+            return jnp.ones((), q.dtype)
+        return jnp.sqrt(narrowing(self.source, q / self.source.q_roll, offset))
+
+
+def joined_edges(track: Roughness, own: Roughness | None) -> Float[Array, " points"]:
+    """Returns wavenumbers between which both spectra are smooth.
+
+    The ends of each are two edges, closely below and above: C jumps there.
+    """
+    if own is None:
+        return track.edges
+    away = 64 * float(jnp.finfo(track.edges.dtype).eps)
+    ends = [
+        r.edges[i] * (1 + side * away) for r in (track, own) for i in (0, -1) for side in (-1, 1)
+    ]
+    inner = [r.edges[1:-1] for r in (track, own)]
+    return jnp.sort(jnp.concatenate([jnp.stack(ends), *inner]))
+
+
+def as_roughness(spectrum: object, name: str = "spectrum") -> Roughness:
     """Returns a `SelfAffine`, or a pair (q, C) of arrays, in pieces; refuses anything else."""
     if isinstance(spectrum, SelfAffine):
         edges = jnp.stack([spectrum.q_low, spectrum.q_roll, spectrum.q_high])
         return Roughness(edges, spectrum)
     if not (isinstance(spectrum, tuple | list) and len(spectrum) == 2):
         raise ValueError(
-            f"`spectrum={short(spectrum)}` must be a `SelfAffine`, a `Surface` or a pair (q, C)."
+            f"`{name}={short(spectrum)}` must be a `SelfAffine`, "
+            f"{'a `Surface` ' if name == 'spectrum' else ''}or a pair (q, C)."
         )
     q, c = map(as_float, spectrum)
     if q.ndim != 1 or q.shape != c.shape:
         raise ValueError(
-            f"`spectrum` holds q of shape {q.shape} and C of shape {c.shape}; two "
+            f"`{name}` holds q of shape {q.shape} and C of shape {c.shape}; two "
             "one-dimensional arrays of equal length are needed."
         )
     if is_concrete(q) and is_concrete(c):
         known = ~np.isnan(np.asarray(c))
         q, c = q[known], c[known]
     if len(q) < 2:
-        raise ValueError(f"`spectrum` holds C(q) at {len(q)} wavenumbers; at least 2 are needed.")
-    check_positive("spectrum[0]", q, "[rad/m]")
-    check_positive("spectrum[1]", c, "[m⁴]")
-    check_increasing("spectrum[0]", q)
+        raise ValueError(f"`{name}` holds C(q) at {len(q)} wavenumbers; at least 2 are needed.")
+    check_positive(f"{name}[0]", q, "[rad/m]")
+    check_positive(f"{name}[1]", c, "[m⁴]")
+    check_increasing(f"{name}[0]", q)
     return Roughness(q, c)
 
 
@@ -79,13 +136,15 @@ def as_roughness(spectrum: object) -> Roughness:
 def integrate(
     stack: Stack,
     roughness: Roughness,
+    own: Roughness | None,
     pressure: Float[Array, ""],
-    speed: Float[Array, ""],
+    velocity: Float[Array, "..."],
     correction: Correction,
     num_intervals: int,
     num_angles: int,
     known: tuple[Float[Array, ""], Float[Array, ""]] | None,
     graded_solver: AbstractGradedSolver,
+    strain_per_slope: Float[Array, ""] | None,
 ) -> tuple[
     Float[Array, " n"], Float[Array, " n"], Float[Array, " n"], Float[Array, ""], Float[Array, ""]
 ]:
@@ -95,54 +154,76 @@ def integrate(
     to the digits of the friction. `num_intervals` (on each piece) and `num_angles` are multiples
     of 4.
     """
-    lengths = jnp.log(roughness.edges[1:] / roughness.edges[:-1])
-    q, amplitude = _nodes(roughness, lengths, 2 * num_intervals)
-    cosine = jnp.asarray(_angles(2 * num_angles)[0], q.dtype)
+    edges = joined_edges(roughness, own)
+    lengths = jnp.log(edges[1:] / edges[:-1])
+    q = _nodes(edges, lengths, 2 * num_intervals)
+    direction, speed = direction_and_speed(velocity)
+    turn = roughness.turn_of(direction)
     tolerance = graded_tolerance(graded_solver, None, q)
-    check = jax.lax.stop_gradient((stack, pressure, speed, q, amplitude))
+    strain = None
+    if strain_per_slope is not None:
+        strain = strain_per_slope * _slope(roughness, q, lengths, 2 * num_intervals)
+    everything = stack, roughness, own, pressure, speed, turn, q, strain
+
+    def frequencies(speed, turn, q, at_angle):
+        """Components of q/|q| along the velocity, angles from across the lay, and ω."""
+        along, offset = (a[at_angle] for a in _directions(turn, 2 * num_angles, q.dtype))
+        return along, offset, sliding_frequency(q[:, None, None] * along, 0.0, speed)
 
     def rates(values, at_q, at_angle):
         """Growth of the variance and of the friction of complete contact, per log q and angle."""
-        stack, pressure, speed, q, amplitude = values
-        q, amplitude, along = q[at_q][:, None], amplitude[at_q][:, None], cosine[at_angle]
-        omega = sliding_frequency(q * along, 0.0, speed)
-        compliance = surface_compliance_unchecked(stack, q, omega, graded_solver, tolerance)
-        # √C q/(M σ0): squares of its factors may leave the range of float32.
-        relative = amplitude / (pressure * compliance)
-        return jnp.stack(
-            [relative.real**2 + relative.imag**2, -amplitude * q * along * relative.imag]
-        )
+        stack, roughness, own, pressure, speed, turn, q, strain = values
+        along, offset, omega = frequencies(speed, turn, q[at_q], at_angle)
+        strain, q = None if strain is None else strain[at_q], q[at_q][:, None, None]
+        amplitude = roughness.root_density(q) * q * roughness.root_narrowing(q, offset)
+
+        def relative_to(amplitude, omega):
+            # √C q/(M σ0): squares of its factors may leave the range of float32.
+            compliance = _compliance(stack, q, omega, strain, graded_solver, tolerance)
+            relative = amplitude / (pressure * compliance)
+            return relative.real**2 + relative.imag**2, relative.imag
+
+        growth, lost = relative_to(amplitude, omega)
+        if own is not None:
+            growth = growth + relative_to(own.root_density(q, mean=True) * q, jnp.zeros_like(q))[0]
+        return jnp.stack([growth, -amplitude * q * along * lost])
 
     even, odd, fourth, eighth = (
         slice(start, None, step) for start, step in ((0, 2), (1, 2), (0, 4), (0, 8))
     )
-    used = rates((stack, pressure, speed, q, amplitude), even, even)
+    used = rates(everything, even, even)
+    check = jax.lax.stop_gradient(everything)
     between = rates(check, odd, fourth)
     more = rates(check, eighth, odd)
 
     weights, few, many = (
-        jnp.asarray(_angles(count)[1], q.dtype)
+        _angle_weights(turn, count, q.dtype)
         for count in (num_angles, num_angles // 2, 2 * num_angles)
     )
-    fine, coarse = used @ weights, used[..., ::2] @ few
-    closer = jnp.zeros((2, len(q)), q.dtype).at[:, even].set(coarse).at[:, odd].set(between @ few)
+
+    def over_angles(rate, weights):
+        return jnp.einsum("...mk,mk", rate, weights)
+
+    fine, coarse = over_angles(used, weights), over_angles(used[..., ::2, :], few)
+    between = over_angles(between, few)
+    closer = jnp.zeros((2, len(q)), q.dtype).at[:, even].set(coarse).at[:, odd].set(between)
     averages = (fine, coarse, closer)
     rules = [_clenshaw_curtis(count) for count in (num_intervals, num_intervals, 2 * num_intervals)]
     v = [_integral(a[0], lengths, rule) for a, rule in zip(averages, rules, strict=True)]
     # All at once: it is half of what there is to compile.
     x = jnp.split(slowed(correction, jnp.concatenate(v)), np.cumsum([len(part) for part in v])[:-1])
     total = [mean_square_growth(part) for part in x]
-    ratio = [a[1] / a[0] for a in averages]
+    ratio = [a[1] / jnp.where(a[0] == 0, 1, a[0]) for a in averages]
     friction = [_stieltjes(*parts) for parts in zip(ratio, total, rules, strict=True)]
-    better = used[:, ::4] @ many[even] + more @ many[odd]
+    better = over_angles(used[:, ::4], many[even]) + over_angles(more, many[odd])
     by_angle = jnp.abs(better / jnp.where(fine == 0, 1, fine)[:, ::4] - 1)
     # By parts the friction is a difference of products.
     product = jnp.max(jnp.abs(ratio[0])) * total[0][-1]
     error = _error(x, friction, v[0], by_angle, product)
     share = jnp.zeros_like(q[0])
     if known is not None:
-        omega = sliding_frequency(q[even, None] * cosine[even], 0.0, speed)
-        lost = jnp.where(is_unknown(omega, known), used[1], 0) @ weights
+        omega = frequencies(speed, turn, q[even], even)[2]
+        lost = over_angles(jnp.where(is_unknown(omega, known), used[1], 0), weights)
         share = share_of(lost / jnp.where(fine[1] == 0, 1, fine[1]), friction[0])
     return q[even], x[0], friction[0], jax.lax.stop_gradient(error), share
 
@@ -173,23 +254,31 @@ def _error(x, friction, v, by_angle, product):
     return SAFETY * jnp.max(change) + 4 * rounding
 
 
-def _nodes(roughness, lengths, num_intervals):
-    """Nodes q [rad/m] of all pieces, and √C q [m] at them."""
+def _nodes(edges, lengths, num_intervals):
+    """Nodes q [rad/m] of all pieces."""
     t = jnp.asarray(_clenshaw_curtis(num_intervals).nodes, lengths.dtype)
+    # From the nearer edge, so that the edges themselves are exact: C is 0 beyond them.
+    from_below = edges[:-1, None] * jnp.exp(t * lengths[:, None])
+    from_above = edges[1:, None] * jnp.exp((t - 1) * lengths[:, None])
+    return _joined(jnp.where(t < 0.5, from_below, from_above))
 
-    def spread(edges, lengths):
-        # From the nearer edge, so that the edges themselves are exact: C is 0 beyond them.
-        from_below = edges[:-1, None] * jnp.exp(t * lengths[:, None])
-        from_above = edges[1:, None] * jnp.exp((t - 1) * lengths[:, None])
-        return _joined(jnp.where(t < 0.5, from_below, from_above))
 
-    q = spread(roughness.edges, lengths)
-    if isinstance(roughness.source, SelfAffine):
-        root = jnp.sqrt(roughness.source.density(q))
-    else:
-        root = jnp.sqrt(roughness.source)
-        root = spread(root, jnp.log(root[1:] / root[:-1]))
-    return q, root * q
+def _slope(roughness, q, lengths, num_intervals):
+    """The rms slope of the track up to each node [1]."""
+    rate = 2 * np.pi * (roughness.root_density(q, mean=True) * q**2) ** 2
+    square = _integral(rate, lengths, _clenshaw_curtis(num_intervals))
+    return jnp.where(square > 0, jnp.sqrt(jnp.where(square > 0, square, 1)), 0)
+
+
+def _compliance(stack, q, omega, strain, graded_solver, tolerance):
+    """M_zz at `q` of shape (n, 1, 1), of the block at the strain of each q, or as it is."""
+    if strain is None:
+        return surface_compliance_unchecked(stack, q, omega, graded_solver, tolerance)
+    return jax.vmap(
+        lambda q, omega, strain: surface_compliance_unchecked(
+            at_strain(stack, strain), q, omega, graded_solver, tolerance
+        )
+    )(q, omega, strain)
 
 
 def _joined(pieces):
@@ -250,6 +339,28 @@ def _clenshaw_curtis(num_intervals: int) -> _Rule:
         integration=integration,
         differentiation=chebyshev.chebvander(x, num_intervals - 1) @ slope * 2,
     )
+
+
+def _directions(turn, num_angles, dtype):
+    """The component of q/|q| along the velocity, and the angle from across the lay, at the nodes.
+
+    Each of shape (nodes, parts of the turn).
+    """
+    if turn is None:
+        cosine = jnp.asarray(_angles(num_angles)[0], dtype)[:, None]
+        return cosine, jnp.zeros_like(cosine)
+    # From across the lay to across the velocity, one way round and the other.
+    parts = jnp.stack([turn, np.pi - turn])
+    away, left, _ = (jnp.asarray(a, dtype)[:, None] for a in between_ends(3 * num_angles))
+    return jnp.sin(parts * left), parts * away
+
+
+def _angle_weights(turn, num_angles, dtype):
+    """Weights of the same nodes, which sum to the whole turn, 2π."""
+    if turn is None:
+        return jnp.asarray(_angles(num_angles)[1], dtype)[:, None]
+    weight = jnp.asarray(between_ends(3 * num_angles)[2], dtype)[:, None]
+    return 2 * weight * jnp.stack([turn, np.pi - turn])
 
 
 @cache

@@ -7,8 +7,10 @@ grow by
 
     dV = C q dq ∫dφ |1/M|²  =  ¼ C q³ dq ∫dφ |E_eff(q, q v cos φ)|²,
 
-E_eff = 2/(q M) being `effective_modulus`. In partial contact the pressure spreads by diffusion that
-ends where it reaches zero (`diffusion.py`), which leaves the contact area
+E_eff = 2/(q M) being `effective_modulus`. With a lay C depends on the direction of q. Roughness
+C_own of the block moves with the block, excites no frequency, and adds C_own q dq ∫dφ |1/M(q, 0)|²
+to dV. In partial contact the pressure spreads by diffusion that ends where it reaches zero
+(`diffusion.py`), which leaves the contact area
 
     A(q) = erf(σ0/√(2V))          (Persson's erf(1/(2√G)), G = V/(2σ0²)),
 
@@ -49,6 +51,7 @@ from ..response.layering import Layering
 from ..response.stack import Stack
 from ..rheology.measured import coverage
 from ..rheology.shear import ShearLaw, shear_stress
+from ..rheology.softening import at_strain
 from ..roughness.spectrum import CutoffCurve, SelfAffine
 from ..roughness.surface import Surface
 from .diffusion import Correction, area, density, mean_in_contact
@@ -107,6 +110,8 @@ def mean_field_friction(
     *,
     pressure: Numbers,
     velocity: Numbers,
+    own_roughness: SelfAffine | tuple[Numbers, Numbers] | None = None,
+    strain_per_slope: ScalarLike | None = None,
     correction: Correction = "yang_persson",
     num_wavenumbers: int = 64,
     num_angles: int = 16,
@@ -126,12 +131,18 @@ def mean_field_friction(
     **Arguments:**
 
     - `stack`: the block, see `Stack`. `stack.at(temperature)` is the block at another temperature.
-    - `spectrum`: isotropic roughness, as a `SelfAffine` or as a pair `(q, C)` of wavenumbers
-      [rad/m] and C(q) [m⁴], shape `(points,)`, a power law between neighbours (`radial_spectrum`
-      of a surface gives such a pair; rings without modes, where C is NaN, are left out); or a
-      `Surface`, whose modes are summed, isotropic or not.
+    - `spectrum`: roughness of the track, as a `SelfAffine`, isotropic or with a lay; or, isotropic,
+      as a pair `(q, C)` of wavenumbers [rad/m] and C(q) [m⁴], shape `(points,)`, a power law
+      between neighbours (`radial_spectrum` of a surface gives such a pair; rings without modes,
+      where C is NaN, are left out); or a `Surface`, whose modes are summed, isotropic or not.
     - `pressure`: mean pressure σ0 [Pa].
     - `velocity`: of the surface over the block [m/s]: a number (along x) or `(vx, vy)`.
+    - `own_roughness`: roughness of the block itself, which moves with it, a `SelfAffine` or a pair
+      as above. It reduces the area as the roughness of the track does, at rest: it excites no
+      frequency, and the block does not dissipate in its own waves.
+    - `strain_per_slope`: for a block with `materials.StrainSoftening`. The modulus at each q is
+      that at the amplitude ε = `strain_per_slope` times the rms slope of the track up to q, the
+      factor [1] being of order 1. None: the amplitude of each material.
     - `correction`: how partial contact slows the diffusion: `"none"` (Persson 2001),
       `"yang_persson"`, `"wang_mueser"` or `"xu"`, see `persson/diffusion.py`.
     - `num_wavenumbers`: intervals of the quadrature in q, shared by the smooth pieces of the
@@ -153,7 +164,15 @@ def mean_field_friction(
     stress = shear_stress(shear, direction_and_speed(velocity)[1], temperature)
     # On input the value is unknown if the pressure is traced.
     load = jnp.where(pressure > 0, pressure, jnp.nan)
+    ratio = None
+    if strain_per_slope is not None:
+        ratio = as_scalar(strain_per_slope, "strain_per_slope")
+        check_positive("strain_per_slope", ratio, "[1]")
+        at_strain(stack, 0.0)  # refuses a block that does not soften
     if isinstance(spectrum, Surface):
+        extra = {"own_roughness": own_roughness, "strain_per_slope": strain_per_slope}
+        for name in (name for name, value in extra.items() if value is not None):
+            raise ValueError(f"`{name}` is refused with a `Surface` as `spectrum`.")
         kernel = stack_kernel(stack, spectrum.grid, velocity, graded_solver=graded_solver)
         q, x, friction, share = add_up(
             kernel, spectrum, load, velocity, correction, coverage(stack)
@@ -161,12 +180,15 @@ def mean_field_friction(
         error = 0 * friction[-1]  # NaN if that is
     else:
         roughness = as_roughness(spectrum)
+        own = None if own_roughness is None else as_roughness(own_roughness, "own_roughness")
         speed = direction_and_speed(velocity)[1]
         _check_frequencies(stack, speed * roughness.edges)
-        counts = _counts(num_wavenumbers, len(roughness.edges) - 1, num_angles)
+        edges = len(roughness.edges) + (0 if own is None else len(own.edges))
+        counts = _counts(num_wavenumbers, edges - 1, num_angles)
         q, x, friction, error, share = integrate(
-            stack, roughness, load, speed, correction, *counts, coverage(stack), graded_solver
-        )
+            stack, roughness, own, load, velocity, correction, *counts, coverage(stack),
+            graded_solver, ratio,
+        )  # fmt: skip
     contact_area = area(x)
     sheared = jnp.zeros_like(friction)
     if stress is not None:

@@ -6,7 +6,7 @@ import jax
 import numpy as np
 
 from ..core.display import unit_of
-from ..files.moduli.points import Measured
+from ..files.moduli.measured import Measured
 from ..fitting.master import MasterCurve
 from .materials import CHANNELS, ORDINATES
 from .style import COLUMN, PAGE, TEMPERATURES, few_powers_of_ten, new_figure, ordered, styled

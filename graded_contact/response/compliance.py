@@ -4,7 +4,7 @@ Displacement into the solid per pressure in compression, for fields exp(i(q·x +
 solids have Im M_zz <= 0 for ω > 0, and M_zz(-ω) = conj M_zz(ω). Frequency enters through the
 complex moduli alone (correspondence principle: R. M. Christensen, Theory of Viscoelasticity,
 Academic Press 1982), so that a Poisson's ratio which varies with frequency is one more complex
-modulus. (The paper's p₀ formulas differ there; `docs/theory.md` shows why they violate
+modulus. (The paper's p₀ formulas differ there; `docs/theory/response.md` shows why they violate
 equilibrium.)
 """
 

@@ -22,6 +22,7 @@ from jaxtyping import Array, Bool, Float, Inexact
 from ..core.checks import Numbers, check_types, is_concrete
 from ..core.derivative import derivative_apart
 from ..core.memory import check_memory, kernel_memory, num_numbers
+from ..core.program import compiled
 from ..fields.devices import num_devices, required, spread, whole_along
 from ..fields.grid import (
     Grid,
@@ -41,7 +42,7 @@ from .table import KernelTable, tabulate
 
 _BLOCK_ROWS = 16
 # With so few layers, or points of the grid, direct evaluation is faster than a table.
-_FEW_LAYERS, _FEW_POINTS = 6, 192**2
+FEW_LAYERS, FEW_POINTS = 6, 192**2
 
 
 _NOT_REACHED = (
@@ -164,7 +165,7 @@ def kernel_table(
     return _kernel_table(stack, grid, velocity, graded_solver, rtol)
 
 
-@eqx.filter_jit
+@compiled
 def kernel_frequencies(grid: Grid, velocity: Float[Array, "..."]) -> Float[Array, " 3"]:
     """Returns |ω| [rad/s] at rest, of the longest and of the shortest wave along the velocity."""
     along = velocity if velocity.ndim == 0 else jnp.sqrt(jnp.sum(velocity**2))
@@ -179,12 +180,12 @@ def _checked(stack, grid, velocity, graded_solver, rtol):
 
 
 def _is_dear(stack, grid):
-    many = is_graded(stack) or len(stack.layers) > _FEW_LAYERS
-    return many and grid.ndim == 2 and np.prod(grid.shape) > _FEW_POINTS
+    many = is_graded(stack) or len(stack.layers) > FEW_LAYERS
+    return many and grid.ndim == 2 and np.prod(grid.shape) > FEW_POINTS
 
 
 @derivative_apart
-@eqx.filter_jit
+@compiled
 def _direct_kernel(stack, grid, velocity, graded_solver, rtol):
     stack = prepared(stack)
     if grid.ndim == 1:
@@ -204,7 +205,7 @@ def _direct_kernel(stack, grid, velocity, graded_solver, rtol):
 
 
 @derivative_apart
-@eqx.filter_jit
+@compiled
 def _interpolated_kernel(stack, grid, velocity, graded_solver, rtol):
     """The kernel by its table, and the error of that."""
     table = _kernel_table(stack, grid, velocity, graded_solver, rtol)
@@ -218,7 +219,7 @@ def _interpolated_kernel(stack, grid, velocity, graded_solver, rtol):
     return _mirrored(rows, grid), table.error
 
 
-@eqx.filter_jit
+@compiled
 def _kernel_table(stack, grid, velocity, graded_solver, rtol):
     stack, lowest = prepared(stack), 2 * np.pi / grid.size
     # The nodes are solved more closely than they are interpolated.

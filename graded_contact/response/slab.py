@@ -14,7 +14,7 @@ differences of thin ones are written out as series, so that nothing cancels. The
 c is computed separately: for a free laminate c11 c22 - c12² loses every digit of it.
 
 The factors are those of the quasi-static Navier equations (the paper's slab matrices M1 to M4
-for constant ν, rearranged); `docs/theory.md` derives them.
+for constant ν, rearranged); `docs/theory/response.md` derives them.
 """
 
 from typing import NamedTuple

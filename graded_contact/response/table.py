@@ -17,7 +17,7 @@ import equinox as eqx
 import jax
 import jax.numpy as jnp
 import numpy as np
-from jaxtyping import Array, Float, Inexact, Int
+from jaxtyping import Array, Float, Inexact, Int, Real
 
 from ..core.display import shown
 
@@ -55,7 +55,7 @@ class KernelTable(eqx.Module):
         return _times(_matrix(ky, self.num_nodes[1], self.highest[1]), self.values.T).T
 
     def along_x(
-        self, kx: Int[Array | np.ndarray, " nx"], columns: Inexact[Array, "most ny"]
+        self, kx: Real[Array | np.ndarray, " nx"], columns: Inexact[Array, "most ny"]
     ) -> Inexact[Array, "nx ny"]:
         """Returns the function at the mode numbers `kx`, given what `along_y` returned."""
         return _times(_matrix(kx, self.num_nodes[0], self.highest[0]), columns)

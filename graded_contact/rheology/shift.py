@@ -6,6 +6,7 @@ J. Am. Chem. Soc. 77 (1955) 3701, doi:10.1021/ja01619a008.
 
 import abc
 import math
+from typing import Any
 
 import equinox as eqx
 import jax
@@ -160,6 +161,15 @@ def stretched(values: Float[Array, " n"], log_factor: Float[Array, ""]) -> Float
     # In two steps, neither of which overflows.
     root = jnp.exp(jnp.clip(log_factor, -reach - logs, reach - logs) / 2)
     return jnp.where(lost, jnp.nan, values * root * root)
+
+
+def shifts_in(tree: Any) -> list[Any]:
+    """Returns the laws of temperature of all materials in a tree, such as a stack."""
+
+    def is_law(part: Any) -> bool:
+        return isinstance(part, AbstractShift)
+
+    return [law for law in jax.tree.leaves(tree, is_leaf=is_law) if is_law(law)]
 
 
 def require_shift(shift: AbstractShift | None) -> AbstractShift:

@@ -1,7 +1,11 @@
 """Spectra of roughness.
 
-A spectrum C(q) is two-sided and isotropic, <h²> = ∫ d²q C(q) over the whole plane for a surface,
-<h²> = ∫ dq C(q) over the whole line for a profile; `ndim` is 2 or 1.
+A spectrum C(q) is two-sided, <h²> = ∫ d²q C(q) over the whole plane for a surface, <h²> = ∫ dq
+C(q) over the whole line for a profile; `ndim` is 2 or 1. It is isotropic unless it has an
+`anisotropy`, Peklenik's number γ: the correlation length along the lay over that across the lay
+(J. Peklenik, Proc. Inst. Mech. Eng. 182 (1967) 108, doi:10.1243/PIME_CONF_1967_182_309_02). Then
+C depends on the stretched wavenumber k² = q_across² + γ² q_along² in place of q², while the ends
+of the band remain circles: they belong to the cell and to the resolution.
 
 The shape of the spectrum is that of B. N. J. Persson, J. Phys.: Condens. Matter 18 (2006) 7789,
 doi:10.1088/0953-8984/18/32/009; Nayak's parameter is that of P. R. Nayak, J. Lubr. Technol. 93
@@ -18,7 +22,16 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float, ScalarLike
 
-from ..core.checks import as_scalar, check_positive, check_type, check_values, is_concrete
+from ..core.checks import (
+    Numbers,
+    as_float,
+    as_scalar,
+    check_positive,
+    check_type,
+    check_values,
+    is_concrete,
+    short,
+)
 from ..core.display import shown
 
 UNITS = {"rms_height": "[m]", "rms_slope": "[1]"}
@@ -26,11 +39,15 @@ UNITS = {"rms_height": "[m]", "rms_slope": "[1]"}
 
 @shown()
 class SelfAffine(eqx.Module):
-    """An isotropic self-affine spectrum with a roll-off.
+    """A self-affine spectrum with a roll-off, isotropic or with a lay.
 
     C is constant for q_low <= q <= q_roll, falls as q^(-2(1+H)) for q_roll < q <= q_high
     (q^(-1-2H) for a profile), and is zero outside. With a smooth roll-off it is
     [1 + (q/q_roll)²]^-(1+H) from q_low to q_high instead (-(1/2+H) for a profile).
+
+    With `anisotropy` γ, which needs the smooth roll-off, it is [1 + (k/q_roll)²]^-(1+H), k being
+    q across the lay and γ q along the lay. The limit γ → ∞ is a ridged surface whose profile has
+    the spectrum of the same numbers without anisotropy (`ndim=1`, a 1-D grid), exactly.
 
     Derivatives of a random surface with respect to `q_low` and `q_high` see the normalisation, not
     the modes that a moving edge admits: where a mode lies on an edge they are those of the side on
@@ -44,6 +61,8 @@ class SelfAffine(eqx.Module):
     - `q_low`, `q_roll`, `q_high`: wavenumbers [rad/m], in increasing order.
     - `prescribed`: which of `"rms_height"` and `"rms_slope"` was given. Static.
     - `roll_off`: `"sharp"` or `"smooth"`. Static.
+    - `anisotropy`: Peklenik's number γ [1], at least 1, or None for an isotropic spectrum.
+    - `angle`: of the lay, the direction of long correlation, from the x axis [rad], or None.
     """
 
     amplitude: Float[Array, ""]
@@ -53,6 +72,8 @@ class SelfAffine(eqx.Module):
     q_high: Float[Array, ""]
     prescribed: Literal["rms_height", "rms_slope"] = eqx.field(static=True)
     roll_off: Literal["sharp", "smooth"] = eqx.field(static=True)
+    anisotropy: Float[Array, ""] | None
+    angle: Float[Array, ""] | None
 
     def __init__(
         self,
@@ -64,9 +85,12 @@ class SelfAffine(eqx.Module):
         q_roll: ScalarLike,
         q_high: ScalarLike,
         roll_off: Literal["sharp", "smooth"] = "sharp",
+        anisotropy: ScalarLike | None = None,
+        angle: ScalarLike | None = None,
     ):
         """Prescribes either `rms_height` [m] or `rms_slope` [1] (of the gradient's length)."""
         check_type("roll_off", roll_off, "sharp", "smooth")
+        self.anisotropy, self.angle = _lay(anisotropy, angle, roll_off)
         self.roll_off = roll_off
         self.prescribed, self.amplitude = one_of_height_and_slope(rms_height, rms_slope)
         self.hurst = as_scalar(hurst, "hurst")
@@ -111,9 +135,28 @@ class SelfAffine(eqx.Module):
         m0, m2, m4 = (_relative_moment(self, order, 2) for order in (0, 2, 4))
         return 1.5 * m0 / m2 * (m4 / m2)
 
-    def density(self, q: Float[Array, "*q"], ndim: int = 2) -> Float[Array, "*q"]:
-        """Returns C(q) at the wavenumbers `q` [rad/m]: [m⁴], or [m³] of a profile (`ndim=1`)."""
+    @property
+    def slope_ratio(self) -> Float[Array, ""]:
+        """Rms slope across the lay over that along the lay [1]; γ for H = 1, less for smaller H."""
+        if self.anisotropy is None:
+            return jnp.ones_like(self.hurst)
+        squares = [_relative_moment(self, 2, 2, along=along) for along in (False, True)]
+        return jnp.sqrt(squares[0] / squares[1])
+
+    def density(
+        self, q: Float[Array, "*q"], ndim: int = 2, direction: Numbers | None = None
+    ) -> Float[Array, "*q"]:
+        """Returns C(q) at the wavenumbers `q` [rad/m]: [m⁴], or [m³] of a profile (`ndim=1`).
+
+        At the `direction` [rad] of the wavevector from the x axis; None: the mean over directions.
+        """
         relative = relative_density(self, q / self.q_roll, ndim)
+        if self.angle is not None and direction is not None:
+            offset = as_float(direction, "direction") - self.angle - np.pi / 2
+            relative *= narrowing(self, q / self.q_roll, offset)
+        elif self.angle is not None:
+            fraction, _, weight = (jnp.asarray(a, q.dtype) for a in between_ends(NUM_DIRECTIONS))
+            relative *= narrowing(self, q[..., None] / self.q_roll, np.pi / 2 * fraction) @ weight
         return (rms_height_of(self, ndim) / self.q_roll ** (ndim / 2)) ** 2 * relative
 
     def moment(self, order: int | float, ndim: int = 2) -> Float[Array, ""]:
@@ -124,6 +167,27 @@ class SelfAffine(eqx.Module):
         """
         ratio = _relative_moment(self, order, ndim) / _relative_moment(self, 0, ndim)
         return (rms_height_of(self, ndim) * self.q_roll ** (order / 2)) ** 2 * ratio
+
+
+def _lay(
+    anisotropy: Any, angle: Any, roll_off: str
+) -> tuple[Float[Array, ""] | None, Float[Array, ""] | None]:
+    """Peklenik's number and the angle of the lay, both or none."""
+    if anisotropy is None:
+        if angle is not None:
+            raise ValueError(f"`angle={short(angle)}` is refused without an `anisotropy`.")
+        return None, None
+    if roll_off != "smooth":
+        raise ValueError(
+            f"`anisotropy={short(anisotropy)}` is refused with the sharp roll-off, whose kink lies "
+            'at another q in every direction: pass `roll_off="smooth"`.'
+        )
+    anisotropy = as_scalar(anisotropy, "anisotropy")
+    angle = as_scalar(0.0 if angle is None else angle, "angle")
+    words = "Peklenik's number is from 1 to 10,000; `angle` is that of the long direction"
+    check_values("anisotropy", anisotropy, words, at_least=1, at_most=1e4)
+    check_values("angle", angle, "an angle [rad] must be finite")
+    return anisotropy, angle
 
 
 def one_of_height_and_slope(rms_height: Any, rms_slope: Any) -> tuple[Any, Float[Array, ""]]:
@@ -183,17 +247,37 @@ def _power_integral(exponent: Any, length: Any, lib: Any) -> Any:
     return length * lib.where(small, series, lib.expm1(safe) / safe)
 
 
-def _relative_moment(spectrum: SelfAffine, order: float, ndim: int, lib: Any = jnp) -> Any:
-    """The moment of the spectrum in units of q_roll whose plateau is 1, by JAX or by NumPy."""
+def _relative_moment(
+    spectrum: SelfAffine, order: float, ndim: int, lib: Any = jnp, along: bool | None = None
+) -> Any:
+    """The moment of the spectrum in units of q_roll whose plateau is 1, by JAX or by NumPy.
+
+    With `along` that of the component of q^order along the lay, or across it, of order 2.
+    """
     if ndim not in (1, 2):
         raise ValueError(f"`ndim={ndim}` is refused: it must be 1 or 2.")
+    if ndim == 1 and spectrum.anisotropy is not None:
+        raise ValueError(
+            "`anisotropy` is refused for a profile, which has no lay. The profile across the lay "
+            "of a surface with an endless lay has the spectrum without `anisotropy`."
+        )
     unit = 2 * np.pi if ndim == 2 else 2
     if spectrum.roll_off == "smooth":
         node, weight = _nodes()
         low, high = (lib.log(q / spectrum.q_roll) for q in (spectrum.q_low, spectrum.q_high))
         y = (low + high) / 2 + (high - low) / 2 * lib.asarray(node, low.dtype)
         # In logarithms: q^order alone may leave the range of float32.
-        exponent = (order + ndim) * y - (ndim / 2 + spectrum.hurst) * lib.logaddexp(0.0, 2 * y)
+        power = -(ndim / 2 + spectrum.hurst)
+        exponent = (order + ndim) * y + power * lib.logaddexp(0.0, 2 * y)
+        if spectrum.anisotropy is not None:
+            fraction, _, share = between_ends(NUM_DIRECTIONS)
+            offset = np.pi / 2 * fraction
+            part = {None: 1.0, True: np.sin(offset) ** 2, False: np.cos(offset) ** 2}[along]
+            share = lib.asarray(share * part, y.dtype)
+            stretch = lib.log(stretched(spectrum.anisotropy, lib.asarray(offset, y.dtype), lib))
+            narrow = lib.logaddexp(0.0, 2 * (y[:, None] + stretch))
+            narrow = narrow - lib.logaddexp(0.0, 2 * y)[:, None]
+            exponent = exponent + lib.log(lib.exp(power * narrow) @ share)
         return unit * (high - low) / 2 * lib.sum(lib.asarray(weight, y.dtype) * lib.exp(exponent))
     falls = -lib.asarray(order + ndim, spectrum.q_low.dtype), order - 2 * spectrum.hurst
     lengths = (spectrum.q_roll / spectrum.q_low, spectrum.q_high / spectrum.q_roll)
@@ -210,8 +294,42 @@ def _nodes() -> tuple[np.ndarray, np.ndarray]:
     return np.polynomial.legendre.leggauss(256)
 
 
+@functools.cache
+def between_ends(num_intervals: int) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """Nodes x in [0, 1], 1 - x, and weights that sum to 1, which are dense at both ends.
+
+    The trapezoidal rule in t, x = 1/(1 + exp(-π sinh t)) (H. Takahasi, M. Mori, Publ. RIMS 9 (1974)
+    721, doi:10.2977/prims/1195192451): what varies with the logarithm of the distance from an end
+    is resolved. Every second node is one of half as many intervals.
+    """
+    t = np.linspace(-1, 1, num_intervals + 1) * np.arcsinh(_LAST / np.pi)
+    x, rest = (1 / (1 + np.exp(sign * np.pi * np.sinh(t))) for sign in (-1, 1))
+    weight = x * rest * np.cosh(t) * np.pi * (t[1] - t[0])
+    # The last nodes represent what is beyond them.
+    weight[[0, -1]] += (1 - np.sum(weight)) / 2
+    return x, rest, weight
+
+
+_LAST = 16.0  # logarithm of the distance of the last node from its end
+NUM_DIRECTIONS = 128  # of moments and of the mean over directions, good to rounding
+
+
+def stretched(anisotropy: Any, offset: Any, lib: Any = jnp) -> Any:
+    """Returns k/q [1] at angles [rad] from the direction across the lay."""
+    return lib.sqrt(lib.cos(offset) ** 2 + (anisotropy * lib.sin(offset)) ** 2)
+
+
+def narrowing(spectrum: SelfAffine, x: Array, offset: Array) -> Array:
+    """Returns C at x = q/q_roll and angles from the direction across the lay, over C across [1]."""
+    narrow = jnp.log1p((x * stretched(spectrum.anisotropy, offset)) ** 2) - jnp.log1p(x**2)
+    return jnp.exp(-(1 + spectrum.hurst) * narrow)
+
+
 def relative_density(spectrum: SelfAffine, x: Array, ndim: int) -> Array:
-    """Returns C at x = q/q_roll in units of q_roll, of <h²> = 1; the edges are in the band."""
+    """Returns C across the lay at x = q/q_roll in units of q_roll, of <h²> = 1.
+
+    The edges are in the band.
+    """
     slack = 8 * float(jnp.finfo(x.dtype).eps)
     inside = (x >= spectrum.q_low / spectrum.q_roll * (1 - slack)) & (
         x <= spectrum.q_high / spectrum.q_roll * (1 + slack)

@@ -29,6 +29,7 @@ from ..core.checks import (
 )
 from ..core.display import shown
 from ..core.memory import check_memory, surface_memory
+from ..core.program import compiled
 from ..core.warnings import caveats_of_steps
 from ..fields.devices import binned, num_devices, spread
 from ..fields.grid import (
@@ -40,10 +41,13 @@ from ..fields.grid import (
     to_field,
     to_spectrum,
     wavenumber,
+    wavevector,
+    zero_mode,
 )
 from .spectrum import (
     SelfAffine,
     check_square,
+    narrowing,
     one_of_height_and_slope,
     relative_density,
     rms_height_of,
@@ -193,6 +197,16 @@ def _check_band(spectrum: SelfAffine, grid: Grid) -> None:
             f"`q_low={q_low:g}` is refused: the smallest wavenumber of the cell is "
             f"2π/L = {fundamental:g} rad/m. Use a larger cell, or a larger `q_low`."
         )
+    lay = spectrum.anisotropy
+    if lay is not None and is_concrete(lay) and is_concrete(spectrum.q_roll):
+        longest = float(spectrum.q_roll) / fundamental
+        if float(lay) > max(longest, 1) * (1 + rounding):
+            raise ValueError(
+                f"`anisotropy={float(lay):g}` is refused: the correlation length along the lay, "
+                f"γ/q_roll, must be at most that of the cell, L/2π, otherwise the modes do not "
+                f"resolve the spectrum. This cell takes up to {max(longest, 1):.3g}. For a longer "
+                "lay use a larger cell; for an endless lay a profile, on a 1-D grid."
+            )
     if q_high < 2 * fundamental * (1 + rounding) or q_high < 2 * q_low:
         modes = zip(mode_numbers(grid.shape), size, strict=True)
         q = np.sqrt(sum((2 * np.pi * k / length) ** 2 for k, length in modes))
@@ -203,9 +217,15 @@ def _check_band(spectrum: SelfAffine, grid: Grid) -> None:
             )
 
 
-@eqx.filter_jit
+@compiled
 def _synthesise(spectrum: SelfAffine, grid: Grid, key: Array, gaussian: bool) -> Array:
-    density = relative_density(spectrum, wavenumber(grid) / spectrum.q_roll, grid.ndim)
+    x = wavenumber(grid) / spectrum.q_roll
+    density = relative_density(spectrum, x, grid.ndim)
+    if spectrum.angle is not None:
+        qx, qy = wavevector(grid)
+        # The angle of q = 0, which is empty, is that of an arbitrary other one.
+        direction = jnp.arctan2(qy, jnp.where(zero_mode(grid.shape), 1, qx))
+        density *= narrowing(spectrum, x, direction - spectrum.angle - np.pi / 2)
     density *= jnp.prod(2 * np.pi / (grid.size * spectrum.q_roll))
     occupied = (density > 0) & ~nyquist_lines(grid.shape)
     magnitude = jnp.sqrt(jnp.where(occupied, density, 1)) * occupied
@@ -248,6 +268,10 @@ class Statistics(eqx.Module):
     - `rms_height`: of the heights [m].
     - `rms_slope`: of the gradient's length [1].
     - `rms_slope_along`: along each axis [1], shape `(ndim,)`.
+    - `slope_ratio`: largest over smallest rms slope of all directions [1], the square root of the
+      ratio of the principal values of <∂ih ∂jh>; None for a profile.
+    - `lay`: the direction of the smallest rms slope [rad], from the x axis, between -π/2 and π/2;
+      0 where all directions are equal, None for a profile.
     - `rms_curvature`: of ∇²h/2 on a surface and h'' on a profile [1/m].
     - `peak_to_valley`: from the highest point to the lowest [m].
     - `skewness`, `kurtosis`: of the heights [1], 0 and 3 for Gaussian ones.
@@ -256,6 +280,8 @@ class Statistics(eqx.Module):
     rms_height: Float[Array, ""]
     rms_slope: Float[Array, ""]
     rms_slope_along: Float[Array, " ndim"]
+    slope_ratio: Float[Array, ""] | None
+    lay: Float[Array, ""] | None
     rms_curvature: Float[Array, ""]
     peak_to_valley: Float[Array, ""]
     skewness: Float[Array, ""]
@@ -263,7 +289,7 @@ class Statistics(eqx.Module):
 
 
 @check_types
-@eqx.filter_jit
+@compiled
 def statistics(surface: Surface) -> Statistics:
     """Returns the statistics of a surface, differentiable unless it is flat.
 
@@ -287,17 +313,38 @@ def statistics(surface: Surface) -> Statistics:
     along = jnp.stack([jnp.sum(square * power) for square in inner])
     bent = jnp.sum(sum(squares) ** 2 * power)
     height = _root(jnp.sum(power))
+    ratio, lay = None, None
+    if grid.ndim == 2:
+        kx, ky = (
+            jnp.where(2 * np.abs(k) == n, 0, k * grid.size[0] / length)
+            for k, n, length in zip(mode_numbers(grid.shape), grid.shape, grid.size, strict=True)
+        )
+        ratio, lay = _principal(along, jnp.sum(kx * ky * power))
     relative = (surface.heights - jnp.mean(surface.heights)) / scale
     standard = relative / jnp.where(height == 0, 1, height)
     return Statistics(
         rms_height=scale * height,
         rms_slope=scale * unit * _root(jnp.sum(along)),
         rms_slope_along=scale * unit * _root(along),
+        slope_ratio=ratio,
+        lay=lay,
         rms_curvature=scale * unit * unit * _root(bent) / grid.ndim,
         peak_to_valley=jnp.max(surface.heights) - jnp.min(surface.heights),
         skewness=jnp.mean(standard**3),
         kurtosis=jnp.mean(standard**4),
     )
+
+
+def _principal(squares: Array, mixed: Array) -> tuple[Array, Array]:
+    """The ratio of the principal rms slopes [1], and the direction of the smaller one [rad]."""
+    mean, half = jnp.sum(squares) / 2, (squares[0] - squares[1]) / 2
+    equal = half**2 + mixed**2 <= (8 * jnp.finfo(mean.dtype).eps * mean) ** 2
+    half, mixed = jnp.where(equal, -1, half), jnp.where(equal, 0, mixed)
+    away = jnp.where(equal, 0, jnp.sqrt(half**2 + mixed**2))
+    least = mean - away
+    # A ridged surface has no slope along its lay.
+    ratio = jnp.sqrt((mean + away) / jnp.where(least > 0, least, jnp.finfo(mean.dtype).tiny))
+    return jnp.where(equal, 1, ratio), jnp.arctan2(-mixed, -half) / 2
 
 
 def _modal_power(surface: Surface) -> tuple[Array, Array]:
@@ -339,7 +386,7 @@ def radial_spectrum(
     return _radial_spectrum(surface, num_bins)
 
 
-@eqx.filter_jit
+@compiled
 def _radial_spectrum(surface: Surface, num_bins: int) -> tuple[Array, Array]:
     grid = surface.grid
     power, scale = _modal_power(surface)

@@ -12,7 +12,8 @@ import numpy as np
 from ..core.display import shown
 from ..core.memory import available_memory, in_gigabytes
 from ..files.design_scene import DesignScene
-from ..files.scene import RandomSurface, Scene
+from ..files.scene import Scene
+from ..files.surface_source import RandomSurface
 from .run_design import POLISHING, design_memory
 from .run_scene import build_surface, scene_memory
 

@@ -191,7 +191,7 @@ def minimise(
         # A start may be where the objective is all but zero.
         size = np.median([abs(problem.evaluate(x).value) for x in starts])
         for i, x in enumerate(starts):
-            report = _silent if progress is None else partial(progress, i)
+            report = partial(progress or (lambda *_: None), i)
             runs.append(_Descent(problem, x, report).run(size, rtol, max_steps))
     feasible = [run for run in runs if run.feasible]
     if not feasible:
@@ -215,10 +215,6 @@ def minimise(
 def elasticities(x: Flat, value: float, slope: Flat) -> Flat:
     """Returns d ln|value|/d ln x."""
     return x * slope / value if value else x * np.inf
-
-
-def _silent(_: float) -> None:
-    """Reports nothing."""
 
 
 def _starts(box, first, num_starts, seed):

@@ -21,11 +21,10 @@ from ..core.checks import Numbers, as_float
 from ..core.display import shown
 from ..core.memory import DERIVATIVE, check_memory
 from ..core.parameters import paths, with_values
-from ..core.warnings import EXTRAPOLATED
 from ..files.dataset import package_versions
 from ..files.design_scene import DesignScene
-from ..files.scene import RandomSurface
 from ..files.schema import within
+from ..files.surface_source import RandomSurface
 from ..friction.sliding import slide
 from ..persson.mean_field import MeanField
 from ..response.compliance import effective_modulus
@@ -100,7 +99,7 @@ def run_design(
     mean field is not solved to its tolerance.
     """
     check_design(study)
-    own, say = study.scene.stack, progress or _no_progress
+    own, say = study.scene.stack, progress or (lambda *_: None)
     with within("[design]"):
         design = _search(
             study, mean_field_problem(study), {path: paths(own)[path] for path in study.lower},
@@ -160,7 +159,7 @@ def mean_field_problem(study: DesignScene) -> tuple[Objective, Constraints | Non
     if study.band is not None:
 
         def flatness(values: Values) -> Float[Array, ""]:
-            tangents = _band_tangents(study, with_values(stack, values))
+            tangents = band_tangents(study, with_values(stack, values))
             return jnp.mean(jnp.stack([ripple(tangent) for tangent in tangents]))
 
         return flatness, _constraints(study)
@@ -179,7 +178,7 @@ def contact_problem(
 
     `store` and `progress` are as in `run_design`.
     """
-    stack, say = study.scene.stack, progress or _no_progress
+    stack, say = study.scene.stack, progress or (lambda *_: None)
     fields, friction_before = [], []
     for i in range(study.verify):
         say("polish, before", i, study.verify)
@@ -224,10 +223,6 @@ def _search(
     return minimise(objective, study.lower, study.upper, start, constraints=constraints, **options)
 
 
-def _no_progress(text: str, done: int, total: int) -> None:
-    pass
-
-
 @eqx.filter_jit
 def _mean_field(study: DesignScene, stack: Stack) -> MeanField:
     scene = study.scene
@@ -258,30 +253,30 @@ def _constraints(study: DesignScene) -> Constraints | None:
     def constraints(values: Values) -> Float[Array, " limits"]:
         stack, parts = with_values(own, values), []
         if stiffness is not None:
-            change = _modulus(study, stack) / _modulus(study, own) - 1
+            change = limited_modulus(study, stack) / limited_modulus(study, own) - 1
             parts += [stiffness.within - change, stiffness.within + change]
         if limit is not None:
-            parts.append(1 - _total_thickness(stack) / limit)
+            parts.append(1 - total_thickness(stack) / limit)
         return jnp.stack(parts)
 
     return constraints
 
 
-def _band_tangents(study: DesignScene, stack: Stack) -> list[Float[Array, " waves"]]:
+def band_tangents(study: DesignScene, stack: Stack) -> list[Float[Array, " waves"]]:
     """The loss tangent over the band, at each velocity."""
     assert study.band is not None
     q, solver = np.geomspace(*study.band, WAVES), study.scene.graded_solver
     return [loss_tangent(stack, q, v, graded_solver=solver) for v in study.scene.velocity]
 
 
-def _modulus(study: DesignScene, stack: Stack) -> Float[Array, ""]:
+def limited_modulus(study: DesignScene, stack: Stack) -> Float[Array, ""]:
     """|effective_modulus| at the wave whose stiffness is limited."""
     wave, solver = study.stiffness, study.scene.graded_solver
     assert wave is not None
     return jnp.abs(effective_modulus(stack, wave.q, wave.omega, graded_solver=solver))
 
 
-def _total_thickness(stack: Stack) -> Float[Array, ""]:
+def total_thickness(stack: Stack) -> Float[Array, ""]:
     return sum((layer.thickness for layer in stack.layers), start=jnp.zeros(()))
 
 
@@ -333,90 +328,3 @@ def _contact(study: DesignScene, stack: Stack, heights: Array) -> tuple[Array, A
         return found.friction, found.contact_area_smooth
 
     return jax.lax.map(one, jnp.asarray(scene.velocity))
-
-
-def report(results: DesignResults) -> str:
-    """Returns a table of before and after, and the runs that led there, as text.
-
-    Contact is given as mean ± standard deviation over the surfaces. A friction that the design does
-    not reach, see `missed`, is reported below the table.
-    """
-    from pandas import DataFrame  # takes a third of a second to import
-
-    table = DataFrame.from_dict(_rows(results), orient="index", columns=[*results.candidates])
-    texts = [table.to_string(), *missed(results)]
-    texts += ["", f"objective {results.study.objective}, by mean field", results.design.report()]
-    if results.polished is not None:
-        texts += ["", "the same, polished by contact", results.polished.report()]
-    return "\n".join(texts)
-
-
-def _rows(results: DesignResults) -> dict[str, list[str]]:
-    """The rows of the table: a text for each candidate."""
-    study, candidates = results.study, list(results.candidates.values())
-    rows = {path: [f"{paths(c.stack)[path]:.5g}" for c in candidates] for path in study.lower}
-    if study.total_thickness is not None:
-        rows["all layers [m]"] = [f"{_total_thickness(c.stack):.5g}" for c in candidates]
-    if study.stiffness is not None:
-        rows["|effective modulus| [Pa]"] = [f"{_modulus(study, c.stack):.5g}" for c in candidates]
-    for i, v in enumerate(study.scene.velocity):
-        at = f"at {v:g} m/s"
-        if study.band is not None:
-            bands = [_band_tangents(study, c.stack)[i] for c in candidates]
-            rows[f"loss tangent {at}, max/min"] = [f"{b.max() / b.min():.4g}" for b in bands]
-        shares = [float(c.field.extrapolated_friction[i]) for c in candidates]
-        if max(shares) > EXTRAPOLATED:
-            rows[f"friction not measured {at}"] = [f"{share:.2g}" for share in shares]
-        for name in ("friction", "contact_area"):
-            label = f"{name.replace('_', ' ')} {at}"
-            fields = [getattr(c.field, name)[i] for c in candidates]
-            rows[f"{label}, mean field"] = [f"{value:.4g}" for value in fields]
-            if study.verify:
-                solved = [getattr(c, name)[:, i] for c in candidates]
-                alone = ", one surface, spread unknown" if study.verify == 1 else ""
-                rows[f"{label}, contact{alone}"] = list(map(_mean_and_spread, solved))
-    return rows
-
-
-def _mean_and_spread(values: Float[np.ndarray, " surfaces"]) -> str:
-    spread = f" ± {values.std(ddof=1):.2g}" if len(values) > 1 else ""
-    return f"{values.mean():.4g}{spread}"
-
-
-def missed(results: DesignResults) -> list[str]:
-    """Returns a sentence for each velocity at which the last candidate misses `target` or `ratio`.
-
-    It is judged by contact if there are surfaces, otherwise by the mean field; to 5 % and twice the
-    standard error of the mean, and to 1 %.
-    """
-    study, last = results.study, list(results.candidates.values())[-1]
-    if study.goal is None:
-        return []
-    friction, own = (
-        c.friction if study.verify else np.asarray(c.field.friction)[None]
-        for c in (last, results.candidates["before"])
-    )
-    share = friction / own if study.relative else friction
-    # Of means: surface by surface a small friction before would weigh too much.
-    reached = np.mean(friction, axis=0) / (np.mean(own, axis=0) if study.relative else 1)
-    room = 0.05 if study.verify else 0.01
-    error = 0 if len(share) < 2 else np.std(share, axis=0, ddof=1) / np.sqrt(len(share))
-    allowed = room * study.goal + 2 * error
-    by, kind = "contact" if study.verify else "mean field", "ratio" if study.relative else "target"
-    return [
-        f"{kind} missed at {v:g} m/s: {got:.3g} of {goal:.3g}, by {by}"
-        for v, got, goal, most in zip(
-            study.scene.velocity, reached, study.goal, allowed, strict=True
-        )
-        if not abs(got - goal) <= most
-    ]
-
-
-def designed_values(results: DesignResults) -> dict[str, Any]:
-    """Returns all numbers of the last candidate by path, as lists and numbers for a JSON file.
-
-    `with_values(stack, ...)` of the scene's stack and these is the designed stack.
-    """
-    known = paths(list(results.candidates.values())[-1].stack)
-    whole = {path: leaf for path, leaf in known.items() if path.rpartition("[")[0] not in known}
-    return {path: np.asarray(leaf).tolist() for path, leaf in whole.items()}

@@ -17,11 +17,12 @@ from ..core.quantities import FIELDS, OBSERVABLES
 from ..files.dataset import NOT_STARTED, attach, package_versions
 from ..files.parameter_covariance import moved
 from ..files.results import KEPT_FIELDS, surface_variables, warnings_of
-from ..files.scene import RandomSurface, Scene
+from ..files.scene import Scene
 from ..files.schema import within
+from ..files.surface_source import RandomSurface
 from ..friction.sliding import slide
 from ..response.stack import Stack
-from ..rheology.shift import AbstractShift
+from ..rheology.shift import shifts_in
 from ..roughness.surface import Surface
 from .program import trace
 from .scene_theory import check_frequencies_of, errors_of_stack, velocity_vector
@@ -252,11 +253,7 @@ def _collect(
 
 def shift_factors(scene: Scene) -> tuple[Float[np.ndarray, " temperatures"] | None, str]:
     """Returns a_T [1] at each temperature, None unless the materials share it; and a message."""
-
-    def is_law(part: Any) -> bool:
-        return isinstance(part, AbstractShift)
-
-    laws: list[Any] = [law for law in jax.tree.leaves(scene.stack, is_leaf=is_law) if is_law(law)]
+    laws = shifts_in(scene.stack)
     logs = np.array([[law.log_factor(at) for at in scene.axes["temperature"]] for law in laws])
     if not laws or any(".shift." in path for path in scene.sweep):
         return None, "No master curve: no one law of temperature holds for the block."

@@ -18,8 +18,9 @@ from ..core.parameters import places
 from ..core.warnings import EXTRAPOLATED
 from ..fields.grid import Grid, wave_frequencies
 from ..files.parameter_covariance import Errors
-from ..files.scene import RandomSurface, Scene
+from ..files.scene import Scene
 from ..files.schema import within
+from ..files.surface_source import RandomSurface
 from ..persson.mean_field import MeanField, mean_field_friction
 from ..response.stack import Stack
 from ..rheology.material import Prony
@@ -50,11 +51,17 @@ def mean_field_at(scene: Scene, surface: Surface, index: tuple[int, ...]) -> Mea
     - `index`: of the point, along the axes.
     """
     point = {name: at[i] for (name, at), i in zip(scene.axes.items(), index, strict=True)}
+    velocity = velocity_vector(point["velocity"], scene.direction)
+    rough = roughness_of(scene, surface)
+    return _mean_field(scene, scene.block(point), rough, point["pressure"], velocity)
+
+
+def _mean_field(scene: Scene, stack: Stack, rough: Any, pressure: Any, velocity: Any) -> MeanField:
     return mean_field_friction(
-        scene.block(point),
-        roughness_of(scene, surface),
-        pressure=point["pressure"],
-        velocity=velocity_vector(point["velocity"], scene.direction),
+        stack,
+        rough,
+        pressure=pressure,
+        velocity=velocity,
         graded_solver=scene.graded_solver,
         throw=False,
     )
@@ -90,17 +97,9 @@ def _check_block(scene: Scene, stack: Stack, surface: Surface) -> None:
         check_frequencies(stack, _excited(scene, surface.grid))
 
     def shares() -> np.ndarray:
-        return np.array([
-            mean_field_friction(
-                stack,
-                surface,
-                pressure=np.max(scene.pressure),
-                velocity=velocity_vector(v, scene.direction),
-                graded_solver=scene.graded_solver,
-                throw=False,
-            ).extrapolated_friction
-            for v in scene.velocity
-        ])  # fmt: skip
+        velocities = [velocity_vector(v, scene.direction) for v in scene.velocity]
+        fields = [_mean_field(scene, stack, surface, np.max(scene.pressure), v) for v in velocities]
+        return np.array([field.extrapolated_friction for field in fields])
 
     refuse_extrapolated(scene, stack, surface.grid, shares)
 
@@ -204,14 +203,7 @@ def _decided_by(scene: Scene, surface: Surface, material: Prony, speed: float) -
             is_leaf=lambda node: node is material,
         )
         block = dataclasses.replace(scene, stack=swapped, sweep={}).block(point)
-        return mean_field_friction(
-            block,
-            rough,
-            pressure=np.max(scene.pressure),
-            velocity=speed,
-            graded_solver=scene.graded_solver,
-            throw=False,
-        ).friction
+        return _mean_field(scene, block, rough, np.max(scene.pressure), speed).friction
 
     # The table is about the temperature at which the material is written.
     found = sensitivity(friction, material, omega * factor)

@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 
 from graded_contact.contact.active_set import Coated, pressure_on
+from graded_contact.contact.operator import Steady
 
 SHAPE = (24, 20)
 LOAD = 0.3
@@ -49,7 +50,7 @@ def test_pressure_on_few_or_many_points_is_that_of_numpy(count, tolerance, coat)
     k = kernel()
     green = np.fft.irfft2(k, SHAPE)
     expected = by_numpy(green, coat, heights, held)
-    solid = Coated(*(jnp.asarray(a) for a in (k, green, coat, heights, LOAD)))
+    solid = Coated(Steady(jnp.asarray(k)), *map(jnp.asarray, (green, coat, heights, LOAD)))
     begin = jnp.full(SHAPE, LOAD)
     pressure, gap, _, pairs = find(
         jnp.asarray(held), solid, begin, jnp.asarray(1e-9), jnp.asarray(True), jnp.asarray(1000)

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from graded_contact import read_surface
-from graded_contact.files import tables
+from graded_contact.files import cells
 from graded_contact.files.topography import formats
 
 SIZE = (4e-3, 3e-3)
@@ -158,7 +158,7 @@ def test_what_unpacks_to_too_much_is_refused(tmp_path, monkeypatch):
     np.savez_compressed(tmp_path / "a.npz", np.zeros((1000, 1000)))
     (tmp_path / "b.zip").write_bytes(zipped({"scan.x3p": bytes(8_000_000)}))
     workbook(tmp_path / "c.xlsx", {"a": [[1.0] * 100] * 2000})
-    monkeypatch.setattr(tables, "LARGEST", 1e6)
+    monkeypatch.setattr(cells, "LARGEST", 1e6)
     for name in ("a.npz", "b.zip", "c.xlsx"):
         with pytest.raises(ValueError, match=r"unpack to [\d.]+ MB, and at most 1 MB are read"):
             read_surface(tmp_path / name, unit="m", size=1e-3)
@@ -179,4 +179,4 @@ def test_a_workbook_whose_cells_lie_far_apart_is_refused_in_seconds(tmp_path):
     files[sheet] = head + b"<sheetData>" + rows + b"</sheetData></worksheet>"
     path.write_bytes(zipped(files))
     with pytest.raises(ValueError, match="has more than 5e"):
-        tables.read_sheets(path)
+        cells.read_sheets(path)

@@ -9,7 +9,7 @@ import pytest
 from scenes import TEXT, changed
 
 from graded_contact.core.parameters import paths
-from graded_contact.files.schema import toml_text
+from graded_contact.files.toml import toml_text
 from graded_contact.page.document import (
     open_document,
     with_layer,

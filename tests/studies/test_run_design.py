@@ -21,15 +21,9 @@ from graded_contact.command import session
 from graded_contact.core.parameters import with_values
 from graded_contact.files.design_scene import parse_design
 from graded_contact.studies.design import Design, History, Run
+from graded_contact.studies.design_report import designed_values, missed, report
 from graded_contact.studies.interruption import Interrupted
-from graded_contact.studies.run_design import (
-    Candidate,
-    DesignResults,
-    designed_values,
-    missed,
-    report,
-    run_design,
-)
+from graded_contact.studies.run_design import Candidate, DesignResults, run_design
 from graded_contact.studies.store import Store
 
 STEADY = {"q": 2.5e3, "omega": 250.0}

@@ -6,16 +6,9 @@ from typing import NamedTuple
 
 import numpy as np
 
-from ..tables import (
-    Column,
-    Row,
-    Table,
-    stress_above,
-    stripped,
-    temperature_above,
-    tension_above,
-)
+from ..cells import Row, stripped
 from ..units import DIMENSIONS, PER_SECOND, UNITS, implies_shear, parse_unit
+from .tables import Column, Table, stress_above, temperature_above, tension_above
 
 # The quantities that make a measurement of each kind, the most direct ones first; in the order of
 # the first of a kind the columns of a file without names are read.

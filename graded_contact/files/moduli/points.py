@@ -4,98 +4,28 @@ Each function adds to `notes` what it understood or did, in sentences; every row
 reported, with the reason.
 """
 
-import dataclasses
 import itertools
-from collections.abc import Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
-from jaxtyping import Bool, Complex, Float, Int
 
 from ...core.checks import Numbers
-from ...core.display import shown
-from ..tables import Column, is_missing, temperature_above
+from ..cells import is_missing
 from ..units import DIMENSIONS, SI
 from .columns import CONSTANT, SAME, MeasuredTable, misfit
+from .tables import Column
 
 if TYPE_CHECKING:
     import pandas as pd
+from .isotherms import isotherm_numbers, note_isotherms, temperatures_of
+from .measured import Measured
 
 CREDIBLE = (1e2, 1e12)  # Pa
 # What numbers can be, in SI units: instruments write 9.9e37 and the like where they measured none.
 LIMITS = {"modulus": 1e30, "stress": 1e30, "compliance": 1e30}
 LIMIT = 1e100  # of shifted frequencies and times
 HOTTEST = 1e4  # K
-ISOTHERM_GAP = 1.0  # K from one isotherm to the next; instruments vary by a few tenths
-RAMP = 5.0  # K over which no isotherm drifts
-
-
-@shown("kind", "deformation", "abscissa", "values", "temperature", "history")
-@dataclasses.dataclass(frozen=True, eq=False)
-class Measured:
-    """Measured moduli or compliances, sorted by isotherm, then by frequency or time.
-
-    **Fields:**
-
-    - `kind`: "frequency" (complex modulus), "relaxation" (modulus) or "creep" (compliance).
-    - `deformation`: "tension" (Young's modulus E, compliance D) or "shear" (G, J).
-    - `abscissa`: angular frequencies [rad/s] or times [s], shape `(points,)`.
-    - `values`: E' + iE'' [Pa], E(t) [Pa] or D(t) [1/Pa]; in shear G or J; shape `(points,)`.
-    - `temperature`: [K], shape `(points,)`; None if it is not known.
-    - `isotherm`: number of the isotherm from 0, in order of temperature, shape `(points,)`.
-    - `lines`: the line of each point in the file, shape `(points,)`.
-    - `path`: the file.
-    - `history`: how the file was read, one sentence for each step.
-    """
-
-    kind: str
-    deformation: str
-    abscissa: Float[np.ndarray, " points"]
-    values: Complex[np.ndarray, " points"] | Float[np.ndarray, " points"]
-    temperature: Float[np.ndarray, " points"] | None
-    isotherm: Int[np.ndarray, " points"]
-    lines: Int[np.ndarray, " points"]
-    path: Path
-    history: tuple[str, ...]
-
-    def isotherms(self) -> tuple["Measured", ...]:
-        """Returns the isotherms, from the coldest to the hottest."""
-        return tuple(self._part(self.isotherm == i) for i in range(np.max(self.isotherm) + 1))
-
-    def table(self) -> tuple[Float[np.ndarray, " points"], Complex[np.ndarray, " points"]]:
-        """Returns `(omega, modulus)` [rad/s], [Pa], the arguments of `Tabulated`.
-
-        Raises `ValueError` unless these are Young's moduli at one temperature, each frequency
-        once.
-        """
-        count = np.max(self.isotherm) + 1
-        if self.kind != "frequency" or self.deformation != "tension" or count > 1:
-            raise ValueError(
-                f"`path={self.path}` holds {count} isotherm(s) of kind {self.kind!r} in "
-                f"{self.deformation}; a table needs one, of kind 'frequency' in tension (shear is "
-                "converted with `poisson`). Fit all others with `master_curve`, `fit_relaxation` "
-                "or `fit_creep`; the command `graded-contact fit FILE` does so, and writes the "
-                "material as a table for a scene."
-            )
-        twice = np.flatnonzero(np.diff(self.abscissa) == 0)
-        if len(twice):
-            first, second = self.lines[twice[0] : twice[0] + 2]
-            raise ValueError(
-                f"`path={self.path}`, lines {first} and {second}: both have the frequency "
-                f"{self.abscissa[twice[0]]:g} rad/s. Keep one of them."
-            )
-        return self.abscissa, self.values
-
-    def _part(self, chosen: Bool[np.ndarray, " points"]) -> "Measured":
-        return dataclasses.replace(
-            self,
-            abscissa=self.abscissa[chosen],
-            values=self.values[chosen],
-            temperature=None if self.temperature is None else self.temperature[chosen],
-            isotherm=np.zeros(np.sum(chosen), int),
-            lines=self.lines[chosen],
-        )
 
 
 def measured_points(
@@ -109,10 +39,10 @@ def measured_points(
     kind, table = measured.kind, measured.table
     notes += [_understood(column) for column in measured.columns.values()] + measured.notes
     entries = _entries(measured, notes)
-    kelvin = _temperatures(measured, entries, temperature, notes)
+    kelvin = temperatures_of(measured, entries, temperature, notes)
     if kelvin is not None:
         entries["temperature"] = kelvin
-    entries["isotherm"] = _isotherms(entries, separate=table.blocks > 1)
+    entries["isotherm"] = isotherm_numbers(entries, separate=table.blocks > 1)
     entries = _at_constant_load(measured, entries, notes)
     values = _values(measured, entries)
     lines = entries["line"].to_numpy()
@@ -123,7 +53,7 @@ def measured_points(
     values = values / factor if kind == "creep" else factor * values
     order = np.lexsort((entries["abscissa"], entries["isotherm"]))
     entries, values = entries.iloc[order], values[order]
-    _note_isotherms(entries, notes)
+    note_isotherms(entries, notes)
     if table.blocks == 1 and np.any(np.diff(entries["line"]) < 0):
         notes.append("Sorted the rows.")
     points = Measured(
@@ -314,156 +244,7 @@ def _deformation(
 # Temperatures.
 
 
-def _temperatures(
-    measured: MeasuredTable, entries: "pd.DataFrame", given: Numbers | None, notes: list[str]
-) -> Any:
-    """[K] as given, from a column, or from titles such as "25 °C" above curves."""
-    table = measured.table
-    count = table.blocks * len(table.segments)
-    curve = entries["curve"].to_numpy()
-    if given is not None:
-        kelvin = np.asarray(given)
-        if kelvin.shape not in ((), (count,)):
-            raise ValueError(
-                f"`temperature` has shape {kelvin.shape}; one number is needed, or one for each of "
-                f"the {count} curve(s)"
-            )
-        return np.broadcast_to(kelvin, (count,))[curve]
-    if "temperature" in entries:
-        return entries["temperature"]
-    found = []
-    width = len(table.names)
-    for segment, block in itertools.product(table.segments, range(table.blocks)):
-        rows = segment.titles
-        if table.blocks > 1:
-            part = slice(block * width, (block + 1) * width)
-            rows = [row._replace(cells=row.cells[part]) for row in rows[-1:]]
-        found.append(temperature_above([row for row in rows if row.cells]))
-    if None in found:
-        return None
-    listed = ", ".join(f"{value:.2f}" for value in found)
-    notes.append(f"Took the temperature from the lines above the numbers: {listed} K.")
-    return np.array(found)[curve]
-
-
-def _isotherms(entries: "pd.DataFrame", separate: bool) -> Int[np.ndarray, " points"]:
-    """Numbers of isotherms from 0, the coldest first.
-
-    An isotherm is a group of temperatures; or a curve, if these are `separate`. Without
-    temperatures the curves are isotherms if they overlap.
-    """
-    curve, abscissa = entries["curve"].to_numpy(), entries["abscissa"].to_numpy()
-    if "temperature" not in entries:
-        ends = sorted((part.min(), part.max()) for _, part in entries.groupby("curve")["abscissa"])
-        over = any(low < high for (_, high), (low, _) in itertools.pairwise(ends))
-        if separate or over:
-            return np.unique(curve, return_inverse=True)[1]
-        return np.zeros_like(curve)
-    kelvin = entries["temperature"].to_numpy()
-    if separate:
-        return _by_mean(kelvin, curve)
-    isotherm = _grouped(kelvin)
-    if _drift(kelvin, isotherm) <= RAMP:
-        return isotherm
-    # A slow ramp, on which each sweep is a separate isotherm.
-    steps = np.diff(np.log(abscissa), prepend=np.log(abscissa[0]))
-    back = steps * np.sign(np.median(steps)) < 0
-    return _by_mean(kelvin, np.cumsum(back))
-
-
-def _grouped(kelvin: np.ndarray) -> Int[np.ndarray, " points"]:
-    """Numbers of groups of temperatures, from 0, the coldest first."""
-    order = np.argsort(kelvin, kind="stable")
-    group = np.empty(len(kelvin), int)
-    group[order] = np.cumsum(np.diff(kelvin[order], prepend=kelvin[order[0]]) > ISOTHERM_GAP)
-    return group
-
-
-def _by_mean(kelvin: np.ndarray, group: np.ndarray) -> np.ndarray:
-    """The groups, numbered by their mean temperature."""
-    names, group = np.unique(group, return_inverse=True)
-    means = [np.mean(kelvin[group == i]) for i in range(len(names))]
-    return np.argsort(np.argsort(means, kind="stable"))[group]
-
-
-def _drift(kelvin: np.ndarray, isotherm: np.ndarray) -> float:
-    return max(float(np.ptp(kelvin[isotherm == i])) for i in np.unique(isotherm))
-
-
-def joined(parts: Sequence[Measured]) -> Measured:
-    """The isotherms of several files or sheets; those of one temperature become one."""
-    for field in ("kind", "deformation"):
-        found = {str(part.path.name): getattr(part, field) for part in parts}
-        if len(set(found.values())) > 1:
-            raise ValueError(f"`path` names files of different {field}: {found}.")
-    lacking = [str(part.path) for part in parts if part.temperature is None]
-    if lacking:
-        raise ValueError(
-            f"`path` names several files, and the temperature of {lacking} is not known; pass "
-            "`temperature` [K], one for each file."
-        )
-    curves, group = _curves(parts)
-    isotherm = np.repeat(group, [len(curve.abscissa) for curve in curves])
-
-    def all_of(field: str) -> np.ndarray:
-        return np.concatenate([getattr(curve, field) for curve in curves])
-
-    order = np.lexsort((all_of("abscissa"), isotherm))
-    kelvin = all_of("temperature")
-    note = (
-        f"Together {np.max(group) + 1} isotherm(s), {np.min(kelvin):.2f} to {np.max(kelvin):.2f} "
-        f"K, of {len(order)} points."
-    )
-    return dataclasses.replace(
-        parts[0],
-        **{name: all_of(name)[order] for name in ("abscissa", "values", "temperature", "lines")},
-        isotherm=isotherm[order],
-        history=(*(sentence for part in parts for sentence in part.history), note),
-    )
-
-
-def distinct(parts: Sequence[Measured]) -> bool:
-    """Whether no two parts hold isotherms of one temperature."""
-    if any(part.temperature is None for part in parts):
-        return False
-    owner = np.repeat(np.arange(len(parts)), [np.max(part.isotherm) + 1 for part in parts])
-    _, group = _curves(parts)
-    return len(set(zip(group.tolist(), owner.tolist(), strict=True))) == len(set(group))
-
-
-def _curves(parts: Sequence[Measured]) -> tuple[list[Measured], np.ndarray]:
-    """The isotherms of all parts, and the group of temperature of each."""
-    curves = [curve for part in parts for curve in part.isotherms()]
-    means = [float(np.mean(np.asarray(curve.temperature))) for curve in curves]
-    return curves, _grouped(np.array(means))
-
-
 # What looks wrong.
-
-
-def _note_isotherms(entries: "pd.DataFrame", notes: list[str]) -> None:
-    """Reports the number of isotherms; refuses temperatures that change during a sweep."""
-    isotherm = entries["isotherm"].to_numpy()
-    count = np.max(isotherm) + 1
-    if "temperature" not in entries:
-        if count > 1:
-            notes.append(f"{count} curves of unknown temperature; pass their `temperature`s [K].")
-        return
-    kelvin = entries["temperature"].to_numpy()
-    drift = _drift(kelvin, isotherm)
-    notes.append(
-        f"{count} isotherm(s), {np.min(kelvin):.2f} to {np.max(kelvin):.2f} K, each constant "
-        f"within {drift:.2g} K."
-    )
-    if drift > RAMP:
-        raise ValueError(
-            f"the temperature changes by {drift:.3g} K within a sweep: these are no isotherms"
-        )
-    if drift > 2 * ISOTHERM_GAP:
-        notes.append(
-            f"Warning: a temperature drifts by {drift:.3g} K without a step above "
-            f"{ISOTHERM_GAP:g} K; these may not be isotherms."
-        )
 
 
 def _check_credible(stiffness: np.ndarray, lines: np.ndarray, notes: list[str]) -> None:

@@ -16,11 +16,14 @@ from typing import Any
 import numpy as np
 
 from ...core.checks import Numbers, check_poisson, check_positive, check_types
-from ..tables import Sheet, holds_data, is_number, parameters, read_sheets
+from ..cells import Sheet, holds_data, is_number, read_sheets
 from ..units import DIMENSIONS, OFFSETS, UNITS, parse_unit
 from .columns import WAYS, MeasuredTable, Options
-from .points import Measured, distinct, joined, measured_points
+from .isotherms import one_each
+from .measured import Measured, distinct, joined
+from .points import measured_points
 from .steps import rank, understand
+from .tables import parameters
 
 # RepTate's manual fixes the order and units of the columns by the ending of the file, and which
 # parameter of its first line is the constant load.
@@ -94,7 +97,9 @@ def read_moduli(
         check_positive("temperature", temperature, "[K]")
     if len(paths) == 1:
         return _read(Path(paths[0]), options, poisson, temperature, sheet)
-    each = _one_each(temperature, len(paths), "files")
+    each: list[Numbers | None] = [None] * len(paths)
+    if temperature is not None:
+        each = list(one_each(temperature, len(paths), "files"))
     return joined(
         [_read(Path(file), options, poisson, t, sheet)
          for file, t in zip(paths, each, strict=True)]
@@ -111,18 +116,6 @@ def _numbers(name: str, value: Any, most: int) -> np.ndarray:
         allowed = "a number or a list of numbers" if most else "a number"
         raise ValueError(f"`{name}={value!r}` is refused: it must be {allowed}.") from None
     return array
-
-
-def _one_each(temperature: Numbers | None, count: int, what: str) -> list[Numbers | None]:
-    if temperature is None:
-        return [None] * count
-    kelvin = np.asarray(temperature)
-    if kelvin.shape not in ((), (count,)):
-        raise ValueError(
-            f"`temperature` has shape {kelvin.shape}; one number is needed, or one for each of the "
-            f"{count} {what}."
-        )
-    return list(np.broadcast_to(kelvin, count))
 
 
 def _options(
@@ -175,7 +168,7 @@ def _read(
         understood = _understood(sheets, options)
         each: list[Numbers | None] = [temperature] * len(understood)
         if len(understood) > 1 and temperature is not None and np.ndim(temperature) == 1:
-            each = _one_each(temperature, len(understood), "sheets")
+            each = list(one_each(temperature, len(understood), "sheets"))
         parts = []
         for (sheet, measured), kelvin in zip(understood, each, strict=True):
             notes = [f"Read {len(measured.table.rows)} rows of {path.name}, {sheet.layout}."]

@@ -12,10 +12,12 @@ from typing import NamedTuple
 
 import numpy as np
 
-from ..tables import Column, Row, Sheet, Table, find_tables, title_above
+from ..cells import Row, Sheet
 from ..units import SI
 from .columns import CONSTANT, SAME, MeasuredTable, Options, measured_table
-from .points import ISOTHERM_GAP, LIMIT
+from .measured import ISOTHERM_GAP
+from .points import LIMIT
+from .tables import Column, Table, find_tables, title_above
 
 # The whole name of a column that holds the numbers or names of steps.
 _COLUMN = re.compile(

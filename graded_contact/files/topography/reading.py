@@ -17,22 +17,21 @@ import numpy as np
 from ...core.checks import Numbers, check_positive, check_types
 from ...core.display import with_unit
 from ...roughness.surface import Step, Surface, step
+from ..cells import decoded, read_sheets
 from ..paths import existing_file
-from ..tables import decoded, read_sheets
 from ..units import metres
 from .formats import (
     Refusal,
     Scan,
     chosen,
-    is_road,
     metres_of_library,
     names_in,
     read_arrays,
     read_instrument,
-    read_road,
     unpacked,
 )
 from .preparation import Fill, Periodic, surface_from_heights
+from .roads import is_road, read_road
 from .text import read_text
 
 DEEPEST = 3  # zips in one another

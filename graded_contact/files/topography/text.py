@@ -11,7 +11,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from ..tables import COMMENT, LONGEST, TextLayout, is_missing, lines_of, text_layout
+from ..cells import COMMENT, LONGEST, TextLayout, is_missing, lines_of, text_layout
 from ..units import length_unit
 from .formats import Refusal, Scan, equally_spaced
 

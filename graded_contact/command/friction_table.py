@@ -1,0 +1,78 @@
+"""The job `table`: friction over pressure, velocity and temperature, for other programs."""
+
+from pathlib import Path
+from typing import Annotated
+
+import numpy as np
+import typer
+
+from ..files.dataset import write
+from ..files.friction_cards import export_friction
+from ..files.paths import check_folder
+from ..files.scene import read_scene
+from ..files.sealed import replacing
+from ..studies.friction_table import Method, friction_table
+from ..studies.interruption import interruptible
+from ..studies.run_scene import build_surface
+from ..studies.scene_theory import check_frequencies_of, roughness_of
+from .session import Output, Replace, progress, refusing
+
+
+def table(
+    scene_file: Annotated[
+        Path, typer.Argument(metavar="SCENE.toml", help="Scene file.", show_default=False)
+    ],
+    output: Output = None,
+    replace: Replace = False,
+    method: Annotated[
+        Method, typer.Option(help="Contact solves, the mean field, or both beside each other.")
+    ] = "mean_field",
+) -> None:
+    """Writes friction over pressure, velocity and temperature of a scene for other programs.
+
+    Writes NAME-friction.inp (*FRICTION of Abaqus), NAME-friction.csv (brush and ABS models; with
+    errors) and NAME-friction.h5. The scene has no other axes: neither [sweep] nor seeds.
+    """
+    with refusing(), interruptible() as interruption:
+        scene = read_scene(scene_file)
+        others = [
+            axis for axis in scene.axes if axis not in ("temperature", "pressure", "velocity")
+        ]
+        if others:
+            raise ValueError(f"{scene_file}: a table of friction has no axis `{others[0]}`.")
+        folder = output or scene.directory or Path(f"{scene_file.stem}-results")
+        check_folder(folder)
+        name = f"{scene.name or scene_file.stem}-friction"
+        files = {form: folder / f"{name}.{form}" for form in ("inp", "csv", "h5")}
+        for file in files.values():
+            if file.exists() and not replace:
+                raise ValueError(f"{file} exists: give another --output, or --replace.")
+        surface = build_surface(scene)
+        check_frequencies_of(scene, surface)
+        temperature = None if scene.temperature is None else np.atleast_1d(scene.temperature)
+        with progress(interruption) as advance:
+            found = friction_table(
+                scene.stack,
+                roughness_of(scene, surface) if method == "mean_field" else surface,
+                pressure=scene.pressure,
+                velocity=scene.velocity,
+                temperature=temperature,
+                direction=scene.direction,
+                method=method,
+                slide_options={
+                    "solver": scene.solver, "graded_solver": scene.graded_solver, **scene.tolerance,
+                },
+                mean_field_options={"graded_solver": scene.graded_solver},
+                progress=lambda *counts: advance("friction", *counts),
+            )  # fmt: skip
+        if interruption.signal is not None:
+            raise typer.Exit(interruption.exit_code)
+        texts = {"inp": "abaqus", "csv": "csv"}
+        texts = {form: export_friction(found, texts[form]) for form in texts}
+        folder.mkdir(parents=True, exist_ok=True)
+        for form, text in texts.items():
+            with replacing(files[form]) as partial:
+                partial.write_text(text, encoding="utf-8")
+        write(files["h5"], found)
+        for file in files.values():
+            typer.echo(f"wrote {file}")

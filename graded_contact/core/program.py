@@ -1,0 +1,57 @@
+"""Programs that compile in less time.
+
+XLA's older generator of CPU code, at its second level of optimisation, takes half the time that the
+defaults take, and the code is as fast (`bench_contact.py first`). Such options belong to a whole
+program: inside the `jit` of a user they are the user's.
+"""
+
+import functools
+import logging
+from collections.abc import Callable
+from typing import Any, TypeVar, cast
+
+import equinox as eqx
+import jax
+
+from .checks import is_concrete
+
+F = TypeVar("F", bound=Callable[..., Any])
+
+COMPILING = "compiling (first run only)"
+_LESS_WORK = {
+    "xla_cpu_use_fusion_emitters": False,  # the older generator
+    "xla_backend_optimization_level": 2,  # of 3
+    "xla_cpu_parallel_codegen_split_count": 4,  # parts of a program, each with work of its own
+}
+
+
+def compiled(function: F) -> F:
+    """Returns a function compiled as by `eqx.filter_jit`, outside `jit` in less time."""
+    within = eqx.filter_jit(function)
+
+    @functools.wraps(function)
+    def run(*args, **kwargs):
+        # Inside `jit` known arguments are traced, too, as a number that depends on none.
+        alone = all(map(is_concrete, jax.tree.leaves((args, kwargs)))) and is_concrete(_probe())
+        return (_alone(function) if alone else within)(*args, **kwargs)
+
+    return cast(F, run)
+
+
+_probe = jax.jit(lambda: 0)
+
+
+@functools.cache
+def _alone(function):
+    return eqx.filter_jit(function, compiler_options=_options())
+
+
+@functools.cache
+def _options() -> dict[str, bool | int]:
+    """The options, as far as this XLA knows them."""
+    logging.getLogger("graded_contact").info(COMPILING)
+    try:
+        jax.jit(lambda: 0, compiler_options=_LESS_WORK)()
+    except jax.errors.JaxRuntimeError:
+        return {}
+    return _LESS_WORK

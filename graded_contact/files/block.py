@@ -1,0 +1,166 @@
+"""Materials and stack of a scene, from its tables [materials.NAME], [[layers]] and [base]."""
+
+import os
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+from typing import Any, Literal
+
+import numpy as np
+from jaxtyping import ScalarLike
+
+from ..core.warnings import unusual
+from ..response.grading import AbstractGradedSolver
+from ..response.layering import Layering
+from ..response.profile import Blend
+from ..response.riccati import Riccati
+from ..response.shape import AbstractShape, ErrorFunction, Exponential, Linear, PowerLaw, Sinusoidal
+from ..response.stack import Free, GradedLayer, HalfSpace, Layer, Rigid, Stack
+from ..rheology.library import tyre_tread
+from ..rheology.material import AbstractMaterial, BulkShear, Elastic, Prony
+from ..rheology.shift import WLF, AbstractShift, Arrhenius, TabulatedShift
+from ..rheology.tabulated import Tabulated
+from .moduli.reading import read_moduli
+from .parameter_covariance import Errors, check_errors, read_errors
+from .schema import (
+    Key,
+    Reader,
+    check_keys,
+    keys_of,
+    kind_of,
+    nearest,
+    within,
+)
+from .units import DIMENSIONS, UNITS
+
+# What a `kind` makes; its keys are the parameters. Tables of moduli are made by `Block`.
+MATERIALS = {
+    "elastic": Elastic,
+    "prony": Prony,
+    "prony_creep": Prony.from_creep,
+    "tyre_tread": tyre_tread,
+    "bulk_shear": BulkShear,
+}
+BASES = {"half_space": HalfSpace, "rigid": Rigid, "free": Free}
+KINDS = {
+    AbstractShift: {"wlf": WLF, "arrhenius": Arrhenius, "tabulated": TabulatedShift},
+    AbstractShape: {
+        "linear": Linear,
+        "sinusoidal": Sinusoidal,
+        "exponential": Exponential,
+        "power_law": PowerLaw,
+        "error_function": ErrorFunction,
+    },
+    AbstractGradedSolver: {"layering": Layering, "riccati": Riccati},
+}
+ERRORS = Key("errors", os.PathLike, None)  # of every material
+
+
+def extremes(temperature: np.ndarray | None) -> list[float]:
+    """The lowest and the highest temperature: laws hold in between."""
+    return [] if temperature is None else [float(np.min(temperature)), float(np.max(temperature))]
+
+
+class Block:
+    """The materials of a scene, and the stack that is made of them.
+
+    **Fields:**
+
+    - `materials`: by name.
+    - `errors`: of the numbers of some of them, by name.
+    - `notes`: what was understood of tables of moduli.
+    - `reader`: converts the tables.
+    """
+
+    def __init__(self, folder: Path):
+        self.materials: dict[str, AbstractMaterial] = {}
+        self.errors: dict[str, Errors] = {}
+        self.notes: list[str] = []
+        self.reader = Reader(folder, KINDS, {AbstractMaterial: self._named})
+
+    def read_materials(self, tables: Mapping[str, Any], temperature: np.ndarray | None) -> None:
+        """Makes the materials of [materials], each of which may use those above it."""
+        kinds = {**MATERIALS, "tabulated": self.tabulated}
+        keys = {kind: (*keys_of(make), ERRORS) for kind, make in kinds.items()}
+        for name, table in tables.items():
+            understood, place = len(self.notes), f"[materials.{name}]"
+            kind, entries = kind_of(place, table, keys)
+            found, beside = self.reader.arguments(place, entries, keys[kind][:-1], (ERRORS,))
+            with within(place):
+                self.materials[name] = kinds[kind](**found)
+            if beside:
+                with within(f"{place} `errors`:"):
+                    self.errors[name] = read_errors(beside["errors"])
+                    with within(f"`path={beside['errors']}`:"):
+                        check_errors(self.errors[name], self.materials[name])
+            self.notes[understood:] = [f"{name}: {note}" for note in self.notes[understood:]]
+        for name, material in self.materials.items():
+            for at in extremes(temperature):
+                with within(f"[load] `temperature`, of [materials.{name}]:"):
+                    material.at(at)
+
+    def stack(self, tables: Sequence[dict[str, Any]], below: dict[str, Any]) -> Stack:
+        """Returns the stack of the tables [[layers]] and [base]."""
+        layers = [self._layer(f"[layers[{i}]]", table) for i, table in enumerate(tables)]
+        for i, layer in enumerate(layers):
+            if sentence := unusual("thickness", float(layer.thickness)):
+                self.notes.append(f"layers[{i}]: {sentence}")
+        base = self.reader.build_kind("[base]", below, BASES)
+        with within("[base]"):
+            return Stack(layers=layers, base=base)
+
+    def _layer(self, place: str, table: dict[str, Any]) -> Layer | GradedLayer:
+        check_keys(place, table, [key.name for key in (*keys_of(Layer), *keys_of(Blend))])
+        if "bottom" not in table and "top" not in table:
+            return self.reader.build(place, table, Layer)
+        if "material" in table:
+            raise ValueError(f"{place} has `material` besides `bottom` or `top`: give one.")
+        thickness, profile = self.reader.arguments(
+            place, table, keys_of(GradedLayer), keys_of(Blend)
+        )
+        with within(place):
+            return GradedLayer(profile=Blend(**profile), **thickness)
+
+    def _named(self, place: str, key: str, value: Any) -> AbstractMaterial:
+        name = self.reader.value(place, Key(key, str), value)
+        if name not in self.materials:
+            raise ValueError(
+                f"{place} `{key}` = {name!r} is not in [materials]; {nearest(name, self.materials)}"
+            )
+        return self.materials[name]
+
+    def tabulated(
+        self,
+        path: os.PathLike,
+        columns: dict[Literal[tuple(DIMENSIONS)], object] | None = None,
+        units: dict[Literal[tuple(UNITS)], object] | None = None,
+        deformation: str | None = None,
+        sheet: str | None = None,
+        step: str | None = None,
+        poisson: ScalarLike = 0.5,
+        extrapolate: Literal["refuse", "plateau"] = "refuse",
+        shift: AbstractShift | None = None,
+    ) -> Tabulated:
+        """Returns the material of a table of moduli; its history goes to the notes.
+
+        **Arguments:**
+
+        - `path`: of the table, text or Excel.
+        - `columns`: names of quantities and their columns, by name or by number from 1.
+        - `units`: of the columns, if the table does not state them.
+        - `deformation`: "tension" or "shear"; moduli in shear become Young's moduli.
+        - `sheet`: of a workbook.
+        - `step`: of a test with several steps.
+        - `poisson`: Poisson's ratio [1].
+        - `extrapolate`: "plateau" continues the moduli outside the table, "refuse" does not.
+        - `shift`: time-temperature shift.
+        """
+        options = {"columns": columns, "units": units, "deformation": deformation}
+        try:
+            found = read_moduli(
+                path, kind="frequency", sheet=sheet, step=step, poisson=poisson, **options
+            )
+        except ValueError as error:
+            advice = "`graded-contact fit FILE` reads more, and writes a material for a scene."
+            raise ValueError(f"{error} {advice}") from error
+        self.notes += found.history
+        return Tabulated(*found.table(), poisson, shift=shift, extrapolate=extrapolate)
