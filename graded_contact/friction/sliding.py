@@ -376,15 +376,14 @@ def _settled(heating, stack, inputs, settings, solution) -> Sliding:
     if solution is not None:
         raise ValueError("`solution` is refused with `heating`: the temperatures belong to it.")
     _check_parts(stack, inputs["surface"])
+    # Temperatures are as noisy as the contact is inaccurate.
+    rtol, friction_rtol = settings["rtol"] or RTOL, settings["friction_rtol"]
     return heating.settle(
         lambda stack, **inputs: slide(stack, **inputs, **settings),
         stack,
         inputs["surface"].grid,
         inputs,
-        # Temperatures are as noisy as the contact is inaccurate.
-        3 * friction_rtol
-        if (friction_rtol := settings["friction_rtol"])
-        else 10 * (settings["rtol"] or RTOL),
+        3 * friction_rtol if friction_rtol else 10 * rtol,
         settings["throw"],
     )
 
