@@ -45,6 +45,7 @@ def heated(
         ]
 
     for layer in stack.layers:
+        assert isinstance(layer, Layer)
         bottom = top + layer.thickness
         thin = cut(layer.material, bottom)
         rest = bottom - jnp.maximum(top, edges[-1]) if thin else layer.thickness

@@ -21,7 +21,7 @@ from typing import Any
 import equinox as eqx
 import jax
 import jax.numpy as jnp
-from jaxtyping import Array, Float
+from jaxtyping import Array, Float, ScalarLike
 
 from ..core.checks import check_positive, check_type, check_values, scalar, short
 from ..core.display import shown
@@ -133,7 +133,9 @@ class ShearStress(eqx.Module):
         return jnp.broadcast_to(stress, pressure.shape)
 
 
-def shear_stress(law: object, speed: Float[Array, ""], temperature: object) -> ShearStress | None:
+def shear_stress(
+    law: object, speed: Float[Array, ""], temperature: ScalarLike | None
+) -> ShearStress | None:
     """Returns the shear stress of a law at a speed and a temperature; None without a law.
 
     **Raises:** `ValueError` for what is no law, or a temperature that is no temperature.
@@ -147,8 +149,8 @@ def shear_stress(law: object, speed: Float[Array, ""], temperature: object) -> S
             "return a shear stress [Pa], such as `ConstantShear(1e6)`."
         )
     # A bare function is no pytree; wrapped, it is one without leaves.
-    law = law if isinstance(law, eqx.Module) else jax.tree_util.Partial(law)
-    bound = ShearStress(law, speed, temperature)
+    called: Any = law if isinstance(law, eqx.Module) else jax.tree_util.Partial(law)
+    bound = ShearStress(called, speed, temperature)
     try:
         jax.eval_shape(bound, jax.ShapeDtypeStruct((2,), speed.dtype))
     except (TypeError, AttributeError, IndexError) as error:
