@@ -30,6 +30,8 @@ from ..contact.observables import (
     friction,
     friction_error,
     friction_share,
+    shear_friction,
+    shear_friction_error,
     slope_in_contact,
     unmeasured_shares,
 )
@@ -46,14 +48,15 @@ from ..core.display import shown
 from ..core.memory import check_memory, num_numbers, sliding_memory
 from ..core.warnings import caveats_of
 from ..fields.devices import num_devices
-from ..fields.grid import Grid, wave_frequencies
+from ..fields.grid import Grid, direction_and_speed, wave_frequencies
 from ..response.grading import AbstractGradedSolver
 from ..response.kernel import attempted_kernel, stack_kernel
 from ..response.layering import Layering
 from ..response.stack import Stack
 from ..response.window import doubled, long_cell, without_images
 from ..rheology.measured import coverage, is_unknown
-from ..roughness.surface import Surface
+from ..rheology.shear import ShearLaw, ShearStress, shear_stress
+from ..roughness.surface import Surface, check_periodic
 
 
 class _Observable:
@@ -105,12 +108,27 @@ def _touching(s: "Sliding"):
     return s.contact_indicator > 0
 
 
+def _indicator(s: "Sliding"):
+    return s.law.contact_indicator(s.pressure, s.gap, edge_stiffness(s.kernel, _cell(s)))
+
+
+def _hysteresis(s: "Sliding"):
+    return friction(*_loaded(s), _cell(s), s.velocity)
+
+
+def _shear(s: "Sliding"):
+    return shear_friction(s.pressure, _indicator(s), s.shear)
+
+
 def _friction_error(s: "Sliding"):
+    images = 0 if s.kernel_error is None else _image_error(s)
     if s.contact.target_error is not None:
-        return s.contact.target_error[0]
+        return s.contact.target_error[0] + images
     correction, cell = on_cell(s.contact.correction, s.kernel), _cell(s)
-    by_solver = friction_error(_loaded(s)[0], correction, s.kernel, cell, s.velocity)
-    return by_solver if s.kernel_error is None else by_solver + _image_error(s)
+    error = images + friction_error(_loaded(s)[0], correction, s.kernel, cell, s.velocity)
+    if s.shear is None:
+        return error
+    return error + shear_friction_error(s.pressure, s.contact.correction, _indicator(s), s.shear)
 
 
 def _image_error(s: "Sliding"):
@@ -142,9 +160,10 @@ def _extrapolated(s: "Sliding"):
 
 
 @shown(
-    "friction", "friction_error", "contact_area", "contact_area_error", "contact_area_corrected",
-    "contact_area_smooth", "geometric_friction", "energy_imbalance", "slope_in_contact",
-    "unmeasured_area", "unmeasured_friction", "extrapolated_friction", "contact", "caveats",
+    "friction", "friction_error", "hysteresis_friction", "shear_friction", "contact_area",
+    "contact_area_error", "contact_area_corrected", "contact_area_smooth", "geometric_friction",
+    "energy_imbalance", "slope_in_contact", "unmeasured_area", "unmeasured_friction",
+    "extrapolated_friction", "contact", "caveats",
 )  # fmt: skip
 class Sliding(eqx.Module):
     """Friction, contact area and fields of a sliding contact.
@@ -155,22 +174,24 @@ class Sliding(eqx.Module):
 
     **Observables:**
 
-    - `friction`: force opposing the motion over the load [1]; >= 0 for passive materials, nan
-      where a mean gap leaves no contact.
+    - `friction`: force opposing the motion over the load [1], hysteresis and shear together; >= 0
+      for passive materials, nan where a mean gap leaves no contact.
     - `friction_error`: estimated error of the friction from the solver [1]. The error of the grid
       adds to it, see `geometric_friction`.
+    - `hysteresis_friction`: the part of the friction that is dissipated in the block [1].
+    - `shear_friction`: the part from shear in the sub-pixel contact area [1]; 0 without `shear`.
     - `contact_area`: fraction of points in contact [1]. A pixel count, without a derivative.
     - `contact_area_error`: fraction of points that the solver may have put on the wrong side [1];
       with `friction_rtol`, the error of `contact_area_smooth`.
     - `contact_area_corrected`: `contact_area` less its known excess at the edges [1].
     - `contact_area_smooth`: sub-pixel area fraction [1], for gradients.
-    - `geometric_friction`: friction from the surface's slope instead of the block's [1]. Its
-      difference from `friction` is the error of the grid.
-    - `energy_imbalance`: work of friction against dissipation in the block, relative [1].
+    - `geometric_friction`: friction with hysteresis from the surface's slope instead of the block's
+      [1]. Its difference from `friction` is the error of the grid.
+    - `energy_imbalance`: work of hysteresis against dissipation in the block, relative [1].
     - `slope_in_contact`: rms slope of the block where it carries the load [1], the strains there.
-    - `unmeasured_area`, `unmeasured_friction`: shares of the contact area and of the friction on
+    - `unmeasured_area`, `unmeasured_friction`: shares of the contact area and of the hysteresis on
       points that were filled or tapered, not measured [1]; 0 where `Surface.measured` is None.
-    - `extrapolated_friction`: share of the friction from waves that excite frequencies at which a
+    - `extrapolated_friction`: share of the hysteresis from waves that excite frequencies at which a
       material was not measured [1]: its modulus there is an extrapolation. See `coverage`.
     - `contact_indicator`: how far points are inside contact or outside [Pa], shape of the heights;
       see `AbstractLaw.contact_indicator`.
@@ -191,6 +212,8 @@ class Sliding(eqx.Module):
     - `measured_range`: lowest and highest ω at which all materials were measured [rad/s], or None.
     - `kernel_error`: two estimated errors of the kernel of a window [m/Pa], see
       `response/window.py`; None if periodic.
+    - `shear`: shear stress [Pa] as a function of the pressure, or None.
+    - `heated`: temperatures of the contact, see `HeatedContact`, or None.
     """
 
     contact: ContactSolution
@@ -202,16 +225,20 @@ class Sliding(eqx.Module):
     law: AbstractLaw
     measured_range: tuple[Float[Array, "..."], Float[Array, "..."]] | None = None
     kernel_error: Inexact[Array, "..."] | None = None
+    shear: ShearStress | None = None
+    heated: Any = None
 
-    friction = _Observable(lambda s: friction(*_loaded(s), _cell(s), s.velocity))
+    friction = _Observable(lambda s: _hysteresis(s) + _shear(s))
     friction_error = _Observable(_friction_error, has_derivative=False)
+    hysteresis_friction = _Observable(_hysteresis)
+    shear_friction = _Observable(_shear)
     contact_area = _Observable(lambda s: contact_area(_touching(s)).astype(s.pressure.dtype))
     contact_area_error = _Observable(_contact_area_error, has_derivative=False)
     contact_area_corrected = _Observable(
         lambda s: contact_area_corrected(_touching(s)).astype(s.pressure.dtype)
     )
     contact_area_smooth = _Observable(lambda s: contact_area_smooth(s.contact_indicator))
-    geometric_friction = _Observable(_geometric_friction)
+    geometric_friction = _Observable(lambda s: _geometric_friction(s) + _shear(s))
     energy_imbalance = _Observable(
         lambda s: energy_imbalance(*_loaded(s), s.kernel, _cell(s), s.velocity),
         has_derivative=False,
@@ -220,9 +247,7 @@ class Sliding(eqx.Module):
     unmeasured_area = _Observable(lambda s: _unmeasured(s, 0))
     unmeasured_friction = _Observable(lambda s: _unmeasured(s, 1))
     extrapolated_friction = _Observable(_extrapolated)
-    contact_indicator = _Observable(
-        lambda s: s.law.contact_indicator(s.pressure, s.gap, edge_stiffness(s.kernel, _cell(s)))
-    )
+    contact_indicator = _Observable(_indicator)
 
     def compute(self, *names: str) -> list[Float[Array, "..."]]:
         """Returns the observables of these names; one program computes those that are missing."""
@@ -306,16 +331,19 @@ def slide(
     graded_solver: AbstractGradedSolver = Layering(),  # noqa: B008
     rtol: float | None = None,
     friction_rtol: float | None = None,
+    shear: ShearLaw | None = None,
+    temperature: ScalarLike | None = None,
+    heating: Any = None,
     start: Numbers | None = None,
     solution: ContactSolution | None = None,
     throw: bool = True,
 ) -> Sliding:
     """Returns friction, contact area and fields of a rough surface sliding on a block.
 
-    Differentiable in every leaf of `stack`, `surface` and `law`, in `pressure` or `mean_gap` and in
-    `velocity`: `jax.grad(lambda s: slide(s, surface, pressure=p, velocity=v).friction)(stack)` is a
-    stack of derivatives. Works under `jit` and `vmap`; for a batch on a CPU prefer `jax.lax.map`,
-    see `solve_contact`.
+    Differentiable in every leaf of `stack`, `surface`, `law` and `shear`, in `pressure` or
+    `mean_gap`, in `velocity` and `temperature`: `jax.grad(lambda s: slide(s, surface, pressure=p,
+    velocity=v).friction)(stack)` is a stack of derivatives. Works under `jit` and `vmap`; for a
+    batch on a CPU prefer `jax.lax.map`, see `solve_contact`.
 
     **Arguments:**
 
@@ -332,6 +360,13 @@ def slide(
       slope, the error is relative to that 1 %. Or
     - `rtol`: requested relative error of the pressure [1]; 5e-5 if neither is given: the error of
       friction is then at most about 1e-4 of it.
+    - `shear`: law of the shear stress in the contact, called as shear(pressure, speed,
+      temperature), such as `ConstantShear` or `PeakedShear`; None for hysteresis alone. The shear
+      traction does not change the pressure, which is exact for ν = 1/2 on a half space.
+    - `temperature`: of the contact [K], for a law of shear that varies with it; with `heating` the
+      bulk temperature, to which the block is brought, see `Stack.at`.
+    - `heating`: conductivities, see `Heating`: the heat of friction then changes the temperature of
+      the block under the contact; `.heated` has the temperatures. None for one temperature.
     - `law`, `solver`, `adjoint`, `start`, `throw`: as in `solve_contact`.
     - `solution`: `.contact` of an earlier call with the same arguments. Nothing is solved then: the
       same numbers are returned, with derivatives.
@@ -343,10 +378,21 @@ def slide(
 
     **Raises:** `ValueError` for a refused argument; `RuntimeError` if kernel or solve fail.
     """
+    if heating is not None:
+        inputs = {
+            "surface": surface, "pressure": pressure, "mean_gap": mean_gap, "velocity": velocity,
+            "law": law, "shear": shear, "temperature": temperature, "start": start,
+        }  # fmt: skip
+        settings = {
+            "solver": solver, "adjoint": adjoint, "graded_solver": graded_solver, "rtol": rtol,
+            "friction_rtol": friction_rtol, "throw": throw,
+        }  # fmt: skip
+        return _settled(heating, stack, inputs, settings, solution)
     kernel, velocity, reached, kernel_error = kernel_and_velocity(
         stack, surface, velocity, solver, graded_solver, throw
     )
-    rtol, target = _tolerance(rtol, friction_rtol, kernel, surface, velocity, law)
+    sheared = shear_stress(shear, direction_and_speed(velocity)[1], temperature)
+    rtol, target = _tolerance(rtol, friction_rtol, kernel, surface, velocity, law, sheared)
     contact = solve_contact(
         kernel,
         surface.heights,
@@ -372,6 +418,27 @@ def slide(
         law=law,
         measured_range=_coverage(stack),
         kernel_error=kernel_error,
+        shear=sheared,
+    )
+
+
+def _settled(heating, stack, inputs, settings, solution) -> Sliding:
+    """The contact at the temperatures that it causes."""
+    if not hasattr(heating, "settle"):
+        raise ValueError(f"`heating={short(heating)}` must be a `Heating(conductivity, ...)`.")
+    if solution is not None:
+        raise ValueError("`solution` is refused with `heating`: the temperatures belong to it.")
+    _check_parts(stack, inputs["surface"])
+    check_periodic(inputs["surface"])
+    # Temperatures are as noisy as the contact is inaccurate.
+    rtol, friction_rtol = settings["rtol"] or RTOL, settings["friction_rtol"]
+    return heating.settle(
+        lambda stack, **inputs: slide(stack, **inputs, **settings),
+        stack,
+        inputs["surface"].grid,
+        inputs,
+        3 * friction_rtol if friction_rtol else 10 * rtol,
+        settings["throw"],
     )
 
 
@@ -386,7 +453,7 @@ def _with_kernel_result(contact: ContactSolution, reached) -> ContactSolution:
     return dataclasses.replace(contact, result=result)
 
 
-def _tolerance(rtol, friction_rtol, kernel, surface: Surface, velocity, law):
+def _tolerance(rtol, friction_rtol, kernel, surface: Surface, velocity, law, shear):
     """The tolerance of the solve, and its target if that is not the pressure."""
     if rtol is not None and friction_rtol is not None:
         raise ValueError(
@@ -397,15 +464,13 @@ def _tolerance(rtol, friction_rtol, kernel, surface: Surface, velocity, law):
     check_tolerance("friction_rtol", friction_rtol, surface.heights)
     heights, cell = surface.heights, surface.grid if surface.periodic else doubled(surface.grid)
     velocity, tolerance = (jnp.asarray(a, heights.dtype) for a in (velocity, friction_rtol))
-    return friction_rtol, FrictionAndArea(kernel, heights, cell, velocity, law, tolerance)
+    target = FrictionAndArea(kernel, heights, cell, velocity, law, tolerance, shear)
+    return friction_rtol, target
 
 
 def kernel_and_velocity(stack, surface, velocity, solver, graded_solver, throw):
     """The kernel for the surface, the velocity as an array, if the kernel is good, its error."""
-    if not isinstance(stack, Stack):
-        raise ValueError(f"`stack={short(stack)}` must be a `Stack(layers=..., base=...)`.")
-    if not isinstance(surface, Surface):
-        raise ValueError(f"`surface={short(surface)}` must be a `Surface(heights, grid)`.")
+    _check_parts(stack, surface)
     velocity = as_float(velocity, "velocity")
     numbers, oblique = num_numbers(stack), velocity.ndim > 0
     check_memory(
@@ -433,6 +498,13 @@ def kernel_and_velocity(stack, surface, velocity, solver, graded_solver, throw):
         near, far = near.real, far.real
     kernel, error = without_images(near, far, surface.grid)
     return kernel, velocity, (True if throw else reached & also), error
+
+
+def _check_parts(stack, surface) -> None:
+    if not isinstance(stack, Stack):
+        raise ValueError(f"`stack={short(stack)}` must be a `Stack(layers=..., base=...)`.")
+    if not isinstance(surface, Surface):
+        raise ValueError(f"`surface={short(surface)}` must be a `Surface(heights, grid)`.")
 
 
 OBSERVABLES = tuple(
