@@ -1,6 +1,6 @@
 """How many transforms, how long and how exact: contact of elastic and viscoelastic bodies.
 
-    python benchmarks/bench_contact.py elastic       beside Tamaas and ContactMechanics
+    python benchmarks/bench_contact.py elastic       compared with Tamaas and ContactMechanics
     python benchmarks/bench_contact.py viscoelastic  FFT pairs, growth with N
     python benchmarks/bench_contact.py observables   friction, area, gap: errors, claims, pairs
     python benchmarks/bench_contact.py random        random scenes: any failure, any false claim?
@@ -10,6 +10,9 @@
     python benchmarks/bench_contact.py cylinder      gliding cylinder, exact
     python benchmarks/bench_contact.py kernel        layered contacts as Tamaas finds them
     python benchmarks/bench_contact.py gradient      cost of derivatives
+    python benchmarks/bench_contact.py linear        FFT pairs and errors of their linear solves
+    python benchmarks/bench_contact.py first         seconds before the first answer
+    python benchmarks/bench_contact.py cycle         periodic motion, beside time steps
     python benchmarks/bench_contact.py largest       N = 8192: minutes and memory
 
 One FFT pair is a real transform forth and back on the full grid; coarse grids count by their size.
@@ -19,7 +22,18 @@ rest: elastic; `single`, one relaxation time, tenfold; `broad`, 1000-fold over t
 the package's at -10 °C; `+coat`, under an elastic coat of modulus 1 Pa, q0 d = 6e-3.
 """
 
-from contact_costs import gradient, largest, many, many_on, overhead, overhead_of
+from contact_costs import (
+    first,
+    first_of,
+    gradient,
+    largest,
+    linear,
+    many,
+    many_on,
+    overhead,
+    overhead_of,
+)
+from contact_cycle import cycle
 from contact_cylinder import cylinder
 from contact_errors import observables, viscoelastic
 from contact_peers import elastic, kernel
@@ -30,7 +44,8 @@ from rows import run
 def main():
     run(
         __doc__, elastic, viscoelastic, observables, random, hard, overhead, overhead_of, many,
-        many_on, cylinder, kernel, gradient, largest,
+        many_on, cylinder, cycle, kernel, gradient, linear, first,
+        first_of, largest,
     )  # fmt: skip
 
 

@@ -4,9 +4,9 @@
     python benchmarks/bench_response.py derivatives  errors of derivatives
     python benchmarks/bench_response.py speed        kernels in FFT pairs
 
-Errors are against mpmath at 100 digits, on the same doubles (`exact_stacks.py`); beside the package
-stands the paper's 3×3 recursion (`paper_recursion.py`). Random stacks: 1 to 300 layers on a half
-space, a rigid base or none; q d from 1e-12 to 1e8, of the stack or of every layer for itself;
+Errors are against mpmath at 100 digits, on the same doubles (`exact_stacks.py`); the package is
+compared with the paper's 3×3 recursion (`paper_recursion.py`). Random stacks: 1 to 300 layers on a
+half space, a rigid base or none; q d from 1e-12 to 1e8, of the stack or of every layer for itself;
 moduli over twelve decades; loss tangents up to 10; ν from -0.9 to 1/2, with 1/2 and 1/2 - 1e-12
 frequent; complex ν from passive bulk and shear moduli.
 """

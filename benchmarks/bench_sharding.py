@@ -5,7 +5,7 @@
 A tread under an elastic coat, bench_contact's rough surface on N x N points (H = 0.8, roll-off
 4 q0, cut-off N/8 q0, rms slope 0.1), pressure 0.4 MPa at 0.1 m/s, rtol = 1e-6. Virtual devices of
 one process and processes with a device each (`jax.distributed`, gloo) share the cores of one
-machine: they show what is exchanged and held, not what more machines would gain. `seconds` and
+machine: they show what is exchanged and stored, not what more machines would gain. `seconds` and
 the CPU time, of all processes together, are the least of some solves, compilation apart;
 `arguments`, `outputs` and `temporaries` are of the compiled solve, in what a device holds of a
 field of N x N numbers, then comes their sum; the peak is the largest resident set of a process;
@@ -119,10 +119,10 @@ def results_of(size, repeat, file, devices, processes):
         started.append(
             subprocess.Popen(command, env=environment, stdout=subprocess.PIPE, text=True)
         )
-    told = [process.communicate()[0].splitlines() for process in started]
+    outputs = [process.communicate()[0].splitlines() for process in started]
     if any(process.returncode for process in started):
         raise SystemExit(f"A case of {processes} processes with {devices} devices failed.")
-    return [json.loads(lines[-1]) for lines in told]
+    return [json.loads(lines[-1]) for lines in outputs]
 
 
 def sharding(sizes=(1024, 2048), devices=(1, 2, 4), processes=(2, 4), repeat=2, case=()):

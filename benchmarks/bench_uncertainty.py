@@ -5,7 +5,7 @@
     python benchmarks/bench_uncertainty.py tread         which frequencies decide; draws a figure
 
 Friction is that of the mean field on a self-affine road. A refit is the package's own fit, of the
-same number of terms unless it says so, of the fitted values and errors drawn anew from the
+same number of terms unless stated otherwise, of the fitted values and errors drawn anew from the
 residuals: one by one; or in runs of ten neighbours, storage and loss together, which keeps what
 errors share. The data: `prony_peers.py`. `tread` draws docs/bench_uncertainty.png.
 
@@ -37,7 +37,7 @@ ROAD = gc.SelfAffine(rms_slope=0.1, hurst=0.8, q_low=Q0, q_roll=4 * Q0, q_high=1
 
 
 def padded(material):
-    """The same material with `BRANCHES` branches: the last one stands in equal parts."""
+    """The same material with `BRANCHES` branches: the last one is divided into equal parts."""
     more = BRANCHES - len(material.times)
     strengths = jnp.append(material.strengths[:-1], jnp.repeat(material.strengths[-1], more + 1))
     parts = jnp.ones(BRANCHES).at[-more - 1 :].set(1 / (more + 1))
@@ -149,7 +149,7 @@ class Case:
         return drawn
 
     def refits(self, draw, terms, count):
-        """Materials fitted to errors drawn anew; those that cannot be are told and left out."""
+        """Materials fitted to new draws of errors, without those that cannot be fitted."""
         materials = []
         for _ in range(count):
             storage, loss = self.fitted * np.exp(draw())

@@ -1,4 +1,6 @@
-"""What a solve costs beside its transforms: the sections `overhead`, `many`, `gradient`, `largest`.
+"""Costs of a solve besides transforms.
+
+The sections `overhead`, `many`, `gradient`, `linear`, `first` and `largest`.
 
 Run by `bench_contact.py`.
 """
@@ -7,6 +9,7 @@ import os
 import resource
 import subprocess
 import sys
+import tempfile
 import time
 from functools import partial
 
@@ -15,12 +18,15 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 from contact_scenes import bare_pair, bodies, rough_surface
-from rows import goal, report, show, timed
+from rows import goal, report, seconds, show, timed
 
 import graded_contact as gc
+from graded_contact.contact.adjoint import LinearSplitting
 from graded_contact.fields import transforms as _fft
 
 SPEED = 0.1  # m/s
+# Near the greatest friction [m/s].
+AT_PEAK = {"elastic": 0.0, "single": 4e-3, "tread": 1e5, "tread+coat": 1e5, "broad": 1e-6}
 WAYS = ("single", "jit", "lax.map", "vmap")  # of many solves
 # The fewest points that go through ducc0: all or none.
 BOUND_FROM = {"xla": 2**62, "ducc0": 0}
@@ -151,6 +157,82 @@ def gradient(sizes=(512, 1024), bodies=("single", "tread+coat"), loads=(0.01, 0.
                 )
     found = ", ".join(f"{ratio:.2f} at N = {n}" for n, ratio in worst.items())
     goal("a gradient costs <= 1 x its solve", found)
+
+
+def linear(n=128, loads=(0.01, 0.1, 0.5), tolerances=(1e-2, 1e-3, 5e-5)):
+    """FFT pairs and errors of the linear solves of derivatives (0 pairs: eliminated)."""
+    print("# of dμ/dp (elastic: of the area's): pairs and true relative error of the adjoint field")
+    surface, systems, ratios = rough_surface(n), [], {}
+
+    def recorded(*system, **keys):
+        jax.debug.callback(lambda *found: systems.append(found), *system)
+        return LinearSplitting(rtol=1e-2)(*system, **keys)
+
+    solve = jax.jit(lambda *system, rtol: LinearSplitting().solve(*system, rtol=rtol))
+    for name, speed in AT_PEAK.items():
+
+        def value(load, name=name, speed=speed, **keys):
+            found = gc.slide(bodies()[name], surface, pressure=load, velocity=speed, **keys)
+            return (found.friction if speed else found.contact_area_smooth), found.num_fft_pairs
+
+        for load in loads:
+            jax.block_until_ready(jax.grad(value, has_aux=True)(load, adjoint=recorded))
+            jax.effects_barrier()
+            system, pairs = jax.tree.map(jnp.asarray, systems[-1]), float(value(load)[1])
+            best = solve(*system, rtol=1e-11).tau
+            row = {"body": name, "p/E_r": load, "solve": pairs}
+            for rtol in tolerances:
+                found = solve(*system, rtol=rtol)
+                off = jnp.linalg.norm(found.tau - best) / jnp.linalg.norm(best)
+                row |= {
+                    f"at {rtol:g}": float(found.num_fft_pairs),
+                    f"error at {rtol:g}": float(off),
+                }
+                if found.num_fft_pairs > 0:
+                    ratios.setdefault(rtol, []).append(float(found.num_fft_pairs) / pairs)
+            show(row)
+    found = ", ".join(f"{np.median(r):.2f} at {rtol:g}" for rtol, r in ratios.items())
+    goal("a linear solve to 1e-3 takes <= 0.5 x the pairs of its contact", found)
+
+
+def first(n=256):
+    """Seconds before the first answer, without the cache of compiled code and with it."""
+    with tempfile.TemporaryDirectory() as folder:
+        # The second time with the cache it is filled.
+        for cache in ("", folder, folder):
+            for _, start in in_processes("first_of", ("separate", "together"), n=n, cache=cache):
+                start()
+
+
+def first_of(way, n=256, cache=""):
+    """The same, in this process: `slide` and its gradient in turn, or in one `jit`."""
+    if cache:
+        jax.config.update("jax_compilation_cache_dir", cache)
+        jax.config.update("jax_persistent_cache_min_compile_time_secs", 0)
+        jax.config.update("jax_persistent_cache_min_entry_size_bytes", -1)
+    compiled = []
+
+    def listen(event, seconds, **_):
+        if event == "/jax/core/compile/backend_compile_duration":
+            compiled.append(seconds)
+
+    jax.monitoring.register_event_duration_secs_listener(listen)
+    surface, stack = rough_surface(n), bodies()["tread+coat"]
+
+    def value(stack):
+        return gc.slide(stack, surface, pressure=0.1, velocity=SPEED).friction
+
+    steps = {"slide": value, "its gradient": jax.grad(value)}
+    together = {"both in one jit": jax.jit(jax.value_and_grad(value))}
+    for name, step in (steps if way == "separate" else together).items():
+        compiled.clear()
+        begun = time.process_time()
+        elapsed = seconds(partial(step, stack))
+        show({
+            "N": n, "cache": "on disk" if cache else "off", "first call": name,
+            "programs": len(compiled), "XLA [s]": sum(compiled),
+            "of a core [s]": time.process_time() - begun, "time [s]": elapsed,
+        })  # fmt: skip
 
 
 def largest(size=8192, velocity=0.1, loads=(0.1,)):

@@ -1,4 +1,4 @@
-"""Elastic contact beside Tamaas and ContactMechanics: sections `elastic` and `kernel`.
+"""Elastic contact, compared with Tamaas and ContactMechanics: sections `elastic` and `kernel`.
 
 Run by `bench_contact.py`. Both peers get the same heights (their sign: up, towards the solid), the
 same reduced modulus and the same mean pressure. Their times are of the solve alone, ours of
@@ -88,7 +88,7 @@ def elastic(
     sizes=(256, 512, 1024), targets=(1e-4, 1e-8), loads=LOADS, peers=tuple(PEERS),
     tamaas_up_to=1024, mechanics_up_to=512, tries=3, repeat=5,
 ):  # fmt: skip
-    """Beside Tamaas and ContactMechanics, at equal true errors (`--targets`)."""
+    """The package, Tamaas and ContactMechanics at equal true errors (`--targets`)."""
     largest = {"tamaas": tamaas_up_to, "ContactMechanics": mechanics_up_to}
     print("# errors, and pixels that differ, against the solution of rtol = 1e-10")
     # Tolerances of a peer that met a target at one size begin its search at the next.

@@ -101,7 +101,7 @@ def outcomes(scene):
             found = scene.solve(given, **{kind: rtol})
             way = f"{name}, {kind}"
             if found.result != gc.contacts.RESULTS.successful:
-                yield way, "not converged, and says so", ()
+                yield way, "not converged, and reported", ()
             elif best is None:
                 yield way, "converged, the best did not", ()
             else:

@@ -2,7 +2,7 @@
 
 The state-space form of elasticity, u' = A u, gives exp(A z) layer by layer: growing exponentials
 are met with digits, nothing is truncated, and nothing is shared with the package. Inputs are
-doubles, which both take as they stand. With gmpy2 installed mpmath is two to three times as fast.
+doubles, which both take unchanged. With gmpy2 installed mpmath is two to three times as fast.
 """
 
 import mpmath as mp

@@ -92,9 +92,7 @@ def solid(label, material):
         return material
     slowest = int(jnp.argmax(material.times))
     strength, time = float(material.strengths[slowest]), float(material.times[slowest])
-    print(
-        f"# {label} has E_eq = 0: its branch of {time:.3g} s, {strength:.3g} Pa, stands in for it"
-    )
+    print(f"# {label} has E_eq = 0: its branch of {time:.3g} s, {strength:.3g} Pa, replaces it")
     strengths, times = (jnp.delete(v, slowest) for v in (material.strengths, material.times))
     return gc.Prony(strength, strengths, times, POISSON)
 

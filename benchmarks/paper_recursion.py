@@ -2,7 +2,7 @@
 
 Scaraggi & Comingio, eqs. the.slab.matrix, graded.stepped, final and bulk.old, with the slab
 matrices M1 to M4 of their appendix A for ν = ν0 (at each frequency, that is, by correspondence).
-No misprint is left in what stands here: the printed ones are in the ν0 forms, in the closed forms
+No misprint is left in these formulas: the printed ones are in the ν0 forms, in the closed forms
 and in the differential equations (`docs/theory/response.md`). Nothing is rearranged, so that it
 shows what the printed formulas do in double precision. z is out of the body, as in the paper.
 """

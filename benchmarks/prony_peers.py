@@ -1,6 +1,6 @@
 """Open rheological data, and what other programs make of them, for `bench_fit.py`.
 
-The files lie beside the repository, in ../shared/data/rheology; their sources and licences are in
+The files are beside the repository, in ../shared/data/rheology; their sources and licences are in
 PROVENANCE.md there. Peers are pyvisco (NREL), if it is installed (`pip install pyvisco==2.1.3`),
 and SciPy's non-negative least squares on a dense grid of times.
 """

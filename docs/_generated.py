@@ -32,7 +32,7 @@ from graded_contact.rheology.material import AbstractMaterial
 ROOT = Path(__file__).parents[1]
 # Namespaces of the package, with pages of their own.
 MODULES = (
-    "materials", "blocks", "contacts", "shapes", "surface", "design", "plot", "reference",
+    "materials", "blocks", "contacts", "motion", "shapes", "surface", "design", "plot", "reference",
 )  # fmt: skip
 TITLES = {
     "rheology": "Materials", "response": "Blocks and their response", "surfaces": "Surfaces",

@@ -6,7 +6,7 @@ from .contact.adjoint import LinearSplitting
 from .contact.law import AbstractLaw, HardWall, RepulsiveLJ
 from .contact.nested_solve import DouglasRachford
 from .contact.observables import cumulative_friction
-from .contact.operator import Solid
+from .contact.operator import AbstractOperator, Solid, Steady
 from .contact.path import ContactPath, follow_contact
 from .contact.rmd import ResidualDynamics
 from .contact.solution import RESULTS
@@ -24,11 +24,11 @@ from .roughness.spectrum import CutoffCurve
 from .studies.friction_table import friction_table
 
 __all__ = [
-    "RESULTS", "AbstractContactSolver", "AbstractLaw", "AbstractShear", "AdhesiveLJ",
-    "ConstantShear", "ContactPath", "CutoffCurve", "DouglasRachford", "ExponentialAdhesion",
-    "HardWall", "Heating", "LinearSplitting", "Loading", "MeanField", "ObservableTarget",
-    "PeakedShear", "RepulsiveLJ", "ResidualDynamics", "Solid", "SolverOutput", "Splitting",
-    "area_against_cutoff", "cumulative_friction", "export_friction", "flash_temperature",
-    "follow_contact", "friction_table", "heat_depths", "heat_source", "pressure_distribution",
-    "run_steps", "slide_softened",
+    "RESULTS", "AbstractContactSolver", "AbstractLaw", "AbstractOperator", "AbstractShear",
+    "AdhesiveLJ", "ConstantShear", "ContactPath", "CutoffCurve", "DouglasRachford",
+    "ExponentialAdhesion", "HardWall", "Heating", "LinearSplitting", "Loading", "MeanField",
+    "ObservableTarget", "PeakedShear", "RepulsiveLJ", "ResidualDynamics", "Solid", "SolverOutput",
+    "Splitting", "Steady", "area_against_cutoff", "cumulative_friction", "export_friction",
+    "flash_temperature", "follow_contact", "friction_table", "heat_depths", "heat_source",
+    "pressure_distribution", "run_steps", "slide_softened",
 ]  # fmt: skip

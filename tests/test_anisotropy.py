@@ -293,6 +293,7 @@ def test_area_of_an_elastic_block_is_that_of_the_sum_of_the_spectra(own):
     expected = reference.persson_contact_area(3e5, 1e7 / 0.75, np.sqrt(0.2**2 + square))
     np.testing.assert_allclose(found.contact_area, expected, rtol=2e-5)
     assert found.friction == 0
+    assert found.error < 1e-4
 
 
 def test_own_roughness_stays_at_rest_in_the_rubber():

@@ -300,3 +300,59 @@ def test_caveats_name_what_the_times_do_not_resolve():
         cycle(solver=gc.contacts.DouglasRachford(max_steps=2))
     failed = cycle(solver=gc.contacts.DouglasRachford(max_steps=2), throw=False)
     assert failed.result == gc.contacts.RESULTS.max_steps_reached
+
+
+def pressure_by_steps(surface, displacement, tau, branch, num_cycles=3):
+    """Pressures of the last cycle, by steps in time with an internal variable.
+
+    Waves of a branch's stretch r relax as τ ṙ = w - r, and σ = q/2 (w + E1 (w - r)): a step is an
+    elastic contact of the heights less what is remembered, which is carried back as the surface
+    moves. With w linear in a step of τ x, r' = e r + (m - e) w + (1 - m) w', m = (1 - e)/x.
+    """
+    n, num_times = surface.grid.shape[0], len(displacement)
+    q = 2 * np.pi * np.arange(n // 2 + 1)
+    left = np.exp(-1 / (num_times * tau))
+    mean = (1 - left) * tau * num_times
+    stiff = 1 + mean * branch
+    kernel = 2 / (np.maximum(q, 1) * stiff)
+
+    def advance(state, by):
+        remembered, start = state
+        pushed = jnp.fft.irfft(jnp.exp(1j * q * by) * remembered, n)
+        memory = branch / stiff * pushed
+        found = gc.solve_contact(kernel, surface.heights - memory, LOAD, rtol=1e-7, start=start)
+        w = found.displacement + memory
+        remembered = jnp.fft.rfft(left * (pushed + (1 - mean) * w) + (mean - left) * w)
+        return (remembered, found.pressure), found.pressure
+
+    one_cycle = jax.jit(lambda state: jax.lax.scan(advance, state, moved))
+    moved = jnp.asarray(displacement - np.roll(displacement, 1))
+    state, pressures = (jnp.zeros(len(q), complex), jnp.full(n, LOAD)), None
+    for _ in range(num_cycles):
+        state, pressures = one_cycle(state)
+    return np.asarray(pressures)
+
+
+@pytest.mark.slow
+def test_time_steps_go_to_the_cycle_with_second_order():
+    """An odd count of points: steps treat waves on Nyquist lines in another way."""
+    surface = rough(gc.Grid((33,), 1.0), cut=6)
+    stack = rubber(9.0, 0.05, 0.0)
+    fine = 0.2 * np.sin(2 * np.pi * np.arange(256) / 256)
+    best = np.asarray(cycle(stack, surface, fine).pressure)
+    errors = []
+    for every in (4, 2):
+        stepped = pressure_by_steps(surface, fine[::every], 0.05, 9.0)
+        wrong = np.linalg.norm(stepped - best[::every]) / np.linalg.norm(best[::every])
+        errors.append(wrong)
+    assert errors[1] < 5e-3
+    np.testing.assert_allclose(errors[0] / errors[1], 4, rtol=0.2)
+
+
+def test_cycles_work_under_jit_and_vmap():
+    def work(load):
+        return cycle(pressure=load, rtol=1e-6).work
+
+    loads = jnp.array([0.04, 0.06])
+    batch = jax.jit(jax.vmap(work))(loads)
+    np.testing.assert_allclose(batch, [cycle(pressure=load).work for load in loads], rtol=1e-4)

@@ -61,15 +61,13 @@ def test_direction_of_sliding_matters_to_a_lay():
         rms_slope=0.2, hurst=0.8, q_low=Q0, q_roll=4 * Q0, q_high=20 * Q0, roll_off="smooth",
         anisotropy=3.0,
     )  # fmt: skip
-    along, across = (
-        friction_table(
-            STACK, lay, pressure=[2e5], velocity=[0.1, 0.2], method="mean_field", direction=angle
-        ).friction
-        for angle in (0.0, np.pi / 2)
-    )
-    assert np.all(across > 1.5 * along)
+    across = friction_table(
+        STACK, lay, pressure=[2e5], velocity=[0.1, 0.2], method="mean_field", direction=np.pi / 2
+    ).friction
     alone = gc.mean_field_friction(STACK, lay, pressure=2e5, velocity=[0.0, 0.2])
     np.testing.assert_allclose(across[0, 1], alone.friction, rtol=1e-12)
+    along = gc.mean_field_friction(STACK, lay, pressure=2e5, velocity=[0.2, 0.0])
+    assert alone.friction > 1.5 * along.friction
 
 
 def test_abaqus_reads_back_every_number_in_its_order(table):

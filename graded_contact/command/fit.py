@@ -25,7 +25,7 @@ from .session import FigureFormat, Format, Output, refusing, save_figure
 
 # Endings of the files that other programs read.
 _SUFFIXES = {"abaqus": ".inp", "ansys": ".mac"}
-# What stands for the arguments that messages about moduli and their fits name.
+# Options of the command, by the arguments that messages about moduli and their fits name.
 _FIT_OPTIONS = {
     "units": "--unit QUANTITY=UNIT", "columns": "--column QUANTITY=NAME",
     "temperature": "--temperature KELVIN", "throw": "--anyway",

@@ -50,6 +50,7 @@ from .session import (
     Replace,
     Scheduler,
     Workers,
+    announce_compilation,
     progress,
     refusing,
     save_figure,
@@ -72,6 +73,7 @@ def demo(
     form: FigureFormat = Format.PNG,
 ) -> None:
     """Runs a built-in scene: tyre tread with a modified layer of 50 µm on a rough road."""
+    announce_compilation()
     text = resources.files("graded_contact.studies").joinpath("demo.toml").read_text("utf-8")
     text = text.replace("shape = [256, 256]", f"shape = [{resolution}, {resolution}]")
     with refusing():

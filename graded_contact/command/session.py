@@ -22,6 +22,7 @@ from rich.progress import (
     TimeRemainingColumn,
 )
 
+from ..core.compilation import COMPILING, LESS_WORK
 from ..files.sealed import replacing
 from ..studies.interruption import Interruption
 
@@ -68,14 +69,24 @@ ONE_THREAD = "--xla_cpu_multi_thread_eigen=false"
 def prepare() -> None:
     """Switches on double precision, and the cache of compiled code if its folder is safe."""
     flags = os.environ.get("XLA_FLAGS", "")
-    if ONE_THREAD.split("=")[0] not in flags:
-        os.environ["XLA_FLAGS"] = f"{flags} {ONE_THREAD}".strip()
+    # A process ends at a flag that its XLA does not know.
+    quick = LESS_WORK if jax.__version_info__[:2] == (0, 10) else {}
+    ours = [ONE_THREAD, *(f"--{name}={value}".lower() for name, value in quick.items())]
+    missing = (flag for flag in ours if flag.split("=")[0] not in flags)
+    os.environ["XLA_FLAGS"] = " ".join([flags, *missing]).strip()
     jax.config.update("jax_enable_x64", True)
     folder = cache_folder()
     if folder is not None:
         jax.config.update("jax_compilation_cache_dir", str(folder))
         jax.config.update("jax_persistent_cache_min_compile_time_secs", 0)
         jax.config.update("jax_persistent_cache_min_entry_size_bytes", -1)
+
+
+def announce_compilation() -> None:
+    """Prints that the job compiles, if the cache of compiled code is empty."""
+    folder = cache_folder()
+    if folder is None or not any(folder.iterdir()):
+        typer.echo(COMPILING, err=True)
 
 
 @contextlib.contextmanager

@@ -102,9 +102,9 @@ def most_eliminated(operator: AbstractOperator, field: Array) -> int:
 
 
 def _rooms(operator: AbstractOperator, field: Array) -> list[int]:
-    """Numbers of points for which there is a matrix, each double the last."""
+    """Numbers of points for which there is a matrix, each four times the last."""
     most = most_eliminated(operator, field)
-    return [room for n in range(12) if _FEWEST <= (room := 2**n) <= most]
+    return [room for n in (3, 2, 1, 0) if (room := most >> 2 * n) >= _FEWEST]
 
 
 def _eliminated(solid: Coated, contact, room: int):

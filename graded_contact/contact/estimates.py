@@ -40,7 +40,7 @@ import jax
 import jax.numpy as jnp
 from jaxtyping import Array, Float
 
-from ..core.program import compiled
+from ..core.compilation import compiled
 from .adjoint import Inputs, LinearSplitting, State, root_of, without_mean
 from .operator import (
     bending_energy,

@@ -21,7 +21,7 @@ import numpy as np
 from jaxtyping import Array, Float
 
 from ..core.checks import check_whole, is_concrete
-from ..core.program import compiled
+from ..core.compilation import compiled
 from ..fields.grid import interpolate, resample_spectrum, to_field, to_spectrum
 from .active_set import most_eliminated
 from .law import AbstractLaw
@@ -306,7 +306,9 @@ def _begin(grid: OneGrid, law, before, settings: GridSettings, looks: bool):
     cold = jnp.asarray(_COLD_PARTICIPATION, rough.dtype)
     penalty = penalty_for(operator, cold if guess is None else participation(guess), law)
     length = unit / penalty
-    mean = loading.gap / length if loading.pressure is None else loading.pressure / unit
+    free_mean = loading.pressure is None
+    mean = jnp.asarray(loading.gap if free_mean else loading.pressure)
+    mean = mean / (length if free_mean else unit)
     numbers = penalty, law.in_units(unit, length), mean
     problem = _problem(grid, numbers)
     if guess is not None and settings.hard:

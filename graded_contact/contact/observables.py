@@ -19,7 +19,7 @@ import numpy as np
 from jaxtyping import Array, Bool, Float, Inexact
 
 from ..core.checks import Numbers, as_float, check_shape, check_types, check_whole
-from ..core.program import compiled
+from ..core.compilation import compiled
 from ..fields.devices import binned
 from ..fields.grid import (
     Grid,

@@ -65,6 +65,28 @@ OBSERVABLES = _table([
     ("friction_standard_error", "", "1", "standard error of the friction by that of materials"),
 ])  # fmt: skip
 
+# Numbers that a periodic motion has in addition.
+CYCLE = _table([
+    ("CyclicSliding.displacement", "s", "m", "displacement of the surface over the block"),
+    ("Motion.displacement", "s", "m", "displacement of the surface over the block"),
+    ("highest_speed", "v", "m/s", "highest speed"),
+    ("period", "T", "s", "period"),
+    ("load", r"\sigma_0", "Pa", "mean pressure at each time"),
+    ("traction", r"\tau", "Pa", "shear stress that opposes the motion"),
+    ("work", "W", "J/m²", "work of friction in a cycle"),
+    ("load_work", "", "J/m²", "work of the load in a cycle"),
+    ("dissipated_power", "P", "W/m²", "mean power that the block dissipates"),
+    ("dissipation", "P", "W/m²", "power dissipated at each frequency"),
+    ("mean_friction", r"\bar\mu", "1", "work of friction over load and path"),
+    ("mean_friction_error", r"\delta\bar\mu", "1", "estimated solver error of the mean friction"),
+    ("peak_friction", r"\mu_\mathrm{max}", "1", "largest friction coefficient of a cycle"),
+    ("peak_friction_error", r"\delta\mu_\mathrm{max}", "1", "estimated solver error of the peak"),
+    ("phase", r"\delta", "1", "phase of the traction before the displacement, in radians"),
+    ("load_mismatch", "", "1", "difference of two forms of the load's work, over the dissipation"),
+    ("largest_step", "", "1", "largest step from one time to the next, in spacings of the grid"),
+    ("unresolved_motion", "", "1", "share of the velocity at the upper half of the frequencies"),
+])  # fmt: skip
+
 # Fields over the surface.
 FIELDS = _table([
     ("pressure", r"\sigma", "Pa", "contact pressure"),
@@ -170,7 +192,7 @@ RESULTS = _table([
 ])  # fmt: skip
 
 # The pressure of an axis comes before that of a field.
-_ALL = PARAMETERS | RESULTS | FIELDS | OBSERVABLES | AXES
+_ALL = PARAMETERS | RESULTS | FIELDS | CYCLE | OBSERVABLES | AXES
 
 
 def quantity_of(name: str, owner: str = "") -> Quantity | None:

@@ -84,13 +84,13 @@ class Block:
         for name, table in tables.items():
             understood, place = len(self.notes), f"[materials.{name}]"
             kind, entries = kind_of(place, table, keys)
-            found, beside = self.reader.arguments(place, entries, keys[kind][:-1], (ERRORS,))
+            found, known = self.reader.arguments(place, entries, keys[kind][:-1], (ERRORS,))
             with within(place):
                 self.materials[name] = kinds[kind](**found)
-            if beside:
+            if known:
                 with within(f"{place} `errors`:"):
-                    self.errors[name] = read_errors(beside["errors"])
-                    with within(f"`path={beside['errors']}`:"):
+                    self.errors[name] = read_errors(known["errors"])
+                    with within(f"`path={known['errors']}`:"):
                         check_errors(self.errors[name], self.materials[name])
             self.notes[understood:] = [f"{name}: {note}" for note in self.notes[understood:]]
         for name, material in self.materials.items():

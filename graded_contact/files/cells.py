@@ -91,7 +91,8 @@ def is_missing(cell: str) -> bool:
 
 
 def holds_data(row: Row) -> bool:
-    """Whether a row holds numbers, besides missing ones and some words, such as a sample's name."""
+    """Whether a row holds numbers; some may be missing, and some cells may be words, as a sample's
+    name."""
     numbers = _numbers(row)
     words = len(row.cells) - numbers - sum(map(is_missing, row.cells))
     return 2 * numbers > words and (numbers >= 2 or words == 0)

@@ -252,8 +252,8 @@ def master_curve(
     - `weight`, `loss_weight`: of the squared residuals [1]; the latter, of loss moduli, is by
       default the same.
 
-    The others: as `fit_prony`. Differentiable if `terms` is given; the weight that `shift_std` and
-    `vertical_shift_std` have beside the error of the fit then counts as known.
+    The others: as `fit_prony`. Differentiable if `terms` is given; the weight of `shift_std` and
+    `vertical_shift_std` relative to the error of the fit is then a fixed number.
 
     **Returns:** shifts, their law, and the fit of the shifted isotherms.
 

@@ -23,7 +23,6 @@ from jaxtyping import Array, Bool, Float
 from ..core.checks import Numbers, is_concrete
 from ..rheology.material import Prony
 from ..rheology.measured import MeasuredRange
-from ..rheology.shift import AbstractShift
 from .observations import Observations, Unknowns
 from .series import COMPLETE, NEGLIGIBLE, NO_OUTLIER, Series, branches
 
@@ -112,12 +111,10 @@ def model(
 
 
 @eqx.filter_jit
-def material_of(
-    theta: Unknowns, data: Observations, poisson: Numbers, shift: AbstractShift | None = None
-) -> Prony:
+def material_of(theta: Unknowns, data: Observations, poisson: Numbers) -> Prony:
     """Returns the material with these unknowns, in relaxation form."""
     strengths, times, extras = _unpack(theta, data)
-    common = {"poisson": poisson, "shift": shift, "measured": measured_range(data)}
+    common = {"poisson": poisson, "measured": measured_range(data)}
     start = extras[0] if data.known_start is None else data.known_start
     if data.kind != "creep":
         if data.known_start is None:  # exactly zero where the data need none

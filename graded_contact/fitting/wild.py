@@ -68,15 +68,8 @@ def wild_values(measured: Measured) -> list[Wild]:
 
 def without(measured: Measured, wild: list[Wild]) -> Measured:
     """Returns what was measured without the rows of wild values."""
-    kept = np.delete(np.arange(len(measured.lines)), [value.row for value in wild])
-    return dataclasses.replace(
-        measured,
-        abscissa=measured.abscissa[kept],
-        values=measured.values[kept],
-        temperature=None if measured.temperature is None else measured.temperature[kept],
-        isotherm=np.unique(measured.isotherm[kept], return_inverse=True)[1],
-        lines=measured.lines[kept],
-    )
+    rows = np.arange(len(measured.lines))
+    return measured.part(np.delete(rows, [value.row for value in wild]))
 
 
 def _where(measured: Measured, row: int) -> str:

@@ -41,10 +41,10 @@ from ..contact.solution import RESULTS, ContactSolution
 from ..contact.solver import AbstractContactSolver
 from ..contact.target import FrictionAndArea
 from ..core.checks import Numbers, as_float, check_tolerance, check_types, is_concrete, short
+from ..core.compilation import compiled
 from ..core.derivative import derivative_apart
 from ..core.display import shown
 from ..core.memory import check_memory, num_numbers, sliding_memory
-from ..core.program import compiled
 from ..core.warnings import caveats_of
 from ..fields.devices import num_devices
 from ..fields.grid import Grid, direction_and_speed, wave_frequencies

@@ -33,7 +33,7 @@ NUM_SPEEDS, NUM_WAVES = 25, 80
 
 
 class Scenery(eqx.Module):
-    """Arguments of the compiled functions, besides the values of knobs."""
+    """Arguments of the compiled functions other than the values of knobs."""
 
     stack: Stack
     surface: Surface

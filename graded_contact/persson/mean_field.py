@@ -55,8 +55,9 @@ from ..rheology.softening import at_strain
 from ..roughness.spectrum import CutoffCurve, SelfAffine
 from ..roughness.surface import Surface
 from .diffusion import Correction, area, density, mean_in_contact
-from .isotropic import LAST_COSINE, as_roughness, integrate
 from .modes import add_up
+from .quadrature import LAST_COSINE, integrate
+from .roughness import as_roughness
 
 _NOT_REACHED = (
     "The mean field did not reach `rtol`, or met a value that is not finite (a pressure, thickness "

@@ -2,19 +2,18 @@
 
 from typing import TYPE_CHECKING
 
-import jax
 import numpy as np
 from jaxtyping import Float
 
 from ..files.design_scene import DesignScene
-from ..persson.isotropic import LAST_COSINE
 from ..persson.mean_field import MeanField
+from ..persson.quadrature import LAST_COSINE
 from ..response.stack import materials_of
 from ..rheology.tabulated import Tabulated
 from ..studies.design import Design
-from ..studies.objectives import friction_curve, loss_tangent
+from ..studies.objectives import loss_tangent
 from ..studies.problem import named
-from ..studies.run_design import DesignResults
+from ..studies.run_design import DesignResults, design_mean_field
 from .style import COLOURS, PAGE, few_powers_of_ten, new_figure, styled
 
 if TYPE_CHECKING:
@@ -37,17 +36,6 @@ def plot_design(results: DesignResults) -> "Figure":
     study, scene = results.study, results.study.scene
     before = results.candidates["before"].field
     velocities = _curve_velocities(study, before)
-    curve = jax.jit(
-        lambda stack: (
-            friction_curve(
-                stack,
-                study.spectrum,
-                pressure=scene.pressure[0],
-                velocities=velocities,
-                graded_solver=scene.graded_solver,
-            ).friction
-        )
-    )
     cutoff = before.against_cutoff.cutoff
     ends = [np.min(cutoff), np.max(cutoff), *(study.band or ())]
     q = np.geomspace(min(ends), max(ends), 200)
@@ -57,7 +45,8 @@ def plot_design(results: DesignResults) -> "Figure":
     colours = ("0.45", *COLOURS)
     for (name, candidate), colour in zip(results.candidates.items(), colours, strict=False):
         style = {"color": colour, "label": f"{name}, mean field"}
-        friction.plot(velocities, curve(candidate.stack), **style)
+        field = design_mean_field(study, candidate.stack, velocities)
+        friction.plot(velocities, field.friction, **style)
         tangent = loss_tangent(candidate.stack, q, speed, graded_solver=scene.graded_solver)
         loss.plot(q, tangent, color=colour)
         if study.verify:

@@ -20,9 +20,9 @@ import numpy as np
 from jaxtyping import Array, Bool, Float, Inexact
 
 from ..core.checks import Numbers, check_types, is_concrete
+from ..core.compilation import compiled
 from ..core.derivative import derivative_apart
 from ..core.memory import check_memory, kernel_memory, num_numbers
-from ..core.program import compiled
 from ..fields.devices import num_devices, required, spread, whole_along
 from ..fields.grid import (
     Grid,

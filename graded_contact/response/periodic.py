@@ -69,7 +69,7 @@ def _kernel(stack, grid: Grid, num_times: int, period, graded_solver, rtol):
     lowest = 2 * np.pi / grid.size
     numbers = [np.arange(n // 2 + 1) for n in grid.shape]
     mesh = jnp.meshgrid(*map(jnp.multiply, lowest, numbers), indexing="ij")
-    squared = sum(component**2 for component in mesh)
+    squared = jnp.sum(jnp.stack(mesh) ** 2, axis=0)
     q = jnp.sqrt(jnp.where(squared > 0, squared, 1)).ravel()
     q = jnp.where(squared.ravel() > 0, q, jnp.min(lowest))
     found, error = make(prepared(stack), q, num_times, period, graded_solver, rtol)

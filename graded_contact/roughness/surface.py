@@ -27,9 +27,9 @@ from ..core.checks import (
     is_concrete,
     short,
 )
+from ..core.compilation import compiled
 from ..core.display import shown
 from ..core.memory import check_memory, surface_memory
-from ..core.program import compiled
 from ..core.warnings import caveats_of_steps
 from ..fields.devices import binned, num_devices, spread
 from ..fields.grid import (

@@ -18,7 +18,7 @@ from .run_design import POLISHING, design_memory
 from .run_scene import build_surface, scene_memory
 
 PER_POINT = 25e-9  # s for each point of the grid and FFT pair
-PER_PAIR = 1e-4  # s besides
+PER_PAIR = 1e-4  # s for each FFT pair, on any grid
 PAIRS = 15  # for each digit of the pressure
 COMPILING = 20.0  # s
 PER_EVALUATION = 0.02  # s of the mean field at a velocity, with its derivatives

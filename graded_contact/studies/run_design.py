@@ -121,7 +121,9 @@ def run_design(
             solved.append(_stored_contact(study, stack, _heights(study, i), store))
             say("contact", len(candidates) * study.verify + len(solved), total)
         found = np.reshape(solved, (study.verify, 2, study.scene.velocity.size))
-        candidates[name] = Candidate(stack, _mean_field(study, stack), found[:, 0], found[:, 1])
+        candidates[name] = Candidate(
+            stack, design_mean_field(study, stack), found[:, 0], found[:, 1]
+        )
     return DesignResults(study, design, polished, candidates)
 
 
@@ -139,7 +141,7 @@ def check_design(study: DesignScene) -> None:
     rough = study.spectrum if isinstance(study.spectrum, Surface) else source
     assert isinstance(rough, Surface | RandomSurface)
     refuse_extrapolated(
-        study.scene, own, rough.grid, lambda: _mean_field(study, own).extrapolated_friction
+        study.scene, own, rough.grid, lambda: design_mean_field(study, own).extrapolated_friction
     )
 
 
@@ -163,10 +165,12 @@ def mean_field_problem(study: DesignScene) -> tuple[Objective, Constraints | Non
             return jnp.mean(jnp.stack([ripple(tangent) for tangent in tangents]))
 
         return flatness, _constraints(study)
-    before = _mean_field(study, stack).friction
+    before = design_mean_field(study, stack).friction
 
     def objective(values: Values) -> Float[Array, ""]:
-        return _objective(study, _mean_field(study, with_values(stack, values)).friction, before)
+        return _objective(
+            study, design_mean_field(study, with_values(stack, values)).friction, before
+        )
 
     return objective, _constraints(study)
 
@@ -224,13 +228,16 @@ def _search(
 
 
 @eqx.filter_jit
-def _mean_field(study: DesignScene, stack: Stack) -> MeanField:
+def design_mean_field(
+    study: DesignScene, stack: Stack, velocities: Numbers | None = None
+) -> MeanField:
+    """Returns the mean field of a stack at the velocities of the study, or at others [m/s]."""
     scene = study.scene
     return friction_curve(
         stack,
         study.spectrum,
         pressure=scene.pressure[0],
-        velocities=scene.velocity,
+        velocities=scene.velocity if velocities is None else velocities,
         graded_solver=scene.graded_solver,
     )
 

@@ -152,7 +152,7 @@ def _excited(scene: Scene, grid: Grid) -> np.ndarray:
 def errors_of_stack(scene: Scene) -> Errors | None:
     """Returns the errors of the numbers of a scene's stack, or None without errors.
 
-    A material that lies at several places is off alike at all of them.
+    A material at several places has the same errors at all of them.
     """
     names, blocks = [], []
     for _, material, known in scene.errors:

@@ -1,8 +1,8 @@
 """Errors of a measured material, propagated to friction or any other result.
 
 A fit knows the covariance C of its unknowns θ; a quantity f(θ) with the slopes g = ∂f/∂θ then has
-the variance gᵀ C g to first order. Where in frequency a quantity draws on a master curve tell its
-derivatives by the moduli of a table.
+the variance gᵀ C g to first order. The derivatives of a quantity by the moduli of a table show on
+which frequencies of a master curve it depends.
 """
 
 from collections.abc import Callable, Mapping
@@ -58,7 +58,7 @@ class Sensitivity(eqx.Module):
     def decisive(self, share: float = 0.9) -> tuple[Float[Array, ""], Float[Array, ""]]:
         """Returns the frequencies [rad/s] between which this `share` of all sensitivity lies.
 
-        What is left over lies half below and half above.
+        Half of the rest is below, half above.
         """
         decades = jnp.log10(self.omega)
         density = jnp.abs(self.storage) + jnp.abs(self.loss)
@@ -153,8 +153,8 @@ def errors_of(fit: PronyFit | MasterCurve, material: Prony) -> Errors:
     scalars = [path for path, value in known.items() if not value.ndim]
     slopes = jax.jacrev(numbers)(unknowns)
     variances, axes = np.linalg.eigh(fit.covariance())
-    told = variances > np.finfo(float).eps * np.max(variances)
-    roots = np.sqrt(variances[told])[:, None] * axes[:, told].T
+    significant = variances > np.finfo(float).eps * np.max(variances)
+    roots = np.sqrt(variances[significant])[:, None] * axes[:, significant].T
     # All entries of a series: of a table of shifts, the reference is a number that cannot err.
     entire = {path.rpartition("[")[0] for path in scalars if np.any(slopes[path])} & {*known}
     fitted = {

@@ -46,7 +46,7 @@ class Measured:
 
     def isotherms(self) -> tuple["Measured", ...]:
         """Returns the isotherms, from the coldest to the hottest."""
-        return tuple(self._part(self.isotherm == i) for i in range(np.max(self.isotherm) + 1))
+        return tuple(self.part(self.isotherm == i) for i in range(np.max(self.isotherm) + 1))
 
     def table(self) -> tuple[Float[np.ndarray, " points"], Complex[np.ndarray, " points"]]:
         """Returns `(omega, modulus)` [rad/s], [Pa], the arguments of `Tabulated`.
@@ -72,13 +72,14 @@ class Measured:
             )
         return self.abscissa, self.values
 
-    def _part(self, chosen: Bool[np.ndarray, " points"]) -> "Measured":
+    def part(self, chosen: Bool[np.ndarray, " points"] | Int[np.ndarray, " chosen"]) -> "Measured":
+        """Returns some of the points; isotherms without a point are not counted."""
         return dataclasses.replace(
             self,
             abscissa=self.abscissa[chosen],
             values=self.values[chosen],
             temperature=None if self.temperature is None else self.temperature[chosen],
-            isotherm=np.zeros(np.sum(chosen), int),
+            isotherm=np.unique(self.isotherm[chosen], return_inverse=True)[1],
             lines=self.lines[chosen],
         )
 

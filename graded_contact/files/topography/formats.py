@@ -138,7 +138,7 @@ def names_in(content: bytes) -> list[str]:
 def unpacked(content: bytes, channel: str | int | None) -> tuple[bytes, str]:
     """Returns the file in a zip that holds heights, and its name.
 
-    It is the one that `channel` names, or the only one besides texts and pictures. If the parts
+    It is the one that `channel` names, or the only one that is no text or picture. If the parts
     of an `.x3p` lie in a folder it is the same `.x3p` without the folder.
     """
     _check_size(content)
@@ -183,7 +183,7 @@ def metres_of_library(unit: str) -> float | None:
 def read_arrays(content: bytes, channel: str | int | None, size: Any, unit: str | None) -> Scan:
     """Returns the heights in a `.npy` or `.npz` file.
 
-    An `.npz` may hold unit and size besides. Their names are its author's choice, so `size` and
+    An `.npz` may also hold unit and size. Their names are its author's choice, so `size` and
     `unit` override them.
     """
     if content.startswith(b"PK"):

@@ -118,7 +118,7 @@ def _layout(lines: list[str]) -> TextLayout:
 
 
 def _is_data(cells: list[str]) -> bool:
-    """Whether cells are numbers, or missing besides numbers."""
+    """Whether cells hold numbers, and otherwise only marks of missing points."""
     numbers = [_number(cell) is not None and not is_missing(cell) for cell in cells]
     return any(numbers) and all(
         number or is_missing(cell) for number, cell in zip(numbers, cells, strict=True)

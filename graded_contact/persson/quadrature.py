@@ -27,108 +27,20 @@ import numpy as np
 from jaxtyping import Array, Float
 from numpy.polynomial import chebyshev
 
-from ..core.checks import as_float, check_increasing, check_positive, is_concrete, short
 from ..fields.grid import direction_and_speed, sliding_frequency
 from ..response.compliance import surface_compliance_unchecked
 from ..response.grading import AbstractGradedSolver, graded_tolerance
 from ..response.stack import Stack
 from ..rheology.measured import is_unknown
 from ..rheology.softening import at_strain
-from ..roughness.spectrum import SelfAffine, between_ends, narrowing
+from ..roughness.spectrum import between_ends
 from .diffusion import Correction, area, mean_square_growth, slowed
+from .roughness import Roughness, joined_edges
 
 # The last angle, nearly across the velocity, represents those beyond it.
 LAST_COSINE = 1 / np.cosh(15.0)
 _STRETCH = 3.0
 SAFETY = 2.0  # of the change by twice the nodes
-
-
-class Roughness(eqx.Module):
-    """A spectrum in smooth pieces.
-
-    **Fields:**
-
-    - `edges`: wavenumbers [rad/m] between which C(q) is smooth, increasing, shape `(points,)`.
-    - `source`: the spectrum, or C [m⁴] at the edges, a power of q between neighbours.
-    """
-
-    edges: Float[Array, " points"]
-    source: SelfAffine | Float[Array, " points"]
-
-    @property
-    def lay(self) -> Float[Array, ""] | None:
-        """The angle of the lay from the x axis [rad], or None."""
-        return self.source.angle if isinstance(self.source, SelfAffine) else None
-
-    def turn_of(self, direction: Float[Array, " components"]) -> Float[Array, ""] | None:
-        """Returns the angle from the lay to a direction, from 0 to π [rad], or None."""
-        if self.lay is None:
-            return None
-        x, y = direction if len(direction) == 2 else (direction[0], jnp.zeros_like(direction[0]))
-        return jnp.mod(jnp.arctan2(y, x) - self.lay, np.pi)
-
-    def root_density(self, q: Float[Array, "*n"], mean: bool = False) -> Float[Array, "*n"]:
-        """Returns √C [m²] across the lay, or that of the `mean` over directions; 0 outside."""
-        if isinstance(self.source, SelfAffine):
-            across = None if mean or self.lay is None else self.lay + np.pi / 2
-            density = self.source.density(q, 2, across)
-            # The derivative of the root at 0 is infinite.
-            return jnp.where(density > 0, jnp.sqrt(jnp.where(density > 0, density, 1)), 0)
-        root = jnp.log(self.source) / 2
-        slack = 8 * jnp.finfo(q.dtype).eps
-        inside = (q >= self.edges[0] * (1 - slack)) & (q <= self.edges[-1] * (1 + slack))
-        between = jnp.interp(jnp.log(q), jnp.log(self.edges), root)
-        return jnp.where(inside, jnp.exp(between), 0)
-
-    def root_narrowing(
-        self, q: Float[Array, "..."], offset: Float[Array, "..."]
-    ) -> Float[Array, "..."]:
-        """Returns the ratio of √C at angles from the direction across the lay to √C across [1]."""
-        if not isinstance(self.source, SelfAffine) or self.lay is None:
-            return jnp.ones((), q.dtype)
-        return jnp.sqrt(narrowing(self.source, q / self.source.q_roll, offset))
-
-
-def joined_edges(track: Roughness, own: Roughness | None) -> Float[Array, " points"]:
-    """Returns wavenumbers between which both spectra are smooth.
-
-    The ends of each are two edges, closely below and above: C jumps there.
-    """
-    if own is None:
-        return track.edges
-    away = 64 * float(jnp.finfo(track.edges.dtype).eps)
-    ends = [
-        r.edges[i] * (1 + side * away) for r in (track, own) for i in (0, -1) for side in (-1, 1)
-    ]
-    inner = [r.edges[1:-1] for r in (track, own)]
-    return jnp.sort(jnp.concatenate([jnp.stack(ends), *inner]))
-
-
-def as_roughness(spectrum: object, name: str = "spectrum") -> Roughness:
-    """Returns a `SelfAffine`, or a pair (q, C) of arrays, in pieces; refuses anything else."""
-    if isinstance(spectrum, SelfAffine):
-        edges = jnp.stack([spectrum.q_low, spectrum.q_roll, spectrum.q_high])
-        return Roughness(edges, spectrum)
-    if not (isinstance(spectrum, tuple | list) and len(spectrum) == 2):
-        raise ValueError(
-            f"`{name}={short(spectrum)}` must be a `SelfAffine`, "
-            f"{'a `Surface` ' if name == 'spectrum' else ''}or a pair (q, C)."
-        )
-    q, c = map(as_float, spectrum)
-    if q.ndim != 1 or q.shape != c.shape:
-        raise ValueError(
-            f"`{name}` holds q of shape {q.shape} and C of shape {c.shape}; two "
-            "one-dimensional arrays of equal length are needed."
-        )
-    if is_concrete(q) and is_concrete(c):
-        known = ~np.isnan(np.asarray(c))
-        q, c = q[known], c[known]
-    if len(q) < 2:
-        raise ValueError(f"`{name}` holds C(q) at {len(q)} wavenumbers; at least 2 are needed.")
-    check_positive(f"{name}[0]", q, "[rad/m]")
-    check_positive(f"{name}[1]", c, "[m⁴]")
-    check_increasing(f"{name}[0]", q)
-    return Roughness(q, c)
 
 
 @eqx.filter_jit
@@ -163,30 +75,12 @@ def integrate(
     strain = None
     if strain_per_slope is not None:
         strain = strain_per_slope * _slope(roughness, q, lengths, 2 * num_intervals)
-    everything = stack, roughness, own, pressure, speed, turn, q, strain
-
-    def frequencies(speed, turn, q, at_angle):
-        """Components of q/|q| along the velocity, angles from across the lay, and ω."""
-        along, offset = (a[at_angle] for a in _directions(turn, 2 * num_angles, q.dtype))
-        return along, offset, sliding_frequency(q[:, None, None] * along, 0.0, speed)
+    everything = stack, roughness, own, pressure, speed, q, strain, turn
 
     def rates(values, at_q, at_angle):
-        """Growth of the variance and of the friction of complete contact, per log q and angle."""
-        stack, roughness, own, pressure, speed, turn, q, strain = values
-        along, offset, omega = frequencies(speed, turn, q[at_q], at_angle)
-        strain, q = None if strain is None else strain[at_q], q[at_q][:, None, None]
-        amplitude = roughness.root_density(q) * q * roughness.root_narrowing(q, offset)
-
-        def relative_to(amplitude, omega):
-            # √C q/(M σ0): squares of its factors may leave the range of float32.
-            compliance = _compliance(stack, q, omega, strain, graded_solver, tolerance)
-            relative = amplitude / (pressure * compliance)
-            return relative.real**2 + relative.imag**2, relative.imag
-
-        growth, lost = relative_to(amplitude, omega)
-        if own is not None:
-            growth = growth + relative_to(own.root_density(q, mean=True) * q, jnp.zeros_like(q))[0]
-        return jnp.stack([growth, -amplitude * q * along * lost])
+        at = _directions(values[-1], 2 * num_angles, q.dtype)
+        at = tuple(part[at_angle] for part in at)
+        return _rates(values[:-1], at_q, at, graded_solver, tolerance)
 
     even, odd, fourth, eighth = (
         slice(start, None, step) for start, step in ((0, 2), (1, 2), (0, 4), (0, 8))
@@ -216,16 +110,37 @@ def integrate(
     ratio = [a[1] / jnp.where(a[0] == 0, 1, a[0]) for a in averages]
     friction = [_stieltjes(*parts) for parts in zip(ratio, total, rules, strict=True)]
     better = over_angles(used[:, ::4], many[even]) + over_angles(more, many[odd])
-    by_angle = jnp.abs(better / jnp.where(fine == 0, 1, fine)[:, ::4] - 1)
+    found = fine[:, ::4]
+    by_angle = jnp.where(found == 0, 0, jnp.abs(better / jnp.where(found == 0, 1, found) - 1))
     # By parts the friction is a difference of products.
     product = jnp.max(jnp.abs(ratio[0])) * total[0][-1]
     error = _error(x, friction, v[0], by_angle, product)
     share = jnp.zeros_like(q[0])
     if known is not None:
-        omega = frequencies(speed, turn, q[even], even)[2]
+        along = _directions(turn, 2 * num_angles, q.dtype)[0][even]
+        omega = sliding_frequency(q[even][:, None, None] * along, 0.0, speed)
         lost = over_angles(jnp.where(is_unknown(omega, known), used[1], 0), weights)
         share = share_of(lost / jnp.where(fine[1] == 0, 1, fine[1]), friction[0])
     return q[even], x[0], friction[0], jax.lax.stop_gradient(error), share
+
+
+def _rates(values, at_q, directions, graded_solver, tolerance):
+    """Growth of the variance and of the friction of complete contact, per log q and angle."""
+    stack, roughness, own, pressure, speed, q, strain = values
+    along, offset = directions
+    strain, q = None if strain is None else strain[at_q], q[at_q][:, None, None]
+    amplitude = roughness.root_density(q) * q * roughness.root_narrowing(q, offset)
+
+    def relative_to(amplitude, omega):
+        # √C q/(M σ0): squares of its factors may leave the range of float32.
+        compliance = _compliance(stack, q, omega, strain, graded_solver, tolerance)
+        relative = amplitude / (pressure * compliance)
+        return relative.real**2 + relative.imag**2, relative.imag
+
+    growth, lost = relative_to(amplitude, sliding_frequency(q * along, 0.0, speed))
+    if own is not None:
+        growth = growth + relative_to(own.root_density(q, mean=True) * q, jnp.zeros_like(q))[0]
+    return jnp.stack([growth, -amplitude * q * along * lost])
 
 
 def share_of(part: Float[Array, " n"], friction: Float[Array, " n"]) -> Float[Array, ""]:

@@ -7,6 +7,7 @@ program: inside the `jit` of a user they are the user's.
 
 import functools
 import logging
+import os
 from collections.abc import Callable
 from typing import Any, TypeVar, cast
 
@@ -18,7 +19,7 @@ from .checks import is_concrete
 F = TypeVar("F", bound=Callable[..., Any])
 
 COMPILING = "compiling (first run only)"
-_LESS_WORK = {
+LESS_WORK = {
     "xla_cpu_use_fusion_emitters": False,  # the older generator
     "xla_backend_optimization_level": 2,  # of 3
     "xla_cpu_parallel_codegen_split_count": 4,  # parts of a program, each with work of its own
@@ -43,15 +44,18 @@ _probe = jax.jit(lambda: 0)
 
 @functools.cache
 def _alone(function):
-    return eqx.filter_jit(function, compiler_options=_options())
+    # As `jax.jit` takes it, which the types of Equinox do not say.
+    return eqx.filter_jit(function, compiler_options=_options())  # pyright: ignore
 
 
 @functools.cache
 def _options() -> dict[str, bool | int]:
-    """The options, as far as this XLA knows them."""
+    """The options that are not set in the environment, if this XLA knows them."""
     logging.getLogger("graded_contact").info(COMPILING)
+    flags = os.environ.get("XLA_FLAGS", "")
+    options = {name: value for name, value in LESS_WORK.items() if name not in flags}
     try:
-        jax.jit(lambda: 0, compiler_options=_LESS_WORK)()
+        jax.jit(lambda: 0, compiler_options=options)()
     except jax.errors.JaxRuntimeError:
         return {}
-    return _LESS_WORK
+    return options

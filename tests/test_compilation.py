@@ -1,0 +1,54 @@
+"""Programs that compile in less time outside `jit`."""
+
+import logging
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+import pytest
+
+from graded_contact.core import compilation
+from graded_contact.core.compilation import COMPILING, compiled
+
+X = jnp.array([0.3, -1.2])
+
+
+@compiled
+def squares(x, *, sign=1):
+    return sign * jnp.sum(x**2)
+
+
+def test_results_are_the_same_outside_jit_inside_it_and_under_derivatives():
+    expected = -float(np.sum(np.square(X)))
+    for found in (
+        squares(X, sign=-1),
+        jax.jit(lambda x: squares(x, sign=-1))(X),
+        jax.jit(lambda unit: unit * squares(X, sign=-1))(1.0),  # known, and yet traced
+        jax.vmap(lambda x: squares(x, sign=-1))(X[None])[0],
+    ):
+        np.testing.assert_allclose(found, expected, rtol=1e-12)
+    np.testing.assert_allclose(jax.grad(squares)(X), 2 * X)
+    np.testing.assert_allclose(jax.jacfwd(squares)(X), 2 * X)
+
+
+@pytest.fixture
+def afresh():
+    compilation._options.cache_clear()
+    yield
+    compilation._options.cache_clear()
+
+
+def test_options_of_the_environment_stay_and_the_log_says_once_that_it_compiles(
+    afresh, monkeypatch, caplog
+):
+    monkeypatch.setenv("XLA_FLAGS", "--xla_backend_optimization_level=3")
+    with caplog.at_level(logging.INFO, "graded_contact"):
+        options = compilation._options()
+        compilation._options()
+    assert caplog.text.count(COMPILING) == 1
+    assert set(compilation.LESS_WORK) - set(options) == {"xla_backend_optimization_level"}
+
+
+def test_an_xla_without_the_options_compiles_as_it_does(afresh, monkeypatch):
+    monkeypatch.setattr(compilation, "LESS_WORK", {"xla_of_another_time": True})
+    assert compilation._options() == {}
