@@ -143,6 +143,35 @@ def test_a_dry_run_prints_what_was_read_and_refuses_what_a_run_would(tmp_path):
         assert result.exit_code == 2 and "velocity" in result.stderr
 
 
+def test_seeds_are_means_with_their_error_and_every_one_if_asked(tmp_path):
+    text = SCENE.replace("hurst = 0.8", "hurst = 0.8\nseeds = 3").replace("[32, 32]", "[16, 16]")
+    (tmp_path / "s.toml").write_text(text.replace("8e4", "4e4"))
+    arguments = ("run", tmp_path / "s.toml", "-o", tmp_path)
+    result = command(*arguments, "--map", "velocity=0.02", "--map", "seed=1")
+    assert result.exit_code == 0, result.output
+    assert "means of 3 surfaces ± standard error" in result.stdout
+    results = read_results(tmp_path / "s.h5")
+    assert kept_solves(results) == [(1, 0, 0)]
+    friction = results.friction.values
+    mean, error = friction.mean(0)[0], friction.std(0, ddof=1)[0] / 3**0.5
+    assert all(with_error(*pair) in result.stdout for pair in zip(mean, error, strict=True))
+    with open(tmp_path / "s.csv", newline="") as file:
+        rows = list(csv.DictReader(file))
+    assert [row["surfaces"] for row in rows] == ["3", "3"]
+    np.testing.assert_allclose([float(row["friction [1]"]) for row in rows], mean)
+    np.testing.assert_allclose([float(row["friction_seed_error [1]"]) for row in rows], error)
+    worst = [float(row["friction_error [1]"]) for row in rows]
+    np.testing.assert_allclose(worst, results.friction_error.values.max(0)[0])
+    result = command(*arguments, "--all-seeds")
+    rows = [line for line in result.stdout.splitlines() if line.strip()[:1].isdigit()]
+    assert len(rows) == 1 + 6  # "6 of 6 solves are found"
+    assert len((tmp_path / "s.csv").read_text().splitlines()) == 7
+    assert kept_solves(read_results(tmp_path / "s.h5")) == [(2, 0, 1)]
+    for option, expected in (("speed=1", "'speed' is no axis"), ("seed=a", "`--map seed=a`:")):
+        refused = command(*arguments, "--map", option)
+        assert refused.exit_code == 2 and expected in refused.stderr
+
+
 @pytest.fixture
 def rerun(folder, tmp_path):
     """A copy of the run's folder, and what runs the scene there again."""

@@ -64,7 +64,11 @@ def design(
                 typer.echo(f"wrote {stem}.{suffix}")
             interruption.check()
             save_figure(plot_design(results), Path(f"{stem}.{form}"), form)
-            save_figure(plot_history(results.design), Path(f"{stem}-history.{form}"), form)
+            save_figure(
+                plot_history(results.design, scene=study.scene.text),
+                Path(f"{stem}-history.{form}"),
+                form,
+            )
         except Interrupted:
             typer.echo("Interrupted: the same command goes on from here.", err=True)
             raise typer.Exit(interruption.exit_code) from None

@@ -50,6 +50,10 @@ DryRun = Annotated[
         "--dry-run", help="Print estimated memory, number of solves and run time, then exit."
     ),
 ]
+AllSeeds = Annotated[
+    bool,
+    typer.Option("--all-seeds", help="Show every random surface, not their mean ± standard error."),
+]
 Workers = Annotated[
     int | None,
     typer.Option(min=1, help="Number of worker processes (default: automatic)."),
