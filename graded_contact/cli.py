@@ -23,6 +23,7 @@ from .command.session import prepare
 app = typer.Typer(
     help="Friction and contact area of layered viscoelastic blocks on rough surfaces.",
     no_args_is_help=True,
+    context_settings={"color": False} if os.environ.get("NO_COLOR") else {},
     pretty_exceptions_show_locals=False,
 )
 
@@ -36,15 +37,12 @@ def _print_version(chosen: bool) -> bool:
 
 @app.callback()
 def main(
-    context: typer.Context,
     show_version: Annotated[
         bool,
         typer.Option("--version", callback=_print_version, is_eager=True, help="Print versions."),
     ] = False,
 ) -> None:
     """Friction and contact area of layered viscoelastic blocks on rough surfaces."""
-    if os.environ.get("NO_COLOR"):
-        context.color = False
     prepare()
 
 

@@ -80,9 +80,10 @@ def new(
         read = {"size": size, "unit": height_unit, "periodic": periodic}
         read = {key: value for key, value in read.items() if value is not None}
         surface = read_surface(surface_file, **read)
-        if max(surface.grid.shape) > MOST:
-            read["shape"] = [min(n, MOST) for n in surface.grid.shape]
-            surface = read_surface(surface_file, **read)
+        # Twice as fine as measured, which resolves the edges of contact.
+        most = MOST if surface.heights.ndim == 2 else MOST**2
+        read["shape"] = [min(2 * n, most) for n in surface.grid.shape]
+        surface = read_surface(surface_file, **read)
         for sentence in surface.history:
             typer.echo(sentence)
         print_steps(surface)
@@ -120,7 +121,7 @@ def _text(
         "",
         f"title = {entry_text(title)}",
         "",
-        "[surface]  # `shape`: points along x and y; without it all of the file",
+        "[surface]  # without `shape` the points of the file; more of them resolve the contact",
         *(f"{key} = {entry_text(value)}" for key, value in surface.items()),
         "",
         card.rstrip(),
@@ -140,4 +141,4 @@ def _text(
     if load.extrapolated > EXTRAPOLATED:
         share = f"# up to {load.extrapolated:.0%} of the friction is of frequencies not measured"
         lines += [share, "extrapolate = true"]
-    return "\n".join([*lines, ""])
+    return "\n".join([*lines, "", "[output]", 'name = "friction"', 'directory = "results"', ""])

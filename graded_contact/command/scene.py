@@ -53,12 +53,12 @@ from .session import (
     Replace,
     Scheduler,
     Workers,
-    announce_compilation,
     progress,
     refusing,
     save_figure,
 )
 from .tables import print_decisive, print_read, print_steps, print_table
+from .understood import print_understood
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -76,7 +76,6 @@ def demo(
     form: FigureFormat = Format.PNG,
 ) -> None:
     """Runs a built-in scene: tyre tread with a modified layer of 50 µm on a rough road."""
-    announce_compilation()
     text = resources.files("graded_contact.studies").joinpath("demo.toml").read_text("utf-8")
     text = text.replace("shape = [256, 256]", f"shape = [{resolution}, {resolution}]")
     with refusing():
@@ -120,6 +119,7 @@ def run(
         name = scene.name or scene_file.stem
         engine["kept"] = _chosen(scene, at or [])
         if dry_run:
+            print_understood(scene)
             typer.echo(scene_cost(scene).report())
             surface, *_ = _prepared(scene, folder, name, replace)
             check_run(scene, surface)

@@ -149,12 +149,9 @@ def kept_solves(results: "Dataset") -> list[tuple[int, ...]]:
     if "gap" not in results:
         return []
     if results["gap"].ndim == results["heights"].ndim:
-        last = [n - 1 for n in results["message"].shape]  # in files of earlier versions
-        return [
-            tuple(map(int, results.attrs["kept"].split()))
-            if "kept" in results.attrs
-            else tuple(last)
-        ]
+        if "kept" in results.attrs:
+            return [tuple(map(int, results.attrs["kept"].split()))]
+        return [tuple(n - 1 for n in results["message"].shape)]  # in files of earlier versions
     solved = ~np.isin(state_of(results), (NOT_STARTED, "failed"))
     return [tuple(map(int, index)) for index in np.argwhere(solved)]
 

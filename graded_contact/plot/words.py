@@ -45,7 +45,11 @@ def title_of(name: str, scene: str = "") -> str:
 
 def label_of(number: "DataArray") -> str:
     """Returns a number of an axis with its unit, a temperature also in °C."""
-    unit, value = number.attrs.get("units", ""), number.item()
+    return labelled(number.item(), number.attrs.get("units", ""))
+
+
+def labelled(value: float, unit: str) -> str:
+    """Returns a number in SI units in a common unit, a temperature also in °C."""
     if unit == "K":
         return kelvin(value)
     if unit in ("", "1"):
