@@ -29,6 +29,7 @@ _SUFFIXES = {"abaqus": ".inp", "ansys": ".mac"}
 _FIT_OPTIONS = {
     "units": "--unit QUANTITY=UNIT", "columns": "--column QUANTITY=NAME",
     "temperature": "--temperature KELVIN", "throw": "--anyway",
+    "size": "--size METRES", "unit": "--height-unit",
     **{name: f"--{name.replace('_', '-')}" for name in (
         "kind", "deformation", "poisson", "sheet", "step", "terms", "law", "shift_std",
         "vertical_shift_std", "equilibrium", "glassy", "storage_weight", "loss_weight",
@@ -43,13 +44,18 @@ Files = Annotated[
     ),
 ]  # fmt: skip
 Text, Texts, Number = str | None, list[str] | None, float | None
-Terms = Annotated[int | None, Option(min=1, help="Number of terms (default: BIC).")]
+Terms = Annotated[
+    int | None, Option(min=1, help="Number of terms (default: that of the lowest BIC).")
+]
 Poisson = Annotated[float, Option(help="Poisson's ratio of the material.")]
 Kind = Annotated[Text, Option(help="frequency, relaxation or creep.")]
 Deformation = Annotated[Text, Option(help="tension or shear, if it is not in the file.")]
 Temperature = Annotated[
     list[float] | None,
-    Option(metavar="KELVIN", help="One temperature, or one per file (or curve)."),
+    Option(
+        metavar="KELVIN",
+        help="Temperature of the data: one for all, or one for each file or curve.",
+    ),
 ]
 SheetName = Annotated[Text, Option(help="Name of the sheet of a workbook.")]
 Steps = Annotated[

@@ -82,7 +82,7 @@ def new(
         surface = read_surface(surface_file, **read)
         # Twice as fine as measured, which resolves the edges of contact.
         most = MOST if surface.heights.ndim == 2 else MOST**2
-        read["shape"] = [min(2 * n, most) for n in surface.grid.shape]
+        read["shape"] = tuple(min(2 * n, most) for n in surface.grid.shape)
         surface = read_surface(surface_file, **read)
         for sentence in surface.history:
             typer.echo(sentence)

@@ -109,7 +109,7 @@ def plot_history(design: Design, *, scene: str = "") -> "Figure":
     evaluation = np.arange(1, 1 + len(history.values))
     for axes in limits:
         for i, margins in enumerate(history.margins.T):
-            axes.plot(evaluation, margins, ".-", label=f"constraint {i + 1}")
+            axes.plot(evaluation, margins, ".-", label=f"(b) constraint {i + 1}")
         ends = axes.get_ylim()
         axes.axhspan(min(ends[0], 0), 0, color="0.93", zorder=0)
         axes.set_ylim(ends)

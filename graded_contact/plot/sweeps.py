@@ -43,9 +43,9 @@ def plot_sweep(results: "Dataset", *, all_seeds: bool = False) -> "Figure":
     If there is one velocity they are drawn against the last axis that has several points. The area
     is the sub-pixel one. The first of the other axes has a colour for each value, the rest have
     dashes. Over several surfaces (`seed`) lines are means, and bands are their standard errors.
-    Bars are one standard error, if errors of a material are known. A solve that did not converge
-    has a hollow marker, one with a caveat a cross, one that failed a triangle and one that was not
-    started a stroke, both at the bottom.
+    Bars, and the bands of one surface, are standard errors by materials, where these are known. A
+    solve that did not converge has a hollow marker, one with a caveat a cross, one that failed a
+    triangle and one that was not started a stroke, both at the bottom.
 
     **Arguments:**
 
@@ -217,7 +217,8 @@ def _legend(figure: "Figure", lines: _Lines, dashed: Sequence[str]) -> None:
     if lines.surfaces > 1:
         extra[f"mean of {lines.surfaces} surfaces ± standard error"] = Patch(color="0.8")
     if any(name.endswith(ERROR) for name in lines.each[0]):
-        extra["± standard error by materials"] = Line2D([], [], color="0.4", marker="|", ls="")
+        bar = Line2D([], [], color="0.4", marker="|", ls="")
+        extra["± standard error by materials"] = bar if lines.surfaces > 1 else Patch(color="0.8")
     if any(f"{name}_each" in lines.each[0] for name in DRAWN):
         extra["each surface"] = Line2D([], [], color="0.4", linewidth=THIN)
     if any(np.any(line["doubtful"]) for line in lines.each):
@@ -234,8 +235,9 @@ def _draw(
     x, values, state = (line[name].values for name in ("x", quantity, "state"))
     colour = style["color"]
     axes.plot(x, values, **style, label=label)
-    if quantity + SEED_ERROR in line:
-        error = line[quantity + SEED_ERROR].values
+    band = next((end for end in (SEED_ERROR, ERROR) if quantity + end in line), None)
+    if band is not None:
+        error = line[quantity + band].values
         axes.fill_between(x, values - error, values + error, color=colour, alpha=0.2, linewidth=0)
     if f"{quantity}_each" in line:
         each = line[f"{quantity}_each"].transpose(..., "seed").values
