@@ -186,6 +186,9 @@ def _drawn(lines: _Lines, coloured: str) -> "Figure":
             _draw(axes, line, quantity, style, label)
         _finish(axes, lines, quantity)
     _legend(figure, lines, dashed)
+    line = lines.each[0]
+    fixed = [str(name) for name in line.coords if not line[name].ndim and name not in lines.varied]
+    entitle(figure, ", ".join(_label(lines, line, name) for name in fixed))
     return figure
 
 
