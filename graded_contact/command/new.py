@@ -93,11 +93,9 @@ def new(
         )  # fmt: skip
         found = fitted(measured, SHIFTS, WEIGHTS, {"terms": terms, "poisson": poisson})
         _, material, *_ = found
-        isotherms = measured.isotherms()
-        kelvins = None
-        if len(isotherms) > 1:
-            kelvins = np.array([np.mean(part.temperature) for part in isotherms])
-        load = proposed_load(material, surface, kelvins)
+        parts = [part.temperature for part in measured.isotherms()]
+        kelvins = [np.mean(part) for part in parts if part is not None]
+        load = proposed_load(material, surface, np.array(kelvins))
         write_fit(folder, name, found, ("toml",), form)
         path = os.path.relpath(surface_file.absolute(), folder)
         entries = {"kind": "file", "path": Path(path).as_posix(), **read}

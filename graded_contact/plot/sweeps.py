@@ -219,7 +219,7 @@ def _legend(figure: "Figure", lines: _Lines, dashed: Sequence[str]) -> None:
         extra[", ".join(combination)] = Line2D([], [], color="0.4", linestyle=dashes)
     if lines.surfaces > 1:
         extra[f"mean of {lines.surfaces} surfaces ± standard error"] = Patch(color="0.8")
-    if any(name.endswith(ERROR) for name in lines.each[0]):
+    if any(f"{name}{ERROR}" in lines.each[0] for name in DRAWN):
         bar = Line2D([], [], color="0.4", marker="|", ls="")
         extra["± standard error by materials"] = bar if lines.surfaces > 1 else Patch(color="0.8")
     if any(f"{name}_each" in lines.each[0] for name in DRAWN):

@@ -38,7 +38,7 @@ class Load(NamedTuple):
 
 
 def proposed_load(
-    material: Prony, surface: Surface, temperatures: Float[np.ndarray, " isotherms"] | None
+    material: Prony, surface: Surface, temperatures: Float[np.ndarray, " isotherms"]
 ) -> Load:
     """Returns a load at which the friction comes from what was measured, as far as there is one.
 
@@ -46,7 +46,7 @@ def proposed_load(
 
     - `material`: the material of the half-space.
     - `surface`: what slides on it.
-    - `temperatures`: at which the material was measured [K].
+    - `temperatures`: at which the material was measured [K], if known.
     """
     stack, times = Stack(base=HalfSpace(material)), np.asarray(material.times)
     ends = coverage(stack) or (1 / np.max(times), 1 / np.min(times))
@@ -65,9 +65,9 @@ def proposed_load(
     shares = np.where(np.isfinite(shares), shares, 1.0)  # no mean field: no reason to go there
     limit = max(EXTRAPOLATED, 1.5 * float(np.min(shares)))
     start, stop = _longest(shares <= limit)
-    shifts = np.zeros(1)
-    if material.shift is not None and temperatures is not None:
-        shifts = np.array([material.shift.log_factor(t) for t in temperatures]) / np.log(10)
+    law, shifts = material.shift, np.zeros(1)
+    if law is not None:
+        shifts = np.array([law.log_factor(t) for t in temperatures]) / np.log(10)
     length = min(DECADES, max(1, (stop - start) // 2))
     windows = [(decades[i] - np.round(a), a) for i in range(start, stop + 1) for a in shifts]
 
@@ -79,11 +79,10 @@ def proposed_load(
     middle = np.log10(USUAL) - length / 2
     bottom = max((w for w, _ in windows), key=lambda w: (np.sum(inside(w)), -abs(w - middle)))
     chosen = _overlapping(np.flatnonzero(inside(bottom)), shifts, length)
-    known = material.shift is not None and temperatures is not None
     return Load(
         pressure=float(f"{pressure:.0e}"),
         velocity=(float(10.0**bottom), float(10.0 ** (bottom + length))),
-        temperature=tuple(round(float(temperatures[i]), 2) for i in chosen) if known else (),
+        temperature=tuple(round(float(temperatures[i]), 2) for i in chosen if law is not None),
         extrapolated=float(np.max(shares[start : stop + 1])),
     )
 
