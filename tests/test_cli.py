@@ -32,6 +32,7 @@ from graded_contact.files.results import kept_solves, read_results, state_of, su
 from graded_contact.files.scene import parse_scene, read_scene
 from graded_contact.roughness.surface import Step
 from graded_contact.studies import run_scene as run_module
+from graded_contact.studies.scene_theory import mean_field_at
 from graded_contact.studies.store import Store
 
 
@@ -467,6 +468,8 @@ def test_two_files_make_a_scene_that_runs(tmp_path, monkeypatch):
     assert scene.surface.arguments["shape"] == (32, 32) and scene.errors
     assert len(scene.temperature) > 1 and "(10 °C)" in path.read_text()
     np.testing.assert_allclose(scene.velocity[-1] / scene.velocity[0], 1e3)
+    area = mean_field_at(scene, run_module.build_surface(scene), (1, 0, 3)).contact_area
+    assert 0.03 < area < 0.3  # "contact on about 10 %"
     monkeypatch.chdir(tmp_path)
     dry = command("run", path, "--dry-run")  # refuses friction that was not measured
     assert dry.exit_code == 0, dry.output

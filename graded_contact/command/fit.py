@@ -135,6 +135,8 @@ def fit(
         shifts = {"law": law, "shift_std": shift_std, "vertical_shift_std": vertical_shift_std}
         found = fitted(measured, shifts, weights, arguments)
         write_fit(folder, material_name(moduli_files[0]), found, ("toml", *(card or [])), form)
+    files = " ".join(map(str, moduli_files))
+    typer.echo(f"next: graded-contact new TOPOGRAPHY {files}   (writes a scene that runs)")
 
 
 def read_measured(moduli_files, column, unit, temperature, **options) -> Measured:
