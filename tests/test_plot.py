@@ -1,6 +1,7 @@
 """Figures without a display: one style, units in every label, and in them what was computed."""
 
 import base64
+import dataclasses
 import math
 import re
 from typing import NamedTuple
@@ -353,10 +354,11 @@ def test_the_outline_of_a_contact_runs_between_its_points_and_the_others():
 
 def theory(mean=4e5, spread=9e5):
     """A mean field whose pressure has spread this far."""
-    zero = jnp.zeros(())
+    zeros = {field.name: jnp.zeros(()) for field in dataclasses.fields(gc.contacts.MeanField)}
     curve = gc.contacts.CutoffCurve(jnp.array([1.0, 2.0]), jnp.zeros(2))
     variance = jnp.array([0.0, spread**2])
-    return gc.contacts.MeanField(zero, zero, curve, variance, jnp.array(mean), zero, zero)
+    known = {"against_cutoff": curve, "stress_variance": variance, "pressure": jnp.array(mean)}
+    return gc.contacts.MeanField(**zeros | known)
 
 
 def test_distributions_enclose_the_area_and_perssons_the_mean_pressure():
