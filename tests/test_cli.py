@@ -467,7 +467,7 @@ def test_two_files_make_a_scene_that_runs(tmp_path, monkeypatch):
     scene = read_scene(path)
     assert scene.surface.arguments["shape"] == (32, 32) and scene.errors
     assert len(scene.temperature) > 1 and "(10 °C)" in path.read_text()
-    np.testing.assert_allclose(scene.velocity[-1] / scene.velocity[0], 1e3)
+    assert 10 <= scene.velocity[-1] / scene.velocity[0] <= 1000
     area = mean_field_at(scene, run_module.build_surface(scene), (1, 0, 3)).contact_area
     assert 0.03 < area < 0.3  # "contact on about 10 %"
     monkeypatch.chdir(tmp_path)
