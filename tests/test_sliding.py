@@ -182,7 +182,8 @@ def test_observables_of_a_batch_a_copy_and_inside_jit_are_those_of_the_call():
     for batch in (jax.vmap(slide), lambda v: jax.lax.map(slide, v)):
         found = batch(jnp.array([0.01, 0.1]))
         np.testing.assert_allclose(found.friction[1], one.friction, rtol=1e-5)
-    assert dataclasses.replace(one, law=gc.HardWall()).friction == one.friction
+    copy = dataclasses.replace(one, law=gc.HardWall())  # computes friction alone
+    np.testing.assert_allclose(copy.friction, one.friction, rtol=1e-12)
 
 
 def test_a_known_solution_has_derivatives_without_a_solve():

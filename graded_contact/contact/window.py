@@ -12,7 +12,7 @@ from collections.abc import Callable
 import equinox as eqx
 import jax
 import jax.numpy as jnp
-from jaxtyping import Array, Bool, Float, Inexact
+from jaxtyping import Array, Bool, Float, Inexact, Shaped
 
 from ..fields.grid import half_shape
 from .law import AbstractLaw
@@ -62,8 +62,8 @@ def inside(shape: tuple[int, ...]) -> Bool[Array, "*shape"]:
 
 
 def on_cell(
-    field: Float[Array, "..."], kernel: Inexact[Array, "*half"], mode: str = "constant"
-) -> Float[Array, "..."]:
+    field: Shaped[Array, "..."], kernel: Inexact[Array, "*half"], mode: str = "constant"
+) -> Shaped[Array, "..."]:
     """Returns a field on the cell of a kernel: with zeros around if it is that of a window."""
     if not is_window(kernel, field.shape):
         return field
