@@ -39,7 +39,9 @@ def from_address(text: str, opened: Document, folder: Path) -> Document:
     try:
         data = zlib.decompressobj().decompress(base64.urlsafe_b64decode(text), LARGEST)
         content, (low, high), values = json.loads(data)
-        document = Document(content, opened.folder, (float(low), float(high)), tuple(values))
+        document = Document(
+            content, opened.folder, (float(low), float(high)), tuple(map(float, values))
+        )
         allowed = set(_found("path", opened.content))
         paths = [Path(path) for path in _found("path", content) if path not in allowed]
         strange = [path for path in paths if path.resolve().parent != folder.resolve()]

@@ -5,6 +5,7 @@ writes the value into its tables.
 """
 
 import contextlib
+import math
 from collections import defaultdict
 from collections.abc import Iterator, Sequence
 from typing import Any, NamedTuple
@@ -91,28 +92,30 @@ class Knob(NamedTuple):
         unit = "" if self.unit == "1" else f" {self.unit}"
         return f"{self.label} {self.step_size(value):+g}{unit}".replace("-", "−")
 
-    def check(self, value: float) -> float:
-        """Returns a value [SI], or raises `ValueError` if it is out of range."""
-        return self.read(f"{value * self.factor:.12g}")
+    def check(self, value: float, text: str = "") -> float:
+        """Returns a value [SI], entered as `text`, or raises `ValueError` if it is out of range."""
+        if self.low <= value <= self.high:
+            return value
+        unit = "" if self.unit == "1" else f" {self.unit}"
+        low, high = (f"{at * self.factor:.6g}" for at in (self.low, self.high))
+        raise ValueError(
+            f"`{self.label}`: {text or 'nothing'} is refused. Enter a number between {low} and "
+            f"{high}{unit}."
+        )
 
     def read(self, text: str) -> float:
         """Returns the value [SI] of a text, with or without a unit: "2.5", "2,5 µm", "20 °C".
 
         **Raises:** `ValueError` for other texts, and out of range.
         """
-        number, shift = text.replace(",", ".").removesuffix(self.unit), 0.0
+        number, zero, value = text.strip().replace(",", "."), 0.0, math.nan
         if self.unit == "K" and number.endswith("C"):
-            number, shift = number.rstrip("°C"), ZERO_CELSIUS
+            number, zero = number.rstrip("°C"), ZERO_CELSIUS
+        elif self.unit != "1":
+            number = number.removesuffix(self.unit)
         with contextlib.suppress(ValueError):
-            value = float(f"{(float(number) + shift) / self.factor:.12g}")
-            if self.low <= value <= self.high:
-                return value
-        unit = "" if self.unit == "1" else f" {self.unit}"
-        low, high = (f"{at * self.factor:.6g}" for at in (self.low, self.high))
-        raise ValueError(
-            f"`{self.label}`: {text.strip()[:40] or 'nothing'} is refused. Enter a number between "
-            f"{low} and {high}{unit}."
-        )
+            value = float(f"{(float(number) + zero) / self.factor:.12g}")
+        return self.check(value, text.strip()[:40])
 
 
 def knobs_of(document: Document, scene: Scene, surface: Surface) -> tuple[Knob, ...]:

@@ -105,7 +105,7 @@ class Model:
         if not self.document.values:
             return tuple(knob.value for knob in self.knobs)
         pairs = zip(self.knobs, self.document.values, strict=True)
-        return tuple(knob.check(value) for knob, value in pairs)
+        return tuple(knob.check(value, "the value in the address") for knob, value in pairs)
 
     @property
     def size(self) -> np.ndarray:

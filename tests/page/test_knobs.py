@@ -111,6 +111,7 @@ def test_a_field_reads_units_commas_and_degrees(opened):
     scene = document.scene()
     knobs = {knob.label: knob for knob in knobs_of(document, scene, scene.surface.build())}
     assert knobs["pressure"].read(" 312,5 kPa ") == 312500.0
+    assert knobs["rms slope"].read("0.31") == 0.31
     assert knobs["temperature"].read("20 °C") == knobs["temperature"].read("293.15") == 293.15
 
 
