@@ -8,8 +8,10 @@ from .response.layering import Layering, sliced
 from .response.profile import AbstractProfile
 from .response.riccati import Riccati
 from .response.stack import interface_depths
+from .response.window import window_kernel
 
 __all__ = [
     "AbstractGradedSolver", "AbstractProfile", "Layering", "Riccati", "graded_compliance",
     "interface_depths", "interior_fields", "kernel_table", "sliced", "stress_field", "von_mises",
+    "window_kernel",
 ]  # fmt: skip

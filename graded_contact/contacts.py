@@ -1,5 +1,5 @@
-"""More about contact: laws, solvers, loading paths, cut-off curves, tables of friction, softening
-with strain, parts of custom solvers."""
+"""More about contact: laws, solvers, cut-off curves, stiffness, flow through the gap, tables of
+friction, softening with strain, parts of custom solvers."""
 
 from .contact.adhesion import AdhesiveLJ, ExponentialAdhesion
 from .contact.adjoint import LinearSplitting
@@ -14,17 +14,24 @@ from .contact.solver import AbstractContactSolver, Loading, SolverOutput, run_st
 from .contact.splitting import Splitting
 from .contact.target import ObservableTarget
 from .files.friction_cards import export_friction
+from .friction.gap_flow import GapFlow, gap_flow
+from .friction.heat import heat_depths, heat_source
+from .friction.heating import Heating, flash_temperature
 from .friction.magnification import area_against_cutoff
 from .friction.softening import slide_softened
+from .friction.stiffness import contact_conductance, contact_stiffness
 from .persson.mean_field import MeanField, pressure_distribution
+from .rheology.shear import AbstractShear, ConstantShear, PeakedShear
 from .roughness.spectrum import CutoffCurve
 from .studies.friction_table import friction_table
 
 __all__ = [
-    "RESULTS", "AbstractContactSolver", "AbstractLaw", "AbstractOperator", "AdhesiveLJ",
-    "ContactPath", "CutoffCurve", "DouglasRachford", "ExponentialAdhesion", "HardWall",
-    "LinearSplitting", "Loading", "MeanField", "ObservableTarget", "RepulsiveLJ",
-    "ResidualDynamics", "Solid", "SolverOutput", "Splitting", "Steady", "area_against_cutoff",
-    "cumulative_friction", "export_friction", "follow_contact", "friction_table",
+    "RESULTS", "AbstractContactSolver", "AbstractLaw", "AbstractOperator", "AbstractShear",
+    "AdhesiveLJ", "ConstantShear", "ContactPath", "CutoffCurve", "DouglasRachford",
+    "ExponentialAdhesion", "GapFlow", "HardWall", "Heating", "LinearSplitting", "Loading",
+    "MeanField", "ObservableTarget", "PeakedShear", "RepulsiveLJ", "ResidualDynamics", "Solid",
+    "SolverOutput", "Splitting", "Steady", "area_against_cutoff", "contact_conductance",
+    "contact_stiffness", "cumulative_friction", "export_friction", "flash_temperature",
+    "follow_contact", "friction_table", "gap_flow", "heat_depths", "heat_source",
     "pressure_distribution", "run_steps", "slide_softened",
 ]  # fmt: skip

@@ -62,6 +62,7 @@ def calls():
     kernel = gc.stack_kernel(stack, grid, 0.1)
     field = gc.mean_field_friction(stack, spectrum, pressure=1e5, velocity=0.1)
     sliding = gc.slide(stack, surface, pressure=1e5, velocity=0.1)
+    peaked = gc.contacts.PeakedShear(1e6, 1e-2, 0.1, wlf)
     omega, time = np.geomspace(1e-2, 1e6, 40), np.geomspace(1e-6, 1e1, 40)
     modulus = np.asarray(solid.modulus(omega))
     relaxation = 1e6 + 1e7 * np.exp(-time / 1e-3)
@@ -115,7 +116,7 @@ def calls():
         (gc.blocks.Layering, dict(num_cells=8, retry=True, rtol=1e-6)),
         (gc.blocks.Riccati, dict(solver=None, controller=None, adjoint=None, rtol=1e-6)),
         (gc.SelfAffine, dict(rms_slope=0.2, **band)),
-        (gc.Surface, dict(heights=np.zeros((8, 8)), grid=grid, history=())),
+        (gc.Surface, dict(heights=np.zeros((8, 8)), grid=grid, history=(), periodic=True)),
         (gc.random_surface, draw),
         (gc.surface.resample, dict(surface=surface, shape=(16, 16))),
         (gc.surface.rescale, dict(surface=surface, rms_slope=0.1)),
@@ -140,8 +141,30 @@ def calls():
         ),
         (gc.blocks.von_mises, dict(stress=np.eye(3))),
         (gc.blocks.sliced, dict(stack=graded, num_slices=3)),
+        (gc.blocks.window_kernel, dict(stack=stack, grid=gc.Grid(8, 1e-3), velocity=0.1)),
+        (gc.contacts.contact_stiffness, dict(sliding=sliding)),
+        (gc.contacts.contact_conductance, dict(sliding=sliding, resistivity=1.0)),
+        (gc.contacts.gap_flow, dict(gap=np.ones((8, 8)), grid=grid, contact=np.zeros((8, 8)))),
         (gc.slide, job | how),
         (gc.slide, dict(stack=stack, surface=surface, mean_gap=1e-6, velocity=0.1)),
+        (gc.slide, job | dict(shear=peaked, temperature=300.0)),
+        (gc.contacts.ConstantShear, dict(stress=1e6)),
+        (
+            gc.contacts.Heating,
+            dict(conductivity=0.25, diffusivity=1e-7, counterface_conductivity=1.0),
+        ),
+        (gc.contacts.heat_depths, dict(stack=stack, grid=grid, num_intervals=4)),
+        (gc.contacts.heat_source, dict(sliding=sliding, stack=stack, depths=[1e-4])),
+        (
+            gc.contacts.flash_temperature,
+            dict(
+                sliding=sliding,
+                stack=stack,
+                heating=gc.contacts.Heating(0.25, 1e-7),
+                depths=[0.0],
+            ),
+        ),
+        (gc.contacts.PeakedShear, dict(peak=1e6, velocity=1e-2, steepness=0.1, shift=wlf)),
         (gc.solve_contact, contact | dict(pressure=1e5) | how),
         (
             gc.contacts.follow_contact,
@@ -167,6 +190,8 @@ def calls():
                 velocity=0.1,
                 own_roughness=spectrum,
                 strain_per_slope=1.0,
+                shear=peaked,
+                temperature=300.0,
             ),
         ),
         (gc.contacts.pressure_distribution, dict(mean_field=field, stress=[1e5])),

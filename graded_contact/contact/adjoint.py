@@ -278,6 +278,20 @@ def _in_contact(operator: AbstractOperator, s, rhs, adjoint: LinearSolver, rtol,
     )
 
 
+def opening_by_load(
+    operator: AbstractOperator,
+    s: Float[Array, "*shape"],
+    adjoint: LinearSolver,
+    rtol: Float[Array, ""],
+) -> Float[Array, "..."]:
+    """Returns ρ dū/dp of a contact whose points have the slopes s; `operator` is ρM."""
+    total = nonzero(operator.mean(s))
+    known = s / total
+    rhs = -(1 - s) / total - operator.displace(known)
+    change = known + _in_contact(operator, s, rhs, adjoint, rtol, free_mean=False)
+    return -operator.mean((1 - s) * change + s * operator.displace(change)) / total
+
+
 def root_of(s: Float[Array, "*shape"]) -> Float[Array, "*shape"]:
     """Returns √|s|, 0 in all orders where the law fixes the pressure."""
     positive = s != 0  # elsewhere √ alone has an infinite slope

@@ -96,6 +96,22 @@ def contact_area_smooth(indicator: Float[Array, "*shape"]) -> Float[Array, ""]:
     return jnp.maximum(jnp.mean(total) / len(rows[0]), 0)
 
 
+def coverage(indicator: Float[Array, "*shape"]) -> Float[Array, "*shape"]:
+    """Returns the share of each point's cell that is in contact [1], with the contour above."""
+    if indicator.ndim == 1:
+        sides = (jnp.roll(indicator, 1), jnp.roll(indicator, -1))
+        halves = [_positive_part_of_segment(indicator, (indicator + side) / 2) for side in sides]
+        return (halves[0] + halves[1]) / 2
+    total = jnp.zeros_like(indicator)
+    for dx, dy in ((1, 1), (1, -1), (-1, 1), (-1, -1)):
+        along, across = jnp.roll(indicator, dx, 0), jnp.roll(indicator, dy, 1)
+        centre = (indicator + along + across + jnp.roll(along, dy, 1)) / 4
+        for side in (along, across):
+            # A quarter is the whole of a triangle there.
+            total = total + _triangle(indicator, (indicator + side) / 2, centre)[0] / 2
+    return total
+
+
 def _positive_part_of_segment(a, b):
     """Fraction of a segment on which its linear interpolant is positive."""
     mixed = (a > 0) != (b > 0)

@@ -456,6 +456,7 @@ def _alternate(problem: GridProblem, state: SolveState, settings: GridSettings) 
             state.z,
             state.shift + solid.resolve(state.z),
             state.coat,
+            allowed=problem.law.proximal(jnp.ones_like(state.z)) > 0,
             rtol=settings.rtol,
             # They may take as many pairs as the splitting took so far. Under `vmap` members that
             # are not slow come here too.

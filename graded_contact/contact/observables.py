@@ -12,6 +12,8 @@ and is what `Sliding.friction` uses; `Sliding.geometric_friction` uses the surfa
 the difference of the two is the error of the grid.
 """
 
+from collections.abc import Callable
+
 import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Bool, Float, Inexact
@@ -30,6 +32,7 @@ from ..fields.grid import (
     wavenumber,
 )
 from ..roughness.spectrum import CutoffCurve
+from .area import contact_area_smooth
 from .estimates import error_of
 from .operator import displace
 
@@ -46,6 +49,52 @@ def friction(
     above for how the two differ. At rest the direction is x.
     """
     return -jnp.sum(_work(pressure, profile, grid, velocity)) / jnp.mean(pressure)
+
+
+def shear_friction(
+    pressure: Float[Array, "*shape"],
+    indicator: Float[Array, "*shape"],
+    stress: Callable[[Float[Array, "*shape"]], Float[Array, "*shape"]] | None,
+) -> Float[Array, ""]:
+    """Returns the shear force in the contact over the load [1], ∫τ_f dA/∫σ dA; 0 without `stress`.
+
+    `stress` gives τ_f [Pa] at a pressure [Pa]. Its value without pressure acts on the sub-pixel
+    area, see `contact_area_smooth`. What pressure adds vanishes at the edge of contact and is
+    summed over the points: friction in proportion to the pressure is exact.
+    """
+    if stress is None:
+        return jnp.zeros((), pressure.dtype)
+    least, added = shear_parts(pressure, stress)
+    return (least * contact_area_smooth(indicator) + jnp.mean(added)) / jnp.mean(pressure)
+
+
+def shear_parts(
+    pressure: Float[Array, "*shape"],
+    stress: Callable[[Float[Array, "..."]], Float[Array, "..."]],
+) -> tuple[Float[Array, ""], Float[Array, "*shape"]]:
+    """Returns the shear stress without pressure and what the pressure adds to it [Pa]."""
+    least = stress(jnp.zeros((), pressure.dtype))
+    pressed = pressure != 0  # elsewhere a power of the pressure may have no derivative
+    return least, jnp.where(pressed, stress(jnp.where(pressed, pressure, 1)) - least, 0)
+
+
+def shear_friction_error(
+    pressure: Float[Array, "*shape"],
+    correction: Float[Array, "*shape"],
+    indicator: Float[Array, "*shape"],
+    stress: Callable[[Float[Array, "*shape"]], Float[Array, "*shape"]],
+) -> Float[Array, ""]:
+    """Returns an estimate of the error of `shear_friction` that the solver left [1].
+
+    It is what the `correction` of the pressure changes in the contact, see `estimates.py`.
+    """
+
+    def of(change):
+        # In contact the indicator of a hard wall is the pressure.
+        return shear_friction(pressure + change, indicator + change, stress)[None]
+
+    value = of(jnp.zeros_like(pressure))
+    return error_of(of, value, correction, jnp.abs(value))[0]
 
 
 def dissipation(

@@ -54,6 +54,7 @@ from .solver import (
     penalty_for,
 )
 from .target import WORTHLESS, FoundContact, ObservableTarget, Target, solve_until
+from .window import is_window, solve_on_window
 
 # Default tolerance of the pressure. Friction was then off by 3e-5 at most, by 2e-7 in the median,
 # for 0.77 of the FFT pairs of 1e-6 (156 viscoelastic contacts, `bench_contact.py observables`).
@@ -97,7 +98,8 @@ def solve_contact(
     **Arguments:**
 
     - `kernel`: M(q) [m/Pa] on the half spectrum of the heights, real or complex, Re M > 0; the
-      q = 0 entry is ignored. See `stack_kernel`.
+      q = 0 entry is ignored. See `stack_kernel`. With the kernel of a window, which has twice as
+      many points along each axis (`window_kernel`), no pressure acts around the heights.
     - `heights`: h [m], positive into the solid, shape `(nx, ny)` or `(nx,)`; the mean is ignored.
       The more precise of `heights` and `kernel` decides in which dtype all is computed.
     - `pressure`: mean pressure σ0 [Pa], within the bounds of the law; or
@@ -130,6 +132,13 @@ def solve_contact(
     _check_kernel(kernel, heights, throw)
     check_law(law)
     loading = loading_of(pressure, mean_gap, law, heights)
+    if is_window(kernel, heights.shape):
+        rest = dict(solver=solver, adjoint=adjoint, rtol=rtol, throw=throw)
+        return solve_on_window(
+            functools.partial(solve_contact, **rest), kernel, heights, loading,
+            law=law, target=target, solution=solution,
+            start=None if start is None else _as_start(start, heights, law),
+        )  # fmt: skip
     inputs = Inputs(Steady(kernel), heights, law, loading)
     return contact_of(inputs, solver, adjoint, rtol, target, start, solution, throw)
 
@@ -186,7 +195,8 @@ def _check_heights(heights, solver: AbstractContactSolver) -> None:
 
 
 def _check_kernel(kernel, heights, throw: bool) -> None:
-    check_shape("kernel", kernel, half_shape(heights.shape))
+    if not is_window(kernel, heights.shape):
+        check_shape("kernel", kernel, half_shape(heights.shape))
     if is_concrete(kernel):
         real, imag = _compliances(kernel, throw)
         check_positive("kernel.real", real, "[m/Pa] for every q but 0")

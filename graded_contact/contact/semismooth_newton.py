@@ -28,6 +28,7 @@ from jaxtyping import Array, Bool, Float
 from .active_set import REDUCTION, Coated, green_of, pressure_on
 from .law import AbstractLaw, HardWall
 from .operator import AbstractOperator
+from .window import Windowed
 
 _COATED_ERROR = 1e-3  # of a coated contact
 _FACTOR = 10.0  # from one coat to the next
@@ -37,6 +38,7 @@ _CLOSER = 3e-3  # than the requested error, which the splitting is to confirm
 
 def takes_newton_steps(law: AbstractLaw) -> bool:
     """Returns whether the steps can solve a law: a hard wall without hardness."""
+    law = law.law if isinstance(law, Windowed) else law
     return isinstance(law, HardWall) and law.hardness is None
 
 
@@ -73,6 +75,7 @@ def newton_round(
     x: Float[Array, "*shape"],
     coat: Float[Array, ""],
     *,
+    allowed: Bool[Array, "*shape"],
     rtol: Float[Array, ""],
     budget: Array,
 ) -> tuple[Float[Array, "*shape"], Float[Array, ""], Array, Bool[Array, ""]]:
@@ -84,6 +87,7 @@ def newton_round(
     - `load`: mean of the pressure.
     - `z`, `x`: of the splitting, and the pressure of the solid there.
     - `coat`: λ to begin with, over the least |K|.
+    - `allowed`: where the law allows a pressure.
     - `budget`: FFT pairs after which no step is begun.
     """
     least, green = operator.least, green_of(operator, z.shape)
@@ -91,19 +95,22 @@ def newton_round(
     none = jnp.asarray(0)
     state = Round(x, z - x, x, z - x, coat, unknown, none, none, jnp.asarray(False))
 
+    def touching(pressure, gap, lam):
+        return allowed & (pressure * (1 + lam) > gap)
+
     def running(state):
         return (state.pairs < budget) & ~state.found
 
     def body(state):
         lam = state.coat * least
         tolerance = jnp.where(lam > 0, jnp.maximum(rtol, _COATED_ERROR), rtol * _CLOSER)
-        contact = state.pressure * (1 + lam) > state.gap
+        contact = touching(state.pressure, state.gap, lam)
         unchanged = state.changes[0] == 0
         solid = Coated(operator, green, lam, heights + lam * (state.centre - load), load)
         pressure, gap, off, pairs = pressure_on(
             contact, solid, state.pressure, tolerance, unchanged, budget - state.pairs
         )
-        changed = jnp.sum((pressure * (1 + lam) > gap) != contact).astype(z.dtype)
+        changed = jnp.sum(touching(pressure, gap, lam) != contact).astype(z.dtype)
         accepted = (changed == 0) & (unchanged | (off * REDUCTION <= tolerance))
         stuck = (state.count > 2) & (changed > 0) & (changed >= jnp.max(state.changes))
         thinner = jnp.where(state.coat > _THINNEST, state.coat / _FACTOR, 0)

@@ -40,6 +40,10 @@ class RESULTS(eqx.Enumeration):
         "of the rms height (`gap_error`). Tighten `rtol`, or do not use `gap`, `mean_gap` and "
         "`displacement`."
     )
+    not_settled = (
+        "The temperatures of the contact did not settle to the tolerance. Loosen `rtol`; a block "
+        "whose losses change fast with temperature may have several temperatures."
+    )
     bad_pressure = "The law of contact cannot have this mean pressure (a hard wall: not positive)."
 
 

@@ -20,10 +20,11 @@ from .adjoint import Inputs
 from .area import contact_area_corrected, contact_area_smooth, edge_stiffness
 from .estimates import Assessment, assess, changed, error_of, error_step
 from .law import AbstractLaw
-from .observables import friction, slope_in_contact
+from .observables import friction, shear_friction, slope_in_contact
 from .operator import displace
 from .solution import ContactSolution
 from .solver import AbstractContactSolver, SolverOutput, participation
+from .window import on_cell
 
 # Of the pressure in the first solve: at most, and over the tolerance. A second solve costs what the
 # loosest first one saves; by `bench_contact.py observables`.
@@ -165,7 +166,7 @@ def _step(
 
 
 class FrictionAndArea(eqx.Module):
-    """Friction and sub-pixel contact area to `friction_rtol`."""
+    """Friction and sub-pixel contact area to `friction_rtol`; `shear` as in `shear_friction`."""
 
     kernel: Inexact[Array, "*half"]
     heights: Float[Array, "*shape"]
@@ -173,19 +174,22 @@ class FrictionAndArea(eqx.Module):
     velocity: Float[Array, "..."]
     law: AbstractLaw
     rtol: Float[Array, ""]
+    shear: Callable[[Array], Array] | None = None
 
     def __call__(self, contact: ContactSolution) -> ObservableTarget:
-        grid, sigma = self.grid, contact.pressure
+        grid, sigma = self.grid, on_cell(contact.pressure, self.kernel)
+        heights = on_cell(self.heights, self.kernel, "symmetric")
         own = displace(self.kernel, sigma)
-        mu, geometric = (friction(sigma, f, grid, self.velocity) for f in (own, self.heights))
+        mu, geometric = (friction(sigma, f, grid, self.velocity) for f in (own, heights))
         slope = slope_in_contact(sigma, own, grid)
         indicator = self.law.contact_indicator(
-            sigma, contact.gap, edge_stiffness(self.kernel, grid)
+            contact.pressure, contact.gap, edge_stiffness(self.kernel, grid)
         )
         area = contact_area_smooth(indicator)
         counted = contact_area_corrected(indicator > 0).astype(area.dtype)
         by_grid = jnp.abs(jnp.stack([geometric - mu, counted - area]))
-        value, size = jnp.stack([mu, area]), jnp.stack([slope, area])
+        sheared = shear_friction(contact.pressure, indicator, self.shear)
+        value, size = jnp.stack([mu + sheared, area]), jnp.stack([slope + sheared, area])
         tolerance = self.rtol * jnp.maximum(jnp.abs(value), _LEAST_SHARE * size)
         tolerance = jnp.maximum(tolerance, _OF_GRID * by_grid)
         # Without contact there is no friction.

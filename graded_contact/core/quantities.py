@@ -46,6 +46,8 @@ AXES = _table([
 OBSERVABLES = _table([
     ("friction", r"\mu", "1", "friction coefficient"),
     ("friction_error", r"\delta\mu", "1", "estimated solver error of the friction coefficient"),
+    ("hysteresis_friction", r"\mu_\mathrm{hys}", "1", "friction coefficient of the hysteresis"),
+    ("shear_friction", r"\mu_\mathrm{shear}", "1", "friction coefficient of shear in the contact"),
     ("contact_area", "A/A_0", "1", "contact area fraction (points in contact)"),
     ("contact_area_error", r"\delta A/A_0", "1", "estimated solver error of the contact area"),
     ("contact_area_corrected", "A/A_0", "1", "contact area fraction (corrected by the perimeter)"),
@@ -55,7 +57,7 @@ OBSERVABLES = _table([
     ("energy_imbalance", "", "1", "relative difference of friction work and dissipation"),
     ("slope_in_contact", "", "1", "rms slope of the block, weighted by the pressure"),
     ("unmeasured_area", "", "1", "share of the contact area on filled or tapered points"),
-    ("unmeasured_friction", "", "1", "share of the friction on filled or tapered points"),
+    ("unmeasured_friction", "", "1", "share of the hysteresis on filled or tapered points"),
     ("extrapolated_friction", "", "1", "share of the friction where no modulus was measured"),
     ("error", "", "1", "estimated relative error of the contact pressure"),
     ("num_fft_pairs", "", "1", "FFT pairs of the solve"),
@@ -142,6 +144,10 @@ PARAMETERS = _table([
     ("range", r"\rho", "m", "range of the law of contact"),
     ("work", r"\Delta\gamma", "J/m²", "work of adhesion"),
     ("hardness", r"\sigma_H", "Pa", "hardness"),
+    ("ConstantShear.stress", r"\tau_f", "Pa", "shear stress in the contact"),
+    ("PeakedShear.peak", r"\tau_0", "Pa", "largest shear stress in the contact"),
+    ("PeakedShear.velocity", "v^*", "m/s", "velocity of the largest shear stress"),
+    ("steepness", "c", "1", "steepness of the peak of the shear stress"),
     ("contact_gap", "", "1", "gap below which there is contact, over the range"),
 ])  # fmt: skip
 

@@ -20,6 +20,7 @@ EXTRAPOLATED = 0.01  # of the friction, from frequencies at which a material was
 LIMIT = 0.1  # the part of a result above which there is a warning
 # Small strains neglect slope²/2, the excess of an arc over its chord. Above STEEP it is > LIMIT.
 STEEP = (2 * LIMIT) ** 0.5
+RIM = 1e-3  # of the load, on the outermost points of a window
 ROUNDING = 1e-12  # of the slope: friction below it is none
 IDLE = 1e-3  # friction over slope below which a contact counts as without friction
 # What to do where a step of reading changed the slope.
@@ -113,6 +114,12 @@ RULES = (
         LIMIT,
         "{worst:.0%} of the contact area lies on points that were filled or tapered, not measured. "
         "Crop to a `region` without them, or read with `periodic='mirror'`.",
+    ),
+    Rule(
+        lambda found: getattr(found, "rim_load", 0.0),
+        RIM,
+        "{worst:.2g} of the load acts on the rim of the window. Take a larger window, unless the "
+        "body ends there.",
     ),
 )
 

@@ -10,25 +10,15 @@ surface. The block turns their sum to heat: T Σ -ω Im M |σ_qω|².
 """
 
 import equinox as eqx
-import jax
 import jax.numpy as jnp
 from jaxtyping import Array, Float, ScalarLike
 
 from ..contact.adjoint import Inputs, LinearSolver, LinearSplitting
-from ..contact.area import (
-    contact_area,
-    contact_area_corrected,
-    contact_area_smooth,
-    edge_stiffness,
-)
-from ..contact.estimates import error_of
 from ..contact.law import AbstractLaw, HardWall, check_law
 from ..contact.nested_solve import DouglasRachford
-from ..contact.operator import nonzero
 from ..contact.problem import RTOL, contact_of, loading_of
 from ..contact.solution import RESULTS, ContactSolution
 from ..contact.space_time import SpaceTime, in_motion
-from ..contact.target import ObservableTarget
 from ..core.checks import (
     Numbers,
     as_float,
@@ -45,16 +35,16 @@ from ..core.display import shown
 from ..core.memory import check_memory, cycle_memory
 from ..core.warnings import LIMIT, SLIDING_RULES, Rule, caveats_of
 from ..fields.devices import required
-from ..fields.grid import Grid, derivative, multiplicity
+from ..fields.grid import Grid
 from ..response.grading import AbstractGradedSolver, graded_tolerance
 from ..response.layering import Layering
-from ..response.periodic import period_frequencies, periodic_kernel
+from ..response.periodic import periodic_kernel
 from ..response.stack import Stack
-from ..rheology.measured import coverage, is_unknown
-from ..roughness.surface import Surface
+from ..rheology.measured import coverage
+from ..roughness.surface import Surface, check_periodic
+from .cycle_numbers import MeanAndPeak, components, cycle_numbers
 
 _FEWEST = 4  # times in a period
-_LEAST_SHARE = 0.01  # of the slope: friction below it has the tolerance of that share
 
 
 @shown(
@@ -216,6 +206,7 @@ def slide_cycle(
     **Raises:** `ValueError` for a refused argument; `RuntimeError` if kernel or solve fail.
     """
     displacement, period = _motion(stack, surface, displacement, period)
+    check_periodic(surface)
     if rtol is not None and friction_rtol is not None:
         raise ValueError(
             f"`rtol={rtol}` and `friction_rtol={friction_rtol}`: give at most one of the two."
@@ -254,7 +245,7 @@ def slide_cycle(
     if not throw:
         result = RESULTS.where(reached, contact.result, RESULTS.inaccurate_kernel)
         contact = eqx.tree_at(lambda c: c.result, contact, result)
-    numbers = _numbers(contact, operator, surface, law, displacement, period, coverage(stack))
+    numbers = cycle_numbers(contact, operator, surface, law, displacement, period, coverage(stack))
     return CyclicSliding(
         **numbers,
         contact=contact,
@@ -317,213 +308,6 @@ def _motion(stack, surface, displacement, period):
 @derivative_apart
 @eqx.filter_jit
 def _operator(kernel, displacement, grid: Grid) -> SpaceTime:
-    moved = _components(displacement)
+    moved = components(displacement)
     missing = grid.ndim - moved.shape[1]
     return in_motion(kernel, jnp.pad(moved, [(0, 0), (0, missing)]), grid)
-
-
-def _components(over_time):
-    """An array over time, with its components on the second axis."""
-    return over_time.reshape(len(over_time), -1)
-
-
-def velocity_of(
-    displacement: Float[Array, "nt ..."], period: Float[Array, ""], grid: Grid
-) -> tuple[Float[Array, "nt ..."], Float[Array, "nt ..."]]:
-    """Returns ds/dt [m/s], and the part of s [m] that comes back after each period.
-
-    The surface advances by the number of cells that closes the period with a step like its
-    neighbours.
-    """
-    moved = _components(displacement)
-    count, size = len(moved), grid.size[: moved.shape[1]]
-    closing = (moved[-1] - moved[-2] + moved[1] - moved[0]) / 2
-    cells = jnp.round(jax.lax.stop_gradient((moved[-1] + closing - moved[0]) / size))
-    drift = cells * size
-    share = jnp.arange(count, dtype=moved.dtype)[:, None] / count
-    back = moved - drift * share
-    velocity = _rate(back, _odd_frequencies(count, period)) + drift / period
-    return velocity.reshape(displacement.shape), back.reshape(displacement.shape)
-
-
-def _odd_frequencies(count: int, period):
-    """The frequencies ω >= 0 of a period; the highest of an even count has no sign and is 0."""
-    omega = period_frequencies(count, period)
-    return omega if count % 2 else omega.at[-1].set(0)
-
-
-def _rate(values, omega):
-    """The derivative by time of periodic values, shape `(nt, n)`."""
-    waves = 1j * omega[:, None] * jnp.fft.rfft(values, axis=0)
-    return jnp.fft.irfft(waves, len(values), axis=0)
-
-
-def _mean_over(field):
-    """The mean over space at each time."""
-    return jnp.mean(field, axis=tuple(range(1, field.ndim)))
-
-
-def tractions(
-    pressure: Float[Array, "nt *shape"],
-    profile: Float[Array, "nt *shape"],
-    grid: Grid,
-    num_components: int,
-) -> Float[Array, "nt components"]:
-    """Returns -⟨σ ∂f/∂x⟩ [Pa] along the first axes of the grid, at each time."""
-
-    slopes = (_slope_along(profile, grid, axis) for axis in range(num_components))
-    return jnp.stack([-_mean_over(pressure * slope) for slope in slopes], axis=1)
-
-
-def _slope_along(field, grid: Grid, axis: int):
-    """The derivative of a field at each time along one axis of space."""
-    return jax.vmap(lambda one: derivative(one, grid, axis))(field)
-
-
-def _mean_and_peak(traction, load, velocity):
-    """Friction at each time, its mean over the path and its largest size."""
-    loaded = load > 0
-    friction = traction / jnp.where(loaded, load, 1)[:, None]
-    speed = _length(velocity)
-    path = jnp.mean(load * speed)
-    mean = jnp.mean(jnp.sum(traction * velocity, axis=1)) / nonzero(path)
-    return jnp.where(loaded[:, None], friction, jnp.nan), mean, jnp.max(_length(friction))
-
-
-def _length(vectors):
-    """The lengths of vectors, with the derivative 0 where they vanish."""
-    squared = jnp.sum(vectors**2, axis=1)
-    return jnp.where(squared > 0, jnp.sqrt(jnp.where(squared > 0, squared, 1)), 0)
-
-
-def _slopes(pressure, displacement, grid):
-    """The rms slope of the block where it carries the load, at each time."""
-    axes = range(grid.ndim)
-    slopes = [
-        jax.vmap(lambda one, axis=axis: derivative(one, grid, axis))(displacement) for axis in axes
-    ]
-    weight = jnp.abs(pressure)
-    squared = _mean_over(weight * sum(slope**2 for slope in slopes))
-    squared = squared / nonzero(_mean_over(weight))
-    return jnp.where(squared > 0, jnp.sqrt(jnp.where(squared > 0, squared, 1)), 0)
-
-
-class MeanAndPeak(eqx.Module):
-    """Mean and peak friction and the mean sub-pixel contact area to `friction_rtol`."""
-
-    operator: SpaceTime
-    grid: Grid
-    law: AbstractLaw
-    displacement: Float[Array, "nt ..."]
-    period: Float[Array, ""]
-    rtol: Float[Array, ""]
-
-    def __call__(self, contact: ContactSolution) -> ObservableTarget:
-        value, size = self.frictions(contact.pressure)
-        indicator = _indicator(self.law, contact, self.operator, self.grid)
-        area = jnp.mean(jax.vmap(contact_area_smooth)(indicator))
-        value, size = jnp.append(value, area), jnp.append(size, area)
-        tolerance = self.rtol * jnp.maximum(jnp.abs(value), _LEAST_SHARE * size)
-        return ObservableTarget(value, size, tolerance)
-
-    def frictions(self, pressure: Float[Array, "nt *shape"]):
-        """Returns mean and peak friction, and the slopes, of which they are differences."""
-        moved = self.operator.displace(pressure)
-        velocity = _components(velocity_of(self.displacement, self.period, self.grid)[0])
-        traction = tractions(pressure, moved, self.grid, velocity.shape[1])
-        _, mean, peak = _mean_and_peak(traction, _mean_over(pressure), velocity)
-        slope = jnp.max(_slopes(pressure, moved, self.grid))
-        return jnp.stack([mean, peak]), jnp.stack([slope, slope])
-
-
-def _indicator(law, contact: ContactSolution, operator: SpaceTime, grid: Grid):
-    stiffness = edge_stiffness(operator.typical, grid)
-    return law.contact_indicator(contact.pressure, contact.gap, stiffness)
-
-
-@derivative_apart
-@eqx.filter_jit
-def _numbers(contact, operator: SpaceTime, surface: Surface, law, displacement, period, measured):
-    """The observables of a cycle, by name."""
-    grid, pressure = surface.grid, contact.pressure
-    count = len(pressure)
-    moving, back = velocity_of(displacement, period, grid)
-    velocity, shape = _components(moving), displacement.shape
-    moved = operator.displace(pressure)
-    load = _mean_over(pressure)
-    traction = tractions(pressure, moved, grid, velocity.shape[1])
-    friction, mean, peak = _mean_and_peak(traction, load, velocity)
-    heights = jnp.broadcast_to(surface.heights, pressure.shape)
-    geometric = tractions(pressure, heights, grid, velocity.shape[1])
-    power = jnp.mean(jnp.sum(traction * velocity, axis=1))
-    omega = _odd_frequencies(count, period)
-    signed = jnp.concatenate([omega, -omega[1 : (count + 1) // 2][::-1]])
-    rate = operator.filtered(
-        1j * signed.reshape(-1, *[1] * grid.ndim) * operator.compliance, pressure
-    )
-    exchanged = jnp.mean(pressure * rate)
-    dissipation = _dissipation(operator, pressure, omega)
-    lost, size = jnp.sum(dissipation), jnp.mean(jnp.abs(pressure * rate))
-    first = jnp.fft.rfft(traction, axis=0)[1], jnp.fft.rfft(_components(back), axis=0)[1]
-    by_gap = -jnp.mean(load * _rate(contact.mean_gap.reshape(count, 1), omega)[:, 0])
-    lead = jnp.sum(first[0] * jnp.conj(first[1]))
-    indicator = _indicator(law, contact, operator, grid)
-    touching = indicator > 0
-    target = MeanAndPeak(operator, grid, law, displacement, period, jnp.zeros_like(period))
-    errors = contact.target_error
-    if errors is None:
-        errors = jax.lax.stop_gradient(_friction_errors(target, contact))
-    waves = jnp.abs(jnp.fft.rfft(velocity, axis=0)) ** 2
-    upper = jnp.sum(waves[count // 4 + 1 :]) / nonzero(jnp.sum(waves))
-    steps = jnp.diff(_components(displacement), axis=0)
-    outside = 0.0
-    if measured is not None:
-        unknown = is_unknown(omega, measured)
-        outside = jnp.sum(jnp.where(unknown, jnp.abs(dissipation), 0)) / nonzero(lost)
-    return dict(
-        friction=friction.reshape(shape),
-        traction=traction.reshape(shape),
-        load=load,
-        mean_gap=contact.mean_gap.reshape(count),
-        contact_area=jax.vmap(contact_area)(touching).astype(load.dtype),
-        contact_area_corrected=jax.vmap(contact_area_corrected)(touching).astype(load.dtype),
-        contact_area_smooth=jax.vmap(contact_area_smooth)(indicator),
-        geometric_friction=(geometric / jnp.where(load > 0, load, jnp.nan)[:, None]).reshape(shape),
-        work=power * period,
-        load_work=(exchanged - power) * period,
-        dissipated_power=lost,
-        dissipation=dissipation,
-        mean_friction=mean,
-        peak_friction=peak,
-        mean_friction_error=errors[0],
-        peak_friction_error=errors[1],
-        phase=jnp.angle(jnp.where(jnp.abs(lead) > 0, lead, 1)),
-        slope_in_contact=jnp.max(_slopes(pressure, contact.displacement, grid)),
-        energy_imbalance=jax.lax.stop_gradient(jnp.abs(exchanged - lost) / nonzero(size)),
-        load_mismatch=jnp.abs(exchanged - power - by_gap) / nonzero(lost),
-        largest_step=jnp.max(jnp.sum(jnp.abs(steps) / grid.spacing[: steps.shape[1]], axis=1)),
-        unresolved_motion=jnp.sqrt(upper),
-        extrapolated_friction=jnp.asarray(outside, load.dtype),
-        velocity=moving,
-    )
-
-
-def _dissipation(operator: SpaceTime, pressure, omega):
-    """The power lost at each frequency ω >= 0, per area [W/m²]."""
-    amplitude = operator.to_waves(pressure) / pressure.size
-    power = (amplitude.real**2 + amplitude.imag**2) * multiplicity(pressure.shape)
-    count = len(pressure)
-    lost = -jnp.imag(operator.compliance) * power
-    lost = jnp.sum(lost, axis=tuple(range(1, lost.ndim)))
-    # Both signs of a frequency lose the same.
-    half, other = lost[: count // 2 + 1], lost[count // 2 + 1 :][::-1]
-    both = half.at[1 : len(other) + 1].add(-other)
-    return omega * both
-
-
-def _friction_errors(target: MeanAndPeak, contact: ContactSolution):
-    def of(change):
-        return target.frictions(contact.pressure + change)[0]
-
-    value, size = target.frictions(contact.pressure)
-    return error_of(of, value, contact.correction, size)

@@ -17,7 +17,7 @@ from ..response.grading import AbstractGradedSolver
 from ..response.layering import Layering
 from ..response.stack import Stack
 from ..roughness.spectrum import CutoffCurve
-from ..roughness.surface import Surface
+from ..roughness.surface import Surface, check_periodic
 from .sliding import Sliding, kernel_and_velocity
 
 
@@ -56,7 +56,8 @@ def area_against_cutoff(
     check_positive("cutoffs", cutoffs, "[rad/m]")
     if is_concrete(cutoffs) and np.any(np.diff(cutoffs) <= 0):
         raise ValueError(f"`cutoffs={np.asarray(cutoffs)}` must ascend.")
-    kernel, velocity, _ = kernel_and_velocity(
+    check_periodic(surface)
+    kernel, velocity, *_ = kernel_and_velocity(
         stack, surface, velocity, solver, graded_solver, throw
     )
     grid = surface.grid

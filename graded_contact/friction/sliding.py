@@ -30,6 +30,8 @@ from ..contact.observables import (
     friction,
     friction_error,
     friction_share,
+    shear_friction,
+    shear_friction_error,
     slope_in_contact,
     unmeasured_shares,
 )
@@ -38,6 +40,7 @@ from ..contact.problem import RTOL, solve_contact
 from ..contact.solution import RESULTS, ContactSolution
 from ..contact.solver import AbstractContactSolver
 from ..contact.target import FrictionAndArea
+from ..contact.window import is_window, on_cell, on_window
 from ..core.checks import Numbers, as_float, check_tolerance, check_types, is_concrete, short
 from ..core.compilation import compiled
 from ..core.derivative import derivative_apart
@@ -45,13 +48,15 @@ from ..core.display import shown
 from ..core.memory import check_memory, num_numbers, sliding_memory
 from ..core.warnings import caveats_of
 from ..fields.devices import num_devices
-from ..fields.grid import Grid, wave_frequencies
+from ..fields.grid import Grid, direction_and_speed, wave_frequencies
 from ..response.grading import AbstractGradedSolver
 from ..response.kernel import attempted_kernel, stack_kernel
 from ..response.layering import Layering
 from ..response.stack import Stack
+from ..response.window import doubled, long_cell, without_images
 from ..rheology.measured import coverage, is_unknown
-from ..roughness.surface import Surface
+from ..rheology.shear import ShearLaw, ShearStress, shear_stress
+from ..roughness.surface import Surface, check_periodic
 
 
 class _Observable:
@@ -78,19 +83,60 @@ class _Observable:
         return self.formula(sliding if self.has_derivative else jax.lax.stop_gradient(sliding))
 
 
-def _moved(s: "Sliding"):
-    """The displacement of the pressure itself, which balances energy to rounding."""
-    return displace(s.kernel, s.pressure)
+def _cell(s: "Sliding") -> Grid:
+    """The cell of the kernel: that of the surface, or of a window's surroundings, too."""
+    return doubled(s.grid) if is_window(s.kernel, s.grid.shape) else s.grid
+
+
+def _loaded(s: "Sliding"):
+    """The pressure on the cell, and its own displacement, which balances energy to rounding."""
+    pressure = on_cell(s.pressure, s.kernel)
+    return pressure, displace(s.kernel, pressure)
+
+
+def _displaced(s: "Sliding"):
+    """Pressure and displacement on the cell."""
+    return _loaded(s) if is_window(s.kernel, s.grid.shape) else (s.pressure, s.displacement)
+
+
+def _geometric_friction(s: "Sliding"):
+    heights = on_cell(s.heights, s.kernel, "symmetric")
+    return friction(on_cell(s.pressure, s.kernel), heights, _cell(s), s.velocity)
 
 
 def _touching(s: "Sliding"):
     return s.contact_indicator > 0
 
 
+def _indicator(s: "Sliding"):
+    return s.law.contact_indicator(s.pressure, s.gap, edge_stiffness(s.kernel, _cell(s)))
+
+
+def _hysteresis(s: "Sliding"):
+    return friction(*_loaded(s), _cell(s), s.velocity)
+
+
+def _shear(s: "Sliding"):
+    return shear_friction(s.pressure, _indicator(s), s.shear)
+
+
 def _friction_error(s: "Sliding"):
+    images = 0 if s.kernel_error is None else _image_error(s)
     if s.contact.target_error is not None:
-        return s.contact.target_error[0]
-    return friction_error(s.pressure, s.contact.correction, s.kernel, s.grid, s.velocity)
+        return s.contact.target_error[0] + images
+    correction, cell = on_cell(s.contact.correction, s.kernel), _cell(s)
+    error = images + friction_error(_loaded(s)[0], correction, s.kernel, cell, s.velocity)
+    if s.shear is None:
+        return error
+    return error + shear_friction_error(s.pressure, s.contact.correction, _indicator(s), s.shear)
+
+
+def _image_error(s: "Sliding"):
+    """What the errors of a window's kernel change under this pressure."""
+    pressure, cell = _loaded(s)[0], _cell(s)
+    assert s.kernel_error is not None
+    moved = (displace(error, pressure) for error in s.kernel_error)
+    return sum(jnp.abs(friction(pressure, field, cell, s.velocity)) for field in moved)
 
 
 def _contact_area_error(s: "Sliding"):
@@ -102,22 +148,22 @@ def _contact_area_error(s: "Sliding"):
 def _unmeasured(s: "Sliding", which: int):
     if s.measured is None:
         return jnp.zeros((), s.pressure.dtype)
-    return unmeasured_shares(
-        s.measured, _touching(s), s.pressure, s.displacement, s.grid, s.velocity
-    )[which]
+    measured, touching = on_cell(s.measured, s.kernel), on_cell(_touching(s), s.kernel)
+    return unmeasured_shares(measured, touching, *_displaced(s), _cell(s), s.velocity)[which]
 
 
 def _extrapolated(s: "Sliding"):
     if s.measured_range is None:
         return jnp.zeros((), s.pressure.dtype)
-    outside = is_unknown(wave_frequencies(s.grid, s.velocity), s.measured_range)
-    return friction_share(s.pressure, s.displacement, s.grid, s.velocity, outside)
+    outside = is_unknown(wave_frequencies(_cell(s), s.velocity), s.measured_range)
+    return friction_share(*_displaced(s), _cell(s), s.velocity, outside)
 
 
 @shown(
-    "friction", "friction_error", "contact_area", "contact_area_error", "contact_area_corrected",
-    "contact_area_smooth", "geometric_friction", "energy_imbalance", "slope_in_contact",
-    "unmeasured_area", "unmeasured_friction", "extrapolated_friction", "contact", "caveats",
+    "friction", "friction_error", "hysteresis_friction", "shear_friction", "contact_area",
+    "contact_area_error", "contact_area_corrected", "contact_area_smooth", "geometric_friction",
+    "energy_imbalance", "slope_in_contact", "unmeasured_area", "unmeasured_friction",
+    "extrapolated_friction", "contact", "caveats",
 )  # fmt: skip
 class Sliding(eqx.Module):
     """Friction, contact area and fields of a sliding contact.
@@ -128,37 +174,46 @@ class Sliding(eqx.Module):
 
     **Observables:**
 
-    - `friction`: force opposing the motion over the load [1]; >= 0 for passive materials, nan
-      where a mean gap leaves no contact.
+    - `friction`: force opposing the motion over the load [1], hysteresis and shear together; >= 0
+      for passive materials, nan where a mean gap leaves no contact.
     - `friction_error`: estimated error of the friction from the solver [1]. The error of the grid
       adds to it, see `geometric_friction`.
+    - `hysteresis_friction`: the part of the friction that is dissipated in the block [1].
+    - `shear_friction`: the part from shear in the sub-pixel contact area [1]; 0 without `shear`.
     - `contact_area`: fraction of points in contact [1]. A pixel count, without a derivative.
     - `contact_area_error`: fraction of points that the solver may have put on the wrong side [1];
       with `friction_rtol`, the error of `contact_area_smooth`.
     - `contact_area_corrected`: `contact_area` less its known excess at the edges [1].
     - `contact_area_smooth`: sub-pixel area fraction [1], for gradients.
-    - `geometric_friction`: friction from the surface's slope instead of the block's [1]. Its
-      difference from `friction` is the error of the grid.
-    - `energy_imbalance`: work of friction against dissipation in the block, relative [1].
+    - `geometric_friction`: friction with hysteresis from the surface's slope instead of the block's
+      [1]. Its difference from `friction` is the error of the grid.
+    - `energy_imbalance`: work of hysteresis against dissipation in the block, relative [1].
     - `slope_in_contact`: rms slope of the block where it carries the load [1], the strains there.
-    - `unmeasured_area`, `unmeasured_friction`: shares of the contact area and of the friction on
+    - `unmeasured_area`, `unmeasured_friction`: shares of the contact area and of the hysteresis on
       points that were filled or tapered, not measured [1]; 0 where `Surface.measured` is None.
-    - `extrapolated_friction`: share of the friction from waves that excite frequencies at which a
+    - `extrapolated_friction`: share of the hysteresis from waves that excite frequencies at which a
       material was not measured [1]: its modulus there is an extrapolation. See `coverage`.
     - `contact_indicator`: how far points are inside contact or outside [Pa], shape of the heights;
       see `AbstractLaw.contact_indicator`.
+
+    Friction errors of a contact on a window (`Surface(..., periodic=False)`) include those of its
+    kernel. Such a contact also has an `approach` and a `rim_load`.
 
     **Fields:**
 
     - `contact`: pressure, gap and convergence, see `ContactSolution`; also reached directly as
       `.pressure`, `.gap`, `.displacement` [Pa, m, m], `.mean_gap` [m], `.error`, `.num_fft_pairs`
       and `.result`.
-    - `kernel`: M of the block [m/Pa], see `stack_kernel`.
+    - `kernel`: M of the block [m/Pa], see `stack_kernel`; on a window see `window_kernel`.
     - `heights`: h of the surface [m].
     - `measured`: share of each height that was measured [1], or None, see `Surface`.
     - `grid`, `law`: of the surface and of the contact.
     - `velocity`: of the surface over the block [m/s].
     - `measured_range`: lowest and highest ω at which all materials were measured [rad/s], or None.
+    - `kernel_error`: two estimated errors of the kernel of a window [m/Pa], see
+      `response/window.py`; None if periodic.
+    - `shear`: shear stress [Pa] as a function of the pressure, or None.
+    - `heated`: temperatures of the contact, see `HeatedContact`, or None.
     """
 
     contact: ContactSolution
@@ -169,27 +224,30 @@ class Sliding(eqx.Module):
     velocity: Float[Array, "..."]
     law: AbstractLaw
     measured_range: tuple[Float[Array, "..."], Float[Array, "..."]] | None = None
+    kernel_error: Inexact[Array, "..."] | None = None
+    shear: ShearStress | None = None
+    heated: Any = None
 
-    friction = _Observable(lambda s: friction(s.pressure, _moved(s), s.grid, s.velocity))
+    friction = _Observable(lambda s: _hysteresis(s) + _shear(s))
     friction_error = _Observable(_friction_error, has_derivative=False)
+    hysteresis_friction = _Observable(_hysteresis)
+    shear_friction = _Observable(_shear)
     contact_area = _Observable(lambda s: contact_area(_touching(s)).astype(s.pressure.dtype))
     contact_area_error = _Observable(_contact_area_error, has_derivative=False)
     contact_area_corrected = _Observable(
         lambda s: contact_area_corrected(_touching(s)).astype(s.pressure.dtype)
     )
     contact_area_smooth = _Observable(lambda s: contact_area_smooth(s.contact_indicator))
-    geometric_friction = _Observable(lambda s: friction(s.pressure, s.heights, s.grid, s.velocity))
+    geometric_friction = _Observable(lambda s: _geometric_friction(s) + _shear(s))
     energy_imbalance = _Observable(
-        lambda s: energy_imbalance(s.pressure, _moved(s), s.kernel, s.grid, s.velocity),
+        lambda s: energy_imbalance(*_loaded(s), s.kernel, _cell(s), s.velocity),
         has_derivative=False,
     )
-    slope_in_contact = _Observable(lambda s: slope_in_contact(s.pressure, s.displacement, s.grid))
+    slope_in_contact = _Observable(lambda s: slope_in_contact(*_displaced(s), _cell(s)))
     unmeasured_area = _Observable(lambda s: _unmeasured(s, 0))
     unmeasured_friction = _Observable(lambda s: _unmeasured(s, 1))
     extrapolated_friction = _Observable(_extrapolated)
-    contact_indicator = _Observable(
-        lambda s: s.law.contact_indicator(s.pressure, s.gap, edge_stiffness(s.kernel, s.grid))
-    )
+    contact_indicator = _Observable(_indicator)
 
     def compute(self, *names: str) -> list[Float[Array, "..."]]:
         """Returns the observables of these names; one program computes those that are missing."""
@@ -230,6 +288,27 @@ class Sliding(eqx.Module):
         return self.contact.error
 
     @property
+    def approach(self) -> Float[Array, ""]:
+        """How far a body on a window moved into the block after its first touch [m].
+
+        Against the block far away; not along a line, where a block yields without bound.
+        """
+        if not is_window(self.kernel, self.grid.shape) or self.grid.ndim == 1:
+            raise ValueError("`approach` is that of a window in two dimensions; see `mean_gap`.")
+        pressure, moved = _loaded(self)
+        moved = on_window(moved) + self.kernel[0, 0].real * jnp.mean(pressure)
+        travelled = moved - self.heights - self.gap
+        return jnp.sum(self.pressure * travelled) / jnp.sum(self.pressure) + jnp.max(self.heights)
+
+    @property
+    def rim_load(self) -> Float[Array, "..."]:
+        """The share of the load on the outermost points of a window [1]; 0 if periodic."""
+        rim = np.full(self.grid.shape, self.kernel_error is not None)
+        rim[(slice(1, -1),) * self.grid.ndim] = False
+        axes = tuple(range(-self.grid.ndim, 0))
+        return jnp.sum(self.pressure, axes, where=rim) / jnp.sum(self.pressure, axes)
+
+    @property
     def num_fft_pairs(self) -> Float[Array, ""]:
         return self.contact.num_fft_pairs
 
@@ -252,16 +331,19 @@ def slide(
     graded_solver: AbstractGradedSolver = Layering(),  # noqa: B008
     rtol: float | None = None,
     friction_rtol: float | None = None,
+    shear: ShearLaw | None = None,
+    temperature: ScalarLike | None = None,
+    heating: Any = None,
     start: Numbers | None = None,
     solution: ContactSolution | None = None,
     throw: bool = True,
 ) -> Sliding:
     """Returns friction, contact area and fields of a rough surface sliding on a block.
 
-    Differentiable in every leaf of `stack`, `surface` and `law`, in `pressure` or `mean_gap` and in
-    `velocity`: `jax.grad(lambda s: slide(s, surface, pressure=p, velocity=v).friction)(stack)` is a
-    stack of derivatives. Works under `jit` and `vmap`; for a batch on a CPU prefer `jax.lax.map`,
-    see `solve_contact`.
+    Differentiable in every leaf of `stack`, `surface`, `law` and `shear`, in `pressure` or
+    `mean_gap`, in `velocity` and `temperature`: `jax.grad(lambda s: slide(s, surface, pressure=p,
+    velocity=v).friction)(stack)` is a stack of derivatives. Works under `jit` and `vmap`; for a
+    batch on a CPU prefer `jax.lax.map`, see `solve_contact`.
 
     **Arguments:**
 
@@ -278,6 +360,13 @@ def slide(
       slope, the error is relative to that 1 %. Or
     - `rtol`: requested relative error of the pressure [1]; 5e-5 if neither is given: the error of
       friction is then at most about 1e-4 of it.
+    - `shear`: law of the shear stress in the contact, called as shear(pressure, speed,
+      temperature), such as `ConstantShear` or `PeakedShear`; None for hysteresis alone. The shear
+      traction does not change the pressure, which is exact for ν = 1/2 on a half space.
+    - `temperature`: of the contact [K], for a law of shear that varies with it; with `heating` the
+      bulk temperature, to which the block is brought, see `Stack.at`.
+    - `heating`: conductivities, see `Heating`: the heat of friction then changes the temperature of
+      the block under the contact; `.heated` has the temperatures. None for one temperature.
     - `law`, `solver`, `adjoint`, `start`, `throw`: as in `solve_contact`.
     - `solution`: `.contact` of an earlier call with the same arguments. Nothing is solved then: the
       same numbers are returned, with derivatives.
@@ -289,10 +378,21 @@ def slide(
 
     **Raises:** `ValueError` for a refused argument; `RuntimeError` if kernel or solve fail.
     """
-    kernel, velocity, reached = kernel_and_velocity(
+    if heating is not None:
+        inputs = {
+            "surface": surface, "pressure": pressure, "mean_gap": mean_gap, "velocity": velocity,
+            "law": law, "shear": shear, "temperature": temperature, "start": start,
+        }  # fmt: skip
+        settings = {
+            "solver": solver, "adjoint": adjoint, "graded_solver": graded_solver, "rtol": rtol,
+            "friction_rtol": friction_rtol, "throw": throw,
+        }  # fmt: skip
+        return _settled(heating, stack, inputs, settings, solution)
+    kernel, velocity, reached, kernel_error = kernel_and_velocity(
         stack, surface, velocity, solver, graded_solver, throw
     )
-    rtol, target = _tolerance(rtol, friction_rtol, kernel, surface, velocity, law)
+    sheared = shear_stress(shear, direction_and_speed(velocity)[1], temperature)
+    rtol, target = _tolerance(rtol, friction_rtol, kernel, surface, velocity, law, sheared)
     contact = solve_contact(
         kernel,
         surface.heights,
@@ -317,6 +417,28 @@ def slide(
         velocity=velocity,
         law=law,
         measured_range=_coverage(stack),
+        kernel_error=kernel_error,
+        shear=sheared,
+    )
+
+
+def _settled(heating, stack, inputs, settings, solution) -> Sliding:
+    """The contact at the temperatures that it causes."""
+    if not hasattr(heating, "settle"):
+        raise ValueError(f"`heating={short(heating)}` must be a `Heating(conductivity, ...)`.")
+    if solution is not None:
+        raise ValueError("`solution` is refused with `heating`: the temperatures belong to it.")
+    _check_parts(stack, inputs["surface"])
+    check_periodic(inputs["surface"])
+    # Temperatures are as noisy as the contact is inaccurate.
+    rtol, friction_rtol = settings["rtol"] or RTOL, settings["friction_rtol"]
+    return heating.settle(
+        lambda stack, **inputs: slide(stack, **inputs, **settings),
+        stack,
+        inputs["surface"].grid,
+        inputs,
+        3 * friction_rtol if friction_rtol else 10 * rtol,
+        settings["throw"],
     )
 
 
@@ -331,7 +453,7 @@ def _with_kernel_result(contact: ContactSolution, reached) -> ContactSolution:
     return dataclasses.replace(contact, result=result)
 
 
-def _tolerance(rtol, friction_rtol, kernel, surface: Surface, velocity, law):
+def _tolerance(rtol, friction_rtol, kernel, surface: Surface, velocity, law, shear):
     """The tolerance of the solve, and its target if that is not the pressure."""
     if rtol is not None and friction_rtol is not None:
         raise ValueError(
@@ -340,17 +462,15 @@ def _tolerance(rtol, friction_rtol, kernel, surface: Surface, velocity, law):
     if friction_rtol is None:
         return RTOL if rtol is None else rtol, None
     check_tolerance("friction_rtol", friction_rtol, surface.heights)
-    heights = surface.heights
+    heights, cell = surface.heights, surface.grid if surface.periodic else doubled(surface.grid)
     velocity, tolerance = (jnp.asarray(a, heights.dtype) for a in (velocity, friction_rtol))
-    return friction_rtol, FrictionAndArea(kernel, heights, surface.grid, velocity, law, tolerance)
+    target = FrictionAndArea(kernel, heights, cell, velocity, law, tolerance, shear)
+    return friction_rtol, target
 
 
 def kernel_and_velocity(stack, surface, velocity, solver, graded_solver, throw):
-    """The kernel on the surface's grid, the velocity as an array, and if the kernel is good."""
-    if not isinstance(stack, Stack):
-        raise ValueError(f"`stack={short(stack)}` must be a `Stack(layers=..., base=...)`.")
-    if not isinstance(surface, Surface):
-        raise ValueError(f"`surface={short(surface)}` must be a `Surface(heights, grid)`.")
+    """The kernel for the surface, the velocity as an array, if the kernel is good, its error."""
+    _check_parts(stack, surface)
     velocity = as_float(velocity, "velocity")
     numbers, oblique = num_numbers(stack), velocity.ndim > 0
     check_memory(
@@ -362,17 +482,29 @@ def kernel_and_velocity(stack, surface, velocity, solver, graded_solver, throw):
         "sliding",
         num_devices(surface.grid.size),
     )
-    if throw:
-        kernel, reached = (
-            stack_kernel(stack, surface.grid, velocity, graded_solver=graded_solver),
-            True,
-        )
-    else:
-        kernel, reached = attempted_kernel(
-            stack, surface.grid, velocity, graded_solver=graded_solver
-        )
+
+    def kernel_on(cell: Grid):
+        if throw:
+            return stack_kernel(stack, cell, velocity, graded_solver=graded_solver), True
+        return attempted_kernel(stack, cell, velocity, graded_solver=graded_solver)
+
     at_rest = is_concrete(velocity) and not np.any(np.asarray(velocity))
-    return (kernel.real if at_rest else kernel), velocity, reached
+    if surface.periodic:
+        kernel, reached = kernel_on(surface.grid)
+        return (kernel.real if at_rest else kernel), velocity, reached, None
+    near, reached = kernel_on(doubled(surface.grid))
+    far, also = kernel_on(long_cell(surface.grid))
+    if at_rest:
+        near, far = near.real, far.real
+    kernel, error = without_images(near, far, surface.grid)
+    return kernel, velocity, (True if throw else reached & also), error
+
+
+def _check_parts(stack, surface) -> None:
+    if not isinstance(stack, Stack):
+        raise ValueError(f"`stack={short(stack)}` must be a `Stack(layers=..., base=...)`.")
+    if not isinstance(surface, Surface):
+        raise ValueError(f"`surface={short(surface)}` must be a `Surface(heights, grid)`.")
 
 
 OBSERVABLES = tuple(

@@ -17,6 +17,7 @@ it. The corrections in use slow the diffusion: x(v) replaces v, with dx/dv = S.
   "Xu24"), whose forms of the other two are those above.
 """
 
+from collections.abc import Callable
 from functools import partial
 from typing import Literal
 
@@ -46,12 +47,29 @@ def mean_square_growth(x: Float[Array, "*n"]) -> Float[Array, "*n"]:
     return jnp.where(spread, (1 + safe) * area(safe) + tail - 1, x)
 
 
-def density(x: Float[Array, "n 1"], stress: Float[Array, "1 m"]) -> Float[Array, "n m"]:
+def density(x: Float[Array, "n 1"], stress: Float[Array, "#n m"]) -> Float[Array, "n m"]:
     """Returns P at stresses [1] after diffusion up to `x`; 0 where nothing has spread."""
     safe = jnp.where(x > 0, x, 1)
     # exp(-(σ-1)²/2x) - exp(-(σ+1)²/2x), without the difference of neighbours
     images = jnp.exp(-((stress - 1) ** 2) / (2 * safe)) * -jnp.expm1(-2 * stress / safe)
     return jnp.where(x > 0, images / jnp.sqrt(2 * np.pi * safe), 0)
+
+
+def mean_in_contact(
+    function: Callable[[Float[Array, "n m"]], Float[Array, "n m"]], x: Float[Array, " n"]
+) -> Float[Array, " n"]:
+    """Returns the mean of a function of the stress [1] over the contact, after diffusion up to `x`.
+
+    Gauss's rule over eight standard deviations on either side of σ = 1, as far as σ > 0. Where
+    nothing has spread, all contact is at σ = 1.
+    """
+    nodes, weights = (jnp.asarray(a, x.dtype) for a in np.polynomial.legendre.leggauss(64))
+    spread = jnp.sqrt(jnp.where(x > 0, x, 1))
+    low, high = jnp.maximum(1 - 8 * spread, 0)[:, None], 1 + 8 * spread[:, None]
+    stress = low + (high - low) * (1 + nodes) / 2
+    weights = weights * density(jnp.where(x > 0, x, 1)[:, None], stress)
+    values = jnp.where(x[:, None] > 0, function(stress), function(jnp.ones_like(stress)))
+    return jnp.sum(weights * values, -1) / jnp.sum(weights, -1)
 
 
 def slowing(correction: Correction, x: Float[Array, "*n"]) -> Float[Array, "*n"]:

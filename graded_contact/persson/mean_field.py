@@ -23,6 +23,8 @@ which at A = 1 is the exact friction of complete contact. A correction slows the
 S dV: V' replaces V in the area, A S replaces A in the friction. (Programs that have S in the
 friction alone keep the uncorrected area; here one diffusion gives both.)
 
+Shear in the contact adds ∫τ_f(σ) P(σ) dσ/σ0, P being the density of the pressure.
+
 Sources: B. N. J. Persson, J. Chem. Phys. 115 (2001) 3840, doi:10.1063/1.1388626; layered solids:
 M. Scaraggi, B. N. J. Persson, arXiv:1506.06955. Signs, factors and the stack's M in place of the
 half space's are derived from complete contact.
@@ -48,10 +50,11 @@ from ..response.kernel import stack_kernel
 from ..response.layering import Layering
 from ..response.stack import Stack
 from ..rheology.measured import coverage
+from ..rheology.shear import ShearLaw, shear_stress
 from ..rheology.softening import at_strain
 from ..roughness.spectrum import CutoffCurve, SelfAffine
 from ..roughness.surface import Surface
-from .diffusion import Correction, area, density
+from .diffusion import Correction, area, density, mean_in_contact
 from .modes import add_up
 from .quadrature import LAST_COSINE, integrate
 from .roughness import as_roughness
@@ -69,19 +72,24 @@ class MeanField(eqx.Module):
 
     **Fields:**
 
-    - `friction`: force opposing the motion over the load [1], with all roughness.
+    - `friction`: force opposing the motion over the load [1], with all roughness; hysteresis and
+      shear together.
+    - `hysteresis_friction`: the part of the friction that is dissipated in the block [1].
+    - `shear_friction`: the part from shear in the contact [1]; 0 without `shear`.
     - `contact_area`: fraction of the nominal area in contact [1], with all roughness.
     - `against_cutoff`: with roughness up to each of `n` cut-offs only; friction there may ring by
       1e-3 of the whole where few nodes resolve it.
     - `stress_variance`: V' [Pa²], how far the pressure has spread at each cut-off, shape `(n,)`.
     - `pressure`: the mean pressure σ0 [Pa].
-    - `extrapolated_friction`: share of the friction from frequencies at which a material of the
+    - `extrapolated_friction`: share of the hysteresis from frequencies at which a material of the
       stack was not measured [1], to about 1 % by the quadrature; see `coverage`.
     - `error`: estimated relative error of friction and area by the quadrature [1], in the median
       4 times the true one; 0 for a surface, whose modes are summed.
     """
 
     friction: Float[Array, ""]
+    hysteresis_friction: Float[Array, ""]
+    shear_friction: Float[Array, ""]
     contact_area: Float[Array, ""]
     against_cutoff: CutoffCurve
     stress_variance: Float[Array, " n"]
@@ -110,14 +118,16 @@ def mean_field_friction(
     num_angles: int = 16,
     graded_solver: AbstractGradedSolver = Layering(),  # noqa: B008 (immutable)
     rtol: float = 1e-4,
+    shear: ShearLaw | None = None,
+    temperature: ScalarLike | None = None,
     throw: bool = True,
 ) -> MeanField:
     """Returns friction and contact area of a rough surface sliding on a stack, by Persson's theory.
 
-    Differentiable in every leaf of `stack` and `spectrum`, in `pressure` and `velocity`; works
-    under `jit` and `vmap`. A friction curve is `jax.lax.map(lambda v: mean_field_friction(stack,
-    spectrum, pressure=p, velocity=v), velocities)` inside `jax.jit`, on a CPU faster than `vmap`
-    because the data of one velocity stay in the cache.
+    Differentiable in every leaf of `stack`, `spectrum` and `shear`, in `pressure`, `velocity` and
+    `temperature`; works under `jit` and `vmap`. A friction curve is `jax.lax.map(lambda v:
+    mean_field_friction(stack, spectrum, pressure=p, velocity=v), velocities)` inside `jax.jit`, on
+    a CPU faster than `vmap` because the data of one velocity stay in the cache.
 
     **Arguments:**
 
@@ -141,6 +151,8 @@ def mean_field_friction(
     - `num_angles`: intervals between the directions along and across the velocity, a multiple of 4.
     - `graded_solver`: the solver of graded layers and its tolerance, `Layering()` or `Riccati()`.
     - `rtol`: largest acceptable `error` [1].
+    - `shear`, `temperature`: law of the shear stress in the contact and its temperature [K], as in
+      `slide`.
     - `throw`: whether to raise if it is exceeded; otherwise look at `.error`.
 
     **Returns:** friction and contact area at every cut-off, see `MeanField`.
@@ -150,6 +162,7 @@ def mean_field_friction(
     pressure, velocity = as_scalar(pressure, "pressure"), as_velocity(velocity)
     check_positive("pressure", pressure, "[Pa]")
     check_tolerance("rtol", rtol, pressure)
+    stress = shear_stress(shear, direction_and_speed(velocity)[1], temperature)
     # On input the value is unknown if the pressure is traced.
     load = jnp.where(pressure > 0, pressure, jnp.nan)
     ratio = None
@@ -178,10 +191,15 @@ def mean_field_friction(
             graded_solver, ratio,
         )  # fmt: skip
     contact_area = area(x)
+    sheared = jnp.zeros_like(friction)
+    if stress is not None:
+        sheared = contact_area * mean_in_contact(lambda sigma: stress(sigma * load), x) / load
     solution = MeanField(
-        friction=friction[-1],
+        friction=friction[-1] + sheared[-1],
+        hysteresis_friction=friction[-1],
+        shear_friction=sheared[-1],
         contact_area=contact_area[-1],
-        against_cutoff=CutoffCurve(q, friction, contact_area),
+        against_cutoff=CutoffCurve(q, friction + sheared, contact_area),
         stress_variance=x * load * load,
         pressure=load,
         extrapolated_friction=share,

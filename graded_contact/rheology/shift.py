@@ -93,7 +93,8 @@ class WLF(AbstractShift):
     def _checked(self, temperature: ScalarLike) -> Float[Array, ""]:
         temperature = as_scalar(temperature, "temperature")
         if is_concrete(temperature) and is_concrete(self.c2) and is_concrete(self.reference):
-            vogel = float(self.reference - self.c2)
+            # By NumPy: known temperatures stay known inside `jit`.
+            vogel = float(np.asarray(self.reference) - np.asarray(self.c2))
             check_values(
                 "temperature",
                 temperature,

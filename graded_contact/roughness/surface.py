@@ -76,16 +76,18 @@ class Step(NamedTuple):
 
 @shown("grid", "heights", "measured", "history", "caveats")
 class Surface(eqx.Module):
-    """Heights of a periodic rough surface.
+    """Heights of a rough surface: periodic, or on a window with no pressure around it.
 
     **Fields:**
 
     - `heights`: h [m], shape `grid.shape`. The mean need not be zero; contact ignores it.
-    - `grid`: the periodic cell.
+    - `grid`: the periodic cell, or the window.
     - `history`: the changes of the heights, one sentence each. Static.
     - `measured`: how much of each height was measured [1], shape `grid.shape`: 1 as measured, 0
       invented to fill a hole, the factor of the window where tapered; None: all alike.
     - `steps`: the roughness after every step of reading. Static.
+    - `periodic`: whether the surface repeats. If not, as an indenter or the edge of a block, the
+      block's surface around the window is free of load. Static.
     """
 
     heights: Float[Array, "*shape"]
@@ -94,6 +96,7 @@ class Surface(eqx.Module):
     # Not Boolean: `jax.grad` by a surface needs numbers in every leaf.
     measured: Float[Array, "*shape"] | None
     steps: tuple[Step, ...] = eqx.field(static=True)
+    periodic: bool = eqx.field(static=True)
 
     def __init__(
         self,
@@ -102,10 +105,12 @@ class Surface(eqx.Module):
         history: tuple[str, ...] = (),
         measured: Numbers | None = None,
         steps: tuple[Step, ...] = (),
+        periodic: bool = True,
     ):
         check_type("grid", grid, Grid)
+        check_type("periodic", periodic, bool)
         check_type("history", history, tuple)
-        self.grid, self.history, self.steps = grid, history, steps
+        self.grid, self.history, self.steps, self.periodic = grid, history, steps, periodic
         self.heights = _on_grid("heights", heights, grid)
         check_values("heights", self.heights, "heights must be finite numbers [m]")
         self.measured = None if measured is None else _on_grid("measured", measured, grid)
@@ -117,6 +122,12 @@ class Surface(eqx.Module):
     def caveats(self) -> tuple[str, ...]:
         """Warnings about contact on this surface, one sentence each."""
         return caveats_of_steps(self.steps, np.asarray(self.grid.size).tolist())
+
+
+def check_periodic(surface: Surface) -> None:
+    """Raises `ValueError` for a surface on a window."""
+    if not surface.periodic:
+        raise ValueError("`surface` is on a window (`periodic=False`); a periodic one is needed.")
 
 
 def _on_grid(name: str, field: Numbers, grid: Grid) -> Array:
@@ -451,6 +462,7 @@ def resample(surface: Surface, shape: int | tuple[int, ...]) -> Surface:
 
     **Returns:** the surface on the other grid, of the same size.
     """
+    check_periodic(surface)
     old = surface.grid.shape
     if np.size(shape) != len(old):
         raise ValueError(f"`shape={shape}` is refused: {len(old)} whole numbers are needed.")
@@ -491,4 +503,4 @@ def _changed(
     if steps and is_concrete(heights):
         steps = (*steps, step(name, np.asarray(heights), np.asarray(grid.spacing)))
     history = (*surface.history, sentence)
-    return Surface(heights=heights, grid=grid, history=history, measured=measured, steps=steps)
+    return Surface(heights, grid, history, measured, steps, surface.periodic)

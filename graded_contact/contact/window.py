@@ -1,0 +1,148 @@
+"""Contacts on a window, with no pressure around it: indenters, spheres, edges of blocks.
+
+A kernel of a cell of twice the window's length gives the displacement of a pressure on the window
+(`response/window.py`). The contact on that cell is an ordinary one, under a law without any
+pressure outside the window: the first half of each axis. The heights there do not matter; mirrored
+ones have the mean and the rms of the window, and no steps.
+"""
+
+import dataclasses
+from collections.abc import Callable
+
+import equinox as eqx
+import jax
+import jax.numpy as jnp
+from jaxtyping import Array, Bool, Float, Inexact
+
+from ..fields.grid import half_shape
+from .law import AbstractLaw
+from .operator import displace
+from .solution import ContactSolution
+from .solver import Loading
+
+
+def is_window(kernel: Inexact[Array, "*half"], shape: tuple[int, ...]) -> bool:
+    """Returns whether a kernel is that of a window with fields of this shape."""
+    return kernel.shape == half_shape(_doubled(shape))
+
+
+class Windowed(AbstractLaw):
+    """A law without attraction on a window, and no pressure elsewhere: see `inside`."""
+
+    law: AbstractLaw
+
+    @property
+    def attracts(self):  # pyright: ignore[reportIncompatibleVariableOverride]
+        return self.law.attracts
+
+    @property
+    def bounds(self):
+        return self.law.bounds
+
+    @property
+    def steepest_rise(self):
+        return self.law.steepest_rise
+
+    def in_units(self, pressure, length):
+        return Windowed(self.law.in_units(pressure, length))
+
+    def proximal(self, v):
+        return jnp.where(inside(v.shape), self.law.proximal(v), 0)
+
+    def contact_indicator(self, pressure, gap, stiffness):
+        found = self.law.contact_indicator(pressure, gap, stiffness)
+        return jnp.where(inside(gap.shape), found, -stiffness * jnp.abs(gap))
+
+
+def inside(shape: tuple[int, ...]) -> Bool[Array, "*shape"]:
+    """Returns where the window is in a cell of this shape: in the first half of each axis."""
+    numbers = [jax.lax.broadcasted_iota(jnp.int32, shape, axis) for axis in range(len(shape))]
+    first = [2 * number < n for number, n in zip(numbers, shape, strict=True)]
+    return first[0] if len(shape) == 1 else first[0] & first[1]
+
+
+def on_cell(
+    field: Float[Array, "..."], kernel: Inexact[Array, "*half"], mode: str = "constant"
+) -> Float[Array, "..."]:
+    """Returns a field on the cell of a kernel: with zeros around if it is that of a window."""
+    if not is_window(kernel, field.shape):
+        return field
+    return jnp.pad(field, [(0, n) for n in field.shape], mode=mode)
+
+
+def on_window(field: Float[Array, "..."]) -> Float[Array, "..."]:
+    """Returns the part of a field on a window's cell that is on the window."""
+    return field[tuple(slice(0, n // 2) for n in field.shape)]
+
+
+def solve_on_window(
+    solve: Callable[..., ContactSolution],
+    kernel: Inexact[Array, "*half"],
+    heights: Float[Array, "*shape"],
+    loading: Loading,
+    *,
+    law: AbstractLaw,
+    target: Callable | None,
+    start: Float[Array, "*shape"] | None,
+    solution: ContactSolution | None,
+) -> ContactSolution:
+    """Returns the contact on a window, by a solver of contacts on its cell.
+
+    Arguments as in `solve_contact`, and `solve`, which has the others already. The mean pressure
+    and the mean gap are those of the window.
+    """
+    if law.attracts:
+        raise ValueError(f"`law={law}` attracts; on a window laws without attraction are needed.")
+    if loading.pressure is None:
+        raise ValueError(f"`mean_gap={loading.gap}`: on a window prescribe the `pressure`.")
+    on_part = None if target is None else lambda found: target(_on_part(found))
+    return _on_part(
+        solve(
+            kernel,
+            on_cell(heights, kernel, "symmetric"),
+            loading.pressure / 2**heights.ndim,
+            law=Windowed(law),
+            target=on_part,
+            start=None if start is None else on_cell(start, kernel),
+            solution=None if solution is None else _on_whole(solution, kernel, heights),
+        )
+    )
+
+
+@eqx.filter_jit
+def _on_part(found: ContactSolution) -> ContactSolution:
+    """The contact of a cell on its window."""
+    pressure, gap, moved = map(on_window, (found.pressure, found.gap, found.displacement))
+    return dataclasses.replace(
+        found,
+        pressure=pressure,
+        gap=gap,
+        displacement=moved - jnp.mean(moved),
+        correction=on_window(found.correction),
+        mean_pressure=jnp.mean(pressure),
+        mean_gap=jnp.mean(gap),
+    )
+
+
+@eqx.filter_jit
+def _on_whole(known: ContactSolution, kernel, heights) -> ContactSolution:
+    """The contact on the cell of a window's contact: around it, its pressure's displacement."""
+    pressure = on_cell(known.pressure, kernel)
+    own = displace(kernel, pressure)
+    own = own - jnp.mean(on_window(own))
+    around = own - on_cell(heights - jnp.mean(heights), kernel, "symmetric") + known.mean_gap
+    within = inside(pressure.shape)
+    displacement = jnp.where(within, on_cell(known.displacement, kernel), own)
+    return dataclasses.replace(
+        known,
+        pressure=pressure,
+        gap=jnp.where(within, on_cell(known.gap, kernel), around),
+        displacement=displacement - jnp.mean(displacement),
+        correction=on_cell(known.correction, kernel),
+        mean_pressure=jnp.mean(pressure),
+        mean_gap=known.mean_gap + jnp.mean(displacement),
+    )
+
+
+def _doubled(shape: tuple[int, ...]) -> tuple[int, ...]:
+    return tuple(2 * n for n in shape)

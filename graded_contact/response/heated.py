@@ -1,0 +1,58 @@
+"""A block whose temperature varies with depth."""
+
+import equinox as eqx
+import jax.numpy as jnp
+from jaxtyping import Array, Float
+
+from ..rheology.material import Elastic
+from .stack import GradedLayer, HalfSpace, Layer, Stack
+
+
+def check_heated(stack: Stack) -> None:
+    """Raises `ValueError` for a block whose layers cannot be cut."""
+    if any(isinstance(layer, GradedLayer) for layer in stack.layers):
+        raise ValueError(
+            "`stack` has a graded layer, which `heating` cannot cut: use `blocks.sliced` first."
+        )
+
+
+@eqx.filter_jit
+def heated(
+    stack: Stack,
+    temperature: Float[Array, ""],
+    rises: Float[Array, " cells"],
+    edges: Float[Array, " edges"],
+) -> Stack:
+    """Returns a block in thin layers, each at its temperature.
+
+    **Arguments:**
+
+    - `stack`: the block, without graded layers.
+    - `temperature`: of the block below the last edge [K].
+    - `rises`: above `temperature` between two edges each [K].
+    - `edges`: depths from 0 [m], one more than `rises`.
+    """
+    layers, top = [], jnp.zeros((), edges.dtype)
+
+    def cut(material, bottom):
+        """Layers of a material down to `bottom`; those that lie elsewhere have no thickness."""
+        if isinstance(material, Elastic):
+            return []
+        cuts = jnp.clip(edges, top, bottom)
+        return [
+            Layer(material.at(temperature + rises[i]), cuts[i + 1] - cuts[i])
+            for i in range(len(rises))
+        ]
+
+    for layer in stack.layers:
+        assert isinstance(layer, Layer)
+        bottom = top + layer.thickness
+        thin = cut(layer.material, bottom)
+        rest = bottom - jnp.maximum(top, edges[-1]) if thin else layer.thickness
+        layers += [*thin, Layer(layer.material.at(temperature), jnp.maximum(rest, 0))]
+        top = bottom
+    base = stack.base
+    if isinstance(base, HalfSpace):
+        layers += cut(base.material, jnp.maximum(top, edges[-1]))
+        base = HalfSpace(base.material.at(temperature))
+    return Stack(layers=tuple(layers), base=base)

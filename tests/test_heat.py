@@ -1,0 +1,223 @@
+"""Heat of friction over the depth is the work of friction; temperatures follow closed forms."""
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+import pytest
+from scipy.linalg import solve_banded
+
+import graded_contact as gc
+from graded_contact.contacts import (
+    ConstantShear,
+    Heating,
+    flash_temperature,
+    heat_depths,
+    heat_source,
+)
+from graded_contact.fields.grid import to_field, to_spectrum, wavenumber
+from graded_contact.friction.heat import shear_heat
+from graded_contact.friction.heating import temperatures, thermal_wavenumber
+
+CELL = 4e-3  # m
+Q0 = 2 * np.pi / CELL
+SPECTRUM = gc.SelfAffine(rms_slope=0.3, hurst=0.8, q_low=Q0, q_roll=2 * Q0, q_high=4 * Q0)
+SURFACE = gc.random_surface(SPECTRUM, gc.Grid((32, 32), CELL), jax.random.key(0))
+RUBBER = gc.Prony(1e6, [9e6, 2e7], [1e-2, 1e-4], 0.49)
+COAT = gc.Prony(5e6, [1e7], [1e-3], 0.4)
+HALF_SPACE = gc.Stack(base=gc.HalfSpace(RUBBER))
+COATED = gc.Stack(layers=(gc.Layer(COAT, 2e-4),), base=gc.HalfSpace(RUBBER))
+CLAMPED = gc.Stack(
+    layers=(gc.Layer(gc.Elastic(6e6, 0.3), 1e-4), gc.Layer(RUBBER, 1e-3)), base=gc.Rigid()
+)
+AGED = gc.Stack(
+    layers=(gc.GradedLayer(gc.Aged(RUBBER, 1.0, 5.0), 5e-4),), base=gc.HalfSpace(RUBBER)
+)
+RUBBER_HEAT = Heating(0.25, 1.1e-7)
+HOW = {"pressure": 4e5, "velocity": 0.5, "rtol": 1e-9}
+
+
+def heat_over_depth(stack, **how):
+    s = gc.slide(stack, SURFACE, **HOW | how)
+    depths, weights = heat_depths(stack, SURFACE.grid)
+    source = heat_source(s, stack, depths)
+    assert np.min(source) >= 0
+    made = np.sum(np.mean(source, (1, 2)) * np.asarray(weights))
+    return made / (float(s.hysteresis_friction) * 4e5 * 0.5)
+
+
+@pytest.mark.parametrize("stack", [HALF_SPACE, COATED, CLAMPED], ids=["half", "coat", "clamped"])
+def test_heat_over_the_depth_is_the_work_of_friction(stack):
+    assert abs(heat_over_depth(stack) - 1) <= 1e-3
+
+
+def test_heat_balances_along_an_oblique_velocity_and_in_one_dimension():
+    assert abs(heat_over_depth(COATED, velocity=[0.3, 0.4]) - 1) <= 1e-3
+    line = gc.Surface(SURFACE.heights[:, 3], gc.Grid(32, CELL))
+    s = gc.slide(COATED, line, pressure=1e5, velocity=0.5, rtol=1e-9)
+    depths, weights = heat_depths(COATED, line.grid)
+    made = jnp.sum(jnp.mean(heat_source(s, COATED, depths), 1) * weights)
+    np.testing.assert_allclose(made, s.friction * 1e5 * 0.5, rtol=1e-3)
+
+
+@pytest.mark.slow
+def test_heat_of_graded_layers_balances():
+    assert abs(heat_over_depth(AGED) - 1) <= 1e-3
+    blend = gc.GradedLayer(gc.Blend(RUBBER, COAT), 5e-4)
+    assert abs(heat_over_depth(gc.Stack(layers=(blend,), base=gc.Rigid())) - 1) <= 1e-3
+
+
+def test_elastic_blocks_and_blocks_at_rest_make_no_heat():
+    depths, _ = heat_depths(HALF_SPACE, SURFACE.grid, 2)
+    stiff = gc.Stack(base=gc.HalfSpace(gc.Elastic(1e7, 0.4)))
+    for stack, velocity in ((stiff, 0.5), (HALF_SPACE, 0.0)):
+        s = gc.slide(stack, SURFACE, **HOW | {"velocity": velocity})
+        assert np.max(np.abs(heat_source(s, stack, depths))) == 0
+
+
+def moving_band(peclet):
+    """Max and mean of T κ/(q b) under a band of half width b, above the temperature far ahead."""
+    half, n = 256, 2**21  # points
+    grid = gc.Grid(n, float(n) / half)
+    k = thermal_wavenumber(grid, jnp.asarray(2 * peclet), jnp.asarray(1.0))
+    q = 2 * np.pi * np.arange(n // 2 + 1) / float(grid.size[0])
+    # A band about x = 0, at rest in the frame of the surface.
+    flux = 2 * np.sin(q) / np.where(q == 0, 1, q) * n / float(grid.size[0])
+    rise = to_field(jnp.asarray(flux / np.asarray(k)).at[0].set(0), (n,))
+    ahead = rise[int(half * (1 + min(200, 30 / peclet)))]
+    under = jnp.concatenate([rise[-half:], rise[: half + 1]]) - ahead
+    return float(jnp.max(under)), float((jnp.sum(under) - (under[0] + under[-1]) / 2) / (2 * half))
+
+
+@pytest.mark.parametrize(
+    ("peclet", "highest", "mean"),
+    [
+        (0.1, 2.20033, 2.06162),
+        (1.0, 0.991850, 0.79976),
+        (10.0, 0.348500, 0.24129),
+        (100.0, 0.112436, 0.07535),
+    ],
+)
+def test_a_moving_band_is_as_hot_as_carslaw_and_jaeger_say(peclet, highest, mean):
+    """Conduction of Heat in Solids, 10.7; with the formula of high speed, (2/√π)/√(vb/2D)."""
+    found = moving_band(peclet)
+    np.testing.assert_allclose(found, (highest, mean), rtol=2e-3)
+    if peclet == 100:
+        np.testing.assert_allclose(found[0], 2 / np.sqrt(np.pi * peclet), rtol=5e-3)
+
+
+def test_a_disc_at_rest_has_its_temperature():
+    """At the centre qa/κ, on average 8qa/(3πκ), less the lattice of images, 3.900265 qa²/(2κL)."""
+    n = 512
+    grid = gc.Grid((n, n), 1.0)
+    radius = 0.1
+    # Sub-pixel share of the disc in each point, by a grid 8 times finer.
+    fine = ((np.arange(8 * n) + 0.5) / (8 * n) - 0.5) ** 2
+    disc = (fine[:, None] + fine <= radius**2).reshape(n, 8, n, 8).mean((1, 3))
+    k = thermal_wavenumber(grid, jnp.asarray(0.0), jnp.asarray(1.0))
+    rise = to_field((to_spectrum(jnp.asarray(disc)) / k).at[0, 0].set(0), (n, n))
+    images = 3.900265 * radius**2 / 2
+    np.testing.assert_allclose(rise.max() + images, radius, rtol=2e-3)
+    inside = np.sum(np.asarray(rise) * disc) / np.sum(disc) + images
+    np.testing.assert_allclose(inside, 8 * radius / (3 * np.pi), rtol=2e-3)
+
+
+@pytest.fixture(scope="module")
+def sheared():
+    how = HOW | {"shear": lambda pressure, speed, temperature: 0.5 * pressure}
+    return gc.slide(HALF_SPACE, SURFACE, **how)
+
+
+def test_heat_of_shear_is_its_work(sheared):
+    np.testing.assert_allclose(jnp.mean(shear_heat(sheared)), 0.5 * 4e5 * 0.5, rtol=1e-13)
+    constant = gc.slide(HALF_SPACE, SURFACE, **HOW | {"shear": ConstantShear(1e6)})
+    power = constant.shear_friction * 4e5 * 0.5
+    np.testing.assert_allclose(jnp.mean(shear_heat(constant)), power, rtol=1e-13)
+
+
+def test_temperature_of_sources_at_depth_solves_the_heat_equation(sheared):
+    """Against finite differences over the depth, for one wave, with an insulated surface."""
+    grid, still = sheared.grid, gc.slide(HALF_SPACE, SURFACE, **HOW)
+    edges = np.array([0.0, 1e-5, 1e-4, 2.5e-4])
+    source = jax.random.normal(jax.random.key(1), (3, *grid.shape))
+    at = np.array([0.0, 5e-5, 2e-4, 4e-4])
+    heating = Heating(0.25, 1e-4)
+    found = temperatures(still, heating, source, jnp.diff(edges), jnp.asarray(at))[:, 1, 2]
+    k = complex(thermal_wavenumber(grid, still.velocity, heating.diffusivity)[1, 2])
+    n, bottom = 20000, 2e-3
+    h = bottom / n
+    z = (np.arange(n) + 0.5) * h
+    heat = np.zeros(n, complex)
+    for i, wave in enumerate(to_spectrum(part)[1, 2] for part in source):
+        heat += np.where((z > edges[i]) & (z < edges[i + 1]), complex(wave), 0)
+    bands = np.zeros((3, n), complex)
+    bands[0, 1:] = bands[2, :-1] = -1 / h**2
+    bands[1] = 2 / h**2 + k**2
+    bands[1, 0] -= 1 / h**2
+    rise = solve_banded((1, 1), bands, heat / 0.25)
+    np.testing.assert_allclose(found, np.interp(at, z, rise), rtol=2e-4)
+
+
+def test_two_half_spaces_at_rest_share_the_heat_by_their_conductivities(sheared):
+    """With D so large that all is steady, each takes κ/(κ + κ')."""
+    none = jnp.zeros((1, *sheared.grid.shape)), jnp.array([1e-4]), jnp.zeros(1)
+    alone, shared = (
+        temperatures(sheared, Heating(0.25, 1e9, other), *none)[0] for other in (0.0, 1.0)
+    )
+    np.testing.assert_allclose(shared, alone / 5, rtol=1e-6, atol=1e-9)
+    equal = to_spectrum(shear_heat(sheared)) / (1.25 * jnp.maximum(wavenumber(sheared.grid), 1e-9))
+    np.testing.assert_allclose(shared[1:], equal[1:], rtol=1e-6, atol=1e-9)
+
+
+def test_heat_at_depth_makes_less_of_a_flash_than_at_the_surface():
+    """The usual estimates release all heat at the surface."""
+    s = gc.slide(HALF_SPACE, SURFACE, **HOW | {"pressure": 3e4})
+    rise = flash_temperature(s, HALF_SPACE, RUBBER_HEAT, [0.0, 1e-3])
+    np.testing.assert_allclose(jnp.mean(rise, (1, 2)), 0, atol=1e-12)
+    depths, weights = heat_depths(HALF_SPACE, s.grid)
+    flux = jnp.tensordot(weights, heat_source(s, HALF_SPACE, depths), 1)
+    k = thermal_wavenumber(s.grid, s.velocity, RUBBER_HEAT.diffusivity)
+    above = to_field((to_spectrum(flux) / (0.25 * k)).at[0, 0].set(0), s.grid.shape)
+    touching = s.pressure > 0
+    assert 0 < jnp.mean(rise[0][touching]) < 0.7 * jnp.mean(above[touching])
+    assert rise[0].max() > rise[1].max() > 0
+
+
+def test_derivatives_of_the_temperature_match_differences():
+    def contact_mean(strength, conductivity, diffusivity, other, speed):
+        rubber = gc.Prony(1e6, jnp.stack([strength, 2e7]), [1e-2, 1e-4], 0.49)
+        stack = gc.Stack(base=gc.HalfSpace(rubber))
+        s = gc.slide(stack, SURFACE, **HOW | {"velocity": speed, "shear": law, "rtol": 1e-11})
+        heating = Heating(conductivity, diffusivity, other)
+        rise = flash_temperature(s, stack, heating, [0.0])[0]
+        return jnp.mean(rise * s.pressure) / 4e5
+
+    def law(pressure, speed, temperature):
+        return 0.2 * pressure
+
+    arguments = tuple(map(jnp.asarray, (9e6, 0.25, 1.1e-7, 0.6, 0.5)))
+    run = jax.jit(contact_mean)
+    slopes = jax.jit(jax.grad(contact_mean, tuple(range(5))))(*arguments)
+    for i, (value, slope) in enumerate(zip(arguments, slopes, strict=True)):
+        step = 1e-5 * value
+        ends = [run(*arguments[:i], value + d, *arguments[i + 1 :]) for d in (step, -step)]
+        np.testing.assert_allclose(slope, (ends[0] - ends[1]) / (2 * step), rtol=1e-5)
+
+
+@pytest.mark.parametrize(
+    ("stack", "depths", "words"),
+    [
+        (HALF_SPACE, 1e-3, "`depths` has shape"),
+        (HALF_SPACE, [-1e-3], r"`depths\[0\]=-0.001`"),
+        (gc.Stack(base=gc.HalfSpace(gc.BulkShear(RUBBER, RUBBER))), [1e-3], "BulkShear"),
+        (
+            gc.Stack(
+                layers=(gc.GradedLayer(lambda s, w: (1e6 + 0 * s, 0.4), 1e-3),), base=gc.Rigid()
+            ),
+            [1e-4],
+            "graded layer with the profile",
+        ),
+    ],
+)
+def test_what_has_no_known_heat_is_refused(sheared, stack, depths, words):
+    with pytest.raises(ValueError, match=words):
+        heat_source(sheared, stack, depths)
