@@ -81,7 +81,7 @@ def to_pdf(shown: Shown) -> bytes:
     figure = new_figure(11.0, 5.6)
     entitle(figure, shown.model.title(shown.values))
     upper, lower = figure.subfigures(2, 1)
-    panels = upper.subplots(1, 4), lower.subplots(1, 2 if shown.derivatives is None else 4)
+    panels: Any = upper.subplots(1, 4), lower.subplots(1, 2 if shown.derivatives is None else 4)
     sliding = shown.contact.sliding
     points = {"friction": sliding.friction, "contact_area": sliding.contact_area_smooth}
     for axes, name in zip(panels[0], ("modulus", "loss_tangent", *points), strict=True):

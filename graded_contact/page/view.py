@@ -71,14 +71,11 @@ class Page(pn.viewable.Viewer):
         self._layers = pn.Column(**SMALL)
         self._material: Any = pn.widgets.Select(label="of material", **SMALL)
         self._field: Any = pn.widgets.RadioButtonGroup(
-            options=MAPS,
-            value="pressure",
-            variant="outline",
-            color="primary",
-            margin=(4, 48),
+            options=MAPS, variant="outline", color="primary", margin=(4, 48),
             sizing_mode="stretch_width",
-        )
-        self._field.param.watch(lambda _: self._show_map(), "value")
+        )  # fmt: skip
+        self._field.param.watch(self._show_map, "value")
+        self._field.param.watch(self._push, "value", precedence=1)
         self._layout = self._laid_out()
         watch = self.session.param.watch
         watch(self._show_model, "model")
@@ -111,8 +108,10 @@ class Page(pn.viewable.Viewer):
             ("Sliders", self._knobs), ("Layers", self._layers), ("Data", self._data()),
             ("Save", self._saving()), sizing_mode="stretch_width", margin=(2, 4),
         )  # fmt: skip
+        # The address of a notebook is not that of the page.
+        address = [Address(state=here.state, width=0, margin=0)] if pn.state.curdoc else []
         side = pn.Column(
-            pn.Row(spinner, status, Address(state=here.state, width=0, margin=0), **WIDE),
+            pn.Row(spinner, status, *address, **WIDE),
             pin,
             pn.pane.HTML(pn.bind(_words, here.message, here.error), **TEXT),
             pn.pane.HTML(pn.bind(_warnings, here.shown), **TEXT),
@@ -130,9 +129,7 @@ class Page(pn.viewable.Viewer):
         """The tab that takes files of the user."""
         options: dict[str, Any] = {
             "unit": pn.widgets.TextInput(placeholder="um", label="unit of its heights", **HALF),
-            "size": pn.widgets.FloatInput(
-                value=None, placeholder="1e-3", label="edge length [m]", **HALF
-            ),
+            "size": pn.widgets.TextInput(placeholder="1e-3", label="edge length [m]", **HALF),
             "periodic": pn.widgets.Select(label="its edges", options=EDGES, **SMALL),
         }
         tab, last = pn.Column(**SMALL), []
@@ -144,6 +141,13 @@ class Page(pn.viewable.Viewer):
         def topography(name: str, data: bytes) -> None:
             last[:] = [name, data]
             values = {name: widget.value for name, widget in options.items() if widget.value}
+            try:
+                if size := values.pop("size", ""):
+                    values["size"] = float(size.replace(",", "."))
+            except ValueError:
+                text = f"`edge length`: {size} is refused. Enter metres, such as 1e-3."
+                self.session.show_message(text)
+                return
             self.session.take_file(name, data, partial(scenes.with_topography, options=values))
 
         def again(_: Any) -> None:
@@ -244,7 +248,7 @@ class Page(pn.viewable.Viewer):
         if any(event.name == "curves" for event in events):
             self._bars.fade(0.35)
 
-    def _show_map(self) -> None:
+    def _show_map(self, *_: Any) -> None:
         """Draws the chosen field of the contact."""
         if self.session.shown is None:
             return
