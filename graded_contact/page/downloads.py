@@ -80,7 +80,8 @@ def to_pdf(shown: Shown) -> bytes:
     """Returns a vector figure of curves, contact and derivatives."""
     figure = new_figure(11.0, 5.6)
     entitle(figure, shown.model.title(shown.values))
-    upper, lower = figure.subfigures(2, 1)
+    halves: Any = figure.subfigures(2, 1)
+    upper, lower = halves
     panels: Any = upper.subplots(1, 4), lower.subplots(1, 2 if shown.derivatives is None else 4)
     sliding = shown.contact.sliding
     points = {"friction": sliding.friction, "contact_area": sliding.contact_area_smooth}
