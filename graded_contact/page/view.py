@@ -41,7 +41,6 @@ ASIDE = f""":host {{flex: 1 1 {SIDE}px; min-width: 0; padding-bottom: 8px}}
 @media (min-width: 900px) {{:host {{position: sticky; top: 64px; height: calc(100vh - 64px);
   overflow: hidden auto; max-width: {SIDE}px; border-right: 1px solid #e3e6ea}}}}"""
 HALF: dict[str, Any] = {"sizing_mode": "stretch_width", "margin": (4, 8), "min_width": 60}
-DROP = ".filepond--drop-label {font-size: 14px}"
 TEXT: dict[str, Any] = {"stylesheets": [STYLES], "margin": (0, 8), **SMALL}
 MAPS = {
     "pressure": "pressure", "gap": "gap", "displacement": "displacement", "surface": "heights",
@@ -159,7 +158,7 @@ class Page(pn.viewable.Viewer):
             widget.param.watch(again, "value")
 
         def dropper(take: Callable[[str, bytes], None]) -> Dropper:
-            new = Dropper(stylesheets=[DROP], **SMALL)
+            new = Dropper(**SMALL)
             new.param.watch(lambda event: self.session.show_message(event.new), "refusal")
             new.param.watch(partial(dropped, take), "value")
             return new
