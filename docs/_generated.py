@@ -250,7 +250,9 @@ def commands_page() -> str:
     names = [command.callback.__name__ for command in app.registered_commands if command.callback]
     parts = ["# The command `graded-contact`"]
     for name in ("", *names):
-        said = runner.invoke(app, [*filter(None, [name]), "--help"]).output
+        said = runner.invoke(
+            app, [*filter(None, [name]), "--help"], prog_name="graded-contact"
+        ).output
         lines = "\n".join(line.rstrip() for line in said.strip().splitlines())
         parts += [f"## `graded-contact {name}`" if name else "", f"```text\n{lines}\n```"]
     return "\n\n".join(parts)

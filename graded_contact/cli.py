@@ -4,6 +4,7 @@ Exit codes: 0 success; 1 a solve failed or did not converge, or a design misses 
 input was refused; 130 and 143 ended by Ctrl-C or SIGTERM, with the finished solves written.
 """
 
+import os
 from importlib.metadata import version
 from typing import Annotated
 
@@ -15,13 +16,14 @@ from .command.design import design
 from .command.explore import explore
 from .command.fit import fit
 from .command.friction_table import table
+from .command.new import new
 from .command.scene import demo, info, run
 from .command.session import prepare
 
 app = typer.Typer(
     help="Friction and contact area of layered viscoelastic blocks on rough surfaces.",
     no_args_is_help=True,
-    add_completion=False,
+    context_settings={"color": False} if os.environ.get("NO_COLOR") else {},
     pretty_exceptions_show_locals=False,
 )
 
@@ -44,5 +46,5 @@ def main(
     prepare()
 
 
-for job in (demo, run, info, table, compare, fit, design, explore):
+for job in (demo, new, run, info, table, compare, fit, design, explore):
     app.command()(job)

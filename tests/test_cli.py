@@ -3,6 +3,7 @@
 import csv
 import errno
 import json
+import logging
 import os
 import re
 import shutil
@@ -15,6 +16,7 @@ import tomllib
 from pathlib import Path
 
 import equinox as eqx
+import jax
 import numpy as np
 import pytest
 from scenes import BARE as SCENE
@@ -27,9 +29,10 @@ from graded_contact.command import session
 from graded_contact.command.tables import with_error
 from graded_contact.files.dataset import write
 from graded_contact.files.results import kept_solves, read_results, state_of, surface_of
-from graded_contact.files.scene import parse_scene
+from graded_contact.files.scene import parse_scene, read_scene
 from graded_contact.roughness.surface import Step
 from graded_contact.studies import run_scene as run_module
+from graded_contact.studies.scene_theory import mean_field_at
 from graded_contact.studies.store import Store
 
 
@@ -133,6 +136,8 @@ def test_a_dry_run_prints_what_was_read_and_refuses_what_a_run_would(tmp_path):
         "surface: 1 mm x 1 mm, rms height", "rms slope 0.2", "contact solves         2",
         "layers[0]: The thickness of 50 m is unusual (usual are 1 nm to 1 m): check units.",
         "[design] is not used by this command",
+        "layer 1                50 m of tread (tyre tread: ",
+        "sliding velocity       10 mm/s to 1 m/s, 2 values",
     ):  # fmt: skip
         assert text in result.stdout
     table = "f [Hz],E' [Pa],E'' [Pa]\n" + "".join(f"{f},{1e6 + f},1e5\n" for f in range(1, 9))
@@ -141,6 +146,35 @@ def test_a_dry_run_prints_what_was_read_and_refuses_what_a_run_would(tmp_path):
     for option in ([], ["--dry-run"]):
         result = command("run", tmp_path / "b.toml", "-o", tmp_path / "out", *option)
         assert result.exit_code == 2 and "velocity" in result.stderr
+
+
+def test_seeds_are_means_with_their_error_and_every_one_if_asked(tmp_path):
+    text = SCENE.replace("hurst = 0.8", "hurst = 0.8\nseeds = 3").replace("[32, 32]", "[16, 16]")
+    (tmp_path / "s.toml").write_text(text.replace("8e4", "4e4"))
+    arguments = ("run", tmp_path / "s.toml", "-o", tmp_path)
+    result = command(*arguments, "--map", "velocity=0.02", "--map", "seed=1")
+    assert result.exit_code == 0, result.output
+    assert "means of 3 surfaces ± standard error" in result.stdout
+    results = read_results(tmp_path / "s.h5")
+    assert kept_solves(results) == [(1, 0, 0)]
+    friction = results.friction.values
+    mean, error = friction.mean(0)[0], friction.std(0, ddof=1)[0] / 3**0.5
+    assert all(with_error(*pair) in result.stdout for pair in zip(mean, error, strict=True))
+    with open(tmp_path / "s.csv", newline="") as file:
+        rows = list(csv.DictReader(file))
+    assert [row["surfaces"] for row in rows] == ["3", "3"]
+    np.testing.assert_allclose([float(row["friction [1]"]) for row in rows], mean)
+    np.testing.assert_allclose([float(row["friction_seed_error [1]"]) for row in rows], error)
+    worst = [float(row["friction_error [1]"]) for row in rows]
+    np.testing.assert_allclose(worst, results.friction_error.values.max(0)[0])
+    result = command(*arguments, "--all-seeds")
+    rows = [line for line in result.stdout.splitlines() if line.strip()[:1].isdigit()]
+    assert len(rows) == 1 + 6  # "6 of 6 solves are found"
+    assert len((tmp_path / "s.csv").read_text().splitlines()) == 7
+    assert kept_solves(read_results(tmp_path / "s.h5")) == [(2, 0, 1)]
+    for option, expected in (("speed=1", "'speed' is no axis"), ("seed=a", "`--map seed=a`:")):
+        refused = command(*arguments, "--map", option)
+        assert refused.exit_code == 2 and expected in refused.stderr
 
 
 @pytest.fixture
@@ -412,6 +446,51 @@ def fitted_isotherms(folder, off, options):
     scene = SCENE.replace('[materials.tread]\nkind = "tyre_tread"\n', card)
     scene = scene.replace("[0.01, 1.0]", "[1e-3, 1e-2]\ntemperature = [275.0, 290.0]")
     return path, scene.replace("[32, 32]", "[16, 16]").replace("8e4", "4e4")
+
+
+def test_two_files_make_a_scene_that_runs(tmp_path, monkeypatch):
+    road = gc.random_surface(
+        gc.SelfAffine(rms_slope=0.2, hurst=0.8, q_low=6.3e3, q_roll=1.3e4, q_high=2.6e4),
+        gc.Grid((16, 16), 1e-3), jax.random.key(0),
+    )  # fmt: skip
+    (tmp_path / "data").mkdir()
+    np.savetxt(tmp_path / "data" / "road.txt", 1e6 * np.asarray(road.heights).T)
+    moduli = moduli_file(tmp_path / "tread.csv", [-20.0, -5.0, 10.0, 25.0])
+    words = ("new", tmp_path / "data" / "road.txt", moduli, "--terms", 4, "-o", tmp_path / "out")
+    bare = command(*words)
+    assert bare.exit_code == 2 and "--size METRES" in bare.stderr
+    words = (*words, "--size", 1e-3, "--height-unit", "um")
+    result = command(*words)
+    path = tmp_path / "out" / "scene.toml"
+    assert result.exit_code == 0, result.output
+    assert f"next: graded-contact run {path}" in result.stdout.replace("\n", " ")
+    scene = read_scene(path)
+    assert scene.surface.arguments["shape"] == (32, 32) and scene.errors
+    assert len(scene.temperature) > 1 and "(10 °C)" in path.read_text()
+    assert 10 <= scene.velocity[-1] / scene.velocity[0] <= 1000
+    area = mean_field_at(scene, run_module.build_surface(scene), (1, 0, 3)).contact_area
+    assert 0.03 < area < 0.3  # "contact on about 10 %"
+    monkeypatch.chdir(tmp_path)
+    dry = command("run", path, "--dry-run")  # refuses friction that was not measured
+    assert dry.exit_code == 0, dry.output
+    text = " ".join(dry.stdout.split())
+    for part in (
+        "base half-space of tread (prony:",
+        "surface ../data/road.txt",
+        "temperature 253.15 K",
+    ):
+        assert part in text
+    again = command(*words)
+    assert again.exit_code == 2 and "scene.toml exists" in again.stderr
+
+
+def test_the_progress_shows_what_the_cache_does_not_have():
+    shown = []
+    with session._on_compiling(lambda: shown.append(None)):
+        jax.jit(lambda x: x + len(shown))(1.0)
+        logging.getLogger("jax._src.compiler").debug("PERSISTENT COMPILATION CACHE MISS for 'x'")
+        assert shown
+    assert not logging.getLogger("jax._src.compiler").filters
 
 
 @pytest.mark.parametrize("kind, off, options", [LAW, TABLE])

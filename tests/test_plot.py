@@ -1,6 +1,7 @@
 """Figures without a display: one style, units in every label, and in them what was computed."""
 
 import base64
+import dataclasses
 import math
 import re
 from typing import NamedTuple
@@ -17,6 +18,7 @@ from graded_contact.core.display import unit_of
 from graded_contact.core.quantities import OBSERVABLES
 from graded_contact.files.dataset import attach
 from graded_contact.files.results import surface_variables
+from graded_contact.plot.words import title_of
 from graded_contact.studies.uncertainty import Sensitivity
 
 
@@ -115,7 +117,8 @@ def made(axes, names=(), failing=()):
     for index in failing:
         message[index] = "failed: no kernel"
         friction[index] = np.nan
-    results = make_results(axes, values, message, master_curve="At 300 K.")
+    scene = "[[layers]]\nmaterial = 'coat'"
+    results = make_results(axes, values, message, master_curve="At 300 K.", scene=scene)
     for name in names:
         results[name] = 10.0 ** (results.temperature - 300) * results.velocity
     return attach(results)
@@ -141,10 +144,54 @@ def test_seeds_are_a_band_paths_are_colours_and_temperatures_dashes():
     assert len({line.get_linestyle() for line in lines}) == 3
     # Velocity 0.01 comes first; the mean over the seeds is half a step above that of the first.
     np.testing.assert_allclose(lines[0].get_ydata(), [1.5, 0, 2.5, 3.5])
-    band = axes.collections[0].get_paths()[0].vertices
-    assert np.isclose(band[:, 1].max(), 3.95) and np.isclose(band[:, 1].min(), 0)
-    names = [text.get_text() for text in axes.get_legend().get_texts()]
-    assert names == ["10 µm", "not converged", "50 µm", "280 K", "300 K", "320 K"]
+    # Of two numbers that differ by 1 the standard error is 1/2; one number has none.
+    band = axes.collections[3].get_paths()[0].vertices
+    assert np.isclose(band[:, 1].max(), 5) and np.isclose(band[:, 1].min(), 1)
+    (legend,) = figure.legends
+    assert {text.get_text() for text in legend.get_texts()} == {
+        "coat thickness 10 µm", "coat thickness 50 µm", "not converged",
+        "temperature 280 K (6.85 °C)", "temperature 300 K (26.85 °C)",
+        "temperature 320 K (46.85 °C)", "mean of 2 surfaces ± standard error",
+    }  # fmt: skip
+    every = gc.plot.plot_sweep(results, all_seeds=True).axes[0]
+    assert len(straight(every)) == 6 * (1 + 2)
+
+
+def test_a_legend_lies_below_the_panels_and_these_have_letters():
+    figure = gc.plot.plot_sweep(made(VARIED))
+    figure.draw_without_rendering()
+    (legend,) = figure.legends
+    top = legend.get_window_extent().y1
+    assert all(axes.get_tightbbox().y0 >= top for axes in figure.axes)
+    assert [axes.get_title("left") for axes in figure.axes] == ["(a)", "(b)"]
+    assert all(axes.get_legend() is None for axes in figure.axes)
+
+
+@pytest.mark.parametrize(
+    "path, words",
+    [
+        ("layers[0].thickness", "coat thickness"),
+        ("layers[1].thickness", "layer 2 (glue) thickness"),
+        ("layers[0].material.strengths[1]", "coat branch modulus 2"),
+        ("layers[3].profile.top.modulus", "hard Young's modulus"),
+        ("base.material.shift.c1", "tread first constant of the WLF law"),
+        ("layers[9].thickness", "layer 10 thickness"),
+        ("pressure", "mean pressure"),
+        ("speed of sound", "speed of sound"),
+    ],
+)
+def test_paths_are_named_by_the_materials_of_the_scene(path, words):
+    layers = ['material="coat"', 'material="glue"', 'material="glue"', 'bottom="soft"\ntop="hard"']
+    text = "\n".join(f"[[layers]]\n{layer}" for layer in layers) + '\n[base]\nmaterial="tread"'
+    assert title_of(path, text) == words
+
+
+def test_full_contact_has_no_empty_panel():
+    fields, surface = make_fields((8, 8))
+    full = Fields(pressure=fields.pressure + 1e6, gap=0 * fields.gap, displacement=fields.gap)
+    maps, shares = gc.plot.plot_sliding(full, surface), gc.plot.plot_distributions(full)
+    assert len([axes for axes in maps.axes if axes.images]) == 2 and len(shares.axes) == 1
+    assert maps.get_suptitle() == shares.get_suptitle() == "full contact: there is no gap"
 
 
 def test_reduced_velocities_shift_each_temperature():
@@ -307,10 +354,11 @@ def test_the_outline_of_a_contact_runs_between_its_points_and_the_others():
 
 def theory(mean=4e5, spread=9e5):
     """A mean field whose pressure has spread this far."""
-    zero = jnp.zeros(())
+    zeros = {field.name: jnp.zeros(()) for field in dataclasses.fields(gc.contacts.MeanField)}
     curve = gc.contacts.CutoffCurve(jnp.array([1.0, 2.0]), jnp.zeros(2))
     variance = jnp.array([0.0, spread**2])
-    return gc.contacts.MeanField(zero, zero, curve, variance, jnp.array(mean), zero, zero)
+    known = {"against_cutoff": curve, "stress_variance": variance, "pressure": jnp.array(mean)}
+    return gc.contacts.MeanField(**zeros | known)
 
 
 def test_distributions_enclose_the_area_and_perssons_the_mean_pressure():
@@ -369,7 +417,7 @@ def test_a_master_curve_shows_isotherms_before_and_after_shifts_and_law(curve):
     drawn = {(float(p.get_xdata()[0]), float(p.get_ydata()[0])) for p in points}
     for values in (curve.log10_shifts, curve.vertical_shifts):
         assert drawn >= set(zip(TEMPERATURES, map(float, values), strict=True))
-    law = next(line for line in along.lines if line.get_label() == "WLF")
+    law = next(line for line in along.lines if line.get_label() == "WLF law")
     np.testing.assert_allclose(law.get_ydata()[-1], np.log10(curve.law.factor(310.0)), rtol=1e-6)
 
 

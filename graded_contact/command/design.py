@@ -17,6 +17,7 @@ from ..studies.run_design import check_design, run_design
 from ..studies.store import Store
 from .session import DryRun, FigureFormat, Format, Output, progress, refusing, save_figure
 from .tables import print_read
+from .understood import print_understood
 
 
 def design(
@@ -35,6 +36,7 @@ def design(
     with refusing(), interruptible() as interruption:
         study = read_design(scene_file)
         if dry_run:
+            print_understood(study.scene)
             typer.echo(design_cost(study).report())
             check_design(study)
             rough = study.spectrum
@@ -64,7 +66,11 @@ def design(
                 typer.echo(f"wrote {stem}.{suffix}")
             interruption.check()
             save_figure(plot_design(results), Path(f"{stem}.{form}"), form)
-            save_figure(plot_history(results.design), Path(f"{stem}-history.{form}"), form)
+            save_figure(
+                plot_history(results.design, scene=study.scene.text),
+                Path(f"{stem}-history.{form}"),
+                form,
+            )
         except Interrupted:
             typer.echo("Interrupted: the same command goes on from here.", err=True)
             raise typer.Exit(interruption.exit_code) from None

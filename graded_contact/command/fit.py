@@ -29,6 +29,7 @@ _SUFFIXES = {"abaqus": ".inp", "ansys": ".mac"}
 _FIT_OPTIONS = {
     "units": "--unit QUANTITY=UNIT", "columns": "--column QUANTITY=NAME",
     "temperature": "--temperature KELVIN", "throw": "--anyway",
+    "size": "--size METRES", "unit": "--height-unit",
     **{name: f"--{name.replace('_', '-')}" for name in (
         "kind", "deformation", "poisson", "sheet", "step", "terms", "law", "shift_std",
         "vertical_shift_std", "equilibrium", "glassy", "storage_weight", "loss_weight",
@@ -43,13 +44,18 @@ Files = Annotated[
     ),
 ]  # fmt: skip
 Text, Texts, Number = str | None, list[str] | None, float | None
-Terms = Annotated[int | None, Option(min=1, help="Number of terms (default: BIC).")]
+Terms = Annotated[
+    int | None, Option(min=1, help="Number of terms (default: that of the lowest BIC).")
+]
 Poisson = Annotated[float, Option(help="Poisson's ratio of the material.")]
 Kind = Annotated[Text, Option(help="frequency, relaxation or creep.")]
 Deformation = Annotated[Text, Option(help="tension or shear, if it is not in the file.")]
 Temperature = Annotated[
     list[float] | None,
-    Option(metavar="KELVIN", help="One temperature, or one per file (or curve)."),
+    Option(
+        metavar="KELVIN",
+        help="Temperature of the data: one for all, or one for each file or curve.",
+    ),
 ]
 SheetName = Annotated[Text, Option(help="Name of the sheet of a workbook.")]
 Steps = Annotated[
@@ -107,23 +113,19 @@ def fit(
 ) -> None:
     """Fits a Prony series to files of a rheometer or DMA: prints it as a table for a scene.
 
-    Several isotherms, in one file or several, are shifted into a master curve.
+    Several isotherms, in one file or several, are shifted into a master curve. With a topography
+    `graded-contact new` fits and writes the whole scene.
     """
-    with refusing(), _naming_options():
+    with refusing(), naming_options():
         for other in card or []:
             if other not in FORMATS:
                 raise ValueError(f"`--card {other}` is not known; {nearest(other, FORMATS)}")
         folder = full_path(str(output or f"{moduli_files[0].stem}-fit"))
         check_folder(folder)
-        columns = _pairs("column", column)
-        measured = read_moduli(
-            moduli_files, kind=kind, deformation=deformation, poisson=poisson, sheet=sheet,
-            units=_pairs("unit", unit), step=step,
-            columns={key: int(v) if v.isdecimal() else v for key, v in columns.items()},
-            temperature=temperature[0] if temperature and len(temperature) == 1 else temperature,
+        measured = read_measured(
+            moduli_files, column, unit, temperature, kind=kind, deformation=deformation,
+            poisson=poisson, sheet=sheet, step=step,
         )  # fmt: skip
-        for sentence in measured.history:
-            typer.echo(_with_options(sentence))
         measured = _without_wild(measured, robust)
         arguments = {
             "terms": terms, "poisson": poisson, "equilibrium": equilibrium, "glassy": glassy,
@@ -131,10 +133,29 @@ def fit(
         }  # fmt: skip
         weights = {"storage_weight": storage_weight, "loss_weight": loss_weight}
         shifts = {"law": law, "shift_std": shift_std, "vertical_shift_std": vertical_shift_std}
-        found = _fitted(measured, shifts, weights, arguments)
-        name = re.sub(r"\W", "_", moduli_files[0].stem)
-        name = name if name[:1].isalpha() else f"material_{name}"
-        _write(folder, name, found, ("toml", *(card or [])), form)
+        found = fitted(measured, shifts, weights, arguments)
+        write_fit(folder, material_name(moduli_files[0]), found, ("toml", *(card or [])), form)
+    files = " ".join(map(str, moduli_files))
+    typer.echo(f"next: graded-contact new TOPOGRAPHY {files}   (writes a scene that runs)")
+
+
+def read_measured(moduli_files, column, unit, temperature, **options) -> Measured:
+    """Reads moduli with options as texts, and prints how they were understood."""
+    columns = _pairs("column", column)
+    measured = read_moduli(
+        moduli_files, units=_pairs("unit", unit), **options,
+        columns={key: int(v) if v.isdecimal() else v for key, v in columns.items()},
+        temperature=temperature[0] if temperature and len(temperature) == 1 else temperature,
+    )  # fmt: skip
+    for sentence in measured.history:
+        typer.echo(_with_options(sentence))
+    return measured
+
+
+def material_name(path: Path) -> str:
+    """A name for the material of a file, as scenes and other programs take it."""
+    name = re.sub(r"\W", "_", path.stem)
+    return name if name[:1].isalpha() else f"material_{name}"
 
 
 def _without_wild(measured: Measured, robust: bool) -> Measured:
@@ -155,8 +176,8 @@ def _without_wild(measured: Measured, robust: bool) -> Measured:
     return without(measured, wild) if robust else measured
 
 
-def _write(folder: Path, name: str, found: tuple, cards: tuple, form: str) -> None:
-    """Prints the report, and writes figures, cards and errors of what `_fitted` returned."""
+def write_fit(folder: Path, name: str, found: tuple, cards: tuple, form: str) -> None:
+    """Prints the report, and writes figures, cards and errors of what `fitted` returned."""
     figures, material, errors, report = found
     typer.echo(f"\n{report}\n\n{export_prony(material, 'toml', name=name)}")
     folder.mkdir(parents=True, exist_ok=True)
@@ -187,14 +208,14 @@ def _with_options(message: str) -> str:
 
 
 @contextlib.contextmanager
-def _naming_options() -> Iterator[None]:
+def naming_options() -> Iterator[None]:
     try:
         yield
     except ValueError as error:
         raise ValueError(_with_options(str(error))) from error
 
 
-def _fitted(measured, shifts, weights, arguments):
+def fitted(measured, shifts, weights, arguments):
     """Figures by the ends of their names; the material, its errors, and the report."""
     check_law(shifts["law"])
     isotherms = measured.isotherms()

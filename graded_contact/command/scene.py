@@ -17,11 +17,13 @@ from ..files.results import (
     contact_at,
     kept_solves,
     lost_solves,
+    over_seeds,
     read_results,
     surface_of,
     warnings_of,
 )
 from ..files.scene import Scene, parse_scene, read_scene
+from ..files.schema import nearest, within
 from ..files.toml import parse_toml
 from ..plot import (
     plot_dissipation,
@@ -33,7 +35,7 @@ from ..plot import (
     plot_sweep,
 )
 from ..plot.style import entitle
-from ..plot.sweeps import label_of, title_of
+from ..plot.words import label_of, title_of
 from ..roughness.surface import Surface
 from ..studies.cost import scene_cost
 from ..studies.interruption import Interrupted, Interruption, interruptible
@@ -43,6 +45,7 @@ from ..studies.store import Store
 from ..studies.uncertainty import Sensitivity
 from ..studies.workers import check_workers
 from .session import (
+    AllSeeds,
     DryRun,
     FigureFormat,
     Format,
@@ -50,12 +53,12 @@ from .session import (
     Replace,
     Scheduler,
     Workers,
-    announce_compilation,
     progress,
     refusing,
     save_figure,
 )
 from .tables import print_decisive, print_read, print_steps, print_table
+from .understood import print_understood
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -73,7 +76,6 @@ def demo(
     form: FigureFormat = Format.PNG,
 ) -> None:
     """Runs a built-in scene: tyre tread with a modified layer of 50 µm on a rough road."""
-    announce_compilation()
     text = resources.files("graded_contact.studies").joinpath("demo.toml").read_text("utf-8")
     text = text.replace("shape = [256, 256]", f"shape = [{resolution}, {resolution}]")
     with refusing():
@@ -90,6 +92,16 @@ def run(
     output: Output = None,
     replace: Replace = False,
     dry_run: DryRun = False,
+    all_seeds: AllSeeds = False,
+    at: Annotated[
+        list[str] | None,
+        typer.Option(
+            "--map",
+            metavar="NAME=VALUE",
+            help="Draw the contact at this value of an axis, for instance velocity=0.1 (SI units); "
+            "may be repeated (default: the last value of each axis).",
+        ),
+    ] = None,
     workers: Workers = None,
     scheduler: Scheduler = None,
     form: FigureFormat = Format.PNG,
@@ -105,24 +117,43 @@ def run(
         scene = read_scene(scene_file)
         folder = output or scene.directory or Path(f"{scene_file.stem}-results")
         name = scene.name or scene_file.stem
+        engine["kept"] = _chosen(scene, at or [])
         if dry_run:
+            print_understood(scene)
             typer.echo(scene_cost(scene).report())
             surface, *_ = _prepared(scene, folder, name, replace)
             check_run(scene, surface)
             return
-    run_scene_into(scene, folder, name, replace, form, engine)
+    run_scene_into(scene, folder, name, replace, form, engine, all_seeds)
+
+
+def _chosen(scene: Scene, texts: list[str]) -> tuple[int, ...]:
+    """The index of the point nearest to these values of axes; of other axes the last."""
+    index = {name: len(values) - 1 for name, values in scene.axes.items()}
+    for text in texts:
+        name, _, value = text.partition("=")
+        if name not in index:
+            raise ValueError(f"`--map {text}`: {name!r} is no axis; {nearest(name, index)}")
+        with within(f"`--map {text}`:"):
+            index[name] = int(np.argmin(np.abs(scene.axes[name] - float(value))))
+    return tuple(index.values())
 
 
 def info(
     result_file: Annotated[
         Path, typer.Argument(metavar="RESULT.h5", help="Result file.", show_default=False)
     ],
+    all_seeds: AllSeeds = False,
 ) -> None:
     """Prints a result file: inputs, versions, and the table of results."""
     with refusing():
         results = read_results(result_file)
     for name, value in results.attrs.items():
-        if name not in ("scene", "caveats") and not name.startswith("surface_") and value != "":
+        if (
+            name not in ("scene", "caveats", "kept")
+            and not name.startswith("surface_")
+            and value != ""
+        ):
             typer.echo(f"{name:22} {str(value).replace(chr(10), chr(10) + 23 * ' ')}")
     surface = surface_of(results)
     shape, size = surface.grid.shape, surface.grid.size
@@ -132,11 +163,17 @@ def info(
     print_steps(surface)
     kept = ", ".join(map(str, kept_solves(results))) or "none"
     typer.echo(f"{'fields kept':22} {kept} ({', '.join(map(str, results['message'].dims))})")
-    print_table(results)
+    print_table(results, all_seeds)
 
 
 def run_scene_into(
-    scene: Scene, folder: Path, name: str, replace: bool, form: str, engine: dict[str, Any]
+    scene: Scene,
+    folder: Path,
+    name: str,
+    replace: bool,
+    form: str,
+    engine: dict[str, Any],
+    all_seeds: bool = False,
 ) -> None:
     """Solves a scene, prints its table and writes its files; `run_scene` takes `engine`."""
     with refusing(), interruptible() as interruption:
@@ -144,12 +181,12 @@ def run_scene_into(
         folder = file.parent
         with Store(folder / f"{name}.points") as store:
             results = _solved(scene, surface, names, store, interruption, engine)
-            print_table(results)
+            print_table(results, all_seeds)
             whole = interruption.signal is None
             decided = what_decides(scene, surface) if whole else {}
             print_decisive(decided)
-            if _write(file, results, replace):
-                figures = [_figures(results, decided)]
+            if _write(file, results, replace, all_seeds):
+                figures = [_figures(results, decided, all_seeds)]
                 kept = kept_solves(results)
                 figures += [_contacts(scene, results, index, len(kept), whole) for index in kept]
                 for key, figure in itertools.chain(*figures):
@@ -249,22 +286,25 @@ def _refuse_other(file: Path, scene: Scene, names: np.ndarray) -> None:
     )
 
 
-def _write(file: Path, results: "Dataset", replace: bool) -> bool:
+def _write(file: Path, results: "Dataset", replace: bool, all_seeds: bool) -> bool:
     """Writes results unless the file that exists holds more, and returns whether it did."""
     finished = results["point"].values[(results["message"] != NOT_STARTED).values]
     if not replace and (lost := lost_solves(file, finished)[0]):
         typer.echo(f"{file} holds {lost} solves that were not done again: it is not changed")
         return False
     write(file, results)
-    write_csv(file.with_suffix(".csv"), results)
+    means = "seed" in results["message"].dims and not all_seeds
+    write_csv(file.with_suffix(".csv"), over_seeds(results) if means else results)
     for path in (file, file.with_suffix(".csv")):
         typer.echo(f"wrote {path}")
     return True
 
 
-def _figures(results: "Dataset", decided: Decided) -> Iterator[tuple[str, "Figure"]]:
+def _figures(
+    results: "Dataset", decided: Decided, all_seeds: bool
+) -> Iterator[tuple[str, "Figure"]]:
     """Yields each figure of all solves with the end of its name."""
-    yield "sweep", plot_sweep(results)
+    yield "sweep", plot_sweep(results, all_seeds=all_seeds)
     if "reduced_velocity" in results:
         yield "master", plot_reduced(results)
     elif "master_curve" in results.attrs:
@@ -295,7 +335,9 @@ def _contacts(
             waves = cumulative_friction(pressure, displacement, surface.grid, velocity)
             curves = {"contact": waves, "mean field": theory.against_cutoff}
             figures["dissipation"] = plot_dissipation(curves)
-    title = ", ".join(f"{title_of(str(name))} {label_of(at[name])}" for name in at.coords)
+    title = ", ".join(
+        f"{title_of(str(name), scene.text)} {label_of(at[name])}" for name in at.coords
+    )
     for key, figure in figures.items():
         entitle(figure, title)
         yield "-".join(map(str, (key, *(index if num_kept > 1 else ())))), figure

@@ -2,6 +2,7 @@
 
 import contextlib
 import hashlib
+import logging
 import os
 import platform
 import stat
@@ -47,8 +48,13 @@ Replace = Annotated[
 DryRun = Annotated[
     bool,
     typer.Option(
-        "--dry-run", help="Print estimated memory, number of solves and run time, then exit."
+        "--dry-run",
+        help="Print what was understood (block, surface, loads) and the cost, then exit.",
     ),
+]
+AllSeeds = Annotated[
+    bool,
+    typer.Option("--all-seeds", help="Show every random surface, not their mean ± standard error."),
 ]
 Workers = Annotated[
     int | None,
@@ -82,13 +88,6 @@ def prepare() -> None:
         jax.config.update("jax_persistent_cache_min_entry_size_bytes", -1)
 
 
-def announce_compilation() -> None:
-    """Prints that the job compiles, if the cache of compiled code is empty."""
-    folder = cache_folder()
-    if folder is None or not any(folder.iterdir()):
-        typer.echo(COMPILING, err=True)
-
-
 @contextlib.contextmanager
 def refusing() -> Iterator[None]:
     """Prints the message of a refused input, without a traceback, and exits with code 2."""
@@ -111,7 +110,7 @@ def progress(interruption: Interruption) -> Iterator[Callable[[str, int, int], N
         TextColumn("left"), TimeRemainingColumn(),
     )  # fmt: skip
     with Progress(*columns, console=Console(stderr=True)) as bar:
-        task = bar.add_task("", total=None)
+        task = bar.add_task("starting", total=None)
 
         def advance(text: str, done: int, total: int) -> None:
             if bar.tasks[task].total != total:
@@ -120,7 +119,28 @@ def progress(interruption: Interruption) -> Iterator[Callable[[str, int, int], N
             bar.update(task, description=text, completed=done)
             interruption.check()
 
-        yield advance
+        with _on_compiling(lambda: bar.update(task, description=COMPILING)):
+            yield advance
+
+
+@contextlib.contextmanager
+def _on_compiling(tell: Callable[[], None]) -> Iterator[None]:
+    """Calls `tell` when JAX compiles a program that the cache of compiled code does not have."""
+    log = logging.getLogger("jax._src.compiler")
+
+    def seen(record: logging.LogRecord) -> bool:
+        if "CACHE MISS" in str(record.msg):
+            tell()
+        return record.levelno >= logging.WARNING
+
+    level = log.level
+    log.addFilter(seen)
+    log.setLevel(logging.DEBUG)
+    try:
+        yield
+    finally:
+        log.setLevel(level)
+        log.removeFilter(seen)
 
 
 def save_figure(figure: "Figure", path: Path, form: str) -> None:

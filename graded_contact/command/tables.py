@@ -12,8 +12,10 @@ from rich.table import Table
 from rich.text import Text
 
 from ..core.display import with_unit
-from ..files.results import state_of, warnings_of
+from ..core.quantities import AXES
+from ..files.results import SEED_ERROR, over_seeds, state_of, warnings_of
 from ..files.scene import Scene
+from ..plot.words import title_of
 from ..roughness.surface import Surface, statistics
 from ..studies.uncertainty import Sensitivity
 
@@ -23,6 +25,7 @@ if TYPE_CHECKING:
 # Heads and formats of the columns, by the name of the quantity.
 COLUMNS = {
     "friction": ("friction", "#.4g"),
+    "friction_standard_error": ("± materials", ".1e"),  # of means over seeds
     "friction_error": ("± solver", ".1e"),
     "geometric_friction": ("friction\n(geometric)", "#.4g"),
     "contact_area": ("area\n(pixels)", ".5f"),
@@ -42,27 +45,42 @@ STATES = {
 }
 
 
-def print_table(results: "Dataset") -> None:
-    """Prints one line for each solve, then the reasons of solves that did not converge."""
+def print_table(results: "Dataset", all_seeds: bool = False) -> None:
+    """Prints one line for each solve, then the reasons of solves that did not converge.
+
+    Of several random surfaces a line has the mean and its standard error, unless `all_seeds`.
+    """
+    every, warnings = results, list(warnings_of(results))
+    error = "friction_standard_error"
+    if "seed" in every["message"].dims and not all_seeds:
+        results, error = over_seeds(every), SEED_ERROR
+        seeds = every["message"].dims.index("seed")
+        warnings = [caveat._replace(where=caveat.where.any(seeds)) for caveat in warnings]
+        typer.echo(f"Numbers are means of {every.sizes['seed']} surfaces ± standard error.")
     axes = results["message"].dims
     others = axes[:-2]  # the last two are pressure and velocity
     names = [name for name in COLUMNS if name in results]
     if "measured" not in results:
         names.remove("unmeasured_friction")
-    heads = ["velocity\n[m/s]", "pressure\n[MPa]", *map(str, others)]
-    for i, name in enumerate(others, start=2):
-        heads[i] += f"\n[{unit}]" if (unit := results[name].attrs.get("units", "1")) != "1" else ""
+    means = ("friction", "contact_area_smooth")  # the line is as wide as for one surface
+    errors = {"friction": error} if results is every else {n: n + error for n in means}
+    errors = {name: other for name, other in errors.items() if other in results}
+    names = [name for name in names if name not in errors.values()]
+    heads = ["velocity\n[m/s]", "pressure\n[MPa]"]
+    for name in map(str, others):
+        unit = results[name].attrs.get("units", "1")
+        head = name if name in AXES else title_of(name, results.attrs["scene"])
+        heads.append(head.replace(" ", "\n", 1) + (f" [{unit}]" if unit != "1" else ""))
     table = Table(box=box.SIMPLE_HEAD, pad_edge=False)
     for head in (*heads, *(COLUMNS[name][0] for name in names), ""):
         table.add_column(Text(head), justify="right", no_wrap=True)
-    warnings, states = warnings_of(results), state_of(results).values
-    error = "friction_standard_error"
-    values = {name: results[name].values for name in (*names, error) if name in results}
+    states = state_of(results).values
+    values = {name: results[name].values for name in (*names, *errors.values())}
     for index in np.ndindex(states.shape):
         *at, load, speed = (results[a].values[i] for a, i in zip(axes, index, strict=True))
         cells = {name: format(values[name][index], COLUMNS[name][1]) for name in names}
-        if error in values:
-            cells["friction"] = with_error(*(float(values[n][index]) for n in ("friction", error)))
+        for pair in errors.items():
+            cells[pair[0]] = with_error(*(float(values[name][index]) for name in pair))
         mark = f"[bold red]{state}[/] " if (state := states[index]) else ""
         doubts = ",".join(str(n) for n, c in enumerate(warnings, start=1) if c.where[index])
         mark += f"[yellow]({doubts})[/]" if doubts else ""
@@ -74,12 +92,12 @@ def print_table(results: "Dataset") -> None:
     console.print(table)
     for number, caveat in enumerate(warnings, start=1):
         console.print(f"[bold yellow]({number})[/] {escape(caveat.sentence)}", soft_wrap=True)
-    warning = Console(stderr=True)
+    warning, states = Console(stderr=True), state_of(every).values
     for state, text in STATES.items():
         chosen = states == state
         if np.any(chosen):
             warning.print(f"[bold red]Warning:[/] {chosen.sum()} of {chosen.size} solves {text}.")
-            for message in sorted(set(results["message"].values[chosen]) - {state}):
+            for message in sorted(set(every["message"].values[chosen]) - {state}):
                 warning.print(message, markup=False)
 
 

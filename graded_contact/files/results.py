@@ -5,7 +5,7 @@ The results of a scene have, over the axes that it varies, one variable for each
 decides the numbers). Over `x` and `y` are the `heights` of the surface, of the first seed, and how
 much of them was `measured`. Fields of solves that were kept are `contact_pressure`, `gap`,
 `displacement` and, where each seed has its own, `contact_heights`: over the axes, `x` and `y` if
-all solves were kept, over `x` and `y` if only the last one was.
+all solves were kept, over `x` and `y` if only one was, whose index is the attribute `kept`.
 """
 
 import json
@@ -19,7 +19,7 @@ import numpy as np
 from ..core.warnings import Caveat, caveats_of, caveats_of_steps
 from ..fields.grid import Grid
 from ..roughness.surface import Step, Surface
-from .dataset import FAILED, LOST, NOT_STARTED, read
+from .dataset import FAILED, LOST, NOT_STARTED, mean_and_error, read
 
 if TYPE_CHECKING:
     from xarray import DataArray, Dataset
@@ -31,6 +31,12 @@ KEPT_FIELDS = {
     "displacement": "displacement",
     "heights": "contact_heights",
 }
+SEED_ERROR = "_seed_error"
+# Numbers that differ from surface to surface, and whose mean is meant; of all others the largest.
+MEANS = (
+    "friction", "geometric_friction", "contact_area", "contact_area_corrected",
+    "contact_area_smooth", "mean_gap",
+)  # fmt: skip
 
 
 def read_results(path: str | os.PathLike) -> "Dataset":
@@ -69,6 +75,35 @@ def warnings_of(results: "Dataset") -> tuple[Caveat, ...]:
     everywhere = np.ones(results["message"].shape, bool)
     of_surface = caveats_of_steps(_steps_of(results), _size_of(results).tolist())
     return (*(Caveat(text, everywhere) for text in of_surface), *caveats_of(results))
+
+
+def over_seeds(results: "Dataset") -> "Dataset":
+    """Returns results without their seeds: means over the surfaces that succeeded.
+
+    `NAME_seed_error` is the standard error of the mean of NAME, NaN for one surface. Errors of
+    solvers and shares are the largest of the surfaces, `surfaces` counts them. The `message` is
+    empty if all succeeded.
+    """
+    axes = results["message"].dims
+    whole = results[[n for n, v in results.data_vars.items() if {"seed"} <= {*v.dims} <= {*axes}]]
+    whole = whole.drop_vars("point", errors="ignore")
+    mean, error = mean_and_error(whole)
+    solved = results["message"] == ""
+    largest = whole.drop_vars("message").where(solved).max("seed", keep_attrs=True)
+    found = {}
+    for name in mean.data_vars:
+        found[name] = (mean if name in MEANS else largest)[name]
+        if name in MEANS:
+            found[f"{name}{SEED_ERROR}"] = error[name]
+    count, state = solved.sum("seed"), state_of(results)
+    lost = state.isin(["failed", NOT_STARTED]).all("seed")
+    some = [f"{n} of {solved.seed.size} surfaces succeeded." for n in count.values.ravel()]
+    part = np.where(lost, results["message"].isel(seed=0), np.reshape(some, count.shape))
+    found["message"] = count.copy(data=np.where(count == solved.seed.size, "", part))
+    rest = results.drop_dims("seed")
+    return rest.assign(found | {"surfaces": count}).transpose(
+        *(a for a in axes if a != "seed"), ...
+    )
 
 
 def surface_variables(surface: Surface) -> tuple[dict, dict, dict]:
@@ -111,11 +146,12 @@ def _steps_of(results: "Dataset") -> tuple[Step, ...]:
 
 def kept_solves(results: "Dataset") -> list[tuple[int, ...]]:
     """Returns the indices along the axes of the solves whose fields were kept."""
-    shape = results["message"].shape
     if "gap" not in results:
         return []
     if results["gap"].ndim == results["heights"].ndim:
-        return [tuple(n - 1 for n in shape)]
+        if "kept" in results.attrs:
+            return [tuple(map(int, results.attrs["kept"].split()))]
+        return [tuple(n - 1 for n in results["message"].shape)]  # in files of earlier versions
     solved = ~np.isin(state_of(results), (NOT_STARTED, "failed"))
     return [tuple(map(int, index)) for index in np.argwhere(solved)]
 

@@ -20,7 +20,10 @@ from .style import (
     HEIGHTS,
     PAGE,
     PRESSURES,
+    entitle,
     few_powers_of_ten,
+    legend_below,
+    letters,
     new_figure,
     styled,
 )  # fmt: skip
@@ -41,6 +44,7 @@ BINS = 50
 SHOWN_SHARE = 0.999  # of the points of a distribution
 REACH = 4.0  # standard deviations of the theory that a figure shows
 PER_DECADE = 10  # steps of the friction per ln q
+FULL = "full contact: there is no gap"
 
 
 @styled
@@ -49,8 +53,9 @@ def plot_sliding(
 ) -> "Figure":
     """Returns a figure of heights, contact pressure and gap: maps, or lines of a profile.
 
-    Pressure is white out of contact, gap is white in contact. The colours of the pressure follow
-    the square root. Labels give the range of outliers, which lie beyond the scale.
+    Pressure is white out of contact, gap is white in contact; in full contact there is no gap to
+    show. The colours of the pressure follow the square root. Labels give the range of outliers,
+    which lie beyond the scale.
 
     **Arguments:**
 
@@ -60,15 +65,22 @@ def plot_sliding(
     """
     heights, size = np.asarray(surface.heights), np.asarray(surface.grid.size)
     fields = {"heights": heights - np.mean(heights), **masked_fields(sliding)}
+    if not np.any(np.isfinite(fields["gap"])):
+        del fields["gap"]
+    count = len(fields)
     if heights.ndim == 1:
-        figure = new_figure(PAGE, 4.4)
-        panels = figure.subplots(3, 1, sharex=True)
+        figure = new_figure(PAGE, 0.5 + 1.3 * count)
+        panels = figure.subplots(count, 1, sharex=True)
     else:
-        figure = new_figure(PAGE, 1.0 + 2.1 * float(np.clip(size[1] / size[0], 0.5, 2.0)))
-        panels = figure.subplots(1, 3, sharex=True, sharey=True)
+        tall = 1.0 + 2.1 * float(np.clip(size[1] / size[0], 0.5, 2.0))
+        figure = new_figure(PAGE * count / 3, tall)
+        panels = figure.subplots(1, count, sharex=True, sharey=True)
     for axes, (name, values) in zip(panels, fields.items(), strict=True):
         draw_field(axes, name, values, size)
         axes.label_outer()
+    letters(panels)
+    if "gap" not in fields:
+        entitle(figure, FULL)
     _draw_direction(panels[1], np.atleast_1d(as_float(velocity, "velocity")))
     return figure
 
@@ -199,7 +211,7 @@ def plot_outline(sliding: "Sliding | Dataset", surface: Surface) -> "Figure":
         touching = np.where(pressure > 0, scale * heights, np.nan)
         axes.plot(x[0], touching, ".-", color=COLOURS[1], linewidth=2.5, label="contact")
         axes.set(xlabel=f"$x$ [{unit}]", ylabel=label)
-        axes.legend()
+        legend_below(figure)
         return figure
     figure = new_figure(COLUMN, 0.4 + 2.7 * float(np.clip(size[1] / size[0], 0.5, 2.0)))
     axes = figure.subplots()
@@ -222,6 +234,7 @@ def plot_distributions(
     """Returns a figure of the distributions of contact pressure and gap.
 
     Densities are over the nominal area: that of the pressure has the contact area as its integral.
+    In full contact there is no gap to show.
     In Persson's theory the pressure has a Gaussian distribution less its mirror image.
 
     **Arguments:**
@@ -230,8 +243,10 @@ def plot_distributions(
     - `mean_field`: the result of `mean_field_friction` for the same contact, to compare with.
     """
     pressure, gap = np.ravel(sliding.pressure), np.ravel(sliding.gap)
-    figure = new_figure(PAGE, 2.7)
-    left, right = figure.subplots(1, 2)
+    open_points = (pressure <= 0) & (gap > 0)
+    count = 1 + bool(np.any(open_points))
+    figure = new_figure(PAGE * count / 2, 2.7)
+    left, *right = figure.subplots(1, count, squeeze=False)[0]
     high = 0.0
     if mean_field is not None:
         spread = float(np.sqrt(mean_field.stress_variance[-1]))
@@ -241,13 +256,17 @@ def plot_distributions(
         stress = np.linspace(0, high, 400)
         density = np.asarray(pressure_distribution(mean_field, stress))[-1]
         left.plot(scale * stress, density / scale, color=COLOURS[1], label="Persson's theory")
-    _, scale = _draw_density(right, "gap", gap, (pressure <= 0) & (gap > 0))
-    mean = float(np.mean(gap))
-    label = f"mean {with_unit(mean, 'm')}"
-    right.axvline(scale * mean, color="0.3", linewidth=0.8, linestyle="--", label=label)
-    for axes in (left, right):
-        axes.legend()
+    for axes in right:
+        _, scale = _draw_density(axes, "gap", gap, open_points)
+        mean = float(np.mean(gap))
+        label = f"mean gap {with_unit(mean, 'm')}"
+        axes.axvline(scale * mean, color="0.3", linewidth=0.8, linestyle="--", label=label)
+    for axes in (left, *right):
         axes.set(xlim=(0, None), ylim=(0, None))
+    letters((left, *right))
+    legend_below(figure)
+    if not right:
+        entitle(figure, FULL)
     return figure
 
 
@@ -298,6 +317,7 @@ def plot_dissipation(curves: CutoffCurve | Mapping[str, CutoffCurve]) -> "Figure
         axes.set_xlabel("wavenumber $q$ [rad/m]")
     every = np.concatenate([np.asarray(curve.cutoff) for curve in by_label.values()])
     few_powers_of_ten(total.xaxis, np.min(every), np.max(every))
+    letters((total, each))
     if any(by_label):
-        total.legend()
+        legend_below(figure)
     return figure

@@ -14,7 +14,8 @@ from ..studies.design import Design
 from ..studies.objectives import loss_tangent
 from ..studies.problem import named
 from ..studies.run_design import DesignResults, design_mean_field
-from .style import COLOURS, PAGE, few_powers_of_ten, new_figure, styled
+from .style import COLOURS, PAGE, few_powers_of_ten, legend_below, letters, new_figure, styled
+from .words import title_of
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -42,7 +43,9 @@ def plot_design(results: DesignResults) -> "Figure":
     speed = float(np.exp(np.mean(np.log(scene.velocity))))
     figure = new_figure(PAGE, 2.9)
     friction, loss = figure.subplots(1, 2)
-    colours = ("0.45", *COLOURS)
+    colours, count = ("0.45", *COLOURS), study.verify
+    about = f"contact, {count} surface{'s' if count > 1 else ''}"
+    about += ", mean ± standard deviation" if count > 1 else ""
     for (name, candidate), colour in zip(results.candidates.items(), colours, strict=False):
         style = {"color": colour, "label": f"{name}, mean field"}
         field = design_mean_field(study, candidate.stack, velocities)
@@ -50,18 +53,19 @@ def plot_design(results: DesignResults) -> "Figure":
         tangent = loss_tangent(candidate.stack, q, speed, graded_solver=scene.graded_solver)
         loss.plot(q, tangent, color=colour)
         if study.verify:
-            solved, style["label"] = candidate.friction, f"{name}, contact"
+            solved, style["label"] = candidate.friction, f"{name}, {about}"
             spread = solved.std(0, ddof=1) if len(solved) > 1 else None
             friction.errorbar(scene.velocity, solved.mean(0), spread, fmt="o", capsize=2, **style)
     if study.band is not None:
-        loss.axvspan(*study.band, color="0.93", zorder=0)
+        loss.axvspan(*study.band, color="0.93", zorder=0, label="band of the design")
     friction.set(xscale="log", xlabel="sliding velocity [m/s]", ylabel="friction coefficient [1]")
     loss.set(
         xscale="log", xlabel="wavenumber $q$ [rad/m]", ylabel=f"loss tangent at {speed:.3g} m/s [1]"
     )
     for axes in (friction, loss):
         axes.set_ylim(bottom=0)
-    friction.legend()
+    letters((friction, loss))
+    legend_below(figure)
     return figure
 
 
@@ -77,7 +81,7 @@ def _curve_velocities(study: DesignScene, field: MeanField) -> Float[np.ndarray,
 
 
 @styled
-def plot_history(design: Design) -> "Figure":
+def plot_history(design: Design, *, scene: str = "") -> "Figure":
     """Returns a figure of a search: objective, constraints and parameters of each evaluation.
 
     All starts are in the first panel, the best in colour; constraints and parameters are its own,
@@ -86,6 +90,7 @@ def plot_history(design: Design) -> "Figure":
     **Arguments:**
 
     - `design`: the result of `minimise`, `design.minimise_expected` or `run_design` (`.design`).
+    - `scene`: the TOML text of a scene, whose materials name the parameters.
     """
     from matplotlib.ticker import MaxNLocator
 
@@ -104,21 +109,20 @@ def plot_history(design: Design) -> "Figure":
     evaluation = np.arange(1, 1 + len(history.values))
     for axes in limits:
         for i, margins in enumerate(history.margins.T):
-            axes.plot(evaluation, margins, ".-", label=f"[{i}]")
+            axes.plot(evaluation, margins, ".-", label=f"(b) constraint {i + 1}")
         ends = axes.get_ylim()
         axes.axhspan(min(ends[0], 0), 0, color="0.93", zorder=0)
         axes.set_ylim(ends)
         axes.set_ylabel("constraint (0 or more allowed)")
-        axes.legend()
     for name, tried, last in zip(names, history.parameters.T, best.parameters, strict=True):
-        parameters.plot(evaluation, tried / last, ".-", label=name)
+        parameters.plot(evaluation, tried / last, ".-", label=title_of(name, scene))
     parameters.set_ylabel("parameter / result [1]")
     ratios = history.parameters / np.array(best.parameters)
     if np.max(ratios) > 3 * np.min(ratios):  # else a logarithmic axis has hardly a number
         parameters.set_yscale("log")
         few_powers_of_ten(parameters.yaxis, np.min(ratios), np.max(ratios))
-    # Paths are long.
-    figure.legend(handles=parameters.get_lines(), loc="outside lower right", ncols=3)
+    letters((value, *limits, parameters))
+    legend_below(figure)
     for axes in (value, *limits, parameters):
         axes.xaxis.set_major_locator(MaxNLocator(5, integer=True))
         axes.set_xlabel("evaluation")

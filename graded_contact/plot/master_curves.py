@@ -9,7 +9,18 @@ from ..core.display import unit_of
 from ..files.moduli.measured import Measured
 from ..fitting.master import MasterCurve
 from .materials import CHANNELS, ORDINATES
-from .style import COLUMN, PAGE, TEMPERATURES, few_powers_of_ten, new_figure, ordered, styled
+from .style import (
+    COLUMN,
+    PAGE,
+    TEMPERATURES,
+    few_powers_of_ten,
+    legend_below,
+    letters,
+    new_figure,
+    ordered,
+    styled,
+)
+from .words import kelvin
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -41,17 +52,18 @@ def plot_master_curve(curve: MasterCurve) -> "Figure":
     series = np.asarray(curve.fit.predict(fine))
     for line, name, dash in zip(series, CHANNELS[shifted.kind], DASHES, strict=False):
         after.plot(fine, line, color="black", linewidth=0.8, linestyle=dash, label=name)
-    after.legend()
     reference = float(curve.temperatures[curve.data.reference])
     before.set(xlabel=r"$\omega$ [rad/s]" if frequency else "$t$ [s]", title="as measured")
     before.set_ylabel(ORDINATES[shifted.kind])
     after.set(
         xlabel=r"$\omega\,a_T$ [rad/s]" if frequency else "$t/a_T$ [s]",
-        title=f"shifted to {reference:.2f} K",
+        title=f"shifted to {kelvin(reference)}",
     )
     after.sharey(before)
     after.tick_params(labelleft=False)
     _draw_shifts(panels, curve, colours)
+    letters((before, after, *panels))
+    legend_below(figure)
     return figure
 
 
@@ -89,7 +101,7 @@ def plot_van_gurp_palmen(isotherms: MasterCurve | Measured) -> "Figure":
         series = np.asarray(storage) + 1j * np.asarray(loss)
         angles = np.rad2deg(np.angle(series))
         axes.plot(scale * np.abs(series), angles, "k", linewidth=0.8, label="series")
-        axes.legend()
+        legend_below(figure)
     if temperatures is not None and len(moduli) > 1:
         ends = np.convolve(temperatures, (0.5, 0.5), "valid")
         edges = [2 * temperatures[0] - ends[0], *ends, 2 * temperatures[-1] - ends[-1]]
@@ -152,5 +164,6 @@ def _draw_shifts(panels: "list[Axes]", curve: MasterCurve, colours) -> None:
         panels[0].tick_params(labelbottom=False)
     between = np.linspace(temperatures[0], temperatures[-1], 200)
     by_law = jax.vmap(curve.law.log_factor)(between) / np.log(10)
-    panels[0].plot(between, by_law, color="0.4", linewidth=0.8, label=type(curve.law).__name__)
-    panels[0].legend()
+    panels[0].plot(
+        between, by_law, color="0.4", linewidth=0.8, label=f"{type(curve.law).__name__} law"
+    )

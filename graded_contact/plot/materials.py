@@ -11,7 +11,7 @@ from ..fitting.prony import PronyFit
 from ..response.compliance import effective_modulus
 from ..response.stack import Stack
 from ..studies.uncertainty import Sensitivity
-from .style import COLOURS, PAGE, new_figure, styled
+from .style import COLOURS, PAGE, legend_below, letters, new_figure, styled
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -46,7 +46,7 @@ def plot_response(stack: Stack, q: ArrayLike, velocity: ArrayLike | Sequence[flo
         modulus = np.asarray(effective_modulus(stack, q, q * speed))
         style: dict[str, Any] = {
             "color": COLOURS[i % len(COLOURS)],
-            "label": f"{speed:.3g} m/s",
+            "label": f"sliding velocity {speed:.3g} m/s",
         }
         stiffness.loglog(q, np.abs(modulus), **style)
         loss.semilogx(q, np.imag(modulus) / np.real(modulus), **style)
@@ -55,7 +55,8 @@ def plot_response(stack: Stack, q: ArrayLike, velocity: ArrayLike | Sequence[flo
     loss.set_ylim(bottom=0)
     for axes in (stiffness, loss):
         axes.set_xlabel("wavenumber $q$ [rad/m]")
-    stiffness.legend(title="sliding velocity")
+    letters((stiffness, loss))
+    legend_below(figure)
     return figure
 
 
@@ -83,16 +84,18 @@ def plot_fit(fit: PronyFit) -> "Figure":
         above.plot(x[known], measured[known], "o", color=colour, markersize=3, fillstyle="none")
         above.plot(fine, curves[i], color=colour, label=name)
         for limit in limits[i : i + 1]:
-            above.fill_between(fine, *limit, color=colour, alpha=0.25, linewidth=0)
+            label = f"{name}, 95 % limits"
+            above.fill_between(fine, *limit, color=colour, alpha=0.25, linewidth=0, label=label)
         residual = 100 * np.log(fitted[i] / measured)
         below.plot(x[known], residual[known], ".", color=colour, markersize=4)
     above.set_xscale("log")
     above.set_yscale("log")
     above.set_ylabel(ORDINATES[fit.data.kind])
-    above.legend()
     below.axhline(0, color="black", linewidth=0.6)
     below.set_xlabel(r"angular frequency $\omega$ [rad/s]" if frequency else "time [s]")
     below.set_ylabel("ln(fit/measured)\n[%]")
+    letters((above, below))
+    legend_below(figure)
     return figure
 
 
@@ -122,6 +125,7 @@ def plot_sensitivity(
         axes.set_xlabel("angular frequency $\\omega$ [rad/s]")
         axes.set_title(title)
     panels[0].set_ylabel(f"relative change of the {of} per that of\nthe modulus and decade [1]")
+    letters(panels)
     if any(by_label):
-        panels[0].legend()
+        legend_below(figure)
     return figure

@@ -7,13 +7,17 @@ change. For your own figures: `with matplotlib.rc_context(gc.plot.STYLE): ...`, 
 
 import contextlib
 import functools
+import string
 import textwrap
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterable, Iterator, Mapping
+from types import MappingProxyType
 from typing import TYPE_CHECKING, Any, ParamSpec, TypeVar
 
 import numpy as np
 
 if TYPE_CHECKING:  # it takes a third of a second to import
+    from matplotlib.artist import Artist
+    from matplotlib.axes import Axes
     from matplotlib.figure import Figure
 
 P = ParamSpec("P")
@@ -22,6 +26,7 @@ T = TypeVar("T")
 # Of M. Okabe and K. Ito, for any kind of colour vision.
 COLOURS = ("#0072B2", "#D55E00", "#009E73", "#CC79A7", "#E69F00", "#56B4E9", "#000000")
 COLUMN, PAGE = 3.54, 7.48  # inches, 90 and 190 mm
+KEY_WIDTH, LETTER_WIDTH, LINE_HEIGHT = 0.5, 0.058, 0.155  # inches, of legends
 HEIGHTS, PRESSURES, GAPS, TEMPERATURES = "cividis", "viridis", "magma", "plasma"
 STYLE = {
     "axes.grid": True,
@@ -43,7 +48,6 @@ STYLE = {
     "image.interpolation": "nearest",
     "legend.fontsize": 7,
     "legend.frameon": False,
-    "legend.title_fontsize": 7,
     "lines.linewidth": 1.2,
     "lines.markersize": 3.5,
     "pdf.fonttype": 42,  # TrueType, as journals require
@@ -103,8 +107,40 @@ def new_figure(width: float, height: float) -> "Figure":
 
 @styled
 def entitle(figure: "Figure", text: str) -> None:
-    """Puts a line above a figure, broken where it is too long."""
-    figure.suptitle(textwrap.fill(text, round(15 * figure.get_figwidth())))
+    """Puts a line above a figure, and above an earlier one; broken where it is too long."""
+    width = round(15 * figure.get_figwidth())
+    lines = [textwrap.fill(line, width) for line in (text, figure.get_suptitle()) if line]
+    figure.suptitle("\n".join(lines))
+
+
+def letters(panels: "Iterable[Axes]") -> None:
+    """Names panels (a), (b), ..., for captions; none if there is only one."""
+    panels = list(panels)
+    for axes, letter in zip(panels, string.ascii_lowercase, strict=False):
+        if len(panels) > 1:
+            axes.set_title(f"({letter})", loc="left", fontweight="bold")
+
+
+def legend_below(figure: "Figure", extra: "Mapping[str, Artist]" = MappingProxyType({})) -> None:
+    """Draws one legend of all panels below them, where it hides no curve; the figure grows by it.
+
+    **Arguments:**
+
+    - `figure`: its panels have labelled curves.
+    - `extra`: further entries, by their texts.
+    """
+    found: dict[str, Any] = {}
+    for axes in figure.axes:
+        for handle, label in zip(*axes.get_legend_handles_labels(), strict=True):
+            found.setdefault(label, handle)
+    found |= extra
+    if not found:
+        return
+    width = KEY_WIDTH + LETTER_WIDTH * max(map(len, found))
+    columns = max(1, min(len(found), int(figure.get_figwidth() / width)))
+    lines = -(-len(found) // columns)
+    figure.set_figheight(figure.get_figheight() + LINE_HEIGHT * (lines + 0.5))
+    figure.legend(found.values(), found.keys(), loc="outside lower center", ncols=columns)
 
 
 def ordered(count: int, colours: str = PRESSURES) -> np.ndarray:

@@ -5,10 +5,9 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 
-from ..core.display import unit_of
-from ..core.quantities import AXES, OBSERVABLES
+from ..core.quantities import OBSERVABLES
 from ..files.dataset import NOT_STARTED
-from ..files.results import state_of, warnings_of
+from ..files.results import SEED_ERROR, over_seeds, state_of, warnings_of
 from .style import (
     COLOURS,
     PAGE,
@@ -16,10 +15,13 @@ from .style import (
     TEMPERATURES,
     entitle,
     few_powers_of_ten,
+    legend_below,
+    letters,
     new_figure,
     ordered,
     styled,
 )
+from .words import label_of, title_of
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -29,27 +31,28 @@ if TYPE_CHECKING:
 DRAWN = ("friction", "contact_area_smooth")
 ERROR = "_standard_error"
 DOUBTFUL = "doubtful: see the caveats"
-BAND = (0.05, 0.95)  # quantiles over the surfaces
 DASHES = ("-", "--", ":", "-.")
 MANY = len(COLOURS)  # values with a colour each
+THIN = 0.4  # points, of the lines of single surfaces
 
 
 @styled
-def plot_sweep(results: "Dataset") -> "Figure":
+def plot_sweep(results: "Dataset", *, all_seeds: bool = False) -> "Figure":
     """Returns a figure of friction and contact area against velocity.
 
     If there is one velocity they are drawn against the last axis that has several points. The area
     is the sub-pixel one. The first of the other axes has a colour for each value, the rest have
-    dashes. Over several surfaces (`seed`) lines are means, and bands reach from the 5 % to the 95 %
-    quantile. Bars are one standard error, if errors of a material are known. A solve that did not
-    converge has a hollow marker, one with a caveat a cross, one that failed a triangle and one that
-    was not started a stroke, both at the bottom.
+    dashes. Over several surfaces (`seed`) lines are means, and bands are their standard errors.
+    Bars, and the bands of one surface, are standard errors by materials, where these are known. A
+    solve that did not converge has a hollow marker, one with a caveat a cross, one that failed a
+    triangle and one that was not started a stroke, both at the bottom.
 
     **Arguments:**
 
     - `results`: the result of `run_scene`.
+    - `all_seeds`: draws a thin line for each surface in addition.
     """
-    lines = _lines(results)
+    lines = _lines(results, all_seeds=all_seeds)
     return _drawn(lines, lines.varied[0] if lines.varied else "pressure")
 
 
@@ -109,22 +112,8 @@ def plot_compare(results: "Sequence[Dataset]", names: Sequence[str]) -> "Figure"
                 style = {"linestyle": dashes[j], "color": COLOURS[i % len(COLOURS)]}
                 _draw(axes, line, quantity, style, None if j else name)
             _finish(axes, lines, quantity)
-    _legend(figure, first, dashed=first.varied, title=None)
+    _legend(figure, first, dashed=first.varied)
     return figure
-
-
-def title_of(name: str) -> str:
-    """Returns the name of an axis in words."""
-    return AXES[name].meaning if name in AXES else name
-
-
-def label_of(number: "DataArray") -> str:
-    """Returns a number of an axis with its unit, as in legends."""
-    unit, value = _unit(number), number.item()
-    if unit in ("", "1", "K"):
-        return f"{value:.5g} {unit}".removesuffix("1").rstrip()
-    unit, factor = unit_of(unit, abs(value))
-    return f"{factor * value:.3g} {unit}"
 
 
 class _Lines(NamedTuple):
@@ -134,16 +123,21 @@ class _Lines(NamedTuple):
 
     - `along`: name of the axis.
     - `varied`: the other axes with several values.
-    - `each`: of each line the quantities with `_low` and `_high` (equal without seeds), `x`,
-      `state` and `doubtful` along the axis; the numbers on the other axes are its coordinates.
+    - `each`: of each line the quantities (means over the seeds, with their standard errors), `x`,
+      `state` and `doubtful` along the axis, and `NAME_each` over the seeds if all are drawn; the
+      numbers on the other axes are its coordinates.
+    - `scene`: the TOML text.
+    - `surfaces`: number of seeds; 0 without such an axis.
     """
 
     along: str
     varied: list[str]
     each: "list[Dataset]"
+    scene: str
+    surfaces: int
 
 
-def _lines(results: "Dataset", along: str | None = None) -> _Lines:
+def _lines(results: "Dataset", along: str | None = None, *, all_seeds: bool = False) -> _Lines:
     """The lines of results along an axis: by default velocity, or the last with several points."""
     axes = [str(axis) for axis in results["message"].dims]
     longer = [axis for axis in axes if results.sizes[axis] > 1 and axis != "seed"]
@@ -154,32 +148,23 @@ def _lines(results: "Dataset", along: str | None = None) -> _Lines:
     state = state_of(results)
     doubts = [caveat.where for caveat in warnings_of(results)]
     doubtful = state.copy(data=np.any([np.zeros(state.shape, bool), *doubts], axis=0))
-    names = [name for name in (*DRAWN, *(name + ERROR for name in DRAWN)) if name in results]
-    middle = low = high = results[names]
+    middle, apart = results, {}
     if "seed" in axes:
-        solved = middle.where(results["message"] == "")
-        middle = solved.mean("seed", keep_attrs=True)
-        levels = solved.quantile(BAND, "seed")
-        low, high = (levels.isel(quantile=i, drop=True) for i in range(2))
-        state, doubtful = _worst(state), doubtful.any("seed")
-    lines = middle.assign(
-        {f"{name}_low": low[name] for name in DRAWN}
-        | {f"{name}_high": high[name] for name in DRAWN}
-        | {"x": results[along], "state": state, "doubtful": doubtful}
-    ).sortby(follows)
+        middle = over_seeds(results)
+        state, doubtful = state_of(middle), doubtful.any("seed")
+        if all_seeds:
+            apart = {f"{name}_each": results[name] for name in DRAWN}
+    names = [name + end for name in DRAWN for end in ("", ERROR, SEED_ERROR)]
+    lines = middle[[name for name in names if name in middle]]
+    lines = lines.assign(apart | {"x": results[along], "state": state, "doubtful": doubtful})
+    lines = lines.sortby(follows)
     each = [
         lines.isel(dict(zip(others, index, strict=True)))
         for index in np.ndindex(*(results.sizes[axis] for axis in others))
     ]
-    return _Lines(along, [axis for axis in others if results.sizes[axis] > 1], each)
-
-
-def _worst(state: "DataArray") -> "DataArray":
-    """One word for the seeds of a point: "failed" or "not started" only if no seed has a number."""
-    lost = state.isin(["failed", NOT_STARTED]).all("seed")
-    some = (state != "").any("seed")
-    words = np.where(lost, state.isel(seed=0), np.where(some, "not converged", ""))
-    return lost.copy(data=words)
+    varied = [axis for axis in others if results.sizes[axis] > 1]
+    scene = results.attrs.get("scene", "")
+    return _Lines(along, varied, each, scene, results.sizes.get("seed", 0))
 
 
 def _drawn(lines: _Lines, coloured: str) -> "Figure":
@@ -196,17 +181,24 @@ def _drawn(lines: _Lines, coloured: str) -> "Figure":
     for axes, quantity in zip(figure.subplots(1, 2), DRAWN, strict=True):
         for i, line in enumerate(lines.each):
             new = numbers[i] in named and numbers[i] not in numbers[:i]
-            label = label_of(line[coloured]) if new and coloured in line.coords else None
+            label = _label(lines, line, coloured) if new and coloured in lines.varied else None
             style = {"linestyle": dashes[i], "color": colours[values.index(numbers[i])]}
             _draw(axes, line, quantity, style, label)
         _finish(axes, lines, quantity)
-    _legend(figure, lines, dashed, title_of(coloured))
+    _legend(figure, lines, dashed)
+    line = lines.each[0]
+    fixed = [str(name) for name in line.coords if not line[name].ndim and name not in lines.varied]
+    entitle(figure, ", ".join(_label(lines, line, name) for name in fixed))
     return figure
+
+
+def _label(lines: _Lines, line: "Dataset", name: str) -> str:
+    return f"{title_of(name, lines.scene)} {label_of(line[name])}"
 
 
 def _combinations(lines: _Lines, names: Sequence[str]) -> list[tuple[str, ...]]:
     """The numbers of each line on some axes, with units."""
-    return [tuple(label_of(line[name]) for name in names) for line in lines.each]
+    return [tuple(_label(lines, line, name) for name in names) for line in lines.each]
 
 
 def _dashes(lines: _Lines, names: Sequence[str]) -> list[str]:
@@ -216,29 +208,43 @@ def _dashes(lines: _Lines, names: Sequence[str]) -> list[str]:
     return [DASHES[order.index(one) % len(DASHES)] for one in each]
 
 
-def _legend(figure: "Figure", lines: _Lines, dashed: Sequence[str], title: str | None) -> None:
+def _legend(figure: "Figure", lines: _Lines, dashed: Sequence[str]) -> None:
+    """Explains colours, dashes, bands and bars below the panels, and names these."""
     from matplotlib.lines import Line2D
+    from matplotlib.patches import Patch
 
-    handles, labels = figure.axes[0].get_legend_handles_labels()
-    entries = sorted(zip(labels, handles, strict=True), key=lambda entry: entry[0] == DOUBTFUL)
-    found = dict(entries)
+    extra: dict[str, Any] = {}
     combinations = list(dict.fromkeys(_combinations(lines, dashed))) if dashed else []
     for combination, dashes in zip(combinations, DASHES, strict=False):
-        found[", ".join(combination)] = Line2D([], [], color="0.4", linestyle=dashes)
-    figure.axes[0].legend(found.values(), found.keys(), title=title)
+        extra[", ".join(combination)] = Line2D([], [], color="0.4", linestyle=dashes)
+    if lines.surfaces > 1:
+        extra[f"mean of {lines.surfaces} surfaces ± standard error"] = Patch(color="0.8")
+    if any(f"{name}{ERROR}" in lines.each[0] for name in DRAWN):
+        bar = Line2D([], [], color="0.4", marker="|", ls="")
+        extra["± standard error by materials"] = bar if lines.surfaces > 1 else Patch(color="0.8")
+    if any(f"{name}_each" in lines.each[0] for name in DRAWN):
+        extra["each surface"] = Line2D([], [], color="0.4", linewidth=THIN)
+    if any(np.any(line["doubtful"]) for line in lines.each):
+        extra[DOUBTFUL] = Line2D([], [], color="black", marker="x", markersize=7, ls="")
+    letters(figure.axes)
+    legend_below(figure, extra)
 
 
 def _draw(
     axes: "Axes", line: "Dataset", quantity: str, style: dict[str, Any], label: str | None
 ) -> None:
-    """Draws a line with a band over the seeds and bars of one standard error, and marks points by
-    their state."""
+    """Draws a line with a band of the error over seeds and bars of that by materials, and marks
+    points by their state."""
     x, values, state = (line[name].values for name in ("x", quantity, "state"))
-    low, high = line[f"{quantity}_low"], line[f"{quantity}_high"]
     colour = style["color"]
     axes.plot(x, values, **style, label=label)
-    if np.any(low < high):
-        axes.fill_between(x, low, high, color=colour, alpha=0.2, linewidth=0)
+    band = next((end for end in (SEED_ERROR, ERROR) if quantity + end in line), None)
+    if band is not None:
+        error = line[quantity + band].values
+        axes.fill_between(x, values - error, values + error, color=colour, alpha=0.2, linewidth=0)
+    if f"{quantity}_each" in line:
+        each = line[f"{quantity}_each"].transpose(..., "seed").values
+        axes.plot(x, each, color=colour, linewidth=THIN)
     if quantity + ERROR in line:
         error = line[quantity + ERROR]
         axes.errorbar(x, values, error, fmt="none", ecolor=colour, capsize=2)
@@ -256,7 +262,6 @@ def _draw(
         axes.plot(
             x[at], values[at], "kx", markersize=9, markeredgewidth=1.2,
             zorder=1.9,  # behind the markers, whose faces show states
-            label=DOUBTFUL,
         )  # fmt: skip
 
 
@@ -268,11 +273,14 @@ def _finish(axes: "Axes", lines: _Lines, quantity: str) -> None:
     if low > 0 and (lines.along.endswith("velocity") or high >= 10 * low):
         axes.set_xscale("log")
         few_powers_of_ten(axes.xaxis, low, high)
-    ends = [line[quantity] + line.get(quantity + ERROR, 0) for line in lines.each]
-    ends += [line[f"{quantity}_high"] for line in lines.each]
+    ends = [line[quantity] for line in lines.each]
+    for end in (ERROR, SEED_ERROR):
+        ends += [
+            line[quantity] + line[quantity + end] for line in lines.each if quantity + end in line
+        ]
     top = np.fmax.reduce(np.concatenate(ends), initial=0)
     axes.set_ylim(0, max(1.08 * top, axes.get_ylim()[1] if axes.get_ylim()[0] == 0 else 0) or None)
-    title = title_of(lines.along)
+    title = title_of(lines.along, lines.scene)
     if lines.along == "reduced_velocity":
         title = f"$a_T$ × {title_of('velocity')}"
     unit = _unit(lines.each[0]["x"])

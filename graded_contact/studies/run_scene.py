@@ -72,6 +72,7 @@ def run_scene(
     scene: Scene,
     *,
     surface: Surface | None = None,
+    kept: tuple[int, ...] | None = None,
     store: Store | None = None,
     workers: Workers = None,
     client: Any = None,
@@ -90,6 +91,8 @@ def run_scene(
 
     - `scene`: the scene.
     - `surface`: the surface, if built before; that of the first seed, where there are several.
+    - `kept`: index along the axes of the solve whose fields are kept, if the scene keeps one; by
+      default the last.
     - `store`: stores each solve on disk as it ends; a solve in the store is not computed again.
     - `workers`, `client`, `progress`: as in `sweep`.
 
@@ -109,7 +112,8 @@ def run_scene(
     check_frequencies_of(scene, surface)
     names = point_names(scene, surface)
     indices = list(np.ndindex(names.shape))
-    kept = {"every": len(indices), "last": 1, "none": 0}[scene.fields]  # of the last
+    kept = indices[-1] if kept is None else kept
+    chosen = {"every": indices, "last": [kept], "none": []}[scene.fields]
     numbers = _numbers_of(scene)
     points = solve_points(
         _solver(scene, surface),
@@ -118,12 +122,12 @@ def run_scene(
         store=store,
         workers=workers,
         client=client,
-        keep=[numbers] * (len(indices) - kept) + [(*numbers, *_fields_of(scene))] * kept,
+        keep=[(*numbers, *_fields_of(scene)) if i in chosen else numbers for i in indices],
         progress=progress,
     )
     if not any(points):
         raise KeyboardInterrupt  # there is nothing to keep
-    return _collect(scene, surface, names, points)
+    return _collect(scene, surface, names, points, kept)
 
 
 def point_names(scene: Scene, surface: Surface) -> np.ndarray:
@@ -205,7 +209,11 @@ def _solver(scene: Scene, surface: Surface) -> Callable[[dict[str, Any]], dict[s
 
 
 def _collect(
-    scene: Scene, surface: Surface, names: np.ndarray, points: list[Point | None]
+    scene: Scene,
+    surface: Surface,
+    names: np.ndarray,
+    points: list[Point | None],
+    kept: tuple[int, ...],
 ) -> "Dataset":
     """The results of a scene from its solves; None marks a solve that was not started."""
     import xarray
@@ -234,15 +242,16 @@ def _collect(
         if factor is not None:
             reduced = np.multiply.outer(factor, scene.velocity).astype(dtype)
             variables["reduced_velocity"] = ("temperature", "velocity"), reduced
-    last = points[-1]
+    one = points[int(np.ravel_multi_index(kept, shape))]
+    attributes["kept"] = " ".join(map(str, kept))
     grid, inner = tuple(places), surface.grid.shape
     for name in _fields_of(scene):
         about = {"units": FIELDS[name].unit, "long_name": FIELDS[name].meaning}
         if scene.fields == "every":
             values = over_axes(name, points, *inner).reshape(*shape, *inner)
             variables[KEPT_FIELDS[name]] = (*axes, *grid), values, about
-        elif scene.fields == "last" and last is not None and last.values:
-            variables[KEPT_FIELDS[name]] = grid, last.values[name], about
+        elif scene.fields == "last" and one is not None and one.values:
+            variables[KEPT_FIELDS[name]] = grid, one.values[name], about
     results = attach(xarray.Dataset(variables | of_surface, coordinates, attributes))
     results.attrs["largest_error"] = float(results["error"].max())
     results.attrs["num_solves"] = names.size

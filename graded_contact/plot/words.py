@@ -1,0 +1,64 @@
+"""Names and numbers of axes in words, as legends, titles and tables write them."""
+
+import re
+from typing import TYPE_CHECKING
+
+from ..core.display import unit_of
+from ..core.quantities import AXES, quantity_of
+from ..files.toml import parse_toml
+
+if TYPE_CHECKING:
+    from xarray import DataArray
+
+ZERO_CELSIUS = 273.15  # K
+SINGULAR = {"branch moduli": "branch modulus", "relaxation times": "relaxation time"}
+
+
+def title_of(name: str, scene: str = "") -> str:
+    """Returns the name of an axis in words: "coat thickness" for "layers[0].thickness".
+
+    **Arguments:**
+
+    - `name`: of an axis, or the path of a number of the block.
+    - `scene`: the TOML text, which names the materials; without it layers have numbers.
+    """
+    if name in AXES:
+        return AXES[name].meaning
+    path = re.fullmatch(r"(?:layers\[(\d+)\]|(base))\.(.*?)(?:\[(\d+)\])?", name)
+    quantity = quantity_of(name)
+    if path is None or quantity is None:
+        return name
+    layer, base, rest, entry = path.groups()
+    tables = parse_toml(scene)
+    layers = tables.get("layers", [])
+    place = base or f"layer {int(layer) + 1}"
+    table = tables.get("base", {}) if base else dict(enumerate(layers)).get(int(layer), {})
+    end = next((end for end in ("bottom", "top") if f".{end}." in rest), "material")
+    owner = table.get(end, place)
+    if sum(owner in (one.get("material"), one.get("bottom"), one.get("top")) for one in layers) > 1:
+        owner = f"{place} ({owner})"  # a material of several layers
+    meaning = quantity.meaning.removeprefix("layer ")
+    if entry is not None:
+        meaning = f"{SINGULAR.get(meaning, meaning)} {int(entry) + 1}"
+    return f"{owner} {meaning}"
+
+
+def label_of(number: "DataArray") -> str:
+    """Returns a number of an axis with its unit, a temperature also in °C."""
+    return labelled(number.item(), number.attrs.get("units", ""))
+
+
+def labelled(value: float, unit: str) -> str:
+    """Returns a number in SI units in a common unit, a temperature also in °C."""
+    if unit == "K":
+        return kelvin(value)
+    if unit in ("", "1"):
+        return f"{value:.5g}"
+    unit, factor = unit_of(unit, abs(value))
+    return f"{factor * value:.3g} {unit}"
+
+
+def kelvin(value: float) -> str:
+    """Returns a temperature [K] also in °C: "293.15 K (20 °C)"."""
+    celsius = f"{round(value - ZERO_CELSIUS, 2) + 0.0:g}".replace("-", "−")
+    return f"{value:.5g} K ({celsius} °C)"
