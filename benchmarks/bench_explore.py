@@ -70,7 +70,7 @@ def measure(address: str, keys: int, screenshot: str | None) -> dict[str, list[f
         page.goto(address)
         page.get_by_text(re.compile(r"derivatives \d+ ms")).wait_for()
         page.evaluate(WATCH)
-        sliders = page.locator(".noUi-handle")
+        sliders = page.locator("input[type=range]")
         for i in range(keys + 1):
             sliders.nth(i % sliders.count()).focus()
             page.keyboard.press("ArrowLeft")

@@ -7,20 +7,23 @@ save them.
 
 import copy
 import os
-import tempfile
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from importlib import resources
 from pathlib import Path
 from typing import Any, NamedTuple
 
 import numpy as np
 
+from ..core.display import with_unit
+from ..files.moduli.reading import read_moduli
 from ..files.paths import check_name, existing_file, full_path
+from ..files.prony_cards import export_prony
 from ..files.scene import Scene, parse_scene
 from ..files.schema import LARGEST, within
 from ..files.sealed import replacing
 from ..files.toml import parse_toml, toml_text
 from ..files.topography.reading import read_surface
+from ..fitting.master import master_curve
 
 POINTS = 256  # along the longer edge of a topography that the user drops
 THICKNESS = 1e-4  # m, of a first layer
@@ -34,11 +37,13 @@ class Document(NamedTuple):
     - `content`: as `tomllib` gives it; never changed in place.
     - `folder`: its paths are relative to this folder.
     - `speeds`: lowest and highest velocity [m/s] of the page.
+    - `values`: of its knobs [SI] if they are not those of the tables.
     """
 
     content: dict[str, Any]
     folder: Path
     speeds: tuple[float, float]
+    values: tuple[float, ...] = ()
 
     @property
     def text(self) -> str:
@@ -52,6 +57,10 @@ class Document(NamedTuple):
     def copied(self) -> "Document":
         """Returns a copy, whose tables may be changed."""
         return self._replace(content=copy.deepcopy(self.content))
+
+    def without_title(self) -> "Document":
+        """Returns a copy, whose tables may be changed, and whose title is `described` anew."""
+        return self._replace(content=copy.deepcopy(self.content) | {"title": ""})
 
 
 def open_document(path: Path | None) -> Document:
@@ -101,6 +110,22 @@ def layer_name(layer: dict[str, Any]) -> str:
     return layer["material"] if "material" in layer else f"{layer['top']} → {layer['bottom']}"
 
 
+def described(content: dict[str, Any], thickness: Sequence[float]) -> str:
+    """Returns a title: the layers with these thicknesses [m], the base, and the surface."""
+    layers = [
+        f"{layer_name(layer)} {with_unit(depth, 'm')}"
+        for layer, depth in zip(content.get("layers", []), thickness, strict=True)
+    ]
+    surface = content["surface"]
+    road = Path(surface["path"]).name if "path" in surface else "a random surface"
+    return f"{', '.join([*layers, base_name(content)])} on {road}"
+
+
+def base_name(content: dict[str, Any]) -> str:
+    """Returns the material of the base, or its kind."""
+    return content["base"].get("material", content["base"]["kind"])
+
+
 def with_layer(document: Document, material: str | None) -> Document:
     """Returns the scene with one more layer on top, as thick as the layer below it.
 
@@ -109,7 +134,7 @@ def with_layer(document: Document, material: str | None) -> Document:
     - `document`: the scene.
     - `material`: a name of [materials]; None for a new elastic material.
     """
-    document = document.copied()
+    document = document.without_title()
     content = document.content
     if material is None:
         material = free_name("coat", content["materials"])
@@ -122,18 +147,31 @@ def with_layer(document: Document, material: str | None) -> Document:
 
 def without_layer(document: Document, index: int) -> Document:
     """Returns the scene without one layer, counted from the surface; its material stays."""
-    document = document.copied()
+    document = document.without_title()
     del document.content["layers"][index]
     return document
 
 
 def with_moduli(document: Document, path: Path, name: str) -> Document:
-    """Returns the scene with the table of moduli in a file for the material `name`."""
-    document = document.copied()
+    """Returns the scene with the moduli in a file for the material `name`.
+
+    Isotherms at several temperatures are shifted into a master curve and fitted by a Prony series.
+    """
+    document = document.without_title()
     old = document.content["materials"][name]
-    table: dict[str, Any] = {"kind": "tabulated", "path": str(path), "extrapolate": "plateau"}
-    kept = ("poisson", "shift") if old["kind"] == "tabulated" else ("poisson",)
-    document.content["materials"][name] = table | {key: old[key] for key in kept if key in old}
+    poisson = old.get("poisson", 0.5)
+    with within(f"{path.name}:"):
+        isotherms = read_moduli(path, kind="frequency", poisson=poisson).isotherms()
+        if len(isotherms) > 1:
+            material = master_curve(isotherms, poisson=poisson).exported()
+    if len(isotherms) > 1:
+        table = parse_toml(export_prony(material, "toml"))["materials"]["material"]
+    else:
+        table = {"kind": "tabulated", "path": str(path), "extrapolate": "plateau"}
+        table["poisson"] = poisson
+        if old["kind"] == "tabulated" and "shift" in old:
+            table["shift"] = old["shift"]
+    document.content["materials"][name] = table
     return document
 
 
@@ -149,7 +187,7 @@ def with_topography(document: Document, path: Path, options: dict[str, Any]) -> 
 
     **Raises:** the errors of `read_surface`.
     """
-    document = document.copied()
+    document = document.without_title()
     content = document.content
     with within(f"{path.name}:"):
         periodic = {"periodic": None} if options.get("periodic") == "none" else {}
@@ -182,17 +220,23 @@ def with_file(
     name = Path(name.replace("\\", "/")).name
     check_name(name)
     folder.mkdir(parents=True, exist_ok=True)
-    with tempfile.TemporaryDirectory(dir=folder, prefix=".dropped-") as place:
-        tried = Path(place) / name
-        tried.write_bytes(data)
-        try:
-            change(document, tried).scene()
-        except ValueError as error:
-            raise ValueError(str(error).replace(f"{place}{os.sep}", "")) from error
+    path = folder / name
+    stored = path.exists() and path.read_bytes() == data
+    if not stored:
         taken = {path.stem for path in folder.iterdir()}
-        kept = folder / f"{free_name(tried.stem, taken)}{tried.suffix}"
-        tried.rename(kept)
-    return change(document, kept)
+        path = folder / f"{free_name(path.stem, taken)}{path.suffix}"
+        path.write_bytes(data)
+    try:
+        changed = change(document, path)
+        changed.scene()
+    except BaseException as error:
+        if not stored:
+            path.unlink()
+        if isinstance(error, ValueError):
+            text = str(error).replace(f"{folder}{os.sep}", "")
+            raise ValueError(text.replace(path.name, name)) from error
+        raise
+    return changed
 
 
 def save_document(document: Document, folder: Path, name: str, replace: bool) -> Path:

@@ -10,7 +10,7 @@ import xarray as xr
 from ..core.quantities import FIELDS, OBSERVABLES
 from ..files.dataset import package_versions
 from ..plot.contact import draw_field, masked_fields
-from ..plot.style import COLOURS, new_figure, styled
+from ..plot.style import COLOURS, entitle, new_figure, styled
 from .model import Contact, Derivatives, Model
 
 
@@ -53,7 +53,7 @@ def to_hdf5(shown: Shown) -> bytes:
         changes = shown.derivatives._asdict().items()
         groups["/change_by_step_of_slider"] = xr.Dataset(
             {name: ("slider", values, about) for name, values in changes},
-            coords={"slider": [f"{knob.label} {knob.step}" for knob in shown.model.knobs]},
+            coords={"slider": shown.model.stepped(shown.values)},
         )
     return bytes(xr.DataTree.from_dict(groups).to_netcdf(engine="h5netcdf"))
 
@@ -79,7 +79,10 @@ def _contact(shown: Shown) -> xr.Dataset:
 def to_pdf(shown: Shown) -> bytes:
     """Returns a vector figure of curves, contact and derivatives."""
     figure = new_figure(11.0, 5.6)
-    panels = figure.subplots(2, 4)
+    entitle(figure, shown.model.title(shown.values))
+    halves: Any = figure.subfigures(2, 1)
+    upper, lower = halves
+    panels: Any = upper.subplots(1, 4), lower.subplots(1, 2 if shown.derivatives is None else 4)
     sliding = shown.contact.sliding
     points = {"friction": sliding.friction, "contact_area": sliding.contact_area_smooth}
     for axes, name in zip(panels[0], ("modulus", "loss_tangent", *points), strict=True):
@@ -92,23 +95,23 @@ def to_pdf(shown: Shown) -> bytes:
             axes.legend()
     for axes, (name, values) in zip(panels[1], masked_fields(sliding).items(), strict=False):
         draw_field(axes, name, values, shown.model.size)
-    _draw_derivatives(shown, panels[1, 2:])
+    for bar in (axes for axes in lower.axes if axes not in panels[1]):
+        for colours in bar.collections:
+            colours.set_rasterized(True)  # as vectors they have white lines between them
+    if shown.derivatives is not None:
+        _draw_derivatives(shown, shown.derivatives, panels[1][2:])
     content = io.BytesIO()
     figure.savefig(content, format="pdf")
     return content.getvalue()
 
 
-def _draw_derivatives(shown: Shown, panels) -> None:
-    if shown.derivatives is None:
-        for axes in panels:
-            axes.set_axis_off()
-        return
+def _draw_derivatives(shown: Shown, derivatives: Derivatives, panels) -> None:
     places = np.arange(len(shown.model.knobs))[::-1]
-    changes = zip(panels, shown.derivatives._asdict().items(), COLOURS, strict=False)
+    changes = zip(panels, derivatives._asdict().items(), COLOURS, strict=False)
     for axes, (name, values), colour in changes:
         axes.barh(places, values, color=colour)
         axes.axvline(0, color="0.5", linewidth=0.6)
         axes.set_xlabel(f"change of {name.replace('_', ' ')} [%]")
         axes.set_yticks(places, [""] * len(places))
-    labels = [f"{knob.label} {knob.step}" for knob in shown.model.knobs]
+    labels = shown.model.stepped(shown.values)
     panels[0].set_yticks(places, labels, fontsize=6)

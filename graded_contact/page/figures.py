@@ -8,6 +8,7 @@ import xarray as xr
 from bokeh.models import (
     ColorBar,
     ColumnDataSource,
+    DataRange1d,
     FactorRange,
     LabelSet,
     Legend,
@@ -16,7 +17,7 @@ from bokeh.models import (
     LogTicker,
     Range1d,
 )
-from bokeh.palettes import magma, viridis
+from bokeh.palettes import cividis, magma, plasma, viridis
 from bokeh.plotting import figure
 from bokeh.transform import dodge
 from scipy.signal import resample
@@ -27,11 +28,14 @@ from ..plot.style import COLOURS
 from .knobs import Knob
 from .model import Derivatives
 
-# Pixels: of a figure, around its frame, and at the right of a map, where its bar of colours is.
-HEIGHT, ABOVE, BELOW, LEFT, RIGHT, BAR = 240, 28, 46, 48, 18, 62
+# Pixels: of a figure, of the map, around a frame, and at the right of the map, where its bar is.
+HEIGHT, TALL, ABOVE, BELOW, LEFT, RIGHT, BAR = 220, 440, 28, 46, 48, 18, 62
 BLUE, ORANGE, GREEN = COLOURS[:3]
 GREY, INK = "#8a8f98", "#2b2f36"
-PALETTES = {"pressure": viridis(256), "gap": magma(256)}
+PALETTES = {
+    "pressure": viridis(256), "gap": magma(256), "displacement": plasma(256),
+    "heights": cividis(256),
+}  # fmt: skip
 LARGEST_MAP = 512  # points drawn along an edge
 SHOWN_SHARE = 0.995  # of the points within a scale of colours
 
@@ -48,7 +52,7 @@ def _new_figure(
     title: str, x: str, y: str, *, frame: float = 0.0, right: int = RIGHT, **more: Any
 ) -> Any:
     """An empty figure of the page's style; if `frame` is given, its frame has this aspect ratio."""
-    more = {"height": HEIGHT, "sizing_mode": "stretch_width", "min_width": 240, **more}
+    more = {"height": HEIGHT, "sizing_mode": "stretch_width", **more}
     if frame:
         wide = round(min(max(frame, 1 / 3), 2) * (HEIGHT - ABOVE - BELOW))
         more |= {"sizing_mode": "fixed", "width": wide + LEFT + right, "min_border_left": LEFT}
@@ -142,8 +146,7 @@ class Bars:
     """The change by a step of each knob."""
 
     def __init__(self, knobs: Sequence[Knob]):
-        self._labels = [f"{knob.label} {knob.step}" for knob in knobs]
-        factors = FactorRange(factors=self._labels[::-1], range_padding=0.05)
+        self._factors = factors = FactorRange(range_padding=0.05)
         self.figure = _new_figure("Change by a step of each slider", "change [%]", "",
                                   y_range=factors)  # fmt: skip
         self.figure.yaxis.axis_label = None
@@ -168,8 +171,11 @@ class Bars:
         legend.padding = legend.margin = 0
         self.figure.add_layout(legend, "above")
 
-    def show(self, derivatives: Derivatives) -> None:
-        self._source.data = {"knob": self._labels, **derivatives._asdict()}
+    def show(self, labels: list[str], derivatives: Derivatives) -> None:
+        """Draws the changes, by labels of the knobs with their steps."""
+        if self._factors.factors != labels[::-1]:
+            self._factors.factors = labels[::-1]
+        self._source.data = {"knob": labels, **derivatives._asdict()}
         self.fade(1.0)
 
     def fade(self, alpha: float) -> None:
@@ -181,22 +187,23 @@ class Bars:
 class Map:
     """A field of the contact, as a map or a profile; NaN is white in a map."""
 
-    def __init__(self, name: str, size: np.ndarray):
-        self._name, self._size = name, size
-        palette = PALETTES[name]
+    def __init__(self, size: np.ndarray):
+        self._size = size
         unit, self._factor = unit_of("m", float(np.max(size)))
         if len(size) == 1:
-            self.figure = _new_figure(name, f"x [{unit}]", "")
+            self.figure = _new_figure("", f"x [{unit}]", "", height=TALL)
             self._source = _new_source("x", "y")
-            self.figure.line("x", "y", source=self._source, color=palette[len(palette) // 2])
+            self._line = self.figure.line("x", "y", source=self._source)
             return
         wide, high = (self._factor * size).tolist()
+        frame = round(min(max(wide / high, 1 / 3), 2) * (TALL - ABOVE - BELOW))
+        ranges = (DataRange1d(range_padding=0) for _ in "xy")
         self.figure = _new_figure(
-            name, f"x [{unit}]", f"y [{unit}]", frame=wide / high, right=BAR,
-            x_range=Range1d(start=0, end=wide), y_range=Range1d(start=0, end=high),
+            "", f"x [{unit}]", f"y [{unit}]", right=BAR, height=TALL, max_width=frame + LEFT + BAR,
+            match_aspect=True, **dict(zip(("x_range", "y_range"), ranges, strict=True)),
         )  # fmt: skip
         self.figure.grid.grid_line_color = None
-        self._mapper = LinearColorMapper(palette=palette, nan_color="white", low=0, high=1)
+        self._mapper = LinearColorMapper(palette=PALETTES["gap"], nan_color="white", low=0, high=1)
         self._source = _new_source("image")
         self.figure.image("image", source=self._source, x=0, y=0, dw=wide, dh=high,
                           color_mapper=self._mapper)  # fmt: skip
@@ -204,17 +211,20 @@ class Map:
                        major_label_text_font_size="10px")  # fmt: skip
         self.figure.add_layout(bar, "right")
 
-    def show(self, field: np.ndarray) -> None:
-        finite, quantity = field[np.isfinite(field)], FIELDS[self._name]
-        high = float(np.quantile(finite, SHOWN_SHARE)) if finite.size else 1.0
-        unit, scale = unit_of(quantity.unit, high)
+    def show(self, name: str, field: np.ndarray) -> None:
+        """Draws a field named in `PALETTES`."""
+        finite, quantity, palette = field[np.isfinite(field)], FIELDS[name], PALETTES[name]
+        low, high = np.quantile(finite, (1 - SHOWN_SHARE, SHOWN_SHARE)) if finite.size else (0, 1)
+        low = float(low) if low < 0 else 0.0
+        unit, scale = unit_of(quantity.unit, max(float(high), -low))
         self.figure.title.text = f"{quantity.meaning.capitalize()} [{unit}]"
         if field.ndim == 1:
             x = self._factor * self._size[0] * np.arange(len(field)) / len(field)
+            self._line.glyph.line_color = palette[len(palette) // 2]
             self._source.data = {"x": x, "y": scale * np.nan_to_num(field)}
             return
         step = -(-max(field.shape) // LARGEST_MAP)
-        self._mapper.update(low=0, high=scale * high or 1.0)
+        self._mapper.update(palette=palette, low=scale * low, high=scale * float(high) or 1.0)
         self._source.data = {"image": [(scale * field[::step, ::step].T).astype(np.float32)]}
 
 

@@ -4,6 +4,8 @@ A knob acts on the built block, so that JAX can trace its value and differentiat
 writes the value into its tables.
 """
 
+import contextlib
+import math
 from collections import defaultdict
 from collections.abc import Iterator, Sequence
 from typing import Any, NamedTuple
@@ -32,6 +34,7 @@ UNITS = {
     "pressure": ("kPa", 1e-3), "velocity": ("m/s", 1.0), "temperature": ("K", 1.0),
     "rms_height": ("µm", 1e6), "rms_slope": ("1", 1.0), "hurst": ("1", 1.0),
 }  # fmt: skip
+ZERO_CELSIUS = 273.15  # K
 STEPS = {"poisson": 0.01, "hurst": 0.01, "temperature": 1.0}  # others: 1 %
 
 
@@ -75,28 +78,44 @@ class Knob(NamedTuple):
     def logarithmic(self) -> bool:
         return self.quantity not in STEPS
 
-    @property
-    def step(self) -> str:
-        """The change for which the page shows derivatives."""
-        if self.logarithmic:
-            return "+1 %"
-        return f"+{STEPS[self.quantity]:g}" + ("" if self.unit == "1" else f" {self.unit}")
-
     def step_size(self, value: float) -> float:
-        """Returns this change [SI] at a value [SI]."""
-        return 0.01 * value if self.logarithmic else STEPS[self.quantity]
+        """Returns the change [SI] for which the page shows derivatives, at a value [SI]."""
+        if self.logarithmic:
+            return 0.01 * value
+        step = STEPS[self.quantity]
+        return step if value + step <= self.high else -step
 
-    def check(self, value: float | None) -> float:
-        """Returns a value [SI], or raises `ValueError` if it is out of range."""
-        if value is None or not self.low <= value <= self.high:
-            unit = "" if self.unit == "1" else f" {self.unit}"
-            entered = "Nothing" if value is None else f"{value * self.factor:.6g}{unit}"
-            low, high = (f"{at * self.factor:.6g}" for at in (self.low, self.high))
-            raise ValueError(
-                f"`{self.label}`: {entered} is refused. Enter a number between {low} and "
-                f"{high}{unit}."
-            )
-        return value
+    def stepped(self, value: float) -> str:
+        """Returns the label with this change, such as "rms slope +1 %"."""
+        if self.logarithmic:
+            return f"{self.label} +1 %"
+        unit = "" if self.unit == "1" else f" {self.unit}"
+        return f"{self.label} {self.step_size(value):+g}{unit}".replace("-", "−")
+
+    def check(self, value: float, text: str = "") -> float:
+        """Returns a value [SI], entered as `text`, or raises `ValueError` if it is out of range."""
+        if self.low <= value <= self.high:
+            return value
+        unit = "" if self.unit == "1" else f" {self.unit}"
+        low, high = (f"{at * self.factor:.6g}" for at in (self.low, self.high))
+        raise ValueError(
+            f"`{self.label}`: {text or 'nothing'} is refused. Enter a number between {low} and "
+            f"{high}{unit}."
+        )
+
+    def read(self, text: str) -> float:
+        """Returns the value [SI] of a text, with or without a unit: "2.5", "2,5 µm", "20 °C".
+
+        **Raises:** `ValueError` for other texts, and out of range.
+        """
+        number, zero, value = text.strip().replace(",", "."), 0.0, math.nan
+        if self.unit == "K" and number.endswith("C"):
+            number, zero = number.rstrip("°C"), ZERO_CELSIUS
+        elif self.unit != "1":
+            number = number.removesuffix(self.unit)
+        with contextlib.suppress(ValueError):
+            value = float(f"{(float(number) + zero) / self.factor:.12g}")
+        return self.check(value, text.strip()[:40])
 
 
 def knobs_of(document: Document, scene: Scene, surface: Surface) -> tuple[Knob, ...]:
@@ -252,7 +271,7 @@ def changed_document(
 
     A series with a changed modulus is written branch by branch.
     """
-    document = document.copied()
+    document = document.copied()._replace(values=())
     # The tables have the block at its own reference; the temperature is in [load].
     settings = {k.target: v for k, v in zip(knobs, values, strict=True) if k.unit != "K"}
     block = changed_stack(stack, tuple(settings), np.array(list(settings.values())))

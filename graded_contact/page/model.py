@@ -25,7 +25,7 @@ from ..response.stack import Stack
 from ..roughness.surface import Surface, radial_spectrum, statistics
 from ..studies.run_scene import build_surface
 from ..studies.scene_theory import velocity_vector
-from .document import Document
+from .document import Document, described
 from .knobs import Target, changed_document, changed_stack, knobs_of
 
 RTOL = 1e-4  # of pressures: enough for figures and the printed digits
@@ -102,7 +102,10 @@ class Model:
     @property
     def values(self) -> tuple[float, ...]:
         """The values of the knobs in the scene as opened [SI]."""
-        return tuple(knob.value for knob in self.knobs)
+        if not self.document.values:
+            return tuple(knob.value for knob in self.knobs)
+        pairs = zip(self.knobs, self.document.values, strict=True)
+        return tuple(knob.check(value, "the value in the address") for knob, value in pairs)
 
     @property
     def size(self) -> np.ndarray:
@@ -150,9 +153,25 @@ class Model:
         with np.errstate(invalid="ignore", divide="ignore"):
             return Derivatives(*(100 * np.asarray(slopes) * steps / np.asarray(found)[:, None]))
 
+    def stepped(self, values: Sequence[float]) -> list[str]:
+        """Returns the label of each knob with its step, at `values` [SI]."""
+        return [knob.stepped(value) for knob, value in zip(self.knobs, values, strict=True)]
+
+    def title(self, values: Sequence[float]) -> str:
+        """Returns the title of the scene, or its layers with the knobs at `values` [SI]."""
+        content, changed = self.document.content, False
+        thickness = []
+        for knob, value in zip(self.knobs, values, strict=True):
+            changed |= value != knob.value
+            thickness += [value] if knob.quantity == "thickness" else []
+        title = "" if changed else content.get("title", "")
+        return title or described(content, thickness)
+
     def changed(self, values: Sequence[float]) -> Document:
         """Returns the scene with the knobs at `values` [SI]."""
-        return changed_document(self.document, self.scene.stack, self.knobs, values)
+        document = changed_document(self.document, self.scene.stack, self.knobs, values)
+        document.content["title"] = self.title(values)
+        return document
 
 
 def _at(scenery: Scenery, numbers: Array) -> tuple[Stack, Surface, Any, Array, Any]:

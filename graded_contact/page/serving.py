@@ -47,7 +47,8 @@ def serve(path: Path | None, folder: Path, *, address: str, port: int, show: boo
     open_document(path)  # refused before the server listens
 
     def page() -> Any:
-        new = _new_page(path, folder)
+        states = pn.state.session_args.get("state", [b""])
+        new = _new_page(path, folder, states[0].decode("ascii", "replace"))
         # A request without a browser, which never loads the page, costs nothing.
         pn.state.onload(new.session.update)
         pn.state.on_session_destroyed(lambda _: new.session.end())
@@ -61,10 +62,10 @@ def serve(path: Path | None, folder: Path, *, address: str, port: int, show: boo
     )  # fmt: skip
 
 
-def _new_page(path: Path | None, folder: Path) -> Any:
+def _new_page(path: Path | None, folder: Path, state: str = "") -> Any:
     from .view import Page
 
-    return Page(open_document(path), folder.absolute())
+    return Page(open_document(path), folder.absolute(), state)
 
 
 def _panel() -> Any:

@@ -19,6 +19,7 @@ import panel as pn
 import param
 
 from ..contact.solution import RESULTS
+from .address import from_address, to_address
 from .document import Document, save_document, with_file
 from .downloads import Shown
 from .model import Model
@@ -38,21 +39,25 @@ class Session(param.Parameterized):
 
     - `document`: the scene.
     - `folder`: the only folder into which the session writes.
+    - `state`: of an earlier session, or "".
     """
 
     model: Any = param.Parameter(doc="The `Model` of the scene; None until it is read.")
     curves: Any = param.Parameter(doc="The last curves.")
-    pinned: Any = param.Parameter(doc="Curves to compare with, or None.")
+    pinned: Any = param.Parameter(doc="The point to compare with, `Shown`, or None.")
     shown: Any = param.Parameter(doc="The last point with a contact, `Shown`.")
     message = param.String(doc="What the user must know.")
     error = param.Boolean(doc="Whether the message reports an error.")
+    state = param.String(doc="What a reload shows again, see `to_address`.")
     status = param.String("reading the scene")
     busy = param.Boolean(True)
 
-    def __init__(self, document: Document, folder: Path):
+    def __init__(self, document: Document, folder: Path, state: str = ""):
         super().__init__()
-        self.folder = folder
+        self.folder, self._opened = folder, document
         self._changes: list[Change] = [lambda _: document]
+        if state:
+            self._changes.append(lambda _: from_address(state, document, folder))
         self._newest: Any = None  # the model that is soon shown, and values of its knobs
         self._values: tuple[float, ...] = ()
         self._curves: Any = None
@@ -118,7 +123,7 @@ class Session(param.Parameterized):
             await asyncio.sleep(rest)
             async with self._turn:
                 stale = self._ended or call != self._call or model is None
-                if stale or not await self._compute(stage, model, values):
+                if stale or not await self._compute(call, stage, model, values):
                     return
 
     async def _read(self, change: Change) -> None:
@@ -137,7 +142,7 @@ class Session(param.Parameterized):
         self._newest, self._values, self._seconds = model, model.values, {}
         self._show(model=model)
 
-    async def _compute(self, stage: str, model: Any, values: tuple[float, ...]) -> bool:
+    async def _compute(self, call: int, stage: str, model: Any, values: tuple[float, ...]) -> bool:
         """Computes one stage and shows it; returns whether that succeeded."""
         first = stage not in self._seconds
         if first:
@@ -152,7 +157,8 @@ class Session(param.Parameterized):
         try:
             found = await asyncio.to_thread(compute)
         except Exception as error:
-            self._fail(stage, error)
+            if call == self._call:
+                self._fail(stage, error)
             return False
         self._seconds[stage] = time.perf_counter() - started
         if stage == "curves":
@@ -164,6 +170,8 @@ class Session(param.Parameterized):
         else:
             self._point = self._point._replace(derivatives=found)
         self._show(shown=self._point, **self._timing())
+        as_opened = model.document is self._opened and values == model.values
+        self._show(state="" if as_opened else to_address(model.document, values))
         if stage == "contact" and found.sliding.result != RESULTS.successful:
             self.show_message(RESULTS[found.sliding.result])
         return True

@@ -15,25 +15,36 @@ from ..plot.contact import masked_fields
 from . import document as scenes
 from .document import Document
 from .downloads import Shown, to_csv, to_hdf5, to_pdf
-from .figures import HEIGHT, Bars, Block, Map, new_lines
+from .figures import Bars, Block, Map, new_lines
 from .session import Session
-from .widgets import LARGEST, Dropper, Slider
+from .widgets import LARGEST, Address, Dropper, Slider
 
 SIDE = 304  # pixels
 WIDE: dict[str, Any] = {"sizing_mode": "stretch_width", "margin": 0}
 SMALL: dict[str, Any] = {"sizing_mode": "stretch_width", "margin": (4, 8)}
 STYLES = """
-.head {display: flex; gap: 30px; align-items: baseline; white-space: nowrap; color: #2b2f36;
+.head {display: flex; flex-wrap: wrap; gap: 2px 30px; align-items: baseline; color: #2b2f36;
   font-family: system-ui, sans-serif}
 .head b {font-size: 19px; font-weight: 600; font-variant-numeric: tabular-nums}
-.head span {font-size: 12px; color: #5b616b; display: block}
-.title {font-size: 14px; font-weight: 600; width: 340px; height: 38px; overflow: hidden;
-  white-space: normal; line-height: 1.3}
-.say {font: 12px system-ui, sans-serif; line-height: 1.35; max-height: 84px; overflow-y: auto;
-  overflow-wrap: anywhere; color: #5b616b}
+.head span, .head i {font-size: 12px; color: #5b616b; display: block}
+.head i {display: inline; margin-left: 6px}
+.title {font-size: 14px; font-weight: 600; flex: 1 1 260px; max-width: 420px; line-height: 1.3;
+  overflow-wrap: anywhere}
+.say {font: 12px system-ui, sans-serif; line-height: 1.35; overflow-wrap: anywhere;
+  color: #5b616b}
 .error {color: #a33600}
 """
-TEXT: dict[str, Any] = {"stylesheets": [STYLES], "margin": (0, 8), "width": SIDE - 20}
+# On a phone the sliders are below the numbers, and the figures below the sliders.
+HEAD = """:host {position: sticky; top: 0; z-index: 2; background: white; padding: 4px 12px;
+  border-bottom: 1px solid #e3e6ea; box-sizing: border-box}"""
+ASIDE = f""":host {{flex: 1 1 {SIDE}px; min-width: 0; padding-bottom: 8px}}
+@media (min-width: 900px) {{:host {{position: sticky; top: 64px; height: calc(100vh - 64px);
+  overflow: hidden auto; max-width: {SIDE}px; border-right: 1px solid #e3e6ea}}}}"""
+HALF: dict[str, Any] = {"sizing_mode": "stretch_width", "margin": (4, 8), "min_width": 60}
+TEXT: dict[str, Any] = {"stylesheets": [STYLES], "margin": (0, 8), **SMALL}
+MAPS = {
+    "pressure": "pressure", "gap": "gap", "displacement": "displacement", "surface": "heights",
+}  # fmt: skip
 # How to make a part of a surface periodic, in words and in the words of `read_surface`.
 EDGES = {
     "joined (harmonic)": "harmonic", "mirrored: twice as long": "mirror",
@@ -49,15 +60,22 @@ class Page(pn.viewable.Viewer):
 
     - `document`: the scene.
     - `folder`: the page writes into this folder only.
+    - `state`: of an earlier page, from its address.
     """
 
-    def __init__(self, document: Document, folder: Path):
+    def __init__(self, document: Document, folder: Path, state: str = ""):
         super().__init__()
-        self.session = Session(document, folder)
+        self.session = Session(document, folder, state)
         self.sliders: list[Slider] = []
         self._plots, self._knobs = pn.Column(**WIDE), pn.Column(**WIDE)
         self._layers = pn.Column(**SMALL)
         self._material: Any = pn.widgets.Select(label="of material", **SMALL)
+        self._field: Any = pn.widgets.RadioButtonGroup(
+            options=MAPS, variant="outline", color="primary", margin=(4, 48),
+            sizing_mode="stretch_width",
+        )  # fmt: skip
+        self._field.param.watch(self._show_map, "value")
+        self._field.param.watch(self._push, "value", precedence=1)
         self._layout = self._laid_out()
         watch = self.session.param.watch
         watch(self._show_model, "model")
@@ -73,78 +91,92 @@ class Page(pn.viewable.Viewer):
         if not pn.state.curdoc:
             pn.io.push_notebook(self._layout)
 
-    def _laid_out(self) -> pn.Row:
+    def _laid_out(self) -> pn.FlexBox:
         session, here = self.session, self.session.param
         spinner = pn.indicators.LoadingSpinner(
             value=here.busy, visible=here.busy, size=20, margin=(8, 4, 4, 8)
         )
-        status = pn.pane.HTML(pn.bind(_words, here.status), **TEXT | {"margin": (10, 2)})
+        status = pn.pane.HTML(pn.bind(_words, here.status), **TEXT | {"margin": (10, 8)})
         pin = pn.widgets.Toggle(
-            label="Pin curves to compare", margin=(2, 8), width=SIDE - 24,
-            disabled=here.curves.rx.is_(None),
+            label="Pin curves and numbers to compare", **SMALL, disabled=here.shown.rx.is_(None),
         )  # fmt: skip
         pin.param.watch(
-            lambda event: session.param.update(pinned=session.curves if event.new else None),
+            lambda event: session.param.update(pinned=session.shown if event.new else None),
             "value",
         )
         tabs = pn.Tabs(
             ("Sliders", self._knobs), ("Layers", self._layers), ("Data", self._data()),
             ("Save", self._saving()), sizing_mode="stretch_width", margin=(2, 4),
         )  # fmt: skip
+        # The address of a notebook is not that of the page.
+        address = [Address(state=here.state, width=0, margin=0)] if pn.state.curdoc else []
         side = pn.Column(
-            pn.Row(spinner, status, margin=0),
+            pn.Row(spinner, status, *address, **WIDE),
             pin,
             pn.pane.HTML(pn.bind(_words, here.message, here.error), **TEXT),
             pn.pane.HTML(pn.bind(_warnings, here.shown), **TEXT),
             tabs,
-            width=SIDE,
-            margin=0,
-            styles={"border-right": "1px solid #e3e6ea", "overflow": "hidden auto",
-                    "height": "100vh"},
+            stylesheets=[ASIDE], **WIDE,
         )  # fmt: skip
         head = pn.pane.HTML(
-            pn.bind(_headline, here.shown), height=46, margin=(6, 8, 0, 12),
-            stylesheets=[STYLES], sizing_mode="stretch_width",
+            pn.bind(_headline, here.shown, here.pinned), stylesheets=[STYLES, HEAD],
+            sizing_mode="stretch_width", margin=0, styles={"flex": "1 0 100%"}, min_height=56,
         )  # fmt: skip
-        main = pn.Column(head, self._plots, sizing_mode="stretch_width", margin=(0, 6))
-        return pn.Row(side, main, styles={"background": "white"}, **WIDE)
+        main = pn.Column(self._plots, **WIDE, styles=_flex("1000 1 600px"))
+        return pn.FlexBox(head, side, main, styles={"background": "white"}, gap="0", **WIDE)
 
     def _data(self) -> pn.Column:
         """The tab that takes files of the user."""
         options: dict[str, Any] = {
-            "unit": pn.widgets.TextInput(placeholder="um", label="unit of its numbers", width=125),
-            "size": pn.widgets.FloatInput(
-                value=None, placeholder="1e-3", label="edge length [m]", width=125
-            ),
+            "unit": pn.widgets.TextInput(placeholder="um", label="unit of its heights", **HALF),
+            "size": pn.widgets.TextInput(placeholder="1e-3", label="edge length [m]", **HALF),
             "periodic": pn.widgets.Select(label="its edges", options=EDGES, **SMALL),
         }
-        tab = pn.Column(**SMALL)
+        tab, last = pn.Column(**SMALL), []
 
-        def moduli() -> Any:
-            return partial(scenes.with_moduli, name=str(self._material.value))
+        def moduli(name: str, data: bytes) -> None:
+            change = partial(scenes.with_moduli, name=str(self._material.value))
+            self.session.take_file(name, data, change)
 
-        def topography() -> Any:
+        def topography(name: str, data: bytes) -> None:
+            last[:] = [name, data]
             values = {name: widget.value for name, widget in options.items() if widget.value}
-            return partial(scenes.with_topography, options=values)
+            try:
+                if size := values.pop("size", ""):
+                    values["size"] = float(size.replace(",", "."))
+            except ValueError:
+                text = f"`edge length`: {size} is refused. Enter metres, such as 1e-3."
+                self.session.show_message(text)
+                return
+            self.session.take_file(name, data, partial(scenes.with_topography, options=values))
 
-        def dropper(change: Callable[[], Any]) -> Dropper:
+        def again(_: Any) -> None:
+            if last:
+                topography(*last)
+
+        for widget in options.values():
+            widget.param.watch(again, "value")
+
+        def dropper(take: Callable[[str, bytes], None]) -> Dropper:
             new = Dropper(**SMALL)
             new.param.watch(lambda event: self.session.show_message(event.new), "refusal")
-            new.param.watch(partial(dropped, change), "value")
+            new.param.watch(partial(dropped, take), "value")
             return new
 
-        def dropped(change: Callable[[], Any], event: Any) -> None:
+        def dropped(take: Callable[[str, bytes], None], event: Any) -> None:
             for name, data in event.new.items():
-                self.session.take_file(name, data, change())
+                take(name, data)
             # A fresh dropper: the browser shows refused files as complete too.
-            tab[tab.objects.index(event.obj)] = dropper(change)
+            tab[tab.objects.index(event.obj)] = dropper(take)
 
         tab[:] = [
-            _heading("Your moduli (DMA or rheometer, over frequency)"),
+            _heading("Your moduli over frequency (DMA, rheometer), or isotherms at several "
+                     "temperatures"),
             self._material, dropper(moduli),
             _heading("Your topography"),
-            pn.Row(options["unit"], options["size"], margin=0), options["periodic"],
+            pn.Row(options["unit"], options["size"], **WIDE), options["periodic"],
             dropper(topography),
+            _heading("Unit, length and edges also act on the last file: drop it once."),
             _heading(f"At most {LARGEST} MB; stored in {self.session.folder.name}"),
         ]  # fmt: skip
         return tab
@@ -171,20 +203,24 @@ class Page(pn.viewable.Viewer):
     def _show_model(self, _: Any) -> None:
         """New sliders and figures, for another scene."""
         model, content = self.session.model, self.session.model.document.content
-        self.sliders = [Slider(knob) for knob in model.knobs]
+        self.sliders = [
+            Slider(knob, value) for knob, value in zip(model.knobs, model.values, strict=True)
+        ]
         for i, slider in enumerate(self.sliders):
             set_value = partial(self.session.set_value, model, i)
             slider.param.watch(lambda event, set_value=set_value: set_value(event.new), "value")
             slider.param.watch(lambda event: self.session.show_message(event.new), "refusal")
         self._lines, self._bars, self._block = new_lines(model.highest), Bars(model.knobs), Block()
-        self._maps = {name: Map(name, model.size) for name in ("pressure", "gap")}
-        lines, maps = self._lines, self._maps
-        rows = (
-            (self._block, lines["modulus"], lines["loss_tangent"]),
-            (lines["friction"], lines["contact_area"]),
-            (maps["pressure"], maps["gap"], self._bars),
-        )
-        self._plots[:] = [pn.Row(*(_drawn(part.figure) for part in row), **WIDE) for row in rows]
+        self._map = Map(model.size)
+        lines, chart = self._lines, pn.Column(self._field, _drawn(self._map.figure), **WIDE)
+        chart.styles = _flex("1 1 420px")
+        middle = pn.Column(*(_drawn(lines[name].figure) for name in ("friction", "contact_area")),
+                           **WIDE, styles=_flex("1 1 340px"))  # fmt: skip
+        upper = (self._block, lines["modulus"], lines["loss_tangent"])
+        self._plots[:] = [
+            pn.FlexBox(*(_drawn(part.figure, "1 1 270px") for part in upper), gap="0", **WIDE),
+            pn.FlexBox(middle, chart, _drawn(self._bars.figure, "1 1 360px"), gap="0", **WIDE),
+        ]
         self._knobs[:] = self.sliders
         names = list(content["materials"])
         self._material.options = names
@@ -195,30 +231,40 @@ class Page(pn.viewable.Viewer):
         ))  # fmt: skip
         layers = []
         for i, layer in enumerate(content.get("layers", [])):
-            button = pn.widgets.Button(label="Remove", width=80, margin=(2, 8))
+            button = pn.widgets.Button(label="Remove", width=80, margin=(2, 8), align="center")
             button.on_click(
                 lambda _, i=i: self.session.change(partial(scenes.without_layer, index=i))
             )
             name = f"{i + 1}  {scenes.layer_name(layer)}"
-            layers.append(pn.Row(pn.pane.Str(name, width=150, margin=(8, 8)), button, margin=0))
-        base = pn.pane.Str(f"base  {_base_name(content)}", margin=(8, 8))
+            layers.append(pn.Row(_heading(name), button, **WIDE))
+        base = _heading(f"base  {scenes.base_name(content)}")
         heading = _heading("From the loaded surface downwards")
         self._layers[:] = [heading, *layers, base, chosen, add]
 
     def _show_curves(self, *events: Any) -> None:
+        pinned = self.session.pinned
         for line in self._lines.values():
-            line.show(self.session.curves, self.session.pinned)
+            line.show(self.session.curves, pinned and pinned.curves)
         if any(event.name == "curves" for event in events):
             self._bars.fade(0.35)
+
+    def _show_map(self, *_: Any) -> None:
+        """Draws the chosen field of the contact."""
+        if self.session.shown is None:
+            return
+        name, (sliding, heights, _) = str(self._field.value), self.session.shown.contact
+        fields = masked_fields(sliding) | {"heights": heights - np.mean(heights)}
+        if name == "displacement":
+            fields[name] = np.asarray(sliding.displacement)
+        self._map.show(name, fields[name])
 
     def _show_point(self, event: Any) -> None:
         """Draws the contact, its point among the curves, and the block; then the derivatives."""
         shown, contact = event.new, event.new.contact
         if shown.derivatives is not None:
-            self._bars.show(shown.derivatives)
+            self._bars.show(shown.model.stepped(shown.values), shown.derivatives)
             return
-        for name, field in masked_fields(contact.sliding).items():
-            self._maps[name].show(field)
+        self._show_map()
         sliding, velocity = contact.sliding, contact.velocity
         self._lines["friction"].mark(velocity, float(sliding.friction))
         self._lines["contact_area"].mark(velocity, float(sliding.contact_area_smooth))
@@ -230,26 +276,27 @@ class Page(pn.viewable.Viewer):
             for layer, depth in zip(content.get("layers", []), thickness, strict=True)
         ]
         self._block.show(
-            np.array(thickness), [*names, _base_name(content)], content["base"]["kind"],
+            np.array(thickness), [*names, scenes.base_name(content)], content["base"]["kind"],
             contact.heights, float(shown.model.size[0]),
         )  # fmt: skip
 
 
-def _drawn(figure: Any) -> Any:
+def _drawn(figure: Any, flex: str = "") -> Any:
     size: dict[str, Any] = {"width": figure.width} if figure.sizing_mode == "fixed" else WIDE
-    return pn.pane.Bokeh(figure, height=HEIGHT, **{**size, "margin": 0})
+    pane = pn.pane.Bokeh(figure, height=figure.height, **{**size, "margin": 0})
+    return pn.Column(pane, **WIDE, styles=_flex(flex)) if flex and size is WIDE else pane
+
+
+def _flex(wanted: str) -> dict[str, str]:
+    return {"flex": wanted, "min-width": "0", "max-width": "100%"}
 
 
 def _heading(text: str) -> pn.pane.HTML:
     return pn.pane.HTML(_words(text), stylesheets=[STYLES], margin=(8, 8, 2, 8))
 
 
-def _base_name(content: dict[str, Any]) -> str:
-    return content["base"].get("material", content["base"]["kind"])
-
-
 def _words(text: str, error: bool = False) -> str:
-    kind = "say error" if error else "say"
+    kind = 'say error" role="alert' if error else "say"
     return f'<div class="{kind}">{html.escape(text)}</div>' if text else ""
 
 
@@ -257,18 +304,29 @@ def _warnings(shown: Shown | None) -> str:
     return _words(" ".join(shown.contact.sliding.caveats)) if shown else ""
 
 
-def _headline(shown: Shown | None) -> str:
+def _headline(shown: Shown | None, pinned: Shown | None) -> str:
+    """Title and numbers of a point, with their differences from a pinned one."""
     if shown is None:
         return ""
-    sliding = shown.contact.sliding
+    sliding, other = shown.contact.sliding, pinned and pinned.contact.sliding
     numbers = {
-        "friction μ [1]": f"{float(sliding.friction):.4g} ± {float(sliding.friction_error):.0e}",
-        "contact area A/A₀": f"{100 * float(sliding.contact_area_smooth):.3g} %",
-        "mean gap": with_unit(float(sliding.mean_gap), "m"),
-        "error of the pressure": f"{float(sliding.error):.0e}",
+        "friction": (
+            "friction μ [1]",
+            lambda mu: f"{mu:.4g} ± {float(sliding.friction_error):.0e}",
+        ),
+        "contact_area_smooth": ("contact area A/A₀", lambda area: f"{100 * area:.3g} %"),
+        "mean_gap": ("mean gap", lambda gap: with_unit(gap, "m")),
+        "error": ("error of the pressure", lambda error: f"{error:.0e}"),
     }
-    cells = "".join(
-        f"<div><span>{name}</span><b>{value}</b></div>" for name, value in numbers.items()
-    )
-    title = html.escape(shown.model.scene.title)
+
+    def cell(name: str) -> str:
+        words, text = numbers[name]
+        value, change = float(getattr(sliding, name)), ""
+        if other is not None and name != "error":
+            before = float(getattr(other, name))
+            change = f"<i>{100 * (value / before - 1):+.3g} % from pinned</i>" if before else ""
+        return f"<div><span>{words}</span><b>{text(value)}</b>{change}</div>"
+
+    title = html.escape(shown.model.title(shown.values))
+    cells = "".join(map(cell, numbers))
     return f'<div class="head"><div class="title">{title}</div>{cells}</div>'

@@ -1,81 +1,117 @@
-"""Widgets of a page that Panel lacks: a slider of a knob, and a place to drop a limited file."""
+"""Widgets of a page that Panel lacks: sliders of knobs, the address, and places to drop files."""
 
-import math
 import weakref
 from typing import Any, ClassVar
 
 import panel as pn
 import param
 
-from .knobs import Knob
+from .knobs import ZERO_CELSIUS, Knob
 
 STEPS = 400  # positions of a slider
 DIGITS = 4  # of a number from a slider: the page shows the number that it uses
-FIELD = """input {height: 28px; min-height: 28px; padding: 2px 6px !important}
-.bk-spin-btn {display: none !important}"""
-STYLE = ":host {--design-primary-color: #0072B2;} label {font-size: 12px; margin-bottom: -2px;}"
+NAMES = ("label", "unit", "low", "high", "logarithmic", "factor")
+SLIDER = """
+.knob {display: grid; grid-template-columns: 1fr 76px; gap: 0 8px; align-items: center;
+  font: 12px system-ui, sans-serif; color: #2b2f36; padding: 2px 0}
+label {grid-column: 1; overflow-wrap: anywhere} output {color: #5b616b; font-size: 11px}
+input {width: 100%; box-sizing: border-box; margin: 0; accent-color: #0072B2}
+input[type=text] {font: 13px system-ui, sans-serif; padding: 3px 6px; border: 1px solid #c3c8cf;
+  border-radius: 4px}
+input[aria-invalid=true] {border-color: #a33600; outline: 1px solid #a33600}
+"""
 LARGEST = 64  # MB of one file
 CHUNK = 4_000_000  # bytes of one message
 UNFINISHED = 4 * LARGEST  # MB of unfinished uploads of all pages together
 
 
-class _PromptSlider(pn.widgets.FloatSlider):
-    """A slider that sends its value at once: Panel waits 50 ms for more."""
+class Slider(pn.custom.JSComponent):
+    """A slider of one knob, logarithmic if the knob is, with a field for an exact number.
 
-    _priority_changes: ClassVar[list[str]] = ["value"]
-
-
-class Slider(pn.viewable.Viewer):
-    """A slider of one knob, logarithmic if the knob is, with a field for an exact number."""
+    The browser shows and speaks the value in the unit of the knob.
+    """
 
     value = param.Number(doc="Value of the knob [SI].")
-    refusal = param.String(doc="Why the last number in the field is not used; or empty.")
+    refusal = param.String(doc="Why the last text in the field is not used; or empty.")
+    about = param.Dict(doc="The knob, for the browser.")
+    # Panel waits 50 ms for more of other changes.
+    _priority_changes: ClassVar[list[str]] = ["value"]
+    _stylesheets: ClassVar[list[str]] = [SLIDER]
+    _esm = """
+export function render({model}) {
+  const {label, unit, low, high, logarithmic, factor, steps, digits, zero} = model.about
+  const box = document.createElement("div")
+  box.className = "knob"
+  box.innerHTML = `<label></label><output></output>
+    <input type="range" min="0" max="${steps}"><input type="text" inputmode="decimal">`
+  const [words, hint, slider, field] = box.children
+  const named = unit == "1" ? label : `${label} [${unit}]`
+  words.textContent = named
+  slider.setAttribute("aria-label", label)
+  field.setAttribute("aria-label", named)
+  const position = value => steps * (logarithmic
+    ? Math.log(value / low) / Math.log(high / low) : (value - low) / (high - low))
+  const at = share => logarithmic ? low * (high / low) ** share : low + (high - low) * share
+  const draw = () => {
+    const number = String(+(model.value * factor).toPrecision(6))
+    hint.textContent = zero ? `${+(model.value - zero).toFixed(2)} °C` : ""
+    slider.value = position(model.value)
+    field.value = number
+    const said = unit == "1" ? number : `${number} ${unit}`
+    slider.setAttribute("aria-valuetext", zero ? `${said}, ${hint.textContent}` : said)
+    slider.title = said
+    field.setAttribute("aria-invalid", "false")
+  }
+  slider.addEventListener("input", () => {
+    const value = +at(slider.value / steps).toPrecision(digits)
+    model.value = Math.min(Math.max(value, low), high)
+    draw()
+  })
+  field.addEventListener("change", () => model.send_msg(field.value))
+  model.on("value", draw)
+  model.on("msg:custom", refused => {
+    draw()
+    field.setAttribute("aria-invalid", refused)
+  })
+  draw()
+  return box
+}
+"""
 
-    def __init__(self, knob: Knob):
-        super().__init__(value=knob.value)
+    def __init__(self, knob: Knob, value: float):
+        about = {name: getattr(knob, name) for name in NAMES}
+        about |= {"steps": STEPS, "digits": DIGITS, "zero": ZERO_CELSIUS if knob.unit == "K" else 0}
+        super().__init__(value=value, about=about, sizing_mode="stretch_width", margin=(1, 8))
         self._knob = knob
-        low, high = self._position(knob.low), self._position(knob.high)
-        self._slider: Any = _PromptSlider(
-            label=f"{knob.label} [{knob.unit}]", start=low, end=high, step=(high - low) / STEPS,
-            value=self._position(knob.value), show_value=False, sizing_mode="stretch_width",
-            margin=(1, 4, 1, 8), stylesheets=[STYLE],
-        )  # fmt: skip
-        self._field: Any = pn.widgets.FloatInput(
-            value=self._rounded(), width=70, margin=(4, 8, 0, 0), align="end", stylesheets=[FIELD]
-        )
-        self._slider.param.watch(self._slide, "value")
-        self._field.param.watch(self._enter, "value")
 
-    def __panel__(self) -> pn.Row:
-        return pn.Row(self._slider, self._field, sizing_mode="stretch_width", margin=0)
+    def _handle_msg(self, data: Any) -> None:
+        self.enter(str(data))
 
-    def _position(self, value: float) -> float:
-        return math.log10(value) if self._knob.logarithmic else value
-
-    def _rounded(self) -> float:
-        return float(f"{self.value * self._knob.factor:.6g}")
-
-    def _slide(self, event: Any) -> None:
-        if event.new == self._position(self.value):
-            return  # it follows the field
-        value = 10**event.new if self._knob.logarithmic else event.new
-        value = float(f"{value:.{DIGITS}g}")
-        self.value = min(max(value, self._knob.low), self._knob.high)
-        self._field.value = self._rounded()
-
-    def _enter(self, event: Any) -> None:
-        if event.new == self._rounded():
-            return  # it follows the slider
+    def enter(self, text: str) -> None:
+        """Takes the text of the field, or says why not; the field then shows the value again."""
         self.refusal = ""
-        value = None if event.new is None else float(f"{event.new / self._knob.factor:.12g}")
         try:
-            value = self._knob.check(value)
+            self.value = self._knob.read(text)
         except ValueError as error:
             self.refusal = str(error)
-            self._field.value = self._rounded()
-            return
-        self.value = value
-        self._slider.value = self._position(value)
+        self._send_msg(bool(self.refusal))
+
+
+class Address(pn.custom.JSComponent):
+    """Puts the state of the page into its address, so that a reload shows it again."""
+
+    state = param.String()
+    _esm = """
+export function render({model}) {
+  // Phones draw a page without this line as wide as on a desk.
+  const meta = Object.assign(document.createElement("meta"), {name: "viewport",
+    content: "width=device-width, initial-scale=1"})
+  document.head.append(meta)
+  model.on("state", () => history.replaceState(null, "",
+    model.state ? `?state=${model.state}` : location.pathname))
+  return document.createElement("span")
+}
+"""
 
 
 class Dropper(pn.widgets.FileDropper):

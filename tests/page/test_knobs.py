@@ -10,9 +10,11 @@ from scenes import TEXT, changed
 
 from graded_contact.core.parameters import paths
 from graded_contact.files.toml import toml_text
+from graded_contact.page.address import from_address, to_address
 from graded_contact.page.document import (
     open_document,
     with_layer,
+    with_moduli,
     with_topography,
     without_layer,
 )
@@ -20,6 +22,7 @@ from graded_contact.page.knobs import changed_document, changed_stack, knobs_of
 
 SHIFT = 'kind = "tyre_tread"\npoisson = 0.45'
 WARM = "temperature = [280.0, 300.0]\nvelocity ="
+TIMES = (1e-3, 1e-2, 1e-1)  # s, of isotherms
 BULK_SHEAR = """kind = "elastic"
 modulus = 2e9
 [materials.shear]
@@ -94,13 +97,76 @@ def test_a_knob_of_a_shared_material_changes_all_its_layers(opened):
     assert [float(layer.material.young) for layer in block.layers] == [5e6, 5e6]
 
 
-@pytest.mark.parametrize("value", [1e12, None])
-def test_a_value_out_of_range_is_refused_with_the_range(opened, value):
+@pytest.mark.parametrize("text", ["1e12", "", "abc", "nan", "20 °C", "3 MPa"])
+def test_a_text_that_is_no_value_is_refused_with_the_range(opened, text):
     document = opened(TEXT)
     scene = document.scene()
     pressure = knobs_of(document, scene, scene.surface.build())[0]
     with pytest.raises(ValueError, match=r"`pressure`: .* is refused.* between 8 and 20000 kPa"):
-        pressure.check(value)
+        pressure.read(text)
+
+
+def test_a_field_reads_units_commas_and_degrees(opened):
+    document = opened(changed("velocity =", WARM, 'kind = "tyre_tread"', SHIFT))
+    scene = document.scene()
+    knobs = {knob.label: knob for knob in knobs_of(document, scene, scene.surface.build())}
+    assert knobs["pressure"].read(" 312,5 kPa ") == 312500.0
+    assert knobs["rms slope"].read("0.31") == 0.31
+    assert knobs["temperature"].read("20 °C") == knobs["temperature"].read("293.15") == 293.15
+
+
+def test_a_poissons_ratio_of_one_half_steps_down(opened):
+    document = opened(changed("poisson = 0.4", "poisson = 0.5"))
+    scene = document.scene()
+    knobs = {knob.label: knob for knob in knobs_of(document, scene, scene.surface.build())}
+    knob = knobs["coat: Poisson's ratio"]
+    assert (knob.step_size(0.5), knob.step_size(0.4)) == (-0.01, 0.01)
+    assert knob.stepped(0.5).endswith("−0.01") and knob.stepped(0.4).endswith("+0.01")
+
+
+def test_an_address_gives_the_scene_and_its_values_back(opened, tmp_path):
+    document = opened(TEXT)
+    more = with_layer(document, None)
+    values = (3e5, 0.05)
+    again = from_address(to_address(more, values), document, tmp_path)
+    assert again.content == more.content and again.values == values
+    assert again.speeds == document.speeds
+
+
+def test_an_address_names_no_other_file_and_no_finer_grid(opened, tmp_path):
+    document = opened(TEXT)
+    secret = tmp_path / "secret.csv"
+    secret.write_text("1,1,1\n")
+    for change in (
+        {"surface": {"kind": "file", "path": str(secret)}},
+        {"surface": {"kind": "file", "path": str(tmp_path / "out" / ".." / "secret.csv")}},
+        {"grid": {"shape": [8192, 8192], "size": 1e-3}},
+        {"grid": {"shape": "ab", "size": 1e-3}},
+    ):
+        state = to_address(document._replace(content=document.content | change), ())
+        with pytest.raises(ValueError, match="The address holds no scene of this page"):
+            from_address(state, document, tmp_path / "out")
+    for text in ("x", "ü", to_address(document, ())[:-9], "A" * 400):
+        with pytest.raises(ValueError, match="The address holds no scene of this page"):
+            from_address(text, document, tmp_path)
+
+
+def test_isotherms_become_a_series_with_its_shifts(opened, tmp_path):
+    """Three isotherms of one relaxation, shifted by a known law."""
+    path, omega = tmp_path / "sweep.csv", np.geomspace(0.1, 100, 13)
+    rows = ["temperature (K),frequency (rad/s),E' (Pa),E'' (Pa)"]
+    for kelvin, shift in ((280, 2.0), (290, 1.0), (300, 0.0)):
+        modulus = 1e6 + sum(2e6 / (1 - 1j / (omega * 10**shift * tau)) for tau in TIMES)
+        rows += [f"{kelvin},{w},{m.real},{m.imag}" for w, m in zip(omega, modulus, strict=True)]
+    path.write_text("\n".join(rows), encoding="utf-8")
+    document = with_moduli(opened(TEXT), path, "tread")
+    table = document.content["materials"]["tread"]
+    assert table["kind"] == "prony" and "shift" in table
+    material = document.scene().stack.base.material
+    for kelvin, shift in ((280, 2.0), (290, 1.0), (300, 0.0)):
+        at = material.at(float(kelvin))
+        wanted = 1e6 + sum(2e6 / (1 - 1j / (omega * 10**shift * tau)) for tau in TIMES)
+        np.testing.assert_allclose(at.modulus(omega), wanted, rtol=0.03)
 
 
 def test_layers_come_and_go(opened):

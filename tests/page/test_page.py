@@ -16,6 +16,7 @@ from scenes import TEXT
 import graded_contact as gc
 from graded_contact.files.scene import read_scene
 from graded_contact.page import model as models
+from graded_contact.page.address import from_address
 from graded_contact.page.document import open_document, with_moduli
 from graded_contact.page.model import Model
 
@@ -74,7 +75,7 @@ def test_bars_are_what_a_step_of_a_slider_changes(model):
         step = 1e-4 * knob.value
         steps = step * np.outer([1, -1], np.arange(len(values)) == i)
         ends = [model.contact(at.tolist()).sliding for at in values + steps]
-        scale = 0.01 * knob.value if knob.logarithmic else float(knob.step.split()[0])
+        scale = knob.step_size(knob.value)
         for name, bar in (("friction", bars.friction), ("contact_area_smooth", bars.contact_area)):
             up, down = (float(getattr(end, name)) for end in ends)
             change = 100 * (up - down) / (2 * step) * scale / ((up + down) / 2)
@@ -157,10 +158,19 @@ def test_a_page_refuses_changes_and_saves(document, tmp_path):
     async def steps():
         await page.session.update()
         pressure, session = page.sliders[0], page.session
-        pressure._field.value = 0.0
-        assert "is refused" in session.message and pressure._field.value == 400.0
-        pressure._field.value = 300.0
+        assert session.shown.model.title(session.shown.values) == "a small one"
+        for _ in range(2):
+            pressure.enter("none")
+            assert "`pressure`: none is refused" in session.message
+            pressure.enter("400")  # as it was: the message goes
+            assert session.message == "" and not session.state
+        session.pinned = session.shown
+        pressure.enter("300 kPa")
         await rest()
+        head = page.__panel__()[0].object
+        assert "% from pinned" in head and "coat 20 µm, tread on a random surface" in head
+        again = from_address(session.state, document, tmp_path)
+        assert again.values == session.shown.values and again.content == document.content
         assert session.message == "" and session.shown.values[0] == 3e5
         assert session.shown.derivatives is not None and not session.busy
         session.save("mine")
@@ -175,7 +185,8 @@ def test_a_page_refuses_changes_and_saves(document, tmp_path):
 
         await drop("../<b>notes.txt", b"no table")
         assert "notes.txt" in session.message
-        assert "<b>" not in page.__panel__()[0][2].object
+        assert "<b>" not in page.__panel__()[1][2].object
+        assert session.error
         session.change(lambda _: {}["a bug"])  # an unexpected error is shown as well
         await rest()
         assert session.message == "the scene: 'a bug'"
