@@ -59,6 +59,9 @@ OBSERVABLES = _table([
     ("unmeasured_area", "", "1", "share of the contact area on filled or tapered points"),
     ("unmeasured_friction", "", "1", "share of the hysteresis on filled or tapered points"),
     ("extrapolated_friction", "", "1", "share of the friction where no modulus was measured"),
+    ("surface_rise", r"\Delta T", "K", "temperature of the contact above the bulk"),
+    ("approach", r"\delta", "m", "approach of a body since its first touch"),
+    ("rim_load", "", "1", "share of the load on the rim of the window"),
     ("error", "", "1", "estimated relative error of the contact pressure"),
     ("num_fft_pairs", "", "1", "FFT pairs of the solve"),
     ("reduced_velocity", "a_T v", "m/s", "velocity times the time-temperature shift"),
@@ -69,6 +72,8 @@ OBSERVABLES = _table([
 CYCLE = _table([
     ("CyclicSliding.displacement", "s", "m", "displacement of the surface over the block"),
     ("Motion.displacement", "s", "m", "displacement of the surface over the block"),
+    ("surface_displacement", "s", "m", "displacement of the surface over the block"),
+    ("time", "t/T", "1", "time over the period"),
     ("highest_speed", "v", "m/s", "highest speed"),
     ("period", "T", "s", "period"),
     ("load", r"\sigma_0", "Pa", "mean pressure at each time"),
