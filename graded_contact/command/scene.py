@@ -24,8 +24,10 @@ from ..files.results import (
 from ..files.scene import Scene, parse_scene, read_scene
 from ..files.toml import parse_toml
 from ..plot import (
+    plot_cycle,
     plot_dissipation,
     plot_distributions,
+    plot_film,
     plot_outline,
     plot_reduced,
     plot_sensitivity,
@@ -264,6 +266,10 @@ def _write(file: Path, results: "Dataset", replace: bool) -> bool:
 
 def _figures(results: "Dataset", decided: Decided) -> Iterator[tuple[str, "Figure"]]:
     """Yields each figure of all solves with the end of its name."""
+    if "time" in results.dims:
+        if not np.all(np.isnan(results["friction"])):
+            yield "cycle", plot_cycle(results)
+        return
     yield "sweep", plot_sweep(results)
     if "reduced_velocity" in results:
         yield "master", plot_reduced(results)
@@ -285,8 +291,14 @@ def _contacts(
     fields, surface = contact_at(results, index)
     at = results["message"].isel(dict(zip(results["message"].dims, index, strict=True)))
     velocity = velocity_vector(at["velocity"].item(), results.attrs["direction"])
-    figures = {"contact": plot_sliding(fields, surface, velocity)}
-    if whole:
+    if scene.motion is not None:
+        figures = {"film": plot_film(fields, surface)}
+    else:
+        figures = {"contact": plot_sliding(fields, surface, velocity)}
+    if whole and scene.motion is None and not surface.periodic:
+        figures["outline"] = plot_outline(fields, surface)
+        figures["distributions"] = plot_distributions(fields)
+    elif whole and scene.motion is None:
         theory = mean_field_at(scene, surface, index)
         figures["outline"] = plot_outline(fields, surface)
         figures["distributions"] = plot_distributions(fields, theory)

@@ -23,6 +23,16 @@ if TYPE_CHECKING:
 # Heads and formats of the columns, by the name of the quantity.
 COLUMNS = {
     "friction": ("friction", "#.4g"),
+    "hysteresis_friction": ("of it\nhysteresis", "#.4g"),
+    "shear_friction": ("of it\nshear", "#.4g"),
+    "surface_rise": ("contact\nheats [K]", "#.4g"),
+    "mean_friction": ("friction\n(mean)", "#.4g"),
+    "mean_friction_error": ("± solver", ".1e"),
+    "peak_friction": ("friction\n(peak)", "#.4g"),
+    "peak_friction_error": ("± solver", ".1e"),
+    "work": ("work\n[J/m²]", ".3e"),
+    "dissipated_power": ("power\n[W/m²]", ".3e"),
+    "phase": ("phase\n[rad]", ".3f"),
     "friction_error": ("± solver", ".1e"),
     "geometric_friction": ("friction\n(geometric)", "#.4g"),
     "contact_area": ("area\n(pixels)", ".5f"),
@@ -46,9 +56,12 @@ def print_table(results: "Dataset") -> None:
     """Prints one line for each solve, then the reasons of solves that did not converge."""
     axes = results["message"].dims
     others = axes[:-2]  # the last two are pressure and velocity
-    names = [name for name in COLUMNS if name in results]
-    if "measured" not in results:
-        names.remove("unmeasured_friction")
+    # Those that have one number for each solve.
+    names = [name for name in COLUMNS if name in results and results[name].dims == axes]
+    unused = {"unmeasured_friction"} if "measured" not in results else set()
+    if "shear_friction" in results and not np.any(results["shear_friction"]):
+        unused |= {"hysteresis_friction", "shear_friction"}
+    names = [name for name in names if name not in unused]
     heads = ["velocity\n[m/s]", "pressure\n[MPa]", *map(str, others)]
     for i, name in enumerate(others, start=2):
         heads[i] += f"\n[{unit}]" if (unit := results[name].attrs.get("units", "1")) != "1" else ""
@@ -62,7 +75,8 @@ def print_table(results: "Dataset") -> None:
         *at, load, speed = (results[a].values[i] for a, i in zip(axes, index, strict=True))
         cells = {name: format(values[name][index], COLUMNS[name][1]) for name in names}
         if error in values:
-            cells["friction"] = with_error(*(float(values[n][index]) for n in ("friction", error)))
+            name = "friction" if "friction" in cells else "mean_friction"
+            cells[name] = with_error(*(float(values[n][index]) for n in (name, error)))
         mark = f"[bold red]{state}[/] " if (state := states[index]) else ""
         doubts = ",".join(str(n) for n, c in enumerate(warnings, start=1) if c.where[index])
         mark += f"[yellow]({doubts})[/]" if doubts else ""
