@@ -308,6 +308,8 @@ def _contacts(
             curves = {"contact": waves, "mean field": theory.against_cutoff}
             figures["dissipation"] = plot_dissipation(curves)
     title = ", ".join(f"{title_of(str(name))} {label_of(at[name])}" for name in at.coords)
+    if scene.motion is not None:
+        title = title.replace(title_of("velocity"), "highest speed")
     for key, figure in figures.items():
         entitle(figure, title)
         yield "-".join(map(str, (key, *(index if num_kept > 1 else ())))), figure

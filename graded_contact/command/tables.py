@@ -30,8 +30,8 @@ COLUMNS = {
     "mean_friction_error": ("± solver", ".1e"),
     "peak_friction": ("friction\n(peak)", "#.4g"),
     "peak_friction_error": ("± solver", ".1e"),
-    "work": ("work\n[J/m²]", ".3e"),
-    "dissipated_power": ("power\n[W/m²]", ".3e"),
+    "work": ("work\n[J/m²]", "#.4g"),
+    "dissipated_power": ("power\n[W/m²]", "#.4g"),
     "phase": ("phase\n[rad]", ".3f"),
     "friction_error": ("± solver", ".1e"),
     "geometric_friction": ("friction\n(geometric)", "#.4g"),
@@ -62,7 +62,8 @@ def print_table(results: "Dataset") -> None:
     if "shear_friction" in results and not np.any(results["shear_friction"]):
         unused |= {"hysteresis_friction", "shear_friction"}
     names = [name for name in names if name not in unused]
-    heads = ["velocity\n[m/s]", "pressure\n[MPa]", *map(str, others)]
+    speed = "highest\nspeed" if "time" in results.dims else "velocity"
+    heads = [f"{speed}\n[m/s]", "pressure\n[MPa]", *map(str, others)]
     for i, name in enumerate(others, start=2):
         heads[i] += f"\n[{unit}]" if (unit := results[name].attrs.get("units", "1")) != "1" else ""
     table = Table(box=box.SIMPLE_HEAD, pad_edge=False)

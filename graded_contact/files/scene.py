@@ -350,8 +350,9 @@ KEYS = {
     )
     for place, names in {
         "[load]": (
-            "pressure", "velocity", "temperature", "direction", "extrapolate", "pressure_ratio",
-        ),  # fmt: skip
+            *("pressure", "velocity", "temperature", "direction", "extrapolate"),
+            "pressure_ratio",
+        ),
         "[solver]": ("graded_solver",),
         "[output]": ("name", "directory", "fields"),
     }.items()

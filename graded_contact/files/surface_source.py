@@ -116,8 +116,8 @@ def surface_source(
     if kind == "file":
         if grid is not None:
             raise ValueError(
-                '[grid] belongs to a surface of kind "self_affine" or "sphere"; the points of a file are '
-                "resampled by `shape` in [surface]."
+                '[grid] belongs to a surface of kind "self_affine" or "sphere"; the points of a '
+                "file are resampled by `shape` in [surface]."
             )
         if all(key.name in entries for key in keys[kind][1]):
             raise ValueError(f"{place} takes `rms_height` or `rms_slope` to rescale to, not both.")

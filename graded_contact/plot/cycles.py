@@ -118,7 +118,9 @@ def _lines(cycle: Any) -> list[dict[str, Any]]:
         names = ("displacement", "friction", "contact_area_smooth")
         return [{name: np.asarray(getattr(cycle, name)) for name in names} | {"label": ""}]
     if "time" not in cycle.dims:
-        raise ValueError("`cycle` holds steady sliding: results of a scene with [motion] are needed.")
+        raise ValueError(
+            "`cycle` holds steady sliding: results of a scene with [motion] are needed."
+        )
     lines = []
     for index in np.ndindex(cycle["message"].shape):
         at = cycle.isel(dict(zip(cycle["message"].dims, index, strict=True)))
