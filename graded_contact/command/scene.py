@@ -295,10 +295,7 @@ def _contacts(
         figures = {"film": plot_film(fields, surface)}
     else:
         figures = {"contact": plot_sliding(fields, surface, velocity)}
-    if whole and scene.motion is None and not surface.periodic:
-        figures["outline"] = plot_outline(fields, surface)
-        figures["distributions"] = plot_distributions(fields)
-    elif whole and scene.motion is None:
+    if whole and scene.motion is None and surface.periodic:
         theory = mean_field_at(scene, surface, index)
         figures["outline"] = plot_outline(fields, surface)
         figures["distributions"] = plot_distributions(fields, theory)

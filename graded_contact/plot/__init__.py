@@ -17,6 +17,6 @@ from .sweeps import plot_compare, plot_reduced, plot_sweep
 __all__ = [
     "COLOURS", "COLUMN", "PAGE", "STYLE", "plot_compare", "plot_cycle", "plot_design",
     "plot_dissipation", "plot_distributions", "plot_film", "plot_fit", "plot_history",
-    "plot_master_curve", "plot_outline", "plot_reduced", "plot_response", "plot_sensitivity", "plot_sliding", "plot_sweep",
-    "plot_van_gurp_palmen", "slider",
+    "plot_master_curve", "plot_outline", "plot_reduced", "plot_response", "plot_sensitivity",
+    "plot_sliding", "plot_sweep", "plot_van_gurp_palmen", "slider",
 ]  # fmt: skip

@@ -44,7 +44,7 @@ def test_a_run_of_a_motion_is_slide_cycle(cycles):
     assert results.friction.dims == ("pressure", "velocity", "time")
     assert results.time.values.tolist() == [i / 8 for i in range(8)]
     assert results.work.attrs["units"] == "J/m²" and results.largest_step.attrs["units"] == "1"
-    np.testing.assert_allclose(at.friction * at.load, at.traction, rtol=1e-12)
+    np.testing.assert_allclose(at.friction * at["load"], at["traction"], rtol=1e-12)
 
 
 def test_results_of_a_motion_are_read_as_written_and_keep_the_fields_over_time(cycles, tmp_path):
@@ -55,7 +55,7 @@ def test_results_of_a_motion_are_read_as_written_and_keep_the_fields_over_time(c
     assert kept_solves(again) == [(0, 1)]
     fields, surface = contact_at(again, (0, 1))
     assert fields["pressure"].shape == (8, 16, 16) and surface.periodic
-    np.testing.assert_allclose(fields["pressure"].mean(("x", "y")), again.load[0, 1], rtol=1e-9)
+    np.testing.assert_allclose(fields["pressure"].mean(("x", "y")), again["load"][0, 1], rtol=1e-9)
     write_csv(tmp_path / "r.csv", results)
     head, *rows = (tmp_path / "r.csv").read_text().splitlines()
     assert len(rows) == 2 and "mean_friction [1]" in head and "period [s]" in head

@@ -45,8 +45,8 @@ def surface_from_heights(
 
     In this order: a region is cut out; a least-squares plane through the measured points is
     subtracted (not with `periodic` None, where it would open a seam, or "open"); missing points are
-    filled; the edges are made to meet; the surface is resampled. `Surface.measured` marks what was filled or
-    tapered, and `Surface.steps` holds the roughness after each step.
+    filled; the edges are made to meet; the surface is resampled. `Surface.measured` marks what was
+    filled or tapered, and `Surface.steps` holds the roughness after each step.
 
     **Arguments:**
 
