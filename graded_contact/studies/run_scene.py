@@ -25,7 +25,7 @@ from ..files.parameter_covariance import moved
 from ..files.results import KEPT_FIELDS, OVER_TIME, surface_variables, warnings_of
 from ..files.scene import Scene
 from ..files.schema import within
-from ..files.surface_source import RandomSurface
+from ..files.surface_source import RandomSurface, SurfaceFile
 from ..friction.cycle import slide_cycle
 from ..friction.sliding import slide
 from ..response.stack import Stack
@@ -77,8 +77,8 @@ def scene_memory(scene: Scene, shape: tuple[int, ...]) -> float:
 
 
 def check_scene(scene: Scene) -> None:
-    """Raises `ValueError` if a scene with a random surface needs more memory than there is."""
-    if isinstance(scene.surface, RandomSurface):
+    """Raises `ValueError` if a scene with a [grid] needs more memory than there is."""
+    if not isinstance(scene.surface, SurfaceFile):
         with within("[grid]"):
             needed = partial(scene_memory, scene)
             check_memory("shape", scene.surface.grid.shape, needed, "this scene")

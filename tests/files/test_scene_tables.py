@@ -1,5 +1,7 @@
 """The tables [motion], [shear] and [heating], spheres and windows: what they make, and refusals."""
 
+from pathlib import Path
+
 import numpy as np
 import pytest
 from scenes import BARE
@@ -7,7 +9,7 @@ from scenes import BARE
 import graded_contact as gc
 from graded_contact.files.design_scene import parse_design
 from graded_contact.files.recorded_motion import read_motion
-from graded_contact.files.scene import parse_scene
+from graded_contact.files.scene import parse_scene, read_scene
 
 STILL = BARE.replace("velocity = [0.01, 1.0]\n", "")
 SINE = '[motion]\nkind = "sinusoidal"\nstroke = 2e-4\nfrequency = 20.0\nnum_times = 16\n'
@@ -128,6 +130,11 @@ def test_an_open_file_is_a_window_with_its_tilt(tmp_path):
 def test_a_wrong_table_is_refused_with_its_place(text, expected):
     with pytest.raises(ValueError, match=expected):
         parse_scene(text)
+
+
+@pytest.mark.parametrize("name", ["reciprocating", "shear_and_heat", "indenter"])
+def test_an_example_is_read(name):
+    assert read_scene(Path(__file__).parents[2] / "examples" / f"{name}.toml").title
 
 
 def test_a_design_takes_no_motion():
