@@ -59,9 +59,6 @@ OBSERVABLES = _table([
     ("unmeasured_area", "", "1", "share of the contact area on filled or tapered points"),
     ("unmeasured_friction", "", "1", "share of the hysteresis on filled or tapered points"),
     ("extrapolated_friction", "", "1", "share of the friction where no modulus was measured"),
-    ("surface_rise", r"\Delta T", "K", "temperature of the contact above the bulk"),
-    ("approach", r"\delta", "m", "approach of a body since its first touch"),
-    ("rim_load", "", "1", "share of the load on the rim of the window"),
     ("error", "", "1", "estimated relative error of the contact pressure"),
     ("num_fft_pairs", "", "1", "FFT pairs of the solve"),
     ("reduced_velocity", "a_T v", "m/s", "velocity times the time-temperature shift"),
@@ -158,6 +155,9 @@ PARAMETERS = _table([
 
 # Other numbers of results.
 RESULTS = _table([
+    ("surface_rise", r"\Delta T", "K", "temperature of the contact above the bulk"),
+    ("approach", r"\delta", "m", "approach of a body since its first touch"),
+    ("rim_load", "", "1", "share of the load on the rim of the window"),
     ("rms_height", r"h_\mathrm{rms}", "m", "rms height"),
     ("rms_slope", r"h'_\mathrm{rms}", "1", "rms slope"),
     ("rms_slope_along", "", "1", "rms slope along each axis"),

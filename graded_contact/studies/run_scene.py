@@ -42,13 +42,8 @@ if TYPE_CHECKING:
 # Numbers of every solve; the others follow from a law of temperature, errors of a material, heating
 # or a window.
 SOLVED = tuple(
-    name
-    for name in OBSERVABLES
-    if name
-    not in (
-        "reduced_velocity", "friction_standard_error", "surface_rise", "approach", "rim_load"
-    )
-)  # fmt: skip
+    name for name in OBSERVABLES if name not in ("reduced_velocity", "friction_standard_error")
+)
 # Numbers of every cycle.
 CYCLIC = (
     "mean_friction", "mean_friction_error", "peak_friction", "peak_friction_error", "work",
