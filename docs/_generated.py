@@ -25,6 +25,7 @@ from graded_contact.files import block, scene, surface_source
 from graded_contact.files.design_scene import DesignScene, Stiffness
 from graded_contact.files.schema import REQUIRED, Key, Spacing, classes_of, keys_of, parts_of
 from graded_contact.files.toml import entry_text
+from graded_contact.friction.heating import Heating
 from graded_contact.response.profile import Blend
 from graded_contact.response.stack import HalfSpace, Layer
 from graded_contact.rheology.material import AbstractMaterial
@@ -40,7 +41,8 @@ TITLES = {
     "fitting": "Data and fits", "studies": "Many solves and design",
 }  # fmt: skip
 
-SHORT = ("shift", "shape", "graded_solver")  # keys whose tables have a kind
+# Keys and tables that have a kind, in the order of `block.KINDS`.
+SHORT = ("shift", "shape", "graded_solver", "[shear]", "[motion]")
 # Keys of scenes, by table and by what takes them.
 TABLES: dict[str, dict[Callable, tuple[Key, ...]]] = {
     "The scene": {scene.Tables: keys_of(scene.Tables)},
@@ -56,6 +58,7 @@ TABLES: dict[str, dict[Callable, tuple[Key, ...]]] = {
         HalfSpace: keys_of(HalfSpace)
     },
     "[load]": {scene.Scene: scene.KEYS["[load]"]},
+    "[heating]": {Heating: keys_of(Heating)},
     "[solver]": {
         scene._tolerance: keys_of(scene._tolerance),
         scene.Scene: scene.KEYS["[solver]"],
@@ -278,7 +281,7 @@ def key_row(key: Key, make: Callable) -> list[str]:
     found = [" ".join(text.split()) for names, text in entries if f"`{key.name}`" in names]
     meaning = MEANINGS[key.name] if key.name in MEANINGS else found[0]
     meaning = meaning.removesuffix(" Static.")
-    unit = re.search(r"(?<![\w\[])\[((?:1|Pa|rad|m|s|K|J)(?:/\w+)?)\]", meaning)
+    unit = re.search(r"(?<![\w\[])\[((?:1|Pa|rad|m²?|s|K|J|Hz)(?:/\w+)?)\]", meaning)
     cells = [f"`{key.name}`", words(key), default_text(key), unit[1] if unit else "", meaning]
     return [cell.replace("|", "\\|") for cell in cells]
 

@@ -9,7 +9,7 @@ import typer
 from ..files.dataset import write
 from ..files.friction_cards import export_friction
 from ..files.paths import check_folder
-from ..files.scene import read_scene
+from ..files.scene import read_scene, refuse_tables
 from ..files.sealed import replacing
 from ..studies.friction_table import Method, friction_table
 from ..studies.interruption import interruptible
@@ -35,6 +35,7 @@ def table(
     """
     with refusing(), interruptible() as interruption:
         scene = read_scene(scene_file)
+        refuse_tables(scene, "A table of friction", "motion", "shear", "heating")
         others = [
             axis for axis in scene.axes if axis not in ("temperature", "pressure", "velocity")
         ]

@@ -26,8 +26,10 @@ from ..files.scene import Scene, parse_scene, read_scene
 from ..files.schema import nearest, within
 from ..files.toml import parse_toml
 from ..plot import (
+    plot_cycle,
     plot_dissipation,
     plot_distributions,
+    plot_film,
     plot_outline,
     plot_reduced,
     plot_sensitivity,
@@ -304,6 +306,10 @@ def _figures(
     results: "Dataset", decided: Decided, all_seeds: bool
 ) -> Iterator[tuple[str, "Figure"]]:
     """Yields each figure of all solves with the end of its name."""
+    if "time" in results.dims:
+        if not np.all(np.isnan(results["friction"])):
+            yield "cycle", plot_cycle(results)
+        return
     yield "sweep", plot_sweep(results, all_seeds=all_seeds)
     if "reduced_velocity" in results:
         yield "master", plot_reduced(results)
@@ -325,8 +331,11 @@ def _contacts(
     fields, surface = contact_at(results, index)
     at = results["message"].isel(dict(zip(results["message"].dims, index, strict=True)))
     velocity = velocity_vector(at["velocity"].item(), results.attrs["direction"])
-    figures = {"contact": plot_sliding(fields, surface, velocity)}
-    if whole:
+    if scene.motion is not None:
+        figures = {"film": plot_film(fields, surface)}
+    else:
+        figures = {"contact": plot_sliding(fields, surface, velocity)}
+    if whole and scene.motion is None and surface.periodic:
         theory = mean_field_at(scene, surface, index)
         figures["outline"] = plot_outline(fields, surface)
         figures["distributions"] = plot_distributions(fields, theory)
@@ -338,6 +347,8 @@ def _contacts(
     title = ", ".join(
         f"{title_of(str(name), scene.text)} {label_of(at[name])}" for name in at.coords
     )
+    if scene.motion is not None:
+        title = title.replace(title_of("velocity"), "highest speed")
     for key, figure in figures.items():
         entitle(figure, title)
         yield "-".join(map(str, (key, *(index if num_kept > 1 else ())))), figure

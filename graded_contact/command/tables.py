@@ -26,6 +26,16 @@ if TYPE_CHECKING:
 COLUMNS = {
     "friction": ("friction", "#.4g"),
     "friction_standard_error": ("± materials", ".1e"),  # of means over seeds
+    "hysteresis_friction": ("of it\nhysteresis", "#.4g"),
+    "shear_friction": ("of it\nshear", "#.4g"),
+    "surface_rise": ("contact\nheats [K]", "#.4g"),
+    "mean_friction": ("friction\n(mean)", "#.4g"),
+    "mean_friction_error": ("± solver", ".1e"),
+    "peak_friction": ("friction\n(peak)", "#.4g"),
+    "peak_friction_error": ("± solver", ".1e"),
+    "work": ("work\n[J/m²]", "#.4g"),
+    "dissipated_power": ("power\n[W/m²]", "#.4g"),
+    "phase": ("phase\n[rad]", ".3f"),
     "friction_error": ("± solver", ".1e"),
     "geometric_friction": ("friction\n(geometric)", "#.4g"),
     "contact_area": ("area\n(pixels)", ".5f"),
@@ -59,14 +69,18 @@ def print_table(results: "Dataset", all_seeds: bool = False) -> None:
         typer.echo(f"Numbers are means of {every.sizes['seed']} surfaces ± standard error.")
     axes = results["message"].dims
     others = axes[:-2]  # the last two are pressure and velocity
-    names = [name for name in COLUMNS if name in results]
-    if "measured" not in results:
-        names.remove("unmeasured_friction")
-    means = ("friction", "contact_area_smooth")  # the line is as wide as for one surface
-    errors = {"friction": error} if results is every else {n: n + error for n in means}
+    # Those that have one number for each solve.
+    names = [name for name in COLUMNS if name in results and results[name].dims == axes]
+    unused = {"unmeasured_friction"} if "measured" not in results else set()
+    if "shear_friction" in results and not np.any(results["shear_friction"]):
+        unused |= {"hysteresis_friction", "shear_friction"}
+    main = "mean_friction" if "mean_friction" in results else "friction"
+    means = (main, "contact_area_smooth")  # the line is as wide as for one surface
+    errors = {main: error} if results is every else {n: n + error for n in means}
     errors = {name: other for name, other in errors.items() if other in results}
-    names = [name for name in names if name not in errors.values()]
-    heads = ["velocity\n[m/s]", "pressure\n[MPa]"]
+    names = [name for name in names if name not in unused | set(errors.values())]
+    speed = "highest\nspeed" if "time" in results.dims else "velocity"
+    heads = [f"{speed}\n[m/s]", "pressure\n[MPa]"]
     for name in map(str, others):
         unit = results[name].attrs.get("units", "1")
         head = name if name in AXES else title_of(name, results.attrs["scene"])

@@ -69,6 +69,8 @@ OBSERVABLES = _table([
 CYCLE = _table([
     ("CyclicSliding.displacement", "s", "m", "displacement of the surface over the block"),
     ("Motion.displacement", "s", "m", "displacement of the surface over the block"),
+    ("surface_displacement", "s", "m", "displacement of the surface over the block"),
+    ("time", "t/T", "1", "time over the period"),
     ("highest_speed", "v", "m/s", "highest speed"),
     ("period", "T", "s", "period"),
     ("load", r"\sigma_0", "Pa", "mean pressure at each time"),
@@ -153,6 +155,9 @@ PARAMETERS = _table([
 
 # Other numbers of results.
 RESULTS = _table([
+    ("surface_rise", r"\Delta T", "K", "temperature of the contact above the bulk"),
+    ("approach", r"\delta", "m", "approach of a body since its first touch"),
+    ("rim_load", "", "1", "share of the load on the rim of the window"),
     ("rms_height", r"h_\mathrm{rms}", "m", "rms height"),
     ("rms_slope", r"h'_\mathrm{rms}", "1", "rms slope"),
     ("rms_slope_along", "", "1", "rms slope along each axis"),

@@ -9,6 +9,7 @@ import numpy as np
 from jaxtyping import ScalarLike
 
 from ..core.warnings import unusual
+from ..friction.motion import Motion, sinusoidal, start_stop
 from ..response.grading import AbstractGradedSolver
 from ..response.layering import Layering
 from ..response.profile import Blend
@@ -17,10 +18,13 @@ from ..response.shape import AbstractShape, ErrorFunction, Exponential, Linear, 
 from ..response.stack import Free, GradedLayer, HalfSpace, Layer, Rigid, Stack
 from ..rheology.library import tyre_tread
 from ..rheology.material import AbstractMaterial, BulkShear, Elastic, Prony
+from ..rheology.shear import AbstractShear, ConstantShear, PeakedShear
 from ..rheology.shift import WLF, AbstractShift, Arrhenius, TabulatedShift
+from ..rheology.softening import StrainSoftening
 from ..rheology.tabulated import Tabulated
 from .moduli.reading import read_moduli
 from .parameter_covariance import Errors, check_errors, read_errors
+from .recorded_motion import read_motion
 from .schema import (
     Key,
     Reader,
@@ -39,6 +43,7 @@ MATERIALS = {
     "prony_creep": Prony.from_creep,
     "tyre_tread": tyre_tread,
     "bulk_shear": BulkShear,
+    "softened": StrainSoftening,
 }
 BASES = {"half_space": HalfSpace, "rigid": Rigid, "free": Free}
 KINDS = {
@@ -51,6 +56,8 @@ KINDS = {
         "error_function": ErrorFunction,
     },
     AbstractGradedSolver: {"layering": Layering, "riccati": Riccati},
+    AbstractShear: {"constant": ConstantShear, "peaked": PeakedShear},
+    Motion: {"sinusoidal": sinusoidal, "start_stop": start_stop, "recorded": read_motion},
 }
 ERRORS = Key("errors", os.PathLike, None)  # of every material
 

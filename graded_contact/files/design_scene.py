@@ -19,7 +19,7 @@ from ..core.parameters import with_values
 from ..roughness.spectrum import SelfAffine
 from ..roughness.surface import Surface
 from .paths import existing_file
-from .scene import Scene, check_paths, parse_scene
+from .scene import Scene, check_paths, parse_scene, refuse_tables
 from .schema import LARGEST, Reader, within
 from .surface_source import RandomSurface
 from .toml import parse_toml
@@ -175,6 +175,7 @@ def parse_design(text: str, folder: str | os.PathLike = ".") -> DesignScene:
     scene, table = parse_scene(text, folder), parse_toml(text).get("design")
     if table is None:
         raise ValueError("The scene lacks the table [design].")
+    refuse_tables(scene, "[design]", "motion", "shear", "heating")
     with within("[design]"):
         check_positive("velocity", scene.velocity, "[m/s]")
         if len(scene.pressure) > 1 or scene.direction != 0:

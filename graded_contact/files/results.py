@@ -5,7 +5,8 @@ The results of a scene have, over the axes that it varies, one variable for each
 decides the numbers). Over `x` and `y` are the `heights` of the surface, of the first seed, and how
 much of them was `measured`. Fields of solves that were kept are `contact_pressure`, `gap`,
 `displacement` and, where each seed has its own, `contact_heights`: over the axes, `x` and `y` if
-all solves were kept, over `x` and `y` if only one was, whose index is the attribute `kept`.
+all solves were kept, over `x` and `y` if only one was, whose index is the attribute `kept`. Of a
+cycle they are also over `time`.
 """
 
 import json
@@ -16,8 +17,9 @@ from typing import TYPE_CHECKING
 import jax.numpy as jnp
 import numpy as np
 
-from ..core.warnings import Caveat, caveats_of, caveats_of_steps
+from ..core.warnings import RULES, Caveat, caveats_of, caveats_of_steps
 from ..fields.grid import Grid
+from ..friction.cycle import RULES as CYCLE_RULES
 from ..roughness.surface import Step, Surface
 from .dataset import FAILED, LOST, NOT_STARTED, mean_and_error, read
 
@@ -34,8 +36,15 @@ KEPT_FIELDS = {
 SEED_ERROR = "_seed_error"
 # Numbers that differ from surface to surface, and whose mean is meant; of all others the largest.
 MEANS = (
-    "friction", "geometric_friction", "contact_area", "contact_area_corrected",
-    "contact_area_smooth", "mean_gap",
+    "friction", "hysteresis_friction", "shear_friction", "geometric_friction", "contact_area",
+    "contact_area_corrected", "contact_area_smooth", "mean_gap", "surface_rise", "mean_friction",
+    "peak_friction", "work", "load_work", "dissipated_power", "phase",
+)  # fmt: skip
+
+# Numbers that have a value at each time of a cycle.
+OVER_TIME = (
+    "friction", "geometric_friction", "traction", "load", "mean_gap", "contact_area",
+    "contact_area_corrected", "contact_area_smooth",
 )  # fmt: skip
 
 
@@ -73,8 +82,9 @@ def state_of(results: "Dataset") -> "DataArray":
 def warnings_of(results: "Dataset") -> tuple[Caveat, ...]:
     """Returns why numbers are doubtful although solved, and the solves that are concerned."""
     everywhere = np.ones(results["message"].shape, bool)
+    rules = CYCLE_RULES if "time" in results.dims else RULES
     of_surface = caveats_of_steps(_steps_of(results), _size_of(results).tolist())
-    return (*(Caveat(text, everywhere) for text in of_surface), *caveats_of(results))
+    return (*(Caveat(text, everywhere) for text in of_surface), *caveats_of(results, rules))
 
 
 def over_seeds(results: "Dataset") -> "Dataset":
@@ -120,6 +130,7 @@ def surface_variables(surface: Surface) -> tuple[dict, dict, dict]:
     attributes = {
         "surface_history": "\n".join(surface.history),
         "surface_steps": json.dumps(surface.steps),
+        "surface_periodic": int(surface.periodic),
     }
     return variables, places, attributes
 
@@ -133,6 +144,7 @@ def surface_of(results: "Dataset") -> Surface:
         history=tuple(history.split("\n")) if history else (),
         measured=jnp.asarray(results["measured"].values) if "measured" in results else None,
         steps=_steps_of(results),
+        periodic=bool(results.attrs.get("surface_periodic", True)),
     )
 
 
@@ -148,7 +160,7 @@ def kept_solves(results: "Dataset") -> list[tuple[int, ...]]:
     """Returns the indices along the axes of the solves whose fields were kept."""
     if "gap" not in results:
         return []
-    if results["gap"].ndim == results["heights"].ndim:
+    if not {*results["message"].dims} <= {*results["gap"].dims}:
         if "kept" in results.attrs:
             return [tuple(map(int, results.attrs["kept"].split()))]
         return [tuple(n - 1 for n in results["message"].shape)]  # in files of earlier versions
@@ -165,7 +177,8 @@ def contact_at(results: "Dataset", index: tuple[int, ...]) -> tuple["Dataset", S
     fields = fields.rename(kept)
     surface = surface_of(results)
     if "heights" in fields:
-        surface = Surface(jnp.asarray(fields["heights"].values), surface.grid)
+        heights = fields["heights"].values
+        surface = Surface(jnp.asarray(heights), surface.grid, periodic=surface.periodic)
     return fields, surface
 
 

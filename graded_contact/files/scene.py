@@ -13,6 +13,7 @@ from collections.abc import Iterable, Iterator, Mapping
 from pathlib import Path
 from typing import Annotated, Any, Literal
 
+import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Float
 
@@ -23,10 +24,13 @@ from ..core.display import shown
 from ..core.memory import check_points
 from ..core.parameters import paths, with_values
 from ..fields.grid import Grid
+from ..friction.heating import Heating
+from ..friction.motion import Motion
 from ..response.grading import AbstractGradedSolver
 from ..response.layering import Layering
 from ..response.stack import Stack
 from ..rheology.material import AbstractMaterial
+from ..rheology.shear import AbstractShear, shear_stress
 from ..rheology.tabulated import Tabulated
 from .block import Block, extremes
 from .parameter_covariance import Errors
@@ -40,7 +44,7 @@ from .schema import (
     nearest,
     within,
 )
-from .surface_source import RandomSurface, SurfaceFile, surface_source
+from .surface_source import RandomSurface, Sphere, SurfaceFile, surface_source
 from .toml import parse_toml
 
 Values = Annotated[Float[np.ndarray, " _"], LOGARITHMIC]
@@ -57,11 +61,14 @@ class Tables:
     - `base`: below the layers, with a `kind`.
     - `load`: pressures, velocities, temperatures.
     - `title`: one line for the reader.
-    - `grid`: of a random surface.
+    - `grid`: of a random surface, or of a sphere.
     - `layers`: tables [[layers]], from the loaded surface downwards. A graded one has, instead of
       `material`, the NAMEs `bottom` and `top`.
     - `sweep`: other values for numbers of the block, by paths as in `with_values`:
       "layers[0].thickness" = [1e-5, 1e-4]. A temperature acts on the block with these values.
+    - `motion`: back and forth or with stops, in place of steady sliding, with a `kind`.
+    - `shear`: stress in the contact, which adds to the friction, with a `kind`.
+    - `heating`: how the heat of friction flows; it then softens the block under the contact.
     - `solver`: tolerance and algorithm.
     - `output`: names and fields of the results.
     - `design`: what the command `design` does.
@@ -75,12 +82,18 @@ class Tables:
     grid: Grid | None = None
     layers: list[dict] = dataclasses.field(default_factory=list)
     sweep: dict[str, Values] = dataclasses.field(default_factory=dict)
+    motion: Motion | None = None
+    shear: AbstractShear | None = None
+    heating: Heating | None = None
     solver: dict[str, object] = dataclasses.field(default_factory=dict)
     output: dict[str, object] = dataclasses.field(default_factory=dict)
     design: dict[str, object] | None = None
 
 
-@shown("title", "stack", "surface", "sweep", "temperature", "pressure", "velocity")
+@shown(
+    "title", "stack", "surface", "sweep", "temperature", "pressure", "velocity", "motion", "shear",
+    "heating",
+)  # fmt: skip
 @dataclasses.dataclass(frozen=True, eq=False, kw_only=True)
 class Scene:
     """What to compute: block, surface and loads of a scene file.
@@ -95,8 +108,13 @@ class Scene:
     - `surface`: where the surface comes from; `build_surface` makes it.
     - `sweep`: other values for numbers of the stack, by their paths.
     - `pressure`: mean pressures [Pa], an axis.
-    - `velocity`: sliding velocities [m/s], an axis.
-    - `temperature`: of the block [K], one or an axis; None leaves the materials unchanged.
+    - `velocity`: sliding velocities [m/s], an axis. With a motion these are its highest speeds, and
+      each changes its period; if missing, the motion has the period of its table.
+    - `temperature`: of the block [K], one or an axis; None leaves the materials unchanged. With
+      heating it is the bulk temperature.
+    - `pressure_ratio`: with a motion, pressures over `pressure` [1] at equally spaced times of the
+      period, linear in between; if missing, the load is constant.
+    - `motion`, `shear`, `heating`: the tables of these names, or None.
     - `direction`: of the velocity from the x axis [rad]. (In Python two numbers are one velocity,
       (vx, vy).)
     - `extrapolate`: true allows friction from frequencies at which a material was not measured.
@@ -114,13 +132,17 @@ class Scene:
     text: str
     title: str
     stack: Stack
-    surface: RandomSurface | SurfaceFile
+    surface: RandomSurface | SurfaceFile | Sphere
     sweep: dict[str, Values]
     pressure: Values
     velocity: Values
     temperature: Annotated[Float[np.ndarray, "*temperatures"], LINEAR] | None = None
     direction: float = 0.0
     extrapolate: bool = False
+    pressure_ratio: list[float] | None = None
+    motion: Motion | None = None
+    shear: AbstractShear | None = None
+    heating: Heating | None = None
     solver: DouglasRachford
     tolerance: Mapping[str, Any]
     graded_solver: AbstractGradedSolver = Layering()  # noqa: RUF009 (immutable)
@@ -145,6 +167,17 @@ class Scene:
     def num_solves(self) -> int:
         """How many combinations there are of what is varied."""
         return math.prod(len(values) for values in self.axes.values())
+
+    @property
+    def num_times(self) -> int:
+        """How many times a solve has: 1 under steady sliding."""
+        return 1 if self.motion is None else len(self.motion.displacement)
+
+    def period_at(self, velocity: Any) -> Any:
+        """Returns the period of the motion [s] at a highest speed [m/s]."""
+        assert self.motion is not None
+        own = self.motion.highest_speed
+        return self.motion.period * jnp.where(own > 0, own / jnp.where(own > 0, velocity, 1), 1)
 
     def block(self, point: Mapping[str, Any]) -> Stack:
         """Returns the stack at a point, given by its numbers on the axes; JAX may trace them."""
@@ -184,6 +217,10 @@ def parse_scene(text: str, folder: str | os.PathLike = ".") -> Scene:
     reader = block.reader
     tables: Tables = reader.build(ROOT, parse_toml(text), Tables)
     (load,) = reader.arguments("[load]", tables.load, KEYS["[load]"])
+    if "velocity" not in load:
+        if tables.motion is None:
+            raise ValueError("[load] lacks the key `velocity`.")
+        load["velocity"] = np.array([float(tables.motion.highest_speed)])
     solver, tolerance, accuracy = reader.arguments(
         "[solver]", tables.solver, keys_of(DouglasRachford), keys_of(_tolerance), KEYS["[solver]"]
     )
@@ -220,12 +257,17 @@ def parse_scene(text: str, folder: str | os.PathLike = ".") -> Scene:
             (name, block.materials[name], errors) for name, errors in block.errors.items()
         ),
         inputs=inputs,
+        motion=tables.motion,
+        shear=tables.shear,
+        heating=tables.heating,
         notes=tuple(block.notes),
         **algorithm,
         **load,
         **accuracy,
         **output,
     )
+    _check_motion(found)
+    _check_dry(found)
     _check_sweep(found)
     check_points("` x `".join(found.axes), found.num_solves)
     return found
@@ -245,6 +287,38 @@ def _tolerance(rtol: float | None = None, friction_rtol: float | None = None) ->
     if rtol is not None:
         raise ValueError("Give `rtol` or `friction_rtol`, not both.")
     return {"friction_rtol": friction_rtol}
+
+
+def _check_motion(scene: Scene) -> None:
+    """Raises `ValueError` for what does not go with a motion, or not without one."""
+    if scene.motion is None:
+        if scene.pressure_ratio is not None:
+            raise ValueError("[load] `pressure_ratio` needs a table [motion].")
+        return
+    refuse_tables(scene, "[motion]", "shear", "heating")
+    with within("[load]"):
+        if scene.pressure_ratio is not None:
+            check_positive("pressure_ratio", np.array(scene.pressure_ratio), "[1]")
+        if float(scene.motion.highest_speed) > 0:
+            check_positive("velocity", scene.velocity, "[m/s]: a motion has a highest speed")
+        elif np.any(scene.velocity):
+            raise ValueError("`velocity` must be missing: [motion] stays at its place.")
+
+
+def _check_dry(scene: Scene) -> None:
+    """Raises `ValueError` if shear or heating lack a temperature."""
+    if scene.heating is not None and scene.temperature is None:
+        raise ValueError("[heating] needs the bulk `temperature` [K] in [load].")
+    with within("[shear]"):
+        for at in extremes(scene.temperature) or [None]:
+            shear_stress(scene.shear, as_float(1.0, "velocity"), at)
+
+
+def refuse_tables(scene: Scene, place: str, *names: str) -> None:
+    """Raises `ValueError` if a scene has a table of these names, which `place` does not take."""
+    for name in names:
+        if getattr(scene, name) is not None:
+            raise ValueError(f"{place} does not take the table [{name}].")
 
 
 def _check_sweep(scene: Scene) -> None:
@@ -269,9 +343,16 @@ def check_paths(given: Iterable[str], stack: Stack) -> None:
 
 # The keys of tables that are fields of a scene.
 KEYS = {
-    place: tuple(key for key in keys_of(Scene) if key.name in names)
+    place: tuple(
+        key._replace(default=None) if key.name == "velocity" else key
+        for key in keys_of(Scene)
+        if key.name in names
+    )
     for place, names in {
-        "[load]": ("pressure", "velocity", "temperature", "direction", "extrapolate"),
+        "[load]": (
+            *("pressure", "velocity", "temperature", "direction", "extrapolate"),
+            "pressure_ratio",
+        ),
         "[solver]": ("graded_solver",),
         "[output]": ("name", "directory", "fields"),
     }.items()

@@ -7,7 +7,7 @@ import jax
 import numpy as np
 from jaxtyping import ArrayLike, PRNGKeyArray
 
-from ..core.checks import check_whole
+from ..core.checks import check_positive, check_whole
 from ..core.display import shown
 from ..core.memory import check_points
 from ..fields.grid import Grid
@@ -70,6 +70,30 @@ class SurfaceFile(NamedTuple):
             return rescale(surface, **self.target) if self.target else surface
 
 
+@shown()
+class Sphere(NamedTuple):
+    """A smooth sphere on a window; on a grid in one dimension, a cylinder.
+
+    **Fields:**
+
+    - `radius`: R [m]; the heights are those of Hertz's theory, -r²/(2R).
+    - `grid`: the window.
+    """
+
+    radius: float
+    grid: Grid
+
+    def build(self) -> Surface:
+        """Returns the surface, highest in the middle of the window."""
+        grid = self.grid
+        axes = [
+            (np.arange(n) - (n - 1) / 2) * dx
+            for n, dx in zip(grid.shape, np.asarray(grid.spacing), strict=True)
+        ]
+        squared = sum(x**2 for x in np.meshgrid(*axes, indexing="ij"))
+        return Surface(-squared / (2 * self.radius), grid, periodic=False)
+
+
 SURFACES: dict[str, Mapping[Callable, tuple[Key, ...]]] = {
     "self_affine": {
         SelfAffine: tuple(
@@ -78,27 +102,33 @@ SURFACES: dict[str, Mapping[Callable, tuple[Key, ...]]] = {
         ),
         RandomSurface: keys_of(RandomSurface, "spectrum", "grid"),
     },
+    "sphere": {Sphere: keys_of(Sphere, "grid")},
     "file": {read_surface: keys_of(read_surface), rescale: keys_of(rescale, "surface")},
 }
 
 
 def surface_source(
     table: dict[str, Any], grid: Grid | None, reader: Reader
-) -> RandomSurface | SurfaceFile:
+) -> RandomSurface | SurfaceFile | Sphere:
     """Returns where the surface of a scene comes from, by its tables [surface] and [grid]."""
     place, keys = "[surface]", {kind: [*takers.values()] for kind, takers in SURFACES.items()}
     kind, entries = kind_of(place, table, {name: sum(keys[name], ()) for name in keys})
     if kind == "file":
         if grid is not None:
             raise ValueError(
-                '[grid] belongs to a surface of kind "self_affine"; the points of a file are '
-                "resampled by `shape` in [surface]."
+                '[grid] belongs to a surface of kind "self_affine" or "sphere"; the points of a '
+                "file are resampled by `shape` in [surface]."
             )
         if all(key.name in entries for key in keys[kind][1]):
             raise ValueError(f"{place} takes `rms_height` or `rms_slope` to rescale to, not both.")
         return SurfaceFile(*reader.arguments(place, entries, *keys[kind]))
     if grid is None:
         raise ValueError(f"{ROOT} lacks the key `grid`.")
+    if kind == "sphere":
+        (sphere,) = reader.arguments(place, entries, *keys[kind])
+        with within(place):
+            check_positive("radius", sphere["radius"], "[m]")
+        return Sphere(**sphere, grid=grid)
     spectrum, drawn = reader.arguments(place, entries, *keys[kind])
     # Unless given, the longest wave is as long as the longest edge.
     spectrum.setdefault("q_low", 2 * np.pi / float(np.max(grid.size)))

@@ -118,14 +118,14 @@ def draw_field(axes: "Axes", name: str, values: np.ndarray, size: np.ndarray) ->
         axes.set(xlabel=f"$x$ [{length}]", ylabel=f"{words}\n{label}")
         return
     norm = PowerNorm(exponent, scale * low, scale * high)
-    image = _draw_map(axes, scale * values, size, cmap=colours, norm=norm)
+    image = draw_map(axes, scale * values, size, cmap=colours, norm=norm)
     axes.figure.colorbar(
         image, ax=axes, orientation="horizontal", shrink=0.9, pad=0.02, ticks=MaxNLocator(5),
         extend=extend, label=f"{words} {label}",
     )  # fmt: skip
 
 
-def _draw_map(axes: "Axes", values: np.ndarray, size: np.ndarray, **style: Any) -> Any:
+def draw_map(axes: "Axes", values: np.ndarray, size: np.ndarray, **style: Any) -> Any:
     """Draws values over a cell [m], x to the right and y upwards."""
     from matplotlib.ticker import MaxNLocator
 
@@ -215,7 +215,7 @@ def plot_outline(sliding: "Sliding | Dataset", surface: Surface) -> "Figure":
         return figure
     figure = new_figure(COLUMN, 0.4 + 2.7 * float(np.clip(size[1] / size[0], 0.5, 2.0)))
     axes = figure.subplots()
-    image = _draw_map(axes, scale * heights, size, cmap=HEIGHTS)
+    image = draw_map(axes, scale * heights, size, cmap=HEIGHTS)
     figure.colorbar(image, ax=axes, shrink=0.9, pad=0.02, label=label)
     # Pressure and gap are scaled alike, so that the outline lies between their points.
     gap = np.maximum(np.asarray(sliding.gap), 0)

@@ -12,14 +12,21 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Float
 
-from ..core.memory import DERIVATIVE, check_memory, num_numbers, sliding_memory
+from ..core.memory import (
+    DERIVATIVE,
+    check_memory,
+    cycle_memory,
+    num_numbers,
+    sliding_memory,
+)
 from ..core.quantities import FIELDS, OBSERVABLES
 from ..files.dataset import NOT_STARTED, attach, package_versions
 from ..files.parameter_covariance import moved
-from ..files.results import KEPT_FIELDS, surface_variables, warnings_of
+from ..files.results import KEPT_FIELDS, OVER_TIME, surface_variables, warnings_of
 from ..files.scene import Scene
 from ..files.schema import within
-from ..files.surface_source import RandomSurface
+from ..files.surface_source import RandomSurface, SurfaceFile
+from ..friction.cycle import slide_cycle
 from ..friction.sliding import slide
 from ..response.stack import Stack
 from ..rheology.shift import shifts_in
@@ -32,10 +39,18 @@ from .sweep import Workers, solve_points
 if TYPE_CHECKING:
     from xarray import Dataset
 
-# Numbers of every solve; the others follow from a law of temperature or errors of a material.
+# Numbers of every solve; the others follow from a law of temperature, errors of a material, heating
+# or a window.
 SOLVED = tuple(
     name for name in OBSERVABLES if name not in ("reduced_velocity", "friction_standard_error")
 )
+# Numbers of every cycle.
+CYCLIC = (
+    "mean_friction", "mean_friction_error", "peak_friction", "peak_friction_error", "work",
+    "load_work", "dissipated_power", "phase", "slope_in_contact", "energy_imbalance",
+    "load_mismatch", "largest_step", "unresolved_motion", "extrapolated_friction", "error",
+    "num_fft_pairs",
+)  # fmt: skip
 
 
 def build_surface(scene: Scene) -> Surface:
@@ -50,13 +65,15 @@ def scene_memory(scene: Scene, shape: tuple[int, ...]) -> float:
     numbers, oblique = num_numbers(scene.stack), scene.direction != 0
     # The surface, what is kept, and a derivative.
     num_fields = 1 + len(_fields_of(scene)) * kept + (DERIVATIVE if scene.errors else 0)
-    fields = num_fields * math.prod(shape) * 8
+    fields = num_fields * math.prod(shape) * 8 * scene.num_times
+    if scene.motion is not None:
+        return fields + cycle_memory((scene.num_times, *shape), 8, scene.solver.history_length)
     return fields + sliding_memory(shape, 8, numbers, oblique, scene.solver.history_length)
 
 
 def check_scene(scene: Scene) -> None:
-    """Raises `ValueError` if a scene with a random surface needs more memory than there is."""
-    if isinstance(scene.surface, RandomSurface):
+    """Raises `ValueError` if a scene with a [grid] needs more memory than there is."""
+    if not isinstance(scene.surface, SurfaceFile):
         with within("[grid]"):
             needed = partial(scene_memory, scene)
             check_memory("shape", scene.surface.grid.shape, needed, "this scene")
@@ -102,7 +119,13 @@ def run_scene(
     `reduced_velocity` a_T v [m/s] if the block has one law of temperature, and
     `friction_standard_error` if errors of a material are known; the `heights` of the surface, and
     the fields of solves that the scene keeps. Attributes hold the scene, the seed, the versions and
-    the caveats.
+    the caveats. With [heating] there is the `surface_rise` [K] of the contact, on a window the
+    `approach` [m] and the `rim_load`.
+
+    With [motion] the variables are the numbers of `CyclicSliding`: those of a cycle over these axes
+    (`mean_friction`, `peak_friction`, `work`, ...), `friction`, areas, `load` and `mean_gap` also
+    over `time` (over the period, from 0), `surface_displacement` [m] over `time`, and the `period`
+    [s] over `velocity`, which is the highest speed. Friction is that along `direction`.
 
     **Raises:** `ValueError` for velocities that a table of moduli does not cover; `MemoryError`;
     `OSError` if the store cannot be written; `TimeoutError` as `sweep`; `KeyboardInterrupt` if
@@ -114,7 +137,7 @@ def run_scene(
     indices = list(np.ndindex(names.shape))
     kept = indices[-1] if kept is None else kept
     chosen = {"every": indices, "last": [kept], "none": []}[scene.fields]
-    numbers = _numbers_of(scene)
+    numbers = _numbers_of(scene, surface)
     points = solve_points(
         _solver(scene, surface),
         _columns(scene),
@@ -142,7 +165,8 @@ def point_names(scene: Scene, surface: Surface) -> np.ndarray:
         rough = scene.surface._replace(seed=0, seeds=None)
     common = fingerprint(
         versions, scene.stack, None if "temperature" in scene.axes else scene.temperature,
-        rough, surface.grid, scene.direction, scene.solver, scene.tolerance, scene.graded_solver,
+        rough, surface.grid, surface.periodic, scene.direction, scene.solver, scene.tolerance,
+        scene.graded_solver, scene.motion, scene.pressure_ratio, scene.shear, scene.heating,
         errors_of_stack(scene),
     )  # fmt: skip
     columns = _columns(scene)
@@ -159,10 +183,16 @@ def _columns(scene: Scene) -> dict[str, np.ndarray]:
     return {name: at.ravel() for name, at in zip(scene.axes, grid, strict=True)}
 
 
-def _numbers_of(scene: Scene) -> tuple[str, ...]:
+def _numbers_of(scene: Scene, surface: Surface) -> tuple[str, ...]:
     """The numbers of a solve: a standard error if errors of a material are known."""
-    known = errors_of_stack(scene) is not None
-    return (*SOLVED, "friction_standard_error") if known else SOLVED
+    names = SOLVED if scene.motion is None else (*CYCLIC, *OVER_TIME)
+    if errors_of_stack(scene) is not None:
+        names += ("friction_standard_error",)
+    if scene.heating is not None:
+        names += ("surface_rise",)
+    if not surface.periodic:
+        names += ("rim_load", "approach")[: surface.grid.ndim]  # a line has no approach
+    return names
 
 
 def _fields_of(scene: Scene) -> tuple[str, ...]:
@@ -174,24 +204,21 @@ def _solver(scene: Scene, surface: Surface) -> Callable[[dict[str, Any]], dict[s
     """What gives the numbers and fields of one solve, from its numbers on the axes."""
     fields = _fields_of(scene) if scene.fields != "none" else ()
     errors = errors_of_stack(scene)
+    names = [n for n in _numbers_of(scene, surface) if n != "friction_standard_error"]
+    job = _slid if scene.motion is None else _cycled
 
     def solved(point: dict[str, Any], stack: Stack) -> dict[str, Any]:
         rough = surface
         if "seed" in point and isinstance(scene.surface, RandomSurface):
             rough = scene.surface.drawn(point["seed"])
-        sliding = slide(
-            dataclasses.replace(scene, stack=stack).block(point),
-            rough,
-            pressure=point["pressure"],
-            velocity=velocity_vector(point["velocity"], scene.direction),
-            solver=scene.solver,
-            **scene.tolerance,
-            graded_solver=scene.graded_solver,
-            throw=False,
+        block = dataclasses.replace(scene, stack=stack).block(point)
+        how: dict[str, Any] = dict(
+            solver=scene.solver, graded_solver=scene.graded_solver, throw=False, **scene.tolerance
         )
-        heights = {"heights": rough.heights} if "heights" in fields else {}
-        names = (*SOLVED, *fields, "result")
-        return heights | {n: getattr(sliding, n) for n in names if n != "heights"}
+        found, contact = job(scene, block, rough, point, how)
+        found |= {name: getattr(contact, name) for name in fields if name != "heights"}
+        found |= {"heights": rough.heights} if "heights" in fields else {}
+        return {name: found[name] for name in (*names, *fields)} | {"result": contact.result}
 
     if errors is None:
         return lambda point: solved(point, scene.stack)
@@ -199,13 +226,59 @@ def _solver(scene: Scene, surface: Surface) -> Callable[[dict[str, Any]], dict[s
     def with_error(point: dict[str, Any]) -> dict[str, Any]:
         def friction(steps):
             found = solved(point, moved(scene.stack, errors, steps))
-            return found["friction"], found
+            return found["friction" if scene.motion is None else "mean_friction"], found
 
         none = jnp.zeros(len(errors.directions), surface.heights.dtype)
         slopes, found = jax.grad(friction, has_aux=True)(none)
         return {**found, "friction_standard_error": jnp.linalg.norm(slopes)}
 
     return with_error
+
+
+def _slid(scene: Scene, block: Stack, surface: Surface, point: dict[str, Any], how: dict):
+    """The numbers of steady sliding by name, and the contact."""
+    sliding = slide(
+        block,
+        surface,
+        pressure=point["pressure"],
+        velocity=velocity_vector(point["velocity"], scene.direction),
+        shear=scene.shear,
+        heating=scene.heating,
+        temperature=point.get("temperature", scene.temperature),
+        **how,
+    )
+    found = {name: getattr(sliding, name) for name in SOLVED}
+    if scene.heating is not None:
+        found["surface_rise"] = sliding.heated.surface_rise
+    if not surface.periodic:
+        found["rim_load"] = sliding.rim_load
+        if surface.grid.ndim == 2:
+            found["approach"] = sliding.approach
+    return found, sliding
+
+
+def _cycled(scene: Scene, block: Stack, surface: Surface, point: dict[str, Any], how: dict):
+    """The numbers of a cycle by name, and the contact."""
+    motion, along = scene.motion, np.ravel(velocity_vector(1.0, scene.direction))
+    assert motion is not None
+    moved, times = motion.displacement, np.arange(scene.num_times) / scene.num_times
+    pressure = point["pressure"]
+    if scene.pressure_ratio is not None:
+        known = np.arange(len(scene.pressure_ratio)) / len(scene.pressure_ratio)
+        pressure = pressure * np.interp(times, known, scene.pressure_ratio, period=1.0)
+    cycle = slide_cycle(
+        block,
+        surface,
+        displacement=moved if len(along) == 1 else moved[:, None] * along,
+        period=scene.period_at(point["velocity"]),
+        pressure=pressure,
+        **how,
+    )
+    found = {name: getattr(cycle, name) for name in (*CYCLIC, *OVER_TIME) if hasattr(cycle, name)}
+    for name in ("friction", "geometric_friction", "traction"):
+        found[name] = found[name].reshape(scene.num_times, -1) @ along
+    contact = cycle.contact
+    return found | {"error": contact.error, "num_fft_pairs": contact.num_fft_pairs}, contact
 
 
 def _collect(
@@ -229,7 +302,9 @@ def _collect(
         return values
 
     variables: dict[str, Any] = {
-        name: (axes, over_axes(name, points).reshape(shape)) for name in _numbers_of(scene)
+        name: (axes, over_axes(name, points).reshape(shape))
+        for name in _numbers_of(scene, surface)
+        if name not in OVER_TIME or scene.motion is None
     }
     ends = [NOT_STARTED if point is None else point.message for point in points]
     variables["message"] = axes, np.reshape(ends, shape)
@@ -237,6 +312,15 @@ def _collect(
     of_surface, places, about = surface_variables(surface)
     attributes = _attributes(scene, surface) | about
     coordinates = {name: (name, at) for name, at in scene.axes.items()} | places
+    over_time = ()
+    if scene.motion is not None:
+        times, over_time = scene.num_times, ("time",)
+        for name in OVER_TIME:
+            values = over_axes(name, points, times).reshape(*shape, times)
+            variables[name] = (*axes, "time"), values
+        variables["surface_displacement"] = "time", np.asarray(scene.motion.displacement)
+        variables["period"] = "velocity", np.asarray(scene.period_at(scene.velocity))
+        coordinates["time"] = "time", np.arange(times) / times
     if "temperature" in axes:
         factor, attributes["master_curve"] = shift_factors(scene)
         if factor is not None:
@@ -244,9 +328,11 @@ def _collect(
             variables["reduced_velocity"] = ("temperature", "velocity"), reduced
     one = points[int(np.ravel_multi_index(kept, shape))]
     attributes["kept"] = " ".join(map(str, kept))
-    grid, inner = tuple(places), surface.grid.shape
+    grid, inner = (*over_time, *places), (*[scene.num_times] * len(over_time), *surface.grid.shape)
     for name in _fields_of(scene):
         about = {"units": FIELDS[name].unit, "long_name": FIELDS[name].meaning}
+        if name == "heights":  # the same at all times
+            grid, inner = tuple(places), surface.grid.shape
         if scene.fields == "every":
             values = over_axes(name, points, *inner).reshape(*shape, *inner)
             variables[KEPT_FIELDS[name]] = (*axes, *grid), values, about

@@ -22,6 +22,7 @@ from ..files.scene import Scene
 from ..files.schema import within
 from ..files.surface_source import RandomSurface
 from ..persson.mean_field import MeanField, mean_field_friction
+from ..response.periodic import period_frequencies
 from ..response.stack import Stack
 from ..rheology.material import Prony
 from ..rheology.measured import check_frequencies, coverage, is_unknown
@@ -53,10 +54,13 @@ def mean_field_at(scene: Scene, surface: Surface, index: tuple[int, ...]) -> Mea
     point = {name: at[i] for (name, at), i in zip(scene.axes.items(), index, strict=True)}
     velocity = velocity_vector(point["velocity"], scene.direction)
     rough = roughness_of(scene, surface)
-    return _mean_field(scene, scene.block(point), rough, point["pressure"], velocity)
+    dry = {"shear": scene.shear, "temperature": point.get("temperature", scene.temperature)}
+    return _mean_field(scene, scene.block(point), rough, point["pressure"], velocity, **dry)
 
 
-def _mean_field(scene: Scene, stack: Stack, rough: Any, pressure: Any, velocity: Any) -> MeanField:
+def _mean_field(
+    scene: Scene, stack: Stack, rough: Any, pressure: Any, velocity: Any, **dry: Any
+) -> MeanField:
     return mean_field_friction(
         stack,
         rough,
@@ -64,6 +68,7 @@ def _mean_field(scene: Scene, stack: Stack, rough: Any, pressure: Any, velocity:
         velocity=velocity,
         graded_solver=scene.graded_solver,
         throw=False,
+        **dry,
     )
 
 
@@ -101,7 +106,8 @@ def _check_block(scene: Scene, stack: Stack, surface: Surface) -> None:
         fields = [_mean_field(scene, stack, surface, np.max(scene.pressure), v) for v in velocities]
         return np.array([field.extrapolated_friction for field in fields])
 
-    refuse_extrapolated(scene, stack, surface.grid, shares)
+    if surface.periodic:  # there is no mean field of a window
+        refuse_extrapolated(scene, stack, surface.grid, shares)
 
 
 def refuse_extrapolated(
@@ -144,7 +150,10 @@ def refuse_extrapolated(
 
 
 def _excited(scene: Scene, grid: Grid) -> np.ndarray:
-    """Frequencies [rad/s] of all waves at each velocity."""
+    """Frequencies [rad/s] of all waves at each velocity; of a cycle, those of its times."""
+    if scene.motion is not None:
+        periods = scene.period_at(scene.velocity)
+        return np.array([period_frequencies(scene.num_times, period) for period in periods])
     velocities = [velocity_vector(v, scene.direction) for v in scene.velocity]
     return np.abs([np.asarray(wave_frequencies(grid, v)) for v in velocities])
 
@@ -168,7 +177,7 @@ def what_decides(scene: Scene, surface: Surface) -> dict[tuple[str, float], Sens
 
     By the mean field of an isotropic surface, for each series of which errors are known: at the
     slowest, a middle and the fastest velocity that is not 0, the highest pressure, the first
-    temperature and the block of the file, without [sweep].
+    temperature and the block of the file, without [sweep]. Of a window nothing.
 
     **Arguments:**
 
@@ -179,7 +188,7 @@ def what_decides(scene: Scene, surface: Surface) -> dict[tuple[str, float], Sens
     """
     speeds = np.unique(np.abs(scene.velocity[scene.velocity != 0]))
     found = {}
-    for name, material, _ in scene.errors:
+    for name, material, _ in scene.errors if surface.periodic else ():
         if not isinstance(material, Prony) or not places(scene.stack, material):
             continue
         for speed in np.unique(speeds[[0, len(speeds) // 2, -1]] if len(speeds) else speeds):

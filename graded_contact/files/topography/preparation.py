@@ -23,7 +23,7 @@ from .holes import fill_holes, filling_note, grown, region_note
 
 TAPER = 0.1  # length of the window's flank at either end of an axis, relative to the axis
 MOST = 1.1  # factor that restores the slope: on forms without roughness it would have no limit
-Periodic = Literal["harmonic", "mirror", "window"]
+Periodic = Literal["harmonic", "mirror", "window", "open"]
 Fill = Literal["low", "harmonic"]
 LARGEST = 1e5  # [m], higher than any mountain
 
@@ -44,9 +44,9 @@ def surface_from_heights(
     """Returns measured heights as a periodic surface of zero mean.
 
     In this order: a region is cut out; a least-squares plane through the measured points is
-    subtracted (not with `periodic=None`, for it would open a seam); missing points are filled; the
-    edges are made to meet; the surface is resampled. `Surface.measured` marks what was filled or
-    tapered, and `Surface.steps` holds the roughness after each step.
+    subtracted (not with `periodic` None, where it would open a seam, or "open"); missing points are
+    filled; the edges are made to meet; the surface is resampled. `Surface.measured` marks what was
+    filled or tapered, and `Surface.steps` holds the roughness after each step.
 
     **Arguments:**
 
@@ -56,7 +56,9 @@ def surface_from_heights(
       edges, and restores the rms slope; `"mirror"` reflects, which doubles each axis: all heights
       remain, with kinks at the seams; `"window"` multiplies by a cosine-flanked (Tukey) window
       that falls to zero over the outer tenth at either end of each axis, then scales the heights to
-      restore their rms; None uses the heights unchanged and refuses them if the edges do not meet.
+      restore their rms; `"open"` keeps heights and tilt, and the body ends at the edges: a window
+      (`Surface.periodic` is False), such as of an indenter; None uses the heights unchanged and
+      refuses them if the edges do not meet.
     - `shape`: number of points of the result; None uses that of the data.
     - `region`: the part to use, `[x0, x1, y0, y1]` or for a profile `[x0, x1]` [m] from the first
       point; None uses all. If points are missing, the history names the largest complete part.
@@ -87,7 +89,7 @@ def surface_from_heights(
     prepared.record("equally spaced" if steps else "read")
     if region is not None:
         prepared.crop(region)
-    prepared.level(rim, tilted=periodic is None)
+    prepared.level(rim, tilted=periodic in (None, "open"))
     if prepared.num_missing:
         prepared.fill(fill, rim)
     surface = prepared.closed(periodic)
@@ -184,6 +186,8 @@ class _Prepared:
                 )
             self.notes.append("Reflected about the end of each axis, doubling it.")
             self.record("mirrored")
+        elif periodic == "open":
+            self.notes.append("Taken as a body that ends at the edges.")
         else:
             _check_seams(self.values)
             self.notes.append("Taken as periodic.")
@@ -193,6 +197,7 @@ class _Prepared:
             history=tuple(self.notes),
             measured=None if np.all(measured == 1) else measured,
             steps=tuple(self.rows),
+            periodic=periodic != "open",
         )
 
 

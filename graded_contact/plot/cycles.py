@@ -1,0 +1,139 @@
+"""Figures of a motion in time: the hysteresis loop, friction and area over time, a film."""
+
+from collections.abc import Sequence
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from ..core.display import unit_of, with_unit
+from ..core.quantities import FIELDS
+from ..roughness.surface import Surface
+from .contact import LOOKS, draw_map
+from .style import COLOURS, PAGE, new_figure, ordered, styled
+from .sweeps import MANY
+from .words import label_of, title_of
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
+    from xarray import Dataset
+
+    from ..friction.cycle import CyclicSliding
+
+
+@styled
+def plot_cycle(cycle: "CyclicSliding | Dataset") -> "Figure":
+    """Returns a figure of the hysteresis loop, and of friction and contact area over the period.
+
+    The loop is the friction over the displacement. Friction is positive where it opposes a motion
+    along +x, or along `direction` of a scene. The area is the sub-pixel one.
+
+    **Arguments:**
+
+    - `cycle`: a solution of `slide_cycle` for a motion along x, or the result of `run_scene` for a
+      scene with [motion]: one line for each of its solves.
+    """
+    lines = _lines(cycle)
+    figure = new_figure(PAGE, 2.6 if len(lines) == 1 else 3.0)
+    loop, over_time, area = figure.subplots(1, 3)
+    unit, factor = unit_of("m", max(float(np.ptp(line["displacement"])) for line in lines))
+    colours = COLOURS if len(lines) <= MANY else ordered(len(lines))
+    for line, colour in zip(lines, colours, strict=False):
+        moved = factor * line["displacement"]
+        times = np.arange(len(moved) + 1) / len(moved)
+        # A motion that ends where it began makes a closed loop.
+        closed = abs(moved[-1] - moved[0]) <= 3 * np.max(np.abs(np.diff(moved)), initial=0)
+        ends = slice(None, None if closed else -1)
+        around = {name: np.append(line[name], line[name][0]) for name in line if name != "label"}
+        loop.plot(
+            factor * around["displacement"][ends], around["friction"][ends],
+            color=colour, label=line["label"] or None,
+        )  # fmt: skip
+        over_time.plot(times, around["friction"], color=colour)
+        area.plot(times, around["contact_area_smooth"], color=colour)
+    for axes in (loop, over_time):
+        axes.axhline(0, color="0.6", linewidth=0.6)
+        axes.set_ylabel("friction coefficient [1]")
+    loop.set_xlabel(f"displacement [{unit}]")
+    for axes in (over_time, area):
+        axes.set_xlabel("time over the period [1]")
+    area.set(ylabel="contact area fraction [1]", ylim=(0, None))
+    if any(line["label"] for line in lines):
+        figure.legend(loc="outside lower center", ncols=4)
+    return figure
+
+
+@styled
+def plot_film(
+    cycle: "CyclicSliding | Dataset", surface: Surface, times: Sequence[int] | None = None
+) -> "Figure":
+    """Returns a figure of the contact pressure at some times of a cycle, in one scale.
+
+    It is seen from the surface, over which the block moves. Pressure is white out of contact; its
+    colours follow the square root. One time makes one frame of a film, with the scale of the whole
+    cycle.
+
+    **Arguments:**
+
+    - `cycle`: a solution of `slide_cycle`, or the first of `contact_at(results, index)`.
+    - `surface`: the surface that moves.
+    - `times`: numbers of the times; by default four, a quarter of the period apart.
+    """
+    from matplotlib.colors import PowerNorm
+
+    pressure, size = np.asarray(cycle.pressure), np.asarray(surface.grid.size)
+    count, high = len(pressure), float(np.max(pressure))
+    shown = [i * count // 4 for i in range(4)] if times is None else list(times)
+    unit, factor = unit_of(FIELDS["pressure"].unit, high)
+    label = f"{FIELDS['pressure'].meaning} [{unit}]"
+    is_map = surface.grid.ndim == 2
+    tall = 2.0 * float(np.clip(size[-1] / size[0], 0.5, 2.0)) if is_map else 1.9
+    figure = new_figure(PAGE * max(len(shown), 2) / 4, tall)
+    panels = figure.subplots(1, len(shown), sharex=True, sharey=True, squeeze=False)[0]
+    colours, exponent, colour = LOOKS["pressure"]
+    norm = PowerNorm(exponent, 0, factor * high)
+    image: Any = None
+    for axes, i in zip(panels, shown, strict=True):
+        if is_map:
+            values = np.where(pressure[i] > 0, factor * pressure[i], np.nan)
+            image = draw_map(axes, values, size, cmap=colours, norm=norm)
+        else:
+            length, scale = unit_of("m", size[0])
+            x = scale * size[0] * np.arange(pressure.shape[1]) / pressure.shape[1]
+            axes.plot(x, factor * pressure[i], color=colour)
+            axes.set(xlabel=f"$x$ [{length}]", ylabel=label, ylim=(0, 1.05 * factor * high))
+        axes.set_title(f"time {i / count:.3g} of the period")
+        axes.label_outer()
+    if is_map:
+        figure.colorbar(image, ax=list(panels), label=label, shrink=0.9)
+    return figure
+
+
+def _lines(cycle: Any) -> list[dict[str, Any]]:
+    """Displacement, friction and area over time of each solve, and its label."""
+    if not hasattr(cycle, "dims"):
+        moved = np.asarray(cycle.displacement)
+        if moved.ndim > 1:
+            raise ValueError(
+                f"`cycle` has a displacement of shape {moved.shape}: a motion along x is needed."
+            )
+        names = ("displacement", "friction", "contact_area_smooth")
+        return [{name: np.asarray(getattr(cycle, name)) for name in names} | {"label": ""}]
+    if "time" not in cycle.dims:
+        raise ValueError(
+            "`cycle` holds steady sliding: results of a scene with [motion] are needed."
+        )
+    lines = []
+    for index in np.ndindex(cycle["message"].shape):
+        at = cycle.isel(dict(zip(cycle["message"].dims, index, strict=True)))
+        if not np.all(np.isfinite(at["friction"])):
+            continue  # failed, or not started
+        varied = [name for name in cycle["message"].dims if cycle.sizes[name] > 1]
+        words = [f"{title_of(str(name))} {label_of(at[name])}" for name in varied]
+        if "velocity" in varied:
+            words[-1] = f"period {with_unit(float(at['period']), 's')}"
+        names = ("friction", "contact_area_smooth")
+        line = {name: at[name].values for name in names} | {"label": ", ".join(words)}
+        lines.append(line | {"displacement": at["surface_displacement"].values})
+    if not lines:
+        raise ValueError("`cycle` holds no solve that succeeded.")
+    return lines
