@@ -49,8 +49,14 @@ html_theme_options = {
 html_sidebars = {
     name: []
     for name in (
-        "index", "numbers", "beside_a_measurement", "explore", "validation", "comparison", "paper",
-    )  # fmt: skip
+        "index",
+        "numbers",
+        "beside_a_measurement",
+        "explore",
+        "validation",
+        "comparison",
+        "paper",
+    )
 }
 html_math_renderer = "mathml"
 
