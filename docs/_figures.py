@@ -1,8 +1,18 @@
-"""Figures of the site that are drawn from rows of benchmarks: error against time."""
+"""Figures of the site that are drawn from rows of benchmarks."""
 
 from typing import Any
 
-from graded_contact.plot.style import PAGE, few_powers_of_ten, new_figure, styled
+import numpy as np
+
+from graded_contact.plot.style import (
+    PAGE,
+    TEMPERATURES,
+    few_powers_of_ten,
+    new_figure,
+    ordered,
+    styled,
+)
+from graded_contact.rheology.library import tyre_tread
 
 Rows = list[dict[str, str]]
 
@@ -36,4 +46,50 @@ def elastic(rows: Rows) -> Any:
     return _panels(rows, "N", "solver", "time [s]", "error of the pressure", "o")
 
 
-FIGURES = {"bench_grading": grading, "bench_contact-elastic": elastic}
+HOT = 150.0  # K, rises above it have no meaning for a rubber
+
+
+@styled
+def measurement(rows: Rows) -> Any:
+    """Parts of friction over velocity, a colour for each temperature; points are contacts."""
+    figure = new_figure(PAGE, 5.6)
+    panels: Any = figure.subplots(2, 2).ravel()
+    names = ("hysteresis", "shear", "friction", "friction")
+    celsius = list(dict.fromkeys(float(row["temperature [C]"]) for row in rows))
+    styles = {"mean field": "-", "contact": "o", "contact, heated": "s"}
+    for temperature, colour in zip(celsius, ordered(len(celsius), TEMPERATURES), strict=True):
+        shift = float(tyre_tread().shift.factor(temperature + 273.15))
+        for model, style in styles.items():
+            found = [
+                row
+                for row in rows
+                if (row["model"], float(row["temperature [C]"])) == (model, temperature)
+                and float(row["rise of the surface [K]"]) < HOT
+            ]
+            velocity = np.array([float(row["velocity [m/s]"]) for row in found])
+            filled = colour if model == "contact, heated" else "none"
+            label = f"{temperature:g} °C" if model == "mean field" else None
+            for panel, name, factor in zip(panels, names, (1, 1, 1, shift), strict=True):
+                values = [float(row[f"{name} [1]"]) for row in found]
+                panel.semilogx(
+                    factor * velocity, values, style, color=colour, mfc=filled, label=label
+                )
+    for panel, text in zip(panels, ("hysteresis", "shear", "total", "total"), strict=True):
+        panel.set(xlabel="sliding velocity $v$ [m/s]", title=text, ylim=(0, None))
+    for panel in panels[::2]:
+        panel.set_ylabel("friction coefficient [1]")
+    panels[3].set(xlabel="reduced velocity $a_T v$ [m/s]")
+    panels[0].legend(title="lines: mean field")
+    marks = [
+        panels[3].plot([], [], style, color="k", mfc=filled, label=label)[0]
+        for style, filled, label in (("o", "none", "contact"), ("s", "k", "contact, heated"))
+    ]
+    panels[3].legend(handles=marks, loc="upper left")
+    return figure
+
+
+FIGURES = {
+    "bench_grading": grading,
+    "bench_contact-elastic": elastic,
+    "bench_measurement-friction": measurement,
+}

@@ -47,7 +47,16 @@ html_theme_options = {
     "secondary_sidebar_items": {"**": ["page-toc"], "index": []},
 }
 html_sidebars = {
-    name: [] for name in ("index", "numbers", "explore", "validation", "comparison", "paper")
+    name: []
+    for name in (
+        "index",
+        "numbers",
+        "beside_a_measurement",
+        "explore",
+        "validation",
+        "comparison",
+        "paper",
+    )
 }
 html_math_renderer = "mathml"
 
