@@ -73,14 +73,14 @@ def test_cylinder_is_that_of_hertz():
 
 def test_flat_punch_ends_at_the_window():
     """p = F/(π √(a² - x²)) between the edges; its caveat tells of the rim."""
-    n = 256
+    n = 512
     surface = gc.Surface(np.zeros(n), gc.Grid((n,), 1.0), periodic=False)
     found = gc.slide(ELASTIC, surface, pressure=1.0, velocity=0.0, rtol=1e-8)
     x = (np.arange(n) + 0.5) / n * 2 - 1
     middle = slice(n // 8, -n // 8)
     true = 2 / np.pi / np.sqrt(1 - x**2)
-    np.testing.assert_allclose(found.pressure[middle], true[middle], rtol=4e-3)
-    assert found.contact_area == 1 and found.rim_load > 0.02
+    np.testing.assert_allclose(found.pressure[middle], true[middle], rtol=2.1e-3)
+    assert found.contact_area == 1 and found.rim_load > 0.01
     assert "rim of the window" in found.caveats[-1]
 
 
@@ -107,20 +107,23 @@ def test_energy_is_balanced_on_a_window(sliding):
 
 
 def test_a_wave_far_from_all_edges_is_that_of_the_periodic_surface():
-    """In the middle of a window of many waves in full contact."""
+    """What a wave adds to the pressure of a cylinder, in the middle of its wide contact.
+
+    The layer is thin, so that the ends of the contact are 4 thicknesses away or more.
+    """
     n, waves = 256, 16
     x = np.arange(n) / n
-    heights = 1e-3 * np.cos(2 * np.pi * waves * x)
-    grid = gc.Grid((n,), 1.0)
+    wave, cylinder = 1e-3 * np.cos(2 * np.pi * waves * x), -0.5 * (x - 0.5) ** 2
     block = gc.Stack(layers=(gc.Layer(gc.Prony(1.0, [9.0], [0.01], 0.4), 0.05),), base=gc.Rigid())
-    around, alone = (
-        gc.slide(block, gc.Surface(heights, grid, periodic=p), pressure=2.0, velocity=1.0)
-        for p in (True, False)
-    )
+
+    def pressure(heights, periodic):
+        surface = gc.Surface(heights, gc.Grid((n,), 1.0), periodic=periodic)
+        return gc.slide(block, surface, pressure=2.0, velocity=1.0, rtol=1e-9).pressure
+
     middle = slice(3 * n // 8, -3 * n // 8)
-    varying = around.pressure[middle] - jnp.mean(around.pressure)
-    alone = alone.pressure[middle] - jnp.mean(alone.pressure[middle])
-    np.testing.assert_allclose(alone, varying, atol=0.03 * float(jnp.max(varying)))
+    true = (pressure(wave, True) - 2)[middle]
+    added = (pressure(cylinder + wave, False) - pressure(cylinder, False))[middle]
+    np.testing.assert_allclose(added - jnp.mean(added), true, atol=1e-3 * float(jnp.max(true)))
 
 
 def test_derivatives_on_a_window_match_differences():

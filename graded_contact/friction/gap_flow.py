@@ -72,7 +72,7 @@ def gap_flow(gap: Numbers, grid: Grid, *, contact: Numbers | None = None) -> Gap
     check_shape("gap", gap, grid.shape)
     check_values("gap", gap, "gaps [m] must be finite")
     if contact is not None:
-        closed = jnp.asarray(contact)
+        closed = as_float(contact, "contact")
         check_shape("contact", closed, grid.shape)
         gap = jnp.where(closed != 0, 0, gap)
     return _gap_flow(gap, grid)

@@ -53,7 +53,7 @@ from ..fields.grid import (
     wavenumber,
 )
 from ..response.grading import AbstractGradedSolver
-from ..response.heated import check_heated, heated
+from ..response.heated import AbstractHeating, HeatedContact, check_bulk, check_heated, heated
 from ..response.layering import Layering
 from ..response.stack import Stack
 from ..rheology.shift import as_temperature
@@ -65,27 +65,7 @@ _FIRST = 0.25  # depth of the first cell [spacings]; the last one ends at the si
 
 
 @shown()
-class HeatedContact(eqx.Module):
-    """The temperatures at which a contact is.
-
-    **Fields:**
-
-    - `stack`: the block in thin layers, each at its temperature; for `heat_source`.
-    - `surface_rise`: temperature of the surface above the bulk [K], mean over the contact.
-    - `rises`: the same of each cell of the depth [K], shape `(cells,)`.
-    - `edges`: depths between which the cells lie [m], from 0, shape `(cells + 1,)`.
-    - `error`: change of the temperatures in the last step over the largest rise [1].
-    """
-
-    stack: Stack
-    surface_rise: Float[Array, ""]
-    rises: Float[Array, " cells"]
-    edges: Float[Array, " edges"]
-    error: Float[Array, ""]
-
-
-@shown()
-class Heating(eqx.Module):
+class Heating(AbstractHeating):
     """How heat flows in the block and in the counterface.
 
     Thermally the block is one half space, whatever its layers.
@@ -118,21 +98,7 @@ class Heating(eqx.Module):
         rtol: float,
         throw: bool,
     ) -> Sliding:
-        """Returns the contact of a block at the temperatures that the contact causes.
-
-        **Arguments:**
-
-        - `solve`: `slide` without heating, called with the block and the `inputs`.
-        - `stack`, `grid`: the block, and the cell of the surface.
-        - `inputs`: all that has derivatives, by the names of `slide`; `temperature` [K] among them.
-        - `rtol`: change of the temperatures at which the iteration ends [1].
-        - `throw`: whether to raise if it does not end.
-        """
-        if inputs["temperature"] is None:
-            raise ValueError(
-                "`temperature=None` is refused with `heating`: give the bulk temperature [K]."
-            )
-        temperature = as_temperature(inputs["temperature"]).astype(grid.size.dtype)
+        temperature = as_temperature(check_bulk(inputs["temperature"])).astype(grid.size.dtype)
         inputs = inputs | {"temperature": temperature}
         check_heated(stack)
         first, last = _FIRST * jnp.min(grid.spacing), jnp.max(grid.size)

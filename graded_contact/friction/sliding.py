@@ -50,6 +50,7 @@ from ..core.warnings import caveats_of
 from ..fields.devices import num_devices
 from ..fields.grid import Grid, direction_and_speed, wave_frequencies
 from ..response.grading import AbstractGradedSolver
+from ..response.heated import AbstractHeating, HeatedContact
 from ..response.kernel import attempted_kernel, stack_kernel
 from ..response.layering import Layering
 from ..response.stack import Stack
@@ -226,7 +227,7 @@ class Sliding(eqx.Module):
     measured_range: tuple[Float[Array, "..."], Float[Array, "..."]] | None = None
     kernel_error: Inexact[Array, "..."] | None = None
     shear: ShearStress | None = None
-    heated: Any = None
+    heated: HeatedContact | None = None
 
     friction = _Observable(lambda s: _hysteresis(s) + _shear(s))
     friction_error = _Observable(_friction_error, has_derivative=False)
@@ -333,7 +334,7 @@ def slide(
     friction_rtol: float | None = None,
     shear: ShearLaw | None = None,
     temperature: ScalarLike | None = None,
-    heating: Any = None,
+    heating: AbstractHeating | None = None,
     start: Numbers | None = None,
     solution: ContactSolution | None = None,
     throw: bool = True,
@@ -422,10 +423,8 @@ def slide(
     )
 
 
-def _settled(heating, stack, inputs, settings, solution) -> Sliding:
+def _settled(heating: AbstractHeating, stack, inputs, settings, solution) -> Sliding:
     """The contact at the temperatures that it causes."""
-    if not hasattr(heating, "settle"):
-        raise ValueError(f"`heating={short(heating)}` must be a `Heating(conductivity, ...)`.")
     if solution is not None:
         raise ValueError("`solution` is refused with `heating`: the temperatures belong to it.")
     _check_parts(stack, inputs["surface"])

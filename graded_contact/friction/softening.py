@@ -12,7 +12,10 @@ from ..core.checks import (
     check_tolerance,
     check_types,
     check_whole,
+    is_concrete,
 )
+from ..core.derivative import still
+from ..core.fixed_point import attach_fixed_point, find_fixed_point
 from ..response.stack import Stack
 from ..rheology.softening import at_strain
 from ..roughness.surface import Surface, statistics
@@ -59,34 +62,33 @@ def slide_softened(
     check_tolerance("strain_rtol", strain_rtol, surface.heights)
     check_whole("max_solves", max_solves, 1)
 
-    def sliding(strain, throw=False):
-        block = at_strain(stack, strain)
+    given = stack, surface, velocity, ratio, options
+
+    def sliding(strain, values, throw=False):
+        stack, surface, velocity, _, options = values
+        block = at_strain(stack, strain[0])
         return slide(block, surface, velocity=velocity, throw=throw, **options)  # pyright: ignore
 
-    def residual(strain):
-        return ratio * sliding(strain).slope_in_contact - strain
+    def image(strain, values):
+        return jnp.atleast_1d(values[3] * sliding(strain, values).slope_in_contact)
 
-    def iterate(residual, strain):
-        def goes_on(state):
-            strain, change, count = state
-            return (jnp.abs(change) > strain_rtol / 2 * strain) & (count < max_solves)
-
-        def update(state):
-            strain, _, count = state
-            change = residual(strain)
-            return strain + change, change, count + 1
-
-        return jax.lax.while_loop(goes_on, update, (strain, strain, 0))[0]
-
-    start = ratio * jax.lax.stop_gradient(statistics(surface).rms_slope)
-    strain = jax.lax.custom_root(
-        residual, start, iterate, lambda linear, y: y / linear(jnp.ones_like(y))
+    fixed = still(given)
+    start = jnp.atleast_1d(fixed[3] * statistics(fixed[1]).rms_slope)
+    point = find_fixed_point(
+        lambda strain, state: (image(strain, fixed), state),
+        start,
+        None,
+        jnp.asarray(strain_rtol / 2, start.dtype),
+        max_solves,
     )
-    found = sliding(strain, throw)
-    left = jax.lax.stop_gradient(jnp.abs(ratio * found.slope_in_contact / strain - 1))
+    strain = jax.lax.stop_gradient(point.x)
+    if not all(map(is_concrete, jax.tree.leaves(given))):
+        strain = attach_fixed_point(lambda strain: image(strain, given), strain)
+    found = sliding(strain, given, throw)
+    left = jax.lax.stop_gradient(jnp.abs(ratio * found.slope_in_contact / strain[0] - 1))
     # Written so that NaN fails.
     failed = ~(left <= strain_rtol)
-    strain = jnp.where(failed, jnp.nan, strain)
+    strain = jnp.where(failed, jnp.nan, strain[0])
     if throw:
         strain = eqx.error_if(
             strain, failed, "The strain amplitude did not converge. Raise `max_solves`."

@@ -30,6 +30,10 @@ M. Scaraggi, B. N. J. Persson, arXiv:1506.06955. Signs, factors and the stack's 
 half space's are derived from complete contact.
 """
 
+import dataclasses
+from functools import partial
+from typing import Any
+
 import equinox as eqx
 import jax.numpy as jnp
 from jaxtyping import Array, Float, ScalarLike
@@ -46,23 +50,27 @@ from ..core.checks import (
 from ..core.display import shown
 from ..fields.grid import as_velocity, direction_and_speed
 from ..response.grading import AbstractGradedSolver, check_profiles
+from ..response.heated import AbstractHeating, check_bulk
 from ..response.kernel import stack_kernel
 from ..response.layering import Layering
 from ..response.stack import Stack
 from ..rheology.measured import coverage
 from ..rheology.shear import ShearLaw, shear_stress
+from ..rheology.shift import as_temperature
 from ..rheology.softening import at_strain
 from ..roughness.spectrum import CutoffCurve, SelfAffine
 from ..roughness.surface import Surface
+from .angles import LAST_COSINE
 from .diffusion import Correction, area, density, mean_in_contact
+from .heated import HeatedScales, between_scales, find_rises
 from .modes import add_up
-from .quadrature import LAST_COSINE, integrate
-from .roughness import as_roughness
+from .quadrature import integrate
+from .roughness import Roughness, as_roughness, joined_edges
 
 _NOT_REACHED = (
     "The mean field did not reach `rtol`, or met a value that is not finite (a pressure, thickness "
-    "or modulus that is not positive under `jit` ends here). Raise `num_wavenumbers` and "
-    "`num_angles`, or loosen `rtol`."
+    "or modulus that is not positive under `jit` ends here), or `heating` did not reach steady "
+    "temperatures. Raise `num_wavenumbers` and `num_angles`, or loosen `rtol`."
 )
 
 
@@ -85,6 +93,7 @@ class MeanField(eqx.Module):
       stack was not measured [1], to about 1 % by the quadrature; see `coverage`.
     - `error`: estimated relative error of friction and area by the quadrature [1], in the median
       4 times the true one; 0 for a surface, whose modes are summed.
+    - `heated`: temperatures of the scales, see `persson/heated.py`, or None.
     """
 
     friction: Float[Array, ""]
@@ -96,6 +105,7 @@ class MeanField(eqx.Module):
     pressure: Float[Array, ""]
     extrapolated_friction: Float[Array, ""]
     error: Float[Array, ""]
+    heated: HeatedScales | None = None
 
     @property
     def magnification(self) -> Float[Array, " n"]:
@@ -120,14 +130,16 @@ def mean_field_friction(
     rtol: float = 1e-4,
     shear: ShearLaw | None = None,
     temperature: ScalarLike | None = None,
+    heating: AbstractHeating | None = None,
     throw: bool = True,
 ) -> MeanField:
     """Returns friction and contact area of a rough surface sliding on a stack, by Persson's theory.
 
-    Differentiable in every leaf of `stack`, `spectrum` and `shear`, in `pressure`, `velocity` and
-    `temperature`; works under `jit` and `vmap`. A friction curve is `jax.lax.map(lambda v:
-    mean_field_friction(stack, spectrum, pressure=p, velocity=v), velocities)` inside `jax.jit`, on
-    a CPU faster than `vmap` because the data of one velocity stay in the cache.
+    Differentiable in every leaf of `stack`, `spectrum`, `shear` and `heating`, in `pressure`,
+    `velocity` and `temperature`; works under `jit` and `vmap`. A friction curve is
+    `jax.lax.map(lambda v: mean_field_friction(stack, spectrum, pressure=p, velocity=v),
+    velocities)` inside `jax.jit`, on a CPU faster than `vmap` because the data of one velocity
+    stay in the cache.
 
     **Arguments:**
 
@@ -152,7 +164,10 @@ def mean_field_friction(
     - `graded_solver`: the solver of graded layers and its tolerance, `Layering()` or `Riccati()`.
     - `rtol`: largest acceptable `error` [1].
     - `shear`, `temperature`: law of the shear stress in the contact and its temperature [K], as in
-      `slide`.
+      `slide`; with `heating` the bulk temperature, to which the block is brought.
+    - `heating`: conductivities, see `contacts.Heating`: each scale then has the modulus at the
+      temperature that the heat of friction causes there, see `persson/heated.py`; `.heated` has
+      the temperatures. None for one temperature.
     - `throw`: whether to raise if it is exceeded; otherwise look at `.error`.
 
     **Returns:** friction and contact area at every cut-off, see `MeanField`.
@@ -162,7 +177,8 @@ def mean_field_friction(
     pressure, velocity = as_scalar(pressure, "pressure"), as_velocity(velocity)
     check_positive("pressure", pressure, "[Pa]")
     check_tolerance("rtol", rtol, pressure)
-    stress = shear_stress(shear, direction_and_speed(velocity)[1], temperature)
+    shear_stress(shear, direction_and_speed(velocity)[1], temperature)  # refuses what is no law
+    temperature = None if temperature is None else as_temperature(temperature)
     # On input the value is unknown if the pressure is traced.
     load = jnp.where(pressure > 0, pressure, jnp.nan)
     ratio = None
@@ -170,8 +186,11 @@ def mean_field_friction(
         ratio = as_scalar(strain_per_slope, "strain_per_slope")
         check_positive("strain_per_slope", ratio, "[1]")
         at_strain(stack, 0.0)  # refuses a block that does not soften
+    heated = None
     if isinstance(spectrum, Surface):
-        extra = {"own_roughness": own_roughness, "strain_per_slope": strain_per_slope}
+        extra = {
+            "own_roughness": own_roughness, "strain_per_slope": strain_per_slope, "heating": heating
+        }  # fmt: skip
         for name in (name for name, value in extra.items() if value is not None):
             raise ValueError(f"`{name}` is refused with a `Surface` as `spectrum`.")
         kernel = stack_kernel(stack, spectrum.grid, velocity, graded_solver=graded_solver)
@@ -179,21 +198,27 @@ def mean_field_friction(
             kernel, spectrum, load, velocity, correction, coverage(stack)
         )
         error = 0 * friction[-1]  # NaN if that is
+        sheared = _sheared(shear, velocity, temperature, load, x)
     else:
         roughness = as_roughness(spectrum)
         own = None if own_roughness is None else as_roughness(own_roughness, "own_roughness")
-        speed = direction_and_speed(velocity)[1]
-        _check_frequencies(stack, speed * roughness.edges)
+        given = _Given(stack, roughness, own, load, velocity, ratio, shear, temperature)
+        fastest = direction_and_speed(velocity)[1] * roughness.edges
         edges = len(roughness.edges) + (0 if own is None else len(own.edges))
         counts = _counts(num_wavenumbers, edges - 1, num_angles)
-        q, x, friction, error, share = integrate(
-            stack, roughness, own, load, velocity, correction, *counts, coverage(stack),
-            graded_solver, ratio,
-        )  # fmt: skip
+        settings = correction, counts, graded_solver
+        rises = None
+        if heating is not None:
+            bulk = check_bulk(temperature)
+            given = dataclasses.replace(given, stack=stack.at(bulk))
+        _check_frequencies(given.stack, fastest)
+        if heating is not None:
+            rises, change, reached = find_rises(partial(_power, settings), heating, _band, given)
+        q, x, friction, error, share, sheared = _integrated(settings, given, rises)
+        if rises is not None:
+            error = jnp.where(reached, error, jnp.inf)
+            heated = HeatedScales(rises[0], between_scales(rises[1:], q), change)
     contact_area = area(x)
-    sheared = jnp.zeros_like(friction)
-    if stress is not None:
-        sheared = contact_area * mean_in_contact(lambda sigma: stress(sigma * load), x) / load
     solution = MeanField(
         friction=friction[-1] + sheared[-1],
         hysteresis_friction=friction[-1],
@@ -204,11 +229,61 @@ def mean_field_friction(
         pressure=load,
         extrapolated_friction=share,
         error=error,
+        heated=heated,
     )
     if throw:
         # Written so that NaN fails.
         solution = eqx.error_if(solution, ~(error <= rtol), _NOT_REACHED)
     return solution
+
+
+class _Given(eqx.Module):
+    """All that has derivatives."""
+
+    stack: Stack
+    roughness: Roughness
+    own: Roughness | None
+    pressure: Float[Array, ""]
+    velocity: Float[Array, "..."]
+    strain_per_slope: Float[Array, ""] | None
+    shear: Any
+    temperature: Float[Array, ""] | None
+
+
+def _integrated(settings, given: _Given, rises=None):
+    """Wavenumbers, diffusion, hysteresis, its error and extrapolated share, and shear."""
+    correction, (num_wavenumbers, num_angles), graded_solver = settings
+    temperature, scales = given.temperature, None
+    if rises is not None:
+        scales, temperature = given.temperature + rises[1:], given.temperature + rises[0]
+    q, x, friction, error, share = integrate(
+        given.stack, given.roughness, given.own, given.pressure, given.velocity, correction,
+        num_wavenumbers, num_angles, coverage(given.stack), graded_solver,
+        given.strain_per_slope, scales,
+    )  # fmt: skip
+    sheared = _sheared(given.shear, given.velocity, temperature, given.pressure, x)
+    return q, x, friction, error, share, sheared
+
+
+def _sheared(shear, velocity, temperature, pressure, x):
+    """Friction by shear up to each cut-off [1]."""
+    stress = shear_stress(shear, direction_and_speed(velocity)[1], temperature)
+    if stress is None:
+        return jnp.zeros_like(x)
+    return area(x) * mean_in_contact(lambda sigma: stress(sigma * pressure), x) / pressure
+
+
+def _power(settings, given: _Given, rises):
+    """Wavenumbers, diffusion, and the heat of hysteresis up to each of them and that of shear."""
+    q, x, friction, _, _, sheared = _integrated(settings, given, rises)
+    power = given.pressure * jnp.abs(direction_and_speed(given.velocity)[1])
+    return q, x, power * friction, power * sheared[-1]
+
+
+def _band(given: _Given):
+    """The lowest and the highest wavenumber, and the speed."""
+    edges = joined_edges(given.roughness, given.own)
+    return edges[0], edges[-1], jnp.abs(direction_and_speed(given.velocity)[1])
 
 
 @check_types

@@ -1,9 +1,7 @@
 """The mean field of spectra, by quadrature over wavenumber and angle.
 
-In log q it is Clenshaw and Curtis's rule on every smooth piece of the spectrum. For the angle φ
-between q and the velocity, cos φ = sech u turns a relaxation at any q v τ into poles at the
-distance π/2 from the real line of u, where the trapezoidal rule converges as exp(-π²/h); u =
-3 sinh s then makes the integrand decay doubly exponentially.
+In log q it is Clenshaw and Curtis's rule on every smooth piece of the spectrum. For the angle
+see `angles.py`.
 
 A spectrum with a lay varies with the angle to the direction across the lay, on the scale 1/γ. This
 direction and that across the velocity cut the half turn into two parts; a rule that is dense at
@@ -34,12 +32,11 @@ from ..response.stack import Stack
 from ..rheology.measured import is_unknown
 from ..rheology.softening import at_strain
 from ..roughness.spectrum import between_ends
+from .angles import angles
 from .diffusion import Correction, area, mean_square_growth, slowed
+from .heated import between_scales
 from .roughness import Roughness, joined_edges
 
-# The last angle, nearly across the velocity, represents those beyond it.
-LAST_COSINE = 1 / np.cosh(15.0)
-_STRETCH = 3.0
 SAFETY = 2.0  # of the change by twice the nodes
 
 
@@ -57,6 +54,7 @@ def integrate(
     known: tuple[Float[Array, ""], Float[Array, ""]] | None,
     graded_solver: AbstractGradedSolver,
     strain_per_slope: Float[Array, ""] | None,
+    temperatures: Float[Array, " scales"] | None = None,
 ) -> tuple[
     Float[Array, " n"], Float[Array, " n"], Float[Array, " n"], Float[Array, ""], Float[Array, ""]
 ]:
@@ -64,7 +62,7 @@ def integrate(
 
     At last the share of friction [1] from frequencies outside `known` [rad/s], as it is summed: not
     to the digits of the friction. `num_intervals` (on each piece) and `num_angles` are multiples
-    of 4.
+    of 4. `temperatures` [K] are those at `scales`, see `heated.py`.
     """
     edges = joined_edges(roughness, own)
     lengths = jnp.log(edges[1:] / edges[:-1])
@@ -75,7 +73,9 @@ def integrate(
     strain = None
     if strain_per_slope is not None:
         strain = strain_per_slope * _slope(roughness, q, lengths, 2 * num_intervals)
-    everything = stack, roughness, own, pressure, speed, q, strain, turn
+    temperature = None if temperatures is None else between_scales(temperatures, q)
+    state = _State(strain, temperature)
+    everything = stack, roughness, own, pressure, speed, q, state, turn
 
     def rates(values, at_q, at_angle):
         at = _directions(values[-1], 2 * num_angles, q.dtype)
@@ -126,14 +126,14 @@ def integrate(
 
 def _rates(values, at_q, directions, graded_solver, tolerance):
     """Growth of the variance and of the friction of complete contact, per log q and angle."""
-    stack, roughness, own, pressure, speed, q, strain = values
+    stack, roughness, own, pressure, speed, q, state = values
     along, offset = directions
-    strain, q = None if strain is None else strain[at_q], q[at_q][:, None, None]
+    state, q = jax.tree.map(lambda a: a[at_q], state), q[at_q][:, None, None]
     amplitude = roughness.root_density(q) * q * roughness.root_narrowing(q, offset)
 
     def relative_to(amplitude, omega):
         # √C q/(M σ0): squares of its factors may leave the range of float32.
-        compliance = _compliance(stack, q, omega, strain, graded_solver, tolerance)
+        compliance = _compliance(stack, q, omega, state, graded_solver, tolerance)
         relative = amplitude / (pressure * compliance)
         return relative.real**2 + relative.imag**2, relative.imag
 
@@ -185,15 +185,27 @@ def _slope(roughness, q, lengths, num_intervals):
     return jnp.where(square > 0, jnp.sqrt(jnp.where(square > 0, square, 1)), 0)
 
 
-def _compliance(stack, q, omega, strain, graded_solver, tolerance):
-    """M_zz at `q` of shape (n, 1, 1), of the block at the strain of each q, or as it is."""
-    if strain is None:
+class _State(NamedTuple):
+    """The strain amplitude [1] and the temperature [K] at each q, or None as the block is."""
+
+    strain: Float[Array, " n"] | None
+    temperature: Float[Array, " n"] | None
+
+    def of(self, stack):
+        """The block in the state of one q."""
+        stack = stack if self.strain is None else at_strain(stack, self.strain)
+        return stack if self.temperature is None else stack.at(self.temperature)
+
+
+def _compliance(stack, q, omega, state, graded_solver, tolerance):
+    """M_zz at `q` of shape (n, 1, 1), of the block in the state of each q."""
+    if not jax.tree.leaves(state):
         return surface_compliance_unchecked(stack, q, omega, graded_solver, tolerance)
     return jax.vmap(
-        lambda q, omega, strain: surface_compliance_unchecked(
-            at_strain(stack, strain), q, omega, graded_solver, tolerance
+        lambda q, omega, state: surface_compliance_unchecked(
+            state.of(stack), q, omega, graded_solver, tolerance
         )
-    )(q, omega, strain)
+    )(q, omega, state)
 
 
 def _joined(pieces):
@@ -262,7 +274,7 @@ def _directions(turn, num_angles, dtype):
     Each of shape (nodes, parts of the turn).
     """
     if turn is None:
-        cosine = jnp.asarray(_angles(num_angles)[0], dtype)[:, None]
+        cosine = jnp.asarray(angles(num_angles)[0], dtype)[:, None]
         return cosine, jnp.zeros_like(cosine)
     # From across the lay to across the velocity, one way round and the other.
     parts = jnp.stack([turn, np.pi - turn])
@@ -273,18 +285,6 @@ def _directions(turn, num_angles, dtype):
 def _angle_weights(turn, num_angles, dtype):
     """Weights of the same nodes, which sum to the whole turn, 2π."""
     if turn is None:
-        return jnp.asarray(_angles(num_angles)[1], dtype)[:, None]
+        return jnp.asarray(angles(num_angles)[1], dtype)[:, None]
     weight = jnp.asarray(between_ends(3 * num_angles)[2], dtype)[:, None]
     return 2 * weight * jnp.stack([turn, np.pi - turn])
-
-
-@cache
-def _angles(num_angles: int) -> tuple[np.ndarray, np.ndarray]:
-    """cos φ at the nodes of a quarter turn, and weights that sum to the whole turn, 2π."""
-    end = np.arcsinh(np.arccosh(1 / LAST_COSINE) / _STRETCH)
-    s = end * np.arange(num_angles + 1) / num_angles
-    cosine = 1 / np.cosh(_STRETCH * np.sinh(s))
-    weight = 4 * (end / num_angles) * _STRETCH * np.cosh(s) * cosine
-    weight[0] /= 2
-    weight[-1] += 2 * np.pi - np.sum(weight)
-    return cosine, weight

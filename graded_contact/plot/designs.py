@@ -6,8 +6,8 @@ import numpy as np
 from jaxtyping import Float
 
 from ..files.design_scene import DesignScene
+from ..persson.angles import LAST_COSINE
 from ..persson.mean_field import MeanField
-from ..persson.quadrature import LAST_COSINE
 from ..response.stack import materials_of
 from ..rheology.tabulated import Tabulated
 from ..studies.design import Design

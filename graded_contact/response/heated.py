@@ -1,11 +1,77 @@
-"""A block whose temperature varies with depth."""
+"""A block whose temperature varies with depth, and what heats it."""
+
+from abc import abstractmethod
+from collections.abc import Callable
+from typing import Any, TypeVar
 
 import equinox as eqx
 import jax.numpy as jnp
 from jaxtyping import Array, Float
 
+from ..core.display import shown
+from ..fields.grid import Grid
 from ..rheology.material import Elastic
 from .stack import GradedLayer, HalfSpace, Layer, Stack
+
+B, T = TypeVar("B"), TypeVar("T")
+
+
+class AbstractHeating(eqx.Module):
+    """How heat flows in the block and in the counterface; see `Heating`."""
+
+    conductivity: eqx.AbstractVar[Float[Array, ""]]
+    diffusivity: eqx.AbstractVar[Float[Array, ""]]
+    counterface_conductivity: eqx.AbstractVar[Float[Array, ""]]
+
+    @abstractmethod
+    def settle(
+        self,
+        solve: Callable[..., T],
+        stack: Stack,
+        grid: Grid,
+        inputs: dict[str, Any],
+        rtol: float,
+        throw: bool,
+    ) -> T:
+        """Returns the contact of a block at the temperatures that the contact causes.
+
+        **Arguments:**
+
+        - `solve`: `slide` without heating, called with the block and the `inputs`.
+        - `stack`, `grid`: the block, and the cell of the surface.
+        - `inputs`: all that has derivatives, by the names of `slide`; `temperature` [K] among them.
+        - `rtol`: change of the temperatures at which the iteration ends [1].
+        - `throw`: whether to raise if it does not end.
+        """
+
+
+@shown()
+class HeatedContact(eqx.Module):
+    """The temperatures at which a contact is.
+
+    **Fields:**
+
+    - `stack`: the block in thin layers, each at its temperature; for `heat_source`.
+    - `surface_rise`: temperature of the surface above the bulk [K], mean over the contact.
+    - `rises`: the same of each cell of the depth [K], shape `(cells,)`.
+    - `edges`: depths between which the cells lie [m], from 0, shape `(cells + 1,)`.
+    - `error`: change of the temperatures in the last step over the largest rise [1].
+    """
+
+    stack: Stack
+    surface_rise: Float[Array, ""]
+    rises: Float[Array, " cells"]
+    edges: Float[Array, " edges"]
+    error: Float[Array, ""]
+
+
+def check_bulk(temperature: B | None) -> B:
+    """Returns the bulk temperature; raises `ValueError` for None."""
+    if temperature is None:
+        raise ValueError(
+            "`temperature=None` is refused with `heating`: give the bulk temperature [K]."
+        )
+    return temperature
 
 
 def check_heated(stack: Stack) -> None:

@@ -105,7 +105,8 @@ def _images(far, grid: Grid, points: int, length: int):
     """
     size = _WINDOWS[grid.ndim] * points
     # One point of the long cell loads as much as so many of the window.
-    green = to_field(far + 0j, (size,) * grid.ndim) * np.prod([points / n for n in grid.shape])
+    share = np.prod([points / n for n in grid.shape])
+    green = to_field(far * _damping(size, grid.ndim) * share + 0j, (size,) * grid.ndim)
     blocks = green.reshape((size // (length * points), length * points) * grid.ndim)
     folded = jnp.sum(blocks, axis=tuple(range(0, 2 * grid.ndim, 2)))
     near, whole = (_distances(points, n, grid.ndim) for n in (length * points, size))
@@ -115,6 +116,13 @@ def _images(far, grid: Grid, points: int, length: int):
         images = jnp.moveaxis(jnp.tensordot(weights, images, (1, axis)), 0, axis)
     spectrum = to_spectrum(images)
     return spectrum if jnp.iscomplexobj(far) else spectrum.real
+
+
+def _damping(size: int, ndim: int) -> np.ndarray:
+    """Factors on the half spectrum, 1 for long waves and 0 for the shortest, without a step."""
+    along = np.exp(-36 * np.abs(2 * np.fft.fftfreq(size)) ** 8)
+    last = along[: size // 2 + 1]
+    return last if ndim == 1 else along[:, None] * last
 
 
 def _distances(points: int, size: int, ndim: int):
