@@ -248,7 +248,7 @@ def _slid(scene: Scene, block: Stack, surface: Surface, point: dict[str, Any], h
         **how,
     )
     found = {name: getattr(sliding, name) for name in SOLVED}
-    if scene.heating is not None:
+    if sliding.heated is not None:
         found["surface_rise"] = sliding.heated.surface_rise
     if not surface.periodic:
         found["rim_load"] = sliding.rim_load
