@@ -322,6 +322,7 @@ def test_own_roughness_stays_at_rest_in_the_rubber():
     assert found.friction < 0.97 * solve(ISOTROPIC, velocity=0.05).friction
 
 
+@pytest.mark.slow
 def test_derivatives_by_own_roughness_match_differences():
     def value(track, own, velocity):
         s = mean_field(BARE, track, pressure=3e5, velocity=velocity, own_roughness=own)

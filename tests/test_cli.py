@@ -245,6 +245,7 @@ def test_an_interrupted_rerun_leaves_the_fuller_result(rerun, tmp_path, monkeypa
     assert (tmp_path / "out" / "small.h5").read_bytes() == before
 
 
+@pytest.mark.slow
 def test_a_result_of_another_scene_is_replaced_only_if_asked(rerun, tmp_path, monkeypatch):
     other = SCENE.replace("2e5", "3e5").replace("a small one", "another one")
     path = tmp_path / "out" / "small.h5"
@@ -263,6 +264,7 @@ def test_a_result_of_another_scene_is_replaced_only_if_asked(rerun, tmp_path, mo
     assert result.exit_code == 0 and read_results(path).friction.shape == (1, 3)
 
 
+@pytest.mark.slow
 def test_what_is_no_result_is_replaced_only_if_asked(rerun, tmp_path):
     path = tmp_path / "out" / "small.h5"
     path.write_text("my notes")
@@ -559,6 +561,7 @@ def test_a_fit_of_several_isotherms_shifts_them(tmp_path):
     assert "Arrhenius with Q = " in result.stdout
 
 
+@pytest.mark.slow
 def test_wild_values_are_named_and_left_out_only_if_asked(tmp_path):
     path = moduli_file(tmp_path / "tread.csv", [20.0])
     lines = path.read_text().splitlines()
@@ -577,6 +580,7 @@ def test_wild_values_are_named_and_left_out_only_if_asked(tmp_path):
     assert "line 19 (" in robust.stdout
 
 
+@pytest.mark.slow
 def test_a_fit_takes_several_files_and_the_options_that_messages_name(tmp_path):
     paths = [
         moduli_file(tmp_path / f"{celsius:g}.csv", [celsius]) for celsius in (-20.0, -5.0, 10.0)

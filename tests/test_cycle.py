@@ -159,6 +159,7 @@ def test_a_load_cycle_without_motion_loses_what_load_and_approach_do():
     assert abs(lost[1]) < 3e-3 and abs(lost[1]) < 0.3 * abs(lost[0])
 
 
+@pytest.mark.slow
 def test_a_constant_load_does_no_work_and_a_moving_block_leaves_and_enters():
     found = cycle(friction_rtol=1e-3, rtol=None)
     assert found.load_mismatch < 0.05
@@ -242,6 +243,7 @@ def test_kernel_is_that_of_single_waves():
             np.testing.assert_allclose(kernel[i], expected, rtol=1e-8)
 
 
+@pytest.mark.slow
 def test_a_table_of_a_graded_kernel_is_as_good_as_it_says(monkeypatch):
     from graded_contact.response import periodic
 

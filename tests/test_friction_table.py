@@ -41,6 +41,7 @@ def test_each_point_is_the_mean_field_of_its_numbers(table):
     np.testing.assert_allclose(found.friction_error, alone.error * alone.friction, rtol=1e-6)
 
 
+@pytest.mark.slow
 def test_both_methods_beside_each_other_with_the_error_of_the_grid():
     axes = dict(pressure=[2e5], velocity=[0.01, 0.1])
     both = friction_table(

@@ -50,6 +50,7 @@ def test_heat_over_the_depth_is_the_work_of_friction(stack):
     assert abs(heat_over_depth(stack) - 1) <= 1e-3
 
 
+@pytest.mark.slow
 def test_heat_balances_along_an_oblique_velocity_and_in_one_dimension():
     assert abs(heat_over_depth(COATED, velocity=[0.3, 0.4]) - 1) <= 1e-3
     line = gc.Surface(SURFACE.heights[:, 3], gc.Grid(32, CELL))
@@ -182,6 +183,7 @@ def test_heat_at_depth_makes_less_of_a_flash_than_at_the_surface():
     assert rise[0].max() > rise[1].max() > 0
 
 
+@pytest.mark.slow
 def test_derivatives_of_the_temperature_match_differences():
     def contact_mean(strength, conductivity, diffusivity, other, speed):
         rubber = gc.Prony(1e6, jnp.stack([strength, 2e7]), [1e-2, 1e-4], 0.49)

@@ -40,6 +40,7 @@ def test_one_temperature_everywhere_is_that_of_the_block():
     )
 
 
+@pytest.mark.slow
 def test_slow_sliding_does_not_heat():
     how = {"pressure": 3e4, "velocity": 1e-6, "rtol": 1e-8}
     cold, s = gc.slide(BLOCK.at(283.0), SURFACE, **how), warm(velocity=1e-6, temperature=283.0)
@@ -63,6 +64,7 @@ def test_the_contact_is_at_the_temperatures_that_it_causes():
     np.testing.assert_allclose(again.friction, s.friction, rtol=1e-6)
 
 
+@pytest.mark.slow
 def test_more_conduction_means_less_heating_and_shear_heats_too():
     rises = [
         float(warm(heating=Heating(k, k / 2.3e6, other)).heated.surface_rise)

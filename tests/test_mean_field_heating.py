@@ -50,6 +50,7 @@ def test_heat_lowers_the_friction_of_the_tread_at_high_speed(shear):
         assert same[-1] > same[1] and np.all(np.diff(warm) < 0) and warm[-1] < 0.7 * warm[1]
 
 
+@pytest.mark.slow
 def test_finer_quadrature_and_counterfaces_that_take_heat():
     found, finer = friction(1.0), friction(1.0, num_wavenumbers=128)
     np.testing.assert_allclose(finer.friction, found.friction, rtol=1e-3)

@@ -331,6 +331,7 @@ TREADS = gc.Stack(
 WIDE = gc.SelfAffine(rms_slope=0.1, hurst=0.8, q_low=63.0, q_roll=250.0, q_high=63e3)
 
 
+@pytest.mark.slow
 def test_quadrature_of_three_treads_is_right_to_a_millionth():
     velocities = jnp.array([1e-6, 1e-3, 1.0, 30.0])
 
@@ -410,6 +411,7 @@ def test_second_derivative_of_the_slowed_diffusion_matches_central_differences(c
         np.testing.assert_allclose(curvature(v), difference, rtol=1e-6)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("spectrum", [SPECTRUM, SURFACE], ids=["spectrum", "surface"])
 def test_gradient_at_rest_is_that_of_a_start_along_x(spectrum):
     """As `slide` counts it: by the velocity alone, and jointly with the relaxation times."""
@@ -471,6 +473,7 @@ def test_table_of_moduli_that_stops_short_is_refused_with_the_remedy():
         )
 
 
+@pytest.mark.slow
 def test_error_encloses_the_true_one_where_the_quadrature_is_coarse():
     """Random coats, rubbers, loads and speeds, on spectra of five decades; against fine rules."""
     rng = np.random.default_rng(0)

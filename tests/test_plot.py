@@ -358,7 +358,7 @@ def theory(mean=4e5, spread=9e5):
     curve = gc.contacts.CutoffCurve(jnp.array([1.0, 2.0]), jnp.zeros(2))
     variance = jnp.array([0.0, spread**2])
     known = {"against_cutoff": curve, "stress_variance": variance, "pressure": jnp.array(mean)}
-    return gc.contacts.MeanField(**zeros | known)
+    return gc.contacts.MeanField(**zeros | known | {"heated": None})
 
 
 def test_distributions_enclose_the_area_and_perssons_the_mean_pressure():

@@ -80,6 +80,7 @@ def test_peak_has_its_width_and_moves_with_temperature():
     assert jax.grad(lambda v: law(none, v, None))(0.0) == 0
 
 
+@pytest.mark.slow
 def test_a_requested_error_holds_for_the_total():
     rtol = 1e-3
     for pressure in (1e5, 1e6):

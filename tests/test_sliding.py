@@ -259,6 +259,7 @@ def test_a_kernel_that_fails_is_a_result_or_an_error():
     )
 
 
+@pytest.mark.slow
 def test_values_that_only_tracing_hides_do_not_pass_as_solved():
     """Under `jit` the door cannot see them; the result must."""
     pressed = jax.jit(

@@ -39,6 +39,7 @@ def test_stiffness_of_a_wave_is_that_of_its_strips(fraction):
     )
 
 
+@pytest.mark.slow
 def test_derivative_of_the_stiffness_is_that_of_differences_and_of_strips():
     at = jnp.asarray(pressure_for(0.5)), jnp.asarray(1.0)
     slopes = jax.grad(stiffness, (0, 1))(*at)

@@ -84,6 +84,7 @@ def test_flat_punch_ends_at_the_window():
     assert "rim of the window" in found.caveats[-1]
 
 
+@pytest.mark.slow
 def test_friction_of_a_sphere_does_not_depend_on_window_and_cell(sliding, monkeypatch):
     """Within the error that it reports: a window and a long cell twice as large."""
     twice = gc.slide(COATED, sphere(128, 2.0), pressure=0.02 / 4, velocity=1.0)
@@ -158,6 +159,7 @@ def test_a_solution_and_a_start_on_a_window_are_accepted(sliding):
     np.testing.assert_allclose(near.friction, sliding.friction, rtol=1e-5)
 
 
+@pytest.mark.slow
 def test_a_target_sees_the_window():
     surface = cylinder(64)
     found = gc.slide(COATED, surface, pressure=0.02, velocity=1.0, friction_rtol=1e-3)

@@ -27,6 +27,7 @@ def solve(law, control="pressure", solver=gc.contacts.ResidualDynamics(), rtol=1
     )
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     "law, control",
     [

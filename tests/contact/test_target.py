@@ -72,6 +72,7 @@ def test_tolerances_of_pressure_and_of_friction_exclude_each_other():
         )
 
 
+@pytest.mark.slow
 def test_single_precision_takes_a_tolerance_of_friction():
     """With double precision enabled: no number of the search may become one."""
     single = lambda tree: jax.tree.map(lambda a: a.astype(jnp.float32), tree)  # noqa: E731

@@ -295,6 +295,7 @@ def test_a_flat_isotherm_has_large_errors_of_its_shift():
     assert along[0] > 0.3 > 10 * max(along[1:])
 
 
+@pytest.mark.slow
 def test_limits_enclose_the_modulus_at_any_temperature(curve):
     for temperature in (None, 278.0):
         lower, upper = map(channels, map(np.asarray, curve.confidence(OMEGA, temperature)))

@@ -368,6 +368,7 @@ def test_limits_of_a_single_unknown_are_those_of_a_mean():
     assert 0.95 < np.median(ratios) < 1.25, np.median(ratios)
 
 
+@pytest.mark.slow
 def test_limits_enclose_the_truth_as_often_as_they_say():
     _, values = measured("frequency")
     exact, inside = channels(values), []

@@ -166,6 +166,7 @@ def fields_in(layer, depths=DEPTHS, graded=FAST, base="halfspace"):
     )
 
 
+@pytest.mark.slow
 def test_forces_balance_in_a_graded_layer():
     """iq_x σ_xi + iq_y σ_yi + ∂σ_zi/∂z = 0, by central differences in depth."""
     step = 2e-7

@@ -41,6 +41,7 @@ def test_the_standard_error_is_the_scatter_of_fits_to_new_measurements():
     np.testing.assert_allclose(estimates[0].value, found[0], rtol=1e-12)
 
 
+@pytest.mark.slow
 def test_standard_errors_enclose_the_truth_where_neighbours_err_alike():
     """Of 60 fits to errors with a correlation of 0.8, as many as 95 % and 68 % ask for.
 
