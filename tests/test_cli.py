@@ -495,6 +495,7 @@ def test_the_progress_shows_what_the_cache_does_not_have():
     assert not logging.getLogger("jax._src.compiler").filters
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("kind, off, options", [LAW, TABLE])
 def test_a_scene_takes_the_errors_of_fitted_isotherms(tmp_path, kind, off, options):
     _, text = fitted_isotherms(tmp_path, off, options)
@@ -549,6 +550,7 @@ def test_a_standard_error_sets_the_number_of_digits():
     assert [with_error(*pair) for pair in numbers] == texts
 
 
+@pytest.mark.slow
 def test_a_fit_of_several_isotherms_shifts_them(tmp_path):
     path = moduli_file(tmp_path / "sweeps.csv", [-20.0, -5.0, 10.0, 25.0])
     result = command("fit", path, "-o", tmp_path, "--terms", 6)

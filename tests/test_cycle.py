@@ -225,6 +225,7 @@ def test_moduli_far_apart_and_light_contacts_converge():
         assert found.contact.num_fft_pairs < 2000
 
 
+@pytest.mark.slow
 def test_kernel_is_that_of_single_waves():
     from graded_contact.response.periodic import periodic_kernel
 

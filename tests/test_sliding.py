@@ -232,6 +232,7 @@ def test_unfinished_solve_is_not_passed_as_converged():
     assert np.isfinite(s.friction)
 
 
+@pytest.mark.slow
 def test_a_kernel_that_fails_is_a_result_or_an_error():
     """One bad block must not end a sweep: kinks that are not told, and a NaN at the door."""
 

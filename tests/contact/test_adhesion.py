@@ -59,6 +59,7 @@ def test_path_follows_the_branches_of_a_dense_energy():
     np.testing.assert_allclose(path.contact_area[same], touching[same])
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("solver", [gc.contacts.DouglasRachford(), gc.contacts.ResidualDynamics()])
 @pytest.mark.parametrize("mean_gap", [0.0135, 0.006])
 def test_resolved_attraction_ends_in_a_stable_equilibrium(solver, mean_gap):

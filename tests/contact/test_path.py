@@ -26,6 +26,7 @@ def test_path_of_pressures_gives_what_single_solves_give():
     assert path.num_fft_pairs[1] > 0
 
 
+@pytest.mark.slow
 def test_derivative_along_a_path_is_that_of_its_last_contact():
     """The start of a solve carries no derivative; what is prescribed does."""
 

@@ -275,6 +275,7 @@ def test_a_start_of_another_scale_does_not_drown_the_contact():
     np.testing.assert_allclose(warm.pressure, cold.pressure, atol=1e-4 * np.max(cold.pressure))
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     "law", [gc.RepulsiveLJ(1e-3, 0.05), gc.AdhesiveLJ(5e-3, 1e-6)], ids=["repulsive", "adhesive"]
 )

@@ -64,6 +64,7 @@ def test_the_curves_of_a_page_are_those_of_the_package(model):
     np.testing.assert_allclose(curves.modulus, np.abs(modulus), rtol=1e-10)
 
 
+@pytest.mark.slow
 def test_bars_are_what_a_step_of_a_slider_changes(model):
     """Central differences over whole contacts, each found from the last."""
     values = np.array(model.values)

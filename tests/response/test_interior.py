@@ -191,6 +191,7 @@ def test_a_grid_of_modes_is_the_sum_of_its_waves():
     np.testing.assert_allclose(stress, total, atol=1e-13)
 
 
+@pytest.mark.slow
 def test_gradient_matches_central_differences():
     """Of elastic layers, to compile fast; lossy moduli have theirs in the test of the matrix."""
     layers = (gc.Layer(gc.Elastic(3.0, 0.5), 0.1), gc.Layer(gc.Elastic(20.0, 0.3), 0.3))

@@ -104,6 +104,7 @@ def test_kernel_of_a_dear_stack_is_that_of_single_wavevectors(stack, rtol):
     assert not kernel[:, 101].imag.any()
 
 
+@pytest.mark.slow
 def test_a_table_that_falls_short_gives_way_to_direct_evaluation(monkeypatch):
     rtol = 1e-13
     monkeypatch.setattr(response.table, "_MOST", 2 * response.table._TILE)

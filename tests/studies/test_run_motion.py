@@ -95,6 +95,7 @@ def test_a_run_with_heating_is_slide_with_heating():
     np.testing.assert_allclose(results.surface_rise.item(), sliding.heated.surface_rise, rtol=1e-3)
 
 
+@pytest.mark.slow
 def test_a_sphere_in_a_scene_has_the_pressure_of_hertz():
     text = f"""
 [surface]

@@ -31,6 +31,7 @@ def middle(material):
     return jnp.concatenate([modulus.real, modulus.imag])
 
 
+@pytest.mark.slow
 def test_the_standard_error_is_the_scatter_of_fits_to_new_measurements():
     found = [middle(gc.fit_prony(OMEGA, measured(s), terms=2).material) for s in range(60)]
     estimates = [propagate(middle, gc.fit_prony(OMEGA, measured(s), terms=2)) for s in range(5)]
