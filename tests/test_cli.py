@@ -213,7 +213,10 @@ def test_a_rerun_finds_all_solves(rerun, folder, tmp_path, monkeypatch):
 
 
 @pytest.mark.skipif(os.name != "posix", reason="signals are those of POSIX")
-@pytest.mark.parametrize("number, code", [(signal.SIGINT, 130), (signal.SIGTERM, 143)])
+@pytest.mark.parametrize(
+    "number, code",
+    [(signal.SIGINT, 130), pytest.param(signal.SIGTERM, 143, marks=pytest.mark.slow)],
+)
 def test_an_interrupted_run_names_what_was_not_started_and_goes_on(
     rerun, folder, tmp_path, monkeypatch, number, code
 ):
