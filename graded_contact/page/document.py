@@ -18,7 +18,7 @@ from ..core.display import with_unit
 from ..files.moduli.reading import read_moduli
 from ..files.paths import check_name, existing_file, full_path
 from ..files.prony_cards import export_prony
-from ..files.scene import Scene, parse_scene
+from ..files.scene import Scene, parse_scene, refuse_tables
 from ..files.schema import LARGEST, within
 from ..files.sealed import replacing
 from ..files.toml import parse_toml, toml_text
@@ -66,7 +66,8 @@ class Document(NamedTuple):
 def open_document(path: Path | None) -> Document:
     """Returns the scene of a file, or that of the demo, at one point.
 
-    **Raises:** `FileNotFoundError`; `ValueError` for a file without a scene, or without motion.
+    **Raises:** `FileNotFoundError`; `ValueError` for a file without a scene, at rest, or with a
+    table that the page does not take.
     """
     if path is None:
         file: Any = resources.files("graded_contact.studies").joinpath("demo.toml")
@@ -79,6 +80,7 @@ def open_document(path: Path | None) -> Document:
 
 
 def _at_one_point(content: dict[str, Any], scene: Scene, folder: Path) -> Document:
+    refuse_tables(scene, "The page", "motion", "shear", "heating")
     moving = np.sort(np.abs(scene.velocity[scene.velocity != 0]))
     if not moving.size:
         raise ValueError("[load] `velocity` is 0: the page shows sliding, at a velocity above 0.")

@@ -183,6 +183,11 @@ def test_a_scene_without_motion_is_refused(opened):
         opened(changed("velocity = [0.01, 1.0]", "velocity = 0.0"))
 
 
+def test_a_table_that_the_page_does_not_take_is_refused(opened):
+    with pytest.raises(ValueError, match=r"scene.toml: The page does not take the table \[shear\]"):
+        opened(TEXT + '\n[shear]\nkind = "constant"\nstress = 1e5\n')
+
+
 def test_a_topography_needs_its_unit_and_its_size(opened, tmp_path):
     path = tmp_path / "heights.txt"
     heights = jax.random.normal(jax.random.key(0), (48, 24))
