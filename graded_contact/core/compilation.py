@@ -1,8 +1,8 @@
 """Programs that compile in less time.
 
 XLA's older generator of CPU code, at its second level of optimisation, takes half the time that the
-defaults take (`bench_contact.py first`). The code was as fast, within the scatter of a busy machine.
-Such options belong to a whole program: inside the `jit` of a user the user sets them.
+defaults take (`bench_contact.py first`). The code was as fast within the scatter of a busy
+machine. Such options belong to a whole program: inside the `jit` of a user the user sets them.
 """
 
 import functools
