@@ -1,5 +1,5 @@
 """More about contact: laws, solvers, cut-off curves, stiffness, flow through the gap, tables of
-friction, softening with strain, parts of custom solvers."""
+friction, parts of custom solvers."""
 
 from .contact.adhesion import AdhesiveLJ, ExponentialAdhesion
 from .contact.adjoint import LinearSplitting
@@ -18,7 +18,6 @@ from .friction.gap_flow import GapFlow, gap_flow
 from .friction.heat import heat_depths, heat_source
 from .friction.heating import Heating, flash_temperature
 from .friction.magnification import area_against_cutoff
-from .friction.softening import slide_softened
 from .friction.stiffness import contact_conductance, contact_stiffness
 from .persson.mean_field import MeanField, pressure_distribution
 from .rheology.shear import AbstractShear, ConstantShear, PeakedShear
@@ -33,5 +32,5 @@ __all__ = [
     "SolverOutput", "Splitting", "Steady", "area_against_cutoff", "contact_conductance",
     "contact_stiffness", "cumulative_friction", "export_friction", "flash_temperature",
     "follow_contact", "friction_table", "gap_flow", "heat_depths", "heat_source",
-    "pressure_distribution", "run_steps", "slide_softened",
+    "pressure_distribution", "run_steps",
 ]  # fmt: skip

@@ -13,7 +13,6 @@ from scipy.interpolate import PchipInterpolator
 from scipy.special import erf
 
 import graded_contact as gc
-from graded_contact.contacts import slide_softened
 from graded_contact.materials import AbstractMaterial, StrainSoftening, at_strain
 
 CELL = 0.01  # m
@@ -52,6 +51,7 @@ def on(material):
     return gc.Stack(layers=(layer,), base=gc.HalfSpace(material))
 
 
+slide = partial(gc.slide, pressure=2e5, velocity=0.05, rtol=1e-8)
 mean_field = jax.jit(partial(gc.mean_field_friction, pressure=3e5, throw=False))
 
 
@@ -83,17 +83,17 @@ def test_a_sweep_is_relative_to_its_first_row():
 
 @pytest.mark.parametrize("factors", [(0.6, 0.6), (0.5, 1.3)])
 def test_constant_factors_are_scaled_moduli(factors):
-    """In the mean field at every q, and in contact whatever the strain."""
+    """In the mean field and in contact, whatever the strain."""
     soft = on(StrainSoftening(RUBBER, [1e-3, 1.0], *([f, f] for f in factors)))
     scaled = on(Scaled(*map(jnp.asarray, factors)))
     one = mean_field(soft, SPECTRUM, velocity=0.05, strain_per_slope=0.7)
     two = mean_field(scaled, SPECTRUM, velocity=0.05)
     np.testing.assert_allclose(one.friction, two.friction, rtol=1e-12)
     np.testing.assert_allclose(one.contact_area, two.contact_area, rtol=1e-12)
-    touching, strain = slide_softened(soft, PROFILE, pressure=2e5, velocity=0.05, rtol=1e-8)
-    alone = gc.slide(scaled, PROFILE, pressure=2e5, velocity=0.05, rtol=1e-8)
-    np.testing.assert_allclose(touching.friction, alone.friction, rtol=1e-7)
-    np.testing.assert_allclose(strain, alone.slope_in_contact, rtol=1e-7)
+    touching = slide(soft, PROFILE, strain_per_slope=0.7)
+    alone = slide(scaled, PROFILE)
+    np.testing.assert_allclose(touching.kernel, alone.kernel, rtol=1e-14)
+    np.testing.assert_allclose(touching.friction, alone.friction, rtol=1e-10)
 
 
 def test_mean_field_matches_the_differential_equations():
@@ -147,48 +147,60 @@ def test_derivatives_of_the_mean_field_match_differences():
         assert abs(difference - slope) <= 3e-5 * abs(difference) + 1e-8
 
 
-def test_contact_is_at_its_own_strain():
-    """With a table that falls: ε is the slope, the contact is that at ε, and it is larger."""
-    stack = on(StrainSoftening(RUBBER, [1e-3, 1.0], [1.0, 0.3], [1.0, 0.4]))
-    how = dict(pressure=2e5, velocity=0.05, rtol=1e-8)
-    found, strain = slide_softened(stack, PROFILE, strain_rtol=1e-8, **how)
-    np.testing.assert_allclose(strain, found.slope_in_contact, rtol=1e-8)
-    alone, linear = (gc.slide(at_strain(stack, e), PROFILE, **how) for e in (strain, 0.0))
-    np.testing.assert_allclose(found.friction, alone.friction, rtol=1e-7)
-    assert found.contact_area_smooth > 1.1 * linear.contact_area_smooth
+@pytest.mark.parametrize(
+    ("shape", "velocity", "layers"),
+    [((32,), 0.05, 0), ((16, 12), 0.05, 5), ((16, 12), (0.03, 0.04), 1)],
+)
+def test_each_wave_has_the_modulus_at_its_strain(shape, velocity, layers):
+    """Against stacks at one strain each, and sums over all modes by NumPy."""
+    grid = gc.Grid(shape, CELL)
+    surface = gc.Surface(1e-5 * jax.random.normal(jax.random.key(1), shape), grid)
+    layer = gc.Layer(
+        StrainSoftening(gc.Prony(3e6, [4e6], [1e-3], 0.4), STRAIN, LOSS, STORAGE), 1e-4
+    )
+    stack = gc.Stack(layers=(layer,) * layers, base=gc.HalfSpace(SOFT))
+    kernel = slide(stack, surface, velocity=velocity, strain_per_slope=0.6).kernel
+    number = np.meshgrid(*(np.fft.fftfreq(n, 1 / n) for n in shape), indexing="ij")
+    q = 2 * np.pi / CELL * np.sqrt(sum(k**2 for k in number))
+    power = np.abs(np.fft.fftn(surface.heights) / np.prod(shape)) ** 2
+    power[np.any([2 * np.abs(k) == n for k, n in zip(number, shape, strict=True)], axis=0)] = 0
+    edges = np.linspace(Q0, q.max(), max(shape))
+    slope = [np.sqrt(np.sum((q**2 * power)[q <= edge * (1 + 1e-9)])) for edge in edges]
+    for wave in [(1,), (3,), (9,)] if len(shape) == 1 else [(1, 0), (3, 2), (-2, 4)]:
+        strain = 0.6 * np.interp(q[wave], edges, slope)
+        alone = gc.stack_kernel(at_strain(stack, strain), grid, velocity)
+        np.testing.assert_allclose(kernel[wave], alone[wave], rtol=1e-12)
+    softest = gc.stack_kernel(at_strain(stack, 0.6 * slope[-1]), grid, velocity)
+    assert abs(softest[(1,) * len(shape)]) > 1.05 * abs(kernel[(1,) * len(shape)])
 
 
-@pytest.mark.slow
-def test_derivatives_of_the_contact_are_those_of_the_fixed_point():
-    stack = gc.Stack(base=gc.HalfSpace(SOFT))
+def test_full_contact_is_that_of_the_mean_field():
+    """Where all touches the mean field is exact; with a spectrum it has the ε of the surface."""
+    soft = gc.Stack(base=gc.HalfSpace(SOFT))
+    found = slide(soft, PROFILE, pressure=1e8, strain_per_slope=0.7)
+    assert found.contact_area == 1
+    field = mean_field(soft, PROFILE, pressure=1e8, velocity=0.05, strain_per_slope=0.7)
+    np.testing.assert_allclose(found.friction, field.friction, rtol=1e-9)
+    linear = slide(soft, PROFILE, pressure=1e8)
+    assert found.friction < 0.9 * linear.friction
 
-    def friction(pressure, ratio):
-        sliding, _ = slide_softened(
-            stack, PROFILE, pressure=pressure, velocity=0.05, rtol=1e-9, strain_rtol=1e-9,
-            strain_per_slope=ratio,
-        )  # fmt: skip
-        return sliding.friction
 
-    # One program for values and derivatives: tracing it takes most of the time.
-    both = jax.jit(jax.value_and_grad(friction, (0, 1)))
-    arguments = jnp.array(2e5), jnp.array(0.8)
-    slopes = both(*arguments)[1]
-    for i, (argument, slope) in enumerate(zip(arguments, slopes, strict=True)):
+def test_derivatives_of_the_contact_match_differences():
+    soft = gc.Stack(base=gc.HalfSpace(SOFT))
+
+    @jax.jit
+    def friction(ratio, height):
+        surface = gc.Surface(height * PROFILE.heights, GRID)
+        return slide(soft, surface, strain_per_slope=ratio, rtol=1e-10).friction
+
+    arguments = jnp.array(0.7), jnp.array(1.0)
+    slopes = jax.jit(jax.grad(friction, (0, 1)))(*arguments)
+    for i, slope in enumerate(slopes):
         high, low = (
-            both(*(a * (1 + step) if i == j else a for j, a in enumerate(arguments)))[0]
-            for step in (1e-4, -1e-4)
+            friction(*(a * (1 + step) if i == j else a for j, a in enumerate(arguments)))
+            for step in (1e-5, -1e-5)
         )
-        np.testing.assert_allclose(slope, (high - low) / (2e-4 * argument), rtol=1e-4)
-
-
-def test_what_does_not_converge_is_not_passed_as_found():
-    call = partial(
-        slide_softened, on(StrainSoftening(RUBBER, [1e-3, 1.0], [1.0, 0.3], [1.0, 0.4])), PROFILE,
-        pressure=2e5, velocity=0.05, max_solves=1, strain_rtol=1e-6, rtol=1e-8,
-    )  # fmt: skip
-    with pytest.raises(RuntimeError, match="The strain amplitude did not converge"):
-        call()
-    assert jnp.isnan(call(throw=False)[1])
+        np.testing.assert_allclose(slope, (high - low) / (2e-5 * arguments[i]), rtol=1e-4)
 
 
 @pytest.mark.parametrize(
@@ -201,20 +213,31 @@ def test_what_does_not_converge_is_not_passed_as_found():
         (lambda: at_strain(RUBBER, 0.1), "`block` holds no `StrainSoftening`"),
         (lambda: at_strain(SOFT, -0.1), "`strain=-0.1` is refused"),
         (
-            lambda: slide_softened(on(SOFT), PROFILE, velocity=1.0, strain_per_slope=0.0),
+            lambda: slide(on(SOFT), PROFILE, strain_per_slope=0.0),
             "`strain_per_slope=0` is refused",
+        ),
+        (lambda: slide(on(RUBBER), PROFILE, strain_per_slope=1.0), "`block` holds no"),
+        (
+            lambda: slide(
+                on(SOFT), gc.Surface(PROFILE.heights, GRID, periodic=False), strain_per_slope=1.0
+            ),
+            "a periodic one is needed",
+        ),
+        (
+            lambda: slide(
+                on(SOFT),
+                PROFILE,
+                strain_per_slope=1.0,
+                temperature=300.0,
+                heating=gc.contacts.Heating(0.2, 1e-7),
+            ),  # fmt: skip
+            "StrainSoftening: where heat is made",
         ),
         (
             lambda: gc.mean_field_friction(
                 on(RUBBER), SPECTRUM, pressure=1e5, velocity=1.0, strain_per_slope=1.0
             ),
             "`block` holds no `StrainSoftening`",
-        ),
-        (
-            lambda: gc.mean_field_friction(
-                on(SOFT), PROFILE, pressure=1e5, velocity=1.0, strain_per_slope=1.0
-            ),
-            "`strain_per_slope` is refused with a `Surface`",
         ),
     ],
 )

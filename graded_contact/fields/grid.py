@@ -17,7 +17,7 @@ import jax.numpy as jnp
 import numpy as np
 from jax import Array
 from jax.sharding import NamedSharding
-from jaxtyping import Bool, Complex, Float, Inexact
+from jaxtyping import Bool, Complex, Float, Inexact, Int
 
 from ..core.checks import Numbers, as_float, check_positive, check_values, short
 from ..core.display import shown
@@ -134,6 +134,15 @@ def wavenumber(grid: Grid) -> Float[Array, "..."]:
     squared = sum(component**2 for component in components)
     zero = zero_mode(grid.shape)
     return jnp.where(zero, 0, jnp.sqrt(jnp.where(zero, 1, squared)))
+
+
+def rings(grid: Grid) -> tuple[Float[Array, " rings"], Int[Array, "*half"]]:
+    """Returns the outer edges [rad/m] of rings of |q|, and the ring of each mode."""
+    q = wavenumber(grid)
+    edges = jnp.linspace(2 * np.pi / jnp.max(grid.size), jnp.max(q), max(grid.shape))
+    # Modes on an outer edge belong to the ring inside it: rounding must not expel them.
+    ring = jnp.ceil((q - edges[0]) / (edges[1] - edges[0]) - 1e-4).astype(int)
+    return edges, jnp.clip(ring, 0, len(edges) - 1)
 
 
 def nyquist_lines(shape: tuple[int, ...]) -> Bool[Array, "*half"]:

@@ -7,6 +7,7 @@ pressure deforms the block at the frequency ω = -q·v.
 
 import dataclasses
 from collections.abc import Callable
+from functools import partial
 from typing import Any
 
 import equinox as eqx
@@ -57,7 +58,8 @@ from ..response.stack import Stack
 from ..response.window import doubled, long_cell, without_images
 from ..rheology.measured import coverage, is_unknown
 from ..rheology.shear import ShearLaw, ShearStress, shear_stress
-from ..roughness.surface import Surface, check_periodic
+from ..rheology.softening import as_strain_per_slope
+from ..roughness.surface import Surface, check_periodic, slope_up_to
 
 
 class _Observable:
@@ -335,6 +337,7 @@ def slide(
     shear: ShearLaw | None = None,
     temperature: ScalarLike | None = None,
     heating: AbstractHeating | None = None,
+    strain_per_slope: ScalarLike | None = None,
     start: Numbers | None = None,
     solution: ContactSolution | None = None,
     throw: bool = True,
@@ -368,6 +371,9 @@ def slide(
       bulk temperature, to which the block is brought, see `Stack.at`.
     - `heating`: conductivities, see `Heating`: the heat of friction then changes the temperature of
       the block under the contact; `.heated` has the temperatures. None for one temperature.
+    - `strain_per_slope`: for a block with `materials.StrainSoftening`, as in `mean_field_friction`:
+      each wave q has the modulus at the amplitude ε = `strain_per_slope` times the rms slope of the
+      surface up to q. None: the amplitude of each material.
     - `law`, `solver`, `adjoint`, `start`, `throw`: as in `solve_contact`.
     - `solution`: `.contact` of an earlier call with the same arguments. Nothing is solved then: the
       same numbers are returned, with derivatives.
@@ -383,6 +389,7 @@ def slide(
         inputs = {
             "surface": surface, "pressure": pressure, "mean_gap": mean_gap, "velocity": velocity,
             "law": law, "shear": shear, "temperature": temperature, "start": start,
+            "strain_per_slope": strain_per_slope,
         }  # fmt: skip
         settings = {
             "solver": solver, "adjoint": adjoint, "graded_solver": graded_solver, "rtol": rtol,
@@ -390,7 +397,7 @@ def slide(
         }  # fmt: skip
         return _settled(heating, stack, inputs, settings, solution)
     kernel, velocity, reached, kernel_error = kernel_and_velocity(
-        stack, surface, velocity, solver, graded_solver, throw
+        stack, surface, velocity, solver, graded_solver, throw, strain_per_slope
     )
     sheared = shear_stress(shear, direction_and_speed(velocity)[1], temperature)
     rtol, target = _tolerance(rtol, friction_rtol, kernel, surface, velocity, law, sheared)
@@ -467,7 +474,9 @@ def _tolerance(rtol, friction_rtol, kernel, surface: Surface, velocity, law, she
     return friction_rtol, target
 
 
-def kernel_and_velocity(stack, surface, velocity, solver, graded_solver, throw):
+def kernel_and_velocity(
+    stack, surface, velocity, solver, graded_solver, throw, strain_per_slope=None
+):
     """The kernel for the surface, the velocity as an array, if the kernel is good, its error."""
     _check_parts(stack, surface)
     velocity = as_float(velocity, "velocity")
@@ -482,10 +491,16 @@ def kernel_and_velocity(stack, surface, velocity, solver, graded_solver, throw):
         num_devices(surface.grid.size),
     )
 
+    strain = None
+    if strain_per_slope is not None:
+        check_periodic(surface)
+        ratio, (q, slope) = as_strain_per_slope(strain_per_slope, stack), slope_up_to(surface)
+        strain = q, ratio * slope
+
     def kernel_on(cell: Grid):
-        if throw:
-            return stack_kernel(stack, cell, velocity, graded_solver=graded_solver), True
-        return attempted_kernel(stack, cell, velocity, graded_solver=graded_solver)
+        solve = partial(stack_kernel if throw else attempted_kernel, graded_solver=graded_solver)
+        found = solve(stack, cell, velocity, strain=strain)
+        return (found, True) if throw else found
 
     at_rest = is_concrete(velocity) and not np.any(np.asarray(velocity))
     if surface.periodic:

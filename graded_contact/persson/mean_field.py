@@ -57,9 +57,9 @@ from ..response.stack import Stack
 from ..rheology.measured import coverage
 from ..rheology.shear import ShearLaw, shear_stress
 from ..rheology.shift import as_temperature
-from ..rheology.softening import at_strain
+from ..rheology.softening import as_strain_per_slope
 from ..roughness.spectrum import CutoffCurve, SelfAffine
-from ..roughness.surface import Surface
+from ..roughness.surface import Surface, slope_up_to
 from .angles import LAST_COSINE
 from .diffusion import Correction, area, density, mean_in_contact
 from .heated import HeatedScales, between_scales, find_rises
@@ -183,17 +183,19 @@ def mean_field_friction(
     load = jnp.where(pressure > 0, pressure, jnp.nan)
     ratio = None
     if strain_per_slope is not None:
-        ratio = as_scalar(strain_per_slope, "strain_per_slope")
-        check_positive("strain_per_slope", ratio, "[1]")
-        at_strain(stack, 0.0)  # refuses a block that does not soften
+        ratio = as_strain_per_slope(strain_per_slope, stack)
     heated = None
     if isinstance(spectrum, Surface):
-        extra = {
-            "own_roughness": own_roughness, "strain_per_slope": strain_per_slope, "heating": heating
-        }  # fmt: skip
-        for name in (name for name, value in extra.items() if value is not None):
-            raise ValueError(f"`{name}` is refused with a `Surface` as `spectrum`.")
-        kernel = stack_kernel(stack, spectrum.grid, velocity, graded_solver=graded_solver)
+        for name, value in (("own_roughness", own_roughness), ("heating", heating)):
+            if value is not None:
+                raise ValueError(f"`{name}` is refused with a `Surface` as `spectrum`.")
+        strain = None
+        if ratio is not None:
+            q, slope = slope_up_to(spectrum)
+            strain = q, ratio * slope
+        kernel = stack_kernel(
+            stack, spectrum.grid, velocity, graded_solver=graded_solver, strain=strain
+        )
         q, x, friction, share = add_up(
             kernel, spectrum, load, velocity, correction, coverage(stack)
         )

@@ -5,12 +5,13 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float, Inexact
 
+from ..fields.devices import binned
 from ..fields.grid import (
     direction_and_speed,
     multiplicity,
+    rings,
     to_spectrum,
     wave_frequencies,
-    wavenumber,
 )
 from ..rheology.measured import is_unknown
 from ..roughness.surface import Surface
@@ -42,13 +43,8 @@ def add_up(
     along = -wave_frequencies(grid, direction_and_speed(velocity)[0])
     loss = power * along * jnp.imag(kernel) * pressure
 
-    q = wavenumber(grid)
-    num_rings = max(grid.shape)
-    edges = jnp.linspace(2 * np.pi / jnp.max(grid.size), jnp.max(q), num_rings)
-    # Modes on an outer edge belong to the ring inside it: rounding must not expel them.
-    ring = jnp.ceil((q - edges[0]) / (edges[1] - edges[0]) - 1e-4).astype(int)
-    ring = jnp.clip(ring, 0, num_rings - 1).ravel()
-    step, complete = (jnp.bincount(ring, jnp.ravel(a), length=num_rings) for a in (power, loss))
+    edges, ring = rings(grid)
+    step, complete = (binned(ring, a, len(edges)) for a in (power, loss))
     v = jnp.cumsum(step)
     before = v - step
     x = slowed(correction, jnp.stack([before, before + step / 2, v]))
@@ -62,9 +58,9 @@ def add_up(
         (growth[2] - growth[0]) / jnp.where(thin, 1, step),
     )
     friction = jnp.cumsum(complete * share)
-    extrapolated = jnp.zeros_like(q[(0,) * q.ndim])
+    extrapolated = jnp.zeros_like(edges[0])
     if known is not None:
         lost = jnp.where(is_unknown(wave_frequencies(grid, velocity), known), loss, 0)
-        lost = jnp.bincount(ring, jnp.ravel(lost), length=num_rings)
+        lost = binned(ring, lost, len(edges))
         extrapolated = jnp.sum(lost * share) / jnp.where(friction[-1] == 0, 1, friction[-1])
     return edges, x[2], friction, extrapolated

@@ -19,7 +19,7 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Bool, Float, Inexact
 
-from ..core.checks import Numbers, check_types, is_concrete
+from ..core.checks import Numbers, as_float, check_types, is_concrete
 from ..core.compilation import compiled
 from ..core.derivative import derivative_apart
 from ..core.memory import check_memory, kernel_memory, num_numbers
@@ -33,6 +33,7 @@ from ..fields.grid import (
     sliding_frequency,
     zero_mode,
 )
+from ..rheology.softening import at_strain
 from .compliance import compliance_of
 from .grading import AbstractGradedSolver, check_profiles, graded_tolerance
 from .layering import Layering
@@ -61,6 +62,7 @@ def stack_kernel(
     *,
     graded_solver: AbstractGradedSolver = Layering(),  # noqa: B008 (immutable)
     rtol: float | None = None,
+    strain: tuple[Numbers, Numbers] | None = None,
 ) -> Inexact[Array, "*half"]:
     """Returns M_zz [m/Pa] of a stack on the half spectrum of a grid, for steady sliding.
 
@@ -76,6 +78,8 @@ def stack_kernel(
     - `velocity`: of the rough surface over the block [m/s]: a number (along x) or `(vx, vy)`.
     - `graded_solver`: solver of graded layers, `Layering()` or `Riccati()`.
     - `rtol`: relative tolerance of graded and long stacks; by default that of `graded_solver`.
+    - `strain`: wavenumbers [rad/m], ascending, and amplitudes ε [1] at them, for a block with
+      `materials.StrainSoftening`: each wave has the modulus at its ε, linear in between.
 
     **Returns:** the kernel, shape of the half spectrum. The q = 0 entry is 0 (the mean
     displacement belongs to the mean gap) and Nyquist lines hold the real part of the mean over
@@ -84,7 +88,7 @@ def stack_kernel(
 
     **Raises:** `ValueError` for a refused argument; `RuntimeError` if `rtol` is not reached.
     """
-    kernel, reached = _attempt(stack, grid, velocity, graded_solver, rtol, choosing=False)
+    kernel, reached = _attempt(stack, grid, velocity, graded_solver, rtol, strain, choosing=False)
     return required(kernel, reached, partial(eqx.error_if, msg=_NOT_REACHED))
 
 
@@ -95,16 +99,17 @@ def attempted_kernel(
     *,
     graded_solver: AbstractGradedSolver = Layering(),  # noqa: B008 (immutable)
     rtol: float | None = None,
+    strain: tuple[Numbers, Numbers] | None = None,
 ) -> tuple[Inexact[Array, "*half"], Bool[Array, ""]]:
     """Returns the kernel, and whether it reached its tolerance, which is no error here.
 
     Arguments as in `stack_kernel`. NaN where the tolerance of a graded layer was missed.
     Under `jit`, too, a table that misses it gives way to direct evaluation: both are compiled.
     """
-    return _attempt(stack, grid, velocity, graded_solver, rtol, choosing=True)
+    return _attempt(stack, grid, velocity, graded_solver, rtol, strain, choosing=True)
 
 
-def _attempt(stack, grid, velocity, graded_solver, rtol, choosing):
+def _attempt(stack, grid, velocity, graded_solver, rtol, strain, choosing):
     velocity, rtol = _checked(stack, grid, velocity, graded_solver, rtol)
     numbers, oblique = num_numbers(stack), velocity.ndim > 0
     check_memory(
@@ -114,7 +119,10 @@ def _attempt(stack, grid, velocity, graded_solver, rtol, choosing):
         "a kernel",
         num_devices(grid.size),
     )
-    if _is_dear(stack, grid) and velocity.ndim == 0:
+    if strain is not None:
+        strain = tuple(map(as_float, strain, ("strain[0]", "strain[1]")))
+        at_strain(stack, strain[1])  # refuses a block that does not soften
+    elif _is_dear(stack, grid) and velocity.ndim == 0:
         kernel, error = _interpolated_kernel(stack, grid, velocity, graded_solver, rtol)
         # NaN comes from a node that could not be solved; nor could its neighbours be.
         missed = error > rtol
@@ -125,11 +133,11 @@ def _attempt(stack, grid, velocity, graded_solver, rtol, choosing):
             )
         if not is_concrete(error) or not missed:
             return kernel, error <= rtol
-    return _direct(stack, grid, velocity, graded_solver, rtol)
+    return _direct(stack, grid, velocity, graded_solver, rtol, strain)
 
 
-def _direct(stack, grid, velocity, graded_solver, rtol):
-    kernel = _direct_kernel(stack, grid, velocity, graded_solver, rtol)
+def _direct(stack, grid, velocity, graded_solver, rtol, strain=None):
+    kernel = _direct_kernel(stack, grid, velocity, graded_solver, rtol, strain)
     return kernel, jnp.all(jnp.isfinite(kernel)) if is_graded(stack) else jnp.asarray(True)
 
 
@@ -186,18 +194,17 @@ def _is_dear(stack, grid):
 
 @derivative_apart
 @compiled
-def _direct_kernel(stack, grid, velocity, graded_solver, rtol):
-    stack = prepared(stack)
+def _direct_kernel(stack, grid, velocity, graded_solver, rtol, strain):
     if grid.ndim == 1:
         qx = _wavenumbers(grid, 0, np.arange(grid.shape[0] // 2 + 1))
-        kernel = _compliance(stack, qx, jnp.zeros_like(qx), velocity, graded_solver, rtol)
+        kernel = _compliance(stack, qx, jnp.zeros_like(qx), velocity, graded_solver, rtol, strain)
         return _rules(kernel, grid.shape)
     kx, ky = both_signs(grid.shape)
     qy = _wavenumbers(grid, 1, ky)
 
     def rows(index):
         qx = _wavenumbers(grid, 0, jnp.asarray(kx)[index])
-        return _compliance(stack, qx, qy, velocity, graded_solver, rtol)
+        return _compliance(stack, qx, qy, velocity, graded_solver, rtol, strain)
 
     if velocity.shape == ():
         return _mirrored(rows, grid)
@@ -221,7 +228,7 @@ def _interpolated_kernel(stack, grid, velocity, graded_solver, rtol):
 
 @compiled
 def _kernel_table(stack, grid, velocity, graded_solver, rtol):
-    stack, lowest = prepared(stack), 2 * np.pi / grid.size
+    lowest = 2 * np.pi / grid.size
     # The nodes are solved more closely than they are interpolated.
     closer = max(rtol / 4, 400 * float(np.finfo(grid.size.dtype).eps))
 
@@ -271,11 +278,15 @@ def _magnitude(qx, qy):
     return jnp.sqrt(jnp.where(squared == 0, 1, squared))
 
 
-def _compliance(stack, qx, qy, velocity, graded_solver, rtol, *, attempt=False):
+def _compliance(stack, qx, qy, velocity, graded_solver, rtol, strain=None, *, attempt=False):
     q = _magnitude(qx, qy)
+    if strain is not None:
+        stack = at_strain(stack, jnp.interp(q, *strain))
     # For sliding along x the frequency keeps the shape of qx: one modulus per row.
     omega = sliding_frequency(qx, qy, velocity)
-    return compliance_of(stack, q, omega, graded_solver, rtol, attempt=attempt, throw=False)
+    return compliance_of(
+        prepared(stack), q, omega, graded_solver, rtol, attempt=attempt, throw=False
+    )
 
 
 def _rules(kernel, shape):

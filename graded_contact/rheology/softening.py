@@ -8,7 +8,7 @@ Source of the effect: A. R. Payne, J. Appl. Polym. Sci. 6 (1962) 57,
 doi:10.1002/app.1962.070061906.
 """
 
-from typing import TypeVar
+from typing import Any, TypeVar
 
 import equinox as eqx
 import jax
@@ -17,7 +17,9 @@ from jaxtyping import Array, Float, Inexact, ScalarLike
 
 from ..core.checks import (
     Numbers,
+    as_float,
     as_numbers,
+    as_scalar,
     check_increasing,
     check_positive,
     check_rows,
@@ -77,7 +79,7 @@ class StrainSoftening(AbstractMaterial):
         storage, loss = (part / part[:1] for part in (modulus.real, modulus.imag))
         return cls(material=material, strain=strain, storage=storage, loss=loss)
 
-    def factors(self) -> tuple[Float[Array, ""], Float[Array, ""]]:
+    def factors(self) -> tuple[Float[Array, "*w"], Float[Array, "*w"]]:
         """Returns f and g [1] at the amplitude."""
         at = jnp.log(jnp.clip(self.amplitude, self.strain[0], self.strain[-1]))
         nodes = jnp.log(self.strain)
@@ -101,19 +103,19 @@ class StrainSoftening(AbstractMaterial):
 
 
 @check_types
-def at_strain(block: T, strain: ScalarLike) -> T:
+def at_strain(block: T, strain: Numbers) -> T:
     """Returns a material, layer or stack with its `StrainSoftening` at one strain amplitude.
 
     **Arguments:**
 
     - `block`: a material, a layer, a `Stack`, or any tree of them.
-    - `strain`: ε [1], not negative.
+    - `strain`: ε [1], not negative: a number, or of a shape that broadcasts with the frequencies.
 
     **Returns:** the same with other amplitudes.
 
     **Raises:** `ValueError` if no material of the block softens.
     """
-    amplitude = scalar("strain")(strain)
+    amplitude = as_float(strain, "strain")
     check_values("strain", amplitude, "a strain [1] is 0 or positive", at_least=0)
 
     def softens(node):
@@ -126,3 +128,11 @@ def at_strain(block: T, strain: ScalarLike) -> T:
         return eqx.tree_at(lambda m: m.amplitude, node, amplitude) if softens(node) else node
 
     return jax.tree.map(changed, block, is_leaf=softens)
+
+
+def as_strain_per_slope(value: ScalarLike, block: Any) -> Float[Array, ""]:
+    """Returns ε over an rms slope [1]; raises `ValueError` unless positive, for a block that softens."""
+    ratio = as_scalar(value, "strain_per_slope")
+    check_positive("strain_per_slope", ratio, "[1]")
+    at_strain(block, 0.0)
+    return ratio

@@ -38,6 +38,7 @@ from ..fields.grid import (
     multiplicity,
     nyquist_lines,
     resample_spectrum,
+    rings,
     to_field,
     to_spectrum,
     wavenumber,
@@ -419,6 +420,17 @@ def _radial_spectrum(surface: Surface, num_bins: int) -> tuple[Array, Array]:
     q = fundamental * jnp.where(count > 0, total(weight * x) / filled, centre)
     density = (scale * jnp.prod(jnp.sqrt(grid.size / (2 * np.pi)))) ** 2 * total(power) / filled
     return q, jnp.where(count > 0, density, jnp.nan)
+
+
+@compiled
+def slope_up_to(surface: Surface) -> tuple[Float[Array, " rings"], Float[Array, " rings"]]:
+    """Returns wavenumbers [rad/m] and the rms slope [1] of the waves up to each of them."""
+    grid = surface.grid
+    power, scale = _modal_power(surface)
+    edges, ring = rings(grid)
+    x = jnp.where(nyquist_lines(grid.shape), 0, wavenumber(grid) / edges[0])
+    squares = jnp.cumsum(binned(ring, x**2 * power, len(edges)))
+    return edges, scale * edges[0] * _root(squares)
 
 
 @check_types
