@@ -230,7 +230,7 @@ def test_derivatives_of_the_contact_match_differences():
                 strain_per_slope=1.0,
                 temperature=300.0,
                 heating=gc.contacts.Heating(0.2, 1e-7),
-            ),  # fmt: skip
+            ),
             "StrainSoftening: where heat is made",
         ),
         (

@@ -121,7 +121,7 @@ def _attempt(stack, grid, velocity, graded_solver, rtol, strain, choosing):
     )
     if strain is not None:
         strain = tuple(map(as_float, strain, ("strain[0]", "strain[1]")))
-        at_strain(stack, strain[1])  # refuses a block that does not soften
+        at_strain(stack, 0.0)  # refuses a block that does not soften
     elif _is_dear(stack, grid) and velocity.ndim == 0:
         kernel, error = _interpolated_kernel(stack, grid, velocity, graded_solver, rtol)
         # NaN comes from a node that could not be solved; nor could its neighbours be.
@@ -280,13 +280,17 @@ def _magnitude(qx, qy):
 
 def _compliance(stack, qx, qy, velocity, graded_solver, rtol, strain=None, *, attempt=False):
     q = _magnitude(qx, qy)
-    if strain is not None:
-        stack = at_strain(stack, jnp.interp(q, *strain))
     # For sliding along x the frequency keeps the shape of qx: one modulus per row.
     omega = sliding_frequency(qx, qy, velocity)
-    return compliance_of(
-        prepared(stack), q, omega, graded_solver, rtol, attempt=attempt, throw=False
-    )
+    if strain is None:
+        block = prepared(stack)
+        return compliance_of(block, q, omega, graded_solver, rtol, attempt=attempt, throw=False)
+
+    def at(q, omega):
+        block = prepared(at_strain(stack, jnp.interp(q, *strain)))
+        return compliance_of(block, q[None], omega[None], graded_solver, rtol, throw=False)[0]
+
+    return jnp.vectorize(at)(q, omega)
 
 
 def _rules(kernel, shape):

@@ -17,7 +17,6 @@ from jaxtyping import Array, Float, Inexact, ScalarLike
 
 from ..core.checks import (
     Numbers,
-    as_float,
     as_numbers,
     as_scalar,
     check_increasing,
@@ -79,7 +78,7 @@ class StrainSoftening(AbstractMaterial):
         storage, loss = (part / part[:1] for part in (modulus.real, modulus.imag))
         return cls(material=material, strain=strain, storage=storage, loss=loss)
 
-    def factors(self) -> tuple[Float[Array, "*w"], Float[Array, "*w"]]:
+    def factors(self) -> tuple[Float[Array, ""], Float[Array, ""]]:
         """Returns f and g [1] at the amplitude."""
         at = jnp.log(jnp.clip(self.amplitude, self.strain[0], self.strain[-1]))
         nodes = jnp.log(self.strain)
@@ -103,19 +102,19 @@ class StrainSoftening(AbstractMaterial):
 
 
 @check_types
-def at_strain(block: T, strain: Numbers) -> T:
+def at_strain(block: T, strain: ScalarLike) -> T:
     """Returns a material, layer or stack with its `StrainSoftening` at one strain amplitude.
 
     **Arguments:**
 
     - `block`: a material, a layer, a `Stack`, or any tree of them.
-    - `strain`: ε [1], not negative: a number, or of a shape that broadcasts with the frequencies.
+    - `strain`: ε [1], not negative.
 
     **Returns:** the same with other amplitudes.
 
     **Raises:** `ValueError` if no material of the block softens.
     """
-    amplitude = as_float(strain, "strain")
+    amplitude = scalar("strain")(strain)
     check_values("strain", amplitude, "a strain [1] is 0 or positive", at_least=0)
 
     def softens(node):
@@ -131,7 +130,7 @@ def at_strain(block: T, strain: Numbers) -> T:
 
 
 def as_strain_per_slope(value: ScalarLike, block: Any) -> Float[Array, ""]:
-    """Returns ε over an rms slope [1]; raises `ValueError` unless positive, for a block that softens."""
+    """Returns ε over an rms slope [1]; raises `ValueError` unless positive, and `block` softens."""
     ratio = as_scalar(value, "strain_per_slope")
     check_positive("strain_per_slope", ratio, "[1]")
     at_strain(block, 0.0)
