@@ -51,7 +51,11 @@ TABLES: dict[str, dict[Callable, tuple[Key, ...]]] = {
     "[materials.NAME], any kind": {gc.materials.read_errors: (block.ERRORS,)},
     **{
         f'[materials.NAME], kind = "{kind}"': {make: keys_of(make)}
-        for kind, make in {**block.MATERIALS, "tabulated": block.Block.tabulated}.items()
+        for kind, make in {
+            **block.MATERIALS,
+            "tabulated": block.Block.tabulated,
+            "strain_sweep": block.Block.strain_sweep,
+        }.items()
     },
     "[[layers]]": {Layer: keys_of(Layer), Blend: keys_of(Blend)},
     '[base], kind = "half_space" ("rigid" and "free" have no keys)': {

@@ -1,6 +1,7 @@
 """More about materials: classes to extend, measured ranges, fits, other programs' formats."""
 
 from .files.moduli.measured import Measured
+from .files.moduli.reading import read_strain_sweep
 from .files.parameter_covariance import read_errors
 from .files.prony_cards import export_prony
 from .fitting.master import MasterCurve
@@ -13,4 +14,5 @@ from .rheology.softening import StrainSoftening, at_strain
 __all__ = [
     "AbstractMaterial", "AbstractShift", "MasterCurve", "Measured", "MeasuredRange", "PronyFit",
     "StrainSoftening", "TabulatedShift", "at_strain", "coverage", "export_prony", "read_errors",
+    "read_strain_sweep",
 ]  # fmt: skip

@@ -1,5 +1,6 @@
 """Materials and stack of a scene, from its tables [materials.NAME], [[layers]] and [base]."""
 
+import dataclasses
 import os
 from collections.abc import Mapping, Sequence
 from pathlib import Path
@@ -22,7 +23,7 @@ from ..rheology.shear import AbstractShear, ConstantShear, PeakedShear
 from ..rheology.shift import WLF, AbstractShift, Arrhenius, TabulatedShift
 from ..rheology.softening import StrainSoftening
 from ..rheology.tabulated import Tabulated
-from .moduli.reading import read_moduli
+from .moduli.reading import read_moduli, strain_sweep
 from .parameter_covariance import Errors, check_errors, read_errors
 from .recorded_motion import read_motion
 from .schema import (
@@ -36,7 +37,7 @@ from .schema import (
 )
 from .units import DIMENSIONS, UNITS
 
-# What a `kind` makes; its keys are the parameters. Tables of moduli are made by `Block`.
+# What a `kind` makes; its keys are the parameters. `Block` makes those of files.
 MATERIALS = {
     "elastic": Elastic,
     "prony": Prony,
@@ -86,7 +87,7 @@ class Block:
 
     def read_materials(self, tables: Mapping[str, Any], temperature: np.ndarray | None) -> None:
         """Makes the materials of [materials], each of which may use those above it."""
-        kinds = {**MATERIALS, "tabulated": self.tabulated}
+        kinds = {**MATERIALS, "tabulated": self.tabulated, "strain_sweep": self.strain_sweep}
         keys = {kind: (*keys_of(make), ERRORS) for kind, make in kinds.items()}
         for name, table in tables.items():
             understood, place = len(self.notes), f"[materials.{name}]"
@@ -171,3 +172,27 @@ class Block:
             raise ValueError(f"{error} {advice}") from error
         self.notes += found.history
         return Tabulated(*found.table(), poisson, shift=shift, extrapolate=extrapolate)
+
+    def strain_sweep(
+        self,
+        material: AbstractMaterial,
+        path: os.PathLike,
+        columns: dict[Literal[tuple(DIMENSIONS)], object] | None = None,
+        units: dict[Literal[tuple(UNITS)], object] | None = None,
+        sheet: str | None = None,
+        step: str | None = None,
+        amplitude: ScalarLike = 0.0,
+    ) -> StrainSoftening:
+        """Returns a material that softens as a strain sweep; its history goes to the notes.
+
+        **Arguments:**
+
+        - `material`: at small strain.
+        - `path`: of the strain sweep, text or Excel.
+        - `columns`, `units`, `sheet`, `step`: as of kind "tabulated".
+        - `amplitude`: strain amplitude of the modulus [1], 0 for the smallest of the sweep.
+        """
+        sweep = strain_sweep(path, columns, units, sheet, step)
+        self.notes += sweep.history
+        soft = StrainSoftening.from_sweep(material, sweep.abscissa, sweep.values)
+        return dataclasses.replace(soft, amplitude=amplitude)

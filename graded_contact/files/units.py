@@ -50,7 +50,7 @@ _SPELLINGS = {
     "sec": "s", "seconds": "s", "µs": "us", "μs": "us", "minutes": "min", "hours": "h", "hr": "h",
     "°c": "C", "degc": "C", "celsius": "C", "kelvin": "K", "°f": "F", "degf": "F",
     "dyne/cm2": "dyn/cm2", "cm2/dyne": "cm2/dyn", "°": "deg", "degrees": "deg", "-": "1", "–": "1",
-    "mm/mm": "1", "m/m": "1", "percent": "%",
+    "mm/mm": "1", "m/m": "1", "percent": "%", "pct": "%",
     **{f"{unit.lower()}-1": f"1/{unit}" for unit in _MODULUS},
 }  # fmt: skip
 _EXACT = {unit for units in UNITS.values() for unit in units}

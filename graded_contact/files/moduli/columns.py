@@ -1,7 +1,8 @@
 """Which column of a table of measurements is which quantity, in which unit."""
 
 import dataclasses
-from collections.abc import Mapping
+import re
+from collections.abc import Mapping, Sequence
 from typing import NamedTuple
 
 import numpy as np
@@ -27,6 +28,9 @@ WAYS = (
     ("relaxation", ("time", "stress")),  # these two if the constant load is known
     ("creep", ("time", "strain")),
 )
+SWEEPS = tuple(("strain", ("strain", *way[1:])) for kind, way in WAYS if kind == "frequency")
+# In words that no other kind understands: "Oscillation strain", "strain_dyn_pct".
+_STRAIN = re.compile(r"(?i)^(?!.*(?:rate|stat|stress)).*(?:strain|d[eé]formation|dehnung)")
 ALIKE = 0.02  # columns whose values differ by less are the same
 CONSTANT = 0.05  # what a test holds constant varies by less
 SAME = 1e-3  # relative, between frequencies that are meant to be equal
@@ -36,7 +40,7 @@ SAME = 1e-3  # relative, between frequencies that are meant to be equal
 class Options:
     """The arguments of the caller, which override the file; None and empty where the file decides.
 
-    - `kind`: a kind of `WAYS`.
+    - `kind`: a kind of `WAYS`, or "strain".
     - `columns`: name, or number counted from 1, of the column of a quantity.
     - `units`: unit of a dimension.
     - `deformation`: "tension" or "shear".
@@ -100,7 +104,8 @@ def measured_table(table: Table, options: Options, spaced: bool) -> MeasuredTabl
     stress = None if options.kind == "relaxation" else stress_above(titles)
     load = stress if options.load is None else options.load
     kind, names = _way(table, chosen, load is not None, options)
-    needed = [*names, "temperature"] if "temperature" in chosen else names
+    beside = {"frequency", "temperature"} if kind == "strain" else {"temperature"}
+    needed = [*names, *sorted(beside & set(chosen))]
     lacking: list[str] = []
     columns: dict[str, Column] = {}
     for quantity in needed:
@@ -125,7 +130,7 @@ def measured_table(table: Table, options: Options, spaced: bool) -> MeasuredTabl
     if lacking:
         lacking += _lacking_temperature(table, chosen, options)
         raise ValueError(f"{table.place}: {'; '.join(lacking)}")
-    tangents = chosen.get("tan_delta", []) if names == WAYS[0][1] else []
+    tangents = chosen.get("tan_delta", []) if names[1:] == WAYS[0][1][1:] else []
     return MeasuredTable(
         kind=kind,
         columns=columns,
@@ -170,8 +175,11 @@ def _chosen(table: Table, options: Options) -> dict[str, list[int]]:
         for quantity, places in chosen.items():
             named = [i for i in places if table.headings[i].deformation == options.deformation]
             chosen[quantity] = named or places
+    if options.kind == "strain" and "strain" not in chosen:
+        named = [i for i, name in enumerate(table.names) if _STRAIN.search(name)]
+        chosen |= {"strain": named} if named else {}
     if not chosen and not options.columns and options.kind is not None:
-        names = next(names for kind, names in WAYS if kind == options.kind)
+        names = _ways(options.kind)[0][1]
         if len(table.names) == len(names):
             chosen = {quantity: [i] for i, quantity in enumerate(names)}
     for quantity, name in options.columns.items():
@@ -206,11 +214,15 @@ def _distinct(
     return places[:1]
 
 
+def _ways(kind: str | None) -> Sequence[tuple[str, tuple[str, ...]]]:
+    return SWEEPS if kind == "strain" else [way for way in WAYS if kind in (None, way[0])]
+
+
 def _way(
     table: Table, chosen: dict[str, list[int]], loaded: bool, options: Options
 ) -> tuple[str, tuple[str, ...]]:
     """The kind of measurement and the quantities to take it from."""
-    ways = [way for way in WAYS if options.kind in (None, way[0])]
+    ways = _ways(options.kind)
     possible = [way for way in ways if set(chosen).issuperset(way[1])]
     if not loaded:
         possible = [way for way in possible if way not in WAYS[-2:]]
@@ -274,7 +286,7 @@ def _unit(table: Table, quantity: str, place: int, options: Options) -> tuple[st
 # What is lacking.
 
 
-def _unknown(table: Table, chosen: dict[str, list[int]], options: Options, ways: list) -> str:
+def _unknown(table: Table, chosen: dict[str, list[int]], options: Options, ways) -> str:
     shortest = {kind: ", ".join(names) for kind, names in reversed(ways)}
     lacking = [
         f"of {table.listed()}, understood is {', '.join(sorted(chosen)) or 'nothing'}. "

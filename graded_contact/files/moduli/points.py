@@ -132,8 +132,19 @@ def _entries(measured: MeasuredTable, notes: list[str]) -> "pd.DataFrame":
     if words:
         notes.append(_left_out("having no numbers", words))
     entries = pd.DataFrame(found)
-    entries["abscissa"] = entries["frequency" if measured.kind == "frequency" else "time"]
+    entries["abscissa"] = entries[_abscissa(measured.kind)]
+    if measured.kind == "strain" and "frequency" in entries:
+        low, high = entries["frequency"].min(), entries["frequency"].max()
+        if high > (1 + CONSTANT) * low:
+            raise ValueError(
+                f"the frequency varies from {low:.4g} to {high:.4g} rad/s: choose the step that "
+                "sweeps the strain by `step`"
+            )
     return entries
+
+
+def _abscissa(kind: str) -> str:
+    return kind if kind in ("frequency", "strain") else "time"
 
 
 def _refused(column: Column, value: float) -> str | None:
@@ -219,6 +230,8 @@ def _deformation(
     measured: MeasuredTable, poisson: Numbers | None, notes: list[str]
 ) -> tuple[str, float]:
     """Tension or shear, and the factor that converts the modulus."""
+    if measured.kind == "strain":
+        return "shear", 1.0  # only ratios of the moduli count
     named = {column.deformation for column in measured.columns.values()} - {None}
     if len(named) > 1:
         labels = ", ".join(column.label for column in measured.columns.values())
@@ -277,12 +290,14 @@ def _compare_tan_delta(
 
 
 def _check_sweep(points: Measured, notes: list[str]) -> None:
-    name = "frequency" if points.kind == "frequency" else "time"
+    name = _abscissa(points.kind)
     abscissa, lines = points.abscissa, points.lines
     least, most = np.min(abscissa), np.max(abscissa)
     single = name == "frequency" and np.max(points.isotherm) == 0
     if least == most or (single and most < (1 + CONSTANT) * least):
-        raise ValueError(f"the {name} is the same in every row: this is no sweep over {name}")
+        hint = " (`materials.read_strain_sweep` reads those over strain)"
+        hint = hint if name == "frequency" else ""
+        raise ValueError(f"the {name} is the same in every row: this is no sweep over {name}{hint}")
     near = np.diff(abscissa) <= SAME * abscissa[:-1]
     twice = np.flatnonzero(near & (np.diff(points.isotherm) == 0))
     if not len(twice):

@@ -14,6 +14,7 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
+from jaxtyping import Float
 
 from ...core.checks import Numbers, check_poisson, check_positive, check_types
 from ..cells import Sheet, holds_data, is_number, read_sheets
@@ -104,6 +105,42 @@ def read_moduli(
         [_read(Path(file), options, poisson, t, sheet)
          for file, t in zip(paths, each, strict=True)]
     )  # fmt: skip
+
+
+@check_types
+def read_strain_sweep(
+    path: str | os.PathLike,
+    *,
+    columns: Mapping[str, str | int] | None = None,
+    units: Mapping[str, str] | None = None,
+    sheet: str | None = None,
+    step: str | int | Sequence[str | int] | None = None,
+) -> tuple[Float[np.ndarray, " n"], Float[np.ndarray, " n"], Float[np.ndarray, " n"]]:
+    """Returns strain amplitudes ε [1] and the factors f of E' and g of E'' [1] in a strain sweep.
+
+    They are what `materials.StrainSoftening` takes: `StrainSoftening(rubber, *read_strain_sweep(
+    "sweep.csv"))`. The factors are relative to the smallest strain. Strains are those of the file:
+    a peak-to-peak amplitude is to be halved (by `StrainSoftening(rubber, strain / 2, f, g)`).
+
+    **Arguments:** as in `read_moduli`; columns of strain (% or 1), moduli in tension or shear.
+
+    **Returns:** ε, f and g, in order of ε.
+
+    **Raises:** as `read_moduli`; also for several curves, and for a varying frequency.
+    """
+    sweep = strain_sweep(path, columns, units, sheet, step)
+    parts = sweep.values.real, sweep.values.imag
+    return sweep.abscissa, *(part / part[0] for part in parts)
+
+
+def strain_sweep(path, columns, units, sheet, step) -> Measured:
+    """Returns the moduli over the strain amplitude [1], arguments as in `read_strain_sweep`."""
+    options = _options(None, columns or {}, units or {}, None, True, step)
+    options = dataclasses.replace(options, kind="strain")
+    sweep = _read(Path(path), options, None, None, sheet)
+    if np.max(sweep.isotherm) > 0:
+        raise ValueError(f"`path={path}`: it has several curves; choose one by `step`.")
+    return sweep
 
 
 def _numbers(name: str, value: Any, most: int) -> np.ndarray:
