@@ -135,34 +135,103 @@ def test_heat_of_shear_is_its_work(sheared):
     np.testing.assert_allclose(jnp.mean(shear_heat(constant)), power, rtol=1e-13)
 
 
-def test_temperature_of_sources_at_depth_solves_the_heat_equation(sheared):
-    """Against finite differences over the depth, for one wave, with an insulated surface."""
-    grid, still = sheared.grid, gc.slide(HALF_SPACE, SURFACE, **HOW)
-    edges = np.array([0.0, 1e-5, 1e-4, 2.5e-4])
-    source = jax.random.normal(jax.random.key(1), (3, *grid.shape))
-    at = np.array([0.0, 5e-5, 2e-4, 4e-4])
-    heating = Heating(0.25, 1e-4)
-    found = temperatures(still, heating, source, jnp.diff(edges), jnp.asarray(at))[:, 1, 2]
-    k = complex(thermal_wavenumber(grid, still.velocity, heating.diffusivity)[1, 2])
-    n, bottom = 20000, 2e-3
+EDGES = np.array([0.0, 1e-5, 1e-4, 2.5e-4])  # of slices with heat
+LAYERED = gc.Stack(layers=(gc.Layer(COAT, 5e-5), gc.Layer(RUBBER, 3e-4)), base=gc.HalfSpace(RUBBER))
+EQUAL = Heating([0.25, 0.25, 0.25], [1e-4, 1e-4, 1e-4])
+DIFFERENT = Heating([0.25, 5.0, 0.04], [1e-4, 2e-5, 3e-4])
+
+
+@pytest.fixture(scope="module")
+def still():
+    return gc.slide(HALF_SPACE, SURFACE, **HOW)
+
+
+def one_wave(s, stack, heating, depths, sources=1.0):
+    """Temperatures of a wave by random sources in slices, the sources and k in each layer."""
+    source = sources * jax.random.normal(jax.random.key(1), (3, *s.grid.shape))
+    found = temperatures(s, stack, heating, source, jnp.diff(EDGES), jnp.asarray(depths))
+    k = [
+        complex(thermal_wavenumber(s.grid, s.velocity, d)[1, 2])
+        for d in jnp.atleast_1d(heating.diffusivity)
+    ]
+    waves = [complex(to_spectrum(part)[1, 2]) for part in source]
+    return np.asarray(found[:, 1, 2]), waves, k
+
+
+@pytest.mark.parametrize("layers", [EQUAL, DIFFERENT, Heating(0.25, 1e-4)])
+def test_temperature_of_sources_at_depth_solves_the_heat_equation(still, layers):
+    """Against finite volumes over the depth, for one wave, with an insulated surface."""
+    at = np.array([0.0, 3e-5, 2e-4, 4e-4])
+    found, waves, k = one_wave(still, LAYERED, layers, at)
+    n, bottom = 40000, 2e-3
     h = bottom / n
     z = (np.arange(n) + 0.5) * h
-    heat = np.zeros(n, complex)
-    for i, wave in enumerate(to_spectrum(part)[1, 2] for part in source):
-        heat += np.where((z > edges[i]) & (z < edges[i + 1]), complex(wave), 0)
+    heat = sum(np.where((z > EDGES[i]) & (z < EDGES[i + 1]), w, 0) for i, w in enumerate(waves))
+    layer = np.searchsorted([5e-5, 3.5e-4], z)
+    kappa = np.broadcast_to(layers.conductivity, 3)[layer]
+    between = 2 / (1 / kappa[1:] + 1 / kappa[:-1]) / h**2
     bands = np.zeros((3, n), complex)
-    bands[0, 1:] = bands[2, :-1] = -1 / h**2
-    bands[1] = 2 / h**2 + k**2
-    bands[1, 0] -= 1 / h**2
-    rise = solve_banded((1, 1), bands, heat / 0.25)
-    np.testing.assert_allclose(found, np.interp(at, z, rise), rtol=2e-4)
+    bands[0, 1:] = bands[2, :-1] = -between
+    bands[1] = kappa * (np.array(k)[layer] if len(k) > 1 else k[0]) ** 2
+    bands[1, :-1] += between
+    bands[1, 1:] += between
+    rise = solve_banded((1, 1), bands, heat)
+    np.testing.assert_allclose(found, np.interp(at, z, rise), rtol=1e-4)
+
+
+def test_equal_layers_are_one_half_space(still):
+    """The Green's function of the half space, integrated over each slice."""
+    at = np.array([0.0, 3e-5, 5e-5, 3e-4, 1e-3])
+    found, waves, (k, *_) = one_wave(still, LAYERED, EQUAL, at)
+    expected = 0
+    for w, low, high in zip(waves, EDGES, EDGES[1:], strict=False):
+        inside = np.clip(at, low, high)
+        direct = 2 - np.exp(-k * np.abs(inside - low)) - np.exp(-k * np.abs(high - inside))
+        above, below = np.maximum(low - at, 0), np.maximum(at - high, 0)
+        direct = np.where(above > 0, np.exp(-k * above) * (1 - np.exp(-k * (high - low))), direct)
+        direct = np.where(below > 0, np.exp(-k * below) * (1 - np.exp(-k * (high - low))), direct)
+        image = np.exp(-k * (at + low)) - np.exp(-k * (at + high))
+        expected += w * (direct + image) / (2 * 0.25 * k**2)
+    np.testing.assert_allclose(found, expected, rtol=1e-10)
+    alone = one_wave(still, HALF_SPACE, Heating(0.25, 1e-4), at)[0]
+    np.testing.assert_allclose(found, alone, rtol=1e-10)
+
+
+def test_a_coat_reflects_heat_of_the_surface(sheared):
+    """Flux on a coat of another conductivity, by its images: R = (y - y')/(y + y'), y = κk."""
+    coat, at = 2e-4, np.array([0.0, 1e-4, 3e-4])
+    heating = Heating([0.25, 2.0], [1e-4, 1e-3])
+    found, _, (k, below) = one_wave(sheared, COATED, heating, at, 0.0)
+    y, other = 0.25 * k, 2.0 * below
+    reflected = (y - other) / (y + other)
+    flux = complex(to_spectrum(shear_heat(sheared))[1, 2])
+    scale = flux / y / (1 - reflected * np.exp(-2 * k * coat))
+    inside = np.exp(-k * at) + reflected * np.exp(-k * (2 * coat - at))
+    beyond = (1 + reflected) * np.exp(-k * coat - below * (at - coat))
+    np.testing.assert_allclose(found, scale * np.where(at < coat, inside, beyond), rtol=1e-12)
+
+
+def test_all_heat_spreads_along_the_surface(sheared):
+    """κk²T over the whole depth, what spreads and moves on, is the heat at depth and of shear."""
+    pieces = np.concatenate([EDGES, [5e-5, 3.5e-4], 3.5e-4 + np.geomspace(1e-4, 5e-2, 12)])
+    pieces = np.sort(pieces)
+    nodes, weights = np.polynomial.legendre.leggauss(12)
+    half = np.diff(pieces)[:, None] / 2
+    at, weights = (pieces[:-1, None] + half * (1 + nodes)).ravel(), (half * weights).ravel()
+    size = 1e9  # of the heat at depth, like that of shear
+    found, waves, k = one_wave(sheared, LAYERED, DIFFERENT, at, size)
+    layer = np.searchsorted([5e-5, 3.5e-4], at)
+    spread = np.sum(weights * DIFFERENT.conductivity[layer] * np.array(k)[layer] ** 2 * found)
+    made = np.dot(waves, np.diff(EDGES)) + complex(to_spectrum(shear_heat(sheared))[1, 2])
+    np.testing.assert_allclose(spread, made, rtol=1e-9)
 
 
 def test_two_half_spaces_at_rest_share_the_heat_by_their_conductivities(sheared):
     """With D so large that all is steady, each takes κ/(κ + κ')."""
     none = jnp.zeros((1, *sheared.grid.shape)), jnp.array([1e-4]), jnp.zeros(1)
     alone, shared = (
-        temperatures(sheared, Heating(0.25, 1e9, other), *none)[0] for other in (0.0, 1.0)
+        temperatures(sheared, HALF_SPACE, Heating(0.25, 1e9, other), *none)[0]
+        for other in (0.0, 1.0)
     )
     np.testing.assert_allclose(shared, alone / 5, rtol=1e-6, atol=1e-9)
     equal = to_spectrum(shear_heat(sheared)) / (1.25 * jnp.maximum(wavenumber(sheared.grid), 1e-9))
@@ -185,20 +254,20 @@ def test_heat_at_depth_makes_less_of_a_flash_than_at_the_surface():
 
 @pytest.mark.slow
 def test_derivatives_of_the_temperature_match_differences():
-    def contact_mean(strength, conductivity, diffusivity, other, speed):
+    def contact_mean(strength, conductivity, diffusivity, other, speed, thickness):
         rubber = gc.Prony(1e6, jnp.stack([strength, 2e7]), [1e-2, 1e-4], 0.49)
-        stack = gc.Stack(base=gc.HalfSpace(rubber))
+        stack = gc.Stack(layers=(gc.Layer(COAT, thickness),), base=gc.HalfSpace(rubber))
         s = gc.slide(stack, SURFACE, **HOW | {"velocity": speed, "shear": law, "rtol": 1e-11})
-        heating = Heating(conductivity, diffusivity, other)
+        heating = Heating(jnp.stack([conductivity, 0.6]), diffusivity, other)
         rise = flash_temperature(s, stack, heating, [0.0])[0]
         return jnp.mean(rise * s.pressure) / 4e5
 
     def law(pressure, speed, temperature):
         return 0.2 * pressure
 
-    arguments = tuple(map(jnp.asarray, (9e6, 0.25, 1.1e-7, 0.6, 0.5)))
+    arguments = tuple(map(jnp.asarray, (9e6, 0.25, 1.1e-7, 0.6, 0.5, 1e-4)))
     run = jax.jit(contact_mean)
-    slopes = jax.jit(jax.grad(contact_mean, tuple(range(5))))(*arguments)
+    slopes = jax.jit(jax.grad(contact_mean, tuple(range(6))))(*arguments)
     for i, (value, slope) in enumerate(zip(arguments, slopes, strict=True)):
         step = 1e-5 * value
         ends = [run(*arguments[:i], value + d, *arguments[i + 1 :]) for d in (step, -step)]
@@ -223,3 +292,12 @@ def test_derivatives_of_the_temperature_match_differences():
 def test_what_has_no_known_heat_is_refused(sheared, stack, depths, words):
     with pytest.raises(ValueError, match=words):
         heat_source(sheared, stack, depths)
+
+
+def test_conductivities_of_other_layers_are_refused(sheared):
+    with pytest.raises(ValueError, match=r"`conductivity` has shape \(3,\); one number"):
+        flash_temperature(sheared, COATED, DIFFERENT, [0.0])
+    with pytest.raises(ValueError, match="numbers for each layer"):
+        gc.mean_field_friction(
+            HALF_SPACE, SPECTRUM, pressure=1e5, velocity=1.0, temperature=293.0, heating=EQUAL
+        )

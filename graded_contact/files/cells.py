@@ -33,7 +33,7 @@ _MISSING = {
     "", "-", "--", "---", "n/a", "n.a.", "na", "#n/a", "#nv", "nan", "-nan", "+nan", "null", "none",
     "inf", "-inf", "+inf", "infinity", "-infinity", "#num!", "#div/0!", "#value!", "#ref!",
 }  # fmt: skip
-COMMENT = re.compile(r"^\s*(#+|%+|//|!)\s*")
+COMMENT = re.compile(r"^\s*(#+|%+(?![\t;,])|//|!)\s*")  # a "%" in its own cell is a unit
 _REMARK = re.compile(r"(?<=[\d\s])\s*(#|//|!).*$")  # behind numbers
 _SEPARATORS = {"\t": "tabs", ";": "semicolons", ",": "commas", None: "spaces"}
 _SAMPLE = 200  # lines at the end of a file that show its separator and decimal mark

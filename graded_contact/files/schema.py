@@ -220,7 +220,8 @@ def _plain(name: str, value: Any, parts: Sequence[Any]) -> Any:
         entries = [float(entry) for entry in entries]
     if tuple[int, ...] in parts:
         return tuple(entries)
-    return entries if rows or is_list else entries[0]
+    single = any(_is_array(part) and not part.dims for part in parts)
+    return entries if is_list or (rows and not single) else entries[0]
 
 
 def classes_of(parts: Sequence[Any]) -> tuple[type, ...]:

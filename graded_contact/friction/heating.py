@@ -1,14 +1,16 @@
 """The temperature that the heat of friction causes, and what it does to friction.
 
-The temperature in the frame of the surface is steady. A wave of sources at the depth z' in a half
-space with an insulated surface, of conductivity κ and diffusivity D, causes
+The temperature in the frame of the surface is steady. In a layer of conductivity κ and diffusivity
+D each wave of the temperature obeys
 
-    T(q, z) = W(q, z') [exp(-k|z - z'|) + exp(-k(z + z'))]/(2 κ k),      k = √(q² + iω/D), ω = -q·v
+    T'' = k² T - W/κ,      k = √(q² + iω/D), ω = -q·v
 
-(H. S. Carslaw, J. C. Jaeger, Conduction of Heat in Solids, Oxford 1959, chapter 10). W is constant
-on slices of the depth, and the integral over each slice is exact. The rough counterface is at rest
-in this frame: k = |q|. Of the heat the part β flows into the counterface, in the shape of the
-pressure, such that the mean temperatures of both surfaces over the contact, weighted by the
+(H. S. Carslaw, J. C. Jaeger, Conduction of Heat in Solids, Oxford 1959, chapter 10), T and the flux
+-κT' being continuous. The heat W is constant on slices of the depth, and the solution on each slice
+is exact: from the half space below, where the flux is κkT, a recursion upwards finds the flux
+Y T + F into the block below each edge; a second one, downwards, the temperatures. The rough
+counterface is at rest in this frame: k = |q|. Of the heat the part β flows into the counterface, in
+the shape of the pressure, such that the mean temperatures of both surfaces over the contact, weighted by the
 pressure, are equal (the partition of H. Blok, 1937). The mode q = 0, the bulk heating up, is left
 out: temperatures are above the mean of each plane, and the bulk temperatures of both bodies are
 taken as equal.
@@ -38,6 +40,7 @@ from ..core.checks import (
     check_types,
     check_values,
     is_concrete,
+    numbers,
     scalar,
 )
 from ..core.derivative import still
@@ -55,12 +58,13 @@ from ..fields.grid import (
 from ..response.grading import AbstractGradedSolver
 from ..response.heated import AbstractHeating, HeatedContact, check_bulk, check_heated, heated
 from ..response.layering import Layering
-from ..response.stack import Stack
+from ..response.stack import Stack, interface_depths
 from ..rheology.shift import as_temperature
 from .heat import gauss_within, heat_depths, heat_source, intervals, shear_heat
 from .sliding import Sliding
 
 NUM_CELLS = 8  # of the depth, each at one temperature
+SAFETY = 2.0  # of the change of friction by twice the cells
 _FIRST = 0.25  # depth of the first cell [spacings]; the last one ends at the size of the surface
 
 
@@ -68,17 +72,20 @@ _FIRST = 0.25  # depth of the first cell [spacings]; the last one ends at the si
 class Heating(AbstractHeating):
     """How heat flows in the block and in the counterface.
 
-    Thermally the block is one half space, whatever its layers.
-
     **Fields:**
 
-    - `conductivity`: κ of the block [W/(m K)].
-    - `diffusivity`: D of the block [m²/s].
+    - `conductivity`: κ of the block [W/(m K)]: one number, or one for each layer, surface first,
+      and at last one for what is below them (also below a rigid base).
+    - `diffusivity`: D of the block [m²/s], one number or as many.
     - `counterface_conductivity`: κ of the rough counterface [W/(m K)]; 0 if no heat flows into it.
     """
 
-    conductivity: Float[Array, ""] = eqx.field(converter=scalar("conductivity"))
-    diffusivity: Float[Array, ""] = eqx.field(converter=scalar("diffusivity"))
+    conductivity: Float[Array, ""] | Float[Array, " parts"] = eqx.field(
+        converter=numbers("conductivity")
+    )
+    diffusivity: Float[Array, ""] | Float[Array, " parts"] = eqx.field(
+        converter=numbers("diffusivity")
+    )
     counterface_conductivity: Float[Array, ""] = eqx.field(
         converter=scalar("counterface_conductivity"), default=0.0
     )
@@ -106,34 +113,46 @@ class Heating(AbstractHeating):
         given = self, stack, inputs
         fixed = still(given)
 
-        def contact(x, values, **how):
-            """The rises that a contact causes at rises of the surface and of the cells, and it."""
-            heating, stack, inputs = values
+        def contact(x, values, edges, **how):
+            """The contact at rises of the surface and of the cells, and its block."""
+            _, stack, inputs = values
             block = heated(stack, inputs["temperature"], x[1:], edges)
             at_surface = {"temperature": inputs["temperature"] + x[0]}
-            s = solve(block, **inputs | at_surface | how)
-            return _rises(s, heating, stack, block, edges), s, block
+            return solve(block, **inputs | at_surface | how), block
 
-        def step(x, start):
-            image, s, _ = contact(x, fixed, start=start)
-            return image, s.pressure
+        def image(values, s, block, edges):
+            return _rises(s, values[0], values[1], block, edges)
+
+        def step(x, state):
+            start, pairs = state
+            s, block = contact(x, fixed, edges, start=start)
+            return image(fixed, s, block, edges), (s.pressure, pairs + s.num_fft_pairs)
 
         none = jnp.zeros(NUM_CELLS + 1, edges.dtype)
-        point = find_fixed_point(step, none, fixed[2]["start"], jnp.asarray(rtol, edges.dtype))
+        state = fixed[2]["start"], jnp.zeros((), edges.dtype)
+        point = find_fixed_point(step, none, state, jnp.asarray(rtol, edges.dtype))
         x = jax.lax.stop_gradient(point.x)
-        _, s, block = contact(x, fixed, start=point.state)
+        start, pairs = point.state
+        s, block = contact(x, fixed, edges, start=start)
+        # One more step with twice the cells has less error, of the iteration and of the depths.
+        finer = intervals(first, last, 2 * NUM_CELLS)
+        closer, _ = contact(image(fixed, s, block, finer), fixed, finer, start=s.pressure)
+        error = still(SAFETY * jnp.abs(closer.friction - s.friction))
+        pairs = pairs + s.num_fft_pairs + closer.num_fft_pairs
         if not all(map(is_concrete, jax.tree.leaves(given))):
             found = {"start": None, "solution": still(s.contact)}
-            x = attach_fixed_point(lambda x: contact(x, given, **found)[0], x)
-            _, s, block = contact(x, given, **found)
+            x = attach_fixed_point(
+                lambda x: image(given, *contact(x, given, edges, **found), edges), x
+            )
+            s, block = contact(x, given, edges, **found)
         reached = point.error <= rtol
         if throw:
             x = eqx.error_if(x, ~reached, RESULTS[RESULTS.not_settled])
         result = RESULTS.where(reached, s.result, RESULTS.not_settled)
         return dataclasses.replace(
             s,
-            contact=dataclasses.replace(s.contact, result=result),
-            heated=HeatedContact(block, x[0], x[1:], edges, point.error),
+            contact=dataclasses.replace(s.contact, result=result, num_fft_pairs=pairs),
+            heated=HeatedContact(block, x[0], x[1:], edges, point.error, error),
         )
 
 
@@ -146,7 +165,7 @@ def _rises(s: Sliding, heating: Heating, stack: Stack, block: Stack, edges):
     made = jnp.sum(jnp.mean(source, tuple(range(1, source.ndim))) * weights)
     power = s.hysteresis_friction * jnp.mean(s.pressure) * direction_and_speed(s.velocity)[1]
     source = source * jnp.where(made > 0, jnp.abs(power) / jnp.where(made > 0, made, 1), 0)
-    spectra = temperatures(s, heating, source, weights, jnp.append(0.0, depths))
+    spectra = temperatures(s, stack, heating, source, weights, jnp.append(0.0, depths))
     surface, *inside = jax.vmap(lambda spectrum: mean_in_contact(s, spectrum))(spectra)
     inside = jnp.stack(inside)
     share = jnp.where((depths > edges[:-1, None]) & (depths < edges[1:, None]), weights, 0)
@@ -170,8 +189,8 @@ def flash_temperature(
 
     **Arguments:**
 
-    - `sliding`, `stack`, `graded_solver`: as in `heat_source`.
-    - `heating`: conductivities and diffusivity.
+    - `sliding`, `stack`, `graded_solver`: as in `heat_source`; `stack` as given to `slide`.
+    - `heating`: conductivities and diffusivities.
     - `depths`: z [m], shape `(depths,)`; 0 is the surface.
 
     **Returns:** T, shape `(depths, *grid.shape)`. Add the bulk temperature.
@@ -183,8 +202,9 @@ def flash_temperature(
         raise ValueError(f"`depths` has shape {depths.shape}; a row of depths [m] is needed.")
     check_values("depths", depths, "a depth [m] is zero (the surface) or positive", at_least=0)
     nodes, thickness = heat_depths(stack, sliding.grid)
-    source = heat_source(sliding, stack, nodes, graded_solver=graded_solver)
-    return _fields(sliding, temperatures(sliding, heating, source, thickness, depths))
+    block = stack if sliding.heated is None else sliding.heated.stack
+    source = heat_source(sliding, block, nodes, graded_solver=graded_solver)
+    return _fields(sliding, temperatures(sliding, stack, heating, source, thickness, depths))
 
 
 @eqx.filter_jit
@@ -195,6 +215,7 @@ def _fields(sliding: Sliding, spectra):
 @eqx.filter_jit
 def temperatures(
     sliding: Sliding,
+    stack: Stack,
     heating: Heating,
     source: Float[Array, "slices *shape"],
     thickness: Float[Array, " slices"],
@@ -202,34 +223,63 @@ def temperatures(
 ) -> Complex[Array, "depths *half"]:
     """Returns the spectra of the temperature at `depths` from heat in slices and at the surface."""
     grid = sliding.grid
-    k = thermal_wavenumber(grid, sliding.velocity, heating.diffusivity)
-    edges = jnp.append(0.0, jnp.cumsum(thickness))
-    spectra = jax.vmap(to_spectrum)(source)
-    jumps = jnp.diff(spectra, axis=0, prepend=0, append=0)  # of the heat, at the edges
+    interfaces, bottoms = interface_depths(stack).astype(depths.dtype), jnp.cumsum(thickness)
+    edges = jnp.sort(jnp.concatenate([jnp.zeros(1, depths.dtype), bottoms, interfaces, depths]))
+    middles = (edges[1:] + edges[:-1]) / 2
+    conductivity, diffusivity = _conduction(heating, len(stack.layers))
+    heat = jax.vmap(to_spectrum)(source)
+    heat = jnp.concatenate([heat, jnp.zeros_like(heat[:1])])  # none below the slices
 
-    def inside(depth):
-        """∫ W(z') [exp(-k|z - z'|) + exp(-k(z + z'))] dz'/(2κk), by parts at each edge."""
+    def cell(i):
+        """Thickness, κk, k and the heat of a cell between two edges."""
+        layer = jnp.sum(middles[i] >= interfaces)
+        k = thermal_wavenumber(grid, sliding.velocity, diffusivity[layer])
+        d = edges[i + 1] - edges[i]
+        return d, conductivity[layer] * k, k, heat[jnp.searchsorted(bottoms, middles[i])]
 
-        def reach(u):
-            return jnp.sign(u) * -jnp.expm1(-k * jnp.abs(u)) / k
+    def up(below, i):
+        (admittance, flux), (d, y, k, w) = below, cell(i)
+        e = jnp.exp(-k * d)
+        cosine, tangent = 2 * e / (1 + e**2), -jnp.expm1(-2 * k * d) / (1 + e**2)  # 1/cosh, tanh
+        whole = (jnp.expm1(-k * d)) ** 2 / (1 + e**2)  # 1 - 1/cosh
+        scale = 1 / (1 + admittance * tangent / y)
+        # The temperature below is a times that above, plus b.
+        a, b = cosine * scale, (w / (k * y) * whole - flux * tangent / y) * scale
+        above = (admittance + y * tangent) * scale
+        flux = a * flux - w / (k * y) * (admittance * whole + y * tangent) * scale
+        return (above, flux), (a, b)
 
-        def add(total, edge):
-            place, jump = edge
-            return total + jump * (reach(depth - place) - reach(depth + place)), None
-
-        total = jax.lax.scan(add, jnp.zeros_like(spectra[0]), (edges, jumps))[0]
-        return total / (2 * heating.conductivity * k)
-
-    shape = to_spectrum(_weight(sliding))
-    made = to_spectrum(shear_heat(sliding))
-    own = mean_in_contact(sliding, inside(0.0) + made / (heating.conductivity * k))
+    k = thermal_wavenumber(grid, sliding.velocity, diffusivity[-1])
+    below = conductivity[-1] * k, jnp.zeros_like(k)
+    (admittance, flux), steps = jax.lax.scan(up, below, jnp.arange(len(middles)), reverse=True)
+    shape, made = to_spectrum(_weight(sliding)), to_spectrum(shear_heat(sliding))
+    own = (made - flux) / admittance
     kappa, still = heating.counterface_conductivity, wavenumber(grid)
     there = mean_in_contact(sliding, shape / jnp.where(still == 0, 1, still))
-    here = mean_in_contact(sliding, shape / (heating.conductivity * k))
+    here = mean_in_contact(sliding, shape / admittance)
     # The heat that leaves makes the means of both surfaces equal.
-    flux = (made - kappa * own / (kappa * here + there) * shape) / (heating.conductivity * k)
-    found = jax.lax.map(lambda depth: inside(depth) + flux * jnp.exp(-k * depth), depths)
+    left = kappa * mean_in_contact(sliding, own) / (kappa * here + there)
+    surface = own - left * shape / admittance
+
+    def down(above, step):
+        found = step[0] * above + step[1]
+        return found, found
+
+    rest = jax.lax.scan(down, surface, steps)[1]
+    found = jnp.concatenate([surface[None], rest])[jnp.searchsorted(edges, depths)]
     return jax.vmap(_without_mean)(found)
+
+
+def _conduction(heating: Heating, num_layers: int) -> list[Array]:
+    """κ and D of each layer and of what is below, shape (layers + 1,)."""
+    for name in ("conductivity", "diffusivity"):
+        if (shape := getattr(heating, name).shape) not in ((), (num_layers + 1,)):
+            raise ValueError(
+                f"`{name}` has shape {shape}; one number is needed, or one for each of the "
+                f"{num_layers} layers and one for what is below."
+            )
+    parts = heating.conductivity, heating.diffusivity
+    return [jnp.broadcast_to(part, (num_layers + 1,)) for part in parts]
 
 
 def mean_in_contact(sliding: Sliding, spectrum: Complex[Array, "*half"]) -> Float[Array, ""]:

@@ -124,11 +124,13 @@ def _shear(s: "Sliding"):
 
 
 def _friction_error(s: "Sliding"):
-    images = 0 if s.kernel_error is None else _image_error(s)
+    others = 0 if s.kernel_error is None else _image_error(s)
+    if s.heated is not None:
+        others += s.heated.friction_error
     if s.contact.target_error is not None:
-        return s.contact.target_error[0] + images
+        return s.contact.target_error[0] + others
     correction, cell = on_cell(s.contact.correction, s.kernel), _cell(s)
-    error = images + friction_error(_loaded(s)[0], correction, s.kernel, cell, s.velocity)
+    error = others + friction_error(_loaded(s)[0], correction, s.kernel, cell, s.velocity)
     if s.shear is None:
         return error
     return error + shear_friction_error(s.pressure, s.contact.correction, _indicator(s), s.shear)
@@ -179,8 +181,8 @@ class Sliding(eqx.Module):
 
     - `friction`: force opposing the motion over the load [1], hysteresis and shear together; >= 0
       for passive materials, nan where a mean gap leaves no contact.
-    - `friction_error`: estimated error of the friction from the solver [1]. The error of the grid
-      adds to it, see `geometric_friction`.
+    - `friction_error`: estimated error of the friction from the solver [1], with heating also that
+      of the temperatures. The error of the grid adds to it, see `geometric_friction`.
     - `hysteresis_friction`: the part of the friction that is dissipated in the block [1].
     - `shear_friction`: the part from shear in the sub-pixel contact area [1]; 0 without `shear`.
     - `contact_area`: fraction of points in contact [1]. A pixel count, without a derivative.

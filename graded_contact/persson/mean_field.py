@@ -211,6 +211,11 @@ def mean_field_friction(
         settings = correction, counts, graded_solver
         rises = None
         if heating is not None:
+            if heating.conductivity.ndim or heating.diffusivity.ndim:
+                raise ValueError(
+                    "`heating` has numbers for each layer; in the mean field the block is one half "
+                    "space: give one `conductivity` and one `diffusivity`."
+                )
             bulk = check_bulk(temperature)
             given = dataclasses.replace(given, stack=stack.at(bulk))
         _check_frequencies(given.stack, fastest)

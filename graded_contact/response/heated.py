@@ -19,8 +19,8 @@ B, T = TypeVar("B"), TypeVar("T")
 class AbstractHeating(eqx.Module):
     """How heat flows in the block and in the counterface; see `Heating`."""
 
-    conductivity: eqx.AbstractVar[Float[Array, ""]]
-    diffusivity: eqx.AbstractVar[Float[Array, ""]]
+    conductivity: eqx.AbstractVar[Float[Array, "..."]]
+    diffusivity: eqx.AbstractVar[Float[Array, "..."]]
     counterface_conductivity: eqx.AbstractVar[Float[Array, ""]]
 
     @abstractmethod
@@ -56,6 +56,7 @@ class HeatedContact(eqx.Module):
     - `rises`: the same of each cell of the depth [K], shape `(cells,)`.
     - `edges`: depths between which the cells lie [m], from 0, shape `(cells + 1,)`.
     - `error`: change of the temperatures in the last step over the largest rise [1].
+    - `friction_error`: estimated error of the friction by that and by the cells [1].
     """
 
     stack: Stack
@@ -63,6 +64,7 @@ class HeatedContact(eqx.Module):
     rises: Float[Array, " cells"]
     edges: Float[Array, " edges"]
     error: Float[Array, ""]
+    friction_error: Float[Array, ""]
 
 
 def check_bulk(temperature: B | None) -> B:

@@ -28,17 +28,21 @@ FILES = {
     ),
     "german": table(
         "Dehnung [%];Speichermodul [kPa];Verlustmodul [kPa]",
-        (PERCENT, STORAGE / 1e3, LOSS / 1e3), ";", ",",
-    ),  # fmt: skip
+        (PERCENT, STORAGE / 1e3, LOSS / 1e3),
+        ";",
+        ",",
+    ),
     "instrument": table(
         "Oscillation strain\tStorage modulus\tTan(delta)\tAngular frequency\tTemperature\n"
-        "%\tPa\t-\trad/s\t°C", (PERCENT, STORAGE, TAN, 0 * TAN + 62.8, TEMPERATURE),
+        "%\tPa\t-\trad/s\t°C",
+        (PERCENT, STORAGE, TAN, 0 * TAN + 62.8, TEMPERATURE),
     ),
     "dma": table(
         "run,freq_hz,G_storage_pa,G_loss_pa,tan_delta,strain_dyn_pct,strain_stat_pct",
-        (TAN, 0 * TAN + 10, STORAGE, LOSS, TAN, PERCENT, 0 * TAN + 5), ",",
+        (TAN, 0 * TAN + 10, STORAGE, LOSS, TAN, PERCENT, 0 * TAN + 5),
+        ",",
     ),
-}  # fmt: skip
+}
 
 
 @pytest.mark.parametrize("name", FILES)
@@ -86,7 +90,7 @@ def test_a_measured_sweep():
     ("text", "words"),
     [
         (table("f [Hz],Strain [%],E' [Pa],E'' [Pa]", ([1, 2, 4], PERCENT, STORAGE, LOSS), ","),
-         "the frequency varies from 6.283 to 25.13"),
+         r"the frequency varies from 6\.283 to 25\.13"),
         (table("Strain,E' [Pa],E'' [Pa]", (PERCENT, STORAGE, LOSS), ","), "Pass `units`: strain"),
         (table("t [s],E' [Pa],E'' [Pa]", (PERCENT, STORAGE, LOSS), ","), "Needed: strain, storage"),
         (2 * table("Strain [%],E' [Pa],E'' [Pa]", (PERCENT, STORAGE, LOSS), ","), "has several"),
@@ -101,5 +105,5 @@ def test_what_is_no_strain_sweep_is_refused(text, words, tmp_path):
 def test_the_reader_of_moduli_names_the_reader_of_sweeps(tmp_path):
     columns = ([10.0, 10, 10], PERCENT, STORAGE, LOSS)
     (tmp_path / "s.csv").write_text(table("f [Hz],Strain [%],E' [Pa],E'' [Pa]", columns, ","))
-    with pytest.raises(ValueError, match="`materials.read_strain_sweep` reads those"):
+    with pytest.raises(ValueError, match=r"`materials\.read_strain_sweep` reads those"):
         gc.read_moduli(tmp_path / "s.csv")
