@@ -1,5 +1,7 @@
 """Heat that softens the block under its own contact: the fixed point and its derivative."""
 
+from functools import partial
+
 import jax
 import jax.numpy as jnp
 import numpy as np
@@ -41,6 +43,17 @@ def test_one_temperature_everywhere_is_that_of_the_block():
 
 
 @pytest.mark.slow
+def test_a_coat_that_conducts_cools_the_contact():
+    coated = gc.Stack(layers=(gc.Layer(RUBBER, 2e-4),), base=gc.HalfSpace(RUBBER))
+    alone, equal, cooled = (
+        float(warm(coated, Heating(k, 1.1e-7, 1.0)).heated.surface_rise)
+        for k in (0.25, [0.25, 0.25], [2.5, 0.25])
+    )
+    np.testing.assert_allclose(equal, alone, rtol=1e-6)
+    assert 0 < cooled < 0.5 * alone
+
+
+@pytest.mark.slow
 def test_slow_sliding_does_not_heat():
     how = {"pressure": 3e4, "velocity": 1e-6, "rtol": 1e-8}
     cold, s = gc.slide(BLOCK.at(283.0), SURFACE, **how), warm(velocity=1e-6, temperature=283.0)
@@ -62,6 +75,36 @@ def test_the_contact_is_at_the_temperatures_that_it_causes():
     np.testing.assert_allclose(found, s.heated.surface_rise, rtol=0.03)
     again = gc.slide(block, SURFACE, pressure=3e4, velocity=1.0, rtol=1e-8)
     np.testing.assert_allclose(again.friction, s.friction, rtol=1e-6)
+    assert s.num_fft_pairs > 2 * again.num_fft_pairs  # of all steps
+    assert again.friction_error < s.heated.friction_error <= s.friction_error < 0.02 * s.friction
+
+
+def random_cases(number):
+    rng = np.random.default_rng(1)
+    spectrum = gc.SelfAffine(rms_slope=0.3, hurst=0.8, q_low=Q0, q_roll=2 * Q0, q_high=8 * Q0)
+    for i in range(number):
+        times, strengths = 10 ** rng.uniform(-6, -2, 2), 10 ** rng.uniform(6, 7.5, 2)
+        rubber = gc.Prony(1e6, strengths, times, 0.49, shift=RUBBER.shift)
+        law = PeakedShear(3e5, 1.0, 0.3, gc.Arrhenius(9e4, 293.0)) if i % 2 else None
+        surface = gc.random_surface(spectrum, gc.Grid(64, CELL), jax.random.key(i))
+        pressure, velocity = 10 ** rng.uniform(3.5, 5.5), 10 ** rng.uniform(-1.5, 1)
+        how = dict(
+            pressure=pressure, velocity=velocity, temperature=rng.uniform(273, 313), shear=law,
+            heating=Heating(0.25, 1.1e-7, float(i % 3 > 0)),
+        )  # fmt: skip
+        yield partial(gc.slide, gc.Stack(base=gc.HalfSpace(rubber)), surface, **how)
+
+
+@pytest.mark.slow
+def test_the_claimed_error_covers_that_of_the_temperatures(monkeypatch):
+    """Against four times the cells and a tight tolerance."""
+    for solve in random_cases(10):
+        found = solve(rtol=1e-4)
+        with monkeypatch.context() as patch:
+            patch.setattr(module, "NUM_CELLS", 32)
+            truth = solve(rtol=1e-9).friction
+        assert abs(found.friction - truth) <= found.friction_error
+        assert found.friction_error <= 1e-2 * found.friction
 
 
 @pytest.mark.slow

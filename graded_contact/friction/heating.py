@@ -10,10 +10,10 @@ D each wave of the temperature obeys
 is exact: from the half space below, where the flux is κkT, a recursion upwards finds the flux
 Y T + F into the block below each edge; a second one, downwards, the temperatures. The rough
 counterface is at rest in this frame: k = |q|. Of the heat the part β flows into the counterface, in
-the shape of the pressure, such that the mean temperatures of both surfaces over the contact, weighted by the
-pressure, are equal (the partition of H. Blok, 1937). The mode q = 0, the bulk heating up, is left
-out: temperatures are above the mean of each plane, and the bulk temperatures of both bodies are
-taken as equal.
+the shape of the pressure, such that the mean temperatures of both surfaces over the contact,
+weighted by the pressure, are equal (the partition of H. Blok, 1937). The mode q = 0, the bulk
+heating up, is left out: temperatures are above the mean of each plane, and the bulk temperatures of
+both bodies are taken as equal.
 
 With `slide(..., heating=...)` the block has the temperature of its contact. The mean rise over the
 contact at each depth, weighted by the pressure, sets the relaxation times there: the block becomes
@@ -64,7 +64,7 @@ from .heat import gauss_within, heat_depths, heat_source, intervals, shear_heat
 from .sliding import Sliding
 
 NUM_CELLS = 8  # of the depth, each at one temperature
-SAFETY = 2.0  # of the change of friction by twice the cells
+SAFETY = 4.0  # of the change of friction by twice the cells
 _FIRST = 0.25  # depth of the first cell [spacings]; the last one ends at the size of the surface
 
 
