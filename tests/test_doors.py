@@ -132,6 +132,11 @@ def calls():
             wave | dict(stack=graded, rtol=1e-6, graded_solver=gc.blocks.Layering()),
         ),
         (gc.stack_kernel, dict(stack=stack, grid=grid, velocity=0.1, rtol=1e-8)),
+        (gc.stack_kernel, dict(stack=soft, grid=grid, strain=([1e3, 1e4], [0.1, 0.2]))),
+        (
+            gc.slide,
+            dict(stack=soft, surface=surface, pressure=1e5, velocity=0.1, strain_per_slope=1),
+        ),
         (gc.blocks.kernel_table, dict(stack=stack, grid=grid, velocity=0.1, rtol=1e-8)),
         (gc.blocks.interface_depths, dict(stack=stack)),
         (gc.blocks.interior_fields, vector | dict(depth=1e-4, traction=[0.0, 0.0, 1.0])),
@@ -207,18 +212,6 @@ def calls():
             dict(material=solid, strain=[1e-3, 1e-1], modulus=[2e6 + 3e5j, 1e6 + 3e5j]),
         ),
         (gc.materials.at_strain, dict(block=soft, strain=0.1)),
-        (
-            gc.contacts.slide_softened,
-            dict(
-                stack=soft,
-                surface=surface,
-                pressure=1e5,
-                velocity=0.1,
-                strain_per_slope=1.0,
-                strain_rtol=1e-3,
-                max_solves=9,
-            ),
-        ),
         (gc.materials.export_prony, dict(material=solid, format="abaqus", name="rubber")),
         (gc.fit_prony, dict(omega=omega, modulus=modulus, terms=2, poisson=0.4)),
         (gc.fit_relaxation, dict(time=time, modulus=relaxation, terms=2)),
@@ -230,6 +223,7 @@ def calls():
             dict(objective=square, parameters={"a": 2.0}, spread=0.1, num_samples=4, seed=0),
         ),
         (gc.read_moduli, dict(path="missing.csv", kind="frequency")),
+        (gc.materials.read_strain_sweep, dict(path="missing.csv", units={}, step="1")),
         (gc.read_surface, dict(path="missing.x3p", periodic="window")),
     ]
 

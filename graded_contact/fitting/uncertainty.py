@@ -7,7 +7,7 @@ its own correlation of neighbours ρ: errors at a distance of k points have the 
 The residuals are smaller and less alike than the errors, because the fit follows the errors in
 part. σ and ρ therefore come from the restricted likelihood, that of the combinations of the
 data that no change of the unknowns alters (H. D. Patterson, R. Thompson, Biometrika 58 (1971) 545,
-doi:10.2307/2334389):
+doi:10.1093/biomet/58.3.545):
 
     -ln L = ½ ln|V| + ½ ln|Gᵀ V⁻¹ G| + ½ (rᵀ V⁻¹ r - bᵀ (Gᵀ V⁻¹ G)⁻¹ b),    b = Gᵀ V⁻¹ r.
 

@@ -7,7 +7,6 @@ pressure deforms the block at the frequency ω = -q·v.
 
 import dataclasses
 from collections.abc import Callable
-from functools import partial
 from typing import Any
 
 import equinox as eqx
@@ -500,9 +499,10 @@ def kernel_and_velocity(
         strain = q, ratio * slope
 
     def kernel_on(cell: Grid):
-        solve = partial(stack_kernel if throw else attempted_kernel, graded_solver=graded_solver)
-        found = solve(stack, cell, velocity, strain=strain)
-        return (found, True) if throw else found
+        arguments = stack, cell, velocity
+        if throw:
+            return stack_kernel(*arguments, graded_solver=graded_solver, strain=strain), True
+        return attempted_kernel(*arguments, graded_solver=graded_solver, strain=strain)
 
     at_rest = is_concrete(velocity) and not np.any(np.asarray(velocity))
     if surface.periodic:

@@ -3,11 +3,11 @@
 Of the heat of hysteresis, the part dQ(q) = σ0 v dμ(q) is made by waves q. Their stress decays as
 exp(-qz), so it is spread over the depth as 2q exp(-2qz), and the modulus of a scale p is that at
 the mean temperature over 2p exp(-2pz) (B. N. J. Persson, J. Phys.: Condens. Matter 18 (2006) 7789,
-doi:10.1088/0953-8984/18/32/025). Persson lets the heat spread into the depth for the time that a
-large contact lasts. Here the temperature is steady in the frame of the surface as in the contact
-(`friction/heating.py`), and the heat of waves q lies along the surface as the pressure with
-roughness up to q does. The mean field knows the power of that pressure: waves s have the part
-d⟨σ²⟩(s) of it. The mean temperature over the contact, weighted by the pressure, is then
+doi:10.1088/0953-8984/18/32/025, arXiv:cond-mat/0605273). Persson lets the heat spread into the
+depth for the time that a large contact lasts. Here the temperature is steady in the frame of the
+surface as in the contact (`friction/heating.py`), and the heat of waves q lies along the surface as
+the pressure with roughness up to q does. The mean field knows the power of that pressure: waves s
+have the part d⟨σ²⟩(s) of it. The mean temperature over the contact, weighted by the pressure, is
 
     T(p) = ∫dQ(q) ∫_{s<q} d⟨σ²⟩(s)/σ0² G(s, q, p),      k = √(s² + i s v cos φ/D),
     G = Re⟨2q (1 + r(k + 2q))/[κ k (k + 2q)(1 + 2qr)(1 + kr)]⟩,      r = 1/(2p),

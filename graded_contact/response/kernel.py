@@ -19,7 +19,15 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Bool, Float, Inexact
 
-from ..core.checks import Numbers, as_float, check_types, is_concrete
+from ..core.checks import (
+    Numbers,
+    as_float,
+    check_increasing,
+    check_rows,
+    check_types,
+    check_values,
+    is_concrete,
+)
 from ..core.compilation import compiled
 from ..core.derivative import derivative_apart
 from ..core.memory import check_memory, kernel_memory, num_numbers
@@ -120,8 +128,7 @@ def _attempt(stack, grid, velocity, graded_solver, rtol, strain, choosing):
         num_devices(grid.size),
     )
     if strain is not None:
-        strain = tuple(map(as_float, strain, ("strain[0]", "strain[1]")))
-        at_strain(stack, 0.0)  # refuses a block that does not soften
+        strain = _checked_strain(stack, *strain)
     elif _is_dear(stack, grid) and velocity.ndim == 0:
         kernel, error = _interpolated_kernel(stack, grid, velocity, graded_solver, rtol)
         # NaN comes from a node that could not be solved; nor could its neighbours be.
@@ -185,6 +192,15 @@ def _checked(stack, grid, velocity, graded_solver, rtol):
     velocity = as_velocity(velocity, grid)
     check_profiles(stack, kernel_frequencies(grid, velocity))
     return velocity, graded_tolerance(graded_solver, rtol, grid.size)
+
+
+def _checked_strain(stack, q, amplitude):
+    q, amplitude = as_float(q, "strain[0]"), as_float(amplitude, "strain[1]")
+    check_rows(2, **{"strain[0]": q, "strain[1]": amplitude})
+    check_increasing("strain[0]", q)
+    check_values("strain[1]", amplitude, "a strain [1] is 0 or positive", at_least=0)
+    at_strain(stack, 0.0)  # refuses a block that does not soften
+    return q, amplitude
 
 
 def _is_dear(stack, grid):

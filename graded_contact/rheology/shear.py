@@ -11,7 +11,8 @@ is exact for an incompressible half space (ν = 1/2), whose surface does not mov
 tangential traction, and an approximation for other blocks.
 
 Source of the peak in the logarithm of the velocity: B. Lorenz, Y. R. Oh, S. K. Nam, S. H. Jeon,
-B. N. J. Persson, J. Chem. Phys. 142 (2015) 194701, doi:10.1063/1.4919221.
+B. N. J. Persson, J. Chem. Phys. 142 (2015) 194701, doi:10.1063/1.4919221 (its abstract was read,
+not the formula).
 """
 
 import abc

@@ -8,7 +8,7 @@ C depends on the stretched wavenumber k² = q_across² + γ² q_along² in place
 of the band remain circles: they belong to the cell and to the resolution.
 
 The shape of the spectrum is that of B. N. J. Persson, J. Phys.: Condens. Matter 18 (2006) 7789,
-doi:10.1088/0953-8984/18/32/009; Nayak's parameter is that of P. R. Nayak, J. Lubr. Technol. 93
+doi:10.1088/0953-8984/18/32/025; Nayak's parameter is that of P. R. Nayak, J. Lubr. Technol. 93
 (1971) 398, doi:10.1115/1.3451608, for an isotropic surface.
 """
 
