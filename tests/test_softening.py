@@ -185,6 +185,7 @@ def test_full_contact_is_that_of_the_mean_field():
     assert found.friction < 0.9 * linear.friction
 
 
+@pytest.mark.slow
 def test_derivatives_of_the_contact_match_differences():
     soft = gc.Stack(base=gc.HalfSpace(SOFT))
 

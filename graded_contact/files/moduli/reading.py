@@ -129,7 +129,7 @@ def read_strain_sweep(
     **Raises:** as `read_moduli`; also for several curves, and for a varying frequency.
     """
     sweep = strain_sweep(path, columns, units, sheet, step)
-    parts = sweep.values.real, sweep.values.imag
+    parts = np.real(sweep.values), np.imag(sweep.values)
     return sweep.abscissa, *(part / part[0] for part in parts)
 
 
