@@ -170,6 +170,8 @@ def random_cycles(count, seed, num_times=48):
                     if true > claim + 1e-9:
                         broken += 1
                         print(f"  {true:.1e}, claimed {claim:.1e}: {by}, {way}, cycle {i}")
+            if jnp.min(jnp.abs(best.mean_gap)) < 1e-6 * jnp.std(surface.heights):
+                break  # in full contact no load follows from the gap
             given = {"mean_gap": best.mean_gap}
     low, middle, high = np.percentile(ratios, (1, 50, 99))
     row = {
