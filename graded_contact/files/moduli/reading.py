@@ -16,7 +16,7 @@ from typing import Any
 import numpy as np
 from jaxtyping import Float
 
-from ...core.checks import Numbers, check_poisson, check_positive, check_types
+from ...core.checks import Numbers, check_poisson, check_positive, check_types, short
 from ..cells import Sheet, holds_data, is_number, read_sheets
 from ..units import DIMENSIONS, OFFSETS, UNITS, parse_unit
 from .columns import WAYS, MeasuredTable, Options
@@ -181,8 +181,10 @@ def _options(
                 f"`units`: {unit!r} of the {dimension} is refused; use one of "
                 f"{tuple(UNITS[dimension])}."
             )
-    steps = () if step is None else (step,) if isinstance(step, str | int) else tuple(step)
-    return Options(kind, columns, units, deformation, temperature, steps)
+    steps = [] if step is None else step if isinstance(step, list | tuple) else [step]
+    if not all(isinstance(each, str | int) for each in steps):
+        raise ValueError(f"`step={short(step)}` must be a number or a title, or a list of them.")
+    return Options(kind, columns, units, deformation, temperature, tuple(steps))
 
 
 def _read(
