@@ -181,7 +181,7 @@ def _options(
                 f"`units`: {unit!r} of the {dimension} is refused; use one of "
                 f"{tuple(UNITS[dimension])}."
             )
-    steps = [] if step is None else step if isinstance(step, list | tuple) else [step]
+    steps: Any = [] if step is None else step if isinstance(step, list | tuple) else [step]
     if not all(isinstance(each, str | int) for each in steps):
         raise ValueError(f"`step={short(step)}` must be a number or a title, or a list of them.")
     return Options(kind, columns, units, deformation, temperature, tuple(steps))
