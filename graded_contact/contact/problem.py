@@ -27,7 +27,7 @@ from ..core.checks import (
     check_values,
     is_concrete,
 )
-from ..core.compilation import compiled
+from ..core.compilation import compiled, one_by_one
 from ..core.derivative import derivative_apart, still
 from ..core.memory import check_memory, contact_memory
 from ..fields.devices import num_devices, required
@@ -279,6 +279,7 @@ def _search(inputs: Inputs, solver: AbstractContactSolver, rtol, target, start) 
 
 
 @compiled
+@one_by_one
 def _find_contact(inputs: Inputs, solver: AbstractContactSolver, rtol, target, start):
     if not isinstance(solver, DouglasRachford):  # which accepts any mean, and saves a copy
         inputs = _without_mean(inputs)

@@ -63,3 +63,21 @@ def _options() -> dict[str, bool | int]:
     except jax.errors.JaxRuntimeError:
         return {}
     return options
+
+
+def one_by_one(function: F) -> F:
+    """Returns a function of arrays and others whose batch under `vmap` is computed one by one.
+
+    On a CPU. In a batch each loop runs until its slowest member ends, and both branches of a
+    condition are computed.
+    """
+
+    def run(*args):
+        if jax.default_backend() != "cpu":
+            return function(*args)
+        arrays, others = eqx.partition(args, eqx.is_array)
+        whole = lambda arrays: function(*eqx.combine(arrays, others))  # noqa: E731
+        one, closed = jax.closure_convert(whole, arrays)
+        return jax.custom_batching.sequential_vmap(one)(arrays, *closed)
+
+    return cast(F, run)

@@ -30,6 +30,8 @@ T = TypeVar("T")
 
 def still(tree: T) -> T:
     """Returns the same numbers without derivatives; outside `jit` these are concrete."""
+    if alone(tree):
+        return tree
     numbers, others = eqx.partition(tree, eqx.is_array)
     return eqx.combine(_still(numbers), others)
 
