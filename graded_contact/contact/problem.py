@@ -92,8 +92,8 @@ def solve_contact(
 
     Differentiable in `kernel`, `heights`, `law` and what is prescribed (forward and reverse, one
     linear solve; see `contact/adjoint.py` for where the derivative is one-sided), and works under
-    `jit` and `vmap`. A batch under `vmap` runs until its slowest member has converged;
-    `jax.lax.map` gives the same results and stops member by member, which on a CPU is faster.
+    `jit` and `vmap`. On a CPU a batch under `vmap` is solved one by one, as under `jax.lax.map`;
+    elsewhere it runs until its slowest member has converged.
 
     **Arguments:**
 

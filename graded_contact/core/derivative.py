@@ -84,10 +84,10 @@ def derivative_apart(function: F, check: Check | None = None) -> F:
     @attached.def_jvp
     def attached_jvp(primals, tangents):
         # Attached again, so that a derivative of the rule itself moves with what was found.
-        found = attached(*primals)
+        (found, args), (_, tangents) = (attached(*primals), primals[1]), tangents
         if check is None:
-            return found, change(*primals, tangents[1])
-        return found, _checked(change(*primals, _checked(tangents[1], check)), check)
+            return found, change(found, args, tangents)
+        return found, _checked(change(found, args, _checked(tangents, check)), check)
 
     def run(*args):
         if all(map(is_concrete, jax.tree.leaves(args))):
