@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from graded_contact.core import compilation
-from graded_contact.core.compilation import COMPILING, compiled
+from graded_contact.core.compilation import COMPILING, compiled, one_by_one
 
 X = jnp.array([0.3, -1.2])
 
@@ -52,3 +52,24 @@ def test_options_of_the_environment_stay_and_the_log_says_once_that_it_compiles(
 def test_an_xla_without_the_options_compiles_as_it_does(afresh, monkeypatch):
     monkeypatch.setattr(compilation, "LESS_WORK", {"xla_of_another_time": True})
     assert compilation._options() == {}
+
+
+def test_a_batch_is_computed_one_by_one():
+    """The steps of each member are its own; what the function closes over may belong to a batch."""
+
+    def halved(x, offset):
+        @one_by_one
+        def run(x, name):
+            def body(state):
+                x, steps = state
+                return x / 2, steps + 1
+
+            return {name: jax.lax.while_loop(lambda s: s[0] > offset, body, (x, 0))}
+
+        return run(x, "halved")["halved"]
+
+    ends, steps = jax.jit(jax.vmap(halved))(jnp.array([1.0, 8.0]), jnp.array([0.3, 1.0]))
+    np.testing.assert_array_equal(ends, [0.25, 1.0])
+    np.testing.assert_array_equal(steps, [2, 3])
+    loops = str(jax.make_jaxpr(jax.vmap(halved))(jnp.ones(2), jnp.ones(2)))
+    assert "scan[" in loops and "while[" in loops

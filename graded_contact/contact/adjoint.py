@@ -32,6 +32,7 @@ import numpy as np
 from jaxtyping import Array, Bool, Float
 
 from ..core.checks import check_tolerance, check_whole
+from ..core.compilation import one_by_one
 from .active_set import green_of, most_eliminated, solve_on_few
 from .law import AbstractLaw
 from .operator import AbstractOperator, Solid, nonzero
@@ -262,10 +263,14 @@ def _in_contact(operator: AbstractOperator, s, rhs, adjoint: LinearSolver, rtol,
         pressed = operator.displace(root * inside)
         return project(sign * (1 - s) * inside + root * pressed) + tau - inside
 
+    @one_by_one
+    def solve(operator, s, rhs, rtol):
+        return adjoint(operator, s, rhs, rtol=rtol, free_mean=free_mean)
+
     def solver_for(operator):
         def run(_, rhs):
             inside = project(rhs)
-            tau = adjoint(operator, s, inside, rtol=rtol, free_mean=free_mean)
+            tau = solve(operator, s, inside, rtol)
             return project(tau) + rhs - inside
 
         return run

@@ -171,18 +171,18 @@ class Solid(eqx.Module):
 
     def resolve(self, z: Float[Array, "*shape"]) -> Float[Array, "*shape"]:
         """Returns (I + ρM)⁻¹ z."""
-        return self.resolve_waves(self.operator.to_waves(z), z.shape)
+        return self.operator.filtered(self.filter, z)
 
-    def resolve_waves(self, waves, shape: tuple[int, ...]) -> Float[Array, "*shape"]:
-        """Returns (I + ρM)⁻¹ z for the waves of z."""
+    @property
+    def filter(self) -> Inexact[Array, "*half"]:
+        """(I + ρM)⁻¹ of each wave."""
         kernel = self.scaled.compliance
         filter = 1 / (1 + kernel)
         if jnp.iscomplexobj(kernel):  # XLA's own division of complex numbers guards each of them
             real, imag = 1 + kernel.real, kernel.imag
             scale = 1 / (real**2 + imag**2)
             filter = jax.lax.complex(real * scale, -imag * scale)
-        filter = jnp.where(self.operator.is_mean, 1 if self.free_mean else 0, filter)
-        return self.operator.to_field(filter * waves, shape)
+        return jnp.where(self.operator.is_mean, 1 if self.free_mean else 0, filter)
 
 
 def displace(

@@ -27,7 +27,7 @@ from ..core.checks import (
     check_values,
     is_concrete,
 )
-from ..core.compilation import compiled
+from ..core.compilation import compiled, one_by_one
 from ..core.derivative import derivative_apart, still
 from ..core.memory import check_memory, contact_memory
 from ..fields.devices import num_devices, required
@@ -92,8 +92,8 @@ def solve_contact(
 
     Differentiable in `kernel`, `heights`, `law` and what is prescribed (forward and reverse, one
     linear solve; see `contact/adjoint.py` for where the derivative is one-sided), and works under
-    `jit` and `vmap`. A batch under `vmap` runs until its slowest member has converged;
-    `jax.lax.map` gives the same results and stops member by member, which on a CPU is faster.
+    `jit` and `vmap`. On a CPU a batch under `vmap` is solved one by one, as under `jax.lax.map`;
+    elsewhere it runs until its slowest member has converged.
 
     **Arguments:**
 
@@ -279,6 +279,7 @@ def _search(inputs: Inputs, solver: AbstractContactSolver, rtol, target, start) 
 
 
 @compiled
+@one_by_one
 def _find_contact(inputs: Inputs, solver: AbstractContactSolver, rtol, target, start):
     if not isinstance(solver, DouglasRachford):  # which accepts any mean, and saves a copy
         inputs = _without_mean(inputs)

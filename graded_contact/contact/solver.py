@@ -223,6 +223,7 @@ def in_precision(tree, dtype):
     def convert(a):
         if not eqx.is_inexact_array(a):
             return a
-        return a.astype(jnp.result_type(dtype, 1j) if jnp.iscomplexobj(a) else dtype)
+        kind = jnp.result_type(dtype, 1j) if jnp.iscomplexobj(a) else dtype
+        return a if a.dtype == kind else a.astype(kind)
 
     return jax.tree.map(convert, tree)

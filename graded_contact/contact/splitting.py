@@ -73,19 +73,22 @@ class Splitting(eqx.Module):
     def step(self, state: History) -> History:
         """Returns the state after two steps of z, an estimate of the error and an acceleration."""
         z, cycles = state.z, state.cycles
-        between, before, *_ = self._move(z, cycles)
-        image, after, x, y = self._move(between, cycles + 1)
+        filter = self._recomputed(cycles).filter
+        between, before, *_ = self._move(z, filter)
+        if self._is_large:
+            filter = self._recomputed(cycles + 1).filter
+        image, after, x, y = self._move(between, filter)
         stiffness = self._recomputed(cycles + 2).stiffness
         # The spectrum of y - x comes for nothing: steps move z by 2α (y - x).
         defect, stiff = _powers((after - before) / (2 * self.relaxation), stiffness, z)
-        size, scale, total, squared = sums(x * x, z * z, jnp.abs(y), y * y)
-        unit = jnp.where(size > 0, size, 1)
-        share = self.share
         v = 2 * x - between
         s = jnp.abs(jax.jvp(self.proximal, (v,), (jnp.ones_like(v),))[1])
+        size, scale, total, squared, fixed = sums(x * x, z * z, jnp.abs(y), y * y, s)
+        unit = jnp.where(size > 0, size, 1)
+        share = self.share
         if share is None:
             # Saturated points carry a load, but do not fix the gap.
-            share = jnp.maximum(jnp.mean(s), 1 / y.size)
+            share = jnp.maximum(fixed / y.size, 1 / y.size)
             share = jnp.minimum(share, participation_of(total, squared, y.size))
         error = _error(jnp.sqrt(defect / unit), jnp.sqrt(stiff / unit), share)
         if self.solid.free_mean:
@@ -105,17 +108,21 @@ class Splitting(eqx.Module):
         # last image has at most the residual that ended the loop.
         return accelerate(state, image, error, (error > self.rtol) & ~lost)
 
-    def _move(self, z, cycles):
+    def _move(self, z, filter):
         """z⁺, the waves of z, x and y."""
         waves = self.solid.operator.to_waves(z)
-        x = self.shift + self._recomputed(cycles).resolve_waves(waves, z.shape)
+        x = self.shift + self.solid.operator.to_field(filter * waves, z.shape)
         y = self.proximal(2 * x - z)
         return z + (2 * self.relaxation) * (y - x), waves, x, y
+
+    @property
+    def _is_large(self) -> bool:
+        return self.solid.operator.kernel.size >= DRAFTED_FROM // 2
 
     def _recomputed(self, cycles: Array) -> Solid:
         """The solid. On a large grid what follows from its kernel is computed in every step."""
         solid = self.solid
-        if solid.operator.kernel.size < DRAFTED_FROM // 2:
+        if not self._is_large:
             return solid
         # A factor that compilers do not know keeps them from storing it before the loop.
         one = jnp.where(cycles >= 0, 1, 0).astype(solid.penalty.dtype)

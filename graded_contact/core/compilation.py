@@ -32,18 +32,22 @@ def compiled(function: F) -> F:
 
     @functools.wraps(function)
     def run(*args, **kwargs):
-        # Inside `jit` known arguments are traced, too, as a number that depends on none.
-        alone = all(map(is_concrete, jax.tree.leaves((args, kwargs)))) and is_concrete(_probe())
-        return (_alone(function) if alone else within)(*args, **kwargs)
+        return (_quickly(function) if alone((args, kwargs)) else within)(*args, **kwargs)
 
     return cast(F, run)
+
+
+def alone(arguments: Any) -> bool:
+    """Returns whether a function of these arguments runs outside `jit` and all transformations."""
+    # Inside `jit` known arguments are traced, too, as a number that depends on none.
+    return all(map(is_concrete, jax.tree.leaves(arguments))) and is_concrete(_probe())
 
 
 _probe = jax.jit(lambda: 0)
 
 
 @functools.cache
-def _alone(function):
+def _quickly(function):
     # As `jax.jit` takes it, which the types of Equinox do not say.
     return eqx.filter_jit(function, compiler_options=_options())  # pyright: ignore
 
@@ -59,3 +63,21 @@ def _options() -> dict[str, bool | int]:
     except jax.errors.JaxRuntimeError:
         return {}
     return options
+
+
+def one_by_one(function: F) -> F:
+    """Returns a function of arrays and others whose batch under `vmap` is computed one by one.
+
+    On a CPU. In a batch each loop runs until its slowest member ends, and both branches of a
+    condition are computed.
+    """
+
+    def run(*args):
+        if jax.default_backend() != "cpu":
+            return function(*args)
+        arrays, others = eqx.partition(args, eqx.is_array)
+        whole = lambda arrays: function(*eqx.combine(arrays, others))  # noqa: E731
+        one, closed = jax.closure_convert(whole, arrays)
+        return jax.custom_batching.sequential_vmap(one)(arrays, *closed)
+
+    return cast(F, run)

@@ -3,10 +3,12 @@
 Outside `jit`, JAX compiles a differentiated function again: one program for the value and
 everything that a derivative may need, and one for the derivative. Here the programs of the value
 are those that are already compiled. The derivative is one program, which computes again only what
-it needs.
+it needs. It is a linear primitive with its transpose, since JAX itself would transpose a program
+without the options that make it compile in less time.
 """
 
 from collections.abc import Callable
+from functools import partial
 from typing import Any, TypeVar, cast
 
 import equinox as eqx
@@ -17,6 +19,7 @@ from jax.extend.core import Primitive
 from jax.interpreters import ad, batching, mlir
 
 from .checks import is_concrete
+from .compilation import alone, compiled
 
 # Fails at run time if its second argument is true, else returns the first, a number.
 Check = Callable[[Array, Array], Array]
@@ -27,6 +30,8 @@ T = TypeVar("T")
 
 def still(tree: T) -> T:
     """Returns the same numbers without derivatives; outside `jit` these are concrete."""
+    if alone(tree):
+        return tree
     numbers, others = eqx.partition(tree, eqx.is_array)
     return eqx.combine(_still(numbers), others)
 
@@ -51,23 +56,26 @@ def derivative_apart(function: F, check: Check | None = None) -> F:
     disk that calls Python.
     """
 
-    @eqx.filter_jit
-    def change(args, tangents):
-        moving = jax.tree.map(
-            lambda tangent, arg: None if tangent is None else arg,
-            tangents,
-            args,
-            is_leaf=lambda tangent: tangent is None,
-        )
+    def numbers(moving, fixed):
+        return eqx.filter(function(*eqx.combine(moving, fixed)), eqx.is_inexact_array)
 
-        def numbers(moving):
-            return eqx.filter(function(*eqx.combine(moving, args)), eqx.is_inexact_array)
+    @compiled
+    def along(moving, fixed, tangents):
+        return jax.jvp(lambda moving: numbers(moving, fixed), (moving,), (tangents,))[1]
 
-        def along(moving, tangents):
-            return jax.jvp(numbers, (moving,), (tangents,))[1]
+    @compiled
+    def back(moving, fixed, cotangents):
+        return jax.vjp(lambda moving: numbers(moving, fixed), moving)[1](cotangents)[0]
 
-        # Else a derivative in reverse would keep what it needs in a program before.
-        return jax.checkpoint(along, prevent_cse=False)(moving, tangents)
+    def change(found, args, tangents):
+        given = jax.tree.map(lambda t: t is not None, tangents, is_leaf=lambda t: t is None)
+        moving, fixed = eqx.partition(args, given)
+        if alone(args):
+            like = eqx.filter(found, eqx.is_inexact_array)
+            return _linear(along, back, (moving, fixed), tangents, like)
+        # Else a derivative in reverse would store what it needs.
+        within = jax.checkpoint(lambda m, t: along(m, fixed, t), prevent_cse=False)
+        return within(moving, tangents)
 
     @eqx.filter_custom_jvp
     def attached(found, args):
@@ -76,10 +84,10 @@ def derivative_apart(function: F, check: Check | None = None) -> F:
     @attached.def_jvp
     def attached_jvp(primals, tangents):
         # Attached again, so that a derivative of the rule itself moves with what was found.
-        found = attached(*primals)
+        (found, args), (_, tangents) = (attached(*primals), primals[1]), tangents
         if check is None:
-            return found, change(primals[1], tangents[1])
-        return found, _checked(change(primals[1], _checked(tangents[1], check)), check)
+            return found, change(found, args, tangents)
+        return found, _checked(change(found, args, _checked(tangents, check)), check)
 
     def run(*args):
         if all(map(is_concrete, jax.tree.leaves(args))):
@@ -87,6 +95,61 @@ def derivative_apart(function: F, check: Check | None = None) -> F:
         return attached(function(*still(args)), args)
 
     return cast(F, run)
+
+
+def _linear(along: Callable, back: Callable, args: tuple, tangents: T, like: Any) -> T:
+    """Returns along(*args, tangents), linear in these, with the tree and the shapes of `like`.
+
+    `back`, with cotangents in place of tangents, is the transpose.
+    """
+    (given, inner), (returned, outer) = jax.tree.flatten(tangents), jax.tree.flatten(like)
+    arrays, others = eqx.partition(args, eqx.is_array)
+    arrays, structure = jax.tree.flatten(arrays)
+
+    def of_leaves(function, tree):
+        def run(arrays, changes):
+            args = eqx.combine(structure.unflatten(arrays), others)
+            return jax.tree.leaves(function(*args, tree.unflatten(changes)))
+
+        return run
+
+    changes = _linear_p.bind(
+        *arrays,
+        *given,
+        along=of_leaves(along, inner),
+        back=of_leaves(back, outer),
+        given=tuple(jax.typeof(leaf) for leaf in given),
+        returned=tuple(jax.typeof(leaf) for leaf in returned),
+    )
+    return outer.unflatten(changes)
+
+
+_linear_p = Primitive("linear")
+_linear_p.multiple_results = True
+
+
+@_linear_p.def_impl
+def _run_along(*leaves, along, given, **_):
+    num = len(leaves) - len(given)
+    return along(leaves[:num], leaves[num:])
+
+
+def _linear_transposed(cotangents, *leaves, along, back, given, returned):
+    arrays = leaves[: len(leaves) - len(given)]
+    cotangents = map(ad.instantiate_zeros, cotangents)
+    turned = dict(along=back, back=along, given=returned, returned=given)
+    return [None for _ in arrays] + _linear_p.bind(*arrays, *cotangents, **turned)
+
+
+def _linear_batched(leaves, axes, **directions):
+    changes = jax.vmap(partial(_run_along, **directions), axes)(*leaves)
+    return changes, [0] * len(changes)
+
+
+_linear_p.def_abstract_eval(lambda *_, returned, **__: returned)
+ad.deflinear2(_linear_p, _linear_transposed)
+batching.primitive_batchers[_linear_p] = _linear_batched
+mlir.register_lowering(_linear_p, mlir.lower_fun(_run_along, multiple_results=True))
 
 
 def _checked(tangents: T, check: Check) -> T:

@@ -20,6 +20,7 @@ from jax.sharding import NamedSharding
 from jaxtyping import Bool, Complex, Float, Inexact, Int
 
 from ..core.checks import Numbers, as_float, check_positive, check_values, short
+from ..core.compilation import compiled
 from ..core.display import shown
 from . import transforms as _fft
 from .devices import num_devices, put_on, sharding_on, whole_along
@@ -202,6 +203,7 @@ def as_velocity(velocity: Numbers, grid: Grid | None = None) -> Float[Array, "..
     return velocity
 
 
+@compiled
 def direction_and_speed(
     velocity: Float[Array, "..."],
 ) -> tuple[Float[Array, " components"], Float[Array, ""]]:

@@ -347,8 +347,8 @@ def slide(
 
     Differentiable in every leaf of `stack`, `surface`, `law` and `shear`, in `pressure` or
     `mean_gap`, in `velocity` and `temperature`: `jax.grad(lambda s: slide(s, surface, pressure=p,
-    velocity=v).friction)(stack)` is a stack of derivatives. Works under `jit` and `vmap`; for a
-    batch on a CPU prefer `jax.lax.map`, see `solve_contact`.
+    velocity=v).friction)(stack)` is a stack of derivatives. Works under `jit` and `vmap`, see
+    `solve_contact`.
 
     **Arguments:**
 

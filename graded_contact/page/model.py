@@ -1,7 +1,8 @@
 """The numbers of a page: a scene with its knobs, and compiled functions of their values.
 
 Values of knobs are traced: changing one compiles nothing. Another scene of the same structure
-(number of layers, kinds of materials, grid) uses the compiled functions of the first.
+(number of layers, kinds of materials, grid) uses the compiled functions of the first, and one of
+another structure those that only see the grid: the contact, and its derivatives by the kernel.
 """
 
 from collections.abc import Sequence
@@ -15,6 +16,8 @@ import xarray as xr
 from jaxtyping import Array, Float
 
 from ..contact.solver import AbstractContactSolver
+from ..core.compilation import compiled
+from ..core.derivative import derivative_apart
 from ..fields.grid import direction_and_speed
 from ..files.surface_source import RandomSurface
 from ..friction.sliding import Sliding, slide
@@ -136,7 +139,7 @@ class Model:
 
     def contact(self, values: Sequence[float]) -> Contact:
         """Returns the contact at `values` [SI], solved from the last one."""
-        sliding, heights = _contact(self._scenery, jnp.array(values), self._start)
+        sliding, heights = _slide(self._scenery, jnp.array(values), self._start)
         sliding.before_display()  # here in the thread, not when the page reads its numbers
         if np.all(np.isfinite(np.asarray(sliding.pressure))):
             self._start = sliding.pressure
@@ -174,6 +177,8 @@ class Model:
         return document
 
 
+@derivative_apart
+@compiled
 def _at(scenery: Scenery, numbers: Array) -> tuple[Stack, Surface, Any, Array, Any]:
     """Block, surface, its spectrum, pressure and velocity with knobs at `numbers`."""
     kinds = (target.kind for target in scenery.targets)
@@ -215,6 +220,7 @@ def _curves(scenery, numbers, waves, speeds):
     return modulus.astype(complex), *jax.lax.map(at, along)
 
 
+# Not in one `jit`: what does not depend on the block is compiled once for all blocks.
 def _slide(scenery, numbers, start, solution=None):
     stack, surface, _, pressure, velocity = _at(scenery, numbers)
     return slide(
@@ -223,17 +229,10 @@ def _slide(scenery, numbers, start, solution=None):
     ), surface.heights  # fmt: skip
 
 
-@eqx.filter_jit
-def _contact(scenery, numbers, start):
-    return _slide(scenery, numbers, start)
-
-
-@eqx.filter_jit
 def _derivatives(scenery, numbers, contact):
     def observed(numbers):
         sliding, _ = _slide(scenery, numbers, None, solution=contact)
-        return jnp.stack([sliding.friction, sliding.contact_area_smooth])
+        return jnp.stack(sliding.compute("friction", "contact_area_smooth"))
 
     found, pull = jax.vjp(observed, numbers)
-    # One after the other: together they would run until the slower has converged.
-    return found, jax.lax.map(lambda row: pull(row)[0], jnp.eye(2, dtype=numbers.dtype))
+    return found, jnp.stack([pull(row)[0] for row in jnp.eye(2, dtype=numbers.dtype)])

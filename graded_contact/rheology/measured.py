@@ -5,6 +5,7 @@ extrapolation. A limited material has two methods, `coverage()` and `check(omega
 functions below find all that is limited in a material, profile or stack.
 """
 
+import functools
 from typing import Any, Protocol, runtime_checkable
 
 import equinox as eqx
@@ -126,6 +127,11 @@ def check_frequencies(tree: Any, omega: Float[Array | np.ndarray, "..."]) -> Non
 
 def _limited(tree):
     def limited(node):
-        return isinstance(node, Limited)
+        return _is_limited(type(node))
 
     return [node for node in jax.tree.leaves(tree, is_leaf=limited) if limited(node)]
+
+
+@functools.cache  # Python compares a class with a protocol method by method
+def _is_limited(kind: type) -> bool:
+    return issubclass(kind, Limited)

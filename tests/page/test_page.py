@@ -17,7 +17,7 @@ import graded_contact as gc
 from graded_contact.files.scene import read_scene
 from graded_contact.page import model as models
 from graded_contact.page.address import from_address
-from graded_contact.page.document import open_document, with_moduli
+from graded_contact.page.document import open_document, with_layer, with_moduli
 from graded_contact.page.model import Model
 
 pytest.importorskip("panel")
@@ -95,6 +95,17 @@ def test_turning_compiles_nothing(model):
         stage(turned)
     assert not compiled
     jax.monitoring.clear_event_listeners()
+
+
+def test_a_layer_more_compiles_no_contact(model, document, caplog):
+    model.contact(model.values)
+    higher = Model(with_layer(document, None))
+    with jax.log_compiles():
+        higher.contact(higher.values)
+    programs = [
+        name for name in ("_direct_kernel", "_begin", "_solution") if f"jit({name})" in caplog.text
+    ]
+    assert programs == ["_direct_kernel"]
 
 
 def test_downloads_have_units_and_everything_that_is_shown(model):
