@@ -170,9 +170,3 @@ def test_unusual_sizes_heights_and_slopes_are_told(size, height, words):
     values = height * np.random.default_rng(0).normal(size=(32, 32))
     caveats = gc.surface.surface_from_heights(values, size).caveats
     assert (words in " ".join(caveats)) if words else caveats == ()
-
-
-def test_friction_of_an_elastic_block_is_not_doubted():
-    """It is rounding: its ratio to the friction from the slope says nothing of the grid."""
-    found = solves(friction=2.8e-18, geometric_friction=-1.9e-4, slope_in_contact=0.085)
-    assert caveats_of(found) == ()

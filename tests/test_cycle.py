@@ -130,18 +130,6 @@ def test_slow_motion_is_the_relaxed_contact_and_fast_sliding_the_glassy_one():
     np.testing.assert_allclose(gliding.mean_gap, expected.mean_gap, rtol=1e-5)
 
 
-def test_mirrored_surface_has_the_loop_mirrored_through_its_centre():
-    """h(-x) under -s(t), which is s(-t) and s(t + T/2): the force is -F at the same time."""
-    mirrored = gc.Surface(jnp.roll(ROUGH.heights[::-1], 1), GRID)
-    found, other = cycle(), cycle(surface=mirrored)
-    there, back = found.friction, -jnp.roll(other.friction, N // 2)
-    np.testing.assert_allclose(back, there, atol=1e-8)
-    np.testing.assert_allclose(other.work, found.work, rtol=1e-8)
-    assert 0 < found.phase < np.pi / 2
-    shifted = cycle(s=0.2 * np.sin(2 * np.pi * (TIMES + 0.25)))
-    np.testing.assert_allclose(shifted.friction, jnp.roll(found.friction, -N // 4), atol=1e-8)
-
-
 def test_a_load_cycle_without_motion_loses_what_load_and_approach_do():
     """-∮ σ0 dū is the dissipation, to the order of the times."""
     lost = []

@@ -57,12 +57,6 @@ def test_maps_have_units_with_x_to_the_right_and_y_upwards():
     assert labels[2:4] == ["$x$ [mm]", "height into the solid [µm]"]
 
 
-def test_a_profile_is_drawn_as_lines():
-    figure = gc.plot.plot_sliding(*make_fields((16,)))
-    assert [axes.get_ylabel().split("\n")[1] for axes in figure.axes] == ["[µm]", "[MPa]", "[µm]"]
-    figure.draw_without_rendering()
-
-
 def test_an_outlier_does_not_set_the_scale_and_the_bar_shows_it():
     fields, surface = make_fields((32, 32))
     without = gc.plot.plot_sliding(fields, surface)
@@ -155,16 +149,6 @@ def test_seeds_are_a_band_paths_are_colours_and_temperatures_dashes():
     }  # fmt: skip
     every = gc.plot.plot_sweep(results, all_seeds=True).axes[0]
     assert len(straight(every)) == 6 * (1 + 2)
-
-
-def test_a_legend_lies_below_the_panels_and_these_have_letters():
-    figure = gc.plot.plot_sweep(made(VARIED))
-    figure.draw_without_rendering()
-    (legend,) = figure.legends
-    top = legend.get_window_extent().y1
-    assert all(axes.get_tightbbox().y0 >= top for axes in figure.axes)
-    assert [axes.get_title("left") for axes in figure.axes] == ["(a)", "(b)"]
-    assert all(axes.get_legend() is None for axes in figure.axes)
 
 
 @pytest.mark.parametrize(
@@ -334,12 +318,6 @@ def test_a_figure_is_the_same_whatever_the_user_has_set_and_leaves_that_alone(tm
         assert dict(matplotlib.rcParams) == before
     dates = re.compile(rb"<dc:date>.*?</dc:date>")
     assert dates.sub(b"", plain) == dates.sub(b"", other)
-
-
-def test_fonts_in_a_pdf_are_truetype(tmp_path):
-    gc.plot.plot_outline(*disc()).savefig(tmp_path / "a.pdf")
-    content = (tmp_path / "a.pdf").read_bytes()
-    assert b"/FontFile2" in content and b"/Type3" not in content
 
 
 def test_the_outline_of_a_contact_runs_between_its_points_and_the_others():

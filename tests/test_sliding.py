@@ -54,16 +54,6 @@ def test_block_at_rest_has_the_relaxed_modulus_and_no_friction():
     assert abs(elastic.friction) <= 1e-13
 
 
-def test_velocity_along_y_on_the_transposed_surface_swaps_the_axes():
-    along_x = gc.slide(coated(), SURFACE, pressure=4e5, velocity=[0.1, 0.0], rtol=1e-9)
-    swapped = gc.Surface(SURFACE.heights.T, GRID)
-    along_y = gc.slide(coated(), swapped, pressure=4e5, velocity=[0.0, 0.1], rtol=1e-9)
-    np.testing.assert_allclose(along_y.friction, along_x.friction, rtol=1e-7)
-    np.testing.assert_allclose(
-        along_y.pressure.T, along_x.pressure, atol=1e-6 * along_x.pressure.max()
-    )
-
-
 def test_along_an_oblique_velocity_a_solve_keeps_its_promise_and_its_derivatives():
     """An operator that is not that of its half spectrum left penetrations of 4e-5 at 1e-10."""
     grid = gc.Grid((32, 32), CELL)

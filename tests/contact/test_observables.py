@@ -53,25 +53,6 @@ def test_smooth_area_of_a_wave_follows_westergaard_between_pixels():
     assert np.max(np.abs(errors)) <= 0.1 / n
 
 
-def test_smooth_area_converges_faster_than_the_pixel_count():
-    areas = {}
-    for n in (64, 256):
-        grid = gc.Grid((n, n), 1.0)
-        surface = gc.surface.resample(rough(GRID), (n, n))
-        kernel = gc.stack_kernel(BODIES["bare"], grid, SPEED)
-        s = gc.solve_contact(kernel, surface.heights, 0.2)
-        contact = s.pressure > 0
-        areas[n] = (
-            area_of.contact_area(contact),
-            area_of.contact_area_corrected(contact),
-            area_of.contact_area_smooth(contact_indicator(s, kernel, grid)),
-        )
-    best = areas[256][2]
-    count, corrected, smooth = (abs(float(a - best)) for a in areas[64])
-    assert smooth < 0.2 * count
-    assert corrected < 0.2 * count
-
-
 def test_smooth_area_is_exact_at_its_ends_and_has_finite_gradients_at_corners_of_contact():
     """One point alone in contact, with zero pressure, touches every guard of the contour."""
     everywhere = jnp.ones((16, 16))

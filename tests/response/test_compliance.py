@@ -156,13 +156,6 @@ def test_kernel_of_a_scalar_velocity_is_that_of_the_vector_along_x(shape):
     )
 
 
-def test_kernel_of_a_line_is_that_of_the_row_at_qy_zero():
-    stack = stack_of([1e-3])
-    line = gc.stack_kernel(stack, gc.Grid((16,), 1e-2), 0.3)
-    plane = gc.stack_kernel(stack, gc.Grid((16, 8), 1e-2), 0.3)
-    np.testing.assert_allclose(line, plane[:9, 0], rtol=1e-15)
-
-
 def test_kernel_of_elastic_materials_is_real():
     stack = gc.Stack(layers=(gc.Layer(gc.Elastic(1e6), 1e-3),), base=gc.Rigid())
     kernel = gc.stack_kernel(stack, gc.Grid((8, 8), 1e-2), 0.3)

@@ -99,19 +99,6 @@ def test_gradient_matches_central_differences():
     np.testing.assert_allclose(slopes, differences, rtol=1e-7, atol=1e-7)
 
 
-def test_float32_gradients_have_the_right_size():
-    def slopes(dtype):
-        material = jax.tree.map(lambda x: x.astype(dtype), glassy())
-        omega = jnp.asarray(2e3, dtype)
-        slopes = jax.jit(jax.grad(lambda m: m.poisson_ratio(omega).imag))(material)
-        leaves = zip(jax.tree.leaves(slopes), jax.tree.leaves(material), strict=True)
-        return [slope * leaf for slope, leaf in leaves]
-
-    for single, double in zip(slopes(jnp.float32), slopes(jnp.float64), strict=True):
-        assert single.dtype == jnp.float32
-        np.testing.assert_allclose(single, double, rtol=1e-4, atol=1e-7)
-
-
 def test_temperature_reaches_both_parts():
     shift = WLF(17.4, 51.6, 373.0)
     material = BulkShear(Elastic(2e9), Prony(2e6, [2e7], [1e2], shift=shift))
