@@ -29,6 +29,7 @@ def solves(**changed):
         ({}, []),
         ({"friction": np.nan, "geometric_friction": np.nan}, []),
         ({"friction": 0.0, "geometric_friction": 2e-5}, []),  # at rest
+        ({"friction": 2.8e-18, "geometric_friction": -1.9e-4}, []),  # elastic: rounding
         ({"friction": 0.3, "geometric_friction": 0.34}, ["differ by 13%"]),
         ({"slope_in_contact": 0.5}, ["rms slope where it carries the load is 0.5"]),
         ({"unmeasured_friction": 0.11}, ["11% of the friction"]),

@@ -570,15 +570,12 @@ def test_a_fit_takes_several_files_and_the_options_that_messages_name(tmp_path):
         ("never read", ("--card", "abacus"), "`--card abacus` is not known; did you mean `abaqus`"),
         ("f [Hz],E' [Pa],E'' [Pa],T\n1,2e6,1e5,20\n2,2e6,1e5,20\n", (), "--unit QUANTITY=UNIT"),
         ("t [s],E(t) [Pa]\n1,2e6\n2,1e6\n", ("--loss-weight", 0), "relaxation has one channel"),
-        (
-            "f [Hz],E' [Pa],E'' [Pa]\n1,2e6,9e5\n2,1e3,9e5\n3,1e9,2\n4,1e2,3e9\n",
-            (),
-            "(`--loss-weight`), and `--anyway` fits them as they are.",
-        ),
+        ("f [Hz],E' [Pa],E'' [Pa]\n1,2e6,9e5\n2,1e3,9e5\n3,1e9,2\n4,1e2,3e9\n", (),
+         "(`--loss-weight`), and `--anyway` fits them as they are."),
         ("f [Hz],E' [Pa],E'' [Pa]\n1,2e6,1e5\n", ("--unit", "MPa"), "write QUANTITY=UNIT"),
         ("f [Hz],E' [Pa],E'' [Pa]\n1,2e6,1e5\n2,3e6,1e5\n", ("--law", "foo"), "`--law foo` is"),
     ],
-)
+)  # fmt: skip
 def test_a_file_that_cannot_be_fitted_is_refused_in_one_message(
     tmp_path, text, arguments, expected
 ):

@@ -310,20 +310,14 @@ NODES = jnp.stack([SPECTRUM.q_low, SPECTRUM.q_roll, SPECTRUM.q_high])
 @pytest.mark.parametrize(
     ("stack", "roughness", "as_spectrum"),
     [
-        (
-            gc.Stack(layers=(COAT,), base=gc.HalfSpace(RUBBER)),
-            gc.SelfAffine(rms_height=1e-4, hurst=0.7, q_low=Q0, q_roll=3.3 * Q0, q_high=90 * Q0),
-            lambda spectrum: spectrum,
-        ),
+        (gc.Stack(layers=(COAT,), base=gc.HalfSpace(RUBBER)), gc.SelfAffine(rms_height=1e-4,
+         hurst=0.7, q_low=Q0, q_roll=3.3 * Q0, q_high=90 * Q0), lambda spectrum: spectrum),
         (BARE, (NODES, SPECTRUM.density(NODES)), lambda pair: pair),
-        (
-            BARE,
-            jnp.asarray(0.2),
-            lambda tilt: gc.Surface(SURFACE.heights * (1 + tilt * jnp.sin(2 * jnp.pi * X)), GRID),
-        ),
+        (BARE, jnp.asarray(0.2),
+         lambda tilt: gc.Surface(SURFACE.heights * (1 + tilt * jnp.sin(2 * jnp.pi * X)), GRID)),
     ],
     ids=["spectrum", "pair of arrays", "surface"],
-)
+)  # fmt: skip
 def test_gradient_by_every_leaf_matches_central_differences(stack, roughness, as_spectrum):
     """Every leaf of stack and spectrum, pressure, and both components of the velocity."""
 

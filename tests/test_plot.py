@@ -19,7 +19,6 @@ from graded_contact.core.quantities import OBSERVABLES
 from graded_contact.files.dataset import attach
 from graded_contact.files.results import surface_variables
 from graded_contact.plot.words import title_of
-from graded_contact.studies.uncertainty import Sensitivity
 
 
 class Fields(NamedTuple):
@@ -273,17 +272,6 @@ def test_units_suit_the_size(largest, unit):
     name, factor = unit_of("m", largest)
     assert name == unit
     assert largest in (0, 1e-20) or 1 <= factor * largest * (1 + 1e-12) < 1000
-
-
-def test_a_sensitivity_is_drawn_by_channel_with_units():
-    omega = np.geomspace(1.0, 1e4, 5)
-    one = Sensitivity(*map(jnp.asarray, (omega, -np.linspace(0, 1, 5), np.linspace(0, 2, 5))))
-    figure = gc.plot.plot_sensitivity({"slow": one, "fast": one})
-    loss, storage = figure.axes
-    for axes, values in ((loss, one.loss), (storage, one.storage)):
-        for line in axes.lines[:2]:
-            np.testing.assert_array_equal(line.get_xdata(), omega)
-            np.testing.assert_array_equal(line.get_ydata(), values)
 
 
 BARE = ("", "evaluation", "objective", "constraint (0 or more allowed)")  # labels without a unit
