@@ -26,9 +26,11 @@ def always_large(monkeypatch):
     monkeypatch.setattr(splitting, "DRAFTED_FROM", 0)
 
 
-@pytest.mark.parametrize("shape", [(16, 16), (15, 12), (24,)])
 @pytest.mark.parametrize("load", [0.02, 0.2])
-@pytest.mark.parametrize("name", ["elastic", "coated"])
+@pytest.mark.parametrize(
+    "name, shape",
+    [("elastic", (16, 16)), ("coated", (16, 16)), ("coated", (15, 12)), ("coated", (24,))],
+)
 def test_pressure_matches_a_dense_complementarity_solve(name, load, shape):
     """Symmetric and, sliding, nonsymmetric; square, odd and one-dimensional."""
     grid = gc.Grid(shape, 1.0)
@@ -158,7 +160,7 @@ def test_mean_of_the_kernel_is_ignored(value):
     np.testing.assert_array_equal(found.mean_gap, expected.mean_gap)
 
 
-@pytest.mark.parametrize("fraction", [0.143566, 0.5, 0.856434])
+@pytest.mark.parametrize("fraction", [0.143566, 0.856434])
 def test_wave_matches_westergaard(fraction):
     """V8; the edge of contact is uncertain by a pixel on each side."""
     n, amplitude = 512, 1e-3
@@ -290,9 +292,9 @@ def test_error_hidden_by_rounding_is_reported():
     assert found.error > 2e-5
 
 
-@pytest.mark.parametrize("cell, modulus", [(1e-9, 1e12)])
-def test_small_cells_and_stiff_solids_in_float32(cell, modulus):
+def test_small_cells_and_stiff_solids_in_float32():
     """A product of two of their compliances is less than the least number."""
+    cell, modulus = 1e-9, 1e12
     kernel, heights = half_space(GRID), rough(GRID).heights
     best = gc.solve_contact(kernel, heights, 0.02)
     kernel = jnp.asarray(kernel * (cell / modulus), jnp.float32)
@@ -387,8 +389,7 @@ def test_bad_argument_is_refused(case, unchecked_types):
         gc.solve_contact(kernel, heights, arguments.pop("pressure"), **arguments)
 
 
-@pytest.mark.parametrize("shape", [(16, 16), (24,)])
-@pytest.mark.parametrize("name", ["elastic", "coated"])
+@pytest.mark.parametrize("name, shape", [("elastic", (16, 16)), ("coated", (24,))])
 def test_hardness_matches_a_dense_solve_with_both_bounds(name, shape):
     """The same points flow, touch and stand apart; a third of the load is beyond the hardness."""
     heights = np.random.default_rng(1).normal(size=shape) * 0.05
