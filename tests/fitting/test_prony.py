@@ -357,7 +357,7 @@ def test_limits_of_a_single_unknown_are_those_of_a_mean():
     """
     omega = OMEGA[1 / TIME[39] < OMEGA]
     ratios = []
-    for seed in range(30):
+    for seed in range(20):
         values = noisy(3e6 * np.exp(-TIME[:40] / 0.1), 0.05, seed)
         fit = fit_relaxation(TIME[:40], values, equilibrium=0, times=[0.1])
         logs = np.log(values) + TIME[:40] / 0.1
@@ -431,7 +431,9 @@ def problem(kind, fit):
     return function, begin
 
 
-@pytest.mark.parametrize("kind, fit", [*((kind, "free") for kind in FITS), ("frequency", "times")])
+@pytest.mark.parametrize(
+    "kind, fit", [("frequency", "free"), ("creep", "free"), ("frequency", "times")]
+)
 def test_derivatives_by_everything_given_match_differences(kind, fit):
     """A relative change of every number at once, in a random direction."""
     function, begin = problem(kind, fit)

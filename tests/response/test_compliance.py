@@ -162,7 +162,7 @@ def test_kernel_of_elastic_materials_is_real():
     assert jnp.issubdtype(kernel.dtype, jnp.floating)
 
 
-@pytest.mark.parametrize("num_layers", [0, 2, 6])
+@pytest.mark.parametrize("num_layers", [0, 6])
 def test_gradient_by_every_leaf_matches_central_differences(num_layers):
     def value(stack, q, omega):
         m = gc.surface_compliance(stack, q, omega)
