@@ -523,7 +523,8 @@ REFUSED = [
      r"`modulus.imag\[0\]=-.*must be positive; NaN, or a weight of 0"),
     (fit_prony, OMEGA, np.full(60, np.nan + 1j * np.nan), {}, r"holds 0 measured value\(s\)"),
     # Arguments out of range.
-    (fit_prony, *FREQUENCY, {"terms": 0}, "`terms=0` must be a whole number, at least 1"),
+    (fit_prony, *FREQUENCY, {"terms": 0, "equilibrium": 0.0},
+     "`terms=0` must be a whole number, at least 1"),
     (fit_prony, *FREQUENCY, {"terms": 61, "equilibrium": 0.0},
      "`terms=61` has 122 unknowns, more than the 120"),
     (fit_prony, *FREQUENCY, {"terms": 3, "within": 0.1}, "`terms` and `within` both set the numb"),
