@@ -126,6 +126,7 @@ def test_contact_mechanics_challenge_is_solved_where_its_range_is_resolved():
     assert coarse.result != gc.contacts.RESULTS.successful
 
 
+@pytest.mark.slow
 def test_wave_of_short_range_follows_johnson_kendall_roberts():
     """K. L. Johnson, Int. J. Solids Struct. 32 (1995) 423: p = p* sin² - (2 E* w tan(πa)/λ)^½.
 

@@ -70,6 +70,7 @@ def test_batch_of_hard_and_ordinary_contacts_is_that_of_each():
         assert np.linalg.norm(batch.pressure[i] - expected) <= 1e-8 * scale
 
 
+@pytest.mark.slow
 def test_few_rough_points_on_moduli_far_apart_converge():
     n = 48
     rng = np.random.default_rng(0)
