@@ -12,7 +12,6 @@ from graded_contact.response.interior import (
     stress_field,
     von_mises,
 )
-from graded_contact.response.matrix import surface_compliance_matrix
 from graded_contact.response.stack import interface_depths
 from graded_contact.rheology.material import BulkShear
 
@@ -93,24 +92,6 @@ def test_fields_match_transfer_matrices_in_mpmath(base):
                 np.testing.assert_allclose(value, expected, rtol=0, atol=tolerance * size)
                 compared += 1
     assert compared > 110
-
-
-@pytest.mark.parametrize("base", BASES)
-def test_surface_carries_the_traction_and_moves_as_the_compliance_matrix_says(base):
-    stack = stack_on(base)
-    depths = depths_of(stack)
-    displacement, stress = fields_of(stack, [z for z, _ in depths])
-    np.testing.assert_allclose(
-        -stress[:, 0, :, 2], np.broadcast_to(TRACTION, (len(WAVES), 3)), atol=1e-15
-    )
-    matrix = surface_compliance_matrix(stack, *WAVES.T, OMEGA)
-    expected = np.asarray(matrix @ TRACTION)
-    size = np.max(np.abs(expected), axis=1, keepdims=True)
-    np.testing.assert_allclose(displacement[:, 0] / size, expected / size, atol=1e-14)
-    if base == "rigid":
-        assert not np.any(displacement[:, -1])
-    if base == "free":
-        assert not np.any(stress[:, -1, :, 2])
 
 
 def test_tractions_are_continuous_and_lateral_stresses_jump_across_interfaces():
