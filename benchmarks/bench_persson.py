@@ -65,16 +65,11 @@ def speed():
     error = max(
         float(np.max(np.abs(a / b - 1))) for a, b in zip(value(thickness), exact, strict=True)
     )
-    report(
-        "bench_persson-speed",
-        {
-            "curve of 50 velocities, first [s]": first,
-            "warm [ms]": 1e3 * warm,
-            "with gradient, first [s]": first_gradient,
-            "with gradient, warm [ms]": 1e3 * warm_gradient,
-            "error of the quadrature": error,
-        },
-    )
+    report("bench_persson-speed", {
+        "curve of 50 velocities, first [s]": first, "warm [ms]": 1e3 * warm,
+        "with gradient, first [s]": first_gradient, "with gradient, warm [ms]": 1e3 * warm_gradient,
+        "error of the quadrature": error,
+    })  # fmt: skip
     goal("curve <= 50 ms", f"{1e3 * warm:.1f} ms")
     goal("quadrature error <= 1e-6 (against three times the nodes)", f"{error:.1e}")
     goal("gradient <= 3 x curve", f"{warm_gradient / warm:.2f} x")

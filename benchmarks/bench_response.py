@@ -124,17 +124,12 @@ def hard(count=20000, seed=0, processes=2):
         ]
     for name, some in sets:
         finite = theirs[some & np.isfinite(theirs)]
-        report(
-            "bench_response-hard",
-            {
-                "stacks": name,
-                "number": int(np.sum(some)),
-                **quantiles("error", ours[some]),
-                **quantiles("error of the 3x3 recursion", finite),
-                "not finite there": float(1 - len(finite) / np.sum(some)),
-                "no digit there": float(np.mean(~(theirs[some] < 0.1))),
-            },
-        )
+        report("bench_response-hard", {
+            "stacks": name, "number": int(np.sum(some)), **quantiles("error", ours[some]),
+            **quantiles("error of the 3x3 recursion", finite),
+            "not finite there": float(1 - len(finite) / np.sum(some)),
+            "no digit there": float(np.mean(~(theirs[some] < 0.1))),
+        })  # fmt: skip
     above = np.sum(~(ours <= 1e-14))
     goal("worst <= 1e-14", f"{np.max(ours):.1e}; {above} of {len(ours)} above it")
 
@@ -188,16 +183,11 @@ def derivative_rows(names, mode, values, exact, unit):
     alive = size > DEAD * unit
     for i, name in enumerate(names):
         some = alive[:, i]
-        report(
-            "bench_response-derivatives",
-            {
-                "by": name,
-                "mode": mode,
-                **quantiles("relative error", itself[some, i]),
-                "ill-conditioned, left out": float(np.mean(~some)),
-                **quantiles("error over M/p or itself", larger[:, i]),
-            },
-        )
+        report("bench_response-derivatives", {
+            "by": name, "mode": mode, **quantiles("relative error", itself[some, i]),
+            "ill-conditioned, left out": float(np.mean(~some)),
+            **quantiles("error over M/p or itself", larger[:, i]),
+        })  # fmt: skip
     return np.max(itself[alive])
 
 
@@ -365,17 +355,10 @@ def speed(sizes=(1024, 2048, 4096), bodies=tuple(BODIES), repeat=5, points=4000)
             first = time.perf_counter() - start
             warm = timed(run, repeat)
             error = kernel_error(stack, grid, kernel, points)
-            report(
-                "bench_response-speed",
-                {
-                    "body": name,
-                    "N": n,
-                    "first call [s]": first,
-                    "warm [s]": warm,
-                    "over an FFT pair": warm / bare,
-                    "error": float(error),
-                },
-            )
+            report("bench_response-speed", {
+                "body": name, "N": n, "first call [s]": first, "warm [s]": warm,
+                "over an FFT pair": warm / bare, "error": float(error),
+            })  # fmt: skip
             if n == 2048 and most:
                 goal(f"{name}: <= {most} FFT pairs", f"{warm / bare:.2f}")
 

@@ -44,18 +44,11 @@ def row(v, points):
     found, pairs = glide(v, points)
     found = (found[0] / A, found[1] / A, found[2] / exact.peak_pressure, found[3] / A)
     errors = np.abs(np.subtract(found, expected))
-    report(
-        "bench_contact-cylinder",
-        {
-            "speed": v,
-            "points to a half-width": points,
-            "FFT pairs": float(pairs),
-            "half-width": float(errors[0]),
-            "offset": float(errors[1]),
-            "peak pressure": float(errors[2]),
-            "friction": float(errors[3]),
-        },
-    )
+    report("bench_contact-cylinder", {
+        "speed": v, "points to a half-width": points, "FFT pairs": float(pairs),
+        "half-width": float(errors[0]), "offset": float(errors[1]),
+        "peak pressure": float(errors[2]), "friction": float(errors[3]),
+    })  # fmt: skip
     return errors
 
 

@@ -117,22 +117,12 @@ def compare(n, load, targets, peers, tries, repeat, ratios, differing, hints):
     def row(solver, target, tolerance, pairs, seconds, pressure, ratio=""):
         errors = errors_of(pressure, best)
         differ = int(np.sum((np.asarray(pressure) > 0) != np.asarray(best.pressure > 0)))
-        report(
-            "bench_contact-elastic",
-            {
-                "p/E*": load,
-                "N": n,
-                "solver": solver,
-                "target error": target,
-                "error of the pressure": float(errors.pressure),
-                "error of the area": float(errors.area),
-                "pixels that differ": differ,
-                "FFT pairs": pairs,
-                "time [s]": seconds,
-                "over our time": ratio,
-            },
-            f"  tolerance {tolerance:.1e}",
-        )
+        report("bench_contact-elastic", {
+            "p/E*": load, "N": n, "solver": solver, "target error": target,
+            "error of the pressure": float(errors.pressure),
+            "error of the area": float(errors.area), "pixels that differ": differ,
+            "FFT pairs": pairs, "time [s]": seconds, "over our time": ratio,
+        }, f"  tolerance {tolerance:.1e}")  # fmt: skip
         if target <= 1e-8:
             differing.append((differ, f"{solver}, N = {n}, p/E* = {load:g}"))
 
@@ -202,17 +192,10 @@ def kernel(sizes=(128, 256), loads=(0.01, 0.1)):
                 differ = int(np.sum((found > 0) != np.asarray(expected > 0)))
                 worst, pixels = max(worst, error), pixels + differ
                 area = float(jnp.mean(expected > 0))
-                report(
-                    "bench_contact-kernel",
-                    {
-                        "block": name,
-                        "N": n,
-                        "mean pressure": load,
-                        "area": area,
-                        "difference of the pressures": error,
-                        "pixels that differ": differ,
-                    },
-                )
+                report("bench_contact-kernel", {
+                    "block": name, "N": n, "mean pressure": load, "area": area,
+                    "difference of the pressures": error, "pixels that differ": differ,
+                })  # fmt: skip
     goal(
         "layered contacts as Tamaas finds them, to the pixel",
         f"pressures within {worst:.1e}, {pixels} pixels differ in all",

@@ -73,17 +73,11 @@ def survey(name, draw, num_scenes, seed):
     marks = (1, 10, 50, 90, 99)
     for (way, quantity), found in sorted(ratios.items()):
         shares = np.percentile(found, marks)
-        report(
-            f"bench_contact-{name}",
-            {
-                "prescribed, tolerance": way,
-                "claim of": quantity,
-                "scenes": num_scenes,
-                "broken": broken.get((way, quantity), 0),
-                "true error above rounding": len(found),
-                **{f"{m} %": float(s) for m, s in zip(marks, shares, strict=True)},
-            },
-        )
+        report(f"bench_contact-{name}", {
+            "prescribed, tolerance": way, "claim of": quantity, "scenes": num_scenes,
+            "broken": broken.get((way, quantity), 0), "true error above rounding": len(found),
+            **{f"{m} %": float(s) for m, s in zip(marks, shares, strict=True)},
+        })  # fmt: skip
     goal("no claim is broken", f"{sum(broken.values())} of {sum(map(len, ratios.values()))}")
 
 
@@ -265,17 +259,11 @@ def row(name, contrast, kernel, heights, load):
         found = solve()
         done = found.result == gc.contacts.RESULTS.successful
         pairs[f"pairs to {rtol:g}"] = f"{float(found.num_fft_pairs):.0f}{'' if done else '!'}"
-    report(
-        "bench_contact-hard",
-        {
-            "scene": name,
-            "contrast": contrast,
-            "points in contact": int(jnp.sum(found.pressure > 0)),
-            **pairs,
-            "claimed error at the last": float(found.error),
-            "time of the last [s]": timed(solve, 3),
-        },
-    )
+    report("bench_contact-hard", {
+        "scene": name, "contrast": contrast, "points in contact": int(jnp.sum(found.pressure > 0)),
+        **pairs, "claimed error at the last": float(found.error),
+        "time of the last [s]": timed(solve, 3),
+    })  # fmt: skip
 
 
 def cylinder(points, cell, contrast, speed):

@@ -44,7 +44,7 @@ def unchecked_types():
     jaxtyping.config.update("jaxtyping_disable", False)
 
 
-LONGEST = {"test_notebooks.py", "test_grading.py", "test_table.py", "test_sliding.py"}
+LONGEST = {"test_problem.py", "test_sliding.py", "test_grading.py", "test_run_design.py"}
 
 
 def pytest_collection_modifyitems(items):

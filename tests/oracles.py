@@ -138,7 +138,7 @@ def differences(function, arguments, step=1e-5, fixed=(0.0,)):
 
     By central differences. Numbers equal to one of `fixed` stay.
     """
-    value = jax.jit(function)
+    value = function if hasattr(function, "lower") else jax.jit(function)
     leaves, treedef = jax.tree.flatten(arguments)
     found = []
     for i, leaf in enumerate(leaves):

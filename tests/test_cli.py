@@ -189,41 +189,28 @@ def rerun(folder, tmp_path):
     return run
 
 
-def interrupt_after(monkeypatch, count, number=signal.SIGINT):
+def interrupt_after(monkeypatch, count):
     """A signal comes while the solve of this count is written."""
     write, calls = Store.write, []
 
     def with_signal(*arguments):
         calls.append(None)
         if len(calls) == count:
-            os.kill(os.getpid(), number)
+            os.kill(os.getpid(), signal.SIGINT)
             time.sleep(0.5)
         write(*arguments)
 
     monkeypatch.setattr(Store, "write", with_signal)
 
 
-def test_a_rerun_finds_all_solves(rerun, folder, tmp_path, monkeypatch):
-    monkeypatch.setattr(run_module, "slide", None)
-    result = rerun()
-    assert result.exit_code == 0, result.output
-    assert f"2 of 2 solves are found in {tmp_path / 'out' / 'small.points'}" in result.stdout
-    before, after = (read_results(at / "out" / "small.h5") for at in (folder, tmp_path))
-    assert before.friction.identical(after.friction)
-
-
 @pytest.mark.skipif(os.name != "posix", reason="signals are those of POSIX")
-@pytest.mark.parametrize(
-    "number, code",
-    [(signal.SIGINT, 130), pytest.param(signal.SIGTERM, 143, marks=pytest.mark.slow)],
-)
 def test_an_interrupted_run_names_what_was_not_started_and_goes_on(
-    rerun, folder, tmp_path, monkeypatch, number, code
+    rerun, folder, tmp_path, monkeypatch
 ):
     shutil.rmtree(tmp_path / "out")
-    interrupt_after(monkeypatch, 1, number)
+    interrupt_after(monkeypatch, 1)
     result = rerun()
-    assert result.exit_code == code, result.output
+    assert result.exit_code == 130, result.output
     assert "1 of 2 solves were not started" in result.stderr and "converge" not in result.output
     assert "the same command goes on from here" in result.stderr
     told = command("info", tmp_path / "out" / "small.h5")
@@ -283,12 +270,6 @@ def test_a_damaged_point_is_named_and_computed_again(rerun, tmp_path):
     result = rerun()
     assert result.exit_code == 0
     assert f"{point} was damaged: it is computed again" in result.stderr
-
-
-def test_a_second_writer_is_refused(rerun, tmp_path):
-    with Store(tmp_path / "out" / "small.points"):
-        result = rerun()
-    assert result.exit_code == 2 and "is being written by another process" in result.stderr
 
 
 def test_a_kernel_that_fails_is_one_message(rerun, tmp_path, monkeypatch):
@@ -500,21 +481,6 @@ def test_the_progress_shows_what_the_cache_does_not_have():
 
 @pytest.mark.slow
 @pytest.mark.parametrize("kind, off, options", [LAW, TABLE])
-def test_a_scene_takes_the_errors_of_fitted_isotherms(tmp_path, kind, off, options):
-    _, text = fitted_isotherms(tmp_path, off, options)
-    assert f'shift = {{kind = "{kind}"' in text
-    ((_, material, errors),) = parse_scene(text, tmp_path).errors
-    shifted = {path for path in errors.paths if path.startswith("shift.")}
-    if kind == "wlf":
-        assert shifted == {"shift.c1", "shift.c2"}
-        return
-    assert shifted == {f"shift.log10_factors[{i}]" for i in range(4)}
-    reference = np.asarray(errors.directions)[:, errors.paths.index("shift.log10_factors[2]")]
-    assert material.shift.log10_factors[2] == 0 and not np.any(reference)
-
-
-@pytest.mark.slow
-@pytest.mark.parametrize("kind, off, options", [LAW, TABLE])
 def test_errors_of_isotherms_reach_table_csv_and_figures(tmp_path, kind, off, options):
     """Isotherms, fit, pasted table, run: against `propagate` of a master curve in Python."""
     path, text = fitted_isotherms(tmp_path, off, options)
@@ -551,19 +517,6 @@ def test_a_standard_error_sets_the_number_of_digits():
     numbers = ((0.51234, 0.0081), (12.3, 1.26), (0.51234, 0.0), (-4.7e-18, 5e-20))
     texts = ["0.5123 ± 0.0081", "12.3 ± 1.3", "0.5123 ± 0", "-4.700e-18 ± 5e-20"]
     assert [with_error(*pair) for pair in numbers] == texts
-
-
-@pytest.mark.slow
-def test_a_fit_of_several_isotherms_shifts_them(tmp_path):
-    path = moduli_file(tmp_path / "sweeps.csv", [-20.0, -5.0, 10.0, 25.0])
-    result = command("fit", path, "-o", tmp_path, "--terms", 6)
-    assert result.exit_code == 0, result.output
-    assert "WLF with c1 = " in result.stdout and "log10 a_T" in result.stdout
-    table = tomllib.loads((tmp_path / "sweeps.toml").read_text())["materials"]["sweeps"]
-    assert table["shift"]["kind"] == "wlf" and abs(table["shift"]["reference"] - 283.15) < 1e-6
-    assert len(table["times"]) == 6
-    result = command("fit", path, "-o", tmp_path, "--terms", 6, "--law", "arrhenius")
-    assert "Arrhenius with Q = " in result.stdout
 
 
 @pytest.mark.slow
@@ -613,15 +566,12 @@ def test_a_fit_takes_several_files_and_the_options_that_messages_name(tmp_path):
         ("never read", ("--card", "abacus"), "`--card abacus` is not known; did you mean `abaqus`"),
         ("f [Hz],E' [Pa],E'' [Pa],T\n1,2e6,1e5,20\n2,2e6,1e5,20\n", (), "--unit QUANTITY=UNIT"),
         ("t [s],E(t) [Pa]\n1,2e6\n2,1e6\n", ("--loss-weight", 0), "relaxation has one channel"),
-        (
-            "f [Hz],E' [Pa],E'' [Pa]\n1,2e6,9e5\n2,1e3,9e5\n3,1e9,2\n4,1e2,3e9\n",
-            (),
-            "(`--loss-weight`), and `--anyway` fits them as they are.",
-        ),
+        ("f [Hz],E' [Pa],E'' [Pa]\n1,2e6,9e5\n2,1e3,9e5\n3,1e9,2\n4,1e2,3e9\n", (),
+         "(`--loss-weight`), and `--anyway` fits them as they are."),
         ("f [Hz],E' [Pa],E'' [Pa]\n1,2e6,1e5\n", ("--unit", "MPa"), "write QUANTITY=UNIT"),
         ("f [Hz],E' [Pa],E'' [Pa]\n1,2e6,1e5\n2,3e6,1e5\n", ("--law", "foo"), "`--law foo` is"),
     ],
-)
+)  # fmt: skip
 def test_a_file_that_cannot_be_fitted_is_refused_in_one_message(
     tmp_path, text, arguments, expected
 ):
@@ -630,11 +580,6 @@ def test_a_file_that_cannot_be_fitted_is_refused_in_one_message(
     assert result.exit_code == 2
     assert expected in result.stderr and "Traceback" not in result.output
     assert not (tmp_path / "out").exists()
-
-
-def test_help_and_version():
-    assert "demo" in command("--help").stdout
-    assert f"graded-contact {gc.__version__} " in command("--version").stdout
 
 
 def test_the_embedded_scene_runs_at_the_required_resolution(tmp_path, monkeypatch):

@@ -10,12 +10,6 @@ import pytest
 import graded_contact as gc
 
 
-def test_many_materials_are_built_under_vmap():
-    materials = jax.vmap(lambda e: gc.Prony(e, [1e6], [1e-3], 0.3))(jnp.array([1e6, 2e6, 5e6]))
-    moduli = jax.vmap(lambda material: material.modulus(0.0))(materials)
-    np.testing.assert_allclose(moduli.real, [1e6, 2e6, 5e6])
-
-
 class Odd:
     """An object of a class that nobody expects."""
 
@@ -94,10 +88,8 @@ def calls():
         (gc.Blend, dict(bottom=glass, top=solid, shape=gc.shapes.Linear(), mixing="linear")),
         (gc.Mixture, dict(matrix=solid, filler=glass, fraction=gc.shapes.Linear())),
         (gc.BulkShear, dict(bulk=glass, shear=solid)),
-        (
-            gc.contacts.DouglasRachford,
-            dict(max_steps=10, relaxation=0.9, history_length=5, coarsest=64),
-        ),
+        (gc.contacts.DouglasRachford, dict(max_steps=10, relaxation=0.9, history_length=5,
+         coarsest=64)),
         (gc.contacts.ResidualDynamics, dict(max_steps=10, uniform_mass=False)),
         (gc.Elastic, dict(modulus=1e6, poisson=0.3)),
         (gc.Prony, dict(equilibrium=1e6, strengths=[1e6], times=[1e-3], poisson=0.3, shift=wlf)),
@@ -127,10 +119,8 @@ def calls():
         (gc.effective_modulus, wave),
         (gc.surface_compliance_matrix, vector),
         (gc.layered_compliance, layers),
-        (
-            gc.blocks.graded_compliance,
-            wave | dict(stack=graded, rtol=1e-6, graded_solver=gc.blocks.Layering()),
-        ),
+        (gc.blocks.graded_compliance, wave | dict(stack=graded, rtol=1e-6,
+         graded_solver=gc.blocks.Layering())),
         (gc.stack_kernel, dict(stack=stack, grid=grid, velocity=0.1, rtol=1e-8)),
         (gc.stack_kernel, dict(stack=soft, grid=grid, strain=([1e3, 1e4], [0.1, 0.2]))),
         (
@@ -140,10 +130,8 @@ def calls():
         (gc.blocks.kernel_table, dict(stack=stack, grid=grid, velocity=0.1, rtol=1e-8)),
         (gc.blocks.interface_depths, dict(stack=stack)),
         (gc.blocks.interior_fields, vector | dict(depth=1e-4, traction=[0.0, 0.0, 1.0])),
-        (
-            gc.blocks.stress_field,
-            dict(stack=stack, grid=grid, pressure=np.ones((8, 8)), depth=1e-4, velocity=0.1),
-        ),
+        (gc.blocks.stress_field, dict(stack=stack, grid=grid, pressure=np.ones((8, 8)), depth=1e-4,
+         velocity=0.1)),
         (gc.blocks.von_mises, dict(stress=np.eye(3))),
         (gc.blocks.sliced, dict(stack=graded, num_slices=3)),
         (gc.blocks.window_kernel, dict(stack=stack, grid=gc.Grid(8, 1e-3), velocity=0.1)),
@@ -154,63 +142,29 @@ def calls():
         (gc.slide, dict(stack=stack, surface=surface, mean_gap=1e-6, velocity=0.1)),
         (gc.slide, job | dict(shear=peaked, temperature=300.0)),
         (gc.contacts.ConstantShear, dict(stress=1e6)),
-        (
-            gc.contacts.Heating,
-            dict(conductivity=0.25, diffusivity=1e-7, counterface_conductivity=1.0),
-        ),
+        (gc.contacts.Heating, dict(conductivity=0.25, diffusivity=1e-7,
+         counterface_conductivity=1.0)),
         (gc.contacts.heat_depths, dict(stack=stack, grid=grid, num_intervals=4)),
         (gc.contacts.heat_source, dict(sliding=sliding, stack=stack, depths=[1e-4])),
-        (
-            gc.contacts.flash_temperature,
-            dict(
-                sliding=sliding,
-                stack=stack,
-                heating=gc.contacts.Heating(0.25, 1e-7),
-                depths=[0.0],
-            ),
-        ),
+        (gc.contacts.flash_temperature, dict(sliding=sliding, stack=stack,
+         heating=gc.contacts.Heating(0.25, 1e-7), depths=[0.0])),
         (gc.contacts.PeakedShear, dict(peak=1e6, velocity=1e-2, steepness=0.1, shift=wlf)),
         (gc.solve_contact, contact | dict(pressure=1e5) | how),
-        (
-            gc.contacts.follow_contact,
-            dict(kernel=kernel.real, heights=surface.heights, pressure=[1e4, 1e5]) | how,
-        ),
+        (gc.contacts.follow_contact, dict(kernel=kernel.real, heights=surface.heights,
+         pressure=[1e4, 1e5]) | how),
         (gc.contacts.area_against_cutoff, job | dict(cutoffs=[2 * q0, 3 * q0])),
-        (
-            gc.contacts.cumulative_friction,
-            dict(
-                pressure=sliding.pressure,
-                displacement=sliding.displacement,
-                grid=grid,
-                velocity=0.1,
-                num_wavenumbers=5,
-            ),
-        ),
-        (
-            gc.mean_field_friction,
-            dict(
-                stack=soft,
-                spectrum=spectrum,
-                pressure=1e5,
-                velocity=0.1,
-                own_roughness=spectrum,
-                strain_per_slope=1.0,
-                shear=peaked,
-                temperature=300.0,
-            ),
-        ),
+        (gc.contacts.cumulative_friction, dict(pressure=sliding.pressure,
+         displacement=sliding.displacement, grid=grid, velocity=0.1, num_wavenumbers=5)),
+        (gc.mean_field_friction, dict(stack=soft, spectrum=spectrum, pressure=1e5, velocity=0.1,
+         own_roughness=spectrum, strain_per_slope=1.0, shear=peaked, temperature=300.0)),
         (gc.contacts.pressure_distribution, dict(mean_field=field, stress=[1e5])),
         (gc.design.loss_tangent, dict(stack=stack, q=[1e3], velocity=0.1)),
-        (
-            gc.design.friction_curve,
-            dict(stack=stack, spectrum=spectrum, pressure=1e5, velocities=[0.1]),
-        ),
+        (gc.design.friction_curve, dict(stack=stack, spectrum=spectrum, pressure=1e5,
+         velocities=[0.1])),
         (gc.SelfAffine, dict(rms_slope=0.2, roll_off="smooth", anisotropy=2.0, angle=0.3, **band)),
         (gc.materials.StrainSoftening, sweep),
-        (
-            gc.materials.StrainSoftening.from_sweep,
-            dict(material=solid, strain=[1e-3, 1e-1], modulus=[2e6 + 3e5j, 1e6 + 3e5j]),
-        ),
+        (gc.materials.StrainSoftening.from_sweep, dict(material=solid, strain=[1e-3, 1e-1],
+         modulus=[2e6 + 3e5j, 1e6 + 3e5j])),
         (gc.materials.at_strain, dict(block=soft, strain=0.1)),
         (gc.materials.export_prony, dict(material=solid, format="abaqus", name="rubber")),
         (gc.fit_prony, dict(omega=omega, modulus=modulus, terms=2, poisson=0.4)),
@@ -218,14 +172,12 @@ def calls():
         (gc.fit_creep, dict(time=time, compliance=1 / relaxation, terms=2)),
         (gc.with_values, dict(tree=stack, values={"layers[0].thickness": 1e-4})),
         (gc.minimise, dict(objective=square) | bounds | search),
-        (
-            gc.design.scatter,
-            dict(objective=square, parameters={"a": 2.0}, spread=0.1, num_samples=4, seed=0),
-        ),
+        (gc.design.scatter, dict(objective=square, parameters={"a": 2.0}, spread=0.1,
+         num_samples=4, seed=0)),
         (gc.read_moduli, dict(path="missing.csv", kind="frequency")),
         (gc.materials.read_strain_sweep, dict(path="missing.csv", units={}, step="1")),
         (gc.read_surface, dict(path="missing.x3p", periodic="window")),
-    ]
+    ]  # fmt: skip
 
 
 # Functions and nestings of the caller's own, which only the caller's objective can refuse; a mean

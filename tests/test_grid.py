@@ -9,7 +9,6 @@ from graded_contact.fields.grid import (
     derivative,
     half_shape,
     mode_numbers,
-    multiplicity,
     nyquist_lines,
     resample_spectrum,
     to_field,
@@ -71,23 +70,6 @@ def test_wavenumber_has_a_finite_derivative_with_respect_to_the_size():
         (total(size.at[i].add(step)) - total(size.at[i].add(-step))) / (2 * step) for i in (0, 1)
     ]
     np.testing.assert_allclose(jax.grad(total)(size), expected, rtol=1e-8)
-
-
-@pytest.mark.parametrize("shape", SHAPES)
-def test_parseval_holds_with_the_multiplicities(shape):
-    field = np.random.default_rng(1).normal(size=shape)
-    modes = to_spectrum(jnp.asarray(field)) / np.prod(shape)
-    power = np.sum(np.abs(modes) ** 2 * multiplicity(shape))
-    np.testing.assert_allclose(power, np.mean(field**2), rtol=1e-13)
-
-
-@pytest.mark.parametrize("shape", SHAPES)
-def test_the_half_spectrum_is_the_half_of_numpys_plane_and_returns(shape):
-    field = np.random.default_rng(2).normal(size=shape)
-    modes = to_spectrum(jnp.asarray(field))
-    half = tuple(slice(n) for n in half_shape(shape))
-    np.testing.assert_allclose(modes, np.fft.fftn(field)[half], atol=1e-12)
-    np.testing.assert_allclose(to_field(modes, shape), field, atol=1e-14)
 
 
 @pytest.mark.parametrize("shape", [(16,), (15,), (12, 10), (11, 8)])
@@ -178,10 +160,3 @@ def test_a_coarsened_kernel_is_that_of_a_real_operator_alike_along_both_axes(sha
 def test_bad_grids_are_refused(shape, size, message):
     with pytest.raises(ValueError, match=message):
         Grid(shape, size)
-
-
-def test_a_grid_keeps_the_precision_of_its_size():
-    for dtype in (jnp.float32, jnp.float64):
-        grid = Grid((4, 6), jnp.asarray(1e-3, dtype))
-        assert wavenumber(grid).dtype == dtype
-        assert coordinates(grid)[1].dtype == dtype

@@ -1,21 +1,15 @@
 """The notebooks run, in a small size, show figures without warnings, and are stored stripped."""
 
-import os
-import sys
+import io
 from pathlib import Path
 
+import matplotlib.pyplot as plt
 import nbformat
 import pytest
-from jupyter_client.kernelspec import KernelSpecManager
-from jupyter_client.manager import AsyncKernelManager
-from nbclient import NotebookClient
-
-import graded_contact
 
 FOLDER = Path(__file__).parents[1] / "notebooks"
 NOTEBOOKS = sorted(FOLDER.glob("*.ipynb"))
 SMALL = 64  # points along each edge
-PATIENCE = 600  # s, for a kernel to start or a cell to end on a busy machine
 
 
 def read(path):
@@ -24,22 +18,6 @@ def read(path):
 
 def code_cells(notebook):
     return [cell for cell in notebook.cells if cell.cell_type == "code"]
-
-
-def execute(notebook, folder: Path) -> None:
-    """Runs a notebook in `folder`, by this interpreter whatever kernels the machine has."""
-    manager = AsyncKernelManager(
-        kernel_name="python3", kernel_spec_manager=KernelSpecManager(kernel_dirs=[])
-    )
-    assert manager.kernel_spec.argv[0] == sys.executable
-    package = str(Path(graded_contact.__file__).parents[1])
-    environment = {
-        "GRADED_CONTACT_NOTEBOOK_SIZE": str(SMALL),
-        "PYTHONPATH": os.pathsep.join(filter(None, [package, os.environ.get("PYTHONPATH")])),
-        "IPYTHONDIR": str(folder / "ipython"),
-    }
-    client = NotebookClient(notebook, km=manager, timeout=PATIENCE, startup_timeout=PATIENCE)
-    client.execute(cleanup_kc=True, cwd=str(folder), env=os.environ | environment)
 
 
 @pytest.mark.parametrize("path", NOTEBOOKS, ids=lambda path: path.stem)
@@ -59,11 +37,16 @@ RUNS = [
 
 
 @pytest.mark.parametrize("path", RUNS)
-def test_a_notebook_runs_and_shows_figures(path, tmp_path):
-    notebook = read(path)
-    execute(notebook, tmp_path)
-    outputs = [output for cell in code_cells(notebook) for output in cell.outputs]
-    shown = [output for output in outputs if "image/png" in output.get("data", {})]
-    printed = [output.text for output in outputs if output.get("name") == "stderr"]
+def test_a_notebook_runs_and_shows_figures(path, tmp_path, monkeypatch, unchecked_types):
+    """In this process, whose warnings are errors."""
+    monkeypatch.chdir(tmp_path)
+    monkeypatch.setenv("GRADED_CONTACT_NOTEBOOK_SIZE", str(SMALL))
+    names = {"__name__": "notebook"}
+    with plt.rc_context():
+        for cell in code_cells(read(path)):
+            exec(cell.source.replace("%matplotlib inline", ""), names)
+        shown = plt.get_fignums()
+        for number in shown:
+            plt.figure(number).savefig(io.BytesIO())
+        plt.close("all")
     assert shown
-    assert not [text for text in printed if "Warning" in text]

@@ -19,7 +19,6 @@ from graded_contact.core.quantities import OBSERVABLES
 from graded_contact.files.dataset import attach
 from graded_contact.files.results import surface_variables
 from graded_contact.plot.words import title_of
-from graded_contact.studies.uncertainty import Sensitivity
 
 
 class Fields(NamedTuple):
@@ -55,12 +54,6 @@ def test_maps_have_units_with_x_to_the_right_and_y_upwards():
     assert image.origin == "lower"
     labels = [axes.get_xlabel() for axes in figure.axes]
     assert labels[2:4] == ["$x$ [mm]", "height into the solid [µm]"]
-
-
-def test_a_profile_is_drawn_as_lines():
-    figure = gc.plot.plot_sliding(*make_fields((16,)))
-    assert [axes.get_ylabel().split("\n")[1] for axes in figure.axes] == ["[µm]", "[MPa]", "[µm]"]
-    figure.draw_without_rendering()
 
 
 def test_an_outlier_does_not_set_the_scale_and_the_bar_shows_it():
@@ -155,16 +148,6 @@ def test_seeds_are_a_band_paths_are_colours_and_temperatures_dashes():
     }  # fmt: skip
     every = gc.plot.plot_sweep(results, all_seeds=True).axes[0]
     assert len(straight(every)) == 6 * (1 + 2)
-
-
-def test_a_legend_lies_below_the_panels_and_these_have_letters():
-    figure = gc.plot.plot_sweep(made(VARIED))
-    figure.draw_without_rendering()
-    (legend,) = figure.legends
-    top = legend.get_window_extent().y1
-    assert all(axes.get_tightbbox().y0 >= top for axes in figure.axes)
-    assert [axes.get_title("left") for axes in figure.axes] == ["(a)", "(b)"]
-    assert all(axes.get_legend() is None for axes in figure.axes)
 
 
 @pytest.mark.parametrize(
@@ -291,17 +274,6 @@ def test_units_suit_the_size(largest, unit):
     assert largest in (0, 1e-20) or 1 <= factor * largest * (1 + 1e-12) < 1000
 
 
-def test_a_sensitivity_is_drawn_by_channel_with_units():
-    omega = np.geomspace(1.0, 1e4, 5)
-    one = Sensitivity(*map(jnp.asarray, (omega, -np.linspace(0, 1, 5), np.linspace(0, 2, 5))))
-    figure = gc.plot.plot_sensitivity({"slow": one, "fast": one})
-    loss, storage = figure.axes
-    for axes, values in ((loss, one.loss), (storage, one.storage)):
-        for line in axes.lines[:2]:
-            np.testing.assert_array_equal(line.get_xdata(), omega)
-            np.testing.assert_array_equal(line.get_ydata(), values)
-
-
 BARE = ("", "evaluation", "objective", "constraint (0 or more allowed)")  # labels without a unit
 
 
@@ -334,12 +306,6 @@ def test_a_figure_is_the_same_whatever_the_user_has_set_and_leaves_that_alone(tm
         assert dict(matplotlib.rcParams) == before
     dates = re.compile(rb"<dc:date>.*?</dc:date>")
     assert dates.sub(b"", plain) == dates.sub(b"", other)
-
-
-def test_fonts_in_a_pdf_are_truetype(tmp_path):
-    gc.plot.plot_outline(*disc()).savefig(tmp_path / "a.pdf")
-    content = (tmp_path / "a.pdf").read_bytes()
-    assert b"/FontFile2" in content and b"/Type3" not in content
 
 
 def test_the_outline_of_a_contact_runs_between_its_points_and_the_others():

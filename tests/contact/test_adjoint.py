@@ -33,11 +33,11 @@ def derivatives(point, directions, control):
 
 
 CASES = [
-    ("elastic", "hard", "pressure"),
     ("coated", "hardness", "pressure"),
     *(
         pytest.param("coated", law, control, marks=pytest.mark.slow)
         for law, control in [
+            ("hard", "pressure"),
             ("hard", "mean_gap"),
             ("repulsive", "pressure"),
             ("adhesive", "mean_gap"),
@@ -89,19 +89,19 @@ def test_derivatives_match_central_differences(body, law, control):
         np.testing.assert_allclose(reverse, forward[i], rtol=1e-7, err_msg=str(i))
 
 
-def test_gradient_of_a_batch_is_that_of_its_members():
+def test_gradients_of_a_batch_match_its_differences():
     """Under `jit` and `vmap`, over the range of a law."""
     kernel = gc.stack_kernel(BODIES["coated"], GRID, SPEED)
 
     def by_range(length):
         law = gc.RepulsiveLJ(length, 0.05)
-        s = gc.solve_contact(kernel, HEIGHTS, LOAD, law=law, rtol=1e-9)
+        s = gc.solve_contact(kernel, HEIGHTS, LOAD, law=law, rtol=1e-10)
         return jnp.mean(WEIGHTS * s.pressure)
 
-    ranges = jnp.array([1e-3, 2e-3])
-    slope = jax.jit(jax.grad(by_range))
-    batch = jax.jit(jax.vmap(jax.grad(by_range)))(ranges)
-    np.testing.assert_allclose(batch, [slope(r) for r in ranges], rtol=1e-6)
+    batch = jax.jit(jax.vmap(jax.value_and_grad(by_range)))
+    value, slope = batch(1e-3 * jnp.array([1, 1 + 1e-5, 1 - 1e-5, 2, 2 + 1e-5, 2 - 1e-5]))
+    differences = (value[1::3] - value[2::3]) / 2e-8
+    np.testing.assert_allclose(slope[::3], differences, rtol=1e-5)
 
 
 def test_derivative_is_one_sided_where_a_point_only_just_touches():

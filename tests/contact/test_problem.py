@@ -26,9 +26,11 @@ def always_large(monkeypatch):
     monkeypatch.setattr(splitting, "DRAFTED_FROM", 0)
 
 
-@pytest.mark.parametrize("shape", [(16, 16), (15, 12), (24,)])
 @pytest.mark.parametrize("load", [0.02, 0.2])
-@pytest.mark.parametrize("name", ["elastic", "coated"])
+@pytest.mark.parametrize(
+    "name, shape",
+    [("elastic", (16, 16)), ("coated", (16, 16)), ("coated", (15, 12)), ("coated", (24,))],
+)
 def test_pressure_matches_a_dense_complementarity_solve(name, load, shape):
     """Symmetric and, sliding, nonsymmetric; square, odd and one-dimensional."""
     grid = gc.Grid(shape, 1.0)
@@ -117,16 +119,23 @@ def test_first_digits_in_single_precision_change_nothing(monkeypatch):
     """What grids of 2¹⁸ points do, on a small one: a draft, and sums over a sample of rows."""
     heights = rough(GRID).heights
     kernel = gc.stack_kernel(BODIES["coated"], GRID, SPEED)
-    expected = gc.solve_contact(kernel, heights, 0.05, rtol=1e-9)
+
+    def by_load(load, rtol, solver):
+        found = gc.solve_contact(kernel, heights, load, rtol=rtol, solver=solver)
+        return jnp.sum(found.pressure**2), found.pressure
+
+    by_load = jax.value_and_grad(by_load, has_aux=True)
+    (_, expected), slope = by_load(0.05, 1e-9, gc.contacts.DouglasRachford())
     always_large(monkeypatch)
     # Another limit, so that another program is compiled.
-    solver = gc.contacts.DouglasRachford(max_steps=1000)
-    found = gc.solve_contact(kernel, heights, 0.05, rtol=1e-9, solver=solver)
-    scale = np.linalg.norm(expected.pressure)
-    assert found.pressure.dtype == np.float64
-    assert np.linalg.norm(found.pressure - expected.pressure) <= 2e-9 * scale
-    rough_one = gc.solve_contact(kernel, heights, 0.05, rtol=1e-3, solver=solver)
-    error = np.linalg.norm(rough_one.pressure - expected.pressure) / scale
+    large = gc.contacts.DouglasRachford(max_steps=1000)
+    (_, found), same_slope = by_load(0.05, 1e-9, large)
+    scale = np.linalg.norm(expected)
+    assert found.dtype == np.float64
+    assert np.linalg.norm(found - expected) <= 2e-9 * scale
+    np.testing.assert_allclose(same_slope, slope, rtol=1e-7)
+    rough_one = gc.solve_contact(kernel, heights, 0.05, rtol=1e-3, solver=large)
+    error = np.linalg.norm(rough_one.pressure - expected) / scale
     assert 1e-9 < error <= 1e-3
 
 
@@ -151,21 +160,7 @@ def test_mean_of_the_kernel_is_ignored(value):
     np.testing.assert_array_equal(found.mean_gap, expected.mean_gap)
 
 
-def test_derivatives_after_digits_in_single_precision_are_the_same(monkeypatch):
-    heights = rough(GRID).heights
-    kernel = gc.stack_kernel(BODIES["coated"], GRID, SPEED)
-
-    def by_load(load, max_steps):
-        solver = gc.contacts.DouglasRachford(max_steps=max_steps)
-        found = gc.solve_contact(kernel, heights, load, rtol=1e-9, solver=solver)
-        return jnp.sum(found.pressure**2)
-
-    expected = jax.grad(by_load)(0.05, 4000)
-    always_large(monkeypatch)
-    np.testing.assert_allclose(jax.grad(by_load)(0.05, 1001), expected, rtol=1e-7)
-
-
-@pytest.mark.parametrize("fraction", [0.143566, 0.5, 0.856434])
+@pytest.mark.parametrize("fraction", [0.143566, 0.856434])
 def test_wave_matches_westergaard(fraction):
     """V8; the edge of contact is uncertain by a pixel on each side."""
     n, amplitude = 512, 1e-3
@@ -210,19 +205,6 @@ def test_sphere_converges_to_hertz_with_the_grid():
         errors.append(np.sqrt(np.mean((s.pressure - pressure) ** 2) / np.mean(pressure**2)))
     assert errors[1] <= 0.6 * errors[0]
     assert errors[1] <= 0.03
-
-
-def test_full_contact_pressure_follows_from_the_heights():
-    surface = rough(GRID)
-    kernel = np.array(gc.stack_kernel(BODIES["three layers"], GRID, SPEED))
-    kernel[0, 0] = 1
-    spectrum = np.fft.rfft2(surface.heights) / kernel
-    spectrum[0, 0] = 0
-    wave = np.fft.irfft2(spectrum, GRID.shape)
-    load = -1.1 * wave.min()
-    s = gc.solve_contact(kernel, surface.heights, load, rtol=1e-11)
-    assert np.all(s.pressure > 0)
-    np.testing.assert_allclose(s.pressure, load + wave, rtol=0, atol=1e-10 * load)
 
 
 def test_flat_surface_has_uniform_pressure_and_no_gap():
@@ -310,18 +292,9 @@ def test_error_hidden_by_rounding_is_reported():
     assert found.error > 2e-5
 
 
-def test_a_load_on_one_point_is_exact():
-    """However small its pressure is beside what the gaps are worth."""
-    kernel, heights = half_space(GRID), rough(GRID).heights
-    found = gc.solve_contact(kernel, heights, 1e-14)
-    assert np.sum(found.pressure > 0) == 1
-    assert found.error <= 1e-14
-    assert found.num_steps < 100
-
-
-@pytest.mark.parametrize("cell, modulus", [(1e-9, 1e12)])
-def test_small_cells_and_stiff_solids_in_float32(cell, modulus):
+def test_small_cells_and_stiff_solids_in_float32():
     """A product of two of their compliances is less than the least number."""
+    cell, modulus = 1e-9, 1e12
     kernel, heights = half_space(GRID), rough(GRID).heights
     best = gc.solve_contact(kernel, heights, 0.02)
     kernel = jnp.asarray(kernel * (cell / modulus), jnp.float32)
@@ -416,8 +389,7 @@ def test_bad_argument_is_refused(case, unchecked_types):
         gc.solve_contact(kernel, heights, arguments.pop("pressure"), **arguments)
 
 
-@pytest.mark.parametrize("shape", [(16, 16), (24,)])
-@pytest.mark.parametrize("name", ["elastic", "coated"])
+@pytest.mark.parametrize("name, shape", [("elastic", (16, 16)), ("coated", (24,))])
 def test_hardness_matches_a_dense_solve_with_both_bounds(name, shape):
     """The same points flow, touch and stand apart; a third of the load is beyond the hardness."""
     heights = np.random.default_rng(1).normal(size=shape) * 0.05

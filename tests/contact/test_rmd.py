@@ -27,25 +27,6 @@ def solve(law, control="pressure", solver=gc.contacts.ResidualDynamics(), rtol=1
     )
 
 
-@pytest.mark.slow
-@pytest.mark.parametrize(
-    "law, control",
-    [
-        ("repulsive", "pressure"),
-        ("adhesive", "mean_gap"),
-    ],
-)
-def test_dynamics_and_splitting_agree(law, control):
-    moved = solve(law, control)
-    split = solve(law, control, gc.contacts.DouglasRachford(), 1e-10)
-    assert moved.result == gc.contacts.RESULTS.successful
-    # The tolerance is that of gaps; pressures go as their ninth power.
-    scale = np.linalg.norm(split.pressure)
-    assert np.linalg.norm(moved.pressure - split.pressure) <= 30 * 1e-6 * scale
-    np.testing.assert_allclose(moved.mean_gap, split.mean_gap, rtol=1e-5)
-    np.testing.assert_allclose(moved.mean_pressure, split.mean_pressure, rtol=1e-5)
-
-
 @pytest.mark.parametrize("law, control", [("repulsive", "pressure"), ("adhesive", "mean_gap")])
 def test_both_criteria_hold_at_the_end(law, control):
     """The residual of the equations over the gap, by NumPy; `error` is the larger of the two."""

@@ -6,8 +6,6 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from hypothesis import HealthCheck, given, settings
-from hypothesis import strategies as st
 
 from graded_contact.files.moduli.reading import read_moduli
 from graded_contact.files.units import parse_heading, parse_unit
@@ -245,28 +243,6 @@ def test_workbooks_are_read_from_the_sheet_that_is_understood(tmp_path):
     )  # fmt: skip
     with pytest.raises(ValueError, match=r"no `sheet='x'`, only \['Sheet', 'sweep', 'other'\]"):
         read_moduli(tmp_path / "a.xlsx", sheet="x")
-
-
-@given(
-    order=st.permutations(range(4)),
-    columns=st.permutations(range(3)),
-    scale=st.sampled_from([("Pa", 1.0), ("kPa", 1e-3), ("GPa", 1e-9), ("bar", 1e-5)]),
-    hertz=st.booleans(),
-    separator=st.sampled_from(",;\t"),
-)
-@settings(max_examples=25, suppress_health_check=[HealthCheck.function_scoped_fixture])
-def test_the_result_does_not_depend_on_order_or_units(
-    tmp_path, order, columns, scale, hertz, separator
-):
-    unit, factor = scale
-    names = ["f [Hz]" if hertz else "omega [rad/s]", f"E' [{unit}]", f"E'' [{unit}]"]
-    values = [HERTZ if hertz else OMEGA, factor * STORAGE, factor * LOSS]
-    path = written(
-        tmp_path, [names[i] for i in columns], [values[i][order,] for i in columns], separator
-    )
-    measured = read_moduli(path)
-    check(measured)
-    assert list(measured.lines) == [2 + order.index(i) for i in range(4)]
 
 
 # Kinds, overrides, and what is recorded.

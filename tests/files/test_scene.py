@@ -1,6 +1,7 @@
 """Scenes are read strictly and built through the public constructors."""
 
 import inspect
+import re
 from pathlib import Path
 
 import equinox as eqx
@@ -14,36 +15,72 @@ import graded_contact as gc
 from graded_contact.files.moduli.reading import read_moduli
 from graded_contact.files.scene import parse_scene, read_scene
 
-
-@pytest.mark.parametrize(
-    "old, new, place, nearest",
-    [
-        ("hurst =", "hust =", "[surface]", "hurst"),
-        ("velocity = [0.01, 1.0]", "velocity = {from=1.0, too=2.0, points=2}", "[load]", "to"),
-        ('kind = "elastic"', 'kind = "elastik"', "[materials.coat]", "elastic"),
-        ('material = "coat"', 'material = "coating"', "[layers[0]]", "coat"),
-        ("[solver]", "[output]\nfields = 'evry'\n[solver]", "[output]", "every"),
-    ],
-)
-def test_a_misspelt_word_is_refused_with_its_place_and_the_nearest(old, new, place, nearest):
-    with pytest.raises(ValueError) as refusal:
-        parse_scene(changed(old, new))
-    assert place in str(refusal.value)
-    assert f"did you mean `{nearest}`?" in str(refusal.value)
+LAYER = 'material = "coat"\nthickness = 2e-5'
+GRADED = 'bottom = "tread"\ntop = "coat"\nshape = "sinusoidal"\nthickness = 2e-5'
 
 
-@pytest.mark.parametrize(
-    "line, place, key",
-    [
-        ("hurst = 0.8", "[surface]", "hurst"),
-        ("thickness = 2e-5", "[layers[0]]", "thickness"),
-        ('[base]\nkind = "half_space"\nmaterial = "tread"', "the scene", "base"),
-    ],
-)
-def test_a_missing_key_is_named_with_its_place(line, place, key):
-    with pytest.raises(ValueError) as refusal:
-        parse_scene(changed(line, ""))
-    assert str(refusal.value).startswith(f"{place} lacks the key `{key}`")
+def nearest(place, word):
+    return f"{re.escape(place)}.*did you mean `{re.escape(word)}`"
+
+
+def in_table(table, line):
+    """The texts that `changed` takes to add a table of one line."""
+    return "[solver]", f"[{table}]\n{line}\n[solver]"
+
+
+# What is changed, each text for the next, and what the refusal says.
+REFUSED = [
+    # Misspelt words.
+    (("hurst =", "hust ="), nearest("[surface]", "hurst")),
+    (("= [0.01, 1.0]", "= {from=1.0, too=2.0, points=2}"), nearest("[load]", "to")),
+    (('kind = "elastic"', 'kind = "elastik"'), nearest("[materials.coat]", "elastic")),
+    (('material = "coat"', 'material = "coating"'), nearest("[layers[0]]", "coat")),
+    (in_table("output", "fields = 'evry'"), nearest("[output]", "every")),
+    (in_table("sweep", '"layers[0].thicknes" = [1e-5]'),
+     nearest("[sweep] `layers[0].thicknes`", "layers[0].thickness")),
+    # Missing keys.
+    (("hurst = 0.8", ""), r"^\[surface\] lacks the key `hurst`"),
+    (("thickness = 2e-5", ""), r"^\[layers\[0\]\] lacks the key `thickness`"),
+    (('[base]\nkind = "half_space"\nmaterial = "tread"', ""), "^the scene lacks the key `base`"),
+    # Wrong values.
+    (("hurst = 0.8", 'hurst = "0.8"'), r"\[surface\] `hurst='0.8'` must be a plain number"),
+    (("seed = 3", "seed = 3.5"), r"\[surface\] `seed=3.5` must be a whole number"),
+    (("seed = 3", "seeds = 0"), r"\[surface\] `seeds=0` must be a whole number"),
+    (('material = "coat"', "material = 3"), r"\[layers\[0\]\] `material=3` must be a text"),
+    (("[2e5, 4e5]", "[]"), r"\[load\] `pressure` is an empty list"),
+    (("[2e5, 4e5]", "[2e5, 0]"), r"\[load\] `pressure\[1\]=0` is refused"),
+    (("[2e5, 4e5]", "[2e5, 2e5]"), r"\[load\] `pressure` has 200000 more than once"),
+    (("[grid]", "[[grid]]"), r"\[grid\] must be a table"),
+    (("[[layers]]", "[layers]"), r"`layers=.*` must be a list of tables"),
+    (("hurst = 0.8", "hurst = 1.8"), r"\[surface\] `hurst=1.8` is refused"),
+    (("rms_slope = 0.2", ""), r"\[surface\] Exactly one of `rms_height` and `rms_slope`"),
+    (("[0.01, 1.0]", "{from=0.0, to=1.0, points=3}"), r"\[load\] `velocity` `from=0` is refused"),
+    (("rtol = 1e-6", "rtol = 1e-16"), r"\[solver\] `rtol=1e-16` cannot be reached"),
+    (("[solver]", "temperature = 100\n[solver]"), r"\[load\] `temperature`, of \[materials.tr"),
+    (("[solver]", "temperature = [300, 100]\n[solver]"), r"`temperature`, of .*tread"),
+    (("title", "= title"), "Not valid TOML"),
+    # Graded layers, and outputs that no folder can have.
+    ((LAYER, GRADED, '"sinusoidal"', '"exponential"'), r"layers\[0\].shape\] lacks the key `rate`"),
+    ((LAYER, GRADED, '"coat"', '"coal"'), r"`top` = 'coal' is not in \[materials\].*coat"),
+    ((LAYER, GRADED, 'shape = "sinusoidal"', 'material = "coat"'),
+     r"`material` besides `bottom` or `top`"),
+    (in_table("output", 'name = "../../evil"'), r"\[output\] `name='../../evil'` is refused.*'/'"),
+    (in_table("output", 'name = "a\\u0000"'), r"`name='a\\x00'` is refused"),
+    (in_table("output", f'name = "{100 * "µ"}"'), "it has 200 bytes"),
+    (in_table("output", 'directory = "a\\u0000"'), r"\[output\] .*'a\\x00' is refused"),
+    # Axes that make no block.
+    (in_table("sweep", '"tread.E" = [1e6]'), r"`tread.E` is no number of the block; it takes `lay"),
+    (in_table("sweep", '"layers[0].thickness" = []'), r"\[sweep\] `layers.*` is an empty list"),
+    (in_table("sweep", '"layers[0].material.poisson" = [0.6]'),
+     r"\[sweep\].*`poisson=0.6` is refused"),
+    (in_table("sweep", '"base.material.times" = [1.0, 2.0]'), r"\[sweep\].*has shape \(18,\)"),
+]  # fmt: skip
+
+
+@pytest.mark.parametrize("texts, expected", REFUSED)
+def test_what_is_wrong_is_refused_with_its_place(texts, expected):
+    with pytest.raises(ValueError, match=expected):
+        parse_scene(changed(*texts))
 
 
 def test_scenes_and_python_have_one_default_tolerance():
@@ -57,35 +94,6 @@ def test_scenes_and_python_have_one_default_tolerance():
     assert 0 < s.error <= tolerance["rtol"]
 
 
-@pytest.mark.parametrize(
-    "old, new, expected",
-    [
-        ("hurst = 0.8", 'hurst = "0.8"', r"\[surface\] `hurst='0.8'` must be a plain number"),
-        ("seed = 3", "seed = 3.5", r"\[surface\] `seed=3.5` must be a whole number"),
-        ('material = "coat"', "material = 3", r"\[layers\[0\]\] `material=3` must be a text"),
-        ("[2e5, 4e5]", "[]", r"\[load\] `pressure` is an empty list"),
-        ("[grid]", "[[grid]]", r"\[grid\] must be a table"),
-        ("[[layers]]", "[layers]", r"`layers=.*` must be a list of tables"),
-        ("hurst = 0.8", "hurst = 1.8", r"\[surface\] `hurst=1.8` is refused"),
-        ("rms_slope = 0.2", "", r"\[surface\] Exactly one of `rms_height` and `rms_slope`"),
-        ("[2e5, 4e5]", "[2e5, 0]", r"\[load\] `pressure\[1\]=0` is refused"),
-        ("[0.01, 1.0]", "{from=0.0, to=1.0, points=3}", r"\[load\] `velocity` `from=0` is refused"),
-        ("rtol = 1e-6", "rtol = 1e-16", r"\[solver\] `rtol=1e-16` cannot be reached"),
-        ("[solver]", "temperature = 100\n[solver]", r"\[load\] `temperature`, of \[materials.tr"),
-        ("title", "= title", "Not valid TOML"),
-    ],
-)
-def test_a_wrong_value_is_refused_with_its_place(old, new, expected):
-    with pytest.raises(ValueError, match=expected):
-        parse_scene(changed(old, new))
-
-
-GRADED = 'bottom = "tread"\ntop = "coat"\nshape = "sinusoidal"\nthickness = 2e-5'
-
-
-LAYER = 'material = "coat"\nthickness = 2e-5'
-
-
 def test_a_layer_may_be_graded():
     (layer,) = parse_scene(changed(LAYER, GRADED)).stack.layers
     assert layer.thickness == 2e-5
@@ -93,9 +101,6 @@ def test_a_layer_may_be_graded():
     at = jnp.asarray(0.3), jnp.asarray(20.0)
     for found, expected in zip(layer.profile(*at), profile(*at), strict=True):
         np.testing.assert_allclose(found, expected, rtol=1e-15)
-
-
-def test_a_shape_has_the_arguments_of_its_constructor():
     shape = '{kind = "exponential", rate = 2.0}'
     (layer,) = parse_scene(changed(LAYER, GRADED, '"sinusoidal"', shape)).stack.layers
     assert eqx.tree_equal(layer.profile.shape, gc.shapes.Exponential(2.0))
@@ -110,19 +115,6 @@ def test_a_material_may_be_made_of_those_above_it():
     assert eqx.tree_equal(scene.stack.base.material, expected)
     with pytest.raises(ValueError, match=r"\[materials.solid\] `bulk` = 'oil' is not in"):
         parse_scene(changed("[[layers]]", solid.replace('"coat"', '"oil"') + "[[layers]]"))
-
-
-@pytest.mark.parametrize(
-    "old, new, message",
-    [
-        ('"sinusoidal"', '"exponential"', r"\[layers\[0\].shape\] lacks the key `rate`"),
-        ('top = "coat"', 'top = "coal"', r"`top` = 'coal' is not in \[materials\].*coat"),
-        ('shape = "sinusoidal"', 'material = "coat"', r"`material` besides `bottom` or `top`"),
-    ],
-)
-def test_a_bad_graded_layer_is_refused(old, new, message):
-    with pytest.raises(ValueError, match=message):
-        parse_scene(changed(LAYER, GRADED, old, new))
 
 
 def test_a_rigid_base_takes_no_material_and_no_layers_are_refused():
@@ -163,22 +155,16 @@ def test_a_scene_is_the_stack_and_surface_that_it_writes():
 @pytest.mark.parametrize(
     "lines, expected",
     [
-        (
-            'kind = "prony"\nequilibrium = 1e6\nstrengths = [2e6, 3e6]\ntimes = [1.0, 0.1]\n'
-            'shift = {kind = "arrhenius", activation_energy = 1e5, reference = 293.15}',
-            gc.Prony(1e6, [2e6, 3e6], [1.0, 0.1], 0.5, gc.Arrhenius(1e5, 293.15)),
-        ),
-        (
-            'kind = "prony_creep"\nglassy = 1e9\ncompliances = [1e-7]\ntimes = [1.0]\npoisson=0.3',
-            gc.Prony.from_creep(1e9, [1e-7], [1.0], 0.3),
-        ),
-        (
-            'kind = "prony"\nequilibrium = 1e6\nstrengths = 2e6\ntimes = 1\n'
-            'shift = {kind = "wlf", c1 = 4.0, c2 = 100.0, reference = 300}',
-            gc.Prony(1e6, [2e6], [1.0], shift=gc.WLF(4.0, 100.0, 300.0)),
-        ),
+        ('kind = "prony"\nequilibrium = 1e6\nstrengths = [2e6, 3e6]\ntimes = [1.0, 0.1]\n'
+         'shift = {kind = "arrhenius", activation_energy = 1e5, reference = 293.15}', gc.Prony(1e6,
+         [2e6, 3e6], [1.0, 0.1], 0.5, gc.Arrhenius(1e5, 293.15))),
+        ('kind = "prony_creep"\nglassy = 1e9\ncompliances = [1e-7]\ntimes = [1.0]\npoisson=0.3',
+         gc.Prony.from_creep(1e9, [1e-7], [1.0], 0.3)),
+        ('kind = "prony"\nequilibrium = 1e6\nstrengths = 2e6\ntimes = 1\n'
+         'shift = {kind = "wlf", c1 = 4.0, c2 = 100.0, reference = 300}', gc.Prony(1e6, [2e6],
+         [1.0], shift=gc.WLF(4.0, 100.0, 300.0))),
     ],
-)
+)  # fmt: skip
 def test_materials_are_those_of_the_constructors(lines, expected):
     scene = parse_scene(changed('kind = "elastic"\nmodulus = 2e7\npoisson = 0.4', lines))
     assert eqx.tree_equal(scene.stack.layers[0].material, expected)
@@ -243,20 +229,6 @@ def test_a_file_takes_one_length_for_a_square_and_a_region(tmp_path):
     np.testing.assert_allclose(surface.grid.size, [1.6e-4, 3.2e-4])
 
 
-@pytest.mark.parametrize(
-    "lines, expected",
-    [
-        ('name = "../../evil"', r"\[output\] `name='../../evil'` is refused.*'/'"),
-        ('name = "a\\u0000"', r"`name='a\\x00'` is refused"),
-        (f'name = "{100 * "µ"}"', "it has 200 bytes"),
-        ('directory = "a\\u0000"', r"\[output\] .*'a\\x00' is refused"),
-    ],
-)
-def test_an_output_that_no_folder_can_have_is_refused(lines, expected):
-    with pytest.raises(ValueError, match=expected):
-        parse_scene(changed("[solver]", f"[output]\n{lines}\n[solver]"))
-
-
 def test_a_directory_is_relative_to_the_scene(tmp_path, monkeypatch):
     monkeypatch.setenv("HOME", str(tmp_path / "home"))
     for given, expected in (
@@ -268,53 +240,11 @@ def test_a_directory_is_relative_to_the_scene(tmp_path, monkeypatch):
         assert parse_scene(text, tmp_path / "scenes").directory == expected
 
 
-@pytest.mark.parametrize(
-    "line, expected",
-    [
-        ("", gc.blocks.Layering()),
-        (
-            'graded_solver = {kind = "layering", num_cells = 8, rtol = 1e-7}',
-            gc.blocks.Layering(8, rtol=1e-7),
-        ),
-    ],
-)
-def test_a_scene_chooses_the_solver_of_its_graded_layers(line, expected):
-    scene = parse_scene(changed("[solver]", f"[solver]\n{line}"))
-    assert eqx.tree_equal(scene.graded_solver, expected) is True
-
-
-def swept(text):
-    return changed("[solver]", f"[sweep]\n{text}\n[solver]")
-
-
-@pytest.mark.parametrize(
-    "text, expected",
-    [
-        (
-            swept('"layers[0].thicknes" = [1e-5]'),
-            r"\[sweep\] `layers\[0\].thicknes` .*did you mean `layers\[0\].thickness`",
-        ),
-        (
-            swept('"tread.E" = [1e6]'),
-            r"\[sweep\] `tread.E` is no number of the block; it takes `layers",
-        ),
-        (
-            swept('"layers[0].thickness" = []'),
-            r"\[sweep\] `layers.*` is an empty list",
-        ),
-        (
-            swept('"layers[0].material.poisson" = [0.4, 0.6]'),
-            r"\[sweep\].*`poisson=0.6` is refused",
-        ),
-        (swept('"base.material.times" = [1.0, 2.0]'), r"\[sweep\].*has shape \(18,\)"),
-        (changed("[2e5, 4e5]", "[2e5, 2e5]"), r"\[load\] `pressure` has 200000 more than once"),
-        (changed("seed = 3", "seeds = 0"), r"\[surface\] `seeds=0` must be a whole number"),
-        (changed("[solver]", "temperature = [300, 100]\n[solver]"), r"`temperature`, of .*tread"),
-    ],
-)
-def test_axes_that_make_no_block_are_refused_with_their_place(text, expected):
-    with pytest.raises(ValueError, match=expected):
-        parse_scene(text)
+def test_a_scene_chooses_the_solver_of_its_graded_layers():
+    line = 'graded_solver = {kind = "layering", num_cells = 8, rtol = 1e-7}'
+    for text, expected in (("", gc.blocks.Layering()), (line, gc.blocks.Layering(8, rtol=1e-7))):
+        scene = parse_scene(changed("[solver]", f"[solver]\n{text}"))
+        assert eqx.tree_equal(scene.graded_solver, expected) is True
 
 
 SERIES = 'kind = "prony"\nequilibrium = 2e7\nstrengths = [1e7, 2e7]\ntimes = [1.0, 0.1]'
@@ -350,7 +280,9 @@ def test_errors_of_another_material_or_damaged_ones_are_refused(tmp_path, table,
 
 
 def test_what_a_scene_varies_is_in_the_order_of_its_axes():
-    text = swept('"layers[0].thickness" = {from = 1e-5, to = 1e-3, points = 3}')
+    text = changed(
+        *in_table("sweep", '"layers[0].thickness" = {from = 1e-5, to = 1e-3, points = 3}')
+    )
     text = text.replace("[sweep]", "temperature = {from = 280, to = 300, points = 3}\n[sweep]")
     scene = parse_scene(text.replace("seed = 3", "seed = 3\nseeds = 2"))
     names = ["layers[0].thickness", "temperature", "seed", "pressure", "velocity"]
@@ -366,8 +298,8 @@ def test_what_a_scene_varies_is_in_the_order_of_its_axes():
 
 def test_a_scene_of_many_megabytes_is_refused_before_it_is_parsed(tmp_path):
     path = tmp_path / "long.toml"
-    path.write_text("[[layers]]\nmaterial = 'a'\nthickness = 1e-5\n" * 2_500_000)  # 103 MB
-    with pytest.raises(ValueError, match=r"it has 1\d\d MB; at most 1 MB are read"):
+    path.write_text("[[layers]]\nmaterial = 'a'\nthickness = 1e-5\n" * 50_000)
+    with pytest.raises(ValueError, match=r"it has 2.15 MB; at most 1 MB are read"):
         read_scene(path)
     with pytest.raises(ValueError, match=r"The text has 2 MB; at most 1 MB are read"):
         parse_scene("#" * 2_000_000)

@@ -132,13 +132,6 @@ def test_a_table_without_titles_is_split_by_what_is_constant(tmp_path):
         noted(measured, "rows): its frequency is constant at 10 rad/s")
 
 
-def test_a_lone_amplitude_sweep_is_no_sweep_over_frequency(tmp_path):
-    rows = AMPLITUDE.copy()
-    rows[:, 0] *= np.linspace(0.9999, 1.0001, 29)
-    with pytest.raises(ValueError, match="the frequency is the same in every row"):
-        read(tmp_path, HEAD + step("Amplitude sweep - 1", rows))
-
-
 def test_steps_in_sheets_of_a_workbook(tmp_path):
     openpyxl = pytest.importorskip("openpyxl")
     book = openpyxl.Workbook()

@@ -469,15 +469,6 @@ def test_the_unit_in_the_corner_of_axes_counts(tmp_path):
     assert any("unit 'nm' in its corner" in note for note in surface.history)
 
 
-def test_x_runs_along_a_row_of_text_and_along_the_first_axis_of_an_array(tmp_path):
-    values, options = _rough((6, 9)), {"unit": "m", "size": 1.0, "periodic": "mirror"}
-    np.savetxt(tmp_path / "a.txt", values.T)
-    np.save(tmp_path / "a.npy", values)
-    text, array = (read_surface(tmp_path / name, **options) for name in ("a.txt", "a.npy"))
-    np.testing.assert_allclose(text.heights, array.heights, atol=1e-20)
-    np.testing.assert_allclose(array.heights[:6, :9], _levelled(values), atol=1e-18)
-
-
 def test_an_unequal_line_scan_is_interpolated_and_its_gaps_are_missing(tmp_path):
     """A parabola on jittered positions, with one gap; units in the heading differ."""
     rng = np.random.default_rng(0)

@@ -80,17 +80,6 @@ def test_shifts_that_follow_a_law_recover_it():
         assert spread(found.material.at(temperature), wlf(temperature)) < 0.05
 
 
-def test_shifts_near_a_law_are_recovered_within_their_limits(curve):
-    np.testing.assert_array_equal(curve.temperatures, TEMPERATURES)
-    along, _ = curve.shift_deviations()
-    error = np.asarray(curve.log10_shifts) - wlf(TEMPERATURES)
-    assert error[3] == along[3] == 0
-    others = np.arange(6) != 3
-    assert np.all(np.abs(error) < 0.03) and np.all(along[others] > 0)
-    assert np.all(np.abs(error[others] / along[others]) < 4)
-    assert spread(curve.material) < 0.05
-
-
 def bent(temperature):
     """Shifts that follow no law: a step of 0.6 decades above 278 K."""
     return wlf(temperature) + 0.6 * (temperature <= 278)
@@ -217,7 +206,7 @@ def test_measured_materials_are_handed_on_within_the_error_of_their_fit(name):
 
 
 def test_an_arrhenius_law_is_recovered():
-    curve = master_curve(isotherms(arrhenius), law="arrhenius", shift_std=0)
+    curve = master_curve(isotherms(arrhenius), law="arrhenius", shift_std=0, terms=4)
     assert isinstance(curve.shift, Arrhenius)
     np.testing.assert_allclose(curve.shift.activation_energy, 90e3, rtol=0.01)
     np.testing.assert_allclose(curve.log10_shifts, arrhenius(TEMPERATURES), atol=0.02)
@@ -225,7 +214,7 @@ def test_an_arrhenius_law_is_recovered():
 
 
 def test_vertical_shifts_are_recovered_within_their_limits():
-    curve = master_curve(isotherms(vertical=0.05), vertical_shift_std=0.2)
+    curve = master_curve(isotherms(vertical=0.05), vertical_shift_std=0.2, terms=4)
     exact = 0.05 * (TEMPERATURES - REFERENCE) / 10
     along, across = curve.shift_deviations()
     error = np.log(np.asarray(curve.vertical_shifts)) - exact
@@ -233,7 +222,7 @@ def test_vertical_shifts_are_recovered_within_their_limits():
     assert np.all(np.abs(error) < 0.06) and np.all(np.abs(error) <= 4 * across)
     shift_error = np.asarray(curve.log10_shifts) - wlf(TEMPERATURES)
     assert np.all(np.abs(shift_error) <= 4 * along)
-    without = master_curve(isotherms(vertical=0.05))
+    without = master_curve(isotherms(vertical=0.05), terms=4)
     assert without.fit.errors().total > 1.5 * curve.fit.errors().total
 
 
@@ -291,7 +280,7 @@ def test_a_flat_isotherm_has_large_errors_of_its_shift():
     """Storage moduli far below the transition say nothing of a shift: only the law does."""
     line = np.exp(0.01 * np.random.default_rng(1).standard_normal(12))
     cold = (235.0, OMEGA, modulus(OMEGA, wlf(235)) * line)
-    along, _ = master_curve([cold, *isotherms()], terms=4, loss_weight=0).shift_deviations()
+    along, _ = master_curve([cold, *isotherms()[1:]], terms=4, loss_weight=0).shift_deviations()
     assert along[0] > 0.3 > 10 * max(along[1:])
 
 

@@ -17,7 +17,6 @@ from graded_contact.response.riccati import Riccati
 from graded_contact.response.shape import (
     ErrorFunction,
     Exponential,
-    Linear,
     Sinusoidal,
     Table,
 )
@@ -167,21 +166,6 @@ def fields_in(layer, depths=DEPTHS, graded=FAST, base="halfspace"):
 
 
 @pytest.mark.slow
-def test_forces_balance_in_a_graded_layer():
-    """iq_x σ_xi + iq_y σ_yi + ∂σ_zi/∂z = 0, by central differences in depth."""
-    step = 2e-7
-    for middle in (4e-5, 9e-5):
-        depths = np.array([*(middle + step * np.arange(-2, 3)), 0.0])
-        stress = np.asarray(fields_in(GradedLayer(Blend(RUBBER, HARD), 1e-4), depths).stress)
-        far, near = stress[:, 4] - stress[:, 0], stress[:, 3] - stress[:, 1]
-        slope = (8 * near - far) / (12 * step)
-        qx, qy, _ = WAVE
-        force = 1j * qx * stress[:, 2, 0] + 1j * qy * stress[:, 2, 1] + slope[:, 2]
-        size = np.max(np.abs(stress[:, 2]), axis=(1, 2)) * (1e4 + np.hypot(qx, qy)[:, 0])
-        assert np.max(np.abs(force) / size[:, None]) < 1e-8
-
-
-@pytest.mark.slow
 @pytest.mark.parametrize("base", BASES)
 def test_differential_equation_and_layers_agree_on_fields_at_depth(base):
     """Relative to what is left of the fields at that depth, down to 1e-2 of those above."""
@@ -271,16 +255,9 @@ def test_differential_equation_and_layers_agree_in_a_stack_of_both(base):
     np.testing.assert_allclose(equation.value, layers.value, rtol=1e-9)
 
 
-PROFILES = {
-    "linear": Blend(RUBBER, GLASS, Linear()),
-    "mixture": Mixture(RUBBER, GLASS, Sinusoidal(0.05, 1.0)),
-    "aged": Aged(RUBBER, 1.0, 1e3, ErrorFunction()),
-}
-
-
-@pytest.mark.parametrize("name", ["mixture", "aged"])
-def test_compliance_is_passive_and_hermitian(name):
-    stack = Stack(layers=(GradedLayer(PROFILES[name], 1e-3),), base=BASE["halfspace"])
+def test_compliance_is_passive_and_hermitian():
+    profile = Mixture(RUBBER, GLASS, Sinusoidal(0.05, 1.0))
+    stack = Stack(layers=(GradedLayer(profile, 1e-3),), base=BASE["halfspace"])
     q, omega = np.meshgrid(np.geomspace(1e1, 1e6, 5), np.geomspace(1e-1, 1e7, 5))
     both = graded_compliance(
         stack, q, np.stack([omega, -omega]), rtol=1e-6, graded_solver=FINE
@@ -291,7 +268,9 @@ def test_compliance_is_passive_and_hermitian(name):
 
 
 @pytest.mark.parametrize(
-    "solver", [FAST, pytest.param(Riccati(), marks=pytest.mark.slow)], ids=["layers", "equation"]
+    "solver",
+    [Layering(num_cells=8, retry=False), pytest.param(Riccati(), marks=pytest.mark.slow)],
+    ids=["layers", "equation"],
 )
 def test_gradient_by_every_leaf_matches_central_differences(solver):
     shape = Table([0.0, 0.4, 1.0], [0.1, 0.5, 0.8])
@@ -300,6 +279,7 @@ def test_gradient_by_every_leaf_matches_central_differences(solver):
         base=gc.HalfSpace(RUBBER),
     )
 
+    @jax.jit
     def value(stack, q, omega):
         found = graded_compliance(stack, q, omega, rtol=1e-10, graded_solver=solver, throw=False)
         return 1e13 * (found.value.real + 3 * found.value.imag)
@@ -356,33 +336,11 @@ def test_gradients_hold_where_the_wave_sees_only_a_part_of_the_layer():
 
 
 # The other responses have theirs in every run.
-@pytest.mark.slow
-def test_float32_meets_its_tolerance_and_keeps_its_dtype():
-    stack = Stack(layers=(GradedLayer(PROFILES["linear"], 1e-3),), base=BASE["halfspace"])
-
-    def value_and_slope(dtype):
-        given = jax.tree.map(lambda x: x.astype(dtype), stack)
-        q, omega = Q.astype(dtype), OMEGA.astype(dtype)
-
-        def total(d):
-            moved = eqx.tree_at(lambda s: s.layers[0].thickness, given, d)
-            found = graded_compliance(moved, q, omega, rtol=1e-4, graded_solver=FAST)
-            return jnp.sum(found.value.real), found.value
-
-        return jax.jit(jax.value_and_grad(total, has_aux=True))(given.layers[0].thickness)
-
-    (_, single), slope = value_and_slope(np.float32)
-    (_, double), expected = value_and_slope(np.float64)
-    assert single.dtype == jnp.complex64
-    assert slope.dtype == jnp.float32
-    np.testing.assert_allclose(single, double, rtol=1e-4)
-    np.testing.assert_allclose(slope, expected, rtol=1e-3)
-    with pytest.raises(ValueError, match=r"`rtol=1e-09` cannot be reached in float32"):
-        surface_compliance(stack, Q.astype(np.float32), OMEGA, rtol=1e-9)
 
 
 def test_grids_of_every_shape_jit_and_vmap_give_the_same_numbers():
-    stack = Stack(layers=(GradedLayer(PROFILES["aged"], 1e-3),), base=BASE["rigid"])
+    profile = Aged(RUBBER, 1.0, 1e3, ErrorFunction())
+    stack = Stack(layers=(GradedLayer(profile, 1e-3),), base=BASE["rigid"])
     q, omega = jnp.geomspace(1e1, 1e5, 60)[:, None], jnp.geomspace(1, 1e6, 5)
     table = graded_compliance(stack, q, omega, graded_solver=FINE).value
     assert table.shape == (60, 5)

@@ -12,7 +12,6 @@ from graded_contact.response.interior import (
     stress_field,
     von_mises,
 )
-from graded_contact.response.matrix import surface_compliance_matrix
 from graded_contact.response.stack import interface_depths
 from graded_contact.rheology.material import BulkShear
 
@@ -95,24 +94,6 @@ def test_fields_match_transfer_matrices_in_mpmath(base):
     assert compared > 110
 
 
-@pytest.mark.parametrize("base", BASES)
-def test_surface_carries_the_traction_and_moves_as_the_compliance_matrix_says(base):
-    stack = stack_on(base)
-    depths = depths_of(stack)
-    displacement, stress = fields_of(stack, [z for z, _ in depths])
-    np.testing.assert_allclose(
-        -stress[:, 0, :, 2], np.broadcast_to(TRACTION, (len(WAVES), 3)), atol=1e-15
-    )
-    matrix = surface_compliance_matrix(stack, *WAVES.T, OMEGA)
-    expected = np.asarray(matrix @ TRACTION)
-    size = np.max(np.abs(expected), axis=1, keepdims=True)
-    np.testing.assert_allclose(displacement[:, 0] / size, expected / size, atol=1e-14)
-    if base == "rigid":
-        assert not np.any(displacement[:, -1])
-    if base == "free":
-        assert not np.any(stress[:, -1, :, 2])
-
-
 def test_tractions_are_continuous_and_lateral_stresses_jump_across_interfaces():
     stack = stack_on("halfspace")
     z = np.asarray(interface_depths(stack))
@@ -176,21 +157,6 @@ def test_sliding_surface_moves_as_the_kernel_says(base, shape, velocity):
     np.testing.assert_array_equal(stress, np.swapaxes(stress, -1, -2))
 
 
-def test_a_grid_of_modes_is_the_sum_of_its_waves():
-    grid, velocity, z = gc.Grid((8, 6), (1.0, 2.0)), 0.4, 0.2
-    stack = stack_on("rigid")
-    x, y = np.meshgrid(np.arange(8) / 8, np.arange(6) / 3, indexing="ij")
-    q = 2 * np.pi * np.array([[1.0, 1.0], [3.0, -0.5], [0.0, 0.5]])
-    amplitudes = np.array([0.3 - 0.8j, 1j, 0.5])
-    loads = amplitudes[:, None] * [0, 0, 1]
-    modes = interior_fields(stack, *q.T, -q[:, 0] * velocity, loads, z).stress
-    waves = np.exp(1j * (q[:, 0, None, None] * x + q[:, 1, None, None] * y))
-    pressure = np.einsum("k,kxy->xy", amplitudes, waves).real
-    total = np.einsum("kij,kxy->xyij", modes, waves).real
-    _, stress = stress_field(stack, grid, pressure, z, velocity)
-    np.testing.assert_allclose(stress, total, atol=1e-13)
-
-
 @pytest.mark.slow
 def test_gradient_matches_central_differences():
     """Of elastic layers, to compile fast; lossy moduli have theirs in the test of the matrix."""
@@ -221,22 +187,6 @@ def test_vmap_over_depth_and_thickness_and_jit_give_the_same_numbers():
     # Known only when it runs: the depth lies below the block.
     with pytest.raises(Exception, match="below the bottom of the block"):
         jax.block_until_ready(single(d[0], z[1]))
-
-
-def test_float32_gives_float32_of_the_same_numbers():
-    stack = stack_on("rigid")
-    depths = [z for z, _ in depths_of(stack)]
-    single = jax.tree.map(lambda x: x.astype(jnp.float32), stack)
-    numbers = (jnp.asarray(x, jnp.float32) for x in (WAVES[:, :1], WAVES[:, 1:], OMEGA))
-    load = jnp.asarray(TRACTION, jnp.complex64)
-    rough = interior_fields(single, *numbers, load, jnp.asarray(depths, jnp.float32))
-    for low, high in zip(rough, fields_of(stack, depths), strict=True):
-        assert low.dtype == jnp.complex64
-        assert np.all(np.isfinite(low))
-        # Off the interfaces, which depths in single precision may miss; and not too deep.
-        low, high = low[:5, [0, 1, 3, 5]], high[:5, [0, 1, 3, 5]]
-        size = np.max(np.abs(high), axis=tuple(range(2, high.ndim)), keepdims=True)
-        np.testing.assert_allclose(low / size, high / size, atol=3e-4)
 
 
 def test_von_mises_of_simple_stresses():

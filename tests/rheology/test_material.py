@@ -239,15 +239,6 @@ def test_single_precision_in_and_out():
         np.testing.assert_allclose(a, b, rtol=1e-5)
 
 
-def test_single_precision_creep_round_trip():
-    args = [jnp.asarray(v, jnp.float32) for v in (2e9, [1e-7, 1e-12, 1e-8], [1e2, 1.0, 1e-6])]
-    material = from_creep(*args)
-    assert material.strengths.dtype == jnp.float32
-    for value, expected in zip(creep_of(material), args, strict=True):
-        assert value.dtype == jnp.float32
-        np.testing.assert_allclose(value, expected, rtol=1e-5)
-
-
 SHIFTS = [WLF(c1=4.57, c2=113.6, reference=298.15), Arrhenius(8e4, 298.15)]
 
 
@@ -317,18 +308,6 @@ def test_wlf_has_no_answer_below_its_vogel_temperature_where_tracing_hides_it():
     times = jax.jit(lambda t: two_branches(shift=SHIFTS[0]).at(t).times)
     assert np.all(np.isnan(times(VOGEL - 1.0)))
     assert np.all(np.isfinite(times(VOGEL + 1.0)))
-
-
-def test_single_precision_is_glassy_too():
-    shift = WLF(*(jnp.float32(x) for x in (4.57, 113.6, 298.15)))
-    single = [jnp.asarray(v, jnp.float32) for v in (2e6, [5e6, 3e7], [1e-2, 1e-5], 0.48)]
-
-    def storage(temperature):
-        return Prony(*single, shift).at(temperature).modulus(jnp.float32(1e3)).real
-
-    value, slope = jax.value_and_grad(storage)(jnp.float32(VOGEL + 0.05))
-    assert value.dtype == slope.dtype == jnp.float32
-    assert value == np.float32(3.7e7) and np.isfinite(slope)
 
 
 TABLE_OMEGA = np.array([1e-2, 1e-1, 0.5, 7.0, 1e2, 3e4])
@@ -450,19 +429,6 @@ def test_derivatives_at_and_around_rest_match_differences_alone_and_jointly(mate
 def test_bad_input_is_refused_by_name(build, message):
     with pytest.raises(ValueError, match=message):
         build()
-
-
-def test_liquids_are_allowed():
-    liquid = Prony(0.0, [1e5], [1.0])
-    assert liquid.modulus(jnp.array(0.0)) == 0
-    np.testing.assert_allclose(liquid.modulus(jnp.array(1.0)), 5e4 + 5e4j, rtol=1e-15)
-
-
-def test_every_field_of_a_material_is_a_strong_float_array():
-    table = Tabulated(TABLE_OMEGA, TABLE_MODULUS, shift=SHIFTS[0])
-    for material in (Elastic(1), Prony(1, [2], [3], shift=SHIFTS[1]), table):
-        for leaf in jax.tree.leaves(material):
-            assert eqx.is_inexact_array(leaf) and not leaf.weak_type
 
 
 # Tables of shifts -------------------------------------------------------------------------------

@@ -8,7 +8,6 @@ import numpy as np
 import pytest
 from scipy.optimize import differential_evolution
 
-import graded_contact as gc
 from graded_contact.studies.alternatives import pareto_front, scatter, snap_to_values
 from graded_contact.studies.design import minimise
 
@@ -165,22 +164,6 @@ def test_scatter_of_a_power_law_is_lognormal():
     np.testing.assert_allclose(np.mean(np.log(values)), np.log(9), atol=0.01)
     alone = scatter(valley, {"a": 2.0, "b": jnp.array([3.0, 1.0])}, 0.0, num_samples=3)
     np.testing.assert_allclose(alone, 0.5, rtol=1e-12)
-
-
-def test_a_coat_gives_the_required_friction():
-    spectrum = gc.SelfAffine(rms_slope=0.1, hurst=0.8, q_low=600.0, q_roll=2e3, q_high=6e4)
-    rubber = gc.Prony(1e6, [4e6, 2e7], [1e-2, 1e-4], 0.49)
-
-    def friction(p):
-        coat = gc.Prony(p["modulus"], [4e6], [p["time"]], 0.49)
-        stack = gc.Stack(layers=(gc.Layer(coat, p["thickness"]),), base=gc.HalfSpace(rubber))
-        return gc.mean_field_friction(stack, spectrum, pressure=1e5, velocity=0.1).friction
-
-    low = {"modulus": 3e5, "time": 1e-6, "thickness": 1e-5}
-    high = {"modulus": 3e7, "time": 1e-1, "thickness": 1e-3}
-    wanted = 0.03
-    design = minimise(lambda p: jnp.log(friction(p) / wanted) ** 2, low, high, num_starts=2)
-    np.testing.assert_allclose(friction(design.parameters), wanted, rtol=1e-4)
 
 
 @pytest.mark.parametrize(
