@@ -182,8 +182,10 @@ class GridProblem(eqx.Module):
 
     def shift(self, factor) -> Float[Array, "*shape"]:
         """What heights and mean add to x of the splitting."""
-        mean = -factor * self.mean if self.free_mean else self.mean
-        return mean + self.solid_at(factor).resolve(self.scaled_heights(factor))
+        heights, solid = self.scaled_heights(factor), self.solid_at(factor)
+        if self.free_mean:
+            return solid.resolve(heights - factor * self.mean)
+        return self.mean + solid.resolve(heights)
 
     def splitting(self, state: "SolveState", settings: GridSettings) -> Splitting:
         return Splitting(
@@ -489,11 +491,12 @@ def _output(problem: GridProblem, state: SolveState) -> SolverOutput:
     stiff = problem.solid_at(factor).resolve(pressure - x)
     solid_gap = (state.z - x + (pressure - x) - stiff) / factor
     unit, length = problem.unit, problem.length
+    without_mean = problem.scaled_heights() - (problem.mean if problem.free_mean else 0)
     return SolverOutput(
         pressure=pressure * unit,
         gap=gap * (length / factor),
         mismatch=(x - y) * unit,
-        displacement=(solid_gap + problem.scaled_heights()) * length,
+        displacement=(solid_gap + without_mean) * length,
         error=state.error,
         ended=state.converged,
         num_steps=state.drafted + state.steps,
