@@ -286,9 +286,7 @@ def test_soft_sphere_is_pulled_off_as_by_johnson_kendall_and_roberts():
     surface, law = sphere(64, size), gc.AdhesiveLJ(3.5e-3, work)
     kernel = gc.blocks.window_kernel(stack, surface.grid)
     depths = np.array([0.0, 0.004, 0.0, -0.004, -0.005, -0.006, -0.007, -0.008]) - law.range
-    path = gc.contacts.follow_contact(
-        kernel, surface.heights, approach=depths, law=law, rtol=1e-5
-    )
+    path = gc.contacts.follow_contact(kernel, surface.heights, approach=depths, law=law, rtol=1e-5)
     force = np.asarray(path.mean_pressure) * size**2 / (np.pi * work)
     np.testing.assert_allclose(force.min(), -1.5, rtol=0.06)
     np.testing.assert_allclose(force[0], force[2], rtol=1e-4)
