@@ -146,20 +146,12 @@ def _image_error(s: "Sliding"):
     return sums + 2 * slopes / jnp.sqrt(jnp.sum(pressure != 0))
 
 
-def _ground(kernel):
-    """What a kernel has for the mean [m/Pa]."""
-    return kernel[(0,) * kernel.ndim].real
-
-
-def _moved(s: "Sliding", kernel):
-    """The displacement of a window under the pressure, against the block far away."""
-    pressure = on_cell(s.pressure, kernel)
-    return on_window(displace(kernel, pressure)) + _ground(kernel) * jnp.mean(pressure)
-
-
-def _where_loaded(s: "Sliding", field):
-    weight = jax.lax.stop_gradient(jnp.abs(s.pressure))
-    return jnp.sum(weight * field) / jnp.sum(weight)
+def _moved(s: "Sliding", kernel, field: Array | float = 0.0):
+    """How far a window moves where it is loaded, less a field; and the block's mean part of it."""
+    pressure, weight = on_cell(s.pressure, kernel), jax.lax.stop_gradient(jnp.abs(s.pressure))
+    moved = on_window(displace(kernel, pressure)) - field
+    mean = kernel[(0,) * kernel.ndim].real * jnp.mean(pressure)
+    return jnp.stack([jnp.sum(weight * moved) / jnp.sum(weight), mean])
 
 
 def _contact_area_error(s: "Sliding"):
@@ -220,7 +212,8 @@ class Sliding(eqx.Module):
       see `AbstractLaw.contact_indicator`.
 
     Friction errors of a contact on a window (`Surface(..., periodic=False)`) include those of its
-    kernel, at the load that was found. Such a contact also has `approach`, `approach_error`, `moment` and `rim_load`.
+    kernel, at the load that was found. Such a contact also has `approach`, `approach_error`,
+    `moment` and `rim_load`.
 
     **Fields:**
 
@@ -318,15 +311,14 @@ class Sliding(eqx.Module):
         """
         if not is_window(self.kernel, self.grid.shape):
             raise ValueError("`approach` is that of a body on a window; see `mean_gap`.")
-        travelled = _moved(self, self.kernel) - self.heights - self.gap
-        known = jnp.where(_ground(self.kernel) == 0, jnp.nan, jnp.max(self.heights))
-        return _where_loaded(self, travelled) + known
+        moved, mean = _moved(self, self.kernel, self.heights + self.gap)
+        return moved + jnp.where(mean == 0, jnp.nan, mean) + jnp.max(self.heights)
 
     @property
     def approach_error(self) -> Float[Array, ""]:
         """The estimated error of `approach` at this load, that of the kernel included [m]."""
         assert self.kernel_error is not None
-        images = sum(jnp.abs(_where_loaded(self, _moved(self, k))) for k in self.kernel_error)
+        images = sum(jnp.sum(jnp.abs(_moved(self, error))) for error in self.kernel_error)
         return self.contact.gap_error * jnp.std(self.heights) + images
 
     @property
@@ -382,8 +374,8 @@ def slide(
 
     Differentiable in every leaf of `stack`, `surface`, `law` and `shear`, in `pressure`, `mean_gap`
     or `approach`, in `velocity` and `temperature`: `jax.grad(lambda s: slide(s, surface,
-    pressure=p, velocity=v).friction)(stack)` is a stack of derivatives. Works under `jit` and `vmap`; for a
-    batch on a CPU prefer `jax.lax.map`, see `solve_contact`.
+    pressure=p, velocity=v).friction)(stack)` is a stack of derivatives. Works under `jit` and
+    `vmap`; for a batch on a CPU prefer `jax.lax.map`, see `solve_contact`.
 
     **Arguments:**
 

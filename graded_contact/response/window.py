@@ -72,8 +72,7 @@ def window_kernel(
 
 def has_ground(stack: Stack, grid: Grid) -> bool:
     """Returns whether a load on a window moves the block far away by nothing."""
-    along_line = grid.ndim == 1
-    return isinstance(stack.base, Rigid if along_line else Rigid | HalfSpace)
+    return isinstance(stack.base, Rigid | HalfSpace if grid.ndim == 2 else Rigid)
 
 
 def doubled(grid: Grid) -> Grid:
