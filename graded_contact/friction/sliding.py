@@ -136,7 +136,7 @@ def _image_error(s: "Sliding"):
     """What the errors of a window's kernel change under this pressure.
 
     What they do at single points may cancel in the estimate but not in truth: so its root sum of
-    squares is added, twice. Then 1 of 60 claims was broken.
+    squares is added, twice (`docs/theory/contact.md`: then none of 60 claims was broken).
     """
     pressure, cell = _loaded(s)[0], _cell(s)
     assert s.kernel_error is not None
