@@ -200,13 +200,17 @@ def test_derivatives_match_central_differences(options):
         np.testing.assert_allclose(exact[i], difference, rtol=2e-5, atol=1e-6)
 
 
-def test_claimed_errors_hold():
+@pytest.mark.parametrize("control", ["pressure", "mean_gap"])
+def test_claimed_errors_hold(control):
+    """The gap nearly closes at some times: a mean gap that is off costs far more load there."""
     for seed, contrast in enumerate((2.0, 30.0)):
         surface = rough(GRID, cut=10, seed=seed)
         stack = rubber(contrast)
-        close = cycle(stack, surface, rtol=1e-11)
-        for tolerance in ({"rtol": 1e-2}, {"rtol": 1e-4}, {"friction_rtol": 1e-2, "rtol": None}):
-            loose = cycle(stack, surface, **tolerance)
+        size = LOAD if control == "pressure" else jnp.std(surface.heights)
+        given = {control: size * (1.02 + np.sin(2 * np.pi * TIMES))}
+        close = cycle(stack, surface, rtol=1e-9, **given)
+        for tolerance in ({"rtol": 1e-3}, {"rtol": 1e-4}, {"friction_rtol": 1e-3, "rtol": None}):
+            loose = cycle(stack, surface, **given, **tolerance)
             for name in ("mean_friction", "peak_friction"):
                 error = abs(getattr(loose, name) - getattr(close, name))
                 assert error <= getattr(loose, f"{name}_error")
