@@ -312,9 +312,8 @@ def rough_patch(n, ndim, cell):
     return gc.Surface(heights, window, periodic=False), gc.Surface(around, whole)
 
 
-@pytest.mark.parametrize(
-    "n, ndim, cell", [(64, 1, 64), pytest.param(48, 2, 8, marks=pytest.mark.slow)]
-)
+@pytest.mark.slow
+@pytest.mark.parametrize("n, ndim, cell", [(64, 1, 64), (48, 2, 8)])
 def test_rough_body_is_that_in_a_large_periodic_cell(n, ndim, cell, monkeypatch):
     """Within the error that is reported for a Green's function from such a cell."""
     body, alone = rough_patch(n, ndim, cell)

@@ -133,11 +133,12 @@ def solve_contact(
     """
     heights = as_float(heights, "heights")
     kernel = as_numbers(kernel, "kernel")
-    _check_heights(on_cell(heights, kernel), solver)
+    _check_heights(heights, solver)
     _check_kernel(kernel, heights, throw)
     check_law(law)
     solve = functools.partial(contact_of, solver=solver, adjoint=adjoint, rtol=rtol, throw=throw)
     if is_window(kernel, heights.shape):
+        _check_heights(on_cell(heights, kernel), solver)  # of the memory of four times as many
         loading = _loading_of_window(pressure, mean_gap, approach, law, heights, kernel)
         start = None if start is None else _as_start(start, heights, law)
         return solve_on_window(

@@ -113,9 +113,10 @@ def _with_ground(kernel: Inexact[Array, "*half"], shape: tuple[int, ...]):
     mean, sizes = first_mode(kernel.shape), jnp.where(first_mode(kernel.shape), jnp.inf, kernel)
     entry = jnp.real(kernel[(0,) * len(shape)])
     missing = jnp.maximum(jnp.min(jnp.abs(sizes)) / 4 - entry, 0)
-    places = [jax.lax.broadcasted_iota(jnp.int32, _doubled(shape), a) for a in range(len(shape))]
-    apart = sum((2 * (place == n) for place, n in zip(places, shape, strict=True)), 0) > 0
-    unused = to_spectrum(apart.astype(entry.dtype)).real / jnp.sum(apart)
+    whole = _doubled(shape)
+    near = [jax.lax.broadcasted_iota(jnp.int32, whole, a) != n for a, n in enumerate(shape)]
+    apart = 1 - jnp.prod(jnp.stack(near), axis=0, dtype=entry.dtype)
+    unused = to_spectrum(apart).real / jnp.sum(apart)
     return jnp.where(mean & (entry == 0), jnp.nan, kernel + missing * unused)
 
 
