@@ -1,4 +1,4 @@
-"""Contacts on a window against Hertz, a flat punch, larger windows and longer cells."""
+"""Contacts on a window against closed forms, larger windows and longer cells."""
 
 import equinox as eqx
 import jax
@@ -14,6 +14,7 @@ ELASTIC = gc.Stack(base=gc.HalfSpace(gc.Elastic(1.0, 0.3)))
 REDUCED = 1 / (1 - 0.3**2)
 RUBBER = gc.HalfSpace(gc.Prony(1.0, [9.0], [0.1], 0.49))
 COATED = gc.Stack(layers=(gc.Layer(gc.Elastic(3.0, 0.49), 0.05),), base=RUBBER)
+SLAB = gc.Stack(layers=(gc.Layer(RUBBER.material, 0.05),), base=gc.Rigid())
 
 
 def distances(n, size=1.0):
@@ -40,14 +41,24 @@ def sliding():
 
 @pytest.mark.parametrize("radius", [0.1, 0.2, 0.4])
 def test_sphere_is_that_of_hertz(radius):
-    """Radius, peak and approach a²/R; the stiffness 2E*a is that of the counted radius."""
+    """Radius, peak and approach a²/R; the stiffness 2E*a is that of the counted radius.
+
+    At that approach the contact is the same one, and the load rises by this stiffness.
+    """
     load = 4 / 3 * REDUCED * radius**3
     surface = sphere(64)
 
-    def press(load):
-        return gc.slide(ELASTIC, surface, pressure=load, velocity=0.0, rtol=1e-7)
+    def press(**given):
+        return gc.slide(ELASTIC, surface, velocity=0.0, rtol=1e-7, **given)
 
-    found, stiffness = press(load), 1 / jax.grad(lambda load: press(load).approach)(load)
+    found = press(pressure=load)
+    stiffness = 1 / jax.grad(lambda load: press(pressure=load).approach)(load)
+    back, slope = jax.value_and_grad(lambda d: press(approach=d).contact.mean_pressure)(
+        found.approach
+    )
+    np.testing.assert_allclose(back, load, rtol=1e-6)
+    np.testing.assert_allclose(slope, stiffness, rtol=1e-3)
+    assert found.approach_error < 2e-3 * found.approach
     contact_radius, peak = hertz_sphere(load, 1.0, REDUCED)[:2]
     np.testing.assert_allclose(contact_radius, radius)
     np.testing.assert_allclose(jnp.max(found.pressure), peak, rtol=6e-4)
@@ -88,7 +99,7 @@ def test_flat_punch_ends_at_the_window():
 def test_friction_of_a_sphere_does_not_depend_on_window_and_cell(sliding, monkeypatch):
     """Within the error that it reports: a window and a long cell twice as large."""
     twice = gc.slide(COATED, sphere(128, 2.0), pressure=0.02 / 4, velocity=1.0)
-    assert 1e-7 < sliding.friction_error < 1e-5
+    assert 1e-7 < sliding.friction_error < 2e-5
     assert abs(sliding.friction - twice.friction) < sliding.friction_error
     np.testing.assert_allclose(sliding.friction, 0.04354, atol=1e-5)
     np.testing.assert_allclose(sliding.approach, twice.approach, rtol=1e-3)
@@ -127,14 +138,16 @@ def test_a_wave_far_from_all_edges_is_that_of_the_periodic_surface():
     np.testing.assert_allclose(added - jnp.mean(added), true, atol=1e-3 * float(jnp.max(true)))
 
 
-def test_derivatives_on_a_window_match_differences():
+@pytest.mark.parametrize("stack, name", [(COATED, "pressure"), (SLAB, "approach")])
+def test_derivatives_on_a_window_match_differences(stack, name):
     surface = cylinder(64, bumps=0.004)
 
     @jax.jit
     def friction(thickness, velocity, load, heights):
-        block = eqx.tree_at(lambda b: b.layers[0].thickness, COATED, thickness)
+        block = eqx.tree_at(lambda b: b.layers[0].thickness, stack, thickness)
         rough = gc.Surface(heights, surface.grid, periodic=False)
-        return gc.slide(block, rough, pressure=load, velocity=velocity, rtol=1e-11).friction
+        given = {name: load}
+        return gc.slide(block, rough, velocity=velocity, rtol=1e-11, **given).friction
 
     at = [jnp.asarray(a) for a in (0.05, 1.0, 0.02)] + [surface.heights]
     ahead = [jnp.asarray(a) for a in (0.01, 0.3, -0.004)]
@@ -174,10 +187,145 @@ def test_what_a_window_cannot_have_is_refused():
     surface = cylinder(64)
     with pytest.raises(ValueError, match="mean_gap"):
         gc.slide(COATED, surface, mean_gap=0.1, velocity=1.0)
-    with pytest.raises(ValueError, match="attracts"):
-        law = gc.AdhesiveLJ(0.01, 0.001)
-        gc.slide(COATED, surface, pressure=0.02, velocity=1.0, law=law)
+    with pytest.raises(ValueError, match=r"`approach=0.01` is refused: this block"):
+        gc.slide(COATED, surface, approach=0.01, velocity=1.0)
+    assert jnp.isnan(gc.slide(ELASTIC, surface, pressure=0.02, velocity=0.0).approach)
+    with pytest.raises(ValueError, match="give exactly one"):
+        gc.slide(COATED, surface, pressure=0.1, approach=0.01, velocity=1.0)
+    repeated = gc.Surface(surface.heights, surface.grid)
+    with pytest.raises(ValueError, match=r"`approach=0.01` is that of a body .* `mean_gap`"):
+        gc.slide(COATED, repeated, approach=0.01, velocity=1.0)
     with pytest.raises(ValueError, match="periodic"):
         gc.surface.resample(surface, (32,))
     with pytest.raises(ValueError, match="mean_gap"):
-        _ = gc.slide(ELASTIC, surface, pressure=0.02, velocity=0.0).approach
+        _ = gc.slide(ELASTIC, repeated, pressure=0.02, velocity=0.0).approach
+
+
+def slab_compliance(q, modulus, poisson, thickness):
+    """The surface compliance of a slab bonded to a rigid base, in closed form."""
+    x, k = 2 * q * thickness, 3 - 4 * poisson
+    # Over cosh x, which is large.
+    cosh = np.cosh(np.minimum(x, 700))
+    rest = (x**2 / 2 + 5 - 12 * poisson + 8 * poisson**2) / cosh
+    return 2 * (1 - poisson**2) / modulus / q * (k * np.tanh(x) - x / cosh) / (k + rest)
+
+
+@pytest.mark.parametrize("poisson", [0.3, 0.5])
+def test_line_load_at_an_approach_is_that_of_integrals_in_closed_form(poisson):
+    """A slab on a rigid base: Green's function by quadrature, uniform pressure on 400 strips."""
+    depth, half, num = 0.01, 0.2, 400
+    strip = 2 * half / num
+    x = (np.arange(num) + 0.5) * strip - half
+    step = 0.5
+    q = np.arange(step / 2, 2e4, step)
+    waves = slab_compliance(q, 1.0, poisson, 0.05) * np.sin(q * strip / 2) / q * step * 2 / np.pi
+    row = np.array([np.sum(waves * np.cos(q * i * strip)) for i in range(num)])
+    matrix = row[np.abs(np.subtract.outer(np.arange(num), np.arange(num)))]
+    touching = np.ones(num, bool)
+    for _ in range(100):
+        pressure = np.zeros(num)
+        sunk = (depth - x**2 / 2)[touching]
+        pressure[touching] = np.linalg.solve(matrix[np.ix_(touching, touching)], sunk)
+        before, touching = touching, touching & (pressure > 0)
+        if np.array_equal(before, touching):
+            break
+    assert np.all(matrix @ pressure - depth + x**2 / 2 > -1e-9)
+    slab = gc.Stack(layers=(gc.Layer(gc.Elastic(1.0, poisson), 0.05),), base=gc.Rigid())
+    surface = cylinder(256)
+    found = gc.slide(slab, surface, approach=depth, velocity=0.0, rtol=1e-7)
+    np.testing.assert_allclose(jnp.mean(found.pressure), np.sum(pressure) * strip, rtol=2e-3)
+    back = gc.slide(slab, surface, pressure=jnp.mean(found.pressure), velocity=0.0, rtol=1e-7)
+    np.testing.assert_allclose(back.approach, depth, rtol=1e-6)
+    np.testing.assert_allclose(back.friction, 0, atol=1e-12)
+
+
+def test_moment_is_that_of_a_shifted_sphere_and_vanishes_where_it_is_free_to_tilt():
+    """Tilted by t a sphere of radius 1 has its highest point at x = t."""
+    n, tilt = 32, 0.1
+    x = (np.arange(n) - (n - 1) / 2) / n
+
+    def pressed(angle, velocity=0.0, block=ELASTIC):
+        heights = -(x[:, None] ** 2 + x**2) / 2 + angle * x[:, None]
+        surface = gc.Surface(heights, gc.Grid((n, n), 1.0), periodic=False)
+        return gc.slide(block, surface, pressure=0.02, velocity=velocity, rtol=1e-8)
+
+    moment, slope = jax.value_and_grad(lambda t: pressed(t).moment[0])(tilt)
+    np.testing.assert_allclose(moment, 0.02 * tilt, rtol=2e-3)
+    np.testing.assert_allclose(slope, 0.02, rtol=0.05)
+    np.testing.assert_allclose(pressed(tilt).moment[1], 0, atol=1e-12)
+
+
+def attraction(tabor):
+    """A law for a sphere of radius 1 on a half space, whose work is 1e-8 of R E*."""
+    return gc.AdhesiveLJ((1e-16) ** (1 / 3) / tabor, 1e-8)
+
+
+def test_stiff_sphere_is_pulled_off_by_two_pi_w_r():
+    """The limit of Derjaguin, with the tail of the attraction beyond the window."""
+    law, size = attraction(0.01), 0.4
+    surface = sphere(32, size)
+
+    def pull(**given):
+        return gc.slide(ELASTIC, surface, velocity=0.0, law=law, rtol=1e-7, **given)
+
+    rigid = -2 * np.pi * 1e-8 / size**2
+    found = pull(approach=-law.range)
+    np.testing.assert_allclose(found.contact.mean_pressure, rigid, rtol=0.01)
+    np.testing.assert_allclose(found.approach, -law.range, rtol=1e-6)
+    half = pull(pressure=rigid / 2)
+    again = pull(approach=half.approach)
+    np.testing.assert_allclose(again.pressure, half.pressure, atol=1e-5 * -rigid)
+    assert half.approach > -law.range
+
+
+@pytest.mark.slow
+def test_soft_sphere_is_pulled_off_as_by_johnson_kendall_and_roberts():
+    """-3/2 πwR, at Tabor's number 1.9; opening and closing are one curve up to the largest pull."""
+    size, work = 0.6, 5.6e-4
+    stack = gc.Stack(base=gc.HalfSpace(gc.Elastic(0.75, 0.5)))  # E* = 1
+    surface, law = sphere(64, size), gc.AdhesiveLJ(3.5e-3, work)
+    kernel = gc.blocks.window_kernel(stack, surface.grid)
+    depths = np.array([0.0, 0.004, 0.0, -0.004, -0.005, -0.006, -0.007, -0.008]) - law.range
+    path = gc.contacts.follow_contact(kernel, surface.heights, approach=depths, law=law, rtol=1e-5)
+    force = np.asarray(path.mean_pressure) * size**2 / (np.pi * work)
+    np.testing.assert_allclose(force.min(), -1.5, rtol=0.06)
+    np.testing.assert_allclose(force[0], force[2], rtol=1e-4)
+    assert 3 < force.argmin() < 7
+    np.testing.assert_array_equal(path.unloading, np.diff(depths, prepend=depths[0]) < 0)
+
+
+def rough_patch(n, ndim, cell):
+    """A rough body on a window, and the same alone in a larger periodic cell."""
+    x = distances(n)
+    rng = np.random.default_rng(3)
+    places = (x,) if ndim == 1 else (x[:, None], x)
+    heights = -sum(place**2 for place in places) / 2
+    for _ in range(12):
+        waves, phase = rng.uniform(-40, 40, ndim), rng.uniform(0, 6)
+        heights = heights + 4e-4 * np.cos(
+            sum(q * x for q, x in zip(waves, places, strict=True)) + phase
+        )
+    around = np.full((cell * n,) * ndim, -1.0)
+    around[(slice(0, n),) * ndim] = heights
+    shapes = (n,) * ndim, (cell * n,) * ndim
+    window, whole = gc.Grid(shapes[0], 1.0), gc.Grid(shapes[1], float(cell))
+    return gc.Surface(heights, window, periodic=False), gc.Surface(around, whole)
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("n, ndim, cell", [(64, 1, 64), (48, 2, 8)])
+def test_rough_body_is_that_in_a_large_periodic_cell(n, ndim, cell, monkeypatch):
+    """Within the error that is reported for a Green's function from such a cell."""
+    body, alone = rough_patch(n, ndim, cell)
+    load = 0.02 if ndim == 1 else 0.005
+    found = gc.slide(COATED, body, pressure=load, velocity=1.0, rtol=1e-6)
+    periodic = gc.slide(COATED, alone, pressure=load / cell**ndim, velocity=1.0, rtol=1e-6)
+    monkeypatch.setitem(window._WINDOWS, ndim, cell)
+    jax.clear_caches()
+    error = gc.slide(COATED, body, pressure=load, velocity=1.0, rtol=1e-6).friction_error
+    jax.clear_caches()
+    assert 0.01 < found.contact_area < 0.7
+    assert found.friction_error < error
+    assert abs(periodic.friction - found.friction) < error < 0.02 * found.friction
+    area = periodic.contact_area_smooth * cell**ndim
+    np.testing.assert_allclose(area, found.contact_area_smooth, rtol=2e-3)

@@ -43,6 +43,8 @@ COLUMNS = {
     "contact_area_corrected": ("area\n(corrected)", ".5f"),
     "contact_area_smooth": ("area\n(sub-pixel)", ".5f"),
     "mean_gap": ("mean gap\n[m]", ".3e"),
+    "approach": ("approach\n[m]", ".3e"),
+    "mean_pressure": ("pressure\n[Pa]", "#.4g"),
     "num_fft_pairs": ("FFT\npairs", ".1f"),
     "error": ("error of\npressure", ".1e"),
     "unmeasured_friction": ("on points not\nmeasured", ".1%"),
@@ -68,7 +70,8 @@ def print_table(results: "Dataset", all_seeds: bool = False) -> None:
         warnings = [caveat._replace(where=caveat.where.any(seeds)) for caveat in warnings]
         typer.echo(f"Numbers are means of {every.sizes['seed']} surfaces ± standard error.")
     axes = results["message"].dims
-    others = axes[:-2]  # the last two are pressure and velocity
+    others, name = axes[:-2], axes[-2]  # the last two are pressure or approach, and velocity
+    load_head, unit = ("pressure\n[MPa]", 1e6) if name == "pressure" else ("approach\n[m]", 1)
     # Those that have one number for each solve.
     names = [name for name in COLUMNS if name in results and results[name].dims == axes]
     unused = {"unmeasured_friction"} if "measured" not in results else set()
@@ -80,7 +83,7 @@ def print_table(results: "Dataset", all_seeds: bool = False) -> None:
     errors = {name: other for name, other in errors.items() if other in results}
     names = [name for name in names if name not in unused | set(errors.values())]
     speed = "highest\nspeed" if "time" in results.dims else "velocity"
-    heads = [f"{speed}\n[m/s]", "pressure\n[MPa]"]
+    heads = [f"{speed}\n[m/s]", load_head]
     for name in map(str, others):
         unit = results[name].attrs.get("units", "1")
         head = name if name in AXES else title_of(name, results.attrs["scene"])
@@ -98,7 +101,7 @@ def print_table(results: "Dataset", all_seeds: bool = False) -> None:
         mark = f"[bold red]{state}[/] " if (state := states[index]) else ""
         doubts = ",".join(str(n) for n, c in enumerate(warnings, start=1) if c.where[index])
         mark += f"[yellow]({doubts})[/]" if doubts else ""
-        numbers = (f"{speed:.3e}", f"{load / 1e6:.4g}", *(f"{number:.5g}" for number in at))
+        numbers = (f"{speed:.3e}", f"{load / unit:.4g}", *(f"{number:.5g}" for number in at))
         table.add_row(*numbers, *cells.values(), mark)
     console = Console()
     # A narrower screen wraps the lines; it must not cut the numbers.

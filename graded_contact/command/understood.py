@@ -32,8 +32,8 @@ def print_understood(scene: Scene) -> None:
     if isinstance(base, HalfSpace):
         kind += f" of {_material(tables['base']['material'], known, base.material)}"
     _print("base", kind)
-    source = scene.surface
-    _print("surface", "random" if isinstance(source, RandomSurface) else tables["surface"]["path"])
+    kind = "random" if isinstance(scene.surface, RandomSurface) else "sphere"
+    _print("surface", tables["surface"].get("path", kind))
     axes = scene.axes
     if scene.temperature is not None:
         axes["temperature"] = np.atleast_1d(scene.temperature)

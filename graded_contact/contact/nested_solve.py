@@ -49,6 +49,7 @@ _NEWTON_UP_TO = 2**21  # points: they take more memory than is planned for large
 _SMALL = 0.125  # share along an axis of points in contact, up to which Newton steps pay
 _FEW = 100  # steps on coarse grids and in drafts, where Newton steps follow
 _STEPS, _MOST, _POINTS = 4000, 64_000, 2**16  # steps allowed on a grid of so many points
+_MOST_ATTRACTED = 0.5  # relaxation under an attraction; at 0.95 some soft bodies did not converge
 _COLD_PARTICIPATION = 0.05  # ⟨σ⟩²/⟨σ²⟩ expected before anything is known
 _NEARLY = 0.98  # share of points touching, from which full contact is looked for
 _HIGHEST = 1e3  # pressure of a start, in what it takes to flatten the stiffest wave
@@ -66,7 +67,7 @@ class DouglasRachford(AbstractContactSolver):
     - `max_steps`: steps allowed on each grid before giving up, and in the draft of a large one;
       they are done in twos, and a Newton step counts by its FFT pairs. None for 4000, on grids of
       fewer than 2¹⁶ points for as many as cost the same, up to 64,000.
-    - `relaxation`: α [1], between 0 and 1.
+    - `relaxation`: α [1], between 0 and 1; at most 0.5 under a law that attracts.
     - `history_length`: earlier iterates that the acceleration combines, at a given mean gap two at
       most; each stores two fields, on a large grid three quarters of one.
     - `coarsest`: nesting starts from the first grid with fewer than twice this many points a side.
@@ -127,7 +128,7 @@ class DouglasRachford(AbstractContactSolver):
             newton=newton,
             draft_steps=few,
             max_steps=most if newton else few,
-            relaxation=self.relaxation,
+            relaxation=min(self.relaxation, _MOST_ATTRACTED) if law.attracts else self.relaxation,
             history_length=history_of(self.history_length, loading.pressure is None),
             callback=self.callback if finest else None,
             rtol=rtol if finest else jnp.asarray(_COARSE_ERROR, rtol.dtype),
@@ -182,8 +183,10 @@ class GridProblem(eqx.Module):
 
     def shift(self, factor) -> Float[Array, "*shape"]:
         """What heights and mean add to x of the splitting."""
-        mean = -factor * self.mean if self.free_mean else self.mean
-        return mean + self.solid_at(factor).resolve(self.scaled_heights(factor))
+        heights, solid = self.scaled_heights(factor), self.solid_at(factor)
+        if self.free_mean:
+            return solid.resolve(heights - factor * self.mean)
+        return self.mean + solid.resolve(heights)
 
     def splitting(self, state: "SolveState", settings: GridSettings) -> Splitting:
         return Splitting(
@@ -489,11 +492,12 @@ def _output(problem: GridProblem, state: SolveState) -> SolverOutput:
     stiff = problem.solid_at(factor).resolve(pressure - x)
     solid_gap = (state.z - x + (pressure - x) - stiff) / factor
     unit, length = problem.unit, problem.length
+    without_mean = problem.scaled_heights() - (problem.mean if problem.free_mean else 0)
     return SolverOutput(
         pressure=pressure * unit,
         gap=gap * (length / factor),
         mismatch=(x - y) * unit,
-        displacement=(solid_gap + problem.scaled_heights()) * length,
+        displacement=(solid_gap + without_mean) * length,
         error=state.error,
         ended=state.converged,
         num_steps=state.drafted + state.steps,

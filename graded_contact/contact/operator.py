@@ -48,7 +48,7 @@ class AbstractOperator(eqx.Module):
 
     @abstractmethod
     def mean(self, field: Float[Array, "*shape"]) -> Float[Array, "..."]:
-        """Returns the mean that is prescribed, broadcastable to the field."""
+        """Returns the mean that M leaves open, broadcastable to the field."""
 
     @abstractmethod
     def coarser(self, shape: tuple[int, ...], new_shape: tuple[int, ...]) -> "AbstractOperator":
@@ -57,7 +57,7 @@ class AbstractOperator(eqx.Module):
     @property
     @abstractmethod
     def is_mean(self) -> Bool[Array, "*half"]:
-        """Where the waves have the mean, as a mask."""
+        """Where the waves have the mean that M leaves open, as a mask."""
 
     @property
     @abstractmethod
@@ -108,9 +108,14 @@ class AbstractOperator(eqx.Module):
 
 
 class Steady(AbstractOperator):
-    """Steady sliding: waves in the frame of the surface; see `stack_kernel` for the kernel."""
+    """Steady sliding: waves in the frame of the surface; see `stack_kernel` for the kernel.
+
+    A `grounded` operator gives the mean of a displacement, too: that against the block far away.
+    Then no mean is open. A prescribed gap is that of the undeformed block.
+    """
 
     kernel: Inexact[Array, "*half"]
+    grounded: bool = eqx.field(default=False, static=True)
     of_distance: ClassVar[bool] = True
 
     def to_waves(self, field):
@@ -120,14 +125,14 @@ class Steady(AbstractOperator):
         return to_field(waves, shape)
 
     def mean(self, field):
-        return jnp.mean(field)
+        return jnp.zeros((), field.dtype) if self.grounded else jnp.mean(field)
 
     def coarser(self, shape, new_shape):
-        return Steady(resample_spectrum(self.compliance, shape, new_shape))
+        return Steady(resample_spectrum(self.compliance, shape, new_shape), self.grounded)
 
     @property
     def is_mean(self):
-        return first_mode(self.kernel.shape)
+        return first_mode(self.kernel.shape) & (not self.grounded)
 
     @property
     def long_wave(self):
@@ -230,9 +235,8 @@ def contact_stiffness(
     field = jnp.abs(gap) / nonzero(mean)
     springs = jnp.where(s < 1, s / jnp.where(s < 1, 1 - s, 1), jnp.inf)
     bent = operator.bending_energy(field)
-    bent = jnp.maximum(jnp.abs(bent), jnp.mean(bent)) + operator.mean(
-        jnp.where(s < 1, springs, 0) * field**2
-    )
+    bent = jnp.maximum(jnp.abs(bent), jnp.mean(bent))
+    bent = bent + operator.mean(jnp.where(s < 1, springs, 0) * field**2)
     return jnp.minimum(jnp.where(mean > 0, bent, jnp.inf), operator.mean(springs))
 
 

@@ -23,7 +23,7 @@ class ContactPath(eqx.Module):
 
     - `mean_gap`, `mean_pressure`: [m], [Pa], shape `(steps,)`.
     - `contact_area`: fraction of points in contact [1], shape `(steps,)`.
-    - `unloading`: whether the mean gap was being increased, shape `(steps,)`: the branch of a law
+    - `unloading`: whether the surfaces were being separated, shape `(steps,)`: the branch of a law
       that attracts. The first contact is reached from open surfaces.
     - `num_fft_pairs`, `result`: of each solve [1], shape `(steps,)`; `result == RESULTS.successful`
       is an array.
@@ -46,13 +46,14 @@ def follow_contact(
     pressure: Numbers | None = None,
     *,
     mean_gap: Numbers | None = None,
+    approach: Numbers | None = None,
     law: AbstractLaw,
     solver: AbstractContactSolver = DouglasRachford(),  # noqa: B008 (immutable)
     adjoint: LinearSolver = LinearSplitting(),  # noqa: B008
     rtol: float = RTOL,
     throw: bool = True,
 ) -> ContactPath:
-    """Returns the contacts along a path of mean pressures or mean gaps.
+    """Returns the contacts along a path of mean pressures, mean gaps or approaches.
 
     With a law that attracts a contact depends on how it was reached. A path of gaps that begins
     where the surfaces do not touch, closes and opens again follows the loading branch through the
@@ -64,7 +65,7 @@ def follow_contact(
 
     **Arguments:**
 
-    - `pressure` [Pa] or `mean_gap` [m]: the path, shape `(steps,)`.
+    - `pressure` [Pa], `mean_gap` [m] or, on a window, `approach` [m]: the path, shape `(steps,)`.
     - `solver`: where a grid does not resolve the attraction, `ResidualDynamics()` keeps to stable
       states.
     - the others: as in `solve_contact`.
@@ -73,7 +74,7 @@ def follow_contact(
 
     **Raises:** `ValueError` for a refused argument; `RuntimeError` if a solve fails.
     """
-    name, targets = _path(pressure, mean_gap, law)
+    name, targets = _path(law, pressure=pressure, mean_gap=mean_gap, approach=approach)
 
     def solve(target, start):
         return solve_contact(
@@ -101,19 +102,19 @@ def follow_contact(
     return ContactPath(gaps, pressures, areas, unloading, pairs, result, last)
 
 
-def _path(pressure, mean_gap, law: AbstractLaw):
+def _path(law: AbstractLaw, **given):
     """The name and the numbers of what is prescribed along the path."""
-    if (pressure is None) == (mean_gap is None):
-        raise ValueError("Give exactly one of `pressure` and `mean_gap`.")
+    named = [(name, path) for name, path in given.items() if path is not None]
+    if len(named) != 1:
+        raise ValueError("Give exactly one of `pressure`, `mean_gap` and `approach`.")
     check_law(law)
-    name = "pressure" if mean_gap is None else "mean_gap"
-    targets = as_float(pressure if mean_gap is None else mean_gap, name)
+    name, targets = named[0][0], as_float(named[0][1], named[0][0])
     if targets.ndim != 1 or len(targets) == 0:
         raise ValueError(f"`{name}` has shape {targets.shape}; a path of numbers is needed.")
-    if mean_gap is None:
+    if name == "pressure":
         check_pressure(targets, law)
     else:
-        check_values(name, targets, "mean gaps [m] must be finite")
+        check_values(name, targets, "numbers [m] must be finite")
     return name, targets
 
 

@@ -54,7 +54,7 @@ from .solver import (
     penalty_for,
 )
 from .target import WORTHLESS, FoundContact, ObservableTarget, Target, solve_until
-from .window import is_window, solve_on_window
+from .window import is_window, on_cell, solve_on_window
 
 # Default tolerance of the pressure. Friction was then off by 3e-5 at most, by 2e-7 in the median,
 # for 0.77 of the FFT pairs of 1e-6 (156 viscoelastic contacts, `bench_contact.py observables`).
@@ -79,6 +79,7 @@ def solve_contact(
     pressure: ScalarLike | None = None,
     *,
     mean_gap: ScalarLike | None = None,
+    approach: ScalarLike | None = None,
     law: AbstractLaw = HardWall(),  # noqa: B008 (immutable)
     solver: AbstractContactSolver = DouglasRachford(),  # noqa: B008
     adjoint: LinearSolver = LinearSplitting(),  # noqa: B008
@@ -89,6 +90,8 @@ def solve_contact(
     throw: bool = True,
 ) -> ContactSolution:
     """Returns the contact of a rough surface with a solid at a mean pressure or a mean gap.
+
+    On a window, at a mean pressure or an approach.
 
     Differentiable in `kernel`, `heights`, `law` and what is prescribed (forward and reverse, one
     linear solve; see `contact/adjoint.py` for where the derivative is one-sided), and works under
@@ -104,7 +107,9 @@ def solve_contact(
       The more precise of `heights` and `kernel` decides in which dtype all is computed.
     - `pressure`: mean pressure σ0 [Pa], within the bounds of the law; or
     - `mean_gap`: mean of the gap u [m], counted from the mean of the heights; above 0 at a hard
-      wall, since in full contact it is 0 at every pressure that is high enough.
+      wall, since in full contact it is 0 at every pressure that is high enough; or
+    - `approach`: on a window, how far the body moved into the block after its first touch [m],
+      against the block far away. Along a line only a slab on a rigid base has one.
     - `law`: of contact.
     - `solver`: algorithm and its limits: see `DouglasRachford`, or `AbstractContactSolver` to write
       a custom one.
@@ -131,16 +136,22 @@ def solve_contact(
     _check_heights(heights, solver)
     _check_kernel(kernel, heights, throw)
     check_law(law)
-    loading = loading_of(pressure, mean_gap, law, heights)
+    solve = functools.partial(contact_of, solver=solver, adjoint=adjoint, rtol=rtol, throw=throw)
     if is_window(kernel, heights.shape):
-        rest = dict(solver=solver, adjoint=adjoint, rtol=rtol, throw=throw)
+        _check_heights(on_cell(heights, kernel), solver)  # of the memory of four times as many
+        loading = _loading_of_window(pressure, mean_gap, approach, law, heights, kernel)
+        start = None if start is None else _as_start(start, heights, law)
         return solve_on_window(
-            functools.partial(solve_contact, **rest), kernel, heights, loading,
-            law=law, target=target, solution=solution,
-            start=None if start is None else _as_start(start, heights, law),
-        )  # fmt: skip
+            solve, kernel, heights, loading, law=law, target=target, start=start, solution=solution
+        )
+    if approach is not None:
+        raise ValueError(
+            f"`approach={approach}` is that of a body on a window, see `Surface.periodic`; "
+            "prescribe `mean_gap`."
+        )
+    loading = loading_of(pressure, mean_gap, law, heights)
     inputs = Inputs(Steady(kernel), heights, law, loading)
-    return contact_of(inputs, solver, adjoint, rtol, target, start, solution, throw)
+    return solve(inputs, target=target, start=start, solution=solution)
 
 
 def contact_of(
@@ -248,6 +259,29 @@ def loading_of(
     spread = _over_times("pressure", pressure, heights, num_times)
     check_pressure(pressure, law)
     return Loading(spread, None)
+
+
+def _loading_of_window(pressure, mean_gap, approach, law: AbstractLaw, heights, kernel) -> Loading:
+    """The loading of a body on a window: its mean pressure, or the gap of the undeformed block."""
+    if mean_gap is not None:
+        raise ValueError(
+            f"`mean_gap={mean_gap}`: on a window prescribe the `pressure` or the `approach`."
+        )
+    if (pressure is None) == (approach is None):
+        raise ValueError(
+            f"`pressure={pressure}` and `approach={approach}`: give exactly one of the two."
+        )
+    if approach is None:
+        return loading_of(pressure, None, law, heights)
+    approach = as_float(approach, "approach")
+    check_shape("approach", approach, ())
+    check_values("approach", approach, "the approach [m] must be finite")
+    if is_concrete(kernel) and np.ravel(kernel)[0] == 0:
+        raise ValueError(
+            f"`approach={approach:g}` is refused: this block yields without bound far away, as "
+            "along a line all but slabs on a `Rigid()` base do. Prescribe the `pressure`."
+        )
+    return Loading(None, jnp.max(heights) - jnp.mean(heights) - approach)
 
 
 def _over_times(name: str, value, heights, num_times: int | None):

@@ -202,9 +202,12 @@ def participation_of(total, squared, count: int):
 
 
 def to_mean(operator: AbstractOperator, pressure, mean, bounds):
-    """Scales a pressure to a mean within its bounds; one without upper bound simply by a factor."""
+    """Scales a pressure to a mean within its bounds; one without upper bound simply by a factor.
+
+    Points without a pressure get none.
+    """
     low, high = bounds
-    room = (pressure - low) * (1 - (pressure - low) / (high - low))
+    room = (pressure - low) * (1 - (pressure - low) / (high - low)) * (pressure != 0)
     total, free = operator.mean(pressure), operator.mean(room)
     # If all points are at a bound, those above the lower bound exceed theirs, or all points do.
     above = jnp.where(total > low, pressure - low, 1)

@@ -14,9 +14,10 @@ import jax
 import jax.numpy as jnp
 from jaxtyping import Array, Bool, Float, Inexact, Shaped
 
-from ..fields.grid import half_shape
+from ..fields.grid import half_shape, to_spectrum
+from .adjoint import Inputs
 from .law import AbstractLaw
-from .operator import displace
+from .operator import Steady, first_mode
 from .solution import ContactSolution
 from .solver import Loading
 
@@ -27,7 +28,7 @@ def is_window(kernel: Inexact[Array, "*half"], shape: tuple[int, ...]) -> bool:
 
 
 class Windowed(AbstractLaw):
-    """A law without attraction on a window, and no pressure elsewhere: see `inside`."""
+    """A law on a window, and no pressure elsewhere: see `inside`."""
 
     law: AbstractLaw
 
@@ -88,25 +89,35 @@ def solve_on_window(
 ) -> ContactSolution:
     """Returns the contact on a window, by a solver of contacts on its cell.
 
-    Arguments as in `solve_contact`, and `solve`, which has the others already. The mean pressure
-    and the mean gap are those of the window.
+    Arguments as in `solve_contact`, and `solve`, which has the others already. The gap of the
+    loading is that of the undeformed block. The mean pressure and the mean gap of the contact are
+    those of the window.
     """
-    if law.attracts:
-        raise ValueError(f"`law={law}` attracts; on a window laws without attraction are needed.")
-    if loading.pressure is None:
-        raise ValueError(f"`mean_gap={loading.gap}`: on a window prescribe the `pressure`.")
+    grounded = loading.gap is not None
+    if not grounded:
+        loading = Loading(loading.pressure / 2**heights.ndim, None)
+    operator = Steady(_with_ground(kernel, heights.shape) if grounded else kernel, grounded)
+    inputs = Inputs(operator, on_cell(heights, kernel, "symmetric"), Windowed(law), loading)
     on_part = None if target is None else lambda found: target(_on_part(found))
-    return _on_part(
-        solve(
-            kernel,
-            on_cell(heights, kernel, "symmetric"),
-            loading.pressure / 2**heights.ndim,
-            law=Windowed(law),
-            target=on_part,
-            start=None if start is None else on_cell(start, kernel),
-            solution=None if solution is None else _on_whole(solution, kernel, heights),
-        )
-    )
+    start = None if start is None else on_cell(start, kernel)
+    solution = None if solution is None else _on_whole(solution, inputs)
+    return _on_part(solve(inputs, target=on_part, start=start, solution=solution))
+
+
+def _with_ground(kernel: Inexact[Array, "*half"], shape: tuple[int, ...]):
+    """The kernel with an entry for the mean above 0; NaN if it has none.
+
+    An incompressible slab has none to speak of. A constant where two points are one window apart
+    along an axis, which no two points of the window are, raises it without another effect.
+    """
+    mean, sizes = first_mode(kernel.shape), jnp.where(first_mode(kernel.shape), jnp.inf, kernel)
+    entry = jnp.real(kernel[(0,) * len(shape)])
+    missing = jnp.maximum(jnp.min(jnp.abs(sizes)) / 4 - entry, 0)
+    whole = _doubled(shape)
+    near = [jax.lax.broadcasted_iota(jnp.int32, whole, a) != n for a, n in enumerate(shape)]
+    apart = 1 - jnp.prod(jnp.stack(near), axis=0, dtype=entry.dtype)
+    unused = to_spectrum(apart).real / jnp.sum(apart)
+    return jnp.where(mean & (entry == 0), jnp.nan, kernel + missing * unused)
 
 
 @eqx.filter_jit
@@ -125,22 +136,21 @@ def _on_part(found: ContactSolution) -> ContactSolution:
 
 
 @eqx.filter_jit
-def _on_whole(known: ContactSolution, kernel, heights) -> ContactSolution:
+def _on_whole(known: ContactSolution, inputs: Inputs) -> ContactSolution:
     """The contact on the cell of a window's contact: around it, its pressure's displacement."""
-    pressure = on_cell(known.pressure, kernel)
-    own = displace(kernel, pressure)
-    own = own - jnp.mean(on_window(own))
-    around = own - on_cell(heights - jnp.mean(heights), kernel, "symmetric") + known.mean_gap
+    operator, kernel = inputs.operator, inputs.operator.kernel
+    heights, pressure = inputs.heights - jnp.mean(inputs.heights), on_cell(known.pressure, kernel)
+    own, offset = operator.displace(pressure), inputs.loading.gap
+    if offset is None:
+        offset = known.mean_gap - jnp.mean(on_window(own))
     within = inside(pressure.shape)
-    displacement = jnp.where(within, on_cell(known.displacement, kernel), own)
+    gap = jnp.where(within, on_cell(known.gap, kernel), own - heights + offset)
     return dataclasses.replace(
         known,
         pressure=pressure,
-        gap=jnp.where(within, on_cell(known.gap, kernel), around),
-        displacement=displacement - jnp.mean(displacement),
+        gap=gap,
+        displacement=gap + heights - offset,
         correction=on_cell(known.correction, kernel),
-        mean_pressure=jnp.mean(pressure),
-        mean_gap=known.mean_gap + jnp.mean(displacement),
     )
 
 

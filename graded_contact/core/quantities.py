@@ -38,6 +38,7 @@ def _table(quantities: Iterable[tuple[str, str, str, str]]) -> dict[str, Quantit
 AXES = _table([
     ("velocity", "v", "m/s", "sliding velocity"),
     ("pressure", r"\sigma_0", "Pa", "mean pressure"),
+    ("approach", r"\delta", "m", "approach"),
     ("temperature", "T", "K", "temperature"),
     ("seed", "", "1", "seed of the random surface"),
 ])  # fmt: skip
@@ -156,7 +157,8 @@ PARAMETERS = _table([
 # Other numbers of results.
 RESULTS = _table([
     ("surface_rise", r"\Delta T", "K", "temperature of the contact above the bulk"),
-    ("approach", r"\delta", "m", "approach of a body since its first touch"),
+    ("approach_error", "", "m", "estimated error of the approach"),
+    ("moment", "M", "N m", "moment of the pressure about the middle of the window"),
     ("rim_load", "", "1", "share of the load on the rim of the window"),
     ("rms_height", r"h_\mathrm{rms}", "m", "rms height"),
     ("rms_slope", r"h'_\mathrm{rms}", "1", "rms slope"),

@@ -59,7 +59,7 @@ class Tables:
     - `surface`: of the rough counter-body, with a `kind`.
     - `materials`: tables [materials.NAME], each with a `kind`; one may use those above it.
     - `base`: below the layers, with a `kind`.
-    - `load`: pressures, velocities, temperatures.
+    - `load`: pressures or approaches, velocities, temperatures.
     - `title`: one line for the reader.
     - `grid`: of a random surface, or of a sphere.
     - `layers`: tables [[layers]], from the loaded surface downwards. A graded one has, instead of
@@ -107,7 +107,8 @@ class Scene:
     - `stack`: the block of the file; `block` returns that of a point.
     - `surface`: where the surface comes from; `build_surface` makes it.
     - `sweep`: other values for numbers of the stack, by their paths.
-    - `pressure`: mean pressures [Pa], an axis.
+    - `pressure`: mean pressures [Pa], an axis; none with an approach.
+    - `approach`: of a body on a window since its first touch [m], an axis in place of the pressure.
     - `velocity`: sliding velocities [m/s], an axis. With a motion these are its highest speeds, and
       each changes its period; if missing, the motion has the period of its table.
     - `temperature`: of the block [K], one or an axis; None leaves the materials unchanged. With
@@ -136,6 +137,7 @@ class Scene:
     sweep: dict[str, Values]
     pressure: Values
     velocity: Values
+    approach: Values | None = None
     temperature: Annotated[Float[np.ndarray, "*temperatures"], LINEAR] | None = None
     direction: float = 0.0
     extrapolate: bool = False
@@ -161,7 +163,9 @@ class Scene:
             found["temperature"] = self.temperature
         if isinstance(self.surface, RandomSurface) and self.surface.seeds is not None:
             found["seed"] = self.surface.seed + np.arange(self.surface.seeds)
-        return {**found, "pressure": self.pressure, "velocity": self.velocity}
+        if self.approach is None:
+            return {**found, "pressure": self.pressure, "velocity": self.velocity}
+        return {**found, "approach": self.approach, "velocity": self.velocity}
 
     @property
     def num_solves(self) -> int:
@@ -217,6 +221,9 @@ def parse_scene(text: str, folder: str | os.PathLike = ".") -> Scene:
     reader = block.reader
     tables: Tables = reader.build(ROOT, parse_toml(text), Tables)
     (load,) = reader.arguments("[load]", tables.load, KEYS["[load]"])
+    if ("pressure" in load) == ("approach" in load):
+        raise ValueError("[load] lacks the key `pressure` or `approach`, or has both.")
+    kind, allowed = ("approach", "[m]") if "approach" in load else ("pressure", "[Pa]")
     if "velocity" not in load:
         if tables.motion is None:
             raise ValueError("[load] lacks the key `velocity`.")
@@ -230,14 +237,15 @@ def parse_scene(text: str, folder: str | os.PathLike = ".") -> Scene:
     ):
         load["extrapolate"] = True
     with within("[load]"):
-        check_positive("pressure", load["pressure"], "[Pa]")
+        check_positive(kind, load[kind], allowed)
+        load.setdefault("pressure", np.array([]))
         check_values("velocity", load["velocity"], "a velocity [m/s] must be finite")
         full, reason = 2 * np.pi, "an angle [rad] lies between -2π and 2π"
         check_values("direction", load.get("direction", 0.0), reason, at_least=-full, at_most=full)
     with within("[solver]"):
         algorithm = {"solver": DouglasRachford(**solver), "tolerance": _tolerance(**tolerance)}
         for name, rtol in algorithm["tolerance"].items():
-            check_tolerance(name, rtol, as_float(load["pressure"]))
+            check_tolerance(name, rtol, as_float(load[kind]))
     surface, stack, inputs = (
         surface_source(tables.surface, tables.grid, reader),
         block.stack(tables.layers, tables.base),
@@ -266,6 +274,9 @@ def parse_scene(text: str, folder: str | os.PathLike = ".") -> Scene:
         **accuracy,
         **output,
     )
+    ends = isinstance(surface, SurfaceFile) and surface.arguments.get("periodic") == "open"
+    if found.approach is not None and not (ends or isinstance(surface, Sphere)):
+        raise ValueError('[load] `approach` is that of a sphere, or of a file that is "open".')
     _check_motion(found)
     _check_dry(found)
     _check_sweep(found)
@@ -315,7 +326,12 @@ def _check_dry(scene: Scene) -> None:
 
 
 def refuse_tables(scene: Scene, place: str, *names: str) -> None:
-    """Raises `ValueError` if a scene has a table of these names, which `place` does not take."""
+    """Raises `ValueError` if a scene has a table of these names, which `place` does not take.
+
+    Nor does it take an approach.
+    """
+    if scene.approach is not None:
+        raise ValueError(f"{place} needs a `pressure` in [load], not an `approach`.")
     for name in names:
         if getattr(scene, name) is not None:
             raise ValueError(f"{place} does not take the table [{name}].")
@@ -344,13 +360,13 @@ def check_paths(given: Iterable[str], stack: Stack) -> None:
 # The keys of tables that are fields of a scene.
 KEYS = {
     place: tuple(
-        key._replace(default=None) if key.name == "velocity" else key
+        key._replace(default=None) if key.name in ("pressure", "velocity") else key
         for key in keys_of(Scene)
         if key.name in names
     )
     for place, names in {
         "[load]": (
-            *("pressure", "velocity", "temperature", "direction", "extrapolate"),
+            *("pressure", "approach", "velocity", "temperature", "direction", "extrapolate"),
             "pressure_ratio",
         ),
         "[solver]": ("graded_solver",),

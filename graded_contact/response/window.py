@@ -12,9 +12,11 @@ that of the long cell's own images, estimated by those of a cell half as long, a
 few points, estimated by half as many. The second one matters where a block relaxes
 slowly: the track that a load leaves behind is not smooth across the motion.
 
-The entry at q = 0, which contact ignores, holds the mean of G so that G vanishes far away. This
-gives the approach of an indenter. In one dimension G grows without bound, and that entry is
-arbitrary.
+The entry at q = 0 holds the mean of G so that G vanishes far away. This gives the approach of an
+indenter. What a cell of length S lacks of G is a/S + b/S²: a of the half space, b of the layers;
+cells half and a quarter as long give both. The estimated error is the term of b and, where the base
+does not relax within the cell, the difference of the relaxed 1/Re(1/M) and Re M at its longest
+waves. Along a line only slabs on a rigid base have this entry; else it is 0.
 
 R. W. Hockney, Methods Comput. Phys. 9 (1970) 135; S. Liu, Q. Wang & G. Liu, Wear 243 (2000) 101,
 doi:10.1016/S0043-1648(00)00427-0.
@@ -31,7 +33,7 @@ from ..fields.grid import Grid, resample_spectrum, to_field, to_spectrum, zero_m
 from .grading import AbstractGradedSolver
 from .kernel import stack_kernel
 from .layering import Layering
-from .stack import Stack
+from .stack import HalfSpace, Rigid, Stack
 
 # Windows along an axis of the long cell, and points to a window there, by the number of axes.
 _WINDOWS = {1: 1024, 2: 32}
@@ -65,7 +67,12 @@ def window_kernel(
         stack_kernel(stack, cell, velocity, graded_solver=graded_solver)
         for cell in (doubled(grid), long_cell(grid))
     )
-    return without_images(near, far, grid)[0]
+    return without_images(near, far, grid, has_ground(stack, grid))[0]
+
+
+def has_ground(stack: Stack, grid: Grid) -> bool:
+    """Returns whether a load on a window moves the block far away by nothing."""
+    return isinstance(stack.base, Rigid | HalfSpace if grid.ndim == 2 else Rigid)
 
 
 def doubled(grid: Grid) -> Grid:
@@ -82,20 +89,26 @@ def long_cell(grid: Grid) -> Grid:
 @derivative_apart
 @eqx.filter_jit
 def without_images(
-    near: Inexact[Array, "*half"], far: Inexact[Array, "..."], grid: Grid
+    near: Inexact[Array, "*half"], far: Inexact[Array, "..."], grid: Grid, ground: bool
 ) -> tuple[Inexact[Array, "*half"], Inexact[Array, "2 *half"]]:
     """Returns the kernel of a window and its two estimated errors [m/Pa], see above.
 
-    `near` and `far` are the kernels of the cells `doubled` and `long_cell` of its grid.
+    `near` and `far` are the kernels of the cells `doubled` and `long_cell` of its grid. With
+    `ground` the block far away does not move.
     """
     windows, points = _WINDOWS[grid.ndim], _POINTS[grid.ndim]
     shape = (windows * points,) * grid.ndim
     fewer = resample_spectrum(far, shape, tuple(n // 2 for n in shape))
-    images, own = (_images(far, grid, points, length) for length in (2, windows // 2))
-    errors = jnp.stack([own, images - _images(fewer, grid, points // 2, 2)])
+    images, own, more = (
+        _images(far, grid, points, length) for length in (2, windows // 2, windows // 4)
+    )
     mean = zero_mode(tuple(2 * n for n in grid.shape))
-    # Doubling the long cell halves what it lacks of G.
-    return near - images - jnp.where(mean, own, 0), jnp.where(mean, 0, errors)
+    longest = far[tuple(np.eye(grid.ndim, dtype=int))]
+    late = jnp.sum(longest.imag**2 / longest.real) * 8 * (2 / windows) ** grid.ndim
+    of_mean = jnp.abs(more - 3 * own) / 3 + late
+    errors = [jnp.where(mean, of_mean, own), images - _images(fewer, grid, points // 2, 2)]
+    kernel = near - images - jnp.where(mean, 2 * own - more / 3, 0)
+    return kernel if ground else jnp.where(mean, 0, kernel), jnp.stack(errors)
 
 
 def _images(far, grid: Grid, points: int, length: int):

@@ -29,6 +29,7 @@ from ..files.surface_source import RandomSurface, SurfaceFile
 from ..friction.cycle import slide_cycle
 from ..friction.sliding import slide
 from ..response.stack import Stack
+from ..response.window import has_ground
 from ..rheology.shift import shifts_in
 from ..roughness.surface import Surface
 from .program import trace
@@ -114,13 +115,14 @@ def run_scene(
     - `workers`, `client`, `progress`: as in `sweep`.
 
     **Returns:** an `xarray.Dataset` over the axes of the scene, as far as it has them: the paths of
-    [sweep], `temperature` [K], `seed`, and always `pressure` [Pa] and `velocity` [m/s]. Variables
+    [sweep], `temperature` [K], `seed`, and always `pressure` [Pa] (or `approach` [m]) and
+    `velocity` [m/s]. Variables
     are the numbers of `Sliding` (`friction`, `contact_area`, ...), `message`, `point`,
     `reduced_velocity` a_T v [m/s] if the block has one law of temperature, and
     `friction_standard_error` if errors of a material are known; the `heights` of the surface, and
     the fields of solves that the scene keeps. Attributes hold the scene, the seed, the versions and
     the caveats. With [heating] there is the `surface_rise` [K] of the contact, on a window the
-    `approach` [m] and the `rim_load`.
+    `rim_load` and the `approach` [m], or the `mean_pressure` [Pa] at a given one.
 
     With [motion] the variables are the numbers of `CyclicSliding`: those of a cycle over these axes
     (`mean_friction`, `peak_friction`, `work`, ...), `friction`, areas, `load` and `mean_gap` also
@@ -191,7 +193,11 @@ def _numbers_of(scene: Scene, surface: Surface) -> tuple[str, ...]:
     if scene.heating is not None:
         names += ("surface_rise",)
     if not surface.periodic:
-        names += ("rim_load", "approach")[: surface.grid.ndim]  # a line has no approach
+        names += ("rim_load",)
+        if scene.approach is not None:
+            names += ("mean_pressure",)
+        elif has_ground(scene.stack, surface.grid):
+            names += ("approach", "approach_error")
     return names
 
 
@@ -240,7 +246,8 @@ def _slid(scene: Scene, block: Stack, surface: Surface, point: dict[str, Any], h
     sliding = slide(
         block,
         surface,
-        pressure=point["pressure"],
+        pressure=point.get("pressure"),
+        approach=point.get("approach"),
         velocity=velocity_vector(point["velocity"], scene.direction),
         shear=scene.shear,
         heating=scene.heating,
@@ -251,9 +258,8 @@ def _slid(scene: Scene, block: Stack, surface: Surface, point: dict[str, Any], h
     if sliding.heated is not None:
         found["surface_rise"] = sliding.heated.surface_rise
     if not surface.periodic:
-        found["rim_load"] = sliding.rim_load
-        if surface.grid.ndim == 2:
-            found["approach"] = sliding.approach
+        found |= {"rim_load": sliding.rim_load, "mean_pressure": sliding.contact.mean_pressure}
+        found |= {"approach": sliding.approach, "approach_error": sliding.approach_error}
     return found, sliding
 
 

@@ -48,7 +48,7 @@ def test_derivative_along_a_path_is_that_of_its_last_contact():
 @pytest.mark.parametrize(
     "arguments, message",
     [
-        (dict(), "`pressure` and `mean_gap`"),
+        (dict(), "`pressure`, `mean_gap` and `approach`"),
         (
             dict(pressure=[1.0], solver=gc.contacts.ResidualDynamics()),
             r"Pass `solver=DouglasRachford\(\)`",

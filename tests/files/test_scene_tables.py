@@ -1,5 +1,6 @@
 """The tables [motion], [shear] and [heating], spheres and windows: what they make, and refusals."""
 
+import re
 from pathlib import Path
 
 import numpy as np
@@ -95,6 +96,22 @@ def test_a_sphere_is_a_window_with_the_heights_of_hertz():
     np.testing.assert_array_equal(heights, heights[::-1, ::-1])
     x, y = (np.array([3, 20]) - 15.5) * 1e-3 / 32
     np.testing.assert_allclose(heights[3, 20], -(x**2 + y**2) / 4e-3, rtol=1e-12)
+
+
+def test_a_body_on_a_window_takes_an_approach():
+    approach = "approach = [1e-6, 2e-6]\n"
+    pressure = re.search(r"pressure = .*\n", BARE).group()
+    sphere = '[surface]\nkind = "sphere"\nradius = 2e-3\n[grid]' + BARE.split("[grid]")[1]
+    scene = parse_scene(sphere.replace(pressure, approach))
+    assert list(scene.axes) == ["approach", "velocity"] and scene.num_solves == 4
+    for text, expected in [
+        (sphere.replace(pressure, pressure + approach), "or has both"),
+        (BARE.replace(pressure, approach), "`approach` is that of a sphere, or of a file"),
+        (sphere.replace(pressure, "approach = -1e-6\n"), r"`approach\[0\]=-1e-06` is refused"),
+        (sphere.replace(pressure, approach) + SINE, "needs a `pressure` in .load., not"),
+    ]:
+        with pytest.raises(ValueError, match=expected):
+            parse_scene(text)
 
 
 def test_an_open_file_is_a_window_with_its_tilt(tmp_path):

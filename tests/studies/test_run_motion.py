@@ -125,4 +125,8 @@ fields = "last"
     np.testing.assert_allclose(results.contact_pressure.max(), peak, rtol=0.02)
     np.testing.assert_allclose(results.approach.item(), half_width**2 / radius, rtol=0.02)
     assert results.rim_load == 0
+    load = f"pressure = {1e-2 / 36e-8}"
+    moved = run_scene(parse_scene(text.replace(load, f"approach = {results.approach.item()}")))
+    assert moved["message"].dims == ("approach", "velocity")
+    np.testing.assert_allclose(moved.mean_pressure.item(), 1e-2 / 36e-8, rtol=1e-4)
     assert not contact_at(results, (0, 0))[1].periodic
