@@ -213,13 +213,14 @@ class Page(pn.viewable.Viewer):
         self._lines, self._bars, self._block = new_lines(model.highest), Bars(model.knobs), Block()
         self._map = Map(model.size)
         lines, chart = self._lines, pn.Column(self._field, _drawn(self._map.figure), **WIDE)
-        chart.styles = _flex("1 1 420px")
-        middle = pn.Column(*(_drawn(lines[name].figure) for name in ("friction", "contact_area")),
-                           **WIDE, styles=_flex("1 1 340px"))  # fmt: skip
-        upper = (self._block, lines["modulus"], lines["loss_tangent"])
+        chart.styles = _flex("0 1 480px")
+        upper = (self._block, lines["friction"], lines["contact_area"])
+        lower = [_drawn(lines[name].figure, "1 1 220px") for name in ("modulus", "loss_tangent")]
+        right = pn.Column(_drawn(self._bars.figure), pn.FlexBox(*lower, gap="0", **WIDE),
+                          **WIDE, styles=_flex("1 1 440px"))  # fmt: skip
         self._plots[:] = [
             pn.FlexBox(*(_drawn(part.figure, "1 1 270px") for part in upper), gap="0", **WIDE),
-            pn.FlexBox(middle, chart, _drawn(self._bars.figure, "1 1 360px"), gap="0", **WIDE),
+            pn.FlexBox(chart, right, gap="0", **WIDE),
         ]
         self._knobs[:] = self.sliders
         names = list(content["materials"])
