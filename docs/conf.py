@@ -27,6 +27,7 @@ myst_enable_extensions = ["colon_fence", "deflist", "dollarmath", "attrs_inline"
 myst_heading_anchors = 3
 nb_execution_mode = "cache"
 nb_execution_timeout = 600
+nb_merge_streams = True
 nitpicky = True
 nitpick_ignore_regex = [("py:class", ".*")]  # types of arguments
 python_use_unqualified_type_names = True

@@ -74,7 +74,7 @@ class Page(pn.viewable.Viewer):
             options=MAPS, variant="outline", color="primary", margin=(4, 48),
             sizing_mode="stretch_width",
         )  # fmt: skip
-        self._field.param.watch(self._show_map, "value")
+        self._field.param.watch(lambda _: pn.state.execute(self._show_map, schedule=True), "value")
         self._field.param.watch(self._push, "value", precedence=1)
         self._layout = self._laid_out()
         watch = self.session.param.watch
@@ -101,8 +101,7 @@ class Page(pn.viewable.Viewer):
             label="Pin curves and numbers to compare", **SMALL, disabled=here.shown.rx.is_(None),
         )  # fmt: skip
         pin.param.watch(
-            lambda event: session.param.update(pinned=session.shown if event.new else None),
-            "value",
+            lambda event: session.show(pinned=session.shown if event.new else None), "value"
         )
         tabs = pn.Tabs(
             ("Sliders", self._knobs), ("Layers", self._layers), ("Data", self._data()),
@@ -249,7 +248,7 @@ class Page(pn.viewable.Viewer):
         if any(event.name == "curves" for event in events):
             self._bars.fade(0.35)
 
-    def _show_map(self, *_: Any) -> None:
+    def _show_map(self) -> None:
         """Draws the chosen field of the contact."""
         if self.session.shown is None:
             return
