@@ -126,14 +126,11 @@ def caption(figure: "Figure") -> str:
     """Returns what the panels of a figure show, from their letters and labels, and its title."""
     panels = []
     for axes in figure.axes:
-        bars = [drawn.colorbar for drawn in (*axes.images, *axes.collections) if drawn.colorbar]
-        labels = [axes.get_ylabel(), axes.get_xlabel()]
-        if bars:
-            labels = [bars[0].ax.get_ylabel(), bars[0].ax.get_xlabel()]
-        if any(labels) and axes.get_label() != "<colorbar>":
-            shown = ": ".join(
-                filter(None, (axes.get_title(), " against ".join(filter(None, labels))))
-            )
+        bars = [drawn.colorbar.ax for drawn in (*axes.images, *axes.collections) if drawn.colorbar]
+        title, of = axes.get_title(), bars[0] if bars else axes
+        shown = " against ".join(filter(None, (of.get_ylabel(), of.get_xlabel())))
+        if axes.get_label() != "<colorbar>":
+            shown = f"{title}: {shown}" if title and bars else title or shown
             panels.append(f"{axes.get_title(loc='left')} {shown}".strip())
     sentences = re.sub(r" \[[^]]*\]", "", "; ".join(panels)), figure.get_suptitle()
     text = " ".join(f"{text[0].upper()}{text[1:]}." for text in sentences if text)
