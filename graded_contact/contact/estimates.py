@@ -43,7 +43,6 @@ from jaxtyping import Array, Float
 from ..core.compilation import compiled
 from .adjoint import Inputs, LinearSplitting, State, root_of, without_mean
 from .operator import (
-    bending_energy,
     contact_stiffness,
     nonzero,
     root_mean_square,
@@ -178,7 +177,8 @@ def changed(inputs: Inputs, found: SolverOutput, change: Float[Array, "*shape"])
     pressure, law_gap = found.pressure + change, penalty * found.gap
     before = penalty * found.displacement
     s = _share_of_gap(law, pressure - law_gap)
-    fixed = jnp.mean(s) * bending_energy(operator, law_gap) / nonzero(jnp.mean(law_gap**2))
+    bent = jnp.mean(operator.bending_energy(law_gap))
+    fixed = jnp.mean(s) * bent / nonzero(jnp.mean(law_gap**2))
     free = jnp.where(operator.is_mean, 0, 1 / (1 + fixed * jnp.abs(operator.kernel)))
     moved = operator.filtered(free, operator.displace(pressure) - before)
     displacement = before - operator.mean(before) + moved

@@ -31,7 +31,7 @@ from jaxtyping import Array, Bool, Float
 
 from ..fields.grid import multiplicity
 from .anderson import CYCLE, History, accelerate, sums
-from .operator import Solid, contact_stiffness
+from .operator import Solid, contact_stiffness, root_mean_square
 from .solver import in_precision, participation_of, run_steps
 
 DRAFTED_FROM = 2**18  # points of a grid worth a draft, by `bench_contact.py overhead`
@@ -91,10 +91,9 @@ class Splitting(eqx.Module):
         if self.solid.free_mean:
             # With the mean gap exact, an error of the gaps is one of the mean pressure.
             rigid = contact_stiffness(self.solid.scaled, y - v, s)
-            shift = jnp.where(self.solid.operator.is_mean, jnp.abs(after - before), 0)
-            shift = jnp.sqrt(jnp.sum(shift**2)) / (2 * self.relaxation * z.size)
-            by_shift = rigid * shift * jnp.sqrt(z.size / unit)
-            error = jnp.where(jnp.isfinite(rigid), error + by_shift, jnp.inf)
+            shift = self.solid.operator.mean(image - between) / (2 * self.relaxation)
+            error = error + root_mean_square(rigid * shift) * jnp.sqrt(z.size / unit)
+            error = jnp.where(jnp.isnan(error), jnp.inf, error)
         # Pressures below the rounding of the gaps cannot be distinguished from zero.
         lost = defect <= (8 * jnp.finfo(z.dtype).eps) ** 2 * scale
         if self.least is not None:
