@@ -121,7 +121,7 @@ def reference_pages() -> dict[str, str]:
         pages[title.replace(" ", "_")] = "\n\n".join([f"# {TITLES[title]}", *parts])
     for module, members in modules.items():
         about = importlib.import_module(f"graded_contact.{module}").__doc__
-        parts = [f"# `graded_contact.{module}`", linked(inspect.cleandoc(about or ""), places)]
+        parts = [f"# `gc.{module}`", linked(inspect.cleandoc(about or ""), places)]
         for name, thing in members:
             at = places[name]
             own = at == f"graded_contact.{module}.{name}"
@@ -233,6 +233,7 @@ def short_type(annotation: object) -> str:
 
 def bare_type(annotation: object) -> str:
     text = annotation if isinstance(annotation, str) else inspect.formatannotation(annotation)
+    text = re.sub(r"(?:jaxtyping\.)?\w+\[(?:\w+\.)*Array, '[^']*'\]", "Array", text)
     return re.sub(r"\b(?:[a-zA-Z_]\w*\.)+(?=\w)", "", text.replace("~", ""))
 
 
@@ -253,7 +254,7 @@ def linked(text: str, places: dict[str, str]) -> str:
 
 def commands_page() -> str:
     """Returns what the commands say of themselves."""
-    runner = CliRunner(env={"COLUMNS": "90", "TERM": "dumb", "NO_COLOR": "1"})
+    runner = CliRunner(env={"COLUMNS": "80", "TERM": "dumb", "NO_COLOR": "1"})
     names = [command.callback.__name__ for command in app.registered_commands if command.callback]
     parts = ["# The command `graded-contact`"]
     for name in ("", *names):
@@ -272,21 +273,22 @@ def keys_page() -> str:
     for title, takers in TABLES.items():
         rows = [key_row(key, make) for make, keys in takers.items() for key in keys]
         if rows:
-            head = [["key", "type", "default", "unit", "meaning"], 5 * ["---"]]
+            head = [["key", "meaning", "type", "default", "unit"], 5 * ["---"]]
             lines = ["| " + " | ".join(row) + " |" for row in head + rows]
-            parts += [f"## {title}", "\n".join(lines)]
+            heading = re.sub(r'kind = "\w+"', r"`\g<0>`", title)
+            parts += [f"## {heading}", "\n".join(lines)]
     return "\n\n".join(parts)
 
 
 def key_row(key: Key, make: Callable) -> list[str]:
-    """Returns key, type, default, unit and meaning, from signature and docstring."""
+    """Returns key, meaning, type, default and unit, from signature and docstring."""
     pattern = r"^ *- (`[^:]*`[^:]*): (.*?)(?=^ *- `|^ *$|\Z)"
     entries = re.findall(pattern, make.__doc__ or "", re.MULTILINE | re.DOTALL)
     found = [" ".join(text.split()) for names, text in entries if f"`{key.name}`" in names]
     meaning = MEANINGS[key.name] if key.name in MEANINGS else found[0]
     meaning = meaning.removesuffix(" Static.")
     unit = re.search(r"(?<![\w\[])\[((?:1|Pa|rad|m²?|s|K|J|Hz)(?:/\w+)?)\]", meaning)
-    cells = [f"`{key.name}`", words(key), default_text(key), unit[1] if unit else "", meaning]
+    cells = [f"`{key.name}`", meaning, words(key), default_text(key), unit[1] if unit else ""]
     return [cell.replace("|", "\\|") for cell in cells]
 
 
@@ -302,14 +304,7 @@ def words(key: Key) -> str:
             return "NAME of a material"
         if part in block.KINDS:
             return "table with a `kind`"
-    names = {
-        float: "number",
-        int: "whole number",
-        bool: "true or false",
-        str: "text",
-        dict: "tables",
-    }
-    found = " or ".join(names[kind] for kind in classes_of(parts)) or "table"
+    found = " or ".join(WORDS[kind] for kind in classes_of(parts)) or "table"
     rows = any(getattr(part, "dims", ()) for part in parts) or list[float] in parts
     if rows or Sequence[Any] in parts or tuple[int, ...] in parts:
         return f"{found}, or a list of them"

@@ -1,5 +1,6 @@
 """The site: `sphinx-build -W docs site`; `-D nb_execution_mode=off` skips the notebooks."""
 
+import re
 import sys
 from pathlib import Path
 
@@ -26,6 +27,7 @@ myst_enable_extensions = ["colon_fence", "deflist", "dollarmath", "attrs_inline"
 myst_heading_anchors = 3
 nb_execution_mode = "cache"
 nb_execution_timeout = 600
+nb_merge_streams = True
 nitpicky = True
 nitpick_ignore_regex = [("py:class", ".*")]  # types of arguments
 python_use_unqualified_type_names = True
@@ -43,7 +45,8 @@ html_theme_options = {
     "navigation_with_keys": False,
     "navbar_end": ["theme-switcher"],
     "navbar_persistent": ["search-button"],
-    "header_links_before_dropdown": 9,
+    "navbar_align": "left",
+    "header_links_before_dropdown": 10,
     "secondary_sidebar_items": {"**": ["page-toc"], "index": []},
 }
 html_sidebars = {
@@ -58,6 +61,7 @@ html_sidebars = {
         "paper",
     )
 }
+smartquotes = False  # quotes in keys and commands can be copied
 html_math_renderer = "mathml"
 
 
@@ -65,6 +69,7 @@ def setup(app: Sphinx) -> None:
     """Formulas become MathML: browsers typeset it without scripts."""
     app.add_html_math_renderer("mathml", (inline_formula, None), (block_formula, None))
     app.connect("source-read", link_names)
+    app.connect("doctree-read", unbroken)
 
 
 def link_names(app: Sphinx, page: str, source: list[str]) -> None:
@@ -73,14 +78,32 @@ def link_names(app: Sphinx, page: str, source: list[str]) -> None:
         source[0] = _generated.linked(source[0], _generated.all_places())
 
 
+def unbroken(app: Sphinx, tree: nodes.document) -> None:
+    """Lines do not break inside a number, nor between a number and its unit."""
+    for cell in tree.findall(nodes.entry):
+        if re.fullmatch(r"[-+\d.,e±% ]+", cell.astext()):
+            cell["classes"].append("number")
+    for text in list(tree.findall(nodes.Text)):
+        if not isinstance(text.parent, nodes.literal | nodes.literal_block | nodes.math):
+            unit = r"(?<=\d) (?=(?:%|°C|[kMGTnµm]?(?:m|s|Pa|K|J|Hz|rad|GiB|MB)\b))"
+            text.parent.replace(text, nodes.Text(re.sub(unit, "\N{NO-BREAK SPACE}", text)))
+
+
+def formula(node, as_block: bool = False) -> str:
+    """Returns the MathML of a formula, with bars of full length and spaces after functions."""
+    text = tex2mathml(node.astext(), as_block=as_block)
+    space = '<mspace width="0.17em"></mspace>'
+    text = re.sub(r"<mo>&ApplyFunction;</mo>(?!\s*<mo)", space, text)
+    return text.replace(">_</mo>", ' stretchy="true">‾</mo>')
+
+
 def inline_formula(translator, node) -> None:
-    translator.body.append(tex2mathml(node.astext()))
+    translator.body.append(formula(node))
     raise nodes.SkipNode
 
 
 def block_formula(translator, node) -> None:
-    text = tex2mathml(node.astext(), as_block=True)
-    translator.body.append(f'<div class="formula">{text}</div>')
+    translator.body.append(f'<div class="formula">{formula(node, as_block=True)}</div>')
     raise nodes.SkipNode
 
 

@@ -67,7 +67,10 @@ def test_a_run_writes_results_and_figures_and_prints_their_paths(folder):
     rows = (folder / "out" / "small.csv").read_text().splitlines()
     assert rows[0].startswith("pressure [Pa],velocity [m/s],friction [1],") and len(rows) == 3
     assert all(f"wrote {folder / 'out' / name}" in printed for name in names)
-    assert (folder / "out" / "small-sweep.png").read_bytes().startswith(b"\x89PNG")
+    picture = (folder / "out" / "small-sweep.png").read_bytes()
+    assert picture.startswith(b"\x89PNG")
+    caption = "(a) friction coefficient against sliding velocity; (b) contact area fraction"
+    assert caption in printed and caption.encode() in picture
 
 
 def test_file_csv_table_and_info_hold_the_same_numbers(folder):

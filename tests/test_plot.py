@@ -382,7 +382,8 @@ def test_a_master_curve_shows_isotherms_before_and_after_shifts_and_law(curve):
     points = [line for axes in (along, across) for line in axes.lines if len(line.get_xdata()) == 1]
     drawn = {(float(p.get_xdata()[0]), float(p.get_ydata()[0])) for p in points}
     for values in (curve.log10_shifts, curve.vertical_shifts):
-        assert drawn >= set(zip(TEMPERATURES, map(float, values), strict=True))
+        celsius = (kelvin - 273.15 for kelvin in TEMPERATURES)
+        assert drawn >= set(zip(celsius, map(float, values), strict=True))
     law = next(line for line in along.lines if line.get_label() == "WLF law")
     np.testing.assert_allclose(law.get_ydata()[-1], np.log10(curve.law.factor(310.0)), rtol=1e-6)
 
@@ -396,7 +397,7 @@ def test_a_van_gurp_palmen_plot_shows_phase_angles_as_measured(curve, tmp_path):
         figure = gc.plot.plot_van_gurp_palmen(isotherms)
         check_labels(figure)
         axes, bar = figure.axes
-        assert bar.get_ylabel() == "temperature [K]" and axes.get_xlabel() == "$|E^*|$ [MPa]"
+        assert bar.get_ylabel() == "temperature [°C]" and axes.get_xlabel() == "$|E^*|$ [MPa]"
         for line, values in zip(axes.lines, MODULI, strict=False):
             size, angle = line.get_data()
             np.testing.assert_allclose(1e6 * size, np.abs(values), rtol=1e-9)

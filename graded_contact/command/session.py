@@ -25,6 +25,7 @@ from rich.progress import (
 
 from ..core.compilation import COMPILING, LESS_WORK
 from ..files.sealed import replacing
+from ..plot.style import caption
 from ..studies.interruption import Interruption
 
 if TYPE_CHECKING:
@@ -144,10 +145,13 @@ def _on_compiling(tell: Callable[[], None]) -> Iterator[None]:
 
 
 def save_figure(figure: "Figure", path: Path, form: str) -> None:
-    """Writes a figure, whole or not at all, and prints its path."""
+    """Writes a figure with its caption, whole or not at all, and prints both path and caption."""
+    text = caption(figure)
     with replacing(path) as partial:
-        figure.savefig(partial, format=form)
-    typer.echo(f"wrote {path}")
+        figure.savefig(
+            partial, format=form, metadata={"Subject" if form == "pdf" else "Description": text}
+        )
+    typer.echo(f"wrote {path}\n  {text}")
 
 
 def cache_folder() -> Path | None:

@@ -9,7 +9,6 @@ so an object that holds one prints units in any case.
 
 import dataclasses
 import html
-import inspect
 import reprlib
 from collections.abc import Iterator, Mapping
 from types import EllipsisType
@@ -145,12 +144,13 @@ def _fields(value: Any, units: bool) -> Iterator[tuple[str, Any, str]]:
         error: Any = parts.get(f"{name}_error")
         if name.endswith("_error") and _is_number(parts.get(name.removesuffix("_error"))):
             continue
+        is_method = name not in fields and callable(part)
         if name in declared:  # paths have the names of arguments, see `parameters`
             name = declared[name].metadata.get("argument", name)
         known = quantity_of(name, type(value).__name__)
         if _is_number(part) and _is_number(error):
             part = f"{_text(part)} ± {float(error):.1e}"
-        elif inspect.ismethod(part):
+        elif is_method:
             part = part()
         elif isinstance(part, Mapping) and known is None and units:
             part = {_title(str(key)): entry for key, entry in part.items()}

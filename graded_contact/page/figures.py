@@ -148,7 +148,7 @@ class Bars:
     def __init__(self, knobs: Sequence[Knob]):
         self._factors = factors = FactorRange(range_padding=0.05)
         self.figure = _new_figure("Change by a step of each slider", "change [%]", "",
-                                  y_range=factors)  # fmt: skip
+                                  y_range=factors, height=260)  # fmt: skip
         self.figure.yaxis.axis_label = None
         self.figure.yaxis.major_label_text_font_size = "10px" if len(knobs) < 13 else "9px"
         self.figure.ygrid.grid_line_color = None

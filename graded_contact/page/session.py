@@ -106,7 +106,7 @@ class Session(param.Parameterized):
 
     def show_message(self, text: str, error: bool = True) -> None:
         """Shows a message."""
-        self._show(message=text, error=error)
+        self.show(message=text, error=error)
 
     # The computation.
 
@@ -128,7 +128,7 @@ class Session(param.Parameterized):
 
     async def _read(self, change: Change) -> None:
         """Changes the scene, and builds its model."""
-        self._show(status="reading the scene", busy=True)
+        self.show(status="reading the scene", busy=True)
         old, values = self._newest, self._values
 
         def build() -> Model:
@@ -140,13 +140,13 @@ class Session(param.Parameterized):
             self._fail("the scene", error)
             return
         self._newest, self._values, self._seconds = model, model.values, {}
-        self._show(model=model)
+        self.show(model=model)
 
     async def _compute(self, call: int, stage: str, model: Any, values: tuple[float, ...]) -> bool:
         """Computes one stage and shows it; returns whether that succeeded."""
         first = stage not in self._seconds
         if first:
-            self._show(status=f"compiling: {stage}", busy=True)
+            self.show(status=f"compiling: {stage}", busy=True)
 
         def compute() -> Any:
             # Another page may be compiling the same function.
@@ -163,15 +163,15 @@ class Session(param.Parameterized):
         self._seconds[stage] = time.perf_counter() - started
         if stage == "curves":
             self._curves = found
-            self._show(curves=found)
+            self.show(curves=found)
             return True
         if stage == "contact":
             self._point = Shown(model, values, self._curves, found)
         else:
             self._point = self._point._replace(derivatives=found)
-        self._show(shown=self._point, **self._timing())
+        self.show(shown=self._point, **self._timing())
         as_opened = model.document is self._opened and values == model.values
-        self._show(state="" if as_opened else to_address(model.document, values))
+        self.show(state="" if as_opened else to_address(model.document, values))
         if stage == "contact" and found.sliding.result != RESULTS.successful:
             self.show_message(RESULTS[found.sliding.result])
         return True
@@ -182,13 +182,15 @@ class Session(param.Parameterized):
         if not isinstance(error, EXPECTED):
             logging.getLogger(__name__).error(stage, exc_info=error)
             text = f"{stage}: {text.splitlines()[0]}"
-        self._show(message=text, error=True, **self._timing())
+        self.show(message=text, error=True, **self._timing())
 
     def _timing(self) -> dict[str, Any]:
         parts = (f"{name} {1e3 * seconds:.0f}" for name, seconds in self._seconds.items())
         return {"status": ", ".join(parts) + " ms", "busy": False}
 
-    def _show(self, **values: Any) -> None:
+    def show(self, **values: Any) -> None:
+        """Changes parameters, under the lock of the page's document."""
+
         def show() -> None:
             with pn.io.hold():
                 self.param.update(**values)

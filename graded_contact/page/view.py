@@ -74,7 +74,7 @@ class Page(pn.viewable.Viewer):
             options=MAPS, variant="outline", color="primary", margin=(4, 48),
             sizing_mode="stretch_width",
         )  # fmt: skip
-        self._field.param.watch(self._show_map, "value")
+        self._field.param.watch(lambda _: pn.state.execute(self._show_map, schedule=True), "value")
         self._field.param.watch(self._push, "value", precedence=1)
         self._layout = self._laid_out()
         watch = self.session.param.watch
@@ -101,8 +101,7 @@ class Page(pn.viewable.Viewer):
             label="Pin curves and numbers to compare", **SMALL, disabled=here.shown.rx.is_(None),
         )  # fmt: skip
         pin.param.watch(
-            lambda event: session.param.update(pinned=session.shown if event.new else None),
-            "value",
+            lambda event: session.show(pinned=session.shown if event.new else None), "value"
         )
         tabs = pn.Tabs(
             ("Sliders", self._knobs), ("Layers", self._layers), ("Data", self._data()),
@@ -213,13 +212,14 @@ class Page(pn.viewable.Viewer):
         self._lines, self._bars, self._block = new_lines(model.highest), Bars(model.knobs), Block()
         self._map = Map(model.size)
         lines, chart = self._lines, pn.Column(self._field, _drawn(self._map.figure), **WIDE)
-        chart.styles = _flex("1 1 420px")
-        middle = pn.Column(*(_drawn(lines[name].figure) for name in ("friction", "contact_area")),
-                           **WIDE, styles=_flex("1 1 340px"))  # fmt: skip
-        upper = (self._block, lines["modulus"], lines["loss_tangent"])
+        chart.styles = _flex("0 1 480px")
+        upper = (self._block, lines["friction"], lines["contact_area"])
+        lower = [_drawn(lines[name].figure, "1 1 220px") for name in ("modulus", "loss_tangent")]
+        right = pn.Column(_drawn(self._bars.figure), pn.FlexBox(*lower, gap="0", **WIDE),
+                          **WIDE, styles=_flex("1 1 440px"))  # fmt: skip
         self._plots[:] = [
             pn.FlexBox(*(_drawn(part.figure, "1 1 270px") for part in upper), gap="0", **WIDE),
-            pn.FlexBox(middle, chart, _drawn(self._bars.figure, "1 1 360px"), gap="0", **WIDE),
+            pn.FlexBox(chart, right, gap="0", **WIDE),
         ]
         self._knobs[:] = self.sliders
         names = list(content["materials"])
@@ -248,7 +248,7 @@ class Page(pn.viewable.Viewer):
         if any(event.name == "curves" for event in events):
             self._bars.fade(0.35)
 
-    def _show_map(self, *_: Any) -> None:
+    def _show_map(self) -> None:
         """Draws the chosen field of the contact."""
         if self.session.shown is None:
             return

@@ -9,7 +9,7 @@ from ..core.display import unit_of, with_unit
 from ..core.quantities import FIELDS
 from ..roughness.surface import Surface
 from .contact import LOOKS, draw_map
-from .style import COLOURS, PAGE, new_figure, ordered, styled
+from .style import COLOURS, PAGE, legend_below, letters, new_figure, ordered, styled
 from .sweeps import MANY
 from .words import label_of, title_of
 
@@ -33,7 +33,7 @@ def plot_cycle(cycle: "CyclicSliding | Dataset") -> "Figure":
       scene with [motion]: one line for each of its solves.
     """
     lines = _lines(cycle)
-    figure = new_figure(PAGE, 2.6 if len(lines) == 1 else 3.0)
+    figure = new_figure(PAGE, 2.6)
     loop, over_time, area = figure.subplots(1, 3)
     unit, factor = unit_of("m", max(float(np.ptp(line["displacement"])) for line in lines))
     colours = COLOURS if len(lines) <= MANY else ordered(len(lines))
@@ -57,8 +57,8 @@ def plot_cycle(cycle: "CyclicSliding | Dataset") -> "Figure":
     for axes in (over_time, area):
         axes.set_xlabel("time over the period [1]")
     area.set(ylabel="contact area fraction [1]", ylim=(0, None))
-    if any(line["label"] for line in lines):
-        figure.legend(loc="outside lower center", ncols=4)
+    letters((loop, over_time, area))
+    legend_below(figure)
     return figure
 
 

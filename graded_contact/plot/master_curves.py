@@ -20,7 +20,7 @@ from .style import (
     ordered,
     styled,
 )
-from .words import kelvin
+from .words import ZERO_CELSIUS, kelvin
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -103,13 +103,14 @@ def plot_van_gurp_palmen(isotherms: MasterCurve | Measured) -> "Figure":
         axes.plot(scale * np.abs(series), angles, "k", linewidth=0.8, label="series")
         legend_below(figure)
     if temperatures is not None and len(moduli) > 1:
+        temperatures = temperatures - ZERO_CELSIUS
         ends = np.convolve(temperatures, (0.5, 0.5), "valid")
         edges = [2 * temperatures[0] - ends[0], *ends, 2 * temperatures[-1] - ends[-1]]
         norm = BoundaryNorm(edges, len(moduli))
         shown = ScalarMappable(norm, ListedColormap(colours))
         some = temperatures[:: -(-len(temperatures) // 8)]
         figure.colorbar(
-            shown, ax=axes, label="temperature [K]", ticks=some, format="%.0f",
+            shown, ax=axes, label="temperature [°C]", ticks=some, format="%.0f",
             spacing="proportional",
         )  # fmt: skip
     axes.set(xscale="log", xlabel=f"$|E^*|$ [{unit}]", ylabel=r"phase angle $\delta$ [°]")
@@ -147,6 +148,7 @@ def _draw_isotherms(axes: "Axes", curve: MasterCurve, x, values, colours) -> Non
 def _draw_shifts(panels: "list[Axes]", curve: MasterCurve, colours) -> None:
     """a_T with its law and, on a second panel, b_T."""
     temperatures = np.asarray(curve.temperatures)
+    celsius = temperatures - ZERO_CELSIUS
     rows = [
         (curve.log10_shifts, r"$\log_{10} a_T$ [1]"),
         (curve.vertical_shifts, "$b_T$ [1]"),
@@ -155,15 +157,16 @@ def _draw_shifts(panels: "list[Axes]", curve: MasterCurve, colours) -> None:
     for axes, (values, label), deviation in zip(panels, rows, deviations, strict=False):
         values, bars = np.asarray(values), 2 * np.asarray(deviation)
         bars = bars * values if label.startswith("$b_T$") else bars
-        for point in zip(temperatures, values, bars, colours, strict=True):
-            axes.errorbar(*point[:3], fmt="o", capsize=2, color=point[3])
+        for *point, colour in zip(celsius, values, bars, colours, strict=True):
+            axes.errorbar(*point, fmt="o", capsize=2, color=colour, label="two standard deviations")
         axes.set_ylabel(label)
-    panels[-1].set_xlabel("temperature [K]")
+    panels[-1].set_xlabel("temperature [°C]")
     if len(panels) > 1:
         panels[0].sharex(panels[1])
         panels[0].tick_params(labelbottom=False)
     between = np.linspace(temperatures[0], temperatures[-1], 200)
     by_law = jax.vmap(curve.law.log_factor)(between) / np.log(10)
     panels[0].plot(
-        between, by_law, color="0.4", linewidth=0.8, label=f"{type(curve.law).__name__} law"
-    )
+        between - ZERO_CELSIUS, by_law, color="0.4", linewidth=0.8,
+        label=f"{type(curve.law).__name__} law",
+    )  # fmt: skip

@@ -7,6 +7,7 @@ change. For your own figures: `with matplotlib.rc_context(gc.plot.STYLE): ...`, 
 
 import contextlib
 import functools
+import re
 import string
 import textwrap
 from collections.abc import Callable, Iterable, Iterator, Mapping
@@ -119,6 +120,21 @@ def letters(panels: "Iterable[Axes]") -> None:
     for axes, letter in zip(panels, string.ascii_lowercase, strict=False):
         if len(panels) > 1:
             axes.set_title(f"({letter})", loc="left", fontweight="bold")
+
+
+def caption(figure: "Figure") -> str:
+    """Returns what the panels of a figure show, from their letters and labels, and its title."""
+    panels = []
+    for axes in figure.axes:
+        bars = [drawn.colorbar.ax for drawn in (*axes.images, *axes.collections) if drawn.colorbar]
+        title, of = axes.get_title(), bars[0] if bars else axes
+        shown = " against ".join(filter(None, (of.get_ylabel(), of.get_xlabel())))
+        if axes.get_label() != "<colorbar>":
+            shown = f"{title}: {shown}" if title and bars else title or shown
+            panels.append(f"{axes.get_title(loc='left')} {shown}".strip())
+    sentences = re.sub(r" \[[^]]*\]", "", "; ".join(panels)), figure.get_suptitle()
+    text = " ".join(f"{text[0].upper()}{text[1:]}." for text in sentences if text)
+    return text.replace("\n", " ")
 
 
 def legend_below(figure: "Figure", extra: "Mapping[str, Artist]" = MappingProxyType({})) -> None:
