@@ -206,6 +206,15 @@ def interrupt_after(monkeypatch, count):
     monkeypatch.setattr(Store, "write", with_signal)
 
 
+def test_a_rerun_finds_all_solves(rerun, folder, tmp_path, monkeypatch):
+    monkeypatch.setattr(run_module, "slide", None)
+    result = rerun()
+    assert result.exit_code == 0, result.output
+    assert f"2 of 2 solves are found in {tmp_path / 'out' / 'small.points'}" in result.stdout
+    before, after = (read_results(at / "out" / "small.h5") for at in (folder, tmp_path))
+    assert before.friction.identical(after.friction)
+
+
 @pytest.mark.skipif(os.name != "posix", reason="signals are those of POSIX")
 def test_an_interrupted_run_names_what_was_not_started_and_goes_on(
     rerun, folder, tmp_path, monkeypatch

@@ -70,8 +70,8 @@ def print_table(results: "Dataset", all_seeds: bool = False) -> None:
         warnings = [caveat._replace(where=caveat.where.any(seeds)) for caveat in warnings]
         typer.echo(f"Numbers are means of {every.sizes['seed']} surfaces ± standard error.")
     axes = results["message"].dims
-    others, name = axes[:-2], axes[-2]  # the last two are pressure or approach, and velocity
-    load_head, unit = ("pressure\n[MPa]", 1e6) if name == "pressure" else ("approach\n[m]", 1)
+    others, given = axes[:-2], axes[-2]  # the last two are pressure or approach, and velocity
+    load_head, load_unit = ("pressure\n[MPa]", 1e6) if given == "pressure" else ("approach\n[m]", 1)
     # Those that have one number for each solve.
     names = [name for name in COLUMNS if name in results and results[name].dims == axes]
     unused = {"unmeasured_friction"} if "measured" not in results else set()
@@ -101,7 +101,7 @@ def print_table(results: "Dataset", all_seeds: bool = False) -> None:
         mark = f"[bold red]{state}[/] " if (state := states[index]) else ""
         doubts = ",".join(str(n) for n, c in enumerate(warnings, start=1) if c.where[index])
         mark += f"[yellow]({doubts})[/]" if doubts else ""
-        numbers = (f"{speed:.3e}", f"{load / unit:.4g}", *(f"{number:.5g}" for number in at))
+        numbers = (f"{speed:.3e}", f"{load / load_unit:.4g}", *(f"{number:.5g}" for number in at))
         table.add_row(*numbers, *cells.values(), mark)
     console = Console()
     # A narrower screen wraps the lines; it must not cut the numbers.

@@ -61,8 +61,6 @@ def edge_stiffness(kernel: Inexact[Array, "*half"], grid: Grid) -> Float[Array, 
     radius = sum((4 * jnp.asarray(k) / n) ** 2 for k, n in counts)
     near = (radius >= 0.5**2) & (radius <= 1.5**2)
     weight = jnp.where(near, multiplicity(grid.shape), 0).astype(grid.size.dtype)
-    # The wake of sliding ends with a step at a window, of opposite sign in every other wave.
-    kernel = kernel / 2 + (jnp.roll(kernel, 1, 0) + jnp.roll(kernel, -1, 0)) / 4
     logarithm = jnp.log(jnp.abs(jnp.where(near, kernel, 1)))
     return jnp.exp(-jnp.sum(weight * logarithm) / jnp.sum(weight))
 

@@ -17,14 +17,14 @@ from jaxtyping import Array, Bool, Float, Inexact
 
 from ..fields.grid import Grid
 from .adjoint import Inputs
-from .area import contact_area_corrected, contact_area_smooth, edge_stiffness
+from .area import contact_area_corrected, contact_area_smooth
 from .estimates import Assessment, assess, changed, error_of, error_step
 from .law import AbstractLaw
 from .observables import friction, shear_friction, slope_in_contact
 from .operator import displace
 from .solution import ContactSolution
 from .solver import AbstractContactSolver, SolverOutput, participation
-from .window import on_cell
+from .window import on_cell, stiffness_at_edges
 
 # Of the pressure in the first solve: at most, and over the tolerance. A second solve costs what the
 # loosest first one saves; by `bench_contact.py observables`.
@@ -182,9 +182,8 @@ class FrictionAndArea(eqx.Module):
         own = displace(self.kernel, sigma)
         mu, geometric = (friction(sigma, f, grid, self.velocity) for f in (own, heights))
         slope = slope_in_contact(sigma, own, grid)
-        indicator = self.law.contact_indicator(
-            contact.pressure, contact.gap, edge_stiffness(self.kernel, grid)
-        )
+        stiffness = stiffness_at_edges(self.kernel, grid, contact.gap.shape)
+        indicator = self.law.contact_indicator(contact.pressure, contact.gap, stiffness)
         area = contact_area_smooth(indicator)
         counted = contact_area_corrected(indicator > 0).astype(area.dtype)
         by_grid = jnp.abs(jnp.stack([geometric - mu, counted - area]))

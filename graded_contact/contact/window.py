@@ -14,8 +14,9 @@ import jax
 import jax.numpy as jnp
 from jaxtyping import Array, Bool, Float, Inexact, Shaped
 
-from ..fields.grid import half_shape, to_spectrum
+from ..fields.grid import Grid, half_shape, to_spectrum
 from .adjoint import Inputs
+from .area import edge_stiffness
 from .law import AbstractLaw
 from .operator import Steady, first_mode
 from .solution import ContactSolution
@@ -25,6 +26,16 @@ from .solver import Loading
 def is_window(kernel: Inexact[Array, "*half"], shape: tuple[int, ...]) -> bool:
     """Returns whether a kernel is that of a window with fields of this shape."""
     return kernel.shape == half_shape(_doubled(shape))
+
+
+def stiffness_at_edges(
+    kernel: Inexact[Array, "*half"], cell: Grid, shape: tuple[int, ...]
+) -> Float[Array, ""]:
+    """Returns the `edge_stiffness` [Pa/m] of fields of this shape, on a window or not."""
+    if is_window(kernel, shape):
+        # The wake of sliding ends there with a step, of opposite sign in every other wave along x.
+        kernel = kernel / 2 + (jnp.roll(kernel, 1, 0) + jnp.roll(kernel, -1, 0)) / 4
+    return edge_stiffness(kernel, cell)
 
 
 class Windowed(AbstractLaw):

@@ -21,7 +21,6 @@ from ..contact.area import (
     contact_area_corrected,
     contact_area_error,
     contact_area_smooth,
-    edge_stiffness,
 )
 from ..contact.law import AbstractLaw, HardWall
 from ..contact.nested_solve import DouglasRachford
@@ -40,7 +39,7 @@ from ..contact.problem import RTOL, solve_contact
 from ..contact.solution import RESULTS, ContactSolution
 from ..contact.solver import AbstractContactSolver
 from ..contact.target import FrictionAndArea
-from ..contact.window import is_window, on_cell, on_window
+from ..contact.window import is_window, on_cell, on_window, stiffness_at_edges
 from ..core.checks import Numbers, as_float, check_tolerance, check_types, is_concrete, short
 from ..core.compilation import compiled
 from ..core.derivative import derivative_apart
@@ -111,7 +110,8 @@ def _touching(s: "Sliding"):
 
 
 def _indicator(s: "Sliding"):
-    return s.law.contact_indicator(s.pressure, s.gap, edge_stiffness(s.kernel, _cell(s)))
+    stiffness = stiffness_at_edges(s.kernel, _cell(s), s.grid.shape)
+    return s.law.contact_indicator(s.pressure, s.gap, stiffness)
 
 
 def _hysteresis(s: "Sliding"):
