@@ -21,7 +21,7 @@ def half_space(grid, modulus=1.0):
 
 
 def always_large(monkeypatch):
-    """What large grids do, for all; programs that are compiled already stay as they are."""
+    """What large grids do, for all. Compiled programs do not change."""
     monkeypatch.setattr(anderson, "SAMPLED_FROM", 0)
     monkeypatch.setattr(splitting, "DRAFTED_FROM", 0)
 
