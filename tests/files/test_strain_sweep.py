@@ -107,3 +107,11 @@ def test_the_reader_of_moduli_names_the_reader_of_sweeps(tmp_path):
     (tmp_path / "s.csv").write_text(table("f [Hz],Strain [%],E' [Pa],E'' [Pa]", columns, ","))
     with pytest.raises(ValueError, match=r"`materials\.read_strain_sweep` reads those"):
         gc.read_moduli(tmp_path / "s.csv")
+
+
+@pytest.mark.parametrize("strains", [[1, 10, 1.01, 10.1], [1, 10, 30, 9], [1, 1, 10, 30]])
+def test_several_curves_in_one_file_are_refused(tmp_path, strains):
+    moduli = np.linspace(2e6, 1e6, 4), np.linspace(2e5, 1e5, 4)
+    (tmp_path / "s.csv").write_text(table("strain [%],E' [Pa],E'' [Pa]", (strains, *moduli), ","))
+    with pytest.raises(ValueError, match="Several curves, or a sweep up and down"):
+        read_strain_sweep(tmp_path / "s.csv")

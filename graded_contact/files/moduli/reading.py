@@ -8,6 +8,7 @@ understood.
 
 import contextlib
 import dataclasses
+import logging
 import os
 from collections.abc import Iterator, Mapping, Sequence
 from pathlib import Path
@@ -107,6 +108,9 @@ def read_moduli(
     )  # fmt: skip
 
 
+_BACK = 0.9  # of a strain reached before: amplitudes that are measured scatter
+
+
 @check_types
 def read_strain_sweep(
     path: str | os.PathLike,
@@ -124,11 +128,15 @@ def read_strain_sweep(
 
     **Arguments:** as in `read_moduli`; columns of strain (% or 1), moduli in tension or shear.
 
-    **Returns:** ε, f and g, in order of ε.
+    **Returns:** ε, f and g, in order of ε. The log (`graded_contact`, level INFO) has the history
+    of the reading, with the rows that were left out.
 
-    **Raises:** as `read_moduli`; also for several curves, and for a varying frequency.
+    **Raises:** as `read_moduli`; also for several curves, for a sweep up and down, and for a
+    varying frequency.
     """
     sweep = strain_sweep(path, columns, units, sheet, step)
+    for sentence in sweep.history:
+        logging.getLogger("graded_contact").info(sentence)
     parts = np.real(sweep.values), np.imag(sweep.values)
     return sweep.abscissa, *(part / part[0] for part in parts)
 
@@ -140,6 +148,14 @@ def strain_sweep(path, columns, units, sheet, step) -> Measured:
     sweep = _read(Path(path), options, None, None, sheet)
     if np.max(sweep.isotherm) > 0:
         raise ValueError(f"`path={path}`: it has several curves; choose one by `step`.")
+    strains = sweep.abscissa[np.argsort(sweep.lines)]
+    strains = strains if strains[0] < strains[-1] else strains[::-1]
+    back = np.any(strains < _BACK * np.maximum.accumulate(strains))
+    if back or len(np.unique(strains)) < len(strains):
+        raise ValueError(
+            f"`path={path}`: its strains do not rise (or fall) from row to row. Several curves, or "
+            "a sweep up and down, belong in files of their own."
+        )
     return sweep
 
 
