@@ -124,8 +124,9 @@ def solve_contact(
       speed-up. With a law that attracts, it chooses among several solutions; see `follow_contact`.
     - `solution`: of an earlier call with the same arguments. Nothing is solved then: the same
       contact is returned, with derivatives.
-    - `throw`: whether to raise if the solver fails or the kernel is not finite; otherwise look at
-      `.result`.
+    - `throw`: whether to raise if the solver fails, the kernel is not finite, or the linear solve of
+      a derivative fails. Otherwise look at `.result`; a derivative that failed is NaN. A `jit`
+      without `throw` calls no Python, so that JAX can store its program on disk.
 
     **Returns:** the fields, their errors and how the solve ended, see `ContactSolution`.
 
@@ -183,7 +184,8 @@ def contact_of(
     if target is None:
         close = min(_OF_PRESSURE * rtol, max(rtol, _LOOSEST_DERIVATIVE))
     close = jnp.asarray(close, dtype)
-    result, good = _solution(inputs, solver.finds_unstable, found, adjoint, tolerance, close)
+    solution_of = _solution_or_fail if throw else _solution_or_nan
+    result, good = solution_of(inputs, solver.finds_unstable, found, adjoint, tolerance, close)
     return required(result, good, result.result.error_if) if throw else result
 
 
@@ -357,7 +359,6 @@ def _without_mean(inputs: Inputs) -> Inputs:
     return inputs._replace(operator=operator.with_kernel(operator.compliance))
 
 
-@functools.partial(derivative_apart, check=check_converged)
 @compiled
 def _solution(
     inputs: Inputs, finds_unstable: bool, known: FoundContact, adjoint: LinearSolver, rtol, close
@@ -376,6 +377,10 @@ def _solution(
     result = _how_it_ended(inputs, finds_unstable, found, reached, solution.gap_error)
     solution = dataclasses.replace(solution, target_error=errors, result=result)
     return solution, result == RESULTS.successful
+
+
+_solution_or_fail = derivative_apart(_solution, check_converged)
+_solution_or_nan = derivative_apart(_solution)
 
 
 def _describe(
