@@ -1,5 +1,7 @@
 """Derivatives of a contact against central differences of converged solutions."""
 
+from functools import partial
+
 import jax
 import jax.numpy as jnp
 import numpy as np
@@ -142,16 +144,22 @@ def test_mean_pressure_follows_the_load_exactly_and_nothing_the_mean_height():
     assert abs(by_lift[1]) <= 1e-9
 
 
-def test_derivative_that_does_not_converge_raises():
+def test_derivative_that_does_not_converge_raises_or_is_nan_without_throw():
     kernel = gc.stack_kernel(BODIES["bare"], GRID, SPEED)
-    adjoint = LinearSplitting(max_steps=4)
 
-    def total(h):
-        s = gc.solve_contact(kernel, h, 0.5, adjoint=adjoint, rtol=1e-6)  # too many to eliminate
-        return jnp.sum(WEIGHTS * s.pressure)
+    def total(h, throw, **limit):
+        # Too many points to eliminate.
+        options = dict(adjoint=LinearSplitting(**limit), rtol=1e-6, throw=throw)
+        return jnp.sum(WEIGHTS * gc.solve_contact(kernel, h, 0.5, **options).pressure)
 
     with pytest.raises(RuntimeError, match="linear solve for a derivative"):
-        jax.grad(total)(HEIGHTS)
+        jax.grad(partial(total, throw=True, max_steps=4))(HEIGHTS)
+    assert np.all(np.isnan(jax.grad(partial(total, throw=False, max_steps=4))(HEIGHTS)))
+    calls_python = {
+        throw: "callback" in jax.jit(jax.grad(partial(total, throw=throw))).lower(HEIGHTS).as_text()
+        for throw in (True, False)
+    }
+    assert calls_python == {True: True, False: False}  # JAX stores no program that does
 
 
 def check_second_derivatives(by, point, step, atol):
