@@ -58,8 +58,10 @@ from ..rheology.measured import coverage
 from ..rheology.shear import ShearLaw, shear_stress
 from ..rheology.shift import as_temperature
 from ..rheology.softening import as_strain_per_slope
-from ..roughness.spectrum import CutoffCurve, SelfAffine
-from ..roughness.surface import Surface, slope_up_to
+from ..roughness.cutoff import CutoffCurve
+from ..roughness.spectrum import SelfAffine
+from ..roughness.statistics import slope_up_to
+from ..roughness.surface import Surface
 from .angles import LAST_COSINE
 from .diffusion import Correction, area, density, mean_in_contact
 from .heated import HeatedScales, between_scales, find_rises
