@@ -205,16 +205,18 @@ def _fields(stack, qx, qy, omega, traction, depth, side, graded_solver, rtol):
         def largest(*parts):
             return functools.reduce(jnp.maximum, map(jnp.abs, parts))
 
-        def error(stress, displacement, stresses, displacements):
-            size = largest(*loads, *stresses)
-            of_stress = largest(*stress) / jnp.where(size > 0, size, 1)
-            size = jnp.maximum(largest(*loads) / stiffness, largest(*displacements))
-            return jnp.maximum(of_stress, largest(*displacement) / jnp.where(size > 0, size, 1))
+        def sizes(t, s, across, u, w, v):
+            return largest(t, s, across, stiffness * u, stiffness * v), largest(u, w, v)
 
-        def kinds(t, s, across, u, w, v):
-            return (t, s, across, stiffness * u, stiffness * v), (u, w, v)
-
-        return error(*kinds(*differences), *kinds(*values))
+        load = largest(*loads)
+        least = load, load / stiffness
+        errors = [
+            error / jnp.where(size > 0, size, 1)
+            for error, size in zip(
+                sizes(*differences), map(jnp.maximum, least, sizes(*values)), strict=True
+            )
+        ]
+        return jnp.maximum(*errors)
 
     if is_graded(stack):
         found, _ = solve_graded(graded_solver, climb, measure, stack, q, omega, rtol, throw=True)

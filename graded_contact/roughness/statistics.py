@@ -16,13 +16,12 @@ from ..core.compilation import compiled
 from ..core.display import shown
 from ..fields.devices import binned
 from ..fields.grid import (
-    mode_numbers,
     multiplicity,
     nyquist_lines,
+    odd_wavevector,
     rings,
     to_spectrum,
     wavenumber,
-    wavevector,
 )
 from .surface import Surface
 
@@ -70,13 +69,9 @@ def statistics(surface: Surface) -> Statistics:
     grid = surface.grid
     power, scale = _modal_power(surface)
     unit = 2 * np.pi / grid.size[0]
-    waves = [component / unit for component in wavevector(grid)]
-    slopes = [
-        jnp.where(2 * np.abs(k) == n, 0, wave)
-        for wave, k, n in zip(waves, mode_numbers(grid.shape), grid.shape, strict=True)
-    ]
-    along = jnp.stack([jnp.sum(wave**2 * power) for wave in slopes])
-    bent = jnp.sum(sum(wave**2 for wave in waves) ** 2 * power)
+    slopes = [component / unit for component in odd_wavevector(grid)]
+    along = jnp.stack([jnp.sum(slope**2 * power) for slope in slopes])
+    bent = jnp.sum((wavenumber(grid) / unit) ** 4 * power)
     height = _root(jnp.sum(power))
     ratio, lay = None, None
     if grid.ndim == 2:
