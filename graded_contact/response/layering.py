@@ -8,7 +8,6 @@ the profile.
 
 """
 
-from collections.abc import Callable, Sequence
 from typing import Any
 
 import equinox as eqx
@@ -19,7 +18,7 @@ from jaxtyping import Array, Float, Inexact, ScalarLike
 
 from ..core.checks import Numbers, as_float, check_type, check_types, check_whole
 from ..rheology.material import AbstractMaterial
-from .grading import AbstractGradedSolver, AddGraded, Rule, as_tolerance, rounding
+from .grading import AbstractGradedSolver, Rule, as_tolerance, rounding
 from .mesh import Mesh, build_mesh, cells_of, coarsened, position, span, visible
 from .profile import moduli_at
 from .recursion import cast_like, stable_shape
@@ -62,15 +61,7 @@ class Layering(AbstractGradedSolver):
             check_whole("num_cells", self.num_cells, 1)
         check_type("retry", self.retry, bool)
 
-    def solve(
-        self,
-        climb: Callable[[AddGraded], tuple[Array, ...]],
-        measure: Callable[[Sequence[Array], Sequence[Array]], Float[Array, "*w"]],
-        stack: Stack,
-        q: Float[Array, "..."],
-        omega: Float[Array, "..."],
-        rtol: float,
-    ) -> tuple[tuple[Array, ...], Float[Array, "*w"]]:
+    def solve(self, climb, measure, stack, q, omega, rtol):
         num_cells = self.num_cells
         if num_cells is None:
             # The error goes as the number of cells to the power -12, estimates as -11.

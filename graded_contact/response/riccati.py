@@ -19,7 +19,7 @@ v = (t, s) on a clamped face, along y = -ζ
 of which the decay e^-y is taken out.
 """
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable
 from functools import partial
 from typing import Any, NamedTuple
 
@@ -29,13 +29,13 @@ import jax.numpy as jnp
 from jax.flatten_util import ravel_pytree
 from jaxtyping import Array, Float
 
-from .grading import AbstractGradedSolver, AddGraded, Carried, as_tolerance, rounding
+from .grading import AbstractGradedSolver, Carried, as_tolerance, rounding
 from .layering import add_layered
 from .mesh import build_mesh, visible
 from .profile import moduli_at
 from .shape import breaks_of
 from .slab import Compliance, plane_strain
-from .stack import Free, Stack
+from .stack import Free
 
 
 class Equation(NamedTuple):
@@ -137,15 +137,7 @@ class Riccati(AbstractGradedSolver):
                 "atol=...) and return a diffrax controller, as `diffrax.PIDController` itself is."
             )
 
-    def solve(
-        self,
-        climb: Callable[[AddGraded], tuple[Array, ...]],
-        measure: Callable[[Sequence[Array], Sequence[Array]], Float[Array, "*w"]],
-        stack: Stack,
-        q: Float[Array, "..."],
-        omega: Float[Array, "..."],
-        rtol: float,
-    ) -> tuple[tuple[Array, ...], Float[Array, "*w"]]:
+    def solve(self, climb, measure, stack, q, omega, rtol):
         inverse = isinstance(stack.base, Free)
 
         def found(step):
