@@ -271,7 +271,7 @@ class Face(NamedTuple):
 
 def _climb(
     stack: Stack, q: Float[Array, "..."], omega: Float[Array, "..."]
-) -> Callable[[AddGraded], tuple[Array]]:
+) -> Callable[[AddGraded | None], tuple[Array]]:
     """Returns the recursion that finds M_zz [m/Pa]."""
     column = column_of(stack, q, omega)
     face = None

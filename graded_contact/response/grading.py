@@ -24,7 +24,7 @@ from ..rheology.measured import check_frequencies
 from .profile import check_profile, moduli_at
 from .recursion import cast_like, largest, stable_shape
 from .slab import Compliance, plane_strain
-from .stack import Free, GradedLayer, HalfSpace, Rigid, Stack
+from .stack import Free, GradedLayer, HalfSpace, Rigid, Stack, is_graded
 
 
 class Rule(NamedTuple):
@@ -276,15 +276,20 @@ def rounding(like: Array) -> float:
 
 def solve_graded(
     graded_solver: AbstractGradedSolver,
-    climb: Callable[[AddGraded], tuple[Array, ...]],
+    climb: Callable[[AddGraded | None], tuple[Array, ...]],
     measure: Callable[[Sequence[Array], Sequence[Array]], Float[Array, "*w"]],
     stack: Stack,
     q: Float[Array, "..."],
     omega: Float[Array, "..."],
     rtol: float,
-    throw: bool,
+    throw: bool = True,
 ) -> tuple[tuple[Array, ...], Float[Array, "*w"]]:
-    """Returns the values and the error from `graded_solver`; the error may be one to raise."""
+    """Returns the values and the error from `graded_solver`; the error may be one to raise.
+
+    Of a stack without graded layers the recursion is exact.
+    """
+    if not is_graded(stack):
+        return climb(None), jnp.zeros_like(q)
     values, error = graded_solver.solve(climb, measure, stack, q, omega, rtol)
     error = jax.lax.stop_gradient(error)
     if throw:

@@ -47,7 +47,7 @@ from .grading import AbstractGradedSolver, check_profiles, graded_tolerance, sol
 from .kernel import kernel_frequencies
 from .layering import Layering
 from .matrix import wavevectors
-from .stack import HalfSpace, Stack, interface_depths, is_graded
+from .stack import HalfSpace, Stack, interface_depths
 
 
 @shown()
@@ -218,10 +218,7 @@ def _fields(stack, qx, qy, omega, traction, depth, side, graded_solver, rtol):
         ]
         return jnp.maximum(*errors)
 
-    if is_graded(stack):
-        found, _ = solve_graded(graded_solver, climb, measure, stack, q, omega, rtol, throw=True)
-    else:
-        found = climb(None)
+    found, _ = solve_graded(graded_solver, climb, measure, stack, q, omega, rtol)
     t, s, shear, u, w, v = found
     # Hooke's law with E_r q u_L/2 and μ q u_T of the material at the depth.
     along, across = local.reduced * u, local.reduced * (1 - poisson) * v
