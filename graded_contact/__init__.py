@@ -33,15 +33,16 @@ from .rheology.library import tyre_tread
 from .rheology.material import BulkShear, Elastic, Prony
 from .rheology.shift import WLF, Arrhenius
 from .rheology.tabulated import Tabulated
+from .roughness.random_surface import random_surface
 from .roughness.spectrum import SelfAffine
-from .roughness.surface import Surface, random_surface
+from .roughness.surface import Surface
 from .studies.design import Design, minimise
 from .studies.uncertainty import propagate, sensitivity
 
 if TYPE_CHECKING:
     from . import plot
     from .files.results import read_results
-    from .files.scene import read_scene
+    from .files.scene_reading import read_scene
     from .page.serving import explore
     from .studies.checkpoint import checkpointed
     from .studies.run_scene import run_scene
@@ -77,7 +78,7 @@ _LATER = {
     "explore": ".page.serving",
     "plot": ".plot",
     "read_results": ".files.results",
-    "read_scene": ".files.scene",
+    "read_scene": ".files.scene_reading",
     "run_scene": ".studies.run_scene",
     "checkpointed": ".studies.checkpoint",
     "sweep": ".studies.sweep",

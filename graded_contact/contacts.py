@@ -21,7 +21,7 @@ from .friction.magnification import area_against_cutoff
 from .friction.stiffness import contact_conductance, contact_stiffness
 from .persson.mean_field import MeanField, pressure_distribution
 from .rheology.shear import AbstractShear, ConstantShear, PeakedShear
-from .roughness.spectrum import CutoffCurve
+from .roughness.cutoff import CutoffCurve
 from .studies.friction_table import friction_table
 
 __all__ = [

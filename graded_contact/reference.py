@@ -16,6 +16,7 @@ from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import ArrayLike
+from scipy.special import ive, kve
 
 from .core.checks import check_positive, check_values
 from .core.display import shown
@@ -330,18 +331,9 @@ _NODES, _WEIGHTS = np.polynomial.legendre.leggauss(64)
 
 
 def _ratios(half_width: float, kappa: float, lag: float) -> tuple[float, float]:
-    """Returns I0(y)/I1(y) at y = l/κ and K0(z)/K1(z) at z = l/(τv), by trapezoidal integrals."""
+    """Returns I0(y)/I1(y) at y = l/κ and K0(z)/K1(z) at z = l/(τv)."""
     y, z = half_width / kappa, half_width / lag
-    # The integrands fall to e^-45 at the end of the range, or are periodic: both converge
-    # geometrically, and all terms are positive.
-    angle = np.linspace(0, np.arccos(max(-1, 1 - 45 / y)), 201)
-    weight = np.exp(-2 * y * np.sin(angle / 2) ** 2)
-    weight[[0, -1]] /= 2
-    first = np.sum(weight) / (y * np.sum(weight * np.sin(angle) ** 2))
-    angle = np.linspace(0, np.arccosh(1 + 45 / z), 201)
-    weight = np.exp(-2 * z * np.sinh(angle / 2) ** 2)
-    weight[[0, -1]] /= 2
-    return float(first), float(np.sum(weight) / np.sum(weight * np.cosh(angle)))
+    return float(ive(0, y) / ive(1, y)), float(kve(0, z) / kve(1, z))
 
 
 def _depth(q: ArrayLike, thickness: ArrayLike) -> Values:

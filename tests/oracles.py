@@ -162,3 +162,12 @@ def elasticities(function, arguments, step=1e-5, fixed=(0.0,)):
         if leaf[index] not in fixed
     ]
     return list(zip(slopes, differences(function, arguments, step, fixed), strict=True))
+
+
+def gauss_over_angles():
+    """cos φ and weights over all directions, by Gauss's rule on parts that shrink towards 90°."""
+    ends = np.pi / 2 * (1 - np.append(0.5 ** np.arange(26), 0))
+    nodes, weights = np.polynomial.legendre.leggauss(12)
+    half = np.diff(ends)[:, None] / 2
+    cosine = np.cos(ends[:-1, None] + half * (1 + nodes))
+    return cosine.ravel(), (4 * half * weights).ravel()

@@ -7,7 +7,7 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 import pytest
-from oracles import elasticities
+from oracles import elasticities, gauss_over_angles
 from scipy.integrate import quad, solve_ivp
 from scipy.special import erf
 
@@ -287,11 +287,7 @@ def test_own_roughness_stays_at_rest_in_the_rubber():
     """Against the differential equations: its waves see the relaxed modulus and lose nothing."""
     own = gc.SelfAffine(rms_slope=0.3, hurst=0.5, q_low=Q0, q_roll=Q0, q_high=60 * Q0)
     densities = jax.jit(lambda q: (ISOTROPIC.density(q), own.density(q)))
-    ends = np.pi / 2 * (1 - np.append(0.5 ** np.arange(26), 0))
-    nodes, weights = np.polynomial.legendre.leggauss(8)
-    half = np.diff(ends)[:, None] / 2
-    cosine = np.cos(ends[:-1, None] + half * (1 + nodes)).ravel()
-    weight = (4 * half * weights).ravel()
+    cosine, weight = gauss_over_angles()
 
     def sums(q):
         track, block = map(float, densities(q))

@@ -29,7 +29,7 @@ from graded_contact.command import session
 from graded_contact.command.tables import with_error
 from graded_contact.files.dataset import write
 from graded_contact.files.results import kept_solves, read_results, state_of, surface_of
-from graded_contact.files.scene import parse_scene, read_scene
+from graded_contact.files.scene_reading import parse_scene, read_scene
 from graded_contact.roughness.surface import Step
 from graded_contact.studies import run_scene as run_module
 from graded_contact.studies.scene_theory import mean_field_at

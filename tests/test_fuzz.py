@@ -18,7 +18,7 @@ from graded_contact import cli
 from graded_contact.command import session
 from graded_contact.core.parameters import paths
 from graded_contact.files.design_scene import parse_design
-from graded_contact.files.scene import parse_scene
+from graded_contact.files.scene_reading import parse_scene
 from graded_contact.files.surface_source import RandomSurface
 from graded_contact.studies.run_scene import check_scene as check_scene_memory
 

@@ -7,7 +7,7 @@ import mpmath as mp
 import numpy as np
 import pytest
 from hypothesis import given, settings
-from oracles import elasticities
+from oracles import elasticities, gauss_over_angles
 from scipy.integrate import quad, solve_ivp
 from scipy.optimize import brentq
 from scipy.special import erf
@@ -111,12 +111,7 @@ def integrated(compliance, pressure, velocity, correction):
     plateau = (
         0.2**2 / (2 * np.pi) / ((roll**4 - low**4) / 4 + roll**3.6 * (high**0.4 - roll**0.4) / 0.4)
     )
-    # Gauss's rule between angles that approach a right angle geometrically.
-    ends = np.pi / 2 - np.append(np.pi / 2 * 0.5 ** np.arange(24), 0)
-    nodes, weights = np.polynomial.legendre.leggauss(12)
-    half = np.diff(ends)[:, None] / 2
-    angle = ends[:-1, None] + half * (1 + nodes)
-    cosine, weight = np.cos(angle), 4 * half * weights
+    cosine, weight = gauss_over_angles()
 
     def rates(y, state):
         q = np.exp(y)

@@ -15,7 +15,8 @@ from graded_contact.files.design_scene import Stiffness
 from graded_contact.fitting.quality import FitErrors, Floor
 from graded_contact.friction.sliding import OBSERVABLES
 from graded_contact.response.interior import InteriorFields
-from graded_contact.roughness.surface import Statistics, Step
+from graded_contact.roughness.statistics import Statistics
+from graded_contact.roughness.surface import Step
 from graded_contact.studies.design import Run
 from graded_contact.studies.run_design import Candidate
 from graded_contact.studies.uncertainty import Sensitivity

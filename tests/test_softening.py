@@ -7,7 +7,7 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 import pytest
-from oracles import elasticities
+from oracles import elasticities, gauss_over_angles
 from scipy.integrate import solve_ivp
 from scipy.interpolate import PchipInterpolator
 from scipy.special import erf
@@ -99,11 +99,7 @@ def test_constant_factors_are_scaled_moduli(factors):
 def test_mean_field_matches_the_differential_equations():
     """The slope up to q is a third unknown of the equations, by SciPy."""
     f, g = (PchipInterpolator(np.log(STRAIN), np.log(v)) for v in (STORAGE, LOSS))
-    ends = np.pi / 2 * (1 - np.append(0.5 ** np.arange(26), 0))
-    nodes, weights = np.polynomial.legendre.leggauss(8)
-    half = np.diff(ends)[:, None] / 2
-    cosine = np.cos(ends[:-1, None] + half * (1 + nodes)).ravel()
-    weight = (4 * half * weights).ravel()
+    cosine, weight = gauss_over_angles()
     plateau = float(SPECTRUM.density(jnp.array(Q0)))
 
     def rates(y, state):

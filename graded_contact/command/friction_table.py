@@ -9,7 +9,7 @@ import typer
 from ..files.dataset import write
 from ..files.friction_cards import export_friction
 from ..files.paths import check_folder
-from ..files.scene import read_scene, refuse_tables
+from ..files.scene_reading import read_scene, refuse_tables
 from ..files.sealed import replacing
 from ..studies.friction_table import Method, friction_table
 from ..studies.interruption import interruptible

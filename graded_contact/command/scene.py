@@ -22,7 +22,8 @@ from ..files.results import (
     surface_of,
     warnings_of,
 )
-from ..files.scene import Scene, parse_scene, read_scene
+from ..files.scene import Scene
+from ..files.scene_reading import parse_scene, read_scene
 from ..files.schema import nearest, within
 from ..files.toml import parse_toml
 from ..plot import (
@@ -219,15 +220,10 @@ def _prepared(
     names, file = point_names(scene, surface), folder / f"{name}.h5"
     if not replace:
         _refuse_other(file, scene, names)
-    _introduce(scene, surface)
-    return surface, names, file
-
-
-def _introduce(scene: Scene, surface: Surface) -> None:
-    """Prints how the scene and its files were read."""
     print_read(scene, surface)
     if "design" in parse_toml(scene.text):
         typer.echo("[design] is not used by this command: see `graded-contact design`.")
+    return surface, names, file
 
 
 def _solved(

@@ -16,7 +16,8 @@ from ..core.quantities import AXES
 from ..files.results import SEED_ERROR, over_seeds, state_of, warnings_of
 from ..files.scene import Scene
 from ..plot.words import title_of
-from ..roughness.surface import Surface, statistics
+from ..roughness.statistics import statistics
+from ..roughness.surface import Surface
 from ..studies.uncertainty import Sensitivity
 
 if TYPE_CHECKING:

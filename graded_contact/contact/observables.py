@@ -31,7 +31,7 @@ from ..fields.grid import (
     wave_frequencies,
     wavenumber,
 )
-from ..roughness.spectrum import CutoffCurve
+from ..roughness.cutoff import CutoffCurve
 from .area import contact_area_smooth
 from .estimates import error_of
 from .operator import displace

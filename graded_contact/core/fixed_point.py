@@ -49,7 +49,6 @@ def find_fixed_point(
     start: Float[Array, " n"],
     state: Any,
     rtol: Float[Array, ""],
-    max_steps: int = MAX_STEPS,
 ) -> FixedPoint:
     """Returns x = function(x, state)[0] to a change of `rtol` of the largest |x|.
 
@@ -81,7 +80,7 @@ def find_fixed_point(
         return FixedPoint(x, state, error, iterates, images, low, high, best, steps)
 
     def running(point: FixedPoint):
-        return ~(point.error <= rtol) & (point.num_steps < max_steps)
+        return ~(point.error <= rtol) & (point.num_steps < MAX_STEPS)
 
     rows = jnp.zeros((_MEMORY, len(start)), start.dtype)
     far, most, none = jnp.full_like(start, jnp.inf), jnp.full((), jnp.inf), jnp.asarray(0)

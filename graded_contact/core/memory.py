@@ -43,11 +43,7 @@ def kernel_memory(
     - `num_numbers`: of the stack: thicknesses, moduli, relaxation times.
     - `oblique`: whether moduli differ within a row, as for sliding that is not along x.
     """
-    rows = 0
-    if len(shape) == 1:
-        rows = 1
-    elif oblique:
-        rows = min(BLOCK_ROWS, shape[0])
+    rows = 1 if len(shape) == 1 else min(BLOCK_ROWS, shape[0]) * oblique
     # Each branch of each material at each point of these rows, complex on half of them.
     branches = num_numbers / 2 * rows * shape[-1]
     return (KERNEL * math.prod(shape) + branches) * itemsize

@@ -129,6 +129,14 @@ def wavevector(
     )
 
 
+def odd_wavevector(grid: Grid) -> tuple[Float[Array, "..."], ...]:
+    """Returns the components of `wavevector`, each 0 on its Nyquist line."""
+    return tuple(
+        jnp.where(2 * np.abs(k) == n, 0, q)
+        for k, n, q in zip(mode_numbers(grid.shape), grid.shape, wavevector(grid), strict=True)
+    )
+
+
 def wavenumber(grid: Grid) -> Float[Array, "..."]:
     """Returns |q| [rad/m] on the half spectrum; the q = 0 entry is 0 and has derivative 0."""
     components = wavevector(grid)
@@ -243,11 +251,7 @@ def wave_frequencies(grid: Grid, velocity: Numbers) -> Float[Array, "..."]:
     What a component of q adds is 0 on its Nyquist line. `velocity` has one component (along x) or
     two; for one the result has the shape of a column, `(nx, 1)`.
     """
-    components = [
-        jnp.where(2 * np.abs(k) == n, 0, q)
-        for k, n, q in zip(mode_numbers(grid.shape), grid.shape, wavevector(grid), strict=True)
-    ]
-    qx, qy = (*components, jnp.zeros(()))[:2]
+    qx, qy = (*odd_wavevector(grid), jnp.zeros(()))[:2]
     return sliding_frequency(qx, qy, as_float(velocity, "velocity"))
 
 
@@ -279,9 +283,7 @@ def to_field(spectrum: Complex[Array, "*half"], shape: tuple[int, ...]) -> Float
 
 def derivative(field: Float[Array, "*shape"], grid: Grid, axis: int) -> Float[Array, "*shape"]:
     """Returns the spectral derivative of a periodic field along one axis [field/m]."""
-    k, n = mode_numbers(grid.shape)[axis], grid.shape[axis]
-    odd = jnp.where(2 * np.abs(k) == n, 0, wavevector(grid)[axis])
-    return to_field(1j * odd * to_spectrum(field), grid.shape)
+    return to_field(1j * odd_wavevector(grid)[axis] * to_spectrum(field), grid.shape)
 
 
 def resample_spectrum(spectrum: Array, shape: tuple[int, ...], new_shape: tuple[int, ...]) -> Array:

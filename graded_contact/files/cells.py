@@ -286,10 +286,3 @@ def _sheet(name: str, table: Iterable[Iterable[Any]]) -> Sheet:
         f"sheet {name!r} of a workbook",
         spaced=False,
     )  # fmt: skip
-
-
-# Tables.
-
-
-# The lines above a table: its title, the temperature, the constant stress of a creep test, the
-# geometry. A value counts only with its unit, and only if no line gives another value.

@@ -43,16 +43,14 @@ def attach(dataset: "Dataset", units: Mapping[str, str] = MappingProxyType({})) 
     return dataset
 
 
-def mean_and_error(dataset: "Dataset", axis: str = "seed") -> tuple["Dataset", "Dataset"]:
-    """Returns the mean and its standard error over an axis of independent draws.
+def mean_and_error(dataset: "Dataset") -> tuple["Dataset", "Dataset"]:
+    """Returns the mean and its standard error over the seeds.
 
     Only points that succeeded count, those with an empty `message`.
     """
     solved = dataset.drop_vars("message").where(dataset["message"] == "")
-    count = solved.count(axis)
-    return solved.mean(axis, keep_attrs=True), solved.std(
-        axis, ddof=1, keep_attrs=True
-    ) / count**0.5
+    error = solved.std("seed", ddof=1, keep_attrs=True) / solved.count("seed") ** 0.5
+    return solved.mean("seed", keep_attrs=True), error
 
 
 def write(path: str | os.PathLike, dataset: "Dataset") -> None:

@@ -19,7 +19,8 @@ from ..core.parameters import with_values
 from ..roughness.spectrum import SelfAffine
 from ..roughness.surface import Surface
 from .paths import existing_file
-from .scene import Scene, check_paths, parse_scene, refuse_tables
+from .scene import Scene
+from .scene_reading import check_paths, parse_scene, refuse_tables
 from .schema import LARGEST, Reader, within
 from .surface_source import RandomSurface
 from .toml import parse_toml

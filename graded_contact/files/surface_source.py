@@ -11,8 +11,10 @@ from ..core.checks import check_positive, check_whole
 from ..core.display import shown
 from ..core.memory import check_points
 from ..fields.grid import Grid
+from ..roughness.random_surface import random_surface
+from ..roughness.rescaling import rescale
 from ..roughness.spectrum import SelfAffine
-from ..roughness.surface import Surface, random_surface, rescale
+from ..roughness.surface import Surface
 from .schema import (
     ROOT,
     Key,

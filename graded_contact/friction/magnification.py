@@ -16,7 +16,7 @@ from ..fields.grid import Grid, to_field, to_spectrum, wavenumber
 from ..response.grading import AbstractGradedSolver
 from ..response.layering import Layering
 from ..response.stack import Stack
-from ..roughness.spectrum import CutoffCurve
+from ..roughness.cutoff import CutoffCurve
 from ..roughness.surface import Surface, check_periodic
 from .sliding import Sliding, kernel_and_velocity
 

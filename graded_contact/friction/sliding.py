@@ -57,7 +57,8 @@ from ..response.window import doubled, has_ground, long_cell, without_images
 from ..rheology.measured import coverage, is_unknown
 from ..rheology.shear import ShearLaw, ShearStress, shear_stress
 from ..rheology.softening import as_strain_per_slope
-from ..roughness.surface import Surface, check_periodic, slope_up_to
+from ..roughness.statistics import slope_up_to
+from ..roughness.surface import Surface, check_periodic
 
 
 class _Observable:

@@ -18,7 +18,8 @@ from ..core.display import with_unit
 from ..files.moduli.reading import read_moduli
 from ..files.paths import check_name, existing_file, full_path
 from ..files.prony_cards import export_prony
-from ..files.scene import Scene, parse_scene, refuse_tables
+from ..files.scene import Scene
+from ..files.scene_reading import parse_scene, refuse_tables
 from ..files.schema import LARGEST, within
 from ..files.sealed import replacing
 from ..files.toml import parse_toml, toml_text

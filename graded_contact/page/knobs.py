@@ -21,7 +21,8 @@ from ..files.toml import parse_toml
 from ..response.stack import Stack
 from ..rheology.material import BulkShear, Elastic, Prony
 from ..rheology.shift import WLF, TabulatedShift, shifts_in
-from ..roughness.surface import Surface, statistics
+from ..roughness.statistics import statistics
+from ..roughness.surface import Surface
 from .document import Document
 
 WIDE, ROUGH = 50.0, 10.0  # the range of a knob in both directions, and of roughness, as a factor

@@ -25,7 +25,8 @@ from ..persson.mean_field import mean_field_friction
 from ..response.compliance import effective_modulus
 from ..response.grading import AbstractGradedSolver
 from ..response.stack import Stack
-from ..roughness.surface import Surface, radial_spectrum, statistics
+from ..roughness.statistics import radial_spectrum, statistics
+from ..roughness.surface import Surface
 from ..studies.run_scene import build_surface
 from ..studies.scene_theory import velocity_vector
 from .document import Document, described

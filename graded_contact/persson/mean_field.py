@@ -30,7 +30,6 @@ M. Scaraggi, B. N. J. Persson, arXiv:1506.06955. Signs, factors and the stack's 
 half space's are derived from complete contact.
 """
 
-import dataclasses
 from functools import partial
 from typing import Any
 
@@ -58,14 +57,16 @@ from ..rheology.measured import coverage
 from ..rheology.shear import ShearLaw, shear_stress
 from ..rheology.shift import as_temperature
 from ..rheology.softening import as_strain_per_slope
-from ..roughness.spectrum import CutoffCurve, SelfAffine
-from ..roughness.surface import Surface, slope_up_to
+from ..roughness.cutoff import CutoffCurve
+from ..roughness.spectrum import SelfAffine
+from ..roughness.statistics import slope_up_to
+from ..roughness.surface import Surface
 from .angles import LAST_COSINE
 from .diffusion import Correction, area, density, mean_in_contact
 from .heated import HeatedScales, between_scales, find_rises
 from .modes import add_up
 from .quadrature import integrate
-from .roughness import Roughness, as_roughness, joined_edges
+from .roughness import as_roughness, joined_edges
 
 _NOT_REACHED = (
     "The mean field did not reach `rtol`, or met a value that is not finite (a pressure, thickness "
@@ -184,47 +185,21 @@ def mean_field_friction(
     ratio = None
     if strain_per_slope is not None:
         ratio = as_strain_per_slope(strain_per_slope, stack)
-    heated = None
     if isinstance(spectrum, Surface):
         for name, value in (("own_roughness", own_roughness), ("heating", heating)):
             if value is not None:
                 raise ValueError(f"`{name}` is refused with a `Surface` as `spectrum`.")
-        strain = None
-        if ratio is not None:
-            q, slope = slope_up_to(spectrum)
-            strain = q, ratio * slope
-        kernel = stack_kernel(
-            stack, spectrum.grid, velocity, graded_solver=graded_solver, strain=strain
-        )
-        q, x, friction, share = add_up(
-            kernel, spectrum, load, velocity, correction, coverage(stack)
-        )
-        error = 0 * friction[-1]  # NaN if that is
-        sheared = _sheared(shear, velocity, temperature, load, x)
+        given = _Given(stack, spectrum, None, load, velocity, ratio, shear, temperature)
+        found, heated = _summed(given, correction, graded_solver), None
     else:
         roughness = as_roughness(spectrum)
         own = None if own_roughness is None else as_roughness(own_roughness, "own_roughness")
-        given = _Given(stack, roughness, own, load, velocity, ratio, shear, temperature)
-        fastest = direction_and_speed(velocity)[1] * roughness.edges
-        edges = len(roughness.edges) + (0 if own is None else len(own.edges))
-        counts = _counts(num_wavenumbers, edges - 1, num_angles)
-        settings = correction, counts, graded_solver
-        rises = None
-        if heating is not None:
-            if heating.conductivity.ndim or heating.diffusivity.ndim:
-                raise ValueError(
-                    "`heating` has numbers for each layer; in the mean field the block is one half "
-                    "space: give one `conductivity` and one `diffusivity`."
-                )
-            bulk = check_bulk(temperature)
-            given = dataclasses.replace(given, stack=stack.at(bulk))
-        _check_frequencies(given.stack, fastest)
-        if heating is not None:
-            rises, change, reached = find_rises(partial(_power, settings), heating, _band, given)
-        q, x, friction, error, share, sheared = _integrated(settings, given, rises)
-        if rises is not None:
-            error = jnp.where(reached, error, jnp.inf)
-            heated = HeatedScales(rises[0], between_scales(rises[1:], q), change)
+        block = stack if heating is None else stack.at(check_bulk(temperature))
+        given = _Given(block, roughness, own, load, velocity, ratio, shear, temperature)
+        num_edges = len(roughness.edges) + (0 if own is None else len(own.edges))
+        counts = _counts(num_wavenumbers, num_edges - 1, num_angles)
+        found, heated = _by_quadrature((correction, counts, graded_solver), given, heating)
+    q, x, friction, error, share, sheared = found
     contact_area = area(x)
     solution = MeanField(
         friction=friction[-1] + sheared[-1],
@@ -248,13 +223,48 @@ class _Given(eqx.Module):
     """All that has derivatives."""
 
     stack: Stack
-    roughness: Roughness
-    own: Roughness | None
+    roughness: Any  # `Roughness` or `Surface`
+    own: Any
     pressure: Float[Array, ""]
     velocity: Float[Array, "..."]
     strain_per_slope: Float[Array, ""] | None
     shear: Any
     temperature: Float[Array, ""] | None
+
+
+def _summed(given: _Given, correction, graded_solver):
+    """As `_integrated`, by the modes of a surface."""
+    surface, strain = given.roughness, None
+    if given.strain_per_slope is not None:
+        q, slope = slope_up_to(surface)
+        strain = q, given.strain_per_slope * slope
+    kernel = stack_kernel(
+        given.stack, surface.grid, given.velocity, graded_solver=graded_solver, strain=strain
+    )
+    q, x, friction, share = add_up(
+        kernel, surface, given.pressure, given.velocity, correction, coverage(given.stack)
+    )
+    sheared = _sheared(given.shear, given.velocity, given.temperature, given.pressure, x)
+    return q, x, friction, 0 * friction[-1], share, sheared  # the error is NaN if that is
+
+
+def _by_quadrature(settings, given: _Given, heating: AbstractHeating | None):
+    """What `_integrated` returns, and the temperatures of the scales."""
+    if heating is not None and (heating.conductivity.ndim or heating.diffusivity.ndim):
+        raise ValueError(
+            "`heating` has numbers for each layer; in the mean field the block is one half "
+            "space: give one `conductivity` and one `diffusivity`."
+        )
+    # Profiles and tables may have no answer at the frequencies of the quadrature.
+    edges, speed = given.roughness.edges, direction_and_speed(given.velocity)[1]
+    check_profiles(given.stack, speed * jnp.stack([edges[0] * LAST_COSINE, edges[-1]]))
+    if heating is None:
+        return _integrated(settings, given), None
+    rises, change, reached = find_rises(partial(_power, settings), heating, _band, given)
+    q, x, friction, error, share, sheared = _integrated(settings, given, rises)
+    error = jnp.where(reached, error, jnp.inf)
+    scales = HeatedScales(rises[0], between_scales(rises[1:], q), change)
+    return (q, x, friction, error, share, sheared), scales
 
 
 def _integrated(settings, given: _Given, rises=None):
@@ -323,9 +333,3 @@ def _counts(num_wavenumbers: int, num_pieces: int, num_angles: int) -> tuple[int
     if num_angles < 4 or num_angles % 4:
         raise ValueError(f"`num_angles={num_angles}` is refused: a multiple of 4 is needed.")
     return 4 * -(-num_wavenumbers // (4 * num_pieces)), num_angles
-
-
-def _check_frequencies(stack: Stack, fastest: Float[Array, " points"]) -> None:
-    """Refuses profiles and tables that have no answer at the frequencies of the quadrature."""
-    omega = jnp.stack([fastest[0] * LAST_COSINE, fastest[-1]])
-    check_profiles(stack, omega)

@@ -11,7 +11,7 @@ from ..core.display import unit_of, with_unit
 from ..core.quantities import FIELDS
 from ..friction.sliding import Sliding
 from ..persson.mean_field import MeanField, pressure_distribution
-from ..roughness.spectrum import CutoffCurve
+from ..roughness.cutoff import CutoffCurve
 from ..roughness.surface import Surface
 from .style import (
     COLOURS,

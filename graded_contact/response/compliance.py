@@ -8,9 +8,13 @@ modulus. (The paper's p₀ formulas differ there; `docs/theory/response.md` show
 equilibrium.)
 """
 
+from collections.abc import Callable, Sequence
+from typing import NamedTuple
+
 import equinox as eqx
+import jax
 import jax.numpy as jnp
-from jaxtyping import Array, Float, Inexact
+from jaxtyping import Array, Bool, Float, Inexact
 
 from ..core.checks import (
     Numbers,
@@ -26,14 +30,28 @@ from ..core.checks import (
 from ..core.display import shown
 from .grading import (
     AbstractGradedSolver,
+    AddGraded,
+    Carried,
+    Rule,
     as_waves,
+    climb_through,
+    column_of,
     graded_tolerance,
-    relative,
     solve_graded,
-    surface_climb,
 )
 from .layering import Layering
 from .recursion import ManyLayers, compliance_of_layers, prepared
+from .slab import (
+    Compliance,
+    factors,
+    free,
+    half_space,
+    in_units,
+    reciprocal,
+    rigid,
+    stack_on,
+    times,
+)
 from .stack import Free, HalfSpace, Layer, Rigid, Stack, is_graded
 
 
@@ -190,8 +208,8 @@ def surface_compliance_unchecked(
 
 @eqx.filter_jit
 def _graded(stack, q, omega, graded_solver, rtol, throw):
-    climb = surface_climb(stack, q, omega)
-    (value,), error = solve_graded(graded_solver, climb, relative, stack, q, omega, rtol, throw)
+    climb = _climb(stack, q, omega)
+    (value,), error = solve_graded(graded_solver, climb, _relative, stack, q, omega, rtol, throw)
     return GradedCompliance(value, error)
 
 
@@ -232,12 +250,77 @@ def compliance_of(
 
 
 def _check_moduli(modulus_name: str, modulus: Array, poisson_name: str, poisson: Array) -> None:
-    for part in (modulus.real, modulus.imag):
-        check_values(modulus_name, part, "a modulus [Pa] must be finite")
+    check_values(modulus_name, modulus, "a modulus [Pa] must be finite")
     if is_concrete(modulus) and bool(jnp.any(modulus == 0)):
         raise ValueError(f"`{modulus_name}` holds a zero: a modulus [Pa] must not vanish.")
     if jnp.iscomplexobj(poisson):
-        for part in (poisson.real, poisson.imag):
-            check_values(poisson_name, part, "Poisson's ratio must be finite")
+        check_values(poisson_name, poisson, "Poisson's ratio must be finite")
     else:
         check_poisson(poisson_name, poisson)
+
+
+# The rule of M_zz, by which it passes graded layers.
+
+
+class Face(NamedTuple):
+    """In-plane compliance of a face in units of 2/(E_r q), and that E_r."""
+
+    state: Compliance
+    reduced: Inexact[Array, "..."]
+
+
+def _climb(
+    stack: Stack, q: Float[Array, "..."], omega: Float[Array, "..."]
+) -> Callable[[AddGraded | None], tuple[Array]]:
+    """Returns the recursion that finds M_zz [m/Pa]."""
+    column = column_of(stack, q, omega)
+    face = None
+    if isinstance(column.base, Rigid):
+        face = Face(rigid(q), jnp.ones_like(q))
+    elif not isinstance(column.base, Free):
+        face = _half_space(*column.base)
+
+    def climb(add_graded):
+        top = climb_through(column, face, _RULE, add_graded)
+        return (top.state.c22 * (2 / column.unit) / (top.reduced * q),)
+
+    return climb
+
+
+def _relative(differences: Sequence[Array], values: Sequence[Array]) -> Float[Array, "*w"]:
+    """Returns the relative error of one value."""
+    return jnp.abs(differences[0]) / jnp.abs(values[0])
+
+
+def _add(
+    face: Face | None, x: Array, reduced: Array, e: Array, lowest: Bool[Array, "..."] | None = None
+) -> Face:
+    if face is None:
+        return Face(free(x, e), reduced)
+    ratio = times(reciprocal(face.reduced), reduced)
+    state = stack_on(face.state, factors(x, e), ratio)
+    if lowest is not None:
+        hanging = free(jnp.where(lowest, x, 1), e)
+        state = jax.tree.map(lambda a, b: jnp.where(lowest, a, b), hanging, state)
+    return Face(state, reduced)
+
+
+def _half_space(reduced: Array, e: Array) -> Face:
+    return Face(half_space(e), reduced)
+
+
+def _numbers(face: Face, reference: Array, inverse: bool) -> Carried:
+    state = in_units(face.state, reference / face.reduced)
+    return Carried(_inverse(state) if inverse else state)
+
+
+def _face(numbers: Carried, reference: Array, inverse: bool, _: Array) -> Face:
+    return Face(_inverse(numbers.plane) if inverse else numbers.plane, reference)
+
+
+_RULE = Rule(_add, _half_space, _numbers, _face)
+
+
+def _inverse(c: Compliance) -> Compliance:
+    """The inverse of a symmetric 2×2 matrix that carries its determinant."""
+    return Compliance(c.c22 / c.det, -c.c12 / c.det, c.c11 / c.det, 1 / c.det)

@@ -1,47 +1,30 @@
 """The recursion through a stack with graded layers, and the interface of their solvers.
 
 The recursion carries the state of a face through the layers. A `Rule` defines the state and how it
-passes a homogeneous slab: the rule of M_zz is below, that of the full compliance in `matrix`, that
-of what lies above a depth in `interior`. A state passes a graded layer by an
+passes a homogeneous slab: the rule of M_zz is in `compliance`, that of the full compliance in
+`matrix`, that of what lies above a depth in `depth`. A state passes a graded layer by an
 `AbstractGradedSolver`. There are two, `Layering` and `Riccati`. Both estimate the error of their
 result; an error above the tolerance is raised.
 """
 
 import abc
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from itertools import groupby
+from types import MappingProxyType
 from typing import Any, NamedTuple
 
 import equinox as eqx
 import jax
 import jax.numpy as jnp
 import numpy as np
-from jaxtyping import Array, Bool, Float, Inexact
+from jaxtyping import Array, Float, Inexact
 
 from ..core.checks import Numbers, as_float, check_together, check_tolerance, check_values
 from ..rheology.measured import check_frequencies
 from .profile import check_profile, moduli_at
 from .recursion import cast_like, largest, stable_shape
-from .slab import (
-    Compliance,
-    factors,
-    free,
-    half_space,
-    in_units,
-    plane_strain,
-    reciprocal,
-    rigid,
-    stack_on,
-    times,
-)
-from .stack import Free, GradedLayer, HalfSpace, Rigid, Stack
-
-
-class Cut(NamedTuple):
-    """A height s in a graded layer, which separates two parts of it."""
-
-    height: Float[Array, "..."]
-    upper: bool
+from .slab import Compliance, plane_strain
+from .stack import Free, GradedLayer, HalfSpace, Rigid, Stack, is_graded
 
 
 class Rule(NamedTuple):
@@ -61,6 +44,10 @@ class Rule(NamedTuple):
     numbers: Callable[..., "Carried"]
     face: Callable[..., Any]
 
+    @property
+    def down(self) -> bool:
+        return self.half_space is None
+
 
 class Carried(NamedTuple):
     """A symmetric matrix with its determinant, in plane; antiplane; and a traction (t, s, T)."""
@@ -70,13 +57,18 @@ class Carried(NamedTuple):
     traction: Any = None
 
 
-# Adds to a face the graded layer of this number, by a rule and the unit of moduli, or a part of it.
-AddGraded = Callable[[int, Any, Rule, Array, Cut | None], Any]
+# Adds to a face the graded layer of this number, by a rule and the unit of moduli; or its part
+# below a height s, above s if the rule goes downwards.
+AddGraded = Callable[[int, Any, Rule, Array, Array | None], Any]
 
 
 class Run(NamedTuple):
-    """Homogeneous layers in a row, surface first: E_r in the unit of the column, and e = 1 - 2ν."""
+    """Homogeneous layers in a row, surface first, by their numbers in the stack.
 
+    Thickness [m], E_r in the unit of the column, and e = 1 - 2ν.
+    """
+
+    members: tuple[int, ...]
     thickness: Float[Array, "layers *#w"]
     reduced: Inexact[Array, "layers *#w"]
     e: Inexact[Array, "layers *#w"]
@@ -124,13 +116,13 @@ def column(thickness, moduli, base, q, others=()) -> Column:
 
     runs = []
     for graded, members in groupby(range(len(moduli)), lambda i: moduli[i] is None):
-        members = list(members)
+        members = tuple(members)
         if graded:
             runs += members
         else:
             parts = zip(*(reduced(moduli[i]) for i in members), strict=True)
             sizes = [thickness[i] for i in members]
-            runs.append(Run(*(_stacked(values, q) for values in (sizes, *parts))))
+            runs.append(Run(members, *(_stacked(values, q) for values in (sizes, *parts))))
     base = base if isinstance(base, Rigid | Free) else reduced(base)
     return Column(tuple(runs), base, unit, q)
 
@@ -142,7 +134,7 @@ def climb_through(
     add_graded: AddGraded | None,
     *,
     parts: Sequence[Array] | None = None,
-    cuts: dict[int, Cut] | None = None,
+    heights: Mapping[int, Array] = MappingProxyType({}),
 ) -> Any:
     """Returns the state at the other end of a column from that at one end.
 
@@ -150,50 +142,39 @@ def climb_through(
 
     - `face`: at the base, or for a `rule` that goes downwards at the surface.
     - `parts`: what is there of the thickness of each homogeneous layer [m].
-    - `cuts`: where each graded layer is cut.
+    - `heights`: s at which each graded layer is cut.
     """
-    down = rule.half_space is None
-    start = 0
-    numbered = []
-    for run in column.runs:
-        numbered.append((start, run))
-        start += 1 if isinstance(run, int) else len(run.reduced)
-    for first, run in numbered if down else reversed(numbered):
+    for run in column.runs if rule.down else reversed(column.runs):
         if isinstance(run, int):
             assert add_graded is not None
-            cut = None if cuts is None else cuts[run]
-            face = add_graded(run, face, rule, column.unit, cut)
+            face = add_graded(run, face, rule, column.unit, heights.get(run))
             continue
         if parts is not None:
-            run = run._replace(
-                thickness=_stacked(parts[first : first + len(run.reduced)], column.q)
-            )
-        face = _through(run, column.q, face, rule, down)
+            run = run._replace(thickness=_stacked([parts[i] for i in run.members], column.q))
+        face = _through(run, column.q, face, rule)
     return face
 
 
-def _through(run, q, face, rule, down):
-    if face is None:
-        *run, (d, reduced, e) = (part[:-1] for part in run), (part[-1] for part in run)
-        run = Run(*run[0])
-        face = rule.add(None, q * d, reduced, e)
-    if len(run.reduced) == 0:
-        return face
+def _through(run, q, face, rule):
+    layers = run.thickness, run.reduced, run.e
 
     def step(face, layer):
         d, reduced, e = layer
         return rule.add(face, q * d, reduced, e)
 
+    if face is None:
+        face = step(None, [part[-1] for part in layers])
+        layers = tuple(part[:-1] for part in layers)
+    if len(layers[0]) == 0:
+        return face
     # The carry keeps one shape and dtype from the first step on.
-    first = jax.tree.map(lambda part: part[0], tuple(run))
-    like = stable_shape(lambda face: step(face, first), face)
-    steps = jax.lax.scan(
+    like = stable_shape(lambda face: step(face, [part[0] for part in layers]), face)
+    return jax.lax.scan(
         lambda face, layer: (cast_like(step(face, layer), like), None),
         cast_like(face, like),
-        tuple(run),
-        reverse=not down,
-    )
-    return steps[0]
+        layers,
+        reverse=not rule.down,
+    )[0]
 
 
 def _stacked(values: Sequence[Any], like: Array) -> Array:
@@ -295,82 +276,23 @@ def rounding(like: Array) -> float:
 
 def solve_graded(
     graded_solver: AbstractGradedSolver,
-    climb: Callable[[AddGraded], tuple[Array, ...]],
+    climb: Callable[[AddGraded | None], tuple[Array, ...]],
     measure: Callable[[Sequence[Array], Sequence[Array]], Float[Array, "*w"]],
     stack: Stack,
     q: Float[Array, "..."],
     omega: Float[Array, "..."],
     rtol: float,
-    throw: bool,
+    throw: bool = True,
 ) -> tuple[tuple[Array, ...], Float[Array, "*w"]]:
-    """Returns the values and the error from `graded_solver`; the error may be one to raise."""
+    """Returns the values and the error from `graded_solver`; the error may be one to raise.
+
+    Of a stack without graded layers the recursion is exact.
+    """
+    if not is_graded(stack):
+        return climb(None), jnp.zeros_like(q)
     values, error = graded_solver.solve(climb, measure, stack, q, omega, rtol)
     error = jax.lax.stop_gradient(error)
     if throw:
         # Written so that NaN fails.
         values = eqx.error_if(values, jnp.any(~(error <= rtol)), _NOT_REACHED)
     return values, error
-
-
-class Face(NamedTuple):
-    """In-plane compliance of a face in units of 2/(E_r q), and that E_r."""
-
-    state: Compliance
-    reduced: Inexact[Array, "..."]
-
-
-def surface_climb(
-    stack: Stack, q: Float[Array, "..."], omega: Float[Array, "..."]
-) -> Callable[[AddGraded], tuple[Array]]:
-    """Returns the recursion that finds M_zz [m/Pa]."""
-    column = column_of(stack, q, omega)
-    face = None
-    if isinstance(column.base, Rigid):
-        face = Face(rigid(q), jnp.ones_like(q))
-    elif not isinstance(column.base, Free):
-        face = _half_space(*column.base)
-
-    def climb(add_graded):
-        top = climb_through(column, face, _RULE, add_graded)
-        return (top.state.c22 * (2 / column.unit) / (top.reduced * q),)
-
-    return climb
-
-
-def relative(differences: Sequence[Array], values: Sequence[Array]) -> Float[Array, "*w"]:
-    """Returns the relative error of one value."""
-    return jnp.abs(differences[0]) / jnp.abs(values[0])
-
-
-def _add(
-    face: Face | None, x: Array, reduced: Array, e: Array, lowest: Bool[Array, "..."] | None = None
-) -> Face:
-    if face is None:
-        return Face(free(x, e), reduced)
-    ratio = times(reciprocal(face.reduced), reduced)
-    state = stack_on(face.state, factors(x, e), ratio)
-    if lowest is not None:
-        hanging = free(jnp.where(lowest, x, 1), e)
-        state = jax.tree.map(lambda a, b: jnp.where(lowest, a, b), hanging, state)
-    return Face(state, reduced)
-
-
-def _half_space(reduced: Array, e: Array) -> Face:
-    return Face(half_space(e), reduced)
-
-
-def _numbers(face: Face, reference: Array, inverse: bool) -> Carried:
-    state = in_units(face.state, reference / face.reduced)
-    return Carried(invert(state) if inverse else state)
-
-
-def _face(numbers: Carried, reference: Array, inverse: bool, _: Array) -> Face:
-    return Face(invert(numbers.plane) if inverse else numbers.plane, reference)
-
-
-_RULE = Rule(_add, _half_space, _numbers, _face)
-
-
-def invert(c: Compliance) -> Compliance:
-    """Returns the inverse of a symmetric 2×2 matrix that carries its determinant."""
-    return Compliance(c.c22 / c.det, -c.c12 / c.det, c.c11 / c.det, 1 / c.det)

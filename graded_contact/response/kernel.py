@@ -96,7 +96,10 @@ def stack_kernel(
 
     **Raises:** `ValueError` for a refused argument; `RuntimeError` if `rtol` is not reached.
     """
-    kernel, reached = _attempt(stack, grid, velocity, graded_solver, rtol, strain, choosing=False)
+    kernel, reached = attempted_kernel(
+        stack, grid, velocity,
+        graded_solver=graded_solver, rtol=rtol, strain=strain, choosing=False,
+    )  # fmt: skip
     return required(kernel, reached, partial(eqx.error_if, msg=_NOT_REACHED))
 
 
@@ -108,16 +111,14 @@ def attempted_kernel(
     graded_solver: AbstractGradedSolver = Layering(),  # noqa: B008 (immutable)
     rtol: float | None = None,
     strain: tuple[Numbers, Numbers] | None = None,
+    choosing: bool = True,
 ) -> tuple[Inexact[Array, "*half"], Bool[Array, ""]]:
     """Returns the kernel, and whether it reached its tolerance, which is no error here.
 
-    Arguments as in `stack_kernel`. NaN where the tolerance of a graded layer was missed.
-    Under `jit`, too, a table that misses it gives way to direct evaluation: both are compiled.
+    Arguments as in `stack_kernel`. NaN where the tolerance of a graded layer was missed. If
+    `choosing`, a table that misses it gives way to direct evaluation under `jit`, too: both are
+    compiled.
     """
-    return _attempt(stack, grid, velocity, graded_solver, rtol, strain, choosing=True)
-
-
-def _attempt(stack, grid, velocity, graded_solver, rtol, strain, choosing):
     velocity, rtol = _checked(stack, grid, velocity, graded_solver, rtol)
     numbers, oblique = num_numbers(stack), velocity.ndim > 0
     check_memory(

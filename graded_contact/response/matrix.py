@@ -48,7 +48,7 @@ from .grading import (
 )
 from .layering import Layering
 from .slab import Compliance, Slab, Split, factors, half_space, in_units, split_of
-from .stack import Free, Rigid, Stack, is_graded
+from .stack import Free, Rigid, Stack
 
 
 class Below(NamedTuple):
@@ -266,10 +266,7 @@ def _relative(differences, values):
 def _surface_compliance_matrix(stack, qx, qy, omega, graded_solver, rtol):
     q = jnp.hypot(qx, qy)
     climb = _climb(column_of(stack, q, omega))
-    if is_graded(stack):
-        values, _ = solve_graded(graded_solver, climb, _relative, stack, q, omega, rtol, throw=True)
-    else:
-        values = climb(None)
+    values, _ = solve_graded(graded_solver, climb, _relative, stack, q, omega, rtol)
     return _matrix(qx / q, qy / q, values)
 
 

@@ -79,9 +79,7 @@ class Blend(AbstractProfile):
         """Heights where a derivative of the shape jumps."""
         return breaks_of(self.shape)
 
-    def __call__(
-        self, s: Float[Array, "..."], omega: Float[Array, "..."]
-    ) -> tuple[Inexact[Array, "..."], Inexact[Array, "..."]]:
+    def __call__(self, s, omega):
         phi = self.shape(s)
         bottom, top = self.bottom.modulus(omega), self.top.modulus(omega)
         low, high = self.bottom.poisson_ratio(omega), self.top.poisson_ratio(omega)
@@ -140,9 +138,7 @@ class Mixture(AbstractProfile):
         """Heights where a derivative of the fraction jumps."""
         return breaks_of(self.fraction)
 
-    def __call__(
-        self, s: Float[Array, "..."], omega: Float[Array, "..."]
-    ) -> tuple[Inexact[Array, "..."], Inexact[Array, "..."]]:
+    def __call__(self, s, omega):
         fraction = self.fraction(s)
         # In units of the matrix's shear modulus, and with 1/K: then ν = 1/2 is no exception.
         unit, bulk_m = _shear_and_bulk_compliance(self.matrix, omega)
@@ -192,9 +188,7 @@ class Aged(AbstractProfile):
         """Heights where a derivative of the shape jumps."""
         return breaks_of(self.shape)
 
-    def __call__(
-        self, s: Float[Array, "..."], omega: Float[Array, "..."]
-    ) -> tuple[Inexact[Array, "..."], Inexact[Array, "..."]]:
+    def __call__(self, s, omega):
         slower = self._factor(s) * omega
         return self.material.modulus(slower), self.material.poisson_ratio(slower)
 

@@ -170,13 +170,13 @@ def _unrolled_jvp(primals, tangents):
     if isinstance(base, Free):
         d, reduced, e = layers[-1]
         w = free_face(v, factors(q * d, e))
-        potential = partial(_free_potential, x=q * d, v=v)
+        potential = lambda e: _quadratic(free(q * d, e), v)  # noqa: E731
         nothing = jnp.zeros_like(v[0])
         fields = ((nothing, nothing), w, potential(e))
         change += _layer_change(q, d_q, layers[-1], d_layers[-1], fields, potential)
     elif not isinstance(base, Rigid):
         (reduced, e), (d_reduced, d_e) = base, d_base
-        potential = partial(_half_space_potential, v=v)
+        potential = lambda e: _quadratic(half_space(e), v)  # noqa: E731
         change += _change(-potential(e) / reduced**2, d_reduced) + _change_by_poisson(
             potential, base, d_e
         )
@@ -226,14 +226,6 @@ def _layer_potential(e, x, v, w):
     s = factors(x, e)
     across = v[0] * (s.p11 * w[0] + s.p12 * w[1]) + v[1] * (s.p21 * w[0] + s.p22 * w[1])
     return _form(s.q11, s.q12, s.q22, v) + 2 * across - _form(s.g11, s.g12, s.g22, w)
-
-
-def _free_potential(e, x, v):
-    return _quadratic(free(x, e), v)
-
-
-def _half_space_potential(e, v):
-    return _quadratic(half_space(e), v)
 
 
 def _quadratic(state, v):

@@ -10,7 +10,7 @@ With κ = ν/(1 - ν), c in units of 2/(E_ref q), ζ = q z upwards, R = 2 E_r/E_
 
 (no derivative of a modulus appears; ν may vary). On a free base c is infinite, and its inverse
 is integrated. Upwards the equation forgets its start as e^-2ζ; downwards it would blow up. Started
-where the wave ends (`layering.WINDOW`), it is not stiff. Downwards goes the stiffness G of what
+where the wave ends (`mesh.WINDOW`), it is not stiff. Downwards goes the stiffness G of what
 lies above, which with the other sign of g12 obeys the equation of the inverse, and the traction
 v = (t, s) on a clamped face, along y = -ζ
 
@@ -19,7 +19,7 @@ v = (t, s) on a clamped face, along y = -ζ
 of which the decay e^-y is taken out.
 """
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable
 from functools import partial
 from typing import Any, NamedTuple
 
@@ -29,12 +29,13 @@ import jax.numpy as jnp
 from jax.flatten_util import ravel_pytree
 from jaxtyping import Array, Float
 
-from .grading import AbstractGradedSolver, AddGraded, Carried, as_tolerance, rounding
-from .layering import add_layered, build_mesh, visible
+from .grading import AbstractGradedSolver, Carried, as_tolerance, rounding
+from .layering import add_layered
+from .mesh import build_mesh, visible
 from .profile import moduli_at
 from .shape import breaks_of
 from .slab import Compliance, plane_strain
-from .stack import Free, Stack
+from .stack import Free
 
 
 class Equation(NamedTuple):
@@ -136,21 +137,13 @@ class Riccati(AbstractGradedSolver):
                 "atol=...) and return a diffrax controller, as `diffrax.PIDController` itself is."
             )
 
-    def solve(
-        self,
-        climb: Callable[[AddGraded], tuple[Array, ...]],
-        measure: Callable[[Sequence[Array], Sequence[Array]], Float[Array, "*w"]],
-        stack: Stack,
-        q: Float[Array, "..."],
-        omega: Float[Array, "..."],
-        rtol: float,
-    ) -> tuple[tuple[Array, ...], Float[Array, "*w"]]:
+    def solve(self, climb, measure, stack, q, omega, rtol):
         inverse = isinstance(stack.base, Free)
 
         def found(step):
-            def add(i, face, rule, unit, cut):
+            def add(i, face, rule, unit, height):
                 layer = stack.layers[i]
-                return self._add(layer, face, q, omega, rule, unit, cut, inverse, step)
+                return self._add(layer, face, q, omega, rule, unit, height, inverse, step)
 
             return climb(add)
 
@@ -163,12 +156,12 @@ class Riccati(AbstractGradedSolver):
         # Both may happen to take the same steps.
         return values, error + rounding(q) + step
 
-    def _add(self, layer, face, q, omega, rule, unit, cut, inverse, step):
+    def _add(self, layer, face, q, omega, rule, unit, height, inverse, step):
         """The other face of a graded layer."""
-        x, down = q * layer.thickness, rule.half_space is None
-        seen, height = visible(jax.lax.stop_gradient(x)), jnp.ones_like(x)
-        if cut is not None:
-            height = cut.height
+        x = q * layer.thickness
+        seen, end_height = visible(jax.lax.stop_gradient(x)), jnp.ones_like(x)
+        if height is not None:
+            end_height = height
             seen = jnp.minimum(1, seen + 1 - jax.lax.stop_gradient(height))
 
         def moduli(s):
@@ -176,22 +169,22 @@ class Riccati(AbstractGradedSolver):
             return plane_strain(modulus / unit, poisson)
 
         mesh = build_mesh(layer.profile, x, omega, num_cells=4)
-        rough = add_layered(layer, face, q, omega, mesh, rule, unit, cut)
+        rough = add_layered(layer, face, q, omega, mesh, rule, unit, height)
         rough = jax.lax.stop_gradient(jax.tree.map(lambda part: part[-1], rough))
-        end = moduli(height)
+        end = moduli(end_height)
         reference = jax.lax.stop_gradient(jnp.abs(end[0]))
         scale = rule.numbers(rough, reference, inverse)
         if face is None:  # the inverse compliance of a free base
             start = jax.tree.map(jnp.zeros_like, scale)
         else:
             start = rule.numbers(face, reference, inverse)
-        if not down:
+        if not rule.down:
             entry = rule.numbers(rule.half_space(*moduli(1 - seen)), reference, inverse)
             start = jax.tree.map(lambda a, b: jnp.where(seen < 1, a, b), entry, start)
-        waves = _Wave(x, omega, seen, height, reference * unit, start, _sizes(scale, start))
+        waves = _Wave(x, omega, seen, end_height, reference * unit, start, _sizes(scale, start))
         shape = jnp.broadcast_shapes(*(part.shape for part in jax.tree.leaves((waves, end))))
         waves = jax.tree.map(lambda part: jnp.broadcast_to(part, shape).ravel(), waves)
-        top = self._integrated(layer.profile, waves, Equation(inverse, down, step))
+        top = self._integrated(layer.profile, waves, Equation(inverse, rule.down, step))
         top = jax.tree.map(lambda part: part.reshape(shape), top)
         return rule.face(top, jnp.broadcast_to(reference, shape), inverse, end[1])
 

@@ -120,7 +120,7 @@ class Prony(AbstractMaterial):
         check_values(
             "equilibrium", self.equilibrium, "it must be zero or a positive number [Pa]", at_least=0
         )
-        _check_series("strengths", self.strengths, "[Pa]", "times", self.times)
+        _check_series("strengths", self.strengths, "[Pa]", self.times)
         check_poisson("poisson", self.poisson)
         check_type("shift", self.shift, AbstractShift, type(None))
 
@@ -146,8 +146,8 @@ class Prony(AbstractMaterial):
         glassy = as_scalar(glassy, "glassy")
         compliances, times = as_float(compliances, "compliances"), as_float(times, "times")
         check_positive("glassy", glassy, "[Pa]")
-        _check_series("compliances", compliances, "[1/Pa]", "times", times)
-        _check_distinct("times", times)
+        _check_series("compliances", compliances, "[1/Pa]", times)
+        _check_distinct(times)
         equilibrium, strengths, times = relaxation_from_creep(glassy, compliances, times)
         return cls(
             equilibrium=equilibrium,
@@ -168,7 +168,7 @@ class Prony(AbstractMaterial):
         check_positive(
             "equilibrium", self.equilibrium, "[Pa] to have a creep form (a liquid flows)"
         )
-        _check_distinct("times", self.times)
+        _check_distinct(self.times)
         return creep_from_relaxation(self.equilibrium, self.strengths, self.times)
 
     @property
@@ -275,12 +275,12 @@ class BulkShear(AbstractMaterial):
         return shear, (shear / unit) / (3 * (bulk / unit))
 
 
-def _check_series(name: str, values: Array, unit: str, times_name: str, times: Array) -> None:
-    check_rows(0, **{name: values, times_name: times})
+def _check_series(name: str, values: Array, unit: str, times: Array) -> None:
+    check_rows(0, **{name: values, "times": times})
     check_positive(name, values, unit)
-    check_positive(times_name, times, "[s]")
+    check_positive("times", times, "[s]")
 
 
-def _check_distinct(name: str, times: Array) -> None:
+def _check_distinct(times: Array) -> None:
     if is_concrete(times) and len(np.unique(np.asarray(times))) < len(times):
-        raise ValueError(f"`{name}` holds a value twice: merge equal times into one branch first.")
+        raise ValueError("`times` holds a value twice: merge equal times into one branch first.")

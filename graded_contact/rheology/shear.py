@@ -58,12 +58,7 @@ class ConstantShear(AbstractShear):
     def __check_init__(self):
         check_values("stress", self.stress, "a shear stress [Pa] is zero or positive", at_least=0)
 
-    def __call__(
-        self,
-        pressure: Float[Array, "*shape"],
-        speed: Float[Array, ""],
-        temperature: Float[Array, ""] | None,
-    ) -> Float[Array, ""]:
+    def __call__(self, pressure, speed, temperature):
         return self.stress
 
 
@@ -93,12 +88,7 @@ class PeakedShear(AbstractShear):
         check_positive("steepness", self.steepness, "[1]")
         check_type("shift", self.shift, AbstractShift, type(None))
 
-    def __call__(
-        self,
-        pressure: Float[Array, "*shape"],
-        speed: Float[Array, ""],
-        temperature: Float[Array, ""] | None,
-    ) -> Float[Array, ""]:
+    def __call__(self, pressure, speed, temperature):
         log_factor = 0.0
         if self.shift is not None:
             if temperature is None:

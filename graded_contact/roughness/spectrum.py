@@ -102,15 +102,7 @@ class SelfAffine(eqx.Module):
         check_positive("q_low", self.q_low, "[rad/m]")
         _check_order("q_roll", self.q_roll, "q_low", self.q_low)
         _check_order("q_high", self.q_high, "q_roll", self.q_roll)
-        if (
-            is_concrete(self.q_low)
-            and is_concrete(self.q_high)
-            and not (float(self.q_low) < float(self.q_high))
-        ):
-            raise ValueError(
-                f"`q_high={float(self.q_high):g}` is refused: it must exceed "
-                f"`q_low={float(self.q_low):g}`, the band is empty."
-            )
+        _check_order("q_high", self.q_high, "q_low", self.q_low, above=True)
         if all(map(is_concrete, jax.tree.leaves(self))):
             check_square(self.prescribed, self.amplitude, _squares(self))
 
@@ -226,11 +218,13 @@ def _squares(spectrum: SelfAffine) -> list[float]:
     return [each - found[spectrum.prescribed == "rms_slope"] for each in found]
 
 
-def _check_order(name: str, value: Array, lower_name: str, lower: Array) -> None:
+def _check_order(name: str, value: Array, lower_name: str, lower: Array, above=False) -> None:
     check_positive(name, value, "[rad/m]")
-    if is_concrete(lower) and is_concrete(value) and float(value) < float(lower):
+    if not (is_concrete(lower) and is_concrete(value)):
+        return
+    if float(value) < float(lower) or (above and float(value) == float(lower)):
         raise ValueError(
-            f"`{name}={float(value):g}` is refused: it must be at least "
+            f"`{name}={float(value):g}` is refused: it must {'exceed' if above else 'be at least'} "
             f"`{lower_name}={float(lower):g}` [rad/m]."
         )
 
@@ -349,25 +343,3 @@ def rms_height_of(spectrum: SelfAffine, ndim: int) -> Array:
         return spectrum.amplitude
     ratio = _relative_moment(spectrum, 0, ndim) / _relative_moment(spectrum, 2, ndim)
     return spectrum.amplitude / spectrum.q_roll * jnp.sqrt(ratio)
-
-
-@shown()
-class CutoffCurve(eqx.Module):
-    """Friction and contact area up to each cut-off.
-
-    Which waves count depends on the function: `cumulative_friction` adds up the waves of one
-    contact, `area_against_cutoff` and `mean_field_friction` leave out those of the surface.
-
-    **Fields:**
-
-    - `cutoff`: wavenumbers q [rad/m], increasing, shape `(cutoffs,)`.
-    - `friction`: force opposing the motion over the load [1], shape `(cutoffs,)`.
-    - `contact_area`: fraction of the nominal area in contact [1], shape `(cutoffs,)`; None where
-      there is one contact.
-    - `contact_area_smooth`: that with sub-pixel edges [1], shape `(cutoffs,)`; None without a grid.
-    """
-
-    cutoff: Float[Array, " cutoffs"]
-    friction: Float[Array, " cutoffs"]
-    contact_area: Float[Array, " cutoffs"] | None = None
-    contact_area_smooth: Float[Array, " cutoffs"] | None = None

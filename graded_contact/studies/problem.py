@@ -29,12 +29,7 @@ def box_of(lower: Any, upper: Any) -> Box:
 
     **Raises:** `ValueError` unless both have the same nesting and 0 < lower <= upper.
     """
-    if jax.tree.structure(lower) != jax.tree.structure(upper):
-        raise ValueError("`lower` and `upper` must have the same nesting.")
-    names, low = named(lower)
-    names_high, high = named(upper)
-    if names != names_high:
-        raise ValueError("`lower` and `upper` must have arrays of the same shapes.")
+    (names, low), high = named(lower), _flat("upper", upper, lower)
     if len(low) == 0:
         raise ValueError("`lower` holds no parameter.")
     for name, a, b in zip(names, low, high, strict=True):
@@ -51,15 +46,21 @@ def first_in(box: Box, start: Any, lower: Any) -> Flat:
     """Returns where a search begins: `start`, checked, or the middle on the logarithm."""
     if start is None:
         return np.sqrt(box.low * box.high)
-    if jax.tree.structure(start) != jax.tree.structure(lower):
-        raise ValueError("`start` must have the nesting of `lower`.")
-    names, first = named(start)
-    if first.shape != box.low.shape:
-        raise ValueError("`start` must have arrays of the same shapes as `lower`.")
-    for name, x, a, b in zip(names, first, box.low, box.high, strict=True):
+    first = _flat("start", start, lower)
+    for name, x, a, b in zip(box.names, first, box.low, box.high, strict=True):
         if not a * (1 - 1e-9) <= x <= b * (1 + 1e-9):
             raise ValueError(f"`start` has {name} = {x:g}, not between {a:g} and {b:g}.")
     return np.clip(first, box.low, box.high)
+
+
+def _flat(argument: str, tree: Any, lower: Any) -> Flat:
+    """The values of a tree that has the nesting and the shapes of `lower`."""
+    if jax.tree.structure(tree) != jax.tree.structure(lower):
+        raise ValueError(f"`{argument}` must have the same nesting as `lower`.")
+    names, values = named(tree)
+    if names != named(lower)[0]:
+        raise ValueError(f"`{argument}` must have arrays of the same shapes as `lower`.")
+    return values
 
 
 def named(tree: Any) -> tuple[list[str], Flat]:

@@ -11,7 +11,8 @@ from ..persson.mean_field import mean_field_friction
 from ..response.stack import HalfSpace, Stack
 from ..rheology.material import Prony
 from ..rheology.measured import coverage
-from ..roughness.surface import Surface, statistics
+from ..roughness.statistics import statistics
+from ..roughness.surface import Surface
 
 CONTACT = 0.1  # of the nominal area, in Persson's theory at small loads twice p/(E* h')
 DECADES = 3  # of velocities, at most

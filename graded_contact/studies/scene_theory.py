@@ -27,7 +27,8 @@ from ..response.stack import Stack
 from ..rheology.material import Prony
 from ..rheology.measured import check_frequencies, coverage, is_unknown
 from ..rheology.shift import require_shift
-from ..roughness.surface import Surface, radial_spectrum
+from ..roughness.statistics import radial_spectrum
+from ..roughness.surface import Surface
 from .uncertainty import Sensitivity, sensitivity
 
 PER_DECADE = 8  # frequencies of a table of moduli

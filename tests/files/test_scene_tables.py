@@ -10,7 +10,7 @@ from scenes import BARE
 import graded_contact as gc
 from graded_contact.files.design_scene import parse_design
 from graded_contact.files.recorded_motion import read_motion
-from graded_contact.files.scene import parse_scene, read_scene
+from graded_contact.files.scene_reading import parse_scene, read_scene
 
 STILL = BARE.replace("velocity = [0.01, 1.0]\n", "")
 SINE = '[motion]\nkind = "sinusoidal"\nstroke = 2e-4\nfrequency = 20.0\nnum_times = 16\n'

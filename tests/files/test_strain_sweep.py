@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 import graded_contact as gc
-from graded_contact.files.scene import parse_scene
+from graded_contact.files.scene_reading import parse_scene
 from graded_contact.materials import StrainSoftening, read_strain_sweep
 
 STRAIN = np.array([1e-3, 1e-2, 0.1])

@@ -9,8 +9,10 @@ from scenes import damaged
 
 from graded_contact import read_surface, surface_from_heights
 from graded_contact.fields.grid import Grid
+from graded_contact.roughness.random_surface import random_surface
 from graded_contact.roughness.spectrum import SelfAffine
-from graded_contact.roughness.surface import random_surface, statistics, step
+from graded_contact.roughness.statistics import statistics
+from graded_contact.roughness.surface import step
 
 DATA = Path(__file__).parents[3] / "shared" / "data" / "surfaces"
 ROAD = {"size": (5.0, 3.08), "unit": "m"}

@@ -12,7 +12,7 @@ from scipy.optimize import least_squares
 import graded_contact as gc
 from graded_contact import master_curve
 from graded_contact.files.prony_cards import export_prony
-from graded_contact.files.scene import parse_scene
+from graded_contact.files.scene_reading import parse_scene
 from graded_contact.rheology.shift import WLF, Arrhenius, TabulatedShift
 
 DATA = Path(__file__).parents[3] / "shared" / "data" / "rheology"

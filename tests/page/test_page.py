@@ -14,7 +14,7 @@ import pytest
 from scenes import TEXT
 
 import graded_contact as gc
-from graded_contact.files.scene import read_scene
+from graded_contact.files.scene_reading import read_scene
 from graded_contact.page import model as models
 from graded_contact.page.address import from_address
 from graded_contact.page.document import open_document, with_layer, with_moduli

@@ -7,7 +7,7 @@ from scenes import BARE
 import graded_contact as gc
 from graded_contact.files.dataset import write, write_csv
 from graded_contact.files.results import contact_at, kept_solves, read_results
-from graded_contact.files.scene import parse_scene
+from graded_contact.files.scene_reading import parse_scene
 from graded_contact.studies.cost import scene_cost
 from graded_contact.studies.run_scene import build_surface, run_scene
 

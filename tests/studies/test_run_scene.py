@@ -14,9 +14,10 @@ from graded_contact.files.results import (
     kept_solves,
     warnings_of,
 )
-from graded_contact.files.scene import parse_scene, read_scene
+from graded_contact.files.scene_reading import parse_scene, read_scene
 from graded_contact.studies import run_scene as run_module
 from graded_contact.studies.run_scene import build_surface, run_scene
+from graded_contact.studies.scene_results import shift_factors
 from graded_contact.studies.scene_theory import check_frequencies_of
 from graded_contact.studies.store import Store
 
@@ -192,7 +193,7 @@ def test_unlike_laws_have_no_master_curve():
         'shift = {kind = "arrhenius", activation_energy = 1e5, reference = 293.15}'
     )
     scene = parse_scene(VARIED.replace('kind = "elastic"\nmodulus = 2e7', other))
-    factor, reason = run_module.shift_factors(scene)
+    factor, reason = shift_factors(scene)
     assert factor is None and reason.startswith("No master curve")
 
 

@@ -8,11 +8,11 @@ from jaxtyping import Int
 
 from ...core.checks import Numbers
 from .columns import MeasuredTable
+from .measured import ISOTHERM_GAP, grouped
 from .tables import temperature_above
 
 if TYPE_CHECKING:
     import pandas as pd
-from .measured import ISOTHERM_GAP, grouped
 
 RAMP = 5.0  # K over which no isotherm drifts
 

@@ -3,15 +3,11 @@
 import dataclasses
 from collections.abc import Sequence
 from pathlib import Path
-from typing import TYPE_CHECKING
 
 import numpy as np
 from jaxtyping import Bool, Complex, Float, Int
 
 from ...core.display import shown
-
-if TYPE_CHECKING:
-    pass
 
 ISOTHERM_GAP = 1.0  # K from one isotherm to the next; instruments vary by a few tenths
 

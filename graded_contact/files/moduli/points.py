@@ -14,12 +14,12 @@ from ...core.checks import Numbers
 from ..cells import is_missing
 from ..units import DIMENSIONS, SI
 from .columns import CONSTANT, SAME, MeasuredTable, misfit
+from .isotherms import isotherm_numbers, note_isotherms, temperatures_of
+from .measured import Measured
 from .tables import Column
 
 if TYPE_CHECKING:
     import pandas as pd
-from .isotherms import isotherm_numbers, note_isotherms, temperatures_of
-from .measured import Measured
 
 CREDIBLE = (1e2, 1e12)  # Pa
 # What numbers can be, in SI units: instruments write 9.9e37 and the like where they measured none.
@@ -253,9 +253,6 @@ def _deformation(
     if not named:
         notes.append("Read as tension (Young's modulus); otherwise pass `deformation='shear'`.")
     return "tension", 1.0
-
-
-# Temperatures.
 
 
 # What looks wrong.

@@ -173,6 +173,8 @@ def _headed(row: Row, units: Row | None) -> Table:
     return Table(place, names[:width], below[:width], headings, blocks, [])
 
 
+# The lines above a table: its title, the temperature, the constant stress of a creep test, the
+# geometry. A value counts only with its unit, and only if no line gives another value.
 _VALUE = r"([-+]?\d+(?:[.,]\d+)?(?:[eE][-+]?\d+)?)"
 # Not "10 °C/min", and not the end of a word or of another number.
 _TEMPERATURE = re.compile(

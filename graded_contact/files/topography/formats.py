@@ -258,6 +258,3 @@ def _real(values: np.ndarray) -> np.ndarray:
     if values.dtype.kind not in "iuf":
         raise Refusal(f"its array is of {values.dtype}, not of real numbers")
     return np.where(np.isfinite(values), values, np.nan).astype(float)
-
-
-# Roads.

@@ -18,7 +18,8 @@ from jaxtyping import ArrayLike
 from ...core.checks import Numbers, check_types, check_whole
 from ...core.display import with_unit
 from ...fields.grid import Grid
-from ...roughness.surface import Step, Surface, resample, step
+from ...roughness.rescaling import resample
+from ...roughness.surface import Step, Surface, step
 from .holes import fill_holes, filling_note, grown, region_note
 
 TAPER = 0.1  # length of the window's flank at either end of an axis, relative to the axis

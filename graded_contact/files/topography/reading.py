@@ -88,7 +88,10 @@ def read_surface(
     source = f"Read {points} points of {lengths} from {scan.source} of {path.name}."
     notes, steps = [source, *scan.notes, *warned], []
     if scan.positions is not None:
-        positions = scan.positions * (known[0] / _reach(scan.positions))
+        # The period of a line is its span and one mean step.
+        count = len(scan.positions)
+        period = float(np.ptp(scan.positions)) * count / (count - 1)
+        positions = scan.positions * (known[0] / period)
         steps.append(_step_of_line(positions, heights))
         heights, known = _equally_spaced(positions, heights, notes)
     elif heights.ndim == 2 and min(heights.shape) > 0:
@@ -241,11 +244,6 @@ def _scales(scan: Scan, size: Any, unit: str | None) -> tuple[float, np.ndarray]
     if edges.shape not in ((), (num_axes,)):
         raise Refusal(f"`size` has shape {edges.shape}, it needs {num_axes} lengths")
     return factors[0], np.broadcast_to(edges, (num_axes,))
-
-
-def _reach(positions: np.ndarray) -> float:
-    """The period of the points of a line: their span and one mean step."""
-    return float(np.ptp(positions)) * len(positions) / (len(positions) - 1)
 
 
 def _step_of_line(positions: np.ndarray, heights: np.ndarray) -> Step:

@@ -1,0 +1,102 @@
+"""The same surface with other heights, or on another number of points."""
+
+from functools import partial
+
+import jax
+import numpy as np
+from jax import Array
+from jaxtyping import ScalarLike
+
+from ..core.checks import check_positive, check_types, is_concrete
+from ..core.memory import check_memory
+from ..fields.devices import num_devices
+from ..fields.grid import Grid, resample_spectrum, to_field, to_spectrum
+from .random_surface import memory_in
+from .spectrum import check_square, one_of_height_and_slope
+from .statistics import statistics
+from .surface import Surface, check_periodic, step
+
+
+@check_types
+def rescale(
+    surface: Surface, *, rms_height: ScalarLike | None = None, rms_slope: ScalarLike | None = None
+) -> Surface:
+    """Returns the surface with its heights multiplied to have this rms height [m] or slope [1].
+
+    **Arguments:**
+
+    - `surface`: not flat.
+    - `rms_height` [m] or `rms_slope` [1]: the new value.
+
+    **Returns:** the surface of other heights.
+    """
+    name, target = one_of_height_and_slope(rms_height, rms_slope)
+    check_square(name, target)
+    actual = getattr(statistics(surface), name)
+    check_positive(f"statistics(surface).{name}", actual, "(a flat surface cannot be rescaled)")
+    return _changed(
+        surface,
+        "rescaled",
+        surface.heights * (target / actual),
+        surface.grid,
+        f"Heights were multiplied to prescribe the {name}.",
+        surface.measured,
+    )
+
+
+@check_types
+def resample(surface: Surface, shape: int | tuple[int, ...]) -> Surface:
+    """Returns the surface on another number of points of the same cell, by its Fourier modes.
+
+    A finer grid interpolates (modes on the old Nyquist lines are dropped); a coarser one loses the
+    waves that it cannot hold.
+
+    **Arguments:**
+
+    - `surface`: any.
+    - `shape`: number of points along each edge.
+
+    **Returns:** the surface on the other grid, of the same size.
+    """
+    check_periodic(surface)
+    old = surface.grid.shape
+    if np.size(shape) != len(old):
+        raise ValueError(f"`shape={shape}` is refused: {len(old)} whole numbers are needed.")
+    grid = Grid(shape, surface.grid.size)
+    if grid.shape == old:
+        return surface
+    check_memory("shape", grid.shape, memory_in(grid), "a surface", num_devices(grid.size))
+    nearest = np.ix_(
+        *(np.rint(np.arange(m) * (n / m)).astype(int) % n
+          for n, m in zip(old, grid.shape, strict=True))
+    )  # fmt: skip
+    return _changed(
+        surface,
+        "resampled",
+        _resampled(surface.heights, grid.shape),
+        grid,
+        f"Resampled from {old} to {grid.shape} points by Fourier modes.",
+        None if surface.measured is None else surface.measured[nearest],
+    )
+
+
+@partial(jax.jit, static_argnums=1)
+def _resampled(heights: Array, shape: tuple[int, ...]) -> Array:
+    modes = resample_spectrum(to_spectrum(heights), heights.shape, shape)
+    return to_field(modes, shape) * (np.prod(shape) / heights.size)
+
+
+def _changed(
+    surface: Surface,
+    name: str,
+    heights: Array,
+    grid: Grid,
+    sentence: str,
+    measured: Array | None,
+) -> Surface:
+    """The surface after a step, which its history and its steps (if recorded) get too."""
+    steps = surface.steps
+    if steps and is_concrete(heights):
+        steps = (*steps, step(name, np.asarray(heights), np.asarray(grid.spacing)))
+    history = (*surface.history, sentence)
+    return Surface(heights, grid, history, measured, steps, surface.periodic)
