@@ -1,7 +1,8 @@
 """Scenes: a block, a surface, loads and velocities, as a TOML file describes them.
 
 The keys of a scene are the names of arguments of this package, in SI units, angles in radians; a
-`kind` names what takes them. The site lists all of them. `scene_reading.py` reads and checks them.
+`kind` names what takes them. The site lists all of them. Paths are relative to the scene file, or
+begin with `~`.
 """
 
 import dataclasses

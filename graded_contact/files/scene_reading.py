@@ -1,7 +1,4 @@
-"""Scenes read from TOML and checked.
-
-Paths are relative to the scene file, or begin with `~`.
-"""
+"""Scenes read from TOML and checked."""
 
 import os
 from collections.abc import Iterable

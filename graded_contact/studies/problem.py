@@ -29,7 +29,8 @@ def box_of(lower: Any, upper: Any) -> Box:
 
     **Raises:** `ValueError` unless both have the same nesting and 0 < lower <= upper.
     """
-    (names, low), high = named(lower), _flat("upper", upper, lower)
+    high = _flat("upper", upper, lower)
+    names, low = named(lower)
     if len(low) == 0:
         raise ValueError("`lower` holds no parameter.")
     for name, a, b in zip(names, low, high, strict=True):
