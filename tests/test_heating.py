@@ -102,9 +102,11 @@ def test_the_claimed_error_covers_that_of_the_temperatures(monkeypatch):
         found = solve(rtol=1e-4)
         with monkeypatch.context() as patch:
             patch.setattr(module, "NUM_CELLS", 32)
-            truth = solve(rtol=1e-9).friction
-        assert abs(found.friction - truth) <= found.friction_error
+            truth = solve(rtol=1e-9)
+        assert abs(found.friction - truth.friction) <= found.friction_error
         assert found.friction_error <= 1e-2 * found.friction
+        for area in ("contact_area", "contact_area_smooth"):
+            assert abs(getattr(found, area) - getattr(truth, area)) <= found.contact_area_error
 
 
 @pytest.mark.slow

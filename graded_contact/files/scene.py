@@ -31,6 +31,7 @@ from ..response.layering import Layering
 from ..response.stack import Stack
 from ..rheology.material import AbstractMaterial
 from ..rheology.shear import AbstractShear, shear_stress
+from ..rheology.softening import as_strain_per_slope
 from ..rheology.tabulated import Tabulated
 from .block import Block, extremes
 from .parameter_covariance import Errors
@@ -116,6 +117,8 @@ class Scene:
     - `pressure_ratio`: with a motion, pressures over `pressure` [1] at equally spaced times of the
       period, linear in between; if missing, the load is constant.
     - `motion`, `shear`, `heating`: the tables of these names, or None.
+    - `strain_per_slope`: of a block that softens, strain amplitude over rms slope [1], see `slide`;
+      if missing, each material has its own amplitude.
     - `direction`: of the velocity from the x axis [rad]. (In Python two numbers are one velocity,
       (vx, vy).)
     - `extrapolate`: true allows friction from frequencies at which a material was not measured.
@@ -142,6 +145,7 @@ class Scene:
     direction: float = 0.0
     extrapolate: bool = False
     pressure_ratio: list[float] | None = None
+    strain_per_slope: float | None = None
     motion: Motion | None = None
     shear: AbstractShear | None = None
     heating: Heating | None = None
@@ -221,9 +225,11 @@ def parse_scene(text: str, folder: str | os.PathLike = ".") -> Scene:
     reader = block.reader
     tables: Tables = reader.build(ROOT, parse_toml(text), Tables)
     (load,) = reader.arguments("[load]", tables.load, KEYS["[load]"])
-    if ("pressure" in load) == ("approach" in load):
-        raise ValueError("[load] lacks the key `pressure` or `approach`, or has both.")
-    kind, allowed = ("approach", "[m]") if "approach" in load else ("pressure", "[Pa]")
+    if "pressure" in load and "approach" in load:
+        raise ValueError("[load] has `pressure` and `approach`; give one of the two.")
+    kind = "approach" if "approach" in load else "pressure"
+    if kind not in load:
+        raise ValueError("[load] lacks the key `pressure` (or, on a window, `approach`).")
     if "velocity" not in load:
         if tables.motion is None:
             raise ValueError("[load] lacks the key `velocity`.")
@@ -237,7 +243,10 @@ def parse_scene(text: str, folder: str | os.PathLike = ".") -> Scene:
     ):
         load["extrapolate"] = True
     with within("[load]"):
-        check_positive(kind, load[kind], allowed)
+        if kind == "pressure":
+            check_positive(kind, load[kind], "[Pa]")
+        else:
+            check_values(kind, load[kind], "an approach [m] must be finite")
         load.setdefault("pressure", np.array([]))
         check_values("velocity", load["velocity"], "a velocity [m/s] must be finite")
         full, reason = 2 * np.pi, "an angle [rad] lies between -2π and 2π"
@@ -307,6 +316,8 @@ def _check_motion(scene: Scene) -> None:
             raise ValueError("[load] `pressure_ratio` needs a table [motion].")
         return
     refuse_tables(scene, "[motion]", "shear", "heating")
+    if scene.strain_per_slope is not None:
+        raise ValueError("[motion] does not take the key `strain_per_slope` of [load].")
     with within("[load]"):
         if scene.pressure_ratio is not None:
             check_positive("pressure_ratio", np.array(scene.pressure_ratio), "[1]")
@@ -320,6 +331,9 @@ def _check_dry(scene: Scene) -> None:
     """Raises `ValueError` if shear or heating lack a temperature."""
     if scene.heating is not None and scene.temperature is None:
         raise ValueError("[heating] needs the bulk `temperature` [K] in [load].")
+    with within("[load]"):
+        if scene.strain_per_slope is not None:
+            as_strain_per_slope(scene.strain_per_slope, scene.stack)
     with within("[shear]"):
         for at in extremes(scene.temperature) or [None]:
             shear_stress(scene.shear, as_float(1.0, "velocity"), at)
@@ -367,7 +381,7 @@ KEYS = {
     for place, names in {
         "[load]": (
             *("pressure", "approach", "velocity", "temperature", "direction", "extrapolate"),
-            "pressure_ratio",
+            *("pressure_ratio", "strain_per_slope"),
         ),
         "[solver]": ("graded_solver",),
         "[output]": ("name", "directory", "fields"),
