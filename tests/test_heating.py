@@ -76,6 +76,7 @@ def test_the_contact_is_at_the_temperatures_that_it_causes():
     again = gc.slide(block, SURFACE, pressure=3e4, velocity=1.0, rtol=1e-8)
     np.testing.assert_allclose(again.friction, s.friction, rtol=1e-6)
     assert s.num_fft_pairs > 2 * again.num_fft_pairs  # of all steps
+    assert 0 < s.heated.area_error <= s.contact_area_error < 0.05
     assert again.friction_error < s.heated.friction_error <= s.friction_error < 0.02 * s.friction
 
 
@@ -180,6 +181,7 @@ def test_a_fixed_point_is_found_where_the_map_falls_or_rises(slope):
     ("how", "words"),
     [
         ({"temperature": None}, "`temperature=None`"),
+        ({"temperature": 20.0}, "`temperature=20` is refused: temperatures are in kelvin"),
         ({"heating": 0.25}, "`heating=0.25`"),
         ({"solution": gc.slide(BLOCK, SURFACE, pressure=3e4, velocity=1.0).contact}, "`solution`"),
         (

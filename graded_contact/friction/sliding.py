@@ -201,8 +201,7 @@ def _compression(s: "Sliding"):
 
 def _contact_area_error(s: "Sliding"):
     error = 0 if s.heated is None else s.heated.area_error
-    # What the kernel changes is an upper bound; a correction counts four times.
-    change = sum(jnp.abs(change) / 4 for change in _changes_by_kernel(s))
+    change = sum(jnp.abs(change) for change in _changes_by_kernel(s))
     if s.contact.target_error is None:
         change += jnp.abs(s.contact.correction)
     else:
