@@ -225,11 +225,10 @@ def parse_scene(text: str, folder: str | os.PathLike = ".") -> Scene:
     reader = block.reader
     tables: Tables = reader.build(ROOT, parse_toml(text), Tables)
     (load,) = reader.arguments("[load]", tables.load, KEYS["[load]"])
-    if "pressure" in load and "approach" in load:
-        raise ValueError("[load] has `pressure` and `approach`; give one of the two.")
+    if ("pressure" in load) == ("approach" in load):
+        both = "has `pressure` and `approach`; give" if "pressure" in load else "lacks"
+        raise ValueError(f"[load] {both} one of the keys `pressure` and (on a window) `approach`.")
     kind = "approach" if "approach" in load else "pressure"
-    if kind not in load:
-        raise ValueError("[load] lacks the key `pressure` (or, on a window, `approach`).")
     if "velocity" not in load:
         if tables.motion is None:
             raise ValueError("[load] lacks the key `velocity`.")

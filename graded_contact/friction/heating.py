@@ -141,11 +141,7 @@ class Heating(AbstractHeating):
         # One more step with twice the cells has less error, of the iteration and of the depths.
         finer = intervals(first, last, 2 * NUM_CELLS)
         closer, _ = contact(image(fixed, s, block, finer), fixed, finer, start=s.pressure)
-        names = "friction", "contact_area_smooth", "contact_indicator"
-        numbers, finer_numbers = s.compute(*names), closer.compute(*names)
-        errors = [SAFETY * jnp.abs(b - a) for a, b in zip(numbers, finer_numbers, strict=True)]
-        points = contact_area_error(numbers[2], closer.pressure - s.pressure)
-        errors = still((errors[0], jnp.maximum(errors[1], points)))
+        errors = still(_errors(s, closer))
         pairs = pairs + s.num_fft_pairs + closer.num_fft_pairs
         if not all(map(is_concrete, jax.tree.leaves(given))):
             found = {"start": None, "solution": still(s.contact)}
@@ -162,6 +158,15 @@ class Heating(AbstractHeating):
             contact=dataclasses.replace(s.contact, result=result, num_fft_pairs=pairs),
             heated=HeatedContact(block, x[0], x[1:], edges, point.error, *errors),
         )
+
+
+def _errors(s: Sliding, closer: Sliding):
+    """The errors of friction and contact area, from a contact of less error."""
+    names = "friction", "contact_area_smooth", "contact_indicator"
+    found, better = s.compute(*names), closer.compute(*names)
+    by_friction, by_area, _ = (SAFETY * jnp.abs(a - b) for a, b in zip(found, better, strict=True))
+    points = contact_area_error(found[2], closer.pressure - s.pressure)
+    return by_friction, jnp.maximum(by_area, points)
 
 
 @eqx.filter_jit

@@ -107,7 +107,7 @@ def test_a_body_on_a_window_takes_an_approach():
     assert list(scene.axes) == ["approach", "velocity"] and scene.num_solves == 4
     for text, expected in [
         (sphere.replace(pressure, pressure + approach), "has `pressure` and `approach`; give one"),
-        (sphere.replace(pressure, ""), "lacks the key `pressure`"),
+        (sphere.replace(pressure, ""), "lacks one of the keys `pressure`"),
         (BARE.replace(pressure, approach), "`approach` is that of a sphere, or of a file"),
         (sphere.replace(pressure, approach) + SINE, "needs a `pressure` in .load., not"),
     ]:
