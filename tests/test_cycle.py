@@ -287,6 +287,10 @@ def test_caveats_name_what_the_times_do_not_resolve():
     jumping = cycle(s=0.3 * np.sign(np.sin(2 * np.pi * TIMES)), rtol=1e-3)
     assert any("spacings of the grid" in text for text in jumping.caveats)
     assert any("kinks or jumps" in text for text in jumping.caveats)
+    lifted = cycle(pressure=None, mean_gap=np.where(TIMES < 0.5, 0.01, 0.1), rtol=1e-3)
+    assert any("gap changes too suddenly" in text for text in lifted.caveats)
+    apart = cycle(pressure=None, mean_gap=0.5, rtol=1e-3)
+    assert any("surfaces never touch" in text for text in apart.caveats)
     with pytest.raises(RuntimeError, match="max_steps"):
         cycle(solver=gc.contacts.DouglasRachford(max_steps=2))
     failed = cycle(solver=gc.contacts.DouglasRachford(max_steps=2), throw=False)

@@ -17,6 +17,7 @@ from graded_contact.contacts import (
 from graded_contact.fields.grid import to_field, to_spectrum, wavenumber
 from graded_contact.friction.heat import shear_heat
 from graded_contact.friction.heating import temperatures, thermal_wavenumber
+from graded_contact.materials import StrainSoftening
 
 CELL = 4e-3  # m
 Q0 = 2 * np.pi / CELL
@@ -26,6 +27,8 @@ RUBBER = gc.Prony(1e6, [9e6, 2e7], [1e-2, 1e-4], 0.49)
 COAT = gc.Prony(5e6, [1e7], [1e-3], 0.4)
 HALF_SPACE = gc.Stack(base=gc.HalfSpace(RUBBER))
 COATED = gc.Stack(layers=(gc.Layer(COAT, 2e-4),), base=gc.HalfSpace(RUBBER))
+SOFT = StrainSoftening(RUBBER, [1e-3, 0.1], [1.0, 0.4], [1.0, 0.7], amplitude=0.03)
+SOFTENED = gc.Stack(layers=(gc.Layer(SOFT, 2e-4),), base=gc.HalfSpace(RUBBER))
 CLAMPED = gc.Stack(
     layers=(gc.Layer(gc.Elastic(6e6, 0.3), 1e-4), gc.Layer(RUBBER, 1e-3)), base=gc.Rigid()
 )
@@ -45,7 +48,9 @@ def heat_over_depth(stack, **how):
     return made / (float(s.hysteresis_friction) * 4e5 * 0.5)
 
 
-@pytest.mark.parametrize("stack", [HALF_SPACE, COATED, CLAMPED], ids=["half", "coat", "clamped"])
+@pytest.mark.parametrize(
+    "stack", [HALF_SPACE, COATED, CLAMPED, SOFTENED], ids=["half", "coat", "clamped", "soft"]
+)
 def test_heat_over_the_depth_is_the_work_of_friction(stack):
     assert abs(heat_over_depth(stack) - 1) <= 1e-3
 

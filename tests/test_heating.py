@@ -76,6 +76,7 @@ def test_the_contact_is_at_the_temperatures_that_it_causes():
     again = gc.slide(block, SURFACE, pressure=3e4, velocity=1.0, rtol=1e-8)
     np.testing.assert_allclose(again.friction, s.friction, rtol=1e-6)
     assert s.num_fft_pairs > 2 * again.num_fft_pairs  # of all steps
+    assert 0 < s.heated.area_error <= s.contact_area_error < 0.05
     assert again.friction_error < s.heated.friction_error <= s.friction_error < 0.02 * s.friction
 
 
@@ -102,9 +103,11 @@ def test_the_claimed_error_covers_that_of_the_temperatures(monkeypatch):
         found = solve(rtol=1e-4)
         with monkeypatch.context() as patch:
             patch.setattr(module, "NUM_CELLS", 32)
-            truth = solve(rtol=1e-9).friction
-        assert abs(found.friction - truth) <= found.friction_error
+            truth = solve(rtol=1e-9)
+        assert abs(found.friction - truth.friction) <= found.friction_error
         assert found.friction_error <= 1e-2 * found.friction
+        for area in ("contact_area", "contact_area_smooth"):
+            assert abs(getattr(found, area) - getattr(truth, area)) <= found.contact_area_error
 
 
 @pytest.mark.slow
@@ -178,6 +181,7 @@ def test_a_fixed_point_is_found_where_the_map_falls_or_rises(slope):
     ("how", "words"),
     [
         ({"temperature": None}, "`temperature=None`"),
+        ({"temperature": 20.0}, "`temperature=20` is refused: temperatures are in kelvin"),
         ({"heating": 0.25}, "`heating=0.25`"),
         ({"solution": gc.slide(BLOCK, SURFACE, pressure=3e4, velocity=1.0).contact}, "`solution`"),
         (

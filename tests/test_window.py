@@ -201,6 +201,70 @@ def test_what_a_window_cannot_have_is_refused():
         _ = gc.slide(ELASTIC, repeated, pressure=0.02, velocity=0.0).approach
 
 
+@pytest.mark.parametrize("heights", [cylinder(64).heights, np.zeros(64)])
+def test_before_the_first_touch_there_is_no_load(heights):
+    """Nor at it, where rounding would decide; the derivative is that from before it."""
+    surface = gc.Surface(heights, gc.Grid((64,), 1.0), periodic=False)
+
+    def load(approach):
+        return gc.slide(SLAB, surface, approach=approach, velocity=1.0).contact.mean_pressure
+
+    assert jax.value_and_grad(load)(0.0) == (0, 0)
+    found = gc.slide(SLAB, surface, approach=-0.01, velocity=1.0)
+    assert found.contact.mean_pressure == load(0.0) == 0
+    assert found.caveats == ("The surfaces do not touch: without a load friction has no value.",)
+    with pytest.raises(RuntimeError, match="Friction without a load has no derivative"):
+        jax.grad(lambda d: gc.slide(SLAB, surface, approach=d, velocity=1.0).friction)(-0.01)
+
+
+def test_an_approach_through_the_layers_or_in_another_unit_is_noticed():
+    surface = cylinder(64)
+    deep = gc.slide(SLAB, surface, approach=0.08, velocity=1.0)
+    np.testing.assert_allclose(deep.compression, 1.6, rtol=1e-6)
+    assert "moved into the layers by 160% of their thickness" in " ".join(deep.caveats)
+    pressed = gc.slide(SLAB, surface, pressure=deep.contact.mean_pressure, velocity=1.0)
+    np.testing.assert_allclose(pressed.compression, 1.6, rtol=1e-4)
+    with pytest.raises(ValueError, match=r"`approach=20` is refused: .* window's length of 1 m"):
+        gc.slide(SLAB, surface, approach=20.0, velocity=1.0)
+
+
+def test_friction_at_an_approach_has_the_error_of_the_load():
+    def press(approach):
+        return gc.slide(COATED, sphere(32), approach=approach, velocity=1.0, rtol=1e-8)
+
+    found = press(0.026)
+    change = abs(press(0.026 + found.approach_error).friction - found.friction)
+    assert 1e-6 < change < found.friction_error < 1e-2 * found.friction
+
+
+@pytest.mark.slow
+def test_claims_at_an_approach_hold_against_larger_cells(monkeypatch):
+    rng = np.random.default_rng(33)
+    cases = []
+    for _ in range(8):
+        rubber = gc.Prony(1.0, [10 ** rng.uniform(0, 1.3)], [10 ** rng.uniform(-2, 0)], 0.45)
+        coat, base = gc.Layer(gc.Elastic(3.0, 0.4), rng.uniform(0.03, 0.2)), gc.HalfSpace(rubber)
+        cases.append((gc.Stack(layers=(coat,), base=base), 10 ** rng.uniform(-2.3, -1.5)))
+    body = rough_patch(32, 2, 1)[0]
+
+    def solved():
+        return [gc.slide(b, body, approach=d, velocity=1.0, rtol=1e-8) for b, d in cases]
+
+    def numbers(found):
+        return np.array([(s.friction, s.contact_area) for s in found])
+
+    found = solved()
+    claims = np.array([(s.friction_error, s.contact_area_error) for s in found])
+    values = numbers(found)
+    monkeypatch.setitem(window._WINDOWS, 2, 64)
+    monkeypatch.setitem(window._POINTS, 2, 64)
+    jax.clear_caches()
+    errors = np.abs(numbers(solved()) - values)
+    jax.clear_caches()
+    assert np.all(errors <= claims)
+    assert np.median(claims[:, 0] / values[:, 0]) < 0.02
+
+
 def slab_compliance(q, modulus, poisson, thickness):
     """The surface compliance of a slab bonded to a rigid base, in closed form."""
     x, k = 2 * q * thickness, 3 - 4 * poisson

@@ -46,7 +46,7 @@ COLUMNS = {
     "mean_gap": ("mean gap\n[m]", ".3e"),
     "approach": ("approach\n[m]", ".3e"),
     "mean_pressure": ("pressure\n[Pa]", "#.4g"),
-    "num_fft_pairs": ("FFT\npairs", ".1f"),
+    "num_fft_pairs": ("FFT\npairs", ".0f"),
     "error": ("error of\npressure", ".1e"),
     "unmeasured_friction": ("on points not\nmeasured", ".1%"),
 }

@@ -326,5 +326,5 @@ def check_converged(number: Array, failed: Bool[Array, ""]) -> Array:
         number,
         failed,
         "The linear solve for a derivative of the contact did not converge. Raise `max_steps` of "
-        "`adjoint`, or loosen its `rtol`.",
+        "`adjoint`, or loosen its `rtol`. Friction without a load has no derivative.",
     )

@@ -283,6 +283,9 @@ def _loading_of_window(pressure, mean_gap, approach, law: AbstractLaw, heights, 
             f"`approach={approach:g}` is refused: this block yields without bound far away, as "
             "along a line all but slabs on a `Rigid()` base do. Prescribe the `pressure`."
         )
+    if isinstance(law, HardWall):  # at the first touch, nothing touches; else rounding decides
+        least = _LEAST_GAP * jnp.maximum(jnp.std(heights), jnp.finfo(heights.dtype).tiny ** 0.5)
+        approach = jnp.where(jnp.abs(approach) > least, approach, -least)
     return Loading(None, jnp.max(heights) - jnp.mean(heights) - approach)
 
 

@@ -131,6 +131,22 @@ def _with_ground(kernel: Inexact[Array, "*half"], shape: tuple[int, ...]):
     return jnp.where(mean & (entry == 0), jnp.nan, kernel + missing * unused)
 
 
+def change_by_kernel(
+    kernel: Inexact[Array, "*half"],
+    error: Inexact[Array, "*half"],
+    pressure: Float[Array, "*shape"],
+    touching: Bool[Array, "*shape"],
+) -> Float[Array, "*shape"]:
+    """Returns the change of the pressure by an error of the kernel, at a given approach [Pa].
+
+    As in `estimates.py`, by the inverse of M on the whole cell instead of on the contact.
+    """
+    operator = Steady(_with_ground(kernel, pressure.shape), True)
+    moved = on_window(operator.with_kernel(error).displace(on_cell(pressure, kernel)))
+    lifted = on_cell(jnp.where(touching, moved, 0), kernel)
+    return jnp.where(touching, -on_window(operator.filtered(operator.inverse, lifted)), 0)
+
+
 @eqx.filter_jit
 def _on_part(found: ContactSolution) -> ContactSolution:
     """The contact of a cell on its window."""

@@ -60,6 +60,7 @@ OBSERVABLES = _table([
     ("unmeasured_area", "", "1", "share of the contact area on filled or tapered points"),
     ("unmeasured_friction", "", "1", "share of the hysteresis on filled or tapered points"),
     ("extrapolated_friction", "", "1", "share of the friction where no modulus was measured"),
+    ("compression", "", "1", "approach over the thickness of layers on a rigid base"),
     ("error", "", "1", "estimated relative error of the contact pressure"),
     ("num_fft_pairs", "", "1", "FFT pairs of the solve"),
     ("reduced_velocity", "a_T v", "m/s", "velocity times the time-temperature shift"),

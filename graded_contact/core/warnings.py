@@ -104,6 +104,18 @@ RULES = (
     ),
     *SLIDING_RULES,
     Rule(
+        lambda found: np.isnan(found.friction) & (np.asarray(found.slope_in_contact) == 0),
+        0,
+        "The surfaces do not touch: without a load friction has no value.",
+    ),
+    Rule(
+        lambda found: getattr(found, "compression", 0.0),
+        2 * LIMIT,
+        "The body moved into the layers by {worst:.0%} of their thickness above the rigid base. "
+        f"The model assumes small strains: above {2 * LIMIT:.0%} the neglected terms exceed "
+        f"{LIMIT:.0%}.",
+    ),
+    Rule(
         lambda found: found.unmeasured_friction,
         LIMIT,
         "{worst:.0%} of the friction arises on points that were filled or tapered, not measured. "

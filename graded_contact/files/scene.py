@@ -100,6 +100,8 @@ class Scene:
     - `pressure_ratio`: with a motion, pressures over `pressure` [1] at equally spaced times of the
       period, linear in between; if missing, the load is constant.
     - `motion`, `shear`, `heating`: the tables of these names, or None.
+    - `strain_per_slope`: of a block that softens, strain amplitude over rms slope [1], see `slide`;
+      if missing, each material has its own amplitude.
     - `direction`: of the velocity from the x axis [rad]. (In Python two numbers are one velocity,
       (vx, vy).)
     - `extrapolate`: true allows friction from frequencies at which a material was not measured.
@@ -126,6 +128,7 @@ class Scene:
     direction: float = 0.0
     extrapolate: bool = False
     pressure_ratio: list[float] | None = None
+    strain_per_slope: float | None = None
     motion: Motion | None = None
     shear: AbstractShear | None = None
     heating: Heating | None = None
@@ -191,7 +194,7 @@ KEYS = {
     for place, names in {
         "[load]": (
             *("pressure", "approach", "velocity", "temperature", "direction", "extrapolate"),
-            "pressure_ratio",
+            *("pressure_ratio", "strain_per_slope"),
         ),
         "[solver]": ("graded_solver",),
         "[output]": ("name", "directory", "fields"),

@@ -13,6 +13,7 @@ from ..core.memory import check_points
 from ..core.parameters import paths, with_values
 from ..response.stack import Stack
 from ..rheology.shear import shear_stress
+from ..rheology.softening import as_strain_per_slope
 from ..rheology.tabulated import Tabulated
 from .block import Block, extremes
 from .paths import check_name, existing_file
@@ -46,8 +47,9 @@ def parse_scene(text: str, folder: str | os.PathLike = ".") -> Scene:
     tables: Tables = reader.build(ROOT, parse_toml(text), Tables)
     (load,) = reader.arguments("[load]", tables.load, KEYS["[load]"])
     if ("pressure" in load) == ("approach" in load):
-        raise ValueError("[load] lacks the key `pressure` or `approach`, or has both.")
-    kind, allowed = ("approach", "[m]") if "approach" in load else ("pressure", "[Pa]")
+        both = "has `pressure` and `approach`; give" if "pressure" in load else "lacks"
+        raise ValueError(f"[load] {both} one of the keys `pressure` and (on a window) `approach`.")
+    kind = "approach" if "approach" in load else "pressure"
     if "velocity" not in load:
         if tables.motion is None:
             raise ValueError("[load] lacks the key `velocity`.")
@@ -61,7 +63,10 @@ def parse_scene(text: str, folder: str | os.PathLike = ".") -> Scene:
     ):
         load["extrapolate"] = True
     with within("[load]"):
-        check_positive(kind, load[kind], allowed)
+        if kind == "pressure":
+            check_positive(kind, load[kind], "[Pa]")
+        else:
+            check_values(kind, load[kind], "an approach [m] must be finite")
         load.setdefault("pressure", np.array([]))
         check_values("velocity", load["velocity"], "a velocity [m/s] must be finite")
         full, reason = 2 * np.pi, "an angle [rad] lies between -2π and 2π"
@@ -131,6 +136,8 @@ def _check_motion(scene: Scene) -> None:
             raise ValueError("[load] `pressure_ratio` needs a table [motion].")
         return
     refuse_tables(scene, "[motion]", "shear", "heating")
+    if scene.strain_per_slope is not None:
+        raise ValueError("[motion] does not take the key `strain_per_slope` of [load].")
     with within("[load]"):
         if scene.pressure_ratio is not None:
             check_positive("pressure_ratio", np.array(scene.pressure_ratio), "[1]")
@@ -144,6 +151,9 @@ def _check_dry(scene: Scene) -> None:
     """Raises `ValueError` if shear or heating lack a temperature."""
     if scene.heating is not None and scene.temperature is None:
         raise ValueError("[heating] needs the bulk `temperature` [K] in [load].")
+    with within("[load]"):
+        if scene.strain_per_slope is not None:
+            as_strain_per_slope(scene.strain_per_slope, scene.stack)
     with within("[shear]"):
         for at in extremes(scene.temperature) or [None]:
             shear_stress(scene.shear, as_float(1.0, "velocity"), at)

@@ -11,6 +11,7 @@ surface. The block turns their sum to heat: T Σ -ω Im M |σ_qω|².
 
 import equinox as eqx
 import jax.numpy as jnp
+import numpy as np
 from jaxtyping import Array, Float, ScalarLike
 
 from ..contact.adjoint import Inputs, LinearSolver, LinearSplitting
@@ -269,8 +270,14 @@ RULES = (
     Rule(
         lambda found: found.load_mismatch,
         LIMIT,
-        "The work of the load, in two forms, differs by {worst:.0%} of the dissipated energy: grid "
-        "and times do not resolve the contact. Take more of both, or a smoother motion.",
+        "The work of the load, in two forms, differs by {worst:.0%} of the dissipated energy: the "
+        "load or the gap changes too suddenly for the times. Let it change over several times, or "
+        "take more times; a finer grid hardly helps.",
+    ),
+    Rule(
+        lambda found: np.all(np.asarray(found.load) == 0, axis=-1),
+        0,
+        "The surfaces never touch: without a load there is no friction.",
     ),
     Rule(
         lambda found: found.unresolved_motion,

@@ -7,7 +7,8 @@ Poisson's ratio ν. Its dashpot turns
     W_k = [(1 + ν) s:s - ν (tr s)²]/(τ_k E_k) >= 0   [W/m³],      s = stress of branch k,
 
 into heat. There is no average over time and no assumption about the depth of a wave: the integral
-of W = Σ W_k over the depth is hysteresis friction times load times speed. Shear in the contact
+of W = Σ W_k over the depth is hysteresis friction times load times speed. Of a `StrainSoftening`
+the dashpots have the factor of the loss modulus. Shear in the contact
 makes the heat τ_f |v| [W/m²] at the surface.
 """
 
@@ -38,6 +39,7 @@ from ..response.layering import Layering
 from ..response.profile import Aged, Blend
 from ..response.stack import GradedLayer, HalfSpace, Layer, Stack, interface_depths
 from ..rheology.material import AbstractMaterial, Elastic, Prony
+from ..rheology.softening import StrainSoftening
 from .sliding import Sliding
 
 _NODES = 2  # of Gauss's rule in each interval of the depth
@@ -100,8 +102,8 @@ def heat_source(
     **Arguments:**
 
     - `sliding`: a result of `slide` for this block.
-    - `stack`: the block, of `Prony` and `Elastic` materials; graded layers `Aged`, or `Blend` with
-      linear mixing.
+    - `stack`: the block, of `Prony` and `Elastic` materials, also in `StrainSoftening`; graded
+      layers `Aged`, or `Blend` with linear mixing.
     - `depths`: z [m], shape `(depths,)`; see `heat_depths`.
     - `graded_solver`: as in `slide`.
 
@@ -128,13 +130,14 @@ def _heat_source(sliding: Sliding, stack: Stack, depths, graded_solver):
         ).stress
         pairs = [(i, j) for i in range(3) for j in range(i, 3)]
         spectra = [to_spectrum(stress[..., i, j]) for i, j in pairs]
-        equilibrium, strengths, times, poisson = _series_in(stack, depth)
+        equilibrium, strengths, losses, times, poisson = _series_in(stack, depth)
         flows = 1j * omega[..., None] * times
-        modulus = equilibrium + jnp.sum(strengths * (flows / (1 + flows)), -1)
+        flows = flows / (1 + flows)
+        modulus = equilibrium + flows.real @ strengths + 1j * (flows.imag @ losses)
         compliance = jnp.where(omega == 0, 0, 1 / jnp.where(omega == 0, 1, modulus))
 
         def add(total, branch):
-            strength, time = branch
+            loss, time = branch
             flow = 1j * omega * time
             share = flow / (1 + flow) * compliance
             parts = [to_field(spectrum * share, grid.shape) for spectrum in spectra]
@@ -142,10 +145,10 @@ def _heat_source(sliding: Sliding, stack: Stack, depths, graded_solver):
             square = sum(
                 (1 if i == j else 2) * part**2 for part, (i, j) in zip(parts, pairs, strict=True)
             )
-            return total + strength / time * ((1 + poisson) * square - poisson * trace**2), None
+            return total + loss / time * ((1 + poisson) * square - poisson * trace**2), None
 
         none = jnp.zeros(grid.shape, sliding.pressure.dtype)
-        return jax.lax.scan(add, none, (strengths, times))[0]
+        return jax.lax.scan(add, none, (losses, times))[0]
 
     return jax.lax.map(at, depths)
 
@@ -176,7 +179,7 @@ def _share_in_contact(indicator):
 
 
 def _series_in(stack: Stack, depth):
-    """E_eq [Pa], E_k [Pa], τ_k [s] and ν at a depth, all materials with equally many branches."""
+    """E_eq, E_k, those of the loss [Pa], τ_k [s] and ν at a depth, with equally many branches."""
     tops = jnp.append(0.0, interface_depths(stack)).astype(depth.dtype)
     rows = []
     for i, layer in enumerate(stack.layers):
@@ -189,27 +192,27 @@ def _series_in(stack: Stack, depth):
     def padded(values, fill):
         return jnp.pad(values, (0, most - len(values)), constant_values=fill)
 
-    rows = [(e, padded(strengths, 0), padded(times, 1), nu) for e, strengths, times, nu in rows]
+    rows = [(e, padded(a, 0), padded(b, 0), padded(times, 1), nu) for e, a, b, times, nu in rows]
     place = jnp.clip(jnp.sum(depth >= tops) - 1, 0, len(rows) - 1)
     return tuple(jnp.stack(column)[place] for column in zip(*rows, strict=True))
 
 
 def _series_of(part: Layer | GradedLayer | HalfSpace, s):
-    """E_eq, E_k, τ_k and ν of a part of a block at the height s."""
+    """E_eq, E_k, those of the loss, τ_k and ν of a part of a block at the height s."""
     if not isinstance(part, GradedLayer):
         return _series(part.material)
     profile = part.profile
     if isinstance(profile, Aged):
-        equilibrium, strengths, times, poisson = _series(profile.material)
-        return equilibrium, strengths, times * profile._factor(s), poisson
+        *moduli, times, poisson = _series(profile.material)
+        return *moduli, times * profile._factor(s), poisson
     if isinstance(profile, Blend) and profile.mixing == "linear":
         phi = profile.shape(s)
         bottom, top = _series(profile.bottom), _series(profile.top)
         return (
             (1 - phi) * bottom[0] + phi * top[0],
-            jnp.append((1 - phi) * bottom[1], phi * top[1]),
-            jnp.append(bottom[2], top[2]),
-            (1 - phi) * bottom[3] + phi * top[3],
+            *(jnp.append((1 - phi) * bottom[i], phi * top[i]) for i in (1, 2)),
+            jnp.append(bottom[3], top[3]),
+            (1 - phi) * bottom[4] + phi * top[4],
         )
     raise ValueError(
         f"`stack` has a graded layer with the profile {type(profile).__name__}: where heat is made "
@@ -220,10 +223,15 @@ def _series_of(part: Layer | GradedLayer | HalfSpace, s):
 def _series(material: AbstractMaterial):
     if isinstance(material, Elastic):
         none = jnp.zeros(0, material.young.dtype)
-        return material.young, none, none, material.poisson
+        return material.young, none, none, none, material.poisson
     if isinstance(material, Prony):
-        return material.equilibrium, material.strengths, material.times, material.poisson
+        strengths = material.strengths
+        return material.equilibrium, strengths, strengths, material.times, material.poisson
+    if isinstance(material, StrainSoftening):
+        equilibrium, strengths, losses, times, poisson = _series(material.material)
+        f, g = material.factors()
+        return f * equilibrium, f * strengths, g * losses, times, poisson
     raise ValueError(
         f"`stack` has a {type(material).__name__}: where heat is made is known for `Prony` and "
-        "`Elastic` materials. Fit a Prony series with `fit_prony`."
+        "`Elastic` materials, also in `StrainSoftening`. Fit a Prony series with `fit_prony`."
     )

@@ -32,6 +32,7 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Complex, Float
 
+from ..contact.area import contact_area_error
 from ..contact.solution import RESULTS
 from ..core.checks import (
     Numbers,
@@ -60,6 +61,7 @@ from ..response.heated import AbstractHeating, HeatedContact, check_bulk, check_
 from ..response.layering import Layering
 from ..response.stack import Stack, interface_depths
 from ..rheology.shift import as_temperature
+from ..rheology.softening import at_strain
 from .heat import gauss_within, heat_depths, heat_source, intervals, shear_heat
 from .sliding import Sliding
 
@@ -108,6 +110,7 @@ class Heating(AbstractHeating):
         temperature = as_temperature(check_bulk(inputs["temperature"])).astype(grid.size.dtype)
         inputs = inputs | {"temperature": temperature}
         check_heated(stack)
+        stack.at(temperature)  # refuses what a material cannot have
         first, last = _FIRST * jnp.min(grid.spacing), jnp.max(grid.size)
         edges = jax.lax.stop_gradient(intervals(first, last, NUM_CELLS))
         given = self, stack, inputs
@@ -118,7 +121,8 @@ class Heating(AbstractHeating):
             _, stack, inputs = values
             block = heated(stack, inputs["temperature"], x[1:], edges)
             at_surface = {"temperature": inputs["temperature"] + x[0]}
-            return solve(block, **inputs | at_surface | how), block
+            s, ratio = solve(block, **inputs | at_surface | how), inputs["strain_per_slope"]
+            return s, block if ratio is None else at_strain(block, ratio * s.slope_in_contact)
 
         def image(values, s, block, edges):
             return _rises(s, values[0], values[1], block, edges)
@@ -137,7 +141,7 @@ class Heating(AbstractHeating):
         # One more step with twice the cells has less error, of the iteration and of the depths.
         finer = intervals(first, last, 2 * NUM_CELLS)
         closer, _ = contact(image(fixed, s, block, finer), fixed, finer, start=s.pressure)
-        error = still(SAFETY * jnp.abs(closer.friction - s.friction))
+        errors = still(_errors(s, closer))
         pairs = pairs + s.num_fft_pairs + closer.num_fft_pairs
         if not all(map(is_concrete, jax.tree.leaves(given))):
             found = {"start": None, "solution": still(s.contact)}
@@ -152,8 +156,17 @@ class Heating(AbstractHeating):
         return dataclasses.replace(
             s,
             contact=dataclasses.replace(s.contact, result=result, num_fft_pairs=pairs),
-            heated=HeatedContact(block, x[0], x[1:], edges, point.error, error),
+            heated=HeatedContact(block, x[0], x[1:], edges, point.error, *errors),
         )
+
+
+def _errors(s: Sliding, closer: Sliding):
+    """The errors of friction and contact area, from a contact of less error."""
+    names = "friction", "contact_area_smooth", "contact_indicator"
+    found, better = s.compute(*names), closer.compute(*names)
+    by_friction, by_area, _ = (SAFETY * jnp.abs(a - b) for a, b in zip(found, better, strict=True))
+    points = contact_area_error(found[2], closer.pressure - s.pressure)
+    return by_friction, jnp.maximum(by_area, points)
 
 
 @eqx.filter_jit

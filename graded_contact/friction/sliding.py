@@ -39,8 +39,22 @@ from ..contact.problem import RTOL, solve_contact
 from ..contact.solution import RESULTS, ContactSolution
 from ..contact.solver import AbstractContactSolver
 from ..contact.target import FrictionAndArea
-from ..contact.window import is_window, on_cell, on_window, stiffness_at_edges
-from ..core.checks import Numbers, as_float, check_tolerance, check_types, is_concrete, short
+from ..contact.window import (
+    change_by_kernel,
+    is_window,
+    on_cell,
+    on_window,
+    stiffness_at_edges,
+)
+from ..core.checks import (
+    Numbers,
+    as_float,
+    check_tolerance,
+    check_types,
+    check_values,
+    is_concrete,
+    short,
+)
 from ..core.compilation import compiled
 from ..core.derivative import derivative_apart
 from ..core.display import shown
@@ -52,7 +66,7 @@ from ..response.grading import AbstractGradedSolver
 from ..response.heated import AbstractHeating, HeatedContact
 from ..response.kernel import attempted_kernel, stack_kernel
 from ..response.layering import Layering
-from ..response.stack import Stack
+from ..response.stack import Rigid, Stack, interface_depths
 from ..response.window import doubled, has_ground, long_cell, without_images
 from ..rheology.measured import coverage, is_unknown
 from ..rheology.shear import ShearLaw, ShearStress, shear_stress
@@ -147,7 +161,29 @@ def _image_error(s: "Sliding"):
     moved = [displace(error, pressure) for error in s.kernel_error]
     sums = sum(jnp.abs(friction(pressure, field, cell, s.velocity)) for field in moved)
     slopes = sum(slope_in_contact(pressure, field, cell) for field in moved)
-    return sums + 2 * slopes / jnp.sqrt(jnp.sum(pressure != 0))
+    return sums + 2 * slopes / jnp.sqrt(jnp.sum(pressure != 0)) + _load_error(s)
+
+
+def _load_error(s: "Sliding"):
+    """The error of friction by that of the load, at a given approach."""
+    indicator = _indicator(s)
+
+    def friction_under(pressure):
+        changed = on_cell(pressure, s.kernel)
+        found = friction(changed, displace(s.kernel, changed), _cell(s), s.velocity)
+        return found + shear_friction(pressure, indicator + pressure - s.pressure, s.shear)
+
+    pull = jax.grad(friction_under)(s.pressure)
+    parts = [pull * change for change in _changes_by_kernel(s)]
+    return sum(jnp.abs(jnp.sum(part)) + jnp.sqrt(jnp.sum(part**2)) for part in parts)
+
+
+def _changes_by_kernel(s: "Sliding") -> list[Array]:
+    """What the errors of a window's kernel change in the pressure, at a given approach."""
+    if not s.at_approach or s.kernel_error is None:
+        return []
+    touching = _touching(s)
+    return [change_by_kernel(s.kernel, error, s.pressure, touching) for error in s.kernel_error]
 
 
 def _moved(s: "Sliding", kernel, field: Array | float = 0.0):
@@ -158,10 +194,20 @@ def _moved(s: "Sliding", kernel, field: Array | float = 0.0):
     return jnp.stack([jnp.sum(weight * moved) / jnp.sum(weight), mean])
 
 
+def _compression(s: "Sliding"):
+    if s.thickness is None:
+        return jnp.zeros((), s.pressure.dtype)
+    return s.approach / s.thickness
+
+
 def _contact_area_error(s: "Sliding"):
-    if s.contact.target_error is not None:
-        return s.contact.target_error[1]
-    return contact_area_error(s.contact_indicator, s.contact.correction)
+    error = 0 if s.heated is None else s.heated.area_error
+    change = sum(jnp.abs(change) for change in _changes_by_kernel(s))
+    if s.contact.target_error is None:
+        change += jnp.abs(s.contact.correction)
+    else:
+        error += s.contact.target_error[1]
+    return error + contact_area_error(s.contact_indicator, change + 0 * s.pressure)
 
 
 def _unmeasured(s: "Sliding", which: int):
@@ -212,12 +258,14 @@ class Sliding(eqx.Module):
       points that were filled or tapered, not measured [1]; 0 where `Surface.measured` is None.
     - `extrapolated_friction`: share of the hysteresis from waves that excite frequencies at which a
       material was not measured [1]: its modulus there is an extrapolation. See `coverage`.
+    - `compression`: how far a body on a window moved into layers on a rigid base, over their
+      thickness [1]; else 0.
     - `contact_indicator`: how far points are inside contact or outside [Pa], shape of the heights;
       see `AbstractLaw.contact_indicator`.
 
-    Friction errors of a contact on a window (`Surface(..., periodic=False)`) include those of its
-    kernel, at the load that was found. Such a contact also has `approach`, `approach_error`,
-    `moment` and `rim_load`.
+    Errors of friction on a window (`Surface(..., periodic=False)`) include those of its kernel, at
+    a given approach also those of area and load. Such a contact also has `approach`,
+    `approach_error`, `moment` and `rim_load`.
 
     **Fields:**
 
@@ -234,6 +282,8 @@ class Sliding(eqx.Module):
       `response/window.py`; None if periodic.
     - `shear`: shear stress [Pa] as a function of the pressure, or None.
     - `heated`: temperatures of the contact, see `HeatedContact`, or None.
+    - `thickness`: of the layers between a window and a rigid base [m], else None.
+    - `at_approach`: whether the approach was given, not the load. Static.
     """
 
     contact: ContactSolution
@@ -247,6 +297,8 @@ class Sliding(eqx.Module):
     kernel_error: Inexact[Array, "..."] | None = None
     shear: ShearStress | None = None
     heated: HeatedContact | None = None
+    thickness: Float[Array, "..."] | None = None
+    at_approach: bool = eqx.field(default=False, static=True)
 
     friction = _Observable(lambda s: _hysteresis(s) + _shear(s))
     friction_error = _Observable(_friction_error, has_derivative=False)
@@ -267,6 +319,7 @@ class Sliding(eqx.Module):
     unmeasured_area = _Observable(lambda s: _unmeasured(s, 0))
     unmeasured_friction = _Observable(lambda s: _unmeasured(s, 1))
     extrapolated_friction = _Observable(_extrapolated)
+    compression = _Observable(_compression)
     contact_indicator = _Observable(_indicator)
 
     def compute(self, *names: str) -> list[Float[Array, "..."]]:
@@ -430,6 +483,8 @@ def slide(
             "friction_rtol": friction_rtol, "throw": throw,
         }  # fmt: skip
         return _settled(heating, stack, inputs, settings, solution)
+    if approach is not None:
+        check_approach(approach, surface.grid)
     kernel, velocity, reached, kernel_error = kernel_and_velocity(
         stack, surface, velocity, solver, graded_solver, throw, strain_per_slope
     )
@@ -462,6 +517,8 @@ def slide(
         measured_range=_coverage(stack),
         kernel_error=kernel_error,
         shear=sheared,
+        thickness=None if surface.periodic else _thickness(stack),
+        at_approach=approach is not None,
     )
 
 
@@ -481,6 +538,18 @@ def _settled(heating: AbstractHeating, stack, inputs, settings, solution) -> Sli
         3 * friction_rtol if friction_rtol else 10 * rtol,
         settings["throw"],
     )
+
+
+def _thickness(stack: Stack):
+    return interface_depths(stack)[-1] if isinstance(stack.base, Rigid) else None
+
+
+def check_approach(approach: Numbers, grid: Grid) -> None:
+    """Raises `ValueError` for an approach of more than a window's length: of another unit."""
+    if is_concrete(grid.size):
+        most = float(np.max(np.asarray(grid.size)))
+        allowed = f"it must be finite, in metres, and at most the window's length of {most:g} m"
+        check_values("approach", as_float(approach, "approach"), allowed, at_most=most)
 
 
 _coverage = compiled(coverage)

@@ -51,12 +51,14 @@ class HeatedContact(eqx.Module):
 
     **Fields:**
 
-    - `stack`: the block in thin layers, each at its temperature; for `heat_source`.
+    - `stack`: the block in thin layers, each at its temperature; for `heat_source`. With
+      `strain_per_slope` its strain amplitude is that of the slope in contact.
     - `surface_rise`: temperature of the surface above the bulk [K], mean over the contact.
     - `rises`: the same of each cell of the depth [K], shape `(cells,)`.
     - `edges`: depths between which the cells lie [m], from 0, shape `(cells + 1,)`.
     - `error`: change of the temperatures in the last step over the largest rise [1].
-    - `friction_error`: estimated error of the friction by that and by the cells [1].
+    - `friction_error`, `area_error`: estimated errors of friction and contact area by that and by
+      the cells [1].
     """
 
     stack: Stack
@@ -65,6 +67,7 @@ class HeatedContact(eqx.Module):
     edges: Float[Array, " edges"]
     error: Float[Array, ""]
     friction_error: Float[Array, ""]
+    area_error: Float[Array, ""]
 
 
 def check_bulk(temperature: B | None) -> B:

@@ -29,6 +29,7 @@ from ..core.display import shown
 from ..core.spline import monotone_cubic
 
 NEAR = 1.0  # K beyond measured temperatures: two isotherms are not nearer to each other
+COLDEST = 100.0  # K; below it no rubber moves, and degrees Celsius are likelier
 GAS_CONSTANT = 8.31446261815324  # J/(mol K), exact in the SI of 2019
 # How far times are shifted, as a share of the dtype's exponents: their squares must not overflow.
 _REACH = 0.45
@@ -134,9 +135,10 @@ class Arrhenius(AbstractShift):
 
 
 def as_temperature(value: ScalarLike) -> Float[Array, ""]:
-    """Returns a temperature [K]; refuses an array, zero and less."""
+    """Returns a temperature [K]; refuses an array, and what is hardly in kelvin."""
     temperature = as_scalar(value, "temperature")
-    check_positive("temperature", temperature, "[K]")
+    allowed = f"temperatures are in kelvin, at least {COLDEST:g} K (20 °C are 293.15 K)"
+    check_values("temperature", temperature, allowed, at_least=COLDEST)
     return temperature
 
 

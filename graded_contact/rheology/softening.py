@@ -117,21 +117,29 @@ def at_strain(block: T, strain: ScalarLike) -> T:
     amplitude = scalar("strain")(strain)
     check_values("strain", amplitude, "a strain [1] is 0 or positive", at_least=0)
 
-    def softens(node):
-        return isinstance(node, StrainSoftening)
-
-    if not any(map(softens, jax.tree.leaves(block, is_leaf=softens))):
+    if not _softens(block):
         raise ValueError("`block` holds no `StrainSoftening`: no modulus depends on the strain.")
 
     def changed(node):
-        return eqx.tree_at(lambda m: m.amplitude, node, amplitude) if softens(node) else node
+        return eqx.tree_at(lambda m: m.amplitude, node, amplitude) if _is_soft(node) else node
 
-    return jax.tree.map(changed, block, is_leaf=softens)
+    return jax.tree.map(changed, block, is_leaf=_is_soft)
 
 
-def as_strain_per_slope(value: ScalarLike, block: Any) -> Float[Array, ""]:
-    """Returns ε over an rms slope [1]; raises `ValueError` unless positive, and `block` softens."""
+def _is_soft(node: Any) -> bool:
+    return isinstance(node, StrainSoftening)
+
+
+def _softens(block: Any) -> bool:
+    return any(map(_is_soft, jax.tree.leaves(block, is_leaf=_is_soft)))
+
+
+def as_strain_per_slope(value: ScalarLike, stack: Any) -> Float[Array, ""]:
+    """Returns ε over an rms slope [1]; raises `ValueError` unless positive, and `stack` softens."""
     ratio = as_scalar(value, "strain_per_slope")
     check_positive("strain_per_slope", ratio, "[1]")
-    at_strain(block, 0.0)
+    if not _softens(stack):
+        raise ValueError(
+            f"`strain_per_slope={value}` is refused: `stack` holds no `StrainSoftening`."
+        )
     return ratio

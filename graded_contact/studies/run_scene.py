@@ -24,7 +24,7 @@ from ..files.scene import Scene
 from ..files.schema import within
 from ..files.surface_source import RandomSurface, SurfaceFile
 from ..friction.cycle import slide_cycle
-from ..friction.sliding import slide
+from ..friction.sliding import check_approach, slide
 from ..response.stack import Stack
 from ..roughness.surface import Surface
 from .program import trace
@@ -152,7 +152,7 @@ def point_names(scene: Scene, surface: Surface) -> np.ndarray:
         versions, scene.stack, None if "temperature" in scene.axes else scene.temperature,
         rough, surface.grid, surface.periodic, scene.direction, scene.solver, scene.tolerance,
         scene.graded_solver, scene.motion, scene.pressure_ratio, scene.shear, scene.heating,
-        errors_of_stack(scene),
+        scene.strain_per_slope, errors_of_stack(scene),
     )  # fmt: skip
     columns = _columns(scene)
     names = [
@@ -170,6 +170,9 @@ def _columns(scene: Scene) -> dict[str, np.ndarray]:
 
 def _solver(scene: Scene, surface: Surface) -> Callable[[dict[str, Any]], dict[str, Any]]:
     """What gives the numbers and fields of one solve, from its numbers on the axes."""
+    if scene.approach is not None:
+        with within("[load]"):
+            check_approach(scene.approach, surface.grid)
     fields = fields_of(scene) if scene.fields != "none" else ()
     errors = errors_of_stack(scene)
     names = [n for n in numbers_of(scene, surface) if n != "friction_standard_error"]
@@ -214,6 +217,7 @@ def _slid(scene: Scene, block: Stack, surface: Surface, point: dict[str, Any], h
         shear=scene.shear,
         heating=scene.heating,
         temperature=point.get("temperature", scene.temperature),
+        strain_per_slope=scene.strain_per_slope,
         **how,
     )
     found = {name: getattr(sliding, name) for name in SOLVED}

@@ -68,6 +68,7 @@ def _mean_field(
         pressure=pressure,
         velocity=velocity,
         graded_solver=scene.graded_solver,
+        strain_per_slope=scene.strain_per_slope,
         throw=False,
         **dry,
     )

@@ -291,7 +291,7 @@ def test_a_frequency_without_a_unit_goes_by_its_name_only(tmp_path):
         np.testing.assert_allclose(measured.abscissa, rate * np.array([0.1, 1, 10]))
         assert any("by its name" in note for note in measured.history)
     path = write(tmp_path, text.replace("f,", "rate,"))
-    with pytest.raises(ValueError, match=r"column 1 \(rate\), the frequency, has no unit"):
+    with pytest.raises(ValueError, match=r"column 1 \(rate\), the frequency, has no known unit"):
         read_moduli(path, columns={"frequency": "rate"}, units={"modulus": "MPa"})
 
 
@@ -509,7 +509,7 @@ def test_one_message_names_all_that_is_missing(tmp_path):
     [
         ("f, ", "x, ", {}, "line 1: of the columns 'x', .*Needed: frequency, storage, loss"),
         ("f, E', E''\nHz, MPa, MPa\n", "", {"kind": "frequency"},
-         r"column 1, the frequency, has no unit, column 2, the storage, has no unit, .*"
+         r"column 1, the frequency, has no known unit, column 2, the storage, has no known unit, .*"
          r"Pass `units`: frequency: one of .*; modulus: one of "),
         ("Hz, MPa, MPa", "Hz, MPa, mPa", {}, r"line 1: column 3 .E''., the loss, has the unit 'm"),
         ("0.4\n\n# a note\n0.1, 1, 0.2\n1, 2, 0.3", "0.4", {}, "no table of numbers"),

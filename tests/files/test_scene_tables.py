@@ -11,6 +11,7 @@ import graded_contact as gc
 from graded_contact.files.design_scene import parse_design
 from graded_contact.files.recorded_motion import read_motion
 from graded_contact.files.scene_reading import parse_scene, read_scene
+from graded_contact.studies.scene_theory import mean_field_at
 
 STILL = BARE.replace("velocity = [0.01, 1.0]\n", "")
 SINE = '[motion]\nkind = "sinusoidal"\nstroke = 2e-4\nfrequency = 20.0\nnum_times = 16\n'
@@ -105,13 +106,32 @@ def test_a_body_on_a_window_takes_an_approach():
     scene = parse_scene(sphere.replace(pressure, approach))
     assert list(scene.axes) == ["approach", "velocity"] and scene.num_solves == 4
     for text, expected in [
-        (sphere.replace(pressure, pressure + approach), "or has both"),
+        (sphere.replace(pressure, pressure + approach), "has `pressure` and `approach`; give one"),
+        (sphere.replace(pressure, ""), "lacks one of the keys `pressure`"),
         (BARE.replace(pressure, approach), "`approach` is that of a sphere, or of a file"),
-        (sphere.replace(pressure, "approach = -1e-6\n"), r"`approach\[0\]=-1e-06` is refused"),
         (sphere.replace(pressure, approach) + SINE, "needs a `pressure` in .load., not"),
     ]:
         with pytest.raises(ValueError, match=expected):
             parse_scene(text)
+
+
+def test_strain_per_slope_is_a_key_of_the_load():
+    soft = '[materials.soft]\nkind = "softened"\nmaterial = "tread"\nstrain = [1e-3, 1e-1]\n'
+    soft += "storage = [1.0, 0.5]\nloss = [1.0, 0.7]\n[base]"
+    text = BARE.replace("[base]", soft).replace(
+        '\nmaterial = "tread"\n[load', '\nmaterial = "soft"\n[load'
+    )
+    key = "[load]\nstrain_per_slope = 0.7"
+    scene = parse_scene(text.replace("[load]", key))
+    assert scene.strain_per_slope == 0.7
+    surface = scene.surface.build()
+    at = dict(pressure=float(scene.pressure[0]), velocity=1.0, strain_per_slope=0.7)
+    field = gc.mean_field_friction(scene.stack, scene.surface.spectrum, **at)
+    np.testing.assert_allclose(mean_field_at(scene, surface, (0, 1)).friction, field.friction)
+    with pytest.raises(ValueError, match=r"\[load\] `strain_per_slope=0.7` is refused: `stack`"):
+        parse_scene(BARE.replace("[load]", key))
+    with pytest.raises(ValueError, match=r"\[motion\] does not take the key `strain_per_slope`"):
+        parse_scene(text.replace("[load]", key) + SINE)
 
 
 def test_an_open_file_is_a_window_with_its_tilt(tmp_path):

@@ -92,6 +92,8 @@ def test_a_measured_sweep():
         (table("f [Hz],Strain [%],E' [Pa],E'' [Pa]", ([1, 2, 4], PERCENT, STORAGE, LOSS), ","),
          r"the frequency varies from 6\.283 to 25\.13"),
         (table("Strain,E' [Pa],E'' [Pa]", (PERCENT, STORAGE, LOSS), ","), "Pass `units`: strain"),
+        (table("strain [mm],E' [Pa],E'' [Pa]", (PERCENT, STORAGE, LOSS), ","),
+         r"\(strain \[mm\]\), the strain, has no known unit"),
         (table("t [s],E' [Pa],E'' [Pa]", (PERCENT, STORAGE, LOSS), ","), "Needed: strain, storage"),
         (2 * table("Strain [%],E' [Pa],E'' [Pa]", (PERCENT, STORAGE, LOSS), ","), "has several"),
     ],

@@ -280,7 +280,7 @@ def test_temperature_moves_the_modulus_along_frequency(shift):
 
 
 VOGEL = 298.15 - 113.6
-COLD = {"wlf": (SHIFTS[0], VOGEL + 1e-3), "arrhenius": (SHIFTS[1], 10.0)}
+COLD = {"wlf": (SHIFTS[0], VOGEL + 1e-3), "arrhenius": (Arrhenius(2e6, 298.15), 100.0)}
 
 
 @pytest.mark.parametrize("shift, temperature", COLD.values(), ids=COLD.keys())

@@ -302,8 +302,8 @@ def _unknown(table: Table, chosen: dict[str, list[int]], options: Options, ways)
     ]  # fmt: skip
     if without and not options.units:
         lacking.append(
-            f"{', '.join(without)} {'have' if len(without) > 1 else 'has'} no unit: pass `units` "
-            f"too, those of {tuple(UNITS)} that are needed, such as MPa of the modulus"
+            f"{', '.join(without)} {'have' if len(without) > 1 else 'has'} no known unit: pass "
+            f"`units` too, those of {tuple(UNITS)} that are needed, such as MPa of the modulus"
         )
     return f"{table.place}: {'; '.join(lacking + _lacking_temperature(table, chosen, options))}"
 
@@ -315,7 +315,7 @@ def _lacking_units(table: Table, quantities: list[str], chosen: dict[str, list[i
     for quantity in quantities:
         place = chosen[quantity][0]
         unit = table.headings[place].unit or table.units[place]
-        has = f"the unit {unit!r}" if unit else "no unit"
+        has = f"the unit {unit!r}" if unit else "no known unit"
         lacking.append(f"{table.label(place)}, the {quantity}, has {has}")
     dimensions = dict.fromkeys(DIMENSIONS[quantity] for quantity in quantities)
     allowed = "; ".join(f"{dimension}: one of {list(UNITS[dimension])}" for dimension in dimensions)
