@@ -22,7 +22,8 @@ from .files.moduli.reading import read_moduli
 from .files.topography.reading import read_surface
 from .fitting.master import master_curve
 from .fitting.prony import fit_creep, fit_prony, fit_relaxation
-from .friction.sliding import Sliding, slide
+from .friction.slide import slide
+from .friction.sliding import Sliding
 from .persson.mean_field import mean_field_friction
 from .response.compliance import effective_modulus, layered_compliance, surface_compliance
 from .response.kernel import stack_kernel

@@ -18,7 +18,8 @@ from ..response.layering import Layering
 from ..response.stack import Stack
 from ..roughness.cutoff import CutoffCurve
 from ..roughness.surface import Surface, check_periodic
-from .sliding import Sliding, kernel_and_velocity
+from .slide import kernel_and_velocity
+from .sliding import Sliding
 
 
 @check_types

@@ -20,7 +20,8 @@ from ..core.compilation import compiled
 from ..core.derivative import derivative_apart
 from ..fields.grid import direction_and_speed
 from ..files.surface_source import RandomSurface
-from ..friction.sliding import Sliding, slide
+from ..friction.slide import slide
+from ..friction.sliding import Sliding
 from ..persson.mean_field import mean_field_friction
 from ..response.compliance import effective_modulus
 from ..response.grading import AbstractGradedSolver

@@ -9,7 +9,7 @@ from jax import Array
 
 from ..core.checks import Numbers, check_types, check_values, short
 from ..files.dataset import package_versions
-from ..friction.sliding import slide
+from ..friction.slide import slide
 from ..persson.mean_field import mean_field_friction
 from ..response.stack import Stack
 from ..roughness.spectrum import SelfAffine

@@ -25,7 +25,7 @@ from ..files.dataset import package_versions
 from ..files.design_scene import DesignScene
 from ..files.schema import within
 from ..files.surface_source import RandomSurface
-from ..friction.sliding import slide
+from ..friction.slide import slide
 from ..persson.mean_field import MeanField
 from ..response.compliance import effective_modulus
 from ..response.stack import Stack

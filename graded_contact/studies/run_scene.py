@@ -24,7 +24,7 @@ from ..files.scene import Scene
 from ..files.schema import within
 from ..files.surface_source import RandomSurface, SurfaceFile
 from ..friction.cycle import slide_cycle
-from ..friction.sliding import check_approach, slide
+from ..friction.slide import check_approach, slide
 from ..response.stack import Stack
 from ..roughness.surface import Surface
 from .program import trace
