@@ -52,7 +52,7 @@ def plot_design(results: DesignResults) -> "Figure":
         tangent = loss_tangent(candidate.stack, q, speed, graded_solver=scene.graded_solver)
         loss.plot(q, tangent, color=colour)
         if study.verify:
-            solved, style["label"] = candidate.friction, about if name == "before" else None
+            solved, style["label"] = candidate.friction, about if name == "before" else "_"
             spread = solved.std(0, ddof=1) if len(solved) > 1 else None
             friction.errorbar(scene.velocity, solved.mean(0), spread, fmt="o", capsize=2, **style)
     if study.band is not None:
