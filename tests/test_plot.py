@@ -427,7 +427,7 @@ def test_the_history_of_a_design_shows_what_was_tried():
     np.testing.assert_allclose(history.margins[:, 0], 1 - history.parameters[:, 0] / 2)
     np.testing.assert_array_equal(limits.lines[0].get_ydata(), history.margins[:, 0])
     shown = {line.get_label(): line.get_ydata() for line in parameters.lines}
-    np.testing.assert_allclose(shown["a"], history.parameters[:, 0] / design.parameters["a"])
+    np.testing.assert_allclose(shown["(c) a"], history.parameters[:, 0] / design.parameters["a"])
 
 
 def test_a_slider_holds_every_figure_and_shows_the_middle_one_without_html():

@@ -40,7 +40,7 @@ def test_a_film_has_one_scale(shape):
     surface = gc.Surface(np.zeros(shape), gc.Grid(shape, 1e-3))
     figure = gc.plot.plot_film(made(pressure=pressure), surface)
     titles = [axes.get_title() for axes in figure.axes[:4]]
-    assert titles == [f"time {t} of the period" for t in ("0", "0.25", "0.5", "0.75")]
+    assert titles == [f"$t/T$ = {t}" for t in ("0", "0.25", "0.5", "0.75")]
     one = gc.plot.plot_film(made(pressure=pressure), surface, [3])
     for axes in (one.axes[0], *figure.axes[:4]):
         high = axes.images[0].norm.vmax if len(shape) == 2 else axes.get_ylim()[1] / 1.05

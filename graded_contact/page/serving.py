@@ -8,13 +8,16 @@ from typing import Any
 from .document import open_document
 
 TITLE = "graded-contact explore"
+# A browser set to dark shows the page, its figures too, with light and dark exchanged.
+DARK = "@media (prefers-color-scheme: dark) {html {filter: invert(0.9) hue-rotate(180deg)}}"
 MESSAGE = 20 * 10**6  # bytes of one message of a browser
 
 
 def explore(path: str | os.PathLike | None = None, folder: str | os.PathLike = ".") -> Any:
     """Returns a page of sliders, response, friction, contact and derivatives, for a notebook.
 
-    It computes in a thread; the command `graded-contact explore` shows the same page.
+    It computes in a thread once it is shown. The command `graded-contact explore` shows the same
+    page.
 
     **Arguments:**
 
@@ -26,10 +29,8 @@ def explore(path: str | os.PathLike | None = None, folder: str | os.PathLike = "
     **Raises:** `ImportError` without the extra `explore`; `FileNotFoundError`; `ValueError` for
     a file without a scene, or without motion.
     """
-    pn = _panel()
-    page = _new_page(None if path is None else Path(path), Path(folder))
-    pn.state.execute(page.session.update)
-    return page
+    _panel()
+    return _new_page(None if path is None else Path(path), Path(folder))
 
 
 def serve(path: Path | None, folder: Path, *, address: str, port: int, show: bool) -> None:
@@ -44,13 +45,12 @@ def serve(path: Path | None, folder: Path, *, address: str, port: int, show: boo
     **Raises:** as `explore`; `OSError` if the port is taken.
     """
     pn = _panel()
+    pn.config.raw_css = [DARK]
     open_document(path)  # refused before the server listens
 
     def page() -> Any:
         states = pn.state.session_args.get("state", [b""])
         new = _new_page(path, folder, states[0].decode("ascii", "replace"))
-        # A request without a browser, which never loads the page, costs nothing.
-        pn.state.onload(new.session.update)
         pn.state.on_session_destroyed(lambda _: new.session.end())
         return new
 
@@ -75,5 +75,5 @@ def _panel() -> Any:
         raise ImportError(
             'The page needs Panel: `pip install "graded_contact[explore]"`.'
         ) from error
-    panel.extension("filedropper")
+    panel.extension("filedropper", inline=True)  # a notebook needs no network
     return panel

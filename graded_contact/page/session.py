@@ -140,7 +140,7 @@ class Session(param.Parameterized):
             self._fail("the scene", error)
             return
         self._newest, self._values, self._seconds = model, model.values, {}
-        self.show(model=model)
+        self.show(model=model, message="")  # an earlier change may have failed meanwhile
 
     async def _compute(self, call: int, stage: str, model: Any, values: tuple[float, ...]) -> bool:
         """Computes one stage and shows it; returns whether that succeeded."""

@@ -17,7 +17,7 @@ from .document import Document
 from .downloads import Shown, to_csv, to_hdf5, to_pdf
 from .figures import Bars, Block, Map, new_lines
 from .session import Session
-from .widgets import LARGEST, Address, Dropper, Slider
+from .widgets import LARGEST, Browser, Dropper, Slider
 
 SIDE = 304  # pixels
 WIDE: dict[str, Any] = {"sizing_mode": "stretch_width", "margin": 0}
@@ -54,7 +54,7 @@ NEW = "a new elastic material"
 
 
 class Page(pn.viewable.Viewer):
-    """A scene with sliders, for a browser or a notebook; `session.update` starts the computation.
+    """A scene with sliders, for a browser or a notebook, which computes when it is shown.
 
     **Arguments:**
 
@@ -75,21 +75,20 @@ class Page(pn.viewable.Viewer):
             sizing_mode="stretch_width",
         )  # fmt: skip
         self._field.param.watch(lambda _: pn.state.execute(self._show_map, schedule=True), "value")
-        self._field.param.watch(self._push, "value", precedence=1)
         self._layout = self._laid_out()
         watch = self.session.param.watch
         watch(self._show_model, "model")
         watch(self._show_curves, ["curves", "pinned"])
         watch(self._show_point, "shown")
-        # After all others: figures of a notebook are sent by hand.
-        watch(self._push, list(self.session.param), precedence=1)
+        if not pn.state.curdoc:  # After all others: figures of a notebook are sent by hand.
+            watch(self._push, list(self.session.param), precedence=1)
+            self._field.param.watch(self._push, "value", precedence=1)
 
     def __panel__(self) -> Any:
         return self._layout
 
     def _push(self, *_: Any) -> None:
-        if not pn.state.curdoc:
-            pn.io.push_notebook(self._layout)
+        pn.io.push_notebook(self._layout)
 
     def _laid_out(self) -> pn.FlexBox:
         session, here = self.session, self.session.param
@@ -108,9 +107,10 @@ class Page(pn.viewable.Viewer):
             ("Save", self._saving()), sizing_mode="stretch_width", margin=(2, 4),
         )  # fmt: skip
         # The address of a notebook is not that of the page.
-        address = [Address(state=here.state, width=0, margin=0)] if pn.state.curdoc else []
+        browser = Browser(state=here.state if pn.state.curdoc else "", width=0, margin=0)
+        browser.param.watch(lambda _: pn.state.execute(session.update), "ready")
         side = pn.Column(
-            pn.Row(spinner, status, *address, **WIDE),
+            pn.Row(spinner, status, browser, **WIDE),
             pin,
             pn.pane.HTML(pn.bind(_words, here.message, here.error), **TEXT),
             pn.pane.HTML(pn.bind(_warnings, here.shown), **TEXT),

@@ -1,4 +1,4 @@
-"""Widgets of a page that Panel lacks: sliders of knobs, the address, and places to drop files."""
+"""Widgets of a page that Panel lacks: sliders of knobs, the browser, and places to drop files."""
 
 import weakref
 from typing import Any, ClassVar
@@ -68,6 +68,11 @@ export function render({model}) {
     draw()
   })
   field.addEventListener("change", () => model.send_msg(field.value))
+  field.addEventListener("keydown", event => {
+    if (event.key != "Enter") return
+    field.blur()  // in JupyterLab the key alone changes nothing
+    field.focus()
+  })
   model.on("value", draw)
   model.on("msg:custom", refused => {
     draw()
@@ -97,10 +102,11 @@ export function render({model}) {
         self._send_msg(bool(self.refusal))
 
 
-class Address(pn.custom.JSComponent):
-    """Puts the state of the page into its address, so that a reload shows it again."""
+class Browser(pn.custom.JSComponent):
+    """The browser of a page: says when it shows the page, and keeps its state in the address."""
 
-    state = param.String()
+    ready = param.Boolean(doc="Whether the page is shown: changes before that are lost.")
+    state = param.String(doc="Of the address, so that a reload shows it again.")
     _esm = """
 export function render({model}) {
   // Phones draw a page without this line as wide as on a desk.
@@ -109,6 +115,7 @@ export function render({model}) {
   document.head.append(meta)
   model.on("state", () => history.replaceState(null, "",
     model.state ? `?state=${model.state}` : location.pathname))
+  model.on("after_render", () => { model.ready = true })
   return document.createElement("span")
 }
 """

@@ -76,7 +76,7 @@ def plot_film(
 
     - `cycle`: a solution of `slide_cycle`, or the first of `contact_at(results, index)`.
     - `surface`: the surface that moves.
-    - `times`: numbers of the times; by default four, a quarter of the period apart.
+    - `times`: numbers of the times; by default four, a quarter of the period T apart.
     """
     from matplotlib.colors import PowerNorm
 
@@ -101,8 +101,9 @@ def plot_film(
             x = scale * size[0] * np.arange(pressure.shape[1]) / pressure.shape[1]
             axes.plot(x, factor * pressure[i], color=colour)
             axes.set(xlabel=f"$x$ [{length}]", ylabel=label, ylim=(0, 1.05 * factor * high))
-        axes.set_title(f"time {i / count:.3g} of the period")
+        axes.set_title(f"$t/T$ = {i / count:.3g}")
         axes.label_outer()
+    letters(panels)
     if is_map:
         figure.colorbar(image, ax=list(panels), label=label, shrink=0.9)
     return figure

@@ -44,8 +44,7 @@ def plot_design(results: DesignResults) -> "Figure":
     figure = new_figure(PAGE, 2.9)
     friction, loss = figure.subplots(1, 2)
     colours, count = ("0.45", *COLOURS), study.verify
-    about = f"contact, {count} surface{'s' if count > 1 else ''}"
-    about += ", mean ± standard deviation" if count > 1 else ""
+    about = f"contact, mean ± standard deviation of {count} surfaces" if count > 1 else "contact"
     for (name, candidate), colour in zip(results.candidates.items(), colours, strict=False):
         style = {"color": colour, "label": f"{name}, mean field"}
         field = design_mean_field(study, candidate.stack, velocities)
@@ -53,7 +52,7 @@ def plot_design(results: DesignResults) -> "Figure":
         tangent = loss_tangent(candidate.stack, q, speed, graded_solver=scene.graded_solver)
         loss.plot(q, tangent, color=colour)
         if study.verify:
-            solved, style["label"] = candidate.friction, f"{name}, {about}"
+            solved, style["label"] = candidate.friction, about if name == "before" else "_"
             spread = solved.std(0, ddof=1) if len(solved) > 1 else None
             friction.errorbar(scene.velocity, solved.mean(0), spread, fmt="o", capsize=2, **style)
     if study.band is not None:
@@ -114,8 +113,9 @@ def plot_history(design: Design, *, scene: str = "") -> "Figure":
         axes.axhspan(min(ends[0], 0), 0, color="0.93", zorder=0)
         axes.set_ylim(ends)
         axes.set_ylabel("constraint (0 or more allowed)")
+    letter = "c" if constrained else "b"
     for name, tried, last in zip(names, history.parameters.T, best.parameters, strict=True):
-        parameters.plot(evaluation, tried / last, ".-", label=title_of(name, scene))
+        parameters.plot(evaluation, tried / last, ".-", label=f"({letter}) {title_of(name, scene)}")
     parameters.set_ylabel("parameter / result [1]")
     ratios = history.parameters / np.array(best.parameters)
     if np.max(ratios) > 3 * np.min(ratios):  # else a logarithmic axis has hardly a number
