@@ -102,10 +102,9 @@ def test_a_layer_more_compiles_no_contact(model, document, caplog):
     higher = Model(with_layer(document, None))
     with jax.log_compiles():
         higher.contact(higher.values)
-    programs = [
-        name for name in ("_direct_kernel", "_begin", "_solution") if f"jit({name})" in caplog.text
-    ]
-    assert programs == ["_direct_kernel"]
+        jax.jit(lambda x: 3 * x)(1.0)
+    assert "<lambda>" in caplog.text  # what compiles is in the log
+    assert not any(f"jit({name})" in caplog.text for name in ("_begin", "_solution"))
 
 
 def test_downloads_have_units_and_everything_that_is_shown(model):
