@@ -87,6 +87,7 @@ def test_a_sweep_has_one_line_per_pressure_and_marks_what_failed(velocity, scale
     values = {n: np.arange(1.0, 7.0).reshape(2, 3) for n in OBSERVABLES if "standard" not in n}
     # Of one solve a fifth of the contact was not measured.
     doubts = ("slope_in_contact", "unmeasured_area", "unmeasured_friction", "extrapolated_friction")
+    values["compression"] = np.zeros((2, 3))
     values |= dict.fromkeys(doubts, np.array([[0.0, 0.0, 0.0], [0.0, 0.0, 0.2]]))
     axes = {"pressure": np.array([1e5, 2e6]), "velocity": np.array(velocity)}
     figure = gc.plot.plot_sweep(make_results(axes, values, message))
@@ -109,7 +110,7 @@ def made(axes, names=(), failing=()):
     message = np.full(shape, "", object)
     for index in failing:
         message[index] = "failed: no kernel"
-        friction[index] = np.nan
+        friction[index] = values["slope_in_contact"][index] = np.nan
     scene = "[[layers]]\nmaterial = 'coat'"
     results = make_results(axes, values, message, master_curve="At 300 K.", scene=scene)
     for name in names:

@@ -194,7 +194,7 @@ def mean_field_friction(
     else:
         roughness = as_roughness(spectrum)
         own = None if own_roughness is None else as_roughness(own_roughness, "own_roughness")
-        block = stack if heating is None else stack.at(check_bulk(temperature))
+        block = stack if heating is None else _at_bulk(stack, heating, temperature)
         given = _Given(block, roughness, own, load, velocity, ratio, shear, temperature)
         num_edges = len(roughness.edges) + (0 if own is None else len(own.edges))
         counts = _counts(num_wavenumbers, num_edges - 1, num_angles)
@@ -248,13 +248,18 @@ def _summed(given: _Given, correction, graded_solver):
     return q, x, friction, 0 * friction[-1], share, sheared  # the error is NaN if that is
 
 
-def _by_quadrature(settings, given: _Given, heating: AbstractHeating | None):
-    """What `_integrated` returns, and the temperatures of the scales."""
-    if heating is not None and (heating.conductivity.ndim or heating.diffusivity.ndim):
+def _at_bulk(stack: Stack, heating: AbstractHeating, temperature) -> Stack:
+    """The block at the bulk temperature."""
+    if heating.conductivity.ndim or heating.diffusivity.ndim:
         raise ValueError(
             "`heating` has numbers for each layer; in the mean field the block is one half "
             "space: give one `conductivity` and one `diffusivity`."
         )
+    return stack.at(check_bulk(temperature))
+
+
+def _by_quadrature(settings, given: _Given, heating: AbstractHeating | None):
+    """What `_integrated` returns, and the temperatures of the scales."""
     # Profiles and tables may have no answer at the frequencies of the quadrature.
     edges, speed = given.roughness.edges, direction_and_speed(given.velocity)[1]
     check_profiles(given.stack, speed * jnp.stack([edges[0] * LAST_COSINE, edges[-1]]))
