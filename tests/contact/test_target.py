@@ -38,9 +38,8 @@ def test_what_is_wanted_is_known_within_its_claimed_error(name):
         assert np.all(error <= claimed + 10 * best.error * exact)
         assert abs(found.mean_gap - best.mean_gap) <= found.gap_error * jnp.std(SURFACE.heights)
         np.testing.assert_allclose(np.mean(found.pressure), LOAD, rtol=1e-12)
-        assert np.linalg.norm(found.pressure - best.pressure) <= found.error * np.linalg.norm(
-            best.pressure
-        )
+        off = np.linalg.norm(found.pressure - best.pressure) / np.linalg.norm(best.pressure)
+        assert off <= found.error + best.error
 
 
 def test_friction_is_known_within_its_claimed_error_and_sooner_than_the_pressure():
