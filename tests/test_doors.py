@@ -1,5 +1,6 @@
 """Nonsense is refused at the door by the name of the argument, whatever kind of nonsense it is."""
 
+import dataclasses
 import warnings
 
 import jax
@@ -156,7 +157,8 @@ def calls():
         (gc.contacts.cumulative_friction, dict(pressure=sliding.pressure,
          displacement=sliding.displacement, grid=grid, velocity=0.1, num_wavenumbers=5)),
         (gc.mean_field_friction, dict(stack=soft, spectrum=spectrum, pressure=1e5, velocity=0.1,
-         own_roughness=spectrum, strain_per_slope=1.0, shear=peaked, temperature=300.0)),
+         own_roughness=spectrum, strain_per_slope=1.0, shear=peaked, temperature=300.0,
+         rtol=0.02)),
         (gc.contacts.pressure_distribution, dict(mean_field=field, stress=[1e5])),
         (gc.design.loss_tangent, dict(stack=stack, q=[1e3], velocity=0.1)),
         (gc.design.friction_curve, dict(stack=stack, spectrum=spectrum, pressure=1e5,
@@ -219,6 +221,8 @@ def outcomes(kinds, names=None):
                 except BaseException as error:
                     wrong.append(f"{place} ended in {type(error).__name__}: {str(error)[:200]}")
                 else:
+                    if isinstance(result, gc.Sliding):  # a range may be without an end
+                        result = dataclasses.replace(result, measured_range=None)
                     leaves = [x for x in jax.tree.leaves(result) if isinstance(x, jax.Array)]
                     numbers = [x for x in leaves if jnp.issubdtype(x.dtype, jnp.inexact)]
                     if not all(bool(jnp.all(jnp.isfinite(x))) for x in numbers):

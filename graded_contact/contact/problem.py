@@ -125,8 +125,9 @@ def solve_contact(
     - `solution`: of an earlier call with the same arguments. Nothing is solved then: the same
       contact is returned, with derivatives.
     - `throw`: whether to raise if the solver fails, the kernel is not finite, or the linear solve
-      of a derivative fails. Otherwise look at `.result`; a derivative that failed is NaN. A `jit`
-      without `throw` calls no Python, so that JAX can store its program on disk.
+      of a derivative fails. Otherwise look at `.result`; a derivative is NaN if its linear solve
+      failed, and otherwise that of the fields that were found. A `jit` without `throw` calls no
+      Python, so that JAX can store its program on disk.
 
     **Returns:** the fields, their errors and how the solve ended, see `ContactSolution`.
 

@@ -189,6 +189,8 @@ def mean_field_friction(
         for name, value in (("own_roughness", own_roughness), ("heating", heating)):
             if value is not None:
                 raise ValueError(f"`{name}` is refused with a `Surface` as `spectrum`.")
+        if not spectrum.periodic:
+            raise ValueError("`spectrum` is a `Surface` on a window; a periodic one is needed.")
         given = _Given(stack, spectrum, None, load, velocity, ratio, shear, temperature)
         found, heated = _summed(given, correction, graded_solver), None
     else:

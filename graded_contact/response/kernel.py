@@ -41,7 +41,7 @@ from ..fields.grid import (
     sliding_frequency,
     zero_mode,
 )
-from ..rheology.softening import at_strain
+from ..rheology.softening import at_strain, softens
 from .compliance import compliance_of
 from .grading import AbstractGradedSolver, check_profiles, graded_tolerance
 from .layering import Layering
@@ -200,7 +200,8 @@ def _checked_strain(stack, q, amplitude):
     check_rows(2, **{"strain[0]": q, "strain[1]": amplitude})
     check_increasing("strain[0]", q)
     check_values("strain[1]", amplitude, "a strain [1] is 0 or positive", at_least=0)
-    at_strain(stack, 0.0)  # refuses a block that does not soften
+    if not softens(stack):
+        raise ValueError("`stack` holds no `StrainSoftening`: no modulus depends on the `strain`.")
     return q, amplitude
 
 

@@ -73,7 +73,7 @@ class WLF(AbstractShift):
     def __check_init__(self):
         check_positive("c1", self.c1, "[1]")
         check_positive("c2", self.c2, "[K]")
-        check_positive("reference", self.reference, "[K]")
+        check_kelvin("reference", self.reference)
 
     def log_factor(self, temperature: ScalarLike) -> Float[Array, ""]:
         temperature = self._checked(temperature)
@@ -119,7 +119,7 @@ class Arrhenius(AbstractShift):
 
     def __check_init__(self):
         check_positive("activation_energy", self.activation_energy, "[J/mol]")
-        check_positive("reference", self.reference, "[K]")
+        check_kelvin("reference", self.reference)
 
     def log_factor(self, temperature: ScalarLike) -> Float[Array, ""]:
         temperature = as_temperature(temperature)
@@ -137,9 +137,14 @@ class Arrhenius(AbstractShift):
 def as_temperature(value: ScalarLike) -> Float[Array, ""]:
     """Returns a temperature [K]; refuses an array, and what is hardly in kelvin."""
     temperature = as_scalar(value, "temperature")
-    allowed = f"temperatures are in kelvin, at least {COLDEST:g} K (20 °C are 293.15 K)"
-    check_values("temperature", temperature, allowed, at_least=COLDEST)
+    check_kelvin("temperature", temperature)
     return temperature
+
+
+def check_kelvin(name: str, temperature: Float[Array, ""]) -> None:
+    """Raises `ValueError` for a temperature that is hardly in kelvin."""
+    allowed = f"temperatures are in kelvin, at least {COLDEST:g} K (20 °C are 293.15 K)"
+    check_values(name, temperature, allowed, at_least=COLDEST)
 
 
 def stretched(values: Float[Array, " n"], log_factor: Float[Array, ""]) -> Float[Array, " n"]:

@@ -17,6 +17,7 @@ from jaxtyping import Array, Float, Inexact, ScalarLike
 
 from ..core.checks import (
     Numbers,
+    as_float,
     as_numbers,
     as_scalar,
     check_increasing,
@@ -75,6 +76,7 @@ class StrainSoftening(AbstractMaterial):
         modulus = as_numbers(modulus, "modulus")
         check_positive("modulus.real", modulus.real, "[Pa]")
         check_positive("modulus.imag", modulus.imag, "[Pa] (the loss modulus)")
+        check_rows(2, modulus=modulus, strain=as_float(strain, "strain"))
         storage, loss = (part / part[:1] for part in (modulus.real, modulus.imag))
         return cls(material=material, strain=strain, storage=storage, loss=loss)
 
@@ -117,7 +119,7 @@ def at_strain(block: T, strain: ScalarLike) -> T:
     amplitude = scalar("strain")(strain)
     check_values("strain", amplitude, "a strain [1] is 0 or positive", at_least=0)
 
-    if not _softens(block):
+    if not softens(block):
         raise ValueError("`block` holds no `StrainSoftening`: no modulus depends on the strain.")
 
     def changed(node):
@@ -130,7 +132,8 @@ def _is_soft(node: Any) -> bool:
     return isinstance(node, StrainSoftening)
 
 
-def _softens(block: Any) -> bool:
+def softens(block: Any) -> bool:
+    """Returns whether a material of the block softens with the strain."""
     return any(map(_is_soft, jax.tree.leaves(block, is_leaf=_is_soft)))
 
 
@@ -138,7 +141,7 @@ def as_strain_per_slope(value: ScalarLike, stack: Any) -> Float[Array, ""]:
     """Returns ε over an rms slope [1]; raises `ValueError` unless positive, and `stack` softens."""
     ratio = as_scalar(value, "strain_per_slope")
     check_positive("strain_per_slope", ratio, "[1]")
-    if not _softens(stack):
+    if not softens(stack):
         raise ValueError(
             f"`strain_per_slope={value}` is refused: `stack` holds no `StrainSoftening`."
         )

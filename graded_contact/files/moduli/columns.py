@@ -7,6 +7,7 @@ from typing import NamedTuple
 
 import numpy as np
 
+from ...core.display import short
 from ..cells import Row, stripped
 from ..units import DIMENSIONS, PER_SECOND, UNITS, implies_shear, parse_unit
 from .tables import Column, Table, stress_above, temperature_above, tension_above
@@ -187,8 +188,8 @@ def _chosen(table: Table, options: Options) -> dict[str, list[int]]:
         if len(places) != 1:
             count = f"{len(places)} columns" if places else "no column"
             raise ValueError(
-                f"{table.place}: `columns` names {name!r}, but the file has {count} of that name "
-                f"or number; it has {table.listed()}"
+                f"{table.place}: `columns` names {short(name)}, but the file has {count} of "
+                f"that name or number; it has {table.listed()}"
             )
         chosen[quantity] = places
     return chosen
