@@ -224,7 +224,7 @@ def test_an_interrupted_run_names_what_was_not_started_and_goes_on(
     result = rerun()
     assert result.exit_code == 130, result.output
     assert "1 of 2 solves were not started" in result.stderr and "converge" not in result.output
-    assert "the same command goes on from here" in result.stderr
+    assert "the same command continues" in result.stderr
     told = command("info", tmp_path / "out" / "small.h5")
     for text in (result.stdout, told.stdout):
         assert text.count("not started") == 1
@@ -281,7 +281,7 @@ def test_a_damaged_point_is_named_and_computed_again(rerun, tmp_path):
     point.write_bytes(point.read_bytes()[:700])
     result = rerun()
     assert result.exit_code == 0
-    assert f"{point} was damaged: it is computed again" in result.stderr
+    assert f"{point} is damaged: it is computed again" in result.stderr
 
 
 def test_a_kernel_that_fails_is_one_message(rerun, tmp_path, monkeypatch):
@@ -327,7 +327,7 @@ def in_a_file(folder):
     "folder, name, expected",
     [
         (in_a_file, "small", "Nothing can be written to the folder"),
-        (lambda folder: folder / "out", "x" * 200, "it has 200 bytes, and may have 180"),
+        (lambda folder: folder / "out", "x" * 200, "it has 200 bytes; at most 180 are allowed"),
     ],
 )
 def test_an_output_is_checked_before_anything_is_computed(

@@ -187,13 +187,15 @@ def test_what_a_window_cannot_have_is_refused():
     surface = cylinder(64)
     with pytest.raises(ValueError, match="mean_gap"):
         gc.slide(COATED, surface, mean_gap=0.1, velocity=1.0)
-    with pytest.raises(ValueError, match=r"`approach=0.01` is refused: this block"):
+    with pytest.raises(
+        ValueError, match=r"`approach=0.01` is refused: the displacement of this block"
+    ):
         gc.slide(COATED, surface, approach=0.01, velocity=1.0)
     assert jnp.isnan(gc.slide(ELASTIC, surface, pressure=0.02, velocity=0.0).approach)
     with pytest.raises(ValueError, match="give exactly one"):
         gc.slide(COATED, surface, pressure=0.1, approach=0.01, velocity=1.0)
     repeated = gc.Surface(surface.heights, surface.grid)
-    with pytest.raises(ValueError, match=r"`approach=0.01` is that of a body .* `mean_gap`"):
+    with pytest.raises(ValueError, match=r"`approach=0.01` is refused: only a body .* `mean_gap`"):
         gc.slide(COATED, repeated, approach=0.01, velocity=1.0)
     with pytest.raises(ValueError, match="periodic"):
         gc.surface.resample(surface, (32,))
@@ -212,7 +214,9 @@ def test_before_the_first_touch_there_is_no_load(heights):
     assert jax.value_and_grad(load)(0.0) == (0, 0)
     found = gc.slide(SLAB, surface, approach=-0.01, velocity=1.0)
     assert found.contact.mean_pressure == load(0.0) == 0
-    assert found.caveats == ("The surfaces do not touch: without a load friction has no value.",)
+    assert found.caveats == (
+        "The surfaces do not touch: there is no load, so friction is not defined.",
+    )
     with pytest.raises(RuntimeError, match="Friction without a load has no derivative"):
         jax.grad(lambda d: gc.slide(SLAB, surface, approach=d, velocity=1.0).friction)(-0.01)
 

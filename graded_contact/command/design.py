@@ -72,7 +72,7 @@ def design(
                 form,
             )
         except Interrupted:
-            typer.echo("Interrupted: the same command goes on from here.", err=True)
+            typer.echo("Interrupted: the same command continues.", err=True)
             raise typer.Exit(interruption.exit_code) from None
         except RuntimeError as error:  # the reason, without the traceback in it
             reason = str(error).rpartition("RuntimeError: ")[2].partition("\n\n")[0]

@@ -203,7 +203,7 @@ def run_scene_into(
             err=True,
         )
     if interruption.signal is not None:
-        typer.echo("Interrupted: the same command goes on from here.", err=True)
+        typer.echo("Interrupted: the same command continues.", err=True)
         raise typer.Exit(interruption.exit_code)
     if np.any(results["message"] != ""):
         raise typer.Exit(1)
@@ -256,7 +256,7 @@ def _solved(
             f"{error} Run the same command again to continue from the stored solves."
         ) from error
     for path in store.damaged:
-        typer.echo(f"{path} was damaged: it is computed again", err=True)
+        typer.echo(f"{path} is damaged: it is computed again", err=True)
     return results
 
 

@@ -1,13 +1,14 @@
 """Laws of interaction that attract.
 
-Where the attraction rises more steeply than the solid is stiff, points snap into contact and out of
-it, and the solution depends on history: `follow_contact` goes along a path of loads or gaps.
+If the attraction rises more steeply with the gap than the stiffness of the solid, points snap into
+contact and out of it, and the solution depends on history: `follow_contact` follows a path of loads
+or gaps.
 
-A grid resolves that if the attraction rises well less steeply than the solid is stiff to the
-shortest wave, 1/|M|; beyond, points snap one by one. `DouglasRachford` finds equilibria, stable or
-not: of 100 solves along a closing and opening path on a wavy line none was unstable where the
-former was 0.3 of the latter, 1 at 0.5, 4 at 0.7, 11 at 3; above 0.3 it reports that. Those of
-`ResidualDynamics`, which moves as masses do, were stable throughout.
+Let r be the slope of the attraction over the stiffness of the solid to the shortest wave, 1/|M|. A
+grid resolves the attraction if r is well below 1; otherwise points snap one by one.
+`DouglasRachford` finds equilibria, stable or not: of 100 solves along a closing and opening path on
+a wavy line none was unstable at r = 0.3, 1 at 0.5, 4 at 0.7, 11 at 3; above 0.3 it reports this.
+The equilibria of `ResidualDynamics` were all stable.
 """
 
 import equinox as eqx

@@ -8,18 +8,17 @@ smooth law: k/(k + ρ), k = -dσ/du) and its change R = ∂P/∂θ dθ with the 
 
 with the change of the mean pressure or that of the mean gap ū prescribed. Points join or leave the
 contact of a hard wall with σ = 0, so to first order the set of contact is fixed; where a point has
-σ = 0 and u = 0 at once the derivative is one-sided, that of the set as it was found. The same holds
-where the pressure just reaches a hardness.
+σ = 0 and u = 0 at once the derivative is one-sided, that of the computed set. The same holds where
+the pressure just reaches a hardness.
 
 With dσ = e + √|s| τ, where e has the right mean, the unknown τ obeys A τ = b with
 A = ε(1 - s) + √|s| ρM √|s| and ε the sign of s: the adjoint of A is that of the kernel conj(M), so
-the solver that found the contact finds derivatives in forward and in reverse mode.
+the solver of the contact also solves for derivatives in forward and in reverse mode.
 
-That iteration takes 24 to 70 FFT pairs where GMRES and BiCGStab, preconditioned by the inverse
-kernel on the set of contact, take 35 to 81 and store 20 fields more (the scenes of
-`bench_contact.py gradient` at N = 256, to 1e-6): so no library of Krylov methods is used. Where few
-points are in contact a dense system is solved instead (`active_set.py`): on moduli far from each
-other the iteration would take thousands of steps.
+The iteration takes 24 to 70 FFT pairs. GMRES and BiCGStab, preconditioned by the inverse kernel on
+the set of contact, take 35 to 81 and store 20 fields more (scenes of `bench_contact.py gradient` at
+N = 256, to 1e-6). If few points are in contact a dense system is solved instead (`active_set.py`),
+because the iteration takes thousands of steps if moduli are far apart.
 """
 
 from collections.abc import Callable
@@ -51,7 +50,7 @@ class LinearSolution(NamedTuple):
 
     - `tau`: the solution τ.
     - `pressure`: of the solid, near √|s| τ but with better soft waves.
-    - `found`: whether it is a solution.
+    - `found`: whether it converged.
     - `num_fft_pairs`: without those of a draft.
     """
 
@@ -190,7 +189,7 @@ def attach_gradient(
     """Returns `state` unchanged, with its derivative by `inputs`.
 
     `state` must solve the contact problem, with the pressure that the law has at `gap`; this is
-    not checked. The price of a derivative is one call of `adjoint` in either mode.
+    not checked. A derivative costs one call of `adjoint` in either mode.
     """
     return _attached(inputs, state, gap, penalty, adjoint, rtol)
 

@@ -43,9 +43,9 @@ def contact_area_error(
 ) -> Float[Array, ""]:
     """Returns the fraction of points that may be on the wrong side of the edge of contact [1].
 
-    Those whose indicator (see `AbstractLaw.contact_indicator`) [Pa] is below four times the
-    `correction` of the pressure, there or on average (root mean square). The error of
-    the grid comes on top.
+    These are points whose indicator (see `AbstractLaw.contact_indicator`) [Pa] is below four times
+    the `correction` of the pressure, there or on average (root mean square). The error of the grid
+    adds to it.
     """
     doubt = 4 * jnp.maximum(jnp.abs(correction), jnp.sqrt(jnp.mean(correction**2)))
     return jnp.mean(jnp.abs(indicator) < doubt, dtype=indicator.dtype)

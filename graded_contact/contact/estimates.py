@@ -15,8 +15,8 @@ For a positive M this is at least as large as the solution, P M⁻¹ P >= (P M P
 than three times as large (`bench_contact.py random`). The error of a number is its change by dσ,
 see `error_of`.
 
-At a prescribed mean gap the mean pressure is wrong by dp/dū times the error of the mean gap, see
-`contact_stiffness`.
+At a prescribed mean gap the error of the mean pressure is dp/dū times the error of the mean gap,
+see `contact_stiffness`.
 
 `error_step` solves for the change to a few hundredths and adds it. y and its gap u_y solve
 exactly the contact of the heights h + δ with

@@ -1,6 +1,6 @@
 """Laws of interaction between the surfaces: pressure σ as a function of the gap u.
 
-A solver meets a law through its proximal map, the pressure y that the law shares with a spring,
+A solver uses only the proximal map of a law, the pressure y that the law shares with a spring,
 
     y = f(u)   and   y - v = u,
 

@@ -6,10 +6,10 @@ friction force opposing v is its negative over the speed, and it equals the diss
 -Σ ω Im M |σ_q|² summed over all modes of both signs, which is never negative for a passive solid.
 
 In contact ∇w = ∇h, and for the continuous problem ⟨σ ∇w⟩ = ⟨σ ∇h⟩ exactly. On a grid the two
-differ by ⟨σ ∇u⟩, which lives at the edges of the contact. The displacement's slope converges
-faster (ten times less error at 8 points per shortest wavelength, `benchmarks/bench_contact.py`)
-and is what `Sliding.friction` uses; `Sliding.geometric_friction` uses the surface's slope, and
-the difference of the two is the error of the grid.
+differ by ⟨σ ∇u⟩, which arises at the edges of the contact. `Sliding.friction` uses the slope of the
+displacement, which converges faster (ten times less error at 8 points per shortest wavelength,
+`benchmarks/bench_contact.py`). `Sliding.geometric_friction` uses the slope of the surface. The
+difference of the two is the error of the grid.
 """
 
 from collections.abc import Callable
@@ -123,8 +123,8 @@ def friction_error(
 ) -> Float[Array, ""]:
     """Returns an estimate of the error of the friction coefficient that the solver left [1].
 
-    It is what the `correction` of the pressure changes, see `estimates.py`; the error of the grid
-    comes on top. At rest it is that of rounding.
+    It is the change by the `correction` of the pressure, see `estimates.py`; the error of the grid
+    adds to it. At rest it is the error of rounding.
     """
 
     def of(change):
@@ -145,9 +145,9 @@ def cumulative_friction(
 ) -> CutoffCurve:
     """Returns the friction of all waves up to each wavenumber.
 
-    Each wave of the pressure contributes the work that it does on its own displacement, which in a
-    passive block is negative by no more than the error of the solution; the last of `friction` is
-    the friction coefficient.
+    Each wave of the pressure contributes its work on its own displacement. In a passive block no
+    contribution is negative, up to the error of the solution. The last entry of `friction` is the
+    friction coefficient.
 
     **Arguments:**
 
@@ -219,8 +219,8 @@ def slope_in_contact(
 ) -> Float[Array, ""]:
     """Returns the rms slope of the block's surface, weighted by |pressure| [1].
 
-    That of the surface where it touches. The size of the strains there; 0 without contact. No
-    friction coefficient of a hard wall is larger.
+    It is the slope of the surface where it touches, and the size of the strains there; 0 without
+    contact. The friction coefficient of a hard wall never exceeds it.
     """
     slopes = (derivative(displacement, grid, axis) for axis in range(grid.ndim))
     weight = jnp.abs(pressure)
@@ -239,9 +239,9 @@ def unmeasured_shares(
 ) -> tuple[Float[Array, ""], Float[Array, ""]]:
     """Returns the shares of contact area and friction on points that were not measured [1].
 
-    `measured` is the measured share of each height, see `Surface`. Friction is what remains of the
-    tangential traction |σ ∂w/∂x_v| up and down the slopes; the share is that of the traction,
-    because cancellation would make that of the friction noise. 0 without contact.
+    `measured` is the measured share of each height, see `Surface`. The share of friction is that of
+    the tangential traction |σ ∂w/∂x_v|, because tractions up and down the slopes nearly cancel in
+    friction. 0 without contact.
     """
     lost = 1 - measured
     touching = contact.astype(measured.dtype)

@@ -2,13 +2,13 @@
 
 An operator M is diagonal in some waves: M = U* K U with the kernel K, one number for each wave. U
 is orthogonal up to a factor, so that the resolvent is diagonal too, (I + ρM)⁻¹ = U* (1 + ρK)⁻¹ U:
-one transform forth and back. A solver needs these of it, and what happens to the mean. The mean of
-the pressure or that of the gap is prescribed, so the operator leaves the mean of a displacement
-open. The real part of K is positive, which is what makes the splitting converge.
+one transform and its inverse. A solver needs M, the resolvent and the mean. The mean of the
+pressure or of the gap is prescribed, so the operator leaves the mean of a displacement open. The
+splitting converges because the real part of K is positive.
 
 Under steady sliding U is the Fourier transform in the frame of the surface (`Steady`). Under any
 other periodic motion it is one in space and time (`space_time.py`), and the mean is prescribed at
-every time. Another operator is one more subclass of `AbstractOperator`: it has a kernel, the
+every time. For another operator write a subclass of `AbstractOperator` with a kernel, the
 transforms `to_waves` and `to_field`, and `mean`.
 """
 
@@ -28,7 +28,7 @@ class AbstractOperator(eqx.Module):
 
     **Fields:**
 
-    - `kernel`: M of each wave [m/Pa], on half of the last axis. What it has for means is ignored.
+    - `kernel`: M of each wave [m/Pa], on half of the last axis. Its entry for the mean is ignored.
     - `of_distance`: whether M depends on the distance of two points only, so that its matrix
       between few points can be gathered. Static.
     """
@@ -110,8 +110,8 @@ class AbstractOperator(eqx.Module):
 class Steady(AbstractOperator):
     """Steady sliding: waves in the frame of the surface; see `stack_kernel` for the kernel.
 
-    A `grounded` operator gives the mean of a displacement, too: that against the block far away.
-    Then no mean is open. A prescribed gap is that of the undeformed block.
+    A `grounded` operator also gives the mean of a displacement, relative to the block far away.
+    Then no mean is open, and a prescribed gap is the gap of the undeformed block.
     """
 
     kernel: Inexact[Array, "*half"]

@@ -23,8 +23,8 @@ class ContactPath(eqx.Module):
 
     - `mean_gap`, `mean_pressure`: [m], [Pa], shape `(steps,)`.
     - `contact_area`: fraction of points in contact [1], shape `(steps,)`.
-    - `unloading`: whether the surfaces were being separated, shape `(steps,)`: the branch of a law
-      that attracts. The first contact is reached from open surfaces.
+    - `unloading`: whether the surfaces were moving apart, shape `(steps,)`. The path begins with
+      open surfaces.
     - `num_fft_pairs`, `result`: of each solve [1], shape `(steps,)`; `result == RESULTS.successful`
       is an array.
     - `last`: the last contact.
@@ -55,19 +55,18 @@ def follow_contact(
 ) -> ContactPath:
     """Returns the contacts along a path of mean pressures, mean gaps or approaches.
 
-    With a law that attracts a contact depends on how it was reached. A path of gaps that begins
-    where the surfaces do not touch, closes and opens again follows the loading branch through the
-    snapping into contact and the unloading branch through the snapping out of it, if its steps are
-    small: at a jump it takes the state that the solver finds next. Prefer gaps to pressures: at a
-    given load the whole surface is unstable wherever the pressure rises with the gap.
+    With a law that attracts, a contact depends on its history. Let a path of gaps begin where the
+    surfaces do not touch, close and open again. With small steps it follows the loading branch
+    through the snap into contact, and the unloading branch through the snap out of contact. At a
+    jump it continues with the state that the solver finds. Prefer gaps to pressures: at a given
+    load the whole surface is unstable where the pressure rises with the gap.
 
     Differentiable and usable under `jit`, as `solve_contact`.
 
     **Arguments:**
 
     - `pressure` [Pa], `mean_gap` [m] or, on a window, `approach` [m]: the path, shape `(steps,)`.
-    - `solver`: where a grid does not resolve the attraction, `ResidualDynamics()` keeps to stable
-      states.
+    - `solver`: if a grid does not resolve the attraction, `ResidualDynamics()` finds stable states.
     - the others: as in `solve_contact`.
 
     **Returns:** means, areas and ends of all contacts and the whole of the last, see `ContactPath`.

@@ -1,8 +1,8 @@
 """Contact of a rough rigid surface with a solid, at a mean pressure or at a mean gap.
 
-The displacement is w = M σ mode by mode: M is the kernel, and w and the heights h count into the
-solid. Find the pressure σ and the gap u = w - h + ū that obey the law of contact: for a hard wall
-σ >= 0, u >= 0, σ u = 0. Either the mean of σ is prescribed and the mean gap ū follows, or ū is
+The displacement of each mode is w = M σ: M is the kernel, and w and the heights h are positive into
+the solid. Find the pressure σ and the gap u = w - h + ū that obey the law of contact: for a hard
+wall σ >= 0, u >= 0, σ u = 0. Either the mean of σ is prescribed and the mean gap ū follows, or ū is
 prescribed and the mean of σ follows.
 """
 
@@ -106,28 +106,28 @@ def solve_contact(
     - `heights`: h [m], positive into the solid, shape `(nx, ny)` or `(nx,)`; the mean is ignored.
       The more precise of `heights` and `kernel` decides in which dtype all is computed.
     - `pressure`: mean pressure σ0 [Pa], within the bounds of the law; or
-    - `mean_gap`: mean of the gap u [m], counted from the mean of the heights; above 0 at a hard
-      wall, since in full contact it is 0 at every pressure that is high enough; or
+    - `mean_gap`: mean of the gap u [m], measured from the mean of the heights; above 0 at a hard
+      wall, because in full contact it is 0 at every pressure; or
     - `approach`: on a window, how far the body moved into the block after its first touch [m],
-      against the block far away. Along a line only a slab on a rigid base has one.
+      relative to the block far away. In one dimension only slabs on a rigid base have one.
     - `law`: of contact.
     - `solver`: algorithm and its limits: see `DouglasRachford`, or `AbstractContactSolver` to write
       a custom one.
     - `adjoint`: solver of the linear systems of derivatives, and its tolerance: see
       `LinearSplitting`.
     - `rtol`: requested relative error of the pressure [1]; or
-    - `target`: function of the solution that returns numbers, continuous in the pressure, whose
-      relative error `rtol` is then. The solve ends where these are accurate, mostly long before
-      the pressure is, with their `.target_error`: see `contact/target.py`.
-    - `start`: a pressure field [Pa] to start from, such as a neighbouring solution; a load that it
-      lacks is spread evenly. A start whose load or speed differs by more than 1.5 times gives no
+    - `target`: function of the solution that returns numbers, continuous in the pressure. `rtol` is
+      then their relative error, and `.target_error` estimates it. The solve mostly ends long before
+      the pressure is accurate: see `contact/target.py`.
+    - `start`: a pressure field [Pa] to start from, such as a neighbouring solution; a missing load
+      is spread evenly. A start whose load or speed differs by more than 1.5 times gives no
       speed-up. With a law that attracts, it chooses among several solutions; see `follow_contact`.
     - `solution`: of an earlier call with the same arguments. Nothing is solved then: the same
       contact is returned, with derivatives.
     - `throw`: whether to raise if the solver fails, the kernel is not finite, or the linear solve
-      of a derivative fails. Otherwise look at `.result`; a derivative is NaN if its linear solve
-      failed, and otherwise that of the fields that were found. A `jit` without `throw` calls no
-      Python, so that JAX can store its program on disk.
+      of a derivative fails. With False, check `.result`: the fields are returned as they are, with
+      their derivatives; a derivative is NaN if its linear solve failed. A `jit` with `throw=False`
+      calls no Python, so that JAX can store its program on disk.
 
     **Returns:** the fields, their errors and how the solve ended, see `ContactSolution`.
 
@@ -148,8 +148,8 @@ def solve_contact(
         )
     if approach is not None:
         raise ValueError(
-            f"`approach={approach}` is that of a body on a window, see `Surface.periodic`; "
-            "prescribe `mean_gap`."
+            f"`approach={approach}` is refused: only a body on a window has an approach, see "
+            "`Surface.periodic`. Prescribe `mean_gap`."
         )
     loading = loading_of(pressure, mean_gap, law, heights)
     inputs = Inputs(Steady(kernel), heights, law, loading)
@@ -268,7 +268,7 @@ def _loading_of_window(pressure, mean_gap, approach, law: AbstractLaw, heights, 
     """The loading of a body on a window: its mean pressure, or the gap of the undeformed block."""
     if mean_gap is not None:
         raise ValueError(
-            f"`mean_gap={mean_gap}`: on a window prescribe the `pressure` or the `approach`."
+            f"`mean_gap={mean_gap}` is refused on a window: prescribe `pressure` or `approach`."
         )
     if (pressure is None) == (approach is None):
         raise ValueError(
@@ -281,8 +281,8 @@ def _loading_of_window(pressure, mean_gap, approach, law: AbstractLaw, heights, 
     check_values("approach", approach, "the approach [m] must be finite")
     if is_concrete(kernel) and np.ravel(kernel)[0] == 0:
         raise ValueError(
-            f"`approach={approach:g}` is refused: this block yields without bound far away, as "
-            "along a line all but slabs on a `Rigid()` base do. Prescribe the `pressure`."
+            f"`approach={approach:g}` is refused: the displacement of this block has no limit far "
+            "away. In one dimension only slabs on a `Rigid()` base have one. Prescribe `pressure`."
         )
     if isinstance(law, HardWall):  # at the first touch, nothing touches; else rounding decides
         least = _LEAST_GAP * jnp.maximum(jnp.std(heights), jnp.finfo(heights.dtype).tiny ** 0.5)

@@ -15,7 +15,7 @@ class RESULTS(eqx.Enumeration):
         "loosen `rtol`; at a mean gap near full contact, prescribe `pressure`."
     )
     rounding = (
-        "Rounding hides what is left of the error, which may be more than `rtol`: the pressures "
+        "Rounding hides the remaining error, which may be more than `rtol`: the pressures "
         "are tiny compared with the stiffness times the gaps. Loosen `rtol`; in float32, enable "
         "`jax_enable_x64`."
     )
@@ -26,22 +26,22 @@ class RESULTS(eqx.Enumeration):
     )
     unresolved = (
         "The attraction of the law rises too steeply for the grid: points snap one by one, and the "
-        "equilibrium found may not be a stable one. Refine the grid (the shortest wave must be "
+        "computed equilibrium may be unstable. Refine the grid (the shortest wave must be "
         "about three times as stiff as the attraction rises), or use "
         "`solver=ResidualDynamics()`."
     )
     inaccurate_kernel = (
-        "The kernel of the block missed its tolerance: the profile of a graded layer varies too "
-        "sharply, or has moduli too far apart. Put boundaries between layers at its jumps and list "
-        "its kinks in `breaks`, or cut it by `sliced`."
+        "The kernel of the block did not reach its tolerance: the profile of a graded layer varies "
+        "too sharply, or has moduli too far apart. Put boundaries between layers at its jumps and "
+        "list its kinks in `breaks`, or cut it by `sliced`."
     )
     gap_unresolved = (
-        "Pressure, friction and contact area are found, but gaps may be wrong by more than a tenth "
-        "of the rms height (`gap_error`). Tighten `rtol`, or do not use `gap`, `mean_gap` and "
-        "`displacement`."
+        "Pressure, friction and contact area have converged, but the error of gaps may exceed a "
+        "tenth of the rms height (`gap_error`). Tighten `rtol`, or do not use `gap`, `mean_gap` "
+        "and `displacement`."
     )
     not_settled = (
-        "The temperatures of the contact did not settle to the tolerance. Loosen `rtol`; a block "
+        "The temperatures of the contact did not converge to the tolerance. Loosen `rtol`; a block "
         "whose losses change fast with temperature may have several temperatures."
     )
     bad_pressure = "The law of contact cannot have this mean pressure (a hard wall: not positive)."

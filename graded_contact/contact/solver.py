@@ -65,8 +65,8 @@ class AbstractContactSolver(eqx.Module):
 
     - `history_length`: number of earlier iterates that are stored, two fields each. The memory of
       a solve is estimated from it before anything is allocated.
-    - `finds_unstable`: whether equilibria may be unstable ones, under laws that attract. Where the
-      grid does not resolve the attraction, the contact then ends with `RESULTS.unresolved`.
+    - `finds_unstable`: whether equilibria may be unstable under laws that attract. If the grid does
+      not resolve the attraction, the contact then ends with `RESULTS.unresolved`.
     """
 
     history_length: eqx.AbstractVar[int]
@@ -142,7 +142,7 @@ def run_steps(steps: Steps, start: Array, max_steps: Array | int) -> Any:
 def history_of(length: int, free_mean: bool) -> int:
     """Returns how many iterates to combine: few if the mean pressure is free.
 
-    Near full contact the load drifts, and long histories run away with it.
+    Near full contact the load drifts, and long histories amplify the drift.
     """
     return min(length, _HISTORY_AT_GAP) if free_mean else length
 

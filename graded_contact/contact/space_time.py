@@ -1,22 +1,22 @@
 """The solid under a periodic motion and load, as an operator in space and time.
 
-The surface has moved by s(t). In the frame of the block the pressure is p(X - s(t), t): mode by
-mode a phase. With
+The surface has moved by s(t). In the frame of the block the pressure is p(X - s(t), t), which
+multiplies each mode by a phase. With
 
     U = F_t exp(-i q·s(t)) F_x
 
 the displacement in the frame of the surface is M σ = U* K U σ, K being M_zz(|q|, ω) of the block.
 U is orthogonal up to a factor, and the resolvent (I + ρM)⁻¹ costs one transform in space and time,
-forth and back. So all periodic motions and loads are one contact problem, without steps in time: a
-solve finds the pressure at all times at once, however slowly the solid creeps. The mean is
+and its inverse. So every periodic motion and load is one contact problem, without steps in time: a
+solve gives the pressure at all times at once, also if the solid creeps slowly. The mean is
 prescribed at every time.
 
-A field has the shape `(nt, nx)` or `(nt, nx, ny)`; times are equally spaced over one period. The
-spectrum is the half one along the last axis of space and the whole one in time.
+A field has the shape `(nt, nx)` or `(nt, nx, ny)`; times are equally spaced over one period.
+Spectra are half along the last axis of space, and whole in time.
 
-On Nyquist lines of space a shift is no operation on real fields. There the kernel is a real number,
-Re K averaged over the frequencies that the motion gives this wave; under steady sliding this is the
-rule of `stack_kernel`.
+On Nyquist lines of space a shift of a real field is not defined. There the kernel is a real number:
+the average of Re K over the frequencies of this wave under the motion. Under steady sliding
+`stack_kernel` has the same rule.
 """
 
 import math

@@ -1,9 +1,9 @@
 """Solves until chosen numbers are accurate, at any accuracy of the pressure.
 
 Friction and mean gap are accurate long before the pressure is. After a solve to a few per cent, one
-step of Newton's method (`error_step`) improves the numbers, and their change is their error before
-the step. Only if this change is too large, a closer solve follows. It
-starts from the result of the step.
+step of Newton's method (`error_step`) improves the numbers, and the errors after this step are
+estimated. If they are too large, a solve to a smaller tolerance follows, from the result of the
+step.
 """
 
 import dataclasses

@@ -1,9 +1,9 @@
 """Contacts on a window, with no pressure around it: indenters, spheres, edges of blocks.
 
 A kernel of a cell of twice the window's length gives the displacement of a pressure on the window
-(`response/window.py`). The contact on that cell is an ordinary one, under a law without any
-pressure outside the window: the first half of each axis. The heights there do not matter; mirrored
-ones have the mean and the rms of the window, and no steps.
+(`response/window.py`). The window is the first half of each axis of that cell. The contact on the
+cell is solved as usual, with a law that allows no pressure outside the window. The heights outside
+do not matter; mirrored ones have the mean and the rms of the window, and no steps.
 """
 
 import dataclasses
@@ -100,9 +100,9 @@ def solve_on_window(
 ) -> ContactSolution:
     """Returns the contact on a window, by a solver of contacts on its cell.
 
-    Arguments as in `solve_contact`, and `solve`, which has the others already. The gap of the
-    loading is that of the undeformed block. The mean pressure and the mean gap of the contact are
-    those of the window.
+    Arguments as in `solve_contact`; `solve` already has the remaining ones. The gap of the loading
+    is that of the undeformed block. The mean pressure and the mean gap of the contact are those of
+    the window.
     """
     grounded = loading.gap is not None
     if not grounded:

@@ -61,7 +61,7 @@ def as_numbers(value: Any, name: str) -> Inexact[Array, "..."]:
     except (TypeError, ValueError, OverflowError):
         raise ValueError(f"`{name}={short(value)}` is refused: {needed}.") from None
     if not (jnp.issubdtype(array.dtype, jnp.number) or array.dtype == bool):
-        raise ValueError(f"`{name}` holds {array.dtype} and is refused: {needed}.")
+        raise ValueError(f"`{name}` has dtype {array.dtype} and is refused: {needed}.")
     dtype = array.dtype if jnp.issubdtype(array.dtype, jnp.inexact) else jnp.result_type(float)
     return jnp.asarray(array, dtype=dtype)
 
@@ -236,7 +236,7 @@ def check_squares(name: str, value: ArrayLike, unit: str) -> None:
         largest = max(float(np.max(np.abs(array), initial=0)) for array in parts)
         if largest and largest**2 < np.finfo(parts[0].dtype).tiny:
             raise ValueError(
-                f"`{name}` up to {largest:.2g} {unit} is refused: the squares are too small "
+                f"`{name}` up to {largest:.2g} {unit} is refused: its squares are too small "
                 f"for {parts[0].dtype}."
             )
 
@@ -325,7 +325,7 @@ def check_tolerance(
             f"`{name}={short(rtol)}` is refused: a plain number between 0 and 1 is needed."
         )
     if not is_concrete(rtol):
-        raise ValueError(f"`{name}={rtol!r}` is refused: it must be known, not traced.")
+        raise ValueError(f"`{name}={rtol!r}` is refused: `jit`, `grad` and `vmap` cannot trace it.")
     check_values(name, rtol, "a tolerance must be greater than 0 and less than 1", above=0)
     if rtol >= 1:
         raise ValueError(f"`{name}={rtol:g}` is refused: it must be less than 1.")

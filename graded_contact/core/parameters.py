@@ -58,13 +58,13 @@ def with_values(tree: T, values: Mapping[str, Numbers]) -> T:
         if path not in known:
             near = difflib.get_close_matches(str(path), known, n=1, cutoff=0.0) or ["none"]
             raise ValueError(
-                f"`values` has {short(path)}, where `tree` holds no number; the nearest is "
-                f"{near[0]!r}."
+                f"`values` has the path {short(path)}, but `tree` has no such number; the nearest "
+                f"path is {near[0]!r}."
             )
         value = as_float(value, path).astype(known[path].dtype)
         if value.shape != known[path].shape:
             raise ValueError(
-                f"{path!r} has shape {known[path].shape}, the value for it {value.shape}."
+                f"{path!r} has shape {known[path].shape}, but its value has shape {value.shape}."
             )
         whole, bracket, index = path.rpartition("[")
         if bracket and whole in known:

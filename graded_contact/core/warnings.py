@@ -26,7 +26,7 @@ IDLE = 1e-3  # friction over slope below which a contact counts as without frict
 # What to do where a step of reading changed the slope.
 REMEDIES = {
     "resampled": "Leave out `shape`, or take more points.",
-    "equally spaced": "Its dense parts lost their short waves, or its sparse ones have none.",
+    "equally spaced": "Dense parts lost their short waves, or sparse parts have none.",
     "filled": "Crop to a `region` without holes, or discard the spikes around them with `rim`.",
     "joined": 'Its edges differ much: take `periodic = "mirror"`, which keeps every height.',
     "tapered": 'Leave out `periodic`, or take "mirror", which keeps every height.',
@@ -106,7 +106,7 @@ RULES = (
     Rule(
         lambda found: np.isnan(found.friction) & (np.asarray(found.slope_in_contact) == 0),
         0,
-        "The surfaces do not touch: without a load friction has no value.",
+        "The surfaces do not touch: there is no load, so friction is not defined.",
     ),
     Rule(
         lambda found: getattr(found, "compression", 0.0),
@@ -181,8 +181,8 @@ def caveats_of_steps(steps: Sequence[Any], size: Sequence[float] = ()) -> tuple[
     for before, after in pairwise(steps):
         if after.name == "filled" and before.missing > LIMIT:
             sentences.append(
-                f"{before.missing:.0%} of the points were not measured and had to be filled. The "
-                "history names the largest `region` without such."
+                f"{before.missing:.0%} of the points were not measured and were filled. The "
+                "history gives the largest `region` without such points."
             )
         if after.name not in REMEDIES or before.rms_slope == 0:
             continue
@@ -200,7 +200,7 @@ def caveats_of_steps(steps: Sequence[Any], size: Sequence[float] = ()) -> tuple[
     peak = max((row.peak for row in steps[max(prepared, default=0) :]), default=0.0)
     if peak > SPIKE:
         sentences.append(
-            f"The highest point is {peak:.3g} rms heights from the mean: a spike of the instrument "
-            "or dust, hardly roughness. Discard it with `rim`, or crop by `region`."
+            f"The highest point is {peak:.3g} rms heights from the mean: probably a spike of the "
+            "instrument or dust. Discard it with `rim`, or crop by `region`."
         )
     return tuple(sentences)

@@ -205,7 +205,7 @@ def as_velocity(velocity: Numbers, grid: Grid | None = None) -> Float[Array, "..
     if velocity.shape not in ((), (2,)) or (one and velocity.ndim):
         raise ValueError(
             f"`velocity` has shape {velocity.shape}; a number (along x) or, on a grid in two "
-            "dimensions, two components are needed. Several velocities go through `jax.vmap`."
+            "dimensions, two components are needed. For several velocities use `jax.vmap`."
         )
     check_values("velocity", velocity, "a velocity [m/s] must be finite")
     return velocity

@@ -121,7 +121,7 @@ class Block:
         if "bottom" not in table and "top" not in table:
             return self.reader.build(place, table, Layer)
         if "material" in table:
-            raise ValueError(f"{place} has `material` besides `bottom` or `top`: give one.")
+            raise ValueError(f"{place} has `material` and also `bottom` or `top`: remove one.")
         thickness, profile = self.reader.arguments(
             place, table, keys_of(GradedLayer), keys_of(Blend)
         )

@@ -111,7 +111,7 @@ class DesignScene:
 
     def _check_goal(self) -> None:
         if (self.target is None) == (self.ratio is None):
-            raise ValueError('"friction" takes either `target` or `ratio`.')
+            raise ValueError('the objective "friction" needs `target` or `ratio`, not both.')
         key = "target" if self.ratio is None else "ratio"
         goal, num_velocities = np.array(getattr(self, key)), len(self.scene.velocity)
         if len(goal) not in (1, num_velocities):
@@ -182,7 +182,7 @@ def parse_design(text: str, folder: str | os.PathLike = ".") -> DesignScene:
         if len(scene.pressure) > 1 or scene.direction != 0:
             raise ValueError("needs one `pressure`, and `direction` = 0, in [load].")
         if len(scene.axes) > 2:
-            raise ValueError(f"takes one {' and one '.join(map(repr, [*scene.axes][:-2]))}.")
+            raise ValueError(f"needs one {' and one '.join(map(repr, [*scene.axes][:-2]))}.")
     scene, source = (
         dataclasses.replace(scene, stack=scene.block({}), temperature=None),
         scene.surface,

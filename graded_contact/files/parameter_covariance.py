@@ -37,7 +37,7 @@ class Errors(eqx.Module):
 
     def __check_init__(self):
         if not self.paths:
-            raise ValueError("`paths` names no number.")
+            raise ValueError("`paths` is empty: at least one path is needed.")
         if len(set(self.paths)) < len(self.paths):
             raise ValueError(f"`paths={self.paths}` names a number twice.")
         if self.directions.ndim != 2 or self.directions.shape[1] != len(self.paths):
@@ -65,7 +65,7 @@ def check_errors(errors: Errors, material: object) -> None:
     series = {path.rpartition("[")[0] for path in errors.paths} & {*known}
     for path in errors.paths:
         if path not in single:
-            raise ValueError(f"{path!r} is no number of the material; {nearest(path, single)}")
+            raise ValueError(f"{path!r} is not a number of the material; {nearest(path, single)}")
     for path in single:
         if path.rpartition("[")[0] in series and path not in errors.paths:
             raise ValueError(

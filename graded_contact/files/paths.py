@@ -19,16 +19,16 @@ def check_name(name: str) -> None:
     bad = sorted({c for c in name if c in '/\\\\:*?"<>|' or not c.isprintable()})
     if bad:
         raise ValueError(
-            f"`name={name!r}` is refused: file names begin with it, and cannot contain "
-            f"{' '.join(map(repr, bad))}. The folder is given by `directory`."
+            f"`name={name!r}` is refused: file names cannot contain {' '.join(map(repr, bad))}. "
+            "`directory` sets the folder."
         )
     if not name.strip(". ") or name.startswith("-"):
         raise ValueError(f"`name={name!r}` is refused: letters or digits are needed.")
     length = len(os.fsencode(name))
     if length > LONGEST_NAME:
         raise ValueError(
-            f"`name={name[:20]!r}...` is refused: it has {length} bytes, and may have "
-            f"{LONGEST_NAME}."
+            f"`name={name[:20]!r}...` is refused: it has {length} bytes; at most "
+            f"{LONGEST_NAME} are allowed."
         )
 
 

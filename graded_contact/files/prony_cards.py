@@ -158,10 +158,9 @@ def _normalised(material: Prony, program: str) -> tuple[float, list[float], list
     glassy = equilibrium + float(np.sum(strengths))
     if equilibrium < LEAST_REMAINDER * glassy:
         raise ValueError(
-            f"`equilibrium={equilibrium:g}` Pa is refused: {program} takes ratios to the "
-            f"instantaneous modulus, here {glassy:.4g} Pa, whose sum must stay below 1 by at least "
-            f"{LEAST_REMAINDER:g}. A liquid has no such card: give the material an equilibrium "
-            "modulus."
+            f"`equilibrium={equilibrium:g}` Pa is refused: {program} needs an equilibrium modulus "
+            f"of at least {LEAST_REMAINDER:g} of the instantaneous one ({glassy:.4g} Pa). A "
+            "liquid has no such card."
         )
     return glassy, (strengths / glassy).tolist(), np.asarray(material.times, float).tolist()
 

@@ -61,7 +61,7 @@ def read_results(path: str | os.PathLike) -> "Dataset":
     """
     results = read(path)
     if not {"message", "point", "heights"} <= results.variables.keys():
-        raise ValueError(f"`path={path}` has no results of a scene.")
+        raise ValueError(f"`path={path}` does not contain the results of a scene.")
     return results
 
 

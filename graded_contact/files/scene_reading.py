@@ -105,7 +105,9 @@ def parse_scene(text: str, folder: str | os.PathLike = ".") -> Scene:
     )
     ends = isinstance(surface, SurfaceFile) and surface.arguments.get("periodic") == "open"
     if found.approach is not None and not (ends or isinstance(surface, Sphere)):
-        raise ValueError('[load] `approach` is that of a sphere, or of a file that is "open".')
+        raise ValueError(
+            '[load] `approach` needs a surface of kind "sphere", or a file that is "open".'
+        )
     _check_motion(found)
     _check_dry(found)
     _check_sweep(found)
@@ -144,7 +146,7 @@ def _check_motion(scene: Scene) -> None:
         if float(scene.motion.highest_speed) > 0:
             check_positive("velocity", scene.velocity, "[m/s]: a motion has a highest speed")
         elif np.any(scene.velocity):
-            raise ValueError("`velocity` must be missing: [motion] stays at its place.")
+            raise ValueError("`velocity` is refused: [motion] is at rest. Leave it out.")
 
 
 def _check_dry(scene: Scene) -> None:
@@ -188,4 +190,4 @@ def check_paths(given: Iterable[str], stack: Stack) -> None:
     whole = [path for path in known if not path.endswith("]")]  # entries of arrays are many
     for path in given:
         if path not in known:
-            raise ValueError(f"`{path}` is no number of the block; {nearest(path, whole)}")
+            raise ValueError(f"`{path}` is not a number of the block; {nearest(path, whole)}")

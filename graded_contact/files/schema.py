@@ -191,8 +191,8 @@ class Reader:
         ordered, counts = np.unique(values, return_counts=True)
         if len(ordered) < values.size:
             raise ValueError(
-                f"{place} `{key}` has {ordered[np.argmax(counts)]:g} more than once: an axis has a "
-                "point for each value."
+                f"{place} `{key}` has {ordered[np.argmax(counts)]:g} more than once: give each "
+                "value once."
             )
         return values
 

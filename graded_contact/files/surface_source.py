@@ -118,11 +118,11 @@ def surface_source(
     if kind == "file":
         if grid is not None:
             raise ValueError(
-                '[grid] belongs to a surface of kind "self_affine" or "sphere"; the points of a '
-                "file are resampled by `shape` in [surface]."
+                '[grid] is only for surfaces of kind "self_affine" or "sphere"; `shape` in '
+                "[surface] sets the number of points of a file."
             )
         if all(key.name in entries for key in keys[kind][1]):
-            raise ValueError(f"{place} takes `rms_height` or `rms_slope` to rescale to, not both.")
+            raise ValueError(f"{place} has `rms_height` and `rms_slope`: give one of them.")
         return SurfaceFile(*reader.arguments(place, entries, *keys[kind]))
     if grid is None:
         raise ValueError(f"{ROOT} lacks the key `grid`.")

@@ -194,7 +194,7 @@ def _check_content(data, x_name):
         )
     x = np.asarray(data.x)
     if not np.any(x > 0):
-        raise ValueError(f"`{x_name}` holds no time after 0.")
+        raise ValueError(f"`{x_name}` has no time above 0.")
     for name, measured in ((x_name, x[x > 0]), (names[0], np.asarray(data.values))):
         check_values(
             name,

@@ -77,7 +77,7 @@ def isotherms_of(
         )
     twice = np.flatnonzero(np.diff(temperatures) <= 0)
     if len(twice):
-        raise ValueError(f"`isotherms` holds {temperatures[twice[0]]:g} K twice: join those first.")
+        raise ValueError(f"`isotherms` has {temperatures[twice[0]]:g} K twice: join these first.")
     middle = len(curves) // 2
     if reference is not None:
         coldest, hottest = temperatures[[0, -1]]

@@ -2,11 +2,11 @@
 
 The surface h(x - s(t)) is pressed on the block while it moves by s(t): back and forth, with starts
 and stops, under a load that varies. One contact problem in space and time gives the periodic state
-at once (`contact/space_time.py`); nothing is stepped in time.
+at once (`contact/space_time.py`), without steps in time.
 
-Per cycle and area the surface does the work ∮ τ·v dt of friction, with the traction
-τ = -⟨σ ∇w⟩ that opposes its motion, and the load the work ∮ ⟨σ ∂w/∂t⟩ dt, at a fixed point of the
-surface. The block turns their sum to heat: T Σ -ω Im M |σ_qω|².
+Per cycle and area, friction does the work ∮ τ·v dt, with the traction τ = -⟨σ ∇w⟩ that opposes the
+motion, and the load does the work ∮ ⟨σ ∂w/∂t⟩ dt, at a fixed point of the surface. The block turns
+their sum to heat: T Σ -ω Im M |σ_qω|².
 """
 
 import equinox as eqx
@@ -179,8 +179,8 @@ def slide_cycle(
 ) -> CyclicSliding:
     """Returns friction, contact area and fields of a surface in periodic motion on a block.
 
-    The periodic state, which a motion repeated for ever approaches. Differentiable in every leaf of
-    `stack`, `surface` and `law`, in the motion and in what is prescribed; works under `jit` and
+    The periodic state, which a repeated motion approaches. Differentiable in every leaf of `stack`,
+    `surface` and `law`, in the motion and in the prescribed load or gap; works under `jit` and
     `vmap`.
 
     **Arguments:**
@@ -188,9 +188,9 @@ def slide_cycle(
     - `stack`: the block, see `Stack`. `stack.at(temperature)` is the block at another temperature.
     - `surface`: the rough surface; heights count into the block.
     - `displacement`: s [m] of the surface at equally spaced times of a period, shape `(nt,)` (along
-      x) or `(nt, 2)`, nt at least 4; see `sinusoidal`, `start_stop`, `steady`, `recorded`. Over
-      a period the surface may advance by whole cells: by the number of them that closes the period
-      with a step like its neighbours.
+      x) or `(nt, 2)`, nt at least 4; see `sinusoidal`, `start_stop`, `steady`, `recorded`. Over a
+      period the surface may advance by whole cells; their number follows from the last step, which
+      must be like its neighbours.
     - `period`: T [s].
     - `pressure`: mean pressure σ0 [Pa], a number or one at each time; or
     - `mean_gap`: mean of the gap [m], a number or one at each time, counted from the mean of the
@@ -199,7 +199,7 @@ def slide_cycle(
       sub-pixel contact area [1]; for frictions below 1 % of the slope in contact, relative to that
       1 %. Or
     - `rtol`: requested relative error of the pressure [1]; 5e-5 if neither is given.
-    - `law`, `solver`, `adjoint`, `start`, `throw`: as in `solve_contact`; the law has no memory.
+    - `law`, `solver`, `adjoint`, `start`, `throw`: as in `solve_contact`; the law has no history.
     - `graded_solver`: as in `slide`.
 
     **Returns:** friction and areas over time, works, errors and the contact, see `CyclicSliding`.

@@ -1,7 +1,7 @@
 """The numbers of a cycle: frictions, areas, works and their errors, from the pressure.
 
 At a fixed point of the surface the block's displacement changes at the rate
-∂w/∂t = U* iωK U σ + v·∇w, see `contact/space_time.py`: so works of friction and load are the
+∂w/∂t = U* iωK U σ + v·∇w, see `contact/space_time.py`. So the works of friction and load equal the
 dissipation to rounding.
 """
 

@@ -3,7 +3,7 @@
 Reynolds' equation div(u³ ∇p) = 0 on the periodic cell gives the mean flow per width
 q = -K/(12 η) ∇p̄ [m²/s], with the conductance K [m³] along x and along y; parallel plates have
 K = u³. In finite volumes the flow between neighbouring points has the harmonic mean of their u³, so
-a contact lets nothing through, and the least dissipation
+no flow passes a contact, and the least dissipation
 
     K = min ⟨u³ |∇p|²⟩   over all pressures of unit mean gradient
 

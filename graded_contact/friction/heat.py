@@ -1,15 +1,15 @@
-"""Where friction's heat is made.
+"""The heat of friction in the block and in the contact.
 
-In a Prony solid branch k is a spring E_k and a dashpot. Under steady sliding its stress is, wave by
-wave, that of the solid times g_k(ω) = [E_k iωτ_k/(1 + iωτ_k)]/E(ω), since all branches have one
-Poisson's ratio ν. Its dashpot turns
+In a Prony solid branch k is a spring E_k and a dashpot. Under steady sliding its stress is, for
+each wave, that of the solid times g_k(ω) = [E_k iωτ_k/(1 + iωτ_k)]/E(ω), since all branches have
+the same Poisson's ratio ν. Its dashpot turns
 
     W_k = [(1 + ν) s:s - ν (tr s)²]/(τ_k E_k) >= 0   [W/m³],      s = stress of branch k,
 
 into heat. There is no average over time and no assumption about the depth of a wave: the integral
-of W = Σ W_k over the depth is hysteresis friction times load times speed. Of a `StrainSoftening`
-the dashpots have the factor of the loss modulus. Shear in the contact
-makes the heat τ_f |v| [W/m²] at the surface.
+of W = Σ W_k over the depth is hysteresis friction times load times speed. In a `StrainSoftening`
+the dashpots have the factor of the loss modulus. Shear in the contact makes the heat τ_f |v| [W/m²]
+at the surface.
 """
 
 import equinox as eqx
@@ -215,8 +215,8 @@ def _series_of(part: Layer | GradedLayer | HalfSpace, s):
             (1 - phi) * bottom[4] + phi * top[4],
         )
     raise ValueError(
-        f"`stack` has a graded layer with the profile {type(profile).__name__}: where heat is made "
-        "is known for `Aged` and for `Blend` with linear mixing. Cut the layer by `sliced`."
+        f"`stack` has a graded layer with the profile {type(profile).__name__}: only "
+        "`Aged`, and `Blend` with linear mixing, are possible here. Cut the layer by `sliced`."
     )
 
 
@@ -232,6 +232,6 @@ def _series(material: AbstractMaterial):
         f, g = material.factors()
         return f * equilibrium, f * strengths, g * losses, times, poisson
     raise ValueError(
-        f"`stack` has a {type(material).__name__}: where heat is made is known for `Prony` and "
-        "`Elastic` materials, also in `StrainSoftening`. Fit a Prony series with `fit_prony`."
+        f"`stack` has a {type(material).__name__}: only `Prony` and `Elastic` materials, also in "
+        "`StrainSoftening`, are possible here. Fit a Prony series with `fit_prony`."
     )

@@ -1,4 +1,4 @@
-"""The temperature that the heat of friction causes, and what it does to friction.
+"""The temperature by the heat of friction, and its effect on friction.
 
 The temperature in the frame of the surface is steady. In a layer of conductivity κ and diffusivity
 D each wave of the temperature obeys
@@ -7,19 +7,18 @@ D each wave of the temperature obeys
 
 (H. S. Carslaw, J. C. Jaeger, Conduction of Heat in Solids, Oxford 1959, chapter 10), T and the flux
 -κT' being continuous. The heat W is constant on slices of the depth, and the solution on each slice
-is exact: from the half space below, where the flux is κkT, a recursion upwards finds the flux
-Y T + F into the block below each edge; a second one, downwards, the temperatures. The rough
-counterface is at rest in this frame: k = |q|. Of the heat the part β flows into the counterface, in
-the shape of the pressure, such that the mean temperatures of both surfaces over the contact,
-weighted by the pressure, are equal (the partition of H. Blok, 1937). The mode q = 0, the bulk
-heating up, is left out: temperatures are above the mean of each plane, and the bulk temperatures of
-both bodies are taken as equal.
+is exact. A recursion upwards, from the half space below, where the flux is κkT, gives the flux Y T
++ F into the block below each edge; a recursion downwards gives the temperatures. The rough
+counterface is at rest in this frame: k = |q|. The part β of the heat flows into the counterface,
+distributed as the pressure. β makes the mean temperatures of both surfaces over the contact,
+weighted by the pressure, equal (the partition of H. Blok, 1937). The mode q = 0 (bulk heating) is
+left out: temperatures are above the mean of each plane, and both bodies have the same bulk
+temperature.
 
 With `slide(..., heating=...)` the block has the temperature of its contact. The mean rise over the
 contact at each depth, weighted by the pressure, sets the relaxation times there: the block becomes
-a stack of thin layers, each at its temperature. Friction heats the contact, heat softens the block
-and lowers the friction. The fixed point of this loop is found by Anderson's acceleration, a contact
-and its temperatures in each step, and differentiated implicitly.
+a stack of thin layers, each at its temperature. Anderson's acceleration solves for the fixed point,
+with a contact and its temperatures in each step. The derivative is implicit.
 """
 
 import dataclasses
@@ -77,8 +76,8 @@ class Heating(AbstractHeating):
     **Fields:**
 
     - `conductivity`: κ of the block [W/(m K)]: one number, or one for each layer, surface first,
-      and at last one for what is below them (also below a rigid base).
-    - `diffusivity`: D of the block [m²/s], one number or as many.
+      and one for the half space below (also below a rigid base).
+    - `diffusivity`: D of the block [m²/s]: one number, or as many as layers plus one.
     - `counterface_conductivity`: κ of the rough counterface [W/(m K)]; 0 if no heat flows into it.
     """
 

@@ -165,7 +165,7 @@ def slide(
 def _settled(heating: AbstractHeating, stack, inputs, settings, solution) -> Sliding:
     """The contact at the temperatures that it causes."""
     if solution is not None:
-        raise ValueError("`solution` is refused with `heating`: the temperatures belong to it.")
+        raise ValueError("`solution` is refused with `heating`: it contains no temperatures.")
     _check_parts(stack, inputs["surface"])
     check_periodic(inputs["surface"])
     # Temperatures are as noisy as the contact is inaccurate.

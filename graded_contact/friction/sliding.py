@@ -127,8 +127,8 @@ def _friction_error(s: "Sliding"):
 def _image_error(s: "Sliding"):
     """What the errors of a window's kernel change under this pressure.
 
-    What they do at single points may cancel in the estimate but not in truth: so its root sum of
-    squares is added, twice (`docs/theory/contact.md`: then none of 60 claims was broken).
+    Contributions of single points may cancel in the estimate by chance: so twice their root sum of
+    squares is added (`docs/theory/contact.md`).
     """
     pressure, cell = _loaded(s)[0], _cell(s)
     assert s.kernel_error is not None
@@ -237,9 +237,9 @@ class Sliding(eqx.Module):
     - `contact_indicator`: how far points are inside contact or outside [Pa], shape of the heights;
       see `AbstractLaw.contact_indicator`.
 
-    Errors of friction on a window (`Surface(..., periodic=False)`) include those of its kernel, at
-    a given approach also those of area and load. Such a contact also has `approach`,
-    `approach_error`, `moment` and `rim_load`.
+    On a window (`Surface(..., periodic=False)`) the error of friction includes the error of the
+    kernel; at a given approach the errors of friction and area also include the error of the load.
+    Such a contact also has `approach`, `approach_error`, `moment` and `rim_load`.
 
     **Fields:**
 
@@ -338,10 +338,10 @@ class Sliding(eqx.Module):
     def approach(self) -> Float[Array, ""]:
         """How far a body on a window moved into the block after its first touch [m].
 
-        Against the block far away; NaN where that yields without bound, see `solve_contact`.
+        Relative to the block far away; NaN if that displacement has no limit, see `solve_contact`.
         """
         if not is_window(self.kernel, self.grid.shape):
-            raise ValueError("`approach` is that of a body on a window; see `mean_gap`.")
+            raise ValueError("Only a body on a window has an `approach`; use `mean_gap`.")
         moved, mean = _moved(self, self.kernel, self.heights + self.gap)
         return moved + jnp.where(mean == 0, jnp.nan, mean) + jnp.max(self.heights)
 
@@ -356,7 +356,7 @@ class Sliding(eqx.Module):
     def moment(self) -> Float[Array, " axes"]:
         """The moment of the pressure about the middle of a window [N m], of a line [N].
 
-        That of the force times its distance along each axis.
+        Force times distance along each axis.
         """
         places = coordinates(self.grid)
         forces = self.pressure * jnp.prod(self.grid.spacing)

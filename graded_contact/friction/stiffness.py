@@ -1,19 +1,19 @@
 """Stiffness and conductance of a contact, each by one linear solve.
 
-Pressed by a little more, bodies approach by -dū: the pressure changes by that of rigid punches in
-the shape of the contact. The current between two conductors spreads as that pressure does
-(J. R. Barber, Proc. R. Soc. A 459 (2003) 53, doi:10.1098/rspa.2002.1038), so
+If the mean gap closes by -dū, the pressure changes by that of rigid punches in the shape of the
+contact. The current between two conductors has the same distribution (J. R. Barber, Proc. R. Soc. A
+459 (2003) 53, doi:10.1098/rspa.2002.1038), so
 
     M dσ + dū = 0 on the contact A,   dσ = 0 elsewhere,   mean dσ = dp
 
 gives the stiffness -dp/dū with the kernel M of the block, and the conductance with (ϱ₁ + ϱ₂)/q.
 
-A set of points would make both jump whenever a point joins. So a point of which a share f of the
-cell is in contact stands on a spring of compliance G(0)(1 - f)/2f, G(0) being what one loaded point
-yields. Strips of all widths then act as if their edges were 0.14 ± 0.03 spacings inside those of f,
-which lie so far outside the true ones, see `contact/area.py`. The edges of the result are off by
-less than 0.07 spacings, in waves of one spacing: a derivative is off by some 30 % locally, and
-right over several spacings.
+With a set of points as A both numbers would jump whenever a point joins. So a point with the share
+f of its cell in contact rests on a spring of compliance G(0)(1 - f)/2f; G(0) is the displacement of
+one loaded point. Strips of all widths then act as if their edges were 0.14 ± 0.03 spacings inside
+those of f. The edges of f are as far outside the true ones, see `contact/area.py`. The error of the
+edges is below 0.07 spacings and varies within each spacing: a derivative has a local error of about
+30 %, and is right over several spacings.
 """
 
 import equinox as eqx
@@ -41,8 +41,8 @@ def contact_stiffness(
 ) -> Float[Array, ""]:
     """Returns -dp/dū [Pa/m], by which the mean pressure rises as the mean gap closes.
 
-    That of the steady motion at the given velocity: at rest the relaxed block acts. Laws other than
-    the hard wall count by their contact area. Differentiable, with a derivative of the area.
+    The block acts as at the given velocity, at rest with its relaxed moduli. Laws other than the
+    hard wall enter by their contact area. Differentiable.
 
     **Arguments:**
 
@@ -66,8 +66,8 @@ def contact_conductance(
 ) -> Float[Array, ""]:
     """Returns the conductance of a contact between two half spaces, per area [S/m²].
 
-    For currents that enter through the contact area alone. Of a homogeneous elastic block it is
-    2k/(E* ϱ), k being `contact_stiffness`, which is Barber's analogy.
+    Current flows through the contact area only. For a homogeneous elastic block the result is
+    2k/(E* ϱ), k being `contact_stiffness` (Barber's analogy).
 
     **Arguments:**
 
@@ -76,8 +76,7 @@ def contact_conductance(
       thermal conductivities [m K/W] the result is the thermal conductance [W/(m² K)].
     - `adjoint`: the linear solver.
 
-    **Returns:** the current density over the drop of potential, beyond that of bodies in full
-    contact.
+    **Returns:** the current density over the drop of potential in excess of full contact.
 
     **Raises:** `ValueError` for a refused argument.
     """

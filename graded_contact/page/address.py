@@ -52,7 +52,7 @@ def from_address(text: str, opened: Document, folder: Path) -> Document:
             raise ValueError("it names other files, or a finer grid.")
         document.scene()
     except (ValueError, TypeError, KeyError, zlib.error) as error:
-        raise ValueError(f"The address holds no scene of this page: {error}") from error
+        raise ValueError(f"The address does not contain a scene of this page: {error}") from error
     return document
 
 

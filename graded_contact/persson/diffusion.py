@@ -2,12 +2,12 @@
 
 Stresses are in units of the mean pressure σ0: v = V/σ0², where V is the variance that the pressure
 would have in complete contact. The density P of the pressure obeys ∂P/∂v = ½ ∂²P/∂σ² and starts as
-a spike at σ = 1; what reaches σ = 0 has lost contact, so that P = 0 there and P is a Gaussian less
-its mirror image (B. N. J. Persson, J. Chem. Phys. 115 (2001) 3840, doi:10.1063/1.1388626). The
+a spike at σ = 1. Points that reach σ = 0 have lost contact, so P = 0 there, and P is a Gaussian
+less its mirror image (B. N. J. Persson, J. Chem. Phys. 115 (2001) 3840, doi:10.1063/1.1388626). The
 contact area is A = ∫P dσ = erf(1/√(2v)), and the mean square pressure grows as d⟨σ²⟩/dv = A.
 
-In partial contact finer roughness adds less than this, since the edges of the contact give way to
-it. The corrections in use slow the diffusion: x(v) replaces v, with dx/dv = S.
+In partial contact finer roughness adds less than this, because the edges of the contact yield. The
+corrections slow the diffusion: x(v) replaces v, with dx/dv = S.
 
 - `"yang_persson"`: S = 0.45 + 0.55 A². C. Yang, B. N. J. Persson, J. Phys.: Condens. Matter 20
   (2008) 215214, doi:10.1088/0953-8984/20/21/215214.

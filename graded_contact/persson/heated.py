@@ -1,21 +1,21 @@
-"""The temperature at which each scale of a mean field is.
+"""The temperature of each scale of a mean field.
 
-Of the heat of hysteresis, the part dQ(q) = σ0 v dμ(q) is made by waves q. Their stress decays as
-exp(-qz), so it is spread over the depth as 2q exp(-2qz), and the modulus of a scale p is that at
-the mean temperature over 2p exp(-2pz) (B. N. J. Persson, J. Phys.: Condens. Matter 18 (2006) 7789,
-doi:10.1088/0953-8984/18/32/025, arXiv:cond-mat/0605273). Persson lets the heat spread into the
-depth for the time that a large contact lasts. Here the temperature is steady in the frame of the
-surface as in the contact (`friction/heating.py`), and the heat of waves q lies along the surface as
-the pressure with roughness up to q does. The mean field knows the power of that pressure: waves s
-have the part d⟨σ²⟩(s) of it. The mean temperature over the contact, weighted by the pressure, is
+Waves q make the part dQ(q) = σ0 v dμ(q) of the heat of hysteresis. Their stress decays as exp(-qz),
+so this heat is distributed over the depth as 2q exp(-2qz). The modulus of a scale p is that at the
+mean temperature, weighted by 2p exp(-2pz) (B. N. J. Persson, J. Phys.: Condens. Matter 18 (2006)
+7789, doi:10.1088/0953-8984/18/32/025, arXiv:cond-mat/0605273). In Persson's theory the heat flows
+into the depth for the duration of a large contact. Here the temperature is steady in the frame of
+the surface, as in the contact (`friction/heating.py`), and the heat of waves q is distributed along
+the surface as the pressure with roughness up to q. Waves s have the part d⟨σ²⟩(s) of the power of
+that pressure. The mean temperature over the contact, weighted by the pressure, is
 
     T(p) = ∫dQ(q) ∫_{s<q} d⟨σ²⟩(s)/σ0² G(s, q, p),      k = √(s² + i s v cos φ/D),
     G = Re⟨2q (1 + r(k + 2q))/[κ k (k + 2q)(1 + 2qr)(1 + kr)]⟩,      r = 1/(2p),
 
-the mean ⟨⟩ being over all directions φ (for a lay, too). r = 0 is the surface. Heat Q at the
-surface, in the shape of the pressure, causes Q ∫d⟨σ²⟩/σ0² Re⟨1/[κ k (1 + kr)]⟩: that of shear,
-less what flows into the counterface, such that both surfaces have the same mean temperature.
-Temperatures are above the mean of each plane, that of the bulk.
+where ⟨⟩ is the mean over all directions φ (for a lay, too), and r = 0 is the surface. Heat Q at the
+surface, distributed as the pressure, adds Q ∫d⟨σ²⟩/σ0² Re⟨1/[κ k (1 + kr)]⟩. Q is the heat of shear
+less the heat that flows into the counterface; the latter makes the mean temperatures of both
+surfaces equal. Temperatures are above the mean of each plane, which is the bulk temperature.
 """
 
 from collections.abc import Callable
@@ -43,7 +43,7 @@ _RTOL = 1e-8  # of the temperatures
 
 @shown()
 class HeatedScales(eqx.Module):
-    """The temperatures at which the scales of a mean field are.
+    """The temperatures of the scales of a mean field.
 
     **Fields:**
 

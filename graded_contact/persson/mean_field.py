@@ -14,14 +14,14 @@ to dV. In partial contact the pressure spreads by diffusion that ends where it r
 
     A(q) = erf(σ0/√(2V))          (Persson's erf(1/(2√G)), G = V/(2σ0²)),
 
-and lets the mean square pressure grow by A dV: of the power spectrum that complete contact would
-have, the share A is there. Friction is what this pressure dissipates,
+and the mean square pressure grows by A dV: the power spectrum of the pressure is the share A of
+that in complete contact. Friction is the dissipation of this pressure,
 
     dμ = A C q dq ∫dφ q cos φ Im(1/M)/σ0  =  ½ A C q³ dq ∫dφ cos φ Im E_eff(q, q v cos φ)/σ0,
 
-which at A = 1 is the exact friction of complete contact. A correction slows the diffusion, dV' =
-S dV: V' replaces V in the area, A S replaces A in the friction. (Programs that have S in the
-friction alone keep the uncorrected area; here one diffusion gives both.)
+which at A = 1 is the exact friction of complete contact. A correction slows the diffusion, dV' = S
+dV: V' replaces V in the area, and A S replaces A in the friction. (Programs with S in the friction
+alone do not correct the area; here one diffusion gives both.)
 
 Shear in the contact adds ∫τ_f(σ) P(σ) dσ/σ0, P being the density of the pressure.
 
@@ -152,8 +152,8 @@ def mean_field_friction(
     - `pressure`: mean pressure σ0 [Pa].
     - `velocity`: of the surface over the block [m/s]: a number (along x) or `(vx, vy)`.
     - `own_roughness`: roughness of the block itself, which moves with it, a `SelfAffine` or a pair
-      as above. It reduces the area as the roughness of the track does, at rest: it excites no
-      frequency, and the block does not dissipate in its own waves.
+      as above. It reduces the area like the roughness of a track at rest: it excites no frequency
+      and dissipates nothing.
     - `strain_per_slope`: for a block with `materials.StrainSoftening`. The modulus at each q is
       that at the amplitude ε = `strain_per_slope` times the rms slope of the track up to q, the
       factor [1] being of order 1. None: the amplitude of each material.
@@ -169,7 +169,7 @@ def mean_field_friction(
     - `heating`: conductivities, see `contacts.Heating`: each scale then has the modulus at the
       temperature that the heat of friction causes there, see `persson/heated.py`; `.heated` has
       the temperatures. None for one temperature.
-    - `throw`: whether to raise if it is exceeded; otherwise look at `.error`.
+    - `throw`: whether to raise if `rtol` is exceeded; otherwise check `.error`.
 
     **Returns:** friction and contact area at every cut-off, see `MeanField`.
 

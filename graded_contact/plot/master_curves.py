@@ -86,7 +86,7 @@ def plot_van_gurp_palmen(isotherms: MasterCurve | Measured) -> "Figure":
 
     kind = isotherms.kind if isinstance(isotherms, Measured) else isotherms.fit.data.kind
     if kind != "frequency":
-        raise ValueError(f"`isotherms` is of kind {kind!r}: a phase angle is had over frequency.")
+        raise ValueError(f"`isotherms` is of kind {kind!r}; kind 'frequency' is needed.")
     temperatures, moduli = _complex_moduli(isotherms)
     figure = new_figure(COLUMN, 2.7)
     axes: Any = figure.subplots()

@@ -183,7 +183,7 @@ def graded_compliance(
     **Returns:** a `GradedCompliance` of the shape to which `q` and `omega` broadcast.
     """
     if not is_graded(stack):
-        raise ValueError("`stack` has no `GradedLayer`: take `surface_compliance`.")
+        raise ValueError("`stack` has no `GradedLayer`: use `surface_compliance`.")
     q, omega, rtol = _checked(stack, q, omega, graded_solver, rtol)
     return _graded(stack, q, omega, graded_solver, rtol, throw)
 
@@ -252,7 +252,7 @@ def compliance_of(
 def _check_moduli(modulus_name: str, modulus: Array, poisson_name: str, poisson: Array) -> None:
     check_values(modulus_name, modulus, "a modulus [Pa] must be finite")
     if is_concrete(modulus) and bool(jnp.any(modulus == 0)):
-        raise ValueError(f"`{modulus_name}` holds a zero: a modulus [Pa] must not vanish.")
+        raise ValueError(f"`{modulus_name}` contains 0: a modulus [Pa] must not be 0.")
     if jnp.iscomplexobj(poisson):
         check_values(poisson_name, poisson, "Poisson's ratio must be finite")
     else:

@@ -47,7 +47,7 @@ class AbstractHeating(eqx.Module):
 
 @shown()
 class HeatedContact(eqx.Module):
-    """The temperatures at which a contact is.
+    """The temperatures of a heated contact.
 
     **Fields:**
 
@@ -57,8 +57,8 @@ class HeatedContact(eqx.Module):
     - `rises`: the same of each cell of the depth [K], shape `(cells,)`.
     - `edges`: depths between which the cells lie [m], from 0, shape `(cells + 1,)`.
     - `error`: change of the temperatures in the last step over the largest rise [1].
-    - `friction_error`, `area_error`: estimated errors of friction and contact area by that and by
-      the cells [1].
+    - `friction_error`, `area_error`: estimated errors of friction and contact area [1], by `error`
+      and by the finite number of cells.
     """
 
     stack: Stack

@@ -87,13 +87,13 @@ def interior_fields(
     - `traction`: complex amplitudes (T_x, T_y, T_z) [Pa] of the traction acting on the solid's
       surface, shape `(*w, 3)`; T_z is the pressure in compression.
     - `depth`: z [m] below the surface, from 0 down to the bottom, or any on a half space.
-    - `side`: at an interface σ_xx, σ_yy and σ_xy jump: the layer "above" or "below" it is meant.
-      The values of `interface_depths` are recognised as such exactly.
+    - `side`: the layer "above" or "below" an interface, where σ_xx, σ_yy and σ_xy jump. Pass the
+      exact values of `interface_depths`.
     - `graded_solver`: solver of graded layers, `Layering()` or `Riccati()`.
-    - `rtol`: tolerance in graded layers, of stresses over the traction at the surface and of
-      displacements as the stresses that they make; by default that of `graded_solver`. If it is not
-      reached, an error is raised. Where the fields have decayed to less than that, `Layering` has
-      no digits of them; `Riccati` keeps them, its tolerance being that of what is left.
+    - `rtol`: tolerance in graded layers, of stresses relative to the traction at the surface, and
+      of displacements as the stresses that they cause; by default that of `graded_solver`. If it is
+      not reached, an error is raised. Fields that have decayed below `rtol` have no correct digits
+      with `Layering`; the tolerance of `Riccati` is relative to the decayed field.
 
     **Returns:** complex amplitudes, `(*w)` being the shape to which all arguments broadcast.
     Derivatives with respect to depth and thicknesses at an interface are means of both sides.

@@ -90,9 +90,9 @@ def stack_kernel(
       `materials.StrainSoftening`: each wave has the modulus at its ε, linear in between.
 
     **Returns:** the kernel, shape of the half spectrum. The q = 0 entry is 0 (the mean
-    displacement belongs to the mean gap) and Nyquist lines hold the real part of the mean over
-    both signs of that component of q, so that the operator is real and its inverse that of this
-    half spectrum. It is real when every material is elastic.
+    displacement is part of the mean gap). Nyquist lines have the real part of the mean over both
+    signs of that component of q: then the operator is real, and so is its inverse. The kernel is
+    real if every material is elastic.
 
     **Raises:** `ValueError` for a refused argument; `RuntimeError` if `rtol` is not reached.
     """
@@ -113,7 +113,7 @@ def attempted_kernel(
     strain: tuple[Numbers, Numbers] | None = None,
     choosing: bool = True,
 ) -> tuple[Inexact[Array, "*half"], Bool[Array, ""]]:
-    """Returns the kernel, and whether it reached its tolerance, which is no error here.
+    """Returns the kernel, and whether it reached its tolerance; does not raise.
 
     Arguments as in `stack_kernel`. NaN where the tolerance of a graded layer was missed. If
     `choosing`, a table that misses it gives way to direct evaluation under `jit`, too: both are

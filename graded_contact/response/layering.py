@@ -1,4 +1,4 @@
-"""Graded layers as homogeneous ones that have their moduli at middle heights, extrapolated.
+"""Graded layers as homogeneous layers with the moduli at their middle heights, extrapolated.
 
 On a mesh adapted to the profile and to each wavenumber every cell is cut n-fold. The error is even
 in 1/n within every cell of any mesh, so that extrapolation in 1/n²

@@ -1,14 +1,14 @@
-"""Where the cells of a graded layer lie: few where nothing changes or nothing is seen.
+"""The cells of a graded layer: few where the profile hardly changes, and few at depth.
 
-A surface wave of wavenumber q forgets what lies deeper than a few 1/q: with x = q × depth, the
-answer changes by less than 2 (1 + 2x)² e^-2x by anything there. A layer thicker than `WINDOW`/q
-is therefore entered at that depth, from the half space that matches the profile there. Above,
-cells share a density that counts the changes of ln E and ν and the decay lengths of the wave,
-less with depth.
+A surface wave of wavenumber q hardly depends on the block below a few 1/q: with x = q × depth, the
+relative effect of deeper parts is less than 2 (1 + 2x)² e^-2x. The recursion through a layer
+thicker than `WINDOW`/q therefore starts at that depth, with the half space that has the moduli
+there. Above, the density of cells follows the changes of ln E and ν and the decay lengths of the
+wave, and decreases with depth.
 
-Cells are needed for every q at once: the mesh is made for a few q, and the heights of its nodes,
-as fractions of the visible depth, are interpolated in log q. The answer does not depend on the
-mesh, so that it needs no derivative.
+Cells are needed for every q at once: the mesh is made for a few q, and the heights of its nodes, as
+fractions of the visible depth, are interpolated in log q. The result does not depend on the mesh,
+so the mesh needs no derivative.
 """
 
 from typing import Any, NamedTuple

@@ -101,7 +101,7 @@ class Blend(AbstractProfile):
 
 
 class Mixture(AbstractProfile):
-    """Isolated grains of one material in another, their volume fraction varying with height.
+    """Isolated grains of one material in another, with a volume fraction that varies with height.
 
     The Hashin-Shtrikman estimate with the matrix as the reference phase (for spheres, that of
     Mori and Tanaka), with moduli replaced by complex moduli: with K, G the bulk and shear

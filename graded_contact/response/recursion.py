@@ -6,9 +6,9 @@ its lower face; v_0 is the traction on the base. Then, with Q, G, P of `slab` an
 
     M_zz = Φ = Σ_i [v_iᵀ Q_i v_i + 2 v_iᵀ P_i w_i - w_iᵀ G_i w_i] + v_0ᵀ c_0 v_0,
 
-and a change of any property changes M_zz by what it changes in Φ with all v and w fixed: the
-derivative is a sum over layers, without a chain through the recursion. It costs a second sweep,
-downwards, for v and w; differentiating the recursion itself costs some hundred evaluations.
+and the derivative of M_zz by any property is that of Φ at fixed v and w: a sum over layers, without
+the chain rule through the recursion. It costs a second sweep, downwards, for v and w;
+differentiation of the recursion itself costs about a hundred evaluations.
 """
 
 from collections.abc import Callable, Sequence

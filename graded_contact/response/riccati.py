@@ -9,10 +9,10 @@ With κ = ν/(1 - ν), c in units of 2/(E_ref q), ζ = q z upwards, R = 2 E_r/E_
     c_T' = B1 - c_T²/B1
 
 (no derivative of a modulus appears; ν may vary). On a free base c is infinite, and its inverse
-is integrated. Upwards the equation forgets its start as e^-2ζ; downwards it would blow up. Started
-where the wave ends (`mesh.WINDOW`), it is not stiff. Downwards goes the stiffness G of what
-lies above, which with the other sign of g12 obeys the equation of the inverse, and the traction
-v = (t, s) on a clamped face, along y = -ζ
+is integrated. Upwards the effect of the start decays as e^-2ζ; downwards it would grow. The
+integration starts where the wave has decayed (`mesh.WINDOW`), so the equation is not stiff. Two
+quantities are integrated downwards, along y = -ζ: the stiffness G of the part above, which with the
+other sign of g12 obeys the equation of the inverse, and the traction v = (t, s) on a clamped face
 
     t' = κ s - B1 g11 t - B2 g12 s     s' = -t - B1 g12 t - B2 g22 s     T' = -B1 g_T T,
 
@@ -100,9 +100,9 @@ _MAX_STEPS = 4096
 class Riccati(AbstractGradedSolver):
     """The differential equation of the compliance, integrated by diffrax.
 
-    The tolerance of a step is `rtol`/30; the error is estimated by a second integration with
-    one ten times larger. `benchmarks/bench_grading.py` compares it with `Layering`, which shares
-    nothing with it but a rough solution for the sizes: it is slower for an equal error.
+    The tolerance of a step is `rtol`/30; a second integration with a tolerance ten times larger
+    estimates the error. `benchmarks/bench_grading.py` compares it with `Layering`: `Riccati` is
+    slower for an equal error. The two methods share only a rough solution for the sizes.
 
     **Fields:**
 
@@ -127,9 +127,8 @@ class Riccati(AbstractGradedSolver):
         for kind in ("ForwardMode", "BacksolveAdjoint"):
             if self.adjoint is not None and _is_diffrax(self.adjoint, kind):
                 raise ValueError(
-                    f"`adjoint={kind}(...)` has no derivatives by a profile in reverse mode, which "
-                    "`adjoint` is for (those in forward mode need none): pass "
-                    "`RecursiveCheckpointAdjoint()` or `DirectAdjoint()`."
+                    f"`adjoint={kind}(...)` cannot differentiate by a profile in reverse mode. "
+                    "Pass `RecursiveCheckpointAdjoint()` or `DirectAdjoint()`."
                 )
         if not (self.controller is None or callable(self.controller)):
             raise ValueError(

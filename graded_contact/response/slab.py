@@ -9,9 +9,9 @@ below, the upper face has
     c' = Q + P c (1 + G c)⁻¹ Pᵀ,
 
 all in units of 2/(E_r q) with E_r = E/(1 - ν²) of the slab. Q, G, P are 2×2; their entries are
-sums of decaying exponentials in x = q d, so that nothing grows for thick slabs, and the small
-differences of thin ones are written out as series, so that nothing cancels. The determinant of
-c is computed separately: for a free laminate c11 c22 - c12² loses every digit of it.
+sums of decaying exponentials in x = q d, so that no term grows for thick slabs. The small
+differences of thin slabs are series, so that no terms cancel. The determinant of c is computed
+separately: for a free laminate c11 c22 - c12² has no correct digit.
 
 The factors are those of the quasi-static Navier equations (the paper's slab matrices M1 to M4
 for constant ν, rearranged); `docs/theory/response.md` derives them.

@@ -33,7 +33,7 @@ _SAFETY = 3.0  # largest error over the largest of the sample
 
 @shown("num_nodes", "num_evaluations", "error")
 class KernelTable(eqx.Module):
-    """The values at the nodes, and how good they are.
+    """The values at the nodes, and their error.
 
     **Fields:**
 
@@ -66,8 +66,8 @@ def tabulate(
 ) -> KernelTable:
     """Returns a table for the mode numbers 0 ... `highest` in each direction.
 
-    It has the nodes that `tolerance` seems to need; `error` shows whether it was met. `probe` is
-    the function, or a cheaper version of it, from which the number of nodes is read off.
+    The number of nodes follows from `tolerance`, by values of `probe`: the function, or a cheaper
+    version of it. `error` shows whether the tolerance was reached.
     """
     counts = _counts(probe, highest, tolerance / 10, dtype)
     nodes = [_nodes(n, top) for n, top in zip(counts, highest, strict=True)]

@@ -162,8 +162,8 @@ def stretched(values: Float[Array, " n"], log_factor: Float[Array, ""]) -> Float
     lost = jnp.max(jnp.abs(logs)) >= reach * (1 - 1e-6)
     if is_concrete(lost) and lost:
         raise ValueError(
-            "`temperature` cannot be changed again: the material was brought to one at which its "
-            "times leave the range of numbers. Start from the material at its reference."
+            "`temperature` cannot be changed again: at the temperature of this material its times "
+            "are beyond the range of numbers. Start from the material at its reference temperature."
         )
     # In two steps, neither of which overflows.
     root = jnp.exp(jnp.clip(log_factor, -reach - logs, reach - logs) / 2)

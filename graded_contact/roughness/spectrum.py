@@ -171,8 +171,8 @@ def _lay(
         return None, None
     if roll_off != "smooth":
         raise ValueError(
-            f"`anisotropy={short(anisotropy)}` is refused with the sharp roll-off, whose kink lies "
-            'at another q in every direction: pass `roll_off="smooth"`.'
+            f"`anisotropy={short(anisotropy)}` is refused with the sharp roll-off: pass "
+            '`roll_off="smooth"`.'
         )
     anisotropy = as_scalar(anisotropy, "anisotropy")
     angle = as_scalar(0.0 if angle is None else angle, "angle")

@@ -110,7 +110,7 @@ def scatter(
 
     - `objective`: as in `minimise`.
     - `parameters`: of the design.
-    - `spread`: standard deviation of ln(parameter) [1]: one number, or as `parameters`.
+    - `spread`: standard deviation of ln(parameter) [1]: one number, or one for each parameter.
     - `num_samples`, `seed`: number of draws, and the seed of the draws.
 
     **Returns:** values of the objective, shape `(num_samples,)`.
@@ -123,7 +123,7 @@ def scatter(
     width, _ = ravel_pytree(jax.tree.map(functools.partial(as_float, name="spread"), spread))
     width = jnp.broadcast_to(width, flat.shape) if width.shape == (1,) else width
     if width.shape != flat.shape:
-        raise ValueError("`spread` must be a number or as `parameters`.")
+        raise ValueError("`spread` must be one number, or have the nesting of `parameters`.")
     allowed = "a standard deviation of ln(parameter) lies between 0 and 10"
     check_values("spread", width, allowed, at_least=0, at_most=10)
     draws = jax.random.normal(jax.random.key(seed), (num_samples, flat.size))

@@ -33,20 +33,20 @@ def checkpointed(
 ) -> T:
     """Returns what `solve(*inputs, **given)` returns, continued from the last stored state.
 
-    Compiled in every process anew, which takes seconds; not under `jit` or `grad`.
+    Each process compiles it again, which takes seconds. Not under `jit` or `grad`.
 
     **Arguments:**
 
     - `folder`: where the pressure is stored; it may contain pressures of other problems.
     - `solve`: `slide` or `solve_contact`.
-    - `inputs`, `given`: its arguments. A `start` among them counts if nothing is stored.
+    - `inputs`, `given`: its arguments. A `start` among them is used if nothing is stored.
     - `every`: least time from one writing to the next [s].
 
     **Returns:** the solution. The stored state stays, and a further call starts from it.
 
     **Raises:** `BlockingIOError` if another process solves in this folder; `ValueError` for another
     solver than `DouglasRachford`; and the errors of `solve`. If the folder cannot be written, the
-    solve continues with a warning. If the stored state is damaged, the solve starts anew with a
+    solve continues with a warning. If the stored state is damaged, the solve starts again with a
     warning.
     """
     check_values("every", every, "a time [s] is at least 0", at_least=0)
@@ -58,7 +58,7 @@ def checkpointed(
     with Store(folder) as store:
         earlier = store.read(name)
         if store.damaged:
-            warnings.warn(f"{store.path(name)} was damaged: the solve begins anew", stacklevel=2)
+            warnings.warn(f"{store.path(name)} is damaged: the solve starts again", stacklevel=2)
         if earlier is not None:
             begin = earlier.values["pressure"]
         written = time.monotonic()
@@ -70,7 +70,7 @@ def checkpointed(
             try:
                 store.write(name, Point({"pressure": np.asarray(pressure)}))
             except OSError as error:
-                warnings.warn(f"{error} The solve goes on.", stacklevel=2)
+                warnings.warn(f"{error} The solve continues.", stacklevel=2)
             written = time.monotonic()
 
         solver = eqx.tree_at(lambda s: s.callback, solver, keep, is_leaf=lambda leaf: leaf is None)

@@ -1,7 +1,7 @@
 """Objectives and constraints for a coating, as functions of a stack.
 
-They read the response and the mean field only: milliseconds. Contact solves with the same meaning
-are the user's `slide(...)`, to verify and polish what these found.
+They use the response and the mean field only, and take milliseconds. Verify and improve their
+results by contact solves (`slide`).
 """
 
 import jax

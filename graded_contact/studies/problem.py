@@ -32,12 +32,12 @@ def box_of(lower: Any, upper: Any) -> Box:
     high = _flat("upper", upper, lower)
     names, low = named(lower)
     if len(low) == 0:
-        raise ValueError("`lower` holds no parameter.")
+        raise ValueError("`lower` is empty: at least one parameter is needed.")
     for name, a, b in zip(names, low, high, strict=True):
         if not (np.isfinite(a) and np.isfinite(b) and 0 < a <= b):
             raise ValueError(
-                f"Bounds of {name} are {a:g} and {b:g}; they must be positive, and the lower one "
-                "not above the upper."
+                f"`lower` and `upper` of {name} are {a:g} and {b:g}; they must be positive, and "
+                "`lower` at most `upper`."
             )
     _, unravel = ravel_pytree(jax.tree.map(lambda leaf: jnp.asarray(leaf, float), lower))
     return Box(low, high, names, unravel)
@@ -50,7 +50,7 @@ def first_in(box: Box, start: Any, lower: Any) -> Flat:
     first = _flat("start", start, lower)
     for name, x, a, b in zip(box.names, first, box.low, box.high, strict=True):
         if not a * (1 - 1e-9) <= x <= b * (1 + 1e-9):
-            raise ValueError(f"`start` has {name} = {x:g}, not between {a:g} and {b:g}.")
+            raise ValueError(f"`start` has {name} = {x:g}; it must be between {a:g} and {b:g}.")
     return np.clip(first, box.low, box.high)
 
 
@@ -174,7 +174,10 @@ class Problem:
             raise ValueError(f"`objective` is {np.asarray(value)} at {self._text(x, draw)}.")
         limits, slopes = self.limits(x, draw)
         if not (np.all(np.isfinite(slope)) and np.all(np.isfinite(slopes))):
-            raise ValueError(f"A derivative is not finite at {self._text(x, draw)}.")
+            raise ValueError(
+                "A derivative of `objective` or `constraints` is not finite at "
+                f"{self._text(x, draw)}."
+            )
         return Evaluation(float(value), limits, np.asarray(slope), slopes)
 
     def _keys(self, draw):

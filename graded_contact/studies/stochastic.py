@@ -1,19 +1,20 @@
 """Design with a random objective: parameters that minimise its mean.
 
-    def objective(parameters, key):           # friction on a surface that nobody saw before
+    def objective(parameters, key):           # friction on a new surface
         surface = random_surface(spectrum, grid, key)
         return slide(with_values(stack, parameters), surface, ...).friction
 
-A design for a few given surfaces is one for these; here every step draws anew. Steps are those of
-an optimiser of optax (by default Adam: D. P. Kingma, J. Ba, arXiv:1412.6980) on the logarithms of
-the parameters, projected on the bounds. Constraints enter by an augmented Lagrangian whose
-multipliers move with every step (R. T. Rockafellar, SIAM J. Control 12 (1974) 268,
-doi:10.1137/0312021). What comes out is the mean of the later iterates, from which chance averages
-out (B. T. Polyak, A. B. Juditsky, SIAM J. Control Optim. 30 (1992) 838, doi:10.1137/0330046),
-moved to the nearest point that meets the constraints, and judged by draws that no step has seen.
+A design for a few given surfaces is good on these surfaces only; here every step draws a new one.
+Steps are those of an optimiser of optax (by default Adam: D. P. Kingma, J. Ba, arXiv:1412.6980) on
+the logarithms of the parameters, projected on the bounds. Constraints enter by an augmented
+Lagrangian whose multipliers move with every step (R. T. Rockafellar, SIAM J. Control 12 (1974) 268,
+doi:10.1137/0312021). The result is the mean of the later iterates, which reduces noise (B. T.
+Polyak, A. B. Juditsky, SIAM J. Control Optim. 30 (1992) 838, doi:10.1137/0330046), moved to the
+nearest point that satisfies the constraints. New draws, which no step has used, then give its value
+and errors.
 
-A contact on a surface drawn anew has no neighbour to `start` from: the pressure under another
-surface costs it more than none (`bench_design.py unseen`).
+A contact on a new surface has no useful `start`: the pressure under another surface costs more than
+no start (`bench_design.py unseen`).
 """
 
 from collections.abc import Callable
@@ -62,22 +63,22 @@ def minimise_expected(
 
     **Arguments:**
 
-    - `objective`: parameters and a key of JAX -> a number, differentiable by JAX; it is jitted. The
-      key is to draw all that is random, another one every time.
+    - `objective`: parameters and a key of JAX -> a number, differentiable by JAX; it is jitted.
+      Draw all random numbers with the key, which is a new one in each step.
     - `lower`, `upper`, `start`: as in `minimise`; there is one start.
     - `constraints`: parameters and the key -> numbers whose means must not be negative.
     - `optimiser`: any of optax, for the logarithms of the parameters; by default `optax.adam` with
       a rate that falls from 0.1 to 0.
-    - `num_steps`: draws to descend by; the mean is that of the latter half of the iterates.
-    - `num_checks`: draws to judge the result by, which no step has seen, at least 2.
-    - `seed`: of all draws: the same gives the same design.
+    - `num_steps`: number of steps, a draw each; the result is the mean of the latter half.
+    - `num_checks`: number of new draws that evaluate the result, at least 2.
+    - `seed`: of all draws: the same seed gives the same design.
     - `rtol`: change and standard error of the value, over the objective's size, up to which
       the result counts as converged.
     - `store`: as in `minimise`.
     - `progress`: called with the number and the value of each draw; what it raises ends the run.
 
-    **Returns:** the design; its value, margins and elasticities are means over the draws that
-    judge it, `error` is the standard error of the value, `multipliers` are those of the
+    **Returns:** the design; its value, margins and elasticities are means over the new draws,
+    `error` is the standard error of the value, `multipliers` are those of the
     constraints. There is one run, whose message says what is missing if it did not converge.
 
     **Raises:** `ValueError` as `minimise` does, and if the result misses a constraint.

@@ -25,11 +25,11 @@ def fingerprint(*parts: Any) -> str:
     Parts are trees of JAX, such as stacks, solvers, lists and dicts, of numbers, texts and arrays
     (bit for bit, with dtype and shape).
 
-    **Raises:** `ValueError` for anything else: a function has no lasting name.
+    **Raises:** `ValueError` for anything else, such as a function.
     """
     leaves, structure = jax.tree.flatten(parts)
     if " at 0x" in str(structure):
-        raise ValueError(f"{structure} has a function, which has no lasting name.")
+        raise ValueError(f"{structure} contains a function, which a later run cannot identify.")
     pieces = [str(structure).encode()]
     for leaf in leaves:
         array = np.asarray(leaf)
@@ -39,7 +39,7 @@ def fingerprint(*parts: Any) -> str:
             kind = f"{type(leaf).__name__}{array.shape}"
             pieces.append(f"{kind}{array.tolist()!r}".encode("utf-8", "surrogatepass"))
         else:
-            raise ValueError(f"{leaf!r} has no lasting name.")
+            raise ValueError(f"{leaf!r} cannot be identified in a later run.")
     lengths = [f"{len(piece)}:".encode() for piece in pieces]
     return hashlib.sha256(b"".join([*lengths, *pieces])).hexdigest()
 

@@ -38,8 +38,8 @@ def sweep(
     One compiled function solves all points. A point that fails has its reason and NaN; a point
     whose solver did not converge has the message of the solver and its numbers. With a `store`
     each result is on the disk when its point ends; the same call then solves only the points that
-    are not there, and those whose worker died. Another function, or another number that it closes
-    over, is another study. Ctrl-C returns the results so far.
+    are missing, and those whose worker died. Another function, or another number inside it, is
+    another study. Ctrl-C returns the results so far.
 
     Each point is solved by itself: a start from its neighbour saves 2 to 12 % of the FFT pairs, but
     the bits would depend on the points solved before. The same call on the same machine gives the
@@ -205,7 +205,7 @@ def _points(axes: Any) -> tuple[dict[str, Any], dict[str, np.ndarray]]:
             f"`axes={short(axes)}` must be a dict of axes or a list of points, one at least."
         )
     if len(np.unique(np.stack([*columns.values()]), axis=1).T) < len(next(iter(columns.values()))):
-        raise ValueError(f"`axes={short(axes)}` holds a point twice.")
+        raise ValueError(f"`axes={short(axes)}` contains a point twice.")
     return coordinates, columns
 
 
@@ -219,7 +219,7 @@ def _numbers(name: Any, values: Any) -> np.ndarray:
     whole = np.asarray(values).dtype.kind in "iu"
     at = np.asarray(values) if whole else np.asarray(as_float(values, name))
     if at.ndim != 1 or not at.size:
-        raise ValueError(f"`{name}` has shape {at.shape}: an axis has one dimension, and points.")
+        raise ValueError(f"`{name}` has shape {at.shape}: one axis with points is needed.")
     check_values(name, at, "the numbers of an axis are finite")
     return at
 
@@ -237,13 +237,13 @@ def _check_results(program: Program, columns: dict[str, Any], count: int) -> Non
         )
     twice = [name for name in results if name in (*columns, "point", "message")]
     if twice:
-        raise ValueError(f"`function` returns {twice[0]!r}, the name of an axis: give it another.")
+        raise ValueError(f"`function` returns {twice[0]!r}, the name of an axis: use another name.")
     one = sum(like.size * like.dtype.itemsize for like in results.values())
     free = available_memory() if one * count > SMALL else None
     if free is not None and one * count > free:
         raise ValueError(
-            f"`axes` is refused: {count} points with {in_gigabytes(one)} each are more than the "
-            f"{in_gigabytes(free)} of memory that are free. {int(free // one)} would fit; or let "
+            f"`axes` is refused: {count} points take {in_gigabytes(one)} each, and "
+            f"{in_gigabytes(free)} of memory are free. {int(free // one)} points would fit; or let "
             "`function` return less."
         )
 

@@ -153,8 +153,8 @@ def on_workers(
             hand_out()
     except (OSError, CancelledError) as error:
         raise ConnectionError(
-            f"The scheduler {client.scheduler.address} is gone: {error}. Finished points are in "
-            "the store, if there is one."
+            f"The scheduler {client.scheduler.address} does not answer: {error}. Finished points "
+            "are in the store, if there is one."
         ) from error
     finally:
         with contextlib.suppress(OSError):

@@ -285,7 +285,7 @@ def test_error_hidden_by_rounding_is_reported():
     """In float32, of pressures that are small beside what the gaps are worth."""
     kernel = half_space(GRID).astype(jnp.float32)
     heights = rough(GRID).heights.astype(jnp.float32)
-    with pytest.raises(RuntimeError, match="Rounding hides what is left of the error"):
+    with pytest.raises(RuntimeError, match="Rounding hides the remaining error"):
         gc.solve_contact(kernel, heights, 2e-3, rtol=2e-5)
     found = gc.solve_contact(kernel, heights, 2e-3, rtol=2e-5, throw=False)
     assert found.result == gc.contacts.RESULTS.rounding

@@ -464,7 +464,7 @@ def test_sheets_of_one_isotherm_each_are_joined_and_of_one_temperature_refused(t
     cold, hot = read_moduli(save([40, 20])).isotherms()
     np.testing.assert_allclose(cold.values, 4e6 + 5e5j)
     np.testing.assert_allclose(hot.temperature, 313.15)
-    with pytest.raises(ValueError, match=r"'step 0', 'step 1'.* hold similar tables.*pass `sheet`"):
+    with pytest.raises(ValueError, match=r"'step 0', 'step 1'.* have similar tables.*pass `sheet`"):
         read_moduli(save([20, 20]))
     assert len(read_moduli(save([20, 20]), sheet="step 1").abscissa) == 2
 

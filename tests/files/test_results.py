@@ -115,7 +115,7 @@ def test_other_files_are_refused(tmp_path):
     with pytest.raises(ValueError, match=r"a\.h5.*an earlier version wrote it"):
         read_results(path)
     write(path, make_results().drop_vars("heights"))
-    with pytest.raises(ValueError, match=r"a\.h5` has no results of a scene"):
+    with pytest.raises(ValueError, match=r"a\.h5` does not contain the results of a scene"):
         read_results(path)
 
 

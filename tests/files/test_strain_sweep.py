@@ -115,5 +115,5 @@ def test_the_reader_of_moduli_names_the_reader_of_sweeps(tmp_path):
 def test_several_curves_in_one_file_are_refused(tmp_path, strains):
     moduli = np.linspace(2e6, 1e6, 4), np.linspace(2e5, 1e5, 4)
     (tmp_path / "s.csv").write_text(table("strain [%],E' [Pa],E'' [Pa]", (strains, *moduli), ","))
-    with pytest.raises(ValueError, match="Several curves, or a sweep up and down"):
+    with pytest.raises(ValueError, match="several curves, or a sweep up and a sweep down"):
         read_strain_sweep(tmp_path / "s.csv")

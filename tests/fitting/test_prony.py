@@ -537,7 +537,7 @@ REFUSED = [
     # Data that no measurement gives.
     (fit_prony, np.append(0.0, OMEGA[1:]), OMEGA + 1j, {}, r"`omega\[0\]=0` is refused"),
     (fit_prony, OMEGA.astype(np.float32), OMEGA + 1j, {}, "double precision"),
-    (fit_relaxation, np.zeros(60), OMEGA, {}, "`time` holds no time after 0"),
+    (fit_relaxation, np.zeros(60), OMEGA, {}, "`time` has no time above 0"),
     (fit_creep, 1e300 * TIME, TIME, {}, "a measured value lies between 1e-100 and 1e"),
     (fit_relaxation, TIME, RELAXATION[1][::-1], {}, "from every positive spectrum"),
     (fit_creep, TIME, CREEP[1][::-1], {}, "from every positive spectrum"),

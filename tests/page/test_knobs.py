@@ -144,10 +144,10 @@ def test_an_address_names_no_other_file_and_no_finer_grid(opened, tmp_path):
         {"grid": {"shape": "ab", "size": 1e-3}},
     ):
         state = to_address(document._replace(content=document.content | change), ())
-        with pytest.raises(ValueError, match="The address holds no scene of this page"):
+        with pytest.raises(ValueError, match="The address does not contain a scene of this page"):
             from_address(state, document, tmp_path / "out")
     for text in ("x", "ü", to_address(document, ())[:-9], "A" * 400):
-        with pytest.raises(ValueError, match="The address holds no scene of this page"):
+        with pytest.raises(ValueError, match="The address does not contain a scene of this page"):
             from_address(text, document, tmp_path)
 
 

@@ -72,7 +72,7 @@ def test_what_cannot_be_stored_or_read_costs_no_solve(tmp_path, problem, undistu
     def refuse(store, name, point):
         raise full
 
-    with monkeypatch.context() as patch, pytest.warns(UserWarning, match="The solve goes on"):
+    with monkeypatch.context() as patch, pytest.warns(UserWarning, match="The solve continues"):
         patch.setattr(Store, "write", refuse)
         found = checkpointed(tmp_path, gc.slide, block, road, every=0.0, **given)
     assert is_same(found, undisturbed) and found.num_fft_pairs == undisturbed.num_fft_pairs
@@ -82,7 +82,7 @@ def test_what_cannot_be_stored_or_read_costs_no_solve(tmp_path, problem, undistu
     damaged = bytearray(kept.read_bytes())
     damaged[len(damaged) // 2] ^= 1
     kept.write_bytes(damaged)
-    with pytest.warns(UserWarning, match="was damaged: the solve begins anew"):
+    with pytest.warns(UserWarning, match="is damaged: the solve starts again"):
         found = checkpointed(tmp_path, gc.slide, block, road, every=0.0, **given)
     assert is_same(found, undisturbed) and found.num_fft_pairs == undisturbed.num_fft_pairs
 

@@ -183,7 +183,7 @@ def test_functions_that_differ_in_arrays_alone_are_compiled_once_in_a_process():
     ({}, "one at least"),
     ({"velocity": []}, r"`velocity` has shape \(0,\)"),
     ({"velocity": [1.0, np.nan]}, "`velocity"),
-    ({"velocity": [1.0, 1.0]}, "holds a point twice"),
+    ({"velocity": [1.0, 1.0]}, "contains a point twice"),
     ({"a/b": [1.0]}, "without a slash"),
     ([{"x": 1.0}, {"y": 1.0}], r"`axes\[1\]=.*names of the first point"),
 ])  # fmt: skip
@@ -213,7 +213,7 @@ def test_wrong_names_and_results_are_refused():
 def test_more_than_the_memory_is_refused_with_what_would_fit(monkeypatch):
     monkeypatch.setattr(sweep_module, "available_memory", lambda: 5e9)
     axes = {"x": np.arange(100.0)}
-    with pytest.raises(ValueError, match=r"100 points with 0\.8 GB each.* 6 would fit"):
+    with pytest.raises(ValueError, match=r"100 points take 0\.8 GB each.* 6 points would fit"):
         sweep(lambda point: jnp.zeros(10**8) + point["x"], axes)
 
 
@@ -288,7 +288,9 @@ def test_a_scheduler_that_ends_is_named_and_finished_points_are_stored(
         return answers.pop()
 
     monkeypatch.setattr(threads, "nthreads", nthreads)
-    with pytest.raises(ConnectionError, match=r"^The scheduler inproc.* is gone: closed\. Finish"):
+    with pytest.raises(
+        ConnectionError, match=r"^The scheduler inproc.* does not answer: closed\. Finish"
+    ):
         sweep(draw, AXES, client=threads, store=tmp_path)
     assert len(list(tmp_path.glob("*.point"))) >= 1
 

@@ -106,7 +106,7 @@ def note_isotherms(entries: "pd.DataFrame", notes: list[str]) -> None:
     )
     if drift > RAMP:
         raise ValueError(
-            f"the temperature changes by {drift:.3g} K within a sweep: these are no isotherms"
+            f"the temperature changes by {drift:.3g} K within a sweep: isotherms are needed"
         )
     if drift > 2 * ISOTHERM_GAP:
         notes.append(

@@ -125,7 +125,7 @@ def _entries(measured: MeasuredTable, notes: list[str]) -> "pd.DataFrame":
     if len(found) < 2 or unusable > len(found):
         raise ValueError(
             f"{len(found)} complete rows of numbers are left; at least 2 are needed, and half of "
-            f"them. {' '.join(left_out)} Are the columns and units right (`columns`, `units`)"
+            f"all rows. {' '.join(left_out)} Are the columns and units right (`columns`, `units`)"
         )
     notes += left_out
     words = [(row.line, "") for segment in table.segments for row in segment.words]
@@ -202,7 +202,7 @@ def _at_constant_load(
         notes.append(_left_out(f"a {quantity} that differs from it by {2 * CONSTANT:.0%}", rows))
     if np.sum(good) < max(2, 0.5 * len(good)):
         raise ValueError(
-            f"the {quantity} is not constant: this is no {measured.kind}. {' '.join(notes[-2:])}"
+            f"the {quantity} is not constant, as {measured.kind} needs. {' '.join(notes[-2:])}"
         )
     entries = entries.loc[good].copy()
     entries["isotherm"] = np.unique(entries["isotherm"], return_inverse=True)[1]
@@ -295,7 +295,7 @@ def _check_sweep(points: Measured, notes: list[str]) -> None:
     if least == most or (single and most < (1 + CONSTANT) * least):
         hint = " (`materials.read_strain_sweep` reads those over strain)"
         hint = hint if name == "frequency" else ""
-        raise ValueError(f"the {name} is the same in every row: this is no sweep over {name}{hint}")
+        raise ValueError(f"the {name} is the same in every row: no sweep over {name}{hint}")
     near = np.diff(abscissa) <= SAME * abscissa[:-1]
     twice = np.flatnonzero(near & (np.diff(points.isotherm) == 0))
     if not len(twice):

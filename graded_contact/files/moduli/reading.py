@@ -153,8 +153,8 @@ def strain_sweep(path, columns, units, sheet, step) -> Measured:
     back = np.any(strains < _BACK * np.maximum.accumulate(strains))
     if back or len(np.unique(strains)) < len(strains):
         raise ValueError(
-            f"`path={path}`: its strains do not rise (or fall) from row to row. Several curves, or "
-            "a sweep up and down, belong in files of their own."
+            f"`path={path}`: its strains do not increase (or decrease) from row to row. Put "
+            "several curves, or a sweep up and a sweep down, into separate files."
         )
     return sweep
 
@@ -234,8 +234,7 @@ def _read(
         names = [sheet.name for sheet, _ in understood]
         if len(parts) > 1 and not distinct(parts):
             raise ValueError(
-                f"the sheets {names} hold similar tables, not of different temperatures; pass "
-                "`sheet`"
+                f"the sheets {names} have similar tables of the same temperature; pass `sheet`"
             )
         whole = joined(parts) if len(parts) > 1 else parts[0]
         left = [repr(sheet.name) for sheet in sheets if sheet.name not in names]

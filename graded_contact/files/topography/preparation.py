@@ -156,7 +156,7 @@ class _Prepared:
         self.values = self.values - joint
         after = step("", self.values, self.spacing)
         if after.rms_height <= 1e-12 * before.rms_height:
-            raise ValueError("`heights` vary only as the function that joins their edges does.")
+            raise ValueError("`heights` has no roughness left after its edges were joined.")
         factor = min(before.rms_slope / after.rms_slope, MOST)
         self.values = factor * self.values
         self.notes.append(
@@ -258,7 +258,7 @@ def _window(values: np.ndarray) -> tuple[np.ndarray, np.ndarray, float]:
         window = window * np.expand_dims(taper, [a for a in range(values.ndim) if a != axis])
     tapered = window * (values - np.mean(values))
     if np.std(tapered) <= 1e-6 * np.std(values):
-        raise ValueError("`heights` vary only at the edges, where the window removes them.")
+        raise ValueError("`heights` vary only at the edges, where the window is zero.")
     factor = float(np.std(values) / np.std(tapered))
     return factor * tapered, window, factor
 

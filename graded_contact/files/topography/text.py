@@ -258,7 +258,7 @@ def _matrix(table: _Table) -> Scan:
             corner = length_unit(cells[0])
     if any(labels) and not all(labels):
         line = "row" if labels[0] else "column"
-        raise Refusal(f"its first {line} ascends in equal steps: an axis? remove it")
+        raise Refusal(f"its first {line} increases in equal steps, like an axis: remove it")
     if not all(labels):
         return Scan(values.T, "a matrix of heights", unit=unit)
     notes = ["Its first row and first column were taken as x and y."]
