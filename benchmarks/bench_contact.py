@@ -1,21 +1,21 @@
-"""How many transforms, how long and how exact: contact of elastic and viscoelastic bodies.
+"""Transforms, times and errors of contacts of elastic and viscoelastic bodies.
 
     python benchmarks/bench_contact.py elastic       compared with Tamaas and ContactMechanics
     python benchmarks/bench_contact.py viscoelastic  FFT pairs, growth with N
     python benchmarks/bench_contact.py observables   friction, area, gap: errors, claims, pairs
-    python benchmarks/bench_contact.py random        random scenes: any failure, any false claim?
+    python benchmarks/bench_contact.py random        random scenes: failures, broken claims
     python benchmarks/bench_contact.py hard          small contacts, moduli far apart
     python benchmarks/bench_contact.py overhead      wall time over that of the transforms alone
     python benchmarks/bench_contact.py many          many small solves in one program
     python benchmarks/bench_contact.py cylinder      gliding cylinder, exact
-    python benchmarks/bench_contact.py kernel        layered contacts as Tamaas finds them
+    python benchmarks/bench_contact.py kernel        layered contacts, compared with Tamaas
     python benchmarks/bench_contact.py gradient      cost of derivatives
     python benchmarks/bench_contact.py linear        FFT pairs and errors of their linear solves
     python benchmarks/bench_contact.py first         seconds before the first answer
     python benchmarks/bench_contact.py cycle         periodic motion, beside time steps
     python benchmarks/bench_contact.py largest       N = 8192: minutes and memory
 
-One FFT pair is a real transform forth and back on the full grid; coarse grids count by their size.
+One FFT pair is a real transform and its inverse on the full grid; coarse grids count by their size.
 Errors are of the pressure, root mean square, against a solution at 1e-10, unless stated. Surface:
 H = 0.8, roll-off 4 q0, cut-off (N/8) q0, rms slope 0.1. Bodies, all of reduced modulus 1 Pa at
 rest: elastic; `single`, one relaxation time, tenfold; `broad`, 1000-fold over ten decades; `tread`,

@@ -1,13 +1,13 @@
-"""What a part of a rough surface, made periodic, gets wrong of the whole.
+"""The error of a part of a rough surface, made periodic, compared with the whole surface.
 
     python benchmarks/bench_cut.py
 
-Parts are cut at random from surfaces that are known: random periodic ones four times as long as the
-part, whose spectrum rolls off at 24, 8 or 1 waves per length of the whole, and with `--data FOLDER`
-measured ones, of which the mirrored whole counts as the truth. Each part is levelled and closed in
-every way that `surface_from_heights` offers, and by nothing ("cut"). A tyre tread slides over it.
-Printed are the bias of friction, contact area and rms slope against the whole [%] with its standard
-error, and the standard deviation of the parts; 200 parts of each kind.
+Parts are cut at random from known surfaces: random periodic ones four times as long as the part,
+whose spectrum rolls off at 24, 8 or 1 waves per length of the whole, and with `--data FOLDER`
+measured ones, whose reference is the mirrored whole. Each part is levelled and made periodic by
+each choice of `surface_from_heights`, and left as it is ("cut"). A tyre tread slides over it. The
+benchmark prints the bias of friction, contact area and rms slope against the whole [%] with its
+standard error, and the standard deviation of the parts; 200 parts of each kind.
 """
 
 from collections.abc import Callable, Iterator

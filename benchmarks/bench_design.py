@@ -1,11 +1,11 @@
-"""Inverse design: a coating for the most friction, on frozen surfaces and on ever new ones.
+"""Inverse design: a coating for the most friction, on fixed surfaces and on new ones in each step.
 
     python benchmarks/bench_design.py unseen
 
 All searches begin with the block of examples/design_coating.toml and make the mean of ln friction
-large under its limits of stiffness and thickness; they are judged by the friction of their designs
-over that of the block (geometric means), on surfaces that none has seen. First the speed is that of
-the block, then it is drawn with every surface, 1 mm/s to 10 m/s. Counted are contacts solved, each
+large under its limits of stiffness and thickness. The gain is the friction of a design over that of
+the block (geometric means), on surfaces that no search used. First the speed is that of the block,
+then it is drawn with every surface, 1 mm/s to 10 m/s. The benchmark counts contact solves, each
 with its derivatives.
 """
 

@@ -3,9 +3,9 @@
     python benchmarks/bench_explore.py [--scene FILE] [--keys 20] [--screenshot FILE]
 
 Serves `graded-contact explore` (without a scene the demo's, 256²) on the loopback address, opens it
-in headless Chromium, waits until all is compiled, and turns one slider after the other by one key,
-each after all of the last is drawn. Times are from the key to the end of the frame in which the
-browser draws the data that changed.
+in headless Chromium, waits until all is compiled, and moves one slider after the other by one key,
+each after the drawing of the last one ended. Times are from the key to the end of the frame in
+which the browser draws the changed data.
 """
 
 import re
@@ -44,7 +44,7 @@ TARGETS = {"curves": 0.2, "contact": 0.3, "derivatives": 1.0}  # s
 
 
 def free_port() -> int:
-    """Returns a port that nobody uses."""
+    """Returns a free port."""
     with socket.socket() as free:
         free.bind(("127.0.0.1", 0))
         return free.getsockname()[1]

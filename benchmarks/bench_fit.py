@@ -1,13 +1,13 @@
-"""How exact, how fast: Prony series from measured moduli, and what they do to friction.
+"""Prony series from measured moduli: errors, times, and their effect on friction.
 
     python benchmarks/bench_fit.py errors     errors over numbers of terms, on open data
     python benchmarks/bench_fit.py speed      seconds, the first call apart
     python benchmarks/bench_fit.py friction   one rough surface on differently fitted materials
     python benchmarks/bench_fit.py solvers    the search against SciPy's and optimistix's
 
-Errors are root mean squares of ln(fit/measured) over all storage and loss moduli, which is what the
-package minimises, and of fit/measured - 1. The floor is that of non-negative least squares (SciPy)
-on a dense grid of times, in the latter. Data and peers: `prony_peers.py`; the last two sections:
+Errors are root mean squares of ln(fit/measured) over all storage and loss moduli, which the package
+minimises, and of fit/measured - 1. The floor of the latter is that of non-negative least squares
+(SciPy) on a dense grid of times. Data and peers: `prony_peers.py`; the last two sections:
 `fit_friction.py`, `fit_solvers.py`. `errors` and `friction` draw
 docs/bench_fit.png and docs/bench_fit-friction.png.
 """

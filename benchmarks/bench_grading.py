@@ -1,4 +1,4 @@
-"""How much time a graded layer costs for an error: stepwise, extrapolated, differential equation.
+"""Time against error of graded layers: stepwise, extrapolated, differential equation.
 
 The two profiles of the paper (Scaraggi & Comingio, App. B; ν = 1/2, half space below) at eleven
 wavenumbers, q d = 1e-3..1e2, against mpmath values of `tests/data/graded_profiles.json`. Times

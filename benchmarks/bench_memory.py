@@ -1,16 +1,16 @@
-"""Is the memory that is given before a computation what it takes? Peaks of whole processes.
+"""Estimated memory of a computation, compared with the peak of its process.
 
     python benchmarks/bench_memory.py [--sizes 1024 2048 4096] [--bits 64 32]
 
-Every case is a process of its own, so that nothing is left from another: it draws a random surface
-(`surface`), solves its contact with a coated tread whose kernel is computed before (`contact`),
-slides it over that block (`slide`), or does so under an angle (`oblique`) or with the derivative by
-the block's thickness (`derivative`). It runs twice: at first it compiles, which takes memory of its
-own whatever the grid (`first`), then it finds everything compiled (`peak`). Both are the largest
-resident set size that `getrusage` gives, less that of the second run on 64 x 64 points, which holds
-the libraries. They are in fields, of the size of the heights, and so is the estimate: that of
-`graded_contact.core.memory` for the case and for the surface and the kernel that live beside it. A
-ratio (estimate over peak) below 1 is a fault; on small grids what libraries keep for later shows.
+Every case is a separate process. It draws a random surface (`surface`), solves its contact with a
+coated tread whose kernel is computed before (`contact`), slides it over that block (`slide`), at an
+angle (`oblique`), or with the derivative by the block's thickness (`derivative`). Each case runs
+twice: the first run compiles, which takes memory on any grid (`first`); the second loads compiled
+code (`peak`). Both are the largest resident set size of `getrusage`, less that of the second run on
+64 x 64 points, which contains the libraries. Peaks and estimates are in fields of the size of the
+heights. The estimate is that of `graded_contact.core.memory` for the case, and for the surface and
+the kernel that exist at the same time. A ratio (estimate over peak) below 1 is a fault; on small
+grids the memory that libraries keep is visible.
 """
 
 import argparse
@@ -31,7 +31,7 @@ CELL = 8e-3  # m
 
 
 def measure(case: str, size: int) -> dict[str, float]:
-    """Peak and estimate [bytes] of a case in this process, which must have done nothing before."""
+    """Peak and estimate [bytes] of a case in this process, which must be new."""
     import jax
     import numpy as np
 

@@ -1,4 +1,4 @@
-"""How exact, how fast: the surface compliance M_zz, its derivatives and its kernel on a grid.
+"""Errors and times of the surface compliance M_zz, its derivatives and its kernel on a grid.
 
     python benchmarks/bench_response.py hard         errors on 20,000 random stacks
     python benchmarks/bench_response.py derivatives  errors of derivatives
@@ -6,7 +6,7 @@
 
 Errors are against mpmath at 100 digits, on the same doubles (`exact_stacks.py`); the package is
 compared with the paper's 3×3 recursion (`paper_recursion.py`). Random stacks: 1 to 300 layers on a
-half space, a rigid base or none; q d from 1e-12 to 1e8, of the stack or of every layer for itself;
+half space, a rigid base or none; q d from 1e-12 to 1e8, of the stack or of each single layer;
 moduli over twelve decades; loss tangents up to 10; ν from -0.9 to 1/2, with 1/2 and 1/2 - 1e-12
 frequent; complex ν from passive bulk and shear moduli.
 """

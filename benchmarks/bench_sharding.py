@@ -1,17 +1,16 @@
-"""What does one contact over several devices cost: time, memory of each, bytes exchanged?
+"""The cost of one contact over several devices: time, memory of each device, bytes exchanged.
 
     python benchmarks/bench_sharding.py [--sizes 1024 2048] [--devices 1 2 4] [--processes 2 4]
 
 A tread under an elastic coat, bench_contact's rough surface on N x N points (H = 0.8, roll-off
 4 q0, cut-off N/8 q0, rms slope 0.1), pressure 0.4 MPa at 0.1 m/s, rtol = 1e-6. Virtual devices of
-one process and processes with a device each (`jax.distributed`, gloo) share the cores of one
-machine: they show what is exchanged and stored, not what more machines would gain. `seconds` and
-the CPU time, of all processes together, are the least of some solves, compilation apart;
-`arguments`, `outputs` and `temporaries` are of the compiled solve, in what a device holds of a
-field of N x N numbers, then comes their sum; the peak is the largest resident set of a process;
-`sent` is what a device sends for each FFT pair, `else` the largest that is exchanged beside
-transforms; `pressure`
-and `friction` are the relative differences from one device, the former root mean square.
+one process, and processes with one device each (`jax.distributed`, gloo), share the cores of one
+machine: they show the bytes exchanged and stored, not the speed of more machines. `seconds` and the
+CPU time of all processes are the smallest of some solves, without compilation. `arguments`,
+`outputs` and `temporaries` belong to the compiled solve, in units of the share of a device in a
+field of N x N numbers; their sum follows. The peak is the largest resident set of a process. `sent`
+is what a device sends for each FFT pair, `else` the largest exchange besides transforms. `pressure`
+and `friction` are relative differences from one device, the former root mean square.
 """
 
 import json

@@ -27,9 +27,8 @@ and any δ >= 0 elsewhere. The derivative of the contact by its heights (`adjoin
 gives the effect of δ on pressure and gap, and so on every number computed from them. This is
 the dual-weighted residual of R. Becker & R. Rannacher, Acta Numerica 10 (2001) 1,
 doi:10.1017/S0962492901000010, for all numbers at once: one linear solve for the change of the
-contact replaces one adjoint solve for each number. The numbers after the step are better than
-those before. As long as the solver has not yet found the points in contact, this step improves them
-more than the same FFT pairs in the solver.
+contact replaces one adjoint solve for each number. Before the solver has found the points in
+contact, this step improves the numbers more than the same FFT pairs in the solver.
 """
 
 import dataclasses
@@ -151,9 +150,9 @@ def error_of(
 ) -> Array:
     """Returns the errors of numbers of this value, with the change to the exact contact.
 
-    `numbers(change)` are those after a change of the pressure. What the parts of the change do may
-    cancel, in the estimate but not in truth: so their root sum of squares is added. `size` is that
-    of what the numbers are differences of, which limits their digits.
+    `numbers(change)` are those after a change of the pressure. Contributions of parts of the change
+    may cancel in the estimate by chance: so their root sum of squares is added. `size` is the size
+    of the terms whose differences the numbers are, which limits their digits.
     """
     after, pull = jax.vjp(numbers, change)
 
@@ -169,9 +168,9 @@ def error_of(
 def changed(inputs: Inputs, found: SolverOutput, change: Float[Array, "*shape"]) -> SolverOutput:
     """Returns the contact after a change of its pressure.
 
-    The approximate inverse makes long waves of the change too large. Between the points of contact
-    the solid moves by no more than these allow: as if on springs, as stiff as the solid is in the
-    shape of the gap, times the share of points in contact.
+    The approximate inverse makes long waves of the change too large. So springs support the solid
+    between the points of contact. Their stiffness is that of the solid in the shape of the gap,
+    times the share of points in contact.
     """
     operator, law, penalty = _scaled(inputs, found)
     pressure, law_gap = found.pressure + change, penalty * found.gap

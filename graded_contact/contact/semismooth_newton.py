@@ -53,7 +53,7 @@ class Round(eqx.Module):
     - `changes`: points that changed sides in the last three steps with this λ.
     - `count`: steps with this λ.
     - `pairs`: FFT pairs so far.
-    - `found`: whether the contact itself was found.
+    - `found`: whether the contact without a coat converged.
     """
 
     pressure: Float[Array, "*shape"]

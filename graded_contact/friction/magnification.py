@@ -39,8 +39,8 @@ def area_against_cutoff(
 ) -> CutoffCurve:
     """Returns contact area and friction with only the waves up to each cut-off on the surface.
 
-    The loss of area from one cut-off to the next is due to the waves between them: at the
-    magnification q/q0 one sees the area A(q). Each contact starts from the one before.
+    The waves between two cut-offs cause the difference of their areas: A(q) is the area at the
+    magnification q/q0. Each contact starts from the contact before.
 
     **Arguments:**
 

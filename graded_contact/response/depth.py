@@ -1,11 +1,11 @@
 """The recursion to the tractions and displacements at a depth of a stack.
 
-The stack is cut at the depth. What lies below the cut is a compliance c; what lies above is the
-force v that the surface traction would exert on a clamped face, and the stiffness G of that face
-when the surface is free. Across the cut act the traction (1 + G c)⁻¹ v and the displacement
-c (1 + G c)⁻¹ v. Below, c is gathered upwards as for the surface compliance; above, G and v are
-gathered downwards by the same recursion turned upside down. Both use the factors of `slab` alone,
-whose transmission decays: nothing grows, however thick the layers.
+The stack is cut at the depth. The part below the cut has a compliance c. The part above has a force
+v, which the surface traction would exert on a clamped face, and the stiffness G of that face when
+the surface is free. The traction at the cut is (1 + G c)⁻¹ v and the displacement c (1 + G c)⁻¹ v.
+A recursion upwards gives c, as for the surface compliance; the same recursion upside down gives G
+and v. Both use only the factors of `slab`, whose transmission decays: no term grows in thick
+layers.
 """
 
 from collections.abc import Callable

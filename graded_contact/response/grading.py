@@ -2,7 +2,7 @@
 
 The recursion carries the state of a face through the layers. A `Rule` defines the state and how it
 passes a homogeneous slab: the rule of M_zz is in `compliance`, that of the full compliance in
-`matrix`, that of what lies above a depth in `depth`. A state passes a graded layer by an
+`matrix`, that of the part above a depth in `depth`. A state passes a graded layer by an
 `AbstractGradedSolver`. There are two, `Layering` and `Riccati`. Both estimate the error of their
 result; an error above the tolerance is raised.
 """

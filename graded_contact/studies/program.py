@@ -35,7 +35,7 @@ class Program(NamedTuple):
     **Fields:**
 
     - `function`: what was traced.
-    - `point`: one that it was traced at; only names and dtypes count.
+    - `point`: a point at which it was traced; only names and dtypes matter.
     - `closed`: the jaxpr, and the arrays that the function closes over.
     - `text`: of the jaxpr and of the names of what it returns.
     - `like`: shapes and dtypes of what it returns: arrays by name, and a member of `RESULTS`.
@@ -173,8 +173,7 @@ def _nothing(record: logging.LogRecord) -> bool:
 def _reason(error: Exception) -> str:
     """Why a point failed, without the traceback that compiled code puts around it.
 
-    **Raises:** `MemoryError` and `KeyboardInterrupt`, which compiled code reports as errors of its
-    own: they are not the point's.
+    **Raises:** `MemoryError` and `KeyboardInterrupt`, which are not errors of the point.
     """
     reason = str(error).rpartition("Error: ")[2].partition("\n\n")[0].strip()
     if "RESOURCE_EXHAUSTED" in str(error):

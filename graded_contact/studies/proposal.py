@@ -1,4 +1,4 @@
-"""Loads to begin with, for a measured material and surface of which nothing else is known."""
+"""First loads for a measured material and surface."""
 
 import itertools
 from typing import NamedTuple
@@ -21,13 +21,13 @@ TEMPERATURES = 5  # at most
 
 
 class Load(NamedTuple):
-    """What to try first.
+    """A first load.
 
     **Fields:**
 
     - `pressure`: mean pressure [Pa] for contact on about a tenth of the area.
     - `velocity`: lowest and highest [m/s], powers of ten.
-    - `temperature`: [K], none without a law of temperature.
+    - `temperature`: [K]; empty without a law of temperature.
     - `extrapolated`: largest share of the friction [1] from frequencies that were not measured, by
       mean field.
     """
@@ -41,7 +41,7 @@ class Load(NamedTuple):
 def proposed_load(
     material: Prony, surface: Surface, temperatures: Float[np.ndarray, " isotherms"]
 ) -> Load:
-    """Returns a load at which the friction comes from what was measured, as far as there is one.
+    """Returns a load at which friction comes from measured frequencies, if there is one.
 
     **Arguments:**
 

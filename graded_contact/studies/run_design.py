@@ -94,9 +94,9 @@ def run_design(
       evaluation and solve. An exception in it ends the design.
 
     **Raises:** `ValueError` for bounds and limits that nothing satisfies, a start outside the
-    bounds, or a block whose friction comes from where its materials were not measured (more than
-    1 %, by mean field, unless [load] has `extrapolate = true`); `RuntimeError` if a contact or the
-    mean field is not solved to its tolerance.
+    bounds, or a block with friction from frequencies at which its materials were not measured (more
+    than 1 %, by mean field, unless [load] has `extrapolate = true`); `RuntimeError` if a contact or
+    the mean field is not solved to its tolerance.
     """
     check_design(study)
     own, say = study.scene.stack, progress or (lambda *_: None)
@@ -130,8 +130,8 @@ def run_design(
 def check_design(study: DesignScene) -> None:
     """Raises `ValueError` for what `run_design` refuses before its first evaluation.
 
-    That is: contacts that need more memory than there is, and friction from where the block's
-    materials were not measured.
+    These are contacts that need more memory than is free, and friction from frequencies at which
+    the block's materials were not measured.
     """
     source, own = study.scene.surface, study.scene.stack
     if study.verify and isinstance(source, RandomSurface):
@@ -178,7 +178,8 @@ def mean_field_problem(study: DesignScene) -> tuple[Objective, Constraints | Non
 def contact_problem(
     study: DesignScene, *, store: Store | None = None, progress: Progress | None = None
 ) -> tuple[Objective, Constraints | None]:
-    """Returns the same of the mean friction by contact over the surfaces for polishing.
+    """Returns objective and constraints of the mean friction by contact, over the surfaces for
+    polishing.
 
     `store` and `progress` are as in `run_design`.
     """
@@ -243,7 +244,7 @@ def design_mean_field(
 
 
 def _objective(study: DesignScene, friction: Array, before: Numbers) -> Float[Array, ""]:
-    """What is to be small, of the friction at each velocity and of that before."""
+    """The objective, from the friction at each velocity and the friction before."""
     if study.goal is not None:
         goal = study.goal * (as_float(before) if study.relative else 1)
         # 1 where it is reached: a value whose relative changes mean something.

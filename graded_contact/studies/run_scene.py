@@ -91,21 +91,21 @@ def run_scene(
     **Arguments:**
 
     - `scene`: the scene.
-    - `surface`: the surface, if built before; that of the first seed, where there are several.
-    - `kept`: index along the axes of the solve whose fields are kept, if the scene keeps one; by
+    - `surface`: the surface, if built before; that of the first seed if there are several.
+    - `kept`: index along the axes of the solve whose fields are stored, if the scene stores one; by
       default the last.
     - `store`: stores each solve on disk as it ends; a solve in the store is not computed again.
     - `workers`, `client`, `progress`: as in `sweep`.
 
-    **Returns:** an `xarray.Dataset` over the axes of the scene, as far as it has them: the paths of
-    [sweep], `temperature` [K], `seed`, and always `pressure` [Pa] (or `approach` [m]) and
-    `velocity` [m/s]. Variables
-    are the numbers of `Sliding` (`friction`, `contact_area`, ...), `message`, `point`,
-    `reduced_velocity` a_T v [m/s] if the block has one law of temperature, and
+    **Returns:** an `xarray.Dataset` over the axes of the scene: paths of [sweep], `temperature` [K]
+    and `seed` if the scene has them, and always `pressure` [Pa] (or `approach` [m]) and `velocity`
+    [m/s]. Variables are the numbers of `Sliding` (`friction`, `contact_area`, ...), `message`,
+    `point`, `reduced_velocity` a_T v [m/s] if the block has one law of temperature, and
     `friction_standard_error` if errors of a material are known; the `heights` of the surface, and
-    the fields of solves that the scene keeps. Attributes hold the scene, the seed, the versions and
-    the caveats. With [heating] there is the `surface_rise` [K] of the contact, on a window the
-    `rim_load` and the `approach` [m], or the `mean_pressure` [Pa] at a given one.
+    the fields of solves that the scene stores. Attributes contain the scene, the seed, the versions
+    and the caveats. With [heating] there is the `surface_rise` [K] of the contact. On a window
+    there are the `rim_load`, and the `approach` [m] or, at a given approach, the `mean_pressure`
+    [Pa].
 
     With [motion] the variables are the numbers of `CyclicSliding`: those of a cycle over these axes
     (`mean_friction`, `peak_friction`, `work`, ...), `friction`, areas, `load` and `mean_gap` also
@@ -141,8 +141,8 @@ def run_scene(
 def point_names(scene: Scene, surface: Surface) -> np.ndarray:
     """Returns a name for each solve of a scene by all that decides its numbers, for a store.
 
-    Scenes that vary the same numbers have the names of their common solves in common. The shape is
-    that of the results.
+    Scenes that vary the same numbers have the same names for their common solves. The shape is that
+    of the results.
     """
     versions = {key: package_versions()[key] for key in ("version_graded_contact", "version_jax")}
     rough: Any = (surface.heights, surface.measured)

@@ -45,7 +45,7 @@ def velocity_vector(speed: Any, direction: float) -> Any:
 
 
 def mean_field_at(scene: Scene, surface: Surface, index: tuple[int, ...]) -> MeanField:
-    """Returns the mean field at one of a scene's points, of any accuracy that it has.
+    """Returns the mean field at one of a scene's points, also if it misses its tolerance.
 
     **Arguments:**
 
@@ -84,12 +84,13 @@ def roughness_of(scene: Scene, surface: Surface) -> Any:
 
 
 def check_frequencies_of(scene: Scene, surface: Surface) -> None:
-    """Refuses, before the first solve, friction of frequencies that no material was measured at.
+    """Refuses, before the first solve, friction at frequencies outside the measurements of a
+    material.
 
-    What a table of moduli does not hold is refused whatever its share. A series is refused if more
-    than 1 % of the friction at some velocity comes from where it only extrapolates, by the mean
-    field of the surface at the highest pressure, unless [load] has `extrapolate = true` or a table
-    of moduli `extrapolate = "plateau"`. Each temperature and block of [sweep] is looked at.
+    Frequencies outside a table of moduli are refused whatever their share. A series is refused if
+    more than 1 % of the friction at some velocity comes from frequencies that were not measured, by
+    the mean field at the highest pressure. `extrapolate = true` in [load], or `extrapolate =
+    "plateau"` of a table, allows them. Each temperature and block of [sweep] is checked.
     """
     for point, stack in scene.blocks():
         if coverage(stack) is None:  # then of no other block
@@ -115,7 +116,7 @@ def _check_block(scene: Scene, stack: Stack, surface: Surface) -> None:
 def refuse_extrapolated(
     scene: Scene, stack: Stack, grid: Grid, friction_shares: Callable[[], ArrayLike]
 ) -> None:
-    """Refuses friction that comes from where a material only extrapolates, unless that is allowed.
+    """Refuses friction at frequencies where a material extrapolates, unless that is allowed.
 
     **Arguments:**
 
@@ -177,9 +178,9 @@ def errors_of_stack(scene: Scene) -> Errors | None:
 def what_decides(scene: Scene, surface: Surface) -> dict[tuple[str, float], Sensitivity]:
     """Returns which frequencies of its materials decide the friction of a scene.
 
-    By the mean field of an isotropic surface, for each series of which errors are known: at the
-    slowest, a middle and the fastest velocity that is not 0, the highest pressure, the first
-    temperature and the block of the file, without [sweep]. Of a window nothing.
+    The mean field of an isotropic surface gives them for each series with errors: at the slowest, a
+    middle and the fastest velocity that is not 0, the highest pressure, the first temperature and
+    the block of the file, without [sweep]. A window has none.
 
     **Arguments:**
 

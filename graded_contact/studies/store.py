@@ -29,7 +29,7 @@ def fingerprint(*parts: Any) -> str:
     """
     leaves, structure = jax.tree.flatten(parts)
     if " at 0x" in str(structure):
-        raise ValueError(f"{structure} contains a function, which a later run cannot identify.")
+        raise ValueError(f"{structure} contains a function: it cannot be identified later.")
     pieces = [str(structure).encode()]
     for leaf in leaves:
         array = np.asarray(leaf)
@@ -39,7 +39,7 @@ def fingerprint(*parts: Any) -> str:
             kind = f"{type(leaf).__name__}{array.shape}"
             pieces.append(f"{kind}{array.tolist()!r}".encode("utf-8", "surrogatepass"))
         else:
-            raise ValueError(f"{leaf!r} cannot be identified in a later run.")
+            raise ValueError(f"{leaf!r} cannot be identified later.")
     lengths = [f"{len(piece)}:".encode() for piece in pieces]
     return hashlib.sha256(b"".join([*lengths, *pieces])).hexdigest()
 

@@ -18,7 +18,7 @@ EXAMPLE = Path(__file__).parents[2] / "examples" / "design_coating.toml"
         ("[5e-5, 1e-3]", "[1e-3, 5e-5]", r"\[design.parameters\] 'layers.0..thickness' = "),
         ('times[0]" = [1e-5, 1e-1]', 'poisson" = [0.4, 0.6]', "at most 0.5"),
         ('"friction"', '"maximise_friction"', '`ratio` belongs to the objective "friction"'),
-        ("ratio = 1.3", "", "either `target` or `ratio`"),
+        ("ratio = 1.3", "", "`target` or `ratio`, not both"),
         ("ratio = 1.3", "ratio = [1.3, 1.2]", "`ratio` has 2 numbers"),
         ("within = 0.01", "within = 0", "`within=0` is refused"),
         ("total_thickness = 4e-4", "total_thickness = -1", "`total_thickness=-1` is refused"),
@@ -51,5 +51,5 @@ def test_a_design_takes_one_block_and_one_spectrum_without_seeds():
         ("[solver]", '[sweep]\n"layers[0].thickness" = [1e-5]\n[solver]', "thickness"),
         ("[grid]", "seeds = 2\n[grid]", "seed"),
     ):
-        with pytest.raises(ValueError, match=rf"\[design\] takes one .*{name}"):
+        with pytest.raises(ValueError, match=rf"\[design\] needs one .*{name}"):
             parse_design(DESIGN.replace(old, new))

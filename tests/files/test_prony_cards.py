@@ -132,7 +132,7 @@ def test_a_law_that_a_format_cannot_hold_is_in_a_comment(format, mark, shift, nu
         (MATERIALS["tread"], "ansi", {}, "`format='ansi'` is refused"),
         (MATERIALS["tread"], "toml", {"name": "my tread"}, "`name='my tread'` is refused"),
         (gc.Prony(0, [1e6], [1.0]), "abaqus", {}, "`equilibrium=0` Pa is refused: Abaqus"),
-        (gc.Prony(1e-4, [1e6], [1.0], 0.4), "ansys", {}, "below 1 by at least 1e-09"),
+        (gc.Prony(1e-4, [1e6], [1.0], 0.4), "ansys", {}, "at least 1e-09 of the instant"),
         (gc.Prony(1e6, [1e6], [1.0], 0.5), "ansys", {}, "`poisson=0.5` is refused"),
         (gc.Prony(1, np.ones(101), np.ones(101), 0.4), "ansys", {}, "at most 100 terms"),
     ],

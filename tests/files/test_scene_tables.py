@@ -108,7 +108,7 @@ def test_a_body_on_a_window_takes_an_approach():
     for text, expected in [
         (sphere.replace(pressure, pressure + approach), "has `pressure` and `approach`; give one"),
         (sphere.replace(pressure, ""), "lacks one of the keys `pressure`"),
-        (BARE.replace(pressure, approach), "`approach` is that of a sphere, or of a file"),
+        (BARE.replace(pressure, approach), "`approach` needs a surface of kind"),
         (sphere.replace(pressure, approach) + SINE, "needs a `pressure` in .load., not"),
     ]:
         with pytest.raises(ValueError, match=expected):

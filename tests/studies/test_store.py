@@ -52,7 +52,7 @@ def test_a_fingerprint_differs_for_any_two_inputs():
 
 
 def test_a_function_has_no_fingerprint():
-    with pytest.raises(ValueError, match=r"function.*cannot identify"):
+    with pytest.raises(ValueError, match=r"function.*cannot be identified"):
         fingerprint({"objective": lambda x: x})
 
 
