@@ -1,14 +1,14 @@
-"""Many solves: how fast.
+"""The speed of many solves.
 
     python benchmarks/bench_sweep.py [--sizes 128 256 512] [--points 200] [--workers 1 2]
                                      [--repeat 3]
 
 Friction of a tread at `points` velocities and pressures, rtol 1e-4: a plain loop over `slide`;
 `sweep` in this process; by one worker with 1/W of the cores; by W workers. The seconds until the
-first points are back (compiling or loading, starting workers) and the pace afterwards are
-separate. Loop and `sweep` are interleaved and compared by CPU time, which other programs disturb
-less. Bits are compared with those of `sweep` in this process. The constants of
-`studies/workers.py` are from here.
+first results (compiling or loading, starting workers) and the speed afterwards are separate. Loop
+and `sweep` are interleaved and compared by CPU time, which other programs disturb less. Bits are
+compared with those of `sweep` in this process. The constants of `studies/workers.py` are from this
+benchmark.
 """
 
 import contextlib

@@ -1,13 +1,13 @@
-"""What is known of a measured material, carried to friction: against refits, and by frequency.
+"""The error of friction by a measured material: compared with refits, and by frequency.
 
     python benchmarks/bench_uncertainty.py bootstrap     standard errors, propagated and by refits
     python benchmarks/bench_uncertainty.py coverage      how often standard errors enclose the truth
     python benchmarks/bench_uncertainty.py tread         which frequencies decide; draws a figure
 
-Friction is that of the mean field on a self-affine road. A refit is the package's own fit, of the
-same number of terms unless stated otherwise, of the fitted values and errors drawn anew from the
-residuals: one by one; or in runs of ten neighbours, storage and loss together, which keeps what
-errors share. The data: `prony_peers.py`. `tread` draws docs/bench_uncertainty.png.
+Friction is that of the mean field on a self-affine road. A refit is a fit of the package, with the
+same number of terms unless stated otherwise, to the fitted values plus errors drawn from the
+residuals: one by one; or in runs of ten neighbours, storage and loss together, which preserves
+their correlation. The data: `prony_peers.py`. `tread` draws docs/bench_uncertainty.png.
 
 `coverage` fits synthetic data with errors of 2 %, of which each is correlated with its neighbour by
 ρ (AR(1)), and counts how often the truth lies within 1 and 1.96 standard errors of `propagate`.

@@ -45,8 +45,8 @@ def by_steps(surface, contrast, tau, displacement, period, load, num_cycles):
     """Work of the last of some cycles [J/m²], and the pressures there, by steps in time.
 
     Waves of the branch's stretch r relax as τ ṙ = w - r, and σ = q/2 (w + E1 (w - r)): a step is an
-    elastic contact of the heights less what is remembered. In the frame of the surface the material
-    is carried back by each step of the surface. With w linear in a step of τ x,
+    elastic contact of the heights less the stored stretch. In the frame of the surface each step of
+    the surface moves the material back. With w linear in a step of τ x,
     r' = e r + (m - e) w + (1 - m) w', e = exp(-x), m = (1 - e)/x.
     """
     n, num_times = surface.grid.shape[0], len(displacement)

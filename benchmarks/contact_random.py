@@ -1,4 +1,4 @@
-"""Scenes that are random, and such that are hard: the sections `random` and `hard`.
+"""Random scenes and hard scenes: the sections `random` and `hard`.
 
 Run by `bench_contact.py`. Blocks of 0 to 3 layers, each elastic or a Prony series of six branches
 over ten decades, moduli over three decades, q0 d from 1e-3 to 3, ν from 0.2 to 1/2, on a half
@@ -9,9 +9,9 @@ walls, some with a hardness, and the repulsive law; a fifth of the scenes in flo
 programs all blocks have three layers, some of no thickness, and elastic ones have branches of 1e-12
 of their modulus.
 
-Each scene is solved at its mean pressure and at the mean gap that follows, each by `rtol` (1e-3 to
-1e-6) and by `friction_rtol` (1e-2 to 1e-4), and what these claim is compared with a solution at
-1e-10 (1e-9 if that fails) in double precision.
+Each scene is solved at its mean pressure and at the resulting mean gap, each by `rtol` (1e-3 to
+1e-6) and by `friction_rtol` (1e-2 to 1e-4). Their claims are compared with a solution at 1e-10
+(1e-9 if that fails) in double precision.
 
 Hard: small contacts, and moduli far apart. Cylinders: parabolas on one relaxation, rigid against it
 in 1-D, pairs by half-widths at rest, contrast of the moduli and speed (relaxation time times speed
@@ -41,7 +41,7 @@ LEAST = 3e-10
 
 
 def random(count=500, seed=0):
-    """Random scenes: any failure, any false claim?"""
+    """Random scenes: failures and broken claims."""
     survey("random", lambda rng, _: layered_scene(rng, (64, 64)), count, seed)
 
 

@@ -1,8 +1,8 @@
 """Random stacks of layers, and their compliance M_zz in mpmath.
 
-The state-space form of elasticity, u' = A u, gives exp(A z) layer by layer: growing exponentials
-are met with digits, nothing is truncated, and nothing is shared with the package. Inputs are
-doubles, which both take unchanged. With gmpy2 installed mpmath is two to three times as fast.
+The state-space form of elasticity, u' = A u, gives exp(A z) layer by layer. Many digits compensate
+for growing exponentials, nothing is truncated, and the package shares no code with this file. Both
+take the same doubles as input. With gmpy2 installed mpmath is two to three times as fast.
 """
 
 import mpmath as mp

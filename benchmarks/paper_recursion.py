@@ -1,10 +1,10 @@
-"""The recursion of the paper, as a careful user would write it in NumPy: 3×3 matrices, vectorised.
+"""The recursion of the paper in NumPy: 3×3 matrices, vectorised.
 
 Scaraggi & Comingio, eqs. the.slab.matrix, graded.stepped, final and bulk.old, with the slab
 matrices M1 to M4 of their appendix A for ν = ν0 (at each frequency, that is, by correspondence).
-No misprint is left in these formulas: the printed ones are in the ν0 forms, in the closed forms
-and in the differential equations (`docs/theory/response.md`). Nothing is rearranged, so that it
-shows what the printed formulas do in double precision. z is out of the body, as in the paper.
+These formulas have no misprint: the misprints are in the ν0 forms, in the closed forms and in the
+differential equations (`docs/theory/response.md`). Nothing is rearranged, so that the errors are
+those of the printed formulas in double precision. z is out of the body, as in the paper.
 """
 
 import numpy as np

@@ -1,4 +1,4 @@
-"""Open rheological data, and what other programs make of them, for `bench_fit.py`.
+"""Open rheological data, and fits by other programs, for `bench_fit.py`.
 
 The files are beside the repository, in ../shared/data/rheology; their sources and licences are in
 PROVENANCE.md there. Peers are pyvisco (NREL), if it is installed (`pip install pyvisco==2.1.3`),

@@ -2,15 +2,14 @@
 
     python benchmarks/paper/beyond.py [--small]
 
-The friction master curve μ(a_T v), bare against coated: contacts at velocities from a creep to a
-skid, at three temperatures each; over a_T v they lie on one curve of ten decades, because only
-ω a_T enters. Printed is how well they do, and where the two curves stand.
+The friction master curve μ(a_T v), bare against coated: contacts at velocities from creep to skid,
+at three temperatures each; over a_T v they are on one curve of ten decades, because only ω a_T
+enters. The script prints their largest deviation, and both curves.
 
-A layer graded continuously, beside steps of equal integral of stiffness, as wear leaves no sharp
-interface. The modulus passes linearly with height from the tread's to that of the surface, the
-relaxed one of the tread or twenty times that; the steps have, each over its part of the depth, the
-same mean of the complex modulus. Printed is by how much one, two and four steps miss friction and
-area.
+A layer graded continuously, compared with steps of equal integral of stiffness. The modulus passes
+linearly with height from the tread's to that of the surface, the relaxed one of the tread or twenty
+times that; the steps have, each over its part of the depth, the same mean of the complex modulus.
+The script prints the errors of friction and area with one, two and four steps.
 
 What friction depends on, d ln μ/d ln(property) over pressure and thickness, by the derivative of
 each contact, all properties at once: the coat's thickness and modulus, the rubber's relaxed
@@ -19,8 +18,8 @@ modulus, the strengths of its relaxations (all together), pressure and velocity.
 The coat that makes friction independent of the cut-off at least loss of area: thickness, modulus
 and damping of one coat, by the mean field at σ0 = 0.1 E_r0. The two objectives are how much
 friction changes from the fewest to all waves, |ln μ(all)/μ(fewest)|, and the area lost against the
-bare block, ln A(bare)/A with all waves. The front between them is searched by gradients, once among
-all coats and once among stiff ones, as wear asks for. All coats on it are verified by contacts:
+bare block, ln A(bare)/A with all waves. A gradient search computes the front between them, once for
+all coats and once for stiff ones, which wear requires. All coats on it are verified by contacts:
 friction from the fewest waves to twice as many.
 """
 

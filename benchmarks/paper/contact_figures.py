@@ -8,8 +8,7 @@ mean over the surfaces, its band their least and largest.
 Fig. asymptote: against the thickness of the coat, at two pressures; the bare block is a dash at the
 left.
 
-The dissipation cut-off q_μ, which the paper answers in words: friction of all waves up to q over
-all of the friction. q_μ is where it reaches 95 %: shorter waves do not matter. Drawn for the
+The dissipation cut-off q_μ: the share of friction by all waves up to q_μ is 95 %. Drawn for the
 roughness with all waves.
 
 Beyond the paper, Persson's mean field with a layered M_zz: friction and area of the theory over

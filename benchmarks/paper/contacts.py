@@ -4,8 +4,8 @@
 
 Friction, area and more at every cut-off, thickness, pressure and surface, for the tread; at heights
 of 0.16 mm in place of the matched slopes and for a second rubber at fewer of them, without the
-shortest waves. Each point is kept in a folder as it ends: the same command goes on from there. The
-table has a row for each point, no fields; `contact_figures.py` draws from it. At the paper's size
+shortest waves. Each point is stored in a folder as it ends: the same command continues. The table
+has a row for each point, no fields; `contact_figures.py` draws from it. At the paper's size
 it takes hours and 14 GB (N = 8192), see docs/paper.md.
 """
 

@@ -6,8 +6,8 @@ The thinnest and the thickest coat at σ0/E_r0 = 0.1 and 0.3, fewest waves. Firs
 dynamics (RMD) on the law of the paper, the repulsive part of Lennard-Jones, to its tolerance of
 1e-4, beside Douglas-Rachford on the same law and on the hard wall.
 
-Then, with fewer waves, sliding from rest in steps of time, where the steady solver never enters:
-M_zz at each wavenumber is written as a glassy part and branches that creep with given times, by
+Then, with fewer waves, sliding from rest in steps of time, without the steady solver: M_zz at each
+wavenumber is written as a glassy part and branches that creep with given times, by
 nonnegative least squares, so that an implicit Euler step is an elastic contact. Waves across the
 sliding (q_x = 0), which would creep for hours, are at rest from the start. The error is of first
 order in the step: extrapolated from two.

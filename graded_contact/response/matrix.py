@@ -17,11 +17,11 @@ recursion of `slab`, with transmission 1/cosh(q d) and both factors tanh(q d), i
 
 What lies below a face is stored as homogeneous coordinates (n, c11, c12, c22, det)/n, so that a
 clamped (n > 0 alone) and a free face (det > 0 alone) are ordinary starting points and layers may
-have no thickness. Of thin layers on a rigid base, and of a free sheet with ν = 1/2, c11 and c_T
-agree to the last digit, and C_xy is their difference: it is computed as one more coordinate,
-(1 - ν) c11 n_t - n c_t, by a recursion whose terms are all as small as it is. The exception are
-several free sheets of one modulus with ν = 1/2: there C_xy is 0.5 (q d)² C_xx, and right to the
-rounding of C_xx only.
+have no thickness. For thin layers on a rigid base, and for a free sheet with ν = 1/2, c11 and c_T
+agree to the last digit, and C_xy is their difference. Therefore it is one more coordinate,
+(1 - ν) c11 n_t - n c_t, with a recursion whose terms are all as small as the result. The exception
+are several free sheets of one modulus with ν = 1/2: there C_xy is 0.5 (q d)² C_xx, and its error is
+the rounding of C_xx.
 """
 
 import functools
