@@ -36,7 +36,7 @@ class RESULTS(eqx.Enumeration):
         "list its kinks in `breaks`, or cut it by `sliced`."
     )
     gap_unresolved = (
-        "Pressure, friction and contact area have converged, but the error of gaps may exceed a "
+        "Pressure, friction and contact area have converged, but gaps may be wrong by more than a "
         "tenth of the rms height (`gap_error`). Tighten `rtol`, or do not use `gap`, `mean_gap` "
         "and `displacement`."
     )

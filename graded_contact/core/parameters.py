@@ -59,7 +59,7 @@ def with_values(tree: T, values: Mapping[str, Numbers]) -> T:
             near = difflib.get_close_matches(str(path), known, n=1, cutoff=0.0) or ["none"]
             raise ValueError(
                 f"`values` has the path {short(path)}, but `tree` has no such number; the nearest "
-                f"path is {near[0]!r}."
+                f"is {near[0]!r}."
             )
         value = as_float(value, path).astype(known[path].dtype)
         if value.shape != known[path].shape:

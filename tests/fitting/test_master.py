@@ -342,7 +342,7 @@ def test_derivatives_by_the_data_match_differences():
     "change, arguments, message",
     [
         (lambda c: c[:1], {}, "`isotherms` holds 1; at least 2 are needed"),
-        (lambda c: [*c, c[0]], {}, "`isotherms` holds 268 K twice"),
+        (lambda c: [*c, c[0]], {}, "`isotherms` has 268 K twice"),
         (lambda c: [(-5.0, *c[0][1:]), *c[1:]], {}, r"`temperature\[0\]=-5` is refused"),
         (lambda c: [(t - 260, x, m) for t, x, m in c], {}, "they are in kelvin"),
         (lambda c: c, {"law": "vft"}, "`law='vft'` is refused"),
