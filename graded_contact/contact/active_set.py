@@ -24,9 +24,9 @@ from ..fields.devices import num_devices
 from .operator import AbstractOperator, nonzero
 from .splitting import DRAFTED_FROM
 
-REDUCTION = 0.1  # of the residual by one step, if it is iterated
-_NUM_DIRECTIONS, _NUM_DIRECTIONS_OF_LARGE = 24, 8  # those of large grids in single precision
-_FEWEST, _MOST = 128, 2048  # points eliminated
+REDUCTION = 0.1  # of the residual by one iterated step
+_NUM_DIRECTIONS, _NUM_DIRECTIONS_OF_LARGE = 24, 8  # on large grids, in single precision
+_FEWEST, _MOST = 128, 2048  # limits of the number of eliminated points
 
 
 class Coated(NamedTuple):

@@ -13,8 +13,8 @@ import numpy as np
 from jax import Array
 from jaxtyping import Bool, Float
 
-# Points of a grid whose history does not stay in a cache, and rows of it for one that is weighed,
-# by `bench_contact.py overhead`.
+# Points of a grid whose history exceeds the cache; there every fourth row enters the weights
+# (`bench_contact.py overhead`).
 SAMPLED_FROM = 2**16
 _SAMPLE = 4
 CYCLE = 2  # steps of the iteration between accelerations
@@ -25,7 +25,7 @@ class History(eqx.Module):
 
     z: Float[Array, "*shape"]
     image: Float[Array, "*shape"]  # the last T(z)
-    differences: Float[Array, "m *shape"]  # of images, each less the one before
+    differences: Float[Array, "m *shape"]  # of images from the image before
     changes: Float[Array, "m *sampled"]  # T(z) - z
     products: Float[Array, "m m"]
     count: Array

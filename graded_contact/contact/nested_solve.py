@@ -41,20 +41,24 @@ from .solver import (
 from .splitting import Splitting, check_relaxation, draft, iterate
 
 # All within 2 % of the fewest FFT pairs of `bench_contact.py viscoelastic`.
-_COARSENING = 4  # from a grid to the next; by 2 takes more pairs, and more programs to compile
-_COARSE_ERROR = 0.02  # of the nested coarse grids, which only give a start
-_EPOCH = 50  # steps before the penalty is chosen anew; then as many as were done
-_NEWTON_FROM = 1 / 16  # of the points: grids that Newton steps are for
-_NEWTON_UP_TO = 2**21  # points: they take more memory than is planned for larger ones
-_SMALL = 0.125  # share along an axis of points in contact, up to which Newton steps pay
+_COARSENING = 4  # from grid to grid; 2 takes more pairs and compiles more programs
+_COARSE_ERROR = 0.02  # tolerance on coarse grids, which only give a start
+_EPOCH = 50  # steps before a new penalty; later epochs double the number of steps
+_NEWTON_FROM = 1 / 16  # share of the points that a grid with Newton steps has at least
+_NEWTON_UP_TO = 2**21  # points; on larger grids Newton steps need too much memory
+_SMALL = 0.125  # share of points in contact along an axis, up to which Newton steps pay
 _FEW = 100  # steps on coarse grids and in drafts, where Newton steps follow
-_STEPS, _MOST, _POINTS = 4000, 64_000, 2**16  # steps allowed on a grid of so many points
+_STEPS, _MOST, _POINTS = (
+    4000,
+    64_000,
+    2**16,
+)  # default and largest `max_steps`; points
 _MOST_ATTRACTED = 0.5  # relaxation under an attraction; at 0.95 some soft bodies did not converge
-_COLD_PARTICIPATION = 0.05  # ⟨σ⟩²/⟨σ²⟩ expected before anything is known
-_NEARLY = 0.98  # share of points touching, from which full contact is looked for
-_HIGHEST = 1e3  # pressure of a start, in what it takes to flatten the stiffest wave
+_COLD_PARTICIPATION = 0.05  # ⟨σ⟩²/⟨σ²⟩ without a start
+_NEARLY = 0.98  # share of points that touch, from which full contact is tried
+_HIGHEST = 1e3  # limit of the pressure of a start, over that which flattens the stiffest wave
 
-_NOTHING, _EPOCH_NEXT, _NEWTON_NEXT = 0, 1, 2  # what follows on a grid
+_NOTHING, _EPOCH_NEXT, _NEWTON_NEXT = 0, 1, 2  # next action on a grid
 
 Factor = float | Float[Array, ""]  # of a penalty, over the first
 

@@ -56,20 +56,20 @@ from .solver import (
 from .target import WORTHLESS, FoundContact, ObservableTarget, Target, solve_until
 from .window import is_window, on_cell, solve_on_window
 
-# Default tolerance of the pressure. Friction was then off by 3e-5 at most, by 2e-7 in the median,
-# for 0.77 of the FFT pairs of 1e-6 (156 viscoelastic contacts, `bench_contact.py observables`).
+# Default tolerance of the pressure. The error of friction is then at most 3e-5, in the median 2e-7,
+# with 0.77 of the FFT pairs of 1e-6 (156 viscoelastic contacts, `bench_contact.py observables`).
 # float32 reaches it.
 RTOL = 5e-5
-# Rise of an attraction over the stiffness of the shortest wave, up to which all equilibria found
-# were stable: see `adhesion.py`.
+# Slope of an attraction over the stiffness of the shortest wave, up to which all computed
+# equilibria were stable: see `adhesion.py`.
 _RESOLVED = 0.3
-# Tolerance of the linear solves of derivatives: over that of the pressure, up to a limit, and over
-# that of target numbers, since derivatives may be small differences where the numbers are not. True
-# errors were 0.01 to 0.5 of it, with 0.58 of the pairs of the solve at 1e-3 and 0.83 at 5e-5
+# Tolerance of the linear solves of derivatives: its ratio to the tolerance of the pressure, and a
+# limit; its ratio to the tolerance of target numbers, because derivatives may be small differences.
+# True errors were 0.01 to 0.5 of it, with 0.58 of the pairs of the solve at 1e-3 and 0.83 at 5e-5
 # (medians of 15 contacts, `bench_contact.py linear`).
 _OF_PRESSURE, _LOOSEST_DERIVATIVE = 20, 1e-3
 _OF_TARGET = 0.1
-_LEAST_GAP = 1e-12  # mean gap over the rms height that is not rounding
+_LEAST_GAP = 1e-12  # mean gaps over the rms height below this are rounding
 
 
 @check_types

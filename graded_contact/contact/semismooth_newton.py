@@ -30,10 +30,10 @@ from .law import AbstractLaw, HardWall
 from .operator import AbstractOperator
 from .window import Windowed
 
-_COATED_ERROR = 1e-3  # of a coated contact
+_COATED_ERROR = 1e-3  # tolerance of a coated contact
 _FACTOR = 10.0  # from one coat to the next
 _THINNEST = 0.01  # coat, over the least compliance of any wave
-_CLOSER = 3e-3  # than the requested error, which the splitting is to confirm
+_CLOSER = 3e-3  # tolerance of the steps over `rtol`, which the splitting confirms
 
 
 def takes_newton_steps(law: AbstractLaw) -> bool:

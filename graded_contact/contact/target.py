@@ -26,14 +26,14 @@ from .solution import ContactSolution
 from .solver import AbstractContactSolver, SolverOutput, participation
 from .window import on_cell, stiffness_at_edges
 
-# Of the pressure in the first solve: at most, and over the tolerance. A second solve costs what the
-# loosest first one saves; by `bench_contact.py observables`.
+# Tolerance of the pressure in the first solve: largest value, and ratio to the tolerance of the
+# numbers. A looser first solve makes a second solve more likely (`bench_contact.py observables`).
 _LOOSEST, _LOOSER = 0.03, 100
 _BOUND = 1.5
-_CLOSE = 1e-3  # of what is tolerable: no step is needed
+_CLOSE = 1e-3  # error over tolerance below which no step is needed
 WORTHLESS = 0.1  # error of gaps over the rms height
-# A friction below this share of the rms slope has the tolerance of that share, and the tolerances
-# of friction and area are at least this part of the grid error.
+# If friction is below this share of the rms slope, its tolerance is relative to that share. The
+# tolerances of friction and area are at least this part of the grid error.
 _LEAST_SHARE = 0.01
 _OF_GRID = 0.1
 

@@ -28,7 +28,7 @@ from ..response.periodic import period_frequencies
 from ..rheology.measured import is_unknown
 from ..roughness.surface import Surface
 
-_LEAST_SHARE = 0.01  # of the slope: friction below it has the tolerance of that share
+_LEAST_SHARE = 0.01  # of the slope; below it the tolerance of friction is relative to that share
 
 
 def components(over_time: Float[Array, "nt ..."]) -> Float[Array, "nt components"]:

@@ -36,9 +36,9 @@ from ..response.heated import AbstractHeating
 from .angles import angles
 from .diffusion import mean_square_growth
 
-_INTERVALS = 12  # between the wavenumbers with a temperature of their own
+_INTERVALS = 12  # between the wavenumbers at which temperatures are computed
 _ANGLES = 16
-_RTOL = 1e-8  # of the temperatures
+_RTOL = 1e-8  # tolerance of the temperatures
 
 
 @shown()
@@ -117,7 +117,7 @@ def _rises(heating, q, x, heat, shear_heat, scales, speed):
 
 
 def scales(low: Float[Array, ""], high: Float[Array, ""]) -> Float[Array, " m"]:
-    """Returns the wavenumbers with a temperature of their own [rad/m]."""
+    """Returns the wavenumbers at which temperatures are computed [rad/m]."""
     t = jnp.asarray(_knots()[0], low.dtype)
     return low * (high / low) ** ((1 + t) / 2)
 

@@ -24,7 +24,7 @@ from ..core.display import shown
 # The function, of mode numbers k_x and k_y [1] that broadcast; also between integers.
 OfModes = Callable[[Float[Array, "..."], Float[Array, "..."]], Inexact[Array, "..."]]
 
-_TILE = 28  # nodes are evaluated in squares of so many a side
+_TILE = 28  # nodes along a side of the squares that are evaluated together
 _MOST = 8 * _TILE  # nodes in each direction, the one at zero included
 _PROBED = _MOST // 2  # wavevectors on a line where coefficients are read
 _LINES = (-0.9, 0.1, 0.95)  # such lines, from the lowest (-1) to the highest (1)

@@ -26,8 +26,8 @@ from .store import Store, opened
 Objective = Callable[[Any], Float[Array, ""]]
 Constraints = Callable[[Any], Float[Array, "..."]]
 
-MARGIN = 1e-8  # by which constraints hold
-FIRST_STEP = 0.1  # longest, of the way between the bounds
+MARGIN = 1e-8  # of the constraints
+FIRST_STEP = 0.1  # largest first step over the distance of the bounds
 
 
 @shown()

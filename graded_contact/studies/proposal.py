@@ -14,8 +14,8 @@ from ..rheology.measured import coverage
 from ..roughness.statistics import statistics
 from ..roughness.surface import Surface
 
-CONTACT = 0.1  # of the nominal area, in Persson's theory at small loads twice p/(E* h')
-DECADES = 3  # of velocities, at most
+CONTACT = 0.1  # share of the nominal area; at small loads twice p/(E* h') in Persson's theory
+DECADES = 3  # largest number of decades of velocity
 USUAL = 1e-2  # m/s
 TEMPERATURES = 5  # at most
 

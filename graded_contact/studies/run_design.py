@@ -36,9 +36,9 @@ from .run_scene import scene_memory
 from .scene_theory import refuse_extrapolated
 from .store import Point, Store, fingerprint
 
-WAVES = 65  # of a band whose loss tangent is to be flat
+WAVES = 65  # in the band of a flat loss tangent
 POLISHING_STEPS = 6
-POLISHING = 10  # evaluations, about
+POLISHING = 10  # approximate number of evaluations
 
 Progress = Callable[[str, int, int], None]
 Values = dict[str, Float[Array, "..."]]

@@ -34,10 +34,10 @@ from .problem import Flat, Problem, box_of, first_in
 from .store import Store, opened
 
 LEARNING_RATE = 0.1  # of the logarithms at first; it falls to zero as a cosine
-STIFFNESS = 10.0  # of the penalty: one tenth missed pulls as the objective does
-RISE = 0.1  # of a multiplier's full step that each draw makes
-FINEST = 1e-16  # change of half the squared way to the allowed point
-SURE = 2.0  # standard errors that a mean constraint may seem to be missed by
+STIFFNESS = 10.0  # of the penalty: a constraint missed by a tenth weighs as much as the objective
+RISE = 0.1  # share of a multiplier's full step in each draw
+FINEST = 1e-16  # change of half the squared distance to the allowed point, at which it ends
+SURE = 2.0  # standard errors by which a mean constraint may be missed
 
 RandomObjective = Callable[[Any, PRNGKeyArray], Float[Array, ""]]
 RandomConstraints = Callable[[Any, PRNGKeyArray], Float[Array, "..."]]

@@ -21,8 +21,8 @@ from ..files.dataset import LOST
 from .program import Program, Task, compiled, trace
 from .store import Point
 
-PATIENCE = 30  # s until a scheduler or a first worker must have answered
-SECONDS, MOST = 1.0, 64  # length of a task, and its points at most
+PATIENCE = 30  # seconds to wait for a scheduler or a first worker
+SECONDS, MOST = 1.0, 64  # of a task, and its largest number of points
 # Local workers start within `STARTING` seconds, and each of W gives `GAIN` of this process
 # (`benchmarks/bench_sweep.py`, two cores: 5 s; 0.65 to 0.9 at 128², 0.7 at 512²).
 STARTING, GAIN = 10.0, 0.7
@@ -32,10 +32,10 @@ OPTIONS = (
 )  # fmt: skip
 SETTINGS = {  # of dask, for local workers
     "distributed.scheduler.allowed-failures": 1,
-    # A worker that is not back sooner is given up; 15 s are short on a busy machine.
+    # A worker that does not return sooner is lost; the default of 15 s is short on a busy machine.
     "distributed.deploy.lost-worker-timeout": "1 hour",
 }
-# Ctrl-C reaches all processes of a terminal, but only the caller may act on it.
+# Ctrl-C reaches all processes of a terminal; only the caller handles it.
 DEAF = "import signal; signal.signal(signal.SIGINT, signal.SIG_IGN)"
 _compiling = threading.Lock()
 
