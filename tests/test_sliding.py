@@ -160,19 +160,6 @@ def test_one_dimensional_surface_slides_as_a_ridged_plane_does():
     np.testing.assert_allclose(two.pressure[:, 0], one.pressure, atol=1e-5 * one.pressure.max())
 
 
-@pytest.mark.parametrize(
-    ("changed", "message"),
-    [
-        ({"pressure": [1.0, 2.0]}, r"`pressure` has shape \(2,\)"),
-        ({"velocity": [1.0, 2.0, 3.0]}, r"`velocity` has shape \(3,\)"),
-        ({"velocity": "fast"}, "`velocity='fast'` is refused: a number or"),
-    ],
-)
-def test_bad_argument_is_refused(changed, message, unchecked_types):
-    with pytest.raises(ValueError, match=message):
-        gc.slide(coated(), SURFACE, **({"pressure": 4e5, "velocity": 0.1} | changed))
-
-
 def test_unfinished_solve_is_not_passed_as_converged():
     hasty = gc.contacts.DouglasRachford(max_steps=2)
     with pytest.raises(RuntimeError, match="max_steps"):
