@@ -133,12 +133,11 @@ class AdhesiveLine:
         return gap_of(found.x)
 
 
-def differences(function, arguments, step=1e-5, fixed=(0.0,)):
-    """Returns the change of `function` per relative change of each number among its arguments.
+def differences(value, arguments, step=1e-5, fixed=(0.0,)):
+    """Returns the change of `value` per relative change of each number among its arguments.
 
     By central differences. Numbers equal to one of `fixed` stay.
     """
-    value = function if hasattr(function, "lower") else jax.jit(function)
     leaves, treedef = jax.tree.flatten(arguments)
     found = []
     for i, leaf in enumerate(leaves):
@@ -153,15 +152,20 @@ def differences(function, arguments, step=1e-5, fixed=(0.0,)):
 
 
 def elasticities(function, arguments, step=1e-5, fixed=(0.0,)):
-    """Returns pairs of the same changes by the gradient and by central differences."""
-    gradient = jax.jit(jax.grad(function, tuple(range(len(arguments)))))(*arguments)
+    """Returns pairs of the same changes by the gradient and by central differences.
+
+    One program gives both, so that one is compiled.
+    """
+    both = jax.jit(jax.value_and_grad(function, tuple(range(len(arguments)))))
+    _, gradient = both(*arguments)
     slopes = [
         float(slope[index] * leaf[index])
         for leaf, slope in zip(*map(jax.tree.leaves, (arguments, gradient)), strict=True)
         for index in np.ndindex(leaf.shape)
         if leaf[index] not in fixed
     ]
-    return list(zip(slopes, differences(function, arguments, step, fixed), strict=True))
+    changes = differences(lambda *moved: both(*moved)[0], arguments, step, fixed)
+    return list(zip(slopes, changes, strict=True))
 
 
 def gauss_over_angles():

@@ -35,11 +35,16 @@ from graded_contact.studies import run_scene as run_module
 from graded_contact.studies.scene_theory import mean_field_at
 from graded_contact.studies.store import Store
 
+CACHE_FOLDER = session.cache_folder
 
-@pytest.fixture(autouse=True)
-def no_compilation_cache(monkeypatch):
+
+@pytest.fixture(autouse=True, scope="module")
+def no_compilation_cache_and_coarse_figures():
     """The cache is a setting of the process: other tests must not inherit it."""
-    monkeypatch.setattr(session, "cache_folder", lambda: None)
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(session, "cache_folder", lambda: None)
+        patch.setitem(gc.plot.STYLE, "figure.dpi", 50)
+        yield
 
 
 def command(*arguments):
@@ -50,9 +55,7 @@ def command(*arguments):
 def folder(tmp_path_factory):
     folder = tmp_path_factory.mktemp("run")
     (folder / "small.toml").write_text(SCENE)
-    with pytest.MonkeyPatch.context() as patch:
-        patch.setattr(session, "cache_folder", lambda: None)
-        result = command("run", folder / "small.toml", "--output", folder / "out")
+    result = command("run", folder / "small.toml", "--output", folder / "out")
     assert result.exit_code == 0, result.output
     (folder / "printed.txt").write_text(result.stdout)
     return folder
@@ -206,7 +209,12 @@ def interrupt_after(monkeypatch, count):
     monkeypatch.setattr(Store, "write", with_signal)
 
 
-def test_a_rerun_finds_all_solves(rerun, folder, tmp_path, monkeypatch):
+@pytest.fixture
+def no_contacts_drawn(monkeypatch):
+    monkeypatch.setattr(scene_job, "_contacts", lambda *_: ())
+
+
+def test_a_rerun_finds_all_solves(rerun, folder, tmp_path, monkeypatch, no_contacts_drawn):
     monkeypatch.setattr(run_module, "slide", None)
     result = rerun()
     assert result.exit_code == 0, result.output
@@ -276,7 +284,7 @@ def test_what_is_no_result_is_replaced_only_if_asked(rerun, tmp_path):
     assert np.all(rerun("--replace").exit_code == 0 and read_results(path).message == "")
 
 
-def test_a_damaged_point_is_named_and_computed_again(rerun, tmp_path):
+def test_a_damaged_point_is_named_and_computed_again(rerun, tmp_path, no_contacts_drawn):
     point = next((tmp_path / "out" / "small.points").glob("*.point"))
     point.write_bytes(point.read_bytes()[:700])
     result = rerun()
@@ -305,7 +313,9 @@ def full_disk(*_):
     raise OSError(errno.ENOSPC, "No space left on device")
 
 
-def test_a_full_disk_is_one_message_and_stored_solves_stay(rerun, tmp_path, monkeypatch):
+def test_a_full_disk_is_one_message_and_stored_solves_stay(
+    rerun, tmp_path, monkeypatch, no_contacts_drawn
+):
     more = SCENE.replace("[0.01, 1.0]", "[0.01, 1.0, 0.1]")
     for target in ((Path, "write_bytes"), (scene_job, "write")):
         with monkeypatch.context() as patch:
@@ -608,17 +618,16 @@ def test_the_embedded_scene_runs_at_the_required_resolution(tmp_path, monkeypatc
 
 @pytest.mark.skipif(os.name != "posix", reason="permissions are those of POSIX")
 def test_the_cache_of_compiled_code_belongs_to_the_user_alone(tmp_path, monkeypatch):
-    monkeypatch.undo()
     monkeypatch.setenv("XDG_CACHE_HOME", str(tmp_path))
-    folder = session.cache_folder()
+    folder = CACHE_FOLDER()
     assert folder is not None and folder.parent == tmp_path / "graded_contact"
     assert (
         stat.S_IMODE(folder.stat().st_mode) == stat.S_IMODE(folder.parent.stat().st_mode) == 0o700
     )
     folder.chmod(0o777)
-    assert session.cache_folder() is None
+    assert CACHE_FOLDER() is None
     monkeypatch.setenv("XDG_CACHE_HOME", "/proc/nowhere")
-    assert session.cache_folder() is None
+    assert CACHE_FOLDER() is None
 
 
 THREADS = """

@@ -93,9 +93,10 @@ def test_a_requested_error_holds_for_the_total():
 
 
 def test_the_error_of_a_loose_solve_covers_the_total():
-    for rtol in (1e-2, 1e-3, 1e-4):
-        for law in (ConstantShear(1e6), lambda p, v, t: p):
-            close, s = rubbed(law), rubbed(law, rtol=rtol)
+    for law in (ConstantShear(1e6), lambda p, v, t: p):
+        close = rubbed(law)
+        for rtol in (1e-2, 1e-3, 1e-4):
+            s = rubbed(law, rtol=rtol)
             assert abs(s.friction - close.friction) <= s.friction_error <= 10 * rtol * s.friction
 
 

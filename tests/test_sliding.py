@@ -55,28 +55,16 @@ def test_block_at_rest_has_the_relaxed_modulus_and_no_friction():
     assert abs(elastic.friction) <= 1e-13
 
 
-def test_along_an_oblique_velocity_a_solve_keeps_its_promise_and_its_derivatives():
+def test_along_an_oblique_velocity_a_solve_keeps_its_promise():
     """An operator that is not that of its half spectrum left penetrations of 4e-5 at 1e-10."""
-    grid = gc.Grid((32, 32), CELL)
-    surface = gc.random_surface(SPECTRUM, grid, jax.random.key(0))
-
-    def solve(velocity, times, thickness):
-        rubber = gc.Prony(1e6, [9e6, 2e7], times, 0.49)
-        coat = gc.Layer(gc.Elastic(6.51e6, 0.49), thickness)
-        stack = gc.Stack(layers=(coat,), base=gc.HalfSpace(rubber))
-        return gc.slide(stack, surface, pressure=4e5, velocity=velocity, rtol=1e-11)
-
-    arguments = [jnp.array([0.1, 0.05]), jnp.array([1e-2, 1e-4]), jnp.array(1e-4)]
-    s = jax.jit(solve)(*arguments)
+    velocity = jnp.array([0.1, 0.05])
+    s = gc.slide(coated(), SURFACE, pressure=4e5, velocity=velocity, rtol=1e-11)
     assert s.contact.complementarity_error <= 1e-11
     assert s.contact.penetration <= 1e-11
     assert s.energy_imbalance <= 1e-13
-    curve = gc.contacts.cumulative_friction(s.pressure, s.displacement, grid, arguments[0])
-    shares = curve.friction
+    shares = gc.contacts.cumulative_friction(s.pressure, s.displacement, GRID, velocity).friction
     np.testing.assert_allclose(shares[-1], s.friction, rtol=1e-12)
     assert np.all(np.diff(shares) >= -1e-12)
-    slopes = np.array(elasticities(lambda *a: solve(*a).friction, arguments))
-    np.testing.assert_allclose(*slopes.T, rtol=2e-6)
 
 
 @settings(max_examples=10)
@@ -172,19 +160,6 @@ def test_one_dimensional_surface_slides_as_a_ridged_plane_does():
     np.testing.assert_allclose(two.pressure[:, 0], one.pressure, atol=1e-5 * one.pressure.max())
 
 
-@pytest.mark.parametrize(
-    ("changed", "message"),
-    [
-        ({"pressure": [1.0, 2.0]}, r"`pressure` has shape \(2,\)"),
-        ({"velocity": [1.0, 2.0, 3.0]}, r"`velocity` has shape \(3,\)"),
-        ({"velocity": "fast"}, "`velocity='fast'` is refused: a number or"),
-    ],
-)
-def test_bad_argument_is_refused(changed, message, unchecked_types):
-    with pytest.raises(ValueError, match=message):
-        gc.slide(coated(), SURFACE, **({"pressure": 4e5, "velocity": 0.1} | changed))
-
-
 def test_unfinished_solve_is_not_passed_as_converged():
     hasty = gc.contacts.DouglasRachford(max_steps=2)
     with pytest.raises(RuntimeError, match="max_steps"):
@@ -246,7 +221,10 @@ def test_area_and_friction_against_the_cutoff_end_at_those_of_the_surface():
     """Smoother surfaces touch more; the waves of the surface end at 8.3 q0."""
     cutoffs = Q0 * np.array([2.0, 4.0, 8.3])
     law = dict(pressure=4e5, velocity=0.1, rtol=1e-8)
-    curve = gc.contacts.area_against_cutoff(coated(), SURFACE, cutoffs, **law)
+    curve_of = jax.jit(
+        lambda d: gc.contacts.area_against_cutoff(coated(d), SURFACE, cutoffs, throw=False, **law)
+    )
+    curve = curve_of(1e-4)
     whole = gc.slide(coated(), SURFACE, **law)
     np.testing.assert_allclose(curve.cutoff, cutoffs)
     np.testing.assert_allclose(curve.friction[-1], whole.friction, rtol=1e-6)
@@ -260,20 +238,11 @@ def test_area_and_friction_against_the_cutoff_end_at_those_of_the_surface():
     smooth = gc.Surface(jnp.asarray(np.fft.ifft2(low).real), GRID)
     middle = gc.slide(coated(), smooth, **law)
     np.testing.assert_allclose(curve.friction[1], middle.friction, rtol=1e-6)
-
-
-def test_without_throw_a_failed_kernel_leaves_a_curve_of_nan():
-    """The cut-offs stay; what failed is known only when it runs."""
-    curve = jax.jit(
-        lambda d: gc.contacts.area_against_cutoff(
-            coated(d), SURFACE, Q0 * np.array([2.0, 4.0]), pressure=4e5, velocity=0.1, throw=False
-        )
-    )
-    good, failed = curve(1e-4), curve(-1e-4)
-    assert np.all(np.isfinite(good.friction)) and np.all(good.contact_area_smooth > 0)
-    np.testing.assert_array_equal(failed.cutoff, Q0 * np.array([2.0, 4.0]))
+    # A kernel that fails, which is known only when it runs, leaves the cut-offs.
+    failed = curve_of(-1e-4)
+    np.testing.assert_array_equal(failed.cutoff, cutoffs)
     for found in (failed.friction, failed.contact_area, failed.contact_area_smooth):
-        np.testing.assert_array_equal(found, [np.nan, np.nan])
+        np.testing.assert_array_equal(found, np.full(3, np.nan))
 
 
 def test_soft_law_slides_nearly_as_the_hard_wall():

@@ -9,6 +9,7 @@ import pytest
 from conftest import BODIES, LAWS, SPEED, rough
 
 import graded_contact as gc
+from graded_contact.contact.estimates import error_of
 
 GRID = gc.Grid((32, 32), 1.0)
 SURFACE = rough(GRID, cut=4)
@@ -60,6 +61,13 @@ def test_friction_is_known_within_its_claimed_error_and_sooner_than_the_pressure
         assert wrong <= found.contact_area_error + 1e-9  # the best is solved to as much
         pairs += float(found.num_fft_pairs), float(best.num_fft_pairs)
     assert pairs[0] <= 0.75 * pairs[1]
+
+
+def test_the_claim_of_a_number_has_the_margins_that_the_benchmark_found():
+    """2.5 times its change, and 5 times the root sum of squares of the parts, which may cancel."""
+    numbers = lambda change: jnp.stack([jnp.sum(change), 2 * change[2]])  # noqa: E731
+    claims = error_of(numbers, jnp.zeros(2), jnp.array([3.0, -3.0, 1.0]), jnp.ones(2))
+    np.testing.assert_allclose(claims, [2.5 + 5 * np.sqrt(19), 2.5 * 2 + 5 * 2], rtol=1e-9)
 
 
 def test_tolerances_of_pressure_and_of_friction_exclude_each_other():

@@ -12,7 +12,7 @@ from oracles import elasticities
 import graded_contact as gc
 from graded_contact.response.compliance import graded_compliance, surface_compliance
 from graded_contact.response.layering import Layering
-from graded_contact.response.profile import Aged, Blend, Mixture
+from graded_contact.response.profile import Blend, Mixture
 from graded_contact.response.riccati import Riccati
 from graded_contact.response.shape import (
     ErrorFunction,
@@ -226,9 +226,8 @@ def test_graded_layer_of_no_thickness_is_no_layer():
     coat = gc.Layer(GLASS, 1e-5)
     graded = Stack(layers=(coat, GradedLayer(Blend(RUBBER, GLASS), 0.0)), base=BASE["halfspace"])
     plain = Stack(layers=(coat,), base=BASE["halfspace"])
-    np.testing.assert_allclose(
-        surface_compliance(graded, Q, OMEGA), surface_compliance(plain, Q, OMEGA), rtol=1e-13
-    )
+    found = graded_compliance(graded, Q, OMEGA, rtol=1e-7, graded_solver=FAST).value
+    np.testing.assert_allclose(found, surface_compliance(plain, Q, OMEGA), rtol=1e-13)
 
 
 def sandwich(base):
@@ -255,18 +254,6 @@ def test_differential_equation_and_layers_agree_in_a_stack_of_both(base):
     np.testing.assert_allclose(equation.value, layers.value, rtol=1e-9)
 
 
-def test_compliance_is_passive_and_hermitian():
-    profile = Mixture(RUBBER, GLASS, Sinusoidal(0.05, 1.0))
-    stack = Stack(layers=(GradedLayer(profile, 1e-3),), base=BASE["halfspace"])
-    q, omega = np.meshgrid(np.geomspace(1e1, 1e6, 5), np.geomspace(1e-1, 1e7, 5))
-    both = graded_compliance(
-        stack, q, np.stack([omega, -omega]), rtol=1e-6, graded_solver=FINE
-    ).value
-    np.testing.assert_allclose(both[1], np.conj(both[0]), rtol=1e-14)
-    assert np.all(both[0].imag <= 0)
-    assert np.all(both[0].real > 0)
-
-
 @pytest.mark.parametrize(
     "solver",
     [Layering(num_cells=8, retry=False), pytest.param(Riccati(), marks=pytest.mark.slow)],
@@ -279,16 +266,14 @@ def test_gradient_by_every_leaf_matches_central_differences(solver):
         base=gc.HalfSpace(RUBBER),
     )
 
-    @jax.jit
     def value(stack, q, omega):
         found = graded_compliance(stack, q, omega, rtol=1e-10, graded_solver=solver, throw=False)
-        return 1e13 * (found.value.real + 3 * found.value.imag)
+        return jnp.log(jnp.abs(found.value.real)) + 3 * jnp.log(-found.value.imag)
 
     arguments = (stack, jnp.asarray(2e4), jnp.asarray(5e3))
-    scale = abs(float(value(*arguments)))
     # The ends of the table are 0 and 1.
     for slope, difference in elasticities(value, arguments, 1e-4, fixed=(0.0, 1.0)):
-        assert abs(difference - slope) <= 1e-6 * scale
+        assert abs(difference - slope) <= 1e-6
 
 
 @pytest.mark.slow
@@ -338,16 +323,21 @@ def test_gradients_hold_where_the_wave_sees_only_a_part_of_the_layer():
 # The other responses have theirs in every run.
 
 
-def test_grids_of_every_shape_jit_and_vmap_give_the_same_numbers():
-    profile = Aged(RUBBER, 1.0, 1e3, ErrorFunction())
-    stack = Stack(layers=(GradedLayer(profile, 1e-3),), base=BASE["rigid"])
-    q, omega = jnp.geomspace(1e1, 1e5, 60)[:, None], jnp.geomspace(1, 1e6, 5)
-    table = graded_compliance(stack, q, omega, graded_solver=FINE).value
+def test_compliance_is_passive_hermitian_and_the_same_on_grids_under_jit_and_vmap():
+    profile = Mixture(RUBBER, GLASS, Sinusoidal(0.05, 1.0))
+    stack = Stack(layers=(GradedLayer(profile, 1e-3),), base=BASE["halfspace"])
+    q, omega = jnp.geomspace(1e1, 1e6, 60)[:, None], jnp.geomspace(1e-1, 1e7, 5)
+    table, conjugate = (
+        graded_compliance(stack, q, w, rtol=1e-6, graded_solver=FINE).value for w in (omega, -omega)
+    )
     assert table.shape == (60, 5)
+    np.testing.assert_allclose(conjugate, np.conj(table), rtol=1e-14)
+    assert np.all(table.imag <= 0)
+    assert np.all(table.real > 0)
 
     def one(q, d):
         moved = eqx.tree_at(lambda s: s.layers[0].thickness, stack, d)
-        return graded_compliance(moved, q, omega[3], graded_solver=FINE).value
+        return graded_compliance(moved, q, omega[3], rtol=1e-6, graded_solver=FINE).value
 
     batch = jax.jit(jax.vmap(one))(q[5:8, 0], jnp.array([1e-3, 2e-3, 1e-3]))
     assert batch.shape == (3,)

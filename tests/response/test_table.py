@@ -29,7 +29,7 @@ def interpolated(table):
     return table.along_x(kx, table.along_y(ky))
 
 
-@pytest.mark.parametrize("tolerance", [1e-4, 1e-7, 1e-10])
+@pytest.mark.parametrize("tolerance", [1e-4, 1e-10])
 def test_table_meets_its_tolerance_and_knows_its_error(tolerance):
     table = jax.jit(table_of, static_argnums=1)(0.05, tolerance)
     kx, ky = np.ogrid[: HIGHEST[0] + 1, : HIGHEST[1] + 1]
@@ -42,11 +42,13 @@ def test_table_meets_its_tolerance_and_knows_its_error(tolerance):
 
 
 def test_table_of_what_it_cannot_resolve_says_so():
-    rough = lambda kx, ky: jnp.sin(5 * kx) + ky  # noqa: E731
-    table = tabulate(rough, rough, HIGHEST, 1e-6, np.dtype(float))
-    assert table.error > 0.1
-    nan = lambda kx, ky: kx * ky * jnp.nan  # noqa: E731
-    assert not tabulate(nan, nan, HIGHEST, 1e-6, np.dtype(float)).error <= 1e-6
+    @jax.jit
+    def error(scale):
+        rough = lambda kx, ky: scale * jnp.sin(5 * kx) + ky  # noqa: E731
+        return tabulate(rough, rough, HIGHEST, 1e-6, np.dtype(float)).error
+
+    assert error(1.0) > 0.1
+    assert not error(jnp.nan) <= 1e-6
 
 
 def test_table_is_differentiable():
