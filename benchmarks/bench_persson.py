@@ -4,7 +4,8 @@ python benchmarks/bench_persson.py speed      a friction curve of 50 velocities,
 python benchmarks/bench_persson.py claims     `error` against the true one, in random scenes
 
 `claims`: blocks of 0 to 3 layers (E elastic; V Prony series of up to six branches over ten decades,
-or the tread; the last letter is the base: R rigid, F none), q_low d from 1e-3 to 100; self-affine
+or the tread; T a table of 20, 61 or 200 moduli of a V over 6 to 14 decades, without and with
+scatter; the last letter is the base: R rigid, F none), q_low d from 1e-3 to 100; self-affine
 spectra of up to 7 decades, or one or six powers of q from -6 to 0; loads from light to complete
 contact; speeds over ten decades; all corrections. The true error, relative to the result as the
 claim is, is that against at least 640 wavenumbers and 96 angles.
@@ -75,9 +76,10 @@ def speed():
     goal("gradient <= 3 x curve", f"{warm_gradient / warm:.2f} x")
 
 
-STACKS = ("V", "VE", "EVV", "EVVR", "VVF")
+STACKS = ("V", "VE", "EVV", "EVVR", "VVF", "T", "ET", "TTR")
 SPECTRA = ("sharp", 1, 6)
 BRANCHES = 18
+POINTS = (20, 61, 200)  # of tables
 
 
 def claims(scenes=20, seed=0):
@@ -85,7 +87,8 @@ def claims(scenes=20, seed=0):
     rng, rows, corrections = np.random.default_rng(seed), [], get_args(Correction)
     for number, (letters, kind) in enumerate(itertools.product(STACKS, SPECTRA)):
         correction = corrections[number % len(corrections)]
-        drawn = [random_scene(rng, letters, kind) for _ in range(scenes)]
+        points = POINTS[number % len(POINTS)]
+        drawn = [random_scene(rng, letters, kind, points) for _ in range(scenes)]
         stacked = jax.tree.map(lambda *leaves: jnp.stack([jnp.asarray(a) for a in leaves]), *drawn)
 
         def solve(scene, counts, correction=correction):
@@ -103,30 +106,34 @@ def claims(scenes=20, seed=0):
             for counts in ({}, fine)
         )
         true = np.max(np.abs(1 - exact / value), axis=1)
-        rows += zip(true, claim, doubt, strict=True)
+        rows += zip(true, claim, doubt, np.full(scenes, "T" in letters), strict=True)
         print(f"# {letters} {kind} {correction}: {np.sum(true > claim)} broken", flush=True)
-    true, claim, doubt = np.array(rows).T
+    for moduli, tables in (("Prony series", False), ("tables", True)):
+        summarize(moduli, *np.array([row[:3] for row in rows if row[3] == tables]).T)
+
+
+def summarize(moduli, true, claim, doubt):
     # A friction of 1e-15 and less of the shear is rounding, in the fine solve too.
     known = doubt < 0.1 * np.maximum(claim, true)
     ratio = claim[known] / true[known]
-    row = {"scenes": len(true), "with a known error": int(np.sum(known))}
+    row = {"moduli": moduli, "scenes": len(true), "with a known error": int(np.sum(known))}
     row |= {"broken": int(np.sum(ratio < 1)), "true error, median": np.median(true[known])}
     row |= {f"claim/true, {p} %": np.percentile(ratio, p) for p in (0, 10, 50, 90)}
     row["claims up to rtol = 1e-4 [%]"] = 100 * np.mean(claim[known] <= 1e-4)
     report("bench_persson-claims", row)
 
 
-def random_scene(rng, letters, kind):
+def random_scene(rng, letters, kind, points):
     """Stack, spectrum, pressure [Pa] and velocity [m/s]."""
     q_low = 10 ** rng.uniform(1, 4)
     q_roll = q_low * 10 ** rng.uniform(0, 2)
     q_high = q_roll * 10 ** rng.uniform(0.3, 5)
     layers = [
-        gc.Layer(random_material(rng, letter), 10 ** rng.uniform(-3, 2) / q_low)
+        gc.Layer(random_material(rng, letter, points), 10 ** rng.uniform(-3, 2) / q_low)
         for letter in letters[:-1]
     ]
     ends = {"R": gc.Rigid(), "F": gc.Free()}
-    base = ends.get(letters[-1]) or gc.HalfSpace(random_material(rng, letters[-1]))
+    base = ends.get(letters[-1]) or gc.HalfSpace(random_material(rng, letters[-1], points))
     stack = gc.Stack(layers=layers, base=base)
     slope = 10 ** rng.uniform(-2, 0)
     if kind in ("sharp", "smooth"):
@@ -149,8 +156,17 @@ def random_scene(rng, letters, kind):
     return stack, spectrum, pressure, speed * np.array([np.cos(angle), np.sin(angle)])
 
 
-def random_material(rng, letter):
+def random_material(rng, letter, points):
     poisson = rng.uniform(0.2, 0.5)
+    if letter == "T":
+        low, scatter = rng.uniform(-6, 0), rng.choice([0.0, 0.003, 0.03])
+        omega = np.logspace(low, low + rng.uniform(6, 14), points)
+        modulus = np.asarray(random_material(rng, "V", points).modulus(omega))
+        storage, loss = rng.lognormal(sigma=scatter, size=(2, points)) * [
+            modulus.real,
+            modulus.imag,
+        ]
+        return gc.Tabulated(omega, storage + 1j * loss, poisson, extrapolate="plateau")
     if letter == "E":
         return gc.Elastic(10 ** rng.uniform(5, 9), poisson)
     equilibrium, shift = 10 ** rng.uniform(5, 8), 10 ** rng.uniform(-3, 3)

@@ -288,6 +288,29 @@ def test_unreached_tolerance_is_not_passed_as_converged():
     assert abs(rough.friction / fine.friction - 1) <= rough.error
 
 
+def test_error_is_near_the_true_one_for_a_table_of_moduli():
+    """The interpolant has kinks; errors that they cause at each wavenumber cancel in the sum."""
+    omega = np.geomspace(1e-2, 1e8, 61)
+    table = gc.Tabulated(omega, RUBBER.modulus(omega), 0.49, extrapolate="plateau")
+
+    def solve(velocity, **counts):
+        found = mean_field_friction(
+            gc.Stack(base=gc.HalfSpace(table)), SPECTRUM, pressure=1e5, velocity=velocity,
+            throw=False, **counts,
+        )  # fmt: skip
+        return jnp.stack([found.friction, found.contact_area]), found.error
+
+    (values, errors), (exact, fine) = (
+        jax.jit(lambda v, counts=counts: jax.lax.map(partial(solve, **counts), v))(
+            jnp.geomspace(1e-3, 3.0, 8)
+        )
+        for counts in ({}, {"num_wavenumbers": 192, "num_angles": 64})
+    )
+    true = np.max(np.abs(1 - exact / values), axis=1)
+    assert np.all((true <= errors + fine) & (errors <= 50 * (true + fine)))
+    assert np.median(errors) < 1e-4
+
+
 def test_values_that_only_tracing_hides_do_not_pass_as_solved():
     for spectrum in (SPECTRUM, SURFACE):
         solution = mean_field(COATED, spectrum, pressure=-1e5, velocity=0.1)

@@ -93,7 +93,7 @@ class MeanField(eqx.Module):
     - `extrapolated_friction`: share of the hysteresis from frequencies at which a material of the
       stack was not measured [1], to about 1 % by the quadrature; see `coverage`.
     - `error`: estimated relative error of friction and area by the quadrature [1], in the median
-      4 times the true one; 0 for a surface, whose modes are summed.
+      8 times the true one; 0 for a surface, whose modes are summed.
     - `heated`: temperatures of the scales, see `persson/heated.py`, or None.
     """
 

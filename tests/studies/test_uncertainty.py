@@ -126,8 +126,7 @@ def test_what_decides_friction_adds_up_to_what_pressure_does():
 
     def friction(material, pressure=1e5):
         stack = gc.Stack(base=gc.HalfSpace(material))
-        at = dict(pressure=pressure, velocity=0.1, num_angles=64)  # a table has kinks
-        return gc.mean_field_friction(stack, SPECTRUM, **at).friction
+        return gc.mean_field_friction(stack, SPECTRUM, pressure=pressure, velocity=0.1).friction
 
     omega = np.geomspace(1e-2, 1e8, 61)
     found = sensitivity(friction, TRUTH, omega)
