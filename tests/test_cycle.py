@@ -274,6 +274,7 @@ def test_usual_motions():
         ({"period": 0.0}, "period"),
         ({"pressure": np.ones(3)}, "pressure"),
         ({"pressure": -np.ones(N)}, "pressure"),
+        ({"pressure": np.zeros(N)}, "pressure.*where the surfaces part, prescribe `mean_gap`"),
         ({"mean_gap": np.zeros(N)}, "mean_gap"),
         ({"friction_rtol": 1e-3}, "friction_rtol"),
     ],
@@ -289,6 +290,7 @@ def test_caveats_name_what_the_times_do_not_resolve():
     assert any("kinks or jumps" in text for text in jumping.caveats)
     lifted = cycle(pressure=None, mean_gap=np.where(TIMES < 0.5, 0.01, 0.1), rtol=1e-3)
     assert any("gap changes too suddenly" in text for text in lifted.caveats)
+    assert lifted.time_in_contact == np.mean(lifted.load > 0) and 0.3 < lifted.time_in_contact < 0.7
     apart = cycle(pressure=None, mean_gap=0.5, rtol=1e-3)
     assert any("surfaces never touch" in text for text in apart.caveats)
     with pytest.raises(RuntimeError, match="max_steps"):

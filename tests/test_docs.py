@@ -11,6 +11,7 @@ from pathlib import Path
 import pytest
 
 import graded_contact as gc
+from graded_contact.files.scene_reading import parse_scene
 
 DOCS = Path(__file__).parents[1] / "docs"
 PAGES = sorted(
@@ -68,12 +69,23 @@ def test_every_public_name_is_described_with_its_docstring(monkeypatch):
     assert others <= set(pages)
 
 
+@pytest.mark.parametrize("page", PAGES, ids=lambda page: page.stem)
+def test_whole_scenes_of_a_page_are_read(page):
+    text = page.read_text(encoding="utf-8")
+    for scene in re.findall(r"^```toml\n(.*?)^```", text, flags=re.MULTILINE | re.DOTALL):
+        if "[surface]" in scene and "[base]" in scene and "path" not in scene:
+            parse_scene(scene).surface.build()
+
+
 def run(command: list[str], folder: Path) -> None:
     done = subprocess.run(command, cwd=folder, capture_output=True, text=True)
     assert done.returncode == 0, done.stderr
 
 
-RUN = ["own_law", "own_profile", "own_solver", "short_answers", "studies"]
+RUN = [
+    "indenter", "own_law", "own_profile", "own_solver", "precision", "shear_and_heat",
+    "short_answers", "studies",
+]  # fmt: skip
 
 
 # Alone, these pages say all that their programs need.

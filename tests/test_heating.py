@@ -182,6 +182,7 @@ def test_a_fixed_point_is_found_where_the_map_falls_or_rises(slope):
     [
         ({"temperature": None}, "`temperature=None`"),
         ({"temperature": 20.0}, "`temperature=20` is refused: temperatures are in kelvin"),
+        ({"temperature": 1e4}, "`temperature=10000` is refused: temperatures are in kelvin"),
         ({"heating": 0.25}, "`heating=0.25`"),
         ({"solution": gc.slide(BLOCK, SURFACE, pressure=3e4, velocity=1.0).contact}, "`solution`"),
         (

@@ -1,5 +1,7 @@
 """Contacts on a window against closed forms, larger windows and longer cells."""
 
+from functools import partial
+
 import equinox as eqx
 import jax
 import jax.numpy as jnp
@@ -197,6 +199,9 @@ def test_what_a_window_cannot_have_is_refused():
     repeated = gc.Surface(surface.heights, surface.grid)
     with pytest.raises(ValueError, match=r"`approach=0.01` is refused: only a body .* `mean_gap`"):
         gc.slide(COATED, repeated, approach=0.01, velocity=1.0)
+    stiff = gc.Stack(layers=(gc.Layer(gc.Elastic(1e3, 0.4), 0.3),), base=RUBBER)
+    with pytest.raises(ValueError, match=r"`kernel.real.* a stiff coat spreads the load"):
+        gc.slide(stiff, surface, pressure=0.02, velocity=0.0)
     with pytest.raises(ValueError, match="periodic"):
         gc.surface.resample(surface, (32,))
     with pytest.raises(ValueError, match="mean_gap"):
@@ -214,11 +219,18 @@ def test_before_the_first_touch_there_is_no_load(heights):
     assert jax.value_and_grad(load)(0.0) == (0, 0)
     found = gc.slide(SLAB, surface, approach=-0.01, velocity=1.0)
     assert found.contact.mean_pressure == load(0.0) == 0
+    np.testing.assert_allclose([found.approach, found.compression], [-0.01, -0.2])
     assert found.caveats == (
         "The surfaces do not touch: there is no load, so friction is not defined.",
     )
-    with pytest.raises(RuntimeError, match="Friction without a load has no derivative"):
-        jax.grad(lambda d: gc.slide(SLAB, surface, approach=d, velocity=1.0).friction)(-0.01)
+
+    def friction(approach, **how):
+        return gc.slide(SLAB, surface, approach=approach, velocity=1.0, **how).friction
+
+    for approach in (-0.01, 0.0):
+        with pytest.raises(RuntimeError, match="Friction without a load has no derivative"):
+            jax.grad(friction)(approach)
+        assert np.all(np.isnan(jax.value_and_grad(partial(friction, throw=False))(approach)))
 
 
 def test_an_approach_through_the_layers_or_in_another_unit_is_noticed():
@@ -228,8 +240,17 @@ def test_an_approach_through_the_layers_or_in_another_unit_is_noticed():
     assert "moved into the layers by 160% of their thickness" in " ".join(deep.caveats)
     pressed = gc.slide(SLAB, surface, pressure=deep.contact.mean_pressure, velocity=1.0)
     np.testing.assert_allclose(pressed.compression, 1.6, rtol=1e-4)
+    assert "by 20%" in gc.slide(SLAB, surface, approach=0.01, velocity=1.0).caveats[-1]
     with pytest.raises(ValueError, match=r"`approach=20` is refused: .* window's length of 1 m"):
         gc.slide(SLAB, surface, approach=20.0, velocity=1.0)
+
+    @eqx.filter_jit
+    def traced(approach):
+        return gc.slide(SLAB, surface, approach=approach, velocity=1.0, throw=False)
+
+    hidden = traced(jnp.asarray(20.0))
+    assert hidden.result == gc.contacts.RESULTS.not_finite and jnp.isnan(hidden.friction)
+    assert "the approach (in metres" in repr(hidden)
 
 
 def test_friction_at_an_approach_has_the_error_of_the_load():
@@ -239,6 +260,14 @@ def test_friction_at_an_approach_has_the_error_of_the_load():
     found = press(0.026)
     change = abs(press(0.026 + found.approach_error).friction - found.friction)
     assert 1e-6 < change < found.friction_error < 1e-2 * found.friction
+
+
+def test_area_at_a_load_has_the_error_of_the_kernel(sliding):
+    errors = 20 * sliding.kernel_error
+    claimed = eqx.tree_at(lambda s: s.kernel_error, sliding, errors).contact_area_error
+    found = gc.solve_contact(sliding.kernel + jnp.sum(errors, 0), sliding.heights, 0.02)
+    changed = abs(jnp.mean(found.pressure > 0) - sliding.contact_area)
+    assert 0 < changed < claimed < 0.1
 
 
 @pytest.mark.slow

@@ -74,14 +74,17 @@ def check_law(law: AbstractLaw) -> None:
             )
 
 
-def check_pressure(pressure: Float[Array, "..."], law: AbstractLaw) -> None:
-    """Raises `ValueError` if the law cannot have these mean pressures [Pa]; traced ones pass."""
+def check_pressure(pressure: Float[Array, "..."], law: AbstractLaw, hint: str = "") -> None:
+    """Raises `ValueError` if the law cannot have these mean pressures [Pa]; traced ones pass.
+
+    With a `hint` what to prescribe in place of 0.
+    """
     low, high = law.bounds
     if not (is_concrete(low) and is_concrete(high)):
         return
     low, high = float(low), float(high)
     if low == 0:
-        check_positive("pressure", pressure, "[Pa]")
+        check_positive("pressure", pressure, f"[Pa]{hint}")
     allowed = f"the law allows mean pressures between {low:g} and {high:g} Pa"
     below = float(np.nextafter(high, 0, dtype=pressure.dtype)) if high < np.inf else None
     check_values("pressure", pressure, allowed, above=low, at_most=below)

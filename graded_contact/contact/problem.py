@@ -209,11 +209,17 @@ def _check_heights(heights, solver: AbstractContactSolver) -> None:
 
 
 def _check_kernel(kernel, heights, throw: bool) -> None:
-    if not is_window(kernel, heights.shape):
+    remedy = ""
+    if is_window(kernel, heights.shape):
+        remedy = (
+            ". On a window it is not if a stiff coat spreads the load over its length: put the "
+            "body into a periodic cell several windows wide, with lower heights around it"
+        )
+    else:
         check_shape("kernel", kernel, half_shape(heights.shape))
     if is_concrete(kernel):
         real, imag = _compliances(kernel, throw)
-        check_positive("kernel.real", real, "[m/Pa] for every q but 0")
+        check_positive("kernel.real", real, f"[m/Pa] for every q but 0{remedy}")
         check_values("kernel.imag", imag, "it must be finite")
 
 
@@ -260,7 +266,8 @@ def loading_of(
         return Loading(None, spread)
     pressure = as_float(pressure, "pressure")
     spread = _over_times("pressure", pressure, heights, num_times)
-    check_pressure(pressure, law)
+    parted = "; where the surfaces part, prescribe `mean_gap`" if num_times else ""
+    check_pressure(pressure, law, parted)
     return Loading(spread, None)
 
 
@@ -286,7 +293,8 @@ def _loading_of_window(pressure, mean_gap, approach, law: AbstractLaw, heights, 
         )
     if isinstance(law, HardWall):  # at the first touch, nothing touches; else rounding decides
         least = _LEAST_GAP * jnp.maximum(jnp.std(heights), jnp.finfo(heights.dtype).tiny ** 0.5)
-        approach = jnp.where(jnp.abs(approach) > least, approach, -least)
+        at_touch = jnp.abs(approach) <= least
+        approach = approach + jax.lax.stop_gradient(jnp.where(at_touch, -least - approach, 0))
     return Loading(None, jnp.max(heights) - jnp.mean(heights) - approach)
 
 
@@ -421,9 +429,10 @@ def _describe(
 
 
 def _how_it_ended(inputs: Inputs, finds_unstable, found: SolverOutput, reached, gap_error):
-    law, pressure = inputs.law, inputs.loading.pressure
+    law, (pressure, gap) = inputs.law, inputs.loading
     # Near full contact at a given gap the bound of the error may still be infinite.
     finite = ~jnp.isnan(found.error) & jnp.all(jnp.isfinite(found.pressure))
+    finite = finite & (True if gap is None else jnp.all(jnp.isfinite(gap)))
     result = RESULTS.where(found.ended, RESULTS.rounding, RESULTS.max_steps_reached)
     result = RESULTS.where(reached, RESULTS.successful, result)
     result = RESULTS.where(finite, result, RESULTS.not_finite)

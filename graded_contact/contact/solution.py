@@ -21,8 +21,8 @@ class RESULTS(eqx.Enumeration):
     )
     not_finite = (
         "The contact solver met a value that is not finite. Check the kernel (a negative "
-        "thickness or modulus under `jit` ends here), the heights and the pressure; in float32, "
-        "enable `jax_enable_x64`."
+        "thickness or modulus under `jit` ends here), the heights and the pressure, or the "
+        "approach (in metres, at most the window's length); in float32, enable `jax_enable_x64`."
     )
     unresolved = (
         "The attraction of the law rises too steeply for the grid: points snap one by one, and the "

@@ -136,15 +136,21 @@ def change_by_kernel(
     error: Inexact[Array, "*half"],
     pressure: Float[Array, "*shape"],
     touching: Bool[Array, "*shape"],
+    at_approach: bool,
 ) -> Float[Array, "*shape"]:
-    """Returns the change of the pressure by an error of the kernel, at a given approach [Pa].
+    """Returns the change of the pressure by an error of the kernel, at a given approach or load.
 
-    As in `estimates.py`, by the inverse of M on the whole cell instead of on the contact.
+    In Pa. As in `estimates.py`, by the inverse of M on the whole cell instead of on the contact.
     """
-    operator = Steady(_with_ground(kernel, pressure.shape), True)
+    operator = Steady(_with_ground(kernel, pressure.shape) if at_approach else kernel, at_approach)
+
+    def in_contact(field):
+        mean = 0 if at_approach else jnp.sum(jnp.where(touching, field, 0)) / jnp.sum(touching)
+        return jnp.where(touching, field - mean, 0)
+
     moved = on_window(operator.with_kernel(error).displace(on_cell(pressure, kernel)))
-    lifted = on_cell(jnp.where(touching, moved, 0), kernel)
-    return jnp.where(touching, -on_window(operator.filtered(operator.inverse, lifted)), 0)
+    lifted = on_cell(in_contact(moved), kernel)
+    return -in_contact(on_window(operator.filtered(operator.inverse, lifted)))
 
 
 @eqx.filter_jit

@@ -85,6 +85,7 @@ CYCLE = _table([
     ("mean_friction_error", r"\delta\bar\mu", "1", "estimated solver error of the mean friction"),
     ("peak_friction", r"\mu_\mathrm{max}", "1", "largest friction coefficient of a cycle"),
     ("peak_friction_error", r"\delta\mu_\mathrm{max}", "1", "estimated solver error of the peak"),
+    ("time_in_contact", "", "1", "share of the times at which the surfaces touch"),
     ("phase", r"\delta", "1", "phase of the traction before the displacement, in radians"),
     ("load_mismatch", "", "1", "difference of two forms of the load's work, over the dissipation"),
     ("largest_step", "", "1", "largest step from one time to the next, in spacings of the grid"),

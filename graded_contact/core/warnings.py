@@ -20,6 +20,7 @@ EXTRAPOLATED = 0.01  # of the friction, from frequencies at which a material was
 LIMIT = 0.1  # the part of a result above which there is a warning
 # Small strains neglect slope²/2, the excess of an arc over its chord. Above STEEP it is > LIMIT.
 STEEP = (2 * LIMIT) ** 0.5
+SQUEEZED = 0.2 - 1e-3  # of the layers; from 20 % on, whatever the error of the solve
 RIM = 1e-3  # of the load, on the outermost points of a window
 ROUNDING = 1e-12  # of the slope: friction below it is none
 IDLE = 1e-3  # friction over slope below which a contact counts as without friction
@@ -110,10 +111,9 @@ RULES = (
     ),
     Rule(
         lambda found: getattr(found, "compression", 0.0),
-        2 * LIMIT,
+        SQUEEZED,
         "The body moved into the layers by {worst:.0%} of their thickness above the rigid base. "
-        f"The model assumes small strains: above {2 * LIMIT:.0%} the neglected terms exceed "
-        f"{LIMIT:.0%}.",
+        f"The model assumes small strains: from 20% on the neglected terms exceed {LIMIT:.0%}.",
     ),
     Rule(
         lambda found: found.unmeasured_friction,

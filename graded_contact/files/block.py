@@ -73,7 +73,7 @@ class Block:
 
     **Fields:**
 
-    - `materials`: by name.
+    - `materials`: by name, those that were read; `names` are all.
     - `errors`: of the numbers of some of them, by name.
     - `notes`: what was understood of tables of moduli.
     - `reader`: converts the tables.
@@ -81,6 +81,7 @@ class Block:
 
     def __init__(self, folder: Path):
         self.materials: dict[str, AbstractMaterial] = {}
+        self.names: list[str] = []
         self.errors: dict[str, Errors] = {}
         self.notes: list[str] = []
         self.reader = Reader(folder, KINDS, {AbstractMaterial: self._named})
@@ -88,6 +89,7 @@ class Block:
     def read_materials(self, tables: Mapping[str, Any], temperature: np.ndarray | None) -> None:
         """Makes the materials of [materials], each of which may use those above it."""
         kinds = {**MATERIALS, "tabulated": self.tabulated, "strain_sweep": self.strain_sweep}
+        self.names = [*tables]
         keys = {kind: (*keys_of(make), ERRORS) for kind, make in kinds.items()}
         for name, table in tables.items():
             understood, place = len(self.notes), f"[materials.{name}]"
@@ -130,6 +132,8 @@ class Block:
 
     def _named(self, place: str, key: str, value: Any) -> AbstractMaterial:
         name = self.reader.value(place, Key(key, str), value)
+        if name not in self.materials and name in self.names:
+            raise ValueError(f"{place} `{key}` = {name!r}: [materials.{name}] must stand above it.")
         if name not in self.materials:
             raise ValueError(
                 f"{place} `{key}` = {name!r} is not in [materials]; {nearest(name, self.materials)}"

@@ -51,7 +51,7 @@ _FEWEST = 4  # times in a period
 @shown(
     "mean_friction", "mean_friction_error", "peak_friction", "peak_friction_error", "work",
     "load_work", "dissipated_power", "phase", "friction", "contact_area", "mean_gap", "load",
-    "energy_imbalance", "slope_in_contact", "largest_step", "contact", "caveats",
+    "time_in_contact", "energy_imbalance", "slope_in_contact", "largest_step", "contact", "caveats",
 )  # fmt: skip
 class CyclicSliding(eqx.Module):
     """Friction, contact area and fields over a cycle.
@@ -80,6 +80,7 @@ class CyclicSliding(eqx.Module):
       friction coefficient.
     - `peak_friction`: the largest |friction| of any time [1].
     - `mean_friction_error`, `peak_friction_error`: their estimated errors from the solver [1].
+    - `time_in_contact`: share of the times at which the surfaces touch [1].
     - `phase`: by which the first harmonic of the traction leads that of the displacement [rad]:
       0 for a spring, π/2 for a dashpot; 0 without motion.
     - `slope_in_contact`: rms slope of the block where it carries the load, the largest of all times
@@ -119,6 +120,7 @@ class CyclicSliding(eqx.Module):
     peak_friction: Float[Array, ""]
     mean_friction_error: Float[Array, ""]
     peak_friction_error: Float[Array, ""]
+    time_in_contact: Float[Array, ""]
     phase: Float[Array, ""]
     slope_in_contact: Float[Array, ""]
     energy_imbalance: Float[Array, ""]

@@ -180,12 +180,14 @@ def cycle_numbers(
     waves = jnp.abs(jnp.fft.rfft(velocity, axis=0)) ** 2
     upper = jnp.sum(waves[len(load) // 4 + 1 :]) / nonzero(jnp.sum(waves))
     steps = jnp.abs(jnp.diff(components(displacement), axis=0))
+    area = jax.vmap(contact_area)(touching).astype(load.dtype)
     return _works(operator, contact, power, load, period, measured) | dict(
         friction=friction.reshape(shape),
         traction=traction.reshape(shape),
         load=load,
         mean_gap=contact.mean_gap.reshape(load.shape),
-        contact_area=jax.vmap(contact_area)(touching).astype(load.dtype),
+        contact_area=area,
+        time_in_contact=jnp.mean(area > 0, dtype=load.dtype),
         contact_area_corrected=jax.vmap(contact_area_corrected)(touching).astype(load.dtype),
         contact_area_smooth=jax.vmap(contact_area_smooth)(indicator),
         geometric_friction=geometric.reshape(shape),

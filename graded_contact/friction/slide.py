@@ -9,7 +9,7 @@ import dataclasses
 
 import jax.numpy as jnp
 import numpy as np
-from jaxtyping import ScalarLike
+from jaxtyping import Array, ScalarLike
 
 from ..contact.adjoint import LinearSolver, LinearSplitting
 from ..contact.law import AbstractLaw, HardWall
@@ -124,7 +124,7 @@ def slide(
         }  # fmt: skip
         return _settled(heating, stack, inputs, settings, solution)
     if approach is not None:
-        check_approach(approach, surface.grid)
+        approach = check_approach(approach, surface.grid)
     kernel, velocity, reached, kernel_error = kernel_and_velocity(
         stack, surface, velocity, solver, graded_solver, throw, strain_per_slope
     )
@@ -184,12 +184,17 @@ def _thickness(stack: Stack):
     return interface_depths(stack)[-1] if isinstance(stack.base, Rigid) else None
 
 
-def check_approach(approach: Numbers, grid: Grid) -> None:
-    """Raises `ValueError` for an approach of more than a window's length: of another unit."""
+def check_approach(approach: Numbers, grid: Grid) -> Array:
+    """Returns an approach; refuses one of more than a window's length: of another unit.
+
+    It is NaN if tracing hides that.
+    """
+    approach = as_float(approach, "approach")
     if is_concrete(grid.size):
         most = float(np.max(np.asarray(grid.size)))
         allowed = f"it must be finite, in metres, and at most the window's length of {most:g} m"
-        check_values("approach", as_float(approach, "approach"), allowed, at_most=most)
+        check_values("approach", approach, allowed, at_most=most)
+    return jnp.where(approach <= jnp.max(grid.size), approach, jnp.nan)
 
 
 _coverage = compiled(coverage)

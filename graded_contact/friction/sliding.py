@@ -148,21 +148,22 @@ def _load_error(s: "Sliding"):
         return found + shear_friction(pressure, indicator + pressure - s.pressure, s.shear)
 
     pull = jax.grad(friction_under)(s.pressure)
-    parts = [pull * change for change in _changes_by_kernel(s)]
+    parts = [pull * change for change in _changes_by_kernel(s) if s.at_approach]
     return sum(jnp.abs(jnp.sum(part)) + jnp.sqrt(jnp.sum(part**2)) for part in parts)
 
 
 def _changes_by_kernel(s: "Sliding") -> list[Array]:
-    """What the errors of a window's kernel change in the pressure, at a given approach."""
-    if not s.at_approach or s.kernel_error is None:
+    """What the errors of a window's kernel change in the pressure."""
+    if s.kernel_error is None:
         return []
-    touching = _touching(s)
-    return [change_by_kernel(s.kernel, error, s.pressure, touching) for error in s.kernel_error]
+    given = s.pressure, _touching(s), s.at_approach
+    return [change_by_kernel(s.kernel, error, *given) for error in s.kernel_error]
 
 
 def _moved(s: "Sliding", kernel, field: Array | float = 0.0):
     """How far a window moves where it is loaded, less a field; and the block's mean part of it."""
     pressure, weight = on_cell(s.pressure, kernel), jax.lax.stop_gradient(jnp.abs(s.pressure))
+    weight = jnp.where(jnp.sum(weight) > 0, weight, 1)
     moved = on_window(displace(kernel, pressure)) - field
     mean = kernel[(0,) * kernel.ndim].real * jnp.mean(pressure)
     return jnp.stack([jnp.sum(weight * moved) / jnp.sum(weight), mean])
@@ -237,8 +238,8 @@ class Sliding(eqx.Module):
     - `contact_indicator`: how far points are inside contact or outside [Pa], shape of the heights;
       see `AbstractLaw.contact_indicator`.
 
-    On a window (`Surface(..., periodic=False)`) the error of friction includes the error of the
-    kernel; at a given approach the errors of friction and area also include the error of the load.
+    On a window (`Surface(..., periodic=False)`) the errors of friction and area include the error
+    of the kernel; at a given approach they also include the error of the load.
     Such a contact also has `approach`, `approach_error`, `moment` and `rim_load`.
 
     **Fields:**
@@ -339,11 +340,13 @@ class Sliding(eqx.Module):
         """How far a body on a window moved into the block after its first touch [m].
 
         Relative to the block far away; NaN if that displacement has no limit, see `solve_contact`.
+        Negative if nothing touches.
         """
         if not is_window(self.kernel, self.grid.shape):
             raise ValueError("Only a body on a window has an `approach`; use `mean_gap`.")
         moved, mean = _moved(self, self.kernel, self.heights + self.gap)
-        return moved + jnp.where(mean == 0, jnp.nan, mean) + jnp.max(self.heights)
+        ground = self.kernel[(0,) * self.kernel.ndim] != 0
+        return moved + jnp.where(ground, mean, jnp.nan) + jnp.max(self.heights)
 
     @property
     def approach_error(self) -> Float[Array, ""]:
@@ -364,7 +367,10 @@ class Sliding(eqx.Module):
 
     @property
     def rim_load(self) -> Float[Array, "..."]:
-        """The share of the load on the outermost points of a window [1]; 0 if periodic."""
+        """The share of the load on the outermost points of a window [1]; 0 if periodic.
+
+        NaN without a load.
+        """
         rim = np.full(self.grid.shape, self.kernel_error is not None)
         rim[(slice(1, -1),) * self.grid.ndim] = False
         axes = tuple(range(-self.grid.ndim, 0))

@@ -30,6 +30,7 @@ from ..core.spline import monotone_cubic
 
 NEAR = 1.0  # K beyond measured temperatures: two isotherms are not nearer to each other
 COLDEST = 100.0  # K; below it no rubber moves, and degrees Celsius are likelier
+HOTTEST = 1000.0  # K; above it no rubber is left
 GAS_CONSTANT = 8.31446261815324  # J/(mol K), exact in the SI of 2019
 # How far times are shifted, as a share of the dtype's exponents: their squares must not overflow.
 _REACH = 0.45
@@ -143,8 +144,8 @@ def as_temperature(value: ScalarLike) -> Float[Array, ""]:
 
 def check_kelvin(name: str, temperature: Float[Array, ""]) -> None:
     """Raises `ValueError` for a temperature that is hardly in kelvin."""
-    allowed = f"temperatures are in kelvin, at least {COLDEST:g} K (20 °C are 293.15 K)"
-    check_values(name, temperature, allowed, at_least=COLDEST)
+    allowed = f"temperatures are in kelvin, {COLDEST:g} to {HOTTEST:g} K (20 °C are 293.15 K)"
+    check_values(name, temperature, allowed, at_least=COLDEST, at_most=HOTTEST)
 
 
 def stretched(values: Float[Array, " n"], log_factor: Float[Array, ""]) -> Float[Array, " n"]:

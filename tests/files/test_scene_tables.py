@@ -85,6 +85,9 @@ def test_anisotropy_and_softening_are_keys():
     found = parse_scene(text).stack.base.material.modulus(1e3)
     plain = parse_scene(BARE).stack.base.material.modulus(1e3)
     np.testing.assert_allclose(found, 0.5 * plain.real + 0.7j * plain.imag, rtol=1e-12)
+    above = BARE.replace("[materials.tread]", soft.replace("[base]", "[materials.tread]"))
+    with pytest.raises(ValueError, match=r"`material` = 'tread': \[materials.tread\] must stand"):
+        parse_scene(above)
 
 
 def test_a_sphere_is_a_window_with_the_heights_of_hertz():
