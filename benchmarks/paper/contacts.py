@@ -6,7 +6,7 @@ Friction, area and more at every cut-off, thickness, pressure and surface, for t
 of 0.16 mm in place of the matched slopes and for a second rubber at fewer of them, without the
 shortest waves. Each point is stored in a folder as it ends: the same command continues. The table
 has a row for each point, no fields; `contact_figures.py` draws from it. At the paper's size
-it takes hours and 14 GB (N = 8192), see docs/paper.md.
+it takes hours and 10 GB (N = 8192), see docs/paper.md.
 """
 
 import argparse
@@ -94,7 +94,7 @@ def contact(part: Part, cutoff: int, size: Size):
         rough = surface(cutoff, size, roughness, point["seed"])
         scene = coated(rubber, point["thickness"]), rough, point["pressure"], VELOCITY
         if large:
-            # Half the memory; at this tolerance single precision changes friction by 2e-5.
+            # Half the memory; at this tolerance single precision changes friction by 6e-5.
             scene = jax.tree.map(lambda x: jnp.asarray(x, jnp.float32), scene)
         stack, rough, pressure, velocity = scene
         found = gc.slide(stack, rough, pressure=pressure, velocity=velocity, rtol=RTOL, throw=False)
