@@ -51,6 +51,11 @@ def command(*arguments):
     return CliRunner().invoke(cli.app, [str(argument) for argument in arguments])
 
 
+@pytest.fixture
+def no_contacts_drawn(monkeypatch):
+    monkeypatch.setattr(scene_job, "_contacts", lambda *_: ())
+
+
 @pytest.fixture(scope="module")
 def folder(tmp_path_factory):
     folder = tmp_path_factory.mktemp("run")
@@ -105,7 +110,7 @@ def test_caveats_and_the_steps_of_reading_are_printed(folder, tmp_path):
         assert text in printed
 
 
-def test_a_solve_that_does_not_converge_warns_and_exits_with_1(tmp_path):
+def test_a_solve_that_does_not_converge_warns_and_exits_with_1(tmp_path, no_contacts_drawn):
     (tmp_path / "scene.toml").write_text(
         SCENE + "[solver]\nmax_steps = 2\n[output]\nfields='every'\n"
     )
@@ -154,7 +159,7 @@ def test_a_dry_run_prints_what_was_read_and_refuses_what_a_run_would(tmp_path):
         assert result.exit_code == 2 and "velocity" in result.stderr
 
 
-def test_seeds_are_means_with_their_error_and_every_one_if_asked(tmp_path):
+def test_seeds_are_means_with_their_error_and_every_one_if_asked(tmp_path, no_contacts_drawn):
     text = SCENE.replace("hurst = 0.8", "hurst = 0.8\nseeds = 3").replace("[32, 32]", "[16, 16]")
     (tmp_path / "s.toml").write_text(text.replace("8e4", "4e4"))
     arguments = ("run", tmp_path / "s.toml", "-o", tmp_path)
@@ -184,7 +189,7 @@ def test_seeds_are_means_with_their_error_and_every_one_if_asked(tmp_path):
 
 
 @pytest.fixture
-def rerun(folder, tmp_path):
+def rerun(folder, tmp_path, no_contacts_drawn):
     """A copy of the run's folder, and what runs the scene there again."""
     shutil.copytree(folder / "out", tmp_path / "out")
 
@@ -209,12 +214,7 @@ def interrupt_after(monkeypatch, count):
     monkeypatch.setattr(Store, "write", with_signal)
 
 
-@pytest.fixture
-def no_contacts_drawn(monkeypatch):
-    monkeypatch.setattr(scene_job, "_contacts", lambda *_: ())
-
-
-def test_a_rerun_finds_all_solves(rerun, folder, tmp_path, monkeypatch, no_contacts_drawn):
+def test_a_rerun_finds_all_solves(rerun, folder, tmp_path, monkeypatch):
     monkeypatch.setattr(run_module, "slide", None)
     result = rerun()
     assert result.exit_code == 0, result.output
@@ -284,7 +284,7 @@ def test_what_is_no_result_is_replaced_only_if_asked(rerun, tmp_path):
     assert np.all(rerun("--replace").exit_code == 0 and read_results(path).message == "")
 
 
-def test_a_damaged_point_is_named_and_computed_again(rerun, tmp_path, no_contacts_drawn):
+def test_a_damaged_point_is_named_and_computed_again(rerun, tmp_path):
     point = next((tmp_path / "out" / "small.points").glob("*.point"))
     point.write_bytes(point.read_bytes()[:700])
     result = rerun()
@@ -313,9 +313,7 @@ def full_disk(*_):
     raise OSError(errno.ENOSPC, "No space left on device")
 
 
-def test_a_full_disk_is_one_message_and_stored_solves_stay(
-    rerun, tmp_path, monkeypatch, no_contacts_drawn
-):
+def test_a_full_disk_is_one_message_and_stored_solves_stay(rerun, tmp_path, monkeypatch):
     more = SCENE.replace("[0.01, 1.0]", "[0.01, 1.0, 0.1]")
     for target in ((Path, "write_bytes"), (scene_job, "write")):
         with monkeypatch.context() as patch:

@@ -177,7 +177,7 @@ def measured(x, surface=ROUGH, **options):
     )  # fmt: skip
 
 
-@pytest.mark.parametrize("options", [{}, {"mean_gap": 0.02}])
+@pytest.mark.parametrize("options", [{}, pytest.param({"mean_gap": 0.02}, marks=pytest.mark.slow)])
 def test_derivatives_match_central_differences(options):
     at = jnp.array([3.0, 0.2, 1.1, 0.9, 1.05])
     slopes = elasticities(lambda x: measured(x, **options), (at,))

@@ -182,6 +182,9 @@ def calls():
     ]  # fmt: skip
 
 
+# They may have any shape.
+BROADCAST = {"q", "qx", "qy", "omega", "depth"}
+
 # Functions and nestings of the caller's own, which only the caller's objective can refuse; a mean
 # gap beyond every contact, whose friction is nan as documented.
 ITS_OWN = {
@@ -202,6 +205,7 @@ def outcomes(kinds, names=None):
                 if (
                     NONSENSE[kind] is arguments[name]
                     or f"{function.__qualname__}.{name}" in ITS_OWN
+                    or (kind == "block" and name in BROADCAST and kinds is FEW)
                 ):
                     continue
                 place = f"{function.__qualname__}({name}={kind})"

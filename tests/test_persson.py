@@ -330,7 +330,8 @@ NODES = jnp.stack([SPECTRUM.q_low, SPECTRUM.q_roll, SPECTRUM.q_high])
     [
         (gc.Stack(layers=(COAT,), base=gc.HalfSpace(RUBBER)), gc.SelfAffine(rms_height=1e-4,
          hurst=0.7, q_low=Q0, q_roll=3.3 * Q0, q_high=90 * Q0), lambda spectrum: spectrum),
-        (BARE, (NODES, SPECTRUM.density(NODES)), lambda pair: pair),
+        pytest.param(BARE, (NODES, SPECTRUM.density(NODES)), lambda pair: pair,
+         marks=pytest.mark.slow),
         (BARE, jnp.asarray(0.2),
          lambda tilt: gc.Surface(SURFACE.heights * (1 + tilt * jnp.sin(2 * jnp.pi * X)), GRID)),
     ],

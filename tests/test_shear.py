@@ -137,6 +137,7 @@ def test_mean_field_has_the_shear_of_its_area_and_of_its_pressures():
     np.testing.assert_allclose(root.shear_friction, integral / 4e5, rtol=1e-4)
 
 
+@pytest.mark.slow
 def test_derivatives_of_the_mean_field_match_differences():
     def total(peak, energy, temperature, pressure):
         law = PeakedShear(peak, 6e-3, 0.1, gc.Arrhenius(energy, 293.0))

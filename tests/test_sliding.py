@@ -105,9 +105,8 @@ def test_units_scale_out(length, stress, time):
 
 def test_gradients_by_every_leaf_match_central_differences():
     """Of friction and smooth area, by stack, spectrum of the surface, pressure and velocity."""
-    coat = gc.Layer(gc.Elastic(6.51e6, 0.49), 60e-6)
     stack = gc.Stack(
-        layers=(coat, gc.Layer(gc.Prony(3e6, [2e7, 1e7], [1e-4, 1e-2], 0.45), 200e-6)),
+        layers=(gc.Layer(gc.Prony(3e6, [2e7, 1e7], [1e-4, 1e-2], 0.45), 200e-6),),
         base=gc.HalfSpace(gc.Prony(1e6, [9e6, 2e7], [1e-2, 1e-4], 0.49)),
     )
 

@@ -75,24 +75,20 @@ def test_cylinder_is_that_of_hertz():
     load = np.pi * REDUCED * 0.2**2 / 4
     half_width, peak = hertz_line(load, 1.0, REDUCED)[:2]
     np.testing.assert_allclose(half_width, 0.2)
-    errors = []
-    for n in (64, 256):
-        surface = cylinder(n)
-        found = gc.slide(ELASTIC, surface, pressure=load, velocity=0.0, rtol=1e-8)
-        true = hertz_pressure(distances(n), half_width, peak)
-        errors.append(np.sqrt(np.mean((found.pressure - true) ** 2) / np.mean(true**2)))
-    assert errors[0] < 0.02 and errors[1] < 4e-3
+    found = gc.slide(ELASTIC, cylinder(256), pressure=load, velocity=0.0, rtol=1e-8)
+    true = hertz_pressure(distances(256), half_width, peak)
+    assert np.sqrt(np.mean((found.pressure - true) ** 2) / np.mean(true**2)) < 4e-3
 
 
 def test_flat_punch_ends_at_the_window():
     """p = F/(π √(a² - x²)) between the edges; its caveat tells of the rim."""
-    n = 512
+    n = 256
     surface = gc.Surface(np.zeros(n), gc.Grid((n,), 1.0), periodic=False)
     found = gc.slide(ELASTIC, surface, pressure=1.0, velocity=0.0, rtol=1e-8)
     x = (np.arange(n) + 0.5) / n * 2 - 1
     middle = slice(n // 8, -n // 8)
     true = 2 / np.pi / np.sqrt(1 - x**2)
-    np.testing.assert_allclose(found.pressure[middle], true[middle], rtol=2.1e-3)
+    np.testing.assert_allclose(found.pressure[middle], true[middle], rtol=4.2e-3)
     assert found.contact_area == 1 and found.rim_load > 0.01
     assert "rim of the window" in found.caveats[-1]
 
@@ -140,11 +136,13 @@ def test_a_wave_far_from_all_edges_is_that_of_the_periodic_surface():
     np.testing.assert_allclose(added - jnp.mean(added), true, atol=1e-3 * float(jnp.max(true)))
 
 
-@pytest.mark.parametrize("stack, name", [(COATED, "pressure"), (SLAB, "approach")])
+@pytest.mark.parametrize(
+    "stack, name",
+    [(COATED, "pressure"), pytest.param(SLAB, "approach", marks=pytest.mark.slow)],
+)
 def test_derivatives_on_a_window_match_differences(stack, name):
     surface = cylinder(64, bumps=0.004)
 
-    @jax.jit
     def friction(thickness, velocity, load, heights):
         block = eqx.tree_at(lambda b: b.layers[0].thickness, stack, thickness)
         rough = gc.Surface(heights, surface.grid, periodic=False)
@@ -154,12 +152,11 @@ def test_derivatives_on_a_window_match_differences(stack, name):
     at = [jnp.asarray(a) for a in (0.05, 1.0, 0.02)] + [surface.heights]
     ahead = [jnp.asarray(a) for a in (0.01, 0.3, -0.004)]
     ahead.append(1e-3 * jnp.sin(9 * surface.heights * 40))
-    slope = sum(
-        jnp.sum(a * g) for a, g in zip(ahead, jax.grad(friction, (0, 1, 2, 3))(*at), strict=True)
-    )
+    both = jax.jit(jax.value_and_grad(friction, (0, 1, 2, 3)))
+    slope = sum(jnp.sum(a * g) for a, g in zip(ahead, both(*at)[1], strict=True))
     step = 1e-4
     up, down = (
-        friction(*(a + sign * step * d for a, d in zip(at, ahead, strict=True))) for sign in (1, -1)
+        both(*(a + sign * step * d for a, d in zip(at, ahead, strict=True)))[0] for sign in (1, -1)
     )
     np.testing.assert_allclose(slope, (up - down) / (2 * step), rtol=1e-5)
 
@@ -255,7 +252,7 @@ def test_an_approach_through_the_layers_or_in_another_unit_is_noticed():
 
 def test_friction_at_an_approach_has_the_error_of_the_load():
     def press(approach):
-        return gc.slide(COATED, sphere(32), approach=approach, velocity=1.0, rtol=1e-8)
+        return gc.slide(COATED, sphere(64), approach=approach, velocity=1.0, rtol=1e-8)
 
     found = press(0.026)
     change = abs(press(0.026 + found.approach_error).friction - found.friction)
@@ -338,7 +335,7 @@ def test_line_load_at_an_approach_is_that_of_integrals_in_closed_form(poisson):
 
 def test_moment_is_that_of_a_shifted_sphere_and_vanishes_where_it_is_free_to_tilt():
     """Tilted by t a sphere of radius 1 has its highest point at x = t."""
-    n, tilt = 32, 0.1
+    n, tilt = 64, 0.1
     x = (np.arange(n) - (n - 1) / 2) / n
 
     def pressed(angle, velocity=0.0, block=ELASTIC):
@@ -360,19 +357,12 @@ def attraction(tabor):
 def test_stiff_sphere_is_pulled_off_by_two_pi_w_r():
     """The limit of Derjaguin, with the tail of the attraction beyond the window."""
     law, size = attraction(0.01), 0.4
-    surface = sphere(32, size)
-
-    def pull(**given):
-        return gc.slide(ELASTIC, surface, velocity=0.0, law=law, rtol=1e-7, **given)
-
+    found = gc.slide(
+        ELASTIC, sphere(32, size), approach=-law.range, velocity=0.0, law=law, rtol=1e-7
+    )
     rigid = -2 * np.pi * 1e-8 / size**2
-    found = pull(approach=-law.range)
     np.testing.assert_allclose(found.contact.mean_pressure, rigid, rtol=0.01)
     np.testing.assert_allclose(found.approach, -law.range, rtol=1e-6)
-    half = pull(pressure=rigid / 2)
-    again = pull(approach=half.approach)
-    np.testing.assert_allclose(again.pressure, half.pressure, atol=1e-5 * -rigid)
-    assert half.approach > -law.range
 
 
 @pytest.mark.slow

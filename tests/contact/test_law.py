@@ -36,7 +36,7 @@ def pressures(name):
 def test_proximal_map_solves_its_equation(name):
     """y = f(u) with y - v = u, by scipy's bracketing."""
     v = pressures(name)
-    y = np.asarray(LAWS[name].proximal(jnp.asarray(v)))
+    y = np.asarray(jax.jit(lambda v: LAWS[name].proximal(v))(v))
     # The open end: no law reaches farther than |v| beyond a few ranges.
     bounds = (0.0 if name == "exponential" else 1e-3, 1e3 + 10)
     for one, found in zip(v, y, strict=True):
@@ -52,19 +52,21 @@ def test_slope_of_the_proximal_map_matches_central_differences(name):
     law, v = LAWS[name], jnp.asarray(pressures(name)[::5])
     second = "pressure" if name == "repulsive" else "work"
 
-    def y(v, length, strength):
-        return type(law)(length, strength).proximal(v)
+    @jax.jit
+    def along(point, tangent):
+        y = lambda v, length, strength: type(law)(length, strength).proximal(v)  # noqa: E731
+        return jax.jvp(y, point, tangent)
 
     point = (v, law.range, getattr(law, second))
     for index in range(3):
         x = point[index]
-        step = 1e-6 * jnp.maximum(jnp.abs(x), 1e-3)
-        ends = [
-            y(*(p + sign * step if i == index else p for i, p in enumerate(point)))
-            for sign in (1, -1)
-        ]
-        tangent = [jnp.ones_like(p) * (i == index) for i, p in enumerate(point)]
-        slope = jax.jvp(y, point, tuple(tangent))[1]
+        step = 1e-6 * np.maximum(np.abs(x), 1e-3)
+        tangent = tuple(np.ones(np.shape(p)) * (i == index) for i, p in enumerate(point))
+        (_, slope), *ends = (
+            along(tuple(p + sign * step if i == index else p for i, p in enumerate(point)), tangent)
+            for sign in (0, 1, -1)
+        )
+        ends = [end for end, _ in ends]
         difference = (ends[0] - ends[1]) / (2 * step)
         scale = jnp.abs(ends[0]) / step * 1e-14  # rounding of the differences
         assert np.all(np.abs(slope - difference) <= 1e-6 * np.abs(difference) + scale)
@@ -87,7 +89,8 @@ def test_fourth_derivative_of_the_proximal_map_is_that_of_the_inverse_function()
     found = law.proximal
     for _ in range(4):
         found = jax.grad(found)
-    np.testing.assert_allclose(jax.vmap(found)(jnp.array(v, float)), expected, rtol=1e-6)
+    found = jax.jit(jax.vmap(found))(np.array(v, float))
+    np.testing.assert_allclose(found, expected, rtol=1e-6)
 
 
 def test_hard_wall_projects_on_its_bounds():

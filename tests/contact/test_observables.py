@@ -184,9 +184,9 @@ def test_friction_per_wave_works_under_jit_and_has_derivatives():
 def test_stated_errors_of_friction_and_area_cover_the_true_ones():
     """Over bodies, surfaces, loads and tolerances, at least nine times of ten."""
     covered, inside = [], []
-    for name in ("bare", "coated", "three layers"):
+    for name in ("bare", "coated"):
         kernel = gc.stack_kernel(BODIES[name], GRID, SPEED)
-        for seed in range(3):
+        for seed in range(2):
             heights = rough(GRID, seed=seed).heights
             for load in (0.01, 0.1):
                 best = gc.solve_contact(kernel, heights, load, rtol=1e-11)

@@ -29,7 +29,7 @@ def always_large(monkeypatch):
 @pytest.mark.parametrize("load", [0.02, 0.2])
 @pytest.mark.parametrize(
     "name, shape",
-    [("elastic", (16, 16)), ("coated", (16, 16)), ("coated", (15, 12)), ("coated", (24,))],
+    [("elastic", (12, 12)), ("coated", (12, 12)), ("coated", (15, 10)), ("coated", (24,))],
 )
 def test_pressure_matches_a_dense_complementarity_solve(name, load, shape):
     """Symmetric and, sliding, nonsymmetric; square, odd and one-dimensional."""
@@ -303,16 +303,15 @@ def test_heights_whose_squares_vanish_are_refused(size, dtype):
         gc.solve_contact(half_space(SMALL).astype(dtype), heights, 1.0, rtol=1e-3)
 
 
-@pytest.mark.parametrize("dtype", [jnp.float32, jnp.float64])
-def test_the_more_precise_field_decides_and_a_load_does_not(dtype):
+def test_the_more_precise_field_decides_and_a_load_does_not():
     """In two precisions the noise of one would pass for a residual of the other, without end."""
     heights = np.random.default_rng(1).normal(size=SMALL.shape) * 0.05
     kernel = gc.stack_kernel(BODIES["bare"], SMALL, SPEED).astype(jnp.complex64)
-    rtol = 1e-3 if dtype == jnp.float32 else 1e-4
-    s = gc.solve_contact(kernel, jnp.asarray(heights, dtype), 0.02, rtol=rtol)
-    assert s.pressure.dtype == s.mean_gap.dtype == s.error.dtype == dtype
     expected = dense_contact(np.asarray(kernel, complex), heights, 0.02)
-    np.testing.assert_allclose(s.pressure, expected, atol=rtol * expected.max())
+    for dtype, rtol in ((jnp.float32, 1e-3), (jnp.float64, 1e-4)):
+        s = gc.solve_contact(kernel, jnp.asarray(heights, dtype), 0.02, rtol=rtol)
+        assert s.pressure.dtype == s.mean_gap.dtype == s.error.dtype == dtype
+        np.testing.assert_allclose(s.pressure, expected, atol=rtol * expected.max())
 
 
 def test_fields_of_one_row_are_solved():

@@ -102,7 +102,10 @@ def test_an_exact_contact_claims_rounding():
     assert found.friction_error > 0
 
 
-@pytest.mark.parametrize("tolerance", [dict(rtol=1e-3), dict(friction_rtol=1e-3)])
+@pytest.mark.parametrize(
+    "tolerance",
+    [dict(rtol=1e-3), pytest.param(dict(friction_rtol=1e-3), marks=pytest.mark.slow)],
+)
 def test_claims_hold_at_a_mean_gap_near_full_contact(tolerance):
     """There the load follows from small differences of the gap: claims were 36 times too small."""
     slide = lambda **how: gc.slide(BODIES["coated"], SURFACE, velocity=SPEED, **how)  # noqa: E731

@@ -357,7 +357,7 @@ def test_limits_of_a_single_unknown_are_those_of_a_mean():
     """
     omega = OMEGA[1 / TIME[39] < OMEGA]
     ratios = []
-    for seed in range(20):
+    for seed in range(10):
         values = noisy(3e6 * np.exp(-TIME[:40] / 0.1), 0.05, seed)
         fit = fit_relaxation(TIME[:40], values, equilibrium=0, times=[0.1])
         logs = np.log(values) + TIME[:40] / 0.1

@@ -372,7 +372,6 @@ SOFT = Prony(1.0, [2.0, 0.5], [0.2, 3.0], 0.4, shift=SHIFTS[0])
 STIFF = Prony.from_creep(9.0, [0.1, 0.02], [0.3, 2.0], 0.45, shift=SHIFTS[1])
 AT_REST = {
     "prony": SOFT,
-    "tabulated": TABLE_AT_ONE,
     "bulk-shear": BulkShear(STIFF, SOFT),
     "blend": sliced_profile(Blend(SOFT, TABLE_AT_ONE)),
     "logarithmic": sliced_profile(Blend(SOFT, STIFF, mixing="logarithmic")),
