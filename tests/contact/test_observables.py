@@ -206,6 +206,14 @@ def test_stated_errors_of_friction_and_area_cover_the_true_ones():
                     inside.append(doubt >= wrong)
     assert np.mean(covered) >= 0.9
     assert np.mean(inside) >= 0.9
+    # Of the change of one point, no part of which cancels: 2.5 and 5 times what it moves.
+    change = jnp.zeros(GRID.shape).at[3, 5].set(1e-4 * jnp.max(s.pressure))
+    before, after = (
+        observables.friction(p, moved_by(p, kernel), GRID, SPEED)
+        for p in (s.pressure, s.pressure + change)
+    )
+    claim = observables.friction_error(s.pressure, change, kernel, GRID, SPEED)
+    np.testing.assert_allclose(claim, 7.5 * abs(after - before), rtol=1e-2)
 
 
 def test_a_point_whose_own_error_stands_out_is_in_doubt_at_a_larger_margin():
