@@ -1,14 +1,16 @@
 """Programs that compile in less time outside `jit`."""
 
 import logging
+from collections import Counter
 
 import jax
 import jax.numpy as jnp
 import numpy as np
 import pytest
 
+import graded_contact as gc
 from graded_contact.core import compilation
-from graded_contact.core.compilation import COMPILING, compiled, one_by_one
+from graded_contact.core.compilation import COMPILING, beforehand, compiled, one_by_one
 
 X = jnp.array([0.3, -1.2])
 
@@ -73,3 +75,57 @@ def test_a_batch_is_computed_one_by_one():
     np.testing.assert_array_equal(steps, [2, 3])
     loops = str(jax.make_jaxpr(jax.vmap(halved))(jnp.ones(2), jnp.ones(2)))
     assert "scan[" in loops and "while[" in loops
+
+
+@pytest.fixture
+def programs():
+    """How often each program was compiled, by the name of its function."""
+    found, listening = Counter(), True
+
+    def count(event, _, fun_name="", **__):
+        if listening and event.endswith("backend_compile_duration"):
+            found[fun_name] += 1
+
+    jax.monitoring.register_event_duration_secs_listener(count)
+    yield found
+    listening = False
+
+
+def test_what_compiles_beforehand_does_not_compile_again(programs):
+    @compiled
+    def first(x, name):
+        return {name: x + 1, "half": 0.5, "weak": 2 * jnp.ones(())}, name
+
+    @compiled
+    def second(found):
+        return sum(found[0].values())
+
+    def both(x, names):
+        found = first(x, names[0])
+        return second(found), found[1]
+
+    beforehand(both, X, ("a", "b"))
+    total, name = both(X, ("a", "b"))
+    np.testing.assert_allclose(total, X + 3.5)
+    assert name == "a"
+    assert programs["jit(first)"] == programs["jit(second)"] == 1
+    both(X, ("b", "a"))
+    assert programs["jit(first)"] == 2
+
+
+def test_a_contact_and_its_derivative_compile_each_program_once(programs):
+    grid = gc.Grid((90,), 1e-3)
+    heights = 1e-6 * jnp.cos(2 * jnp.pi * jnp.arange(90) / 90)
+    kernel = gc.stack_kernel(gc.Stack(base=gc.HalfSpace(gc.Elastic(1e6, 0.5))), grid, 0.0)
+
+    def gap(pressure):
+        return gc.solve_contact(kernel, heights, pressure).mean_gap
+
+    gap(1e3)
+    once = {"jit(_coarser)", "jit(_begin)", "jit(_output)", "jit(_solution)"}
+    assert {name: programs[name] for name in once} == dict.fromkeys(once, 1)
+    jax.grad(gap)(1e3)
+    assert programs["jit(back)"] == 1
+    before = programs.total()
+    jax.grad(gap)(2e3)
+    assert programs.total() == before

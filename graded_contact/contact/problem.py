@@ -27,7 +27,7 @@ from ..core.checks import (
     check_values,
     is_concrete,
 )
-from ..core.compilation import compiled, one_by_one
+from ..core.compilation import beforehand, compiled, one_by_one
 from ..core.derivative import derivative_apart, still
 from ..core.memory import check_memory, contact_memory
 from ..fields.devices import num_devices, required
@@ -178,6 +178,7 @@ def contact_of(
     fixed, start, target, solution = still((inputs, start, target, solution))
     tolerance = jnp.asarray(rtol, dtype)
     if solution is None:
+        beforehand(_programs, fixed, solver, adjoint, tolerance, target, start)
         found = _search(fixed, solver, tolerance, target, start)
     else:
         found = FoundContact(_output_of(fixed, solution))
@@ -188,6 +189,12 @@ def contact_of(
     solution_of = _solution_or_fail if throw else _solution_or_nan
     result, good = solution_of(inputs, solver.finds_unstable, found, adjoint, tolerance, close)
     return required(result, good, result.result.error_if) if throw else result
+
+
+def _programs(inputs: Inputs, solver: AbstractContactSolver, adjoint, rtol, target, start) -> None:
+    """Calls all programs of a solve but Newton steps, which few solves need."""
+    found = _search(inputs, solver, rtol, target, start)
+    _solution(inputs, solver.finds_unstable, found, adjoint, rtol, rtol)
 
 
 def _check_heights(heights, solver: AbstractContactSolver) -> None:
