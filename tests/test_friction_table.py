@@ -12,9 +12,12 @@ from typer.testing import CliRunner
 
 import graded_contact as gc
 from graded_contact import cli
+from graded_contact.command import friction_table as table_job
 from graded_contact.command import session
 from graded_contact.contacts import export_friction, friction_table
 from graded_contact.files.dataset import read
+from graded_contact.files.scene import KEYS
+from graded_contact.studies.store import fingerprint
 
 CELL = 0.01
 Q0 = 2 * np.pi / CELL
@@ -108,7 +111,9 @@ def test_what_no_card_holds_is_refused(table):
     with pytest.raises(ValueError, match="`name='a b'` is refused"):
         export_friction(table, "abaqus", name="a b")
     failed = table.assign(message=table.message.where(table.velocity < 1, "failed: no"))
-    with pytest.raises(ValueError, match="`table` has points that failed"):
+    with pytest.raises(
+        ValueError, match=r"has 4 of 12 points that failed .* The first: failed: no"
+    ):
         export_friction(failed, "csv")
     with pytest.raises(ValueError, match="over velocity, pressure"):
         export_friction(table.isel(velocity=0, drop=True), "csv")
@@ -116,6 +121,50 @@ def test_what_no_card_holds_is_refused(table):
         export_friction(table.assign_coords(velocity=[-1.0, 0.1, 3.0]), "csv")
     with pytest.raises(ValueError, match="must be a `Surface` for a contact"):
         friction_table(STACK, SPECTRUM, pressure=[1e5], velocity=[0.1])
+    with pytest.raises(ValueError, match=r"`velocity\[1\]=-1` is refused: a speed"):
+        friction_table(STACK, PROFILE, pressure=[1e5], velocity=[0.1, -1.0])
+    window = gc.Surface(jnp.zeros((8, 8)), gc.Grid((8, 8), CELL), periodic=False)
+    with pytest.raises(ValueError, match=r"`method='both'` .* a window has no mean field"):
+        friction_table(STACK, window, pressure=[1e5], velocity=[0.1], method="both")
+
+
+# Each key of [load], another value for it, and what refuses that, if anything does.
+OTHER_LOADS = {
+    "pressure": ("[1e5, 3e5]", None),
+    "approach": ("1e-6", "has `pressure` and `approach`"),
+    "velocity": ("0.3", None),
+    "temperature": ("310.0", None),
+    "direction": ("0.5", None),
+    "extrapolate": ("true", None),
+    "pressure_ratio": ("[1.0, 1.1]", "needs a table"),
+    "strain_per_slope": ("0.7", None),
+}
+
+
+def test_the_command_ignores_no_key_of_the_load(tmp_path, monkeypatch):
+    assert OTHER_LOADS.keys() == {key.name for key in KEYS["[load]"]}
+    soft = '[materials.soft]\nkind = "softened"\nmaterial = "tread"\nstrain = [1e-3, 1e-1]\n'
+    soft += "storage = [1.0, 0.5]\nloss = [1.0, 0.7]\n[base]"
+    scene = SCENE.replace("[base]", soft)
+    scene = scene.replace('material = "tread"\n[load', 'material = "soft"\n[load')
+    asked = []
+    monkeypatch.setattr(session, "cache_folder", lambda: None)
+    monkeypatch.setattr(table_job, "check_frequencies_of", lambda scene, _: asked.append(scene))
+
+    def recorded(stack, roughness, *, progress, **arguments):
+        asked[-1] = fingerprint(stack, asked[-1].extrapolate, arguments)
+        raise ValueError("only recorded")
+
+    monkeypatch.setattr(table_job, "friction_table", recorded)
+    for key, (value, refused) in {"title": ('"none"', None), **OTHER_LOADS}.items():
+        lines = [line for line in scene.splitlines() if not line.startswith(f"{key} =")]
+        if refused:
+            lines = scene.splitlines()
+        lines.insert(0 if key == "title" else lines.index("[load]") + 1, f"{key} = {value}")
+        (tmp_path / "other.toml").write_text("\n".join(lines))
+        done = CliRunner().invoke(cli.app, ["table", str(tmp_path / "other.toml")])
+        assert (refused or "only recorded") in " ".join(done.output.split())
+    assert len(set(asked)) == 1 + sum(refused is None for _, refused in OTHER_LOADS.values())
 
 
 def test_the_command_writes_what_python_computes(tmp_path, monkeypatch):

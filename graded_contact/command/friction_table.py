@@ -28,10 +28,10 @@ def table(
         Method, typer.Option(help="Contact solves, the mean field, or both beside each other.")
     ] = "mean_field",
 ) -> None:
-    """Writes friction over pressure, velocity and temperature of a scene for other programs.
+    r"""Writes friction over pressure, velocity and temperature of a scene for other programs.
 
     Writes NAME-friction.inp (*FRICTION of Abaqus), NAME-friction.csv (brush and ABS models; with
-    errors) and NAME-friction.h5. The scene has no other axes: neither [sweep] nor seeds.
+    errors) and NAME-friction.h5. The scene has no other axes: neither \[sweep] nor seeds.
     """
     with refusing(), interruptible() as interruption:
         scene = read_scene(scene_file)
@@ -50,30 +50,29 @@ def table(
                 raise ValueError(f"{file} exists: give another --output, or --replace.")
         surface = build_surface(scene)
         check_frequencies_of(scene, surface)
+        common = {"graded_solver": scene.graded_solver, "strain_per_slope": scene.strain_per_slope}
         temperature = None if scene.temperature is None else np.atleast_1d(scene.temperature)
+        simple = method == "mean_field" and surface.periodic
         with progress(interruption) as advance:
             found = friction_table(
                 scene.stack,
-                roughness_of(scene, surface) if method == "mean_field" else surface,
+                roughness_of(scene, surface) if simple else surface,
                 pressure=scene.pressure,
                 velocity=scene.velocity,
                 temperature=temperature,
                 direction=scene.direction,
                 method=method,
-                slide_options={
-                    "solver": scene.solver, "graded_solver": scene.graded_solver, **scene.tolerance,
-                },
-                mean_field_options={"graded_solver": scene.graded_solver},
+                slide_options={"solver": scene.solver, **scene.tolerance, **common},
+                mean_field_options=common,
                 progress=lambda *counts: advance("friction", *counts),
-            )  # fmt: skip
+            )
         if interruption.signal is not None:
             raise typer.Exit(interruption.exit_code)
-        texts = {"inp": "abaqus", "csv": "csv"}
-        texts = {form: export_friction(found, texts[form]) for form in texts}
         folder.mkdir(parents=True, exist_ok=True)
-        for form, text in texts.items():
+        write(files["h5"], found)  # first: it also takes points that failed
+        typer.echo(f"wrote {files['h5']}")
+        for form, program in {"inp": "abaqus", "csv": "csv"}.items():
+            text = export_friction(found, program)
             with replacing(files[form]) as partial:
                 partial.write_text(text, encoding="utf-8")
-        write(files["h5"], found)
-        for file in files.values():
-            typer.echo(f"wrote {file}")
+            typer.echo(f"wrote {files[form]}")

@@ -69,7 +69,8 @@ class DesignScene:
     - `target`: of "friction": friction [1], one number or one for each velocity.
     - `ratio`: of "friction", instead of `target`: to the friction of the scene's own block [1].
     - `q_from`, `q_to`: of "flat_loss_tangent": wavenumbers between which it is flat [rad/m].
-    - `stiffness`: keeps |effective_modulus| at a wave within a fraction of the scene's own block.
+    - `stiffness`: keeps |effective_modulus| at a wave within a fraction of the scene's own block;
+      a material that softens has its own amplitude there.
     - `total_thickness`: at most, of all layers [m].
     - `starts`: number of searches, from different blocks.
     - `seed`: of the blocks to start from.
@@ -177,6 +178,11 @@ def parse_design(text: str, folder: str | os.PathLike = ".") -> DesignScene:
     if table is None:
         raise ValueError("The scene lacks the table [design].")
     refuse_tables(scene, "[design]", "motion", "shear", "heating")
+    if scene.strain_per_slope is not None and table.get("objective") == "flat_loss_tangent":
+        raise ValueError(
+            '[design] with the objective "flat_loss_tangent" does not take the key '
+            "`strain_per_slope` of [load]: a loss tangent is that of the materials' own amplitudes."
+        )
     with within("[design]"):
         check_positive("velocity", scene.velocity, "[m/s]")
         if len(scene.pressure) > 1 or scene.direction != 0:

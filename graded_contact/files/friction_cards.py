@@ -58,8 +58,12 @@ def _checked(table: "Dataset") -> "Dataset":
             "velocity, pressure and perhaps temperature, and nothing else."
         )
     table = table.transpose(*axes, ...).sortby(axes)
-    if np.any(table.get("message", np.array("")) != ""):
-        raise ValueError("`table` has points that failed or did not converge, see `message`.")
+    messages = np.ravel(table.get("message", np.array("")))
+    if failed := [message for message in messages if message != ""]:
+        raise ValueError(
+            f"`table` has {len(failed)} of {len(messages)} points that failed or did not "
+            f"converge, see `message`. The first: {failed[0]}"
+        )
     for part in ("friction", "friction_error", "velocity"):
         words = "it must be a finite number, not negative"
         check_values(f"table.{part}", table[part].values, words, at_least=0)

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Any, Literal
 import jax.numpy as jnp
 from jax import Array
 
-from ..core.checks import Numbers, check_types, check_values, short
+from ..core.checks import Numbers, as_float, check_positive, check_types, check_values, short
 from ..files.dataset import package_versions
 from ..friction.slide import slide
 from ..persson.mean_field import mean_field_friction
@@ -68,7 +68,13 @@ def friction_table(
 
     if method != "mean_field" and not isinstance(roughness, Surface):
         raise ValueError(f"`roughness={short(roughness)}` must be a `Surface` for a contact.")
+    if method != "contact" and isinstance(roughness, Surface) and not roughness.periodic:
+        raise ValueError(
+            f"`method={method!r}` is refused: a window has no mean field; use 'contact'."
+        )
     check_values("direction", direction, "an angle [rad] must be finite")
+    check_positive("pressure", as_float(pressure, "pressure"), "[Pa]")
+    check_values("velocity", as_float(velocity), "a speed [m/s] is not negative", at_least=0)
     axes = {"pressure": pressure, "velocity": velocity}
     if temperature is not None:
         axes = {"temperature": temperature, **axes}

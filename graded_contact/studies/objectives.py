@@ -93,12 +93,14 @@ def friction_curve(
     pressure: ScalarLike,
     velocities: Numbers,
     graded_solver: AbstractGradedSolver = Layering(),  # noqa: B008 (immutable)
+    strain_per_slope: ScalarLike | None = None,
 ) -> MeanField:
     """Returns the mean field at each velocity, along a first axis of every array of it.
 
     **Arguments:**
 
-    - `stack`, `spectrum`, `pressure`, `graded_solver`: as in `mean_field_friction`.
+    - `stack`, `spectrum`, `pressure`, `graded_solver`, `strain_per_slope`: as in
+      `mean_field_friction`.
     - `velocities`: along x [m/s], shape `(n,)`.
 
     **Returns:** a `MeanField` whose arrays have the velocities as their first axis.
@@ -110,7 +112,12 @@ def friction_curve(
     check_positive("pressure", as_scalar(pressure, "pressure"), "[Pa]")
     return jax.lax.map(
         lambda v: mean_field_friction(
-            stack, spectrum, pressure=pressure, velocity=v, graded_solver=graded_solver
+            stack,
+            spectrum,
+            pressure=pressure,
+            velocity=v,
+            graded_solver=graded_solver,
+            strain_per_slope=strain_per_slope,
         ),
         velocities,
     )

@@ -240,6 +240,7 @@ def design_mean_field(
         pressure=scene.pressure[0],
         velocities=scene.velocity if velocities is None else velocities,
         graded_solver=scene.graded_solver,
+        strain_per_slope=scene.strain_per_slope,
     )
 
 
@@ -305,7 +306,7 @@ def _stored_contact(
     assert isinstance(scene.surface, RandomSurface)
     name = fingerprint(
         package_versions(), "friction and area", scene.surface.grid, stack, heights, scene.pressure,
-        scene.velocity, scene.solver, scene.tolerance, scene.graded_solver,
+        scene.velocity, scene.solver, scene.tolerance, scene.graded_solver, scene.strain_per_slope,
     )  # fmt: skip
     found = None if store is None else store.read(name)
     if found is None:
@@ -332,6 +333,7 @@ def _contact(study: DesignScene, stack: Stack, heights: Array) -> tuple[Array, A
             solver=scene.solver,
             **scene.tolerance,
             graded_solver=scene.graded_solver,
+            strain_per_slope=scene.strain_per_slope,
         )
         return found.friction, found.contact_area_smooth
 

@@ -25,6 +25,7 @@ EXAMPLE = Path(__file__).parents[2] / "examples" / "design_coating.toml"
         ("verify = 2", "verify = 0", "`polish` needs `verify`"),
         ("polish = true", "polish = 1", "true or false"),
         ("velocity = 0.1", "velocity = 0", "`velocity"),
+        ("velocity = 0.1", "velocity = 0.1\nstrain_per_slope = 1.0", "holds no"),
         ("velocity = 0.1", "velocity = 0.1\ndirection = 1", "`direction` = 0"),
         (DESIGN[DESIGN.index("[design]") :], "", r"lacks the table \[design\]"),
     ],

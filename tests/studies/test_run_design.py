@@ -23,7 +23,13 @@ from graded_contact.files.design_scene import parse_design
 from graded_contact.studies.design import Design, History, Run
 from graded_contact.studies.design_report import designed_values, missed, report
 from graded_contact.studies.interruption import Interrupted
-from graded_contact.studies.run_design import Candidate, DesignResults, run_design
+from graded_contact.studies.run_design import (
+    Candidate,
+    DesignResults,
+    design_mean_field,
+    run_design,
+)
+from graded_contact.studies.run_design import _contact as contact_of
 from graded_contact.studies.store import Store
 
 STEADY = {"q": 2.5e3, "omega": 250.0}
@@ -177,6 +183,26 @@ def test_a_ratio_out_of_reach_is_reported_in_table_file_and_exit_code(tmp_path, 
 )  # fmt: skip
 def test_a_ratio_is_missed_beyond_what_is_uncertain(reached, verify, said):
     assert bool(missed(came_to(reached, verify=verify))) == said
+
+
+def test_a_block_that_softens_has_the_amplitude_of_the_scene():
+    soft = '[materials.soft]\nkind = "softened"\nmaterial = "tread"\nstrain = [1e-3, 1e-1]\n'
+    soft += "storage = [1.0, 0.5]\nloss = [1.0, 0.7]\n[[layers]]"
+
+    def softened(text):
+        text = text.replace("[[layers]]", soft).replace("[load]", "[load]\nstrain_per_slope = 0.7")
+        return text.replace('half_space"\nmaterial = "tread"', 'half_space"\nmaterial = "soft"')
+
+    study = parse_design(softened(DESIGN))
+    stack, at = study.scene.stack, dict(pressure=3e5, velocity=0.1, strain_per_slope=0.7)
+    field = gc.mean_field_friction(stack, study.spectrum, **at)
+    found = design_mean_field(study, stack)
+    np.testing.assert_allclose(found.friction[0], field.friction, rtol=1e-10)
+    surface = study.scene.surface.drawn(0)
+    friction, _ = contact_of(study, stack, surface.heights)
+    np.testing.assert_allclose(friction[0], gc.slide(stack, surface, **at).friction, rtol=1e-4)
+    with pytest.raises(ValueError, match="does not take the key `strain_per_slope`"):
+        parse_design(softened(FLAT))
 
 
 def test_friction_from_frequencies_that_were_not_measured_is_refused_or_reported():
