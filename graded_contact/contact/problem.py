@@ -219,8 +219,9 @@ def _check_kernel(kernel, heights, throw: bool) -> None:
     remedy = ""
     if is_window(kernel, heights.shape):
         remedy = (
-            ". On a window it is not if a stiff coat spreads the load over its length: put the "
-            "body into a periodic cell several windows wide, with lower heights around it"
+            ". On a window it is not if a stiff coat, or a plate on a `Free()` base, spreads the "
+            "load over its length: put the body into a periodic cell several windows wide, with "
+            "lower heights around it"
         )
     else:
         check_shape("kernel", kernel, half_shape(heights.shape))

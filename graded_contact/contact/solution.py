@@ -65,7 +65,7 @@ class ContactSolution(eqx.Module):
     - `error`: estimated relative error of the pressure [1] (root mean square); 0 where there is no
       pressure.
     - `load_error`: difference of the mean pressures of solid and law, where the iteration stopped,
-      over that of |σ| [1].
+      over that of |σ| [1]. At a given approach see `Sliding.mean_pressure_error`.
     - `gap_error`: estimated error of the gap (root mean square) over the rms height [1]; those of
       `displacement` and `mean_gap` are no larger.
     - `complementarity_error`: mean of |σ| |u - u_σ| over that of |σ| and the rms height [1]; u_σ is

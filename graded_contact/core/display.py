@@ -133,12 +133,12 @@ def _rows(value: Any, depth: int, name: str, meaning: str, units: bool) -> Itera
 
 def _fields(value: Any, units: bool) -> Iterator[tuple[str, Any, str]]:
     """Title, value and meaning of what an object prints; a number and its error share a line."""
-    if hasattr(value, "before_display"):
-        value.before_display()
+    first = value.before_display() if hasattr(value, "before_display") else ()
     named = getattr(value, "_fields", None)  # of a named tuple
     declared = {} if named else {field.name: field for field in dataclasses.fields(value)}
     fields = named or declared
-    names = [name for entry in value._shown_names for name in (fields if entry is ... else [entry])]
+    names = [*first, *value._shown_names]
+    names = [name for entry in names for name in (fields if entry is ... else [entry])]
     parts: dict[str, Any] = {name: getattr(value, name) for name in names}
     for name, part in parts.items():
         error: Any = parts.get(f"{name}_error")

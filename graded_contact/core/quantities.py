@@ -160,6 +160,7 @@ PARAMETERS = _table([
 RESULTS = _table([
     ("surface_rise", r"\Delta T", "K", "temperature of the contact above the bulk"),
     ("approach_error", "", "m", "estimated error of the approach"),
+    ("mean_pressure_error", "", "Pa", "estimated error of the mean pressure"),
     ("moment", "M", "N m", "moment of the pressure about the middle of the window"),
     ("rim_load", "", "1", "share of the load on the rim of the window"),
     ("rms_height", r"h_\mathrm{rms}", "m", "rms height"),

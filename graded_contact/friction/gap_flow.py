@@ -59,7 +59,7 @@ def gap_flow(gap: Numbers, grid: Grid, *, contact: Numbers | None = None) -> Gap
     **Arguments:**
 
     - `gap`: u [m], shape `grid.shape`; closed where u <= 0.
-    - `grid`: the periodic cell.
+    - `grid`: the periodic cell. The gap of a window does not repeat: its conductance is not this.
     - `contact`: closed points as a mask, such as `sliding.pressure > 0`, whose gap is 0 only up to
       the solver's error.
 

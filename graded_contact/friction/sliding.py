@@ -1,6 +1,7 @@
 """The numbers of a sliding contact: friction, areas, their errors and warnings."""
 
 from collections.abc import Callable
+from functools import partial
 from typing import Any
 
 import equinox as eqx
@@ -15,6 +16,7 @@ from ..contact.area import (
     contact_area_error,
     contact_area_smooth,
 )
+from ..contact.estimates import error_of
 from ..contact.law import AbstractLaw
 from ..contact.observables import (
     energy_imbalance,
@@ -149,7 +151,12 @@ def _load_error(s: "Sliding"):
 
     pull = jax.grad(friction_under)(s.pressure)
     parts = [pull * change for change in _changes_by_kernel(s) if s.at_approach]
-    return sum(jnp.abs(jnp.sum(part)) + jnp.sqrt(jnp.sum(part**2)) for part in parts)
+    return sum(map(_with_chance, parts))
+
+
+def _with_chance(part: Array) -> Array:
+    """The sum of contributions of points, some of which may cancel by chance."""
+    return jnp.abs(jnp.sum(part)) + jnp.sqrt(jnp.sum(part**2))
 
 
 def _changes_by_kernel(s: "Sliding") -> list[Array]:
@@ -177,12 +184,15 @@ def _compression(s: "Sliding"):
 
 def _contact_area_error(s: "Sliding"):
     error = 0 if s.heated is None else s.heated.area_error
-    change = sum(jnp.abs(change) for change in _changes_by_kernel(s))
+    touching, change = _touching(s), jnp.zeros_like(s.pressure)
+    for moved in _changes_by_kernel(s):  # 0 outside contact, where points may join it
+        in_contact = jnp.sqrt(jnp.sum(moved**2) / jnp.maximum(jnp.sum(touching), 1))
+        change += jnp.where(touching, jnp.abs(moved), in_contact)
     if s.contact.target_error is None:
         change += jnp.abs(s.contact.correction)
     else:
         error += s.contact.target_error[1]
-    return error + contact_area_error(s.contact_indicator, change + 0 * s.pressure)
+    return error + contact_area_error(s.contact_indicator, change)
 
 
 def _unmeasured(s: "Sliding", which: int):
@@ -240,13 +250,14 @@ class Sliding(eqx.Module):
 
     On a window (`Surface(..., periodic=False)`) the errors of friction and area include the error
     of the kernel; at a given approach they also include the error of the load.
-    Such a contact also has `approach`, `approach_error`, `moment` and `rim_load`.
+    Such a contact also has `approach`, `approach_error`, `moment` and `rim_load`; at a given
+    approach also `mean_pressure_error`.
 
     **Fields:**
 
     - `contact`: pressure, gap and convergence, see `ContactSolution`; also reached directly as
-      `.pressure`, `.gap`, `.displacement` [Pa, m, m], `.mean_gap` [m], `.error`, `.num_fft_pairs`
-      and `.result`.
+      `.pressure`, `.gap`, `.displacement` [Pa, m, m], `.mean_pressure` [Pa], `.mean_gap` [m],
+      `.error`, `.num_fft_pairs` and `.result`.
     - `kernel`: M of the block [m/Pa], see `stack_kernel`; on a window see `window_kernel`.
     - `heights`: h of the surface [m].
     - `measured`: share of each height that was measured [1], or None, see `Surface`.
@@ -305,9 +316,15 @@ class Sliding(eqx.Module):
             vars(self).update(found)
         return [found[name] if name in found else vars(self)[name] for name in names]
 
-    def before_display(self) -> None:
-        """Computes all that is shown."""
+    def before_display(self) -> tuple[str, ...]:
+        """Computes all that is shown; returns the names of what only a window shows."""
         self.compute(*OBSERVABLES)
+        if self.kernel_error is None or self.error.ndim > 0:
+            return ()
+        if self.at_approach:
+            return "mean_pressure", "mean_pressure_error", "approach", "rim_load"
+        moved = ("approach", "approach_error") if jnp.isfinite(self.approach) else ()
+        return (*moved, "rim_load")
 
     @property
     def caveats(self) -> tuple[str, ...]:
@@ -330,6 +347,23 @@ class Sliding(eqx.Module):
     @property
     def mean_gap(self) -> Float[Array, ""]:
         return self.contact.mean_gap
+
+    @property
+    def mean_pressure(self) -> Float[Array, ""]:
+        return self.contact.mean_pressure
+
+    @property
+    def mean_pressure_error(self) -> Float[Array, ""]:
+        """The estimated error of the mean pressure at a given approach [Pa].
+
+        It includes that of the window's kernel, which `contact.load_error` does not.
+        """
+        if not self.at_approach:
+            raise ValueError("Only a contact at a given `approach` has a `mean_pressure_error`.")
+        own = partial(error_of, lambda change: jnp.mean(self.pressure + change)[None])
+        solver = own(self.mean_pressure[None], self.contact.correction, self.mean_pressure)[0]
+        changes = _changes_by_kernel(self)
+        return solver + sum(map(_with_chance, changes)) / self.pressure.size
 
     @property
     def error(self) -> Float[Array, ""]:

@@ -105,7 +105,7 @@ def run_scene(
     the fields of solves that the scene stores. Attributes contain the scene, the seed, the versions
     and the caveats. With [heating] there is the `surface_rise` [K] of the contact. On a window
     there are the `rim_load`, and the `approach` [m] or, at a given approach, the `mean_pressure`
-    [Pa].
+    [Pa], with their errors.
 
     With [motion] the variables are the numbers of `CyclicSliding`: those of a cycle over these axes
     (`mean_friction`, `peak_friction`, `work`, ...), `friction`, areas, `load` and `mean_gap` also
@@ -224,8 +224,9 @@ def _slid(scene: Scene, block: Stack, surface: Surface, point: dict[str, Any], h
     if sliding.heated is not None:
         found["surface_rise"] = sliding.heated.surface_rise
     if not surface.periodic:
-        found |= {"rim_load": sliding.rim_load, "mean_pressure": sliding.contact.mean_pressure}
-        found |= {"approach": sliding.approach, "approach_error": sliding.approach_error}
+        of_window = ["rim_load", "mean_pressure", "approach", "approach_error"]
+        of_window += ["mean_pressure_error"] if scene.approach is not None else []
+        found |= {name: getattr(sliding, name) for name in of_window}
     return found, sliding
 
 

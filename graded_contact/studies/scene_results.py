@@ -44,7 +44,7 @@ def numbers_of(scene: Scene, surface: Surface) -> tuple[str, ...]:
     if not surface.periodic:
         names += ("rim_load",)
         if scene.approach is not None:
-            names += ("mean_pressure",)
+            names += ("mean_pressure", "mean_pressure_error")
         elif has_ground(scene.stack, surface.grid):
             names += ("approach", "approach_error")
     return names
