@@ -28,6 +28,7 @@ def solves(**changed):
     [
         ({}, []),
         ({"friction": np.nan, "geometric_friction": np.nan}, []),
+        ({"friction": np.nan, "shear_friction": np.nan}, ["`shear` returned NaN"]),
         ({"friction": 0.0, "geometric_friction": 2e-5}, []),  # at rest
         ({"friction": 2.8e-18, "geometric_friction": -1.9e-4}, []),  # elastic: rounding
         ({"friction": 0.3, "geometric_friction": 0.34}, ["differ by 13%"]),

@@ -11,6 +11,7 @@ import numpy as np
 import typer
 
 from ..contact.observables import cumulative_friction
+from ..core.checks import within
 from ..files.dataset import NOT_STARTED, package_versions, write, write_csv
 from ..files.paths import check_folder, check_name, full_path
 from ..files.results import (
@@ -24,7 +25,7 @@ from ..files.results import (
 )
 from ..files.scene import Scene
 from ..files.scene_reading import parse_scene, read_scene
-from ..files.schema import nearest, within
+from ..files.schema import nearest
 from ..files.toml import parse_toml
 from ..plot import (
     plot_cycle,

@@ -4,10 +4,11 @@ Checks of values look at concrete arrays only: under `jit`, `vmap` or `grad` the
 unknown and the check passes (shapes are always checked).
 """
 
+import contextlib
 import functools
 import inspect
 import sys
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from types import UnionType
 from typing import Any, Literal, TypeVar, Union, cast, get_args, get_origin
 
@@ -340,3 +341,15 @@ def check_tolerance(
             f"`{name}={rtol:g}` cannot be reached in {like.dtype} (the floor is {floor:.1g}). "
             f"{remedy} a larger `{name}`."
         )
+
+
+@contextlib.contextmanager
+def within(place: str) -> Iterator[None]:
+    """Puts a place, of a scene or a block, before the message of an error that arises there."""
+    try:
+        yield
+    except FileNotFoundError as error:
+        raise FileNotFoundError(f"{place} {error}") from error
+    except ValueError as error:
+        text = str(error)
+        raise ValueError(text if text.startswith(place) else f"{place} {text}") from error

@@ -110,6 +110,15 @@ RULES = (
         "The surfaces do not touch: there is no load, so friction is not defined.",
     ),
     Rule(
+        lambda found: (
+            np.isnan(getattr(found, "shear_friction", 0.0))
+            & (np.asarray(found.slope_in_contact) > 0)
+        ),
+        0,
+        "The friction of shear is not a number: `shear` returned NaN under a pressure of this "
+        "contact.",
+    ),
+    Rule(
         lambda found: getattr(found, "compression", 0.0),
         SQUEEZED,
         "The body moved into the layers by {worst:.0%} of their thickness above the rigid base. "

@@ -9,6 +9,7 @@ from typing import Any, Literal
 import numpy as np
 from jaxtyping import ScalarLike
 
+from ..core.checks import within
 from ..core.warnings import unusual
 from ..friction.motion import Motion, sinusoidal, start_stop
 from ..response.grading import AbstractGradedSolver
@@ -26,15 +27,7 @@ from ..rheology.tabulated import Tabulated
 from .moduli.reading import read_moduli, strain_sweep
 from .parameter_covariance import Errors, check_errors, read_errors
 from .recorded_motion import read_motion
-from .schema import (
-    Key,
-    Reader,
-    check_keys,
-    keys_of,
-    kind_of,
-    nearest,
-    within,
-)
+from .schema import Key, Reader, check_keys, keys_of, kind_of, nearest
 from .units import DIMENSIONS, UNITS
 
 # What a `kind` makes; its keys are the parameters. `Block` makes those of files.

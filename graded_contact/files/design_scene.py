@@ -13,7 +13,7 @@ from typing import Literal
 import numpy as np
 from jaxtyping import Float
 
-from ..core.checks import check_poisson, check_positive, check_values
+from ..core.checks import check_poisson, check_positive, check_values, within
 from ..core.display import shown
 from ..core.parameters import with_values
 from ..roughness.spectrum import SelfAffine
@@ -21,7 +21,7 @@ from ..roughness.surface import Surface
 from .paths import existing_file
 from .scene import Scene
 from .scene_reading import check_paths, parse_scene, refuse_tables
-from .schema import LARGEST, Reader, within
+from .schema import LARGEST, Reader
 from .surface_source import RandomSurface
 from .toml import parse_toml
 

@@ -12,11 +12,11 @@ import equinox as eqx
 import numpy as np
 from jaxtyping import Array, Float
 
-from ..core.checks import as_float, check_values
+from ..core.checks import as_float, check_values, within
 from ..core.display import shown
 from ..core.parameters import paths, with_values
 from .paths import existing_file
-from .schema import nearest, within
+from .schema import nearest
 
 T = TypeVar("T")
 

@@ -8,7 +8,7 @@ import numpy as np
 
 from ..contact.nested_solve import DouglasRachford
 from ..contact.problem import RTOL
-from ..core.checks import as_float, check_positive, check_tolerance, check_values
+from ..core.checks import as_float, check_positive, check_tolerance, check_values, within
 from ..core.memory import check_points
 from ..core.parameters import paths, with_values
 from ..response.stack import Stack
@@ -18,7 +18,7 @@ from ..rheology.tabulated import Tabulated
 from .block import Block, extremes
 from .paths import check_name, existing_file
 from .scene import KEYS, Scene, Tables
-from .schema import LARGEST, ROOT, keys_of, nearest, within
+from .schema import LARGEST, ROOT, keys_of, nearest
 from .surface_source import Sphere, SurfaceFile, surface_source
 from .toml import parse_toml
 

@@ -14,12 +14,11 @@ takes in a scene:
 A parameter of any other type is no key.
 """
 
-import contextlib
 import dataclasses
 import difflib
 import inspect
 import os
-from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from pathlib import Path
 from types import UnionType
 from typing import Annotated, Any, Literal, NamedTuple, Union, get_args, get_origin
@@ -27,7 +26,7 @@ from typing import Annotated, Any, Literal, NamedTuple, Union, get_args, get_ori
 import numpy as np
 from jaxtyping import AbstractArray, Float
 
-from ..core.checks import check_positive, check_type, check_values, short
+from ..core.checks import check_positive, check_type, check_values, short, within
 from ..core.memory import check_points
 from .paths import full_path
 
@@ -284,15 +283,3 @@ def nearest(word: Any, choices: Iterable[str]) -> str:
     if close:
         return f"did you mean `{close[0]}`?"
     return f"it takes {', '.join(f'`{choice}`' for choice in choices) or 'nothing'}."
-
-
-@contextlib.contextmanager
-def within(place: str) -> Iterator[None]:
-    """Puts the place in the scene before the message of an error that arises there."""
-    try:
-        yield
-    except FileNotFoundError as error:
-        raise FileNotFoundError(f"{place} {error}") from error
-    except ValueError as error:
-        text = str(error)
-        raise ValueError(text if text.startswith(place) else f"{place} {text}") from error

@@ -7,7 +7,7 @@ import jax
 import numpy as np
 from jaxtyping import ArrayLike, PRNGKeyArray
 
-from ..core.checks import check_positive, check_whole
+from ..core.checks import check_positive, check_whole, within
 from ..core.display import shown
 from ..core.memory import check_points
 from ..fields.grid import Grid
@@ -15,14 +15,7 @@ from ..roughness.random_surface import random_surface
 from ..roughness.rescaling import rescale
 from ..roughness.spectrum import SelfAffine
 from ..roughness.surface import Surface
-from .schema import (
-    ROOT,
-    Key,
-    Reader,
-    keys_of,
-    kind_of,
-    within,
-)
+from .schema import ROOT, Key, Reader, keys_of, kind_of
 from .topography.reading import read_surface
 
 

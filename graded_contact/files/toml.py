@@ -5,7 +5,8 @@ import re
 import tomllib
 from typing import Any
 
-from .schema import LARGEST, within
+from ..core.checks import within
+from .schema import LARGEST
 
 
 def parse_toml(text: str) -> dict[str, Any]:

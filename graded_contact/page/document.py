@@ -14,13 +14,14 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
+from ..core.checks import within
 from ..core.display import with_unit
 from ..files.moduli.reading import read_moduli
 from ..files.paths import check_name, existing_file, full_path
 from ..files.prony_cards import export_prony
 from ..files.scene import Scene
 from ..files.scene_reading import parse_scene, refuse_tables
-from ..files.schema import LARGEST, within
+from ..files.schema import LARGEST
 from ..files.sealed import replacing
 from ..files.toml import parse_toml, toml_text
 from ..files.topography.reading import read_surface

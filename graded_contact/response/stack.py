@@ -8,7 +8,7 @@ import jax
 import jax.numpy as jnp
 from jaxtyping import Array, Float, ScalarLike
 
-from ..core.checks import check_types, check_values, scalar, short
+from ..core.checks import check_types, check_values, scalar, short, within
 from ..core.display import shown
 from ..rheology.material import AbstractMaterial, material_called
 
@@ -133,12 +133,14 @@ class Stack(eqx.Module):
 
         A graded layer's profile must have a method `at(temperature)`, as the ready ones do.
         """
-        return Stack(
-            layers=tuple(_layer_at(layer, temperature) for layer in self.layers),
-            base=HalfSpace(self.base.material.at(temperature))
-            if isinstance(self.base, HalfSpace)
-            else self.base,
-        )
+        layers, base = [], self.base
+        for i, layer in enumerate(self.layers):
+            with within(f"`layers[{i}]`:"):
+                layers.append(_layer_at(layer, temperature))
+        if isinstance(base, HalfSpace):
+            with within("`base`:"):
+                base = HalfSpace(base.material.at(temperature))
+        return Stack(layers=tuple(layers), base=base)
 
 
 def is_graded(stack: Stack) -> bool:

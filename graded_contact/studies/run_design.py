@@ -17,13 +17,12 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float
 
-from ..core.checks import Numbers, as_float
+from ..core.checks import Numbers, as_float, within
 from ..core.display import shown
 from ..core.memory import DERIVATIVE, check_memory
 from ..core.parameters import paths, with_values
 from ..files.dataset import package_versions
 from ..files.design_scene import DesignScene
-from ..files.schema import within
 from ..files.surface_source import RandomSurface
 from ..friction.slide import slide
 from ..persson.mean_field import MeanField

@@ -10,6 +10,7 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 
+from ..core.checks import within
 from ..core.memory import (
     DERIVATIVE,
     check_memory,
@@ -21,7 +22,6 @@ from ..files.dataset import package_versions
 from ..files.parameter_covariance import moved
 from ..files.results import OVER_TIME
 from ..files.scene import Scene
-from ..files.schema import within
 from ..files.surface_source import RandomSurface, SurfaceFile
 from ..friction.cycle import slide_cycle
 from ..friction.slide import check_approach, slide

@@ -14,12 +14,12 @@ import numpy as np
 from jaxtyping import ArrayLike
 from scipy.linalg import block_diag
 
+from ..core.checks import within
 from ..core.parameters import places
 from ..core.warnings import EXTRAPOLATED
 from ..fields.grid import Grid, wave_frequencies
 from ..files.parameter_covariance import Errors
 from ..files.scene import Scene
-from ..files.schema import within
 from ..files.surface_source import RandomSurface
 from ..persson.mean_field import MeanField, mean_field_friction
 from ..response.periodic import period_frequencies

@@ -31,6 +31,11 @@ def test_temperature_reaches_every_material():
     np.testing.assert_allclose(cold.layers[0].material.times, expected, rtol=1e-15)
     np.testing.assert_allclose(cold.base.material.times, expected, rtol=1e-15)
     assert cold.layers[1].material.young == STEEL.young
+    lawless = gc.Prony(1e6, [1e6], [1.0], 0.5)
+    with pytest.raises(ValueError, match=r"^`base`: This material has no law"):
+        gc.Stack(layers=stack.layers, base=gc.HalfSpace(lawless)).at(273.15)
+    with pytest.raises(ValueError, match=r"^`layers\[0\]`: This material has no law"):
+        gc.Stack(layers=(gc.Layer(lawless, 1e-3),), base=stack.base).at(273.15)
 
 
 @pytest.mark.slow
