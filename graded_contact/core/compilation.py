@@ -6,6 +6,7 @@ machine. Such options belong to a whole program: inside the `jit` of a user the 
 The programs of a solve compile at the same time, on threads: see `beforehand`.
 """
 
+import dataclasses
 import functools
 import logging
 import os
@@ -104,11 +105,13 @@ def _quickly(function):
     return jax.jit(program, static_argnums=(1, 2), compiler_options=_options())
 
 
-class _Rest(eqx.Module):
+@jax.tree_util.register_static
+@dataclasses.dataclass(frozen=True)
+class _Rest:
     """What a tree contains besides arrays: its leaves, None for arrays, and its structure."""
 
-    others: tuple = eqx.field(static=True)
-    structure: Any = eqx.field(static=True)
+    others: tuple
+    structure: Any
 
     def joined(self, numbers) -> Any:
         return self.structure.unflatten(_joined(numbers, self.others))
