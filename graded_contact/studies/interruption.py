@@ -1,9 +1,10 @@
 """Ctrl-C and SIGTERM end a long command at a safe place, not in the middle of compiled code.
 
-A `KeyboardInterrupt` raised while compiled code calls back into Python ends in a segmentation
-fault. So a separate thread only notes the signals (the main thread notices nothing while it
-compiles or solves), and the command raises them where this is safe. A second signal ends the
-process at once. All finished results are then on the disk.
+A `KeyboardInterrupt` raised inside XLA, while it compiles or calls back into Python, ends in a
+segmentation fault, at the latest when Python exits. `after_this_step` therefore raises it after a
+step. In a command a separate thread notes the signals, because the main thread notices nothing
+while it compiles or solves. A second signal ends the process at once. All finished results are then
+on the disk.
 """
 
 import contextlib
@@ -15,6 +16,7 @@ import threading
 from collections.abc import Iterator
 
 SIGNALS = (signal.SIGINT, signal.SIGTERM)
+LATER = "Stopping after this step; what is finished is kept. Once more stops at once.\n"
 
 
 class Interrupted(KeyboardInterrupt):
@@ -71,6 +73,33 @@ def interruptible() -> Iterator[Interruption]:
         heard.close()
 
 
+@contextlib.contextmanager
+def after_this_step() -> Iterator[None]:
+    """Raises the `KeyboardInterrupt` of a Ctrl-C after its block; a second Ctrl-C raises at once.
+
+    Only in the main thread, and only where Ctrl-C would raise: not inside `interruptible`.
+    """
+    usual = signal.default_int_handler
+    main = threading.current_thread() is threading.main_thread()
+    if not main or signal.getsignal(signal.SIGINT) is not usual:
+        yield
+        return
+    came: list[int] = []
+
+    def note(number: int, frame: object) -> None:
+        signal.signal(signal.SIGINT, usual)
+        came.append(number)
+        _say(LATER)
+
+    signal.signal(signal.SIGINT, note)
+    try:
+        yield
+    finally:
+        signal.signal(signal.SIGINT, usual)
+    if came:
+        raise KeyboardInterrupt
+
+
 def _leave_to_thread(number: int, frame: object) -> None:
     """Python must have a handler, otherwise it does not notify the thread."""
 
@@ -84,7 +113,7 @@ def _listen(heard: socket.socket, found: Interruption) -> None:
             _say("Stopped at once.\n")
             os._exit(found.exit_code)
         found.signal = received[0]
-        _say("Stopping after this step; what is finished is kept. Once more stops at once.\n")
+        _say(LATER)
 
 
 def _say(text: str) -> None:

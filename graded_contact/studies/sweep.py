@@ -13,6 +13,7 @@ import numpy as np
 from ..core.checks import Numbers, as_float, check_values, short
 from ..core.memory import SMALL, available_memory, in_gigabytes
 from ..files.dataset import FAILED, LOST, NOT_STARTED, attach
+from .interruption import after_this_step
 from .program import Program, Task, compiled, trace
 from .store import Point, Store, fingerprint, opened
 from .workers import check_workers, connected, num_cores, on_workers, pays
@@ -159,11 +160,13 @@ def _solved(
     if here:
         can_start = workers == "auto" and importlib.util.find_spec("distributed")
         start = time.perf_counter()
-        solve = compiled(program)
+        with after_this_step():
+            solve = compiled(program)
         compiling = time.perf_counter() - start
         for i, task in tasks.items():
             start = time.perf_counter()
-            yield i, solve(task)
+            with after_this_step():  # the point is kept
+                yield i, solve(task)
             del left[i]
             seconds = time.perf_counter() - start
             if (

@@ -6,9 +6,12 @@ import subprocess
 import sys
 import time
 
+import jax
+import numpy as np
 import pytest
 
-from graded_contact.studies.interruption import Interrupted, interruptible
+import graded_contact as gc
+from graded_contact.studies.interruption import Interrupted, after_this_step, interruptible
 
 pytestmark = pytest.mark.skipif(os.name != "posix", reason="signals are those of POSIX")
 
@@ -69,3 +72,59 @@ with interruptible():
         process.send_signal(signal.SIGTERM)
         assert process.wait(timeout=30) == 130
         assert "Stopped at once" in process.stderr.read()
+
+
+def test_ctrl_c_is_raised_after_a_step_and_the_second_one_at_once(capfd):
+    done = []
+    with pytest.raises(KeyboardInterrupt), after_this_step():
+        os.kill(os.getpid(), signal.SIGINT)
+        done.append("first")
+    with pytest.raises(KeyboardInterrupt), after_this_step():
+        os.kill(os.getpid(), signal.SIGINT)
+        os.kill(os.getpid(), signal.SIGINT)
+        done.append("second")
+    assert done == ["first"]
+    assert signal.getsignal(signal.SIGINT) is signal.default_int_handler
+    assert capfd.readouterr().err.count("Stopping after this step") == 2
+
+
+def test_ctrl_c_inside_compiled_code_of_a_sweep_keeps_its_point():
+    """The compiled code calls Python, where a `KeyboardInterrupt` would be raised inside XLA."""
+
+    def interrupted(x):
+        if x == 2:
+            os.kill(os.getpid(), signal.SIGINT)
+        return x
+
+    def function(point):
+        like = jax.ShapeDtypeStruct((), point["x"].dtype)
+        return jax.pure_callback(interrupted, like, point["x"])
+
+    found = gc.sweep(function, {"x": [1.0, 2.0, 3.0]})
+    np.testing.assert_array_equal(found["value"], [1.0, 2.0, np.nan])
+    assert list(found["message"].values) == ["", "", "not started"]
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("seconds", [0.5, 1.0, 1.5, 2.0, 2.5])
+def test_ctrl_c_while_a_sweep_compiles_ends_without_a_crash(seconds):
+    program = """
+import jax, jax.numpy as jnp, numpy as np, graded_contact as gc
+spectrum = gc.SelfAffine(rms_slope=0.3, hurst=0.8, q_low=1.1e3, q_roll=4e3, q_high=1.5e4)
+road = gc.random_surface(spectrum, gc.Grid((32, 32), 6e-3), jax.random.key(0))
+block = gc.Stack(base=gc.HalfSpace(gc.Prony(1e6, [1e7], [1e-3])))
+print("ready", flush=True)
+friction = lambda p: gc.slide(block, road, pressure=1e5, velocity=p["velocity"]).friction
+found = gc.sweep(friction, {"velocity": np.geomspace(1e-3, 1, 2000)})
+print((found["message"] == "not started").sum().item(), flush=True)
+"""
+    command = [sys.executable, "-c", program]
+    with subprocess.Popen(command, stdout=subprocess.PIPE, stderr=subprocess.PIPE) as process:
+        process.stdout.readline()
+        time.sleep(seconds)
+        process.send_signal(signal.SIGINT)
+        out, error = process.communicate(timeout=120)
+    # While the program is traced, Ctrl-C ends the script.
+    assert process.returncode == (0 if out else -signal.SIGINT), error
+    if out:
+        assert 0 < int(out) <= 2000
