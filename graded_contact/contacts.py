@@ -12,7 +12,6 @@ from .contact.rmd import ResidualDynamics
 from .contact.solution import RESULTS
 from .contact.solver import AbstractContactSolver, Loading, SolverOutput, run_steps
 from .contact.splitting import Splitting
-from .contact.target import ObservableTarget
 from .files.friction_cards import export_friction
 from .friction.gap_flow import GapFlow, gap_flow
 from .friction.heat import heat_depths, heat_source
@@ -28,7 +27,7 @@ __all__ = [
     "RESULTS", "AbstractContactSolver", "AbstractLaw", "AbstractOperator", "AbstractShear",
     "AdhesiveLJ", "ConstantShear", "ContactPath", "CutoffCurve", "DouglasRachford",
     "ExponentialAdhesion", "GapFlow", "HardWall", "Heating", "LinearSplitting", "Loading",
-    "MeanField", "ObservableTarget", "PeakedShear", "RepulsiveLJ", "ResidualDynamics", "Solid",
+    "MeanField", "PeakedShear", "RepulsiveLJ", "ResidualDynamics", "Solid",
     "SolverOutput", "Splitting", "Steady", "area_against_cutoff", "contact_conductance",
     "contact_stiffness", "cumulative_friction", "export_friction", "flash_temperature",
     "follow_contact", "friction_table", "gap_flow", "heat_depths", "heat_source",

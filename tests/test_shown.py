@@ -34,7 +34,6 @@ def sliding(friction=0.25, shape=(16, 12), result=RESULTS.successful, **numbers)
     fields = {f.name: jnp.array(2.0) for f in dataclasses.fields(ContactSolution)}
     field = jnp.zeros(shape)
     fields |= {"pressure": field, "displacement": field, "gap": field, "correction": field}
-    fields |= {"target_error": None}
     contact = ContactSolution(**fields | {"mean_gap": jnp.array(6.13e-5), "result": result})
     found = gc.Sliding(
         contact=contact,

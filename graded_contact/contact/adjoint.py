@@ -66,7 +66,7 @@ class LinearSplitting(eqx.Module):
     **Fields:**
 
     - `rtol`: requested relative error of the derivative of the pressure [1]; None for twenty times
-      that of the contact, at most 1e-3, and for a tenth of that of a `target`.
+      that of the contact, at most 1e-3.
     - `max_steps`, `relaxation`, `history_length`: as those of `DouglasRachford`.
     """
 

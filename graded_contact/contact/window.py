@@ -94,7 +94,6 @@ def solve_on_window(
     loading: Loading,
     *,
     law: AbstractLaw,
-    target: Callable | None,
     start: Float[Array, "*shape"] | None,
     solution: ContactSolution | None,
 ) -> ContactSolution:
@@ -109,10 +108,9 @@ def solve_on_window(
         loading = Loading(loading.pressure / 2**heights.ndim, None)
     operator = Steady(_with_ground(kernel, heights.shape) if grounded else kernel, grounded)
     inputs = Inputs(operator, on_cell(heights, kernel, "symmetric"), Windowed(law), loading)
-    on_part = None if target is None else lambda found: target(_on_part(found))
     start = None if start is None else on_cell(start, kernel)
     solution = None if solution is None else _on_whole(solution, inputs)
-    return _on_part(solve(inputs, target=on_part, start=start, solution=solution))
+    return _on_part(solve(inputs, start=start, solution=solution))
 
 
 def _with_ground(kernel: Inexact[Array, "*half"], shape: tuple[int, ...]):

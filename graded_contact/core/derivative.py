@@ -19,7 +19,7 @@ from jax.extend.core import Primitive
 from jax.interpreters import ad, batching, mlir
 
 from .checks import is_concrete
-from .compilation import alone, beforehand, compiled
+from .compilation import alone, compiled
 
 # Fails at run time if its second argument is true, else returns the first, a number.
 Check = Callable[[Array, Array], Array]
@@ -72,10 +72,6 @@ def derivative_apart(function: F, check: Check | None = None) -> F:
         moving, fixed = eqx.partition(args, given)
         if alone(args):
             like = eqx.filter(found, eqx.is_inexact_array)
-            if not all(map(is_concrete, jax.tree.leaves(tangents))):  # in reverse mode
-                # The context in which JAX runs it; in another one it would be another program.
-                with jax.sharding.use_abstract_mesh(jax.sharding.AbstractMesh((), ())):
-                    beforehand(back, moving, fixed, like)
             return _linear(along, back, (moving, fixed), tangents, like)
         # Else a derivative in reverse would store what it needs.
         within = jax.checkpoint(lambda m, t: along(m, fixed, t), prevent_cse=False)

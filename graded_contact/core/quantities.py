@@ -182,7 +182,6 @@ RESULTS = _table([
     ("gap_error", "", "1", "estimated relative error of the gap"),
     ("load_error", "", "1", "estimated relative error of the load"),
     ("complementarity_error", "", "1", "pressure outside contact, relative"),
-    ("target_error", "", "1", "estimated error of the target"),
     ("stress", r"\sigma_{ij}", "Pa", "stress"),
     ("stress_variance", "V", "Pa²", "variance of the pressure"),
     ("cutoff", "q", "rad/m", "cut-off of the roughness"),

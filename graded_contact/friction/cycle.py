@@ -26,7 +26,6 @@ from ..core.checks import (
     as_scalar,
     check_positive,
     check_squares,
-    check_tolerance,
     check_types,
     check_values,
     short,
@@ -43,7 +42,7 @@ from ..response.periodic import periodic_kernel
 from ..response.stack import Stack
 from ..rheology.measured import coverage
 from ..roughness.surface import Surface, check_periodic
-from .cycle_numbers import MeanAndPeak, components, cycle_numbers
+from .cycle_numbers import components, cycle_numbers
 
 _FEWEST = 4  # times in a period
 
@@ -174,8 +173,7 @@ def slide_cycle(
     solver: DouglasRachford = DouglasRachford(),  # noqa: B008
     adjoint: LinearSolver = LinearSplitting(),  # noqa: B008
     graded_solver: AbstractGradedSolver = Layering(),  # noqa: B008
-    rtol: float | None = None,
-    friction_rtol: float | None = None,
+    rtol: float = RTOL,
     start: Numbers | None = None,
     throw: bool = True,
 ) -> CyclicSliding:
@@ -197,11 +195,8 @@ def slide_cycle(
     - `pressure`: mean pressure σ0 [Pa], a number or one at each time; or
     - `mean_gap`: mean of the gap [m], a number or one at each time, counted from the mean of the
       heights.
-    - `friction_rtol`: requested relative error of the mean and the peak friction and of the mean
-      sub-pixel contact area [1]; for frictions below 1 % of the slope in contact, relative to that
-      1 %. Or
-    - `rtol`: requested relative error of the pressure [1]; 5e-5 if neither is given.
-    - `law`, `solver`, `adjoint`, `start`, `throw`: as in `solve_contact`; the law has no history.
+    - `law`, `solver`, `adjoint`, `rtol`, `start`, `throw`: as in `solve_contact`; the law has no
+      history.
     - `graded_solver`: as in `slide`.
 
     **Returns:** friction and areas over time, works, errors and the contact, see `CyclicSliding`.
@@ -210,10 +205,6 @@ def slide_cycle(
     """
     displacement, period = _motion(stack, surface, displacement, period)
     check_periodic(surface)
-    if rtol is not None and friction_rtol is not None:
-        raise ValueError(
-            f"`rtol={rtol}` and `friction_rtol={friction_rtol}`: give at most one of the two."
-        )
     check_law(law)
     grid, num_times = surface.grid, len(displacement)
     check_squares("heights", surface.heights, "m")
@@ -230,21 +221,8 @@ def slide_cycle(
     if throw:
         kernel = required(kernel, reached, lambda x, bad: eqx.error_if(x, bad, _NOT_REACHED))
     operator = _operator(kernel, displacement, grid)
-    target = None
-    if friction_rtol is not None:
-        check_tolerance("friction_rtol", friction_rtol, heights)
-        tolerance = jnp.asarray(friction_rtol, heights.dtype)
-        target = MeanAndPeak(operator, grid, law, displacement, period, tolerance)
-    contact = contact_of(
-        Inputs(operator, heights, law, loading),
-        solver,
-        adjoint,
-        friction_rtol or rtol or RTOL,
-        target,
-        start,
-        None,
-        throw,
-    )
+    inputs = Inputs(operator, heights, law, loading)
+    contact = contact_of(inputs, solver, adjoint, rtol, start, None, throw)
     if not throw:
         result = RESULTS.where(reached, contact.result, RESULTS.inaccurate_kernel)
         contact = eqx.tree_at(lambda c: c.result, contact, result)

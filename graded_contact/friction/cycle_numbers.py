@@ -21,14 +21,11 @@ from ..contact.law import AbstractLaw
 from ..contact.operator import nonzero
 from ..contact.solution import ContactSolution
 from ..contact.space_time import SpaceTime
-from ..contact.target import ObservableTarget
 from ..core.derivative import derivative_apart
 from ..fields.grid import Grid, derivative, multiplicity
 from ..response.periodic import period_frequencies
 from ..rheology.measured import is_unknown
 from ..roughness.surface import Surface
-
-_LEAST_SHARE = 0.01  # of the slope; below it the tolerance of friction is relative to that share
 
 
 def components(over_time: Float[Array, "nt ..."]) -> Float[Array, "nt components"]:
@@ -117,32 +114,12 @@ def _slopes(pressure, displacement, grid):
     return jnp.where(squared > 0, jnp.sqrt(jnp.where(squared > 0, squared, 1)), 0)
 
 
-class MeanAndPeak(eqx.Module):
-    """Mean and peak friction and the mean sub-pixel contact area to `friction_rtol`."""
-
-    operator: SpaceTime
-    grid: Grid
-    law: AbstractLaw
-    displacement: Float[Array, "nt ..."]
-    period: Float[Array, ""]
-    rtol: Float[Array, ""]
-
-    def __call__(self, contact: ContactSolution) -> ObservableTarget:
-        value, size = self.frictions(contact.pressure)
-        indicator = _indicator(self.law, contact, self.operator, self.grid)
-        area = jnp.mean(jax.vmap(contact_area_smooth)(indicator))
-        value, size = jnp.append(value, area), jnp.append(size, area)
-        tolerance = self.rtol * jnp.maximum(jnp.abs(value), _LEAST_SHARE * size)
-        return ObservableTarget(value, size, tolerance)
-
-    def frictions(self, pressure: Float[Array, "nt *shape"]):
-        """Returns mean and peak friction, and the slopes, of which they are differences."""
-        moved = self.operator.displace(pressure)
-        velocity = components(velocity_of(self.displacement, self.period, self.grid)[0])
-        traction = tractions(pressure, moved, self.grid, velocity.shape[1])
-        _, mean, peak = _mean_and_peak(traction, _mean_over(pressure), velocity)
-        slope = jnp.max(_slopes(pressure, moved, self.grid))
-        return jnp.stack([mean, peak]), jnp.stack([slope, slope])
+def _frictions(operator: SpaceTime, grid: Grid, velocity, pressure: Float[Array, "nt *shape"]):
+    """Mean and peak friction, and the slope, of which both are differences."""
+    moved = operator.displace(pressure)
+    traction = tractions(pressure, moved, grid, velocity.shape[1])
+    _, mean, peak = _mean_and_peak(traction, _mean_over(pressure), velocity)
+    return jnp.stack([mean, peak]), jnp.max(_slopes(pressure, moved, grid))
 
 
 def _indicator(law, contact: ContactSolution, operator: SpaceTime, grid: Grid):
@@ -170,10 +147,7 @@ def cycle_numbers(
     heights = jnp.broadcast_to(surface.heights, pressure.shape)
     geometric = tractions(pressure, heights, grid, velocity.shape[1])
     geometric = geometric / jnp.where(load > 0, load, jnp.nan)[:, None]
-    errors = contact.target_error
-    if errors is None:
-        target = MeanAndPeak(operator, grid, law, displacement, period, jnp.zeros_like(period))
-        errors = jax.lax.stop_gradient(_friction_errors(target, contact))
+    errors = _friction_errors(*jax.lax.stop_gradient((operator, grid, velocity, contact)))
     power = jnp.mean(jnp.sum(traction * velocity, axis=1))
     indicator = _indicator(law, contact, operator, grid)
     touching = indicator > 0
@@ -249,9 +223,9 @@ def _dissipation(operator: SpaceTime, pressure, omega):
     return omega * both
 
 
-def _friction_errors(target: MeanAndPeak, contact: ContactSolution):
+def _friction_errors(operator: SpaceTime, grid: Grid, velocity, contact: ContactSolution):
     def of(change):
-        return target.frictions(contact.pressure + change)[0]
+        return _frictions(operator, grid, velocity, contact.pressure + change)[0]
 
-    value, size = target.frictions(contact.pressure)
+    value, size = _frictions(operator, grid, velocity, contact.pressure)
     return error_of(of, value, contact.correction, size)

@@ -117,8 +117,6 @@ def _friction_error(s: "Sliding"):
     others = 0 if s.kernel_error is None else _image_error(s)
     if s.heated is not None:
         others += s.heated.friction_error
-    if s.contact.target_error is not None:
-        return s.contact.target_error[0] + others
     correction, cell = on_cell(s.contact.correction, s.kernel), _cell(s)
     error = others + friction_error(_loaded(s)[0], correction, s.kernel, cell, s.velocity)
     if s.shear is None:
@@ -188,10 +186,7 @@ def _contact_area_error(s: "Sliding"):
     for moved in _changes_by_kernel(s):  # 0 outside contact, where points may join it
         in_contact = jnp.sqrt(jnp.sum(moved**2) / jnp.maximum(jnp.sum(touching), 1))
         change += jnp.where(touching, jnp.abs(moved), in_contact)
-    if s.contact.target_error is None:
-        change += jnp.abs(s.contact.correction)
-    else:
-        error += s.contact.target_error[1]
+    change += jnp.abs(s.contact.correction)
     return error + contact_area_error(s.contact_indicator, change)
 
 
@@ -231,8 +226,7 @@ class Sliding(eqx.Module):
     - `hysteresis_friction`: the part of the friction that is dissipated in the block [1].
     - `shear_friction`: the part from shear in the sub-pixel contact area [1]; 0 without `shear`.
     - `contact_area`: fraction of points in contact [1]. A pixel count, without a derivative.
-    - `contact_area_error`: fraction of points that the solver may have put on the wrong side [1];
-      with `friction_rtol`, the error of `contact_area_smooth`.
+    - `contact_area_error`: fraction of points that the solver may have put on the wrong side [1].
     - `contact_area_corrected`: `contact_area` less its known excess at the edges [1].
     - `contact_area_smooth`: sub-pixel area fraction [1], for gradients.
     - `geometric_friction`: friction with hysteresis from the surface's slope instead of the block's

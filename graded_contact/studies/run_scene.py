@@ -150,7 +150,7 @@ def point_names(scene: Scene, surface: Surface) -> np.ndarray:
         rough = scene.surface._replace(seed=0, seeds=None)
     common = fingerprint(
         versions, scene.stack, None if "temperature" in scene.axes else scene.temperature,
-        rough, surface.grid, surface.periodic, scene.direction, scene.solver, scene.tolerance,
+        rough, surface.grid, surface.periodic, scene.direction, scene.solver, scene.rtol,
         scene.graded_solver, scene.motion, scene.pressure_ratio, scene.shear, scene.heating,
         scene.strain_per_slope, errors_of_stack(scene),
     )  # fmt: skip
@@ -184,7 +184,7 @@ def _solver(scene: Scene, surface: Surface) -> Callable[[dict[str, Any]], dict[s
             rough = scene.surface.drawn(point["seed"])
         block = dataclasses.replace(scene, stack=stack).block(point)
         how: dict[str, Any] = dict(
-            solver=scene.solver, graded_solver=scene.graded_solver, throw=False, **scene.tolerance
+            solver=scene.solver, graded_solver=scene.graded_solver, throw=False, rtol=scene.rtol
         )
         found, contact = job(scene, block, rough, point, how)
         found |= {name: getattr(contact, name) for name in fields if name != "heights"}

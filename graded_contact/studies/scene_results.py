@@ -141,7 +141,7 @@ def _attributes(scene: Scene, surface: Surface) -> dict[str, Any]:
         "moduli": "\n".join(scene.notes),
         "dtype": str(surface.heights.dtype),
         "direction": scene.direction,
-        **scene.tolerance,
+        "rtol": scene.rtol,
         **package_versions(),
     }
     if isinstance(scene.surface, RandomSurface):
