@@ -5,7 +5,6 @@ from .contact.adhesion import AdhesiveLJ, ExponentialAdhesion
 from .contact.adjoint import LinearSplitting
 from .contact.law import AbstractLaw, HardWall, RepulsiveLJ
 from .contact.nested_solve import DouglasRachford
-from .contact.observables import cumulative_friction
 from .contact.operator import AbstractOperator, Solid, Steady
 from .contact.path import ContactPath, follow_contact
 from .contact.rmd import ResidualDynamics
@@ -16,7 +15,7 @@ from .files.friction_cards import export_friction
 from .friction.gap_flow import GapFlow, gap_flow
 from .friction.heat import heat_depths, heat_source
 from .friction.heating import Heating, flash_temperature
-from .friction.magnification import area_against_cutoff
+from .friction.magnification import area_against_cutoff, cumulative_friction
 from .friction.stiffness import contact_conductance, contact_stiffness
 from .persson.mean_field import MeanField, pressure_distribution
 from .rheology.shear import AbstractShear, ConstantShear, PeakedShear

@@ -12,7 +12,7 @@ from rich.table import Table
 from rich.text import Text
 
 from ..core.display import with_unit
-from ..core.quantities import AXES
+from ..core.quantities import AXES, OBSERVABLES
 from ..files.results import SEED_ERROR, over_seeds, state_of, warnings_of
 from ..files.scene import Scene
 from ..plot.words import title_of
@@ -24,31 +24,8 @@ if TYPE_CHECKING:
     from xarray import Dataset
 
 # Heads and formats of the columns, by the name of the quantity.
-COLUMNS = {
-    "friction": ("friction", "#.4g"),
-    "friction_standard_error": ("± materials", ".1e"),  # of means over seeds
-    "hysteresis_friction": ("of it\nhysteresis", "#.4g"),
-    "shear_friction": ("of it\nshear", "#.4g"),
-    "surface_rise": ("contact\nheats [K]", "#.4g"),
-    "mean_friction": ("friction\n(mean)", "#.4g"),
-    "mean_friction_error": ("± solver", ".1e"),
-    "peak_friction": ("friction\n(peak)", "#.4g"),
-    "peak_friction_error": ("± solver", ".1e"),
-    "work": ("work\n[J/m²]", "#.4g"),
-    "dissipated_power": ("power\n[W/m²]", "#.4g"),
-    "phase": ("phase\n[rad]", ".3f"),
-    "friction_error": ("± solver", ".1e"),
-    "geometric_friction": ("friction\n(geometric)", "#.4g"),
-    "contact_area": ("area\n(pixels)", ".5f"),
-    "contact_area_error": ("± solver", ".1e"),
-    "contact_area_corrected": ("area\n(corrected)", ".5f"),
-    "contact_area_smooth": ("area\n(sub-pixel)", ".5f"),
-    "mean_gap": ("mean gap\n[m]", ".3e"),
-    "approach": ("approach\n[m]", ".3e"),
-    "mean_pressure": ("pressure\n[Pa]", "#.4g"),
-    "num_fft_pairs": ("FFT\npairs", ".0f"),
-    "error": ("error of\npressure", ".1e"),
-    "unmeasured_friction": ("on points not\nmeasured", ".1%"),
+COLUMNS = {name: entry.column for name, entry in OBSERVABLES.items() if entry.column} | {
+    "friction_standard_error": ("± materials", ".1e")  # of means over seeds
 }
 # Text about solves that did not succeed, by their state.
 STATES = {

@@ -50,7 +50,7 @@ from .solver import (
     participation,
     penalty_for,
 )
-from .window import is_window, on_cell, solve_on_window
+from .window import Window, operator_of, solve_on_window
 
 # Default tolerance of the pressure. The error of friction is then at most 3e-5, in the median 2e-7,
 # with 0.77 of the FFT pairs of 1e-6 (156 viscoelastic contacts, `bench_contact.py observables`).
@@ -125,17 +125,16 @@ def solve_contact(
     **Raises:** `ValueError` for a refused argument; `RuntimeError` if the solve fails.
     """
     heights = as_float(heights, "heights")
-    kernel = as_numbers(kernel, "kernel")
-    _check_heights(heights, solver)
-    _check_kernel(kernel, heights, throw)
+    operator = operator_of(as_numbers(kernel, "kernel"), heights.shape)
+    _check_heights(operator.on_cell(heights), solver)
+    _check_kernel(operator, heights, throw)
     check_law(law)
     solve = functools.partial(contact_of, solver=solver, adjoint=adjoint, rtol=rtol, throw=throw)
-    if is_window(kernel, heights.shape):
-        _check_heights(on_cell(heights, kernel), solver)  # of the memory of four times as many
-        loading = _loading_of_window(pressure, mean_gap, approach, law, heights, kernel)
+    if isinstance(operator, Window):
+        loading = _loading_of_window(pressure, mean_gap, approach, law, heights, operator.kernel)
         start = None if start is None else _as_start(start, heights, law)
         return solve_on_window(
-            solve, kernel, heights, loading, law=law, start=start, solution=solution
+            solve, operator, heights, loading, law=law, start=start, solution=solution
         )
     if approach is not None:
         raise ValueError(
@@ -143,7 +142,7 @@ def solve_contact(
             "`Surface.periodic`. Prescribe `mean_gap`."
         )
     loading = loading_of(pressure, mean_gap, law, heights)
-    inputs = Inputs(Steady(kernel), heights, law, loading)
+    inputs = Inputs(operator, heights, law, loading)
     return solve(inputs, start=start, solution=solution)
 
 
@@ -195,9 +194,9 @@ def _check_heights(heights, solver: AbstractContactSolver) -> None:
     check_squares("heights", heights, "m")
 
 
-def _check_kernel(kernel, heights, throw: bool) -> None:
-    remedy = ""
-    if is_window(kernel, heights.shape):
+def _check_kernel(operator: Steady | Window, heights, throw: bool) -> None:
+    kernel, remedy = operator.kernel, ""
+    if isinstance(operator, Window):
         remedy = (
             ". On a window it is not if a stiff coat, or a plate on a `Free()` base, spreads the "
             "load over its length: put the body into a periodic cell several windows wide, with "

@@ -17,6 +17,7 @@ from ..contact.nested_solve import DouglasRachford
 from ..contact.problem import RTOL, solve_contact
 from ..contact.solution import RESULTS, ContactSolution
 from ..contact.solver import AbstractContactSolver
+from ..contact.window import operator_of
 from ..core.checks import (
     Numbers,
     as_float,
@@ -140,7 +141,7 @@ def slide(
     contact = _with_kernel_result(contact, reached)
     return Sliding(
         contact=contact,
-        kernel=kernel,
+        operator=operator_of(kernel, surface.heights.shape),
         heights=surface.heights,
         measured=surface.measured,
         grid=surface.grid,
@@ -150,6 +151,7 @@ def slide(
         kernel_error=kernel_error,
         shear=sheared,
         thickness=None if surface.periodic else _thickness(stack),
+        ground=not surface.periodic and has_ground(stack, surface.grid),
         at_approach=approach is not None,
     )
 
