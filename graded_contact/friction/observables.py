@@ -281,6 +281,8 @@ def mean_pressure(found: "Sliding") -> Array:
 )  # fmt: skip
 def mean_pressure_error(found: "Sliding") -> Array:
     """Its estimated error at a given approach [Pa]; it includes that of the window's kernel."""
+    if not found.at_approach:
+        raise ValueError("Only a contact at a given `approach` has a `mean_pressure_error`.")
     of = lambda change: jnp.mean(found.pressure + change)[None]  # noqa: E731
     mean = found.contact.mean_pressure
     solver = error_of(of, mean[None], found.contact.correction, mean)[0]
