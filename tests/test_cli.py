@@ -305,6 +305,8 @@ def test_a_kernel_that_fails_is_one_message(rerun, tmp_path, monkeypatch):
     assert result.exit_code == 1
     assert "2 of 2 solves failed" in result.stderr and "Traceback" not in result.output
     assert result.stderr.count("failed: no such kernel") == 1
+    assert "No solve succeeded: no figure is drawn." in result.stdout
+    assert not list((tmp_path / "out").glob("*.png"))
     told = command("info", tmp_path / "out" / "small.h5")
     assert told.stdout.count("failed") == 2 and told.exit_code == 0
 
