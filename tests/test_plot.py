@@ -109,7 +109,7 @@ def made(axes, names=(), failing=()):
 def test_a_sweep_without_numbers_is_not_drawn():
     results = made({"pressure": [1e5], "velocity": [0.1, 1.0]})
     results["friction"][:], results["message"][:] = np.nan, "The tolerance was not reached."
-    with pytest.raises(ValueError, match="No solve succeeded: no figure is drawn."):
+    with pytest.raises(ValueError, match="No solve succeeded: no figure is drawn"):
         gc.plot.plot_sweep(results)
 
 

@@ -81,8 +81,8 @@ def state_of(results: "Dataset") -> "DataArray":
 
 def has_numbers(results: "Dataset") -> "DataArray":
     """Returns for each solve whether it succeeded, or has a friction as a partial result."""
-    state, found = state_of(results), np.isfinite(results["friction"])
-    found = found.any(set(found.dims) - set(state.dims))
+    state, friction = state_of(results), results["friction"]
+    found = friction.notnull().any(set(friction.dims) - set(state.dims))
     return (state == "") | (state == "not converged") & found
 
 

@@ -273,8 +273,8 @@ RULES = (
         lambda found: found.load_mismatch,
         LIMIT,
         "The work of the load has an error of about {worst:.0%} of the dissipated energy: the load "
-        "or the gap changes too fast for the number of times. Let it change more slowly, or take "
-        "more times.",
+        "or the gap changes too fast for the number of times. If it jumps, let it change over "
+        "several times; otherwise take more times.",
     ),
     Rule(
         lambda found: np.all(np.asarray(found.load) == 0, axis=-1),
