@@ -27,9 +27,9 @@ if TYPE_CHECKING:
 COLUMNS = {
     "friction": ("friction", "#.4g"),
     "friction_standard_error": ("± materials", ".1e"),  # of means over seeds
-    "hysteresis_friction": ("of it\nhysteresis", "#.4g"),
-    "shear_friction": ("of it\nshear", "#.4g"),
-    "surface_rise": ("contact\nheats [K]", "#.4g"),
+    "hysteresis_friction": ("hysteresis", "#.4g"),
+    "shear_friction": ("shear", "#.4g"),
+    "surface_rise": ("contact above\nbulk [K]", "#.4g"),
     "mean_friction": ("friction\n(mean)", "#.4g"),
     "mean_friction_error": ("± solver", ".1e"),
     "peak_friction": ("friction\n(peak)", "#.4g"),
@@ -125,8 +125,8 @@ def print_decisive(decided: Mapping[tuple[str, float], Sensitivity]) -> None:
         low, high = found.decisive()
         if np.isfinite(low):
             typer.echo(
-                f"{name}: its moduli from {low:.2g} to {high:.2g} rad/s decide 90 % of the "
-                f"friction at {speed:.3g} m/s (mean field)"
+                f"{name}: 90 % of the friction at {speed:.3g} m/s comes from its moduli between "
+                f"{low:.2g} and {high:.2g} rad/s (mean field)"
             )
 
 
