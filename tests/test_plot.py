@@ -105,6 +105,13 @@ def made(axes, names=(), failing=()):
     return attach(results)
 
 
+def test_a_sweep_without_numbers_is_not_drawn():
+    results = made({"pressure": [1e5], "velocity": [0.1, 1.0]})
+    results["friction"][:], results["message"][:] = np.nan, "The tolerance was not reached."
+    with pytest.raises(ValueError, match="No solve succeeded: no figure is drawn"):
+        gc.plot.plot_sweep(results)
+
+
 VARIED = {
     "layers[0].thickness": [1e-5, 5e-5], "temperature": [280.0, 300.0, 320.0], "seed": [0, 1],
     "pressure": [1e5], "velocity": [0.1, 0.01, 1.0, 10.0],

@@ -15,6 +15,7 @@ What they leave open or contradict is chosen here, once for all figures:
 
 import argparse
 import io
+import json
 import tomllib
 from collections.abc import Callable
 from pathlib import Path
@@ -27,6 +28,7 @@ import xarray
 from matplotlib import rcParams
 from matplotlib.figure import Figure
 from PIL import Image
+from PIL.PngImagePlugin import PngInfo
 
 import graded_contact as gc
 from graded_contact.plot.style import ordered as ordered
@@ -171,12 +173,30 @@ def panels(count, width=7.6, height=3.2, rows=1):
 
 
 def save(figure, target):
-    """Writes a PNG of 64 colours, a third of the size."""
+    """Writes a PNG of 64 colours, a third of the size. Its comment is what the figure shows."""
     target.parent.mkdir(parents=True, exist_ok=True)
-    buffer = io.BytesIO()
+    buffer, comment = io.BytesIO(), PngInfo()
     figure.savefig(buffer)
-    Image.open(buffer).convert("RGB").quantize(64).save(target, optimize=True)
+    comment.add_text("Comment", json.dumps(shown(figure), ensure_ascii=False), zip=True)
+    image = Image.open(buffer).convert("RGB").quantize(64)
+    image.save(target, optimize=True, pnginfo=comment)
     print(f"wrote {target}")
+
+
+def shown(figure):
+    """The texts of a figure and nine points of each line and map: the same with any font."""
+    texts, numbers = [], []
+    for panel in figure.axes:
+        texts += [panel.get_title(), panel.get_xlabel(), panel.get_ylabel()]
+        texts += [panel.get_xscale(), panel.get_yscale()]
+        if (legend := panel.get_legend()) is not None:
+            texts += [text.get_text() for text in (legend.get_title(), *legend.texts)]
+        rows = [row for line in panel.lines for row in line.get_data()]
+        rows += [part.get_array() for part in panel.collections if part.get_array() is not None]
+        for row in rows:
+            some = np.ravel(row)[np.linspace(0, np.size(row) - 1, 9).astype(int)]
+            numbers += [float(f"{number:.5g}") for number in some]
+    return {"texts": texts, "numbers": numbers}
 
 
 def read(doc: str | None) -> tuple[argparse.Namespace, Size]:

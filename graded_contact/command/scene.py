@@ -15,6 +15,7 @@ from ..files.dataset import NOT_STARTED, package_versions, write, write_csv
 from ..files.paths import check_folder, check_name, full_path
 from ..files.results import (
     contact_at,
+    has_numbers,
     kept_solves,
     lost_solves,
     over_seeds,
@@ -39,6 +40,7 @@ from ..plot import (
     plot_sweep,
 )
 from ..plot.style import entitle
+from ..plot.sweeps import NOTHING
 from ..plot.words import label_of, title_of
 from ..roughness.surface import Surface
 from ..studies.cost import scene_cost
@@ -303,6 +305,9 @@ def _figures(
     results: "Dataset", decided: Decided, all_seeds: bool
 ) -> Iterator[tuple[str, "Figure"]]:
     """Yields each figure of all solves with the end of its name."""
+    if not np.any(has_numbers(results)):
+        typer.echo(NOTHING)
+        return
     if "time" in results.dims:
         if not np.all(np.isnan(results["friction"])):
             yield "cycle", plot_cycle(results)

@@ -102,8 +102,8 @@ def print_decisive(decided: Mapping[tuple[str, float], Sensitivity]) -> None:
         low, high = found.decisive()
         if np.isfinite(low):
             typer.echo(
-                f"{name}: its moduli from {low:.2g} to {high:.2g} rad/s decide 90 % of the "
-                f"friction at {speed:.3g} m/s (mean field)"
+                f"{name}: 90 % of the friction at {speed:.3g} m/s comes from its moduli between "
+                f"{low:.2g} and {high:.2g} rad/s (mean field)"
             )
 
 

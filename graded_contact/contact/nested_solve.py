@@ -281,9 +281,10 @@ def _loading_on(shape, loading: Loading) -> Loading:
 
 
 def _begin_on_grid(grid: OneGrid, law, before, settings: GridSettings, looks: bool):
-    """The contact on a grid, and how far the splitting comes; unless Python `looks`, to the end.
+    """The contact on a grid, and the state of its solve.
 
-    `before` is a pressure [Pa], what was found on the grid before, or None.
+    Stops where Newton steps are needed if Python can see the state (`looks`); otherwise solves to
+    the end. `before` is a pressure [Pa], what was found on the grid before, or None.
     """
     numbers, state = _begin(grid, law, before, settings, looks)
     return _problem(grid, numbers), state
@@ -297,7 +298,7 @@ def _problem(grid: OneGrid, numbers) -> GridProblem:
 
 @compiled
 def _begin(grid: OneGrid, law, before, settings: GridSettings, looks: bool):
-    """The same without the grid: what a program returns it copies."""
+    """As `_begin_on_grid`, but without the grid in the result, so that XLA does not copy it."""
     operator, rough, loading, unit = grid
     share = settings.share
     own = 0.0 if settings.finest else 0.5 * share  # of the grid's heights

@@ -156,9 +156,9 @@ CYCLE_RULES = (
     Rule(
         lambda found: found.load_mismatch,
         LIMIT,
-        "The work of the load, in two forms, differs by {worst:.0%} of the dissipated energy: the "
-        "load or the gap changes too suddenly for the times. Let it change over several times, or "
-        "take more times; a finer grid hardly helps.",
+        "The work of the load has an error of about {worst:.0%} of the dissipated energy: the load "
+        "or the gap changes too fast for the number of times. If it jumps, let it change over "
+        "several times; otherwise take more times.",
     ),
     Rule(
         lambda found: np.all(np.asarray(found.load) == 0, axis=-1),

@@ -67,6 +67,13 @@ def state_of(results: "Dataset") -> "DataArray":
     return message.copy(data=words.astype(str))
 
 
+def has_numbers(results: "Dataset") -> "DataArray":
+    """Returns for each solve whether it succeeded, or has a friction as a partial result."""
+    state, friction = state_of(results), results["friction"]
+    found = friction.notnull().any(set(friction.dims) - set(state.dims))
+    return (state == "") | (state == "not converged") & found
+
+
 def warnings_of(results: "Dataset") -> tuple[Caveat, ...]:
     """Returns why numbers are doubtful although solved, and the solves that are concerned."""
     everywhere = np.ones(results["message"].shape, bool)
@@ -146,15 +153,16 @@ def _steps_of(results: "Dataset") -> tuple[Step, ...]:
 
 
 def kept_solves(results: "Dataset") -> list[tuple[int, ...]]:
-    """Returns the indices along the axes of the solves whose fields were kept."""
+    """Returns the indices along the axes of the solves with numbers whose fields were kept."""
     if "gap" not in results:
         return []
-    if not {*results["message"].dims} <= {*results["gap"].dims}:
-        if "kept" in results.attrs:
-            return [tuple(map(int, results.attrs["kept"].split()))]
-        return [tuple(n - 1 for n in results["message"].shape)]  # in files of earlier versions
-    solved = ~np.isin(state_of(results), (NOT_STARTED, "failed"))
-    return [tuple(map(int, index)) for index in np.argwhere(solved)]
+    found = [tuple(map(int, index)) for index in np.argwhere(has_numbers(results).values)]
+    if {*results["message"].dims} <= {*results["gap"].dims}:
+        return found
+    last = tuple(n - 1 for n in results["message"].shape)  # in files of earlier versions
+    kept = results.attrs.get("kept")
+    kept = tuple(map(int, kept.split())) if kept else last
+    return [kept] if kept in found else []
 
 
 def contact_at(results: "Dataset", index: tuple[int, ...]) -> tuple["Dataset", Surface]:

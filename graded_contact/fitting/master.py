@@ -320,13 +320,13 @@ def _law_words(curve):
             "Error: a constant of this law ran to the end of its range, so it is no result: the "
             "shifts follow no such law."
         )
-    exported = "law" if curve._law_serves() else "table"
-    return [
-        *lines,
-        f"The isotherms are met within {100 * curve.fit.errors().total:.3g} % with the shifts of "
-        f"this table, within {100 * curve.law_error():.3g} % with the law alone: the {exported} is "
-        "what is exported.",
-    ]
+    errors = curve.law_error(), curve.fit.errors().total
+    by_law, by_table = (f"{100 * error:.3g} %" for error in errors)
+    if curve._law_serves():
+        of_table = f"and is exported. The shifts of this table fit them to {by_table}."
+        return [*lines, f"This law fits the isotherms to {by_law} {of_table}"]
+    of_table = f"The exported table of shifts fits them to {by_table}."
+    return [*lines, f"This law fits the isotherms to {by_law}. {of_table}"]
 
 
 def _step_words(curve):

@@ -43,6 +43,7 @@ from ..core.checks import (
     numbers,
     scalar,
 )
+from ..core.compilation import compiled
 from ..core.derivative import still
 from ..core.display import shown
 from ..core.fixed_point import attach_fixed_point, find_fixed_point
@@ -168,7 +169,7 @@ def _errors(s: Sliding, closer: Sliding):
     return by_friction, jnp.maximum(by_area, points)
 
 
-@eqx.filter_jit
+@compiled
 def _rises(s: Sliding, heating: Heating, stack: Stack, block: Stack, edges):
     """The mean rises of the surface and of the cells over the contact [K]."""
     depths, weights = gauss_within(stack, edges)

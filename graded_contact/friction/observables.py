@@ -480,7 +480,7 @@ def shear_friction(found: "Sliding") -> Array:
 
 @observable(
     r"\Delta T", "K", "temperature of the contact above the bulk", cyclic=False,
-    mean_over_seeds=True, needs=["heated"], column=("contact\ntemperature\nrise [K]", "#.4g"),
+    mean_over_seeds=True, needs=["heated"], column=("contact above\nbulk [K]", "#.4g"),
 )  # fmt: skip
 def surface_rise(found: "Sliding") -> Array:
     """Temperature of the contact above the bulk, with heating [K]."""

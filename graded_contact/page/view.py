@@ -224,7 +224,7 @@ class Page(pn.viewable.Viewer):
         self._knobs[:] = self.sliders
         names = list(content["materials"])
         self._material.options = names
-        chosen: Any = pn.widgets.Select(label="one more on top, of", options=[NEW, *names], **SMALL)
+        chosen: Any = pn.widgets.Select(label="Add a layer of", options=[NEW, *names], **SMALL)
         add = pn.widgets.Button(label="Add layer", color="primary", **SMALL)
         add.on_click(lambda _: self.session.change(
             partial(scenes.with_layer, material=None if chosen.value == NEW else chosen.value)

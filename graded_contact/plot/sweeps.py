@@ -7,7 +7,7 @@ import numpy as np
 
 from ..core.quantities import OBSERVABLES
 from ..files.dataset import NOT_STARTED
-from ..files.results import SEED_ERROR, over_seeds, state_of, warnings_of
+from ..files.results import SEED_ERROR, has_numbers, over_seeds, state_of, warnings_of
 from .style import (
     COLOURS,
     PAGE,
@@ -31,6 +31,7 @@ if TYPE_CHECKING:
 DRAWN = ("friction", "contact_area_smooth")
 ERROR = "_standard_error"
 DOUBTFUL = "doubtful: see the caveats"
+NOTHING = "No solve succeeded: no figure is drawn."
 DASHES = ("-", "--", ":", "-.")
 MANY = len(COLOURS)  # values with a colour each
 THIN = 0.4  # points, of the lines of single surfaces
@@ -51,6 +52,8 @@ def plot_sweep(results: "Dataset", *, all_seeds: bool = False) -> "Figure":
 
     - `results`: the result of `run_scene`.
     - `all_seeds`: draws a thin line for each surface in addition.
+
+    **Raises:** `ValueError` if no solve succeeded.
     """
     lines = _lines(results, all_seeds=all_seeds)
     return _drawn(lines, lines.varied[0] if lines.varied else "pressure")
@@ -139,6 +142,8 @@ class _Lines(NamedTuple):
 
 def _lines(results: "Dataset", along: str | None = None, *, all_seeds: bool = False) -> _Lines:
     """The lines of results along an axis: by default velocity, or the last with several points."""
+    if not np.any(has_numbers(results)):
+        raise ValueError(NOTHING)
     axes = [str(axis) for axis in results["message"].dims]
     longer = [axis for axis in axes if results.sizes[axis] > 1 and axis != "seed"]
     if along is None:

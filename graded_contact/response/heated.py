@@ -8,6 +8,7 @@ import equinox as eqx
 import jax.numpy as jnp
 from jaxtyping import Array, Float
 
+from ..core.compilation import compiled
 from ..core.display import shown
 from ..fields.grid import Grid
 from ..rheology.material import Elastic
@@ -87,7 +88,7 @@ def check_heated(stack: Stack) -> None:
         )
 
 
-@eqx.filter_jit
+@compiled
 def heated(
     stack: Stack,
     temperature: Float[Array, ""],

@@ -507,7 +507,7 @@ def test_one_message_names_all_that_is_missing(tmp_path):
 @pytest.mark.parametrize(
     "old, new, options, expected",
     [
-        ("f, ", "x, ", {}, "line 1: of the columns 'x', .*Needed: frequency, storage, loss"),
+        ("f, ", "x, ", {}, "line 1: it has the columns 'x', .*Needed: frequency, storage, loss"),
         ("f, E', E''\nHz, MPa, MPa\n", "", {"kind": "frequency"},
          r"column 1, the frequency, has no known unit, column 2, the storage, has no known unit, .*"
          r"Pass `units`: frequency: one of .*; modulus: one of "),

@@ -289,8 +289,9 @@ def _unit(table: Table, quantity: str, place: int, options: Options) -> tuple[st
 
 def _unknown(table: Table, chosen: dict[str, list[int]], options: Options, ways) -> str:
     shortest = {kind: ", ".join(names) for kind, names in reversed(ways)}
+    known = f"; understood: {', '.join(sorted(chosen)) or 'none'}" if any(table.names) else ""
     lacking = [
-        f"of {table.listed()}, understood is {', '.join(sorted(chosen)) or 'nothing'}. "
+        f"it has {table.listed()}{known}. "
         f"Needed: {'; or '.join(reversed(shortest.values()))} (tan_delta or phase can replace "
         "loss, magnitude can replace storage, stress and strain can replace modulus and "
         "compliance; a constant stress may also be in a line above the table, 'stress: 2 kPa'). "
