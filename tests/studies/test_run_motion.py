@@ -88,7 +88,7 @@ def test_a_run_with_heating_is_slide_with_heating():
     )
     scene = parse_scene(text.replace('"tyre_tread"', '"tyre_tread"\npoisson = 0.49'))
     results = run_scene(scene)
-    load = {"pressure": 2e5, "velocity": 10.0, "temperature": 300.0, rtol=scene.rtol}
+    load = {"pressure": 2e5, "velocity": 10.0, "temperature": 300.0, "rtol": scene.rtol}
     heating = gc.contacts.Heating(0.2, 1e-7)
     sliding = gc.slide(scene.stack, build_surface(scene), heating=heating, **load)
     np.testing.assert_allclose(results.friction.item(), sliding.friction, rtol=1e-4)

@@ -41,7 +41,7 @@ def test_a_run_gives_what_slide_gives(scene, results):
     surface = build_surface(scene)
     for i, j in np.ndindex(2, 2):
         pressure, velocity = scene.pressure[i], scene.velocity[j]
-        load = {"pressure": pressure, "velocity": velocity, rtol=scene.rtol}
+        load = {"pressure": pressure, "velocity": velocity, "rtol": scene.rtol}
         sliding = gc.slide(scene.stack, surface, **load)
         for name in ("friction", "contact_area", "contact_area_smooth", "mean_gap", "error"):
             np.testing.assert_allclose(results[name][i, j], getattr(sliding, name), rtol=1e-6)
