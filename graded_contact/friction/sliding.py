@@ -3,7 +3,7 @@
 import dataclasses
 import inspect
 from collections.abc import Sequence
-from typing import TYPE_CHECKING, Any, ClassVar, TypeVar
+from typing import Any, ClassVar, TypeVar
 
 import equinox as eqx
 import jax
@@ -31,39 +31,23 @@ K = TypeVar("K", bound=type)
 _OF_CONTACT = {field.name for field in dataclasses.fields(ContactSolution)}
 
 
-class _Attribute:
-    """An observable as an attribute, which is computed when it is first read.
-
-    The number is stored with the object, unless it is traced. Under `jit` XLA drops what nothing
-    uses.
-    """
-
-    def __init__(self, name: str):
-        self.name = name
-
-    def __get__(self, found: Any, kind: type | None = None) -> Any:
-        if found is None:
-            return self
-        if self.name in _OF_CONTACT:
-            return OBSERVABLES[self.name].formula(found)
-        return found.compute(self.name)[0]
-
-
-def _with_observables(kind: K) -> K:
-    """Gives a class the observables of its motion, and describes them."""
+def _described(kind: K) -> K:
+    """Puts the observables of a class into its docstring."""
     lines = []
     for name, entry in OBSERVABLES.items():
         if entry.is_of(kind.is_cycle, entry.needs):
-            setattr(kind, name, _Attribute(name))
             text = inspect.cleandoc(entry.formula.__doc__ or "").replace("\n\n", "\n")
             lines.append(f"- `{name}`: {text}".replace("\n", "\n  "))
-    text = inspect.cleandoc(kind.__doc__ or "").replace("OBSERVABLES", "\n".join(lines))
-    kind.__doc__ = text
+    kind.__doc__ = inspect.cleandoc(kind.__doc__ or "").replace("OBSERVABLES", "\n".join(lines))
     return kind
 
 
 class AbstractSliding(eqx.Module):
-    """What `Sliding` and `CyclicSliding` have in common."""
+    """What `Sliding` and `CyclicSliding` have in common: observables, and what they are made of.
+
+    An observable is computed when it is first read. It is stored with the object, unless it is
+    traced. Under `jit` XLA drops what nothing uses.
+    """
 
     contact: eqx.AbstractVar[ContactSolution]
     operator: eqx.AbstractVar[AbstractOperator]
@@ -74,9 +58,14 @@ class AbstractSliding(eqx.Module):
     is_cycle: eqx.AbstractClassVar[bool]
     rules: eqx.AbstractClassVar[Sequence[Rule]]
 
-    if TYPE_CHECKING:
+    def __getattr__(self, name: str) -> Array:
+        entry = OBSERVABLES.get(name)
+        if entry is None or not entry.is_of(self.is_cycle, entry.needs):
+            raise AttributeError(f"`{type(self).__name__}` has no attribute `{name}`.")
+        return entry.formula(self) if name in _OF_CONTACT else self.compute(name)[0]
 
-        def __getattr__(self, name: str) -> Array: ...  # an observable
+    def __dir__(self):
+        return [*super().__dir__(), *self.numbers]
 
     @property
     def facts(self) -> frozenset[str]:
@@ -126,7 +115,7 @@ class AbstractSliding(eqx.Module):
 
 
 @shown("contact", "caveats")
-@_with_observables
+@_described
 class Sliding(AbstractSliding):
     """Friction, contact area and fields of a sliding contact.
 
@@ -198,7 +187,7 @@ class Sliding(AbstractSliding):
 
 
 @shown("contact", "caveats")
-@_with_observables
+@_described
 class CyclicSliding(AbstractSliding):
     """Friction, contact area and fields over a cycle.
 

@@ -3,11 +3,14 @@
 from pathlib import Path
 
 import jax
+import jax.numpy as jnp
 import numpy as np
 import pytest
 from scenes import TABLE, TEXT, changed, tabulated, write
 
 import graded_contact as gc
+from graded_contact.command.tables import print_table
+from graded_contact.core.quantities import OBSERVABLES, observable
 from graded_contact.fields.grid import wave_frequencies
 from graded_contact.files.results import (
     contact_at,
@@ -50,6 +53,29 @@ def test_a_run_gives_what_slide_gives(scene, results):
     assert results.attrs["scene"] == TEXT
     assert results.attrs["seed"] == 3
     assert results.attrs["dtype"] == "float64"
+
+
+def test_an_observable_is_one_function(capsys):
+    """Its attribute, print, dataset, unit and column follow from its entry."""
+
+    @observable("F", "Pa", "largest pressure", column=("largest\npressure", "#.4g"))
+    def largest_pressure(found):
+        """The largest pressure [Pa]."""
+        return jnp.max(found.pressure)
+
+    try:
+        scene = parse_scene(changed("shape = [32, 32]", "shape = [16, 16]", "8e4", "4e4"))
+        results = run_scene(scene)
+        sliding = gc.slide(scene.stack, build_surface(scene), pressure=4e5, velocity=1.0)
+        assert sliding.largest_pressure == np.max(sliding.pressure)
+        assert "largest_pressure [Pa]" in repr(sliding)
+        np.testing.assert_allclose(results.largest_pressure[-1, -1], np.max(sliding.pressure), 1e-4)
+        assert results.largest_pressure.attrs == {"units": "Pa", "long_name": "largest pressure"}
+        print_table(results)
+        assert "largest" in capsys.readouterr().out
+    finally:
+        del OBSERVABLES["largest_pressure"]
+    assert not hasattr(sliding, "largest_gap")
 
 
 def measured_tread(omega: str, load: str = "") -> str:
