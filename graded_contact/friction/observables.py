@@ -18,7 +18,7 @@ of the two is the error of the grid.
 
 import functools
 from collections.abc import Callable
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import jax
 import jax.numpy as jnp
@@ -41,13 +41,7 @@ from ..fields.grid import (
 from ..rheology.measured import is_unknown
 from .motion import odd_frequencies, rate_of
 
-if TYPE_CHECKING:
-    from .sliding import CyclicSliding, Sliding
-
-    Found = Sliding | CyclicSliding
-else:
-    Found = Any
-
+Found = Any  # a `Sliding` or a `CyclicSliding`: their module imports this one
 AREA, FRICTION = ".5f", "#.4g"  # formats of columns
 
 
@@ -203,19 +197,19 @@ def _share_of(found: Found, formula: Callable[[Array], Array], field: Array) -> 
 
 
 @shared
-def _velocity(found: "CyclicSliding") -> Array:
+def _velocity(found: Found) -> Array:
     """ds/dt [m/s] along each axis that the surface moves on."""
     return found.motion_of_surface[0]
 
 
-def _power(found: "CyclicSliding", tractions: Array) -> Array:
+def _power(found: Found, tractions: Array) -> Array:
     return jnp.mean(jnp.sum(tractions * _velocity(found), axis=1))
 
 
 # Of a window.
 
 
-def _changes_by_kernel(found: "Sliding") -> list[Array]:
+def _changes_by_kernel(found: Found) -> list[Array]:
     """What the errors of a window's kernel change in the pressure."""
     if found.kernel_error is None:
         return []
@@ -228,7 +222,7 @@ def _with_chance(part: Array) -> Array:
     return jnp.abs(jnp.sum(part)) + jnp.sqrt(jnp.sum(part**2))
 
 
-def _image_error(found: "Sliding") -> Array:
+def _image_error(found: Found) -> Array:
     """What the errors of a window's kernel change in friction, under this pressure and by the load.
 
     Contributions of single points may cancel in the estimate by chance: so twice their root sum of
@@ -254,7 +248,7 @@ def _image_error(found: "Sliding") -> Array:
     return sums + 2 * slopes / jnp.sqrt(jnp.sum(pressure != 0)) + by_load
 
 
-def _moved(found: "Sliding", operator: Any, field: Array | float = 0.0) -> Array:
+def _moved(found: Found, operator: Any, field: Array | float = 0.0) -> Array:
     """How far a window moves where it is loaded, less a field; and the block's mean part of it."""
     pressure, weight = operator.on_cell(found.pressure), jnp.abs(found.pressure)
     weight = jax.lax.stop_gradient(jnp.where(jnp.sum(weight) > 0, weight, 1))
@@ -270,7 +264,7 @@ def _moved(found: "Sliding", operator: Any, field: Array | float = 0.0) -> Array
     r"\bar\sigma", "Pa", "mean contact pressure", cyclic=False, needs=["given approach"],
     column=("pressure\n[Pa]", "#.4g"),
 )  # fmt: skip
-def mean_pressure(found: "Sliding") -> Array:
+def mean_pressure(found: Found) -> Array:
     """Mean pressure [Pa]."""
     return found.contact.mean_pressure
 
@@ -279,7 +273,7 @@ def mean_pressure(found: "Sliding") -> Array:
     "", "Pa", "estimated error of the mean pressure", cyclic=False, has_derivative=False,
     needs=["given approach"],
 )  # fmt: skip
-def mean_pressure_error(found: "Sliding") -> Array:
+def mean_pressure_error(found: Found) -> Array:
     """Its estimated error at a given approach [Pa]; it includes that of the window's kernel."""
     if not found.at_approach:
         raise ValueError("Only a contact at a given `approach` has a `mean_pressure_error`.")
@@ -292,7 +286,7 @@ def mean_pressure_error(found: "Sliding") -> Array:
 @observable(
     r"\delta", "m", "approach", cyclic=False, needs=["ground"], column=("approach\n[m]", ".3e")
 )
-def approach(found: "Sliding") -> Array:
+def approach(found: Found) -> Array:
     """How far a body on a window moved into the block after its first touch [m].
 
     Relative to the block far away; NaN if that displacement has no limit, see `solve_contact`.
@@ -309,7 +303,7 @@ def approach(found: "Sliding") -> Array:
     "", "m", "estimated error of the approach", cyclic=False, has_derivative=False,
     needs=["ground", "given load"],
 )  # fmt: skip
-def approach_error(found: "Sliding") -> Array:
+def approach_error(found: Found) -> Array:
     """Its estimated error at this load, that of the kernel included [m]."""
     by_kernel = (
         jnp.sum(jnp.abs(_moved(found, found.operator.with_kernel(error))))
@@ -319,7 +313,7 @@ def approach_error(found: "Sliding") -> Array:
 
 
 @observable("", "1", "share of the load on the rim of the window", cyclic=False, needs=["window"])
-def rim_load(found: "Sliding") -> Array:
+def rim_load(found: Found) -> Array:
     """Share of the load on the outermost points of a window [1]; NaN without a load."""
     rim = np.full(found.grid.shape, "window" in found.facts)
     rim[(slice(1, -1),) * found.grid.ndim] = False
@@ -329,7 +323,7 @@ def rim_load(found: "Sliding") -> Array:
 @observable(
     "M", "N m", "moment of the pressure about the middle of the window", cyclic=False, stored=False
 )
-def moment(found: "Sliding") -> Array:
+def moment(found: Found) -> Array:
     """Moment of the pressure about the middle of a window [N m], of a line [N].
 
     Force times distance along each axis.
@@ -343,7 +337,7 @@ def moment(found: "Sliding") -> Array:
     r"\bar\mu", "1", "work of friction over load and path", steady=False, mean_over_seeds=True,
     column=("friction\n(mean)", FRICTION),
 )  # fmt: skip
-def mean_friction(found: "CyclicSliding") -> Array:
+def mean_friction(found: Found) -> Array:
     """Work over ∮ load |v| dt [1], 0 without motion; under steady sliding the friction."""
     return _frictions(found, loaded(found)[0])[0]
 
@@ -352,7 +346,7 @@ def mean_friction(found: "CyclicSliding") -> Array:
     r"\delta\bar\mu", "1", "estimated solver error of the mean friction", steady=False,
     has_derivative=False, column=("± solver", ".1e"),
 )  # fmt: skip
-def mean_friction_error(found: "CyclicSliding") -> Array:
+def mean_friction_error(found: Found) -> Array:
     """Its estimated error from the solver [1]."""
     return _solver_errors(found)[0]
 
@@ -361,7 +355,7 @@ def mean_friction_error(found: "CyclicSliding") -> Array:
     r"\mu_\mathrm{max}", "1", "largest friction coefficient of a cycle", steady=False,
     mean_over_seeds=True, column=("friction\n(peak)", FRICTION),
 )  # fmt: skip
-def peak_friction(found: "CyclicSliding") -> Array:
+def peak_friction(found: Found) -> Array:
     """The largest |friction| of any time [1]."""
     return _frictions(found, loaded(found)[0])[1]
 
@@ -370,7 +364,7 @@ def peak_friction(found: "CyclicSliding") -> Array:
     r"\delta\mu_\mathrm{max}", "1", "estimated solver error of the peak", steady=False,
     has_derivative=False, column=("± solver", ".1e"),
 )  # fmt: skip
-def peak_friction_error(found: "CyclicSliding") -> Array:
+def peak_friction_error(found: Found) -> Array:
     """Its estimated error from the solver [1]."""
     return _solver_errors(found)[1]
 
@@ -379,13 +373,13 @@ def peak_friction_error(found: "CyclicSliding") -> Array:
     "W", "J/m²", "work of friction in a cycle", steady=False, mean_over_seeds=True,
     column=("work\n[J/m²]", "#.4g"),
 )  # fmt: skip
-def work(found: "CyclicSliding") -> Array:
+def work(found: Found) -> Array:
     """Work of friction per area and cycle [J/m²]."""
     return _power(found, _own_tractions(found)) * found.period
 
 
 @observable("", "J/m²", "work of the load in a cycle", steady=False, mean_over_seeds=True)
-def load_work(found: "CyclicSliding") -> Array:
+def load_work(found: Found) -> Array:
     """Work of the load on the block per area and cycle [J/m²]; the sum of both is dissipated."""
     return (_exchange(found)[0] - _power(found, _own_tractions(found))) * found.period
 
@@ -394,13 +388,13 @@ def load_work(found: "CyclicSliding") -> Array:
     "P", "W/m²", "mean power that the block dissipates", steady=False, mean_over_seeds=True,
     column=("power\n[W/m²]", "#.4g"),
 )  # fmt: skip
-def dissipated_power(found: "CyclicSliding") -> Array:
+def dissipated_power(found: Found) -> Array:
     """Mean power lost in the block per area [W/m²]."""
     return jnp.sum(dissipation_of_waves(found))
 
 
 @observable("P", "W/m²", "power dissipated at each frequency", steady=False, stored=False)
-def dissipation(found: "CyclicSliding") -> Array:
+def dissipation(found: Found) -> Array:
     """Its parts at the frequencies ω = 2π k/T, k = 0, 1, ..., shape `(nt//2 + 1,)`."""
     lost = dissipation_of_waves(found)
     lost, count = jnp.sum(lost, axis=tuple(range(1, lost.ndim))), len(lost)
@@ -412,7 +406,7 @@ def dissipation(found: "CyclicSliding") -> Array:
     r"\delta", "1", "phase of the traction before the displacement, in radians", steady=False,
     mean_over_seeds=True, column=("phase\n[rad]", ".3f"),
 )  # fmt: skip
-def phase(found: "CyclicSliding") -> Array:
+def phase(found: Found) -> Array:
     """By which the first harmonic of the traction leads that of the displacement [rad].
 
     0 for a spring, π/2 for a dashpot; 0 without motion.
@@ -442,7 +436,7 @@ def friction(found: Found) -> Array:
     r"\delta\mu", "1", "estimated solver error of the friction coefficient", cyclic=False,
     has_derivative=False, column=("± solver", ".1e"),
 )  # fmt: skip
-def friction_error(found: "Sliding") -> Array:
+def friction_error(found: Found) -> Array:
     """Its estimated error from the solver [1], with heating also that of the temperatures.
 
     The error of the grid adds to it, see `geometric_friction`.
@@ -464,7 +458,7 @@ def friction_error(found: "Sliding") -> Array:
     r"\mu_\mathrm{hys}", "1", "friction coefficient of the hysteresis", cyclic=False,
     mean_over_seeds=True, column=("hysteresis", FRICTION),
 )  # fmt: skip
-def hysteresis_friction(found: "Sliding") -> Array:
+def hysteresis_friction(found: Found) -> Array:
     """The part of the friction that is dissipated in the block [1]."""
     return _over_load(found, _own_tractions(found))
 
@@ -473,7 +467,7 @@ def hysteresis_friction(found: "Sliding") -> Array:
     r"\mu_\mathrm{shear}", "1", "friction coefficient of shear in the contact", cyclic=False,
     mean_over_seeds=True, column=("shear", FRICTION),
 )  # fmt: skip
-def shear_friction(found: "Sliding") -> Array:
+def shear_friction(found: Found) -> Array:
     """The part from shear in the sub-pixel contact area [1]; 0 without `shear`."""
     return shear_over_load(found.pressure, contact_indicator(found), found.shear)
 
@@ -482,7 +476,7 @@ def shear_friction(found: "Sliding") -> Array:
     r"\Delta T", "K", "temperature of the contact above the bulk", cyclic=False,
     mean_over_seeds=True, needs=["heated"], column=("contact above\nbulk [K]", "#.4g"),
 )  # fmt: skip
-def surface_rise(found: "Sliding") -> Array:
+def surface_rise(found: Found) -> Array:
     """Temperature of the contact above the bulk, with heating [K]."""
     return found.heated.surface_rise
 
@@ -504,13 +498,13 @@ def geometric_friction(found: Found) -> Array:
 
 
 @observable(r"\tau", "Pa", "shear stress that opposes the motion", steady=False, over_time=True)
-def traction(found: "CyclicSliding") -> Array:
+def traction(found: Found) -> Array:
     """τ [Pa], the shear stress on the whole area."""
     return _as_motion(found, _own_tractions(found))
 
 
 @observable(r"\sigma_0", "Pa", "mean pressure at each time", steady=False, over_time=True)
-def load(found: "CyclicSliding") -> Array:
+def load(found: Found) -> Array:
     """Mean pressure [Pa]."""
     return _load(found)
 
@@ -528,7 +522,7 @@ def contact_area(found: Found) -> Array:
     r"\delta A/A_0", "1", "estimated solver error of the contact area", cyclic=False,
     has_derivative=False, column=("± solver", ".1e"),
 )  # fmt: skip
-def contact_area_error(found: "Sliding") -> Array:
+def contact_area_error(found: Found) -> Array:
     """Fraction of points that the solver may have put on the wrong side [1]."""
     touching, change = _touching(found), jnp.abs(found.contact.correction)
     for moved in _changes_by_kernel(found):  # 0 outside contact, where points may join it
@@ -559,7 +553,7 @@ def contact_area_smooth(found: Found) -> Array:
 @observable(
     "", "1", "share of the times at which the surfaces touch", steady=False, mean_over_seeds=True
 )
-def time_in_contact(found: "CyclicSliding") -> Array:
+def time_in_contact(found: Found) -> Array:
     """Share of the times at which the surfaces touch [1]."""
     return jnp.mean(contact_area(found) > 0, dtype=found.pressure.dtype)
 
@@ -595,7 +589,7 @@ def slope_in_contact(found: Found) -> Array:
 
 
 @observable("", "1", "share of the contact area on filled or tapered points", cyclic=False)
-def unmeasured_area(found: "Sliding") -> Array:
+def unmeasured_area(found: Found) -> Array:
     """Share of the contact area on points that were filled or tapered, not measured [1].
 
     0 where `Surface.measured` is None.
@@ -607,7 +601,7 @@ def unmeasured_area(found: "Sliding") -> Array:
     "", "1", "share of the hysteresis on filled or tapered points", cyclic=False,
     column=("on points not\nmeasured", ".1%"),
 )  # fmt: skip
-def unmeasured_friction(found: "Sliding") -> Array:
+def unmeasured_friction(found: Found) -> Array:
     """The same share of the tangential traction |σ ∂w/∂x_v| [1].
 
     Tractions up and down the slopes nearly cancel in friction.
@@ -618,7 +612,7 @@ def unmeasured_friction(found: "Sliding") -> Array:
     return _share_unmeasured(found, found.operator.on_surface(jnp.abs(pressure * slope)))
 
 
-def _share_unmeasured(found: "Sliding", weight: Array) -> Array:
+def _share_unmeasured(found: Found, weight: Array) -> Array:
     if found.measured is None:
         return jnp.zeros((), found.pressure.dtype)
     return jnp.sum(weight * (1 - found.measured)) / nonzero(jnp.sum(weight))
@@ -641,7 +635,7 @@ def extrapolated_friction(found: Found) -> Array:
     "", "1", "approach over the thickness of layers on a rigid base", cyclic=False,
     needs=["window"],
 )  # fmt: skip
-def compression(found: "Sliding") -> Array:
+def compression(found: Found) -> Array:
     """How far a body on a window moved into layers on a rigid base, over their thickness [1].
 
     0 on another base.
@@ -654,7 +648,7 @@ def compression(found: "Sliding") -> Array:
 @observable(
     "", "1", "difference of two forms of the load's work, over the dissipation", steady=False
 )
-def load_mismatch(found: "CyclicSliding") -> Array:
+def load_mismatch(found: Found) -> Array:
     """Difference of `load_work` from -∮ σ0 dū, its other form, over the energy dissipated [1].
 
     It is the error of grid and times; 0 without dissipation.
@@ -667,14 +661,14 @@ def load_mismatch(found: "CyclicSliding") -> Array:
 @observable(
     "", "1", "largest step from one time to the next, in spacings of the grid", steady=False
 )
-def largest_step(found: "CyclicSliding") -> Array:
+def largest_step(found: Found) -> Array:
     """Largest distance from one time to the next, in spacings of the grid, along x plus y [1]."""
     steps = jnp.abs(jnp.diff(found.moved, axis=0))
     return jnp.max(jnp.sum(steps / found.grid.spacing[: steps.shape[1]], axis=1))
 
 
 @observable("", "1", "share of the velocity at the upper half of the frequencies", steady=False)
-def unresolved_motion(found: "CyclicSliding") -> Array:
+def unresolved_motion(found: Found) -> Array:
     """Share of the velocity at the upper half of the frequencies [1]."""
     waves = jnp.abs(jnp.fft.rfft(_velocity(found), axis=0)) ** 2
     upper = jnp.sum(waves[len(found.moved) // 4 + 1 :]) / nonzero(jnp.sum(waves))
