@@ -12,7 +12,9 @@ from importlib.metadata import version
 from types import MappingProxyType
 from typing import TYPE_CHECKING
 
+from ..core.memory import available_memory
 from ..core.quantities import quantity_of
+from .paths import Refusal, check_hdf5
 from .sealed import read_sealed, replacing, write_sealed
 
 if TYPE_CHECKING:
@@ -74,7 +76,15 @@ def read(path: str | os.PathLike) -> "Dataset":
     """
     import xarray
 
-    return xarray.load_dataset(io.BytesIO(read_sealed(path)), engine="h5netcdf")
+    most = available_memory() or float("inf")
+    content = read_sealed(path, most)
+    try:
+        check_hdf5(content, most)
+        return xarray.load_dataset(io.BytesIO(content), engine="h5netcdf")
+    except Refusal as error:
+        raise ValueError(f"`path={path}` is refused: {error}.") from error
+    except Exception as error:  # of many kinds, of HDF5 that something else wrote
+        raise ValueError(f"`path={path}` does not contain a dataset: {error}.") from error
 
 
 def write_csv(path: str | os.PathLike, dataset: "Dataset") -> None:

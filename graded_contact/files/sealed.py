@@ -12,7 +12,7 @@ import uuid
 from collections.abc import Iterator
 from pathlib import Path
 
-from .paths import existing_file
+from .paths import LARGEST_FILE, read_file
 
 SEAL = 512  # bytes, the least that HDF5 can skip
 
@@ -26,12 +26,12 @@ def write_sealed(path: str | os.PathLike, content: bytes) -> None:
         partial.write_bytes(_header(content) + content)
 
 
-def read_sealed(path: str | os.PathLike) -> bytes:
-    """Returns the content of a file that `write_sealed` wrote.
+def read_sealed(path: str | os.PathLike, at_most: float = LARGEST_FILE) -> bytes:
+    """Returns the content of a file that `write_sealed` wrote, of `at_most` bytes.
 
     **Raises:** `FileNotFoundError`; `ValueError` if the file differs from what was written.
     """
-    whole = existing_file(path).read_bytes()
+    whole = read_file(path, at_most)
     content = whole[SEAL:]
     if whole[:SEAL] != _header(content):
         raise ValueError(
