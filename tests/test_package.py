@@ -9,6 +9,7 @@ import tarfile
 import tomllib
 import venv
 import zipfile
+from collections.abc import Iterable
 from pathlib import Path
 
 import pytest
@@ -223,6 +224,34 @@ def test_the_lower_bounds_of_every_extra_are_tried():
     assert sorted(extras) == sorted(" ".join(LOWEST).split())
 
 
+def lower_bounds(entries: Iterable[str]) -> dict[str, str]:
+    """By name, the last counts: an extra may ask for more than the package."""
+    lowest = {entry.partition(">=")[0]: entry.replace(">=", "==") for entry in entries}
+    assert all("==" in entry for entry in lowest.values())
+    return lowest
+
+
+def test_the_command_runs_with_the_lowest_versions_of_its_own_libraries(tmp_path):
+    """Those that parse and print, in front of all else that is installed here."""
+    project = tomllib.loads(text_of("pyproject.toml"))["project"]
+    lowest = lower_bounds(project["dependencies"])
+    options = "--quiet --retries 0 --timeout 20 --disable-pip-version-check --target".split()
+    words = [sys.executable, "-m", "pip", "install", *options, str(tmp_path / "lowest")]
+    done = subprocess.run([*words, lowest["typer"], lowest["rich"]], capture_output=True, text=True)
+    if "from versions: none" in done.stderr:
+        pytest.skip("no registry of packages can be reached")
+    assert done.returncode == 0, done.stderr
+    (tmp_path / "scene.toml").write_text(SCENE)
+    paths = os.pathsep.join(map(str, (tmp_path / "lowest", ROOT)))
+    environment = os.environ | {"PYTHONPATH": paths, "XDG_CACHE_HOME": str(tmp_path)}
+    for words in (["--version"], ["run", "scene.toml", "-o", "out"], ["info", "out/scene.h5"]):
+        done = subprocess.run(
+            [sys.executable, "-m", "graded_contact", *words], capture_output=True, text=True,
+            cwd=tmp_path, env=environment,
+        )  # fmt: skip
+        assert done.returncode == 0, done.stdout[-3000:] + done.stderr[-3000:]
+
+
 @pytest.mark.slow
 @pytest.mark.parametrize("extras", LOWEST)
 def test_the_lowest_versions_that_are_declared_do_what_they_are_for(extras, tmp_path):
@@ -230,9 +259,7 @@ def test_the_lowest_versions_that_are_declared_do_what_they_are_for(extras, tmp_
     project = tomllib.loads(text_of("pyproject.toml"))["project"]
     added = (project["optional-dependencies"][extra] for extra in extras.split())
     entries = [*project["dependencies"], *(entry for extra in added for entry in extra)]
-    # By name: an extra may ask for more than the package.
-    lowest = {entry.partition(">=")[0]: entry.replace(">=", "==") for entry in entries}
-    assert all("==" in entry for entry in lowest.values())
+    lowest = lower_bounds(entries)
     tools = [name for name in TOOLS if name not in lowest]
     python = fresh_environment(tmp_path / "lowest") / "python"
     run(tmp_path, python, "-m", "pip", "install", "--quiet", *lowest.values(), *tools, ROOT)
