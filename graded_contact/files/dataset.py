@@ -15,7 +15,7 @@ from typing import TYPE_CHECKING
 from ..core.memory import available_memory
 from ..core.quantities import quantity_of
 from .paths import Refusal, check_hdf5
-from .sealed import read_sealed, replacing, write_sealed
+from .sealed import read_sealed, write_sealed, write_whole
 
 if TYPE_CHECKING:
     from xarray import Dataset
@@ -102,10 +102,8 @@ def write_csv(path: str | os.PathLike, dataset: "Dataset") -> None:
         for name in table
         if "units" in dataset[name].attrs and dataset[name].dtype.kind == "f"
     }
-    with replacing(path) as partial:
-        table.rename(columns=heads).to_csv(
-            partial, index=False, na_rep="nan", lineterminator="\r\n"
-        )
+    table = table.rename(columns=heads)
+    write_whole(path, table.to_csv(index=False, na_rep="nan", lineterminator="\r\n"))
 
 
 # Called once: a worker of dask that ends in a thread of this process edits sys.path meanwhile.

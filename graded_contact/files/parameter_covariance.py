@@ -18,6 +18,7 @@ from ..core.display import shown
 from ..core.parameters import paths, with_values
 from .paths import read_file
 from .schema import nearest
+from .sealed import write_whole
 
 LARGEST = 10_000_000  # bytes of a file; 500 numbers have 6 MB
 
@@ -79,10 +80,9 @@ def check_errors(errors: Errors, material: object) -> None:
 
 def write_errors(path: str | os.PathLike, errors: Errors) -> None:
     """Writes errors to a CSV file, with all digits."""
-    with open(path, "w", newline="", encoding="utf-8") as file:
-        writer = csv.writer(file)
-        writer.writerow(errors.paths)
-        writer.writerows(np.asarray(errors.directions).tolist())
+    text = io.StringIO()
+    csv.writer(text).writerows([errors.paths, *np.asarray(errors.directions).tolist()])
+    write_whole(path, text.getvalue())
 
 
 def read_errors(path: str | os.PathLike) -> Errors:
