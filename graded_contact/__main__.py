@@ -1,5 +1,5 @@
 """`python -m graded_contact` is the command `graded-contact`."""
 
-from .cli import app
+from .cli import start
 
-app(prog_name="graded-contact")
+start()

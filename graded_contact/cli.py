@@ -19,6 +19,7 @@ from .command.friction_table import table
 from .command.new import new
 from .command.scene import demo, info, run
 from .command.session import prepare
+from .command.spelling import spell_missing_characters
 
 app = typer.Typer(
     help="Friction and contact area of layered viscoelastic blocks on rough surfaces.",
@@ -48,3 +49,9 @@ def main(
 
 for job in (demo, new, run, info, table, compare, fit, design, explore):
     app.command()(job)
+
+
+def start() -> None:
+    """Runs the command in its own process."""
+    spell_missing_characters()
+    app(prog_name="graded-contact")

@@ -2,6 +2,7 @@
 
 import csv
 import errno
+import io
 import json
 import logging
 import os
@@ -423,6 +424,9 @@ def moduli_file(path, temperatures, off=0.0):
 
 def test_a_fit_prints_its_report_and_a_table_that_a_scene_takes(tmp_path):
     path = moduli_file(tmp_path / "1 tread.csv", [20.0])
+    (tmp_path / "mine").write_text("mine")
+    (tmp_path / "out").mkdir()
+    (tmp_path / "out" / "material_1_tread-errors.csv").symlink_to(tmp_path / "mine")
     result = command("fit", path, "-o", tmp_path / "out", "--card", "abaqus", "--poisson", "0.49",
                      "--format", "svg")  # fmt: skip
     assert result.exit_code == 0, result.output
@@ -432,6 +436,7 @@ def test_a_fit_prints_its_report_and_a_table_that_a_scene_takes(tmp_path):
     names = [f"material_1_tread{ending}" for ending in endings]
     assert sorted(path.name for path in (tmp_path / "out").iterdir()) == names
     assert all(f"wrote {tmp_path / 'out' / name}" in result.stdout for name in names)
+    assert (tmp_path / "mine").read_text() == "mine"  # a link is replaced, not followed
     table = (tmp_path / "out" / names[-1]).read_text()
     assert table in result.stdout
     material = tomllib.loads(table)["materials"]["material_1_tread"]
@@ -440,6 +445,72 @@ def test_a_fit_prints_its_report_and_a_table_that_a_scene_takes(tmp_path):
     scene = SCENE.replace('[materials.tread]\nkind = "tyre_tread"', table)
     scene = scene.replace('material = "tread"', 'material = "material_1_tread"')
     assert parse_scene(scene).stack.base.material.poisson == 0.49
+
+
+def test_an_earlier_fit_stays_if_the_disk_is_full(tmp_path, monkeypatch):
+    path = moduli_file(tmp_path / "tread.csv", [20.0])
+    (tmp_path / "tread.toml").write_text("earlier")
+    monkeypatch.setattr(Path, "write_bytes", full_disk)
+    result = command("fit", path, "-o", tmp_path, "--terms", 4)
+    assert result.exit_code == 2 and "No space left on device" in result.stderr
+    assert (tmp_path / "tread.toml").read_text() == "earlier"
+
+
+def started(monkeypatch, encoding, *words):
+    """The exit code of the command on streams of an encoding, and what it wrote to them."""
+    streams = [io.TextIOWrapper(io.BytesIO(), encoding, write_through=True) for _ in range(2)]
+    with monkeypatch.context() as patch:
+        patch.setattr(sys, "argv", ["graded-contact", *map(str, words)])
+        patch.setattr(sys, "stdout", streams[0])
+        patch.setattr(sys, "stderr", streams[1])
+        with pytest.raises(SystemExit) as ended:
+            cli.start()
+    return ended.value.code, *(s.buffer.getvalue().decode(encoding) for s in streams)
+
+
+@pytest.mark.parametrize("encoding, error", [("ascii", "+/-"), ("cp1252", "±")])
+def test_what_an_output_cannot_show_is_spelt(folder, tmp_path, monkeypatch, encoding, error):
+    shutil.copytree(folder, tmp_path, dirs_exist_ok=True)
+    scene, result = tmp_path / "small.toml", tmp_path / "out" / "small.h5"
+    (result.with_suffix(".csv")).unlink()
+    path = moduli_file(tmp_path / "tread.csv", [20.0])
+    bad = tmp_path / "bad.toml"
+    bad.write_text(SCENE.replace("pressure =", "'Δω' ="), encoding="utf-8")
+    texts = {}
+    for code, words in (
+        (0, ("--help",)),
+        (0, ("run", "--help")),
+        (0, ("run", scene, "--dry-run")),
+        (0, ("run", scene, "-o", tmp_path / "out")),
+        (0, ("info", result)),
+        (0, ("compare", result, result, "-o", tmp_path / "both.png")),
+        (0, ("fit", path, "-o", tmp_path / "fit", "--terms", 4)),
+        (2, ("run", bad)),
+        (2, ("run", tmp_path / "Straße 中.toml")),
+        (2, ("run", "--größe", 1)),
+    ):
+        found, *told = started(monkeypatch, encoding, *words)
+        assert found == code and "Traceback" not in told[1], told
+        texts[str(words[-1])] = told[code // 2]
+    assert result.with_suffix(".csv").exists() and f"{error} solver" in texts[str(result)]
+    assert "`Deltaomega`" in texts[str(bad)]
+    assert "\\u4e2d" in texts[str(tmp_path / "Straße 中.toml")]
+
+
+@pytest.mark.parametrize(
+    "line", ["LC_ALL=C PYTHONUTF8=0 PYTHONCOERCECLOCALE=0", "PYTHONIOENCODING=cp1252"]
+)
+def test_a_process_ends_well_where_its_output_lacks_characters(folder, line):
+    own = {key: value for key, value in os.environ.items() if not key.startswith("PYTHON")}
+    given = dict(entry.split("=") for entry in line.split())
+    words = ["-m", "graded_contact", "info", folder / "out" / "small.h5"]
+    done = subprocess.run(
+        [sys.executable, *words], capture_output=True, cwd=Path(__file__).parents[1],
+        env=own | given,
+    )  # fmt: skip
+    assert done.returncode == 0, done.stderr
+    assert ("±".encode("cp1252") in done.stdout) == ("LC_ALL" not in given)
+    assert done.stdout.isascii() == ("LC_ALL" in given)
 
 
 LAW, TABLE = ("wlf", 0.0, ("--shift-std", 0)), ("tabulated", 4.0, ())

@@ -14,12 +14,15 @@ import pytest
 from scenes import damaged
 from typer.testing import CliRunner
 
+import graded_contact as gc
 from graded_contact import cli
 from graded_contact.command import session
 from graded_contact.core.parameters import paths
-from graded_contact.files.design_scene import parse_design
+from graded_contact.files.design_scene import parse_design, read_design
+from graded_contact.files.recorded_motion import read_motion
 from graded_contact.files.scene_reading import parse_scene
 from graded_contact.files.surface_source import RandomSurface
+from graded_contact.page.document import open_document
 from graded_contact.studies.run_scene import check_scene as check_scene_memory
 
 SEED = 20261
@@ -392,6 +395,38 @@ def test_the_undamaged_are_accepted(folder):
 def test_what_is_damaged_is_refused_or_read_right(folder):
     for case in range(100):
         check_case(case, folder)
+
+
+PIPED = {
+    "scene": gc.read_scene, "design": read_design, "moduli": gc.read_moduli,
+    "strain sweep": gc.materials.read_strain_sweep, "topography": gc.read_surface,
+    "errors": gc.materials.read_errors, "motion": lambda path: read_motion(path, 1.0),
+    "results": gc.read_results, "page": open_document,
+}  # fmt: skip
+
+
+@pytest.mark.skipif(os.name != "posix", reason="without pipes")
+@pytest.mark.parametrize("name", PIPED)
+def test_a_pipe_and_a_device_are_refused(name, folder):
+    os.mkfifo("pipe")
+    Path("zeros").symlink_to("/dev/zero")
+    for path in ("pipe", "zeros"):
+        with pytest.raises(ValueError, match=rf"`path={path}` is a device or a pipe"):
+            PIPED[name](Path(path))
+
+
+def test_a_pipe_in_a_scene_is_refused(folder):
+    os.mkfifo("pipe")
+    for text, path in ((SCENES[0], "errors.csv"), (SCENES[3], "moduli.csv")):
+        with pytest.raises(ValueError, match="is a device or a pipe"):
+            parse_scene(text.replace(path, "pipe"), folder)
+
+
+def test_keys_of_many_parts_are_refused(folder):
+    """The time of tomllib would grow with the square of the parts."""
+    for key in ("a" + ".a" * 400_000, "['" + "'.'=,\"" * 60_000 + "']"):
+        with pytest.raises(ValueError, match="has more than 100 parts"):
+            parse_scene(f"{key} = 1", folder)
 
 
 @pytest.mark.slow

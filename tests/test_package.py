@@ -9,6 +9,7 @@ import tarfile
 import tomllib
 import venv
 import zipfile
+from collections.abc import Iterable
 from pathlib import Path
 
 import pytest
@@ -24,7 +25,6 @@ warnings.simplefilter("error")
 import jax, numpy as np
 jax.config.update("jax_enable_x64", True)
 import graded_contact as gc
-from graded_contact.cli import app
 q0 = 2 * np.pi / 8e-3
 spectrum = gc.SelfAffine(rms_slope=0.3, hurst=0.8, q_low=q0, q_roll=2 * q0, q_high=8 * q0)
 road = gc.random_surface(spectrum, gc.Grid((32, 32), 8e-3), jax.random.key(0))
@@ -39,7 +39,8 @@ riccati, layers = (
     for solver in (gc.blocks.Riccati(), gc.blocks.Layering())
 )
 np.testing.assert_allclose(riccati, layers, rtol=1e-6)
-warnings.simplefilter("default")
+warnings.simplefilter("default")  # old versions of other libraries are deprecated somewhere
+from graded_contact.cli import app
 app(["run", "scene.toml", "--output", "out"], standalone_mode=False)
 app(["info", "out/scene.h5"], standalone_mode=False)
 """
@@ -193,7 +194,7 @@ sys.argv[1:] = "elastic --sizes 32 --targets 1e-3 --loads 0.1 --repeat 1 --tries
 bench_contact.main()
 """
 TOOLS = ("pytest", "pytest-xdist", "hypothesis", "mpmath", "beartype")
-TESTS = ("-m", "pytest", "-n", "0", "-p", "no:cacheprovider")
+TESTS = ("-m", "pytest", "-n", "0", "-p", "no:cacheprovider", "-W", "ignore::DeprecationWarning")
 # What is done in the checkout with the extras' lower bounds; `{}` is a folder to write to.
 LOWEST = {
     "cluster explore": [
@@ -223,6 +224,34 @@ def test_the_lower_bounds_of_every_extra_are_tried():
     assert sorted(extras) == sorted(" ".join(LOWEST).split())
 
 
+def lower_bounds(entries: Iterable[str]) -> dict[str, str]:
+    """By name, the last counts: an extra may ask for more than the package."""
+    lowest = {entry.partition(">=")[0]: entry.replace(">=", "==") for entry in entries}
+    assert all("==" in entry for entry in lowest.values())
+    return lowest
+
+
+def test_the_command_runs_with_the_lowest_versions_of_its_own_libraries(tmp_path):
+    """Those that parse and print, in front of all else that is installed here."""
+    project = tomllib.loads(text_of("pyproject.toml"))["project"]
+    lowest = lower_bounds(project["dependencies"])
+    words = ["-m", "pip", "install", "-q", "--retries", "1", "--target", tmp_path / "lowest"]
+    words = [sys.executable, *words, lowest["typer"], lowest["rich"]]
+    done = subprocess.run(words, capture_output=True, text=True)
+    if done.returncode and "connection broken" in done.stderr:
+        pytest.skip("no registry of packages can be reached")
+    assert done.returncode == 0, done.stderr
+    (tmp_path / "scene.toml").write_text(SCENE)
+    paths = os.pathsep.join(map(str, (tmp_path / "lowest", ROOT)))
+    environment = os.environ | {"PYTHONPATH": paths, "XDG_CACHE_HOME": str(tmp_path)}
+    for words in (["--version"], ["run", "scene.toml", "-o", "out"], ["info", "out/scene.h5"]):
+        done = subprocess.run(
+            [sys.executable, "-m", "graded_contact", *words], capture_output=True, text=True,
+            cwd=tmp_path, env=environment,
+        )  # fmt: skip
+        assert done.returncode == 0, done.stdout[-3000:] + done.stderr[-3000:]
+
+
 @pytest.mark.slow
 @pytest.mark.parametrize("extras", LOWEST)
 def test_the_lowest_versions_that_are_declared_do_what_they_are_for(extras, tmp_path):
@@ -230,9 +259,7 @@ def test_the_lowest_versions_that_are_declared_do_what_they_are_for(extras, tmp_
     project = tomllib.loads(text_of("pyproject.toml"))["project"]
     added = (project["optional-dependencies"][extra] for extra in extras.split())
     entries = [*project["dependencies"], *(entry for extra in added for entry in extra)]
-    # By name: an extra may ask for more than the package.
-    lowest = {entry.partition(">=")[0]: entry.replace(">=", "==") for entry in entries}
-    assert all("==" in entry for entry in lowest.values())
+    lowest = lower_bounds(entries)
     tools = [name for name in TOOLS if name not in lowest]
     python = fresh_environment(tmp_path / "lowest") / "python"
     run(tmp_path, python, "-m", "pip", "install", "--quiet", *lowest.values(), *tools, ROOT)

@@ -1,13 +1,17 @@
 """The scripts that draw the paper's figures, at small size, contacts first."""
 
+import argparse
+import importlib
 import json
 import shutil
 import subprocess
 import sys
 from pathlib import Path
 
+import h5py
 import numpy as np
 import pytest
+import xarray
 from PIL import Image
 
 FOLDER = Path(__file__).parents[1] / "benchmarks" / "paper"
@@ -32,6 +36,21 @@ def drawn(tmp_path_factory):
 
     assert "wrote" in run("contacts")
     return run
+
+
+def test_tables_are_kept_in_one_file_that_another_process_may_read(tmp_path, monkeypatch):
+    monkeypatch.syspath_prepend(FOLDER)
+    system = importlib.import_module("system")
+    given = argparse.Namespace(output=tmp_path, small=False, again=False)
+
+    def table(number):
+        return lambda: xarray.Dataset({"friction": ("x", [number])})
+
+    system.kept(given, "first", table(1.0))
+    with h5py.File(tmp_path / "results.h5"):
+        system.kept(given, "second", table(2.0))
+    for name, number in (("first", 1.0), ("second", 2.0)):
+        assert system.kept(given, name, table(0.0)).friction == number
 
 
 @pytest.mark.slow

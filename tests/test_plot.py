@@ -2,6 +2,7 @@
 
 import base64
 import dataclasses
+import itertools
 import math
 import re
 from typing import NamedTuple
@@ -14,9 +15,10 @@ import xarray
 from scipy.integrate import trapezoid
 
 import graded_contact as gc
+from graded_contact.command.tables import print_table
 from graded_contact.core.display import unit_of
 from graded_contact.core.quantities import numbers_of
-from graded_contact.files.dataset import attach
+from graded_contact.files.dataset import attach, write_csv
 from graded_contact.files.results import surface_variables
 from graded_contact.plot.words import title_of
 
@@ -191,6 +193,41 @@ def test_results_are_compared_by_colour_and_only_over_the_same_axes():
     slow = bare.assign_coords(velocity=bare.velocity.assign_attrs(units="mm/s"))
     with pytest.raises(ValueError, match=r"'slow' has `velocity` in mm/s, and 'bare' in m/s"):
         gc.plot.plot_compare([bare, slow], ["bare", "slow"])
+
+
+PAIRED = {**VARIED, "pressure": [1e5, 3e5], "velocity": [0.1, 1.0], "temperature": [280.0, 300.0]}
+
+
+@pytest.mark.parametrize("pair", [*itertools.combinations(PAIRED, 2)])
+@pytest.mark.parametrize("counts", [*itertools.product((1, 2), repeat=2)])
+def test_any_two_axes_of_one_or_two_points_have_figures_a_table_and_a_csv(
+    pair, counts, tmp_path, capsys
+):
+    """Every scene also has the axes pressure and velocity."""
+    points = {"pressure": 1, "velocity": 1} | dict(zip(pair, counts, strict=True))
+    axes = {name: at[: points[name]] for name, at in PAIRED.items() if name in points}
+    reduced = ["reduced_velocity"] if "temperature" in axes else []
+    results = made(axes, names=reduced)
+    several = [name for name, at in axes.items() if len(at) > 1 and name != "seed"]
+    lines = straight(gc.plot.plot_sweep(results).axes[0])
+    assert len(lines) == len({line.get_color() for line in lines}) == max(1, len(several))
+    assert all(len(line.get_xdata()) == 1 + bool(several) for line in lines)
+    gc.plot.plot_sweep(results, all_seeds=True)
+    gc.plot.plot_compare([results, results], ["one", "other"])
+    if reduced:
+        gc.plot.plot_reduced(results)
+    print_table(results)
+    rows = [line for line in capsys.readouterr().out.splitlines() if line.strip()[:1].isdigit()]
+    assert len(rows) == results.message.size // len(axes.get("seed", [0]))
+    write_csv(tmp_path / "a.csv", results)
+    assert len((tmp_path / "a.csv").read_text().splitlines()) == 1 + results.message.size
+
+
+def test_motions_are_not_drawn_as_sweeps():
+    results = made({"pressure": [1e5], "velocity": [0.1]}).assign_coords(time=[0.0, 0.5])
+    for draw in (gc.plot.plot_sweep, lambda results: gc.plot.plot_compare([results] * 2, "ab")):
+        with pytest.raises(ValueError, match="holds motions in time"):
+            draw(results)
 
 
 def test_standard_errors_are_bars():

@@ -31,6 +31,7 @@ from PIL import Image
 from PIL.PngImagePlugin import PngInfo
 
 import graded_contact as gc
+from graded_contact.files.sealed import write_whole
 from graded_contact.plot.style import ordered as ordered
 
 jax.config.update("jax_enable_x64", True)
@@ -144,12 +145,12 @@ def kept(
     """The table of an earlier run, from the file of results; otherwise that of `solve`."""
     path, tables = results(given), {}
     if path.exists():
-        found = xarray.open_groups(path, engine="h5netcdf")
+        found = xarray.open_groups(io.BytesIO(path.read_bytes()), engine="h5netcdf")
         tables = {at.strip("/"): table.load() for at, table in found.items() if at != "/"}
     if name not in tables or given.again:
         tables[name] = solve()
         path.parent.mkdir(parents=True, exist_ok=True)
-        xarray.DataTree.from_dict(tables).to_netcdf(path, engine="h5netcdf")
+        write_whole(path, bytes(xarray.DataTree.from_dict(tables).to_netcdf(engine="h5netcdf")))
         print(f"wrote {name} into {path}")
     return tables[name]
 

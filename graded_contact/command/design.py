@@ -8,6 +8,7 @@ import typer
 
 from ..files.design_scene import read_design
 from ..files.paths import check_folder, check_name, full_path
+from ..files.sealed import write_whole
 from ..plot import plot_design, plot_history
 from ..roughness.surface import Surface
 from ..studies.cost import design_cost
@@ -55,15 +56,13 @@ def design(
                 progress(interruption) as advance,
             ):
                 results = run_design(study, store=store, progress=advance)
-            text = report(results)
+            text, stem = report(results), folder / name
+            write_whole(f"{stem}.json", json.dumps(designed_values(results), indent=2) + "\n")
+            write_whole(f"{stem}.txt", f"{text}\n")
             typer.echo(f"\n{text}\n")
             for sentence in getattr(study.spectrum, "caveats", ()):  # of a surface from a file
                 typer.secho(f"Caveat: {sentence}", fg="yellow")
-            stem = folder / name
-            values = json.dumps(designed_values(results), indent=2) + "\n"
-            for suffix, content in (("json", values), ("txt", f"{text}\n")):
-                Path(f"{stem}.{suffix}").write_text(content, encoding="utf-8")
-                typer.echo(f"wrote {stem}.{suffix}")
+            typer.echo(f"wrote {stem}.json\nwrote {stem}.txt")
             interruption.check()
             save_figure(plot_design(results), Path(f"{stem}.{form}"), form)
             save_figure(

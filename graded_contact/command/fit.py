@@ -15,6 +15,7 @@ from ..files.parameter_covariance import write_errors
 from ..files.paths import check_folder, full_path
 from ..files.prony_cards import FORMATS, export_prony
 from ..files.schema import nearest
+from ..files.sealed import write_whole
 from ..fitting.master import master_curve
 from ..fitting.prony import fit_creep, fit_prony, fit_relaxation
 from ..fitting.shifting import check_law
@@ -179,17 +180,17 @@ def _without_wild(measured: Measured, robust: bool) -> Measured:
 def write_fit(folder: Path, name: str, found: tuple, cards: tuple, form: str) -> None:
     """Prints the report, and writes figures, cards and errors of what `fitted` returned."""
     figures, material, errors, report = found
-    typer.echo(f"\n{report}\n\n{export_prony(material, 'toml', name=name)}")
     folder.mkdir(parents=True, exist_ok=True)
+    paths = [folder / f"{name}{_SUFFIXES.get(card, f'.{card}')}" for card in cards]
+    for path, card in zip(paths, cards, strict=True):
+        write_whole(path, export_prony(material, card, name=name))
+    paths.append(folder / f"{name}-errors.csv")
+    write_errors(paths[-1], errors)
+    typer.echo(f"\n{report}\n\n{export_prony(material, 'toml', name=name)}")
+    for path in paths:
+        typer.echo(f"wrote {path}")
     for ending, figure in figures.items():
         save_figure(figure, folder / f"{name}{ending}.{form}", form)
-    for card in cards:
-        path = folder / f"{name}{_SUFFIXES.get(card, f'.{card}')}"
-        path.write_text(export_prony(material, card, name=name), encoding="utf-8")
-        typer.echo(f"wrote {path}")
-    path = folder / f"{name}-errors.csv"
-    write_errors(path, errors)
-    typer.echo(f"wrote {path}")
 
 
 def _with_options(message: str) -> str:

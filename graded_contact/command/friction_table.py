@@ -10,7 +10,7 @@ from ..files.dataset import write
 from ..files.friction_cards import export_friction
 from ..files.paths import check_folder
 from ..files.scene_reading import read_scene, refuse_tables
-from ..files.sealed import replacing
+from ..files.sealed import write_whole
 from ..studies.friction_table import Method, friction_table
 from ..studies.interruption import interruptible
 from ..studies.run_scene import build_surface
@@ -72,7 +72,5 @@ def table(
         write(files["h5"], found)  # first: it also takes points that failed
         typer.echo(f"wrote {files['h5']}")
         for form, program in {"inp": "abaqus", "csv": "csv"}.items():
-            text = export_friction(found, program)
-            with replacing(files[form]) as partial:
-                partial.write_text(text, encoding="utf-8")
+            write_whole(files[form], export_friction(found, program))
             typer.echo(f"wrote {files[form]}")

@@ -10,7 +10,7 @@ import typer
 from ..core.warnings import EXTRAPOLATED
 from ..files.paths import check_folder, full_path
 from ..files.prony_cards import export_prony
-from ..files.sealed import replacing
+from ..files.sealed import write_whole
 from ..files.toml import entry_text
 from ..files.topography.reading import read_surface
 from ..plot.words import kelvin
@@ -101,8 +101,7 @@ def new(
         entries = {"kind": "file", "path": Path(path).as_posix(), **read}
         card = export_prony(material, "toml", name=name)
         title = f"{name} under {surface_file.stem}"
-        with replacing(scene) as partial:
-            partial.write_text(_text(title, scene, name, entries, card, load), encoding="utf-8")
+        write_whole(scene, _text(title, scene, name, entries, card, load))
     typer.echo(f"wrote {scene}\nnext: graded-contact run {scene}")
 
 

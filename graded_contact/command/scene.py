@@ -187,11 +187,12 @@ def run_scene_into(
         folder = file.parent
         with Store(folder / f"{name}.points") as store:
             results = _solved(scene, surface, names, store, interruption, engine)
+            written = _write(file, results, replace, all_seeds)
             print_table(results, all_seeds)
             whole = interruption.signal is None
             decided = what_decides(scene, surface) if whole else {}
             print_decisive(decided)
-            if _write(file, results, replace, all_seeds):
+            if written:
                 figures = [_figures(results, decided, all_seeds)]
                 kept = kept_solves(results)
                 figures += [_contacts(scene, results, index, len(kept), whole) for index in kept]

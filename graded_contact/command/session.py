@@ -2,6 +2,7 @@
 
 import contextlib
 import hashlib
+import io
 import logging
 import os
 import platform
@@ -24,7 +25,7 @@ from rich.progress import (
 )
 
 from ..core.compilation import COMPILING, LESS_WORK
-from ..files.sealed import replacing
+from ..files.sealed import write_whole
 from ..plot.style import caption
 from ..studies.interruption import Interruption
 
@@ -145,12 +146,12 @@ def _on_compiling(tell: Callable[[], None]) -> Iterator[None]:
 
 
 def save_figure(figure: "Figure", path: Path, form: str) -> None:
-    """Writes a figure with its caption, whole or not at all, and prints both path and caption."""
-    text = caption(figure)
-    with replacing(path) as partial:
-        figure.savefig(
-            partial, format=form, metadata={"Subject" if form == "pdf" else "Description": text}
-        )
+    """Writes a figure with its caption, and prints both path and caption."""
+    text, content = caption(figure), io.BytesIO()
+    figure.savefig(
+        content, format=form, metadata={"Subject" if form == "pdf" else "Description": text}
+    )
+    write_whole(path, content.getvalue())
     typer.echo(f"wrote {path}\n  {text}")
 
 

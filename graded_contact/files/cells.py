@@ -10,14 +10,15 @@ import csv
 import io
 import re
 import warnings
-from collections.abc import Iterable
+from collections.abc import Callable, Iterable
 from pathlib import Path
 from typing import Any, NamedTuple
 
-from .paths import check_archive, existing_file
+from .paths import UNPACKED_TEXT, Refusal, check_archive, may_unpack, read_file
 
 LARGEST = 100_000_000  # bytes, unpacked too; sweeps have thousands of points
-MOST_CELLS = 5_000_000  # of a sheet
+MOST_CELLS = 5_000_000  # of a sheet; lines of a text
+MOST_ROWS = 2**20  # of a sheet, as in Excel
 LONGEST = 10_000_000  # characters of a line
 
 _NUMBER = re.compile(r"[-+]?(\d+\.?\d*|\.\d+)([eE][-+]?\d+)?")
@@ -129,6 +130,9 @@ def decoded(content: bytes) -> tuple[str, str] | None:
 
 
 def lines_of(text: str) -> list[str]:
+    """Returns the lines of a text; raises `Refusal` for too many."""
+    if max(text.count("\n"), text.count("\r")) > MOST_CELLS:
+        raise Refusal(f"it has more than {MOST_CELLS:g} lines")
     return re.split(r"\r\n|\r|\n", text)
 
 
@@ -175,7 +179,7 @@ def _read_text(path: Path, content: bytes) -> Sheet:
     if "\0" in text or max(map(len, lines)) > 100_000:
         raise ValueError(f"`path={path}` is neither a table of text nor an Excel workbook.")
     layout = text_layout(lines, 2)
-    rows = []
+    rows, count = [], 0
     for number, line in enumerate(lines, start=1):
         comment = COMMENT.match(line)
         row = Row(number, layout.cells(line[comment.end() :] if comment else line))
@@ -185,6 +189,9 @@ def _read_text(path: Path, content: bytes) -> Sheet:
                 row = without
         if not (comment and holds_data(row)):  # numbers that were commented out
             rows.append(row)
+            count += len(row.cells)
+        if count > MOST_CELLS:
+            raise Refusal(f"it has more than {MOST_CELLS:g} cells")
     spaced = layout.separator is None
     if spaced:
         width = max((len(row.cells) for row in rows if holds_data(row)), default=0)
@@ -212,38 +219,51 @@ def read_sheets(path: Path) -> list[Sheet]:
     `ImportError` if the reader of a workbook is not installed, and `ValueError` for what is not a
     table.
     """
-    existing_file(path, at_most=LARGEST)
-    content = path.read_bytes()
+    content = read_file(path, LARGEST)
+    try:
+        return sheets_of(path, content, len(content))
+    except Refusal as error:
+        raise ValueError(f"`path={path}` is refused: {error}.") from error
+
+
+def sheets_of(path: Path, content: bytes, packed: int) -> list[Sheet]:
+    """Returns the sheets in the content of a file, as `read_sheets`.
+
+    `packed`: bytes of the file that it lies in. Raises `Refusal` for too many bytes or cells.
+    """
     if content.startswith(b"\xd0\xcf\x11\xe0"):
-        sheets = _read_workbook(path, "xlrd")
+        sheets = _read_workbook(path, "xlrd", lambda: _read_xls(content))
     elif content.startswith(b"PK\x03\x04"):
-        sheets = _read_workbook(path, "openpyxl")
+        sheets = _read_workbook(path, "openpyxl", lambda: _read_xlsx(content, packed))
     else:
         sheets = [_read_text(path, content)]
     return [sheet._replace(rows=[row for row in sheet.rows if any(row.cells)]) for sheet in sheets]
 
 
-def _read_workbook(path: Path, library: str) -> list[Sheet]:
+def _read_workbook(path: Path, library: str, read: Callable[[], list[Sheet]]) -> list[Sheet]:
     """Without pandas, which pads every row to the widest one: a few far cells would fill memory."""
     try:
         with warnings.catch_warnings():
             warnings.simplefilter("ignore")  # of styles and extensions, not of cells
-            return _read_xls(path) if library == "xlrd" else _read_xlsx(path)
+            return read()
     except ImportError as error:
         raise ImportError(
             f"`path={path}` is an Excel workbook, which needs the package {library}: "
             "pip install graded_contact[io]"
         ) from error
+    except Refusal:
+        raise
     except Exception as error:  # the libraries raise many kinds on a damaged file
         reason = " ".join(f"{type(error).__name__}: {error}".split())[:300]
         raise ValueError(f"`path={path}` cannot be read as an Excel workbook: {reason}.") from error
 
 
-def _read_xls(path: Path) -> list[Sheet]:
+def _read_xls(content: bytes) -> list[Sheet]:
     import xlrd
 
     values = (xlrd.XL_CELL_TEXT, xlrd.XL_CELL_NUMBER)  # those of other cells are codes
-    with xlrd.open_workbook(str(path), logfile=io.StringIO()) as book:
+    # Rows that are not ragged are padded to the widest.
+    with xlrd.open_workbook(file_contents=content, logfile=io.StringIO(), ragged_rows=True) as book:
         return [
             _sheet(sheet.name, ([cell.value if cell.ctype in values else "" for cell in row]
                                 for row in sheet.get_rows()))
@@ -251,11 +271,11 @@ def _read_xls(path: Path) -> list[Sheet]:
         ]  # fmt: skip
 
 
-def _read_xlsx(path: Path) -> list[Sheet]:
+def _read_xlsx(content: bytes, packed: int) -> list[Sheet]:
     import openpyxl
 
-    check_archive(path, LARGEST)
-    book = openpyxl.load_workbook(path, read_only=True, data_only=True)
+    check_archive(content, may_unpack(packed, UNPACKED_TEXT))
+    book = openpyxl.load_workbook(io.BytesIO(content), read_only=True, data_only=True)
     for sheet in book.worksheets:
         sheet.reset_dimensions()  # which may reach far beyond the cells
     try:
@@ -268,12 +288,14 @@ def _sheet(name: str, table: Iterable[Iterable[Any]]) -> Sheet:
     rows: list[tuple[int, list[Any]]] = []
     width = 0
     for line, values in enumerate(table, start=1):
-        row = stripped(["" if value is None else value for value in values])
+        row = stripped(["" if value is None else value for value in values]) if values else []
         if row:
             rows.append((line, row))
             width = max(width, len(row))
-        if width * len(rows) > MOST_CELLS:
-            raise ValueError(f"its sheet {name!r} has more than {MOST_CELLS:g} cells")
+        if line > MOST_ROWS or width * len(rows) > MOST_CELLS:
+            raise Refusal(
+                f"its sheet {name!r} has more than {MOST_ROWS} rows or {MOST_CELLS:g} cells"
+            )
     # Numbers may be cells of text: these decide about the decimal mark.
     texts = [cell.strip() for _, row in rows for cell in row if isinstance(cell, str)]
     marked = (*_PLAIN.values(), *_GROUPED.values())

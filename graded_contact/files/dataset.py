@@ -12,8 +12,10 @@ from importlib.metadata import version
 from types import MappingProxyType
 from typing import TYPE_CHECKING
 
+from ..core.memory import available_memory
 from ..core.quantities import quantity_of
-from .sealed import read_sealed, replacing, write_sealed
+from .paths import Refusal, check_hdf5
+from .sealed import read_sealed, write_sealed, write_whole
 
 if TYPE_CHECKING:
     from xarray import Dataset
@@ -74,7 +76,15 @@ def read(path: str | os.PathLike) -> "Dataset":
     """
     import xarray
 
-    return xarray.load_dataset(io.BytesIO(read_sealed(path)), engine="h5netcdf")
+    most = available_memory() or float("inf")
+    content = read_sealed(path, most)
+    try:
+        check_hdf5(content, most)
+        return xarray.load_dataset(io.BytesIO(content), engine="h5netcdf")
+    except Refusal as error:
+        raise ValueError(f"`path={path}` is refused: {error}.") from error
+    except Exception as error:  # of many kinds, of HDF5 that something else wrote
+        raise ValueError(f"`path={path}` does not contain a dataset: {error}.") from error
 
 
 def write_csv(path: str | os.PathLike, dataset: "Dataset") -> None:
@@ -92,10 +102,8 @@ def write_csv(path: str | os.PathLike, dataset: "Dataset") -> None:
         for name in table
         if "units" in dataset[name].attrs and dataset[name].dtype.kind == "f"
     }
-    with replacing(path) as partial:
-        table.rename(columns=heads).to_csv(
-            partial, index=False, na_rep="nan", lineterminator="\r\n"
-        )
+    table = table.rename(columns=heads)
+    write_whole(path, table.to_csv(index=False, na_rep="nan", lineterminator="\r\n"))
 
 
 # Called once: a worker of dask that ends in a thread of this process edits sys.path meanwhile.

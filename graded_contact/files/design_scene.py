@@ -18,7 +18,7 @@ from ..core.display import shown
 from ..core.parameters import with_values
 from ..roughness.spectrum import SelfAffine
 from ..roughness.surface import Surface
-from .paths import existing_file
+from .paths import read_utf8
 from .scene import Scene
 from .scene_reading import check_paths, parse_scene, refuse_tables
 from .schema import LARGEST, Reader
@@ -167,9 +167,9 @@ def read_design(path: str | os.PathLike) -> DesignScene:
     A missing file raises `FileNotFoundError`; every error in it raises `ValueError`, naming the
     table and the key.
     """
-    path = existing_file(path, at_most=LARGEST)
+    text = read_utf8(path, LARGEST)
     with within(f"{path}:"):
-        return parse_design(path.read_text(encoding="utf-8"), path.parent)
+        return parse_design(text, Path(path).parent)
 
 
 def parse_design(text: str, folder: str | os.PathLike = ".") -> DesignScene:

@@ -5,6 +5,7 @@ direction of their errors: one standard deviation, in the units of the numbers.
 """
 
 import csv
+import io
 import os
 from typing import TypeVar
 
@@ -15,8 +16,11 @@ from jaxtyping import Array, Float
 from ..core.checks import as_float, check_values, within
 from ..core.display import shown
 from ..core.parameters import paths, with_values
-from .paths import existing_file
+from .paths import read_file
 from .schema import nearest
+from .sealed import write_whole
+
+LARGEST = 10_000_000  # bytes of a file; 500 numbers have 6 MB
 
 T = TypeVar("T")
 
@@ -76,10 +80,9 @@ def check_errors(errors: Errors, material: object) -> None:
 
 def write_errors(path: str | os.PathLike, errors: Errors) -> None:
     """Writes errors to a CSV file, with all digits."""
-    with open(path, "w", newline="", encoding="utf-8") as file:
-        writer = csv.writer(file)
-        writer.writerow(errors.paths)
-        writer.writerows(np.asarray(errors.directions).tolist())
+    text = io.StringIO()
+    csv.writer(text).writerows([errors.paths, *np.asarray(errors.directions).tolist()])
+    write_whole(path, text.getvalue())
 
 
 def read_errors(path: str | os.PathLike) -> Errors:
@@ -93,11 +96,11 @@ def read_errors(path: str | os.PathLike) -> Errors:
 
     **Raises:** `FileNotFoundError`; `ValueError` for anything else in the file, naming its line.
     """
-    path = existing_file(path)
+    content = read_file(path, LARGEST)
     with within(f"`path={path}`:"):
         try:
-            with open(path, newline="", encoding="utf-8-sig") as file:
-                names, *lines = list(csv.reader(file)) or [[]]
+            text = io.StringIO(content.decode("utf-8-sig"), newline="")
+            names, *lines = list(csv.reader(text)) or [[]]
         except csv.Error as error:
             raise ValueError(f"{error}.") from error
         rows = []

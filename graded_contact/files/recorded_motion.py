@@ -1,13 +1,13 @@
 """A recorded motion from a table of times and displacements."""
 
 import os
+from pathlib import Path
 
 import numpy as np
 from jaxtyping import ScalarLike
 
 from ..friction.motion import Motion, recorded
 from .cells import holds_data, read_sheets
-from .paths import existing_file
 from .units import UNITS, length_unit, metres, parse_heading
 
 
@@ -23,8 +23,7 @@ def read_motion(path: os.PathLike, period: ScalarLike, num_times: int = 128) -> 
 
     **Raises:** `FileNotFoundError`; `ValueError` for a file that is no such table.
     """
-    path = existing_file(path)
-    rows = read_sheets(path)[0].rows
+    rows = read_sheets(Path(path))[0].rows
     data = [row for row in rows if holds_data(row)]
     head = next((row.cells for row in rows if len(row.cells) > 1 and not holds_data(row)), None)
     try:

@@ -34,6 +34,7 @@ KEPT_FIELDS = {
     "heights": "contact_heights",
 }
 SEED_ERROR = "_seed_error"
+NEEDED = ("message", "point", "heights", "friction", "contact_area_smooth")
 
 
 def read_results(path: str | os.PathLike) -> "Dataset":
@@ -48,8 +49,15 @@ def read_results(path: str | os.PathLike) -> "Dataset":
     **Raises:** `FileNotFoundError`; `ValueError` for another file, or a damaged one.
     """
     results = read(path)
-    if not {"message", "point", "heights"} <= results.variables.keys():
-        raise ValueError(f"`path={path}` does not contain the results of a scene.")
+    try:
+        needed = (*NEEDED, *results["message"].dims)
+        _ = [results.variables[name] for name in needed], results.attrs["title"]
+        _ = surface_of(results), kept_solves(results), warnings_of(results)
+    except Exception as error:  # of many kinds, as what lacks in the file
+        raise ValueError(
+            f"`path={path}` does not contain the results of a scene, or another version wrote it "
+            f"({type(error).__name__}: {error})."
+        ) from error
     return results
 
 

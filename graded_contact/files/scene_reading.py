@@ -15,7 +15,7 @@ from ..rheology.shear import shear_stress
 from ..rheology.softening import as_strain_per_slope
 from ..rheology.tabulated import Tabulated
 from .block import Block, extremes
-from .paths import check_name, existing_file
+from .paths import check_name, read_utf8
 from .scene import KEYS, Scene, Tables
 from .schema import LARGEST, ROOT, keys_of, nearest
 from .surface_source import Sphere, SurfaceFile, surface_source
@@ -34,9 +34,9 @@ def read_scene(path: str | os.PathLike) -> Scene:
 
     **Returns:** the scene.
     """
-    path = existing_file(path, at_most=LARGEST)
+    text = read_utf8(path, LARGEST)
     with within(f"{path}:"):
-        return parse_scene(path.read_text(encoding="utf-8"), path.parent)
+        return parse_scene(text, Path(path).parent)
 
 
 def parse_scene(text: str, folder: str | os.PathLike = ".") -> Scene:

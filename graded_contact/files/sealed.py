@@ -9,51 +9,27 @@ import contextlib
 import hashlib
 import os
 import uuid
-from collections.abc import Iterator
 from pathlib import Path
 
-from .paths import existing_file
+from .paths import LARGEST_FILE, read_file
 
 SEAL = 512  # bytes, the least that HDF5 can skip
 
 
-def write_sealed(path: str | os.PathLike, content: bytes) -> None:
-    """Writes a checksum and the content; an earlier file is replaced when the new one is complete.
+def write_whole(path: str | os.PathLike, content: bytes | str) -> None:
+    """Writes a file; an earlier file, or a link, is replaced when the new one is complete.
+
+    **Arguments:**
+
+    - `path`: of the file.
+    - `content`: a text is written in UTF-8.
 
     **Raises:** `OSError` if it cannot be written; an earlier file stays.
     """
-    with replacing(path) as partial:
-        partial.write_bytes(_header(content) + content)
-
-
-def read_sealed(path: str | os.PathLike) -> bytes:
-    """Returns the content of a file that `write_sealed` wrote.
-
-    **Raises:** `FileNotFoundError`; `ValueError` if the file differs from what was written.
-    """
-    whole = existing_file(path).read_bytes()
-    content = whole[SEAL:]
-    if whole[:SEAL] != _header(content):
-        raise ValueError(
-            f"`path={path}` is damaged, or another program or an earlier version wrote it."
-        )
-    return content
-
-
-def _header(content: bytes) -> bytes:
-    return f"graded_contact\n{hashlib.sha256(content).hexdigest()}\n".encode().ljust(SEAL)
-
-
-@contextlib.contextmanager
-def replacing(path: str | os.PathLike) -> Iterator[Path]:
-    """Yields a temporary path; on exit, that file replaces the file at `path`.
-
-    If it is left by an exception there is no new file, and an earlier one stays.
-    """
     path = Path(path)
-    partial = path.with_name(f".{path.name}.{uuid.uuid4().hex}.partial")
+    partial = path.with_name(f".{uuid.uuid4().hex}.partial")
     try:
-        yield partial
+        partial.write_bytes(content.encode() if isinstance(content, str) else content)
         with open(partial, "rb+") as written:
             os.fsync(written.fileno())
         os.replace(partial, path)
@@ -66,3 +42,26 @@ def replacing(path: str | os.PathLike) -> Iterator[Path]:
         folder = os.open(path.parent, os.O_RDONLY)
         os.fsync(folder)
         os.close(folder)
+
+
+def write_sealed(path: str | os.PathLike, content: bytes) -> None:
+    """Writes a checksum and the content as `write_whole` does."""
+    write_whole(path, _header(content) + content)
+
+
+def read_sealed(path: str | os.PathLike, at_most: float = LARGEST_FILE) -> bytes:
+    """Returns the content of a file that `write_sealed` wrote, of `at_most` bytes.
+
+    **Raises:** `FileNotFoundError`; `ValueError` if the file differs from what was written.
+    """
+    whole = read_file(path, at_most)
+    content = whole[SEAL:]
+    if whole[:SEAL] != _header(content):
+        raise ValueError(
+            f"`path={path}` is damaged, or another program or an earlier version wrote it."
+        )
+    return content
+
+
+def _header(content: bytes) -> bytes:
+    return f"graded_contact\n{hashlib.sha256(content).hexdigest()}\n".encode().ljust(SEAL)

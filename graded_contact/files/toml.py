@@ -8,6 +8,11 @@ from typing import Any
 from ..core.checks import within
 from .schema import LARGEST
 
+# The time of tomllib grows with the square of the parts of a key. No search begins inside a part.
+_LONG_KEY = re.compile(
+    r"""(?<![\w"'\\-])(?:(?:[\w-]+|"(?:[^"\\\n]|\\.)*"|'[^'\n]*')[ \t]*\.[ \t]*){100}"""
+)
+
 
 def parse_toml(text: str) -> dict[str, Any]:
     """Returns the tables of a TOML text.
@@ -19,6 +24,8 @@ def parse_toml(text: str) -> dict[str, Any]:
             f"The text has {len(text) / 1e6:.3g} MB; at most {LARGEST / 1e6:g} MB are read."
         )
     with within("Not valid TOML:"):
+        if long := _LONG_KEY.search(text):
+            raise ValueError(f"the key {long.group()[:20]}... has more than 100 parts.")
         try:
             return tomllib.loads(text)
         except RecursionError as error:

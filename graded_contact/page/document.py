@@ -22,7 +22,7 @@ from ..files.prony_cards import export_prony
 from ..files.scene import Scene
 from ..files.scene_reading import parse_scene, refuse_tables
 from ..files.schema import LARGEST
-from ..files.sealed import replacing
+from ..files.sealed import write_whole
 from ..files.toml import parse_toml, toml_text
 from ..files.topography.reading import read_surface
 from ..fitting.master import master_curve
@@ -229,7 +229,7 @@ def with_file(
     if not stored:
         taken = {path.stem for path in folder.iterdir()}
         path = folder / f"{free_name(path.stem, taken)}{path.suffix}"
-        path.write_bytes(data)
+        write_whole(path, data)
     try:
         changed = change(document, path)
         changed.scene()
@@ -253,8 +253,7 @@ def save_document(document: Document, folder: Path, name: str, replace: bool) ->
     if path.exists() and not replace:
         raise ValueError(f"{path} exists: choose another name.")
     folder.mkdir(parents=True, exist_ok=True)
-    with replacing(path) as partial_path:
-        Path(partial_path).write_text(document.text, "utf-8")
+    write_whole(path, document.text)
     return path
 
 

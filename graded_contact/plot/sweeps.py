@@ -53,10 +53,10 @@ def plot_sweep(results: "Dataset", *, all_seeds: bool = False) -> "Figure":
     - `results`: the result of `run_scene`.
     - `all_seeds`: draws a thin line for each surface in addition.
 
-    **Raises:** `ValueError` if no solve succeeded.
+    **Raises:** `ValueError` if no solve succeeded, and for the results of a scene with [motion].
     """
     lines = _lines(results, all_seeds=all_seeds)
-    return _drawn(lines, lines.varied[0] if lines.varied else "pressure")
+    return _drawn(lines, lines.varied[0] if lines.varied else None)
 
 
 @styled
@@ -90,7 +90,7 @@ def plot_compare(results: "Sequence[Dataset]", names: Sequence[str]) -> "Figure"
       and seeds do not matter.
     - `names`: of the results, for the legend.
 
-    **Raises:** `ValueError` if they vary different axes.
+    **Raises:** `ValueError` if they vary different axes, or are of scenes with [motion].
     """
     every = [_lines(one) for one in results]
     first = every[0]
@@ -144,6 +144,10 @@ def _lines(results: "Dataset", along: str | None = None, *, all_seeds: bool = Fa
     """The lines of results along an axis: by default velocity, or the last with several points."""
     if not np.any(has_numbers(results)):
         raise ValueError(NOTHING)
+    if "time" in results.dims:
+        raise ValueError(
+            "`results` holds motions in time: steady sliding is needed; `plot_cycle` draws motions."
+        )
     axes = [str(axis) for axis in results["message"].dims]
     longer = [axis for axis in axes if results.sizes[axis] > 1 and axis != "seed"]
     if along is None:
@@ -172,11 +176,11 @@ def _lines(results: "Dataset", along: str | None = None, *, all_seeds: bool = Fa
     return _Lines(along, varied, each, scene, results.sizes.get("seed", 0))
 
 
-def _drawn(lines: _Lines, coloured: str) -> "Figure":
-    """Lines with a colour for each value on one axis, and dashes for the others."""
+def _drawn(lines: _Lines, coloured: str | None) -> "Figure":
+    """Lines with a colour for each value on one axis if it is varied, and dashes for the others."""
     figure = new_figure(PAGE, 2.9)
     dashed = [name for name in lines.varied if name != coloured]
-    numbers = [line[coloured].item() if coloured in line.coords else 0 for line in lines.each]
+    numbers = [line[coloured].item() if coloured in lines.varied else 0 for line in lines.each]
     values = list(dict.fromkeys(numbers))
     scale = TEMPERATURES if coloured == "temperature" else PRESSURES
     colours = COLOURS if len(values) <= MANY else ordered(len(values), scale)

@@ -56,7 +56,7 @@ def checkpointed(
     begin = given.pop("start", None)
     name = fingerprint(package_versions(), solve.__name__, inputs, given, solver)
     with Store(folder) as store:
-        earlier = store.read(name)
+        earlier = store.read(name, ("pressure",))
         if store.damaged:
             warnings.warn(f"{store.path(name)} is damaged: the solve starts again", stacklevel=2)
         if earlier is not None:

@@ -160,7 +160,7 @@ class Problem:
         if self.store is None:
             return self._computed(x, draw)
         name = fingerprint(self._name, at)
-        point = self.store.read(name)
+        point = self.store.read(name, Evaluation._fields)
         if point is None:
             found = self._computed(x, draw)
             self.store.write(name, Point(jax.tree.map(np.asarray, found._asdict())))

@@ -307,7 +307,7 @@ def _stored_contact(
         package_versions(), "friction and area", scene.surface.grid, stack, heights, scene.pressure,
         scene.velocity, scene.solver, scene.rtol, scene.graded_solver, scene.strain_per_slope,
     )  # fmt: skip
-    found = None if store is None else store.read(name)
+    found = None if store is None else store.read(name, ("friction", "contact_area"))
     if found is None:
         friction, area = map(np.asarray, _contact(study, stack, heights))
         found = Point({"friction": friction, "contact_area": area})

@@ -8,6 +8,7 @@ from jaxtyping import Float
 
 from ..core.quantities import FIELDS, OBSERVABLES, numbers_of
 from ..files.dataset import NOT_STARTED, attach, package_versions
+from ..files.paths import read_file
 from ..files.results import KEPT_FIELDS, surface_variables, warnings_of
 from ..files.scene import Scene
 from ..files.surface_source import RandomSurface
@@ -117,7 +118,7 @@ def shift_factors(scene: Scene) -> tuple[Float[np.ndarray, " temperatures"] | No
 
 
 def _attributes(scene: Scene, surface: Surface) -> dict[str, Any]:
-    digests = [f"{hashlib.sha256(path.read_bytes()).hexdigest()}  {path}" for path in scene.inputs]
+    digests = [f"{hashlib.sha256(read_file(path)).hexdigest()}  {path}" for path in scene.inputs]
     attributes = {
         "title": scene.title,
         "scene": scene.text,

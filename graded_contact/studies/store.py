@@ -9,6 +9,8 @@ import contextlib
 import hashlib
 import io
 import os
+import warnings
+from collections.abc import Iterable, Iterator
 from pathlib import Path
 from typing import Any, NamedTuple
 
@@ -16,6 +18,8 @@ import filelock
 import jax
 import numpy as np
 
+from ..files.dataset import FAILED
+from ..files.paths import check_archive, may_unpack
 from ..files.sealed import read_sealed, write_sealed
 
 
@@ -57,13 +61,19 @@ class Point(NamedTuple):
     message: str = ""
 
 
-def opened(
-    store: "str | os.PathLike | Store | None",
-) -> contextlib.AbstractContextManager["Store | None"]:
-    """Yields an open store: `store`, or a new one of this folder."""
-    if isinstance(store, str | os.PathLike):
-        return Store(store)
-    return contextlib.nullcontext(store)
+@contextlib.contextmanager
+def opened(store: "str | os.PathLike | Store | None") -> Iterator["Store | None"]:
+    """Yields an open store: `store`, or a new one of this folder. Warns of damaged points."""
+    new = isinstance(store, str | os.PathLike)
+    with Store(store) if new else contextlib.nullcontext(store) as points:
+        known = 0 if points is None else len(points.damaged)
+        yield points
+    if points is not None and (damaged := points.damaged[known:]):
+        warnings.warn(
+            f"{len(damaged)} of the points in `{points.folder}` were damaged and are computed "
+            f"again; the first is {damaged[0].name}.",
+            stacklevel=4,
+        )
 
 
 class Store:
@@ -106,24 +116,30 @@ class Store:
         """Returns the file of a point, whether or not it exists."""
         return self.folder / f"{name}.point"
 
-    def read(self, name: str) -> Point | None:
+    def read(self, name: str, values: Iterable[str] = ()) -> Point | None:
         """Returns the point of this name; None if it is absent or damaged.
 
-        The paths of damaged files are added to `damaged`.
+        The paths of damaged files are added to `damaged`. A point that lacks one of `values`,
+        although it did not fail, is damaged.
         """
         path = self.path(name)
         try:
-            with np.load(io.BytesIO(read_sealed(path))) as file:
+            content = read_sealed(path)
+            check_archive(content, may_unpack(len(content)))
+            with np.load(io.BytesIO(content)) as file:
                 found = dict(file)
+            own, message = str(found.pop("name")), str(found.pop("message"))
         except FileNotFoundError:
             return None
-        except ValueError:
-            found = {"name": np.array(None)}
-        if found.pop("name") != name:
+        except OSError:
+            raise
+        except Exception:  # of many kinds, if another program wrote it with a checksum
+            own, message, found = "", "", {}
+        found = {key.removeprefix("values/"): array for key, array in found.items()}
+        if own != name or not (message.startswith(FAILED) or found.keys() >= {*values}):
             self.damaged.append(path)
             return None
-        message = str(found.pop("message"))
-        return Point({key.removeprefix("values/"): array for key, array in found.items()}, message)
+        return Point(found, message)
 
     def write(self, name: str, point: Point) -> None:
         """Writes a point; on return it is on the disk.

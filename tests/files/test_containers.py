@@ -2,17 +2,25 @@
 
 import hashlib
 import io
+import os
+import sys
+import tempfile
+import time
+import tracemalloc
 import zipfile
+from pathlib import Path
 
+import h5py
 import numpy as np
 import pytest
+from scipy.io import savemat
 
 from graded_contact import read_surface
-from graded_contact.files import cells
-from graded_contact.files.topography import formats
+from graded_contact.files import cells, paths
 
 SIZE = (4e-3, 3e-3)
 RNG = np.random.default_rng(0)
+SECRET = RNG.normal(size=(24, 24))
 HEIGHTS = 1e-5 * np.cumsum(np.cumsum(RNG.normal(size=(40, 30)), 0), 1) / 40
 
 
@@ -77,6 +85,8 @@ def test_a_scratch_workbook_of_heights_is_read(tmp_path, expected):
     same(mirrored(path, unit="um", size=SIZE), expected)
     workbook(path, {"a": [[], [None, "Height in µm"], *([None, *row] for row in table)]})
     same(mirrored(path, size=SIZE), expected)
+    (tmp_path / "a.zip").write_bytes(zipped({"a.xlsx": path.read_bytes()}))
+    same(mirrored(tmp_path / "a.zip", size=SIZE), expected)
     workbook(path, {"one": table, "two": table})
     with pytest.raises(ValueError, match=r"several sheets.*pass `channel`, one of \['one', 'two'"):
         read_surface(path, unit="um", size=SIZE)
@@ -150,33 +160,199 @@ def test_a_damaged_x3p_and_a_zip_in_itself_are_refused(tmp_path):
         read_surface(tmp_path / "deep.zip")
 
 
-# Files that grow
+# Small files of a large cost, and files that refer to others
 
 
-def test_what_unpacks_to_too_much_is_refused(tmp_path, monkeypatch):
-    monkeypatch.setattr(formats, "UNPACKED", 1e6)
-    np.savez_compressed(tmp_path / "a.npz", np.zeros((1000, 1000)))
-    (tmp_path / "b.zip").write_bytes(zipped({"scan.x3p": bytes(8_000_000)}))
-    workbook(tmp_path / "c.xlsx", {"a": [[1.0] * 100] * 2000})
-    monkeypatch.setattr(cells, "LARGEST", 1e6)
-    for name in ("a.npz", "b.zip", "c.xlsx"):
-        with pytest.raises(ValueError, match=r"unpack to [\d.]+ MB, and at most 1 MB are read"):
-            read_surface(tmp_path / name, unit="m", size=1e-3)
+def bomb_npz(path):
+    np.savez_compressed(path, np.zeros((8000, 8000), "i1"))
+
+
+def bomb_zip_of_text(path):
+    path.write_bytes(zipped({"a.dat": b"1 2 3 4\n" * 2_000_000}))
+
+
+def bomb_zips_in_a_zip(path):
+    path.write_bytes(zipped({"a.zip": zipped({"a.dat": b"1 2 3 4\n" * 2_000_000})}))
+
+
+def bomb_many_files(path):
+    path.write_bytes(b"PK\3\4" + b"PK\1\2" * 60_000)
+
+
+def bomb_other_method(path):
+    """The size that an entry states limits what "deflate" unpacks, but not what bzip2 does."""
+    with zipfile.ZipFile(path, "w", zipfile.ZIP_BZIP2) as archive:
+        archive.writestr("a.dat", bytes(1000))
+
+
+def bomb_hdf5(path):
+    with h5py.File(path, "w") as file:
+        file.create_dataset("z", (16000, 16000), "f8", chunks=(1000, 1000), compression="gzip")
+
+
+def bomb_mat(path):
+    savemat(path, {"z": np.zeros((2600, 2600))}, do_compression=True)
+
+
+def bomb_row(path):
+    sheet(path, b'<row r="2000000000"><c><v>1</v></c></row>')
+
+
+def bomb_rows(path):
+    sheet(path, b"<row><c><v>1</v></c></row>" * 500_000)
+
+
+def sheet(path, rows, head=lambda head: head):
+    """A workbook with these rows."""
+    workbook(path, {"a": [[1.0]]})
+    with zipfile.ZipFile(path) as archive:
+        files = {name: archive.read(name) for name in archive.namelist()}
+    name = "xl/worksheets/sheet1.xml"
+    start = head(files[name].partition(b"<sheetData>")[0])
+    files[name] = start + b"<sheetData>" + rows + b"</sheetData></worksheet>"
+    path.write_bytes(zipped(files))
+
+
+BOMBS = {
+    "a.npz": bomb_npz, "a.zip": bomb_zip_of_text, "b.zip": bomb_zips_in_a_zip,
+    "c.zip": bomb_many_files, "d.zip": bomb_other_method, "a.h5": bomb_hdf5, "a.mat": bomb_mat,
+    "a.xlsx": bomb_row, "b.xlsx": bomb_rows,
+}  # fmt: skip
+
+
+@pytest.mark.parametrize("name", BOMBS)
+def test_a_small_file_of_a_large_cost_is_refused_at_once(tmp_path, name):
+    pytest.importorskip("SurfaceTopography")
+    path = tmp_path / name
+    BOMBS[name](path)
+    assert path.stat().st_size < 1e6
+    reads = [lambda: read_surface(path, unit="m", size=1e-3)]
+    reads += [lambda: cells.read_sheets(path)] * name.endswith("xlsx")
+    for read in reads:
+        if name != "a.xlsx":  # Python is slow while it is traced
+            tracemalloc.start()
+        begun = time.process_time()
+        try:
+            with pytest.raises(ValueError, match=rf"{name}` is refused: it"):
+                read()
+            assert time.process_time() - begun < 5 and tracemalloc.get_traced_memory()[1] < 1e8
+        finally:
+            tracemalloc.stop()
+
+
+def test_what_is_hardly_packed_may_be_large(tmp_path, monkeypatch):
+    monkeypatch.setattr(paths, "UNPACKED", 1e3)
+    heights = np.round(1e9 * HEIGHTS).astype("i2")
+    np.savez_compressed(tmp_path / "a.npz", z=heights)
+    with h5py.File(tmp_path / "a.h5", "w") as file:
+        file.create_dataset("z", data=heights, compression="gzip")
+    for name in ("a.npz", "a.h5"):
+        read_surface(tmp_path / name, unit="nm", size=SIZE)
+
+
+@pytest.mark.parametrize("kind", ["external", "virtual", "link"])
+def test_hdf5_that_refers_to_another_file_is_refused(tmp_path, kind):
+    """HDF5 would return the bytes of that file as heights."""
+    pytest.importorskip("SurfaceTopography")
+    refer(tmp_path, kind, tmp_path / "a.h5")
+    with pytest.raises(ValueError, match=r"a\.h5` is refused: its .*'g/z' refers to another file"):
+        read_surface(tmp_path / "a.h5", unit="m", size=1e-3)
+    whole = (tmp_path / "a.h5").read_bytes()
+    (tmp_path / "a.zip").write_bytes(zipped({"a.h5": whole}))
+    with pytest.raises(ValueError, match="refers to another file"):
+        read_surface(tmp_path / "a.zip", unit="m", size=1e-3)
+
+
+def refer(folder, kind, path, **options):
+    """Writes HDF5 of which a dataset or a link is in the file "secret" of the folder."""
+    secret = folder / "secret"
+    with h5py.File(secret, "w") as file:
+        file["z"] = SECRET
+    with h5py.File(path, "w", **options) as file:
+        if kind == "external":
+            start = secret.read_bytes().index(SECRET.tobytes())
+            file.create_dataset(
+                "g/z", SECRET.shape, "f8", external=[(secret, start, SECRET.nbytes)]
+            )
+        elif kind == "link":
+            file["g/z"] = h5py.ExternalLink(secret, "z")
+        else:
+            layout = h5py.VirtualLayout(SECRET.shape, "f8")
+            layout[:] = h5py.VirtualSource(secret, "z", SECRET.shape)
+            file.create_virtual_dataset("g/z", layout)
+
+
+def odd_hdf5(draw, folder, path):
+    """Writes HDF5 of groups, datasets and links; whether any of them is to the secret."""
+    told = draw.integers(2) == 0
+    if told:
+        refer(folder, ("external", "virtual", "link")[draw.integers(3)], path)
+    options = {"userblock_size": int(draw.choice([0, 512, 4096]))} if not told else {}
+    with h5py.File(path, "a" if told else "w", **options) as file:
+        for i in range(draw.integers(0 if told else 1, 5)):
+            shape = tuple(int(n) for n in draw.integers(1, 40, size=draw.integers(1, 4)))
+            packed = {"compression": "gzip"} if draw.integers(2) else {}
+            place = f"{'/'.join('g' * draw.integers(1, 4))}/{i}"
+            file.create_dataset(place, data=draw.normal(size=shape), **packed)
+            if draw.integers(3) == 0:
+                file[f"soft{i}"] = h5py.SoftLink(draw.choice(["/g/z", "/nowhere", f"/soft{i}"]))
+            if draw.integers(3) == 0:
+                file[f"hard{i}"] = file["g" if draw.integers(2) else place]
+    return told
+
+
+def check_hdf5_cases(cases, folder):
+    """Reads odd HDF5: what refers to the secret is refused, and Python opens no other file."""
+    opened = []
+
+    def hook(event, given):
+        if watching and event == "open" and isinstance(given[0], str | bytes | os.PathLike):
+            opened.append(os.fsdecode(given[0]))
+
+    watching = False
+    odd = folder / "odd.h5"
+    sys.addaudithook(hook)
+    for case in cases:
+        draw = np.random.default_rng([20261, case])
+        told = odd_hdf5(draw, folder, odd)
+        opened.clear()
+        watching = True
+        try:
+            read_surface(odd, unit="m", size=1e-3, channel=0, periodic="mirror")
+            assert not told, case
+        except ValueError as error:
+            assert not told or "refers to another file" in str(error), (case, error)
+        finally:
+            watching = False
+        assert {*opened} <= {str(odd)}, (case, opened)
+
+
+def test_odd_hdf5_opens_no_other_file(tmp_path):
+    """`python tests/files/test_containers.py 2000` reads 2,000 of them."""
+    pytest.importorskip("SurfaceTopography")
+    read_anything(tmp_path)
+    check_hdf5_cases(range(60), tmp_path)
+
+
+def read_anything(folder):
+    """Python opens the modules of the readers before."""
+    with h5py.File(folder / "first.h5", "w") as file:
+        file["z"] = SECRET
+    read_surface(folder / "first.h5", unit="m", size=1e-3)
 
 
 def test_a_workbook_whose_cells_lie_far_apart_is_refused_in_seconds(tmp_path):
     """Rows padded to the stated width would be 17e9 cells."""
     path = tmp_path / "a.xlsx"
-    workbook(path, {"a": [[1.0]]})
-    with zipfile.ZipFile(path) as archive:
-        files = {name: archive.read(name) for name in archive.namelist()}
-    sheet = "xl/worksheets/sheet1.xml"
-    head, _, _ = files[sheet].partition(b"<sheetData>")
-    head = head.replace(b'ref="A1"', b'ref="A1:XFD1048576"')
     rows = b'<row r="1"><c r="A1"><v>1</v></c></row><row r="900"><c r="XFD900"><v>2</v></c></row>'
     cell = b'<row r="%d"><c r="A%d"><v>1</v></c></row>'
     rows += b"".join(cell % (r, r) for r in range(901, 1300))
-    files[sheet] = head + b"<sheetData>" + rows + b"</sheetData></worksheet>"
-    path.write_bytes(zipped(files))
-    with pytest.raises(ValueError, match="has more than 5e"):
+    sheet(path, rows, lambda head: head.replace(b'ref="A1"', b'ref="A1:XFD1048576"'))
+    with pytest.raises(ValueError, match=r"has more than 1048576 rows or 5e\+06 cells"):
         cells.read_sheets(path)
+
+
+if __name__ == "__main__":
+    with tempfile.TemporaryDirectory() as scratch:
+        read_anything(Path(scratch))
+        check_hdf5_cases(range(int(sys.argv[1])), Path(scratch))

@@ -21,6 +21,7 @@ from graded_contact.files.results import (
     surface_variables,
     warnings_of,
 )
+from graded_contact.files.sealed import SEAL, write_sealed
 from graded_contact.roughness.surface import Step
 
 
@@ -119,6 +120,35 @@ def test_other_files_are_refused(tmp_path):
     write(path, make_results().drop_vars("heights"))
     with pytest.raises(ValueError, match=r"a\.h5` does not contain the results of a scene"):
         read_results(path)
+
+
+@pytest.mark.parametrize(
+    "lacking", ["surface_history", "surface_steps", "title", "period", "friction"]
+)
+def test_a_file_with_a_checksum_but_without_what_results_have_is_refused(tmp_path, lacking):
+    results = make_results()
+    for attributes in (results.attrs, results.x.attrs):
+        attributes.pop(lacking, None)
+    write(tmp_path / "a.h5", results.drop_vars(lacking, errors="ignore"))
+    with pytest.raises(ValueError, match=r"a\.h5` does not contain the results of a scene"):
+        read_results(tmp_path / "a.h5")
+
+
+@pytest.mark.parametrize("content", [b"", b"words", b"\x89HDF\r\n\x1a\n"])
+def test_a_file_with_a_checksum_that_is_no_dataset_is_refused(tmp_path, content):
+    write_sealed(tmp_path / "a.h5", content)
+    with pytest.raises(ValueError, match=r"a\.h5`"):
+        read_results(tmp_path / "a.h5")
+
+
+def test_results_that_refer_to_another_file_are_refused(tmp_path):
+    write(tmp_path / "a.h5", make_results())
+    (tmp_path / "b.h5").write_bytes((tmp_path / "a.h5").read_bytes()[SEAL:])
+    with h5py.File(tmp_path / "b.h5", "a") as file:
+        file["other"] = h5py.ExternalLink("/etc/passwd", "x")
+    write_sealed(tmp_path / "a.h5", (tmp_path / "b.h5").read_bytes())
+    with pytest.raises(ValueError, match=r"a\.h5` is refused: its link 'other' refers to another"):
+        read_results(tmp_path / "a.h5")
 
 
 def test_what_a_file_would_lose_is_what_was_finished_in_it_alone(tmp_path):

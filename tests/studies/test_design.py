@@ -102,7 +102,8 @@ def test_a_design_stopped_at_any_step_resumes_to_the_same_result(tmp_path):
     damaged.write_bytes(damaged.read_bytes()[:-1])
     jax.effects_barrier()
     counts.clear()
-    resumed = minimise(counted, **usual, store=store)
+    with pytest.warns(UserWarning, match="1 of the points in .* were damaged"):
+        resumed = minimise(counted, **usual, store=store)
     jax.effects_barrier()
     assert resumed.value == whole.value and resumed.runs == whole.runs
     assert len(counts) < whole.num_evaluations - 4

@@ -40,6 +40,9 @@ def ran(tmp_path_factory):
     """Folder of results, and what was printed."""
     folder = tmp_path_factory.mktemp("design")
     (folder / "coat.toml").write_text(DESIGN)
+    (folder / "mine").write_text("mine")
+    (folder / "out").mkdir()
+    (folder / "out" / "coat-design.json").symlink_to(folder / "mine")
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr(session, "cache_folder", lambda: None)
         arguments = ["design", str(folder / "coat.toml"), "-o", str(folder / "out")]
@@ -62,6 +65,7 @@ def test_the_command_writes_a_table_values_and_a_figure(ran):
     assert sorted(path.name for path in folder.iterdir() if path.is_file()) == names
     assert (folder / "coat-design.points").is_dir()
     assert all(f"wrote {folder / name}" in printed for name in names)
+    assert (folder.parent / "mine").read_text() == "mine"  # a link is replaced, not followed
     text = (folder / "coat-design.txt").read_text(encoding="utf-8")
     assert text in printed
     assert "polished" in text and "NOT converged" not in text

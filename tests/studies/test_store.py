@@ -1,12 +1,14 @@
 """A point in a store comes back bit for bit, or not at all."""
 
 import errno
+import io
 from pathlib import Path
 
 import numpy as np
 import pytest
 
 import graded_contact as gc
+from graded_contact.files.sealed import write_sealed
 from graded_contact.studies.store import Point, Store, fingerprint
 
 POINT = Point(
@@ -89,6 +91,25 @@ def test_another_point_under_this_name_is_no_point(tmp_path):
         store.write("a", POINT)
         store.path("a").rename(store.path("b"))
         assert store.read("b") is None and store.damaged == [store.path("b")]
+
+
+def test_a_point_that_another_program_wrote_with_a_checksum_is_no_point(tmp_path):
+    def packed(save, **arrays):
+        stream = io.BytesIO()
+        save(stream, **arrays)
+        return stream.getvalue()
+
+    named = {"name": "a", "message": ""}
+    contents = [
+        b"", b"PK\3\4", packed(np.savez, name="a"), packed(np.savez, message=""),
+        packed(np.savez, **named), packed(lambda stream: np.save(stream, np.zeros(3))),
+        packed(np.savez_compressed, **named, **{"values/friction": np.zeros(8_000_000)}),
+    ]  # fmt: skip
+    with Store(tmp_path) as store:
+        for content in contents:
+            write_sealed(store.path("a"), content)
+            assert store.read("a", ["friction"]) is None
+        assert store.damaged == [store.path("a")] * len(contents)
 
 
 def test_a_second_writer_is_refused_until_the_first_ends(tmp_path):

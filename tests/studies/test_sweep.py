@@ -91,8 +91,10 @@ def test_a_damaged_point_is_solved_again_and_a_second_writer_refused(tmp_path):
     whole, counts = sweep(draw, AXES, store=tmp_path), []
     for path, content in zip(sorted(tmp_path.glob("*.point")), (b"", b"garbage"), strict=False):
         path.write_bytes(content)
-    again = sweep(draw, AXES, store=tmp_path, progress=lambda *at: counts.append(at))
+    with pytest.warns(UserWarning, match=r"2 of the points in .* were damaged and are computed"):
+        again = sweep(draw, AXES, store=tmp_path, progress=lambda *at: counts.append(at))
     assert counts[0] == (4, 6) and same(again, whole)
+    assert same(sweep(draw, AXES, store=tmp_path), whole)  # without a warning
     with Store(tmp_path), pytest.raises(BlockingIOError, match="another process"):
         sweep(draw, AXES, store=tmp_path)
 

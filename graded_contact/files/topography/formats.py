@@ -1,10 +1,12 @@
 """Heights in files of instruments (read by SurfaceTopography) and of NumPy, and in zips."""
 
+import contextlib
 import io
 import math
 import re
 import warnings
 import zipfile
+import zlib
 from collections.abc import Sequence
 from pathlib import PurePosixPath
 from typing import Any, NamedTuple
@@ -13,11 +15,12 @@ import numpy as np
 
 from ...core.warnings import USUAL
 from ...roughness.surface import step
-from ..paths import check_archive
+from ..paths import Refusal, check_unpacked
 from ..units import length_unit, metres
 
-UNPACKED = 1e9  # bytes of all that a zip holds
 MOST_POINTS = 2**28
+BYTES_OF_POINT = 4  # unpacked; fewer in files that are hardly packed
+CHUNK = 2**16  # bytes
 _BESIDE = {".txt", ".md", ".pdf", ".xml", ".json", ".csv", ".html", ".jpg", ".png", ".tif", ".bmp"}
 _SIZE = re.compile(
     r"(?:((?:physical_?)?sizes?)|(?:pixel(?:_?size)?|spacing)s?)(?:_([a-z]+))?", re.IGNORECASE
@@ -46,10 +49,6 @@ class Scan(NamedTuple):
     positions: np.ndarray | None = None
     periodic: bool = False
     notes: tuple[str, ...] = ()
-
-
-class Refusal(Exception):
-    """A reason to refuse a file, to be completed with its path."""
 
 
 def equally_spaced(values: np.ndarray, within: float) -> bool:
@@ -89,17 +88,19 @@ def surface_topography() -> Any:
     return SurfaceTopography
 
 
-def read_instrument(content: bytes, channel: str | int | None) -> Scan:
-    """Returns the topography that SurfaceTopography reads from a file; it may raise any error."""
-    if content.startswith(b"PK"):
-        _check_size(content)
+def read_instrument(content: bytes, channel: str | int | None, at_most: float) -> Scan:
+    """Returns the topography that SurfaceTopography reads from a file; it may raise any error.
+
+    Raises `Refusal` for more than `at_most` bytes, unpacked. Zips and HDF5 are checked before.
+    """
+    if content.startswith((b"MATLAB", b"\xd0\xcf\x11\xe0")):
+        _check_streams(content, at_most)
     with surface_topography().open_topography(io.BytesIO(content)) as reader:
         if content.startswith(b"PK") and type(reader).__name__ == "HGTReader":
             raise ValueError("this reader takes any 2 n² bytes")
         info, index = _choose_channel(reader, channel)
         points = info.nb_grid_pts or ()
-        if math.prod(np.atleast_1d(points).tolist()) > MOST_POINTS:
-            raise Refusal(f"it has {points} points; at most {MOST_POINTS} are read")
+        _check_points(points, at_most)
         sizes = info.physical_sizes
         topography = reader.topography(
             channel_index=index,
@@ -122,11 +123,34 @@ def read_instrument(content: bytes, channel: str | int | None) -> Scan:
         )
 
 
-def _check_size(content: bytes) -> None:
-    try:
-        check_archive(io.BytesIO(content), UNPACKED)
-    except ValueError as error:
-        raise Refusal(str(error)) from None
+def _check_points(shape: Any, at_most: float) -> None:
+    """Raises `Refusal` for more points than a file has that unpacks to `at_most` bytes."""
+    points = math.prod(np.atleast_1d(shape).tolist())
+    most = min(MOST_POINTS, at_most / BYTES_OF_POINT)
+    if points > most:
+        raise Refusal(
+            f"it has {points} points, and at most {most:.0f} are read from a file of its size: "
+            "store it unpacked"
+        )
+
+
+def _check_streams(content: bytes, at_most: float) -> None:
+    """Raises `Refusal` if the streams of zlib in a file unpack to more bytes.
+
+    SurfaceTopography's readers of MAT and MNT unpack without a limit.
+    """
+    size = 0
+    for head in re.finditer(rb"\x78[\x01\x5e\x9c\xda]", content):
+        stream = zlib.decompressobj()
+        with contextlib.suppress(zlib.error):  # the two bytes may mean anything
+            for start in range(head.start(), len(content), CHUNK):
+                part = content[start : start + CHUNK]
+                while part and not stream.eof:
+                    size += len(stream.decompress(part, CHUNK))
+                    check_unpacked(size, at_most)
+                    part = stream.unconsumed_tail
+                if stream.eof:
+                    break
 
 
 def names_in(content: bytes) -> list[str]:
@@ -141,7 +165,6 @@ def unpacked(content: bytes, channel: str | int | None) -> tuple[bytes, str]:
     It is the one that `channel` names, or the only one that is no text or picture. If the parts
     of an `.x3p` lie in a folder it is the same `.x3p` without the folder.
     """
-    _check_size(content)
     with zipfile.ZipFile(io.BytesIO(content)) as archive:
         names = [name for name in names_in(content) if not name.startswith("__MACOSX")]
         if "main.xml" in names:  # as in a damaged `.x3p`
@@ -180,17 +203,17 @@ def metres_of_library(unit: str) -> float | None:
         return None
 
 
-def read_arrays(content: bytes, channel: str | int | None, size: Any, unit: str | None) -> Scan:
+def read_arrays(
+    content: bytes, channel: str | int | None, size: Any, unit: str | None, at_most: float
+) -> Scan:
     """Returns the heights in a `.npy` or `.npz` file.
 
     An `.npz` may also hold unit and size. Their names are its author's choice, so `size` and
     `unit` override them.
     """
-    if content.startswith(b"PK"):
-        _check_size(content)
     loaded = np.load(io.BytesIO(content), allow_pickle=False)
     if isinstance(loaded, np.ndarray):
-        return Scan(_real(loaded), "an array")
+        return Scan(_real(loaded, at_most), "an array")
     arrays = {name: array for name in loaded.files if (array := _array(loaded, name)) is not None}
     wide = {name: a for name, a in arrays.items() if a.ndim == 2 and min(a.shape) >= 4}
     lines = {name: a for name, a in arrays.items() if a.ndim == 1 and len(a) >= 4}
@@ -199,7 +222,7 @@ def read_arrays(content: bytes, channel: str | int | None, size: Any, unit: str 
     texts = [a for key, a in arrays.items() if key.lower() in ("unit", "units") and a.size == 1]
     found = [str(text.astype(str).item()) for text in texts if text.dtype.kind in "US"]
     own = length_unit(name) or (found[0] if found else None)
-    scan = Scan(_real(arrays[name]), f"array {name!r}", unit=own)
+    scan = Scan(_real(arrays[name], at_most), f"array {name!r}", unit=own)
     scan = scan if size is not None else _with_size(scan, arrays, unit)
     return scan._replace(unit=None) if unit is not None else scan
 
@@ -254,7 +277,8 @@ def _lateral_unit(name: str, scan: Scan, size: np.ndarray, unit: str | None) -> 
     return usual[0] if usual else "m"
 
 
-def _real(values: np.ndarray) -> np.ndarray:
+def _real(values: np.ndarray, at_most: float) -> np.ndarray:
+    _check_points(values.shape, at_most)
     if values.dtype.kind not in "iuf":
         raise Refusal(f"its array is of {values.dtype}, not of real numbers")
     return np.where(np.isfinite(values), values, np.nan).astype(float)

@@ -17,11 +17,18 @@ import numpy as np
 from ...core.checks import Numbers, check_positive, check_types
 from ...core.display import with_unit
 from ...roughness.surface import Step, Surface, step
-from ..cells import decoded, read_sheets
-from ..paths import existing_file
+from ..cells import decoded, sheets_of
+from ..paths import (
+    UNPACKED_TEXT,
+    Refusal,
+    check_archive,
+    check_hdf5,
+    check_unpacked,
+    may_unpack,
+    read_file,
+)
 from ..units import metres
 from .formats import (
-    Refusal,
     Scan,
     chosen,
     metres_of_library,
@@ -75,10 +82,10 @@ def read_surface(
     """
     if size is not None:
         check_positive("size", np.asarray(size), "[m]")
-    path = existing_file(path)
+    path, content = Path(path), read_file(path)
     warned: list[str] = []
     with _reading(path, warned):
-        scan = _scan(path, path.read_bytes(), channel, size, unit)
+        scan = _scan(path, content, channel, size, unit, len(content))
         factor, known = _scales(scan, size, unit)
         if scan.periodic and periodic is not None:
             raise Refusal("it declares itself periodic; pass `periodic=None`")
@@ -145,34 +152,44 @@ def _scan(
     channel: str | int | None,
     size: Any,
     unit: str | None,
+    packed: int,
     depth: int = 0,
 ) -> Scan:
-    """The heights in a file, which may lie in zips, by the reader that fits its content."""
+    """The heights in a file, which may lie in zips, by the reader that fits its content.
+
+    `packed`: bytes of the outermost file.
+    """
     if not content.strip():
         raise Refusal("it is empty")
+    at_most = may_unpack(packed)
+    if content.startswith(b"PK"):
+        check_archive(content, at_most)
+    check_hdf5(content, at_most)
     if content.startswith(b"\x93NUMPY") or (path.suffix == ".npz" and content[:2] == b"PK"):
-        return read_arrays(content, channel, size, unit)
+        return read_arrays(content, channel, size, unit, at_most)
+    text = _text(content)
+    if text is not None:
+        check_unpacked(len(content), may_unpack(packed, UNPACKED_TEXT))
     if is_road(content):
         return read_road(content)
     if content.startswith(b"PK") and "xl/workbook.xml" in names_in(content):
-        return _read_workbook(path, content, channel)
-    text = _text(content)
+        return _read_workbook(path, content, channel, packed)
     if text is None:
         try:
-            return read_instrument(content, channel)
+            return read_instrument(content, channel, at_most)
         except Exception as error:
             if content.startswith(b"\xd0\xcf\x11\xe0"):
-                return _read_workbook(path, content, channel)
+                return _read_workbook(path, content, channel, packed)
             if not content.startswith(b"PK") or isinstance(error, ImportError | Refusal):
                 raise
         if depth == DEEPEST:
             raise Refusal("it has too many zips in one another")
         inner, name = unpacked(content, channel)
-        scan = _scan(path / name, inner, None, size, unit, depth + 1)
+        scan = _scan(path / name, inner, None, size, unit, packed, depth + 1)
         return scan._replace(source=f"{scan.source} of {name!r}")
     # The library reads text with a known header; it takes much else for a table of numbers.
     try:
-        scan = read_instrument(content, channel)
+        scan = read_instrument(content, channel, at_most)
     except Refusal:
         raise
     except Exception:  # it raises many kinds, also where it is not installed
@@ -189,14 +206,12 @@ def _text(content: bytes) -> str | None:
     return text if is_text else None
 
 
-def _read_workbook(path: Path, content: bytes, channel: str | int | None) -> Scan:
+def _read_workbook(path: Path, content: bytes, channel: str | int | None, packed: int) -> Scan:
     """The heights in the sheet of a workbook that `channel` names, or in its only table."""
-    if not path.exists():
-        raise Refusal("it holds a workbook: unpack it first")
     scans, refusals = {}, []
-    sheets = read_sheets(path)
+    sheets = sheets_of(path, content, packed)
     if {"DATA", "Certificate"} <= {sheet.name for sheet in sheets}:
-        return read_instrument(content, channel)  # of Mitutoyo's instruments
+        return read_instrument(content, channel, may_unpack(packed))  # of Mitutoyo's instruments
     for sheet in filter(lambda sheet: sheet.rows, sheets):
         cells = [row.cells for row in sheet.rows]  # all rows of a sheet are equally wide
         full = np.flatnonzero([any(column) for column in zip(*cells, strict=True)])

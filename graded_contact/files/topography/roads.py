@@ -10,8 +10,9 @@ import re
 
 import numpy as np
 
+from ..paths import Refusal
 from ..units import metres
-from .formats import Refusal, Scan, equally_spaced
+from .formats import Scan, equally_spaced
 
 _MARK = re.compile(rb"^\$ROAD_CRG", re.MULTILINE | re.IGNORECASE)
 _DATA = re.compile(rb"^\$\$[^\n]*\n", re.MULTILINE)

@@ -12,8 +12,9 @@ from typing import NamedTuple
 import numpy as np
 
 from ..cells import COMMENT, LONGEST, TextLayout, is_missing, lines_of, text_layout
+from ..paths import Refusal
 from ..units import length_unit
-from .formats import Refusal, Scan, equally_spaced
+from .formats import Scan, equally_spaced
 
 _BARE_UNIT = re.compile(r"^\W*(unit|einheit)", re.IGNORECASE)
 _OF_HEIGHTS = re.compile(r"unit|einheit|height|höhe|\bz\b|value|wert|topograph|depth", re.I)
