@@ -145,6 +145,20 @@ def test_mean_pressure_follows_the_load_exactly_and_nothing_the_mean_height():
     assert abs(by_lift[1]) <= 1e-9
 
 
+def test_errors_have_no_derivative():
+    """Derivatives of pressures go through the same program: that of a maximum was 0/0 there."""
+    kernel = gc.stack_kernel(BODIES["bare"], GRID, SPEED)
+    names = ("gap_error", "load_error", "complementarity_error", "penetration")
+
+    def errors(h):
+        found = gc.solve_contact(kernel, h, LOAD)
+        return jnp.stack([getattr(found, name) for name in names])
+
+    found, change = jax.jvp(errors, (HEIGHTS,), (HEIGHTS,))
+    assert np.all(found > 0)
+    np.testing.assert_array_equal(change, 0)
+
+
 def test_derivative_that_does_not_converge_raises_or_is_nan_without_throw():
     kernel = gc.stack_kernel(BODIES["bare"], GRID, SPEED)
 
