@@ -39,6 +39,7 @@ from .adjoint import (
     State,
     attach_gradient,
     check_converged,
+    explain_lost,
 )
 from .estimates import Assessment, assess, penalty_at, state_of
 from .law import AbstractLaw, HardWall, check_law, check_pressure
@@ -399,7 +400,7 @@ def _solution(
     return solution, result == RESULTS.successful
 
 
-_solution_or_fail = derivative_apart(_solution, check_converged)
+_solution_or_fail = derivative_apart(_solution, check_converged, explain_lost)
 _solution_or_nan = derivative_apart(_solution)
 
 

@@ -23,6 +23,8 @@ from .compilation import alone, beforehand, compiled
 
 # Fails at run time if its second argument is true, else returns the first, a number.
 Check = Callable[[Array, Array], Array]
+# Called outside `jit` with a derivative that was NaN and its arguments; may raise a reason.
+Explain = Callable[[Callable, tuple, Any], None]
 
 F = TypeVar("F", bound=Callable[..., Any])
 T = TypeVar("T")
@@ -60,12 +62,14 @@ def largest(numbers: Array) -> Array:
     return top + jnp.sum(jnp.where(near, numbers - fixed, 0)) / jnp.sum(near)
 
 
-def derivative_apart(function: F, check: Check | None = None) -> F:
+def derivative_apart(
+    function: F, check: Check | None = None, explain: Explain | None = None
+) -> F:
     """Returns a function whose derivative, of any order and mode, is compiled separately.
 
     `function` takes positional arguments, returns arrays, and is compiled or made of what is.
-    `check` fails where a derivative is NaN. It is no part of its program: JAX stores no program on
-    disk that calls Python.
+    `check` fails where a derivative is NaN; before that `explain` may, outside `jit`. They are no
+    part of its program: JAX stores no program on disk that calls Python.
     """
 
     def numbers(moving, fixed):
@@ -88,7 +92,7 @@ def derivative_apart(function: F, check: Check | None = None) -> F:
                 # The context in which JAX runs it; in another one it would be another program.
                 with jax.sharding.use_abstract_mesh(jax.sharding.AbstractMesh((), ())):
                     beforehand(back, moving, fixed, like)
-            return _linear(along, back, (moving, fixed), tangents, like)
+            return _linear(along, back, (moving, fixed), tangents, like, explain)
         # Else a derivative in reverse would store what it needs.
         within = jax.checkpoint(lambda m, t: along(m, fixed, t), prevent_cse=False)
         return within(moving, tangents)
@@ -113,7 +117,9 @@ def derivative_apart(function: F, check: Check | None = None) -> F:
     return cast(F, run)
 
 
-def _linear(along: Callable, back: Callable, args: tuple, tangents: T, like: Any) -> T:
+def _linear(
+    along: Callable, back: Callable, args: tuple, tangents: T, like: Any, explain: Explain | None
+) -> T:
     """Returns along(*args, tangents), linear in these, with the tree and the shapes of `like`.
 
     `back`, with cotangents in place of tangents, is the transpose.
@@ -125,7 +131,11 @@ def _linear(along: Callable, back: Callable, args: tuple, tangents: T, like: Any
     def of_leaves(function, tree):
         def run(arrays, changes):
             args = eqx.combine(structure.unflatten(arrays), others)
-            return jax.tree.leaves(function(*args, tree.unflatten(changes)))
+            changes = tree.unflatten(changes)
+            found = jax.tree.leaves(function(*args, changes))
+            if explain is not None and is_concrete(found[0]) and _is_lost(found[0]):
+                explain(function, args, changes)
+            return found
 
         return run
 
