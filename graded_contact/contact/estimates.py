@@ -253,7 +253,7 @@ def _response(operator, s, residual, missing):
     known = share * s
     rhs = root * (-residual - share * (1 - s) - operator.displace(known))
     rhs = without_mean(operator, rhs, root)
-    tau, x, _, pairs = LinearSplitting().solve(
+    tau, x, _, _, pairs = LinearSplitting().solve(
         operator, s, rhs, rtol=jnp.asarray(_STEP_RTOL, s.dtype)
     )
     return known + root * without_mean(operator, tau, root), known + x, pairs

@@ -20,6 +20,7 @@ from jaxtyping import Array, Bool, Float, Inexact
 
 from ..core.checks import Numbers, as_float, check_shape, check_types, check_whole
 from ..core.compilation import compiled
+from ..core.derivative import largest
 from ..fields.devices import binned
 from ..fields.grid import (
     Grid,
@@ -174,7 +175,7 @@ def cumulative_friction(
 def _cumulative_friction(pressure, displacement, grid, velocity, num_wavenumbers: int):
     q = wavenumber(grid)
     work = _work(pressure, displacement, grid, velocity)
-    edges = jnp.geomspace(2 * np.pi / jnp.max(grid.size), jnp.max(q), num_wavenumbers)
+    edges = jnp.geomspace(2 * np.pi / jnp.max(grid.size), largest(q), num_wavenumbers)
     # Waves on an edge belong to it, whatever the rounding.
     place = jnp.searchsorted(edges, q * (1 - 1e-6))
     place = jnp.minimum(place, num_wavenumbers - 1)

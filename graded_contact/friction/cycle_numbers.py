@@ -22,7 +22,7 @@ from ..contact.operator import nonzero
 from ..contact.solution import ContactSolution
 from ..contact.space_time import SpaceTime
 from ..contact.target import ObservableTarget
-from ..core.derivative import derivative_apart
+from ..core.derivative import derivative_apart, largest
 from ..fields.grid import Grid, derivative, multiplicity
 from ..response.periodic import period_frequencies
 from ..rheology.measured import is_unknown
@@ -96,7 +96,7 @@ def _mean_and_peak(traction, load, velocity):
     speed = _length(velocity)
     path = jnp.mean(load * speed)
     mean = jnp.mean(jnp.sum(traction * velocity, axis=1)) / nonzero(path)
-    return jnp.where(loaded[:, None], friction, jnp.nan), mean, jnp.max(_length(friction))
+    return jnp.where(loaded[:, None], friction, jnp.nan), mean, largest(_length(friction))
 
 
 def _length(vectors):
@@ -196,8 +196,8 @@ def cycle_numbers(
         mean_friction_error=errors[0],
         peak_friction_error=errors[1],
         phase=_lead(traction, components(back)),
-        slope_in_contact=jnp.max(_slopes(pressure, contact.displacement, grid)),
-        largest_step=jnp.max(jnp.sum(steps / grid.spacing[: steps.shape[1]], axis=1)),
+        slope_in_contact=largest(_slopes(pressure, contact.displacement, grid)),
+        largest_step=largest(jnp.sum(steps / grid.spacing[: steps.shape[1]], axis=1)),
         unresolved_motion=jnp.sqrt(upper),
         velocity=moving,
     )

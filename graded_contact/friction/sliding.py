@@ -41,7 +41,7 @@ from ..core.checks import (
     is_concrete,
 )
 from ..core.compilation import compiled
-from ..core.derivative import derivative_apart
+from ..core.derivative import derivative_apart, largest
 from ..core.display import shown
 from ..core.warnings import caveats_of
 from ..fields.grid import Grid, coordinates, wave_frequencies
@@ -380,7 +380,7 @@ class Sliding(eqx.Module):
             raise ValueError("Only a body on a window has an `approach`; use `mean_gap`.")
         moved, mean = _moved(self, self.kernel, self.heights + self.gap)
         ground = self.kernel[(0,) * self.kernel.ndim] != 0
-        return moved + jnp.where(ground, mean, jnp.nan) + jnp.max(self.heights)
+        return moved + jnp.where(ground, mean, jnp.nan) + largest(self.heights)
 
     @property
     def approach_error(self) -> Float[Array, ""]:
