@@ -6,7 +6,7 @@ import jax.numpy as jnp
 import numpy as np
 import pytest
 
-from graded_contact.core.derivative import derivative_apart, still
+from graded_contact.core.derivative import derivative_apart, largest, still
 
 
 def plain(x, unit):
@@ -76,3 +76,11 @@ def test_derivative_that_is_nan_fails_outside_its_program():
         np.testing.assert_allclose(derive(function)(good), 1.5 * np.sqrt(good), rtol=1e-12)
         with pytest.raises(RuntimeError, match="no derivative"):
             jax.block_until_ready(derive(function)(bad))
+
+
+def test_derivative_of_the_largest_is_the_mean_of_those_as_large():
+    """And finite where a program computes the numbers twice, with other roundings."""
+    numbers = jnp.array([1.0, 3.0, 3.0 - 1e-15, 2.0])
+    np.testing.assert_array_equal(largest(numbers), 3.0)
+    np.testing.assert_allclose(jax.grad(largest)(numbers), [0, 0.5, 0.5, 0])
+    np.testing.assert_allclose(jax.grad(largest)(jnp.zeros(2)), [0.5, 0.5])

@@ -21,8 +21,9 @@ N = 256, to 1e-6). If few points are in contact a dense system is solved instead
 because the iteration takes thousands of steps if moduli are far apart.
 """
 
+import dataclasses
 from collections.abc import Callable
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import equinox as eqx
 import jax
@@ -51,12 +52,14 @@ class LinearSolution(NamedTuple):
     - `tau`: the solution τ.
     - `pressure`: of the solid, near √|s| τ but with better soft waves.
     - `found`: whether it converged.
+    - `error`: estimated relative error [1], 0 of a system that was eliminated.
     - `num_fft_pairs`: without those of a draft.
     """
 
     tau: Float[Array, "*shape"]
     pressure: Float[Array, "*shape"]
     found: Bool[Array, ""]
+    error: Float[Array, ""]
     num_fft_pairs: Array
 
 
@@ -68,12 +71,14 @@ class LinearSplitting(eqx.Module):
     - `rtol`: requested relative error of the derivative of the pressure [1]; None for twenty times
       that of the contact, at most 1e-3.
     - `max_steps`, `relaxation`, `history_length`: as those of `DouglasRachford`.
+    - `watch`: called in Python with the error that each call reached and its tolerance, or None.
     """
 
     rtol: float | None = eqx.field(default=None, static=True)
     max_steps: int = eqx.field(default=20_000, static=True)
     relaxation: float = eqx.field(default=0.95, static=True)
     history_length: int = eqx.field(default=5, static=True)
+    watch: Callable | None = eqx.field(default=None, static=True)
 
     def __check_init__(self):
         if self.rtol is not None:
@@ -95,8 +100,10 @@ class LinearSplitting(eqx.Module):
         if self.rtol is not None:
             check_tolerance("rtol", self.rtol, rhs)
             rtol = jnp.asarray(self.rtol, rhs.dtype)
-        tau, _, found, _ = self.solve(operator, weights, rhs, rtol=rtol, free_mean=free_mean)
-        return jnp.where(found, tau, jnp.nan)
+        solved = self.solve(operator, weights, rhs, rtol=rtol, free_mean=free_mean)
+        if self.watch is not None:
+            jax.debug.callback(self.watch, solved.error, rtol)
+        return jnp.where(solved.found, solved.tau, jnp.nan)
 
     def solve(
         self,
@@ -140,7 +147,8 @@ class LinearSplitting(eqx.Module):
         tau = jnp.where(few, eliminated, sign * (rhs + root * (2 * x - last.z)))
         pressure = jnp.where(few, root * tau, x)
         ended = jnp.where(few, jnp.all(jnp.isfinite(eliminated)), ~last.running)
-        return LinearSolution(tau, pressure, ended, last.num_steps)
+        error = jnp.where(few, 0, last.error)
+        return LinearSolution(tau, pressure, ended, error, last.num_steps)
 
     def _on_few(self, operator: AbstractOperator, weights, root, sign, rhs, total):
         """Whether few points are in contact, and if so τ."""
@@ -324,6 +332,37 @@ def check_converged(number: Array, failed: Bool[Array, ""]) -> Array:
     return eqx.error_if(
         number,
         failed,
-        "The linear solve for a derivative of the contact did not converge. Raise `max_steps` of "
-        "`adjoint`, or loosen its `rtol`. Friction without a load has no derivative.",
+        "A derivative of the contact is not a number: its linear solve did not converge (raise "
+        "`max_steps` of `adjoint`, or loosen its `rtol`), or it follows from a derivative that is "
+        "not a number. Friction without a load has no derivative.",
     )
+
+
+_reached: list[tuple[float, float]] = []  # error and tolerance of each solve
+
+
+def _note(error, rtol) -> None:
+    _reached.append((float(error), float(rtol)))
+
+
+def explain_lost(function: Callable, args: tuple, changes: Any) -> None:
+    """Computes a derivative that was NaN once more; raises if its linear solve does not converge.
+
+    **Arguments:**
+
+    - `function`: the derivative, of `args` and `changes`.
+    - `args`: twice the arguments of a contact solution, the fourth of which is the `LinearSolver`:
+      those that change, and the others.
+    """
+    if isinstance(args[0][3], LinearSplitting):
+        watched = dataclasses.replace(args[0][3], watch=_note)
+        _reached.clear()
+        jax.block_until_ready(function(*(one[:3] + (watched,) + one[4:] for one in args), changes))
+        jax.effects_barrier()
+        for error, rtol in _reached:
+            if not error <= rtol:
+                raise RuntimeError(
+                    "The linear solve for a derivative of the contact did not converge: its "
+                    f"relative error is {error:.2g}, the tolerance {rtol:.2g}. Raise `max_steps` "
+                    "of `adjoint`, or loosen its `rtol`."
+                )

@@ -26,7 +26,7 @@ from ..core.checks import (
     is_concrete,
 )
 from ..core.compilation import compiled, one_by_one
-from ..core.derivative import derivative_apart, still
+from ..core.derivative import derivative_apart, largest, still
 from ..core.memory import check_memory, contact_memory
 from ..fields.devices import num_devices, required
 from ..fields.grid import half_shape
@@ -36,6 +36,7 @@ from .adjoint import (
     LinearSplitting,
     attach_gradient,
     check_converged,
+    explain_lost,
 )
 from .estimates import assess, penalty_at, state_of
 from .law import AbstractLaw, HardWall, check_law, check_pressure
@@ -282,7 +283,7 @@ def _loading_of_window(pressure, mean_gap, approach, law: AbstractLaw, heights, 
         least = _LEAST_GAP * jnp.maximum(jnp.std(heights), jnp.finfo(heights.dtype).tiny ** 0.5)
         at_touch = jnp.abs(approach) <= least
         approach = approach + jax.lax.stop_gradient(jnp.where(at_touch, -least - approach, 0))
-    return Loading(None, jnp.max(heights) - jnp.mean(heights) - approach)
+    return Loading(None, largest(heights) - jnp.mean(heights) - approach)
 
 
 def _over_times(name: str, value, heights, num_times: int | None):
@@ -371,7 +372,9 @@ def _solution(
     pressure, displacement, mean_gap = state
     heights = inputs.heights - jnp.mean(inputs.heights)
     gap = displacement - heights + mean_gap
-    rms, mean = jnp.std(heights), jnp.mean(jnp.abs(pressure))
+    # Errors have no derivative: that of a norm or of a maximum may be 0/0.
+    known, opened = jax.lax.stop_gradient((pressure, gap))
+    rms, mean = jnp.std(jax.lax.stop_gradient(heights)), jnp.mean(jnp.abs(known))
     unit, load = jnp.where(rms > 0, rms, 1), jnp.where(mean > 0, mean, 1)
     gap_error = assessed.gap_error / unit
     result = _how_it_ended(inputs, finds_unstable, found, reached, gap_error)
@@ -385,8 +388,8 @@ def _solution(
         error=assessed.error,
         load_error=jnp.abs(jnp.mean(found.mismatch)) / load,
         gap_error=gap_error,
-        complementarity_error=jnp.mean(jnp.abs(pressure * (gap - found.gap))) / (load * unit),
-        penetration=jnp.max(jnp.maximum(jnp.minimum(found.gap, 0) - gap, 0)) / unit,
+        complementarity_error=jnp.mean(jnp.abs(known * (opened - found.gap))) / (load * unit),
+        penetration=jnp.max(jnp.maximum(jnp.minimum(found.gap, 0) - opened, 0)) / unit,
         num_steps=found.num_steps,
         num_fft_pairs=found.num_fft_pairs,
         result=result,
@@ -394,7 +397,7 @@ def _solution(
     return solution, result == RESULTS.successful
 
 
-_solution_or_fail = derivative_apart(_solution, check_converged)
+_solution_or_fail = derivative_apart(_solution, check_converged, explain_lost)
 _solution_or_nan = derivative_apart(_solution)
 
 

@@ -174,7 +174,7 @@ def _with_ground(operator: Window, shape: tuple[int, ...]) -> Window:
     kernel = operator.kernel
     mean, sizes = first_mode(kernel.shape), jnp.where(first_mode(kernel.shape), jnp.inf, kernel)
     entry = jnp.real(kernel[(0,) * len(shape)])
-    missing = jnp.maximum(jnp.min(jnp.abs(sizes)) / 4 - entry, 0)
+    missing = jax.lax.stop_gradient(jnp.maximum(jnp.min(jnp.abs(sizes)) / 4 - entry, 0))
     whole = tuple(2 * n for n in shape)
     near = [jax.lax.broadcasted_iota(jnp.int32, whole, a) != n for a, n in enumerate(shape)]
     apart = 1 - jnp.prod(jnp.stack(near), axis=0, dtype=entry.dtype)

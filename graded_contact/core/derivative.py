@@ -23,6 +23,8 @@ from .compilation import alone, compiled
 
 # Fails at run time if its second argument is true, else returns the first, a number.
 Check = Callable[[Array, Array], Array]
+# Called outside `jit` with a derivative that was NaN and its arguments; may raise a reason.
+Explain = Callable[[Callable, tuple, Any], None]
 
 F = TypeVar("F", bound=Callable[..., Any])
 T = TypeVar("T")
@@ -48,12 +50,24 @@ def _still_jvp(primals, _):
     return _still(primals[0]), jax.tree.map(lambda _: None, primals[0])
 
 
-def derivative_apart(function: F, check: Check | None = None) -> F:
+def largest(numbers: Array) -> Array:
+    """Returns the largest number, with the mean of the derivatives of all that are as large.
+
+    `jnp.max` looks for the largest again in its derivative. A program that computes the numbers
+    twice, with other roundings, then finds none, and the derivative is 0/0.
+    """
+    fixed = jax.lax.stop_gradient(numbers)
+    top = jnp.max(fixed)
+    near = fixed >= top - 64 * jnp.finfo(fixed.dtype).eps * jnp.max(jnp.abs(fixed))
+    return top + jnp.sum(jnp.where(near, numbers - fixed, 0)) / jnp.sum(near)
+
+
+def derivative_apart(function: F, check: Check | None = None, explain: Explain | None = None) -> F:
     """Returns a function whose derivative, of any order and mode, is compiled separately.
 
     `function` takes positional arguments, returns arrays, and is compiled or made of what is.
-    `check` fails where a derivative is NaN. It is no part of its program: JAX stores no program on
-    disk that calls Python.
+    `check` fails where a derivative is NaN; before that `explain` may, outside `jit`. They are no
+    part of its program: JAX stores no program on disk that calls Python.
     """
 
     def numbers(moving, fixed):
@@ -72,7 +86,7 @@ def derivative_apart(function: F, check: Check | None = None) -> F:
         moving, fixed = eqx.partition(args, given)
         if alone(args):
             like = eqx.filter(found, eqx.is_inexact_array)
-            return _linear(along, back, (moving, fixed), tangents, like)
+            return _linear(along, back, (moving, fixed), tangents, like, explain)
         # Else a derivative in reverse would store what it needs.
         within = jax.checkpoint(lambda m, t: along(m, fixed, t), prevent_cse=False)
         return within(moving, tangents)
@@ -97,7 +111,9 @@ def derivative_apart(function: F, check: Check | None = None) -> F:
     return cast(F, run)
 
 
-def _linear(along: Callable, back: Callable, args: tuple, tangents: T, like: Any) -> T:
+def _linear(
+    along: Callable, back: Callable, args: tuple, tangents: T, like: Any, explain: Explain | None
+) -> T:
     """Returns along(*args, tangents), linear in these, with the tree and the shapes of `like`.
 
     `back`, with cotangents in place of tangents, is the transpose.
@@ -109,7 +125,11 @@ def _linear(along: Callable, back: Callable, args: tuple, tangents: T, like: Any
     def of_leaves(function, tree):
         def run(arrays, changes):
             args = eqx.combine(structure.unflatten(arrays), others)
-            return jax.tree.leaves(function(*args, tree.unflatten(changes)))
+            changes = tree.unflatten(changes)
+            found = jax.tree.leaves(function(*args, changes))
+            if explain is not None and is_concrete(found[0]) and _is_lost(found[0]):
+                explain(function, args, changes)
+            return found
 
         return run
 

@@ -21,6 +21,7 @@ from jaxtyping import Bool, Complex, Float, Inexact, Int
 
 from ..core.checks import Numbers, as_float, check_positive, check_values, short
 from ..core.compilation import compiled
+from ..core.derivative import largest
 from ..core.display import shown
 from . import transforms as _fft
 from .devices import num_devices, put_on, sharding_on, whole_along
@@ -148,7 +149,7 @@ def wavenumber(grid: Grid) -> Float[Array, "..."]:
 def rings(grid: Grid) -> tuple[Float[Array, " rings"], Int[Array, "*half"]]:
     """Returns the outer edges [rad/m] of rings of |q|, and the ring of each mode."""
     q = wavenumber(grid)
-    edges = jnp.linspace(2 * np.pi / jnp.max(grid.size), jnp.max(q), max(grid.shape))
+    edges = jnp.linspace(2 * np.pi / jnp.max(grid.size), largest(q), max(grid.shape))
     # Modes on an outer edge belong to the ring inside it: rounding must not expel them.
     ring = jnp.ceil((q - edges[0]) / (edges[1] - edges[0]) - 1e-4).astype(int)
     return edges, jnp.clip(ring, 0, len(edges) - 1)

@@ -22,6 +22,7 @@ from ..core.checks import (
     is_concrete,
 )
 from ..core.compilation import compiled
+from ..core.derivative import largest
 from ..fields.devices import binned
 from ..fields.grid import (
     Grid,
@@ -158,7 +159,7 @@ def _cumulative_friction(pressure, displacement, grid, velocity, num_wavenumbers
     q = wavenumber(grid)
     along = -wave_frequencies(grid, direction_and_speed(velocity)[0])
     work = work_of_waves(pressure, displacement, along)
-    edges = jnp.geomspace(2 * np.pi / jnp.max(grid.size), jnp.max(q), num_wavenumbers)
+    edges = jnp.geomspace(2 * np.pi / jnp.max(grid.size), largest(q), num_wavenumbers)
     # Waves on an edge belong to it, whatever the rounding.
     place = jnp.searchsorted(edges, q * (1 - 1e-6))
     place = jnp.minimum(place, num_wavenumbers - 1)

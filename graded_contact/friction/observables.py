@@ -28,6 +28,7 @@ from jaxtyping import Array, Float
 from ..contact import area
 from ..contact.estimates import error_of
 from ..contact.operator import nonzero
+from ..core.derivative import largest
 from ..core.quantities import observable
 from ..fields.grid import (
     coordinates,
@@ -124,7 +125,7 @@ def _frictions(found: Found, pressure: Array) -> Array:
         return tractions / load
     power, path = _power(found, tractions), jnp.mean(load * _length(_velocity(found)))
     size = _length(tractions / jnp.where(load > 0, load, 1)[:, None])
-    return jnp.stack([power / nonzero(path), jnp.max(size)])
+    return jnp.stack([power / nonzero(path), largest(size)])
 
 
 @shared
@@ -296,7 +297,7 @@ def approach(found: Found) -> Array:
         raise ValueError("Only a body on a window has an `approach`; use `mean_gap`.")
     moved, mean = _moved(found, found.operator, found.heights + found.gap)
     ground = found.kernel[(0,) * found.kernel.ndim] != 0
-    return moved + jnp.where(ground, mean, jnp.nan) + jnp.max(found.heights)
+    return moved + jnp.where(ground, mean, jnp.nan) + largest(found.heights)
 
 
 @observable(
@@ -585,7 +586,7 @@ def slope_in_contact(found: Found) -> Array:
 
     It is the size of the strains there. The friction of a hard wall never exceeds it.
     """
-    return jnp.max(_slopes(found, *_displaced(found)))
+    return largest(_slopes(found, *_displaced(found)))
 
 
 @observable("", "1", "share of the contact area on filled or tapered points", cyclic=False)
@@ -664,7 +665,7 @@ def load_mismatch(found: Found) -> Array:
 def largest_step(found: Found) -> Array:
     """Largest distance from one time to the next, in spacings of the grid, along x plus y [1]."""
     steps = jnp.abs(jnp.diff(found.moved, axis=0))
-    return jnp.max(jnp.sum(steps / found.grid.spacing[: steps.shape[1]], axis=1))
+    return largest(jnp.sum(steps / found.grid.spacing[: steps.shape[1]], axis=1))
 
 
 @observable("", "1", "share of the velocity at the upper half of the frequencies", steady=False)

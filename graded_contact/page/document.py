@@ -17,7 +17,7 @@ import numpy as np
 from ..core.checks import within
 from ..core.display import with_unit
 from ..files.moduli.reading import read_moduli
-from ..files.paths import check_name, existing_file, full_path
+from ..files.paths import check_name, full_path, read_file, read_utf8
 from ..files.prony_cards import export_prony
 from ..files.scene import Scene
 from ..files.scene_reading import parse_scene, refuse_tables
@@ -39,13 +39,11 @@ class Document(NamedTuple):
     - `content`: as `tomllib` gives it; never changed in place.
     - `folder`: its paths are relative to this folder.
     - `speeds`: lowest and highest velocity [m/s] of the page.
-    - `values`: of its knobs [SI] if they are not those of the tables.
     """
 
     content: dict[str, Any]
     folder: Path
     speeds: tuple[float, float]
-    values: tuple[float, ...] = ()
 
     @property
     def text(self) -> str:
@@ -72,12 +70,11 @@ def open_document(path: Path | None) -> Document:
     table that the page does not take.
     """
     if path is None:
-        file: Any = resources.files("graded_contact.studies").joinpath("demo.toml")
+        name, folder = "demo.toml", Path.cwd()
+        text = resources.files("graded_contact.studies").joinpath(name).read_text("utf-8")
     else:
-        file = existing_file(path, at_most=LARGEST)
-    folder = Path.cwd() if path is None else Path(path).absolute().parent
-    text = file.read_text("utf-8")
-    with within(f"{file.name}:"):
+        name, folder, text = path.name, path.absolute().parent, read_utf8(path, at_most=LARGEST)
+    with within(f"{name}:"):
         return _at_one_point(parse_toml(text), parse_scene(text, folder), folder)
 
 
@@ -97,8 +94,10 @@ def _at_one_point(content: dict[str, Any], scene: Scene, folder: Path) -> Docume
     content = {k: v for k, v in content.items() if k not in ("sweep", "design")} | {"load": load}
     content["surface"].pop("seeds", None)
     for table in (content["surface"], *content["materials"].values()):
-        if "path" in table:
-            table["path"] = str(full_path(table["path"], folder))
+        # Whatever the reader of the scene took for a path: the scene may be saved elsewhere.
+        for key, value in table.items():
+            if isinstance(value, str) and value and full_path(value, folder) in scene.inputs:
+                table[key] = str(full_path(value, folder))
         if table.get("kind") == "tabulated":
             # A slider soon leaves the table; the page warns how much friction depends on that.
             table["extrapolate"] = "plateau"
@@ -225,7 +224,7 @@ def with_file(
     check_name(name)
     folder.mkdir(parents=True, exist_ok=True)
     path = folder / name
-    stored = path.exists() and path.read_bytes() == data
+    stored = path.is_file() and read_file(path) == data
     if not stored:
         taken = {path.stem for path in folder.iterdir()}
         path = folder / f"{free_name(path.stem, taken)}{path.suffix}"

@@ -2,6 +2,7 @@
 
 import os
 import socket
+from collections.abc import Collection
 from pathlib import Path
 from typing import Any
 
@@ -34,7 +35,14 @@ def explore(path: str | os.PathLike | None = None, folder: str | os.PathLike = "
 
 
 def serve(path: Path | None, folder: Path, *, address: str, port: int, show: bool) -> None:
-    """Serves pages of a scene until Ctrl-C.
+    """Serves pages of a scene until Ctrl-C, see `new_server`."""
+    server = new_server(path, folder, address=address, port=port, show=show)
+    server.start()
+    server.io_loop.start()
+
+
+def new_server(path: Path | None, folder: Path, *, address: str, port: int, show: bool) -> Any:
+    """Returns a server of pages of a scene, which is not started yet.
 
     **Arguments:**
 
@@ -49,23 +57,45 @@ def serve(path: Path | None, folder: Path, *, address: str, port: int, show: boo
     open_document(path)  # refused before the server listens
 
     def page() -> Any:
-        states = pn.state.session_args.get("state", [b""])
-        new = _new_page(path, folder, states[0].decode("ascii", "replace"))
+        new = _new_page(path, folder)
         pn.state.on_session_destroyed(lambda _: new.session.end())
         return new
 
-    # Pages of other sites must not reach this server through the browsers of their visitors.
     names = dict.fromkeys((address, "localhost", "127.0.0.1", socket.gethostname()))
-    pn.serve(
-        {"/": page}, address=address, port=port, show=show, title=TITLE,
-        websocket_origin=[f"{name}:{port}" for name in names], websocket_max_message_size=MESSAGE,
+    hosts = [f"{name}:{port}" for name in names]
+    server = pn.serve(
+        {"/": page}, address=address, port=port, show=show, title=TITLE, start=False,
+        websocket_origin=hosts, websocket_max_message_size=MESSAGE,
     )  # fmt: skip
+    _guard(server._tornado, {host.lower() for host in hosts})
+    return server
 
 
-def _new_page(path: Path | None, folder: Path, state: str = "") -> Any:
+def _guard(application: Any, hosts: Collection[str]) -> None:
+    """Lets an application of Tornado refuse what pages of other sites ask.
+
+    They would reach it through the browsers of their visitors: under a name of another site that
+    leads to this machine, which the browser sends as `Host`. A WebSocket without `Origin` is
+    refused, because each browser sends it.
+    """
+    from tornado.web import ErrorHandler
+
+    find = application.find_handler
+
+    def find_handler(request: Any, **given: Any) -> Any:
+        socket_opens = request.headers.get("Upgrade", "").lower() == "websocket"
+        known = request.host.lower() in hosts or f"{request.host.lower()}:80" in hosts
+        if known and not (socket_opens and "Origin" not in request.headers):
+            return find(request, **given)
+        return application.get_handler_delegate(request, ErrorHandler, {"status_code": 403})
+
+    application.find_handler = find_handler
+
+
+def _new_page(path: Path | None, folder: Path) -> Any:
     from .view import Page
 
-    return Page(open_document(path), folder.absolute(), state)
+    return Page(open_document(path), folder.absolute())
 
 
 def _panel() -> Any:

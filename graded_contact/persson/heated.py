@@ -29,7 +29,7 @@ import numpy as np
 from jaxtyping import Array, Float
 from numpy.polynomial import chebyshev
 
-from ..core.derivative import still
+from ..core.derivative import largest, still
 from ..core.display import shown
 from ..core.fixed_point import attach_fixed_point, find_fixed_point
 from ..response.heated import AbstractHeating
@@ -132,7 +132,7 @@ def between_scales(values: Float[Array, " m"], q: Float[Array, " n"]) -> Float[A
     one = two = jnp.zeros_like(t)
     for coefficient in reversed(rest):
         one, two = 2 * t * one - two + coefficient, one
-    return jnp.clip(first + t * one - two, jnp.min(values), jnp.max(values))
+    return jnp.clip(first + t * one - two, -largest(-values), largest(values))
 
 
 @cache

@@ -13,6 +13,7 @@ from jaxtyping import Float
 
 from ..core.checks import check_types, check_whole
 from ..core.compilation import compiled
+from ..core.derivative import largest
 from ..core.display import shown
 from ..fields.devices import binned
 from ..fields.grid import (
@@ -85,7 +86,7 @@ def statistics(surface: Surface) -> Statistics:
         slope_ratio=ratio,
         lay=lay,
         rms_curvature=scale * unit * unit * _root(bent) / grid.ndim,
-        peak_to_valley=jnp.max(surface.heights) - jnp.min(surface.heights),
+        peak_to_valley=largest(surface.heights) + largest(-surface.heights),
         skewness=jnp.mean(standard**3),
         kurtosis=jnp.mean(standard**4),
     )

@@ -9,10 +9,11 @@ import pytest
 from scenes import TEXT, changed
 
 from graded_contact.core.parameters import paths
+from graded_contact.files.scene_reading import read_scene
 from graded_contact.files.toml import toml_text
-from graded_contact.page.address import from_address, to_address
 from graded_contact.page.document import (
     open_document,
+    save_document,
     with_layer,
     with_moduli,
     with_topography,
@@ -124,31 +125,14 @@ def test_a_poissons_ratio_of_one_half_steps_down(opened):
     assert knob.stepped(0.5).endswith("−0.01") and knob.stepped(0.4).endswith("+0.01")
 
 
-def test_an_address_gives_the_scene_and_its_values_back(opened, tmp_path):
-    document = opened(TEXT)
-    more = with_layer(document, None)
-    values = (3e5, 0.05)
-    again = from_address(to_address(more, values), document, tmp_path)
-    assert again.content == more.content and again.values == values
-    assert again.speeds == document.speeds
-
-
-def test_an_address_names_no_other_file_and_no_finer_grid(opened, tmp_path):
-    document = opened(TEXT)
-    secret = tmp_path / "secret.csv"
-    secret.write_text("1,1,1\n")
-    for change in (
-        {"surface": {"kind": "file", "path": str(secret)}},
-        {"surface": {"kind": "file", "path": str(tmp_path / "out" / ".." / "secret.csv")}},
-        {"grid": {"shape": [8192, 8192], "size": 1e-3}},
-        {"grid": {"shape": "ab", "size": 1e-3}},
-    ):
-        state = to_address(document._replace(content=document.content | change), ())
-        with pytest.raises(ValueError, match="The address does not contain a scene of this page"):
-            from_address(state, document, tmp_path / "out")
-    for text in ("x", "ü", to_address(document, ())[:-9], "A" * 400):
-        with pytest.raises(ValueError, match="The address does not contain a scene of this page"):
-            from_address(text, document, tmp_path)
+def test_every_path_of_an_opened_scene_is_kept_from_its_folder(opened, tmp_path):
+    """By what the reader took for a path: `errors` is one, too."""
+    (tmp_path / "series.csv").write_text("modulus,poisson\n1e5,0.01\n", encoding="utf-8")
+    text = changed('kind = "elastic"', 'kind = "elastic"\nerrors = "series.csv"')
+    document = opened(text)
+    assert document.content["materials"]["coat"]["errors"] == str(tmp_path / "series.csv")
+    saved = save_document(document, tmp_path / "elsewhere", "mine", False)
+    assert read_scene(saved).inputs == (tmp_path / "series.csv",)
 
 
 def test_isotherms_become_a_series_with_its_shifts(opened, tmp_path):
