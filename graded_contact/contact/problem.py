@@ -126,12 +126,13 @@ def solve_contact(
     **Raises:** `ValueError` for a refused argument; `RuntimeError` if the solve fails.
     """
     heights = as_float(heights, "heights")
+    _check_heights(heights, solver)
     operator = operator_of(as_numbers(kernel, "kernel"), heights.shape)
-    _check_heights(operator.on_cell(heights), solver)
     _check_kernel(operator, heights, throw)
     check_law(law)
     solve = functools.partial(contact_of, solver=solver, adjoint=adjoint, rtol=rtol, throw=throw)
     if isinstance(operator, Window):
+        _check_heights(operator.on_cell(heights), solver)  # of the memory of four times as many
         loading = _loading_of_window(pressure, mean_gap, approach, law, heights, operator.kernel)
         start = None if start is None else _as_start(start, heights, law)
         return solve_on_window(
