@@ -55,7 +55,7 @@ def gains_of(study, points, num_unseen, seed, what, speeds):
         return -jnp.log(
             gc.slide(
                 with_values(scene.stack, values), surface, pressure=scene.pressure[0],
-                velocity=speed, **scene.tolerance,
+                velocity=speed, rtol=scene.rtol,
             ).friction
         )  # fmt: skip
 
@@ -115,7 +115,7 @@ def warm_starts(study, points):
         stack = with_values(scene.stack, {path: change * value for path, value in own.items()})
         return gc.slide(
             stack, surface, pressure=scene.pressure[0], velocity=scene.velocity[0],
-            **scene.tolerance, start=start,
+            rtol=scene.rtol, start=start,
         )  # fmt: skip
 
     cold, begin = pairs(1.05).num_fft_pairs, pairs(1.0).pressure

@@ -54,7 +54,7 @@ def by_mean_field(celsius: float, velocity, **how):
 def by_contact(surface, celsius: float, velocity: float, **how):
     """The block is shifted by `heating`, or here."""
     block = BLOCK if "heating" in how else BLOCK.at(celsius + 273.15)
-    return gc.slide(block, surface, pressure=PRESSURE, velocity=velocity, friction_rtol=1e-3, **how)
+    return gc.slide(block, surface, pressure=PRESSURE, velocity=velocity, **how)
 
 
 def friction():

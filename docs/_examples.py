@@ -6,7 +6,7 @@ s = gc.slide(block, road, pressure=4e5, velocity=0.1)
 print(s.friction, s.friction_error, s.contact_area)
 """,
     "Sliding": """
-s = gc.slide(block, road, pressure=4e5, velocity=0.1, friction_rtol=1e-3)
+s = gc.slide(block, road, pressure=4e5, velocity=0.1)
 print(s)  # all numbers, their errors and warnings
 """,
     "solve_contact": """

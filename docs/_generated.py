@@ -21,7 +21,7 @@ from graded_contact.cli import app
 from graded_contact.contact.nested_solve import DouglasRachford
 from graded_contact.core.checks import Numbers
 from graded_contact.fields.grid import Grid
-from graded_contact.files import block, scene, scene_reading, surface_source
+from graded_contact.files import block, scene, surface_source
 from graded_contact.files.design_scene import DesignScene, Stiffness
 from graded_contact.files.schema import REQUIRED, Key, Spacing, classes_of, keys_of, parts_of
 from graded_contact.files.toml import entry_text
@@ -64,7 +64,6 @@ TABLES: dict[str, dict[Callable, tuple[Key, ...]]] = {
     "[load]": {scene.Scene: scene.KEYS["[load]"]},
     "[heating]": {Heating: keys_of(Heating)},
     "[solver]": {
-        scene_reading._tolerance: keys_of(scene_reading._tolerance),
         scene.Scene: scene.KEYS["[solver]"],
         DouglasRachford: keys_of(DouglasRachford),
     },

@@ -57,7 +57,7 @@ def unchecked_types():
 LONGEST = [
     "window", "cli", "problem", "persson", "cycle", "grading", "prony", "heat", "sliding", "master",
     "heating", "devices", "run_design", "softening", "material", "page", "matrix", "observables",
-    "shear", "target", "adhesion", "adjoint", "surface", "compliance", "interior", "run_scene",
+    "shear", "estimates", "adhesion", "adjoint", "surface", "compliance", "interior", "run_scene",
     "anisotropy", "notebooks", "grid", "run_motion", "plot", "fuzz", "stochastic", "doors",
 ]  # fmt: skip
 

@@ -1,5 +1,6 @@
 """Numbers that solvers vouch for but nobody should believe are told apart, in sentences."""
 
+import dataclasses
 from types import SimpleNamespace
 
 import jax
@@ -8,7 +9,8 @@ import numpy as np
 import pytest
 
 import graded_contact as gc
-from graded_contact.contact.observables import slope_in_contact, unmeasured_shares
+from graded_contact.contact.operator import Steady
+from graded_contact.contact.solution import RESULTS, ContactSolution
 from graded_contact.core.warnings import caveats_of, caveats_of_steps
 from graded_contact.roughness.surface import Step, step
 
@@ -101,6 +103,18 @@ def test_a_step_measures_height_slope_and_peak_of_what_was_measured():
     np.testing.assert_allclose(found.peak, np.max(np.abs(known - known.mean())) / np.std(known))
 
 
+def sliding(pressure, displacement, grid, measured=None):
+    """A contact with these fields, and nothing else."""
+    fields = {f.name: jnp.zeros(()) for f in dataclasses.fields(ContactSolution)}
+    fields |= {"pressure": pressure, "displacement": displacement, "gap": 0 * pressure}
+    fields |= {"correction": 0 * pressure, "result": RESULTS.successful}
+    kernel = jnp.ones((*grid.shape[:-1], grid.shape[-1] // 2 + 1))
+    return gc.Sliding(
+        contact=ContactSolution(**fields), operator=Steady(kernel), heights=displacement,
+        grid=grid, velocity=jnp.array(1.0), law=gc.HardWall(), measured=measured,
+    )  # fmt: skip
+
+
 def test_the_slope_in_contact_is_that_of_the_touching_part():
     """Waves of slope 2π a/L cos: the pressure stands on the rising flanks, where cos² is known."""
     grid = gc.Grid((64, 16), [1.0, 2.0])
@@ -109,8 +123,8 @@ def test_the_slope_in_contact_is_that_of_the_touching_part():
     p = jnp.where(jnp.abs(x - 0.5) < 0.1, 3.0, 0.0) + jnp.zeros(grid.shape)
     at = np.abs(np.arange(64) / 64 - 0.5) < 0.1
     expected = 0.02 * np.pi * np.sqrt(np.mean(np.cos(2 * np.pi * np.arange(64)[at] / 64) ** 2))
-    np.testing.assert_allclose(slope_in_contact(p, w, grid), expected, rtol=1e-12)
-    assert slope_in_contact(0 * p, w, grid) == 0
+    np.testing.assert_allclose(sliding(p, w, grid).slope_in_contact, expected, rtol=1e-12)
+    assert sliding(0 * p, w, grid).slope_in_contact == 0
 
 
 def test_shares_of_points_not_measured_are_sums_over_them():
@@ -120,10 +134,10 @@ def test_shares_of_points_not_measured_are_sums_over_them():
     w = jnp.asarray(0.01 * np.cos(2 * np.pi * x))
     p = jnp.asarray(np.where((x == 0.25) | (x == 0.75), 1.0, 0.0))
     measured = jnp.asarray(np.where(x == 0.75, 0.0, 1.0))
-    area, rubbing = unmeasured_shares(measured, p > 0, p, w, grid, 1.0)
-    np.testing.assert_allclose([area, rubbing], 0.5, rtol=1e-12)
-    none = unmeasured_shares(measured, p > 9, 0 * p, w, grid, 1.0)
-    np.testing.assert_array_equal(none, 0)
+    names = "unmeasured_area", "unmeasured_friction"
+    found = sliding(p, w, grid, measured).compute(*names)
+    np.testing.assert_allclose(found, 0.5, rtol=1e-12)
+    np.testing.assert_array_equal(sliding(0 * p, w, grid, measured).compute(*names), 0)
 
 
 def test_a_surface_with_marked_points_slides_under_jit_vmap_and_grad():

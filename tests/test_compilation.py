@@ -10,7 +10,7 @@ import pytest
 
 import graded_contact as gc
 from graded_contact.core import compilation
-from graded_contact.core.compilation import COMPILING, beforehand, compiled, one_by_one
+from graded_contact.core.compilation import COMPILING, compiled, one_by_one
 
 X = jnp.array([0.3, -1.2])
 
@@ -89,28 +89,6 @@ def programs():
     jax.monitoring.register_event_duration_secs_listener(count)
     yield found
     listening = False
-
-
-def test_what_compiles_beforehand_does_not_compile_again(programs):
-    @compiled
-    def first(x, name):
-        return {name: x + 1, "half": 0.5, "weak": 2 * jnp.ones(())}, name
-
-    @compiled
-    def second(found):
-        return sum(found[0].values())
-
-    def both(x, names):
-        found = first(x, names[0])
-        return second(found), found[1]
-
-    beforehand(both, X, ("a", "b"))
-    total, name = both(X, ("a", "b"))
-    np.testing.assert_allclose(total, X + 3.5)
-    assert name == "a"
-    assert programs["jit(first)"] == programs["jit(second)"] == 1
-    both(X, ("b", "a"))
-    assert programs["jit(first)"] == 2
 
 
 def test_a_contact_and_its_derivative_compile_each_program_once(programs):

@@ -150,9 +150,7 @@ def test_a_load_cycle_without_motion_loses_what_load_and_approach_do():
 
 @pytest.mark.slow
 def test_a_constant_load_does_no_work_and_a_moving_block_leaves_and_enters():
-    found = cycle(friction_rtol=1e-3, rtol=None)
-    assert found.load_mismatch < 0.05
-    np.testing.assert_allclose(found.mean_friction, cycle().mean_friction, rtol=1e-3)
+    assert cycle().load_mismatch < 0.05
     gap = 0.06 * (1 + 0.9 * np.cos(2 * np.pi * TIMES))
     entering = cycle(mean_gap=gap)
     touching = np.asarray(entering.load) > 0
@@ -193,8 +191,8 @@ def test_claimed_errors_hold(control):
         size = LOAD if control == "pressure" else jnp.std(surface.heights)
         given = {control: size * (1.02 + np.sin(2 * np.pi * TIMES))}
         close = cycle(stack, surface, rtol=1e-9, **given)
-        for tolerance in ({"rtol": 1e-3}, {"rtol": 1e-4}, {"friction_rtol": 1e-3, "rtol": None}):
-            loose = cycle(stack, surface, **given, **tolerance)
+        for rtol in (1e-3, 1e-4):
+            loose = cycle(stack, surface, **given, rtol=rtol)
             for name in ("mean_friction", "peak_friction"):
                 error = abs(getattr(loose, name) - getattr(close, name))
                 assert error <= getattr(loose, f"{name}_error")
@@ -276,7 +274,6 @@ def test_usual_motions():
         ({"pressure": -np.ones(N)}, "pressure"),
         ({"pressure": np.zeros(N)}, "pressure.*where the surfaces part, prescribe `mean_gap`"),
         ({"mean_gap": np.zeros(N)}, "mean_gap"),
-        ({"friction_rtol": 1e-3}, "friction_rtol"),
     ],
 )
 def test_bad_input_is_refused(options, message):
@@ -289,7 +286,7 @@ def test_caveats_name_what_the_times_do_not_resolve():
     assert any("spacings of the grid" in text for text in jumping.caveats)
     assert any("kinks or jumps" in text for text in jumping.caveats)
     lifted = cycle(pressure=None, mean_gap=np.where(TIMES < 0.5, 0.01, 0.1), rtol=1e-3)
-    assert any("gap changes too suddenly" in text for text in lifted.caveats)
+    assert any("gap changes too fast" in text for text in lifted.caveats)
     assert lifted.time_in_contact == np.mean(lifted.load > 0) and 0.3 < lifted.time_in_contact < 0.7
     apart = cycle(pressure=None, mean_gap=0.5, rtol=1e-3)
     assert any("surfaces never touch" in text for text in apart.caveats)

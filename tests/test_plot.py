@@ -17,7 +17,7 @@ from scipy.integrate import trapezoid
 import graded_contact as gc
 from graded_contact.command.tables import print_table
 from graded_contact.core.display import unit_of
-from graded_contact.core.quantities import OBSERVABLES
+from graded_contact.core.quantities import numbers_of
 from graded_contact.files.dataset import attach, write_csv
 from graded_contact.files.results import surface_variables
 from graded_contact.plot.words import title_of
@@ -74,7 +74,7 @@ def test_an_arrow_points_along_the_velocity(velocity):
 @pytest.mark.parametrize("velocity, scale", [([1.0, 0.01, 0.1], "log"), ([0, 0.1, 1], "linear")])
 def test_a_sweep_has_one_line_per_pressure_and_marks_what_failed(velocity, scale):
     message = np.array([["", "", ""], ["", "It stopped.", ""]])
-    values = {n: np.arange(1.0, 7.0).reshape(2, 3) for n in OBSERVABLES if "standard" not in n}
+    values = {n: np.arange(1.0, 7.0).reshape(2, 3) for n in numbers_of(False)}
     # Of one solve a fifth of the contact was not measured.
     doubts = ("slope_in_contact", "unmeasured_area", "unmeasured_friction", "extrapolated_friction")
     values["compression"] = np.zeros((2, 3))
@@ -93,8 +93,7 @@ def made(axes, names=(), failing=()):
     """Results over axes whose friction is the sum of the indices."""
     shape = tuple(len(at) for at in axes.values())
     friction = np.sum(np.indices(shape), axis=0).astype(float)
-    values = {n: np.zeros(shape) for n in OBSERVABLES if not n.startswith("reduced")}
-    del values["friction_standard_error"]
+    values = {n: np.zeros(shape) for n in numbers_of(False)}
     values["friction"] = friction
     values["geometric_friction"] = friction
     message = np.full(shape, "", object)

@@ -81,17 +81,6 @@ def test_peak_has_its_width_and_moves_with_temperature():
     assert jax.grad(lambda v: law(none, v, None))(0.0) == 0
 
 
-@pytest.mark.slow
-def test_a_requested_error_holds_for_the_total():
-    rtol = 1e-3
-    for pressure in (1e5, 1e6):
-        close = rubbed(PEAK, temperature=300.0, pressure=pressure)
-        s = rubbed(PEAK, temperature=300.0, pressure=pressure, rtol=None, friction_rtol=rtol)
-        grid = abs(close.geometric_friction - close.friction)
-        assert s.friction_error <= max(rtol * s.friction, 0.1 * grid) * (1 + 1e-12)
-        assert abs(s.friction - close.friction) <= s.friction_error
-
-
 def test_the_error_of_a_loose_solve_covers_the_total():
     for law in (ConstantShear(1e6), lambda p, v, t: p):
         close = rubbed(law)

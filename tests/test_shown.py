@@ -9,11 +9,11 @@ import numpy as np
 import pytest
 
 import graded_contact as gc
+from graded_contact.contact.operator import Steady
 from graded_contact.contact.solution import RESULTS, ContactSolution
 from graded_contact.core.quantities import quantity_of
 from graded_contact.files.design_scene import Stiffness
 from graded_contact.fitting.quality import FitErrors, Floor
-from graded_contact.friction.sliding import OBSERVABLES
 from graded_contact.response.interior import InteriorFields
 from graded_contact.roughness.statistics import Statistics
 from graded_contact.roughness.surface import Step
@@ -34,18 +34,16 @@ def sliding(friction=0.25, shape=(16, 12), result=RESULTS.successful, **numbers)
     fields = {f.name: jnp.array(2.0) for f in dataclasses.fields(ContactSolution)}
     field = jnp.zeros(shape)
     fields |= {"pressure": field, "displacement": field, "gap": field, "correction": field}
-    fields |= {"target_error": None}
     contact = ContactSolution(**fields | {"mean_gap": jnp.array(6.13e-5), "result": result})
     found = gc.Sliding(
         contact=contact,
-        kernel=field,
+        operator=Steady(field),
         heights=field,
-        measured=None,
         grid=gc.Grid(shape, 1.0),
         velocity=jnp.array(0.0),
         law=gc.HardWall(),
     )
-    vars(found).update(dict.fromkeys(OBSERVABLES, jnp.array(0.0)))
+    vars(found).update(dict.fromkeys(found.numbers, jnp.array(0.0)))
     numbers |= {"friction": jnp.array(friction), "friction_error": jnp.array(1.7e-8)}
     vars(found).update(numbers)
     return found

@@ -11,7 +11,7 @@ from oracles import elasticities
 
 import graded_contact as gc
 from graded_contact.contact.problem import RTOL
-from graded_contact.friction.sliding import OBSERVABLES
+from graded_contact.core.quantities import numbers_of
 
 CELL = 0.01  # m
 GRID = gc.Grid((64, 64), CELL)
@@ -126,11 +126,12 @@ def test_observables_of_a_batch_a_copy_and_inside_jit_are_those_of_the_call():
     slide = lambda v: gc.slide(coated(), SURFACE, pressure=4e5, velocity=v)  # noqa: E731
     one = slide(0.1)
     jax.jit(lambda x: x * one.contact_area_smooth)(2.0)
-    numbers = np.array(one.compute(*OBSERVABLES))
-    np.testing.assert_allclose(jax.jit(slide)(0.1).compute(*OBSERVABLES), numbers, 1e-9, 1e-14)
-    np.testing.assert_array_equal(pickle.loads(pickle.dumps(one)).compute(*OBSERVABLES), numbers)
+    names = numbers_of(False)
+    numbers = np.array(one.compute(*names))
+    np.testing.assert_allclose(jax.jit(slide)(0.1).compute(*names), numbers, 1e-9, 1e-14)
+    np.testing.assert_array_equal(pickle.loads(pickle.dumps(one)).compute(*names), numbers)
     stacked = jax.tree.map(lambda a: jnp.stack([a, a]), one)
-    np.testing.assert_allclose(np.array(stacked.compute(*OBSERVABLES))[:, 1], numbers, 1e-9, 1e-14)
+    np.testing.assert_allclose(np.array(stacked.compute(*names))[:, 1], numbers, 1e-9, 1e-14)
     copy = dataclasses.replace(one, law=gc.HardWall())  # computes friction alone
     np.testing.assert_allclose(copy.friction, one.friction, rtol=1e-12)
 

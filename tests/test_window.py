@@ -172,11 +172,9 @@ def test_a_solution_and_a_start_on_a_window_are_accepted(sliding):
 
 
 @pytest.mark.slow
-def test_a_target_sees_the_window():
+def test_a_contact_of_a_kernel_alone_is_that_of_sliding():
     surface = cylinder(64)
-    found = gc.slide(COATED, surface, pressure=0.02, velocity=1.0, friction_rtol=1e-3)
     exact = gc.slide(COATED, surface, pressure=0.02, velocity=1.0, rtol=1e-8)
-    assert abs(found.friction - exact.friction) <= 1e-3 * exact.friction
     kernel = gc.blocks.window_kernel(COATED, surface.grid, 1.0)
     alone = gc.solve_contact(kernel, surface.heights, 0.02, rtol=1e-8)
     np.testing.assert_allclose(alone.pressure, exact.pressure, atol=1e-12)

@@ -62,7 +62,7 @@ def table(
                 temperature=temperature,
                 direction=scene.direction,
                 method=method,
-                slide_options={"solver": scene.solver, **scene.tolerance, **common},
+                slide_options={"solver": scene.solver, "rtol": scene.rtol, **common},
                 mean_field_options=common,
                 progress=lambda *counts: advance("friction", *counts),
             )

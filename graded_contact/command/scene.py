@@ -10,7 +10,6 @@ import jax.numpy as jnp
 import numpy as np
 import typer
 
-from ..contact.observables import cumulative_friction
 from ..core.checks import within
 from ..files.dataset import NOT_STARTED, package_versions, write, write_csv
 from ..files.paths import check_folder, check_name, full_path
@@ -28,6 +27,7 @@ from ..files.scene import Scene
 from ..files.scene_reading import parse_scene, read_scene
 from ..files.schema import nearest
 from ..files.toml import parse_toml
+from ..friction.magnification import cumulative_friction
 from ..plot import (
     plot_cycle,
     plot_dissipation,

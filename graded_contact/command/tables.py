@@ -12,7 +12,7 @@ from rich.table import Table
 from rich.text import Text
 
 from ..core.display import with_unit
-from ..core.quantities import AXES
+from ..core.quantities import AXES, OBSERVABLES
 from ..files.results import SEED_ERROR, over_seeds, state_of, warnings_of
 from ..files.scene import Scene
 from ..plot.words import title_of
@@ -23,33 +23,6 @@ from ..studies.uncertainty import Sensitivity
 if TYPE_CHECKING:
     from xarray import Dataset
 
-# Heads and formats of the columns, by the name of the quantity.
-COLUMNS = {
-    "friction": ("friction", "#.4g"),
-    "friction_standard_error": ("± materials", ".1e"),  # of means over seeds
-    "hysteresis_friction": ("hysteresis", "#.4g"),
-    "shear_friction": ("shear", "#.4g"),
-    "surface_rise": ("contact above\nbulk [K]", "#.4g"),
-    "mean_friction": ("friction\n(mean)", "#.4g"),
-    "mean_friction_error": ("± solver", ".1e"),
-    "peak_friction": ("friction\n(peak)", "#.4g"),
-    "peak_friction_error": ("± solver", ".1e"),
-    "work": ("work\n[J/m²]", "#.4g"),
-    "dissipated_power": ("power\n[W/m²]", "#.4g"),
-    "phase": ("phase\n[rad]", ".3f"),
-    "friction_error": ("± solver", ".1e"),
-    "geometric_friction": ("friction\n(geometric)", "#.4g"),
-    "contact_area": ("area\n(pixels)", ".5f"),
-    "contact_area_error": ("± solver", ".1e"),
-    "contact_area_corrected": ("area\n(corrected)", ".5f"),
-    "contact_area_smooth": ("area\n(sub-pixel)", ".5f"),
-    "mean_gap": ("mean gap\n[m]", ".3e"),
-    "approach": ("approach\n[m]", ".3e"),
-    "mean_pressure": ("pressure\n[Pa]", "#.4g"),
-    "num_fft_pairs": ("FFT\npairs", ".0f"),
-    "error": ("error of\npressure", ".1e"),
-    "unmeasured_friction": ("on points not\nmeasured", ".1%"),
-}
 # Text about solves that did not succeed, by their state.
 STATES = {
     "not converged": "did not converge; their numbers are partial results",
@@ -73,8 +46,10 @@ def print_table(results: "Dataset", all_seeds: bool = False) -> None:
     axes = results["message"].dims
     others, given = axes[:-2], axes[-2]  # the last two are pressure or approach, and velocity
     load_head, load_unit = ("pressure\n[MPa]", 1e6) if given == "pressure" else ("approach\n[m]", 1)
-    # Those that have one number for each solve.
-    names = [name for name in COLUMNS if name in results and results[name].dims == axes]
+    # Heads and formats of the columns, of quantities with one number for each solve.
+    columns = {name: entry.column for name, entry in OBSERVABLES.items() if entry.column}
+    columns["friction_standard_error"] = ("± materials", ".1e")  # of means over seeds
+    names = [name for name in columns if name in results and results[name].dims == axes]
     unused = {"unmeasured_friction"} if "measured" not in results else set()
     if "shear_friction" in results and not np.any(results["shear_friction"]):
         unused |= {"hysteresis_friction", "shear_friction"}
@@ -90,13 +65,13 @@ def print_table(results: "Dataset", all_seeds: bool = False) -> None:
         head = name if name in AXES else title_of(name, results.attrs["scene"])
         heads.append(head.replace(" ", "\n", 1) + (f" [{unit}]" if unit != "1" else ""))
     table = Table(box=box.SIMPLE_HEAD, pad_edge=False)
-    for head in (*heads, *(COLUMNS[name][0] for name in names), ""):
+    for head in (*heads, *(columns[name][0] for name in names), ""):
         table.add_column(Text(head), justify="right", no_wrap=True)
     states = state_of(results).values
     values = {name: results[name].values for name in (*names, *errors.values())}
     for index in np.ndindex(states.shape):
         *at, load, speed = (results[a].values[i] for a, i in zip(axes, index, strict=True))
-        cells = {name: format(values[name][index], COLUMNS[name][1]) for name in names}
+        cells = {name: format(values[name][index], columns[name][1]) for name in names}
         for pair in errors.items():
             cells[pair[0]] = with_error(*(float(values[name][index]) for name in pair))
         mark = f"[bold red]{state}[/] " if (state := states[index]) else ""

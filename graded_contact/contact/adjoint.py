@@ -69,7 +69,7 @@ class LinearSplitting(eqx.Module):
     **Fields:**
 
     - `rtol`: requested relative error of the derivative of the pressure [1]; None for twenty times
-      that of the contact, at most 1e-3, and for a tenth of that of a `target`.
+      that of the contact, at most 1e-3.
     - `max_steps`, `relaxation`, `history_length`: as those of `DouglasRachford`.
     - `watch`: called in Python with the error that each call reached and its tolerance, or None.
     """
@@ -357,7 +357,7 @@ def explain_lost(function: Callable, args: tuple, changes: Any) -> None:
     if isinstance(args[0][3], LinearSplitting):
         watched = dataclasses.replace(args[0][3], watch=_note)
         _reached.clear()
-        jax.block_until_ready(function(*(one[:3] + (watched,) + one[4:] for one in args), changes))
+        jax.block_until_ready(function(*((*one[:3], watched, *one[4:]) for one in args), changes))
         jax.effects_barrier()
         for error, rtol in _reached:
             if not error <= rtol:

@@ -17,18 +17,6 @@ see `error_of`.
 
 At a prescribed mean gap the error of the mean pressure is dp/dū times the error of the mean gap,
 see `contact_stiffness`.
-
-`error_step` solves for the change to a few hundredths and adds it. y and its gap u_y solve
-exactly the contact of the heights h + δ with
-
-    δ = M y - h + c - u_y    where the law fixes the gap,
-
-and any δ >= 0 elsewhere. The derivative of the contact by its heights (`adjoint.py`) therefore
-gives the effect of δ on pressure and gap, and so on every number computed from them. This is
-the dual-weighted residual of R. Becker & R. Rannacher, Acta Numerica 10 (2001) 1,
-doi:10.1017/S0962492901000010, for all numbers at once: one linear solve for the change of the
-contact replaces one adjoint solve for each number. Before the solver has found the points in
-contact, this step improves the numbers more than the same FFT pairs in the solver.
 """
 
 import dataclasses
@@ -39,21 +27,18 @@ import jax
 import jax.numpy as jnp
 from jaxtyping import Array, Float
 
-from ..core.compilation import compiled
-from .adjoint import Inputs, LinearSplitting, State, root_of, without_mean
+from .adjoint import Inputs, State
 from .operator import (
     contact_stiffness,
     nonzero,
     root_mean_square,
 )
-from .solver import SolverOutput, penalty_for, slope, to_mean
+from .solver import SolverOutput, penalty_for, slope
 
 # With these factors 12 of 8,552 claims were broken (`bench_contact.py random --count 1000 --seed
 # 30`).
 _SAFETY, _BY_CHANCE, _SAFETY_OF_GAP, _SPREAD = 2.5, 5.0, 8.0, 0.3
 _ROUNDING, _ROUNDING_OF_GAP = 8, 100  # units in the last place
-# Error of the linear solve of a step; the error of a number is a few hundredths of its change.
-_STEP_RTOL = 0.3
 
 
 def penalty_at(inputs: Inputs, found: SolverOutput) -> Float[Array, ""]:
@@ -203,57 +188,3 @@ def _scaled(inputs: Inputs, found: SolverOutput):
     """The operator and the law in units of pressure, and the penalty."""
     penalty = penalty_at(inputs, found)
     return inputs.operator.scaled(penalty), inputs.law.in_units(1.0, 1 / penalty), penalty
-
-
-@compiled
-def error_step(inputs: Inputs, found: SolverOutput) -> SolverOutput:
-    """Returns the contact under a given load, one Newton step after the result of a solver."""
-    operator, law, penalty = _scaled(inputs, found)
-    mean, load = operator.mean, inputs.loading.pressure
-    assert load is not None
-    # As the law had it, before it was scaled to the load.
-    missing = mean(found.mismatch)
-    y = to_mean(operator, found.pressure, load - missing, law.bounds)
-    v = y - penalty * found.gap
-    s = slope(law, v)
-    fixed = s != 0  # where the law fixes the gap
-    difference = operator.displace(y) / penalty - inputs.heights
-    difference = difference + jnp.mean(inputs.heights) - found.gap
-    offset = -mean(s * difference) / nonzero(mean(s))
-    residual = jnp.where(fixed, penalty * (difference + offset), 0)
-    change, by_solid, pairs = _response(operator, s, residual, missing)
-    # Points whose gap the law fixes move along the law, the others do not change.
-    v = v + jnp.where(fixed, change / jnp.where(fixed, s, 1), 0)
-    after = law.proximal(v)
-    pressure = to_mean(operator, after, load, law.bounds)
-    size = root_mean_square(pressure)
-    left = 2 * (_STEP_RTOL * root_mean_square(change) + root_mean_square(after - y - change))
-    # The soft waves are the solid's, as in what the solver leaves.
-    x = y + by_solid
-    kernel = operator.compliance
-    stiff = operator.filtered(kernel / (1 + kernel), pressure - x)
-    return SolverOutput(
-        pressure=pressure,
-        gap=(after - v) / penalty,
-        mismatch=x - after,
-        displacement=(operator.displace(x) + stiff) / penalty,
-        error=left / nonzero(size),
-        ended=found.ended,
-        num_steps=found.num_steps,
-        num_fft_pairs=found.num_fft_pairs + pairs + 4,
-    )
-
-
-def _response(operator, s, residual, missing):
-    """dσ of (1 - s) dσ + s (ρM dσ + ρ dū) = -s `residual`, the solid's, and FFT pairs.
-
-    The mean of dσ is `missing`.
-    """
-    root, share = root_of(s), missing / nonzero(operator.mean(s))
-    known = share * s
-    rhs = root * (-residual - share * (1 - s) - operator.displace(known))
-    rhs = without_mean(operator, rhs, root)
-    tau, x, _, _, pairs = LinearSplitting().solve(
-        operator, s, rhs, rtol=jnp.asarray(_STEP_RTOL, s.dtype)
-    )
-    return known + root * without_mean(operator, tau, root), known + x, pairs

@@ -112,8 +112,7 @@ class DouglasRachford(AbstractContactSolver):
             looks = settings.newton and is_concrete(heights)
             before = start if last is None else last
             problem, state = _begin_on_grid(grid, law, before, settings, looks)
-            # While programs compile beforehand there are shapes only.
-            if looks and eqx.is_array(state.next) and int(state.next) == _NEWTON_NEXT:
+            if looks and int(state.next) == _NEWTON_NEXT:
                 state = _alternate(problem, state, settings)
             last = problem, state
         assert last is not None  # there is at least one grid

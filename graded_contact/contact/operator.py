@@ -10,17 +10,22 @@ Under steady sliding U is the Fourier transform in the frame of the surface (`St
 other periodic motion it is one in space and time (`space_time.py`), and the mean is prescribed at
 every time. For another operator write a subclass of `AbstractOperator` with a kernel, the
 transforms `to_waves` and `to_field`, and `mean`.
+
+An operator also knows its fields: the cell that they fill, around a window (`window.py`) more than
+the surface, and which of their axes is time. So an observable of a contact is one formula for all.
 """
 
 from abc import abstractmethod
+from collections.abc import Callable
 from typing import ClassVar
 
 import equinox as eqx
 import jax
 import jax.numpy as jnp
-from jaxtyping import Array, Bool, Float, Inexact
+import numpy as np
+from jaxtyping import Array, Bool, Float, Inexact, Shaped
 
-from ..fields.grid import multiplicity, resample_spectrum, to_field, to_spectrum
+from ..fields.grid import Grid, multiplicity, resample_spectrum, to_field, to_spectrum
 
 
 class AbstractOperator(eqx.Module):
@@ -106,16 +111,63 @@ class AbstractOperator(eqx.Module):
         """Returns the mean energy ⟨f M⁻¹ f⟩ of a displacement, of each mean that is prescribed."""
         return self.mean(field * self.filtered(self.inverse, field))
 
+    # The fields of a contact.
+
+    def cell(self, grid: Grid) -> Grid:
+        """Returns the cell of the kernel; `grid` is that of the surface."""
+        return grid
+
+    def on_cell(self, field: Shaped[Array, "..."], mode: str = "constant") -> Shaped[Array, "..."]:
+        """Returns a field of the surface on the cell; `mode` as in `numpy.pad`."""
+        return field
+
+    def on_surface(self, field: Shaped[Array, "..."]) -> Shaped[Array, "..."]:
+        """Returns the part of a field on the cell that lies on the surface."""
+        return field
+
+    def at_each_time(self, formula: Callable[..., Array], *fields: Array) -> Array:
+        """Returns the formula of fields over space, at each time if they have times."""
+        return formula(*fields)
+
+    @property
+    def at_edges(self) -> Inexact[Array, "*half"]:
+        """The kernel over space that weighs gaps at the edge of contact, see `edge_stiffness`."""
+        return self.kernel
+
+    def traction(
+        self,
+        pressure: Float[Array, "*shape"],
+        profile: Float[Array, "*shape"],
+        q: Float[Array, "..."],
+    ) -> Float[Array, "..."]:
+        """Returns -⟨σ ∂f/∂x⟩ [Pa] at each time; `q` is each wave's number along x [rad/m]."""
+        return self.at_each_time(lambda p, f: jnp.sum(work_of_waves(p, f, q)), pressure, profile)
+
+    def dissipation(
+        self, pressure: Float[Array, "*shape"], omega: Float[Array, "..."]
+    ) -> Float[Array, "*half"]:
+        """Returns the power lost per area [W/m²] in each wave and its conjugate.
+
+        `omega` is the frequency of each wave [rad/s].
+        """
+        amplitude = self.to_waves(pressure) / pressure.size
+        power = (amplitude.real**2 + amplitude.imag**2) * -omega * jnp.imag(self.compliance)
+        return power * multiplicity(pressure.shape)
+
+
+def work_of_waves(
+    pressure: Float[Array, "*shape"], profile: Float[Array, "*shape"], q: Float[Array, "..."]
+) -> Float[Array, "*half"]:
+    """Returns the part of -⟨σ ∂f/∂x⟩ [Pa] of each wave and its conjugate, `q` along x [rad/m]."""
+    # The real part of -conj(σ) i q f.
+    found = q * (jnp.conj(to_spectrum(pressure)) * to_spectrum(profile)).imag
+    return found * multiplicity(pressure.shape) / pressure.size**2
+
 
 class Steady(AbstractOperator):
-    """Steady sliding: waves in the frame of the surface; see `stack_kernel` for the kernel.
-
-    A `grounded` operator also gives the mean of a displacement, relative to the block far away.
-    Then no mean is open, and a prescribed gap is the gap of the undeformed block.
-    """
+    """Steady sliding: waves in the frame of the surface; see `stack_kernel` for the kernel."""
 
     kernel: Inexact[Array, "*half"]
-    grounded: bool = eqx.field(default=False, static=True)
     of_distance: ClassVar[bool] = True
 
     def to_waves(self, field):
@@ -125,24 +177,29 @@ class Steady(AbstractOperator):
         return to_field(waves, shape)
 
     def mean(self, field):
-        return jnp.zeros((), field.dtype) if self.grounded else jnp.mean(field)
+        return jnp.mean(field)
 
     def coarser(self, shape, new_shape):
-        return Steady(resample_spectrum(self.compliance, shape, new_shape), self.grounded)
+        return Steady(resample_spectrum(self.compliance, shape, new_shape))
 
     @property
     def is_mean(self):
-        return first_mode(self.kernel.shape) & (not self.grounded)
+        return first_mode(self.kernel.shape)
 
     @property
     def long_wave(self):
         return jnp.abs(third_mode(self.kernel))
 
     def bending_energy(self, field):
-        # One transform instead of two. Only the real part of 1/M stores energy.
-        weight = jnp.asarray(multiplicity(field.shape) / field.size**2, field.dtype)
-        power = jnp.abs(self.to_waves(field)) ** 2 * weight
-        return jnp.sum(power * jnp.real(self.inverse))
+        return energy_of_waves(self.to_waves(field), self.inverse, field.shape)
+
+
+def energy_of_waves(
+    waves: Inexact[Array, "*half"], inverse: Inexact[Array, "*half"], shape: tuple[int, ...]
+) -> Float[Array, ""]:
+    """Returns ⟨f M⁻¹ f⟩ by one transform instead of two; only the real part of 1/M stores."""
+    weight = jnp.asarray(multiplicity(shape) / np.prod(shape) ** 2, waves.real.dtype)
+    return jnp.sum(jnp.abs(waves) ** 2 * weight * jnp.real(inverse))
 
 
 class Solid(eqx.Module):
@@ -188,13 +245,6 @@ class Solid(eqx.Module):
             scale = 1 / (real**2 + imag**2)
             filter = jax.lax.complex(real * scale, -imag * scale)
         return jnp.where(self.operator.is_mean, 1 if self.free_mean else 0, filter)
-
-
-def displace(
-    kernel: Inexact[Array, "*half"], field: Float[Array, "*shape"]
-) -> Float[Array, "*shape"]:
-    """Returns M σ without its mean, under steady sliding."""
-    return Steady(kernel).displace(field)
 
 
 def first_mode(shape: tuple[int, ...]) -> Bool[Array, "*half"]:

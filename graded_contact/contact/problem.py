@@ -6,9 +6,7 @@ wall σ >= 0, u >= 0, σ u = 0. Either the mean of σ is prescribed and the mean
 prescribed and the mean of σ follows.
 """
 
-import dataclasses
 import functools
-from collections.abc import Callable
 
 import jax
 import jax.numpy as jnp
@@ -27,7 +25,7 @@ from ..core.checks import (
     check_values,
     is_concrete,
 )
-from ..core.compilation import beforehand, compiled, one_by_one
+from ..core.compilation import compiled, one_by_one
 from ..core.derivative import derivative_apart, largest, still
 from ..core.memory import check_memory, contact_memory
 from ..fields.devices import num_devices, required
@@ -36,12 +34,11 @@ from .adjoint import (
     Inputs,
     LinearSolver,
     LinearSplitting,
-    State,
     attach_gradient,
     check_converged,
     explain_lost,
 )
-from .estimates import Assessment, assess, penalty_at, state_of
+from .estimates import assess, penalty_at, state_of
 from .law import AbstractLaw, HardWall, check_law, check_pressure
 from .nested_solve import DouglasRachford
 from .operator import Steady, first_mode
@@ -54,8 +51,7 @@ from .solver import (
     participation,
     penalty_for,
 )
-from .target import WORTHLESS, FoundContact, ObservableTarget, Target, solve_until
-from .window import is_window, on_cell, solve_on_window
+from .window import Window, operator_of, solve_on_window
 
 # Default tolerance of the pressure. The error of friction is then at most 3e-5, in the median 2e-7,
 # with 0.77 of the FFT pairs of 1e-6 (156 viscoelastic contacts, `bench_contact.py observables`).
@@ -65,11 +61,10 @@ RTOL = 5e-5
 # equilibria were stable: see `adhesion.py`.
 _RESOLVED = 0.3
 # Tolerance of the linear solves of derivatives: its ratio to the tolerance of the pressure, and a
-# limit; its ratio to the tolerance of target numbers, because derivatives may be small differences.
-# True errors were 0.01 to 0.5 of it, with 0.58 of the pairs of the solve at 1e-3 and 0.83 at 5e-5
-# (medians of 15 contacts, `bench_contact.py linear`).
+# limit. True errors were 0.01 to 0.5 of it, with 0.58 of the pairs of the solve at 1e-3 and 0.83 at
+# 5e-5 (medians of 15 contacts, `bench_contact.py linear`).
 _OF_PRESSURE, _LOOSEST_DERIVATIVE = 20, 1e-3
-_OF_TARGET = 0.1
+_WORTHLESS = 0.1  # error of gaps over the rms height
 _LEAST_GAP = 1e-12  # mean gaps over the rms height below this are rounding
 
 
@@ -85,7 +80,6 @@ def solve_contact(
     solver: AbstractContactSolver = DouglasRachford(),  # noqa: B008
     adjoint: LinearSolver = LinearSplitting(),  # noqa: B008
     rtol: float = RTOL,
-    target: Callable[[ContactSolution], Array | ObservableTarget] | None = None,
     start: Numbers | None = None,
     solution: ContactSolution | None = None,
     throw: bool = True,
@@ -116,10 +110,7 @@ def solve_contact(
       a custom one.
     - `adjoint`: solver of the linear systems of derivatives, and its tolerance: see
       `LinearSplitting`.
-    - `rtol`: requested relative error of the pressure [1]; or
-    - `target`: function of the solution that returns numbers, continuous in the pressure. `rtol` is
-      then their relative error, and `.target_error` estimates it. The solve mostly ends long before
-      the pressure is accurate: see `contact/target.py`.
+    - `rtol`: requested relative error of the pressure [1].
     - `start`: a pressure field [Pa] to start from, such as a neighbouring solution; a missing load
       is spread evenly. A start whose load or speed differs by more than 1.5 times gives no
       speed-up. With a law that attracts, it chooses among several solutions; see `follow_contact`.
@@ -135,17 +126,17 @@ def solve_contact(
     **Raises:** `ValueError` for a refused argument; `RuntimeError` if the solve fails.
     """
     heights = as_float(heights, "heights")
-    kernel = as_numbers(kernel, "kernel")
     _check_heights(heights, solver)
-    _check_kernel(kernel, heights, throw)
+    operator = operator_of(as_numbers(kernel, "kernel"), heights.shape)
+    _check_kernel(operator, heights, throw)
     check_law(law)
     solve = functools.partial(contact_of, solver=solver, adjoint=adjoint, rtol=rtol, throw=throw)
-    if is_window(kernel, heights.shape):
-        _check_heights(on_cell(heights, kernel), solver)  # of the memory of four times as many
-        loading = _loading_of_window(pressure, mean_gap, approach, law, heights, kernel)
+    if isinstance(operator, Window):
+        _check_heights(operator.on_cell(heights), solver)  # of the memory of four times as many
+        loading = _loading_of_window(pressure, mean_gap, approach, law, heights, operator.kernel)
         start = None if start is None else _as_start(start, heights, law)
         return solve_on_window(
-            solve, kernel, heights, loading, law=law, target=target, start=start, solution=solution
+            solve, operator, heights, loading, law=law, start=start, solution=solution
         )
     if approach is not None:
         raise ValueError(
@@ -153,8 +144,8 @@ def solve_contact(
             "`Surface.periodic`. Prescribe `mean_gap`."
         )
     loading = loading_of(pressure, mean_gap, law, heights)
-    inputs = Inputs(Steady(kernel), heights, law, loading)
-    return solve(inputs, target=target, start=start, solution=solution)
+    inputs = Inputs(operator, heights, law, loading)
+    return solve(inputs, start=start, solution=solution)
 
 
 def contact_of(
@@ -162,7 +153,6 @@ def contact_of(
     solver: AbstractContactSolver,
     adjoint: LinearSolver,
     rtol: float,
-    target: Callable[[ContactSolution], Array | ObservableTarget] | None,
     start: Numbers | None,
     solution: ContactSolution | None,
     throw: bool,
@@ -176,26 +166,16 @@ def contact_of(
     inputs, start = in_precision((inputs, start), dtype)
     check_tolerance("rtol", rtol, inputs.heights)
     # Compiled separately: under a derivative the search is compiled already.
-    fixed, start, target, solution = still((inputs, start, target, solution))
+    fixed, start, solution = still((inputs, start, solution))
     tolerance = jnp.asarray(rtol, dtype)
     if solution is None:
-        beforehand(_programs, fixed, solver, adjoint, tolerance, target, start)
-        found = _search(fixed, solver, tolerance, target, start)
+        found = _search(fixed, solver, tolerance, start)
     else:
-        found = FoundContact(_output_of(fixed, solution))
-    close = _OF_TARGET * rtol
-    if target is None:
-        close = min(_OF_PRESSURE * rtol, max(rtol, _LOOSEST_DERIVATIVE))
-    close = jnp.asarray(close, dtype)
+        found = _output_of(fixed, solution)
+    close = jnp.asarray(min(_OF_PRESSURE * rtol, max(rtol, _LOOSEST_DERIVATIVE)), dtype)
     solution_of = _solution_or_fail if throw else _solution_or_nan
     result, good = solution_of(inputs, solver.finds_unstable, found, adjoint, tolerance, close)
     return required(result, good, result.result.error_if) if throw else result
-
-
-def _programs(inputs: Inputs, solver: AbstractContactSolver, adjoint, rtol, target, start) -> None:
-    """Calls all programs of a solve but Newton steps, which few solves need."""
-    found = _search(inputs, solver, rtol, target, start)
-    _solution(inputs, solver.finds_unstable, found, adjoint, rtol, rtol)
 
 
 def _check_heights(heights, solver: AbstractContactSolver) -> None:
@@ -216,9 +196,9 @@ def _check_heights(heights, solver: AbstractContactSolver) -> None:
     check_squares("heights", heights, "m")
 
 
-def _check_kernel(kernel, heights, throw: bool) -> None:
-    remedy = ""
-    if is_window(kernel, heights.shape):
+def _check_kernel(operator: Steady | Window, heights, throw: bool) -> None:
+    kernel, remedy = operator.kernel, ""
+    if isinstance(operator, Window):
         remedy = (
             ". On a window it is not if a stiff coat, or a plate on a `Free()` base, spreads the "
             "load over its length: put the body into a periodic cell several windows wide, with "
@@ -326,24 +306,21 @@ def _check_gap(gap: float, law: HardWall, least: float) -> None:
         )
 
 
-def _search(inputs: Inputs, solver: AbstractContactSolver, rtol, target, start) -> FoundContact:
+def _search(inputs: Inputs, solver: AbstractContactSolver, rtol, start) -> SolverOutput:
     """The contact that is found: in one program, or by `DouglasRachford` outside `jit` in a few."""
     concrete = all(map(is_concrete, jax.tree.leaves((inputs, start))))
-    single = concrete and target is None and num_devices(inputs.heights) == 1
+    single = concrete and num_devices(inputs.heights) == 1
     if single and isinstance(solver, DouglasRachford):
-        return FoundContact(solver.solve(*inputs, rtol=rtol, start=start))
-    return _find_contact(inputs, solver, rtol, target, start)
+        return solver.solve(*inputs, rtol=rtol, start=start)
+    return _find_contact(inputs, solver, rtol, start)
 
 
 @compiled
 @one_by_one
-def _find_contact(inputs: Inputs, solver: AbstractContactSolver, rtol, target, start):
+def _find_contact(inputs: Inputs, solver: AbstractContactSolver, rtol, start):
     if not isinstance(solver, DouglasRachford):  # which accepts any mean, and saves a copy
         inputs = _without_mean(inputs)
-    if target is None:
-        return FoundContact(solver.solve(*inputs, rtol=rtol, start=start))
-    describe = functools.partial(_describe, inputs)
-    return solve_until(inputs, solver, Target(target, rtol), start, describe)
+    return solver.solve(*inputs, rtol=rtol, start=start)
 
 
 @compiled
@@ -382,45 +359,27 @@ def _without_mean(inputs: Inputs) -> Inputs:
 
 @compiled
 def _solution(
-    inputs: Inputs, finds_unstable: bool, known: FoundContact, adjoint: LinearSolver, rtol, close
+    inputs: Inputs, finds_unstable: bool, found: SolverOutput, adjoint: LinearSolver, rtol, close
 ) -> tuple[ContactSolution, Array]:
     """The solution with its derivative, to a tolerance `close`, and whether it is one."""
     inputs = _without_mean(inputs)
-    found, assessed, errors, reached = jax.lax.stop_gradient(known)
-    if assessed is None or reached is None:
-        assessed = jax.lax.stop_gradient(assess(inputs, found))
-        # Where rounding ended the solve, its own error counts noise out of contact, too.
-        reached = jnp.where(found.ended, assessed.error, found.error) <= rtol
+    found = jax.lax.stop_gradient(found)
+    assessed = jax.lax.stop_gradient(assess(inputs, found))
+    # Where rounding ended the solve, its own error counts noise out of contact, too.
+    reached = jnp.where(found.ended, assessed.error, found.error) <= rtol
     state = jax.lax.stop_gradient(state_of(inputs, found))
     penalty = penalty_at(inputs, found)
     state = attach_gradient(inputs, state, found.gap, penalty, adjoint, close)
-    solution = _describe(inputs, found, state, assessed)
-    result = _how_it_ended(inputs, finds_unstable, found, reached, solution.gap_error)
-    solution = dataclasses.replace(solution, target_error=errors, result=result)
-    return solution, result == RESULTS.successful
-
-
-_solution_or_fail = derivative_apart(_solution, check_converged, explain_lost)
-_solution_or_nan = derivative_apart(_solution)
-
-
-def _describe(
-    inputs: Inputs,
-    found: SolverOutput,
-    state: State | None = None,
-    assessed: Assessment | None = None,
-) -> ContactSolution:
-    """The solution that was found; its state may have derivatives."""
-    if assessed is None:
-        assessed = Assessment(jnp.zeros_like(found.pressure), found.error, found.error)
-    pressure, displacement, mean_gap = state_of(inputs, found) if state is None else state
+    pressure, displacement, mean_gap = state
     heights = inputs.heights - jnp.mean(inputs.heights)
     gap = displacement - heights + mean_gap
     # Errors have no derivative: that of a norm or of a maximum may be 0/0.
     known, opened = jax.lax.stop_gradient((pressure, gap))
     rms, mean = jnp.std(jax.lax.stop_gradient(heights)), jnp.mean(jnp.abs(known))
     unit, load = jnp.where(rms > 0, rms, 1), jnp.where(mean > 0, mean, 1)
-    return ContactSolution(
+    gap_error = assessed.gap_error / unit
+    result = _how_it_ended(inputs, finds_unstable, found, reached, gap_error)
+    solution = ContactSolution(
         pressure=pressure,
         displacement=displacement,
         gap=gap,
@@ -429,14 +388,18 @@ def _describe(
         correction=assessed.correction,
         error=assessed.error,
         load_error=jnp.abs(jnp.mean(found.mismatch)) / load,
-        gap_error=assessed.gap_error / unit,
+        gap_error=gap_error,
         complementarity_error=jnp.mean(jnp.abs(known * (opened - found.gap))) / (load * unit),
         penetration=jnp.max(jnp.maximum(jnp.minimum(found.gap, 0) - opened, 0)) / unit,
-        target_error=None,
         num_steps=found.num_steps,
         num_fft_pairs=found.num_fft_pairs,
-        result=RESULTS.successful,
+        result=result,
     )
+    return solution, result == RESULTS.successful
+
+
+_solution_or_fail = derivative_apart(_solution, check_converged, explain_lost)
+_solution_or_nan = derivative_apart(_solution)
 
 
 def _how_it_ended(inputs: Inputs, finds_unstable, found: SolverOutput, reached, gap_error):
@@ -450,7 +413,7 @@ def _how_it_ended(inputs: Inputs, finds_unstable, found: SolverOutput, reached, 
     if law.attracts and finds_unstable:
         steep = law.steepest_rise * inputs.operator.least > _RESOLVED
         result = RESULTS.where(steep & (result == RESULTS.successful), RESULTS.unresolved, result)
-    worthless = (gap_error > WORTHLESS) & (jnp.std(inputs.heights) > 0)
+    worthless = (gap_error > _WORTHLESS) & (jnp.std(inputs.heights) > 0)
     worthless = worthless & (result == RESULTS.successful)
     result = RESULTS.where(worthless, RESULTS.gap_unresolved, result)
     if pressure is not None:

@@ -71,8 +71,6 @@ class ContactSolution(eqx.Module):
     - `complementarity_error`: mean of |σ| |u - u_σ| over that of |σ| and the rms height [1]; u_σ is
       the gap at which the law has the pressure σ, in hard contact 0.
     - `penetration`: largest interpenetration that the law does not allow, over the rms height [1].
-    - `target_error`: estimated errors of the numbers of `target`, in their own units [1]; None
-      without a target.
     - `num_steps`: iterations on the full grid.
     - `num_fft_pairs`: transforms spent, forward and back [1]; coarse grids counted by their size.
     - `result`: a member of `RESULTS`.
@@ -89,7 +87,6 @@ class ContactSolution(eqx.Module):
     gap_error: Float[Array, ""]
     complementarity_error: Float[Array, ""]
     penetration: Float[Array, ""]
-    target_error: Float[Array, " numbers"] | None
     num_steps: Array
     num_fft_pairs: Float[Array, ""]
     result: RESULTS

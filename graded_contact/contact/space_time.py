@@ -77,9 +77,12 @@ class SpaceTime(AbstractOperator):
         kernel = resample_spectrum(self.compliance, shape, new_shape)
         return SpaceTime(_even_on_nyquist(kernel, phases, new_shape), phases)
 
+    def at_each_time(self, formula, *fields):
+        return jax.vmap(formula)(*fields)
+
     @property
-    def typical(self) -> Float[Array, "*half"]:
-        """|M| of each wave [m/Pa], the geometric mean over the frequencies that it moves with."""
+    def at_edges(self):
+        # |M| of each wave, the geometric mean over the frequencies that it moves with.
         size = jnp.log(jnp.abs(jnp.where(self.is_mean, 1, self.kernel)))
         return jnp.exp(jnp.sum(frequency_shares(self.phases) * size, axis=0))
 

@@ -3,7 +3,6 @@
 XLA's older generator of CPU code, at its second level of optimisation, takes half the time that the
 defaults take (`bench_contact.py first`). The code was as fast within the scatter of a busy
 machine. Such options belong to a whole program: inside the `jit` of a user the user sets them.
-The programs of a solve compile at the same time, on threads: see `beforehand`.
 """
 
 import dataclasses
@@ -11,7 +10,6 @@ import functools
 import logging
 import os
 from collections.abc import Callable
-from concurrent.futures import Future, ThreadPoolExecutor, wait
 from typing import Any, TypeVar, cast
 
 import equinox as eqx
@@ -28,61 +26,19 @@ LESS_WORK = {
     "xla_cpu_parallel_codegen_split_count": 4,  # parts of a program, each with work of its own
 }
 
-_threads = ThreadPoolExecutor(thread_name_prefix="compile")
-
 
 def compiled(function: F) -> F:
-    """Returns a function compiled as by `eqx.filter_jit`, outside `jit` in less time.
-
-    With shapes (`jax.ShapeDtypeStruct`) in place of arrays it returns the shapes of the result,
-    and a thread begins to compile the program.
-    """
+    """Returns a function compiled as by `eqx.filter_jit`, outside `jit` in less time."""
     within = eqx.filter_jit(function)
-    started: list[Future] = []
 
     @functools.wraps(function)
     def run(*args, **kwargs):
         if not alone((args, kwargs)):
             return within(*args, **kwargs)
-        program, (numbers, others, structure) = _quickly(function), _parted((args, kwargs))
-        if any(isinstance(leaf, jax.ShapeDtypeStruct) for leaf in numbers):
-            traced = program.trace(numbers, others, structure)
-            started.append(_threads.submit(traced.lower().compile))
-            found, rest = jax.tree.unflatten(
-                jax.tree.structure(traced.out_info), map(_shape, traced.jaxpr.out_avals)
-            )
-            return rest.joined(found)
-        if started:  # else the program would be compiled twice
-            wait(tuple(started))
-            started.clear()
-        found, rest = program(numbers, others, structure)
+        found, rest = _quickly(function)(*_parted((args, kwargs)))
         return rest.joined(found)
 
     return cast(F, run)
-
-
-def beforehand(work: Callable[..., Any], *arguments: Any) -> None:
-    """Compiles all `compiled` functions that `work` calls, at the same time, outside `jit`.
-
-    Once for all arguments of the same shapes. `work` gets these shapes in place of arrays, so it
-    must not look at numbers.
-    """
-    if not alone(arguments):
-        return
-    numbers, others, structure = _parted(arguments)
-    # Arrays that were put on chosen devices have other programs.
-    if not any(getattr(number, "committed", False) for number in numbers):
-        kinds = (None if number is None else _shape(jax.typeof(number)) for number in numbers)
-        _beforehand(work, tuple(kinds), others, structure)
-
-
-@functools.lru_cache(maxsize=1024)
-def _beforehand(work, shapes, others, structure) -> None:
-    work(*structure.unflatten(_joined(shapes, others)))
-
-
-def _shape(kind) -> jax.ShapeDtypeStruct:
-    return jax.ShapeDtypeStruct(kind.shape, kind.dtype, weak_type=kind.weak_type)
 
 
 def alone(arguments: Any) -> bool:
@@ -118,12 +74,11 @@ class _Rest:
 
 
 def _parted(tree):
-    """The arrays of a tree, or shapes, with None for other leaves; these leaves; the structure."""
+    """The arrays of a tree, with None for other leaves; these leaves; the structure."""
     leaves, structure = jax.tree.flatten(tree)
-    arrays = [eqx.is_array(leaf) or isinstance(leaf, jax.ShapeDtypeStruct) for leaf in leaves]
-    pairs = list(zip(leaves, arrays, strict=True))
-    numbers = tuple(leaf if array else None for leaf, array in pairs)
-    return numbers, tuple(None if array else leaf for leaf, array in pairs), structure
+    numbers = tuple(leaf if eqx.is_array(leaf) else None for leaf in leaves)
+    others = tuple(None if eqx.is_array(leaf) else leaf for leaf in leaves)
+    return numbers, others, structure
 
 
 def _joined(numbers, others):

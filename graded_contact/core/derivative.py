@@ -19,7 +19,7 @@ from jax.extend.core import Primitive
 from jax.interpreters import ad, batching, mlir
 
 from .checks import is_concrete
-from .compilation import alone, beforehand, compiled
+from .compilation import alone, compiled
 
 # Fails at run time if its second argument is true, else returns the first, a number.
 Check = Callable[[Array, Array], Array]
@@ -62,9 +62,7 @@ def largest(numbers: Array) -> Array:
     return top + jnp.sum(jnp.where(near, numbers - fixed, 0)) / jnp.sum(near)
 
 
-def derivative_apart(
-    function: F, check: Check | None = None, explain: Explain | None = None
-) -> F:
+def derivative_apart(function: F, check: Check | None = None, explain: Explain | None = None) -> F:
     """Returns a function whose derivative, of any order and mode, is compiled separately.
 
     `function` takes positional arguments, returns arrays, and is compiled or made of what is.
@@ -88,10 +86,6 @@ def derivative_apart(
         moving, fixed = eqx.partition(args, given)
         if alone(args):
             like = eqx.filter(found, eqx.is_inexact_array)
-            if not all(map(is_concrete, jax.tree.leaves(tangents))):  # in reverse mode
-                # The context in which JAX runs it; in another one it would be another program.
-                with jax.sharding.use_abstract_mesh(jax.sharding.AbstractMesh((), ())):
-                    beforehand(back, moving, fixed, like)
             return _linear(along, back, (moving, fixed), tangents, like, explain)
         # Else a derivative in reverse would store what it needs.
         within = jax.checkpoint(lambda m, t: along(m, fixed, t), prevent_cse=False)

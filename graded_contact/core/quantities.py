@@ -1,11 +1,13 @@
-"""The one table of quantities: name, symbol, unit, meaning.
+"""Quantities: name, symbol, unit, meaning; and the registry of observables.
 
 Prints, columns of tables, attributes of datasets, labels of axes and the documentation take their
-words from here. A new observable is one function and one entry.
+words from here. An observable is one function under `@observable`, see `friction/observables.py`.
 """
 
-from collections.abc import Iterable
-from typing import NamedTuple
+from collections.abc import Callable, Collection, Iterable
+from typing import Any, NamedTuple, TypeVar
+
+F = TypeVar("F", bound=Callable[..., Any])
 
 
 class Quantity(NamedTuple):
@@ -43,53 +45,20 @@ AXES = _table([
     ("seed", "", "1", "seed of the random surface"),
 ])  # fmt: skip
 
-# Numbers that one contact has; a name with `_error` is the estimated error of the name before it.
-OBSERVABLES = _table([
-    ("friction", r"\mu", "1", "friction coefficient"),
-    ("friction_error", r"\delta\mu", "1", "estimated solver error of the friction coefficient"),
-    ("hysteresis_friction", r"\mu_\mathrm{hys}", "1", "friction coefficient of the hysteresis"),
-    ("shear_friction", r"\mu_\mathrm{shear}", "1", "friction coefficient of shear in the contact"),
-    ("contact_area", "A/A_0", "1", "contact area fraction (points in contact)"),
-    ("contact_area_error", r"\delta A/A_0", "1", "estimated solver error of the contact area"),
-    ("contact_area_corrected", "A/A_0", "1", "contact area fraction (corrected by the perimeter)"),
-    ("contact_area_smooth", "A/A_0", "1", "contact area fraction (sub-pixel)"),
-    ("mean_gap", r"\bar u", "m", "mean gap"),
-    ("geometric_friction", r"\mu_\mathrm{geo}", "1", "friction coefficient from the surface slope"),
-    ("energy_imbalance", "", "1", "relative difference of friction work and dissipation"),
-    ("slope_in_contact", "", "1", "rms slope of the block, weighted by the pressure"),
-    ("unmeasured_area", "", "1", "share of the contact area on filled or tapered points"),
-    ("unmeasured_friction", "", "1", "share of the hysteresis on filled or tapered points"),
-    ("extrapolated_friction", "", "1", "share of the friction where no modulus was measured"),
-    ("compression", "", "1", "approach over the thickness of layers on a rigid base"),
-    ("error", "", "1", "estimated relative error of the contact pressure"),
-    ("num_fft_pairs", "", "1", "FFT pairs of the solve"),
+# Numbers of results over several contacts.
+OF_STUDIES = _table([
     ("reduced_velocity", "a_T v", "m/s", "velocity times the time-temperature shift"),
     ("friction_standard_error", "", "1", "standard error of the friction by that of materials"),
 ])  # fmt: skip
 
-# Numbers that a periodic motion has in addition.
-CYCLE = _table([
+# A periodic motion.
+MOTION = _table([
     ("CyclicSliding.displacement", "s", "m", "displacement of the surface over the block"),
     ("Motion.displacement", "s", "m", "displacement of the surface over the block"),
     ("surface_displacement", "s", "m", "displacement of the surface over the block"),
     ("time", "t/T", "1", "time over the period"),
     ("highest_speed", "v", "m/s", "highest speed"),
     ("period", "T", "s", "period"),
-    ("load", r"\sigma_0", "Pa", "mean pressure at each time"),
-    ("traction", r"\tau", "Pa", "shear stress that opposes the motion"),
-    ("work", "W", "J/m²", "work of friction in a cycle"),
-    ("load_work", "", "J/m²", "work of the load in a cycle"),
-    ("dissipated_power", "P", "W/m²", "mean power that the block dissipates"),
-    ("dissipation", "P", "W/m²", "power dissipated at each frequency"),
-    ("mean_friction", r"\bar\mu", "1", "work of friction over load and path"),
-    ("mean_friction_error", r"\delta\bar\mu", "1", "estimated solver error of the mean friction"),
-    ("peak_friction", r"\mu_\mathrm{max}", "1", "largest friction coefficient of a cycle"),
-    ("peak_friction_error", r"\delta\mu_\mathrm{max}", "1", "estimated solver error of the peak"),
-    ("time_in_contact", "", "1", "share of the times at which the surfaces touch"),
-    ("phase", r"\delta", "1", "phase of the traction before the displacement, in radians"),
-    ("load_mismatch", "", "1", "difference of two forms of the load's work, over the dissipation"),
-    ("largest_step", "", "1", "largest step from one time to the next, in spacings of the grid"),
-    ("unresolved_motion", "", "1", "share of the velocity at the upper half of the frequencies"),
 ])  # fmt: skip
 
 # Fields over the surface.
@@ -158,11 +127,7 @@ PARAMETERS = _table([
 
 # Other numbers of results.
 RESULTS = _table([
-    ("surface_rise", r"\Delta T", "K", "temperature of the contact above the bulk"),
-    ("approach_error", "", "m", "estimated error of the approach"),
-    ("mean_pressure_error", "", "Pa", "estimated error of the mean pressure"),
     ("moment", "M", "N m", "moment of the pressure about the middle of the window"),
-    ("rim_load", "", "1", "share of the load on the rim of the window"),
     ("rms_height", r"h_\mathrm{rms}", "m", "rms height"),
     ("rms_slope", r"h'_\mathrm{rms}", "1", "rms slope"),
     ("rms_slope_along", "", "1", "rms slope along each axis"),
@@ -175,14 +140,12 @@ RESULTS = _table([
     ("peak", "", "1", "largest distance from the mean over the rms height"),
     ("missing", "", "1", "share of points without a height"),
     ("ContactSolution.pressure", r"\sigma", "Pa", "contact pressure"),
-    ("mean_pressure", r"\bar\sigma", "Pa", "mean contact pressure"),
     ("measured_range", r"\omega", "rad/s", "frequencies at which all materials were measured"),
     ("correction", "", "Pa", "estimated change of the pressure to the converged one"),
     ("penetration", "", "1", "largest penetration over the rms height"),
     ("gap_error", "", "1", "estimated relative error of the gap"),
     ("load_error", "", "1", "estimated relative error of the load"),
     ("complementarity_error", "", "1", "pressure outside contact, relative"),
-    ("target_error", "", "1", "estimated error of the target"),
     ("stress", r"\sigma_{ij}", "Pa", "stress"),
     ("stress_variance", "V", "Pa²", "variance of the pressure"),
     ("cutoff", "q", "rad/m", "cut-off of the roughness"),
@@ -201,11 +164,90 @@ RESULTS = _table([
     ("total", "", "1", "relative error of the modulus"),
 ])  # fmt: skip
 
+
+class Observable(NamedTuple):
+    """A number, or a field, of a contact; see `observable` for the fields of the same name."""
+
+    quantity: Quantity
+    formula: Callable[[Any], Any]
+    steady: bool
+    cyclic: bool
+    over_time: bool
+    mean_over_seeds: bool
+    has_derivative: bool
+    stored: bool
+    needs: frozenset[str]
+    column: tuple[str, str] | None
+
+    @property
+    def name(self) -> str:
+        return self.quantity.name
+
+    def is_of(self, motion: bool, facts: Collection[str]) -> bool:
+        """Whether contacts of this kind have it."""
+        return (self.cyclic if motion else self.steady) and self.needs <= {*facts}
+
+
+# In the order of prints and tables.
+OBSERVABLES: dict[str, Observable] = {}
+
+
+def observable(
+    symbol: str,
+    unit: str,
+    meaning: str,
+    *,
+    steady: bool = True,
+    cyclic: bool = True,
+    over_time: bool = False,
+    mean_over_seeds: bool = False,
+    has_derivative: bool = True,
+    stored: bool = True,
+    needs: Collection[str] = (),
+    column: tuple[str, str] | None = None,
+) -> Callable[[F], F]:
+    """Registers a function of a `Sliding` or a `CyclicSliding` as its attribute of the same name.
+
+    The attribute is computed when it is read. A name with `_error` is the estimated error of the
+    name before it, and is printed behind it.
+
+    **Arguments:**
+
+    - `symbol`, `unit`, `meaning`: see `Quantity`.
+    - `steady`, `cyclic`: whether steady sliding and cycles have it.
+    - `over_time`: whether a cycle has one number at each time.
+    - `mean_over_seeds`: whether several surfaces have its mean; else they have the largest.
+    - `has_derivative`: False stops derivatives.
+    - `stored`: whether prints, results of scenes and of `sweep` contain it.
+    - `needs`: only contacts with these `facts` print and store it.
+    - `column`: head and format in the table of the command, if it has a column there.
+    """
+
+    def register(formula: F) -> F:
+        quantity = Quantity(formula.__name__, symbol, unit, meaning)
+        OBSERVABLES[quantity.name] = Observable(
+            quantity, formula, steady, cyclic, over_time, mean_over_seeds, has_derivative, stored,
+            frozenset(needs), column,
+        )  # fmt: skip
+        return formula
+
+    return register
+
+
+def numbers_of(motion: bool, facts: Collection[str] = ()) -> tuple[str, ...]:
+    """Returns the names of the observables that prints and results of such contacts contain."""
+    return tuple(n for n, o in OBSERVABLES.items() if o.stored and o.is_of(motion, facts))
+
+
 # The pressure of an axis comes before that of a field.
-_ALL = PARAMETERS | RESULTS | FIELDS | CYCLE | OBSERVABLES | AXES
+_ALL = PARAMETERS | RESULTS | FIELDS | MOTION | OF_STUDIES
 
 
 def quantity_of(name: str, owner: str = "") -> Quantity | None:
     """Returns the entry of a field of the class `owner`, or of the last part of a path, or None."""
     last = name.rpartition(".")[2].partition("[")[0]
-    return _ALL.get(f"{owner}.{last}") or _ALL.get(last)
+    if (found := _ALL.get(f"{owner}.{last}") or AXES.get(last)) is not None:
+        return found
+    if last in OBSERVABLES:
+        return OBSERVABLES[last].quantity
+    return _ALL.get(last)

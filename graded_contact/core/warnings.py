@@ -144,6 +144,35 @@ RULES = (
     ),
 )
 
+# Of a cycle.
+CYCLE_RULES = (
+    *SLIDING_RULES,
+    Rule(
+        lambda found: found.largest_step,
+        1.0 + LIMIT,
+        "The surface moves by up to {worst:.2g} spacings of the grid from one time to the next: "
+        "the times do not resolve how the shortest waves move. Take more times.",
+    ),
+    Rule(
+        lambda found: found.load_mismatch,
+        LIMIT,
+        "The work of the load has an error of about {worst:.0%} of the dissipated energy: the load "
+        "or the gap changes too fast for the number of times. If it jumps, let it change over "
+        "several times; otherwise take more times.",
+    ),
+    Rule(
+        lambda found: np.all(np.asarray(found.load) == 0, axis=-1),
+        0,
+        "The surfaces never touch: without a load there is no friction.",
+    ),
+    Rule(
+        lambda found: found.unresolved_motion,
+        LIMIT,
+        "{worst:.0%} of the velocity is at the upper half of the frequencies that the times "
+        "resolve: the motion has kinks or jumps. Take more times, or a smoother motion.",
+    ),
+)
+
 
 def caveats_of(found: Any, rules: Sequence[Rule] = RULES) -> tuple[Caveat, ...]:
     """Returns the caveats of a `Sliding` or of the results of a scene."""

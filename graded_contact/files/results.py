@@ -17,9 +17,9 @@ from typing import TYPE_CHECKING
 import jax.numpy as jnp
 import numpy as np
 
-from ..core.warnings import RULES, Caveat, caveats_of, caveats_of_steps
+from ..core.quantities import OBSERVABLES
+from ..core.warnings import CYCLE_RULES, RULES, Caveat, caveats_of, caveats_of_steps
 from ..fields.grid import Grid
-from ..friction.cycle import RULES as CYCLE_RULES
 from ..roughness.surface import Step, Surface
 from .dataset import FAILED, LOST, NOT_STARTED, mean_and_error, read
 
@@ -35,18 +35,6 @@ KEPT_FIELDS = {
 }
 SEED_ERROR = "_seed_error"
 NEEDED = ("message", "point", "heights", "friction", "contact_area_smooth")
-# Numbers that differ from surface to surface, and whose mean is meant; of all others the largest.
-MEANS = (
-    "friction", "hysteresis_friction", "shear_friction", "geometric_friction", "contact_area",
-    "contact_area_corrected", "contact_area_smooth", "mean_gap", "surface_rise", "mean_friction",
-    "peak_friction", "work", "load_work", "dissipated_power", "phase",
-)  # fmt: skip
-
-# Numbers that have a value at each time of a cycle.
-OVER_TIME = (
-    "friction", "geometric_friction", "traction", "load", "mean_gap", "contact_area",
-    "contact_area_corrected", "contact_area_smooth",
-)  # fmt: skip
 
 
 def read_results(path: str | os.PathLike) -> "Dataset":
@@ -117,8 +105,9 @@ def over_seeds(results: "Dataset") -> "Dataset":
     largest = whole.drop_vars("message").where(solved).max("seed", keep_attrs=True)
     found = {}
     for name in mean.data_vars:
-        found[name] = (mean if name in MEANS else largest)[name]
-        if name in MEANS:
+        by_mean = name in OBSERVABLES and OBSERVABLES[str(name)].mean_over_seeds
+        found[name] = (mean if by_mean else largest)[name]
+        if by_mean:
             found[f"{name}{SEED_ERROR}"] = error[name]
     count, state = solved.sum("seed"), state_of(results)
     lost = state.isin(["failed", NOT_STARTED]).all("seed")

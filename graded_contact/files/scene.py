@@ -17,6 +17,7 @@ import numpy as np
 from jaxtyping import Float
 
 from ..contact.nested_solve import DouglasRachford
+from ..contact.problem import RTOL
 from ..core.display import shown
 from ..core.parameters import with_values
 from ..fields.grid import Grid
@@ -106,7 +107,7 @@ class Scene:
       (vx, vy).)
     - `extrapolate`: true allows friction from frequencies at which a material was not measured.
     - `solver`: algorithm of the contact.
-    - `tolerance`: `friction_rtol` or `rtol` of `slide`, by its name.
+    - `rtol`: relative error of the contact pressure [1]; the default gives friction to 1e-4.
     - `graded_solver`: the solver of graded layers.
     - `name`: begins the names of the files of results.
     - `directory`: folder of the results, relative to the scene.
@@ -133,7 +134,7 @@ class Scene:
     shear: AbstractShear | None = None
     heating: Heating | None = None
     solver: DouglasRachford
-    tolerance: Mapping[str, Any]
+    rtol: float = RTOL
     graded_solver: AbstractGradedSolver = Layering()  # noqa: RUF009 (immutable)
     name: str | None = None
     directory: Path | None = None
@@ -196,7 +197,7 @@ KEYS = {
             *("pressure", "approach", "velocity", "temperature", "direction", "extrapolate"),
             *("pressure_ratio", "strain_per_slope"),
         ),
-        "[solver]": ("graded_solver",),
+        "[solver]": ("rtol", "graded_solver"),
         "[output]": ("name", "directory", "fields"),
     }.items()
 }

@@ -7,7 +7,6 @@ from pathlib import Path
 import numpy as np
 
 from ..contact.nested_solve import DouglasRachford
-from ..contact.problem import RTOL
 from ..core.checks import as_float, check_positive, check_tolerance, check_values, within
 from ..core.memory import check_points
 from ..core.parameters import paths, with_values
@@ -54,8 +53,8 @@ def parse_scene(text: str, folder: str | os.PathLike = ".") -> Scene:
         if tables.motion is None:
             raise ValueError("[load] lacks the key `velocity`.")
         load["velocity"] = np.array([float(tables.motion.highest_speed)])
-    solver, tolerance, accuracy = reader.arguments(
-        "[solver]", tables.solver, keys_of(DouglasRachford), keys_of(_tolerance), KEYS["[solver]"]
+    solver, accuracy = reader.arguments(
+        "[solver]", tables.solver, keys_of(DouglasRachford), KEYS["[solver]"]
     )
     block.read_materials(tables.materials, load.get("temperature"))
     if any(
@@ -72,9 +71,9 @@ def parse_scene(text: str, folder: str | os.PathLike = ".") -> Scene:
         full, reason = 2 * np.pi, "an angle [rad] lies between -2π and 2π"
         check_values("direction", load.get("direction", 0.0), reason, at_least=-full, at_most=full)
     with within("[solver]"):
-        algorithm = {"solver": DouglasRachford(**solver), "tolerance": _tolerance(**tolerance)}
-        for name, rtol in algorithm["tolerance"].items():
-            check_tolerance(name, rtol, as_float(load[kind]))
+        algorithm = DouglasRachford(**solver)
+        if "rtol" in accuracy:
+            check_tolerance("rtol", accuracy["rtol"], as_float(load[kind]))
     surface, stack, inputs = (
         surface_source(tables.surface, tables.grid, reader),
         block.stack(tables.layers, tables.base),
@@ -98,7 +97,7 @@ def parse_scene(text: str, folder: str | os.PathLike = ".") -> Scene:
         shear=tables.shear,
         heating=tables.heating,
         notes=tuple(block.notes),
-        **algorithm,
+        solver=algorithm,
         **load,
         **accuracy,
         **output,
@@ -113,22 +112,6 @@ def parse_scene(text: str, folder: str | os.PathLike = ".") -> Scene:
     _check_sweep(found)
     check_points("` x `".join(found.axes), found.num_solves)
     return found
-
-
-def _tolerance(rtol: float | None = None, friction_rtol: float | None = None) -> dict[str, float]:
-    """The tolerance of `slide`, by its name.
-
-    **Arguments:**
-
-    - `rtol`: relative error of the contact pressure [1]; 5e-5 if neither tolerance is given, which
-      gives friction to 1e-4.
-    - `friction_rtol`: relative error of friction and contact area [1].
-    """
-    if friction_rtol is None:
-        return {"rtol": RTOL if rtol is None else rtol}
-    if rtol is not None:
-        raise ValueError("Give `rtol` or `friction_rtol`, not both.")
-    return {"friction_rtol": friction_rtol}
 
 
 def _check_motion(scene: Scene) -> None:

@@ -18,7 +18,6 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float
 
-from ..contact.observables import shear_parts
 from ..core.checks import (
     Numbers,
     as_float,
@@ -40,6 +39,7 @@ from ..response.profile import Aged, Blend
 from ..response.stack import GradedLayer, HalfSpace, Layer, Stack, interface_depths
 from ..rheology.material import AbstractMaterial, Elastic, Prony
 from ..rheology.softening import StrainSoftening
+from .observables import shear_parts
 from .sliding import Sliding
 
 _NODES = 2  # of Gauss's rule in each interval of the depth

@@ -1,18 +1,38 @@
-"""Contact area and friction as shorter waves are added to the surface: which wavelengths matter."""
+"""Contact area and friction up to each wavenumber: which wavelengths matter."""
 
 import equinox as eqx
 import jax
 import jax.numpy as jnp
 import numpy as np
-from jaxtyping import ScalarLike
+from jaxtyping import Array, Float, ScalarLike
 
 from ..contact.adjoint import LinearSolver, LinearSplitting
 from ..contact.law import AbstractLaw, HardWall
 from ..contact.nested_solve import DouglasRachford
+from ..contact.operator import Steady, work_of_waves
 from ..contact.problem import RTOL, solve_contact
 from ..contact.solver import AbstractContactSolver
-from ..core.checks import Numbers, as_float, check_positive, check_types, is_concrete
-from ..fields.grid import Grid, to_field, to_spectrum, wavenumber
+from ..core.checks import (
+    Numbers,
+    as_float,
+    check_positive,
+    check_shape,
+    check_types,
+    check_whole,
+    is_concrete,
+)
+from ..core.compilation import compiled
+from ..core.derivative import largest
+from ..fields.devices import binned
+from ..fields.grid import (
+    Grid,
+    as_velocity,
+    direction_and_speed,
+    to_field,
+    to_spectrum,
+    wave_frequencies,
+    wavenumber,
+)
 from ..response.grading import AbstractGradedSolver
 from ..response.layering import Layering
 from ..response.stack import Stack
@@ -79,9 +99,8 @@ def area_against_cutoff(
         )
         s = Sliding(
             contact=contact,
-            kernel=kernel,
+            operator=Steady(kernel),
             heights=heights,
-            measured=None,
             grid=grid,
             velocity=velocity,
             law=law,
@@ -98,3 +117,51 @@ def area_against_cutoff(
 def _waves_up_to(cutoff, heights, grid: Grid):
     kept = wavenumber(grid) <= cutoff * (1 + 1e-6)
     return to_field(jnp.where(kept, to_spectrum(heights), 0), grid.shape)
+
+
+@check_types
+def cumulative_friction(
+    pressure: Float[Array, "*shape"],
+    displacement: Float[Array, "*shape"],
+    grid: Grid,
+    velocity: Numbers,
+    num_wavenumbers: int = 64,
+) -> CutoffCurve:
+    """Returns the friction of all waves up to each wavenumber.
+
+    Each wave of the pressure contributes its work on its own displacement. In a passive block no
+    contribution is negative, up to the error of the solution. The last entry of `friction` is the
+    friction coefficient.
+
+    **Arguments:**
+
+    - `pressure`, `displacement`: of a solution [Pa, m], shape of `grid`.
+    - `velocity`: that of the solution [m/s], a number (along x) or `(vx, vy)`; only its direction
+      counts, and with the opposite one friction is negative.
+    - `num_wavenumbers`: at least 2.
+
+    **Returns:** a `CutoffCurve` without areas, its cut-offs spaced geometrically from the lowest
+    wavenumber of the cell to the highest of the grid.
+
+    **Raises:** `ValueError` for a refused argument.
+    """
+    pressure = as_float(pressure, "pressure")
+    displacement = as_float(displacement, "displacement")
+    for name, field in (("pressure", pressure), ("displacement", displacement)):
+        check_shape(name, field, grid.shape)
+    check_whole("num_wavenumbers", num_wavenumbers, 2)
+    velocity = as_velocity(velocity, grid)
+    return _cumulative_friction(pressure, displacement, grid, velocity, num_wavenumbers)
+
+
+@compiled
+def _cumulative_friction(pressure, displacement, grid, velocity, num_wavenumbers: int):
+    q = wavenumber(grid)
+    along = -wave_frequencies(grid, direction_and_speed(velocity)[0])
+    work = work_of_waves(pressure, displacement, along)
+    edges = jnp.geomspace(2 * np.pi / jnp.max(grid.size), largest(q), num_wavenumbers)
+    # Waves on an edge belong to it, whatever the rounding.
+    place = jnp.searchsorted(edges, q * (1 - 1e-6))
+    place = jnp.minimum(place, num_wavenumbers - 1)
+    share = binned(place, work, num_wavenumbers)
+    return CutoffCurve(edges, jnp.cumsum(share) / jnp.mean(pressure))

@@ -7,6 +7,7 @@ the next, see `Motion.largest_step`.
 """
 
 import equinox as eqx
+import jax
 import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float, ScalarLike
@@ -25,6 +26,7 @@ from ..core.checks import (
 )
 from ..core.display import shown
 from ..fields.grid import Grid
+from ..response.periodic import period_frequencies
 
 _FINE = 16  # times between two of a recorded motion, before the highest frequencies are cut
 
@@ -194,3 +196,39 @@ def _times(num_times: int, like: Array) -> Float[Array, " nt"]:
     """Equally spaced times over the period."""
     check_whole("num_times", num_times, 4)
     return jnp.arange(num_times, dtype=like.dtype) / num_times
+
+
+def components(over_time: Float[Array, "nt ..."]) -> Float[Array, "nt components"]:
+    """Returns an array over time, with its components on the second axis."""
+    return over_time.reshape(len(over_time), -1)
+
+
+def velocity_of(
+    displacement: Float[Array, "nt ..."], period: Float[Array, ""], grid: Grid
+) -> tuple[Float[Array, "nt components"], Float[Array, "nt components"]]:
+    """Returns ds/dt [m/s], and the part of s [m] that comes back after each period.
+
+    The surface advances by the number of cells that closes the period with a step like its
+    neighbours.
+    """
+    moved = components(displacement)
+    count, size = len(moved), grid.size[: moved.shape[1]]
+    closing = (moved[-1] - moved[-2] + moved[1] - moved[0]) / 2
+    cells = jnp.round(jax.lax.stop_gradient((moved[-1] + closing - moved[0]) / size))
+    drift = cells * size
+    share = jnp.arange(count, dtype=moved.dtype)[:, None] / count
+    back = moved - drift * share
+    return rate_of(back, period) + drift / period, back
+
+
+def rate_of(values: Float[Array, "nt ..."], period: Float[Array, ""]) -> Float[Array, "nt ..."]:
+    """Returns the derivative by time of periodic values."""
+    omega = odd_frequencies(len(values), period).reshape(-1, *[1] * (values.ndim - 1))
+    return jnp.fft.irfft(1j * omega * jnp.fft.rfft(values, axis=0), len(values), axis=0)
+
+
+def odd_frequencies(count: int, period: Float[Array, ""]) -> Float[Array, " nw"]:
+    """Returns the frequencies ω >= 0 of a period; the highest of an even count, which has no sign,
+    is 0."""
+    omega = period_frequencies(count, period)
+    return omega if count % 2 else omega.at[-1].set(0)

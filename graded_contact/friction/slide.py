@@ -17,11 +17,10 @@ from ..contact.nested_solve import DouglasRachford
 from ..contact.problem import RTOL, solve_contact
 from ..contact.solution import RESULTS, ContactSolution
 from ..contact.solver import AbstractContactSolver
-from ..contact.target import FrictionAndArea
+from ..contact.window import operator_of
 from ..core.checks import (
     Numbers,
     as_float,
-    check_tolerance,
     check_types,
     check_values,
     is_concrete,
@@ -58,8 +57,7 @@ def slide(
     solver: AbstractContactSolver = DouglasRachford(),  # noqa: B008
     adjoint: LinearSolver = LinearSplitting(),  # noqa: B008
     graded_solver: AbstractGradedSolver = Layering(),  # noqa: B008
-    rtol: float | None = None,
-    friction_rtol: float | None = None,
+    rtol: float = RTOL,
     shear: ShearLaw | None = None,
     temperature: ScalarLike | None = None,
     heating: AbstractHeating | None = None,
@@ -86,11 +84,8 @@ def slide(
       are one velocity, not two speeds as in a scene: for several speeds use `sweep` or
       `jax.lax.map`. At rest (0, known beforehand) the relaxed moduli act and a real kernel is used.
     - `graded_solver`: the solver of graded layers and its tolerance, `Layering()` or `Riccati()`.
-    - `friction_rtol`: requested relative error of friction and of the sub-pixel contact area [1].
-      The tolerance is never below a tenth of the grid error. If friction is below 1 % of the rms
-      slope, the error is relative to that 1 %. Or
-    - `rtol`: requested relative error of the pressure [1]; 5e-5 if neither is given: the error of
-      friction is then at most about 1e-4 of it.
+    - `rtol`: requested relative error of the pressure [1]; with 5e-5 the error of friction is at
+      most about 1e-4 of it.
     - `shear`: law of the shear stress in the contact, called as shear(pressure, speed,
       temperature), such as `ConstantShear` or `PeakedShear`; None for hysteresis alone. The shear
       traction does not change the pressure, which is exact for ν = 1/2 on a half space.
@@ -120,7 +115,7 @@ def slide(
         }  # fmt: skip
         settings = {
             "solver": solver, "adjoint": adjoint, "graded_solver": graded_solver, "rtol": rtol,
-            "friction_rtol": friction_rtol, "throw": throw,
+            "throw": throw,
         }  # fmt: skip
         return _settled(heating, stack, inputs, settings, solution)
     if approach is not None:
@@ -129,7 +124,6 @@ def slide(
         stack, surface, velocity, solver, graded_solver, throw, strain_per_slope
     )
     sheared = shear_stress(shear, direction_and_speed(velocity)[1], temperature)
-    rtol, target = _tolerance(rtol, friction_rtol, kernel, surface, velocity, law, sheared)
     contact = solve_contact(
         kernel,
         surface.heights,
@@ -140,7 +134,6 @@ def slide(
         solver=solver,
         adjoint=adjoint,
         rtol=rtol,
-        target=target,
         start=start,
         solution=solution,
         throw=throw,
@@ -148,7 +141,7 @@ def slide(
     contact = _with_kernel_result(contact, reached)
     return Sliding(
         contact=contact,
-        kernel=kernel,
+        operator=operator_of(kernel, surface.heights.shape),
         heights=surface.heights,
         measured=surface.measured,
         grid=surface.grid,
@@ -158,6 +151,7 @@ def slide(
         kernel_error=kernel_error,
         shear=sheared,
         thickness=None if surface.periodic else _thickness(stack),
+        ground=not surface.periodic and has_ground(stack, surface.grid),
         at_approach=approach is not None,
     )
 
@@ -169,13 +163,12 @@ def _settled(heating: AbstractHeating, stack, inputs, settings, solution) -> Sli
     _check_parts(stack, inputs["surface"])
     check_periodic(inputs["surface"])
     # Temperatures are as noisy as the contact is inaccurate.
-    rtol, friction_rtol = settings["rtol"] or RTOL, settings["friction_rtol"]
     return heating.settle(
         lambda stack, **inputs: slide(stack, **inputs, **settings),
         stack,
         inputs["surface"].grid,
         inputs,
-        3 * friction_rtol if friction_rtol else 10 * rtol,
+        10 * settings["rtol"],
         settings["throw"],
     )
 
@@ -206,21 +199,6 @@ def _with_kernel_result(contact: ContactSolution, reached) -> ContactSolution:
         return contact
     result = RESULTS.where(reached, contact.result, RESULTS.inaccurate_kernel)
     return dataclasses.replace(contact, result=result)
-
-
-def _tolerance(rtol, friction_rtol, kernel, surface: Surface, velocity, law, shear):
-    """The tolerance of the solve, and its target if that is not the pressure."""
-    if rtol is not None and friction_rtol is not None:
-        raise ValueError(
-            f"`rtol={rtol}` and `friction_rtol={friction_rtol}`: give at most one of the two."
-        )
-    if friction_rtol is None:
-        return RTOL if rtol is None else rtol, None
-    check_tolerance("friction_rtol", friction_rtol, surface.heights)
-    heights, cell = surface.heights, surface.grid if surface.periodic else doubled(surface.grid)
-    velocity, tolerance = (jnp.asarray(a, heights.dtype) for a in (velocity, friction_rtol))
-    target = FrictionAndArea(kernel, heights, cell, velocity, law, tolerance, shear)
-    return friction_rtol, target
 
 
 def kernel_and_velocity(

@@ -24,7 +24,6 @@ from ..contact.adjoint import LinearSolver, LinearSplitting, opening_by_load
 from ..contact.area import coverage
 from ..contact.operator import Steady, first_mode
 from ..contact.solver import penalty_for
-from ..contact.window import is_window
 from ..core.checks import as_scalar, check_positive, check_type, check_types
 from ..fields.grid import multiplicity, wavenumber
 from .sliding import Sliding
@@ -89,7 +88,7 @@ def contact_conductance(
 
 def _check(sliding: Sliding) -> None:
     check_type("sliding", sliding, Sliding)
-    if is_window(sliding.kernel, sliding.grid.shape):
+    if "window" in sliding.facts:
         raise ValueError("`sliding` is on a window; a contact on a periodic surface is needed.")
 
 

@@ -67,12 +67,13 @@ def _contact(shown: Shown) -> xr.Dataset:
         found[axis] = (axis, np.arange(points) * (length / points))
     for name in ("pressure", "gap", "displacement"):
         found[name] = (axes, np.asarray(getattr(sliding, name)))
-    for name in OBSERVABLES:
-        if hasattr(sliding, name):
-            found[name] = ((), np.asarray(getattr(sliding, name)))
-    table = OBSERVABLES | FIELDS
-    about = {name: {"units": table[name].unit, "long_name": table[name].meaning} for name in found}
-    return xr.Dataset({name: (*values, about[name]) for name, values in found.items()})
+    found |= {name: ((), np.asarray(getattr(sliding, name))) for name in sliding.numbers}
+    # The pressure of a contact is a field, not an axis.
+    about = {name: FIELDS.get(name) or OBSERVABLES[name].quantity for name in found}
+    return xr.Dataset({
+        name: (*values, {"units": about[name].unit, "long_name": about[name].meaning})
+        for name, values in found.items()
+    })  # fmt: skip
 
 
 @styled

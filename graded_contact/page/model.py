@@ -139,7 +139,7 @@ class Model:
     def contact(self, values: Sequence[float]) -> Contact:
         """Returns the contact at `values` [SI], solved from the last one."""
         sliding, heights = _slide(self._scenery, jnp.array(values), self._start)
-        sliding.before_display()  # here in the thread, not when the page reads its numbers
+        sliding.compute(*sliding.numbers)  # here in the thread, not when the page reads them
         if np.all(np.isfinite(np.asarray(sliding.pressure))):
             self._start = sliding.pressure
         self._last = (tuple(values), Contact(sliding, np.asarray(heights), values[1]))

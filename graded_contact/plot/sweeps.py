@@ -294,7 +294,7 @@ def _finish(axes: "Axes", lines: _Lines, quantity: str) -> None:
         title = f"$a_T$ × {title_of('velocity')}"
     unit = _unit(lines.each[0]["x"])
     axes.set_xlabel(title + (f" [{unit}]" if unit else ""))
-    axes.set_ylabel(f"{OBSERVABLES[quantity].meaning} [1]")
+    axes.set_ylabel(f"{OBSERVABLES[quantity].quantity.meaning} [1]")
 
 
 def _unit(values: "DataArray") -> str:

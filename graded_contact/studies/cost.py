@@ -86,8 +86,7 @@ def _shape(scene: Scene) -> tuple[int, ...]:
 
 def _seconds(scene: Scene, shape: tuple[int, ...]) -> float:
     """Seconds of one solve."""
-    # Friction to any tolerance takes about as long as the pressure to 1e-4.
-    pairs = -PAIRS * np.log10(scene.tolerance.get("rtol", 1e-4))
+    pairs = -PAIRS * np.log10(scene.rtol)
     points = scene.num_times * np.prod(shape, dtype=float)
     return float(pairs * (PER_PAIR + PER_POINT * points))
 

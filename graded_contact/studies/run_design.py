@@ -305,7 +305,7 @@ def _stored_contact(
     assert isinstance(scene.surface, RandomSurface)
     name = fingerprint(
         package_versions(), "friction and area", scene.surface.grid, stack, heights, scene.pressure,
-        scene.velocity, scene.solver, scene.tolerance, scene.graded_solver, scene.strain_per_slope,
+        scene.velocity, scene.solver, scene.rtol, scene.graded_solver, scene.strain_per_slope,
     )  # fmt: skip
     found = None if store is None else store.read(name, ("friction", "contact_area"))
     if found is None:
@@ -330,7 +330,7 @@ def _contact(study: DesignScene, stack: Stack, heights: Array) -> tuple[Array, A
             pressure=scene.pressure[0],
             velocity=velocity,
             solver=scene.solver,
-            **scene.tolerance,
+            rtol=scene.rtol,
             graded_solver=scene.graded_solver,
             strain_per_slope=scene.strain_per_slope,
         )

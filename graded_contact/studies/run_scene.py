@@ -20,7 +20,6 @@ from ..core.memory import (
 )
 from ..files.dataset import package_versions
 from ..files.parameter_covariance import moved
-from ..files.results import OVER_TIME
 from ..files.scene import Scene
 from ..files.surface_source import RandomSurface, SurfaceFile
 from ..friction.cycle import slide_cycle
@@ -28,7 +27,7 @@ from ..friction.slide import check_approach, slide
 from ..response.stack import Stack
 from ..roughness.surface import Surface
 from .program import trace
-from .scene_results import CYCLIC, SOLVED, collect, fields_of, numbers_of
+from .scene_results import collect, fields_of, numbers_of_scene
 from .scene_theory import check_frequencies_of, errors_of_stack, velocity_vector
 from .store import Store, fingerprint
 from .sweep import Workers, solve_points
@@ -122,7 +121,7 @@ def run_scene(
     indices = list(np.ndindex(names.shape))
     kept = indices[-1] if kept is None else kept
     chosen = {"every": indices, "last": [kept], "none": []}[scene.fields]
-    numbers = numbers_of(scene, surface)
+    numbers = numbers_of_scene(scene, surface)
     points = solve_points(
         _solver(scene, surface),
         _columns(scene),
@@ -150,7 +149,7 @@ def point_names(scene: Scene, surface: Surface) -> np.ndarray:
         rough = scene.surface._replace(seed=0, seeds=None)
     common = fingerprint(
         versions, scene.stack, None if "temperature" in scene.axes else scene.temperature,
-        rough, surface.grid, surface.periodic, scene.direction, scene.solver, scene.tolerance,
+        rough, surface.grid, surface.periodic, scene.direction, scene.solver, scene.rtol,
         scene.graded_solver, scene.motion, scene.pressure_ratio, scene.shear, scene.heating,
         scene.strain_per_slope, errors_of_stack(scene),
     )  # fmt: skip
@@ -175,7 +174,7 @@ def _solver(scene: Scene, surface: Surface) -> Callable[[dict[str, Any]], dict[s
             check_approach(scene.approach, surface.grid)
     fields = fields_of(scene) if scene.fields != "none" else ()
     errors = errors_of_stack(scene)
-    names = [n for n in numbers_of(scene, surface) if n != "friction_standard_error"]
+    names = [n for n in numbers_of_scene(scene, surface) if n != "friction_standard_error"]
     job = _slid if scene.motion is None else _cycled
 
     def solved(point: dict[str, Any], stack: Stack) -> dict[str, Any]:
@@ -184,12 +183,17 @@ def _solver(scene: Scene, surface: Surface) -> Callable[[dict[str, Any]], dict[s
             rough = scene.surface.drawn(point["seed"])
         block = dataclasses.replace(scene, stack=stack).block(point)
         how: dict[str, Any] = dict(
-            solver=scene.solver, graded_solver=scene.graded_solver, throw=False, **scene.tolerance
+            solver=scene.solver, graded_solver=scene.graded_solver, throw=False, rtol=scene.rtol
         )
-        found, contact = job(scene, block, rough, point, how)
-        found |= {name: getattr(contact, name) for name in fields if name != "heights"}
+        contact = job(scene, block, rough, point, how)
+        found = dict(zip(names, contact.compute(*names), strict=True))
+        if scene.motion is not None:  # along the direction of the motion
+            for name in ("friction", "geometric_friction", "traction"):
+                along = np.ravel(velocity_vector(1.0, scene.direction))
+                found[name] = found[name].reshape(scene.num_times, -1) @ along
+        found |= {name: getattr(contact.contact, name) for name in fields if name != "heights"}
         found |= {"heights": rough.heights} if "heights" in fields else {}
-        return {name: found[name] for name in (*names, *fields)} | {"result": contact.result}
+        return found | {"result": contact.result}
 
     if errors is None:
         return lambda point: solved(point, scene.stack)
@@ -207,8 +211,7 @@ def _solver(scene: Scene, surface: Surface) -> Callable[[dict[str, Any]], dict[s
 
 
 def _slid(scene: Scene, block: Stack, surface: Surface, point: dict[str, Any], how: dict):
-    """The numbers of steady sliding by name, and the contact."""
-    sliding = slide(
+    return slide(
         block,
         surface,
         pressure=point.get("pressure"),
@@ -220,18 +223,9 @@ def _slid(scene: Scene, block: Stack, surface: Surface, point: dict[str, Any], h
         strain_per_slope=scene.strain_per_slope,
         **how,
     )
-    found = {name: getattr(sliding, name) for name in SOLVED}
-    if sliding.heated is not None:
-        found["surface_rise"] = sliding.heated.surface_rise
-    if not surface.periodic:
-        of_window = ["rim_load", "mean_pressure", "approach", "approach_error"]
-        of_window += ["mean_pressure_error"] if scene.approach is not None else []
-        found |= {name: getattr(sliding, name) for name in of_window}
-    return found, sliding
 
 
 def _cycled(scene: Scene, block: Stack, surface: Surface, point: dict[str, Any], how: dict):
-    """The numbers of a cycle by name, and the contact."""
     motion, along = scene.motion, np.ravel(velocity_vector(1.0, scene.direction))
     assert motion is not None
     moved, times = motion.displacement, np.arange(scene.num_times) / scene.num_times
@@ -239,7 +233,7 @@ def _cycled(scene: Scene, block: Stack, surface: Surface, point: dict[str, Any],
     if scene.pressure_ratio is not None:
         known = np.arange(len(scene.pressure_ratio)) / len(scene.pressure_ratio)
         pressure = pressure * np.interp(times, known, scene.pressure_ratio, period=1.0)
-    cycle = slide_cycle(
+    return slide_cycle(
         block,
         surface,
         displacement=moved if len(along) == 1 else moved[:, None] * along,
@@ -247,8 +241,3 @@ def _cycled(scene: Scene, block: Stack, surface: Surface, point: dict[str, Any],
         pressure=pressure,
         **how,
     )
-    found = {name: getattr(cycle, name) for name in (*CYCLIC, *OVER_TIME) if hasattr(cycle, name)}
-    for name in ("friction", "geometric_friction", "traction"):
-        found[name] = found[name].reshape(scene.num_times, -1) @ along
-    contact = cycle.contact
-    return found | {"error": contact.error, "num_fft_pairs": contact.num_fft_pairs}, contact

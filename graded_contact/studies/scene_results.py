@@ -6,10 +6,10 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from jaxtyping import Float
 
-from ..core.quantities import FIELDS, OBSERVABLES
+from ..core.quantities import FIELDS, OBSERVABLES, numbers_of
 from ..files.dataset import NOT_STARTED, attach, package_versions
 from ..files.paths import read_file
-from ..files.results import KEPT_FIELDS, OVER_TIME, surface_variables, warnings_of
+from ..files.results import KEPT_FIELDS, surface_variables, warnings_of
 from ..files.scene import Scene
 from ..files.surface_source import RandomSurface
 from ..response.window import has_ground
@@ -21,34 +21,19 @@ from .store import Point
 if TYPE_CHECKING:
     from xarray import Dataset
 
-# Numbers of every solve; the others follow from a law of temperature, errors of a material, heating
-# or a window.
-SOLVED = tuple(
-    name for name in OBSERVABLES if name not in ("reduced_velocity", "friction_standard_error")
-)
-# Numbers of every cycle.
-CYCLIC = (
-    "mean_friction", "mean_friction_error", "peak_friction", "peak_friction_error", "work",
-    "load_work", "dissipated_power", "phase", "slope_in_contact", "energy_imbalance",
-    "load_mismatch", "largest_step", "unresolved_motion", "extrapolated_friction", "error",
-    "num_fft_pairs",
-)  # fmt: skip
 
-
-def numbers_of(scene: Scene, surface: Surface) -> tuple[str, ...]:
-    """The numbers of a solve: a standard error if errors of a material are known."""
-    names = SOLVED if scene.motion is None else (*CYCLIC, *OVER_TIME)
-    if errors_of_stack(scene) is not None:
-        names += ("friction_standard_error",)
-    if scene.heating is not None:
-        names += ("surface_rise",)
-    if not surface.periodic:
-        names += ("rim_load",)
-        if scene.approach is not None:
-            names += ("mean_pressure", "mean_pressure_error")
-        elif has_ground(scene.stack, surface.grid):
-            names += ("approach", "approach_error")
-    return names
+def numbers_of_scene(scene: Scene, surface: Surface) -> tuple[str, ...]:
+    """The numbers of a solve but those of the axes; a standard error if errors are known."""
+    facts = {
+        "heated": scene.heating is not None,
+        "window": not surface.periodic,
+        "ground": not surface.periodic and has_ground(scene.stack, surface.grid),
+        "given approach": scene.approach is not None,
+        "given load": scene.approach is None,
+    }
+    known = [fact for fact, holds in facts.items() if holds]
+    names = [n for n in numbers_of(scene.motion is not None, known) if n not in scene.axes]
+    return *names, *(["friction_standard_error"] if errors_of_stack(scene) is not None else [])
 
 
 def fields_of(scene: Scene) -> tuple[str, ...]:
@@ -76,23 +61,22 @@ def collect(
                 values[i] = point.values[name]
         return values
 
-    variables: dict[str, Any] = {
-        name: (axes, over_axes(name, points).reshape(shape))
-        for name in numbers_of(scene, surface)
-        if name not in OVER_TIME or scene.motion is None
-    }
+    variables: dict[str, Any] = {}
+    times, over_time = scene.num_times, ()
+    for name in numbers_of_scene(scene, surface):
+        if scene.motion is not None and name in OBSERVABLES and OBSERVABLES[name].over_time:
+            values = over_axes(name, points, times).reshape(*shape, times)
+            variables[name] = (*axes, "time"), values
+        else:
+            variables[name] = axes, over_axes(name, points).reshape(shape)
     ends = [NOT_STARTED if point is None else point.message for point in points]
     variables["message"] = axes, np.reshape(ends, shape)
     variables["point"] = axes, names
     of_surface, places, about = surface_variables(surface)
     attributes = _attributes(scene, surface) | about
     coordinates = {name: (name, at) for name, at in scene.axes.items()} | places
-    over_time = ()
     if scene.motion is not None:
-        times, over_time = scene.num_times, ("time",)
-        for name in OVER_TIME:
-            values = over_axes(name, points, times).reshape(*shape, times)
-            variables[name] = (*axes, "time"), values
+        over_time = ("time",)
         variables["surface_displacement"] = "time", np.asarray(scene.motion.displacement)
         variables["period"] = "velocity", np.asarray(scene.period_at(scene.velocity))
         coordinates["time"] = "time", np.arange(times) / times
@@ -142,7 +126,7 @@ def _attributes(scene: Scene, surface: Surface) -> dict[str, Any]:
         "moduli": "\n".join(scene.notes),
         "dtype": str(surface.heights.dtype),
         "direction": scene.direction,
-        **scene.tolerance,
+        "rtol": scene.rtol,
         **package_versions(),
     }
     if isinstance(scene.surface, RandomSurface):

@@ -1,3 +1,5 @@
+import dataclasses
+
 import jax
 import jax.numpy as jnp
 import numpy as np
@@ -7,8 +9,9 @@ from conftest import BODIES, SPEED, rough
 import graded_contact as gc
 from graded_contact import reference
 from graded_contact.contact import area as area_of
-from graded_contact.contact import observables
+from graded_contact.contact.operator import Steady, work_of_waves
 from graded_contact.fields.grid import wave_frequencies
+from graded_contact.friction.observables import dissipation_of_waves
 
 GRID = gc.Grid((64, 64), 1.0)
 
@@ -18,9 +21,10 @@ def moved_by(pressure, kernel):
     return jnp.fft.irfft2(kernel.at[0, 0].set(0) * jnp.fft.rfft2(pressure), pressure.shape)
 
 
-def contact_indicator(solution, kernel, grid):
-    stiffness = area_of.edge_stiffness(kernel, grid)
-    return gc.HardWall().contact_indicator(solution.pressure, solution.gap, stiffness)
+def sliding(contact, kernel, heights, velocity=SPEED, grid=GRID):
+    """The result of a contact of which only the kernel is known."""
+    given = {"heights": jnp.asarray(heights), "velocity": jnp.asarray(velocity), "grid": grid}
+    return gc.Sliding(contact=contact, operator=Steady(kernel), law=gc.HardWall(), **given)
 
 
 def test_area_of_a_disc_is_exact_below_the_pixel():
@@ -48,7 +52,7 @@ def test_smooth_area_of_a_wave_follows_westergaard_between_pixels():
     for fraction in np.linspace(0.4, 0.4 + 4 / n, 9):
         load = full * np.sin(np.pi * fraction / 2) ** 2
         s = gc.solve_contact(kernel, wave, load, rtol=1e-8)
-        area = area_of.contact_area_smooth(contact_indicator(s, kernel, grid))
+        area = sliding(s, kernel, wave, grid=grid).contact_area_smooth
         errors.append(float(area) - fraction)
     assert np.max(np.abs(errors)) <= 0.1 / n
 
@@ -102,12 +106,11 @@ def test_full_contact_friction_is_exact_for_a_rough_surface(name, velocity):
     field[used] = pressure
     load = -1.2 * np.min(np.fft.ifft2(field).real) * 64**2
     kernel = gc.stack_kernel(BODIES[name], GRID, velocity)
-    s = gc.solve_contact(kernel, surface.heights, load, rtol=1e-11)
-    mu = observables.friction(s.pressure, s.displacement, GRID, jnp.asarray(velocity))
-    geometric = observables.friction(s.pressure, surface.heights, GRID, jnp.asarray(velocity))
+    contact = gc.solve_contact(kernel, surface.heights, load, rtol=1e-11)
+    s = sliding(contact, kernel, surface.heights, velocity)
     assert force > 0
-    np.testing.assert_allclose(mu, force / load, rtol=1e-10)
-    np.testing.assert_allclose(geometric, force / load, rtol=1e-9)
+    np.testing.assert_allclose(s.friction, force / load, rtol=1e-10)
+    np.testing.assert_allclose(s.geometric_friction, force / load, rtol=1e-9)
 
 
 def test_area_corrected_takes_a_known_share_of_each_edge_pixel():
@@ -128,15 +131,15 @@ def friction_up_to(s, velocity=SPEED, grid=GRID, **more):
 def test_friction_of_all_waves_is_the_friction_and_the_dissipation(name, velocity):
     velocity = jnp.asarray(velocity)
     kernel = gc.stack_kernel(BODIES[name], GRID, velocity)
-    s = gc.solve_contact(kernel, rough(GRID).heights, 0.05)
-    w = moved_by(s.pressure, kernel)
-    total = observables.friction(s.pressure, w, GRID, velocity)
+    heights = rough(GRID).heights
+    s = sliding(gc.solve_contact(kernel, heights, 0.05), kernel, heights, velocity)
+    w, total = moved_by(s.pressure, kernel), s.friction
 
-    by_mode = observables.dissipation(s.pressure, kernel, GRID, velocity)
+    by_mode = dissipation_of_waves(s)
     assert jnp.min(by_mode) >= 0
     speed = float(jnp.linalg.norm(jnp.atleast_1d(velocity)))
     np.testing.assert_allclose(total * 0.05 * speed, jnp.sum(by_mode), rtol=1e-12, atol=1e-17)
-    assert observables.energy_imbalance(s.pressure, w, kernel, GRID, velocity) <= 1e-14
+    assert s.energy_imbalance <= 1e-14
 
     curve = gc.contacts.cumulative_friction(s.pressure, w, GRID, velocity)
     q, mu = curve.cutoff, curve.friction
@@ -189,31 +192,23 @@ def test_stated_errors_of_friction_and_area_cover_the_true_ones():
         for seed in range(2):
             heights = rough(GRID, seed=seed).heights
             for load in (0.01, 0.1):
-                best = gc.solve_contact(kernel, heights, load, rtol=1e-11)
-                true = observables.friction(best.pressure, best.displacement, GRID, SPEED)
-                for rtol in (1e-2, 1e-4):
-                    s = gc.solve_contact(kernel, heights, load, rtol=rtol)
-                    mu = observables.friction(s.pressure, s.displacement, GRID, SPEED)
-                    stated = observables.friction_error(
-                        s.pressure, s.correction, kernel, GRID, SPEED
-                    )
-                    assert 0 < stated <= 3 * rtol * mu
-                    covered.append(stated >= abs(mu - true))
-                    doubt = area_of.contact_area_error(
-                        contact_indicator(s, kernel, GRID), s.correction
-                    )
+                best, *loose = (
+                    sliding(gc.solve_contact(kernel, heights, load, rtol=rtol), kernel, heights)
+                    for rtol in (1e-11, 1e-2, 1e-4)
+                )
+                for rtol, s in zip((1e-2, 1e-4), loose, strict=True):
+                    assert 0 < s.friction_error <= 3 * rtol * s.friction
+                    covered.append(s.friction_error >= abs(s.friction - best.friction))
                     wrong = np.mean((s.pressure > 0) != (best.pressure > 0))
-                    inside.append(doubt >= wrong)
+                    inside.append(s.contact_area_error >= wrong)
     assert np.mean(covered) >= 0.9
     assert np.mean(inside) >= 0.9
     # Of the change of one point, no part of which cancels: 2.5 and 5 times what it moves.
     change = jnp.zeros(GRID.shape).at[3, 5].set(1e-4 * jnp.max(s.pressure))
-    before, after = (
-        observables.friction(p, moved_by(p, kernel), GRID, SPEED)
-        for p in (s.pressure, s.pressure + change)
-    )
-    claim = observables.friction_error(s.pressure, change, kernel, GRID, SPEED)
-    np.testing.assert_allclose(claim, 7.5 * abs(after - before), rtol=1e-2)
+    moved = dataclasses.replace(s.contact, pressure=s.pressure + change)
+    off = sliding(dataclasses.replace(s.contact, correction=change), kernel, heights)
+    expected = 7.5 * abs(sliding(moved, kernel, heights).friction - s.friction)
+    np.testing.assert_allclose(off.friction_error, expected, rtol=1e-2)
 
 
 def test_a_point_whose_own_error_stands_out_is_in_doubt_at_a_larger_margin():
@@ -239,5 +234,5 @@ def test_waves_across_an_oblique_velocity_have_no_frequency():
     grid, velocity = gc.Grid((32, 32), 1.0), jnp.array([0.3, 0.7])
     assert wave_frequencies(grid, velocity)[-7, 3] == 0
     wave = jnp.cos(2 * jnp.pi * (3 * jnp.arange(32) - 7 * jnp.arange(32)[:, None]) / 32)
-    shifted = jnp.roll(wave, 1, 0)
-    assert observables.friction(2 + wave, shifted, grid, velocity) == pytest.approx(0, abs=1e-15)
+    q = -wave_frequencies(grid, velocity)
+    assert abs(jnp.sum(work_of_waves(2 + wave, jnp.roll(wave, 1, 0), q))) <= 1e-15

@@ -8,7 +8,7 @@ import pytest
 import xarray
 
 import graded_contact as gc
-from graded_contact.core.quantities import OBSERVABLES
+from graded_contact.core.quantities import numbers_of
 from graded_contact.files.dataset import LOST, NOT_STARTED, attach, write
 from graded_contact.files.results import (
     KEPT_FIELDS,
@@ -36,7 +36,7 @@ def make_results(shape=(4, 6), dtype=np.float64, keep="every"):
         steps=(Step("read", 1.1, 0.3, 4.0, 0.2), Step("resampled", 1.0, 0.2, 3.9, 0.0)),
     )
     variables, places, attributes = surface_variables(surface)
-    variables |= {n: ((*axes,), draw.normal(size=(2, 3)).astype(dtype)) for n in OBSERVABLES}
+    variables |= {n: ((*axes,), draw.normal(size=(2, 3)).astype(dtype)) for n in numbers_of(False)}
     variables["mean_gap"][1][0, 1] = np.nan
     message = [["", "", "It stopped."], ["", NOT_STARTED, "failed: no kernel"]]
     variables["message"] = (*axes,), np.array(message)

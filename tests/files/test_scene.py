@@ -84,14 +84,14 @@ def test_what_is_wrong_is_refused_with_its_place(texts, expected):
 
 
 def test_scenes_and_python_have_one_default_tolerance():
-    tolerance = parse_scene(changed("rtol = 1e-6", "")).tolerance
+    rtol = parse_scene(changed("rtol = 1e-6", "")).rtol
     functions = (gc.solve_contact, gc.contacts.follow_contact, gc.contacts.area_against_cutoff)
     defaults = [inspect.signature(f).parameters["rtol"].default for f in functions]
-    assert defaults == [tolerance["rtol"]] * 3
+    assert defaults == [rtol] * 3
     heights = np.random.default_rng(0).normal(size=(16, 16)).astype(np.float32) * 1e-6
     single = gc.Surface(heights, gc.Grid((16, 16), 1e-3))
     s = gc.slide(gc.Stack(base=gc.HalfSpace(gc.Elastic(1e6))), single, pressure=1e4, velocity=0.0)
-    assert 0 < s.error <= tolerance["rtol"]
+    assert 0 < s.error <= rtol
 
 
 def test_a_layer_may_be_graded():

@@ -33,7 +33,7 @@ def test_a_run_of_a_motion_is_slide_cycle(cycles):
         displacement=np.asarray(motion.displacement)[:, None] * along,
         period=motion.period * motion.highest_speed / 1.0,
         pressure=2e5 * np.array([1.0, 1.125, 1.25, 1.375, 1.5, 1.375, 1.25, 1.125]),
-        **scene.tolerance,
+        rtol=scene.rtol,
     )
     assert np.all(results.message == "")
     at = results.isel(pressure=0, velocity=1)
@@ -88,7 +88,7 @@ def test_a_run_with_heating_is_slide_with_heating():
     )
     scene = parse_scene(text.replace('"tyre_tread"', '"tyre_tread"\npoisson = 0.49'))
     results = run_scene(scene)
-    load = {"pressure": 2e5, "velocity": 10.0, "temperature": 300.0, **scene.tolerance}
+    load = {"pressure": 2e5, "velocity": 10.0, "temperature": 300.0, "rtol": scene.rtol}
     heating = gc.contacts.Heating(0.2, 1e-7)
     sliding = gc.slide(scene.stack, build_surface(scene), heating=heating, **load)
     np.testing.assert_allclose(results.friction.item(), sliding.friction, rtol=1e-4)

@@ -3,11 +3,14 @@
 from pathlib import Path
 
 import jax
+import jax.numpy as jnp
 import numpy as np
 import pytest
 from scenes import TABLE, TEXT, changed, tabulated, write
 
 import graded_contact as gc
+from graded_contact.command.tables import print_table
+from graded_contact.core.quantities import OBSERVABLES, observable
 from graded_contact.fields.grid import wave_frequencies
 from graded_contact.files.results import (
     contact_at,
@@ -41,7 +44,7 @@ def test_a_run_gives_what_slide_gives(scene, results):
     surface = build_surface(scene)
     for i, j in np.ndindex(2, 2):
         pressure, velocity = scene.pressure[i], scene.velocity[j]
-        load = {"pressure": pressure, "velocity": velocity, **scene.tolerance}
+        load = {"pressure": pressure, "velocity": velocity, "rtol": scene.rtol}
         sliding = gc.slide(scene.stack, surface, **load)
         for name in ("friction", "contact_area", "contact_area_smooth", "mean_gap", "error"):
             np.testing.assert_allclose(results[name][i, j], getattr(sliding, name), rtol=1e-6)
@@ -50,6 +53,29 @@ def test_a_run_gives_what_slide_gives(scene, results):
     assert results.attrs["scene"] == TEXT
     assert results.attrs["seed"] == 3
     assert results.attrs["dtype"] == "float64"
+
+
+def test_an_observable_is_one_function(capsys):
+    """Its attribute, print, dataset, unit and column follow from its entry."""
+
+    @observable("F", "Pa", "largest pressure", column=("largest\npressure", "#.4g"))
+    def largest_pressure(found):
+        """The largest pressure [Pa]."""
+        return jnp.max(found.pressure)
+
+    try:
+        scene = parse_scene(changed("shape = [32, 32]", "shape = [16, 16]", "8e4", "4e4"))
+        results = run_scene(scene)
+        sliding = gc.slide(scene.stack, build_surface(scene), pressure=4e5, velocity=1.0)
+        assert sliding.largest_pressure == np.max(sliding.pressure)
+        assert "largest_pressure [Pa]" in repr(sliding)
+        np.testing.assert_allclose(results.largest_pressure[-1, -1], np.max(sliding.pressure), 1e-4)
+        assert results.largest_pressure.attrs == {"units": "Pa", "long_name": "largest pressure"}
+        print_table(results)
+        assert "largest" in capsys.readouterr().out
+    finally:
+        del OBSERVABLES["largest_pressure"]
+    assert not hasattr(sliding, "largest_gap")
 
 
 def measured_tread(omega: str, load: str = "") -> str:
@@ -167,7 +193,7 @@ def test_temperatures_seeds_and_paths_are_axes_of_what_slide_gives(varied):
     random, index = scene.surface, (1, 1, 1, 0, 1)
     surface = gc.random_surface(random.spectrum, random.grid, jax.random.key(4))
     block = gc.with_values(scene.stack, {"layers[0].thickness": 1e-5}).at(273.15)
-    sliding = gc.slide(block, surface, pressure=2e5, velocity=[0.0, 0.1], **scene.tolerance)
+    sliding = gc.slide(block, surface, pressure=2e5, velocity=[0.0, 0.1], rtol=scene.rtol)
     for name in ("friction", "contact_area_smooth", "mean_gap"):
         np.testing.assert_allclose(results[name][index], getattr(sliding, name), rtol=1e-6)
     assert kept_solves(results) == [index]
