@@ -10,6 +10,7 @@ that of a real operator, and its resolvent that of this operator's.
 
 import functools
 from collections.abc import Sequence
+from typing import Any
 
 import equinox as eqx
 import jax
@@ -213,6 +214,15 @@ def as_velocity(velocity: Numbers, grid: Grid | None = None) -> Float[Array, "..
 
 
 @compiled
+def velocity_along(speed: Any, direction: float) -> Any:
+    """Returns a velocity at an angle from the x axis: one number along x, or two components."""
+    if direction == 0:
+        return speed
+    unit = np.array([np.cos(direction), np.sin(direction)])
+    # Rounding of a right angle would excite frequencies near zero.
+    return speed * np.where(np.abs(unit) < 1e-12, 0, unit)
+
+
 def direction_and_speed(
     velocity: Float[Array, "..."],
 ) -> tuple[Float[Array, " components"], Float[Array, ""]]:
