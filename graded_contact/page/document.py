@@ -17,7 +17,7 @@ import numpy as np
 from ..core.checks import within
 from ..core.display import with_unit
 from ..files.moduli.reading import read_moduli
-from ..files.paths import check_name, existing_file, full_path
+from ..files.paths import check_name, existing_file
 from ..files.prony_cards import export_prony
 from ..files.scene import Scene
 from ..files.scene_reading import parse_scene, refuse_tables
@@ -39,13 +39,11 @@ class Document(NamedTuple):
     - `content`: as `tomllib` gives it; never changed in place.
     - `folder`: its paths are relative to this folder.
     - `speeds`: lowest and highest velocity [m/s] of the page.
-    - `values`: of its knobs [SI] if they are not those of the tables.
     """
 
     content: dict[str, Any]
     folder: Path
     speeds: tuple[float, float]
-    values: tuple[float, ...] = ()
 
     @property
     def text(self) -> str:
@@ -96,10 +94,12 @@ def _at_one_point(content: dict[str, Any], scene: Scene, folder: Path) -> Docume
         load["temperature"] = _middle(np.sort(scene.temperature, axis=None))
     content = {k: v for k, v in content.items() if k not in ("sweep", "design")} | {"load": load}
     content["surface"].pop("seeds", None)
-    for table in (content["surface"], *content["materials"].values()):
-        if "path" in table:
-            table["path"] = str(full_path(table["path"], folder))
-        if table.get("kind") == "tabulated":
+    tables = {"[surface]": content["surface"]}
+    tables |= {f"[materials.{name}]": table for name, table in content["materials"].items()}
+    for (place, key), path in scene.inputs.items():  # the scene is saved in another folder
+        tables[place][key] = str(path)
+    for table in content["materials"].values():
+        if table["kind"] == "tabulated":
             # A slider soon leaves the table; the page warns how much friction depends on that.
             table["extrapolate"] = "plateau"
     return Document(content, folder, speeds)
@@ -225,11 +225,13 @@ def with_file(
     check_name(name)
     folder.mkdir(parents=True, exist_ok=True)
     path = folder / name
-    stored = path.exists() and path.read_bytes() == data
+    # A link may lead out of the folder.
+    stored = path.is_file() and not path.is_symlink() and path.read_bytes() == data
     if not stored:
         taken = {path.stem for path in folder.iterdir()}
         path = folder / f"{free_name(path.stem, taken)}{path.suffix}"
-        path.write_bytes(data)
+        with path.open("xb") as file:
+            file.write(data)
     try:
         changed = change(document, path)
         changed.scene()

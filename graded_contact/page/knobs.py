@@ -272,7 +272,7 @@ def changed_document(
 
     A series with a changed modulus is written branch by branch.
     """
-    document = document.copied()._replace(values=())
+    document = document.copied()
     # The tables have the block at its own reference; the temperature is in [load].
     settings = {k.target: v for k, v in zip(knobs, values, strict=True) if k.unit != "K"}
     block = changed_stack(stack, tuple(settings), np.array(list(settings.values())))

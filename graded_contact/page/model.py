@@ -107,10 +107,7 @@ class Model:
     @property
     def values(self) -> tuple[float, ...]:
         """The values of the knobs in the scene as opened [SI]."""
-        if not self.document.values:
-            return tuple(knob.value for knob in self.knobs)
-        pairs = zip(self.knobs, self.document.values, strict=True)
-        return tuple(knob.check(value, "the value in the address") for knob, value in pairs)
+        return tuple(knob.value for knob in self.knobs)
 
     @property
     def size(self) -> np.ndarray:

@@ -44,28 +44,43 @@ def serve(path: Path | None, folder: Path, *, address: str, port: int, show: boo
 
     **Raises:** as `explore`; `OSError` if the port is taken.
     """
+    server = new_server(path, folder, address=address, port=port, show=show)
+    server.start()
+    server.io_loop.start()
+
+
+def new_server(path: Path | None, folder: Path, *, address: str, port: int, show: bool) -> Any:
+    """Returns the server of `serve`, before it starts."""
     pn = _panel()
+    from bokeh.settings import settings
+    from tornado.routing import Rule
+    from tornado.web import ErrorHandler
+
+    from .foreign import Foreign
+
     pn.config.raw_css = [DARK]
     open_document(path)  # refused before the server listens
 
     def page() -> Any:
-        states = pn.state.session_args.get("state", [b""])
-        new = _new_page(path, folder, states[0].decode("ascii", "replace"))
+        new = _new_page(path, folder)
         pn.state.on_session_destroyed(lambda _: new.session.end())
         return new
 
-    # Pages of other sites must not reach this server through the browsers of their visitors.
-    names = dict.fromkeys((address, "localhost", "127.0.0.1", socket.gethostname()))
-    pn.serve(
-        {"/": page}, address=address, port=port, show=show, title=TITLE,
-        websocket_origin=[f"{name}:{port}" for name in names], websocket_max_message_size=MESSAGE,
+    settings.allowed_ws_origin = ["*"]  # `Foreign` decides, also about what Bokeh does not ask
+    server = pn.serve(
+        {"/": page}, address=address, port=port, show=show, title=TITLE, start=False,
+        location=False, websocket_max_message_size=MESSAGE,
     )  # fmt: skip
+    foreign = Foreign({address, "localhost", socket.gethostname()})
+    # Before all other rules, those of WebSockets too.
+    server._tornado.add_handlers(".*", [Rule(foreign, ErrorHandler, {"status_code": 403})])
+    return server
 
 
-def _new_page(path: Path | None, folder: Path, state: str = "") -> Any:
+def _new_page(path: Path | None, folder: Path) -> Any:
     from .view import Page
 
-    return Page(open_document(path), folder.absolute(), state)
+    return Page(open_document(path), folder.absolute())
 
 
 def _panel() -> Any:

@@ -19,7 +19,6 @@ import panel as pn
 import param
 
 from ..contact.solution import RESULTS
-from .address import from_address, to_address
 from .document import Document, save_document, with_file
 from .downloads import Shown
 from .model import Model
@@ -39,7 +38,6 @@ class Session(param.Parameterized):
 
     - `document`: the scene.
     - `folder`: the only folder into which the session writes.
-    - `state`: of an earlier session, or "".
     """
 
     model: Any = param.Parameter(doc="The `Model` of the scene; None until it is read.")
@@ -48,16 +46,13 @@ class Session(param.Parameterized):
     shown: Any = param.Parameter(doc="The last point with a contact, `Shown`.")
     message = param.String(doc="What the user must know.")
     error = param.Boolean(doc="Whether the message reports an error.")
-    state = param.String(doc="What a reload shows again, see `to_address`.")
     status = param.String("reading the scene")
     busy = param.Boolean(True)
 
-    def __init__(self, document: Document, folder: Path, state: str = ""):
+    def __init__(self, document: Document, folder: Path):
         super().__init__()
-        self.folder, self._opened = folder, document
+        self.folder = folder
         self._changes: list[Change] = [lambda _: document]
-        if state:
-            self._changes.append(lambda _: from_address(state, document, folder))
         self._newest: Any = None  # the model that is soon shown, and values of its knobs
         self._values: tuple[float, ...] = ()
         self._curves: Any = None
@@ -170,8 +165,6 @@ class Session(param.Parameterized):
         else:
             self._point = self._point._replace(derivatives=found)
         self.show(shown=self._point, **self._timing())
-        as_opened = model.document is self._opened and values == model.values
-        self.show(state="" if as_opened else to_address(model.document, values))
         if stage == "contact" and found.sliding.result != RESULTS.successful:
             self.show_message(RESULTS[found.sliding.result])
         return True

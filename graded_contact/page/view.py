@@ -60,12 +60,11 @@ class Page(pn.viewable.Viewer):
 
     - `document`: the scene.
     - `folder`: the page writes into this folder only.
-    - `state`: of an earlier page, from its address.
     """
 
-    def __init__(self, document: Document, folder: Path, state: str = ""):
+    def __init__(self, document: Document, folder: Path):
         super().__init__()
-        self.session = Session(document, folder, state)
+        self.session = Session(document, folder)
         self.sliders: list[Slider] = []
         self._plots, self._knobs = pn.Column(**WIDE), pn.Column(**WIDE)
         self._layers = pn.Column(**SMALL)
@@ -106,8 +105,7 @@ class Page(pn.viewable.Viewer):
             ("Sliders", self._knobs), ("Layers", self._layers), ("Data", self._data()),
             ("Save", self._saving()), sizing_mode="stretch_width", margin=(2, 4),
         )  # fmt: skip
-        # The address of a notebook is not that of the page.
-        browser = Browser(state=here.state if pn.state.curdoc else "", width=0, margin=0)
+        browser = Browser(width=0, margin=0)
         browser.param.watch(lambda _: pn.state.execute(session.update), "ready")
         side = pn.Column(
             pn.Row(spinner, status, browser, **WIDE),

@@ -103,18 +103,15 @@ export function render({model}) {
 
 
 class Browser(pn.custom.JSComponent):
-    """The browser of a page: says when it shows the page, and keeps its state in the address."""
+    """The browser of a page: says when it shows the page."""
 
     ready = param.Boolean(doc="Whether the page is shown: changes before that are lost.")
-    state = param.String(doc="Of the address, so that a reload shows it again.")
     _esm = """
 export function render({model}) {
   // Phones draw a page without this line as wide as on a desk.
   const meta = Object.assign(document.createElement("meta"), {name: "viewport",
     content: "width=device-width, initial-scale=1"})
   document.head.append(meta)
-  model.on("state", () => history.replaceState(null, "",
-    model.state ? `?state=${model.state}` : location.pathname))
   model.on("after_render", () => { model.ready = true })
   return document.createElement("span")
 }

@@ -114,27 +114,6 @@ def test_a_key_turns_a_slider_and_the_numbers_follow(opened):
     page.close()
 
 
-def test_a_reload_keeps_layers_and_values(opened):
-    page = opened()
-    page.get_by_text("Layers", exact=True).click()
-    page.get_by_role("button", name="Add layer").click()
-    page.locator(".title", has_text="coat2 20 µm, coat 20 µm").wait_for()
-    page.get_by_text("Sliders", exact=True).click()
-    enter(page, "250")
-    page.wait_for_url(re.compile("state="))
-    rested(page)
-    before = page.url
-    enter(page, "260")
-    page.wait_for_url(lambda url: url != before)
-    number = friction(page).inner_text()
-    page.reload()
-    rested(page)
-    assert field_of(page).input_value() == "260"
-    assert page.locator(".title", has_text="coat2 20 µm, coat 20 µm").count() == 1
-    assert friction(page).inner_text()[:5] == number[:5]
-    page.close()
-
-
 def test_a_refused_topography_is_tried_again_with_its_unit_and_size(opened, tmp_path):
     page = opened()
     page.get_by_text("Data", exact=True).click()

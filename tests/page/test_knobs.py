@@ -9,10 +9,12 @@ import pytest
 from scenes import TEXT, changed
 
 from graded_contact.core.parameters import paths
+from graded_contact.files.scene_reading import read_scene
 from graded_contact.files.toml import toml_text
-from graded_contact.page.address import from_address, to_address
 from graded_contact.page.document import (
     open_document,
+    save_document,
+    with_file,
     with_layer,
     with_moduli,
     with_topography,
@@ -124,31 +126,24 @@ def test_a_poissons_ratio_of_one_half_steps_down(opened):
     assert knob.stepped(0.5).endswith("−0.01") and knob.stepped(0.4).endswith("+0.01")
 
 
-def test_an_address_gives_the_scene_and_its_values_back(opened, tmp_path):
-    document = opened(TEXT)
-    more = with_layer(document, None)
-    values = (3e5, 0.05)
-    again = from_address(to_address(more, values), document, tmp_path)
-    assert again.content == more.content and again.values == values
-    assert again.speeds == document.speeds
+def test_a_saved_scene_finds_its_files_from_another_folder(opened, tmp_path):
+    """Whatever the key of a path is called."""
+    (tmp_path / "e.csv").write_text("modulus\n1e5\n")
+    document = opened(changed("modulus = 2e7", 'modulus = 2e7\nerrors = "e.csv"'))
+    path = save_document(document, tmp_path / "explored", "mine", replace=False)
+    assert read_scene(path).inputs == {("[materials.coat]", "errors"): tmp_path / "e.csv"}
 
 
-def test_an_address_names_no_other_file_and_no_finer_grid(opened, tmp_path):
-    document = opened(TEXT)
-    secret = tmp_path / "secret.csv"
-    secret.write_text("1,1,1\n")
-    for change in (
-        {"surface": {"kind": "file", "path": str(secret)}},
-        {"surface": {"kind": "file", "path": str(tmp_path / "out" / ".." / "secret.csv")}},
-        {"grid": {"shape": [8192, 8192], "size": 1e-3}},
-        {"grid": {"shape": "ab", "size": 1e-3}},
-    ):
-        state = to_address(document._replace(content=document.content | change), ())
-        with pytest.raises(ValueError, match="The address does not contain a scene of this page"):
-            from_address(state, document, tmp_path / "out")
-    for text in ("x", "ü", to_address(document, ())[:-9], "A" * 400):
-        with pytest.raises(ValueError, match="The address does not contain a scene of this page"):
-            from_address(text, document, tmp_path)
+def test_a_drop_follows_no_link_out_of_its_folder(opened, tmp_path):
+    secret, folder = tmp_path / "secret.csv", tmp_path / "explored"
+    secret.write_text("secret")
+    folder.mkdir()
+    (folder / "data.csv").symlink_to(secret)
+    taken = []
+    with_file(opened(TEXT), folder, "data.csv", b"secret", lambda document, path: (
+        taken.append(path) or document
+    ))  # fmt: skip
+    assert taken == [folder / "data2.csv"] and not taken[0].is_symlink()
 
 
 def test_isotherms_become_a_series_with_its_shifts(opened, tmp_path):

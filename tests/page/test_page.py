@@ -16,7 +16,6 @@ from scenes import TEXT
 import graded_contact as gc
 from graded_contact.files.scene_reading import read_scene
 from graded_contact.page import model as models
-from graded_contact.page.address import from_address
 from graded_contact.page.document import open_document, with_layer, with_moduli
 from graded_contact.page.model import Model
 
@@ -174,14 +173,12 @@ def test_a_page_refuses_changes_and_saves(document, tmp_path):
             pressure.enter("none")
             assert "`pressure`: none is refused" in session.message
             pressure.enter("400")  # as it was: the message goes
-            assert session.message == "" and not session.state
+            assert session.message == ""
         session.pinned = session.shown
         pressure.enter("300 kPa")
         await rest()
         head = page.__panel__()[0].object
         assert "% from pinned" in head and "coat 20 µm, tread on a random surface" in head
-        again = from_address(session.state, document, tmp_path)
-        assert again.values == session.shown.values and again.content == document.content
         assert session.message == "" and session.shown.values[0] == 3e5
         assert session.shown.derivatives is not None and not session.busy
         session.save("mine")
