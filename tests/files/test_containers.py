@@ -135,6 +135,16 @@ def test_a_zip_of_several_files_needs_a_choice(tmp_path, expected):
     same(mirrored(path, channel="b.x3p"), expected)
 
 
+def test_a_name_in_a_zip_opens_no_file_of_the_machine(tmp_path):
+    """A workbook is read by its path; the path of one in a zip is a name that anybody chose."""
+    secret, book = tmp_path / "secret.txt", tmp_path / "book.xlsx"
+    np.savetxt(secret, HEIGHTS)
+    workbook(book, {"a": [[1.0]]})
+    (tmp_path / "drop.zip").write_bytes(zipped({str(secret): book.read_bytes()}))
+    with pytest.raises(ValueError, match="it holds a workbook: unpack it first"):
+        read_surface(tmp_path / "drop.zip", size=SIZE, unit="m", periodic="mirror")
+
+
 def test_a_damaged_x3p_and_a_zip_in_itself_are_refused(tmp_path):
     pytest.importorskip("SurfaceTopography")
     damaged = x3p().replace(b"bindata/data.bin", b"bindata/none.bin")

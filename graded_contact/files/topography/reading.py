@@ -9,7 +9,7 @@ import contextlib
 import os
 import warnings
 from collections.abc import Iterator
-from pathlib import Path
+from pathlib import Path, PurePath, PurePosixPath
 from typing import Any
 
 import numpy as np
@@ -140,7 +140,7 @@ def _reading(path: Path, warned: list[str]) -> Iterator[None]:
 
 
 def _scan(
-    path: Path,
+    path: PurePath,
     content: bytes,
     channel: str | int | None,
     size: Any,
@@ -168,7 +168,7 @@ def _scan(
         if depth == DEEPEST:
             raise Refusal("it has too many zips in one another")
         inner, name = unpacked(content, channel)
-        scan = _scan(path / name, inner, None, size, unit, depth + 1)
+        scan = _scan(PurePosixPath(name), inner, None, size, unit, depth + 1)
         return scan._replace(source=f"{scan.source} of {name!r}")
     # The library reads text with a known header; it takes much else for a table of numbers.
     try:
@@ -189,9 +189,9 @@ def _text(content: bytes) -> str | None:
     return text if is_text else None
 
 
-def _read_workbook(path: Path, content: bytes, channel: str | int | None) -> Scan:
+def _read_workbook(path: PurePath, content: bytes, channel: str | int | None) -> Scan:
     """The heights in the sheet of a workbook that `channel` names, or in its only table."""
-    if not path.exists():
+    if not isinstance(path, Path):  # a name in a zip names no file of this machine
         raise Refusal("it holds a workbook: unpack it first")
     scans, refusals = {}, []
     sheets = read_sheets(path)
