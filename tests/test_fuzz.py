@@ -576,7 +576,7 @@ def check_hostile(cases: int, folder: Path, monkeypatch) -> int:
 
 
 def test_hostile_texts_open_no_other_files(hostile, monkeypatch):
-    assert check_hostile(40, hostile, monkeypatch)
+    assert check_hostile(25, hostile, monkeypatch)
 
 
 @pytest.mark.slow
