@@ -77,7 +77,7 @@ def parse_scene(text: str, folder: str | os.PathLike = ".") -> Scene:
     surface, stack, inputs = (
         surface_source(tables.surface, tables.grid, reader),
         block.stack(tables.layers, tables.base),
-        tuple(reader.paths),
+        dict(reader.paths),
     )
     (output,) = reader.arguments("[output]", tables.output, KEYS["[output]"])
     with within("[output]"):
