@@ -2,9 +2,9 @@
 
 A `KeyboardInterrupt` raised inside XLA, while it compiles or calls back into Python, ends in a
 segmentation fault, at the latest when Python exits. `ctrl_c_later` therefore notes it, and it is
-raised between two steps. In a command a separate thread notes the signals, because the main thread notices nothing
-while it compiles or solves. A second signal ends the process at once. All finished results are then
-on the disk.
+raised between two steps. In a command a separate thread notes the signals, because the main thread
+notices nothing while it compiles or solves. A second signal ends the process at once. All finished
+results are then on the disk.
 """
 
 import contextlib
