@@ -357,7 +357,7 @@ def explain_lost(function: Callable, args: tuple, changes: Any) -> None:
     if isinstance(args[0][3], LinearSplitting):
         watched = dataclasses.replace(args[0][3], watch=_note)
         _reached.clear()
-        jax.block_until_ready(function(*(one[:3] + (watched,) + one[4:] for one in args), changes))
+        jax.block_until_ready(function(*((*one[:3], watched, *one[4:]) for one in args), changes))
         jax.effects_barrier()
         for error, rtol in _reached:
             if not error <= rtol:

@@ -228,7 +228,7 @@ def _check_kernel(kernel, heights, throw: bool) -> None:
         check_shape("kernel", kernel, half_shape(heights.shape))
     if is_concrete(kernel):
         real, imag = _compliances(kernel, throw)
-        check_positive("kernel.real", real, f"[m/Pa] for every q but 0{remedy}")
+        check_positive("kernel.real", real, f"[m/Pa] for every q but 0{remedy}", squares=False)
         check_values("kernel.imag", imag, "it must be finite")
 
 

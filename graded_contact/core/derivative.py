@@ -62,9 +62,7 @@ def largest(numbers: Array) -> Array:
     return top + jnp.sum(jnp.where(near, numbers - fixed, 0)) / jnp.sum(near)
 
 
-def derivative_apart(
-    function: F, check: Check | None = None, explain: Explain | None = None
-) -> F:
+def derivative_apart(function: F, check: Check | None = None, explain: Explain | None = None) -> F:
     """Returns a function whose derivative, of any order and mode, is compiled separately.
 
     `function` takes positional arguments, returns arrays, and is compiled or made of what is.

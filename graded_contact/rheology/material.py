@@ -26,6 +26,7 @@ from ..core.checks import (
     check_poisson,
     check_positive,
     check_rows,
+    check_squares,
     check_type,
     check_values,
     instance,
@@ -120,6 +121,7 @@ class Prony(AbstractMaterial):
         check_values(
             "equilibrium", self.equilibrium, "it must be zero or a positive number [Pa]", at_least=0
         )
+        check_squares("equilibrium", self.equilibrium, "Pa")
         _check_series("strengths", self.strengths, "[Pa]", self.times)
         check_poisson("poisson", self.poisson)
         check_type("shift", self.shift, AbstractShift, type(None))
