@@ -20,10 +20,10 @@ class RESULTS(eqx.Enumeration):
         "`jax_enable_x64`."
     )
     not_finite = (
-        "The solve failed: the kernel, the heights, the pressure or the approach is not finite, or "
-        "too large for its dtype (in float32, enable `jax_enable_x64`). Under `jit` a negative "
-        "thickness or modulus ends here, a liquid (`equilibrium=0`) at rest, and an approach of "
-        "more than the window's length."
+        "The solve failed: the kernel, the heights, the pressure or the approach (in metres, at "
+        "most the window's length) is not finite, or too large for its dtype: in float32, enable "
+        "`jax_enable_x64`. Under `jit` a negative thickness or modulus ends here, and a liquid "
+        "(`equilibrium=0`) at rest."
     )
     unresolved = (
         "The attraction of the law rises too steeply for the grid: points snap one by one, and the "

@@ -10,6 +10,7 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 
+from ..contact.law import HardWall
 from ..core.checks import within
 from ..core.memory import (
     DERIVATIVE,
@@ -179,7 +180,7 @@ def _solver(scene: Scene, surface: Surface) -> Callable[[dict[str, Any]], dict[s
     """What gives the numbers and fields of one solve, from its numbers on the axes."""
     if scene.approach is not None:
         with within("[load]"):
-            check_approach(scene.approach, surface.grid)
+            check_approach(scene.approach, surface, HardWall())
     fields = fields_of(scene) if scene.fields != "none" else ()
     errors = errors_of_stack(scene)
     names = [n for n in numbers_of(scene, surface) if n != "friction_standard_error"]
