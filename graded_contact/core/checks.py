@@ -54,12 +54,13 @@ def as_numbers(value: Any, name: str) -> Inexact[Array, "..."]:
     if isinstance(value, Array) and jnp.issubdtype(value.dtype, jnp.inexact):
         return value.astype(value.dtype) if value.weak_type else value
     try:
-        if isinstance(value, str | bytes | bool) or value is None:
+        if isinstance(value, str | bytes | bool | np.bool_) or value is None:
             raise TypeError
         host = _on_host(value)
         if isinstance(host, np.ndarray) and host.dtype.kind in "fc":
             kind = jnp.result_type(host)
-            if np.any(np.isfinite(host) & (np.abs(host) > float(jnp.finfo(kind).max))):
+            large = kind != host.dtype and np.abs(host) > float(jnp.finfo(kind).max)
+            if np.any(np.isfinite(host) & large):
                 needed = f"it is too large for {kind}"
                 raise ValueError
         array = jnp.asarray(host)
@@ -250,13 +251,12 @@ def check_squares(name: str, value: ArrayLike, unit: str) -> None:
     if is_concrete(value):
         parts = [array for array, _ in _parts(value)]
         largest = max(float(np.max(np.abs(array), initial=0)) for array in parts)
-        kind = parts[0].dtype if parts[0].dtype.kind == "f" else np.dtype(float)
-        limits = np.finfo(kind)
+        limits = np.finfo(parts[0].dtype if parts[0].dtype.kind == "f" else np.float64)
         if largest and not limits.tiny <= largest * largest <= limits.max:
             size = "small" if largest < 1 else "large"
             raise ValueError(
                 f"`{name}` up to {largest:.2g} {unit} is refused: its squares are too {size} "
-                f"for {kind}."
+                f"for {limits.dtype}."
             )
 
 

@@ -101,7 +101,7 @@ class Prony(AbstractMaterial):
 
     **Fields:**
 
-    - `equilibrium`: long-time modulus E_eq [Pa]; 0 for a liquid.
+    - `equilibrium`: long-time modulus E_eq [Pa]; 0 for a liquid, which carries no load at rest.
     - `strengths`: branch moduli E_k [Pa], shape `(branches,)`, all positive.
     - `times`: relaxation times τ_k [s], shape `(branches,)`, all positive.
     - `poisson`: Poisson's ratio ν [1], independent of frequency.
