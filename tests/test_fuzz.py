@@ -38,6 +38,7 @@ from graded_contact.page.document import (
     with_topography,
 )
 from graded_contact.studies.run_scene import check_scene as check_scene_memory
+from graded_contact.studies.run_scene import run_scene
 
 SEED = 20261
 REFUSALS = (ValueError, OSError, ImportError)
@@ -616,3 +617,60 @@ def test_hostile_texts_open_no_other_files(hostile, monkeypatch):
 @pytest.mark.slow
 def test_hostile_texts_open_no_other_files_2000_times(hostile, monkeypatch):
     assert check_hostile(2000, hostile, monkeypatch) > 100
+
+
+EXTREMES = ("1e300", "1e-300", "1e100", "1e-100", "1e30", "1e-30", "1e-17", "0", "-0.0")
+ROUGH = RANDOM.replace("[0.01, 1.0]", "0.1").replace('"every"', '"none"') + LAYERS
+ROUGH += SERIES.replace('errors = "errors.csv"', "") + '[shear]\nkind = "constant"\nstress = 1e5\n'
+SPHERE = """
+[surface]
+kind = "sphere"
+radius = 2e-3
+[grid]
+shape = [16, 16]
+size = 6e-4
+[materials.a]
+kind = "prony"
+equilibrium = 2e6
+strengths = [4e6]
+times = [1e-2]
+[base]
+kind = "half_space"
+material = "a"
+[load]
+approach = 1e-5
+velocity = 0.1
+"""
+
+
+def check_extreme(scene: str, place: int, value: str) -> None:
+    """Another value for one number of a scene: refused, solved, or its failure has a reason."""
+    document = tomllib.loads(scene)
+    numbers = [entry for entry in places(document) if isinstance(entry[0][entry[1]], float)]
+    inside, key = numbers[place % len(numbers)]
+    inside[key] = Source(value)
+    text = "\n".join(f"{json.dumps(name)} = {source(entry)}" for name, entry in document.items())
+    try:
+        found = run_scene(parse_scene(text))
+    except REFUSALS as error:
+        return told(error)
+    message = str(found["message"].values.flat[0])
+    apart = "do not touch" in found.attrs["caveats"]
+    for name in ("friction", "friction_error", "contact_area"):
+        number = found[name].values.flat[0]
+        assert np.isfinite(number) or message or apart, (key, value, name, number)
+
+
+def test_extreme_numbers_are_refused_or_solved_or_their_failure_is_told():
+    for value in ("1e300", "1e-300"):
+        for place in range(9):
+            check_extreme(SPHERE, place, value)
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("scene", [ROUGH, SPHERE])
+@pytest.mark.parametrize("value", EXTREMES)
+def test_every_number_of_a_scene_may_be_extreme(scene, value):
+    count = sum(isinstance(inside[key], float) for inside, key in places(tomllib.loads(scene)))
+    for place in range(count):
+        check_extreme(scene, place, value)

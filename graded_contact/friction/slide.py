@@ -14,7 +14,7 @@ from jaxtyping import Array, ScalarLike
 from ..contact.adjoint import LinearSolver, LinearSplitting
 from ..contact.law import AbstractLaw, HardWall
 from ..contact.nested_solve import DouglasRachford
-from ..contact.problem import RTOL, solve_contact
+from ..contact.problem import LEAST_GAP, RTOL, solve_contact
 from ..contact.solution import RESULTS, ContactSolution
 from ..contact.solver import AbstractContactSolver
 from ..contact.window import operator_of
@@ -119,7 +119,7 @@ def slide(
         }  # fmt: skip
         return _settled(heating, stack, inputs, settings, solution)
     if approach is not None:
-        approach = check_approach(approach, surface.grid)
+        approach = check_approach(approach, surface, law)
     kernel, velocity, reached, kernel_error = kernel_and_velocity(
         stack, surface, velocity, solver, graded_solver, throw, strain_per_slope
     )
@@ -177,16 +177,24 @@ def _thickness(stack: Stack):
     return interface_depths(stack)[-1] if isinstance(stack.base, Rigid) else None
 
 
-def check_approach(approach: Numbers, grid: Grid) -> Array:
+def check_approach(approach: Numbers, surface: Surface, law: AbstractLaw) -> Array:
     """Returns an approach; refuses one of more than a window's length: of another unit.
 
-    It is NaN if tracing hides that.
+    It is NaN if tracing hides that. At a hard wall, one that rounding hides is refused, too.
     """
-    approach = as_float(approach, "approach")
+    approach, grid, heights = as_float(approach, "approach"), surface.grid, surface.heights
     if is_concrete(grid.size):
         most = float(np.max(np.asarray(grid.size)))
         allowed = f"it must be finite, in metres, and at most the window's length of {most:g} m"
         check_values("approach", approach, allowed, at_most=most)
+    if isinstance(law, HardWall) and is_concrete(approach) and is_concrete(heights):
+        least, known = LEAST_GAP * float(np.std(np.asarray(heights))), np.asarray(approach)
+        hidden = known[(known > 0) & (known < least)]
+        if hidden.size:
+            raise ValueError(
+                f"`approach={hidden[0]:g}` is refused: below {least:.2g} m rounding decides what "
+                "touches. At an approach of 0 or less nothing does."
+            )
     return jnp.where(approach <= jnp.max(grid.size), approach, jnp.nan)
 
 
