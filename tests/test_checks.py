@@ -24,6 +24,30 @@ def test_as_float_gives_strong_floats_and_keeps_their_precision(value):
     assert as_float(jnp.ones(3, jnp.float16)).dtype == jnp.float16
 
 
+@pytest.mark.parametrize(
+    "value",
+    [2**64, [1, 2**63], [1.5, 2**64], np.uint64(2**63), np.int64(2**40), np.array([1, -(2**40)])],
+    ids=str,
+)
+def test_whole_numbers_keep_their_value_without_double_precision(value):
+    """JAX itself keeps the last 32 bits of NumPy's: 2^40 would be 0."""
+    with jax.enable_x64(False):
+        array = as_float(value)
+        assert array.dtype == jnp.float32
+        np.testing.assert_allclose(array, np.asarray(value, float), rtol=1e-7)
+        with pytest.raises(
+            ValueError, match=r"^`x=1e\+39` is refused: it is too large for float32"
+        ):
+            as_float(1e39, "x")
+
+
+def test_numbers_whose_squares_leave_their_dtype_are_refused():
+    check_positive("x", np.array([1e-150, 1e150]), "m")
+    for value, size in ((1e-160, "small"), (1e160, "large"), (1e300, "large")):
+        with pytest.raises(ValueError, match=f"^`x` up to .* m is refused: .* too {size} for floa"):
+            check_positive("x", value, "m")
+
+
 def test_as_float_strengthens_weak_types_under_tracing():
     weak = jax.eval_shape(lambda: as_float(jnp.asarray(1.0) * 2.0))
     assert not weak.weak_type

@@ -192,9 +192,10 @@ def test_the_command_ignores_no_key_of_the_load(tmp_path, monkeypatch):
 
 def test_the_command_writes_what_python_computes(tmp_path, monkeypatch):
     monkeypatch.setattr(session, "cache_folder", lambda: None)
+    monkeypatch.setenv("HOME", str(tmp_path))
     file = tmp_path / "small.toml"
     file.write_text(SCENE)
-    call = ["table", str(file), "--output", str(tmp_path / "out")]
+    call = ["table", str(file), "--output", "~/out"]
     done = CliRunner().invoke(cli.app, call)
     assert done.exit_code == 0, done.output
     written = read(tmp_path / "out" / "small-friction.h5")

@@ -1,11 +1,18 @@
 """Damaged scenes and arguments: taken as they stand, or refused in a message.
 
-Every case draws from a seed of its own, so that one number repeats it.
+Every case draws from a seed of its own, so that one number repeats it. Thousands of cases, minutes:
+`pytest -m slow tests/test_fuzz.py`.
 """
 
+import contextlib
+import io
 import json
 import os
+import sys
+import sysconfig
 import tomllib
+import zipfile
+from functools import partial
 from pathlib import Path
 
 import jax
@@ -18,12 +25,20 @@ import graded_contact as gc
 from graded_contact import cli
 from graded_contact.command import session
 from graded_contact.core.parameters import paths
+from graded_contact.files import schema
 from graded_contact.files.design_scene import parse_design, read_design
 from graded_contact.files.recorded_motion import read_motion
 from graded_contact.files.scene_reading import parse_scene
 from graded_contact.files.surface_source import RandomSurface
-from graded_contact.page.document import open_document
+from graded_contact.page.document import (
+    open_document,
+    save_document,
+    with_file,
+    with_moduli,
+    with_topography,
+)
 from graded_contact.studies.run_scene import check_scene as check_scene_memory
+from graded_contact.studies.run_scene import run_scene
 
 SEED = 20261
 REFUSALS = (ValueError, OSError, ImportError)
@@ -433,3 +448,229 @@ def test_keys_of_many_parts_are_refused(folder):
 def test_what_is_damaged_is_refused_or_read_right_5000_times(folder):
     accepted = sum(check_case(case, folder) for case in range(5000))
     assert 200 < accepted < 4800  # neither all nor none, or little would be tried
+
+
+# Files that hostile texts name.
+
+LIBRARIES = {
+    *(sys.prefix, sys.base_prefix, sysconfig.get_path("stdlib"), str(Path(cli.__file__).parent)),
+    *("/dev/null", "/usr/share/zoneinfo", "/sys/fs/cgroup", "/proc/self/cgroup", "/proc/meminfo"),
+}  # fmt: skip
+HOSTILE = [
+    "{}/secret/moduli.csv", "{}/secret/heights.txt", "{}/secret/book.xlsx", "{}/secret/errors.csv",
+    "../secret/moduli.csv", "../../secret/heights.txt", "~/secret/errors.csv", "~/secret/book.xlsx",
+    "~/../{0.name}/secret/moduli.csv", "~/explored/../secret/heights.txt", "link",
+    "folder/book.xlsx", "./folder/moduli.csv", "errors.csv", "{}/explored/../moduli.csv",
+    "file://{}/secret/moduli.csv",
+    "..\\secret\\moduli.csv", "/dev/zero", "/proc/self/environ", "/etc/passwd", "~root/.profile",
+]  # fmt: skip
+SECRET = "7654321.25"  # a number of each secret file
+KEYS = ["path", "errors", "directory", "file", "material", "title", "unit", "shift"]
+watching: list[tuple[set[Path], list[str]]] = []  # files allowed, and others that were asked for
+
+
+def watch(event: str, arguments: tuple) -> None:
+    """Refuses to open files that are not allowed while one watches, and lists them."""
+    if event != "open" or not watching or not isinstance(arguments[0], str | bytes | os.PathLike):
+        return
+    allowed, others = watching[-1]
+    name = os.fsdecode(arguments[0])
+    path = Path(os.path.realpath(name)) if "\0" not in name else Path(name)
+    if not any(path.is_relative_to(each) for each in [*LIBRARIES, *allowed]):
+        others.append(name)
+        raise PermissionError(13, "not allowed", name)
+
+
+sys.addaudithook(watch)
+
+
+@contextlib.contextmanager
+def only(*allowed: Path):
+    """Fails if other files are opened; yields the set of those allowed."""
+    watching.append(({Path(os.path.realpath(path)) for path in allowed}, []))
+    try:
+        yield watching[-1][0]
+    finally:
+        _, others = watching.pop()
+    assert not others
+
+
+def hostile_text(draw, folder: Path) -> str:
+    return pick(draw, HOSTILE).format(folder)
+
+
+def hostile_scene(draw, folder: Path) -> str:
+    """A scene that names files under one to five of its keys, or of others."""
+    scene = tomllib.loads(pick(draw, SCENES))
+    for _ in range(draw.integers(1, 6)):
+        inside, key = pick(draw, places(scene))
+        new = isinstance(inside, dict) and draw.integers(3) == 0
+        inside[pick(draw, KEYS) if new else key] = hostile_text(draw, folder)
+    return "\n".join(f"{json.dumps(key)} = {source(value)}" for key, value in scene.items())
+
+
+def hostile_content(draw, folder: Path) -> bytes:
+    """A file that names files: a scene, a road, a zip, a workbook, tables."""
+    text, kind = hostile_text(draw, folder), pick(draw, [0, 1, 2, 3, 4, 5, 5, 6, 6, 6])
+    heights = draw.normal(size=(16, 16)).round(3).tolist()
+    if kind == 0:
+        return hostile_scene(draw, folder).encode()
+    if kind == 1:
+        return f"$ROAD_CRG_FILE\n{text}\n$\n$$$$\n".encode()
+    if kind == 2:
+        return f"{text},{text}\n{TABLE}".encode()
+    if kind == 3:
+        return TABLE.encode()
+    if kind == 4:
+        return "\n".join(" ".join(map(str, row)) for row in heights).encode()
+    stream = io.BytesIO()
+    if kind == 5:
+        book = pytest.importorskip("openpyxl").Workbook()
+        for row in pick(draw, [heights, [line.split(",") for line in TABLE.splitlines()]]):
+            book.active.append(row)
+        book.create_sheet().append([text, f"='{text}'!A1"])
+        book.save(stream)
+    else:
+        with zipfile.ZipFile(stream, "w") as archive:
+            for _ in range(draw.integers(1, 3)):
+                archive.writestr(text, hostile_content(draw, folder))
+                text = hostile_text(draw, folder) + "2"
+    return stream.getvalue()
+
+
+def check_drop(case: int, folder: Path, document) -> bool:
+    """A file from a browser on a page: it opens no file but those of the scene and its folder."""
+    draw = np.random.default_rng([SEED, case])
+    explored, text = folder / "explored", partial(hostile_text, draw, folder)
+    name, content = text(), hostile_content(draw, folder)
+    if draw.integers(2):
+        options = {"unit": "um", "size": 1e-3, "periodic": "harmonic"}
+        if draw.integers(4) == 0:
+            options[pick(draw, ["unit", "periodic"])] = text()
+        change = partial(with_topography, options=options)
+    else:
+        material = pick(draw, [*document.content["materials"], text()])
+        change = partial(with_moduli, name=material)
+    with only(explored, *document.scene().inputs.values()):
+        try:
+            changed = with_file(document, explored, name, content, change)
+            path = save_document(changed, explored, pick(draw, [f"{case}", text()]), replace=False)
+            parse_scene(path.read_text(), explored).surface.build()
+        except (*REFUSALS, KeyError) as error:
+            assert SECRET not in str(error)
+            return False
+    assert SECRET not in path.read_text()
+    return True
+
+
+def check_door(case: int, folder: Path, monkeypatch) -> None:
+    """A hostile scene opens only what went through `full_path`, under whatever key."""
+    draw = np.random.default_rng([SEED, case])
+    text = hostile_scene(draw, folder).replace("/dev/zero", "/dev/null")
+    with only() as allowed, monkeypatch.context() as patch:
+
+        def door(*arguments):
+            found = through(*arguments)
+            allowed.add(Path(os.path.realpath(found)))
+            return found
+
+        through = schema.full_path
+        patch.setattr(schema, "full_path", door)
+        with contextlib.suppress(*REFUSALS):
+            parse_scene(text, folder).surface.build()
+
+
+@pytest.fixture
+def hostile(folder):
+    """The folder with secrets, and a page's folder with links to them."""
+    secret, explored = folder / "secret", folder / "explored"
+    secret.mkdir()
+    explored.mkdir()
+    numbers = np.random.default_rng(1).normal(size=(16, 16))
+    numbers[0, 0] = float(SECRET)
+    np.savetxt(secret / "heights.txt", numbers)
+    (secret / "moduli.csv").write_text(f"{TABLE}1e9,{SECRET},1e6\n")
+    (secret / "errors.csv").write_text(f"{SECRET}\n1,2\n")
+    book = pytest.importorskip("openpyxl").Workbook()
+    for row in numbers.tolist():
+        book.active.append(row)
+    book.save(secret / "book.xlsx")
+    (explored / "link").symlink_to(secret / "moduli.csv")
+    (explored / "moduli.csv").symlink_to(secret / "moduli.csv")
+    (explored / "book.xlsx").symlink_to(secret / "book.xlsx")
+    (explored / "folder").symlink_to(secret)
+    Path("page.toml").write_text((RANDOM + SERIES + LAYERS).replace("temperature = 300.0", ""))
+    return folder
+
+
+def check_hostile(cases: int, folder: Path, monkeypatch) -> int:
+    document = open_document(folder / "page.toml")
+    for case in range(cases):
+        check_door(case, folder, monkeypatch)
+    return sum(check_drop(case, folder, document) for case in range(cases))
+
+
+def test_hostile_texts_open_no_other_files(hostile, monkeypatch):
+    assert check_hostile(25, hostile, monkeypatch)
+
+
+@pytest.mark.slow
+def test_hostile_texts_open_no_other_files_2000_times(hostile, monkeypatch):
+    assert check_hostile(2000, hostile, monkeypatch) > 100
+
+
+EXTREMES = ("1e300", "1e-300", "1e100", "1e-100", "1e30", "1e-30", "1e-17", "0", "-0.0")
+ROUGH = RANDOM.replace("[0.01, 1.0]", "0.1").replace('"every"', '"none"') + LAYERS
+ROUGH += SERIES.replace('errors = "errors.csv"', "") + '[shear]\nkind = "constant"\nstress = 1e5\n'
+SPHERE = """
+[surface]
+kind = "sphere"
+radius = 2e-3
+[grid]
+shape = [16, 16]
+size = 6e-4
+[materials.a]
+kind = "prony"
+equilibrium = 2e6
+strengths = [4e6]
+times = [1e-2]
+[base]
+kind = "half_space"
+material = "a"
+[load]
+approach = 1e-5
+velocity = 0.1
+"""
+
+
+def check_extreme(scene: str, place: int, value: str) -> None:
+    """Another value for one number of a scene: refused, solved, or its failure has a reason."""
+    document = tomllib.loads(scene)
+    numbers = [entry for entry in places(document) if isinstance(entry[0][entry[1]], float)]
+    inside, key = numbers[place % len(numbers)]
+    inside[key] = Source(value)
+    text = "\n".join(f"{json.dumps(name)} = {source(entry)}" for name, entry in document.items())
+    try:
+        found = run_scene(parse_scene(text))
+    except REFUSALS as error:
+        return told(error)
+    message = str(found["message"].values.flat[0])
+    apart = "do not touch" in found.attrs["caveats"]
+    for name in ("friction", "friction_error", "contact_area"):
+        number = found[name].values.flat[0]
+        assert np.isfinite(number) or message or apart, (key, value, name, number)
+
+
+def test_extreme_numbers_are_refused_or_solved_or_their_failure_is_told():
+    for value in ("1e300", "1e-300"):
+        for place in range(9):
+            check_extreme(SPHERE, place, value)
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("scene", [ROUGH, SPHERE])
+@pytest.mark.parametrize("value", EXTREMES)
+def test_every_number_of_a_scene_may_be_extreme(scene, value):
+    count = sum(isinstance(inside[key], float) for inside, key in places(tomllib.loads(scene)))
+    for place in range(count):
+        check_extreme(scene, place, value)

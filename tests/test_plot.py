@@ -359,6 +359,12 @@ def theory(mean=4e5, spread=9e5):
     return gc.contacts.MeanField(**zeros | known | {"heated": None})
 
 
+def test_distributions_of_failed_solves_are_drawn():
+    fields, _ = disc()
+    failed = theory(spread=np.nan)
+    assert len(gc.plot.plot_distributions(fields, failed).axes) == 2
+
+
 def test_distributions_enclose_the_area_and_perssons_the_mean_pressure():
     """∫P dσ = erf(σ0/√(2V)) and ∫σ P dσ = σ0, in closed form."""
     fields, _ = disc()

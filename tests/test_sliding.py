@@ -257,3 +257,27 @@ def test_soft_law_slides_nearly_as_the_hard_wall():
     np.testing.assert_allclose(
         soft.pressure, 4e5 * (law.range / soft.gap) ** 9, atol=1e-4 * soft.pressure.max()
     )
+
+
+LIQUID = gc.Prony(0.0, [1e6], [1.0])
+
+
+@pytest.mark.parametrize(
+    "run",
+    [
+        lambda stack: gc.slide(stack, SURFACE, pressure=4e5, velocity=0.0),
+        lambda stack: gc.slide(stack, SURFACE, pressure=4e5, velocity=0.1, throw=False),
+        lambda stack: gc.motion.slide_cycle(
+            stack, SURFACE, displacement=1e-5 * np.sin(np.arange(8)), period=1.0, pressure=4e5
+        ),
+        lambda stack: gc.mean_field_friction(stack, SURFACE, pressure=4e5, velocity=0.1),
+        lambda stack: gc.surface_compliance(stack, [1e3], [0.0]),
+    ],
+)
+def test_a_liquid_at_rest_is_named(run):
+    """Waves across the motion are at rest, too."""
+    with pytest.raises(ValueError, match=r"^`base` is a liquid \(`equilibrium=0`\)"):
+        run(gc.Stack(base=gc.HalfSpace(LIQUID)))
+    blend = gc.Blend(LIQUID, gc.Elastic(1e6))
+    with pytest.raises(ValueError, match=r"^`layers\[0\]` is a liquid"):
+        run(gc.Stack(layers=(gc.GradedLayer(blend, 1e-4),), base=gc.Rigid()))

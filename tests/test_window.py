@@ -228,6 +228,13 @@ def test_before_the_first_touch_there_is_no_load(heights):
         assert np.all(np.isnan(jax.value_and_grad(partial(friction, throw=False))(approach)))
 
 
+def test_an_approach_that_rounding_hides_is_refused():
+    surface = gc.Surface(cylinder(64).heights, gc.Grid((64,), 1.0), periodic=False)
+    for approach in (1e-18, 1e-300):
+        with pytest.raises(ValueError, match=f"^`approach={approach:g}` is refused: below"):
+            gc.slide(SLAB, surface, approach=approach, velocity=1.0)
+
+
 def test_an_approach_through_the_layers_or_in_another_unit_is_noticed():
     surface = cylinder(64)
     deep = gc.slide(SLAB, surface, approach=0.08, velocity=1.0)

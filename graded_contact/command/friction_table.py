@@ -8,7 +8,7 @@ import typer
 
 from ..files.dataset import write
 from ..files.friction_cards import export_friction
-from ..files.paths import check_folder
+from ..files.paths import check_folder, full_path
 from ..files.scene_reading import read_scene, refuse_tables
 from ..files.sealed import write_whole
 from ..studies.friction_table import Method, friction_table
@@ -42,6 +42,7 @@ def table(
         if others:
             raise ValueError(f"{scene_file}: a table of friction has no axis `{others[0]}`.")
         folder = output or scene.directory or Path(f"{scene_file.stem}-results")
+        folder = full_path(str(folder))
         check_folder(folder)
         name = f"{scene.name or scene_file.stem}-friction"
         files = {form: folder / f"{name}.{form}" for form in ("inp", "csv", "h5")}

@@ -65,7 +65,7 @@ _RESOLVED = 0.3
 # 5e-5 (medians of 15 contacts, `bench_contact.py linear`).
 _OF_PRESSURE, _LOOSEST_DERIVATIVE = 20, 1e-3
 _WORTHLESS = 0.1  # error of gaps over the rms height
-_LEAST_GAP = 1e-12  # mean gaps over the rms height below this are rounding
+LEAST_GAP = 1e-12  # mean gaps over the rms height below this are rounding
 
 
 @check_types
@@ -208,7 +208,7 @@ def _check_kernel(operator: Steady | Window, heights, throw: bool) -> None:
         check_shape("kernel", kernel, half_shape(heights.shape))
     if is_concrete(kernel):
         real, imag = _compliances(kernel, throw)
-        check_positive("kernel.real", real, f"[m/Pa] for every q but 0{remedy}")
+        check_positive("kernel.real", real, f"[m/Pa] for every q but 0{remedy}", squares=False)
         check_values("kernel.imag", imag, "it must be finite")
 
 
@@ -251,7 +251,7 @@ def loading_of(
         spread = _over_times("mean_gap", mean_gap, heights, num_times)
         if isinstance(law, HardWall) and is_concrete(heights) and is_concrete(mean_gap):
             for gap in np.unique(np.asarray(mean_gap)):
-                _check_gap(float(gap), law, _LEAST_GAP * float(jnp.std(heights)))
+                _check_gap(float(gap), law, LEAST_GAP * float(jnp.std(heights)))
         return Loading(None, spread)
     pressure = as_float(pressure, "pressure")
     spread = _over_times("pressure", pressure, heights, num_times)
@@ -281,7 +281,7 @@ def _loading_of_window(pressure, mean_gap, approach, law: AbstractLaw, heights, 
             "away. In one dimension only slabs on a `Rigid()` base have one. Prescribe `pressure`."
         )
     if isinstance(law, HardWall):  # at the first touch, nothing touches; else rounding decides
-        least = _LEAST_GAP * jnp.maximum(jnp.std(heights), jnp.finfo(heights.dtype).tiny ** 0.5)
+        least = LEAST_GAP * jnp.maximum(jnp.std(heights), jnp.finfo(heights.dtype).tiny ** 0.5)
         at_touch = jnp.abs(approach) <= least
         approach = approach + jax.lax.stop_gradient(jnp.where(at_touch, -least - approach, 0))
     return Loading(None, largest(heights) - jnp.mean(heights) - approach)

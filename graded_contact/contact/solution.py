@@ -20,9 +20,10 @@ class RESULTS(eqx.Enumeration):
         "`jax_enable_x64`."
     )
     not_finite = (
-        "The contact solver met a value that is not finite. Check the kernel (a negative "
-        "thickness or modulus under `jit` ends here), the heights and the pressure, or the "
-        "approach (in metres, at most the window's length); in float32, enable `jax_enable_x64`."
+        "The solve failed: the kernel, the heights, the pressure or the approach (in metres, at "
+        "most the window's length) is not finite, or too large for its dtype: in float32, enable "
+        "`jax_enable_x64`. Under `jit` a negative thickness or modulus ends here, and a liquid "
+        "(`equilibrium=0`) at rest."
     )
     unresolved = (
         "The attraction of the law rises too steeply for the grid: points snap one by one, and the "

@@ -12,6 +12,7 @@ from collections.abc import Callable, Iterator, Sequence
 from types import UnionType
 from typing import Any, Literal, TypeVar, Union, cast, get_args, get_origin
 
+import jax
 import jax.numpy as jnp
 import numpy as np
 from jax import Array
@@ -53,18 +54,33 @@ def as_numbers(value: Any, name: str) -> Inexact[Array, "..."]:
     if isinstance(value, Array) and jnp.issubdtype(value.dtype, jnp.inexact):
         return value.astype(value.dtype) if value.weak_type else value
     try:
-        if isinstance(value, str | bytes | bool) or value is None:
+        if isinstance(value, str | bytes | bool | np.bool_) or value is None:
             raise TypeError
-        try:
-            array = jnp.asarray(value)
-        except OverflowError:  # a whole number beyond 64 bits
-            array = jnp.asarray(np.asarray(value, float))
+        host = _on_host(value)
+        if isinstance(host, np.ndarray) and host.dtype.kind in "fc":
+            kind = jnp.result_type(host)
+            large = kind != host.dtype and np.abs(host) > float(jnp.finfo(kind).max)
+            if np.any(np.isfinite(host) & large):
+                needed = f"it is too large for {kind}"
+                raise ValueError
+        array = jnp.asarray(host)
     except (TypeError, ValueError, OverflowError):
         raise ValueError(f"`{name}={short(value)}` is refused: {needed}.") from None
     if not (jnp.issubdtype(array.dtype, jnp.number) or array.dtype == bool):
         raise ValueError(f"`{name}` has dtype {array.dtype} and is refused: {needed}.")
     dtype = array.dtype if jnp.issubdtype(array.dtype, jnp.inexact) else jnp.result_type(float)
     return jnp.asarray(array, dtype=dtype)
+
+
+def _on_host(value: Any) -> Any:
+    """Numbers that are not JAX's, as floats: of whole ones JAX keeps the last 32 or 64 bits."""
+    if any(isinstance(leaf, Array) for leaf in jax.tree.leaves(value)):
+        return value
+    found = np.asarray(value)
+    whole = found.dtype.kind in "iu" or (
+        found.dtype.kind == "O" and all(isinstance(entry, int | float) for entry in found.flat)
+    )
+    return found.astype(float) if whole else found
 
 
 def as_scalar(value: Any, name: str) -> Float[Array, ""]:
@@ -231,27 +247,32 @@ def _parts(value: ArrayLike):
 
 
 def check_squares(name: str, value: ArrayLike, unit: str) -> None:
-    """Raises `ValueError` if all entries are so small that their squares are lost, but not 0."""
+    """Raises `ValueError` if the squares of the largest entries, unless 0, leave their dtype."""
     if is_concrete(value):
         parts = [array for array, _ in _parts(value)]
         largest = max(float(np.max(np.abs(array), initial=0)) for array in parts)
-        if largest and largest**2 < np.finfo(parts[0].dtype).tiny:
+        limits = np.finfo(parts[0].dtype if parts[0].dtype.kind == "f" else np.float64)
+        if largest and not limits.tiny <= largest * largest <= limits.max:
+            size = "small" if largest < 1 else "large"
             raise ValueError(
-                f"`{name}` up to {largest:.2g} {unit} is refused: its squares are too small "
-                f"for {parts[0].dtype}."
+                f"`{name}` up to {largest:.2g} {unit} is refused: its squares are too {size} "
+                f"for {limits.dtype}."
             )
 
 
-def check_positive(name: str, value: ArrayLike, unit: str) -> None:
+def check_positive(name: str, value: ArrayLike, unit: str, *, squares: bool = True) -> None:
     """Raises `ValueError` unless every entry of `value` is finite and greater than zero.
 
     Numbers too small for all digits of their dtype are refused too: compiled code takes them for 0.
+    So are numbers whose `squares` leave it.
     """
     if is_concrete(value):
         kind = getattr(value, "dtype", np.float64)
         kind = kind if np.issubdtype(kind, np.floating) else np.float64
         least = float(np.finfo(kind).tiny)
         check_values(name, value, f"it must be a positive number {unit}", at_least=least)
+        if squares:
+            check_squares(name, value, unit)
 
 
 def check_together(**arrays: Array) -> None:

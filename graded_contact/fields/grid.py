@@ -20,7 +20,7 @@ from jax import Array
 from jax.sharding import NamedSharding
 from jaxtyping import Bool, Complex, Float, Inexact, Int
 
-from ..core.checks import Numbers, as_float, check_positive, check_values, short
+from ..core.checks import Numbers, as_float, check_positive, check_squares, check_values, short
 from ..core.compilation import compiled
 from ..core.derivative import largest
 from ..core.display import shown
@@ -210,6 +210,7 @@ def as_velocity(velocity: Numbers, grid: Grid | None = None) -> Float[Array, "..
             "dimensions, two components are needed. For several velocities use `jax.vmap`."
         )
     check_values("velocity", velocity, "a velocity [m/s] must be finite")
+    check_squares("velocity", velocity, "m/s")
     return velocity
 
 

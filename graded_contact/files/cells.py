@@ -11,7 +11,7 @@ import io
 import re
 import warnings
 from collections.abc import Callable, Iterable
-from pathlib import Path
+from pathlib import Path, PurePath
 from typing import Any, NamedTuple
 
 from .paths import UNPACKED_TEXT, Refusal, check_archive, may_unpack, read_file
@@ -173,7 +173,7 @@ def _with_point(cell: str, decimal: str) -> str:
     return cell.replace("−", "-").replace(",", ".").replace("d", "e").replace("D", "e")
 
 
-def _read_text(path: Path, content: bytes) -> Sheet:
+def _read_text(path: PurePath, content: bytes) -> Sheet:
     text, encoding = decoded(content) or ("\0", "")
     lines = lines_of(text)
     if "\0" in text or max(map(len, lines)) > 100_000:
@@ -226,7 +226,7 @@ def read_sheets(path: Path) -> list[Sheet]:
         raise ValueError(f"`path={path}` is refused: {error}.") from error
 
 
-def sheets_of(path: Path, content: bytes, packed: int) -> list[Sheet]:
+def sheets_of(path: PurePath, content: bytes, packed: int) -> list[Sheet]:
     """Returns the sheets in the content of a file, as `read_sheets`.
 
     `packed`: bytes of the file that it lies in. Raises `Refusal` for too many bytes or cells.
@@ -240,7 +240,7 @@ def sheets_of(path: Path, content: bytes, packed: int) -> list[Sheet]:
     return [sheet._replace(rows=[row for row in sheet.rows if any(row.cells)]) for sheet in sheets]
 
 
-def _read_workbook(path: Path, library: str, read: Callable[[], list[Sheet]]) -> list[Sheet]:
+def _read_workbook(path: PurePath, library: str, read: Callable[[], list[Sheet]]) -> list[Sheet]:
     """Without pandas, which pads every row to the widest one: a few far cells would fill memory."""
     try:
         with warnings.catch_warnings():

@@ -116,7 +116,7 @@ class Scene:
     - `directory`: folder of the results, relative to the scene.
     - `fields`: solves whose fields over the surface are stored.
     - `errors`: of materials: name, material of the stack, and errors of its numbers.
-    - `inputs`: the files that the scene names.
+    - `inputs`: the files that the scene names, by table and key.
     - `notes`: what was understood of its tables of moduli, one sentence each.
     """
 
@@ -143,7 +143,7 @@ class Scene:
     directory: Path | None = None
     fields: Literal["last", "every", "none"] = "last"
     errors: tuple[tuple[str, AbstractMaterial, Errors], ...]
-    inputs: tuple[Path, ...]
+    inputs: dict[tuple[str, str], Path]
     notes: tuple[str, ...] = ()
 
     @property

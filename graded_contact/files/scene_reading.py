@@ -7,7 +7,14 @@ from pathlib import Path
 import numpy as np
 
 from ..contact.nested_solve import DouglasRachford
-from ..core.checks import as_float, check_positive, check_tolerance, check_values, within
+from ..core.checks import (
+    as_float,
+    check_positive,
+    check_squares,
+    check_tolerance,
+    check_values,
+    within,
+)
 from ..core.memory import check_points
 from ..core.parameters import paths, with_values
 from ..response.stack import Stack
@@ -68,6 +75,7 @@ def parse_scene(text: str, folder: str | os.PathLike = ".") -> Scene:
             check_values(kind, load[kind], "an approach [m] must be finite")
         load.setdefault("pressure", np.array([]))
         check_values("velocity", load["velocity"], "a velocity [m/s] must be finite")
+        check_squares("velocity", load["velocity"], "m/s")
         full, reason = 2 * np.pi, "an angle [rad] lies between -2π and 2π"
         check_values("direction", load.get("direction", 0.0), reason, at_least=-full, at_most=full)
     with within("[solver]"):
@@ -77,7 +85,7 @@ def parse_scene(text: str, folder: str | os.PathLike = ".") -> Scene:
     surface, stack, inputs = (
         surface_source(tables.surface, tables.grid, reader),
         block.stack(tables.layers, tables.base),
-        tuple(reader.paths),
+        dict(reader.paths),
     )
     (output,) = reader.arguments("[output]", tables.output, KEYS["[output]"])
     with within("[output]"):

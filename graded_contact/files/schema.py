@@ -96,7 +96,8 @@ class Reader:
 
     **Fields:**
 
-    - `paths`: those that were read.
+    - `paths`: those that were read, by place and key. Every text of a scene that names a file is
+      here.
     """
 
     def __init__(
@@ -107,7 +108,7 @@ class Reader:
     ):
         self.folder, self.kinds = folder, kinds
         self.readers = {os.PathLike: self.path, Path: self.path, **readers}
-        self.paths: list[Path] = []
+        self.paths: dict[tuple[str, str], Path] = {}
 
     def build(self, place: str, table: Any, make: Callable, **given: Any) -> Any:
         """Returns `make` called with the entries of a table and with `given`."""
@@ -160,8 +161,9 @@ class Reader:
     def path(self, place: str, name: str, value: Any) -> Path:
         """Returns the path under a key, relative to `folder`, and adds it to `paths`."""
         with within(place):
-            self.paths.append(full_path(self.value(place, Key(name, str), value), self.folder))
-        return self.paths[-1]
+            found = full_path(self.value(place, Key(name, str), value), self.folder)
+        self.paths[place, name] = found
+        return found
 
     def _mapping(self, place: str, table: Any, names: Any, annotation: Any) -> dict[str, Any]:
         check_keys(place, table, table if names is str else get_args(names))

@@ -7,7 +7,7 @@ import jax
 import numpy as np
 from jaxtyping import ArrayLike, PRNGKeyArray
 
-from ..core.checks import check_positive, check_whole, within
+from ..core.checks import check_squares, check_values, check_whole, within
 from ..core.display import shown
 from ..core.memory import check_points
 from ..fields.grid import Grid
@@ -63,6 +63,10 @@ class SurfaceFile(NamedTuple):
         with within("[surface]"):
             surface = read_surface(**self.arguments)
             return rescale(surface, **self.target) if self.target else surface
+
+
+# Of the window's length: the heights -r²/(2R) of a smaller sphere are no sphere's.
+LEAST_RADIUS = 1e-3
 
 
 @shown()
@@ -122,7 +126,10 @@ def surface_source(
     if kind == "sphere":
         (sphere,) = reader.arguments(place, entries, *keys[kind])
         with within(place):
-            check_positive("radius", sphere["radius"], "[m]")
+            least = LEAST_RADIUS * float(np.max(grid.size))
+            allowed = f"[m] must be at least {LEAST_RADIUS:g} of the window's length, {least:.2g} m"
+            check_values("radius", sphere["radius"], f"a radius {allowed}", at_least=least)
+            check_squares("radius", sphere["radius"], "m")
         return Sphere(**sphere, grid=grid)
     spectrum, drawn = reader.arguments(place, entries, *keys[kind])
     # Unless given, the longest wave is as long as the longest edge.

@@ -14,6 +14,7 @@ from typing import NamedTuple
 import numpy as np
 from scipy.optimize import nnls
 
+from ..core.checks import check_whole
 from ..core.display import shown
 from .model import series_of
 from .observations import Observations, concrete
@@ -50,8 +51,7 @@ class Length(NamedTuple):
 def check_terms(data: Observations, terms: int) -> None:
     """Raises `ValueError` for a number of terms that the data cannot have."""
     least = 0 if data.num_extras or data.times is not None else 1
-    if not isinstance(terms, int | np.integer) or terms < least:
-        raise ValueError(f"`terms={terms}` must be a whole number, at least {least}.")
+    check_whole("terms", terms, least)
     if concrete(data) and data.times is None:
         count, unknowns = int(np.sum(np.asarray(data.weights) > 0)), data.num_unknowns(terms)
         if unknowns > count:

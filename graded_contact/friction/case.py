@@ -4,13 +4,14 @@ from collections.abc import Callable
 from typing import Any
 
 import equinox as eqx
-from jaxtyping import Array, Float
+from jaxtyping import Array
 
 from ..contact.law import AbstractLaw, HardWall
 from ..contact.solution import ContactSolution
 from ..core.checks import (
     Numbers,
     as_float,
+    as_scalar,
     check_positive,
     check_type,
     check_values,
@@ -54,11 +55,9 @@ class Case(eqx.Module):
 
     stack: Stack
     surface: Surface
-    velocity: Float[Array, "..."] | None = eqx.field(converter=_numbers("velocity"), default=None)
-    displacement: Float[Array, "nt ..."] | None = eqx.field(
-        converter=_numbers("displacement"), default=None
-    )
-    period: Float[Array, ""] | None = eqx.field(converter=_numbers("period"), default=None)
+    velocity: Any = eqx.field(converter=_numbers("velocity"), default=None)
+    displacement: Any = eqx.field(converter=_numbers("displacement"), default=None)
+    period: Any = None
     pressure: Numbers | None = None
     mean_gap: Numbers | None = None
     approach: Numbers | None = None
@@ -111,7 +110,8 @@ class Case(eqx.Module):
         return solve_steady(self, numerics, start, solution)
 
 
-def _check_motion(displacement: Array, period: Array | None, surface: Surface) -> None:
+def _check_motion(displacement: Array, period: Any, surface: Surface) -> None:
+    period = as_scalar(period, "period")
     components = displacement.shape[1:]
     few = displacement.ndim == 0 or len(displacement) < _FEWEST
     if few or components not in ((), (2,)) or len(components) >= surface.grid.ndim:

@@ -19,7 +19,7 @@ from ..contact.law import check_law
 from ..contact.problem import contact_of, loading_of
 from ..contact.solution import RESULTS
 from ..contact.space_time import SpaceTime, in_motion
-from ..core.checks import Numbers, check_squares
+from ..core.checks import Numbers, as_scalar, check_squares
 from ..core.derivative import derivative_apart
 from ..core.memory import check_memory, cycle_memory
 from ..fields.devices import required
@@ -39,6 +39,7 @@ def solve_cycle(case: Any, numerics: Numerics, start: Numbers | None = None) -> 
     check_periodic(surface)
     check_law(law)
     grid, num_times = surface.grid, len(case.displacement)
+    period = as_scalar(case.period, "period")
     check_squares("heights", surface.heights, "m")
     heights = jnp.broadcast_to(surface.heights, (num_times, *grid.shape))
     check_memory(
@@ -49,7 +50,7 @@ def solve_cycle(case: Any, numerics: Numerics, start: Numbers | None = None) -> 
     )
     loading = loading_of(case.pressure, case.mean_gap, law, heights, num_times)
     graded_solver = numerics.graded_solver
-    kernel, error = periodic_kernel(stack, grid, num_times, case.period, graded_solver)
+    kernel, error = periodic_kernel(stack, grid, num_times, period, graded_solver)
     reached = error <= graded_tolerance(graded_solver, None, grid.size)
     if numerics.throw:
         kernel = required(kernel, reached, lambda x, bad: eqx.error_if(x, bad, _NOT_REACHED))
@@ -68,7 +69,7 @@ def solve_cycle(case: Any, numerics: Numerics, start: Numbers | None = None) -> 
         grid=grid,
         law=law,
         displacement=case.displacement,
-        period=case.period,
+        period=period,
         measured_range=coverage(stack),
     )
 

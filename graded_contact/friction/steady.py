@@ -11,7 +11,8 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array
 
-from ..contact.problem import solve_contact
+from ..contact.law import AbstractLaw, HardWall
+from ..contact.problem import LEAST_GAP, solve_contact
 from ..contact.solution import RESULTS, ContactSolution
 from ..contact.window import operator_of
 from ..core.checks import Numbers, as_float, check_values, is_concrete
@@ -26,7 +27,7 @@ from ..rheology.measured import coverage
 from ..rheology.shear import shear_stress
 from ..rheology.softening import as_strain_per_slope
 from ..roughness.statistics import slope_up_to
-from ..roughness.surface import check_periodic
+from ..roughness.surface import Surface, check_periodic
 from .numerics import Numerics
 from .sliding import Sliding
 
@@ -39,7 +40,7 @@ def solve_steady(
 ) -> Sliding:
     """Returns the contact of a `Case` with a velocity, without its heat; see `slide`."""
     stack, surface = case.stack, case.surface
-    approach = None if case.approach is None else check_approach(case.approach, surface.grid)
+    approach = None if case.approach is None else check_approach(case.approach, surface, case.law)
     kernel, reached, kernel_error = kernel_of(case, numerics)
     sheared = shear_stress(case.shear, direction_and_speed(case.velocity)[1], case.temperature)
     contact = solve_contact(
@@ -127,14 +128,22 @@ def kernel_of(case: Any, numerics: Numerics):
     return kernel, (True if throw else reached & also), error
 
 
-def check_approach(approach: Numbers, grid: Grid) -> Array:
+def check_approach(approach: Numbers, surface: Surface, law: AbstractLaw) -> Array:
     """Returns an approach; refuses one of more than a window's length: of another unit.
 
-    It is NaN if tracing hides that.
+    It is NaN if tracing hides that. At a hard wall, one that rounding hides is refused, too.
     """
-    approach = as_float(approach, "approach")
+    approach, grid, heights = as_float(approach, "approach"), surface.grid, surface.heights
     if is_concrete(grid.size):
         most = float(np.max(np.asarray(grid.size)))
         allowed = f"it must be finite, in metres, and at most the window's length of {most:g} m"
         check_values("approach", approach, allowed, at_most=most)
+    if isinstance(law, HardWall) and is_concrete(approach) and is_concrete(heights):
+        least, known = LEAST_GAP * float(np.std(np.asarray(heights))), np.asarray(approach)
+        hidden = known[(known > 0) & (known < least)]
+        if hidden.size:
+            raise ValueError(
+                f"`approach={hidden[0]:g}` is refused: below {least:.2g} m rounding decides what "
+                "touches. At an approach of 0 or less nothing does."
+            )
     return jnp.where(approach <= jnp.max(grid.size), approach, jnp.nan)

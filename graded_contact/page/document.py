@@ -17,7 +17,7 @@ import numpy as np
 from ..core.checks import within
 from ..core.display import with_unit
 from ..files.moduli.reading import read_moduli
-from ..files.paths import check_name, full_path, read_file, read_utf8
+from ..files.paths import check_name, read_file, read_utf8
 from ..files.prony_cards import export_prony
 from ..files.scene import Scene
 from ..files.scene_reading import parse_scene, refuse_tables
@@ -93,12 +93,12 @@ def _at_one_point(content: dict[str, Any], scene: Scene, folder: Path) -> Docume
         load["temperature"] = _middle(np.sort(scene.temperature, axis=None))
     content = {k: v for k, v in content.items() if k not in ("sweep", "design")} | {"load": load}
     content["surface"].pop("seeds", None)
-    for table in (content["surface"], *content["materials"].values()):
-        # Whatever the reader of the scene took for a path: the scene may be saved elsewhere.
-        for key, value in table.items():
-            if isinstance(value, str) and value and full_path(value, folder) in scene.inputs:
-                table[key] = str(full_path(value, folder))
-        if table.get("kind") == "tabulated":
+    tables = {"[surface]": content["surface"]}
+    tables |= {f"[materials.{name}]": table for name, table in content["materials"].items()}
+    for (place, key), path in scene.inputs.items():  # the scene is saved in another folder
+        tables[place][key] = str(path)
+    for table in content["materials"].values():
+        if table["kind"] == "tabulated":
             # A slider soon leaves the table; the page warns how much friction depends on that.
             table["extrapolate"] = "plateau"
     return Document(content, folder, speeds)
@@ -224,7 +224,8 @@ def with_file(
     check_name(name)
     folder.mkdir(parents=True, exist_ok=True)
     path = folder / name
-    stored = path.is_file() and read_file(path) == data
+    # A link may lead out of the folder.
+    stored = path.is_file() and not path.is_symlink() and read_file(path) == data
     if not stored:
         taken = {path.stem for path in folder.iterdir()}
         path = folder / f"{free_name(path.stem, taken)}{path.suffix}"

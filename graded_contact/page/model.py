@@ -6,7 +6,7 @@ another structure those that only see the grid: the contact, and its derivatives
 """
 
 from collections.abc import Sequence
-from typing import Any, NamedTuple
+from typing import Any, NamedTuple, cast
 
 import equinox as eqx
 import jax
@@ -226,7 +226,8 @@ def _slide(scenery, numbers, start, solution=None):
     numerics = Numerics(
         rtol=RTOL, solver=scenery.solver, graded_solver=scenery.graded_solver, throw=False
     )
-    return case.solve(numerics, start=start, solution=solution), surface.heights
+    found = case.solve(numerics, start=start, solution=solution)
+    return cast(Sliding, found), surface.heights
 
 
 def _derivatives(scenery, numbers, contact):

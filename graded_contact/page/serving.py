@@ -2,7 +2,6 @@
 
 import os
 import socket
-from collections.abc import Collection
 from pathlib import Path
 from typing import Any
 
@@ -35,14 +34,7 @@ def explore(path: str | os.PathLike | None = None, folder: str | os.PathLike = "
 
 
 def serve(path: Path | None, folder: Path, *, address: str, port: int, show: bool) -> None:
-    """Serves pages of a scene until Ctrl-C, see `new_server`."""
-    server = new_server(path, folder, address=address, port=port, show=show)
-    server.start()
-    server.io_loop.start()
-
-
-def new_server(path: Path | None, folder: Path, *, address: str, port: int, show: bool) -> Any:
-    """Returns a server of pages of a scene, which is not started yet.
+    """Serves pages of a scene until Ctrl-C.
 
     **Arguments:**
 
@@ -52,7 +44,20 @@ def new_server(path: Path | None, folder: Path, *, address: str, port: int, show
 
     **Raises:** as `explore`; `OSError` if the port is taken.
     """
+    server = new_server(path, folder, address=address, port=port, show=show)
+    server.start()
+    server.io_loop.start()
+
+
+def new_server(path: Path | None, folder: Path, *, address: str, port: int, show: bool) -> Any:
+    """Returns the server of `serve`, before it starts."""
     pn = _panel()
+    from bokeh.settings import settings
+    from tornado.routing import Rule
+    from tornado.web import ErrorHandler
+
+    from .foreign import Foreign
+
     pn.config.raw_css = [DARK]
     open_document(path)  # refused before the server listens
 
@@ -61,35 +66,15 @@ def new_server(path: Path | None, folder: Path, *, address: str, port: int, show
         pn.state.on_session_destroyed(lambda _: new.session.end())
         return new
 
-    names = dict.fromkeys((address, "localhost", "127.0.0.1", socket.gethostname()))
-    hosts = [f"{name}:{port}" for name in names]
+    settings.allowed_ws_origin = ["*"]  # `Foreign` decides, also about what Bokeh does not ask
     server = pn.serve(
         {"/": page}, address=address, port=port, show=show, title=TITLE, start=False,
-        websocket_origin=hosts, websocket_max_message_size=MESSAGE,
+        location=False, websocket_max_message_size=MESSAGE,
     )  # fmt: skip
-    _guard(server._tornado, {host.lower() for host in hosts})
+    foreign = Foreign({address, "localhost", socket.gethostname()})
+    # Before all other rules, those of WebSockets too.
+    server._tornado.add_handlers(".*", [Rule(foreign, ErrorHandler, {"status_code": 403})])
     return server
-
-
-def _guard(application: Any, hosts: Collection[str]) -> None:
-    """Lets an application of Tornado refuse what pages of other sites ask.
-
-    They would reach it through the browsers of their visitors: under a name of another site that
-    leads to this machine, which the browser sends as `Host`. A WebSocket without `Origin` is
-    refused, because each browser sends it.
-    """
-    from tornado.web import ErrorHandler
-
-    find = application.find_handler
-
-    def find_handler(request: Any, **given: Any) -> Any:
-        socket_opens = request.headers.get("Upgrade", "").lower() == "websocket"
-        known = request.host.lower() in hosts or f"{request.host.lower()}:80" in hosts
-        if known and not (socket_opens and "Origin" not in request.headers):
-            return find(request, **given)
-        return application.get_handler_delegate(request, ErrorHandler, {"status_code": 403})
-
-    application.find_handler = find_handler
 
 
 def _new_page(path: Path | None, folder: Path) -> Any:

@@ -105,7 +105,6 @@ class Page(pn.viewable.Viewer):
             ("Sliders", self._knobs), ("Layers", self._layers), ("Data", self._data()),
             ("Save", self._saving()), sizing_mode="stretch_width", margin=(2, 4),
         )  # fmt: skip
-        # The address of a notebook is not that of the page.
         browser = Browser(width=0, margin=0)
         browser.param.watch(lambda _: pn.state.execute(session.update), "ready")
         side = pn.Column(
@@ -223,7 +222,7 @@ class Page(pn.viewable.Viewer):
         self._knobs[:] = self.sliders
         names = list(content["materials"])
         self._material.options = names
-        chosen: Any = pn.widgets.Select(label="Add a layer of", options=[NEW, *names], **SMALL)
+        chosen: Any = pn.widgets.Select(label="one more on top, of", options=[NEW, *names], **SMALL)
         add = pn.widgets.Button(label="Add layer", color="primary", **SMALL)
         add.on_click(lambda _: self.session.change(
             partial(scenes.with_layer, material=None if chosen.value == NEW else chosen.value)

@@ -35,6 +35,7 @@ from typing import Any
 
 import equinox as eqx
 import jax.numpy as jnp
+import numpy as np
 from jaxtyping import Array, Float, ScalarLike
 
 from ..core.checks import (
@@ -45,6 +46,7 @@ from ..core.checks import (
     check_tolerance,
     check_types,
     check_values,
+    is_concrete,
 )
 from ..core.display import shown
 from ..fields.grid import as_velocity, direction_and_speed
@@ -54,7 +56,7 @@ from ..response.grading import AbstractGradedSolver, check_profiles
 from ..response.heated import check_bulk
 from ..response.kernel import stack_kernel
 from ..response.layering import Layering
-from ..response.stack import Stack
+from ..response.stack import Stack, check_at_rest
 from ..rheology.measured import coverage
 from ..rheology.shear import ShearLaw, shear_stress
 from ..rheology.shift import as_temperature
@@ -281,6 +283,8 @@ def _by_quadrature(settings, given: _Given, heating: Heating | None):
     """What `_integrated` returns, and the temperatures of the scales."""
     # Profiles and tables may have no answer at the frequencies of the quadrature.
     edges, speed = given.roughness.edges, direction_and_speed(given.velocity)[1]
+    if is_concrete(speed) and np.asarray(speed) == 0:
+        check_at_rest(given.stack)
     check_profiles(given.stack, speed * jnp.stack([edges[0] * LAST_COSINE, edges[-1]]))
     if heating is None:
         return _integrated(settings, given), None

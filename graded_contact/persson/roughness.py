@@ -92,6 +92,6 @@ def as_roughness(spectrum: object, name: str = "spectrum") -> Roughness:
     if len(q) < 2:
         raise ValueError(f"`{name}` holds C(q) at {len(q)} wavenumbers; at least 2 are needed.")
     check_positive(f"{name}[0]", q, "[rad/m]")
-    check_positive(f"{name}[1]", c, "[m⁴]")
+    check_positive(f"{name}[1]", c, "[m⁴]", squares=False)
     check_increasing(f"{name}[0]", q)
     return Roughness(q, c)

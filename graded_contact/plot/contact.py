@@ -248,6 +248,8 @@ def plot_distributions(
     figure = new_figure(PAGE * count / 2, 2.7)
     left, *right = figure.subplots(1, count, squeeze=False)[0]
     high = 0.0
+    if mean_field is not None and not np.isfinite(mean_field.stress_variance[-1]):
+        mean_field = None  # which failed
     if mean_field is not None:
         spread = float(np.sqrt(mean_field.stress_variance[-1]))
         high = float(mean_field.pressure) + REACH * spread
@@ -275,7 +277,7 @@ def _draw_density(axes, name, values, counted, high=0.0, label=None) -> tuple[fl
 
     Returns the end of the axis [SI] and the SI unit in units of the axis.
     """
-    found = values[counted]
+    found = values[counted & np.isfinite(values)]
     high = max(high, float(np.quantile(found, SHOWN_SHARE))) if found.size else high or 1.0
     unit, scale = unit_of(FIELDS[name].unit, high)
     counts, edges = np.histogram(scale * found, BINS, (0, scale * high or 1))

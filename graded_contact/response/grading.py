@@ -19,12 +19,19 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float, Inexact
 
-from ..core.checks import Numbers, as_float, check_together, check_tolerance, check_values
+from ..core.checks import (
+    Numbers,
+    as_float,
+    check_together,
+    check_tolerance,
+    check_values,
+    is_concrete,
+)
 from ..rheology.measured import check_frequencies
 from .profile import check_profile, moduli_at
 from .recursion import cast_like, largest, stable_shape
 from .slab import Compliance, plane_strain
-from .stack import Free, GradedLayer, HalfSpace, Rigid, Stack, is_graded
+from .stack import Free, GradedLayer, HalfSpace, Rigid, Stack, check_at_rest, is_graded
 
 
 class Rule(NamedTuple):
@@ -247,6 +254,8 @@ def as_waves(stack: Stack, **arrays: Numbers) -> tuple[Array, ...]:
     for name, value in waves.items():
         check_values(name, value, "wavenumbers and frequencies must be finite")
     check_together(**waves)
+    if is_concrete(waves["omega"]) and np.any(np.asarray(waves["omega"]) == 0):
+        check_at_rest(stack)
     check_profiles(stack, waves["omega"])
     rank = max(value.ndim for value in waves.values())
     return tuple(x.reshape((1,) * (rank - x.ndim) + x.shape) for x in waves.values())

@@ -19,6 +19,7 @@ from typing import NamedTuple
 import equinox as eqx
 import jax
 import jax.numpy as jnp
+import numpy as np
 from jaxtyping import Array, Float, Inexact
 
 from ..core.checks import (
@@ -47,7 +48,7 @@ from .grading import AbstractGradedSolver, check_profiles, graded_tolerance, sol
 from .kernel import kernel_frequencies
 from .layering import Layering
 from .matrix import wavevectors
-from .stack import HalfSpace, Stack, interface_depths
+from .stack import HalfSpace, Stack, check_at_rest, interface_depths
 
 
 @shown()
@@ -141,6 +142,8 @@ def stress_field(
     velocity = as_velocity(velocity, grid)
     check_shape("pressure", pressure, grid.shape)
     check_values("pressure", pressure, "a pressure [Pa] must be finite")
+    if grid.ndim == 2 or (is_concrete(velocity) and not np.any(np.asarray(velocity))):
+        check_at_rest(stack)
     check_profiles(stack, kernel_frequencies(grid, velocity))
     depth = _inside(stack, depth)
     rtol = graded_tolerance(graded_solver, rtol, pressure)

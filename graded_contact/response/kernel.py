@@ -46,7 +46,7 @@ from .compliance import compliance_of
 from .grading import AbstractGradedSolver, check_profiles, graded_tolerance
 from .layering import Layering
 from .recursion import prepared
-from .stack import Stack, is_graded
+from .stack import Stack, check_at_rest, is_graded
 from .table import KernelTable, tabulate
 
 _BLOCK_ROWS = 16
@@ -191,6 +191,8 @@ def kernel_frequencies(grid: Grid, velocity: Float[Array, "..."]) -> Float[Array
 
 def _checked(stack, grid, velocity, graded_solver, rtol):
     velocity = as_velocity(velocity, grid)
+    if grid.ndim == 2 or (is_concrete(velocity) and not np.any(np.asarray(velocity))):
+        check_at_rest(stack)
     check_profiles(stack, kernel_frequencies(grid, velocity))
     return velocity, graded_tolerance(graded_solver, rtol, grid.size)
 

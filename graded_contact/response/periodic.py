@@ -19,7 +19,7 @@ from .compliance import compliance_of
 from .grading import AbstractGradedSolver, check_profiles, graded_tolerance
 from .kernel import FEW_LAYERS, FEW_POINTS
 from .recursion import prepared
-from .stack import Stack, is_graded
+from .stack import Stack, check_at_rest, is_graded
 from .table import tabulate
 
 _BLOCK = 16  # frequencies that are computed at once
@@ -49,6 +49,7 @@ def periodic_kernel(
     if every material is elastic. The rules on Nyquist lines are those of `in_motion`.
     """
     rtol = graded_tolerance(graded_solver, None, grid.size)
+    check_at_rest(stack)
     check_profiles(stack, period_frequencies(num_times, period))
     return _kernel(stack, grid, num_times, period, graded_solver, rtol)
 

@@ -6,11 +6,12 @@ from typing import Any
 import equinox as eqx
 import jax
 import jax.numpy as jnp
+import numpy as np
 from jaxtyping import Array, Float, ScalarLike
 
-from ..core.checks import check_types, check_values, scalar, short, within
+from ..core.checks import check_types, check_values, is_concrete, scalar, short, within
 from ..core.display import shown
-from ..rheology.material import AbstractMaterial, material_called
+from ..rheology.material import AbstractMaterial, Prony, material_called
 
 
 def _as_layers(layers: Any) -> "tuple[Layer | GradedLayer, ...]":
@@ -141,6 +142,21 @@ class Stack(eqx.Module):
             with within("`base`:"):
                 base = HalfSpace(base.material.at(temperature))
         return Stack(layers=tuple(layers), base=base)
+
+
+def check_at_rest(stack: Stack) -> None:
+    """Raises `ValueError` if a material is a liquid, which at rest gives way without a limit."""
+    parts = {f"layers[{i}]": layer for i, layer in enumerate(stack.layers)} | {"base": stack.base}
+    is_series = lambda node: isinstance(node, Prony)  # noqa: E731
+    for place, part in parts.items():
+        for node in jax.tree.leaves(part, is_leaf=is_series):
+            modulus = node.equilibrium if is_series(node) else 1.0
+            if is_concrete(modulus) and np.asarray(modulus) == 0:
+                raise ValueError(
+                    f"`{place}` is a liquid (`equilibrium=0`): it carries no load at rest, nor do "
+                    "the waves across a motion, which are at rest. Give its material an "
+                    "equilibrium modulus above 0."
+                )
 
 
 def is_graded(stack: Stack) -> bool:

@@ -26,6 +26,7 @@ from ..core.checks import (
     check_poisson,
     check_positive,
     check_rows,
+    check_squares,
     check_type,
     check_values,
     instance,
@@ -100,7 +101,7 @@ class Prony(AbstractMaterial):
 
     **Fields:**
 
-    - `equilibrium`: long-time modulus E_eq [Pa]; 0 for a liquid.
+    - `equilibrium`: long-time modulus E_eq [Pa]; 0 for a liquid, which carries no load at rest.
     - `strengths`: branch moduli E_k [Pa], shape `(branches,)`, all positive.
     - `times`: relaxation times τ_k [s], shape `(branches,)`, all positive.
     - `poisson`: Poisson's ratio ν [1], independent of frequency.
@@ -120,6 +121,7 @@ class Prony(AbstractMaterial):
         check_values(
             "equilibrium", self.equilibrium, "it must be zero or a positive number [Pa]", at_least=0
         )
+        check_squares("equilibrium", self.equilibrium, "Pa")
         _check_series("strengths", self.strengths, "[Pa]", self.times)
         check_poisson("poisson", self.poisson)
         check_type("shift", self.shift, AbstractShift, type(None))

@@ -24,7 +24,7 @@ import jax
 import jax.numpy as jnp
 from jaxtyping import Array, Float, ScalarLike
 
-from ..core.checks import check_positive, check_type, check_values, scalar, short
+from ..core.checks import check_positive, check_squares, check_type, check_values, scalar, short
 from ..core.display import shown
 from .shift import AbstractShift, as_temperature
 
@@ -57,6 +57,7 @@ class ConstantShear(AbstractShear):
 
     def __check_init__(self):
         check_values("stress", self.stress, "a shear stress [Pa] is zero or positive", at_least=0)
+        check_squares("stress", self.stress, "Pa")
 
     def __call__(self, pressure, speed, temperature):
         return self.stress
@@ -84,6 +85,7 @@ class PeakedShear(AbstractShear):
 
     def __check_init__(self):
         check_values("peak", self.peak, "a shear stress [Pa] is zero or positive", at_least=0)
+        check_squares("peak", self.peak, "Pa")
         check_positive("velocity", self.velocity, "[m/s]")
         check_positive("steepness", self.steepness, "[1]")
         check_type("shift", self.shift, AbstractShift, type(None))

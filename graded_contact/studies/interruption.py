@@ -1,10 +1,10 @@
 """Ctrl-C and SIGTERM end a long command at a safe place, not in the middle of compiled code.
 
 A `KeyboardInterrupt` raised inside XLA, while it compiles or calls back into Python, ends in a
-segmentation fault, at the latest when Python exits. `after_this_step` therefore raises it after a
-step. In a command a separate thread notes the signals, because the main thread notices nothing
-while it compiles or solves. A second signal ends the process at once. All finished results are then
-on the disk.
+segmentation fault, at the latest when Python exits. `ctrl_c_later` therefore notes it, and it is
+raised between two steps. In a command a separate thread notes the signals, because the main thread
+notices nothing while it compiles or solves. A second signal ends the process at once. All finished
+results are then on the disk.
 """
 
 import contextlib
@@ -73,31 +73,39 @@ def interruptible() -> Iterator[Interruption]:
         heard.close()
 
 
+class Later:
+    """Whether Ctrl-C has come; see `ctrl_c_later`."""
+
+    came = False
+
+    def check(self) -> None:
+        """Raises the `KeyboardInterrupt`: to be called between two steps."""
+        if self.came:
+            raise KeyboardInterrupt
+
+
 @contextlib.contextmanager
-def after_this_step() -> Iterator[None]:
-    """Raises the `KeyboardInterrupt` of a Ctrl-C after its block; a second Ctrl-C raises at once.
+def ctrl_c_later() -> Iterator[Later]:
+    """Gives a `Later` that notes Ctrl-C inside the block; a second Ctrl-C raises at once.
 
     Only in the main thread, and only where Ctrl-C would raise: not inside `interruptible`.
     """
-    usual = signal.default_int_handler
+    usual, later = signal.default_int_handler, Later()
     main = threading.current_thread() is threading.main_thread()
     if not main or signal.getsignal(signal.SIGINT) is not usual:
-        yield
+        yield later
         return
-    came: list[int] = []
 
     def note(number: int, frame: object) -> None:
         signal.signal(signal.SIGINT, usual)
-        came.append(number)
+        later.came = True
         _say(LATER)
 
     signal.signal(signal.SIGINT, note)
     try:
-        yield
+        yield later
     finally:
         signal.signal(signal.SIGINT, usual)
-    if came:
-        raise KeyboardInterrupt
 
 
 def _leave_to_thread(number: int, frame: object) -> None:

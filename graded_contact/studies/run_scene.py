@@ -10,6 +10,7 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 
+from ..contact.law import HardWall
 from ..core.checks import within
 from ..core.memory import (
     DERIVATIVE,
@@ -24,7 +25,7 @@ from ..files.parameter_covariance import moved
 from ..files.scene import Scene
 from ..files.surface_source import RandomSurface, SurfaceFile
 from ..friction.steady import check_approach
-from ..response.stack import Stack
+from ..response.stack import Stack, check_at_rest
 from ..roughness.surface import Surface
 from .program import trace
 from .scene_results import collect, fields_of, numbers_of_scene
@@ -64,8 +65,15 @@ def check_scene(scene: Scene) -> None:
 
 def check_run(scene: Scene, surface: Surface) -> None:
     """Raises `ValueError` for what `run_scene` refuses before its first solve."""
-    check_frequencies_of(scene, surface)
+    _check_blocks(scene, surface)
     trace(_solver(scene, surface), {name: at[0] for name, at in _columns(scene).items()})
+
+
+def _check_blocks(scene: Scene, surface: Surface) -> None:
+    check_frequencies_of(scene, surface)
+    if surface.grid.ndim == 2 or scene.motion is not None or not np.all(scene.velocity):
+        for _, stack in scene.blocks():
+            check_at_rest(stack)
 
 
 def run_scene(
@@ -116,7 +124,7 @@ def run_scene(
     nothing had finished.
     """
     surface = build_surface(scene) if surface is None else surface
-    check_frequencies_of(scene, surface)
+    _check_blocks(scene, surface)
     names = point_names(scene, surface)
     indices = list(np.ndindex(names.shape))
     kept = indices[-1] if kept is None else kept
@@ -171,7 +179,7 @@ def _solver(scene: Scene, surface: Surface) -> Callable[[dict[str, Any]], dict[s
     """What gives the numbers and fields of one solve, from its numbers on the axes."""
     if scene.approach is not None:
         with within("[load]"):
-            check_approach(scene.approach, surface.grid)
+            check_approach(scene.approach, surface, HardWall())
     fields = fields_of(scene) if scene.fields != "none" else ()
     errors = errors_of_stack(scene)
     names = [n for n in numbers_of_scene(scene, surface) if n != "friction_standard_error"]

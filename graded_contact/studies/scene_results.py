@@ -118,7 +118,8 @@ def shift_factors(scene: Scene) -> tuple[Float[np.ndarray, " temperatures"] | No
 
 
 def _attributes(scene: Scene, surface: Surface) -> dict[str, Any]:
-    digests = [f"{hashlib.sha256(read_file(path)).hexdigest()}  {path}" for path in scene.inputs]
+    files = scene.inputs.values()
+    digests = [f"{hashlib.sha256(read_file(path)).hexdigest()}  {path}" for path in files]
     attributes = {
         "title": scene.title,
         "scene": scene.text,

@@ -13,7 +13,7 @@ import numpy as np
 from ..core.checks import Numbers, as_float, check_values, short
 from ..core.memory import SMALL, available_memory, in_gigabytes
 from ..files.dataset import FAILED, LOST, NOT_STARTED, attach
-from .interruption import after_this_step
+from .interruption import Later, ctrl_c_later
 from .program import Program, Task, compiled, trace
 from .store import Point, Store, fingerprint, opened
 from .workers import check_workers, connected, num_cores, on_workers, pays
@@ -77,7 +77,9 @@ def sweep(
     check_workers(workers, client)
     coordinates, columns = _points(axes)
     count, shape = len(next(iter(columns.values()))), tuple(map(len, coordinates.values()))
-    program = trace(function, {name: column[0] for name, column in columns.items()})
+    with ctrl_c_later() as later:
+        program = trace(function, {name: column[0] for name, column in columns.items()})
+        later.check()
     _check_results(program, columns, count)
     names = []
     if store is not None:
@@ -140,34 +142,35 @@ def solve_points(
         progress(stored, count)
     if not tasks:
         return points
-    if not isinstance(function, Program):
-        function = trace(function, {name: column[0] for name, column in columns.items()})
-    solved = _solved(function, tasks, workers, client)
-    with contextlib.suppress(KeyboardInterrupt), contextlib.closing(solved):
-        for done, (i, point) in enumerate(solved, start=stored + 1):
-            points[i] = point
-            if store is not None and point.message != LOST:
-                store.write(names[i], point)
-            if progress is not None:
-                progress(done, count)
+    with ctrl_c_later() as later, contextlib.suppress(KeyboardInterrupt):
+        if not isinstance(function, Program):
+            function = trace(function, {name: column[0] for name, column in columns.items()})
+            later.check()
+        with contextlib.closing(_solved(function, tasks, workers, client, later)) as solved:
+            for done, (i, point) in enumerate(solved, start=stored + 1):
+                points[i] = point
+                if store is not None and point.message != LOST:
+                    store.write(names[i], point)
+                if progress is not None:
+                    progress(done, count)
     return points
 
 
 def _solved(
-    program: Program, tasks: dict[int, Task], workers: Workers, client: Any
+    program: Program, tasks: dict[int, Task], workers: Workers, client: Any, later: Later
 ) -> Generator[tuple[int, Point]]:
     """Yields points as they end: in this process, on workers, or first here and then there."""
     left, here = dict(tasks), client is None and workers in (None, "auto")
     if here:
         can_start = workers == "auto" and importlib.util.find_spec("distributed")
         start = time.perf_counter()
-        with after_this_step():
-            solve = compiled(program)
+        solve = compiled(program)
+        later.check()
         compiling = time.perf_counter() - start
         for i, task in tasks.items():
             start = time.perf_counter()
-            with after_this_step():  # the point is kept
-                yield i, solve(task)
+            yield i, solve(task)
+            later.check()  # the point is kept
             del left[i]
             seconds = time.perf_counter() - start
             if (
@@ -179,7 +182,9 @@ def _solved(
     if left:
         count = num_cores() if workers == "auto" else workers
         with connected(count, client) as client:
-            yield from on_workers(client, program, left)
+            for found in on_workers(client, program, left):
+                yield found
+                later.check()
 
 
 def _is_whole(point: Point | None, needed: Collection[str]) -> bool:

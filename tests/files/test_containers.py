@@ -145,6 +145,17 @@ def test_a_zip_of_several_files_needs_a_choice(tmp_path, expected):
     same(mirrored(path, channel="b.x3p"), expected)
 
 
+def test_a_name_in_a_zip_opens_no_file_of_the_machine(tmp_path):
+    """The name of a workbook in a zip is chosen by anybody; the workbook itself is read."""
+    secret, book = tmp_path / "secret.txt", tmp_path / "book.xlsx"
+    np.savetxt(secret, HEIGHTS)
+    workbook(book, {"a": [*map(list, 2 * HEIGHTS)]})
+    (tmp_path / "drop.zip").write_bytes(zipped({str(secret): book.read_bytes()}))
+    read = {"size": SIZE, "unit": "m", "periodic": "mirror"}
+    found = read_surface(tmp_path / "drop.zip", **read)
+    np.testing.assert_allclose(found.heights, read_surface(book, **read).heights)
+
+
 def test_a_damaged_x3p_and_a_zip_in_itself_are_refused(tmp_path):
     pytest.importorskip("SurfaceTopography")
     damaged = x3p().replace(b"bindata/data.bin", b"bindata/none.bin")

@@ -47,7 +47,7 @@ def test_a_recorded_motion_is_read_from_a_table(tmp_path, head):
     scene = parse_scene(STILL + text, tmp_path)
     expected = gc.motion.recorded(times, moved, 0.1, 16)
     np.testing.assert_allclose(scene.motion.displacement, expected.displacement, atol=1e-15)
-    assert scene.inputs == (tmp_path / "s.csv",)
+    assert scene.inputs == {("[motion]", "path"): tmp_path / "s.csv"}
 
 
 def test_headings_give_units_of_a_recorded_motion(tmp_path):

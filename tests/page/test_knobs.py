@@ -14,6 +14,7 @@ from graded_contact.files.toml import toml_text
 from graded_contact.page.document import (
     open_document,
     save_document,
+    with_file,
     with_layer,
     with_moduli,
     with_topography,
@@ -125,14 +126,24 @@ def test_a_poissons_ratio_of_one_half_steps_down(opened):
     assert knob.stepped(0.5).endswith("−0.01") and knob.stepped(0.4).endswith("+0.01")
 
 
-def test_every_path_of_an_opened_scene_is_kept_from_its_folder(opened, tmp_path):
-    """By what the reader took for a path: `errors` is one, too."""
-    (tmp_path / "series.csv").write_text("modulus,poisson\n1e5,0.01\n", encoding="utf-8")
-    text = changed('kind = "elastic"', 'kind = "elastic"\nerrors = "series.csv"')
-    document = opened(text)
-    assert document.content["materials"]["coat"]["errors"] == str(tmp_path / "series.csv")
-    saved = save_document(document, tmp_path / "elsewhere", "mine", False)
-    assert read_scene(saved).inputs == (tmp_path / "series.csv",)
+def test_a_saved_scene_finds_its_files_from_another_folder(opened, tmp_path):
+    """Whatever the key of a path is called."""
+    (tmp_path / "e.csv").write_text("modulus\n1e5\n")
+    document = opened(changed("modulus = 2e7", 'modulus = 2e7\nerrors = "e.csv"'))
+    path = save_document(document, tmp_path / "explored", "mine", replace=False)
+    assert read_scene(path).inputs == {("[materials.coat]", "errors"): tmp_path / "e.csv"}
+
+
+def test_a_drop_follows_no_link_out_of_its_folder(opened, tmp_path):
+    secret, folder = tmp_path / "secret.csv", tmp_path / "explored"
+    secret.write_text("secret")
+    folder.mkdir()
+    (folder / "data.csv").symlink_to(secret)
+    taken = []
+    with_file(opened(TEXT), folder, "data.csv", b"secret", lambda document, path: (
+        taken.append(path) or document
+    ))  # fmt: skip
+    assert taken == [folder / "data2.csv"] and not taken[0].is_symlink()
 
 
 def test_isotherms_become_a_series_with_its_shifts(opened, tmp_path):

@@ -2,7 +2,6 @@
 
 import asyncio
 import io
-import socket
 import sys
 import threading
 import weakref
@@ -17,16 +16,12 @@ from scenes import TEXT
 import graded_contact as gc
 from graded_contact.files.scene_reading import read_scene
 from graded_contact.page import model as models
-from graded_contact.page.document import open_document, save_document, with_layer, with_moduli
+from graded_contact.page.document import open_document, with_layer, with_moduli
 from graded_contact.page.model import Model
 
 pytest.importorskip("panel")
-from tornado.httpclient import AsyncHTTPClient, HTTPClientError, HTTPRequest
-from tornado.websocket import websocket_connect
-
 from graded_contact.page import widgets
 from graded_contact.page.downloads import Shown, to_csv, to_hdf5, to_pdf
-from graded_contact.page.serving import new_server
 from graded_contact.page.view import Page
 
 SECONDS = 600  # of a compilation
@@ -244,39 +239,3 @@ def test_a_missing_panel_is_named_with_its_extra(monkeypatch):
     monkeypatch.setitem(sys.modules, "panel", None)
     with pytest.raises(ImportError, match=r"graded_contact\[explore\]"):
         gc.explore()
-
-
-def test_only_pages_of_this_server_reach_it(document, tmp_path):
-    """A name of another site may lead here (DNS rebinding); each browser sends an `Origin`."""
-    with socket.socket() as probe:
-        probe.bind(("127.0.0.1", 0))
-        port = probe.getsockname()[1]
-    path = save_document(document, tmp_path, "scene", False)
-    own, foreign = f"127.0.0.1:{port}", f"evil.example:{port}"
-
-    async def answers():
-        server = new_server(path, tmp_path, address="127.0.0.1", port=port, show=False)
-        server.start()
-        found = {}
-        for host in (own, f"localhost:{port}", foreign, "evil.example"):
-            for place in ("", "static/js/bokeh.min.js", "?state=eJyrVspMUbJSMtRRykvMTVWyUkq"):
-                answer = await AsyncHTTPClient().fetch(
-                    f"http://{own}/{place}", headers={"Host": host}, raise_error=False
-                )
-                found[host, place] = answer.code
-            for origin in (f"http://{own}", f"http://{foreign}", None):
-                headers = {"Host": host} | ({"Origin": origin} if origin else {})
-                try:
-                    link = await websocket_connect(HTTPRequest(f"ws://{own}/ws", headers=headers))
-                    link.close()
-                    found[host, origin] = 101
-                except HTTPClientError as error:
-                    found[host, origin] = error.code
-        server.stop()
-        server.unlisten()
-        return found
-
-    codes = asyncio.run(answers())
-    for (host, what), code in codes.items():
-        refused = "evil" in host or what is None or "evil" in what
-        assert (code == 403) == refused, (host, what, code)

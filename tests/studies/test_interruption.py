@@ -11,7 +11,7 @@ import numpy as np
 import pytest
 
 import graded_contact as gc
-from graded_contact.studies.interruption import Interrupted, after_this_step, interruptible
+from graded_contact.studies.interruption import Interrupted, ctrl_c_later, interruptible
 
 pytestmark = pytest.mark.skipif(os.name != "posix", reason="signals are those of POSIX")
 
@@ -74,12 +74,15 @@ with interruptible():
         assert "Stopped at once" in process.stderr.read()
 
 
-def test_ctrl_c_is_raised_after_a_step_and_the_second_one_at_once(capfd):
+def test_ctrl_c_is_noted_for_later_and_the_second_one_is_raised_at_once(capfd):
     done = []
-    with pytest.raises(KeyboardInterrupt), after_this_step():
+    with ctrl_c_later() as later:
+        later.check()
         os.kill(os.getpid(), signal.SIGINT)
         done.append("first")
-    with pytest.raises(KeyboardInterrupt), after_this_step():
+        with pytest.raises(KeyboardInterrupt):
+            later.check()
+    with pytest.raises(KeyboardInterrupt), ctrl_c_later():
         os.kill(os.getpid(), signal.SIGINT)
         os.kill(os.getpid(), signal.SIGINT)
         done.append("second")

@@ -9,7 +9,7 @@ import contextlib
 import os
 import warnings
 from collections.abc import Iterator
-from pathlib import Path
+from pathlib import Path, PurePath, PurePosixPath
 from typing import Any
 
 import numpy as np
@@ -147,7 +147,7 @@ def _reading(path: Path, warned: list[str]) -> Iterator[None]:
 
 
 def _scan(
-    path: Path,
+    path: PurePath,
     content: bytes,
     channel: str | int | None,
     size: Any,
@@ -185,7 +185,7 @@ def _scan(
         if depth == DEEPEST:
             raise Refusal("it has too many zips in one another")
         inner, name = unpacked(content, channel)
-        scan = _scan(path / name, inner, None, size, unit, packed, depth + 1)
+        scan = _scan(PurePosixPath(name), inner, None, size, unit, packed, depth + 1)
         return scan._replace(source=f"{scan.source} of {name!r}")
     # The library reads text with a known header; it takes much else for a table of numbers.
     try:
@@ -206,7 +206,7 @@ def _text(content: bytes) -> str | None:
     return text if is_text else None
 
 
-def _read_workbook(path: Path, content: bytes, channel: str | int | None, packed: int) -> Scan:
+def _read_workbook(path: PurePath, content: bytes, channel: str | int | None, packed: int) -> Scan:
     """The heights in the sheet of a workbook that `channel` names, or in its only table."""
     scans, refusals = {}, []
     sheets = sheets_of(path, content, packed)
