@@ -191,7 +191,7 @@ def one_of_height_and_slope(rms_height: Any, rms_slope: Any) -> tuple[Any, Float
         )
     name = "rms_slope" if rms_height is None else "rms_height"
     value = as_scalar(rms_slope if rms_height is None else rms_height, name)
-    check_positive(name, value, UNITS[name])
+    check_positive(name, value, UNITS[name], squares=False)
     return name, value
 
 
