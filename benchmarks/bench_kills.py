@@ -25,7 +25,7 @@ hurst = 0.8
 q_roll = 2e4
 q_high = 8e4
 [grid]
-shape = [64, 64]
+shape = [32, 32]
 size = 1e-3
 [materials.tread]
 kind = "tyre_tread"
@@ -33,8 +33,8 @@ kind = "tyre_tread"
 kind = "half_space"
 material = "tread"
 [load]
-pressure = [1e5, 2e5, 3e5]
-velocity = {from = 1e-3, to = 1.0, points = 40}
+pressure = [1e5, 2e5]
+velocity = {from = 1e-3, to = 1.0, points = 15}
 """
 SWEEP = """
 import jax, numpy as np, graded_contact as gc
