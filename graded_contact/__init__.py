@@ -23,7 +23,6 @@ from .files.topography.reading import read_surface
 from .fitting.master import master_curve
 from .fitting.prony import fit_creep, fit_prony, fit_relaxation
 from .friction.case import Case
-from .friction.numerics import Numerics
 from .friction.slide import slide
 from .friction.sliding import Sliding
 from .persson.mean_field import mean_field_friction
@@ -55,7 +54,7 @@ __version__ = "1.0.0rc1"
 
 __all__ = [  # noqa: RUF022 (grouped by subject, the main ones first)
     # contact and sliding
-    "slide", "Sliding", "Case", "Numerics", "solve_contact", "ContactSolution",
+    "slide", "Sliding", "Case", "solve_contact", "ContactSolution",
     "HardWall", "RepulsiveLJ", "AdhesiveLJ", "contacts", "motion",
     # mean field
     "mean_field_friction",

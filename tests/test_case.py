@@ -18,7 +18,7 @@ CASE = gc.Case(BLOCK, SURFACE, pressure=1e4, velocity=0.1)
 
 
 def test_a_case_gives_the_numbers_of_slide_and_another_load_those_of_another_call():
-    numerics = gc.Numerics(rtol=1e-8)
+    numerics = gc.contacts.Numerics(rtol=1e-8)
     for pressure in (1e4, 3e4):
         case = dataclasses.replace(CASE, pressure=pressure)
         alone = gc.slide(BLOCK, SURFACE, pressure=pressure, velocity=0.1, rtol=1e-8)
@@ -40,7 +40,7 @@ def test_a_case_with_a_displacement_is_a_cycle():
 
 def test_cases_are_differentiable_under_jit():
     def friction(load):
-        return dataclasses.replace(CASE, pressure=load).solve(gc.Numerics(rtol=1e-10)).friction
+        return dataclasses.replace(CASE, pressure=load).solve(gc.contacts.Numerics(rtol=1e-10)).friction
 
     step = 1e-3
     difference = (friction(1e4 + step) - friction(1e4 - step)) / (2 * step)
@@ -51,4 +51,4 @@ def test_numerics_are_refused_by_name(unchecked_types):
     with pytest.raises(TypeError, match="slide has no argument `rtoll`; its numerics are `rtol`"):
         gc.slide(BLOCK, SURFACE, pressure=1e4, velocity=0.1, rtoll=1e-6)
     with pytest.raises(ValueError, match="`solver="):
-        gc.Numerics(solver="newton")
+        gc.contacts.Numerics(solver="newton")

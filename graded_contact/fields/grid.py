@@ -214,7 +214,6 @@ def as_velocity(velocity: Numbers, grid: Grid | None = None) -> Float[Array, "..
     return velocity
 
 
-@compiled
 def velocity_along(speed: Any, direction: float) -> Any:
     """Returns a velocity at an angle from the x axis: one number along x, or two components."""
     if direction == 0:
@@ -224,6 +223,7 @@ def velocity_along(speed: Any, direction: float) -> Any:
     return speed * np.where(np.abs(unit) < 1e-12, 0, unit)
 
 
+@compiled
 def direction_and_speed(
     velocity: Float[Array, "..."],
 ) -> tuple[Float[Array, " components"], Float[Array, ""]]:
