@@ -160,7 +160,7 @@ def graded_surface(given, size):
         together = xarray.combine_nested(tables, ["top", "steps"])
         return together.assign_coords(top=list(TOPS), steps=list(STEPS))
 
-    found = solved(given, "graded_surface", solve)
+    found = solved(given, "graded_surface", solve).transpose("top", "steps", ...)
     figure, panes = panels(4, height=5.6, rows=2)
     scenes = [(row, top, *of) for row, top in enumerate(TOPS) for of in LABELS.items()]
     for pane, (row, top, quantity, axis) in zip(panes, scenes, strict=True):

@@ -221,6 +221,8 @@ def mean_field_friction(
     )
     if throw:
         # Written so that NaN fails.
+        if is_concrete(error) and not error <= rtol:
+            raise RuntimeError(_NOT_REACHED)
         solution = eqx.error_if(solution, ~(error <= rtol), _NOT_REACHED)
     return solution
 
