@@ -40,7 +40,11 @@ def test_a_case_with_a_displacement_is_a_cycle():
 
 def test_cases_are_differentiable_under_jit():
     def friction(load):
-        return dataclasses.replace(CASE, pressure=load).solve(gc.contacts.Numerics(rtol=1e-10)).friction
+        return (
+            dataclasses.replace(CASE, pressure=load)
+            .solve(gc.contacts.Numerics(rtol=1e-10))
+            .friction
+        )
 
     step = 1e-3
     difference = (friction(1e4 + step) - friction(1e4 - step)) / (2 * step)

@@ -12,9 +12,9 @@ import pytest
 from scenes import TABLE, TEXT, changed, tabulated, write
 
 import graded_contact as gc
-from graded_contact.friction.numerics import Numerics
 from graded_contact.files.moduli.reading import read_moduli
 from graded_contact.files.scene_reading import parse_scene, read_scene
+from graded_contact.friction.numerics import Numerics
 
 LAYER = 'material = "coat"\nthickness = 2e-5'
 GRADED = 'bottom = "tread"\ntop = "coat"\nshape = "sinusoidal"\nthickness = 2e-5'
