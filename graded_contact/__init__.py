@@ -22,6 +22,7 @@ from .files.moduli.reading import read_moduli
 from .files.topography.reading import read_surface
 from .fitting.master import master_curve
 from .fitting.prony import fit_creep, fit_prony, fit_relaxation
+from .friction.case import Case
 from .friction.slide import slide
 from .friction.sliding import Sliding
 from .persson.mean_field import mean_field_friction
@@ -53,7 +54,7 @@ __version__ = "1.0.0rc1"
 
 __all__ = [  # noqa: RUF022 (grouped by subject, the main ones first)
     # contact and sliding
-    "slide", "Sliding", "solve_contact", "ContactSolution",
+    "slide", "Sliding", "Case", "solve_contact", "ContactSolution",
     "HardWall", "RepulsiveLJ", "AdhesiveLJ", "contacts", "motion",
     # mean field
     "mean_field_friction",

@@ -16,6 +16,7 @@ from .friction.gap_flow import GapFlow, gap_flow
 from .friction.heat import heat_depths, heat_source
 from .friction.heating import Heating, flash_temperature
 from .friction.magnification import area_against_cutoff, cumulative_friction
+from .friction.numerics import Numerics
 from .friction.stiffness import contact_conductance, contact_stiffness
 from .persson.mean_field import MeanField, pressure_distribution
 from .rheology.shear import AbstractShear, ConstantShear, PeakedShear
@@ -26,7 +27,7 @@ __all__ = [
     "RESULTS", "AbstractContactSolver", "AbstractLaw", "AbstractOperator", "AbstractShear",
     "AdhesiveLJ", "ConstantShear", "ContactPath", "CutoffCurve", "DouglasRachford",
     "ExponentialAdhesion", "GapFlow", "HardWall", "Heating", "LinearSplitting", "Loading",
-    "MeanField", "PeakedShear", "RepulsiveLJ", "ResidualDynamics", "Solid",
+    "MeanField", "Numerics", "PeakedShear", "RepulsiveLJ", "ResidualDynamics", "Solid",
     "SolverOutput", "Splitting", "Steady", "area_against_cutoff", "contact_conductance",
     "contact_stiffness", "cumulative_friction", "export_friction", "flash_temperature",
     "follow_contact", "friction_table", "gap_flow", "heat_depths", "heat_source",

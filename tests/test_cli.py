@@ -1,6 +1,7 @@
 """The command runs a scene, writes its results, and refuses bad input in one line."""
 
 import csv
+import dataclasses
 import errno
 import io
 import json
@@ -31,6 +32,7 @@ from graded_contact.command.tables import with_error
 from graded_contact.files.dataset import write
 from graded_contact.files.results import kept_solves, read_results, state_of, surface_of
 from graded_contact.files.scene_reading import parse_scene, read_scene
+from graded_contact.friction.case import Case
 from graded_contact.roughness.surface import Step
 from graded_contact.studies import run_scene as run_module
 from graded_contact.studies.scene_theory import mean_field_at
@@ -216,7 +218,7 @@ def interrupt_after(monkeypatch, count):
 
 
 def test_a_rerun_finds_all_solves(rerun, folder, tmp_path, monkeypatch):
-    monkeypatch.setattr(run_module, "slide", None)
+    monkeypatch.setattr(Case, "solve", None)
     result = rerun()
     assert result.exit_code == 0, result.output
     assert f"2 of 2 solves are found in {tmp_path / 'out' / 'small.points'}" in result.stdout
@@ -262,7 +264,7 @@ def test_a_result_of_another_scene_is_replaced_only_if_asked(rerun, tmp_path, mo
     path = tmp_path / "out" / "small.h5"
     before = path.read_bytes()
     with monkeypatch.context() as patch:
-        patch.setattr(run_module, "slide", None)
+        patch.setattr(Case, "solve", None)
         result = rerun(text=other)
     assert result.exit_code == 2 and path.read_bytes() == before
     text = result.stderr
@@ -294,14 +296,14 @@ def test_a_damaged_point_is_named_and_computed_again(rerun, tmp_path):
 
 
 def test_a_kernel_that_fails_is_one_message(rerun, tmp_path, monkeypatch):
-    slide = run_module.slide
+    solve = Case.solve
 
-    def failing(*arguments, pressure, **options):
-        pressure = eqx.error_if(pressure, pressure > 0, "no such kernel")
-        return slide(*arguments, pressure=pressure, **options)
+    def failing(case, numerics):
+        pressure = eqx.error_if(case.pressure, case.pressure > 0, "no such kernel")
+        return solve(dataclasses.replace(case, pressure=pressure), numerics)
 
     shutil.rmtree(tmp_path / "out")
-    monkeypatch.setattr(run_module, "slide", failing)
+    monkeypatch.setattr(Case, "solve", failing)
     result = rerun()
     assert result.exit_code == 1
     assert "2 of 2 solves failed" in result.stderr and "Traceback" not in result.output

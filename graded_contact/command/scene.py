@@ -11,6 +11,7 @@ import numpy as np
 import typer
 
 from ..core.checks import within
+from ..fields.grid import velocity_along
 from ..files.dataset import NOT_STARTED, package_versions, write, write_csv
 from ..files.paths import check_folder, check_name, full_path
 from ..files.results import (
@@ -46,7 +47,7 @@ from ..roughness.surface import Surface
 from ..studies.cost import scene_cost
 from ..studies.interruption import Interrupted, Interruption, interruptible
 from ..studies.run_scene import build_surface, check_run, point_names, run_scene
-from ..studies.scene_theory import mean_field_at, velocity_vector, what_decides
+from ..studies.scene_theory import mean_field_at, what_decides
 from ..studies.store import Store
 from ..studies.uncertainty import Sensitivity
 from ..studies.workers import check_workers
@@ -333,7 +334,7 @@ def _contacts(
     """Yields each figure of a solve that was kept; only the maps if the run was interrupted."""
     fields, surface = contact_at(results, index)
     at = results["message"].isel(dict(zip(results["message"].dims, index, strict=True)))
-    velocity = velocity_vector(at["velocity"].item(), results.attrs["direction"])
+    velocity = velocity_along(at["velocity"].item(), results.attrs["direction"])
     if scene.motion is not None:
         figures = {"film": plot_film(fields, surface)}
     else:

@@ -10,6 +10,7 @@ that of a real operator, and its resolvent that of this operator's.
 
 import functools
 from collections.abc import Sequence
+from typing import Any
 
 import equinox as eqx
 import jax
@@ -211,6 +212,15 @@ def as_velocity(velocity: Numbers, grid: Grid | None = None) -> Float[Array, "..
     check_values("velocity", velocity, "a velocity [m/s] must be finite")
     check_squares("velocity", velocity, "m/s")
     return velocity
+
+
+def velocity_along(speed: Any, direction: float) -> Any:
+    """Returns a velocity at an angle from the x axis: one number along x, or two components."""
+    if direction == 0:
+        return speed
+    unit = np.array([np.cos(direction), np.sin(direction)])
+    # Rounding of a right angle would excite frequencies near zero.
+    return speed * np.where(np.abs(unit) < 1e-12, 0, unit)
 
 
 @compiled

@@ -20,14 +20,17 @@ from ..contact.nested_solve import DouglasRachford
 from ..contact.problem import RTOL
 from ..core.display import shown
 from ..core.parameters import with_values
-from ..fields.grid import Grid
+from ..fields.grid import Grid, velocity_along
+from ..friction.case import Case
 from ..friction.heating import Heating
 from ..friction.motion import Motion
+from ..friction.numerics import Numerics
 from ..response.grading import AbstractGradedSolver
 from ..response.layering import Layering
 from ..response.stack import Stack
 from ..rheology.material import AbstractMaterial
 from ..rheology.shear import AbstractShear
+from ..roughness.surface import Surface
 from .parameter_covariance import Errors
 from .schema import LINEAR, LOGARITHMIC, keys_of
 from .surface_source import RandomSurface, Sphere, SurfaceFile
@@ -169,6 +172,33 @@ class Scene:
         assert self.motion is not None
         own = self.motion.highest_speed
         return self.motion.period * jnp.where(own > 0, own / jnp.where(own > 0, velocity, 1), 1)
+
+    @property
+    def numerics(self) -> Numerics:
+        """How its contacts are computed; a solve that fails says so in its result."""
+        return Numerics(
+            rtol=self.rtol, solver=self.solver, graded_solver=self.graded_solver, throw=False
+        )
+
+    def case(self, point: Mapping[str, Any], surface: Surface) -> Case:
+        """Returns the case at a point, given by its numbers on the axes; JAX may trace them."""
+        given: dict[str, Any] = {
+            "stack": self.block(point), "surface": surface, "shear": self.shear,
+            "temperature": point.get("temperature", self.temperature), "heating": self.heating,
+            "strain_per_slope": self.strain_per_slope,
+            **{name: point[name] for name in ("pressure", "approach") if name in point},
+        }  # fmt: skip
+        if self.motion is None:
+            return Case(velocity=velocity_along(point["velocity"], self.direction), **given)
+        along, moved = np.ravel(velocity_along(1.0, self.direction)), self.motion.displacement
+        if self.pressure_ratio is not None:
+            times = np.arange(self.num_times) / self.num_times
+            known = np.arange(len(self.pressure_ratio)) / len(self.pressure_ratio)
+            ratio = np.interp(times, known, self.pressure_ratio, period=1.0)
+            given["pressure"] = given["pressure"] * ratio
+        moved = moved if len(along) == 1 else moved[:, None] * along
+        period = self.period_at(point["velocity"])
+        return Case(displacement=moved, period=period, **given)
 
     def block(self, point: Mapping[str, Any]) -> Stack:
         """Returns the stack at a point, given by its numbers on the axes; JAX may trace them."""

@@ -22,7 +22,6 @@ with a contact and its temperatures in each step. The derivative is implicit.
 """
 
 import dataclasses
-from collections.abc import Callable
 from typing import Any
 
 import equinox as eqx
@@ -57,13 +56,16 @@ from ..fields.grid import (
     wavenumber,
 )
 from ..response.grading import AbstractGradedSolver
-from ..response.heated import AbstractHeating, HeatedContact, check_bulk, check_heated, heated
+from ..response.heated import HeatedContact, check_bulk, check_heated, heated
 from ..response.layering import Layering
 from ..response.stack import Stack, interface_depths
 from ..rheology.shift import as_temperature
 from ..rheology.softening import at_strain
+from ..roughness.surface import check_periodic
 from .heat import gauss_within, heat_depths, heat_source, intervals, shear_heat
+from .numerics import Numerics
 from .sliding import Sliding
+from .steady import solve_steady
 
 NUM_CELLS = 8  # of the depth, each at one temperature
 SAFETY = 4.0  # of the change of friction by twice the cells
@@ -71,7 +73,7 @@ _FIRST = 0.25  # depth of the first cell [spacings]; the last one ends at the si
 
 
 @shown()
-class Heating(AbstractHeating):
+class Heating(eqx.Module):
     """How heat flows in the block and in the counterface.
 
     **Fields:**
@@ -98,66 +100,61 @@ class Heating(AbstractHeating):
         allowed = "a conductivity [W/(m K)] is zero or positive"
         check_values("counterface_conductivity", self.counterface_conductivity, allowed, at_least=0)
 
-    def settle(
-        self,
-        solve: Callable[..., Sliding],
-        stack: Stack,
-        grid: Grid,
-        inputs: dict[str, Any],
-        rtol: float,
-        throw: bool,
-    ) -> Sliding:
-        temperature = as_temperature(check_bulk(inputs["temperature"])).astype(grid.size.dtype)
-        inputs = inputs | {"temperature": temperature}
-        check_heated(stack)
-        stack.at(temperature)  # refuses what a material cannot have
-        first, last = _FIRST * jnp.min(grid.spacing), jnp.max(grid.size)
-        edges = jax.lax.stop_gradient(intervals(first, last, NUM_CELLS))
-        given = self, stack, inputs
-        fixed = still(given)
 
-        def contact(x, values, edges, **how):
-            """The contact at rises of the surface and of the cells, and its block."""
-            _, stack, inputs = values
-            block = heated(stack, inputs["temperature"], x[1:], edges)
-            at_surface = {"temperature": inputs["temperature"] + x[0]}
-            s, ratio = solve(block, **inputs | at_surface | how), inputs["strain_per_slope"]
-            return s, block if ratio is None else at_strain(block, ratio * s.slope_in_contact)
+def solve_heated(case: Any, numerics: Numerics, start: Numbers | None = None) -> Sliding:
+    """Returns the contact of a `Case` at the temperatures that it causes; see `slide`."""
+    check_periodic(case.surface)
+    check_heated(case.stack)
+    grid, dtype = case.surface.grid, case.surface.grid.size.dtype
+    temperature = as_temperature(check_bulk(case.temperature)).astype(dtype)
+    case.stack.at(temperature)  # refuses what a material cannot have
+    first, last = _FIRST * jnp.min(grid.spacing), jnp.max(grid.size)
+    edges = jax.lax.stop_gradient(intervals(first, last, NUM_CELLS))
+    given = dataclasses.replace(case, temperature=temperature)
+    fixed = still(given)
+    rtol = 10 * numerics.rtol  # temperatures are as noisy as the contact is inaccurate
 
-        def image(values, s, block, edges):
-            return _rises(s, values[0], values[1], block, edges)
-
-        def step(x, state):
-            start, pairs = state
-            s, block = contact(x, fixed, edges, start=start)
-            return image(fixed, s, block, edges), (s.pressure, pairs + s.num_fft_pairs)
-
-        none = jnp.zeros(NUM_CELLS + 1, edges.dtype)
-        state = fixed[2]["start"], jnp.zeros((), edges.dtype)
-        point = find_fixed_point(step, none, state, jnp.asarray(rtol, edges.dtype))
-        x = jax.lax.stop_gradient(point.x)
-        start, pairs = point.state
-        s, block = contact(x, fixed, edges, start=start)
-        # One more step with twice the cells has less error, of the iteration and of the depths.
-        finer = intervals(first, last, 2 * NUM_CELLS)
-        closer, _ = contact(image(fixed, s, block, finer), fixed, finer, start=s.pressure)
-        errors = still(_errors(s, closer))
-        pairs = pairs + s.num_fft_pairs + closer.num_fft_pairs
-        if not all(map(is_concrete, jax.tree.leaves(given))):
-            found = {"start": None, "solution": still(s.contact)}
-            x = attach_fixed_point(
-                lambda x: image(given, *contact(x, given, edges, **found), edges), x
-            )
-            s, block = contact(x, given, edges, **found)
-        reached = point.error <= rtol
-        if throw:
-            x = eqx.error_if(x, ~reached, RESULTS[RESULTS.not_settled])
-        result = RESULTS.where(reached, s.result, RESULTS.not_settled)
-        return dataclasses.replace(
-            s,
-            contact=dataclasses.replace(s.contact, result=result, num_fft_pairs=pairs),
-            heated=HeatedContact(block, x[0], x[1:], edges, point.error, *errors),
+    def contact(x, case, edges, start=None, solution=None):
+        """The contact at rises of the surface and of the cells, and its block."""
+        block, ratio = heated(case.stack, case.temperature, x[1:], edges), case.strain_per_slope
+        inner = dataclasses.replace(
+            case, stack=block, temperature=case.temperature + x[0], heating=None
         )
+        s = solve_steady(inner, numerics, start, solution)
+        return s, block if ratio is None else at_strain(block, ratio * s.slope_in_contact)
+
+    def image(case, s, block, edges):
+        return _rises(s, case.heating, case.stack, block, edges)
+
+    def step(x, state):
+        start, pairs = state
+        s, block = contact(x, fixed, edges, start)
+        return image(fixed, s, block, edges), (s.pressure, pairs + s.num_fft_pairs)
+
+    none = jnp.zeros(NUM_CELLS + 1, edges.dtype)
+    state = start, jnp.zeros((), edges.dtype)
+    point = find_fixed_point(step, none, state, jnp.asarray(rtol, edges.dtype))
+    x = jax.lax.stop_gradient(point.x)
+    start, pairs = point.state
+    s, block = contact(x, fixed, edges, start)
+    # One more step with twice the cells has less error, of the iteration and of the depths.
+    finer = intervals(first, last, 2 * NUM_CELLS)
+    closer, _ = contact(image(fixed, s, block, finer), fixed, finer, s.pressure)
+    errors = still(_errors(s, closer))
+    pairs = pairs + s.num_fft_pairs + closer.num_fft_pairs
+    if not all(map(is_concrete, jax.tree.leaves(given))):
+        found = {"solution": still(s.contact)}
+        x = attach_fixed_point(lambda x: image(given, *contact(x, given, edges, **found), edges), x)
+        s, block = contact(x, given, edges, **found)
+    reached = point.error <= rtol
+    if numerics.throw:
+        x = eqx.error_if(x, ~reached, RESULTS[RESULTS.not_settled])
+    result = RESULTS.where(reached, s.result, RESULTS.not_settled)
+    return dataclasses.replace(
+        s,
+        contact=dataclasses.replace(s.contact, result=result, num_fft_pairs=pairs),
+        heated=HeatedContact(block, x[0], x[1:], edges, point.error, *errors),
+    )
 
 
 def _errors(s: Sliding, closer: Sliding):

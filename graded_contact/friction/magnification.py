@@ -1,17 +1,16 @@
 """Contact area and friction up to each wavenumber: which wavelengths matter."""
 
+from typing import Any
+
 import equinox as eqx
 import jax
 import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float, ScalarLike
 
-from ..contact.adjoint import LinearSolver, LinearSplitting
 from ..contact.law import AbstractLaw, HardWall
-from ..contact.nested_solve import DouglasRachford
 from ..contact.operator import Steady, work_of_waves
-from ..contact.problem import RTOL, solve_contact
-from ..contact.solver import AbstractContactSolver
+from ..contact.problem import solve_contact
 from ..core.checks import (
     Numbers,
     as_float,
@@ -33,13 +32,13 @@ from ..fields.grid import (
     wave_frequencies,
     wavenumber,
 )
-from ..response.grading import AbstractGradedSolver
-from ..response.layering import Layering
 from ..response.stack import Stack
 from ..roughness.cutoff import CutoffCurve
 from ..roughness.surface import Surface, check_periodic
-from .slide import kernel_and_velocity
+from .case import Case
+from .numerics import numerics_of
 from .sliding import Sliding
+from .steady import kernel_of
 
 
 @check_types
@@ -51,11 +50,7 @@ def area_against_cutoff(
     pressure: ScalarLike,
     velocity: Numbers,
     law: AbstractLaw = HardWall(),  # noqa: B008 (immutable)
-    solver: AbstractContactSolver = DouglasRachford(),  # noqa: B008
-    adjoint: LinearSolver = LinearSplitting(),  # noqa: B008
-    graded_solver: AbstractGradedSolver = Layering(),  # noqa: B008
-    rtol: float = RTOL,
-    throw: bool = True,
+    **numerics: Any,
 ) -> CutoffCurve:
     """Returns contact area and friction with only the waves up to each cut-off on the surface.
 
@@ -65,7 +60,7 @@ def area_against_cutoff(
     **Arguments:**
 
     - `cutoffs`: wavenumbers |q| [rad/m], ascending, shape `(cutoffs,)`; waves beyond are left out.
-    - the others: as in `slide`.
+    - the others: as in `slide`, without `start` and `solution`.
 
     **Returns:** a `CutoffCurve` of the cut-offs; without `throw`, of NaN if the kernel failed.
 
@@ -78,31 +73,30 @@ def area_against_cutoff(
     if is_concrete(cutoffs) and np.any(np.diff(cutoffs) <= 0):
         raise ValueError(f"`cutoffs={np.asarray(cutoffs)}` must ascend.")
     check_periodic(surface)
-    kernel, velocity, *_ = kernel_and_velocity(
-        stack, surface, velocity, solver, graded_solver, throw
-    )
-    grid = surface.grid
+    case = Case(stack=stack, surface=surface, pressure=pressure, velocity=velocity, law=law)
+    how, _ = numerics_of("area_against_cutoff", numerics)
+    kernel, *_ = kernel_of(case, how)
     known = jnp.all(jnp.isfinite(kernel))
 
     def solve(cutoff, start):
-        heights = _waves_up_to(cutoff, surface.heights, grid)
+        heights = _waves_up_to(cutoff, surface.heights, surface.grid)
         contact = solve_contact(
             kernel,
             heights,
             pressure,
             law=law,
-            solver=solver,
-            adjoint=adjoint,
-            rtol=rtol,
+            solver=how.solver,
+            adjoint=how.adjoint,
+            rtol=how.rtol,
             start=start,
-            throw=throw,
+            throw=how.throw,
         )
         s = Sliding(
             contact=contact,
             operator=Steady(kernel),
             heights=heights,
-            grid=grid,
-            velocity=velocity,
+            grid=surface.grid,
+            velocity=case.velocity,
             law=law,
         )
         found = jnp.stack(s.compute("friction", "contact_area", "contact_area_smooth"))

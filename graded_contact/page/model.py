@@ -6,7 +6,7 @@ another structure those that only see the grid: the contact, and its derivatives
 """
 
 from collections.abc import Sequence
-from typing import Any, NamedTuple
+from typing import Any, NamedTuple, cast
 
 import equinox as eqx
 import jax
@@ -18,9 +18,10 @@ from jaxtyping import Array, Float
 from ..contact.solver import AbstractContactSolver
 from ..core.compilation import compiled
 from ..core.derivative import derivative_apart
-from ..fields.grid import direction_and_speed
+from ..fields.grid import direction_and_speed, velocity_along
 from ..files.surface_source import RandomSurface
-from ..friction.slide import slide
+from ..friction.case import Case
+from ..friction.numerics import Numerics
 from ..friction.sliding import Sliding
 from ..persson.mean_field import mean_field_friction
 from ..response.compliance import effective_modulus
@@ -29,7 +30,6 @@ from ..response.stack import Stack
 from ..roughness.statistics import radial_spectrum, statistics
 from ..roughness.surface import Surface
 from ..studies.run_scene import build_surface
-from ..studies.scene_theory import velocity_vector
 from .document import Document, described
 from .knobs import Target, changed_document, changed_stack, knobs_of
 
@@ -195,7 +195,7 @@ def _at(scenery: Scenery, numbers: Array) -> tuple[Stack, Surface, Any, Array, A
         surface = eqx.tree_at(lambda s: s.heights, surface, surface.heights * factor)
         if spectrum is not None:
             spectrum = (spectrum[0], spectrum[1] * factor**2)
-    velocity = velocity_vector(by_kind["velocity"], scenery.direction)
+    velocity = velocity_along(by_kind["velocity"], scenery.direction)
     stack = changed_stack(scenery.stack, scenery.targets, numbers)
     # The spectrum of a profile is not that of a surface: the mean field sums its modes.
     rough = surface if surface.grid.ndim == 1 else spectrum
@@ -222,10 +222,12 @@ def _curves(scenery, numbers, waves, speeds):
 # Not in one `jit`: what does not depend on the block is compiled once for all blocks.
 def _slide(scenery, numbers, start, solution=None):
     stack, surface, _, pressure, velocity = _at(scenery, numbers)
-    return slide(
-        stack, surface, pressure=pressure, velocity=velocity, solver=scenery.solver,
-        graded_solver=scenery.graded_solver, rtol=RTOL, start=start, solution=solution, throw=False,
-    ), surface.heights  # fmt: skip
+    case = Case(stack=stack, surface=surface, pressure=pressure, velocity=velocity)
+    numerics = Numerics(
+        rtol=RTOL, solver=scenery.solver, graded_solver=scenery.graded_solver, throw=False
+    )
+    found = case.solve(numerics, start=start, solution=solution)
+    return cast(Sliding, found), surface.heights
 
 
 def _derivatives(scenery, numbers, contact):

@@ -32,7 +32,7 @@ from numpy.polynomial import chebyshev
 from ..core.derivative import largest, still
 from ..core.display import shown
 from ..core.fixed_point import attach_fixed_point, find_fixed_point
-from ..response.heated import AbstractHeating
+from ..friction.heating import Heating
 from .angles import angles
 from .diffusion import mean_square_growth
 
@@ -59,7 +59,7 @@ class HeatedScales(eqx.Module):
 
 def find_rises(
     power: Callable[[Any, Float[Array, " m"]], tuple[Array, ...]],
-    heating: AbstractHeating,
+    heating: Heating,
     edges: Callable[[Any], tuple[Array, Array, Array]],
     given: Any,
 ) -> tuple[Float[Array, " m"], Float[Array, ""], Array]:

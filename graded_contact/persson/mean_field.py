@@ -50,8 +50,10 @@ from ..core.checks import (
 )
 from ..core.display import shown
 from ..fields.grid import as_velocity, direction_and_speed
+from ..friction.case import Case
+from ..friction.heating import Heating
 from ..response.grading import AbstractGradedSolver, check_profiles
-from ..response.heated import AbstractHeating, check_bulk
+from ..response.heated import check_bulk
 from ..response.kernel import stack_kernel
 from ..response.layering import Layering
 from ..response.stack import Stack, check_at_rest
@@ -133,7 +135,7 @@ def mean_field_friction(
     rtol: float = 1e-4,
     shear: ShearLaw | None = None,
     temperature: ScalarLike | None = None,
-    heating: AbstractHeating | None = None,
+    heating: Heating | None = None,
     throw: bool = True,
 ) -> MeanField:
     """Returns friction and contact area of a rough surface sliding on a stack, by Persson's theory.
@@ -225,6 +227,21 @@ def mean_field_friction(
     return solution
 
 
+def mean_field_of(case: Case, roughness: Any = None, **options: Any) -> MeanField:
+    """Returns the mean field of a case of steady sliding.
+
+    **Arguments:**
+
+    - `case`: with a pressure and a velocity.
+    - `roughness`: `spectrum` of `mean_field_friction`; None for the surface of the case.
+    - `options`: other arguments of `mean_field_friction`.
+    """
+    names = "pressure", "velocity", "shear", "temperature", "heating", "strain_per_slope"
+    given: dict[str, Any] = {name: getattr(case, name) for name in names}
+    rough = case.surface if roughness is None else roughness
+    return mean_field_friction(case.stack, rough, **given, **options)
+
+
 class _Given(eqx.Module):
     """All that has derivatives."""
 
@@ -254,7 +271,7 @@ def _summed(given: _Given, correction, graded_solver):
     return q, x, friction, 0 * friction[-1], share, sheared  # the error is NaN if that is
 
 
-def _at_bulk(stack: Stack, heating: AbstractHeating, temperature) -> Stack:
+def _at_bulk(stack: Stack, heating: Heating, temperature) -> Stack:
     """The block at the bulk temperature."""
     if heating.conductivity.ndim or heating.diffusivity.ndim:
         raise ValueError(
@@ -264,7 +281,7 @@ def _at_bulk(stack: Stack, heating: AbstractHeating, temperature) -> Stack:
     return stack.at(check_bulk(temperature))
 
 
-def _by_quadrature(settings, given: _Given, heating: AbstractHeating | None):
+def _by_quadrature(settings, given: _Given, heating: Heating | None):
     """What `_integrated` returns, and the temperatures of the scales."""
     # Profiles and tables may have no answer at the frequencies of the quadrature.
     edges, speed = given.roughness.edges, direction_and_speed(given.velocity)[1]

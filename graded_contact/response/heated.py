@@ -1,8 +1,6 @@
 """A block whose temperature varies with depth, and what heats it."""
 
-from abc import abstractmethod
-from collections.abc import Callable
-from typing import Any, TypeVar
+from typing import TypeVar
 
 import equinox as eqx
 import jax.numpy as jnp
@@ -10,40 +8,10 @@ from jaxtyping import Array, Float
 
 from ..core.compilation import compiled
 from ..core.display import shown
-from ..fields.grid import Grid
 from ..rheology.material import Elastic
 from .stack import GradedLayer, HalfSpace, Layer, Stack
 
-B, T = TypeVar("B"), TypeVar("T")
-
-
-class AbstractHeating(eqx.Module):
-    """How heat flows in the block and in the counterface; see `Heating`."""
-
-    conductivity: eqx.AbstractVar[Float[Array, "..."]]
-    diffusivity: eqx.AbstractVar[Float[Array, "..."]]
-    counterface_conductivity: eqx.AbstractVar[Float[Array, ""]]
-
-    @abstractmethod
-    def settle(
-        self,
-        solve: Callable[..., T],
-        stack: Stack,
-        grid: Grid,
-        inputs: dict[str, Any],
-        rtol: float,
-        throw: bool,
-    ) -> T:
-        """Returns the contact of a block at the temperatures that the contact causes.
-
-        **Arguments:**
-
-        - `solve`: `slide` without heating, called with the block and the `inputs`.
-        - `stack`, `grid`: the block, and the cell of the surface.
-        - `inputs`: all that has derivatives, by the names of `slide`; `temperature` [K] among them.
-        - `rtol`: change of the temperatures at which the iteration ends [1].
-        - `throw`: whether to raise if it does not end.
-        """
+B = TypeVar("B")
 
 
 @shown()

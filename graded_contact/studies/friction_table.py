@@ -8,6 +8,7 @@ import jax.numpy as jnp
 from jax import Array
 
 from ..core.checks import Numbers, as_float, check_positive, check_types, check_values, short
+from ..fields.grid import velocity_along
 from ..files.dataset import package_versions
 from ..friction.slide import slide
 from ..persson.mean_field import mean_field_friction
@@ -63,7 +64,6 @@ def friction_table(
 
     **Raises:** `ValueError` for a refused argument; what `sweep` raises.
     """
-    from .scene_theory import velocity_vector
     from .sweep import sweep
 
     if method != "mean_field" and not isinstance(roughness, Surface):
@@ -81,7 +81,7 @@ def friction_table(
 
     def numbers(point: dict[str, Array]) -> dict[str, Any]:
         block = stack.at(point["temperature"]) if temperature is not None else stack
-        velocity = velocity_vector(point["velocity"], direction)
+        velocity = velocity_along(point["velocity"], direction)
         load = {"pressure": point["pressure"], "velocity": velocity}
         found = {}
         if method != "mean_field":

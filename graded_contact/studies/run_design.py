@@ -24,7 +24,6 @@ from ..core.parameters import paths, with_values
 from ..files.dataset import package_versions
 from ..files.design_scene import DesignScene
 from ..files.surface_source import RandomSurface
-from ..friction.slide import slide
 from ..persson.mean_field import MeanField
 from ..response.compliance import effective_modulus
 from ..response.stack import Stack
@@ -324,16 +323,11 @@ def _contact(study: DesignScene, stack: Stack, heights: Array) -> tuple[Array, A
     surface = Surface(heights, scene.surface.grid)
 
     def one(velocity: Array) -> tuple[Array, Array]:
-        found = slide(
-            stack,
-            surface,
-            pressure=scene.pressure[0],
-            velocity=velocity,
-            solver=scene.solver,
-            rtol=scene.rtol,
-            graded_solver=scene.graded_solver,
-            strain_per_slope=scene.strain_per_slope,
-        )
+        point = {"pressure": scene.pressure[0], "velocity": velocity}
+        case = dataclasses.replace(
+            scene, stack=stack, sweep={}, temperature=None, direction=0.0
+        ).case(point, surface)
+        found = case.solve(dataclasses.replace(scene.numerics, throw=True))
         return found.friction, found.contact_area_smooth
 
     return jax.lax.map(one, jnp.asarray(scene.velocity))

@@ -19,17 +19,17 @@ from ..core.memory import (
     num_numbers,
     sliding_memory,
 )
+from ..fields.grid import velocity_along
 from ..files.dataset import package_versions
 from ..files.parameter_covariance import moved
 from ..files.scene import Scene
 from ..files.surface_source import RandomSurface, SurfaceFile
-from ..friction.cycle import slide_cycle
-from ..friction.slide import check_approach, slide
+from ..friction.steady import check_approach
 from ..response.stack import Stack, check_at_rest
 from ..roughness.surface import Surface
 from .program import trace
 from .scene_results import collect, fields_of, numbers_of_scene
-from .scene_theory import check_frequencies_of, errors_of_stack, velocity_vector
+from .scene_theory import check_frequencies_of, errors_of_stack
 from .store import Store, fingerprint
 from .sweep import Workers, solve_points
 
@@ -183,21 +183,17 @@ def _solver(scene: Scene, surface: Surface) -> Callable[[dict[str, Any]], dict[s
     fields = fields_of(scene) if scene.fields != "none" else ()
     errors = errors_of_stack(scene)
     names = [n for n in numbers_of_scene(scene, surface) if n != "friction_standard_error"]
-    job = _slid if scene.motion is None else _cycled
 
     def solved(point: dict[str, Any], stack: Stack) -> dict[str, Any]:
         rough = surface
         if "seed" in point and isinstance(scene.surface, RandomSurface):
             rough = scene.surface.drawn(point["seed"])
-        block = dataclasses.replace(scene, stack=stack).block(point)
-        how: dict[str, Any] = dict(
-            solver=scene.solver, graded_solver=scene.graded_solver, throw=False, rtol=scene.rtol
-        )
-        contact = job(scene, block, rough, point, how)
+        case = dataclasses.replace(scene, stack=stack).case(point, rough)
+        contact = case.solve(scene.numerics)
         found = dict(zip(names, contact.compute(*names), strict=True))
         if scene.motion is not None:  # along the direction of the motion
             for name in ("friction", "geometric_friction", "traction"):
-                along = np.ravel(velocity_vector(1.0, scene.direction))
+                along = np.ravel(velocity_along(1.0, scene.direction))
                 found[name] = found[name].reshape(scene.num_times, -1) @ along
         found |= {name: getattr(contact.contact, name) for name in fields if name != "heights"}
         found |= {"heights": rough.heights} if "heights" in fields else {}
@@ -216,36 +212,3 @@ def _solver(scene: Scene, surface: Surface) -> Callable[[dict[str, Any]], dict[s
         return {**found, "friction_standard_error": jnp.linalg.norm(slopes)}
 
     return with_error
-
-
-def _slid(scene: Scene, block: Stack, surface: Surface, point: dict[str, Any], how: dict):
-    return slide(
-        block,
-        surface,
-        pressure=point.get("pressure"),
-        approach=point.get("approach"),
-        velocity=velocity_vector(point["velocity"], scene.direction),
-        shear=scene.shear,
-        heating=scene.heating,
-        temperature=point.get("temperature", scene.temperature),
-        strain_per_slope=scene.strain_per_slope,
-        **how,
-    )
-
-
-def _cycled(scene: Scene, block: Stack, surface: Surface, point: dict[str, Any], how: dict):
-    motion, along = scene.motion, np.ravel(velocity_vector(1.0, scene.direction))
-    assert motion is not None
-    moved, times = motion.displacement, np.arange(scene.num_times) / scene.num_times
-    pressure = point["pressure"]
-    if scene.pressure_ratio is not None:
-        known = np.arange(len(scene.pressure_ratio)) / len(scene.pressure_ratio)
-        pressure = pressure * np.interp(times, known, scene.pressure_ratio, period=1.0)
-    return slide_cycle(
-        block,
-        surface,
-        displacement=moved if len(along) == 1 else moved[:, None] * along,
-        period=scene.period_at(point["velocity"]),
-        pressure=pressure,
-        **how,
-    )

@@ -17,11 +17,12 @@ from scipy.linalg import block_diag
 from ..core.checks import within
 from ..core.parameters import places
 from ..core.warnings import EXTRAPOLATED
-from ..fields.grid import Grid, wave_frequencies
+from ..fields.grid import Grid, velocity_along, wave_frequencies
 from ..files.parameter_covariance import Errors
 from ..files.scene import Scene
 from ..files.surface_source import RandomSurface
-from ..persson.mean_field import MeanField, mean_field_friction
+from ..friction.case import Case
+from ..persson.mean_field import MeanField, mean_field_of
 from ..response.periodic import period_frequencies
 from ..response.stack import Stack
 from ..rheology.material import Prony
@@ -35,15 +36,6 @@ PER_DECADE = 8  # frequencies of a table of moduli
 SLOWER = 0.01  # waves across the velocity excite lower frequencies than those along it
 
 
-def velocity_vector(speed: Any, direction: float) -> Any:
-    """Returns the velocity as `slide` takes it: one number along x, otherwise two components."""
-    if direction == 0:
-        return speed
-    unit = np.array([np.cos(direction), np.sin(direction)])
-    # Rounding of a right angle would excite frequencies near zero.
-    return speed * np.where(np.abs(unit) < 1e-12, 0, unit)
-
-
 def mean_field_at(scene: Scene, surface: Surface, index: tuple[int, ...]) -> MeanField:
     """Returns the mean field at one of a scene's points, also if it misses its tolerance.
 
@@ -53,25 +45,20 @@ def mean_field_at(scene: Scene, surface: Surface, index: tuple[int, ...]) -> Mea
     - `index`: of the point, along the axes.
     """
     point = {name: at[i] for (name, at), i in zip(scene.axes.items(), index, strict=True)}
-    velocity = velocity_vector(point["velocity"], scene.direction)
-    rough = roughness_of(scene, surface)
-    dry = {"shear": scene.shear, "temperature": point.get("temperature", scene.temperature)}
-    return _mean_field(scene, scene.block(point), rough, point["pressure"], velocity, **dry)
+    return _mean_field(scene, scene.case(point, surface))
 
 
-def _mean_field(
-    scene: Scene, stack: Stack, rough: Any, pressure: Any, velocity: Any, **dry: Any
-) -> MeanField:
-    return mean_field_friction(
-        stack,
-        rough,
-        pressure=pressure,
-        velocity=velocity,
-        graded_solver=scene.graded_solver,
-        strain_per_slope=scene.strain_per_slope,
-        throw=False,
-        **dry,
-    )
+def _mean_field(scene: Scene, case: Case) -> MeanField:
+    """Without heat, also if it misses its tolerance."""
+    case, rough = dataclasses.replace(case, heating=None), roughness_of(scene, case.surface)
+    return mean_field_of(case, rough, graded_solver=scene.graded_solver, throw=False)
+
+
+def _hysteresis(scene: Scene, stack: Stack, surface: Surface, velocity: Any) -> MeanField:
+    """The mean field without shear at the highest pressure."""
+    given = {"pressure": np.max(scene.pressure), "strain_per_slope": scene.strain_per_slope}
+    case = Case(stack=stack, surface=surface, velocity=velocity, **given)
+    return _mean_field(scene, case)
 
 
 def roughness_of(scene: Scene, surface: Surface) -> Any:
@@ -105,8 +92,8 @@ def _check_block(scene: Scene, stack: Stack, surface: Surface) -> None:
         check_frequencies(stack, _excited(scene, surface.grid))
 
     def shares() -> np.ndarray:
-        velocities = [velocity_vector(v, scene.direction) for v in scene.velocity]
-        fields = [_mean_field(scene, stack, surface, np.max(scene.pressure), v) for v in velocities]
+        velocities = [velocity_along(v, scene.direction) for v in scene.velocity]
+        fields = [_hysteresis(scene, stack, surface, v) for v in velocities]
         return np.array([field.extrapolated_friction for field in fields])
 
     if surface.periodic:  # there is no mean field of a window
@@ -157,7 +144,7 @@ def _excited(scene: Scene, grid: Grid) -> np.ndarray:
     if scene.motion is not None:
         periods = scene.period_at(scene.velocity)
         return np.array([period_frequencies(scene.num_times, period) for period in periods])
-    velocities = [velocity_vector(v, scene.direction) for v in scene.velocity]
+    velocities = [velocity_along(v, scene.direction) for v in scene.velocity]
     return np.abs([np.asarray(wave_frequencies(grid, v)) for v in velocities])
 
 
@@ -200,7 +187,7 @@ def what_decides(scene: Scene, surface: Surface) -> dict[tuple[str, float], Sens
 
 
 def _decided_by(scene: Scene, surface: Surface, material: Prony, speed: float) -> Sensitivity:
-    grid, rough = surface.grid, roughness_of(scene, surface)
+    grid = surface.grid
     ends = SLOWER * 2 * np.pi / np.max(grid.size), np.pi / np.min(grid.spacing)
     count = int(PER_DECADE * np.log10(ends[1] / ends[0])) + 2
     omega, factor, point = np.geomspace(*ends, count) * speed, 1.0, {}
@@ -215,7 +202,7 @@ def _decided_by(scene: Scene, surface: Surface, material: Prony, speed: float) -
             is_leaf=lambda node: node is material,
         )
         block = dataclasses.replace(scene, stack=swapped, sweep={}).block(point)
-        return _mean_field(scene, block, rough, np.max(scene.pressure), speed).friction
+        return _hysteresis(scene, block, surface, speed).friction
 
     # The table is about the temperature at which the material is written.
     found = sensitivity(friction, material, omega * factor)

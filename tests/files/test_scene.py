@@ -14,6 +14,7 @@ from scenes import TABLE, TEXT, changed, tabulated, write
 import graded_contact as gc
 from graded_contact.files.moduli.reading import read_moduli
 from graded_contact.files.scene_reading import parse_scene, read_scene
+from graded_contact.friction.numerics import Numerics
 
 LAYER = 'material = "coat"\nthickness = 2e-5'
 GRADED = 'bottom = "tread"\ntop = "coat"\nshape = "sinusoidal"\nthickness = 2e-5'
@@ -85,7 +86,7 @@ def test_what_is_wrong_is_refused_with_its_place(texts, expected):
 
 def test_scenes_and_python_have_one_default_tolerance():
     rtol = parse_scene(changed("rtol = 1e-6", "")).rtol
-    functions = (gc.solve_contact, gc.contacts.follow_contact, gc.contacts.area_against_cutoff)
+    functions = (gc.solve_contact, gc.contacts.follow_contact, Numerics)
     defaults = [inspect.signature(f).parameters["rtol"].default for f in functions]
     assert defaults == [rtol] * 3
     heights = np.random.default_rng(0).normal(size=(16, 16)).astype(np.float32) * 1e-6
