@@ -158,7 +158,7 @@ def calls():
          displacement=sliding.displacement, grid=grid, velocity=0.1, num_wavenumbers=5)),
         (gc.mean_field_friction, dict(stack=soft, spectrum=spectrum, pressure=1e5, velocity=0.1,
          own_roughness=spectrum, strain_per_slope=1.0, shear=peaked, temperature=300.0,
-         rtol=0.02)),
+         rtol=0.2)),
         (gc.contacts.pressure_distribution, dict(mean_field=field, stress=[1e5])),
         (gc.design.loss_tangent, dict(stack=stack, q=[1e3], velocity=0.1)),
         (gc.design.friction_curve, dict(stack=stack, spectrum=spectrum, pressure=1e5,
