@@ -84,6 +84,9 @@ class Later:
             raise KeyboardInterrupt
 
 
+_outer: list[Later] = []  # of the block that this one is in
+
+
 @contextlib.contextmanager
 def ctrl_c_later() -> Iterator[Later]:
     """Gives a `Later` that notes Ctrl-C inside the block; a second Ctrl-C raises at once.
@@ -92,6 +95,9 @@ def ctrl_c_later() -> Iterator[Later]:
     """
     usual, later = signal.default_int_handler, Later()
     main = threading.current_thread() is threading.main_thread()
+    if main and _outer:
+        yield _outer[-1]
+        return
     if not main or signal.getsignal(signal.SIGINT) is not usual:
         yield later
         return
@@ -102,9 +108,11 @@ def ctrl_c_later() -> Iterator[Later]:
         _say(LATER)
 
     signal.signal(signal.SIGINT, note)
+    _outer.append(later)
     try:
         yield later
     finally:
+        _outer.pop()
         signal.signal(signal.SIGINT, usual)
 
 

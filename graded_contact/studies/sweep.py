@@ -80,16 +80,16 @@ def sweep(
     with ctrl_c_later() as later:
         program = trace(function, {name: column[0] for name, column in columns.items()})
         later.check()
-    _check_results(program, columns, count)
-    names = []
-    if store is not None:
-        key, rows = program.key, zip(*columns.values(), strict=True)
-        names = [fingerprint(key, [*map(np.asarray, row)]) for row in rows]
-    with opened(store) as points_of:
-        points = solve_points(
-            program, columns, names, store=points_of, workers=workers, client=client,
-            progress=progress,
-        )  # fmt: skip
+        _check_results(program, columns, count)
+        names = []
+        if store is not None:
+            key, rows = program.key, zip(*columns.values(), strict=True)
+            names = [fingerprint(key, [*map(np.asarray, row)]) for row in rows]
+        with opened(store) as points_of:
+            points = solve_points(
+                program, columns, names, store=points_of, workers=workers, client=client,
+                progress=progress,
+            )  # fmt: skip
     ends = [NOT_STARTED if point is None else point.message for point in points]
     data: dict[str, Any] = {}
     for name, like in program.like[0].items():
