@@ -80,6 +80,12 @@ def grid_mismatch(found: Any) -> ArrayLike:
     return np.where(np.abs(friction) <= ROUNDING * slope, 0.0, mismatch)
 
 
+def _on_window(found: Any, name: str) -> ArrayLike:
+    """A number that only contacts on a window have, else 0; it is not computed for others."""
+    known = name in getattr(found, "numbers", (name,))
+    return np.asarray(getattr(found, name, 0.0) if known else 0.0)
+
+
 # Of every contact under sliding, steady or not.
 SLIDING_RULES = (
     Rule(
@@ -119,7 +125,7 @@ RULES = (
         "contact.",
     ),
     Rule(
-        lambda found: getattr(found, "compression", 0.0),
+        lambda found: _on_window(found, "compression"),
         SQUEEZED,
         "The body moved into the layers by {worst:.0%} of their thickness above the rigid base. "
         f"The model assumes small strains: from 20% on the neglected terms exceed {LIMIT:.0%}.",
@@ -137,7 +143,7 @@ RULES = (
         "Crop to a `region` without them, or read with `periodic='mirror'`.",
     ),
     Rule(
-        lambda found: getattr(found, "rim_load", 0.0),
+        lambda found: _on_window(found, "rim_load"),
         RIM,
         "{worst:.2g} of the load acts on the rim of the window. Take a larger window, unless the "
         "body ends there.",
