@@ -17,9 +17,9 @@ from .command.explore import explore
 from .command.fit import fit
 from .command.friction_table import table
 from .command.new import new
-from .command.scene import demo, info, run
-from .command.session import prepare
+from .command.run import demo, info, run
 from .command.spelling import spell_missing_characters
+from .command.terminal import prepare
 
 app = typer.Typer(
     help="Friction and contact area of layered viscoelastic blocks on rough surfaces.",

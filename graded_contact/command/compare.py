@@ -5,10 +5,10 @@ from typing import Annotated
 
 import typer
 
-from ..files.paths import check_folder
-from ..files.results import read_results
 from ..plot import plot_compare
-from .session import FigureFormat, Format, refusing, save_figure
+from ..readers.paths import check_folder
+from ..scenes.results import read_results
+from .terminal import FigureFormat, Format, refusing, save_figure
 
 
 def compare(

@@ -6,18 +6,18 @@ from typing import Annotated
 
 import typer
 
-from ..files.design_scene import read_design
-from ..files.paths import check_folder, check_name, full_path
-from ..files.sealed import write_whole
 from ..plot import plot_design, plot_history
-from ..roughness.surface import Surface
-from ..studies.cost import design_cost
-from ..studies.design_report import designed_values, missed, report
+from ..readers.paths import check_folder, check_name, full_path
+from ..scenes.cost import design_cost
+from ..scenes.design_report import designed_values, missed, report
+from ..scenes.design_scene import read_design
+from ..scenes.run_design import check_design, run_design
 from ..studies.interruption import Interrupted, interruptible
-from ..studies.run_design import check_design, run_design
+from ..studies.sealed import write_whole
 from ..studies.store import Store
-from .session import DryRun, FigureFormat, Format, Output, progress, refusing, save_figure
-from .tables import print_read
+from ..surfaces.surface import Surface
+from .result_tables import print_read
+from .terminal import DryRun, FigureFormat, Format, Output, progress, refusing, save_figure
 from .understood import print_understood
 
 

@@ -7,9 +7,9 @@ from typing import Annotated
 
 import typer
 
-from ..files.paths import check_folder, full_path
 from ..page.serving import serve
-from .session import refusing
+from ..readers.paths import check_folder, full_path
+from .terminal import refusing
 
 
 def explore(

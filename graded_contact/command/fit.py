@@ -9,20 +9,20 @@ from typing import Annotated
 import typer
 from typer import Option
 
-from ..files.moduli.measured import Measured
-from ..files.moduli.reading import read_moduli
-from ..files.parameter_covariance import write_errors
-from ..files.paths import check_folder, full_path
-from ..files.prony_cards import FORMATS, export_prony
-from ..files.schema import nearest
-from ..files.sealed import write_whole
+from ..core.checks import nearest
+from ..exports.prony_cards import FORMATS, export_prony
 from ..fitting.master import master_curve
 from ..fitting.prony import fit_creep, fit_prony, fit_relaxation
 from ..fitting.shifting import check_law
 from ..fitting.wild import wild_values, without
+from ..materials.measured import Measured
 from ..plot import plot_fit, plot_master_curve, plot_van_gurp_palmen
+from ..readers.moduli import read_moduli
+from ..readers.paths import check_folder, full_path
+from ..studies.parameter_covariance import write_errors
+from ..studies.sealed import write_whole
 from ..studies.uncertainty import errors_of
-from .session import FigureFormat, Format, Output, refusing, save_figure
+from .terminal import FigureFormat, Format, Output, refusing, save_figure
 
 # Endings of the files that other programs read.
 _SUFFIXES = {"abaqus": ".inp", "ansys": ".mac"}

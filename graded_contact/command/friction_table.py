@@ -6,16 +6,16 @@ from typing import Annotated
 import numpy as np
 import typer
 
-from ..files.dataset import write
-from ..files.friction_cards import export_friction
-from ..files.paths import check_folder, full_path
-from ..files.scene_reading import read_scene, refuse_tables
-from ..files.sealed import write_whole
-from ..studies.friction_table import Method, friction_table
+from ..exports.friction_cards import export_friction
+from ..readers.paths import check_folder, full_path
+from ..scenes.run_scene import build_surface
+from ..scenes.scene_reading import read_scene, refuse_tables
+from ..scenes.theory import check_frequencies_of, roughness_of
+from ..studies.dataset import write
+from ..studies.friction_tables import Method, friction_table
 from ..studies.interruption import interruptible
-from ..studies.run_scene import build_surface
-from ..studies.scene_theory import check_frequencies_of, roughness_of
-from .session import Output, Replace, progress, refusing
+from ..studies.sealed import write_whole
+from .terminal import Output, Replace, progress, refusing
 
 
 def table(

@@ -8,13 +8,13 @@ import numpy as np
 import typer
 
 from ..core.warnings import EXTRAPOLATED
-from ..files.paths import check_folder, full_path
-from ..files.prony_cards import export_prony
-from ..files.sealed import write_whole
-from ..files.toml import entry_text
-from ..files.topography.reading import read_surface
+from ..exports.prony_cards import export_prony
 from ..plot.words import kelvin
-from ..studies.proposal import CONTACT, Load, proposed_load
+from ..readers.paths import check_folder, full_path
+from ..readers.topography import read_surface
+from ..scenes.proposal import CONTACT, Load, proposed_load
+from ..scenes.toml import entry_text
+from ..studies.sealed import write_whole
 from .fit import (
     Columns,
     Deformation,
@@ -30,8 +30,8 @@ from .fit import (
     read_measured,
     write_fit,
 )
-from .session import FigureFormat, Format, Output, Replace, refusing
-from .tables import print_steps
+from .result_tables import print_steps
+from .terminal import FigureFormat, Format, Output, Replace, refusing
 
 MOST = 512  # points along an edge, for results within minutes
 POINTS = 7  # velocities

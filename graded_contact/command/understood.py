@@ -5,15 +5,15 @@ from typing import Any
 import numpy as np
 import typer
 
+from ..blocks.stack import GradedLayer, HalfSpace
 from ..core.display import with_unit
 from ..core.quantities import quantity_of
-from ..files.scene import Scene
-from ..files.surface_source import RandomSurface
-from ..files.toml import parse_toml
+from ..materials.material import AbstractMaterial, Elastic, Prony
+from ..materials.table import Tabulated
 from ..plot.words import labelled, title_of
-from ..response.stack import GradedLayer, HalfSpace
-from ..rheology.material import AbstractMaterial, Elastic, Prony
-from ..rheology.tabulated import Tabulated
+from ..scenes.scene import Scene
+from ..scenes.surface_source import RandomSurface
+from ..scenes.toml import parse_toml
 
 
 def print_understood(scene: Scene) -> None:

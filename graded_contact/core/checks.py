@@ -5,10 +5,11 @@ unknown and the check passes (shapes are always checked).
 """
 
 import contextlib
+import difflib
 import functools
 import inspect
 import sys
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from types import UnionType
 from typing import Any, Literal, TypeVar, Union, cast, get_args, get_origin
 
@@ -374,3 +375,12 @@ def within(place: str) -> Iterator[None]:
     except ValueError as error:
         text = str(error)
         raise ValueError(text if text.startswith(place) else f"{place} {text}") from error
+
+
+def nearest(word: Any, choices: Iterable[str]) -> str:
+    """Returns a hint for a word that is not in `choices`."""
+    choices = list(choices)
+    close = difflib.get_close_matches(str(word), choices, n=1)
+    if close:
+        return f"did you mean `{close[0]}`?"
+    return f"it takes {', '.join(f'`{choice}`' for choice in choices) or 'nothing'}."

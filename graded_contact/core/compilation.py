@@ -27,7 +27,7 @@ LESS_WORK = {
 }
 
 
-def compiled(function: F) -> F:
+def jit(function: F) -> F:
     """Returns a function compiled as by `eqx.filter_jit`, outside `jit` in less time."""
     within = eqx.filter_jit(function)
 

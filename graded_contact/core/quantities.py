@@ -1,7 +1,7 @@
 """Quantities: name, symbol, unit, meaning; and the registry of observables.
 
 Prints, columns of tables, attributes of datasets, labels of axes and the documentation take their
-words from here. An observable is one function under `@observable`, see `friction/observables.py`.
+words from here. An observable is one function under `@observable`, see `sliding/observables.py`.
 """
 
 from collections.abc import Callable, Collection, Iterable

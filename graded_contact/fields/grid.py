@@ -21,7 +21,7 @@ from jax.sharding import NamedSharding
 from jaxtyping import Bool, Complex, Float, Inexact, Int
 
 from ..core.checks import Numbers, as_float, check_positive, check_squares, check_values, short
-from ..core.compilation import compiled
+from ..core.compilation import jit
 from ..core.derivative import largest
 from ..core.display import shown
 from . import transforms as _fft
@@ -223,7 +223,7 @@ def velocity_along(speed: Any, direction: float) -> Any:
     return speed * np.where(np.abs(unit) < 1e-12, 0, unit)
 
 
-@compiled
+@jit
 def direction_and_speed(
     velocity: Float[Array, "..."],
 ) -> tuple[Float[Array, " components"], Float[Array, ""]]:

@@ -16,9 +16,9 @@ from scipy.optimize import nnls
 
 from ..core.checks import check_whole
 from ..core.display import shown
-from .model import series_of
 from .observations import Observations, concrete
 from .series import Series
+from .series_fit import series_of
 
 Fitted = tuple[np.ndarray, float]  # unknowns θ, and their cost
 SEARCH = 1e-5  # relative tolerance of the cost

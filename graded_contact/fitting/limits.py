@@ -8,13 +8,9 @@ import numpy as np
 from jaxtyping import Array, Complex, Float
 from scipy.special import ndtri
 
-from ..core.checks import (
-    Numbers,
-    as_float,
-    check_positive,
-)
-from ..rheology.material import Prony
-from ..rheology.measured import is_unknown
+from ..core.checks import Numbers, as_float, check_positive
+from ..materials.coverage import is_unknown
+from ..materials.material import Prony
 
 
 def check_limits(omega: Numbers, level: float) -> Float[Array, "*w"]:

@@ -16,24 +16,18 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Complex, Float
 
-from ..core.checks import (
-    Numbers,
-    as_float,
-    check_poisson,
-    check_types,
-    check_values,
-    is_concrete,
-)
+from ..core.checks import Numbers, as_float, check_poisson, check_types, check_values, is_concrete
 from ..core.display import shown
-from ..files.moduli.measured import Measured
-from ..rheology.material import Prony
-from ..rheology.measured import MeasuredRange
-from ..rheology.shift import AbstractShift, TabulatedShift
+from ..materials.coverage import MeasuredRange
+from ..materials.material import Prony
+from ..materials.measured import Measured
+from ..materials.shift import AbstractShift, TabulatedShift
+from .covariance import covariance
 from .lengths import best_of_length, check_choosable, check_terms
 from .limits import check_limits, deviation, limits_where_measured, linear_limits
-from .model import attach_derivative, search
 from .observations import concrete
 from .prony import PronyFit, refuse_nonsense
+from .series_fit import attach_derivative, search
 from .shifted_series import (
     LAW_LIMITS,
     LN10,
@@ -45,7 +39,6 @@ from .shifted_series import (
     shifts_of,
 )
 from .shifting import Isotherm, isotherms_of, shifted_solid_or_liquid, shifts_and_series
-from .uncertainty import covariance
 
 SERVES = 1.05  # times the error with the fitted shifts: a law that does no worse replaces them
 STEEP = 0.4  # decades per kelvin, two within 5 K

@@ -8,14 +8,7 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float
 
-from ..core.checks import (
-    Numbers,
-    as_float,
-    as_numbers,
-    check_positive,
-    check_values,
-    is_concrete,
-)
+from ..core.checks import Numbers, as_float, as_numbers, check_positive, check_values, is_concrete
 from ..core.display import shown
 from .series import Kind
 

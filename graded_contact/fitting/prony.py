@@ -19,15 +19,10 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Complex, Float
 
-from ..core.checks import (
-    Numbers,
-    as_float,
-    as_scalar,
-    check_poisson,
-    check_types,
-)
+from ..core.checks import Numbers, as_float, as_scalar, check_poisson, check_types
 from ..core.display import shown, with_units
-from ..rheology.material import Prony
+from ..materials.material import Prony
+from .covariance import covariance, resampled
 from .lengths import (
     Length,
     best_of_length,
@@ -37,11 +32,10 @@ from .lengths import (
     choose_solid_or_liquid,
 )
 from .limits import check_limits, limits_where_measured, linear_limits
-from .model import attach_derivative, material_of, model, objective, search, series_of
 from .observations import Observations, concrete, observe
 from .quality import FitErrors, Floor, errors_of, floor_of, jumps_of, report_of, verdict_of
 from .series import Series
-from .uncertainty import covariance, resampled
+from .series_fit import attach_derivative, material_of, model, objective, search, series_of
 
 FOREIGN = 0.3  # median log residual from which on data are no linear viscoelastic moduli
 

@@ -8,8 +8,8 @@ from scipy.special import fdtrc
 
 from ..core.display import shown
 from .lengths import best_spectrum, flows
-from .model import series_of
 from .series import Series
+from .series_fit import series_of
 
 # How far times of the best spectra may lie outside the data, before and after. Those that decay
 # before the data, or are over by their first strain, show in none of them.

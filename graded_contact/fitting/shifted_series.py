@@ -20,11 +20,11 @@ import numpy as np
 from jaxtyping import Array, Float, Int
 
 from ..core.display import shown
-from ..rheology.shift import GAS_CONSTANT, WLF, AbstractShift, Arrhenius
-from .model import series_of
+from ..materials.shift import GAS_CONSTANT, WLF, AbstractShift, Arrhenius
 from .newton import Expansion, newton_minimum
 from .observations import Observations, Unknowns
 from .series import Series, array_module, gram, gram_diagonal
+from .series_fit import series_of
 
 LN10 = float(np.log(10))
 LawKind = Literal["wlf", "arrhenius"]

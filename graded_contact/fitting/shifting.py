@@ -12,7 +12,7 @@ import numpy as np
 from scipy.optimize import least_squares
 
 from ..core.checks import Numbers, as_float, as_numbers, check_positive, check_values, is_concrete
-from ..files.moduli.measured import Measured
+from ..materials.measured import Measured
 from .lengths import (
     SEARCH,
     Length,

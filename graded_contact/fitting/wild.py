@@ -11,11 +11,11 @@ from typing import NamedTuple, cast
 
 import numpy as np
 
-from ..files.moduli.measured import Measured
+from ..materials.measured import Measured
 from .lengths import best_spectrum
-from .model import series_of
 from .observations import observe
 from .series import Kind, Series
+from .series_fit import series_of
 
 TIMES = 6.0  # the usual residual
 LEAST = 0.1  # log residual below which no value harms a fit

@@ -16,16 +16,16 @@ import numpy as np
 
 from ..core.checks import within
 from ..core.display import with_unit
-from ..files.moduli.reading import read_moduli
-from ..files.paths import check_name, read_file, read_utf8
-from ..files.prony_cards import export_prony
-from ..files.scene import Scene
-from ..files.scene_reading import parse_scene, refuse_tables
-from ..files.schema import LARGEST
-from ..files.sealed import write_whole
-from ..files.toml import parse_toml, toml_text
-from ..files.topography.reading import read_surface
+from ..exports.prony_cards import export_prony
 from ..fitting.master import master_curve
+from ..readers.moduli import read_moduli
+from ..readers.paths import check_name, read_file, read_utf8
+from ..readers.topography import read_surface
+from ..scenes.scene import Scene
+from ..scenes.scene_reading import parse_scene, refuse_tables
+from ..scenes.schema import LARGEST
+from ..scenes.toml import parse_toml, toml_text
+from ..studies.sealed import write_whole
 
 POINTS = 256  # along the longer edge of a topography that the user drops
 THICKNESS = 1e-4  # m, of a first layer

@@ -8,9 +8,9 @@ import pandas as pd
 import xarray as xr
 
 from ..core.quantities import FIELDS, OBSERVABLES
-from ..files.dataset import package_versions
 from ..plot.contact import draw_field, masked_fields
 from ..plot.style import COLOURS, entitle, new_figure, styled
+from ..studies.dataset import package_versions
 from .model import Contact, Derivatives, Model
 
 

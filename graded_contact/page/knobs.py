@@ -13,16 +13,16 @@ from typing import Any, NamedTuple
 import numpy as np
 from jaxtyping import Array, Float
 
+from ..blocks.stack import Stack
 from ..core.parameters import paths, with_values
-from ..files.prony_cards import export_prony
-from ..files.scene import Scene
-from ..files.surface_source import RandomSurface
-from ..files.toml import parse_toml
-from ..response.stack import Stack
-from ..rheology.material import BulkShear, Elastic, Prony
-from ..rheology.shift import WLF, TabulatedShift, shifts_in
-from ..roughness.statistics import statistics
-from ..roughness.surface import Surface
+from ..exports.prony_cards import export_prony
+from ..materials.material import BulkShear, Elastic, Prony
+from ..materials.shift import WLF, TabulatedShift, shifts_in
+from ..scenes.scene import Scene
+from ..scenes.surface_source import RandomSurface
+from ..scenes.toml import parse_toml
+from ..surfaces.statistics import statistics
+from ..surfaces.surface import Surface
 from .document import Document
 
 WIDE, ROUGH = 50.0, 10.0  # the range of a knob in both directions, and of roughness, as a factor

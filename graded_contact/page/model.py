@@ -15,21 +15,21 @@ import numpy as np
 import xarray as xr
 from jaxtyping import Array, Float
 
-from ..contact.solver import AbstractContactSolver
-from ..core.compilation import compiled
+from ..blocks.compliance import effective_modulus
+from ..blocks.grading import AbstractGradedSolver
+from ..blocks.stack import Stack
+from ..contacts.solver import AbstractContactSolver
+from ..core.compilation import jit
 from ..core.derivative import derivative_apart
 from ..fields.grid import direction_and_speed, velocity_along
-from ..files.surface_source import RandomSurface
-from ..friction.case import Case
-from ..friction.numerics import Numerics
-from ..friction.sliding import Sliding
-from ..persson.mean_field import mean_field_friction
-from ..response.compliance import effective_modulus
-from ..response.grading import AbstractGradedSolver
-from ..response.stack import Stack
-from ..roughness.statistics import radial_spectrum, statistics
-from ..roughness.surface import Surface
-from ..studies.run_scene import build_surface
+from ..mean_field.mean_field import mean_field_friction
+from ..scenes.run_scene import build_surface
+from ..scenes.surface_source import RandomSurface
+from ..sliding.case import Case
+from ..sliding.numerics import Numerics
+from ..sliding.sliding import Sliding
+from ..surfaces.statistics import radial_spectrum, statistics
+from ..surfaces.surface import Surface
 from .document import Document, described
 from .knobs import Target, changed_document, changed_stack, knobs_of
 
@@ -177,7 +177,7 @@ class Model:
 
 
 @derivative_apart
-@compiled
+@jit
 def _at(scenery: Scenery, numbers: Array) -> tuple[Stack, Surface, Any, Array, Any]:
     """Block, surface, its spectrum, pressure and velocity with knobs at `numbers`."""
     kinds = (target.kind for target in scenery.targets)

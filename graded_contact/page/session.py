@@ -18,7 +18,7 @@ from typing import Any
 import panel as pn
 import param
 
-from ..contact.solution import RESULTS
+from ..contacts.solution import RESULTS
 from .document import Document, save_document, with_file
 from .downloads import Shown
 from .model import Model

@@ -9,7 +9,7 @@ from .contact import plot_dissipation, plot_distributions, plot_outline, plot_sl
 from .cycles import plot_cycle, plot_film
 from .designs import plot_design, plot_history
 from .master_curves import plot_master_curve, plot_van_gurp_palmen
-from .materials import plot_fit, plot_response, plot_sensitivity
+from .material_curves import plot_fit, plot_response, plot_sensitivity
 from .slider import slider
 from .style import COLOURS, COLUMN, PAGE, STYLE
 from .sweeps import plot_compare, plot_reduced, plot_sweep

@@ -9,10 +9,10 @@ from jaxtyping import ArrayLike
 from ..core.checks import as_float
 from ..core.display import unit_of, with_unit
 from ..core.quantities import FIELDS
-from ..friction.sliding import Sliding
-from ..persson.mean_field import MeanField, pressure_distribution
-from ..roughness.cutoff import CutoffCurve
-from ..roughness.surface import Surface
+from ..mean_field.mean_field import MeanField, pressure_distribution
+from ..sliding.sliding import Sliding
+from ..surfaces.cutoff import CutoffCurve
+from ..surfaces.surface import Surface
 from .style import (
     COLOURS,
     COLUMN,
@@ -26,7 +26,7 @@ from .style import (
     letters,
     new_figure,
     styled,
-)  # fmt: skip
+)
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes

@@ -7,7 +7,7 @@ import numpy as np
 
 from ..core.display import unit_of, with_unit
 from ..core.quantities import FIELDS
-from ..roughness.surface import Surface
+from ..surfaces.surface import Surface
 from .contact import LOOKS, draw_map
 from .style import COLOURS, PAGE, legend_below, letters, new_figure, ordered, styled
 from .sweeps import MANY
@@ -17,7 +17,7 @@ if TYPE_CHECKING:
     from matplotlib.figure import Figure
     from xarray import Dataset
 
-    from ..friction.cycle import CyclicSliding
+    from ..sliding.cycle import CyclicSliding
 
 
 @styled

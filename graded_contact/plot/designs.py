@@ -5,15 +5,15 @@ from typing import TYPE_CHECKING
 import numpy as np
 from jaxtyping import Float
 
-from ..files.design_scene import DesignScene
-from ..persson.angles import LAST_COSINE
-from ..persson.mean_field import MeanField
-from ..response.stack import materials_of
-from ..rheology.tabulated import Tabulated
-from ..studies.design import Design
+from ..blocks.stack import materials_of
+from ..materials.table import Tabulated
+from ..mean_field.angles import LAST_COSINE
+from ..mean_field.mean_field import MeanField
+from ..scenes.design_scene import DesignScene
+from ..scenes.run_design import DesignResults, design_mean_field
+from ..studies.design_problem import named
 from ..studies.objectives import loss_tangent
-from ..studies.problem import named
-from ..studies.run_design import DesignResults, design_mean_field
+from ..studies.search import Design
 from .style import COLOURS, PAGE, few_powers_of_ten, legend_below, letters, new_figure, styled
 from .words import title_of
 
@@ -88,7 +88,7 @@ def plot_history(design: Design, *, scene: str = "") -> "Figure":
 
     **Arguments:**
 
-    - `design`: the result of `minimise`, `design.minimise_expected` or `run_design` (`.design`).
+    - `design`: the result of `minimise`, `studies.minimise_expected` or `run_design` (`.design`).
     - `scene`: the TOML text of a scene, whose materials name the parameters.
     """
     from matplotlib.ticker import MaxNLocator

@@ -6,9 +6,9 @@ import jax
 import numpy as np
 
 from ..core.display import unit_of
-from ..files.moduli.measured import Measured
 from ..fitting.master import MasterCurve
-from .materials import CHANNELS, ORDINATES
+from ..materials.measured import Measured
+from .material_curves import CHANNELS, ORDINATES
 from .style import (
     COLUMN,
     PAGE,

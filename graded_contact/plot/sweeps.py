@@ -6,8 +6,8 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 import numpy as np
 
 from ..core.quantities import OBSERVABLES
-from ..files.dataset import NOT_STARTED
-from ..files.results import SEED_ERROR, has_numbers, over_seeds, state_of, warnings_of
+from ..scenes.results import SEED_ERROR, has_numbers, over_seeds, state_of, warnings_of
+from ..studies.dataset import NOT_STARTED
 from .style import (
     COLOURS,
     PAGE,

@@ -11,7 +11,7 @@ from jax.flatten_util import ravel_pytree
 from jaxtyping import Array, Float
 
 from ..core.checks import as_float, check_types, check_values, check_whole
-from .design import Constraints, Design, Objective, minimise
+from .search import Constraints, Design, Objective, minimise
 
 
 @check_types

@@ -16,9 +16,9 @@ from typing import Any, TypeVar
 import equinox as eqx
 import numpy as np
 
-from ..contact.nested_solve import DouglasRachford
+from ..contacts.nested_solve import DouglasRachford
 from ..core.checks import check_values
-from ..files.dataset import package_versions
+from .dataset import package_versions
 from .store import Point, Store, fingerprint
 
 T = TypeVar("T")

@@ -8,6 +8,10 @@ import jax
 import jax.numpy as jnp
 from jaxtyping import Array, Float, Inexact, ScalarLike
 
+from ..blocks.compliance import effective_modulus
+from ..blocks.grading import AbstractGradedSolver
+from ..blocks.layering import Layering
+from ..blocks.stack import Stack
 from ..core.checks import (
     Numbers,
     as_float,
@@ -17,13 +21,9 @@ from ..core.checks import (
     check_types,
     check_values,
 )
-from ..persson.mean_field import MeanField, mean_field_friction
-from ..response.compliance import effective_modulus
-from ..response.grading import AbstractGradedSolver
-from ..response.layering import Layering
-from ..response.stack import Stack
-from ..roughness.spectrum import SelfAffine
-from ..roughness.surface import Surface
+from ..mean_field.mean_field import MeanField, mean_field_friction
+from ..surfaces.spectrum import SelfAffine
+from ..surfaces.surface import Surface
 
 
 @check_types

@@ -15,10 +15,10 @@ import jax.numpy as jnp
 import numpy as np
 from jax.extend import core
 
-from ..contact.problem import RESULTS
-from ..files.dataset import FAILED, package_versions
-from ..files.schema import nearest
-from ..friction.sliding import with_observables
+from ..contacts.solve import RESULTS
+from ..core.checks import nearest
+from ..sliding.sliding import with_observables
+from .dataset import FAILED, package_versions
 from .store import Point, fingerprint
 
 _ADDRESS = re.compile(r" at 0x[0-9a-f]+")

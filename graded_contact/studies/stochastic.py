@@ -29,8 +29,8 @@ from jaxtyping import Array, Float, PRNGKeyArray
 from scipy.optimize import minimize
 
 from ..core.checks import check_types, check_values, check_whole
-from .design import MARGIN, Design, History, Run, elasticities
-from .problem import Flat, Problem, box_of, first_in
+from .design_problem import Flat, Problem, box_of, first_in
+from .search import MARGIN, Design, History, Run, elasticities
 from .store import Store, opened
 
 LEARNING_RATE = 0.1  # of the logarithms at first; it falls to zero as a cosine

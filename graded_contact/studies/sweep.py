@@ -12,7 +12,7 @@ import numpy as np
 
 from ..core.checks import Numbers, as_float, check_values, short
 from ..core.memory import SMALL, available_memory, in_gigabytes
-from ..files.dataset import FAILED, LOST, NOT_STARTED, attach
+from .dataset import FAILED, LOST, NOT_STARTED, attach
 from .interruption import Later, ctrl_c_later
 from .program import Program, Task, compiled, trace
 from .store import Point, Store, fingerprint, opened

@@ -17,7 +17,7 @@ from typing import Any
 import jax
 
 from ..core.checks import check_whole
-from ..files.dataset import LOST
+from .dataset import LOST
 from .program import Program, Task, compiled, trace
 from .store import Point
 

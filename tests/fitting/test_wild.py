@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 
 import graded_contact as gc
-from graded_contact.files.moduli.measured import Measured
 from graded_contact.fitting.wild import wild_values, without
+from graded_contact.materials.measured import Measured
 
 DATA = Path(__file__).parents[3] / "shared" / "data" / "rheology"
 SI_TIME = {"kind": "relaxation", "units": {"time": "s", "modulus": "Pa"}}

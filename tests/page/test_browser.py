@@ -9,7 +9,7 @@ import sys
 import time
 
 import pytest
-from scenes import TEXT
+from scene_texts import TEXT
 
 pytestmark = pytest.mark.slow
 playwright = pytest.importorskip("playwright.sync_api", reason="playwright is not installed")

@@ -6,11 +6,9 @@ import tomllib
 import jax
 import numpy as np
 import pytest
-from scenes import TEXT, changed
+from scene_texts import TEXT, changed
 
 from graded_contact.core.parameters import paths
-from graded_contact.files.scene_reading import read_scene
-from graded_contact.files.toml import toml_text
 from graded_contact.page.document import (
     open_document,
     save_document,
@@ -21,6 +19,8 @@ from graded_contact.page.document import (
     without_layer,
 )
 from graded_contact.page.knobs import changed_document, changed_stack, knobs_of
+from graded_contact.scenes.scene_reading import read_scene
+from graded_contact.scenes.toml import toml_text
 
 SHIFT = 'kind = "tyre_tread"\npoisson = 0.45'
 WARM = "temperature = [280.0, 300.0]\nvelocity ="

@@ -11,13 +11,13 @@ import h5py
 import jax
 import numpy as np
 import pytest
-from scenes import TEXT
+from scene_texts import TEXT
 
 import graded_contact as gc
-from graded_contact.files.scene_reading import read_scene
 from graded_contact.page import model as models
 from graded_contact.page.document import open_document, with_layer, with_moduli
 from graded_contact.page.model import Model
+from graded_contact.scenes.scene_reading import read_scene
 
 pytest.importorskip("panel")
 from graded_contact.page import widgets

@@ -13,11 +13,11 @@ import pytest
 from jax.experimental.compilation_cache.compilation_cache import reset_cache
 
 import graded_contact as gc
-from graded_contact.contact.problem import RESULTS
-from graded_contact.files.dataset import LOST, read, write
+from graded_contact.contacts.solve import RESULTS
 from graded_contact.studies import program as program_module
 from graded_contact.studies import sweep as sweep_module
 from graded_contact.studies import workers as workers_module
+from graded_contact.studies.dataset import LOST, read, write
 from graded_contact.studies.program import trace
 from graded_contact.studies.store import Point, Store
 from graded_contact.studies.sweep import sweep

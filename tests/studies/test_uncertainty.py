@@ -9,7 +9,7 @@ from scipy import stats
 
 import graded_contact as gc
 from graded_contact.core.parameters import paths
-from graded_contact.files.parameter_covariance import read_errors, write_errors
+from graded_contact.studies.parameter_covariance import read_errors, write_errors
 from graded_contact.studies.uncertainty import errors_of, propagate, sensitivity
 
 TRUTH = gc.Prony(1e6, [2e6, 1e7], [1e-2, 1e-4], 0.49)

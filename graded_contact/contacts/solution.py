@@ -1,0 +1,93 @@
+"""The contact solution: pressure, gap, their errors, and how the solve ended."""
+
+import equinox as eqx
+from jaxtyping import Array, Float
+
+from ..core.display import shown
+
+
+class RESULTS(eqx.Enumeration):
+    """How a solve ended."""
+
+    successful = ""
+    max_steps_reached = (
+        "The contact solver reached `max_steps` before `rtol`. Raise `max_steps` of the solver, or "
+        "loosen `rtol`; at a mean gap near full contact, prescribe `pressure`."
+    )
+    rounding = (
+        "Rounding hides the remaining error, which may be more than `rtol`: the pressures "
+        "are tiny compared with the stiffness times the gaps. Loosen `rtol`; in float32, enable "
+        "`jax_enable_x64`."
+    )
+    not_finite = (
+        "The solve failed: the kernel, the heights, the pressure or the approach (in metres, at "
+        "most the window's length) is not finite, or too large for its dtype: in float32, enable "
+        "`jax_enable_x64`. Under `jit` a negative thickness or modulus ends here, and a liquid "
+        "(`equilibrium=0`) at rest."
+    )
+    unresolved = (
+        "The attraction of the law rises too steeply for the grid: points snap one by one, and the "
+        "computed equilibrium may be unstable. Refine the grid (the shortest wave must be "
+        "about three times as stiff as the attraction rises), or use "
+        "`solver=ResidualDynamics()`."
+    )
+    inaccurate_kernel = (
+        "The kernel of the block did not reach its tolerance: the profile of a graded layer varies "
+        "too sharply, or has moduli too far apart. Put boundaries between layers at its jumps and "
+        "list its kinks in `breaks`, or cut it by `sliced`."
+    )
+    gap_unresolved = (
+        "Pressure, friction and contact area have converged, but gaps may be wrong by more than a "
+        "tenth of the rms height (`gap_error`). Tighten `rtol`, or do not use `gap`, `mean_gap` "
+        "and `displacement`."
+    )
+    not_settled = (
+        "The temperatures of the contact did not converge to the tolerance. Loosen `rtol`; a block "
+        "whose losses change fast with temperature may have several temperatures."
+    )
+    bad_pressure = "The law of contact cannot have this mean pressure (a hard wall: not positive)."
+
+
+@shown()
+class ContactSolution(eqx.Module):
+    """Pressure and gap of a contact, and their errors.
+
+    **Fields:**
+
+    - `pressure`: σ [Pa], of the law; its mean is exactly the load, if that was prescribed. Shape of
+      the heights.
+    - `displacement`: w [m], of zero mean, positive into the solid: M σ, but without the rest of
+      the error of σ in the soft waves, which would magnify it.
+    - `gap`: u = w - h + ū [m], zero in hard contact up to the error.
+    - `mean_pressure`: mean of σ [Pa].
+    - `mean_gap`: mean of the gap ū [m]; of a periodic motion one for each time.
+    - `correction`: estimated change of the pressure to that of the exact contact [Pa], see
+      `contacts/estimates.py`. Without a derivative.
+    - `error`: estimated relative error of the pressure [1] (root mean square); 0 where there is no
+      pressure.
+    - `load_error`: difference of the mean pressures of solid and law, where the iteration stopped,
+      over that of |σ| [1]. At a given approach see `Sliding.mean_pressure_error`.
+    - `gap_error`: estimated error of the gap (root mean square) over the rms height [1]; those of
+      `displacement` and `mean_gap` are no larger.
+    - `complementarity_error`: mean of |σ| |u - u_σ| over that of |σ| and the rms height [1]; u_σ is
+      the gap at which the law has the pressure σ, in hard contact 0.
+    - `penetration`: largest interpenetration that the law does not allow, over the rms height [1].
+    - `num_steps`: iterations on the full grid.
+    - `num_fft_pairs`: transforms spent, forward and back [1]; coarse grids counted by their size.
+    - `result`: a member of `RESULTS`.
+    """
+
+    pressure: Float[Array, "*shape"]
+    displacement: Float[Array, "*shape"]
+    gap: Float[Array, "*shape"]
+    mean_pressure: Float[Array, ""]
+    mean_gap: Float[Array, "..."]
+    correction: Float[Array, "*shape"]
+    error: Float[Array, ""]
+    load_error: Float[Array, ""]
+    gap_error: Float[Array, ""]
+    complementarity_error: Float[Array, ""]
+    penetration: Float[Array, ""]
+    num_steps: Array
+    num_fft_pairs: Float[Array, ""]
+    result: RESULTS

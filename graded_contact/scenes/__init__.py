@@ -1,0 +1,8 @@
+"""A scene from its file to its results; designs of scenes."""
+
+from .results import read_results
+from .run_scene import run_scene
+from .scene import Scene
+from .scene_reading import read_scene
+
+__all__ = ["Scene", "read_results", "read_scene", "run_scene"]

@@ -1,0 +1,333 @@
+"""Designs of scenes, run: the mean field decides, contact polishes and verifies.
+
+mean_field_problem ─ minimise ─> designed ─┐
+contact_problem ──── minimise ─> polished ─┼─> contact on unseen surfaces ─> report, missed
+                                 before ───┘
+"""
+
+import dataclasses
+import math
+from collections.abc import Callable
+from functools import partial
+from typing import Any, NamedTuple
+
+import equinox as eqx
+import jax
+import jax.numpy as jnp
+import numpy as np
+from jaxtyping import Array, Float
+
+from ..blocks.compliance import effective_modulus
+from ..blocks.stack import Stack
+from ..core.checks import Numbers, as_float, within
+from ..core.display import shown
+from ..core.memory import DERIVATIVE, check_memory
+from ..core.parameters import paths, with_values
+from ..mean_field.mean_field import MeanField
+from ..studies.dataset import package_versions
+from ..studies.objectives import distance, friction_curve, loss_tangent, ripple
+from ..studies.search import Constraints, Design, Objective, minimise
+from ..studies.store import Point, Store, fingerprint
+from ..surfaces.surface import Surface
+from .design_scene import DesignScene
+from .run_scene import scene_memory
+from .surface_source import RandomSurface
+from .theory import refuse_extrapolated
+
+WAVES = 65  # in the band of a flat loss tangent
+POLISHING_STEPS = 6
+POLISHING = 10  # approximate number of evaluations
+
+Progress = Callable[[str, int, int], None]
+Values = dict[str, Float[Array, "..."]]
+
+
+@shown()
+class Candidate(NamedTuple):
+    """A block, its mean field and its contacts.
+
+    **Fields:**
+
+    - `stack`: the block.
+    - `field`: the mean field at each velocity.
+    - `friction`, `contact_area`: by contact [1], shape (surfaces, velocities); without verification
+      there are no surfaces.
+    """
+
+    stack: Stack
+    field: MeanField
+    friction: Float[np.ndarray, "surfaces velocities"]
+    contact_area: Float[np.ndarray, "surfaces velocities"]
+
+
+@shown("design", "polished", "candidates")
+class DesignResults(NamedTuple):
+    """The design of a scene, and the contacts that verify it.
+
+    **Fields:**
+
+    - `study`: the scene and its table [design].
+    - `design`: by the mean field.
+    - `polished`: by the contact solver, or None.
+    - `candidates`: "before", "designed" and, if polished, "polished".
+    """
+
+    study: DesignScene
+    design: Design
+    polished: Design | None
+    candidates: dict[str, Candidate]
+
+
+def run_design(
+    study: DesignScene, *, store: Store | None = None, progress: Progress | None = None
+) -> DesignResults:
+    """Returns the design of a scene, and the contacts that verify it.
+
+    **Arguments:**
+
+    - `study`: what to design.
+    - `store`: stores every evaluation and every verified surface at once. The same study continues
+      from there; another study uses the entries that both have in common.
+    - `progress`: called with the current step, the number done and the total, after every
+      evaluation and solve. An exception in it ends the design.
+
+    **Raises:** `ValueError` for bounds and limits that nothing satisfies, a start outside the
+    bounds, or a block with friction from frequencies at which its materials were not measured (more
+    than 1 %, by mean field, unless [load] has `extrapolate = true`); `RuntimeError` if a contact or
+    the mean field is not solved to its tolerance.
+    """
+    check_design(study)
+    own, say = study.scene.stack, progress or (lambda *_: None)
+    with within("[design]"):
+        design = _search(
+            study, mean_field_problem(study), {path: paths(own)[path] for path in study.lower},
+            num_starts=study.starts,
+            seed=study.seed,
+            store=store,
+            progress=lambda i, value: say(f"design, value {value:.4g}", i, study.starts),
+        )  # fmt: skip
+    say("design", study.starts, study.starts)
+    stacks = {"before": own, "designed": with_values(own, design.parameters)}
+    polished = None
+    if study.polish:
+        polished = _polish(study, design, store, say)
+        stacks["polished"] = with_values(own, polished.parameters)
+    candidates, total = {}, study.verify * len(stacks)
+    for name, stack in stacks.items():
+        solved = []
+        for i in range(study.verify):
+            solved.append(_stored_contact(study, stack, _heights(study, i), store))
+            say("contact", len(candidates) * study.verify + len(solved), total)
+        found = np.reshape(solved, (study.verify, 2, study.scene.velocity.size))
+        candidates[name] = Candidate(
+            stack, design_mean_field(study, stack), found[:, 0], found[:, 1]
+        )
+    return DesignResults(study, design, polished, candidates)
+
+
+def check_design(study: DesignScene) -> None:
+    """Raises `ValueError` for what `run_design` refuses before its first evaluation.
+
+    These are contacts that need more memory than is free, and friction from frequencies at which
+    the block's materials were not measured.
+    """
+    source, own = study.scene.surface, study.scene.stack
+    if study.verify and isinstance(source, RandomSurface):
+        with within("[grid]"):
+            needed = partial(design_memory, study)
+            check_memory("shape", source.grid.shape, needed, "this design")
+    rough = study.spectrum if isinstance(study.spectrum, Surface) else source
+    assert isinstance(rough, Surface | RandomSurface)
+    refuse_extrapolated(
+        study.scene, own, rough.grid, lambda: design_mean_field(study, own).extrapolated_friction
+    )
+
+
+def design_memory(study: DesignScene, shape: tuple[int, ...]) -> float:
+    """Returns the bytes that the contacts of a study take on a grid of this shape."""
+    fields = 2 * study.verify + DERIVATIVE if study.polish else 1
+    scene = dataclasses.replace(study.scene, fields="none")
+    return scene_memory(scene, shape) + fields * math.prod(shape) * 8
+
+
+def mean_field_problem(study: DesignScene) -> tuple[Objective, Constraints | None]:
+    """Returns the objective and the constraints of a design, as functions of parameters.
+
+    Both are for `minimise`, or any other search: they take a dict of numbers by path.
+    """
+    stack = study.scene.stack
+    if study.band is not None:
+
+        def flatness(values: Values) -> Float[Array, ""]:
+            tangents = band_tangents(study, with_values(stack, values))
+            return jnp.mean(jnp.stack([ripple(tangent) for tangent in tangents]))
+
+        return flatness, _constraints(study)
+    before = design_mean_field(study, stack).friction
+
+    def objective(values: Values) -> Float[Array, ""]:
+        return _objective(
+            study, design_mean_field(study, with_values(stack, values)).friction, before
+        )
+
+    return objective, _constraints(study)
+
+
+def contact_problem(
+    study: DesignScene, *, store: Store | None = None, progress: Progress | None = None
+) -> tuple[Objective, Constraints | None]:
+    """Returns objective and constraints of the mean friction by contact, over the surfaces for
+    polishing.
+
+    `store` and `progress` are as in `run_design`.
+    """
+    stack, say = study.scene.stack, progress or (lambda *_: None)
+    fields, friction_before = [], []
+    for i in range(study.verify):
+        say("polish, before", i, study.verify)
+        fields.append(_heights(study, study.verify + i))
+        friction_before.append(_stored_contact(study, stack, fields[-1], store)[0])
+    heights, before = jnp.stack(fields), np.mean(friction_before, axis=0)
+
+    def objective(values: Values) -> Float[Array, ""]:
+        changed = with_values(stack, values)
+        friction = jax.lax.map(lambda h: _contact(study, changed, h)[0], heights)
+        return _objective(study, jnp.mean(friction, axis=0), before)
+
+    return objective, _constraints(study)
+
+
+def _polish(study: DesignScene, design: Design, store: Store | None, say: Progress) -> Design:
+    """A few steps from the design, by the contact solver's gradients."""
+    done = 0
+
+    def after_evaluation(_: int, value: float) -> None:
+        nonlocal done
+        done += 1
+        say(f"polish, value {value:.4g}", min(done, POLISHING), POLISHING)
+
+    problem = contact_problem(study, store=store, progress=say)
+    say("polish", 0, POLISHING)
+    polished = _search(
+        study, problem, design.parameters,
+        num_starts=1,
+        max_steps=POLISHING_STEPS,
+        store=store,
+        progress=after_evaluation,
+    )  # fmt: skip
+    say("polish", POLISHING, POLISHING)
+    return polished
+
+
+def _search(
+    study: DesignScene, problem: tuple[Objective, Constraints | None], start: Any, **options: Any
+) -> Design:
+    objective, constraints = problem
+    return minimise(objective, study.lower, study.upper, start, constraints=constraints, **options)
+
+
+@eqx.filter_jit
+def design_mean_field(
+    study: DesignScene, stack: Stack, velocities: Numbers | None = None
+) -> MeanField:
+    """Returns the mean field of a stack at the velocities of the study, or at others [m/s]."""
+    scene = study.scene
+    return friction_curve(
+        stack,
+        study.spectrum,
+        pressure=scene.pressure[0],
+        velocities=scene.velocity if velocities is None else velocities,
+        graded_solver=scene.graded_solver,
+        strain_per_slope=scene.strain_per_slope,
+    )
+
+
+def _objective(study: DesignScene, friction: Array, before: Numbers) -> Float[Array, ""]:
+    """The objective, from the friction at each velocity and the friction before."""
+    if study.goal is not None:
+        goal = study.goal * (as_float(before) if study.relative else 1)
+        # 1 where it is reached: a value whose relative changes mean something.
+        return jnp.exp(distance(friction, goal))
+    mean = jnp.exp(jnp.mean(jnp.log(friction)))
+    return mean if study.objective == "minimise_friction" else -mean
+
+
+def _constraints(study: DesignScene) -> Constraints | None:
+    own, stiffness, limit = study.scene.stack, study.stiffness, study.total_thickness
+    if stiffness is None and limit is None:
+        return None
+
+    def constraints(values: Values) -> Float[Array, " limits"]:
+        stack, parts = with_values(own, values), []
+        if stiffness is not None:
+            change = limited_modulus(study, stack) / limited_modulus(study, own) - 1
+            parts += [stiffness.within - change, stiffness.within + change]
+        if limit is not None:
+            parts.append(1 - total_thickness(stack) / limit)
+        return jnp.stack(parts)
+
+    return constraints
+
+
+def band_tangents(study: DesignScene, stack: Stack) -> list[Float[Array, " waves"]]:
+    """The loss tangent over the band, at each velocity."""
+    assert study.band is not None
+    q, solver = np.geomspace(*study.band, WAVES), study.scene.graded_solver
+    return [loss_tangent(stack, q, v, graded_solver=solver) for v in study.scene.velocity]
+
+
+def limited_modulus(study: DesignScene, stack: Stack) -> Float[Array, ""]:
+    """|effective_modulus| at the wave whose stiffness is limited."""
+    wave, solver = study.stiffness, study.scene.graded_solver
+    assert wave is not None
+    return jnp.abs(effective_modulus(stack, wave.q, wave.omega, graded_solver=solver))
+
+
+def total_thickness(stack: Stack) -> Float[Array, ""]:
+    return sum((layer.thickness for layer in stack.layers), start=jnp.zeros(()))
+
+
+def _heights(study: DesignScene, index: int) -> Float[Array, "nx ny"]:
+    """Heights of one of the surfaces for verification, or after these of one for polishing."""
+    source = study.scene.surface
+    assert isinstance(source, RandomSurface)
+    return source.of_key(
+        jax.random.split(jax.random.key(source.seed), 2 * study.verify)[index]
+    ).heights
+
+
+def _stored_contact(
+    study: DesignScene, stack: Stack, heights: Array, store: Store | None
+) -> tuple[np.ndarray, np.ndarray]:
+    """Friction and area of a stack on a surface, from the store or for it."""
+    scene = study.scene
+    assert isinstance(scene.surface, RandomSurface)
+    name = fingerprint(
+        package_versions(), "friction and area", scene.surface.grid, stack, heights, scene.pressure,
+        scene.velocity, scene.solver, scene.rtol, scene.graded_solver, scene.strain_per_slope,
+    )  # fmt: skip
+    found = None if store is None else store.read(name, ("friction", "contact_area"))
+    if found is None:
+        friction, area = map(np.asarray, _contact(study, stack, heights))
+        found = Point({"friction": friction, "contact_area": area})
+        if store is not None:
+            store.write(name, found)
+    return found.values["friction"], found.values["contact_area"]
+
+
+@eqx.filter_jit
+def _contact(study: DesignScene, stack: Stack, heights: Array) -> tuple[Array, Array]:
+    """Friction and sub-pixel area by contact, at each velocity."""
+    scene = study.scene
+    assert isinstance(scene.surface, RandomSurface)
+    surface = Surface(heights, scene.surface.grid)
+
+    def one(velocity: Array) -> tuple[Array, Array]:
+        point = {"pressure": scene.pressure[0], "velocity": velocity}
+        case = dataclasses.replace(
+            scene, stack=stack, sweep={}, temperature=None, direction=0.0
+        ).case(point, surface)
+        found = case.solve(dataclasses.replace(scene.numerics, throw=True))
+        return found.friction, found.contact_area_smooth
+
+    return jax.lax.map(one, jnp.asarray(scene.velocity))

@@ -1,0 +1,89 @@
+"""A rough rigid surface in any periodic motion on a layered viscoelastic block.
+
+The surface h(x - s(t)) is pressed on the block while it moves by s(t): back and forth, with starts
+and stops, under a load that varies. One contact problem in space and time gives the periodic state
+at once (`contacts/space_time.py`), without steps in time.
+
+Per cycle and area, friction does the work ∮ τ·v dt, with the traction τ = -⟨σ ∇w⟩ that opposes the
+motion, and the load does the work ∮ ⟨σ ∂w/∂t⟩ dt, at a fixed point of the surface. The block turns
+their sum to heat: T Σ -ω Im M |σ_qω|².
+"""
+
+from typing import Any
+
+import equinox as eqx
+import jax.numpy as jnp
+
+from ..blocks.grading import graded_tolerance
+from ..blocks.periodic_kernel import periodic_kernel
+from ..contacts.adjoint import Inputs
+from ..contacts.law import check_law
+from ..contacts.solution import RESULTS
+from ..contacts.solve import contact_of, loading_of
+from ..contacts.space_time import SpaceTime, in_motion
+from ..core.checks import Numbers, as_scalar, check_squares
+from ..core.derivative import derivative_apart
+from ..core.memory import check_memory, cycle_memory
+from ..fields.devices import required
+from ..fields.grid import Grid
+from ..materials.coverage import coverage
+from ..surfaces.surface import check_periodic
+from .motion import components
+from .numerics import Numerics
+from .sliding import CyclicSliding
+
+
+def solve_cycle(case: Any, numerics: Numerics, start: Numbers | None = None) -> CyclicSliding:
+    """Returns the periodic state of a `Case` with a displacement over time; see `slide_cycle`."""
+    stack, surface, law = case.stack, case.surface, case.law
+    check_periodic(surface)
+    check_law(law)
+    grid, num_times = surface.grid, len(case.displacement)
+    period = as_scalar(case.period, "period")
+    check_squares("heights", surface.heights, "m")
+    heights = jnp.broadcast_to(surface.heights, (num_times, *grid.shape))
+    check_memory(
+        "displacement",
+        heights.shape,
+        lambda shape: cycle_memory(shape, heights.dtype.itemsize, numerics.solver.history_length),
+        "a cycle",
+    )
+    loading = loading_of(case.pressure, case.mean_gap, law, heights, num_times)
+    graded_solver = numerics.graded_solver
+    kernel, error = periodic_kernel(stack, grid, num_times, period, graded_solver)
+    reached = error <= graded_tolerance(graded_solver, None, grid.size)
+    if numerics.throw:
+        kernel = required(kernel, reached, lambda x, bad: eqx.error_if(x, bad, _NOT_REACHED))
+    operator = _operator(kernel, case.displacement, grid)
+    inputs = Inputs(operator, heights, law, loading)
+    contact = contact_of(
+        inputs, numerics.solver, numerics.adjoint, numerics.rtol, start, None, numerics.throw
+    )
+    if not numerics.throw:
+        result = RESULTS.where(reached, contact.result, RESULTS.inaccurate_kernel)
+        contact = eqx.tree_at(lambda c: c.result, contact, result)
+    return CyclicSliding(
+        contact=contact,
+        operator=operator,
+        heights=surface.heights,
+        grid=grid,
+        law=law,
+        displacement=case.displacement,
+        period=period,
+        measured_range=coverage(stack),
+    )
+
+
+_NOT_REACHED = (
+    "The tolerance was not reached in the kernel of a graded layer: its profile varies too "
+    "sharply. Put boundaries between layers at its jumps and list its kinks in `breaks`, or pass a "
+    "`graded_solver` with a larger `rtol`."
+)
+
+
+@derivative_apart
+@eqx.filter_jit
+def _operator(kernel, displacement, grid: Grid) -> SpaceTime:
+    moved = components(displacement)
+    missing = grid.ndim - moved.shape[1]
+    return in_motion(kernel, jnp.pad(moved, [(0, 0), (0, missing)]), grid)
