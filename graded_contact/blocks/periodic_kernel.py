@@ -2,7 +2,7 @@
 
 M_zz depends on |q| and ω, and M(q, -ω) is the conjugate of M(q, ω): so it is computed on the
 quadrant of positive components of q and for ω >= 0 only. That of graded and long stacks is
-interpolated from a table over log |q| and log ω (`table.py`).
+interpolated from a table over log |q| and log ω (`interpolation.py`).
 """
 
 from functools import partial

@@ -28,14 +28,27 @@ LESS_WORK = {
 
 
 def jit(function: F) -> F:
-    """Returns a function compiled as by `eqx.filter_jit`, outside `jit` in less time."""
+    """Compiles a function in less time than `jax.jit`: half of it for large programs on a CPU.
+
+    For example `gc.jit(jax.value_and_grad(lambda stack: gc.slide(stack, ...).friction))`. Inside
+    another `jit`, or under `vmap` and `grad`, it is `eqx.filter_jit`.
+
+    **Arguments:**
+
+    - `function`: of any arguments. Arrays are traced, also those inside stacks and other objects.
+      All else is fixed, and the function is compiled again for another value: pass numbers that
+      vary as arrays.
+
+    **Returns:** the compiled function. What it returns may contain texts and other objects, too.
+    """
     within = eqx.filter_jit(function)
+    outside = functools.cache(lambda: _program(function))  # the options take time: when called
 
     @functools.wraps(function)
     def run(*args, **kwargs):
         if not alone((args, kwargs)):
             return within(*args, **kwargs)
-        found, rest = _quickly(function)(*_parted((args, kwargs)))
+        found, rest = outside()(*_parted((args, kwargs)))
         return rest.joined(found)
 
     return cast(F, run)
@@ -50,8 +63,7 @@ def alone(arguments: Any) -> bool:
 _probe = jax.jit(lambda: 0)
 
 
-@functools.cache
-def _quickly(function):
+def _program(function):
     def program(numbers, others, structure):
         args, kwargs = structure.unflatten(_joined(numbers, others))
         found, *rest = _parted(function(*args, **kwargs))

@@ -64,7 +64,7 @@ def integrate(
 
     At last the share of friction [1] from frequencies outside `known` [rad/s], as it is summed: not
     to the digits of the friction. `num_intervals` (on each piece) and `num_angles` are multiples
-    of 4. `temperatures` [K] are those at `scales`, see `heated.py`.
+    of 4. `temperatures` [K] are those at `scales`, see `heating_by_scale.py`.
     """
     edges = joined_edges(roughness, own)
     lengths = jnp.log(edges[1:] / edges[:-1])
