@@ -14,7 +14,7 @@ import jax.numpy as jnp
 from jax.experimental import io_callback
 from jaxtyping import Array, Bool, Float
 
-from .anderson import sums
+from ..core.anderson import sums
 from .law import AbstractLaw
 from .operator import AbstractOperator, nonzero, root_mean_square
 
