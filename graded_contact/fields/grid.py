@@ -28,7 +28,7 @@ from . import transforms as _fft
 from .devices import num_devices, put_on, sharding_on, whole_along
 
 
-@shown()
+@shown(units=False)
 class Grid(eqx.Module):
     """A rectangular periodic cell sampled at equally spaced points.
 

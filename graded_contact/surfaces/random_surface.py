@@ -13,7 +13,7 @@ from jaxtyping import PRNGKeyArray
 
 from ..core.checks import check_types, is_concrete, short
 from ..core.compilation import jit
-from ..core.memory import check_memory, surface_memory
+from ..core.memory import SURFACE, check_memory
 from ..fields.devices import num_devices
 from ..fields.grid import (
     Grid,
@@ -26,11 +26,6 @@ from ..fields.grid import (
 )
 from .spectrum import SelfAffine, narrowing, relative_density, rms_height_of
 from .surface import Surface
-
-
-def memory_in(grid: Grid):
-    """Bytes that a surface of a shape takes, in the dtype of the grid."""
-    return lambda shape: surface_memory(shape, grid.size.dtype.itemsize)
 
 
 @check_types
@@ -62,8 +57,8 @@ def random_surface(
     if not isinstance(key, jax.Array | np.ndarray) or key.dtype in (np.float32, np.float64):
         seed = key if isinstance(key, int) else 0
         raise ValueError(f"`key={short(key)}` must be a random key: `jax.random.key({seed})`.")
-    parts = num_devices(grid.size)
-    check_memory("grid", grid.shape, memory_in(grid), "a random surface", parts)
+    parts, itemsize = num_devices(grid.size), grid.size.dtype.itemsize
+    check_memory("grid", "a random surface", SURFACE, grid.shape, itemsize, parts)
     _check_band(spectrum, grid)
     return Surface(_synthesise(spectrum, grid, key, amplitudes == "gaussian"), grid)
 

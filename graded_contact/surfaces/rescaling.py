@@ -8,10 +8,9 @@ from jax import Array
 from jaxtyping import ScalarLike
 
 from ..core.checks import check_positive, check_types, is_concrete
-from ..core.memory import check_memory
+from ..core.memory import SURFACE, check_memory
 from ..fields.devices import num_devices
 from ..fields.grid import Grid, resample_spectrum, to_field, to_spectrum
-from .random_surface import memory_in
 from .spectrum import check_square, one_of_height_and_slope
 from .statistics import statistics
 from .surface import Surface, check_periodic, step
@@ -65,7 +64,8 @@ def resample(surface: Surface, shape: int | tuple[int, ...]) -> Surface:
     grid = Grid(shape, surface.grid.size)
     if grid.shape == old:
         return surface
-    check_memory("shape", grid.shape, memory_in(grid), "a surface", num_devices(grid.size))
+    parts, itemsize = num_devices(grid.size), grid.size.dtype.itemsize
+    check_memory("shape", "a surface", SURFACE, grid.shape, itemsize, parts)
     nearest = np.ix_(
         *(np.rint(np.arange(m) * (n / m)).astype(int) % n
           for n, m in zip(old, grid.shape, strict=True))

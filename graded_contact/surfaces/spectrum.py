@@ -37,7 +37,7 @@ from ..core.display import shown
 UNITS = {"rms_height": "[m]", "rms_slope": "[1]"}
 
 
-@shown()
+@shown(units=False)
 class SelfAffine(eqx.Module):
     """A self-affine spectrum with a roll-off, isotropic or with a lay.
 
