@@ -1,13 +1,12 @@
 """How objects print: numbers with units, arrays by their shape, how a solve ended.
 
-Units and meanings come from the table of quantities, by the names of fields. Text for the terminal,
-a table for notebooks; under `jit` the shapes alone. A derivative has the class of what it is by,
+Units come from the table of quantities, by the names of fields; under `jit` objects print their
+shapes alone. A derivative has the class of what it is by,
 but another unit: classes that one differentiates by, such as stacks, print no units of their own.
 In a result, such as a fit with its material, they do.
 """
 
 import dataclasses
-import html
 import reprlib
 from collections.abc import Iterator, Mapping
 from types import EllipsisType
@@ -23,15 +22,6 @@ from .quantities import quantity_of
 K = TypeVar("K", bound=type)
 FEW = 8  # numbers of an array that are printed one by one, and entries of a list
 PREFIXES = {-12: "p", -9: "n", -6: "µ", -3: "m", 0: "", 3: "k", 6: "M", 9: "G"}
-
-
-class _Row(NamedTuple):
-    """A line: its indentation, the name with the unit, the text, and the meaning."""
-
-    depth: int
-    name: str
-    text: str
-    meaning: str
 
 
 class _Shown(NamedTuple):
@@ -56,62 +46,40 @@ def shown(*names: str | EllipsisType, units: bool = True):
     """
 
     def decorate(kind: K) -> K:
-        methods = {"__repr__": _as_text, "_repr_html_": _as_html}
-        for name, value in ({"_shown": _Shown(names or (...,), units)} | methods).items():
-            setattr(kind, name, value)
+        setattr(kind, "_shown", _Shown(names or (...,), units))  # noqa: B010 (pyright)
+        setattr(kind, "__repr__", _as_text)  # noqa: B010
         return kind
 
     return decorate
 
 
 def _as_text(self) -> str:
-    if _is_traced(self):
+    if any(isinstance(leaf, Tracer) for leaf in jax.tree.leaves(self)):
         return eqx.tree_pformat(self)
-    first, *rows = _rows(self, 0, "", "", self._shown.units)
-    width = max((2 * row.depth + len(row.name) for row in rows), default=0)
-    lines = [f"{'  ' * row.depth + row.name:{width}s}  {row.text}".rstrip() for row in rows]
-    return "\n".join([first.text, *lines])
+    (_, first), *rows = _rows(self, "", self._shown.units)
+    width = max((len(name) for name, _ in rows), default=0)
+    return "\n".join([first, *(f"{name:{width}s}  {text}".rstrip() for name, text in rows)])
 
 
-def _as_html(self) -> str:
-    if _is_traced(self):
-        return f"<pre>{html.escape(eqx.tree_pformat(self))}</pre>"
-    rows = _rows(self, 0, "", "", self._shown.units)
-    first, *rows = (_Row(row.depth, *map(html.escape, row[1:])) for row in rows)
-    cell = '<td style="text-align: left'
-    lines = [
-        f'<tr title="{row.meaning}">{cell}; padding-left: {2 * row.depth - 1}em">{row.name}</td>'
-        f'{cell}">{row.text.replace(chr(10), "<br>")}</td></tr>'
-        for row in rows
-    ]
-    return f"<table><caption><b>{first.text}</b></caption>{''.join(lines)}</table>"
-
-
-def _is_traced(value: Any) -> bool:
-    return any(isinstance(leaf, Tracer) for leaf in jax.tree.leaves(value))
-
-
-def _rows(value: Any, depth: int, name: str, meaning: str, units: bool) -> Iterator[_Row]:
-    """A line for a value, and one for each of its parts."""
+def _rows(value: Any, name: str, units: bool, depth: int = 0) -> Iterator[tuple[str, str]]:
+    """A line for a value, and one for each of its parts: its name, indented, and its text."""
     entries, most, text = [], FEW, ""
     if hasattr(value, "_shown"):
         entries, text = list(_fields(value, units)), type(value).__name__
         most = len(entries)
     elif isinstance(value, Mapping):
-        entries = [(str(key), entry, "") for key, entry in value.items()]
+        entries = [(str(key), entry) for key, entry in value.items()]
     elif isinstance(value, list | tuple) and not all(map(_is_number, value)):
-        entries = [(f"[{i}]", entry, "") for i, entry in enumerate(value)]
-    else:
-        text = _text(value)
-    yield _Row(depth, name, text or ("" if entries else _text(value)), meaning)
-    for title, entry, about in entries[:most]:
-        yield from _rows(entry, depth + 1, title, about, units)
+        entries = [(f"[{i}]", entry) for i, entry in enumerate(value)]
+    yield "  " * depth + name, text or ("" if entries else _text(value))
+    for title, entry in entries[:most]:
+        yield from _rows(entry, title, units, depth + 1)
     if len(entries) > most:
-        yield _Row(depth + 1, "...", f"{len(entries) - most} more", "")
+        yield "  " * (depth + 1) + "...", f"{len(entries) - most} more"
 
 
-def _fields(value: Any, units: bool) -> Iterator[tuple[str, Any, str]]:
-    """Title, value and meaning of what an object prints; a number and its error share a line."""
+def _fields(value: Any, units: bool) -> Iterator[tuple[str, Any]]:
+    """Title and value of what an object prints; a number and its error share a line."""
     first = value.before_display() if hasattr(value, "before_display") else ()
     is_tuple = isinstance(value, tuple)
     declared = {} if is_tuple else {field.name: field for field in dataclasses.fields(value)}
@@ -127,13 +95,12 @@ def _fields(value: Any, units: bool) -> Iterator[tuple[str, Any, str]]:
             part = part()
         if name in declared:  # paths have the names of arguments, see `parameters`
             name = declared[name].metadata.get("argument", name)
-        known = quantity_of(name, type(value).__name__)
+        owner = type(value).__name__
         if _is_number(part) and _is_number(error):
             part = f"{_text(part)} ± {float(error):.1e}"
-        elif isinstance(part, Mapping) and known is None and units:
+        elif isinstance(part, Mapping) and quantity_of(name, owner) is None and units:
             part = {_title(str(key)): entry for key, entry in part.items()}
-        title = _title(name, type(value).__name__) if units else name
-        yield title, part, "" if known is None else known.meaning
+        yield _title(name, owner) if units else name, part
 
 
 def _title(name: str, owner: str = "") -> str:
