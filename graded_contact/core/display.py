@@ -1,9 +1,9 @@
 """How objects print: numbers with units, arrays by their shape, how a solve ended.
 
 Units come from the table of quantities, by the names of fields; under `jit` objects print their
-shapes alone. A derivative has the class of what it is by,
-but another unit: classes that one differentiates by, such as stacks, print no units of their own.
-In a result, such as a fit with its material, they do.
+shapes alone. A derivative has the class of what it is by, but another unit: classes that one
+differentiates by, such as stacks, print no units of their own. In a result, such as a fit with its
+material, they do.
 """
 
 import dataclasses
