@@ -108,11 +108,7 @@ def tied(tree: T, nothing: Array) -> T:
     """
     if is_concrete(nothing):
         return tree
-
-    def tie(array):
-        return array + nothing.astype(array.dtype) if array.dtype != bool else array
-
-    return jax.tree.map(tie, tree)
+    return jax.tree.map(lambda a: a if a.dtype == bool else a + nothing.astype(a.dtype), tree)
 
 
 def padded(array: Array, axis: int, parts: int) -> Array:

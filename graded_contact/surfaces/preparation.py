@@ -10,6 +10,7 @@ length of an edge. There they lose some slope, which a common factor restores.
 """
 
 import dataclasses
+import functools
 from typing import Literal
 
 import numpy as np
@@ -189,11 +190,9 @@ class _Prepared:
             )
             self.record("tapered")
         elif periodic == "mirror":
-            for axis in range(self.values.ndim):
-                self.values, measured = (
-                    np.concatenate([field, np.flip(field, axis)], axis)
-                    for field in (self.values, measured)
-                )
+            width = [(0, n) for n in self.values.shape]
+            self.values = np.pad(self.values, width, "symmetric")
+            measured = np.pad(measured, width, "symmetric")
             self.notes.append("Reflected about the end of each axis, doubling it.")
             self.record("mirrored")
         elif periodic == "open":
@@ -257,12 +256,9 @@ def _harmonic(values: np.ndarray, spacing: np.ndarray) -> np.ndarray:
 
 def _window(values: np.ndarray) -> tuple[np.ndarray, np.ndarray, float]:
     """The tapered heights with their rms restored, the window, and the factor that restored it."""
-    window = np.ones(values.shape)
-    for axis, n in enumerate(values.shape):
-        x = (np.arange(n) + 0.5) / n
-        edge = np.minimum(np.minimum(x, 1 - x) / TAPER, 1)
-        taper = np.sin(np.pi / 2 * edge) ** 2
-        window = window * np.expand_dims(taper, [a for a in range(values.ndim) if a != axis])
+    x = [(np.arange(n) + 0.5) / n for n in values.shape]
+    flanks = [np.minimum(np.minimum(x, 1 - x) / TAPER, 1) for x in x]
+    window = functools.reduce(np.multiply.outer, [np.sin(np.pi / 2 * f) ** 2 for f in flanks])
     tapered = window * (values - np.mean(values))
     if np.std(tapered) <= 1e-6 * np.std(values):
         raise ValueError("`heights` vary only at the edges, where the window is zero.")
