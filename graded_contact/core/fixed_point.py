@@ -106,6 +106,7 @@ def attach_fixed_point(
     """
 
     def solve(linear, rhs):
+        # The unknowns are few, and `map` compiles `linear` once.
         matrix = jax.lax.map(linear, jnp.eye(len(rhs), dtype=rhs.dtype)).T
         return jnp.linalg.solve(matrix, rhs)
 

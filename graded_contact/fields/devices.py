@@ -87,6 +87,7 @@ def binned(place: Array, spectrum: Array, num_bins: int) -> Array:
         array = padded(array, -1, parts).reshape(*array.shape[:-1], parts, -1)
         return jnp.moveaxis(array, -2, 0).reshape(parts, -1)
 
+    # Each device sums its own columns: XLA would gather them for one sum.
     count = partial(jnp.bincount, length=num_bins)
     return jnp.sum(jax.vmap(count)(by_device(place), by_device(spectrum)), axis=0)
 

@@ -90,6 +90,7 @@ class StrainSoftening(AbstractMaterial):
 
     def modulus(self, omega: Numbers) -> Inexact[Array, "*w"]:
         modulus, (storage, loss) = self.material.modulus(omega), self.factors()
+        # An elastic material has no loss, and stays real.
         if not jnp.issubdtype(modulus.dtype, jnp.complexfloating):
             return storage * modulus
         return jax.lax.complex(storage * modulus.real, loss * modulus.imag)

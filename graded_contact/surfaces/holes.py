@@ -73,6 +73,7 @@ def _filled(
             rows.append(here[unknown])
             columns.append(there[unknown])
             entries.append(np.full(np.count_nonzero(unknown), -weight))
+    # Symmetric and positive definite, of entries of order one: for conjugate gradients.
     scale = np.max(diagonal)
     rows, columns = np.concatenate(rows), np.concatenate(columns)
     matrix = coo_matrix((np.concatenate(entries) / scale, (rows, columns)), (size, size)).tocsr()

@@ -233,6 +233,7 @@ def _plane(
     values: np.ndarray, missing: np.ndarray, spacing: np.ndarray
 ) -> tuple[np.ndarray, np.ndarray]:
     """The least-squares plane through the measured points, and its slopes [1]."""
+    # About the middle, where mean and slopes are independent unless points are missing.
     axes = [(np.arange(n) + 0.5) / n - 0.5 for n in values.shape]
     columns = [np.broadcast_to(x, values.shape) for x in np.meshgrid(*axes, indexing="ij")]
     basis = np.stack([np.ones(values.shape), *columns], axis=-1)

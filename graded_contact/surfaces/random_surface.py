@@ -102,6 +102,7 @@ def _synthesise(spectrum: SelfAffine, grid: Grid, key: Array, gaussian: bool) ->
         # The angle of q = 0, which is empty, is that of an arbitrary other one.
         direction = jnp.arctan2(qy, jnp.where(zero_mode(grid.shape), 1, qx))
         density *= narrowing(spectrum, x, direction - spectrum.angle - np.pi / 2)
+    # What one mode has of <h²>: C times its cell in the plane of wavevectors.
     density *= jnp.prod(2 * np.pi / (grid.size * spectrum.q_roll))
     occupied = (density > 0) & ~nyquist_lines(grid.shape)
     magnitude = jnp.sqrt(jnp.where(occupied, density, 1)) * occupied
