@@ -81,9 +81,9 @@ def _rows(value: Any, name: str, units: bool, depth: int = 0) -> Iterator[tuple[
 def _fields(value: Any, units: bool) -> Iterator[tuple[str, Any]]:
     """Title and value of what an object prints; a number and its error share a line."""
     first = value.before_display() if hasattr(value, "before_display") else ()
-    is_tuple = isinstance(value, tuple)
-    declared = {} if is_tuple else {field.name: field for field in dataclasses.fields(value)}
-    fields = value._fields if is_tuple else declared
+    named = getattr(value, "_fields", None)  # of a named tuple
+    declared = {} if named else {field.name: field for field in dataclasses.fields(value)}
+    fields = named or declared
     chosen = (fields if name is ... else [name] for name in value._shown.names)
     names = [*first, *(name for group in chosen for name in group)]
     parts: dict[str, Any] = {name: getattr(value, name) for name in names}

@@ -149,7 +149,8 @@ class Prony(AbstractMaterial):
         check_positive("glassy", glassy, "[Pa]")
         _check_series("compliances", compliances, "[1/Pa]", times)
         _check_distinct(times)
-        return cls(*_relaxation_from_creep(glassy, compliances, times), poisson, shift, measured)
+        equilibrium, strengths, times = _relaxation_from_creep(glassy, compliances, times)
+        return cls(equilibrium, strengths, times, poisson, shift, measured)
 
     def creep(
         self,

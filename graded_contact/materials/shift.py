@@ -166,7 +166,7 @@ def stretched(values: Float[Array, " n"], log_factor: Float[Array, ""]) -> Float
     return jnp.where(lost, jnp.nan, values * root * root)
 
 
-def shifts_in(tree: Any) -> list[AbstractShift]:
+def shifts_in(tree: Any) -> list[Any]:
     """Returns the laws of temperature of all materials in a tree, such as a stack."""
     parts = jax.tree.leaves(tree, is_leaf=lambda part: isinstance(part, AbstractShift))
     return [part for part in parts if isinstance(part, AbstractShift)]
