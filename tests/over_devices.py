@@ -12,7 +12,7 @@ import jax
 import numpy as np
 
 import graded_contact as gc
-from graded_contact.contacts import anderson
+from graded_contact.core import anderson
 
 jax.config.update("jax_enable_x64", True)
 if sys.argv[1:]:

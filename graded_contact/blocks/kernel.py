@@ -30,7 +30,7 @@ from ..core.checks import (
 )
 from ..core.compilation import jit
 from ..core.derivative import derivative_apart
-from ..core.memory import check_memory, kernel_memory, num_numbers
+from ..core.memory import KERNEL, check_memory
 from ..fields.devices import num_devices, required, spread, whole_along
 from ..fields.grid import (
     Grid,
@@ -120,14 +120,8 @@ def attempted_kernel(
     compiled.
     """
     velocity, rtol = _checked(stack, grid, velocity, graded_solver, rtol)
-    numbers, oblique = num_numbers(stack), velocity.ndim > 0
-    check_memory(
-        "grid",
-        grid.shape,
-        lambda shape: kernel_memory(shape, grid.size.dtype.itemsize, numbers, oblique),
-        "a kernel",
-        num_devices(grid.size),
-    )
+    size = grid.size
+    check_memory("grid", "a kernel", KERNEL, grid.shape, size.dtype.itemsize, num_devices(size))
     if strain is not None:
         strain = _checked_strain(stack, *strain)
     elif _is_dear(stack, grid) and velocity.ndim == 0:

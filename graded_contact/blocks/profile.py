@@ -33,7 +33,7 @@ from .shapes import FROM_0_TO_1, AbstractShape, Linear, breaks_of, shape_called
 SAMPLES = 64  # intervals of height in which a profile is looked at
 
 
-@shown()
+@shown(units=False)
 class AbstractProfile(eqx.Module):
     """Young's modulus and Poisson's ratio as functions of height and frequency."""
 

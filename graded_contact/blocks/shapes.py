@@ -28,7 +28,7 @@ from ..core.display import shown
 from ..core.spline import monotone_cubic
 
 
-@shown()
+@shown(units=False)
 class AbstractShape(eqx.Module):
     """A function φ(s) of the height s [1] in a layer."""
 

@@ -42,7 +42,7 @@ def _as_base(base: Any) -> "HalfSpace | Rigid | Free":
     return base
 
 
-@shown()
+@shown(units=False)
 class Layer(eqx.Module):
     """A homogeneous layer.
 
@@ -59,7 +59,7 @@ class Layer(eqx.Module):
         _check_thickness(self.thickness)
 
 
-@shown()
+@shown(units=False)
 class GradedLayer(eqx.Module):
     """A layer whose moduli vary continuously with height.
 
@@ -85,7 +85,7 @@ def _check_thickness(thickness: Array) -> None:
     )
 
 
-@shown()
+@shown(units=False)
 class HalfSpace(eqx.Module):
     """A base so deep that its bottom has no effect.
 
@@ -97,17 +97,17 @@ class HalfSpace(eqx.Module):
     material: AbstractMaterial = eqx.field(converter=material_called("material"))
 
 
-@shown()
+@shown(units=False)
 class Rigid(eqx.Module):
     """A rigid base to which the lowest layer is bonded."""
 
 
-@shown()
+@shown(units=False)
 class Free(eqx.Module):
     """No base: the bottom of the lowest layer carries no traction."""
 
 
-@shown()
+@shown(units=False)
 class Stack(eqx.Module):
     """A block: layers bonded to each other and to a base.
 

@@ -20,7 +20,7 @@ from ..core.display import shown
 from .law import AbstractLaw, Bound, indicator_of_gap, power, proximal_root, repulsive_bracket
 
 
-@shown()
+@shown(units=False)
 class AdhesiveLJ(AbstractLaw):
     """The Lennard-Jones potential integrated over two half spaces: σ = (8w/3ε) [(ε/u)⁹ - (ε/u)³].
 
@@ -81,7 +81,7 @@ class AdhesiveLJ(AbstractLaw):
         return indicator_of_gap(pressure - self.pressure_at(edge), gap - edge, stiffness)
 
 
-@shown()
+@shown(units=False)
 class ExponentialAdhesion(AbstractLaw):
     """A hard wall that attracts: σ = -(w/λ) exp(-u/λ) for u > 0, σ >= -w/λ at u = 0.
 

@@ -90,7 +90,7 @@ def check_pressure(pressure: Float[Array, "..."], law: AbstractLaw, hint: str = 
     check_values("pressure", pressure, allowed, above=low, at_most=below)
 
 
-@shown()
+@shown(units=False)
 class HardWall(AbstractLaw):
     """No interpenetration and no attraction: σ >= 0, u >= 0, σ u = 0.
 
@@ -131,7 +131,7 @@ class HardWall(AbstractLaw):
         return jnp.where(pressure > 0, pressure, -stiffness * jnp.maximum(gap, 0))
 
 
-@shown()
+@shown(units=False)
 class RepulsiveLJ(AbstractLaw):
     """The repulsive term of the integrated Lennard-Jones potential: σ = p (ε/u)⁹.
 

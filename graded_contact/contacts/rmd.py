@@ -59,7 +59,6 @@ class ResidualDynamics(AbstractContactSolver):
 
     max_steps: int = eqx.field(default=100_000, static=True)
     uniform_mass: bool = eqx.field(default=False, static=True)
-    history_length: ClassVar[int] = 0
     finds_unstable: ClassVar[bool] = False
 
     def __check_init__(self):

@@ -27,7 +27,7 @@ from ..core.checks import (
 )
 from ..core.compilation import jit, one_by_one
 from ..core.derivative import derivative_apart, largest, still
-from ..core.memory import check_memory, contact_memory
+from ..core.memory import CONTACT, check_memory
 from ..fields.devices import num_devices, required
 from ..fields.grid import half_shape
 from .adjoint import (
@@ -126,13 +126,13 @@ def solve_contact(
     **Raises:** `ValueError` for a refused argument; `RuntimeError` if the solve fails.
     """
     heights = as_float(heights, "heights")
-    _check_heights(heights, solver)
+    _check_heights(heights)
     operator = operator_of(as_numbers(kernel, "kernel"), heights.shape)
     _check_kernel(operator, heights, throw)
     check_law(law)
     solve = functools.partial(contact_of, solver=solver, adjoint=adjoint, rtol=rtol, throw=throw)
     if isinstance(operator, Window):
-        _check_heights(operator.on_cell(heights), solver)  # of the memory of four times as many
+        _check_heights(operator.on_cell(heights))  # of the memory of four times as many
         loading = _loading_of_window(pressure, mean_gap, approach, law, heights, operator.kernel)
         start = None if start is None else _as_start(start, heights, law)
         return solve_on_window(
@@ -178,20 +178,15 @@ def contact_of(
     return required(result, good, result.result.error_if) if throw else result
 
 
-def _check_heights(heights, solver: AbstractContactSolver) -> None:
+def _check_heights(heights) -> None:
     if heights.ndim not in (1, 2):
         raise ValueError(f"`heights` has shape {heights.shape}; one or two axes are needed.")
     if heights.dtype not in (jnp.float32, jnp.float64):
         raise ValueError(f"`heights` has dtype {heights.dtype}; float32 or float64 is needed.")
     if heights.size < 2:
         raise ValueError(f"`heights` has shape {heights.shape}; two points at least are needed.")
-    check_memory(
-        "heights",
-        heights.shape,
-        lambda shape: contact_memory(shape, heights.dtype.itemsize, solver.history_length),
-        "a contact",
-        num_devices(heights),
-    )
+    parts, itemsize = num_devices(heights), heights.dtype.itemsize
+    check_memory("heights", "a contact", CONTACT, heights.shape, itemsize, parts)
     check_values("heights", heights, "heights [m] must be finite")
     check_squares("heights", heights, "m")
 

@@ -14,7 +14,7 @@ import jax.numpy as jnp
 from jax.experimental import io_callback
 from jaxtyping import Array, Bool, Float
 
-from .anderson import sums
+from ..core.anderson import sums
 from .law import AbstractLaw
 from .operator import AbstractOperator, nonzero, root_mean_square
 
@@ -63,13 +63,10 @@ class AbstractContactSolver(eqx.Module):
 
     **Fields:**
 
-    - `history_length`: number of earlier iterates that are stored, two fields each. The memory of
-      a solve is estimated from it before anything is allocated.
     - `finds_unstable`: whether equilibria may be unstable under laws that attract. If the grid does
       not resolve the attraction, the contact then ends with `RESULTS.unresolved`.
     """
 
-    history_length: eqx.AbstractVar[int]
     finds_unstable: eqx.AbstractClassVar[bool]
 
     @abstractmethod

@@ -29,8 +29,8 @@ import jax
 import jax.numpy as jnp
 from jaxtyping import Array, Bool, Float
 
+from ..core.anderson import CYCLE, History, accelerate, sums
 from ..fields.grid import multiplicity
-from .anderson import CYCLE, History, accelerate, sums
 from .operator import Solid, contact_stiffness, root_mean_square
 from .solver import in_precision, participation_of, run_steps
 

@@ -64,13 +64,12 @@ _probe = jax.jit(lambda: 0)
 
 
 def _program(function):
-    def program(numbers, others, structure):
-        args, kwargs = structure.unflatten(_joined(numbers, others))
-        found, *rest = _parted(function(*args, **kwargs))
-        return found, _Rest(*rest)
+    def program(numbers, rest):
+        args, kwargs = rest.joined(numbers)
+        return _parted(function(*args, **kwargs))
 
     program.__name__ = getattr(function, "__name__", "program")
-    return jax.jit(program, static_argnums=(1, 2), compiler_options=_options())
+    return jax.jit(program, compiler_options=_options())
 
 
 @jax.tree_util.register_static
@@ -82,20 +81,17 @@ class _Rest:
     structure: Any
 
     def joined(self, numbers) -> Any:
-        return self.structure.unflatten(_joined(numbers, self.others))
+        pairs = zip(numbers, self.others, strict=True)
+        leaves = [other if number is None else number for number, other in pairs]
+        return self.structure.unflatten(leaves)
 
 
 def _parted(tree):
-    """The arrays of a tree, with None for other leaves; these leaves; the structure."""
+    """The arrays of a tree, with None for other leaves, and the rest of it."""
     leaves, structure = jax.tree.flatten(tree)
     numbers = tuple(leaf if eqx.is_array(leaf) else None for leaf in leaves)
     others = tuple(None if eqx.is_array(leaf) else leaf for leaf in leaves)
-    return numbers, others, structure
-
-
-def _joined(numbers, others):
-    pairs = zip(numbers, others, strict=True)
-    return [other if number is None else number for number, other in pairs]
+    return numbers, _Rest(others, structure)
 
 
 @functools.cache

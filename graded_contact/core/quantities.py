@@ -166,54 +166,12 @@ RESULTS = _table([
 
 
 class Observable(NamedTuple):
-    """A number, or a field, of a contact; see `observable` for the fields of the same name."""
+    """A number, or a field, of a contact.
 
-    quantity: Quantity
-    formula: Callable[[Any], Any]
-    steady: bool
-    cyclic: bool
-    over_time: bool
-    mean_over_seeds: bool
-    has_derivative: bool
-    stored: bool
-    needs: frozenset[str]
-    column: tuple[str, str] | None
+    **Fields:**
 
-    @property
-    def name(self) -> str:
-        return self.quantity.name
-
-    def is_of(self, motion: bool, facts: Collection[str]) -> bool:
-        """Whether contacts of this kind have it."""
-        return (self.cyclic if motion else self.steady) and self.needs <= {*facts}
-
-
-# In the order of prints and tables.
-OBSERVABLES: dict[str, Observable] = {}
-
-
-def observable(
-    symbol: str,
-    unit: str,
-    meaning: str,
-    *,
-    steady: bool = True,
-    cyclic: bool = True,
-    over_time: bool = False,
-    mean_over_seeds: bool = False,
-    has_derivative: bool = True,
-    stored: bool = True,
-    needs: Collection[str] = (),
-    column: tuple[str, str] | None = None,
-) -> Callable[[F], F]:
-    """Registers a function of a `Sliding` or a `CyclicSliding` as its attribute of the same name.
-
-    The attribute is computed when it is read. A name with `_error` is the estimated error of the
-    name before it, and is printed behind it.
-
-    **Arguments:**
-
-    - `symbol`, `unit`, `meaning`: see `Quantity`.
+    - `quantity`: its name, symbol, unit and meaning.
+    - `formula`: of a `Sliding` or a `CyclicSliding`.
     - `steady`, `cyclic`: whether steady sliding and cycles have it.
     - `over_time`: whether a cycle has one number at each time.
     - `mean_over_seeds`: whether several surfaces have its mean; else they have the largest.
@@ -223,12 +181,45 @@ def observable(
     - `column`: head and format in the table of the command, if it has a column there.
     """
 
+    quantity: Quantity
+    formula: Callable[[Any], Any]
+    steady: bool = True
+    cyclic: bool = True
+    over_time: bool = False
+    mean_over_seeds: bool = False
+    has_derivative: bool = True
+    stored: bool = True
+    needs: Collection[str] = ()
+    column: tuple[str, str] | None = None
+
+    @property
+    def name(self) -> str:
+        return self.quantity.name
+
+    def is_of(self, motion: bool, facts: Collection[str]) -> bool:
+        """Whether contacts of this kind have it."""
+        return (self.cyclic if motion else self.steady) and {*self.needs} <= {*facts}
+
+
+# In the order of prints and tables.
+OBSERVABLES: dict[str, Observable] = {}
+
+
+def observable(symbol: str, unit: str, meaning: str, **options: Any) -> Callable[[F], F]:
+    """Registers a function of a `Sliding` or a `CyclicSliding` as its attribute of the same name.
+
+    The attribute is computed when it is read. A name with `_error` is the estimated error of the
+    name before it, and is printed behind it.
+
+    **Arguments:**
+
+    - `symbol`, `unit`, `meaning`: see `Quantity`.
+    - `options`: fields of `Observable`, such as `over_time=True`.
+    """
+
     def register(formula: F) -> F:
         quantity = Quantity(formula.__name__, symbol, unit, meaning)
-        OBSERVABLES[quantity.name] = Observable(
-            quantity, formula, steady, cyclic, over_time, mean_over_seeds, has_derivative, stored,
-            frozenset(needs), column,
-        )  # fmt: skip
+        OBSERVABLES[quantity.name] = Observable(quantity, formula, **options)
         return formula
 
     return register
@@ -246,8 +237,7 @@ _ALL = PARAMETERS | RESULTS | FIELDS | MOTION | OF_STUDIES
 def quantity_of(name: str, owner: str = "") -> Quantity | None:
     """Returns the entry of a field of the class `owner`, or of the last part of a path, or None."""
     last = name.rpartition(".")[2].partition("[")[0]
-    if (found := _ALL.get(f"{owner}.{last}") or AXES.get(last)) is not None:
-        return found
-    if last in OBSERVABLES:
+    found = _ALL.get(f"{owner}.{last}") or AXES.get(last)
+    if found is None and last in OBSERVABLES:
         return OBSERVABLES[last].quantity
-    return _ALL.get(last)
+    return found or _ALL.get(last)

@@ -20,7 +20,7 @@ import numpy as np
 from jaxtyping import Array, Complex, Float
 
 from ..core.checks import Numbers, as_float, as_scalar, check_poisson, check_types
-from ..core.display import shown, with_units
+from ..core.display import shown
 from ..materials.material import Prony
 from .covariance import covariance, resampled
 from .lengths import (
@@ -65,7 +65,7 @@ class PronyFit(eqx.Module):
     @property
     def material(self) -> Prony:
         """The fitted material."""
-        return with_units(material_of(self.theta, self.data, self.poisson))
+        return material_of(self.theta, self.data, self.poisson)
 
     def predict(self, x: Numbers) -> Float[Array, "channels points"]:
         """Returns the fitted values at other frequencies or times.

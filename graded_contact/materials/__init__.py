@@ -9,19 +9,7 @@ from .softening import StrainSoftening, at_strain
 from .table import Tabulated
 
 __all__ = [
-    "WLF",
-    "AbstractMaterial",
-    "AbstractShift",
-    "Arrhenius",
-    "BulkShear",
-    "Elastic",
-    "Measured",
-    "MeasuredRange",
-    "Prony",
-    "StrainSoftening",
-    "Tabulated",
-    "TabulatedShift",
-    "at_strain",
-    "coverage",
-    "tyre_tread",
+    "WLF", "AbstractMaterial", "AbstractShift", "Arrhenius", "BulkShear", "Elastic", "Measured",
+    "MeasuredRange", "Prony", "StrainSoftening", "Tabulated", "TabulatedShift", "at_strain",
+    "coverage", "tyre_tread",
 ]  # fmt: skip

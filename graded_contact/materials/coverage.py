@@ -14,7 +14,7 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float
 
-from ..core.checks import check_positive, is_concrete, numbers
+from ..core.checks import check_positive, check_shape, is_concrete, numbers, optional
 from ..core.display import shown
 from .shift import NEAR, stretched
 
@@ -35,7 +35,7 @@ class Limited(Protocol):
         ...
 
 
-@shown()
+@shown(units=False)
 class MeasuredRange(eqx.Module):
     """Frequencies and temperatures at which a material was measured.
 
@@ -50,26 +50,21 @@ class MeasuredRange(eqx.Module):
 
     omega: Float[Array, " 2"] = eqx.field(converter=numbers("omega"))
     temperature: Float[Array, " 2"] | None = eqx.field(
-        converter=lambda value: None if value is None else numbers("temperature")(value),
-        default=None,
+        converter=optional(numbers("temperature")), default=None
     )
 
     def __check_init__(self):
-        for name, ends, unit in (
-            ("omega", self.omega, "[rad/s]"),
-            ("temperature", self.temperature, "[K]"),
-        ):
+        for name, unit in (("omega", "[rad/s]"), ("temperature", "[K]")):
+            ends = getattr(self, name)
             if ends is None:
                 continue
-            if ends.shape != (2,):
-                raise ValueError(f"`{name}` has shape {ends.shape}; two numbers are needed.")
+            check_shape(name, ends, (2,))
             check_positive(name, ends, unit)
             # By NumPy: under `jit` JAX traces even the parts of known arrays.
-            if is_concrete(ends) and np.diff(np.asarray(ends)) < 0:
-                lowest, highest = np.asarray(ends)
+            low, high = np.asarray(ends) if is_concrete(ends) else (0, 1)
+            if low > high:
                 raise ValueError(
-                    f"`{name}` from {lowest:g} to {highest:g} {unit} is refused: "
-                    "the lowest comes first."
+                    f"`{name}` from {low:g} to {high:g} {unit} is refused: the lowest comes first."
                 )
 
     def shifted(self, log_factor: Float[Array, ""]) -> "MeasuredRange":
@@ -126,12 +121,9 @@ def check_frequencies(tree: Any, omega: Float[Array | np.ndarray, "..."]) -> Non
 
 
 def _limited(tree):
-    def limited(node):
-        return _is_limited(type(node))
-
-    return [node for node in jax.tree.leaves(tree, is_leaf=limited) if limited(node)]
+    nodes = jax.tree.leaves(tree, is_leaf=lambda node: _is_limited(type(node)))
+    return [node for node in nodes if _is_limited(type(node))]
 
 
-@functools.cache  # Python compares a class with a protocol method by method
-def _is_limited(kind: type) -> bool:
-    return issubclass(kind, Limited)
+# Python compares a class with a protocol method by method, which takes long.
+_is_limited = functools.cache(lambda kind: issubclass(kind, Limited))

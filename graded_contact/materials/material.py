@@ -9,6 +9,7 @@ form is also the paper's (Scaraggi & Comingio, eq. prony, with its misprinted in
 """
 
 import abc
+import dataclasses
 from collections.abc import Callable
 from typing import Any
 
@@ -34,13 +35,12 @@ from ..core.checks import (
     numbers,
     scalar,
 )
-from ..core.display import shown, with_units
+from ..core.display import shown
 from .coverage import MeasuredRange
-from .creep import creep_from_relaxation, relaxation_from_creep
 from .shift import AbstractShift, as_temperature, require_shift, stretched
 
 
-@shown()
+@shown(units=False)
 class AbstractMaterial(eqx.Module):
     """An isotropic linear viscoelastic solid."""
 
@@ -118,9 +118,8 @@ class Prony(AbstractMaterial):
 
     def __check_init__(self):
         check_type("measured", self.measured, MeasuredRange, type(None))
-        check_values(
-            "equilibrium", self.equilibrium, "it must be zero or a positive number [Pa]", at_least=0
-        )
+        allowed = "it must be zero or a positive number [Pa]"
+        check_values("equilibrium", self.equilibrium, allowed, at_least=0)
         check_squares("equilibrium", self.equilibrium, "Pa")
         _check_series("strengths", self.strengths, "[Pa]", self.times)
         check_poisson("poisson", self.poisson)
@@ -150,15 +149,8 @@ class Prony(AbstractMaterial):
         check_positive("glassy", glassy, "[Pa]")
         _check_series("compliances", compliances, "[1/Pa]", times)
         _check_distinct(times)
-        equilibrium, strengths, times = relaxation_from_creep(glassy, compliances, times)
-        return cls(
-            equilibrium=equilibrium,
-            strengths=strengths,
-            times=times,
-            poisson=poisson,
-            shift=shift,
-            measured=measured,
-        )
+        equilibrium, strengths, times = _relaxation_from_creep(glassy, compliances, times)
+        return cls(equilibrium, strengths, times, poisson, shift, measured)
 
     def creep(
         self,
@@ -167,11 +159,10 @@ class Prony(AbstractMaterial):
 
         The inverse of `from_creep`. A liquid (`equilibrium` 0) flows and has no such form.
         """
-        check_positive(
-            "equilibrium", self.equilibrium, "[Pa] to have a creep form (a liquid flows)"
-        )
+        allowed = "[Pa] to have a creep form (a liquid flows)"
+        check_positive("equilibrium", self.equilibrium, allowed)
         _check_distinct(self.times)
-        return creep_from_relaxation(self.equilibrium, self.strengths, self.times)
+        return _creep_from_relaxation(self.equilibrium, self.strengths, self.times)
 
     @property
     def glassy(self) -> Float[Array, ""]:
@@ -195,26 +186,15 @@ class Prony(AbstractMaterial):
 
     def at(self, temperature: ScalarLike) -> "Prony":
         shift, temperature = require_shift(self.shift), as_temperature(temperature)
-        log_factor, lift = (
-            shift.log_factor(temperature),
-            jnp.exp(shift.log_vertical(temperature)),
-        )
-        other = eqx.tree_at(
-            lambda material: (
-                material.equilibrium, material.strengths, material.times, material.shift,
-                material.measured,
-            ),
+        log_factor, lift = shift.log_factor(temperature), jnp.exp(shift.log_vertical(temperature))
+        return dataclasses.replace(
             self,
-            (
-                self.equilibrium * lift,
-                self.strengths * lift,
-                stretched(self.times, log_factor),
-                shift.rebased(temperature),
-                None if self.measured is None else self.measured.shifted(log_factor),
-            ),
-            is_leaf=lambda leaf: leaf is None,
-        )  # fmt: skip
-        return with_units(other)
+            equilibrium=self.equilibrium * lift,
+            strengths=self.strengths * lift,
+            times=stretched(self.times, log_factor),
+            shift=shift.rebased(temperature),
+            measured=self.measured and self.measured.shifted(log_factor),
+        )
 
     def coverage(self) -> tuple[Float[Array, ""], Float[Array, ""]]:
         """Returns the lowest and highest ω [rad/s] that were measured."""
@@ -224,11 +204,6 @@ class Prony(AbstractMaterial):
 
     def check(self, omega: Float[Array | np.ndarray, "..."]) -> None:
         """Refuses nothing: a series has a modulus at every frequency."""
-
-
-def _part_called(name: str) -> Callable[[Any], AbstractMaterial]:
-    words = f"a material whose `modulus` is read as the {name} modulus, such as `Elastic(2e9)`"
-    return instance(name, AbstractMaterial, words)
 
 
 class BulkShear(AbstractMaterial):
@@ -255,8 +230,8 @@ class BulkShear(AbstractMaterial):
     - `shear`: the same for G(ω) [Pa].
     """
 
-    bulk: AbstractMaterial = eqx.field(converter=_part_called("bulk"))
-    shear: AbstractMaterial = eqx.field(converter=_part_called("shear"))
+    bulk: AbstractMaterial = eqx.field(converter=material_called("bulk"))
+    shear: AbstractMaterial = eqx.field(converter=material_called("shear"))
 
     def modulus(self, omega: Numbers) -> Inexact[Array, "*w"]:
         shear, ratio = self._shear_and_ratio(omega)
@@ -275,6 +250,84 @@ class BulkShear(AbstractMaterial):
         bulk, shear = self.bulk.modulus(omega), self.shear.modulus(omega)
         unit = jax.lax.stop_gradient(jnp.max(jnp.abs(bulk)))
         return shear, (shear / unit) / (3 * (bulk / unit))
+
+
+@jax.jit
+def _relaxation_from_creep(
+    glassy: Float[Array, ""], compliances: Float[Array, " n"], times: Float[Array, " n"]
+) -> tuple[Float[Array, ""], Float[Array, " n"], Float[Array, " n"]]:
+    """`(equilibrium [Pa], strengths [Pa], relaxation times [s])`, longest time first.
+
+    E(s) and J(s) = 1/E(s) are rational functions, whose poles and zeros on the negative axis
+    interlace: the rates of one form are the zeros of the other, each between its neighbours, and
+    the strengths are residues.
+    """
+    order = jnp.argsort(-times)
+    rates = 1 / times[order]
+    weights = glassy * compliances[order] * rates
+    # J(s) = 0 at s = -λ: one root above each rate, the last below r_n + Σ a.
+    roots, gaps = _increasing_roots(
+        lambda root, gaps: 1 + jnp.sum(weights / gaps, axis=-1),
+        rates,
+        lower=rates,
+        upper=jnp.append(rates[1:], rates[-1] + 2 * jnp.sum(weights)),
+    )
+    slope = jnp.sum(weights / gaps / gaps, axis=-1)
+    equilibrium = glassy / (1 + glassy * jnp.sum(compliances))
+    return equilibrium, glassy / (roots * slope), 1 / roots
+
+
+@jax.jit
+def _creep_from_relaxation(
+    equilibrium: Float[Array, ""], strengths: Float[Array, " n"], times: Float[Array, " n"]
+) -> tuple[Float[Array, ""], Float[Array, " n"], Float[Array, " n"]]:
+    """`(glassy [Pa], compliances [1/Pa], retardation times [s])`, longest time first."""
+    order = jnp.argsort(-times)
+    rates, strengths = 1 / times[order], strengths[order]
+    ratios = strengths / equilibrium
+    # E(s) = 0 at s = -r: one root below each rate, the first above r_1/(1 + Σ E_k/E_eq).
+    roots, gaps = _increasing_roots(
+        lambda root, gaps: jnp.sum(ratios * root[:, None] / gaps, axis=-1) - 1,
+        rates,
+        lower=jnp.append(rates[:1] / (1 + 2 * jnp.sum(ratios)), rates[:-1]),
+        upper=rates,
+    )
+    slope = jnp.sum(strengths * rates / gaps / gaps, axis=-1)
+    return equilibrium + jnp.sum(strengths), 1 / (roots * slope), 1 / roots
+
+
+def _increasing_roots(
+    value: Callable[[Float[Array, " n"], Float[Array, "n n"]], Float[Array, " n"]],
+    poles: Float[Array, " n"],
+    lower: Float[Array, " n"],
+    upper: Float[Array, " n"],
+) -> tuple[Float[Array, " n"], Float[Array, "n n"]]:
+    """Roots λ_i between `lower` and `upper` > 0, and the gaps poles_j - λ_i.
+
+    `value(λ, gaps)` increases along each bracket, from pole to pole. The root of a weak branch
+    nearly touches its pole, so what is sought is log |λ - nearer end|: by bisection to the last
+    digit, then by one Newton step that carries the derivatives.
+    """
+    middle = (lower + upper) / 2
+    from_lower = value(middle, poles - middle[:, None]) > 0
+    end, sign = jnp.where(from_lower, lower, upper), jnp.where(from_lower, 1, -1)
+
+    def place(step):
+        return end + sign * step, (poles - end[:, None]) - (sign * step)[:, None]
+
+    def halve(_, bracket):
+        near, far = bracket
+        step = (near + far) / 2
+        too_far = sign * value(*place(jnp.exp(step))) > 0
+        return jnp.where(too_far, near, step), jnp.where(too_far, step, far)
+
+    far = jnp.log((upper - lower) / 2)
+    reach = 0.9 * float(np.log(jnp.finfo(poles.dtype).tiny))
+    # 80 halvings take a bracket of 700 e-foldings below rounding.
+    near, far = jax.lax.stop_gradient(jax.lax.fori_loop(0, 80, halve, (far + reach, far)))
+    step = jnp.exp((near + far) / 2)
+    _, slope = jax.jvp(lambda step: value(*place(step)), (step,), (jnp.ones_like(step),))
+    return place(step - value(*place(step)) / jax.lax.stop_gradient(slope))
 
 
 def _check_series(name: str, values: Array, unit: str, times: Array) -> None:

@@ -55,9 +55,7 @@ class Measured:
             raise ValueError(
                 f"`path={self.path}` holds {count} isotherm(s) of kind {self.kind!r} in "
                 f"{self.deformation}; a table needs one, of kind 'frequency' in tension (shear is "
-                "converted with `poisson`). Fit all others with `master_curve`, `fit_relaxation` "
-                "or `fit_creep`; the command `graded-contact fit FILE` does so, and writes the "
-                "material as a table for a scene."
+                "converted with `poisson`). Fit others: `graded-contact fit FILE`."
             )
         twice = np.flatnonzero(np.diff(self.abscissa) == 0)
         if len(twice):
@@ -96,10 +94,7 @@ def joined(parts: Sequence[Measured]) -> Measured:
             raise ValueError(f"`path` names files of different {field}: {found}.")
     lacking = [str(part.path) for part in parts if part.temperature is None]
     if lacking:
-        raise ValueError(
-            f"`path` names several files, and the temperature of {lacking} is not known; pass "
-            "`temperature` [K], one for each file."
-        )
+        raise ValueError(f"`path` lacks the temperature of {lacking}: pass `temperature` [K].")
     curves, group = _curves(parts)
     isotherm = np.repeat(group, [len(curve.abscissa) for curve in curves])
 

@@ -5,6 +5,7 @@ J. Am. Chem. Soc. 77 (1955) 3701, doi:10.1021/ja01619a008.
 """
 
 import abc
+import dataclasses
 import math
 from typing import Any
 
@@ -15,7 +16,6 @@ import numpy as np
 from jaxtyping import Array, Float, ScalarLike
 
 from ..core.checks import (
-    as_float,
     as_scalar,
     check_increasing,
     check_positive,
@@ -23,6 +23,7 @@ from ..core.checks import (
     check_values,
     is_concrete,
     numbers,
+    optional,
     scalar,
 )
 from ..core.display import shown
@@ -36,7 +37,7 @@ GAS_CONSTANT = 8.31446261815324  # J/(mol K), exact in the SI of 2019
 _REACH = 0.45
 
 
-@shown()
+@shown(units=False)
 class AbstractShift(eqx.Module):
     """A law of time-temperature superposition: τ(T) = a_T τ(reference), E(T) = b_T E(reference)."""
 
@@ -94,15 +95,11 @@ class WLF(AbstractShift):
 
     def _checked(self, temperature: ScalarLike) -> Float[Array, ""]:
         temperature = as_scalar(temperature, "temperature")
-        if is_concrete(temperature) and is_concrete(self.c2) and is_concrete(self.reference):
+        if is_concrete(self.c2) and is_concrete(self.reference):
             # By NumPy: known temperatures stay known inside `jit`.
             vogel = float(np.asarray(self.reference) - np.asarray(self.c2))
-            check_values(
-                "temperature",
-                temperature,
-                f"temperatures are in kelvin and this WLF law holds only above {vogel:.2f} K",
-                above=max(vogel, 0.0),
-            )
+            allowed = f"temperatures are in kelvin, this WLF law holds only above {vogel:.2f} K"
+            check_values("temperature", temperature, allowed, above=max(vogel, 0.0))
         return temperature
 
 
@@ -130,9 +127,7 @@ class Arrhenius(AbstractShift):
         return jnp.zeros_like(self.reference)
 
     def rebased(self, temperature: ScalarLike) -> "Arrhenius":
-        return Arrhenius(
-            activation_energy=self.activation_energy, reference=as_temperature(temperature)
-        )
+        return Arrhenius(self.activation_energy, as_temperature(temperature))
 
 
 def as_temperature(value: ScalarLike) -> Float[Array, ""]:
@@ -173,11 +168,8 @@ def stretched(values: Float[Array, " n"], log_factor: Float[Array, ""]) -> Float
 
 def shifts_in(tree: Any) -> list[Any]:
     """Returns the laws of temperature of all materials in a tree, such as a stack."""
-
-    def is_law(part: Any) -> bool:
-        return isinstance(part, AbstractShift)
-
-    return [law for law in jax.tree.leaves(tree, is_leaf=is_law) if is_law(law)]
+    parts = jax.tree.leaves(tree, is_leaf=lambda part: isinstance(part, AbstractShift))
+    return [part for part in parts if isinstance(part, AbstractShift)]
 
 
 def require_shift(shift: AbstractShift | None) -> AbstractShift:
@@ -210,8 +202,7 @@ class TabulatedShift(AbstractShift):
     log10_factors: Float[Array, " isotherms"] = eqx.field(converter=numbers("log10_factors"))
     reference: Float[Array, ""] = eqx.field(converter=scalar("reference"))
     vertical_factors: Float[Array, " isotherms"] | None = eqx.field(
-        converter=lambda value: None if value is None else as_float(value, "vertical_factors"),
-        default=None,
+        converter=optional(numbers("vertical_factors")), default=None
     )
 
     def __check_init__(self):
@@ -236,7 +227,7 @@ class TabulatedShift(AbstractShift):
     def rebased(self, temperature: ScalarLike) -> "TabulatedShift":
         temperature = as_scalar(temperature, "temperature")
         self._check_covered("temperature", temperature)
-        return eqx.tree_at(lambda shift: shift.reference, self, temperature)
+        return dataclasses.replace(self, reference=temperature)
 
     def _change(self, values, temperature):
         """What `values` gain from the reference to `temperature`; NaN outside, if traced."""
@@ -252,11 +243,7 @@ class TabulatedShift(AbstractShift):
         if is_concrete(self.temperatures):
             # By NumPy: known temperatures stay known inside `jit`.
             coldest, hottest = map(float, np.asarray(self.temperatures)[[0, -1]])
-            check_values(
-                name,
-                temperature,
-                f"the table of shifts covers {coldest:.2f} to {hottest:.2f} K. Use a law, such as "
-                "`WLF`, to go beyond what was measured",
-                at_least=coldest - NEAR,
-                at_most=hottest + NEAR,
-            )
+            covered = f"the table of shifts covers {coldest:.2f} to {hottest:.2f} K"
+            allowed = f"{covered}. Use a law, such as `WLF`, to go beyond what was measured"
+            low, high = coldest - NEAR, hottest + NEAR
+            check_values(name, temperature, allowed, at_least=low, at_most=high)

@@ -82,16 +82,15 @@ class StrainSoftening(AbstractMaterial):
 
     def factors(self) -> tuple[Float[Array, ""], Float[Array, ""]]:
         """Returns f and g [1] at the amplitude."""
+        # Clipped before its logarithm, which at 0 has no derivative.
         at = jnp.log(jnp.clip(self.amplitude, self.strain[0], self.strain[-1]))
-        nodes = jnp.log(self.strain)
-        storage, loss = (
-            jnp.exp(monotone_cubic(nodes, jnp.log(values), at))
-            for values in (self.storage, self.loss)
-        )
+        nodes, rows = jnp.log(self.strain), (self.storage, self.loss)
+        storage, loss = (jnp.exp(monotone_cubic(nodes, jnp.log(row), at)) for row in rows)
         return storage, loss
 
     def modulus(self, omega: Numbers) -> Inexact[Array, "*w"]:
         modulus, (storage, loss) = self.material.modulus(omega), self.factors()
+        # An elastic material has no loss, and stays real.
         if not jnp.issubdtype(modulus.dtype, jnp.complexfloating):
             return storage * modulus
         return jax.lax.complex(storage * modulus.real, loss * modulus.imag)
@@ -116,9 +115,8 @@ def at_strain(block: T, strain: ScalarLike) -> T:
 
     **Raises:** `ValueError` if no material of the block softens.
     """
-    amplitude = scalar("strain")(strain)
+    amplitude = as_scalar(strain, "strain")
     check_values("strain", amplitude, "a strain [1] is 0 or positive", at_least=0)
-
     if not softens(block):
         raise ValueError("`block` holds no `StrainSoftening`: no modulus depends on the strain.")
 

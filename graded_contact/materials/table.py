@@ -21,9 +21,12 @@ from ..core.checks import (
     is_concrete,
 )
 from ..core.spline import monotone_cubic
-from .coverage import is_within
+from .coverage import is_unknown
 from .material import AbstractMaterial
 from .shift import AbstractShift, as_temperature, require_shift, stretched
+
+_REMEDY = "Use a table that covers it, or `extrapolate='plateau'`."
+_OUTSIDE = f"A frequency lies outside the table of moduli. {_REMEDY}"
 
 
 class Tabulated(AbstractMaterial):
@@ -60,14 +63,11 @@ class Tabulated(AbstractMaterial):
         shift: AbstractShift | None = None,
         extrapolate: Literal["refuse", "plateau"] = "refuse",
     ):
-        self.omega = as_float(omega, "omega")
-        complex_modulus = as_numbers(modulus, "modulus")
-        self.storage = as_float(complex_modulus.real)
-        self.loss = as_float(complex_modulus.imag)
+        self.omega, modulus = as_float(omega, "omega"), as_numbers(modulus, "modulus")
+        self.storage, self.loss = modulus.real, modulus.imag
         self.poisson = as_scalar(poisson, "poisson")
-        self.shift = shift
-        self.extrapolate = extrapolate
-        check_rows(2, omega=self.omega, modulus=complex_modulus)
+        self.shift, self.extrapolate = shift, extrapolate
+        check_rows(2, omega=self.omega, modulus=modulus)
         check_positive("omega", self.omega, "[rad/s]")
         check_positive("modulus.real", self.storage, "[Pa]")
         check_positive("modulus.imag", self.loss, "[Pa] (the loss modulus)")
@@ -82,27 +82,22 @@ class Tabulated(AbstractMaterial):
         size = jnp.abs(omega)
         if self.extrapolate == "refuse":
             self.check(omega)
-            size = eqx.error_if(
-                size,
-                (size > 0) & ~is_within(size, first, last),
-                "A frequency lies outside the table of moduli. Use a table that covers it, or "
-                "`extrapolate='plateau'`.",
-            )
+            size = eqx.error_if(size, is_unknown(omega, (first, last)), _OUTSIDE)
         below, above = size < first, size > last
         inside = jnp.log(jnp.where(below, first, jnp.where(above, last, size)))
         nodes = jnp.log(self.omega)
-        storage = jnp.exp(monotone_cubic(nodes, jnp.log(self.storage), inside))
-        loss = jnp.exp(monotone_cubic(nodes, jnp.log(self.loss), inside))
-        # Odd in ω; at rest its slope is that of the first point.
-        decay = jnp.where(
-            below, omega / first, jnp.sign(omega) * last / jnp.where(above, size, last)
+        storage, loss = (
+            jnp.exp(monotone_cubic(nodes, jnp.log(part), inside))
+            for part in (self.storage, self.loss)
         )
+        # Odd in ω; at rest its slope is that of the first point.
+        beyond = jnp.sign(omega) * last / jnp.where(above, size, last)
+        decay = jnp.where(below, omega / first, beyond)
         return jax.lax.complex(storage, loss * decay)
 
     def coverage(self) -> tuple[Float[Array, ""], Float[Array, ""]]:
         """Returns the ends of the table [rad/s]."""
-        first, last = jax.lax.stop_gradient((self.omega[0], self.omega[-1]))
-        return first, last
+        return jax.lax.stop_gradient((self.omega[0], self.omega[-1]))
 
     def check(self, omega: Float[Array | np.ndarray, "..."]) -> None:
         """Raises `ValueError` for frequencies [rad/s] outside a table that refuses them."""
@@ -110,12 +105,11 @@ class Tabulated(AbstractMaterial):
             return
         # In NumPy: inside `jit` even what is known would be traced.
         size, (low, high) = np.abs(np.asarray(omega)), np.asarray(self.omega)[[0, -1]]
-        excited = size[size > 0]
-        if not np.all(is_within(excited, low, high)):
+        if np.any(is_unknown(size, (low, high))):
+            least, most = np.min(size[size > 0]), np.max(size)
             raise ValueError(
-                f"`omega` from {np.min(excited):.3g} to {np.max(excited):.3g} rad/s is refused: "
-                f"the table of moduli covers {low:.3g} to {high:.3g} rad/s. Use a table that "
-                "covers it, or `extrapolate='plateau'`."
+                f"`omega` from {least:.3g} to {most:.3g} rad/s is refused: the table of moduli "
+                f"covers {low:.3g} to {high:.3g} rad/s. {_REMEDY}"
             )
 
     def poisson_ratio(self, omega: Numbers) -> Float[Array, ""]:
@@ -126,13 +120,10 @@ class Tabulated(AbstractMaterial):
         # As far as the first frequency can go: no two of them may become one.
         first = stretched(self.omega[:1], -shift.log_factor(temperature))
         lift = jnp.exp(shift.log_vertical(temperature))
+        omega = self.omega / self.omega[0] * first
+        # Not by the constructor: squares of frequencies far away may overflow.
         return eqx.tree_at(
-            lambda material: (material.omega, material.storage, material.loss, material.shift),
+            lambda m: (m.omega, m.storage, m.loss, m.shift),
             self,
-            (
-                self.omega / self.omega[0] * first,
-                self.storage * lift,
-                self.loss * lift,
-                shift.rebased(temperature),
-            ),
+            (omega, self.storage * lift, self.loss * lift, shift.rebased(temperature)),
         )

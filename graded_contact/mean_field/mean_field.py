@@ -61,8 +61,7 @@ from ..materials.softening import as_strain_per_slope
 from ..sliding.case import Case
 from ..sliding.heating import Heating
 from ..sliding.shear import ShearLaw, shear_stress
-from ..surfaces.cutoff import CutoffCurve
-from ..surfaces.spectrum import SelfAffine
+from ..surfaces.spectrum import CutoffCurve, SelfAffine
 from ..surfaces.statistics import slope_up_to
 from ..surfaces.surface import Surface
 from .angles import LAST_COSINE

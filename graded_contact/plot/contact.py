@@ -11,7 +11,7 @@ from ..core.display import unit_of, with_unit
 from ..core.quantities import FIELDS
 from ..mean_field.mean_field import MeanField, pressure_distribution
 from ..sliding.sliding import Sliding
-from ..surfaces.cutoff import CutoffCurve
+from ..surfaces.spectrum import CutoffCurve
 from ..surfaces.surface import Surface
 from .style import (
     COLOURS,

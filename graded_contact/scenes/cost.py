@@ -10,10 +10,10 @@ from typing import NamedTuple
 import numpy as np
 
 from ..core.display import shown
-from ..core.memory import available_memory, in_gigabytes
+from ..core.memory import available_memory, in_gigabytes, memory_of
 from .design_scene import DesignScene
-from .run_design import POLISHING, design_memory
-from .run_scene import build_surface, scene_memory
+from .run_design import POLISHING, design_fields
+from .run_scene import build_surface, scene_fields
 from .scene import Scene
 from .surface_source import RandomSurface
 
@@ -59,7 +59,7 @@ def scene_cost(scene: Scene) -> Cost:
     shape = _shape(scene)
     num_solves = scene.num_solves * (2 if scene.errors else 1)
     seconds = COMPILING + num_solves * _seconds(scene, shape)
-    return Cost(shape, scene_memory(scene, shape), num_solves, seconds)
+    return Cost(shape, memory_of(scene_fields(scene), shape), num_solves, seconds)
 
 
 def design_cost(study: DesignScene) -> Cost:
@@ -74,7 +74,7 @@ def design_cost(study: DesignScene) -> Cost:
         # The start, and each evaluation with a derivative, which takes another solve.
         num_solves += verify * num_velocities * (1 + 2 * POLISHING)
     seconds += COMPILING * (1 + 2 * study.polish) + num_solves * _seconds(scene, shape)
-    return Cost(shape, design_memory(study, shape), num_solves, seconds)
+    return Cost(shape, memory_of(design_fields(study), shape), num_solves, seconds)
 
 
 def _shape(scene: Scene) -> tuple[int, ...]:

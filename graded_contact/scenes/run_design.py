@@ -6,9 +6,7 @@ contact_problem ──── minimise ─> polished ─┼─> contact on unseen
 """
 
 import dataclasses
-import math
 from collections.abc import Callable
-from functools import partial
 from typing import Any, NamedTuple
 
 import equinox as eqx
@@ -30,7 +28,7 @@ from ..studies.search import Constraints, Design, Objective, minimise
 from ..studies.store import Point, Store, fingerprint
 from ..surfaces.surface import Surface
 from .design_scene import DesignScene
-from .run_scene import scene_memory
+from .run_scene import scene_fields
 from .surface_source import RandomSurface
 from .theory import refuse_extrapolated
 
@@ -134,8 +132,7 @@ def check_design(study: DesignScene) -> None:
     source, own = study.scene.surface, study.scene.stack
     if study.verify and isinstance(source, RandomSurface):
         with within("[grid]"):
-            needed = partial(design_memory, study)
-            check_memory("shape", source.grid.shape, needed, "this design")
+            check_memory("shape", "this design", design_fields(study), source.grid.shape)
     rough = study.spectrum if isinstance(study.spectrum, Surface) else source
     assert isinstance(rough, Surface | RandomSurface)
     refuse_extrapolated(
@@ -143,11 +140,10 @@ def check_design(study: DesignScene) -> None:
     )
 
 
-def design_memory(study: DesignScene, shape: tuple[int, ...]) -> float:
-    """Returns the bytes that the contacts of a study take on a grid of this shape."""
+def design_fields(study: DesignScene) -> float:
+    """Returns how many fields of the size of its surface the contacts of a study take."""
     fields = 2 * study.verify + DERIVATIVE if study.polish else 1
-    scene = dataclasses.replace(study.scene, fields="none")
-    return scene_memory(scene, shape) + fields * math.prod(shape) * 8
+    return fields + scene_fields(dataclasses.replace(study.scene, fields="none"))
 
 
 def mean_field_problem(study: DesignScene) -> tuple[Objective, Constraints | None]:

@@ -1,9 +1,7 @@
 """Scenes: a `slide` at every combination of the varied quantities."""
 
 import dataclasses
-import math
 from collections.abc import Callable
-from functools import partial
 from typing import TYPE_CHECKING, Any
 
 import jax
@@ -13,7 +11,7 @@ import numpy as np
 from ..blocks.stack import Stack, check_at_rest
 from ..contacts.law import HardWall
 from ..core.checks import within
-from ..core.memory import DERIVATIVE, check_memory, cycle_memory, num_numbers, sliding_memory
+from ..core.memory import CYCLE, DERIVATIVE, SLIDING, check_memory
 from ..fields.grid import velocity_along
 from ..sliding.steady import check_approach
 from ..studies.dataset import package_versions
@@ -37,24 +35,19 @@ def build_surface(scene: Scene) -> Surface:
     return scene.surface.build()
 
 
-def scene_memory(scene: Scene, shape: tuple[int, ...]) -> float:
-    """Returns the bytes that a scene takes with a surface of this shape, in double precision."""
+def scene_fields(scene: Scene) -> float:
+    """Returns how many fields of the size of its surface a scene takes."""
     kept = {"every": scene.num_solves, "last": 1, "none": 0}[scene.fields]
-    numbers, oblique = num_numbers(scene.stack), scene.direction != 0
     # The surface, what is kept, and a derivative.
-    num_fields = 1 + len(fields_of(scene)) * kept + (DERIVATIVE if scene.errors else 0)
-    fields = num_fields * math.prod(shape) * 8 * scene.num_times
-    if scene.motion is not None:
-        return fields + cycle_memory((scene.num_times, *shape), 8, scene.solver.history_length)
-    return fields + sliding_memory(shape, 8, numbers, oblique, scene.solver.history_length)
+    fields = 1 + len(fields_of(scene)) * kept + (DERIVATIVE if scene.errors else 0)
+    return scene.num_times * (fields + (SLIDING if scene.motion is None else CYCLE))
 
 
 def check_scene(scene: Scene) -> None:
     """Raises `ValueError` if a scene with a [grid] needs more memory than there is."""
     if not isinstance(scene.surface, SurfaceFile):
         with within("[grid]"):
-            needed = partial(scene_memory, scene)
-            check_memory("shape", scene.surface.grid.shape, needed, "this scene")
+            check_memory("shape", "this scene", scene_fields(scene), scene.surface.grid.shape)
 
 
 def check_run(scene: Scene, surface: Surface) -> None:

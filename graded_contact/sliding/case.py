@@ -34,7 +34,7 @@ def _numbers(name: str) -> Callable[[Any], Any]:
     return lambda value: None if value is None else as_float(value, name)
 
 
-@shown()
+@shown(units=False)
 class Case(eqx.Module):
     """A block, a rough surface, a load and a motion; see `slide` and `slide_cycle`.
 

@@ -23,7 +23,7 @@ from ..contacts.solve import contact_of, loading_of
 from ..contacts.space_time import SpaceTime, in_motion
 from ..core.checks import Numbers, as_scalar, check_squares
 from ..core.derivative import derivative_apart
-from ..core.memory import check_memory, cycle_memory
+from ..core.memory import CYCLE, check_memory
 from ..fields.devices import required
 from ..fields.grid import Grid
 from ..materials.coverage import coverage
@@ -42,12 +42,7 @@ def solve_cycle(case: Any, numerics: Numerics, start: Numbers | None = None) -> 
     period = as_scalar(case.period, "period")
     check_squares("heights", surface.heights, "m")
     heights = jnp.broadcast_to(surface.heights, (num_times, *grid.shape))
-    check_memory(
-        "displacement",
-        heights.shape,
-        lambda shape: cycle_memory(shape, heights.dtype.itemsize, numerics.solver.history_length),
-        "a cycle",
-    )
+    check_memory("displacement", "a cycle", CYCLE, heights.shape, heights.dtype.itemsize)
     loading = loading_of(case.pressure, case.mean_gap, law, heights, num_times)
     graded_solver = numerics.graded_solver
     kernel, error = periodic_kernel(stack, grid, num_times, period, graded_solver)

@@ -72,7 +72,7 @@ SAFETY = 4.0  # of the change of friction by twice the cells
 _FIRST = 0.25  # depth of the first cell [spacings]; the last one ends at the size of the surface
 
 
-@shown()
+@shown(units=False)
 class Heating(eqx.Module):
     """How heat flows in the block and in the counterface.
 

@@ -33,7 +33,7 @@ from ..fields.grid import (
     wave_frequencies,
     wavenumber,
 )
-from ..surfaces.cutoff import CutoffCurve
+from ..surfaces.spectrum import CutoffCurve
 from ..surfaces.surface import Surface, check_periodic
 from .case import Case
 from .numerics import numerics_of

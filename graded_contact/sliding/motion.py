@@ -31,7 +31,7 @@ from ..fields.grid import Grid
 _FINE = 16  # times between two of a recorded motion, before the highest frequencies are cut
 
 
-@shown("displacement", "period", "highest_speed")
+@shown("displacement", "period", "highest_speed", units=False)
 class Motion(eqx.Module):
     """A periodic motion of the surface over the block.
 

@@ -31,7 +31,7 @@ from ..materials.shift import AbstractShift, as_temperature
 ShearLaw = Callable[..., Any]
 
 
-@shown()
+@shown(units=False)
 class AbstractShear(eqx.Module):
     """A law of the frictional shear stress in the contact."""
 

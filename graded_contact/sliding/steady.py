@@ -20,7 +20,7 @@ from ..contacts.solve import LEAST_GAP, solve_contact
 from ..contacts.window import operator_of
 from ..core.checks import Numbers, as_float, check_values, is_concrete
 from ..core.compilation import jit
-from ..core.memory import check_memory, num_numbers, sliding_memory
+from ..core.memory import SLIDING, check_memory
 from ..fields.devices import num_devices
 from ..fields.grid import Grid, direction_and_speed
 from ..materials.coverage import coverage
@@ -89,20 +89,8 @@ def kernel_of(case: Any, numerics: Numerics):
     """The kernel of a case, if it is good, and its errors on a window."""
     stack, surface, velocity = case.stack, case.surface, case.velocity
     graded_solver, throw = numerics.graded_solver, numerics.throw
-    numbers, oblique = num_numbers(stack), velocity.ndim > 0
-    check_memory(
-        "surface",
-        surface.grid.shape,
-        lambda shape: sliding_memory(
-            shape,
-            surface.heights.dtype.itemsize,
-            numbers,
-            oblique,
-            numerics.solver.history_length,
-        ),
-        "sliding",
-        num_devices(surface.grid.size),
-    )
+    parts, itemsize = num_devices(surface.grid.size), surface.heights.dtype.itemsize
+    check_memory("surface", "sliding", SLIDING, surface.grid.shape, itemsize, parts)
 
     strain = None
     if case.strain_per_slope is not None:

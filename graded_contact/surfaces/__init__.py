@@ -1,10 +1,9 @@
 """Spectra, random surfaces, statistics, and the preparation of measured heights."""
 
-from .cutoff import CutoffCurve
 from .preparation import surface_from_heights
 from .random_surface import random_surface
 from .rescaling import resample, rescale
-from .spectrum import SelfAffine
+from .spectrum import CutoffCurve, SelfAffine
 from .statistics import Statistics, radial_spectrum, statistics
 from .surface import Surface
 

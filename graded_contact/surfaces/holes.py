@@ -13,52 +13,31 @@ _COARSE = 512  # lines along an axis among which the largest rectangle is sought
 
 
 def fill_holes(
-    values: np.ndarray, missing: np.ndarray, spacing: np.ndarray, fill: str | None
+    values: np.ndarray, missing: np.ndarray, spacing: np.ndarray, low: bool
 ) -> np.ndarray:
-    if fill is None:
-        raise ValueError(
-            f"`heights` has {np.sum(missing)} missing points; pass `fill='low'` to fill them."
-        )
+    """Heights in which those missing are harmonic, or sink `low` into the holes."""
     known = values[~missing]
-    scale = np.max(np.abs(known))
+    scale, length = np.max(np.abs(known)), np.inf
     bottom = float(np.quantile(known, LOW)) / scale
-    slope = step("", values, spacing).rms_slope / scale
-    descent = (np.mean(known) / scale - bottom) / (STEEPER * slope) if slope > 0 else np.inf
-    length = max(descent, 2 * float(np.max(spacing))) if fill == "low" else np.inf
+    slope = step("", np.where(missing, np.nan, values), spacing).rms_slope / scale
+    if low and slope > 0:
+        descent = (np.mean(known) / scale - bottom) / (STEEPER * slope)
+        length = max(descent, 2 * float(np.max(spacing)))
     return scale * _filled(np.where(missing, 0, values / scale), missing, spacing, bottom, length)
 
 
 def region_note(missing: np.ndarray, spacing: np.ndarray) -> str:
     """The largest part of the map that was measured completely."""
     part = _largest_rectangle(missing)
-    points = np.prod([p.stop - p.start for p in part])
-    if min(p.stop - p.start for p in part) < 4:
+    counts = [p.stop - p.start for p in part]
+    if min(counts) < 4:
         return "No part of 4 points along each axis was measured completely."
-    ends = [f"{end * apart:.6g}" for p, apart in zip(part, spacing, strict=True)
-            for end in (p.start, p.stop)]  # fmt: skip
+    pairs = zip(part, spacing, strict=True)
+    ends = [f"{end * apart:.6g}" for p, apart in pairs for end in (p.start, p.stop)]
     return (
         f"Its largest completely measured part is `region=[{', '.join(ends)}]`, "
-        f"{100 * points / missing.size:.2g} % of the points."
+        f"{100 * np.prod(counts) / missing.size:.2g} % of the points."
     )
-
-
-def filling_note(
-    missing: np.ndarray, num_missing: int, fill: str | None, rim: int, around: float, spread: float
-) -> str:
-    rings = f", with {rim} ring(s) of measured points around them," if rim else ""
-    how = "below their surroundings, so that they do not touch" if fill == "low" else (
-        "with harmonic functions"
-    )  # fmt: skip
-    note = (
-        f"Filled {num_missing} missing points ({100 * num_missing / missing.size:.2g} %){rings} "
-        f"{how}."
-    )
-    if around > 3 * spread:
-        note += (
-            f" Their rims stand out: their rms height of {around:.3g} m is {around / spread:.2g} "
-            f"times that of all measured points. They may be artefacts, see `rim={rim + 1}`."
-        )
-    return note
 
 
 def grown(missing: np.ndarray, rings: int) -> np.ndarray:
@@ -84,18 +63,17 @@ def _filled(
     right = diagonal * bottom
     for axis, pixel in enumerate(spacing):
         weight = 1 / pixel**2
-        for way in (1, -1):
-            here = np.moveaxis(number, axis, 0)[::way][:-1]
-            there = np.moveaxis(number, axis, 0)[::way][1:]
-            beside = np.moveaxis(values, axis, 0)[::way][1:]
+        for way in (1, -1):  # each point and its neighbour on either side
+            along, heights = (np.moveaxis(field, axis, 0)[::way] for field in (number, values))
+            here, there, beside = along[:-1], along[1:], heights[1:]
             inside = here >= 0
             np.add.at(diagonal, here[inside], weight)
-            known = inside & (there < 0)
+            known, unknown = inside & (there < 0), inside & (there >= 0)
             np.add.at(right, here[known], weight * beside[known])
-            unknown = inside & (there >= 0)
             rows.append(here[unknown])
             columns.append(there[unknown])
             entries.append(np.full(np.count_nonzero(unknown), -weight))
+    # Symmetric and positive definite, of entries of order one: for conjugate gradients.
     scale = np.max(diagonal)
     rows, columns = np.concatenate(rows), np.concatenate(columns)
     matrix = coo_matrix((np.concatenate(entries) / scale, (rows, columns)), (size, size)).tocsr()

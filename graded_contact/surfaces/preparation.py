@@ -10,6 +10,7 @@ length of an edge. There they lose some slope, which a common factor restores.
 """
 
 import dataclasses
+import functools
 from typing import Literal
 
 import numpy as np
@@ -18,7 +19,7 @@ from jaxtyping import ArrayLike
 from ..core.checks import Numbers, check_types, check_whole
 from ..core.display import with_unit
 from ..fields.grid import Grid
-from .holes import fill_holes, filling_note, grown, region_note
+from .holes import fill_holes, grown, region_note
 from .rescaling import resample
 from .surface import Step, Surface, step
 
@@ -81,11 +82,9 @@ def surface_from_heights(
     values = np.where(np.isfinite(values), values, np.nan)
     edges = np.asarray(Grid(values.shape, size).size, float)  # refuses a wrong number of axes
     _check_measured(values[np.isfinite(values)])
-    if np.nanmax(np.abs(values)) > LARGEST:
-        raise ValueError(
-            f"`heights` reach {np.nanmax(np.abs(values)):.3g} m: the file is damaged, or `unit` is "
-            "not that of its numbers."
-        )
+    highest = np.nanmax(np.abs(values))
+    if highest > LARGEST:
+        raise ValueError(f"`heights` reach {highest:.3g} m: damaged, or of another `unit`.")
     prepared = _Prepared(values, edges / np.array(values.shape), list(history), list(steps))
     prepared.record("equally spaced" if steps else "read")
     if region is not None:
@@ -123,6 +122,7 @@ class _Prepared:
         known = self.values[~self.missing]
         _check_measured(known)
         plane, slopes = _plane(self.values, self.missing, self.spacing)
+        # That of the roughness, with which rims of holes are compared.
         self.spread = float(np.std((self.values - plane)[~self.missing]))
         if self.spread <= 1e-12 * np.max(np.abs(known)):
             raise ValueError("`heights` is a plane: no roughness is left after levelling.")
@@ -139,14 +139,24 @@ class _Prepared:
         )
 
     def fill(self, fill: str | None, rim: int) -> None:
-        missing = self.missing
+        missing, count = self.missing, self.num_missing
+        if fill is None:
+            raise ValueError(f"`heights` has {count} missing points; pass `fill='low'`.")
         around = np.sqrt(np.mean(self.values[grown(missing, 1) & ~missing] ** 2))
-        self.notes.append(region_note(missing, self.spacing))
-        self.values = fill_holes(
-            np.where(missing, np.nan, self.values), missing, self.spacing, fill
+        self.values = fill_holes(self.values, missing, self.spacing, fill == "low")
+        how = "below their surroundings, so that they do not touch"
+        note = (
+            f"Filled {count} missing points ({100 * count / missing.size:.2g} %)"
+            f"{f', with {rim} ring(s) of measured points around them,' if rim else ''} "
+            f"{how if fill == 'low' else 'with harmonic functions'}."
         )
-        note = filling_note(missing, self.num_missing, fill, rim, around, self.spread)
-        self.notes.append(note)
+        if around > 3 * self.spread:
+            note += (
+                f" Their rims stand out: their rms height of {around:.3g} m is "
+                f"{around / self.spread:.2g} times that of all measured points. They may be "
+                f"artefacts, see `rim={rim + 1}`."
+            )
+        self.notes += [region_note(missing, self.spacing), note]
         self.record("filled")
 
     def join(self) -> None:
@@ -180,11 +190,9 @@ class _Prepared:
             )
             self.record("tapered")
         elif periodic == "mirror":
-            for axis in range(self.values.ndim):
-                self.values, measured = (
-                    np.concatenate([field, np.flip(field, axis)], axis)
-                    for field in (self.values, measured)
-                )
+            width = [(0, n) for n in self.values.shape]
+            self.values = np.pad(self.values, width, "symmetric")
+            measured = np.pad(measured, width, "symmetric")
             self.notes.append("Reflected about the end of each axis, doubling it.")
             self.record("mirrored")
         elif periodic == "open":
@@ -209,24 +217,23 @@ def _check_measured(known: np.ndarray) -> None:
 
 def _part(region: Numbers, shape: tuple[int, ...], spacing: np.ndarray) -> tuple[slice, ...]:
     """The points in a region [m]."""
-    limits = np.asarray(region, float)
-    size = spacing * np.array(shape)
-    allowed = "[x0, x1, y0, y1]" if len(shape) == 2 else "[x0, x1]"
-    if limits.shape != (2 * len(shape),) or not np.all(np.isfinite(limits)):
-        raise ValueError(f"`region={limits.tolist()}` is refused: it must be {allowed} [m].")
-    ends = np.rint(limits.reshape(-1, 2) / spacing[:, None]).astype(int)
-    if np.any(ends < 0) or np.any(ends[:, 1] > shape) or np.any(ends[:, 1] - ends[:, 0] < 4):
-        raise ValueError(
-            f"`region={limits.tolist()}` is refused: {allowed} must lie in the map of "
-            f"{' x '.join(f'{s:.4g}' for s in size)} m and hold at least 4 points along each axis."
-        )
-    return tuple(slice(first, last) for first, last in ends)
+    limits, size = np.asarray(region, float), spacing * np.array(shape)
+    if limits.shape == (2 * len(shape),) and np.all(np.isfinite(limits)):
+        ends = np.rint(limits.reshape(-1, 2) / spacing[:, None]).astype(int)
+        if np.all(ends >= 0) and np.all(ends[:, 1] <= shape) and np.all(np.diff(ends) >= 4):
+            return tuple(slice(first, last) for first, last in ends)
+    raise ValueError(
+        f"`region={limits.tolist()}` is refused: {['[x0, x1]', '[x0, x1, y0, y1]'][size.size - 1]} "
+        f"[m] must lie in the map of {' x '.join(f'{s:.4g}' for s in size)} m and hold at least 4 "
+        "points along each axis."
+    )
 
 
 def _plane(
     values: np.ndarray, missing: np.ndarray, spacing: np.ndarray
 ) -> tuple[np.ndarray, np.ndarray]:
     """The least-squares plane through the measured points, and its slopes [1]."""
+    # About the middle, where mean and slopes are independent unless points are missing.
     axes = [(np.arange(n) + 0.5) / n - 0.5 for n in values.shape]
     columns = [np.broadcast_to(x, values.shape) for x in np.meshgrid(*axes, indexing="ij")]
     basis = np.stack([np.ones(values.shape), *columns], axis=-1)
@@ -250,12 +257,9 @@ def _harmonic(values: np.ndarray, spacing: np.ndarray) -> np.ndarray:
 
 def _window(values: np.ndarray) -> tuple[np.ndarray, np.ndarray, float]:
     """The tapered heights with their rms restored, the window, and the factor that restored it."""
-    window = np.ones(values.shape)
-    for axis, n in enumerate(values.shape):
-        x = (np.arange(n) + 0.5) / n
-        edge = np.minimum(np.minimum(x, 1 - x) / TAPER, 1)
-        taper = np.sin(np.pi / 2 * edge) ** 2
-        window = window * np.expand_dims(taper, [a for a in range(values.ndim) if a != axis])
+    x = [(np.arange(n) + 0.5) / n for n in values.shape]
+    flanks = [np.minimum(np.minimum(x, 1 - x) / TAPER, 1) for x in x]
+    window = functools.reduce(np.multiply.outer, [np.sin(np.pi / 2 * f) ** 2 for f in flanks])
     tapered = window * (values - np.mean(values))
     if np.std(tapered) <= 1e-6 * np.std(values):
         raise ValueError("`heights` vary only at the edges, where the window is zero.")
@@ -273,8 +277,8 @@ def _check_seams(values: np.ndarray) -> None:
         limit = 2 + 3 / np.sqrt(seam.size)
         if across > limit * inside:
             raise ValueError(
-                f"`periodic=None` is refused: this is a surface that is not periodic. Along {name} "
-                f"the heights jump by {across:.3g} m (rms) from the last point to the first, "
-                f"{across / max(inside, 1e-300):.3g} times the step between neighbours (the limit "
-                f"is {limit:.3g}). Leave out `periodic`, or pass `periodic='mirror'`."
+                f"`periodic=None` is refused: along {name} the heights jump by {across:.3g} m from "
+                f"the last point to the first, {across / max(inside, 1e-300):.3g} times the step "
+                f"between neighbours (the limit is {limit:.3g}). Leave out `periodic`, or pass "
+                "`periodic='mirror'`."
             )

@@ -11,9 +11,9 @@ import numpy as np
 from jax import Array
 from jaxtyping import PRNGKeyArray
 
-from ..core.checks import check_types, is_concrete, short
+from ..core.checks import check_types, check_values, is_concrete, short
 from ..core.compilation import jit
-from ..core.memory import check_memory, surface_memory
+from ..core.memory import SURFACE, check_memory
 from ..fields.devices import num_devices
 from ..fields.grid import (
     Grid,
@@ -26,11 +26,6 @@ from ..fields.grid import (
 )
 from .spectrum import SelfAffine, narrowing, relative_density, rms_height_of
 from .surface import Surface
-
-
-def memory_in(grid: Grid):
-    """Bytes that a surface of a shape takes, in the dtype of the grid."""
-    return lambda shape: surface_memory(shape, grid.size.dtype.itemsize)
 
 
 @check_types
@@ -62,8 +57,8 @@ def random_surface(
     if not isinstance(key, jax.Array | np.ndarray) or key.dtype in (np.float32, np.float64):
         seed = key if isinstance(key, int) else 0
         raise ValueError(f"`key={short(key)}` must be a random key: `jax.random.key({seed})`.")
-    parts = num_devices(grid.size)
-    check_memory("grid", grid.shape, memory_in(grid), "a random surface", parts)
+    parts, itemsize = num_devices(grid.size), grid.size.dtype.itemsize
+    check_memory("grid", "a random surface", SURFACE, grid.shape, itemsize, parts)
     _check_band(spectrum, grid)
     return Surface(_synthesise(spectrum, grid, key, amplitudes == "gaussian"), grid)
 
@@ -77,26 +72,17 @@ def _check_band(spectrum: SelfAffine, grid: Grid) -> None:
     size = np.asarray(grid.size, float)  # NumPy: under `jit` JAX would trace even known numbers
     nyquist = np.pi * np.min(np.array(grid.shape) / size)
     fundamental = 2 * np.pi / np.max(size)
-    if q_high > nyquist * (1 + rounding):
-        raise ValueError(
-            f"`q_high={q_high:g}` is refused: the grid's Nyquist wavenumber is {nyquist:g} rad/m. "
-            f"Use at least {q_high / nyquist:.3g} times as many points, or a smaller `q_high`."
-        )
-    if q_low < fundamental * (1 - rounding):
-        raise ValueError(
-            f"`q_low={q_low:g}` is refused: the smallest wavenumber of the cell is "
-            f"2π/L = {fundamental:g} rad/m. Use a larger cell, or a larger `q_low`."
-        )
-    lay = spectrum.anisotropy
-    if lay is not None and is_concrete(lay) and is_concrete(spectrum.q_roll):
-        longest = float(spectrum.q_roll) / fundamental
-        if float(lay) > max(longest, 1) * (1 + rounding):
-            raise ValueError(
-                f"`anisotropy={float(lay):g}` is refused: the correlation length along the lay, "
-                f"γ/q_roll, must be at most that of the cell, L/2π, otherwise the modes do not "
-                f"resolve the spectrum. This cell takes up to {max(longest, 1):.3g}. For a longer "
-                "lay use a larger cell; for an endless lay a profile, on a 1-D grid."
-            )
+    allowed = f"the grid's Nyquist wavenumber is {nyquist:g} rad/m. Use more points, at least "
+    allowed += f"{q_high / nyquist:.3g} times as many"
+    check_values("q_high", q_high, allowed, at_most=nyquist * (1 + rounding))
+    allowed = f"the smallest wavenumber of the cell is 2π/L = {fundamental:g} rad/m"
+    check_values("q_low", q_low, allowed, at_least=fundamental * (1 - rounding))
+    if spectrum.anisotropy is not None and is_concrete(spectrum.q_roll):
+        # A correlation length along the lay beyond that of the cell has too few modes.
+        longest = max(float(spectrum.q_roll) / fundamental, 1)
+        allowed = f"γ/q_roll must be at most L/2π. This cell takes up to {longest:.3g}; for a "
+        allowed += "longer lay use a larger cell, for an endless one a profile"
+        check_values("anisotropy", spectrum.anisotropy, allowed, at_most=longest * (1 + rounding))
     if q_high < 2 * fundamental * (1 + rounding) or q_high < 2 * q_low:
         modes = zip(mode_numbers(grid.shape), size, strict=True)
         q = np.sqrt(sum((2 * np.pi * k / length) ** 2 for k, length in modes))
@@ -116,6 +102,7 @@ def _synthesise(spectrum: SelfAffine, grid: Grid, key: Array, gaussian: bool) ->
         # The angle of q = 0, which is empty, is that of an arbitrary other one.
         direction = jnp.arctan2(qy, jnp.where(zero_mode(grid.shape), 1, qx))
         density *= narrowing(spectrum, x, direction - spectrum.angle - np.pi / 2)
+    # What one mode has of <h²>: C times its cell in the plane of wavevectors.
     density *= jnp.prod(2 * np.pi / (grid.size * spectrum.q_roll))
     occupied = (density > 0) & ~nyquist_lines(grid.shape)
     magnitude = jnp.sqrt(jnp.where(occupied, density, 1)) * occupied
@@ -140,8 +127,8 @@ def _mode_bits(key: Array, shape: tuple[int, ...]) -> tuple[Array, Array, Array]
         stream = jax.random.fold_in(jax.random.fold_in(key, row), column)
         return jax.random.bits(stream, (2,), "uint32")
 
-    across = jax.vmap(words, (None, 0))
-    bits = jax.vmap(across, (0, None))(rows.ravel(), columns.ravel())
+    of_all = jax.vmap(jax.vmap(words, (None, 0)), (0, None))
+    bits = of_all(rows.ravel(), columns.ravel())
     bits = bits.reshape(*np.broadcast_shapes(*(k.shape for k in numbers)), 2)
     # Combined by XLA: otherwise a constant as large as the grid would be compiled in.
     mirrored = jnp.asarray(rows < 0) & jnp.asarray(columns == 0)

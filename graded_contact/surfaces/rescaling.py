@@ -8,10 +8,9 @@ from jax import Array
 from jaxtyping import ScalarLike
 
 from ..core.checks import check_positive, check_types, is_concrete
-from ..core.memory import check_memory
+from ..core.memory import SURFACE, check_memory
 from ..fields.devices import num_devices
 from ..fields.grid import Grid, resample_spectrum, to_field, to_spectrum
-from .random_surface import memory_in
 from .spectrum import check_square, one_of_height_and_slope
 from .statistics import statistics
 from .surface import Surface, check_periodic, step
@@ -34,14 +33,8 @@ def rescale(
     check_square(name, target)
     actual = getattr(statistics(surface), name)
     check_positive(f"statistics(surface).{name}", actual, "(a flat surface cannot be rescaled)")
-    return _changed(
-        surface,
-        "rescaled",
-        surface.heights * (target / actual),
-        surface.grid,
-        f"Heights were multiplied to prescribe the {name}.",
-        surface.measured,
-    )
+    heights, note = surface.heights * (target / actual), f"Multiplied to prescribe the {name}."
+    return _changed(surface, "rescaled", note, heights, surface.grid, surface.measured)
 
 
 @check_types
@@ -65,19 +58,14 @@ def resample(surface: Surface, shape: int | tuple[int, ...]) -> Surface:
     grid = Grid(shape, surface.grid.size)
     if grid.shape == old:
         return surface
-    check_memory("shape", grid.shape, memory_in(grid), "a surface", num_devices(grid.size))
-    nearest = np.ix_(
-        *(np.rint(np.arange(m) * (n / m)).astype(int) % n
-          for n, m in zip(old, grid.shape, strict=True))
-    )  # fmt: skip
-    return _changed(
-        surface,
-        "resampled",
-        _resampled(surface.heights, grid.shape),
-        grid,
-        f"Resampled from {old} to {grid.shape} points by Fourier modes.",
-        None if surface.measured is None else surface.measured[nearest],
-    )
+    parts, itemsize = num_devices(grid.size), grid.size.dtype.itemsize
+    check_memory("shape", "a surface", SURFACE, grid.shape, itemsize, parts)
+    pairs = zip(old, grid.shape, strict=True)
+    nearest = np.ix_(*(np.rint(np.arange(m) * (n / m)).astype(int) % n for n, m in pairs))
+    measured = None if surface.measured is None else surface.measured[nearest]
+    note = f"Resampled from {old} to {grid.shape} points by Fourier modes."
+    heights = _resampled(surface.heights, grid.shape)
+    return _changed(surface, "resampled", note, heights, grid, measured)
 
 
 @partial(jax.jit, static_argnums=1)
@@ -86,17 +74,9 @@ def _resampled(heights: Array, shape: tuple[int, ...]) -> Array:
     return to_field(modes, shape) * (np.prod(shape) / heights.size)
 
 
-def _changed(
-    surface: Surface,
-    name: str,
-    heights: Array,
-    grid: Grid,
-    sentence: str,
-    measured: Array | None,
-) -> Surface:
+def _changed(surface: Surface, name: str, note: str, heights, grid: Grid, measured) -> Surface:
     """The surface after a step, which its history and its steps (if recorded) get too."""
     steps = surface.steps
     if steps and is_concrete(heights):
-        steps = (*steps, step(name, np.asarray(heights), np.asarray(grid.spacing)))
-    history = (*surface.history, sentence)
-    return Surface(heights, grid, history, measured, steps, surface.periodic)
+        steps = (*steps, step(name, heights, grid.spacing))
+    return Surface(heights, grid, (*surface.history, note), measured, steps, surface.periodic)

@@ -37,7 +37,7 @@ from ..core.display import shown
 UNITS = {"rms_height": "[m]", "rms_slope": "[1]"}
 
 
-@shown()
+@shown(units=False)
 class SelfAffine(eqx.Module):
     """A self-affine spectrum with a roll-off, isotropic or with a lay.
 
@@ -96,13 +96,15 @@ class SelfAffine(eqx.Module):
         self.hurst = as_scalar(hurst, "hurst")
         self.q_low, self.q_roll = as_scalar(q_low, "q_low"), as_scalar(q_roll, "q_roll")
         self.q_high = as_scalar(q_high, "q_high")
-        check_values(
-            "hurst", self.hurst, "it must be greater than 0 and at most 1", above=0, at_most=1
-        )
-        check_positive("q_low", self.q_low, "[rad/m]")
+        allowed = "it must be greater than 0 and at most 1"
+        check_values("hurst", self.hurst, allowed, above=0, at_most=1)
+        for name in ("q_low", "q_roll", "q_high"):
+            check_positive(name, getattr(self, name), "[rad/m]")
         _check_order("q_roll", self.q_roll, "q_low", self.q_low)
         _check_order("q_high", self.q_high, "q_roll", self.q_roll)
-        _check_order("q_high", self.q_high, "q_low", self.q_low, above=True)
+        if is_concrete(self.q_low):
+            allowed = f"it must exceed `q_low={float(self.q_low):g}` [rad/m]"
+            check_values("q_high", self.q_high, allowed, above=float(self.q_low))
         if all(map(is_concrete, jax.tree.leaves(self))):
             check_square(self.prescribed, self.amplitude, _squares(self))
 
@@ -159,6 +161,28 @@ class SelfAffine(eqx.Module):
         """
         ratio = _relative_moment(self, order, ndim) / _relative_moment(self, 0, ndim)
         return (rms_height_of(self, ndim) * self.q_roll ** (order / 2)) ** 2 * ratio
+
+
+@shown()
+class CutoffCurve(eqx.Module):
+    """Friction and contact area up to each cut-off.
+
+    Which waves count depends on the function: `cumulative_friction` adds up the waves of one
+    contact, `area_against_cutoff` and `mean_field_friction` leave out those of the surface.
+
+    **Fields:**
+
+    - `cutoff`: wavenumbers q [rad/m], increasing, shape `(cutoffs,)`.
+    - `friction`: force opposing the motion over the load [1], shape `(cutoffs,)`.
+    - `contact_area`: fraction of the nominal area in contact [1], shape `(cutoffs,)`; None where
+      there is one contact.
+    - `contact_area_smooth`: that with sub-pixel edges [1], shape `(cutoffs,)`; None without a grid.
+    """
+
+    cutoff: Float[Array, " cutoffs"]
+    friction: Float[Array, " cutoffs"]
+    contact_area: Float[Array, " cutoffs"] | None = None
+    contact_area_smooth: Float[Array, " cutoffs"] | None = None
 
 
 def _lay(
@@ -218,15 +242,10 @@ def _squares(spectrum: SelfAffine) -> list[float]:
     return [each - found[spectrum.prescribed == "rms_slope"] for each in found]
 
 
-def _check_order(name: str, value: Array, lower_name: str, lower: Array, above=False) -> None:
-    check_positive(name, value, "[rad/m]")
-    if not (is_concrete(lower) and is_concrete(value)):
-        return
-    if float(value) < float(lower) or (above and float(value) == float(lower)):
-        raise ValueError(
-            f"`{name}={float(value):g}` is refused: it must {'exceed' if above else 'be at least'} "
-            f"`{lower_name}={float(lower):g}` [rad/m]."
-        )
+def _check_order(name: str, value: Array, lower_name: str, lower: Array) -> None:
+    if is_concrete(lower):
+        allowed = f"it must be at least `{lower_name}={float(lower):g}` [rad/m]"
+        check_values(name, value, allowed, at_least=float(lower))
 
 
 def _power_integral(exponent: Any, length: Any, lib: Any) -> Any:

@@ -34,7 +34,7 @@ class Step(NamedTuple):
     missing: float
 
 
-@shown("grid", "heights", "periodic", "measured", "history", "caveats")
+@shown("grid", "heights", "periodic", "measured", "history", "caveats", units=False)
 class Surface(eqx.Module):
     """Heights of a rough surface: periodic, or on a window with no pressure around it.
 

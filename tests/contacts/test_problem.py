@@ -7,8 +7,9 @@ from oracles import dense_contact, dense_operator
 
 import graded_contact as gc
 from graded_contact import reference
-from graded_contact.contacts import anderson, splitting
+from graded_contact.contacts import splitting
 from graded_contact.contacts.area import contact_area_corrected
+from graded_contact.core import anderson
 from graded_contact.fields.grid import half_shape, wavenumber, wavevector
 
 SMALL = gc.Grid((16, 16), 1.0)

@@ -20,7 +20,6 @@ LOAD = 0.05
 class ProjectedGradient(gc.contacts.AbstractContactSolver):
     """Least energy of an elastic block under pressures >= 0 of the given mean, by FISTA."""
 
-    history_length: ClassVar[int] = 1
     finds_unstable: ClassVar[bool] = False
 
     def solve(self, operator, heights, law, loading, *, rtol, start):

@@ -90,7 +90,7 @@ def test_check_tolerance_refuses_what_precision_cannot_reach_with_the_remedy():
     check_tolerance("rtol", 1e-13, double)
     with pytest.raises(ValueError, match=r"`rtol=1e-06` cannot be .* float32.*jax_enable_x64"):
         check_tolerance("rtol", 1e-6, single)
-    with pytest.raises(ValueError, match=r"float64 \(the floor is 2e-14\)\. Pass a larger `rtol`"):
+    with pytest.raises(ValueError, match=r"float64 \(the floor is 2e-14\): pass a larger `rtol`"):
         check_tolerance("rtol", 1e-15, double)
     for value in (0.0, 1.0, np.nan):
         with pytest.raises(ValueError, match="`rtol"):
@@ -106,7 +106,5 @@ def test_an_object_is_named_by_its_class_and_a_call_by_the_arguments_it_lacks(un
     with pytest.raises(ValueError, match=r"^`stack=Surface\(\.\.\.\)` must be Stack\.$"):
         gc.slide(surface, stack, pressure=1e5, velocity=0.1)
     for given, named in (((1e5, 0.1), {}), ((), {"presure": 1e5}), ((), {"pressure": 1e5})):
-        with pytest.raises(
-            TypeError, match=r"^slide: .*in order `stack`.*by keyword `pressure`, `me"
-        ):
+        with pytest.raises(TypeError, match=r"^slide: .*it takes `stack`, .*, `pressure`, `me"):
             gc.slide(stack, surface, *given, **named)

@@ -42,7 +42,7 @@ def test_shapes_are_known_under_jit(ten_gigabytes):
     """Nothing of this size is allocated: only shapes are traced."""
     heights = jax.ShapeDtypeStruct((16384, 16384), jnp.float64)
     kernel = jax.ShapeDtypeStruct((16384, 8193), jnp.float64)
-    with pytest.raises(ValueError, match=r"`heights` is refused: a contact .* 8192 x 8192 would"):
+    with pytest.raises(ValueError, match=r"`heights` is refused: a contact .* 4096 x 4096 would"):
         jax.eval_shape(lambda k, h: gc.solve_contact(k, h, 1e5), kernel, heights)
 
     def friction(h):
@@ -54,20 +54,16 @@ def test_shapes_are_known_under_jit(ten_gigabytes):
 
 
 def test_a_grid_of_the_named_size_fits(ten_gigabytes):
-    def needed(shape):
-        return _memory.sliding_memory(shape, 8, 60, False, 5)
-
     with pytest.raises(ValueError, match="One of 4096 x 4096 would fit"):
-        _memory.check_memory("grid", (8192, 8192), needed, "sliding")
-    _memory.check_memory("grid", (4096, 4096), needed, "sliding")
-    assert needed((4096, 4096)) <= 1e10 < needed((8192, 8192))
+        _memory.check_memory("grid", "sliding", _memory.SLIDING, (8192, 8192))
+    _memory.check_memory("grid", "sliding", _memory.SLIDING, (4096, 4096))
 
 
 def test_devices_with_memory_of_their_own_hold_a_grid_together(ten_gigabytes, monkeypatch):
     def check(devices):
-        _memory.check_memory("grid", (8192, 8192), lambda s: 160 * s[0] * s[1], "a", devices)
+        _memory.check_memory("grid", "a", 20, (8192, 8192), devices=devices)
 
-    with pytest.raises(ValueError, match="a of 8192 x 8192 points takes about 11 GB"):
+    with pytest.raises(ValueError, match="a of 8192 x 8192 points takes about 12 GB"):
         check(4)  # of one CPU
     monkeypatch.setattr(jax, "default_backend", lambda: "gpu")
     check(4)
@@ -103,7 +99,7 @@ def test_free_memory_is_the_least_of_machine_and_group(monkeypatch):
         "/sys/fs/cgroup/a/memory.stat": ["anon 4", "inactive_file 100000"],
     }
     monkeypatch.setattr(_memory, "_lines", lambda path: files.get(str(path), []))
-    assert _memory._of_machine() == 1024000
+    assert _memory._of_machine() == [1024000]
     assert _memory._of_groups() == [500000]
 
 
@@ -113,4 +109,4 @@ def test_small_scenes_ask_nobody(monkeypatch):
 
     monkeypatch.setattr(_memory, "available_memory", fail)
     assert parse_scene(SCENE).velocity.size == 1
-    _memory.check_memory("grid", (512, 512), lambda s: _memory.contact_memory(s, 8, 5), "a")
+    _memory.check_memory("grid", "a", _memory.CONTACT, (256, 256))

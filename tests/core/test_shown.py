@@ -68,7 +68,7 @@ def test_a_result_shows_numbers_units_errors_shapes_and_how_it_ended():
     assert "small strains" in repr(steep)
 
 
-def test_a_derivative_shows_no_units_of_what_it_is_by(unchecked_types):
+def test_only_results_show_units_since_a_derivative_has_the_class_of_what_it_is_by():
     layer = gc.Layer(gc.Elastic(1e7, 0.3), 1e-5)
     rubber = gc.Prony(1e6, [1e7], [1e-3], 0.4, shift=gc.WLF(10.0, 50.0, 300.0))
     stack = gc.Stack(layers=(layer,), base=gc.HalfSpace(rubber))
@@ -76,21 +76,16 @@ def test_a_derivative_shows_no_units_of_what_it_is_by(unchecked_types):
     for text in (repr(slope), repr(slope.layers[0]), repr(slope.base.material)):
         assert "thickness" in text or "equilibrium" in text
         assert "[m]" not in text and "[Pa]" not in text
-    assert ">thickness<" in slope._repr_html_()
-    for same in (stack, gc.with_values(stack, {"layers[0].thickness": 2e-5}), stack.at(310.0)):
-        assert "thickness [m]" in repr(same) and "equilibrium [Pa]" in repr(same)
     omega = np.geomspace(1.0, 1e5, 20)
-    fitted = gc.fit_prony(omega, np.asarray(rubber.modulus(omega)), terms=1).material
-    for material in (rubber.at(310.0), fitted):
-        assert "equilibrium [Pa]" in repr(material)
+    assert "equilibrium  1e+06" in repr(rubber)
+    assert "equilibrium [Pa]" in repr(gc.fit_prony(omega, rubber.modulus(omega), terms=1))
 
 
 def test_traced_results_show_their_shapes():
     seen = []
-    jax.jit(lambda s: seen.append((repr(s), eqx.tree_pformat(s), s._repr_html_())))(sliding())
+    jax.jit(lambda s: seen.append((repr(s), eqx.tree_pformat(s))))(sliding())
     assert seen[0][0] == seen[0][1]
     assert "f64[]" in seen[0][0]
-    assert "f64[]" in seen[0][2]
 
 
 @pytest.mark.parametrize("kind", RESULT_CLASSES, ids=lambda kind: kind.__name__)

@@ -7,7 +7,6 @@ import subprocess
 import sys
 from pathlib import Path
 
-import jax
 import numpy as np
 import pytest
 
@@ -70,11 +69,6 @@ def test_what_is_refused_is_named_wherever_it_lies(found):
 def test_what_are_no_devices_is_refused(unchecked_types, devices):
     with pytest.raises(ValueError, match=r"`devices=.*must be a list such as"):
         Grid((8, 8), 1.0, devices)
-
-
-def test_a_single_device_is_as_none():
-    grid = Grid((7, 8), 1.0, jax.devices()[:1])
-    assert grid.sharding is None and grid.shape == (7, 8)
 
 
 @pytest.mark.slow

@@ -11,18 +11,6 @@ import pytest
 from graded_contact.materials.library import tyre_tread
 
 
-def test_tread_has_the_tabulated_series():
-    tread = tyre_tread()
-    assert tread.equilibrium == 6.51e6
-    assert tread.times.shape == (18,)
-    for index, time, strength in ((0, 1.98e-14, 1.12e8), (3, 1.64e-11, 6.95e8),
-                                  (9, 9.5e-6, 5.25e6), (17, 592.0, 3.84e5)):  # fmt: skip
-        assert tread.times[index] == time
-        assert tread.strengths[index] == strength
-    np.testing.assert_allclose(tread.glassy, 2457203000.0, rtol=1e-15)
-    assert np.log10(tread.times[-1] / tread.times[0]) > 10
-
-
 def test_tread_has_the_properties_its_documentation_states():
     tread = tyre_tread()
     frequency = np.concatenate([[0.16, 1.6e3, 16e6], np.logspace(-1, 11, 2401)])

@@ -167,17 +167,6 @@ def test_negligible_branches_stay_negligible(weak, times):
     assert jnp.min(compliances) < 2 * weak
 
 
-def test_creep_orders_by_time_and_keeps_poisson_and_shift():
-    shift = WLF(5.0, 100.0, 300.0)
-    material = Prony.from_creep(1e9, [1e-8, 1e-7], [1e-3, 1e-6], poisson=0.4, shift=shift)
-    assert material.poisson == 0.4
-    assert material.shift is shift
-    assert jnp.all(jnp.diff(material.times) < 0)
-    assert material.poisson_ratio(jnp.ones(5)) == 0.4
-    np.testing.assert_allclose(material.equilibrium, 1 / (1e-9 + 1.1e-7), rtol=1e-15)
-    np.testing.assert_allclose(material.glassy, 1e9, rtol=1e-15)
-
-
 def check_gradient(function, x):
     """Compares jax.grad with central differences of fourth order, all unknowns of order one."""
     gradient, step = jax.jit(jax.grad(function))(x), 1e-3
@@ -205,13 +194,6 @@ def test_gradients_of_moduli_and_creep_match_differences(function, point):
     """By the logarithms of the modulus, of two strengths and of two times."""
     by = jax.jit(lambda x: function(jnp.exp(x[0]), jnp.exp(x[1:3]), jnp.exp(x[3:5])))
     check_gradient(by, jnp.array(point))
-
-
-def test_gradient_at_rest_and_at_the_branch_of_the_formula_is_finite():
-    slope = jax.jit(jax.grad(lambda material, omega: material.modulus(omega).real))
-    for omega in (0.0, 1.0, 1e200):
-        gradient = slope(Prony(1.0, [2.0], [1.0]), omega)
-        assert all(np.all(np.isfinite(leaf)) for leaf in jax.tree.leaves(gradient))
 
 
 def test_elastic_modulus_is_the_same_real_number_at_every_frequency():

@@ -96,18 +96,6 @@ def test_constant_factors_are_scaled_moduli(factors):
     np.testing.assert_allclose(touching.friction, alone.friction, rtol=1e-10)
 
 
-@pytest.mark.slow
-def test_constant_factors_under_heat_are_a_scaled_series():
-    soft = StrainSoftening(RUBBER, [1e-3, 1.0], [0.6, 0.6], [0.6, 0.6])
-    scaled = gc.Prony(6e5, [2.4e6, 1.2e7], [1e-2, 1e-4], 0.49, shift=RUBBER.shift)
-    how = {"temperature": 300.0, "heating": gc.sliding.Heating(2e-4, 1e-7), "velocity": 10.0}
-    one = slide(gc.Stack(base=gc.HalfSpace(soft)), PROFILE, strain_per_slope=0.7, **how)
-    two = slide(gc.Stack(base=gc.HalfSpace(scaled)), PROFILE, **how)
-    assert jnp.max(jnp.abs(two.heated.rises)) > 0.1
-    np.testing.assert_allclose(one.heated.surface_rise, two.heated.surface_rise, rtol=1e-6)
-    np.testing.assert_allclose(one.friction, two.friction, rtol=1e-8)
-
-
 def test_mean_field_matches_the_differential_equations():
     """The slope up to q is a third unknown of the equations, by SciPy."""
     f, g = (PchipInterpolator(np.log(STRAIN), np.log(v)) for v in (STORAGE, LOSS))

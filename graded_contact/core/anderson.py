@@ -1,9 +1,10 @@
 """Anderson's acceleration of a fixed-point iteration, with few earlier iterates.
 
-D. G. Anderson, J. ACM 12 (1965) 547, doi:10.1145/321296.321305. Its cost is that of
-reading memory: images are stored as differences, so that the newest are combined in few passes. On
-large grids they are stored in single precision, which changes the combination by 1e-7 of the
-residual, and their products are summed over every fourth row.
+D. G. Anderson, J. ACM 12 (1965) 547, doi:10.1145/321296.321305: the next iterate is the affine
+combination of the last images whose changes nearly cancel. Contacts use it on whole fields, where
+its cost is that of reading memory: images are stored as differences, so that the newest are
+combined in few passes. On large grids they are stored in single precision, which changes the
+combination by 1e-7 of the residual, and their products are summed over every fourth row.
 """
 
 import equinox as eqx
@@ -17,7 +18,7 @@ from jaxtyping import Bool, Float
 # (`bench_contact.py overhead`).
 SAMPLED_FROM = 2**16
 _SAMPLE = 4
-CYCLE = 2  # steps of the iteration between accelerations
+CYCLE = 2  # steps of a contact between accelerations
 
 
 class History(eqx.Module):
@@ -39,13 +40,13 @@ class History(eqx.Module):
         return self.cycles * CYCLE
 
     @classmethod
-    def empty(cls, z, m: int) -> "History":
+    def empty(cls, z: Float[Array, "*shape"], m: int) -> "History":
+        """Returns the state at a start z, before its first image."""
         stored = jnp.float32 if z.size >= SAMPLED_FROM else z.dtype
         fields = jnp.zeros((m, *z.shape), stored)
         changes = jnp.zeros((m, *z[_sample(z.size)].shape), stored)
         products, infinite = jnp.zeros((m, m), z.dtype), jnp.asarray(jnp.inf, z.dtype)
-        none = jnp.asarray(0)
-        running = jnp.asarray(True)
+        none, running = jnp.asarray(0), jnp.asarray(True)
         return cls(z, z, fields, changes, products, none, infinite, none, infinite, running)
 
 

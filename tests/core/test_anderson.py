@@ -4,7 +4,7 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 
-from graded_contact.contacts.anderson import History, accelerate
+from graded_contact.core.anderson import History, accelerate
 
 step = partial(jax.jit(accelerate), running=True)
 
