@@ -77,8 +77,7 @@ class AdhesiveLJ(AbstractLaw):
         return proximal_root(self._pressure_and_slope, self.range, v, low, high, 16)
 
     def contact_indicator(self, pressure, gap, stiffness):
-        edge = self.contact_gap * self.range
-        return indicator_of_gap(pressure - self.pressure_at(edge), gap - edge, stiffness)
+        return indicator_of_gap(self, pressure, gap, stiffness)
 
 
 @shown()

@@ -32,17 +32,17 @@ class AbstractLaw(eqx.Module):
     `attracts` is whether σ rises with u anywhere: then solutions depend on history.
     """
 
-    attracts: ClassVar[bool]
+    attracts: ClassVar[bool] = False
 
     @property
-    @abstractmethod
     def bounds(self) -> tuple[Bound, Bound]:
         """The lowest and the highest pressure [Pa]."""
+        return 0.0, jnp.inf
 
     @property
-    @abstractmethod
     def steepest_rise(self) -> Bound:
         """The largest dσ/du [Pa/m]; 0 without attraction."""
+        return 0.0
 
     @abstractmethod
     def in_units(self, pressure: Bound, length: Bound) -> "AbstractLaw":
@@ -62,10 +62,8 @@ class AbstractLaw(eqx.Module):
         """
 
 
-def check_law(law: AbstractLaw) -> None:
-    """Raises `ValueError` unless this is one law of contact, its parameters single numbers."""
-    if not isinstance(law, AbstractLaw):
-        raise ValueError(f"`law={short(law)}` must be a law of contact, such as `HardWall()`.")
+def check_one_law(law: AbstractLaw) -> None:
+    """Raises `ValueError` unless the parameters of a law are single numbers."""
     for parameter in jax.tree.leaves(law):
         if jnp.ndim(parameter) > 0:
             raise ValueError(
@@ -103,7 +101,6 @@ class HardWall(AbstractLaw):
     - `hardness`: the highest pressure [Pa], or None for no limit.
     """
 
-    attracts = False
     hardness: Float[Array, ""] | None = eqx.field(
         default=None, converter=lambda x: None if x is None else as_scalar(x, "hardness")
     )
@@ -115,10 +112,6 @@ class HardWall(AbstractLaw):
     @property
     def bounds(self):
         return 0.0, jnp.inf if self.hardness is None else self.hardness
-
-    @property
-    def steepest_rise(self):
-        return 0.0
 
     def in_units(self, pressure, length):
         return HardWall(None if self.hardness is None else self.hardness / pressure)
@@ -148,7 +141,6 @@ class RepulsiveLJ(AbstractLaw):
     - `contact_gap`: edge of contact [1]; at 5/3 the pressure is p/100.
     """
 
-    attracts = False
     range: Float[Array, ""] = eqx.field(converter=scalar("range"))
     pressure: Float[Array, ""] = eqx.field(converter=scalar("pressure"))
     contact_gap: Float[Array, ""] = eqx.field(converter=scalar("contact_gap"), default=5 / 3)
@@ -157,14 +149,6 @@ class RepulsiveLJ(AbstractLaw):
         check_positive("range", self.range, "[m]")
         check_positive("pressure", self.pressure, "[Pa]")
         check_positive("contact_gap", self.contact_gap, "[1]")
-
-    @property
-    def bounds(self):
-        return 0.0, jnp.inf
-
-    @property
-    def steepest_rise(self):
-        return 0.0
 
     def in_units(self, pressure: Bound, length: Bound) -> "RepulsiveLJ":
         return RepulsiveLJ(self.range / length, self.pressure / pressure, self.contact_gap)
@@ -182,12 +166,13 @@ class RepulsiveLJ(AbstractLaw):
         return proximal_root(self._pressure_and_slope, self.range, v, low, high, 7)
 
     def contact_indicator(self, pressure, gap, stiffness):
-        edge = self.contact_gap * self.range
-        return indicator_of_gap(pressure - self.pressure_at(edge), gap - edge, stiffness)
+        return indicator_of_gap(self, pressure, gap, stiffness)
 
 
-def indicator_of_gap(pressure, gap, stiffness):
-    """The contact indicator, from pressure and gap less those at the edge of contact."""
+def indicator_of_gap(law, pressure, gap, stiffness):
+    """The contact indicator of a smooth law, from pressure and gap less those at its edge."""
+    edge = law.contact_gap * law.range
+    gap, pressure = gap - edge, pressure - law.pressure_at(edge)
     return jnp.where(gap < 0, jnp.maximum(pressure, 0), -stiffness * gap)
 
 

@@ -8,14 +8,13 @@ splitting converges because the real part of K is positive.
 
 Under steady sliding U is the Fourier transform in the frame of the surface (`Steady`). Under any
 other periodic motion it is one in space and time (`space_time.py`), and the mean is prescribed at
-every time. For another operator write a subclass of `AbstractOperator` with a kernel, the
-transforms `to_waves` and `to_field`, and `mean`.
+every time. The defaults of `AbstractOperator` are those of steady sliding; another operator is a
+subclass with a kernel and what differs.
 
 An operator also knows its fields: the cell that they fill, around a window (`window.py`) more than
 the surface, and which of their axes is time. So an observable of a contact is one formula for all.
 """
 
-from abc import abstractmethod
 from collections.abc import Callable
 from typing import ClassVar
 
@@ -23,7 +22,7 @@ import equinox as eqx
 import jax
 import jax.numpy as jnp
 import numpy as np
-from jaxtyping import Array, Bool, Float, Inexact, Shaped
+from jaxtyping import Array, Bool, Float, Inexact, Int, Shaped
 
 from ..fields.grid import Grid, multiplicity, resample_spectrum, to_field, to_spectrum
 
@@ -39,35 +38,35 @@ class AbstractOperator(eqx.Module):
     """
 
     kernel: eqx.AbstractVar[Inexact[Array, "*half"]]
-    of_distance: eqx.AbstractClassVar[bool]
+    of_distance: ClassVar[bool] = True
 
-    @abstractmethod
     def to_waves(self, field: Float[Array, "*shape"]) -> Inexact[Array, "*half"]:
         """Returns U f, unnormalised as `to_spectrum` is."""
+        return to_spectrum(field)
 
-    @abstractmethod
     def to_field(
         self, waves: Inexact[Array, "*half"], shape: tuple[int, ...]
     ) -> Float[Array, "*shape"]:
         """Returns the field of these waves, the inverse of `to_waves`."""
+        return to_field(waves, shape)
 
-    @abstractmethod
     def mean(self, field: Float[Array, "*shape"]) -> Float[Array, "..."]:
         """Returns the mean that M leaves open, broadcastable to the field."""
+        return jnp.mean(field)
 
-    @abstractmethod
     def coarser(self, shape: tuple[int, ...], new_shape: tuple[int, ...]) -> "AbstractOperator":
         """Returns the operator on a coarser grid of the same cell, for a start."""
+        return self.with_kernel(resample_spectrum(self.compliance, shape, new_shape))
 
     @property
-    @abstractmethod
     def is_mean(self) -> Bool[Array, "*half"]:
         """Where the waves have the mean that M leaves open, as a mask."""
+        return first_mode(self.kernel.shape)
 
     @property
-    @abstractmethod
     def long_wave(self) -> Float[Array, ""]:
         """|M| of the long waves: at three times the lowest wavenumber along x, the softest."""
+        return jnp.abs(third_mode(self.kernel))
 
     @property
     def least(self) -> Float[Array, ""]:
@@ -83,11 +82,6 @@ class AbstractOperator(eqx.Module):
     def inverse(self) -> Inexact[Array, "*half"]:
         """1/M, 0 for the mean."""
         return jnp.where(self.is_mean, 0, 1 / jnp.where(self.is_mean, 1, self.kernel))
-
-    @property
-    def transposed(self) -> "AbstractOperator":
-        """The adjoint operator."""
-        return self.with_kernel(jnp.conj(self.kernel))
 
     def scaled(self, factor: Float[Array, ""] | float) -> "AbstractOperator":
         """Returns the operator times a factor."""
@@ -109,7 +103,11 @@ class AbstractOperator(eqx.Module):
 
     def bending_energy(self, field: Float[Array, "*shape"]) -> Float[Array, "..."]:
         """Returns the mean energy ⟨f M⁻¹ f⟩ of a displacement, of each mean that is prescribed."""
-        return self.mean(field * self.filtered(self.inverse, field))
+        # By one transform instead of two: only the real part of 1/M stores energy.
+        waves = self.to_waves(field)
+        weight = multiplicity(field.shape) / np.prod(field.shape) ** 2
+        weight = jnp.asarray(weight, waves.real.dtype)
+        return jnp.sum(jnp.abs(waves) ** 2 * weight * jnp.real(self.inverse))
 
     # The fields of a contact.
 
@@ -168,38 +166,6 @@ class Steady(AbstractOperator):
     """Steady sliding: waves in the frame of the surface; see `stack_kernel` for the kernel."""
 
     kernel: Inexact[Array, "*half"]
-    of_distance: ClassVar[bool] = True
-
-    def to_waves(self, field):
-        return to_spectrum(field)
-
-    def to_field(self, waves, shape):
-        return to_field(waves, shape)
-
-    def mean(self, field):
-        return jnp.mean(field)
-
-    def coarser(self, shape, new_shape):
-        return Steady(resample_spectrum(self.compliance, shape, new_shape))
-
-    @property
-    def is_mean(self):
-        return first_mode(self.kernel.shape)
-
-    @property
-    def long_wave(self):
-        return jnp.abs(third_mode(self.kernel))
-
-    def bending_energy(self, field):
-        return energy_of_waves(self.to_waves(field), self.inverse, field.shape)
-
-
-def energy_of_waves(
-    waves: Inexact[Array, "*half"], inverse: Inexact[Array, "*half"], shape: tuple[int, ...]
-) -> Float[Array, ""]:
-    """Returns ⟨f M⁻¹ f⟩ by one transform instead of two; only the real part of 1/M stores."""
-    weight = jnp.asarray(multiplicity(shape) / np.prod(shape) ** 2, waves.real.dtype)
-    return jnp.sum(jnp.abs(waves) ** 2 * weight * jnp.real(inverse))
 
 
 class Solid(eqx.Module):
@@ -227,10 +193,6 @@ class Solid(eqx.Module):
         mean, real = self.operator.is_mean, jnp.real(self.scaled.compliance)
         return jnp.where(mean, 0, 1 / jnp.where(mean, 1, real))
 
-    def displace(self, pressure: Float[Array, "*shape"]) -> Float[Array, "*shape"]:
-        """Returns ρM σ, of zero mean."""
-        return self.scaled.displace(pressure)
-
     def resolve(self, z: Float[Array, "*shape"]) -> Float[Array, "*shape"]:
         """Returns (I + ρM)⁻¹ z."""
         return self.operator.filtered(self.filter, z)
@@ -252,8 +214,13 @@ def first_mode(shape: tuple[int, ...]) -> Bool[Array, "*half"]:
 
     A mask sets that entry in the same pass over memory; an index would need another one.
     """
-    numbers = [jax.lax.broadcasted_iota(jnp.int32, shape, axis) for axis in range(len(shape))]
-    return sum(numbers[1:], numbers[0]) == 0
+    first, *others = positions(shape)
+    return sum(others, first) == 0
+
+
+def positions(shape: tuple[int, ...]) -> list[Int[Array, "*shape"]]:
+    """Returns the index of each entry along each axis, which XLA does not store."""
+    return [jax.lax.broadcasted_iota(jnp.int32, shape, axis) for axis in range(len(shape))]
 
 
 def third_mode(kernel: Inexact[Array, "*half"]) -> Inexact[Array, ""]:
@@ -266,7 +233,7 @@ def third_mode(kernel: Inexact[Array, "*half"]) -> Inexact[Array, ""]:
     return kernel[(3,) + (0,) * (kernel.ndim - 1)]
 
 
-def contact_stiffness(
+def stiffness_bound(
     operator: AbstractOperator, gap: Float[Array, "*shape"], s: Float[Array, "*shape"]
 ) -> Float[Array, "..."]:
     """Returns an upper bound of dp/dū, the change of the mean pressure with the mean gap.

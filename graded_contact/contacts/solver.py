@@ -6,12 +6,11 @@ derivatives afterwards (`adjoint.py`), so a contact solver is never differentiat
 
 from abc import abstractmethod
 from collections.abc import Callable
-from typing import Any, NamedTuple, Protocol, runtime_checkable
+from typing import Any, NamedTuple
 
 import equinox as eqx
 import jax
 import jax.numpy as jnp
-from jax.experimental import io_callback
 from jaxtyping import Array, Bool, Float
 
 from .anderson import sums
@@ -19,7 +18,6 @@ from .law import AbstractLaw
 from .operator import AbstractOperator, nonzero, root_mean_square
 
 _HISTORY_AT_GAP = 2  # of given mean gaps; with 5 some loads diverged above an area of 0.99
-_CALLBACK_EVERY = 5  # cycles between pressures passed to a callback
 
 
 class Loading(NamedTuple):
@@ -30,6 +28,15 @@ class Loading(NamedTuple):
 
     pressure: Float[Array, "..."] | None
     gap: Float[Array, "..."] | None
+
+
+class Inputs(NamedTuple):
+    """The inputs of a contact; pressures and lengths in SI units, or all in others."""
+
+    operator: AbstractOperator
+    heights: Float[Array, "*shape"]
+    law: AbstractLaw
+    loading: Loading
 
 
 class SolverOutput(eqx.Module):
@@ -101,32 +108,14 @@ class AbstractContactSolver(eqx.Module):
         """
 
 
-@runtime_checkable
-class Steps(Protocol):
-    """An iteration in steps: another `done` or `step` exchanges stopping or acceleration.
-
-    A state has the attribute `num_steps`.
-    """
-
-    def init(self, start: Array) -> Any:
-        """Returns the first state."""
-        ...
-
-    def step(self, state: Any) -> Any:
-        """Returns the next state."""
-        ...
-
-    def done(self, state: Any) -> Bool[Array, ""]:
-        """Returns whether a state is the last."""
-        ...
-
-
-def run_steps(steps: Steps, start: Array, max_steps: Array | int) -> Any:
+def run_steps(steps: Any, start: Array, max_steps: Array | int) -> Any:
     """Returns the last state of an iteration: where it is done, or after `max_steps`.
 
     **Arguments:**
 
-    - `steps`: the iteration, see `Steps`.
+    - `steps`: the iteration, an object with three methods: `init(start)` returns the first state,
+      `step(state)` the next, and `done(state)` whether a state is the last. A state has the
+      attribute `num_steps`.
     - `start`: argument of `steps.init`.
     - `max_steps`: limit of the state's `num_steps`.
 
@@ -145,21 +134,6 @@ def history_of(length: int, free_mean: bool) -> int:
     Near full contact the load drifts, and long histories amplify the drift.
     """
     return min(length, _HISTORY_AT_GAP) if free_mean else length
-
-
-def watch_of(callback: Callable[[Array], None] | None, unit: Float[Array, ""]) -> Callable | None:
-    """Returns the function that a compiled loop calls with each cycle number and its pressure.
-
-    Every few cycles it calls `callback` in Python with the pressure [Pa].
-    """
-    if callback is None:
-        return None
-
-    def watch(cycle, pressure):
-        now = cycle % _CALLBACK_EVERY == _CALLBACK_EVERY - 1
-        jax.lax.cond(now, lambda: io_callback(callback, None, pressure * unit), lambda: None)
-
-    return watch
 
 
 def penalty_for(
@@ -215,9 +189,9 @@ def to_mean(operator: AbstractOperator, pressure, mean, bounds):
     return pressure + room * ((mean - total) / nonzero(operator.mean(room)))
 
 
-def slope(law: AbstractLaw, v: Float[Array, "*shape"]) -> Float[Array, "*shape"]:
-    """Returns dy/dv of the proximal map: 1 where the law fixes the gap, 0 where the pressure."""
-    return jax.jvp(law.proximal, (v,), (jnp.ones_like(v),))[1]
+def slope(proximal: Callable, v: Float[Array, "*shape"]) -> Float[Array, "*shape"]:
+    """Returns dy/dv of a law's proximal map: 1 where it fixes the gap, 0 where the pressure."""
+    return jax.jvp(proximal, (v,), (jnp.ones_like(v),))[1]
 
 
 def in_precision(tree, dtype):

@@ -70,6 +70,9 @@ class SpaceTime(AbstractOperator):
         kernel = resample_spectrum(self.compliance, shape, new_shape)
         return SpaceTime(_even_on_nyquist(kernel, phases, new_shape), phases)
 
+    def bending_energy(self, field):
+        return self.mean(field * self.filtered(self.inverse, field))
+
     def at_each_time(self, formula, *fields):
         return jax.vmap(formula)(*fields)
 
