@@ -22,7 +22,7 @@ import jax.numpy as jnp
 from jaxtyping import Array, Bool, Float
 
 from ..fields.devices import num_devices
-from .operator import AbstractOperator, nonzero
+from .operator import AbstractOperator, Field, Scalar, nonzero
 from .splitting import DRAFTED_FROM
 
 REDUCTION = 0.1  # of the residual by one iterated step
@@ -43,13 +43,13 @@ class Coated(NamedTuple):
     """
 
     operator: AbstractOperator
-    green: Float[Array, "*shape"] | None
-    coat: Float[Array, ""]
-    heights: Float[Array, "*shape"]
+    green: Field | None
+    coat: Scalar
+    heights: Field
     load: Float[Array, "..."]
 
 
-def green_of(operator: AbstractOperator, shape: tuple[int, ...]) -> Float[Array, "*shape"] | None:
+def green_of(operator: AbstractOperator, shape: tuple[int, ...]) -> Field | None:
     """Returns the displacement around one loaded point, or None if it is not the same for each."""
     return operator.to_field(operator.compliance + 0j, shape) if operator.of_distance else None
 
@@ -57,11 +57,11 @@ def green_of(operator: AbstractOperator, shape: tuple[int, ...]) -> Float[Array,
 def pressure_on(
     contact: Bool[Array, "*shape"],
     solid: Coated,
-    pressure: Float[Array, "*shape"],
-    tolerance: Float[Array, ""],
+    pressure: Field,
+    tolerance: Scalar,
     unchanged: Bool[Array, ""],
     budget: Array,
-) -> tuple[Float[Array, "*shape"], Float[Array, "*shape"], Float[Array, ""], Array]:
+) -> tuple[Field, Field, Scalar, Array]:
     """Returns pressure, gap, relative residual before, and FFT pairs.
 
     **Arguments:**
@@ -110,13 +110,8 @@ def most_eliminated(operator: AbstractOperator, field: Array) -> int:
 
 
 def solve_on_few(
-    weight: Float[Array, "*shape"],
-    green: Float[Array, "*shape"],
-    diagonal: Float[Array, "*shape"],
-    rhs: Float[Array, "*shape"],
-    total: Float[Array, ""] | None,
-    room: int,
-) -> Float[Array, "*shape"]:
+    weight: Field, green: Field, diagonal: Field, rhs: Field, total: Scalar | None, room: int
+) -> Field:
     """Returns f with d f + w K w f + c w = rhs and Σ w f = total where w is not 0, and 0 elsewhere.
 
     `weight` w is not 0 at `room` points at most, `green` is K in space. Without a `total`, c = 0.

@@ -33,13 +33,13 @@ from jaxtyping import Array, Bool, Float
 from ..core.checks import check_tolerance, check_whole
 from ..core.compilation import one_by_one
 from .active_set import green_of, most_eliminated, solve_on_few
-from .operator import AbstractOperator, Solid, nonzero
+from .operator import AbstractOperator, Field, Scalar, Solid, nonzero
 from .solver import Inputs, history_of, run_steps, slope
 from .splitting import Splitting, check_relaxation, draft
 
 # Solves A τ = b, as `LinearSplitting` does: called with ρM, s and b, and with the keywords `rtol`
 # and `free_mean`, it returns τ, or NaN if it does not converge: `solve_contact` then fails.
-LinearSolver = Callable[..., Float[Array, "*shape"]]
+LinearSolver = Callable[..., Field]
 
 
 class LinearSolution(NamedTuple):
@@ -52,7 +52,7 @@ class LinearSolution(NamedTuple):
     - `num_fft_pairs`: without those of a draft.
     """
 
-    tau: Float[Array, "*shape"]
+    tau: Field
     found: Bool[Array, ""]
     num_fft_pairs: Array
 
@@ -90,10 +90,10 @@ class LinearSplitting(eqx.Module):
     def solve(
         self,
         operator: AbstractOperator,
-        weights: Float[Array, "*shape"],
-        rhs: Float[Array, "*shape"],
+        weights: Field,
+        rhs: Field,
         *,
-        rtol: Float[Array, ""],
+        rtol: Scalar,
         free_mean: bool = False,
     ) -> LinearSolution:
         """Returns τ with ε(1 - s)τ + √|s| ρM √|s| τ = rhs, ε being the sign of s, and more.
@@ -119,7 +119,7 @@ class LinearSplitting(eqx.Module):
             relaxation=self.relaxation,
             history_length=history_of(self.history_length, free_mean),
         )
-        max_steps = jnp.where(few, 0, self.max_steps)
+        max_steps = jnp.where(few, 0, self.max_steps)  # no steps if the system was eliminated
         z, _ = draft(splitting, root * rhs, max_steps=max_steps)
         last = run_steps(splitting, z, max_steps)
         x = splitting.solid.resolve(last.z)
@@ -151,19 +151,14 @@ def _proximal(root, sign, rhs, v):
 class State(NamedTuple):
     """A contact: pressure [Pa], displacement of zero mean [m] and mean gap [m]."""
 
-    pressure: Float[Array, "*shape"]
-    displacement: Float[Array, "*shape"]
+    pressure: Field
+    displacement: Field
     mean_gap: Float[Array, "..."]
 
 
 @eqx.filter_custom_jvp
 def attach_gradient(
-    inputs: Inputs,
-    state: State,
-    gap: Float[Array, "*shape"],
-    penalty: Float[Array, ""],
-    adjoint: LinearSolver,
-    rtol: Float[Array, ""],
+    inputs: Inputs, state: State, gap: Field, penalty: Scalar, adjoint: LinearSolver, rtol: Scalar
 ) -> State:
     """Returns `state` unchanged, with its derivative by `inputs`.
 
@@ -244,6 +239,7 @@ def _in_contact(operator: AbstractOperator, s, rhs, adjoint: LinearSolver, rtol,
     def solve(operator, s, rhs, rtol):
         return adjoint(operator, s, rhs, rtol=rtol, free_mean=free_mean)
 
+    # The adjoint system has the conjugate kernel, so that the same solver serves both modes.
     def solver_for(operator):
         def run(_, rhs):
             inside = project(rhs)
@@ -261,10 +257,7 @@ def _in_contact(operator: AbstractOperator, s, rhs, adjoint: LinearSolver, rtol,
 
 
 def opening_by_load(
-    operator: AbstractOperator,
-    s: Float[Array, "*shape"],
-    adjoint: LinearSolver,
-    rtol: Float[Array, ""],
+    operator: AbstractOperator, s: Field, adjoint: LinearSolver, rtol: Scalar
 ) -> Float[Array, "..."]:
     """Returns ρ dū/dp of a contact whose points have the slopes s; `operator` is ρM."""
     total = nonzero(operator.mean(s))

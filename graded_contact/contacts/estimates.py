@@ -24,10 +24,10 @@ from collections.abc import Callable
 
 import jax
 import jax.numpy as jnp
-from jaxtyping import Array, Float
+from jaxtyping import Array
 
 from .adjoint import State
-from .operator import nonzero, root_mean_square, stiffness_bound
+from .operator import Field, Scalar, nonzero, root_mean_square, stiffness_bound
 from .solver import Inputs, SolverOutput, penalty_for, slope
 
 # With these factors 12 of 8,552 claims were broken (`bench_contact.py random --count 1000 --seed
@@ -36,7 +36,7 @@ _SAFETY, _BY_CHANCE, _SAFETY_OF_GAP, _SPREAD = 2.5, 5.0, 8.0, 0.3
 _ROUNDING, _ROUNDING_OF_GAP = 8, 100  # units in the last place
 
 
-def penalty_at(inputs: Inputs, found: SolverOutput) -> Float[Array, ""]:
+def penalty_at(inputs: Inputs, found: SolverOutput) -> Scalar:
     """Returns the penalty for the area of a contact [Pa/m]."""
     pressure = found.pressure
     touching = inputs.law.contact_indicator(pressure, found.gap, 1.0) > 0
@@ -56,7 +56,7 @@ def contact_state(inputs: Inputs, found: SolverOutput) -> State:
     return State(found.pressure, displacement, mean(weight * offset) / mean(weight))
 
 
-def change_of(inputs: Inputs, found: SolverOutput) -> Float[Array, "*shape"]:
+def change_of(inputs: Inputs, found: SolverOutput) -> Field:
     """Returns the estimated change of the pressure to the exact contact [Pa]."""
     operator, law, penalty = _scaled(inputs, found)
     y, law_gap, (load, gap) = found.pressure, penalty * found.gap, inputs.loading
@@ -109,9 +109,7 @@ def assess(inputs: Inputs, found: SolverOutput) -> tuple[Array, Array, Array]:
     return change, error, _SAFETY_OF_GAP * moved + rounding * jnp.std(inputs.heights)
 
 
-def error_of(
-    numbers: Callable[[Array], Array], value: Array, change: Float[Array, "*shape"], size: Array
-) -> Array:
+def error_of(numbers: Callable[[Array], Array], value: Array, change: Field, size: Array) -> Array:
     """Returns the errors of numbers of this value, with the change to the exact contact.
 
     `numbers(change)` are those after a change of the pressure. Contributions of parts of the change
@@ -129,7 +127,7 @@ def error_of(
     return _SAFETY * jnp.abs(after - value) + _BY_CHANCE * chance + rounding
 
 
-def changed(inputs: Inputs, found: SolverOutput, change: Float[Array, "*shape"]) -> SolverOutput:
+def changed(inputs: Inputs, found: SolverOutput, change: Field) -> SolverOutput:
     """Returns the contact after a change of its pressure.
 
     The approximate inverse makes long waves of the change too large. So springs support the solid

@@ -24,7 +24,7 @@ from ..core.compilation import jit
 from ..fields.grid import interpolate, resample_spectrum, to_field, to_spectrum
 from .active_set import most_eliminated
 from .law import AbstractLaw
-from .operator import AbstractOperator, Solid, nonzero
+from .operator import AbstractOperator, Field, Scalar, Solid, nonzero
 from .semismooth_newton import newton_round, takes_newton_steps
 from .solver import (
     AbstractContactSolver,
@@ -56,7 +56,7 @@ _HIGHEST = 1e3  # limit of the pressure of a start, over that which flattens the
 
 _NOTHING, _EPOCH_NEXT, _NEWTON_NEXT = 0, 1, 2  # next action on a grid
 
-Factor = float | Float[Array, ""]  # of a penalty, over the first
+Factor = float | Scalar  # of a penalty, over the first
 
 
 class DouglasRachford(AbstractContactSolver):
@@ -134,16 +134,16 @@ class GridSettings(NamedTuple):
     max_steps: int
     relaxation: float
     history_length: int
-    rtol: Float[Array, ""]
+    rtol: Scalar
 
 
 class OneGrid(NamedTuple):
     """What is given on one grid, and the unit of pressure there."""
 
     operator: AbstractOperator
-    heights: Float[Array, "*shape"]
+    heights: Field
     loading: Loading
-    unit: Float[Array, ""]
+    unit: Scalar
 
 
 class GridProblem(eqx.Module):
@@ -153,7 +153,7 @@ class GridProblem(eqx.Module):
     """
 
     grid: OneGrid
-    penalty: Float[Array, ""]  # [Pa/m] over the unit
+    penalty: Scalar  # [Pa/m] over the unit
     law: AbstractLaw
     mean: Float[Array, "..."]  # prescribed, of the pressure, or if that is free of the gap
 
@@ -162,11 +162,11 @@ class GridProblem(eqx.Module):
         return self.grid.loading.pressure is None
 
     @property
-    def length(self) -> Float[Array, ""]:
+    def length(self) -> Scalar:
         """The unit of length [m]."""
         return self.grid.unit / self.penalty
 
-    def scaled_heights(self, factor: Factor = 1.0) -> Float[Array, "*shape"]:
+    def scaled_heights(self, factor: Factor = 1.0) -> Field:
         """Returns the dimensionless heights, of zero mean."""
         scale = factor / self.length
         # Scaled first: else a loop would store another field.
@@ -178,7 +178,7 @@ class GridProblem(eqx.Module):
     def solid_at(self, factor: Factor = 1.0) -> Solid:
         return Solid(self.grid.operator, factor * self.penalty, self.free_mean)
 
-    def shift(self, factor) -> Float[Array, "*shape"]:
+    def shift(self, factor) -> Field:
         """What heights and mean add to x of the splitting."""
         heights, solid = self.scaled_heights(factor), self.solid_at(factor)
         if self.free_mean:

@@ -26,6 +26,10 @@ from jaxtyping import Array, Bool, Float, Inexact, Int, Shaped
 
 from ..fields.grid import Grid, multiplicity, resample_spectrum, to_field, to_spectrum
 
+Field = Float[Array, "*shape"]  # on the surface, or on the cell of a window
+Waves = Inexact[Array, "*half"]  # one number for each wave of a half spectrum
+Scalar = Float[Array, ""]
+
 
 class AbstractOperator(eqx.Module):
     """M, the displacement under a pressure, diagonal in waves.
@@ -37,20 +41,18 @@ class AbstractOperator(eqx.Module):
       between few points can be gathered. Static.
     """
 
-    kernel: eqx.AbstractVar[Inexact[Array, "*half"]]
+    kernel: eqx.AbstractVar[Waves]
     of_distance: ClassVar[bool] = True
 
-    def to_waves(self, field: Float[Array, "*shape"]) -> Inexact[Array, "*half"]:
+    def to_waves(self, field: Field) -> Waves:
         """Returns U f, unnormalised as `to_spectrum` is."""
         return to_spectrum(field)
 
-    def to_field(
-        self, waves: Inexact[Array, "*half"], shape: tuple[int, ...]
-    ) -> Float[Array, "*shape"]:
+    def to_field(self, waves: Waves, shape: tuple[int, ...]) -> Field:
         """Returns the field of these waves, the inverse of `to_waves`."""
         return to_field(waves, shape)
 
-    def mean(self, field: Float[Array, "*shape"]) -> Float[Array, "..."]:
+    def mean(self, field: Field) -> Float[Array, "..."]:
         """Returns the mean that M leaves open, broadcastable to the field."""
         return jnp.mean(field)
 
@@ -64,44 +66,42 @@ class AbstractOperator(eqx.Module):
         return first_mode(self.kernel.shape)
 
     @property
-    def long_wave(self) -> Float[Array, ""]:
+    def long_wave(self) -> Scalar:
         """|M| of the long waves: at three times the lowest wavenumber along x, the softest."""
         return jnp.abs(third_mode(self.kernel))
 
     @property
-    def least(self) -> Float[Array, ""]:
+    def least(self) -> Scalar:
         """The smallest |M| of all waves."""
         return jnp.min(jnp.where(self.is_mean, jnp.inf, jnp.abs(self.kernel)))
 
     @property
-    def compliance(self) -> Inexact[Array, "*half"]:
+    def compliance(self) -> Waves:
         """The kernel, 0 for the mean."""
         return jnp.where(self.is_mean, 0, self.kernel)
 
     @property
-    def inverse(self) -> Inexact[Array, "*half"]:
+    def inverse(self) -> Waves:
         """1/M, 0 for the mean."""
         return jnp.where(self.is_mean, 0, 1 / jnp.where(self.is_mean, 1, self.kernel))
 
-    def scaled(self, factor: Float[Array, ""] | float) -> "AbstractOperator":
+    def scaled(self, factor: Scalar | float) -> "AbstractOperator":
         """Returns the operator times a factor."""
         return self.with_kernel(factor * self.kernel)
 
-    def with_kernel(self, kernel: Inexact[Array, "*half"]) -> "AbstractOperator":
+    def with_kernel(self, kernel: Waves) -> "AbstractOperator":
         """Returns the operator with another kernel in the same waves."""
         return eqx.tree_at(lambda operator: operator.kernel, self, kernel)
 
-    def filtered(
-        self, factors: Inexact[Array, "*half"], field: Float[Array, "*shape"]
-    ) -> Float[Array, "*shape"]:
+    def filtered(self, factors: Waves, field: Field) -> Field:
         """Returns a field whose waves were multiplied by `factors`."""
         return self.to_field(factors * self.to_waves(field), field.shape)
 
-    def displace(self, pressure: Float[Array, "*shape"]) -> Float[Array, "*shape"]:
+    def displace(self, pressure: Field) -> Field:
         """Returns M σ without its mean."""
         return self.filtered(self.compliance, pressure)
 
-    def bending_energy(self, field: Float[Array, "*shape"]) -> Float[Array, "..."]:
+    def bending_energy(self, field: Field) -> Float[Array, "..."]:
         """Returns the mean energy ⟨f M⁻¹ f⟩ of a displacement, of each mean that is prescribed."""
         # By one transform instead of two: only the real part of 1/M stores energy.
         waves = self.to_waves(field)
@@ -128,22 +128,17 @@ class AbstractOperator(eqx.Module):
         return formula(*fields)
 
     @property
-    def at_edges(self) -> Inexact[Array, "*half"]:
+    def at_edges(self) -> Waves:
         """The kernel over space that weighs gaps at the edge of contact, see `edge_stiffness`."""
         return self.kernel
 
     def traction(
-        self,
-        pressure: Float[Array, "*shape"],
-        profile: Float[Array, "*shape"],
-        q: Float[Array, "..."],
+        self, pressure: Field, profile: Field, q: Float[Array, "..."]
     ) -> Float[Array, "..."]:
         """Returns -⟨σ ∂f/∂x⟩ [Pa] at each time; `q` is each wave's number along x [rad/m]."""
         return self.at_each_time(lambda p, f: jnp.sum(work_of_waves(p, f, q)), pressure, profile)
 
-    def dissipation(
-        self, pressure: Float[Array, "*shape"], omega: Float[Array, "..."]
-    ) -> Float[Array, "*half"]:
+    def dissipation(self, pressure: Field, omega: Float[Array, "..."]) -> Float[Array, "*half"]:
         """Returns the power lost per area [W/m²] in each wave and its conjugate.
 
         `omega` is the frequency of each wave [rad/s].
@@ -153,9 +148,7 @@ class AbstractOperator(eqx.Module):
         return power * multiplicity(pressure.shape)
 
 
-def work_of_waves(
-    pressure: Float[Array, "*shape"], profile: Float[Array, "*shape"], q: Float[Array, "..."]
-) -> Float[Array, "*half"]:
+def work_of_waves(pressure: Field, profile: Field, q: Float[Array, "..."]) -> Float[Array, "*half"]:
     """Returns the part of -⟨σ ∂f/∂x⟩ [Pa] of each wave and its conjugate, `q` along x [rad/m]."""
     # The real part of -conj(σ) i q f.
     found = q * (jnp.conj(to_spectrum(pressure)) * to_spectrum(profile)).imag
@@ -165,7 +158,7 @@ def work_of_waves(
 class Steady(AbstractOperator):
     """Steady sliding: waves in the frame of the surface; see `stack_kernel` for the kernel."""
 
-    kernel: Inexact[Array, "*half"]
+    kernel: Waves
 
 
 class Solid(eqx.Module):
@@ -179,7 +172,7 @@ class Solid(eqx.Module):
     """
 
     operator: AbstractOperator
-    penalty: Float[Array, ""]
+    penalty: Scalar
     free_mean: bool = eqx.field(static=True)
 
     @property
@@ -193,12 +186,12 @@ class Solid(eqx.Module):
         mean, real = self.operator.is_mean, jnp.real(self.scaled.compliance)
         return jnp.where(mean, 0, 1 / jnp.where(mean, 1, real))
 
-    def resolve(self, z: Float[Array, "*shape"]) -> Float[Array, "*shape"]:
+    def resolve(self, z: Field) -> Field:
         """Returns (I + ρM)⁻¹ z."""
         return self.operator.filtered(self.filter, z)
 
     @property
-    def filter(self) -> Inexact[Array, "*half"]:
+    def filter(self) -> Waves:
         """(I + ρM)⁻¹ of each wave."""
         kernel = self.scaled.compliance
         filter = 1 / (1 + kernel)
@@ -223,7 +216,7 @@ def positions(shape: tuple[int, ...]) -> list[Int[Array, "*shape"]]:
     return [jax.lax.broadcasted_iota(jnp.int32, shape, axis) for axis in range(len(shape))]
 
 
-def third_mode(kernel: Inexact[Array, "*half"]) -> Inexact[Array, ""]:
+def third_mode(kernel: Waves) -> Inexact[Array, ""]:
     """Returns the kernel of the long waves: at three times the lowest wavenumber along x.
 
     Along y if the grid has only one row.
@@ -233,9 +226,7 @@ def third_mode(kernel: Inexact[Array, "*half"]) -> Inexact[Array, ""]:
     return kernel[(3,) + (0,) * (kernel.ndim - 1)]
 
 
-def stiffness_bound(
-    operator: AbstractOperator, gap: Float[Array, "*shape"], s: Float[Array, "*shape"]
-) -> Float[Array, "..."]:
+def stiffness_bound(operator: AbstractOperator, gap: Field, s: Field) -> Float[Array, "..."]:
     """Returns an upper bound of dp/dū, the change of the mean pressure with the mean gap.
 
     The stiffness is the least energy of all fields χ of mean 1: ⟨χ M⁻¹ χ⟩ in the solid, and
@@ -262,6 +253,6 @@ def nonzero(number: Array) -> Array:
     return jnp.where(number != 0, number, 1)
 
 
-def root_mean_square(field: Float[Array, "..."]) -> Float[Array, ""]:
+def root_mean_square(field: Float[Array, "..."]) -> Scalar:
     """Returns √⟨f²⟩."""
     return jnp.sqrt(jnp.mean(field**2))

@@ -29,12 +29,11 @@ import equinox as eqx
 import jax
 import jax.numpy as jnp
 from jax import Array
-from jaxtyping import Float
 
 from ..core.checks import check_type, check_whole, short
 from .adhesion import AdhesiveLJ
 from .law import RepulsiveLJ
-from .operator import AbstractOperator, root_mean_square
+from .operator import AbstractOperator, Field, Scalar, root_mean_square
 from .solver import AbstractContactSolver, Loading, SolverOutput, pressure_unit, run_steps, to_mean
 
 _LEAST_RATIO = 0.9  # of a point's gaps after and before a step
@@ -107,16 +106,16 @@ class ResidualDynamics(AbstractContactSolver):
 
 class _Problem(NamedTuple):
     operator: AbstractOperator
-    heights: Float[Array, "*shape"]
+    heights: Field
     law: SmoothLaw
     loading: Loading
 
 
 class _Motion(NamedTuple):
-    gap: Float[Array, "*shape"]
-    velocity: Float[Array, "*shape"]
-    residual: Float[Array, "*shape"]
-    error: Float[Array, ""]
+    gap: Field
+    velocity: Field
+    residual: Field
+    error: Scalar
     num_steps: Array
 
 
@@ -124,7 +123,7 @@ class _Verlet(NamedTuple):
     """The steps, for `run_steps`."""
 
     problem: _Problem
-    rtol: Float[Array, ""]
+    rtol: Scalar
     uniform_mass: bool
 
     def init(self, start):

@@ -4,6 +4,7 @@ import equinox as eqx
 from jaxtyping import Array, Float
 
 from ..core.display import shown
+from .operator import Field, Scalar
 
 
 class RESULTS(eqx.Enumeration):
@@ -73,17 +74,17 @@ class ContactSolution(eqx.Module):
     - `result`: a member of `RESULTS`.
     """
 
-    pressure: Float[Array, "*shape"]
-    displacement: Float[Array, "*shape"]
-    gap: Float[Array, "*shape"]
-    mean_pressure: Float[Array, ""]
+    pressure: Field
+    displacement: Field
+    gap: Field
+    mean_pressure: Scalar
     mean_gap: Float[Array, "..."]
-    correction: Float[Array, "*shape"]
-    error: Float[Array, ""]
-    load_error: Float[Array, ""]
-    gap_error: Float[Array, ""]
-    complementarity_error: Float[Array, ""]
-    penetration: Float[Array, ""]
+    correction: Field
+    error: Scalar
+    load_error: Scalar
+    gap_error: Scalar
+    complementarity_error: Scalar
+    penetration: Scalar
     num_steps: Array
-    num_fft_pairs: Float[Array, ""]
+    num_fft_pairs: Scalar
     result: RESULTS

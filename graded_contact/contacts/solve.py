@@ -11,7 +11,7 @@ import functools
 import jax
 import jax.numpy as jnp
 import numpy as np
-from jaxtyping import Array, Float, ScalarLike
+from jaxtyping import Array, ScalarLike
 
 from ..core.checks import (
     Numbers,
@@ -34,7 +34,7 @@ from .adjoint import LinearSolver, LinearSplitting, attach_gradient, check_conve
 from .estimates import assess, contact_state, penalty_at
 from .law import AbstractLaw, HardWall, check_one_law, check_pressure
 from .nested_solve import DouglasRachford
-from .operator import first_mode
+from .operator import Field, first_mode
 from .solution import RESULTS, ContactSolution
 from .solver import (
     AbstractContactSolver,
@@ -246,10 +246,7 @@ def as_start(start: Numbers | None, heights: Array, law: AbstractLaw) -> Array |
 
 
 def loading_of(
-    law: AbstractLaw,
-    heights: Float[Array, "*shape"],
-    num_times: int | None = None,
-    **given: Numbers | None,
+    law: AbstractLaw, heights: Field, num_times: int | None = None, **given: Numbers | None
 ) -> Loading:
     """Returns the loading: one number, or one for each of `num_times`, the heights' first axis.
 

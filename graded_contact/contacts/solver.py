@@ -15,7 +15,7 @@ from jaxtyping import Array, Bool, Float
 
 from .anderson import sums
 from .law import AbstractLaw
-from .operator import AbstractOperator, nonzero, root_mean_square
+from .operator import AbstractOperator, Field, Scalar, nonzero, root_mean_square
 
 _HISTORY_AT_GAP = 2  # of given mean gaps; with 5 some loads diverged above an area of 0.99
 
@@ -34,7 +34,7 @@ class Inputs(NamedTuple):
     """The inputs of a contact; pressures and lengths in SI units, or all in others."""
 
     operator: AbstractOperator
-    heights: Float[Array, "*shape"]
+    heights: Field
     law: AbstractLaw
     loading: Loading
 
@@ -55,14 +55,14 @@ class SolverOutput(eqx.Module):
     - `num_fft_pairs`: of all grids, coarse ones counted by their size.
     """
 
-    pressure: Float[Array, "*shape"]
-    gap: Float[Array, "*shape"]
-    mismatch: Float[Array, "*shape"]
-    displacement: Float[Array, "*shape"]
-    error: Float[Array, ""]
+    pressure: Field
+    gap: Field
+    mismatch: Field
+    displacement: Field
+    error: Scalar
     ended: Bool[Array, ""]
     num_steps: Array
-    num_fft_pairs: Float[Array, ""]
+    num_fft_pairs: Scalar
 
 
 class AbstractContactSolver(eqx.Module):
@@ -83,12 +83,12 @@ class AbstractContactSolver(eqx.Module):
     def solve(
         self,
         operator: AbstractOperator,
-        heights: Float[Array, "*shape"],
+        heights: Field,
         law: AbstractLaw,
         loading: Loading,
         *,
-        rtol: Float[Array, ""],
-        start: Float[Array, "*shape"] | None,
+        rtol: Scalar,
+        start: Field | None,
     ) -> SolverOutput:
         """Returns the contact of heights with a solid.
 
@@ -137,8 +137,8 @@ def history_of(length: int, free_mean: bool) -> int:
 
 
 def penalty_for(
-    operator: AbstractOperator, participation: Float[Array, ""] | float, law: AbstractLaw
-) -> Float[Array, ""]:
+    operator: AbstractOperator, participation: Scalar | float, law: AbstractLaw
+) -> Scalar:
     """Returns ρ = 1.8 s^0.4/√(|M| at three times the lowest wavenumber × least |M|) [Pa/m].
 
     It balances the softest modes, which carry the displacement, against the stiffest, which carry
@@ -149,12 +149,11 @@ def penalty_for(
     long, least = operator.long_wave, operator.least
     # Not the root of the product, which underflows in float32.
     penalty = 1.8 * participation**0.4 / jnp.sqrt(long) / jnp.sqrt(least)
+    # The penalty decides the path to the solution, not the solution.
     return jax.lax.stop_gradient(jnp.maximum(penalty, 2 * law.steepest_rise))
 
 
-def pressure_unit(
-    operator: AbstractOperator, heights: Float[Array, "*shape"], loading: Loading
-) -> Float[Array, ""]:
+def pressure_unit(operator: AbstractOperator, heights: Field, loading: Loading) -> Scalar:
     """Returns a typical pressure: the prescribed one plus that which flattens the longest waves.
 
     `heights` are of zero mean.
@@ -164,7 +163,7 @@ def pressure_unit(
     return jnp.where(unit > 0, unit, 1)
 
 
-def participation(pressure: Float[Array, "*shape"]) -> Float[Array, ""]:
+def participation(pressure: Field) -> Scalar:
     """Returns ⟨|σ|⟩²/⟨σ²⟩, a measure of the loaded area fraction [1], at least one point's."""
     total, squared = sums(jnp.abs(pressure), pressure**2)
     return participation_of(total, squared, pressure.size)
@@ -189,7 +188,7 @@ def to_mean(operator: AbstractOperator, pressure, mean, bounds):
     return pressure + room * ((mean - total) / nonzero(operator.mean(room)))
 
 
-def slope(proximal: Callable, v: Float[Array, "*shape"]) -> Float[Array, "*shape"]:
+def slope(proximal: Callable, v: Field) -> Field:
     """Returns dy/dv of a law's proximal map: 1 where it fixes the gap, 0 where the pressure."""
     return jax.jvp(proximal, (v,), (jnp.ones_like(v),))[1]
 

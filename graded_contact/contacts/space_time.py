@@ -46,6 +46,7 @@ class SpaceTime(AbstractOperator):
     of_distance: ClassVar[bool] = False
 
     def to_waves(self, field):
+        # From the frame of the surface, which moves, to that of the block.
         waves = jax.vmap(to_spectrum)(field)
         for phase in self.phases:
             waves = waves * phase
@@ -61,6 +62,7 @@ class SpaceTime(AbstractOperator):
         return jnp.mean(field, axis=tuple(range(1, field.ndim)), keepdims=True)
 
     def coarser(self, shape, new_shape):
+        # Some of the times: interpolated phases would not be of modulus 1.
         times = np.arange(new_shape[0]) * shape[0] // new_shape[0]
         numbers = mode_numbers(new_shape[1:])
         phases = tuple(

@@ -30,7 +30,7 @@ from jaxtyping import Array, Bool, Float
 
 from ..fields.grid import multiplicity
 from .anderson import CYCLE, History, accelerate, sums
-from .operator import Solid, root_mean_square, stiffness_bound
+from .operator import Field, Scalar, Solid, root_mean_square, stiffness_bound
 from .solver import in_precision, participation_of, run_steps, slope
 
 DRAFTED_FROM = 2**18  # points of a grid worth a draft, by `bench_contact.py overhead`
@@ -53,13 +53,13 @@ class Splitting(eqx.Module):
     solid: Solid
     shift: Float[Array, "..."]
     proximal: Callable
-    rtol: Float[Array, ""]
-    share: Float[Array, ""] | None = None
+    rtol: Scalar
+    share: Scalar | None = None
     least: Float[Array, "2"] | None = None
     relaxation: float = eqx.field(default=0.95, static=True)
     history_length: int = eqx.field(default=5, static=True)
 
-    def init(self, start: Float[Array, "*shape"]) -> History:
+    def init(self, start: Field) -> History:
         """Returns the state of a z."""
         return History.empty(start, self.history_length + 1)
 
@@ -126,9 +126,7 @@ class Splitting(eqx.Module):
         return Solid(solid.operator, one * solid.penalty, solid.free_mean)
 
 
-def draft(
-    splitting: Splitting, z: Float[Array, "*shape"], *, max_steps: Array | int
-) -> tuple[Float[Array, "*shape"], Array]:
+def draft(splitting: Splitting, z: Field, *, max_steps: Array | int) -> tuple[Field, Array]:
     """Returns z to about `rtol` or to single precision, and the number of steps.
 
     Unchanged, and none, on a grid not worth it.
@@ -149,7 +147,7 @@ def check_relaxation(relaxation: float) -> None:
         raise ValueError(f"`relaxation={relaxation}` must be a number between 0 and 1.")
 
 
-def _weight_of_modes(field: Float[Array, "*shape"]) -> Float[Array, "#half"]:
+def _weight_of_modes(field: Field) -> Float[Array, "#half"]:
     """What a squared mode of the half spectrum adds to a field's sum of squares."""
     return jnp.asarray(multiplicity(field.shape) / field.size, field.dtype)
 

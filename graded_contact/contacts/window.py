@@ -11,11 +11,11 @@ import dataclasses
 import equinox as eqx
 import jax
 import jax.numpy as jnp
-from jaxtyping import Array, Bool, Float, Inexact
+from jaxtyping import Array, Bool
 
 from ..fields.grid import Grid, half_shape, to_spectrum
 from .law import AbstractLaw
-from .operator import AbstractOperator, Steady, first_mode, positions
+from .operator import AbstractOperator, Field, Steady, Waves, first_mode, positions
 from .solution import ContactSolution
 from .solver import Inputs, Loading
 
@@ -30,7 +30,7 @@ class Window(AbstractOperator):
       block far away, no mean is open, and a prescribed gap is that of the undeformed block. Static.
     """
 
-    kernel: Inexact[Array, "*half"]
+    kernel: Waves
     grounded: bool = eqx.field(default=False, static=True)
 
     def mean(self, field):
@@ -55,12 +55,8 @@ class Window(AbstractOperator):
         return self.kernel / 2 + (jnp.roll(self.kernel, 1, 0) + jnp.roll(self.kernel, -1, 0)) / 4
 
     def change_by(
-        self,
-        error: Inexact[Array, "*half"],
-        pressure: Float[Array, "*shape"],
-        touching: Bool[Array, "*shape"],
-        at_approach: bool,
-    ) -> Float[Array, "*shape"]:
+        self, error: Waves, pressure: Field, touching: Bool[Array, "*shape"], at_approach: bool
+    ) -> Field:
         """Returns the change of the pressure [Pa] by an error of the kernel.
 
         At a given approach or load. As in `estimates.py`, by the inverse of M on the whole cell
@@ -77,7 +73,7 @@ class Window(AbstractOperator):
         return -in_contact(self.on_surface(operator.filtered(operator.inverse, lifted)))
 
 
-def operator_of(kernel: Inexact[Array, "*half"], shape: tuple[int, ...]) -> Steady | Window:
+def operator_of(kernel: Waves, shape: tuple[int, ...]) -> Steady | Window:
     """Returns the operator of a kernel for heights of this shape: on a window or not."""
     if kernel.shape == half_shape(tuple(2 * n for n in shape)):
         return Window(kernel)
@@ -126,7 +122,7 @@ def on_whole(
     The gap of the loading is that of the undeformed block.
     """
     operator, heights, law, loading = inputs
-    if loading.gap is None:
+    if loading.gap is None:  # the mean over the cell, of which the window is a part
         loading = Loading(loading.pressure / 2**heights.ndim, None)
     else:
         operator = _with_ground(operator, heights.shape)
@@ -162,7 +158,7 @@ def on_part(found: ContactSolution, operator: AbstractOperator) -> ContactSoluti
         found,
         pressure=pressure,
         gap=gap,
-        displacement=moved - jnp.mean(moved),
+        displacement=moved - jnp.mean(moved),  # of zero mean on the window
         correction=correction,
         mean_pressure=jnp.mean(pressure),
         mean_gap=jnp.mean(gap),
@@ -174,6 +170,7 @@ def _known_on_whole(known: ContactSolution, inputs: Inputs) -> ContactSolution:
     """The contact on the cell of a window's contact: around it, its pressure's displacement."""
     operator, heights = inputs.operator, inputs.heights - jnp.mean(inputs.heights)
     pressure = operator.on_cell(known.pressure)
+    # Nothing is known of the gap around the window but that this pressure opens it.
     own, offset = operator.displace(pressure), inputs.loading.gap
     if offset is None:
         offset = known.mean_gap - jnp.mean(operator.on_surface(own))
