@@ -276,7 +276,7 @@ def loading_of(
                 raise ValueError(
                     f"`mean_gap={gap:g}` is refused: at a hard wall it must be above {least:.2g} m "
                     f"(or, with a `hardness`, below -{least:.2g} m), since in full contact it is 0 "
-                    "at every pressure. Prescribe `pressure`."
+                    "at every pressure: prescribe `pressure`."
                 )
     return Loading(None, spread)
 
