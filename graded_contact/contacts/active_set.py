@@ -13,6 +13,7 @@ S. C. Eisenstat, H. C. Elman & M. H. Schultz, SIAM J. Numer. Anal. 20 (1983) 345
 doi:10.1137/0720023.
 """
 
+import functools
 import math
 from typing import NamedTuple
 
@@ -21,7 +22,7 @@ import jax.numpy as jnp
 from jaxtyping import Array, Bool, Float
 
 from ..fields.devices import num_devices
-from .operator import AbstractOperator, nonzero
+from .operator import AbstractOperator, Field, Scalar, nonzero
 from .splitting import DRAFTED_FROM
 
 REDUCTION = 0.1  # of the residual by one iterated step
@@ -42,13 +43,13 @@ class Coated(NamedTuple):
     """
 
     operator: AbstractOperator
-    green: Float[Array, "*shape"] | None
-    coat: Float[Array, ""]
-    heights: Float[Array, "*shape"]
+    green: Field | None
+    coat: Scalar
+    heights: Field
     load: Float[Array, "..."]
 
 
-def green_of(operator: AbstractOperator, shape: tuple[int, ...]) -> Float[Array, "*shape"] | None:
+def green_of(operator: AbstractOperator, shape: tuple[int, ...]) -> Field | None:
     """Returns the displacement around one loaded point, or None if it is not the same for each."""
     return operator.to_field(operator.compliance + 0j, shape) if operator.of_distance else None
 
@@ -56,11 +57,11 @@ def green_of(operator: AbstractOperator, shape: tuple[int, ...]) -> Float[Array,
 def pressure_on(
     contact: Bool[Array, "*shape"],
     solid: Coated,
-    pressure: Float[Array, "*shape"],
-    tolerance: Float[Array, ""],
+    pressure: Field,
+    tolerance: Scalar,
     unchanged: Bool[Array, ""],
     budget: Array,
-) -> tuple[Float[Array, "*shape"], Float[Array, "*shape"], Float[Array, ""], Array]:
+) -> tuple[Field, Field, Scalar, Array]:
     """Returns pressure, gap, relative residual before, and FFT pairs.
 
     **Arguments:**
@@ -72,20 +73,27 @@ def pressure_on(
       else one step reduces it tenfold.
     - `budget`: FFT pairs after which no direction is begun.
     """
-    operator, _, lam, heights, load = solid
+    operator, green, lam, heights, load = solid
     coated = operator.with_kernel(operator.kernel + lam)
     mask = contact.astype(pressure.dtype)
-    share = nonzero(operator.mean(mask))
+    share, coat = nonzero(operator.mean(mask)), jnp.broadcast_to(lam, mask.shape)
 
     def iterate():
         begun = mask * pressure
         begun = begun + mask * ((load - operator.mean(begun)) / share)
         return _iterated(coated, mask, heights, begun, tolerance, unchanged, budget // 2)
 
-    points, rooms = jnp.sum(mask), _rooms(operator, pressure)
-    fitting = sum((points > room for room in rooms), jnp.asarray(0))
-    eliminate = [lambda room=room: _eliminated(solid, contact, room) for room in rooms]
-    pressure, off, pairs = jax.lax.switch(fitting, [*eliminate, iterate])
+    def eliminate(room):
+        assert green is not None  # of a matrix between few points
+        found = solve_on_few(mask, green, coat, heights, load * mask.size, room)
+        return found, jnp.zeros((), found.dtype), jnp.asarray(0)
+
+    # Matrices of a few sizes, each four times the last.
+    most = most_eliminated(operator, pressure)
+    rooms = [room for n in (3, 2, 1, 0) if (room := most >> 2 * n) >= _FEWEST]
+    fitting = sum((jnp.sum(mask) > room for room in rooms), jnp.asarray(0))
+    ways = [*(functools.partial(eliminate, room) for room in rooms), iterate]
+    pressure, off, pairs = jax.lax.switch(fitting, ways)
     gap = coated.displace(pressure) - heights
     return pressure, gap - operator.mean(mask * gap) / share, off, pairs + 1
 
@@ -101,29 +109,9 @@ def most_eliminated(operator: AbstractOperator, field: Array) -> int:
     return min(_MOST, 2 ** math.ceil(math.log2(4 * math.sqrt(field.size))), field.size // 2)
 
 
-def _rooms(operator: AbstractOperator, field: Array) -> list[int]:
-    """Numbers of points for which there is a matrix, each four times the last."""
-    most = most_eliminated(operator, field)
-    return [room for n in (3, 2, 1, 0) if (room := most >> 2 * n) >= _FEWEST]
-
-
-def _eliminated(solid: Coated, contact, room: int):
-    """The pressure on at most `room` points, a residual of 0, and no FFT pairs."""
-    assert solid.green is not None  # of a matrix between few points
-    weight, total = contact.astype(solid.green.dtype), solid.load * contact.size
-    coat = jnp.broadcast_to(solid.coat, contact.shape)
-    found = solve_on_few(weight, solid.green, coat, solid.heights, total, room)
-    return found, jnp.zeros((), found.dtype), jnp.asarray(0)
-
-
 def solve_on_few(
-    weight: Float[Array, "*shape"],
-    green: Float[Array, "*shape"],
-    diagonal: Float[Array, "*shape"],
-    rhs: Float[Array, "*shape"],
-    total: Float[Array, ""] | None,
-    room: int,
-) -> Float[Array, "*shape"]:
+    weight: Field, green: Field, diagonal: Field, rhs: Field, total: Scalar | None, room: int
+) -> Field:
     """Returns f with d f + w K w f + c w = rhs and Σ w f = total where w is not 0, and 0 elsewhere.
 
     `weight` w is not 0 at `room` points at most, `green` is K in space. Without a `total`, c = 0.

@@ -13,11 +13,11 @@ The equilibria of `ResidualDynamics` were all stable.
 
 import equinox as eqx
 import jax.numpy as jnp
-from jaxtyping import Array, Float
 
 from ..core.checks import check_positive, check_values, scalar
 from ..core.display import shown
 from .law import AbstractLaw, Bound, indicator_of_gap, power, proximal_root, repulsive_bracket
+from .operator import Field, Scalar
 
 
 @shown(units=False)
@@ -36,9 +36,9 @@ class AdhesiveLJ(AbstractLaw):
     """
 
     attracts = True
-    range: Float[Array, ""] = eqx.field(converter=scalar("range"))
-    work: Float[Array, ""] = eqx.field(converter=scalar("work"))
-    contact_gap: Float[Array, ""] = eqx.field(converter=scalar("contact_gap"), default=1.0)
+    range: Scalar = eqx.field(converter=scalar("range"))
+    work: Scalar = eqx.field(converter=scalar("work"))
+    contact_gap: Scalar = eqx.field(converter=scalar("contact_gap"), default=1.0)
 
     def __check_init__(self):
         check_positive("range", self.range, "[m]")
@@ -61,7 +61,7 @@ class AdhesiveLJ(AbstractLaw):
     def in_units(self, pressure: Bound, length: Bound) -> "AdhesiveLJ":
         return AdhesiveLJ(self.range / length, self.work / (pressure * length), self.contact_gap)
 
-    def pressure_at(self, gap: Float[Array, "*shape"]) -> Float[Array, "*shape"]:
+    def pressure_at(self, gap: Field) -> Field:
         """Returns σ(u) [Pa]."""
         return self._pressure_and_slope(gap / self.range)[0]
 
@@ -77,8 +77,7 @@ class AdhesiveLJ(AbstractLaw):
         return proximal_root(self._pressure_and_slope, self.range, v, low, high, 16)
 
     def contact_indicator(self, pressure, gap, stiffness):
-        edge = self.contact_gap * self.range
-        return indicator_of_gap(pressure - self.pressure_at(edge), gap - edge, stiffness)
+        return indicator_of_gap(self, pressure, gap, stiffness)
 
 
 @shown(units=False)
@@ -95,8 +94,8 @@ class ExponentialAdhesion(AbstractLaw):
     """
 
     attracts = True
-    range: Float[Array, ""] = eqx.field(converter=scalar("range"))
-    work: Float[Array, ""] = eqx.field(converter=scalar("work"))
+    range: Scalar = eqx.field(converter=scalar("range"))
+    work: Scalar = eqx.field(converter=scalar("work"))
 
     def __check_init__(self):
         check_positive("range", self.range, "[m]")

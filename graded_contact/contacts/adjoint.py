@@ -21,9 +21,8 @@ N = 256, to 1e-6). If few points are in contact a dense system is solved instead
 because the iteration takes thousands of steps if moduli are far apart.
 """
 
-import dataclasses
 from collections.abc import Callable
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 import equinox as eqx
 import jax
@@ -34,14 +33,13 @@ from jaxtyping import Array, Bool, Float
 from ..core.checks import check_tolerance, check_whole
 from ..core.compilation import one_by_one
 from .active_set import green_of, most_eliminated, solve_on_few
-from .law import AbstractLaw
-from .operator import AbstractOperator, Solid, nonzero
-from .solver import Loading, history_of, slope
-from .splitting import Splitting, check_relaxation, draft, iterate
+from .operator import AbstractOperator, Field, Scalar, Solid, nonzero
+from .solver import Inputs, history_of, run_steps, slope
+from .splitting import Splitting, check_relaxation, draft
 
 # Solves A τ = b, as `LinearSplitting` does: called with ρM, s and b, and with the keywords `rtol`
 # and `free_mean`, it returns τ, or NaN if it does not converge: `solve_contact` then fails.
-LinearSolver = Callable[..., Float[Array, "*shape"]]
+LinearSolver = Callable[..., Field]
 
 
 class LinearSolution(NamedTuple):
@@ -50,16 +48,12 @@ class LinearSolution(NamedTuple):
     **Fields:**
 
     - `tau`: the solution τ.
-    - `pressure`: of the solid, near √|s| τ but with better soft waves.
     - `found`: whether it converged.
-    - `error`: estimated relative error [1], 0 of a system that was eliminated.
     - `num_fft_pairs`: without those of a draft.
     """
 
-    tau: Float[Array, "*shape"]
-    pressure: Float[Array, "*shape"]
+    tau: Field
     found: Bool[Array, ""]
-    error: Float[Array, ""]
     num_fft_pairs: Array
 
 
@@ -71,14 +65,12 @@ class LinearSplitting(eqx.Module):
     - `rtol`: requested relative error of the derivative of the pressure [1]; None for twenty times
       that of the contact, at most 1e-3.
     - `max_steps`, `relaxation`, `history_length`: as those of `DouglasRachford`.
-    - `watch`: called in Python with the error that each call reached and its tolerance, or None.
     """
 
     rtol: float | None = eqx.field(default=None, static=True)
     max_steps: int = eqx.field(default=20_000, static=True)
     relaxation: float = eqx.field(default=0.95, static=True)
     history_length: int = eqx.field(default=5, static=True)
-    watch: Callable | None = eqx.field(default=None, static=True)
 
     def __check_init__(self):
         if self.rtol is not None:
@@ -87,31 +79,21 @@ class LinearSplitting(eqx.Module):
         check_whole("history_length", self.history_length, 1)
         check_relaxation(self.relaxation)
 
-    def __call__(
-        self,
-        operator: AbstractOperator,
-        weights: Float[Array, "*shape"],
-        rhs: Float[Array, "*shape"],
-        *,
-        rtol: Float[Array, ""],
-        free_mean: bool = False,
-    ) -> Float[Array, "*shape"]:
-        """Returns the τ of `solve`, NaN if that did not converge."""
+    def __call__(self, *system, rtol, free_mean=False):
+        """Returns the τ of `solve` to the own `rtol`, if any; NaN if that did not converge."""
         if self.rtol is not None:
-            check_tolerance("rtol", self.rtol, rhs)
-            rtol = jnp.asarray(self.rtol, rhs.dtype)
-        solved = self.solve(operator, weights, rhs, rtol=rtol, free_mean=free_mean)
-        if self.watch is not None:
-            jax.debug.callback(self.watch, solved.error, rtol)
+            check_tolerance("rtol", self.rtol, rtol)
+            rtol = jnp.asarray(self.rtol, rtol.dtype)
+        solved = self.solve(*system, rtol=rtol, free_mean=free_mean)
         return jnp.where(solved.found, solved.tau, jnp.nan)
 
     def solve(
         self,
         operator: AbstractOperator,
-        weights: Float[Array, "*shape"],
-        rhs: Float[Array, "*shape"],
+        weights: Field,
+        rhs: Field,
         *,
-        rtol: Float[Array, ""],
+        rtol: Scalar,
         free_mean: bool = False,
     ) -> LinearSolution:
         """Returns τ with ε(1 - s)τ + √|s| ρM √|s| τ = rhs, ε being the sign of s, and more.
@@ -126,97 +108,76 @@ class LinearSplitting(eqx.Module):
           √|s|.
         """
         root, sign = jnp.sqrt(jnp.abs(weights)), jnp.where(weights < 0, -1, 1).astype(rhs.dtype)
-        solid = Solid(operator, jnp.ones((), rhs.dtype), free_mean)
-        total = None if free_mean else jnp.zeros((), rhs.dtype)
-        few, eliminated = self._on_few(operator, weights, root, sign, rhs, total)
-        proximal = jax.tree_util.Partial(_proximal, root, sign, rhs)
+        few, eliminated = _on_few(operator, weights, root, sign, rhs, free_mean)
         share = jnp.maximum(jnp.mean(root), 1 / root.size)
         splitting = Splitting(
-            solid,
+            Solid(operator, jnp.ones((), rhs.dtype), free_mean),
             jnp.zeros_like(share),
-            proximal,
+            jax.tree_util.Partial(_proximal, root, sign, rhs),
             rtol,
             share,
             relaxation=self.relaxation,
             history_length=history_of(self.history_length, free_mean),
         )
-        max_steps = jnp.where(few, 0, self.max_steps)
+        max_steps = jnp.where(few, 0, self.max_steps)  # no steps if the system was eliminated
         z, _ = draft(splitting, root * rhs, max_steps=max_steps)
-        last = iterate(splitting, z, max_steps=max_steps)
-        x = solid.resolve(last.z)
+        last = run_steps(splitting, z, max_steps)
+        x = splitting.solid.resolve(last.z)
         tau = jnp.where(few, eliminated, sign * (rhs + root * (2 * x - last.z)))
-        pressure = jnp.where(few, root * tau, x)
-        ended = jnp.where(few, jnp.all(jnp.isfinite(eliminated)), ~last.running)
-        error = jnp.where(few, 0, last.error)
-        return LinearSolution(tau, pressure, ended, error, last.num_steps)
+        found = jnp.where(few, jnp.all(jnp.isfinite(eliminated)), ~last.running)
+        return LinearSolution(tau, found, last.num_steps)
 
-    def _on_few(self, operator: AbstractOperator, weights, root, sign, rhs, total):
-        """Whether few points are in contact, and if so τ."""
-        room, green = most_eliminated(operator, rhs), green_of(operator, rhs.shape)
-        if room == 0 or green is None:
-            return jnp.asarray(False), rhs
-        few = jnp.sum(weights != 0) <= room
 
-        def eliminate(_):
-            found = solve_on_few(root, green, sign * (1 - weights), rhs, total, room)
-            return jnp.where(root > 0, found, rhs), jnp.asarray(False)
+def _on_few(operator: AbstractOperator, weights, root, sign, rhs, free_mean: bool):
+    """Whether few points are in contact, and if so τ."""
+    room, green = most_eliminated(operator, rhs), green_of(operator, rhs.shape)
+    if room == 0 or green is None:
+        return jnp.asarray(False), rhs
+    few = jnp.sum(weights != 0) <= room
+    total = None if free_mean else jnp.zeros((), rhs.dtype)
 
-        # A loop of one turn: under `vmap` both branches of a condition would be computed.
-        return few, jax.lax.while_loop(lambda state: state[1], eliminate, (rhs, few))[0]
+    def eliminate(_):
+        found = solve_on_few(root, green, sign * (1 - weights), rhs, total, room)
+        return jnp.where(root > 0, found, rhs), jnp.asarray(False)
+
+    # A loop of one turn: under `vmap` both branches of a condition would be computed.
+    return few, jax.lax.while_loop(lambda state: state[1], eliminate, (rhs, few))[0]
 
 
 def _proximal(root, sign, rhs, v):
     return root * sign * (rhs + root * v)
 
 
-class Inputs(NamedTuple):
-    """The inputs of a contact."""
-
-    operator: AbstractOperator
-    heights: Float[Array, "*shape"]
-    law: AbstractLaw
-    loading: Loading
-
-
 class State(NamedTuple):
     """A contact: pressure [Pa], displacement of zero mean [m] and mean gap [m]."""
 
-    pressure: Float[Array, "*shape"]
-    displacement: Float[Array, "*shape"]
+    pressure: Field
+    displacement: Field
     mean_gap: Float[Array, "..."]
 
 
+@eqx.filter_custom_jvp
 def attach_gradient(
-    inputs: Inputs,
-    state: State,
-    gap: Float[Array, "*shape"],
-    penalty: Float[Array, ""],
-    adjoint: LinearSolver,
-    rtol: Float[Array, ""],
+    inputs: Inputs, state: State, gap: Field, penalty: Scalar, adjoint: LinearSolver, rtol: Scalar
 ) -> State:
     """Returns `state` unchanged, with its derivative by `inputs`.
 
     `state` must solve the contact problem, with the pressure that the law has at `gap`; this is
     not checked. A derivative costs one call of `adjoint` in either mode.
     """
-    return _attached(inputs, state, gap, penalty, adjoint, rtol)
-
-
-@eqx.filter_custom_jvp
-def _attached(inputs, state, gap, penalty, adjoint, rtol):
     return state
 
 
-@_attached.def_jvp
+@attach_gradient.def_jvp
 def _attached_jvp(primals, tangents):
     inputs, state, gap, penalty, adjoint, rtol = primals
     change: Inputs = tangents[0]
     operator = inputs.operator
     # Attached again, so that a derivative of the rule itself moves with the state.
-    state = _attached(*primals)
+    state = attach_gradient(*primals)
     moving = state.displacement - inputs.heights + jnp.mean(inputs.heights) + state.mean_gap
     v = state.pressure - penalty * (gap + (moving - jax.lax.stop_gradient(moving)))
-    s = slope(inputs.law.in_units(1.0, 1 / penalty), v)
+    s = slope(inputs.law.in_units(1.0, 1 / penalty).proximal, v)
     by_law, by_operator, by_heights = _given_changes(inputs, change, state, penalty, v)
     total = nonzero(operator.mean(s))
 
@@ -259,11 +220,15 @@ def _given_changes(inputs: Inputs, change: Inputs, state: State, penalty, v):
 
 def _in_contact(operator: AbstractOperator, s, rhs, adjoint: LinearSolver, rtol, free_mean: bool):
     """√|s| τ, of zero mean unless that is free, where A τ = √|s| rhs."""
-    root = root_of(s)
+    positive = s != 0  # elsewhere √ alone has an infinite slope
+    root = jnp.where(positive, jnp.sqrt(jnp.where(positive, jnp.abs(s), 1)), 0)
     sign = jnp.where(s < 0, -1, 1)
 
     def project(field):
-        return field if free_mean else without_mean(operator, field, root)
+        if free_mean:
+            return field
+        # A given load leaves no mean of √|s| τ.
+        return field - root * (operator.mean(root * field) / nonzero(operator.mean(root * root)))
 
     def operate(tau):
         inside = project(tau)
@@ -274,6 +239,7 @@ def _in_contact(operator: AbstractOperator, s, rhs, adjoint: LinearSolver, rtol,
     def solve(operator, s, rhs, rtol):
         return adjoint(operator, s, rhs, rtol=rtol, free_mean=free_mean)
 
+    # The adjoint system has the conjugate kernel, so that the same solver serves both modes.
     def solver_for(operator):
         def run(_, rhs):
             inside = project(rhs)
@@ -286,15 +252,12 @@ def _in_contact(operator: AbstractOperator, s, rhs, adjoint: LinearSolver, rtol,
         operate,
         project(root * rhs),
         solve=solver_for(operator),
-        transpose_solve=solver_for(operator.transposed),
+        transpose_solve=solver_for(operator.with_kernel(jnp.conj(operator.kernel))),
     )
 
 
 def opening_by_load(
-    operator: AbstractOperator,
-    s: Float[Array, "*shape"],
-    adjoint: LinearSolver,
-    rtol: Float[Array, ""],
+    operator: AbstractOperator, s: Field, adjoint: LinearSolver, rtol: Scalar
 ) -> Float[Array, "..."]:
     """Returns ρ dū/dp of a contact whose points have the slopes s; `operator` is ρM."""
     total = nonzero(operator.mean(s))
@@ -302,19 +265,6 @@ def opening_by_load(
     rhs = -(1 - s) / total - operator.displace(known)
     change = known + _in_contact(operator, s, rhs, adjoint, rtol, free_mean=False)
     return -operator.mean((1 - s) * change + s * operator.displace(change)) / total
-
-
-def root_of(s: Float[Array, "*shape"]) -> Float[Array, "*shape"]:
-    """Returns √|s|, 0 in all orders where the law fixes the pressure."""
-    positive = s != 0  # elsewhere √ alone has an infinite slope
-    return jnp.where(positive, jnp.sqrt(jnp.where(positive, jnp.abs(s), 1)), 0)
-
-
-def without_mean(
-    operator: AbstractOperator, field: Float[Array, "*shape"], root: Float[Array, "*shape"]
-) -> Float[Array, "*shape"]:
-    """Returns τ less its part along √|s|: a given load leaves no mean of √|s| τ."""
-    return field - root * (operator.mean(root * field) / nonzero(operator.mean(root * root)))
 
 
 def _fill_with_zeros(tangents, primals):
@@ -336,33 +286,3 @@ def check_converged(number: Array, failed: Bool[Array, ""]) -> Array:
         "`max_steps` of `adjoint`, or loosen its `rtol`), or it follows from a derivative that is "
         "not a number. Friction without a load has no derivative.",
     )
-
-
-_reached: list[tuple[float, float]] = []  # error and tolerance of each solve
-
-
-def _note(error, rtol) -> None:
-    _reached.append((float(error), float(rtol)))
-
-
-def explain_lost(function: Callable, args: tuple, changes: Any) -> None:
-    """Computes a derivative that was NaN once more; raises if its linear solve does not converge.
-
-    **Arguments:**
-
-    - `function`: the derivative, of `args` and `changes`.
-    - `args`: twice the arguments of a contact solution, the fourth of which is the `LinearSolver`:
-      those that change, and the others.
-    """
-    if isinstance(args[0][3], LinearSplitting):
-        watched = dataclasses.replace(args[0][3], watch=_note)
-        _reached.clear()
-        jax.block_until_ready(function(*((*one[:3], watched, *one[4:]) for one in args), changes))
-        jax.effects_barrier()
-        for error, rtol in _reached:
-            if not error <= rtol:
-                raise RuntimeError(
-                    "The linear solve for a derivative of the contact did not converge: its "
-                    f"relative error is {error:.2g}, the tolerance {rtol:.2g}. Raise `max_steps` "
-                    "of `adjoint`, or loosen its `rtol`."
-                )

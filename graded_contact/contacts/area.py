@@ -5,10 +5,11 @@ from itertools import pairwise
 import jax
 import jax.numpy as jnp
 import numpy as np
-from jaxtyping import Array, Bool, Float, Inexact
+from jaxtyping import Array, Bool
 
 from ..fields.devices import interleaved_rows
 from ..fields.grid import Grid, mode_numbers, multiplicity
+from .operator import Field, Scalar, Waves
 
 # Area of a pixel count beyond the true one, per pixel edge between contact and gap.
 # V. A. Yastrebov, G. Anciaux, J.-F. Molinari, Tribol. Int. 114 (2017) 161, arXiv:1701.02727.
@@ -18,18 +19,18 @@ _EDGE_EXCESS = (np.pi - 1 + np.log(2)) / 24
 _CONTOUR_OFFSET = 0.14
 
 
-def contact_area(contact: Bool[Array, "*shape"]) -> Float[Array, ""]:
+def counted_area(contact: Bool[Array, "*shape"]) -> Scalar:
     """Returns the fraction of points in contact [1]. Piecewise constant: it has no derivative."""
     return jnp.mean(contact, dtype=jnp.result_type(float))
 
 
-def contact_area_corrected(contact: Bool[Array, "*shape"]) -> Float[Array, ""]:
+def area_without_edges(contact: Bool[Array, "*shape"]) -> Scalar:
     """Returns the fraction of points in contact less the excess at the contact's edges [1].
 
     Each pixel edge between contact and gap takes (π - 1 + ln 2)/24 of a pixel (Yastrebov et al.
     2017, see above). In one dimension there is nothing to correct.
     """
-    area = contact_area(contact)
+    area = counted_area(contact)
     if contact.ndim == 1:
         return area
     edges = sum(
@@ -38,9 +39,7 @@ def contact_area_corrected(contact: Bool[Array, "*shape"]) -> Float[Array, ""]:
     return area - _EDGE_EXCESS * edges
 
 
-def contact_area_error(
-    indicator: Float[Array, "*shape"], correction: Float[Array, "*shape"]
-) -> Float[Array, ""]:
+def area_in_doubt(indicator: Field, correction: Field) -> Scalar:
     """Returns the fraction of points that may be on the wrong side of the edge of contact [1].
 
     These are points whose indicator (see `AbstractLaw.contact_indicator`) [Pa] is below four times
@@ -51,7 +50,7 @@ def contact_area_error(
     return jnp.mean(jnp.abs(indicator) < doubt, dtype=indicator.dtype)
 
 
-def edge_stiffness(kernel: Inexact[Array, "*half"], grid: Grid) -> Float[Array, ""]:
+def edge_stiffness(kernel: Waves, grid: Grid) -> Scalar:
     """Returns a stiffness 1/|M| near the edge of contact [Pa/m], which weighs gaps there.
 
     It is the geometric mean over the waves of all directions near half the Nyquist number, since
@@ -65,7 +64,7 @@ def edge_stiffness(kernel: Inexact[Array, "*half"], grid: Grid) -> Float[Array, 
     return jnp.exp(-jnp.sum(weight * logarithm) / jnp.sum(weight))
 
 
-def contact_area_smooth(indicator: Float[Array, "*shape"]) -> Float[Array, ""]:
+def area_of_contour(indicator: Field) -> Scalar:
     """Returns a sub-pixel contact area fraction [1], continuous in every parameter.
 
     The indicator (see `AbstractLaw.contact_indicator`), for a hard wall the pressure in contact and
@@ -96,7 +95,7 @@ def contact_area_smooth(indicator: Float[Array, "*shape"]) -> Float[Array, ""]:
     return jnp.maximum(jnp.mean(total) / len(rows[0]), 0)
 
 
-def coverage(indicator: Float[Array, "*shape"]) -> Float[Array, "*shape"]:
+def contact_shares(indicator: Field) -> Field:
     """Returns the share of each point's cell that is in contact [1], with the contour above."""
     if indicator.ndim == 1:
         sides = (jnp.roll(indicator, 1), jnp.roll(indicator, -1))

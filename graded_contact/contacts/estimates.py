@@ -16,20 +16,19 @@ than three times as large (`bench_contact.py random`). The error of a number is 
 see `error_of`.
 
 At a prescribed mean gap the error of the mean pressure is dp/dū times the error of the mean gap,
-see `contact_stiffness`.
+see `stiffness_bound`.
 """
 
 import dataclasses
 from collections.abc import Callable
-from typing import NamedTuple
 
 import jax
 import jax.numpy as jnp
-from jaxtyping import Array, Float
+from jaxtyping import Array
 
-from .adjoint import Inputs, State
-from .operator import contact_stiffness, nonzero, root_mean_square
-from .solver import SolverOutput, penalty_for, slope
+from .adjoint import State
+from .operator import Field, Scalar, nonzero, root_mean_square, stiffness_bound
+from .solver import Inputs, SolverOutput, penalty_for, slope
 
 # With these factors 12 of 8,552 claims were broken (`bench_contact.py random --count 1000 --seed
 # 30`).
@@ -37,7 +36,7 @@ _SAFETY, _BY_CHANCE, _SAFETY_OF_GAP, _SPREAD = 2.5, 5.0, 8.0, 0.3
 _ROUNDING, _ROUNDING_OF_GAP = 8, 100  # units in the last place
 
 
-def penalty_at(inputs: Inputs, found: SolverOutput) -> Float[Array, ""]:
+def penalty_at(inputs: Inputs, found: SolverOutput) -> Scalar:
     """Returns the penalty for the area of a contact [Pa/m]."""
     pressure = found.pressure
     touching = inputs.law.contact_indicator(pressure, found.gap, 1.0) > 0
@@ -45,7 +44,7 @@ def penalty_at(inputs: Inputs, found: SolverOutput) -> Float[Array, ""]:
     return penalty_for(inputs.operator, loaded, inputs.law)
 
 
-def state_of(inputs: Inputs, found: SolverOutput) -> State:
+def contact_state(inputs: Inputs, found: SolverOutput) -> State:
     """Returns pressure, displacement of zero mean and mean gap of a contact."""
     mean = inputs.operator.mean
     displacement = found.displacement - mean(found.displacement)
@@ -57,7 +56,7 @@ def state_of(inputs: Inputs, found: SolverOutput) -> State:
     return State(found.pressure, displacement, mean(weight * offset) / mean(weight))
 
 
-def change_of(inputs: Inputs, found: SolverOutput) -> Float[Array, "*shape"]:
+def change_of(inputs: Inputs, found: SolverOutput) -> Field:
     """Returns the estimated change of the pressure to the exact contact [Pa]."""
     operator, law, penalty = _scaled(inputs, found)
     y, law_gap, (load, gap) = found.pressure, penalty * found.gap, inputs.loading
@@ -79,7 +78,7 @@ def change_of(inputs: Inputs, found: SolverOutput) -> Float[Array, "*shape"]:
         digits = _ROUNDING_OF_GAP * jnp.finfo(y.dtype).eps * root_mean_square(solid_gap)
         closing = offset - penalty * gap
         closing = closing + jnp.where(closing < 0, -1, 1) * (_SPREAD * spread + digits)
-        change = change + share * closing * contact_stiffness(operator, law_gap, s)
+        change = change + share * closing * stiffness_bound(operator, law_gap, s)
     low, high = law.bounds
     return jnp.clip(y + change, low, high) - y
 
@@ -90,46 +89,27 @@ def _offset(operator, s, solid_gap, otherwise):
     return jnp.where(fixed > 0, -operator.mean(s * solid_gap) / nonzero(fixed), otherwise)
 
 
-class Assessment(NamedTuple):
-    """The errors of a contact.
+def assess(inputs: Inputs, found: SolverOutput) -> tuple[Array, Array, Array]:
+    """Returns the change of the pressure to the exact contact [Pa], and the errors of a contact.
 
-    **Fields:**
-
-    - `correction`: estimated change of the pressure to the exact contact [Pa].
-    - `error`: of the pressure, relative (root mean square) [1].
-    - `gap_error`: of the gap (root mean square) [m].
-    """
-
-    correction: Float[Array, "*shape"]
-    error: Float[Array, ""]
-    gap_error: Float[Array, ""]
-
-
-def assess(inputs: Inputs, found: SolverOutput) -> Assessment:
-    """Returns the errors of a contact.
-
-    The correction is limited to the error that the solver claims. Under a law that attracts,
-    equilibria are soft, and the correction is as large as that.
+    These are of the pressure, relative [1], and of the gap [m], both as root mean square. The
+    change is limited to the error that the solver claims. Under a law that attracts, equilibria are
+    soft, and the change is as large as that.
     """
     change, size = change_of(inputs, found), root_mean_square(found.pressure)
     relative = root_mean_square(change) / nonzero(size)
     limit = found.error / nonzero(relative)
     change = change * (limit if inputs.law.attracts else jnp.minimum(limit, 1))
-    state = state_of(inputs, found)
+    state = contact_state(inputs, found)
     gap = state.displacement - inputs.heights + jnp.mean(inputs.heights) + state.mean_gap
     moved = root_mean_square(changed(inputs, found, change).gap - gap)
     rounding = _ROUNDING * jnp.finfo(size.dtype).eps
     closer = jnp.minimum(found.error, _SAFETY * relative + rounding)
-    return Assessment(
-        change,
-        found.error if inputs.law.attracts else closer,
-        _SAFETY_OF_GAP * moved + rounding * jnp.std(inputs.heights),
-    )
+    error = found.error if inputs.law.attracts else closer
+    return change, error, _SAFETY_OF_GAP * moved + rounding * jnp.std(inputs.heights)
 
 
-def error_of(
-    numbers: Callable[[Array], Array], value: Array, change: Float[Array, "*shape"], size: Array
-) -> Array:
+def error_of(numbers: Callable[[Array], Array], value: Array, change: Field, size: Array) -> Array:
     """Returns the errors of numbers of this value, with the change to the exact contact.
 
     `numbers(change)` are those after a change of the pressure. Contributions of parts of the change
@@ -147,7 +127,7 @@ def error_of(
     return _SAFETY * jnp.abs(after - value) + _BY_CHANCE * chance + rounding
 
 
-def changed(inputs: Inputs, found: SolverOutput, change: Float[Array, "*shape"]) -> SolverOutput:
+def changed(inputs: Inputs, found: SolverOutput, change: Field) -> SolverOutput:
     """Returns the contact after a change of its pressure.
 
     The approximate inverse makes long waves of the change too large. So springs support the solid
@@ -177,7 +157,7 @@ def changed(inputs: Inputs, found: SolverOutput, change: Float[Array, "*shape"])
 
 def _share_of_gap(law, v):
     """The slope of the law between 0, where it fixes the pressure, and 1, where the gap."""
-    return jnp.clip(jnp.abs(slope(law, v)), 0, 1)
+    return jnp.clip(jnp.abs(slope(law.proximal, v)), 0, 1)
 
 
 def _scaled(inputs: Inputs, found: SolverOutput):

@@ -22,8 +22,9 @@ from jaxtyping import Array, Float
 
 from ..core.checks import as_scalar, check_positive, check_values, is_concrete, scalar, short
 from ..core.display import shown
+from .operator import Field, Scalar
 
-Bound = Float[Array, ""] | float
+Bound = Scalar | float
 
 
 class AbstractLaw(eqx.Module):
@@ -32,40 +33,36 @@ class AbstractLaw(eqx.Module):
     `attracts` is whether σ rises with u anywhere: then solutions depend on history.
     """
 
-    attracts: ClassVar[bool]
+    attracts: ClassVar[bool] = False
 
     @property
-    @abstractmethod
     def bounds(self) -> tuple[Bound, Bound]:
         """The lowest and the highest pressure [Pa]."""
+        return 0.0, jnp.inf
 
     @property
-    @abstractmethod
     def steepest_rise(self) -> Bound:
         """The largest dσ/du [Pa/m]; 0 without attraction."""
+        return 0.0
 
     @abstractmethod
     def in_units(self, pressure: Bound, length: Bound) -> "AbstractLaw":
         """Returns the law for pressures and gaps in units of `pressure` [Pa] and `length` [m]."""
 
     @abstractmethod
-    def proximal(self, v: Float[Array, "*shape"]) -> Float[Array, "*shape"]:
+    def proximal(self, v: Field) -> Field:
         """Returns the pressure y that the law has at the gap y - v."""
 
     @abstractmethod
-    def contact_indicator(
-        self, pressure: Float[Array, "*shape"], gap: Float[Array, "*shape"], stiffness: Bound
-    ) -> Float[Array, "*shape"]:
+    def contact_indicator(self, pressure: Field, gap: Field, stiffness: Bound) -> Field:
         """Returns how far points are inside contact (> 0) or outside (< 0) [Pa], 0 at the edge.
 
         Outside, `stiffness` [Pa/m] turns gaps beyond that of the edge to pressures.
         """
 
 
-def check_law(law: AbstractLaw) -> None:
-    """Raises `ValueError` unless this is one law of contact, its parameters single numbers."""
-    if not isinstance(law, AbstractLaw):
-        raise ValueError(f"`law={short(law)}` must be a law of contact, such as `HardWall()`.")
+def check_one_law(law: AbstractLaw) -> None:
+    """Raises `ValueError` unless the parameters of a law are single numbers."""
     for parameter in jax.tree.leaves(law):
         if jnp.ndim(parameter) > 0:
             raise ValueError(
@@ -103,8 +100,7 @@ class HardWall(AbstractLaw):
     - `hardness`: the highest pressure [Pa], or None for no limit.
     """
 
-    attracts = False
-    hardness: Float[Array, ""] | None = eqx.field(
+    hardness: Scalar | None = eqx.field(
         default=None, converter=lambda x: None if x is None else as_scalar(x, "hardness")
     )
 
@@ -116,14 +112,11 @@ class HardWall(AbstractLaw):
     def bounds(self):
         return 0.0, jnp.inf if self.hardness is None else self.hardness
 
-    @property
-    def steepest_rise(self):
-        return 0.0
-
     def in_units(self, pressure, length):
         return HardWall(None if self.hardness is None else self.hardness / pressure)
 
     def proximal(self, v):
+        # The slope of `jnp.maximum` would be 1/2 at the edge.
         y = jnp.where(v > 0, v, 0)
         return y if self.hardness is None else jnp.where(y < self.hardness, y, self.hardness)
 
@@ -148,28 +141,19 @@ class RepulsiveLJ(AbstractLaw):
     - `contact_gap`: edge of contact [1]; at 5/3 the pressure is p/100.
     """
 
-    attracts = False
-    range: Float[Array, ""] = eqx.field(converter=scalar("range"))
-    pressure: Float[Array, ""] = eqx.field(converter=scalar("pressure"))
-    contact_gap: Float[Array, ""] = eqx.field(converter=scalar("contact_gap"), default=5 / 3)
+    range: Scalar = eqx.field(converter=scalar("range"))
+    pressure: Scalar = eqx.field(converter=scalar("pressure"))
+    contact_gap: Scalar = eqx.field(converter=scalar("contact_gap"), default=5 / 3)
 
     def __check_init__(self):
         check_positive("range", self.range, "[m]")
         check_positive("pressure", self.pressure, "[Pa]")
         check_positive("contact_gap", self.contact_gap, "[1]")
 
-    @property
-    def bounds(self):
-        return 0.0, jnp.inf
-
-    @property
-    def steepest_rise(self):
-        return 0.0
-
     def in_units(self, pressure: Bound, length: Bound) -> "RepulsiveLJ":
         return RepulsiveLJ(self.range / length, self.pressure / pressure, self.contact_gap)
 
-    def pressure_at(self, gap: Float[Array, "*shape"]) -> Float[Array, "*shape"]:
+    def pressure_at(self, gap: Field) -> Field:
         """Returns σ(u) [Pa]."""
         return self._pressure_and_slope(gap / self.range)[0]
 
@@ -182,12 +166,13 @@ class RepulsiveLJ(AbstractLaw):
         return proximal_root(self._pressure_and_slope, self.range, v, low, high, 7)
 
     def contact_indicator(self, pressure, gap, stiffness):
-        edge = self.contact_gap * self.range
-        return indicator_of_gap(pressure - self.pressure_at(edge), gap - edge, stiffness)
+        return indicator_of_gap(self, pressure, gap, stiffness)
 
 
-def indicator_of_gap(pressure, gap, stiffness):
-    """The contact indicator, from pressure and gap less those at the edge of contact."""
+def indicator_of_gap(law, pressure, gap, stiffness):
+    """The contact indicator of a smooth law, from pressure and gap less those at its edge."""
+    edge = law.contact_gap * law.range
+    gap, pressure = gap - edge, pressure - law.pressure_at(edge)
     return jnp.where(gap < 0, jnp.maximum(pressure, 0), -stiffness * gap)
 
 
@@ -201,9 +186,9 @@ def power(t, n: int):
 
 def repulsive_bracket(v, pressure, range):
     """Bounds of t in p t⁻⁹ - εt = v, within a factor of 2: those of v = 0, v << 0, v >> 0."""
-    rest = (pressure / range) ** 0.1
+    rest = (pressure / range) ** 0.1  # t at v = 0
     pressed = v > 0
-    force = jnp.where(pressed, v, 0)
+    force = jnp.where(pressed, v, 0)  # each branch must be finite where the other one holds
     low = (pressure / (force + range * rest)) ** (1 / 9)
     open_ = jnp.where(pressed, 0, -v / range)
     low = jnp.where(pressed, low, jnp.maximum(rest, open_))
@@ -226,11 +211,13 @@ def proximal_root(pressure_and_slope: Callable, unit, v, low, high, steps: int):
         return value, t - value / (slope - unit)
 
     def solve(_, t):
+        # Unrolled, so that XLA keeps all steps in one pass over memory.
         least, most = low, high
         for _ in range(steps - 1):
             value, moved = newton(t)
             least, most = jnp.where(value > 0, t, least), jnp.where(value > 0, most, t)
             t = jnp.where((moved >= least) & (moved <= most), moved, (least + most) / 2)
+        # By now close to the root; rounding could stop a bisection short of the last digit.
         for _ in range(2):
             _, t = newton(t)
         return t

@@ -11,7 +11,6 @@ This is the only place where Python looks at values: outside `jit` Newton steps 
 the first solve needs them.
 """
 
-from collections.abc import Callable
 from typing import ClassVar, NamedTuple
 
 import equinox as eqx
@@ -25,7 +24,7 @@ from ..core.compilation import jit
 from ..fields.grid import interpolate, resample_spectrum, to_field, to_spectrum
 from .active_set import most_eliminated
 from .law import AbstractLaw
-from .operator import AbstractOperator, Solid, nonzero
+from .operator import AbstractOperator, Field, Scalar, Solid, nonzero
 from .semismooth_newton import newton_round, takes_newton_steps
 from .solver import (
     AbstractContactSolver,
@@ -35,10 +34,10 @@ from .solver import (
     participation,
     penalty_for,
     pressure_unit,
+    run_steps,
     to_mean,
-    watch_of,
 )
-from .splitting import Splitting, check_relaxation, draft, iterate
+from .splitting import Splitting, check_relaxation, draft
 
 # All within 2 % of the fewest FFT pairs of `bench_contact.py viscoelastic`.
 _COARSENING = 4  # from grid to grid; 2 takes more pairs and compiles more programs
@@ -48,11 +47,8 @@ _NEWTON_FROM = 1 / 16  # share of the points that a grid with Newton steps has a
 _NEWTON_UP_TO = 2**21  # points; on larger grids Newton steps need too much memory
 _SMALL = 0.125  # share of points in contact along an axis, up to which Newton steps pay
 _FEW = 100  # steps on coarse grids and in drafts, where Newton steps follow
-_STEPS, _MOST, _POINTS = (
-    4000,
-    64_000,
-    2**16,
-)  # default and largest `max_steps`; points
+_STEPS, _MOST = 4000, 64_000  # default `max_steps`, on grids of `_POINTS` and smaller ones
+_POINTS = 2**16
 _MOST_ATTRACTED = 0.5  # relaxation under an attraction; at 0.95 some soft bodies did not converge
 _COLD_PARTICIPATION = 0.05  # ⟨σ⟩²/⟨σ²⟩ without a start
 _NEARLY = 0.98  # share of points that touch, from which full contact is tried
@@ -60,11 +56,11 @@ _HIGHEST = 1e3  # limit of the pressure of a start, over that which flattens the
 
 _NOTHING, _EPOCH_NEXT, _NEWTON_NEXT = 0, 1, 2  # next action on a grid
 
-Factor = float | Float[Array, ""]  # of a penalty, over the first
+Factor = float | Scalar  # of a penalty, over the first
 
 
 class DouglasRachford(AbstractContactSolver):
-    """Settings of the splitting. All static, except `callback`.
+    """Settings of the splitting. All static.
 
     **Fields:**
 
@@ -75,14 +71,12 @@ class DouglasRachford(AbstractContactSolver):
     - `history_length`: earlier iterates that the acceleration combines, at a given mean gap two at
       most; each stores two fields, on a large grid three quarters of one.
     - `coarsest`: nesting starts from the first grid with fewer than twice this many points a side.
-    - `callback`: called with the pressure [Pa] on the finest grid every few steps.
     """
 
     max_steps: int | None = eqx.field(default=None, static=True)
     relaxation: float = eqx.field(default=0.95, static=True)
     history_length: int = eqx.field(default=5, static=True)
     coarsest: int = eqx.field(default=64, static=True)
-    callback: Callable[[Array], None] | None = None
     finds_unstable: ClassVar[bool] = True
 
     def __check_init__(self):
@@ -92,31 +86,26 @@ class DouglasRachford(AbstractContactSolver):
         check_whole("coarsest", self.coarsest, 4)
         check_relaxation(self.relaxation)
 
-    def solve(
-        self,
-        operator: AbstractOperator,
-        heights: Float[Array, "*shape"],
-        law: AbstractLaw,
-        loading: Loading,
-        *,
-        rtol: Float[Array, ""],
-        start: Float[Array, "*shape"] | None,
-    ) -> SolverOutput:
+    def solve(self, operator, heights, law, loading, *, rtol, start):
         """Returns the contact; `start` is a pressure [Pa] to begin from."""
+        shapes = [heights.shape]
         # A coarse grid would pull surfaces together that stay separate on the fine one.
-        nested = start is None and not law.attracts
-        shapes = _nested_shapes(heights.shape, self.coarsest) if nested else [heights.shape]
-        last = None
-        for grid in _grids(operator, heights, loading, shapes):
+        if start is None and not law.attracts:
+            while (points := min(shapes[0])) >= 2 * self.coarsest:
+                factor = min(_COARSENING, points // self.coarsest)
+                shapes.insert(0, tuple(-(-n // factor) for n in shapes[0]))
+        coarse, unit = _coarser(operator, heights, loading, shapes[:-1])
+        before = start
+        for grid in [*coarse, OneGrid(operator, heights, loading, unit)]:
             settings = self._settings(grid.heights.shape, heights.shape, law, loading, rtol)
+            # Python stops where Newton steps are needed, if it can see the state.
             looks = settings.newton and is_concrete(heights)
-            before = start if last is None else last
-            problem, state = _begin_on_grid(grid, law, before, settings, looks)
+            numbers, state = _begin(grid, law, before, settings, looks)
+            problem = GridProblem(grid, *numbers)
             if looks and int(state.next) == _NEWTON_NEXT:
                 state = _alternate(problem, state, settings)
-            last = problem, state
-        assert last is not None  # there is at least one grid
-        return _output(*last)
+            before = problem, state
+        return _output(problem, state)
 
     def _settings(self, shape, finest_shape, law: AbstractLaw, loading: Loading, rtol):
         points, share = int(np.prod(shape)), float(np.prod(shape) / np.prod(finest_shape))
@@ -127,14 +116,11 @@ class DouglasRachford(AbstractContactSolver):
         few = most if not hard or (finest and not newton) else min(_FEW, most)
         return GridSettings(
             share=share,
-            finest=finest,
-            hard=hard,
             newton=newton,
             draft_steps=few,
             max_steps=most if newton else few,
             relaxation=min(self.relaxation, _MOST_ATTRACTED) if law.attracts else self.relaxation,
             history_length=history_of(self.history_length, loading.pressure is None),
-            callback=self.callback if finest else None,
             rtol=rtol if finest else jnp.asarray(_COARSE_ERROR, rtol.dtype),
         )
 
@@ -143,15 +129,21 @@ class GridSettings(NamedTuple):
     """Settings of the solve on one grid, static except `rtol`."""
 
     share: float  # of its points, of those of the finest grid
-    finest: bool
-    hard: bool  # a wall at a given load
     newton: bool  # whether Newton steps may follow
     draft_steps: int
     max_steps: int
     relaxation: float
     history_length: int
-    callback: Callable[[Array], None] | None
-    rtol: Float[Array, ""]
+    rtol: Scalar
+
+
+class OneGrid(NamedTuple):
+    """What is given on one grid, and the unit of pressure there."""
+
+    operator: AbstractOperator
+    heights: Field
+    loading: Loading
+    unit: Scalar
 
 
 class GridProblem(eqx.Module):
@@ -160,32 +152,33 @@ class GridProblem(eqx.Module):
     A factor is that of a penalty over the first one.
     """
 
-    operator: AbstractOperator
-    heights: Float[Array, "*shape"]  # [m], of any mean
-    unit: Float[Array, ""]  # of pressure [Pa]
-    penalty: Float[Array, ""]  # [Pa/m] over the unit
+    grid: OneGrid
+    penalty: Scalar  # [Pa/m] over the unit
     law: AbstractLaw
     mean: Float[Array, "..."]  # prescribed, of the pressure, or if that is free of the gap
-    free_mean: bool = eqx.field(static=True)
 
     @property
-    def length(self) -> Float[Array, ""]:
-        """The unit of length [m]."""
-        return self.unit / self.penalty
+    def free_mean(self) -> bool:
+        return self.grid.loading.pressure is None
 
-    def scaled_heights(self, factor: Factor = 1.0) -> Float[Array, "*shape"]:
+    @property
+    def length(self) -> Scalar:
+        """The unit of length [m]."""
+        return self.grid.unit / self.penalty
+
+    def scaled_heights(self, factor: Factor = 1.0) -> Field:
         """Returns the dimensionless heights, of zero mean."""
         scale = factor / self.length
         # Scaled first: else a loop would store another field.
-        return scale * self.heights - scale * jnp.mean(self.heights)
+        return scale * self.grid.heights - scale * jnp.mean(self.grid.heights)
 
     def law_at(self, factor) -> AbstractLaw:
         return self.law.in_units(1.0, 1 / factor)
 
     def solid_at(self, factor: Factor = 1.0) -> Solid:
-        return Solid(self.operator, factor * self.penalty, self.free_mean)
+        return Solid(self.grid.operator, factor * self.penalty, self.free_mean)
 
-    def shift(self, factor) -> Float[Array, "*shape"]:
+    def shift(self, factor) -> Field:
         """What heights and mean add to x of the splitting."""
         heights, solid = self.scaled_heights(factor), self.solid_at(factor)
         if self.free_mean:
@@ -198,7 +191,6 @@ class GridProblem(eqx.Module):
             state.shift,
             self.law_at(state.factor).proximal,
             settings.rtol,
-            watch=watch_of(settings.callback, self.unit),
             relaxation=settings.relaxation,
             history_length=settings.history_length,
         )
@@ -207,7 +199,7 @@ class GridProblem(eqx.Module):
         """A pressure of the law with the load that is prescribed, if any."""
         if self.free_mean:
             return pressure
-        return to_mean(self.operator, pressure, self.mean, self.law.bounds)
+        return to_mean(self.grid.operator, pressure, self.mean, self.law.bounds)
 
     def meet(self, state: "SolveState"):
         """The pressures of solid and law, x and y, and the gap at which the law has y."""
@@ -234,80 +226,41 @@ class SolveState(NamedTuple):
     pairs: Array  # FFT pairs so far, of all grids by their size
 
 
-def _nested_shapes(shape: tuple[int, ...], coarsest: int) -> list[tuple[int, ...]]:
-    shapes = [shape]
-    while (points := min(shapes[0])) >= 2 * coarsest:
-        factor = min(_COARSENING, points // coarsest)
-        shapes.insert(0, tuple(-(-n // factor) for n in shapes[0]))
-    return shapes
-
-
-class OneGrid(NamedTuple):
-    """What is given on one grid, and the unit of pressure there."""
-
-    operator: AbstractOperator
-    heights: Float[Array, "*shape"]
-    loading: Loading
-    unit: Float[Array, ""]
-
-
-def _grids(operator, heights, loading: Loading, shapes) -> list[OneGrid]:
-    """What is given on grids of these shapes, the last of them its own."""
-    coarse, unit = _coarser(operator, heights, loading, shapes[:-1])
-    return [*coarse, OneGrid(operator, heights, loading, unit)]
-
-
 @jit
 def _coarser(operator, heights, loading: Loading, shapes):
+    """What is given on coarser grids of these shapes, and the unit of pressure on the finest."""
     shape, flat, coarse = heights.shape, heights - jnp.mean(heights), []
     spectrum = to_spectrum(flat)
     for level in shapes:
         share = float(np.prod(level) / np.prod(shape))
         rough = to_field(resample_spectrum(spectrum, shape, level) * share, level)
-        near, less = operator.coarser(shape, level), _loading_on(level, loading)
+
+        def sample(a, level=level):  # a load that varies is interpolated
+            if a is None or a.ndim == 0:
+                return a
+            return interpolate(a, tuple(map(min, a.shape, level)))
+
+        near, less = operator.coarser(shape, level), Loading(*map(sample, loading))
         coarse.append(OneGrid(near, rough, less, pressure_unit(near, rough, less)))
     return coarse, pressure_unit(operator, flat, loading)
 
 
-def _loading_on(shape, loading: Loading) -> Loading:
-    """The loading on a coarser grid: what varies is interpolated."""
-
-    def sample(a):
-        if a is None or a.ndim == 0:
-            return a
-        return interpolate(a, tuple(min(n, m) for n, m in zip(a.shape, shape, strict=True)))
-
-    return Loading(*map(sample, loading))
-
-
-def _begin_on_grid(grid: OneGrid, law, before, settings: GridSettings, looks: bool):
-    """The contact on a grid, and the state of its solve.
-
-    Stops where Newton steps are needed if Python can see the state (`looks`); otherwise solves to
-    the end. `before` is a pressure [Pa], what was found on the grid before, or None.
-    """
-    numbers, state = _begin(grid, law, before, settings, looks)
-    return _problem(grid, numbers), state
-
-
-def _problem(grid: OneGrid, numbers) -> GridProblem:
-    (operator, heights, loading, unit), (penalty, law, mean) = grid, numbers
-    free_mean = loading.pressure is None
-    return GridProblem(operator, heights, unit, penalty, law, mean, free_mean)
-
-
 @jit
 def _begin(grid: OneGrid, law, before, settings: GridSettings, looks: bool):
-    """As `_begin_on_grid`, but without the grid in the result, so that XLA does not copy it."""
+    """The fields of a problem but its grid, which XLA would copy, and the state of its solve.
+
+    `before` is a pressure [Pa], what was found on the grid before, or None. With `looks` the solve
+    stops where Newton steps are needed, otherwise at its end.
+    """
     operator, rough, loading, unit = grid
     share = settings.share
-    own = 0.0 if settings.finest else 0.5 * share  # of the grid's heights
-    guess, touching, pairs = None, 0.0, own if settings.finest else 0.5 + own
+    own = 0.5 * share if share < 1 else 0.0  # of the grid's heights
+    guess, touching, pairs = None, 0.0, 0.5 + own if share < 1 else own
     if before is not None:
         if isinstance(before, tuple):
             coarse, last = before
-            pairs = last.pairs + share * coarse.heights.size / rough.size + own
-            before = coarse.at_load(coarse.meet(last)[1]) * coarse.unit
+            pairs = last.pairs + share * coarse.grid.heights.size / rough.size + own
+            before = coarse.at_load(coarse.meet(last)[1]) * coarse.grid.unit
         touching = jnp.mean(before > 0, dtype=rough.dtype)
         guess = _as_guess(grid, law, interpolate(before, rough.shape))
         pairs = pairs + share
@@ -318,8 +271,8 @@ def _begin(grid: OneGrid, law, before, settings: GridSettings, looks: bool):
     mean = jnp.asarray(loading.gap if free_mean else loading.pressure)
     mean = mean / (length if free_mean else unit)
     numbers = penalty, law.in_units(unit, length), mean
-    problem = _problem(grid, numbers)
-    if guess is not None and settings.hard:
+    problem = GridProblem(grid, *numbers)
+    if guess is not None and takes_newton_steps(law) and not problem.free_mean:
         guess, taken = _full_contact_or(problem, guess, touching)
         pairs = pairs + share * taken
     one, none, no = jnp.ones((), rough.dtype), jnp.asarray(0), jnp.asarray(False)
@@ -378,7 +331,7 @@ def _full_contact_or(problem: GridProblem, guess, touching):
 def _start_of(problem: GridProblem, guess):
     """z to begin from: that of a guessed pressure, or without one of points on springs."""
     heights, law, mean = problem.scaled_heights(), problem.law, problem.mean
-    average = problem.operator.mean
+    average = problem.grid.operator.mean
     if guess is None:
         if problem.free_mean or law.attracts:
             return mean - heights
@@ -394,7 +347,7 @@ def _start_of(problem: GridProblem, guess):
         ends = jnp.stack([jnp.full_like(high, -2 * jnp.max(heights)), high])
         v = jax.lax.fori_loop(0, 40, halve, ends)[1] + heights
         return 2 * law.proximal(v) - v
-    gap = problem.solid_at().displace(guess) - heights
+    gap = problem.solid_at().scaled.displace(guess) - heights
     total, weighed = average(jnp.abs(guess)), average(jnp.abs(guess) * gap)
     loaded = (total > 0) & (not problem.free_mean)
     gap = gap - jnp.where(loaded, weighed / nonzero(total), average(gap))
@@ -413,7 +366,7 @@ def _epochs(problem: GridProblem, state: SolveState, settings: GridSettings) -> 
     def epoch(state: SolveState) -> SolveState:
         limit = jnp.where(state.confirming, 0, state.steps)
         limit = jnp.clip(limit, _EPOCH, settings.max_steps - state.steps)
-        last = iterate(problem.splitting(state, settings), state.z, max_steps=limit)
+        last = run_steps(problem.splitting(state, settings), state.z, limit)
         steps = state.steps + last.num_steps
         more = last.running & (steps + state.newton_pairs < settings.max_steps)
         state = state._replace(
@@ -442,7 +395,7 @@ def _epochs(problem: GridProblem, state: SolveState, settings: GridSettings) -> 
             return state
         # At its present rate the splitting needs more than as many steps again; few points are
         # found at once.
-        few = jnp.sum(y > 0) <= most_eliminated(problem.operator, y)
+        few = jnp.sum(y > 0) <= most_eliminated(problem.grid.operator, y)
         slow = state.confirming | few | (state.error > jnp.sqrt(settings.rtol))
         slow &= jnp.mean(y > 0, dtype=y.dtype) < _SMALL**y.ndim
         return state._replace(next=jnp.where(slow, _NEWTON_NEXT, _EPOCH_NEXT))
@@ -496,7 +449,7 @@ def _output(problem: GridProblem, state: SolveState) -> SolverOutput:
     pressure = problem.at_load(y)
     stiff = problem.solid_at(factor).resolve(pressure - x)
     solid_gap = (state.z - x + (pressure - x) - stiff) / factor
-    unit, length = problem.unit, problem.length
+    unit, length = problem.grid.unit, problem.length
     without_mean = problem.scaled_heights() - (problem.mean if problem.free_mean else 0)
     return SolverOutput(
         pressure=pressure * unit,

@@ -8,14 +8,13 @@ splitting converges because the real part of K is positive.
 
 Under steady sliding U is the Fourier transform in the frame of the surface (`Steady`). Under any
 other periodic motion it is one in space and time (`space_time.py`), and the mean is prescribed at
-every time. For another operator write a subclass of `AbstractOperator` with a kernel, the
-transforms `to_waves` and `to_field`, and `mean`.
+every time. The defaults of `AbstractOperator` are those of steady sliding; another operator is a
+subclass with a kernel and what differs.
 
 An operator also knows its fields: the cell that they fill, around a window (`window.py`) more than
 the surface, and which of their axes is time. So an observable of a contact is one formula for all.
 """
 
-from abc import abstractmethod
 from collections.abc import Callable
 from typing import ClassVar
 
@@ -23,9 +22,13 @@ import equinox as eqx
 import jax
 import jax.numpy as jnp
 import numpy as np
-from jaxtyping import Array, Bool, Float, Inexact, Shaped
+from jaxtyping import Array, Bool, Float, Inexact, Int, Shaped
 
 from ..fields.grid import Grid, multiplicity, resample_spectrum, to_field, to_spectrum
+
+Field = Float[Array, "*shape"]  # on the surface, or on the cell of a window
+Waves = Inexact[Array, "*half"]  # one number for each wave of a half spectrum
+Scalar = Float[Array, ""]
 
 
 class AbstractOperator(eqx.Module):
@@ -38,78 +41,73 @@ class AbstractOperator(eqx.Module):
       between few points can be gathered. Static.
     """
 
-    kernel: eqx.AbstractVar[Inexact[Array, "*half"]]
-    of_distance: eqx.AbstractClassVar[bool]
+    kernel: eqx.AbstractVar[Waves]
+    of_distance: ClassVar[bool] = True
 
-    @abstractmethod
-    def to_waves(self, field: Float[Array, "*shape"]) -> Inexact[Array, "*half"]:
+    def to_waves(self, field: Field) -> Waves:
         """Returns U f, unnormalised as `to_spectrum` is."""
+        return to_spectrum(field)
 
-    @abstractmethod
-    def to_field(
-        self, waves: Inexact[Array, "*half"], shape: tuple[int, ...]
-    ) -> Float[Array, "*shape"]:
+    def to_field(self, waves: Waves, shape: tuple[int, ...]) -> Field:
         """Returns the field of these waves, the inverse of `to_waves`."""
+        return to_field(waves, shape)
 
-    @abstractmethod
-    def mean(self, field: Float[Array, "*shape"]) -> Float[Array, "..."]:
+    def mean(self, field: Field) -> Float[Array, "..."]:
         """Returns the mean that M leaves open, broadcastable to the field."""
+        return jnp.mean(field)
 
-    @abstractmethod
     def coarser(self, shape: tuple[int, ...], new_shape: tuple[int, ...]) -> "AbstractOperator":
         """Returns the operator on a coarser grid of the same cell, for a start."""
+        return self.with_kernel(resample_spectrum(self.compliance, shape, new_shape))
 
     @property
-    @abstractmethod
     def is_mean(self) -> Bool[Array, "*half"]:
         """Where the waves have the mean that M leaves open, as a mask."""
+        return first_mode(self.kernel.shape)
 
     @property
-    @abstractmethod
-    def long_wave(self) -> Float[Array, ""]:
+    def long_wave(self) -> Scalar:
         """|M| of the long waves: at three times the lowest wavenumber along x, the softest."""
+        return jnp.abs(third_mode(self.kernel))
 
     @property
-    def least(self) -> Float[Array, ""]:
+    def least(self) -> Scalar:
         """The smallest |M| of all waves."""
         return jnp.min(jnp.where(self.is_mean, jnp.inf, jnp.abs(self.kernel)))
 
     @property
-    def compliance(self) -> Inexact[Array, "*half"]:
+    def compliance(self) -> Waves:
         """The kernel, 0 for the mean."""
         return jnp.where(self.is_mean, 0, self.kernel)
 
     @property
-    def inverse(self) -> Inexact[Array, "*half"]:
+    def inverse(self) -> Waves:
         """1/M, 0 for the mean."""
         return jnp.where(self.is_mean, 0, 1 / jnp.where(self.is_mean, 1, self.kernel))
 
-    @property
-    def transposed(self) -> "AbstractOperator":
-        """The adjoint operator."""
-        return self.with_kernel(jnp.conj(self.kernel))
-
-    def scaled(self, factor: Float[Array, ""] | float) -> "AbstractOperator":
+    def scaled(self, factor: Scalar | float) -> "AbstractOperator":
         """Returns the operator times a factor."""
         return self.with_kernel(factor * self.kernel)
 
-    def with_kernel(self, kernel: Inexact[Array, "*half"]) -> "AbstractOperator":
+    def with_kernel(self, kernel: Waves) -> "AbstractOperator":
         """Returns the operator with another kernel in the same waves."""
         return eqx.tree_at(lambda operator: operator.kernel, self, kernel)
 
-    def filtered(
-        self, factors: Inexact[Array, "*half"], field: Float[Array, "*shape"]
-    ) -> Float[Array, "*shape"]:
+    def filtered(self, factors: Waves, field: Field) -> Field:
         """Returns a field whose waves were multiplied by `factors`."""
         return self.to_field(factors * self.to_waves(field), field.shape)
 
-    def displace(self, pressure: Float[Array, "*shape"]) -> Float[Array, "*shape"]:
+    def displace(self, pressure: Field) -> Field:
         """Returns M σ without its mean."""
         return self.filtered(self.compliance, pressure)
 
-    def bending_energy(self, field: Float[Array, "*shape"]) -> Float[Array, "..."]:
+    def bending_energy(self, field: Field) -> Float[Array, "..."]:
         """Returns the mean energy ⟨f M⁻¹ f⟩ of a displacement, of each mean that is prescribed."""
-        return self.mean(field * self.filtered(self.inverse, field))
+        # By one transform instead of two: only the real part of 1/M stores energy.
+        waves = self.to_waves(field)
+        weight = multiplicity(field.shape) / np.prod(field.shape) ** 2
+        weight = jnp.asarray(weight, waves.real.dtype)
+        return jnp.sum(jnp.abs(waves) ** 2 * weight * jnp.real(self.inverse))
 
     # The fields of a contact.
 
@@ -130,22 +128,17 @@ class AbstractOperator(eqx.Module):
         return formula(*fields)
 
     @property
-    def at_edges(self) -> Inexact[Array, "*half"]:
+    def at_edges(self) -> Waves:
         """The kernel over space that weighs gaps at the edge of contact, see `edge_stiffness`."""
         return self.kernel
 
     def traction(
-        self,
-        pressure: Float[Array, "*shape"],
-        profile: Float[Array, "*shape"],
-        q: Float[Array, "..."],
+        self, pressure: Field, profile: Field, q: Float[Array, "..."]
     ) -> Float[Array, "..."]:
         """Returns -⟨σ ∂f/∂x⟩ [Pa] at each time; `q` is each wave's number along x [rad/m]."""
         return self.at_each_time(lambda p, f: jnp.sum(work_of_waves(p, f, q)), pressure, profile)
 
-    def dissipation(
-        self, pressure: Float[Array, "*shape"], omega: Float[Array, "..."]
-    ) -> Float[Array, "*half"]:
+    def dissipation(self, pressure: Field, omega: Float[Array, "..."]) -> Float[Array, "*half"]:
         """Returns the power lost per area [W/m²] in each wave and its conjugate.
 
         `omega` is the frequency of each wave [rad/s].
@@ -155,9 +148,7 @@ class AbstractOperator(eqx.Module):
         return power * multiplicity(pressure.shape)
 
 
-def work_of_waves(
-    pressure: Float[Array, "*shape"], profile: Float[Array, "*shape"], q: Float[Array, "..."]
-) -> Float[Array, "*half"]:
+def work_of_waves(pressure: Field, profile: Field, q: Float[Array, "..."]) -> Float[Array, "*half"]:
     """Returns the part of -⟨σ ∂f/∂x⟩ [Pa] of each wave and its conjugate, `q` along x [rad/m]."""
     # The real part of -conj(σ) i q f.
     found = q * (jnp.conj(to_spectrum(pressure)) * to_spectrum(profile)).imag
@@ -167,39 +158,7 @@ def work_of_waves(
 class Steady(AbstractOperator):
     """Steady sliding: waves in the frame of the surface; see `stack_kernel` for the kernel."""
 
-    kernel: Inexact[Array, "*half"]
-    of_distance: ClassVar[bool] = True
-
-    def to_waves(self, field):
-        return to_spectrum(field)
-
-    def to_field(self, waves, shape):
-        return to_field(waves, shape)
-
-    def mean(self, field):
-        return jnp.mean(field)
-
-    def coarser(self, shape, new_shape):
-        return Steady(resample_spectrum(self.compliance, shape, new_shape))
-
-    @property
-    def is_mean(self):
-        return first_mode(self.kernel.shape)
-
-    @property
-    def long_wave(self):
-        return jnp.abs(third_mode(self.kernel))
-
-    def bending_energy(self, field):
-        return energy_of_waves(self.to_waves(field), self.inverse, field.shape)
-
-
-def energy_of_waves(
-    waves: Inexact[Array, "*half"], inverse: Inexact[Array, "*half"], shape: tuple[int, ...]
-) -> Float[Array, ""]:
-    """Returns ⟨f M⁻¹ f⟩ by one transform instead of two; only the real part of 1/M stores."""
-    weight = jnp.asarray(multiplicity(shape) / np.prod(shape) ** 2, waves.real.dtype)
-    return jnp.sum(jnp.abs(waves) ** 2 * weight * jnp.real(inverse))
+    kernel: Waves
 
 
 class Solid(eqx.Module):
@@ -213,7 +172,7 @@ class Solid(eqx.Module):
     """
 
     operator: AbstractOperator
-    penalty: Float[Array, ""]
+    penalty: Scalar
     free_mean: bool = eqx.field(static=True)
 
     @property
@@ -227,16 +186,12 @@ class Solid(eqx.Module):
         mean, real = self.operator.is_mean, jnp.real(self.scaled.compliance)
         return jnp.where(mean, 0, 1 / jnp.where(mean, 1, real))
 
-    def displace(self, pressure: Float[Array, "*shape"]) -> Float[Array, "*shape"]:
-        """Returns ρM σ, of zero mean."""
-        return self.scaled.displace(pressure)
-
-    def resolve(self, z: Float[Array, "*shape"]) -> Float[Array, "*shape"]:
+    def resolve(self, z: Field) -> Field:
         """Returns (I + ρM)⁻¹ z."""
         return self.operator.filtered(self.filter, z)
 
     @property
-    def filter(self) -> Inexact[Array, "*half"]:
+    def filter(self) -> Waves:
         """(I + ρM)⁻¹ of each wave."""
         kernel = self.scaled.compliance
         filter = 1 / (1 + kernel)
@@ -252,11 +207,16 @@ def first_mode(shape: tuple[int, ...]) -> Bool[Array, "*half"]:
 
     A mask sets that entry in the same pass over memory; an index would need another one.
     """
-    numbers = [jax.lax.broadcasted_iota(jnp.int32, shape, axis) for axis in range(len(shape))]
-    return sum(numbers[1:], numbers[0]) == 0
+    first, *others = positions(shape)
+    return sum(others, first) == 0
 
 
-def third_mode(kernel: Inexact[Array, "*half"]) -> Inexact[Array, ""]:
+def positions(shape: tuple[int, ...]) -> list[Int[Array, "*shape"]]:
+    """Returns the index of each entry along each axis, which XLA does not store."""
+    return [jax.lax.broadcasted_iota(jnp.int32, shape, axis) for axis in range(len(shape))]
+
+
+def third_mode(kernel: Waves) -> Inexact[Array, ""]:
     """Returns the kernel of the long waves: at three times the lowest wavenumber along x.
 
     Along y if the grid has only one row.
@@ -266,9 +226,7 @@ def third_mode(kernel: Inexact[Array, "*half"]) -> Inexact[Array, ""]:
     return kernel[(3,) + (0,) * (kernel.ndim - 1)]
 
 
-def contact_stiffness(
-    operator: AbstractOperator, gap: Float[Array, "*shape"], s: Float[Array, "*shape"]
-) -> Float[Array, "..."]:
+def stiffness_bound(operator: AbstractOperator, gap: Field, s: Field) -> Float[Array, "..."]:
     """Returns an upper bound of dp/dū, the change of the mean pressure with the mean gap.
 
     The stiffness is the least energy of all fields χ of mean 1: ⟨χ M⁻¹ χ⟩ in the solid, and
@@ -295,6 +253,6 @@ def nonzero(number: Array) -> Array:
     return jnp.where(number != 0, number, 1)
 
 
-def root_mean_square(field: Float[Array, "..."]) -> Float[Array, ""]:
+def root_mean_square(field: Float[Array, "..."]) -> Scalar:
     """Returns √⟨f²⟩."""
     return jnp.sqrt(jnp.mean(field**2))

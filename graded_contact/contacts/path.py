@@ -1,5 +1,7 @@
 """Contact along a path of loads or gaps: each solution is the start of the next."""
 
+import functools
+
 import equinox as eqx
 import jax
 import jax.numpy as jnp
@@ -8,7 +10,7 @@ from jaxtyping import Array, Bool, Float
 from ..core.checks import Numbers, as_float, check_types, check_values
 from ..core.display import shown
 from .adjoint import LinearSolver, LinearSplitting
-from .law import AbstractLaw, check_law, check_pressure
+from .law import AbstractLaw, check_one_law, check_pressure
 from .nested_solve import DouglasRachford
 from .solution import RESULTS, ContactSolution
 from .solve import RTOL, solve_contact
@@ -73,51 +75,41 @@ def follow_contact(
 
     **Raises:** `ValueError` for a refused argument; `RuntimeError` if a solve fails.
     """
-    name, targets = _path(law, pressure=pressure, mean_gap=mean_gap, approach=approach)
-
-    def solve(target, start):
-        return solve_contact(
-            kernel,
-            heights,
-            law=law,
-            solver=solver,
-            adjoint=adjoint,
-            rtol=rtol,
-            start=start,
-            throw=throw,
-            **{name: target},
-        )
-
-    def advance(contact, target):
-        contact = solve(target, contact.pressure)
-        return contact, _summary(contact, law)
-
-    first = solve(targets[0], None)
-    last, rest = jax.lax.scan(advance, first, targets[1:])
-    summary = jax.tree.map(lambda a, b: jnp.concatenate([a[None], b]), _summary(first, law), rest)
-    falling = jnp.diff(targets) < 0
-    unloading = jnp.concatenate([jnp.zeros(1, bool), falling if mean_gap is None else ~falling])
-    gaps, pressures, areas, pairs, result = summary
-    return ContactPath(gaps, pressures, areas, unloading, pairs, result, last)
-
-
-def _path(law: AbstractLaw, **given):
-    """The name and the numbers of what is prescribed along the path."""
+    given = {"pressure": pressure, "mean_gap": mean_gap, "approach": approach}
     named = [(name, path) for name, path in given.items() if path is not None]
     if len(named) != 1:
         raise ValueError("Give exactly one of `pressure`, `mean_gap` and `approach`.")
-    check_law(law)
+    check_one_law(law)
     name, targets = named[0][0], as_float(named[0][1], named[0][0])
     if targets.ndim != 1 or len(targets) == 0:
         raise ValueError(f"`{name}` has shape {targets.shape}; a path of numbers is needed.")
-    if name == "pressure":
+    if name == "pressure":  # inside the loop its values are traced
         check_pressure(targets, law)
     else:
         check_values(name, targets, "numbers [m] must be finite")
-    return name, targets
+    solve = functools.partial(
+        solve_contact,
+        kernel,
+        heights,
+        law=law,
+        solver=solver,
+        adjoint=adjoint,
+        rtol=rtol,
+        throw=throw,
+    )
 
+    def advance(last, target):
+        contact = solve(**{name: target}, start=None if last is None else last.pressure)
+        touching = law.contact_indicator(contact.pressure, contact.gap, 1.0) > 0
+        area = jnp.mean(touching, dtype=contact.gap.dtype)
+        means = contact.mean_gap, contact.mean_pressure
+        return contact, (*means, area, contact.num_fft_pairs, contact.result)
 
-def _summary(contact: ContactSolution, law: AbstractLaw):
-    touching = law.contact_indicator(contact.pressure, contact.gap, 1.0) > 0
-    area = jnp.mean(touching, dtype=contact.gap.dtype)
-    return contact.mean_gap, contact.mean_pressure, area, contact.num_fft_pairs, contact.result
+    first, begun = advance(None, targets[0])
+    last, rest = jax.lax.scan(advance, first, targets[1:])
+    gaps, pressures, areas, pairs, result = jax.tree.map(
+        lambda a, b: jnp.concatenate([a[None], b]), begun, rest
+    )
+    falling = jnp.diff(targets) < 0
+    unloading = jnp.concatenate([jnp.zeros(1, bool), falling if mean_gap is None else ~falling])
+    return ContactPath(gaps, pressures, areas, unloading, pairs, result, last)

@@ -29,12 +29,11 @@ import equinox as eqx
 import jax
 import jax.numpy as jnp
 from jax import Array
-from jaxtyping import Float
 
 from ..core.checks import check_type, check_whole, short
 from .adhesion import AdhesiveLJ
-from .law import AbstractLaw, RepulsiveLJ
-from .operator import AbstractOperator, root_mean_square
+from .law import RepulsiveLJ
+from .operator import AbstractOperator, Field, Scalar, root_mean_square
 from .solver import AbstractContactSolver, Loading, SolverOutput, pressure_unit, run_steps, to_mean
 
 _LEAST_RATIO = 0.9  # of a point's gaps after and before a step
@@ -65,34 +64,33 @@ class ResidualDynamics(AbstractContactSolver):
         check_whole("max_steps", self.max_steps, 1)
         check_type("uniform_mass", self.uniform_mass, bool)
 
-    def solve(
-        self,
-        operator: AbstractOperator,
-        heights: Float[Array, "*shape"],
-        law: AbstractLaw,
-        loading: Loading,
-        *,
-        rtol: Float[Array, ""],
-        start: Float[Array, "*shape"] | None,
-    ) -> SolverOutput:
+    def solve(self, operator, heights, law, loading, *, rtol, start):
         """Returns the contact; `start` is a pressure [Pa] to begin from."""
         if not isinstance(law, SmoothLaw):
             raise ValueError(
                 f"`law={short(law)}` is refused: residuals molecular dynamics needs a smooth law, "
                 "`RepulsiveLJ` or `AdhesiveLJ`. Pass `solver=DouglasRachford()`."
             )
-        unit = pressure_unit(operator, heights - jnp.mean(heights), loading)
-        problem, length = _dimensionless(operator, heights, law, loading, unit)
+        heights = heights - jnp.mean(heights)
+        unit = pressure_unit(operator, heights, loading)
+        length = unit * jnp.max(jnp.abs(operator.compliance))  # so that |M|max = 1
+        problem = _Problem(
+            operator.scaled(unit / length),
+            heights / length,
+            law.in_units(unit, length),
+            Loading(
+                None if loading.pressure is None else loading.pressure / unit,
+                None if loading.gap is None else loading.gap / length,
+            ),
+        )
         gap = _first_gap(problem, None if start is None else start / unit)
         last = run_steps(_Verlet(problem, rtol, self.uniform_mass), gap, self.max_steps)
-        gap = last.gap
-        pressure = problem.law.pressure_at(gap)
-        residual, _ = _residual(problem, gap, pressure, _stiffness(problem.law, gap))
-        mismatch = (
-            problem.law.pressure_at(jnp.maximum(gap + residual, _LEAST_RATIO * gap)) - pressure
-        )
+        gap, law = last.gap, problem.law
+        pressure = law.pressure_at(gap)
+        residual, _ = _residual(problem, gap, pressure, _stiffness(law, gap))
+        mismatch = law.pressure_at(jnp.maximum(gap + residual, _LEAST_RATIO * gap)) - pressure
         if problem.loading.pressure is not None:
-            pressure = to_mean(operator, pressure, problem.loading.pressure, problem.law.bounds)
+            pressure = to_mean(operator, pressure, problem.loading.pressure, law.bounds)
         return SolverOutput(
             pressure=pressure * unit,
             gap=gap * length,
@@ -107,16 +105,16 @@ class ResidualDynamics(AbstractContactSolver):
 
 class _Problem(NamedTuple):
     operator: AbstractOperator
-    heights: Float[Array, "*shape"]
+    heights: Field
     law: SmoothLaw
     loading: Loading
 
 
 class _Motion(NamedTuple):
-    gap: Float[Array, "*shape"]
-    velocity: Float[Array, "*shape"]
-    residual: Float[Array, "*shape"]
-    error: Float[Array, ""]
+    gap: Field
+    velocity: Field
+    residual: Field
+    error: Scalar
     num_steps: Array
 
 
@@ -124,7 +122,7 @@ class _Verlet(NamedTuple):
     """The steps, for `run_steps`."""
 
     problem: _Problem
-    rtol: Float[Array, ""]
+    rtol: Scalar
     uniform_mass: bool
 
     def init(self, start):
@@ -132,40 +130,24 @@ class _Verlet(NamedTuple):
         return _Motion(start, still, still, jnp.asarray(jnp.inf, start.dtype), jnp.asarray(0))
 
     def step(self, state: _Motion) -> _Motion:
-        return _step(self.problem, state, self.uniform_mass or self.problem.law.attracts)
+        (u, v), law = (state.gap, state.velocity), self.problem.law
+        pressure, stiffness = law.pressure_at(u), _stiffness(law, u)
+        residual, load_error = _residual(self.problem, u, pressure, stiffness)
+        mass = _mass(stiffness)
+        # Points of different mass would never come to rest under a law that attracts.
+        mass = jnp.max(mass) if self.uniform_mass or law.attracts else mass
+        work, energy = jnp.sum(v * (state.residual - residual)), jnp.sum(mass * v * v)
+        quotient = work / jnp.where(energy > 0, energy, 1)
+        damping = 2 * jnp.sqrt(jnp.minimum(jnp.abs(quotient), 1))
+        v = ((2 - damping) * v + 2 * residual / mass) / (2 + damping)
+        halted = v < (_LEAST_RATIO - 1) * u
+        moved = jnp.where(halted, _LEAST_RATIO * u, u + v)
+        errors = [root_mean_square(residual / u), root_mean_square((moved - u) / u), load_error]
+        v, error = jnp.where(halted, 0, v), jnp.max(jnp.stack(errors))
+        return _Motion(moved, v, residual, error, state.num_steps + 1)
 
     def done(self, state: _Motion):
         return ~(state.error > self.rtol)
-
-
-def _dimensionless(operator, heights, law: SmoothLaw, loading: Loading, unit):
-    """The problem for pressures in `unit` and lengths such that |M|max = 1, and that length."""
-    length = unit * jnp.max(jnp.abs(operator.compliance))
-    pressure, gap = loading
-    scaled = Loading(
-        None if pressure is None else pressure / unit, None if gap is None else gap / length
-    )
-    heights = (heights - jnp.mean(heights)) / length
-    operator = operator.scaled(unit / length)
-    return _Problem(operator, heights, law.in_units(unit, length), scaled), length
-
-
-def _step(problem: _Problem, state: _Motion, uniform_mass: bool) -> _Motion:
-    u, v = state.gap, state.velocity
-    pressure, stiffness = problem.law.pressure_at(u), _stiffness(problem.law, u)
-    residual, load_error = _residual(problem, u, pressure, stiffness)
-    mass = _mass(stiffness)
-    mass = jnp.max(mass) if uniform_mass else mass
-    work, energy = jnp.sum(v * (state.residual - residual)), jnp.sum(mass * v * v)
-    quotient = work / jnp.where(energy > 0, energy, 1)
-    damping = 2 * jnp.sqrt(jnp.minimum(jnp.abs(quotient), 1))
-    v = ((2 - damping) * v + 2 * residual / mass) / (2 + damping)
-    halted = v < (_LEAST_RATIO - 1) * u
-    moved = jnp.where(halted, _LEAST_RATIO * u, u + v)
-    errors = jnp.stack(
-        [root_mean_square(residual / u), root_mean_square((moved - u) / u), load_error]
-    )
-    return _Motion(moved, jnp.where(halted, 0, v), residual, jnp.max(errors), state.num_steps + 1)
 
 
 def _residual(problem: _Problem, u, pressure, stiffness):

@@ -27,7 +27,7 @@ from jaxtyping import Array, Bool, Float
 
 from .active_set import REDUCTION, Coated, green_of, pressure_on
 from .law import AbstractLaw, HardWall
-from .operator import AbstractOperator
+from .operator import AbstractOperator, Field, Scalar
 from .window import Windowed
 
 _COATED_ERROR = 1e-3  # tolerance of a coated contact
@@ -56,11 +56,11 @@ class Round(eqx.Module):
     - `found`: whether the contact without a coat converged.
     """
 
-    pressure: Float[Array, "*shape"]
-    gap: Float[Array, "*shape"]
-    centre: Float[Array, "*shape"]
-    centre_gap: Float[Array, "*shape"]
-    coat: Float[Array, ""]
+    pressure: Field
+    gap: Field
+    centre: Field
+    centre_gap: Field
+    coat: Scalar
     changes: Float[Array, "3"]
     count: Array
     pairs: Array
@@ -69,16 +69,16 @@ class Round(eqx.Module):
 
 def newton_round(
     operator: AbstractOperator,
-    heights: Float[Array, "*shape"],
+    heights: Field,
     load: Float[Array, "..."],
-    z: Float[Array, "*shape"],
-    x: Float[Array, "*shape"],
-    coat: Float[Array, ""],
+    z: Field,
+    x: Field,
+    coat: Scalar,
     *,
     allowed: Bool[Array, "*shape"],
-    rtol: Float[Array, ""],
+    rtol: Scalar,
     budget: Array,
-) -> tuple[Float[Array, "*shape"], Float[Array, ""], Array, Bool[Array, ""]]:
+) -> tuple[Field, Scalar, Array, Bool[Array, ""]]:
     """Returns z = σ + u, the next coat, the FFT pairs, and whether the contact was found.
 
     **Arguments:**
@@ -111,12 +111,14 @@ def newton_round(
             contact, solid, state.pressure, tolerance, unchanged, budget - state.pairs
         )
         changed = jnp.sum(touching(pressure, gap, lam) != contact).astype(z.dtype)
+        # Pressures that were iterated count only if they were close before the step.
         accepted = (changed == 0) & (unchanged | (off * REDUCTION <= tolerance))
         stuck = (state.count > 2) & (changed > 0) & (changed >= jnp.max(state.changes))
+        # The coat ends at 0: below `_THINNEST` it hardly differs from the bare solid.
         thinner = jnp.where(state.coat > _THINNEST, state.coat / _FACTOR, 0)
         thicker = jnp.maximum(state.coat * _FACTOR, 1)
         bare = gap - lam * (pressure - state.centre)
-        fresh = accepted | stuck
+        fresh = accepted | stuck  # either way the next steps begin at the accepted contact
         centre = jnp.where(accepted, pressure, state.centre)
         centre_gap = jnp.where(accepted, bare, state.centre_gap)
         return Round(

@@ -4,6 +4,7 @@ import equinox as eqx
 from jaxtyping import Array, Float
 
 from ..core.display import shown
+from .operator import Field, Scalar
 
 
 class RESULTS(eqx.Enumeration):
@@ -11,35 +12,31 @@ class RESULTS(eqx.Enumeration):
 
     successful = ""
     max_steps_reached = (
-        "The contact solver reached `max_steps` before `rtol`. Raise `max_steps` of the solver, or "
+        "The contact solver reached `max_steps` before `rtol`. Raise `max_steps` of the solver or "
         "loosen `rtol`; at a mean gap near full contact, prescribe `pressure`."
     )
     rounding = (
-        "Rounding hides the remaining error, which may be more than `rtol`: the pressures "
-        "are tiny compared with the stiffness times the gaps. Loosen `rtol`; in float32, enable "
-        "`jax_enable_x64`."
+        "Rounding hides the remaining error, which may be more than `rtol`. Loosen `rtol`; in "
+        "float32, enable `jax_enable_x64`."
     )
     not_finite = (
-        "The solve failed: the kernel, the heights, the pressure or the approach (in metres, at "
-        "most the window's length) is not finite, or too large for its dtype: in float32, enable "
-        "`jax_enable_x64`. Under `jit` a negative thickness or modulus ends here, and a liquid "
-        "(`equilibrium=0`) at rest."
+        "The solve failed: the kernel, the heights, the pressure or the approach is not finite or "
+        "too large (a negative thickness or modulus, a liquid (`equilibrium=0`) at rest, an "
+        "approach beyond the window's length). In float32, enable `jax_enable_x64`."
     )
     unresolved = (
-        "The attraction of the law rises too steeply for the grid: points snap one by one, and the "
-        "computed equilibrium may be unstable. Refine the grid (the shortest wave must be "
-        "about three times as stiff as the attraction rises), or use "
-        "`solver=ResidualDynamics()`."
+        "The attraction of the law rises too steeply for the grid: the computed equilibrium may be "
+        "unstable. Refine the grid until its shortest wave is three times as stiff as the "
+        "attraction rises, or use `solver=ResidualDynamics()`."
     )
     inaccurate_kernel = (
         "The kernel of the block did not reach its tolerance: the profile of a graded layer varies "
-        "too sharply, or has moduli too far apart. Put boundaries between layers at its jumps and "
-        "list its kinks in `breaks`, or cut it by `sliced`."
+        "too sharply. Put boundaries between layers at its jumps and list its kinks in `breaks`, "
+        "or cut it by `sliced`."
     )
     gap_unresolved = (
         "Pressure, friction and contact area have converged, but gaps may be wrong by more than a "
-        "tenth of the rms height (`gap_error`). Tighten `rtol`, or do not use `gap`, `mean_gap` "
-        "and `displacement`."
+        "tenth of the rms height. Tighten `rtol`, or do not use gaps and displacements."
     )
     not_settled = (
         "The temperatures of the contact did not converge to the tolerance. Loosen `rtol`; a block "
@@ -77,17 +74,17 @@ class ContactSolution(eqx.Module):
     - `result`: a member of `RESULTS`.
     """
 
-    pressure: Float[Array, "*shape"]
-    displacement: Float[Array, "*shape"]
-    gap: Float[Array, "*shape"]
-    mean_pressure: Float[Array, ""]
+    pressure: Field
+    displacement: Field
+    gap: Field
+    mean_pressure: Scalar
     mean_gap: Float[Array, "..."]
-    correction: Float[Array, "*shape"]
-    error: Float[Array, ""]
-    load_error: Float[Array, ""]
-    gap_error: Float[Array, ""]
-    complementarity_error: Float[Array, ""]
-    penetration: Float[Array, ""]
+    correction: Field
+    error: Scalar
+    load_error: Scalar
+    gap_error: Scalar
+    complementarity_error: Scalar
+    penetration: Scalar
     num_steps: Array
-    num_fft_pairs: Float[Array, ""]
+    num_fft_pairs: Scalar
     result: RESULTS

@@ -11,7 +11,7 @@ import functools
 import jax
 import jax.numpy as jnp
 import numpy as np
-from jaxtyping import Array, Float, ScalarLike
+from jaxtyping import Array, ScalarLike
 
 from ..core.checks import (
     Numbers,
@@ -30,28 +30,22 @@ from ..core.derivative import derivative_apart, largest, still
 from ..core.memory import CONTACT, check_memory
 from ..fields.devices import num_devices, required
 from ..fields.grid import half_shape
-from .adjoint import (
-    Inputs,
-    LinearSolver,
-    LinearSplitting,
-    attach_gradient,
-    check_converged,
-    explain_lost,
-)
-from .estimates import assess, penalty_at, state_of
-from .law import AbstractLaw, HardWall, check_law, check_pressure
+from .adjoint import LinearSolver, LinearSplitting, attach_gradient, check_converged
+from .estimates import assess, contact_state, penalty_at
+from .law import AbstractLaw, HardWall, check_one_law, check_pressure
 from .nested_solve import DouglasRachford
-from .operator import Steady, first_mode
+from .operator import Field, first_mode
 from .solution import RESULTS, ContactSolution
 from .solver import (
     AbstractContactSolver,
+    Inputs,
     Loading,
     SolverOutput,
     in_precision,
     participation,
     penalty_for,
 )
-from .window import Window, operator_of, solve_on_window
+from .window import Window, on_part, on_whole, operator_of
 
 # Default tolerance of the pressure. The error of friction is then at most 3e-5, in the median 2e-7,
 # with 0.77 of the FFT pairs of 1e-6 (156 viscoelastic contacts, `bench_contact.py observables`).
@@ -128,24 +122,40 @@ def solve_contact(
     heights = as_float(heights, "heights")
     _check_heights(heights)
     operator = operator_of(as_numbers(kernel, "kernel"), heights.shape)
-    _check_kernel(operator, heights, throw)
-    check_law(law)
-    solve = functools.partial(contact_of, solver=solver, adjoint=adjoint, rtol=rtol, throw=throw)
-    if isinstance(operator, Window):
-        _check_heights(operator.on_cell(heights))  # of the memory of four times as many
-        loading = _loading_of_window(pressure, mean_gap, approach, law, heights, operator.kernel)
-        start = None if start is None else _as_start(start, heights, law)
-        return solve_on_window(
-            solve, operator, heights, loading, law=law, start=start, solution=solution
-        )
-    if approach is not None:
-        raise ValueError(
-            f"`approach={approach}` is refused: only a body on a window has an approach, see "
-            "`Surface.periodic`. Prescribe `mean_gap`."
-        )
-    loading = loading_of(pressure, mean_gap, law, heights)
+    on_window = isinstance(operator, Window)
+    shape, itemsize = jax.eval_shape(operator.on_cell, heights).shape, heights.dtype.itemsize
+    check_memory("heights", "a contact", CONTACT, shape, itemsize, num_devices(heights))
+    _check_kernel(operator.kernel, heights.shape, on_window, throw)
+    check_one_law(law)
+    if on_window:
+        if mean_gap is not None:
+            raise ValueError(
+                f"`mean_gap={mean_gap}` is refused on a window: prescribe `pressure` or `approach`."
+            )
+        if (
+            approach is not None
+            and is_concrete(operator.kernel)
+            and operator.kernel[(0,) * heights.ndim] == 0
+        ):
+            raise ValueError(
+                f"`approach={approach}` is refused: the displacement of this block has no limit "
+                "far away, as of all blocks in one dimension but slabs on a `Rigid()` base. "
+                "Prescribe `pressure`."
+            )
+        loading = loading_of(law, heights, pressure=pressure, approach=approach)
+    else:
+        if approach is not None:
+            raise ValueError(
+                f"`approach={approach}` is refused: only a body on a window has an approach, see "
+                "`Surface.periodic`. Prescribe `mean_gap`."
+            )
+        loading = loading_of(law, heights, pressure=pressure, mean_gap=mean_gap)
+    start = as_start(start, heights, law)
     inputs = Inputs(operator, heights, law, loading)
-    return solve(inputs, start=start, solution=solution)
+    if on_window:
+        inputs, start, solution = on_whole(inputs, start, solution)
+    found = contact_of(inputs, solver, adjoint, rtol, start, solution, throw)
+    return on_part(found, operator) if on_window else found
 
 
 def contact_of(
@@ -153,13 +163,11 @@ def contact_of(
     solver: AbstractContactSolver,
     adjoint: LinearSolver,
     rtol: float,
-    start: Numbers | None,
+    start: Array | None,
     solution: ContactSolution | None,
     throw: bool,
 ) -> ContactSolution:
     """Returns the contact of checked inputs; see `solve_contact` for the arguments."""
-    if start is not None:
-        start = _as_start(start, inputs.heights, inputs.law)
     # In one precision: what ends a solve counts the digits of the fields.
     kernel = inputs.operator.kernel
     dtype = jnp.result_type(inputs.heights, jnp.finfo(kernel.dtype).dtype)
@@ -168,10 +176,13 @@ def contact_of(
     # Compiled separately: under a derivative the search is compiled already.
     fixed, start, solution = still((inputs, start, solution))
     tolerance = jnp.asarray(rtol, dtype)
-    if solution is None:
-        found = _search(fixed, solver, tolerance, start)
-    else:
+    concrete = all(map(is_concrete, jax.tree.leaves((fixed, start))))
+    if solution is not None:
         found = _output_of(fixed, solution)
+    elif concrete and num_devices(fixed.heights) == 1 and isinstance(solver, DouglasRachford):
+        found = solver.solve(*fixed, rtol=tolerance, start=start)  # in a few programs
+    else:
+        found = _find_contact(fixed, solver, tolerance, start)
     close = jnp.asarray(min(_OF_PRESSURE * rtol, max(rtol, _LOOSEST_DERIVATIVE)), dtype)
     solution_of = _solution_or_fail if throw else _solution_or_nan
     result, good = solution_of(inputs, solver.finds_unstable, found, adjoint, tolerance, close)
@@ -179,28 +190,26 @@ def contact_of(
 
 
 def _check_heights(heights) -> None:
-    if heights.ndim not in (1, 2):
-        raise ValueError(f"`heights` has shape {heights.shape}; one or two axes are needed.")
+    if heights.ndim not in (1, 2) or heights.size < 2:
+        raise ValueError(
+            f"`heights` has shape {heights.shape}; one or two axes, and two points at least, are "
+            "needed."
+        )
     if heights.dtype not in (jnp.float32, jnp.float64):
         raise ValueError(f"`heights` has dtype {heights.dtype}; float32 or float64 is needed.")
-    if heights.size < 2:
-        raise ValueError(f"`heights` has shape {heights.shape}; two points at least are needed.")
-    parts, itemsize = num_devices(heights), heights.dtype.itemsize
-    check_memory("heights", "a contact", CONTACT, heights.shape, itemsize, parts)
     check_values("heights", heights, "heights [m] must be finite")
     check_squares("heights", heights, "m")
 
 
-def _check_kernel(operator: Steady | Window, heights, throw: bool) -> None:
-    kernel, remedy = operator.kernel, ""
-    if isinstance(operator, Window):
+def _check_kernel(kernel, shape: tuple[int, ...], on_window: bool, throw: bool) -> None:
+    remedy = ""
+    if on_window:
         remedy = (
-            ". On a window it is not if a stiff coat, or a plate on a `Free()` base, spreads the "
-            "load over its length: put the body into a periodic cell several windows wide, with "
-            "lower heights around it"
+            ". A stiff coat, or a plate on a `Free()` base, spreads the load over the window: put "
+            "the body into a periodic cell several windows wide, with lower heights around it"
         )
     else:
-        check_shape("kernel", kernel, half_shape(heights.shape))
+        check_shape("kernel", kernel, half_shape(shape))
     if is_concrete(kernel):
         real, imag = _compliances(kernel, throw)
         check_positive("kernel.real", real, f"[m/Pa] for every q but 0{remedy}", squares=False)
@@ -217,7 +226,10 @@ def _compliances(kernel, throw: bool):
     return checked.real, checked.imag
 
 
-def _as_start(start, heights, law: AbstractLaw):
+def as_start(start: Numbers | None, heights: Array, law: AbstractLaw) -> Array | None:
+    """Returns a checked pressure to start from, if there is one."""
+    if start is None:
+        return None
     start = as_float(start, "start")
     check_shape("start", start, heights.shape)
     low = law.bounds[0]
@@ -229,85 +241,48 @@ def _as_start(start, heights, law: AbstractLaw):
 
 
 def loading_of(
-    pressure: Numbers | None,
-    mean_gap: Numbers | None,
-    law: AbstractLaw,
-    heights: Float[Array, "*shape"],
-    num_times: int | None = None,
+    law: AbstractLaw, heights: Field, num_times: int | None = None, **given: Numbers | None
 ) -> Loading:
-    """Returns the loading: one number, or one for each of `num_times`, the heights' first axis."""
-    if (pressure is None) == (mean_gap is None):
-        raise ValueError(
-            f"`pressure={pressure}` and `mean_gap={mean_gap}`: give exactly one of the two."
-        )
-    if mean_gap is not None:
-        mean_gap = as_float(mean_gap, "mean_gap")
-        check_values("mean_gap", mean_gap, "the mean gap [m] must be finite")
-        spread = _over_times("mean_gap", mean_gap, heights, num_times)
-        if isinstance(law, HardWall) and is_concrete(heights) and is_concrete(mean_gap):
-            for gap in np.unique(np.asarray(mean_gap)):
-                _check_gap(float(gap), law, LEAST_GAP * float(jnp.std(heights)))
-        return Loading(None, spread)
-    pressure = as_float(pressure, "pressure")
-    spread = _over_times("pressure", pressure, heights, num_times)
-    parted = "; where the surfaces part, prescribe `mean_gap`" if num_times else ""
-    check_pressure(pressure, law, parted)
-    return Loading(spread, None)
+    """Returns the loading: one number, or one for each of `num_times`, the heights' first axis.
+
+    `given` are the `pressure` and the `mean_gap` or `approach`; one of the two is None.
+    """
+    named = [(name, value) for name, value in given.items() if value is not None]
+    if len(named) != 1:
+        both = " and ".join(f"`{name}={value}`" for name, value in given.items())
+        raise ValueError(f"{both}: give exactly one of the two.")
+    [(name, value)] = named
+    value = spread = as_float(value, name)
+    if num_times is None or value.ndim:
+        check_shape(name, value, () if num_times is None else (num_times,))
+    if num_times is not None:  # an array that broadcasts to the heights
+        spread = jnp.broadcast_to(value, num_times).reshape(-1, *[1] * (heights.ndim - 1))
+    if name == "pressure":
+        parted = "; where the surfaces part, prescribe `mean_gap`" if num_times else ""
+        check_pressure(value, law, parted)
+        return Loading(spread, None)
+    check_values(name, value, f"the {name.replace('_', ' ')} [m] must be finite")
+    if name == "approach":
+        return Loading(None, _undeformed_gap(value, law, heights))
+    if isinstance(law, HardWall) and is_concrete(heights) and is_concrete(value):
+        least = LEAST_GAP * float(jnp.std(heights))
+        for gap in np.ravel(value):
+            if abs(gap) <= least or (law.hardness is None and gap < 0):
+                raise ValueError(
+                    f"`mean_gap={gap:g}` is refused: at a hard wall it must be above {least:.2g} m "
+                    f"(or, with a `hardness`, below -{least:.2g} m), since in full contact it is 0 "
+                    "at every pressure: prescribe `pressure`."
+                )
+    return Loading(None, spread)
 
 
-def _loading_of_window(pressure, mean_gap, approach, law: AbstractLaw, heights, kernel) -> Loading:
-    """The loading of a body on a window: its mean pressure, or the gap of the undeformed block."""
-    if mean_gap is not None:
-        raise ValueError(
-            f"`mean_gap={mean_gap}` is refused on a window: prescribe `pressure` or `approach`."
-        )
-    if (pressure is None) == (approach is None):
-        raise ValueError(
-            f"`pressure={pressure}` and `approach={approach}`: give exactly one of the two."
-        )
-    if approach is None:
-        return loading_of(pressure, None, law, heights)
-    approach = as_float(approach, "approach")
-    check_shape("approach", approach, ())
-    check_values("approach", approach, "the approach [m] must be finite")
-    if is_concrete(kernel) and np.ravel(kernel)[0] == 0:
-        raise ValueError(
-            f"`approach={approach:g}` is refused: the displacement of this block has no limit far "
-            "away. In one dimension only slabs on a `Rigid()` base have one. Prescribe `pressure`."
-        )
+def _undeformed_gap(approach, law: AbstractLaw, heights):
+    """The mean gap on a window if the block did not deform."""
     if isinstance(law, HardWall):  # at the first touch, nothing touches; else rounding decides
         least = LEAST_GAP * jnp.maximum(jnp.std(heights), jnp.finfo(heights.dtype).tiny ** 0.5)
         at_touch = jnp.abs(approach) <= least
         approach = approach + jax.lax.stop_gradient(jnp.where(at_touch, -least - approach, 0))
-    return Loading(None, largest(heights) - jnp.mean(heights) - approach)
-
-
-def _over_times(name: str, value, heights, num_times: int | None):
-    """A number, or one at each time as an array that broadcasts to the heights."""
-    if num_times is None or value.ndim:
-        check_shape(name, value, () if num_times is None else (num_times,))
-    if num_times is None:
-        return value
-    return jnp.broadcast_to(value, num_times).reshape(-1, *[1] * (heights.ndim - 1))
-
-
-def _check_gap(gap: float, law: HardWall, least: float) -> None:
-    """Raises `ValueError` unless a load follows from a mean gap at a wall."""
-    if abs(gap) <= least or (law.hardness is None and gap < 0):
-        raise ValueError(
-            f"`mean_gap={gap:g}` is refused: at a hard wall it must be above {least:.2g} m, or "
-            f"below -{least:.2g} m with a `hardness`. In full contact the mean gap is 0 at every "
-            "pressure: prescribe `pressure` instead."
-        )
-
-
-def _search(inputs: Inputs, solver: AbstractContactSolver, rtol, start) -> SolverOutput:
-    """The contact that is found: in one program, or by `DouglasRachford` outside `jit` in a few."""
-    concrete = all(map(is_concrete, jax.tree.leaves((inputs, start))))
-    single = concrete and num_devices(inputs.heights) == 1
-    if single and isinstance(solver, DouglasRachford):
-        return solver.solve(*inputs, rtol=rtol, start=start)
-    return _find_contact(inputs, solver, rtol, start)
+    return largest(heights) - jnp.mean(heights) - approach
 
 
 @jit
@@ -321,8 +296,15 @@ def _find_contact(inputs: Inputs, solver: AbstractContactSolver, rtol, start):
 @jit
 def _output_of(inputs: Inputs, solution: ContactSolution) -> SolverOutput:
     """What a solver would return for a solution: the gap is that of the law."""
-    pressure, unit = solution.pressure, jnp.zeros((), solution.pressure.dtype)
-    gap = _gap_of_law(inputs, solution)
+    law, pressure, gap = inputs.law, solution.pressure, solution.gap
+    if isinstance(law, HardWall):
+        low, high = law.bounds
+        closed = jnp.where(pressure > low, jnp.minimum(gap, 0), jnp.maximum(gap, 0))
+        gap = jnp.where((pressure > low) & (pressure < high), 0, closed)
+    else:  # the gap of the law's point nearest to pressure and gap
+        penalty = penalty_for(inputs.operator, participation(pressure), law)
+        v = pressure - penalty * gap
+        gap = (law.in_units(1.0, 1 / penalty).proximal(v) - v) / penalty
     return SolverOutput(
         pressure=pressure,
         gap=gap,
@@ -331,20 +313,8 @@ def _output_of(inputs: Inputs, solution: ContactSolution) -> SolverOutput:
         error=solution.error,
         ended=jnp.asarray(True),
         num_steps=jnp.asarray(0),
-        num_fft_pairs=unit,
+        num_fft_pairs=jnp.zeros((), pressure.dtype),
     )
-
-
-def _gap_of_law(inputs: Inputs, solution: ContactSolution):
-    law, pressure, gap = inputs.law, solution.pressure, solution.gap
-    if isinstance(law, HardWall):
-        low, high = law.bounds
-        closed = jnp.where(pressure > low, jnp.minimum(gap, 0), jnp.maximum(gap, 0))
-        return jnp.where((pressure > low) & (pressure < high), 0, closed)
-    # The gap of the law's point nearest to pressure and gap.
-    penalty = penalty_for(inputs.operator, participation(pressure), law)
-    v = pressure - penalty * gap
-    return (law.in_units(1.0, 1 / penalty).proximal(v) - v) / penalty
 
 
 def _without_mean(inputs: Inputs) -> Inputs:
@@ -359,10 +329,10 @@ def _solution(
     """The solution with its derivative, to a tolerance `close`, and whether it is one."""
     inputs = _without_mean(inputs)
     found = jax.lax.stop_gradient(found)
-    assessed = jax.lax.stop_gradient(assess(inputs, found))
+    correction, error, gap_error = jax.lax.stop_gradient(assess(inputs, found))
     # Where rounding ended the solve, its own error counts noise out of contact, too.
-    reached = jnp.where(found.ended, assessed.error, found.error) <= rtol
-    state = jax.lax.stop_gradient(state_of(inputs, found))
+    reached = jnp.where(found.ended, error, found.error) <= rtol
+    state = jax.lax.stop_gradient(contact_state(inputs, found))
     penalty = penalty_at(inputs, found)
     state = attach_gradient(inputs, state, found.gap, penalty, adjoint, close)
     pressure, displacement, mean_gap = state
@@ -372,7 +342,7 @@ def _solution(
     known, opened = jax.lax.stop_gradient((pressure, gap))
     rms, mean = jnp.std(jax.lax.stop_gradient(heights)), jnp.mean(jnp.abs(known))
     unit, load = jnp.where(rms > 0, rms, 1), jnp.where(mean > 0, mean, 1)
-    gap_error = assessed.gap_error / unit
+    gap_error = gap_error / unit
     result = _how_it_ended(inputs, finds_unstable, found, reached, gap_error)
     solution = ContactSolution(
         pressure=pressure,
@@ -380,8 +350,8 @@ def _solution(
         gap=gap,
         mean_pressure=jnp.mean(pressure),
         mean_gap=mean_gap,
-        correction=assessed.correction,
-        error=assessed.error,
+        correction=correction,
+        error=error,
         load_error=jnp.abs(jnp.mean(found.mismatch)) / load,
         gap_error=gap_error,
         complementarity_error=jnp.mean(jnp.abs(known * (opened - found.gap))) / (load * unit),
@@ -393,7 +363,7 @@ def _solution(
     return solution, result == RESULTS.successful
 
 
-_solution_or_fail = derivative_apart(_solution, check_converged, explain_lost)
+_solution_or_fail = derivative_apart(_solution, check_converged)
 _solution_or_nan = derivative_apart(_solution)
 
 

@@ -6,20 +6,18 @@ derivatives afterwards (`adjoint.py`), so a contact solver is never differentiat
 
 from abc import abstractmethod
 from collections.abc import Callable
-from typing import Any, NamedTuple, Protocol, runtime_checkable
+from typing import Any, NamedTuple
 
 import equinox as eqx
 import jax
 import jax.numpy as jnp
-from jax.experimental import io_callback
 from jaxtyping import Array, Bool, Float
 
 from ..core.anderson import sums
 from .law import AbstractLaw
-from .operator import AbstractOperator, nonzero, root_mean_square
+from .operator import AbstractOperator, Field, Scalar, nonzero, root_mean_square
 
 _HISTORY_AT_GAP = 2  # of given mean gaps; with 5 some loads diverged above an area of 0.99
-_CALLBACK_EVERY = 5  # cycles between pressures passed to a callback
 
 
 class Loading(NamedTuple):
@@ -30,6 +28,15 @@ class Loading(NamedTuple):
 
     pressure: Float[Array, "..."] | None
     gap: Float[Array, "..."] | None
+
+
+class Inputs(NamedTuple):
+    """The inputs of a contact; pressures and lengths in SI units, or all in others."""
+
+    operator: AbstractOperator
+    heights: Field
+    law: AbstractLaw
+    loading: Loading
 
 
 class SolverOutput(eqx.Module):
@@ -48,14 +55,14 @@ class SolverOutput(eqx.Module):
     - `num_fft_pairs`: of all grids, coarse ones counted by their size.
     """
 
-    pressure: Float[Array, "*shape"]
-    gap: Float[Array, "*shape"]
-    mismatch: Float[Array, "*shape"]
-    displacement: Float[Array, "*shape"]
-    error: Float[Array, ""]
+    pressure: Field
+    gap: Field
+    mismatch: Field
+    displacement: Field
+    error: Scalar
     ended: Bool[Array, ""]
     num_steps: Array
-    num_fft_pairs: Float[Array, ""]
+    num_fft_pairs: Scalar
 
 
 class AbstractContactSolver(eqx.Module):
@@ -73,12 +80,12 @@ class AbstractContactSolver(eqx.Module):
     def solve(
         self,
         operator: AbstractOperator,
-        heights: Float[Array, "*shape"],
+        heights: Field,
         law: AbstractLaw,
         loading: Loading,
         *,
-        rtol: Float[Array, ""],
-        start: Float[Array, "*shape"] | None,
+        rtol: Scalar,
+        start: Field | None,
     ) -> SolverOutput:
         """Returns the contact of heights with a solid.
 
@@ -98,32 +105,14 @@ class AbstractContactSolver(eqx.Module):
         """
 
 
-@runtime_checkable
-class Steps(Protocol):
-    """An iteration in steps: another `done` or `step` exchanges stopping or acceleration.
-
-    A state has the attribute `num_steps`.
-    """
-
-    def init(self, start: Array) -> Any:
-        """Returns the first state."""
-        ...
-
-    def step(self, state: Any) -> Any:
-        """Returns the next state."""
-        ...
-
-    def done(self, state: Any) -> Bool[Array, ""]:
-        """Returns whether a state is the last."""
-        ...
-
-
-def run_steps(steps: Steps, start: Array, max_steps: Array | int) -> Any:
+def run_steps(steps: Any, start: Array, max_steps: Array | int) -> Any:
     """Returns the last state of an iteration: where it is done, or after `max_steps`.
 
     **Arguments:**
 
-    - `steps`: the iteration, see `Steps`.
+    - `steps`: the iteration, an object with three methods: `init(start)` returns the first state,
+      `step(state)` the next, and `done(state)` whether a state is the last. A state has the
+      attribute `num_steps`.
     - `start`: argument of `steps.init`.
     - `max_steps`: limit of the state's `num_steps`.
 
@@ -144,24 +133,9 @@ def history_of(length: int, free_mean: bool) -> int:
     return min(length, _HISTORY_AT_GAP) if free_mean else length
 
 
-def watch_of(callback: Callable[[Array], None] | None, unit: Float[Array, ""]) -> Callable | None:
-    """Returns the function that a compiled loop calls with each cycle number and its pressure.
-
-    Every few cycles it calls `callback` in Python with the pressure [Pa].
-    """
-    if callback is None:
-        return None
-
-    def watch(cycle, pressure):
-        now = cycle % _CALLBACK_EVERY == _CALLBACK_EVERY - 1
-        jax.lax.cond(now, lambda: io_callback(callback, None, pressure * unit), lambda: None)
-
-    return watch
-
-
 def penalty_for(
-    operator: AbstractOperator, participation: Float[Array, ""] | float, law: AbstractLaw
-) -> Float[Array, ""]:
+    operator: AbstractOperator, participation: Scalar | float, law: AbstractLaw
+) -> Scalar:
     """Returns ρ = 1.8 s^0.4/√(|M| at three times the lowest wavenumber × least |M|) [Pa/m].
 
     It balances the softest modes, which carry the displacement, against the stiffest, which carry
@@ -172,12 +146,11 @@ def penalty_for(
     long, least = operator.long_wave, operator.least
     # Not the root of the product, which underflows in float32.
     penalty = 1.8 * participation**0.4 / jnp.sqrt(long) / jnp.sqrt(least)
+    # The penalty decides the path to the solution, not the solution.
     return jax.lax.stop_gradient(jnp.maximum(penalty, 2 * law.steepest_rise))
 
 
-def pressure_unit(
-    operator: AbstractOperator, heights: Float[Array, "*shape"], loading: Loading
-) -> Float[Array, ""]:
+def pressure_unit(operator: AbstractOperator, heights: Field, loading: Loading) -> Scalar:
     """Returns a typical pressure: the prescribed one plus that which flattens the longest waves.
 
     `heights` are of zero mean.
@@ -187,7 +160,7 @@ def pressure_unit(
     return jnp.where(unit > 0, unit, 1)
 
 
-def participation(pressure: Float[Array, "*shape"]) -> Float[Array, ""]:
+def participation(pressure: Field) -> Scalar:
     """Returns ⟨|σ|⟩²/⟨σ²⟩, a measure of the loaded area fraction [1], at least one point's."""
     total, squared = sums(jnp.abs(pressure), pressure**2)
     return participation_of(total, squared, pressure.size)
@@ -212,9 +185,9 @@ def to_mean(operator: AbstractOperator, pressure, mean, bounds):
     return pressure + room * ((mean - total) / nonzero(operator.mean(room)))
 
 
-def slope(law: AbstractLaw, v: Float[Array, "*shape"]) -> Float[Array, "*shape"]:
-    """Returns dy/dv of the proximal map: 1 where the law fixes the gap, 0 where the pressure."""
-    return jax.jvp(law.proximal, (v,), (jnp.ones_like(v),))[1]
+def slope(proximal: Callable, v: Field) -> Field:
+    """Returns dy/dv of a law's proximal map: 1 where it fixes the gap, 0 where the pressure."""
+    return jax.jvp(proximal, (v,), (jnp.ones_like(v),))[1]
 
 
 def in_precision(tree, dtype):

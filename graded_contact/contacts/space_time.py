@@ -46,6 +46,7 @@ class SpaceTime(AbstractOperator):
     of_distance: ClassVar[bool] = False
 
     def to_waves(self, field):
+        # From the frame of the surface, which moves, to that of the block.
         waves = jax.vmap(to_spectrum)(field)
         for phase in self.phases:
             waves = waves * phase
@@ -61,6 +62,7 @@ class SpaceTime(AbstractOperator):
         return jnp.mean(field, axis=tuple(range(1, field.ndim)), keepdims=True)
 
     def coarser(self, shape, new_shape):
+        # Some of the times: interpolated phases would not be of modulus 1.
         times = np.arange(new_shape[0]) * shape[0] // new_shape[0]
         numbers = mode_numbers(new_shape[1:])
         phases = tuple(
@@ -69,6 +71,9 @@ class SpaceTime(AbstractOperator):
         )
         kernel = resample_spectrum(self.compliance, shape, new_shape)
         return SpaceTime(_even_on_nyquist(kernel, phases, new_shape), phases)
+
+    def bending_energy(self, field):
+        return self.mean(field * self.filtered(self.inverse, field))
 
     def at_each_time(self, formula, *fields):
         return jax.vmap(formula)(*fields)

@@ -25,14 +25,13 @@ import dataclasses
 from collections.abc import Callable
 
 import equinox as eqx
-import jax
 import jax.numpy as jnp
 from jaxtyping import Array, Bool, Float
 
 from ..core.anderson import CYCLE, History, accelerate, sums
 from ..fields.grid import multiplicity
-from .operator import Solid, contact_stiffness, root_mean_square
-from .solver import in_precision, participation_of, run_steps
+from .operator import Field, Scalar, Solid, root_mean_square, stiffness_bound
+from .solver import in_precision, participation_of, run_steps, slope
 
 DRAFTED_FROM = 2**18  # points of a grid worth a draft, by `bench_contact.py overhead`
 
@@ -48,21 +47,19 @@ class Splitting(eqx.Module):
     - `rtol`: relative error of the pressure at which the iteration ends.
     - `share`: of points under load [1], or None for the participation of the current pressure.
     - `least`: residuals that rounding alone causes, at which a draft ends; else None.
-    - `watch`: called with the number of each cycle and its y.
     - `relaxation`, `history_length`: α, and the number of iterates that are combined. Static.
     """
 
     solid: Solid
     shift: Float[Array, "..."]
     proximal: Callable
-    rtol: Float[Array, ""]
-    share: Float[Array, ""] | None = None
+    rtol: Scalar
+    share: Scalar | None = None
     least: Float[Array, "2"] | None = None
-    watch: Callable | None = None
     relaxation: float = eqx.field(default=0.95, static=True)
     history_length: int = eqx.field(default=5, static=True)
 
-    def init(self, start: Float[Array, "*shape"]) -> History:
+    def init(self, start: Field) -> History:
         """Returns the state of a z."""
         return History.empty(start, self.history_length + 1)
 
@@ -80,9 +77,11 @@ class Splitting(eqx.Module):
         image, after, x, y = self._move(between, filter)
         stiffness = self._recomputed(cycles + 2).stiffness
         # The spectrum of y - x comes for nothing: steps move z by 2α (y - x).
-        defect, stiff = _powers((after - before) / (2 * self.relaxation), stiffness, z)
+        moved = (after - before) / (2 * self.relaxation)
+        power = (moved.real**2 + moved.imag**2) * _weight_of_modes(z)
+        defect, stiff = sums(power, power * stiffness**2)
         v = 2 * x - between
-        s = jnp.abs(jax.jvp(self.proximal, (v,), (jnp.ones_like(v),))[1])
+        s = jnp.abs(slope(self.proximal, v))
         size, scale, total, squared, fixed = sums(x * x, z * z, jnp.abs(y), y * y, s)
         unit = jnp.where(size > 0, size, 1)
         share = self.share
@@ -93,7 +92,7 @@ class Splitting(eqx.Module):
         error = _error(jnp.sqrt(defect / unit), jnp.sqrt(stiff / unit), share)
         if self.solid.free_mean:
             # With the mean gap exact, an error of the gaps is one of the mean pressure.
-            rigid = contact_stiffness(self.solid.scaled, y - v, s)
+            rigid = stiffness_bound(self.solid.scaled, y - v, s)
             shift = self.solid.operator.mean(image - between) / (2 * self.relaxation)
             error = error + root_mean_square(rigid * shift) * jnp.sqrt(z.size / unit)
             error = jnp.where(jnp.isnan(error), jnp.inf, error)
@@ -102,8 +101,6 @@ class Splitting(eqx.Module):
         if self.least is not None:
             least, least_stiff = self.least * jnp.sqrt(scale / unit)
             lost |= error <= _error(least, least_stiff, share)
-        if self.watch is not None:
-            self.watch(cycles, y)
         # Steps never raise the residual of a law without attraction, acceleration may: the
         # last image has at most the residual that ended the loop.
         return accelerate(state, image, error, (error > self.rtol) & ~lost)
@@ -129,14 +126,7 @@ class Splitting(eqx.Module):
         return Solid(solid.operator, one * solid.penalty, solid.free_mean)
 
 
-def iterate(splitting: Splitting, z: Float[Array, "*shape"], *, max_steps: Array | int) -> History:
-    """Returns the last state: z, the estimated relative error, whether it was still `running`."""
-    return run_steps(splitting, z, max_steps)
-
-
-def draft(
-    splitting: Splitting, z: Float[Array, "*shape"], *, max_steps: Array | int
-) -> tuple[Float[Array, "*shape"], Array]:
+def draft(splitting: Splitting, z: Field, *, max_steps: Array | int) -> tuple[Field, Array]:
     """Returns z to about `rtol` or to single precision, and the number of steps.
 
     Unchanged, and none, on a grid not worth it.
@@ -146,7 +136,7 @@ def draft(
     single, begin = in_precision((splitting, z), jnp.float32)
     sharpness = jnp.sqrt(jnp.sum(_weight_of_modes(begin) * single.solid.stiffness**2))
     rounding = 4 * jnp.finfo(begin.dtype).eps * jnp.stack([jnp.ones_like(sharpness), sharpness])
-    last = iterate(dataclasses.replace(single, least=rounding), begin, max_steps=max_steps)
+    last = run_steps(dataclasses.replace(single, least=rounding), begin, max_steps)
     # A start that is as good already keeps its digits.
     return jnp.where(last.cycles > 1, last.z.astype(z.dtype), z), last.cycles * CYCLE
 
@@ -157,15 +147,9 @@ def check_relaxation(relaxation: float) -> None:
         raise ValueError(f"`relaxation={relaxation}` must be a number between 0 and 1.")
 
 
-def _weight_of_modes(field: Float[Array, "*shape"]) -> Float[Array, "#half"]:
+def _weight_of_modes(field: Field) -> Float[Array, "#half"]:
     """What a squared mode of the half spectrum adds to a field's sum of squares."""
     return jnp.asarray(multiplicity(field.shape) / field.size, field.dtype)
-
-
-def _powers(spectrum, stiffness, field):
-    """Sums of squares of a field of this half spectrum, and of `stiffness` times it."""
-    power = (spectrum.real**2 + spectrum.imag**2) * _weight_of_modes(field)
-    return sums(power, power * stiffness**2)
 
 
 def _error(residual, stiff, share):

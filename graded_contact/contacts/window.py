@@ -7,20 +7,17 @@ outside do not matter; mirrored ones have the mean and the rms of the window, an
 """
 
 import dataclasses
-from collections.abc import Callable
-from typing import ClassVar
 
 import equinox as eqx
 import jax
 import jax.numpy as jnp
-from jaxtyping import Array, Bool, Float, Inexact
+from jaxtyping import Array, Bool
 
-from ..fields.grid import Grid, half_shape, resample_spectrum, to_field, to_spectrum
-from .adjoint import Inputs
+from ..fields.grid import Grid, half_shape, to_spectrum
 from .law import AbstractLaw
-from .operator import AbstractOperator, Steady, energy_of_waves, first_mode, third_mode
+from .operator import AbstractOperator, Field, Steady, Waves, first_mode, positions
 from .solution import ContactSolution
-from .solver import Loading
+from .solver import Inputs, Loading
 
 
 class Window(AbstractOperator):
@@ -33,32 +30,15 @@ class Window(AbstractOperator):
       block far away, no mean is open, and a prescribed gap is that of the undeformed block. Static.
     """
 
-    kernel: Inexact[Array, "*half"]
+    kernel: Waves
     grounded: bool = eqx.field(default=False, static=True)
-    of_distance: ClassVar[bool] = True
-
-    def to_waves(self, field):
-        return to_spectrum(field)
-
-    def to_field(self, waves, shape):
-        return to_field(waves, shape)
 
     def mean(self, field):
         return jnp.zeros((), field.dtype) if self.grounded else jnp.mean(field)
 
-    def coarser(self, shape, new_shape):
-        return Window(resample_spectrum(self.compliance, shape, new_shape), self.grounded)
-
     @property
     def is_mean(self):
         return first_mode(self.kernel.shape) & (not self.grounded)
-
-    @property
-    def long_wave(self):
-        return jnp.abs(third_mode(self.kernel))
-
-    def bending_energy(self, field):
-        return energy_of_waves(self.to_waves(field), self.inverse, field.shape)
 
     def cell(self, grid):
         return Grid(tuple(2 * n for n in grid.shape), 2 * grid.size)
@@ -75,12 +55,8 @@ class Window(AbstractOperator):
         return self.kernel / 2 + (jnp.roll(self.kernel, 1, 0) + jnp.roll(self.kernel, -1, 0)) / 4
 
     def change_by(
-        self,
-        error: Inexact[Array, "*half"],
-        pressure: Float[Array, "*shape"],
-        touching: Bool[Array, "*shape"],
-        at_approach: bool,
-    ) -> Float[Array, "*shape"]:
+        self, error: Waves, pressure: Field, touching: Bool[Array, "*shape"], at_approach: bool
+    ) -> Field:
         """Returns the change of the pressure [Pa] by an error of the kernel.
 
         At a given approach or load. As in `estimates.py`, by the inverse of M on the whole cell
@@ -97,7 +73,7 @@ class Window(AbstractOperator):
         return -in_contact(self.on_surface(operator.filtered(operator.inverse, lifted)))
 
 
-def operator_of(kernel: Inexact[Array, "*half"], shape: tuple[int, ...]) -> Steady | Window:
+def operator_of(kernel: Waves, shape: tuple[int, ...]) -> Steady | Window:
     """Returns the operator of a kernel for heights of this shape: on a window or not."""
     if kernel.shape == half_shape(tuple(2 * n for n in shape)):
         return Window(kernel)
@@ -134,38 +110,28 @@ class Windowed(AbstractLaw):
 
 def inside(shape: tuple[int, ...]) -> Bool[Array, "*shape"]:
     """Returns where the window is in a cell of this shape: in the first half of each axis."""
-    numbers = [jax.lax.broadcasted_iota(jnp.int32, shape, axis) for axis in range(len(shape))]
-    first = [2 * number < n for number, n in zip(numbers, shape, strict=True)]
-    return first[0] if len(shape) == 1 else first[0] & first[1]
+    first, *others = (2 * i < n for i, n in zip(positions(shape), shape, strict=True))
+    return first & others[0] if others else first
 
 
-def solve_on_window(
-    solve: Callable[..., ContactSolution],
-    operator: Window,
-    heights: Float[Array, "*shape"],
-    loading: Loading,
-    *,
-    law: AbstractLaw,
-    start: Float[Array, "*shape"] | None,
-    solution: ContactSolution | None,
-) -> ContactSolution:
-    """Returns the contact on a window, by a solver of contacts on its cell.
+def on_whole(
+    inputs: Inputs, start: Array | None, known: ContactSolution | None
+) -> tuple[Inputs, Array | None, ContactSolution | None]:
+    """Returns the inputs of the contact on the cell of a window, and its start and solution.
 
-    Arguments as in `solve_contact`; `solve` already has the remaining ones. The gap of the loading
-    is that of the undeformed block. The mean pressure and the mean gap of the contact are those of
-    the window.
+    The gap of the loading is that of the undeformed block.
     """
-    if loading.gap is None:
+    operator, heights, law, loading = inputs
+    if loading.gap is None:  # the mean over the cell, of which the window is a part
         loading = Loading(loading.pressure / 2**heights.ndim, None)
     else:
         operator = _with_ground(operator, heights.shape)
     inputs = Inputs(operator, operator.on_cell(heights, "symmetric"), Windowed(law), loading)
     start = None if start is None else operator.on_cell(start)
-    solution = None if solution is None else _on_whole(solution, inputs)
-    return _on_part(solve(inputs, start=start, solution=solution), operator)
+    return inputs, start, None if known is None else _known_on_whole(known, inputs)
 
 
-def _with_ground(operator: Window, shape: tuple[int, ...]) -> Window:
+def _with_ground(operator: AbstractOperator, shape: tuple[int, ...]) -> Window:
     """The operator with an entry for the mean above 0; NaN if it has none.
 
     An incompressible slab has none to speak of. A constant where two points are one window apart
@@ -176,7 +142,7 @@ def _with_ground(operator: Window, shape: tuple[int, ...]) -> Window:
     entry = jnp.real(kernel[(0,) * len(shape)])
     missing = jax.lax.stop_gradient(jnp.maximum(jnp.min(jnp.abs(sizes)) / 4 - entry, 0))
     whole = tuple(2 * n for n in shape)
-    near = [jax.lax.broadcasted_iota(jnp.int32, whole, a) != n for a, n in enumerate(shape)]
+    near = [i != n for i, n in zip(positions(whole), shape, strict=True)]
     apart = 1 - jnp.prod(jnp.stack(near), axis=0, dtype=entry.dtype)
     unused = to_spectrum(apart).real / jnp.sum(apart)
     raised = jnp.where(mean & (entry == 0), jnp.nan, kernel + missing * unused)
@@ -184,15 +150,15 @@ def _with_ground(operator: Window, shape: tuple[int, ...]) -> Window:
 
 
 @eqx.filter_jit
-def _on_part(found: ContactSolution, operator: Window) -> ContactSolution:
-    """The contact of a cell on its window."""
+def on_part(found: ContactSolution, operator: AbstractOperator) -> ContactSolution:
+    """Returns the contact on a window, and its means there, from the contact on the cell."""
     fields = found.pressure, found.gap, found.displacement, found.correction
     pressure, gap, moved, correction = map(operator.on_surface, fields)
     return dataclasses.replace(
         found,
         pressure=pressure,
         gap=gap,
-        displacement=moved - jnp.mean(moved),
+        displacement=moved - jnp.mean(moved),  # of zero mean on the window
         correction=correction,
         mean_pressure=jnp.mean(pressure),
         mean_gap=jnp.mean(gap),
@@ -200,10 +166,11 @@ def _on_part(found: ContactSolution, operator: Window) -> ContactSolution:
 
 
 @eqx.filter_jit
-def _on_whole(known: ContactSolution, inputs: Inputs) -> ContactSolution:
+def _known_on_whole(known: ContactSolution, inputs: Inputs) -> ContactSolution:
     """The contact on the cell of a window's contact: around it, its pressure's displacement."""
     operator, heights = inputs.operator, inputs.heights - jnp.mean(inputs.heights)
     pressure = operator.on_cell(known.pressure)
+    # Nothing is known of the gap around the window but that this pressure opens it.
     own, offset = operator.displace(pressure), inputs.loading.gap
     if offset is None:
         offset = known.mean_gap - jnp.mean(operator.on_surface(own))

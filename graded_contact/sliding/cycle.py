@@ -16,10 +16,10 @@ import jax.numpy as jnp
 
 from ..blocks.grading import graded_tolerance
 from ..blocks.periodic_kernel import periodic_kernel
-from ..contacts.adjoint import Inputs
-from ..contacts.law import check_law
+from ..contacts.law import check_one_law
 from ..contacts.solution import RESULTS
-from ..contacts.solve import contact_of, loading_of
+from ..contacts.solve import as_start, contact_of, loading_of
+from ..contacts.solver import Inputs
 from ..contacts.space_time import SpaceTime, in_motion
 from ..core.checks import Numbers, as_scalar, check_squares
 from ..core.derivative import derivative_apart
@@ -37,14 +37,14 @@ def solve_cycle(case: Any, numerics: Numerics, start: Numbers | None = None) -> 
     """Returns the periodic state of a `Case` with a displacement over time; see `slide_cycle`."""
     stack, surface, law = case.stack, case.surface, case.law
     check_periodic(surface)
-    check_law(law)
+    check_one_law(law)
     grid, num_times = surface.grid, len(case.displacement)
     period = as_scalar(case.period, "period")
     check_squares("heights", surface.heights, "m")
     heights = jnp.broadcast_to(surface.heights, (num_times, *grid.shape))
     check_memory("displacement", "a cycle", CYCLE, heights.shape, heights.dtype.itemsize)
-    loading = loading_of(case.pressure, case.mean_gap, law, heights, num_times)
-    graded_solver = numerics.graded_solver
+    loading = loading_of(law, heights, num_times, pressure=case.pressure, mean_gap=case.mean_gap)
+    begin, graded_solver = as_start(start, heights, law), numerics.graded_solver
     kernel, error = periodic_kernel(stack, grid, num_times, period, graded_solver)
     reached = error <= graded_tolerance(graded_solver, None, grid.size)
     if numerics.throw:
@@ -52,7 +52,7 @@ def solve_cycle(case: Any, numerics: Numerics, start: Numbers | None = None) -> 
     operator = _operator(kernel, case.displacement, grid)
     inputs = Inputs(operator, heights, law, loading)
     contact = contact_of(
-        inputs, numerics.solver, numerics.adjoint, numerics.rtol, start, None, numerics.throw
+        inputs, numerics.solver, numerics.adjoint, numerics.rtol, begin, None, numerics.throw
     )
     if not numerics.throw:
         result = RESULTS.where(reached, contact.result, RESULTS.inaccurate_kernel)

@@ -34,7 +34,7 @@ from ..blocks.grading import AbstractGradedSolver
 from ..blocks.heated_stack import HeatedContact, check_bulk, check_heated, heated
 from ..blocks.layering import Layering
 from ..blocks.stack import Stack, interface_depths
-from ..contacts.area import contact_area_error
+from ..contacts.area import area_in_doubt
 from ..contacts.solution import RESULTS
 from ..core.checks import (
     Numbers,
@@ -162,7 +162,7 @@ def _errors(s: Sliding, closer: Sliding):
     names = "friction", "contact_area_smooth", "contact_indicator"
     found, better = s.compute(*names), closer.compute(*names)
     by_friction, by_area, _ = (SAFETY * jnp.abs(a - b) for a, b in zip(found, better, strict=True))
-    points = contact_area_error(found[2], closer.pressure - s.pressure)
+    points = area_in_doubt(found[2], closer.pressure - s.pressure)
     return by_friction, jnp.maximum(by_area, points)
 
 

@@ -516,7 +516,7 @@ def load(found: Found) -> Array:
 )  # fmt: skip
 def contact_area(found: Found) -> Array:
     """Fraction of points in contact [1]. A pixel count, without a derivative."""
-    return _share_of(found, area.contact_area, _touching(found))
+    return _share_of(found, area.counted_area, _touching(found))
 
 
 @observable(
@@ -529,7 +529,7 @@ def contact_area_error(found: Found) -> Array:
     for moved in _changes_by_kernel(found):  # 0 outside contact, where points may join it
         in_contact = jnp.sqrt(jnp.sum(moved**2) / jnp.maximum(jnp.sum(touching), 1))
         change += jnp.where(touching, jnp.abs(moved), in_contact)
-    error = area.contact_area_error(contact_indicator(found), change)
+    error = area.area_in_doubt(contact_indicator(found), change)
     return error if found.heated is None else error + found.heated.area_error
 
 
@@ -539,7 +539,7 @@ def contact_area_error(found: Found) -> Array:
 )  # fmt: skip
 def contact_area_corrected(found: Found) -> Array:
     """`contact_area` less its known excess at the edges [1]."""
-    return _share_of(found, area.contact_area_corrected, _touching(found))
+    return _share_of(found, area.area_without_edges, _touching(found))
 
 
 @observable(
@@ -548,7 +548,7 @@ def contact_area_corrected(found: Found) -> Array:
 )  # fmt: skip
 def contact_area_smooth(found: Found) -> Array:
     """Sub-pixel area fraction [1], for gradients."""
-    return _share_of(found, area.contact_area_smooth, contact_indicator(found))
+    return _share_of(found, area.area_of_contour, contact_indicator(found))
 
 
 @observable(
@@ -718,7 +718,7 @@ def shear_over_load(
     if stress is None:
         return jnp.zeros((), pressure.dtype)
     least, added = shear_parts(pressure, stress)
-    return (least * area.contact_area_smooth(indicator) + jnp.mean(added)) / jnp.mean(pressure)
+    return (least * area.area_of_contour(indicator) + jnp.mean(added)) / jnp.mean(pressure)
 
 
 def shear_parts(

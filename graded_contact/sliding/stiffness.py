@@ -21,7 +21,7 @@ import jax.numpy as jnp
 from jaxtyping import Array, Float, ScalarLike
 
 from ..contacts.adjoint import LinearSolver, LinearSplitting, opening_by_load
-from ..contacts.area import coverage
+from ..contacts.area import contact_shares
 from ..contacts.operator import Steady, first_mode
 from ..contacts.solver import penalty_for
 from ..core.checks import as_scalar, check_positive, check_type, check_types
@@ -95,7 +95,7 @@ def _check(sliding: Sliding) -> None:
 @eqx.filter_jit
 def _stiffness(sliding: Sliding, kernel, adjoint: LinearSolver):
     operator = Steady(kernel)
-    share = coverage(sliding.contact_indicator)
+    share = contact_shares(sliding.contact_indicator)
     penalty = penalty_for(operator, jnp.mean(share), sliding.law)
     # G(0), the sum over all waves.
     yielding = jnp.sum(multiplicity(share.shape) * operator.compliance.real) / share.size

@@ -83,14 +83,6 @@ def test_attraction_too_steep_for_the_grid_is_reported():
     assert s.error <= 1e-6
 
 
-def test_vanishing_attraction_leaves_the_hard_wall():
-    kernel, heights = elastic_line(), LINE
-    hard = gc.solve_contact(kernel, heights, 0.005, rtol=1e-9)
-    law = gc.contacts.ExponentialAdhesion(RANGE, 1e-12)
-    s = gc.solve_contact(kernel, heights, 0.005, law=law, rtol=1e-9)
-    np.testing.assert_allclose(s.pressure, hard.pressure, atol=1e-6 * hard.pressure.max())
-
-
 def test_exponential_attraction_over_a_long_range_only_adds_to_the_load():
     """The limit of Derjaguin, Muller & Toporov: a uniform tension w/λ presses like a load."""
     kernel, work, length = elastic_line(), 1e-3, 10.0

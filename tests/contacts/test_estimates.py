@@ -30,6 +30,8 @@ def test_errors_of_loose_solves_are_within_their_claims(name):
         off = np.linalg.norm(found.pressure - best.pressure) / np.linalg.norm(best.pressure)
         assert off <= found.error + best.error <= 1.01 * rtol
         assert abs(found.friction - best.friction) <= found.friction_error + best.friction_error
+        wrong = np.mean((found.pressure > 0) != (best.pressure > 0))
+        assert name != "hard" or wrong <= found.contact_area_error
         gap_error = found.contact.gap_error * jnp.std(SURFACE.heights)
         assert abs(found.mean_gap - best.mean_gap) <= gap_error
         np.testing.assert_allclose(np.mean(found.pressure), LOAD, rtol=1e-12)

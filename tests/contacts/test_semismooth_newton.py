@@ -68,18 +68,3 @@ def test_batch_of_hard_and_ordinary_contacts_is_that_of_each():
         expected = solve(kernel, heights[0]).pressure
         scale = np.linalg.norm(expected)
         assert np.linalg.norm(batch.pressure[i] - expected) <= 1e-8 * scale
-
-
-@pytest.mark.slow
-def test_few_rough_points_on_moduli_far_apart_converge():
-    n = 48
-    rng = np.random.default_rng(0)
-    q = np.hypot.outer(np.fft.fftfreq(n), np.fft.rfftfreq(n)) * n
-    waves = np.fft.rfft2(rng.standard_normal((n, n))) / np.maximum(q, 1) ** 1.8
-    heights = jnp.asarray(np.fft.irfft2(waves * (q < n / 4), s=(n, n)))
-    heights = heights / jnp.std(heights) * 0.01
-    rubber = gc.Prony(0.75, [0.75 * 9999], [1.0], 0.5)
-    kernel = gc.stack_kernel(gc.Stack(base=gc.HalfSpace(rubber)), gc.Grid((n, n), 1.0), 5.0)
-    s = solve(kernel, heights, 0.01)
-    assert_solves(s, kernel, heights, 0.01)
-    assert 0 < np.sum(s.pressure > 0) < n * n / 50
