@@ -57,8 +57,8 @@ def read_moduli(
     have a line of units below it. Several isotherms may be in one table with a column of
     temperature (steps above 1 K), below one another with "25 °C" above each, side by side, or on
     several sheets. Creep and relaxation may be columns of stress and strain; a constant stress may
-    be in a line above the table ("stress: 2 kPa"). Rows may be in any order. A row that cannot be used is left out and reported. Every argument but the first
-    overrides the file.
+    be in a line above the table ("stress: 2 kPa"). Rows may be in any order. A row that cannot be
+    used is left out and reported. Every argument but the first overrides the file.
 
     **Arguments:**
 

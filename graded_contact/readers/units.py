@@ -58,7 +58,7 @@ _EXACT = {unit for units in UNITS.values() for unit in units}
 
 # Metres per unit of length, as the headings of topographies spell it, after `_folded`.
 _METRES = {
-    "m": 1.0, "dm": 1e-1, "cm": 1e-2, "mm": 1e-3, "um": 1e-6, "nm": 1e-9, "pm": 1e-12,
+    "m": 1.0, "dm": 1e-1, "cm": 1e-2, "mm": 1e-3, "um": 1e-6, "nm": 1e-9, "pm": 1e-12, "fm": 1e-15,
     "km": 1e3, "å": 1e-10, "angstrom": 1e-10, "inch": 0.0254, "mil": 2.54e-5,
     "micron": 1e-6, "microns": 1e-6,
     **{f"{prefix}{word}": factor
@@ -163,7 +163,7 @@ class Heading(NamedTuple):
 
 def metres(unit: str) -> float | None:
     """Returns metres per unit of length, or None if the text is not a unit of length."""
-    return _METRES.get(_folded(unit))
+    return _METRES.get("å" if unit == "A" else _folded(unit))
 
 
 def length_unit(heading: str) -> str | None:
