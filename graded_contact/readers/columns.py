@@ -120,12 +120,13 @@ def measured_table(table: Table, options: Options, spaced: bool) -> MeasuredTabl
     unknown = [name for name in needed if name not in columns]
     for dimension in dict.fromkeys(DIMENSIONS[name] for name in unknown):
         labels = [
-            f"{table.label(needed[name][0])}, the {name}"
+            f"{table.label(needed[name][0])}, the {name}, has {unit!r}"
             for name in unknown
             if DIMENSIONS[name] == dimension
+            for unit in [table.unit(needed[name][0]) or table.units[needed[name][0]]]
         ]
         lacking.append(
-            f"{', '.join(labels)}: the unit is not known; pass `units`, {dimension}: one of "
+            f"{', '.join(labels)} as unit; pass `units`, {dimension}: one of "
             f"{list(UNITS[dimension])}"
         )
     used = {column.place for column in columns.values()}

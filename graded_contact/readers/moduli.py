@@ -44,7 +44,7 @@ def read_moduli(
     columns: Mapping[str, str | int] | None = None,
     units: Mapping[str, str] | None = None,
     deformation: str | None = None,
-    poisson: Numbers | None = None,
+    poisson: float | None = None,
     temperature: Numbers | None = None,
     sheet: str | None = None,
     step: str | int | Sequence[str | int] | None = None,
@@ -88,10 +88,13 @@ def read_moduli(
         raise ValueError(f"`path={path!r}` must be the name of a file, or a list of them.")
     options = _options(kind, columns, units, deformation, temperature is not None, step)
     if poisson is not None:
-        poisson = _as_numbers("poisson", poisson, 0)
         check_poisson("poisson", poisson)
     if temperature is not None:
-        temperature = _as_numbers("temperature", temperature, 1)
+        try:
+            temperature = np.asarray(temperature, float)
+        except (TypeError, ValueError):
+            words = f"`temperature={short(temperature)}` is refused: numbers [K] are needed."
+            raise ValueError(words) from None
         check_positive("temperature", temperature, "[K]")
     if len(paths) == 1:
         return _read(Path(paths[0]), options, poisson, temperature, sheet)
@@ -148,18 +151,6 @@ def strain_sweep(path, columns, units, sheet, step) -> Measured:
     return sweep
 
 
-def _as_numbers(name: str, value: Any, most: int) -> np.ndarray:
-    """The value as an array of at most so many axes."""
-    try:
-        array = np.asarray(value, float)
-    except (TypeError, ValueError):
-        array = None
-    if array is None or array.ndim > most:
-        allowed = "a number or a list of numbers" if most else "a number"
-        raise ValueError(f"`{name}={value!r}` is refused: it must be {allowed}.") from None
-    return array
-
-
 def _for_each(temperature: Numbers | None, count: int, what: str) -> Sequence[Numbers | None]:
     return [None] * count if temperature is None else list(one_each(temperature, count, what))
 
@@ -168,29 +159,23 @@ def _options(kind, columns, units, deformation, temperature: bool, step) -> Opti
     """The arguments of `read_moduli`, checked."""
     kinds = tuple(dict.fromkeys(kind for kind, _ in WAYS))
     choices: list[tuple[str, Any, Any]] = [
-        ("kind", kind, (None, *kinds)),
-        ("deformation", deformation, (None, "tension", "shear")),
-        *(("columns", quantity, DIMENSIONS) for quantity in columns or {}),
-        *(("units", dimension, UNITS) for dimension in units or {}),
-        *((f"units[{d!r}]", unit, UNITS.get(d, [unit])) for d, unit in (units or {}).items()),
+        ("`kind`", kind, (None, *kinds)),
+        ("`deformation`", deformation, (None, "tension", "shear")),
+        *(("A key of `columns`", quantity, DIMENSIONS) for quantity in columns or {}),
+        *(("A key of `units`", dimension, UNITS) for dimension in units or {}),
+        *((f"`units` of the {d}", u, UNITS.get(d, [u])) for d, u in (units or {}).items()),
     ]
     for name, value, allowed in choices:
         if value is not None and (not isinstance(value, str) or value not in allowed):
             words = [word for word in allowed if word is not None]
-            raise ValueError(f"`{name}={value!r}` is refused: use one of {words}.")
+            raise ValueError(f"{name} is {short(value)}: use one of {words}.")
     steps = [] if step is None else step if isinstance(step, list | tuple) else [step]
     if not all(isinstance(each, str | int) for each in steps):
         raise ValueError(f"`step={short(step)}` must be a number or a title, or a list of them.")
     return Options(kind, columns or {}, units or {}, deformation, temperature, tuple(steps))
 
 
-def _read(
-    path: Path,
-    options: Options,
-    poisson: Numbers | None,
-    temperature: Numbers | None,
-    name: str | None,
-) -> Measured:
+def _read(path: Path, options: Options, poisson, temperature, name: str | None) -> Measured:
     """The measurements in one file."""
     sheets = read_sheets(path)
     try:

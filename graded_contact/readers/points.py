@@ -31,7 +31,7 @@ RAMP = 5.0  # K over which no isotherm drifts
 def measured_points(
     path: Path,
     measured: MeasuredTable,
-    poisson: Numbers | None,
+    poisson: float | None,
     temperature: Numbers | None,
     notes: list[str],
 ) -> Measured:
@@ -223,7 +223,7 @@ def _moduli(measured: MeasuredTable, si: dict[str, np.ndarray]) -> Any:
 
 
 def _deformation(
-    measured: MeasuredTable, poisson: Numbers | None, notes: list[str]
+    measured: MeasuredTable, poisson: float | None, notes: list[str]
 ) -> tuple[str, float]:
     """Tension or shear, and the factor that converts the modulus."""
     if measured.kind == "strain":
@@ -245,7 +245,7 @@ def _deformation(
     if poisson is None:
         notes.append("These are shear moduli (G); `poisson` converts them to Young's moduli (E).")
         return "shear", 1.0
-    factor = 2 * (1 + float(np.asarray(poisson)))
+    factor = 2 * (1 + float(poisson))
     notes.append(f"Converted from shear to tension by `poisson`: E = {factor:.6g} G.")
     return "tension", factor
 
