@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from graded_contact.readers.moduli import read_moduli
+from graded_contact import read_moduli
 
 HERTZ = np.array([0.1, 1.0, 10.0, 100.0])
 OMEGA = 2 * np.pi * HERTZ
@@ -33,6 +33,18 @@ def write(folder, content, name="table.csv", encoding="utf-8"):
 
 def read(folder, content, name="table.csv", encoding="utf-8", **options):
     return read_moduli(write(folder, content, name, encoding), **options)
+
+
+def workbook(path, sheets):
+    """Writes a workbook: rows by the names of the sheets."""
+    book = pytest.importorskip("openpyxl").Workbook()
+    book.remove(book.active)
+    for name, rows in sheets.items():
+        sheet = book.create_sheet(name)
+        for row in rows:
+            sheet.append(list(row))
+    book.save(path)
+    return path
 
 
 def check(measured, omega=OMEGA, modulus=MODULUS, *, deformation="tension", rtol=1e-7):

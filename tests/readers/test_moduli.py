@@ -6,10 +6,21 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from test_instrument_exports import HERTZ, LOSS, MODULUS, OMEGA, STORAGE, check, read, rows, write
+from test_instrument_exports import (
+    HERTZ,
+    LOSS,
+    MODULUS,
+    OMEGA,
+    STORAGE,
+    check,
+    read,
+    rows,
+    workbook,
+    write,
+)  # fmt: skip
 
+from graded_contact import read_moduli
 from graded_contact.materials.table import Tabulated
-from graded_contact.readers.moduli import read_moduli
 
 DATA = Path(__file__).parents[3] / "shared" / "data" / "rheology"
 
@@ -174,7 +185,7 @@ def test_doubtful_columns_are_warned_of(tmp_path, scale, name, column, warning):
 
 
 QUOTED = "".join(
-    f'"{f}","{storage}","{loss}"\n'.replace(".", ",").replace(',"', ',"')
+    f'"{f}","{storage}","{loss}"\n'.replace(".", ",")
     for f, storage, loss in zip(HERTZ, STORAGE, LOSS, strict=True)
 )
 
@@ -209,28 +220,18 @@ def test_curves_side_by_side_with_temperatures_in_their_titles(tmp_path):
 
 
 def test_workbooks_are_read_from_the_sheet_that_is_understood(tmp_path):
-    openpyxl = pytest.importorskip("openpyxl")
-    book = openpyxl.Workbook()
-    book.active.append(["a note"])
-    sheet = book.create_sheet("sweep")
-    sheet.append(["device", "DMA 7"])
-    sheet.append([None, "f", "E'", "E''"])
-    sheet.append([None, "Hz", "MPa", "MPa"])
-    for f, storage, loss in zip(HERTZ, STORAGE / 1e6, LOSS / 1e6, strict=True):
-        # One column was imported as text with decimal commas.
-        sheet.append([None, f, str(storage).replace(".", ","), loss])
-    other = book.create_sheet("other")
-    other.append(["f [Hz]", "E' [Pa]", "E'' [Pa]"])
-    for i in range(2):
-        other.append([i + 1, 3e6, 2e5])
-    book.save(tmp_path / "a.xlsx")
-    check(read_moduli(tmp_path / "a.xlsx"))
-    check(
-        read_moduli(tmp_path / "a.xlsx", sheet="other"),
-        2 * np.pi * np.array([1.0, 2.0]), np.full(2, 3e6 + 2e5j),
-    )  # fmt: skip
+    columns = zip(HERTZ, STORAGE / 1e6, LOSS / 1e6, strict=True)
+    # One column was imported as text with decimal commas.
+    numbers = [[None, f, str(storage).replace(".", ","), loss] for f, storage, loss in columns]
+    heads = [["device", "DMA 7"], [None, "f", "E'", "E''"], [None, "Hz", "MPa", "MPa"]]
+    other = [["f [Hz]", "E' [Pa]", "E'' [Pa]"], [1, 3e6, 2e5], [2, 3e6, 2e5]]
+    sheets = {"Sheet": [["a note"]], "sweep": [*heads, *numbers], "other": other}
+    path = workbook(tmp_path / "a.xlsx", sheets)
+    check(read_moduli(path))
+    measured = read_moduli(path, sheet="other")
+    check(measured, 2 * np.pi * np.array([1.0, 2.0]), np.full(2, 3e6 + 2e5j))
     with pytest.raises(ValueError, match=r"no `sheet='x'`, only \['Sheet', 'sweep', 'other'\]"):
-        read_moduli(tmp_path / "a.xlsx", sheet="x")
+        read_moduli(path, sheet="x")
 
 
 # Kinds, overrides, and what is recorded.
@@ -416,27 +417,20 @@ def test_a_slow_ramp_with_sweeps_is_cut_into_isotherms_and_a_plain_ramp_refused(
 
 
 def test_sheets_of_one_isotherm_each_are_joined_and_of_one_temperature_refused(tmp_path):
-    openpyxl = pytest.importorskip("openpyxl")
-
-    def save(temperatures):
-        book = openpyxl.Workbook()
-        book.active.append(["Details"])
+    def save(*temperatures):
+        heads = [["f", "E'", "E''", "T"], ["Hz", "MPa", "MPa", "°C"]]
+        sheets = {"Details": [["Details"]]}
         for i, celsius in enumerate(temperatures):
-            sheet = book.create_sheet(f"step {i}")
-            sheet.append([f"Sweep {i}"])
-            sheet.append(["f", "E'", "E''", "T"])
-            sheet.append(["Hz", "MPa", "MPa", "°C"])
-            for f in (1, 2):
-                sheet.append([f, 3 + i, 0.5, celsius])
-        book.save(tmp_path / "a.xlsx")
-        return tmp_path / "a.xlsx"
+            numbers = [[f, 3 + i, 0.5, celsius] for f in (1, 2)]
+            sheets[f"step {i}"] = [[f"Sweep {i}"], *heads, *numbers]
+        return workbook(tmp_path / "a.xlsx", sheets)
 
-    cold, hot = read_moduli(save([40, 20])).isotherms()
+    cold, hot = read_moduli(save(40, 20)).isotherms()
     np.testing.assert_allclose(cold.values, 4e6 + 5e5j)
     np.testing.assert_allclose(hot.temperature, 313.15)
     with pytest.raises(ValueError, match=r"'step 0', 'step 1'.* have similar tables.*pass `sheet`"):
-        read_moduli(save([20, 20]))
-    assert len(read_moduli(save([20, 20]), sheet="step 1").abscissa) == 2
+        read_moduli(save(20, 20))
+    assert len(read_moduli(save(20, 20), sheet="step 1").abscissa) == 2
 
 
 def test_several_files_are_isotherms_of_one_material(tmp_path):
