@@ -130,7 +130,8 @@ def _entries(measured: MeasuredTable, notes: list[str]) -> "pd.DataFrame":
     entries = pd.DataFrame(found)
     entries["abscissa"] = entries[_abscissa(measured.kind)]
     if measured.kind == "strain" and "frequency" in entries:
-        low, high = entries["frequency"].min(), entries["frequency"].max()
+        omega = entries["frequency"].to_numpy()
+        low, high = float(np.min(omega)), float(np.max(omega))
         if high > (1 + CONSTANT) * low:
             raise ValueError(
                 f"the frequency varies from {low:.4g} to {high:.4g} rad/s: choose the step that "

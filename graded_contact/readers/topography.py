@@ -214,11 +214,13 @@ def _scales(scan: Scan, size: Any, unit: str | None) -> tuple[float, np.ndarray]
         raise Refusal(f"it does not state all that is needed; pass {', and '.join(lacking)}")
     if None not in own and unit is not None:
         raise Refusal(f"it is in {scan.unit!r}; leave out `unit={unit!r}`")
-    factors = [metres(str(unit if name is None else name)) for name in own]
-    if None in factors:
-        name = own[factors.index(None)]
-        named = f"`unit={unit!r}`" if name is None else f"{scan.source} in {name!r}"
-        raise Refusal(f"{named} is not a length, such as 'm', 'um' or 'nm'")
+    factors = []
+    for name in own:
+        factor = metres(str(unit if name is None else name))
+        if factor is None:
+            named = f"`unit={unit!r}`" if name is None else f"{scan.source} in {name!r}"
+            raise Refusal(f"{named} is not a length, such as 'm', 'um' or 'nm'")
+        factors.append(factor)
     if scan.size is None:
         num_axes, edges = scan.heights.ndim, np.array(size, float)
         if edges.shape not in ((), (num_axes,)):
