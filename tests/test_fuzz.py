@@ -623,23 +623,11 @@ EXTREMES = ("1e300", "1e-300", "1e100", "1e-100", "1e30", "1e-30", "1e-17", "0",
 ROUGH = RANDOM.replace("[0.01, 1.0]", "0.1").replace('"every"', '"none"') + LAYERS
 ROUGH += SERIES.replace('errors = "errors.csv"', "") + '[shear]\nkind = "constant"\nstress = 1e5\n'
 SPHERE = """
-[surface]
-kind = "sphere"
-radius = 2e-3
-[grid]
-shape = [16, 16]
-size = 6e-4
-[materials.a]
-kind = "prony"
-equilibrium = 2e6
-strengths = [4e6]
-times = [1e-2]
-[base]
-kind = "half_space"
-material = "a"
-[load]
-approach = 1e-5
-velocity = 0.1
+surface = {kind = "sphere", radius = 2e-3}
+grid = {shape = [16, 16], size = 6e-4}
+materials.a = {kind = "prony", equilibrium = 2e6, strengths = [4e6], times = [1e-2]}
+base = {kind = "half_space", material = "a"}
+load = {approach = 1e-5, velocity = 0.1}
 """
 
 

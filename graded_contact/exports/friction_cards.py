@@ -5,13 +5,13 @@ rate, contact pressure and average temperature of the two surfaces. The first of
 fastest, each in increasing order, and outside of its range the coefficient is that at the end.
 """
 
-import re
-from collections.abc import Callable, Iterator
+from collections.abc import Callable
 from typing import TYPE_CHECKING
 
 import numpy as np
 
 from ..core.checks import check_values, short
+from .prony_cards import check_card
 
 if TYPE_CHECKING:
     from xarray import Dataset
@@ -38,13 +38,7 @@ def export_friction(table: "Dataset", format: str, *, name: str = "friction") ->
     **Raises:** `ValueError` for a table with other axes, points without a friction, a negative
     velocity or friction, or a format that does not exist.
     """
-    if format not in FORMATS:
-        raise ValueError(f"`format={format!r}` is refused: use one of {tuple(FORMATS)}.")
-    if not isinstance(name, str) or not re.fullmatch(r"[A-Za-z][A-Za-z0-9_-]*", name):
-        raise ValueError(
-            f"`name={short(name)}` is refused: a letter, then letters, digits, `_` and `-` are "
-            "allowed."
-        )
+    check_card(format, FORMATS, name)
     return FORMATS[format](_checked(table), name)
 
 
@@ -64,18 +58,17 @@ def _checked(table: "Dataset") -> "Dataset":
             f"`table` has {len(failed)} of {len(messages)} points that failed or did not "
             f"converge, see `message`. The first: {failed[0]}"
         )
+    words = "it must be a finite number, not negative"
     for part in ("friction", "friction_error", "velocity"):
-        words = "it must be a finite number, not negative"
         check_values(f"table.{part}", table[part].values, words, at_least=0)
     return table
 
 
-def _rows(table: "Dataset") -> Iterator[dict[str, float]]:
-    """The numbers of each point, the velocity varying fastest."""
-    axes = table["friction"].dims
-    for index in np.ndindex(table["friction"].shape):
-        row = {str(a): float(table[a].values[i]) for a, i in zip(axes, index, strict=True)}
-        yield row | {n: float(table[n].values[index]) for n in ("friction", "friction_error")}
+def _lines(table: "Dataset", columns: list[str], separator: str) -> list[str]:
+    """A line of numbers for each point, the velocity varying fastest."""
+    points = table[["friction", "friction_error"]].to_dataframe([*table["friction"].dims])
+    rows = points.reset_index()[columns].astype(float).to_numpy().tolist()
+    return [separator.join(map(repr, row)) for row in rows]
 
 
 def _abaqus(table: "Dataset", name: str) -> str:
@@ -87,18 +80,16 @@ def _abaqus(table: "Dataset", name: str) -> str:
         f"** Largest estimated relative error of the friction coefficient: {largest:.2g}",
         f"*SURFACE INTERACTION, NAME={name}",
         "*FRICTION",
-        *(", ".join(repr(row[column]) for column in columns) for row in _rows(table)),
     ]
-    return "\n".join([*lines, ""])
+    return "\n".join([*lines, *_lines(table, columns, ", "), ""])
 
 
 def _csv(table: "Dataset", name: str) -> str:
     units = {"velocity": "m/s", "pressure": "Pa", "temperature": "K"}
-    axes = [axis for axis in units if axis in table["friction"].dims]
-    heads = [f"{axis} [{units[axis]}]" for axis in axes] + ["friction [1]", "friction_error [1]"]
-    names = [*axes, "friction", "friction_error"]
-    lines = [",".join(repr(row[column]) for column in names) for row in _rows(table)]
-    return "\n".join([",".join(heads), *lines, ""])
+    units = {axis: unit for axis, unit in units.items() if axis in table["friction"].dims}
+    units |= {"friction": "1", "friction_error": "1"}
+    heads = ",".join(f"{column} [{unit}]" for column, unit in units.items())
+    return "\n".join([heads, *_lines(table, [*units], ","), ""])
 
 
 FORMATS: dict[str, Callable[["Dataset", str], str]] = {"abaqus": _abaqus, "csv": _csv}

@@ -13,12 +13,12 @@ Reference, TB,PRONY and TB,SHIFT.
 import dataclasses
 import json
 import re
-from collections.abc import Callable
+from collections.abc import Callable, Collection
 from typing import Any
 
 import numpy as np
 
-from ..core.checks import check_types
+from ..core.checks import check_types, short
 from ..materials.coverage import MeasuredRange
 from ..materials.material import AbstractMaterial, Prony
 from ..materials.shift import WLF, AbstractShift
@@ -55,13 +55,19 @@ def export_prony(material: AbstractMaterial, format: str, *, name: str = "materi
         raise ValueError(
             f"`material` is of type {type(material).__name__}; only a `Prony` series is exported."
         )
-    if format not in FORMATS:
-        raise ValueError(f"`format={format!r}` is refused: use one of {tuple(FORMATS)}.")
-    if not re.fullmatch(r"[A-Za-z][A-Za-z0-9_-]*", name):
-        raise ValueError(
-            f"`name={name!r}` is refused: a letter, then letters, digits, `_` and `-` are allowed."
-        )
+    check_card(format, FORMATS, name)
     return FORMATS[format](material, name)
+
+
+def check_card(format: Any, formats: Collection[str], name: Any) -> None:
+    """Raises `ValueError` for a format that does not exist, or a name that programs refuse."""
+    if format not in formats:
+        raise ValueError(f"`format={format!r}` is refused: use one of {tuple(formats)}.")
+    if not isinstance(name, str) or not re.fullmatch(r"[A-Za-z][A-Za-z0-9_-]*", name):
+        raise ValueError(
+            f"`name={short(name)}` is refused: a letter, then letters, digits, `_` and `-` are "
+            "allowed."
+        )
 
 
 def _fields(material: Prony) -> dict[str, Any]:
@@ -93,20 +99,16 @@ def _json(material: Prony, name: str) -> str:
 
 def _csv(material: Prony, name: str) -> str:
     fields = _fields(material)
-    branches = zip(
-        ["inf", *fields["times"]], [fields["equilibrium"], *fields["strengths"]], strict=True
-    )
-    return "\n".join(
-        [
-            f"# {name}: Young's relaxation modulus, the sum of modulus * exp(-t/time) over lines",
-            f"# Poisson's ratio {fields['poisson']!r}",
-            *(f"# {line}" for line in _law(material.shift)),
-            *(f"# {sentence}" for sentence in _measured(material)),
-            "relaxation time [s],modulus [Pa]",
-            *(f"{time},{strength!r}" for time, strength in branches),
-            "",
-        ]
-    )
+    branches = zip(fields["times"], fields["strengths"], strict=True)
+    lines = [
+        f"# {name}: Young's relaxation modulus, the sum of modulus * exp(-t/time) over lines",
+        f"# Poisson's ratio {fields['poisson']!r}",
+        *(f"# {line}" for line in _law(material.shift)),
+        *(f"# {sentence}" for sentence in _measured(material)),
+        "relaxation time [s],modulus [Pa]",
+        *(f"{t},{e!r}" for t, e in [("inf", fields["equilibrium"]), *branches]),
+    ]
+    return "\n".join([*lines, ""])
 
 
 def _abaqus(material: Prony, name: str) -> str:
@@ -121,7 +123,7 @@ def _abaqus(material: Prony, name: str) -> str:
         "*VISCOELASTIC, TIME=PRONY",
         *(f"{ratio!r}, {ratio!r}, {time!r}" for ratio, time in zip(ratios, times, strict=True)),
     ]
-    card = "*TRS, DEFINITION=WLF\n{}, {}, {}"
+    card = "*TRS, DEFINITION=WLF\n{!r}, {!r}, {!r}"
     return "\n".join([*lines, *_shift_lines(material.shift, card, "**"), ""])
 
 
@@ -148,7 +150,7 @@ def _ansys(material: Prony, name: str) -> str:
         lines.append(f"TB,PRONY,MATID,1,{len(times)},{part}")
         for i, (ratio, time) in enumerate(zip(ratios, times, strict=True)):
             lines.append(f"TBDATA,{2 * i + 1},{ratio!r},{time!r}")
-    card = "TB,SHIFT,MATID,1,3,WLF\nTBDATA,1,{},{},{}"
+    card = "TB,SHIFT,MATID,1,3,WLF\nTBDATA,1,{!r},{!r},{!r}"
     return "\n".join([*lines, *_shift_lines(material.shift, card, "!"), ""])
 
 
@@ -172,14 +174,13 @@ def _constants(fields: AbstractShift | MeasuredRange) -> dict[str, Any]:
 
 
 def _measured(material: Prony) -> list[str]:
+    """The range that was measured, in at most one sentence."""
     if material.measured is None:
         return []
     units = {"omega": "rad/s", "temperature": "K"}
-    ranges = [
-        f"{low:.4g} to {high:.4g} {units[name]}"
-        for name, (low, high) in _constants(material.measured).items()
-    ]
-    return [f"Measured from {' and '.join(ranges)}; an extrapolation outside"]
+    ends = _constants(material.measured).items()
+    ranges = " and ".join(f"{low:.4g} to {high:.4g} {units[name]}" for name, (low, high) in ends)
+    return [f"Measured from {ranges}; an extrapolation outside"]
 
 
 def _shift_lines(shift: AbstractShift | None, card: str, comment: str) -> list[str]:
@@ -187,8 +188,7 @@ def _shift_lines(shift: AbstractShift | None, card: str, comment: str) -> list[s
     if shift is None:
         return []
     if isinstance(shift, WLF):
-        constants = (shift.reference, shift.c1, shift.c2)
-        return [card.format(*(repr(float(value)) for value in constants))]
+        return [card.format(float(shift.reference), float(shift.c1), float(shift.c2))]
     return [f"{comment} {line}" for line in ("Not part of this card:", *_law(shift))]
 
 

@@ -10,7 +10,7 @@ import csv
 import io
 import re
 import warnings
-from collections.abc import Callable, Iterable
+from collections.abc import Iterable, Iterator
 from pathlib import Path, PurePath
 from typing import Any, NamedTuple
 
@@ -37,8 +37,6 @@ _MISSING = {
 COMMENT = re.compile(r"^\s*(#+|%+(?![\t;,])|//|!)\s*")  # a "%" in its own cell is a unit
 _REMARK = re.compile(r"(?<=[\d\s])\s*(#|//|!).*$")  # behind numbers
 _SEPARATORS = {"\t": "tabs", ";": "semicolons", ",": "commas", None: "spaces"}
-_SAMPLE = 200  # lines at the end of a file that show its separator and decimal mark
-_START = 5000  # characters of such a line
 
 
 class Row(NamedTuple):
@@ -46,6 +44,10 @@ class Row(NamedTuple):
 
     line: int
     cells: list[str]
+
+    @property
+    def num_numbers(self) -> int:
+        return sum(map(is_number, self.cells))
 
 
 class Sheet(NamedTuple):
@@ -94,13 +96,9 @@ def is_missing(cell: str) -> bool:
 def holds_data(row: Row) -> bool:
     """Whether a row holds numbers; some may be missing, and some cells may be words, as a sample's
     name."""
-    numbers = _numbers(row)
+    numbers = row.num_numbers
     words = len(row.cells) - numbers - sum(map(is_missing, row.cells))
     return 2 * numbers > words and (numbers >= 2 or words == 0)
-
-
-def _numbers(row: Row) -> int:
-    return sum(map(is_number, row.cells))
 
 
 def stripped(cells: list[Any]) -> list[Any]:
@@ -138,13 +136,10 @@ def lines_of(text: str) -> list[str]:
 
 def text_layout(lines: Iterable[str], least: int) -> TextLayout:
     """Returns the layout in which most cells are numbers, of rows with at `least` so many."""
-    sample = [line[:_START] for line in lines if line.strip()][-_SAMPLE:]
-    candidates = [TextLayout(separator, decimal) for decimal in ".," for separator in _SEPARATORS]
-
-    def score(layout: TextLayout) -> tuple[int, int]:
-        return _score(map(layout.split, sample), layout.decimal, least)
-
-    return max(candidates, key=score)  # the first of equals
+    # The end of a file holds its numbers, the start may be all words.
+    sample = [line[:5000] for line in lines if line.strip()][-200:]
+    layouts = [TextLayout(separator, decimal) for decimal in ".," for separator in _SEPARATORS]
+    return max(layouts, key=lambda each: _score(map(each.split, sample), each.decimal, least))
 
 
 def _score(table: Iterable[list[str]], decimal: str, least: int) -> tuple[int, int]:
@@ -173,40 +168,38 @@ def _with_point(cell: str, decimal: str) -> str:
     return cell.replace("−", "-").replace(",", ".").replace("d", "e").replace("D", "e")
 
 
-def _read_text(path: PurePath, content: bytes) -> Sheet:
+def _text_sheet(path: PurePath, content: bytes) -> Sheet:
     text, encoding = decoded(content) or ("\0", "")
     lines = lines_of(text)
     if "\0" in text or max(map(len, lines)) > 100_000:
         raise ValueError(f"`path={path}` is neither a table of text nor an Excel workbook.")
     layout = text_layout(lines, 2)
-    rows, count = [], 0
+    grouped = _GROUPED[layout.decimal]
+    rows, count, marks = [], 0, ""
     for number, line in enumerate(lines, start=1):
-        comment = COMMENT.match(line)
-        row = Row(number, layout.cells(line[comment.end() :] if comment else line))
-        if not comment and _REMARK.search(line):
+        row = Row(number, layout.cells(COMMENT.sub("", line, count=1)))
+        if COMMENT.match(line):
+            if holds_data(row):  # numbers that were commented out
+                continue
+        elif _REMARK.search(line):
             without = Row(number, layout.cells(_REMARK.sub("", line)))
-            if holds_data(without) and _numbers(without) >= _numbers(row):
+            if holds_data(without) and without.num_numbers >= row.num_numbers:
                 row = without
-        if not (comment and holds_data(row)):  # numbers that were commented out
-            rows.append(row)
-            count += len(row.cells)
+        rows.append(row)
+        count += len(row.cells)
         if count > MOST_CELLS:
             raise Refusal(f"it has more than {MOST_CELLS:g} cells")
+        if not marks and any(map(grouped.fullmatch, layout.split(line))):
+            marks = ", with marks between thousands"
     spaced = layout.separator is None
-    if spaced:
+    if spaced:  # names such as "Storage modulus" hold single spaces
         width = max((len(row.cells) for row in rows if holds_data(row)), default=0)
-        rows = [row if holds_data(row) else _names(row, lines, width) for row in rows]
-    grouped = _GROUPED[layout.decimal]
-    marked = any(grouped.fullmatch(cell) for line in lines for cell in layout.split(line))
-    marks = ", with marks between thousands" if marked else ""
+        for i, row in enumerate(rows):
+            if not holds_data(row):
+                text = COMMENT.sub("", lines[row.line - 1], count=1).strip()
+                names = re.split(r"\s{2,}|\t", text)
+                rows[i] = Row(row.line, names) if len(names) == width else row
     return Sheet("", rows, f"{encoding} text with {layout}{marks}", spaced)
-
-
-def _names(row: Row, lines: list[str], width: int) -> Row:
-    """A row of names such as "Storage modulus", which hold single spaces."""
-    text = COMMENT.sub("", lines[row.line - 1], count=1).strip()
-    cells = re.split(r"\s{2,}|\t", text)
-    return Row(row.line, cells) if len(cells) == width else row
 
 
 # Files and workbooks.
@@ -232,20 +225,20 @@ def sheets_of(path: PurePath, content: bytes, packed: int) -> list[Sheet]:
     `packed`: bytes of the file that it lies in. Raises `Refusal` for too many bytes or cells.
     """
     if content.startswith(b"\xd0\xcf\x11\xe0"):
-        sheets = _read_workbook(path, "xlrd", lambda: _read_xls(content))
+        sheets = _workbook(path, "xlrd", _xls(content))
     elif content.startswith(b"PK\x03\x04"):
-        sheets = _read_workbook(path, "openpyxl", lambda: _read_xlsx(content, packed))
+        sheets = _workbook(path, "openpyxl", _xlsx(content, packed))
     else:
-        sheets = [_read_text(path, content)]
+        sheets = [_text_sheet(path, content)]
     return [sheet._replace(rows=[row for row in sheet.rows if any(row.cells)]) for sheet in sheets]
 
 
-def _read_workbook(path: PurePath, library: str, read: Callable[[], list[Sheet]]) -> list[Sheet]:
+def _workbook(path: PurePath, library: str, tables: Iterable[tuple[str, Iterable]]) -> list[Sheet]:
     """Without pandas, which pads every row to the widest one: a few far cells would fill memory."""
     try:
         with warnings.catch_warnings():
             warnings.simplefilter("ignore")  # of styles and extensions, not of cells
-            return read()
+            return [_sheet(name, table) for name, table in tables]
     except ImportError as error:
         raise ImportError(
             f"`path={path}` is an Excel workbook, which needs the package {library}: "
@@ -258,30 +251,26 @@ def _read_workbook(path: PurePath, library: str, read: Callable[[], list[Sheet]]
         raise ValueError(f"`path={path}` cannot be read as an Excel workbook: {reason}.") from error
 
 
-def _read_xls(content: bytes) -> list[Sheet]:
+def _xls(content: bytes) -> Iterator[tuple[str, Iterable]]:
     import xlrd
 
     values = (xlrd.XL_CELL_TEXT, xlrd.XL_CELL_NUMBER)  # those of other cells are codes
     # Rows that are not ragged are padded to the widest.
     with xlrd.open_workbook(file_contents=content, logfile=io.StringIO(), ragged_rows=True) as book:
-        return [
-            _sheet(sheet.name, ([cell.value if cell.ctype in values else "" for cell in row]
-                                for row in sheet.get_rows()))
-            for sheet in book.sheets()
-        ]  # fmt: skip
+        for sheet in book.sheets():
+            rows = sheet.get_rows()
+            yield sheet.name, ([c.value if c.ctype in values else "" for c in row] for row in rows)
 
 
-def _read_xlsx(content: bytes, packed: int) -> list[Sheet]:
+def _xlsx(content: bytes, packed: int) -> Iterator[tuple[str, Iterable]]:
     import openpyxl
 
     check_archive(content, may_unpack(packed, UNPACKED_TEXT))
     book = openpyxl.load_workbook(io.BytesIO(content), read_only=True, data_only=True)
-    for sheet in book.worksheets:
-        sheet.reset_dimensions()  # which may reach far beyond the cells
-    try:
-        return [_sheet(sheet.title, sheet.values) for sheet in book.worksheets]
-    finally:
-        book.close()
+    with contextlib.closing(book):
+        for sheet in book.worksheets:
+            sheet.reset_dimensions()  # which may reach far beyond the cells
+            yield sheet.title, sheet.values
 
 
 def _sheet(name: str, table: Iterable[Iterable[Any]]) -> Sheet:
@@ -293,18 +282,14 @@ def _sheet(name: str, table: Iterable[Iterable[Any]]) -> Sheet:
             rows.append((line, row))
             width = max(width, len(row))
         if line > MOST_ROWS or width * len(rows) > MOST_CELLS:
-            raise Refusal(
-                f"its sheet {name!r} has more than {MOST_ROWS} rows or {MOST_CELLS:g} cells"
-            )
+            limit = f"{MOST_ROWS} rows or {MOST_CELLS:g} cells"
+            raise Refusal(f"its sheet {name!r} has more than {limit}")
     # Numbers may be cells of text: these decide about the decimal mark.
     texts = [cell.strip() for _, row in rows for cell in row if isinstance(cell, str)]
     marked = (*_PLAIN.values(), *_GROUPED.values())
     texts = [text for text in texts if any(number.fullmatch(text) for number in marked)]
     decimal = max(".,", key=lambda mark: _score([texts], mark, 2))
-    return Sheet(
-        name,
-        [Row(line, [_with_point(str(cell).strip(), decimal) for cell in row]
-             + [""] * (width - len(row))) for line, row in rows],
-        f"sheet {name!r} of a workbook",
-        spaced=False,
-    )  # fmt: skip
+    cells = ([_with_point(str(cell).strip(), decimal) for cell in row] for _, row in rows)
+    pairs = zip(rows, cells, strict=True)
+    padded = [Row(line, row + [""] * (width - len(row))) for (line, _), row in pairs]
+    return Sheet(name, padded, f"sheet {name!r} of a workbook", spaced=False)

@@ -9,8 +9,8 @@ import numpy as np
 
 from ..core.display import short
 from .cells import Row, stripped
-from .tables import Column, Table, stress_above, temperature_above, tension_above
-from .units import DIMENSIONS, PER_SECOND, UNITS, implies_shear, parse_unit
+from .tables import Column, Table, stress_above, tension_above
+from .units import DIMENSIONS, OF_SHEAR, PER_SECOND, SI, UNITS
 
 # The quantities that make a measurement of each kind, the most direct ones first; in the order of
 # the first of a kind the columns of a file without names are read.
@@ -86,52 +86,60 @@ class MeasuredTable(NamedTuple):
     unused: list[str]
     notes: list[str]
 
-    def numbers(self, quantity: str, rows: list[Row]) -> np.ndarray:
-        """Returns the numbers of a quantity in SI units, NaN where there is none."""
-        return self.columns[quantity].numbers(rows)
-
 
 def measured_table(table: Table, options: Options, spaced: bool) -> MeasuredTable:
     """Returns which column of a table is which quantity.
 
     Raises `ValueError` that names the line, and all arguments that would help.
     """
-    _check_widths(table, spaced)
+    width = table.blocks * len(table.names)
+    entries = [misfit(row, width, spaced) for row in table.rows]
+    if all(entries):
+        raise ValueError(
+            f"line {table.rows[0].line} has {entries[0]} entries, but there are {width} columns "
+            f"({table.place}: {table.listed()})"
+        )
     notes: list[str] = []
-    chosen = _chosen(table, options)
+    places = _places(table, options)
     if options.temperature:
-        chosen.pop("temperature", None)
+        places.pop("temperature", None)
     titles = [row for segment in table.segments for row in segment.titles]
     stress = None if options.kind == "relaxation" else stress_above(titles)
     load = stress if options.load is None else options.load
-    kind, names = _way(table, chosen, load is not None, options)
+    kind, names = _way(table, places, load is not None, options)
     beside = {"frequency", "temperature"} if kind == "strain" else {"temperature"}
-    needed = [*names, *sorted(beside & set(chosen))]
-    lacking: list[str] = []
-    columns: dict[str, Column] = {}
-    for quantity in needed:
-        places = _distinct(table, quantity, chosen[quantity], options, notes)
-        if len(places) > 1:
-            lacking.append(
-                f"{' and '.join(map(table.label, places))} may all be the {quantity}. Choose one "
-                f"by `columns` (of the {quantity}), or by `deformation`"
-            )
-        column = _column(table, quantity, places[0], options)
-        if column is not None:
-            columns[quantity] = column
-    lacking += _lacking_units(table, [name for name in needed if name not in columns], chosen)
+    needed = {name: places[name] for name in (*names, *sorted(beside & set(places)))}
+    found = {name: _distinct(table, name, needed[name], options, notes) for name in needed}
+    columns = {name: each[0] for name, each in found.items() if each[0] is not None}
+    lacking = [
+        f"{' and '.join(map(table.label, needed[name]))} may all be the {name}: choose one by "
+        "`columns`, or by `deformation`"
+        for name, each in found.items()
+        if len(each) > 1
+    ]
+    unknown = [name for name in needed if name not in columns]
+    for dimension in dict.fromkeys(DIMENSIONS[name] for name in unknown):
+        labels = [
+            f"{table.label(needed[name][0])}, the {name}, has {unit!r}"
+            for name in unknown
+            if DIMENSIONS[name] == dimension
+            for unit in [table.unit(needed[name][0]) or table.units[needed[name][0]]]
+        ]
+        lacking.append(
+            f"{', '.join(labels)} as unit; pass `units`, {dimension}: one of "
+            f"{list(UNITS[dimension])}"
+        )
     used = {column.place for column in columns.values()}
     others = [name for i, name in enumerate(table.names) if name and i not in used]
-    shear = next(filter(implies_shear, others), None)
+    shear = next(filter(OF_SHEAR.search, others), None)
     if shear and tension_above(titles) and not any(c.deformation for c in columns.values()):
         lacking.append(
-            f"the lines above name a test in tension or bending, but only a test in shear has a "
+            "the lines above name a test in tension or bending, but only a test in shear has a "
             f"column {shear!r}: pass `deformation`"
         )
     if lacking:
-        lacking += _lacking_temperature(table, chosen, options)
         raise ValueError(f"{table.place}: {'; '.join(lacking)}")
-    tangents = chosen.get("tan_delta", []) if names[1:] == WAYS[0][1][1:] else []
+    tangents = places.get("tan_delta", []) if names[1:] == WAYS[0][1][1:] else []
     return MeasuredTable(
         kind=kind,
         columns=columns,
@@ -152,67 +160,32 @@ def misfit(row: Row, width: int, spaced: bool) -> int:
     return entries if entries > width or (spaced and entries < width) else 0
 
 
-def _check_widths(table: Table, spaced: bool) -> None:
-    """Raises `ValueError` if no row can be assigned to the columns."""
-    width = table.blocks * len(table.names)
-    entries = [misfit(row, width, spaced) for row in table.rows]
-    if all(entries):
-        raise ValueError(
-            f"line {table.rows[0].line} has {entries[0]} entries, but there are {width} columns "
-            f"({table.place}: {table.listed()})"
-        )
-
-
-# Columns and kinds.
-
-
-def _chosen(table: Table, options: Options) -> dict[str, list[int]]:
-    """The places of each quantity, by the options or by the headings."""
-    chosen: dict[str, list[int]] = {}
+def _places(table: Table, options: Options) -> dict[str, list[int]]:
+    """The columns that may be each quantity, by the options or by the headings."""
+    places: dict[str, list[int]] = {}
     for i, heading in enumerate(table.headings):
         if heading.quantity is not None:
-            chosen.setdefault(heading.quantity, []).append(i)
+            places.setdefault(heading.quantity, []).append(i)
     if options.deformation is not None:
-        for quantity, places in chosen.items():
-            named = [i for i in places if table.headings[i].deformation == options.deformation]
-            chosen[quantity] = named or places
-    if options.kind == "strain" and "strain" not in chosen:
+        for quantity, each in places.items():
+            named = [i for i in each if table.headings[i].deformation == options.deformation]
+            places[quantity] = named or each
+    if options.kind == "strain" and "strain" not in places:
         named = [i for i, name in enumerate(table.names) if _STRAIN.search(name)]
-        chosen |= {"strain": named} if named else {}
-    if not chosen and not options.columns and options.kind is not None:
+        places |= {"strain": named} if named else {}
+    if not places and not options.columns and options.kind is not None:
         names = _ways(options.kind)[0][1]
         if len(table.names) == len(names):
-            chosen = {quantity: [i] for i, quantity in enumerate(names)}
+            places = {quantity: [i] for i, quantity in enumerate(names)}
     for quantity, name in options.columns.items():
-        places = [i for i, other in enumerate(table.names) if other == name or i + 1 == name]
-        if len(places) != 1:
-            count = f"{len(places)} columns" if places else "no column"
+        found = [i for i, other in enumerate(table.names) if other == name or i + 1 == name]
+        if len(found) != 1:
             raise ValueError(
-                f"{table.place}: `columns` names {short(name)}, but the file has {count} of "
-                f"that name or number; it has {table.listed()}"
+                f"{table.place}: `columns` names {short(name)}, but {len(found) or 'no'} columns "
+                f"have that name or number; there are {table.listed()}"
             )
-        chosen[quantity] = places
-    return chosen
-
-
-def _distinct(
-    table: Table, quantity: str, places: list[int], options: Options, notes: list[str]
-) -> list[int]:
-    """The places of a quantity, without those that repeat the first one."""
-    if quantity == "time" and len(places) > 1:
-        places = [i for i in places if table.headings[i].step] or places
-    columns = [_column(table, quantity, place, options) for place in places]
-    if len(places) < 2 or len({column and column.deformation for column in columns}) > 1:
-        return places
-    if None in columns:
-        return places
-    first, *others = (column.numbers(table.rows) for column in columns if column)
-    for other in others:
-        both = np.isfinite(first) & np.isfinite(other) & (first != 0)
-        if not np.any(both) or np.max(np.abs(other[both] / first[both] - 1)) > ALIKE:
-            return places
-    notes.append(f"{' and '.join(map(table.label, places))} are the same; the first is used.")
-    return places[:1]
+        places[quantity] = found
+    return places
 
 
 def _ways(kind: str | None) -> Sequence[tuple[str, tuple[str, ...]]]:
@@ -220,114 +193,77 @@ def _ways(kind: str | None) -> Sequence[tuple[str, tuple[str, ...]]]:
 
 
 def _way(
-    table: Table, chosen: dict[str, list[int]], loaded: bool, options: Options
+    table: Table, places: dict[str, list[int]], loaded: bool, options: Options
 ) -> tuple[str, tuple[str, ...]]:
     """The kind of measurement and the quantities to take it from."""
     ways = _ways(options.kind)
-    possible = [way for way in ways if set(chosen).issuperset(way[1])]
+    possible = [way for way in ways if set(places).issuperset(way[1])]
     if not loaded:
         possible = [way for way in possible if way not in WAYS[-2:]]
     if not possible:
-        raise ValueError(_unknown(table, chosen, options, ways))
+        shortest = {kind: ", ".join(names) for kind, names in reversed(ways)}
+        known = f" (understood: {', '.join(sorted(places))})" if places else ""
+        order = "" if places or options.kind else ", or pass `kind` if they are in this order"
+        raise ValueError(
+            f"{table.place}: there are {table.listed()}{known}. Name them with `columns`: "
+            f"{'; or '.join(reversed(shortest.values()))}{order}"
+        )
     if [kind for kind, _ in possible[:2]] != ["relaxation", "creep"]:
         return possible[0]
-    if "modulus" not in possible[0][1]:
-        return _by_constant_load(table, chosen, possible)
-    if "compliance" in possible[1][1]:
-        raise ValueError(f"{table.place}: it has a modulus and a compliance; pass `kind`")
-    return possible[0]
-
-
-def _by_constant_load(
-    table: Table, chosen: dict[str, list[int]], possible: list[tuple[str, tuple[str, ...]]]
-) -> tuple[str, tuple[str, ...]]:
-    """Creep at constant stress, or relaxation at constant strain."""
+    if "modulus" in possible[0][1]:
+        if "compliance" in possible[1][1]:
+            raise ValueError(f"{table.place}: it has a modulus and a compliance; pass `kind`")
+        return possible[0]
+    # Creep is at constant stress, relaxation at constant strain.
     constant = []
-    for kind, quantity in (("relaxation", "strain"), ("creep", "stress")):
-        place, any_unit = chosen[quantity][0], next(iter(UNITS[DIMENSIONS[quantity]]))
+    for way, quantity in zip(possible, ("strain", "stress"), strict=False):
+        place, any_unit = places[quantity][0], SI[DIMENSIONS[quantity]]
         base = table.headings[place].base
         values = Column(quantity, "", place, any_unit, "", None, base).numbers(table.rows)
         values = values[values > 0.5 * np.nanmax(values, initial=0)]
         if len(values) and np.mean(np.abs(values / np.median(values) - 1) < CONSTANT) > 0.9:
-            constant.append(kind)
-    if len(constant) == 1:
-        return next(way for way in possible if way[0] == constant[0])
-    raise ValueError(
-        f"{table.place}: of stress and strain, {'both are' if constant else 'neither is'} "
-        "constant; pass `kind`, 'relaxation' or 'creep'"
-    )
+            constant.append(way)
+    if len(constant) != 1:
+        raise ValueError(
+            f"{table.place}: {'both' if constant else 'neither'} of stress and strain "
+            f"{'are' if constant else 'is'} constant; pass `kind`, 'relaxation' or 'creep'"
+        )
+    return constant[0]
+
+
+def _distinct(
+    table: Table, quantity: str, places: list[int], options: Options, notes: list[str]
+) -> list[Column | None]:
+    """The columns of a quantity, without those that repeat the first one."""
+    if quantity == "time" and len(places) > 1:
+        places = [i for i in places if table.headings[i].step] or places
+    columns = [_column(table, quantity, place, options) for place in places]
+    known = [column for column in columns if column]
+    if len(known) < max(2, len(columns)) or len({column.deformation for column in known}) > 1:
+        return columns
+    first, *others = (column.numbers(table.rows) for column in known)
+    for other in others:
+        both = np.isfinite(first) & np.isfinite(other) & (first != 0)
+        if not np.any(both) or np.max(np.abs(other[both] / first[both] - 1)) > ALIKE:
+            return columns
+    notes.append(f"{' and '.join(map(table.label, places))} are the same; the first is used.")
+    return columns[:1]
 
 
 def _column(table: Table, quantity: str, place: int, options: Options) -> Column | None:
     """The column of a quantity; None if its unit is not known."""
-    unit, source = _unit(table, quantity, place, options)
-    if unit is None:
-        return None
-    heading = table.headings[place]
+    heading, dimension = table.headings[place], DIMENSIONS[quantity]
+    unit, source = table.unit(place), "as in the file"
+    if dimension in options.units:
+        unit, source = options.units[dimension], options.source
+    elif unit not in UNITS[dimension]:
+        # A cell below the name that is no unit, such as "mPa", may still be meant as one.
+        absent = unit == PER_SECOND or not (unit or table.units[place])
+        if dimension == "ratio":
+            unit, source = "1", "as usual"
+        elif dimension == "frequency" and absent and heading.quantity == quantity:
+            unit, source = ("rad/s" if heading.angular else "Hz"), "by its name"
+        else:
+            return None
     deformation = options.deformation or heading.deformation
     return Column(quantity, table.label(place), place, unit, source, deformation, heading.base)
-
-
-def _unit(table: Table, quantity: str, place: int, options: Options) -> tuple[str | None, str]:
-    dimension = DIMENSIONS[quantity]
-    if dimension in options.units:
-        return options.units[dimension], options.source
-    heading, below = table.headings[place], table.units[place]
-    unit = heading.unit or parse_unit(below)
-    if unit in UNITS[dimension]:
-        return unit, "as in the file"
-    if dimension == "ratio":
-        return "1", "as usual"
-    absent = unit == PER_SECOND or not (unit or below)
-    if dimension == "frequency" and absent and heading.quantity == quantity:
-        return ("rad/s" if heading.angular else "Hz"), "by its name"
-    return None, ""
-
-
-# What is lacking.
-
-
-def _unknown(table: Table, chosen: dict[str, list[int]], options: Options, ways) -> str:
-    shortest = {kind: ", ".join(names) for kind, names in reversed(ways)}
-    known = f"; understood: {', '.join(sorted(chosen)) or 'none'}" if any(table.names) else ""
-    lacking = [
-        f"it has {table.listed()}{known}. "
-        f"Needed: {'; or '.join(reversed(shortest.values()))} (tan_delta or phase can replace "
-        "loss, magnitude can replace storage, stress and strain can replace modulus and "
-        "compliance; a constant stress may also be in a line above the table, 'stress: 2 kPa'). "
-        "Name them by `columns`, a name or number (from 1) for each"
-        + ("" if options.kind or chosen else ", or by `kind` if they are in this order")
-    ]
-    without = [
-        table.label(i) for i in range(len(table.names))
-        if not (table.headings[i].unit or parse_unit(table.units[i]))
-    ]  # fmt: skip
-    if without and not options.units:
-        lacking.append(
-            f"{', '.join(without)} {'have' if len(without) > 1 else 'has'} no known unit: pass "
-            f"`units` too, those of {tuple(UNITS)} that are needed, such as MPa of the modulus"
-        )
-    return f"{table.place}: {'; '.join(lacking + _lacking_temperature(table, chosen, options))}"
-
-
-def _lacking_units(table: Table, quantities: list[str], chosen: dict[str, list[int]]) -> list[str]:
-    if not quantities:
-        return []
-    lacking = []
-    for quantity in quantities:
-        place = chosen[quantity][0]
-        unit = table.headings[place].unit or table.units[place]
-        has = f"the unit {unit!r}" if unit else "no known unit"
-        lacking.append(f"{table.label(place)}, the {quantity}, has {has}")
-    dimensions = dict.fromkeys(DIMENSIONS[quantity] for quantity in quantities)
-    allowed = "; ".join(f"{dimension}: one of {list(UNITS[dimension])}" for dimension in dimensions)
-    return [f"{', '.join(lacking)}. Pass `units`: {allowed}"]
-
-
-def _lacking_temperature(table: Table, chosen: dict[str, list[int]], options: Options) -> list[str]:
-    curves = table.blocks * len(table.segments)
-    if curves < 2 or options.temperature or "temperature" in chosen:
-        return []
-    if all(temperature_above(segment.titles) is not None for segment in table.segments):
-        return []
-    return [f"it has {curves} curves: pass `temperature` [K], one for each"]

@@ -66,26 +66,11 @@ def chosen(channel: str | int | None, names: Sequence[str], what: str) -> int:
         return names.index(channel)
     if channel is None and len(names) == 1:
         return 0
-    lacking = (
-        "pass `channel`, one of" if channel is None else f"it has no `channel={channel!r}`, only"
-    )
-    raise Refusal(f"{what}; {lacking} {list(names)[:20]}")
+    wrong = "" if channel is None else f", not {channel!r}"
+    raise Refusal(f"{what}; pass `channel`, one of {list(names)[:20]}{wrong}")
 
 
 # Instruments.
-
-
-def surface_topography() -> Any:
-    """The library that reads some fifty formats, imported when first needed: it takes seconds."""
-    try:
-        with warnings.catch_warnings():
-            warnings.simplefilter("ignore")
-            import SurfaceTopography
-    except ImportError as error:
-        raise ImportError(
-            "This file needs the package SurfaceTopography: pip install graded_contact[io]"
-        ) from error
-    return SurfaceTopography
 
 
 def read_instrument(content: bytes, channel: str | int | None, at_most: float) -> Scan:
@@ -95,18 +80,29 @@ def read_instrument(content: bytes, channel: str | int | None, at_most: float) -
     """
     if content.startswith((b"MATLAB", b"\xd0\xcf\x11\xe0")):
         _check_streams(content, at_most)
-    with surface_topography().open_topography(io.BytesIO(content)) as reader:
+    try:
+        with warnings.catch_warnings():
+            warnings.simplefilter("ignore")
+            import SurfaceTopography  # takes seconds
+    except ImportError as error:
+        raise ImportError(
+            "This file needs the package SurfaceTopography: pip install graded_contact[io]"
+        ) from error
+    with SurfaceTopography.open_topography(io.BytesIO(content)) as reader:
         if content.startswith(b"PK") and type(reader).__name__ == "HGTReader":
             raise ValueError("this reader takes any 2 n² bytes")
-        info, index = _choose_channel(reader, channel)
-        points = info.nb_grid_pts or ()
-        _check_points(points, at_most)
+        channels: list[Any] = list(reader.channels)
+        if not channels:
+            raise ValueError("no channel of heights was found")
+        index = channels.index(reader.default_channel)
+        if channel is not None:
+            index = chosen(channel, [info.name for info in channels], "it has several channels")
+        info = channels[index]
+        _check_points(info.nb_grid_pts or (), at_most)
         sizes = info.physical_sizes
-        topography = reader.topography(
-            channel_index=index,
-            **({} if sizes else {"physical_sizes": (1.0,) * info.dim}),
-            **({} if info.unit else {"unit": "m"}),
-        )
+        lacking: dict[str, Any] = {} if sizes else {"physical_sizes": (1.0,) * info.dim}
+        lacking |= {} if info.unit else {"unit": "m"}
+        topography = reader.topography(channel_index=index, **lacking)
         if topography.is_uniform:
             heights, positions = topography.heights(), None
         else:
@@ -129,8 +125,7 @@ def _check_points(shape: Any, at_most: float) -> None:
     most = min(MOST_POINTS, at_most / BYTES_OF_POINT)
     if points > most:
         raise Refusal(
-            f"it has {points} points, and at most {most:.0f} are read from a file of its size: "
-            "store it unpacked"
+            f"it has {points} points; at most {most:.0f} are read from a packed file of its size"
         )
 
 
@@ -182,25 +177,7 @@ def unpacked(content: bytes, channel: str | int | None) -> tuple[bytes, str]:
         return archive.read(name), name
 
 
-def _choose_channel(reader: Any, channel: str | int | None) -> tuple[Any, int]:
-    channels = list(reader.channels)
-    if not channels:
-        raise ValueError("no channel of heights was found")
-    if channel is None:
-        index = channels.index(reader.default_channel)
-    else:
-        index = chosen(channel, [info.name for info in channels], "it is refused")
-    return channels[index], index
-
-
-def metres_of_library(unit: str) -> float | None:
-    """Metres per unit as SurfaceTopography spells it, or None."""
-    from SurfaceTopography.Support.UnitConversion import get_unit_conversion_factor
-
-    try:
-        return float(get_unit_conversion_factor(unit, "m"))
-    except (ValueError, TypeError):
-        return None
+# Files of NumPy.
 
 
 def read_arrays(
@@ -214,27 +191,23 @@ def read_arrays(
     loaded = np.load(io.BytesIO(content), allow_pickle=False)
     if isinstance(loaded, np.ndarray):
         return Scan(_real(loaded, at_most), "an array")
-    arrays = {name: array for name in loaded.files if (array := _array(loaded, name)) is not None}
-    wide = {name: a for name, a in arrays.items() if a.ndim == 2 and min(a.shape) >= 4}
-    lines = {name: a for name, a in arrays.items() if a.ndim == 1 and len(a) >= 4}
-    names = list(wide or lines)
+    arrays: dict[str, np.ndarray] = {}
+    for name in loaded.files:
+        try:
+            arrays[name] = loaded[name]
+        except ValueError as error:
+            if "allow_pickle" not in str(error):  # objects could run code: they are left out
+                raise
+    wide = [name for name, a in arrays.items() if a.ndim == 2 and min(a.shape) >= 4]
+    lines = [name for name, a in arrays.items() if a.ndim == 1 and len(a) >= 4]
+    names = wide or lines
     name = names[chosen(channel, names, "it holds several or no arrays of heights")]
     texts = [a for key, a in arrays.items() if key.lower() in ("unit", "units") and a.size == 1]
-    found = [str(text.astype(str).item()) for text in texts if text.dtype.kind in "US"]
-    own = length_unit(name) or (found[0] if found else None)
+    units = [str(text.astype(str).item()) for text in texts if text.dtype.kind in "US"]
+    own = length_unit(name) or next(iter(units), None)
     scan = Scan(_real(arrays[name], at_most), f"array {name!r}", unit=own)
     scan = scan if size is not None else _with_size(scan, arrays, unit)
     return scan._replace(unit=None) if unit is not None else scan
-
-
-def _array(loaded: Any, name: str) -> np.ndarray | None:
-    """An array of a bundle; None for Python objects, which could run code."""
-    try:
-        return loaded[name]
-    except ValueError as error:
-        if "allow_pickle" in str(error):
-            return None
-        raise
 
 
 def _with_size(scan: Scan, arrays: dict[str, np.ndarray], unit: str | None) -> Scan:
@@ -247,9 +220,8 @@ def _with_size(scan: Scan, arrays: dict[str, np.ndarray], unit: str | None) -> S
         if not match or array.dtype.kind not in "iuf" or array.size not in (1, len(shape)):
             continue
         whole, suffix = match.groups()
-        if whole and array.dtype.kind in "iu" and np.array_equal(array, shape):
-            continue  # a number of points
-        if suffix and metres(suffix) is None:
+        points = whole and array.dtype.kind in "iu" and np.array_equal(array, shape)
+        if points or (suffix and metres(suffix) is None):
             continue
         size = np.broadcast_to(np.ravel(array) * (1 if whole else shape), shape.shape).astype(float)
         lateral = suffix or _lateral_unit(name, scan, size, unit or scan.unit)

@@ -5,6 +5,7 @@ header. Words between the numbers ("nan", "---", "BAD") are missing points, and 
 could be read in two ways is refused.
 """
 
+import contextlib
 import io
 import re
 from typing import NamedTuple
@@ -38,15 +39,10 @@ def read_text(text: str) -> Scan:
     table = _table(lines_of(text))
     if len(table.values) == 1:
         table = table._replace(values=table.values.T)
-    width = table.values.shape[1]
-    if width == 1:
+    if table.values.shape[1] == 1:
         scan = Scan(table.values[:, 0], "one line of heights", unit=_matrix_unit(table.header))
-    elif width == 2:
-        scan = _line_scan(table)
-    elif width == 3:
-        scan = _points(table)
     else:
-        scan = _matrix(table)
+        scan = {2: _line_scan, 3: _grid_points}.get(table.values.shape[1], _matrix_scan)(table)
     return scan._replace(notes=(*table.notes, *scan.notes))
 
 
@@ -67,28 +63,26 @@ def _table(lines: list[str]) -> _Table:
     header = [line.strip() for line in lines[: first - 1] if line.strip()]
     body = {number: line for number, line in body.items() if number >= first}
     width = len(layout.split(body[first]))
-    spare = width > 1  # a separator at the end of every line
+    ends = []
     for number, line in body.items():
         cells = layout.split(line)
         if len(cells) != width:
             raise Refusal(f"line {number} has {len(cells)} cells, those before it {width}")
-        spare = spare and cells[-1] == ""
-    values = _numbers(body, layout)
-    if spare:
+        ends.append(cells[-1])
+    values = _parsed(body, layout)
+    if width > 1 and not any(ends):  # a separator at the end of every line
         values = values[:, :-1]
     if values.size < 4:
         raise Refusal("it holds no table of numbers")
     notes = [f"Read as text with {layout}."]
-    words: list[str] = []
+    words: dict[str, None] = {}
     lost = ~np.isfinite(values)
     for number, missing in zip(body, lost, strict=True):
         if np.any(missing):
             cells = layout.split(body[number])
-            words = list(dict.fromkeys([*words, *(cells[i][:20] for i in np.flatnonzero(missing))]))
+            words |= dict.fromkeys(cells[i][:20] for i in np.flatnonzero(missing))
         if len(words) > _MOST_WORDS:
-            raise Refusal(
-                f"line {number} contains {words[-1]!r}; earlier lines contain other words"
-            )
+            raise Refusal(f"line {number} contains {[*words][-1]!r}, earlier lines other words")
     if words:
         notes.append(f"Missing points are written {', '.join(map(repr, words))}.")
     return _Table(np.where(lost, np.nan, values), header, layout, notes)
@@ -100,50 +94,43 @@ def _layout(lines: list[str]) -> TextLayout:
     if layout != (",", "."):
         return layout
     parts = [line.split(",") for line in lines[-60:]]
+    remedy = "write decimal points, or separate the columns by semicolons"
     if any(re.fullmatch(r"\s*0\d+\s*", cell) for cells in parts for cell in cells):
-        raise Refusal(
-            "its commas seem to be decimal marks and to separate columns too: whole numbers do not "
-            "begin with 0; write decimal points, or separate the columns by semicolons"
-        )
-    if all(
-        len(p) == 2 and re.fullmatch(r"\s*[-+]?\d+", p[0]) and re.fullmatch(r"\d+\s*", p[1])
-        for p in parts
-    ):
-        if np.all(np.diff([float(p[0]) for p in parts]) > 0):
-            raise Refusal(
-                "its commas may be decimal marks or separate two columns; write decimal points, or "
-                "separate the columns by semicolons"
-            )
+        raise Refusal(f"its commas seem to be decimal marks and to separate columns too; {remedy}")
+    whole = re.compile(r"\s*[-+]?\d+,\d+\s*")
+    if all(map(whole.fullmatch, lines[-60:])):
+        if np.all(np.diff([float(left) for left, _ in parts]) > 0):
+            raise Refusal(f"its commas may be decimal marks or separate two columns; {remedy}")
         return TextLayout(None, ",")
     return layout
 
 
 def _is_data(cells: list[str]) -> bool:
     """Whether cells hold numbers, and otherwise only marks of missing points."""
-    numbers = [_number(cell) is not None and not is_missing(cell) for cell in cells]
-    return any(numbers) and all(
-        number or is_missing(cell) for number, cell in zip(numbers, cells, strict=True)
-    )
+    missing = list(map(is_missing, cells))
+    known = [cell for cell, lost in zip(cells, missing, strict=True) if not lost]
+    return bool(known) and None not in map(_number, known)
 
 
-def _numbers(body: dict[int, str], layout: TextLayout) -> np.ndarray:
-    """The numbers of lines with equally many cells, by line number."""
+def _parsed(body: dict[int, str], layout: TextLayout) -> np.ndarray:
+    """The numbers of lines with equally many cells, by line number; NaN for words."""
     import pandas as pd
 
-    separator = layout.separator
-    lines = (" ".join(line.split()) for line in body.values()) if separator is None else (
-        body.values()
-    )  # fmt: skip
+    lines = body.values()
+    if layout.separator is None:
+        lines = (" ".join(line.split()) for line in lines)
     text = io.StringIO("\n".join(lines))
-    try:
-        table = pd.read_csv(text, sep=separator or " ", decimal=layout.decimal, header=None,
+    with contextlib.suppress(ValueError):  # some cells are words, or have marks between thousands
+        table = pd.read_csv(text, sep=layout.separator or " ", decimal=layout.decimal, header=None,
                             index_col=False, dtype=float, skipinitialspace=True)  # fmt: skip
         return np.ascontiguousarray(table.to_numpy())
-    except ValueError:  # some cells are words, or have marks between thousands
-        return np.array(
-            [[_number_or_word(cell, number) for cell in layout.cells(line)]
-             for number, line in body.items()]
-        )  # fmt: skip
+    rows = []
+    for number, line in body.items():
+        rows.append([_number(cell) for cell in layout.cells(line)])
+        for cell, value in zip(layout.cells(line), rows[-1], strict=True):
+            if value is None and any(character.isdigit() for character in cell):
+                raise Refusal(f"line {number} holds {cell[:40]!r}, which is no number")
+    return np.array(rows, float)  # None becomes NaN
 
 
 def _number(cell: str) -> float | None:
@@ -151,13 +138,6 @@ def _number(cell: str) -> float | None:
         return None if "_" in cell else float(cell)
     except ValueError:
         return None
-
-
-def _number_or_word(cell: str, line: int) -> float:
-    value = _number(cell)
-    if value is None and any(character.isdigit() for character in cell):
-        raise Refusal(f"line {line} holds {cell[:40]!r}, which is no number")
-    return np.nan if value is None else value
 
 
 def _column_units(table: _Table) -> list[str | None]:
@@ -181,44 +161,40 @@ def _matrix_unit(header: list[str]) -> str | None:
 
 def _line_scan(table: _Table) -> Scan:
     x, z = table.values.T
-    known = np.isfinite(x)
     notes = []
+    known = np.isfinite(x)
     if not np.all(known):
         notes.append(f"Left out {np.sum(~known)} lines without a position.")
         x, z = x[known], z[known]
     steps = np.diff(x)
     if np.sum(steps < 0) > np.sum(steps > 0):
         x, z, steps = x[::-1], z[::-1], -steps[::-1]
-    if np.sum(steps <= 0) > 0.01 * len(steps):
+    back = np.sum(steps <= 0)
+    if back > 0.01 * len(steps):
         raise Refusal("its first column (the position) goes back and forth")
-    lateral, unit = _column_units(table)
-    if np.any(steps <= 0):
-        notes.append(f"Sorted {np.sum(steps <= 0)} points whose position stepped back.")
+    if back:
+        notes.append(f"Sorted {back} points whose position stepped back.")
         x, first = np.unique(x, return_index=True)
         z = z[first]
     num = len(x)
     if num < 4:
         raise Refusal("it has fewer than 4 points")
+    lateral, unit = _column_units(table)
     if lateral is None and np.array_equal(x - x[0], np.arange(num)) and x[0] in (0, 1):
         notes.append("The first column counts the points; it is no position.")
         return Scan(z, "a column of heights", unit=unit, notes=tuple(notes))
-    return Scan(
-        z,
-        "a line scan",
-        size=np.array([(x[-1] - x[0]) * num / (num - 1)]),
-        unit=unit,
-        lateral_unit=lateral,
-        positions=None if equally_spaced(x, _EQUAL) else x - x[0],
-        notes=tuple(notes),
-    )
+    size = np.array([(x[-1] - x[0]) * num / (num - 1)])
+    positions = None if equally_spaced(x, _EQUAL) else x - x[0]
+    return Scan(z, "a line scan", size, unit, lateral, positions, notes=tuple(notes))
 
 
-def _points(table: _Table) -> Scan:
+def _grid_points(table: _Table) -> Scan:
     """Points x y z of a grid, in any order; those that the file leaves out are missing."""
     x, y, z = table.values.T
     if not np.all(np.isfinite(x) & np.isfinite(y)):
         raise Refusal("some of its points lack a position")
-    places, steps = zip(*(_places(axis, name) for axis, name in ((x, "x"), (y, "y"))), strict=True)
+    (i, step_x), (j, step_y) = _grid_lines(x, "x"), _grid_lines(y, "y")
+    places, steps = (i, j), (step_x, step_y)
     shape = tuple(int(place.max()) + 1 for place in places)
     if np.prod(shape, dtype=float) > 20 * len(z):
         raise Refusal("its points x y z form no grid")
@@ -229,11 +205,10 @@ def _points(table: _Table) -> Scan:
     lateral, across, unit = _column_units(table)
     if lateral != across:
         raise Refusal(f"its x is in {lateral!r} and its y in {across!r}")
-    size = np.array(shape) * np.array(steps)
-    return Scan(heights, "points x y z", size=size, unit=unit, lateral_unit=lateral)
+    return Scan(heights, "points x y z", np.array(shape) * np.array(steps), unit, lateral)
 
 
-def _places(axis: np.ndarray, name: str) -> tuple[np.ndarray, float]:
+def _grid_lines(axis: np.ndarray, name: str) -> tuple[np.ndarray, float]:
     """Numbers of grid lines, and their distance."""
     low, span = axis.min(), np.ptp(axis)
     gaps = np.diff(np.unique(axis))
@@ -247,14 +222,14 @@ def _places(axis: np.ndarray, name: str) -> tuple[np.ndarray, float]:
     return place.astype(int), step
 
 
-def _matrix(table: _Table) -> Scan:
+def _matrix_scan(table: _Table) -> Scan:
     values, unit = table.values, _matrix_unit(table.header)
     lateral, corner = None, None
-    labels = [_axis(values[0, 1:]), _axis(values[1:, 0])]
+    labels = [_axis_step(values[0, 1:]), _axis_step(values[1:, 0])]
     if labels[0] is None and table.header:  # the labels of columns may be in the header
         cells = table.layout.cells(table.header[-1])
         if len(cells) == values.shape[1] and None not in map(_number, cells[1:]):
-            labels = [_axis(np.array(cells[1:], float)), _axis(values[:, 0])]
+            labels = [_axis_step(np.array(cells[1:], float)), _axis_step(values[:, 0])]
             values = np.concatenate([np.full((1, values.shape[1]), np.nan), values])
             corner = length_unit(cells[0])
     if any(labels) and not all(labels):
@@ -272,7 +247,7 @@ def _matrix(table: _Table) -> Scan:
     return Scan(heights, "a matrix of heights", size, unit, lateral, notes=tuple(notes))
 
 
-def _axis(values: np.ndarray) -> float | None:
+def _axis_step(values: np.ndarray) -> float | None:
     """The step of equally spaced numbers, or None."""
     if len(values) < 4 or not np.all(np.isfinite(values)) or not equally_spaced(values, 1e-4):
         return None

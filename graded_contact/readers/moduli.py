@@ -6,11 +6,10 @@ unless its name or another column implies shear. `Measured.history` records, in 
 understood.
 """
 
-import contextlib
 import dataclasses
 import logging
 import os
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
@@ -21,21 +20,19 @@ from ..core.checks import Numbers, check_poisson, check_positive, check_types, s
 from ..materials.measured import Measured, distinct, joined
 from .cells import Sheet, holds_data, is_number, read_sheets
 from .columns import WAYS, MeasuredTable, Options
-from .isotherms import one_each
-from .points import measured_points
+from .points import measured_points, one_each
 from .steps import rank, understand
 from .tables import parameters
 from .units import DIMENSIONS, OFFSETS, UNITS, parse_unit
 
 # RepTate's manual fixes the order and units of the columns by the ending of the file, and which
-# parameter of its first line is the constant load.
-_LOAD = {".gt": 1.0}  # without a strain the second column is a modulus
+# parameter of its first line is the constant load; without a strain, "stress" is a modulus.
 _SWEEP = {"frequency": "rad/s", "storage": "Pa", "loss": "Pa"}
 _REPTATE = {
-    ".tts": ("frequency", _SWEEP, ""),
-    ".osc": ("frequency", _SWEEP, ""),
-    ".gt": ("relaxation", {"time": "s", "stress": "Pa"}, "gamma"),
-    ".creep": ("creep", {"time": "s", "strain": "1"}, "stress"),
+    ".tts": ("frequency", _SWEEP, "", None),
+    ".osc": ("frequency", _SWEEP, "", None),
+    ".gt": ("relaxation", {"time": "s", "stress": "Pa"}, "gamma", 1.0),
+    ".creep": ("creep", {"time": "s", "strain": "1"}, "stress", None),
 }
 
 
@@ -47,7 +44,7 @@ def read_moduli(
     columns: Mapping[str, str | int] | None = None,
     units: Mapping[str, str] | None = None,
     deformation: str | None = None,
-    poisson: Numbers | None = None,
+    poisson: float | None = None,
     temperature: Numbers | None = None,
     sheet: str | None = None,
     step: str | int | Sequence[str | int] | None = None,
@@ -59,9 +56,9 @@ def read_moduli(
     names, such as "f, E', tan delta", "Storage modulus [MPa]", "log10 G'" or "G_loss_pa", and may
     have a line of units below it. Several isotherms may be in one table with a column of
     temperature (steps above 1 K), below one another with "25 °C" above each, side by side, or on
-    several sheets. Creep and relaxation may be columns of stress and strain. Rows may be in any
-    order. A row that cannot be used is left out and reported. Every argument but the first
-    overrides the file.
+    several sheets. Creep and relaxation may be columns of stress and strain; a constant stress may
+    be in a line above the table ("stress: 2 kPa"). Rows may be in any order. A row that cannot be
+    used is left out and reported. Every argument but the first overrides the file.
 
     **Arguments:**
 
@@ -72,7 +69,7 @@ def read_moduli(
       "temperature", "storage", "loss", "magnitude", "tan_delta", "phase", "modulus" (relaxation),
       "compliance", "stress" or "strain".
     - `units`: of "frequency", "time", "modulus", "compliance", "temperature", "angle", "ratio",
-      "stress", "strain": one of `files.units.UNITS`.
+      "stress", "strain", such as "MPa".
     - `deformation`: "tension" (E) or "shear" (G).
     - `poisson`: Poisson's ratio ν, to convert shear to tension by E = 2(1 + ν)G.
     - `temperature`: [K], of the whole file or of each of its curves; of each of several files.
@@ -86,26 +83,24 @@ def read_moduli(
     understood, naming the line and the arguments that would help.
     """
     paths = [path] if isinstance(path, str | os.PathLike) else path
-    if not isinstance(paths, list | tuple) or not paths or not all(
-        isinstance(each, str | os.PathLike) for each in paths
-    ):  # fmt: skip
+    named = isinstance(paths, list | tuple) and len(paths) > 0
+    if not named or not all(isinstance(each, str | os.PathLike) for each in paths):
         raise ValueError(f"`path={path!r}` must be the name of a file, or a list of them.")
-    options = _options(kind, columns or {}, units or {}, deformation, temperature is not None, step)
-    poisson = None if poisson is None else _numbers("poisson", poisson, 0)
-    temperature = None if temperature is None else _numbers("temperature", temperature, 1)
+    options = _options(kind, columns, units, deformation, temperature is not None, step)
     if poisson is not None:
         check_poisson("poisson", poisson)
     if temperature is not None:
+        try:
+            temperature = np.asarray(temperature, float)
+        except (TypeError, ValueError):
+            words = f"`temperature={short(temperature)}` is refused: numbers [K] are needed."
+            raise ValueError(words) from None
         check_positive("temperature", temperature, "[K]")
     if len(paths) == 1:
         return _read(Path(paths[0]), options, poisson, temperature, sheet)
-    each: list[Numbers | None] = [None] * len(paths)
-    if temperature is not None:
-        each = list(one_each(temperature, len(paths), "files"))
-    return joined(
-        [_read(Path(file), options, poisson, t, sheet)
-         for file, t in zip(paths, each, strict=True)]
-    )  # fmt: skip
+    each = _for_each(temperature, len(paths), "files")
+    pairs = zip(paths, each, strict=True)
+    return joined([_read(Path(file), options, poisson, t, sheet) for file, t in pairs])
 
 
 _BACK = 0.9  # of a strain reached before: amplitudes that are measured scatter
@@ -143,76 +138,47 @@ def read_strain_sweep(
 
 def strain_sweep(path, columns, units, sheet, step) -> Measured:
     """Returns the moduli over the strain amplitude [1], arguments as in `read_strain_sweep`."""
-    options = _options(None, columns or {}, units or {}, None, True, step)
-    options = dataclasses.replace(options, kind="strain")
-    sweep = _read(Path(path), options, None, None, sheet)
-    if np.max(sweep.isotherm) > 0:
-        raise ValueError(f"`path={path}`: it has several curves; choose one by `step`.")
+    options = _options(None, columns, units, None, True, step)
+    sweep = _read(Path(path), dataclasses.replace(options, kind="strain"), None, None, sheet)
     strains = sweep.abscissa[np.argsort(sweep.lines)]
     strains = strains if strains[0] < strains[-1] else strains[::-1]
     back = np.any(strains < _BACK * np.maximum.accumulate(strains))
-    if back or len(np.unique(strains)) < len(strains):
+    if back or len(np.unique(strains)) < len(strains) or np.max(sweep.isotherm) > 0:
         raise ValueError(
-            f"`path={path}`: its strains do not increase (or decrease) from row to row. Put "
-            "several curves, or a sweep up and a sweep down, into separate files."
+            f"`path={path}`: its strains do not increase (or decrease) from row to row. Choose "
+            "one curve by `step`, or put each curve, up or down, into its own file."
         )
     return sweep
 
 
-def _numbers(name: str, value: Any, most: int) -> np.ndarray:
-    """The value as an array of at most so many axes."""
-    try:
-        array = np.asarray(value, float)
-    except (TypeError, ValueError):
-        array = None
-    if array is None or array.ndim > most:
-        allowed = "a number or a list of numbers" if most else "a number"
-        raise ValueError(f"`{name}={value!r}` is refused: it must be {allowed}.") from None
-    return array
+def _for_each(temperature: Numbers | None, count: int, what: str) -> Sequence[Numbers | None]:
+    return [None] * count if temperature is None else list(one_each(temperature, count, what))
 
 
-def _options(
-    kind: str | None,
-    columns: Mapping[str, str | int],
-    units: Mapping[str, str],
-    deformation: str | None,
-    temperature: bool,
-    step: str | int | Sequence[str | int] | None,
-) -> Options:
+def _options(kind, columns, units, deformation, temperature: bool, step) -> Options:
+    """The arguments of `read_moduli`, checked."""
     kinds = tuple(dict.fromkeys(kind for kind, _ in WAYS))
-    choices = (("kind", kind, kinds), ("deformation", deformation, ("tension", "shear")))
+    choices: list[tuple[str, Any, Any]] = [
+        ("`kind`", kind, (None, *kinds)),
+        ("`deformation`", deformation, (None, "tension", "shear")),
+        *(("A key of `columns`", quantity, DIMENSIONS) for quantity in columns or {}),
+        *(("A key of `units`", dimension, UNITS) for dimension in units or {}),
+        *((f"`units` of the {d}", u, UNITS.get(d, [u])) for d, u in (units or {}).items()),
+    ]
     for name, value, allowed in choices:
-        if value not in (None, *allowed):
-            raise ValueError(f"`{name}={value!r}` is refused: use one of {allowed}.")
-    for quantity in columns:
-        if quantity not in DIMENSIONS:
-            raise ValueError(
-                f"`columns` has the key {quantity!r}; the quantities are {tuple(DIMENSIONS)}."
-            )
-    for dimension, unit in units.items():
-        if dimension not in UNITS:
-            raise ValueError(f"`units` has the key {dimension!r}; use one of {tuple(UNITS)}.")
-        if not isinstance(unit, str) or unit not in UNITS[dimension]:
-            raise ValueError(
-                f"`units`: {unit!r} of the {dimension} is refused; use one of "
-                f"{tuple(UNITS[dimension])}."
-            )
-    steps: Any = [] if step is None else step if isinstance(step, list | tuple) else [step]
+        if value is not None and (not isinstance(value, str) or value not in allowed):
+            words = [word for word in allowed if word is not None]
+            raise ValueError(f"{name} is {short(value)}: use one of {words}.")
+    steps = [] if step is None else step if isinstance(step, list | tuple) else [step]
     if not all(isinstance(each, str | int) for each in steps):
         raise ValueError(f"`step={short(step)}` must be a number or a title, or a list of them.")
-    return Options(kind, columns, units, deformation, temperature, tuple(steps))
+    return Options(kind, columns or {}, units or {}, deformation, temperature, tuple(steps))
 
 
-def _read(
-    path: Path,
-    options: Options,
-    poisson: Numbers | None,
-    temperature: Numbers | None,
-    name: str | None,
-) -> Measured:
+def _read(path: Path, options: Options, poisson, temperature, name: str | None) -> Measured:
     """The measurements in one file."""
     sheets = read_sheets(path)
-    with _naming(path):
+    try:
         if path.suffix.lower() in _REPTATE:
             options, temperature, sheets = _as_reptate(path, options, temperature, sheets)
         if name is not None:
@@ -221,9 +187,9 @@ def _read(
                 raise ValueError(f"there is no `sheet={name!r}`, only {names}")
             sheets = [sheets[names.index(name)]]
         understood = _understood(sheets, options)
-        each: list[Numbers | None] = [temperature] * len(understood)
-        if len(understood) > 1 and temperature is not None and np.ndim(temperature) == 1:
-            each = list(one_each(temperature, len(understood), "sheets"))
+        each: Sequence[Numbers | None] = [temperature] * len(understood)
+        if len(understood) > 1 and np.ndim(0 if temperature is None else temperature) == 1:
+            each = _for_each(temperature, len(understood), "sheets")
         parts = []
         for (sheet, measured), kelvin in zip(understood, each, strict=True):
             notes = [f"Read {len(measured.table.rows)} rows of {path.name}, {sheet.layout}."]
@@ -237,38 +203,31 @@ def _read(
                 f"the sheets {names} have similar tables of the same temperature; pass `sheet`"
             )
         whole = joined(parts) if len(parts) > 1 else parts[0]
-        left = [repr(sheet.name) for sheet in sheets if sheet.name not in names]
-        notes = [f"Left out the sheets {', '.join(left)}."] if left else []
-        return dataclasses.replace(whole, history=(*whole.history, *notes))
-
-
-@contextlib.contextmanager
-def _naming(path: Path) -> Iterator[None]:
-    try:
-        yield
     except ValueError as error:
         raise ValueError(f"`path={path}`: {str(error).rstrip('.')}.") from None
+    left = [repr(sheet.name) for sheet in sheets if sheet.name not in names]
+    notes = [f"Left out the sheets {', '.join(left)}."] if left else []
+    return dataclasses.replace(whole, history=(*whole.history, *notes))
 
 
 def _as_reptate(
     path: Path, options: Options, temperature: Numbers | None, sheets: list[Sheet]
 ) -> tuple[Options, Numbers | None, list[Sheet]]:
     """What RepTate's formats fix; temperature [°C] and load are in the first line."""
-    suffix = path.suffix.lower()
-    kind, columns, load = _REPTATE[suffix]
+    kind, columns, load, usual = _REPTATE[path.suffix.lower()]
     rows = sheets[0].rows
     given = parameters(rows[0]) if rows else {}
     if temperature is None and is_number(given.get("T", "")):
         temperature = float(given["T"]) + OFFSETS["C"]
     below = [[parse_unit(cell) for cell in row.cells[: len(columns)]] for row in rows[1:4]]
     own = next((units for units in below if len(units) == len(columns) and all(units)), None)
-    units = zip(columns, own or columns.values(), strict=True)
-    units = {DIMENSIONS[name]: str(unit) for name, unit in units}
+    pairs = zip(columns, own or columns.values(), strict=True)
+    units = {DIMENSIONS[name]: str(unit) for name, unit in pairs}
     if any(unit not in UNITS[dimension] for dimension, unit in units.items()):
         raise ValueError(f"its columns must be {', '.join(columns)}, in this order; pass `columns`")
+    source = "as in the file" if own else "as in all of RepTate's"
     if not options.columns:  # others may follow, without a name, or be missing
         rows = [row._replace(cells=row.cells[: len(columns)]) for row in rows if holds_data(row)]
-    usual = "as in the file" if own else "as in all of RepTate's"
     options = dataclasses.replace(
         options,
         kind=options.kind or kind,
@@ -276,8 +235,8 @@ def _as_reptate(
         units={**units, **options.units},
         deformation=options.deformation or "shear",
         temperature=temperature is not None,
-        load=float(given[load]) if is_number(given.get(load, "")) else _LOAD.get(suffix),
-        source=options.source if options.units else usual,
+        load=float(given[load]) if is_number(given.get(load, "")) else usual,
+        source=options.source if options.units else source,
     )
     return options, temperature, [sheets[0]._replace(rows=rows)]
 
@@ -294,9 +253,8 @@ def _understood(sheets: list[Sheet], options: Options) -> list[tuple[Sheet, Meas
         raise ValueError("; ".join(refusals))
 
     def key(measured: MeasuredTable) -> tuple:
-        table = measured.table
-        columns = (measured.kind, measured.columns, table.blocks, len(table.names))
-        return columns, rank(measured)[0]
+        table, (sweep, _) = measured.table, rank(measured)
+        return measured.kind, measured.columns, table.blocks, len(table.names), sweep
 
     _, first = max(found, key=lambda pair: rank(pair[1]))
     return [pair for pair in found if key(pair[1]) == key(first)]

@@ -13,6 +13,8 @@ import uuid
 import zipfile
 from pathlib import Path
 
+from ..core.display import short
+
 LONGEST_NAME = 180  # bytes; file systems take 255, and endings are added
 PROBE = 65536  # bytes written to see whether a folder takes any
 LARGEST_FILE = 4e9  # bytes, unpacked too
@@ -29,20 +31,18 @@ class Refusal(ValueError):
 
 def check_name(name: str) -> None:
     """Raises `ValueError` unless `name` can begin the names of files in any folder."""
-    bad = sorted({c for c in name if c in '/\\\\:*?"<>|' or not c.isprintable()})
+    bad = sorted({c for c in name if c in '/\\:*?"<>|' or not c.isprintable()})
+    reason = ""
     if bad:
-        raise ValueError(
-            f"`name={name!r}` is refused: file names cannot contain {' '.join(map(repr, bad))}. "
-            "`directory` sets the folder."
+        reason = (
+            f"file names cannot contain {' '.join(map(repr, bad))}; `directory` sets the folder"
         )
-    if not name.strip(". ") or name.startswith("-"):
-        raise ValueError(f"`name={name!r}` is refused: letters or digits are needed.")
-    length = len(os.fsencode(name))
-    if length > LONGEST_NAME:
-        raise ValueError(
-            f"`name={name[:20]!r}...` is refused: it has {length} bytes; at most "
-            f"{LONGEST_NAME} are allowed."
-        )
+    elif not name.strip(". ") or name.startswith("-"):
+        reason = "letters or digits are needed"
+    elif (length := len(os.fsencode(name))) > LONGEST_NAME:
+        reason = f"it has {length} bytes; at most {LONGEST_NAME} are allowed"
+    if reason:
+        raise ValueError(f"`name={short(name)}` is refused: {reason}.")
 
 
 def full_path(text: str, beside: str | os.PathLike = ".") -> Path:
@@ -79,17 +79,16 @@ def check_folder(folder: str | os.PathLike) -> None:
         finally:
             probe.unlink(missing_ok=True)
     except OSError as error:
-        raise OSError(
-            f"Nothing can be written to the folder `{folder}`: {error.strerror}."
-        ) from error
+        reason = f"Nothing can be written to the folder `{folder}`: {error.strerror}."
+        raise OSError(reason) from error
     finally:
         for part in reversed(made):
             with contextlib.suppress(OSError):  # another process may use it by now
                 part.rmdir()
 
 
-def existing_file(path: str | os.PathLike, at_most: float = LARGEST_FILE) -> Path:
-    """Returns the path of a file.
+def read_file(path: str | os.PathLike, at_most: float = LARGEST_FILE) -> bytes:
+    """Returns the content of a file.
 
     **Arguments:**
 
@@ -102,12 +101,6 @@ def existing_file(path: str | os.PathLike, at_most: float = LARGEST_FILE) -> Pat
     if not path.exists():
         raise FileNotFoundError(f"`path={path}` does not exist.")
     _check_state(path, path.stat(), at_most)
-    return path
-
-
-def read_file(path: str | os.PathLike, at_most: float = LARGEST_FILE) -> bytes:
-    """Returns the content of a file; arguments and errors as of `existing_file`."""
-    path = existing_file(path, at_most)
     # What replaced it since is checked again. A pipe is opened without waiting for its writer.
     waitless = getattr(os, "O_NONBLOCK", 0)
     with open(path, "rb", opener=lambda name, flags: os.open(name, flags | waitless)) as file:
@@ -126,15 +119,12 @@ def read_utf8(path: str | os.PathLike, at_most: float = LARGEST_FILE) -> str:
 
 
 def _check_state(path: Path, state: os.stat_result, at_most: float) -> None:
-    if stat.S_ISDIR(state.st_mode):
-        raise ValueError(f"`path={path}` is a folder; a file is needed.")
     if not stat.S_ISREG(state.st_mode):
-        raise ValueError(f"`path={path}` is a device or a pipe; a file is needed.")
+        kind = "a folder" if stat.S_ISDIR(state.st_mode) else "a device or a pipe"
+        raise ValueError(f"`path={path}` is {kind}; a file is needed.")
     if state.st_size > at_most:
-        raise ValueError(
-            f"`path={path}` is refused: it has {_megabytes(state.st_size)}; at most "
-            f"{_megabytes(at_most)} are read here."
-        )
+        size, most = _megabytes(state.st_size), _megabytes(at_most)
+        raise ValueError(f"`path={path}` is refused: it has {size}; at most {most} are read here.")
 
 
 def may_unpack(size: float, least: float = UNPACKED) -> float:
@@ -149,9 +139,7 @@ def check_archive(content: bytes, at_most: float) -> None:
     with zipfile.ZipFile(io.BytesIO(content)) as archive:
         entries = archive.infolist()
     # Python unpacks other methods without a limit, whatever size the entry states.
-    if any(
-        entry.compress_type not in (zipfile.ZIP_STORED, zipfile.ZIP_DEFLATED) for entry in entries
-    ):
+    if {entry.compress_type for entry in entries} - {zipfile.ZIP_STORED, zipfile.ZIP_DEFLATED}:
         raise Refusal('it is packed by another method than "deflate": pack it again')
     check_unpacked(sum(entry.file_size for entry in entries), at_most)
 
@@ -191,10 +179,7 @@ def check_hdf5(content: bytes, at_most: float) -> None:
 def check_unpacked(size: float, at_most: float) -> None:
     """Raises `Refusal` for a file whose parts have more bytes, unpacked."""
     if size > at_most:
-        raise Refusal(
-            f"it unpacks to more than {_megabytes(at_most)}, the most that is read from a file of "
-            "its size: store it unpacked"
-        )
+        raise Refusal(f"it unpacks to more than {_megabytes(at_most)}: store it unpacked")
 
 
 def _megabytes(size: float) -> str:

@@ -11,11 +11,10 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from ..core.checks import Numbers
-from ..materials.measured import Measured
+from ..materials.measured import ISOTHERM_GAP, Measured, grouped
 from .cells import is_missing
 from .columns import CONSTANT, SAME, MeasuredTable, misfit
-from .isotherms import isotherm_numbers, note_isotherms, temperatures_of
-from .tables import Column
+from .tables import Column, temperature_above
 from .units import DIMENSIONS, SI
 
 if TYPE_CHECKING:
@@ -26,34 +25,42 @@ CREDIBLE = (1e2, 1e12)  # Pa
 LIMITS = {"modulus": 1e30, "stress": 1e30, "compliance": 1e30}
 LIMIT = 1e100  # of shifted frequencies and times
 HOTTEST = 1e4  # K
+RAMP = 5.0  # K over which no isotherm drifts
 
 
 def measured_points(
     path: Path,
     measured: MeasuredTable,
-    poisson: Numbers | None,
+    poisson: float | None,
     temperature: Numbers | None,
     notes: list[str],
 ) -> Measured:
     """Returns the points of a table; `poisson` and `temperature` as in `read_moduli`."""
     kind, table = measured.kind, measured.table
-    notes += [_understood(column) for column in measured.columns.values()] + measured.notes
+    notes += [column.sentence for column in measured.columns.values()] + measured.notes
     entries = _entries(measured, notes)
-    kelvin = temperatures_of(measured, entries, temperature, notes)
+    kelvin = _curve_temperatures(measured, entries, temperature, notes)
     if kelvin is not None:
         entries["temperature"] = kelvin
-    entries["isotherm"] = isotherm_numbers(entries, separate=table.blocks > 1)
+    entries["isotherm"] = _isotherms(entries, separate=table.blocks > 1)
     entries = _at_constant_load(measured, entries, notes)
-    values = _values(measured, entries)
-    lines = entries["line"].to_numpy()
-    _check_credible(1 / values if kind == "creep" else values.real, lines, notes)
+    values = _moduli(measured, {name: entries[name].to_numpy() for name in measured.columns})
+    stiffness = 1 / values if kind == "creep" else values.real
+    odd = (stiffness < CREDIBLE[0]) | (stiffness > CREDIBLE[1])
+    if np.any(odd):
+        where = _listed([(int(line), "") for line in np.unique(entries["line"][odd])])
+        notes.append(
+            f"Warning: moduli from {np.min(stiffness):.3g} to {np.max(stiffness):.3g} Pa are "
+            f"outside the usual {CREDIBLE[0]:g} to {CREDIBLE[1]:g} Pa in line {where}: is the "
+            "unit right?"
+        )
     if measured.check is not None:
         _compare_tan_delta(measured.check, entries, values, notes)
     deformation, factor = _deformation(measured, poisson, notes)
     values = values / factor if kind == "creep" else factor * values
     order = np.lexsort((entries["abscissa"], entries["isotherm"]))
     entries, values = entries.iloc[order], values[order]
-    note_isotherms(entries, notes)
+    _note_isotherms(entries, notes)
     if table.blocks == 1 and np.any(np.diff(entries["line"]) < 0):
         notes.append("Sorted the rows.")
     points = Measured(
@@ -67,17 +74,8 @@ def measured_points(
         path=path,
         history=(),
     )
-    _check_sweep(points, notes)
+    _check_abscissa(points, notes)
     return points
-
-
-def _understood(column: Column) -> str:
-    label = column.label[0].upper() + column.label[1:]
-    of = {None: "", "10": "decimal logarithm of ", "e": "natural logarithm of "}[column.base]
-    by = "" if column.factor == 1 or column.quantity == "temperature" else (
-        f"; times {column.factor:.6g} in {SI[DIMENSIONS[column.quantity]]}"
-    )  # fmt: skip
-    return f"{label}: {of}{column.quantity} in {column.unit}, {column.source}{by}."
 
 
 # Rows to numbers.
@@ -104,7 +102,7 @@ def _entries(measured: MeasuredTable, notes: list[str]) -> "pd.DataFrame":
         cells = [*row.cells, *[""] * (table.blocks * width)][block * width :]
         empty = sum(is_missing(cells[column.place]) for column in columns.values())
         if empty:
-            if table.blocks == 1 or empty < len(columns):
+            if table.blocks == 1 or empty < len(columns):  # a curve may end above the others
                 leave("a missing value", row.line)
             continue
         numbers = {name: column.si(cells[column.place]) for name, column in columns.items()}
@@ -112,8 +110,8 @@ def _entries(measured: MeasuredTable, notes: list[str]) -> "pd.DataFrame":
         name, reason = next((pair for pair in refused if pair[1]), ("", None))
         if reason:
             column = columns[name]
-            reason = f"{column.label}, where the {name} {reason}"
-            leave(reason, row.line, repr(cells[column.place]))
+            cell = repr(cells[column.place])
+            leave(f"{column.label}, where the {name} {reason}", row.line, cell)
             unusable += name not in ("stress", "strain")  # none before and after a test
         elif numbers.get("time") == 0:
             leave("the time 0", row.line)
@@ -127,10 +125,8 @@ def _entries(measured: MeasuredTable, notes: list[str]) -> "pd.DataFrame":
             f"{len(found)} complete rows of numbers are left; at least 2 are needed, and half of "
             f"all rows. {' '.join(left_out)} Are the columns and units right (`columns`, `units`)"
         )
-    notes += left_out
     words = [(row.line, "") for segment in table.segments for row in segment.words]
-    if words:
-        notes.append(_left_out("having no numbers", words))
+    notes += left_out + [_left_out("having no numbers", words)] * bool(words)
     entries = pd.DataFrame(found)
     entries["abscissa"] = entries[_abscissa(measured.kind)]
     if measured.kind == "strain" and "frequency" in entries:
@@ -209,26 +205,26 @@ def _at_constant_load(
     return entries
 
 
-def _values(measured: MeasuredTable, entries: "pd.DataFrame") -> Any:
-    si = {name: entries[name].to_numpy() for name in measured.columns}
+def _moduli(measured: MeasuredTable, si: dict[str, np.ndarray]) -> Any:
+    """Complex moduli, relaxation moduli or compliances, from the quantities that there are."""
+    for direct in ("modulus", "compliance"):
+        if direct in si:
+            return si[direct]
     if measured.kind == "creep":
-        direct = si.get("compliance")
-        return si["strain"] / si.get("stress", measured.load) if direct is None else direct
+        return si["strain"] / si.get("stress", measured.load)
     if measured.kind == "relaxation":
-        direct = si.get("modulus")
-        return si["stress"] / si.get("strain", measured.load) if direct is None else direct
+        return si["stress"] / si.get("strain", measured.load)
     if "storage" in si and "loss" in si:
         return si["storage"] + 1j * si["loss"]
     ratio = si["tan_delta"] if "tan_delta" in si else np.tan(si["phase"])
-    if "storage" in si:
-        return si["storage"] * (1 + 1j * ratio)
-    if "magnitude" in si:
-        return si["magnitude"] / np.hypot(1, ratio) * (1 + 1j * ratio)
-    return si["loss"] * (1 / ratio + 1j)
+    if "loss" in si:
+        return si["loss"] * (1 / ratio + 1j)
+    storage = si["storage"] if "storage" in si else si["magnitude"] / np.hypot(1, ratio)
+    return storage * (1 + 1j * ratio)
 
 
 def _deformation(
-    measured: MeasuredTable, poisson: Numbers | None, notes: list[str]
+    measured: MeasuredTable, poisson: float | None, notes: list[str]
 ) -> tuple[str, float]:
     """Tension or shear, and the factor that converts the modulus."""
     if measured.kind == "strain":
@@ -243,30 +239,110 @@ def _deformation(
             f"Read as shear, because of the column {measured.shear!r}; otherwise pass "
             "`deformation='tension'`."
         )
-    if named == {"shear"} and poisson is not None:
-        factor = 2 * (1 + float(np.asarray(poisson)))
-        notes.append(f"Converted from shear to tension by `poisson`: E = {factor:.6g} G.")
-        return "tension", factor
-    if named == {"shear"}:
-        notes.append("These are shear moduli (G); `poisson` converts them to Young's moduli (E).")
-        return "shear", 1.0
     if not named:
         notes.append("Read as tension (Young's modulus); otherwise pass `deformation='shear'`.")
-    return "tension", 1.0
+    if named != {"shear"}:
+        return "tension", 1.0
+    if poisson is None:
+        notes.append("These are shear moduli (G); `poisson` converts them to Young's moduli (E).")
+        return "shear", 1.0
+    factor = 2 * (1 + float(poisson))
+    notes.append(f"Converted from shear to tension by `poisson`: E = {factor:.6g} G.")
+    return "tension", factor
+
+
+# Temperatures and isotherms.
+
+
+def one_each(temperature: Numbers, count: int, what: str) -> np.ndarray:
+    """Returns a temperature for each of so many files, sheets or curves."""
+    kelvin = np.asarray(temperature)
+    if kelvin.shape not in ((), (count,)):
+        raise ValueError(
+            f"`temperature` has shape {kelvin.shape}; one number is needed, or one for each of the "
+            f"{count} {what}."
+        )
+    return np.broadcast_to(kelvin, (count,))
+
+
+def _curve_temperatures(
+    measured: MeasuredTable, entries: "pd.DataFrame", given: Numbers | None, notes: list[str]
+) -> Any:
+    """[K] as given, from a column, or from titles such as "25 °C" above curves."""
+    table, curve = measured.table, entries["curve"].to_numpy()
+    if given is not None:
+        return one_each(given, table.blocks * len(table.segments), "curve(s)")[curve]
+    if "temperature" in entries:
+        return entries["temperature"]
+    found = []
+    width = len(table.names)
+    for segment, block in itertools.product(table.segments, range(table.blocks)):
+        rows = segment.titles
+        if table.blocks > 1:  # the last line above has a title over each block
+            part = slice(block * width, (block + 1) * width)
+            rows = [row._replace(cells=row.cells[part]) for row in rows[-1:]]
+        found.append(temperature_above([row for row in rows if row.cells]))
+    if None in found:
+        return None
+    listed = ", ".join(f"{value:.2f}" for value in found)
+    notes.append(f"Took the temperature from the lines above the numbers: {listed} K.")
+    return np.array(found)[curve]
+
+
+def _isotherms(entries: "pd.DataFrame", separate: bool) -> np.ndarray:
+    """Numbers of isotherms from 0, the coldest first.
+
+    An isotherm is a group of temperatures; or a curve, if these are `separate`. Without
+    temperatures the curves are isotherms if they overlap.
+    """
+    curve, abscissa = entries["curve"].to_numpy(), entries["abscissa"].to_numpy()
+    if "temperature" not in entries:
+        ends = sorted((part.min(), part.max()) for _, part in entries.groupby("curve")["abscissa"])
+        over = any(low < high for (_, high), (low, _) in itertools.pairwise(ends))
+        return np.unique(curve, return_inverse=True)[1] if separate or over else 0 * curve
+    kelvin = entries["temperature"].to_numpy()
+    if not separate:
+        isotherm = grouped(kelvin)
+        if _drift(kelvin, isotherm) <= RAMP:
+            return isotherm
+        # A slow ramp, on which each sweep is a separate isotherm.
+        steps = np.diff(np.log(abscissa), prepend=np.log(abscissa[0]))
+        curve = np.cumsum(steps * np.sign(np.median(steps)) < 0)
+    names, curve = np.unique(curve, return_inverse=True)
+    means = [np.mean(kelvin[curve == i]) for i in range(len(names))]
+    return np.argsort(np.argsort(means, kind="stable"))[curve]
+
+
+def _drift(kelvin: np.ndarray, isotherm: np.ndarray) -> float:
+    return max(float(np.ptp(kelvin[isotherm == i])) for i in np.unique(isotherm))
+
+
+def _note_isotherms(entries: "pd.DataFrame", notes: list[str]) -> None:
+    """Reports the number of isotherms; refuses temperatures that change during a sweep."""
+    isotherm = entries["isotherm"].to_numpy()
+    count = np.max(isotherm) + 1
+    if "temperature" not in entries:
+        if count > 1:
+            notes.append(f"{count} curves of unknown temperature; pass their `temperature`s [K].")
+        return
+    kelvin = entries["temperature"].to_numpy()
+    drift = _drift(kelvin, isotherm)
+    if drift > RAMP:
+        raise ValueError(
+            f"the temperature changes by {drift:.3g} K within a sweep: isotherms are needed"
+        )
+    notes.append(
+        f"{count} isotherm(s), {np.min(kelvin):.2f} to {np.max(kelvin):.2f} K, each constant "
+        f"within {drift:.2g} K."
+    )
+    if drift > 2 * ISOTHERM_GAP:
+        notes.append(
+            f"Warning: a temperature drifts by {drift:.3g} K without a step above "
+            f"{ISOTHERM_GAP:g} K; these may not be isotherms."
+        )
 
 
 # What looks wrong.
-
-
-def _check_credible(stiffness: np.ndarray, lines: np.ndarray, notes: list[str]) -> None:
-    least, most = np.min(stiffness), np.max(stiffness)
-    odd = (stiffness < CREDIBLE[0]) | (stiffness > CREDIBLE[1])
-    if np.any(odd):
-        where = _listed([(int(line), "") for line in np.unique(lines[odd])])
-        notes.append(
-            f"Warning: moduli from {least:.3g} to {most:.3g} Pa are outside the usual "
-            f"{CREDIBLE[0]:g} to {CREDIBLE[1]:g} Pa in line {where}: is the unit right?"
-        )
 
 
 def _compare_tan_delta(
@@ -287,14 +363,14 @@ def _compare_tan_delta(
         )
 
 
-def _check_sweep(points: Measured, notes: list[str]) -> None:
+def _check_abscissa(points: Measured, notes: list[str]) -> None:
+    """Refuses points without a sweep; reports points that repeat others."""
     name = _abscissa(points.kind)
     abscissa, lines = points.abscissa, points.lines
     least, most = np.min(abscissa), np.max(abscissa)
     single = name == "frequency" and np.max(points.isotherm) == 0
     if least == most or (single and most < (1 + CONSTANT) * least):
-        hint = " (`readers.read_strain_sweep` reads those over strain)"
-        hint = hint if name == "frequency" else ""
+        hint = " (`readers.read_strain_sweep` reads those over strain)" * (name == "frequency")
         raise ValueError(f"the {name} is the same in every row: no sweep over {name}{hint}")
     near = np.diff(abscissa) <= SAME * abscissa[:-1]
     twice = np.flatnonzero(near & (np.diff(points.isotherm) == 0))
@@ -305,14 +381,10 @@ def _check_sweep(points: Measured, notes: list[str]) -> None:
         f"{len(twice)} points repeat the {name} of another at their temperature (first in "
         f"lines {first} and {second}); all are used."
     )
-    difference = np.abs(points.values[twice + 1] / points.values[twice] - 1)
-    if len(twice) >= 0.25 * len(lines) and np.median(difference) > 0.1:
-        doubt = (
-            "isotherms, whose column of temperature is missing?"
-            if points.temperature is None
-            else "tests, of other strain for instance? `step` chooses those to read."
-        )
+    difference = np.median(np.abs(points.values[twice + 1] / points.values[twice] - 1))
+    if len(twice) >= 0.25 * len(lines) and difference > 0.1:
+        remedy = "`step`" if points.temperature is not None else "a column of temperature"
         notes.append(
-            f"Warning: repeated points differ by {np.median(difference):.0%}: are these several "
-            f"{doubt}"
+            f"Warning: repeated points differ by {difference:.0%}: are these several isotherms or "
+            f"tests? Then {remedy} is needed."
         )

@@ -24,17 +24,15 @@ def read_motion(path: os.PathLike, period: ScalarLike, num_times: int = 128) -> 
     **Raises:** `FileNotFoundError`; `ValueError` for a file that is no such table.
     """
     rows = read_sheets(Path(path))[0].rows
-    data = [row for row in rows if holds_data(row)]
-    head = next((row.cells for row in rows if len(row.cells) > 1 and not holds_data(row)), None)
+    data = [row.cells[:2] for row in rows if holds_data(row)]
+    head = next((row.cells for row in rows if len(row.cells) > 1 and not holds_data(row)), ["", ""])
     try:
-        columns = np.array([[float(cell) for cell in row.cells[:2]] for row in data]).T
-        time, displacement = columns
+        time, displacement = np.array(data, float).T
     except ValueError:
         raise ValueError(
             f"`path={path}` is refused: two columns of numbers, times [s] and displacements [m], "
             "are needed."
         ) from None
-    if head is not None:
-        time = time * UNITS["time"].get(parse_heading(head[0]).unit or "s", 1.0)
-        displacement = displacement * (metres(length_unit(head[1]) or "m") or 1.0)
+    time = time * UNITS["time"].get(parse_heading(head[0]).unit or "s", 1.0)
+    displacement = displacement * (metres(length_unit(head[1]) or "m") or 1.0)
     return recorded(time, displacement, period, num_times)

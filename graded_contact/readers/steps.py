@@ -7,7 +7,7 @@ frequency sweep is among the steps, those at one frequency are left out: they do
 
 import itertools
 import re
-from collections.abc import Iterable, Sequence
+from collections.abc import Sequence
 from typing import NamedTuple
 
 import numpy as np
@@ -59,7 +59,7 @@ def understand(sheet: Sheet, options: Options) -> MeasuredTable:
     tables = find_tables(sheet.rows, named)
     steps = _steps(tables)
     if options.step:
-        steps = _chosen(steps, options.step)
+        steps = [step for name in options.step for step in _steps_named(steps, str(name))]
         lines = {row.line for step in steps for row in step.rows}
         tables = [table.only(lines) for table in tables]
     tables = sorted((table for table in tables if table.rows), key=lambda table: -len(table.rows))
@@ -69,17 +69,19 @@ def understand(sheet: Sheet, options: Options) -> MeasuredTable:
     for table in tables:
         try:
             measured = measured_table(table, options, sheet.spaced)
+            found.append((table, measured if options.step else _swept(measured, steps)))
         except ValueError as error:
             refusals.append(error)
-            continue
-        found.append((table, measured if options.step else _swept(measured, steps)))
     if not found:
         raise refusals[0]
     table, measured = max(found, key=lambda pair: rank(pair[1]))
     if options.step:
         read = ", ".join(str(step) for step in steps if step.within(table))
         measured.notes.append(f"Read only {read}.")
-    others = [_named(other, steps) for other in tables if other is not table]
+    others = []
+    for other in (other for other in tables if other is not table):
+        titled = ", ".join(str(step) for step in steps if step.title and step.within(other))
+        others.append(f"{other.place} with {titled}" if titled else other.place)
     if others:
         measured.notes.append(f"Left out tables of other columns: {', '.join(others)}.")
     return measured
@@ -90,7 +92,7 @@ def rank(measured: MeasuredTable) -> tuple[int, int]:
     rows = measured.table.rows
     if measured.kind != "frequency":
         return 1, len(rows)
-    swept = measured.table.blocks > 1 or _varies(_frequencies(measured, rows))
+    swept = measured.table.blocks > 1 or _varies(_numbers_of(measured, "frequency", rows))
     return 2 * swept, len(rows)
 
 
@@ -99,52 +101,40 @@ def rank(measured: MeasuredTable) -> tuple[int, int]:
 
 def _steps(tables: Sequence[Table]) -> list[Step]:
     """The steps of all tables in the order of the file."""
-    parts = [
-        (title, rows)
-        for table in tables
-        for segment in table.segments
-        for title, rows in _parts(table, segment.data, title_above(segment.titles))
-        if rows
-    ]
+    parts = []
+    for table in tables:
+        # Side by side, a column of names would belong to one curve only.
+        places = [i for i, name in enumerate(table.names) if _COLUMN.fullmatch(name)]
+        for segment in table.segments:
+            title = title_above(segment.titles)
+            parts += _parts(segment.data, title, places if table.blocks == 1 else [])
     parts.sort(key=lambda part: part[1][0].line)
     return [Step(number, *part) for number, part in enumerate(parts, start=1)]
 
 
-def _parts(table: Table, rows: list[Row], title: str) -> list[tuple[str, list[Row]]]:
+def _parts(rows: list[Row], title: str, places: list[int]) -> list[tuple[str, list[Row]]]:
     """The rows of a segment, split where a column that names steps changes."""
-    names = table.names if table.blocks == 1 else []
-    for place, name in enumerate(names):
-        if _COLUMN.fullmatch(name):
-            runs = itertools.groupby(rows, key=lambda row: "".join(row.cells[place : place + 1]))
-            parts = [(cell if title in ("", cell) else f"{title}, {cell}", list(run))
-                     for cell, run in runs]  # fmt: skip
-            if FEWEST * len(parts) <= len(rows):  # a number of each point names no step
-                return parts
+    for place in places:
+        runs = itertools.groupby(rows, key=lambda row: "".join(row.cells[place : place + 1]))
+        parts = [(cell if title in ("", cell) else f"{title}, {cell}", list(run))
+                 for cell, run in runs]  # fmt: skip
+        if FEWEST * len(parts) <= len(rows):  # a number of each point names no step
+            return parts
     return [(title, rows)]
 
 
-def _chosen(steps: list[Step], names: Iterable[str | int]) -> list[Step]:
-    """The steps of these numbers or titles; a part of a title chooses all that have it."""
-    found = []
-    for each in map(str, names):
-        name = each.casefold()
-        same = (
-            [s for s in steps if name == str(s.number)]
-            or [s for s in steps if name == s.title.casefold()]
-            or [s for s in steps if name in s.title.casefold()]
-        )
-        if not same:
-            raise ValueError(
-                f"there is no `step={each!r}`; there are {', '.join(map(str, steps)) or 'none'}"
-            )
-        found += same
+def _steps_named(steps: list[Step], text: str) -> list[Step]:
+    """The step of this number or title; a part of a title chooses all that have it."""
+    name = text.casefold()
+    found = (
+        [step for step in steps if name == str(step.number)]
+        or [step for step in steps if name == step.title.casefold()]
+        or [step for step in steps if name in step.title.casefold()]
+    )
+    if not found:
+        known = ", ".join(map(str, steps)) or "none"
+        raise ValueError(f"there is no `step={text!r}`; there are {known}")
     return found
-
-
-def _named(table: Table, steps: list[Step]) -> str:
-    """The place of a table, and its steps that have titles."""
-    mine = [str(step) for step in steps if step.title and step.within(table)]
-    return table.place + (f" with {', '.join(mine)}" if mine else "")
 
 
 # What a step holds constant.
@@ -163,14 +153,20 @@ def _swept(measured: MeasuredTable, steps: list[Step]) -> MeasuredTable:
     ]
     left = {row.line for step in constant for row in step.rows}
     remaining = [row for row in table.rows if row.line not in left]
-    omega = _frequencies(measured, remaining)
+    omega = _numbers_of(measured, "frequency", remaining)
     if not left or not _varies(omega) or len(np.unique(omega[omega > 0])) < FEWEST:
         return measured
     for step in constant:
-        omega = np.nanmedian(_frequencies(measured, step.rows))
+        omega = np.nanmedian(_numbers_of(measured, "frequency", step.rows))
+        kelvin, amplitudes = _temperatures(measured, step.rows), _amplitudes(measured, step.rows)
+        changes = ""
+        if np.ptp(kelvin) > ISOTHERM_GAP:
+            changes = f", and its temperature goes from {kelvin[0]:.4g} to {kelvin[-1]:.4g} K"
+        elif amplitudes:
+            name, low, high = amplitudes[0]
+            changes = f", and {name!r} goes from {low:.4g} to {high:.4g}"
         measured.notes.append(
-            f"Left out {step}: its frequency is constant at {omega:.4g} {SI['frequency']}"
-            f"{_variation(measured, step.rows)}."
+            f"Left out {step}: its frequency is constant at {omega:.4g} {SI['frequency']}{changes}."
         )
     measured.notes.append("`step` chooses other steps, by their number or title.")
     return measured._replace(table=table.only({row.line for row in remaining}))
@@ -178,13 +174,14 @@ def _swept(measured: MeasuredTable, steps: list[Step]) -> MeasuredTable:
 
 def _constant_runs(measured: MeasuredTable, step: Step) -> list[list[Row]]:
     """Rows of a step at one frequency: all of them, or runs that are a sweep of something else."""
-    omega = _frequencies(measured, step.rows)
+    omega = _numbers_of(measured, "frequency", step.rows)
     known = np.flatnonzero(np.isfinite(omega))
     named = step.title and "freq" not in step.title.casefold().replace("é", "e")
     if not len(known):
         return []
     if not _varies(omega):
         return [step.rows] if named or len(known) >= FEWEST else []
+    # A run is compared with its first row: a dense sweep has neighbours that differ by less.
     runs: list[list[int]] = [[]]
     for i in known:
         if runs[-1] and abs(omega[i] / omega[runs[-1][0]] - 1) > SAME:
@@ -198,16 +195,6 @@ def _constant_runs(measured: MeasuredTable, step: Step) -> list[list[Row]]:
         if np.ptp(_temperatures(measured, rows)) <= ISOTHERM_GAP
         and (len(rows) >= LONG or _amplitudes(measured, rows))
     ]
-
-
-def _variation(measured: MeasuredTable, rows: list[Row]) -> str:
-    """What changes in rows of one frequency, in words."""
-    kelvin = _temperatures(measured, rows)
-    if np.ptp(kelvin) > ISOTHERM_GAP:
-        return f", and its temperature goes from {kelvin[0]:.4g} to {kelvin[-1]:.4g} K"
-    for name, low, high in _amplitudes(measured, rows):
-        return f", and {name!r} goes from {low:.4g} to {high:.4g}"
-    return ""
 
 
 def _amplitudes(measured: MeasuredTable, rows: list[Row]) -> list[tuple[str, float, float]]:
@@ -228,13 +215,13 @@ def _temperatures(measured: MeasuredTable, rows: list[Row]) -> np.ndarray:
     """Those known [K]; a single 0 if none is."""
     if "temperature" not in measured.columns:
         return np.zeros(1)
-    kelvin = _credible(measured.numbers("temperature", rows))
+    kelvin = _numbers_of(measured, "temperature", rows)
     known = kelvin[np.isfinite(kelvin)]
     return known if len(known) else np.zeros(1)
 
 
-def _frequencies(measured: MeasuredTable, rows: list[Row]) -> np.ndarray:
-    return _credible(measured.numbers("frequency", rows))
+def _numbers_of(measured: MeasuredTable, quantity: str, rows: list[Row]) -> np.ndarray:
+    return _credible(measured.columns[quantity].numbers(rows))
 
 
 def _credible(values: np.ndarray) -> np.ndarray:

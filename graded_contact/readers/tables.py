@@ -5,6 +5,7 @@ segments, such as the steps of a test. A table may also repeat its columns side 
 for each curve.
 """
 
+import itertools
 import re
 from collections.abc import Iterable, Sequence
 from typing import NamedTuple
@@ -12,7 +13,7 @@ from typing import NamedTuple
 import numpy as np
 
 from .cells import Row, holds_data, is_missing, is_number, stripped
-from .units import DIMENSIONS, OFFSETS, UNITS, Heading, parse_heading, parse_unit
+from .units import DIMENSIONS, OFFSETS, SI, UNITS, Heading, parse_heading, parse_unit
 
 
 class Column(NamedTuple):
@@ -36,8 +37,14 @@ class Column(NamedTuple):
     base: str | None
 
     @property
-    def factor(self) -> float:
-        return UNITS[DIMENSIONS[self.quantity]][self.unit]
+    def sentence(self) -> str:
+        """How the column is understood."""
+        of = {None: "", "10": "decimal logarithm of ", "e": "natural logarithm of "}[self.base]
+        start = f"{self.label[0].upper()}{self.label[1:]}: {of}{self.quantity} in {self.unit}"
+        dimension = DIMENSIONS[self.quantity]
+        factor = UNITS[dimension][self.unit]
+        times = factor != 1 and dimension != "temperature"  # whose zero moves too
+        return f"{start}, {self.source}" + times * f"; times {factor:.6g} in {SI[dimension]}" + "."
 
     def si(self, cell: str) -> float:
         """Returns a cell's number in SI units; NaN if it is none, infinity if it is too large."""
@@ -48,7 +55,7 @@ class Column(NamedTuple):
             if self.base is not None:
                 value = np.exp(value * (np.log(10) if self.base == "10" else 1))
             offset = OFFSETS[self.unit] if self.quantity == "temperature" else 0.0
-            return float(self.factor * value + offset)
+            return float(UNITS[DIMENSIONS[self.quantity]][self.unit] * value + offset)
 
     def numbers(self, rows: Sequence[Row]) -> np.ndarray:
         """Returns the numbers of the first block in SI units, NaN where there is none."""
@@ -70,16 +77,24 @@ class Table(NamedTuple):
     place: str
     names: list[str]
     units: list[str]
-    headings: list[Heading]
     blocks: int
     segments: list[Segment]
+
+    @property
+    def headings(self) -> list[Heading]:
+        return list(map(parse_heading, self.names))
 
     @property
     def rows(self) -> list[Row]:
         return [row for segment in self.segments for row in segment.data]
 
     def label(self, place: int) -> str:
-        return f"column {place + 1}" + (f" ({self.names[place]})" if self.names[place] else "")
+        name = self.names[place]
+        return f"column {place + 1}" + (f" ({name})" if name else "")
+
+    def unit(self, place: int) -> str | None:
+        """Returns the unit in a column's heading or below it, as `parse_unit`."""
+        return parse_heading(self.names[place]).unit or parse_unit(self.units[place])
 
     def listed(self) -> str:
         """Returns the names of the columns, for messages."""
@@ -89,11 +104,9 @@ class Table(NamedTuple):
 
     def only(self, lines: set[int]) -> "Table":
         """Returns the table with the rows of numbers on these lines."""
-        segments = [
-            segment._replace(data=[row for row in segment.data if row.line in lines])
-            for segment in self.segments
-        ]
-        return self._replace(segments=[segment for segment in segments if segment.data])
+        kept = ([row for row in each.data if row.line in lines] for each in self.segments)
+        pairs = zip(self.segments, kept, strict=True)
+        return self._replace(segments=[each._replace(data=data) for each, data in pairs if data])
 
 
 def find_tables(rows: list[Row], named: Iterable[str]) -> list[Table]:
@@ -102,32 +115,31 @@ def find_tables(rows: list[Row], named: Iterable[str]) -> list[Table]:
     starts = _starts(rows, set(named))
     if not starts:
         data = [row for row in rows if holds_data(row)]
-        empty = [""] * max((len(row.cells) for row in data), default=0)
-        above = [row for row in rows if data and row.line < data[0].line]
-        headings = list(map(parse_heading, empty))
-        return [Table("no line of names", empty, empty, headings, 1, [Segment(above, data, [])])]
+        if not data:
+            return []
+        empty = [""] * max(len(row.cells) for row in data)
+        above = [row for row in rows if row.line < data[0].line]
+        return [Table("no line of names", empty, empty, 1, [Segment(above, data, [])])]
     tables: dict[tuple[str, ...], Table] = {}
     last = 0  # behind the numbers above
     for start, end in zip(starts, [*starts[1:], len(rows)], strict=True):
         below = rows[start + 1 : end]
         has_units = below and not holds_data(below[0]) and any(map(parse_unit, below[0].cells))
-        units = below[0] if has_units else None
-        data = [row for row in below if _is_measured(row)]
-        words = [row for row in below if not _is_measured(row) and row is not units]
+        units = below.pop(0).cells if has_units else []
         table = _headed(rows[start], units)
         key = tuple(table.names)
-        if key in tables and units is not None and tables[key].units != table.units:
+        if key in tables and units and tables[key].units != table.units:
             key = (*table.names, *table.units)
         table = tables.setdefault(key, table)
-        if data:
+        # RheoCompass counts the points above the numbers: "Interval and data points: 1 29".
+        count = r"(?i)(?:interval|abschnitt).*:"
+        is_data = [holds_data(row) and not re.match(count, row.cells[0]) for row in below]
+        if any(is_data):
+            data = list(itertools.compress(below, is_data))
+            words = [row for row, numbers in zip(below, is_data, strict=True) if not numbers]
             table.segments.append(Segment(rows[last:start], data, words))
-            last = max(i for i in range(start, end) if _is_measured(rows[i])) + 1
+            last = end - is_data[::-1].index(True)
     return [table for table in tables.values() if table.rows]
-
-
-def _is_measured(row: Row) -> bool:
-    """Whether a row holds data, and is none such as "Interval and data points: 1 29"."""
-    return holds_data(row) and not re.match(r"(?i)(?:interval|abschnitt).*:", row.cells[0])
 
 
 def _with_signals(rows: list[Row]) -> list[Row]:
@@ -152,25 +164,18 @@ def _starts(rows: list[Row], named: set[str]) -> list[int]:
     # Otherwise the last row of words before the numbers that is not one of units.
     first = next((i for i, row in enumerate(rows) if holds_data(row)), 0)
     above = [i for i in words if i < first and len(rows[i].cells) > 1]
-    above = [
-        i for i in above if not all(is_missing(cell) or parse_unit(cell) for cell in rows[i].cells)
-    ]
-    return above[-1:]
+    return [i for i in above if not all(is_missing(c) or parse_unit(c) for c in rows[i].cells)][-1:]
 
 
-def _headed(row: Row, units: Row | None) -> Table:
+def _headed(row: Row, units: list[str]) -> Table:
+    """A table without rows yet, whose names may repeat: each repetition is a block."""
     names = stripped(row.cells)
-    below = ((units.cells if units else []) + [""] * len(names))[: len(names)]
+    below = (units + [""] * len(names))[: len(names)]
     columns = list(zip(names, below, strict=True))
-    repeats = (
-        width
-        for width in range(2, len(names))
-        if len(names) % width == 0 and columns == columns[:width] * (len(names) // width)
-    )
-    width = next(repeats, len(names))
-    headings = [parse_heading(name) for name in names[:width]]
-    place, blocks = f"line {row.line}", len(names) // width
-    return Table(place, names[:width], below[:width], headings, blocks, [])
+    widths = (n for n in range(2, len(names)) if len(names) % n == 0)
+    repeated = (n for n in widths if columns == columns[:n] * (len(names) // n))
+    width = next(repeated, len(names))
+    return Table(f"line {row.line}", names[:width], below[:width], len(names) // width, [])
 
 
 # The lines above a table: its title, the temperature, the constant stress of a creep test, the

@@ -5,10 +5,8 @@ https://github.com/ContactEngineering), which knows some fifty formats of profil
 microscopes; plain text, OpenCRG roads and NumPy's files by the other modules of this folder.
 """
 
-import contextlib
 import os
 import warnings
-from collections.abc import Iterator
 from pathlib import Path, PurePath, PurePosixPath
 from typing import Any
 
@@ -22,7 +20,6 @@ from .cells import decoded, sheets_of
 from .formats import (
     Scan,
     chosen,
-    metres_of_library,
     names_in,
     read_arrays,
     read_instrument,
@@ -82,13 +79,8 @@ def read_surface(
     """
     if size is not None:
         check_positive("size", np.asarray(size), "[m]")
-    path, content = Path(path), read_file(path)
-    warned: list[str] = []
-    with _reading(path, warned):
-        scan = _scan(path, content, channel, size, unit, len(content))
-        factor, known = _scales(scan, size, unit)
-        if scan.periodic and periodic is not None:
-            raise Refusal("it declares itself periodic; pass `periodic=None`")
+    path = Path(path)
+    scan, factor, known, warned = _read(path, channel, size, unit, periodic)
     heights = factor * scan.heights
     points = " x ".join(map(str, heights.shape))
     lengths = " x ".join(with_unit(float(edge), "m") for edge in known)
@@ -117,44 +109,33 @@ def read_surface(
         raise ValueError(f"`path={path}`: {error}") from error
 
 
-@contextlib.contextmanager
-def _reading(path: Path, warned: list[str]) -> Iterator[None]:
-    """Turns whatever a reader raises on a damaged file into `ValueError`, collects its warnings."""
+def _read(path: Path, channel, size, unit, periodic) -> tuple[Scan, float, np.ndarray, list[str]]:
+    """The heights in a file, metres per unit, edge lengths [m], and warnings of the reader."""
+    content = read_file(path)
     try:
         with warnings.catch_warnings(record=True) as caught:
             warnings.simplefilter("always")
-            yield
+            scan = _scan(path, content, channel, size, unit, len(content))
+            factor, known = _scales(scan, size, unit)
+        if scan.periodic and periodic is not None:
+            raise Refusal("it declares itself periodic; pass `periodic=None`")
     except Refusal as error:
         raise ValueError(f"`path={path}` is refused: {error}.") from None
     except ImportError:
         raise
-    except Exception as error:
+    except Exception as error:  # readers raise many kinds
         if str(error).startswith(f"`path={path}`"):  # of a workbook
             raise
-        if type(error).__name__ == "CannotDetectFileFormat":
-            reason = "its format is not known, or the file is damaged"
-        elif type(error).__module__.startswith(("SurfaceTopography", "graded_contact")):
-            reason = " ".join(str(error).split())[:300]
-        else:
-            reason = " ".join(f"{type(error).__name__}: {error}".split())[:300]
-            reason = f"it is damaged, or of a variant that its reader does not know ({reason})"
+        reason = "its format is not known, or the file is damaged"
+        if type(error).__name__ != "CannotDetectFileFormat":
+            reason += " (" + " ".join(f"{type(error).__name__}: {error}".split())[:300] + ")"
         raise ValueError(f"`path={path}` cannot be read: {reason}.") from error
-    warned.extend(
-        f"The reader warned: {entry.message}"
-        for entry in caught
-        if issubclass(entry.category, UserWarning | RuntimeWarning)
-    )
+    kinds = UserWarning | RuntimeWarning
+    told = [entry.message for entry in caught if issubclass(entry.category, kinds)]
+    return scan, factor, known, [f"The reader warned: {message}" for message in told]
 
 
-def _scan(
-    path: PurePath,
-    content: bytes,
-    channel: str | int | None,
-    size: Any,
-    unit: str | None,
-    packed: int,
-    depth: int = 0,
-) -> Scan:
+def _scan(path: PurePath, content: bytes, channel, size, unit, packed: int, depth=0) -> Scan:
     """The heights in a file, which may lie in zips, by the reader that fits its content.
 
     `packed`: bytes of the outermost file.
@@ -162,25 +143,29 @@ def _scan(
     if not content.strip():
         raise Refusal("it is empty")
     at_most = may_unpack(packed)
-    if content.startswith(b"PK"):
+    is_zip, is_ole = content.startswith(b"PK"), content.startswith(b"\xd0\xcf\x11\xe0")
+    if is_zip:
         check_archive(content, at_most)
     check_hdf5(content, at_most)
-    if content.startswith(b"\x93NUMPY") or (path.suffix == ".npz" and content[:2] == b"PK"):
+    if content.startswith(b"\x93NUMPY") or (path.suffix == ".npz" and is_zip):
         return read_arrays(content, channel, size, unit, at_most)
-    text = _text(content)
-    if text is not None:
+    text, encoding = decoded(content) or ("", None)
+    # Latin-1 can hold any bytes: a file of instruments has other characters than text.
+    odd = sum(not (char.isprintable() or char.isspace()) for char in text[:10_000])
+    is_text = encoding and not (encoding == "Latin-1" and odd > 0.01 * len(text[:10_000]))
+    if is_text:
         check_unpacked(len(content), may_unpack(packed, UNPACKED_TEXT))
     if is_road(content):
         return read_road(content)
-    if content.startswith(b"PK") and "xl/workbook.xml" in names_in(content):
-        return _read_workbook(path, content, channel, packed)
-    if text is None:
+    if is_zip and "xl/workbook.xml" in names_in(content):
+        return _read_sheets(path, content, channel, packed)
+    if not is_text:
         try:
             return read_instrument(content, channel, at_most)
         except Exception as error:
-            if content.startswith(b"\xd0\xcf\x11\xe0"):
-                return _read_workbook(path, content, channel, packed)
-            if not content.startswith(b"PK") or isinstance(error, ImportError | Refusal):
+            if is_ole:
+                return _read_sheets(path, content, channel, packed)
+            if not is_zip or isinstance(error, ImportError | Refusal):
                 raise
         if depth == DEEPEST:
             raise Refusal("it has too many zips in one another")
@@ -197,16 +182,7 @@ def _scan(
     return scan if scan.unit is not None and scan.size is not None else read_text(text)
 
 
-def _text(content: bytes) -> str | None:
-    """The text of a file, or None for a file that is no text."""
-    text, encoding = decoded(content) or ("", None)
-    start = text[:10_000]
-    odd = sum(not (character.isprintable() or character.isspace()) for character in start)
-    is_text = encoding and not (encoding == "Latin-1" and odd > 0.01 * len(start))
-    return text if is_text else None
-
-
-def _read_workbook(path: PurePath, content: bytes, channel: str | int | None, packed: int) -> Scan:
+def _read_sheets(path: PurePath, content: bytes, channel: str | int | None, packed: int) -> Scan:
     """The heights in the sheet of a workbook that `channel` names, or in its only table."""
     scans, refusals = {}, []
     sheets = sheets_of(path, content, packed)
@@ -229,36 +205,33 @@ def _read_workbook(path: PurePath, content: bytes, channel: str | int | None, pa
 def _scales(scan: Scan, size: Any, unit: str | None) -> tuple[float, np.ndarray]:
     """Metres per unit of the heights, and the edge lengths [m]; refuses a file without these."""
     own = (scan.unit, *((scan.lateral_unit,) if scan.size is not None else ()))
-    lacking = {}
+    lacking = []
     if None in own and unit is None:
-        lacking["unit"] = "`unit`, for instance 'um'"
+        lacking.append("`unit`, for instance 'um'")
     if scan.size is None and size is None:
-        lacking["size"] = "`size` [m]"
+        lacking.append("`size` [m]")
     if lacking:
-        hints = ", and ".join(lacking.values())
-        raise Refusal(f"it does not state its {' and '.join(lacking)}; pass {hints}")
+        raise Refusal(f"it does not state all that is needed; pass {', and '.join(lacking)}")
     if None not in own and unit is not None:
         raise Refusal(f"it is in {scan.unit!r}; leave out `unit={unit!r}`")
     factors = []
     for name in own:
-        spelt = str(unit if name is None else name)
-        factor = metres(spelt) or metres_of_library(spelt)
+        factor = metres(str(unit if name is None else name))
         if factor is None:
             named = f"`unit={unit!r}`" if name is None else f"{scan.source} in {name!r}"
             raise Refusal(f"{named} is not a length, such as 'm', 'um' or 'nm'")
         factors.append(factor)
-    if scan.size is not None:
-        known = factors[-1] * scan.size
-        if size is not None:
-            raise Refusal(f"it states its size, {known} m; leave out `size`")
-        if not (np.all(np.isfinite(known)) and np.all(known > 0)):
-            raise Refusal(f"its size of {known} m is no length")
-        return factors[0], known
-    num_axes = scan.heights.ndim
-    edges = np.array(size, float)
-    if edges.shape not in ((), (num_axes,)):
-        raise Refusal(f"`size` has shape {edges.shape}, it needs {num_axes} lengths")
-    return factors[0], np.broadcast_to(edges, (num_axes,))
+    if scan.size is None:
+        num_axes, edges = scan.heights.ndim, np.array(size, float)
+        if edges.shape not in ((), (num_axes,)):
+            raise Refusal(f"`size` has shape {edges.shape}, it needs {num_axes} lengths")
+        return factors[0], np.broadcast_to(edges, (num_axes,))
+    known = factors[-1] * scan.size
+    if size is not None:
+        raise Refusal(f"it states its size, {known} m; leave out `size`")
+    if not (np.all(np.isfinite(known)) and np.all(known > 0)):
+        raise Refusal(f"its size of {known} m is no length")
+    return factors[0], known
 
 
 def _step_of_line(positions: np.ndarray, heights: np.ndarray) -> Step:

@@ -4,6 +4,7 @@ A heading such as "Storage modulus, MPa", "E' [MPa]", "E_stor (MPa)" or "G_stora
 into words and a unit; its words decide the quantity, or leave it undecided.
 """
 
+import functools
 import re
 import unicodedata
 from typing import NamedTuple
@@ -57,11 +58,11 @@ _EXACT = {unit for units in UNITS.values() for unit in units}
 
 # Metres per unit of length, as the headings of topographies spell it, after `_folded`.
 _METRES = {
-    "m": 1.0, "dm": 1e-1, "cm": 1e-2, "mm": 1e-3, "um": 1e-6, "nm": 1e-9, "pm": 1e-12,
+    "m": 1.0, "dm": 1e-1, "cm": 1e-2, "mm": 1e-3, "um": 1e-6, "nm": 1e-9, "pm": 1e-12, "fm": 1e-15,
     "km": 1e3, "å": 1e-10, "angstrom": 1e-10, "inch": 0.0254, "mil": 2.54e-5,
     "micron": 1e-6, "microns": 1e-6,
     **{f"{prefix}{word}": factor
-       for prefix, factor in {"": 1.0, "milli": 1e-3, "micro": 1e-6, "nano": 1e-9}.items()
+       for prefix, factor in (("", 1.0), ("milli", 1e-3), ("micro", 1e-6), ("nano", 1e-9))
        for word in ("meter", "metre", "meters", "metres")},
 }  # fmt: skip
 _NAMED = "|".join(sorted(map(re.escape, _METRES), key=len)[::-1])
@@ -133,7 +134,7 @@ _MEANINGS = {
 
 
 # Words of columns that only a test in shear has.
-_OF_SHEAR = re.compile(
+OF_SHEAR = re.compile(
     r"shear|schub|scher|cisaill|torque|drehmoment|\bmoment\b|\bcouple\b|rotation"
     r"|viscosit|viskosität",
     re.I,
@@ -162,7 +163,7 @@ class Heading(NamedTuple):
 
 def metres(unit: str) -> float | None:
     """Returns metres per unit of length, or None if the text is not a unit of length."""
-    return _METRES.get(_folded(unit))
+    return _METRES.get("å" if unit == "A" else _folded(unit))
 
 
 def length_unit(heading: str) -> str | None:
@@ -172,14 +173,13 @@ def length_unit(heading: str) -> str | None:
 
 
 def _folded(text: str) -> str:
+    # Unicode has two signs for micro, and two for the ångström.
     return text.replace("µ", "u").replace("μ", "u").replace("Å", "å").strip().lower()
 
 
 def parse_unit(text: str) -> str | None:
     """Returns the unit of `UNITS`, or `PER_SECOND`, that `text` spells; None if there is none."""
-    bare = text.strip()
-    if re.fullmatch(r"\[.*\]|\(.*\)", bare):
-        bare = bare[1:-1]
+    bare = re.sub(r"^\[(.*)\]$|^\((.*)\)$", r"\1\2", text.strip())
     for old, new in (("²", "2"), ("⁻¹", "-1"), ("º", "°"), ("˚", "°")):
         bare = bare.replace(old, new)
     bare = re.sub(r"[\s^·*]", "", bare)
@@ -188,21 +188,22 @@ def parse_unit(text: str) -> str | None:
     if bare == "mPa":  # not a megapascal
         return None
     folded = bare.lower()
-    if folded in _SPELLINGS:
-        return _SPELLINGS[folded]
     # Lower case is common in names such as E_mpa; mhz could be either of two.
     found = [unit for unit in _EXACT if unit.lower() == folded]
-    return found[0] if len(found) == 1 else None
+    return _SPELLINGS.get(folded) or (found[0] if len(found) == 1 else None)
 
 
+@functools.lru_cache(maxsize=512)  # each heading is looked at many times
 def parse_heading(text: str) -> Heading:
     """Returns the quantity and unit that the heading of a column names."""
     inner, base = _without_logarithm(text.strip())
-    name, unit = _split_unit(inner)
+    name, unit = _split_unit(inner.strip())
     words: set[str] = set()
     for word in _words(name):
-        meaning = _LETTERS.get(word, _WORDS.get(_unaccented(word.lower())))
-        if meaning is None:
+        letters = unicodedata.normalize("NFD", word.lower())  # accents as letters of their own
+        bare = "".join(letter for letter in letters if not unicodedata.combining(letter))
+        meaning = _LETTERS.get(word, _WORDS.get(bare))
+        if meaning is None:  # one unknown word can change the meaning of all others
             return Heading(None, unit)
         words.update(meaning.split())
     deformations = words & {"tension", "shear"}
@@ -211,11 +212,6 @@ def parse_heading(text: str) -> Heading:
         quantity = None
     deformation = next(iter(deformations), None)
     return Heading(quantity, unit, deformation, "angular" in words, "step" in words, base)
-
-
-def implies_shear(text: str) -> bool:
-    """Returns whether only a test in shear has a column of this heading."""
-    return _OF_SHEAR.search(text) is not None
 
 
 def _without_logarithm(text: str) -> tuple[str, str | None]:
@@ -233,7 +229,6 @@ def _without_logarithm(text: str) -> tuple[str, str | None]:
 
 def _split_unit(text: str) -> tuple[str, str | None]:
     """The heading without its unit, and the unit: the longest ending that is one."""
-    text = text.strip()
     for gap in re.finditer(r"[\s_/,;:]+(?:in\s+)?|(?=[\[(])", text):
         ending = text[gap.end() :]
         bare = ending == "1" and gap[0].isspace()  # the first of several such columns
@@ -242,12 +237,8 @@ def _split_unit(text: str) -> tuple[str, str | None]:
     return text, None
 
 
-def _unaccented(word: str) -> str:
-    letters = unicodedata.normalize("NFD", word)
-    return "".join(letter for letter in letters if not unicodedata.combining(letter))
-
-
 def _words(name: str) -> list[str]:
+    """The words of a heading, primes in one spelling, and "E(t)" as one word."""
     name = re.sub(r"''|´´|′′|’’|‘‘|[\"″”“]", "''", name)
     name = re.sub(r"[′’‘´`]", "'", name)
     name = re.sub(r"(?i)\btan[\s_(]*(?:delta|δ|d)\b\)?", " tandelta ", name)

@@ -14,6 +14,7 @@ import h5py
 import numpy as np
 import pytest
 from scipy.io import savemat
+from test_instrument_exports import workbook
 
 from graded_contact import read_surface
 from graded_contact.readers import cells, paths
@@ -66,17 +67,6 @@ def test_arguments_override_a_bundle_and_two_readings_are_refused(tmp_path, expe
     np.savez(tmp_path / "b.npz", z=1e5 * HEIGHTS, unit="mm", size=5.0)
     with pytest.raises(ValueError, match=r"its 'size' may be in 'm' or in 'mm'; pass `size` \[m\]"):
         read_surface(tmp_path / "b.npz")
-
-
-def workbook(path, sheets):
-    openpyxl = pytest.importorskip("openpyxl")
-    book = openpyxl.Workbook()
-    book.remove(book.active)
-    for name, rows in sheets.items():
-        sheet = book.create_sheet(name)
-        for row in rows:
-            sheet.append(row)
-    book.save(path)
 
 
 def test_a_scratch_workbook_of_heights_is_read(tmp_path, expected):

@@ -8,7 +8,7 @@ import pytest
 from scene_texts import damaged
 from test_instrument_exports import EXPORTS, rheocompass, trios
 
-from graded_contact.readers.moduli import read_moduli
+from graded_contact import read_moduli
 
 SEED = 20261
 CREEP = "Time [s];Shear strain [%];Shear stress [kPa]\n" + "".join(

@@ -6,25 +6,25 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from test_instrument_exports import (
+    HERTZ,
+    LOSS,
+    MODULUS,
+    OMEGA,
+    STORAGE,
+    check,
+    read,
+    rows,
+    workbook,
+    write,
+)  # fmt: skip
 
+from graded_contact import read_moduli
 from graded_contact.materials.table import Tabulated
-from graded_contact.readers.moduli import read_moduli
-from graded_contact.readers.units import parse_heading, parse_unit
 
 DATA = Path(__file__).parents[3] / "shared" / "data" / "rheology"
 
-HERTZ = np.array([0.1, 1.0, 10.0, 100.0])
-STORAGE = np.array([1.25e6, 2.5e6, 5.75e6, 2.5e7])
-LOSS = np.array([2.5e5, 7.5e5, 3.25e6, 1.5e7])
-MODULUS = STORAGE + 1j * LOSS
-OMEGA = 2 * np.pi * HERTZ
 PLAIN = "f, E', E''\nHz, MPa, MPa\n10, 3, 0.4\n\n# a note\n0.1, 1, 0.2\n1, 2, 0.3\n"
-
-
-def write(folder, content, name="table.csv", encoding="utf-8"):
-    path = folder / name
-    path.write_bytes(content if isinstance(content, bytes) else content.encode(encoding))
-    return path
 
 
 def written(folder, names, columns, separator=",", units=None, decimal=".", encoding="utf-8"):
@@ -35,13 +35,6 @@ def written(folder, names, columns, separator=",", units=None, decimal=".", enco
             separator.join(f"{value!r}".replace(".", decimal) for value in map(float, row))
         )
     return write(folder, "\r\n".join(lines) + "\r\n", encoding=encoding)
-
-
-def check(measured, omega=OMEGA, modulus=MODULUS, rtol=1e-14):
-    assert measured.kind == "frequency" and measured.deformation == "tension"
-    np.testing.assert_allclose(measured.abscissa, omega, rtol=rtol)
-    np.testing.assert_allclose(measured.values.real, modulus.real, rtol=rtol)
-    np.testing.assert_allclose(measured.values.imag, modulus.imag, rtol=rtol)
 
 
 # Measured files: the ranges of RHEOLOGY.md's table, found with other code.
@@ -65,22 +58,16 @@ POLYMERS = [
 ]  # fmt: skip
 
 
-@pytest.mark.parametrize(
-    "name, options, count, abscissa, storage, loss", POLYMERS, ids=[row[0] for row in POLYMERS]
-)
+@pytest.mark.parametrize("name, options, count, abscissa, storage, loss", POLYMERS)
 def test_measured_files_have_the_tabulated_ranges(name, options, count, abscissa, storage, loss):
     measured = read_moduli(data(name), **options)
     assert measured.kind == ("frequency" if loss else "relaxation")
     assert len(measured.abscissa) == count and len(measured.isotherms()) == 1
-
-    def spans(values, limits):  # the table has two or three digits
-        np.testing.assert_allclose([np.min(values), np.max(values)], limits, rtol=0.03)
-
-    spans(measured.abscissa, abscissa)
-    spans(np.real(measured.values), storage)
-    if loss:
-        spans(np.imag(measured.values), loss)
     assert np.all(np.diff(measured.abscissa) > 0)
+    parts = (measured.abscissa, np.real(measured.values), np.imag(measured.values))
+    for values, limits in zip(parts, (abscissa, storage, loss), strict=True):
+        if limits:  # the table has two or three digits
+            np.testing.assert_allclose([np.min(values), np.max(values)], limits, rtol=0.03)
 
 
 ISOTHERMS = [
@@ -91,11 +78,7 @@ ISOTHERMS = [
 ]
 
 
-@pytest.mark.parametrize(
-    "name, options, count, isotherms, celsius, deformation",
-    ISOTHERMS,
-    ids=[r[0] for r in ISOTHERMS],
-)
+@pytest.mark.parametrize("name, options, count, isotherms, celsius, deformation", ISOTHERMS)
 def test_measured_isotherms_are_separated(name, options, count, isotherms, celsius, deformation):
     measured = read_moduli(data(name), **options)
     assert len(measured.abscissa) == count and measured.deformation == deformation
@@ -112,9 +95,8 @@ def test_the_eplexor_workbook_is_read_as_its_decoded_form():
     pytest.importorskip("xlrd")
     workbook = read_moduli(data("pyvisco_freq_Eplexor_master.xls"))
     decoded = read_moduli(data("pyvisco_eplexor_master.csv"))
-    check(workbook, decoded.abscissa, decoded.values)
-    history = " ".join(workbook.history)
-    assert "'Exported Data'" in history and "tan delta of column 16 (tan delta) agrees" in history
+    check(workbook, decoded.abscissa, decoded.values, rtol=1e-14)
+    assert any("tan delta of column 16 (tan delta) agrees" in note for note in workbook.history)
     np.testing.assert_allclose(workbook.temperature, 24.97374 + 273.15)
 
 
@@ -202,47 +184,54 @@ def test_doubtful_columns_are_warned_of(tmp_path, scale, name, column, warning):
     assert any(warning in note for note in read_moduli(path).history)
 
 
-def test_numpys_commented_header_is_a_header(tmp_path):
-    table = np.stack([OMEGA, STORAGE, LOSS], axis=1)
-    np.savetxt(tmp_path / "a.txt", table, header="omega E'[Pa] E''[Pa]", fmt="%.17g")
-    check(read_moduli(tmp_path / "a.txt"))
+QUOTED = "".join(
+    f'"{f}","{storage}","{loss}"\n'.replace(".", ",")
+    for f, storage, loss in zip(HERTZ, STORAGE, LOSS, strict=True)
+)
+
+
+@pytest.mark.parametrize(
+    "text, options",
+    [
+        ("# omega E'[Pa] E''[Pa]\n" + rows(OMEGA, STORAGE, LOSS, separator=" "), {}),  # NumPy's
+        ("omega\tE'\tE''\n" + rows(OMEGA, STORAGE, LOSS), {"units": {"modulus": "Pa"}}),
+        ("f\tE'\tE''\n" + rows(HERTZ, STORAGE, LOSS), {"units": {"modulus": "Pa"}}),
+        ('"f, in Hz","E\' [Pa]","E\'\' [Pa]"\n' + QUOTED, {}),
+    ],
+)
+def test_headings_as_comments_without_units_and_in_quotes(tmp_path, text, options):
+    """A frequency without a unit goes by its name: f is in Hz, omega in rad/s."""
+    check(read(tmp_path, text, **options))
+    if options:
+        text = "rate" + text[text.index("\t") :]
+        with pytest.raises(ValueError, match=r"column 1 \(rate\), the frequency, has '' as unit"):
+            read(tmp_path, text, columns={"frequency": "rate"}, **options)
 
 
 def test_curves_side_by_side_with_temperatures_in_their_titles(tmp_path):
     text = "at 80 °C,,,at 60.5 °C,,\nf,E',E'',f,E',E''\nHz,Pa,Pa,Hz,Pa,Pa\n"
-    rows = np.stack([HERTZ, STORAGE, LOSS], axis=1).tolist()
-    for i, (f, storage, loss) in enumerate(rows):
+    for i, (f, storage, loss) in enumerate(np.stack([HERTZ, STORAGE, LOSS], axis=1).tolist()):
         second = ",," if i == 3 else f"{f!r},{2 * storage!r},{2 * loss!r}"
         text += f"{f!r},{storage!r},{loss!r},{second}\n"
-    cold, hot = read_moduli(write(tmp_path, text)).isotherms()
+    cold, hot = read(tmp_path, text).isotherms()
     check(hot)
     check(cold, OMEGA[:3], 2 * MODULUS[:3])
     np.testing.assert_allclose([cold.temperature[0], hot.temperature[0]], [333.65, 353.15])
 
 
 def test_workbooks_are_read_from_the_sheet_that_is_understood(tmp_path):
-    openpyxl = pytest.importorskip("openpyxl")
-    book = openpyxl.Workbook()
-    book.active.append(["a note"])
-    sheet = book.create_sheet("sweep")
-    sheet.append(["device", "DMA 7"])
-    sheet.append([None, "f", "E'", "E''"])
-    sheet.append([None, "Hz", "MPa", "MPa"])
-    for f, storage, loss in zip(HERTZ, STORAGE / 1e6, LOSS / 1e6, strict=True):
-        # One column was imported as text with decimal commas.
-        sheet.append([None, f, str(storage).replace(".", ","), loss])
-    other = book.create_sheet("other")
-    other.append(["f [Hz]", "E' [Pa]", "E'' [Pa]"])
-    for i in range(2):
-        other.append([i + 1, 3e6, 2e5])
-    book.save(tmp_path / "a.xlsx")
-    check(read_moduli(tmp_path / "a.xlsx"))
-    check(
-        read_moduli(tmp_path / "a.xlsx", sheet="other"),
-        2 * np.pi * np.array([1.0, 2.0]), np.full(2, 3e6 + 2e5j),
-    )  # fmt: skip
+    columns = zip(HERTZ, STORAGE / 1e6, LOSS / 1e6, strict=True)
+    # One column was imported as text with decimal commas.
+    numbers = [[None, f, str(storage).replace(".", ","), loss] for f, storage, loss in columns]
+    heads = [["device", "DMA 7"], [None, "f", "E'", "E''"], [None, "Hz", "MPa", "MPa"]]
+    other = [["f [Hz]", "E' [Pa]", "E'' [Pa]"], [1, 3e6, 2e5], [2, 3e6, 2e5]]
+    sheets = {"Sheet": [["a note"]], "sweep": [*heads, *numbers], "other": other}
+    path = workbook(tmp_path / "a.xlsx", sheets)
+    check(read_moduli(path))
+    measured = read_moduli(path, sheet="other")
+    check(measured, 2 * np.pi * np.array([1.0, 2.0]), np.full(2, 3e6 + 2e5j))
     with pytest.raises(ValueError, match=r"no `sheet='x'`, only \['Sheet', 'sweep', 'other'\]"):
-        read_moduli(tmp_path / "a.xlsx", sheet="x")
+        read_moduli(path, sheet="x")
 
 
 # Kinds, overrides, and what is recorded.
@@ -283,24 +272,6 @@ def test_everything_can_be_overridden(tmp_path):
     assert "Not used: 'c'." in measured.history
 
 
-def test_a_frequency_without_a_unit_goes_by_its_name_only(tmp_path):
-    text = PLAIN.replace("Hz, MPa, MPa\n", "")
-    for name, rate in (("f", 2 * np.pi), ("omega", 1)):
-        path = write(tmp_path, text.replace("f,", f"{name},"))
-        measured = read_moduli(path, units={"modulus": "MPa"})
-        np.testing.assert_allclose(measured.abscissa, rate * np.array([0.1, 1, 10]))
-        assert any("by its name" in note for note in measured.history)
-    path = write(tmp_path, text.replace("f,", "rate,"))
-    with pytest.raises(ValueError, match=r"column 1 \(rate\), the frequency, has no known unit"):
-        read_moduli(path, columns={"frequency": "rate"}, units={"modulus": "MPa"})
-
-
-def test_quoted_cells_with_decimal_commas(tmp_path):
-    text = '"f, in Hz","E\' [MPa]","E\'\' [MPa]"\n"0,1","1,5","0,2"\n"1,0","2,5","0,3"\n'
-    measured = read_moduli(write(tmp_path, text))
-    check(measured, 2 * np.pi * np.array([0.1, 1]), np.array([1.5e6 + 2e5j, 2.5e6 + 3e5j]))
-
-
 def test_both_deformations_in_a_file_are_chosen_between(tmp_path):
     names = ["f", "E' [Pa]", "E'' [Pa]", "G' [Pa]", "G'' [Pa]"]
     path = written(tmp_path, names, [HERTZ, STORAGE, LOSS, STORAGE / 3, LOSS / 3])
@@ -311,10 +282,10 @@ def test_both_deformations_in_a_file_are_chosen_between(tmp_path):
 
 
 def test_a_table_makes_a_material_and_repeats_are_refused_by_line(tmp_path):
-    measured = read_moduli(write(tmp_path, PLAIN))
+    measured = read(tmp_path, PLAIN)
     material = Tabulated(*measured.table())
     np.testing.assert_allclose(material.modulus(2 * np.pi), 2e6 + 3e5j)
-    repeated = read_moduli(write(tmp_path, PLAIN + "10, 5, 0.1\n"))
+    repeated = read(tmp_path, PLAIN + "10, 5, 0.1\n")
     assert any("lines 3 and 8" in note for note in repeated.history)
     with pytest.raises(ValueError, match=r"table.csv`, lines 3 and 8: both have the frequency"):
         repeated.table()
@@ -337,7 +308,7 @@ def test_a_table_makes_a_material_and_repeats_are_refused_by_line(tmp_path):
     ],
 )
 def test_a_row_that_cannot_be_used_is_left_out_with_line_and_reason(tmp_path, row, sentence):
-    measured = read_moduli(write(tmp_path, PLAIN.replace("1, 2, 0.3", row)))
+    measured = read(tmp_path, PLAIN.replace("1, 2, 0.3", row))
     np.testing.assert_allclose(measured.values, [1e6 + 0.2e6j, 3e6 + 0.4e6j])
     assert any(re.match(f"Left out for {sentence}", note) for note in measured.history)
 
@@ -375,11 +346,11 @@ def test_creep_is_strain_over_a_constant_stress(tmp_path):
 def test_a_constant_stress_may_stand_above_the_table(tmp_path):
     text = "Creep of SBR\nApplied stress: 2 kPa\nTime [s],Strain [1]\n"
     text += "".join(f"{t},{1e-3 * (1 + i)}\n" for i, t in enumerate(TIME))
-    measured = read_moduli(write(tmp_path, text))
+    measured = read(tmp_path, text)
     assert measured.kind == "creep"
     np.testing.assert_allclose(measured.values, 1e-3 * np.arange(1, 5) / 2e3)
-    with pytest.raises(ValueError, match="a constant stress may also be in a line above the table"):
-        read_moduli(write(tmp_path, text.replace("stress", "load")))
+    with pytest.raises(ValueError, match="understood: strain, time"):
+        read(tmp_path, text.replace("stress", "load"))
 
 
 def test_relaxation_is_stress_over_a_constant_strain(tmp_path):
@@ -391,7 +362,7 @@ def test_relaxation_is_stress_over_a_constant_strain(tmp_path):
     assert (measured.kind, measured.deformation) == ("relaxation", "tension")
     np.testing.assert_allclose(measured.values[:3], 1e6 * stress[:3] / 5e-3)
     path = written(tmp_path, ["Time [s]", "Stress [MPa]", "Strain [%]"], [TIME, stress, stress])
-    with pytest.raises(ValueError, match="of stress and strain, neither is constant; pass `k"):
+    with pytest.raises(ValueError, match="neither of stress and strain is constant; pass `k"):
         read_moduli(path)
 
 
@@ -401,19 +372,19 @@ def test_reptates_files_of_sweeps_creep_and_relaxation(tmp_path):
         OMEGA.tolist(), STORAGE.tolist(), LOSS.tolist(), strict=True))  # fmt: skip
     for name, first in (("a.osc", "Mw = 634.5; T = -35;chem=PI;"), ("a.tts", "T =-35 ;Mw=1")):
         text = f"{first}\n#Dummy header line\nw     G'     G''     Temp\n{numbers}\n"
-        measured = read_moduli(write(tmp_path, text, name), poisson=0.5)
+        measured = read(tmp_path, text, name, poisson=0.5)
         check(measured, modulus=3 * MODULUS)
         np.testing.assert_allclose(measured.temperature, 238.15, rtol=1e-15)
     text = "T=150;stress=10;\nt strain\ns -\n1E-3 -1e-6\n0.1 2e-5\n1 4e-5\n"
-    measured = read_moduli(write(tmp_path, text, "a.creep"))
+    measured = read(tmp_path, text, "a.creep")
     assert (measured.kind, measured.deformation) == ("creep", "shear")
     np.testing.assert_allclose(measured.values, [2e-6, 4e-6])
     with pytest.raises(ValueError, match="its columns must be time, strain, in this order"):
-        read_moduli(write(tmp_path, text.replace("s -", "- s"), "b.creep"))
+        read(tmp_path, text.replace("s -", "- s"), "b.creep")
     text = "Mw=224;gamma=0.5;\nt sxy\n1 4e5\n2 3e5\n"
-    measured = read_moduli(write(tmp_path, text, "a.gt"))
+    measured = read(tmp_path, text, "a.gt")
     np.testing.assert_allclose(measured.values, [8e5, 6e5])
-    measured = read_moduli(write(tmp_path, text.replace("gamma=0.5;", ""), "a.gt"))
+    measured = read(tmp_path, text.replace("gamma=0.5;", ""), "a.gt")
     np.testing.assert_allclose(measured.values, [4e5, 3e5])
 
 
@@ -423,14 +394,14 @@ def test_reptates_files_of_sweeps_creep_and_relaxation(tmp_path):
 def test_isotherms_below_one_another_take_temperatures_from_the_lines_above(tmp_path):
     table = "f [Hz],E' [Pa],E'' [Pa]\n0.1,{0}e6,1e5\n1,{1}e6,2e5\n"
     text = "Ramp 5 K/min\nat 25 °C\n" + table.format(1, 2) + "at -5.5 °C\n" + table.format(3, 4)
-    cold, hot = read_moduli(write(tmp_path, text)).isotherms()
+    cold, hot = read(tmp_path, text).isotherms()
     np.testing.assert_allclose(cold.temperature, 267.65)
     np.testing.assert_allclose(cold.values.real, [3e6, 4e6])
     np.testing.assert_allclose(hot.temperature, 298.15)
-    without = read_moduli(write(tmp_path, text.replace("°C", "")))
+    without = read(tmp_path, text.replace("°C", ""))
     assert len(without.isotherms()) == 2 and without.temperature is None
     assert any("2 curves of unknown temperature" in note for note in without.history)
-    told = read_moduli(write(tmp_path, text.replace("°C", "")), temperature=[298.15, 267.65])
+    told = read(tmp_path, text.replace("°C", ""), temperature=[298.15, 267.65])
     np.testing.assert_array_equal(told.values, np.concatenate([cold.values, hot.values]))
 
 
@@ -446,27 +417,20 @@ def test_a_slow_ramp_with_sweeps_is_cut_into_isotherms_and_a_plain_ramp_refused(
 
 
 def test_sheets_of_one_isotherm_each_are_joined_and_of_one_temperature_refused(tmp_path):
-    openpyxl = pytest.importorskip("openpyxl")
-
-    def save(temperatures):
-        book = openpyxl.Workbook()
-        book.active.append(["Details"])
+    def save(*temperatures):
+        heads = [["f", "E'", "E''", "T"], ["Hz", "MPa", "MPa", "°C"]]
+        sheets = {"Details": [["Details"]]}
         for i, celsius in enumerate(temperatures):
-            sheet = book.create_sheet(f"step {i}")
-            sheet.append([f"Sweep {i}"])
-            sheet.append(["f", "E'", "E''", "T"])
-            sheet.append(["Hz", "MPa", "MPa", "°C"])
-            for f in (1, 2):
-                sheet.append([f, 3 + i, 0.5, celsius])
-        book.save(tmp_path / "a.xlsx")
-        return tmp_path / "a.xlsx"
+            numbers = [[f, 3 + i, 0.5, celsius] for f in (1, 2)]
+            sheets[f"step {i}"] = [[f"Sweep {i}"], *heads, *numbers]
+        return workbook(tmp_path / "a.xlsx", sheets)
 
-    cold, hot = read_moduli(save([40, 20])).isotherms()
+    cold, hot = read_moduli(save(40, 20)).isotherms()
     np.testing.assert_allclose(cold.values, 4e6 + 5e5j)
     np.testing.assert_allclose(hot.temperature, 313.15)
     with pytest.raises(ValueError, match=r"'step 0', 'step 1'.* have similar tables.*pass `sheet`"):
-        read_moduli(save([20, 20]))
-    assert len(read_moduli(save([20, 20]), sheet="step 1").abscissa) == 2
+        read_moduli(save(20, 20))
+    assert len(read_moduli(save(20, 20), sheet="step 1").abscissa) == 2
 
 
 def test_several_files_are_isotherms_of_one_material(tmp_path):
@@ -494,40 +458,28 @@ def test_several_files_are_isotherms_of_one_material(tmp_path):
 # Refusals, each with the file and the remedy.
 
 
-def test_one_message_names_all_that_is_missing(tmp_path):
-    text = "A,B,A,B\n1,2e-9,1,3e-9\n2,3e-9,2,4e-9\n"
-    with pytest.raises(ValueError, match=r"table.csv") as refusal:
-        read_moduli(write(tmp_path, text))
-    for hint in ("`columns`", "`kind`", "`units`", "column 1 (A), column 2 (B)", "`temperature`"):
-        assert hint in str(refusal.value)
-    told = {"kind": "creep", "units": {"time": "s", "compliance": "1/Pa"}}
-    assert len(read_moduli(write(tmp_path, text), **told, temperature=[300, 310]).lines) == 4
-
-
 @pytest.mark.parametrize(
     "old, new, options, expected",
     [
-        ("f, ", "x, ", {}, "line 1: it has the columns 'x', .*Needed: frequency, storage, loss"),
+        ("f, ", "x, ", {}, "line 1: there are the columns 'x', .*`columns`: frequency, storage"),
         ("f, E', E''\nHz, MPa, MPa\n", "", {"kind": "frequency"},
-         r"column 1, the frequency, has no known unit, column 2, the storage, has no known unit, .*"
-         r"Pass `units`: frequency: one of .*; modulus: one of "),
-        ("Hz, MPa, MPa", "Hz, MPa, mPa", {}, r"line 1: column 3 .E''., the loss, has the unit 'm"),
+         "column 1, the frequency, .* one of .*; column 2, the storage, .*, column 3, the loss, "),
+        ("Hz, MPa, MPa", "Hz, MPa, mPa", {}, "line 1: column 3 .E''., the loss, has 'mPa' as unit"),
         ("0.4\n\n# a note\n0.1, 1, 0.2\n1, 2, 0.3", "0.4", {}, "no table of numbers"),
-        ("", "", {"columns": {"storage": "G"}}, "names 'G', but the file has no column"),
-        ("", "", {"columns": {"modul": "f"}}, "`columns` has the key 'modul'"),
-        ("", "", {"units": {"force": "N"}}, "`units` has the key 'force'"),
-        ("", "", {"kind": "dma"}, "`kind='dma'` is refused: use one of"),
+        ("", "", {"columns": {"storage": "G"}}, "names 'G', but no columns have that name"),
+        ("", "", {"columns": {"modul": "f"}}, "`columns` is 'modul'"),
+        ("", "", {"units": {"force": "N"}}, "`units` is 'force'"),
+        ("", "", {"units": {"modulus": "N"}}, "`units` of the modulus is 'N': use one of"),
+        ("", "", {"kind": "dma"}, "`kind` is 'dma': use one of"),
         ("", "", {"poisson": 0.6}, r"`poisson=0.6` is refused"),
         ("", "", {"temperature": -3.0}, r"`temperature=-3` is refused"),
+        ("", "", {"temperature": "warm"}, r"`temperature='warm'` is refused"),
         ("", "", {"temperature": [300.0, 310.0]}, "`temperature` has shape .2,."),
     ],
 )  # fmt: skip
 def test_what_is_not_understood_is_refused_by_line(tmp_path, old, new, options, expected):
-    path = write(tmp_path, PLAIN.replace(old, new))
-    with pytest.raises(ValueError, match=expected) as refusal:
-        read_moduli(path, **options)
-    own = ("`columns", "`units", "`kind", "`deformation", "`poisson", "`temperature")
-    assert "table.csv" in str(refusal.value) or str(refusal.value).startswith(own)
+    with pytest.raises(ValueError, match=expected):
+        read(tmp_path, PLAIN.replace(old, new), **options)
 
 
 @pytest.mark.parametrize(
@@ -545,11 +497,11 @@ def test_what_is_not_understood_is_refused_by_line(tmp_path, old, new, options, 
 )  # fmt: skip
 def test_ambiguous_or_broken_files_are_refused(tmp_path, text, expected):
     with pytest.raises(ValueError, match=expected) as refusal:
-        read_moduli(write(tmp_path, text))
+        read(tmp_path, text)
     assert "table.csv" in str(refusal.value)
 
 
-def test_a_missing_file_a_folder_and_a_damaged_workbook_are_refused(tmp_path):
+def test_a_missing_file_a_folder_and_a_damaged_workbook_are_refused(tmp_path, monkeypatch):
     with pytest.raises(FileNotFoundError, match=r"nowhere.csv` does not exist"):
         read_moduli(tmp_path / "nowhere.csv")
     with pytest.raises(ValueError, match="is a folder; a file is needed"):
@@ -557,46 +509,7 @@ def test_a_missing_file_a_folder_and_a_damaged_workbook_are_refused(tmp_path):
     for start, library in ((b"\xd0\xcf\x11\xe0", "xlrd"), (b"PK\x03\x04", "openpyxl")):
         pytest.importorskip(library)
         with pytest.raises(ValueError, match=r"a.xls` cannot be read as an Excel workbook"):
-            read_moduli(write(tmp_path, start + bytes(range(256)), "a.xls"))
-
-
-@pytest.mark.parametrize(
-    "start, library", [(b"\xd0\xcf\x11\xe0", "xlrd"), (b"PK\x03\x04", "openpyxl")]
-)
-def test_the_extra_is_named_where_a_reader_is_not_installed(tmp_path, monkeypatch, start, library):
-    monkeypatch.setitem(sys.modules, library, None)
-    with pytest.raises(ImportError, match=rf"{library}: pip install graded_contact\[io\]"):
-        read_moduli(write(tmp_path, start, "a.xls"))
-
-
-@pytest.mark.parametrize(
-    "text, expected",
-    [
-        ("Step time (s)", {"quantity": "time", "unit": "s", "step": True}),
-        ("ang. frequency / rad s-1", {"quantity": "frequency", "unit": "rad/s", "angular": True}),
-        ("Shear loss modulus G'' (Pa)", {"quantity": "loss", "unit": "Pa", "deformation": "shear"}),
-        ("Shear modulus (elastic component)(Pa)",
-         {"quantity": "storage", "unit": "Pa", "deformation": "shear"}),
-        ("ln(G') [Pa]",
-         {"quantity": "storage", "unit": "Pa", "deformation": "shear", "base": "e"}),
-        ("log_aT", {}),
-        ("T_set_C", {"unit": "C"}),
-        ("Creep compliance D(t) [m²/N]",
-         {"quantity": "compliance", "unit": "m2/N", "deformation": "tension"}),
-        ("Schubspannung [Pa]", {"quantity": "stress", "unit": "Pa", "deformation": "shear"}),
-        ("Young's modulus", {"quantity": "modulus", "deformation": "tension"}),
-        ("", {}),
-    ],
-)  # fmt: skip
-def test_headings(text, expected):
-    heading = parse_heading(text)
-    assert {name: value for name, value in heading._asdict().items() if value} == expected
-
-
-@pytest.mark.parametrize(
-    "text, unit",
-    [("[MPa]", "MPa"), ("mpa", "MPa"), ("mPa", None), ("MPa^-1", "1/MPa"), ("cm²/dyn", "cm2/dyn"),
-     ("rad·s⁻¹", "rad/s"), ("°C", "C"), ("s-1", "1/s"), ("-", "1"), ("N", None), ("", None)],
-)  # fmt: skip
-def test_units(text, unit):
-    assert parse_unit(text) == unit
+            read(tmp_path, start + bytes(range(256)), "a.xls")
+        monkeypatch.setitem(sys.modules, library, None)
+        with pytest.raises(ImportError, match=rf"{library}: pip install graded_contact\[io\]"):
+            read(tmp_path, start, "a.xls")

@@ -2,8 +2,9 @@
 
 import numpy as np
 import pytest
+from test_instrument_exports import read, workbook
 
-from graded_contact.readers.moduli import read_moduli
+from graded_contact import read_moduli
 
 OMEGA = np.geomspace(100, 0.1, 13)
 SWEEP = np.stack([2e6 * OMEGA**0.2, 4e5 * OMEGA**0.1, np.full(13, 0.1), np.full(13, 25.0)], 1)
@@ -55,11 +56,6 @@ def step(title, rows):
     return head + lines(rows) + "\n"
 
 
-def read(folder, text, name="export.txt", **options):
-    (folder / name).write_text(text, encoding="utf-8")
-    return read_moduli(folder / name, **options)
-
-
 def check_sweep(measured, factor=1.0):
     order = np.argsort(OMEGA)
     np.testing.assert_allclose(measured.abscissa, OMEGA[order], rtol=1e-6)
@@ -103,7 +99,7 @@ def test_a_step_is_chosen_by_number_or_title(tmp_path, chosen):
     text = TRIOS + step("Frequency sweep - 3", sweep(0.5)) + step("Frequency sweep - 33", sweep(3))
     both = read(tmp_path, text)
     assert len(both.abscissa) == 39
-    noted(both, "Warning: repeated points differ by", "`step` chooses those to read")
+    noted(both, "Warning: repeated points differ by", "Then `step` is needed")
     check_sweep(read(tmp_path, text, step=chosen), 0.5)
     assert len(read(tmp_path, text, step="Frequency").abscissa) == 39
     with pytest.raises(ValueError, match=r"no `step='creep'`; there are step 1 'Amplitude sweep"):
@@ -116,11 +112,11 @@ def test_a_column_names_the_steps(tmp_path):
     """As rSpace writes: one table, whose first column is the name of the action."""
     text = "Action Name;" + ";".join(map("{}({})".format, NAMES, UNITS)) + "\n"
     text += lines(AMPLITUDE, ";", "Auslenkung;") + lines(sweep(), ";", "Frequenzen;")
-    measured = read(tmp_path, text, "export.csv")
+    measured = read(tmp_path, text)
     check_sweep(measured)
     noted(measured, "step 1 'Auslenkung' (lines 2-30, 29 rows)")
     with pytest.raises(ValueError, match="the same in every row"):
-        read(tmp_path, text, "export.csv", step="auslenkung")
+        read(tmp_path, text, step="auslenkung")
 
 
 def test_a_table_without_titles_is_split_by_what_is_constant(tmp_path):
@@ -133,17 +129,10 @@ def test_a_table_without_titles_is_split_by_what_is_constant(tmp_path):
 
 
 def test_steps_in_sheets_of_a_workbook(tmp_path):
-    openpyxl = pytest.importorskip("openpyxl")
-    book = openpyxl.Workbook()
-    book.active.title = "Details"
-    for line in HEAD.splitlines():
-        book.active.append(line.split("\t"))
-    for title, rows in (("Amplitude sweep - 1", AMPLITUDE), ("Frequency sweep - 2", sweep())):
-        sheet = book.create_sheet(title)
-        for row in ([title], NAMES, UNITS, *rows.tolist()):
-            sheet.append(list(row))
-    book.save(tmp_path / "tread.xlsx")
-    measured = read_moduli(tmp_path / "tread.xlsx")
+    steps = {"Amplitude sweep - 1": AMPLITUDE, "Frequency sweep - 2": sweep()}
+    sheets = {name: [[name], NAMES, UNITS, *rows.tolist()] for name, rows in steps.items()}
+    details = [line.split("\t") for line in HEAD.splitlines()]
+    measured = read_moduli(workbook(tmp_path / "tread.xlsx", {"Details": details, **sheets}))
     check_sweep(measured)
     noted(measured, "Left out the sheets 'Details', 'Amplitude sweep - 1'")
 

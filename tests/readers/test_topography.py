@@ -70,15 +70,6 @@ def test_mirrored_files_have_the_tabulated_statistics(name, shape, size, height,
     np.testing.assert_allclose(along, slopes, rtol=1e-3)
 
 
-def test_a_few_missing_points_change_the_tabulated_statistics_little():
-    """The filling continues spikes at the rims, hence the slopes 7 % above the table."""
-    surface = read_surface(_measured("sur-2.sur"), periodic="mirror", fill="harmonic")
-    actual, along = _step_slopes(surface)
-    np.testing.assert_allclose(actual, 1.71e-8, rtol=0.02)
-    np.testing.assert_allclose(along, (0.002286, 0.002226), rtol=0.08)
-    assert any("Filled 117 missing points" in note for note in surface.history)
-
-
 def test_spikes_around_large_holes_are_reported_and_discarded_on_request():
     path, third = _measured("frt-2.frt"), [0, 0.03, 0.01, 0.02]
     spiky = read_surface(path, region=third, fill="harmonic")
@@ -104,61 +95,43 @@ def test_truncated_files_are_refused_by_name(name, kept, tmp_path):
         read_surface(path)
 
 
-def test_the_size_or_unit_of_a_file_cannot_be_overridden():
-    path = _measured("matrix-3.txt")
-    with pytest.raises(ValueError, match="leave out `unit='um'`"):
-        read_surface(path, unit="um")
-    with pytest.raises(ValueError, match="leave out `size`"):
-        read_surface(path, size=1e-5)
-
-
-def test_channels_are_chosen_by_name_or_index_and_must_be_heights():
+def test_what_a_file_states_is_not_overridden_and_a_channel_must_be_of_heights():
     path = _measured("di-5.di")
     one, two = read_surface(path, channel="ZSensor"), read_surface(path, channel=0)
     np.testing.assert_array_equal(one.heights, two.heights)
-    with pytest.raises(ValueError, match="is not a length"):
-        read_surface(path, channel="PeakForceError")
-    with pytest.raises(ValueError, match="it has no `channel='Height'`, only"):
-        read_surface(path, channel="Height")
+    for options, message in [
+        ({"unit": "um"}, "leave out `unit='um'`"),
+        ({"size": 1e-5}, "leave out `size`"),
+        ({"channel": "PeakForceError"}, "is not a length"),
+        ({"channel": "Height"}, r"pass `channel`, one of \['ZSensor', .*, not 'Height'"),
+    ]:
+        with pytest.raises(ValueError, match=message):
+            read_surface(path, **options)
 
 
 # Invented files and arrays
 
 
-def _saved(tmp_path, values):
-    np.save(tmp_path / "map.npy", values)
-    return tmp_path / "map.npy"
-
-
-def test_a_line_scan_of_two_columns_gives_a_profile(tmp_path):
-    heights, x = 1e6 * _rough((64,)), 2.0 * np.arange(64)
-    np.savetxt(tmp_path / "line.txt", np.stack([x, heights], axis=1))
-    surface = read_surface(tmp_path / "line.txt", unit="um", periodic="mirror")
-    assert surface.grid.shape == (128,)
-    np.testing.assert_allclose(surface.grid.spacing, 2e-6, rtol=1e-10)
-    np.testing.assert_allclose(surface.heights[:64], 1e-6 * _levelled(heights), atol=1e-18)
-    assert surface.measured is None
-
-
 @pytest.mark.parametrize(
     ("options", "message"),
     [
-        ({}, r"state its unit and size; pass `unit`, for instance 'um', and `size` \[m\]"),
+        ({}, r"pass `unit`, for instance 'um', and `size` \[m\]"),
         ({"size": 1.0, "unit": "nm", "region": [0, 2, 0, 1]}, "must lie in the map"),
         ({"size": 1.0, "unit": "furlong"}, "`unit='furlong'` is not a length"),
         ({"size": -1.0, "unit": "nm"}, "`size=-1` is refused"),
+        ({"size": [1.0, 1.0, 1.0], "unit": "nm"}, r"`size` has shape \(3,\)"),
         ({"size": 1.0, "unit": "nm", "periodic": "taper"}, "`periodic='taper'` must be"),
         ({"size": 1.0, "unit": "nm", "rim": -1}, "`rim=-1` must be a whole number"),
         ({"size": 1.0, "unit": "nm", "shape": (8,)}, "2 whole numbers are needed"),
     ],
 )
 def test_bad_options_are_refused(options, message, tmp_path):
-    path = _saved(tmp_path, _rough((8, 8)))
+    np.save(tmp_path / "map.npy", _rough((8, 8)))
     with pytest.raises(ValueError, match=message):
-        read_surface(path, **options)
+        read_surface(tmp_path / "map.npy", **options)
 
 
-def test_a_missing_file_an_unknown_format_and_a_folder_are_refused_by_name(tmp_path):
+def test_what_is_no_file_of_heights_is_refused_by_name(tmp_path, monkeypatch):
     pytest.importorskip("SurfaceTopography")
     with pytest.raises(FileNotFoundError, match=r"absent\.sur"):
         read_surface(tmp_path / "absent.sur")
@@ -167,13 +140,9 @@ def test_a_missing_file_an_unknown_format_and_a_folder_are_refused_by_name(tmp_p
     for name in ("noise.bin", "empty.txt", ""):
         with pytest.raises(ValueError, match=re.escape(f"`path={tmp_path / name}`")):
             read_surface(tmp_path / name, unit="m", size=1.0)
-
-
-def test_without_surface_topography_the_extra_is_named(tmp_path, monkeypatch):
-    (tmp_path / "map.sur").write_bytes(bytes(100))
     monkeypatch.setitem(sys.modules, "SurfaceTopography", None)
     with pytest.raises(ImportError, match=r"pip install graded_contact\[io\]"):
-        read_surface(tmp_path / "map.sur")
+        read_surface(tmp_path / "noise.bin")
 
 
 def test_the_window_falls_to_zero_and_keeps_the_rms_height():
@@ -245,15 +214,15 @@ def test_holes_are_filled_harmonically():
     x, y = np.meshgrid(np.arange(16.0), np.arange(20.0), indexing="ij")
     values = x**2 - y**2
     hole = (abs(x - 8) < 3) & (abs(y - 9) < 4)
-    damaged = np.ma.array(values, mask=hole)
-    surface = surface_from_heights(damaged, [16.0, 20.0], periodic="mirror", fill="harmonic")
+    holed = np.ma.array(values, mask=hole)
+    surface = surface_from_heights(holed, [16.0, 20.0], periodic="mirror", fill="harmonic")
     filled = np.asarray(surface.heights)[:16, :20] - values
     plane = _levelled(filled)
     np.testing.assert_allclose(plane, 0, atol=1e-9)
     assert f"Filled {hole.sum()} missing points" in surface.history[2]
     np.testing.assert_array_equal(np.asarray(surface.measured)[:16, :20], ~hole)
     with pytest.raises(ValueError, match="pass `fill='low'`"):
-        surface_from_heights(damaged, [16.0, 20.0], fill=None)
+        surface_from_heights(holed, [16.0, 20.0], fill=None)
 
 
 @pytest.mark.parametrize(
@@ -269,7 +238,7 @@ def test_heights_without_a_surface_in_them_are_refused(values, message):
         surface_from_heights(values, 1.0)
 
 
-def _holed(spikes=0.0):
+def _holed():
     """A rough surface of which a border and islands, 31 %, are missing; and its mask."""
     spectrum = SelfAffine(rms_slope=0.2, hurst=0.8, q_low=6.3e3, q_roll=1.9e4, q_high=1e5)
     surface = random_surface(spectrum, Grid((96, 96), 1e-3), jax.random.key(1))
@@ -279,38 +248,28 @@ def _holed(spikes=0.0):
     for cx, cy, r in [(22, 30, 8), (53, 68, 10), (71, 22, 7), (45, 45, 5), (75, 70, 6)]:
         missing |= (x - cx) ** 2 + (y - cy) ** 2 < r**2
     heights[missing] = np.nan
-    rng = np.random.default_rng(0)
-    rims = np.argwhere(~missing & (np.roll(missing, 1, 0) | np.roll(missing, 1, 1)))
-    for i, j in rng.permutation(rims)[:20]:
-        heights[i, j] += spikes * rng.exponential()
     return heights, missing
 
 
-def test_filled_holes_lie_lower_than_their_rims():
+def test_filled_holes_lie_lower_than_their_rims_whose_spikes_are_caveats():
     heights, missing = _holed()
-    assert 0.28 < np.mean(missing) < 0.34
     surface = surface_from_heights(heights, 1e-3, periodic="mirror")
     tile = np.asarray(surface.heights)[:96, :96]
-    rims = tile[~missing & _grown(missing)]
-    assert np.max(tile[missing]) < np.max(rims)
+    near = [np.roll(missing, (i, j), (0, 1)) for i in (-1, 0, 1) for j in (-1, 0, 1)]
+    assert np.max(tile[missing]) < np.max(tile[~missing & np.any(near, axis=0)])
     assert np.mean(tile[missing]) < np.mean(tile[~missing]) - np.std(tile[~missing])
     np.testing.assert_array_equal(np.asarray(surface.measured)[:96, :96], ~missing)
     assert any("31% of the points" in text for text in surface.caveats)
-
-
-def _grown(mask):
-    return np.any([np.roll(mask, (i, j), (0, 1)) for i in (-1, 0, 1) for j in (-1, 0, 1)], axis=0)
-
-
-def test_spikes_around_holes_are_caveats_of_surface_and_friction():
-    heights, _ = _holed(spikes=1e-3)
-    surface = surface_from_heights(heights, 1e-3)
-    assert any("rms heights from the mean" in text for text in surface.caveats)
+    rng = np.random.default_rng(0)
+    rims = np.argwhere(~missing & (np.roll(missing, 1, 0) | np.roll(missing, 1, 1)))
+    for i, j in rng.permutation(rims)[:20]:
+        heights[i, j] += 1e-3 * rng.exponential()
+    caveats = surface_from_heights(heights, 1e-3).caveats
+    assert any("rms heights from the mean" in text for text in caveats)
 
 
 def test_the_largest_measured_part_is_named_and_can_be_cut_out():
     heights, missing = _holed()
-    heights[missing] = np.nan
     note = next(n for n in surface_from_heights(heights, 1e-3).history if "`region=" in n)
     region = [float(v) for v in re.search(r"region=\[(.*?)\]", note).group(1).split(",")]
     best = 0  # by brute force: the widest run of each pair of rows
@@ -416,15 +375,6 @@ def test_words_between_the_numbers_are_missing_points(tmp_path, word):
     np.testing.assert_array_equal(surface.measured[:6, :5], expected)
 
 
-def test_a_line_of_points_without_any_height_keeps_its_place(tmp_path):
-    h, _ = _texts()
-    h[-1] = np.nan
-    np.savetxt(tmp_path / "map.csv", h.T, delimiter=";")
-    surface = read_surface(tmp_path / "map.csv", unit="um", size=1e-5, periodic="mirror")
-    assert surface.grid.shape == (12, 10)
-    assert np.all(surface.measured[5] == 0) and np.all(surface.measured[:5] == 1)
-
-
 @pytest.mark.parametrize(
     ("text", "message"),
     [
@@ -450,6 +400,7 @@ def test_texts_that_could_be_read_in_two_ways_or_in_none_are_refused(tmp_path, t
         ("0,5\n0,7\n0,1\n0,9\n-0,3\n0,2\n", [0.5, 0.7, 0.1, 0.9, -0.3, 0.2], "um"),
         ("# z [um]\n1 3 2 7 5 4 4 2\n", [1.0, 3, 2, 7, 5, 4, 4, 2], None),
         ("1.234,5;\n2.000,1;\n1.500;\n900,25;\n", [1234.5, 2000.1, 1500, 900.25], "um"),
+        ("1 3\n2 2\n3 7\n4 5\n", [3.0, 2, 7, 5], "um"),  # points counted
     ],
 )
 def test_one_column_or_row_is_a_profile(tmp_path, text, heights, unit):
@@ -492,16 +443,6 @@ def test_an_unequal_line_scan_is_interpolated_and_its_gaps_are_missing(tmp_path)
     apart = (np.asarray(surface.heights)[:num] - truth)[~lost]
     line = np.polyval(np.polyfit(at[~lost], apart, 1), at[~lost])
     np.testing.assert_allclose(apart, line, atol=1e-11)
-
-
-def test_a_bundle_of_several_arrays_needs_a_choice(tmp_path):
-    np.savez(tmp_path / "two.npz", height=_rough((8, 9)), error=_rough((8, 9), 1), x=np.arange(9))
-    arguments = {"unit": "m", "size": 1e-3}
-    with pytest.raises(ValueError, match=r"pass `channel`, one of \['height', 'error'\]"):
-        read_surface(tmp_path / "two.npz", **arguments)
-    by_name = read_surface(tmp_path / "two.npz", channel="error", **arguments)
-    by_index = read_surface(tmp_path / "two.npz", channel=1, **arguments)
-    np.testing.assert_array_equal(by_name.heights, by_index.heights)
 
 
 # OpenCRG
@@ -592,27 +533,22 @@ def test_damaged_roads_are_refused(tmp_path, old, new, message):
 
 @pytest.mark.slow
 def test_no_damage_to_a_file_brings_a_reader_down(tmp_path):
-    """500 damaged texts, roads and arrays: read, or refused with `ValueError`, in seconds."""
+    """400 damaged texts, roads and arrays: read, or refused with `ValueError`."""
     rng = np.random.default_rng(20240601)
-    _, texts = _texts()
-    originals = [(text.encode(), arguments, "a.txt") for _, text, arguments in texts]
+    originals = [(text.encode(), arguments, "a.txt") for _, text, arguments in _texts()[1]]
     for form in ("LRFI", "LDFI", "KRBI", "KDBI"):
         road = _road(form, 1e3 * _rough((9, 11)), "LONG_SECTION_V_INCREMENT = 0.25\n")
         originals += 3 * [(road, {}, "a.crg")]
-    np.save(tmp_path / "a.npy", _rough((8, 9)))
     np.savez(tmp_path / "a.npz", _rough((8, 9)))
-    bare = {"unit": "um", "size": 1e-5}
-    originals += [((tmp_path / name).read_bytes(), bare, name) for name in ("a.npy", "a.npz")]
+    content = (tmp_path / "a.npz").read_bytes()
+    originals.append((content, {"unit": "um", "size": 1e-5}, "a.npz"))
     refused = 0
-    for case in range(500):
+    for case in range(400):
         content, arguments, name = originals[case % len(originals)]
-        content = damaged(content, rng)
-        (tmp_path / name).write_bytes(content)
+        (tmp_path / name).write_bytes(damaged(content, rng))
         try:
-            surface = read_surface(tmp_path / name, **arguments)
+            assert np.all(np.isfinite(read_surface(tmp_path / name, **arguments).heights))
         except ValueError as error:
             refused += 1
             assert "`path=" in str(error) or "`size" in str(error)
-        else:
-            assert np.all(np.isfinite(surface.heights))
-    assert 100 < refused < 500
+    assert 80 < refused < 400
