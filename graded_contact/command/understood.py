@@ -19,7 +19,7 @@ from ..scenes.toml import parse_toml
 def print_understood(scene: Scene) -> None:
     """Prints the block from the loaded surface downwards, the surface, and what is varied."""
     tables = parse_toml(scene.text)
-    known = tables["materials"]
+    known, lines = tables["materials"], {}
     for i, (layer, table) in enumerate(
         zip(scene.stack.layers, tables.get("layers", []), strict=True), start=1
     ):
@@ -27,22 +27,23 @@ def print_understood(scene: Scene) -> None:
             of = f"{table['bottom']} (below) to {table['top']} (above)"
         else:
             of = _material(table["material"], known, layer.material)
-        _print(f"layer {i}", f"{with_unit(float(layer.thickness), 'm')} of {of}")
-    base, kind = scene.stack.base, tables["base"]["kind"].replace("_", "-")
+        lines[f"layer {i}"] = f"{with_unit(float(layer.thickness), 'm')} of {of}"
+    base, lines["base"] = scene.stack.base, tables["base"]["kind"].replace("_", "-")
     if isinstance(base, HalfSpace):
-        kind += f" of {_material(tables['base']['material'], known, base.material)}"
-    _print("base", kind)
+        lines["base"] += f" of {_material(tables['base']['material'], known, base.material)}"
     kind = "random" if isinstance(scene.surface, RandomSurface) else "sphere"
-    _print("surface", tables["surface"].get("path", kind))
+    lines["surface"] = tables["surface"].get("path", kind)
     axes = scene.axes
     if scene.temperature is not None:
         axes["temperature"] = np.atleast_1d(scene.temperature)
     for name, values in axes.items():
-        _print("seed" if name == "seed" else title_of(name, scene.text), _values(name, values))
-
-
-def _print(name: str, text: str) -> None:
-    typer.echo(f"{name:22} {text}")
+        quantity = quantity_of(name)
+        ends = dict.fromkeys((values[0].item(), values[-1].item()))
+        text = " to ".join(labelled(end, quantity.unit if quantity else "") for end in ends)
+        text += f", {len(values)} values" if len(values) > 1 else ""
+        lines["seed" if name == "seed" else title_of(name, scene.text)] = text
+    for name, text in lines.items():
+        typer.echo(f"{name:22} {text}")
 
 
 def _material(name: str, tables: dict[str, Any], material: AbstractMaterial) -> str:
@@ -51,19 +52,9 @@ def _material(name: str, tables: dict[str, Any], material: AbstractMaterial) -> 
     if isinstance(material, Elastic):
         about = f": {with_unit(float(material.modulus(0.0)), 'Pa')}"
     elif isinstance(material, Prony):
-        slow = float(material.equilibrium)
-        ends = (slow, slow + float(np.sum(material.strengths)))
-        about = ": {} relaxed to {} glassy, ".format(*(with_unit(end, "Pa") for end in ends))
-        about += f"{len(material.times)} terms"
+        ends = (with_unit(float(end), "Pa") for end in (material.equilibrium, material.glassy))
+        about = ": {} relaxed to {} glassy, ".format(*ends) + f"{len(material.times)} terms"
     elif isinstance(material, Tabulated):
         omega = np.asarray(material.omega)
         about = f", measured from {omega[0]:.3g} to {omega[-1]:.3g} rad/s"
     return f"{name} ({tables[name]['kind'].replace('_', ' ')}{about})"
-
-
-def _values(name: str, values: np.ndarray) -> str:
-    """The ends of an axis, and how many values it has."""
-    known = quantity_of(name)
-    ends = dict.fromkeys((values[0].item(), values[-1].item()))
-    text = " to ".join(labelled(end, known.unit if known else "") for end in ends)
-    return text + (f", {len(values)} values" if len(values) > 1 else "")

@@ -159,15 +159,16 @@ class Model:
         """Returns the label of each knob with its step, at `values` [SI]."""
         return [knob.stepped(value) for knob, value in zip(self.knobs, values, strict=True)]
 
+    def thickness(self, values: Sequence[float]) -> list[float]:
+        """Returns the thicknesses of the layers [m], with the knobs at `values` [SI]."""
+        settings = zip(self.knobs, values, strict=True)
+        return [value for knob, value in settings if knob.quantity == "thickness"]
+
     def title(self, values: Sequence[float]) -> str:
         """Returns the title of the scene, or its layers with the knobs at `values` [SI]."""
-        content, changed = self.document.content, False
-        thickness = []
-        for knob, value in zip(self.knobs, values, strict=True):
-            changed |= value != knob.value
-            thickness += [value] if knob.quantity == "thickness" else []
-        title = "" if changed else content.get("title", "")
-        return title or described(content, thickness)
+        content = self.document.content
+        title = content.get("title") if tuple(values) == self.values else ""
+        return title or described(content, self.thickness(values))
 
     def changed(self, values: Sequence[float]) -> Document:
         """Returns the scene with the knobs at `values` [SI]."""

@@ -21,7 +21,7 @@ TURN = (
 )
 
 
-class Slider:
+class FigureSlider:
     """Several figures, one of which is shown; see `slider`.
 
     Notebooks show the slider; without HTML the figure in the middle is shown.
@@ -46,7 +46,7 @@ class Slider:
 
 def slider(
     draw: Callable[[Any], "Figure"], values: ArrayLike | Sequence[float], label: str
-) -> Slider:
+) -> FigureSlider:
     """Returns a slider over a figure, for a notebook.
 
     All figures are drawn at once, so that the slider also works on a page without Python.
@@ -70,4 +70,4 @@ def slider(
             sys.modules["matplotlib.pyplot"].close(figure)
         captions.append(f"{label}: {value:.4g}")
         pictures.append(buffer.getvalue())
-    return Slider(captions, pictures)
+    return FigureSlider(captions, pictures)

@@ -11,7 +11,7 @@ if TYPE_CHECKING:
     from xarray import DataArray
 
 ZERO_CELSIUS = 273.15  # K
-SINGULAR = {"branch moduli": "branch modulus", "relaxation times": "relaxation time"}
+_SINGULAR = {"branch moduli": "branch modulus", "relaxation times": "relaxation time"}
 
 
 def title_of(name: str, scene: str = "") -> str:
@@ -39,7 +39,7 @@ def title_of(name: str, scene: str = "") -> str:
         owner = f"{place} ({owner})"  # a material of several layers
     meaning = quantity.meaning.removeprefix("layer ")
     if entry is not None:
-        meaning = f"{SINGULAR.get(meaning, meaning)} {int(entry) + 1}"
+        meaning = f"{_SINGULAR.get(meaning, meaning)} {int(entry) + 1}"
     return f"{owner} {meaning}"
 
 

@@ -215,7 +215,7 @@ def upload(name, chunk=1):
 
 
 def test_a_large_file_is_refused_while_it_arrives(monkeypatch):
-    monkeypatch.setattr(widgets, "LARGEST", 2)
+    monkeypatch.setattr(widgets, "LARGEST_DROP", 2)
     dropper = widgets.Dropper()
     for chunk in (1, 2, 3):
         dropper._process_event(upload("a", chunk))
