@@ -21,7 +21,7 @@ from graded_contact.scenes.scene_reading import read_scene
 
 pytest.importorskip("panel")
 from graded_contact.page import widgets
-from graded_contact.page.downloads import Shown, to_csv, to_hdf5, to_pdf
+from graded_contact.page.downloads import Shown, to_csv, to_hdf5
 from graded_contact.page.view import Page
 
 SECONDS = 600  # of a compilation
@@ -119,7 +119,6 @@ def test_downloads_have_units_and_everything_that_is_shown(model):
         assert file["contact/friction"][()] == float(shown.contact.sliding.friction)
         assert len(file["change_by_step_of_slider/friction"]) == len(model.knobs)
         assert "[[layers]]" in file.attrs["scene"]
-    assert to_pdf(shown).startswith(b"%PDF")
 
 
 async def rest():
