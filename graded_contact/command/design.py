@@ -28,7 +28,6 @@ from .terminal import (
     refusing,
     save_figure,
 )
-from .understood import print_understood
 
 
 def design(
@@ -46,7 +45,7 @@ def design(
         study = read_design(scene_file)
         rough = study.spectrum
         if dry_run:
-            print_understood(study.scene)
+            typer.echo(study.scene)
             typer.echo(design_cost(study).report())
             check_design(study)
             print_read(study.scene, rough if isinstance(rough, Surface) else None)

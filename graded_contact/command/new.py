@@ -108,7 +108,7 @@ def _text(
     lines = [
         f"# {title}, by `graded-contact new`. Change what you know better.",
         "#",
-        f"#     graded-contact run {scene.name} --dry-run     prints what is understood",
+        f"#     graded-contact run {scene.name} --dry-run     prints block, surface and loads",
         f"#     graded-contact run {scene.name}",
         "",
         f"title = {entry_text(title)}",

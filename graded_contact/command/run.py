@@ -53,7 +53,6 @@ from .terminal import (
     refusing,
     save_figure,
 )
-from .understood import print_understood
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -74,7 +73,7 @@ def demo(
     form: FigureFormat = Format.PNG,
 ) -> None:
     """Runs a built-in scene: tyre tread with a modified layer of 50 µm on a rough road."""
-    text = resources.files("graded_contact.studies").joinpath("demo.toml").read_text("utf-8")
+    text = resources.files("graded_contact.scenes").joinpath("demo.toml").read_text("utf-8")
     text = text.replace("shape = [256, 256]", f"shape = [{resolution}, {resolution}]")
     with refusing():
         scene = parse_scene(text)
@@ -114,7 +113,7 @@ def run(
         place = place_of(scene, scene_file, output)
         engine["kept"] = _chosen(scene, at or [])
         if dry_run:
-            print_understood(scene)
+            typer.echo(scene)
             typer.echo(scene_cost(scene).report())
             surface, *_ = _prepared(scene, *place, replace)
             check_run(scene, surface)

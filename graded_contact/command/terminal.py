@@ -51,7 +51,7 @@ Replace = Annotated[
     bool, typer.Option("--replace", help="Replace an earlier result, also one of another scene.")
 ]
 DryRun = Annotated[bool, typer.Option(
-    "--dry-run", help="Print what was understood (block, surface, loads) and the cost, then exit."
+    "--dry-run", help="Print block, surface, loads and cost, then exit."
 )]  # fmt: skip
 FigureFormat = Annotated[
     Format, typer.Option("--format", help="Format of the figures; pdf and svg are vector graphics.")

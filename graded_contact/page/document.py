@@ -68,7 +68,7 @@ def open_document(path: Path | None) -> Document:
     """
     if path is None:
         name, folder = "demo.toml", Path.cwd()
-        text = resources.files("graded_contact.studies").joinpath(name).read_text("utf-8")
+        text = resources.files("graded_contact.scenes").joinpath(name).read_text("utf-8")
     else:
         name, folder, text = path.name, path.absolute().parent, read_utf8(path, at_most=LARGEST)
     with within(f"{name}:"):

@@ -44,12 +44,8 @@ def title_of(name: str, scene: str = "") -> str:
 
 
 def label_of(number: "DataArray") -> str:
-    """Returns a number of an axis with its unit, a temperature also in °C."""
-    return labelled(number.item(), number.attrs.get("units", ""))
-
-
-def labelled(value: float, unit: str) -> str:
-    """Returns a number in SI units in a common unit, a temperature also in °C."""
+    """Returns a number of an axis with a common unit, a temperature also in °C."""
+    value, unit = number.item(), number.attrs.get("units", "")
     if unit == "K":
         return kelvin(value)
     if unit in ("", "1"):
