@@ -144,7 +144,7 @@ def with_options(message: str) -> str:
 
 def read_measured(moduli_files, column, unit, temperature, **options) -> Measured:
     """Reads moduli with options as texts, and prints how they were understood."""
-    columns = _pairs("column", column)
+    columns = _pairs("column", column)  # a number counts the columns from 1
     measured = read_moduli(
         moduli_files, units=_pairs("unit", unit), **options,
         columns={key: int(v) if v.isdecimal() else v for key, v in columns.items()},

@@ -89,6 +89,7 @@ def _columns(results: "Dataset", hidden: set[str]) -> dict[str, tuple[str, str]]
     columns = {name: entry.column for name, entry in OBSERVABLES.items() if entry.column}
     columns["friction_standard_error"] = ("± materials", ".1e")  # of means over seeds
     hidden = hidden | ({"unmeasured_friction"} if "measured" not in results else set())
+    # Without shear in the contact, all friction is hysteresis.
     if "shear_friction" in results and not np.any(results["shear_friction"]):
         hidden |= {"hysteresis_friction", "shear_friction"}
     axes = results["message"].dims
@@ -125,6 +126,7 @@ def with_error(value: float, error: float) -> str:
     """Returns a number with its standard error, to two digits of that: "0.512 ± 0.0081"."""
     if not (np.isfinite(error) and error > 1e-6):
         return f"{value:#.4g} ± {error:.2g}"
+    # The second digit of the error is the last digit of both numbers.
     digits = max(0, 1 - int(np.floor(np.log10(error))))
     return f"{value:.{digits}f} ± {error:.{digits}f}"
 

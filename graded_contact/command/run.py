@@ -75,7 +75,7 @@ def demo(
     """Runs a built-in scene: tyre tread with a modified layer of 50 µm on a rough road."""
     text = resources.files("graded_contact.scenes").joinpath("demo.toml").read_text("utf-8")
     text = text.replace("shape = [256, 256]", f"shape = [{resolution}, {resolution}]")
-    with refusing():
+    with refusing():  # a resolution may be too large for the memory
         scene = parse_scene(text)
     name = "demo" if resolution == 256 else f"demo-{resolution}"
     folder = output or Path("graded-contact-demo")
@@ -261,6 +261,7 @@ def _solved(
 
 def _write(file: Path, results: "Dataset", replace: bool, all_seeds: bool) -> bool:
     """Writes results unless the file that exists holds more, and returns whether it did."""
+    # Solves that an interruption left out must not replace those of an earlier run.
     finished = results["point"].values[(results["message"] != NOT_STARTED).values]
     if not replace and (lost := lost_solves(file, finished)[0]):
         typer.echo(f"{file} holds {lost} solves that were not done again: it is not changed")

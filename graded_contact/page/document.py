@@ -81,6 +81,7 @@ def open_document(path: Path | None) -> Document:
 
 def _at_one_point(content: dict[str, Any], scene: Scene, folder: Path) -> Document:
     moving = np.sort(np.abs(scene.velocity[scene.velocity != 0]))
+    # A scene of one speed, or of a narrow range, still has a slider and curves over decades.
     speeds = (float(moving[0]), float(moving[-1]))
     if speeds[1] < 100 * speeds[0]:
         speeds = (speeds[0] / 1e3, speeds[1] * 1e3)
@@ -231,7 +232,7 @@ def with_file(
         taken = {path.stem for path in folder.iterdir()}
         path = folder / f"{free_name(path.stem, taken)}{path.suffix}"
         write_whole(path, data)
-    try:
+    try:  # the readers take paths, so the file is stored first and removed if they refuse it
         changed = change(document, path)
         changed.scene()
     except BaseException as error:

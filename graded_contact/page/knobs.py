@@ -175,6 +175,7 @@ def _of_materials(content: dict[str, Any], stack: Stack) -> Iterator[Knob]:
             value = float(material.young)
             yield _wide(target, f"{name}: modulus", "modulus", value, (*key, "modulus"))
         if isinstance(material, Prony):
+            # A liquid has no relaxed modulus.
             which = "relaxed" if material.equilibrium > 0 else "glassy"
             value = float(material.equilibrium if which == "relaxed" else material.glassy)
             target, label = Target(which, tuple(places)), f"{name}: {which} modulus"
@@ -248,9 +249,11 @@ def changed_stack(
             for path in target.paths:
                 names = (f"{path}.equilibrium", f"{path}.strengths")
                 equilibrium, strengths = (initial[name] for name in names)
+                # All moduli scale together, so that the relaxation times keep their meaning.
                 whole = equilibrium + (0 if target.kind == "relaxed" else strengths.sum())
                 values |= {name: initial[name] * (number / whole) for name in names}
     stack = with_values(stack, values) if values else stack
+    # Last, so that the temperature shifts the materials that the other knobs changed.
     for target, number in zip(targets, numbers, strict=True):
         stack = stack.at(number) if target.kind == "temperature" else stack
     return stack
@@ -276,7 +279,7 @@ def changed_document(
             table = table[name]
         table[last] = value
         if knob.target.kind == "height":
-            table.pop("rms_slope", None)
+            table.pop("rms_slope", None)  # a file takes one of the two
         elif knob.target.kind in ("relaxed", "glassy"):
             table[last] = material_table(part_at(block, knob.target.paths[0]))
     return document

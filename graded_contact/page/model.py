@@ -140,6 +140,7 @@ class Model:
         """Returns the contact at `values` [SI], solved from the last one."""
         sliding, heights = _slide(self._scenery, jnp.array(values), self._start)
         sliding.compute(*sliding.numbers)  # here in the thread, not when the page reads them
+        # A failed solve is no start for the next one.
         if np.all(np.isfinite(np.asarray(sliding.pressure))):
             self._start = sliding.pressure
         self._last = (tuple(values), Contact(sliding, np.asarray(heights), values[1]))
@@ -236,5 +237,6 @@ def _derivatives(scenery, numbers, contact):
         sliding, _ = _slide(scenery, numbers, None, solution=contact)
         return jnp.stack(sliding.compute("friction", "contact_area_smooth"))
 
+    # Two outputs and some ten knobs: backwards is cheaper than forwards.
     found, pull = jax.vjp(observed, numbers)
     return found, jnp.stack([pull(row)[0] for row in jnp.eye(2, dtype=numbers.dtype)])

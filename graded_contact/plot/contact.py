@@ -133,7 +133,7 @@ def _range_of(values: np.ndarray, base: str) -> tuple[float, float, str, str]:
         return 0.0, 0.0, "neither", ""
     least, lower, median, upper, most = np.quantile(finite, [0, 0.005, 0.5, 0.995, 1])
     low, high = max(least, 2 * lower - median), min(most, 2 * upper - median)
-    low = 0 if 0 <= low < 0.05 * high else low
+    low = 0 if 0 <= low < 0.05 * high else low  # a scale from zero reads better
     first, last = (f"{'-' if end < 0 else ''}{with_unit(abs(end), base)}" for end in (least, most))
     ends = {
         (True, True): ("both", f"\noutliers from {first} to {last}"),
@@ -182,7 +182,7 @@ def _draw_outline(axes: "Axes", pressure: np.ndarray, gap: np.ndarray, size: np.
             factor * ((np.arange(n) + 0.5) * length / n)[::step]
             for n, length in zip(level.shape, size, strict=True)
         )
-        level = level[::step, ::step]
+        level = level[::step, ::step]  # an outline finer than the picture takes long to draw
         axes.contour(x, y, level.T, levels=[0.0], colors="black", linewidths=0.5)
 
 
@@ -256,6 +256,7 @@ def _draw_density(axes, name, values, counted, high=0.0, label=None) -> tuple[fl
     high = max(high, float(np.quantile(found, SHOWN_SHARE))) if found.size else high or 1.0
     unit, scale = unit_of(FIELDS[name].unit, high)
     counts, edges = np.histogram(scale * found, BINS, (0, scale * high or 1))
+    # Over all points, not over those that count: the integral is their share of the area.
     density = counts / (len(values) * np.diff(edges))
     axes.stairs(density, edges, fill=True, color=COLOURS[0], alpha=0.35)
     axes.stairs(density, edges, color=COLOURS[0], linewidth=0.8, label=label)
@@ -285,6 +286,7 @@ def plot_dissipation(curves: CutoffCurve | Mapping[str, CutoffCurve]) -> "Figure
         # Steps of equal length on the logarithm, none finer than the curve.
         count = max(1, min(len(q) - 1, round(PER_DECADE * np.log10(q[-1] / q[0]))))
         edges = np.geomspace(q[0], q[-1], count + 1)
+        # The curve's own steps are uneven and would make the derivative noisy.
         steps = np.diff(np.interp(np.log(edges), np.log(q), friction)) / np.diff(np.log(edges))
         each.stairs(steps, edges, color=colour, linewidth=1.2, label=label)
     total.set(xscale="log", ylabel="friction of waves up to $q$ [1]")

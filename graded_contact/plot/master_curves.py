@@ -108,6 +108,7 @@ def plot_van_gurp_palmen(isotherms: MasterCurve | Measured) -> "Figure":
         legend_below(figure)
     if temperatures is not None and len(moduli) > 1:
         temperatures = temperatures - ZERO_CELSIUS
+        # Each colour ends halfway between its temperature and the next.
         ends = np.convolve(temperatures, (0.5, 0.5), "valid")
         edges = [2 * temperatures[0] - ends[0], *ends, 2 * temperatures[-1] - ends[-1]]
         norm = BoundaryNorm(edges, len(moduli))

@@ -31,6 +31,7 @@ class FigureSlider:
         self.captions, self.pictures = captions, pictures
 
     def _repr_mimebundle_(self, **_: Any) -> dict[str, Any]:
+        # The pictures are in the page itself: a click needs neither Python nor a network.
         middle = len(self.pictures) // 2
         coded = [base64.b64encode(picture).decode() for picture in self.pictures]
         images = (

@@ -136,6 +136,7 @@ def plot_compare(results: "Sequence[Dataset]", names: Sequence[str]) -> "Figure"
                     f"{name!r} has `{what}` in {here}, and {names[0]!r} in {there}: results in the "
                     "same units can be compared."
                 )
+    # All lines together: dashes stand for the same numbers in every result.
     surfaces = max(lines.surfaces for lines in every)
     together = [line for lines in every for line in lines.each]
     lines = first._replace(each=together, surfaces=surfaces)
@@ -157,6 +158,7 @@ def _lines(results: "Dataset", along: str | None = None, *, all_seeds: bool = Fa
     follows = "velocity" if along == "reduced_velocity" else along
     others = [axis for axis in axes if axis not in (follows, "seed")]
     state = state_of(results)
+    # A solve is doubtful if one of the warnings concerns it, a mean if one of its surfaces is.
     doubts = [caveat.where for caveat in warnings_of(results)]
     doubtful = state.copy(data=np.any([np.zeros(state.shape, bool), *doubts], axis=0))
     middle, apart = results, {}
@@ -168,7 +170,7 @@ def _lines(results: "Dataset", along: str | None = None, *, all_seeds: bool = Fa
     names = [name + end for name in DRAWN for end in ("", ERROR, SEED_ERROR)]
     lines = middle[[name for name in names if name in middle]]
     lines = lines.assign(apart | {"x": results[along], "state": state, "doubtful": doubtful})
-    lines = lines.sortby(follows)
+    lines = lines.sortby(follows)  # scenes may list velocities in any order
     each = [
         lines.isel(dict(zip(others, index, strict=True)))
         for index in np.ndindex(*(results.sizes[axis] for axis in others))
@@ -263,7 +265,7 @@ def _draw(axes: "Axes", line: "Dataset", quantity: str, colour: Any, **style: An
 def _finish(axes: "Axes", lines: _Lines, quantity: str) -> None:
     """Names the axes of a panel and chooses their scales."""
     x = np.concatenate([line["x"] for line in lines.each])
-    x = x[np.isfinite(x)]
+    x = x[np.isfinite(x)]  # a temperature without a shift has no reduced velocity
     low, high = np.min(x), np.max(x)
     if low > 0 and (lines.along.endswith("velocity") or high >= 10 * low):
         axes.set_xscale("log")

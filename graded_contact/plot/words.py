@@ -33,6 +33,7 @@ def title_of(name: str, scene: str = "") -> str:
     layers = tables.get("layers", [])
     place = base or f"layer {int(layer) + 1}"
     table = tables.get("base", {}) if base else dict(enumerate(layers)).get(int(layer), {})
+    # A path inside a graded layer names which of its two materials it means.
     end = next((end for end in ("bottom", "top") if f".{end}." in rest), "material")
     owner = table.get(end, place)
     if sum(owner in (one.get("material"), one.get("bottom"), one.get("top")) for one in layers) > 1:
