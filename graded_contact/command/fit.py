@@ -187,7 +187,7 @@ def _without_wild(measured: Measured, robust: bool) -> Measured:
     return without(measured, wild) if robust else measured
 
 
-class Fitted(NamedTuple):
+class MaterialFit(NamedTuple):
     """A material with its errors, a report, and figures by the ends of their names."""
 
     material: Prony
@@ -205,7 +205,7 @@ def fitted(
     shift_std: float = 0.3,
     vertical_shift_std: float = 0.0,
     **arguments: Any,
-) -> Fitted:
+) -> MaterialFit:
     """Fits one isotherm by a series, and several by a master curve; these take `arguments`."""
     check_law(law)
     isotherms, kind = measured.isotherms(), measured.kind
@@ -217,7 +217,9 @@ def fitted(
         arguments |= weights if kind == "frequency" else {}
         found = function(measured.abscissa, measured.values, **arguments)
         figures = {"": plot_fit(found)}
-        return Fitted(found.material, errors_of(found, found.material), found.report(), figures)
+        return MaterialFit(
+            found.material, errors_of(found, found.material), found.report(), figures
+        )
     curve = master_curve(
         isotherms, law=law, shift_std=shift_std, vertical_shift_std=vertical_shift_std,
         weight=storage_weight, loss_weight=loss_weight, **arguments,
@@ -226,10 +228,10 @@ def fitted(
     if kind == "frequency":
         figures["-van-gurp-palmen"] = plot_van_gurp_palmen(curve)
     material = curve.exported()
-    return Fitted(material, errors_of(curve, material), curve.report(), figures)
+    return MaterialFit(material, errors_of(curve, material), curve.report(), figures)
 
 
-def write_fit(stem: Path, found: Fitted, cards: tuple[str, ...], form: str) -> None:
+def write_fit(stem: Path, found: MaterialFit, cards: tuple[str, ...], form: str) -> None:
     """Prints the report, and writes cards, errors and figures to files that begin with `stem`."""
     stem.parent.mkdir(parents=True, exist_ok=True)
     paths = [Path(f"{stem}{_SUFFIXES.get(card, f'.{card}')}") for card in cards]

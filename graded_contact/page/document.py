@@ -28,7 +28,7 @@ from ..scenes.schema import LARGEST
 from ..scenes.toml import parse_toml, toml_text
 from ..studies.sealed import write_whole
 
-MOST_POINTS = 256  # along the longer edge of a topography that the user drops
+FINEST_DROP = 256  # along the longer edge of a topography that the user drops
 FIRST_THICKNESS = 1e-4  # m, of a layer on a bare base
 
 
@@ -181,7 +181,7 @@ def material_table(material: AbstractMaterial) -> dict[str, Any]:
 
 
 def with_topography(document: Document, path: Path, options: dict[str, Any]) -> Document:
-    """Returns the scene with the surface in a file, which is resampled to `MOST_POINTS` points.
+    """Returns the scene with the surface in a file, which is resampled to `FINEST_DROP` points.
 
     **Arguments:**
 
@@ -198,8 +198,8 @@ def with_topography(document: Document, path: Path, options: dict[str, Any]) -> 
         periodic = {"periodic": None} if options.get("periodic") == "none" else {}
         shape = read_surface(path, **{**options, **periodic}).grid.shape
     content["surface"] = {"kind": "file", "path": str(path), **options}
-    if (most := max(shape)) > MOST_POINTS:
-        content["surface"]["shape"] = [max(2 * (MOST_POINTS * n // most // 2), 16) for n in shape]
+    if (most := max(shape)) > FINEST_DROP:
+        content["surface"]["shape"] = [max(2 * (FINEST_DROP * n // most // 2), 16) for n in shape]
     content.pop("grid", None)
     return document
 

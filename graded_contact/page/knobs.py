@@ -24,7 +24,10 @@ from ..surfaces.statistics import statistics
 from ..surfaces.surface import Surface
 from .document import Document, material_table
 
-RANGE, ROUGH_RANGE = 50.0, 10.0  # of a knob in both directions, and of roughness, as a factor
+WIDE_FACTOR, ROUGH_FACTOR = (
+    50.0,
+    10.0,
+)  # of a knob in both directions, and of roughness, as a factor
 COLDER, HOTTER = 40.0, 80.0  # K
 ABOVE_VOGEL = 10.0  # K above the Vogel temperature, where WLF diverges
 
@@ -142,7 +145,7 @@ def knobs_of(document: Document, scene: Scene, surface: Surface) -> tuple[Knob, 
 
 
 def _wide(target: Target, label: str, quantity: str, value: float, key: tuple) -> Knob:
-    factor = ROUGH_RANGE if quantity.startswith("rms") else RANGE
+    factor = ROUGH_FACTOR if quantity.startswith("rms") else WIDE_FACTOR
     return Knob(target, label, quantity, value, value / factor, value * factor, key)
 
 

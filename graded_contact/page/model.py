@@ -33,7 +33,7 @@ from ..surfaces.surface import Surface
 from .document import Document, described
 from .knobs import Target, changed_document, changed_stack, knobs_of
 
-RTOL = 1e-4  # of pressures: enough for figures and the printed digits
+PAGE_RTOL = 1e-4  # of pressures: enough for figures and the printed digits
 NUM_SPEEDS, NUM_WAVES = 25, 80
 
 
@@ -226,7 +226,7 @@ def _slide(scenery, numbers, start, solution=None):
     stack, surface, _, pressure, velocity = _at(scenery, numbers)
     case = Case(stack=stack, surface=surface, pressure=pressure, velocity=velocity)
     numerics = Numerics(
-        rtol=RTOL, solver=scenery.solver, graded_solver=scenery.graded_solver, throw=False
+        rtol=PAGE_RTOL, solver=scenery.solver, graded_solver=scenery.graded_solver, throw=False
     )
     found = case.solve(numerics, start=start, solution=solution)
     return cast(Sliding, found), surface.heights

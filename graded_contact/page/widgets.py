@@ -11,7 +11,7 @@ from .knobs import Knob
 
 POSITIONS = 400  # of a slider
 DIGITS = 4  # of a number from a slider: the page shows the number that it uses
-NAMES = ("label", "unit", "low", "high", "logarithmic", "factor")
+
 SLIDER = """
 .knob {display: grid; grid-template-columns: 1fr 76px; gap: 0 8px; align-items: center;
   font: 12px system-ui, sans-serif; color: #2b2f36; padding: 2px 0}
@@ -22,7 +22,7 @@ input[type=text] {font: 13px system-ui, sans-serif; padding: 3px 6px; border: 1p
 input[aria-invalid=true] {border-color: #a33600; outline: 1px solid #a33600}
 """
 LARGEST_DROP = 64  # MB of one file
-CHUNK = 4_000_000  # bytes of one message
+UPLOAD_CHUNK = 4_000_000  # bytes of one message
 UNFINISHED = 4 * LARGEST_DROP  # MB of unfinished uploads of all pages together
 
 
@@ -85,7 +85,8 @@ export function render({model}) {
 """
 
     def __init__(self, knob: Knob, value: float):
-        about = {name: getattr(knob, name) for name in NAMES}
+        names = ("label", "unit", "low", "high", "logarithmic", "factor")
+        about = {name: getattr(knob, name) for name in names}
         about |= {
             "steps": POSITIONS,
             "digits": DIGITS,
@@ -134,7 +135,9 @@ class Dropper(pn.widgets.FileDropper):
     _all: ClassVar[weakref.WeakSet["Dropper"]] = weakref.WeakSet()
 
     def __init__(self, **params: Any):
-        super().__init__(max_file_size=f"{LARGEST_DROP}MB", chunk_size=CHUNK, previews=[], **params)
+        super().__init__(
+            max_file_size=f"{LARGEST_DROP}MB", chunk_size=UPLOAD_CHUNK, previews=[], **params
+        )
         self._all.add(self)
 
     @property

@@ -41,8 +41,8 @@ LOOKS = {
 FINEST_OUTLINE = 1024  # points along an edge that an outline can show
 BINS = 50
 SHOWN_SHARE = 0.999  # of the points of a distribution
-REACH = 4.0  # standard deviations of the theory that a figure shows
-PER_DECADE = 10  # steps of the friction per ln q
+SHOWN_DEVIATIONS = 4.0  # standard deviations of the theory that a figure shows
+STEPS_PER_DECADE = 10  # steps of the friction per ln q
 FULL = "full contact: there is no gap"
 
 
@@ -228,7 +228,7 @@ def plot_distributions(
     variance = np.nan if mean_field is None else float(mean_field.stress_variance[-1])
     reach = 0.0
     if mean_field is not None and np.isfinite(variance):
-        reach = float(mean_field.pressure) + REACH * variance**0.5
+        reach = float(mean_field.pressure) + SHOWN_DEVIATIONS * variance**0.5
     high, scale = _draw_density(left, "pressure", pressure, pressure > 0, reach, "contact")
     if mean_field is not None and reach:
         stress = np.linspace(0, high, 400)
@@ -284,7 +284,7 @@ def plot_dissipation(curves: CutoffCurve | Mapping[str, CutoffCurve]) -> "Figure
         colour = COLOURS[i % len(COLOURS)]
         total.plot(q, friction, color=colour, label=label)
         # Steps of equal length on the logarithm, none finer than the curve.
-        count = max(1, min(len(q) - 1, round(PER_DECADE * np.log10(q[-1] / q[0]))))
+        count = max(1, min(len(q) - 1, round(STEPS_PER_DECADE * np.log10(q[-1] / q[0]))))
         edges = np.geomspace(q[0], q[-1], count + 1)
         # The curve's own steps are uneven and would make the derivative noisy.
         steps = np.diff(np.interp(np.log(edges), np.log(q), friction)) / np.diff(np.log(edges))

@@ -9,7 +9,7 @@ from ..core.display import unit_of, with_unit
 from ..core.quantities import FIELDS
 from ..surfaces.surface import Surface
 from .contact import LOOKS, draw_map, draw_profile
-from .style import PAGE, distinct, legend_below, letters, new_figure, styled
+from .style import PAGE, colours_of, legend_below, letters, new_figure, styled
 from .words import label_of, title_of
 
 if TYPE_CHECKING:
@@ -35,7 +35,7 @@ def plot_cycle(cycle: "CyclicSliding | Dataset") -> "Figure":
     figure = new_figure(PAGE, 2.6)
     loop, over_time, area = figure.subplots(1, 3)
     unit, factor = unit_of("m", max(float(np.ptp(moved)) for _, moved, *_ in lines))
-    for (label, *line), colour in zip(lines, distinct(len(lines)), strict=False):
+    for (label, *line), colour in zip(lines, colours_of(len(lines)), strict=False):
         place, friction, share = (np.append(values, values[0]) for values in line)
         times = np.linspace(0, 1, len(place))
         # A motion that ends where it began makes a closed loop.

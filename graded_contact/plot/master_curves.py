@@ -8,7 +8,7 @@ import numpy as np
 from ..core.display import unit_of
 from ..fitting.master import MasterCurve
 from ..materials.measured import Measured
-from .material_curves import NAMES, ORDINATES
+from .material_curves import CHANNEL_NAMES, ORDINATES
 from .style import (
     COLUMN,
     PAGE,
@@ -54,7 +54,7 @@ def plot_master_curve(curve: MasterCurve) -> "Figure":
     x = np.asarray(shifted.x)
     fine = np.geomspace(np.min(x[x > 0]), np.max(x), 300)
     series = np.asarray(curve.fit.predict(fine))
-    for line, name, dash in zip(series, NAMES[shifted.kind], ("-", "--"), strict=False):
+    for line, name, dash in zip(series, CHANNEL_NAMES[shifted.kind], ("-", "--"), strict=False):
         after.plot(fine, line, color="black", linewidth=0.8, linestyle=dash, label=name)
     reference = float(curve.temperatures[curve.data.reference])
     before.set(xlabel=r"$\omega$ [rad/s]" if frequency else "$t$ [s]", title="as measured")

@@ -17,7 +17,7 @@ if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
 # Of each kind of measurement: the names of its channels, and the ordinate.
-NAMES = {
+CHANNEL_NAMES = {
     "frequency": ("storage modulus", "loss modulus"),
     "relaxation": ("relaxation modulus",),
     "creep": ("creep compliance",),
@@ -75,7 +75,7 @@ def plot_fit(fit: PronyFit) -> "Figure":
     frequency = fit.data.kind == "frequency"
     lower, upper = fit.confidence(fine) if frequency else (fine, fine)
     limits = [(lower.real, upper.real), (lower.imag, upper.imag)] if frequency else []
-    for i, name in enumerate(NAMES[fit.data.kind]):
+    for i, name in enumerate(CHANNEL_NAMES[fit.data.kind]):
         colour, known = COLOURS[i], np.asarray(fit.data.weights[i]) > 0
         measured = np.asarray(fit.data.values[i])
         above.plot(x[known], measured[known], "o", color=colour, markersize=3, fillstyle="none")

@@ -166,7 +166,7 @@ def ordered(count: int, colours: str = PRESSURES) -> np.ndarray:
     return colormaps[colours](np.linspace(0, 0.85, count))
 
 
-def distinct(count: int, colours: str = PRESSURES) -> Any:
+def colours_of(count: int, colours: str = PRESSURES) -> Any:
     """Colours of this many curves: those of `COLOURS` if they suffice, otherwise ordered ones."""
     return COLOURS if count <= len(COLOURS) else ordered(count, colours)
 

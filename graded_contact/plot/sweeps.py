@@ -14,7 +14,7 @@ from .style import (
     PAGE,
     PRESSURES,
     TEMPERATURES,
-    distinct,
+    colours_of,
     entitle,
     few_powers_of_ten,
     legend_below,
@@ -185,7 +185,7 @@ def _coloured(lines: _Lines, axis: str) -> "Figure":
     numbers = [line[axis].item() if varies else 0 for line in lines.each]
     values = list(dict.fromkeys(numbers))
     scale = TEMPERATURES if axis == "temperature" else PRESSURES
-    colours = distinct(len(values), scale)
+    colours = colours_of(len(values), scale)
     named = values[:: -(-len(values) // len(COLOURS))]  # the legend names some of many
     labels = [
         _label(line, axis) if varies and number in named else None

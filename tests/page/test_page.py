@@ -37,7 +37,7 @@ def document(tmp_path_factory):
 @pytest.fixture(scope="module")
 def model(document):
     with pytest.MonkeyPatch.context() as patch:
-        patch.setattr(models, "RTOL", 1e-9)  # differences are compared with
+        patch.setattr(models, "PAGE_RTOL", 1e-9)  # differences are compared with
         yield Model(document)
 
 
