@@ -24,10 +24,7 @@ from ..surfaces.statistics import statistics
 from ..surfaces.surface import Surface
 from .document import Document, material_table
 
-WIDE_FACTOR, ROUGH_FACTOR = (
-    50.0,
-    10.0,
-)  # of a knob in both directions, and of roughness, as a factor
+WIDE_FACTOR, ROUGH_FACTOR = 50.0, 10.0  # the range of a knob in both directions; of roughness
 COLDER, HOTTER = 40.0, 80.0  # K
 ABOVE_VOGEL = 10.0  # K above the Vogel temperature, where WLF diverges
 
