@@ -70,6 +70,7 @@ def design(
             save_figure(history, Path(f"{stem}-history.{form}"), form)
         except Interrupted:
             end_if_interrupted(interruption)
+            raise
         except RuntimeError as error:  # the reason, without the traceback in it
             reason = str(error).rpartition("RuntimeError: ")[2].partition("\n\n")[0]
             typer.secho(f"Error: {reason}", fg="red", err=True)
