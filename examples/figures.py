@@ -64,7 +64,6 @@ def of_contacts():
         sliding.pressure, sliding.displacement, road.grid, VELOCITY
     )
     save("sliding", gc.plot.plot_sliding(sliding, road, VELOCITY))
-    save("outline", gc.plot.plot_outline(sliding, road))
     save("distributions", gc.plot.plot_distributions(sliding, theory))
     curves = {"contact": waves, "mean field": theory.against_cutoff}
     save("dissipation", gc.plot.plot_dissipation(curves))

@@ -13,7 +13,7 @@ import typer
 from . import __version__
 from .command.compare import compare
 from .command.design import design
-from .command.explore import explore
+from .command.explore import show_page
 from .command.fit import fit
 from .command.friction_table import table
 from .command.new import new
@@ -47,8 +47,9 @@ def main(
     prepare()
 
 
-for job in (demo, new, run, info, table, compare, fit, design, explore):
+for job in (demo, new, run, info, table, compare, fit, design):
     app.command()(job)
+app.command("explore")(show_page)
 
 
 def start() -> None:

@@ -29,7 +29,7 @@ def compare(
     """
     with refusing():
         if len(result_files) < 2:
-            raise ValueError("`compare` takes two results or more.")
+            raise ValueError("`compare` needs two results or more.")
         results = [read_results(path) for path in result_files]
         titles = [str(one.attrs["title"]) for one in results]
         if not all(titles) or len(set(titles)) < len(titles):

@@ -1,6 +1,6 @@
 """Results as tables on the screen."""
 
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -37,41 +37,26 @@ def print_table(results: "Dataset", all_seeds: bool = False) -> None:
     Of several random surfaces a line has the mean and its standard error, unless `all_seeds`.
     """
     every, warnings = results, list(warnings_of(results))
-    error = "friction_standard_error"
+    main = "mean_friction" if "mean_friction" in results else "friction"
+    errors = {main: "friction_standard_error"}  # numbers that are printed with a standard error
     if "seed" in every["message"].dims and not all_seeds:
-        results, error = over_seeds(every), SEED_ERROR
+        results = over_seeds(every)
+        errors = {name: name + SEED_ERROR for name in (main, "contact_area_smooth")}
         seeds = every["message"].dims.index("seed")
         warnings = [caveat._replace(where=caveat.where.any(seeds)) for caveat in warnings]
         typer.echo(f"Numbers are means of {every.sizes['seed']} surfaces ± standard error.")
+    errors = {name: error for name, error in errors.items() if error in results}
     axes = results["message"].dims
-    others, given = axes[:-2], axes[-2]  # the last two are pressure or approach, and velocity
-    load_head, load_unit = ("pressure\n[MPa]", 1e6) if given == "pressure" else ("approach\n[m]", 1)
-    # Heads and formats of the columns, of quantities with one number for each solve.
-    columns = {name: entry.column for name, entry in OBSERVABLES.items() if entry.column}
-    columns["friction_standard_error"] = ("± materials", ".1e")  # of means over seeds
-    names = [name for name in columns if name in results and results[name].dims == axes]
-    unused = {"unmeasured_friction"} if "measured" not in results else set()
-    if "shear_friction" in results and not np.any(results["shear_friction"]):
-        unused |= {"hysteresis_friction", "shear_friction"}
-    main = "mean_friction" if "mean_friction" in results else "friction"
-    means = (main, "contact_area_smooth")  # the line is as wide as for one surface
-    errors = {main: error} if results is every else {n: n + error for n in means}
-    errors = {name: other for name, other in errors.items() if other in results}
-    names = [name for name in names if name not in unused | set(errors.values())]
-    speed = "highest\nspeed" if "time" in results.dims else "velocity"
-    heads = [f"{speed}\n[m/s]", load_head]
-    for name in map(str, others):
-        unit = results[name].attrs.get("units", "1")
-        head = name if name in AXES else title_of(name, results.attrs["scene"])
-        heads.append(head.replace(" ", "\n", 1) + (f" [{unit}]" if unit != "1" else ""))
+    columns = _columns(results, set(errors.values()))
     table = Table(box=box.SIMPLE_HEAD, pad_edge=False)
-    for head in (*heads, *(columns[name][0] for name in names), ""):
+    for head in (*_heads(results), *(head for head, _ in columns.values()), ""):
         table.add_column(Text(head), justify="right", no_wrap=True)
     states = state_of(results).values
-    values = {name: results[name].values for name in (*names, *errors.values())}
+    values = {name: results[name].values for name in (*columns, *errors.values())}
+    load_unit = 1e6 if axes[-2] == "pressure" else 1
     for index in np.ndindex(states.shape):
         *at, load, speed = (results[a].values[i] for a, i in zip(axes, index, strict=True))
-        cells = {name: format(values[name][index], columns[name][1]) for name in names}
+        cells = {name: format(values[name][index], form) for name, (_, form) in columns.items()}
         for pair in errors.items():
             cells[pair[0]] = with_error(*(float(values[name][index]) for name in pair))
         mark = f"[bold red]{state}[/] " if (state := states[index]) else ""
@@ -81,17 +66,49 @@ def print_table(results: "Dataset", all_seeds: bool = False) -> None:
         table.add_row(*numbers, *cells.values(), mark)
     console = Console()
     # A narrower screen wraps the lines; it must not cut the numbers.
-    console.width = max(console.width, 180 + 24 * len(others))
+    console.width = max(console.width, 180 + 24 * (len(axes) - 2))
     console.print(table)
     for number, caveat in enumerate(warnings, start=1):
         console.print(f"[bold yellow]({number})[/] {escape(caveat.sentence)}", soft_wrap=True)
-    warning, states = Console(stderr=True), state_of(every).values
+    _print_failures(every)
+
+
+def _heads(results: "Dataset") -> Iterator[str]:
+    """The heads of the axes; the last two axes, pressure or approach and velocity, come first."""
+    *others, load, _ = results["message"].dims
+    yield "highest\nspeed\n[m/s]" if "time" in results.dims else "velocity\n[m/s]"
+    yield "pressure\n[MPa]" if load == "pressure" else "approach\n[m]"
+    for name in map(str, others):
+        unit = results[name].attrs.get("units", "1")
+        head = name if name in AXES else title_of(name, results.attrs["scene"])
+        yield head.replace(" ", "\n", 1) + (f" [{unit}]" if unit != "1" else "")
+
+
+def _columns(results: "Dataset", hidden: set[str]) -> dict[str, tuple[str, str]]:
+    """Heads and formats of the columns, of quantities with one number for each solve."""
+    columns = {name: entry.column for name, entry in OBSERVABLES.items() if entry.column}
+    columns["friction_standard_error"] = ("± materials", ".1e")  # of means over seeds
+    hidden = hidden | ({"unmeasured_friction"} if "measured" not in results else set())
+    # Without shear in the contact, all friction is hysteresis.
+    if "shear_friction" in results and not np.any(results["shear_friction"]):
+        hidden |= {"hysteresis_friction", "shear_friction"}
+    axes = results["message"].dims
+    return {
+        name: column
+        for name, column in columns.items()
+        if name not in hidden and name in results and results[name].dims == axes
+    }
+
+
+def _print_failures(results: "Dataset") -> None:
+    """Prints how many solves did not succeed, and why, on the error stream."""
+    console, states = Console(stderr=True), state_of(results).values
     for state, text in STATES.items():
         chosen = states == state
         if np.any(chosen):
-            warning.print(f"[bold red]Warning:[/] {chosen.sum()} of {chosen.size} solves {text}.")
-            for message in sorted(set(every["message"].values[chosen]) - {state}):
-                warning.print(message, markup=False)
+            console.print(f"[bold red]Warning:[/] {chosen.sum()} of {chosen.size} solves {text}.")
+            for message in sorted(set(results["message"].values[chosen]) - {state}):
+                console.print(message, markup=False)
 
 
 def print_decisive(decided: Mapping[tuple[str, float], Sensitivity]) -> None:
@@ -109,6 +126,7 @@ def with_error(value: float, error: float) -> str:
     """Returns a number with its standard error, to two digits of that: "0.512 ± 0.0081"."""
     if not (np.isfinite(error) and error > 1e-6):
         return f"{value:#.4g} ± {error:.2g}"
+    # The second digit of the error is the last digit of both numbers.
     digits = max(0, 1 - int(np.floor(np.log10(error))))
     return f"{value:.{digits}f} ± {error:.{digits}f}"
 

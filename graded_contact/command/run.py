@@ -10,23 +10,12 @@ import jax.numpy as jnp
 import numpy as np
 import typer
 
+from .. import plot
 from ..core.checks import nearest, within
 from ..fields.grid import velocity_along
-from ..plot import (
-    plot_cycle,
-    plot_dissipation,
-    plot_distributions,
-    plot_film,
-    plot_outline,
-    plot_reduced,
-    plot_sensitivity,
-    plot_sliding,
-    plot_sweep,
-)
 from ..plot.style import entitle
 from ..plot.sweeps import NOTHING
 from ..plot.words import label_of, title_of
-from ..readers.paths import check_folder, check_name, full_path
 from ..scenes.cost import scene_cost
 from ..scenes.results import (
     contact_at,
@@ -47,30 +36,32 @@ from ..sliding.magnification import cumulative_friction
 from ..studies.dataset import NOT_STARTED, package_versions, write, write_csv
 from ..studies.interruption import Interrupted, Interruption, interruptible
 from ..studies.store import Store
-from ..studies.uncertainty import Sensitivity
 from ..studies.workers import check_workers
 from ..surfaces.surface import Surface
 from .result_tables import print_decisive, print_read, print_steps, print_table
 from .terminal import (
-    AllSeeds,
     DryRun,
     FigureFormat,
     Format,
     Output,
     Replace,
-    Scheduler,
-    Workers,
+    SceneFile,
+    checked_place,
+    end_if_interrupted,
+    place_of,
     progress,
     refusing,
     save_figure,
 )
-from .understood import print_understood
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
     from xarray import Dataset
 
-Decided = dict[tuple[str, float], Sensitivity]  # by the material's name and the velocity
+AllSeeds = Annotated[
+    bool,
+    typer.Option("--all-seeds", help="Show every random surface, not their mean ± standard error."),
+]
 
 
 def demo(
@@ -82,9 +73,9 @@ def demo(
     form: FigureFormat = Format.PNG,
 ) -> None:
     """Runs a built-in scene: tyre tread with a modified layer of 50 µm on a rough road."""
-    text = resources.files("graded_contact.studies").joinpath("demo.toml").read_text("utf-8")
+    text = resources.files("graded_contact.scenes").joinpath("demo.toml").read_text("utf-8")
     text = text.replace("shape = [256, 256]", f"shape = [{resolution}, {resolution}]")
-    with refusing():
+    with refusing():  # a resolution may be too large for the memory
         scene = parse_scene(text)
     name = "demo" if resolution == 256 else f"demo-{resolution}"
     folder = output or Path("graded-contact-demo")
@@ -92,26 +83,24 @@ def demo(
 
 
 def run(
-    scene_file: Annotated[
-        Path, typer.Argument(metavar="SCENE.toml", help="Scene file.", show_default=False)
-    ],
+    scene_file: SceneFile,
     output: Output = None,
     replace: Replace = False,
     dry_run: DryRun = False,
     all_seeds: AllSeeds = False,
-    at: Annotated[
-        list[str] | None,
-        typer.Option(
-            "--map",
-            metavar="NAME=VALUE",
-            help="Draw the contact at this value of an axis, for instance velocity=0.1 (SI units); "
-            "may be repeated (default: the last value of each axis).",
-        ),
-    ] = None,
-    workers: Workers = None,
-    scheduler: Scheduler = None,
+    at: Annotated[list[str] | None, typer.Option(
+        "--map", metavar="NAME=VALUE",
+        help="Draw the contact at this value of an axis, for instance velocity=0.1 (SI units); "
+        "may be repeated (default: the last value of each axis).",
+    )] = None,
+    workers: Annotated[int | None, typer.Option(
+        min=1, help="Number of worker processes (default: automatic)."
+    )] = None,
+    scheduler: Annotated[str | None, typer.Option(
+        metavar="tcp://...", help="Use the workers of a running dask scheduler."
+    )] = None,
     form: FigureFormat = Format.PNG,
-) -> None:
+) -> None:  # fmt: skip
     """Runs a scene: prints a table, writes the results (HDF5, CSV) and figures.
 
     Each solve is stored when it ends: after an interruption the same command solves only the rest.
@@ -121,16 +110,15 @@ def run(
         engine = {"workers": workers or (None if scheduler else "auto"), "client": scheduler}
         check_workers(**engine)
         scene = read_scene(scene_file)
-        folder = output or scene.directory or Path(f"{scene_file.stem}-results")
-        name = scene.name or scene_file.stem
+        place = place_of(scene, scene_file, output)
         engine["kept"] = _chosen(scene, at or [])
         if dry_run:
-            print_understood(scene)
+            typer.echo(scene)
             typer.echo(scene_cost(scene).report())
-            surface, *_ = _prepared(scene, folder, name, replace)
+            surface, *_ = _prepared(scene, *place, replace)
             check_run(scene, surface)
             return
-    run_scene_into(scene, folder, name, replace, form, engine, all_seeds)
+    run_scene_into(scene, *place, replace, form, engine, all_seeds)
 
 
 def _chosen(scene: Scene, texts: list[str]) -> tuple[int, ...]:
@@ -155,11 +143,8 @@ def info(
     with refusing():
         results = read_results(result_file)
     for name, value in results.attrs.items():
-        if (
-            name not in ("scene", "caveats", "kept")
-            and not name.startswith("surface_")
-            and value != ""
-        ):
+        hidden = name in ("scene", "caveats", "kept") or name.startswith("surface_")
+        if value != "" and not hidden:
             typer.echo(f"{name:22} {str(value).replace(chr(10), chr(10) + 23 * ' ')}")
     surface = surface_of(results)
     shape, size = surface.grid.shape, surface.grid.size
@@ -184,8 +169,7 @@ def run_scene_into(
     """Solves a scene, prints its table and writes its files; `run_scene` takes `engine`."""
     with refusing(), interruptible() as interruption:
         surface, names, file = _prepared(scene, folder, name, replace)
-        folder = file.parent
-        with Store(folder / f"{name}.points") as store:
+        with Store(file.with_name(f"{name}.points")) as store:
             results = _solved(scene, surface, names, store, interruption, engine)
             written = _write(file, results, replace, all_seeds)
             print_table(results, all_seeds)
@@ -197,18 +181,12 @@ def run_scene_into(
                 kept = kept_solves(results)
                 figures += [_contacts(scene, results, index, len(kept), whole) for index in kept]
                 for key, figure in itertools.chain(*figures):
-                    save_figure(figure, file.with_name(f"{file.stem}-{key}.{form}"), form)
+                    save_figure(figure, file.with_name(f"{name}-{key}.{form}"), form)
     if warnings := warnings_of(results):
         where = np.any([warning.where for warning in warnings], axis=0)
-        typer.secho(
-            f"Warning: {np.sum(where)} of {where.size} solves are doubtful; the reasons are below "
-            "the table and in the file.",
-            fg="yellow",
-            err=True,
-        )
-    if interruption.signal is not None:
-        typer.echo("Interrupted: the same command continues.", err=True)
-        raise typer.Exit(interruption.exit_code)
+        text = f"Warning: {np.sum(where)} of {where.size} solves are doubtful; see below the table."
+        typer.secho(text, fg="yellow", err=True)
+    end_if_interrupted(interruption)
     if np.any(results["message"] != ""):
         raise typer.Exit(1)
 
@@ -217,17 +195,38 @@ def _prepared(
     scene: Scene, folder: Path, name: str, replace: bool
 ) -> tuple[Surface, np.ndarray, Path]:
     """The surface, the names of the solves, and the file of their results; prints what was read."""
-    check_name(name)
-    folder = full_path(str(folder))
-    check_folder(folder)
+    file = Path(f"{checked_place(folder, name)}.h5")
     surface = build_surface(scene)
-    names, file = point_names(scene, surface), folder / f"{name}.h5"
+    names = point_names(scene, surface)
     if not replace:
         _refuse_other(file, scene, names)
     print_read(scene, surface)
     if "design" in parse_toml(scene.text):
         typer.echo("[design] is not used by this command: see `graded-contact design`.")
     return surface, names, file
+
+
+def _refuse_other(file: Path, scene: Scene, names: np.ndarray) -> None:
+    """Refuses to replace a file that has solves which the scene does not have."""
+    remedy = "Give another --output, or --replace to replace it."
+    try:
+        lost, earlier = lost_solves(file, names)
+    except ValueError as error:
+        raise ValueError(f"{error} {remedy}") from error
+    if not lost:
+        return
+    versions = package_versions()
+    there = [*earlier["scene"].splitlines(), *(f"{k} = {earlier.get(k)}" for k in versions)]
+    here = [*scene.text.splitlines(), *(f"{k} = {v}" for k, v in versions.items())]
+    # The first line that the other does not have; all lines are equal if a file of data changed.
+    old, new = (
+        next((line for line in one if line not in other and not line.startswith("title")), "-")
+        for one, other in ((there, here), (here, there))
+    )
+    raise ValueError(
+        f"{file} contains {lost} solves of {earlier['title'] or 'another scene'!r} that this scene "
+        f"does not have (file: `{old}`, scene: `{new}`). {remedy}"
+    )
 
 
 def _solved(
@@ -255,76 +254,43 @@ def _solved(
     except Interrupted:
         typer.echo("Nothing was finished.", err=True)
         raise typer.Exit(interruption.exit_code) from None
-    except OSError as error:
-        raise OSError(
-            f"{error} Run the same command again to continue from the stored solves."
-        ) from error
     for path in store.damaged:
         typer.echo(f"{path} is damaged: it is computed again", err=True)
     return results
 
 
-def _refuse_other(file: Path, scene: Scene, names: np.ndarray) -> None:
-    """Refuses to replace a file that has solves which the scene does not have."""
-    remedy = "Give another --output, or --replace to replace it."
-    try:
-        lost, earlier = lost_solves(file, names)
-    except ValueError as error:
-        raise ValueError(f"{error} {remedy}") from error
-    if not lost:
-        return
-    texts = [
-        [line for line in text.splitlines() if not line.startswith("title")]
-        for text in (earlier["scene"], scene.text)
-    ]
-    lines = itertools.zip_longest(*texts, fillvalue="")
-    versions = ((f"{k} = {earlier.get(k)}", f"{k} = {v}") for k, v in package_versions().items())
-    inputs = [("another file of data", "the files named")]
-    there, here = next((a, b) for a, b in (*lines, *versions, *inputs) if a.strip() != b.strip())
-    raise ValueError(
-        f"{file} contains {lost} solves of {earlier['title'] or 'another scene'!r} that "
-        f"{scene.title or 'this scene'!r} does not have. File: `{there}`. Scene: `{here}`. "
-        f"{remedy}"
-    )
-
-
 def _write(file: Path, results: "Dataset", replace: bool, all_seeds: bool) -> bool:
     """Writes results unless the file that exists holds more, and returns whether it did."""
+    # Solves that an interruption left out must not replace those of an earlier run.
     finished = results["point"].values[(results["message"] != NOT_STARTED).values]
     if not replace and (lost := lost_solves(file, finished)[0]):
         typer.echo(f"{file} holds {lost} solves that were not done again: it is not changed")
         return False
-    write(file, results)
     means = "seed" in results["message"].dims and not all_seeds
+    write(file, results)
     write_csv(file.with_suffix(".csv"), over_seeds(results) if means else results)
-    for path in (file, file.with_suffix(".csv")):
-        typer.echo(f"wrote {path}")
+    typer.echo(f"wrote {file}\nwrote {file.with_suffix('.csv')}")
     return True
 
 
-def _figures(
-    results: "Dataset", decided: Decided, all_seeds: bool
-) -> Iterator[tuple[str, "Figure"]]:
+def _figures(results: "Dataset", decided: dict, all_seeds: bool) -> Iterator[tuple[str, "Figure"]]:
     """Yields each figure of all solves with the end of its name."""
     if not np.any(has_numbers(results)):
         typer.echo(NOTHING)
         return
     if "time" in results.dims:
         if not np.all(np.isnan(results["friction"])):
-            yield "cycle", plot_cycle(results)
+            yield "cycle", plot.plot_cycle(results)
         return
-    yield "sweep", plot_sweep(results, all_seeds=all_seeds)
+    yield "sweep", plot.plot_sweep(results, all_seeds=all_seeds)
     if "reduced_velocity" in results:
-        yield "master", plot_reduced(results)
+        yield "master", plot.plot_reduced(results)
     elif "master_curve" in results.attrs:
         typer.echo(results.attrs["master_curve"])
     if decided:
-        yield (
-            "sensitivity",
-            plot_sensitivity(
-                {f"{name}, {speed:.3g} m/s": found for (name, speed), found in decided.items()}
-            ),
-        )
+        labels = (f"{name}, {speed:.3g} m/s" for name, speed in decided)
+        curves = dict(zip(labels, decided.values(), strict=True))
+        yield "sensitivity", plot.plot_sensitivity(curves)
 
 
 def _contacts(
@@ -333,25 +299,23 @@ def _contacts(
     """Yields each figure of a solve that was kept; only the maps if the run was interrupted."""
     fields, surface = contact_at(results, index)
     at = results["message"].isel(dict(zip(results["message"].dims, index, strict=True)))
-    velocity = velocity_along(at["velocity"].item(), results.attrs["direction"])
-    if scene.motion is not None:
-        figures = {"film": plot_film(fields, surface)}
-    else:
-        figures = {"contact": plot_sliding(fields, surface, velocity)}
-    if whole and scene.motion is None and surface.periodic:
-        theory = mean_field_at(scene, surface, index)
-        figures["outline"] = plot_outline(fields, surface)
-        figures["distributions"] = plot_distributions(fields, theory)
-        if at["velocity"] != 0:
-            pressure, displacement = (jnp.asarray(fields[n]) for n in ("pressure", "displacement"))
-            waves = cumulative_friction(pressure, displacement, surface.grid, velocity)
-            curves = {"contact": waves, "mean field": theory.against_cutoff}
-            figures["dissipation"] = plot_dissipation(curves)
     title = ", ".join(
         f"{title_of(str(name), scene.text)} {label_of(at[name])}" for name in at.coords
     )
     if scene.motion is not None:
+        figures = {"film": plot.plot_film(fields, surface)}
         title = title.replace(title_of("velocity"), "highest speed")
+    else:
+        velocity = velocity_along(at["velocity"].item(), results.attrs["direction"])
+        figures = {"contact": plot.plot_sliding(fields, surface, velocity)}
+        if whole and surface.periodic:
+            theory = mean_field_at(scene, surface, index)
+            figures["distributions"] = plot.plot_distributions(fields, theory)
+            if at["velocity"] != 0:
+                pressure, moved = (jnp.asarray(fields[n]) for n in ("pressure", "displacement"))
+                waves = cumulative_friction(pressure, moved, surface.grid, velocity)
+                curves = {"contact": waves, "mean field": theory.against_cutoff}
+                figures["dissipation"] = plot.plot_dissipation(curves)
     for key, figure in figures.items():
         entitle(figure, title)
         yield "-".join(map(str, (key, *(index if num_kept > 1 else ())))), figure

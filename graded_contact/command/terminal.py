@@ -3,10 +3,8 @@
 import contextlib
 import hashlib
 import io
-import logging
 import os
 import platform
-import stat
 from collections.abc import Callable, Iterator
 from enum import StrEnum
 from pathlib import Path
@@ -24,8 +22,10 @@ from rich.progress import (
     TimeRemainingColumn,
 )
 
-from ..core.compilation import COMPILING, LESS_WORK
+from ..core.compilation import LESS_WORK
 from ..plot.style import caption
+from ..readers.paths import check_folder, check_name, full_path
+from ..scenes.scene import Scene
 from ..studies.interruption import Interruption
 from ..studies.sealed import write_whole
 
@@ -41,31 +41,18 @@ class Format(StrEnum):
     SVG = "svg"
 
 
+SceneFile = Annotated[
+    Path, typer.Argument(metavar="SCENE.toml", help="Scene file.", show_default=False)
+]
 Output = Annotated[
     Path | None, typer.Option("--output", "-o", help="Folder for the results.", show_default=False)
 ]
 Replace = Annotated[
     bool, typer.Option("--replace", help="Replace an earlier result, also one of another scene.")
 ]
-DryRun = Annotated[
-    bool,
-    typer.Option(
-        "--dry-run",
-        help="Print what was understood (block, surface, loads) and the cost, then exit.",
-    ),
-]
-AllSeeds = Annotated[
-    bool,
-    typer.Option("--all-seeds", help="Show every random surface, not their mean ± standard error."),
-]
-Workers = Annotated[
-    int | None,
-    typer.Option(min=1, help="Number of worker processes (default: automatic)."),
-]
-Scheduler = Annotated[
-    str | None,
-    typer.Option(metavar="tcp://...", help="Use the workers of a running dask scheduler."),
-]
+DryRun = Annotated[bool, typer.Option(
+    "--dry-run", help="Print block, surface, loads and cost, then exit."
+)]  # fmt: skip
 FigureFormat = Annotated[
     Format, typer.Option("--format", help="Format of the figures; pdf and svg are vector graphics.")
 ]
@@ -91,13 +78,34 @@ def prepare() -> None:
 
 
 @contextlib.contextmanager
-def refusing() -> Iterator[None]:
-    """Prints the message of a refused input, without a traceback, and exits with code 2."""
+def refusing(spelt: Callable[[str], str] = str) -> Iterator[None]:
+    """Prints the message of a refused input, `spelt`, without a traceback; exits with code 2."""
     try:
         yield
     except (ValueError, OSError, ImportError, MemoryError) as error:
-        typer.secho(f"Error: {error}", fg="red", err=True)
+        typer.secho(f"Error: {spelt(str(error))}", fg="red", err=True)
         raise typer.Exit(2) from error
+
+
+def place_of(scene: Scene, scene_file: Path, output: Path | None) -> tuple[Path, str]:
+    """Returns the folder for the results of a scene, and the start of the names of its files."""
+    folder = output or scene.directory or Path(f"{scene_file.stem}-results")
+    return folder, scene.name or scene_file.stem
+
+
+def checked_place(folder: Path | str, name: str) -> Path:
+    """Returns the path `folder`/`name`. Refuses it now if files cannot be written there."""
+    check_name(name)
+    folder = full_path(str(folder))
+    check_folder(folder)
+    return folder / name
+
+
+def end_if_interrupted(interruption: Interruption) -> None:
+    """Ends a command that stores its solves with the exit code of a signal, if one has come."""
+    if interruption.signal is not None:
+        typer.echo("Interrupted: the same command continues.", err=True)
+        raise typer.Exit(interruption.exit_code)
 
 
 @contextlib.contextmanager
@@ -106,13 +114,12 @@ def progress(interruption: Interruption) -> Iterator[Callable[[str, int, int], N
 
     After a signal the function ends the command: it is called between two steps, where it is safe.
     """
-
     columns = (
         TextColumn("{task.description}"), BarColumn(), MofNCompleteColumn(), TimeElapsedColumn(),
         TextColumn("left"), TimeRemainingColumn(),
     )  # fmt: skip
     with Progress(*columns, console=Console(stderr=True)) as bar:
-        task = bar.add_task("starting", total=None)
+        task = bar.add_task("starting (a first run also compiles)", total=None)
 
         def advance(text: str, done: int, total: int) -> None:
             if bar.tasks[task].total != total:
@@ -121,28 +128,7 @@ def progress(interruption: Interruption) -> Iterator[Callable[[str, int, int], N
             bar.update(task, description=text, completed=done)
             interruption.check()
 
-        with _on_compiling(lambda: bar.update(task, description=COMPILING)):
-            yield advance
-
-
-@contextlib.contextmanager
-def _on_compiling(tell: Callable[[], None]) -> Iterator[None]:
-    """Calls `tell` when JAX compiles a program that the cache of compiled code does not have."""
-    log = logging.getLogger("jax._src.compiler")
-
-    def seen(record: logging.LogRecord) -> bool:
-        if "CACHE MISS" in str(record.msg):
-            tell()
-        return record.levelno >= logging.WARNING
-
-    level = log.level
-    log.addFilter(seen)
-    log.setLevel(logging.DEBUG)
-    try:
-        yield
-    finally:
-        log.setLevel(level)
-        log.removeFilter(seen)
+        yield advance
 
 
 def save_figure(figure: "Figure", path: Path, form: str) -> None:
@@ -166,10 +152,12 @@ def cache_folder() -> Path | None:
         folder = root / hashlib.sha256(_processor().encode()).hexdigest()[:16]
         root.mkdir(mode=0o700, parents=True, exist_ok=True)
         folder.mkdir(mode=0o700, exist_ok=True)
-        states = [path.stat() for path in (root, folder)]
-        own = all(state.st_uid == os.getuid() for state in states) if os.name == "posix" else True
-        shared = any(stat.S_IMODE(state.st_mode) & 0o022 for state in states)
-        if own and (not shared or os.name != "posix") and os.access(folder, os.W_OK):
+        if os.name == "posix":
+            states = [path.stat() for path in (root, folder)]
+            # Neither another owner nor the permission to write for group or others.
+            if any(at.st_uid != os.getuid() or at.st_mode & 0o022 for at in states):
+                return None
+        if os.access(folder, os.W_OK):
             return folder
     return None
 

@@ -37,6 +37,7 @@ def plot_design(results: DesignResults) -> "Figure":
     study, scene = results.study, results.study.scene
     before = results.candidates["before"].field
     velocities = _curve_velocities(study, before)
+    # The loss tangent at the middle speed, over the waves of the road and of the band.
     cutoff = before.against_cutoff.cutoff
     ends = [np.min(cutoff), np.max(cutoff), *(study.band or ())]
     q = np.geomspace(min(ends), max(ends), 200)
@@ -74,6 +75,7 @@ def _curve_velocities(study: DesignScene, field: MeanField) -> Float[np.ndarray,
     waves = np.asarray(field.against_cutoff.cutoff).reshape(-1)[[0, -1]]
     for material in materials_of(study.scene.stack):
         if isinstance(material, Tabulated) and material.extrapolate == "refuse":
+            # The slowest wave nearly across the velocity, and the fastest along it.
             first = max(first, float(material.omega[0]) / (waves[0] * LAST_COSINE))
             last = min(last, float(material.omega[-1]) / waves[1])
     return np.geomspace(first, last, CURVE_POINTS)

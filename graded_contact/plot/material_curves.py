@@ -16,7 +16,8 @@ from .style import COLOURS, PAGE, legend_below, letters, new_figure, styled
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
-CHANNELS = {
+# Of each kind of measurement: the names of its channels, and the ordinate.
+CHANNEL_NAMES = {
     "frequency": ("storage modulus", "loss modulus"),
     "relaxation": ("relaxation modulus",),
     "creep": ("creep compliance",),
@@ -36,7 +37,7 @@ def plot_response(stack: Stack, q: ArrayLike, velocity: ArrayLike | Sequence[flo
     - `q`: wavenumbers [rad/m], shape `(n,)`, positive.
     - `velocity`: one or more sliding velocities [m/s], positive; the frequency is q v.
     """
-    q, speeds = as_float(q, "q"), np.atleast_1d(np.asarray(velocity, float))
+    q, speeds = as_float(q, "q"), np.atleast_1d(as_float(velocity, "velocity"))
     if q.ndim != 1:
         raise ValueError(f"`q` has shape {q.shape}; one axis is needed.")
     check_positive("velocity", speeds, "[m/s]")
@@ -44,17 +45,13 @@ def plot_response(stack: Stack, q: ArrayLike, velocity: ArrayLike | Sequence[flo
     stiffness, loss = figure.subplots(1, 2, sharex=True)
     for i, speed in enumerate(speeds):
         modulus = np.asarray(effective_modulus(stack, q, q * speed))
-        style: dict[str, Any] = {
-            "color": COLOURS[i % len(COLOURS)],
-            "label": f"sliding velocity {speed:.3g} m/s",
-        }
+        label = f"sliding velocity {speed:.3g} m/s"
+        style: dict[str, Any] = {"color": COLOURS[i % len(COLOURS)], "label": label}
         stiffness.loglog(q, np.abs(modulus), **style)
         loss.semilogx(q, np.imag(modulus) / np.real(modulus), **style)
-    stiffness.set_ylabel("effective modulus $|2/(q M_{zz})|$ [Pa]")
-    loss.set_ylabel("loss tangent [1]")
-    loss.set_ylim(bottom=0)
-    for axes in (stiffness, loss):
-        axes.set_xlabel("wavenumber $q$ [rad/m]")
+    words = "wavenumber $q$ [rad/m]"
+    stiffness.set(xlabel=words, ylabel="effective modulus $|2/(q M_{zz})|$ [Pa]")
+    loss.set(xlabel=words, ylabel="loss tangent [1]", ylim=(0, None))
     letters((stiffness, loss))
     legend_below(figure)
     return figure
@@ -78,7 +75,7 @@ def plot_fit(fit: PronyFit) -> "Figure":
     frequency = fit.data.kind == "frequency"
     lower, upper = fit.confidence(fine) if frequency else (fine, fine)
     limits = [(lower.real, upper.real), (lower.imag, upper.imag)] if frequency else []
-    for i, name in enumerate(CHANNELS[fit.data.kind]):
+    for i, name in enumerate(CHANNEL_NAMES[fit.data.kind]):
         colour, known = COLOURS[i], np.asarray(fit.data.weights[i]) > 0
         measured = np.asarray(fit.data.values[i])
         above.plot(x[known], measured[known], "o", color=colour, markersize=3, fillstyle="none")
@@ -88,12 +85,10 @@ def plot_fit(fit: PronyFit) -> "Figure":
             above.fill_between(fine, *limit, color=colour, alpha=0.25, linewidth=0, label=label)
         residual = 100 * np.log(fitted[i] / measured)
         below.plot(x[known], residual[known], ".", color=colour, markersize=4)
-    above.set_xscale("log")
-    above.set_yscale("log")
-    above.set_ylabel(ORDINATES[fit.data.kind])
+    above.set(xscale="log", yscale="log", ylabel=ORDINATES[fit.data.kind])
     below.axhline(0, color="black", linewidth=0.6)
-    below.set_xlabel(r"angular frequency $\omega$ [rad/s]" if frequency else "time [s]")
-    below.set_ylabel("ln(fit/measured)\n[%]")
+    words = r"angular frequency $\omega$ [rad/s]" if frequency else "time [s]"
+    below.set(xlabel=words, ylabel="ln(fit/measured)\n[%]")
     letters((above, below))
     legend_below(figure)
     return figure
@@ -122,8 +117,7 @@ def plot_sensitivity(
             values = getattr(curve, name)
             axes.semilogx(curve.omega, values, color=COLOURS[i % len(COLOURS)], label=label)
         axes.axhline(0, color="0.6", linewidth=0.8, zorder=0)
-        axes.set_xlabel("angular frequency $\\omega$ [rad/s]")
-        axes.set_title(title)
+        axes.set(xlabel=r"angular frequency $\omega$ [rad/s]", title=title)
     panels[0].set_ylabel(f"relative change of the {of} per that of\nthe modulus and decade [1]")
     letters(panels)
     if any(by_label):

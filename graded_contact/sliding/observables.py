@@ -43,7 +43,7 @@ from ..materials.coverage import is_unknown
 from .motion import odd_frequencies, rate_of
 
 Found = Any  # a `Sliding` or a `CyclicSliding`: their module imports this one
-AREA, FRICTION = ".5f", "#.4g"  # formats of columns
+FRICTION = "#.4g"  # format of columns
 
 
 # What several observables share.
@@ -512,7 +512,7 @@ def load(found: Found) -> Array:
 
 @observable(
     "A/A_0", "1", "contact area fraction (points in contact)", over_time=True,
-    mean_over_seeds=True, column=("area\n(pixels)", AREA),
+    mean_over_seeds=True,
 )  # fmt: skip
 def contact_area(found: Found) -> Array:
     """Fraction of points in contact [1]. A pixel count, without a derivative."""
@@ -521,7 +521,7 @@ def contact_area(found: Found) -> Array:
 
 @observable(
     r"\delta A/A_0", "1", "estimated solver error of the contact area", cyclic=False,
-    has_derivative=False, column=("± solver", ".1e"),
+    has_derivative=False,
 )  # fmt: skip
 def contact_area_error(found: Found) -> Array:
     """Fraction of points that the solver may have put on the wrong side [1]."""
@@ -535,7 +535,7 @@ def contact_area_error(found: Found) -> Array:
 
 @observable(
     "A/A_0", "1", "contact area fraction (corrected by the perimeter)", over_time=True,
-    mean_over_seeds=True, column=("area\n(corrected)", AREA),
+    mean_over_seeds=True,
 )  # fmt: skip
 def contact_area_corrected(found: Found) -> Array:
     """`contact_area` less its known excess at the edges [1]."""
@@ -544,7 +544,7 @@ def contact_area_corrected(found: Found) -> Array:
 
 @observable(
     "A/A_0", "1", "contact area fraction (sub-pixel)", over_time=True, mean_over_seeds=True,
-    column=("area\n(sub-pixel)", AREA),
+    column=("contact\narea", ".5f"),  # the one of three areas that tables show
 )  # fmt: skip
 def contact_area_smooth(found: Found) -> Array:
     """Sub-pixel area fraction [1], for gradients."""

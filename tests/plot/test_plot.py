@@ -107,13 +107,6 @@ def made(axes, names=(), failing=()):
     return attach(results)
 
 
-def test_a_sweep_without_numbers_is_not_drawn():
-    results = made({"pressure": [1e5], "velocity": [0.1, 1.0]})
-    results["friction"][:], results["message"][:] = np.nan, "The tolerance was not reached."
-    with pytest.raises(ValueError, match="No solve succeeded: no figure is drawn"):
-        gc.plot.plot_sweep(results)
-
-
 VARIED = {
     "layers[0].thickness": [1e-5, 5e-5], "temperature": [280.0, 300.0, 320.0], "seed": [0, 1],
     "pressure": [1e5], "velocity": [0.1, 0.01, 1.0, 10.0],
@@ -223,11 +216,13 @@ def test_any_two_axes_of_one_or_two_points_have_figures_a_table_and_a_csv(
     assert len((tmp_path / "a.csv").read_text().splitlines()) == 1 + results.message.size
 
 
-def test_motions_are_not_drawn_as_sweeps():
-    results = made({"pressure": [1e5], "velocity": [0.1]}).assign_coords(time=[0.0, 0.5])
-    for draw in (gc.plot.plot_sweep, lambda results: gc.plot.plot_compare([results] * 2, "ab")):
-        with pytest.raises(ValueError, match="holds motions in time"):
-            draw(results)
+def test_sweeps_need_steady_sliding_and_a_solve_that_succeeded():
+    results = made({"pressure": [1e5], "velocity": [0.1]})
+    with pytest.raises(ValueError, match="holds motions in time"):
+        gc.plot.plot_compare([results.assign_coords(time=[0.0, 0.5])] * 2, "ab")
+    results["friction"][:], results["message"][:] = np.nan, "The tolerance was not reached."
+    with pytest.raises(ValueError, match="No solve succeeded: no figure is drawn"):
+        gc.plot.plot_sweep(results)
 
 
 def test_standard_errors_are_bars():
@@ -250,14 +245,8 @@ def test_the_response_of_a_half_space_is_its_modulus_and_loss_tangent():
     modulus = np.asarray(tread.modulus(q * 0.1))
     np.testing.assert_allclose(stiffness.lines[0].get_ydata(), np.abs(modulus) / 0.75, rtol=1e-12)
     np.testing.assert_allclose(loss.lines[0].get_ydata(), modulus.imag / modulus.real, rtol=1e-10)
-
-
-def test_the_response_refuses_bad_arguments():
-    stack = gc.Stack(base=gc.HalfSpace(gc.tyre_tread()))
-    with pytest.raises(ValueError, match="`q` has shape"):
-        gc.plot.plot_response(stack, 1e3, 1.0)
     with pytest.raises(ValueError, match="`velocity"):
-        gc.plot.plot_response(stack, np.array([1e3]), 0.0)
+        gc.plot.plot_response(gc.Stack(base=gc.HalfSpace(tread)), q, 0.0)
 
 
 def test_a_fit_shows_points_series_limits_and_residuals():
@@ -306,7 +295,8 @@ def test_units_suit_the_size(largest, unit):
     assert largest in (0, 1e-20) or 1 <= factor * largest * (1 + 1e-12) < 1000
 
 
-BARE = ("", "evaluation", "objective", "constraint (0 or more allowed)")  # labels without a unit
+# Labels without a unit.
+BARE = ("", "evaluation", "objective", "constraint (0 or more allowed)")
 
 
 def check_labels(figure):
@@ -328,7 +318,7 @@ def disc(n=40):
 
 def test_a_figure_is_the_same_whatever_the_user_has_set_and_leaves_that_alone(tmp_path):
     def drawn(name):
-        gc.plot.plot_outline(*disc()).savefig(tmp_path / name)
+        gc.plot.plot_sliding(*disc()).savefig(tmp_path / name)
         return (tmp_path / name).read_bytes()
 
     plain = drawn("plain.svg")
@@ -341,13 +331,20 @@ def test_a_figure_is_the_same_whatever_the_user_has_set_and_leaves_that_alone(tm
 
 
 def test_the_outline_of_a_contact_runs_between_its_points_and_the_others():
-    figure = gc.plot.plot_outline(*disc())
+    figure = gc.plot.plot_sliding(*disc())
     check_labels(figure)
-    axes = figure.axes[0]
-    (outline,) = axes.collections[0].get_paths()
+    (outline,) = figure.axes[0].collections[0].get_paths()
     radius = np.hypot(*(outline.vertices - 2).T)
     np.testing.assert_allclose(radius, 1, atol=0.05)  # half a spacing
-    assert axes.get_xlabel() == "$x$ [m]" and figure.axes[1].get_ylabel().endswith("[µm]")
+
+
+def test_the_contact_of_a_profile_is_drawn_on_its_heights():
+    figure = gc.plot.plot_sliding(*make_fields((16,)))
+    check_labels(figure)
+    heights, contact = (line.get_ydata() for line in figure.axes[0].lines)
+    touching = np.isfinite(contact)
+    np.testing.assert_array_equal(touching, make_fields((16,))[0].pressure > 0)
+    np.testing.assert_array_equal(contact[touching], heights[touching])
 
 
 def theory(mean=4e5, spread=9e5):
@@ -357,12 +354,6 @@ def theory(mean=4e5, spread=9e5):
     variance = jnp.array([0.0, spread**2])
     known = {"against_cutoff": curve, "stress_variance": variance, "pressure": jnp.array(mean)}
     return gc.mean_field.MeanField(**zeros | known | {"heated": None})
-
-
-def test_distributions_of_failed_solves_are_drawn():
-    fields, _ = disc()
-    failed = theory(spread=np.nan)
-    assert len(gc.plot.plot_distributions(fields, failed).axes) == 2
 
 
 def test_distributions_enclose_the_area_and_perssons_the_mean_pressure():
@@ -380,7 +371,8 @@ def test_distributions_enclose_the_area_and_perssons_the_mean_pressure():
     area, load = trapezoid(density, stress), trapezoid(stress * density, stress)
     np.testing.assert_allclose(area, math.erf(4e5 / 9e5 / math.sqrt(2)), rtol=1e-3)
     np.testing.assert_allclose(load, 0.4, rtol=1e-3)
-    assert not gc.plot.plot_distributions(fields).axes[0].lines
+    for without in (None, theory(spread=np.nan)):  # a mean field that failed is not drawn
+        assert not gc.plot.plot_distributions(fields, without).axes[0].lines
 
 
 def test_dissipation_is_the_slope_of_the_friction_and_encloses_it():
@@ -471,7 +463,7 @@ def test_the_history_of_a_design_shows_what_was_tried():
 def test_a_slider_holds_every_figure_and_shows_the_middle_one_without_html():
     def draw(radius):
         fields, surface = disc(16)
-        return gc.plot.plot_outline(fields, gc.Surface(radius * surface.heights, surface.grid))
+        return gc.plot.plot_sliding(fields, gc.Surface(radius * surface.heights, surface.grid))
 
     shown = gc.plot.slider(draw, [1.0, 2.0, 4.0], "radius [µm]")
     bundle = shown._repr_mimebundle_()
