@@ -18,10 +18,10 @@ from jaxtyping import Array, Float, Inexact, ScalarLike
 
 from ..core.checks import Numbers, as_float, check_type, check_types, check_whole
 from ..materials.material import AbstractMaterial
-from .grading import AbstractGradedSolver, Rule, as_tolerance, rounding
+from .column import Face, Rule, cast_like, stable_shape
+from .grading import AbstractGradedSolver, as_tolerance, rounding
 from .mesh import Mesh, build_mesh, cells_of, coarsened, position, span, visible
 from .profile import moduli_at
-from .recursion import cast_like, stable_shape
 from .slab import plane_strain
 from .stack import GradedLayer, Layer, Stack
 
@@ -118,18 +118,18 @@ def _weights(levels):
 
 def add_layered(
     layer: GradedLayer,
-    face: Any,
+    face: Face,
     q: Array,
     omega: Array,
     mesh: Mesh,
     rule: Rule,
     unit: Array,
     height: Array | None = None,
-) -> Any:
+) -> Face:
     """Returns the other face of a graded layer for every refinement, along a new first axis.
 
-    `face` is None on a free base; it may have that axis already. With a `height` only the part
-    below is passed, above if the rule goes downwards.
+    `face` may have that axis already. With a `height` only the part below is passed, above if the
+    rule goes downwards.
     """
     x = q * layer.thickness
     index, weight = position(mesh, x)
@@ -157,8 +157,7 @@ def add_layered(
             state = jax.tree.map(lambda a, b: jnp.where(sublayer["first"], a, b), first, state)
             s = 1 - deep - length * (1 - low - (high - low) * sublayer["middle"])
             depth = x * (length * (high - low) * sublayer["width"])
-            lowest = cell["lowest"] & sublayer["first"] & (seen == 1) if face is None else None
-            state = cast_like(rule.add(state, depth, *at(s), lowest), state)
+            state = cast_like(rule.add(state, depth, *at(s)), state)
             return state, state
 
         replaced = jax.tree.map(lambda part: part[0], faces)
@@ -170,10 +169,7 @@ def add_layered(
     start = face
     if rule.half_space is not None:
         entry = rule.half_space(*at(1 - seen))
-        if face is None:
-            start = entry
-        else:
-            start = jax.tree.map(lambda a, b: jnp.where(seen < 1, a, b), entry, face)
+        start = jax.tree.map(lambda a, b: jnp.where(seen < 1, a, b), entry, face)
     like = stable_shape(lambda state: rule.add(state, x, *at(seen)), start)
     rank = max(q.ndim, omega.ndim)
     shapes = [part.shape[max(0, part.ndim - rank) :] for part in jax.tree.leaves(like)]

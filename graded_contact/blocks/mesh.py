@@ -91,15 +91,14 @@ def coarsened(mesh: Mesh, split: int) -> Mesh:
 
 
 def cells_of(mesh: Mesh) -> dict[str, Array]:
-    """Returns the cells of all pieces along a first axis: the fractions at their ends, the
-    heights of the ends of their piece, and whether they are the lowest of the layer."""
+    """Returns the cells of all pieces along a first axis: the fractions at their ends, and
+    the heights of the ends of their piece."""
     pieces, count = mesh.nodes.shape[0], mesh.nodes.shape[1] - 1
     return {
         "low": mesh.nodes[:, :-1].reshape(pieces * count, -1),
         "high": mesh.nodes[:, 1:].reshape(pieces * count, -1),
         "bottom": jnp.repeat(mesh.edges[:-1], count),
         "top": jnp.repeat(mesh.edges[1:], count),
-        "lowest": jnp.arange(pieces * count) == 0,
     }
 
 

@@ -29,7 +29,8 @@ import jax.numpy as jnp
 from jax.flatten_util import ravel_pytree
 from jaxtyping import Array, Float
 
-from .grading import AbstractGradedSolver, Carried, as_tolerance, rounding
+from .column import Carried
+from .grading import AbstractGradedSolver, as_tolerance, rounding
 from .layering import add_layered
 from .mesh import build_mesh, visible
 from .profile import moduli_at
@@ -173,10 +174,7 @@ class Riccati(AbstractGradedSolver):
         end = moduli(end_height)
         reference = jax.lax.stop_gradient(jnp.abs(end[0]))
         scale = rule.numbers(rough, reference, inverse)
-        if face is None:  # the inverse compliance of a free base
-            start = jax.tree.map(jnp.zeros_like, scale)
-        else:
-            start = rule.numbers(face, reference, inverse)
+        start = rule.numbers(face, reference, inverse)
         if not rule.down:
             entry = rule.numbers(rule.half_space(*moduli(1 - seen)), reference, inverse)
             start = jax.tree.map(lambda a, b: jnp.where(seen < 1, a, b), entry, start)

@@ -233,29 +233,42 @@ def push_down(
     `below` and `ratio` as in `stack_on`; the displacement is in units of 2/(E_r q) of the slab
     per unit of traction.
     """
-    s = slab
     c, h11, h12, h22, inverse = _lower_face(below, slab, ratio)
-    t, n = traction
-    y1, y2 = times(s.p11, t) + times(s.p21, n), times(s.p12, t) + times(s.p22, n)
-    displacement = (h11 * y1 + h12 * y2, h12 * y1 + h22 * y2)
-    # (1 + G c)⁻¹ y, not y - G w: of a soft film below it would be the difference of its like.
-    a11 = 1 + times(s.g12, c.c12) + times(s.g22, c.c22)
-    a12 = times(s.g11, c.c12) + times(s.g12, c.c22)
-    a21 = times(s.g12, c.c11) + times(s.g22, c.c12)
-    a22 = 1 + times(s.g11, c.c11) + times(s.g12, c.c12)
-    return displacement, ((a11 * y1 - a12 * y2) * inverse, (a22 * y2 - a21 * y1) * inverse)
+    force = _clamped(traction, slab)
+    displacement = (h11 * force[0] + h12 * force[1], h12 * force[0] + h22 * force[1])
+    # Not the force less G times the displacement: of a soft film below it would be the difference
+    # of its like.
+    g = Compliance(slab.g11, slab.g12, slab.g22, slab.det_g)
+    return displacement, release(c, g, force, 1, inverse)
 
 
 def free_face(
     traction: tuple[Inexact[Array, "..."], Inexact[Array, "..."]], slab: Slab
 ) -> tuple[Array, Array]:
     """Returns the displacement of a slab's lower face without traction, as `push_down` does."""
-    s = slab
-    t, n = traction
-    y1, y2 = times(s.p11, t) + times(s.p21, n), times(s.p12, t) + times(s.p22, n)
+    s, (t, n) = slab, _clamped(traction, slab)
     inverse = reciprocal(s.det_g)
-    w1, w2 = times(s.g22, y1) - times(s.g12, y2), times(s.g11, y2) - times(s.g12, y1)
+    w1, w2 = times(s.g22, t) - times(s.g12, n), times(s.g11, n) - times(s.g12, t)
     return w1 * inverse, w2 * inverse
+
+
+def _clamped(traction, s):
+    """What a traction on the upper face exerts on a clamped lower face, Pᵀ (t, s)."""
+    t, n = traction
+    return times(s.p11, t) + times(s.p21, n), times(s.p12, t) + times(s.p22, n)
+
+
+def release(c: Compliance, g: Compliance, force, one, inverse) -> tuple[Array, Array]:
+    """Returns the traction at a face from the force on it if it is clamped: (1 + G c/one)⁻¹ force.
+
+    That is [one + adj c adj G] force/n, n/one being the determinant, and `inverse` 1/n.
+    """
+    t, n = force
+    u, w = times(g.c22, t) - times(g.c12, n), times(g.c11, n) - times(g.c12, t)
+    return (
+        (one * t + times(c.c22, u) - times(c.c12, w)) * inverse,
+        (one * n + times(c.c11, w) - times(c.c12, u)) * inverse,
+    )
 
 
 def _lower_face(below, s, ratio):
