@@ -61,9 +61,44 @@ class Rule(NamedTuple):
         return self.half_space is None
 
 
-# Adds to a face the graded layer of this number, by a rule and the unit of moduli; or its part
-# below a height s, above s if the rule goes downwards.
-AddGraded = Callable[[int, Face, Rule, Array, Array | None], Face]
+# The effect of what lies deeper than x = q × depth is less than 2 (1 + 2x)² e^-2x.
+_WINDOW = 22.0
+
+
+def visible(x: Float[Array, "..."]) -> Float[Array, "..."]:
+    """Returns the fraction of a layer of x = q d [1] that a wave can see."""
+    return jnp.minimum(1, _WINDOW / jnp.where(x > 0, x, 1))
+
+
+class GradedPart(NamedTuple):
+    """A graded layer at given wavenumbers and frequencies, or its part at one side of a cut.
+
+    Its number in the stack, its profile, x = q d, ω, the unit of moduli [Pa], and the height s of
+    the cut, if any. The part lies below the cut, above it if the rule goes downwards.
+    """
+
+    number: int
+    profile: Any
+    x: Float[Array, "..."]
+    omega: Float[Array, "..."]
+    unit: Float[Array, ""]
+    height: Float[Array, "..."] | None = None
+
+    def moduli(self, s: Array) -> tuple[Array, Array]:
+        """E_r in the unit and e = 1 - 2ν at heights s."""
+        return plane_strain(*moduli_at(self.profile, s, self.omega), self.unit)
+
+    @property
+    def seen(self) -> Array:
+        """The fraction of the layer that a wave can see from its top, or from the cut."""
+        seen = visible(jax.lax.stop_gradient(self.x))
+        if self.height is None:
+            return seen
+        return jnp.minimum(1, seen + 1 - jax.lax.stop_gradient(self.height))
+
+
+# Returns the face at the other side of a part of a graded layer.
+AddGraded = Callable[[GradedPart, Face, Rule], Face]
 
 
 class Run(NamedTuple):
@@ -81,11 +116,11 @@ class Run(NamedTuple):
 class Column(NamedTuple):
     """A stack at given wavenumbers and frequencies.
 
-    `runs`: from the surface downwards, homogeneous layers in a row, and numbers of graded layers.
+    `runs`: from the surface downwards, homogeneous layers in a row, and graded layers.
     `base`: E_r and e of a half space, or the base itself. `unit`: of moduli [Pa].
     """
 
-    runs: tuple[Run | int, ...]
+    runs: tuple[Run | GradedPart, ...]
     base: Any
     unit: Float[Array, ""]
     q: Float[Array, "..."]
@@ -93,9 +128,10 @@ class Column(NamedTuple):
 
 def column_of(stack: Stack, q: Float[Array, "..."], omega: Float[Array, "..."]) -> Column:
     """Returns the column of a stack."""
-    moduli, sizes = {}, []
+    graded, moduli, sizes = {}, {}, []
     for i, layer in enumerate(stack.layers):
         if isinstance(layer, GradedLayer):
+            graded[i] = layer
             sizes += [moduli_at(layer.profile, end + 0 * q, omega)[0] for end in (0, 1)]
         else:
             moduli[i] = moduli_of(layer.material, omega)
@@ -105,10 +141,14 @@ def column_of(stack: Stack, q: Float[Array, "..."], omega: Float[Array, "..."]) 
     unit = largest([*sizes, *(modulus for modulus, _ in moduli.values())])
     moduli = {i: plane_strain(modulus / unit, nu) for i, (modulus, nu) in moduli.items()}
     runs = []
-    for graded, members in groupby(range(len(stack.layers)), lambda i: i not in moduli):
+    for is_graded, members in groupby(range(len(stack.layers)), lambda i: i in graded):
         members = tuple(members)
-        if graded:
-            runs += members
+        if is_graded:
+            layers = ((i, graded[i]) for i in members)
+            runs += [
+                GradedPart(i, layer.profile, q * layer.thickness, omega, unit)
+                for i, layer in layers
+            ]
         else:
             pairs = zip(*(moduli[i] for i in members), strict=True)
             parts = [stack.layers[i].thickness for i in members], *pairs
@@ -155,9 +195,9 @@ def climb_through(
         return rule.add(face, column.q * d, reduced, e)
 
     for run in column.runs if rule.down else reversed(column.runs):
-        if isinstance(run, int):
+        if isinstance(run, GradedPart):
             assert add_graded is not None
-            face = add_graded(run, face, rule, column.unit, heights.get(run))
+            face = add_graded(run._replace(height=heights.get(run.number)), face, rule)
             continue
         _, thickness, reduced, e = run
         if parts is not None:

@@ -16,8 +16,7 @@ from jaxtyping import Array, Float
 
 from .below import FULL, base_face
 from .column import AddGraded, Carried, Face, Rule, Run, climb_through, column_of, face_in
-from .profile import moduli_at
-from .slab import Compliance, Slab, factors, in_units, plane_strain, release, stack_on
+from .slab import Compliance, Slab, factors, in_units, release, stack_on
 from .stack import Free, GradedLayer, Rigid, Stack
 
 Side = Literal["above", "below"]
@@ -62,7 +61,7 @@ def depth_climb(
             upper = _add(upper, q * above[-1], *column.base)
         return _joined(upper, lower)
 
-    return climb, _material(stack, column, omega, heights, reached), column.unit
+    return climb, _material(column, heights, reached), column.unit
 
 
 def _cut(stack, depth, side):
@@ -81,15 +80,14 @@ def _cut(stack, depth, side):
     return [*above, jnp.maximum(depth - top, 0)], reached
 
 
-def _material(stack, column, omega, heights, reached):
+def _material(column, heights, reached):
     """E_r and e at the depth."""
     materials = []
     for run in column.runs:
         if isinstance(run, Run):
             materials += zip(run.reduced, run.e, strict=True)
         else:
-            modulus, poisson = moduli_at(stack.layers[run].profile, heights[run], omega)
-            materials.append(plane_strain(modulus / column.unit, poisson))
+            materials.append(run.moduli(heights[run.number]))
     if not isinstance(column.base, Rigid | Free):
         materials.append(column.base)
     found, *lower = materials

@@ -17,6 +17,7 @@ The factors are those of the quasi-static Navier equations (the paper's slab mat
 for constant ν, rearranged); `docs/theory/response.md` derives them.
 """
 
+from collections import namedtuple
 from typing import NamedTuple
 
 import jax
@@ -61,14 +62,6 @@ def _hyperbolic_jvp(primals, tangents):
     # 2 e^-x (cosh x - 1) = om²/(1 + e^-x)², without the difference
     change = Hyperbolic(-e1 * dx, 2 * e1 * e1 * dx, ((om / (1 + e1)) ** 2 - psi) * dx)
     return Hyperbolic(e1, om, psi), change
-
-
-def chi(x: Float[Array, "*w"], functions: Hyperbolic) -> Float[Array, "*w"]:
-    """Returns 2 e^-x [x (cosh x - 1) - 3 (sinh x - x)], given `hyperbolic(x)`."""
-    e1, om, psi = functions
-    thin = x < 2
-    near = 2 * e1 * x * _series(_CHI_SERIES, 2, jnp.where(thin, x, 1) ** 2)
-    return jnp.where(thin, near, x * (om / (1 + e1)) ** 2 - 3 * psi)
 
 
 def _series(coefficients, first, squared):
@@ -188,10 +181,12 @@ class Split(NamedTuple):
 def split_of(x: Float[Array, "*#w"], e: Inexact[Array, "*#w"]) -> Split:
     """Returns these differences of a slab, both sides of which are alike if it is thin."""
     t = _terms(x, e)
-    x, e1, e2, om, b = t.x, t.e1, t.e2, t.om, 1 + e
+    x, e1, e2, om, psi, b = t.x, t.e1, t.e2, t.om, t.psi, 1 + e
     inverse, rise = reciprocal(t.delta), (om / (1 + e1)) ** 2
-    functions = hyperbolic(x)
-    psi, rest = functions.psi, chi(x, functions)
+    # 2 e^-x [x (cosh x - 1) - 3 (sinh x - x)]
+    thin = x < 2
+    rest = 2 * e1 * x * _series(_CHI_SERIES, 2, jnp.where(thin, x, 1) ** 2)
+    rest = jnp.where(thin, rest, x * rise - 3 * psi)
     clamped = 2 * b * e2 * (rest + 2 * psi) - (1 + 2 * e) * (1 - e) / 2 * om * t.s2 - t.x2 * om
     free = e * om * t.f1 + 4 * e2 * x * rest - psi * (2 * e1 * (x * rise + psi) + om * rise)
     even = 2 * b * b * e1 * t.s2 / (1 + e1) ** 2 - t.x2 - (1 + 2 * e) * t.s2
@@ -297,20 +292,8 @@ def reciprocal(value):
     return jax.lax.complex(value.real / squared, -value.imag / squared)
 
 
-class _Terms(NamedTuple):
-    """Hyperbolic functions of a slab, all times 4 e^-2x."""
-
-    x: Float[Array, "*w"]
-    e1: Float[Array, "*w"]
-    e2: Float[Array, "*w"]
-    om: Float[Array, "*w"]
-    s2: Float[Array, "*w"]
-    sc: Float[Array, "*w"]
-    x1: Float[Array, "*w"]
-    x2: Float[Array, "*w"]
-    f1: Float[Array, "*w"]
-    f2: Float[Array, "*w"]
-    delta: Inexact[Array, "*w"]
+# Hyperbolic functions of a slab, all from s2 on times 4 e^-2x.
+_Terms = namedtuple("_Terms", "x e1 e2 om psi s2 sc x1 x2 f1 f2 delta")
 
 
 def _terms(x, e, functions=None) -> _Terms:
@@ -319,17 +302,8 @@ def _terms(x, e, functions=None) -> _Terms:
     e2 = e1 * e1
     s2 = om * om
     x2 = 4 * x * x * e2
-    return _Terms(
-        x=x,
-        e1=e1,
-        e2=e2,
-        om=om,
-        s2=s2,
-        sc=om * (1 + e2),
-        x1=4 * x * e2,
-        x2=x2,
-        # 2 e^-2x (sinh 2x - 2x), from sinh 2x - 2x = 2 (sinh x - x) + 2 sinh x (cosh x - 1)
-        f1=2 * e1 * psi + om * s2 / (1 + e1) ** 2,
-        f2=psi * (om + 2 * x * e1),
-        delta=4 * e2 * (1 + e) ** 2 + x2 + (1 + 2 * e) * s2,
-    )
+    # 2 e^-2x (sinh 2x - 2x), from sinh 2x - 2x = 2 (sinh x - x) + 2 sinh x (cosh x - 1)
+    f1 = 2 * e1 * psi + om * s2 / (1 + e1) ** 2
+    delta = 4 * e2 * (1 + e) ** 2 + x2 + (1 + 2 * e) * s2
+    f2 = psi * (om + 2 * x * e1)
+    return _Terms(x, e1, e2, om, psi, s2, om * (1 + e2), 4 * x * e2, x2, f1, f2, delta)
