@@ -8,13 +8,9 @@ modulus. (The paper's p₀ formulas differ there; `docs/theory/response.md` show
 equilibrium.)
 """
 
-from collections.abc import Callable, Sequence
-from typing import NamedTuple
-
 import equinox as eqx
-import jax
 import jax.numpy as jnp
-from jaxtyping import Array, Bool, Float, Inexact
+from jaxtyping import Array, Float, Inexact
 
 from ..core.checks import (
     Numbers,
@@ -28,31 +24,12 @@ from ..core.checks import (
     short,
 )
 from ..core.display import shown
-from .grading import (
-    AbstractGradedSolver,
-    AddGraded,
-    Carried,
-    Rule,
-    as_waves,
-    climb_through,
-    column_of,
-    graded_tolerance,
-    solve_graded,
-)
+from .below import PLANE, base_face, in_plane
+from .column import climb_through, column_of
+from .grading import AbstractGradedSolver, as_waves, graded_tolerance, solve_graded
 from .layering import Layering
-from .recursion import ManyLayers, compliance_of_layers, prepared
-from .slab import (
-    Compliance,
-    factors,
-    free,
-    half_space,
-    in_units,
-    reciprocal,
-    rigid,
-    stack_on,
-    times,
-)
-from .stack import Free, HalfSpace, Layer, Rigid, Stack, is_graded
+from .recursion import compliance_of_layers, layers_of
+from .stack import Free, HalfSpace, Rigid, Stack, is_graded, moduli_of
 
 
 @check_types
@@ -203,18 +180,27 @@ def surface_compliance_unchecked(
     rtol: float,
 ) -> Inexact[Array, "*w"]:
     """Returns M_zz [m/Pa] at `q` and `omega` of equal rank."""
-    return compliance_of(prepared(stack), q, omega, graded_solver, rtol)
+    return compliance_of(stack, q, omega, graded_solver, rtol)
 
 
 @eqx.filter_jit
 def _graded(stack, q, omega, graded_solver, rtol, throw):
-    climb = _climb(stack, q, omega)
-    (value,), error = solve_graded(graded_solver, climb, _relative, stack, q, omega, rtol, throw)
+    column = column_of(stack, q, omega)
+    base = in_plane(base_face(column, jnp.zeros_like(q)))
+
+    def climb(add_graded):
+        top = climb_through(column, base, PLANE, add_graded)
+        return (top.state.c22 / top.state.n * (2 / column.unit) / (top.reduced * q),)
+
+    def relative(differences, values):
+        return jnp.abs(differences[0]) / jnp.abs(values[0])
+
+    (value,), error = solve_graded(graded_solver, climb, relative, stack, q, omega, rtol, throw)
     return GradedCompliance(value, error)
 
 
 def compliance_of(
-    stack: Stack | ManyLayers,
+    stack: Stack,
     q: Float[Array, "..."],
     omega: Float[Array, "..."],
     graded_solver: AbstractGradedSolver,
@@ -223,30 +209,38 @@ def compliance_of(
     attempt: bool = False,
     throw: bool = True,
 ) -> Inexact[Array, "*w"]:
-    """Returns M_zz [m/Pa] of a `prepared` stack at `q` and `omega` of equal rank.
+    """Returns M_zz [m/Pa] of a stack at `q` and `omega` of equal rank.
 
     An `attempt` at a graded stack is quick, and returns its result for any error. Without
     `throw` a tolerance that is not reached leaves NaN.
     """
-    if isinstance(stack, ManyLayers):
-        thickness = stack.thickness
-        modulus, poisson = stack.moduli(omega)
-    elif is_graded(stack):
+    if is_graded(stack):
         solver = Layering(retry=False) if attempt else graded_solver
         found = _graded(stack, q, omega, solver, rtol, throw and not attempt)
         if attempt or throw:
             return found.value
         return jnp.where(found.error <= rtol, found.value, jnp.nan)
-    else:
-        layers = [layer for layer in stack.layers if isinstance(layer, Layer)]
-        thickness = [layer.thickness for layer in layers]
-        modulus = [layer.material.modulus(omega) for layer in layers]
-        poisson = [layer.material.poisson_ratio(omega) for layer in layers]
     base = stack.base
     if isinstance(base, HalfSpace):
-        base = (base.material.modulus(omega), base.material.poisson_ratio(omega))
-    compliance = compliance_of_layers(q, thickness, modulus, poisson, base)
+        base = moduli_of(base.material, omega)
+    compliance = compliance_of_layers(q, *layers_of(stack, omega), base)
     return jnp.broadcast_to(compliance, jnp.broadcast_shapes(q.shape, omega.shape))
+
+
+def log_compliance(
+    stack: Stack,
+    q: Float[Array, "..."],
+    omega: Float[Array, "..."],
+    graded_solver: AbstractGradedSolver,
+    rtol: float,
+    attempt: bool,
+) -> Inexact[Array, "*w"]:
+    """Returns log(q M_zz) for a table with the tolerance `rtol`."""
+    # The nodes are solved more closely than they are interpolated.
+    closer = max(rtol / 4, 400 * float(jnp.finfo(q.dtype).eps))
+    return jnp.log(
+        compliance_of(stack, q, omega, graded_solver, closer, attempt=attempt, throw=False) * q
+    )
 
 
 def _check_moduli(modulus_name: str, modulus: Array, poisson_name: str, poisson: Array) -> None:
@@ -257,70 +251,3 @@ def _check_moduli(modulus_name: str, modulus: Array, poisson_name: str, poisson:
         check_values(poisson_name, poisson, "Poisson's ratio must be finite")
     else:
         check_poisson(poisson_name, poisson)
-
-
-# The rule of M_zz, by which it passes graded layers.
-
-
-class Face(NamedTuple):
-    """In-plane compliance of a face in units of 2/(E_r q), and that E_r."""
-
-    state: Compliance
-    reduced: Inexact[Array, "..."]
-
-
-def _climb(
-    stack: Stack, q: Float[Array, "..."], omega: Float[Array, "..."]
-) -> Callable[[AddGraded | None], tuple[Array]]:
-    """Returns the recursion that finds M_zz [m/Pa]."""
-    column = column_of(stack, q, omega)
-    face = None
-    if isinstance(column.base, Rigid):
-        face = Face(rigid(q), jnp.ones_like(q))
-    elif not isinstance(column.base, Free):
-        face = _half_space(*column.base)
-
-    def climb(add_graded):
-        top = climb_through(column, face, _RULE, add_graded)
-        return (top.state.c22 * (2 / column.unit) / (top.reduced * q),)
-
-    return climb
-
-
-def _relative(differences: Sequence[Array], values: Sequence[Array]) -> Float[Array, "*w"]:
-    """Returns the relative error of one value."""
-    return jnp.abs(differences[0]) / jnp.abs(values[0])
-
-
-def _add(
-    face: Face | None, x: Array, reduced: Array, e: Array, lowest: Bool[Array, "..."] | None = None
-) -> Face:
-    if face is None:
-        return Face(free(x, e), reduced)
-    ratio = times(reciprocal(face.reduced), reduced)
-    state = stack_on(face.state, factors(x, e), ratio)
-    if lowest is not None:
-        hanging = free(jnp.where(lowest, x, 1), e)
-        state = jax.tree.map(lambda a, b: jnp.where(lowest, a, b), hanging, state)
-    return Face(state, reduced)
-
-
-def _half_space(reduced: Array, e: Array) -> Face:
-    return Face(half_space(e), reduced)
-
-
-def _numbers(face: Face, reference: Array, inverse: bool) -> Carried:
-    state = in_units(face.state, reference / face.reduced)
-    return Carried(_inverse(state) if inverse else state)
-
-
-def _face(numbers: Carried, reference: Array, inverse: bool, _: Array) -> Face:
-    return Face(_inverse(numbers.plane) if inverse else numbers.plane, reference)
-
-
-_RULE = Rule(_add, _half_space, _numbers, _face)
-
-
-def _inverse(c: Compliance) -> Compliance:
-    """The inverse of a symmetric 2×2 matrix that carries its determinant."""
-    return Compliance(c.c22 / c.det, -c.c12 / c.det, c.c11 / c.det, 1 / c.det)

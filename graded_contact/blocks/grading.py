@@ -1,23 +1,17 @@
-"""The recursion through a stack with graded layers, and the interface of their solvers.
+"""The interface of the solvers of graded layers, their tolerances, and what all waves must pass.
 
-The recursion carries the state of a face through the layers. A `Rule` defines the state and how it
-passes a homogeneous slab: the rule of M_zz is in `compliance`, that of the full compliance in
-`matrix`, that of the part above a depth in `depth`. A state passes a graded layer by an
-`AbstractGradedSolver`. There are two, `Layering` and `Riccati`. Both estimate the error of their
-result; an error above the tolerance is raised.
+A recursion (`column`) passes a graded layer by an `AbstractGradedSolver`. There are two, `Layering`
+and `Riccati`. Both estimate the error of their result; an error above the tolerance is raised.
 """
 
 import abc
-from collections.abc import Callable, Mapping, Sequence
-from itertools import groupby
-from types import MappingProxyType
-from typing import Any, NamedTuple
+from collections.abc import Callable, Sequence
 
 import equinox as eqx
 import jax
 import jax.numpy as jnp
 import numpy as np
-from jaxtyping import Array, Float, Inexact
+from jaxtyping import Array, Float
 
 from ..core.checks import (
     Numbers,
@@ -28,168 +22,9 @@ from ..core.checks import (
     is_concrete,
 )
 from ..materials.coverage import check_frequencies
-from .profile import check_profile, moduli_at
-from .recursion import cast_like, largest, stable_shape
-from .slab import Compliance, plane_strain
-from .stack import Free, GradedLayer, HalfSpace, Rigid, Stack, check_at_rest, is_graded
-
-
-class Rule(NamedTuple):
-    """The state that a recursion passes from face to face.
-
-    - `add(face, x, reduced, e, lowest)`: the state of a slab's other face, of x = q d, E_r in the
-      unit of the column and e = 1 - 2ν. If there is nothing below, `face` is None, or `lowest` a
-      mask of where.
-    - `half_space(reduced, e)`: the state of its face; None if the recursion goes downwards.
-    - `numbers(face, reference, inverse)`: a state as the `Carried` that `Riccati` integrates, in
-      units of E_ref = `reference`, and `face(numbers, reference, inverse, e)` back. If `inverse`,
-      compliances are inverse ones.
-    """
-
-    add: Callable[..., Any]
-    half_space: Callable[..., Any] | None
-    numbers: Callable[..., "Carried"]
-    face: Callable[..., Any]
-
-    @property
-    def down(self) -> bool:
-        return self.half_space is None
-
-
-class Carried(NamedTuple):
-    """A symmetric matrix with its determinant, in plane; antiplane; and a traction (t, s, T)."""
-
-    plane: Compliance
-    antiplane: Any = None
-    traction: Any = None
-
-
-# Adds to a face the graded layer of this number, by a rule and the unit of moduli; or its part
-# below a height s, above s if the rule goes downwards.
-AddGraded = Callable[[int, Any, Rule, Array, Array | None], Any]
-
-
-class Run(NamedTuple):
-    """Homogeneous layers in a row, surface first, by their numbers in the stack.
-
-    Thickness [m], E_r in the unit of the column, and e = 1 - 2ν.
-    """
-
-    members: tuple[int, ...]
-    thickness: Float[Array, "layers *#w"]
-    reduced: Inexact[Array, "layers *#w"]
-    e: Inexact[Array, "layers *#w"]
-
-
-class Column(NamedTuple):
-    """A stack at given wavenumbers and frequencies.
-
-    `runs`: from the surface downwards, homogeneous layers in a row, and numbers of graded layers.
-    `base`: E_r and e of a half space, or the base itself. `unit`: of moduli [Pa].
-    """
-
-    runs: tuple[Run | int, ...]
-    base: Any
-    unit: Float[Array, ""]
-    q: Float[Array, "..."]
-
-
-def column_of(stack: Stack, q: Float[Array, "..."], omega: Float[Array, "..."]) -> Column:
-    """Returns the column of a stack."""
-    moduli, ends = [], []
-    for layer in stack.layers:
-        if isinstance(layer, GradedLayer):
-            moduli.append(None)
-            ends += [moduli_at(layer.profile, end + 0 * q, omega)[0] for end in (0, 1)]
-        else:
-            moduli.append((layer.material.modulus(omega), layer.material.poisson_ratio(omega)))
-    base = stack.base
-    if isinstance(base, HalfSpace):
-        base = (base.material.modulus(omega), base.material.poisson_ratio(omega))
-    return column([layer.thickness for layer in stack.layers], moduli, base, q, ends)
-
-
-def column(thickness, moduli, base, q, others=()) -> Column:
-    """Returns a column of layers with these moduli, (E, ν) [Pa, 1]; None for graded ones.
-
-    `others` are moduli [Pa] that occur besides.
-    """
-    known = [*filter(None, moduli), *(() if isinstance(base, Rigid | Free) else (base,))]
-    unit = largest([*others, *(jnp.asarray(modulus) for modulus, _ in known)])
-
-    def reduced(pair):
-        modulus, poisson = map(jnp.asarray, pair)
-        return plane_strain(modulus / unit, poisson)
-
-    runs = []
-    for graded, members in groupby(range(len(moduli)), lambda i: moduli[i] is None):
-        members = tuple(members)
-        if graded:
-            runs += members
-        else:
-            parts = zip(*(reduced(moduli[i]) for i in members), strict=True)
-            sizes = [thickness[i] for i in members]
-            runs.append(Run(members, *(_stacked(values, q) for values in (sizes, *parts))))
-    base = base if isinstance(base, Rigid | Free) else reduced(base)
-    return Column(tuple(runs), base, unit, q)
-
-
-def climb_through(
-    column: Column,
-    face: Any,
-    rule: Rule,
-    add_graded: AddGraded | None,
-    *,
-    parts: Sequence[Array] | None = None,
-    heights: Mapping[int, Array] = MappingProxyType({}),
-) -> Any:
-    """Returns the state at the other end of a column from that at one end.
-
-    **Arguments:**
-
-    - `face`: at the base, or for a `rule` that goes downwards at the surface.
-    - `parts`: what is there of the thickness of each homogeneous layer [m].
-    - `heights`: s at which each graded layer is cut.
-    """
-    for run in column.runs if rule.down else reversed(column.runs):
-        if isinstance(run, int):
-            assert add_graded is not None
-            face = add_graded(run, face, rule, column.unit, heights.get(run))
-            continue
-        if parts is not None:
-            run = run._replace(thickness=_stacked([parts[i] for i in run.members], column.q))
-        face = _through(run, column.q, face, rule)
-    return face
-
-
-def _through(run, q, face, rule):
-    layers = run.thickness, run.reduced, run.e
-
-    def step(face, layer):
-        d, reduced, e = layer
-        return rule.add(face, q * d, reduced, e)
-
-    if face is None:
-        face = step(None, [part[-1] for part in layers])
-        layers = tuple(part[:-1] for part in layers)
-    if len(layers[0]) == 0:
-        return face
-    # The carry keeps one shape and dtype from the first step on.
-    like = stable_shape(lambda face: step(face, [part[0] for part in layers]), face)
-    return jax.lax.scan(
-        lambda face, layer: (cast_like(step(face, layer), like), None),
-        cast_like(face, like),
-        layers,
-        reverse=not rule.down,
-    )[0]
-
-
-def _stacked(values: Sequence[Any], like: Array) -> Array:
-    """Stacks per-layer values of unlike shapes and dtypes, each filled up to the rank of `like`."""
-    stacked = jnp.stack(jnp.broadcast_arrays(*map(jnp.asarray, values)))
-    missing = (1,) * (like.ndim + 1 - stacked.ndim)
-    return stacked.reshape(len(values), *missing, *stacked.shape[1:])
-
+from .column import AddGraded
+from .profile import check_profile
+from .stack import GradedLayer, Stack, check_at_rest, is_graded
 
 # Rounding: what no refinement removes, and the tightest tolerance worth trying.
 _FLOOR, _REFUSED_BELOW = 100.0, 400.0

@@ -9,7 +9,7 @@ from jaxtyping import Array, Float
 from ..core.compilation import jit
 from ..core.display import shown
 from ..materials.material import Elastic
-from .stack import GradedLayer, HalfSpace, Layer, Stack
+from .stack import HalfSpace, Layer, Stack, is_graded
 
 B = TypeVar("B")
 
@@ -50,7 +50,7 @@ def check_bulk(temperature: B | None) -> B:
 
 def check_heated(stack: Stack) -> None:
     """Raises `ValueError` for a block whose layers cannot be cut."""
-    if any(isinstance(layer, GradedLayer) for layer in stack.layers):
+    if is_graded(stack):
         raise ValueError(
             "`stack` has a graded layer, which `heating` cannot cut: use `blocks.sliced` first."
         )

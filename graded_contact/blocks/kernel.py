@@ -42,16 +42,15 @@ from ..fields.grid import (
     zero_mode,
 )
 from ..materials.softening import at_strain, softens
-from .compliance import compliance_of
+from .compliance import compliance_of, log_compliance
 from .grading import AbstractGradedSolver, check_profiles, graded_tolerance
 from .interpolation import KernelTable, tabulate
 from .layering import Layering
-from .recursion import prepared
 from .stack import Stack, check_at_rest, is_graded
 
 _BLOCK_ROWS = 16
 # With so few layers, or points of the grid, direct evaluation is faster than a table.
-FEW_LAYERS, FEW_POINTS = 6, 192**2
+_FEW_LAYERS, _FEW_POINTS = 6, 192**2
 
 
 _NOT_REACHED = (
@@ -119,28 +118,26 @@ def attempted_kernel(
     `choosing`, a table that misses it gives way to direct evaluation under `jit`, too: both are
     compiled.
     """
-    velocity, rtol = _checked(stack, grid, velocity, graded_solver, rtol)
-    size = grid.size
+    velocity = checked_velocity(stack, grid, velocity)
+    rtol = graded_tolerance(graded_solver, rtol, grid.size)
+    oblique, size = velocity.ndim > 0, grid.size
     check_memory("grid", "a kernel", KERNEL, grid.shape, size.dtype.itemsize, num_devices(size))
     if strain is not None:
         strain = _checked_strain(stack, *strain)
-    elif _is_dear(stack, grid) and velocity.ndim == 0:
+
+    def direct():
+        kernel = _direct_kernel(stack, grid, velocity, graded_solver, rtol, strain)
+        return kernel, jnp.all(jnp.isfinite(kernel)) if is_graded(stack) else jnp.asarray(True)
+
+    if strain is None and not oblique and grid.ndim == 2 and is_dear(stack, np.prod(grid.shape)):
         kernel, error = _interpolated_kernel(stack, grid, velocity, graded_solver, rtol)
         # NaN comes from a node that could not be solved; nor could its neighbours be.
-        missed = error > rtol
-        if not is_concrete(error) and choosing:
-            table = (kernel, error <= rtol)
-            return jax.lax.cond(
-                missed, lambda: _direct(stack, grid, velocity, graded_solver, rtol), lambda: table
-            )
+        table, missed = (kernel, error <= rtol), error > rtol
+        if choosing and not is_concrete(error):
+            return jax.lax.cond(missed, direct, lambda: table)
         if not is_concrete(error) or not missed:
-            return kernel, error <= rtol
-    return _direct(stack, grid, velocity, graded_solver, rtol, strain)
-
-
-def _direct(stack, grid, velocity, graded_solver, rtol, strain=None):
-    kernel = _direct_kernel(stack, grid, velocity, graded_solver, rtol, strain)
-    return kernel, jnp.all(jnp.isfinite(kernel)) if is_graded(stack) else jnp.asarray(True)
+            return table
+    return direct()
 
 
 @check_types
@@ -166,7 +163,8 @@ def kernel_table(
 
     **Raises:** `ValueError` for a refused argument.
     """
-    velocity, rtol = _checked(stack, grid, velocity, graded_solver, rtol)
+    velocity = checked_velocity(stack, grid, velocity)
+    rtol = graded_tolerance(graded_solver, rtol, grid.size)
     if grid.ndim == 1 or velocity.ndim == 1:
         raise ValueError(
             f"`grid` has shape {grid.shape} and `velocity` shape {velocity.shape}; a table is "
@@ -175,20 +173,21 @@ def kernel_table(
     return _kernel_table(stack, grid, velocity, graded_solver, rtol)
 
 
-@jit
-def kernel_frequencies(grid: Grid, velocity: Float[Array, "..."]) -> Float[Array, " 3"]:
-    """Returns |ω| [rad/s] at rest, of the longest and of the shortest wave along the velocity."""
-    along = velocity if velocity.ndim == 0 else jnp.sqrt(jnp.sum(velocity**2))
-    lowest, highest = _wavenumbers(grid, 0, np.array([1, grid.shape[0] // 2]))
-    return along * jnp.stack([jnp.zeros_like(lowest), lowest, highest])
-
-
-def _checked(stack, grid, velocity, graded_solver, rtol):
+def checked_velocity(stack: Stack, grid: Grid, velocity: Numbers) -> Float[Array, "..."]:
+    """Returns the velocity as an array, refused where a stack has no response to its waves."""
     velocity = as_velocity(velocity, grid)
     if grid.ndim == 2 or (is_concrete(velocity) and not np.any(np.asarray(velocity))):
         check_at_rest(stack)
-    check_profiles(stack, kernel_frequencies(grid, velocity))
-    return velocity, graded_tolerance(graded_solver, rtol, grid.size)
+    check_profiles(stack, _extreme_frequencies(grid, velocity))
+    return velocity
+
+
+@jit
+def _extreme_frequencies(grid, velocity):
+    """|ω| [rad/s] at rest, of the longest and of the shortest wave along the velocity."""
+    along = velocity if velocity.ndim == 0 else jnp.sqrt(jnp.sum(velocity**2))
+    lowest, highest = _wavenumbers(grid, 0, np.array([1, grid.shape[0] // 2]))
+    return along * jnp.stack([jnp.zeros_like(lowest), lowest, highest])
 
 
 def _checked_strain(stack, q, amplitude):
@@ -201,9 +200,10 @@ def _checked_strain(stack, q, amplitude):
     return q, amplitude
 
 
-def _is_dear(stack, grid):
-    many = is_graded(stack) or len(stack.layers) > FEW_LAYERS
-    return many and grid.ndim == 2 and np.prod(grid.shape) > FEW_POINTS
+def is_dear(stack: Stack, num_points: int) -> bool:
+    """Returns whether a table is less work than the response of a stack at so many points."""
+    many = is_graded(stack) or len(stack.layers) > _FEW_LAYERS
+    return bool(many and num_points > _FEW_POINTS)
 
 
 @derivative_apart
@@ -212,7 +212,7 @@ def _direct_kernel(stack, grid, velocity, graded_solver, rtol, strain):
     if grid.ndim == 1:
         qx = _wavenumbers(grid, 0, np.arange(grid.shape[0] // 2 + 1))
         kernel = _compliance(stack, qx, jnp.zeros_like(qx), velocity, graded_solver, rtol, strain)
-        return _rules(kernel, grid.shape)
+        return _rules(kernel, grid)
     kx, ky = both_signs(grid.shape)
     qy = _wavenumbers(grid, 1, ky)
 
@@ -222,7 +222,7 @@ def _direct_kernel(stack, grid, velocity, graded_solver, rtol, strain):
 
     if velocity.shape == ():
         return _mirrored(rows, grid)
-    return _on_devices(even_on_nyquist(_in_blocks(rows, len(kx)), grid.shape), grid)
+    return _rules(even_on_nyquist(_in_blocks(rows, len(kx)), grid.shape), grid)
 
 
 @derivative_apart
@@ -243,13 +243,11 @@ def _interpolated_kernel(stack, grid, velocity, graded_solver, rtol):
 @jit
 def _kernel_table(stack, grid, velocity, graded_solver, rtol):
     lowest = 2 * np.pi / grid.size
-    # The nodes are solved more closely than they are interpolated.
-    closer = max(rtol / 4, 400 * float(np.finfo(grid.size.dtype).eps))
 
     def logarithm(kx, ky, attempt=False):
         qx, qy = kx * lowest[0], ky * lowest[1]
-        compliance = _compliance(stack, qx, qy, velocity, graded_solver, closer, attempt=attempt)
-        return jnp.log(compliance * _magnitude(qx, qy))
+        q, omega = _magnitude(qx, qy), sliding_frequency(qx, qy, velocity)
+        return log_compliance(stack, q, omega, graded_solver, rtol, attempt)
 
     highest = (grid.shape[0] // 2, grid.shape[1] // 2)
     return tabulate(logarithm, partial(logarithm, attempt=True), highest, rtol, grid.size.dtype)
@@ -260,12 +258,7 @@ def _mirrored(rows_of, grid):
     num_rows = grid.shape[0] // 2 + 1
     kernel = _in_blocks(rows_of, num_rows)
     others = kernel[1 : grid.shape[0] - num_rows + 1][::-1]
-    return _on_devices(jnp.concatenate([kernel, jnp.conj(others)]), grid)
-
-
-def _on_devices(kernel, grid):
-    """By the rules of the half spectrum, and laid as what leaves a compiled program is."""
-    return spread(_rules(kernel, grid.shape), grid.size)
+    return _rules(jnp.concatenate([kernel, jnp.conj(others)]), grid)
 
 
 def _in_blocks(rows_of, num_rows):
@@ -292,25 +285,24 @@ def _magnitude(qx, qy):
     return jnp.sqrt(jnp.where(squared == 0, 1, squared))
 
 
-def _compliance(stack, qx, qy, velocity, graded_solver, rtol, strain=None, *, attempt=False):
+def _compliance(stack, qx, qy, velocity, graded_solver, rtol, strain):
     q = _magnitude(qx, qy)
     # For sliding along x the frequency keeps the shape of qx: one modulus per row.
     omega = sliding_frequency(qx, qy, velocity)
     if strain is None:
-        block = prepared(stack)
-        return compliance_of(block, q, omega, graded_solver, rtol, attempt=attempt, throw=False)
+        return compliance_of(stack, q, omega, graded_solver, rtol, throw=False)
 
     def at(q, omega):
-        block = prepared(at_strain(stack, jnp.interp(q, *strain)))
+        block = at_strain(stack, jnp.interp(q, *strain))
         return compliance_of(block, q[None], omega[None], graded_solver, rtol, throw=False)[0]
 
     return jnp.vectorize(at)(q, omega)
 
 
-def _rules(kernel, shape):
-    """The rules of the half spectrum at q = 0 and on Nyquist lines."""
-    kernel = jnp.where(zero_mode(shape), 0, kernel)
+def _rules(kernel, grid):
+    """By the rules of the half spectrum, and laid as what leaves a compiled program is."""
+    kernel = jnp.where(zero_mode(grid.shape), 0, kernel)
     if jnp.iscomplexobj(kernel):
-        imag = jnp.where(nyquist_lines(shape), 0, kernel.imag)
+        imag = jnp.where(nyquist_lines(grid.shape), 0, kernel.imag)
         kernel = jax.lax.complex(kernel.real, imag)
-    return kernel
+    return kernel if grid.ndim == 1 else spread(kernel, grid.size)

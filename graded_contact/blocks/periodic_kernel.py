@@ -15,12 +15,11 @@ from jaxtyping import Array, Float, Inexact
 
 from ..core.derivative import derivative_apart
 from ..fields.grid import Grid
-from .compliance import compliance_of
+from .compliance import compliance_of, log_compliance
 from .grading import AbstractGradedSolver, check_profiles, graded_tolerance
 from .interpolation import tabulate
-from .kernel import FEW_LAYERS, FEW_POINTS
-from .recursion import prepared
-from .stack import Stack, check_at_rest, is_graded
+from .kernel import is_dear
+from .stack import Stack, check_at_rest
 
 _BLOCK = 16  # frequencies that are computed at once
 
@@ -64,16 +63,15 @@ def period_frequencies(num_times: int, period: Float[Array, ""]) -> Float[Array,
 @eqx.filter_jit
 def _kernel(stack, grid: Grid, num_times: int, period, graded_solver, rtol):
     """The kernel and the error of its table."""
-    many = is_graded(stack) or len(stack.layers) > FEW_LAYERS
     points = (num_times // 2 + 1) * int(np.prod([n // 2 + 1 for n in grid.shape]))
-    make = _interpolated if many and points > FEW_POINTS else _direct
+    make = _interpolated if is_dear(stack, points) else _direct
     lowest = 2 * np.pi / grid.size
     numbers = [np.arange(n // 2 + 1) for n in grid.shape]
     mesh = jnp.meshgrid(*map(jnp.multiply, lowest, numbers), indexing="ij")
     squared = jnp.sum(jnp.stack(mesh) ** 2, axis=0)
     q = jnp.sqrt(jnp.where(squared > 0, squared, 1)).ravel()
     q = jnp.where(squared.ravel() > 0, q, jnp.min(lowest))
-    found, error = make(prepared(stack), q, num_times, period, graded_solver, rtol)
+    found, error = make(stack, q, num_times, period, graded_solver, rtol)
     kernel = found.reshape(-1, *squared.shape)
     kernel = jnp.where(squared > 0, kernel, 0)
     if grid.ndim == 2:
@@ -101,11 +99,7 @@ def _interpolated(stack, q, num_times: int, period, graded_solver, rtol):
 
     def logarithm(kq, kt, attempt=False):
         wave = lowest * jnp.maximum(kq, 1) ** power
-        closer = max(rtol / 4, 400 * float(np.finfo(q.dtype).eps))
-        found = compliance_of(
-            stack, wave, omega * kt, graded_solver, closer, attempt=attempt, throw=False
-        )
-        return jnp.log(found * wave)
+        return log_compliance(stack, wave, omega * kt, graded_solver, rtol, attempt)
 
     most = (top, num_times // 2)
     table = tabulate(logarithm, partial(logarithm, attempt=True), most, rtol, q.dtype)

@@ -3,9 +3,9 @@
 A profile is a module called with heights s [1] (0 at the layer's bottom, 1 at its top) and
 angular frequencies ω [rad/s] that broadcast against each other; it returns Young's modulus
 E [Pa] and Poisson's ratio [1], entry by entry, each of a shape that broadcasts to theirs. Where
-a derivative of it jumps, it may have an attribute `breaks` (heights strictly between 0 and
-1): the layer is then cut there, and convergence is as fast as without. E and ν themselves must
-be continuous; a jump is a boundary between two layers.
+a derivative of it jumps, it (or a shape in it) may have an attribute `breaks` (heights strictly
+between 0 and 1): the layer is then cut there, and convergence is as fast as without. E and ν
+themselves must be continuous; a jump is a boundary between two layers.
 
 The ready profiles vary with height through a shape φ(s). The paper's two (Scaraggi & Comingio,
 App. B) are `Blend` with `Linear()` and with `Sinusoidal()`.
@@ -25,10 +25,11 @@ import numpy as np
 from jaxtyping import Array, Float, Inexact, ScalarLike
 
 from ..core.checks import check_positive, check_type, check_values, is_concrete, scalar
-from ..core.display import shown
+from ..core.display import shown, with_units
 from ..materials.coverage import check_frequencies, coverage
 from ..materials.material import AbstractMaterial, material_called
-from .shapes import FROM_0_TO_1, AbstractShape, Linear, breaks_of, shape_called
+from .shapes import FROM_0_TO_1, AbstractShape, Linear, shape_called
+from .stack import moduli_of
 
 SAMPLES = 64  # intervals of height in which a profile is looked at
 
@@ -43,9 +44,16 @@ class AbstractProfile(eqx.Module):
     ) -> tuple[Inexact[Array, "..."], Inexact[Array, "..."]]:
         """Returns E [Pa] and ν [1] at heights `s` [1] and frequencies `omega` [rad/s]."""
 
-    @abc.abstractmethod
     def at(self, temperature: ScalarLike) -> "AbstractProfile":
         """Returns the profile with its materials at another temperature [K]."""
+
+        def is_material(node):
+            return isinstance(node, AbstractMaterial)
+
+        def moved(node):
+            return node.at(temperature) if is_material(node) else node
+
+        return with_units(jax.tree.map(moved, self, is_leaf=is_material))
 
 
 class Blend(AbstractProfile):
@@ -74,15 +82,9 @@ class Blend(AbstractProfile):
     def __check_init__(self):
         check_type("mixing", self.mixing, "linear", "logarithmic")
 
-    @property
-    def breaks(self) -> Float[Array, " inner"]:
-        """Heights where a derivative of the shape jumps."""
-        return breaks_of(self.shape)
-
     def __call__(self, s, omega):
         phi = self.shape(s)
-        bottom, top = self.bottom.modulus(omega), self.top.modulus(omega)
-        low, high = self.bottom.poisson_ratio(omega), self.top.poisson_ratio(omega)
+        (bottom, low), (top, high) = moduli_of(self.bottom, omega), moduli_of(self.top, omega)
         if self.mixing == "linear":
             return bottom + phi * (top - bottom), low + phi * (high - low)
         modulus = bottom * jnp.exp(phi * jnp.log(top / bottom))
@@ -90,14 +92,6 @@ class Blend(AbstractProfile):
             # Extrapolated, ν might exceed 1/2; cut off, it would have a kink.
             phi = phi**2 / (phi**2 + (1 - phi) ** 2)
         return modulus, low + phi * (high - low)
-
-    def at(self, temperature: ScalarLike) -> "Blend":
-        return Blend(
-            bottom=self.bottom.at(temperature),
-            top=self.top.at(temperature),
-            shape=self.shape,
-            mixing=self.mixing,
-        )
 
 
 class Mixture(AbstractProfile):
@@ -125,25 +119,18 @@ class Mixture(AbstractProfile):
 
     def __check_init__(self):
         fraction = self.fraction(jnp.linspace(0.0, 1.0, SAMPLES + 1))
-        check_values(
-            "fraction",
-            fraction,
-            "a volume fraction lies between 0 and 1",
-            at_least=-1e-9,
-            at_most=1 + 1e-9,
-        )
-
-    @property
-    def breaks(self) -> Float[Array, " inner"]:
-        """Heights where a derivative of the fraction jumps."""
-        return breaks_of(self.fraction)
+        allowed = "a volume fraction lies between 0 and 1"
+        check_values("fraction", fraction, allowed, at_least=-1e-9, at_most=1 + 1e-9)
 
     def __call__(self, s, omega):
         fraction = self.fraction(s)
+        pairs = (moduli_of(material, omega) for material in (self.matrix, self.filler))
         # In units of the matrix's shear modulus, and with 1/K: then ν = 1/2 is no exception.
-        unit, bulk_m = _shear_and_bulk_compliance(self.matrix, omega)
-        shear_f, bulk_f = _shear_and_bulk_compliance(self.filler, omega)
-        shear, bulk_m, bulk_f = shear_f / unit, bulk_m * unit, bulk_f * unit
+        (unit, bulk_m), (shear, bulk_f) = (
+            (modulus / (2 * (1 + poisson)), 3 * (1 - 2 * poisson) / modulus)
+            for modulus, poisson in pairs
+        )
+        shear, bulk_m, bulk_f = shear / unit, bulk_m * unit, bulk_f * unit
         z, h = 4 / 3, (9 + 8 * bulk_m) / (6 * (1 + 2 * bulk_m))
 
         def mean(matrix, filler):
@@ -155,9 +142,6 @@ class Mixture(AbstractProfile):
         shear = 1 / mean(1 / (1 + h), 1 / (shear + h)) - h
         product = shear * bulk
         return unit * 9 * shear / (3 + product), (3 - 2 * product) / (2 * (3 + product))
-
-    def at(self, temperature: ScalarLike) -> "Mixture":
-        return Mixture(self.matrix.at(temperature), self.filler.at(temperature), self.fraction)
 
 
 class Aged(AbstractProfile):
@@ -183,14 +167,8 @@ class Aged(AbstractProfile):
         check_positive("bottom", self.bottom, "[1]")
         check_positive("top", self.top, "[1]")
 
-    @property
-    def breaks(self) -> Float[Array, " inner"]:
-        """Heights where a derivative of the shape jumps."""
-        return breaks_of(self.shape)
-
     def __call__(self, s, omega):
-        slower = self._factor(s) * omega
-        return self.material.modulus(slower), self.material.poisson_ratio(slower)
+        return moduli_of(self.material, self._factor(s) * omega)
 
     def coverage(self) -> tuple[Float[Array, ""], Float[Array, ""]]:
         """Returns the lowest and highest ω [rad/s] measured at every height."""
@@ -212,14 +190,6 @@ class Aged(AbstractProfile):
         factors = jax.lax.stop_gradient(self._factor(jnp.linspace(0, 1, SAMPLES + 1)))
         return jnp.min(factors), jnp.max(factors)
 
-    def at(self, temperature: ScalarLike) -> "Aged":
-        return Aged(
-            material=self.material.at(temperature),
-            bottom=self.bottom,
-            top=self.top,
-            shape=self.shape,
-        )
-
 
 def moduli_at(
     profile: Any, s: Float[Array, "..."], omega: Float[Array, "..."]
@@ -227,15 +197,6 @@ def moduli_at(
     """Returns E and ν of a profile as arrays: a function may return Python numbers."""
     modulus, poisson = profile(s, omega)
     return jnp.asarray(modulus), jnp.asarray(poisson)
-
-
-def _shear_and_bulk_compliance(material, omega):
-    modulus, poisson = material.modulus(omega), material.poisson_ratio(omega)
-    return modulus / (2 * (1 + poisson)), 3 * (1 - 2 * poisson) / modulus
-
-
-# A change that a smooth profile spreads over more than 2^-40 of the layer.
-_HALVINGS = 40
 
 
 def check_profile(name: str, profile: Any, omega: Float[Array, "..."]) -> None:
@@ -251,15 +212,19 @@ def check_profile(name: str, profile: Any, omega: Float[Array, "..."]) -> None:
         return
     omega = sizes[np.linspace(0, sizes.size - 1, min(sizes.size, 5)).astype(int)]
     s = jnp.linspace(0, 1, SAMPLES + 1, dtype=omega.dtype)
-    _check_shapes(name, profile, s, omega)
-    modulus, poisson, where, jump = (np.array(part) for part in _survey(profile, s, omega))
-
-    def refuse(bad, value, why):
-        i, j = (int(k) for k in np.argwhere(bad)[0])
+    expected = (s.size, omega.size)
+    try:
+        shapes = [part.shape for part in jax.eval_shape(moduli_at, profile, s[:, None], omega)]
+        fits = jnp.broadcast_shapes(*shapes, expected) == expected
+        got = f"E of shape {shapes[0]} and ν of shape {shapes[1]}"
+    except (TypeError, ValueError, AttributeError) as error:
+        fits, got = False, f"{type(error).__name__}: {error}"
+    if not fits:
         raise ValueError(
-            f"`{name}` at s={float(s[i]):g}, omega={float(omega[j]):g}: {why}, got {value[i, j]:g}."
+            f"`{name}` must return a pair (E, ν) that broadcasts to {expected} for s of shape "
+            f"{(s.size, 1)} and omega of shape {omega.shape}; it gave {got}."
         )
-
+    modulus, poisson, where, jump = (np.array(part) for part in _survey(profile, s, omega))
     for bad, value, why in (
         (~np.isfinite(modulus), modulus, "the modulus [Pa] must be finite"),
         (~np.isfinite(poisson), poisson, "Poisson's ratio must be finite"),
@@ -270,28 +235,13 @@ def check_profile(name: str, profile: Any, omega: Float[Array, "..."]) -> None:
             "Poisson's ratio must be greater than -1 and at most 0.5",
         ),
     ):
-        if np.any(bad):
-            refuse(bad, value, why)
+        for i, j in np.argwhere(bad)[:1]:
+            place = f"s={float(s[i]):g}, omega={float(omega[j]):g}"
+            raise ValueError(f"`{name}` at {place}: {why}, got {value[i, j]:g}.")
     if np.any(jump > 1e-2):
-        i = int(np.argmax(jump))
         raise ValueError(
-            f"`{name}` jumps at s={where[i]:.6g}. Put a boundary between two layers there."
-        )
-
-
-def _check_shapes(name, profile, s, omega):
-    expected = (s.size, omega.size)
-    try:
-        modulus, poisson = jax.eval_shape(moduli_at, profile, s[:, None], omega)
-        shape = jnp.broadcast_shapes(modulus.shape, poisson.shape)
-        fits = jnp.broadcast_shapes(shape, expected) == expected
-        got = f"E of shape {modulus.shape} and ν of shape {poisson.shape}"
-    except (TypeError, ValueError, AttributeError) as error:
-        fits, got = False, f"{type(error).__name__}: {error}"
-    if not fits:
-        raise ValueError(
-            f"`{name}` must return a pair (E, ν) that broadcasts to {expected} for s of shape "
-            f"{(s.size, 1)} and omega of shape {omega.shape}; it gave {got}."
+            f"`{name}` jumps at s={where[np.argmax(jump)]:.6g}. Put a boundary between two layers "
+            "there."
         )
 
 
@@ -300,9 +250,8 @@ def _survey(profile, s, omega):
     """Samples of the profile, and the largest change left after halving every interval."""
 
     def sample(s):
-        modulus, poisson = moduli_at(profile, s[..., None], omega)
-        shape = (*s.shape, omega.size)
-        return jnp.broadcast_to(modulus, shape), jnp.broadcast_to(poisson, shape)
+        moduli = moduli_at(profile, s[..., None], omega)
+        return tuple(jnp.broadcast_to(part, (*s.shape, omega.size)) for part in moduli)
 
     def changes(s):
         """Of each height to the next, along the first axis."""
@@ -316,6 +265,7 @@ def _survey(profile, s, omega):
         lower, upper = changes(jnp.stack([low, middle, high]))
         return jnp.where(upper > lower, middle, low), jnp.where(upper > lower, high, middle)
 
-    halvings = min(_HALVINGS, int(-np.log2(float(jnp.finfo(s.dtype).eps))) - 8)
+    # A smooth profile spreads its change over more than 2^-40 of the layer; a jump does not.
+    halvings = min(40, int(-np.log2(float(jnp.finfo(s.dtype).eps))) - 8)
     ends = jax.lax.fori_loop(0, halvings, halve, (s[:-1], s[1:]))
     return *sample(s), ends[1], changes(jnp.stack(ends))[0]

@@ -11,9 +11,8 @@ the chain rule through the recursion. It costs a second sweep, downwards, for v 
 differentiation of the recursion itself costs about a hundred evaluations.
 """
 
-from collections.abc import Callable, Sequence
 from functools import partial
-from typing import Any, NamedTuple
+from typing import Any
 
 import jax
 import jax.numpy as jnp
@@ -21,7 +20,7 @@ import numpy as np
 from jax.custom_derivatives import SymbolicZero
 from jaxtyping import Array, Float
 
-from ..materials.material import AbstractMaterial
+from .column import largest, scan_layers
 from .slab import (
     factors,
     free,
@@ -33,7 +32,7 @@ from .slab import (
     rigid,
     stack_on,
 )
-from .stack import Free, HalfSpace, Layer, Rigid, Stack
+from .stack import Free, Layer, Rigid, Stack, moduli_of
 
 # Unrolled layers run faster and scanned ones compile faster; they cross here.
 UNROLLED_LAYERS = 4
@@ -41,7 +40,7 @@ UNROLLED_LAYERS = 4
 
 @jax.jit
 def compliance_of_layers(q, thickness, modulus, poisson, base) -> Array:
-    """Returns M_zz [m/Pa]; sequences or arrays with the layers along their first axis.
+    """Returns M_zz [m/Pa] of a few layers in sequences, or of any number in arrays, on first axes.
 
     Arguments as in `layered_compliance`, unchecked; `base` is `Rigid()`, `Free()` or
     `(modulus, poisson)`.
@@ -58,46 +57,18 @@ def compliance_of_layers(q, thickness, modulus, poisson, base) -> Array:
         layers = tuple((d, *plane_strain(e / unit, nu)) for d, e, nu in parts)
         value = _unrolled(q, layers, base)
     else:
-        d, e, nu = _stacked(thickness, modulus, poisson)
-        value = _scanned(q, (d, *plane_strain(e / unit, nu)), base)
-    return value * (2 / unit) / q
-
-
-def largest(moduli: Sequence[Array]) -> Array:
-    """Returns the largest modulus, a unit without derivative.
-
-    In units of it derivatives in float32 neither overflow nor underflow.
-    """
-    sizes = [jnp.max(jnp.abs(modulus)) for modulus in moduli if modulus.size]
-    return jax.lax.stop_gradient(jnp.max(jnp.array(sizes)))
-
-
-def stable_shape(step: Callable[[Any], Any], face: Any) -> Any:
-    """Returns shapes and dtypes that no further `step` changes."""
-    for _ in range(2):
-        after = jax.eval_shape(step, face)
-        face = jax.tree.map(
-            lambda a, b: jax.ShapeDtypeStruct(
-                jnp.broadcast_shapes(a.shape, b.shape), jnp.result_type(a, b)
-            ),
-            face,
-            after,
+        rank = max(part.ndim for part in (thickness, modulus, poisson))
+        d, e, nu = (
+            part.reshape(part.shape[:1] + (1,) * (rank - part.ndim) + part.shape[1:])
+            for part in (thickness, modulus, poisson)
         )
-    return face
-
-
-def cast_like(new: Any, old: Any) -> Any:
-    """Returns `new` with the shapes and dtypes of `old`, as the carry of a scan must have."""
-    return jax.tree.map(lambda n, o: jnp.broadcast_to(n, o.shape).astype(o.dtype), new, old)
-
-
-def _stacked(*properties):
-    """Arrays with the layers along their first axis and of one rank, from arrays or sequences."""
-    arrays = [
-        p if isinstance(p, jax.Array) else jnp.stack(jnp.broadcast_arrays(*p)) for p in properties
-    ]
-    rank = max(a.ndim for a in arrays)
-    return [a.reshape(a.shape[:1] + (1,) * (rank - a.ndim) + a.shape[1:]) for a in arrays]
+        layers = (d, *plane_strain(e / unit, nu))
+        state, reduced, above = _lowest(q, (tuple(part[-1] for part in layers),), base)
+        upwards = layers if above else tuple(part[:-1] for part in layers)
+        step = jax.checkpoint(partial(_add, q))
+        state, reduced = scan_layers(step, (state, reduced), upwards, reverse=True)
+        value = state.c22 / reduced
+    return value * (2 / unit) / q
 
 
 def _lowest(q, layers, base):
@@ -115,23 +86,6 @@ def _add(q, below, layer, functions=None):
     state, reduced_below = below
     d, reduced, e = layer
     return stack_on(state, factors(q * d, e, functions), reduced / reduced_below), reduced
-
-
-def _scanned(q, layers, base):
-    """As `_unrolled`, of layers along the first axes of three arrays."""
-
-    def at(i):
-        return jax.tree.map(lambda part: part[i], layers)
-
-    state, reduced, above = _lowest(q, (at(-1),), base)
-    num_above = len(layers[0]) if above else len(layers[0]) - 1
-    below = (state, reduced)
-    # The carry keeps one shape and dtype from the first step on.
-    below = cast_like(below, stable_shape(lambda below: _add(q, below, at(0)), below))
-    step = jax.checkpoint(lambda below, layer: (_add(q, below, layer), None))
-    upwards = jax.tree.map(lambda part: part[:num_above], layers)
-    (state, reduced), _ = jax.lax.scan(step, below, upwards, reverse=True)
-    return state.c22 / reduced
 
 
 @jax.custom_jvp
@@ -262,42 +216,27 @@ def _computed_once_jvp(primals, tangents):
     return _computed_once(*primals), tangents[0]
 
 
-class ManyLayers(NamedTuple):
-    """A long stack: materials of one kind in one, so that compilation does not grow with them."""
-
-    thickness: Float[Array, " n"]
-    kinds: list[AbstractMaterial]  # their leaves have the materials along a first axis
-    order: np.ndarray  # takes the layers from kind after kind to their places
-    base: HalfSpace | Rigid | Free
-
-    def moduli(self, omega: Float[Array, "..."]) -> tuple[Array, Array]:
-        """E and ν at `omega`, with the layers along a first axis."""
-        found = [
-            jax.vmap(lambda m: (m.modulus(omega), m.poisson_ratio(omega)))(kind)
-            for kind in self.kinds
-        ]
-        modulus = [e for e, _ in found]
-        poisson = [nu.reshape(nu.shape + (1,) * (e.ndim - nu.ndim)) for e, nu in found]
-        shape = jnp.broadcast_shapes(*[nu.shape[1:] for nu in poisson])
-        poisson = [jnp.broadcast_to(nu, (len(nu), *shape)) for nu in poisson]
-        return jnp.concatenate(modulus)[self.order], jnp.concatenate(poisson)[self.order]
-
-
-def prepared(stack: Stack) -> Stack | ManyLayers:
-    """Returns a stack in the form in which it is solved often."""
-    materials = [layer.material for layer in stack.layers if isinstance(layer, Layer)]
-    if len(materials) < len(stack.layers) or len(materials) <= UNROLLED_LAYERS:
-        return stack
+def layers_of(stack: Stack, omega: Float[Array, "..."]) -> tuple[Any, Any, Any]:
+    """Returns thicknesses, E and ν of homogeneous layers, as lists or, if they are many, arrays."""
+    layers = [layer for layer in stack.layers if isinstance(layer, Layer)]
+    thickness = [layer.thickness for layer in layers]
+    if len(layers) <= UNROLLED_LAYERS:
+        moduli = [moduli_of(layer.material, omega) for layer in layers]
+        return thickness, [modulus for modulus, _ in moduli], [poisson for _, poisson in moduli]
+    # Materials of one kind are computed in one, so that compilation does not grow with them.
     kinds = {}
-    for i, material in enumerate(materials):
-        leaves, structure = jax.tree.flatten(material)
+    for i, layer in enumerate(layers):
+        leaves, structure = jax.tree.flatten(layer.material)
         kinds.setdefault((structure, *[jnp.shape(leaf) for leaf in leaves]), []).append(i)
-    return ManyLayers(
-        jnp.stack([layer.thickness for layer in stack.layers]),
-        [
-            jax.tree.map(lambda *leaves: jnp.stack(leaves), *[materials[i] for i in members])
-            for members in kinds.values()
-        ],
-        np.argsort(np.concatenate(list(kinds.values()))),
-        stack.base,
-    )
+    moduli, poissons = [], []
+    for members in kinds.values():
+        materials = [layers[i].material for i in members]
+        kind = jax.tree.map(lambda *leaves: jnp.stack(leaves), *materials)
+        modulus, poisson = jax.vmap(lambda material: moduli_of(material, omega))(kind)
+        moduli.append(modulus)
+        poissons.append(poisson.reshape(poisson.shape + (1,) * (modulus.ndim - poisson.ndim)))
+    shape = jnp.broadcast_shapes(*[poisson.shape[1:] for poisson in poissons])
+    poissons = [jnp.broadcast_to(poisson, (len(poisson), *shape)) for poisson in poissons]
+    places = np.argsort(np.concatenate(list(kinds.values())))
+    parts = (jnp.concatenate(part)[places] for part in (moduli, poissons))
+    return (jnp.stack(thickness), *parts)

@@ -10,7 +10,7 @@ With κ = ν/(1 - ν), c in units of 2/(E_ref q), ζ = q z upwards, R = 2 E_r/E_
 
 (no derivative of a modulus appears; ν may vary). On a free base c is infinite, and its inverse
 is integrated. Upwards the effect of the start decays as e^-2ζ; downwards it would grow. The
-integration starts where the wave has decayed (`mesh.WINDOW`), so the equation is not stiff. Two
+integration starts where the wave has decayed (`column.visible`), so the equation is not stiff. Two
 quantities are integrated downwards, along y = -ζ: the stiffness G of the part above, which with the
 other sign of g12 obeys the equation of the inverse, and the traction v = (t, s) on a clamped face
 
@@ -29,12 +29,13 @@ import jax.numpy as jnp
 from jax.flatten_util import ravel_pytree
 from jaxtyping import Array, Float
 
-from .grading import AbstractGradedSolver, Carried, as_tolerance, rounding
-from .layering import add_layered
-from .mesh import build_mesh, visible
+from ..core.checks import check_type
+from .column import Carried
+from .grading import AbstractGradedSolver, as_tolerance, rounding
+from .layering import add_layered, build_mesh
 from .profile import moduli_at
 from .shapes import breaks_of
-from .slab import Compliance, plane_strain
+from .slab import Compliance
 from .stack import Free
 
 
@@ -45,53 +46,41 @@ class Equation(NamedTuple):
     down: bool
     step: float
 
-    def rates(self, numbers, kappa, b1, b2, r):
+    def rates(self, numbers, modulus, poisson, reference):
         """Returns the rates of change per unit of ζ, or downwards of y."""
-        plane, antiplane, traction = numbers
-        if self.down:
+        (c11, c12, c22, det), antiplane, traction = numbers
+        kappa, b1 = poisson / (1 - poisson), reference * (1 + poisson) / modulus
+        b2 = b1 * (1 - 2 * poisson) / (2 * (1 - poisson))
+        r = 2 * modulus / (reference * (1 - poisson**2))
+        if traction is not None:
             t, s, across = traction
             traction = (
-                t + kappa * s - b1 * plane.c11 * t - b2 * plane.c12 * s,
-                s - t - b1 * plane.c12 * t - b2 * plane.c22 * s,
+                t + kappa * s - b1 * c11 * t - b2 * c12 * s,
+                s - t - b1 * c12 * t - b2 * c22 * s,
                 across - b1 * antiplane * across,
             )
-            plane = plane._replace(c12=-plane.c12)
-        rates = _inverse_rates if self.inverse or self.down else _rates
-        plane = Compliance(*rates(plane, kappa, b1, b2, r))
+        if self.inverse or self.down:
+            c12 = -c12 if self.down else c12
+            rates = (
+                r - 2 * kappa * c12 - b1 * c11 * c11 - b2 * c12 * c12,
+                c11 - kappa * c22 - b1 * c11 * c12 - b2 * c12 * c22,
+                2 * c12 - b1 * c12 * c12 - b2 * c22 * c22,
+                r * c22 - (b1 * c11 + b2 * c22) * det,
+            )
+        else:
+            rates = (
+                b1 - 2 * c12 - r * c11 * c11,
+                kappa * c11 - c22 - r * c11 * c12,
+                b2 + 2 * kappa * c12 - r * c12 * c12,
+                b1 * c22 + b2 * c11 - r * c11 * det,
+            )
+        plane = Compliance(*rates)
         if self.down:
             plane = plane._replace(c12=-plane.c12)
         if antiplane is not None:
             soft = 1 / b1 if self.inverse or self.down else b1
             antiplane = soft - antiplane * antiplane / soft
         return Carried(plane, antiplane, traction)
-
-
-def coefficients(modulus, poisson, reference) -> tuple[Array, Array, Array, Array]:
-    """Returns κ, B1, B2 and R."""
-    soft = reference * (1 + poisson) / modulus
-    kappa = poisson / (1 - poisson)
-    stiff = 2 * modulus / (reference * (1 - poisson**2))
-    return kappa, soft, soft * (1 - 2 * poisson) / (2 * (1 - poisson)), stiff
-
-
-def _rates(c, kappa, b1, b2, r):
-    c11, c12, c22, det = c
-    return (
-        b1 - 2 * c12 - r * c11 * c11,
-        kappa * c11 - c22 - r * c11 * c12,
-        b2 + 2 * kappa * c12 - r * c12 * c12,
-        b1 * c22 + b2 * c11 - r * c11 * det,
-    )
-
-
-def _inverse_rates(z, kappa, b1, b2, r):
-    z11, z12, z22, det = z
-    return (
-        r - 2 * kappa * z12 - b1 * z11 * z11 - b2 * z12 * z12,
-        z11 - kappa * z22 - b1 * z11 * z12 - b2 * z12 * z22,
-        2 * z12 - b1 * z12 * z12 - b2 * z22 * z22,
-        r * z22 - (b1 * z11 + b2 * z22) * det,
-    )
 
 
 _MAX_STEPS = 4096
@@ -120,16 +109,15 @@ class Riccati(AbstractGradedSolver):
     rtol: float | None = eqx.field(static=True, default=None, converter=as_tolerance)
 
     def __check_init__(self):
-        for name, kind in (("solver", "AbstractSolver"), ("adjoint", "AbstractAdjoint")):
-            value = getattr(self, name)
-            if value is not None and not _is_diffrax(value, kind):
-                raise ValueError(f"`{name}={value!r}` must be a diffrax `{kind}`, or None.")
-        for kind in ("ForwardMode", "BacksolveAdjoint"):
-            if self.adjoint is not None and _is_diffrax(self.adjoint, kind):
-                raise ValueError(
-                    f"`adjoint={kind}(...)` cannot differentiate by a profile in reverse mode. "
-                    "Pass `RecursiveCheckpointAdjoint()` or `DirectAdjoint()`."
-                )
+        import diffrax
+
+        check_type("solver", self.solver, diffrax.AbstractSolver, type(None))
+        check_type("adjoint", self.adjoint, diffrax.AbstractAdjoint, type(None))
+        if isinstance(self.adjoint, diffrax.ForwardMode | diffrax.BacksolveAdjoint):
+            raise ValueError(
+                f"`adjoint={type(self.adjoint).__name__}(...)` cannot differentiate by a profile "
+                "in reverse mode. Pass `RecursiveCheckpointAdjoint()` or `DirectAdjoint()`."
+            )
         if not (self.controller is None or callable(self.controller)):
             raise ValueError(
                 f"`controller={self.controller!r}` must be called as controller(rtol=..., "
@@ -140,9 +128,8 @@ class Riccati(AbstractGradedSolver):
         inverse = isinstance(stack.base, Free)
 
         def found(step):
-            def add(i, face, rule, unit, height):
-                layer = stack.layers[i]
-                return self._add(layer, face, q, omega, rule, unit, height, inverse, step)
+            def add(part, face, rule):
+                return self._add(part, face, rule, Equation(inverse, rule.down, step))
 
             return climb(add)
 
@@ -155,48 +142,37 @@ class Riccati(AbstractGradedSolver):
         # Both may happen to take the same steps.
         return values, error + rounding(q) + step
 
-    def _add(self, layer, face, q, omega, rule, unit, height, inverse, step):
+    def _add(self, part, face, rule, equation):
         """The other face of a graded layer."""
-        x = q * layer.thickness
-        seen, end_height = visible(jax.lax.stop_gradient(x)), jnp.ones_like(x)
-        if height is not None:
-            end_height = height
-            seen = jnp.minimum(1, seen + 1 - jax.lax.stop_gradient(height))
+        import diffrax  # costs a quarter of a second that other scenes need not pay
 
-        def moduli(s):
-            modulus, poisson = moduli_at(layer.profile, s, omega)
-            return plane_strain(modulus / unit, poisson)
-
-        mesh = build_mesh(layer.profile, x, omega, num_cells=4)
-        rough = add_layered(layer, face, q, omega, mesh, rule, unit, height)
-        rough = jax.lax.stop_gradient(jax.tree.map(lambda part: part[-1], rough))
-        end = moduli(end_height)
+        x, inverse = part.x, equation.inverse
+        end_height = jnp.ones_like(x) if part.height is None else part.height
+        mesh = build_mesh(part.profile, x, part.omega, num_cells=4)
+        rough = add_layered(part, face, mesh, rule)
+        rough = jax.lax.stop_gradient(jax.tree.map(lambda leaf: leaf[-1], rough))
+        end = part.moduli(end_height)
         reference = jax.lax.stop_gradient(jnp.abs(end[0]))
         scale = rule.numbers(rough, reference, inverse)
-        if face is None:  # the inverse compliance of a free base
-            start = jax.tree.map(jnp.zeros_like, scale)
-        else:
-            start = rule.numbers(face, reference, inverse)
+        start = rule.numbers(face, reference, inverse)
         if not rule.down:
-            entry = rule.numbers(rule.half_space(*moduli(1 - seen)), reference, inverse)
-            start = jax.tree.map(lambda a, b: jnp.where(seen < 1, a, b), entry, start)
-        waves = _Wave(x, omega, seen, end_height, reference * unit, start, _sizes(scale, start))
-        shape = jnp.broadcast_shapes(*(part.shape for part in jax.tree.leaves((waves, end))))
-        waves = jax.tree.map(lambda part: jnp.broadcast_to(part, shape).ravel(), waves)
-        top = self._integrated(layer.profile, waves, Equation(inverse, rule.down, step))
-        top = jax.tree.map(lambda part: part.reshape(shape), top)
-        return rule.face(top, jnp.broadcast_to(reference, shape), inverse, end[1])
-
-    def _integrated(self, profile, waves, equation):
-        import diffrax  # costs a quarter of a second that other scenes need not pay
+            entry = rule.half_space(*part.moduli(1 - part.seen))
+            entry = rule.numbers(entry, reference, inverse)
+            start = jax.tree.map(lambda a, b: jnp.where(part.seen < 1, a, b), entry, start)
+        sizes, stiffness = _sizes(scale, start), reference * part.unit
+        waves = _Wave(x, part.omega, part.seen, end_height, stiffness, start, sizes)
+        shape = jnp.broadcast_shapes(*(leaf.shape for leaf in jax.tree.leaves((waves, end))))
+        waves = jax.tree.map(lambda leaf: jnp.broadcast_to(leaf, shape).ravel(), waves)
 
         def solve(adjoint, given):
             profile, waves = given
             return jax.vmap(lambda wave: self._solve_one(profile, wave, equation, adjoint))(waves)
 
-        forward = diffrax.ForwardMode()
-        backward = self.adjoint or diffrax.RecursiveCheckpointAdjoint()
-        return _in_both_modes(partial(solve, forward), partial(solve, backward), (profile, waves))
+        forward = partial(solve, diffrax.ForwardMode())
+        backward = partial(solve, self.adjoint or diffrax.RecursiveCheckpointAdjoint())
+        top = _in_both_modes(forward, backward, (part.profile, waves))
+        top = jax.tree.map(lambda leaf: leaf.reshape(shape), top)
+        return rule.face(top, jnp.broadcast_to(reference, shape), inverse, end[1])
 
     def _solve_one(self, profile, wave, equation, adjoint):
         """The numbers of one wave at the end; NaN where the steps did not suffice."""
@@ -220,8 +196,8 @@ class Riccati(AbstractGradedSolver):
 
         def slope(place, y, _):
             s = highest - length * (place if down else 1 - place)
-            known = coefficients(*moduli_at(profile, s, wave.omega), wave.reference)
-            rates = equation.rates(join(y), *known)
+            modulus, poisson = moduli_at(profile, s, wave.omega)
+            rates = equation.rates(join(y), modulus, poisson, wave.reference)
             return split(rates) * (wave.x * length)
 
         controller = (self.controller or diffrax.PIDController)(rtol=step, atol=1e-4 * step)
@@ -313,9 +289,3 @@ def _sizes(rough, start):
         size = size._replace(traction=(t + s, t + s, across))
     size = jax.tree.map(lambda z: jnp.where(z > 0, z, 1), size)
     return jax.lax.stop_gradient(size)
-
-
-def _is_diffrax(value, kind):
-    import diffrax
-
-    return isinstance(value, getattr(diffrax, kind))

@@ -174,5 +174,14 @@ class Table(AbstractShape):
 
 
 def breaks_of(profile: Any) -> Float[Array, " inner"]:
-    """Returns the heights at which a profile or shape is not smooth, by its attribute `breaks`."""
-    return as_float(getattr(profile, "breaks", np.zeros(0)))
+    """Returns the heights at which a profile is not smooth, by attributes `breaks` of it or in it.
+
+    A profile has such an attribute itself, or the shapes have that it is made of.
+    """
+
+    def has_breaks(node):
+        return hasattr(node, "breaks")
+
+    parts = filter(has_breaks, jax.tree.leaves(profile, is_leaf=has_breaks))
+    found = [as_float(part.breaks) for part in parts]
+    return jnp.sort(jnp.concatenate(found)) if found else jnp.zeros(0)

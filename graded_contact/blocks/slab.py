@@ -17,6 +17,7 @@ The factors are those of the quasi-static Navier equations (the paper's slab mat
 for constant ν, rearranged); `docs/theory/response.md` derives them.
 """
 
+from collections import namedtuple
 from typing import NamedTuple
 
 import jax
@@ -61,14 +62,6 @@ def _hyperbolic_jvp(primals, tangents):
     # 2 e^-x (cosh x - 1) = om²/(1 + e^-x)², without the difference
     change = Hyperbolic(-e1 * dx, 2 * e1 * e1 * dx, ((om / (1 + e1)) ** 2 - psi) * dx)
     return Hyperbolic(e1, om, psi), change
-
-
-def chi(x: Float[Array, "*w"], functions: Hyperbolic) -> Float[Array, "*w"]:
-    """Returns 2 e^-x [x (cosh x - 1) - 3 (sinh x - x)], given `hyperbolic(x)`."""
-    e1, om, psi = functions
-    thin = x < 2
-    near = 2 * e1 * x * _series(_CHI_SERIES, 2, jnp.where(thin, x, 1) ** 2)
-    return jnp.where(thin, near, x * (om / (1 + e1)) ** 2 - 3 * psi)
 
 
 def _series(coefficients, first, squared):
@@ -188,10 +181,12 @@ class Split(NamedTuple):
 def split_of(x: Float[Array, "*#w"], e: Inexact[Array, "*#w"]) -> Split:
     """Returns these differences of a slab, both sides of which are alike if it is thin."""
     t = _terms(x, e)
-    x, e1, e2, om, b = t.x, t.e1, t.e2, t.om, 1 + e
+    x, e1, e2, om, psi, b = t.x, t.e1, t.e2, t.om, t.psi, 1 + e
     inverse, rise = reciprocal(t.delta), (om / (1 + e1)) ** 2
-    functions = hyperbolic(x)
-    psi, rest = functions.psi, chi(x, functions)
+    # 2 e^-x [x (cosh x - 1) - 3 (sinh x - x)]
+    thin = x < 2
+    rest = 2 * e1 * x * _series(_CHI_SERIES, 2, jnp.where(thin, x, 1) ** 2)
+    rest = jnp.where(thin, rest, x * rise - 3 * psi)
     clamped = 2 * b * e2 * (rest + 2 * psi) - (1 + 2 * e) * (1 - e) / 2 * om * t.s2 - t.x2 * om
     free = e * om * t.f1 + 4 * e2 * x * rest - psi * (2 * e1 * (x * rise + psi) + om * rise)
     even = 2 * b * b * e1 * t.s2 / (1 + e1) ** 2 - t.x2 - (1 + 2 * e) * t.s2
@@ -233,29 +228,42 @@ def push_down(
     `below` and `ratio` as in `stack_on`; the displacement is in units of 2/(E_r q) of the slab
     per unit of traction.
     """
-    s = slab
     c, h11, h12, h22, inverse = _lower_face(below, slab, ratio)
-    t, n = traction
-    y1, y2 = times(s.p11, t) + times(s.p21, n), times(s.p12, t) + times(s.p22, n)
-    displacement = (h11 * y1 + h12 * y2, h12 * y1 + h22 * y2)
-    # (1 + G c)⁻¹ y, not y - G w: of a soft film below it would be the difference of its like.
-    a11 = 1 + times(s.g12, c.c12) + times(s.g22, c.c22)
-    a12 = times(s.g11, c.c12) + times(s.g12, c.c22)
-    a21 = times(s.g12, c.c11) + times(s.g22, c.c12)
-    a22 = 1 + times(s.g11, c.c11) + times(s.g12, c.c12)
-    return displacement, ((a11 * y1 - a12 * y2) * inverse, (a22 * y2 - a21 * y1) * inverse)
+    force = _clamped(traction, slab)
+    displacement = (h11 * force[0] + h12 * force[1], h12 * force[0] + h22 * force[1])
+    # Not the force less G times the displacement: of a soft film below it would be the difference
+    # of its like.
+    g = Compliance(slab.g11, slab.g12, slab.g22, slab.det_g)
+    return displacement, release(c, g, force, 1, inverse)
 
 
 def free_face(
     traction: tuple[Inexact[Array, "..."], Inexact[Array, "..."]], slab: Slab
 ) -> tuple[Array, Array]:
     """Returns the displacement of a slab's lower face without traction, as `push_down` does."""
-    s = slab
-    t, n = traction
-    y1, y2 = times(s.p11, t) + times(s.p21, n), times(s.p12, t) + times(s.p22, n)
+    s, (t, n) = slab, _clamped(traction, slab)
     inverse = reciprocal(s.det_g)
-    w1, w2 = times(s.g22, y1) - times(s.g12, y2), times(s.g11, y2) - times(s.g12, y1)
+    w1, w2 = times(s.g22, t) - times(s.g12, n), times(s.g11, n) - times(s.g12, t)
     return w1 * inverse, w2 * inverse
+
+
+def _clamped(traction, s):
+    """What a traction on the upper face exerts on a clamped lower face, Pᵀ (t, s)."""
+    t, n = traction
+    return times(s.p11, t) + times(s.p21, n), times(s.p12, t) + times(s.p22, n)
+
+
+def release(c: Compliance, g: Compliance, force, one, inverse) -> tuple[Array, Array]:
+    """Returns the traction at a face from the force on it if it is clamped: (1 + G c/one)⁻¹ force.
+
+    That is [one + adj c adj G] force/n, n/one being the determinant, and `inverse` 1/n.
+    """
+    t, n = force
+    u, w = times(g.c22, t) - times(g.c12, n), times(g.c11, n) - times(g.c12, t)
+    return (
+        (one * t + times(c.c22, u) - times(c.c12, w)) * inverse,
+        (one * n + times(c.c11, w) - times(c.c12, u)) * inverse,
+    )
 
 
 def _lower_face(below, s, ratio):
@@ -284,20 +292,8 @@ def reciprocal(value):
     return jax.lax.complex(value.real / squared, -value.imag / squared)
 
 
-class _Terms(NamedTuple):
-    """Hyperbolic functions of a slab, all times 4 e^-2x."""
-
-    x: Float[Array, "*w"]
-    e1: Float[Array, "*w"]
-    e2: Float[Array, "*w"]
-    om: Float[Array, "*w"]
-    s2: Float[Array, "*w"]
-    sc: Float[Array, "*w"]
-    x1: Float[Array, "*w"]
-    x2: Float[Array, "*w"]
-    f1: Float[Array, "*w"]
-    f2: Float[Array, "*w"]
-    delta: Inexact[Array, "*w"]
+# Hyperbolic functions of a slab, all from s2 on times 4 e^-2x.
+_Terms = namedtuple("_Terms", "x e1 e2 om psi s2 sc x1 x2 f1 f2 delta")
 
 
 def _terms(x, e, functions=None) -> _Terms:
@@ -306,17 +302,8 @@ def _terms(x, e, functions=None) -> _Terms:
     e2 = e1 * e1
     s2 = om * om
     x2 = 4 * x * x * e2
-    return _Terms(
-        x=x,
-        e1=e1,
-        e2=e2,
-        om=om,
-        s2=s2,
-        sc=om * (1 + e2),
-        x1=4 * x * e2,
-        x2=x2,
-        # 2 e^-2x (sinh 2x - 2x), from sinh 2x - 2x = 2 (sinh x - x) + 2 sinh x (cosh x - 1)
-        f1=2 * e1 * psi + om * s2 / (1 + e1) ** 2,
-        f2=psi * (om + 2 * x * e1),
-        delta=4 * e2 * (1 + e) ** 2 + x2 + (1 + 2 * e) * s2,
-    )
+    # 2 e^-2x (sinh 2x - 2x), from sinh 2x - 2x = 2 (sinh x - x) + 2 sinh x (cosh x - 1)
+    f1 = 2 * e1 * psi + om * s2 / (1 + e1) ** 2
+    delta = 4 * e2 * (1 + e) ** 2 + x2 + (1 + 2 * e) * s2
+    f2 = psi * (om + 2 * x * e1)
+    return _Terms(x, e1, e2, om, psi, s2, om * (1 + e2), 4 * x * e2, x2, f1, f2, delta)

@@ -1,29 +1,25 @@
 """The parts of a block: layers from the loaded surface downwards, on a base."""
 
 from collections.abc import Sequence
+from itertools import accumulate
 from typing import Any
 
 import equinox as eqx
 import jax
 import jax.numpy as jnp
 import numpy as np
-from jaxtyping import Array, Float, ScalarLike
+from jaxtyping import Array, Float, Inexact, ScalarLike
 
-from ..core.checks import check_types, check_values, is_concrete, scalar, short, within
+from ..core.checks import as_scalar, check_types, check_values, is_concrete, short, within
 from ..core.display import shown
 from ..materials.material import AbstractMaterial, Prony, material_called
 
 
-def _as_layers(layers: Any) -> "tuple[Layer | GradedLayer, ...]":
-    if isinstance(layers, Layer | GradedLayer):
-        raise ValueError("`layers` is a single layer: write `layers=(layer,)`.")
-    if not isinstance(layers, Sequence):
-        raise ValueError(f"`layers={short(layers)}` must be a tuple of layers.")
-    layers = tuple(layers)
-    for i, layer in enumerate(layers):
-        if not isinstance(layer, Layer | GradedLayer):
-            raise ValueError(f"`layers[{i}]={short(layer)}` must be a `Layer` or a `GradedLayer`.")
-    return layers
+def _as_thickness(thickness: Any) -> Float[Array, ""]:
+    thickness = as_scalar(thickness, "thickness")
+    allowed = "a thickness [m] is zero (no layer) or positive"
+    check_values("thickness", thickness, allowed, at_least=0)
+    return thickness
 
 
 def _as_profile(profile: Any) -> Any:
@@ -34,12 +30,6 @@ def _as_profile(profile: Any) -> Any:
         )
     # A bare function is no pytree; wrapped, it is one without leaves.
     return profile if isinstance(profile, eqx.Module) else jax.tree_util.Partial(profile)
-
-
-def _as_base(base: Any) -> "HalfSpace | Rigid | Free":
-    if not isinstance(base, HalfSpace | Rigid | Free):
-        raise ValueError(f"`base={short(base)}` must be `HalfSpace(...)`, `Rigid()` or `Free()`.")
-    return base
 
 
 @shown(units=False)
@@ -53,10 +43,7 @@ class Layer(eqx.Module):
     """
 
     material: AbstractMaterial = eqx.field(converter=material_called("material"))
-    thickness: Float[Array, ""] = eqx.field(converter=scalar("thickness"))
-
-    def __check_init__(self):
-        _check_thickness(self.thickness)
+    thickness: Float[Array, ""] = eqx.field(converter=_as_thickness)
 
 
 @shown(units=False)
@@ -73,16 +60,7 @@ class GradedLayer(eqx.Module):
     """
 
     profile: Any = eqx.field(converter=_as_profile)
-    thickness: Float[Array, ""] = eqx.field(converter=scalar("thickness"))
-
-    def __check_init__(self):
-        _check_thickness(self.thickness)
-
-
-def _check_thickness(thickness: Array) -> None:
-    check_values(
-        "thickness", thickness, "a thickness [m] is zero (no layer) or positive", at_least=0
-    )
+    thickness: Float[Array, ""] = eqx.field(converter=_as_thickness)
 
 
 @shown(units=False)
@@ -105,6 +83,24 @@ class Rigid(eqx.Module):
 @shown(units=False)
 class Free(eqx.Module):
     """No base: the bottom of the lowest layer carries no traction."""
+
+
+def _as_layers(layers: Any) -> tuple[Layer | GradedLayer, ...]:
+    if isinstance(layers, Layer | GradedLayer):
+        raise ValueError("`layers` is a single layer: write `layers=(layer,)`.")
+    if not isinstance(layers, Sequence):
+        raise ValueError(f"`layers={short(layers)}` must be a tuple of layers.")
+    layers = tuple(layers)
+    for i, layer in enumerate(layers):
+        if not isinstance(layer, Layer | GradedLayer):
+            raise ValueError(f"`layers[{i}]={short(layer)}` must be a `Layer` or a `GradedLayer`.")
+    return layers
+
+
+def _as_base(base: Any) -> HalfSpace | Rigid | Free:
+    if not isinstance(base, HalfSpace | Rigid | Free):
+        raise ValueError(f"`base={short(base)}` must be `HalfSpace(...)`, `Rigid()` or `Free()`.")
+    return base
 
 
 @shown(units=False)
@@ -134,14 +130,26 @@ class Stack(eqx.Module):
 
         A graded layer's profile must have a method `at(temperature)`, as the ready ones do.
         """
-        layers, base = [], self.base
-        for i, layer in enumerate(self.layers):
-            with within(f"`layers[{i}]`:"):
-                layers.append(_layer_at(layer, temperature))
-        if isinstance(base, HalfSpace):
-            with within("`base`:"):
-                base = HalfSpace(base.material.at(temperature))
-        return Stack(layers=tuple(layers), base=base)
+        parts = []
+        for i, part in enumerate((*self.layers, self.base)):
+            with within(f"`layers[{i}]`:" if i < len(self.layers) else "`base`:"):
+                parts.append(_part_at(part, temperature))
+        return Stack(layers=tuple(parts[:-1]), base=parts[-1])
+
+
+def _part_at(part: Any, temperature: ScalarLike) -> Any:
+    if isinstance(part, Layer):
+        return Layer(part.material.at(temperature), part.thickness)
+    if isinstance(part, HalfSpace):
+        return HalfSpace(part.material.at(temperature))
+    if not isinstance(part, GradedLayer):
+        return part
+    if not hasattr(part.profile, "at"):
+        raise ValueError(
+            f"`profile={short(part.profile)}` has no method `at(temperature)`: the temperature of "
+            "this graded layer cannot be changed."
+        )
+    return GradedLayer(part.profile.at(temperature), part.thickness)
 
 
 def check_at_rest(stack: Stack) -> None:
@@ -149,9 +157,8 @@ def check_at_rest(stack: Stack) -> None:
     parts = {f"layers[{i}]": layer for i, layer in enumerate(stack.layers)} | {"base": stack.base}
     is_series = lambda node: isinstance(node, Prony)  # noqa: E731
     for place, part in parts.items():
-        for node in jax.tree.leaves(part, is_leaf=is_series):
-            modulus = node.equilibrium if is_series(node) else 1.0
-            if is_concrete(modulus) and np.asarray(modulus) == 0:
+        for node in filter(is_series, jax.tree.leaves(part, is_leaf=is_series)):
+            if is_concrete(node.equilibrium) and np.asarray(node.equilibrium) == 0:
                 raise ValueError(
                     f"`{place}` is a liquid (`equilibrium=0`): it carries no load at rest, nor do "
                     "the waves across a motion, which are at rest. Give its material an "
@@ -166,21 +173,15 @@ def is_graded(stack: Stack) -> bool:
 
 def materials_of(stack: Stack) -> list[AbstractMaterial]:
     """Returns the materials of homogeneous layers, surface first, and of the base."""
-    materials = [layer.material for layer in stack.layers if isinstance(layer, Layer)]
-    if isinstance(stack.base, HalfSpace):
-        materials.append(stack.base.material)
-    return materials
+    parts = (*stack.layers, stack.base)
+    return [part.material for part in parts if isinstance(part, Layer | HalfSpace)]
 
 
-def _layer_at(layer, temperature):
-    if isinstance(layer, Layer):
-        return Layer(layer.material.at(temperature), layer.thickness)
-    if not hasattr(layer.profile, "at"):
-        raise ValueError(
-            f"`profile={short(layer.profile)}` has no method `at(temperature)`: the temperature of "
-            "this graded layer cannot be changed."
-        )
-    return GradedLayer(layer.profile.at(temperature), layer.thickness)
+def moduli_of(
+    material: AbstractMaterial, omega: Float[Array, "..."]
+) -> tuple[Inexact[Array, "..."], Inexact[Array, "..."]]:
+    """Returns E [Pa] and ν [1] of a material."""
+    return jnp.asarray(material.modulus(omega)), jnp.asarray(material.poisson_ratio(omega))
 
 
 @check_types
@@ -193,8 +194,5 @@ def interface_depths(stack: Stack) -> Float[Array, " layers"]:
 
     **Returns:** depths [m], shape `(layers,)`.
     """
-    depths, total = [], 0.0
-    for layer in stack.layers:
-        total = total + layer.thickness
-        depths.append(total)
+    depths = list(accumulate(layer.thickness for layer in stack.layers))
     return jnp.stack(depths) if depths else jnp.zeros((0,))

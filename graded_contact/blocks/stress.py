@@ -19,7 +19,6 @@ from typing import NamedTuple
 import equinox as eqx
 import jax
 import jax.numpy as jnp
-import numpy as np
 from jaxtyping import Array, Float, Inexact
 
 from ..core.checks import (
@@ -35,7 +34,6 @@ from ..core.checks import (
 from ..core.display import shown
 from ..fields.grid import (
     Grid,
-    as_velocity,
     both_signs,
     even_on_nyquist,
     sliding_frequency,
@@ -44,11 +42,11 @@ from ..fields.grid import (
     wavevector,
 )
 from .depth import Side, depth_climb
-from .grading import AbstractGradedSolver, check_profiles, graded_tolerance, solve_graded
-from .kernel import kernel_frequencies
+from .grading import AbstractGradedSolver, graded_tolerance, solve_graded
+from .kernel import checked_velocity
 from .layering import Layering
 from .matrix import wavevectors
-from .stack import HalfSpace, Stack, check_at_rest, interface_depths
+from .stack import HalfSpace, Stack, interface_depths
 
 
 @shown()
@@ -139,12 +137,9 @@ def stress_field(
     `stack_kernel`, with which the surface's displacement agrees.
     """
     pressure, depth = as_float(pressure, "pressure"), as_scalar(depth, "depth")
-    velocity = as_velocity(velocity, grid)
     check_shape("pressure", pressure, grid.shape)
     check_values("pressure", pressure, "a pressure [Pa] must be finite")
-    if grid.ndim == 2 or (is_concrete(velocity) and not np.any(np.asarray(velocity))):
-        check_at_rest(stack)
-    check_profiles(stack, kernel_frequencies(grid, velocity))
+    velocity = checked_velocity(stack, grid, velocity)
     depth = _inside(stack, depth)
     rtol = graded_tolerance(graded_solver, rtol, pressure)
     return _stress_field(stack, grid, pressure, depth, velocity, side, graded_solver, rtol)
@@ -197,60 +192,44 @@ def _fields(stack, qx, qy, omega, traction, depth, side, graded_solver, rtol):
         -traction[2],
         a * traction[1] - b * traction[0],
     )
-    climb, local = depth_climb(stack, q, omega, loads, depth, side)
-    poisson = (1 - local.e) / 2
-    stiffness = jnp.abs(local.reduced)
+    climb, (reduced, e), unit = depth_climb(stack, q, omega, loads, depth, side)
+    poisson, stiffness = (1 - e) / 2, jnp.abs(reduced)
+
+    def largest(*parts):
+        return functools.reduce(jnp.maximum, map(jnp.abs, parts))
+
+    def sizes(t, s, across, u, w, v):
+        """Of stresses and of displacements, each what is largest of its kind."""
+        return largest(t, s, across, stiffness * u, stiffness * v), largest(u, w, v)
 
     def measure(differences, values):
-        """Of stresses and of displacements, each over what is largest of its kind at the depth, or
-        over the traction at the surface."""
-
-        def largest(*parts):
-            return functools.reduce(jnp.maximum, map(jnp.abs, parts))
-
-        def sizes(t, s, across, u, w, v):
-            return largest(t, s, across, stiffness * u, stiffness * v), largest(u, w, v)
-
         load = largest(*loads)
-        least = load, load / stiffness
+        least = load, load / stiffness  # what the traction at the surface causes
+        known = map(jnp.maximum, least, sizes(*values))
         errors = [
             error / jnp.where(size > 0, size, 1)
-            for error, size in zip(
-                sizes(*differences), map(jnp.maximum, least, sizes(*values)), strict=True
-            )
+            for error, size in zip(sizes(*differences), known, strict=True)
         ]
         return jnp.maximum(*errors)
 
-    found, _ = solve_graded(graded_solver, climb, measure, stack, q, omega, rtol)
-    t, s, shear, u, w, v = found
+    (t, s, shear, u, w, v), _ = solve_graded(graded_solver, climb, measure, stack, q, omega, rtol)
     # Hooke's law with E_r q u_L/2 and μ q u_T of the material at the depth.
-    along, across = local.reduced * u, local.reduced * (1 - poisson) * v
+    along, across = reduced * u, reduced * (1 - poisson) * v
     lateral = poisson / (1 - poisson)
-    unit = (2 / local.unit) / q
-    displacement = (a * (1j * unit * u) - b * (unit * v), b * (1j * unit * u) + a * (unit * v))
-    stress = _rotated(
-        a,
-        b,
-        ll=lateral * s - 2 * along,
-        tt=lateral * s - 2 * poisson * along,
-        zz=s,
-        tz=-shear,
-        lz=-1j * t,
-        lt=1j * across,
-    )
-    return (*displacement, -unit * w), stress, lateral
-
-
-def _rotated(a, b, *, ll, tt, zz, tz, lz, lt):
-    """Returns (σ_xx, σ_yy, σ_zz, σ_yz, σ_xz, σ_xy); e_L = (a, b) and e_T = (-b, a)."""
-    return (
+    ll, tt = lateral * s - 2 * along, lateral * s - 2 * poisson * along
+    tz, lz, lt = -shear, -1j * t, 1j * across
+    # From axes along e_L = (a, b) and e_T = (-b, a) to those along x and y.
+    stress = (
         a * a * ll + b * b * tt - 2 * a * b * lt,
         b * b * ll + a * a * tt + 2 * a * b * lt,
-        zz,
+        s,
         b * lz + a * tz,
         a * lz - b * tz,
         a * b * (ll - tt) + (a * a - b * b) * lt,
     )
+    unit = (2 / unit) / q
+    displacement = (a * (1j * unit * u) - b * (unit * v), b * (1j * unit * u) + a * (unit * v))
+    return (*displacement, -unit * w), stress, lateral
 
 
 @eqx.filter_jit
@@ -261,7 +240,7 @@ def _interior_fields(stack, qx, qy, omega, traction, depth, side, graded_solver,
     displacement, stress, _ = _fields(
         stack, lift(qx), lift(qy), lift(omega), traction, lift(depth), side, graded_solver, rtol
     )
-    return InteriorFields(jnp.stack(displacement, -1), _tensor(stress))
+    return _as_fields(displacement, stress)
 
 
 @eqx.filter_jit
@@ -281,11 +260,11 @@ def _stress_field(stack, grid, pressure, depth, velocity, side, graded_solver, r
     for response, mean in zip((*displacement, *stress), means, strict=True):
         response = even_on_nyquist(jnp.where(zero, mean, response), grid.shape)
         fields.append(to_field(response * spectrum, grid.shape))
-    return InteriorFields(jnp.stack(fields[:3], -1), _tensor(fields[3:]))
+    return _as_fields(fields[:3], fields[3:])
 
 
-def _tensor(stress) -> Array:
-    """Returns the tensor of (σ_xx, σ_yy, σ_zz, σ_yz, σ_xz, σ_xy)."""
-    xx, yy, zz, yz, xz, xy = stress
+def _as_fields(displacement, stress) -> InteriorFields:
+    """Stacks (u_x, u_y, u_z) and (σ_xx, σ_yy, σ_zz, σ_yz, σ_xz, σ_xy) to a vector and a tensor."""
+    x, y, z, xx, yy, zz, yz, xz, xy = jnp.broadcast_arrays(*displacement, *stress)
     rows = jnp.stack([xx, xy, xz, xy, yy, yz, xz, yz, zz], -1)
-    return rows.reshape(*xx.shape, 3, 3)
+    return InteriorFields(jnp.stack([x, y, z], -1), rows.reshape(*xx.shape, 3, 3))

@@ -35,9 +35,9 @@ from .kernel import stack_kernel
 from .layering import Layering
 from .stack import HalfSpace, Rigid, Stack
 
-# Windows along an axis of the long cell, and points to a window there, by the number of axes.
+# Windows along an axis of the long cell, by the number of axes, and points to a window there.
 _WINDOWS = {1: 1024, 2: 32}
-_POINTS = {1: 32, 2: 32}
+_POINTS = 32
 
 
 @check_types
@@ -82,8 +82,8 @@ def doubled(grid: Grid) -> Grid:
 
 def long_cell(grid: Grid) -> Grid:
     """Returns the cell many windows long, with few points to the window."""
-    windows, points = _WINDOWS[grid.ndim], _POINTS[grid.ndim]
-    return Grid((windows * points,) * grid.ndim, windows * grid.size)
+    windows = _WINDOWS[grid.ndim]
+    return Grid((windows * _POINTS,) * grid.ndim, windows * grid.size)
 
 
 @derivative_apart
@@ -96,7 +96,7 @@ def without_images(
     `near` and `far` are the kernels of the cells `doubled` and `long_cell` of its grid. With
     `ground` the block far away does not move.
     """
-    windows, points = _WINDOWS[grid.ndim], _POINTS[grid.ndim]
+    windows, points = _WINDOWS[grid.ndim], _POINTS
     shape = (windows * points,) * grid.ndim
     fewer = resample_spectrum(far, shape, tuple(n // 2 for n in shape))
     images, own, more = (

@@ -30,7 +30,7 @@ from ..core.derivative import derivative_apart, largest, still
 from ..core.memory import CONTACT, check_memory
 from ..fields.devices import num_devices, required
 from ..fields.grid import half_shape
-from .adjoint import LinearSolver, LinearSplitting, attach_gradient, check_converged
+from .adjoint import LinearSolver, LinearSplitting, attach_gradient, check_converged, explain_lost
 from .estimates import assess, contact_state, penalty_at
 from .law import AbstractLaw, HardWall, check_one_law, check_pressure
 from .nested_solve import DouglasRachford
@@ -363,7 +363,7 @@ def _solution(
     return solution, result == RESULTS.successful
 
 
-_solution_or_fail = derivative_apart(_solution, check_converged)
+_solution_or_fail = derivative_apart(_solution, check_converged, explain_lost)
 _solution_or_nan = derivative_apart(_solution)
 
 

@@ -58,27 +58,22 @@ class HeatedScales(eqx.Module):
 
 
 def find_rises(
-    power: Callable[[Any, Float[Array, " m"]], tuple[Array, ...]],
-    heating: Heating,
-    edges: Callable[[Any], tuple[Array, Array, Array]],
-    given: Any,
+    power: Callable[[Any, Float[Array, " m"]], tuple[Array, ...]], heating: Heating, given: Any
 ) -> tuple[Float[Array, " m"], Float[Array, ""], Array]:
     """Returns the rises of the surface and of the scales [K], their last change, if that is small.
 
     **Arguments:**
 
-    - `power`: of `given` and rises: q [rad/m] and the diffusion x [1], and the heat of hysteresis
-      up to each q and that of shear [W/m²].
-    - `edges`: of `given`: the lowest and the highest wavenumber [rad/m], and the speed [m/s].
+    - `power`: of `given` and rises: q [rad/m] and the diffusion x [1], the heat of hysteresis up to
+      each q and that of shear [W/m²], and the speed [m/s].
     - `given`: all that has derivatives.
     """
 
     def step(values, rises):
         heating, given = values
-        low, high, speed = edges(given)
         # Iterates may lie below the bulk.
-        q, x, heat, shear_heat = power(given, jnp.maximum(rises, 0))
-        return _rises(heating, q, x, heat, shear_heat, scales(low, high), speed)
+        q, *found, speed = power(given, jnp.maximum(rises, 0))
+        return _rises(heating, q, *found, scales(q[0], q[-1]), speed)
 
     values = heating, given
     fixed = still(values)

@@ -30,7 +30,6 @@ M. Scaraggi, B. N. J. Persson, arXiv:1506.06955. Signs, factors and the stack's 
 half space's are derived from complete contact.
 """
 
-from functools import partial
 from typing import Any
 
 import equinox as eqx
@@ -55,7 +54,6 @@ from ..core.checks import (
 )
 from ..core.display import shown
 from ..fields.grid import as_velocity, direction_and_speed
-from ..materials.coverage import coverage
 from ..materials.shift import as_temperature
 from ..materials.softening import as_strain_per_slope
 from ..sliding.case import Case
@@ -67,9 +65,8 @@ from ..surfaces.surface import Surface
 from .angles import LAST_COSINE
 from .diffusion import Correction, area, density, mean_in_contact
 from .heating_by_scale import HeatedScales, between_scales, find_rises
-from .modes import add_up
-from .quadrature import integrate
-from .roughness import as_roughness, joined_edges
+from .quadrature import Field, Rules, add_up, integrate
+from .roughness import as_roughness
 
 _NOT_REACHED = (
     "The mean field did not reach `rtol`, or met a value that is not finite (a pressure, thickness "
@@ -194,16 +191,22 @@ def mean_field_friction(
                 raise ValueError(f"`{name}` is refused with a `Surface` as `spectrum`.")
         if not spectrum.periodic:
             raise ValueError("`spectrum` is a `Surface` on a window; a periodic one is needed.")
-        given = _Given(stack, spectrum, None, load, velocity, ratio, shear, temperature)
-        found, heated = _summed(given, correction, graded_solver), None
+        field = Field(stack, spectrum, None, load, velocity, ratio)
+        found, heated = _summed(field, correction, graded_solver, shear, temperature), None
     else:
         roughness = as_roughness(spectrum)
         own = None if own_roughness is None else as_roughness(own_roughness, "own_roughness")
-        block = stack if heating is None else _at_bulk(stack, heating, temperature)
-        given = _Given(block, roughness, own, load, velocity, ratio, shear, temperature)
-        num_edges = len(roughness.edges) + (0 if own is None else len(own.edges))
-        counts = _counts(num_wavenumbers, num_edges - 1, num_angles)
-        found, heated = _by_quadrature((correction, counts, graded_solver), given, heating)
+        num_pieces = len(roughness.edges) - 1 + (0 if own is None else len(own.edges))
+        rules = _rules(correction, num_wavenumbers, num_pieces, num_angles, graded_solver)
+        if heating is not None:
+            if heating.conductivity.ndim or heating.diffusivity.ndim:
+                raise ValueError(
+                    "`heating` has numbers for each layer; in the mean field the block is one half "
+                    "space: give one `conductivity` and one `diffusivity`."
+                )
+            stack = stack.at(check_bulk(temperature))
+        field = Field(stack, roughness, own, load, velocity, ratio)
+        found, heated = _by_quadrature(rules, (field, shear, temperature), heating)
     q, x, friction, error, share, sheared = found
     contact_area = area(x)
     solution = MeanField(
@@ -241,95 +244,69 @@ def mean_field_of(case: Case, roughness: Any = None, **options: Any) -> MeanFiel
     return mean_field_friction(case.stack, rough, **given, **options)
 
 
-class _Given(eqx.Module):
-    """All that has derivatives."""
-
-    stack: Stack
-    roughness: Any  # `Roughness` or `Surface`
-    own: Any
-    pressure: Float[Array, ""]
-    velocity: Float[Array, "..."]
-    strain_per_slope: Float[Array, ""] | None
-    shear: Any
-    temperature: Float[Array, ""] | None
-
-
-def _summed(given: _Given, correction, graded_solver):
+def _summed(field: Field, correction, graded_solver, shear, temperature):
     """As `_integrated`, by the modes of a surface."""
-    surface, strain = given.roughness, None
-    if given.strain_per_slope is not None:
+    surface, strain = field.roughness, None
+    if field.strain_per_slope is not None:
         q, slope = slope_up_to(surface)
-        strain = q, given.strain_per_slope * slope
+        strain = q, field.strain_per_slope * slope
     kernel = stack_kernel(
-        given.stack, surface.grid, given.velocity, graded_solver=graded_solver, strain=strain
+        field.stack, surface.grid, field.velocity, graded_solver=graded_solver, strain=strain
     )
-    q, x, friction, share = add_up(
-        kernel, surface, given.pressure, given.velocity, correction, coverage(given.stack)
-    )
-    sheared = _sheared(given.shear, given.velocity, given.temperature, given.pressure, x)
+    q, x, friction, share = add_up(field, correction, kernel)
+    sheared = _sheared(field, shear, temperature, x)
     return q, x, friction, 0 * friction[-1], share, sheared  # the error is NaN if that is
 
 
-def _at_bulk(stack: Stack, heating: Heating, temperature) -> Stack:
-    """The block at the bulk temperature."""
-    if heating.conductivity.ndim or heating.diffusivity.ndim:
-        raise ValueError(
-            "`heating` has numbers for each layer; in the mean field the block is one half "
-            "space: give one `conductivity` and one `diffusivity`."
-        )
-    return stack.at(check_bulk(temperature))
+def _rules(correction, num_wavenumbers, num_pieces, num_angles, graded_solver) -> Rules:
+    if num_wavenumbers < 4:
+        raise ValueError(f"`num_wavenumbers={num_wavenumbers}` is refused: at least 4 are needed.")
+    if num_angles < 4 or num_angles % 4:
+        raise ValueError(f"`num_angles={num_angles}` is refused: a multiple of 4 is needed.")
+    per_piece = 4 * -(-num_wavenumbers // (4 * num_pieces))
+    return Rules(correction, per_piece, num_angles, graded_solver)
 
 
-def _by_quadrature(settings, given: _Given, heating: Heating | None):
+def _by_quadrature(rules: Rules, given, heating: Heating | None):
     """What `_integrated` returns, and the temperatures of the scales."""
+    field = given[0]
     # Profiles and tables may have no answer at the frequencies of the quadrature.
-    edges, speed = given.roughness.edges, direction_and_speed(given.velocity)[1]
+    edges, speed = field.roughness.edges, direction_and_speed(field.velocity)[1]
     if is_concrete(speed) and np.asarray(speed) == 0:
-        check_at_rest(given.stack)
-    check_profiles(given.stack, speed * jnp.stack([edges[0] * LAST_COSINE, edges[-1]]))
+        check_at_rest(field.stack)
+    check_profiles(field.stack, speed * jnp.stack([edges[0] * LAST_COSINE, edges[-1]]))
     if heating is None:
-        return _integrated(settings, given), None
-    rises, change, reached = find_rises(partial(_power, settings), heating, _band, given)
-    q, x, friction, error, share, sheared = _integrated(settings, given, rises)
+        return _integrated(rules, given), None
+
+    def power(given, rises):
+        q, x, friction, _, _, sheared = _integrated(rules, given, rises)
+        speed = jnp.abs(direction_and_speed(given[0].velocity)[1])
+        load = given[0].pressure * speed
+        return q, x, load * friction, load * sheared[-1], speed
+
+    rises, change, reached = find_rises(power, heating, given)
+    q, x, friction, error, share, sheared = _integrated(rules, given, rises)
     error = jnp.where(reached, error, jnp.inf)
     scales = HeatedScales(rises[0], between_scales(rises[1:], q), change)
     return (q, x, friction, error, share, sheared), scales
 
 
-def _integrated(settings, given: _Given, rises=None):
+def _integrated(rules: Rules, given, rises=None):
     """Wavenumbers, diffusion, hysteresis, its error and extrapolated share, and shear."""
-    correction, (num_wavenumbers, num_angles), graded_solver = settings
-    temperature, scales = given.temperature, None
+    (field, shear, temperature), scales = given, None
     if rises is not None:
-        scales, temperature = given.temperature + rises[1:], given.temperature + rises[0]
-    q, x, friction, error, share = integrate(
-        given.stack, given.roughness, given.own, given.pressure, given.velocity, correction,
-        num_wavenumbers, num_angles, coverage(given.stack), graded_solver,
-        given.strain_per_slope, scales,
-    )  # fmt: skip
-    sheared = _sheared(given.shear, given.velocity, temperature, given.pressure, x)
-    return q, x, friction, error, share, sheared
+        scales, temperature = temperature + rises[1:], temperature + rises[0]
+    q, x, *found = integrate(field, rules, scales)
+    return q, x, *found, _sheared(field, shear, temperature, x)
 
 
-def _sheared(shear, velocity, temperature, pressure, x):
+def _sheared(field: Field, shear, temperature, x):
     """Friction by shear up to each cut-off [1]."""
-    stress = shear_stress(shear, direction_and_speed(velocity)[1], temperature)
+    stress = shear_stress(shear, direction_and_speed(field.velocity)[1], temperature)
     if stress is None:
         return jnp.zeros_like(x)
+    pressure = field.pressure
     return area(x) * mean_in_contact(lambda sigma: stress(sigma * pressure), x) / pressure
-
-
-def _power(settings, given: _Given, rises):
-    """Wavenumbers, diffusion, and the heat of hysteresis up to each of them and that of shear."""
-    q, x, friction, _, _, sheared = _integrated(settings, given, rises)
-    power = given.pressure * jnp.abs(direction_and_speed(given.velocity)[1])
-    return q, x, power * friction, power * sheared[-1]
-
-
-def _band(given: _Given):
-    """The lowest and the highest wavenumber, and the speed."""
-    edges = joined_edges(given.roughness, given.own)
-    return edges[0], edges[-1], jnp.abs(direction_and_speed(given.velocity)[1])
 
 
 @check_types
@@ -353,12 +330,3 @@ def pressure_distribution(mean_field: MeanField, stress: Numbers) -> Float[Array
     mean = mean_field.pressure
     x = mean_field.stress_variance / mean / mean
     return density(x[:, None], (stress / mean)[None, :]) / mean
-
-
-def _counts(num_wavenumbers: int, num_pieces: int, num_angles: int) -> tuple[int, int]:
-    """Intervals on each piece of the spectrum and of the angle, which can be halved twice."""
-    if num_wavenumbers < 4:
-        raise ValueError(f"`num_wavenumbers={num_wavenumbers}` is refused: at least 4 are needed.")
-    if num_angles < 4 or num_angles % 4:
-        raise ValueError(f"`num_angles={num_angles}` is refused: a multiple of 4 is needed.")
-    return 4 * -(-num_wavenumbers // (4 * num_pieces)), num_angles

@@ -1,4 +1,4 @@
-"""The mean field of spectra, by quadrature over wavenumber and angle.
+"""The mean field of spectra, by quadrature over wavenumber and angle, and of one surface by modes.
 
 In log q it is Clenshaw and Curtis's rule on every smooth piece of the spectrum. For the angle
 see `angles.py`.
@@ -18,79 +18,104 @@ extrapolation from coarser rules fails where a rule only begins to resolve spect
 """
 
 from functools import cache
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import equinox as eqx
 import jax
 import jax.numpy as jnp
 import numpy as np
-from jaxtyping import Array, Float
+from jaxtyping import Array, Float, Inexact
 from numpy.polynomial import chebyshev
 
 from ..blocks.compliance import surface_compliance_unchecked
 from ..blocks.grading import AbstractGradedSolver, graded_tolerance
 from ..blocks.stack import Stack
-from ..fields.grid import direction_and_speed, sliding_frequency
-from ..materials.coverage import is_unknown
+from ..fields.devices import binned
+from ..fields.grid import (
+    direction_and_speed,
+    multiplicity,
+    rings,
+    sliding_frequency,
+    to_spectrum,
+    wave_frequencies,
+)
+from ..materials.coverage import coverage, is_unknown
 from ..materials.softening import at_strain
 from ..surfaces.spectrum import between_ends
 from .angles import angles
-from .diffusion import Correction, area, mean_square_growth, slowed
+from .diffusion import Correction, area, mean_square_growth, slowed, slowing
 from .heating_by_scale import between_scales
 from .roughness import Roughness, joined_edges
 
 SAFETY = 5.0  # of the changes by twice the nodes
 
 
+class Field(eqx.Module):
+    """What a mean field is integrated from.
+
+    Block, roughness of the track and of the block itself, pressure, velocity, and the strain
+    amplitude per slope or None.
+    """
+
+    stack: Stack
+    roughness: Any  # `Roughness`; `Surface` where modes are summed
+    own: Roughness | None
+    pressure: Float[Array, ""]
+    velocity: Float[Array, "..."]
+    strain_per_slope: Float[Array, ""] | None
+
+
+class Rules(NamedTuple):
+    """How it is integrated, by so many intervals on each piece of the spectrum and of the angle.
+
+    Both numbers are multiples of 4: they are halved twice.
+    """
+
+    correction: Correction
+    num_wavenumbers: int
+    num_angles: int
+    graded_solver: AbstractGradedSolver
+
+
 @eqx.filter_jit
 @eqx.filter_checkpoint
 def integrate(
-    stack: Stack,
-    roughness: Roughness,
-    own: Roughness | None,
-    pressure: Float[Array, ""],
-    velocity: Float[Array, "..."],
-    correction: Correction,
-    num_intervals: int,
-    num_angles: int,
-    known: tuple[Float[Array, ""], Float[Array, ""]] | None,
-    graded_solver: AbstractGradedSolver,
-    strain_per_slope: Float[Array, ""] | None,
-    temperatures: Float[Array, " scales"] | None = None,
+    field: Field, rules: Rules, temperatures: Float[Array, " scales"] | None = None
 ) -> tuple[
     Float[Array, " n"], Float[Array, " n"], Float[Array, " n"], Float[Array, ""], Float[Array, ""]
 ]:
     """Returns wavenumbers [rad/m], diffusion x [1] and friction [1] up to them, and the error.
 
-    At last the share of friction [1] from frequencies outside `known` [rad/s], as it is summed: not
-    to the digits of the friction. `num_intervals` (on each piece) and `num_angles` are multiples
-    of 4. `temperatures` [K] are those at `scales`, see `heating_by_scale.py`.
+    At last the share of friction [1] from frequencies at which a material was not measured, as it
+    is summed: not to the digits of the friction. `temperatures` [K] are those at `scales`, see
+    `heating_by_scale.py`.
     """
-    edges = joined_edges(roughness, own)
+    num_intervals, num_angles = rules.num_wavenumbers, rules.num_angles
+    edges = joined_edges(field.roughness, field.own)
     lengths = jnp.log(edges[1:] / edges[:-1])
     q = _nodes(edges, lengths, 2 * num_intervals)
-    direction, speed = direction_and_speed(velocity)
-    turn = roughness.turn_of(direction)
-    tolerance = graded_tolerance(graded_solver, None, q)
+    direction, speed = direction_and_speed(field.velocity)
+    turn = field.roughness.turn_of(direction)
     strain = None
-    if strain_per_slope is not None:
-        strain = strain_per_slope * _slope(roughness, q, lengths, 2 * num_intervals)
+    if field.strain_per_slope is not None:
+        rate = 2 * np.pi * (field.roughness.root_density(q, mean=True) * q**2) ** 2
+        square = _integral(rate, lengths, _clenshaw_curtis(2 * num_intervals))
+        slope = jnp.where(square > 0, jnp.sqrt(jnp.where(square > 0, square, 1)), 0)
+        strain = field.strain_per_slope * slope
     temperature = None if temperatures is None else between_scales(temperatures, q)
-    state = _State(strain, temperature)
-    everything = stack, roughness, own, pressure, speed, q, state, turn
+    everything = field, speed, q, (strain, temperature), turn
 
     def rates(values, at_q, at_angle):
-        at = _directions(values[-1], 2 * num_angles, q.dtype)
-        at = tuple(part[at_angle] for part in at)
-        return _rates(values[:-1], at_q, at, graded_solver, tolerance)
+        *values, turn = values
+        along, offset, _ = _angles(turn, 2 * num_angles, q.dtype)
+        return _rates(values, at_q, (along[at_angle], offset[at_angle]), rules.graded_solver)
 
     def over_angles(rate, weights):
         return jnp.einsum("...mk,mk", rate, weights)
 
     even, odd = slice(0, None, 2), slice(1, None, 2)
     weights, few, many = (
-        _angle_weights(turn, count, q.dtype)
-        for count in (num_angles, num_angles // 2, 2 * num_angles)
+        _angles(turn, count, q.dtype)[2] for count in (num_angles, num_angles // 2, 2 * num_angles)
     )
     # The rule of twice as many angles is the mean of this one and of that between its angles.
     shifted = (2 * many).at[::2].add(-weights)
@@ -105,43 +130,95 @@ def integrate(
         return jnp.zeros((2, len(q)), q.dtype).at[:, even].set(at_even).at[:, odd].set(at_odd)
 
     averages = (fine, refined(fine, shifted), coarse, refined(coarse, every_fourth))
-    rules = [_clenshaw_curtis(count * num_intervals) for count in (1, 2, 1, 2)]
-    v = [_integral(a[0], lengths, rule) for a, rule in zip(averages, rules, strict=True)]
+    cuts = [_clenshaw_curtis(count * num_intervals) for count in (1, 2, 1, 2)]
+    v = [_integral(a[0], lengths, cut) for a, cut in zip(averages, cuts, strict=True)]
     # All at once: it is half of what there is to compile.
-    x = jnp.split(slowed(correction, jnp.concatenate(v)), np.cumsum([len(part) for part in v])[:-1])
+    x = slowed(rules.correction, jnp.concatenate(v))
+    x = jnp.split(x, np.cumsum([len(part) for part in v])[:-1])
     total = [mean_square_growth(part) for part in x]
     ratio = [a[1] / jnp.where(a[0] == 0, 1, a[0]) for a in averages]
-    friction = [_stieltjes(*parts) for parts in zip(ratio, total, rules, strict=True)]
+    friction = [_stieltjes(*parts) for parts in zip(ratio, total, cuts, strict=True)]
     # By parts the friction is a difference of products.
     product = jnp.max(jnp.abs(ratio[0])) * total[0][-1]
     ends = [jnp.stack([b[-1], area(a[-1])]) for a, b in zip(x, friction, strict=True)]
-    error = _error(ends, product)
-    share = jnp.zeros_like(q[0])
+    share, known = jnp.zeros_like(q[0]), coverage(field.stack)
     if known is not None:
-        along = _directions(turn, 2 * num_angles, q.dtype)[0][even]
+        along = _angles(turn, 2 * num_angles, q.dtype)[0][even]
         omega = sliding_frequency(q[even][:, None, None] * along, 0.0, speed)
         lost = over_angles(jnp.where(is_unknown(omega, known), used[1], 0), weights)
         share = share_of(lost / jnp.where(fine[1] == 0, 1, fine[1]), friction[0])
-    return q[even], x[0], friction[0], jax.lax.stop_gradient(error), share
+    return q[even], x[0], friction[0], jax.lax.stop_gradient(_error(ends, product)), share
 
 
-def _rates(values, at_q, directions, graded_solver, tolerance):
+def _rates(values, at_q, directions, graded_solver):
     """Growth of the variance and of the friction of complete contact, per log q and angle."""
-    stack, roughness, own, pressure, speed, q, state = values
+    field, speed, q, state = values
     along, offset = directions
+    tolerance = graded_tolerance(graded_solver, None, q)
     state, q = jax.tree.map(lambda a: a[at_q], state), q[at_q][:, None, None]
-    amplitude = roughness.root_density(q) * q * roughness.root_narrowing(q, offset)
+
+    def response(q, omega, state):
+        strain, temperature = state
+        block = field.stack if strain is None else at_strain(field.stack, strain)
+        block = block if temperature is None else block.at(temperature)
+        return surface_compliance_unchecked(block, q, omega, graded_solver, tolerance)
 
     def relative_to(amplitude, omega):
+        # The block is in another state at each q.
+        at = jax.vmap(response) if jax.tree.leaves(state) else response
         # √C q/(M σ0): squares of its factors may leave the range of float32.
-        compliance = _compliance(stack, q, omega, state, graded_solver, tolerance)
-        relative = amplitude / (pressure * compliance)
+        relative = amplitude / (field.pressure * at(q, omega, state))
         return relative.real**2 + relative.imag**2, relative.imag
 
+    amplitude = field.roughness.root_density(q) * q * field.roughness.root_narrowing(q, offset)
     growth, lost = relative_to(amplitude, sliding_frequency(q * along, 0.0, speed))
-    if own is not None:
-        growth = growth + relative_to(own.root_density(q, mean=True) * q, jnp.zeros_like(q))[0]
+    if field.own is not None:
+        own = field.own.root_density(q, mean=True) * q
+        growth = growth + relative_to(own, jnp.zeros_like(q))[0]
     return jnp.stack([growth, -amplitude * q * along * lost])
+
+
+@eqx.filter_jit
+def add_up(
+    field: Field, correction: Correction, kernel: Inexact[Array, "*half"]
+) -> tuple[
+    Float[Array, " rings"], Float[Array, " rings"], Float[Array, " rings"], Float[Array, ""]
+]:
+    """Returns wavenumbers [rad/m], diffusion x [1] and friction [1] up to them, of a surface.
+
+    At last the share of friction [1] from frequencies at which a material was not measured. The
+    modes of a ring of |q|, up to its outer edge, come into view at once.
+    """
+    grid, heights = field.roughness.grid, field.roughness.heights
+    modes = to_spectrum(heights - jnp.mean(heights)) / np.prod(grid.shape)
+    zero = np.zeros(kernel.shape, bool)
+    zero[(0,) * kernel.ndim] = True
+    relative = jnp.where(zero, 0, modes) / (field.pressure * jnp.where(zero, 1, kernel))
+    power = (relative.real**2 + relative.imag**2) * multiplicity(grid.shape)
+    along = -wave_frequencies(grid, direction_and_speed(field.velocity)[0])
+    loss = power * along * jnp.imag(kernel) * field.pressure
+
+    edges, ring = rings(grid)
+    step, complete = (binned(ring, a, len(edges)) for a in (power, loss))
+    v = jnp.cumsum(step)
+    before = v - step
+    x = slowed(correction, jnp.stack([before, before + step / 2, v]))
+    # Of the mean square pressure of complete contact, the share that a ring adds: d⟨σ²⟩/dv on
+    # average over the ring.
+    growth = mean_square_growth(x)
+    thin = step <= 1e-4 * v
+    share = jnp.where(
+        thin,
+        area(x[1]) * slowing(correction, x[1]),
+        (growth[2] - growth[0]) / jnp.where(thin, 1, step),
+    )
+    friction = jnp.cumsum(complete * share)
+    extrapolated, known = jnp.zeros_like(edges[0]), coverage(field.stack)
+    if known is not None:
+        lost = jnp.where(is_unknown(wave_frequencies(grid, field.velocity), known), loss, 0)
+        lost = binned(ring, lost, len(edges))
+        extrapolated = jnp.sum(lost * share) / jnp.where(friction[-1] == 0, 1, friction[-1])
+    return edges, x[2], friction, extrapolated
 
 
 def share_of(part: Float[Array, " n"], friction: Float[Array, " n"]) -> Float[Array, ""]:
@@ -157,17 +234,17 @@ def _error(ends, product):
     `ends` are both of the result and with twice the wavenumbers, then both with half of the angles;
     `product` is what rounding is relative to.
     """
+
+    def change(one, other):
+        # Relative to whichever is smaller.
+        least = jnp.minimum(jnp.abs(one), jnp.abs(other))
+        return jnp.abs(one - other) / jnp.where(least == 0, 1, least)
+
     result, closer, coarse, coarse_closer = ends
-    change = _change(result, closer) + _change(coarse, coarse_closer)
     friction = jnp.abs(result[0])
     rounding = jnp.finfo(friction.dtype).eps * product / jnp.where(friction == 0, 1, friction)
-    return SAFETY * jnp.max(change) + 4 * rounding
-
-
-def _change(one, other):
-    """The relative change, of whichever is smaller."""
-    least = jnp.minimum(jnp.abs(one), jnp.abs(other))
-    return jnp.abs(one - other) / jnp.where(least == 0, 1, least)
+    changes = change(result, closer) + change(coarse, coarse_closer)
+    return SAFETY * jnp.max(changes) + 4 * rounding
 
 
 def _nodes(edges, lengths, num_intervals):
@@ -177,36 +254,6 @@ def _nodes(edges, lengths, num_intervals):
     from_below = edges[:-1, None] * jnp.exp(t * lengths[:, None])
     from_above = edges[1:, None] * jnp.exp((t - 1) * lengths[:, None])
     return _joined(jnp.where(t < 0.5, from_below, from_above))
-
-
-def _slope(roughness, q, lengths, num_intervals):
-    """The rms slope of the track up to each node [1]."""
-    rate = 2 * np.pi * (roughness.root_density(q, mean=True) * q**2) ** 2
-    square = _integral(rate, lengths, _clenshaw_curtis(num_intervals))
-    return jnp.where(square > 0, jnp.sqrt(jnp.where(square > 0, square, 1)), 0)
-
-
-class _State(NamedTuple):
-    """The strain amplitude [1] and the temperature [K] at each q, or None as the block is."""
-
-    strain: Float[Array, " n"] | None
-    temperature: Float[Array, " n"] | None
-
-    def of(self, stack):
-        """The block in the state of one q."""
-        stack = stack if self.strain is None else at_strain(stack, self.strain)
-        return stack if self.temperature is None else stack.at(self.temperature)
-
-
-def _compliance(stack, q, omega, state, graded_solver, tolerance):
-    """M_zz at `q` of shape (n, 1, 1), of the block in the state of each q."""
-    if not jax.tree.leaves(state):
-        return surface_compliance_unchecked(stack, q, omega, graded_solver, tolerance)
-    return jax.vmap(
-        lambda q, omega, state: surface_compliance_unchecked(
-            state.of(stack), q, omega, graded_solver, tolerance
-        )
-    )(q, omega, state)
 
 
 def _joined(pieces):
@@ -269,23 +316,16 @@ def _clenshaw_curtis(num_intervals: int) -> _Rule:
     )
 
 
-def _directions(turn, num_angles, dtype):
-    """The component of q/|q| along the velocity, and the angle from across the lay, at the nodes.
+def _angles(turn, num_angles, dtype):
+    """At the nodes, the component of q/|q| along the velocity and the angle from across the lay;
+    and the nodes' weights, which sum to the whole turn, 2π.
 
     Each of shape (nodes, parts of the turn).
     """
     if turn is None:
-        cosine = jnp.asarray(angles(num_angles)[0], dtype)[:, None]
-        return cosine, jnp.zeros_like(cosine)
+        cosine, weight = (jnp.asarray(a, dtype)[:, None] for a in angles(num_angles))
+        return cosine, jnp.zeros_like(cosine), weight
     # From across the lay to across the velocity, one way round and the other.
     parts = jnp.stack([turn, np.pi - turn])
-    away, left, _ = (jnp.asarray(a, dtype)[:, None] for a in between_ends(3 * num_angles))
-    return jnp.sin(parts * left), parts * away
-
-
-def _angle_weights(turn, num_angles, dtype):
-    """Weights of the same nodes, which sum to the whole turn, 2π."""
-    if turn is None:
-        return jnp.asarray(angles(num_angles)[1], dtype)[:, None]
-    weight = jnp.asarray(between_ends(3 * num_angles)[2], dtype)[:, None]
-    return 2 * weight * jnp.stack([turn, np.pi - turn])
+    away, left, weight = (jnp.asarray(a, dtype)[:, None] for a in between_ends(3 * num_angles))
+    return jnp.sin(parts * left), parts * away, 2 * weight * parts

@@ -1,6 +1,3 @@
-import json
-import pathlib
-
 import hypothesis.strategies as st
 import jax
 import jax.numpy as jnp
@@ -9,16 +6,9 @@ import pytest
 from hypothesis import given, settings
 from mpmath import mp, mpc, mpf
 from oracles import elasticities
+from stored import cases_of, complex_of
 
 import graded_contact as gc
-
-CASES = json.loads(
-    (pathlib.Path(__file__).parents[1] / "data" / "compliance_cases.json").read_text()
-)["cases"]
-
-
-def complex_of(pair):
-    return complex(float(pair[0]), float(pair[1]))
 
 
 def real_if_real(values):
@@ -53,7 +43,7 @@ def evaluate(case):
 def test_stored_cases_are_met_to_1e_14():
     """mpmath at 50 digits: slabs, coatings and stacks up to 300 layers on the three bases."""
     errors = {}
-    for case in CASES:
+    for case in cases_of("compliance"):
         expected = mpc(*map(mpf, case["M_zz"]))
         errors[case["id"]] = float(abs(mpc(evaluate(case)) - expected) / abs(expected))
     worst = max(errors, key=errors.get)

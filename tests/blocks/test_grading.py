@@ -1,6 +1,3 @@
-import json
-import pathlib
-
 import diffrax
 import equinox as eqx
 import jax
@@ -8,6 +5,7 @@ import jax.numpy as jnp
 import numpy as np
 import pytest
 from oracles import elasticities
+from stored import MIRROR, Given, cases_of, complex_of
 
 import graded_contact as gc
 from graded_contact.blocks.compliance import graded_compliance, surface_compliance
@@ -16,31 +14,12 @@ from graded_contact.blocks.profile import Blend, Mixture
 from graded_contact.blocks.riccati import Riccati
 from graded_contact.blocks.shapes import ErrorFunction, Exponential, Sinusoidal, Table
 from graded_contact.blocks.stack import GradedLayer, Stack
-from graded_contact.materials.material import AbstractMaterial
 
-CASES = json.loads((pathlib.Path(__file__).parents[1] / "data" / "graded_cases.json").read_text())[
-    "cases"
-]
+CASES = cases_of("graded")
 # Half of the compilation, where no second attempt is expected.
 FAST = Layering(retry=False)
 FINE = Layering(num_cells=48, retry=False)
 KINDS, BASES = ("linear", "sinusoidal", "exponential"), ("halfspace", "rigid", "free")
-
-
-class Given(AbstractMaterial):
-    """A complex modulus at the one frequency of a stored case."""
-
-    young: jax.Array
-    poisson: jax.Array
-
-    def modulus(self, omega):
-        return jnp.broadcast_to(self.young, jnp.shape(omega))
-
-    def poisson_ratio(self, omega):
-        return self.poisson
-
-    def at(self, temperature):
-        return self
 
 
 class Stored(eqx.Module):
@@ -62,10 +41,6 @@ class Stored(eqx.Module):
         poisson = self.bottom + (self.top - self.bottom) * s
         factor = jnp.where(self.reduced, 1 - poisson**2, 1)
         return self.unit * jnp.select([self.kind == i for i in range(3)], shapes) * factor, poisson
-
-
-def complex_of(pair):
-    return complex(float(pair[0]), float(pair[1]))
 
 
 def arguments(case):
@@ -129,7 +104,7 @@ def test_stored_cases_are_met_and_the_estimate_of_the_error_is_honest(solver, rt
     ],
 )
 def test_every_entry_of_the_matrix_meets_the_stored_cases(kind, graded):
-    """mpmath at 50 digits; the frame of the stored cases has z out of the body."""
+    """mpmath at 50 digits."""
     cases = [c for c in CASES if c["substrate"]["kind"] == kind]
     batch = jax.tree.map(lambda *xs: jnp.array(xs), *map(arguments, cases))
     qx, qy = np.array([[float(x) for x in c["q"]] for c in cases]).T
@@ -140,9 +115,8 @@ def test_every_entry_of_the_matrix_meets_the_stored_cases(kind, graded):
         return gc.surface_compliance_matrix(stack, qx, qy, 0.0, graded_solver=graded, rtol=1e-8)
 
     found = jax.jit(jax.vmap(one))(*batch[:3], qx, qy)
-    mirror = np.diag([1, 1, -1])
     for value, case in zip(found, cases, strict=True):
-        exact = mirror @ np.array([[complex_of(x) for x in row] for row in case["C"]]) @ mirror
+        exact = MIRROR @ np.array([[complex_of(x) for x in row] for row in case["C"]]) @ MIRROR
         size = np.sqrt(np.abs(np.diag(exact)))
         assert np.max(np.abs(value - exact) / np.outer(size, size)) <= 1e-8, case["id"]
 

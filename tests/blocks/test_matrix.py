@@ -1,6 +1,3 @@
-import json
-import pathlib
-
 import jax
 import jax.numpy as jnp
 import mpmath as mp
@@ -8,21 +5,18 @@ import numpy as np
 import pytest
 from mpmath import mpc, mpf
 from oracles import differences
+from stored import MIRROR, Given, cases_of, complex_of
 
 import graded_contact as gc
-from graded_contact.blocks.matrix import layered_compliance_matrix, surface_compliance_matrix
+from graded_contact.blocks.matrix import surface_compliance_matrix
 from graded_contact.materials.material import BulkShear
 
-CASES = json.loads((pathlib.Path(__file__).parents[1] / "data" / "matrix_cases.json").read_text())[
-    "cases"
-]
+CASES = cases_of("matrix")
 BASES = {
     "halfspace": gc.HalfSpace(gc.Prony(2e6, [2e7], [1e-2], 0.45)),
     "rigid": gc.Rigid(),
     "free": gc.Free(),
 }
-# The frame of the stored cases has z out of the body.
-MIRROR = np.diag([1, 1, -1])
 
 
 def stack_on(base):
@@ -34,8 +28,12 @@ def stack_on(base):
     return gc.Stack(layers=layers, base=BASES[base])
 
 
-def complex_of(pair):
-    return complex(float(pair[0]), float(pair[1]))
+def matrix_of(qx, qy, thickness, modulus, poisson, base):
+    """The package's matrix for layers of given moduli; `base` may be (E, ν)."""
+    parts = zip(thickness, modulus, poisson, strict=True)
+    layers = tuple(gc.Layer(Given(e, nu), d) for d, e, nu in parts)
+    base = gc.HalfSpace(Given(*base)) if isinstance(base, tuple) else base
+    return surface_compliance_matrix(gc.Stack(layers=layers, base=base), qx, qy, 1.0)
 
 
 def evaluate(cases):
@@ -49,13 +47,11 @@ def evaluate(cases):
         [nothing] * (num_layers - len(case["layers"])) + case["layers"][::-1] for case in cases
     ]
     table = lambda read: np.array([[read(x) for x in row] for row in layers]).T  # noqa: E731
-    base = cases[0]["substrate"]["kind"]
-    if base == "halfspace":
+    base, axis = BASES[cases[0]["substrate"]["kind"]], None
+    if isinstance(base, gc.HalfSpace):
         moduli = [[complex_of(case["substrate"][name]) for case in cases] for name in ("E", "nu")]
-        base = tuple(map(np.array, moduli))
-    else:
-        base = BASES[base]
-    return layered_compliance_matrix(
+        base, axis = tuple(map(np.array, moduli)), 0
+    return jax.vmap(matrix_of, (0, 0, 1, 1, 1, axis))(
         *np.array([[float(x) for x in case["q"]] for case in cases]).T,
         table(lambda x: float(x["d"])),
         table(lambda x: complex_of(x["E"])),
@@ -121,7 +117,7 @@ def test_c_xy_of_thin_slabs_keeps_its_digits(base, poisson):
     modulus = np.array([1e6 + 1e5j, 3e6, 2e7 + 1e7j])[:n]
     q = np.array([1e-12, 1e-8, 1e-4, 0.03, 1.0, 3.0, 7.0])
     nu = np.array(poisson)
-    found = layered_compliance_matrix(0.6 * q, 0.8 * q, thickness, modulus, nu, BASES[base])
+    found = matrix_of(0.6 * q, 0.8 * q, thickness, modulus, nu, BASES[base])
     for x, value in zip(q, np.asarray(found), strict=True):
         exact = mpf("0.48") * along_less_across(x, thickness, modulus, nu, base)
         assert abs(mpc(complex(value[0, 1])) - exact) <= 4e-15 * abs(exact), x
@@ -131,7 +127,7 @@ def test_c_xy_of_thin_slabs_keeps_its_digits(base, poisson):
 def test_c_xy_of_stacked_free_incompressible_sheets_is_right_to_the_rounding_of_c_xx():
     q, nu = np.array([1e-8, 1e-6, 1e-4, 0.01, 1.0]), np.full(2, 0.5)
     thickness, modulus = np.array([0.3, 0.7]), np.full(2, 3e6)
-    found = layered_compliance_matrix(0.6 * q, 0.8 * q, thickness, modulus, nu, gc.Free())
+    found = matrix_of(0.6 * q, 0.8 * q, thickness, modulus, nu, gc.Free())
     for x, value in zip(q, np.asarray(found), strict=True):
         exact = mpf("0.48") * along_less_across(x, thickness, modulus, nu, "free")
         assert abs(mpc(complex(value[0, 1])) - exact) <= 1e-15 * abs(value[0, 0]), x
@@ -145,7 +141,7 @@ def test_half_space_is_that_of_boussinesq_and_cerruti():
     """
     e, nu, qx, qy = 3e6 + 1e6j, 0.4 + 0.01j, 3e3, -4e3
     q = 5e3
-    value = layered_compliance_matrix(qx, qy, [], [], [], (e, nu))
+    value = matrix_of(qx, qy, [], [], [], (e, nu))
     shear = 2 * (1 + nu) / (e * q)
     towards = 1j * (1 - 2 * nu) * (1 + nu) / (e * q**2)
     expected = [
