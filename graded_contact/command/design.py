@@ -12,8 +12,8 @@ from ..scenes.cost import design_cost
 from ..scenes.design_report import designed_values, missed, report
 from ..scenes.design_scene import read_design
 from ..scenes.run_design import check_design, run_design
+from ..studies.dataset import write_whole
 from ..studies.interruption import Interrupted, interruptible
-from ..studies.sealed import write_whole
 from ..studies.store import Store
 from ..surfaces.surface import Surface
 from .result_tables import print_read

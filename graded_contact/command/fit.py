@@ -19,8 +19,8 @@ from ..materials.measured import Measured
 from ..plot import plot_fit, plot_master_curve, plot_van_gurp_palmen
 from ..readers.moduli import read_moduli
 from ..readers.paths import check_folder, full_path
+from ..studies.dataset import write_whole
 from ..studies.parameter_covariance import write_errors
-from ..studies.sealed import write_whole
 from ..studies.uncertainty import errors_of
 from .terminal import FigureFormat, Format, Output, refusing, save_figure
 

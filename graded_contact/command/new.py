@@ -13,8 +13,8 @@ from ..plot.words import kelvin
 from ..readers.paths import check_folder, full_path
 from ..readers.topography import read_surface
 from ..scenes.proposal import CONTACT, Load, proposed_load
-from ..scenes.toml import entry_text
-from ..studies.sealed import write_whole
+from ..scenes.schema import entry_text
+from ..studies.dataset import write_whole
 from .fit import (
     Columns,
     Deformation,

@@ -14,7 +14,7 @@ from rich.text import Text
 from ..core.display import with_unit
 from ..core.quantities import AXES, OBSERVABLES
 from ..plot.words import title_of
-from ..scenes.results import SEED_ERROR, over_seeds, state_of, warnings_of
+from ..scenes.results import SEED_ERROR, over_seeds, solve_states, warnings_of
 from ..scenes.scene import Scene
 from ..studies.uncertainty import Sensitivity
 from ..surfaces.statistics import statistics
@@ -67,7 +67,7 @@ def print_table(results: "Dataset", all_seeds: bool = False) -> None:
     table = Table(box=box.SIMPLE_HEAD, pad_edge=False)
     for head in (*heads, *(columns[name][0] for name in names), ""):
         table.add_column(Text(head), justify="right", no_wrap=True)
-    states = state_of(results).values
+    states = solve_states(results).values
     values = {name: results[name].values for name in (*names, *errors.values())}
     for index in np.ndindex(states.shape):
         *at, load, speed = (results[a].values[i] for a, i in zip(axes, index, strict=True))
@@ -85,7 +85,7 @@ def print_table(results: "Dataset", all_seeds: bool = False) -> None:
     console.print(table)
     for number, caveat in enumerate(warnings, start=1):
         console.print(f"[bold yellow]({number})[/] {escape(caveat.sentence)}", soft_wrap=True)
-    warning, states = Console(stderr=True), state_of(every).values
+    warning, states = Console(stderr=True), solve_states(every).values
     for state, text in STATES.items():
         chosen = states == state
         if np.any(chosen):

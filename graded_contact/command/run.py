@@ -39,10 +39,9 @@ from ..scenes.results import (
     warnings_of,
 )
 from ..scenes.run_scene import build_surface, check_run, point_names, run_scene
-from ..scenes.scene import Scene
-from ..scenes.scene_reading import parse_scene, read_scene
+from ..scenes.scene import Scene, parse_scene, read_scene
+from ..scenes.schema import parse_toml
 from ..scenes.theory import mean_field_at, what_decides
-from ..scenes.toml import parse_toml
 from ..sliding.magnification import cumulative_friction
 from ..studies.dataset import NOT_STARTED, package_versions, write, write_csv
 from ..studies.interruption import Interrupted, Interruption, interruptible
@@ -82,7 +81,7 @@ def demo(
     form: FigureFormat = Format.PNG,
 ) -> None:
     """Runs a built-in scene: tyre tread with a modified layer of 50 µm on a rough road."""
-    text = resources.files("graded_contact.studies").joinpath("demo.toml").read_text("utf-8")
+    text = resources.files("graded_contact.scenes").joinpath("demo.toml").read_text("utf-8")
     text = text.replace("shape = [256, 256]", f"shape = [{resolution}, {resolution}]")
     with refusing():
         scene = parse_scene(text)

@@ -26,8 +26,8 @@ from rich.progress import (
 
 from ..core.compilation import COMPILING, LESS_WORK
 from ..plot.style import caption
+from ..studies.dataset import write_whole
 from ..studies.interruption import Interruption
-from ..studies.sealed import write_whole
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure

@@ -12,8 +12,8 @@ from ..materials.material import AbstractMaterial, Elastic, Prony
 from ..materials.table import Tabulated
 from ..plot.words import labelled, title_of
 from ..scenes.scene import Scene
+from ..scenes.schema import parse_toml
 from ..scenes.surface_source import RandomSurface
-from ..scenes.toml import parse_toml
 
 
 def print_understood(scene: Scene) -> None:

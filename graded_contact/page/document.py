@@ -21,11 +21,9 @@ from ..fitting.master import master_curve
 from ..readers.moduli import read_moduli
 from ..readers.paths import check_name, read_file, read_utf8
 from ..readers.topography import read_surface
-from ..scenes.scene import Scene
-from ..scenes.scene_reading import parse_scene, refuse_tables
-from ..scenes.schema import LARGEST
-from ..scenes.toml import parse_toml, toml_text
-from ..studies.sealed import write_whole
+from ..scenes.scene import Scene, parse_scene, refuse_tables
+from ..scenes.schema import MOST_BYTES, parse_toml, toml_text
+from ..studies.dataset import write_whole
 
 POINTS = 256  # along the longer edge of a topography that the user drops
 THICKNESS = 1e-4  # m, of a first layer
@@ -73,7 +71,7 @@ def open_document(path: Path | None) -> Document:
         name, folder = "demo.toml", Path.cwd()
         text = resources.files("graded_contact.studies").joinpath(name).read_text("utf-8")
     else:
-        name, folder, text = path.name, path.absolute().parent, read_utf8(path, at_most=LARGEST)
+        name, folder, text = path.name, path.absolute().parent, read_utf8(path, at_most=MOST_BYTES)
     with within(f"{name}:"):
         return _at_one_point(parse_toml(text), parse_scene(text, folder), folder)
 

@@ -19,8 +19,8 @@ from ..exports.prony_cards import export_prony
 from ..materials.material import BulkShear, Elastic, Prony
 from ..materials.shift import WLF, TabulatedShift, shifts_in
 from ..scenes.scene import Scene
+from ..scenes.schema import parse_toml
 from ..scenes.surface_source import RandomSurface
-from ..scenes.toml import parse_toml
 from ..surfaces.statistics import statistics
 from ..surfaces.surface import Surface
 from .document import Document

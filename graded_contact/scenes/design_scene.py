@@ -19,11 +19,9 @@ from ..core.parameters import with_values
 from ..readers.paths import read_utf8
 from ..surfaces.spectrum import SelfAffine
 from ..surfaces.surface import Surface
-from .scene import Scene
-from .scene_reading import check_paths, parse_scene, refuse_tables
-from .schema import LARGEST, Reader
+from .scene import Scene, check_paths, parse_scene, refuse_tables
+from .schema import MOST_BYTES, Reader, parse_toml
 from .surface_source import RandomSurface
-from .toml import parse_toml
 
 # The keys that belong to one objective only.
 OBJECTIVES = {"friction": ("target", "ratio"), "flat_loss_tangent": ("q_from", "q_to")}
@@ -167,7 +165,7 @@ def read_design(path: str | os.PathLike) -> DesignScene:
     A missing file raises `FileNotFoundError`; every error in it raises `ValueError`, naming the
     table and the key.
     """
-    text = read_utf8(path, LARGEST)
+    text = read_utf8(path, MOST_BYTES)
     with within(f"{path}:"):
         return parse_design(text, Path(path).parent)
 

@@ -22,8 +22,8 @@ from ..studies.program import trace
 from ..studies.store import Store, fingerprint
 from ..studies.sweep import Workers, solve_points
 from ..surfaces.surface import Surface
+from .results import collect, fields_of, numbers_of_scene
 from .scene import Scene
-from .scene_results import collect, fields_of, numbers_of_scene
 from .surface_source import RandomSurface, SurfaceFile
 from .theory import check_frequencies_of, errors_of_stack
 
@@ -174,7 +174,7 @@ def _solver(scene: Scene, surface: Surface) -> Callable[[dict[str, Any]], dict[s
     if scene.approach is not None:
         with within("[load]"):
             check_approach(scene.approach, surface, HardWall())
-    fields = fields_of(scene) if scene.fields != "none" else ()
+    fields = fields_of(scene)
     errors = errors_of_stack(scene)
     names = [n for n in numbers_of_scene(scene, surface) if n != "friction_standard_error"]
 

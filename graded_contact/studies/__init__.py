@@ -1,7 +1,6 @@
 """Many solves: sweeps, searches for a design, uncertainty, tables of friction."""
 
 from .alternatives import pareto_front, scatter, snap_to_values
-from .checkpoint import checkpointed
 from .friction_tables import friction_table
 from .objectives import distance, friction_between, friction_curve, loss_tangent, ripple
 from .parameter_covariance import read_errors
@@ -11,7 +10,7 @@ from .sweep import sweep
 from .uncertainty import propagate, sensitivity
 
 __all__ = [
-    "Design", "Run", "checkpointed", "distance", "friction_between", "friction_curve",
+    "Design", "Run", "distance", "friction_between", "friction_curve",
     "friction_table", "loss_tangent", "minimise", "minimise_expected", "pareto_front", "propagate",
     "read_errors", "ripple", "scatter", "sensitivity", "snap_to_values", "sweep",
 ]  # fmt: skip

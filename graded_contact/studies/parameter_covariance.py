@@ -17,7 +17,7 @@ from ..core.checks import as_float, check_values, nearest, within
 from ..core.display import shown
 from ..core.parameters import paths, with_values
 from ..readers.paths import read_file
-from .sealed import write_whole
+from .dataset import write_whole
 
 LARGEST = 10_000_000  # bytes of a file; 500 numbers have 6 MB
 

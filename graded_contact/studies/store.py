@@ -19,8 +19,7 @@ import jax
 import numpy as np
 
 from ..readers.paths import check_archive, may_unpack
-from .dataset import FAILED
-from .sealed import read_sealed, write_sealed
+from .dataset import FAILED, read_sealed, write_sealed
 
 
 def fingerprint(*parts: Any) -> str:

@@ -15,13 +15,12 @@ from graded_contact.scenes.results import (
     kept_solves,
     lost_solves,
     read_results,
-    state_of,
+    solve_states,
     surface_of,
     surface_variables,
     warnings_of,
 )
-from graded_contact.studies.dataset import LOST, NOT_STARTED, attach, write
-from graded_contact.studies.sealed import SEAL, write_sealed
+from graded_contact.studies.dataset import LOST, NOT_STARTED, SEAL, attach, write, write_sealed
 from graded_contact.surfaces.surface import Step
 
 
@@ -44,7 +43,13 @@ def make_results(shape=(4, 6), dtype=np.float64, keep="every"):
     over = (*axes, *places) if keep == "every" else (*places,)
     size = (2, 3, *shape) if keep == "every" else shape
     variables |= {n: (over, draw.normal(size=size).astype(dtype)) for n in KEPT_FIELDS.values()}
-    attributes |= {"title": "glatt, 50 µm", "seed": 3, "rtol": 1e-6, "scene": "a = 1\n" * 20000}
+    attributes |= {
+        "title": "glatt, 50 µm",
+        "seed": 3,
+        "kept": "1 2",
+        "rtol": 1e-6,
+        "scene": "a = 1\n" * 20000,
+    }
     return attach(xarray.Dataset(variables, axes | places, attributes))
 
 
@@ -74,7 +79,7 @@ def test_warnings_follow_from_the_numbers(tmp_path):
 
 def test_each_solve_has_a_state():
     words = [["", "", "not converged"], ["", "not started", "failed"]]
-    np.testing.assert_array_equal(state_of(make_results()), words)
+    np.testing.assert_array_equal(solve_states(make_results()), words)
 
 
 def test_fields_are_those_of_the_stored_solves():

@@ -8,7 +8,7 @@ import graded_contact as gc
 from graded_contact.scenes.cost import scene_cost
 from graded_contact.scenes.results import contact_at, kept_solves, read_results
 from graded_contact.scenes.run_scene import build_surface, run_scene
-from graded_contact.scenes.scene_reading import parse_scene
+from graded_contact.scenes.scene import parse_scene
 from graded_contact.studies.dataset import write, write_csv
 
 SMALL = BARE.replace("[32, 32]", "[16, 16]").replace("q_high = 8e4", "q_high = 4e4")

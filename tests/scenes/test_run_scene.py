@@ -13,10 +13,9 @@ from graded_contact.command.result_tables import print_table
 from graded_contact.core.quantities import OBSERVABLES, observable
 from graded_contact.fields.grid import wave_frequencies
 from graded_contact.scenes import run_scene as run_module
-from graded_contact.scenes.results import contact_at, kept_solves, warnings_of
+from graded_contact.scenes.results import contact_at, kept_solves, shift_factors, warnings_of
 from graded_contact.scenes.run_scene import build_surface, run_scene
-from graded_contact.scenes.scene_reading import parse_scene, read_scene
-from graded_contact.scenes.scene_results import shift_factors
+from graded_contact.scenes.scene import parse_scene, read_scene
 from graded_contact.scenes.theory import check_frequencies_of
 from graded_contact.studies.store import Store
 

@@ -13,7 +13,7 @@ from scene_texts import TABLE, TEXT, changed, tabulated, write
 
 import graded_contact as gc
 from graded_contact.readers.moduli import read_moduli
-from graded_contact.scenes.scene_reading import parse_scene, read_scene
+from graded_contact.scenes.scene import parse_scene, read_scene
 from graded_contact.sliding.numerics import Numerics
 
 LAYER = 'material = "coat"\nthickness = 2e-5'

@@ -10,7 +10,7 @@ from scene_texts import BARE
 import graded_contact as gc
 from graded_contact.readers.recorded_motion import read_motion
 from graded_contact.scenes.design_scene import parse_design
-from graded_contact.scenes.scene_reading import parse_scene, read_scene
+from graded_contact.scenes.scene import parse_scene, read_scene
 from graded_contact.scenes.theory import mean_field_at
 
 STILL = BARE.replace("velocity = [0.01, 1.0]\n", "")

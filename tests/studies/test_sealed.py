@@ -7,7 +7,7 @@ from pathlib import Path
 import pytest
 
 import graded_contact
-from graded_contact.studies.sealed import write_whole
+from graded_contact.studies.dataset import write_whole
 
 
 @pytest.mark.skipif(os.name != "posix", reason="the limit on the size of files is that of POSIX")
@@ -46,4 +46,4 @@ def test_nothing_else_in_the_package_writes_files():
         for path in package.rglob("*.py")
         if writes.search(path.read_text(encoding="utf-8"))
     }
-    assert found == {"studies/sealed.py", "readers/paths.py"}
+    assert found == {"studies/dataset.py", "readers/paths.py"}

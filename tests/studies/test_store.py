@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 import graded_contact as gc
-from graded_contact.studies.sealed import write_sealed
+from graded_contact.studies.dataset import write_sealed
 from graded_contact.studies.store import Point, Store, fingerprint
 
 POINT = Point(
