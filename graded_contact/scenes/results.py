@@ -15,6 +15,7 @@ import os
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+import jax
 import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Float
@@ -34,7 +35,7 @@ from ..studies.dataset import (
     package_versions,
     read,
 )
-from ..studies.store import Point
+from ..studies.store import Point, together
 from ..surfaces.surface import Step, Surface
 from .scene import Scene
 from .surface_source import RandomSurface
@@ -96,12 +97,8 @@ def collect(
     axes, shape, dtype = tuple(scene.axes), names.shape, surface.heights.dtype
 
     def over_axes(name: str, *inner: int) -> np.ndarray:
-        """A quantity of all solves, NaN where a solve has no numbers."""
-        values = np.full((names.size, *inner), np.nan, dtype)
-        for i, point in enumerate(points):
-            if point is not None and point.values:
-                values[i] = point.values[name]
-        return values.reshape(*shape, *inner)
+        like = jax.ShapeDtypeStruct(inner, dtype)
+        return together(name, like, points).reshape(*shape, *inner)
 
     variables: dict[str, Any] = {}
     times = {} if scene.motion is None else {"time": scene.num_times}

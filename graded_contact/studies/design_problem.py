@@ -140,9 +140,19 @@ class Problem:
         **Raises:** `ValueError` for what is not finite.
         """
         at = fingerprint(x, *map(jax.random.key_data, self._keys(draw)))
-        if at not in self._found:
-            self._found[at] = self._stored(at, x, draw)
-        return self._found[at]
+        if at in self._found:
+            return self._found[at]
+        name = "" if self.store is None else fingerprint(self._name, at)
+        point = None if self.store is None else self.store.read(name, Evaluation._fields)
+        if point is not None:
+            arrays: Any = point.values
+            found = Evaluation(**arrays)._replace(value=float(arrays["value"]))
+        else:
+            found = self._computed(x, draw)
+            if self.store is not None:
+                self.store.write(name, Point(jax.tree.map(np.asarray, found._asdict())))
+        self._found[at] = found
+        return found
 
     def limits(
         self, x: Flat, draw: int | None = None
@@ -156,27 +166,15 @@ class Problem:
             raise ValueError(f"`constraints` is {limits} at {self._text(x, draw)}.")
         return limits, slopes
 
-    def _stored(self, at: str, x: Flat, draw: int | None) -> Evaluation:
-        if self.store is None:
-            return self._computed(x, draw)
-        name = fingerprint(self._name, at)
-        point = self.store.read(name, Evaluation._fields)
-        if point is None:
-            found = self._computed(x, draw)
-            self.store.write(name, Point(jax.tree.map(np.asarray, found._asdict())))
-            return found
-        arrays: Any = point.values
-        return Evaluation(**arrays)._replace(value=float(arrays["value"]))
-
     def _computed(self, x: Flat, draw: int | None) -> Evaluation:
         value, slope = self._objective(x, *self._keys(draw))
         if not np.isfinite(value):
             raise ValueError(f"`objective` is {np.asarray(value)} at {self._text(x, draw)}.")
         limits, slopes = self.limits(x, draw)
         if not (np.all(np.isfinite(slope)) and np.all(np.isfinite(slopes))):
+            where = self._text(x, draw)
             raise ValueError(
-                "A derivative of `objective` or `constraints` is not finite at "
-                f"{self._text(x, draw)}."
+                f"A derivative of `objective` or `constraints` is not finite at {where}."
             )
         return Evaluation(float(value), limits, np.asarray(slope), slopes)
 
@@ -184,6 +182,5 @@ class Problem:
         return () if self.key is None else (jax.random.fold_in(self.key, draw),)
 
     def _text(self, x: Flat, draw: int | None) -> str:
-        return text_of(self.box.unravel(jnp.asarray(x))) + (
-            "" if draw is None else f" in draw {draw}"
-        )
+        text = text_of(self.box.unravel(jnp.asarray(x)))
+        return text if draw is None else f"{text} in draw {draw}"

@@ -31,8 +31,7 @@ class Interruption:
     - `signal`: its number, or None.
     """
 
-    def __init__(self):
-        self.signal: int | None = None
+    signal: int | None = None
 
     def check(self) -> None:
         """Raises `Interrupted` if a signal has come: to be called between two steps."""
@@ -73,44 +72,35 @@ def interruptible() -> Iterator[Interruption]:
         heard.close()
 
 
-class Later:
-    """Whether Ctrl-C has come; see `ctrl_c_later`."""
-
-    came = False
-
-    def check(self) -> None:
-        """Raises the `KeyboardInterrupt`: to be called between two steps."""
-        if self.came:
-            raise KeyboardInterrupt
-
-
-_outer: list[Later] = []  # of the block that this one is in
+_outer: list[Interruption] = []  # of the blocks of `ctrl_c_later` that this one is in
 
 
 @contextlib.contextmanager
-def ctrl_c_later() -> Iterator[Later]:
-    """Gives a `Later` that notes Ctrl-C inside the block; a second Ctrl-C raises at once.
+def ctrl_c_later() -> Iterator[Interruption]:
+    """Gives an `Interruption` that notes Ctrl-C inside the block; a second Ctrl-C raises at once.
 
     Only in the main thread, and only where Ctrl-C would raise: not inside `interruptible`.
     """
-    usual, later = signal.default_int_handler, Later()
-    main = threading.current_thread() is threading.main_thread()
-    if main and _outer:
+    usual, found = signal.default_int_handler, Interruption()
+    if threading.current_thread() is not threading.main_thread():
+        yield found
+        return
+    if _outer:  # a Ctrl-C that the outer block has noted must end the inner one
         yield _outer[-1]
         return
-    if not main or signal.getsignal(signal.SIGINT) is not usual:
-        yield later
+    if signal.getsignal(signal.SIGINT) is not usual:
+        yield found
         return
 
     def note(number: int, frame: object) -> None:
         signal.signal(signal.SIGINT, usual)
-        later.came = True
+        found.signal = number
         _say(LATER)
 
     signal.signal(signal.SIGINT, note)
-    _outer.append(later)
+    _outer.append(found)
     try:
-        yield later
+        yield found
     finally:
         _outer.pop()
         signal.signal(signal.SIGINT, usual)

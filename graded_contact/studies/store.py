@@ -10,7 +10,7 @@ import hashlib
 import io
 import os
 import warnings
-from collections.abc import Iterable, Iterator
+from collections.abc import Iterable, Iterator, Sequence
 from pathlib import Path
 from typing import Any, NamedTuple
 
@@ -58,6 +58,17 @@ class Point(NamedTuple):
 
     values: dict[str, np.ndarray]
     message: str = ""
+
+
+def together(name: str, like: jax.ShapeDtypeStruct, points: Sequence[Point | None]) -> np.ndarray:
+    """Returns one array of a quantity at all points, NaN where there is none."""
+    found = [None if point is None else point.values.get(name) for point in points]
+    dtype = np.result_type(like.dtype, 0.0) if any(one is None for one in found) else like.dtype
+    whole = np.full((len(points), *like.shape), np.nan if dtype.kind == "f" else 0, dtype)
+    for i, one in enumerate(found):
+        if one is not None:
+            whole[i] = one
+    return whole
 
 
 @contextlib.contextmanager

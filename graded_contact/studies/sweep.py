@@ -13,9 +13,9 @@ import numpy as np
 from ..core.checks import Numbers, as_float, check_values, short
 from ..core.memory import SMALL, available_memory, in_gigabytes
 from .dataset import FAILED, LOST, NOT_STARTED, attach
-from .interruption import Later, ctrl_c_later
+from .interruption import Interruption, ctrl_c_later
 from .program import Program, Task, compiled, trace
-from .store import Point, Store, fingerprint, opened
+from .store import Point, Store, fingerprint, opened, together
 from .workers import check_workers, connected, num_cores, on_workers, pays
 
 if TYPE_CHECKING:
@@ -74,7 +74,6 @@ def sweep(
     """
     import xarray
 
-    check_workers(workers, client)
     coordinates, columns = _points(axes)
     count, shape = len(next(iter(columns.values()))), tuple(map(len, coordinates.values()))
     with ctrl_c_later() as later:
@@ -94,7 +93,7 @@ def sweep(
     data: dict[str, Any] = {}
     for name, like in program.like[0].items():
         dimensions = (*coordinates, *(f"{name}_{i}" for i in range(like.ndim)))
-        data[name] = dimensions, _together(name, like, points).reshape(*shape, *like.shape)
+        data[name] = dimensions, together(name, like, points).reshape(*shape, *like.shape)
     data["message"] = tuple(coordinates), np.reshape(ends, shape)
     if list(columns) != list(coordinates):
         coordinates |= {name: ("point", column) for name, column in columns.items()}
@@ -157,7 +156,7 @@ def solve_points(
 
 
 def _solved(
-    program: Program, tasks: dict[int, Task], workers: Workers, client: Any, later: Later
+    program: Program, tasks: dict[int, Task], workers: Workers, client: Any, later: Interruption
 ) -> Generator[tuple[int, Point]]:
     """Yields points as they end: in this process, on workers, or first here and then there."""
     left, here = dict(tasks), client is None and workers in (None, "auto")
@@ -255,14 +254,3 @@ def _check_results(program: Program, columns: dict[str, Any], count: int) -> Non
             f"{in_gigabytes(free)} of memory are free. {int(free // one)} points would fit; or let "
             "`function` return less."
         )
-
-
-def _together(name: str, like: Any, points: Sequence[Point | None]) -> np.ndarray:
-    """One array of a result at all points, NaN where there is none."""
-    found = [None if point is None else point.values.get(name) for point in points]
-    dtype = np.result_type(like.dtype, 0.0) if any(one is None for one in found) else like.dtype
-    whole = np.full((len(points), *like.shape), np.nan if dtype.kind == "f" else 0, dtype)
-    for i, one in enumerate(found):
-        if one is not None:
-            whole[i] = one
-    return whole

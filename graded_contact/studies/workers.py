@@ -44,8 +44,6 @@ def check_workers(workers: Any, client: Any) -> None:
     """Raises `ValueError` unless at most one is given, and `workers` is a number or "auto"."""
     if workers is not None and client is not None:
         raise ValueError("`workers` and `client` (a scheduler) are given: only one can solve.")
-    if isinstance(workers, str) and workers != "auto":
-        raise ValueError(f'`workers={workers!r}` must be a whole number or "auto".')
     if workers not in (None, "auto"):
         check_whole("workers", workers, 1)
 
