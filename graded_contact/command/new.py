@@ -12,7 +12,7 @@ from ..exports.prony_cards import export_prony
 from ..plot.words import kelvin
 from ..readers.paths import check_folder, full_path
 from ..readers.topography import read_surface
-from ..scenes.proposal import CONTACT, Load, proposed_load
+from ..scenes.proposal import CONTACT_SHARE, Load, proposed_load
 from ..scenes.schema import entry_text
 from ..studies.dataset import write_whole
 from .fit import (
@@ -128,7 +128,7 @@ def _text(
         'kind = "half_space"',
         f'material = "{name}"',
         "",
-        f"[load]  # contact on about {CONTACT:.0%} of the area, at measured frequencies",
+        f"[load]  # contact on about {CONTACT_SHARE:.0%} of the area, at measured frequencies",
         f"pressure = {load.pressure:g}  # [Pa]",
         f"velocity = {{from = {low:g}, to = {high:g}, points = {POINTS}}}  # [m/s]",
     ]

@@ -97,9 +97,23 @@ class DesignScene:
                 if getattr(self, key) is not None and self.objective != objective:
                     raise ValueError(f'`{key}` belongs to the objective "{objective}".')
         if self.objective == "friction":
-            self._check_goal()
-        if self.objective == "flat_loss_tangent":
-            self._check_band()
+            if (self.target is None) == (self.ratio is None):
+                raise ValueError('the objective "friction" needs `target` or `ratio`, not both.')
+            key = "target" if self.ratio is None else "ratio"
+            goal, count = np.array(getattr(self, key)), len(self.scene.velocity)
+            if len(goal) not in (1, count):
+                raise ValueError(
+                    f"`{key}` has {len(goal)} numbers; one, or one for each of the {count} "
+                    "velocities, is needed."
+                )
+            check_positive(key, goal, "[1]")
+        if self.objective == "flat_loss_tangent" and (
+            self.band is None or not 0 < self.band[0] < self.band[1] < np.inf
+        ):
+            raise ValueError(
+                f"`q_from` = {self.q_from}, `q_to` = {self.q_to} must be positive [rad/m] and in "
+                "this order."
+            )
         if self.total_thickness is not None:
             check_positive("total_thickness", self.total_thickness, "[m]")
         check_values("verify", self.verify, "it must not be negative", at_least=0)
@@ -107,28 +121,6 @@ class DesignScene:
             raise ValueError('`verify` needs a [surface] of kind "self_affine".')
         if self.polish and (self.verify < 1 or self.objective == "flat_loss_tangent"):
             raise ValueError("`polish` needs `verify` surfaces and an objective of friction.")
-
-    def _check_goal(self) -> None:
-        if (self.target is None) == (self.ratio is None):
-            raise ValueError('the objective "friction" needs `target` or `ratio`, not both.')
-        key = "target" if self.ratio is None else "ratio"
-        goal, num_velocities = np.array(getattr(self, key)), len(self.scene.velocity)
-        if len(goal) not in (1, num_velocities):
-            raise ValueError(
-                f"`{key}` has {len(goal)} numbers; one, or one for each of the {num_velocities} "
-                "velocities, is needed."
-            )
-        check_positive(key, goal, "[1]")
-
-    def _check_band(self) -> None:
-        for key in ("q_from", "q_to"):
-            if getattr(self, key) is None:
-                raise ValueError(f"`{key}` is missing.")
-        if self.band is None or not 0 < self.band[0] < self.band[1]:
-            raise ValueError(
-                f"`q_from` = {self.q_from:g}, `q_to` = {self.q_to:g} must be positive [rad/m] and "
-                "in this order."
-            )
 
     @property
     def goal(self) -> Float[np.ndarray, " velocities"] | None:
@@ -186,29 +178,23 @@ def parse_design(text: str, folder: str | os.PathLike = ".") -> DesignScene:
         if len(scene.pressure) > 1 or scene.direction != 0:
             raise ValueError("needs one `pressure`, and `direction` = 0, in [load].")
         if len(scene.axes) > 2:
-            raise ValueError(f"needs one {' and one '.join(map(repr, [*scene.axes][:-2]))}.")
-    scene, source = (
-        dataclasses.replace(scene, stack=scene.block({}), temperature=None),
-        scene.surface,
-    )
+            raise ValueError(f"needs one {next(iter(scene.axes))!r}, no axis of several.")
+    source, stack = scene.surface, scene.block({})
     spectrum = source.spectrum if isinstance(source, RandomSurface) else source.build()
-    found = Reader(Path(folder)).build(
+    scene = dataclasses.replace(scene, stack=stack, temperature=None)
+    study = Reader(Path(folder)).build(
         "[design]", table, DesignScene, scene=scene, spectrum=spectrum
     )
     with within("[design.parameters]"):
-        _check_bounds(found)
-    return found
-
-
-def _check_bounds(study: DesignScene) -> None:
-    if not study.parameters:
-        raise ValueError('needs parameters, such as "layers[0].thickness" = [1e-5, 1e-3].')
-    check_paths(study.parameters, study.scene.stack)
-    for path, ends in study.parameters.items():
-        if len(ends) != 2 or not 0 < ends[0] <= ends[1] < np.inf:
-            raise ValueError(
-                f"{path!r} = {ends} must be [lower, upper], positive and in this order."
-            )
-        if path.endswith("poisson"):
-            check_poisson(path, ends[1])
-    with_values(study.scene.stack, study.lower)  # refuses what the block's constructors do
+        if not study.parameters:
+            raise ValueError('needs parameters, such as "layers[0].thickness" = [1e-5, 1e-3].')
+        check_paths(study.parameters, stack)
+        for path, ends in study.parameters.items():
+            if len(ends) != 2 or not 0 < ends[0] <= ends[1] < np.inf:
+                raise ValueError(
+                    f"{path!r} = {ends} must be [lower, upper], positive and in this order."
+                )
+            if path.endswith("poisson"):
+                check_poisson(path, ends[1])
+        with_values(stack, study.lower)  # refuses what the block's constructors do
+    return study

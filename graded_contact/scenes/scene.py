@@ -37,7 +37,6 @@ from ..core.parameters import paths, with_values
 from ..fields.grid import Grid, velocity_along
 from ..materials.material import AbstractMaterial
 from ..materials.softening import as_strain_per_slope
-from ..materials.table import Tabulated
 from ..readers.paths import check_name, read_utf8
 from ..sliding.case import Case
 from ..sliding.heating import Heating
@@ -282,9 +281,7 @@ def parse_scene(text: str, folder: str | os.PathLike = ".") -> Scene:
         "[solver]", tables.solver, keys_of(DouglasRachford), KEYS["[solver]"]
     )
     block.read_materials(tables.materials, load.get("temperature"))
-    if any(
-        isinstance(m, Tabulated) and m.extrapolate == "plateau" for m in block.materials.values()
-    ):
+    if any(getattr(m, "extrapolate", "") == "plateau" for m in block.materials.values()):
         load["extrapolate"] = True
     with within("[solver]"):
         algorithm = DouglasRachford(**solver)
@@ -292,19 +289,16 @@ def parse_scene(text: str, folder: str | os.PathLike = ".") -> Scene:
     stack = block.stack(tables.layers, tables.base)
     inputs = dict(reader.paths)  # before [output], whose folder is no input
     (output,) = reader.arguments("[output]", tables.output, KEYS["[output]"])
+    own = {name: getattr(tables, name) for name in ("title", "sweep", "motion", "shear", "heating")}
     found = Scene(
         text=text,
-        title=tables.title,
         surface=surface,
         stack=stack,
-        sweep=tables.sweep,
         errors=tuple((name, block.materials[name], known) for name, known in block.errors.items()),
         inputs=inputs,
-        motion=tables.motion,
-        shear=tables.shear,
-        heating=tables.heating,
         notes=tuple(block.notes),
         solver=algorithm,
+        **own,
         **load,
         **accuracy,
         **output,

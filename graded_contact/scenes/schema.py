@@ -125,7 +125,7 @@ class Reader:
 
     def build_kind(self, place: str, table: Any, kinds: Kinds) -> Any:
         """Returns the object of the constructor that a table names by its `kind`."""
-        kind, rest = kind_of(place, table, {name: keys_of(make) for name, make in kinds.items()})
+        kind, rest = kind_of(place, table, kinds)
         return self.build(place, rest, kinds[kind])
 
     def arguments(self, place: str, table: Any, *keys: Sequence[Key]) -> list[dict[str, Any]]:
@@ -155,7 +155,11 @@ class Reader:
                 table = {"kind": value} if isinstance(value, str) else value
                 return self.build_kind(inner, table, self.kinds[part])
             if get_origin(part) is dict:
-                return self._mapping(inner, value, *get_args(part))
+                names, entry = get_args(part)
+                check_keys(inner, value, value if names is str else get_args(names))
+                if entry is object:
+                    return value
+                return {name: self.value(inner, Key(name, entry), value[name]) for name in value}
             if isinstance(part, Spacing):
                 return self._axis(place, key.name, value, part)
             if isinstance(part, type) and dataclasses.is_dataclass(part):
@@ -171,12 +175,6 @@ class Reader:
             found = full_path(self.value(place, Key(name, str), value), self.folder)
         self.paths[place, name] = found
         return found
-
-    def _mapping(self, place: str, table: Any, names: Any, annotation: Any) -> dict[str, Any]:
-        check_keys(place, table, table if names is str else get_args(names))
-        if annotation is object:
-            return table
-        return {key: self.value(place, Key(key, annotation), value) for key, value in table.items()}
 
     def _axis(
         self, place: str, key: str, value: Any, spacing: Spacing
@@ -213,13 +211,10 @@ def _plain(name: str, value: Any, parts: Sequence[Any]) -> Any:
             raise ValueError(f"`{name}={short(value)}` must be a list of tables.")
         return value
     rows = list[float] in parts or any(_is_array(part) and part.dims for part in parts)
-    entries = (
-        value if is_list and (rows or {Sequence[Any], tuple[int, ...]} & {*parts}) else [value]
-    )
+    takes_list = rows or Sequence[Any] in parts or tuple[int, ...] in parts
+    entries = value if is_list and takes_list else [value]
     if not entries:
         raise ValueError(f"`{name}` is an empty list; at least one number is needed.")
-    if classes == (bool,) and not isinstance(value, bool):
-        raise ValueError(f"`{name}={short(value)}` must be true or false.")
     for entry in entries:
         check_type(name, entry, *classes)
         if classes != (float,) and isinstance(entry, int) and abs(entry) >= 10**18:
@@ -257,13 +252,10 @@ def parts_of(annotation: Any) -> list[Any]:
     return list(get_args(annotation)) if origin is Literal else [annotation]
 
 
-def kind_of(
-    place: str, table: Any, kinds: Mapping[str, Sequence[Key]]
-) -> tuple[str, dict[str, Any]]:
+def kind_of(place: str, table: Any, kinds: Iterable[str]) -> tuple[str, dict[str, Any]]:
     """Returns the `kind` of a table, one of `kinds`, and its other entries."""
     if not isinstance(table, dict) or "kind" not in table:
-        check_keys(place, table, ["kind", *(key.name for keys in kinds.values() for key in keys)])
-        raise ValueError(f"{place} lacks the key `kind`, one of {list(kinds)}.")
+        raise ValueError(f"{place} must be a table with the key `kind`, one of {list(kinds)}.")
     rest = {key: value for key, value in table.items() if key != "kind"}
     return _choice(place, "kind", table["kind"], kinds), rest
 

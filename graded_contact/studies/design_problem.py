@@ -29,8 +29,8 @@ def box_of(lower: Any, upper: Any) -> Box:
 
     **Raises:** `ValueError` unless both have the same nesting and 0 < lower <= upper.
     """
-    high = _flat("upper", upper, lower)
     names, low = named(lower)
+    high = _flat("upper", upper, names)
     if len(low) == 0:
         raise ValueError("`lower` is empty: at least one parameter is needed.")
     for name, a, b in zip(names, low, high, strict=True):
@@ -43,24 +43,22 @@ def box_of(lower: Any, upper: Any) -> Box:
     return Box(low, high, names, unravel)
 
 
-def first_in(box: Box, start: Any, lower: Any) -> Flat:
+def first_in(box: Box, start: Any) -> Flat:
     """Returns where a search begins: `start`, checked, or the middle on the logarithm."""
     if start is None:
         return np.sqrt(box.low * box.high)
-    first = _flat("start", start, lower)
+    first = _flat("start", start, box.names)
     for name, x, a, b in zip(box.names, first, box.low, box.high, strict=True):
         if not a * (1 - 1e-9) <= x <= b * (1 + 1e-9):
             raise ValueError(f"`start` has {name} = {x:g}; it must be between {a:g} and {b:g}.")
     return np.clip(first, box.low, box.high)
 
 
-def _flat(argument: str, tree: Any, lower: Any) -> Flat:
-    """The values of a tree that has the nesting and the shapes of `lower`."""
-    if jax.tree.structure(tree) != jax.tree.structure(lower):
-        raise ValueError(f"`{argument}` must have the same nesting as `lower`.")
-    names, values = named(tree)
-    if names != named(lower)[0]:
-        raise ValueError(f"`{argument}` must have arrays of the same shapes as `lower`.")
+def _flat(argument: str, tree: Any, names: list[str]) -> Flat:
+    """The values of a tree whose numbers have these names."""
+    own, values = named(tree)
+    if own != names:
+        raise ValueError(f"`{argument}` must have the same nesting and shapes as `lower`.")
     return values
 
 
@@ -74,11 +72,6 @@ def named(tree: Any) -> tuple[list[str], Flat]:
             names.append(where + "".join(f"[{i}]" for i in index))
             values.append(float(array[index]))
     return names, np.array(values)
-
-
-def text_of(parameters: Any) -> str:
-    """Returns names and values in one line."""
-    return ", ".join(f"{n} = {v:.6g}" for n, v in zip(*named(parameters), strict=True))
 
 
 class Evaluation(NamedTuple):
@@ -111,7 +104,6 @@ class Problem:
         key: Array | None = None,
     ):
         self.box, self.store, self.key = box, store, key
-        self.constrained = constraints is not None
         self._found: dict[str, Evaluation] = {}
 
         def value(x, *key):
@@ -182,5 +174,5 @@ class Problem:
         return () if self.key is None else (jax.random.fold_in(self.key, draw),)
 
     def _text(self, x: Flat, draw: int | None) -> str:
-        text = text_of(self.box.unravel(jnp.asarray(x)))
+        text = ", ".join(f"{name} = {v:.6g}" for name, v in zip(self.box.names, x, strict=True))
         return text if draw is None else f"{text} in draw {draw}"

@@ -19,7 +19,7 @@ from ..core.parameters import paths, with_values
 from ..readers.paths import read_file
 from .dataset import write_whole
 
-LARGEST = 10_000_000  # bytes of a file; 500 numbers have 6 MB
+_LARGEST = 10_000_000  # bytes of a file; 500 numbers have 6 MB
 
 T = TypeVar("T")
 
@@ -95,7 +95,7 @@ def read_errors(path: str | os.PathLike) -> Errors:
 
     **Raises:** `FileNotFoundError`; `ValueError` for anything else in the file, naming its line.
     """
-    content = read_file(path, LARGEST)
+    content = read_file(path, _LARGEST)
     with within(f"`path={path}`:"):
         try:
             text = io.StringIO(content.decode("utf-8-sig"), newline="")

@@ -119,14 +119,15 @@ def compiled(program: Program) -> Callable[[Task], Point]:
 
     def solve(task):
         point, needed = task
+        # JAX prints a traceback for a point that fails.
         log = logging.getLogger("jax._src.callback")
-        log.addFilter(_nothing)  # JAX prints a traceback for a point that fails
+        log.addFilter(silence := lambda _: False)
         try:
             found = jax.tree.map(np.asarray, run(*arrays, *jax.tree.leaves(point)))
         except (ValueError, RuntimeError) as error:
             return Point({}, FAILED + _reason(error))
         finally:
-            log.removeFilter(_nothing)
+            log.removeFilter(silence)
         values, end = jax.tree.unflatten(names, found)
         return Point({name: values[name] for name in needed or values}, RESULTS[end])
 
@@ -164,10 +165,6 @@ def _plain(array: Any) -> np.ndarray:
     if jnp.issubdtype(array.dtype, jax.dtypes.prng_key):
         array = jax.random.key_data(array)
     return np.asarray(array)
-
-
-def _nothing(record: logging.LogRecord) -> bool:
-    return False
 
 
 def _reason(error: Exception) -> str:

@@ -20,7 +20,7 @@ from scipy.optimize import minimize
 from ..core.checks import check_tolerance, check_types, check_whole
 from ..core.display import shown
 from ..core.quantities import quantity_of
-from .design_problem import Flat, Problem, box_of, first_in, named
+from .design_problem import Box, Evaluation, Flat, Problem, box_of, first_in, named
 from .store import Store, opened
 
 Objective = Callable[[Any], Float[Array, ""]]
@@ -184,13 +184,14 @@ def minimise(
     check_whole("max_steps", max_steps, 1)
     check_tolerance("rtol", rtol, np.zeros(()))
     box = box_of(lower, upper)
-    starts = _starts(box, first_in(box, start, lower), num_starts, seed)
+    say = progress or (lambda *_: None)
+    starts = _starts(box, first_in(box, start), num_starts, seed)
     with opened(store) as points:
         problem = Problem(objective, constraints, box, points)
         # The median: a start may be where the objective is all but zero.
         size = np.median([abs(problem.evaluate(x).value) for x in starts])
         runs = [
-            _descend(problem, x, partial(progress or (lambda *_: None), i), size, rtol, max_steps)
+            descend(problem.evaluate, box, x, size, rtol, max_steps, partial(say, i))
             for i, x in enumerate(starts)
         ]
     feasible = [run for run in runs if run.feasible]
@@ -226,19 +227,30 @@ def _starts(box, first, num_starts, seed):
     return [first, *(box.low * (box.high / box.low) ** u for u in spread)]
 
 
-def _descend(problem: Problem, start, report, size, rtol, max_steps) -> Run:
-    """One run of sequential quadratic programming, on the unit cube of the logarithms."""
-    low = problem.box.low
-    span = np.log(problem.box.high / low)
-    origin = np.log(start / low) / np.where(span > 0, span, 1)
+def descend(
+    evaluate: Callable[[Flat], Evaluation], box: Box, start: Flat, size: float, rtol: float,
+    max_steps: int, report: Callable[[float], None] = lambda _: None,
+) -> Run:  # fmt: skip
+    """Returns one run of sequential quadratic programming, on the unit cube of the logarithms.
+
+    **Arguments:**
+
+    - `evaluate`: parameters -> objective and constraints.
+    - `box`, `start`: bounds, and where to begin.
+    - `size`: of the objective; a run ends when it changes by less than `rtol` of that, or after
+      `max_steps`.
+    - `report`: called with each value.
+    """
+    span = np.log(box.high / box.low)
+    origin = np.log(start / box.low) / np.where(span > 0, span, 1)
     tried: dict[bytes, tuple] = {}
 
     def at(u):
         """Parameters, value, limits and their slopes on the cube, remembered."""
         if u.tobytes() not in tried:
             # At the origin `start` itself, because its logarithm is rounded.
-            x = start if np.array_equal(u, origin) else low * np.exp(span * np.clip(u, 0, 1))
-            value, limits, slope, slopes = problem.evaluate(x)
+            x = start if np.array_equal(u, origin) else box.low * np.exp(span * np.clip(u, 0, 1))
+            value, limits, slope, slopes = evaluate(x)
             report(value)
             tried[u.tobytes()] = x, value, limits, slope * span * x, slopes * span * x
         return tried[u.tobytes()]
@@ -253,7 +265,7 @@ def _descend(problem: Problem, start, report, size, rtol, max_steps) -> Run:
         jac=lambda u: at(u)[3] * scale,
         method="SLSQP",
         bounds=[(0.0, 1.0 if s > 0 else 0.0) for s in span],
-        constraints=[margins] if problem.constrained else [],
+        constraints=[margins] if at(origin)[2].size else [],
         options={"ftol": rtol * size * scale, "maxiter": max_steps},
     )
     last = at(np.clip(found.x, 0, 1))

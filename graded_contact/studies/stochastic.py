@@ -26,17 +26,17 @@ import jax.numpy as jnp
 import numpy as np
 import optax
 from jaxtyping import Array, Float, PRNGKeyArray
-from scipy.optimize import minimize
 
 from ..core.checks import check_types, check_values, check_whole
-from .design_problem import Flat, Problem, box_of, first_in
-from .search import MARGIN, Design, History, Run, elasticities
+from .design_problem import Evaluation, Flat, Problem, box_of, first_in
+from .search import MARGIN, Design, History, Run, descend, elasticities
 from .store import Store, opened
 
 LEARNING_RATE = 0.1  # of the logarithms at first; it falls to zero as a cosine
 STIFFNESS = 10.0  # of the penalty: a constraint missed by a tenth weighs as much as the objective
 RISE = 0.1  # share of a multiplier's full step in each draw
 FINEST = 1e-16  # change of half the squared distance to the allowed point, at which it ends
+MOST_STEPS = 100  # to the allowed point
 SURE = 2.0  # standard errors by which a mean constraint may be missed
 
 RandomObjective = Callable[[Any, PRNGKeyArray], Float[Array, ""]]
@@ -88,13 +88,14 @@ def minimise_expected(
     check_whole("seed", seed, 0)
     check_values("rtol", rtol, "it lies between 0 and 1", above=0, at_most=1)
     box = box_of(lower, upper)
-    first = first_in(box, start, lower)
+    first = first_in(box, start)
     with opened(store) as points:
         problem = Problem(objective, constraints, box, points, jax.random.key(seed))
         path = _descend(problem, first, optimiser, num_steps, progress)
         # One set of draws to move the mean by, another to judge where that led.
         last = num_steps + num_checks
-        x = _nearest_allowed(problem, np.mean(path.points, axis=0), range(last, last + num_checks))
+        mean = np.clip(np.exp(np.mean(path.points, axis=0)), box.low, box.high)
+        x = _nearest_allowed(problem, mean, range(last, last + num_checks))
         return _judged(problem, x, path, range(num_steps, last), rtol)
 
 
@@ -120,7 +121,7 @@ def _descend(problem, first, optimiser, num_steps, progress) -> _Path:
     u, path, multipliers, squares = jnp.log(first), _Path([], [], []), 0.0, 0.0
     state = optimiser.init(u)
     for k in range(num_steps):
-        x = _parameters(problem, u)
+        x = np.clip(np.exp(u), problem.box.low, problem.box.high)
         value, limits, slope, slopes = problem.evaluate(x, k)
         if progress is not None:
             progress(k, value)
@@ -139,37 +140,20 @@ def _descend(problem, first, optimiser, num_steps, progress) -> _Path:
     return path
 
 
-def _parameters(problem: Problem, u) -> Flat:
-    return np.clip(np.exp(u), problem.box.low, problem.box.high)
+def _nearest_allowed(problem: Problem, x: Flat, draws: range) -> Flat:
+    """The point nearest to `x` at which the mean constraints hold; their noise may remain."""
 
+    def distance(at: Flat) -> Evaluation:
+        limits, slopes = (
+            np.mean(parts, axis=0)
+            for parts in zip(*(problem.limits(at, draw) for draw in draws), strict=True)
+        )
+        off = np.log(at / x)
+        return Evaluation(off @ off / 2, limits, off / at, slopes)
 
-def _nearest_allowed(problem: Problem, u: Flat, draws: range) -> Flat:
-    """The point nearest to `u` at which the mean constraints hold; their noise may remain."""
-    means = {}
-
-    def limits(u):
-        if (at := u.tobytes()) not in means:
-            x = _parameters(problem, u)
-            values, slopes = zip(*(problem.limits(x, draw) for draw in draws), strict=True)
-            means[at] = np.mean(values, axis=0), x * np.mean(slopes, axis=0)
-        return means[at]
-
-    if problem.constrained and np.any(limits(u)[0] < MARGIN):
-        margins = {
-            "type": "ineq",
-            "fun": lambda v: limits(v)[0] - 2 * MARGIN,
-            "jac": lambda v: limits(v)[1],
-        }
-        u = minimize(
-            lambda v: ((v - u) @ (v - u) / 2, v - u),
-            u,
-            jac=True,
-            method="SLSQP",
-            bounds=list(zip(np.log(problem.box.low), np.log(problem.box.high), strict=True)),
-            constraints=margins,
-            options={"ftol": FINEST},
-        ).x
-    return _parameters(problem, u)
+    if np.all(distance(x).limits >= MARGIN):
+        return x
+    return np.array(descend(distance, problem.box, x, 1.0, FINEST, MOST_STEPS).parameters)
 
 
 def _judged(problem: Problem, x: Flat, path: _Path, draws: range, rtol: float) -> Design:

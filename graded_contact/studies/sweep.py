@@ -132,9 +132,12 @@ def solve_points(
     whole = function.like[0] if isinstance(function, Program) and not keep else ()
     for i in range(count):
         needed = keep[i] if keep else None
-        points[i] = store.read(names[i], whole) if store is not None else None
-        if not _is_whole(points[i], needed or ()):
-            points[i] = None
+        point = None if store is None else store.read(names[i], whole)
+        if point is not None and (
+            point.message.startswith(FAILED) or point.values.keys() >= {*(needed or ())}
+        ):
+            points[i] = point
+        else:
             tasks[i] = {name: column[i] for name, column in columns.items()}, needed
     stored = count - len(tasks)
     if progress is not None and stored:
@@ -162,6 +165,7 @@ def _solved(
     left, here = dict(tasks), client is None and workers in (None, "auto")
     if here:
         can_start = workers == "auto" and importlib.util.find_spec("distributed")
+        can_start = can_start and jax.default_backend() == "cpu"
         start = time.perf_counter()
         solve = compiled(program)
         later.check()
@@ -172,11 +176,7 @@ def _solved(
             later.check()  # the point is kept
             del left[i]
             seconds = time.perf_counter() - start
-            if (
-                can_start
-                and jax.default_backend() == "cpu"
-                and pays(len(left) * seconds, compiling)
-            ):
+            if can_start and pays(len(left) * seconds, compiling):
                 break
     if left:
         count = num_cores() if workers == "auto" else workers
@@ -184,13 +184,6 @@ def _solved(
             for found in on_workers(client, program, left):
                 yield found
                 later.check()
-
-
-def _is_whole(point: Point | None, needed: Collection[str]) -> bool:
-    """Whether a point of the store has all that is needed, or failed."""
-    return point is not None and (
-        point.message.startswith(FAILED) or point.values.keys() >= set(needed)
-    )
 
 
 def _points(axes: Any) -> tuple[dict[str, Any], dict[str, np.ndarray]]:

@@ -115,34 +115,25 @@ def test_other_files_are_refused(tmp_path):
     path = tmp_path / "a.h5"
     with pytest.raises(FileNotFoundError, match=r"a\.h5"):
         read_results(path)
-    path.write_text("friction 0.3")
-    with pytest.raises(ValueError, match=r"a\.h5.*is damaged, or another program"):
-        read_results(path)
-    with h5py.File(path, "w", userblock_size=512) as file:
-        file["friction"] = 0.3
-    with pytest.raises(ValueError, match=r"a\.h5.*an earlier version wrote it"):
-        read_results(path)
-    write(path, make_results().drop_vars("heights"))
-    with pytest.raises(ValueError, match=r"a\.h5` does not contain the results of a scene"):
-        read_results(path)
+    for content in (b"friction 0.3", b""):
+        path.write_bytes(content)
+        with pytest.raises(ValueError, match=r"a\.h5.*is damaged, or another program"):
+            read_results(path)
+    for content in (b"words", b"\x89HDF\r\n\x1a\n"):
+        write_sealed(path, content)
+        with pytest.raises(ValueError, match=r"a\.h5`"):
+            read_results(path)
 
 
 @pytest.mark.parametrize(
-    "lacking", ["surface_history", "surface_steps", "title", "period", "friction"]
+    "lacking", ["surface_history", "surface_steps", "title", "period", "friction", "heights"]
 )
-def test_a_file_with_a_checksum_but_without_what_results_have_is_refused(tmp_path, lacking):
+def test_a_file_without_what_results_have_is_refused(tmp_path, lacking):
     results = make_results()
     for attributes in (results.attrs, results.x.attrs):
         attributes.pop(lacking, None)
     write(tmp_path / "a.h5", results.drop_vars(lacking, errors="ignore"))
     with pytest.raises(ValueError, match=r"a\.h5` does not contain the results of a scene"):
-        read_results(tmp_path / "a.h5")
-
-
-@pytest.mark.parametrize("content", [b"", b"words", b"\x89HDF\r\n\x1a\n"])
-def test_a_file_with_a_checksum_that_is_no_dataset_is_refused(tmp_path, content):
-    write_sealed(tmp_path / "a.h5", content)
-    with pytest.raises(ValueError, match=r"a\.h5`"):
         read_results(tmp_path / "a.h5")
 
 
