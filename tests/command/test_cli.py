@@ -29,8 +29,8 @@ from graded_contact import cli
 from graded_contact.command import run as scene_job
 from graded_contact.command import terminal as session
 from graded_contact.command.result_tables import with_error
-from graded_contact.scenes import run_scene as run_module
 from graded_contact.scenes.results import kept_solves, read_results, solve_states, surface_of
+from graded_contact.scenes.run_scene import build_surface
 from graded_contact.scenes.scene import parse_scene, read_scene
 from graded_contact.scenes.theory import mean_field_at
 from graded_contact.sliding.case import Case
@@ -549,7 +549,7 @@ def test_two_files_make_a_scene_that_runs(tmp_path, monkeypatch):
     assert scene.surface.arguments["shape"] == (32, 32) and scene.errors
     assert len(scene.temperature) > 1 and "(10 °C)" in path.read_text()
     assert 10 <= scene.velocity[-1] / scene.velocity[0] <= 1000
-    area = mean_field_at(scene, run_module.build_surface(scene), (1, 0, 3)).contact_area
+    area = mean_field_at(scene, build_surface(scene), (1, 0, 3)).contact_area
     assert 0.03 < area < 0.3  # "contact on about 10 %"
     monkeypatch.chdir(tmp_path)
     dry = command("run", path, "--dry-run")  # refuses friction that was not measured
