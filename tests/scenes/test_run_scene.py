@@ -106,7 +106,7 @@ def test_extrapolated_friction_that_is_allowed_is_reported_and_marked():
 
 
 @needs_data
-@pytest.mark.parametrize("path", EXAMPLES.glob("measured_*.toml"), ids=lambda path: path.name)
+@pytest.mark.parametrize("path", sorted(EXAMPLES.glob("measured_*.toml")), ids=lambda p: p.name)
 def test_an_example_is_read_with_its_data(path):
     assert build_surface(read_scene(path)).history
 
