@@ -82,7 +82,7 @@ class Block:
     def read_materials(self, tables: Mapping[str, Any], temperature: np.ndarray | None) -> None:
         """Makes the materials of [materials], each of which may use those above it."""
         kinds = {**MATERIALS, "tabulated": self.tabulated, "strain_sweep": self.strain_sweep}
-        self.names = [*tables]
+        self.names = [*tables]  # to tell a material further down from one that is not there
         for name, table in tables.items():
             understood, place = len(self.notes), f"[materials.{name}]"
             kind, entries = kind_of(place, table, kinds)
@@ -96,6 +96,7 @@ class Block:
                     with within(f"`path={known['errors']}`:"):
                         check_errors(self.errors[name], self.materials[name])
             self.notes[understood:] = [f"{name}: {note}" for note in self.notes[understood:]]
+        # Refused here, by name, before a solve meets a temperature below a law's limit.
         for name, material in self.materials.items():
             for at in extremes(temperature):
                 with within(f"[load] `temperature`, of [materials.{name}]:"):

@@ -179,6 +179,7 @@ def parse_design(text: str, folder: str | os.PathLike = ".") -> DesignScene:
             raise ValueError("needs one `pressure`, and `direction` = 0, in [load].")
         if len(scene.axes) > 2:
             raise ValueError(f"needs one {next(iter(scene.axes))!r}, no axis of several.")
+    # The parameters are those of the block at the scene's temperature.
     source, stack = scene.surface, scene.block({})
     spectrum = source.spectrum if isinstance(source, RandomSurface) else source.build()
     scene = dataclasses.replace(scene, stack=stack, temperature=None)

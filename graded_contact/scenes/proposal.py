@@ -52,9 +52,11 @@ def proposed_load(
     stack, times = Stack(base=HalfSpace(material)), np.asarray(material.times)
     ends = coverage(stack) or (1 / np.max(times), 1 / np.min(times))
     low, high = (float(end) for end in ends)
+    # In the middle of the measured frequencies, on the logarithm.
     modulus = abs(material.modulus(np.sqrt(low * high))) / (1 - float(material.poisson) ** 2)
     pressure = float(CONTACT_SHARE / 2 * modulus * statistics(surface).rms_slope)
     size, spacing = np.asarray(surface.grid.size), np.asarray(surface.grid.spacing)
+    # The shortest wave must excite the lowest measured frequency, the longest wave the highest.
     first = np.floor(np.log10(low * np.min(spacing) / np.pi))
     last = np.ceil(np.log10(high * np.max(size) / (2 * np.pi)))
     decades = np.arange(first, last + 1)
@@ -71,6 +73,7 @@ def proposed_load(
     law, shifts = material.shift, np.zeros(1)
     if law is not None:
         shifts = np.array([law.log_factor(t) for t in temperatures]) / np.log(10)
+    # Half of the measured decades: the other half leaves room for the shifts by temperature.
     length = min(_DECADES, max(1, (stop - start) // 2))
     bottoms = [decades[i] - np.round(a) for i in longest for a in shifts]
 

@@ -153,6 +153,7 @@ def shift_factors(scene: Scene) -> tuple[Float[np.ndarray, " temperatures"] | No
 
 def _attributes(scene: Scene, surface: Surface) -> dict[str, Any]:
     files = scene.inputs.values()
+    # So that another file of the same name is noticed later.
     digests = [f"{hashlib.sha256(read_file(path)).hexdigest()}  {path}" for path in files]
     attributes = {
         "title": scene.title,
@@ -210,6 +211,7 @@ def solve_states(results: "Dataset") -> "DataArray":
 def has_numbers(results: "Dataset") -> "DataArray":
     """Returns for each solve whether it succeeded, or has a friction as a partial result."""
     state, friction = solve_states(results), results["friction"]
+    # Of a cycle one time with a friction is enough.
     found = friction.notnull().any(set(friction.dims) - set(state.dims))
     return (state == "") | (state == "not converged") & found
 
@@ -218,6 +220,7 @@ def warnings_of(results: "Dataset") -> tuple[Caveat, ...]:
     """Returns why numbers are doubtful although solved, and the solves that are concerned."""
     everywhere = np.ones(results["message"].shape, bool)
     rules = CYCLE_RULES if "time" in results.dims else RULES
+    # Caveats of the surface concern every solve.
     of_surface = caveats_of_steps(_steps_of(results), _size_of(results).tolist())
     return (*(Caveat(text, everywhere) for text in of_surface), *caveats_of(results, rules))
 
@@ -233,6 +236,7 @@ def over_seeds(results: "Dataset") -> "Dataset":
     whole = results[[n for n, v in results.data_vars.items() if {"seed"} <= {*v.dims} <= {*axes}]]
     whole = whole.drop_vars("point", errors="ignore")
     mean, error = mean_and_error(whole)
+    # A mean of errors or of shares would hide the one surface that is doubtful.
     solved = results["message"] == ""
     largest = whole.drop_vars("message").where(solved).max("seed", keep_attrs=True)
     found = {}
@@ -297,7 +301,7 @@ def kept_solves(results: "Dataset") -> list[tuple[int, ...]]:
     if "gap" not in results:
         return []
     found = [tuple(map(int, index)) for index in np.argwhere(has_numbers(results).values)]
-    if {*results["message"].dims} <= {*results["gap"].dims}:
+    if {*results["message"].dims} <= {*results["gap"].dims}:  # the fields of all were kept
         return found
     kept = tuple(map(int, results.attrs["kept"].split()))
     return [kept] if kept in found else []
@@ -328,5 +332,6 @@ def lost_solves(path: str | os.PathLike, point: np.ndarray) -> tuple[int, dict]:
     if not Path(path).exists():
         return 0, {}
     earlier = read_results(path)
+    # What was not started or lost its worker has no numbers to lose.
     finished = ~np.isin(earlier["message"], (NOT_STARTED, LOST))
     return int(np.sum(~np.isin(earlier["point"].values[finished], point))), earlier.attrs

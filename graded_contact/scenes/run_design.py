@@ -174,6 +174,7 @@ def mean_field_problem(study: DesignScene) -> tuple[Objective, Constraints | Non
 def _polish(study: DesignScene, design: Design, store: Store | None, say: Progress) -> Design:
     """A few steps from the design, by the contact solver's gradients on surfaces of their own."""
     stack, count, done = study.scene.stack, study.verify, 0
+    # Other surfaces than those of the verification, which the search must not have seen.
     heights = jnp.stack([_heights(study, count + i) for i in range(count)])
     friction, _ = _contacts(study, stack, count, store, partial(say, "polish, before"))
     before, velocities = np.mean(friction, axis=0), jnp.asarray(study.scene.velocity)
@@ -226,6 +227,7 @@ def _objective(study: DesignScene, friction: Array, before: Numbers) -> Float[Ar
         goal = study.goal * (as_float(before) if study.relative else 1)
         # 1 where it is reached: a value whose relative changes mean something.
         return jnp.exp(distance(friction, goal))
+    # The geometric mean: a velocity with little friction counts as much as one with much.
     mean = jnp.exp(jnp.mean(jnp.log(friction)))
     return mean if study.objective == "minimise_friction" else -mean
 
@@ -238,6 +240,7 @@ def _constraints(study: DesignScene) -> Constraints | None:
     def constraints(values: Parameters) -> Float[Array, " limits"]:
         stack, parts = with_values(own, values), []
         if stiffness is not None:
+            # Two one-sided limits, relative as `minimise` wants them.
             change = limited_modulus(study, stack) / limited_modulus(study, own) - 1
             parts += [stiffness.within - change, stiffness.within + change]
         if limit is not None:
@@ -289,7 +292,7 @@ def _contacts(
     axes = {"surface": first + np.arange(study.verify), "velocity": velocity}
     found = sweep(solved, axes, store=store, progress=say)
     ends = found["message"].values
-    if np.any(ends == NOT_STARTED):
+    if np.any(ends == NOT_STARTED):  # `sweep` returns what it has after an interruption
         raise Interrupted
     if np.any(ends != ""):
         raise RuntimeError(ends[ends != ""][0])

@@ -65,6 +65,7 @@ def check_run(scene: Scene, surface: Surface) -> None:
 
 def _check_blocks(scene: Scene, surface: Surface) -> None:
     check_frequencies_of(scene, surface)
+    # In two dimensions waves across the velocity are at rest, and need a modulus there.
     if surface.grid.ndim == 2 or scene.motion is not None or not np.all(scene.velocity):
         for _, stack in scene.blocks():
             check_at_rest(stack)
@@ -146,6 +147,7 @@ def point_names(scene: Scene, surface: Surface) -> np.ndarray:
     of the results.
     """
     versions = {key: package_versions()[key] for key in ("version_graded_contact", "version_jax")}
+    # Of drawn surfaces the seed, which is in the point, is the whole difference.
     rough: Any = (surface.heights, surface.measured)
     if "seed" in scene.axes and isinstance(scene.surface, RandomSurface):
         rough = scene.surface._replace(seed=0, seeds=None)
@@ -202,6 +204,7 @@ def _solver(scene: Scene, surface: Surface) -> Callable[[dict[str, Any]], dict[s
             return found["friction" if scene.motion is None else "mean_friction"], found
 
         none = jnp.zeros(len(errors.directions), surface.heights.dtype)
+        # One backward pass gives the slopes along all directions of the errors.
         slopes, found = jax.grad(friction, has_aux=True)(none)
         return {**found, "friction_standard_error": jnp.linalg.norm(slopes)}
 

@@ -184,6 +184,7 @@ class Scene:
     def period_at(self, velocity: Any) -> Any:
         """Returns the period of the motion [s] at a highest speed [m/s]."""
         assert self.motion is not None
+        # The same path at another speed takes another period; at rest the period stays.
         own = self.motion.highest_speed
         return self.motion.period * jnp.where(own > 0, own / jnp.where(own > 0, velocity, 1), 1)
 
@@ -206,6 +207,7 @@ class Scene:
             return Case(velocity=velocity_along(point["velocity"], self.direction), **given)
         along, moved = np.ravel(velocity_along(1.0, self.direction)), self.motion.displacement
         if self.pressure_ratio is not None:
+            # The load is linear between its times, and periodic as the motion.
             times = np.arange(self.num_times) / self.num_times
             known = np.arange(len(self.pressure_ratio)) / len(self.pressure_ratio)
             ratio = np.interp(times, known, self.pressure_ratio, period=1.0)
@@ -272,7 +274,7 @@ def parse_scene(text: str, folder: str | os.PathLike = ".") -> Scene:
     if ("pressure" in load) == ("approach" in load):
         both = "has `pressure` and `approach`; give" if "pressure" in load else "lacks"
         raise ValueError(f"[load] {both} one of the keys `pressure` and (on a window) `approach`.")
-    load.setdefault("pressure", np.array([]))
+    load.setdefault("pressure", np.array([]))  # with an approach there is none
     if "velocity" not in load:
         if tables.motion is None:
             raise ValueError("[load] lacks the key `velocity`.")
@@ -281,6 +283,7 @@ def parse_scene(text: str, folder: str | os.PathLike = ".") -> Scene:
         "[solver]", tables.solver, keys_of(DouglasRachford), KEYS["[solver]"]
     )
     block.read_materials(tables.materials, load.get("temperature"))
+    # A table that is continued by a plateau allows what [load] would refuse.
     if any(getattr(m, "extrapolate", "") == "plateau" for m in block.materials.values()):
         load["extrapolate"] = True
     with within("[solver]"):
@@ -322,7 +325,7 @@ def _check_numbers(scene: Scene) -> None:
         if scene.strain_per_slope is not None:
             as_strain_per_slope(scene.strain_per_slope, scene.stack)
     with within("[solver]"):
-        check_tolerance("rtol", scene.rtol, as_float(1.0))
+        check_tolerance("rtol", scene.rtol, as_float(1.0))  # in the dtype of the session
     if scene.name is not None:
         with within("[output]"):
             check_name(scene.name)
@@ -347,6 +350,7 @@ def _check_tables(scene: Scene) -> None:
     if scene.heating is not None and scene.temperature is None:
         raise ValueError("[heating] needs the bulk `temperature` [K] in [load].")
     with within("[shear]"):
+        # A law with a shift refuses a scene without a temperature.
         for at in extremes(scene.temperature) or [None]:
             shear_stress(scene.shear, as_float(1.0, "velocity"), at)
     if motion is None:

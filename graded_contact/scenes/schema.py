@@ -130,6 +130,7 @@ class Reader:
 
     def arguments(self, place: str, table: Any, *keys: Sequence[Key]) -> list[dict[str, Any]]:
         """Returns the entries of one table, converted, in as many parts as there are `keys`."""
+        # Misspelt keys first: a missing key may be one of them.
         known = [key for part in keys for key in part]
         check_keys(place, table, [key.name for key in known])
         for key in known:
@@ -162,6 +163,7 @@ class Reader:
                 return {name: self.value(inner, Key(name, entry), value[name]) for name in value}
             if isinstance(part, Spacing):
                 return self._axis(place, key.name, value, part)
+            # After the kinds: a dataclass of a kind is made by its constructor.
             if isinstance(part, type) and dataclasses.is_dataclass(part):
                 return self.build(inner, value, part)
         if choices := [part for part in parts if isinstance(part, str)]:
@@ -173,7 +175,7 @@ class Reader:
         """Returns the path under a key, relative to `folder`, and adds it to `paths`."""
         with within(place):
             found = full_path(self.value(place, Key(name, str), value), self.folder)
-        self.paths[place, name] = found
+        self.paths[place, name] = found  # the results store a checksum of each file
         return found
 
     def _axis(
@@ -194,6 +196,7 @@ class Reader:
                 check_values("points", ends["points"], "at least 2 points are needed", at_least=2)
                 check_points("points", ends["points"])
             values = spacing.values(*ends.values())
+        # Equal values would be one solve under two indices.
         ordered, counts = np.unique(values, return_counts=True)
         if len(ordered) < values.size:
             raise ValueError(
@@ -217,6 +220,7 @@ def _plain(name: str, value: Any, parts: Sequence[Any]) -> Any:
         raise ValueError(f"`{name}` is an empty list; at least one number is needed.")
     for entry in entries:
         check_type(name, entry, *classes)
+        # JAX keeps the last 64 bits of a whole number, and would take another seed.
         if classes != (float,) and isinstance(entry, int) and abs(entry) >= 10**18:
             raise ValueError(f"`{name}={short(entry)}` has more than 18 digits.")
     if classes == (float,):
@@ -230,7 +234,8 @@ def _plain(name: str, value: Any, parts: Sequence[Any]) -> Any:
 def classes_of(parts: Sequence[Any]) -> tuple[type, ...]:
     """Returns the classes of a plain value, or of the entries of a list; none for a table."""
     found = [float if _is_array(part) else CLASSES.get(part) for part in parts]
-    found += [str for part in parts if isinstance(part, str)]
+    found += [str for part in parts if isinstance(part, str)]  # choices
+    # A whole number is given where a float is meant: that class alone is enough.
     return (float,) if float in found else tuple(dict.fromkeys(filter(None, found)))
 
 
@@ -291,7 +296,7 @@ def parse_toml(text: str) -> dict[str, Any]:
             raise ValueError(f"the key {long.group()[:20]}... has more than 100 parts.")
         try:
             return tomllib.loads(text)
-        except RecursionError as error:
+        except RecursionError as error:  # of tomllib, at some thousand brackets
             raise ValueError("its lists or tables are nested too deeply.") from error
 
 

@@ -113,7 +113,7 @@ def refuse_extrapolated(
     if scene.extrapolate or found is None:
         return
     low, high = map(float, found)
-    if not np.any(is_unknown(excited, (low, high))):
+    if not np.any(is_unknown(excited, (low, high))):  # the mean field is not needed
         return
     shares = np.asarray(friction_shares())
     refused = shares > EXTRAPOLATED
@@ -184,6 +184,7 @@ def what_decides(scene: Scene, surface: Surface) -> dict[tuple[str, float], Sens
 def _decided_by(scene: Scene, surface: Surface, material: Prony, speed: float) -> Sensitivity:
     grid = surface.grid
     ends = SLOWER * 2 * np.pi / np.max(grid.size), np.pi / np.min(grid.spacing)
+    # From the slowest wave across the velocity to the shortest wave along it.
     count = int(PER_DECADE * np.log10(ends[1] / ends[0])) + 2
     omega, factor = np.geomspace(*ends, count) * speed, 1.0
     point = {"pressure": np.max(scene.pressure), "velocity": speed}
@@ -192,6 +193,7 @@ def _decided_by(scene: Scene, surface: Surface, material: Prony, speed: float) -
         factor = float(require_shift(material.shift).factor(point["temperature"]))
 
     def friction(table: Any) -> jax.Array:
+        # By identity: another material with the same numbers stays.
         swapped = jax.tree.map(
             lambda node: table if node is material else node,
             scene.stack,

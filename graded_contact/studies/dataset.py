@@ -70,6 +70,7 @@ def write_whole(path: str | os.PathLike, content: bytes | str) -> None:
     **Raises:** `OSError` if it cannot be written; an earlier file stays.
     """
     path = Path(path)
+    # In the same folder: a file cannot be renamed from one disk to another.
     partial = path.with_name(f".{uuid.uuid4().hex}.partial")
     try:
         partial.write_bytes(content.encode() if isinstance(content, str) else content)
@@ -132,7 +133,7 @@ def read(path: str | os.PathLike) -> "Dataset":
     import xarray
 
     most = available_memory() or float("inf")
-    content = read_sealed(path, most)
+    content = read_sealed(path, most)  # damaged HDF5 never reaches the HDF5 library
     try:
         check_hdf5(content, most)
         return xarray.load_dataset(io.BytesIO(content), engine="h5netcdf")

@@ -49,6 +49,7 @@ def first_in(box: Box, start: Any) -> Flat:
         return np.sqrt(box.low * box.high)
     first = _flat("start", start, box.names)
     for name, x, a, b in zip(box.names, first, box.low, box.high, strict=True):
+        # A start may come from a file, with rounded digits.
         if not a * (1 - 1e-9) <= x <= b * (1 + 1e-9):
             raise ValueError(f"`start` has {name} = {x:g}; it must be between {a:g} and {b:g}.")
     return np.clip(first, box.low, box.high)
@@ -118,6 +119,7 @@ class Problem:
         self._objective = jax.jit(jax.value_and_grad(value))
         if store is not None:
             arguments = jnp.asarray(box.low), *self._keys(None if key is None else 0)
+            # The program, not the Python code: another number inside it is another search.
             traced = jax.make_jaxpr(lambda *x: (value(*x), limits(*x)))(*arguments)
             self._name = key_of(traced, str(traced.jaxpr))
 
@@ -131,6 +133,7 @@ class Problem:
 
         **Raises:** `ValueError` for what is not finite.
         """
+        # All starts are evaluated before the runs, and the best parameters after them.
         at = fingerprint(x, *map(jax.random.key_data, self._keys(draw)))
         if at in self._found:
             return self._found[at]

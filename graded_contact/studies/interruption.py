@@ -51,6 +51,7 @@ def interruptible() -> Iterator[Interruption]:
     It must be entered by the main thread. Signals that the process ignores stay ignored.
     """
     found = Interruption()
+    # Python's C handler writes each signal's number here, also while the main thread is in XLA.
     heard, wakeup = socket.socketpair()
     wakeup.setblocking(False)
     previous = {
@@ -67,7 +68,7 @@ def interruptible() -> Iterator[Interruption]:
         signal.set_wakeup_fd(earlier)
         for number, handler in previous.items():
             signal.signal(number, handler)
-        wakeup.close()
+        wakeup.close()  # the listener then reads nothing, and ends
         listener.join()
         heard.close()
 
@@ -93,7 +94,7 @@ def ctrl_c_later() -> Iterator[Interruption]:
         return
 
     def note(number: int, frame: object) -> None:
-        signal.signal(signal.SIGINT, usual)
+        signal.signal(signal.SIGINT, usual)  # for the second one
         found.signal = number
         _say(LATER)
 
@@ -117,6 +118,7 @@ def _listen(heard: socket.socket, found: Interruption) -> None:
             continue
         if found.signal is not None:
             _say("Stopped at once.\n")
+            # `sys.exit` would only end this thread.
             os._exit(found.exit_code)
         found.signal = received[0]
         _say(LATER)

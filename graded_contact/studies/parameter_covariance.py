@@ -53,6 +53,7 @@ class Errors(eqx.Module):
 
 def moved(tree: T, errors: Errors, steps: Float[Array, " directions"]) -> T:
     """Returns `tree` with its numbers changed by so many standard deviations in each direction."""
+    # A number that the tree does not have is refused by `with_values`, with the nearest name.
     known, off = paths(tree), steps @ errors.directions
     changes = zip(errors.paths, off, strict=True)
     return with_values(tree, {path: known.get(path, 0) + change for path, change in changes})
@@ -65,6 +66,7 @@ def check_errors(errors: Errors, material: object) -> None:
     """
     known = paths(material)
     single = [path for path, value in known.items() if not value.ndim]
+    # Errors of a series are correlated: a part of them would give a wrong covariance.
     series = {path.rpartition("[")[0] for path in errors.paths} & {*known}
     for path in errors.paths:
         if path not in single:

@@ -222,6 +222,7 @@ def _starts(box, first, num_starts, seed):
     """The first, and others spread evenly over the box."""
     from scipy.stats import qmc  # takes 0.4 s to import
 
+    # A shift modulo 1 keeps the points evenly spread, for every seed.
     shift = np.random.default_rng(seed).random(len(first))
     spread = (qmc.Halton(len(first), scramble=False).random(num_starts)[1:] + shift) % 1
     return [first, *(box.low * (box.high / box.low) ** u for u in spread)]
@@ -258,6 +259,7 @@ def descend(
     # The first step goes along the gradient, as far as that is large: not through the cube.
     steepness = np.linalg.norm(at(origin)[3])
     scale = 1 / max(size, steepness / FIRST_STEP, np.finfo(float).tiny)
+    # With a margin, because SLSQP meets active constraints to about its tolerance only.
     margins = {"type": "ineq", "fun": lambda u: at(u)[2] - MARGIN, "jac": lambda u: at(u)[4]}
     found = minimize(
         lambda u: at(u)[1] * scale,
@@ -269,6 +271,7 @@ def descend(
         options={"ftol": rtol * size * scale, "maxiter": max_steps},
     )
     last = at(np.clip(found.x, 0, 1))
+    # SLSQP may end just outside a constraint: only points that satisfy all are taken.
     allowed = [one for one in tried.values() if np.all(one[2] >= 0)]
     x, value, *_ = min(allowed, key=lambda one: one[1]) if allowed else last
     history = [(value, x, limits) for x, value, limits, *_ in tried.values()]

@@ -130,10 +130,11 @@ def _descend(problem, first, optimiser, num_steps, progress) -> _Path:
         squares = squares + np.array([slope @ slope, *np.sum(slopes**2, axis=1)])
         own, *theirs = np.maximum(squares, np.finfo(float).tiny)
         stiffness = STIFFNESS * np.sqrt(own / np.array(theirs))
+        # A constraint that holds with room to spare pulls with neither multiplier nor penalty.
         pull = np.maximum(multipliers - stiffness * limits, 0)
         multipliers = np.maximum(multipliers - RISE * stiffness * limits, 0)
         path.tried.append((value, np.asarray(x), limits))
-        if 2 * k >= num_steps:
+        if 2 * k >= num_steps:  # the first half still moves from the start
             path.points.append(np.asarray(u))
             path.multipliers.append(pull)
         u, state = step(u, state, slope - pull @ slopes)
@@ -194,8 +195,10 @@ def _judged(problem: Problem, x: Flat, path: _Path, draws: range, rtol: float) -
 
 def _verdict(path: _Path, slope: Flat, error: float, rtol: float) -> str:
     """What is missing to convergence, or nothing."""
+    # The mean size of the draws: a value near 0 must not make every error large.
     size, half = np.mean([abs(value) for value, *_ in path.tried]), len(path.points) // 2
     earlier, later = (np.mean(part, axis=0) for part in (path.points[:half], path.points[half:]))
+    # The change of the value, to first order, between the third and the last quarter.
     drift = abs(slope @ (later - earlier))
     if drift > rtol * size:
         return f"the last steps still changed the value by {drift:.2g}: raise `num_steps`"

@@ -31,11 +31,13 @@ def fingerprint(*parts: Any) -> str:
     **Raises:** `ValueError` for anything else, such as a function.
     """
     leaves, structure = jax.tree.flatten(parts)
+    # The structure holds static fields as text; an address there changes from process to process.
     if " at 0x" in str(structure):
         raise ValueError(f"{structure} contains a function: it cannot be identified later.")
     pieces = [str(structure).encode()]
     for leaf in leaves:
         array = np.asarray(leaf)
+        # A Python number and an array of the same value may compile to different programs.
         if array.dtype.kind in "biufc" and not isinstance(leaf, bool | int | float | complex):
             pieces.append(f"{array.dtype.str}{array.shape}".encode() + array.tobytes())
         elif array.dtype.kind in "biufcUS":
@@ -43,6 +45,7 @@ def fingerprint(*parts: Any) -> str:
             pieces.append(f"{kind}{array.tolist()!r}".encode("utf-8", "surrogatepass"))
         else:
             raise ValueError(f"{leaf!r} cannot be identified later.")
+    # With lengths in front, no two lists of pieces have the same bytes.
     lengths = [f"{len(piece)}:".encode() for piece in pieces]
     return hashlib.sha256(b"".join([*lengths, *pieces])).hexdigest()
 
@@ -63,6 +66,7 @@ class Point(NamedTuple):
 def together(name: str, like: jax.ShapeDtypeStruct, points: Sequence[Point | None]) -> np.ndarray:
     """Returns one array of a quantity at all points, NaN where there is none."""
     found = [None if point is None else point.values.get(name) for point in points]
+    # Whole numbers become floats only where NaN must stand among them.
     dtype = np.result_type(like.dtype, 0.0) if any(one is None for one in found) else like.dtype
     whole = np.full((len(points), *like.shape), np.nan if dtype.kind == "f" else 0, dtype)
     for i, one in enumerate(found):
@@ -146,6 +150,7 @@ class Store:
         except Exception:  # of many kinds, if another program wrote it with a checksum
             own, message, found = "", "", {}
         found = {key.removeprefix("values/"): array for key, array in found.items()}
+        # A file that was renamed holds another point.
         if own != name or not (message.startswith(FAILED) or found.keys() >= {*values}):
             self.damaged.append(path)
             return None
@@ -156,6 +161,7 @@ class Store:
 
         **Raises:** `OSError` if it cannot be written; other files, and an earlier one, stay whole.
         """
+        # With a prefix, a result called "name" or "message" stays apart from those of the point.
         content = io.BytesIO()
         arrays: Any = {f"values/{key}": array for key, array in point.values.items()}
         np.savez(content, name=name, message=point.message, **arrays)

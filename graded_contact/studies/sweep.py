@@ -77,6 +77,7 @@ def sweep(
     coordinates, columns = _points(axes)
     count, shape = len(next(iter(columns.values()))), tuple(map(len, coordinates.values()))
     with ctrl_c_later() as later:
+        # Only names and dtypes of the first point matter: one program solves all points.
         program = trace(function, {name: column[0] for name, column in columns.items()})
         later.check()
         _check_results(program, columns, count)
@@ -95,7 +96,7 @@ def sweep(
         dimensions = (*coordinates, *(f"{name}_{i}" for i in range(like.ndim)))
         data[name] = dimensions, together(name, like, points).reshape(*shape, *like.shape)
     data["message"] = tuple(coordinates), np.reshape(ends, shape)
-    if list(columns) != list(coordinates):
+    if list(columns) != list(coordinates):  # of a list of points, whose one axis is `point`
         coordinates |= {name: ("point", column) for name, column in columns.items()}
     return attach(xarray.Dataset(data, coordinates), units or {})
 
@@ -129,6 +130,8 @@ def solve_points(
     count = len(next(iter(columns.values())))
     points: list[Point | None] = [None] * count
     tasks: dict[int, Task] = {}
+    # A stored point of a `Program` that lacks a result is damaged; with `keep` it is one that was
+    # stored without its fields.
     whole = function.like[0] if isinstance(function, Program) and not keep else ()
     for i in range(count):
         needed = keep[i] if keep else None
@@ -148,10 +151,11 @@ def solve_points(
         if not isinstance(function, Program):
             function = trace(function, {name: column[0] for name, column in columns.items()})
             later.check()
+        # Closing ends workers and cancels their tasks at once, also after Ctrl-C.
         with contextlib.closing(_solved(function, tasks, workers, client, later)) as solved:
             for done, (i, point) in enumerate(solved, start=stored + 1):
                 points[i] = point
-                if store is not None and point.message != LOST:
+                if store is not None and point.message != LOST:  # a lost point is tried again
                     store.write(names[i], point)
                 if progress is not None:
                     progress(done, count)
@@ -165,6 +169,7 @@ def _solved(
     left, here = dict(tasks), client is None and workers in (None, "auto")
     if here:
         can_start = workers == "auto" and importlib.util.find_spec("distributed")
+        # Processes on one GPU would compete for its memory.
         can_start = can_start and jax.default_backend() == "cpu"
         start = time.perf_counter()
         solve = compiled(program)
@@ -217,6 +222,7 @@ def _numbers(name: Any, values: Any) -> np.ndarray:
             f"`axes` has the name {name!r}: a text without a slash is needed, other than "
             '"message" and "point".'
         )
+    # Whole numbers stay whole: a float is no seed.
     whole = np.asarray(values).dtype.kind in "iu"
     at = np.asarray(values) if whole else np.asarray(as_float(values, name))
     if at.ndim != 1 or not at.size:
@@ -230,6 +236,7 @@ def _check_results(program: Program, columns: dict[str, Any], count: int) -> Non
     results = program.like[0]
     if not results:
         raise ValueError("`function` returns no numbers.")
+    # An unused axis is mostly a misspelt name in the function.
     idle = [name for name in program.unused if len(np.unique(columns[name])) > 1]
     if idle:
         raise ValueError(

@@ -1,7 +1,5 @@
 """Results of a scene go to a file and come back; what is in them follows from the dataset alone."""
 
-import os
-
 import h5py
 import numpy as np
 import pytest
@@ -93,22 +91,6 @@ def test_fields_are_those_of_the_stored_solves():
         np.testing.assert_array_equal(surface.heights, results.contact_heights.values[at])
         assert not {"velocity", "pressure"} & {*fields.coords}
     assert kept_solves(last.drop_vars([*KEPT_FIELDS.values()])) == []
-
-
-def test_an_interrupted_write_leaves_the_earlier_file_and_nothing_else(tmp_path, monkeypatch):
-    path = tmp_path / "a.h5"
-    write(path, make_results())
-    before = path.read_bytes()
-
-    def interrupted(*_):
-        raise KeyboardInterrupt
-
-    monkeypatch.setattr(os, "replace", interrupted)
-    for name in ("a.h5", "b.h5"):
-        with pytest.raises(KeyboardInterrupt):
-            write(tmp_path / name, make_results((8,)))
-    assert [entry.name for entry in tmp_path.iterdir()] == ["a.h5"]
-    assert path.read_bytes() == before
 
 
 def test_other_files_are_refused(tmp_path):

@@ -16,6 +16,16 @@ STILL = BARE.replace("velocity = [0.01, 1.0]\n", "")
 SINE = '[motion]\nkind = "sinusoidal"\nstroke = 2e-4\nfrequency = 20.0\nnum_times = 16\n'
 PEAKED = '[shear]\nkind = "peaked"\npeak = 1e6\nvelocity = 0.1\nsteepness = 0.1\n'
 SHIFT = 'shift = {kind = "arrhenius", activation_energy = 1e5, reference = 300.0}\n'
+SOFT = """[materials.soft]
+kind = "softened"
+material = "tread"
+strain = [1e-3, 1e-1]
+storage = [1.0, 0.5]
+loss = [1.0, 0.7]
+[base]"""
+SOFTENED = BARE.replace("[base]", SOFT).replace(
+    '\nmaterial = "tread"\n[load', '\nmaterial = "soft"\n[load'
+)
 HEATING = "[heating]\nconductivity = 0.2\ndiffusivity = 1e-7\n"
 
 
@@ -70,15 +80,11 @@ def test_anisotropy_and_softening_are_keys():
     )
     spectrum = parse_scene(lay).surface.spectrum
     assert float(spectrum.anisotropy) == 3.0 and float(spectrum.angle) == 0.5
-    soft = '[materials.soft]\nkind = "softened"\nmaterial = "tread"\nstrain = [1e-3, 1e-1]\n'
-    soft += "storage = [1.0, 0.5]\nloss = [1.0, 0.7]\namplitude = 0.1\n[base]"
-    text = BARE.replace("[base]", soft).replace(
-        '\nmaterial = "tread"\n[load', '\nmaterial = "soft"\n[load'
-    )
+    text = SOFTENED.replace("loss = [1.0, 0.7]", "loss = [1.0, 0.7]\namplitude = 0.1")
     found = parse_scene(text).stack.base.material.modulus(1e3)
     plain = parse_scene(BARE).stack.base.material.modulus(1e3)
     np.testing.assert_allclose(found, 0.5 * plain.real + 0.7j * plain.imag, rtol=1e-12)
-    above = BARE.replace("[materials.tread]", soft.replace("[base]", "[materials.tread]"))
+    above = BARE.replace("[materials.tread]", SOFT.replace("[base]", "[materials.tread]"))
     with pytest.raises(ValueError, match=r"`material` = 'tread' must stand below"):
         parse_scene(above)
 
@@ -112,13 +118,8 @@ def test_a_body_on_a_window_takes_an_approach():
 
 
 def test_strain_per_slope_is_a_key_of_the_load():
-    soft = '[materials.soft]\nkind = "softened"\nmaterial = "tread"\nstrain = [1e-3, 1e-1]\n'
-    soft += "storage = [1.0, 0.5]\nloss = [1.0, 0.7]\n[base]"
-    text = BARE.replace("[base]", soft).replace(
-        '\nmaterial = "tread"\n[load', '\nmaterial = "soft"\n[load'
-    )
     key = "[load]\nstrain_per_slope = 0.7"
-    scene = parse_scene(text.replace("[load]", key))
+    scene = parse_scene(SOFTENED.replace("[load]", key))
     assert scene.strain_per_slope == 0.7
     surface = scene.surface.build()
     at = dict(pressure=float(scene.pressure[0]), velocity=1.0, strain_per_slope=0.7)
@@ -127,7 +128,7 @@ def test_strain_per_slope_is_a_key_of_the_load():
     with pytest.raises(ValueError, match=r"\[load\] `strain_per_slope=0.7` is refused: `stack`"):
         parse_scene(BARE.replace("[load]", key))
     with pytest.raises(ValueError, match=r"\[motion\] does not take the key `strain_per_slope`"):
-        parse_scene(text.replace("[load]", key) + SINE)
+        parse_scene(SOFTENED.replace("[load]", key) + SINE)
 
 
 def test_an_open_file_is_a_window_with_its_tilt(tmp_path):
