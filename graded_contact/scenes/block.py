@@ -160,13 +160,9 @@ class Block:
         - `shift`: time-temperature shift.
         """
         options = {"columns": columns, "units": units, "sheet": sheet, "step": step}
-        try:
-            found = read_moduli(
-                path, kind="frequency", deformation=deformation, poisson=poisson, **options
-            )
-        except ValueError as error:
-            advice = "`graded-contact fit FILE` reads more, and writes a material for a scene."
-            raise ValueError(f"{error} {advice}") from error
+        found = read_moduli(
+            path, kind="frequency", deformation=deformation, poisson=poisson, **options
+        )
         self.notes += found.history
         return Tabulated(*found.table(), poisson, shift=shift, extrapolate=extrapolate)
 

@@ -26,15 +26,7 @@ from ..core.warnings import CYCLE_RULES, RULES, Caveat, caveats_of, caveats_of_s
 from ..fields.grid import Grid
 from ..materials.shift import shifts_in
 from ..readers.paths import read_file
-from ..studies.dataset import (
-    FAILED,
-    LOST,
-    NOT_STARTED,
-    attach,
-    mean_and_error,
-    package_versions,
-    read,
-)
+from ..studies.dataset import FAILED, LOST, NOT_STARTED, attach, package_versions, read
 from ..studies.store import Point, together
 from ..surfaces.surface import Step, Surface
 from .scene import Scene
@@ -232,19 +224,18 @@ def over_seeds(results: "Dataset") -> "Dataset":
     solvers and shares are the largest of the surfaces, `surfaces` counts them. The `message` is
     empty if all succeeded.
     """
-    axes = results["message"].dims
-    whole = results[[n for n, v in results.data_vars.items() if {"seed"} <= {*v.dims} <= {*axes}]]
-    whole = whole.drop_vars("point", errors="ignore")
-    mean, error = mean_and_error(whole)
-    # A mean of errors or of shares would hide the one surface that is doubtful.
-    solved = results["message"] == ""
-    largest = whole.drop_vars("message").where(solved).max("seed", keep_attrs=True)
-    found = {}
-    for name in mean.data_vars:
-        by_mean = name in OBSERVABLES and OBSERVABLES[str(name)].mean_over_seeds
-        found[name] = (mean if by_mean else largest)[name]
-        if by_mean:
-            found[f"{name}{SEED_ERROR}"] = error[name]
+    axes, solved = results["message"].dims, results["message"] == ""
+    found: dict[str, Any] = {}
+    for name, variable in results.data_vars.items():
+        if name in ("message", "point") or not {"seed"} <= {*variable.dims} <= {*axes}:
+            continue
+        values = variable.where(solved)
+        if name in OBSERVABLES and OBSERVABLES[str(name)].mean_over_seeds:
+            found[str(name)] = values.mean("seed", keep_attrs=True)
+            spread = values.std("seed", ddof=1, keep_attrs=True)
+            found[f"{name}{SEED_ERROR}"] = spread / values.count("seed") ** 0.5
+        else:  # a mean of errors or of shares would hide the one surface that is doubtful
+            found[str(name)] = values.max("seed", keep_attrs=True)
     count, state = solved.sum("seed"), solve_states(results)
     lost = state.isin(["failed", NOT_STARTED]).all("seed")
     some = [f"{n} of {solved.seed.size} surfaces succeeded." for n in count.values.ravel()]

@@ -119,8 +119,6 @@ def surface_source(
                 '[grid] is not for surfaces of kind "file"; `shape` in [surface] sets the number '
                 "of points of a file."
             )
-        if all(key.name in entries for key in keys[1]):
-            raise ValueError(f"{place} has `rms_height` and `rms_slope`: give one of them.")
         return SurfaceFile(*reader.arguments(place, entries, *keys))
     if grid is None:
         raise ValueError(f"{ROOT} lacks the key `grid`.")

@@ -49,16 +49,6 @@ def attach(dataset: "Dataset", units: Mapping[str, str] = MappingProxyType({})) 
     return dataset
 
 
-def mean_and_error(dataset: "Dataset") -> tuple["Dataset", "Dataset"]:
-    """Returns the mean and its standard error over the seeds.
-
-    Only points that succeeded count, those with an empty `message`.
-    """
-    solved = dataset.drop_vars("message").where(dataset["message"] == "")
-    error = solved.std("seed", ddof=1, keep_attrs=True) / solved.count("seed") ** 0.5
-    return solved.mean("seed", keep_attrs=True), error
-
-
 def write_whole(path: str | os.PathLike, content: bytes | str) -> None:
     """Writes a file; an earlier file, or a link, is replaced when the new one is complete.
 

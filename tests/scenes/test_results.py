@@ -12,6 +12,7 @@ from graded_contact.scenes.results import (
     contact_at,
     kept_solves,
     lost_solves,
+    over_seeds,
     read_results,
     solve_states,
     surface_of,
@@ -78,6 +79,20 @@ def test_warnings_follow_from_the_numbers(tmp_path):
 def test_each_solve_has_a_state():
     words = [["", "", "not converged"], ["", "not started", "failed"]]
     np.testing.assert_array_equal(solve_states(make_results()), words)
+
+
+def test_seeds_are_joined_without_those_that_failed():
+    values, message = np.random.default_rng(0).normal(size=(2, 9)), np.full((2, 9), "", object)
+    message[1, 5] = "failed: µ"
+    axes = ("velocity", "seed")
+    data = {"friction": (axes, values), "error": (axes, values), "message": (axes, message)}
+    found = over_seeds(xarray.Dataset(data, {"velocity": [0.1, 1.0], "seed": np.arange(9)}))
+    for row, used in enumerate([values[0], np.delete(values[1], 5)]):
+        np.testing.assert_allclose(found.friction[row], np.mean(used), rtol=1e-13)
+        expected = np.std(used, ddof=1) / np.sqrt(len(used))
+        np.testing.assert_allclose(found.friction_seed_error[row], expected, rtol=1e-13)
+        assert found.error[row] == np.max(used)
+    assert found.message.values.tolist() == ["", "8 of 9 surfaces succeeded."]
 
 
 def test_fields_are_those_of_the_stored_solves():

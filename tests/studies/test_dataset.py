@@ -9,7 +9,7 @@ import pytest
 import xarray
 
 import graded_contact
-from graded_contact.studies.dataset import attach, mean_and_error, read, write, write_whole
+from graded_contact.studies.dataset import attach, read, write, write_whole
 
 
 def example():
@@ -29,15 +29,6 @@ def example():
         ),
         {"own": "1/m"},
     )
-
-
-def test_mean_and_standard_error_leave_out_what_failed():
-    data = example()
-    mean, error = mean_and_error(data)
-    for row, used in enumerate([data.friction[0], np.delete(data.friction.values[1], 5)]):
-        np.testing.assert_allclose(mean.friction[row], np.mean(used), rtol=1e-13)
-        expected = np.std(used, ddof=1) / np.sqrt(len(used))
-        np.testing.assert_allclose(error.friction[row], expected, rtol=1e-13)
 
 
 def test_a_file_comes_back_bit_for_bit_and_opens_in_xarray(tmp_path):
