@@ -13,7 +13,7 @@ from ..scenes.design_report import designed_values, missed, report
 from ..scenes.design_scene import read_design
 from ..scenes.run_design import check_design, run_design
 from ..studies.dataset import write_whole
-from ..studies.interruption import Interrupted, interruptible
+from ..studies.interruption import interruptible
 from ..studies.store import Store
 from ..surfaces.surface import Surface
 from .result_tables import print_read
@@ -70,7 +70,7 @@ def design(
                 Path(f"{stem}-history.{form}"),
                 form,
             )
-        except Interrupted:
+        except KeyboardInterrupt:
             typer.echo("Interrupted: the same command continues.", err=True)
             raise typer.Exit(interruption.exit_code) from None
         except RuntimeError as error:  # the reason, without the traceback in it

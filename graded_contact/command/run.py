@@ -44,7 +44,7 @@ from ..scenes.schema import parse_toml
 from ..scenes.theory import mean_field_at, what_decides
 from ..sliding.magnification import cumulative_friction
 from ..studies.dataset import NOT_STARTED, package_versions, write, write_csv
-from ..studies.interruption import Interrupted, Interruption, interruptible
+from ..studies.interruption import Interruption, interruptible
 from ..studies.store import Store
 from ..studies.uncertainty import Sensitivity
 from ..studies.workers import check_workers
@@ -251,7 +251,7 @@ def _solved(
                 progress=lambda *counts: advance("sliding", *counts),
                 **engine,
             )
-    except Interrupted:
+    except KeyboardInterrupt:
         typer.echo("Nothing was finished.", err=True)
         raise typer.Exit(interruption.exit_code) from None
     except OSError as error:

@@ -25,7 +25,6 @@ from ..core.memory import DERIVATIVE, check_memory
 from ..core.parameters import paths, with_values
 from ..mean_field.mean_field import MeanField
 from ..studies.dataset import NOT_STARTED
-from ..studies.interruption import Interrupted
 from ..studies.objectives import distance, friction_curve, loss_tangent, ripple
 from ..studies.search import Constraints, Design, Objective, minimise
 from ..studies.store import Store
@@ -293,7 +292,7 @@ def _contacts(
     found = sweep(solved, axes, store=store, progress=say)
     ends = found["message"].values
     if np.any(ends == NOT_STARTED):  # `sweep` returns what it has after an interruption
-        raise Interrupted
+        raise KeyboardInterrupt
     if np.any(ends != ""):
         raise RuntimeError(ends[ends != ""][0])
     return np.stack([found[name].values for name in names])

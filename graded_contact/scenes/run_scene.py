@@ -20,7 +20,7 @@ from ..studies.dataset import package_versions
 from ..studies.parameter_covariance import moved
 from ..studies.program import trace
 from ..studies.store import Store, fingerprint
-from ..studies.sweep import Workers, solve_points
+from ..studies.sweep import Workers, columns_of, solve_points
 from ..surfaces.surface import Surface
 from .results import collect, fields_of, numbers_of_scene
 from .scene import Scene
@@ -60,7 +60,7 @@ def check_scene(scene: Scene) -> None:
 def check_run(scene: Scene, surface: Surface) -> None:
     """Raises `ValueError` for what `run_scene` refuses before its first solve."""
     _check_blocks(scene, surface)
-    trace(_solver(scene, surface), {name: at[0] for name, at in _columns(scene).items()})
+    trace(_solver(scene, surface), {name: at[0] for name, at in columns_of(scene.axes).items()})
 
 
 def _check_blocks(scene: Scene, surface: Surface) -> None:
@@ -127,7 +127,7 @@ def run_scene(
     numbers = numbers_of_scene(scene, surface)
     points = solve_points(
         _solver(scene, surface),
-        _columns(scene),
+        columns_of(scene.axes),
         names.ravel().tolist(),
         store=store,
         workers=workers,
@@ -157,18 +157,12 @@ def point_names(scene: Scene, surface: Surface) -> np.ndarray:
         scene.graded_solver, scene.motion, scene.pressure_ratio, scene.shear, scene.heating,
         scene.strain_per_slope, errors_of_stack(scene),
     )  # fmt: skip
-    columns = _columns(scene)
+    columns = columns_of(scene.axes)
     names = [
         fingerprint(common, dict(zip(columns, numbers, strict=True)))
         for numbers in zip(*columns.values(), strict=True)
     ]
     return np.reshape(names, [len(at) for at in scene.axes.values()])
-
-
-def _columns(scene: Scene) -> dict[str, np.ndarray]:
-    """The numbers of each solve, by the names of the axes."""
-    grid = np.meshgrid(*scene.axes.values(), indexing="ij")
-    return {name: at.ravel() for name, at in zip(scene.axes, grid, strict=True)}
 
 
 def _solver(scene: Scene, surface: Surface) -> Callable[[dict[str, Any]], dict[str, Any]]:

@@ -1,7 +1,9 @@
 """Numbers over named axes: units, statistics and files of an `xarray.Dataset`.
 
-A file is HDF5 as xarray writes it, after 512 bytes with a checksum of the rest.
-`xarray.open_dataset(path, engine="h5netcdf")` opens it too.
+A file is HDF5 as xarray writes it, after `SEAL` bytes with a checksum of the rest: a damaged HDF5
+file may make HDF5 hang or return other numbers. HDF5 skips these bytes, so
+`xarray.open_dataset(path, engine="h5netcdf")` opens the file too. Files are written under another
+name, flushed to the disk and renamed.
 """
 
 import contextlib

@@ -19,10 +19,6 @@ SIGNALS = (signal.SIGINT, signal.SIGTERM)
 LATER = "Stopping after this step; what is finished is kept. Once more stops at once.\n"
 
 
-class Interrupted(KeyboardInterrupt):
-    """Raised at a safe place after a signal."""
-
-
 class Interruption:
     """Which signal has come.
 
@@ -34,9 +30,9 @@ class Interruption:
     signal: int | None = None
 
     def check(self) -> None:
-        """Raises `Interrupted` if a signal has come: to be called between two steps."""
+        """Raises `KeyboardInterrupt` if a signal has come: to be called between two steps."""
         if self.signal is not None:
-            raise Interrupted
+            raise KeyboardInterrupt
 
     @property
     def exit_code(self) -> int:

@@ -1,7 +1,7 @@
 """Finished points of a study on the disk, one file each: they survive a kill of the process.
 
 A store is a folder. The name of a file is a fingerprint of all that decides the numbers of the
-point. A file is whole or absent, and damage is detected (`studies/sealed.py`). A lock refuses a
+point. A file is whole or absent, and damage is detected (`studies/dataset.py`). A lock refuses a
 second process that writes; the lock ends with its process, however that ends.
 """
 

@@ -195,8 +195,7 @@ def _points(axes: Any) -> tuple[dict[str, Any], dict[str, np.ndarray]]:
     """Coordinates of the axes, and one number per point for each name."""
     if isinstance(axes, Mapping) and axes:
         coordinates = {name: _numbers(name, at) for name, at in axes.items()}
-        grid = np.meshgrid(*coordinates.values(), indexing="ij")
-        columns = {name: at.ravel() for name, at in zip(coordinates, grid, strict=True)}
+        columns = columns_of(coordinates)
     elif isinstance(axes, list | tuple) and axes:
         for i, point in enumerate(axes):
             if not isinstance(point, Mapping) or not point or point.keys() != axes[0].keys():
@@ -213,6 +212,12 @@ def _points(axes: Any) -> tuple[dict[str, Any], dict[str, np.ndarray]]:
     if len(np.unique(np.stack([*columns.values()]), axis=1).T) < len(next(iter(columns.values()))):
         raise ValueError(f"`axes={short(axes)}` contains a point twice.")
     return coordinates, columns
+
+
+def columns_of(axes: Mapping[str, np.ndarray]) -> dict[str, np.ndarray]:
+    """Returns one number per point of a grid for each axis; the last axis varies fastest."""
+    grid = np.meshgrid(*axes.values(), indexing="ij")
+    return {name: at.ravel() for name, at in zip(axes, grid, strict=True)}
 
 
 def _numbers(name: Any, values: Any) -> np.ndarray:
