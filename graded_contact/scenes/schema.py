@@ -160,7 +160,7 @@ class Reader:
                 check_keys(inner, value, value if names is str else get_args(names))
                 if entry is object:
                     return value
-                return {name: self.value(inner, Key(name, entry), value[name]) for name in value}
+                return {k: self.value(inner, Key(k, entry), v) for k, v in value.items()}
             if isinstance(part, Spacing):
                 return self._axis(place, key.name, value, part)
             # After the kinds: a dataclass of a kind is made by its constructor.

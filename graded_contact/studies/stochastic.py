@@ -150,7 +150,7 @@ def _nearest_allowed(problem: Problem, x: Flat, draws: range) -> Flat:
             for parts in zip(*(problem.limits(at, draw) for draw in draws), strict=True)
         )
         off = np.log(at / x)
-        return Evaluation(off @ off / 2, limits, off / at, slopes)
+        return Evaluation(float(off @ off) / 2, limits, off / at, slopes)
 
     if np.all(distance(x).limits >= MARGIN):
         return x
