@@ -157,10 +157,11 @@ class Reader:
                 return self.build_kind(inner, table, self.kinds[part])
             if get_origin(part) is dict:
                 names, entry = get_args(part)
+                table: Any = value
                 check_keys(inner, value, value if names is str else get_args(names))
                 if entry is object:
                     return value
-                return {k: self.value(inner, Key(k, entry), v) for k, v in value.items()}
+                return {k: self.value(inner, Key(k, entry), v) for k, v in table.items()}
             if isinstance(part, Spacing):
                 return self._axis(place, key.name, value, part)
             # After the kinds: a dataclass of a kind is made by its constructor.
