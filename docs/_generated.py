@@ -26,8 +26,15 @@ from graded_contact.fields.grid import Grid
 from graded_contact.materials.material import AbstractMaterial
 from graded_contact.scenes import block, scene, surface_source
 from graded_contact.scenes.design_scene import DesignScene, Stiffness
-from graded_contact.scenes.schema import REQUIRED, Key, Spacing, classes_of, keys_of, parts_of
-from graded_contact.scenes.toml import entry_text
+from graded_contact.scenes.schema import (
+    REQUIRED,
+    Key,
+    Spacing,
+    classes_of,
+    entry_text,
+    keys_of,
+    parts_of,
+)
 from graded_contact.sliding.heating import Heating
 
 ROOT = Path(__file__).parents[1]

@@ -11,7 +11,7 @@ from pathlib import Path
 import pytest
 
 import graded_contact as gc
-from graded_contact.scenes.scene_reading import parse_scene
+from graded_contact.scenes.scene import parse_scene
 
 DOCS = Path(__file__).parents[1] / "docs"
 PAGES = sorted(

@@ -37,7 +37,7 @@ from graded_contact.scenes import schema
 from graded_contact.scenes.design_scene import parse_design, read_design
 from graded_contact.scenes.run_scene import check_scene as check_scene_memory
 from graded_contact.scenes.run_scene import run_scene
-from graded_contact.scenes.scene_reading import parse_scene
+from graded_contact.scenes.scene import parse_scene
 from graded_contact.scenes.surface_source import RandomSurface
 
 SEED = 20261

@@ -10,8 +10,8 @@ from ..scenes.cost import design_cost
 from ..scenes.design_report import designed_values, missed, report
 from ..scenes.design_scene import read_design
 from ..scenes.run_design import check_design, run_design
-from ..studies.interruption import Interrupted, interruptible
-from ..studies.sealed import write_whole
+from ..studies.dataset import write_whole
+from ..studies.interruption import interruptible
 from ..studies.store import Store
 from ..surfaces.surface import Surface
 from .result_tables import print_read
@@ -68,7 +68,7 @@ def design(
             save_figure(plot_design(results), Path(f"{stem}.{form}"), form)
             history = plot_history(results.design, scene=study.scene.text)
             save_figure(history, Path(f"{stem}-history.{form}"), form)
-        except Interrupted:
+        except KeyboardInterrupt:
             end_if_interrupted(interruption)
             raise
         except RuntimeError as error:  # the reason, without the traceback in it

@@ -17,8 +17,8 @@ from ..materials.material import Prony
 from ..materials.measured import Measured
 from ..plot import plot_fit, plot_master_curve, plot_van_gurp_palmen
 from ..readers.moduli import read_moduli
+from ..studies.dataset import write_whole
 from ..studies.parameter_covariance import Errors, write_errors
-from ..studies.sealed import write_whole
 from ..studies.uncertainty import errors_of
 from .terminal import FigureFormat, Format, Output, checked_place, refusing, save_figure
 

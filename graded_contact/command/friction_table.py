@@ -8,12 +8,11 @@ import typer
 
 from ..exports.friction_cards import export_friction
 from ..scenes.run_scene import build_surface
-from ..scenes.scene_reading import read_scene, refuse_tables
+from ..scenes.scene import read_scene, refuse_tables
 from ..scenes.theory import check_frequencies_of, roughness_of
-from ..studies.dataset import write
+from ..studies.dataset import write, write_whole
 from ..studies.friction_tables import Method, friction_table
 from ..studies.interruption import interruptible
-from ..studies.sealed import write_whole
 from .terminal import Output, Replace, SceneFile, checked_place, place_of, progress, refusing
 
 

@@ -12,9 +12,9 @@ from ..core.warnings import EXTRAPOLATED
 from ..exports.prony_cards import export_prony
 from ..plot.words import kelvin
 from ..readers.topography import read_surface
-from ..scenes.proposal import CONTACT, Load, proposed_load
-from ..scenes.toml import entry_text
-from ..studies.sealed import write_whole
+from ..scenes.proposal import CONTACT_SHARE, Load, proposed_load
+from ..scenes.schema import entry_text
+from ..studies.dataset import write_whole
 from .fit import (
     ColumnTexts,
     DataKind,
@@ -123,7 +123,7 @@ def _text(
         'kind = "half_space"',
         f'material = "{name}"',
         "",
-        f"[load]  # contact on about {CONTACT:.0%} of the area, at measured frequencies",
+        f"[load]  # contact on about {CONTACT_SHARE:.0%} of the area, at measured frequencies",
         f"pressure = {load.pressure:g}  # [Pa]",
         f"velocity = {{from = {low:g}, to = {high:g}, points = {NUM_VELOCITIES}}}  # [m/s]",
     ]

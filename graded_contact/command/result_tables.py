@@ -14,7 +14,7 @@ from rich.text import Text
 from ..core.display import with_unit
 from ..core.quantities import AXES, OBSERVABLES
 from ..plot.words import title_of
-from ..scenes.results import SEED_ERROR, over_seeds, state_of, warnings_of
+from ..scenes.results import SEED_ERROR, over_seeds, solve_states, warnings_of
 from ..scenes.scene import Scene
 from ..studies.uncertainty import Sensitivity
 from ..surfaces.statistics import statistics
@@ -51,7 +51,7 @@ def print_table(results: "Dataset", all_seeds: bool = False) -> None:
     table = Table(box=box.SIMPLE_HEAD, pad_edge=False)
     for head in (*_heads(results), *(head for head, _ in columns.values()), ""):
         table.add_column(Text(head), justify="right", no_wrap=True)
-    states = state_of(results).values
+    states = solve_states(results).values
     values = {name: results[name].values for name in (*columns, *errors.values())}
     load_unit = 1e6 if axes[-2] == "pressure" else 1
     for index in np.ndindex(states.shape):
@@ -102,7 +102,7 @@ def _columns(results: "Dataset", hidden: set[str]) -> dict[str, tuple[str, str]]
 
 def _print_failures(results: "Dataset") -> None:
     """Prints how many solves did not succeed, and why, on the error stream."""
-    console, states = Console(stderr=True), state_of(results).values
+    console, states = Console(stderr=True), solve_states(results).values
     for state, text in STATES.items():
         chosen = states == state
         if np.any(chosen):

@@ -28,13 +28,12 @@ from ..scenes.results import (
     warnings_of,
 )
 from ..scenes.run_scene import build_surface, check_run, point_names, run_scene
-from ..scenes.scene import Scene
-from ..scenes.scene_reading import parse_scene, read_scene
+from ..scenes.scene import Scene, parse_scene, read_scene
+from ..scenes.schema import parse_toml
 from ..scenes.theory import mean_field_at, what_decides
-from ..scenes.toml import parse_toml
 from ..sliding.magnification import cumulative_friction
 from ..studies.dataset import NOT_STARTED, package_versions, write, write_csv
-from ..studies.interruption import Interrupted, Interruption, interruptible
+from ..studies.interruption import Interruption, interruptible
 from ..studies.store import Store
 from ..studies.workers import check_workers
 from ..surfaces.surface import Surface
@@ -251,7 +250,7 @@ def _solved(
                 progress=lambda *counts: advance("sliding", *counts),
                 **engine,
             )
-    except Interrupted:
+    except KeyboardInterrupt:
         typer.echo("Nothing was finished.", err=True)
         raise typer.Exit(interruption.exit_code) from None
     for path in store.damaged:

@@ -26,8 +26,8 @@ from ..core.compilation import LESS_WORK
 from ..plot.style import caption
 from ..readers.paths import check_folder, check_name, full_path
 from ..scenes.scene import Scene
+from ..studies.dataset import write_whole
 from ..studies.interruption import Interruption
-from ..studies.sealed import write_whole
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure

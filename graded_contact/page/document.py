@@ -22,11 +22,9 @@ from ..materials.material import AbstractMaterial
 from ..readers.moduli import read_moduli
 from ..readers.paths import check_name, read_file, read_utf8
 from ..readers.topography import read_surface
-from ..scenes.scene import Scene
-from ..scenes.scene_reading import parse_scene, refuse_tables
-from ..scenes.schema import LARGEST
-from ..scenes.toml import parse_toml, toml_text
-from ..studies.sealed import write_whole
+from ..scenes.scene import Scene, parse_scene, refuse_tables
+from ..scenes.schema import MOST_BYTES, parse_toml, toml_text
+from ..studies.dataset import write_whole
 
 FINEST_DROP = 256  # along the longer edge of a topography that the user drops
 FIRST_THICKNESS = 1e-4  # m, of a layer on a bare base
@@ -70,7 +68,7 @@ def open_document(path: Path | None) -> Document:
         name, folder = "demo.toml", Path.cwd()
         text = resources.files("graded_contact.scenes").joinpath(name).read_text("utf-8")
     else:
-        name, folder, text = path.name, path.absolute().parent, read_utf8(path, at_most=LARGEST)
+        name, folder, text = path.name, path.absolute().parent, read_utf8(path, at_most=MOST_BYTES)
     with within(f"{name}:"):
         scene = parse_scene(text, folder)
         refuse_tables(scene, "The page", "motion", "shear", "heating")

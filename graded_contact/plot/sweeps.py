@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 import numpy as np
 
 from ..core.quantities import OBSERVABLES
-from ..scenes.results import SEED_ERROR, has_numbers, over_seeds, state_of, warnings_of
+from ..scenes.results import SEED_ERROR, has_numbers, over_seeds, solve_states, warnings_of
 from ..studies.dataset import NOT_STARTED
 from .style import (
     COLOURS,
@@ -157,14 +157,14 @@ def _lines(results: "Dataset", along: str | None = None, *, all_seeds: bool = Fa
         along = "velocity" if "velocity" in longer or not longer else longer[-1]
     follows = "velocity" if along == "reduced_velocity" else along
     others = [axis for axis in axes if axis not in (follows, "seed")]
-    state = state_of(results)
+    state = solve_states(results)
     # A solve is doubtful if one of the warnings concerns it, a mean if one of its surfaces is.
     doubts = [caveat.where for caveat in warnings_of(results)]
     doubtful = state.copy(data=np.any([np.zeros(state.shape, bool), *doubts], axis=0))
     middle, apart = results, {}
     if "seed" in axes:
         middle = over_seeds(results)
-        state, doubtful = state_of(middle), doubtful.any("seed")
+        state, doubtful = solve_states(middle), doubtful.any("seed")
         if all_seeds:
             apart = {f"{name}_each": results[name] for name in DRAWN}
     names = [name + end for name in DRAWN for end in ("", ERROR, SEED_ERROR)]

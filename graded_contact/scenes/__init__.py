@@ -2,7 +2,6 @@
 
 from .results import read_results
 from .run_scene import run_scene
-from .scene import Scene
-from .scene_reading import read_scene
+from .scene import Scene, read_scene
 
 __all__ = ["Scene", "read_results", "read_scene", "run_scene"]

@@ -82,12 +82,12 @@ class Block:
     def read_materials(self, tables: Mapping[str, Any], temperature: np.ndarray | None) -> None:
         """Makes the materials of [materials], each of which may use those above it."""
         kinds = {**MATERIALS, "tabulated": self.tabulated, "strain_sweep": self.strain_sweep}
-        self.names = [*tables]
-        keys = {kind: (*keys_of(make), ERRORS) for kind, make in kinds.items()}
+        self.names = [*tables]  # to tell a material further down from one that is not there
         for name, table in tables.items():
             understood, place = len(self.notes), f"[materials.{name}]"
-            kind, entries = kind_of(place, table, keys)
-            found, known = self.reader.arguments(place, entries, keys[kind][:-1], (ERRORS,))
+            kind, entries = kind_of(place, table, kinds)
+            keys = keys_of(kinds[kind])
+            found, known = self.reader.arguments(place, entries, keys, (ERRORS,))
             with within(place):
                 self.materials[name] = kinds[kind](**found)
             if known:
@@ -96,6 +96,7 @@ class Block:
                     with within(f"`path={known['errors']}`:"):
                         check_errors(self.errors[name], self.materials[name])
             self.notes[understood:] = [f"{name}: {note}" for note in self.notes[understood:]]
+        # Refused here, by name, before a solve meets a temperature below a law's limit.
         for name, material in self.materials.items():
             for at in extremes(temperature):
                 with within(f"[load] `temperature`, of [materials.{name}]:"):
@@ -103,9 +104,10 @@ class Block:
 
     def stack(self, tables: Sequence[dict[str, Any]], below: dict[str, Any]) -> Stack:
         """Returns the stack of the tables [[layers]] and [base]."""
-        layers = [self._layer(f"[layers[{i}]]", table) for i, table in enumerate(tables)]
-        for i, layer in enumerate(layers):
-            if sentence := unusual("thickness", float(layer.thickness)):
+        layers = []
+        for i, table in enumerate(tables):
+            layers.append(self._layer(f"[layers[{i}]]", table))
+            if sentence := unusual("thickness", float(layers[-1].thickness)):
                 self.notes.append(f"layers[{i}]: {sentence}")
         base = self.reader.build_kind("[base]", below, BASES)
         with within("[base]"):
@@ -125,13 +127,11 @@ class Block:
 
     def _named(self, place: str, key: str, value: Any) -> AbstractMaterial:
         name = self.reader.value(place, Key(key, str), value)
-        if name not in self.materials and name in self.names:
-            raise ValueError(f"{place} `{key}` = {name!r}: [materials.{name}] must stand above it.")
-        if name not in self.materials:
-            raise ValueError(
-                f"{place} `{key}` = {name!r} is not in [materials]; {nearest(name, self.materials)}"
-            )
-        return self.materials[name]
+        if name in self.materials:
+            return self.materials[name]
+        known = f"is not in [materials]; {nearest(name, self.materials)}"
+        reason = f"must stand below [materials.{name}]." if name in self.names else known
+        raise ValueError(f"{place} `{key}` = {name!r} {reason}")
 
     def tabulated(
         self,
@@ -159,14 +159,10 @@ class Block:
         - `extrapolate`: "plateau" continues the moduli outside the table, "refuse" does not.
         - `shift`: time-temperature shift.
         """
-        options = {"columns": columns, "units": units, "deformation": deformation}
-        try:
-            found = read_moduli(
-                path, kind="frequency", sheet=sheet, step=step, poisson=poisson, **options
-            )
-        except ValueError as error:
-            advice = "`graded-contact fit FILE` reads more, and writes a material for a scene."
-            raise ValueError(f"{error} {advice}") from error
+        options = {"columns": columns, "units": units, "sheet": sheet, "step": step}
+        found = read_moduli(
+            path, kind="frequency", deformation=deformation, poisson=poisson, **options
+        )
         self.notes += found.history
         return Tabulated(*found.table(), poisson, shift=shift, extrapolate=extrapolate)
 

@@ -1,7 +1,7 @@
 """The cost of a scene or a design before it is run: memory, solves, seconds.
 
 Seconds are right to a factor of about four: bodies need different numbers of transforms, and
-machines differ in speed. On two cores an FFT pair, with the work around it, takes `PER_POINT` for
+machines differ in speed. On two cores an FFT pair, with the work around it, takes `_PER_POINT` for
 each point of the grid.
 """
 
@@ -17,12 +17,12 @@ from .run_scene import build_surface, scene_fields
 from .scene import Scene
 from .surface_source import RandomSurface
 
-PER_POINT = 25e-9  # s for each point of the grid and FFT pair
-PER_PAIR = 1e-4  # s for each FFT pair, on any grid
-PAIRS = 15  # for each digit of the pressure
-COMPILING = 20.0  # s
-PER_EVALUATION = 0.02  # s of the mean field at a velocity, with its derivatives
-EVALUATIONS = 30  # of a start
+_PER_POINT = 25e-9  # s for each point of the grid and FFT pair
+_PER_PAIR = 1e-4  # s for each FFT pair, on any grid
+_PAIRS = 15  # for each digit of the pressure
+_COMPILING = 20.0  # s
+_PER_EVALUATION = 0.02  # s of the mean field at a velocity, with its derivatives
+_EVALUATIONS = 30  # of a start
 
 
 @shown()
@@ -58,14 +58,14 @@ def scene_cost(scene: Scene) -> Cost:
     """Returns the cost of running a scene; a surface from a file is read for its shape."""
     shape = _shape(scene)
     num_solves = scene.num_solves * (2 if scene.errors else 1)
-    seconds = COMPILING + num_solves * _seconds(scene, shape)
+    seconds = _COMPILING + num_solves * _seconds(scene, shape)
     return Cost(shape, memory_of(scene_fields(scene), shape), num_solves, seconds)
 
 
 def design_cost(study: DesignScene) -> Cost:
     """Returns the cost of a design."""
     scene, verify, num_velocities = study.scene, study.verify, study.scene.velocity.size
-    seconds = COMPILING + study.starts * EVALUATIONS * num_velocities * PER_EVALUATION
+    seconds = _COMPILING + study.starts * _EVALUATIONS * num_velocities * _PER_EVALUATION
     if not verify:
         return Cost(_shape(scene), 0.0, 0, seconds)
     shape = _shape(scene)
@@ -73,7 +73,7 @@ def design_cost(study: DesignScene) -> Cost:
     if study.polish:
         # The start, and each evaluation with a derivative, which takes another solve.
         num_solves += verify * num_velocities * (1 + 2 * POLISHING)
-    seconds += COMPILING * (1 + 2 * study.polish) + num_solves * _seconds(scene, shape)
+    seconds += _COMPILING * (1 + 2 * study.polish) + num_solves * _seconds(scene, shape)
     return Cost(shape, memory_of(design_fields(study), shape), num_solves, seconds)
 
 
@@ -86,9 +86,9 @@ def _shape(scene: Scene) -> tuple[int, ...]:
 
 def _seconds(scene: Scene, shape: tuple[int, ...]) -> float:
     """Seconds of one solve."""
-    pairs = -PAIRS * np.log10(scene.rtol)
+    pairs = -_PAIRS * np.log10(scene.rtol)
     points = scene.num_times * np.prod(shape, dtype=float)
-    return float(pairs * (PER_PAIR + PER_POINT * points))
+    return float(pairs * (_PER_PAIR + _PER_POINT * points))
 
 
 def _span(seconds: float) -> str:

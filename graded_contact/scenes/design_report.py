@@ -1,9 +1,9 @@
 """The results of a design as text, and as numbers for a file."""
 
+from collections.abc import Iterable
 from typing import Any
 
 import numpy as np
-from jaxtyping import Float
 
 from ..core.parameters import paths
 from ..core.warnings import EXTRAPOLATED
@@ -29,35 +29,36 @@ def report(results: DesignResults) -> str:
 def _rows(results: DesignResults) -> dict[str, list[str]]:
     """The rows of the table: a text for each candidate."""
     study, candidates = results.study, list(results.candidates.values())
-    rows = {path: [f"{paths(c.stack)[path]:.5g}" for c in candidates] for path in study.lower}
+    rows: dict[str, list[str]] = {}
+
+    def add(label: str, values: Iterable[Any], digits: int = 5) -> None:
+        rows[label] = [f"{float(value):.{digits}g}" for value in values]
+
+    for path in study.lower:
+        add(path, (paths(c.stack)[path] for c in candidates))
     if study.total_thickness is not None:
-        rows["all layers [m]"] = [f"{total_thickness(c.stack):.5g}" for c in candidates]
+        add("all layers [m]", (total_thickness(c.stack) for c in candidates))
     if study.stiffness is not None:
-        rows["|effective modulus| [Pa]"] = [
-            f"{limited_modulus(study, c.stack):.5g}" for c in candidates
-        ]
+        add("|effective modulus| [Pa]", (limited_modulus(study, c.stack) for c in candidates))
     for i, v in enumerate(study.scene.velocity):
         at = f"at {v:g} m/s"
         if study.band is not None:
             bands = [band_tangents(study, c.stack)[i] for c in candidates]
-            rows[f"loss tangent {at}, max/min"] = [f"{b.max() / b.min():.4g}" for b in bands]
+            add(f"loss tangent {at}, max/min", (b.max() / b.min() for b in bands), 4)
         shares = [float(c.field.extrapolated_friction[i]) for c in candidates]
         if max(shares) > EXTRAPOLATED:
-            rows[f"friction not measured {at}"] = [f"{share:.2g}" for share in shares]
+            add(f"friction not measured {at}", shares, 2)
         for name in ("friction", "contact_area"):
             label = f"{name.replace('_', ' ')} {at}"
-            fields = [getattr(c.field, name)[i] for c in candidates]
-            rows[f"{label}, mean field"] = [f"{value:.4g}" for value in fields]
-            if study.verify:
-                solved = [getattr(c, name)[:, i] for c in candidates]
-                alone = ", one surface, spread unknown" if study.verify == 1 else ""
-                rows[f"{label}, contact{alone}"] = list(map(_mean_and_spread, solved))
+            add(f"{label}, mean field", (getattr(c.field, name)[i] for c in candidates), 4)
+            solved = [getattr(c, name)[:, i] for c in candidates]
+            if study.verify == 1:
+                add(f"{label}, contact, one surface, spread unknown", map(np.mean, solved), 4)
+            elif study.verify:
+                rows[f"{label}, contact"] = [
+                    f"{values.mean():.4g} ± {values.std(ddof=1):.2g}" for values in solved
+                ]
     return rows
-
-
-def _mean_and_spread(values: Float[np.ndarray, " surfaces"]) -> str:
-    spread = f" ± {values.std(ddof=1):.2g}" if len(values) > 1 else ""
-    return f"{values.mean():.4g}{spread}"
 
 
 def missed(results: DesignResults) -> list[str]:

@@ -19,11 +19,9 @@ from ..core.parameters import with_values
 from ..readers.paths import read_utf8
 from ..surfaces.spectrum import SelfAffine
 from ..surfaces.surface import Surface
-from .scene import Scene
-from .scene_reading import check_paths, parse_scene, refuse_tables
-from .schema import LARGEST, Reader
+from .scene import Scene, check_paths, parse_scene, refuse_tables
+from .schema import MOST_BYTES, Reader, parse_toml
 from .surface_source import RandomSurface
-from .toml import parse_toml
 
 # The keys that belong to one objective only.
 OBJECTIVES = {"friction": ("target", "ratio"), "flat_loss_tangent": ("q_from", "q_to")}
@@ -99,9 +97,23 @@ class DesignScene:
                 if getattr(self, key) is not None and self.objective != objective:
                     raise ValueError(f'`{key}` belongs to the objective "{objective}".')
         if self.objective == "friction":
-            self._check_goal()
-        if self.objective == "flat_loss_tangent":
-            self._check_band()
+            if (self.target is None) == (self.ratio is None):
+                raise ValueError('the objective "friction" needs `target` or `ratio`, not both.')
+            key = "target" if self.ratio is None else "ratio"
+            goal, count = np.array(getattr(self, key)), len(self.scene.velocity)
+            if len(goal) not in (1, count):
+                raise ValueError(
+                    f"`{key}` has {len(goal)} numbers; one, or one for each of the {count} "
+                    "velocities, is needed."
+                )
+            check_positive(key, goal, "[1]")
+        if self.objective == "flat_loss_tangent" and (
+            self.band is None or not 0 < self.band[0] < self.band[1] < np.inf
+        ):
+            raise ValueError(
+                f"`q_from` = {self.q_from}, `q_to` = {self.q_to} must be positive [rad/m] and in "
+                "this order."
+            )
         if self.total_thickness is not None:
             check_positive("total_thickness", self.total_thickness, "[m]")
         check_values("verify", self.verify, "it must not be negative", at_least=0)
@@ -109,28 +121,6 @@ class DesignScene:
             raise ValueError('`verify` needs a [surface] of kind "self_affine".')
         if self.polish and (self.verify < 1 or self.objective == "flat_loss_tangent"):
             raise ValueError("`polish` needs `verify` surfaces and an objective of friction.")
-
-    def _check_goal(self) -> None:
-        if (self.target is None) == (self.ratio is None):
-            raise ValueError('the objective "friction" needs `target` or `ratio`, not both.')
-        key = "target" if self.ratio is None else "ratio"
-        goal, num_velocities = np.array(getattr(self, key)), len(self.scene.velocity)
-        if len(goal) not in (1, num_velocities):
-            raise ValueError(
-                f"`{key}` has {len(goal)} numbers; one, or one for each of the {num_velocities} "
-                "velocities, is needed."
-            )
-        check_positive(key, goal, "[1]")
-
-    def _check_band(self) -> None:
-        for key in ("q_from", "q_to"):
-            if getattr(self, key) is None:
-                raise ValueError(f"`{key}` is missing.")
-        if self.band is None or not 0 < self.band[0] < self.band[1]:
-            raise ValueError(
-                f"`q_from` = {self.q_from:g}, `q_to` = {self.q_to:g} must be positive [rad/m] and "
-                "in this order."
-            )
 
     @property
     def goal(self) -> Float[np.ndarray, " velocities"] | None:
@@ -167,7 +157,7 @@ def read_design(path: str | os.PathLike) -> DesignScene:
     A missing file raises `FileNotFoundError`; every error in it raises `ValueError`, naming the
     table and the key.
     """
-    text = read_utf8(path, LARGEST)
+    text = read_utf8(path, MOST_BYTES)
     with within(f"{path}:"):
         return parse_design(text, Path(path).parent)
 
@@ -188,29 +178,24 @@ def parse_design(text: str, folder: str | os.PathLike = ".") -> DesignScene:
         if len(scene.pressure) > 1 or scene.direction != 0:
             raise ValueError("needs one `pressure`, and `direction` = 0, in [load].")
         if len(scene.axes) > 2:
-            raise ValueError(f"needs one {' and one '.join(map(repr, [*scene.axes][:-2]))}.")
-    scene, source = (
-        dataclasses.replace(scene, stack=scene.block({}), temperature=None),
-        scene.surface,
-    )
+            raise ValueError(f"needs one {next(iter(scene.axes))!r}, no axis of several.")
+    # The parameters are those of the block at the scene's temperature.
+    source, stack = scene.surface, scene.block({})
     spectrum = source.spectrum if isinstance(source, RandomSurface) else source.build()
-    found = Reader(Path(folder)).build(
+    scene = dataclasses.replace(scene, stack=stack, temperature=None)
+    study = Reader(Path(folder)).build(
         "[design]", table, DesignScene, scene=scene, spectrum=spectrum
     )
     with within("[design.parameters]"):
-        _check_bounds(found)
-    return found
-
-
-def _check_bounds(study: DesignScene) -> None:
-    if not study.parameters:
-        raise ValueError('needs parameters, such as "layers[0].thickness" = [1e-5, 1e-3].')
-    check_paths(study.parameters, study.scene.stack)
-    for path, ends in study.parameters.items():
-        if len(ends) != 2 or not 0 < ends[0] <= ends[1] < np.inf:
-            raise ValueError(
-                f"{path!r} = {ends} must be [lower, upper], positive and in this order."
-            )
-        if path.endswith("poisson"):
-            check_poisson(path, ends[1])
-    with_values(study.scene.stack, study.lower)  # refuses what the block's constructors do
+        if not study.parameters:
+            raise ValueError('needs parameters, such as "layers[0].thickness" = [1e-5, 1e-3].')
+        check_paths(study.parameters, stack)
+        for path, ends in study.parameters.items():
+            if len(ends) != 2 or not 0 < ends[0] <= ends[1] < np.inf:
+                raise ValueError(
+                    f"{path!r} = {ends} must be [lower, upper], positive and in this order."
+                )
+            if path.endswith("poisson"):
+                check_poisson(path, ends[1])
+        with_values(stack, study.lower)  # refuses what the block's constructors do
+    return study

@@ -14,10 +14,10 @@ from ..mean_field.mean_field import mean_field_friction
 from ..surfaces.statistics import statistics
 from ..surfaces.surface import Surface
 
-CONTACT = 0.1  # share of the nominal area; at small loads twice p/(E* h') in Persson's theory
-DECADES = 3  # largest number of decades of velocity
-USUAL = 1e-2  # m/s
-TEMPERATURES = 5  # at most
+CONTACT_SHARE = 0.1  # share of the nominal area; at small loads twice p/(E* h') in Persson's theory
+_DECADES = 3  # largest number of decades of velocity
+_USUAL = 1e-2  # m/s
+_TEMPERATURES = 5  # at most
 
 
 class Load(NamedTuple):
@@ -52,9 +52,11 @@ def proposed_load(
     stack, times = Stack(base=HalfSpace(material)), np.asarray(material.times)
     ends = coverage(stack) or (1 / np.max(times), 1 / np.min(times))
     low, high = (float(end) for end in ends)
+    # In the middle of the measured frequencies, on the logarithm.
     modulus = abs(material.modulus(np.sqrt(low * high))) / (1 - float(material.poisson) ** 2)
-    pressure = float(CONTACT / 2 * modulus * statistics(surface).rms_slope)
+    pressure = float(CONTACT_SHARE / 2 * modulus * statistics(surface).rms_slope)
     size, spacing = np.asarray(surface.grid.size), np.asarray(surface.grid.spacing)
+    # The shortest wave must excite the lowest measured frequency, the longest wave the highest.
     first = np.floor(np.log10(low * np.min(spacing) / np.pi))
     last = np.ceil(np.log10(high * np.max(size) / (2 * np.pi)))
     decades = np.arange(first, last + 1)
@@ -65,20 +67,23 @@ def proposed_load(
     shares = np.array([field.extrapolated_friction for field in fields])
     shares = np.where(np.isfinite(shares), shares, 1.0)  # no mean field: no reason to go there
     limit = max(EXTRAPOLATED, 1.5 * float(np.min(shares)))
-    start, stop = _longest(shares <= limit)
+    runs = itertools.groupby(range(len(decades)), key=lambda i: bool(shares[i] <= limit))
+    longest = max((list(run) for measured, run in runs if measured), key=len)
+    start, stop = longest[0], longest[-1]
     law, shifts = material.shift, np.zeros(1)
     if law is not None:
         shifts = np.array([law.log_factor(t) for t in temperatures]) / np.log(10)
-    length = min(DECADES, max(1, (stop - start) // 2))
-    windows = [(decades[i] - np.round(a), a) for i in range(start, stop + 1) for a in shifts]
+    # Half of the measured decades: the other half leaves room for the shifts by temperature.
+    length = min(_DECADES, max(1, (stop - start) // 2))
+    bottoms = [decades[i] - np.round(a) for i in longest for a in shifts]
 
     def inside(bottom: float) -> np.ndarray:
         """Isotherms whose velocities, times a_T, are those of measured frequencies."""
         low_end, high_end = decades[start] - 0.5, decades[stop] + 0.5
         return (bottom + shifts >= low_end) & (bottom + length + shifts <= high_end)
 
-    middle = np.log10(USUAL) - length / 2
-    bottom = max((w for w, _ in windows), key=lambda w: (np.sum(inside(w)), -abs(w - middle)))
+    middle = np.log10(_USUAL) - length / 2
+    bottom = max(bottoms, key=lambda w: (np.sum(inside(w)), -abs(w - middle)))
     chosen = _overlapping(np.flatnonzero(inside(bottom)), shifts, length)
     return Load(
         pressure=float(f"{pressure:.0e}"),
@@ -95,13 +100,5 @@ def _overlapping(among: np.ndarray, shifts: np.ndarray, length: int) -> list[int
         if following is None or abs(shifts[following] - shifts[chosen[-1]]) > length:
             chosen.append(int(i))
     middle = int(np.argmin(np.abs(shifts[chosen])))
-    start = max(0, min(middle - TEMPERATURES // 2, len(chosen) - TEMPERATURES))
-    return chosen[start : start + TEMPERATURES]
-
-
-def _longest(true: np.ndarray) -> tuple[int, int]:
-    """First and last index of the longest run of true."""
-    edges = np.flatnonzero(np.diff(np.concatenate([[0], true.astype(int), [0]])))
-    starts, stops = edges[::2], edges[1::2] - 1
-    best = np.argmax(stops - starts)
-    return int(starts[best]), int(stops[best])
+    start = max(0, min(middle - _TEMPERATURES // 2, len(chosen) - _TEMPERATURES))
+    return chosen[start : start + _TEMPERATURES]

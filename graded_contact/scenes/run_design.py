@@ -1,7 +1,7 @@
 """Designs of scenes, run: the mean field decides, contact polishes and verifies.
 
 mean_field_problem ─ minimise ─> designed ─┐
-contact_problem ──── minimise ─> polished ─┼─> contact on unseen surfaces ─> report, missed
+contacts, gradients ─ minimise ─> polished ┼─> contact on unseen surfaces ─> report, missed
                                  before ───┘
 """
 
@@ -22,10 +22,11 @@ from ..core.display import shown
 from ..core.memory import DERIVATIVE, check_memory
 from ..core.parameters import paths, with_values
 from ..mean_field.mean_field import MeanField
-from ..studies.dataset import package_versions
+from ..studies.dataset import NOT_STARTED
 from ..studies.objectives import distance, friction_curve, loss_tangent, ripple
 from ..studies.search import Constraints, Design, Objective, minimise
-from ..studies.store import Point, Store, fingerprint
+from ..studies.store import Store
+from ..studies.sweep import sweep
 from ..surfaces.surface import Surface
 from .design_scene import DesignScene
 from .run_scene import scene_fields
@@ -37,7 +38,7 @@ POLISHING_STEPS = 6
 POLISHING = 10  # approximate number of evaluations
 
 Progress = Callable[[str, int, int], None]
-Values = dict[str, Float[Array, "..."]]
+Parameters = dict[str, Float[Array, "..."]]
 
 
 @shown()
@@ -84,8 +85,8 @@ def run_design(
     **Arguments:**
 
     - `study`: what to design.
-    - `store`: stores every evaluation and every verified surface at once. The same study continues
-      from there; another study uses the entries that both have in common.
+    - `store`: stores every evaluation and every contact at once. The same study continues from
+      there; another study uses the entries that both have in common.
     - `progress`: called with the current step, the number done and the total, after every
       evaluation and solve. An exception in it ends the design.
 
@@ -96,9 +97,11 @@ def run_design(
     """
     check_design(study)
     own, say = study.scene.stack, progress or (lambda *_: None)
+    objective, constraints = mean_field_problem(study)
     with within("[design]"):
-        design = _search(
-            study, mean_field_problem(study), {path: paths(own)[path] for path in study.lower},
+        design = minimise(
+            objective, study.lower, study.upper, {path: paths(own)[path] for path in study.lower},
+            constraints=constraints,
             num_starts=study.starts,
             seed=study.seed,
             store=store,
@@ -110,16 +113,11 @@ def run_design(
     if study.polish:
         polished = _polish(study, design, store, say)
         stacks["polished"] = with_values(own, polished.parameters)
-    candidates, total = {}, study.verify * len(stacks)
+    candidates = {}
     for name, stack in stacks.items():
-        solved = []
-        for i in range(study.verify):
-            solved.append(_stored_contact(study, stack, _heights(study, i), store))
-            say("contact", len(candidates) * study.verify + len(solved), total)
-        found = np.reshape(solved, (study.verify, 2, study.scene.velocity.size))
-        candidates[name] = Candidate(
-            stack, design_mean_field(study, stack), found[:, 0], found[:, 1]
-        )
+        field = design_mean_field(study, stack)
+        solved = _contacts(study, stack, 0, store, partial(say, f"contact, {name}"))
+        candidates[name] = Candidate(stack, field, *solved)
     return DesignResults(study, design, polished, candidates)
 
 
@@ -151,61 +149,48 @@ def mean_field_problem(study: DesignScene) -> tuple[Objective, Constraints | Non
 
     Both are for `minimise`, or any other search: they take a dict of numbers by path.
     """
-    stack = study.scene.stack
+    stack, constraints = study.scene.stack, _constraints(study)
     if study.band is not None:
 
-        def flatness(values: Values) -> Float[Array, ""]:
+        def flatness(values: Parameters) -> Float[Array, ""]:
             tangents = band_tangents(study, with_values(stack, values))
             return jnp.mean(jnp.stack([ripple(tangent) for tangent in tangents]))
 
-        return flatness, _constraints(study)
+        return flatness, constraints
     before = design_mean_field(study, stack).friction
 
-    def objective(values: Values) -> Float[Array, ""]:
-        return _objective(
-            study, design_mean_field(study, with_values(stack, values)).friction, before
-        )
-
-    return objective, _constraints(study)
-
-
-def contact_problem(
-    study: DesignScene, *, store: Store | None = None, progress: Progress | None = None
-) -> tuple[Objective, Constraints | None]:
-    """Returns objective and constraints of the mean friction by contact, over the surfaces for
-    polishing.
-
-    `store` and `progress` are as in `run_design`.
-    """
-    stack, say = study.scene.stack, progress or (lambda *_: None)
-    fields, friction_before = [], []
-    for i in range(study.verify):
-        say("polish, before", i, study.verify)
-        fields.append(_heights(study, study.verify + i))
-        friction_before.append(_stored_contact(study, stack, fields[-1], store)[0])
-    heights, before = jnp.stack(fields), np.mean(friction_before, axis=0)
-
-    def objective(values: Values) -> Float[Array, ""]:
+    def objective(values: Parameters) -> Float[Array, ""]:
         changed = with_values(stack, values)
-        friction = jax.lax.map(lambda h: _contact(study, changed, h)[0], heights)
-        return _objective(study, jnp.mean(friction, axis=0), before)
+        return _objective(study, design_mean_field(study, changed).friction, before)
 
-    return objective, _constraints(study)
+    return objective, constraints
 
 
 def _polish(study: DesignScene, design: Design, store: Store | None, say: Progress) -> Design:
-    """A few steps from the design, by the contact solver's gradients."""
-    done = 0
+    """A few steps from the design, by the contact solver's gradients on surfaces of their own."""
+    stack, count, done = study.scene.stack, study.verify, 0
+    # Other surfaces than those of the verification, which the search must not have seen.
+    heights = jnp.stack([_heights(study, count + i) for i in range(count)])
+    friction, _ = _contacts(study, stack, count, store, partial(say, "polish, before"))
+    before, velocities = np.mean(friction, axis=0), jnp.asarray(study.scene.velocity)
+
+    def objective(values: Parameters) -> Float[Array, ""]:
+        changed = with_values(stack, values)
+
+        def on(rough: Array) -> Array:
+            return jax.lax.map(lambda v: _contact(study, changed, rough, v)[0], velocities)
+
+        return _objective(study, jnp.mean(jax.lax.map(on, heights), axis=0), before)
 
     def after_evaluation(_: int, value: float) -> None:
         nonlocal done
         done += 1
         say(f"polish, value {value:.4g}", min(done, POLISHING), POLISHING)
 
-    problem = contact_problem(study, store=store, progress=say)
     say("polish", 0, POLISHING)
-    polished = _search(
-        study, problem, design.parameters,
+    polished = minimise(
+        objective, study.lower, study.upper, design.parameters,
+        constraints=_constraints(study),
         num_starts=1,
         max_steps=POLISHING_STEPS,
         store=store,
@@ -213,13 +198,6 @@ def _polish(study: DesignScene, design: Design, store: Store | None, say: Progre
     )  # fmt: skip
     say("polish", POLISHING, POLISHING)
     return polished
-
-
-def _search(
-    study: DesignScene, problem: tuple[Objective, Constraints | None], start: Any, **options: Any
-) -> Design:
-    objective, constraints = problem
-    return minimise(objective, study.lower, study.upper, start, constraints=constraints, **options)
 
 
 @eqx.filter_jit
@@ -244,6 +222,7 @@ def _objective(study: DesignScene, friction: Array, before: Numbers) -> Float[Ar
         goal = study.goal * (as_float(before) if study.relative else 1)
         # 1 where it is reached: a value whose relative changes mean something.
         return jnp.exp(distance(friction, goal))
+    # The geometric mean: a velocity with little friction counts as much as one with much.
     mean = jnp.exp(jnp.mean(jnp.log(friction)))
     return mean if study.objective == "minimise_friction" else -mean
 
@@ -253,9 +232,10 @@ def _constraints(study: DesignScene) -> Constraints | None:
     if stiffness is None and limit is None:
         return None
 
-    def constraints(values: Values) -> Float[Array, " limits"]:
+    def constraints(values: Parameters) -> Float[Array, " limits"]:
         stack, parts = with_values(own, values), []
         if stiffness is not None:
+            # Two one-sided limits, relative as `minimise` wants them.
             change = limited_modulus(study, stack) / limited_modulus(study, own) - 1
             parts += [stiffness.within - change, stiffness.within + change]
         if limit is not None:
@@ -283,7 +263,7 @@ def total_thickness(stack: Stack) -> Float[Array, ""]:
     return sum((layer.thickness for layer in stack.layers), start=jnp.zeros(()))
 
 
-def _heights(study: DesignScene, index: int) -> Float[Array, "nx ny"]:
+def _heights(study: DesignScene, index: Any) -> Float[Array, "nx ny"]:
     """Heights of one of the surfaces for verification, or after these of one for polishing."""
     source = study.scene.surface
     assert isinstance(source, RandomSurface)
@@ -292,38 +272,36 @@ def _heights(study: DesignScene, index: int) -> Float[Array, "nx ny"]:
     ).heights
 
 
-def _stored_contact(
-    study: DesignScene, stack: Stack, heights: Array, store: Store | None
-) -> tuple[np.ndarray, np.ndarray]:
-    """Friction and area of a stack on a surface, from the store or for it."""
+def _contacts(
+    study: DesignScene, stack: Stack, first: int, store: Store | None, say: Callable
+) -> Float[np.ndarray, "2 surfaces velocities"]:
+    """Friction and area of a stack on `verify` surfaces, from the store or for it."""
+    names, velocity = ("friction", "contact_area"), study.scene.velocity
+    if not study.verify:
+        return np.zeros((2, 0, len(velocity)))
+
+    def solved(point: dict[str, Any]) -> dict[str, Array]:
+        found = _contact(study, stack, _heights(study, point["surface"]), point["velocity"])
+        return dict(zip(names, found, strict=True))
+
+    axes = {"surface": first + np.arange(study.verify), "velocity": velocity}
+    found = sweep(solved, axes, store=store, progress=say)
+    ends = found["message"].values
+    if np.any(ends == NOT_STARTED):  # `sweep` returns what it has after an interruption
+        raise KeyboardInterrupt
+    if np.any(ends != ""):
+        raise RuntimeError(ends[ends != ""][0])
+    return np.stack([found[name].values for name in names])
+
+
+def _contact(
+    study: DesignScene, stack: Stack, heights: Array, velocity: Any
+) -> tuple[Float[Array, ""], Float[Array, ""]]:
+    """Friction and sub-pixel area by contact."""
     scene = study.scene
     assert isinstance(scene.surface, RandomSurface)
-    name = fingerprint(
-        package_versions(), "friction and area", scene.surface.grid, stack, heights, scene.pressure,
-        scene.velocity, scene.solver, scene.rtol, scene.graded_solver, scene.strain_per_slope,
-    )  # fmt: skip
-    found = None if store is None else store.read(name, ("friction", "contact_area"))
-    if found is None:
-        friction, area = map(np.asarray, _contact(study, stack, heights))
-        found = Point({"friction": friction, "contact_area": area})
-        if store is not None:
-            store.write(name, found)
-    return found.values["friction"], found.values["contact_area"]
-
-
-@eqx.filter_jit
-def _contact(study: DesignScene, stack: Stack, heights: Array) -> tuple[Array, Array]:
-    """Friction and sub-pixel area by contact, at each velocity."""
-    scene = study.scene
-    assert isinstance(scene.surface, RandomSurface)
-    surface = Surface(heights, scene.surface.grid)
-
-    def one(velocity: Array) -> tuple[Array, Array]:
-        point = {"pressure": scene.pressure[0], "velocity": velocity}
-        case = dataclasses.replace(
-            scene, stack=stack, sweep={}, temperature=None, direction=0.0
-        ).case(point, surface)
-        found = case.solve(dataclasses.replace(scene.numerics, throw=True))
-        return found.friction, found.contact_area_smooth
-
-    return jax.lax.map(one, jnp.asarray(scene.velocity))
+    bare = dataclasses.replace(scene, stack=stack, sweep={}, temperature=None, direction=0.0)
+    point = {"pressure": scene.pressure[0], "velocity": velocity}
+    case = bare.case(point, Surface(heights, scene.surface.grid))
+    found = case.solve(dataclasses.replace(scene.numerics, throw=True))
+    return found.friction, found.contact_area_smooth

@@ -18,10 +18,10 @@ from ..studies.dataset import package_versions
 from ..studies.parameter_covariance import moved
 from ..studies.program import trace
 from ..studies.store import Store, fingerprint
-from ..studies.sweep import Workers, solve_points
+from ..studies.sweep import Workers, columns_of, solve_points
 from ..surfaces.surface import Surface
+from .results import collect, fields_of, numbers_of_scene
 from .scene import Scene
-from .scene_results import collect, fields_of, numbers_of_scene
 from .surface_source import RandomSurface, SurfaceFile
 from .theory import check_frequencies_of, errors_of_stack
 
@@ -53,11 +53,12 @@ def check_scene(scene: Scene) -> None:
 def check_run(scene: Scene, surface: Surface) -> None:
     """Raises `ValueError` for what `run_scene` refuses before its first solve."""
     _check_blocks(scene, surface)
-    trace(_solver(scene, surface), {name: at[0] for name, at in _columns(scene).items()})
+    trace(_solver(scene, surface), {name: at[0] for name, at in columns_of(scene.axes).items()})
 
 
 def _check_blocks(scene: Scene, surface: Surface) -> None:
     check_frequencies_of(scene, surface)
+    # In two dimensions waves across the velocity are at rest, and need a modulus there.
     if surface.grid.ndim == 2 or scene.motion is not None or not np.all(scene.velocity):
         for _, stack in scene.blocks():
             check_at_rest(stack)
@@ -119,7 +120,7 @@ def run_scene(
     numbers = numbers_of_scene(scene, surface)
     points = solve_points(
         _solver(scene, surface),
-        _columns(scene),
+        columns_of(scene.axes),
         names.ravel().tolist(),
         store=store,
         workers=workers,
@@ -139,6 +140,7 @@ def point_names(scene: Scene, surface: Surface) -> np.ndarray:
     of the results.
     """
     versions = {key: package_versions()[key] for key in ("version_graded_contact", "version_jax")}
+    # Of drawn surfaces the seed, which is in the point, is the whole difference.
     rough: Any = (surface.heights, surface.measured)
     if "seed" in scene.axes and isinstance(scene.surface, RandomSurface):
         rough = scene.surface._replace(seed=0, seeds=None)
@@ -148,7 +150,7 @@ def point_names(scene: Scene, surface: Surface) -> np.ndarray:
         scene.graded_solver, scene.motion, scene.pressure_ratio, scene.shear, scene.heating,
         scene.strain_per_slope, errors_of_stack(scene),
     )  # fmt: skip
-    columns = _columns(scene)
+    columns = columns_of(scene.axes)
     names = [
         fingerprint(common, dict(zip(columns, numbers, strict=True)))
         for numbers in zip(*columns.values(), strict=True)
@@ -156,18 +158,12 @@ def point_names(scene: Scene, surface: Surface) -> np.ndarray:
     return np.reshape(names, [len(at) for at in scene.axes.values()])
 
 
-def _columns(scene: Scene) -> dict[str, np.ndarray]:
-    """The numbers of each solve, by the names of the axes."""
-    grid = np.meshgrid(*scene.axes.values(), indexing="ij")
-    return {name: at.ravel() for name, at in zip(scene.axes, grid, strict=True)}
-
-
 def _solver(scene: Scene, surface: Surface) -> Callable[[dict[str, Any]], dict[str, Any]]:
     """What gives the numbers and fields of one solve, from its numbers on the axes."""
     if scene.approach is not None:
         with within("[load]"):
             check_approach(scene.approach, surface, HardWall())
-    fields = fields_of(scene) if scene.fields != "none" else ()
+    fields = fields_of(scene)
     errors = errors_of_stack(scene)
     names = [n for n in numbers_of_scene(scene, surface) if n != "friction_standard_error"]
 
@@ -195,6 +191,7 @@ def _solver(scene: Scene, surface: Surface) -> Callable[[dict[str, Any]], dict[s
             return found["friction" if scene.motion is None else "mean_friction"], found
 
         none = jnp.zeros(len(errors.directions), surface.heights.dtype)
+        # One backward pass gives the slopes along all directions of the errors.
         slopes, found = jax.grad(friction, has_aux=True)(none)
         return {**found, "friction_standard_error": jnp.linalg.norm(slopes)}
 

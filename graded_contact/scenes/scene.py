@@ -8,7 +8,8 @@ begin with `~`.
 import dataclasses
 import itertools
 import math
-from collections.abc import Iterator, Mapping
+import os
+from collections.abc import Iterable, Iterator, Mapping
 from pathlib import Path
 from typing import Annotated, Any, Literal
 
@@ -21,21 +22,34 @@ from ..blocks.layering import Layering
 from ..blocks.stack import Stack
 from ..contacts.nested_solve import DouglasRachford
 from ..contacts.solve import RTOL
+from ..core.checks import (
+    as_float,
+    check_positive,
+    check_squares,
+    check_tolerance,
+    check_values,
+    nearest,
+    within,
+)
 from ..core.display import shown
-from ..core.parameters import with_values
+from ..core.memory import check_points
+from ..core.parameters import paths, with_values
 from ..fields.grid import Grid, velocity_along
 from ..materials.material import AbstractMaterial
+from ..materials.softening import as_strain_per_slope
+from ..readers.paths import check_name, read_utf8
 from ..sliding.case import Case
 from ..sliding.heating import Heating
 from ..sliding.motion import Motion
 from ..sliding.numerics import Numerics
-from ..sliding.shear import AbstractShear
+from ..sliding.shear import AbstractShear, shear_stress
 from ..studies.parameter_covariance import Errors
 from ..surfaces.surface import Surface
-from .schema import LINEAR, LOGARITHMIC, keys_of
-from .surface_source import RandomSurface, Sphere, SurfaceFile
+from .block import Block, extremes
+from .schema import LINEAR, LOGARITHMIC, MOST_BYTES, ROOT, keys_of, parse_toml
+from .surface_source import RandomSurface, Sphere, SurfaceFile, surface_source
 
-Values = Annotated[Float[np.ndarray, " _"], LOGARITHMIC]
+Axis = Annotated[Float[np.ndarray, " _"], LOGARITHMIC]
 
 
 @dataclasses.dataclass(frozen=True)
@@ -69,7 +83,7 @@ class Tables:
     title: str = ""
     grid: Grid | None = None
     layers: list[dict] = dataclasses.field(default_factory=list)
-    sweep: dict[str, Values] = dataclasses.field(default_factory=dict)
+    sweep: dict[str, Axis] = dataclasses.field(default_factory=dict)
     motion: Motion | None = None
     shear: AbstractShear | None = None
     heating: Heating | None = None
@@ -124,10 +138,10 @@ class Scene:
     title: str
     stack: Stack
     surface: RandomSurface | SurfaceFile | Sphere
-    sweep: dict[str, Values]
-    pressure: Values
-    velocity: Values
-    approach: Values | None = None
+    sweep: dict[str, Axis]
+    pressure: Axis
+    velocity: Axis
+    approach: Axis | None = None
     temperature: Annotated[Float[np.ndarray, "*temperatures"], LINEAR] | None = None
     direction: float = 0.0
     extrapolate: bool = False
@@ -170,6 +184,7 @@ class Scene:
     def period_at(self, velocity: Any) -> Any:
         """Returns the period of the motion [s] at a highest speed [m/s]."""
         assert self.motion is not None
+        # The same path at another speed takes another period; at rest the period stays.
         own = self.motion.highest_speed
         return self.motion.period * jnp.where(own > 0, own / jnp.where(own > 0, velocity, 1), 1)
 
@@ -192,6 +207,7 @@ class Scene:
             return Case(velocity=velocity_along(point["velocity"], self.direction), **given)
         along, moved = np.ravel(velocity_along(1.0, self.direction)), self.motion.displacement
         if self.pressure_ratio is not None:
+            # The load is linear between its times, and periodic as the motion.
             times = np.arange(self.num_times) / self.num_times
             known = np.arange(len(self.pressure_ratio)) / len(self.pressure_ratio)
             ratio = np.interp(times, known, self.pressure_ratio, period=1.0)
@@ -202,8 +218,7 @@ class Scene:
 
     def block(self, point: Mapping[str, Any]) -> Stack:
         """Returns the stack at a point, given by its numbers on the axes; JAX may trace them."""
-        values = {path: point[path] for path in self.sweep}
-        stack = with_values(self.stack, values) if values else self.stack
+        stack = with_values(self.stack, {path: point[path] for path in self.sweep})
         temperature = point.get("temperature", self.temperature)
         return stack if temperature is None else stack.at(temperature)
 
@@ -231,3 +246,144 @@ KEYS = {
         "[output]": ("name", "directory", "fields"),
     }.items()
 }
+
+
+def read_scene(path: str | os.PathLike) -> Scene:
+    """Returns the scene that a TOML file describes; the site lists its keys.
+
+    A missing file raises `FileNotFoundError`. An error in the file raises `ValueError` with the
+    table and the key.
+
+    **Arguments:**
+
+    - `path`: of the TOML file.
+
+    **Returns:** the scene.
+    """
+    text = read_utf8(path, MOST_BYTES)
+    with within(f"{path}:"):
+        return parse_scene(text, Path(path).parent)
+
+
+def parse_scene(text: str, folder: str | os.PathLike = ".") -> Scene:
+    """Returns the scene that a TOML text describes; its paths are relative to `folder`."""
+    block = Block(Path(folder))
+    reader = block.reader
+    tables: Tables = reader.build(ROOT, parse_toml(text), Tables)
+    (load,) = reader.arguments("[load]", tables.load, KEYS["[load]"])
+    if ("pressure" in load) == ("approach" in load):
+        both = "has `pressure` and `approach`; give" if "pressure" in load else "lacks"
+        raise ValueError(f"[load] {both} one of the keys `pressure` and (on a window) `approach`.")
+    load.setdefault("pressure", np.array([]))  # with an approach there is none
+    if "velocity" not in load:
+        if tables.motion is None:
+            raise ValueError("[load] lacks the key `velocity`.")
+        load["velocity"] = np.array([float(tables.motion.highest_speed)])
+    solver, accuracy = reader.arguments(
+        "[solver]", tables.solver, keys_of(DouglasRachford), KEYS["[solver]"]
+    )
+    block.read_materials(tables.materials, load.get("temperature"))
+    # A table that is continued by a plateau allows what [load] would refuse.
+    if any(getattr(m, "extrapolate", "") == "plateau" for m in block.materials.values()):
+        load["extrapolate"] = True
+    with within("[solver]"):
+        algorithm = DouglasRachford(**solver)
+    surface = surface_source(tables.surface, tables.grid, reader)
+    stack = block.stack(tables.layers, tables.base)
+    inputs = dict(reader.paths)  # before [output], whose folder is no input
+    (output,) = reader.arguments("[output]", tables.output, KEYS["[output]"])
+    own = {name: getattr(tables, name) for name in ("title", "sweep", "motion", "shear", "heating")}
+    found = Scene(
+        text=text,
+        surface=surface,
+        stack=stack,
+        errors=tuple((name, block.materials[name], known) for name, known in block.errors.items()),
+        inputs=inputs,
+        notes=tuple(block.notes),
+        solver=algorithm,
+        **own,
+        **load,
+        **accuracy,
+        **output,
+    )
+    _check_numbers(found)
+    _check_tables(found)
+    return found
+
+
+def _check_numbers(scene: Scene) -> None:
+    """Raises `ValueError` for numbers that no contact, file or block can have."""
+    with within("[load]"):
+        if scene.approach is None:
+            check_positive("pressure", scene.pressure, "[Pa]")
+        else:
+            check_values("approach", scene.approach, "an approach [m] must be finite")
+        check_values("velocity", scene.velocity, "a velocity [m/s] must be finite")
+        check_squares("velocity", scene.velocity, "m/s")
+        turn, allowed = 2 * np.pi, "an angle [rad] lies between -2π and 2π"
+        check_values("direction", scene.direction, allowed, at_least=-turn, at_most=turn)
+        if scene.strain_per_slope is not None:
+            as_strain_per_slope(scene.strain_per_slope, scene.stack)
+    with within("[solver]"):
+        check_tolerance("rtol", scene.rtol, as_float(1.0))  # in the dtype of the session
+    if scene.name is not None:
+        with within("[output]"):
+            check_name(scene.name)
+    with within("[sweep]"):
+        check_paths(scene.sweep, scene.stack)
+        for path, values in scene.sweep.items():
+            for value in (np.min(values), np.max(values)):  # what is allowed has no gaps
+                changed = with_values(scene.stack, {path: value})
+                for at in extremes(scene.temperature):
+                    changed.at(at)
+    check_points("` x `".join(scene.axes), scene.num_solves)
+
+
+def _check_tables(scene: Scene) -> None:
+    """Raises `ValueError` for tables and keys that do not go together, or that need another."""
+    source, motion = scene.surface, scene.motion
+    is_open = isinstance(source, SurfaceFile) and source.arguments.get("periodic") == "open"
+    if scene.approach is not None and not (is_open or isinstance(source, Sphere)):
+        raise ValueError(
+            '[load] `approach` needs a surface of kind "sphere", or a file that is "open".'
+        )
+    if scene.heating is not None and scene.temperature is None:
+        raise ValueError("[heating] needs the bulk `temperature` [K] in [load].")
+    with within("[shear]"):
+        # A law with a shift refuses a scene without a temperature.
+        for at in extremes(scene.temperature) or [None]:
+            shear_stress(scene.shear, as_float(1.0, "velocity"), at)
+    if motion is None:
+        if scene.pressure_ratio is not None:
+            raise ValueError("[load] `pressure_ratio` needs a table [motion].")
+        return
+    refuse_tables(scene, "[motion]", "shear", "heating")
+    if scene.strain_per_slope is not None:
+        raise ValueError("[motion] does not take the key `strain_per_slope` of [load].")
+    with within("[load]"):
+        if scene.pressure_ratio is not None:
+            check_positive("pressure_ratio", np.array(scene.pressure_ratio), "[1]")
+        if float(motion.highest_speed) > 0:
+            check_positive("velocity", scene.velocity, "[m/s]: a motion has a highest speed")
+        elif np.any(scene.velocity):
+            raise ValueError("`velocity` is refused: [motion] is at rest. Leave it out.")
+
+
+def refuse_tables(scene: Scene, place: str, *names: str) -> None:
+    """Raises `ValueError` if a scene has an approach or one of these tables, which `place` does
+    not take.
+    """
+    if scene.approach is not None:
+        raise ValueError(f"{place} needs a `pressure` in [load], not an `approach`.")
+    for name in names:
+        if getattr(scene, name) is not None:
+            raise ValueError(f"{place} does not take the table [{name}].")
+
+
+def check_paths(given: Iterable[str], stack: Stack) -> None:
+    """Raises `ValueError` unless all name numbers of the block."""
+    known = paths(stack)
+    whole = [path for path in known if not path.endswith("]")]  # entries of arrays are many
+    for path in given:
+        if path not in known:
+            raise ValueError(f"`{path}` is not a number of the block; {nearest(path, whole)}")

@@ -16,7 +16,10 @@ A parameter of any other type is no key.
 
 import dataclasses
 import inspect
+import json
 import os
+import re
+import tomllib
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from pathlib import Path
 from types import UnionType
@@ -29,7 +32,7 @@ from ..core.checks import check_positive, check_type, check_values, nearest, sho
 from ..core.memory import check_points
 from ..readers.paths import full_path
 
-LARGEST = 1_000_000  # bytes of a text; building 20,000 layers takes a minute
+MOST_BYTES = 1_000_000  # bytes of a text; building 20,000 layers takes a minute
 ROOT = "the scene"
 REQUIRED = inspect.Parameter.empty
 
@@ -38,6 +41,11 @@ CLASSES: dict[Any, type] = {
     float: float, list[float]: float, Sequence[Any]: float, int: int, tuple[int, ...]: int,
     bool: bool, str: str, os.PathLike: str, Path: str, list[dict]: dict,
 }  # fmt: skip
+
+# The time of tomllib grows with the square of the parts of a key. No search begins inside a part.
+_LONG_KEY = re.compile(
+    r"""(?<![\w"'\\-])(?:(?:[\w-]+|"(?:[^"\\\n]|\\.)*"|'[^'\n]*')[ \t]*\.[ \t]*){100}"""
+)
 
 Kinds = Mapping[str, Callable]
 
@@ -117,11 +125,12 @@ class Reader:
 
     def build_kind(self, place: str, table: Any, kinds: Kinds) -> Any:
         """Returns the object of the constructor that a table names by its `kind`."""
-        kind, rest = kind_of(place, table, {name: keys_of(make) for name, make in kinds.items()})
+        kind, rest = kind_of(place, table, kinds)
         return self.build(place, rest, kinds[kind])
 
     def arguments(self, place: str, table: Any, *keys: Sequence[Key]) -> list[dict[str, Any]]:
         """Returns the entries of one table, converted, in as many parts as there are `keys`."""
+        # Misspelt keys first: a missing key may be one of them.
         known = [key for part in keys for key in part]
         check_keys(place, table, [key.name for key in known])
         for key in known:
@@ -147,9 +156,15 @@ class Reader:
                 table = {"kind": value} if isinstance(value, str) else value
                 return self.build_kind(inner, table, self.kinds[part])
             if get_origin(part) is dict:
-                return self._mapping(inner, value, *get_args(part))
+                names, entry = get_args(part)
+                table: Any = value
+                check_keys(inner, value, value if names is str else get_args(names))
+                if entry is object:
+                    return value
+                return {k: self.value(inner, Key(k, entry), v) for k, v in table.items()}
             if isinstance(part, Spacing):
                 return self._axis(place, key.name, value, part)
+            # After the kinds: a dataclass of a kind is made by its constructor.
             if isinstance(part, type) and dataclasses.is_dataclass(part):
                 return self.build(inner, value, part)
         if choices := [part for part in parts if isinstance(part, str)]:
@@ -161,14 +176,8 @@ class Reader:
         """Returns the path under a key, relative to `folder`, and adds it to `paths`."""
         with within(place):
             found = full_path(self.value(place, Key(name, str), value), self.folder)
-        self.paths[place, name] = found
+        self.paths[place, name] = found  # the results store a checksum of each file
         return found
-
-    def _mapping(self, place: str, table: Any, names: Any, annotation: Any) -> dict[str, Any]:
-        check_keys(place, table, table if names is str else get_args(names))
-        if annotation is object:
-            return table
-        return {key: self.value(place, Key(key, annotation), value) for key, value in table.items()}
 
     def _axis(
         self, place: str, key: str, value: Any, spacing: Spacing
@@ -188,6 +197,7 @@ class Reader:
                 check_values("points", ends["points"], "at least 2 points are needed", at_least=2)
                 check_points("points", ends["points"])
             values = spacing.values(*ends.values())
+        # Equal values would be one solve under two indices.
         ordered, counts = np.unique(values, return_counts=True)
         if len(ordered) < values.size:
             raise ValueError(
@@ -205,15 +215,13 @@ def _plain(name: str, value: Any, parts: Sequence[Any]) -> Any:
             raise ValueError(f"`{name}={short(value)}` must be a list of tables.")
         return value
     rows = list[float] in parts or any(_is_array(part) and part.dims for part in parts)
-    entries = (
-        value if is_list and (rows or {Sequence[Any], tuple[int, ...]} & {*parts}) else [value]
-    )
+    takes_list = rows or Sequence[Any] in parts or tuple[int, ...] in parts
+    entries = value if is_list and takes_list else [value]
     if not entries:
         raise ValueError(f"`{name}` is an empty list; at least one number is needed.")
-    if classes == (bool,) and not isinstance(value, bool):
-        raise ValueError(f"`{name}={short(value)}` must be true or false.")
     for entry in entries:
         check_type(name, entry, *classes)
+        # JAX keeps the last 64 bits of a whole number, and would take another seed.
         if classes != (float,) and isinstance(entry, int) and abs(entry) >= 10**18:
             raise ValueError(f"`{name}={short(entry)}` has more than 18 digits.")
     if classes == (float,):
@@ -227,7 +235,8 @@ def _plain(name: str, value: Any, parts: Sequence[Any]) -> Any:
 def classes_of(parts: Sequence[Any]) -> tuple[type, ...]:
     """Returns the classes of a plain value, or of the entries of a list; none for a table."""
     found = [float if _is_array(part) else CLASSES.get(part) for part in parts]
-    found += [str for part in parts if isinstance(part, str)]
+    found += [str for part in parts if isinstance(part, str)]  # choices
+    # A whole number is given where a float is meant: that class alone is enough.
     return (float,) if float in found else tuple(dict.fromkeys(filter(None, found)))
 
 
@@ -249,13 +258,10 @@ def parts_of(annotation: Any) -> list[Any]:
     return list(get_args(annotation)) if origin is Literal else [annotation]
 
 
-def kind_of(
-    place: str, table: Any, kinds: Mapping[str, Sequence[Key]]
-) -> tuple[str, dict[str, Any]]:
+def kind_of(place: str, table: Any, kinds: Iterable[str]) -> tuple[str, dict[str, Any]]:
     """Returns the `kind` of a table, one of `kinds`, and its other entries."""
     if not isinstance(table, dict) or "kind" not in table:
-        check_keys(place, table, ["kind", *(key.name for keys in kinds.values() for key in keys)])
-        raise ValueError(f"{place} lacks the key `kind`, one of {list(kinds)}.")
+        raise ValueError(f"{place} must be a table with the key `kind`, one of {list(kinds)}.")
     rest = {key: value for key, value in table.items() if key != "kind"}
     return _choice(place, "kind", table["kind"], kinds), rest
 
@@ -275,3 +281,69 @@ def _choice(place: str, key: str, value: Any, choices: Iterable[str]) -> str:
             f"{place} `{key}` = {short(value)} is not known; {nearest(value, choices)}"
         )
     return value
+
+
+def parse_toml(text: str) -> dict[str, Any]:
+    """Returns the tables of a TOML text.
+
+    **Raises:** `ValueError` for a text that is not TOML, with the line; or too long.
+    """
+    if len(text) > MOST_BYTES:
+        raise ValueError(
+            f"The text has {len(text) / 1e6:.3g} MB; at most {MOST_BYTES / 1e6:g} MB are read."
+        )
+    with within("Not valid TOML:"):
+        if long := _LONG_KEY.search(text):
+            raise ValueError(f"the key {long.group()[:20]}... has more than 100 parts.")
+        try:
+            return tomllib.loads(text)
+        except RecursionError as error:  # of tomllib, at some thousand brackets
+            raise ValueError("its lists or tables are nested too deeply.") from error
+
+
+def toml_text(content: dict[str, Any]) -> str:
+    """Returns the text of a scene's tables: those of materials and layers each under a heading.
+
+    **Arguments:**
+
+    - `content`: as `parse_toml` gives it; comments are not part of that.
+
+    **Returns:** a text from which `parse_toml` gives the same.
+    """
+    blocks = [_entries({k: v for k, v in content.items() if not _has_heading(v)})]
+    for name, value in content.items():
+        if not _has_heading(value):
+            continue
+        if isinstance(value, list):
+            blocks += [f"[[{_key(name)}]]\n{_entries(entry)}" for entry in value]
+        elif all(isinstance(entry, dict) for entry in value.values()):
+            blocks += [f"[{_key(name)}.{_key(k)}]\n{_entries(v)}" for k, v in value.items()]
+        else:
+            blocks.append(f"[{_key(name)}]\n{_entries(value)}")
+    return "\n".join(block for block in blocks if block)
+
+
+def entry_text(value: Any) -> str:
+    """Returns the text of a number, truth, text, list or inline table."""
+    if isinstance(value, dict):
+        return "{" + ", ".join(f"{_key(k)} = {entry_text(v)}" for k, v in value.items()) + "}"
+    if isinstance(value, list | tuple):
+        return "[" + ", ".join(map(entry_text, value)) + "]"
+    if isinstance(value, float) and not abs(value) < float("inf"):
+        return str(value)  # JSON spells nan and inf otherwise
+    # JSON leaves DEL unchanged, which TOML forbids.
+    return json.dumps(value, ensure_ascii=False).replace("\x7f", "\\u007f")
+
+
+def _has_heading(value: Any) -> bool:
+    if isinstance(value, list):
+        return bool(value) and all(isinstance(entry, dict) for entry in value)
+    return isinstance(value, dict) and bool(value)
+
+
+def _entries(table: dict[str, Any]) -> str:
+    return "".join(f"{_key(key)} = {entry_text(value)}\n" for key, value in table.items())
+
+
+def _key(key: str) -> str:
+    return key if re.fullmatch(r"[A-Za-z0-9_-]+", key) else entry_text(key)

@@ -110,28 +110,27 @@ def surface_source(
     table: dict[str, Any], grid: Grid | None, reader: Reader
 ) -> RandomSurface | SurfaceFile | Sphere:
     """Returns where the surface of a scene comes from, by its tables [surface] and [grid]."""
-    place, keys = "[surface]", {kind: [*takers.values()] for kind, takers in SURFACES.items()}
-    kind, entries = kind_of(place, table, {name: sum(keys[name], ()) for name in keys})
+    place = "[surface]"
+    kind, entries = kind_of(place, table, SURFACES)
+    keys = [*SURFACES[kind].values()]
     if kind == "file":
         if grid is not None:
             raise ValueError(
-                '[grid] is only for surfaces of kind "self_affine" or "sphere"; `shape` in '
-                "[surface] sets the number of points of a file."
+                '[grid] is not for surfaces of kind "file"; `shape` in [surface] sets the number '
+                "of points of a file."
             )
-        if all(key.name in entries for key in keys[kind][1]):
-            raise ValueError(f"{place} has `rms_height` and `rms_slope`: give one of them.")
-        return SurfaceFile(*reader.arguments(place, entries, *keys[kind]))
+        return SurfaceFile(*reader.arguments(place, entries, *keys))
     if grid is None:
         raise ValueError(f"{ROOT} lacks the key `grid`.")
     if kind == "sphere":
-        (sphere,) = reader.arguments(place, entries, *keys[kind])
+        (sphere,) = reader.arguments(place, entries, *keys)
         with within(place):
             least = LEAST_RADIUS * float(np.max(grid.size))
             allowed = f"[m] must be at least {LEAST_RADIUS:g} of the window's length, {least:.2g} m"
             check_values("radius", sphere["radius"], f"a radius {allowed}", at_least=least)
             check_squares("radius", sphere["radius"], "m")
         return Sphere(**sphere, grid=grid)
-    spectrum, drawn = reader.arguments(place, entries, *keys[kind])
+    spectrum, drawn = reader.arguments(place, entries, *keys)
     # Unless given, the longest wave is as long as the longest edge.
     spectrum.setdefault("q_low", 2 * np.pi / float(np.max(grid.size)))
     with within(place):

@@ -6,7 +6,8 @@ Errors of materials are propagated to the friction; the mean field shows which f
 
 import contextlib
 import dataclasses
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
+from functools import partial
 from typing import Any
 
 import jax
@@ -24,7 +25,6 @@ from ..materials.coverage import check_frequencies, coverage, is_unknown
 from ..materials.material import Prony
 from ..materials.shift import require_shift
 from ..mean_field.mean_field import MeanField, mean_field_of
-from ..sliding.case import Case
 from ..studies.parameter_covariance import Errors
 from ..studies.uncertainty import Sensitivity, sensitivity
 from ..surfaces.statistics import radial_spectrum
@@ -45,20 +45,16 @@ def mean_field_at(scene: Scene, surface: Surface, index: tuple[int, ...]) -> Mea
     - `index`: of the point, along the axes.
     """
     point = {name: at[i] for (name, at), i in zip(scene.axes.items(), index, strict=True)}
-    return _mean_field(scene, scene.case(point, surface))
+    return _mean_field(scene, surface, point)
 
 
-def _mean_field(scene: Scene, case: Case) -> MeanField:
-    """Without heat, also if it misses its tolerance."""
-    case, rough = dataclasses.replace(case, heating=None), roughness_of(scene, case.surface)
-    return mean_field_of(case, rough, graded_solver=scene.graded_solver, throw=False)
-
-
-def _hysteresis(scene: Scene, stack: Stack, surface: Surface, velocity: Any) -> MeanField:
-    """The mean field without shear at the highest pressure."""
-    given = {"pressure": np.max(scene.pressure), "strain_per_slope": scene.strain_per_slope}
-    case = Case(stack=stack, surface=surface, velocity=velocity, **given)
-    return _mean_field(scene, case)
+def _mean_field(
+    scene: Scene, surface: Surface, point: Mapping[str, Any], **changed: Any
+) -> MeanField:
+    """Without heat, of a scene with changed fields; also if it misses its tolerance."""
+    case = dataclasses.replace(scene, heating=None, motion=None, **changed).case(point, surface)
+    rough, solver = roughness_of(scene, surface), scene.graded_solver
+    return mean_field_of(case, rough, graded_solver=solver, throw=False)
 
 
 def roughness_of(scene: Scene, surface: Surface) -> Any:
@@ -84,20 +80,19 @@ def check_frequencies_of(scene: Scene, surface: Surface) -> None:
             return
         where = ", ".join(f"{name} = {value:g}" for name, value in point.items())
         with within(f"At {where}:") if where else contextlib.nullcontext():
-            _check_block(scene, stack, surface)
+            with within("[load] `velocity` and the surface:"):
+                check_frequencies(stack, _excited(scene, surface.grid))
+            if surface.periodic:  # there is no mean field of a window
+                shares = partial(_shares, scene, surface, stack)
+                refuse_extrapolated(scene, stack, surface.grid, shares)
 
 
-def _check_block(scene: Scene, stack: Stack, surface: Surface) -> None:
-    with within("[load] `velocity` and the surface:"):
-        check_frequencies(stack, _excited(scene, surface.grid))
-
-    def shares() -> np.ndarray:
-        velocities = [velocity_along(v, scene.direction) for v in scene.velocity]
-        fields = [_hysteresis(scene, stack, surface, v) for v in velocities]
-        return np.array([field.extrapolated_friction for field in fields])
-
-    if surface.periodic:  # there is no mean field of a window
-        refuse_extrapolated(scene, stack, surface.grid, shares)
+def _shares(scene: Scene, surface: Surface, stack: Stack) -> np.ndarray:
+    """The share of the friction from frequencies that were not measured, at each velocity."""
+    given = {"stack": stack, "sweep": {}, "temperature": None, "shear": None}
+    points = [{"pressure": np.max(scene.pressure), "velocity": v} for v in scene.velocity]
+    fields = [_mean_field(scene, surface, point, **given) for point in points]
+    return np.array([field.extrapolated_friction for field in fields])
 
 
 def refuse_extrapolated(
@@ -118,7 +113,7 @@ def refuse_extrapolated(
     if scene.extrapolate or found is None:
         return
     low, high = map(float, found)
-    if not np.any(is_unknown(excited, (low, high))):
+    if not np.any(is_unknown(excited, (low, high))):  # the mean field is not needed
         return
     shares = np.asarray(friction_shares())
     refused = shares > EXTRAPOLATED
@@ -189,20 +184,23 @@ def what_decides(scene: Scene, surface: Surface) -> dict[tuple[str, float], Sens
 def _decided_by(scene: Scene, surface: Surface, material: Prony, speed: float) -> Sensitivity:
     grid = surface.grid
     ends = SLOWER * 2 * np.pi / np.max(grid.size), np.pi / np.min(grid.spacing)
+    # From the slowest wave across the velocity to the shortest wave along it.
     count = int(PER_DECADE * np.log10(ends[1] / ends[0])) + 2
-    omega, factor, point = np.geomspace(*ends, count) * speed, 1.0, {}
+    omega, factor = np.geomspace(*ends, count) * speed, 1.0
+    point = {"pressure": np.max(scene.pressure), "velocity": speed}
     if scene.temperature is not None:
         point["temperature"] = np.ravel(scene.temperature)[0]
         factor = float(require_shift(material.shift).factor(point["temperature"]))
 
     def friction(table: Any) -> jax.Array:
+        # By identity: another material with the same numbers stays.
         swapped = jax.tree.map(
             lambda node: table if node is material else node,
             scene.stack,
             is_leaf=lambda node: node is material,
         )
-        block = dataclasses.replace(scene, stack=swapped, sweep={}).block(point)
-        return _hysteresis(scene, block, surface, speed).friction
+        given = {"stack": swapped, "sweep": {}, "shear": None, "direction": 0.0}
+        return _mean_field(scene, surface, point, **given).friction
 
     # The table is about the temperature at which the material is written.
     found = sensitivity(friction, material, omega * factor)

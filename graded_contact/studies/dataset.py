@@ -1,21 +1,26 @@
 """Numbers over named axes: units, statistics and files of an `xarray.Dataset`.
 
-A file is HDF5 as xarray writes it, after 512 bytes with a checksum of the rest.
-`xarray.open_dataset(path, engine="h5netcdf")` opens it too.
+A file is HDF5 as xarray writes it, after `SEAL` bytes with a checksum of the rest: a damaged HDF5
+file may make HDF5 hang or return other numbers. HDF5 skips these bytes, so
+`xarray.open_dataset(path, engine="h5netcdf")` opens the file too. Files are written under another
+name, flushed to the disk and renamed.
 """
 
+import contextlib
 import functools
+import hashlib
 import io
 import os
+import uuid
 from collections.abc import Mapping
 from importlib.metadata import version
+from pathlib import Path
 from types import MappingProxyType
 from typing import TYPE_CHECKING
 
 from ..core.memory import available_memory
 from ..core.quantities import quantity_of
-from ..readers.paths import Refusal, check_hdf5
-from .sealed import read_sealed, write_sealed, write_whole
+from ..readers.paths import LARGEST_FILE, Refusal, check_hdf5, read_file
 
 if TYPE_CHECKING:
     from xarray import Dataset
@@ -24,6 +29,7 @@ if TYPE_CHECKING:
 NOT_STARTED = "not started"
 FAILED = "failed: "
 LOST = f"{FAILED}its worker died, each time that it was tried"  # no fault of the point's
+SEAL = 512  # bytes, the least that HDF5 can skip
 _PACKAGES = ("graded_contact", "jax", "numpy", "h5py")
 
 
@@ -45,14 +51,56 @@ def attach(dataset: "Dataset", units: Mapping[str, str] = MappingProxyType({})) 
     return dataset
 
 
-def mean_and_error(dataset: "Dataset") -> tuple["Dataset", "Dataset"]:
-    """Returns the mean and its standard error over the seeds.
+def write_whole(path: str | os.PathLike, content: bytes | str) -> None:
+    """Writes a file; an earlier file, or a link, is replaced when the new one is complete.
 
-    Only points that succeeded count, those with an empty `message`.
+    **Arguments:**
+
+    - `path`: of the file.
+    - `content`: a text is written in UTF-8.
+
+    **Raises:** `OSError` if it cannot be written; an earlier file stays.
     """
-    solved = dataset.drop_vars("message").where(dataset["message"] == "")
-    error = solved.std("seed", ddof=1, keep_attrs=True) / solved.count("seed") ** 0.5
-    return solved.mean("seed", keep_attrs=True), error
+    path = Path(path)
+    # In the same folder: a file cannot be renamed from one disk to another.
+    partial = path.with_name(f".{uuid.uuid4().hex}.partial")
+    try:
+        partial.write_bytes(content.encode() if isinstance(content, str) else content)
+        with open(partial, "rb+") as written:
+            os.fsync(written.fileno())
+        os.replace(partial, path)
+    except OSError as error:
+        raise OSError(f"`{path}` cannot be written: {error.strerror or error}.") from error
+    finally:
+        with contextlib.suppress(OSError):
+            partial.unlink()
+    if os.name == "posix":  # the new name, too, is to survive a loss of power
+        folder = os.open(path.parent, os.O_RDONLY)
+        os.fsync(folder)
+        os.close(folder)
+
+
+def write_sealed(path: str | os.PathLike, content: bytes) -> None:
+    """Writes a checksum and the content as `write_whole` does."""
+    write_whole(path, _header(content) + content)
+
+
+def read_sealed(path: str | os.PathLike, at_most: float = LARGEST_FILE) -> bytes:
+    """Returns the content of a file that `write_sealed` wrote, of `at_most` bytes.
+
+    **Raises:** `FileNotFoundError`; `ValueError` if the file differs from what was written.
+    """
+    whole = read_file(path, at_most)
+    content = whole[SEAL:]
+    if whole[:SEAL] != _header(content):
+        raise ValueError(
+            f"`path={path}` is damaged, or another program or an earlier version wrote it."
+        )
+    return content
+
+
+def _header(content: bytes) -> bytes:
+    return f"graded_contact\n{hashlib.sha256(content).hexdigest()}\n".encode().ljust(SEAL)
 
 
 def write(path: str | os.PathLike, dataset: "Dataset") -> None:
@@ -77,7 +125,7 @@ def read(path: str | os.PathLike) -> "Dataset":
     import xarray
 
     most = available_memory() or float("inf")
-    content = read_sealed(path, most)
+    content = read_sealed(path, most)  # damaged HDF5 never reaches the HDF5 library
     try:
         check_hdf5(content, most)
         return xarray.load_dataset(io.BytesIO(content), engine="h5netcdf")

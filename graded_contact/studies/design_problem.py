@@ -29,8 +29,8 @@ def box_of(lower: Any, upper: Any) -> Box:
 
     **Raises:** `ValueError` unless both have the same nesting and 0 < lower <= upper.
     """
-    high = _flat("upper", upper, lower)
     names, low = named(lower)
+    high = _flat("upper", upper, names)
     if len(low) == 0:
         raise ValueError("`lower` is empty: at least one parameter is needed.")
     for name, a, b in zip(names, low, high, strict=True):
@@ -43,24 +43,23 @@ def box_of(lower: Any, upper: Any) -> Box:
     return Box(low, high, names, unravel)
 
 
-def first_in(box: Box, start: Any, lower: Any) -> Flat:
+def first_in(box: Box, start: Any) -> Flat:
     """Returns where a search begins: `start`, checked, or the middle on the logarithm."""
     if start is None:
         return np.sqrt(box.low * box.high)
-    first = _flat("start", start, lower)
+    first = _flat("start", start, box.names)
     for name, x, a, b in zip(box.names, first, box.low, box.high, strict=True):
+        # A start may come from a file, with rounded digits.
         if not a * (1 - 1e-9) <= x <= b * (1 + 1e-9):
             raise ValueError(f"`start` has {name} = {x:g}; it must be between {a:g} and {b:g}.")
     return np.clip(first, box.low, box.high)
 
 
-def _flat(argument: str, tree: Any, lower: Any) -> Flat:
-    """The values of a tree that has the nesting and the shapes of `lower`."""
-    if jax.tree.structure(tree) != jax.tree.structure(lower):
-        raise ValueError(f"`{argument}` must have the same nesting as `lower`.")
-    names, values = named(tree)
-    if names != named(lower)[0]:
-        raise ValueError(f"`{argument}` must have arrays of the same shapes as `lower`.")
+def _flat(argument: str, tree: Any, names: list[str]) -> Flat:
+    """The values of a tree whose numbers have these names."""
+    own, values = named(tree)
+    if own != names:
+        raise ValueError(f"`{argument}` must have the same nesting and shapes as `lower`.")
     return values
 
 
@@ -74,11 +73,6 @@ def named(tree: Any) -> tuple[list[str], Flat]:
             names.append(where + "".join(f"[{i}]" for i in index))
             values.append(float(array[index]))
     return names, np.array(values)
-
-
-def text_of(parameters: Any) -> str:
-    """Returns names and values in one line."""
-    return ", ".join(f"{n} = {v:.6g}" for n, v in zip(*named(parameters), strict=True))
 
 
 class Evaluation(NamedTuple):
@@ -111,7 +105,6 @@ class Problem:
         key: Array | None = None,
     ):
         self.box, self.store, self.key = box, store, key
-        self.constrained = constraints is not None
         self._found: dict[str, Evaluation] = {}
 
         def value(x, *key):
@@ -126,6 +119,7 @@ class Problem:
         self._objective = jax.jit(jax.value_and_grad(value))
         if store is not None:
             arguments = jnp.asarray(box.low), *self._keys(None if key is None else 0)
+            # The program, not the Python code: another number inside it is another search.
             traced = jax.make_jaxpr(lambda *x: (value(*x), limits(*x)))(*arguments)
             self._name = key_of(traced, str(traced.jaxpr))
 
@@ -139,10 +133,21 @@ class Problem:
 
         **Raises:** `ValueError` for what is not finite.
         """
+        # All starts are evaluated before the runs, and the best parameters after them.
         at = fingerprint(x, *map(jax.random.key_data, self._keys(draw)))
-        if at not in self._found:
-            self._found[at] = self._stored(at, x, draw)
-        return self._found[at]
+        if at in self._found:
+            return self._found[at]
+        name = "" if self.store is None else fingerprint(self._name, at)
+        point = None if self.store is None else self.store.read(name, Evaluation._fields)
+        if point is not None:
+            arrays: Any = point.values
+            found = Evaluation(**arrays)._replace(value=float(arrays["value"]))
+        else:
+            found = self._computed(x, draw)
+            if self.store is not None:
+                self.store.write(name, Point(jax.tree.map(np.asarray, found._asdict())))
+        self._found[at] = found
+        return found
 
     def limits(
         self, x: Flat, draw: int | None = None
@@ -156,27 +161,15 @@ class Problem:
             raise ValueError(f"`constraints` is {limits} at {self._text(x, draw)}.")
         return limits, slopes
 
-    def _stored(self, at: str, x: Flat, draw: int | None) -> Evaluation:
-        if self.store is None:
-            return self._computed(x, draw)
-        name = fingerprint(self._name, at)
-        point = self.store.read(name, Evaluation._fields)
-        if point is None:
-            found = self._computed(x, draw)
-            self.store.write(name, Point(jax.tree.map(np.asarray, found._asdict())))
-            return found
-        arrays: Any = point.values
-        return Evaluation(**arrays)._replace(value=float(arrays["value"]))
-
     def _computed(self, x: Flat, draw: int | None) -> Evaluation:
         value, slope = self._objective(x, *self._keys(draw))
         if not np.isfinite(value):
             raise ValueError(f"`objective` is {np.asarray(value)} at {self._text(x, draw)}.")
         limits, slopes = self.limits(x, draw)
         if not (np.all(np.isfinite(slope)) and np.all(np.isfinite(slopes))):
+            where = self._text(x, draw)
             raise ValueError(
-                "A derivative of `objective` or `constraints` is not finite at "
-                f"{self._text(x, draw)}."
+                f"A derivative of `objective` or `constraints` is not finite at {where}."
             )
         return Evaluation(float(value), limits, np.asarray(slope), slopes)
 
@@ -184,6 +177,5 @@ class Problem:
         return () if self.key is None else (jax.random.fold_in(self.key, draw),)
 
     def _text(self, x: Flat, draw: int | None) -> str:
-        return text_of(self.box.unravel(jnp.asarray(x))) + (
-            "" if draw is None else f" in draw {draw}"
-        )
+        text = ", ".join(f"{name} = {v:.6g}" for name, v in zip(self.box.names, x, strict=True))
+        return text if draw is None else f"{text} in draw {draw}"

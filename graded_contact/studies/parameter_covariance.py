@@ -17,9 +17,9 @@ from ..core.checks import as_float, check_values, nearest, within
 from ..core.display import shown
 from ..core.parameters import paths, with_values
 from ..readers.paths import read_file
-from .sealed import write_whole
+from .dataset import write_whole
 
-LARGEST = 10_000_000  # bytes of a file; 500 numbers have 6 MB
+_LARGEST = 10_000_000  # bytes of a file; 500 numbers have 6 MB
 
 T = TypeVar("T")
 
@@ -53,6 +53,7 @@ class Errors(eqx.Module):
 
 def moved(tree: T, errors: Errors, steps: Float[Array, " directions"]) -> T:
     """Returns `tree` with its numbers changed by so many standard deviations in each direction."""
+    # A number that the tree does not have is refused by `with_values`, with the nearest name.
     known, off = paths(tree), steps @ errors.directions
     changes = zip(errors.paths, off, strict=True)
     return with_values(tree, {path: known.get(path, 0) + change for path, change in changes})
@@ -65,6 +66,7 @@ def check_errors(errors: Errors, material: object) -> None:
     """
     known = paths(material)
     single = [path for path, value in known.items() if not value.ndim]
+    # Errors of a series are correlated: a part of them would give a wrong covariance.
     series = {path.rpartition("[")[0] for path in errors.paths} & {*known}
     for path in errors.paths:
         if path not in single:
@@ -95,7 +97,7 @@ def read_errors(path: str | os.PathLike) -> Errors:
 
     **Raises:** `FileNotFoundError`; `ValueError` for anything else in the file, naming its line.
     """
-    content = read_file(path, LARGEST)
+    content = read_file(path, _LARGEST)
     with within(f"`path={path}`:"):
         try:
             text = io.StringIO(content.decode("utf-8-sig"), newline="")

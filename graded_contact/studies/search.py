@@ -20,7 +20,7 @@ from scipy.optimize import minimize
 from ..core.checks import check_tolerance, check_types, check_whole
 from ..core.display import shown
 from ..core.quantities import quantity_of
-from .design_problem import Flat, Problem, box_of, first_in, named
+from .design_problem import Box, Evaluation, Flat, Problem, box_of, first_in, named
 from .store import Store, opened
 
 Objective = Callable[[Any], Float[Array, ""]]
@@ -184,15 +184,16 @@ def minimise(
     check_whole("max_steps", max_steps, 1)
     check_tolerance("rtol", rtol, np.zeros(()))
     box = box_of(lower, upper)
-    starts = _starts(box, first_in(box, start, lower), num_starts, seed)
-    runs = []
+    say = progress or (lambda *_: None)
+    starts = _starts(box, first_in(box, start), num_starts, seed)
     with opened(store) as points:
         problem = Problem(objective, constraints, box, points)
-        # A start may be where the objective is all but zero.
+        # The median: a start may be where the objective is all but zero.
         size = np.median([abs(problem.evaluate(x).value) for x in starts])
-        for i, x in enumerate(starts):
-            report = partial(progress or (lambda *_: None), i)
-            runs.append(_Descent(problem, x, report).run(size, rtol, max_steps))
+        runs = [
+            descend(problem.evaluate, box, x, size, rtol, max_steps, partial(say, i))
+            for i, x in enumerate(starts)
+        ]
     feasible = [run for run in runs if run.feasible]
     if not feasible:
         least = max(problem.evaluate(np.array(run.parameters)).limits.min() for run in runs)
@@ -221,73 +222,65 @@ def _starts(box, first, num_starts, seed):
     """The first, and others spread evenly over the box."""
     from scipy.stats import qmc  # takes 0.4 s to import
 
+    # A shift modulo 1 keeps the points evenly spread, for every seed.
     shift = np.random.default_rng(seed).random(len(first))
     spread = (qmc.Halton(len(first), scramble=False).random(num_starts)[1:] + shift) % 1
     return [first, *(box.low * (box.high / box.low) ** u for u in spread)]
 
 
-class _Descent:
-    """One run of sequential quadratic programming, on the unit cube."""
+def descend(
+    evaluate: Callable[[Flat], Evaluation], box: Box, start: Flat, size: float, rtol: float,
+    max_steps: int, report: Callable[[float], None] = lambda _: None,
+) -> Run:  # fmt: skip
+    """Returns one run of sequential quadratic programming, on the unit cube of the logarithms.
 
-    def __init__(self, problem, start, report):
-        self.problem, self.start, self.report = problem, start, report
-        low, high = problem.box.low, problem.box.high
-        self.span = np.log(high / low)
-        self.origin = np.log(start / low) / np.where(self.span > 0, self.span, 1)
-        self.tried, self.last, self.best = [], None, (np.inf, self.origin)
+    **Arguments:**
 
-    def run(self, size, rtol, max_steps):
-        u = self.origin
-        # The first step goes along the gradient, as far as that is large: not through the cube.
-        steepness = np.linalg.norm(self.at(u)[3])
-        scale = 1 / max(size, steepness / FIRST_STEP, np.finfo(float).tiny)
-        self.seen(u)
-        limits = {
-            "type": "ineq",
-            "fun": lambda u: self.at(u)[2] - MARGIN,
-            "jac": lambda u: self.at(u)[4],
-        }
-        found = minimize(
-            lambda u: self.at(u)[1] * scale,
-            u,
-            jac=lambda u: self.at(u)[3] * scale,
-            method="SLSQP",
-            bounds=[(0.0, 1.0 if s > 0 else 0.0) for s in self.span],
-            constraints=[limits] if self.problem.constrained else [],
-            options={"ftol": rtol * size * scale, "maxiter": max_steps},
-            callback=self.seen,
-        )
-        self.seen(np.clip(found.x, 0, 1))
-        feasible = bool(np.isfinite(self.best[0]))
-        value, u = self.best if feasible else (self.at(found.x)[1], found.x)
-        return Run(
-            parameters=self.parameters(u).tolist(),
-            value=float(value),
-            history=History(*map(np.array, zip(*self.tried, strict=True))),
-            num_evaluations=len(self.tried),
-            feasible=feasible,
-            converged=bool(found.success) and feasible,
-            message=str(found.message),
-        )
+    - `evaluate`: parameters -> objective and constraints.
+    - `box`, `start`: bounds, and where to begin.
+    - `size`: of the objective; a run ends when it changes by less than `rtol` of that, or after
+      `max_steps`.
+    - `report`: called with each value.
+    """
+    span = np.log(box.high / box.low)
+    origin = np.log(start / box.low) / np.where(span > 0, span, 1)
+    tried: dict[bytes, tuple] = {}
 
-    def parameters(self, u):
-        if np.array_equal(u, self.origin):
-            return self.start  # whose logarithm is rounded
-        return self.problem.box.low * np.exp(self.span * np.clip(u, 0, 1))
+    def at(u):
+        """Parameters, value, limits and their slopes on the cube, remembered."""
+        if u.tobytes() not in tried:
+            # At the origin `start` itself, because its logarithm is rounded.
+            x = start if np.array_equal(u, origin) else box.low * np.exp(span * np.clip(u, 0, 1))
+            value, limits, slope, slopes = evaluate(x)
+            report(value)
+            tried[u.tobytes()] = x, value, limits, slope * span * x, slopes * span * x
+        return tried[u.tobytes()]
 
-    def at(self, u):
-        """Place, value, limits and their slopes on the cube, remembered."""
-        if self.last is None or not np.array_equal(self.last[0], u):
-            x = self.parameters(u)
-            value, limits, slope, slopes = self.problem.evaluate(x)
-            self.tried.append((value, np.array(x), limits))
-            self.report(value)
-            scale = self.span * x
-            self.last = (np.array(u), value, limits, slope * scale, slopes * scale)
-        return self.last
-
-    def seen(self, u):
-        """Remembers the best point that satisfies the constraints."""
-        _, value, limits, *_ = self.at(u)
-        if np.all(limits >= 0) and value < self.best[0]:
-            self.best = (value, np.array(u))
+    # The first step goes along the gradient, as far as that is large: not through the cube.
+    steepness = np.linalg.norm(at(origin)[3])
+    scale = 1 / max(size, steepness / FIRST_STEP, np.finfo(float).tiny)
+    # With a margin, because SLSQP meets active constraints to about its tolerance only.
+    margins = {"type": "ineq", "fun": lambda u: at(u)[2] - MARGIN, "jac": lambda u: at(u)[4]}
+    found = minimize(
+        lambda u: at(u)[1] * scale,
+        origin,
+        jac=lambda u: at(u)[3] * scale,
+        method="SLSQP",
+        bounds=[(0.0, 1.0 if s > 0 else 0.0) for s in span],
+        constraints=[margins] if at(origin)[2].size else [],
+        options={"ftol": rtol * size * scale, "maxiter": max_steps},
+    )
+    last = at(np.clip(found.x, 0, 1))
+    # SLSQP may end just outside a constraint: only points that satisfy all are taken.
+    allowed = [one for one in tried.values() if np.all(one[2] >= 0)]
+    x, value, *_ = min(allowed, key=lambda one: one[1]) if allowed else last
+    history = [(value, x, limits) for x, value, limits, *_ in tried.values()]
+    return Run(
+        parameters=x.tolist(),
+        value=value,
+        history=History(*map(np.array, zip(*history, strict=True))),
+        num_evaluations=len(tried),
+        feasible=bool(allowed),
+        converged=bool(found.success and allowed),
+        message=str(found.message),
+    )

@@ -27,9 +27,9 @@ from graded_contact import cli
 from graded_contact.command import run as scene_job
 from graded_contact.command import terminal as session
 from graded_contact.command.result_tables import with_error
-from graded_contact.scenes.results import kept_solves, read_results, state_of, surface_of
+from graded_contact.scenes.results import kept_solves, read_results, solve_states, surface_of
 from graded_contact.scenes.run_scene import build_surface
-from graded_contact.scenes.scene_reading import parse_scene, read_scene
+from graded_contact.scenes.scene import parse_scene, read_scene
 from graded_contact.scenes.theory import mean_field_at
 from graded_contact.sliding.case import Case
 from graded_contact.studies.dataset import write
@@ -234,7 +234,7 @@ def test_an_interrupted_run_names_what_was_not_started_and_goes_on(
     told = command("info", tmp_path / "out" / "small.h5")
     for text in (result.stdout, told.stdout):
         assert text.count("not started") == 1
-    states = state_of(read_results(tmp_path / "out" / "small.h5")).values
+    states = solve_states(read_results(tmp_path / "out" / "small.h5")).values
     assert states.tolist() == [["", "not started"]]
     result = rerun()
     assert result.exit_code == 0 and "1 of 2 solves are found" in result.stdout

@@ -12,7 +12,7 @@ import graded_contact as gc
 from graded_contact import cli
 from graded_contact.command import terminal as session
 from graded_contact.core import memory as _memory
-from graded_contact.scenes.scene_reading import parse_scene
+from graded_contact.scenes.scene import parse_scene
 
 BLOCK = gc.Stack(layers=(), base=gc.HalfSpace(gc.Elastic(1e6)))
 SPECTRUM = gc.SelfAffine(rms_slope=0.1, hurst=0.8, q_low=1e3, q_roll=2e3, q_high=8e3)

@@ -1,7 +1,5 @@
 """Results of a scene go to a file and come back; what is in them follows from the dataset alone."""
 
-import os
-
 import h5py
 import numpy as np
 import pytest
@@ -14,14 +12,14 @@ from graded_contact.scenes.results import (
     contact_at,
     kept_solves,
     lost_solves,
+    over_seeds,
     read_results,
-    state_of,
+    solve_states,
     surface_of,
     surface_variables,
     warnings_of,
 )
-from graded_contact.studies.dataset import LOST, NOT_STARTED, attach, write
-from graded_contact.studies.sealed import SEAL, write_sealed
+from graded_contact.studies.dataset import LOST, NOT_STARTED, SEAL, attach, write, write_sealed
 from graded_contact.surfaces.surface import Step
 
 
@@ -44,7 +42,13 @@ def make_results(shape=(4, 6), dtype=np.float64, keep="every"):
     over = (*axes, *places) if keep == "every" else (*places,)
     size = (2, 3, *shape) if keep == "every" else shape
     variables |= {n: (over, draw.normal(size=size).astype(dtype)) for n in KEPT_FIELDS.values()}
-    attributes |= {"title": "glatt, 50 µm", "seed": 3, "rtol": 1e-6, "scene": "a = 1\n" * 20000}
+    attributes |= {
+        "title": "glatt, 50 µm",
+        "seed": 3,
+        "kept": "1 2",
+        "rtol": 1e-6,
+        "scene": "a = 1\n" * 20000,
+    }
     return attach(xarray.Dataset(variables, axes | places, attributes))
 
 
@@ -74,7 +78,21 @@ def test_warnings_follow_from_the_numbers(tmp_path):
 
 def test_each_solve_has_a_state():
     words = [["", "", "not converged"], ["", "not started", "failed"]]
-    np.testing.assert_array_equal(state_of(make_results()), words)
+    np.testing.assert_array_equal(solve_states(make_results()), words)
+
+
+def test_seeds_are_joined_without_those_that_failed():
+    values, message = np.random.default_rng(0).normal(size=(2, 9)), np.full((2, 9), "", object)
+    message[1, 5] = "failed: µ"
+    axes = ("velocity", "seed")
+    data = {"friction": (axes, values), "error": (axes, values), "message": (axes, message)}
+    found = over_seeds(xarray.Dataset(data, {"velocity": [0.1, 1.0], "seed": np.arange(9)}))
+    for row, used in enumerate([values[0], np.delete(values[1], 5)]):
+        np.testing.assert_allclose(found.friction[row], np.mean(used), rtol=1e-13)
+        expected = np.std(used, ddof=1) / np.sqrt(len(used))
+        np.testing.assert_allclose(found.friction_seed_error[row], expected, rtol=1e-13)
+        assert found.error[row] == np.max(used)
+    assert found.message.values.tolist() == ["", "8 of 9 surfaces succeeded."]
 
 
 def test_fields_are_those_of_the_stored_solves():
@@ -90,54 +108,29 @@ def test_fields_are_those_of_the_stored_solves():
     assert kept_solves(last.drop_vars([*KEPT_FIELDS.values()])) == []
 
 
-def test_an_interrupted_write_leaves_the_earlier_file_and_nothing_else(tmp_path, monkeypatch):
-    path = tmp_path / "a.h5"
-    write(path, make_results())
-    before = path.read_bytes()
-
-    def interrupted(*_):
-        raise KeyboardInterrupt
-
-    monkeypatch.setattr(os, "replace", interrupted)
-    for name in ("a.h5", "b.h5"):
-        with pytest.raises(KeyboardInterrupt):
-            write(tmp_path / name, make_results((8,)))
-    assert [entry.name for entry in tmp_path.iterdir()] == ["a.h5"]
-    assert path.read_bytes() == before
-
-
 def test_other_files_are_refused(tmp_path):
     path = tmp_path / "a.h5"
     with pytest.raises(FileNotFoundError, match=r"a\.h5"):
         read_results(path)
-    path.write_text("friction 0.3")
-    with pytest.raises(ValueError, match=r"a\.h5.*is damaged, or another program"):
-        read_results(path)
-    with h5py.File(path, "w", userblock_size=512) as file:
-        file["friction"] = 0.3
-    with pytest.raises(ValueError, match=r"a\.h5.*an earlier version wrote it"):
-        read_results(path)
-    write(path, make_results().drop_vars("heights"))
-    with pytest.raises(ValueError, match=r"a\.h5` does not contain the results of a scene"):
-        read_results(path)
+    for content in (b"friction 0.3", b""):
+        path.write_bytes(content)
+        with pytest.raises(ValueError, match=r"a\.h5.*is damaged, or another program"):
+            read_results(path)
+    for content in (b"words", b"\x89HDF\r\n\x1a\n"):
+        write_sealed(path, content)
+        with pytest.raises(ValueError, match=r"a\.h5`"):
+            read_results(path)
 
 
 @pytest.mark.parametrize(
-    "lacking", ["surface_history", "surface_steps", "title", "period", "friction"]
+    "lacking", ["surface_history", "surface_steps", "title", "period", "friction", "heights"]
 )
-def test_a_file_with_a_checksum_but_without_what_results_have_is_refused(tmp_path, lacking):
+def test_a_file_without_what_results_have_is_refused(tmp_path, lacking):
     results = make_results()
     for attributes in (results.attrs, results.x.attrs):
         attributes.pop(lacking, None)
     write(tmp_path / "a.h5", results.drop_vars(lacking, errors="ignore"))
     with pytest.raises(ValueError, match=r"a\.h5` does not contain the results of a scene"):
-        read_results(tmp_path / "a.h5")
-
-
-@pytest.mark.parametrize("content", [b"", b"words", b"\x89HDF\r\n\x1a\n"])
-def test_a_file_with_a_checksum_that_is_no_dataset_is_refused(tmp_path, content):
-    write_sealed(tmp_path / "a.h5", content)
-    with pytest.raises(ValueError, match=r"a\.h5`"):
         read_results(tmp_path / "a.h5")
 
 

@@ -5,10 +5,9 @@ import pytest
 from scene_texts import BARE
 
 import graded_contact as gc
-from graded_contact.scenes.cost import scene_cost
 from graded_contact.scenes.results import contact_at, kept_solves, read_results
 from graded_contact.scenes.run_scene import build_surface, run_scene
-from graded_contact.scenes.scene_reading import parse_scene
+from graded_contact.scenes.scene import parse_scene
 from graded_contact.studies.dataset import write, write_csv
 
 SMALL = BARE.replace("[32, 32]", "[16, 16]").replace("q_high = 8e4", "q_high = 4e4")
@@ -61,14 +60,6 @@ def test_results_of_a_motion_are_read_as_written_and_keep_the_fields_over_time(c
     assert len(rows) == 2 and "mean_friction [1]" in head and "period [s]" in head
     figure = gc.plot.plot_cycle(again)
     assert len(figure.axes[0].lines) == 3  # two loops and zero
-
-
-def test_the_cost_counts_the_times():
-    def without_compiling(text):
-        return scene_cost(parse_scene(text)).seconds - 20.0
-
-    one, more = (CYCLE.replace("num_times = 8", f"num_times = {n}") for n in (8, 8000))
-    assert without_compiling(more) > 100 * without_compiling(one)
 
 
 def test_a_run_with_shear_adds_the_stress_on_the_contact():

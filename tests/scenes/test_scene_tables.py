@@ -9,14 +9,23 @@ from scene_texts import BARE
 
 import graded_contact as gc
 from graded_contact.readers.recorded_motion import read_motion
-from graded_contact.scenes.design_scene import parse_design
-from graded_contact.scenes.scene_reading import parse_scene, read_scene
+from graded_contact.scenes.scene import parse_scene, read_scene
 from graded_contact.scenes.theory import mean_field_at
 
 STILL = BARE.replace("velocity = [0.01, 1.0]\n", "")
 SINE = '[motion]\nkind = "sinusoidal"\nstroke = 2e-4\nfrequency = 20.0\nnum_times = 16\n'
 PEAKED = '[shear]\nkind = "peaked"\npeak = 1e6\nvelocity = 0.1\nsteepness = 0.1\n'
 SHIFT = 'shift = {kind = "arrhenius", activation_energy = 1e5, reference = 300.0}\n'
+SOFT = """[materials.soft]
+kind = "softened"
+material = "tread"
+strain = [1e-3, 1e-1]
+storage = [1.0, 0.5]
+loss = [1.0, 0.7]
+[base]"""
+SOFTENED = BARE.replace("[base]", SOFT).replace(
+    '\nmaterial = "tread"\n[load', '\nmaterial = "soft"\n[load'
+)
 HEATING = "[heating]\nconductivity = 0.2\ndiffusivity = 1e-7\n"
 
 
@@ -32,13 +41,7 @@ def test_a_motion_is_that_of_the_constructor_and_its_speed_the_velocity():
     np.testing.assert_allclose(speed, [0.01, 1.0], rtol=1e-12)
 
 
-def test_a_motion_without_speed_keeps_its_period():
-    scene = parse_scene(STILL + SINE.replace("2e-4", "0.0"))
-    assert scene.velocity == [0.0]
-    np.testing.assert_allclose(scene.period_at(scene.velocity), [0.05], rtol=1e-15)
-
-
-@pytest.mark.parametrize("head", ["", "time, displacement\n", "t [s], s [m]\n"])
+@pytest.mark.parametrize("head", ["", "t [s], s [m]\n"])
 def test_a_recorded_motion_is_read_from_a_table(tmp_path, head):
     times, moved = np.arange(40) / 400, 1e-4 * np.sin(2 * np.pi * np.arange(40) / 40)
     rows = "".join(f"{t:.6g}, {s:.12g}\n" for t, s in zip(times, moved, strict=True))
@@ -77,16 +80,12 @@ def test_anisotropy_and_softening_are_keys():
     )
     spectrum = parse_scene(lay).surface.spectrum
     assert float(spectrum.anisotropy) == 3.0 and float(spectrum.angle) == 0.5
-    soft = '[materials.soft]\nkind = "softened"\nmaterial = "tread"\nstrain = [1e-3, 1e-1]\n'
-    soft += "storage = [1.0, 0.5]\nloss = [1.0, 0.7]\namplitude = 0.1\n[base]"
-    text = BARE.replace("[base]", soft).replace(
-        '\nmaterial = "tread"\n[load', '\nmaterial = "soft"\n[load'
-    )
+    text = SOFTENED.replace("loss = [1.0, 0.7]", "loss = [1.0, 0.7]\namplitude = 0.1")
     found = parse_scene(text).stack.base.material.modulus(1e3)
     plain = parse_scene(BARE).stack.base.material.modulus(1e3)
     np.testing.assert_allclose(found, 0.5 * plain.real + 0.7j * plain.imag, rtol=1e-12)
-    above = BARE.replace("[materials.tread]", soft.replace("[base]", "[materials.tread]"))
-    with pytest.raises(ValueError, match=r"`material` = 'tread': \[materials.tread\] must stand"):
+    above = BARE.replace("[materials.tread]", SOFT.replace("[base]", "[materials.tread]"))
+    with pytest.raises(ValueError, match=r"`material` = 'tread' must stand below"):
         parse_scene(above)
 
 
@@ -119,13 +118,8 @@ def test_a_body_on_a_window_takes_an_approach():
 
 
 def test_strain_per_slope_is_a_key_of_the_load():
-    soft = '[materials.soft]\nkind = "softened"\nmaterial = "tread"\nstrain = [1e-3, 1e-1]\n'
-    soft += "storage = [1.0, 0.5]\nloss = [1.0, 0.7]\n[base]"
-    text = BARE.replace("[base]", soft).replace(
-        '\nmaterial = "tread"\n[load', '\nmaterial = "soft"\n[load'
-    )
     key = "[load]\nstrain_per_slope = 0.7"
-    scene = parse_scene(text.replace("[load]", key))
+    scene = parse_scene(SOFTENED.replace("[load]", key))
     assert scene.strain_per_slope == 0.7
     surface = scene.surface.build()
     at = dict(pressure=float(scene.pressure[0]), velocity=1.0, strain_per_slope=0.7)
@@ -134,7 +128,7 @@ def test_strain_per_slope_is_a_key_of_the_load():
     with pytest.raises(ValueError, match=r"\[load\] `strain_per_slope=0.7` is refused: `stack`"):
         parse_scene(BARE.replace("[load]", key))
     with pytest.raises(ValueError, match=r"\[motion\] does not take the key `strain_per_slope`"):
-        parse_scene(text.replace("[load]", key) + SINE)
+        parse_scene(SOFTENED.replace("[load]", key) + SINE)
 
 
 def test_an_open_file_is_a_window_with_its_tilt(tmp_path):
@@ -158,14 +152,8 @@ def test_an_open_file_is_a_window_with_its_tilt(tmp_path):
         (STILL + SINE + PEAKED, r"\[motion\] does not take the table \[shear\]"),
         (BARE.replace("[0.01", "[0.0") + SINE, r"\[load\] `velocity\[0\]=0` is refused"),
         (BARE.replace("= [0.01, 1.0]", "= 1.0\npressure_ratio = [1.0, 2.0]"), "needs a table .mot"),
-        (
-            STILL.replace("[load]", "[load]\npressure_ratio = [1.0, -2.0]") + SINE,
-            r"\[load\] `pressure_ratio\[1\]=-2` is refused",
-        ),
         (BARE + PEAKED + SHIFT, r"\[shear\] `temperature=None` is refused"),
-        (BARE + PEAKED + SHIFT.replace("energy", "enrgy"), r"\[shear.shift\] has no key"),
         (BARE + HEATING, r"\[heating\] needs the bulk `temperature`"),
-        (BARE + HEATING.replace("0.2", "0"), r"\[heating\] `conductivity=0` is refused"),
         (BARE.replace("self_affine", "sphere"), r"\[surface\] has no key `rms_slope`"),
     ],
 )  # fmt: skip
@@ -177,8 +165,3 @@ def test_a_wrong_table_is_refused_with_its_place(text, expected):
 @pytest.mark.parametrize("name", ["reciprocating", "shear_and_heat", "indenter"])
 def test_an_example_is_read(name):
     assert read_scene(Path(__file__).parents[2] / "examples" / f"{name}.toml").title
-
-
-def test_a_design_takes_no_motion():
-    with pytest.raises(ValueError, match=r"\[design\] does not take the table \[motion\]"):
-        parse_design(STILL + SINE + '[design]\nobjective = "friction"\n')
