@@ -1,7 +1,7 @@
 """Contact area and friction up to each wavenumber: which wavelengths matter."""
 
 import dataclasses
-from typing import Any, cast
+from typing import Any
 
 import equinox as eqx
 import jax.numpy as jnp
@@ -37,7 +37,6 @@ from ..surfaces.cutoff import CutoffCurve
 from ..surfaces.surface import Surface, check_periodic
 from .case import Case
 from .numerics import numerics_of
-from .sliding import Sliding
 
 
 @check_types
@@ -75,7 +74,7 @@ def area_against_cutoff(
     columns, start = [], None
     for cutoff in cutoffs:
         smooth = eqx.tree_at(lambda one: one.heights, surface, _waves_up_to(cutoff, surface))
-        s = cast(Sliding, dataclasses.replace(case, surface=smooth).solve(how, start=start))
+        s = dataclasses.replace(case, surface=smooth).solve(how, start=start)
         found = jnp.stack(s.compute("friction", "contact_area", "contact_area_smooth"))
         # Areas without a pressure are none, not 0.
         columns.append(jnp.where(jnp.isfinite(found[0]), found, jnp.nan))

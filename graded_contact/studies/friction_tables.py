@@ -3,7 +3,7 @@
 import dataclasses
 from collections.abc import Mapping
 from types import MappingProxyType
-from typing import TYPE_CHECKING, Any, Literal, cast
+from typing import TYPE_CHECKING, Any, Literal
 
 import jax.numpy as jnp
 from jax import Array
@@ -14,7 +14,6 @@ from ..fields.grid import velocity_along
 from ..mean_field.mean_field import mean_field_of
 from ..sliding.case import Case
 from ..sliding.numerics import numerics_of
-from ..sliding.sliding import Sliding
 from ..surfaces.spectrum import SelfAffine
 from ..surfaces.surface import Surface
 from .dataset import package_versions
@@ -102,7 +101,7 @@ def friction_table(
                 "contact_area": field.contact_area,
             }
         if method != "mean_field":
-            s = cast(Sliding, dataclasses.replace(contact, **at).solve(numerics))
+            s = dataclasses.replace(contact, **at).solve(numerics)
             of_grid = jnp.abs(s.geometric_friction - s.friction)
             found = {
                 "friction": s.friction,

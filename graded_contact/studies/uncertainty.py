@@ -143,10 +143,8 @@ def errors_of(fit: PronyFit | MasterCurve, material: Prony) -> Errors:
 
     def numbers(unknowns):
         changed = fit.with_unknowns(unknowns)
-        if isinstance(changed, MasterCurve) and by_law:
-            found = paths(changed.law_material())
-        else:
-            found = paths(changed.material)
+        exports_law = by_law and isinstance(changed, MasterCurve)
+        found = paths(changed.law_material() if exports_law else changed.material)
         return {path: found[path] for path in scalars}
 
     known = paths(material)
