@@ -21,6 +21,7 @@ from ..core.display import shown
 from ..core.quantities import OBSERVABLES, numbers_of
 from ..core.warnings import CYCLE_RULES, RULES, caveats_of
 from ..fields.grid import Grid, direction_and_speed
+from . import observables as _observables  # noqa: F401 (registers what the docstrings list)
 from .motion import components, rate_of
 from .shear import ShearStress
 
