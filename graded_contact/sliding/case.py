@@ -66,14 +66,15 @@ class Case(eqx.Module):
         check_type("heating", self.heating, Heating, type(None))
         if (self.velocity is None) == (self.displacement is None):
             raise ValueError("`velocity` or `displacement` with `period` is needed, not both.")
+        grid: Any = getattr(self.surface, "grid", None)  # a spectrum has none
         if self.velocity is not None:
-            as_velocity(self.velocity, getattr(self.surface, "grid", None))
+            as_velocity(self.velocity, grid)
             return
         check_type("surface", self.surface, Surface)
         if self.period is None:
             raise ValueError("`displacement` needs the `period` [s] of the motion.")
         shape = self.displacement.shape
-        allowed = ((), (2,)) if self.surface.grid.ndim == 2 else ((),)
+        allowed = ((), (2,)) if grid.ndim == 2 else ((),)
         if not shape or shape[0] < 4 or shape[1:] not in allowed:
             raise ValueError(
                 f"`displacement` has shape {shape}; `(nt,)` or, on a grid in two dimensions, "

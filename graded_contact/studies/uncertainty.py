@@ -143,8 +143,10 @@ def errors_of(fit: PronyFit | MasterCurve, material: Prony) -> Errors:
 
     def numbers(unknowns):
         changed = fit.with_unknowns(unknowns)
-        exports_law = by_law and isinstance(changed, MasterCurve)
-        found = paths(changed.law_material() if exports_law else changed.material)
+        if isinstance(changed, MasterCurve) and by_law:
+            found = paths(changed.law_material())
+        else:
+            found = paths(changed.material)
         return {path: found[path] for path in scalars}
 
     known = paths(material)
