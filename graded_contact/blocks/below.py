@@ -141,7 +141,7 @@ def _split(below: Below, s: Slab, x, e, tanh, n, n_t) -> Array:
     )
 
 
-def _inverse_size(coordinates: tuple[Array, ...]) -> Array:
+def _inverse_size(coordinates: tuple[Array, ...]) -> Any:
     """A constant that keeps homogeneous coordinates from overflowing."""
     parts = [part for x in coordinates for part in (x.real, x.imag)[: 1 + jnp.iscomplexobj(x)]]
     return 1 / sum(jnp.abs(jax.lax.stop_gradient(part)) for part in parts)

@@ -29,7 +29,7 @@ def depth_climb(
     traction: tuple[Array, Array, Array],
     depth: Float[Array, "..."],
     side: Side,
-) -> tuple[Callable[[AddGraded | None], tuple[Array, ...]], tuple[Array, Array], Array]:
+) -> tuple[Callable[[AddGraded | None], tuple[Array, ...]], tuple[Array, ...], Array]:
     """Returns the recursion to (t, s, σ_T) [Pa] and (U, w, w_T) at a depth, and the material there.
 
     **Arguments:**

@@ -11,6 +11,7 @@ A surface moving with velocity v excites the wavevector q at ω = -q·v. To save
   (`table`).
 """
 
+import math
 from functools import partial
 
 import equinox as eqx
@@ -129,7 +130,7 @@ def attempted_kernel(
         kernel = _direct_kernel(stack, grid, velocity, graded_solver, rtol, strain)
         return kernel, jnp.all(jnp.isfinite(kernel)) if is_graded(stack) else jnp.asarray(True)
 
-    if strain is None and not oblique and grid.ndim == 2 and is_dear(stack, np.prod(grid.shape)):
+    if strain is None and not oblique and grid.ndim == 2 and is_dear(stack, math.prod(grid.shape)):
         kernel, error = _interpolated_kernel(stack, grid, velocity, graded_solver, rtol)
         # NaN comes from a node that could not be solved; nor could its neighbours be.
         table, missed = (kernel, error <= rtol), error > rtol

@@ -25,7 +25,7 @@ import numpy as np
 from jaxtyping import Array, Float, Inexact, ScalarLike
 
 from ..core.checks import check_positive, check_type, check_values, is_concrete, scalar
-from ..core.display import shown, with_units
+from ..core.display import shown
 from ..materials.coverage import check_frequencies, coverage
 from ..materials.material import AbstractMaterial, material_called
 from .shapes import FROM_0_TO_1, AbstractShape, Linear, shape_called
@@ -53,7 +53,7 @@ class AbstractProfile(eqx.Module):
         def moved(node):
             return node.at(temperature) if is_material(node) else node
 
-        return with_units(jax.tree.map(moved, self, is_leaf=is_material))
+        return jax.tree.map(moved, self, is_leaf=is_material)
 
 
 class Blend(AbstractProfile):

@@ -238,5 +238,5 @@ def layers_of(stack: Stack, omega: Float[Array, "..."]) -> tuple[Any, Any, Any]:
     shape = jnp.broadcast_shapes(*[poisson.shape[1:] for poisson in poissons])
     poissons = [jnp.broadcast_to(poisson, (len(poisson), *shape)) for poisson in poissons]
     places = np.argsort(np.concatenate(list(kinds.values())))
-    parts = (jnp.concatenate(part)[places] for part in (moduli, poissons))
-    return (jnp.stack(thickness), *parts)
+    modulus, poisson = (jnp.concatenate(part)[places] for part in (moduli, poissons))
+    return jnp.stack(thickness), modulus, poisson

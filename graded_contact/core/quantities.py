@@ -172,22 +172,17 @@ class Observable(NamedTuple):
 
     - `quantity`: its name, symbol, unit and meaning.
     - `formula`: of a `Sliding` or a `CyclicSliding`.
-    - `steady`, `cyclic`: whether steady sliding and cycles have it.
+    - `cycle`: True for a number of cycles alone, False for one of steady sliding alone.
     - `over_time`: whether a cycle has one number at each time.
-    - `mean_over_seeds`: whether several surfaces have its mean; else they have the largest.
-    - `has_derivative`: False stops derivatives.
     - `stored`: whether prints, results of scenes and of `sweep` contain it.
-    - `needs`: only contacts with these `facts` print and store it.
+    - `needs`: only contacts with these `facts` print and store it; cycles have none of these.
     - `column`: head and format in the table of the command, if it has a column there.
     """
 
     quantity: Quantity
     formula: Callable[[Any], Any]
-    steady: bool = True
-    cyclic: bool = True
+    cycle: bool | None = None
     over_time: bool = False
-    mean_over_seeds: bool = False
-    has_derivative: bool = True
     stored: bool = True
     needs: Collection[str] = ()
     column: tuple[str, str] | None = None
@@ -196,9 +191,20 @@ class Observable(NamedTuple):
     def name(self) -> str:
         return self.quantity.name
 
+    @property
+    def has_derivative(self) -> bool:
+        """Whether it has one; estimated errors have none."""
+        return not self.name.endswith("_error")
+
+    @property
+    def mean_over_seeds(self) -> bool:
+        """Whether several surfaces have its mean; of errors and checks they have the largest."""
+        return bool(self.quantity.symbol) and self.has_derivative
+
     def is_of(self, motion: bool, facts: Collection[str]) -> bool:
         """Whether contacts of this kind have it."""
-        return (self.cyclic if motion else self.steady) and {*self.needs} <= {*facts}
+        cycle = False if self.needs else self.cycle
+        return cycle in (None, motion) and {*self.needs} <= {*facts}
 
 
 # In the order of prints and tables.
@@ -209,7 +215,8 @@ def observable(symbol: str, unit: str, meaning: str, **options: Any) -> Callable
     """Registers a function of a `Sliding` or a `CyclicSliding` as its attribute of the same name.
 
     The attribute is computed when it is read. A name with `_error` is the estimated error of the
-    name before it, and is printed behind it.
+    name before it: it is printed behind that, and has no derivative. Several surfaces have the mean
+    of a number that has a symbol, and the largest of an error or of a check without one.
 
     **Arguments:**
 

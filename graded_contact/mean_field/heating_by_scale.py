@@ -72,8 +72,9 @@ def find_rises(
     def step(values, rises):
         heating, given = values
         # Iterates may lie below the bulk.
-        q, *found, speed = power(given, jnp.maximum(rises, 0))
-        return _rises(heating, q, *found, scales(q[0], q[-1]), speed)
+        q, diffusion, hysteresis, shear, speed = power(given, jnp.maximum(rises, 0))
+        points = scales(q[0], q[-1])
+        return _rises(heating, q, diffusion, hysteresis, shear, points, speed)
 
     values = heating, given
     fixed = still(values)

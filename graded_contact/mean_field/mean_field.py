@@ -236,12 +236,12 @@ def mean_field_of(case: Case, roughness: Any = None, **options: Any) -> MeanFiel
 
     - `case`: with a pressure and a velocity.
     - `roughness`: `spectrum` of `mean_field_friction`; None for the surface of the case.
-    - `options`: other arguments of `mean_field_friction`.
+    - `options`: arguments of `mean_field_friction`, also in place of those of the case.
     """
     names = "pressure", "velocity", "shear", "temperature", "heating", "strain_per_slope"
     given: dict[str, Any] = {name: getattr(case, name) for name in names}
     rough = case.surface if roughness is None else roughness
-    return mean_field_friction(case.stack, rough, **given, **options)
+    return mean_field_friction(case.stack, rough, **{**given, **options})
 
 
 def _summed(field: Field, correction, graded_solver, shear, temperature):

@@ -44,7 +44,7 @@ def read_moduli(
     columns: Mapping[str, str | int] | None = None,
     units: Mapping[str, str] | None = None,
     deformation: str | None = None,
-    poisson: float | None = None,
+    poisson: Numbers | None = None,
     temperature: Numbers | None = None,
     sheet: str | None = None,
     step: str | int | Sequence[str | int] | None = None,

@@ -4,21 +4,14 @@ from collections.abc import Callable
 from typing import Any
 
 import equinox as eqx
-from jaxtyping import Array
 
 from ..blocks.stack import Stack
 from ..contacts.law import AbstractLaw, HardWall
 from ..contacts.solution import ContactSolution
-from ..core.checks import (
-    Numbers,
-    as_float,
-    as_scalar,
-    check_positive,
-    check_type,
-    check_values,
-    short,
-)
+from ..core.checks import Numbers, as_float, as_scalar, check_positive, check_type, check_values
 from ..core.display import shown
+from ..fields.grid import as_velocity
+from ..surfaces.spectrum import SelfAffine
 from ..surfaces.surface import Surface
 from .cycle import solve_cycle
 from .heating import Heating, solve_heated
@@ -27,11 +20,9 @@ from .shear import ShearLaw
 from .sliding import CyclicSliding, Sliding
 from .steady import solve_steady
 
-_FEWEST = 4  # times in a period
 
-
-def _numbers(name: str) -> Callable[[Any], Any]:
-    return lambda value: None if value is None else as_float(value, name)
+def _if_given(convert: Callable[[Any, str], Any], name: str) -> Callable[[Any], Any]:
+    return lambda value: None if value is None else convert(value, name)
 
 
 @shown(units=False)
@@ -42,7 +33,8 @@ class Case(eqx.Module):
 
     **Fields:**
 
-    - `stack`, `surface`: the block, and the rough surface on it.
+    - `stack`, `surface`: the block, and the rough surface on it. A case of the mean field alone may
+      have a spectrum in its place, see `mean_field_friction`.
     - `velocity`: of the surface over the block [m/s]; or
     - `displacement`, `period`: s(t) [m] over a period [s].
     - `pressure` [Pa], `mean_gap` [m] or `approach` [m]: what is prescribed.
@@ -54,10 +46,10 @@ class Case(eqx.Module):
     """
 
     stack: Stack
-    surface: Surface
-    velocity: Any = eqx.field(converter=_numbers("velocity"), default=None)
-    displacement: Any = eqx.field(converter=_numbers("displacement"), default=None)
-    period: Any = None
+    surface: Surface | SelfAffine | tuple[Any, Any]
+    velocity: Any = eqx.field(converter=_if_given(as_float, "velocity"), default=None)
+    displacement: Any = eqx.field(converter=_if_given(as_float, "displacement"), default=None)
+    period: Any = eqx.field(converter=_if_given(as_scalar, "period"), default=None)
     pressure: Numbers | None = None
     mean_gap: Numbers | None = None
     approach: Numbers | None = None
@@ -68,18 +60,28 @@ class Case(eqx.Module):
     strain_per_slope: Numbers | None = None
 
     def __check_init__(self):
-        if not isinstance(self.stack, Stack):
-            raise ValueError(
-                f"`stack={short(self.stack)}` must be a `Stack(layers=..., base=...)`."
-            )
-        if not isinstance(self.surface, Surface):
-            raise ValueError(f"`surface={short(self.surface)}` must be a `Surface(heights, grid)`.")
+        check_type("stack", self.stack, Stack)
+        check_type("surface", self.surface, Surface, SelfAffine, tuple)
         check_type("law", self.law, AbstractLaw)
         check_type("heating", self.heating, Heating, type(None))
         if (self.velocity is None) == (self.displacement is None):
             raise ValueError("`velocity` or `displacement` with `period` is needed, not both.")
-        if self.displacement is not None:
-            _check_motion(self.displacement, self.period, self.surface)
+        grid: Any = getattr(self.surface, "grid", None)  # a spectrum has none
+        if self.velocity is not None:
+            as_velocity(self.velocity, grid)
+            return
+        check_type("surface", self.surface, Surface)
+        if self.period is None:
+            raise ValueError("`displacement` needs the `period` [s] of the motion.")
+        shape = self.displacement.shape
+        allowed = ((), (2,)) if grid.ndim == 2 else ((),)
+        if not shape or shape[0] < 4 or shape[1:] not in allowed:
+            raise ValueError(
+                f"`displacement` has shape {shape}; `(nt,)` or, on a grid in two dimensions, "
+                "`(nt, 2)` is needed, with nt of at least 4 times."
+            )
+        check_values("displacement", self.displacement, "a displacement [m] must be finite")
+        check_positive("period", self.period, "[s]")
 
     def solve(
         self,
@@ -99,6 +101,7 @@ class Case(eqx.Module):
 
         **Raises:** `ValueError` for a refused number; `RuntimeError` if kernel or solve fail.
         """
+        check_type("surface", self.surface, Surface)
         if solution is not None and (self.heating is not None or self.velocity is None):
             raise ValueError(
                 "`solution` is refused with `heating` or a motion: it holds steady contacts alone."
@@ -108,16 +111,3 @@ class Case(eqx.Module):
         if self.heating is not None:
             return solve_heated(self, numerics, start)
         return solve_steady(self, numerics, start, solution)
-
-
-def _check_motion(displacement: Array, period: Any, surface: Surface) -> None:
-    period = as_scalar(period, "period")
-    components = displacement.shape[1:]
-    few = displacement.ndim == 0 or len(displacement) < _FEWEST
-    if few or components not in ((), (2,)) or len(components) >= surface.grid.ndim:
-        raise ValueError(
-            f"`displacement` has shape {displacement.shape}; `(nt,)` or, on a grid in two "
-            f"dimensions, `(nt, 2)` is needed, with nt of at least {_FEWEST} times."
-        )
-    check_values("displacement", displacement, "a displacement [m] must be finite")
-    check_positive("period", period, "[s]")

@@ -21,7 +21,7 @@ from ..contacts.solution import RESULTS
 from ..contacts.solve import as_start, contact_of, loading_of
 from ..contacts.solver import Inputs
 from ..contacts.space_time import SpaceTime, in_motion
-from ..core.checks import Numbers, as_scalar, check_squares
+from ..core.checks import Numbers, check_squares
 from ..core.derivative import derivative_apart
 from ..core.memory import CYCLE, check_memory
 from ..fields.devices import required
@@ -35,45 +35,31 @@ from .sliding import CyclicSliding
 
 def solve_cycle(case: Any, numerics: Numerics, start: Numbers | None = None) -> CyclicSliding:
     """Returns the periodic state of a `Case` with a displacement over time; see `slide_cycle`."""
-    stack, surface, law = case.stack, case.surface, case.law
+    stack, surface, law, period = case.stack, case.surface, case.law, case.period
     check_periodic(surface)
     check_one_law(law)
     grid, num_times = surface.grid, len(case.displacement)
-    period = as_scalar(case.period, "period")
     check_squares("heights", surface.heights, "m")
     heights = jnp.broadcast_to(surface.heights, (num_times, *grid.shape))
     check_memory("displacement", "a cycle", CYCLE, heights.shape, heights.dtype.itemsize)
     loading = loading_of(law, heights, num_times, pressure=case.pressure, mean_gap=case.mean_gap)
-    begin, graded_solver = as_start(start, heights, law), numerics.graded_solver
-    kernel, error = periodic_kernel(stack, grid, num_times, period, graded_solver)
-    reached = error <= graded_tolerance(graded_solver, None, grid.size)
+    begin = as_start(start, heights, law)
+    kernel, error = periodic_kernel(stack, grid, num_times, period, numerics.graded_solver)
+    reached = error <= graded_tolerance(numerics.graded_solver, None, grid.size)
     if numerics.throw:
-        kernel = required(kernel, reached, lambda x, bad: eqx.error_if(x, bad, _NOT_REACHED))
+        kernel = required(kernel, reached, RESULTS.inaccurate_kernel.error_if)
     operator = _operator(kernel, case.displacement, grid)
-    inputs = Inputs(operator, heights, law, loading)
     contact = contact_of(
-        inputs, numerics.solver, numerics.adjoint, numerics.rtol, begin, None, numerics.throw
-    )
+        Inputs(operator, heights, law, loading),
+        numerics.solver, numerics.adjoint, numerics.rtol, begin, None, numerics.throw,
+    )  # fmt: skip
     if not numerics.throw:
         result = RESULTS.where(reached, contact.result, RESULTS.inaccurate_kernel)
         contact = eqx.tree_at(lambda c: c.result, contact, result)
     return CyclicSliding(
-        contact=contact,
-        operator=operator,
-        heights=surface.heights,
-        grid=grid,
-        law=law,
-        displacement=case.displacement,
-        period=period,
-        measured_range=coverage(stack),
-    )
-
-
-_NOT_REACHED = (
-    "The tolerance was not reached in the kernel of a graded layer: its profile varies too "
-    "sharply. Put boundaries between layers at its jumps and list its kinks in `breaks`, or pass a "
-    "`graded_solver` with a larger `rtol`."
-)
+        contact=contact, operator=operator, heights=surface.heights, grid=grid, law=law,
+        displacement=case.displacement, period=period, measured_range=coverage(stack),
+    )  # fmt: skip
 
 
 @derivative_apart

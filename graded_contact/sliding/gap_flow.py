@@ -82,33 +82,26 @@ def gap_flow(gap: Numbers, grid: Grid, *, contact: Numbers | None = None) -> Gap
 def _gap_flow(gap, grid: Grid) -> GapFlow:
     unit = jnp.max(jnp.abs(jax.lax.stop_gradient(gap)))
     unit = jnp.where(unit > 0, unit, 1)
-    cube = (jnp.maximum(gap, 0) / unit) ** 3
-    cube = cube.reshape(gap.shape[0], -1)
-    links = jnp.stack([_series(cube, jnp.roll(cube, -1, axis)) for axis in (0, 1)])
+    cube = ((jnp.maximum(gap, 0) / unit) ** 3).reshape(gap.shape[0], -1)
+    beyond = jnp.stack([jnp.roll(cube, -1, axis) for axis in (0, 1)])
+    # Two half links in series: the harmonic mean, 0 if one is closed.
+    total = jnp.where((cube > 0) & (beyond > 0), cube + beyond, jnp.inf)
     spacing = jnp.broadcast_to(grid.spacing, (2,))
-    ratio = spacing[1] / spacing[0]
-    weights = links * jnp.stack([ratio, 1 / ratio])[:, None, None]
-    fixed = jax.lax.stop_gradient((weights, spacing))
+    ratio = jnp.stack([spacing[1] / spacing[0], spacing[0] / spacing[1]])
+    weights = 2 * cube * beyond / total * ratio[:, None, None]
     dtype = weights.dtype
     shapes = jax.ShapeDtypeStruct((2, *cube.shape), dtype), jax.ShapeDtypeStruct((2,), bool)
     pressure, percolates = jax.pure_callback(
-        partial(_solve, dtype=dtype), shapes, *fixed, vmap_method="sequential"
-    )
+        partial(_solve, dtype=dtype), shapes, *jax.lax.stop_gradient((weights, spacing)),
+        vmap_method="sequential",
+    )  # fmt: skip
     rise = jnp.eye(2, dtype=dtype)[:, :, None, None] * spacing[:, None, None]
     drops = rise + jnp.stack([jnp.roll(pressure, -1, axis) - pressure for axis in (1, 2)], 1)
     area = cube.size * spacing[0] * spacing[1]
+    # No derivative through the pressures: to first order K does not change with them.
     found = jnp.sum(weights * drops**2, axis=(1, 2, 3)) / area
-    return GapFlow(
-        conductance=jnp.where(percolates, found, 0) * unit**3,
-        percolates=percolates,
-        estimate=_effective_medium(cube) * unit**3,
-    )
-
-
-def _series(a, b):
-    """The conductance of two half links in series, 0 if one is closed."""
-    open_ = (a > 0) & (b > 0)
-    return jnp.where(open_, 2 * a * b / jnp.where(open_, a + b, 1), 0)
+    estimate = _effective_medium(cube) * unit**3
+    return GapFlow(jnp.where(percolates, found, 0) * unit**3, percolates, estimate)
 
 
 def _solve(weights, spacing, *, dtype):

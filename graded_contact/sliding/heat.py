@@ -23,8 +23,8 @@ from ..blocks.layering import Layering
 from ..blocks.profile import Aged, Blend
 from ..blocks.stack import GradedLayer, HalfSpace, Layer, Stack, interface_depths
 from ..blocks.stress import stress_field
-from ..core.checks import Numbers, as_float, check_types, check_values, check_whole
-from ..fields.grid import Grid, direction_and_speed, to_field, to_spectrum, wave_frequencies
+from ..core.checks import Numbers, as_float, check_rows, check_types, check_values, check_whole
+from ..fields.grid import Grid, to_field, to_spectrum, wave_frequencies
 from ..materials.material import AbstractMaterial, Elastic, Prony
 from ..materials.softening import StrainSoftening
 from .observables import shear_parts
@@ -99,44 +99,48 @@ def heat_source(
 
     **Raises:** `ValueError` for a refused argument.
     """
-    depths = as_float(depths, "depths")
-    if depths.ndim != 1 or len(depths) == 0:
-        raise ValueError(f"`depths` has shape {depths.shape}; a row of depths [m] is needed.")
-    check_values("depths", depths, "a depth [m] is zero (the surface) or positive", at_least=0)
+    depths = as_depths(depths)
     _series_in(stack, jnp.zeros((), depths.dtype))  # refuses other materials
     return _heat_source(sliding, stack, depths, graded_solver)
 
 
+def as_depths(depths: Numbers) -> Float[Array, " depths"]:
+    """Returns depths [m] as an array; refuses what is no row of depths in the block."""
+    depths = as_float(depths, "depths")
+    check_rows(1, depths=depths)
+    check_values("depths", depths, "a depth [m] is zero (the surface) or positive", at_least=0)
+    return depths
+
+
 @eqx.filter_jit
 def _heat_source(sliding: Sliding, stack: Stack, depths, graded_solver):
-    grid, velocity = sliding.grid, sliding.velocity
+    grid, velocity, pressure = sliding.grid, sliding.velocity, sliding.pressure
     omega = wave_frequencies(grid, velocity)
 
     def at(depth):
-        stress = stress_field(
-            stack, grid, sliding.pressure, depth, velocity, graded_solver=graded_solver
-        ).stress
-        pairs = [(i, j) for i in range(3) for j in range(i, 3)]
-        spectra = [to_spectrum(stress[..., i, j]) for i, j in pairs]
+        found = stress_field(stack, grid, pressure, depth, velocity, graded_solver=graded_solver)
+        normal = [to_spectrum(found.stress[..., i, i]) for i in range(3)]
+        shear = [to_spectrum(found.stress[..., i, j]) for i, j in ((0, 1), (0, 2), (1, 2))]
         equilibrium, strengths, losses, times, poisson = _series_in(stack, depth)
         flows = 1j * omega[..., None] * times
         flows = flows / (1 + flows)
         modulus = equilibrium + flows.real @ strengths + 1j * (flows.imag @ losses)
         compliance = jnp.where(omega == 0, 0, 1 / jnp.where(omega == 0, 1, modulus))
 
+        # One after the other: all branches at once would take as many fields.
         def add(total, branch):
             loss, time = branch
             flow = 1j * omega * time
             share = flow / (1 + flow) * compliance
-            parts = [to_field(spectrum * share, grid.shape) for spectrum in spectra]
-            trace = sum(part for part, (i, j) in zip(parts, pairs, strict=True) if i == j)
-            square = sum(
-                (1 if i == j else 2) * part**2 for part, (i, j) in zip(parts, pairs, strict=True)
+            along, across = (
+                [to_field(spectrum * share, grid.shape) for spectrum in spectra]
+                for spectra in (normal, shear)
             )
-            return total + loss / time * ((1 + poisson) * square - poisson * trace**2), None
+            square = sum(s**2 for s in along) + 2 * sum(s**2 for s in across)
+            lost = (1 + poisson) * square - poisson * sum(along) ** 2
+            return total + loss / time * lost, None
 
-        none = jnp.zeros(grid.shape, sliding.pressure.dtype)
-        return jax.lax.scan(add, none, (losses, times))[0]
+        return jax.lax.scan(add, jnp.zeros(grid.shape, pressure.dtype), (losses, times))[0]
 
     return jax.lax.map(at, depths)
 
@@ -147,10 +151,11 @@ def shear_heat(sliding: Sliding) -> Float[Array, "*shape"]:
     if stress is None:
         return jnp.zeros_like(pressure)
     touching = _share_in_contact(sliding.contact_indicator)
+    # The area of these shares is not sub-pixel: they say only where the heat arises.
     least, added = shear_parts(pressure, stress)
     counted = jnp.mean(touching)
     touching = touching * sliding.contact_area_smooth / jnp.where(counted > 0, counted, 1)
-    return jnp.abs(direction_and_speed(sliding.velocity)[1]) * (least * touching + added)
+    return jnp.abs(sliding.speed) * (least * touching + added)
 
 
 def _share_in_contact(indicator):
@@ -176,11 +181,9 @@ def _series_in(stack: Stack, depth):
     if isinstance(stack.base, HalfSpace):
         rows.append(_series_of(stack.base, depth))
     most = max(len(row[1]) for row in rows)
-
-    def padded(values, fill):
-        return jnp.pad(values, (0, most - len(values)), constant_values=fill)
-
-    rows = [(e, padded(a, 0), padded(b, 0), padded(times, 1), nu) for e, a, b, times, nu in rows]
+    # Branches without strength, of the time 1 s, make all parts alike.
+    pad = lambda a, fill: jnp.pad(a, (0, most - len(a)), constant_values=fill)  # noqa: E731
+    rows = [(e, pad(a, 0), pad(b, 0), pad(times, 1), nu) for e, a, b, times, nu in rows]
     place = jnp.clip(jnp.sum(depth >= tops) - 1, 0, len(rows) - 1)
     return tuple(jnp.stack(column)[place] for column in zip(*rows, strict=True))
 

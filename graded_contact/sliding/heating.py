@@ -28,7 +28,7 @@ import equinox as eqx
 import jax
 import jax.numpy as jnp
 import numpy as np
-from jaxtyping import Array, Complex, Float
+from jaxtyping import Array, Float
 
 from ..blocks.grading import AbstractGradedSolver
 from ..blocks.heated_stack import HeatedContact, check_bulk, check_heated, heated
@@ -38,7 +38,6 @@ from ..contacts.area import area_in_doubt
 from ..contacts.solution import RESULTS
 from ..core.checks import (
     Numbers,
-    as_float,
     check_positive,
     check_types,
     check_values,
@@ -50,19 +49,11 @@ from ..core.compilation import jit
 from ..core.derivative import still
 from ..core.display import shown
 from ..core.fixed_point import attach_fixed_point, find_fixed_point
-from ..fields.grid import (
-    Grid,
-    direction_and_speed,
-    multiplicity,
-    to_field,
-    to_spectrum,
-    wave_frequencies,
-    wavenumber,
-)
+from ..fields.grid import multiplicity, to_field, to_spectrum, wave_frequencies, wavenumber
 from ..materials.shift import as_temperature
 from ..materials.softening import at_strain
 from ..surfaces.surface import check_periodic
-from .heat import gauss_within, heat_depths, heat_source, intervals, shear_heat
+from .heat import as_depths, gauss_within, heat_depths, heat_source, intervals, shear_heat
 from .numerics import Numerics
 from .sliding import Sliding
 from .steady import solve_steady
@@ -112,6 +103,7 @@ def solve_heated(case: Any, numerics: Numerics, start: Numbers | None = None) ->
     edges = jax.lax.stop_gradient(intervals(first, last, NUM_CELLS))
     given = dataclasses.replace(case, temperature=temperature)
     fixed = still(given)
+    heat = fixed.heating, fixed.stack
     rtol = 10 * numerics.rtol  # temperatures are as noisy as the contact is inaccurate
 
     def contact(x, case, edges, start=None, solution=None):
@@ -123,29 +115,31 @@ def solve_heated(case: Any, numerics: Numerics, start: Numbers | None = None) ->
         s = solve_steady(inner, numerics, start, solution)
         return s, block if ratio is None else at_strain(block, ratio * s.slope_in_contact)
 
-    def image(case, s, block, edges):
-        return _rises(s, case.heating, case.stack, block, edges)
-
     def step(x, state):
         start, pairs = state
         s, block = contact(x, fixed, edges, start)
-        return image(fixed, s, block, edges), (s.pressure, pairs + s.num_fft_pairs)
+        return _rises(s, *heat, block, edges), (s.pressure, pairs + s.num_fft_pairs)
 
-    none = jnp.zeros(NUM_CELLS + 1, edges.dtype)
-    state = start, jnp.zeros((), edges.dtype)
-    point = find_fixed_point(step, none, state, jnp.asarray(rtol, edges.dtype))
+    state = start, jnp.zeros((), dtype)
+    none = jnp.zeros(NUM_CELLS + 1, dtype)
+    point = find_fixed_point(step, none, state, jnp.asarray(rtol, dtype))
     x = jax.lax.stop_gradient(point.x)
     start, pairs = point.state
     s, block = contact(x, fixed, edges, start)
     # One more step with twice the cells has less error, of the iteration and of the depths.
     finer = intervals(first, last, 2 * NUM_CELLS)
-    closer, _ = contact(image(fixed, s, block, finer), fixed, finer, s.pressure)
+    closer, _ = contact(_rises(s, *heat, block, finer), fixed, finer, s.pressure)
     errors = still(_errors(s, closer))
     pairs = pairs + s.num_fft_pairs + closer.num_fft_pairs
     if not all(map(is_concrete, jax.tree.leaves(given))):
-        found = {"solution": still(s.contact)}
-        x = attach_fixed_point(lambda x: image(given, *contact(x, given, edges, **found), edges), x)
-        s, block = contact(x, given, edges, **found)
+        known = still(s.contact)
+
+        def image(x):
+            s, block = contact(x, given, edges, solution=known)
+            return _rises(s, given.heating, given.stack, block, edges)
+
+        x = attach_fixed_point(image, x)
+        s, block = contact(x, given, edges, solution=known)
     reached = point.error <= rtol
     if numerics.throw:
         x = eqx.error_if(x, ~reached, RESULTS[RESULTS.not_settled])
@@ -159,10 +153,10 @@ def solve_heated(case: Any, numerics: Numerics, start: Numbers | None = None) ->
 
 def _errors(s: Sliding, closer: Sliding):
     """The errors of friction and contact area, from a contact of less error."""
-    names = "friction", "contact_area_smooth", "contact_indicator"
-    found, better = s.compute(*names), closer.compute(*names)
-    by_friction, by_area, _ = (SAFETY * jnp.abs(a - b) for a, b in zip(found, better, strict=True))
-    points = area_in_doubt(found[2], closer.pressure - s.pressure)
+    names = "friction", "contact_area_smooth"
+    pairs = zip(s.compute(*names), closer.compute(*names), strict=True)
+    by_friction, by_area = (SAFETY * jnp.abs(a - b) for a, b in pairs)
+    points = area_in_doubt(s.contact_indicator, closer.pressure - s.pressure)
     return by_friction, jnp.maximum(by_area, points)
 
 
@@ -173,14 +167,13 @@ def _rises(s: Sliding, heating: Heating, stack: Stack, block: Stack, edges):
     source = heat_source(s, block, depths)
     # A few depths miss some of the heat.
     made = jnp.sum(jnp.mean(source, tuple(range(1, source.ndim))) * weights)
-    power = s.hysteresis_friction * jnp.mean(s.pressure) * direction_and_speed(s.velocity)[1]
+    power = s.hysteresis_friction * jnp.mean(s.pressure) * s.speed
     source = source * jnp.where(made > 0, jnp.abs(power) / jnp.where(made > 0, made, 1), 0)
     spectra = temperatures(s, stack, heating, source, weights, jnp.append(0.0, depths))
-    surface, *inside = jax.vmap(lambda spectrum: mean_in_contact(s, spectrum))(spectra)
-    inside = jnp.stack(inside)
+    rises = jax.vmap(lambda spectrum: _over_contact(s, spectrum))(spectra)
     share = jnp.where((depths > edges[:-1, None]) & (depths < edges[1:, None]), weights, 0)
     total = jnp.sum(share, 1)
-    return jnp.append(surface, share @ inside / jnp.where(total > 0, total, 1))
+    return jnp.append(rises[0], share @ rises[1:] / jnp.where(total > 0, total, 1))
 
 
 @check_types
@@ -207,10 +200,7 @@ def flash_temperature(
 
     **Raises:** `ValueError` for a refused argument.
     """
-    depths = as_float(depths, "depths")
-    if depths.ndim != 1 or len(depths) == 0:
-        raise ValueError(f"`depths` has shape {depths.shape}; a row of depths [m] is needed.")
-    check_values("depths", depths, "a depth [m] is zero (the surface) or positive", at_least=0)
+    depths = as_depths(depths)
     nodes, thickness = heat_depths(stack, sliding.grid)
     block = stack if sliding.heated is None else sliding.heated.stack
     source = heat_source(sliding, block, nodes, graded_solver=graded_solver)
@@ -223,20 +213,24 @@ def _fields(sliding: Sliding, spectra):
 
 
 @eqx.filter_jit
-def temperatures(
-    sliding: Sliding,
-    stack: Stack,
-    heating: Heating,
-    source: Float[Array, "slices *shape"],
-    thickness: Float[Array, " slices"],
-    depths: Float[Array, " depths"],
-) -> Complex[Array, "depths *half"]:
-    """Returns the spectra of the temperature at `depths` from heat in slices and at the surface."""
-    grid = sliding.grid
+def temperatures(sliding: Sliding, stack: Stack, heating: Heating, source, thickness, depths):
+    """Returns the spectra of the temperature at `depths` from heat in slices and at the surface.
+
+    `source` is the heat [W/m³] of slices of this `thickness` [m], from the surface down.
+    """
+    grid, weight = sliding.grid, to_spectrum(_weight(sliding))
     interfaces, bottoms = interface_depths(stack).astype(depths.dtype), jnp.cumsum(thickness)
     edges = jnp.sort(jnp.concatenate([jnp.zeros(1, depths.dtype), bottoms, interfaces, depths]))
     middles = (edges[1:] + edges[:-1]) / 2
-    conductivity, diffusivity = _conduction(heating, len(stack.layers))
+    parts = (len(stack.layers) + 1,)
+    for name in ("conductivity", "diffusivity"):
+        if (shape := getattr(heating, name).shape) not in ((), parts):
+            raise ValueError(
+                f"`{name}` has shape {shape}; one number is needed, or one for each of the "
+                f"{len(stack.layers)} layers and one for what is below."
+            )
+    conductivity = jnp.broadcast_to(heating.conductivity, parts)
+    diffusivity = jnp.broadcast_to(heating.diffusivity, parts)
     heat = jax.vmap(to_spectrum)(source)
     heat = jnp.concatenate([heat, jnp.zeros_like(heat[:1])])  # none below the slices
 
@@ -262,14 +256,13 @@ def temperatures(
     k = thermal_wavenumber(grid, sliding.velocity, diffusivity[-1])
     below = conductivity[-1] * k, jnp.zeros_like(k)
     (admittance, flux), steps = jax.lax.scan(up, below, jnp.arange(len(middles)), reverse=True)
-    shape, made = to_spectrum(_weight(sliding)), to_spectrum(shear_heat(sliding))
-    own = (made - flux) / admittance
-    kappa, still = heating.counterface_conductivity, wavenumber(grid)
-    there = mean_in_contact(sliding, shape / jnp.where(still == 0, 1, still))
-    here = mean_in_contact(sliding, shape / admittance)
-    # The heat that leaves makes the means of both surfaces equal.
-    left = kappa * mean_in_contact(sliding, own) / (kappa * here + there)
-    surface = own - left * shape / admittance
+    own = (to_spectrum(shear_heat(sliding)) - flux) / admittance
+    # The heat that leaves, distributed as the pressure, makes the means of both surfaces equal.
+    kappa, q = heating.counterface_conductivity, wavenumber(grid)
+    there = _over_contact(sliding, weight / jnp.where(q == 0, 1, q))
+    here = _over_contact(sliding, weight / admittance)
+    left = kappa * _over_contact(sliding, own) / (kappa * here + there)
+    surface = own - left * weight / admittance
 
     def down(above, step):
         found = step[0] * above + step[1]
@@ -280,20 +273,8 @@ def temperatures(
     return jax.vmap(_without_mean)(found)
 
 
-def _conduction(heating: Heating, num_layers: int) -> list[Array]:
-    """κ and D of each layer and of what is below, shape (layers + 1,)."""
-    for name in ("conductivity", "diffusivity"):
-        if (shape := getattr(heating, name).shape) not in ((), (num_layers + 1,)):
-            raise ValueError(
-                f"`{name}` has shape {shape}; one number is needed, or one for each of the "
-                f"{num_layers} layers and one for what is below."
-            )
-    parts = heating.conductivity, heating.diffusivity
-    return [jnp.broadcast_to(part, (num_layers + 1,)) for part in parts]
-
-
-def mean_in_contact(sliding: Sliding, spectrum: Complex[Array, "*half"]) -> Float[Array, ""]:
-    """Returns the mean over the contact of a field without its mode q = 0, by the pressure."""
+def _over_contact(sliding: Sliding, spectrum):
+    """The mean over the contact of a field without its mode q = 0, weighted by the pressure."""
     weight = to_spectrum(_weight(sliding)) / np.prod(sliding.grid.shape) ** 2
     parts = (jnp.conj(weight) * spectrum).real * multiplicity(sliding.grid.shape)
     return jnp.sum(_without_mean(parts))
@@ -304,9 +285,7 @@ def _weight(sliding):
     return pressed / jnp.mean(pressed)
 
 
-def thermal_wavenumber(
-    grid: Grid, velocity: Float[Array, "..."], diffusivity: Float[Array, ""]
-) -> Complex[Array, "*half"]:
+def thermal_wavenumber(grid, velocity, diffusivity):
     """Returns k = √(q² + iω/D) [1/m], 1 at q = 0: temperatures decay as exp(-kz)."""
     q = wavenumber(grid)
     squared = q**2 + 1j * wave_frequencies(grid, velocity) / diffusivity

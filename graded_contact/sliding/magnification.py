@@ -1,25 +1,25 @@
 """Contact area and friction up to each wavenumber: which wavelengths matter."""
 
+import dataclasses
 from typing import Any
 
 import equinox as eqx
-import jax
 import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float, ScalarLike
 
 from ..blocks.stack import Stack
 from ..contacts.law import AbstractLaw, HardWall
-from ..contacts.operator import Steady, work_of_waves
-from ..contacts.solve import solve_contact
+from ..contacts.operator import work_of_waves
 from ..core.checks import (
     Numbers,
     as_float,
+    check_increasing,
     check_positive,
+    check_rows,
     check_shape,
     check_types,
     check_whole,
-    is_concrete,
 )
 from ..core.compilation import jit
 from ..core.derivative import largest
@@ -37,8 +37,6 @@ from ..surfaces.spectrum import CutoffCurve
 from ..surfaces.surface import Surface, check_periodic
 from .case import Case
 from .numerics import numerics_of
-from .sliding import Sliding
-from .steady import kernel_of
 
 
 @check_types
@@ -67,50 +65,27 @@ def area_against_cutoff(
     **Raises:** `ValueError` for a refused argument; `RuntimeError` if kernel or solve fail.
     """
     cutoffs = as_float(cutoffs, "cutoffs")
-    if cutoffs.ndim != 1 or len(cutoffs) == 0:
-        raise ValueError(f"`cutoffs` has shape {cutoffs.shape}; a row of wavenumbers is needed.")
+    check_rows(1, cutoffs=cutoffs)
     check_positive("cutoffs", cutoffs, "[rad/m]")
-    if is_concrete(cutoffs) and np.any(np.diff(cutoffs) <= 0):
-        raise ValueError(f"`cutoffs={np.asarray(cutoffs)}` must ascend.")
+    check_increasing("cutoffs", cutoffs)
     check_periodic(surface)
     case = Case(stack=stack, surface=surface, pressure=pressure, velocity=velocity, law=law)
     how, _ = numerics_of("area_against_cutoff", numerics)
-    kernel, *_ = kernel_of(case, how)
-    known = jnp.all(jnp.isfinite(kernel))
-
-    def solve(cutoff, start):
-        heights = _waves_up_to(cutoff, surface.heights, surface.grid)
-        contact = solve_contact(
-            kernel,
-            heights,
-            pressure,
-            law=law,
-            solver=how.solver,
-            adjoint=how.adjoint,
-            rtol=how.rtol,
-            start=start,
-            throw=how.throw,
-        )
-        s = Sliding(
-            contact=contact,
-            operator=Steady(kernel),
-            heights=heights,
-            grid=surface.grid,
-            velocity=case.velocity,
-            law=law,
-        )
+    columns, start = [], None
+    for cutoff in cutoffs:
+        smooth = eqx.tree_at(lambda one: one.heights, surface, _waves_up_to(cutoff, surface))
+        s = dataclasses.replace(case, surface=smooth).solve(how, start=start)
         found = jnp.stack(s.compute("friction", "contact_area", "contact_area_smooth"))
-        return contact.pressure, jnp.where(known, found, jnp.nan)
-
-    start, first = solve(cutoffs[0], None)
-    _, rest = jax.lax.scan(lambda start, cutoff: solve(cutoff, start), start, cutoffs[1:])
-    return CutoffCurve(cutoffs, *jnp.concatenate([first[None], rest]).T)
+        # Areas without a pressure are none, not 0.
+        columns.append(jnp.where(jnp.isfinite(found[0]), found, jnp.nan))
+        start = s.pressure
+    return CutoffCurve(cutoffs, *jnp.stack(columns, axis=1))
 
 
 @eqx.filter_jit
-def _waves_up_to(cutoff, heights, grid: Grid):
-    kept = wavenumber(grid) <= cutoff * (1 + 1e-6)
-    return to_field(jnp.where(kept, to_spectrum(heights), 0), grid.shape)
+def _waves_up_to(cutoff, surface: Surface):
+    kept = wavenumber(surface.grid) <= cutoff * (1 + 1e-6)
+    return to_field(jnp.where(kept, to_spectrum(surface.heights), 0), surface.grid.shape)
 
 
 @check_types

@@ -7,7 +7,6 @@ the next, see `Motion.largest_step`.
 """
 
 import equinox as eqx
-import jax
 import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float, ScalarLike
@@ -201,24 +200,6 @@ def _times(num_times: int, like: Array) -> Float[Array, " nt"]:
 def components(over_time: Float[Array, "nt ..."]) -> Float[Array, "nt components"]:
     """Returns an array over time, with its components on the second axis."""
     return over_time.reshape(len(over_time), -1)
-
-
-def velocity_of(
-    displacement: Float[Array, "nt ..."], period: Float[Array, ""], grid: Grid
-) -> tuple[Float[Array, "nt components"], Float[Array, "nt components"]]:
-    """Returns ds/dt [m/s], and the part of s [m] that comes back after each period.
-
-    The surface advances by the number of cells that closes the period with a step like its
-    neighbours.
-    """
-    moved = components(displacement)
-    count, size = len(moved), grid.size[: moved.shape[1]]
-    closing = (moved[-1] - moved[-2] + moved[1] - moved[0]) / 2
-    cells = jnp.round(jax.lax.stop_gradient((moved[-1] + closing - moved[0]) / size))
-    drift = cells * size
-    share = jnp.arange(count, dtype=moved.dtype)[:, None] / count
-    back = moved - drift * share
-    return rate_of(back, period) + drift / period, back
 
 
 def rate_of(values: Float[Array, "nt ..."], period: Float[Array, ""]) -> Float[Array, "nt ..."]:

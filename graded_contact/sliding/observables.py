@@ -23,7 +23,7 @@ from typing import Any
 import jax
 import jax.numpy as jnp
 import numpy as np
-from jaxtyping import Array, Float
+from jaxtyping import Array
 
 from ..contacts import area
 from ..contacts.estimates import error_of
@@ -40,23 +40,22 @@ from ..fields.grid import (
     wave_frequencies,
 )
 from ..materials.coverage import is_unknown
-from .motion import odd_frequencies, rate_of
+from .motion import Motion, odd_frequencies, rate_of
 
 Found = Any  # a `Sliding` or a `CyclicSliding`: their module imports this one
-FRICTION = "#.4g"  # format of columns
+of_steady, of_cycle = (functools.partial(observable, cycle=kind) for kind in (False, True))
+FOUR, SOLVER = "#.4g", ("± solver", ".1e")  # a format and a column of tables
 
 
 # What several observables share.
 
 
 def shared(formula: Callable[[Any], Any]) -> Callable[[Any], Any]:
-    """Returns a formula that each program computes once, see `Contact.compute`."""
+    """Returns a formula that each program computes once, see `AbstractSliding.compute`."""
 
     @functools.wraps(formula)
     def run(found):
-        known = vars(found).get("_shared")
-        if known is None:
-            return formula(found)
+        known = vars(found).get("_shared", {})  # outside a program nothing is kept
         if formula not in known:
             known[formula] = formula(found)
         return known[formula]
@@ -78,12 +77,6 @@ def _displaced(found: Found) -> tuple[Array, Array]:
     return found.pressure, found.contact.displacement
 
 
-def _load(found: Found, pressure: Array | None = None) -> Array:
-    """The mean pressure on the cell, at each time."""
-    pressure = loaded(found)[0] if pressure is None else pressure
-    return found.operator.at_each_time(jnp.mean, pressure)
-
-
 def _along_motion(found: Found) -> list[Array]:
     """q of each wave along the velocity [rad/m]; in a cycle along each axis that it moves on."""
     if found.is_cycle:
@@ -102,30 +95,25 @@ def _own_tractions(found: Found) -> Array:
     return _tractions(found, *loaded(found))
 
 
-def _as_motion(found: Found, tractions: Array) -> Array:
-    """Numbers along the motion in the shape of the displacement; of steady sliding one number."""
-    return tractions.reshape(found.displacement.shape) if found.is_cycle else tractions[0]
-
-
 def _over_load(found: Found, tractions: Array) -> Array:
-    """Tractions over the load, NaN without contact."""
-    load = _load(found)[..., None]
+    """Tractions over the load along the motion, NaN without contact."""
     if not found.is_cycle:
-        return _as_motion(found, tractions / load)
+        return tractions[0] / load(found)
     # Times without contact must not spoil the derivatives of the others.
-    over = jnp.where(load > 0, tractions / jnp.where(load > 0, load, 1), jnp.nan)
-    return _as_motion(found, over)
+    size = load(found)[:, None]
+    over = jnp.where(size > 0, tractions / jnp.where(size > 0, size, 1), jnp.nan)
+    return over.reshape(found.displacement.shape)
 
 
 def _frictions(found: Found, pressure: Array) -> Array:
     """The friction of steady sliding, or mean and peak friction of a cycle, under a pressure."""
     tractions = _tractions(found, pressure, found.operator.displace(pressure))
-    load = _load(found, pressure)
+    size = load(found, pressure)
     if not found.is_cycle:
-        return tractions / load
-    power, path = _power(found, tractions), jnp.mean(load * _length(_velocity(found)))
-    size = _length(tractions / jnp.where(load > 0, load, 1)[:, None])
-    return jnp.stack([power / nonzero(path), largest(size)])
+        return tractions / size
+    path = jnp.mean(size * _length(found.motion_of_surface[0]))
+    over = _length(tractions / jnp.where(size > 0, size, 1)[:, None])
+    return jnp.stack([_power(found, tractions) / nonzero(path), largest(over)])
 
 
 @shared
@@ -134,9 +122,8 @@ def _solver_errors(found: Found) -> Array:
     pressure, moved = loaded(found)
     change = found.operator.on_cell(found.contact.correction)
     of = lambda change: _frictions(found, pressure + change)  # noqa: E731
-    return error_of(
-        of, of(jnp.zeros_like(change)), change, jnp.max(_slopes(found, pressure, moved))
-    )
+    steepest = jnp.max(_slopes(found, pressure, moved))
+    return error_of(of, of(jnp.zeros_like(change)), change, steepest)
 
 
 def _slopes(found: Found, pressure: Array, displacement: Array) -> Array:
@@ -157,6 +144,11 @@ def _root(squared: Array) -> Array:
 
 def _length(vectors: Array) -> Array:
     return _root(jnp.sum(vectors**2, axis=1))
+
+
+def _power(found: Found, tractions: Array) -> Array:
+    """The mean power of tractions over a cycle [W/m²]."""
+    return jnp.mean(jnp.sum(tractions * found.motion_of_surface[0], axis=1))
 
 
 @shared
@@ -194,17 +186,11 @@ def _share_of(found: Found, formula: Callable[[Array], Array], field: Array) -> 
     return found.operator.at_each_time(formula, field).astype(found.pressure.dtype)
 
 
-# Of a cycle.
-
-
-@shared
-def _velocity(found: Found) -> Array:
-    """ds/dt [m/s] along each axis that the surface moves on."""
-    return found.motion_of_surface[0]
-
-
-def _power(found: Found, tractions: Array) -> Array:
-    return jnp.mean(jnp.sum(tractions * _velocity(found), axis=1))
+def _share_unmeasured(found: Found, weight: Array) -> Array:
+    """The share of a weight on points that were not measured."""
+    if found.measured is None:
+        return jnp.zeros((), found.pressure.dtype)
+    return jnp.sum(weight * (1 - found.measured)) / nonzero(jnp.sum(weight))
 
 
 # Of a window.
@@ -229,24 +215,21 @@ def _image_error(found: Found) -> Array:
     Contributions of single points may cancel in the estimate by chance: so twice their root sum of
     squares is added (`docs/theory/contact.md`).
     """
-    if found.kernel_error is None:
-        return jnp.zeros((), found.pressure.dtype)
     pressure = loaded(found)[0]
     moved = [found.operator.with_kernel(k).displace(pressure) for k in found.kernel_error]
-    load = _load(found)
-    sums = sum(jnp.abs(jnp.sum(_tractions(found, pressure, w)) / load) for w in moved)
+    sums = sum(jnp.abs(jnp.sum(_tractions(found, pressure, w)) / load(found)) for w in moved)
     slopes = sum(_slopes(found, pressure, w) for w in moved)
+    by_kernel = sums + 2 * slopes / jnp.sqrt(jnp.sum(pressure != 0))
+    if not found.at_approach:
+        return by_kernel
     indicator = contact_indicator(found)
 
     def friction_under(p):
         own = _frictions(found, found.operator.on_cell(p))[0]
         return own + shear_over_load(p, indicator + p - found.pressure, found.shear)
 
-    by_load = jnp.zeros((), pressure.dtype)
-    if found.at_approach:
-        pull = jax.grad(friction_under)(found.pressure)
-        by_load = sum(_with_chance(pull * change) for change in _changes_by_kernel(found))
-    return sums + 2 * slopes / jnp.sqrt(jnp.sum(pressure != 0)) + by_load
+    pull = jax.grad(friction_under)(found.pressure)
+    return by_kernel + sum(_with_chance(pull * change) for change in _changes_by_kernel(found))
 
 
 def _moved(found: Found, operator: Any, field: Array | float = 0.0) -> Array:
@@ -258,22 +241,19 @@ def _moved(found: Found, operator: Any, field: Array | float = 0.0) -> Array:
     return jnp.stack([jnp.sum(weight * moved) / jnp.sum(weight), mean])
 
 
-# The observables.
+# Load and gap.
 
 
 @observable(
-    r"\bar\sigma", "Pa", "mean contact pressure", cyclic=False, needs=["given approach"],
-    column=("pressure\n[Pa]", "#.4g"),
+    r"\bar\sigma", "Pa", "mean contact pressure", needs=["given approach"],
+    column=("pressure\n[Pa]", FOUR),
 )  # fmt: skip
 def mean_pressure(found: Found) -> Array:
     """Mean pressure [Pa]."""
     return found.contact.mean_pressure
 
 
-@observable(
-    "", "Pa", "estimated error of the mean pressure", cyclic=False, has_derivative=False,
-    needs=["given approach"],
-)  # fmt: skip
+@observable("", "Pa", "estimated error of the mean pressure", needs=["given approach"])
 def mean_pressure_error(found: Found) -> Array:
     """Its estimated error at a given approach [Pa]; it includes that of the window's kernel."""
     if not found.at_approach:
@@ -284,9 +264,7 @@ def mean_pressure_error(found: Found) -> Array:
     return solver + sum(map(_with_chance, _changes_by_kernel(found))) / found.pressure.size
 
 
-@observable(
-    r"\delta", "m", "approach", cyclic=False, needs=["ground"], column=("approach\n[m]", ".3e")
-)
+@observable(r"\delta", "m", "approach", needs=["ground"], column=("approach\n[m]", ".3e"))
 def approach(found: Found) -> Array:
     """How far a body on a window moved into the block after its first touch [m].
 
@@ -300,20 +278,15 @@ def approach(found: Found) -> Array:
     return moved + jnp.where(ground, mean, jnp.nan) + largest(found.heights)
 
 
-@observable(
-    "", "m", "estimated error of the approach", cyclic=False, has_derivative=False,
-    needs=["ground", "given load"],
-)  # fmt: skip
+@observable("", "m", "estimated error of the approach", needs=["ground", "given load"])
 def approach_error(found: Found) -> Array:
     """Its estimated error at this load, that of the kernel included [m]."""
-    by_kernel = (
-        jnp.sum(jnp.abs(_moved(found, found.operator.with_kernel(error))))
-        for error in found.kernel_error
-    )
-    return found.contact.gap_error * jnp.std(found.heights) + sum(by_kernel)
+    operators = map(found.operator.with_kernel, found.kernel_error)
+    by_kernel = sum(jnp.sum(jnp.abs(_moved(found, operator))) for operator in operators)
+    return found.contact.gap_error * jnp.std(found.heights) + by_kernel
 
 
-@observable("", "1", "share of the load on the rim of the window", cyclic=False, needs=["window"])
+@observable("", "1", "share of the load on the rim of the window", needs=["window"])
 def rim_load(found: Found) -> Array:
     """Share of the load on the outermost points of a window [1]; NaN without a load."""
     rim = np.full(found.grid.shape, "window" in found.facts)
@@ -321,80 +294,66 @@ def rim_load(found: Found) -> Array:
     return jnp.sum(found.pressure, where=rim) / jnp.sum(found.pressure)
 
 
-@observable(
-    "M", "N m", "moment of the pressure about the middle of the window", cyclic=False, stored=False
-)
+@of_steady("M", "N m", "moment of the pressure about the middle of the window", stored=False)
 def moment(found: Found) -> Array:
     """Moment of the pressure about the middle of a window [N m], of a line [N].
 
     Force times distance along each axis.
     """
-    places = coordinates(found.grid)
     forces = found.pressure * jnp.prod(found.grid.spacing)
-    return jnp.stack([jnp.sum(forces * (place - jnp.mean(place))) for place in places])
+    arms = (place - jnp.mean(place) for place in coordinates(found.grid))
+    return jnp.stack([jnp.sum(forces * arm) for arm in arms])
 
 
-@observable(
-    r"\bar\mu", "1", "work of friction over load and path", steady=False, mean_over_seeds=True,
-    column=("friction\n(mean)", FRICTION),
-)  # fmt: skip
+# Friction, motion and energy.
+
+
+@of_cycle(r"\bar\mu", "1", "work of friction over load and path", column=("friction\n(mean)", FOUR))
 def mean_friction(found: Found) -> Array:
     """Work over ∮ load |v| dt [1], 0 without motion; under steady sliding the friction."""
     return _frictions(found, loaded(found)[0])[0]
 
 
-@observable(
-    r"\delta\bar\mu", "1", "estimated solver error of the mean friction", steady=False,
-    has_derivative=False, column=("± solver", ".1e"),
-)  # fmt: skip
+@of_cycle(r"\delta\bar\mu", "1", "estimated solver error of the mean friction", column=SOLVER)
 def mean_friction_error(found: Found) -> Array:
     """Its estimated error from the solver [1]."""
     return _solver_errors(found)[0]
 
 
-@observable(
-    r"\mu_\mathrm{max}", "1", "largest friction coefficient of a cycle", steady=False,
-    mean_over_seeds=True, column=("friction\n(peak)", FRICTION),
+@of_cycle(
+    r"\mu_\mathrm{max}", "1", "largest friction coefficient of a cycle",
+    column=("friction\n(peak)", FOUR),
 )  # fmt: skip
 def peak_friction(found: Found) -> Array:
     """The largest |friction| of any time [1]."""
     return _frictions(found, loaded(found)[0])[1]
 
 
-@observable(
-    r"\delta\mu_\mathrm{max}", "1", "estimated solver error of the peak", steady=False,
-    has_derivative=False, column=("± solver", ".1e"),
-)  # fmt: skip
+@of_cycle(r"\delta\mu_\mathrm{max}", "1", "estimated solver error of the peak", column=SOLVER)
 def peak_friction_error(found: Found) -> Array:
     """Its estimated error from the solver [1]."""
     return _solver_errors(found)[1]
 
 
-@observable(
-    "W", "J/m²", "work of friction in a cycle", steady=False, mean_over_seeds=True,
-    column=("work\n[J/m²]", "#.4g"),
-)  # fmt: skip
+@of_cycle("W", "J/m²", "work of friction in a cycle", column=("work\n[J/m²]", FOUR))
 def work(found: Found) -> Array:
     """Work of friction per area and cycle [J/m²]."""
     return _power(found, _own_tractions(found)) * found.period
 
 
-@observable("", "J/m²", "work of the load in a cycle", steady=False, mean_over_seeds=True)
+@of_cycle(r"W_\sigma", "J/m²", "work of the load in a cycle")
 def load_work(found: Found) -> Array:
     """Work of the load on the block per area and cycle [J/m²]; the sum of both is dissipated."""
     return (_exchange(found)[0] - _power(found, _own_tractions(found))) * found.period
 
 
-@observable(
-    "P", "W/m²", "mean power that the block dissipates", steady=False, mean_over_seeds=True,
-    column=("power\n[W/m²]", "#.4g"),
-)  # fmt: skip
+@of_cycle("P", "W/m²", "mean power that the block dissipates", column=("power\n[W/m²]", FOUR))
 def dissipated_power(found: Found) -> Array:
     """Mean power lost in the block per area [W/m²]."""
     return jnp.sum(dissipation_of_waves(found))
 
 
-@observable("P", "W/m²", "power dissipated at each frequency", steady=False, stored=False)
+@of_cycle("P", "W/m²", "power dissipated at each frequency", stored=False)
 def dissipation(found: Found) -> Array:
     """Its parts at the frequencies ω = 2π k/T, k = 0, 1, ..., shape `(nt//2 + 1,)`."""
     lost = dissipation_of_waves(found)
@@ -403,9 +362,9 @@ def dissipation(found: Found) -> Array:
     return half.at[1 : len(other) + 1].add(other)
 
 
-@observable(
-    r"\delta", "1", "phase of the traction before the displacement, in radians", steady=False,
-    mean_over_seeds=True, column=("phase\n[rad]", ".3f"),
+@of_cycle(
+    r"\delta", "1", "phase of the traction before the displacement, in radians",
+    column=("phase\n[rad]", ".3f"),
 )  # fmt: skip
 def phase(found: Found) -> Array:
     """By which the first harmonic of the traction leads that of the displacement [rad].
@@ -418,31 +377,25 @@ def phase(found: Found) -> Array:
     return jnp.angle(jnp.where(jnp.abs(lead) > 0, lead, 1))
 
 
-@observable(
-    r"\mu", "1", "friction coefficient", over_time=True, mean_over_seeds=True,
-    column=("friction", FRICTION),
-)  # fmt: skip
+@observable(r"\mu", "1", "friction coefficient", over_time=True, column=("friction", FOUR))
 def friction(found: Found) -> Array:
     """Force opposing the motion over the load [1], hysteresis and shear together.
 
     It is >= 0 for passive materials in steady sliding, and NaN without contact. In a cycle it is
     positive where it opposes a motion along +x; over the displacement it draws the hysteresis loop.
     """
-    if found.is_cycle:
-        return _over_load(found, _own_tractions(found))
     return hysteresis_friction(found) + shear_friction(found)
 
 
-@observable(
-    r"\delta\mu", "1", "estimated solver error of the friction coefficient", cyclic=False,
-    has_derivative=False, column=("± solver", ".1e"),
-)  # fmt: skip
+@of_steady(r"\delta\mu", "1", "estimated solver error of the friction coefficient", column=SOLVER)
 def friction_error(found: Found) -> Array:
     """Its estimated error from the solver [1], with heating also that of the temperatures.
 
     The error of the grid adds to it, see `geometric_friction`.
     """
-    error = _solver_errors(found)[0] + _image_error(found)
+    error = _solver_errors(found)[0]
+    if found.kernel_error is not None:
+        error += _image_error(found)
     if found.heated is not None:
         error += found.heated.friction_error
     if found.shear is None:
@@ -455,18 +408,17 @@ def friction_error(found: Found) -> Array:
     return error + error_of(of, of(jnp.zeros_like(indicator)), found.contact.correction, value)[0]
 
 
-@observable(
-    r"\mu_\mathrm{hys}", "1", "friction coefficient of the hysteresis", cyclic=False,
-    mean_over_seeds=True, column=("hysteresis", FRICTION),
-)  # fmt: skip
+@of_steady(
+    r"\mu_\mathrm{hys}", "1", "friction coefficient of the hysteresis", column=("hysteresis", FOUR)
+)
 def hysteresis_friction(found: Found) -> Array:
     """The part of the friction that is dissipated in the block [1]."""
     return _over_load(found, _own_tractions(found))
 
 
-@observable(
-    r"\mu_\mathrm{shear}", "1", "friction coefficient of shear in the contact", cyclic=False,
-    mean_over_seeds=True, column=("shear", FRICTION),
+@of_steady(
+    r"\mu_\mathrm{shear}", "1", "friction coefficient of shear in the contact",
+    column=("shear", FOUR),
 )  # fmt: skip
 def shear_friction(found: Found) -> Array:
     """The part from shear in the sub-pixel contact area [1]; 0 without `shear`."""
@@ -474,8 +426,8 @@ def shear_friction(found: Found) -> Array:
 
 
 @observable(
-    r"\Delta T", "K", "temperature of the contact above the bulk", cyclic=False,
-    mean_over_seeds=True, needs=["heated"], column=("contact above\nbulk [K]", "#.4g"),
+    r"\Delta T", "K", "temperature of the contact above the bulk", needs=["heated"],
+    column=("contact above\nbulk [K]", FOUR),
 )  # fmt: skip
 def surface_rise(found: Found) -> Array:
     """Temperature of the contact above the bulk, with heating [K]."""
@@ -484,7 +436,7 @@ def surface_rise(found: Found) -> Array:
 
 @observable(
     r"\mu_\mathrm{geo}", "1", "friction coefficient from the surface slope", over_time=True,
-    mean_over_seeds=True, column=("friction\n(geometric)", FRICTION),
+    column=("friction\n(geometric)", FOUR),
 )  # fmt: skip
 def geometric_friction(found: Found) -> Array:
     """Friction with hysteresis from the surface's slope instead of the block's [1].
@@ -493,36 +445,49 @@ def geometric_friction(found: Found) -> Array:
     """
     pressure = loaded(found)[0]
     heights = found.operator.on_cell(found.heights, "symmetric")
-    found_there = _tractions(found, pressure, jnp.broadcast_to(heights, pressure.shape))
-    geometric = _over_load(found, found_there)
-    return geometric if found.is_cycle else geometric + shear_friction(found)
+    tractions = _tractions(found, pressure, jnp.broadcast_to(heights, pressure.shape))
+    return _over_load(found, tractions) + shear_friction(found)
 
 
-@observable(r"\tau", "Pa", "shear stress that opposes the motion", steady=False, over_time=True)
+@of_cycle(r"\tau", "Pa", "shear stress that opposes the motion", over_time=True)
 def traction(found: Found) -> Array:
     """τ [Pa], the shear stress on the whole area."""
-    return _as_motion(found, _own_tractions(found))
+    return _own_tractions(found).reshape(found.displacement.shape)
 
 
-@observable(r"\sigma_0", "Pa", "mean pressure at each time", steady=False, over_time=True)
-def load(found: Found) -> Array:
+@of_cycle(r"\sigma_0", "Pa", "mean pressure at each time", over_time=True)
+def load(found: Found, pressure: Array | None = None) -> Array:
     """Mean pressure [Pa]."""
-    return _load(found)
+    # Of the cell, which is larger than a window.
+    pressure = loaded(found)[0] if pressure is None else pressure
+    return found.operator.at_each_time(jnp.mean, pressure)
 
 
-@observable(
-    "A/A_0", "1", "contact area fraction (points in contact)", over_time=True,
-    mean_over_seeds=True,
-)  # fmt: skip
+# Contact area and gap.
+
+
+@observable("A/A_0", "1", "contact area fraction (points in contact)", over_time=True)
 def contact_area(found: Found) -> Array:
     """Fraction of points in contact [1]. A pixel count, without a derivative."""
     return _share_of(found, area.counted_area, _touching(found))
 
 
+@observable("A/A_0", "1", "contact area fraction (corrected by the perimeter)", over_time=True)
+def contact_area_corrected(found: Found) -> Array:
+    """`contact_area` less its known excess at the edges [1]."""
+    return _share_of(found, area.area_without_edges, _touching(found))
+
+
 @observable(
-    r"\delta A/A_0", "1", "estimated solver error of the contact area", cyclic=False,
-    has_derivative=False,
+    "A/A_0", "1", "contact area fraction (sub-pixel)", over_time=True,
+    column=("contact\narea", ".5f"),
 )  # fmt: skip
+def contact_area_smooth(found: Found) -> Array:
+    """Sub-pixel area fraction [1], for gradients."""
+    return _share_of(found, area.area_of_contour, contact_indicator(found))
+
+
+@of_steady(r"\delta A/A_0", "1", "estimated solver error of the contact area", column=SOLVER)
 def contact_area_error(found: Found) -> Array:
     """Fraction of points that the solver may have put on the wrong side [1]."""
     touching, change = _touching(found), jnp.abs(found.contact.correction)
@@ -533,51 +498,28 @@ def contact_area_error(found: Found) -> Array:
     return error if found.heated is None else error + found.heated.area_error
 
 
-@observable(
-    "A/A_0", "1", "contact area fraction (corrected by the perimeter)", over_time=True,
-    mean_over_seeds=True,
-)  # fmt: skip
-def contact_area_corrected(found: Found) -> Array:
-    """`contact_area` less its known excess at the edges [1]."""
-    return _share_of(found, area.area_without_edges, _touching(found))
-
-
-@observable(
-    "A/A_0", "1", "contact area fraction (sub-pixel)", over_time=True, mean_over_seeds=True,
-    column=("contact\narea", ".5f"),  # the one of three areas that tables show
-)  # fmt: skip
-def contact_area_smooth(found: Found) -> Array:
-    """Sub-pixel area fraction [1], for gradients."""
-    return _share_of(found, area.area_of_contour, contact_indicator(found))
-
-
-@observable(
-    "", "1", "share of the times at which the surfaces touch", steady=False, mean_over_seeds=True
-)
+@of_cycle("t_c/T", "1", "share of the times at which the surfaces touch")
 def time_in_contact(found: Found) -> Array:
     """Share of the times at which the surfaces touch [1]."""
     return jnp.mean(contact_area(found) > 0, dtype=found.pressure.dtype)
 
 
-@observable(
-    r"\bar u",
-    "m",
-    "mean gap",
-    over_time=True,
-    mean_over_seeds=True,
-    column=("mean gap\n[m]", ".3e"),
-)
+@observable(r"\bar u", "m", "mean gap", over_time=True, column=("mean gap\n[m]", ".3e"))
 def mean_gap(found: Found) -> Array:
     """Mean of the gap [m]."""
     gap = found.contact.mean_gap
     return gap.reshape(gap.shape[: -found.grid.ndim]) if found.is_cycle else gap
 
 
-@observable("", "1", "relative difference of friction work and dissipation", has_derivative=False)
+# What shows whether the numbers can be trusted.
+
+
+@observable("", "1", "relative difference of friction work and dissipation")
 def energy_imbalance(found: Found) -> Array:
     """Work of hysteresis, and of the load, against dissipation in the block, relative [1]."""
     exchanged, size = _exchange(found)
-    return jnp.abs(exchanged - jnp.sum(dissipation_of_waves(found))) / nonzero(size)
+    imbalance = jnp.abs(exchanged - jnp.sum(dissipation_of_waves(found))) / nonzero(size)
+    return jax.lax.stop_gradient(imbalance)  # of rounding
 
 
 @observable("", "1", "rms slope of the block, weighted by the pressure")
@@ -589,7 +531,7 @@ def slope_in_contact(found: Found) -> Array:
     return largest(_slopes(found, *_displaced(found)))
 
 
-@observable("", "1", "share of the contact area on filled or tapered points", cyclic=False)
+@of_steady("", "1", "share of the contact area on filled or tapered points")
 def unmeasured_area(found: Found) -> Array:
     """Share of the contact area on points that were filled or tapered, not measured [1].
 
@@ -598,8 +540,8 @@ def unmeasured_area(found: Found) -> Array:
     return _share_unmeasured(found, _touching(found).astype(found.pressure.dtype))
 
 
-@observable(
-    "", "1", "share of the hysteresis on filled or tapered points", cyclic=False,
+@of_steady(
+    "", "1", "share of the hysteresis on filled or tapered points",
     column=("on points not\nmeasured", ".1%"),
 )  # fmt: skip
 def unmeasured_friction(found: Found) -> Array:
@@ -611,12 +553,6 @@ def unmeasured_friction(found: Found) -> Array:
     (q,) = _along_motion(found)
     slope = to_field(1j * q * to_spectrum(displacement), pressure.shape)
     return _share_unmeasured(found, found.operator.on_surface(jnp.abs(pressure * slope)))
-
-
-def _share_unmeasured(found: Found, weight: Array) -> Array:
-    if found.measured is None:
-        return jnp.zeros((), found.pressure.dtype)
-    return jnp.sum(weight * (1 - found.measured)) / nonzero(jnp.sum(weight))
 
 
 @observable("", "1", "share of the friction where no modulus was measured")
@@ -632,10 +568,7 @@ def extrapolated_friction(found: Found) -> Array:
     return jnp.sum(jnp.where(outside, lost, 0)) / nonzero(jnp.sum(lost))
 
 
-@observable(
-    "", "1", "approach over the thickness of layers on a rigid base", cyclic=False,
-    needs=["window"],
-)  # fmt: skip
+@observable("", "1", "approach over the thickness of layers on a rigid base", needs=["window"])
 def compression(found: Found) -> Array:
     """How far a body on a window moved into layers on a rigid base, over their thickness [1].
 
@@ -646,42 +579,35 @@ def compression(found: Found) -> Array:
     return approach(found) / found.thickness
 
 
-@observable(
-    "", "1", "difference of two forms of the load's work, over the dissipation", steady=False
-)
+@of_cycle("", "1", "difference of two forms of the load's work, over the dissipation")
 def load_mismatch(found: Found) -> Array:
     """Difference of `load_work` from -∮ σ0 dū, its other form, over the energy dissipated [1].
 
     It is the error of grid and times; 0 without dissipation.
     """
-    by_gap = -jnp.mean(_load(found) * rate_of(mean_gap(found), found.period))
+    by_gap = -jnp.mean(load(found) * rate_of(mean_gap(found), found.period))
     lost = jnp.sum(dissipation_of_waves(found))
     return jnp.abs(load_work(found) / found.period - by_gap) / nonzero(lost)
 
 
-@observable(
-    "", "1", "largest step from one time to the next, in spacings of the grid", steady=False
-)
+@of_cycle("", "1", "largest step from one time to the next, in spacings of the grid")
 def largest_step(found: Found) -> Array:
     """Largest distance from one time to the next, in spacings of the grid, along x plus y [1]."""
-    steps = jnp.abs(jnp.diff(found.moved, axis=0))
-    return largest(jnp.sum(steps / found.grid.spacing[: steps.shape[1]], axis=1))
+    return Motion(found.displacement, found.period).largest_step(found.grid)
 
 
-@observable("", "1", "share of the velocity at the upper half of the frequencies", steady=False)
+@of_cycle("", "1", "share of the velocity at the upper half of the frequencies")
 def unresolved_motion(found: Found) -> Array:
     """Share of the velocity at the upper half of the frequencies [1]."""
-    waves = jnp.abs(jnp.fft.rfft(_velocity(found), axis=0)) ** 2
+    waves = jnp.abs(jnp.fft.rfft(found.motion_of_surface[0], axis=0)) ** 2
     upper = jnp.sum(waves[len(found.moved) // 4 + 1 :]) / nonzero(jnp.sum(waves))
     return jnp.sqrt(upper)
 
 
 @observable(
-    "",
-    "1",
-    "estimated relative error of the contact pressure",
+    "", "1", "estimated relative error of the contact pressure",
     column=("error of\npressure", ".1e"),
-)
+)  # fmt: skip
 def error(found: Found) -> Array:
     """Estimated relative error of the pressure [1]."""
     return found.contact.error
@@ -704,11 +630,7 @@ def contact_indicator(found: Found) -> Array:
 # Shear in the contact.
 
 
-def shear_over_load(
-    pressure: Float[Array, "*shape"],
-    indicator: Float[Array, "*shape"],
-    stress: Callable[[Float[Array, "*shape"]], Float[Array, "*shape"]] | None,
-) -> Float[Array, ""]:
+def shear_over_load(pressure: Array, indicator: Array, stress: Any) -> Array:
     """Returns the shear force in the contact over the load [1], ∫τ_f dA/∫σ dA; 0 without `stress`.
 
     `stress` gives τ_f [Pa] at a pressure [Pa]. Its value without pressure acts on the sub-pixel
@@ -721,10 +643,7 @@ def shear_over_load(
     return (least * area.area_of_contour(indicator) + jnp.mean(added)) / jnp.mean(pressure)
 
 
-def shear_parts(
-    pressure: Float[Array, "*shape"],
-    stress: Callable[[Float[Array, "..."]], Float[Array, "..."]],
-) -> tuple[Float[Array, ""], Float[Array, "*shape"]]:
+def shear_parts(pressure: Array, stress: Callable[[Array], Array]) -> tuple[Array, Array]:
     """Returns the shear stress without pressure and what the pressure adds to it [Pa]."""
     least = stress(jnp.zeros((), pressure.dtype))
     pressed = pressure != 0  # elsewhere a power of the pressure may have no derivative

@@ -6,9 +6,9 @@ one for each pressure. Any function will do; only a module, such as a subclass o
 has parameters that can be differentiated, and each new function is compiled anew.
 
 The shear force is the integral of τ_f over the contact area. It opposes the motion and adds to the
-hysteresis. The shear traction does not change the pressure: this
-is exact for an incompressible half space (ν = 1/2), whose surface does not move along z under a
-tangential traction, and an approximation for other blocks.
+hysteresis. The shear traction does not change the pressure: this is exact for an incompressible
+half space (ν = 1/2), whose surface does not move along z under a tangential traction, and an
+approximation for other blocks.
 
 Source of the peak in the logarithm of the velocity: B. Lorenz, Y. R. Oh, S. K. Nam, S. H. Jeon,
 B. N. J. Persson, J. Chem. Phys. 142 (2015) 194701, doi:10.1063/1.4919221 (its abstract was read,

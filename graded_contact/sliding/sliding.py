@@ -2,7 +2,6 @@
 
 import dataclasses
 import inspect
-from collections.abc import Sequence
 from typing import Any, ClassVar, TypeVar
 
 import equinox as eqx
@@ -12,18 +11,18 @@ from jaxtyping import Array, Float, Inexact
 
 from ..blocks.heated_stack import HeatedContact
 from ..contacts.law import AbstractLaw
-from ..contacts.operator import AbstractOperator, Steady
+from ..contacts.operator import AbstractOperator
 from ..contacts.solution import RESULTS, ContactSolution
-from ..contacts.space_time import SpaceTime
 from ..contacts.window import Window
 from ..core.checks import is_concrete
 from ..core.compilation import jit
 from ..core.derivative import derivative_apart
 from ..core.display import shown
 from ..core.quantities import OBSERVABLES, numbers_of
-from ..core.warnings import CYCLE_RULES, RULES, Rule, caveats_of
-from ..fields.grid import Grid
-from .motion import components, velocity_of
+from ..core.warnings import CYCLE_RULES, RULES, caveats_of
+from ..fields.grid import Grid, direction_and_speed
+from . import observables as _observables  # noqa: F401 (registers what the docstrings list)
+from .motion import components, rate_of
 from .shear import ShearStress
 
 K = TypeVar("K", bound=type)
@@ -48,14 +47,15 @@ class AbstractSliding(eqx.Module):
     traced. Under `jit` XLA drops what nothing uses.
     """
 
-    contact: eqx.AbstractVar[ContactSolution]
-    operator: eqx.AbstractVar[AbstractOperator]
-    heights: eqx.AbstractVar[Float[Array, "..."]]
-    grid: eqx.AbstractVar[Grid]
-    law: eqx.AbstractVar[AbstractLaw]
-    measured_range: eqx.AbstractVar[tuple[Float[Array, "..."], Float[Array, "..."]] | None]
+    contact: ContactSolution
+    operator: AbstractOperator
+    heights: Float[Array, "..."]
+    grid: Grid
+    law: AbstractLaw
+    measured_range: tuple[Float[Array, "..."], Float[Array, "..."]] | None = eqx.field(
+        default=None, kw_only=True
+    )
     is_cycle: eqx.AbstractClassVar[bool]
-    rules: eqx.AbstractClassVar[Sequence[Rule]]
 
     def __getattr__(self, name: str) -> Array:
         entry = OBSERVABLES.get(name)
@@ -97,9 +97,10 @@ class AbstractSliding(eqx.Module):
         """Returns the observables of these names; one program computes those that are missing."""
         missing = tuple(name for name in names if name not in vars(self))
         found = _computed(self, missing) if missing else {}
-        if all(map(is_concrete, found.values())):
+        known = vars(self) | found
+        if all(map(is_concrete, found.values())):  # a tracer must not outlive its trace
             vars(self).update(found)
-        return [found[name] if name in found else vars(self)[name] for name in names]
+        return [known[name] for name in names]
 
     def before_display(self) -> tuple[str, ...]:
         """Computes all numbers; returns the names of those that the contact does not show."""
@@ -110,7 +111,8 @@ class AbstractSliding(eqx.Module):
     def caveats(self) -> tuple[str, ...]:
         """Warnings about these numbers, one sentence each; not under `jit`."""
         self.compute(*self.numbers)
-        return tuple(caveat.sentence for caveat in caveats_of(self, self.rules))
+        rules = CYCLE_RULES if self.is_cycle else RULES
+        return tuple(caveat.sentence for caveat in caveats_of(self, rules))
 
 
 @shown("contact", "caveats")
@@ -148,14 +150,8 @@ class Sliding(AbstractSliding):
     - `at_approach`: whether the approach was given, not the load. Static.
     """
 
-    contact: ContactSolution
-    operator: Steady | Window
-    heights: Float[Array, "..."]
-    grid: Grid
     velocity: Float[Array, "..."]
-    law: AbstractLaw
     measured: Float[Array, "..."] | None = None
-    measured_range: tuple[Float[Array, "..."], Float[Array, "..."]] | None = None
     kernel_error: Inexact[Array, "..."] | None = None
     shear: ShearStress | None = None
     heated: HeatedContact | None = None
@@ -163,7 +159,6 @@ class Sliding(AbstractSliding):
     ground: bool = eqx.field(default=False, static=True)
     at_approach: bool = eqx.field(default=False, static=True)
     is_cycle: ClassVar[bool] = False
-    rules: ClassVar[Sequence[Rule]] = RULES
 
     @property
     def facts(self) -> frozenset[str]:
@@ -183,6 +178,11 @@ class Sliding(AbstractSliding):
     @property
     def displacement(self) -> Float[Array, "*shape"]:
         return self.contact.displacement
+
+    @property
+    def speed(self) -> Float[Array, ""]:
+        """|v| [m/s]."""
+        return direction_and_speed(self.velocity)[1]
 
 
 @shown("contact", "caveats")
@@ -209,16 +209,10 @@ class CyclicSliding(AbstractSliding):
     - `measured_range`: lowest and highest ω at which all materials were measured [rad/s], or None.
     """
 
-    contact: ContactSolution
-    operator: SpaceTime
-    heights: Float[Array, "..."]
-    grid: Grid
-    law: AbstractLaw
     displacement: Float[Array, "nt ..."]
     period: Float[Array, ""]
-    measured_range: tuple[Float[Array, "..."], Float[Array, "..."]] | None = None
+    shear: ClassVar[None] = None
     is_cycle: ClassVar[bool] = True
-    rules: ClassVar[Sequence[Rule]] = CYCLE_RULES
 
     @property
     def times(self) -> Float[Array, " nt"]:
@@ -238,8 +232,16 @@ class CyclicSliding(AbstractSliding):
 
     @property
     def motion_of_surface(self) -> tuple[Float[Array, "nt axes"], Float[Array, "nt axes"]]:
-        """ds/dt [m/s], and the part of s [m] that comes back after each period."""
-        return velocity_of(self.displacement, self.period, self.grid)
+        """ds/dt [m/s], and the part of s [m] that comes back after each period.
+
+        The surface advances by the number of cells that closes the period with a step like its
+        neighbours.
+        """
+        moved, size = self.moved, self.grid.size[: self.moved.shape[1]]
+        closing = (moved[-1] - moved[-2] + moved[1] - moved[0]) / 2
+        drift = size * jnp.round(jax.lax.stop_gradient((moved[-1] + closing - moved[0]) / size))
+        back = moved - drift * (self.times / self.period)[:, None]
+        return rate_of(back, self.period) + drift / self.period, back
 
 
 def with_observables(tree: Any) -> Any:

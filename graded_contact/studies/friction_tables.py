@@ -1,5 +1,6 @@
 """Tables of friction over pressure, velocity and temperature."""
 
+import dataclasses
 from collections.abc import Mapping
 from types import MappingProxyType
 from typing import TYPE_CHECKING, Any, Literal
@@ -10,8 +11,9 @@ from jax import Array
 from ..blocks.stack import Stack
 from ..core.checks import Numbers, as_float, check_positive, check_types, check_values, short
 from ..fields.grid import velocity_along
-from ..mean_field.mean_field import mean_field_friction
-from ..sliding.slide import slide
+from ..mean_field.mean_field import mean_field_of
+from ..sliding.case import Case
+from ..sliding.numerics import numerics_of
 from ..surfaces.spectrum import SelfAffine
 from ..surfaces.surface import Surface
 from .dataset import package_versions
@@ -53,7 +55,8 @@ def friction_table(
     - `temperature`: of the block [K], shape `(temperatures,)`; None leaves the materials unchanged.
     - `direction`: of sliding, from the x axis [rad].
     - `method`: `"contact"`, by `slide`; `"mean_field"`, by `mean_field_friction`; or `"both"`.
-    - `slide_options`, `mean_field_options`: further arguments of these functions.
+    - `slide_options`, `mean_field_options`: further arguments of these functions, without those
+      that `slide` has for a start.
     - `engine`: `store`, `workers`, `client` and `progress` of `sweep`.
 
     **Returns:** an `xarray.Dataset` over temperature (if given), pressure and velocity with
@@ -79,17 +82,34 @@ def friction_table(
     if temperature is not None:
         axes = {"temperature": temperature, **axes}
 
+    plain = Case(stack, roughness, pressure=0.0, velocity=0.0)  # of no point yet
+    of_case = {name: value for name, value in slide_options.items() if name in vars(plain)}
+    of_numerics = {name: slide_options[name] for name in slide_options if name not in of_case}
+    numerics, _ = numerics_of("slide", {**of_numerics, "throw": False})
+    contact = dataclasses.replace(plain, **of_case)
+
     def numbers(point: dict[str, Array]) -> dict[str, Any]:
-        block = stack.at(point["temperature"]) if temperature is not None else stack
-        velocity = velocity_along(point["velocity"], direction)
-        load = {"pressure": point["pressure"], "velocity": velocity}
-        found = {}
-        if method != "mean_field":
-            found = _by_contact(block, roughness, load | {**slide_options})
+        at: dict[str, Any] = {**point, "velocity": velocity_along(point["velocity"], direction)}
+        if temperature is not None:
+            at["stack"] = stack.at(point["temperature"])
+        theory, found = {}, {}
         if method != "contact":
-            field = _by_mean_field(block, roughness, load | {**mean_field_options})
-            found = {**found, "mean_field": field} if found else field
-        return found
+            field = mean_field_of(dataclasses.replace(plain, **at), **mean_field_options)
+            theory = {
+                "friction": field.friction,
+                "friction_error": field.error * jnp.abs(field.friction),
+                "contact_area": field.contact_area,
+            }
+        if method != "mean_field":
+            s = dataclasses.replace(contact, **at).solve(numerics)
+            of_grid = jnp.abs(s.geometric_friction - s.friction)
+            found = {
+                "friction": s.friction,
+                "friction_error": s.friction_error + of_grid,
+                "contact_area": s.contact_area,
+                "result": s.result,
+            }
+        return {**found, "mean_field": theory} if method == "both" else found or theory
 
     table = sweep(numbers, axes, **engine)
     for name, variable in table.data_vars.items():
@@ -98,22 +118,3 @@ def friction_table(
             variable.attrs["long_name"] = _ERROR[by]
     table.attrs |= {"method": method, "direction": float(direction), **package_versions()}
     return table
-
-
-def _by_contact(block: Stack, surface: Any, arguments: dict[str, Any]) -> dict[str, Any]:
-    s = slide(block, surface, **arguments, throw=False)
-    return {
-        "friction": s.friction,
-        "friction_error": s.friction_error + jnp.abs(s.geometric_friction - s.friction),
-        "contact_area": s.contact_area,
-        "result": s.result,
-    }
-
-
-def _by_mean_field(block: Stack, roughness: Any, arguments: dict[str, Any]) -> dict[str, Any]:
-    field = mean_field_friction(block, roughness, **arguments)
-    return {
-        "friction": field.friction,
-        "friction_error": field.error * jnp.abs(field.friction),
-        "contact_area": field.contact_area,
-    }

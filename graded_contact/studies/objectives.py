@@ -4,6 +4,8 @@ They use the response and the mean field only, and take milliseconds. Verify and
 results by contact solves (`slide`).
 """
 
+import dataclasses
+
 import jax
 import jax.numpy as jnp
 from jaxtyping import Array, Float, Inexact, ScalarLike
@@ -21,7 +23,8 @@ from ..core.checks import (
     check_types,
     check_values,
 )
-from ..mean_field.mean_field import MeanField, mean_field_friction
+from ..mean_field.mean_field import MeanField, mean_field_of
+from ..sliding.case import Case
 from ..surfaces.spectrum import SelfAffine
 from ..surfaces.surface import Surface
 
@@ -110,15 +113,10 @@ def friction_curve(
         raise ValueError(f"`velocities` has shape {velocities.shape}; one axis is needed.")
     check_values("velocities", velocities, "velocities [m/s] must be finite")
     check_positive("pressure", as_scalar(pressure, "pressure"), "[Pa]")
+    case = Case(stack, spectrum, velocity=0.0, pressure=pressure, strain_per_slope=strain_per_slope)
+    # Not `vmap`: the data of one velocity stay in the cache.
     return jax.lax.map(
-        lambda v: mean_field_friction(
-            stack,
-            spectrum,
-            pressure=pressure,
-            velocity=v,
-            graded_solver=graded_solver,
-            strain_per_slope=strain_per_slope,
-        ),
+        lambda v: mean_field_of(dataclasses.replace(case, velocity=v), graded_solver=graded_solver),
         velocities,
     )
 

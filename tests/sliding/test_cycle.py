@@ -350,20 +350,3 @@ def test_cycles_work_under_jit_and_vmap():
     loads = jnp.array([0.04, 0.06])
     batch = jax.jit(jax.vmap(work))(loads)
     np.testing.assert_allclose(batch, [cycle(pressure=load).work for load in loads], rtol=1e-4)
-
-
-@pytest.mark.slow
-def test_a_design_lowers_breakaway_over_mean_friction():
-    motion = start_stop(0.4, 0.5, 0.1, 48)
-
-    def ratio(p):
-        coat = gc.Prony(1.0, [p["strength"]], [p["time"]], 0.3)
-        stack = gc.Stack(layers=(gc.Layer(coat, 0.05),), base=rubber().base)
-        c = cycle(stack, s=motion.displacement, period=motion.period, rtol=1e-6)
-        return c.peak_friction / c.mean_friction
-
-    start = {"strength": 3.0, "time": 0.05}
-    lower, upper = {"strength": 0.1, "time": 1e-3}, {"strength": 20.0, "time": 1.0}
-    found = gc.minimise(ratio, lower, upper, start, num_starts=1)
-    assert found.converged
-    assert found.value < 0.98 * ratio(start)

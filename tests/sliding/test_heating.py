@@ -151,15 +151,6 @@ def test_derivatives_through_the_fixed_point_match_differences():
     np.testing.assert_allclose(reverse, forward, rtol=1e-6)
 
 
-@pytest.mark.slow
-def test_twice_the_cells_change_little(monkeypatch):
-    few = warm()
-    monkeypatch.setattr(module, "NUM_CELLS", 16)
-    many = warm()
-    np.testing.assert_allclose(few.friction, many.friction, rtol=3e-3)
-    np.testing.assert_allclose(few.heated.surface_rise, many.heated.surface_rise, rtol=0.03)
-
-
 @pytest.mark.parametrize("slope", [-30.0, -0.9, 0.5, 0.99])
 def test_a_fixed_point_is_found_where_the_map_falls_or_rises(slope):
     """cos has its own; tanh has three, and from 0 the one above is found."""

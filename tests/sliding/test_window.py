@@ -93,21 +93,6 @@ def test_flat_punch_ends_at_the_window():
     assert "rim of the window" in found.caveats[-1]
 
 
-@pytest.mark.slow
-def test_friction_of_a_sphere_does_not_depend_on_window_and_cell(sliding, monkeypatch):
-    """Within the error that it reports: a window and a long cell twice as large."""
-    twice = gc.slide(COATED, sphere(128, 2.0), pressure=0.02 / 4, velocity=1.0)
-    assert 1e-7 < sliding.friction_error < 2e-5
-    assert abs(sliding.friction - twice.friction) < sliding.friction_error
-    np.testing.assert_allclose(sliding.friction, 0.04354, atol=1e-5)
-    np.testing.assert_allclose(sliding.approach, twice.approach, rtol=1e-3)
-    monkeypatch.setitem(window._WINDOWS, 2, 16)
-    jax.clear_caches()
-    shorter = gc.slide(COATED, sphere(64), pressure=0.02, velocity=1.0)
-    jax.clear_caches()
-    assert abs(shorter.friction - sliding.friction) < shorter.friction_error < 1e-4
-
-
 def test_energy_is_balanced_on_a_window(sliding):
     assert sliding.energy_imbalance < 1e-12
     np.testing.assert_allclose(sliding.geometric_friction, sliding.friction, rtol=4e-3)
@@ -169,15 +154,6 @@ def test_a_solution_and_a_start_on_a_window_are_accepted(sliding):
         np.testing.assert_allclose(getattr(again, name), getattr(sliding, name), atol=1e-12)
     near = gc.slide(COATED, sphere(64), pressure=0.02, velocity=1.0, start=sliding.pressure)
     np.testing.assert_allclose(near.friction, sliding.friction, rtol=1e-5)
-
-
-@pytest.mark.slow
-def test_a_contact_of_a_kernel_alone_is_that_of_sliding():
-    surface = cylinder(64)
-    exact = gc.slide(COATED, surface, pressure=0.02, velocity=1.0, rtol=1e-8)
-    kernel = gc.blocks.window_kernel(COATED, surface.grid, 1.0)
-    alone = gc.solve_contact(kernel, surface.heights, 0.02, rtol=1e-8)
-    np.testing.assert_allclose(alone.pressure, exact.pressure, atol=1e-12)
 
 
 def test_what_a_window_cannot_have_is_refused():
