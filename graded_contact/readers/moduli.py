@@ -16,7 +16,7 @@ from typing import Any
 import numpy as np
 from jaxtyping import Float
 
-from ..core.checks import Numbers, check_poisson, check_positive, check_types, short
+from ..core.checks import Numbers, as_scalar, check_poisson, check_positive, check_types, short
 from ..materials.measured import Measured, distinct, joined
 from .cells import Sheet, holds_data, is_number, read_sheets
 from .columns import WAYS, MeasuredTable, Options
@@ -88,6 +88,7 @@ def read_moduli(
         raise ValueError(f"`path={path!r}` must be the name of a file, or a list of them.")
     options = _options(kind, columns, units, deformation, temperature is not None, step)
     if poisson is not None:
+        poisson = float(as_scalar(poisson, "poisson"))
         check_poisson("poisson", poisson)
     if temperature is not None:
         try:
