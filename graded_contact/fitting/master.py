@@ -23,11 +23,11 @@ from ..materials.material import Prony
 from ..materials.measured import Measured
 from ..materials.shift import AbstractShift, TabulatedShift
 from .covariance import covariance
+from .implicit import attach_derivative, search
 from .lengths import best_of_length, check_choosable, check_terms
-from .limits import check_limits, deviation, limits_where_measured, linear_limits
 from .observations import concrete
 from .prony import PronyFit, refuse_nonsense
-from .series_fit import attach_derivative, search
+from .quality import deviation, limits_of
 from .shifted_series import (
     LAW_LIMITS,
     LN10,
@@ -145,17 +145,12 @@ class MasterCurve(eqx.Module):
         The uncertainty of the shifts is included. `temperature` [K] is by default the reference;
         beyond the isotherms all limits are NaN.
         """
-        omega = check_limits(omega, level)
 
-        def material(curve):
-            return curve.material if temperature is None else curve.material.at(temperature)
+        def material(unknowns):
+            found = self.with_unknowns(unknowns).material
+            return found if temperature is None else found.at(temperature)
 
-        def logs(unknowns):
-            modulus = material(self.with_unknowns(unknowns)).modulus(omega)
-            return jnp.log(jnp.stack([modulus.real, modulus.imag]))
-
-        limits = linear_limits(logs, self.unknowns, self.covariance(), level)
-        return limits_where_measured(omega, material(self), limits)
+        return limits_of(material, self.unknowns, self.covariance(), omega, level)
 
     def with_unknowns(self, unknowns: Float[Array, " unknowns"]) -> "MasterCurve":
         """Returns the master curve with other `unknowns`, those of its series included."""
@@ -169,7 +164,7 @@ class MasterCurve(eqx.Module):
         """Returns the covariance of `unknowns`; errors of neighbours on an isotherm may be
         correlated."""
         shared, unknowns = self._problem()
-        series, residual, jacobian, _ = shared.derivatives(unknowns)
+        series, residual, jacobian = shared.derivatives(unknowns)
         free, penalty = shared.within_bounds(unknowns), shared.penalty(unknowns)
         return covariance(series, residual, jacobian, free, penalty, shared.group)
 

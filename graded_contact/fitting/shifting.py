@@ -14,7 +14,6 @@ from scipy.optimize import least_squares
 from ..core.checks import Numbers, as_float, as_numbers, check_positive, check_values, is_concrete
 from ..materials.measured import Measured
 from .lengths import (
-    SEARCH,
     Length,
     best_of_length,
     choose,
@@ -22,8 +21,8 @@ from .lengths import (
     may_be_liquid,
     non_negative,
 )
-from .observations import observe
-from .series import Kind, Series
+from .observations import Kind, observe
+from .series import Series
 from .shifted_series import (
     LAW_LIMITS,
     LAW_TYPICAL,
@@ -34,6 +33,7 @@ from .shifted_series import (
     shifted_series_of,
 )
 
+VALLEY = 1e-7  # relative tolerance of the cost: shifts and times lie along a flat valley
 COLDEST = 100.0  # K; if all temperatures of a set are lower, they are thought to be in °C
 Isotherm = tuple[Numbers, Numbers, Numbers]
 
@@ -151,10 +151,10 @@ def shifts_and_series(
     unknowns, penalty = shared.join(theta, law, log_shift), None
     # The residuals' variance is known only once the shifts are.
     for _ in range(2):
-        series, residual, _, _ = shared.derivatives(unknowns)
+        series, residual, _ = shared.derivatives(unknowns)
         rows = series.measured
         shared, penalty = expecting(np.average(residual[rows] ** 2, weights=series.weights[rows]))
-        unknowns = shared.minimise(unknowns, rtol=SEARCH)
+        unknowns = shared.minimise(unknowns, rtol=VALLEY)
     theta, path = choose_series(shared.shifted(*shared.shifts(unknowns)))
     start = np.concatenate([theta, *shared.split(unknowns)[1:]])
     unknowns = shared.minimise(start, rtol=0)

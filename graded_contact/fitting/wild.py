@@ -13,9 +13,8 @@ import numpy as np
 
 from ..materials.measured import Measured
 from .lengths import best_spectrum
-from .observations import observe
-from .series import Kind, Series
-from .series_fit import series_of
+from .observations import Kind, observe
+from .series import Series, series_of
 
 TIMES = 6.0  # the usual residual
 LEAST = 0.1  # log residual below which no value harms a fit
