@@ -1,12 +1,11 @@
 """The best series of every length, from one branch to the most that the data determine.
 
 Two walks meet: upwards, each new branch put where it lowers the error most; downwards from the best
-positive spectrum of all, each time joining the two branches that costs least. Either walk alone
-ends in poor local minima now and then.
+positive spectrum of all, each time joining the two branches (or dropping the one) that costs least.
+Either alone ends in poor local minima now and then.
 The best spectrum is found by non-negative least squares on a dense grid of times (C. L. Lawson,
 R. J. Hanson, Solving Least Squares Problems, SIAM 1995, ch. 23), its neighbours merged, then by
-least squares of logarithms on all unknowns; no added branch lowers its error, which makes it the
-floor.
+Newton's method on all unknowns; no added branch lowers its error, which makes it the floor.
 """
 
 import dataclasses
@@ -150,10 +149,8 @@ def best_of_length(series: Series, terms: int) -> Fitted:
     starts = [_spaced_start(thinned, terms)]
     if terms:
         dense = _dense_start(thinned, PER_DECADE / 2)
-        while thinned.terms(dense) > terms:
-            dense = _one_fewer(thinned, dense)[0]
-        if thinned.terms(dense) == terms:
-            starts.append(dense)
+        if thinned.terms(dense):
+            starts.append(_of_length(thinned, dense, terms))
     tried = [thinned.minimise(start, rtol=SEARCH) for start in starts]
     theta, _ = min(tried, key=lambda fitted: fitted[1])
     return series.minimise(theta, rtol=0)
@@ -255,9 +252,10 @@ def _without_faint(series, theta):
 def _with_branch(series, theta):
     """The most a new branch lowers the cost to second order, and the series with it."""
     log_times, model = series.time_grid(PER_DECADE), series.model(theta)
+    residual = series.residual(model)
     effect = series.branches(log_times) / model
-    values, slopes = series.squares(series.residual(model))
-    pull, stiffness = effect @ (values * slopes), effect**2 @ series.weights + 1e-300
+    pull = effect @ (series.weights * np.clip(residual, -series.huber, series.huber))
+    stiffness = effect**2 @ series.weights + 1e-300
     gains = np.where(pull < 0, pull**2 / (2 * stiffness), 0)
     best = np.argmax(gains)
     if gains[best] == 0:
@@ -268,20 +266,39 @@ def _with_branch(series, theta):
     return gains[best], theta
 
 
+def _of_length(series, theta, terms):
+    """The series with branches joined, dropped or split in two until there are `terms`."""
+    while series.terms(theta) > terms:
+        theta = _one_fewer(series, theta)[0]
+    while series.terms(theta) < terms:
+        s, log_times, c = series.split(theta)
+        strongest = np.arange(len(s)) == np.argmax(s)
+        s, log_times = s - np.log(2) * strongest, log_times - 0.1 * strongest
+        twin, twin_time = s[strongest], log_times[strongest] + 0.2
+        theta = np.concatenate([s, twin, log_times, twin_time, c])
+    return theta
+
+
 def _one_fewer(series, theta):
-    """The two series with two neighbours joined that cost least, before any fit."""
+    """Every series with one branch fewer, before any fit, the cheapest first."""
     s, log_times, c = series.split(theta)
     order = np.argsort(log_times)
     s, log_times = s[order], log_times[order]
-    parts, model = np.exp(s)[:, None] * series.branches(log_times), series.model(theta)
+    terms = len(s)
+    parts = np.exp(s)[:, None] * series.branches(log_times)
+    model = series.model(theta)
     joined = np.logaddexp(s[1:], s[:-1])
     share = np.exp(s[1:] - joined)
     middle = share * log_times[1:] + (1 - share) * log_times[:-1]
-    models = model - parts[1:] - parts[:-1] + np.exp(joined)[:, None] * series.branches(middle)
+    merged = model - parts[1:] - parts[:-1] + np.exp(joined)[:, None] * series.branches(middle)
+    models = np.concatenate([merged, model - parts])
     costs = series.cost(series.residual(np.maximum(models, 1e-6 * model)))
     shorter = []
     for i in np.argsort(costs)[:2]:
-        fewer, fewer_times = np.delete(s, i), np.delete(log_times, i)
-        fewer[i], fewer_times[i] = joined[i], middle[i]
+        if i < terms - 1:
+            fewer, fewer_times = np.delete(s, i), np.delete(log_times, i)
+            fewer[i], fewer_times[i] = joined[i], middle[i]
+        else:
+            fewer, fewer_times = np.delete(s, i - terms + 1), np.delete(log_times, i - terms + 1)
         shorter.append(np.concatenate([fewer, fewer_times, c]))
-    return shorter or [c]  # a single branch has no neighbour: it is dropped
+    return shorter

@@ -176,8 +176,8 @@ def _check_content(data, x_name):
     if not np.any(x > 0):
         raise ValueError(f"`{x_name}` has no time above 0.")
     allowed = f"a measured value lies between {1 / REPRESENTABLE:g} and {REPRESENTABLE:g}"
-    for name, measured in ((x_name, x[x > 0]), (name, np.asarray(data.values))):
-        check_values(name, measured, allowed, at_least=1 / REPRESENTABLE, at_most=REPRESENTABLE)
+    for which, measured in ((x_name, x[x > 0]), (name, np.asarray(data.values))):
+        check_values(which, measured, allowed, at_least=1 / REPRESENTABLE, at_most=REPRESENTABLE)
     glassy, equilibrium = data.glassy, data.equilibrium
     if glassy is not None and equilibrium is not None and float(glassy) <= float(equilibrium):
         raise ValueError(

@@ -106,7 +106,7 @@ class PronyFit(eqx.Module):
     def covariance(self) -> Float[np.ndarray, "unknowns unknowns"]:
         """Returns the covariance of `theta`; errors of neighbours may be correlated."""
         series, theta = self._problem()
-        residual, jacobian = series.derivatives(theta)
+        residual, jacobian, _ = series.derivatives(theta)
         return covariance(series, residual, jacobian, series.within_bounds(theta))
 
     def with_unknowns(self, unknowns: Float[Array, " unknowns"]) -> "PronyFit":
@@ -269,7 +269,13 @@ def _fit(data, terms, within, start, poisson, throw):
     if data.times is not None:
         terms = data.times.size
     elif start is not None:
-        begin, terms = _unknowns_of(start, data), start.terms
+        alike = (start.data.kind, start.data.num_extras) == (data.kind, data.num_extras)
+        if not alike or start.data.times is not None:
+            raise ValueError(
+                f"`start` is a fit of kind {start.data.kind!r} with other known end values, or "
+                "with given times; it must be of the same form as this fit."
+            )
+        begin, terms = start.theta, start.terms
     elif terms is None:
         check_choosable(data)
         data, begin, path = choose_solid_or_liquid(data, within)
@@ -292,16 +298,6 @@ def _fit(data, terms, within, start, poisson, throw):
     return fit
 
 
-def _unknowns_of(start, data):
-    alike = (start.data.kind, start.data.num_extras) == (data.kind, data.num_extras)
-    if not alike or start.data.times is not None:
-        raise ValueError(
-            f"`start` is a fit of kind {start.data.kind!r} with other known end values, or with "
-            "given times; it must be of the same form as this fit."
-        )
-    return start.theta
-
-
 def refuse_nonsense(fit: PronyFit) -> None:
     """Raises `ValueError` if half of the data, where concrete, are far from every spectrum."""
     if not concrete(fit.data):
@@ -314,9 +310,8 @@ def refuse_nonsense(fit: PronyFit) -> None:
         raise ValueError(
             f"{jumps_of(series)}Half of the measured values are off by more than "
             f"{np.expm1(off):.0%} from every positive spectrum (moduli grow with frequency and "
-            "fall with time; storage and loss have one spectrum). Are the columns in the right "
-            "order and in one unit? Is a given `equilibrium` or `glassy` compatible with them? A "
-            "weight of 0 leaves a channel out (`loss_weight`), and `throw=False` fits them as they "
+            "fall with time). Check the order and units of the columns, and a given `equilibrium` "
+            "or `glassy`; `loss_weight=0` leaves a channel out, `throw=False` fits them as they "
             "are."
         )
 
@@ -357,7 +352,11 @@ def model(
 def material_of(theta: Unknowns, data: Observations, poisson: Numbers) -> Prony:
     """Returns the material with these unknowns, in relaxation form."""
     strengths, times, extras = _unpack(theta, data)
-    common = {"poisson": poisson, "measured": measured_range(data)}
+    used = (data.x > 0) & jnp.any(data.weights > 0, axis=0)
+    x = jax.lax.stop_gradient(data.x)
+    ends = jnp.stack([jnp.min(jnp.where(used, x, jnp.inf)), jnp.max(jnp.where(used, x, 0))])
+    ends = ends if data.kind == "frequency" else 1 / ends[::-1]  # a time t counts as 1/t
+    common = {"poisson": poisson, "measured": MeasuredRange(ends)}
     start = extras[0] if data.known_start is None else data.known_start
     if data.kind != "creep":
         if data.known_start is None:  # exactly zero where the data need none
@@ -378,17 +377,6 @@ def material_of(theta: Unknowns, data: Observations, poisson: Numbers) -> Prony:
     if data.flows:
         material = eqx.tree_at(lambda m: m.equilibrium, material, jnp.zeros_like(glassy))
     return material
-
-
-def measured_range(data: Observations) -> MeasuredRange:
-    """Returns the frequencies that the data cover; a time t counts as the frequency 1/t."""
-    used = (data.x > 0) & jnp.any(data.weights > 0, axis=0)
-    x = jax.lax.stop_gradient(data.x)
-    lowest = jnp.min(jnp.where(used, x, jnp.inf))
-    highest = jnp.max(jnp.where(used, x, 0))
-    if data.kind != "frequency":
-        lowest, highest = 1 / highest, 1 / lowest
-    return MeasuredRange(jnp.stack([lowest, highest]))
 
 
 def _unpack(theta, data):

@@ -12,8 +12,9 @@ construction. Known values are not part of θ; a known end value that is a sum o
 moduli, 1/E_eq of compliances) is a row of great weight.
 
 The model takes NumPy arrays in the search and JAX arrays where the optimum is differentiated by the
-data. The search visits hundreds of lengths and starts, and JAX takes seconds to compile each
-length, so the search has its Jacobian in closed form.
+data (`model`). A search expands the model hundreds of times at every length. With derivatives by
+JAX each length takes 1 to 4 s to compile, and an expansion takes 5 times as long
+(`bench_fit.py solvers`). The search therefore has closed-form derivatives in NumPy.
 
 The squared logarithm (ln m - y)² is convex in m, hence in the strengths, wherever m < e times the
 measured value: a spectrum there that no added branch improves is the best of all.
@@ -26,9 +27,9 @@ from typing import Any
 import jax
 import jax.numpy as jnp
 import numpy as np
-from scipy.optimize import least_squares
 
 from ..core.checks import is_concrete
+from .newton import Expansion, newton_minimum
 from .observations import Kind, Observations
 
 # Where a branch of relative strength one counts fully: infinite frequency, or the end of creep.
@@ -37,8 +38,6 @@ NO_OUTLIER = 1e100  # log residual; infinity would leave NaN in derivatives
 FARTHEST = 1e60  # ωτ, or its reciprocal, beyond which a branch no longer changes
 MOST_POINTS = 400  # that a search goes through
 NEGLIGIBLE = 1e-9  # of the smallest measured value: a strength that changes nothing
-NEAR = 1e-4  # of a logarithm: trf approaches a bound from inside and never meets it
-ROUNDING = 1e-15  # relative decrease of the cost, below which rounding hides whether it falls
 END_WEIGHT = 1e6  # of an end value that is known, over that of all measured values
 # How far times may lie outside those of the data, before and after. Farther out strengths grow
 # without effect, and a slow branch replaces E_eq, so that a solid melts just below its data.
@@ -196,91 +195,59 @@ class Series:
         residual = self.residual(self.model(theta))[counted]
         return float(np.sqrt(np.average(residual**2, weights=self.weights[counted])))
 
-    def derivatives(self, theta: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        """Returns the residual and ∂ ln m/∂θ, shape `(unknowns, rows)`; zero where unmeasured."""
-        s, log_times, c = self.split(theta)
-        value, slope = branches(self.kind, self.x, np.exp(log_times))
-        strengths, static = np.exp(s), np.exp(c)
-        model = self._sum(strengths @ value, static)
-        parts = (
-            strengths[:, None] * value,
-            strengths[:, None] * slope,
-            static[:, None] * self.static,
-        )
-        jacobian = np.concatenate(parts) / model
-        jacobian[:, self.weights == 0] = 0
-        return self.residual(model), jacobian
+    def expand(self, theta: np.ndarray) -> Expansion:
+        """Returns the cost about `theta`.
 
-    def squares(self, residual: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        """Returns what has the squares 2 w ρ(residual), and its derivative by the residual."""
-        size, roots = np.abs(residual), np.sqrt(self.weights)
-        far = size > self.huber
-        linear = np.sqrt(self.huber * np.where(far, 2 * size - self.huber, self.huber))
-        values = roots * np.where(far, np.sign(residual) * linear, residual)
-        return values, roots * np.where(far, self.huber / linear, 1)
+        Second derivatives are exact at a minimum, where those of a strength alone vanish with the
+        gradient. Rows far off take their Gauss-Newton part, which is safe at any distance.
+        """
+        residual, jacobian, bend = self.derivatives(theta)
+        pull, stiffness, near = self.forces(residual)
+        hessian = gram(jacobian, stiffness)
+        scale = gram_diagonal(jacobian, stiffness)
+        terms = len(bend)
+        diagonal = np.arange(terms, 2 * terms)
+        hessian[diagonal, diagonal] += bend @ (near * pull)
+        return Expansion(float(self.cost(residual)), jacobian @ pull, hessian, scale)
 
-    def values(self, theta: np.ndarray) -> np.ndarray:
-        """Returns what is squared and summed by a search."""
-        return self.squares(self.residual(self.model(theta)))[0]
+    def forces(self, residual: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+        """Returns `(pull, stiffness, near)` of the rows.
 
-    def jacobian(self, theta: np.ndarray) -> np.ndarray:
-        """Returns the derivatives of `values`, shape `(rows, unknowns)`."""
-        residual, jacobian = self.derivatives(theta)
-        return (jacobian * self.squares(residual)[1]).T
+        `pull` is the first derivative of the cost by ln m; `stiffness` multiplies products of
+        first derivatives of ln m in the Hessian, which where `near` also holds second ones of m.
+        """
+        size = np.abs(residual)
+        clipped = np.clip(residual, -self.huber, self.huber)
+        near = (residual > -2) & (residual < 0.5)
+        exact = (size <= self.huber) - clipped
+        safe = np.minimum(1, self.huber / np.maximum(size, 1e-100))
+        return self.weights * clipped, self.weights * np.where(near, exact, safe), near
 
     def minimise(
         self, theta: np.ndarray, *, rtol: float, max_steps: int = 100
     ) -> tuple[np.ndarray, float]:
-        """Returns the unknowns, longest times first, and the cost of the minimum reached."""
-        theta, cost = minimise(self, theta, rtol, max_steps)
+        """Returns the unknowns and the cost of the minimum reached from `theta`."""
+        theta, cost = newton_minimum(
+            self.expand, theta, *self.bounds(theta), rtol=rtol, max_steps=max_steps
+        )
         s, log_times, c = self.split(theta)
         order = np.argsort(-log_times)
         return np.concatenate([s[order], log_times[order], c]), cost
 
-
-def minimise(
-    problem: Any, start: np.ndarray, rtol: float, max_steps: int
-) -> tuple[np.ndarray, float]:
-    """Returns a local minimum of Σ values²/2 between the bounds of the `problem`, and that sum.
-
-    The search ends when a step lowers the sum by less than the relative `rtol`. Unknowns that end
-    beside a bound are put on it: they have no derivative and no error. With `rtol=0` the others
-    are fitted again to rounding.
-    """
-    lower, upper = problem.bounds(start)
-    point, free = np.clip(start, lower, upper), np.full(len(start), True)
-    while np.any(free):
-        point = _descended(problem, point, free, rtol, max_steps)
-        low, high = point < lower + NEAR, point > upper - NEAR
-        point = np.where(low, lower, np.where(high, upper, point))
-        met = free & (low | high)
-        if rtol or not np.any(met):
-            break
-        free = free & ~met
-    return point, float(np.sum(problem.values(point) ** 2)) / 2
-
-
-def _descended(problem, point, free, rtol, max_steps):
-    """The `point` after SciPy's trf has moved those of its unknowns that are `free`."""
-    bounds = tuple(limits[free] for limits in problem.bounds(point))
-
-    def whole(part):
-        moved = point.copy()
-        moved[free] = part
-        return moved
-
-    with np.errstate(over="ignore", invalid="ignore"):  # far off; such steps are not taken
-        found = least_squares(
-            lambda part: problem.values(whole(part)),
-            point[free],
-            lambda part: problem.jacobian(whole(part))[:, free],
-            bounds,
-            ftol=max(rtol, ROUNDING),
-            xtol=max(1e-3 * rtol, ROUNDING),
-            gtol=None,
-            max_nfev=max_steps,
-        )
-    return whole(found.x)
+    def derivatives(self, theta: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+        """Returns the residual, ∂ ln m/∂θ, and (∂²m/∂(ln τ)²)/m of each branch, by rows."""
+        s, log_times, c = self.split(theta)
+        terms = len(s)
+        value, slope, curvature = branches(self.kind, self.x, np.exp(log_times))
+        strengths, static = np.exp(s), np.exp(c)
+        model = self._sum(strengths @ value, static)
+        relative = strengths[:, None] / model
+        jacobian = np.empty((len(theta), len(model)))
+        np.multiply(value, relative, out=jacobian[:terms])
+        np.multiply(slope, relative, out=jacobian[terms : 2 * terms])
+        np.multiply(self.static, static[:, None] / model, out=jacobian[2 * terms :])
+        jacobian[:, self.weights == 0] = 0
+        return self.residual(model), jacobian, curvature * relative
 
 
 def series_of(data: Observations, xp: Any = np) -> Series:
@@ -339,16 +306,47 @@ def array_module(values: Any) -> Any:
     return jnp if isinstance(values, jax.Array) else np
 
 
-def branches(kind: Kind, x: Any, times: Any) -> tuple[Any, Any]:
-    """Returns φ and its derivative by ln τ, each of shape `(terms, rows)`."""
+def branches(kind: Kind, x: Any, times: Any) -> tuple[Any, Any, Any]:
+    """Returns φ and its first two derivatives by ln τ, each of shape `(terms, rows)`."""
     xp = array_module(x)
     if kind == "frequency":
         # Beyond these limits a branch is complete or absent, and powers of z overflow.
         z = xp.clip(times[:, None] * x, 1 / FARTHEST, FARTHEST)
         inverse = 1 / z
         loss, storage = 1 / (z + inverse), 1 / (1 + inverse**2)
-        value = xp.concatenate([storage, loss], axis=1)
-        return value, xp.concatenate([2 * loss**2, loss * (1 - 2 * storage)], axis=1)
+        loss2, tilt = loss**2, 1 - 2 * storage
+        return (
+            xp.concatenate([storage, loss], axis=1),
+            xp.concatenate([2 * loss2, loss * tilt], axis=1),
+            xp.concatenate([4 * loss2 * tilt, loss * (1 - 8 * loss2)], axis=1),
+        )
     z = x / times[:, None]
     decay = xp.exp(-z)
-    return (-xp.expm1(-z), -z * decay) if kind == "creep" else (decay, z * decay)
+    slope = z * decay
+    curvature = (z - 1) * slope
+    if kind == "creep":
+        return -xp.expm1(-z), -slope, -curvature
+    return decay, slope, curvature
+
+
+def gram(matrix: np.ndarray, weights: np.ndarray) -> np.ndarray:
+    """Returns A W Aᵀ, summed over slices so small that BLAS starts no threads.
+
+    On matrices of this size threads gain nothing, and on a busy machine they cost a hundredfold.
+    """
+    rooted = matrix * np.sqrt(np.abs(weights))
+    product = _square(rooted)
+    if np.any(weights < 0):
+        product -= 2 * _square(rooted[:, weights < 0])
+    return product
+
+
+def gram_diagonal(matrix: np.ndarray, weights: np.ndarray) -> np.ndarray:
+    """Returns the diagonal of A |W| Aᵀ."""
+    return matrix**2 @ np.abs(weights)
+
+
+def _square(matrix):
+    width = max(250_000 // max(len(matrix), 1) ** 2, 1)
+    slices = (matrix[:, i : i + width] for i in range(0, matrix.shape[1], width))
+    return sum((part @ part.T for part in slices), np.zeros(2 * matrix.shape[:1]))

@@ -21,8 +21,9 @@ from jaxtyping import Array, Float, Int
 
 from ..core.display import shown
 from ..materials.shift import GAS_CONSTANT, WLF, AbstractShift, Arrhenius
+from .newton import Expansion, newton_minimum
 from .observations import Observations, Unknowns
-from .series import Series, array_module, minimise, series_of
+from .series import Series, array_module, gram, gram_diagonal, series_of
 
 LN10 = float(np.log(10))
 LawKind = Literal["wlf", "arrhenius"]
@@ -79,7 +80,13 @@ def _law_shifts(p, temperatures, reference, law):
     return jax.vmap(law_of(p, temperatures, reference, law).log_factor)(temperatures)
 
 
-_law_slopes = functools.partial(jax.jit, static_argnums=(2, 3))(jax.jacfwd(_law_shifts))
+@functools.partial(jax.jit, static_argnums=(2, 3))
+def _law_derivatives(p, temperatures, reference, law):
+    """The first and second derivatives of ln a of each isotherm by `p`, unknowns first."""
+    slope = jax.jacfwd(_law_shifts)
+    first = slope(p, temperatures, reference, law)
+    second = jax.jacfwd(slope)(p, temperatures, reference, law)
+    return jnp.moveaxis(first, 0, -1), jnp.moveaxis(second, 0, -1)
 
 
 class Parts(NamedTuple):
@@ -109,6 +116,12 @@ class ShiftedSeries:
     @property
     def _channels(self) -> int:
         return len(self.series.weights) // len(self.series.x)
+
+    @functools.cached_property
+    def _member(self) -> np.ndarray:
+        """Which rows belong to which isotherm, shape `(isotherms, rows)`."""
+        rows = np.tile(self.group, self._channels)
+        return (rows == np.arange(len(self.data.temperatures))[:, None]).astype(float)
 
     @functools.cached_property
     def _others(self) -> np.ndarray:
@@ -161,33 +174,53 @@ class ShiftedSeries:
         residual = series.residual(series.model(self.split(unknowns).theta))
         return series.cost(residual) + self.penalty(unknowns) @ unknowns**2 / 2
 
-    def derivatives(self, unknowns: np.ndarray) -> tuple[Series, np.ndarray, np.ndarray]:
-        """Returns the shifted series, its residual, and ∂ ln m/∂unknowns."""
+    def derivatives(self, unknowns: np.ndarray):
+        """Returns the shifted series, its residual, ∂ ln m/∂unknowns, and second derivatives."""
         parts = self.split(unknowns)
         series = self.shifted(*self.shifts(unknowns))
-        residual, jacobian = series.derivatives(parts.theta)
-        rows = np.tile(self.group, self._channels)
-        member = rows == np.arange(len(self.data.temperatures))[:, None]
-        terms = series.terms(parts.theta)
-        # A shift moves every branch as a change of its time does.
-        by_shift = np.sum(jacobian[terms : 2 * terms], axis=0) * member
+        residual, jacobian, bend = series.derivatives(parts.theta)
+        terms = len(bend)
+        by_shift = np.sum(jacobian[terms : 2 * terms], axis=0) * self._member
         law = self.data.temperatures, self.data.reference, self.data.law
-        by_law = np.asarray(_law_slopes(parts.law, *law)).T
+        by_law, by_law_twice = map(np.asarray, _law_derivatives(parts.law, *law))
         moves = np.concatenate([by_law, self._others[: len(parts.departures)]])
-        lifts = self._others[: len(parts.log_vertical)] @ (member & (series.weights > 0))
-        return series, residual, np.concatenate([jacobian, moves @ by_shift, lifts])
+        lifts = self._others[: len(parts.log_vertical)] @ self._member * (series.weights > 0)
+        jacobian = np.concatenate([jacobian, moves @ by_shift, lifts])
+        return series, residual, jacobian, (bend, by_shift, moves, by_law_twice)
 
-    def values(self, unknowns: np.ndarray) -> np.ndarray:
-        """Returns what is squared and summed by a search."""
-        series = self.shifted(*self.shifts(unknowns))
-        fitted = series.values(self.split(unknowns).theta)
-        return np.append(fitted, np.sqrt(self.penalty(unknowns)) * unknowns)
-
-    def jacobian(self, unknowns: np.ndarray) -> np.ndarray:
-        """Returns the derivatives of `values`, shape `(rows, unknowns)`."""
-        series, residual, jacobian = self.derivatives(unknowns)
-        expected = np.diag(np.sqrt(self.penalty(unknowns)))
-        return np.concatenate([(jacobian * series.squares(residual)[1]).T, expected])
+    def expand(self, unknowns: np.ndarray) -> Expansion:
+        """Returns the cost about `unknowns`; exact at a minimum, as `Series.expand`."""
+        parts = self.split(unknowns)
+        series, residual, jacobian, second = self.derivatives(unknowns)
+        bend, by_shift, moves, by_law_twice = second
+        pull, stiffness, near = series.forces(residual)
+        terms, inner = len(bend), len(unknowns) - len(parts.log_vertical)
+        hessian = gram(jacobian, stiffness)
+        # Vertical shifts are linear in ln m: their products lack the second derivative of ln m.
+        linear = jacobian @ (jacobian[inner:] * (stiffness + near * pull)).T
+        hessian[:, inner:], hessian[inner:, :] = linear, linear.T
+        near_pull = near * pull
+        diagonal = np.arange(terms, 2 * terms)
+        hessian[diagonal, diagonal] += bend @ near_pull
+        # A shift moves every branch as a change of its time does.
+        shifting = slice(len(parts.theta), inner)
+        by_strength = (jacobian[terms : 2 * terms] * near_pull) @ self._member.T @ moves.T
+        by_time = (bend * near_pull) @ self._member.T @ moves.T
+        both = slice(0, 2 * terms)
+        hessian[both, shifting] += np.concatenate([by_strength, by_time])
+        hessian[shifting, both] += np.concatenate([by_strength, by_time]).T
+        within = np.sum((bend * near_pull) @ self._member.T, axis=0)
+        hessian[shifting, shifting] += (moves * within) @ moves.T
+        law = slice(len(parts.theta), len(parts.theta) + len(parts.law))
+        hessian[law, law] += by_law_twice @ (by_shift @ pull)
+        penalty = self.penalty(unknowns)
+        hessian[np.diag_indices_from(hessian)] += penalty
+        return Expansion(
+            float(series.cost(residual) + penalty @ unknowns**2 / 2),
+            jacobian @ pull + penalty * unknowns,
+            hessian,
+            gram_diagonal(jacobian, stiffness) + penalty,
+        )
 
     def bounds(self, unknowns: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """Returns the limits of the unknowns; those of times move with the shifts."""
@@ -204,7 +237,8 @@ class ShiftedSeries:
 
     def minimise(self, unknowns: np.ndarray, *, rtol: float) -> np.ndarray:
         """Returns the unknowns of the minimum reached from `unknowns`."""
-        return minimise(self, unknowns, rtol, 300)[0]
+        bounds = self.bounds(unknowns)
+        return newton_minimum(self.expand, unknowns, *bounds, rtol=rtol, max_steps=150)[0]
 
 
 def shifted_series_of(data: Isotherms, xp: Any = np) -> ShiftedSeries:
