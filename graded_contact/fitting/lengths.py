@@ -1,8 +1,8 @@
 """The best series of every length, from one branch to the most that the data determine.
 
 Two walks meet: upwards, each new branch put where it lowers the error most; downwards from the best
-positive spectrum of all, each time joining the two branches (or dropping the one) that costs least.
-Either alone ends in poor local minima now and then.
+positive spectrum of all, each time joining the two neighbours that cost least. Either walk alone
+ends in poor local minima now and then.
 The best spectrum is found by non-negative least squares on a dense grid of times (C. L. Lawson,
 R. J. Hanson, Solving Least Squares Problems, SIAM 1995, ch. 23), its neighbours merged, then by
 Newton's method on all unknowns; no added branch lowers its error, which makes it the floor.
@@ -146,6 +146,7 @@ def best_spectrum(series: Series) -> Fitted:
 def best_of_length(series: Series, terms: int) -> Fitted:
     """Returns the best series of exactly `terms` branches found from two starts."""
     thinned = series.thinned()
+    # Each start leads to the lower minimum on about half of the measured sets.
     starts = [_spaced_start(thinned, terms)]
     if terms:
         dense = _dense_start(thinned, PER_DECADE / 2)
@@ -213,6 +214,7 @@ def _dense_start(series, per_decade):
     log_times, faint = series.time_grid(per_decade), np.exp(series.faintest())
     strengths = non_negative(series, log_times)
     branches, static = np.split(strengths, [len(log_times)])
+    # A time between two of the grid becomes a branch at each: a run of them is one branch.
     present = np.flatnonzero(branches > faint)
     clusters = np.split(present, np.flatnonzero(np.diff(present) > 1) + 1) if len(present) else []
     merged = [np.sum(branches[cluster]) for cluster in clusters]
@@ -233,6 +235,7 @@ def non_negative(series: Series, log_times: np.ndarray) -> np.ndarray:
     values = np.exp(series.log_values[rows])
     matrix = columns * (scale / values)
     target = scale * (1 - series.known[rows] / values)
+    # Of unit norm, because strengths range over many decades.
     norms = np.linalg.norm(matrix, axis=1)
     norms[norms == 0] = 1
     matrix = (matrix / norms[:, None]).T
@@ -280,25 +283,19 @@ def _of_length(series, theta, terms):
 
 
 def _one_fewer(series, theta):
-    """Every series with one branch fewer, before any fit, the cheapest first."""
+    """The two series with two neighbours joined that cost least, before any fit."""
     s, log_times, c = series.split(theta)
     order = np.argsort(log_times)
     s, log_times = s[order], log_times[order]
-    terms = len(s)
-    parts = np.exp(s)[:, None] * series.branches(log_times)
-    model = series.model(theta)
+    parts, model = np.exp(s)[:, None] * series.branches(log_times), series.model(theta)
     joined = np.logaddexp(s[1:], s[:-1])
     share = np.exp(s[1:] - joined)
     middle = share * log_times[1:] + (1 - share) * log_times[:-1]
-    merged = model - parts[1:] - parts[:-1] + np.exp(joined)[:, None] * series.branches(middle)
-    models = np.concatenate([merged, model - parts])
+    models = model - parts[1:] - parts[:-1] + np.exp(joined)[:, None] * series.branches(middle)
     costs = series.cost(series.residual(np.maximum(models, 1e-6 * model)))
     shorter = []
     for i in np.argsort(costs)[:2]:
-        if i < terms - 1:
-            fewer, fewer_times = np.delete(s, i), np.delete(log_times, i)
-            fewer[i], fewer_times[i] = joined[i], middle[i]
-        else:
-            fewer, fewer_times = np.delete(s, i - terms + 1), np.delete(log_times, i - terms + 1)
+        fewer, fewer_times = np.delete(s, i), np.delete(log_times, i)
+        fewer[i], fewer_times[i] = joined[i], middle[i]
         shorter.append(np.concatenate([fewer, fewer_times, c]))
-    return shorter
+    return shorter or [c]  # a single branch has no neighbour: it is dropped

@@ -145,10 +145,11 @@ class MasterCurve(eqx.Module):
         The uncertainty of the shifts is included. `temperature` [K] is by default the reference;
         beyond the isotherms all limits are NaN.
         """
+        kelvin = None if temperature is None else as_float(temperature, "temperature")
 
         def material(unknowns):
             found = self.with_unknowns(unknowns).material
-            return found if temperature is None else found.at(temperature)
+            return found if kelvin is None else found.at(kelvin)
 
         return limits_of(material, self.unknowns, self.covariance(), omega, level)
 

@@ -133,8 +133,8 @@ def observe(
         parts = [modulus.real, modulus.imag]
     channels = zip(CHANNELS[kind], parts, weights, strict=True)
     measured = [_channel(name, part, weight, x) for name, part, weight in channels]
-    values, weights = map(jnp.stack, zip(*measured, strict=True))
-    data = Observations(x=x, values=values, weights=weights, kind=kind, flows=flows, **known)
+    rows, sizes = (jnp.stack(parts) for parts in zip(*measured, strict=True))
+    data = Observations(x=x, values=rows, weights=sizes, kind=kind, flows=flows, **known)
     if concrete(data):
         _check_content(data, x_name)
     return data
