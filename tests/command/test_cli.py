@@ -437,6 +437,7 @@ def test_a_fit_prints_its_report_and_a_table_that_a_scene_takes(tmp_path):
     assert parse_scene(scene).stack.base.material.poisson == 0.49
 
 
+@pytest.mark.filterwarnings("ignore:Error writing persistent compilation cache")
 def test_an_earlier_fit_stays_if_the_disk_is_full(tmp_path, monkeypatch):
     path = moduli_file(tmp_path / "tread.csv", [20.0])
     (tmp_path / "tread.toml").write_text("earlier")
