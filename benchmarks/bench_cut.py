@@ -64,7 +64,7 @@ def measured(folder: Path) -> Iterator[Whole]:
     for name, options in MEASURED.items():
         mirrored = gc.read_surface(folder / name, periodic="mirror", **options)
         grid = gc.Grid(mirrored.grid.shape, 1e-5 * np.array(mirrored.grid.shape))
-        surface = gc.surface.rescale(gc.Surface(mirrored.heights, grid), rms_slope=0.1)
+        surface = gc.surfaces.rescale(gc.Surface(mirrored.heights, grid), rms_slope=0.1)
         tile = tuple(slice(n // 2) for n in grid.shape)
         yield Whole(surface, np.asarray(surface.heights)[tile], 1e-5, wraps=False)
 
@@ -72,8 +72,8 @@ def measured(folder: Path) -> Iterator[Whole]:
 def closed(part: np.ndarray, spacing: float, way: str) -> gc.Surface:
     size = spacing * np.array(part.shape)
     if way != "cut":
-        return gc.surface.surface_from_heights(part, size, periodic=way)
-    mirrored = gc.surface.surface_from_heights(part, size, periodic="mirror")
+        return gc.surfaces.surface_from_heights(part, size, periodic=way)
+    mirrored = gc.surfaces.surface_from_heights(part, size, periodic="mirror")
     levelled = mirrored.heights[tuple(slice(n) for n in part.shape)]
     return gc.Surface(levelled - jnp.mean(levelled), gc.Grid(part.shape, size))
 
@@ -82,7 +82,7 @@ def closed(part: np.ndarray, spacing: float, way: str) -> gc.Surface:
 def _numbers(heights, size, pressure):
     surface = gc.Surface(heights, gc.Grid(heights.shape, size))
     found = gc.slide(STACK, surface, pressure=pressure, velocity=1.0, rtol=1e-3, throw=False)
-    slope = gc.surface.statistics(surface).rms_slope
+    slope = gc.surfaces.statistics(surface).rms_slope
     return jnp.stack([found.friction, found.contact_area_smooth, slope])
 
 

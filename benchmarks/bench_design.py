@@ -18,9 +18,9 @@ from rows import ROOT, run, show
 
 import graded_contact as gc
 from graded_contact.core.parameters import paths, with_values
-from graded_contact.files.design_scene import read_design
-from graded_contact.studies.design import minimise
-from graded_contact.studies.run_design import mean_field_problem
+from graded_contact.scenes.design_scene import read_design
+from graded_contact.scenes.run_design import mean_field_problem
+from graded_contact.studies.search import minimise
 from graded_contact.studies.stochastic import minimise_expected
 
 SPEEDS = np.log([1e-3, 10.0])

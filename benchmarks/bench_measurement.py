@@ -22,8 +22,8 @@ Q0 = 2 * np.pi / EDGE
 ROAD = gc.SelfAffine(rms_slope=0.4, hurst=0.8, q_low=Q0, q_roll=3 * Q0, q_high=POINTS / 8 * Q0)
 TREAD = gc.tyre_tread()
 BLOCK = gc.Stack(base=gc.HalfSpace(TREAD))
-SHEAR = gc.contacts.PeakedShear(peak=2e6, velocity=1e-2, steepness=0.1, shift=TREAD.shift)
-HEATING = gc.contacts.Heating(conductivity=0.3, diffusivity=1.5e-7, counterface_conductivity=1.5)
+SHEAR = gc.sliding.PeakedShear(peak=2e6, velocity=1e-2, steepness=0.1, shift=TREAD.shift)
+HEATING = gc.sliding.Heating(conductivity=0.3, diffusivity=1.5e-7, counterface_conductivity=1.5)
 TEMPERATURES = (-20, 0, 20, 40, 60, 80)  # °C
 VELOCITIES = np.geomspace(1e-6, 30, 31)  # m/s
 SOLVED = ((-20, 20, 80), (1e-6, 1e-4, 1e-2, 1e-1, 1.0, 5.0, 30.0))  # by contact, °C and m/s

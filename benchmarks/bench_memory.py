@@ -64,17 +64,16 @@ def measure(case: str, size: int) -> dict[str, float]:
     jax.block_until_ready(done)
     peak = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss * 1024
 
-    shape, itemsize = grid.shape, grid.size.dtype.itemsize
-    field = size**2 * itemsize
-    numbers, history = _memory.num_numbers(stack), gc.contacts.DouglasRachford().history_length
-    drawing = _memory.surface_memory(shape, itemsize)
-    sliding = _memory.sliding_memory(shape, itemsize, numbers, case == "oblique", history)
-    beside = {
-        "surface": 0.0,
-        "contact": _memory.contact_memory(shape, itemsize, history) + 2 * field,
-        "derivative": sliding + (1 + _memory.DERIVATIVE) * field,
-    }.get(case, sliding + field)
-    return {"peak": peak, "estimate": max(drawing, beside)}
+    # Beside the solve there are the surface, and before a contact its kernel.
+    fields = {
+        "surface": _memory.SURFACE,
+        "contact": _memory.CONTACT + 2,
+        "derivative": _memory.SLIDING + 1 + _memory.DERIVATIVE,
+    }.get(case, _memory.SLIDING + 1)
+    return {
+        "peak": peak,
+        "estimate": _memory.memory_of(fields, grid.shape, grid.size.dtype.itemsize),
+    }
 
 
 def apart(case: str, size: int, bits: int, cache: str) -> dict[str, float]:

@@ -21,7 +21,7 @@ import numpy as np
 from rows import goal, report, run, seconds, timed
 
 import graded_contact as gc
-from graded_contact.persson.diffusion import Correction
+from graded_contact.mean_field.diffusion import Correction
 
 
 def tread(share):

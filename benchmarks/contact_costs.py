@@ -21,7 +21,7 @@ from contact_scenes import bare_pair, bodies, rough_surface
 from rows import goal, report, seconds, show, timed
 
 import graded_contact as gc
-from graded_contact.contact.adjoint import LinearSplitting
+from graded_contact.contacts.adjoint import LinearSplitting
 from graded_contact.fields import transforms as _fft
 
 SPEED = 0.1  # m/s

@@ -14,7 +14,7 @@ import numpy as np
 from rows import report
 
 import graded_contact as gc
-from graded_contact.motion import sinusoidal, slide_cycle, start_stop
+from graded_contact.sliding import sinusoidal, slide_cycle, start_stop
 
 SIZE = 1.0
 _CLOSEST = 1e-10

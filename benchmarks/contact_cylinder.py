@@ -13,7 +13,7 @@ from rows import goal, report
 
 import graded_contact as gc
 from graded_contact import reference
-from graded_contact.contact.area import edge_stiffness
+from graded_contact.contacts.area import edge_stiffness
 from graded_contact.fields.grid import to_field, to_spectrum
 
 CELL, WIDE = 8, 2**14

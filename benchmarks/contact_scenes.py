@@ -22,7 +22,7 @@ def rough_surface(n, seed=0):
     """H = 0.8, roll-off 4 q0, cut-off (n/8) q0, rms slope 0.1; phases are the same for all n."""
     grid = gc.Grid((n, n), CELL)
     spectrum = gc.SelfAffine(rms_slope=0.1, hurst=0.8, q_low=Q0, q_roll=4 * Q0, q_high=n / 8 * Q0)
-    return gc.surface.rescale(
+    return gc.surfaces.rescale(
         gc.random_surface(spectrum, grid, jax.random.key(seed)), rms_slope=0.1
     )
 

@@ -109,9 +109,6 @@ thicker = gc.with_values(block, {"layers[0].thickness": 1e-4})
 p = gc.propagate(lambda b: gc.slide(b, road, pressure=4e5, velocity=0.1).friction,
                  {"layers[0].thickness": 5e-6}, block)
 """,
-    "checkpointed": """
-s = gc.checkpointed("folder", gc.slide, block, road, pressure=4e5, velocity=0.1)
-""",
     "run_scene": """
 results = gc.run_scene(gc.read_scene("scene.toml"))
 results.friction.sel(velocity=0.1, method="nearest")

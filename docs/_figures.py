@@ -4,6 +4,7 @@ from typing import Any
 
 import numpy as np
 
+from graded_contact.materials.library import tyre_tread
 from graded_contact.plot.style import (
     PAGE,
     TEMPERATURES,
@@ -12,7 +13,6 @@ from graded_contact.plot.style import (
     ordered,
     styled,
 )
-from graded_contact.rheology.library import tyre_tread
 
 Rows = list[dict[str, str]]
 

@@ -17,28 +17,34 @@ from numpy.typing import ArrayLike
 from typer.testing import CliRunner
 
 import graded_contact as gc
+from graded_contact.blocks.profile import Blend
+from graded_contact.blocks.stack import HalfSpace, Layer
 from graded_contact.cli import app
-from graded_contact.contact.nested_solve import DouglasRachford
+from graded_contact.contacts.nested_solve import DouglasRachford
 from graded_contact.core.checks import Numbers
 from graded_contact.fields.grid import Grid
-from graded_contact.files import block, scene, surface_source
-from graded_contact.files.design_scene import DesignScene, Stiffness
-from graded_contact.files.schema import REQUIRED, Key, Spacing, classes_of, keys_of, parts_of
-from graded_contact.files.toml import entry_text
-from graded_contact.friction.heating import Heating
-from graded_contact.response.profile import Blend
-from graded_contact.response.stack import HalfSpace, Layer
-from graded_contact.rheology.material import AbstractMaterial
+from graded_contact.materials.material import AbstractMaterial
+from graded_contact.scenes import block, scene, surface_source
+from graded_contact.scenes.design_scene import DesignScene, Stiffness
+from graded_contact.scenes.schema import (
+    REQUIRED,
+    Key,
+    Spacing,
+    classes_of,
+    entry_text,
+    keys_of,
+    parts_of,
+)
+from graded_contact.sliding.heating import Heating
 
 ROOT = Path(__file__).parents[1]
-# Namespaces of the package, with pages of their own.
-MODULES = (
-    "materials", "blocks", "contacts", "motion", "shapes", "surface", "design", "plot", "reference",
-)  # fmt: skip
 TITLES = {
-    "rheology": "Materials", "response": "Blocks and their response", "surfaces": "Surfaces",
-    "contact and sliding": "Contact and sliding", "mean field": "Mean field",
-    "fitting": "Data and fits", "studies": "Many solves and design",
+    "materials": "Materials", "blocks": "Blocks and their response", "surfaces": "Surfaces",
+    "contacts": "Contact", "sliding": "Sliding", "mean_field": "Mean field", "fitting": "Fits",
+    "readers": "Measured files", "studies": "Many solves and design", "scenes": "Scenes",
+    "exports": "Cards for other programs", "plot": "Figures", "page": "The page",
+    "fields": "The cell", "reference": "Closed forms", "core": "Parameters and programs",
+    "blocks.shapes": "Shapes of graded layers",
 }  # fmt: skip
 
 # Keys and tables that have a kind, in the order of `block.KINDS`.
@@ -48,7 +54,7 @@ TABLES: dict[str, dict[Callable, tuple[Key, ...]]] = {
     "The scene": {scene.Tables: keys_of(scene.Tables)},
     **{f'[surface], kind = "{kind}"': takers for kind, takers in surface_source.SURFACES.items()},
     "[grid]": {Grid: keys_of(Grid)},
-    "[materials.NAME], any kind": {gc.materials.read_errors: (block.ERRORS,)},
+    "[materials.NAME], any kind": {gc.studies.read_errors: (block.ERRORS,)},
     **{
         f'[materials.NAME], kind = "{kind}"': {make: keys_of(make)}
         for kind, make in {
@@ -87,8 +93,6 @@ MEANINGS = {
 }
 LONG = 30  # rows that are shown only when asked for
 
-Names = dict[str, list[tuple[str, object]]]  # of modules or groups
-
 
 def write_all(docs: Path) -> None:
     """Writes into the folders `reference`, `_measured` and `tutorials` of `docs`."""
@@ -111,56 +115,36 @@ def write_all(docs: Path) -> None:
 
 
 def reference_pages() -> dict[str, str]:
-    """Returns a page for each group of `graded_contact.__all__`, and for each of `MODULES`."""
-    groups, modules = public_groups(), {name: members_of(name) for name in MODULES}
+    """Returns a page for each room of `TITLES`."""
     places = all_places()
     pages = {}
-    for title, members in groups.items():
-        parts = [description(places[name], thing, places) for name, thing in members]
-        pages[title.replace(" ", "_")] = "\n\n".join([f"# {TITLES[title]}", *parts])
-    for module, members in modules.items():
-        about = importlib.import_module(f"graded_contact.{module}").__doc__
-        parts = [f"# `gc.{module}`", linked(inspect.cleandoc(about or ""), places)]
-        for name, thing in members:
-            at = places[name]
-            own = at == f"graded_contact.{module}.{name}"
-            parts.append(description(at, thing, places) if own else f"- {{py:obj}}`{at}`")
-        pages[module] = "\n\n".join(parts)
+    for room, title in TITLES.items():
+        about = importlib.import_module(f"graded_contact.{room}").__doc__
+        parts = [f"# {title}: `gc.{room}`", linked(inspect.cleandoc(about or ""), places)]
+        parts += [description(places[name], thing, places) for name, thing in members_of(room)]
+        pages[room.rpartition(".")[2]] = "\n\n".join(parts)
     return pages
 
 
 def all_places() -> dict[str, str]:
-    """Returns where each public name is described; in the group, if two places have it."""
-    places = {
-        name: f"graded_contact.{module}.{name}"
-        for module in MODULES
-        for name, _ in members_of(module)
+    """Returns where each public name is described: where a script finds it at the shortest."""
+    return {
+        name: f"graded_contact.{name}" if name in gc.__all__ else f"graded_contact.{room}.{name}"
+        for room in TITLES
+        for name, _ in members_of(room)
     }
-    for group in public_groups().values():
-        places |= {name: f"graded_contact.{name}" for name, _ in group}
-    return places
 
 
-def public_groups() -> Names:
-    """Returns the public names by the comments that part them in `__all__`."""
-    listed = inspect.getsource(gc).partition("__all__ = [")[2].partition("]")[0]
-    groups = {}
-    for title, names in re.findall(r"# ([\w ]+)\n((?: +\".*\n)+)", listed):
-        found = [name for name in re.findall(r'"(\w+)"', names) if name not in MODULES]
-        if found:
-            groups[title] = [(name, getattr(gc, name)) for name in found]
-    return groups
-
-
-def members_of(module: str) -> list[tuple[str, object]]:
-    """Returns what a namespace offers: what it lists, or its own public functions and classes."""
-    found = importlib.import_module(f"graded_contact.{module}")
+def members_of(room: str) -> list[tuple[str, object]]:
+    """Returns what a room offers: what it lists, or its own public functions and classes."""
+    found = importlib.import_module(f"graded_contact.{room}")
     own = [
         name
         for name, thing in vars(found).items()
         if getattr(thing, "__module__", None) == found.__name__ and not name.startswith("_")
     ]
-    return [(name, getattr(found, name)) for name in getattr(found, "__all__", own)]
+    names = [name for name in getattr(found, "__all__", own) if name != "shapes"]
+    return [(name, getattr(found, name)) for name in names]
 
 
 def description(place: str, thing: object, places: dict[str, str]) -> str:

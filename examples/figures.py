@@ -8,7 +8,7 @@ import jax.numpy as jnp
 import numpy as np
 
 import graded_contact as gc
-from graded_contact.files.scene_reading import parse_scene
+from graded_contact.scenes.scene import parse_scene
 
 jax.config.update("jax_enable_x64", True)
 FOLDER = Path(sys.argv[1] if len(sys.argv) > 1 else Path(__file__).parents[1] / "docs" / "figures")
@@ -60,11 +60,10 @@ def of_contacts():
     load = {"pressure": PRESSURE, "velocity": VELOCITY}
     sliding = gc.slide(block(), road, **load)
     theory = gc.mean_field_friction(block(), road, **load)
-    waves = gc.contacts.cumulative_friction(
+    waves = gc.sliding.cumulative_friction(
         sliding.pressure, sliding.displacement, road.grid, VELOCITY
     )
     save("sliding", gc.plot.plot_sliding(sliding, road, VELOCITY))
-    save("outline", gc.plot.plot_outline(sliding, road))
     save("distributions", gc.plot.plot_distributions(sliding, theory))
     curves = {"contact": waves, "mean field": theory.against_cutoff}
     save("dissipation", gc.plot.plot_dissipation(curves))

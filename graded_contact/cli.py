@@ -13,13 +13,13 @@ import typer
 from . import __version__
 from .command.compare import compare
 from .command.design import design
-from .command.explore import explore
+from .command.explore import show_page
 from .command.fit import fit
 from .command.friction_table import table
 from .command.new import new
-from .command.scene import demo, info, run
-from .command.session import prepare
+from .command.run import demo, info, run
 from .command.spelling import spell_missing_characters
+from .command.terminal import prepare
 
 app = typer.Typer(
     help="Friction and contact area of layered viscoelastic blocks on rough surfaces.",
@@ -47,8 +47,9 @@ def main(
     prepare()
 
 
-for job in (demo, new, run, info, table, compare, fit, design, explore):
+for job in (demo, new, run, info, table, compare, fit, design):
     app.command()(job)
+app.command("explore")(show_page)
 
 
 def start() -> None:

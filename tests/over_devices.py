@@ -12,7 +12,7 @@ import jax
 import numpy as np
 
 import graded_contact as gc
-from graded_contact.contact import anderson
+from graded_contact.core import anderson
 
 jax.config.update("jax_enable_x64", True)
 if sys.argv[1:]:
@@ -67,11 +67,11 @@ def distance(many, one) -> float:
 
 def curves(surface, found):
     return (
-        gc.contacts.cumulative_friction(
+        gc.sliding.cumulative_friction(
             found.pressure, found.displacement, surface.grid, 0.5
         ).friction,
-        gc.surface.radial_spectrum(surface)[1],
-        gc.surface.resample(surface, (24, 30)).heights,
+        gc.surfaces.radial_spectrum(surface)[1],
+        gc.surfaces.resample(surface, (24, 30)).heights,
     )
 
 

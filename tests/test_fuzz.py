@@ -18,18 +18,13 @@ from pathlib import Path
 import jax
 import numpy as np
 import pytest
-from scenes import damaged
+from scene_texts import damaged
 from typer.testing import CliRunner
 
 import graded_contact as gc
 from graded_contact import cli
-from graded_contact.command import session
+from graded_contact.command import terminal as session
 from graded_contact.core.parameters import paths
-from graded_contact.files import schema
-from graded_contact.files.design_scene import parse_design, read_design
-from graded_contact.files.recorded_motion import read_motion
-from graded_contact.files.scene_reading import parse_scene
-from graded_contact.files.surface_source import RandomSurface
 from graded_contact.page.document import (
     open_document,
     save_document,
@@ -37,8 +32,13 @@ from graded_contact.page.document import (
     with_moduli,
     with_topography,
 )
-from graded_contact.studies.run_scene import check_scene as check_scene_memory
-from graded_contact.studies.run_scene import run_scene
+from graded_contact.readers.recorded_motion import read_motion
+from graded_contact.scenes import schema
+from graded_contact.scenes.design_scene import parse_design, read_design
+from graded_contact.scenes.run_scene import check_scene as check_scene_memory
+from graded_contact.scenes.run_scene import run_scene
+from graded_contact.scenes.scene import parse_scene
+from graded_contact.scenes.surface_source import RandomSurface
 
 SEED = 20261
 REFUSALS = (ValueError, OSError, ImportError)
@@ -414,8 +414,8 @@ def test_what_is_damaged_is_refused_or_read_right(folder):
 
 PIPED = {
     "scene": gc.read_scene, "design": read_design, "moduli": gc.read_moduli,
-    "strain sweep": gc.materials.read_strain_sweep, "topography": gc.read_surface,
-    "errors": gc.materials.read_errors, "motion": lambda path: read_motion(path, 1.0),
+    "strain sweep": gc.readers.read_strain_sweep, "topography": gc.read_surface,
+    "errors": gc.studies.read_errors, "motion": lambda path: read_motion(path, 1.0),
     "results": gc.read_results, "page": open_document,
 }  # fmt: skip
 
@@ -623,23 +623,11 @@ EXTREMES = ("1e300", "1e-300", "1e100", "1e-100", "1e30", "1e-30", "1e-17", "0",
 ROUGH = RANDOM.replace("[0.01, 1.0]", "0.1").replace('"every"', '"none"') + LAYERS
 ROUGH += SERIES.replace('errors = "errors.csv"', "") + '[shear]\nkind = "constant"\nstress = 1e5\n'
 SPHERE = """
-[surface]
-kind = "sphere"
-radius = 2e-3
-[grid]
-shape = [16, 16]
-size = 6e-4
-[materials.a]
-kind = "prony"
-equilibrium = 2e6
-strengths = [4e6]
-times = [1e-2]
-[base]
-kind = "half_space"
-material = "a"
-[load]
-approach = 1e-5
-velocity = 0.1
+surface = {kind = "sphere", radius = 2e-3}
+grid = {shape = [16, 16], size = 6e-4}
+materials.a = {kind = "prony", equilibrium = 2e6, strengths = [4e6], times = [1e-2]}
+base = {kind = "half_space", material = "a"}
+load = {approach = 1e-5, velocity = 0.1}
 """
 
 

@@ -87,10 +87,10 @@ def test_what_is_declared_is_imported():
     assert declared <= imported
 
 
-SPACES = (gc.blocks, gc.contacts, gc.design, gc.materials, gc.shapes, gc.surface)
+ROOMS = [getattr(gc, name) for name in gc.ROOMS if name != "plot"]
 NAMED = [
     *((gc, name) for name in gc.__all__),
-    *((module, name) for module in SPACES for name in module.__all__),
+    *((room, name) for room in ROOMS for name in getattr(room, "__all__", ())),
 ]
 
 
@@ -201,10 +201,10 @@ LOWEST = {
         ("-c", JOB),
         (*TESTS, "tests/page/test_knobs.py", "tests/studies/test_sweep.py", "tests/test_grid.py"),
     ],
-    "io": [(*TESTS, "tests/files/test_topography.py", "tests/files/test_moduli.py")],
+    "io": [(*TESTS, "tests/readers/test_topography.py", "tests/readers/test_moduli.py")],
     "fast-cpu": [(*TESTS, "tests/test_fft.py")],
     "test": [
-        (*TESTS, "tests/page/test_browser.py", "tests/rheology/test_material.py"),
+        (*TESTS, "tests/page/test_browser.py", "tests/materials/test_material.py"),
         (*TESTS, "tests/test_notebooks.py"),
         ("-m", "build", "--wheel", "--outdir", "{}"),
     ],

@@ -51,7 +51,7 @@ from system import (
 )
 
 import graded_contact as gc
-from graded_contact.response.layering import sliced
+from graded_contact.blocks.layering import sliced
 from graded_contact.studies.store import Store
 
 LABELS = {
@@ -304,7 +304,7 @@ def searched(given, size):
 
     rows = [row(bare, softest=0.0, **dict.fromkeys(LOWER, 0.0))]
     for softest in SOFTEST:
-        front = gc.design.pareto_front(
+        front = gc.studies.pareto_front(
             objectives, LOWER | {"modulus": softest}, UPPER,
             num_points=3 if given.small else 9, num_starts=2 if given.small else 6, rtol=1e-6,
         )  # fmt: skip

@@ -98,7 +98,7 @@ def contact(part: Part, cutoff: int, size: Size):
             scene = jax.tree.map(lambda x: jnp.asarray(x, jnp.float32), scene)
         stack, rough, pressure, velocity = scene
         found = gc.slide(stack, rough, pressure=pressure, velocity=velocity, rtol=RTOL, throw=False)
-        waves = gc.contacts.cumulative_friction(
+        waves = gc.sliding.cumulative_friction(
             found.pressure, found.displacement, cell, VELOCITY, WAVES
         )
         return {

@@ -31,8 +31,8 @@ from PIL import Image
 from PIL.PngImagePlugin import PngInfo
 
 import graded_contact as gc
-from graded_contact.files.sealed import write_whole
 from graded_contact.plot.style import ordered as ordered
+from graded_contact.studies.dataset import write_whole
 
 jax.config.update("jax_enable_x64", True)
 

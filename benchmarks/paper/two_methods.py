@@ -33,7 +33,7 @@ from system import (
 from system import surface as surface_of
 
 import graded_contact as gc
-from graded_contact.contact.rmd import ResidualDynamics
+from graded_contact.contacts.rmd import ResidualDynamics
 from graded_contact.fields.grid import derivative, to_field, to_spectrum, wavenumber, wavevector
 
 RANGE = 0.01  # of the law, over the rms height
@@ -59,7 +59,7 @@ def report(name, found, seconds, best):
 def dynamics(size):
     cutoff = size.cutoffs[0]
     surface = surface_of(cutoff, size)
-    rms = float(gc.surface.statistics(surface).rms_height)
+    rms = float(gc.surfaces.statistics(surface).rms_height)
     print(f"RMD and Douglas-Rachford, q1/q0 = {cutoff}, N = {surface.grid.shape[0]}")
     for depth, ratio in points(size):
         rubber = tread()

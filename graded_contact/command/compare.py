@@ -5,10 +5,10 @@ from typing import Annotated
 
 import typer
 
-from ..files.paths import check_folder
-from ..files.results import read_results
 from ..plot import plot_compare
-from .session import FigureFormat, Format, refusing, save_figure
+from ..readers.paths import check_folder
+from ..scenes.results import read_results
+from .terminal import FigureFormat, Format, refusing, save_figure
 
 
 def compare(
@@ -29,7 +29,7 @@ def compare(
     """
     with refusing():
         if len(result_files) < 2:
-            raise ValueError("`compare` takes two results or more.")
+            raise ValueError("`compare` needs two results or more.")
         results = [read_results(path) for path in result_files]
         titles = [str(one.attrs["title"]) for one in results]
         if not all(titles) or len(set(titles)) < len(titles):

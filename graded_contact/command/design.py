@@ -2,29 +2,36 @@
 
 import json
 from pathlib import Path
-from typing import Annotated
 
 import typer
 
-from ..files.design_scene import read_design
-from ..files.paths import check_folder, check_name, full_path
-from ..files.sealed import write_whole
 from ..plot import plot_design, plot_history
-from ..roughness.surface import Surface
-from ..studies.cost import design_cost
-from ..studies.design_report import designed_values, missed, report
-from ..studies.interruption import Interrupted, interruptible
-from ..studies.run_design import check_design, run_design
+from ..scenes.cost import design_cost
+from ..scenes.design_report import designed_values, missed, report
+from ..scenes.design_scene import read_design
+from ..scenes.run_design import check_design, run_design
+from ..studies.dataset import write_whole
+from ..studies.interruption import interruptible
 from ..studies.store import Store
-from .session import DryRun, FigureFormat, Format, Output, progress, refusing, save_figure
-from .tables import print_read
-from .understood import print_understood
+from ..surfaces.surface import Surface
+from .result_tables import print_read
+from .terminal import (
+    DryRun,
+    FigureFormat,
+    Format,
+    Output,
+    SceneFile,
+    checked_place,
+    end_if_interrupted,
+    place_of,
+    progress,
+    refusing,
+    save_figure,
+)
 
 
 def design(
-    scene_file: Annotated[
-        Path, typer.Argument(metavar="SCENE.toml", help="The scene.", show_default=False)
-    ],
+    scene_file: SceneFile,
     output: Output = None,
     dry_run: DryRun = False,
     form: FigureFormat = Format.PNG,
@@ -36,43 +43,34 @@ def design(
     """
     with refusing(), interruptible() as interruption:
         study = read_design(scene_file)
+        rough = study.spectrum
         if dry_run:
-            print_understood(study.scene)
+            typer.echo(study.scene)
             typer.echo(design_cost(study).report())
             check_design(study)
-            rough = study.spectrum
             print_read(study.scene, rough if isinstance(rough, Surface) else None)
             return
-        folder = output or study.scene.directory or Path(f"{scene_file.stem}-results")
-        name = f"{study.scene.name or scene_file.stem}-design"
-        check_name(name)
-        folder = full_path(str(folder))
-        check_folder(folder)
+        folder, name = place_of(study.scene, scene_file, output)
+        stem = checked_place(folder, f"{name}-design")
         if study.scene.title:
             typer.echo(study.scene.title)
         try:
-            with (
-                Store(folder / f"{name}.points") as store,
-                progress(interruption) as advance,
-            ):
+            with Store(f"{stem}.points") as store, progress(interruption) as advance:
                 results = run_design(study, store=store, progress=advance)
-            text, stem = report(results), folder / name
+            text = report(results)
             write_whole(f"{stem}.json", json.dumps(designed_values(results), indent=2) + "\n")
             write_whole(f"{stem}.txt", f"{text}\n")
             typer.echo(f"\n{text}\n")
-            for sentence in getattr(study.spectrum, "caveats", ()):  # of a surface from a file
+            for sentence in getattr(rough, "caveats", ()):  # of a surface from a file
                 typer.secho(f"Caveat: {sentence}", fg="yellow")
             typer.echo(f"wrote {stem}.json\nwrote {stem}.txt")
             interruption.check()
             save_figure(plot_design(results), Path(f"{stem}.{form}"), form)
-            save_figure(
-                plot_history(results.design, scene=study.scene.text),
-                Path(f"{stem}-history.{form}"),
-                form,
-            )
-        except Interrupted:
-            typer.echo("Interrupted: the same command continues.", err=True)
-            raise typer.Exit(interruption.exit_code) from None
+            history = plot_history(results.design, scene=study.scene.text)
+            save_figure(history, Path(f"{stem}-history.{form}"), form)
+        except KeyboardInterrupt:
+            end_if_interrupted(interruption)
+            raise
         except RuntimeError as error:  # the reason, without the traceback in it
             reason = str(error).rpartition("RuntimeError: ")[2].partition("\n\n")[0]
             typer.secho(f"Error: {reason}", fg="red", err=True)

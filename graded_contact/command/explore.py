@@ -7,12 +7,12 @@ from typing import Annotated
 
 import typer
 
-from ..files.paths import check_folder, full_path
 from ..page.serving import serve
-from .session import refusing
+from ..readers.paths import check_folder, full_path
+from .terminal import refusing
 
 
-def explore(
+def show_page(
     scene_file: Annotated[
         Path | None,
         typer.Argument(metavar="[SCENE.toml]", help="Scene file (default: the scene of `demo`)."),

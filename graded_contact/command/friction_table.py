@@ -6,22 +6,18 @@ from typing import Annotated
 import numpy as np
 import typer
 
-from ..files.dataset import write
-from ..files.friction_cards import export_friction
-from ..files.paths import check_folder, full_path
-from ..files.scene_reading import read_scene, refuse_tables
-from ..files.sealed import write_whole
-from ..studies.friction_table import Method, friction_table
+from ..exports.friction_cards import export_friction
+from ..scenes.run_scene import build_surface
+from ..scenes.scene import read_scene, refuse_tables
+from ..scenes.theory import check_frequencies_of, roughness_of
+from ..studies.dataset import write, write_whole
+from ..studies.friction_tables import Method, friction_table
 from ..studies.interruption import interruptible
-from ..studies.run_scene import build_surface
-from ..studies.scene_theory import check_frequencies_of, roughness_of
-from .session import Output, Replace, progress, refusing
+from .terminal import Output, Replace, SceneFile, checked_place, place_of, progress, refusing
 
 
 def table(
-    scene_file: Annotated[
-        Path, typer.Argument(metavar="SCENE.toml", help="Scene file.", show_default=False)
-    ],
+    scene_file: SceneFile,
     output: Output = None,
     replace: Replace = False,
     method: Annotated[
@@ -36,23 +32,18 @@ def table(
     with refusing(), interruptible() as interruption:
         scene = read_scene(scene_file)
         refuse_tables(scene, "A table of friction", "motion", "shear", "heating")
-        others = [
-            axis for axis in scene.axes if axis not in ("temperature", "pressure", "velocity")
-        ]
-        if others:
-            raise ValueError(f"{scene_file}: a table of friction has no axis `{others[0]}`.")
-        folder = output or scene.directory or Path(f"{scene_file.stem}-results")
-        folder = full_path(str(folder))
-        check_folder(folder)
-        name = f"{scene.name or scene_file.stem}-friction"
-        files = {form: folder / f"{name}.{form}" for form in ("inp", "csv", "h5")}
+        for axis in scene.axes:
+            if axis not in ("temperature", "pressure", "velocity"):
+                raise ValueError(f"{scene_file}: a table of friction has no axis `{axis}`.")
+        folder, name = place_of(scene, scene_file, output)
+        stem = checked_place(folder, f"{name}-friction")
+        files = {form: Path(f"{stem}.{form}") for form in ("inp", "csv", "h5")}
         for file in files.values():
             if file.exists() and not replace:
                 raise ValueError(f"{file} exists: give another --output, or --replace.")
         surface = build_surface(scene)
         check_frequencies_of(scene, surface)
         common = {"graded_solver": scene.graded_solver, "strain_per_slope": scene.strain_per_slope}
-        temperature = None if scene.temperature is None else np.atleast_1d(scene.temperature)
         simple = method == "mean_field" and surface.periodic
         with progress(interruption) as advance:
             found = friction_table(
@@ -60,7 +51,7 @@ def table(
                 roughness_of(scene, surface) if simple else surface,
                 pressure=scene.pressure,
                 velocity=scene.velocity,
-                temperature=temperature,
+                temperature=None if scene.temperature is None else np.atleast_1d(scene.temperature),
                 direction=scene.direction,
                 method=method,
                 slide_options={"solver": scene.solver, "rtol": scene.rtol, **common},
@@ -69,7 +60,7 @@ def table(
             )
         if interruption.signal is not None:
             raise typer.Exit(interruption.exit_code)
-        folder.mkdir(parents=True, exist_ok=True)
+        stem.parent.mkdir(parents=True, exist_ok=True)
         write(files["h5"], found)  # first: it also takes points that failed
         typer.echo(f"wrote {files['h5']}")
         for form, program in {"inp": "abaqus", "csv": "csv"}.items():

@@ -6,82 +6,78 @@ from typing import Annotated, Any
 
 import numpy as np
 import typer
+from typer import Argument, Option
 
 from ..core.warnings import EXTRAPOLATED
-from ..files.paths import check_folder, full_path
-from ..files.prony_cards import export_prony
-from ..files.sealed import write_whole
-from ..files.toml import entry_text
-from ..files.topography.reading import read_surface
+from ..exports.prony_cards import export_prony
 from ..plot.words import kelvin
-from ..studies.proposal import CONTACT, Load, proposed_load
+from ..readers.topography import read_surface
+from ..scenes.proposal import CONTACT_SHARE, Load, proposed_load
+from ..scenes.schema import entry_text
+from ..studies.dataset import write_whole
 from .fit import (
-    Columns,
+    ColumnTexts,
+    DataKind,
     Deformation,
-    Files,
-    Kind,
+    ModuliFiles,
     Poisson,
-    Temperature,
+    Temperatures,
     Terms,
-    Units,
+    UnitTexts,
     fitted,
     material_name,
-    naming_options,
     read_measured,
+    with_options,
     write_fit,
 )
-from .session import FigureFormat, Format, Output, Replace, refusing
-from .tables import print_steps
+from .result_tables import print_steps
+from .terminal import FigureFormat, Format, Output, Replace, checked_place, refusing
 
-MOST = 512  # points along an edge, for results within minutes
-POINTS = 7  # velocities
-SHIFTS = {"law": "wlf", "shift_std": 0.3, "vertical_shift_std": 0.0}
-WEIGHTS = {"storage_weight": 1.0, "loss_weight": 1.0}
+FINEST_EDGE = 512  # points along an edge, for results within minutes
+NUM_VELOCITIES = 7
 
 
 def new(
     surface_file: Annotated[
-        Path, typer.Argument(metavar="TOPOGRAPHY", help="Measured surface.", show_default=False)
+        Path, Argument(metavar="TOPOGRAPHY", help="Measured surface.", show_default=False)
     ],
-    moduli_files: Files,
+    moduli_files: ModuliFiles,
     output: Output = None,
-    size: Annotated[
-        float | None,
-        typer.Option(metavar="METRES", help="Edge of the surface, if the file does not state it."),
-    ] = None,
-    height_unit: Annotated[
-        str | None, typer.Option(help="Unit of the surface's numbers, likewise: um, nm, ...")
-    ] = None,
-    periodic: Annotated[
-        str, typer.Option(help="How its edges are joined: harmonic, mirror, window or none.")
-    ] = "harmonic",
+    size: Annotated[float | None, Option(
+        metavar="METRES", help="Edge of the surface, if the file does not state it."
+    )] = None,
+    height_unit: Annotated[str | None, Option(
+        help="Unit of the surface's numbers, likewise: um, nm, ..."
+    )] = None,
+    periodic: Annotated[str, Option(
+        help="How its edges are joined: harmonic, mirror, window or none."
+    )] = "harmonic",
     terms: Terms = None,
     poisson: Poisson = 0.5,
-    kind: Kind = None,
+    kind: DataKind = None,
     deformation: Deformation = None,
-    temperature: Temperature = None,
-    unit: Units = None,
-    column: Columns = None,
+    temperature: Temperatures = None,
+    unit: UnitTexts = None,
+    column: ColumnTexts = None,
     replace: Replace = False,
     form: FigureFormat = Format.PNG,
-) -> None:
+) -> None:  # fmt: skip
     """Writes a scene that runs, from a topography and moduli of one material.
 
     Fits the moduli as `fit` does, with its report and figures, and proposes a pressure, velocities
     and temperatures. Several isotherms give a friction master curve.
     """
-    with refusing(), naming_options():
+    with refusing(with_options):
         name = material_name(moduli_files[0])
-        folder = full_path(str(output or f"{name}-on-{surface_file.stem}"))
-        check_folder(folder)
-        scene = folder / "scene.toml"
+        stem = checked_place(output or f"{name}-on-{surface_file.stem}", name)
+        scene = stem.with_name("scene.toml")
         if scene.exists() and not replace:
             raise ValueError(f"{scene} exists: give another --output, or --replace.")
-        read = {"size": size, "unit": height_unit, "periodic": periodic}
+        read: dict[str, Any] = {"size": size, "unit": height_unit, "periodic": periodic}
         read = {key: value for key, value in read.items() if value is not None}
         surface = read_surface(surface_file, **read)
         # Twice as fine as measured, which resolves the edges of contact.
-        most = MOST if surface.heights.ndim == 2 else MOST**2
+        most = FINEST_EDGE if surface.heights.ndim == 2 else FINEST_EDGE**2
         read["shape"] = tuple(min(2 * n, most) for n in surface.grid.shape)
         surface = read_surface(surface_file, **read)
         for sentence in surface.history:
@@ -91,16 +87,15 @@ def new(
             moduli_files, column, unit, temperature, kind=kind, deformation=deformation,
             poisson=poisson,
         )  # fmt: skip
-        found = fitted(measured, SHIFTS, WEIGHTS, {"terms": terms, "poisson": poisson})
-        _, material, *_ = found
+        found = fitted(measured, terms=terms, poisson=poisson)
         parts = [part.temperature for part in measured.isotherms()]
         kelvins = [np.mean(part) for part in parts if part is not None]
-        load = proposed_load(material, surface, np.array(kelvins))
-        write_fit(folder, name, found, ("toml",), form)
-        path = os.path.relpath(surface_file.absolute(), folder)
+        load = proposed_load(found.material, surface, np.array(kelvins))
+        write_fit(stem, found, ("toml",), form)
+        path = os.path.relpath(surface_file.absolute(), stem.parent)
         entries = {"kind": "file", "path": Path(path).as_posix(), **read}
-        card = export_prony(material, "toml", name=name)
         title = f"{name} under {surface_file.stem}"
+        card = export_prony(found.material, "toml", name=name)
         write_whole(scene, _text(title, scene, name, entries, card, load))
     typer.echo(f"wrote {scene}\nnext: graded-contact run {scene}")
 
@@ -113,7 +108,7 @@ def _text(
     lines = [
         f"# {title}, by `graded-contact new`. Change what you know better.",
         "#",
-        f"#     graded-contact run {scene.name} --dry-run     prints what is understood",
+        f"#     graded-contact run {scene.name} --dry-run     prints block, surface and loads",
         f"#     graded-contact run {scene.name}",
         "",
         f"title = {entry_text(title)}",
@@ -128,9 +123,9 @@ def _text(
         'kind = "half_space"',
         f'material = "{name}"',
         "",
-        f"[load]  # contact on about {CONTACT:.0%} of the area, at measured frequencies",
+        f"[load]  # contact on about {CONTACT_SHARE:.0%} of the area, at measured frequencies",
         f"pressure = {load.pressure:g}  # [Pa]",
-        f"velocity = {{from = {low:g}, to = {high:g}, points = {POINTS}}}  # [m/s]",
+        f"velocity = {{from = {low:g}, to = {high:g}, points = {NUM_VELOCITIES}}}  # [m/s]",
     ]
     if load.temperature:
         shown = ", ".join(map(kelvin, load.temperature))

@@ -35,23 +35,18 @@ def _spelt(error: UnicodeError) -> tuple[str, int]:
 
 
 def _in_ascii(character: str) -> str:
-    if character in _SPELT:
-        return _SPELT[character]
     if greek := _GREEK.match(unicodedata.name(character, "")):
         word = greek[2].replace("LAMDA", "LAMBDA")
         return word.title() if greek[1] == "CAPITAL" else word.lower()
-    parts = unicodedata.normalize("NFKD", character)  # without accents, indices in line
+    # Without accents, with indices in line; for instance "½" becomes "1⁄2", and then "1/2".
+    parts = _SPELT.get(character) or unicodedata.normalize("NFKD", character)
     plain = "".join(_SPELT.get(part, part) for part in parts if not unicodedata.combining(part))
     return plain.encode("ascii", "backslashreplace").decode()
 
 
-def _ascii_by_another_name() -> codecs.CodecInfo:
-    """Click takes streams of the encoding "ascii" for misconfigured and writes UTF-8 to them."""
-    found = codecs.lookup("ascii")
-    return codecs.CodecInfo(
-        found.encode, found.decode, found.streamreader, found.streamwriter,
-        found.incrementalencoder, found.incrementaldecoder, name="spelt_ascii",
-    )  # fmt: skip
-
-
-_ASCII = _ascii_by_another_name()
+# Click takes streams of the encoding "ascii" for misconfigured and writes UTF-8 to them.
+_PLAIN = codecs.lookup("ascii")
+_ASCII = codecs.CodecInfo(
+    _PLAIN.encode, _PLAIN.decode, _PLAIN.streamreader, _PLAIN.streamwriter,
+    _PLAIN.incrementalencoder, _PLAIN.incrementaldecoder, name="spelt_ascii",
+)  # fmt: skip

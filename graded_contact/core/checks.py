@@ -5,10 +5,11 @@ unknown and the check passes (shapes are always checked).
 """
 
 import contextlib
+import difflib
 import functools
 import inspect
 import sys
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from types import UnionType
 from typing import Any, Literal, TypeVar, Union, cast, get_args, get_origin
 
@@ -19,15 +20,15 @@ from jax import Array
 from jax.core import Tracer
 from jaxtyping import AbstractArray, ArrayLike, Float, Inexact
 
-from .display import short, with_units
+from .display import short
 
 # What users call the classes that annotations name.
 _WORDS = {
-    int: "a whole number",
-    float: "a plain number",
-    bool: "True or False",
-    str: "a text",
-    type(None): "None",
+    "int": "a whole number",
+    "float": "a plain number",
+    "bool": "True or False",
+    "str": "a text",
+    "NoneType": "None",
 }
 
 F = TypeVar("F", bound=Callable[..., Any])
@@ -50,18 +51,17 @@ def as_float(value: Any, name: str = "value") -> Float[Array, "..."]:
 
 def as_numbers(value: Any, name: str) -> Inexact[Array, "..."]:
     """Returns `value`, real or complex, as `as_float` does."""
-    needed = "a number or a (rectangular) array of numbers is needed"
     if isinstance(value, Array) and jnp.issubdtype(value.dtype, jnp.inexact):
         return value.astype(value.dtype) if value.weak_type else value
+    needed = "a number or a (rectangular) array of numbers is needed"
     try:
         if isinstance(value, str | bytes | bool | np.bool_) or value is None:
             raise TypeError
         host = _on_host(value)
-        if isinstance(host, np.ndarray) and host.dtype.kind in "fc":
-            kind = jnp.result_type(host)
-            large = kind != host.dtype and np.abs(host) > float(jnp.finfo(kind).max)
-            if np.any(np.isfinite(host) & large):
-                needed = f"it is too large for {kind}"
+        kind = jnp.result_type(host) if isinstance(host, np.ndarray) else None
+        if kind in (np.float32, np.complex64) and kind != host.dtype:
+            needed = f"it is too large for {kind}"
+            if np.any(np.isfinite(host) & (np.abs(host) > float(jnp.finfo(kind).max))):
                 raise ValueError
         array = jnp.asarray(host)
     except (TypeError, ValueError, OverflowError):
@@ -77,6 +77,7 @@ def _on_host(value: Any) -> Any:
     if any(isinstance(leaf, Array) for leaf in jax.tree.leaves(value)):
         return value
     found = np.asarray(value)
+    # Python's whole numbers beyond 64 bits are objects to NumPy.
     whole = found.dtype.kind in "iu" or (
         found.dtype.kind == "O" and all(isinstance(entry, int | float) for entry in found.flat)
     )
@@ -107,6 +108,11 @@ def scalar(name: str) -> Callable[[Any], Float[Array, ""]]:
     return functools.partial(as_scalar, name=name)
 
 
+def optional(convert: Callable[[Any], Any]) -> Callable[[Any], Any]:
+    """Returns the converter of a field that may be None."""
+    return lambda value: None if value is None else convert(value)
+
+
 def instance(name: str, kind: type, words: str) -> Callable[[Any], Any]:
     """Returns the converter of a field that holds an object of one class, in `words`."""
 
@@ -125,7 +131,7 @@ def is_concrete(value: Any) -> bool:
 
 def check_types(function: F) -> F:
     """Refuses arguments of other types than the annotations of a public function name, and calls
-    with too many arguments, too few or unknown ones, naming those that there are.
+    with too many arguments, too few or unknown ones, and names those that there are.
 
     Looked at are annotations that name classes, unions of them, and literals; arrays of numbers
     are the business of `as_float`.
@@ -139,36 +145,23 @@ def check_types(function: F) -> F:
         try:
             arguments = signature.bind(*args, **kwargs).arguments
         except TypeError as error:
-            raise TypeError(f"{function.__name__}: {error}; {_usage(signature)}.") from None
+            names = ", ".join(f"`{name}`" for name in signature.parameters)
+            raise TypeError(f"{function.__name__}: {error}; it takes {names}.") from None
         for name, value in arguments.items():
             if name in hints:
                 check_type(name, value, *hints[name])
-        return with_units(function(*args, **kwargs))
+        return function(*args, **kwargs)
 
     return cast(F, checked)
-
-
-def _usage(signature: inspect.Signature) -> str:
-    """The positional arguments of a function, and its keyword arguments separately."""
-    named = {"in order": [], "by keyword": []}
-    for name, entry in signature.parameters.items():
-        kind = "by keyword" if entry.kind is entry.KEYWORD_ONLY else "in order"
-        named[kind].append(f"`{name}`")
-    texts = [f"{kind} {', '.join(names)}" for kind, names in named.items() if names]
-    return f"it takes {' and '.join(texts)}"
 
 
 def check_type(name: str, value: Any, *kinds: Any) -> None:
     """Raises `ValueError` unless `value` is of one of the classes, or is one of the literals."""
     if any(_is_of(value, kind) for kind in kinds):
         return
-    words = [
-        _WORDS.get(kind) or kind.__name__.removeprefix("Abstract")
-        if isinstance(kind, type)
-        else repr(kind)
-        for kind in kinds
-    ]
-    raise ValueError(f"`{name}={short(value)}` must be {' or '.join(words)}.")
+    names = (kind.__name__ if isinstance(kind, type) else repr(kind) for kind in kinds)
+    words = " or ".join(_WORDS.get(name, name.removeprefix("Abstract")) for name in names)
+    raise ValueError(f"`{name}={short(value)}` must be {words}.")
 
 
 def _is_of(value: Any, kind: Any) -> bool:
@@ -221,13 +214,9 @@ def check_values(
         if array.dtype == object:  # whole numbers beyond 64 bits
             array = array.astype(float)
         good = np.isfinite(array)
-        with np.errstate(invalid="ignore"):
-            if above is not None:
-                good &= array > above
-            if at_least is not None:
-                good &= array >= at_least
-            if at_most is not None:
-                good &= array <= at_most
+        for limit, holds in ((above, np.greater), (at_least, np.greater_equal),
+                             (at_most, np.less_equal)):  # fmt: skip
+            good &= True if limit is None else holds(array, limit)
         if not np.all(good):
             index = tuple(int(i) for i in np.argwhere(~good)[0])
             place = ", ".join(str(i + start) for i, start in zip(index, corner, strict=True))
@@ -315,13 +304,8 @@ def check_increasing(name: str, value: Array) -> None:
 
 def check_poisson(name: str, value: ArrayLike) -> None:
     """Raises `ValueError` unless -1 < ν <= 1/2, the range of a stable isotropic solid."""
-    check_values(
-        name,
-        value,
-        "Poisson's ratio must be greater than -1 and at most 0.5",
-        above=-1,
-        at_most=0.5,
-    )
+    allowed = "Poisson's ratio must be greater than -1 and at most 0.5"
+    check_values(name, value, allowed, above=-1, at_most=0.5)
 
 
 def check_shape(name: str, value: Array, shape: tuple[int, ...]) -> None:
@@ -342,25 +326,18 @@ def check_tolerance(
     name: str, rtol: float, like: Array | np.ndarray, *, floor_factor: float = 100.0
 ) -> None:
     """Raises `ValueError` if the dtype of `like` cannot reach the relative tolerance `rtol`."""
-    if not _is_of(rtol, float):
+    # A traced tolerance has no value that a check could see.
+    if not (_is_of(rtol, float) and is_concrete(rtol) and 0 < rtol < 1):
         raise ValueError(
-            f"`{name}={short(rtol)}` is refused: a plain number between 0 and 1 is needed."
+            f"`{name}={short(rtol)}` is refused: a plain number between 0 and 1 is needed, which "
+            "`jit`, `grad` and `vmap` do not trace."
         )
-    if not is_concrete(rtol):
-        raise ValueError(f"`{name}={rtol!r}` is refused: `jit`, `grad` and `vmap` cannot trace it.")
-    check_values(name, rtol, "a tolerance must be greater than 0 and less than 1", above=0)
-    if rtol >= 1:
-        raise ValueError(f"`{name}={rtol:g}` is refused: it must be less than 1.")
     floor = floor_factor * float(jnp.finfo(like.dtype).eps)
     if rtol < floor:
-        remedy = (
-            "Call `jax.config.update('jax_enable_x64', True)` before creating arrays, or pass"
-            if like.dtype == jnp.float32
-            else "Pass"
-        )
+        more = "call `jax.config.update('jax_enable_x64', True)` before creating arrays, or "
         raise ValueError(
-            f"`{name}={rtol:g}` cannot be reached in {like.dtype} (the floor is {floor:.1g}). "
-            f"{remedy} a larger `{name}`."
+            f"`{name}={rtol:g}` cannot be reached in {like.dtype} (the floor is {floor:.1g}): "
+            f"{more if like.dtype == jnp.float32 else ''}pass a larger `{name}`."
         )
 
 
@@ -374,3 +351,12 @@ def within(place: str) -> Iterator[None]:
     except ValueError as error:
         text = str(error)
         raise ValueError(text if text.startswith(place) else f"{place} {text}") from error
+
+
+def nearest(word: Any, choices: Iterable[str]) -> str:
+    """Returns a hint for a word that is not in `choices`."""
+    choices = list(choices)
+    close = difflib.get_close_matches(str(word), choices, n=1)
+    if close:
+        return f"did you mean `{close[0]}`?"
+    return f"it takes {', '.join(f'`{choice}`' for choice in choices) or 'nothing'}."

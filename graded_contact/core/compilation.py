@@ -27,15 +27,28 @@ LESS_WORK = {
 }
 
 
-def compiled(function: F) -> F:
-    """Returns a function compiled as by `eqx.filter_jit`, outside `jit` in less time."""
+def jit(function: F) -> F:
+    """Compiles a function in less time than `jax.jit`: half of it for large programs on a CPU.
+
+    For example `gc.jit(jax.value_and_grad(lambda stack: gc.slide(stack, ...).friction))`. Inside
+    another `jit`, or under `vmap` and `grad`, it is `eqx.filter_jit`.
+
+    **Arguments:**
+
+    - `function`: of any arguments. Arrays are traced, also those inside stacks and other objects.
+      All else is fixed, and the function is compiled again for another value: pass numbers that
+      vary as arrays.
+
+    **Returns:** the compiled function. What it returns may contain texts and other objects, too.
+    """
     within = eqx.filter_jit(function)
+    outside = functools.cache(lambda: _program(function))  # the options take time: when called
 
     @functools.wraps(function)
     def run(*args, **kwargs):
         if not alone((args, kwargs)):
             return within(*args, **kwargs)
-        found, rest = _quickly(function)(*_parted((args, kwargs)))
+        found, rest = outside()(*_parted((args, kwargs)))
         return rest.joined(found)
 
     return cast(F, run)
@@ -50,15 +63,13 @@ def alone(arguments: Any) -> bool:
 _probe = jax.jit(lambda: 0)
 
 
-@functools.cache
-def _quickly(function):
-    def program(numbers, others, structure):
-        args, kwargs = structure.unflatten(_joined(numbers, others))
-        found, *rest = _parted(function(*args, **kwargs))
-        return found, _Rest(*rest)
+def _program(function):
+    def program(numbers, rest):
+        args, kwargs = rest.joined(numbers)
+        return _parted(function(*args, **kwargs))
 
     program.__name__ = getattr(function, "__name__", "program")
-    return jax.jit(program, static_argnums=(1, 2), compiler_options=_options())
+    return jax.jit(program, compiler_options=_options())
 
 
 @jax.tree_util.register_static
@@ -70,20 +81,17 @@ class _Rest:
     structure: Any
 
     def joined(self, numbers) -> Any:
-        return self.structure.unflatten(_joined(numbers, self.others))
+        pairs = zip(numbers, self.others, strict=True)
+        leaves = [other if number is None else number for number, other in pairs]
+        return self.structure.unflatten(leaves)
 
 
 def _parted(tree):
-    """The arrays of a tree, with None for other leaves; these leaves; the structure."""
+    """The arrays of a tree, with None for other leaves, and the rest of it."""
     leaves, structure = jax.tree.flatten(tree)
     numbers = tuple(leaf if eqx.is_array(leaf) else None for leaf in leaves)
     others = tuple(None if eqx.is_array(leaf) else leaf for leaf in leaves)
-    return numbers, others, structure
-
-
-def _joined(numbers, others):
-    pairs = zip(numbers, others, strict=True)
-    return [other if number is None else number for number, other in pairs]
+    return numbers, _Rest(others, structure)
 
 
 @functools.cache

@@ -1,14 +1,12 @@
 """How objects print: numbers with units, arrays by their shape, how a solve ended.
 
-Units and meanings come from the table of quantities, by the names of fields. Text for the terminal,
-a table for notebooks; under `jit` the shapes alone. A derivative has the class of the quantity but
-another unit, so units are printed only for what a constructor or a public function made: JAX builds
-derivatives (and whatever leaves `jit` and `vmap`) without either. Whole numbers have no derivative,
-so an object that holds one prints units in any case.
+Units come from the table of quantities, by the names of fields; under `jit` objects print their
+shapes alone. A derivative has the class of what it is by, but another unit: classes that one
+differentiates by, such as stacks, print no units of their own. In a result, such as a fit with its
+material, they do.
 """
 
 import dataclasses
-import html
 import reprlib
 from collections.abc import Iterator, Mapping
 from types import EllipsisType
@@ -22,140 +20,87 @@ from jax.core import Tracer
 from .quantities import quantity_of
 
 K = TypeVar("K", bound=type)
-T = TypeVar("T")
 FEW = 8  # numbers of an array that are printed one by one, and entries of a list
 PREFIXES = {-12: "p", -9: "n", -6: "µ", -3: "m", 0: "", 3: "k", 6: "M", 9: "G"}
 
 
-class _Row(NamedTuple):
-    """A line: its indentation, the name with the unit, the text, and the meaning."""
+class _Shown(NamedTuple):
+    """What a class prints: its fields and others by name, and whether with units."""
 
-    depth: int
-    name: str
-    text: str
-    meaning: str
+    names: tuple[str | EllipsisType, ...]
+    units: bool
 
 
 def short(value: Any) -> str:
     """Returns a value in a few words, on one line."""
-    if hasattr(type(value), "_shown_names"):  # it prints as a table
+    if hasattr(type(value), "_shown"):  # it prints as a table
         return f"{type(value).__name__}(...)"
     return " ".join(reprlib.repr(value).split())
 
 
-def shown(*names: str | EllipsisType):
+def shown(*names: str | EllipsisType, units: bool = True):
     """Makes a module, dataclass or named tuple print its fields.
 
-    Or the fields, properties and methods of these `names`; `...` means all fields.
+    Or the fields, properties and methods of these `names`; `...` means all fields. `units` is
+    False for what one differentiates by.
     """
 
     def decorate(kind: K) -> K:
-        setattr(kind, "_shown_names", names or (...,))  # noqa: B010 (pyright)
+        setattr(kind, "_shown", _Shown(names or (...,), units))  # noqa: B010 (pyright)
         setattr(kind, "__repr__", _as_text)  # noqa: B010
-        setattr(kind, "_repr_html_", _as_html)  # noqa: B010
-        if issubclass(kind, eqx.Module):
-            new = kind.__new__
-            setattr(kind, "__new__", lambda cls, *args, **named: _marked(new(cls, *args, **named)))  # noqa: B010
         return kind
 
     return decorate
 
 
-def with_units(tree: T) -> T:
-    """Returns a tree whose modules print units from now on."""
-    if isinstance(tree, tuple | list):
-        for part in tree:
-            with_units(part)
-    elif isinstance(tree, eqx.Module):
-        for field in dataclasses.fields(tree):
-            with_units(getattr(tree, field.name))
-        _marked(tree)
-    return tree
-
-
-def _marked(module):
-    object.__setattr__(module, "_has_units", True)
-    return module
-
-
-def _has_units(value: Any) -> bool:
-    if not isinstance(value, eqx.Module) or hasattr(value, "_has_units"):
-        return True
-    leaves = filter(eqx.is_array, jax.tree.leaves(value))
-    return any(leaf.dtype.kind in "iu" for leaf in leaves)
-
-
-def _is_traced(value: Any) -> bool:
-    return any(isinstance(leaf, Tracer) for leaf in jax.tree.leaves(value))
-
-
 def _as_text(self) -> str:
-    if _is_traced(self):
+    if any(isinstance(leaf, Tracer) for leaf in jax.tree.leaves(self)):
         return eqx.tree_pformat(self)
-    first, *rows = _rows(self, 0, "", "", _has_units(self))
-    width = max((2 * row.depth + len(row.name) for row in rows), default=0)
-    lines = [f"{'  ' * row.depth + row.name:{width}s}  {row.text}".rstrip() for row in rows]
-    return "\n".join([first.text, *lines])
+    (_, first), *rows = _rows(self, "", self._shown.units)
+    width = max((len(name) for name, _ in rows), default=0)
+    return "\n".join([first, *(f"{name:{width}s}  {text}".rstrip() for name, text in rows)])
 
 
-def _as_html(self) -> str:
-    if _is_traced(self):
-        return f"<pre>{html.escape(eqx.tree_pformat(self))}</pre>"
-    rows = _rows(self, 0, "", "", _has_units(self))
-    first, *rows = (_Row(row.depth, *map(html.escape, row[1:])) for row in rows)
-    cell = '<td style="text-align: left'
-    lines = [
-        f'<tr title="{row.meaning}">{cell}; padding-left: {2 * row.depth - 1}em">{row.name}</td>'
-        f'{cell}">{row.text.replace(chr(10), "<br>")}</td></tr>'
-        for row in rows
-    ]
-    return f"<table><caption><b>{first.text}</b></caption>{''.join(lines)}</table>"
-
-
-def _rows(value: Any, depth: int, name: str, meaning: str, units: bool) -> Iterator[_Row]:
-    """A line for a value, and one for each of its parts."""
+def _rows(value: Any, name: str, units: bool, depth: int = 0) -> Iterator[tuple[str, str]]:
+    """A line for a value, and one for each of its parts: its name, indented, and its text."""
     entries, most, text = [], FEW, ""
-    if hasattr(value, "_shown_names"):
+    if hasattr(value, "_shown"):
         entries, text = list(_fields(value, units)), type(value).__name__
         most = len(entries)
     elif isinstance(value, Mapping):
-        entries = [(str(key), entry, "") for key, entry in value.items()]
+        entries = [(str(key), entry) for key, entry in value.items()]
     elif isinstance(value, list | tuple) and not all(map(_is_number, value)):
-        entries = [(f"[{i}]", entry, "") for i, entry in enumerate(value)]
-    else:
-        text = _text(value)
-    yield _Row(depth, name, text or ("" if entries else _text(value)), meaning)
-    for title, entry, about in entries[:most]:
-        yield from _rows(entry, depth + 1, title, about, units)
+        entries = [(f"[{i}]", entry) for i, entry in enumerate(value)]
+    yield "  " * depth + name, text or ("" if entries else _text(value))
+    for title, entry in entries[:most]:
+        yield from _rows(entry, title, units, depth + 1)
     if len(entries) > most:
-        yield _Row(depth + 1, "...", f"{len(entries) - most} more", "")
+        yield "  " * (depth + 1) + "...", f"{len(entries) - most} more"
 
 
-def _fields(value: Any, units: bool) -> Iterator[tuple[str, Any, str]]:
-    """Title, value and meaning of what an object prints; a number and its error share a line."""
+def _fields(value: Any, units: bool) -> Iterator[tuple[str, Any]]:
+    """Title and value of what an object prints; a number and its error share a line."""
     first = value.before_display() if hasattr(value, "before_display") else ()
     named = getattr(value, "_fields", None)  # of a named tuple
     declared = {} if named else {field.name: field for field in dataclasses.fields(value)}
     fields = named or declared
-    names = [*first, *value._shown_names]
-    names = [name for entry in names for name in (fields if entry is ... else [entry])]
+    chosen = (fields if name is ... else [name] for name in value._shown.names)
+    names = [*first, *(name for group in chosen for name in group)]
     parts: dict[str, Any] = {name: getattr(value, name) for name in names}
     for name, part in parts.items():
         error: Any = parts.get(f"{name}_error")
         if name.endswith("_error") and _is_number(parts.get(name.removesuffix("_error"))):
             continue
-        is_method = name not in fields and callable(part)
+        if name not in fields and callable(part):
+            part = part()
         if name in declared:  # paths have the names of arguments, see `parameters`
             name = declared[name].metadata.get("argument", name)
-        known = quantity_of(name, type(value).__name__)
+        owner = type(value).__name__
         if _is_number(part) and _is_number(error):
             part = f"{_text(part)} ± {float(error):.1e}"
-        elif is_method:
-            part = part()
-        elif isinstance(part, Mapping) and known is None and units:
+        elif isinstance(part, Mapping) and quantity_of(name, owner) is None and units:
             part = {_title(str(key)): entry for key, entry in part.items()}
-        title = _title(name, type(value).__name__) if units else name
-        yield title, part, "" if known is None else known.meaning
+        yield _title(name, owner) if units else name, part
 
 
 def _title(name: str, owner: str = "") -> str:

@@ -1,18 +1,17 @@
-"""Fixed points of a few unknowns, with their implicit derivative.
+"""Fixed points of a few unknowns by Anderson's acceleration, with their implicit derivative.
 
-Anderson's acceleration (D. G. Anderson, J. ACM 12 (1965) 547, doi:10.1145/321296.321305): the next
-iterate combines the last images such that their changes nearly cancel. Outside `jit` the loop runs
-in Python, so that the function is compiled in its own programs.
+Outside `jit` the loop runs in Python, so that the function is compiled in its own programs.
 """
 
+import dataclasses
 from collections.abc import Callable
 from typing import Any, NamedTuple
 
 import jax
 import jax.numpy as jnp
-import numpy as np
 from jaxtyping import Array, Float
 
+from .anderson import History, accelerate
 from .checks import is_concrete
 
 _MEMORY = 4
@@ -24,24 +23,27 @@ class FixedPoint(NamedTuple):
 
     **Fields:**
 
-    - `x`: the unknowns.
-    - `state`: what the function carries from one step to the next, such as its start.
-    - `error`: the largest change of the last step, over the largest unknown.
-    - `iterates`, `images`: the last ones, the newest first.
+    - `history`: the unknowns and the last images; see the properties `x` and `error`.
     - `low`, `high`: the highest iterate that grew, and the lowest that shrank, by their sums.
     - `best`: the least change so far.
-    - `num_steps`: images computed.
+    - `state`: what the function carries from one step to the next, such as its start.
     """
 
-    x: Float[Array, " n"]
-    state: Any
-    error: Float[Array, ""]
-    iterates: Float[Array, "m n"]
-    images: Float[Array, "m n"]
+    history: History
     low: Float[Array, " n"]
     high: Float[Array, " n"]
     best: Float[Array, ""]
-    num_steps: Array
+    state: Any
+
+    @property
+    def x(self) -> Float[Array, " n"]:
+        """The unknowns."""
+        return self.history.z
+
+    @property
+    def error(self) -> Float[Array, ""]:
+        """The largest change of the last step, over the largest unknown."""
+        return self.history.error
 
 
 def find_fixed_point(
@@ -57,35 +59,13 @@ def find_fixed_point(
 
     def step(point: FixedPoint) -> FixedPoint:
         image, state = function(point.x, point.state)
-        iterates = jnp.concatenate([point.x[None], point.iterates[:-1]])
-        images = jnp.concatenate([image[None], point.images[:-1]])
-        largest = jnp.max(jnp.abs(image))
-        error = jnp.max(jnp.abs(image - point.x)) / jnp.where(largest > 0, largest, 1)
-        used = np.arange(_MEMORY) <= point.num_steps
-        # The fixed point lies above iterates that grow, and below those that shrink.
-        grows = jnp.sum(image - point.x) > 0
-        low = jnp.where(grows & (jnp.sum(point.x) > jnp.sum(point.low)), point.x, point.low)
-        high = jnp.where(~grows & (jnp.sum(point.x) < jnp.sum(point.high)), point.x, point.high)
-        # Sums alone may contradict each other: forget them.
-        crossed = jnp.sum(low) >= jnp.sum(high)
-        low = jnp.where(crossed & ~grows, -jnp.inf, low)
-        high = jnp.where(crossed & grows, jnp.inf, high)
-        best = jnp.minimum(point.best, jnp.max(jnp.abs(image - point.x)))
-        slack = len(start) * best
-        x = _combined(iterates, images, used)
-        between = (jnp.sum(x) > jnp.sum(low) - slack) & (jnp.sum(x) < jnp.sum(high) + slack)
-        middle = jnp.where(jnp.all(jnp.isfinite(high - low)), (low + high) / 2, image)
-        x = jnp.where(error <= rtol, image, jnp.where(between, x, middle))
-        steps = point.num_steps + 1
-        return FixedPoint(x, state, error, iterates, images, low, high, best, steps)
+        return _next(point._replace(state=None), image, rtol)._replace(state=state)
 
     def running(point: FixedPoint):
-        return ~(point.error <= rtol) & (point.num_steps < MAX_STEPS)
+        return ~(point.error <= rtol) & (point.history.cycles < MAX_STEPS)
 
-    rows = jnp.zeros((_MEMORY, len(start)), start.dtype)
-    far, most, none = jnp.full_like(start, jnp.inf), jnp.full((), jnp.inf), jnp.asarray(0)
-    most = most.astype(start.dtype)
-    point = step(FixedPoint(start, state, most, rows, rows, -far, far, most, none))
+    far = jnp.full_like(start, jnp.inf)
+    point = step(FixedPoint(History.empty(start, _MEMORY), -far, far, far[0], state))
     if not all(map(is_concrete, jax.tree.leaves(point))):
         return jax.lax.while_loop(running, step, point)
     while running(point):
@@ -94,16 +74,27 @@ def find_fixed_point(
 
 
 @jax.jit
-def _combined(iterates, images, used):
-    """The newest image plus multiples of differences that make the combined change least."""
-    changes = images - iterates
-    older = jnp.where(used[1:, None], 1, 0)
-    by_change, by_image = older * (changes[1:] - changes[0]), older * (images[1:] - images[0])
-    gram = by_change @ by_change.T
-    scale = jnp.trace(gram)
-    ridge = jnp.where(scale > 0, 1e-14 * scale, 1) + jnp.where(used[1:], 0, 1.0)
-    weights = jnp.linalg.solve(gram + jnp.diag(ridge), -by_change @ changes[0])
-    return images[0] + weights @ by_image
+def _next(point: FixedPoint, image: Array, rtol: Array) -> FixedPoint:
+    """The accelerated iterate, or the middle of the bracket if it lies outside."""
+    x, low, high = point.x, point.low, point.high
+    change, largest = jnp.max(jnp.abs(image - x)), jnp.max(jnp.abs(image))
+    error = change / jnp.where(largest > 0, largest, 1)
+    # The fixed point lies above iterates that grow, and below those that shrink.
+    grows = jnp.sum(image - x) > 0
+    low = jnp.where(grows & (jnp.sum(x) > jnp.sum(low)), x, low)
+    high = jnp.where(~grows & (jnp.sum(x) < jnp.sum(high)), x, high)
+    # Sums alone may contradict each other: forget them.
+    crossed = jnp.sum(low) >= jnp.sum(high)
+    low = jnp.where(crossed & ~grows, -jnp.inf, low)
+    high = jnp.where(crossed & grows, jnp.inf, high)
+    best = jnp.minimum(point.best, change)
+    running = ~(error <= rtol)
+    history = accelerate(point.history, image, error, running)
+    total, slack = jnp.sum(history.z), len(x) * best
+    inside = (total > jnp.sum(low) - slack) & (total < jnp.sum(high) + slack)
+    middle = jnp.where(jnp.all(jnp.isfinite(high - low)), (low + high) / 2, image)
+    z = jnp.where(inside | ~running, history.z, middle)
+    return FixedPoint(dataclasses.replace(history, z=z), low, high, best, None)
 
 
 def attach_fixed_point(
@@ -115,6 +106,7 @@ def attach_fixed_point(
     """
 
     def solve(linear, rhs):
+        # The unknowns are few, and `map` compiles `linear` once.
         matrix = jax.lax.map(linear, jnp.eye(len(rhs), dtype=rhs.dtype)).T
         return jnp.linalg.solve(matrix, rhs)
 

@@ -12,7 +12,7 @@ from typing import Any, TypeVar
 import equinox as eqx
 import jax
 
-from .checks import Numbers, as_float, check_types, short
+from .checks import Numbers, as_float, check_shape, check_types, short
 
 T = TypeVar("T")
 
@@ -58,24 +58,19 @@ def with_values(tree: T, values: Mapping[str, Numbers]) -> T:
         if path not in known:
             near = difflib.get_close_matches(str(path), known, n=1, cutoff=0.0) or ["none"]
             raise ValueError(
-                f"`values` has the path {short(path)}, but `tree` has no such number; the nearest "
-                f"is {near[0]!r}."
+                f"`tree` has no number {short(path)}, as `values` names it; "
+                f"the nearest is {near[0]!r}."
             )
         value = as_float(value, path).astype(known[path].dtype)
-        if value.shape != known[path].shape:
-            raise ValueError(
-                f"{path!r} has shape {known[path].shape}, but its value has shape {value.shape}."
-            )
+        check_shape(path, value, known[path].shape)
         whole, bracket, index = path.rpartition("[")
         if bracket and whole in known:
             leaves[whole] = leaves.get(whole, known[whole]).at[int(index[:-1])].set(value)
         else:
             leaves[path] = value
-    arrays, rest = eqx.partition(tree, eqx.is_array)
-    arrays = jax.tree_util.tree_map_with_path(
-        lambda path, leaf: leaves.get(_name(tree, path), leaf), arrays
+    changed = jax.tree_util.tree_map_with_path(
+        lambda path, leaf: leaves.get(_name(tree, path), leaf), tree
     )
-    changed = eqx.combine(arrays, rest)
     _check(changed)
     return changed
 
@@ -93,21 +88,21 @@ def _name(tree, path):
         field = getattr(type(node), "__dataclass_fields__", {}).get(getattr(key, "name", None))
         called = field and field.metadata.get("argument")
         words.append(jax.tree_util.GetAttrKey(called) if called else key)
-        node = getattr(node, field.name) if field else _item(node, key)
+        place: Any = getattr(key, "idx", getattr(key, "key", None))
+        if field:
+            node = getattr(node, field.name)
+        else:  # what is neither a module nor a list, tuple or dict has no words of its own
+            node = node[place] if isinstance(node, list | tuple | dict) else None
     return jax.tree_util.keystr(tuple(words)).removeprefix(".")
-
-
-def _item(node, key):
-    """The part of a list, tuple or dict; nothing of what has other parts."""
-    place: Any = getattr(key, "idx", getattr(key, "key", None))
-    return node[place] if isinstance(node, list | tuple | dict) else None
 
 
 def _check(tree):
     """Runs the checks of the constructors of all modules in `tree`, the innermost first."""
     if isinstance(tree, eqx.Module):
         for field in dataclasses.fields(tree):
-            _check(getattr(tree, field.name))
+            value = getattr(tree, field.name)
+            _check(value)
+            field.metadata.get("converter", lambda value: value)(value)
         getattr(tree, "__check_init__", lambda: None)()
     elif isinstance(tree, tuple | list):
         for part in tree:

@@ -1,7 +1,7 @@
 """Quantities: name, symbol, unit, meaning; and the registry of observables.
 
 Prints, columns of tables, attributes of datasets, labels of axes and the documentation take their
-words from here. An observable is one function under `@observable`, see `friction/observables.py`.
+words from here. An observable is one function under `@observable`, see `sliding/observables.py`.
 """
 
 from collections.abc import Callable, Collection, Iterable
@@ -166,69 +166,67 @@ RESULTS = _table([
 
 
 class Observable(NamedTuple):
-    """A number, or a field, of a contact; see `observable` for the fields of the same name."""
+    """A number, or a field, of a contact.
+
+    **Fields:**
+
+    - `quantity`: its name, symbol, unit and meaning.
+    - `formula`: of a `Sliding` or a `CyclicSliding`.
+    - `cycle`: True for a number of cycles alone, False for one of steady sliding alone.
+    - `over_time`: whether a cycle has one number at each time.
+    - `stored`: whether prints, results of scenes and of `sweep` contain it.
+    - `needs`: only contacts with these `facts` print and store it; cycles have none of these.
+    - `column`: head and format in the table of the command, if it has a column there.
+    """
 
     quantity: Quantity
     formula: Callable[[Any], Any]
-    steady: bool
-    cyclic: bool
-    over_time: bool
-    mean_over_seeds: bool
-    has_derivative: bool
-    stored: bool
-    needs: frozenset[str]
-    column: tuple[str, str] | None
+    cycle: bool | None = None
+    over_time: bool = False
+    stored: bool = True
+    needs: Collection[str] = ()
+    column: tuple[str, str] | None = None
 
     @property
     def name(self) -> str:
         return self.quantity.name
 
+    @property
+    def has_derivative(self) -> bool:
+        """Whether it has one; estimated errors have none."""
+        return not self.name.endswith("_error")
+
+    @property
+    def mean_over_seeds(self) -> bool:
+        """Whether several surfaces have its mean; of errors and checks they have the largest."""
+        return bool(self.quantity.symbol) and self.has_derivative
+
     def is_of(self, motion: bool, facts: Collection[str]) -> bool:
         """Whether contacts of this kind have it."""
-        return (self.cyclic if motion else self.steady) and self.needs <= {*facts}
+        cycle = False if self.needs else self.cycle
+        return cycle in (None, motion) and {*self.needs} <= {*facts}
 
 
 # In the order of prints and tables.
 OBSERVABLES: dict[str, Observable] = {}
 
 
-def observable(
-    symbol: str,
-    unit: str,
-    meaning: str,
-    *,
-    steady: bool = True,
-    cyclic: bool = True,
-    over_time: bool = False,
-    mean_over_seeds: bool = False,
-    has_derivative: bool = True,
-    stored: bool = True,
-    needs: Collection[str] = (),
-    column: tuple[str, str] | None = None,
-) -> Callable[[F], F]:
+def observable(symbol: str, unit: str, meaning: str, **options: Any) -> Callable[[F], F]:
     """Registers a function of a `Sliding` or a `CyclicSliding` as its attribute of the same name.
 
     The attribute is computed when it is read. A name with `_error` is the estimated error of the
-    name before it, and is printed behind it.
+    name before it: it is printed behind that, and has no derivative. Several surfaces have the mean
+    of a number that has a symbol, and the largest of an error or of a check without one.
 
     **Arguments:**
 
     - `symbol`, `unit`, `meaning`: see `Quantity`.
-    - `steady`, `cyclic`: whether steady sliding and cycles have it.
-    - `over_time`: whether a cycle has one number at each time.
-    - `mean_over_seeds`: whether several surfaces have its mean; else they have the largest.
-    - `has_derivative`: False stops derivatives.
-    - `stored`: whether prints, results of scenes and of `sweep` contain it.
-    - `needs`: only contacts with these `facts` print and store it.
-    - `column`: head and format in the table of the command, if it has a column there.
+    - `options`: fields of `Observable`, such as `over_time=True`.
     """
 
     def register(formula: F) -> F:
         quantity = Quantity(formula.__name__, symbol, unit, meaning)
-        OBSERVABLES[quantity.name] = Observable(
-            quantity, formula, steady, cyclic, over_time, mean_over_seeds, has_derivative, stored,
-            frozenset(needs), column,
-        )  # fmt: skip
+        OBSERVABLES[quantity.name] = Observable(quantity, formula, **options)
         return formula
 
     return register
@@ -246,8 +244,7 @@ _ALL = PARAMETERS | RESULTS | FIELDS | MOTION | OF_STUDIES
 def quantity_of(name: str, owner: str = "") -> Quantity | None:
     """Returns the entry of a field of the class `owner`, or of the last part of a path, or None."""
     last = name.rpartition(".")[2].partition("[")[0]
-    if (found := _ALL.get(f"{owner}.{last}") or AXES.get(last)) is not None:
-        return found
-    if last in OBSERVABLES:
+    found = _ALL.get(f"{owner}.{last}") or AXES.get(last)
+    if found is None and last in OBSERVABLES:
         return OBSERVABLES[last].quantity
-    return _ALL.get(last)
+    return found or _ALL.get(last)

@@ -16,6 +16,7 @@ def monotone_cubic(
         slopes = jnp.broadcast_to(secant, (2,))
     else:
         left, right = secant[:-1], secant[1:]
+        # At an extremum of the values the slope is 0, so that the curve does not overshoot them.
         same = left * right > 0
         w1, w2 = 2 * h[1:] + h[:-1], h[1:] + 2 * h[:-1]
         safe_left, safe_right = jnp.where(same, left, 1), jnp.where(same, right, 1)
@@ -32,5 +33,6 @@ def monotone_cubic(
 def _end_slope(h0, h1, secant0, secant1):
     slope = ((2 * h0 + h1) * secant0 - h0 * secant1) / (h0 + h1)
     slope = jnp.where(slope * secant0 <= 0, 0, slope)
+    # More than three secants would leave the values of the first interval.
     steep = (secant0 * secant1 < 0) & (jnp.abs(slope) > 3 * jnp.abs(secant0))
     return jnp.where(steep, 3 * secant0, slope)

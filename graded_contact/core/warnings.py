@@ -3,7 +3,7 @@
 A caveat is computed from the numbers of a `Sliding`, a `Surface` or a result file; it is not
 stored. `Sliding.caveats`, `Surface.caveats` and `warnings_of(results)` give the sentences. The
 table, the file, the figure and the command's summary print those of the results. A new rule is
-one more `Rule` in `RULES`. Its quantity is a field of `Sliding` (and thus a variable of the file),
+one more `Rule` in `RULES`. Its quantity is a number of `Sliding` (and thus a variable of the file),
 of any shape, and NaN where a solve has none.
 """
 
@@ -48,12 +48,12 @@ class Rule(NamedTuple):
 
     **Fields:**
 
-    - `quantity`: its value from the fields of a `Sliding` or of `Results`.
+    - `quantity`: the name of a number of a `Sliding` or of `Results`, or a function of these.
     - `limit`: above it there is a warning.
     - `sentence`: the warning; `{worst}` is the largest value.
     """
 
-    quantity: Callable[[Any], ArrayLike]
+    quantity: str | Callable[[Any], ArrayLike]
     limit: float
     sentence: str
 
@@ -66,131 +66,94 @@ class Caveat(NamedTuple):
     where: Bool[np.ndarray, "*solves"]
 
 
-def grid_mismatch(found: Any) -> ArrayLike:
-    """Returns |friction from the surface's slope - friction| over the friction [1].
+def _number(found: Any, name: str) -> np.ndarray:
+    """A number of a result, or 0 if it has none, as a periodic contact has no rim."""
+    known = name in getattr(found, "numbers", (name,))  # or a `Sliding` would compute it
+    return np.asarray(getattr(found, name, 0.0) if known else 0.0)
+
+
+def _grid_mismatch(found: Any) -> ArrayLike:
+    """Friction from the surface's slope less that from the block's, over the friction [1].
 
     It is 0 where nothing is dissipated: of an elastic block, or at rest.
     """
-    friction, geometric, slope = (
-        np.asarray(getattr(found, name))
-        for name in ("friction", "geometric_friction", "slope_in_contact")
-    )
+    names = ("friction", "geometric_friction", "slope_in_contact")
+    friction, geometric, slope = (_number(found, name) for name in names)
     scale = np.maximum(np.abs(friction), IDLE * slope)
     mismatch = np.abs(geometric - friction) / np.where(scale == 0, 1, scale)
     return np.where(np.abs(friction) <= ROUNDING * slope, 0.0, mismatch)
 
 
-def _on_window(found: Any, name: str) -> ArrayLike:
-    """A number that only contacts on a window have, else 0; it is not computed for others."""
-    known = name in getattr(found, "numbers", (name,))
-    return np.asarray(getattr(found, name, 0.0) if known else 0.0)
+def _lost_shear(found: Any) -> ArrayLike:
+    return np.isnan(_number(found, "shear_friction")) & (_number(found, "slope_in_contact") > 0)
+
+
+def _no_touch(found: Any) -> Any:
+    return np.isnan(found.friction) & (_number(found, "slope_in_contact") == 0)
+
+
+def _unmeasured(what: str) -> str:
+    return (
+        f"{{worst:.0%}} of the {what} on points that were filled or tapered, not measured. "
+        "Crop to a `region` without them, or read with `periodic='mirror'`."
+    )
 
 
 # Of every contact under sliding, steady or not.
 SLIDING_RULES = (
-    Rule(
-        lambda found: found.slope_in_contact,
-        STEEP,
-        "The block's rms slope where it carries the load is {worst:.2g}. The model "
-        f"assumes small strains: above an rms slope of {STEEP:.2g} the neglected terms exceed "
-        f"{LIMIT:.0%}.",
-    ),
-    Rule(
-        lambda found: found.extrapolated_friction,
-        EXTRAPOLATED,
-        "{worst:.0%} of the friction comes from frequencies or a temperature at which a material "
-        "was not measured: its modulus there is an extrapolation.",
-    ),
-)
+    Rule("slope_in_contact", STEEP,
+         "The block's rms slope where it carries the load is {worst:.2g}. The model assumes small "
+         f"strains: above an rms slope of {STEEP:.2g} the neglected terms exceed {LIMIT:.0%}."),
+    Rule("extrapolated_friction", EXTRAPOLATED,
+         "{worst:.0%} of the friction comes from frequencies or a temperature at which a material "
+         "was not measured: its modulus there is an extrapolation."),
+)  # fmt: skip
 RULES = (
-    Rule(
-        grid_mismatch,
-        LIMIT,
-        "The friction from the surface's slope and that from the block's differ by {worst:.0%}: "
-        "the grid does not resolve the contact. Take more points, or a smoother surface.",
-    ),
+    Rule(_grid_mismatch, LIMIT,
+         "The friction from the surface's slope and that from the block's differ by {worst:.0%}: "
+         "the grid does not resolve the contact. Take more points, or a smoother surface."),
     *SLIDING_RULES,
-    Rule(
-        lambda found: np.isnan(found.friction) & (np.asarray(found.slope_in_contact) == 0),
-        0,
-        "The surfaces do not touch: there is no load, so friction is not defined.",
-    ),
-    Rule(
-        lambda found: (
-            np.isnan(getattr(found, "shear_friction", 0.0))
-            & (np.asarray(found.slope_in_contact) > 0)
-        ),
-        0,
-        "The friction of shear is not a number: `shear` returned NaN under a pressure of this "
-        "contact.",
-    ),
-    Rule(
-        lambda found: _on_window(found, "compression"),
-        SQUEEZED,
-        "The body moved into the layers by {worst:.0%} of their thickness above the rigid base. "
-        f"The model assumes small strains: from 20% on the neglected terms exceed {LIMIT:.0%}.",
-    ),
-    Rule(
-        lambda found: found.unmeasured_friction,
-        LIMIT,
-        "{worst:.0%} of the friction arises on points that were filled or tapered, not measured. "
-        "Crop to a `region` without them, or read with `periodic='mirror'`.",
-    ),
-    Rule(
-        lambda found: found.unmeasured_area,
-        LIMIT,
-        "{worst:.0%} of the contact area lies on points that were filled or tapered, not measured. "
-        "Crop to a `region` without them, or read with `periodic='mirror'`.",
-    ),
-    Rule(
-        lambda found: _on_window(found, "rim_load"),
-        RIM,
-        "{worst:.2g} of the load acts on the rim of the window. Take a larger window, unless the "
-        "body ends there.",
-    ),
-)
-
-# Of a cycle.
+    Rule(_no_touch, 0, "The surfaces do not touch: there is no load, so friction is not defined."),
+    Rule(_lost_shear, 0,
+         "The friction of shear is not a number: `shear` returned NaN under a pressure of this "
+         "contact."),
+    Rule("compression", SQUEEZED,
+         "The body moved into the layers by {worst:.0%} of their thickness above the rigid base. "
+         f"The model assumes small strains: from 20% on the neglected terms exceed {LIMIT:.0%}."),
+    Rule("unmeasured_friction", LIMIT, _unmeasured("friction arises")),
+    Rule("unmeasured_area", LIMIT, _unmeasured("contact area lies")),
+    Rule("rim_load", RIM,
+         "{worst:.2g} of the load acts on the rim of the window. Take a larger window, unless the "
+         "body ends there."),
+)  # fmt: skip
 CYCLE_RULES = (
     *SLIDING_RULES,
-    Rule(
-        lambda found: found.largest_step,
-        1.0 + LIMIT,
-        "The surface moves by up to {worst:.2g} spacings of the grid from one time to the next: "
-        "the times do not resolve how the shortest waves move. Take more times.",
-    ),
-    Rule(
-        lambda found: found.load_mismatch,
-        LIMIT,
-        "The work of the load has an error of about {worst:.0%} of the dissipated energy: the load "
-        "or the gap changes too fast for the number of times. If it jumps, let it change over "
-        "several times; otherwise take more times.",
-    ),
-    Rule(
-        lambda found: np.all(np.asarray(found.load) == 0, axis=-1),
-        0,
-        "The surfaces never touch: without a load there is no friction.",
-    ),
-    Rule(
-        lambda found: found.unresolved_motion,
-        LIMIT,
-        "{worst:.0%} of the velocity is at the upper half of the frequencies that the times "
-        "resolve: the motion has kinks or jumps. Take more times, or a smoother motion.",
-    ),
-)
+    Rule("largest_step", 1.0 + LIMIT,
+         "The surface moves by up to {worst:.2g} spacings of the grid from one time to the next: "
+         "the times do not resolve how the shortest waves move. Take more times."),
+    Rule("load_mismatch", LIMIT,
+         "The work of the load has an error of about {worst:.0%} of the dissipated energy: the "
+         "load or the gap changes too fast for the number of times. Take more times, or let a "
+         "jump last several of them."),
+    Rule(lambda found: np.all(np.asarray(found.load) == 0, axis=-1), 0,
+         "The surfaces never touch: without a load there is no friction."),
+    Rule("unresolved_motion", LIMIT,
+         "{worst:.0%} of the velocity is at the upper half of the frequencies that the times "
+         "resolve: the motion has kinks or jumps. Take more times, or a smoother motion."),
+)  # fmt: skip
 
 
 def caveats_of(found: Any, rules: Sequence[Rule] = RULES) -> tuple[Caveat, ...]:
     """Returns the caveats of a `Sliding` or of the results of a scene."""
     caveats = []
-    for rule in rules:
-        values = np.asarray(rule.quantity(found))
-        where = values > rule.limit
+    for quantity, limit, sentence in rules:
+        values = np.asarray(quantity(found) if callable(quantity) else _number(found, quantity))
+        where = values > limit
         if np.any(where):
-            sentence = rule.sentence.format(worst=np.max(values[where]))
+            text = sentence.format(worst=np.max(values[where]))
             if values.size > 1:
-                sentence += f" ({np.sum(where)} of {values.size} solves; the worst is given.)"
-            caveats.append(Caveat(sentence, where))
+                text += f" ({np.sum(where)} of {values.size} solves; the worst is given.)"
+            caveats.append(Caveat(text, where))
     return tuple(caveats)
 
 
@@ -202,11 +165,9 @@ def unusual(name: str, value: float) -> str:
     low, high = USUAL[name]
     if low <= value <= high:
         return ""
-    here, *ends = (
-        f"{number:.2g}" if name == "rms slope" else with_unit(number, "m")
-        for number in (value, low, high)
-    )
-    return f"The {name} of {here} is unusual (usual are {' to '.join(ends)}): check units."
+    plain = name == "rms slope"
+    here, first, last = (f"{n:.2g}" if plain else with_unit(n, "m") for n in (value, low, high))
+    return f"The {name} of {here} is unusual (usual are {first} to {last}): check units."
 
 
 def caveats_of_steps(steps: Sequence[Any], size: Sequence[float] = ()) -> tuple[str, ...]:
@@ -217,10 +178,12 @@ def caveats_of_steps(steps: Sequence[Any], size: Sequence[float] = ()) -> tuple[
     - `steps`: its roughness after each step of reading, see `Step`.
     - `size`: its edge lengths [m].
     """
-    sentences = []
-    if steps and steps[-1].rms_slope > 0:
+    if not steps:
+        return ()
+    last, sentences = steps[-1], []
+    if last.rms_slope > 0:
         numbers = [("size", edge) for edge in {min(size), max(size)}] if len(size) else []
-        numbers += [("rms height", steps[-1].rms_height), ("rms slope", steps[-1].rms_slope)]
+        numbers += [("rms height", last.rms_height), ("rms slope", last.rms_slope)]
         sentences += [sentence for pair in numbers if (sentence := unusual(*pair))]
     for before, after in pairwise(steps):
         if after.name == "filled" and before.missing > LIMIT:
@@ -241,7 +204,8 @@ def caveats_of_steps(steps: Sequence[Any], size: Sequence[float] = ()) -> tuple[
                 f"slope. {REMEDIES[after.name]}"
             )
     prepared = [i for i, row in enumerate(steps) if row.name in PREPARING]
-    peak = max((row.peak for row in steps[max(prepared, default=0) :]), default=0.0)
+    # Resampling only blurs a spike: what the last step of preparation left counts.
+    peak = max(row.peak for row in steps[max(prepared, default=0) :])
     if peak > SPIKE:
         sentences.append(
             f"The highest point is {peak:.3g} rms heights from the mean: probably a spike of the "

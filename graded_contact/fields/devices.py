@@ -87,6 +87,7 @@ def binned(place: Array, spectrum: Array, num_bins: int) -> Array:
         array = padded(array, -1, parts).reshape(*array.shape[:-1], parts, -1)
         return jnp.moveaxis(array, -2, 0).reshape(parts, -1)
 
+    # Each device sums its own columns: XLA would gather them for one sum.
     count = partial(jnp.bincount, length=num_bins)
     return jnp.sum(jax.vmap(count)(by_device(place), by_device(spectrum)), axis=0)
 
@@ -108,11 +109,7 @@ def tied(tree: T, nothing: Array) -> T:
     """
     if is_concrete(nothing):
         return tree
-
-    def tie(array):
-        return array + nothing.astype(array.dtype) if array.dtype != bool else array
-
-    return jax.tree.map(tie, tree)
+    return jax.tree.map(lambda a: a if a.dtype == bool else a + nothing.astype(a.dtype), tree)
 
 
 def padded(array: Array, axis: int, parts: int) -> Array:

@@ -21,14 +21,14 @@ from jax.sharding import NamedSharding
 from jaxtyping import Bool, Complex, Float, Inexact, Int
 
 from ..core.checks import Numbers, as_float, check_positive, check_squares, check_values, short
-from ..core.compilation import compiled
+from ..core.compilation import jit
 from ..core.derivative import largest
 from ..core.display import shown
 from . import transforms as _fft
 from .devices import num_devices, put_on, sharding_on, whole_along
 
 
-@shown()
+@shown(units=False)
 class Grid(eqx.Module):
     """A rectangular periodic cell sampled at equally spaced points.
 
@@ -52,20 +52,21 @@ class Grid(eqx.Module):
         devices: Sequence[jax.Device] | None = None,
     ):
         counts = tuple(shape) if isinstance(shape, Sequence | np.ndarray) else (shape,)
-        if len(counts) not in (1, 2) or not all(
-            isinstance(n, int | np.integer) and not isinstance(n, bool) and 4 <= n < 2**48
-            for n in counts
+        whole = (isinstance(n, int | np.integer) and not isinstance(n, bool) for n in counts)
+        if (
+            len(counts) not in (1, 2)
+            or not all(whole)
+            or not 4 <= min(counts) <= max(counts) < 2**48
         ):
             raise ValueError(
-                f"`shape={short(shape)}` is refused: one or two whole numbers of at least 4 (and "
-                "below 2^48) are needed."
+                f"`shape={short(shape)}` is refused: one or two whole numbers from 4 to 2^48."
             )
         self.shape = tuple(int(n) for n in counts)
         edges = as_float(size, "size")
         if edges.shape not in ((), (len(counts),)):
             raise ValueError(
-                f"`size` has shape {edges.shape}; one length or {len(counts)} lengths are needed, "
-                f"as many as `shape={self.shape}` has entries."
+                f"`size` has shape {edges.shape}; one length, or as many as `shape={self.shape}` "
+                "has entries, are needed."
             )
         check_positive("size", edges, "[m]")
         size = jnp.broadcast_to(edges, (len(counts),))
@@ -102,10 +103,8 @@ def half_shape(shape: tuple[int, ...]) -> tuple[int, ...]:
 
 def coordinates(grid: Grid) -> tuple[Float[Array, "..."], ...]:
     """Returns the coordinates x (and y) of the points [m], broadcastable to `grid.shape`."""
-    axes = [
-        jnp.arange(n, dtype=grid.size.dtype) * step
-        for n, step in zip(grid.shape, grid.spacing, strict=True)
-    ]
+    pairs = zip(grid.shape, grid.spacing, strict=True)
+    axes = [jnp.arange(n, dtype=grid.size.dtype) * step for n, step in pairs]
     return tuple(jnp.meshgrid(*axes, indexing="ij", sparse=True))
 
 
@@ -125,10 +124,8 @@ def wavevector(
 
     Or at other mode `numbers`.
     """
-    return tuple(
-        2 * np.pi * jnp.asarray(k, grid.size.dtype) / length
-        for k, length in zip(numbers or mode_numbers(grid.shape), grid.size, strict=True)
-    )
+    pairs = zip(numbers or mode_numbers(grid.shape), grid.size, strict=True)
+    return tuple(2 * np.pi * jnp.asarray(k, grid.size.dtype) / length for k, length in pairs)
 
 
 def odd_wavevector(grid: Grid) -> tuple[Float[Array, "..."], ...]:
@@ -180,21 +177,15 @@ def even_on_nyquist(response: Inexact[Array, "..."], shape: tuple[int, ...]) -> 
     On Nyquist lines it is the real part of the mean over both signs of that component.
     """
     if shape[-1] % 2 == 0:
-        line = _over_signs(response[..., -1]).real
-        response = response.at[..., -1].set(line)
+        # R(kx, -ky) is the conjugate of R(-kx, ky).
+        column = response[..., -1]
+        mirrored = jnp.roll(column[::-1], 1) if column.ndim else column
+        response = response.at[..., -1].set((column.real + mirrored.real) / 2)
     if len(shape) == 1 or shape[0] % 2 == 1:
         return response
     half = shape[0] // 2
-    line = (response[half] + response[half + 1]).real / 2
-    return jnp.concatenate(
-        [response[:half], line[None].astype(response.dtype), response[half + 2 :]]
-    )
-
-
-def _over_signs(column: Inexact[Array, "..."]) -> Array:
-    """The mean of R(kx, ky) and R(kx, -ky), which is the conjugate of R(-kx, ky), for one ky."""
-    mirrored = jnp.roll(column[::-1], 1) if column.ndim else column
-    return (column + jnp.conj(mirrored)) / 2
+    line = ((response[half] + response[half + 1]).real / 2)[None].astype(response.dtype)
+    return jnp.concatenate([response[:half], line, response[half + 2 :]])
 
 
 def as_velocity(velocity: Numbers, grid: Grid | None = None) -> Float[Array, "..."]:
@@ -223,7 +214,7 @@ def velocity_along(speed: Any, direction: float) -> Any:
     return speed * np.where(np.abs(unit) < 1e-12, 0, unit)
 
 
-@compiled
+@jit
 def direction_and_speed(
     velocity: Float[Array, "..."],
 ) -> tuple[Float[Array, " components"], Float[Array, ""]]:

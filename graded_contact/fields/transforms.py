@@ -28,25 +28,10 @@ BOUND_FROM = 2**19  # points, by `bench_contact.py overhead --backends xla ducc0
 def rfftn(field: Float[Array, "*shape"]) -> Complex[Array, "*half"]:
     """Returns the unnormalised half spectrum of a real field over all its axes."""
     mesh = mesh_of(field)
-    if mesh is not None:
-        return _forward_over(mesh, field)
-    if not _is_bound(field.shape):
-        return jnp.fft.rfftn(field)
-    return _bound()[0](field, size=field.shape[-1])[0]
-
-
-def irfftn(spectrum: Complex[Array, "*half"], shape: tuple[int, ...]) -> Float[Array, "*shape"]:
-    """Returns the real field of a half spectrum, divided by the number of points."""
-    mesh = mesh_of(spectrum)
-    if mesh is not None:
-        return _inverse_over(mesh, spectrum, shape)
-    if not _is_bound(shape):
-        return jnp.fft.irfftn(spectrum, shape)
-    return _bound()[1](spectrum, size=shape[-1])[0]
-
-
-def _forward_over(mesh, field):
-    """The half spectrum of a field on a mesh, laid by columns; what pads it is cut off."""
+    if mesh is None:
+        if not _is_bound(field.shape):
+            return jnp.fft.rfftn(field)
+        return _bound()[0](field, size=field.shape[-1])[0]
     rows, columns = field.shape
 
     @partial(jax.shard_map, mesh=mesh, in_specs=Spec(ROWS), out_specs=Spec(None, ROWS))
@@ -55,11 +40,17 @@ def _forward_over(mesh, field):
         half = jax.lax.all_to_all(half, ROWS, 1, 0, tiled=True)
         return jnp.fft.fft(half[:rows], axis=0)
 
+    # Laid by columns; what pads the field is cut off.
     return whole_along(transform(padded(field, 0, mesh.size))[:, : columns // 2 + 1], 0)
 
 
-def _inverse_over(mesh, spectrum, shape):
-    """The field of a half spectrum on a mesh, laid by rows."""
+def irfftn(spectrum: Complex[Array, "*half"], shape: tuple[int, ...]) -> Float[Array, "*shape"]:
+    """Returns the real field of a half spectrum, divided by the number of points."""
+    mesh = mesh_of(spectrum)
+    if mesh is None:
+        if not _is_bound(shape):
+            return jnp.fft.irfftn(spectrum, shape)
+        return _bound()[1](spectrum, size=shape[-1])[0]
 
     @partial(jax.shard_map, mesh=mesh, in_specs=Spec(None, ROWS), out_specs=Spec(ROWS))
     def transform(block):
@@ -96,13 +87,10 @@ def _bound():
         twice = np.where((column == 0) | (2 * column == size), 1.0, 2.0).astype(array.real.dtype)
         return twice.reshape([-1 if axis == axes[-1] else 1 for axis in range(array.ndim)])
 
-    def run(transform):
-        def bound(out, args, dumped):
-            options = load_kwargs(dumped)
-            axes = axes_of(args[0].ndim, options["batch_axes"])
-            transform(args[0], out[0], axes, options["size"])
-
-        return bound
+    def run(transform, out, args, dumped):
+        options = load_kwargs(dumped)
+        axes = axes_of(args[0].ndim, options["batch_axes"])
+        transform(args[0], out[0], axes, options["size"])
 
     def forward(field, out, axes, size):
         ducc0.fft.r2c(field, axes=axes, out=out, nthreads=0)
@@ -134,7 +122,8 @@ def _bound():
         return abstract
 
     half, full = shaped(to_half=True), shaped(to_half=False)
-    return (
-        get_linear_call(run(forward), run(forward_transposed), half, full, func_can_batch=True),
-        get_linear_call(run(inverse), run(inverse_transposed), full, half, func_can_batch=True),
+    ways = ((forward, forward_transposed, half, full), (inverse, inverse_transposed, full, half))
+    return tuple(
+        get_linear_call(partial(run, f), partial(run, g), of, back, func_can_batch=True)
+        for f, g, of, back in ways
     )

@@ -1,1 +1,5 @@
-"""The page in the browser: a scene with sliders and its results."""
+"""The page: a scene with sliders, in the browser or in a notebook."""
+
+from .serving import explore
+
+__all__ = ["explore"]

@@ -16,19 +16,18 @@ import numpy as np
 
 from ..core.checks import within
 from ..core.display import with_unit
-from ..files.moduli.reading import read_moduli
-from ..files.paths import check_name, read_file, read_utf8
-from ..files.prony_cards import export_prony
-from ..files.scene import Scene
-from ..files.scene_reading import parse_scene, refuse_tables
-from ..files.schema import LARGEST
-from ..files.sealed import write_whole
-from ..files.toml import parse_toml, toml_text
-from ..files.topography.reading import read_surface
+from ..exports.prony_cards import export_prony
 from ..fitting.master import master_curve
+from ..materials.material import AbstractMaterial
+from ..readers.moduli import read_moduli
+from ..readers.paths import check_name, read_file, read_utf8
+from ..readers.topography import read_surface
+from ..scenes.scene import Scene, parse_scene, refuse_tables
+from ..scenes.schema import MOST_BYTES, parse_toml, toml_text
+from ..studies.dataset import write_whole
 
-POINTS = 256  # along the longer edge of a topography that the user drops
-THICKNESS = 1e-4  # m, of a first layer
+FINEST_DROP = 256  # along the longer edge of a topography that the user drops
+FIRST_THICKNESS = 1e-4  # m, of a layer on a bare base
 
 
 class Document(NamedTuple):
@@ -55,10 +54,6 @@ class Document(NamedTuple):
         return parse_scene(self.text, self.folder)
 
     def copied(self) -> "Document":
-        """Returns a copy, whose tables may be changed."""
-        return self._replace(content=copy.deepcopy(self.content))
-
-    def without_title(self) -> "Document":
         """Returns a copy, whose tables may be changed, and whose title is `described` anew."""
         return self._replace(content=copy.deepcopy(self.content) | {"title": ""})
 
@@ -71,18 +66,20 @@ def open_document(path: Path | None) -> Document:
     """
     if path is None:
         name, folder = "demo.toml", Path.cwd()
-        text = resources.files("graded_contact.studies").joinpath(name).read_text("utf-8")
+        text = resources.files("graded_contact.scenes").joinpath(name).read_text("utf-8")
     else:
-        name, folder, text = path.name, path.absolute().parent, read_utf8(path, at_most=LARGEST)
+        name, folder, text = path.name, path.absolute().parent, read_utf8(path, at_most=MOST_BYTES)
     with within(f"{name}:"):
-        return _at_one_point(parse_toml(text), parse_scene(text, folder), folder)
+        scene = parse_scene(text, folder)
+        refuse_tables(scene, "The page", "motion", "shear", "heating")
+        if not np.any(scene.velocity):
+            raise ValueError("[load] `velocity` is 0. The page needs a velocity above 0.")
+        return _at_one_point(parse_toml(text), scene, folder)
 
 
 def _at_one_point(content: dict[str, Any], scene: Scene, folder: Path) -> Document:
-    refuse_tables(scene, "The page", "motion", "shear", "heating")
     moving = np.sort(np.abs(scene.velocity[scene.velocity != 0]))
-    if not moving.size:
-        raise ValueError("[load] `velocity` is 0: the page shows sliding, at a velocity above 0.")
+    # A scene of one speed, or of a narrow range, still has a slider and curves over decades.
     speeds = (float(moving[0]), float(moving[-1]))
     if speeds[1] < 100 * speeds[0]:
         speeds = (speeds[0] / 1e3, speeds[1] * 1e3)
@@ -94,13 +91,13 @@ def _at_one_point(content: dict[str, Any], scene: Scene, folder: Path) -> Docume
     content = {k: v for k, v in content.items() if k not in ("sweep", "design")} | {"load": load}
     content["surface"].pop("seeds", None)
     tables = {"[surface]": content["surface"]}
-    tables |= {f"[materials.{name}]": table for name, table in content["materials"].items()}
-    for (place, key), path in scene.inputs.items():  # the scene is saved in another folder
-        tables[place][key] = str(path)
-    for table in content["materials"].values():
+    for name, table in content["materials"].items():
+        tables[f"[materials.{name}]"] = table
         if table["kind"] == "tabulated":
             # A slider soon leaves the table; the page warns how much friction depends on that.
             table["extrapolate"] = "plateau"
+    for (place, key), path in scene.inputs.items():  # the scene is saved in another folder
+        tables[place][key] = str(path)
     return Document(content, folder, speeds)
 
 
@@ -137,20 +134,20 @@ def with_layer(document: Document, material: str | None) -> Document:
     - `document`: the scene.
     - `material`: a name of [materials]; None for a new elastic material.
     """
-    document = document.without_title()
+    document = document.copied()
     content = document.content
     if material is None:
         material = free_name("coat", content["materials"])
         content["materials"][material] = {"kind": "elastic", "modulus": 1e7, "poisson": 0.49}
     below = content.get("layers", [])
-    thickness = below[0]["thickness"] if below else THICKNESS
+    thickness = below[0]["thickness"] if below else FIRST_THICKNESS
     content["layers"] = [{"material": material, "thickness": thickness}, *below]
     return document
 
 
 def without_layer(document: Document, index: int) -> Document:
     """Returns the scene without one layer, counted from the surface; its material stays."""
-    document = document.without_title()
+    document = document.copied()
     del document.content["layers"][index]
     return document
 
@@ -160,26 +157,29 @@ def with_moduli(document: Document, path: Path, name: str) -> Document:
 
     Isotherms at several temperatures are shifted into a master curve and fitted by a Prony series.
     """
-    document = document.without_title()
+    document = document.copied()
     old = document.content["materials"][name]
     poisson = old.get("poisson", 0.5)
+    table = {
+        "kind": "tabulated", "path": str(path), "extrapolate": "plateau", "poisson": poisson,
+    }  # fmt: skip
+    if old["kind"] == "tabulated" and "shift" in old:
+        table["shift"] = old["shift"]
     with within(f"{path.name}:"):
         isotherms = read_moduli(path, kind="frequency", poisson=poisson).isotherms()
         if len(isotherms) > 1:
-            material = master_curve(isotherms, poisson=poisson).exported()
-    if len(isotherms) > 1:
-        table = parse_toml(export_prony(material, "toml"))["materials"]["material"]
-    else:
-        table = {"kind": "tabulated", "path": str(path), "extrapolate": "plateau"}
-        table["poisson"] = poisson
-        if old["kind"] == "tabulated" and "shift" in old:
-            table["shift"] = old["shift"]
+            table = material_table(master_curve(isotherms, poisson=poisson).exported())
     document.content["materials"][name] = table
     return document
 
 
+def material_table(material: AbstractMaterial) -> dict[str, Any]:
+    """Returns the table of a scene for a series of Prony."""
+    return parse_toml(export_prony(material, "toml"))["materials"]["material"]
+
+
 def with_topography(document: Document, path: Path, options: dict[str, Any]) -> Document:
-    """Returns the scene with the surface in a file, resampled to `POINTS` along its longer edge.
+    """Returns the scene with the surface in a file, which is resampled to `FINEST_DROP` points.
 
     **Arguments:**
 
@@ -190,14 +190,14 @@ def with_topography(document: Document, path: Path, options: dict[str, Any]) -> 
 
     **Raises:** the errors of `read_surface`.
     """
-    document = document.without_title()
+    document = document.copied()
     content = document.content
     with within(f"{path.name}:"):
         periodic = {"periodic": None} if options.get("periodic") == "none" else {}
         shape = read_surface(path, **{**options, **periodic}).grid.shape
     content["surface"] = {"kind": "file", "path": str(path), **options}
-    if max(shape) > POINTS:
-        content["surface"]["shape"] = [max(2 * (POINTS * n // max(shape) // 2), 16) for n in shape]
+    if (most := max(shape)) > FINEST_DROP:
+        content["surface"]["shape"] = [max(2 * (FINEST_DROP * n // most // 2), 16) for n in shape]
     content.pop("grid", None)
     return document
 
@@ -230,7 +230,7 @@ def with_file(
         taken = {path.stem for path in folder.iterdir()}
         path = folder / f"{free_name(path.stem, taken)}{path.suffix}"
         write_whole(path, data)
-    try:
+    try:  # the readers take paths, so the file is stored first and removed if they refuse it
         changed = change(document, path)
         changed.scene()
     except BaseException as error:

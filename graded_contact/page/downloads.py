@@ -1,6 +1,5 @@
-"""The downloads of a page: curves (CSV), everything that it shows (HDF5), a figure (PDF)."""
+"""The downloads of a page: curves (CSV), and everything that it shows (HDF5)."""
 
-import io
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -8,9 +7,7 @@ import pandas as pd
 import xarray as xr
 
 from ..core.quantities import FIELDS, OBSERVABLES
-from ..files.dataset import package_versions
-from ..plot.contact import draw_field, masked_fields
-from ..plot.style import COLOURS, entitle, new_figure, styled
+from ..studies.dataset import package_versions
 from .model import Contact, Derivatives, Model
 
 
@@ -42,12 +39,8 @@ def to_csv(shown: Shown) -> bytes:
 
 def to_hdf5(shown: Shown) -> bytes:
     """Returns curves, contact and derivatives as groups of xarray, with the scene as attribute."""
-    groups = {
-        "/": shown.curves.assign_attrs(
-            scene=shown.model.changed(shown.values).text, **package_versions()
-        ),
-        "/contact": _contact(shown),
-    }
+    about = {"scene": shown.model.changed(shown.values).text, **package_versions()}
+    groups = {"/": shown.curves.assign_attrs(about), "/contact": _contact(shown)}
     if shown.derivatives is not None:
         about = {"units": "%", "long_name": "change by a step of the slider"}
         changes = shown.derivatives._asdict().items()
@@ -74,45 +67,3 @@ def _contact(shown: Shown) -> xr.Dataset:
         name: (*values, {"units": about[name].unit, "long_name": about[name].meaning})
         for name, values in found.items()
     })  # fmt: skip
-
-
-@styled
-def to_pdf(shown: Shown) -> bytes:
-    """Returns a vector figure of curves, contact and derivatives."""
-    figure = new_figure(11.0, 5.6)
-    entitle(figure, shown.model.title(shown.values))
-    halves: Any = figure.subfigures(2, 1)
-    upper, lower = halves
-    panels: Any = upper.subplots(1, 4), lower.subplots(1, 2 if shown.derivatives is None else 4)
-    sliding = shown.contact.sliding
-    points = {"friction": sliding.friction, "contact_area": sliding.contact_area_smooth}
-    for axes, name in zip(panels[0], ("modulus", "loss_tangent", *points), strict=True):
-        curve: Any = shown.curves[name]
-        scale = "log" if name == "modulus" else "linear"
-        curve.plot(ax=axes, xscale="log", yscale=scale, color=COLOURS[0])
-        if name in points:
-            axes.plot(shown.contact.velocity, points[name], "ko", label="contact")
-            axes.set_ylim(bottom=0)
-            axes.legend()
-    for axes, (name, values) in zip(panels[1], masked_fields(sliding).items(), strict=False):
-        draw_field(axes, name, values, shown.model.size)
-    for bar in (axes for axes in lower.axes if axes not in panels[1]):
-        for colours in bar.collections:
-            colours.set_rasterized(True)  # as vectors they have white lines between them
-    if shown.derivatives is not None:
-        _draw_derivatives(shown, shown.derivatives, panels[1][2:])
-    content = io.BytesIO()
-    figure.savefig(content, format="pdf")
-    return content.getvalue()
-
-
-def _draw_derivatives(shown: Shown, derivatives: Derivatives, panels) -> None:
-    places = np.arange(len(shown.model.knobs))[::-1]
-    changes = zip(panels, derivatives._asdict().items(), COLOURS, strict=False)
-    for axes, (name, values), colour in changes:
-        axes.barh(places, values, color=colour)
-        axes.axvline(0, color="0.5", linewidth=0.6)
-        axes.set_xlabel(f"change of {name.replace('_', ' ')} [%]")
-        axes.set_yticks(places, [""] * len(places))
-    labels = shown.model.stepped(shown.values)
-    panels[0].set_yticks(places, labels, fontsize=6)

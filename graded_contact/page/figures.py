@@ -11,7 +11,6 @@ from bokeh.models import (
     DataRange1d,
     FactorRange,
     LabelSet,
-    Legend,
     LinearColorMapper,
     LogAxis,
     LogTicker,
@@ -36,26 +35,21 @@ PALETTES = {
     "pressure": viridis(256), "gap": magma(256), "displacement": plasma(256),
     "heights": cividis(256),
 }  # fmt: skip
-LARGEST_MAP = 512  # points drawn along an edge
-SHOWN_SHARE = 0.995  # of the points within a scale of colours
+FINEST_MAP = 512  # points drawn along an edge
+SCALE_SHARE = 0.995  # of the points within a scale of colours
 
 ASPECT = 1.5  # of the figure of the block
 LAYERS = ("#9cc3e0", "#f3cf9b", "#a9d8c6", "#e3bfd6", "#f5e2a8", "#c5dff1")  # tints of COLOURS
-BASES = {"half_space": "#c9cdd3", "rigid": "#6b7078", "free": "#ffffff"}
+BASE_COLOURS = {"half_space": "#c9cdd3", "rigid": "#6b7078", "free": "#ffffff"}
 ROAD = "#4a4f57"
 FINER = 8  # points drawn for one of the road
-LEAST = 0.09  # of the height drawn: thinner layers have no label
+LABELLED = 0.09  # of the height drawn: thinner layers have no label
 SLAB = ("top", "bottom", "left", "right")
 
 
-def _new_figure(
-    title: str, x: str, y: str, *, frame: float = 0.0, right: int = RIGHT, **more: Any
-) -> Any:
-    """An empty figure of the page's style; if `frame` is given, its frame has this aspect ratio."""
+def _new_figure(title: str, x: str, y: str, *, right: int = RIGHT, **more: Any) -> Any:
+    """An empty figure of the page's style."""
     more = {"height": HEIGHT, "sizing_mode": "stretch_width", **more}
-    if frame:
-        wide = round(min(max(frame, 1 / 3), 2) * (HEIGHT - ABOVE - BELOW))
-        more |= {"sizing_mode": "fixed", "width": wide + LEFT + right, "min_border_left": LEFT}
     new: Any = figure(
         title=title, x_axis_label=x, y_axis_label=y, toolbar_location="above",
         tools="pan,wheel_zoom,box_zoom,reset,save", **more,
@@ -69,8 +63,7 @@ def _new_figure(
         if isinstance(axis, LogAxis):
             axis.ticker = LogTicker(mantissas=[1, 2, 5], desired_num_ticks=4)
     new.grid.grid_line_color, new.outline_line_color = "#eceef1", None
-    new.min_border_top, new.min_border_bottom = ABOVE, BELOW
-    new.min_border_right = right
+    new.min_border_top, new.min_border_bottom, new.min_border_right = ABOVE, BELOW, right
     return new
 
 
@@ -101,25 +94,23 @@ class Lines:
         self, name: str, title: str, x: str, y: str, colour: str, scale: tuple, log: bool = False
     ):
         self.name, self._scale = name, scale
-        self.figure = _new_figure(title, x, y, x_axis_type="log",
-                                  y_axis_type="log" if log else "linear")  # fmt: skip
+        ordinate = "log" if log else "linear"
+        self.figure = _new_figure(title, x, y, x_axis_type="log", y_axis_type=ordinate)
         if not log:
             self.figure.y_range.start = 0
         self._line, self._pinned, self._point = (_new_source("x", "y") for _ in range(3))
         self.figure.line("x", "y", source=self._pinned, color=GREY, line_dash=(5, 4), line_width=2)
         self.figure.line("x", "y", source=self._line, color=colour, line_width=2.2)
-        self.figure.scatter(
-            "x", "y", source=self._point, size=9, fill_color=colour, line_color="white"
-        )
+        style = {"fill_color": colour, "line_color": "white"}
+        self.figure.scatter("x", "y", source=self._point, size=9, **style)
 
     def show(self, curves: xr.Dataset, pinned: xr.Dataset | None) -> None:
         """Draws the curve, and a pinned one if there is one."""
         for source, data in ((self._line, curves), (self._pinned, pinned)):
-            if data is None:
-                _send(source, x=[], y=[])
-                continue
-            curve = data[self.name]
-            x, y = curve[curve.dims[0]].values, curve.values
+            x = y = np.zeros(0)
+            if data is not None:
+                curve = data[self.name]
+                x, y = curve[curve.dims[0]].values, curve.values
             _send(source, x=x / self._scale[0], y=y / self._scale[1])
 
     def mark(self, x: float, y: float) -> None:
@@ -147,29 +138,26 @@ class Bars:
 
     def __init__(self, knobs: Sequence[Knob]):
         self._factors = factors = FactorRange(range_padding=0.05)
-        self.figure = _new_figure("Change by a step of each slider", "change [%]", "",
-                                  y_range=factors, height=260)  # fmt: skip
-        self.figure.yaxis.axis_label = None
-        self.figure.yaxis.major_label_text_font_size = "10px" if len(knobs) < 13 else "9px"
-        self.figure.ygrid.grid_line_color = None
+        title = "Change by a step of each slider"
+        self.figure = new = _new_figure(title, "change [%]", "", y_range=factors, height=260)
+        new.yaxis.axis_label = None
+        new.yaxis.major_label_text_font_size = "10px" if len(knobs) < 13 else "9px"
+        new.ygrid.grid_line_color = None
         self._source = _new_source("knob", *Derivatives._fields)
+        pairs = zip(Derivatives._fields, (BLUE, ORANGE), (0.19, -0.19), strict=True)
         self._glyphs = [
-            self.figure.hbar(
+            new.hbar(
                 y=dodge("knob", shift, range=factors), right=name, height=0.34, color=colour,
-                source=self._source,
+                source=self._source, legend_label=name.replace("_", " "),
             )
-            for name, colour, shift in zip(
-                Derivatives._fields, (BLUE, ORANGE), (0.19, -0.19), strict=True
-            )
+            for name, colour, shift in pairs
         ]  # fmt: skip
-        names = zip(Derivatives._fields, self._glyphs, strict=True)
-        legend: Any = Legend(
-            items=[(name.replace("_", " "), [glyph]) for name, glyph in names],
+        legend = new.legend[0]
+        new.add_layout(legend, "above")
+        legend.update(
             orientation="horizontal", label_text_font_size="10px", border_line_color=None,
-            glyph_height=10, background_fill_alpha=0.0,
+            glyph_height=10, background_fill_alpha=0.0, padding=0, margin=0,
         )  # fmt: skip
-        legend.padding = legend.margin = 0
-        self.figure.add_layout(legend, "above")
 
     def show(self, labels: list[str], derivatives: Derivatives) -> None:
         """Draws the changes, by labels of the knobs with their steps."""
@@ -197,24 +185,24 @@ class Map:
             return
         wide, high = (self._factor * size).tolist()
         frame = round(min(max(wide / high, 1 / 3), 2) * (TALL - ABOVE - BELOW))
-        ranges = (DataRange1d(range_padding=0) for _ in "xy")
+        ranges = {axis: DataRange1d(range_padding=0) for axis in ("x_range", "y_range")}
         self.figure = _new_figure(
             "", f"x [{unit}]", f"y [{unit}]", right=BAR, height=TALL, max_width=frame + LEFT + BAR,
-            match_aspect=True, **dict(zip(("x_range", "y_range"), ranges, strict=True)),
+            match_aspect=True, **ranges,
         )  # fmt: skip
         self.figure.grid.grid_line_color = None
         self._mapper = LinearColorMapper(palette=PALETTES["gap"], nan_color="white", low=0, high=1)
         self._source = _new_source("image")
-        self.figure.image("image", source=self._source, x=0, y=0, dw=wide, dh=high,
-                          color_mapper=self._mapper)  # fmt: skip
-        bar = ColorBar(color_mapper=self._mapper, width=10, padding=4, bar_line_color=None,
-                       major_label_text_font_size="10px")  # fmt: skip
+        place = {"x": 0, "y": 0, "dw": wide, "dh": high}
+        self.figure.image("image", source=self._source, color_mapper=self._mapper, **place)
+        style = {"width": 10, "padding": 4, "bar_line_color": None}
+        bar = ColorBar(color_mapper=self._mapper, major_label_text_font_size="10px", **style)
         self.figure.add_layout(bar, "right")
 
     def show(self, name: str, field: np.ndarray) -> None:
         """Draws a field named in `PALETTES`."""
         finite, quantity, palette = field[np.isfinite(field)], FIELDS[name], PALETTES[name]
-        low, high = np.quantile(finite, (1 - SHOWN_SHARE, SHOWN_SHARE)) if finite.size else (0, 1)
+        low, high = np.quantile(finite, (1 - SCALE_SHARE, SCALE_SHARE)) if finite.size else (0, 1)
         low = float(low) if low < 0 else 0.0
         unit, scale = unit_of(quantity.unit, max(float(high), -low))
         self.figure.title.text = f"{quantity.meaning.capitalize()} [{unit}]"
@@ -223,40 +211,35 @@ class Map:
             self._line.glyph.line_color = palette[len(palette) // 2]
             self._source.data = {"x": x, "y": scale * np.nan_to_num(field)}
             return
-        step = -(-max(field.shape) // LARGEST_MAP)
+        step = -(-max(field.shape) // FINEST_MAP)
         self._mapper.update(palette=palette, low=scale * low, high=scale * float(high) or 1.0)
         self._source.data = {"image": [(scale * field[::step, ::step].T).astype(np.float32)]}
 
 
-class Block:
+class BlockPicture:
     """Block and road before contact, to scale, around the deepest point of the road."""
 
     def __init__(self):
+        wide = round(ASPECT * (HEIGHT - ABOVE - BELOW)) + LEFT + RIGHT
         self.figure = _new_figure(
-            "Block and road, to scale", "x", "depth", frame=ASPECT,
-            x_range=Range1d(start=0, end=1), y_range=Range1d(start=1, end=0),
+            "Block and road, to scale", "x", "depth", sizing_mode="fixed", width=wide,
+            min_border_left=LEFT, x_range=Range1d(start=0, end=1), y_range=Range1d(start=1, end=0),
         )  # fmt: skip
         self.figure.grid.grid_line_color = None
         columns = ((*SLAB, "fill"), ("x", "y", "text"), ("along", "depth"))
         self._slabs, self._names, self._road = (_new_source(*names) for names in columns)
-        self.figure.quad(
-            source=self._slabs, fill_color="fill", line_color="white", **{k: k for k in SLAB}
-        )
+        edges = {name: name for name in SLAB}
+        self.figure.quad(source=self._slabs, fill_color="fill", line_color="white", **edges)
         self.figure.patch("along", "depth", source=self._road, color=ROAD)
-        words = LabelSet(
+        self.figure.add_layout(LabelSet(
             x="x", y="y", text="text", source=self._names, text_font_size="11px", text_color=INK,
             text_align="center", text_baseline="middle",
-        )  # fmt: skip
-        self.figure.add_layout(words)
+        ))  # fmt: skip
 
     def show(
-        self,
-        thickness: np.ndarray,
-        names: Sequence[str],
-        base: str,
-        heights: np.ndarray,
+        self, thickness: np.ndarray, names: Sequence[str], base: str, heights: np.ndarray,
         length: float,
-    ) -> None:
+    ) -> None:  # fmt: skip
         """Draws layers [m] below the road.
 
         **Arguments:**
@@ -272,35 +255,23 @@ class Block:
         unit, factor = unit_of("m", wide)
         edges = np.concatenate([[0], np.cumsum(thickness), [deep]])
         tops, bottoms, right = edges[:-1], edges[1:], factor * wide / 2
-        fills = [*(LAYERS[i % len(LAYERS)] for i in range(len(thickness))), BASES[base]]
+        fills = [*(LAYERS[i % len(LAYERS)] for i in range(len(thickness))), BASE_COLOURS[base]]
         _send(
             self._slabs, top=factor * tops, bottom=factor * bottoms, left=[-right] * len(tops),
             right=[right] * len(tops), fill=fills,
         )  # fmt: skip
-        thick = np.flatnonzero(bottoms - tops > LEAST * (deep + high)).tolist()
-        _send(
-            self._names, x=[0.0] * len(thick), y=factor * (tops + bottoms)[thick] / 2,
-            text=[names[i] for i in thick],
-        )  # fmt: skip
-        x, road = _around_deepest(heights, length, wide)
-        _send(
-            self._road,
-            along=np.concatenate([factor * x, [right, -right]]),
-            depth=np.concatenate([factor * road, [-2 * factor * high] * 2]),
-        )
+        thick = np.flatnonzero(bottoms - tops > LABELLED * (deep + high)).tolist()
+        middle, texts = factor * (tops + bottoms)[thick] / 2, [names[i] for i in thick]
+        _send(self._names, x=[0.0] * len(thick), y=middle, text=texts)
+        # The line of the road along x through its deepest point, which comes to x = 0.
+        where = np.unravel_index(np.argmax(heights), heights.shape)
+        line = np.roll(heights if heights.ndim == 1 else heights[:, where[1]], -where[0])
+        fine = resample(line, FINER * len(line))
+        x, at = np.linspace(-wide / 2, wide / 2, 300), np.arange(len(fine)) * (length / len(fine))
+        road = np.interp(x, at, fine - np.max(heights), period=length)
+        along = np.concatenate([factor * x, [right, -right]])
+        _send(self._road, along=along, depth=np.append(factor * road, [-2 * factor * high] * 2))
         self.figure.x_range.update(start=-right, end=right)
         self.figure.y_range.update(start=factor * deep, end=-factor * high)
         self.figure.xaxis.axis_label = f"x [{unit}]"
         self.figure.yaxis.axis_label = f"depth [{unit}]"
-
-
-def _around_deepest(
-    heights: np.ndarray, length: float, wide: float
-) -> tuple[np.ndarray, np.ndarray]:
-    """Abscissas and depths [m] of the road along x, with its deepest point at the origin."""
-    where = np.unravel_index(np.argmax(heights), heights.shape)
-    line = np.roll(heights if heights.ndim == 1 else heights[:, where[1]], -where[0])
-    fine = resample(line, FINER * len(line))
-    x = np.linspace(-wide / 2, wide / 2, 300)
-    at = np.arange(len(fine)) * (length / len(fine))
-    return x, np.interp(x, at, fine - np.max(heights), period=length)

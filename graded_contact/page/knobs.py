@@ -13,30 +13,28 @@ from typing import Any, NamedTuple
 import numpy as np
 from jaxtyping import Array, Float
 
+from ..blocks.stack import Stack
 from ..core.parameters import paths, with_values
-from ..files.prony_cards import export_prony
-from ..files.scene import Scene
-from ..files.surface_source import RandomSurface
-from ..files.toml import parse_toml
-from ..response.stack import Stack
-from ..rheology.material import BulkShear, Elastic, Prony
-from ..rheology.shift import WLF, TabulatedShift, shifts_in
-from ..roughness.statistics import statistics
-from ..roughness.surface import Surface
-from .document import Document
+from ..materials.material import BulkShear, Elastic, Prony
+from ..materials.shift import WLF, TabulatedShift, shifts_in
+from ..plot.words import ZERO_CELSIUS
+from ..scenes.scene import Scene
+from ..scenes.surface_source import RandomSurface
+from ..surfaces.statistics import statistics
+from ..surfaces.surface import Surface
+from .document import Document, material_table
 
-WIDE, ROUGH = 50.0, 10.0  # the range of a knob in both directions, and of roughness, as a factor
-COLD, HOT = 40.0, 80.0  # K below and above
-MARGIN = 10.0  # K above the Vogel temperature
+WIDE_FACTOR, ROUGH_FACTOR = 50.0, 10.0  # the range of a knob in both directions; of roughness
+COLDER, HOTTER = 40.0, 80.0  # K
+ABOVE_VOGEL = 10.0  # K above the Vogel temperature, where WLF diverges
 
-# The unit on the page, and the SI unit in this unit.
-UNITS = {
+# By the quantity of a knob: the unit on the page, and the SI unit in this unit.
+PAGE_UNITS = {
     "thickness": ("µm", 1e6), "modulus": ("MPa", 1e-6), "poisson": ("1", 1.0),
     "pressure": ("kPa", 1e-3), "velocity": ("m/s", 1.0), "temperature": ("K", 1.0),
     "rms_height": ("µm", 1e6), "rms_slope": ("1", 1.0), "hurst": ("1", 1.0),
 }  # fmt: skip
-ZERO_CELSIUS = 273.15  # K
-STEPS = {"poisson": 0.01, "hurst": 0.01, "temperature": 1.0}  # others: 1 %
+LINEAR_STEPS = {"poisson": 0.01, "hurst": 0.01, "temperature": 1.0}  # others: 1 %
 
 
 class Target(NamedTuple):
@@ -53,7 +51,7 @@ class Knob(NamedTuple):
 
     - `target`: what it changes.
     - `label`: on the page.
-    - `quantity`: a key of `UNITS`.
+    - `quantity`: a key of `PAGE_UNITS`.
     - `value`, `low`, `high`: in the scene, and its range [SI].
     - `key`: its place in the scene's tables.
     """
@@ -68,41 +66,30 @@ class Knob(NamedTuple):
 
     @property
     def unit(self) -> str:
-        return UNITS[self.quantity][0]
+        return PAGE_UNITS[self.quantity][0]
 
     @property
     def factor(self) -> float:
         """The SI unit in the unit on the page."""
-        return UNITS[self.quantity][1]
+        return PAGE_UNITS[self.quantity][1]
 
     @property
     def logarithmic(self) -> bool:
-        return self.quantity not in STEPS
+        return self.quantity not in LINEAR_STEPS
 
     def step_size(self, value: float) -> float:
         """Returns the change [SI] for which the page shows derivatives, at a value [SI]."""
         if self.logarithmic:
             return 0.01 * value
-        step = STEPS[self.quantity]
+        step = LINEAR_STEPS[self.quantity]
         return step if value + step <= self.high else -step
 
     def stepped(self, value: float) -> str:
         """Returns the label with this change, such as "rms slope +1 %"."""
         if self.logarithmic:
             return f"{self.label} +1 %"
-        unit = "" if self.unit == "1" else f" {self.unit}"
+        unit = f" {self.unit}".removesuffix(" 1")
         return f"{self.label} {self.step_size(value):+g}{unit}".replace("-", "−")
-
-    def check(self, value: float, text: str = "") -> float:
-        """Returns a value [SI], entered as `text`, or raises `ValueError` if it is out of range."""
-        if self.low <= value <= self.high:
-            return value
-        unit = "" if self.unit == "1" else f" {self.unit}"
-        low, high = (f"{at * self.factor:.6g}" for at in (self.low, self.high))
-        raise ValueError(
-            f"`{self.label}`: {text or 'nothing'} is refused. Enter a number between {low} and "
-            f"{high}{unit}."
-        )
 
     def read(self, text: str) -> float:
         """Returns the value [SI] of a text, with or without a unit: "2.5", "2,5 µm", "20 °C".
@@ -116,7 +103,14 @@ class Knob(NamedTuple):
             number = number.removesuffix(self.unit)
         with contextlib.suppress(ValueError):
             value = float(f"{(float(number) + zero) / self.factor:.12g}")
-        return self.check(value, text.strip()[:40])
+        if self.low <= value <= self.high:  # NaN is not
+            return value
+        low, high = (f"{at * self.factor:.6g}" for at in (self.low, self.high))
+        unit = f" {self.unit}".removesuffix(" 1")
+        raise ValueError(
+            f"`{self.label}`: {text.strip()[:40] or 'nothing'} is refused. Enter a number between "
+            f"{low} and {high}{unit}."
+        )
 
 
 def knobs_of(document: Document, scene: Scene, surface: Surface) -> tuple[Knob, ...]:
@@ -130,19 +124,25 @@ def knobs_of(document: Document, scene: Scene, surface: Surface) -> tuple[Knob, 
     **Raises:** `ValueError` for a layer of zero thickness.
     """
     pressure, speed = float(scene.pressure[0]), float(scene.velocity[0])
-    velocity = Target("velocity")
+    velocity, thicknesses = Target("velocity"), []
+    for i, layer in enumerate(scene.stack.layers, start=1):
+        value, target = float(layer.thickness), Target("number", (f"layers[{i - 1}].thickness",))
+        if value == 0:
+            raise ValueError(f"`layer {i} thickness` = 0 is refused: remove the layer.")
+        key = ("layers", i - 1, "thickness")
+        thicknesses.append(_wide(target, f"layer {i} thickness", "thickness", value, key))
     return (
         _wide(Target("pressure"), "pressure", "pressure", pressure, ("load", "pressure")),
         Knob(velocity, "velocity", "velocity", speed, *document.speeds, ("load", "velocity")),
         *_temperature(scene),
-        *_thicknesses(scene.stack),
+        *thicknesses,
         *_of_materials(document.content, scene.stack),
         *_roughness(scene, surface),
     )
 
 
 def _wide(target: Target, label: str, quantity: str, value: float, key: tuple) -> Knob:
-    factor = ROUGH if quantity.startswith("rms") else WIDE
+    factor = ROUGH_FACTOR if quantity.startswith("rms") else WIDE_FACTOR
     return Knob(target, label, quantity, value, value / factor, value * factor, key)
 
 
@@ -157,23 +157,14 @@ def _temperature(scene: Scene) -> Iterator[Knob]:
         scene.stack.at(value)
     except ValueError:  # a material without a law
         return
-    low, high = value - COLD, value + HOT
+    low, high = value - COLDER, value + HOTTER
     for law in laws:
         if isinstance(law, TabulatedShift):
             low, high = max(low, float(law.temperatures[0])), min(high, float(law.temperatures[-1]))
         elif isinstance(law, WLF):
-            low = max(low, float(law.reference - law.c2) + MARGIN)
+            low = max(low, float(law.reference - law.c2) + ABOVE_VOGEL)
     name = "temperature"
     yield Knob(Target(name), name, name, value, low, high, ("load", name))
-
-
-def _thicknesses(stack: Stack) -> Iterator[Knob]:
-    for i, layer in enumerate(stack.layers):
-        thickness, target = float(layer.thickness), Target("number", (f"layers[{i}].thickness",))
-        if thickness == 0:
-            raise ValueError(f"[layers[{i}]] `thickness` = 0 is not allowed: remove the layer.")
-        label, key = f"layer {i + 1} thickness", ("layers", i, "thickness")
-        yield _wide(target, label, "thickness", thickness, key)
 
 
 def _of_materials(content: dict[str, Any], stack: Stack) -> Iterator[Knob]:
@@ -184,6 +175,7 @@ def _of_materials(content: dict[str, Any], stack: Stack) -> Iterator[Knob]:
             value = float(material.young)
             yield _wide(target, f"{name}: modulus", "modulus", value, (*key, "modulus"))
         if isinstance(material, Prony):
+            # A liquid has no relaxed modulus.
             which = "relaxed" if material.equilibrium > 0 else "glassy"
             value = float(material.equilibrium if which == "relaxed" else material.glassy)
             target, label = Target(which, tuple(places)), f"{name}: {which} modulus"
@@ -257,9 +249,11 @@ def changed_stack(
             for path in target.paths:
                 names = (f"{path}.equilibrium", f"{path}.strengths")
                 equilibrium, strengths = (initial[name] for name in names)
+                # All moduli scale together, so that the relaxation times keep their meaning.
                 whole = equilibrium + (0 if target.kind == "relaxed" else strengths.sum())
                 values |= {name: initial[name] * (number / whole) for name in names}
     stack = with_values(stack, values) if values else stack
+    # Last, so that the temperature shifts the materials that the other knobs changed.
     for target, number in zip(targets, numbers, strict=True):
         stack = stack.at(number) if target.kind == "temperature" else stack
     return stack
@@ -285,8 +279,7 @@ def changed_document(
             table = table[name]
         table[last] = value
         if knob.target.kind == "height":
-            table.pop("rms_slope", None)
+            table.pop("rms_slope", None)  # a file takes one of the two
         elif knob.target.kind in ("relaxed", "glassy"):
-            card = export_prony(part_at(block, knob.target.paths[0]), "toml")
-            table[last] = parse_toml(card)["materials"]["material"]
+            table[last] = material_table(part_at(block, knob.target.paths[0]))
     return document

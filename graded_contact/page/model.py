@@ -15,25 +15,25 @@ import numpy as np
 import xarray as xr
 from jaxtyping import Array, Float
 
-from ..contact.solver import AbstractContactSolver
-from ..core.compilation import compiled
+from ..blocks.compliance import effective_modulus
+from ..blocks.grading import AbstractGradedSolver
+from ..blocks.stack import Stack
+from ..contacts.solver import AbstractContactSolver
+from ..core.compilation import jit
 from ..core.derivative import derivative_apart
 from ..fields.grid import direction_and_speed, velocity_along
-from ..files.surface_source import RandomSurface
-from ..friction.case import Case
-from ..friction.numerics import Numerics
-from ..friction.sliding import Sliding
-from ..persson.mean_field import mean_field_friction
-from ..response.compliance import effective_modulus
-from ..response.grading import AbstractGradedSolver
-from ..response.stack import Stack
-from ..roughness.statistics import radial_spectrum, statistics
-from ..roughness.surface import Surface
-from ..studies.run_scene import build_surface
+from ..mean_field.mean_field import mean_field_friction
+from ..scenes.run_scene import build_surface
+from ..scenes.surface_source import RandomSurface
+from ..sliding.case import Case
+from ..sliding.numerics import Numerics
+from ..sliding.sliding import Sliding
+from ..surfaces.statistics import radial_spectrum, statistics
+from ..surfaces.surface import Surface
 from .document import Document, described
 from .knobs import Target, changed_document, changed_stack, knobs_of
 
-RTOL = 1e-4  # of pressures: enough for figures and the printed digits
+PAGE_RTOL = 1e-4  # of pressures: enough for figures and the printed digits
 NUM_SPEEDS, NUM_WAVES = 25, 80
 
 
@@ -140,6 +140,7 @@ class Model:
         """Returns the contact at `values` [SI], solved from the last one."""
         sliding, heights = _slide(self._scenery, jnp.array(values), self._start)
         sliding.compute(*sliding.numbers)  # here in the thread, not when the page reads them
+        # A failed solve is no start for the next one.
         if np.all(np.isfinite(np.asarray(sliding.pressure))):
             self._start = sliding.pressure
         self._last = (tuple(values), Contact(sliding, np.asarray(heights), values[1]))
@@ -159,15 +160,16 @@ class Model:
         """Returns the label of each knob with its step, at `values` [SI]."""
         return [knob.stepped(value) for knob, value in zip(self.knobs, values, strict=True)]
 
+    def thickness(self, values: Sequence[float]) -> list[float]:
+        """Returns the thicknesses of the layers [m], with the knobs at `values` [SI]."""
+        settings = zip(self.knobs, values, strict=True)
+        return [value for knob, value in settings if knob.quantity == "thickness"]
+
     def title(self, values: Sequence[float]) -> str:
         """Returns the title of the scene, or its layers with the knobs at `values` [SI]."""
-        content, changed = self.document.content, False
-        thickness = []
-        for knob, value in zip(self.knobs, values, strict=True):
-            changed |= value != knob.value
-            thickness += [value] if knob.quantity == "thickness" else []
-        title = "" if changed else content.get("title", "")
-        return title or described(content, thickness)
+        content = self.document.content
+        title = content.get("title") if tuple(values) == self.values else ""
+        return title or described(content, self.thickness(values))
 
     def changed(self, values: Sequence[float]) -> Document:
         """Returns the scene with the knobs at `values` [SI]."""
@@ -177,7 +179,7 @@ class Model:
 
 
 @derivative_apart
-@compiled
+@jit
 def _at(scenery: Scenery, numbers: Array) -> tuple[Stack, Surface, Any, Array, Any]:
     """Block, surface, its spectrum, pressure and velocity with knobs at `numbers`."""
     kinds = (target.kind for target in scenery.targets)
@@ -224,7 +226,7 @@ def _slide(scenery, numbers, start, solution=None):
     stack, surface, _, pressure, velocity = _at(scenery, numbers)
     case = Case(stack=stack, surface=surface, pressure=pressure, velocity=velocity)
     numerics = Numerics(
-        rtol=RTOL, solver=scenery.solver, graded_solver=scenery.graded_solver, throw=False
+        rtol=PAGE_RTOL, solver=scenery.solver, graded_solver=scenery.graded_solver, throw=False
     )
     found = case.solve(numerics, start=start, solution=solution)
     return cast(Sliding, found), surface.heights
@@ -235,5 +237,6 @@ def _derivatives(scenery, numbers, contact):
         sliding, _ = _slide(scenery, numbers, None, solution=contact)
         return jnp.stack(sliding.compute("friction", "contact_area_smooth"))
 
+    # Two outputs and some ten knobs: backwards is cheaper than forwards.
     found, pull = jax.vjp(observed, numbers)
     return found, jnp.stack([pull(row)[0] for row in jnp.eye(2, dtype=numbers.dtype)])

@@ -18,7 +18,7 @@ from typing import Any
 import panel as pn
 import param
 
-from ..contact.solution import RESULTS
+from ..contacts.solution import RESULTS
 from .document import Document, save_document, with_file
 from .downloads import Shown
 from .model import Model
@@ -57,6 +57,7 @@ class Session(param.Parameterized):
         self._values: tuple[float, ...] = ()
         self._curves: Any = None
         self._point: Any = None
+        # `_turn` makes stages of one page follow each other; `_call` tells which is the newest.
         self._call, self._turn, self._ended = 0, asyncio.Lock(), False
         self._seconds: dict[str, float] = {}
         self._saved: set[str] = set()
@@ -113,7 +114,7 @@ class Session(param.Parameterized):
         async with self._turn:
             while self._changes:
                 await self._read(self._changes.pop(0))
-        model, values = self._newest, self._values
+        model, values = self._newest, self._values  # a later change makes another call
         for stage, rest in STAGES.items():
             await asyncio.sleep(rest)
             async with self._turn:

@@ -12,12 +12,19 @@ import panel as pn
 
 from ..core.display import with_unit
 from ..plot.contact import masked_fields
-from . import document as scenes
-from .document import Document
-from .downloads import Shown, to_csv, to_hdf5, to_pdf
-from .figures import Bars, Block, Map, new_lines
+from .document import (
+    Document,
+    base_name,
+    layer_name,
+    with_layer,
+    with_moduli,
+    with_topography,
+    without_layer,
+)
+from .downloads import Shown, to_csv, to_hdf5
+from .figures import Bars, BlockPicture, Map, new_lines
 from .session import Session
-from .widgets import LARGEST, Browser, Dropper, Slider
+from .widgets import LARGEST_DROP, Browser, Dropper, Slider
 
 SIDE = 304  # pixels
 WIDE: dict[str, Any] = {"sizing_mode": "stretch_width", "margin": 0}
@@ -50,7 +57,7 @@ EDGES = {
     "joined (harmonic)": "harmonic", "mirrored: twice as long": "mirror",
     "tapered to zero": "window", "periodic already": "none",
 }  # fmt: skip
-NEW = "a new elastic material"
+NEW_MATERIAL = "a new elastic material"
 
 
 class Page(pn.viewable.Viewer):
@@ -132,7 +139,7 @@ class Page(pn.viewable.Viewer):
         tab, last = pn.Column(**SMALL), []
 
         def moduli(name: str, data: bytes) -> None:
-            change = partial(scenes.with_moduli, name=str(self._material.value))
+            change = partial(with_moduli, name=str(self._material.value))
             self.session.take_file(name, data, change)
 
         def topography(name: str, data: bytes) -> None:
@@ -145,26 +152,22 @@ class Page(pn.viewable.Viewer):
                 text = f"`edge length`: {size} is refused. Enter metres, such as 1e-3."
                 self.session.show_message(text)
                 return
-            self.session.take_file(name, data, partial(scenes.with_topography, options=values))
-
-        def again(_: Any) -> None:
-            if last:
-                topography(*last)
+            self.session.take_file(name, data, partial(with_topography, options=values))
 
         for widget in options.values():
-            widget.param.watch(again, "value")
+            widget.param.watch(lambda _: topography(*last) if last else None, "value")
 
         def dropper(take: Callable[[str, bytes], None]) -> Dropper:
+            def dropped(event: Any) -> None:
+                for name, data in event.new.items():
+                    take(name, data)
+                # A fresh dropper: the browser shows refused files as complete too.
+                tab[tab.objects.index(event.obj)] = dropper(take)
+
             new = Dropper(**SMALL)
             new.param.watch(lambda event: self.session.show_message(event.new), "refusal")
-            new.param.watch(partial(dropped, take), "value")
+            new.param.watch(dropped, "value")
             return new
-
-        def dropped(take: Callable[[str, bytes], None], event: Any) -> None:
-            for name, data in event.new.items():
-                take(name, data)
-            # A fresh dropper: the browser shows refused files as complete too.
-            tab[tab.objects.index(event.obj)] = dropper(take)
 
         tab[:] = [
             _heading("Your moduli over frequency (DMA, rheometer), or isotherms at several "
@@ -174,7 +177,7 @@ class Page(pn.viewable.Viewer):
             pn.Row(options["unit"], options["size"], **WIDE), options["periodic"],
             dropper(topography),
             _heading("Unit, length and edges also act on the last file: drop it once."),
-            _heading(f"At most {LARGEST} MB; stored in {self.session.folder.name}"),
+            _heading(f"At most {LARGEST_DROP} MB; stored in {self.session.folder.name}"),
         ]  # fmt: skip
         return tab
 
@@ -184,10 +187,7 @@ class Page(pn.viewable.Viewer):
         name: Any = pn.widgets.TextInput(label="name of the scene", value="explored", **wide)
         save = pn.widgets.Button(label="Save scene (TOML)", color="primary", **wide)
         save.on_click(lambda _: self.session.save(name.value))
-        kinds = {
-            "csv": ("Curves (CSV)", to_csv), "h5": ("Everything (HDF5)", to_hdf5),
-            "pdf": ("Figure (PDF)", to_pdf),
-        }  # fmt: skip
+        kinds = {"csv": ("Curves (CSV)", to_csv), "h5": ("Everything (HDF5)", to_hdf5)}
         downloads = [
             pn.widgets.FileDownload(
                 callback=lambda write=write: io.BytesIO(write(self.session.shown)), label=label,
@@ -199,7 +199,7 @@ class Page(pn.viewable.Viewer):
 
     def _show_model(self, _: Any) -> None:
         """New sliders and figures, for another scene."""
-        model, content = self.session.model, self.session.model.document.content
+        model = self.session.model
         self.sliders = [
             Slider(knob, value) for knob, value in zip(model.knobs, model.values, strict=True)
         ]
@@ -207,8 +207,9 @@ class Page(pn.viewable.Viewer):
             set_value = partial(self.session.set_value, model, i)
             slider.param.watch(lambda event, set_value=set_value: set_value(event.new), "value")
             slider.param.watch(lambda event: self.session.show_message(event.new), "refusal")
-        self._lines, self._bars, self._block = new_lines(model.highest), Bars(model.knobs), Block()
-        self._map = Map(model.size)
+        self._knobs[:] = self.sliders
+        self._lines, self._bars = new_lines(model.highest), Bars(model.knobs)
+        self._block, self._map = BlockPicture(), Map(model.size)
         lines, chart = self._lines, pn.Column(self._field, _drawn(self._map.figure), **WIDE)
         chart.styles = _flex("0 1 480px")
         upper = (self._block, lines["friction"], lines["contact_area"])
@@ -219,25 +220,25 @@ class Page(pn.viewable.Viewer):
             pn.FlexBox(*(_drawn(part.figure, "1 1 270px") for part in upper), gap="0", **WIDE),
             pn.FlexBox(chart, right, gap="0", **WIDE),
         ]
-        self._knobs[:] = self.sliders
-        names = list(content["materials"])
+        self._show_layers(model.document.content)
+
+    def _show_layers(self, content: dict[str, Any]) -> None:
+        """The tab that adds and removes layers."""
+        change, names = self.session.change, list(content["materials"])
         self._material.options = names
-        chosen: Any = pn.widgets.Select(label="one more on top, of", options=[NEW, *names], **SMALL)
+        chosen: Any = pn.widgets.Select(
+            label="Add a layer of", options={NEW_MATERIAL: None} | {name: name for name in names},
+            **SMALL,
+        )  # fmt: skip
         add = pn.widgets.Button(label="Add layer", color="primary", **SMALL)
-        add.on_click(lambda _: self.session.change(
-            partial(scenes.with_layer, material=None if chosen.value == NEW else chosen.value)
-        ))  # fmt: skip
-        layers = []
+        add.on_click(lambda _: change(partial(with_layer, material=chosen.value)))
+        rows = []
         for i, layer in enumerate(content.get("layers", [])):
             button = pn.widgets.Button(label="Remove", width=80, margin=(2, 8), align="center")
-            button.on_click(
-                lambda _, i=i: self.session.change(partial(scenes.without_layer, index=i))
-            )
-            name = f"{i + 1}  {scenes.layer_name(layer)}"
-            layers.append(pn.Row(_heading(name), button, **WIDE))
-        base = _heading(f"base  {scenes.base_name(content)}")
-        heading = _heading("From the loaded surface downwards")
-        self._layers[:] = [heading, *layers, base, chosen, add]
+            button.on_click(lambda _, i=i: change(partial(without_layer, index=i)))
+            rows.append(pn.Row(_heading(f"{i + 1}  {layer_name(layer)}"), button, **WIDE))
+        top, base = "From the loaded surface downwards", f"base  {base_name(content)}"
+        self._layers[:] = [_heading(top), *rows, _heading(base), chosen, add]
 
     def _show_curves(self, *events: Any) -> None:
         pinned = self.session.pinned
@@ -266,15 +267,13 @@ class Page(pn.viewable.Viewer):
         sliding, velocity = contact.sliding, contact.velocity
         self._lines["friction"].mark(velocity, float(sliding.friction))
         self._lines["contact_area"].mark(velocity, float(sliding.contact_area_smooth))
-        content = shown.model.document.content
-        settings = zip(shown.model.knobs, shown.values, strict=True)
-        thickness = [value for knob, value in settings if knob.quantity == "thickness"]
+        content, thickness = shown.model.document.content, shown.model.thickness(shown.values)
         names = [
-            f"{scenes.layer_name(layer)}, {with_unit(depth, 'm')}"
+            f"{layer_name(layer)}, {with_unit(depth, 'm')}"
             for layer, depth in zip(content.get("layers", []), thickness, strict=True)
         ]
         self._block.show(
-            np.array(thickness), [*names, scenes.base_name(content)], content["base"]["kind"],
+            np.array(thickness), [*names, base_name(content)], content["base"]["kind"],
             contact.heights, float(shown.model.size[0]),
         )  # fmt: skip
 
@@ -307,24 +306,21 @@ def _headline(shown: Shown | None, pinned: Shown | None) -> str:
     if shown is None:
         return ""
     sliding, other = shown.contact.sliding, pinned and pinned.contact.sliding
-    numbers = {
-        "friction": (
-            "friction μ [1]",
-            lambda mu: f"{mu:.4g} ± {float(sliding.friction_error):.0e}",
-        ),
-        "contact_area_smooth": ("contact area A/A₀", lambda area: f"{100 * area:.3g} %"),
-        "mean_gap": ("mean gap", lambda gap: with_unit(gap, "m")),
-        "error": ("error of the pressure", lambda error: f"{error:.0e}"),
+    friction, area, gap, error = (
+        float(getattr(sliding, name))
+        for name in ("friction", "contact_area_smooth", "mean_gap", "error")
+    )
+    cells = {
+        "friction": ("friction μ [1]", f"{friction:.4g} ± {float(sliding.friction_error):.0e}"),
+        "contact_area_smooth": ("contact area A/A₀", f"{100 * area:.3g} %"),
+        "mean_gap": ("mean gap", with_unit(gap, "m")),
+        "error": ("error of the pressure", f"{error:.0e}"),
     }
-
-    def cell(name: str) -> str:
-        words, text = numbers[name]
-        value, change = float(getattr(sliding, name)), ""
-        if other is not None and name != "error":
-            before = float(getattr(other, name))
-            change = f"<i>{100 * (value / before - 1):+.3g} % from pinned</i>" if before else ""
-        return f"<div><span>{words}</span><b>{text(value)}</b>{change}</div>"
-
-    title = html.escape(shown.model.title(shown.values))
-    cells = "".join(map(cell, numbers))
-    return f'<div class="head"><div class="title">{title}</div>{cells}</div>'
+    text = f'<div class="title">{html.escape(shown.model.title(shown.values))}</div>'
+    for name, (words, number) in cells.items():
+        change = ""
+        if other is not None and name != "error" and (before := float(getattr(other, name))):
+            change = float(getattr(sliding, name)) / before - 1
+            change = f"<i>{100 * change:+.3g} % from pinned</i>"
+        text += f"<div><span>{words}</span><b>{number}</b>{change}</div>"
+    return f'<div class="head">{text}</div>'

@@ -6,11 +6,12 @@ from typing import Any, ClassVar
 import panel as pn
 import param
 
-from .knobs import ZERO_CELSIUS, Knob
+from ..plot.words import ZERO_CELSIUS
+from .knobs import Knob
 
-STEPS = 400  # positions of a slider
+POSITIONS = 400  # of a slider
 DIGITS = 4  # of a number from a slider: the page shows the number that it uses
-NAMES = ("label", "unit", "low", "high", "logarithmic", "factor")
+
 SLIDER = """
 .knob {display: grid; grid-template-columns: 1fr 76px; gap: 0 8px; align-items: center;
   font: 12px system-ui, sans-serif; color: #2b2f36; padding: 2px 0}
@@ -20,9 +21,9 @@ input[type=text] {font: 13px system-ui, sans-serif; padding: 3px 6px; border: 1p
   border-radius: 4px}
 input[aria-invalid=true] {border-color: #a33600; outline: 1px solid #a33600}
 """
-LARGEST = 64  # MB of one file
-CHUNK = 4_000_000  # bytes of one message
-UNFINISHED = 4 * LARGEST  # MB of unfinished uploads of all pages together
+LARGEST_DROP = 64  # MB of one file
+UPLOAD_CHUNK = 4_000_000  # bytes of one message
+UNFINISHED = 4 * LARGEST_DROP  # MB of unfinished uploads of all pages together
 
 
 class Slider(pn.custom.JSComponent):
@@ -84,8 +85,13 @@ export function render({model}) {
 """
 
     def __init__(self, knob: Knob, value: float):
-        about = {name: getattr(knob, name) for name in NAMES}
-        about |= {"steps": STEPS, "digits": DIGITS, "zero": ZERO_CELSIUS if knob.unit == "K" else 0}
+        names = ("label", "unit", "low", "high", "logarithmic", "factor")
+        about = {name: getattr(knob, name) for name in names}
+        about |= {
+            "steps": POSITIONS,
+            "digits": DIGITS,
+            "zero": ZERO_CELSIUS if knob.unit == "K" else 0,
+        }
         super().__init__(value=value, about=about, sizing_mode="stretch_width", margin=(1, 8))
         self._knob = knob
 
@@ -119,7 +125,7 @@ export function render({model}) {
 
 
 class Dropper(pn.widgets.FileDropper):
-    """A place to drop a file of `LARGEST` MB at most, also if a browser sends more.
+    """A place to drop a file of `LARGEST_DROP` MB at most, also if a browser sends more.
 
     A new file replaces an unfinished one. `refusal` is the reason why a file was refused.
     """
@@ -129,7 +135,9 @@ class Dropper(pn.widgets.FileDropper):
     _all: ClassVar[weakref.WeakSet["Dropper"]] = weakref.WeakSet()
 
     def __init__(self, **params: Any):
-        super().__init__(max_file_size=f"{LARGEST}MB", chunk_size=CHUNK, previews=[], **params)
+        super().__init__(
+            max_file_size=f"{LARGEST_DROP}MB", chunk_size=UPLOAD_CHUNK, previews=[], **params
+        )
         self._all.add(self)
 
     @property
@@ -146,8 +154,8 @@ class Dropper(pn.widgets.FileDropper):
             elif name not in self._file_buffer:
                 return  # the rest of a refused file
             reason = ""
-            if self.unfinished + len(data) > LARGEST * 10**6:
-                reason = f"it has more than {LARGEST} MB."
+            if self.unfinished + len(data) > LARGEST_DROP * 10**6:
+                reason = f"it has more than {LARGEST_DROP} MB."
             elif sum(each.unfinished for each in self._all) + len(data) > UNFINISHED * 10**6:
                 reason = "the server is receiving too many files. Try again later."
             if reason:

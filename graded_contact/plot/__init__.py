@@ -5,11 +5,11 @@ of a journal, and fonts that journals accept. Figures are made without pyplot: t
 and you need not close them. Save one with `figure.savefig("name.pdf")`.
 """
 
-from .contact import plot_dissipation, plot_distributions, plot_outline, plot_sliding
+from .contact import plot_dissipation, plot_distributions, plot_sliding
 from .cycles import plot_cycle, plot_film
 from .designs import plot_design, plot_history
 from .master_curves import plot_master_curve, plot_van_gurp_palmen
-from .materials import plot_fit, plot_response, plot_sensitivity
+from .material_curves import plot_fit, plot_response, plot_sensitivity
 from .slider import slider
 from .style import COLOURS, COLUMN, PAGE, STYLE
 from .sweeps import plot_compare, plot_reduced, plot_sweep
@@ -17,6 +17,6 @@ from .sweeps import plot_compare, plot_reduced, plot_sweep
 __all__ = [
     "COLOURS", "COLUMN", "PAGE", "STYLE", "plot_compare", "plot_cycle", "plot_design",
     "plot_dissipation", "plot_distributions", "plot_film", "plot_fit", "plot_history",
-    "plot_master_curve", "plot_outline", "plot_reduced", "plot_response", "plot_sensitivity",
+    "plot_master_curve", "plot_reduced", "plot_response", "plot_sensitivity",
     "plot_sliding", "plot_sweep", "plot_van_gurp_palmen", "slider",
 ]  # fmt: skip

@@ -1,4 +1,4 @@
-"""Figures of one contact: fields, outline, distributions, and the waves that make friction."""
+"""Figures of one contact: fields, distributions, and the waves that make friction."""
 
 from collections.abc import Mapping, Sequence
 from typing import TYPE_CHECKING, Any
@@ -9,13 +9,12 @@ from jaxtyping import ArrayLike
 from ..core.checks import as_float
 from ..core.display import unit_of, with_unit
 from ..core.quantities import FIELDS
-from ..friction.sliding import Sliding
-from ..persson.mean_field import MeanField, pressure_distribution
-from ..roughness.cutoff import CutoffCurve
-from ..roughness.surface import Surface
+from ..mean_field.mean_field import MeanField, pressure_distribution
+from ..sliding.sliding import Sliding
+from ..surfaces.spectrum import CutoffCurve
+from ..surfaces.surface import Surface
 from .style import (
     COLOURS,
-    COLUMN,
     GAPS,
     HEIGHTS,
     PAGE,
@@ -26,7 +25,7 @@ from .style import (
     letters,
     new_figure,
     styled,
-)  # fmt: skip
+)
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -39,11 +38,11 @@ LOOKS = {
     "pressure": (PRESSURES, 0.5, COLOURS[1]),  # most of the contact is far from its peak
     "gap": (GAPS, 1.0, COLOURS[2]),
 }
-FINEST = 1024  # points along an edge that an outline can show
+FINEST_OUTLINE = 1024  # points along an edge that an outline can show
 BINS = 50
 SHOWN_SHARE = 0.999  # of the points of a distribution
-REACH = 4.0  # standard deviations of the theory that a figure shows
-PER_DECADE = 10  # steps of the friction per ln q
+SHOWN_DEVIATIONS = 4.0  # standard deviations of the theory that a figure shows
+STEPS_PER_DECADE = 10  # steps of the friction per ln q
 FULL = "full contact: there is no gap"
 
 
@@ -53,9 +52,10 @@ def plot_sliding(
 ) -> "Figure":
     """Returns a figure of heights, contact pressure and gap: maps, or lines of a profile.
 
-    Pressure is white out of contact, gap is white in contact; in full contact there is no gap to
-    show. The colours of the pressure follow the square root. Labels give the range of outliers,
-    which lie beyond the scale.
+    On the heights the contact has an outline, between points in contact and points out of contact,
+    or thick pieces on a profile. Pressure is white out of contact, gap is white in contact; in full
+    contact there is no gap to show. The colours of the pressure follow the square root. Labels give
+    the range of outliers, which lie beyond the scale.
 
     **Arguments:**
 
@@ -76,8 +76,9 @@ def plot_sliding(
         figure = new_figure(PAGE * count / 3, tall)
         panels = figure.subplots(1, count, sharex=True, sharey=True)
     for axes, (name, values) in zip(panels, fields.items(), strict=True):
-        draw_field(axes, name, values, size)
+        _draw_field(axes, name, values, size)
         axes.label_outer()
+    _draw_outline(panels[0], np.asarray(sliding.pressure), np.asarray(sliding.gap), size)
     letters(panels)
     if "gap" not in fields:
         entitle(figure, FULL)
@@ -95,7 +96,7 @@ def masked_fields(sliding: "Sliding | Dataset") -> dict[str, np.ndarray]:
     }
 
 
-def draw_field(axes: "Axes", name: str, values: np.ndarray, size: np.ndarray) -> None:
+def _draw_field(axes: "Axes", name: str, values: np.ndarray, size: np.ndarray) -> None:
     """Draws a field named in `LOOKS` over a cell [m]: a map with its bar, or the line of a profile.
 
     Where a map is white, because values are NaN, a line runs at zero.
@@ -104,18 +105,15 @@ def draw_field(axes: "Axes", name: str, values: np.ndarray, size: np.ndarray) ->
     from matplotlib.ticker import MaxNLocator
 
     colours, exponent, colour = LOOKS[name]
-    low, high, extend = _value_range(values)
-    base = FIELDS[name].unit
-    unit, scale = unit_of(base, max(abs(low), abs(high)))
-    words, label = FIELDS[name].meaning, f"[{unit}]{_outliers(extend, values, base)}"
+    low, high, extend, outliers = _range_of(values, FIELDS[name].unit)
+    unit, scale = unit_of(FIELDS[name].unit, max(abs(low), abs(high)))
+    words, label = FIELDS[name].meaning, f"[{unit}]{outliers}"
     if values.ndim == 1:
-        length, factor = unit_of("m", size[0])
-        x = factor * size[0] * np.arange(len(values)) / len(values)
-        axes.plot(x, scale * np.nan_to_num(values), color=colour)
-        if extend != "neither":
+        draw_profile(axes, scale * np.nan_to_num(values), size, color=colour)
+        if outliers:
             low, margin = min(low, 0), 0.05 * (high - min(low, 0))
             axes.set_ylim(scale * (low - margin), scale * (high + margin))
-        axes.set(xlabel=f"$x$ [{length}]", ylabel=f"{words}\n{label}")
+        axes.set_ylabel(f"{words}\n{label}")
         return
     norm = PowerNorm(exponent, scale * low, scale * high)
     image = draw_map(axes, scale * values, size, cmap=colours, norm=norm)
@@ -123,6 +121,34 @@ def draw_field(axes: "Axes", name: str, values: np.ndarray, size: np.ndarray) ->
         image, ax=axes, orientation="horizontal", shrink=0.9, pad=0.02, ticks=MaxNLocator(5),
         extend=extend, label=f"{words} {label}",
     )  # fmt: skip
+
+
+def _range_of(values: np.ndarray, base: str) -> tuple[float, float, str, str]:
+    """Returns the range to draw, and the ends with outliers: as colour bars name them, in words.
+
+    Outliers are further from the median than twice the distance within which 99 % of points lie.
+    """
+    finite = values[np.isfinite(values)]
+    if not finite.size:
+        return 0.0, 0.0, "neither", ""
+    least, lower, median, upper, most = np.quantile(finite, [0, 0.005, 0.5, 0.995, 1])
+    low, high = max(least, 2 * lower - median), min(most, 2 * upper - median)
+    low = 0 if 0 <= low < 0.05 * high else low  # a scale from zero reads better
+    first, last = (f"{'-' if end < 0 else ''}{with_unit(abs(end), base)}" for end in (least, most))
+    ends = {
+        (True, True): ("both", f"\noutliers from {first} to {last}"),
+        (True, False): ("min", f"\noutliers down to {first}"),
+        (False, True): ("max", f"\noutliers up to {last}"),
+        (False, False): ("neither", ""),
+    }
+    return low, high, *ends[bool(low > least), bool(high < most)]
+
+
+def draw_profile(axes: "Axes", values: np.ndarray, size: np.ndarray, **style: Any) -> None:
+    """Draws values along a profile of this length [m]."""
+    unit, factor = unit_of("m", size[0])
+    axes.plot(factor * size[0] * np.arange(len(values)) / len(values), values, **style)
+    axes.set_xlabel(f"$x$ [{unit}]")
 
 
 def draw_map(axes: "Axes", values: np.ndarray, size: np.ndarray, **style: Any) -> Any:
@@ -140,32 +166,24 @@ def draw_map(axes: "Axes", values: np.ndarray, size: np.ndarray, **style: Any) -
     return image
 
 
-def _value_range(values: np.ndarray) -> tuple[float, float, str]:
-    """Returns the range to draw, and the ends with outliers, as colour bars name them.
-
-    Outliers are further from the median than twice the distance within which 99 % of points lie.
-    """
-    finite = values[np.isfinite(values)]
-    if not finite.size:
-        return 0.0, 0.0, "neither"
-    least, lower, median, upper, most = np.quantile(finite, [0, 0.005, 0.5, 0.995, 1])
-    low, high = max(least, 2 * lower - median), min(most, 2 * upper - median)
-    low = 0 if 0 <= low < 0.05 * high else low
-    extend = {(True, True): "both", (True, False): "min", (False, True): "max"}
-    return low, high, extend.get((low > least, high < most), "neither")
-
-
-def _outliers(extend: str, values: np.ndarray, base: str) -> str:
-    """The part of a label for values [base] beyond a range."""
-    if extend == "neither":
-        return ""
-    ends = (np.nanmin(values), np.nanmax(values))
-    units = [unit_of(base, abs(end)) for end in ends]
-    least, most = (
-        f"{factor * end:.3g} {unit}" for end, (unit, factor) in zip(ends, units, strict=True)
-    )
-    reach = {"min": f"down to {least}", "max": f"up to {most}", "both": f"from {least} to {most}"}
-    return f"\noutliers {reach[extend]}"
+def _draw_outline(axes: "Axes", pressure: np.ndarray, gap: np.ndarray, size: np.ndarray) -> None:
+    """Draws the contact on a panel of the heights."""
+    if pressure.ndim == 1:
+        x, heights = axes.lines[0].get_data()
+        touching = np.where(pressure > 0, heights, np.nan)
+        axes.plot(x, touching, ".-", color=COLOURS[1], linewidth=2.5)
+        return
+    # Pressure and gap are scaled alike, so that the outline lies between their points.
+    gap = np.maximum(gap, 0)
+    level = pressure / (np.std(pressure) or 1) - gap / (np.std(gap) or 1)
+    if np.any(level > 0) and np.any(level < 0):
+        factor, step = unit_of("m", np.max(size))[1], -(-max(level.shape) // FINEST_OUTLINE)
+        x, y = (
+            factor * ((np.arange(n) + 0.5) * length / n)[::step]
+            for n, length in zip(level.shape, size, strict=True)
+        )
+        level = level[::step, ::step]  # an outline finer than the picture takes long to draw
+        axes.contour(x, y, level.T, levels=[0.0], colors="black", linewidths=0.5)
 
 
 def _draw_direction(axes: "Axes", velocity: np.ndarray) -> None:
@@ -188,46 +206,6 @@ def _draw_direction(axes: "Axes", velocity: np.ndarray) -> None:
 
 
 @styled
-def plot_outline(sliding: "Sliding | Dataset", surface: Surface) -> "Figure":
-    """Returns a figure of the heights with the outline of the contact.
-
-    The outline runs between points in contact and points out of contact. On a profile the contact
-    is drawn as thick pieces.
-
-    **Arguments:**
-
-    - `sliding`, `surface`: as in `plot_sliding`.
-    """
-    heights, pressure = np.asarray(surface.heights), np.asarray(sliding.pressure)
-    heights, size = heights - np.mean(heights), np.asarray(surface.grid.size)
-    unit, factor = unit_of("m", np.max(size))
-    height_unit, scale = unit_of("m", np.max(np.abs(heights)))
-    x = [factor * (np.arange(n) + 0.5) * s / n for n, s in zip(heights.shape, size, strict=True)]
-    label = f"{FIELDS['heights'].meaning} [{height_unit}]"
-    if heights.ndim == 1:
-        figure = new_figure(PAGE, 2.2)
-        axes = figure.subplots()
-        axes.plot(x[0], scale * heights, color="0.6", linewidth=0.8, label="surface")
-        touching = np.where(pressure > 0, scale * heights, np.nan)
-        axes.plot(x[0], touching, ".-", color=COLOURS[1], linewidth=2.5, label="contact")
-        axes.set(xlabel=f"$x$ [{unit}]", ylabel=label)
-        legend_below(figure)
-        return figure
-    figure = new_figure(COLUMN, 0.4 + 2.7 * float(np.clip(size[1] / size[0], 0.5, 2.0)))
-    axes = figure.subplots()
-    image = draw_map(axes, scale * heights, size, cmap=HEIGHTS)
-    figure.colorbar(image, ax=axes, shrink=0.9, pad=0.02, label=label)
-    # Pressure and gap are scaled alike, so that the outline lies between their points.
-    gap = np.maximum(np.asarray(sliding.gap), 0)
-    level = pressure / (np.std(pressure) or 1) - gap / (np.std(gap) or 1)
-    if np.any(level > 0) and np.any(level < 0):
-        step = -(-max(level.shape) // FINEST)
-        x, level = [at[::step] for at in x], level[::step, ::step]
-        axes.contour(*x, level.T, levels=[0.0], colors="black", linewidths=0.5)
-    return figure
-
-
-@styled
 def plot_distributions(
     sliding: "Sliding | Dataset", mean_field: MeanField | None = None
 ) -> "Figure":
@@ -247,22 +225,19 @@ def plot_distributions(
     count = 1 + bool(np.any(open_points))
     figure = new_figure(PAGE * count / 2, 2.7)
     left, *right = figure.subplots(1, count, squeeze=False)[0]
-    high = 0.0
-    if mean_field is not None and not np.isfinite(mean_field.stress_variance[-1]):
-        mean_field = None  # which failed
-    if mean_field is not None:
-        spread = float(np.sqrt(mean_field.stress_variance[-1]))
-        high = float(mean_field.pressure) + REACH * spread
-    high, scale = _draw_density(left, "pressure", pressure, pressure > 0, high, "contact")
-    if mean_field is not None:
+    variance = np.nan if mean_field is None else float(mean_field.stress_variance[-1])
+    reach = 0.0
+    if mean_field is not None and np.isfinite(variance):
+        reach = float(mean_field.pressure) + SHOWN_DEVIATIONS * variance**0.5
+    high, scale = _draw_density(left, "pressure", pressure, pressure > 0, reach, "contact")
+    if mean_field is not None and reach:
         stress = np.linspace(0, high, 400)
         density = np.asarray(pressure_distribution(mean_field, stress))[-1]
         left.plot(scale * stress, density / scale, color=COLOURS[1], label="Persson's theory")
     for axes in right:
         _, scale = _draw_density(axes, "gap", gap, open_points)
-        mean = float(np.mean(gap))
-        label = f"mean gap {with_unit(mean, 'm')}"
-        axes.axvline(scale * mean, color="0.3", linewidth=0.8, linestyle="--", label=label)
+        label = f"mean gap {with_unit(float(np.mean(gap)), 'm')}"
+        axes.axvline(scale * np.mean(gap), color="0.3", lw=0.8, linestyle="--", label=label)
     for axes in (left, *right):
         axes.set(xlim=(0, None), ylim=(0, None))
     letters((left, *right))
@@ -281,6 +256,7 @@ def _draw_density(axes, name, values, counted, high=0.0, label=None) -> tuple[fl
     high = max(high, float(np.quantile(found, SHOWN_SHARE))) if found.size else high or 1.0
     unit, scale = unit_of(FIELDS[name].unit, high)
     counts, edges = np.histogram(scale * found, BINS, (0, scale * high or 1))
+    # Over all points, not over those that count: the integral is their share of the area.
     density = counts / (len(values) * np.diff(edges))
     axes.stairs(density, edges, fill=True, color=COLOURS[0], alpha=0.35)
     axes.stairs(density, edges, color=COLOURS[0], linewidth=0.8, label=label)
@@ -308,8 +284,9 @@ def plot_dissipation(curves: CutoffCurve | Mapping[str, CutoffCurve]) -> "Figure
         colour = COLOURS[i % len(COLOURS)]
         total.plot(q, friction, color=colour, label=label)
         # Steps of equal length on the logarithm, none finer than the curve.
-        count = max(1, min(len(q) - 1, round(PER_DECADE * np.log10(q[-1] / q[0]))))
+        count = max(1, min(len(q) - 1, round(STEPS_PER_DECADE * np.log10(q[-1] / q[0]))))
         edges = np.geomspace(q[0], q[-1], count + 1)
+        # The curve's own steps are uneven and would make the derivative noisy.
         steps = np.diff(np.interp(np.log(edges), np.log(q), friction)) / np.diff(np.log(edges))
         each.stairs(steps, edges, color=colour, linewidth=1.2, label=label)
     total.set(xscale="log", ylabel="friction of waves up to $q$ [1]")

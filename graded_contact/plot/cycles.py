@@ -7,17 +7,16 @@ import numpy as np
 
 from ..core.display import unit_of, with_unit
 from ..core.quantities import FIELDS
-from ..roughness.surface import Surface
-from .contact import LOOKS, draw_map
-from .style import COLOURS, PAGE, legend_below, letters, new_figure, ordered, styled
-from .sweeps import MANY
+from ..surfaces.surface import Surface
+from .contact import LOOKS, draw_map, draw_profile
+from .style import PAGE, colours_of, legend_below, letters, new_figure, styled
 from .words import label_of, title_of
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
     from xarray import Dataset
 
-    from ..friction.cycle import CyclicSliding
+    from ..sliding.cycle import CyclicSliding
 
 
 @styled
@@ -32,24 +31,19 @@ def plot_cycle(cycle: "CyclicSliding | Dataset") -> "Figure":
     - `cycle`: a solution of `slide_cycle` for a motion along x, or the result of `run_scene` for a
       scene with [motion]: one line for each of its solves.
     """
-    lines = _lines(cycle)
+    lines = _over_time(cycle)
     figure = new_figure(PAGE, 2.6)
     loop, over_time, area = figure.subplots(1, 3)
-    unit, factor = unit_of("m", max(float(np.ptp(line["displacement"])) for line in lines))
-    colours = COLOURS if len(lines) <= MANY else ordered(len(lines))
-    for line, colour in zip(lines, colours, strict=False):
-        moved = factor * line["displacement"]
-        times = np.arange(len(moved) + 1) / len(moved)
+    unit, factor = unit_of("m", max(float(np.ptp(moved)) for _, moved, *_ in lines))
+    for (label, *line), colour in zip(lines, colours_of(len(lines)), strict=False):
+        place, friction, share = (np.append(values, values[0]) for values in line)
+        times = np.linspace(0, 1, len(place))
         # A motion that ends where it began makes a closed loop.
-        closed = abs(moved[-1] - moved[0]) <= 3 * np.max(np.abs(np.diff(moved)), initial=0)
-        ends = slice(None, None if closed else -1)
-        around = {name: np.append(line[name], line[name][0]) for name in line if name != "label"}
-        loop.plot(
-            factor * around["displacement"][ends], around["friction"][ends],
-            color=colour, label=line["label"] or None,
-        )  # fmt: skip
-        over_time.plot(times, around["friction"], color=colour)
-        area.plot(times, around["contact_area_smooth"], color=colour)
+        steps = np.abs(np.diff(place))
+        ends = slice(None, None if steps[-1] <= 3 * np.max(steps[:-1], initial=0) else -1)
+        loop.plot(factor * place[ends], friction[ends], color=colour, label=label or None)
+        over_time.plot(times, friction, color=colour)
+        area.plot(times, share, color=colour)
     for axes in (loop, over_time):
         axes.axhline(0, color="0.6", linewidth=0.6)
         axes.set_ylabel("friction coefficient [1]")
@@ -97,10 +91,8 @@ def plot_film(
             values = np.where(pressure[i] > 0, factor * pressure[i], np.nan)
             image = draw_map(axes, values, size, cmap=colours, norm=norm)
         else:
-            length, scale = unit_of("m", size[0])
-            x = scale * size[0] * np.arange(pressure.shape[1]) / pressure.shape[1]
-            axes.plot(x, factor * pressure[i], color=colour)
-            axes.set(xlabel=f"$x$ [{length}]", ylabel=label, ylim=(0, 1.05 * factor * high))
+            draw_profile(axes, factor * pressure[i], size, color=colour)
+            axes.set(ylabel=label, ylim=(0, 1.05 * factor * high))
         axes.set_title(f"$t/T$ = {i / count:.3g}")
         axes.label_outer()
     letters(panels)
@@ -109,32 +101,29 @@ def plot_film(
     return figure
 
 
-def _lines(cycle: Any) -> list[dict[str, Any]]:
-    """Displacement, friction and area over time of each solve, and its label."""
+def _over_time(cycle: Any) -> list[tuple[str, np.ndarray, np.ndarray, np.ndarray]]:
+    """A label, and displacement, friction and area over time, of each solve."""
     if not hasattr(cycle, "dims"):
         moved = np.asarray(cycle.displacement)
         if moved.ndim > 1:
             raise ValueError(
                 f"`cycle` has a displacement of shape {moved.shape}: a motion along x is needed."
             )
-        names = ("displacement", "friction", "contact_area_smooth")
-        return [{name: np.asarray(getattr(cycle, name)) for name in names} | {"label": ""}]
+        return [("", moved, np.asarray(cycle.friction), np.asarray(cycle.contact_area_smooth))]
     if "time" not in cycle.dims:
         raise ValueError(
             "`cycle` holds steady sliding: results of a scene with [motion] are needed."
         )
-    lines = []
+    lines, names = [], ("surface_displacement", "friction", "contact_area_smooth")
+    varied = [name for name in cycle["message"].dims if cycle.sizes[name] > 1]
     for index in np.ndindex(cycle["message"].shape):
         at = cycle.isel(dict(zip(cycle["message"].dims, index, strict=True)))
         if not np.all(np.isfinite(at["friction"])):
             continue  # failed, or not started
-        varied = [name for name in cycle["message"].dims if cycle.sizes[name] > 1]
         words = [f"{title_of(str(name))} {label_of(at[name])}" for name in varied]
         if "velocity" in varied:
             words[-1] = f"period {with_unit(float(at['period']), 's')}"
-        names = ("friction", "contact_area_smooth")
-        line = {name: at[name].values for name in names} | {"label": ", ".join(words)}
-        lines.append(line | {"displacement": at["surface_displacement"].values})
+        lines.append((", ".join(words), *(at[name].values for name in names)))
     if not lines:
         raise ValueError("`cycle` holds no solve that succeeded.")
     return lines

@@ -5,15 +5,15 @@ from typing import TYPE_CHECKING
 import numpy as np
 from jaxtyping import Float
 
-from ..files.design_scene import DesignScene
-from ..persson.angles import LAST_COSINE
-from ..persson.mean_field import MeanField
-from ..response.stack import materials_of
-from ..rheology.tabulated import Tabulated
-from ..studies.design import Design
+from ..blocks.stack import materials_of
+from ..materials.table import Tabulated
+from ..mean_field.angles import LAST_COSINE
+from ..mean_field.mean_field import MeanField
+from ..scenes.design_scene import DesignScene
+from ..scenes.run_design import DesignResults, design_mean_field
+from ..studies.design_problem import named
 from ..studies.objectives import loss_tangent
-from ..studies.problem import named
-from ..studies.run_design import DesignResults, design_mean_field
+from ..studies.search import Design
 from .style import COLOURS, PAGE, few_powers_of_ten, legend_below, letters, new_figure, styled
 from .words import title_of
 
@@ -37,6 +37,7 @@ def plot_design(results: DesignResults) -> "Figure":
     study, scene = results.study, results.study.scene
     before = results.candidates["before"].field
     velocities = _curve_velocities(study, before)
+    # The loss tangent at the middle speed, over the waves of the road and of the band.
     cutoff = before.against_cutoff.cutoff
     ends = [np.min(cutoff), np.max(cutoff), *(study.band or ())]
     q = np.geomspace(min(ends), max(ends), 200)
@@ -74,6 +75,7 @@ def _curve_velocities(study: DesignScene, field: MeanField) -> Float[np.ndarray,
     waves = np.asarray(field.against_cutoff.cutoff).reshape(-1)[[0, -1]]
     for material in materials_of(study.scene.stack):
         if isinstance(material, Tabulated) and material.extrapolate == "refuse":
+            # The slowest wave nearly across the velocity, and the fastest along it.
             first = max(first, float(material.omega[0]) / (waves[0] * LAST_COSINE))
             last = min(last, float(material.omega[-1]) / waves[1])
     return np.geomspace(first, last, CURVE_POINTS)
@@ -88,7 +90,7 @@ def plot_history(design: Design, *, scene: str = "") -> "Figure":
 
     **Arguments:**
 
-    - `design`: the result of `minimise`, `design.minimise_expected` or `run_design` (`.design`).
+    - `design`: the result of `minimise`, `studies.minimise_expected` or `run_design` (`.design`).
     - `scene`: the TOML text of a scene, whose materials name the parameters.
     """
     from matplotlib.ticker import MaxNLocator

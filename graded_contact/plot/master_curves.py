@@ -6,9 +6,9 @@ import jax
 import numpy as np
 
 from ..core.display import unit_of
-from ..files.moduli.measured import Measured
 from ..fitting.master import MasterCurve
-from .materials import CHANNELS, ORDINATES
+from ..materials.measured import Measured
+from .material_curves import CHANNEL_NAMES, ORDINATES
 from .style import (
     COLUMN,
     PAGE,
@@ -25,8 +25,6 @@ from .words import ZERO_CELSIUS, kelvin
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure
-
-MARKS, DASHES = "os", ("-", "--")  # of channels
 
 
 @styled
@@ -45,12 +43,18 @@ def plot_master_curve(curve: MasterCurve) -> "Figure":
     mosaic = "bma;bmc" if curve.data.lifts else "bma"
     before, after, *panels = figure.subplot_mosaic(mosaic, width_ratios=(1, 1, 0.9)).values()
     colours = ordered(len(curve.temperatures), TEMPERATURES)
-    _draw_isotherms(before, curve, np.asarray(measured.x), measured.values, colours)
-    _draw_isotherms(after, curve, np.asarray(shifted.x), shifted.values, colours)
+    group, weights = np.asarray(curve.data.group), np.asarray(measured.weights)
+    for axes, data in ((before, measured), (after, shifted)):
+        x, channels = np.asarray(data.x), np.asarray(data.values)
+        for channel, weight, mark in zip(channels, weights, "os", strict=False):
+            for i, colour in enumerate(colours):
+                there = (group == i) & (weight > 0)
+                axes.plot(x[there], channel[there], mark, color=colour, markersize=2.5)
+        axes.set(xscale="log", yscale="log")
     x = np.asarray(shifted.x)
     fine = np.geomspace(np.min(x[x > 0]), np.max(x), 300)
     series = np.asarray(curve.fit.predict(fine))
-    for line, name, dash in zip(series, CHANNELS[shifted.kind], DASHES, strict=False):
+    for line, name, dash in zip(series, CHANNEL_NAMES[shifted.kind], ("-", "--"), strict=False):
         after.plot(fine, line, color="black", linewidth=0.8, linestyle=dash, label=name)
     reference = float(curve.temperatures[curve.data.reference])
     before.set(xlabel=r"$\omega$ [rad/s]" if frequency else "$t$ [s]", title="as measured")
@@ -104,6 +108,7 @@ def plot_van_gurp_palmen(isotherms: MasterCurve | Measured) -> "Figure":
         legend_below(figure)
     if temperatures is not None and len(moduli) > 1:
         temperatures = temperatures - ZERO_CELSIUS
+        # Each colour ends halfway between its temperature and the next.
         ends = np.convolve(temperatures, (0.5, 0.5), "valid")
         edges = [2 * temperatures[0] - ends[0], *ends, 2 * temperatures[-1] - ends[-1]]
         norm = BoundaryNorm(edges, len(moduli))
@@ -135,29 +140,15 @@ def _complex_moduli(isotherms: MasterCurve | Measured) -> tuple[np.ndarray | Non
     return temperatures, [storage[where] + 1j * loss[where] for where in chosen]
 
 
-def _draw_isotherms(axes: "Axes", curve: MasterCurve, x, values, colours) -> None:
-    """The points of each isotherm and channel."""
-    group, weights = np.asarray(curve.data.group), np.asarray(curve.data.observations.weights)
-    for channel, weight, mark in zip(np.asarray(values), weights, MARKS, strict=False):
-        for i, colour in enumerate(colours):
-            there = (group == i) & (weight > 0)
-            axes.plot(x[there], channel[there], mark, color=colour, markersize=2.5)
-    axes.set(xscale="log", yscale="log")
-
-
 def _draw_shifts(panels: "list[Axes]", curve: MasterCurve, colours) -> None:
     """a_T with its law and, on a second panel, b_T."""
     temperatures = np.asarray(curve.temperatures)
     celsius = temperatures - ZERO_CELSIUS
-    rows = [
-        (curve.log10_shifts, r"$\log_{10} a_T$ [1]"),
-        (curve.vertical_shifts, "$b_T$ [1]"),
-    ]
-    deviations = curve.shift_deviations()
-    for axes, (values, label), deviation in zip(panels, rows, deviations, strict=False):
-        values, bars = np.asarray(values), 2 * np.asarray(deviation)
-        bars = bars * values if label.startswith("$b_T$") else bars
-        for *point, colour in zip(celsius, values, bars, colours, strict=True):
+    factors, deviations = np.asarray(curve.vertical_shifts), curve.shift_deviations()
+    rows = [(r"$\log_{10} a_T$ [1]", curve.log10_shifts, 1.0), ("$b_T$ [1]", factors, factors)]
+    for axes, (label, values, unit), deviation in zip(panels, rows, deviations, strict=False):
+        bars = 2 * np.asarray(deviation) * unit  # the deviation of b_T is that of its logarithm
+        for *point, colour in zip(celsius, np.asarray(values), bars, colours, strict=True):
             axes.errorbar(*point, fmt="o", capsize=2, color=colour, label="two standard deviations")
         axes.set_ylabel(label)
     panels[-1].set_xlabel("temperature [°C]")

@@ -21,7 +21,7 @@ TURN = (
 )
 
 
-class Slider:
+class FigureSlider:
     """Several figures, one of which is shown; see `slider`.
 
     Notebooks show the slider; without HTML the figure in the middle is shown.
@@ -31,6 +31,7 @@ class Slider:
         self.captions, self.pictures = captions, pictures
 
     def _repr_mimebundle_(self, **_: Any) -> dict[str, Any]:
+        # The pictures are in the page itself: a click needs neither Python nor a network.
         middle = len(self.pictures) // 2
         coded = [base64.b64encode(picture).decode() for picture in self.pictures]
         images = (
@@ -46,7 +47,7 @@ class Slider:
 
 def slider(
     draw: Callable[[Any], "Figure"], values: ArrayLike | Sequence[float], label: str
-) -> Slider:
+) -> FigureSlider:
     """Returns a slider over a figure, for a notebook.
 
     All figures are drawn at once, so that the slider also works on a page without Python.
@@ -70,4 +71,4 @@ def slider(
             sys.modules["matplotlib.pyplot"].close(figure)
         captions.append(f"{label}: {value:.4g}")
         pictures.append(buffer.getvalue())
-    return Slider(captions, pictures)
+    return FigureSlider(captions, pictures)

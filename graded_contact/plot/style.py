@@ -166,6 +166,11 @@ def ordered(count: int, colours: str = PRESSURES) -> np.ndarray:
     return colormaps[colours](np.linspace(0, 0.85, count))
 
 
+def colours_of(count: int, colours: str = PRESSURES) -> Any:
+    """Colours of this many curves: those of `COLOURS` if they suffice, otherwise ordered ones."""
+    return COLOURS if count <= len(COLOURS) else ordered(count, colours)
+
+
 def few_powers_of_ten(axis: Any, low: float, high: float) -> None:
     """Labels a logarithmic axis, between the powers of ten too if there are few."""
     from matplotlib.ticker import LogLocator, NullFormatter

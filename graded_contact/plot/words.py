@@ -5,13 +5,13 @@ from typing import TYPE_CHECKING
 
 from ..core.display import unit_of
 from ..core.quantities import AXES, quantity_of
-from ..files.toml import parse_toml
+from ..scenes.schema import parse_toml
 
 if TYPE_CHECKING:
     from xarray import DataArray
 
 ZERO_CELSIUS = 273.15  # K
-SINGULAR = {"branch moduli": "branch modulus", "relaxation times": "relaxation time"}
+_SINGULAR = {"branch moduli": "branch modulus", "relaxation times": "relaxation time"}
 
 
 def title_of(name: str, scene: str = "") -> str:
@@ -33,23 +33,20 @@ def title_of(name: str, scene: str = "") -> str:
     layers = tables.get("layers", [])
     place = base or f"layer {int(layer) + 1}"
     table = tables.get("base", {}) if base else dict(enumerate(layers)).get(int(layer), {})
+    # A path inside a graded layer names which of its two materials it means.
     end = next((end for end in ("bottom", "top") if f".{end}." in rest), "material")
     owner = table.get(end, place)
     if sum(owner in (one.get("material"), one.get("bottom"), one.get("top")) for one in layers) > 1:
         owner = f"{place} ({owner})"  # a material of several layers
     meaning = quantity.meaning.removeprefix("layer ")
     if entry is not None:
-        meaning = f"{SINGULAR.get(meaning, meaning)} {int(entry) + 1}"
+        meaning = f"{_SINGULAR.get(meaning, meaning)} {int(entry) + 1}"
     return f"{owner} {meaning}"
 
 
 def label_of(number: "DataArray") -> str:
-    """Returns a number of an axis with its unit, a temperature also in °C."""
-    return labelled(number.item(), number.attrs.get("units", ""))
-
-
-def labelled(value: float, unit: str) -> str:
-    """Returns a number in SI units in a common unit, a temperature also in °C."""
+    """Returns a number of an axis with a common unit, a temperature also in °C."""
+    value, unit = number.item(), number.attrs.get("units", "")
     if unit == "K":
         return kelvin(value)
     if unit in ("", "1"):

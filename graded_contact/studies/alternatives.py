@@ -11,7 +11,7 @@ from jax.flatten_util import ravel_pytree
 from jaxtyping import Array, Float
 
 from ..core.checks import as_float, check_types, check_values, check_whole
-from .design import Constraints, Design, Objective, minimise
+from .search import Constraints, Design, Objective, minimise
 
 
 @check_types
@@ -41,6 +41,7 @@ def snap_to_values(
             raise ValueError(f"`choices[{key!r}]` has no value between the bounds.")
         logs = np.log(values[inside])
         logarithm = np.log(np.asarray(start[key]))
+        # Parameters may be arrays: each entry takes its own nearest value.
         nearest = np.abs(logarithm[..., None] - logs).argmin(axis=-1)
         start[key] = bounds["lower"][key] = bounds["upper"][key] = values[inside][nearest]
     arguments.setdefault("num_starts", 1)
@@ -88,9 +89,10 @@ def pareto_front(
 
     ends = [best(0), best(1)]
     high, low = ends[0][1][1], ends[1][1][1]
-    spread = abs(high - low) or 1.0
+    spread = abs(high - low) or 1.0  # makes the ceiling relative, as constraints must be
     found, previous = [ends[0]], ends[0][0]
     for limit in np.linspace(high, low, num_points)[1:-1]:
+        # The design under the ceiling before is a good start for the next.
         found.append(best(0, previous.parameters, limit))
         previous = found[-1][0]
     found.append(ends[1])

@@ -19,10 +19,6 @@ SIGNALS = (signal.SIGINT, signal.SIGTERM)
 LATER = "Stopping after this step; what is finished is kept. Once more stops at once.\n"
 
 
-class Interrupted(KeyboardInterrupt):
-    """Raised at a safe place after a signal."""
-
-
 class Interruption:
     """Which signal has come.
 
@@ -31,13 +27,12 @@ class Interruption:
     - `signal`: its number, or None.
     """
 
-    def __init__(self):
-        self.signal: int | None = None
+    signal: int | None = None
 
     def check(self) -> None:
-        """Raises `Interrupted` if a signal has come: to be called between two steps."""
+        """Raises `KeyboardInterrupt` if a signal has come: to be called between two steps."""
         if self.signal is not None:
-            raise Interrupted
+            raise KeyboardInterrupt
 
     @property
     def exit_code(self) -> int:
@@ -52,6 +47,7 @@ def interruptible() -> Iterator[Interruption]:
     It must be entered by the main thread. Signals that the process ignores stay ignored.
     """
     found = Interruption()
+    # Python's C handler writes each signal's number here, also while the main thread is in XLA.
     heard, wakeup = socket.socketpair()
     wakeup.setblocking(False)
     previous = {
@@ -68,49 +64,40 @@ def interruptible() -> Iterator[Interruption]:
         signal.set_wakeup_fd(earlier)
         for number, handler in previous.items():
             signal.signal(number, handler)
-        wakeup.close()
+        wakeup.close()  # the listener then reads nothing, and ends
         listener.join()
         heard.close()
 
 
-class Later:
-    """Whether Ctrl-C has come; see `ctrl_c_later`."""
-
-    came = False
-
-    def check(self) -> None:
-        """Raises the `KeyboardInterrupt`: to be called between two steps."""
-        if self.came:
-            raise KeyboardInterrupt
-
-
-_outer: list[Later] = []  # of the block that this one is in
+_outer: list[Interruption] = []  # of the blocks of `ctrl_c_later` that this one is in
 
 
 @contextlib.contextmanager
-def ctrl_c_later() -> Iterator[Later]:
-    """Gives a `Later` that notes Ctrl-C inside the block; a second Ctrl-C raises at once.
+def ctrl_c_later() -> Iterator[Interruption]:
+    """Gives an `Interruption` that notes Ctrl-C inside the block; a second Ctrl-C raises at once.
 
     Only in the main thread, and only where Ctrl-C would raise: not inside `interruptible`.
     """
-    usual, later = signal.default_int_handler, Later()
-    main = threading.current_thread() is threading.main_thread()
-    if main and _outer:
+    usual, found = signal.default_int_handler, Interruption()
+    if threading.current_thread() is not threading.main_thread():
+        yield found
+        return
+    if _outer:  # a Ctrl-C that the outer block has noted must end the inner one
         yield _outer[-1]
         return
-    if not main or signal.getsignal(signal.SIGINT) is not usual:
-        yield later
+    if signal.getsignal(signal.SIGINT) is not usual:
+        yield found
         return
 
     def note(number: int, frame: object) -> None:
-        signal.signal(signal.SIGINT, usual)
-        later.came = True
+        signal.signal(signal.SIGINT, usual)  # for the second one
+        found.signal = number
         _say(LATER)
 
     signal.signal(signal.SIGINT, note)
-    _outer.append(later)
+    _outer.append(found)
     try:
-        yield later
+        yield found
     finally:
         _outer.pop()
         signal.signal(signal.SIGINT, usual)
@@ -127,6 +114,7 @@ def _listen(heard: socket.socket, found: Interruption) -> None:
             continue
         if found.signal is not None:
             _say("Stopped at once.\n")
+            # `sys.exit` would only end this thread.
             os._exit(found.exit_code)
         found.signal = received[0]
         _say(LATER)

@@ -4,10 +4,16 @@ They use the response and the mean field only, and take milliseconds. Verify and
 results by contact solves (`slide`).
 """
 
+import dataclasses
+
 import jax
 import jax.numpy as jnp
 from jaxtyping import Array, Float, Inexact, ScalarLike
 
+from ..blocks.compliance import effective_modulus
+from ..blocks.grading import AbstractGradedSolver
+from ..blocks.layering import Layering
+from ..blocks.stack import Stack
 from ..core.checks import (
     Numbers,
     as_float,
@@ -17,13 +23,10 @@ from ..core.checks import (
     check_types,
     check_values,
 )
-from ..persson.mean_field import MeanField, mean_field_friction
-from ..response.compliance import effective_modulus
-from ..response.grading import AbstractGradedSolver
-from ..response.layering import Layering
-from ..response.stack import Stack
-from ..roughness.spectrum import SelfAffine
-from ..roughness.surface import Surface
+from ..mean_field.mean_field import MeanField, mean_field_of
+from ..sliding.case import Case
+from ..surfaces.spectrum import SelfAffine
+from ..surfaces.surface import Surface
 
 
 @check_types
@@ -110,15 +113,10 @@ def friction_curve(
         raise ValueError(f"`velocities` has shape {velocities.shape}; one axis is needed.")
     check_values("velocities", velocities, "velocities [m/s] must be finite")
     check_positive("pressure", as_scalar(pressure, "pressure"), "[Pa]")
+    case = Case(stack, spectrum, velocity=0.0, pressure=pressure, strain_per_slope=strain_per_slope)
+    # Not `vmap`: the data of one velocity stay in the cache.
     return jax.lax.map(
-        lambda v: mean_field_friction(
-            stack,
-            spectrum,
-            pressure=pressure,
-            velocity=v,
-            graded_solver=graded_solver,
-            strain_per_slope=strain_per_slope,
-        ),
+        lambda v: mean_field_of(dataclasses.replace(case, velocity=v), graded_solver=graded_solver),
         velocities,
     )
 

@@ -15,10 +15,10 @@ import jax.numpy as jnp
 import numpy as np
 from jax.extend import core
 
-from ..contact.problem import RESULTS
-from ..files.dataset import FAILED, package_versions
-from ..files.schema import nearest
-from ..friction.sliding import with_observables
+from ..contacts.solve import RESULTS
+from ..core.checks import nearest
+from ..sliding.sliding import with_observables
+from .dataset import FAILED, package_versions
 from .store import Point, fingerprint
 
 _ADDRESS = re.compile(r" at 0x[0-9a-f]+")
@@ -97,6 +97,7 @@ def trace(function: Callable[[dict[str, Any]], Any], point: dict[str, np.generic
 
 def key_of(closed: core.ClosedJaxpr, text: str) -> str:
     """Returns the key of a traced function and its text, see `Program.key`."""
+    # The text of a jaxpr names its constants without their values.
     arrays = [*closed.consts, *_inside(closed.jaxpr)]
     versions = [package_versions()[f"version_{name}"] for name in ("graded_contact", "jax")]
     return fingerprint(versions, _ADDRESS.sub("", text), *map(_plain, arrays))
@@ -105,10 +106,11 @@ def key_of(closed: core.ClosedJaxpr, text: str) -> str:
 def compiled(program: Program) -> Callable[[Task], Point]:
     """Returns what solves one point; a point that fails has no values and its reason."""
     jaxpr = program.closed.jaxpr
+    # Constants become the first arguments, so that XLA neither copies nor compiles them in.
     open_jaxpr = jaxpr.replace(constvars=[], invars=[*jaxpr.constvars, *jaxpr.invars])
     code = fingerprint(program.text, *map(_plain, _inside(jaxpr)))
     if code not in _COMPILED:
-        if len(_COMPILED) == _MOST_COMPILED:
+        if len(_COMPILED) == _MOST_COMPILED:  # the oldest goes
             del _COMPILED[next(iter(_COMPILED))]
         run = jax.jit(core.jaxpr_as_fun(core.ClosedJaxpr(open_jaxpr, [])))
         _COMPILED[code] = run.lower(
@@ -119,14 +121,15 @@ def compiled(program: Program) -> Callable[[Task], Point]:
 
     def solve(task):
         point, needed = task
+        # JAX prints a traceback for a point that fails.
         log = logging.getLogger("jax._src.callback")
-        log.addFilter(_nothing)  # JAX prints a traceback for a point that fails
+        log.addFilter(silence := lambda _: False)
         try:
             found = jax.tree.map(np.asarray, run(*arrays, *jax.tree.leaves(point)))
-        except (ValueError, RuntimeError) as error:
+        except (ValueError, RuntimeError) as error:  # `eqx.error_if` raises through XLA
             return Point({}, FAILED + _reason(error))
         finally:
-            log.removeFilter(_nothing)
+            log.removeFilter(silence)
         values, end = jax.tree.unflatten(names, found)
         return Point({name: values[name] for name in needed or values}, RESULTS[end])
 
@@ -139,6 +142,7 @@ def _named(found: Any) -> tuple[dict[str, jax.Array], Any]:
     for path, leaf in leaves:
         name = jax.tree_util.keystr(path, simple=True, separator=".") or "value"
         if _is_result(leaf):
+            # Of several solves, the last that did not succeed is told.
             end = RESULTS.where(leaf == RESULTS.successful, end, leaf)
         elif jnp.iscomplexobj(leaf):
             arrays |= {f"{name}.real": jnp.real(leaf), f"{name}.imag": jnp.imag(leaf)}
@@ -166,15 +170,12 @@ def _plain(array: Any) -> np.ndarray:
     return np.asarray(array)
 
 
-def _nothing(record: logging.LogRecord) -> bool:
-    return False
-
-
 def _reason(error: Exception) -> str:
     """Why a point failed, without the traceback that compiled code puts around it.
 
     **Raises:** `MemoryError` and `KeyboardInterrupt`, which are not errors of the point.
     """
+    # Equinox puts a stack before the message, and advice on debugging after it.
     reason = str(error).rpartition("Error: ")[2].partition("\n\n")[0].strip()
     if "RESOURCE_EXHAUSTED" in str(error):
         raise MemoryError(reason) from error

@@ -26,17 +26,17 @@ import jax.numpy as jnp
 import numpy as np
 import optax
 from jaxtyping import Array, Float, PRNGKeyArray
-from scipy.optimize import minimize
 
 from ..core.checks import check_types, check_values, check_whole
-from .design import MARGIN, Design, History, Run, elasticities
-from .problem import Flat, Problem, box_of, first_in
+from .design_problem import Evaluation, Flat, Problem, box_of, first_in
+from .search import MARGIN, Design, History, Run, descend, elasticities
 from .store import Store, opened
 
 LEARNING_RATE = 0.1  # of the logarithms at first; it falls to zero as a cosine
 STIFFNESS = 10.0  # of the penalty: a constraint missed by a tenth weighs as much as the objective
 RISE = 0.1  # share of a multiplier's full step in each draw
 FINEST = 1e-16  # change of half the squared distance to the allowed point, at which it ends
+MOST_STEPS = 100  # to the allowed point
 SURE = 2.0  # standard errors by which a mean constraint may be missed
 
 RandomObjective = Callable[[Any, PRNGKeyArray], Float[Array, ""]]
@@ -88,31 +88,90 @@ def minimise_expected(
     check_whole("seed", seed, 0)
     check_values("rtol", rtol, "it lies between 0 and 1", above=0, at_most=1)
     box = box_of(lower, upper)
-    first = first_in(box, start, lower)
+    first = first_in(box, start)
     with opened(store) as points:
         problem = Problem(objective, constraints, box, points, jax.random.key(seed))
         path = _descend(problem, first, optimiser, num_steps, progress)
         # One set of draws to move the mean by, another to judge where that led.
         last = num_steps + num_checks
-        x = _nearest_allowed(problem, np.mean(path.points, axis=0), range(last, last + num_checks))
+        mean = np.clip(np.exp(np.mean(path.points, axis=0)), box.low, box.high)
+        x = _nearest_allowed(problem, mean, range(last, last + num_checks))
         return _judged(problem, x, path, range(num_steps, last), rtol)
 
 
-def _judged(problem: Problem, x: Flat, path: "_Path", draws: range, rtol: float) -> Design:
+class _Path(NamedTuple):
+    """What all steps tried; logarithms of the parameters and multipliers of their latter half."""
+
+    tried: list[tuple[float, Flat, Flat]]
+    points: list[Flat]
+    multipliers: list[Flat]
+
+
+def _descend(problem, first, optimiser, num_steps, progress) -> _Path:
+    """The steps of the optimiser down the augmented Lagrangian of limits >= 0."""
+    if optimiser is None:
+        optimiser = optax.adam(optax.cosine_decay_schedule(LEARNING_RATE, num_steps))
+    low, high = np.log(problem.box.low), np.log(problem.box.high)
+
+    @jax.jit
+    def step(u, state, gradient):
+        updates, state = optimiser.update(gradient, state, u)
+        return optax.projections.projection_box(optax.apply_updates(u, updates), low, high), state
+
+    u, path, multipliers, squares = jnp.log(first), _Path([], [], []), 0.0, 0.0
+    state = optimiser.init(u)
+    for k in range(num_steps):
+        x = np.clip(np.exp(u), problem.box.low, problem.box.high)
+        value, limits, slope, slopes = problem.evaluate(x, k)
+        if progress is not None:
+            progress(k, value)
+        slope, slopes = x * slope, x * slopes
+        # The stiffness follows from the sizes of all gradients so far: units do not matter.
+        squares = squares + np.array([slope @ slope, *np.sum(slopes**2, axis=1)])
+        own, *theirs = np.maximum(squares, np.finfo(float).tiny)
+        stiffness = STIFFNESS * np.sqrt(own / np.array(theirs))
+        # A constraint that holds with room to spare pulls with neither multiplier nor penalty.
+        pull = np.maximum(multipliers - stiffness * limits, 0)
+        multipliers = np.maximum(multipliers - RISE * stiffness * limits, 0)
+        path.tried.append((value, np.asarray(x), limits))
+        if 2 * k >= num_steps:  # the first half still moves from the start
+            path.points.append(np.asarray(u))
+            path.multipliers.append(pull)
+        u, state = step(u, state, slope - pull @ slopes)
+    return path
+
+
+def _nearest_allowed(problem: Problem, x: Flat, draws: range) -> Flat:
+    """The point nearest to `x` at which the mean constraints hold; their noise may remain."""
+
+    def distance(at: Flat) -> Evaluation:
+        limits, slopes = (
+            np.mean(parts, axis=0)
+            for parts in zip(*(problem.limits(at, draw) for draw in draws), strict=True)
+        )
+        off = np.log(at / x)
+        return Evaluation(float(off @ off) / 2, limits, off / at, slopes)
+
+    if np.all(distance(x).limits >= MARGIN):
+        return x
+    return np.array(descend(distance, problem.box, x, 1.0, FINEST, MOST_STEPS).parameters)
+
+
+def _judged(problem: Problem, x: Flat, path: _Path, draws: range, rtol: float) -> Design:
     """The design at `x`, by draws that no step has seen."""
     checks = [problem.evaluate(x, draw) for draw in draws]
-    values, limits, slopes = (
-        np.array([getattr(check, name) for check in checks])
-        for name in ("value", "limits", "slope")
+    values, limits, slopes = map(np.array, list(zip(*checks, strict=True))[:3])
+    # The standard error of a mean.
+    noise, noise_of_limits = (
+        np.std(samples, axis=0, ddof=1) / np.sqrt(len(draws)) for samples in (values, limits)
     )
-    margins, slope = limits.mean(axis=0), slopes.mean(axis=0)
-    if np.any(margins < -SURE * _standard_error(limits) - MARGIN):
+    margins, slope, value = limits.mean(axis=0), slopes.mean(axis=0), float(values.mean())
+    if np.any(margins < -SURE * noise_of_limits - MARGIN):
         raise ValueError(
             f"The mean of `constraints` is {margins} at the end of {len(path.tried)} steps. Widen "
             "the bounds or the constraints, or raise `num_steps`."
         )
-    value, error = float(values.mean()), float(_standard_error(values))
-    message = _verdict(path, x * slope, error, rtol)
+    message = _verdict(path, x * slope, noise, rtol)
     run = Run(
         parameters=x.tolist(),
         value=value,
@@ -129,104 +188,17 @@ def _judged(problem: Problem, x: Flat, path: "_Path", draws: range, rtol: float)
         elasticities=unravel(jnp.asarray(elasticities(x, value, slope))),
         margins=margins,
         runs=(run,),
-        error=error,
+        error=float(noise),
         multipliers=np.mean(path.multipliers, axis=0),
     )
 
 
-def _standard_error(samples):
-    return np.std(samples, axis=0, ddof=1) / np.sqrt(len(samples))
-
-
-class _Path(NamedTuple):
-    """What all steps tried; logarithms of the parameters and multipliers of their latter half."""
-
-    tried: list[tuple[float, Flat, Flat]]
-    points: list[Flat]
-    multipliers: list[Flat]
-
-
-def _descend(problem, first, optimiser, num_steps, progress):
-    if optimiser is None:
-        optimiser = optax.adam(optax.cosine_decay_schedule(LEARNING_RATE, num_steps))
-    low, high = np.log(problem.box.low), np.log(problem.box.high)
-
-    @jax.jit
-    def step(u, state, gradient):
-        updates, state = optimiser.update(gradient, state, u)
-        return optax.projections.projection_box(optax.apply_updates(u, updates), low, high), state
-
-    u, lagrangian, path = jnp.log(first), _Lagrangian(), _Path([], [], [])
-    state = optimiser.init(u)
-    for k in range(num_steps):
-        x = _parameters(problem, u)
-        value, limits, slope, slopes = problem.evaluate(x, k)
-        if progress is not None:
-            progress(k, value)
-        gradient, pull = lagrangian.gradient(limits, x * slope, x * slopes)
-        path.tried.append((value, np.asarray(x), limits))
-        if 2 * k >= num_steps:
-            path.points.append(np.asarray(u))
-            path.multipliers.append(pull)
-        u, state = step(u, state, gradient)
-    return path
-
-
-class _Lagrangian:
-    """The augmented Lagrangian of limits >= 0, its multipliers moving with every draw.
-
-    The penalty takes its stiffness from the sizes of all gradients so far: units do not matter.
-    """
-
-    def __init__(self):
-        self.multipliers, self.squares = 0.0, 0.0
-
-    def gradient(self, limits, slope, slopes):
-        """Returns its gradient, and the multipliers in it."""
-        self.squares = self.squares + np.array([slope @ slope, *np.sum(slopes**2, axis=1)])
-        own, *theirs = np.maximum(self.squares, np.finfo(float).tiny)
-        stiffness = STIFFNESS * np.sqrt(own / np.array(theirs))
-        pull = np.maximum(self.multipliers - stiffness * limits, 0)
-        self.multipliers = np.maximum(self.multipliers - RISE * stiffness * limits, 0)
-        return slope - pull @ slopes, pull
-
-
-def _parameters(problem, u):
-    return np.clip(np.exp(u), problem.box.low, problem.box.high)
-
-
-def _nearest_allowed(problem, u, draws):
-    """The point nearest to `u` at which the mean constraints hold; their noise may remain."""
-    means = {}
-
-    def limits(u):
-        if (at := u.tobytes()) not in means:
-            x = _parameters(problem, u)
-            values, slopes = zip(*(problem.limits(x, draw) for draw in draws), strict=True)
-            means[at] = np.mean(values, axis=0), x * np.mean(slopes, axis=0)
-        return means[at]
-
-    if problem.constrained and np.any(limits(u)[0] < MARGIN):
-        u = minimize(
-            lambda v: ((v - u) @ (v - u) / 2, v - u),
-            u,
-            jac=True,
-            method="SLSQP",
-            bounds=list(zip(np.log(problem.box.low), np.log(problem.box.high), strict=True)),
-            constraints={
-                "type": "ineq",
-                "fun": lambda v: limits(v)[0] - 2 * MARGIN,
-                "jac": lambda v: limits(v)[1],
-            },
-            options={"ftol": FINEST},
-        ).x
-    return _parameters(problem, u)
-
-
-def _verdict(path, slope, error, rtol):
+def _verdict(path: _Path, slope: Flat, error: float, rtol: float) -> str:
     """What is missing to convergence, or nothing."""
+    # The mean size of the draws: a value near 0 must not make every error large.
     size, half = np.mean([abs(value) for value, *_ in path.tried]), len(path.points) // 2
     earlier, later = (np.mean(part, axis=0) for part in (path.points[:half], path.points[half:]))
+    # The change of the value, to first order, between the third and the last quarter.
     drift = abs(slope @ (later - earlier))
     if drift > rtol * size:
         return f"the last steps still changed the value by {drift:.2g}: raise `num_steps`"

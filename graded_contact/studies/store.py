@@ -1,7 +1,7 @@
 """Finished points of a study on the disk, one file each: they survive a kill of the process.
 
 A store is a folder. The name of a file is a fingerprint of all that decides the numbers of the
-point. A file is whole or absent, and damage is detected (`files/sealed.py`). A lock refuses a
+point. A file is whole or absent, and damage is detected (`studies/dataset.py`). A lock refuses a
 second process that writes; the lock ends with its process, however that ends.
 """
 
@@ -10,7 +10,7 @@ import hashlib
 import io
 import os
 import warnings
-from collections.abc import Iterable, Iterator
+from collections.abc import Iterable, Iterator, Sequence
 from pathlib import Path
 from typing import Any, NamedTuple
 
@@ -18,9 +18,8 @@ import filelock
 import jax
 import numpy as np
 
-from ..files.dataset import FAILED
-from ..files.paths import check_archive, may_unpack
-from ..files.sealed import read_sealed, write_sealed
+from ..readers.paths import check_archive, may_unpack
+from .dataset import FAILED, read_sealed, write_sealed
 
 
 def fingerprint(*parts: Any) -> str:
@@ -32,11 +31,13 @@ def fingerprint(*parts: Any) -> str:
     **Raises:** `ValueError` for anything else, such as a function.
     """
     leaves, structure = jax.tree.flatten(parts)
+    # The structure holds static fields as text; an address there changes from process to process.
     if " at 0x" in str(structure):
         raise ValueError(f"{structure} contains a function: it cannot be identified later.")
     pieces = [str(structure).encode()]
     for leaf in leaves:
         array = np.asarray(leaf)
+        # A Python number and an array of the same value may compile to different programs.
         if array.dtype.kind in "biufc" and not isinstance(leaf, bool | int | float | complex):
             pieces.append(f"{array.dtype.str}{array.shape}".encode() + array.tobytes())
         elif array.dtype.kind in "biufcUS":
@@ -44,6 +45,7 @@ def fingerprint(*parts: Any) -> str:
             pieces.append(f"{kind}{array.tolist()!r}".encode("utf-8", "surrogatepass"))
         else:
             raise ValueError(f"{leaf!r} cannot be identified later.")
+    # With lengths in front, no two lists of pieces have the same bytes.
     lengths = [f"{len(piece)}:".encode() for piece in pieces]
     return hashlib.sha256(b"".join([*lengths, *pieces])).hexdigest()
 
@@ -59,6 +61,18 @@ class Point(NamedTuple):
 
     values: dict[str, np.ndarray]
     message: str = ""
+
+
+def together(name: str, like: jax.ShapeDtypeStruct, points: Sequence[Point | None]) -> np.ndarray:
+    """Returns one array of a quantity at all points, NaN where there is none."""
+    found = [None if point is None else point.values.get(name) for point in points]
+    # Whole numbers become floats only where NaN must stand among them.
+    dtype = np.result_type(like.dtype, 0.0) if any(one is None for one in found) else like.dtype
+    whole = np.full((len(points), *like.shape), np.nan if dtype.kind == "f" else 0, dtype)
+    for i, one in enumerate(found):
+        if one is not None:
+            whole[i] = one
+    return whole
 
 
 @contextlib.contextmanager
@@ -136,6 +150,7 @@ class Store:
         except Exception:  # of many kinds, if another program wrote it with a checksum
             own, message, found = "", "", {}
         found = {key.removeprefix("values/"): array for key, array in found.items()}
+        # A file that was renamed holds another point.
         if own != name or not (message.startswith(FAILED) or found.keys() >= {*values}):
             self.damaged.append(path)
             return None
@@ -146,6 +161,7 @@ class Store:
 
         **Raises:** `OSError` if it cannot be written; other files, and an earlier one, stay whole.
         """
+        # With a prefix, a result called "name" or "message" stays apart from those of the point.
         content = io.BytesIO()
         arrays: Any = {f"values/{key}": array for key, array in point.values.items()}
         np.savez(content, name=name, message=point.message, **arrays)

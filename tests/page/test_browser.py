@@ -9,7 +9,7 @@ import sys
 import time
 
 import pytest
-from scenes import TEXT
+from scene_texts import TEXT
 
 pytestmark = pytest.mark.slow
 playwright = pytest.importorskip("playwright.sync_api", reason="playwright is not installed")
@@ -30,16 +30,9 @@ def served(tmp_path_factory):
     scene = folder / "scene.toml"
     scene.write_text(TEXT.replace("[32, 32]", "[16, 16]").replace("8e4", "4e4"), encoding="utf-8")
     port = free_port()
-    command = [
-        "explore",
-        str(scene),
-        "--no-browser",
-        "--port",
-        str(port),
-        "-o",
-        str(folder / "out"),
-    ]
-    process = subprocess.Popen([sys.executable, "-m", "graded_contact", *command])
+    words = ["explore", scene, "--no-browser", "--port", port, "-o", folder / "out"]
+    command = [sys.executable, "-m", "graded_contact", *map(str, words)]
+    process = subprocess.Popen(command)
     for _ in range(1200):
         with socket.socket() as probe:
             if probe.connect_ex(("127.0.0.1", port)) == 0:

@@ -6,11 +6,9 @@ import tomllib
 import jax
 import numpy as np
 import pytest
-from scenes import TEXT, changed
+from scene_texts import TEXT, changed
 
 from graded_contact.core.parameters import paths
-from graded_contact.files.scene_reading import read_scene
-from graded_contact.files.toml import toml_text
 from graded_contact.page.document import (
     open_document,
     save_document,
@@ -21,6 +19,8 @@ from graded_contact.page.document import (
     without_layer,
 )
 from graded_contact.page.knobs import changed_document, changed_stack, knobs_of
+from graded_contact.scenes.scene import read_scene
+from graded_contact.scenes.schema import toml_text
 
 SHIFT = 'kind = "tyre_tread"\npoisson = 0.45'
 WARM = "temperature = [280.0, 300.0]\nvelocity ="
@@ -50,6 +50,11 @@ def opened(tmp_path):
     return open_text
 
 
+def knobs_by_label(document):
+    scene = document.scene()
+    return {knob.label: knob for knob in knobs_of(document, scene, scene.surface.build())}
+
+
 def test_the_text_of_tables_is_read_back_as_they_were():
     content = {
         "title": 'quotes " \\ and \x7f, µ, \n, \t', "empty": [], "number": 1e-300, "whole": 3,
@@ -73,9 +78,7 @@ def test_the_text_of_tables_is_read_back_as_they_were():
 def test_a_saved_scene_has_the_values_of_the_sliders(opened, text):
     document = opened(text)
     scene = document.scene()
-    surface = scene.surface.build()
-    knobs = knobs_of(document, scene, surface)
-    assert len({knob.label for knob in knobs}) == len(knobs)
+    knobs = [*knobs_by_label(document).values()]
     values = [0.9 * knob.value + 0.1 * knob.low for knob in knobs]
     saved = changed_document(document, scene.stack, knobs, values)
     again = saved.scene()
@@ -83,35 +86,28 @@ def test_a_saved_scene_has_the_values_of_the_sliders(opened, text):
     found = again.block({name: at[0] for name, at in again.axes.items()})
     for (path, one), other in zip(paths(found).items(), paths(wanted).values(), strict=True):
         np.testing.assert_allclose(one, other, rtol=1e-12, err_msg=path)
-    afresh = knobs_of(saved, again, again.surface.build())
+    afresh = knobs_by_label(saved).values()
     assert [knob.key[:2] for knob in afresh] == [knob.key[:2] for knob in knobs]
     np.testing.assert_allclose([knob.value for knob in afresh], values, rtol=1e-12)
 
 
 def test_a_knob_of_a_shared_material_changes_all_its_layers(opened):
     document = with_layer(opened(TEXT), "coat")
-    scene = document.scene()
-    knobs = knobs_of(document, scene, scene.surface.build())
-    which = [knob.label for knob in knobs].index("coat: modulus")
-    values = np.array([knob.value for knob in knobs])
-    values[which] = 5e6
-    block = changed_stack(scene.stack, [knob.target for knob in knobs], values)
+    knobs = knobs_by_label(document)
+    values = np.array([{"coat: modulus": 5e6}.get(label, k.value) for label, k in knobs.items()])
+    block = changed_stack(document.scene().stack, [k.target for k in knobs.values()], values)
     assert [float(layer.material.young) for layer in block.layers] == [5e6, 5e6]
 
 
 @pytest.mark.parametrize("text", ["1e12", "", "abc", "nan", "20 °C", "3 MPa"])
 def test_a_text_that_is_no_value_is_refused_with_the_range(opened, text):
-    document = opened(TEXT)
-    scene = document.scene()
-    pressure = knobs_of(document, scene, scene.surface.build())[0]
+    pressure = knobs_by_label(opened(TEXT))["pressure"]
     with pytest.raises(ValueError, match=r"`pressure`: .* is refused.* between 8 and 20000 kPa"):
         pressure.read(text)
 
 
 def test_a_field_reads_units_commas_and_degrees(opened):
-    document = opened(changed("velocity =", WARM, 'kind = "tyre_tread"', SHIFT))
-    scene = document.scene()
-    knobs = {knob.label: knob for knob in knobs_of(document, scene, scene.surface.build())}
+    knobs = knobs_by_label(opened(changed("velocity =", WARM, 'kind = "tyre_tread"', SHIFT)))
     assert knobs["pressure"].read(" 312,5 kPa ") == 312500.0
     assert knobs["rms slope"].read("0.31") == 0.31
     assert knobs["temperature"].read("20 °C") == knobs["temperature"].read("293.15") == 293.15
@@ -119,9 +115,7 @@ def test_a_field_reads_units_commas_and_degrees(opened):
 
 def test_a_poissons_ratio_of_one_half_steps_down(opened):
     document = opened(changed("poisson = 0.4", "poisson = 0.5"))
-    scene = document.scene()
-    knobs = {knob.label: knob for knob in knobs_of(document, scene, scene.surface.build())}
-    knob = knobs["coat: Poisson's ratio"]
+    knob = knobs_by_label(document)["coat: Poisson's ratio"]
     assert (knob.step_size(0.5), knob.step_size(0.4)) == (-0.01, 0.01)
     assert knob.stepped(0.5).endswith("−0.01") and knob.stepped(0.4).endswith("+0.01")
 
@@ -173,12 +167,13 @@ def test_layers_come_and_go(opened):
     assert document.content["layers"] == [{"material": "coat", "thickness": 2e-5}]
 
 
-def test_a_scene_without_motion_is_refused(opened):
+def test_the_page_opens_the_scene_of_the_demo():
+    assert open_document(None).scene().title
+
+
+def test_a_scene_that_the_page_does_not_take_is_refused(opened):
     with pytest.raises(ValueError, match=r"scene.toml: \[load\] `velocity` is 0"):
         opened(changed("velocity = [0.01, 1.0]", "velocity = 0.0"))
-
-
-def test_a_table_that_the_page_does_not_take_is_refused(opened):
     with pytest.raises(ValueError, match=r"scene.toml: The page does not take the table \[shear\]"):
         opened(TEXT + '\n[shear]\nkind = "constant"\nstress = 1e5\n')
 

@@ -5,7 +5,7 @@ import signal
 import socket
 
 import pytest
-from scenes import TEXT
+from scene_texts import TEXT
 
 pytest.importorskip("panel")
 from graded_contact.page.serving import new_server

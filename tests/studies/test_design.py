@@ -9,7 +9,7 @@ import pytest
 from scipy.optimize import differential_evolution
 
 from graded_contact.studies.alternatives import pareto_front, scatter, snap_to_values
-from graded_contact.studies.design import minimise
+from graded_contact.studies.search import minimise
 
 LOW, HIGH = {"a": 0.1, "b": [0.1, 1.0]}, {"a": 10.0, "b": [10.0, 1.0]}
 

@@ -13,8 +13,8 @@ import optax
 import pytest
 
 import graded_contact as gc
-from graded_contact.design import minimise_expected
-from graded_contact.studies.design import minimise
+from graded_contact.studies import minimise_expected
+from graded_contact.studies.search import minimise
 
 LOW, HIGH = {"a": 0.1, "b": [0.1]}, {"a": 10.0, "b": [10.0]}
 CENTRE, NOISE = np.log([2.0, 3.0]), 0.3

@@ -1,14 +1,12 @@
 """A point in a store comes back bit for bit, or not at all."""
 
-import errno
 import io
-from pathlib import Path
 
 import numpy as np
 import pytest
 
 import graded_contact as gc
-from graded_contact.files.sealed import write_sealed
+from graded_contact.studies.dataset import write_sealed
 from graded_contact.studies.store import Point, Store, fingerprint
 
 POINT = Point(
@@ -51,9 +49,6 @@ def test_a_fingerprint_differs_for_any_two_inputs():
     assert found == [fingerprint(value) for value in inputs]
     assert fingerprint(block(1e6)) == found[0]
     assert fingerprint(1, 2) != fingerprint([1, 2]) != fingerprint(12)
-
-
-def test_a_function_has_no_fingerprint():
     with pytest.raises(ValueError, match=r"function.*cannot be identified"):
         fingerprint({"objective": lambda x: x})
 
@@ -73,7 +68,7 @@ def test_a_damaged_file_is_no_point(tmp_path):
         store.write("a", POINT)
         path = store.path("a")
         content = path.read_bytes()
-        for _ in range(150):
+        for _ in range(50):
             damaged = bytearray(content)
             damaged[draw.integers(len(content))] ^= 1 << draw.integers(8)
             path.write_bytes(damaged)
@@ -81,7 +76,7 @@ def test_a_damaged_file_is_no_point(tmp_path):
         for length in (0, 1, 100, len(content) // 2, len(content) - 1):
             path.write_bytes(content[:length])
             assert store.read("a") is None
-        assert store.damaged == [path] * 155
+        assert store.damaged == [path] * 55
         store.write("a", POINT)
         assert store.read("a") is not None
 
@@ -120,23 +115,6 @@ def test_a_second_writer_is_refused_until_the_first_ends(tmp_path):
         assert Store(tmp_path).read("a") is not None
     with Store(tmp_path) as store:
         store.write("b", POINT)
-
-
-def test_a_full_disk_leaves_what_was_written_and_is_reported(tmp_path, monkeypatch):
-    def full(path, content):
-        path.touch()
-        raise OSError(errno.ENOSPC, "No space left on device")
-
-    with Store(tmp_path) as store:
-        store.write("a", POINT)
-        monkeypatch.setattr(Path, "write_bytes", full)
-        for name in "ab":
-            with pytest.raises(
-                OSError, match=f"{name}.point` cannot be written: No space left on device"
-            ):
-                store.write(name, POINT)
-        assert store.read("a") is not None and store.read("b") is None
-    assert [path.name for path in tmp_path.glob("*point*")] == ["a.point"]
 
 
 def test_what_a_killed_writer_left_is_removed(tmp_path):

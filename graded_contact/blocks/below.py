@@ -1,0 +1,147 @@
+"""What lies below a face, as a recursion upwards carries it through slabs and graded layers.
+
+It is stored as homogeneous coordinates (n, c11, c12, c22, det)/n, so that a clamped (n > 0 alone)
+and a free face (det > 0 alone) are ordinary starting points and layers may have no thickness.
+
+The antiplane part (shear waves with displacement along e_T, see `matrix`) obeys the scalar form of
+the recursion of `slab`, with transmission 1/cosh(q d) and both factors tanh(q d), in units of
+1/(μ q), μ the shear modulus. For thin layers on a rigid base, and for a free sheet with ν = 1/2,
+c11 and c_T agree to the last digit, and C_xy is their difference. Therefore it is one more
+coordinate, (1 - ν) c11 n_t - n c_t, with a recursion whose terms are all as small as the result.
+The exception are several free sheets of one modulus with ν = 1/2: there C_xy is 0.5 (q d)² C_xx,
+and its error is the rounding of C_xx.
+"""
+
+from typing import Any, NamedTuple
+
+import jax
+import jax.numpy as jnp
+from jaxtyping import Array, Inexact
+
+from .column import Carried, Column, Face, Rule, face_in
+from .slab import Compliance, Slab, factors, half_space, in_units, split_of, times
+from .stack import Free, Rigid
+
+
+class Below(NamedTuple):
+    """Compliance of a face, by homogeneous coordinates, in units of 2/(E_r q) and 1/(μ q).
+
+    In plane c = [[c11, c12], [c12, c22]]/n with determinant det/n; antiplane c_t/n_t, None where
+    M_zz alone is asked for.
+    """
+
+    n: Inexact[Array, "*w"]
+    c11: Inexact[Array, "*w"]
+    c12: Inexact[Array, "*w"]
+    c22: Inexact[Array, "*w"]
+    det: Inexact[Array, "*w"]
+    n_t: Any = None
+    c_t: Any = None
+    split: Any = None  # (1 - ν) c11 n_t - n c_t
+
+
+def base_face(column: Column, like: Array) -> Face:
+    """Returns the state of the base's face, of the shape and dtype of `like`."""
+    none, one = jnp.zeros_like(like), jnp.ones_like(like)
+    if isinstance(column.base, Rigid):
+        return Face(Below(one, none, none, none, none, one, none, none), one, one)
+    if isinstance(column.base, Free):
+        return Face(Below(none, none, none, none, one, none, one, none), one, one)
+    return jax.tree.map(lambda part: part + none, _half_space(*column.base))
+
+
+def in_plane(face: Face) -> Face:
+    """Returns a face without its antiplane part, which M_zz does not need."""
+    return face._replace(state=Below(*face.state[:5]))
+
+
+def _half_space(reduced: Array, e: Array) -> Face:
+    c11, c12, c22, det = half_space(e)
+    one = jnp.ones_like(c11)
+    return face_in(Below(one, c11, c12, c22, det, one, one, -(1 - e) / 2), reduced, e)
+
+
+def _numbers(face: Face, reference: Array, inverse: bool) -> Carried:
+    n, c11, c12, c22, det, n_t, c_t, _ = face.state
+    stiff, stiff_t = reference / face.reduced, reference / face.shear
+    if inverse:
+        n, c11, c12, c22, det, n_t, c_t = det, c22, -c12, c11, n, c_t, n_t
+        stiff, stiff_t = 1 / stiff, 1 / stiff_t
+    plane = in_units(Compliance(c11 / n, c12 / n, c22 / n, det / n), stiff)
+    return Carried(plane, None if n_t is None else c_t / n_t * stiff_t)
+
+
+def _face(numbers: Carried, reference: Array, inverse: bool, e: Array) -> Face:
+    (c11, c12, c22, det), antiplane, _ = numbers
+    one, shear = jnp.ones_like(det), (1 + e) / 2  # 2 μ over E_r
+    plane = (det, c22, -c12, c11, one) if inverse else (one, c11, c12, c22, det)
+    if antiplane is None:
+        return face_in(Below(*plane), reference, e)
+    n_t, c_t = (antiplane / shear, one) if inverse else (one, antiplane * shear)
+    split = shear * plane[1] * n_t - plane[0] * c_t
+    return face_in(Below(*plane, n_t, c_t, split), reference, e)
+
+
+def _add(face: Face, x: Array, reduced: Array, e: Array) -> Face:
+    """The state of a slab's upper face from that of its lower face."""
+    above = face_in(None, reduced, e)
+    ratio, s = reduced / face.reduced, factors(x, e)
+    n, c11, c12, c22, det = face.state[:5]
+    c11, c12, c22, det = in_units(Compliance(c11, c12, c22, det), ratio)
+    h11, h22 = c11 + times(s.g22, det), c22 + times(s.g11, det)
+    h12 = c12 - times(s.g12, det)
+    a11, a12 = times(s.p11, h11) + times(s.p12, h12), times(s.p11, h12) + times(s.p12, h22)
+    a21, a22 = times(s.p21, h11) + times(s.p22, h12), times(s.p21, h12) + times(s.p22, h22)
+    m = n + times(s.g11, c11) + times(2 * s.g12, c12) + times(s.g22, c22) + times(s.det_g, det)
+    pushed = times(s.q22, c11) + times(2 * s.q12, c12) + times(s.q11, c22)
+    plane = (
+        m,
+        times(s.q11, m) + times(s.p11, a11) + times(s.p12, a12),
+        times(s.q12, m) + times(s.p21, a11) + times(s.p22, a12),
+        times(s.q22, m) + times(s.p21, a21) + times(s.p22, a22),
+        times(s.det_q, n) + pushed + det,
+    )
+    unit = _inverse_size(plane)
+    state = Below(*(unit * part for part in plane))
+    if face.state.n_t is not None:
+        ratio_t, tanh = above.shear / face.shear, jnp.tanh(x)
+        n_t, c_t = face.state.n_t, ratio_t * face.state.c_t
+        antiplane = (n_t + tanh * c_t, c_t + tanh * n_t)
+        below = Below(n, c11, c12, c22, det, n_t, c_t, ratio_t * face.state.split)
+        split = _split(below, s, x, e, tanh, m, antiplane[0])
+        unit_t = _inverse_size(antiplane)
+        n_t, c_t = (unit_t * part for part in antiplane)
+        state = state._replace(n_t=n_t, c_t=c_t, split=split * unit * unit_t)
+    return above._replace(state=state)
+
+
+FULL = Rule(_add, _half_space, _numbers, _face)
+PLANE = FULL._replace(half_space=lambda reduced, e: in_plane(_half_space(reduced, e)))
+
+
+def _split(below: Below, s: Slab, x, e, tanh, n, n_t) -> Array:
+    """(1 - ν) c11 n_t - n c_t of the upper face, whose n and n_t are given; p = 1 - ν.
+
+    p c11' = p q11 n + p (P H Pᵀ)_11 times n_t, less n times c_t' = tanh n_t + c_t/cosh², sorted so
+    that what is alike is subtracted beforehand, in `small`.
+    """
+    _, c11, c12, c22, det, one_t, c_t, split = below
+    small, p, both = split_of(x, e), (1 + e) / 2, s.det_g * det
+    along = split + p * (one_t * det * s.g22 + tanh * c_t * c11)
+    along = along - c_t * (s.g11 * c11 + 2 * s.g12 * c12 + s.g22 * c22)
+    squared = small.p11_less_1 * (s.p11 + 1) + tanh * tanh  # p11² - 1/cosh²
+    across = 2 * s.p11 * s.p12 * (n_t * c12 - one_t * det * s.g12)
+    across = across + s.p12**2 * (n_t * c22 + one_t * det * s.g11)
+    return (
+        small.clamped * (n * n_t - both * tanh * c_t)
+        + s.p11**2 * along
+        + squared * c_t * (n - both)
+        + p * across
+        + small.free * det * c_t
+    )
+
+
+def _inverse_size(coordinates: tuple[Array, ...]) -> Any:
+    """A constant that keeps homogeneous coordinates from overflowing."""
+    parts = [part for x in coordinates for part in (x.real, x.imag)[: 1 + jnp.iscomplexobj(x)]]
+    return 1 / sum(jnp.abs(jax.lax.stop_gradient(part)) for part in parts)

@@ -1,0 +1,242 @@
+"""A stack at given wavenumbers and frequencies, and the recursion through its layers.
+
+The recursion carries the state of a face from layer to layer: upwards what lies below it (`below`),
+downwards what lies above it (`depth`). A `Rule` defines the state and how it passes a homogeneous
+slab. A state passes a graded layer by a solver (`grading`).
+"""
+
+from collections.abc import Callable, Mapping, Sequence
+from itertools import groupby
+from types import MappingProxyType
+from typing import Any, NamedTuple
+
+import jax
+import jax.numpy as jnp
+from jaxtyping import Array, Float, Inexact
+
+from .profile import moduli_at
+from .slab import Compliance, plane_strain
+from .stack import GradedLayer, HalfSpace, Stack, moduli_of
+
+
+class Face(NamedTuple):
+    """The state of a face, in units of its E_r and 2 μ, which are relative to a unit [Pa]."""
+
+    state: Any
+    reduced: Inexact[Array, "..."]
+    shear: Inexact[Array, "..."]
+
+
+def face_in(state: Any, reduced: Array, e: Array) -> Face:
+    """Returns the face of a state in units of a material, by its E_r and e = 1 - 2ν."""
+    return Face(state, reduced, reduced * (1 + e) / 2)
+
+
+class Carried(NamedTuple):
+    """A symmetric matrix with its determinant, in plane; antiplane; and a traction (t, s, T)."""
+
+    plane: Compliance
+    antiplane: Any = None
+    traction: Any = None
+
+
+class Rule(NamedTuple):
+    """How a recursion passes its state from face to face.
+
+    - `add(face, x, reduced, e)`: the state of a slab's other face, of x = q d, E_r in the unit of
+      the column and e = 1 - 2ν.
+    - `half_space(reduced, e)`: the state of its face; None if the recursion goes downwards.
+    - `numbers(face, reference, inverse)`: a state as the `Carried` that `Riccati` integrates, in
+      units of E_ref = `reference`, and `face(numbers, reference, inverse, e)` back. If `inverse`,
+      compliances are inverse ones.
+    """
+
+    add: Callable[..., Face]
+    half_space: Callable[..., Face] | None
+    numbers: Callable[..., Carried]
+    face: Callable[..., Face]
+
+    @property
+    def down(self) -> bool:
+        return self.half_space is None
+
+
+# The effect of what lies deeper than x = q × depth is less than 2 (1 + 2x)² e^-2x.
+_WINDOW = 22.0
+
+
+def visible(x: Float[Array, "..."]) -> Float[Array, "..."]:
+    """Returns the fraction of a layer of x = q d [1] that a wave can see."""
+    return jnp.minimum(1, _WINDOW / jnp.where(x > 0, x, 1))
+
+
+class GradedPart(NamedTuple):
+    """A graded layer at given wavenumbers and frequencies, or its part at one side of a cut.
+
+    Its number in the stack, its profile, x = q d, ω, the unit of moduli [Pa], and the height s of
+    the cut, if any. The part lies below the cut, above it if the rule goes downwards.
+    """
+
+    number: int
+    profile: Any
+    x: Float[Array, "..."]
+    omega: Float[Array, "..."]
+    unit: Float[Array, ""]
+    height: Float[Array, "..."] | None = None
+
+    def moduli(self, s: Array) -> tuple[Array, Array]:
+        """E_r in the unit and e = 1 - 2ν at heights s."""
+        return plane_strain(*moduli_at(self.profile, s, self.omega), self.unit)
+
+    @property
+    def seen(self) -> Array:
+        """The fraction of the layer that a wave can see from its top, or from the cut."""
+        seen = visible(jax.lax.stop_gradient(self.x))
+        if self.height is None:
+            return seen
+        return jnp.minimum(1, seen + 1 - jax.lax.stop_gradient(self.height))
+
+
+# Returns the face at the other side of a part of a graded layer.
+AddGraded = Callable[[GradedPart, Face, Rule], Face]
+
+
+class Run(NamedTuple):
+    """Homogeneous layers in a row, surface first, by their numbers in the stack.
+
+    Thickness [m], E_r in the unit of the column, and e = 1 - 2ν.
+    """
+
+    members: tuple[int, ...]
+    thickness: Float[Array, "layers *#w"]
+    reduced: Inexact[Array, "layers *#w"]
+    e: Inexact[Array, "layers *#w"]
+
+
+class Column(NamedTuple):
+    """A stack at given wavenumbers and frequencies.
+
+    `runs`: from the surface downwards, homogeneous layers in a row, and graded layers.
+    `base`: E_r and e of a half space, or the base itself. `unit`: of moduli [Pa].
+    """
+
+    runs: tuple[Run | GradedPart, ...]
+    base: Any
+    unit: Float[Array, ""]
+    q: Float[Array, "..."]
+
+
+def column_of(stack: Stack, q: Float[Array, "..."], omega: Float[Array, "..."]) -> Column:
+    """Returns the column of a stack."""
+    graded, moduli, sizes = {}, {}, []
+    for i, layer in enumerate(stack.layers):
+        if isinstance(layer, GradedLayer):
+            graded[i] = layer
+            sizes += [moduli_at(layer.profile, end + 0 * q, omega)[0] for end in (0, 1)]
+        else:
+            moduli[i] = moduli_of(layer.material, omega)
+    base = stack.base
+    if isinstance(base, HalfSpace):
+        moduli["base"] = moduli_of(base.material, omega)
+    unit = largest([*sizes, *(modulus for modulus, _ in moduli.values())])
+    moduli = {i: plane_strain(modulus / unit, nu) for i, (modulus, nu) in moduli.items()}
+    runs = []
+    for is_graded, members in groupby(range(len(stack.layers)), lambda i: i in graded):
+        members = tuple(members)
+        if is_graded:
+            layers = ((i, graded[i]) for i in members)
+            runs += [
+                GradedPart(i, layer.profile, q * layer.thickness, omega, unit)
+                for i, layer in layers
+            ]
+        else:
+            pairs = zip(*(moduli[i] for i in members), strict=True)
+            parts = [stack.layers[i].thickness for i in members], *pairs
+            runs.append(Run(members, *(_stacked(values, q) for values in parts)))
+    return Column(tuple(runs), moduli.get("base", base), unit, q)
+
+
+def _stacked(values: Sequence[Any], like: Array) -> Array:
+    """Stacks per-layer values of unlike shapes and dtypes, each filled up to the rank of `like`."""
+    stacked = jnp.stack(jnp.broadcast_arrays(*values))
+    missing = (1,) * (like.ndim + 1 - stacked.ndim)
+    return stacked.reshape(len(values), *missing, *stacked.shape[1:])
+
+
+def largest(moduli: Sequence[Array]) -> Array:
+    """Returns the largest modulus, a unit without derivative.
+
+    In units of it derivatives in float32 neither overflow nor underflow.
+    """
+    sizes = [jnp.max(jnp.abs(modulus)) for modulus in moduli if modulus.size]
+    return jax.lax.stop_gradient(jnp.max(jnp.array(sizes)))
+
+
+def climb_through(
+    column: Column,
+    face: Face,
+    rule: Rule,
+    add_graded: AddGraded | None,
+    *,
+    parts: Sequence[Array] | None = None,
+    heights: Mapping[int, Array] = MappingProxyType({}),
+) -> Face:
+    """Returns the state at the other end of a column from that at one end.
+
+    **Arguments:**
+
+    - `face`: at the base, or for a `rule` that goes downwards at the surface.
+    - `parts`: what is there of the thickness of each homogeneous layer [m].
+    - `heights`: s at which each graded layer is cut.
+    """
+
+    def step(face, layer):
+        d, reduced, e = layer
+        return rule.add(face, column.q * d, reduced, e)
+
+    for run in column.runs if rule.down else reversed(column.runs):
+        if isinstance(run, GradedPart):
+            assert add_graded is not None
+            face = add_graded(run._replace(height=heights.get(run.number)), face, rule)
+            continue
+        _, thickness, reduced, e = run
+        if parts is not None:
+            thickness = _stacked([parts[i] for i in run.members], column.q)
+        face = scan_layers(step, face, (thickness, reduced, e), reverse=not rule.down)
+    return face
+
+
+def scan_layers(
+    step: Callable[[Any, Any], Any], face: Any, layers: tuple[Array, ...], *, reverse: bool
+) -> Any:
+    """Returns `face` after the steps through `layers`, arrays with the layers on a first axis.
+
+    The carry of a scan keeps its shapes and dtypes: it has from the start those of its end.
+    """
+    if len(layers[0]) == 0:
+        return face
+    like = stable_shape(lambda face: step(face, [part[0] for part in layers]), face)
+    return jax.lax.scan(
+        lambda face, layer: (cast_like(step(face, layer), like), None),
+        cast_like(face, like),
+        layers,
+        reverse=reverse,
+    )[0]
+
+
+def stable_shape(step: Callable[[Any], Any], face: Any) -> Any:
+    """Returns shapes and dtypes that no further `step` changes."""
+    for _ in range(2):
+        face = jax.tree.map(
+            lambda a, b: jax.ShapeDtypeStruct(
+                jnp.broadcast_shapes(a.shape, b.shape), jnp.result_type(a, b)
+            ),
+            face,
+            jax.eval_shape(step, face),
+        )
+    return face
+
+
+def cast_like(new: Any, old: Any) -> Any:
+    """Returns `new` with the shapes and dtypes of `old`."""
+    return jax.tree.map(lambda n, o: jnp.broadcast_to(n, o.shape).astype(o.dtype), new, old)

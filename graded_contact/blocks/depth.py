@@ -1,0 +1,146 @@
+"""The recursion to the tractions and displacements at a depth of a stack.
+
+The stack is cut at the depth. The part below the cut has a compliance c. The part above has a force
+v, which the surface traction would exert on a clamped face, and the stiffness G of that face when
+the surface is free. The traction at the cut is (1 + G c)⁻¹ v and the displacement c (1 + G c)⁻¹ v.
+A recursion upwards gives c, as for the surface compliance; the same recursion upside down gives G
+and v. Both use only the factors of `slab`, whose transmission decays: no term grows in thick
+layers.
+"""
+
+from collections.abc import Callable
+from typing import Literal
+
+import jax.numpy as jnp
+from jaxtyping import Array, Float
+
+from .below import FULL, base_face
+from .column import AddGraded, Carried, Face, Rule, Run, climb_through, column_of, face_in
+from .slab import Compliance, Slab, factors, in_units, release, stack_on
+from .stack import Free, GradedLayer, Rigid, Stack
+
+Side = Literal["above", "below"]
+
+
+def depth_climb(
+    stack: Stack,
+    q: Float[Array, "..."],
+    omega: Float[Array, "..."],
+    traction: tuple[Array, Array, Array],
+    depth: Float[Array, "..."],
+    side: Side,
+) -> tuple[Callable[[AddGraded | None], tuple[Array, ...]], tuple[Array, ...], Array]:
+    """Returns the recursion to (t, s, σ_T) [Pa] and (U, w, w_T) at a depth, and the material there.
+
+    **Arguments:**
+
+    - `q`, `omega`, `depth`: wavenumbers [rad/m], frequencies [rad/s] and z [m], of equal rank.
+    - `traction`: (t, s, T) [Pa] at the surface, in the frame of `slab`.
+    - `side`: the layer that an interface is meant to lie in.
+
+    **Returns:** a function of what adds a graded layer, whose displacements are in units of
+    2/(unit q); E_r over the unit and e = 1 - 2ν of the material; and the unit [Pa].
+    """
+    column = column_of(stack, q, omega)
+    above, reached = _cut(stack, depth, side)
+    below = [layer.thickness - over for layer, over in zip(stack.layers, above, strict=False)]
+    heights = {
+        i: 1 - above[i] / jnp.where(layer.thickness > 0, layer.thickness, 1)
+        for i, layer in enumerate(stack.layers)
+        if isinstance(layer, GradedLayer)
+    }
+    zero = jnp.zeros(jnp.broadcast_shapes(q.shape, depth.shape), q.dtype)
+    one, nothing = jnp.ones_like(zero), Compliance(zero, zero, zero, zero)
+    surface = Face(Carried(nothing, zero, traction), one, one)
+
+    def climb(add_graded):
+        start = base_face(column, zero)
+        lower = climb_through(column, start, FULL, add_graded, parts=below, heights=heights)
+        upper = climb_through(column, surface, _ABOVE, add_graded, parts=above, heights=heights)
+        if not isinstance(column.base, Rigid | Free):
+            upper = _add(upper, q * above[-1], *column.base)
+        return _joined(upper, lower)
+
+    return climb, _material(column, heights, reached), column.unit
+
+
+def _cut(stack, depth, side):
+    """What lies above a depth of each layer [m], and at the end of the base.
+
+    And whether the depth lies in each layer, or the base, or further down.
+    """
+    top, above, reached = jnp.zeros((), depth.dtype), [], []
+    for layer in stack.layers:
+        reached.append(depth >= top if side == "below" else depth > top)
+        thickness, bottom = layer.thickness, top + layer.thickness
+        inside = jnp.clip(depth - top, 0, thickness)
+        above.append(jnp.where(depth >= bottom, thickness, inside))
+        top = bottom
+    reached.append(depth >= top if side == "below" else depth > top)
+    return [*above, jnp.maximum(depth - top, 0)], reached
+
+
+def _material(column, heights, reached):
+    """E_r and e at the depth."""
+    materials = []
+    for run in column.runs:
+        if isinstance(run, Run):
+            materials += zip(run.reduced, run.e, strict=True)
+        else:
+            materials.append(run.moduli(heights[run.number]))
+    if not isinstance(column.base, Rigid | Free):
+        materials.append(column.base)
+    found, *lower = materials
+    for there, here in zip(reached[1:], lower, strict=False):
+        found = tuple(jnp.where(there, a, b) for a, b in zip(here, found, strict=True))
+    return found
+
+
+def _add(face: Face, x: Array, reduced: Array, e: Array) -> Face:
+    """The state of a slab's lower face from that of its upper face."""
+    lower, s = face_in(None, reduced, e), factors(x, e)
+    g, g_t, (t, n, across) = _carried(face, reduced, False)
+    g_t = g_t * reduced / lower.shear
+    inverse = 1 / (1 + s.q11 * g.c11 + 2 * s.q12 * g.c12 + s.q22 * g.c22 + s.det_q * g.det)
+    t, n = release(Compliance(s.q11, s.q12, s.q22, s.det_q), g, (t, n), 1, inverse)
+    # Upside down, compliances and stiffnesses change places.
+    turned = Slab(
+        s.g11, s.g12, s.g22, s.det_g, s.q11, s.q12, s.q22, s.det_q, s.p11, s.p21, s.p12, s.p22
+    )
+    tanh, decay = jnp.tanh(x), jnp.exp(-x)
+    inverse_t = 1 / (1 + tanh * g_t)
+    traction = (
+        s.p11 * t + s.p21 * n,
+        s.p12 * t + s.p22 * n,
+        2 * decay / (1 + decay * decay) * across * inverse_t,
+    )
+    stiffness = stack_on(g, turned, jnp.ones_like(x))
+    return lower._replace(state=Carried(stiffness, (tanh + g_t) * inverse_t, traction))
+
+
+def _carried(face: Face, reference: Array, _: bool) -> Carried:
+    plane, antiplane, traction = face.state
+    plane = in_units(plane, face.reduced / reference)
+    return Carried(plane, antiplane * face.shear / reference, traction)
+
+
+def _face(carried: Carried, reference: Array, _: bool, e: Array) -> Face:
+    face = face_in(carried, reference, e)
+    antiplane = carried.antiplane * reference / face.shear
+    return face._replace(state=carried._replace(antiplane=antiplane))
+
+
+_ABOVE = Rule(_add, None, _carried, _face)
+
+
+def _joined(face: Face, below: Face) -> tuple[Array, ...]:
+    """Returns the tractions t, s, σ_T [Pa] and U, w, w_T [Pa, in units of 2/q] at the cut."""
+    (g, g_t, (t, n, across)), (one, c11, c12, c22, det, one_t, c_t, _) = face.state, below.state
+    g, g_t = in_units(g, face.reduced / below.reduced), face.shear / below.shear * g_t
+    inverse = 1 / (one + g.c11 * c11 + 2 * g.c12 * c12 + g.c22 * c22 + g.det * det)
+    # c (1 + G c)⁻¹ = (c + det c adj G)/n
+    h11, h12, h22 = c11 + det * g.c22, c12 - det * g.c12, c22 + det * g.c11
+    u, w = h11 * t + h12 * n, h12 * t + h22 * n
+    scale, released = inverse / below.reduced, across / (one_t + g_t * c_t)
+    t, n = release(Compliance(c11, c12, c22, det), g, (t, n), one, inverse)
+    return t, n, one_t * released, u * scale, w * scale, c_t * released / below.shear

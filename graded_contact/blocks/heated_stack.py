@@ -1,0 +1,98 @@
+"""A block whose temperature varies with depth, and what heats it."""
+
+from typing import TypeVar
+
+import equinox as eqx
+import jax.numpy as jnp
+from jaxtyping import Array, Float
+
+from ..core.compilation import jit
+from ..core.display import shown
+from ..materials.material import Elastic
+from .stack import HalfSpace, Layer, Stack, is_graded
+
+B = TypeVar("B")
+
+
+@shown()
+class HeatedContact(eqx.Module):
+    """The temperatures of a heated contact.
+
+    **Fields:**
+
+    - `stack`: the block in thin layers, each at its temperature; for `heat_source`. With
+      `strain_per_slope` its strain amplitude is that of the slope in contact.
+    - `surface_rise`: temperature of the surface above the bulk [K], mean over the contact.
+    - `rises`: the same of each cell of the depth [K], shape `(cells,)`.
+    - `edges`: depths between which the cells lie [m], from 0, shape `(cells + 1,)`.
+    - `error`: change of the temperatures in the last step over the largest rise [1].
+    - `friction_error`, `area_error`: estimated errors of friction and contact area [1], by `error`
+      and by the finite number of cells.
+    """
+
+    stack: Stack
+    surface_rise: Float[Array, ""]
+    rises: Float[Array, " cells"]
+    edges: Float[Array, " edges"]
+    error: Float[Array, ""]
+    friction_error: Float[Array, ""]
+    area_error: Float[Array, ""]
+
+
+def check_bulk(temperature: B | None) -> B:
+    """Returns the bulk temperature; raises `ValueError` for None."""
+    if temperature is None:
+        raise ValueError(
+            "`temperature=None` is refused with `heating`: give the bulk temperature [K]."
+        )
+    return temperature
+
+
+def check_heated(stack: Stack) -> None:
+    """Raises `ValueError` for a block whose layers cannot be cut."""
+    if is_graded(stack):
+        raise ValueError(
+            "`stack` has a graded layer, which `heating` cannot cut: use `blocks.sliced` first."
+        )
+
+
+@jit
+def heated(
+    stack: Stack,
+    temperature: Float[Array, ""],
+    rises: Float[Array, " cells"],
+    edges: Float[Array, " edges"],
+) -> Stack:
+    """Returns a block in thin layers, each at its temperature.
+
+    **Arguments:**
+
+    - `stack`: the block, without graded layers.
+    - `temperature`: of the block below the last edge [K].
+    - `rises`: above `temperature` between two edges each [K].
+    - `edges`: depths from 0 [m], one more than `rises`.
+    """
+    layers, top = [], jnp.zeros((), edges.dtype)
+
+    def cut(material, bottom):
+        """Layers of a material down to `bottom`; those that lie elsewhere have no thickness."""
+        if isinstance(material, Elastic):
+            return []
+        cuts = jnp.clip(edges, top, bottom)
+        return [
+            Layer(material.at(temperature + rises[i]), cuts[i + 1] - cuts[i])
+            for i in range(len(rises))
+        ]
+
+    for layer in stack.layers:
+        assert isinstance(layer, Layer)
+        bottom = top + layer.thickness
+        thin = cut(layer.material, bottom)
+        rest = bottom - jnp.maximum(top, edges[-1]) if thin else layer.thickness
+        layers += [*thin, Layer(layer.material.at(temperature), jnp.maximum(rest, 0))]
+        top = bottom
+    base = stack.base
+    if isinstance(base, HalfSpace):
+        layers += cut(base.material, jnp.maximum(top, edges[-1]))
+        base = HalfSpace(base.material.at(temperature))
+    return Stack(layers=tuple(layers), base=base)

@@ -1,0 +1,309 @@
+"""The surface compliance of a stack on the whole half spectrum of a grid, for steady sliding.
+
+A surface moving with velocity v excites the wavevector q at ω = -q·v. To save work:
+
+- Moduli are computed once per row of equal q_x: for sliding along x, ω depends on the row only.
+- The geometry uses real arithmetic if Poisson's ratio is real.
+- Rows of -q_x follow by conjugation.
+- Rows are computed in blocks that fit the cache, so temporaries do not grow with the grid;
+  derivatives recompute a block instead of storing it.
+- Graded and long stacks are interpolated from a table of few wavevectors if that is less work
+  (`table`).
+"""
+
+import math
+from functools import partial
+
+import equinox as eqx
+import jax
+import jax.numpy as jnp
+import numpy as np
+from jaxtyping import Array, Bool, Float, Inexact
+
+from ..core.checks import (
+    Numbers,
+    as_float,
+    check_increasing,
+    check_rows,
+    check_types,
+    check_values,
+    is_concrete,
+)
+from ..core.compilation import jit
+from ..core.derivative import derivative_apart
+from ..core.memory import KERNEL, check_memory
+from ..fields.devices import num_devices, required, spread, whole_along
+from ..fields.grid import (
+    Grid,
+    as_velocity,
+    both_signs,
+    even_on_nyquist,
+    nyquist_lines,
+    sliding_frequency,
+    zero_mode,
+)
+from ..materials.softening import at_strain, softens
+from .compliance import compliance_of, log_compliance
+from .grading import AbstractGradedSolver, check_profiles, graded_tolerance
+from .interpolation import KernelTable, tabulate
+from .layering import Layering
+from .stack import Stack, check_at_rest, is_graded
+
+_BLOCK_ROWS = 16
+# With so few layers, or points of the grid, direct evaluation is faster than a table.
+_FEW_LAYERS, _FEW_POINTS = 6, 192**2
+
+
+_NOT_REACHED = (
+    "The tolerance was not reached in a kernel: the profile of a graded layer varies too sharply. "
+    "Put boundaries between layers at its jumps and list its kinks in `breaks`, pass a larger "
+    "`rtol`, or call `stack_kernel` outside `jit`, `vmap` and derivatives, where it turns from its "
+    "table to direct evaluation."
+)
+
+
+@check_types
+def stack_kernel(
+    stack: Stack,
+    grid: Grid,
+    velocity: Numbers = 0.0,
+    *,
+    graded_solver: AbstractGradedSolver = Layering(),  # noqa: B008 (immutable)
+    rtol: float | None = None,
+    strain: tuple[Numbers, Numbers] | None = None,
+) -> Inexact[Array, "*half"]:
+    """Returns M_zz [m/Pa] of a stack on the half spectrum of a grid, for steady sliding.
+
+    Up to six homogeneous layers are evaluated at every wavevector, to rounding. Longer stacks
+    and graded layers are interpolated from a table on grids of some size if the velocity is
+    along x; `kernel_table` shows its cost and error. A table that misses `rtol` is replaced by
+    direct evaluation; under `jit`, where that cannot be decided, it is an error.
+
+    **Arguments:**
+
+    - `stack`: the block.
+    - `grid`: the periodic cell.
+    - `velocity`: of the rough surface over the block [m/s]: a number (along x) or `(vx, vy)`.
+    - `graded_solver`: solver of graded layers, `Layering()` or `Riccati()`.
+    - `rtol`: relative tolerance of graded and long stacks; by default that of `graded_solver`.
+    - `strain`: wavenumbers [rad/m], ascending, and amplitudes ε [1] at them, for a block with
+      `materials.StrainSoftening`: each wave has the modulus at its ε, linear in between.
+
+    **Returns:** the kernel, shape of the half spectrum. The q = 0 entry is 0 (the mean
+    displacement is part of the mean gap). Nyquist lines have the real part of the mean over both
+    signs of that component of q: then the operator is real, and so is its inverse. The kernel is
+    real if every material is elastic.
+
+    **Raises:** `ValueError` for a refused argument; `RuntimeError` if `rtol` is not reached.
+    """
+    kernel, reached = attempted_kernel(
+        stack, grid, velocity,
+        graded_solver=graded_solver, rtol=rtol, strain=strain, choosing=False,
+    )  # fmt: skip
+    return required(kernel, reached, partial(eqx.error_if, msg=_NOT_REACHED))
+
+
+def attempted_kernel(
+    stack: Stack,
+    grid: Grid,
+    velocity: Numbers = 0.0,
+    *,
+    graded_solver: AbstractGradedSolver = Layering(),  # noqa: B008 (immutable)
+    rtol: float | None = None,
+    strain: tuple[Numbers, Numbers] | None = None,
+    choosing: bool = True,
+) -> tuple[Inexact[Array, "*half"], Bool[Array, ""]]:
+    """Returns the kernel, and whether it reached its tolerance; does not raise.
+
+    Arguments as in `stack_kernel`. NaN where the tolerance of a graded layer was missed. If
+    `choosing`, a table that misses it gives way to direct evaluation under `jit`, too: both are
+    compiled.
+    """
+    velocity = checked_velocity(stack, grid, velocity)
+    rtol = graded_tolerance(graded_solver, rtol, grid.size)
+    oblique, size = velocity.ndim > 0, grid.size
+    check_memory("grid", "a kernel", KERNEL, grid.shape, size.dtype.itemsize, num_devices(size))
+    if strain is not None:
+        strain = _checked_strain(stack, *strain)
+
+    def direct():
+        kernel = _direct_kernel(stack, grid, velocity, graded_solver, rtol, strain)
+        return kernel, jnp.all(jnp.isfinite(kernel)) if is_graded(stack) else jnp.asarray(True)
+
+    if strain is None and not oblique and grid.ndim == 2 and is_dear(stack, math.prod(grid.shape)):
+        kernel, error = _interpolated_kernel(stack, grid, velocity, graded_solver, rtol)
+        # NaN comes from a node that could not be solved; nor could its neighbours be.
+        table, missed = (kernel, error <= rtol), error > rtol
+        if choosing and not is_concrete(error):
+            return jax.lax.cond(missed, direct, lambda: table)
+        if not is_concrete(error) or not missed:
+            return table
+    return direct()
+
+
+@check_types
+def kernel_table(
+    stack: Stack,
+    grid: Grid,
+    velocity: Numbers = 0.0,
+    *,
+    graded_solver: AbstractGradedSolver = Layering(),  # noqa: B008 (immutable)
+    rtol: float | None = None,
+) -> KernelTable:
+    """Returns the table of log(q M_zz) from which `stack_kernel` interpolates.
+
+    `.num_evaluations` counts the wavevectors at which the stack was solved and `.error` is the
+    estimated relative error of the kernel. Arguments as in `stack_kernel`; the grid must have
+    two dimensions and the velocity be along x.
+
+    **Arguments:**
+
+    - `stack`, `grid`, `velocity`, `graded_solver`, `rtol`: as in `stack_kernel`.
+
+    **Returns:** the table, with its cost and error.
+
+    **Raises:** `ValueError` for a refused argument.
+    """
+    velocity = checked_velocity(stack, grid, velocity)
+    rtol = graded_tolerance(graded_solver, rtol, grid.size)
+    if grid.ndim == 1 or velocity.ndim == 1:
+        raise ValueError(
+            f"`grid` has shape {grid.shape} and `velocity` shape {velocity.shape}; a table is "
+            "made in two dimensions and for sliding along x."
+        )
+    return _kernel_table(stack, grid, velocity, graded_solver, rtol)
+
+
+def checked_velocity(stack: Stack, grid: Grid, velocity: Numbers) -> Float[Array, "..."]:
+    """Returns the velocity as an array, refused where a stack has no response to its waves."""
+    velocity = as_velocity(velocity, grid)
+    if grid.ndim == 2 or (is_concrete(velocity) and not np.any(np.asarray(velocity))):
+        check_at_rest(stack)
+    check_profiles(stack, _extreme_frequencies(grid, velocity))
+    return velocity
+
+
+@jit
+def _extreme_frequencies(grid, velocity):
+    """|ω| [rad/s] at rest, of the longest and of the shortest wave along the velocity."""
+    along = velocity if velocity.ndim == 0 else jnp.sqrt(jnp.sum(velocity**2))
+    lowest, highest = _wavenumbers(grid, 0, np.array([1, grid.shape[0] // 2]))
+    return along * jnp.stack([jnp.zeros_like(lowest), lowest, highest])
+
+
+def _checked_strain(stack, q, amplitude):
+    q, amplitude = as_float(q, "strain[0]"), as_float(amplitude, "strain[1]")
+    check_rows(2, **{"strain[0]": q, "strain[1]": amplitude})
+    check_increasing("strain[0]", q)
+    check_values("strain[1]", amplitude, "a strain [1] is 0 or positive", at_least=0)
+    if not softens(stack):
+        raise ValueError("`stack` holds no `StrainSoftening`: no modulus depends on the `strain`.")
+    return q, amplitude
+
+
+def is_dear(stack: Stack, num_points: int) -> bool:
+    """Returns whether a table is less work than the response of a stack at so many points."""
+    many = is_graded(stack) or len(stack.layers) > _FEW_LAYERS
+    return bool(many and num_points > _FEW_POINTS)
+
+
+@derivative_apart
+@jit
+def _direct_kernel(stack, grid, velocity, graded_solver, rtol, strain):
+    if grid.ndim == 1:
+        qx = _wavenumbers(grid, 0, np.arange(grid.shape[0] // 2 + 1))
+        kernel = _compliance(stack, qx, jnp.zeros_like(qx), velocity, graded_solver, rtol, strain)
+        return _rules(kernel, grid)
+    kx, ky = both_signs(grid.shape)
+    qy = _wavenumbers(grid, 1, ky)
+
+    def rows(index):
+        qx = _wavenumbers(grid, 0, jnp.asarray(kx)[index])
+        return _compliance(stack, qx, qy, velocity, graded_solver, rtol, strain)
+
+    if velocity.shape == ():
+        return _mirrored(rows, grid)
+    return _rules(even_on_nyquist(_in_blocks(rows, len(kx)), grid.shape), grid)
+
+
+@derivative_apart
+@jit
+def _interpolated_kernel(stack, grid, velocity, graded_solver, rtol):
+    """The kernel by its table, and the error of that."""
+    table = _kernel_table(stack, grid, velocity, graded_solver, rtol)
+    numbers = np.arange(grid.shape[1] // 2 + 1)
+    qy, columns = _wavenumbers(grid, 1, numbers), table.along_y(numbers)
+
+    def rows(index):
+        qx = _wavenumbers(grid, 0, index)
+        return jnp.exp(table.along_x(index, columns)) / _magnitude(qx[:, None], qy[None, :])
+
+    return _mirrored(rows, grid), table.error
+
+
+@jit
+def _kernel_table(stack, grid, velocity, graded_solver, rtol):
+    lowest = 2 * np.pi / grid.size
+
+    def logarithm(kx, ky, attempt=False):
+        qx, qy = kx * lowest[0], ky * lowest[1]
+        q, omega = _magnitude(qx, qy), sliding_frequency(qx, qy, velocity)
+        return log_compliance(stack, q, omega, graded_solver, rtol, attempt)
+
+    highest = (grid.shape[0] // 2, grid.shape[1] // 2)
+    return tabulate(logarithm, partial(logarithm, attempt=True), highest, rtol, grid.size.dtype)
+
+
+def _mirrored(rows_of, grid):
+    """The kernel of sliding along x: rows of ±q_x are conjugates of each other."""
+    num_rows = grid.shape[0] // 2 + 1
+    kernel = _in_blocks(rows_of, num_rows)
+    others = kernel[1 : grid.shape[0] - num_rows + 1][::-1]
+    return _rules(jnp.concatenate([kernel, jnp.conj(others)]), grid)
+
+
+def _in_blocks(rows_of, num_rows):
+    """All rows of the kernel, computed a block at a time."""
+    # On several devices each takes its columns of every block.
+    block = jax.checkpoint(lambda index: whole_along(rows_of(index), 0))
+    if num_rows <= 2 * _BLOCK_ROWS:
+        return block(np.arange(num_rows))
+    num_blocks = -(-num_rows // _BLOCK_ROWS)
+    rows = np.arange(num_blocks * _BLOCK_ROWS).reshape(num_blocks, _BLOCK_ROWS)
+    # The last block repeats its last row instead of running over the grid.
+    kernel = jax.lax.map(block, np.minimum(rows, num_rows - 1))
+    return kernel.reshape(-1, kernel.shape[-1])[:num_rows]
+
+
+def _wavenumbers(grid, axis, number):
+    """Components of q along an axis."""
+    return (2 * np.pi / grid.size[axis]) * number.astype(grid.size.dtype)
+
+
+def _magnitude(qx, qy):
+    """|q| of broadcast components; q = 0 takes a wavenumber at which everything is finite."""
+    squared = qx**2 + qy**2
+    return jnp.sqrt(jnp.where(squared == 0, 1, squared))
+
+
+def _compliance(stack, qx, qy, velocity, graded_solver, rtol, strain):
+    q = _magnitude(qx, qy)
+    # For sliding along x the frequency keeps the shape of qx: one modulus per row.
+    omega = sliding_frequency(qx, qy, velocity)
+    if strain is None:
+        return compliance_of(stack, q, omega, graded_solver, rtol, throw=False)
+
+    def at(q, omega):
+        block = at_strain(stack, jnp.interp(q, *strain))
+        return compliance_of(block, q[None], omega[None], graded_solver, rtol, throw=False)[0]
+
+    return jnp.vectorize(at)(q, omega)
+
+
+def _rules(kernel, grid):
+    """By the rules of the half spectrum, and laid as what leaves a compiled program is."""
+    kernel = jnp.where(zero_mode(grid.shape), 0, kernel)
+    if jnp.iscomplexobj(kernel):
+        imag = jnp.where(nyquist_lines(grid.shape), 0, kernel.imag)
+        kernel = jax.lax.complex(kernel.real, imag)
+    return kernel if grid.ndim == 1 else spread(kernel, grid.size)

@@ -1,0 +1,291 @@
+"""Graded layers by the differential equation of the compliance, integrated by diffrax.
+
+With κ = ν/(1 - ν), c in units of 2/(E_ref q), ζ = q z upwards, R = 2 E_r/E_ref and
+
+    B1 = E_ref (1 + ν)/E,   B2 = E_ref (1 + ν)(1 - 2ν)/(2 E (1 - ν)),
+
+    c11' = B1 - 2 c12 - R c11²         c12' = κ c11 - c22 - R c11 c12
+    c22' = B2 + 2 κ c12 - R c12²       (det c)' = B1 c22 + B2 c11 - R c11 det c
+    c_T' = B1 - c_T²/B1
+
+(no derivative of a modulus appears; ν may vary). On a free base c is infinite, and its inverse
+is integrated. Upwards the effect of the start decays as e^-2ζ; downwards it would grow. The
+integration starts where the wave has decayed (`column.visible`), so the equation is not stiff. Two
+quantities are integrated downwards, along y = -ζ: the stiffness G of the part above, which with the
+other sign of g12 obeys the equation of the inverse, and the traction v = (t, s) on a clamped face
+
+    t' = κ s - B1 g11 t - B2 g12 s     s' = -t - B1 g12 t - B2 g22 s     T' = -B1 g_T T,
+
+of which the decay e^-y is taken out.
+"""
+
+from collections.abc import Callable
+from functools import partial
+from typing import Any, NamedTuple
+
+import equinox as eqx
+import jax
+import jax.numpy as jnp
+from jax.flatten_util import ravel_pytree
+from jaxtyping import Array, Float
+
+from ..core.checks import check_type
+from .column import Carried
+from .grading import AbstractGradedSolver, as_tolerance, rounding
+from .layering import add_layered, build_mesh
+from .profile import moduli_at
+from .shapes import breaks_of
+from .slab import Compliance
+from .stack import Free
+
+
+class Equation(NamedTuple):
+    """Of the compliance or its inverse, or downwards of a stiffness; the tolerance of a step."""
+
+    inverse: bool
+    down: bool
+    step: float
+
+    def rates(self, numbers, modulus, poisson, reference):
+        """Returns the rates of change per unit of ζ, or downwards of y."""
+        (c11, c12, c22, det), antiplane, traction = numbers
+        kappa, b1 = poisson / (1 - poisson), reference * (1 + poisson) / modulus
+        b2 = b1 * (1 - 2 * poisson) / (2 * (1 - poisson))
+        r = 2 * modulus / (reference * (1 - poisson**2))
+        if traction is not None:
+            t, s, across = traction
+            traction = (
+                t + kappa * s - b1 * c11 * t - b2 * c12 * s,
+                s - t - b1 * c12 * t - b2 * c22 * s,
+                across - b1 * antiplane * across,
+            )
+        if self.inverse or self.down:
+            c12 = -c12 if self.down else c12
+            rates = (
+                r - 2 * kappa * c12 - b1 * c11 * c11 - b2 * c12 * c12,
+                c11 - kappa * c22 - b1 * c11 * c12 - b2 * c12 * c22,
+                2 * c12 - b1 * c12 * c12 - b2 * c22 * c22,
+                r * c22 - (b1 * c11 + b2 * c22) * det,
+            )
+        else:
+            rates = (
+                b1 - 2 * c12 - r * c11 * c11,
+                kappa * c11 - c22 - r * c11 * c12,
+                b2 + 2 * kappa * c12 - r * c12 * c12,
+                b1 * c22 + b2 * c11 - r * c11 * det,
+            )
+        plane = Compliance(*rates)
+        if self.down:
+            plane = plane._replace(c12=-plane.c12)
+        if antiplane is not None:
+            soft = 1 / b1 if self.inverse or self.down else b1
+            antiplane = soft - antiplane * antiplane / soft
+        return Carried(plane, antiplane, traction)
+
+
+_MAX_STEPS = 4096
+
+
+class Riccati(AbstractGradedSolver):
+    """The differential equation of the compliance, integrated by diffrax.
+
+    The tolerance of a step is `rtol`/30; a second integration with a tolerance ten times larger
+    estimates the error. `benchmarks/bench_grading.py` compares it with `Layering`: `Riccati` is
+    slower for an equal error. The two methods share only a rough solution for the sizes.
+
+    **Fields:**
+
+    - `solver`: a diffrax solver; by default `Dopri8()`.
+    - `controller`: called with `rtol` and `atol` of a step, returns a diffrax controller; by
+      default `PIDController` itself.
+    - `adjoint`: a diffrax adjoint for derivatives in reverse mode; by default
+      `RecursiveCheckpointAdjoint()`. Those in forward mode are by `ForwardMode`.
+    - `rtol`: relative tolerance; by default 1e-9, in float32 1e-4. Static.
+    """
+
+    solver: Any = None
+    controller: Callable[..., Any] | None = eqx.field(static=True, default=None)
+    adjoint: Any = None
+    rtol: float | None = eqx.field(static=True, default=None, converter=as_tolerance)
+
+    def __check_init__(self):
+        import diffrax
+
+        check_type("solver", self.solver, diffrax.AbstractSolver, type(None))
+        check_type("adjoint", self.adjoint, diffrax.AbstractAdjoint, type(None))
+        if isinstance(self.adjoint, diffrax.ForwardMode | diffrax.BacksolveAdjoint):
+            raise ValueError(
+                f"`adjoint={type(self.adjoint).__name__}(...)` cannot differentiate by a profile "
+                "in reverse mode. Pass `RecursiveCheckpointAdjoint()` or `DirectAdjoint()`."
+            )
+        if not (self.controller is None or callable(self.controller)):
+            raise ValueError(
+                f"`controller={self.controller!r}` must be called as controller(rtol=..., "
+                "atol=...) and return a diffrax controller, as `diffrax.PIDController` itself is."
+            )
+
+    def solve(self, climb, measure, stack, q, omega, rtol):
+        inverse = isinstance(stack.base, Free)
+
+        def found(step):
+            def add(part, face, rule):
+                return self._add(part, face, rule, Equation(inverse, rule.down, step))
+
+            return climb(add)
+
+        # The tolerance is that of a step; errors of steps add up.
+        step = rtol / 30
+        values = found(step)
+        rough = jax.lax.stop_gradient(found(10 * step))
+        differences = [a - b for a, b in zip(values, rough, strict=True)]
+        error = jax.lax.stop_gradient(measure(differences, values))
+        # Both may happen to take the same steps.
+        return values, error + rounding(q) + step
+
+    def _add(self, part, face, rule, equation):
+        """The other face of a graded layer."""
+        import diffrax  # costs a quarter of a second that other scenes need not pay
+
+        x, inverse = part.x, equation.inverse
+        end_height = jnp.ones_like(x) if part.height is None else part.height
+        mesh = build_mesh(part.profile, x, part.omega, num_cells=4)
+        rough = add_layered(part, face, mesh, rule)
+        rough = jax.lax.stop_gradient(jax.tree.map(lambda leaf: leaf[-1], rough))
+        end = part.moduli(end_height)
+        reference = jax.lax.stop_gradient(jnp.abs(end[0]))
+        scale = rule.numbers(rough, reference, inverse)
+        start = rule.numbers(face, reference, inverse)
+        if not rule.down:
+            entry = rule.half_space(*part.moduli(1 - part.seen))
+            entry = rule.numbers(entry, reference, inverse)
+            start = jax.tree.map(lambda a, b: jnp.where(part.seen < 1, a, b), entry, start)
+        sizes, stiffness = _sizes(scale, start), reference * part.unit
+        waves = _Wave(x, part.omega, part.seen, end_height, stiffness, start, sizes)
+        shape = jnp.broadcast_shapes(*(leaf.shape for leaf in jax.tree.leaves((waves, end))))
+        waves = jax.tree.map(lambda leaf: jnp.broadcast_to(leaf, shape).ravel(), waves)
+
+        def solve(adjoint, given):
+            profile, waves = given
+            return jax.vmap(lambda wave: self._solve_one(profile, wave, equation, adjoint))(waves)
+
+        forward = partial(solve, diffrax.ForwardMode())
+        backward = partial(solve, self.adjoint or diffrax.RecursiveCheckpointAdjoint())
+        top = _in_both_modes(forward, backward, (part.profile, waves))
+        top = jax.tree.map(lambda leaf: leaf.reshape(shape), top)
+        return rule.face(top, jnp.broadcast_to(reference, shape), inverse, end[1])
+
+    def _solve_one(self, profile, wave, equation, adjoint):
+        """The numbers of one wave at the end; NaN where the steps did not suffice."""
+        import diffrax
+
+        down, step = equation.down, equation.step
+        # Heights run from `height - length` upwards, or from the top to `height` downwards.
+        length = 1 - wave.height if down else wave.height - (1 - wave.seen)
+        highest = 1 if down else wave.height
+        treedef = jax.tree.structure(wave.start)
+        size = jnp.stack(jax.tree.leaves(wave.size))
+        is_complex = any(map(jnp.iscomplexobj, jax.tree.leaves(wave.start)))
+
+        def split(numbers):
+            y = jnp.stack(jax.tree.leaves(numbers)) / size
+            return jnp.stack([y.real, y.imag]) if is_complex else y.real
+
+        def join(y):
+            y = (jax.lax.complex(y[0], y[1]) if is_complex else y) * size
+            return jax.tree.unflatten(treedef, list(y))
+
+        def slope(place, y, _):
+            s = highest - length * (place if down else 1 - place)
+            modulus, poisson = moduli_at(profile, s, wave.omega)
+            rates = equation.rates(join(y), modulus, poisson, wave.reference)
+            return split(rates) * (wave.x * length)
+
+        controller = (self.controller or diffrax.PIDController)(rtol=step, atol=1e-4 * step)
+        breaks = breaks_of(profile)
+        if len(breaks):
+            places = (highest - breaks) / jnp.where(length > 0, length, 1)
+            places = jax.lax.stop_gradient(places if down else 1 - places)
+            controller = diffrax.ClipStepSizeController(controller, jump_ts=places)
+        solution = diffrax.diffeqsolve(
+            diffrax.ODETerm(slope),  # pyright: ignore[reportArgumentType]
+            self.solver or diffrax.Dopri8(),
+            t0=0.0,
+            t1=1.0,
+            dt0=None,
+            y0=split(wave.start),
+            stepsize_controller=controller,
+            adjoint=adjoint,
+            max_steps=_MAX_STEPS,
+            throw=False,
+        )
+        assert solution.ys is not None
+        ended = solution.result == diffrax.RESULTS.successful
+        numbers = join(jnp.where(ended, solution.ys[-1], jnp.nan))
+        if not down:
+            return numbers
+        decay = jnp.exp(-wave.x * length)
+        return numbers._replace(traction=tuple(decay * part for part in numbers.traction))
+
+
+class _Wave(NamedTuple):
+    """One integration: q d, ω, the fraction of the layer that is seen, and the height of its cut.
+
+    E_ref [Pa], the numbers at its start and their sizes.
+    """
+
+    x: Float[Array, "..."]
+    omega: Float[Array, "..."]
+    seen: Float[Array, "..."]
+    height: Float[Array, "..."]
+    reference: Float[Array, "..."]
+    start: Carried
+    size: Carried
+
+
+def _in_both_modes(forward, backward, given):
+    """Returns `backward(given)`, with derivatives by either in the mode that it has.
+
+    The map of tangents is linear, and JAX gets its transpose as that of the solution of a linear
+    system: (b, 0) -> (0, L b), transposed (0, c) -> (Lᵀ c, 0).
+    """
+    given, rest = eqx.partition(given, eqx.is_inexact_array)
+
+    @jax.custom_jvp
+    def value(given):
+        return backward(eqx.combine(given, rest))
+
+    @value.defjvp
+    def _(primals, tangents):
+        (given,), (change,) = primals, tangents
+        found = value(given)
+        none = jax.tree.map(jnp.zeros_like, (given, found))
+        # In one array: JAX wants all of it to depend on what is differentiated.
+        flat, unravel = ravel_pytree((change, none[1]))
+
+        def tangent(_, flat):
+            run = lambda given: forward(eqx.combine(given, rest))  # noqa: E731
+            return ravel_pytree((none[0], jax.jvp(run, (given,), unravel(flat)[:1])[1]))[0]
+
+        def cotangent(_, flat):
+            run = lambda given: backward(eqx.combine(given, rest))  # noqa: E731
+            return ravel_pytree((*jax.vjp(run, given)[1](unravel(flat)[1]), none[1]))[0]
+
+        solved = jax.lax.custom_linear_solve(lambda x: x, flat, tangent, cotangent)
+        return found, unravel(solved)[1]
+
+    return value(given)
+
+
+def _sizes(rough, start):
+    """What tolerances are relative to: sizes of a rough result, never nothing."""
+
+    def plane(c):
+        mean = jnp.sqrt(jnp.abs(c.c11)) * jnp.sqrt(jnp.abs(c.c22))
+        return Compliance(*map(jnp.abs, c))._replace(c12=jnp.abs(c.c12) + 1e-6 * mean)
+
+    size = Carried(plane(rough.plane), *jax.tree.map(jnp.abs, rough[1:]))
+    if start.traction is not None:
+        t, s, across = map(jnp.abs, start.traction)
+        size = size._replace(traction=(t + s, t + s, across))
+    size = jax.tree.map(lambda z: jnp.where(z > 0, z, 1), size)
+    return jax.lax.stop_gradient(size)

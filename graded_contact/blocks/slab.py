@@ -1,0 +1,309 @@
+"""One homogeneous slab under a wave of surface traction, by bounded factors without cancellation.
+
+In the frame of the wavevector, with z out of the body, take (t, s) = (-iσ_L, σ_3) and
+(U, w) = (-iw_L, w_3): then everything is real for real moduli. A slab is described by the
+compliance Q of its upper face when the lower is clamped, the stiffness G of its lower face when
+the upper is free, and the transmission P between them. With the compliance c of what lies
+below, the upper face has
+
+    c' = Q + P c (1 + G c)⁻¹ Pᵀ,
+
+all in units of 2/(E_r q) with E_r = E/(1 - ν²) of the slab. Q, G, P are 2×2; their entries are
+sums of decaying exponentials in x = q d, so that no term grows for thick slabs. The small
+differences of thin slabs are series, so that no terms cancel. The determinant of c is computed
+separately: for a free laminate c11 c22 - c12² has no correct digit.
+
+The factors are those of the quasi-static Navier equations (the paper's slab matrices M1 to M4
+for constant ν, rearranged); `docs/theory/response.md` derives them.
+"""
+
+from collections import namedtuple
+from typing import NamedTuple
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+from jaxtyping import Array, Float, Inexact
+
+# 2 (sinh x - x) = x³ Σ_k 2 x^2k/(2k+3)!; 13 terms reach rounding at x = 2.
+_PSI_SERIES = [2.0 / float(np.prod(np.arange(1.0, 2 * k + 4))) for k in range(13)]
+# x (cosh x - 1) - 3 (sinh x - x) = x⁵ Σ_k (2k+2) x^2k/(2k+5)!, also 13 terms.
+_CHI_SERIES = [(2 * k + 2) / float(np.prod(np.arange(1.0, 2 * k + 6))) for k in range(13)]
+# e^-350 squared underflows to nothing in float64; larger q d would only make inf × 0.
+DEEP = 350.0
+
+
+class Hyperbolic(NamedTuple):
+    """e^-x, 2 e^-x sinh x and 2 e^-x (sinh x - x)."""
+
+    e1: Float[Array, "*w"]
+    om: Float[Array, "*w"]
+    psi: Float[Array, "*w"]
+
+
+@jax.custom_jvp
+def hyperbolic(x: Float[Array, "*w"]) -> Hyperbolic:
+    """Returns the functions of x >= 0 that a slab is made of, to the last digits.
+
+    For thin slabs the difference comes first, as a series, and for thick ones the sum.
+    """
+    x = jnp.minimum(x, DEEP)
+    e1 = jnp.exp(-x)
+    thin = x < 2
+    near = e1 * x * _series(_PSI_SERIES, 1, jnp.where(thin, x, 1) ** 2)
+    om = jnp.where(thin, near + 2 * x * e1, 1 - e1 * e1)
+    return Hyperbolic(e1, om, jnp.where(thin, near, om - 2 * x * e1))
+
+
+@hyperbolic.defjvp
+def _hyperbolic_jvp(primals, tangents):
+    e1, om, psi = hyperbolic(*primals)
+    dx = jnp.where(primals[0] < DEEP, tangents[0], 0)
+    # 2 e^-x (cosh x - 1) = om²/(1 + e^-x)², without the difference
+    change = Hyperbolic(-e1 * dx, 2 * e1 * e1 * dx, ((om / (1 + e1)) ** 2 - psi) * dx)
+    return Hyperbolic(e1, om, psi), change
+
+
+def _series(coefficients, first, squared):
+    """Σ_k coefficients[k] squared^(first + k)."""
+    series = jnp.full_like(squared, coefficients[-1])
+    for coefficient in coefficients[-2::-1]:
+        series = series * squared + coefficient
+    return squared**first * series
+
+
+class Compliance(NamedTuple):
+    """In-plane compliance [[c11, c12], [c12, c22]] of a face, and its determinant.
+
+    In units of 2/(E_r q), and of its square for the determinant.
+    """
+
+    c11: Inexact[Array, "*w"]
+    c12: Inexact[Array, "*w"]
+    c22: Inexact[Array, "*w"]
+    det: Inexact[Array, "*w"]
+
+
+class Slab(NamedTuple):
+    """Factors Q, G, P = [[p11, p12], [p21, p22]] and determinants of one slab (see above)."""
+
+    q11: Inexact[Array, "*w"]
+    q12: Inexact[Array, "*w"]
+    q22: Inexact[Array, "*w"]
+    det_q: Inexact[Array, "*w"]
+    g11: Inexact[Array, "*w"]
+    g12: Inexact[Array, "*w"]
+    g22: Inexact[Array, "*w"]
+    det_g: Inexact[Array, "*w"]
+    p11: Inexact[Array, "*w"]
+    p12: Inexact[Array, "*w"]
+    p21: Inexact[Array, "*w"]
+    p22: Inexact[Array, "*w"]
+
+
+def plane_strain(
+    modulus: Inexact[Array, "..."],
+    poisson: Inexact[Array, "..."],
+    unit: Float[Array, ""] | float = 1.0,
+) -> tuple[Inexact[Array, "..."], Inexact[Array, "..."]]:
+    """Returns E/(1 - ν²) in a unit of moduli, and e = 1 - 2ν."""
+    return times(reciprocal(unit * (1 - poisson * poisson)), modulus), 1 - 2 * poisson
+
+
+def in_units(c: Compliance, ratio: Inexact[Array, "..."]) -> Compliance:
+    """Returns a compliance in units of 2/(E_r q) of another E_r, `ratio` times as large."""
+    c11, c12, c22 = (times(ratio, part) for part in c[:3])
+    return Compliance(c11, c12, c22, times(ratio * ratio, c.det))
+
+
+def rigid(like: Inexact[Array, "..."]) -> Compliance:
+    """Returns the compliance of a rigid base, zero, of the shape and dtype of `like`."""
+    return Compliance(*(jnp.zeros_like(like) for _ in Compliance._fields))
+
+
+def half_space(e: Inexact[Array, "..."]) -> Compliance:
+    """Returns the compliance of a half space; `e` = 1 - 2ν."""
+    one = jnp.ones_like(e)
+    return Compliance(one, -e / (1 + e), one, (1 + 2 * e) / (1 + e) ** 2)
+
+
+def free(x: Float[Array, "*#w"], e: Inexact[Array, "*#w"]) -> Compliance:
+    """Returns the compliance of a slab whose lower face carries no traction."""
+    t = _terms(x, e)
+    return Compliance(
+        t.f1 / t.f2,
+        -(t.x2 + e * t.s2) / ((1 + e) * t.f2),
+        (t.sc + t.x1) / t.f2,
+        t.delta / ((1 + e) ** 2 * t.f2),
+    )
+
+
+def factors(
+    x: Float[Array, "*#w"], e: Inexact[Array, "*#w"], functions: Hyperbolic | None = None
+) -> Slab:
+    """Returns the factors of a slab of x = q d [1] and `e` = 1 - 2ν; real for real `e`.
+
+    `functions` are `hyperbolic(x)` if they are at hand.
+    """
+    t = _terms(x, e, functions)
+    x, e1, e2, om = t.x, t.e1, t.e2, t.om
+    b = 1 + e
+    inverse = reciprocal(t.delta)
+    p = 2 * b * e1 * inverse
+    # Of thin slabs P is near 1, and rounded there it would drift in a stack of hundreds.
+    thin = x < 1
+    even = 2 * b * b * e1 * t.s2 / (1 + e1) ** 2 - t.x2 - (1 + 2 * e) * t.s2
+    odd = 2 * b * e1 * x * om
+    return Slab(
+        q11=((1 + 2 * e) * t.sc + t.x1) * inverse,
+        q12=(t.x2 - (1 + 2 * e) * e * t.s2) * inverse / b,
+        q22=(2 * e * t.sc + t.f1) * inverse,
+        det_q=(4 * e * b * t.s2 + t.f2) * inverse / b**2,
+        g11=b**2 * (t.sc + t.x1) * inverse,
+        g12=-b * (t.x2 + e * t.s2) * inverse,
+        g22=b**2 * t.f1 * inverse,
+        det_g=b**2 * t.f2 * inverse,
+        p11=jnp.where(thin, 1 + (even - odd) * inverse, p * (b * (1 + e2) - x * om)),
+        p12=-p * (x * (1 + e2) + e * om),
+        p21=p * (x * (1 + e2) - e * om),
+        p22=jnp.where(thin, 1 + (even + odd) * inverse, p * (b * (1 + e2) + x * om)),
+    )
+
+
+class Split(NamedTuple):
+    """The difference of c11 and c_T (antiplane compliance), in units of 1/(μ q), see `matrix`."""
+
+    clamped: Inexact[Array, "*w"]  # (1 - ν) q11 - tanh x
+    free: Inexact[Array, "*w"]  # (1 - ν) tanh x (c11 det g of the free slab) - det g
+    p11_less_1: Inexact[Array, "*w"]
+
+
+def split_of(x: Float[Array, "*#w"], e: Inexact[Array, "*#w"]) -> Split:
+    """Returns these differences of a slab, both sides of which are alike if it is thin."""
+    t = _terms(x, e)
+    x, e1, e2, om, psi, b = t.x, t.e1, t.e2, t.om, t.psi, 1 + e
+    inverse, rise = reciprocal(t.delta), (om / (1 + e1)) ** 2
+    # 2 e^-x [x (cosh x - 1) - 3 (sinh x - x)]
+    thin = x < 2
+    rest = 2 * e1 * x * _series(_CHI_SERIES, 2, jnp.where(thin, x, 1) ** 2)
+    rest = jnp.where(thin, rest, x * rise - 3 * psi)
+    clamped = 2 * b * e2 * (rest + 2 * psi) - (1 + 2 * e) * (1 - e) / 2 * om * t.s2 - t.x2 * om
+    free = e * om * t.f1 + 4 * e2 * x * rest - psi * (2 * e1 * (x * rise + psi) + om * rise)
+    even = 2 * b * b * e1 * t.s2 / (1 + e1) ** 2 - t.x2 - (1 + 2 * e) * t.s2
+    inverse_sum = 1 / (1 + e2)
+    return Split(
+        clamped * inverse * inverse_sum,
+        b * b / 2 * free * inverse * inverse_sum,
+        (even - 2 * b * e1 * x * om) * inverse,
+    )
+
+
+def stack_on(below: Compliance, slab: Slab, ratio: Inexact[Array, "..."]) -> Compliance:
+    """Returns the compliance of a slab's upper face, with `below` bonded to its lower face.
+
+    `ratio` is E_r of the slab over E_r in whose units `below` is given.
+    """
+    s = slab
+    c, h11, h12, h22, inverse = _lower_face(below, slab, ratio)
+    # With H = c (1 + G c)⁻¹ and A = P H the upper face has Q + A Pᵀ.
+    a11, a12 = times(s.p11, h11) + times(s.p12, h12), times(s.p11, h12) + times(s.p12, h22)
+    a21, a22 = times(s.p21, h11) + times(s.p22, h12), times(s.p21, h12) + times(s.p22, h22)
+    pushed = times(s.q22, c.c11) + times(2 * s.q12, c.c12) + times(s.q11, c.c22)
+    return Compliance(
+        s.q11 + times(s.p11, a11) + times(s.p12, a12),
+        s.q12 + times(s.p21, a11) + times(s.p22, a12),
+        s.q22 + times(s.p21, a21) + times(s.p22, a22),
+        (s.det_q + pushed + c.det) * inverse,
+    )
+
+
+def push_down(
+    traction: tuple[Inexact[Array, "..."], Inexact[Array, "..."]],
+    slab: Slab,
+    below: Compliance,
+    ratio: Inexact[Array, "..."],
+) -> tuple[tuple[Array, Array], tuple[Array, Array]]:
+    """Returns displacement and traction of a slab's lower face, given the upper face's traction.
+
+    `below` and `ratio` as in `stack_on`; the displacement is in units of 2/(E_r q) of the slab
+    per unit of traction.
+    """
+    c, h11, h12, h22, inverse = _lower_face(below, slab, ratio)
+    force = _clamped(traction, slab)
+    displacement = (h11 * force[0] + h12 * force[1], h12 * force[0] + h22 * force[1])
+    # Not the force less G times the displacement: of a soft film below it would be the difference
+    # of its like.
+    g = Compliance(slab.g11, slab.g12, slab.g22, slab.det_g)
+    return displacement, release(c, g, force, 1, inverse)
+
+
+def free_face(
+    traction: tuple[Inexact[Array, "..."], Inexact[Array, "..."]], slab: Slab
+) -> tuple[Array, Array]:
+    """Returns the displacement of a slab's lower face without traction, as `push_down` does."""
+    s, (t, n) = slab, _clamped(traction, slab)
+    inverse = reciprocal(s.det_g)
+    w1, w2 = times(s.g22, t) - times(s.g12, n), times(s.g11, n) - times(s.g12, t)
+    return w1 * inverse, w2 * inverse
+
+
+def _clamped(traction, s):
+    """What a traction on the upper face exerts on a clamped lower face, Pᵀ (t, s)."""
+    t, n = traction
+    return times(s.p11, t) + times(s.p21, n), times(s.p12, t) + times(s.p22, n)
+
+
+def release(c: Compliance, g: Compliance, force, one, inverse) -> tuple[Array, Array]:
+    """Returns the traction at a face from the force on it if it is clamped: (1 + G c/one)⁻¹ force.
+
+    That is [one + adj c adj G] force/n, n/one being the determinant, and `inverse` 1/n.
+    """
+    t, n = force
+    u, w = times(g.c22, t) - times(g.c12, n), times(g.c11, n) - times(g.c12, t)
+    return (
+        (one * t + times(c.c22, u) - times(c.c12, w)) * inverse,
+        (one * n + times(c.c11, w) - times(c.c12, u)) * inverse,
+    )
+
+
+def _lower_face(below, s, ratio):
+    """c in the units of the slab, the entries of H = c (1 + G c)⁻¹, and 1/det(1 + G c)."""
+    c11, c12, c22, det = in_units(below, ratio)
+    n = 1 + times(s.g11, c11) + times(2 * s.g12, c12) + times(s.g22, c22) + times(s.det_g, det)
+    inverse = reciprocal(n)
+    h11 = (c11 + times(s.g22, det)) * inverse
+    h12 = (c12 - times(s.g12, det)) * inverse
+    h22 = (c22 + times(s.g11, det)) * inverse
+    return Compliance(c11, c12, c22, det), h11, h12, h22, inverse
+
+
+def times(factor, value):
+    """A product that does not promote a real factor of a complex value to a complex one."""
+    if jnp.iscomplexobj(value) and not jnp.iscomplexobj(factor):
+        return jax.lax.complex(*jnp.broadcast_arrays(factor * value.real, factor * value.imag))
+    return factor * value
+
+
+def reciprocal(value):
+    """1/z without the scaling of a general complex division: |z|² stays in range here."""
+    if not jnp.iscomplexobj(value):
+        return 1 / value
+    squared = value.real**2 + value.imag**2
+    return jax.lax.complex(value.real / squared, -value.imag / squared)
+
+
+# Hyperbolic functions of a slab, all from s2 on times 4 e^-2x.
+_Terms = namedtuple("_Terms", "x e1 e2 om psi s2 sc x1 x2 f1 f2 delta")
+
+
+def _terms(x, e, functions=None) -> _Terms:
+    x = jnp.minimum(x, DEEP)
+    e1, om, psi = hyperbolic(x) if functions is None else functions
+    e2 = e1 * e1
+    s2 = om * om
+    x2 = 4 * x * x * e2
+    # 2 e^-2x (sinh 2x - 2x), from sinh 2x - 2x = 2 (sinh x - x) + 2 sinh x (cosh x - 1)
+    f1 = 2 * e1 * psi + om * s2 / (1 + e1) ** 2
+    delta = 4 * e2 * (1 + e) ** 2 + x2 + (1 + 2 * e) * s2
+    f2 = psi * (om + 2 * x * e1)
+    return _Terms(x, e1, e2, om, psi, s2, om * (1 + e2), 4 * x * e2, x2, f1, f2, delta)

@@ -1,0 +1,198 @@
+"""The parts of a block: layers from the loaded surface downwards, on a base."""
+
+from collections.abc import Sequence
+from itertools import accumulate
+from typing import Any
+
+import equinox as eqx
+import jax
+import jax.numpy as jnp
+import numpy as np
+from jaxtyping import Array, Float, Inexact, ScalarLike
+
+from ..core.checks import as_scalar, check_types, check_values, is_concrete, short, within
+from ..core.display import shown
+from ..materials.material import AbstractMaterial, Prony, material_called
+
+
+def _as_thickness(thickness: Any) -> Float[Array, ""]:
+    thickness = as_scalar(thickness, "thickness")
+    allowed = "a thickness [m] is zero (no layer) or positive"
+    check_values("thickness", thickness, allowed, at_least=0)
+    return thickness
+
+
+def _as_profile(profile: Any) -> Any:
+    if isinstance(profile, AbstractMaterial) or not callable(profile):
+        raise ValueError(
+            f"`profile={short(profile)}` must be called as profile(s, omega) and return (E, ν), "
+            "such as `Blend(bottom, top)`."
+        )
+    # A bare function is no pytree; wrapped, it is one without leaves.
+    return profile if isinstance(profile, eqx.Module) else jax.tree_util.Partial(profile)
+
+
+@shown(units=False)
+class Layer(eqx.Module):
+    """A homogeneous layer.
+
+    **Fields:**
+
+    - `material`: the material of the layer.
+    - `thickness`: d [m]. Zero is allowed, and is no layer.
+    """
+
+    material: AbstractMaterial = eqx.field(converter=material_called("material"))
+    thickness: Float[Array, ""] = eqx.field(converter=_as_thickness)
+
+
+@shown(units=False)
+class GradedLayer(eqx.Module):
+    """A layer whose moduli vary continuously with height.
+
+    **Fields:**
+
+    - `profile`: called as profile(s, omega) with heights s [1], 0 at the layer's bottom and 1 at
+      its top, and ω [rad/s]; returns (E [Pa], ν [1]). One of `Blend`, `Mixture`, `Aged`, or any
+      module or function as described in `blocks/profile.py`. Only a module has parameters
+      that can be differentiated; each new function is compiled anew.
+    - `thickness`: d [m]. Zero is allowed, and is no layer.
+    """
+
+    profile: Any = eqx.field(converter=_as_profile)
+    thickness: Float[Array, ""] = eqx.field(converter=_as_thickness)
+
+
+@shown(units=False)
+class HalfSpace(eqx.Module):
+    """A base so deep that its bottom has no effect.
+
+    **Fields:**
+
+    - `material`: the material of the half space.
+    """
+
+    material: AbstractMaterial = eqx.field(converter=material_called("material"))
+
+
+@shown(units=False)
+class Rigid(eqx.Module):
+    """A rigid base to which the lowest layer is bonded."""
+
+
+@shown(units=False)
+class Free(eqx.Module):
+    """No base: the bottom of the lowest layer carries no traction."""
+
+
+def _as_layers(layers: Any) -> tuple[Layer | GradedLayer, ...]:
+    if isinstance(layers, Layer | GradedLayer):
+        raise ValueError("`layers` is a single layer: write `layers=(layer,)`.")
+    if not isinstance(layers, Sequence):
+        raise ValueError(f"`layers={short(layers)}` must be a tuple of layers.")
+    layers = tuple(layers)
+    for i, layer in enumerate(layers):
+        if not isinstance(layer, Layer | GradedLayer):
+            raise ValueError(f"`layers[{i}]={short(layer)}` must be a `Layer` or a `GradedLayer`.")
+    return layers
+
+
+def _as_base(base: Any) -> HalfSpace | Rigid | Free:
+    if not isinstance(base, HalfSpace | Rigid | Free):
+        raise ValueError(f"`base={short(base)}` must be `HalfSpace(...)`, `Rigid()` or `Free()`.")
+    return base
+
+
+@shown(units=False)
+class Stack(eqx.Module):
+    """A block: layers bonded to each other and to a base.
+
+    **Fields:**
+
+    - `layers`: from the loaded surface downwards; may be empty on a half space.
+    - `base`: below the lowest layer.
+    """
+
+    layers: tuple[Layer | GradedLayer, ...] = eqx.field(
+        converter=_as_layers, default=(), kw_only=True
+    )
+    base: HalfSpace | Rigid | Free = eqx.field(converter=_as_base, kw_only=True)
+
+    def __check_init__(self):
+        if not self.layers and not isinstance(self.base, HalfSpace):
+            raise ValueError(
+                f"`layers` is empty on a {type(self.base).__name__} base: there is nothing to "
+                "deform. Give at least one layer, or a `HalfSpace` as `base`."
+            )
+
+    def at(self, temperature: ScalarLike) -> "Stack":
+        """Returns the stack with every material at another temperature [K].
+
+        A graded layer's profile must have a method `at(temperature)`, as the ready ones do.
+        """
+        parts = []
+        for i, part in enumerate((*self.layers, self.base)):
+            with within(f"`layers[{i}]`:" if i < len(self.layers) else "`base`:"):
+                parts.append(_part_at(part, temperature))
+        return Stack(layers=tuple(parts[:-1]), base=parts[-1])
+
+
+def _part_at(part: Any, temperature: ScalarLike) -> Any:
+    if isinstance(part, Layer):
+        return Layer(part.material.at(temperature), part.thickness)
+    if isinstance(part, HalfSpace):
+        return HalfSpace(part.material.at(temperature))
+    if not isinstance(part, GradedLayer):
+        return part
+    if not hasattr(part.profile, "at"):
+        raise ValueError(
+            f"`profile={short(part.profile)}` has no method `at(temperature)`: the temperature of "
+            "this graded layer cannot be changed."
+        )
+    return GradedLayer(part.profile.at(temperature), part.thickness)
+
+
+def check_at_rest(stack: Stack) -> None:
+    """Raises `ValueError` if a material is a liquid, which at rest gives way without a limit."""
+    parts = {f"layers[{i}]": layer for i, layer in enumerate(stack.layers)} | {"base": stack.base}
+    is_series = lambda node: isinstance(node, Prony)  # noqa: E731
+    for place, part in parts.items():
+        for node in filter(is_series, jax.tree.leaves(part, is_leaf=is_series)):
+            if is_concrete(node.equilibrium) and np.asarray(node.equilibrium) == 0:
+                raise ValueError(
+                    f"`{place}` is a liquid (`equilibrium=0`): it carries no load at rest, nor do "
+                    "the waves across a motion, which are at rest. Give its material an "
+                    "equilibrium modulus above 0."
+                )
+
+
+def is_graded(stack: Stack) -> bool:
+    """Returns whether a stack has a graded layer."""
+    return any(isinstance(layer, GradedLayer) for layer in stack.layers)
+
+
+def materials_of(stack: Stack) -> list[AbstractMaterial]:
+    """Returns the materials of homogeneous layers, surface first, and of the base."""
+    parts = (*stack.layers, stack.base)
+    return [part.material for part in parts if isinstance(part, Layer | HalfSpace)]
+
+
+def moduli_of(
+    material: AbstractMaterial, omega: Float[Array, "..."]
+) -> tuple[Inexact[Array, "..."], Inexact[Array, "..."]]:
+    """Returns E [Pa] and ν [1] of a material."""
+    return jnp.asarray(material.modulus(omega)), jnp.asarray(material.poisson_ratio(omega))
+
+
+@check_types
+def interface_depths(stack: Stack) -> Float[Array, " layers"]:
+    """Returns the depth of the lower face of every layer [m], the last one being the bottom.
+
+    **Arguments:**
+
+    - `stack`: the block.
+
+    **Returns:** depths [m], shape `(layers,)`.
+    """
+    depths = list(accumulate(layer.thickness for layer in stack.layers))
+    return jnp.stack(depths) if depths else jnp.zeros((0,))

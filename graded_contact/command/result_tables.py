@@ -1,0 +1,157 @@
+"""Results as tables on the screen."""
+
+from collections.abc import Iterator, Mapping
+from typing import TYPE_CHECKING
+
+import numpy as np
+import typer
+from rich import box
+from rich.console import Console
+from rich.markup import escape
+from rich.table import Table
+from rich.text import Text
+
+from ..core.display import with_unit
+from ..core.quantities import AXES, OBSERVABLES
+from ..plot.words import title_of
+from ..scenes.results import SEED_ERROR, over_seeds, solve_states, warnings_of
+from ..scenes.scene import Scene
+from ..studies.uncertainty import Sensitivity
+from ..surfaces.statistics import statistics
+from ..surfaces.surface import Surface
+
+if TYPE_CHECKING:
+    from xarray import Dataset
+
+# Text about solves that did not succeed, by their state.
+STATES = {
+    "not converged": "did not converge; their numbers are partial results",
+    "failed": "failed",
+    "not started": "were not started",
+}
+
+
+def print_table(results: "Dataset", all_seeds: bool = False) -> None:
+    """Prints one line for each solve, then the reasons of solves that did not converge.
+
+    Of several random surfaces a line has the mean and its standard error, unless `all_seeds`.
+    """
+    every, warnings = results, list(warnings_of(results))
+    main = "mean_friction" if "mean_friction" in results else "friction"
+    errors = {main: "friction_standard_error"}  # numbers that are printed with a standard error
+    if "seed" in every["message"].dims and not all_seeds:
+        results = over_seeds(every)
+        errors = {name: name + SEED_ERROR for name in (main, "contact_area_smooth")}
+        seeds = every["message"].dims.index("seed")
+        warnings = [caveat._replace(where=caveat.where.any(seeds)) for caveat in warnings]
+        typer.echo(f"Numbers are means of {every.sizes['seed']} surfaces ± standard error.")
+    errors = {name: error for name, error in errors.items() if error in results}
+    axes = results["message"].dims
+    columns = _columns(results, set(errors.values()))
+    table = Table(box=box.SIMPLE_HEAD, pad_edge=False)
+    for head in (*_heads(results), *(head for head, _ in columns.values()), ""):
+        table.add_column(Text(head), justify="right", no_wrap=True)
+    states = solve_states(results).values
+    values = {name: results[name].values for name in (*columns, *errors.values())}
+    load_unit = 1e6 if axes[-2] == "pressure" else 1
+    for index in np.ndindex(states.shape):
+        *at, load, speed = (results[a].values[i] for a, i in zip(axes, index, strict=True))
+        cells = {name: format(values[name][index], form) for name, (_, form) in columns.items()}
+        for pair in errors.items():
+            cells[pair[0]] = with_error(*(float(values[name][index]) for name in pair))
+        mark = f"[bold red]{state}[/] " if (state := states[index]) else ""
+        doubts = ",".join(str(n) for n, c in enumerate(warnings, start=1) if c.where[index])
+        mark += f"[yellow]({doubts})[/]" if doubts else ""
+        numbers = (f"{speed:.3e}", f"{load / load_unit:.4g}", *(f"{number:.5g}" for number in at))
+        table.add_row(*numbers, *cells.values(), mark)
+    console = Console()
+    # A narrower screen wraps the lines; it must not cut the numbers.
+    console.width = max(console.width, 180 + 24 * (len(axes) - 2))
+    console.print(table)
+    for number, caveat in enumerate(warnings, start=1):
+        console.print(f"[bold yellow]({number})[/] {escape(caveat.sentence)}", soft_wrap=True)
+    _print_failures(every)
+
+
+def _heads(results: "Dataset") -> Iterator[str]:
+    """The heads of the axes; the last two axes, pressure or approach and velocity, come first."""
+    *others, load, _ = results["message"].dims
+    yield "highest\nspeed\n[m/s]" if "time" in results.dims else "velocity\n[m/s]"
+    yield "pressure\n[MPa]" if load == "pressure" else "approach\n[m]"
+    for name in map(str, others):
+        unit = results[name].attrs.get("units", "1")
+        head = name if name in AXES else title_of(name, results.attrs["scene"])
+        yield head.replace(" ", "\n", 1) + (f" [{unit}]" if unit != "1" else "")
+
+
+def _columns(results: "Dataset", hidden: set[str]) -> dict[str, tuple[str, str]]:
+    """Heads and formats of the columns, of quantities with one number for each solve."""
+    columns = {name: entry.column for name, entry in OBSERVABLES.items() if entry.column}
+    columns["friction_standard_error"] = ("± materials", ".1e")  # of means over seeds
+    hidden = hidden | ({"unmeasured_friction"} if "measured" not in results else set())
+    # Without shear in the contact, all friction is hysteresis.
+    if "shear_friction" in results and not np.any(results["shear_friction"]):
+        hidden |= {"hysteresis_friction", "shear_friction"}
+    axes = results["message"].dims
+    return {
+        name: column
+        for name, column in columns.items()
+        if name not in hidden and name in results and results[name].dims == axes
+    }
+
+
+def _print_failures(results: "Dataset") -> None:
+    """Prints how many solves did not succeed, and why, on the error stream."""
+    console, states = Console(stderr=True), solve_states(results).values
+    for state, text in STATES.items():
+        chosen = states == state
+        if np.any(chosen):
+            console.print(f"[bold red]Warning:[/] {chosen.sum()} of {chosen.size} solves {text}.")
+            for message in sorted(set(results["message"].values[chosen]) - {state}):
+                console.print(message, markup=False)
+
+
+def print_decisive(decided: Mapping[tuple[str, float], Sensitivity]) -> None:
+    """Prints which moduli of materials decide the friction, if this is known."""
+    for (name, speed), found in decided.items():
+        low, high = found.decisive()
+        if np.isfinite(low):
+            typer.echo(
+                f"{name}: 90 % of the friction at {speed:.3g} m/s comes from its moduli between "
+                f"{low:.2g} and {high:.2g} rad/s (mean field)"
+            )
+
+
+def with_error(value: float, error: float) -> str:
+    """Returns a number with its standard error, to two digits of that: "0.512 ± 0.0081"."""
+    if not (np.isfinite(error) and error > 1e-6):
+        return f"{value:#.4g} ± {error:.2g}"
+    # The second digit of the error is the last digit of both numbers.
+    digits = max(0, 1 - int(np.floor(np.log10(error))))
+    return f"{value:.{digits}f} ± {error:.{digits}f}"
+
+
+def print_read(scene: Scene, surface: Surface | None) -> None:
+    """Prints how the files of a scene were read, and the warnings about its surface."""
+    for sentence in filter(None, (scene.title, *scene.notes)):
+        typer.echo(sentence)
+    if surface is not None:
+        for sentence in surface.history:
+            typer.echo(f"surface: {sentence}")
+        print_steps(surface)
+        for sentence in surface.caveats:
+            typer.secho(f"Caveat: {sentence}", fg="yellow")
+
+
+def print_steps(surface: Surface) -> None:
+    """Prints size and roughness, and the roughness after every step of reading, one line each."""
+    size = " x ".join(with_unit(float(edge), "m") for edge in np.asarray(surface.grid.size))
+    found = statistics(surface)
+    height = with_unit(float(found.rms_height), "m")
+    typer.echo(f"surface: {size}, rms height {height}, rms slope {float(found.rms_slope):.3g}")
+    if surface.steps:
+        heads = f"{'rms height':>16}{'rms slope':>12}{'peak/rms':>10}{'missing':>9}"
+        typer.echo(f"{'surface, after the step':24}{heads}")
+    for name, rms_height, rms_slope, peak, missing in surface.steps:
+        numbers = f"{rms_slope:12.4g}{peak:10.3g}{missing:9.1%}"
+        typer.echo(f"{name:24}{with_unit(rms_height, 'm'):>16}{numbers}")

@@ -1,0 +1,320 @@
+"""The jobs `demo`, `run` and `info`: scenes and their results."""
+
+import itertools
+from collections.abc import Iterator
+from importlib import resources
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated, Any
+
+import jax.numpy as jnp
+import numpy as np
+import typer
+
+from .. import plot
+from ..core.checks import nearest, within
+from ..fields.grid import velocity_along
+from ..plot.style import entitle
+from ..plot.sweeps import NOTHING
+from ..plot.words import label_of, title_of
+from ..scenes.cost import scene_cost
+from ..scenes.results import (
+    contact_at,
+    has_numbers,
+    kept_solves,
+    lost_solves,
+    over_seeds,
+    read_results,
+    surface_of,
+    warnings_of,
+)
+from ..scenes.run_scene import build_surface, check_run, point_names, run_scene
+from ..scenes.scene import Scene, parse_scene, read_scene
+from ..scenes.schema import parse_toml
+from ..scenes.theory import mean_field_at, what_decides
+from ..sliding.magnification import cumulative_friction
+from ..studies.dataset import NOT_STARTED, package_versions, write, write_csv
+from ..studies.interruption import Interruption, interruptible
+from ..studies.store import Store
+from ..studies.workers import check_workers
+from ..surfaces.surface import Surface
+from .result_tables import print_decisive, print_read, print_steps, print_table
+from .terminal import (
+    DryRun,
+    FigureFormat,
+    Format,
+    Output,
+    Replace,
+    SceneFile,
+    checked_place,
+    end_if_interrupted,
+    place_of,
+    progress,
+    refusing,
+    save_figure,
+)
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
+    from xarray import Dataset
+
+AllSeeds = Annotated[
+    bool,
+    typer.Option("--all-seeds", help="Show every random surface, not their mean ± standard error."),
+]
+
+
+def demo(
+    output: Output = None,
+    resolution: Annotated[
+        int, typer.Option(min=256, help="Points along each edge; same surface.")
+    ] = 256,
+    replace: Replace = False,
+    form: FigureFormat = Format.PNG,
+) -> None:
+    """Runs a built-in scene: tyre tread with a modified layer of 50 µm on a rough road."""
+    text = resources.files("graded_contact.scenes").joinpath("demo.toml").read_text("utf-8")
+    text = text.replace("shape = [256, 256]", f"shape = [{resolution}, {resolution}]")
+    with refusing():  # a resolution may be too large for the memory
+        scene = parse_scene(text)
+    name = "demo" if resolution == 256 else f"demo-{resolution}"
+    folder = output or Path("graded-contact-demo")
+    run_scene_into(scene, folder, name, replace, form, {"workers": "auto"})
+
+
+def run(
+    scene_file: SceneFile,
+    output: Output = None,
+    replace: Replace = False,
+    dry_run: DryRun = False,
+    all_seeds: AllSeeds = False,
+    at: Annotated[list[str] | None, typer.Option(
+        "--map", metavar="NAME=VALUE",
+        help="Draw the contact at this value of an axis, for instance velocity=0.1 (SI units); "
+        "may be repeated (default: the last value of each axis).",
+    )] = None,
+    workers: Annotated[int | None, typer.Option(
+        min=1, help="Number of worker processes (default: automatic)."
+    )] = None,
+    scheduler: Annotated[str | None, typer.Option(
+        metavar="tcp://...", help="Use the workers of a running dask scheduler."
+    )] = None,
+    form: FigureFormat = Format.PNG,
+) -> None:  # fmt: skip
+    """Runs a scene: prints a table, writes the results (HDF5, CSV) and figures.
+
+    Each solve is stored when it ends: after an interruption the same command solves only the rest.
+    All cores are used if that saves time.
+    """
+    with refusing():
+        engine = {"workers": workers or (None if scheduler else "auto"), "client": scheduler}
+        check_workers(**engine)
+        scene = read_scene(scene_file)
+        place = place_of(scene, scene_file, output)
+        engine["kept"] = _chosen(scene, at or [])
+        if dry_run:
+            typer.echo(scene)
+            typer.echo(scene_cost(scene).report())
+            surface, *_ = _prepared(scene, *place, replace)
+            check_run(scene, surface)
+            return
+    run_scene_into(scene, *place, replace, form, engine, all_seeds)
+
+
+def _chosen(scene: Scene, texts: list[str]) -> tuple[int, ...]:
+    """The index of the point nearest to these values of axes; of other axes the last."""
+    index = {name: len(values) - 1 for name, values in scene.axes.items()}
+    for text in texts:
+        name, _, value = text.partition("=")
+        if name not in index:
+            raise ValueError(f"`--map {text}`: {name!r} is no axis; {nearest(name, index)}")
+        with within(f"`--map {text}`:"):
+            index[name] = int(np.argmin(np.abs(scene.axes[name] - float(value))))
+    return tuple(index.values())
+
+
+def info(
+    result_file: Annotated[
+        Path, typer.Argument(metavar="RESULT.h5", help="Result file.", show_default=False)
+    ],
+    all_seeds: AllSeeds = False,
+) -> None:
+    """Prints a result file: inputs, versions, and the table of results."""
+    with refusing():
+        results = read_results(result_file)
+    for name, value in results.attrs.items():
+        hidden = name in ("scene", "caveats", "kept") or name.startswith("surface_")
+        if value != "" and not hidden:
+            typer.echo(f"{name:22} {str(value).replace(chr(10), chr(10) + 23 * ' ')}")
+    surface = surface_of(results)
+    shape, size = surface.grid.shape, surface.grid.size
+    typer.echo(f"{'grid':22} {' x '.join(map(str, shape))} points, size {size} m")
+    for sentence in surface.history:
+        typer.echo(f"{'surface':22} {sentence}")
+    print_steps(surface)
+    kept = ", ".join(map(str, kept_solves(results))) or "none"
+    typer.echo(f"{'fields kept':22} {kept} ({', '.join(map(str, results['message'].dims))})")
+    print_table(results, all_seeds)
+
+
+def run_scene_into(
+    scene: Scene,
+    folder: Path,
+    name: str,
+    replace: bool,
+    form: str,
+    engine: dict[str, Any],
+    all_seeds: bool = False,
+) -> None:
+    """Solves a scene, prints its table and writes its files; `run_scene` takes `engine`."""
+    with refusing(), interruptible() as interruption:
+        surface, names, file = _prepared(scene, folder, name, replace)
+        with Store(file.with_name(f"{name}.points")) as store:
+            results = _solved(scene, surface, names, store, interruption, engine)
+            written = _write(file, results, replace, all_seeds)
+            print_table(results, all_seeds)
+            whole = interruption.signal is None
+            decided = what_decides(scene, surface) if whole else {}
+            print_decisive(decided)
+            if written:
+                figures = [_figures(results, decided, all_seeds)]
+                kept = kept_solves(results)
+                figures += [_contacts(scene, results, index, len(kept), whole) for index in kept]
+                for key, figure in itertools.chain(*figures):
+                    save_figure(figure, file.with_name(f"{name}-{key}.{form}"), form)
+    if warnings := warnings_of(results):
+        where = np.any([warning.where for warning in warnings], axis=0)
+        text = f"Warning: {np.sum(where)} of {where.size} solves are doubtful; see below the table."
+        typer.secho(text, fg="yellow", err=True)
+    end_if_interrupted(interruption)
+    if np.any(results["message"] != ""):
+        raise typer.Exit(1)
+
+
+def _prepared(
+    scene: Scene, folder: Path, name: str, replace: bool
+) -> tuple[Surface, np.ndarray, Path]:
+    """The surface, the names of the solves, and the file of their results; prints what was read."""
+    file = Path(f"{checked_place(folder, name)}.h5")
+    surface = build_surface(scene)
+    names = point_names(scene, surface)
+    if not replace:
+        _refuse_other(file, scene, names)
+    print_read(scene, surface)
+    if "design" in parse_toml(scene.text):
+        typer.echo("[design] is not used by this command: see `graded-contact design`.")
+    return surface, names, file
+
+
+def _refuse_other(file: Path, scene: Scene, names: np.ndarray) -> None:
+    """Refuses to replace a file that has solves which the scene does not have."""
+    remedy = "Give another --output, or --replace to replace it."
+    try:
+        lost, earlier = lost_solves(file, names)
+    except ValueError as error:
+        raise ValueError(f"{error} {remedy}") from error
+    if not lost:
+        return
+    versions = package_versions()
+    there = [*earlier["scene"].splitlines(), *(f"{k} = {earlier.get(k)}" for k in versions)]
+    here = [*scene.text.splitlines(), *(f"{k} = {v}" for k, v in versions.items())]
+    # The first line that the other does not have; all lines are equal if a file of data changed.
+    old, new = (
+        next((line for line in one if line not in other and not line.startswith("title")), "-")
+        for one, other in ((there, here), (here, there))
+    )
+    raise ValueError(
+        f"{file} contains {lost} solves of {earlier['title'] or 'another scene'!r} that this scene "
+        f"does not have (file: `{old}`, scene: `{new}`). {remedy}"
+    )
+
+
+def _solved(
+    scene: Scene,
+    surface: Surface,
+    names: np.ndarray,
+    store: Store,
+    interruption: Interruption,
+    engine: dict[str, Any],
+) -> "Dataset":
+    """The results of a scene: solves that the store has, and those still to be computed."""
+    found = sum(store.path(point).exists() for point in names.flat)
+    if found:
+        typer.echo(f"{found} of {names.size} solves are found in {store.folder}")
+    try:
+        interruption.check()
+        with progress(interruption) as advance:
+            results = run_scene(
+                scene,
+                surface=surface,
+                store=store,
+                progress=lambda *counts: advance("sliding", *counts),
+                **engine,
+            )
+    except KeyboardInterrupt:
+        typer.echo("Nothing was finished.", err=True)
+        raise typer.Exit(interruption.exit_code) from None
+    for path in store.damaged:
+        typer.echo(f"{path} is damaged: it is computed again", err=True)
+    return results
+
+
+def _write(file: Path, results: "Dataset", replace: bool, all_seeds: bool) -> bool:
+    """Writes results unless the file that exists holds more, and returns whether it did."""
+    # Solves that an interruption left out must not replace those of an earlier run.
+    finished = results["point"].values[(results["message"] != NOT_STARTED).values]
+    if not replace and (lost := lost_solves(file, finished)[0]):
+        typer.echo(f"{file} holds {lost} solves that were not done again: it is not changed")
+        return False
+    means = "seed" in results["message"].dims and not all_seeds
+    write(file, results)
+    write_csv(file.with_suffix(".csv"), over_seeds(results) if means else results)
+    typer.echo(f"wrote {file}\nwrote {file.with_suffix('.csv')}")
+    return True
+
+
+def _figures(results: "Dataset", decided: dict, all_seeds: bool) -> Iterator[tuple[str, "Figure"]]:
+    """Yields each figure of all solves with the end of its name."""
+    if not np.any(has_numbers(results)):
+        typer.echo(NOTHING)
+        return
+    if "time" in results.dims:
+        if not np.all(np.isnan(results["friction"])):
+            yield "cycle", plot.plot_cycle(results)
+        return
+    yield "sweep", plot.plot_sweep(results, all_seeds=all_seeds)
+    if "reduced_velocity" in results:
+        yield "master", plot.plot_reduced(results)
+    elif "master_curve" in results.attrs:
+        typer.echo(results.attrs["master_curve"])
+    if decided:
+        labels = (f"{name}, {speed:.3g} m/s" for name, speed in decided)
+        curves = dict(zip(labels, decided.values(), strict=True))
+        yield "sensitivity", plot.plot_sensitivity(curves)
+
+
+def _contacts(
+    scene: Scene, results: "Dataset", index: tuple[int, ...], num_kept: int, whole: bool
+) -> Iterator[tuple[str, "Figure"]]:
+    """Yields each figure of a solve that was kept; only the maps if the run was interrupted."""
+    fields, surface = contact_at(results, index)
+    at = results["message"].isel(dict(zip(results["message"].dims, index, strict=True)))
+    title = ", ".join(
+        f"{title_of(str(name), scene.text)} {label_of(at[name])}" for name in at.coords
+    )
+    if scene.motion is not None:
+        figures = {"film": plot.plot_film(fields, surface)}
+        title = title.replace(title_of("velocity"), "highest speed")
+    else:
+        velocity = velocity_along(at["velocity"].item(), results.attrs["direction"])
+        figures = {"contact": plot.plot_sliding(fields, surface, velocity)}
+        if whole and surface.periodic:
+            theory = mean_field_at(scene, surface, index)
+            figures["distributions"] = plot.plot_distributions(fields, theory)
+            if at["velocity"] != 0:
+                pressure, moved = (jnp.asarray(fields[n]) for n in ("pressure", "displacement"))
+                waves = cumulative_friction(pressure, moved, surface.grid, velocity)
+                curves = {"contact": waves, "mean field": theory.against_cutoff}
+                figures["dissipation"] = plot.plot_dissipation(curves)
+    for key, figure in figures.items():
+        entitle(figure, title)
+        yield "-".join(map(str, (key, *(index if num_kept > 1 else ())))), figure

@@ -1,0 +1,171 @@
+"""What all jobs share: options, precision, the cache of compiled code, refusals, progress."""
+
+import contextlib
+import hashlib
+import io
+import os
+import platform
+from collections.abc import Callable, Iterator
+from enum import StrEnum
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated
+
+import jax
+import typer
+from rich.console import Console
+from rich.progress import (
+    BarColumn,
+    MofNCompleteColumn,
+    Progress,
+    TextColumn,
+    TimeElapsedColumn,
+    TimeRemainingColumn,
+)
+
+from ..core.compilation import LESS_WORK
+from ..plot.style import caption
+from ..readers.paths import check_folder, check_name, full_path
+from ..scenes.scene import Scene
+from ..studies.dataset import write_whole
+from ..studies.interruption import Interruption
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
+
+
+class Format(StrEnum):
+    """Format of a file with a figure."""
+
+    PNG = "png"
+    PDF = "pdf"
+    SVG = "svg"
+
+
+SceneFile = Annotated[
+    Path, typer.Argument(metavar="SCENE.toml", help="Scene file.", show_default=False)
+]
+Output = Annotated[
+    Path | None, typer.Option("--output", "-o", help="Folder for the results.", show_default=False)
+]
+Replace = Annotated[
+    bool, typer.Option("--replace", help="Replace an earlier result, also one of another scene.")
+]
+DryRun = Annotated[bool, typer.Option(
+    "--dry-run", help="Print block, surface, loads and cost, then exit."
+)]  # fmt: skip
+FigureFormat = Annotated[
+    Format, typer.Option("--format", help="Format of the figures; pdf and svg are vector graphics.")
+]
+
+# Otherwise a transform may use one thread or all of them, and its last bits would differ.
+ONE_THREAD = "--xla_cpu_multi_thread_eigen=false"
+
+
+def prepare() -> None:
+    """Switches on double precision, and the cache of compiled code if its folder is safe."""
+    flags = os.environ.get("XLA_FLAGS", "")
+    # A process ends at a flag that its XLA does not know.
+    quick = LESS_WORK if jax.__version_info__[:2] == (0, 10) else {}
+    ours = [ONE_THREAD, *(f"--{name}={value}".lower() for name, value in quick.items())]
+    missing = (flag for flag in ours if flag.split("=")[0] not in flags)
+    os.environ["XLA_FLAGS"] = " ".join([flags, *missing]).strip()
+    jax.config.update("jax_enable_x64", True)
+    folder = cache_folder()
+    if folder is not None:
+        jax.config.update("jax_compilation_cache_dir", str(folder))
+        jax.config.update("jax_persistent_cache_min_compile_time_secs", 0)
+        jax.config.update("jax_persistent_cache_min_entry_size_bytes", -1)
+
+
+@contextlib.contextmanager
+def refusing(spelt: Callable[[str], str] = str) -> Iterator[None]:
+    """Prints the message of a refused input, `spelt`, without a traceback; exits with code 2."""
+    try:
+        yield
+    except (ValueError, OSError, ImportError, MemoryError) as error:
+        typer.secho(f"Error: {spelt(str(error))}", fg="red", err=True)
+        raise typer.Exit(2) from error
+
+
+def place_of(scene: Scene, scene_file: Path, output: Path | None) -> tuple[Path, str]:
+    """Returns the folder for the results of a scene, and the start of the names of its files."""
+    folder = output or scene.directory or Path(f"{scene_file.stem}-results")
+    return folder, scene.name or scene_file.stem
+
+
+def checked_place(folder: Path | str, name: str) -> Path:
+    """Returns the path `folder`/`name`. Refuses it now if files cannot be written there."""
+    check_name(name)
+    folder = full_path(str(folder))
+    check_folder(folder)
+    return folder / name
+
+
+def end_if_interrupted(interruption: Interruption) -> None:
+    """Ends a command that stores its solves with the exit code of a signal, if one has come."""
+    if interruption.signal is not None:
+        typer.echo("Interrupted: the same command continues.", err=True)
+        raise typer.Exit(interruption.exit_code)
+
+
+@contextlib.contextmanager
+def progress(interruption: Interruption) -> Iterator[Callable[[str, int, int], None]]:
+    """Yields a function that shows text, done and total in a progress bar on the error stream.
+
+    After a signal the function ends the command: it is called between two steps, where it is safe.
+    """
+    columns = (
+        TextColumn("{task.description}"), BarColumn(), MofNCompleteColumn(), TimeElapsedColumn(),
+        TextColumn("left"), TimeRemainingColumn(),
+    )  # fmt: skip
+    with Progress(*columns, console=Console(stderr=True)) as bar:
+        task = bar.add_task("starting (a first run also compiles)", total=None)
+
+        def advance(text: str, done: int, total: int) -> None:
+            if bar.tasks[task].total != total:
+                # Stored points and compiling do not count for the time left.
+                bar.reset(task, total=total, completed=done, description=text)
+            bar.update(task, description=text, completed=done)
+            interruption.check()
+
+        yield advance
+
+
+def save_figure(figure: "Figure", path: Path, form: str) -> None:
+    """Writes a figure with its caption, and prints both path and caption."""
+    text, content = caption(figure), io.BytesIO()
+    figure.savefig(
+        content, format=form, metadata={"Subject" if form == "pdf" else "Description": text}
+    )
+    write_whole(path, content.getvalue())
+    typer.echo(f"wrote {path}\n  {text}")
+
+
+def cache_folder() -> Path | None:
+    """The user's cache folder for this kind of machine; None if other users can write to it.
+
+    Its files are executed: only the user may write to it, and only this processor use it.
+    """
+    home = os.environ.get("XDG_CACHE_HOME")
+    with contextlib.suppress(OSError, RuntimeError):
+        root = (Path(home) if home else Path.home() / ".cache") / "graded_contact"
+        folder = root / hashlib.sha256(_processor().encode()).hexdigest()[:16]
+        root.mkdir(mode=0o700, parents=True, exist_ok=True)
+        folder.mkdir(mode=0o700, exist_ok=True)
+        if os.name == "posix":
+            states = [path.stat() for path in (root, folder)]
+            # Neither another owner nor the permission to write for group or others.
+            if any(at.st_uid != os.getuid() or at.st_mode & 0o022 for at in states):
+                return None
+        if os.access(folder, os.W_OK):
+            return folder
+    return None
+
+
+def _processor() -> str:
+    """The processor's model and instructions, which compiled code depends on."""
+    with contextlib.suppress(OSError):
+        lines = Path("/proc/cpuinfo").read_text().splitlines()
+        kept = {line for line in lines if line.startswith(("model name", "flags", "Features"))}
+        return "\n".join(sorted(kept))
+    return f"{platform.machine()} {platform.processor()}"

@@ -1,0 +1,23 @@
+"""The contact of a solid, given by its kernel, with a rigid surface: laws, solvers, errors.
+
+No file of this room knows layers.
+"""
+
+from .adhesion import AdhesiveLJ, ExponentialAdhesion
+from .adjoint import LinearSplitting
+from .law import AbstractLaw, HardWall, RepulsiveLJ
+from .nested_solve import DouglasRachford
+from .operator import AbstractOperator, Solid, Steady
+from .path import ContactPath, follow_contact
+from .rmd import ResidualDynamics
+from .solution import RESULTS, ContactSolution
+from .solve import solve_contact
+from .solver import AbstractContactSolver, Loading, SolverOutput, run_steps
+from .splitting import Splitting
+
+__all__ = [
+    "RESULTS", "AbstractContactSolver", "AbstractLaw", "AbstractOperator", "AdhesiveLJ",
+    "ContactPath", "ContactSolution", "DouglasRachford", "ExponentialAdhesion", "HardWall",
+    "LinearSplitting", "Loading", "RepulsiveLJ", "ResidualDynamics", "Solid", "SolverOutput",
+    "Splitting", "Steady", "follow_contact", "run_steps", "solve_contact",
+]  # fmt: skip

@@ -1,0 +1,321 @@
+"""The derivative of a contact solution, attached after the solve.
+
+At a solution every point obeys σ = P(v) with v = σ - ρu: P is the proximal map of the law at the
+penalty ρ. With its slope s = dP/dv at each point (the hard wall: 1 in contact and 0 outside; a
+smooth law: k/(k + ρ), k = -dσ/du) and its change R = ∂P/∂θ dθ with the law's parameters,
+
+    (1 - s) dσ + ρ s (M dσ + dū) = R - ρ s (dM σ - dh),
+
+with the change of the mean pressure or that of the mean gap ū prescribed. Points join or leave the
+contact of a hard wall with σ = 0, so to first order the set of contact is fixed; where a point has
+σ = 0 and u = 0 at once the derivative is one-sided, that of the computed set. The same holds where
+the pressure just reaches a hardness.
+
+With dσ = e + √|s| τ, where e has the right mean, the unknown τ obeys A τ = b with
+A = ε(1 - s) + √|s| ρM √|s| and ε the sign of s: the adjoint of A is that of the kernel conj(M), so
+the solver of the contact also solves for derivatives in forward and in reverse mode.
+
+The iteration takes 24 to 70 FFT pairs. GMRES and BiCGStab, preconditioned by the inverse kernel on
+the set of contact, take 35 to 81 and store 20 fields more (scenes of `bench_contact.py gradient` at
+N = 256, to 1e-6). If few points are in contact a dense system is solved instead (`active_set.py`),
+because the iteration takes thousands of steps if moduli are far apart.
+"""
+
+import dataclasses
+from collections.abc import Callable
+from typing import Any, NamedTuple
+
+import equinox as eqx
+import jax
+import jax.numpy as jnp
+import numpy as np
+from jaxtyping import Array, Bool, Float
+
+from ..core.checks import check_tolerance, check_whole
+from ..core.compilation import one_by_one
+from .active_set import green_of, most_eliminated, solve_on_few
+from .operator import AbstractOperator, Field, Scalar, Solid, nonzero
+from .solver import Inputs, history_of, run_steps, slope
+from .splitting import Splitting, check_relaxation, draft
+
+# Solves A τ = b, as `LinearSplitting` does: called with ρM, s and b, and with the keywords `rtol`
+# and `free_mean`, it returns τ, or NaN if it does not converge: `solve_contact` then fails.
+LinearSolver = Callable[..., Field]
+
+
+class LinearSolution(NamedTuple):
+    """The solution of a linear system.
+
+    **Fields:**
+
+    - `tau`: the solution τ.
+    - `found`: whether it converged.
+    - `error`: estimated relative error [1], 0 of a system that was eliminated.
+    - `num_fft_pairs`: without those of a draft.
+    """
+
+    tau: Field
+    found: Bool[Array, ""]
+    error: Scalar
+    num_fft_pairs: Array
+
+
+class LinearSplitting(eqx.Module):
+    """Settings of the splitting for a law linearised at a solution, y = s v. All static.
+
+    **Fields:**
+
+    - `rtol`: requested relative error of the derivative of the pressure [1]; None for twenty times
+      that of the contact, at most 1e-3.
+    - `max_steps`, `relaxation`, `history_length`: as those of `DouglasRachford`.
+    - `watch`: called in Python with the error that each solve reached and its tolerance, or None.
+    """
+
+    rtol: float | None = eqx.field(default=None, static=True)
+    max_steps: int = eqx.field(default=20_000, static=True)
+    relaxation: float = eqx.field(default=0.95, static=True)
+    history_length: int = eqx.field(default=5, static=True)
+    watch: Callable | None = eqx.field(default=None, static=True)
+
+    def __check_init__(self):
+        if self.rtol is not None:
+            check_tolerance("rtol", self.rtol, np.zeros(()))
+        check_whole("max_steps", self.max_steps, 1)
+        check_whole("history_length", self.history_length, 1)
+        check_relaxation(self.relaxation)
+
+    def __call__(self, *system, rtol, free_mean=False):
+        """Returns the τ of `solve` to the own `rtol`, if any; NaN if that did not converge."""
+        if self.rtol is not None:
+            check_tolerance("rtol", self.rtol, rtol)
+            rtol = jnp.asarray(self.rtol, rtol.dtype)
+        solved = self.solve(*system, rtol=rtol, free_mean=free_mean)
+        if self.watch is not None:
+            jax.debug.callback(self.watch, solved.error, rtol)
+        return jnp.where(solved.found, solved.tau, jnp.nan)
+
+    def solve(
+        self,
+        operator: AbstractOperator,
+        weights: Field,
+        rhs: Field,
+        *,
+        rtol: Scalar,
+        free_mean: bool = False,
+    ) -> LinearSolution:
+        """Returns τ with ε(1 - s)τ + √|s| ρM √|s| τ = rhs, ε being the sign of s, and more.
+
+        **Arguments:**
+
+        - `operator`: ρM, or its adjoint.
+        - `weights`: s, the slope of the law's proximal map at each point.
+        - `rhs`: the right side.
+        - `rtol`: relative error that ends it.
+        - `free_mean`: whether the mean of √|s| τ is free; else it is 0, and `rhs` has no part along
+          √|s|.
+        """
+        root, sign = jnp.sqrt(jnp.abs(weights)), jnp.where(weights < 0, -1, 1).astype(rhs.dtype)
+        few, eliminated = _on_few(operator, weights, root, sign, rhs, free_mean)
+        share = jnp.maximum(jnp.mean(root), 1 / root.size)
+        splitting = Splitting(
+            Solid(operator, jnp.ones((), rhs.dtype), free_mean),
+            jnp.zeros_like(share),
+            jax.tree_util.Partial(_proximal, root, sign, rhs),
+            rtol,
+            share,
+            relaxation=self.relaxation,
+            history_length=history_of(self.history_length, free_mean),
+        )
+        max_steps = jnp.where(few, 0, self.max_steps)  # no steps if the system was eliminated
+        z, _ = draft(splitting, root * rhs, max_steps=max_steps)
+        last = run_steps(splitting, z, max_steps)
+        x = splitting.solid.resolve(last.z)
+        tau = jnp.where(few, eliminated, sign * (rhs + root * (2 * x - last.z)))
+        found = jnp.where(few, jnp.all(jnp.isfinite(eliminated)), ~last.running)
+        return LinearSolution(tau, found, jnp.where(few, 0, last.error), last.num_steps)
+
+
+def _on_few(operator: AbstractOperator, weights, root, sign, rhs, free_mean: bool):
+    """Whether few points are in contact, and if so τ."""
+    room, green = most_eliminated(operator, rhs), green_of(operator, rhs.shape)
+    if room == 0 or green is None:
+        return jnp.asarray(False), rhs
+    few = jnp.sum(weights != 0) <= room
+    total = None if free_mean else jnp.zeros((), rhs.dtype)
+
+    def eliminate(_):
+        found = solve_on_few(root, green, sign * (1 - weights), rhs, total, room)
+        return jnp.where(root > 0, found, rhs), jnp.asarray(False)
+
+    # A loop of one turn: under `vmap` both branches of a condition would be computed.
+    return few, jax.lax.while_loop(lambda state: state[1], eliminate, (rhs, few))[0]
+
+
+def _proximal(root, sign, rhs, v):
+    return root * sign * (rhs + root * v)
+
+
+class State(NamedTuple):
+    """A contact: pressure [Pa], displacement of zero mean [m] and mean gap [m]."""
+
+    pressure: Field
+    displacement: Field
+    mean_gap: Float[Array, "..."]
+
+
+@eqx.filter_custom_jvp
+def attach_gradient(
+    inputs: Inputs, state: State, gap: Field, penalty: Scalar, adjoint: LinearSolver, rtol: Scalar
+) -> State:
+    """Returns `state` unchanged, with its derivative by `inputs`.
+
+    `state` must solve the contact problem, with the pressure that the law has at `gap`; this is
+    not checked. A derivative costs one call of `adjoint` in either mode.
+    """
+    return state
+
+
+@attach_gradient.def_jvp
+def _attached_jvp(primals, tangents):
+    inputs, state, gap, penalty, adjoint, rtol = primals
+    change: Inputs = tangents[0]
+    operator = inputs.operator
+    # Attached again, so that a derivative of the rule itself moves with the state.
+    state = attach_gradient(*primals)
+    moving = state.displacement - inputs.heights + jnp.mean(inputs.heights) + state.mean_gap
+    v = state.pressure - penalty * (gap + (moving - jax.lax.stop_gradient(moving)))
+    s = slope(inputs.law.in_units(1.0, 1 / penalty).proximal, v)
+    by_law, by_operator, by_heights = _given_changes(inputs, change, state, penalty, v)
+    total = nonzero(operator.mean(s))
+
+    rhs = by_law - penalty * (by_operator - by_heights)
+    d_load, given_gap = change.loading
+    d_gap = jnp.zeros_like(state.mean_gap) if given_gap is None else given_gap
+    free_mean = inputs.loading.pressure is None
+    known = by_law  # the part of dσ that is given
+    if free_mean:
+        rhs = rhs - penalty * d_gap
+    else:
+        share = ((0.0 if d_load is None else d_load) - operator.mean(known)) / total
+        known = known + share * s
+        rhs = rhs - share * (1 - s)
+    rhs = rhs - penalty * operator.displace(known)
+    scaled = operator.scaled(penalty)
+    d_pressure = known + _in_contact(scaled, s, rhs, adjoint, rtol, free_mean)
+    d_displacement = operator.displace(d_pressure) + by_operator
+    if not free_mean:
+        left = by_law - (1 - s) * d_pressure - penalty * s * (d_displacement - by_heights)
+        d_gap = operator.mean(left) / (penalty * total)
+    return state, State(d_pressure, d_displacement, d_gap)
+
+
+def _given_changes(inputs: Inputs, change: Inputs, state: State, penalty, v):
+    """R of the law, dM σ and dh without its mean, each 0 where nothing changes."""
+    by_law = by_operator = by_heights = jnp.zeros_like(v)
+    if jax.tree.leaves(change.law):
+        d_law = _fill_with_zeros(change.law, inputs.law)
+        respond = lambda law: law.in_units(1.0, 1 / penalty).proximal(v)  # noqa: E731
+        by_law = jax.jvp(respond, (inputs.law,), (d_law,))[1]
+    if jax.tree.leaves(change.operator):
+        d_operator = _fill_with_zeros(change.operator, inputs.operator)
+        moved = lambda operator: operator.displace(state.pressure)  # noqa: E731
+        by_operator = jax.jvp(moved, (inputs.operator,), (d_operator,))[1]
+    if change.heights is not None:
+        by_heights = change.heights - jnp.mean(change.heights)
+    return by_law, by_operator, by_heights
+
+
+def _in_contact(operator: AbstractOperator, s, rhs, adjoint: LinearSolver, rtol, free_mean: bool):
+    """√|s| τ, of zero mean unless that is free, where A τ = √|s| rhs."""
+    positive = s != 0  # elsewhere √ alone has an infinite slope
+    root = jnp.where(positive, jnp.sqrt(jnp.where(positive, jnp.abs(s), 1)), 0)
+    sign = jnp.where(s < 0, -1, 1)
+
+    def project(field):
+        if free_mean:
+            return field
+        # A given load leaves no mean of √|s| τ.
+        return field - root * (operator.mean(root * field) / nonzero(operator.mean(root * root)))
+
+    def operate(tau):
+        inside = project(tau)
+        pressed = operator.displace(root * inside)
+        return project(sign * (1 - s) * inside + root * pressed) + tau - inside
+
+    @one_by_one
+    def solve(operator, s, rhs, rtol):
+        return adjoint(operator, s, rhs, rtol=rtol, free_mean=free_mean)
+
+    # The adjoint system has the conjugate kernel, so that the same solver serves both modes.
+    def solver_for(operator):
+        def run(_, rhs):
+            inside = project(rhs)
+            tau = solve(operator, s, inside, rtol)
+            return project(tau) + rhs - inside
+
+        return run
+
+    return root * jax.lax.custom_linear_solve(
+        operate,
+        project(root * rhs),
+        solve=solver_for(operator),
+        transpose_solve=solver_for(operator.with_kernel(jnp.conj(operator.kernel))),
+    )
+
+
+def opening_by_load(
+    operator: AbstractOperator, s: Field, adjoint: LinearSolver, rtol: Scalar
+) -> Float[Array, "..."]:
+    """Returns ρ dū/dp of a contact whose points have the slopes s; `operator` is ρM."""
+    total = nonzero(operator.mean(s))
+    known = s / total
+    rhs = -(1 - s) / total - operator.displace(known)
+    change = known + _in_contact(operator, s, rhs, adjoint, rtol, free_mean=False)
+    return -operator.mean((1 - s) * change + s * operator.displace(change)) / total
+
+
+def _fill_with_zeros(tangents, primals):
+    """The tangents, with zeros in place of None."""
+    return jax.tree.map(
+        lambda p, t: jnp.zeros_like(p) if t is None and p is not None else t,
+        primals,
+        tangents,
+        is_leaf=lambda x: x is None,
+    )
+
+
+def check_converged(number: Array, failed: Bool[Array, ""]) -> Array:
+    """Returns a number, or fails at run time."""
+    return eqx.error_if(
+        number,
+        failed,
+        "A derivative of the contact is not a number: its linear solve did not converge (raise "
+        "`max_steps` of `adjoint`, or loosen its `rtol`), or it follows from a derivative that is "
+        "not a number. Friction without a load has no derivative.",
+    )
+
+
+def explain_lost(function: Callable, args: tuple, changes: Any) -> None:
+    """Computes a derivative that was NaN once more; raises if its linear solve does not converge.
+
+    **Arguments:**
+
+    - `function`: the derivative, of `args` and `changes`.
+    - `args`: twice the arguments of a contact solution, the fourth of which is the `LinearSolver`:
+      those that change, and the others.
+    """
+    if not isinstance(args[0][3], LinearSplitting):
+        return
+    reached = []
+    watched = dataclasses.replace(
+        args[0][3], watch=lambda error, rtol: reached.append((float(error), float(rtol)))
+    )
+    jax.block_until_ready(function(*((*one[:3], watched, *one[4:]) for one in args), changes))
+    jax.effects_barrier()
+    for error, rtol in reached:
+        if not error <= rtol:
+            raise RuntimeError(
+                "The linear solve for a derivative of the contact did not converge: its relative "
+                f"error is {error:.2g}, the tolerance {rtol:.2g}. Raise `max_steps` of `adjoint`, "
+                "or loosen its `rtol`."
+            )

@@ -1,0 +1,228 @@
+"""Laws of interaction between the surfaces: pressure σ as a function of the gap u.
+
+A solver uses only the proximal map of a law, the pressure y that the law shares with a spring,
+
+    y = f(u)   and   y - v = u,
+
+in units in which the spring's stiffness, the solver's penalty, is 1. The map is single-valued if
+the penalty exceeds the steepest rise of σ with u, which only attraction has.
+
+Laws that attract are in `adhesion.py`.
+"""
+
+from abc import abstractmethod
+from collections.abc import Callable
+from typing import ClassVar
+
+import equinox as eqx
+import jax
+import jax.numpy as jnp
+import numpy as np
+from jaxtyping import Array, Float
+
+from ..core.checks import as_scalar, check_positive, check_values, is_concrete, scalar, short
+from ..core.display import shown
+from .operator import Field, Scalar
+
+Bound = Scalar | float
+
+
+class AbstractLaw(eqx.Module):
+    """The law of contact, as the solvers use it.
+
+    `attracts` is whether σ rises with u anywhere: then solutions depend on history.
+    """
+
+    attracts: ClassVar[bool] = False
+
+    @property
+    def bounds(self) -> tuple[Bound, Bound]:
+        """The lowest and the highest pressure [Pa]."""
+        return 0.0, jnp.inf
+
+    @property
+    def steepest_rise(self) -> Bound:
+        """The largest dσ/du [Pa/m]; 0 without attraction."""
+        return 0.0
+
+    @abstractmethod
+    def in_units(self, pressure: Bound, length: Bound) -> "AbstractLaw":
+        """Returns the law for pressures and gaps in units of `pressure` [Pa] and `length` [m]."""
+
+    @abstractmethod
+    def proximal(self, v: Field) -> Field:
+        """Returns the pressure y that the law has at the gap y - v."""
+
+    @abstractmethod
+    def contact_indicator(self, pressure: Field, gap: Field, stiffness: Bound) -> Field:
+        """Returns how far points are inside contact (> 0) or outside (< 0) [Pa], 0 at the edge.
+
+        Outside, `stiffness` [Pa/m] turns gaps beyond that of the edge to pressures.
+        """
+
+
+def check_one_law(law: AbstractLaw) -> None:
+    """Raises `ValueError` unless the parameters of a law are single numbers."""
+    for parameter in jax.tree.leaves(law):
+        if jnp.ndim(parameter) > 0:
+            raise ValueError(
+                f"`law={short(law)}` has a parameter of shape {parameter.shape}; single numbers "
+                "are needed. For several laws use `jax.lax.map` or `jax.vmap`."
+            )
+
+
+def check_pressure(pressure: Float[Array, "..."], law: AbstractLaw, hint: str = "") -> None:
+    """Raises `ValueError` if the law cannot have these mean pressures [Pa]; traced ones pass.
+
+    With a `hint` what to prescribe in place of 0.
+    """
+    low, high = law.bounds
+    if not (is_concrete(low) and is_concrete(high)):
+        return
+    low, high = float(low), float(high)
+    if low == 0:
+        check_positive("pressure", pressure, f"[Pa]{hint}")
+    allowed = f"the law allows mean pressures between {low:g} and {high:g} Pa"
+    below = float(np.nextafter(high, 0, dtype=pressure.dtype)) if high < np.inf else None
+    check_values("pressure", pressure, allowed, above=low, at_most=below)
+
+
+@shown(units=False)
+class HardWall(AbstractLaw):
+    """No interpenetration and no attraction: σ >= 0, u >= 0, σ u = 0.
+
+    A point is in contact where its pressure is positive. With a `hardness` the softer body flows
+    where the pressure reaches it: σ <= hardness, and saturated points (σ = hardness) are in
+    contact with u < 0, the depth of the flow.
+
+    **Fields:**
+
+    - `hardness`: the highest pressure [Pa], or None for no limit.
+    """
+
+    hardness: Scalar | None = eqx.field(
+        default=None, converter=lambda x: None if x is None else as_scalar(x, "hardness")
+    )
+
+    def __check_init__(self):
+        if self.hardness is not None:
+            check_positive("hardness", self.hardness, "[Pa]")
+
+    @property
+    def bounds(self):
+        return 0.0, jnp.inf if self.hardness is None else self.hardness
+
+    def in_units(self, pressure, length):
+        return HardWall(None if self.hardness is None else self.hardness / pressure)
+
+    def proximal(self, v):
+        # The slope of `jnp.maximum` would be 1/2 at the edge.
+        y = jnp.where(v > 0, v, 0)
+        return y if self.hardness is None else jnp.where(y < self.hardness, y, self.hardness)
+
+    def contact_indicator(self, pressure, gap, stiffness):
+        return jnp.where(pressure > 0, pressure, -stiffness * jnp.maximum(gap, 0))
+
+
+@shown(units=False)
+class RepulsiveLJ(AbstractLaw):
+    """The repulsive term of the integrated Lennard-Jones potential: σ = p (ε/u)⁹.
+
+    The first term of `AdhesiveLJ`, p being 8w/3ε, as used for contact without adhesion by B. N. J.
+    Persson & M. Scaraggi, J. Chem. Phys. 141 (2014) 124701, doi:10.1063/1.4895789, and in their
+    later work. As ε -> 0 it approaches the hard wall. Only the product p ε⁹ matters.
+    A point is in contact where u < `contact_gap` ε.
+
+    **Fields:**
+
+    - `range`: ε [m], the gap at which the pressure is p.
+    - `pressure`: p [Pa]. For a wall that is hard against roughness take the mean pressure or the
+      modulus of the solid, and ε well below the rms height.
+    - `contact_gap`: edge of contact [1]; at 5/3 the pressure is p/100.
+    """
+
+    range: Scalar = eqx.field(converter=scalar("range"))
+    pressure: Scalar = eqx.field(converter=scalar("pressure"))
+    contact_gap: Scalar = eqx.field(converter=scalar("contact_gap"), default=5 / 3)
+
+    def __check_init__(self):
+        check_positive("range", self.range, "[m]")
+        check_positive("pressure", self.pressure, "[Pa]")
+        check_positive("contact_gap", self.contact_gap, "[1]")
+
+    def in_units(self, pressure: Bound, length: Bound) -> "RepulsiveLJ":
+        return RepulsiveLJ(self.range / length, self.pressure / pressure, self.contact_gap)
+
+    def pressure_at(self, gap: Field) -> Field:
+        """Returns σ(u) [Pa]."""
+        return self._pressure_and_slope(gap / self.range)[0]
+
+    def _pressure_and_slope(self, t):
+        force, slope = power(t, 9)
+        return self.pressure * force, self.pressure * slope
+
+    def proximal(self, v):
+        low, high = repulsive_bracket(v, self.pressure, self.range)
+        return proximal_root(self._pressure_and_slope, self.range, v, low, high, 7)
+
+    def contact_indicator(self, pressure, gap, stiffness):
+        return indicator_of_gap(self, pressure, gap, stiffness)
+
+
+def indicator_of_gap(law, pressure, gap, stiffness):
+    """The contact indicator of a smooth law, from pressure and gap less those at its edge."""
+    edge = law.contact_gap * law.range
+    gap, pressure = gap - edge, pressure - law.pressure_at(edge)
+    return jnp.where(gap < 0, jnp.maximum(pressure, 0), -stiffness * gap)
+
+
+def power(t, n: int):
+    """t⁻ⁿ, n = 3 or 9, and its derivative."""
+    inverse = 1 / t
+    cube = inverse * inverse * inverse
+    value = cube if n == 3 else cube * cube * cube
+    return value, -n * value * inverse
+
+
+def repulsive_bracket(v, pressure, range):
+    """Bounds of t in p t⁻⁹ - εt = v, within a factor of 2: those of v = 0, v << 0, v >> 0."""
+    rest = (pressure / range) ** 0.1  # t at v = 0
+    pressed = v > 0
+    force = jnp.where(pressed, v, 0)  # each branch must be finite where the other one holds
+    low = (pressure / (force + range * rest)) ** (1 / 9)
+    open_ = jnp.where(pressed, 0, -v / range)
+    low = jnp.where(pressed, low, jnp.maximum(rest, open_))
+    return low, jnp.where(pressed, rest, rest + open_)
+
+
+def proximal_root(pressure_and_slope: Callable, unit, v, low, high, steps: int):
+    """The pressure y = f at the gap u = `unit` t with y - v = u, t in [low, high].
+
+    Newton's method from `low`, bisecting where it would leave the bracket, except in the last two
+    steps. Derivatives of every order are those of the root.
+    """
+
+    def excess(t):
+        return pressure_and_slope(t)[0] - unit * t - v
+
+    def newton(t):
+        pressure, slope = pressure_and_slope(t)
+        value = pressure - unit * t - v
+        return value, t - value / (slope - unit)
+
+    def solve(_, t):
+        # Unrolled, so that XLA keeps all steps in one pass over memory.
+        least, most = low, high
+        for _ in range(steps - 1):
+            value, moved = newton(t)
+            least, most = jnp.where(value > 0, t, least), jnp.where(value > 0, most, t)
+            t = jnp.where((moved >= least) & (moved <= most), moved, (least + most) / 2)
+        # By now close to the root; rounding could stop a bisection short of the last digit.
+        for _ in range(2):
+            _, t = newton(t)
+        return t
+
+    def tangent_solve(linear, y):
+        return y / linear(jnp.ones_like(y))
+
+    return pressure_and_slope(jax.lax.custom_root(excess, low, solve, tangent_solve))[0]

@@ -1,0 +1,463 @@
+"""The fast solver: splitting on nested grids, and Newton steps where the splitting is slow.
+
+    for each grid, from the coarsest to the finest:
+        start     the pressure of the coarser grid (or springs), a draft in single precision
+        epochs    the splitting (`splitting.py`); after 50, 100, 200, ... steps a new penalty
+                  for the current contact area
+        Newton    semismooth Newton steps (`semismooth_newton.py`), if the splitting would need
+                  more than as many steps again; then the splitting confirms the contact
+
+This is the only place where Python looks at values: outside `jit` Newton steps are compiled when
+the first solve needs them.
+"""
+
+from typing import ClassVar, NamedTuple
+
+import equinox as eqx
+import jax
+import jax.numpy as jnp
+import numpy as np
+from jaxtyping import Array, Float
+
+from ..core.checks import check_whole, is_concrete
+from ..core.compilation import jit
+from ..fields.grid import interpolate, resample_spectrum, to_field, to_spectrum
+from .active_set import most_eliminated
+from .law import AbstractLaw
+from .operator import AbstractOperator, Field, Scalar, Solid, nonzero
+from .semismooth_newton import newton_round, takes_newton_steps
+from .solver import (
+    AbstractContactSolver,
+    Loading,
+    SolverOutput,
+    history_of,
+    participation,
+    penalty_for,
+    pressure_unit,
+    run_steps,
+    to_mean,
+)
+from .splitting import Splitting, check_relaxation, draft
+
+# All within 2 % of the fewest FFT pairs of `bench_contact.py viscoelastic`.
+_COARSENING = 4  # from grid to grid; 2 takes more pairs and compiles more programs
+_COARSE_ERROR = 0.02  # tolerance on coarse grids, which only give a start
+_EPOCH = 50  # steps before a new penalty; later epochs double the number of steps
+_NEWTON_FROM = 1 / 16  # share of the points that a grid with Newton steps has at least
+_NEWTON_UP_TO = 2**21  # points; on larger grids Newton steps need too much memory
+_SMALL = 0.125  # share of points in contact along an axis, up to which Newton steps pay
+_FEW = 100  # steps on coarse grids and in drafts, where Newton steps follow
+_STEPS, _MOST = 4000, 64_000  # default `max_steps`, on grids of `_POINTS` and smaller ones
+_POINTS = 2**16
+_MOST_ATTRACTED = 0.5  # relaxation under an attraction; at 0.95 some soft bodies did not converge
+_COLD_PARTICIPATION = 0.05  # ⟨σ⟩²/⟨σ²⟩ without a start
+_NEARLY = 0.98  # share of points that touch, from which full contact is tried
+_HIGHEST = 1e3  # limit of the pressure of a start, over that which flattens the stiffest wave
+
+_NOTHING, _EPOCH_NEXT, _NEWTON_NEXT = 0, 1, 2  # next action on a grid
+
+Factor = float | Scalar  # of a penalty, over the first
+
+
+class DouglasRachford(AbstractContactSolver):
+    """Settings of the splitting. All static.
+
+    **Fields:**
+
+    - `max_steps`: largest number of steps on each grid, and in the draft of a large one. Steps are
+      done in pairs, and a Newton step counts by its FFT pairs. None for 4000; on grids of fewer
+      than 2¹⁶ points for as many as cost the same, up to 64,000.
+    - `relaxation`: α [1], between 0 and 1; at most 0.5 under a law that attracts.
+    - `history_length`: earlier iterates that the acceleration combines, at a given mean gap two at
+      most; each stores two fields, on a large grid three quarters of one.
+    - `coarsest`: nesting starts from the first grid with fewer than twice this many points a side.
+    """
+
+    max_steps: int | None = eqx.field(default=None, static=True)
+    relaxation: float = eqx.field(default=0.95, static=True)
+    history_length: int = eqx.field(default=5, static=True)
+    coarsest: int = eqx.field(default=64, static=True)
+    finds_unstable: ClassVar[bool] = True
+
+    def __check_init__(self):
+        if self.max_steps is not None:
+            check_whole("max_steps", self.max_steps, 1)
+        check_whole("history_length", self.history_length, 1)
+        check_whole("coarsest", self.coarsest, 4)
+        check_relaxation(self.relaxation)
+
+    def solve(self, operator, heights, law, loading, *, rtol, start):
+        """Returns the contact; `start` is a pressure [Pa] to begin from."""
+        shapes = [heights.shape]
+        # A coarse grid would pull surfaces together that stay separate on the fine one.
+        if start is None and not law.attracts:
+            while (points := min(shapes[0])) >= 2 * self.coarsest:
+                factor = min(_COARSENING, points // self.coarsest)
+                shapes.insert(0, tuple(-(-n // factor) for n in shapes[0]))
+        coarse, unit = _coarser(operator, heights, loading, shapes[:-1])
+        before = start
+        for grid in [*coarse, OneGrid(operator, heights, loading, unit)]:
+            settings = self._settings(grid.heights.shape, heights.shape, law, loading, rtol)
+            # Python stops where Newton steps are needed, if it can see the state.
+            looks = settings.newton and is_concrete(heights)
+            numbers, state = _begin(grid, law, before, settings, looks)
+            problem = GridProblem(grid, *numbers)
+            if looks and int(state.next) == _NEWTON_NEXT:
+                state = _alternate(problem, state, settings)
+            before = problem, state
+        return _output(problem, state)
+
+    def _settings(self, shape, finest_shape, law: AbstractLaw, loading: Loading, rtol):
+        points, share = int(np.prod(shape)), float(np.prod(shape) / np.prod(finest_shape))
+        finest = shape == finest_shape
+        hard = takes_newton_steps(law) and loading.gap is None
+        newton = hard and share >= _NEWTON_FROM and points <= _NEWTON_UP_TO
+        most = self.max_steps or min(_STEPS * max(_POINTS // points, 1), _MOST)
+        few = most if not hard or (finest and not newton) else min(_FEW, most)
+        return GridSettings(
+            share=share,
+            newton=newton,
+            draft_steps=few,
+            max_steps=most if newton else few,
+            relaxation=min(self.relaxation, _MOST_ATTRACTED) if law.attracts else self.relaxation,
+            history_length=history_of(self.history_length, loading.pressure is None),
+            rtol=rtol if finest else jnp.asarray(_COARSE_ERROR, rtol.dtype),
+        )
+
+
+class GridSettings(NamedTuple):
+    """Settings of the solve on one grid, static except `rtol`."""
+
+    share: float  # of its points, of those of the finest grid
+    newton: bool  # whether Newton steps may follow
+    draft_steps: int
+    max_steps: int
+    relaxation: float
+    history_length: int
+    rtol: Scalar
+
+
+class OneGrid(NamedTuple):
+    """What is given on one grid, and the unit of pressure there."""
+
+    operator: AbstractOperator
+    heights: Field
+    loading: Loading
+    unit: Scalar
+
+
+class GridProblem(eqx.Module):
+    """The contact on one grid, dimensionless: see `splitting.py`.
+
+    A factor is that of a penalty over the first one.
+    """
+
+    grid: OneGrid
+    penalty: Scalar  # [Pa/m] over the unit
+    law: AbstractLaw
+    mean: Float[Array, "..."]  # prescribed, of the pressure, or if that is free of the gap
+
+    @property
+    def free_mean(self) -> bool:
+        return self.grid.loading.pressure is None
+
+    @property
+    def length(self) -> Scalar:
+        """The unit of length [m]."""
+        return self.grid.unit / self.penalty
+
+    def scaled_heights(self, factor: Factor = 1.0) -> Field:
+        """Returns the dimensionless heights, of zero mean."""
+        scale = factor / self.length
+        # Scaled first: else a loop would store another field.
+        return scale * self.grid.heights - scale * jnp.mean(self.grid.heights)
+
+    def law_at(self, factor) -> AbstractLaw:
+        return self.law.in_units(1.0, 1 / factor)
+
+    def solid_at(self, factor: Factor = 1.0) -> Solid:
+        return Solid(self.grid.operator, factor * self.penalty, self.free_mean)
+
+    def shift(self, factor) -> Field:
+        """What heights and mean add to x of the splitting."""
+        heights, solid = self.scaled_heights(factor), self.solid_at(factor)
+        if self.free_mean:
+            return solid.resolve(heights - factor * self.mean)
+        return self.mean + solid.resolve(heights)
+
+    def splitting(self, state: "SolveState", settings: GridSettings) -> Splitting:
+        return Splitting(
+            self.solid_at(state.factor),
+            state.shift,
+            self.law_at(state.factor).proximal,
+            settings.rtol,
+            relaxation=settings.relaxation,
+            history_length=settings.history_length,
+        )
+
+    def at_load(self, pressure):
+        """A pressure of the law with the load that is prescribed, if any."""
+        if self.free_mean:
+            return pressure
+        return to_mean(self.grid.operator, pressure, self.mean, self.law.bounds)
+
+    def meet(self, state: "SolveState"):
+        """The pressures of solid and law, x and y, and the gap at which the law has y."""
+        x = state.shift + self.solid_at(state.factor).resolve(state.z)
+        v = 2 * x - state.z
+        y = self.law_at(state.factor).proximal(v)
+        return x, y, y - v
+
+
+class SolveState(NamedTuple):
+    """State of a solve on one grid."""
+
+    z: Array
+    shift: Array  # of the splitting
+    factor: Array  # the penalty over the first
+    error: Array
+    converged: Array
+    next: Array  # an epoch, Newton steps, or nothing
+    confirming: Array  # whether Newton steps found a contact, which the splitting is to confirm
+    coat: Array  # of the next Newton steps
+    drafted: Array  # steps of the draft
+    steps: Array  # of all epochs
+    newton_pairs: Array
+    pairs: Array  # FFT pairs so far, of all grids by their size
+
+
+@jit
+def _coarser(operator, heights, loading: Loading, shapes):
+    """What is given on coarser grids of these shapes, and the unit of pressure on the finest."""
+    shape, flat, coarse = heights.shape, heights - jnp.mean(heights), []
+    spectrum = to_spectrum(flat)
+    for level in shapes:
+        share = float(np.prod(level) / np.prod(shape))
+        rough = to_field(resample_spectrum(spectrum, shape, level) * share, level)
+
+        def sample(a, level=level):  # a load that varies is interpolated
+            if a is None or a.ndim == 0:
+                return a
+            return interpolate(a, tuple(map(min, a.shape, level)))
+
+        near, less = operator.coarser(shape, level), Loading(*map(sample, loading))
+        coarse.append(OneGrid(near, rough, less, pressure_unit(near, rough, less)))
+    return coarse, pressure_unit(operator, flat, loading)
+
+
+@jit
+def _begin(grid: OneGrid, law, before, settings: GridSettings, looks: bool):
+    """The fields of a problem but its grid, which XLA would copy, and the state of its solve.
+
+    `before` is a pressure [Pa], what was found on the grid before, or None. With `looks` the solve
+    stops where Newton steps are needed, otherwise at its end.
+    """
+    operator, rough, loading, unit = grid
+    share = settings.share
+    own = 0.5 * share if share < 1 else 0.0  # of the grid's heights
+    guess, touching, pairs = None, 0.0, 0.5 + own if share < 1 else own
+    if before is not None:
+        if isinstance(before, tuple):
+            coarse, last = before
+            pairs = last.pairs + share * coarse.grid.heights.size / rough.size + own
+            before = coarse.at_load(coarse.meet(last)[1]) * coarse.grid.unit
+        touching = jnp.mean(before > 0, dtype=rough.dtype)
+        guess = _as_guess(grid, law, interpolate(before, rough.shape))
+        pairs = pairs + share
+    cold = jnp.asarray(_COLD_PARTICIPATION, rough.dtype)
+    penalty = penalty_for(operator, cold if guess is None else participation(guess), law)
+    length = unit / penalty
+    free_mean = loading.pressure is None
+    mean = jnp.asarray(loading.gap if free_mean else loading.pressure)
+    mean = mean / (length if free_mean else unit)
+    numbers = penalty, law.in_units(unit, length), mean
+    problem = GridProblem(grid, *numbers)
+    if guess is not None and takes_newton_steps(law) and not problem.free_mean:
+        guess, taken = _full_contact_or(problem, guess, touching)
+        pairs = pairs + share * taken
+    one, none, no = jnp.ones((), rough.dtype), jnp.asarray(0), jnp.asarray(False)
+    state = SolveState(
+        z=_start_of(problem, guess),
+        shift=problem.shift(one),
+        factor=one,
+        error=one * jnp.inf,
+        converged=no,
+        next=jnp.asarray(_EPOCH_NEXT),
+        confirming=no,
+        coat=0 * one,
+        drafted=none,
+        steps=none,
+        newton_pairs=none,
+        pairs=one * pairs,
+    )
+    splitting = problem.splitting(state, settings)
+    z, drafted = draft(splitting, state.z, max_steps=settings.draft_steps)
+    state = state._replace(z=z, drafted=drafted, pairs=state.pairs + share * drafted)
+    if settings.newton and not looks:
+        return numbers, _alternate(problem, state, settings)
+    return numbers, _epochs(problem, state, settings)
+
+
+def _as_guess(grid: OneGrid, law, pressure):
+    """A pressure to begin from, in its unit, made possible for the law and the load."""
+    operator, _, loading, unit = grid
+    guess = pressure / unit
+    low, high = law.in_units(unit, 1.0).bounds
+    # A guess of another scale would dominate everything else.
+    stiffest = operator.long_wave / operator.least
+    guess = jnp.clip(guess, low, jnp.minimum(high, _HIGHEST * stiffest))
+    if loading.pressure is None:
+        return guess
+    # A load that is missing is spread evenly: a small contact scaled up would be far off.
+    mean = loading.pressure / unit
+    guess = guess + jnp.maximum(mean - operator.mean(guess), 0)
+    return to_mean(operator, jnp.clip(guess, low, high), mean, (low, high))
+
+
+def _full_contact_or(problem: GridProblem, guess, touching):
+    """The pressure of full contact if that is the solution, else the guess; and FFT pairs.
+
+    It is computed if the share of points `touching` on the grid before was large.
+    """
+
+    def look():
+        solid = problem.solid_at().scaled
+        flat = problem.mean + solid.filtered(solid.inverse, problem.scaled_heights())
+        return jnp.where(jnp.min(flat) > 0, flat, guess), jnp.ones_like(touching)
+
+    return jax.lax.cond(touching > _NEARLY, look, lambda: (guess, jnp.zeros_like(touching)))
+
+
+def _start_of(problem: GridProblem, guess):
+    """z to begin from: that of a guessed pressure, or without one of points on springs."""
+    heights, law, mean = problem.scaled_heights(), problem.law, problem.mean
+    average = problem.grid.operator.mean
+    if guess is None:
+        if problem.free_mean or law.attracts:
+            return mean - heights
+
+        def halve(_, bracket):
+            middle = jnp.mean(bracket, axis=0)
+            light = average(law.proximal(middle + heights)) < mean
+            low, high = bracket
+            return jnp.stack([jnp.where(light, middle, low), jnp.where(light, high, middle)])
+
+        # Pressed down until they carry the load: else surfaces may start far from each other.
+        high = mean - jnp.min(heights)
+        ends = jnp.stack([jnp.full_like(high, -2 * jnp.max(heights)), high])
+        v = jax.lax.fori_loop(0, 40, halve, ends)[1] + heights
+        return 2 * law.proximal(v) - v
+    gap = problem.solid_at().scaled.displace(guess) - heights
+    total, weighed = average(jnp.abs(guess)), average(jnp.abs(guess) * gap)
+    loaded = (total > 0) & (not problem.free_mean)
+    gap = gap - jnp.where(loaded, weighed / nonzero(total), average(gap))
+    if problem.free_mean:
+        gap = gap + mean
+    # The law's own pressure and gap nearest to the guess; in contact, where the gap is only the
+    # error of the guess, the pressure alone.
+    y = law.proximal(guess - gap)
+    return jnp.where(guess > jnp.abs(gap), guess, 2 * y - (guess - gap))
+
+
+def _epochs(problem: GridProblem, state: SolveState, settings: GridSettings) -> SolveState:
+    """Iterates; if that takes long, again with another penalty, or until Newton steps help."""
+    share = settings.share
+
+    def epoch(state: SolveState) -> SolveState:
+        limit = jnp.where(state.confirming, 0, state.steps)
+        limit = jnp.clip(limit, _EPOCH, settings.max_steps - state.steps)
+        last = run_steps(problem.splitting(state, settings), state.z, limit)
+        steps = state.steps + last.num_steps
+        more = last.running & (steps + state.newton_pairs < settings.max_steps)
+        state = state._replace(
+            z=last.z,
+            error=last.error,
+            converged=~last.running,
+            next=jnp.where(more, _EPOCH_NEXT, _NOTHING),
+            steps=steps,
+            pairs=state.pairs + share * (last.num_steps + 1),
+        )
+        return jax.lax.cond(more, begin_again, lambda same: same, state)
+
+    def begin_again(state: SolveState) -> SolveState:
+        """The same pressures and gaps with the penalty for the current area in contact."""
+        _, y, gap = problem.meet(state)
+        solid, law = problem.solid_at(state.factor).scaled, problem.law_at(state.factor)
+        change = penalty_for(solid, participation(y), law)
+        factor = state.factor * change
+        state = state._replace(
+            z=y + change * gap,
+            shift=problem.shift(factor),
+            factor=factor,
+            pairs=state.pairs + share,
+        )
+        if not settings.newton:
+            return state
+        # At its present rate the splitting needs more than as many steps again; few points are
+        # found at once.
+        few = jnp.sum(y > 0) <= most_eliminated(problem.grid.operator, y)
+        slow = state.confirming | few | (state.error > jnp.sqrt(settings.rtol))
+        slow &= jnp.mean(y > 0, dtype=y.dtype) < _SMALL**y.ndim
+        return state._replace(next=jnp.where(slow, _NEWTON_NEXT, _EPOCH_NEXT))
+
+    return jax.lax.while_loop(lambda state: state.next == _EPOCH_NEXT, epoch, state)
+
+
+@jit
+def _alternate(problem: GridProblem, state: SolveState, settings: GridSettings) -> SolveState:
+    """Iterates to the end, with Newton steps where the splitting is slow."""
+
+    def newton(state: SolveState) -> SolveState:
+        solid = problem.solid_at(state.factor)
+        slow = state.next == _NEWTON_NEXT
+        z, coat, pairs, confirming = newton_round(
+            solid.scaled,
+            problem.scaled_heights(state.factor),
+            problem.mean,
+            state.z,
+            state.shift + solid.resolve(state.z),
+            state.coat,
+            allowed=problem.law.proximal(jnp.ones_like(state.z)) > 0,
+            rtol=settings.rtol,
+            # They may take as many pairs as the splitting took so far. Under `vmap` members that
+            # are not slow come here too.
+            budget=jnp.where(slow, state.steps, 0),
+        )
+        return state._replace(
+            z=z,
+            coat=coat,
+            confirming=confirming,
+            next=jnp.where(slow, _EPOCH_NEXT, _NOTHING),
+            newton_pairs=state.newton_pairs + pairs + 2,
+            pairs=state.pairs + settings.share * (pairs + 2),
+        )
+
+    def turn(state: SolveState) -> SolveState:
+        state = jax.lax.cond(state.next == _NEWTON_NEXT, newton, lambda same: same, state)
+        return _epochs(problem, state, settings)
+
+    return jax.lax.while_loop(lambda state: state.next != _NOTHING, turn, state)
+
+
+@jit
+def _output(problem: GridProblem, state: SolveState) -> SolverOutput:
+    """The contact where a solve ended on the finest grid."""
+    factor = state.factor
+    x, y, gap = problem.meet(state)
+    # The displacement has the stiff waves of the law's pressure and the soft ones of the
+    # solid's: each would magnify what is left of the error in the others.
+    pressure = problem.at_load(y)
+    stiff = problem.solid_at(factor).resolve(pressure - x)
+    solid_gap = (state.z - x + (pressure - x) - stiff) / factor
+    unit, length = problem.grid.unit, problem.length
+    without_mean = problem.scaled_heights() - (problem.mean if problem.free_mean else 0)
+    return SolverOutput(
+        pressure=pressure * unit,
+        gap=gap * (length / factor),
+        mismatch=(x - y) * unit,
+        displacement=(solid_gap + without_mean) * length,
+        error=state.error,
+        ended=state.converged,
+        num_steps=state.drafted + state.steps,
+        num_fft_pairs=state.pairs + 3,
+    )

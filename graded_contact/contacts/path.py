@@ -1,0 +1,115 @@
+"""Contact along a path of loads or gaps: each solution is the start of the next."""
+
+import functools
+
+import equinox as eqx
+import jax
+import jax.numpy as jnp
+from jaxtyping import Array, Bool, Float
+
+from ..core.checks import Numbers, as_float, check_types, check_values
+from ..core.display import shown
+from .adjoint import LinearSolver, LinearSplitting
+from .law import AbstractLaw, check_one_law, check_pressure
+from .nested_solve import DouglasRachford
+from .solution import RESULTS, ContactSolution
+from .solve import RTOL, solve_contact
+from .solver import AbstractContactSolver
+
+
+@shown()
+class ContactPath(eqx.Module):
+    """Contacts along a path, in its order.
+
+    **Fields:**
+
+    - `mean_gap`, `mean_pressure`: [m], [Pa], shape `(steps,)`.
+    - `contact_area`: fraction of points in contact [1], shape `(steps,)`.
+    - `unloading`: whether the surfaces were moving apart, shape `(steps,)`. The path begins with
+      open surfaces.
+    - `num_fft_pairs`, `result`: of each solve [1], shape `(steps,)`; `result == RESULTS.successful`
+      is an array.
+    - `last`: the last contact.
+    """
+
+    mean_gap: Float[Array, " steps"]
+    mean_pressure: Float[Array, " steps"]
+    contact_area: Float[Array, " steps"]
+    unloading: Bool[Array, " steps"]
+    num_fft_pairs: Float[Array, " steps"]
+    result: RESULTS
+    last: ContactSolution
+
+
+@check_types
+def follow_contact(
+    kernel: Numbers,
+    heights: Numbers,
+    pressure: Numbers | None = None,
+    *,
+    mean_gap: Numbers | None = None,
+    approach: Numbers | None = None,
+    law: AbstractLaw,
+    solver: AbstractContactSolver = DouglasRachford(),  # noqa: B008 (immutable)
+    adjoint: LinearSolver = LinearSplitting(),  # noqa: B008
+    rtol: float = RTOL,
+    throw: bool = True,
+) -> ContactPath:
+    """Returns the contacts along a path of mean pressures, mean gaps or approaches.
+
+    With a law that attracts, a contact depends on its history. Let a path of gaps begin where the
+    surfaces do not touch, close and open again. With small steps it follows the loading branch
+    through the snap into contact, and the unloading branch through the snap out of contact. At a
+    jump it continues with the state that the solver finds. Prefer gaps to pressures: at a given
+    load the whole surface is unstable where the pressure rises with the gap.
+
+    Differentiable and usable under `jit`, as `solve_contact`.
+
+    **Arguments:**
+
+    - `pressure` [Pa], `mean_gap` [m] or, on a window, `approach` [m]: the path, shape `(steps,)`.
+    - `solver`: if a grid does not resolve the attraction, `ResidualDynamics()` finds stable states.
+    - the others: as in `solve_contact`.
+
+    **Returns:** means, areas and ends of all contacts and the whole of the last, see `ContactPath`.
+
+    **Raises:** `ValueError` for a refused argument; `RuntimeError` if a solve fails.
+    """
+    given = {"pressure": pressure, "mean_gap": mean_gap, "approach": approach}
+    named = [(name, path) for name, path in given.items() if path is not None]
+    if len(named) != 1:
+        raise ValueError("Give exactly one of `pressure`, `mean_gap` and `approach`.")
+    check_one_law(law)
+    name, targets = named[0][0], as_float(named[0][1], named[0][0])
+    if targets.ndim != 1 or len(targets) == 0:
+        raise ValueError(f"`{name}` has shape {targets.shape}; a path of numbers is needed.")
+    if name == "pressure":  # inside the loop its values are traced
+        check_pressure(targets, law)
+    else:
+        check_values(name, targets, "numbers [m] must be finite")
+    solve = functools.partial(
+        solve_contact,
+        kernel,
+        heights,
+        law=law,
+        solver=solver,
+        adjoint=adjoint,
+        rtol=rtol,
+        throw=throw,
+    )
+
+    def advance(last, target):
+        contact = solve(**{name: target}, start=None if last is None else last.pressure)
+        touching = law.contact_indicator(contact.pressure, contact.gap, 1.0) > 0
+        area = jnp.mean(touching, dtype=contact.gap.dtype)
+        means = contact.mean_gap, contact.mean_pressure
+        return contact, (*means, area, contact.num_fft_pairs, contact.result)
+
+    first, begun = advance(None, targets[0])
+    last, rest = jax.lax.scan(advance, first, targets[1:])
+    gaps, pressures, areas, pairs, result = jax.tree.map(
+        lambda a, b: jnp.concatenate([a[None], b]), begun, rest
+    )
+    falling = jnp.diff(targets) < 0
+    unloading = jnp.concatenate([jnp.zeros(1, bool), falling if mean_gap is None else ~falling])
+    return ContactPath(gaps, pressures, areas, unloading, pairs, result, last)

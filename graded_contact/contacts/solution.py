@@ -1,0 +1,90 @@
+"""The contact solution: pressure, gap, their errors, and how the solve ended."""
+
+import equinox as eqx
+from jaxtyping import Array, Float
+
+from ..core.display import shown
+from .operator import Field, Scalar
+
+
+class RESULTS(eqx.Enumeration):
+    """How a solve ended."""
+
+    successful = ""
+    max_steps_reached = (
+        "The contact solver reached `max_steps` before `rtol`. Raise `max_steps` of the solver or "
+        "loosen `rtol`; at a mean gap near full contact, prescribe `pressure`."
+    )
+    rounding = (
+        "Rounding hides the remaining error, which may be more than `rtol`. Loosen `rtol`; in "
+        "float32, enable `jax_enable_x64`."
+    )
+    not_finite = (
+        "The solve failed: the kernel, the heights, the pressure or the approach is not finite or "
+        "too large (a negative thickness or modulus, a liquid (`equilibrium=0`) at rest, an "
+        "approach beyond the window's length). In float32, enable `jax_enable_x64`."
+    )
+    unresolved = (
+        "The attraction of the law rises too steeply for the grid: the computed equilibrium may be "
+        "unstable. Refine the grid until its shortest wave is three times as stiff as the "
+        "attraction rises, or use `solver=ResidualDynamics()`."
+    )
+    inaccurate_kernel = (
+        "The kernel of the block did not reach its tolerance: the profile of a graded layer varies "
+        "too sharply. Put boundaries between layers at its jumps and list its kinks in `breaks`, "
+        "or cut it by `sliced`."
+    )
+    gap_unresolved = (
+        "Pressure, friction and contact area have converged, but gaps may be wrong by more than a "
+        "tenth of the rms height. Tighten `rtol`, or do not use gaps and displacements."
+    )
+    not_settled = (
+        "The temperatures of the contact did not converge to the tolerance. Loosen `rtol`; a block "
+        "whose losses change fast with temperature may have several temperatures."
+    )
+    bad_pressure = "The law of contact cannot have this mean pressure (a hard wall: not positive)."
+
+
+@shown()
+class ContactSolution(eqx.Module):
+    """Pressure and gap of a contact, and their errors.
+
+    **Fields:**
+
+    - `pressure`: σ [Pa], of the law; its mean is exactly the load, if that was prescribed. Shape of
+      the heights.
+    - `displacement`: w [m], of zero mean, positive into the solid: M σ, but without the rest of
+      the error of σ in the soft waves, which would magnify it.
+    - `gap`: u = w - h + ū [m], zero in hard contact up to the error.
+    - `mean_pressure`: mean of σ [Pa].
+    - `mean_gap`: mean of the gap ū [m]; of a periodic motion one for each time.
+    - `correction`: estimated change of the pressure to that of the exact contact [Pa], see
+      `contacts/estimates.py`. Without a derivative.
+    - `error`: estimated relative error of the pressure [1] (root mean square); 0 where there is no
+      pressure.
+    - `load_error`: difference of the mean pressures of solid and law, where the iteration stopped,
+      over that of |σ| [1]. At a given approach see `Sliding.mean_pressure_error`.
+    - `gap_error`: estimated error of the gap (root mean square) over the rms height [1]; those of
+      `displacement` and `mean_gap` are no larger.
+    - `complementarity_error`: mean of |σ| |u - u_σ| over that of |σ| and the rms height [1]; u_σ is
+      the gap at which the law has the pressure σ, in hard contact 0.
+    - `penetration`: largest interpenetration that the law does not allow, over the rms height [1].
+    - `num_steps`: iterations on the full grid.
+    - `num_fft_pairs`: transforms spent, forward and back [1]; coarse grids counted by their size.
+    - `result`: a member of `RESULTS`.
+    """
+
+    pressure: Field
+    displacement: Field
+    gap: Field
+    mean_pressure: Scalar
+    mean_gap: Float[Array, "..."]
+    correction: Field
+    error: Scalar
+    load_error: Scalar
+    gap_error: Scalar
+    complementarity_error: Scalar
+    penetration: Scalar
+    num_steps: Array
+    num_fft_pairs: Scalar
+    result: RESULTS

@@ -1,0 +1,95 @@
+"""A table of friction as text for other programs, SI units, all digits of a double.
+
+Source: Abaqus Keywords Reference Guide, *FRICTION: a data line holds the friction coefficient, slip
+rate, contact pressure and average temperature of the two surfaces. The first of these varies
+fastest, each in increasing order, and outside of its range the coefficient is that at the end.
+"""
+
+from collections.abc import Callable
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from ..core.checks import check_values, short
+from .prony_cards import check_card
+
+if TYPE_CHECKING:
+    from xarray import Dataset
+
+AXES = ("temperature", "pressure", "velocity")  # from slow to fast
+
+
+def export_friction(table: "Dataset", format: str, *, name: str = "friction") -> str:
+    """Returns the text of a table of friction in one of `FORMATS`.
+
+    - "abaqus": *SURFACE INTERACTION with *FRICTION, which depends on slip rate, contact pressure
+      and, if it is an axis, temperature [K]. The largest error is in a comment;
+    - "csv": a line for each point with velocity, pressure, temperature (if it is an axis), friction
+      and its error, as brush models of tyres and models of ABS interpolate it.
+
+    **Arguments:**
+
+    - `table`: of `friction_table`, or of `run_scene` without further axes.
+    - `format`: one of `FORMATS`.
+    - `name`: of the surface interaction.
+
+    **Returns:** the text of the file.
+
+    **Raises:** `ValueError` for a table with other axes, points without a friction, a negative
+    velocity or friction, or a format that does not exist.
+    """
+    check_card(format, FORMATS, name)
+    return FORMATS[format](_checked(table), name)
+
+
+def _checked(table: "Dataset") -> "Dataset":
+    """The table with its axes in order, each increasing."""
+    axes = [axis for axis in AXES if axis in getattr(table, "dims", ())]
+    variables = [getattr(table, "data_vars", {}).get(n) for n in ("friction", "friction_error")]
+    if any(v is None or {*v.dims} != {*axes} for v in variables) or axes[-2:] != [*AXES[1:]]:
+        raise ValueError(
+            f"`table={short(table)}` is refused: it needs `friction` and `friction_error` over "
+            "velocity, pressure and perhaps temperature, and nothing else."
+        )
+    table = table.transpose(*axes, ...).sortby(axes)
+    messages = np.ravel(table.get("message", np.array("")))
+    if failed := [message for message in messages if message != ""]:
+        raise ValueError(
+            f"`table` has {len(failed)} of {len(messages)} points that failed or did not "
+            f"converge, see `message`. The first: {failed[0]}"
+        )
+    words = "it must be a finite number, not negative"
+    for part in ("friction", "friction_error", "velocity"):
+        check_values(f"table.{part}", table[part].values, words, at_least=0)
+    return table
+
+
+def _lines(table: "Dataset", columns: list[str], separator: str) -> list[str]:
+    """A line of numbers for each point, the velocity varying fastest."""
+    points = table[["friction", "friction_error"]].to_dataframe([*table["friction"].dims])
+    rows = points.reset_index()[columns].astype(float).to_numpy().tolist()
+    return [separator.join(map(repr, row)) for row in rows]
+
+
+def _abaqus(table: "Dataset", name: str) -> str:
+    columns = ["friction", "velocity", "pressure", *table["friction"].dims[:-2]]
+    friction, error = (table[n].values for n in ("friction", "friction_error"))
+    largest = np.max(error / np.where(friction > 0, friction, np.inf))
+    lines = [
+        "** Units: m/s, Pa, K. Friction coefficient, slip rate, contact pressure, temperature.",
+        f"** Largest estimated relative error of the friction coefficient: {largest:.2g}",
+        f"*SURFACE INTERACTION, NAME={name}",
+        "*FRICTION",
+    ]
+    return "\n".join([*lines, *_lines(table, columns, ", "), ""])
+
+
+def _csv(table: "Dataset", name: str) -> str:
+    units = {"velocity": "m/s", "pressure": "Pa", "temperature": "K"}
+    units = {axis: unit for axis, unit in units.items() if axis in table["friction"].dims}
+    units |= {"friction": "1", "friction_error": "1"}
+    heads = ",".join(f"{column} [{unit}]" for column, unit in units.items())
+    return "\n".join([heads, *_lines(table, [*units], ","), ""])
+
+
+FORMATS: dict[str, Callable[["Dataset", str], str]] = {"abaqus": _abaqus, "csv": _csv}

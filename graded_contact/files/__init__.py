@@ -1,1 +1,0 @@
-"""Files: topographies, moduli, Prony series for other programs, scenes, results."""

@@ -1,1 +1,0 @@
-"""Reading files of measured moduli: cells, tables, columns, units, points."""

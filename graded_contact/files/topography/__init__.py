@@ -1,1 +1,0 @@
-"""Reading files of measured heights, one module for each kind of file; filling of holes."""

@@ -1,0 +1,172 @@
+"""The covariance of the unknowns of a fitted series (NumPy).
+
+It is that of a Gauss-Newton fit, C = H⁻¹ (Σ_ij g_i w_i V_ij w_j g_jᵀ) H⁻¹ with H = Σ_i w_i g_i g_iᵀ
+and g = ∂ ln m/∂θ. V is the covariance of the errors. Each channel has its own size of errors σ, and
+its own correlation of neighbours ρ: errors at a distance of k points have the correlation ρ^k.
+
+The residuals are smaller and less alike than the errors, because the fit follows the errors in
+part. σ and ρ therefore come from the restricted likelihood, that of the combinations of the
+data that no change of the unknowns alters (H. D. Patterson, R. Thompson, Biometrika 58 (1971) 545,
+doi:10.1093/biomet/58.3.545):
+
+    -ln L = ½ ln|V| + ½ ln|Gᵀ V⁻¹ G| + ½ (rᵀ V⁻¹ r - bᵀ (Gᵀ V⁻¹ G)⁻¹ b),    b = Gᵀ V⁻¹ r.
+
+Few independent errors leave σ and ρ uncertain. V is therefore the mean over a cloud of (atanh ρ,
+ln σ²) about the most likely ones. A systematic misfit of the series is not part of C.
+"""
+
+import dataclasses
+import functools
+import itertools
+
+import numpy as np
+from scipy.linalg import solve_banded
+from scipy.optimize import minimize
+
+from .series import Series
+
+# Limits of atanh ρ, and of ln σ² about the mean square. Errors with ρ > 0.95 are rather a misfit.
+LIMITS = ((-1.0, 1.8), (-12.0, 12.0))
+# Variance of the cloud over that of (atanh ρ, ln σ²). With 1, ± 1.96 standard errors enclose 90 to
+# 92 % of the true values at ρ = 0.8; with 2, 92 % and more (`bench_uncertainty.py coverage`).
+CLOUD = 2.0
+FLATTEST = 2.0  # curvature of -ln L: what the data do not determine has the variance 1/2
+STEP = 0.05  # of (atanh ρ, ln σ²) in differences of the likelihood
+
+
+def covariance(
+    series: Series,
+    residual: np.ndarray,
+    jacobian: np.ndarray,
+    free: np.ndarray,
+    penalty: np.ndarray | float = 0.0,
+    group: np.ndarray | None = None,
+) -> np.ndarray:
+    """Returns the covariance of the unknowns; those not `free` have none.
+
+    **Arguments:**
+
+    - `residual`, `jacobian`: log residuals, shape `(rows,)`, and their derivatives by the
+      unknowns, shape `(unknowns, rows)`.
+    - `free`: which unknowns are at no bound.
+    - `penalty`: weights of their squares in the cost, from what is expected beforehand.
+    - `group`: of each point; neighbours are of the same one. Shape `(points,)`.
+    """
+    jacobian, penalty = jacobian[free], np.broadcast_to(penalty, len(free))[free]
+    inside = np.abs(residual) <= series.huber
+    hessian = (jacobian * (series.weights * inside)) @ jacobian.T + np.diag(penalty)
+    points = len(series.x)
+    group = np.zeros(points, int) if group is None else group
+    order = np.lexsort((series.x, group))
+    rows = (np.arange(0, len(residual), points)[:, None] + order).ravel()
+    rows = rows[series.measured[rows]]
+    channel = np.unique(rows // points, return_inverse=True)[1]
+    starts = (np.diff(channel) > 0) | (np.diff(group[rows % points]) > 0)
+    root_weights = np.sqrt(series.weights[rows])
+    design = (jacobian[:, rows] * root_weights).T
+    errors = _Errors(
+        channel=channel,
+        first=np.append(True, starts),
+        errors=root_weights * np.clip(residual[rows], -series.huber, series.huber),
+        design=design,
+        penalty=penalty,
+    )
+    noise, cloud = np.diag(penalty * errors.mean_square), errors.cloud()
+    for parameters in cloud:
+        carried = errors.carried(parameters, design)
+        noise += carried.T @ carried / len(cloud)
+    diagonal = np.diagonal(hessian)
+    scale = np.sqrt(np.where(diagonal > 0, diagonal, 1))
+    # Directions that rounding alone determines are left out.
+    inverse = np.linalg.pinv(hessian / scale / scale[:, None], rcond=1e-13, hermitian=True)
+    inverse = inverse / scale / scale[:, None]
+    spread = np.zeros((len(free), len(free)))
+    spread[np.ix_(free, free)] = inverse @ noise @ inverse
+    return spread
+
+
+@dataclasses.dataclass(frozen=True, eq=False)
+class _Errors:
+    """Errors of weight 1, and the parameters (atanh ρ of each channel, ln σ² of each) of their V.
+
+    V⁻¹ = Wᵀ W. Each row of W subtracts from an error what is left of its neighbour's, and divides
+    by the standard deviation of the rest. `ln σ²` is relative to `mean_square`.
+
+    **Fields:** (rows by channel, isotherm and x, so that neighbours follow each other)
+
+    - `channel`: of each row, counted from 0.
+    - `first`: which of them have no neighbour before them.
+    - `errors`, `design`: residuals, and derivatives of the model, shape `(rows, unknowns)`.
+    - `penalty`: as in `covariance`.
+    """
+
+    channel: np.ndarray
+    first: np.ndarray
+    errors: np.ndarray
+    design: np.ndarray
+    penalty: np.ndarray
+
+    @functools.cached_property
+    def mean_square(self) -> float:
+        spare = max(len(self.errors) - len(self.penalty), 1)
+        return float(np.sum(self.errors**2)) / spare
+
+    def filter(self, parameters: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        """Returns the diagonal of W and what is left of it, each shape `(rows,)`."""
+        alike, log_size = np.split(parameters, 2)
+        alike = np.tanh(alike)[self.channel]
+        own = np.where(self.first, 1, np.sqrt(1 - alike**2))
+        size = np.sqrt(self.mean_square * np.exp(log_size[self.channel]))
+        diagonal = 1 / np.where(size > 0, own * size, 1)
+        return diagonal, np.where(self.first, 0, -alike * diagonal)
+
+    def carried(self, parameters: np.ndarray, columns: np.ndarray) -> np.ndarray:
+        """Returns W⁻ᵀ times `columns`, whose square is columnsᵀ V columns."""
+        diagonal, left = self.filter(parameters)
+        return solve_banded((0, 1), np.array([np.append(0, left[1:]), diagonal]), columns)
+
+    def cloud(self) -> list[np.ndarray]:
+        """Equally likely parameters about those of the largest restricted likelihood.
+
+        They are the corners of a box along the axes of their covariance.
+        """
+        count = self.channel[-1] + 1
+        likely, (lower, upper) = np.repeat([0.3, 0.0], count), np.repeat(LIMITS, count, axis=0).T
+        if not self.mean_square:
+            return [likely]
+        bounds = list(zip(lower, upper, strict=True))
+        likely = minimize(self._surprise, likely, method="L-BFGS-B", bounds=bounds).x
+        steps = STEP * np.eye(len(likely))
+        curvature = np.empty(steps.shape)
+        for (i, a), (j, b) in itertools.product(enumerate(steps), repeat=2):
+            corners = (self._surprise(likely + s * a + t * b) * s * t
+                       for s in (-1, 1) for t in (-1, 1))  # fmt: skip
+            curvature[i, j] = sum(corners) / (2 * STEP) ** 2
+        values, axes = np.linalg.eigh(curvature)
+        reach = np.sqrt(CLOUD / np.maximum(values, FLATTEST)) * axes
+        signs = itertools.product((-1, 1), repeat=len(likely))
+        return [np.clip(likely + reach @ sign, lower, upper) for sign in signs]
+
+    @functools.cached_property
+    def _orthonormal(self):
+        """G in combinations of unknowns whose derivatives are orthonormal, and the penalty."""
+        stacked = np.vstack([self.design, np.diag(np.sqrt(self.penalty))])
+        scale = np.linalg.norm(stacked, axis=0)
+        scale = np.where(scale > 0, scale, 1)
+        _, sizes, axes = np.linalg.svd(stacked / scale, full_matrices=False)
+        determined = sizes > 1e-7 * np.max(sizes, initial=0)
+        combined = (axes[determined].T / sizes[determined]) / scale[:, None]
+        return self.design @ combined, combined.T @ (self.penalty[:, None] * combined)
+
+    def _surprise(self, parameters):
+        """-ln L, less a constant."""
+        design, prior = self._orthonormal
+        columns = np.column_stack([design * np.sqrt(self.mean_square), self.errors])
+        diagonal, left = self.filter(parameters)
+        before = np.concatenate([columns[:1], columns[:-1]])
+        white = (diagonal * columns.T + left * before.T).T  # W times the columns
+        products = white.T @ white
+        root = np.linalg.cholesky(products[:-1, :-1] + prior)
+        pull = np.linalg.solve(root, products[:-1, -1])
+        half_logs = np.sum(np.log(np.diagonal(root))) - np.sum(np.log(diagonal))
+        return half_logs + (products[-1, -1] - pull @ pull) / 2

@@ -1,0 +1,129 @@
+"""Where a material was measured, and what is outside this range.
+
+A fitted series has a modulus at every frequency, but only where there were data is it more than an
+extrapolation. A limited material has two methods, `coverage()` and `check(omega)`; the
+functions below find all that is limited in a material, profile or stack.
+"""
+
+import functools
+from typing import Any, Protocol, runtime_checkable
+
+import equinox as eqx
+import jax
+import jax.numpy as jnp
+import numpy as np
+from jaxtyping import Array, Float
+
+from ..core.checks import check_positive, check_shape, is_concrete, numbers, optional
+from ..core.display import shown
+from .shift import NEAR, stretched
+
+# A shifted range may miss its own ends by rounding.
+SLACK = 64
+
+
+@runtime_checkable
+class Limited(Protocol):
+    """A material with a known range of measured frequencies."""
+
+    def coverage(self) -> tuple[Float[Array, ""], Float[Array, ""]]:
+        """Returns the lowest and highest ω [rad/s]; the lowest is infinite if there is none."""
+        ...
+
+    def check(self, omega: Float[Array | np.ndarray, "..."]) -> None:
+        """Raises `ValueError` if there is no modulus at some of the frequencies [rad/s]."""
+        ...
+
+
+@shown(units=False)
+class MeasuredRange(eqx.Module):
+    """Frequencies and temperatures at which a material was measured.
+
+    Its numbers only affect what is reported: they have no derivative.
+
+    **Fields:**
+
+    - `omega`: lowest and highest ω [rad/s] at the material's temperature, shape `(2,)`, positive.
+    - `temperature`: lowest and highest temperature [K], shape `(2,)`, or None if that is not known;
+      1 K beyond counts as measured.
+    """
+
+    omega: Float[Array, " 2"] = eqx.field(converter=numbers("omega"))
+    temperature: Float[Array, " 2"] | None = eqx.field(
+        converter=optional(numbers("temperature")), default=None
+    )
+
+    def __check_init__(self):
+        for name, unit in (("omega", "[rad/s]"), ("temperature", "[K]")):
+            ends = getattr(self, name)
+            if ends is None:
+                continue
+            check_shape(name, ends, (2,))
+            check_positive(name, ends, unit)
+            # By NumPy: under `jit` JAX traces even the parts of known arrays.
+            low, high = np.asarray(ends) if is_concrete(ends) else (0, 1)
+            if low > high:
+                raise ValueError(
+                    f"`{name}` from {low:g} to {high:g} {unit} is refused: the lowest comes first."
+                )
+
+    def shifted(self, log_factor: Float[Array, ""]) -> "MeasuredRange":
+        """Returns the range of a material whose times were multiplied by exp(`log_factor`)."""
+        first = stretched(self.omega[:1], -log_factor)
+        return MeasuredRange(self.omega / self.omega[0] * first, self.temperature)
+
+    def coverage(
+        self, temperature: Float[Array, ""] | None
+    ) -> tuple[Float[Array, ""], Float[Array, ""]]:
+        """Returns lowest and highest ω [rad/s]; beyond the measured temperatures there is none."""
+        lowest, highest = jax.lax.stop_gradient(self.omega)
+        if temperature is None or self.temperature is None:
+            return lowest, highest
+        coldest, hottest = self.temperature
+        inside = (temperature >= coldest - NEAR) & (temperature <= hottest + NEAR)
+        return jnp.where(inside, lowest, jnp.inf), jnp.where(inside, highest, 0)
+
+
+def is_within(value: Any, lowest: Any, highest: Any) -> Any:
+    """Returns whether positive values lie in a range, to rounding; NaN does not."""
+    slack = SLACK * float(jnp.finfo(value.dtype).eps)
+    return (value >= lowest * (1 - slack)) & (value <= highest * (1 + slack))
+
+
+def is_unknown(omega: Any, known: tuple[Any, Any]) -> Any:
+    """Returns whether ω [rad/s], of either sign, lies outside what is `known`; rest does not."""
+    size = abs(omega)
+    return (size > 0) & ~is_within(size, *known)
+
+
+def coverage(tree: Any) -> tuple[Float[Array, ""], Float[Array, ""]] | None:
+    """Returns the lowest and highest ω [rad/s] at which all materials in `tree` were measured.
+
+    None if no material is limited; the lowest exceeds the highest if there is no such frequency.
+
+    **Arguments:**
+
+    - `tree`: a `Stack`, layer, profile or material, of hand-written and measured materials.
+
+    **Returns:** the lowest and the highest ω [rad/s], or None.
+    """
+    found = [part.coverage() for part in _limited(tree)]
+    if not found:
+        return None
+    lowest, highest = (jnp.stack(ends) for ends in zip(*found, strict=True))
+    return jnp.max(lowest), jnp.min(highest)
+
+
+def check_frequencies(tree: Any, omega: Float[Array | np.ndarray, "..."]) -> None:
+    """Raises `ValueError` if a material in `tree` has no modulus at some ω [rad/s]."""
+    for part in _limited(tree):
+        part.check(omega)
+
+
+def _limited(tree):
+    nodes = jax.tree.leaves(tree, is_leaf=lambda node: _is_limited(type(node)))
+    return [node for node in nodes if _is_limited(type(node))]
+
+
+# Python compares a class with a protocol method by method, which takes long.
+_is_limited = functools.cache(lambda kind: issubclass(kind, Limited))

@@ -1,0 +1,249 @@
+"""Laws of time-temperature superposition: relaxation times as functions of temperature.
+
+Temperatures are in kelvin. Source of the first: M. L. Williams, R. F. Landel, J. D. Ferry,
+J. Am. Chem. Soc. 77 (1955) 3701, doi:10.1021/ja01619a008.
+"""
+
+import abc
+import dataclasses
+import math
+from typing import Any
+
+import equinox as eqx
+import jax
+import jax.numpy as jnp
+import numpy as np
+from jaxtyping import Array, Float, ScalarLike
+
+from ..core.checks import (
+    as_scalar,
+    check_increasing,
+    check_positive,
+    check_rows,
+    check_values,
+    is_concrete,
+    numbers,
+    optional,
+    scalar,
+)
+from ..core.display import shown
+from ..core.spline import monotone_cubic
+
+NEAR = 1.0  # K beyond measured temperatures: two isotherms are not nearer to each other
+COLDEST = 100.0  # K; below it no rubber moves, and degrees Celsius are likelier
+HOTTEST = 1000.0  # K; above it no rubber is left
+GAS_CONSTANT = 8.31446261815324  # J/(mol K), exact in the SI of 2019
+# How far times are shifted, as a share of the dtype's exponents: their squares must not overflow.
+_REACH = 0.45
+
+
+@shown(units=False)
+class AbstractShift(eqx.Module):
+    """A law of time-temperature superposition: τ(T) = a_T τ(reference), E(T) = b_T E(reference)."""
+
+    @abc.abstractmethod
+    def log_factor(self, temperature: ScalarLike) -> Float[Array, ""]:
+        """Returns ln a_T [1] at `temperature` [K]; it is 0 at the reference temperature."""
+
+    @abc.abstractmethod
+    def rebased(self, temperature: ScalarLike) -> "AbstractShift":
+        """Returns the same law written about another reference temperature [K]."""
+
+    @abc.abstractmethod
+    def log_vertical(self, temperature: ScalarLike) -> Float[Array, ""]:
+        """Returns ln b_T [1], of moduli at `temperature` [K] over those at the reference."""
+
+    def factor(self, temperature: ScalarLike) -> Float[Array, ""]:
+        """Returns a_T [1] at `temperature` [K]; infinite where it exceeds the dtype."""
+        return jnp.exp(self.log_factor(temperature))
+
+
+class WLF(AbstractShift):
+    """The Williams-Landel-Ferry shift, log10 a_T = -c1 (T - T_ref)/(c2 + T - T_ref).
+
+    **Fields:**
+
+    - `c1`: first constant [1].
+    - `c2`: second constant [K].
+    - `reference`: temperature T_ref [K] at which the material's times were given.
+    """
+
+    c1: Float[Array, ""] = eqx.field(converter=scalar("c1"))
+    c2: Float[Array, ""] = eqx.field(converter=scalar("c2"))
+    reference: Float[Array, ""] = eqx.field(converter=scalar("reference"))
+
+    def __check_init__(self):
+        check_positive("c1", self.c1, "[1]")
+        check_positive("c2", self.c2, "[K]")
+        check_kelvin("reference", self.reference)
+
+    def log_factor(self, temperature: ScalarLike) -> Float[Array, ""]:
+        temperature = self._checked(temperature)
+        step = temperature - self.reference
+        above = self.c2 + step > 0
+        # Below the Vogel temperature, which tracing hides, the law has no answer.
+        value = -math.log(10) * self.c1 * step / jnp.where(above, self.c2 + step, 1)
+        return jnp.where(above, value, jnp.nan)
+
+    def log_vertical(self, temperature: ScalarLike) -> Float[Array, ""]:
+        return jnp.zeros_like(self.reference)
+
+    def rebased(self, temperature: ScalarLike) -> "WLF":
+        temperature = self._checked(temperature)
+        c2 = self.c2 + temperature - self.reference
+        return WLF(c1=self.c1 * self.c2 / c2, c2=c2, reference=temperature)
+
+    def _checked(self, temperature: ScalarLike) -> Float[Array, ""]:
+        temperature = as_scalar(temperature, "temperature")
+        if is_concrete(self.c2) and is_concrete(self.reference):
+            # By NumPy: known temperatures stay known inside `jit`.
+            vogel = float(np.asarray(self.reference) - np.asarray(self.c2))
+            allowed = f"temperatures are in kelvin, this WLF law holds only above {vogel:.2f} K"
+            check_values("temperature", temperature, allowed, above=max(vogel, 0.0))
+        return temperature
+
+
+class Arrhenius(AbstractShift):
+    """The Arrhenius shift, ln a_T = (Q/R)(1/T - 1/T_ref).
+
+    **Fields:**
+
+    - `activation_energy`: Q [J/mol].
+    - `reference`: temperature T_ref [K] at which the material's times were given.
+    """
+
+    activation_energy: Float[Array, ""] = eqx.field(converter=scalar("activation_energy"))
+    reference: Float[Array, ""] = eqx.field(converter=scalar("reference"))
+
+    def __check_init__(self):
+        check_positive("activation_energy", self.activation_energy, "[J/mol]")
+        check_kelvin("reference", self.reference)
+
+    def log_factor(self, temperature: ScalarLike) -> Float[Array, ""]:
+        temperature = as_temperature(temperature)
+        return self.activation_energy / GAS_CONSTANT * (1 / temperature - 1 / self.reference)
+
+    def log_vertical(self, temperature: ScalarLike) -> Float[Array, ""]:
+        return jnp.zeros_like(self.reference)
+
+    def rebased(self, temperature: ScalarLike) -> "Arrhenius":
+        return Arrhenius(self.activation_energy, as_temperature(temperature))
+
+
+def as_temperature(value: ScalarLike) -> Float[Array, ""]:
+    """Returns a temperature [K]; refuses an array, and what is hardly in kelvin."""
+    temperature = as_scalar(value, "temperature")
+    check_kelvin("temperature", temperature)
+    return temperature
+
+
+def check_kelvin(name: str, temperature: Float[Array, ""]) -> None:
+    """Raises `ValueError` for a temperature that is hardly in kelvin."""
+    allowed = f"temperatures are in kelvin, {COLDEST:g} to {HOTTEST:g} K (20 °C are 293.15 K)"
+    check_values(name, temperature, allowed, at_least=COLDEST, at_most=HOTTEST)
+
+
+def stretched(values: Float[Array, " n"], log_factor: Float[Array, ""]) -> Float[Array, " n"]:
+    """Returns `values` > 0 times exp(`log_factor`), at most as far as their dtype holds.
+
+    Near the Vogel temperature a_T leaves the range of numbers. A time of 1e138 s (float32: 2e17 s)
+    is as good as infinite, the branch glassy at every frequency. What was stretched so far has
+    lost its distance from the reference, and cannot be brought back.
+
+    **Raises:** `ValueError` for values at that limit; they become NaN where tracing hides them.
+    """
+    reach = _REACH * math.log(float(jnp.finfo(values.dtype).max))
+    logs = jax.lax.stop_gradient(jnp.log(values))
+    # Rounding may leave them an ulp within the limit.
+    lost = jnp.max(jnp.abs(logs)) >= reach * (1 - 1e-6)
+    if is_concrete(lost) and lost:
+        raise ValueError(
+            "`temperature` cannot be changed again: at the temperature of this material its times "
+            "are beyond the range of numbers. Start from the material at its reference temperature."
+        )
+    # In two steps, neither of which overflows.
+    root = jnp.exp(jnp.clip(log_factor, -reach - logs, reach - logs) / 2)
+    return jnp.where(lost, jnp.nan, values * root * root)
+
+
+def shifts_in(tree: Any) -> list[Any]:
+    """Returns the laws of temperature of all materials in a tree, such as a stack."""
+    parts = jax.tree.leaves(tree, is_leaf=lambda part: isinstance(part, AbstractShift))
+    return [part for part in parts if isinstance(part, AbstractShift)]
+
+
+def require_shift(shift: AbstractShift | None) -> AbstractShift:
+    """Returns `shift`, or raises `ValueError` if a material has none."""
+    if shift is None:
+        raise ValueError(
+            "This material has no law of time-temperature superposition. Give it one: "
+            "`shift=WLF(c1, c2, reference)` or `shift=Arrhenius(activation_energy, reference)`."
+        )
+    return shift
+
+
+class TabulatedShift(AbstractShift):
+    """Shifts at some temperatures, interpolated between them.
+
+    ln a_T and ln b_T are monotone cubics in 1/T, in which Arrhenius' law is a straight line. More
+    than 1 K outside the table a temperature is refused: shifts that follow no law are unknown
+    there.
+
+    **Fields:**
+
+    - `temperatures`: [K], shape `(isotherms,)`, increasing, at least two.
+    - `log10_factors`: log10 a_T [1], shape `(isotherms,)`; they may count from any temperature.
+    - `reference`: temperature [K] at which the material's times were given; within the table.
+    - `vertical_factors`: b_T [1], shape `(isotherms,)`, in ratios: moduli at T are
+      b_T(T)/b_T(T_ref) times those at the reference. By default 1.
+    """
+
+    temperatures: Float[Array, " isotherms"] = eqx.field(converter=numbers("temperatures"))
+    log10_factors: Float[Array, " isotherms"] = eqx.field(converter=numbers("log10_factors"))
+    reference: Float[Array, ""] = eqx.field(converter=scalar("reference"))
+    vertical_factors: Float[Array, " isotherms"] | None = eqx.field(
+        converter=optional(numbers("vertical_factors")), default=None
+    )
+
+    def __check_init__(self):
+        rows = {"temperatures": self.temperatures, "log10_factors": self.log10_factors}
+        if self.vertical_factors is not None:
+            rows["vertical_factors"] = self.vertical_factors
+            check_positive("vertical_factors", self.vertical_factors, "[1]")
+        check_rows(2, **rows)
+        check_positive("temperatures", self.temperatures, "[K]")
+        check_values("log10_factors", self.log10_factors, "finite numbers")
+        check_increasing("temperatures", self.temperatures)
+        self._check_covered("reference", self.reference)
+
+    def log_factor(self, temperature: ScalarLike) -> Float[Array, ""]:
+        return math.log(10) * self._change(self.log10_factors, temperature)
+
+    def log_vertical(self, temperature: ScalarLike) -> Float[Array, ""]:
+        if self.vertical_factors is None:
+            return jnp.zeros_like(self.reference)
+        return self._change(jnp.log(self.vertical_factors), temperature)
+
+    def rebased(self, temperature: ScalarLike) -> "TabulatedShift":
+        temperature = as_scalar(temperature, "temperature")
+        self._check_covered("temperature", temperature)
+        return dataclasses.replace(self, reference=temperature)
+
+    def _change(self, values, temperature):
+        """What `values` gain from the reference to `temperature`; NaN outside, if traced."""
+        temperature = as_scalar(temperature, "temperature")
+        self._check_covered("temperature", temperature)
+        coldest, hottest = self.temperatures[0] - NEAR, self.temperatures[-1] + NEAR
+        inside = (temperature >= coldest) & (temperature <= hottest)
+        places = -1 / jnp.stack([temperature, self.reference])
+        there, here = monotone_cubic(-1 / self.temperatures, values, places)
+        return jnp.where(inside, there - here, jnp.nan)
+
+    def _check_covered(self, name, temperature):
+        if is_concrete(self.temperatures):
+            # By NumPy: known temperatures stay known inside `jit`.
+            coldest, hottest = map(float, np.asarray(self.temperatures)[[0, -1]])
+            covered = f"the table of shifts covers {coldest:.2f} to {hottest:.2f} K"
+            allowed = f"{covered}. Use a law, such as `WLF`, to go beyond what was measured"
+            low, high = coldest - NEAR, hottest + NEAR
+            check_values(name, temperature, allowed, at_least=low, at_most=high)

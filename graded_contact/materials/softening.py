@@ -1,0 +1,146 @@
+"""Strain softening: filled rubber is softer at larger strain amplitude (Payne's effect).
+
+A strain sweep gives the factors f(ε) of E' and g(ε) of E''. The modulus at one amplitude is used as
+that of a linear solid. (Factors that are the same at every frequency obey the relation of Kramers
+and Kronig only if f = g.)
+
+Source of the effect: A. R. Payne, J. Appl. Polym. Sci. 6 (1962) 57,
+doi:10.1002/app.1962.070061906.
+"""
+
+from typing import Any, TypeVar
+
+import equinox as eqx
+import jax
+import jax.numpy as jnp
+from jaxtyping import Array, Float, Inexact, ScalarLike
+
+from ..core.checks import (
+    Numbers,
+    as_float,
+    as_numbers,
+    as_scalar,
+    check_increasing,
+    check_positive,
+    check_rows,
+    check_types,
+    check_values,
+    numbers,
+    scalar,
+)
+from ..core.spline import monotone_cubic
+from .material import AbstractMaterial, material_called
+
+T = TypeVar("T")
+
+
+class StrainSoftening(AbstractMaterial):
+    """A material whose modulus depends on the strain amplitude, E = f(ε) E' + i g(ε) E''.
+
+    The logarithms of f and g are interpolated by monotone cubics in log ε; outside the table f and
+    g are those of its ends. Poisson's ratio and the shift with temperature are the material's.
+
+    **Fields:**
+
+    - `material`: at small strain, or where f = g = 1.
+    - `strain`: amplitudes ε [1], shape `(points,)`, positive and increasing.
+    - `storage`, `loss`: f and g [1], shape `(points,)`, positive.
+    - `amplitude`: ε of the modulus [1], 0 for that at the first entry; see `at_strain`.
+    """
+
+    material: AbstractMaterial = eqx.field(converter=material_called("material"))
+    strain: Float[Array, " points"] = eqx.field(converter=numbers("strain"))
+    storage: Float[Array, " points"] = eqx.field(converter=numbers("storage"))
+    loss: Float[Array, " points"] = eqx.field(converter=numbers("loss"))
+    amplitude: Float[Array, ""] = eqx.field(converter=scalar("amplitude"), default=0.0)
+
+    def __check_init__(self):
+        check_rows(2, strain=self.strain, storage=self.storage, loss=self.loss)
+        for name in ("strain", "storage", "loss"):
+            check_positive(name, getattr(self, name), "[1]")
+        check_increasing("strain", self.strain)
+        check_values("amplitude", self.amplitude, "a strain [1] is 0 or positive", at_least=0)
+
+    @classmethod
+    def from_sweep(
+        cls, material: AbstractMaterial, strain: Numbers, modulus: Numbers
+    ) -> "StrainSoftening":
+        """Returns the material with f and g of a strain sweep, relative to its first row.
+
+        **Arguments:**
+
+        - `material`: at the smallest strain of the sweep.
+        - `strain`: amplitudes [1], shape `(points,)`, increasing.
+        - `modulus`: E' + iE'' (or G' + iG'') [Pa] at one frequency, shape `(points,)`.
+        """
+        modulus = as_numbers(modulus, "modulus")
+        check_positive("modulus.real", modulus.real, "[Pa]")
+        check_positive("modulus.imag", modulus.imag, "[Pa] (the loss modulus)")
+        check_rows(2, modulus=modulus, strain=as_float(strain, "strain"))
+        storage, loss = (part / part[:1] for part in (modulus.real, modulus.imag))
+        return cls(material=material, strain=strain, storage=storage, loss=loss)
+
+    def factors(self) -> tuple[Float[Array, ""], Float[Array, ""]]:
+        """Returns f and g [1] at the amplitude."""
+        # Clipped before its logarithm, which at 0 has no derivative.
+        at = jnp.log(jnp.clip(self.amplitude, self.strain[0], self.strain[-1]))
+        nodes, rows = jnp.log(self.strain), (self.storage, self.loss)
+        storage, loss = (jnp.exp(monotone_cubic(nodes, jnp.log(row), at)) for row in rows)
+        return storage, loss
+
+    def modulus(self, omega: Numbers) -> Inexact[Array, "*w"]:
+        modulus, (storage, loss) = self.material.modulus(omega), self.factors()
+        # An elastic material has no loss, and stays real.
+        if not jnp.issubdtype(modulus.dtype, jnp.complexfloating):
+            return storage * modulus
+        return jax.lax.complex(storage * modulus.real, loss * modulus.imag)
+
+    def poisson_ratio(self, omega: Numbers) -> Inexact[Array, "..."]:
+        return self.material.poisson_ratio(omega)
+
+    def at(self, temperature: ScalarLike) -> "StrainSoftening":
+        return eqx.tree_at(lambda m: m.material, self, self.material.at(temperature))
+
+
+@check_types
+def at_strain(block: T, strain: ScalarLike) -> T:
+    """Returns a material, layer or stack with its `StrainSoftening` at one strain amplitude.
+
+    **Arguments:**
+
+    - `block`: a material, a layer, a `Stack`, or any tree of them.
+    - `strain`: ε [1], not negative.
+
+    **Returns:** the same with other amplitudes.
+
+    **Raises:** `ValueError` if no material of the block softens.
+    """
+    amplitude = as_scalar(strain, "strain")
+    check_values("strain", amplitude, "a strain [1] is 0 or positive", at_least=0)
+    if not softens(block):
+        raise ValueError("`block` holds no `StrainSoftening`: no modulus depends on the strain.")
+
+    def changed(node):
+        return eqx.tree_at(lambda m: m.amplitude, node, amplitude) if _is_soft(node) else node
+
+    return jax.tree.map(changed, block, is_leaf=_is_soft)
+
+
+def _is_soft(node: Any) -> bool:
+    return isinstance(node, StrainSoftening)
+
+
+def softens(block: Any) -> bool:
+    """Returns whether a material of the block softens with the strain."""
+    return any(map(_is_soft, jax.tree.leaves(block, is_leaf=_is_soft)))
+
+
+def as_strain_per_slope(value: ScalarLike, stack: Any) -> Float[Array, ""]:
+    """Returns ε over an rms slope [1]; raises `ValueError` unless positive, and `stack` softens."""
+    ratio = as_scalar(value, "strain_per_slope")
+    check_positive("strain_per_slope", ratio, "[1]")
+    if not softens(stack):
+        raise ValueError(
+            f"`strain_per_slope={value}` is refused: `stack` holds no `StrainSoftening`."
+        )
+    return ratio

@@ -1,0 +1,332 @@
+"""Persson's multiscale mean-field theory of friction and contact area, for any stack.
+
+At the magnification ζ = q/q_low, the contact has the roughness up to the wavenumber q and no finer
+roughness. If the contact were complete, every wave h_q of a surface with the velocity v would add
+the pressure h_q/M, M = M_zz(q, -q·v), and the variance V of the pressure about its mean σ0 would
+grow by
+
+    dV = C q dq ∫dφ |1/M|²  =  ¼ C q³ dq ∫dφ |E_eff(q, q v cos φ)|²,
+
+E_eff = 2/(q M) being `effective_modulus`. With a lay C depends on the direction of q. Roughness
+C_own of the block moves with the block, excites no frequency, and adds C_own q dq ∫dφ |1/M(q, 0)|²
+to dV. In partial contact the pressure spreads by diffusion that ends where it reaches zero
+(`diffusion.py`), which leaves the contact area
+
+    A(q) = erf(σ0/√(2V))          (Persson's erf(1/(2√G)), G = V/(2σ0²)),
+
+and the mean square pressure grows by A dV: the power spectrum of the pressure is the share A of
+that in complete contact. Friction is the dissipation of this pressure,
+
+    dμ = A C q dq ∫dφ q cos φ Im(1/M)/σ0  =  ½ A C q³ dq ∫dφ cos φ Im E_eff(q, q v cos φ)/σ0,
+
+which at A = 1 is the exact friction of complete contact. A correction slows the diffusion, dV' = S
+dV: V' replaces V in the area, and A S replaces A in the friction. (Programs with S in the friction
+alone do not correct the area; here one diffusion gives both.)
+
+Shear in the contact adds ∫τ_f(σ) P(σ) dσ/σ0, P being the density of the pressure.
+
+Sources: B. N. J. Persson, J. Chem. Phys. 115 (2001) 3840, doi:10.1063/1.1388626; layered solids:
+M. Scaraggi, B. N. J. Persson, arXiv:1506.06955. Signs, factors and the stack's M in place of the
+half space's are derived from complete contact.
+"""
+
+from typing import Any
+
+import equinox as eqx
+import jax.numpy as jnp
+import numpy as np
+from jaxtyping import Array, Float, ScalarLike
+
+from ..blocks.grading import AbstractGradedSolver, check_profiles
+from ..blocks.heated_stack import check_bulk
+from ..blocks.kernel import stack_kernel
+from ..blocks.layering import Layering
+from ..blocks.stack import Stack, check_at_rest
+from ..core.checks import (
+    Numbers,
+    as_float,
+    as_scalar,
+    check_positive,
+    check_tolerance,
+    check_types,
+    check_values,
+    is_concrete,
+)
+from ..core.display import shown
+from ..fields.grid import as_velocity, direction_and_speed
+from ..materials.shift import as_temperature
+from ..materials.softening import as_strain_per_slope
+from ..sliding.case import Case
+from ..sliding.heating import Heating
+from ..sliding.shear import ShearLaw, shear_stress
+from ..surfaces.spectrum import CutoffCurve, SelfAffine
+from ..surfaces.statistics import slope_up_to
+from ..surfaces.surface import Surface
+from .angles import LAST_COSINE
+from .diffusion import Correction, area, density, mean_in_contact
+from .heating_by_scale import HeatedScales, between_scales, find_rises
+from .quadrature import Field, Rules, add_up, integrate
+from .roughness import as_roughness
+
+_NOT_REACHED = (
+    "The mean field did not reach `rtol`, or met a value that is not finite (a pressure, thickness "
+    "or modulus that is not positive under `jit` ends here), or `heating` did not reach steady "
+    "temperatures. Raise `num_wavenumbers` and `num_angles`, or loosen `rtol`."
+)
+
+
+@shown()
+class MeanField(eqx.Module):
+    """Friction and contact area, at full magnification and as functions of it.
+
+    **Fields:**
+
+    - `friction`: force opposing the motion over the load [1], with all roughness; hysteresis and
+      shear together.
+    - `hysteresis_friction`: the part of the friction that is dissipated in the block [1].
+    - `shear_friction`: the part from shear in the contact [1]; 0 without `shear`.
+    - `contact_area`: fraction of the nominal area in contact [1], with all roughness.
+    - `against_cutoff`: with roughness up to each of `n` cut-offs only; friction there may ring by
+      1e-3 of the whole where few nodes resolve it.
+    - `stress_variance`: V' [Pa²], how far the pressure has spread at each cut-off, shape `(n,)`.
+    - `pressure`: the mean pressure σ0 [Pa].
+    - `extrapolated_friction`: share of the hysteresis from frequencies at which a material of the
+      stack was not measured [1], to about 1 % by the quadrature; see `coverage`.
+    - `error`: estimated relative error of friction and area by the quadrature [1], in the median
+      8 times the true one; 0 for a surface, whose modes are summed.
+    - `heated`: temperatures of the scales, see `mean_field/heating_by_scale.py`, or None.
+    """
+
+    friction: Float[Array, ""]
+    hysteresis_friction: Float[Array, ""]
+    shear_friction: Float[Array, ""]
+    contact_area: Float[Array, ""]
+    against_cutoff: CutoffCurve
+    stress_variance: Float[Array, " n"]
+    pressure: Float[Array, ""]
+    extrapolated_friction: Float[Array, ""]
+    error: Float[Array, ""]
+    heated: HeatedScales | None = None
+
+    @property
+    def magnification(self) -> Float[Array, " n"]:
+        """ζ [1], cut-offs over the lowest one."""
+        cutoff = self.against_cutoff.cutoff
+        return cutoff / cutoff[0]
+
+
+@check_types
+def mean_field_friction(
+    stack: Stack,
+    spectrum: SelfAffine | Surface | tuple[Numbers, Numbers],
+    *,
+    pressure: Numbers,
+    velocity: Numbers,
+    own_roughness: SelfAffine | tuple[Numbers, Numbers] | None = None,
+    strain_per_slope: ScalarLike | None = None,
+    correction: Correction = "yang_persson",
+    num_wavenumbers: int = 64,
+    num_angles: int = 16,
+    graded_solver: AbstractGradedSolver = Layering(),  # noqa: B008 (immutable)
+    rtol: float = 1e-4,
+    shear: ShearLaw | None = None,
+    temperature: ScalarLike | None = None,
+    heating: Heating | None = None,
+    throw: bool = True,
+) -> MeanField:
+    """Returns friction and contact area of a rough surface sliding on a stack, by Persson's theory.
+
+    Differentiable in every leaf of `stack`, `spectrum`, `shear` and `heating`, in `pressure`,
+    `velocity` and `temperature`; works under `jit` and `vmap`. A friction curve is
+    `jax.lax.map(lambda v: mean_field_friction(stack, spectrum, pressure=p, velocity=v),
+    velocities)` inside `jax.jit`, on a CPU faster than `vmap` because the data of one velocity
+    stay in the cache.
+
+    **Arguments:**
+
+    - `stack`: the block, see `Stack`. `stack.at(temperature)` is the block at another temperature.
+    - `spectrum`: roughness of the track, as a `SelfAffine`, isotropic or with a lay; or, isotropic,
+      as a pair `(q, C)` of wavenumbers [rad/m] and C(q) [m⁴], shape `(points,)`, a power law
+      between neighbours (`radial_spectrum` of a surface gives such a pair; rings without modes,
+      where C is NaN, are left out); or a `Surface`, whose modes are summed, isotropic or not.
+    - `pressure`: mean pressure σ0 [Pa].
+    - `velocity`: of the surface over the block [m/s]: a number (along x) or `(vx, vy)`.
+    - `own_roughness`: roughness of the block itself, which moves with it, a `SelfAffine` or a pair
+      as above. It reduces the area like the roughness of a track at rest: it excites no frequency
+      and dissipates nothing.
+    - `strain_per_slope`: for a block with `materials.StrainSoftening`. The modulus at each q is
+      that at the amplitude ε = `strain_per_slope` times the rms slope of the track up to q, the
+      factor [1] being of order 1. None: the amplitude of each material.
+    - `correction`: how partial contact slows the diffusion: `"none"` (Persson 2001),
+      `"yang_persson"`, `"wang_mueser"` or `"xu"`, see `mean_field/diffusion.py`.
+    - `num_wavenumbers`: intervals of the quadrature in q, shared by the smooth pieces of the
+      spectrum and rounded up to multiples of 4 on each.
+    - `num_angles`: intervals between the directions along and across the velocity, a multiple of 4.
+    - `graded_solver`: the solver of graded layers and its tolerance, `Layering()` or `Riccati()`.
+    - `rtol`: largest acceptable `error` [1].
+    - `shear`, `temperature`: law of the shear stress in the contact and its temperature [K], as in
+      `slide`; with `heating` the bulk temperature, to which the block is brought.
+    - `heating`: conductivities, see `sliding.Heating`: each scale then has the modulus at the
+      temperature that the heat of friction causes there, see `heating_by_scale.py`; `.heated` has
+      the temperatures. None for one temperature.
+    - `throw`: whether to raise if `rtol` is exceeded; otherwise check `.error`.
+
+    **Returns:** friction and contact area at every cut-off, see `MeanField`.
+
+    **Raises:** `ValueError` for a refused argument; `RuntimeError` if `rtol` is not reached.
+    """
+    pressure, velocity = as_scalar(pressure, "pressure"), as_velocity(velocity)
+    check_positive("pressure", pressure, "[Pa]")
+    check_tolerance("rtol", rtol, pressure)
+    shear_stress(shear, direction_and_speed(velocity)[1], temperature)  # refuses what is no law
+    temperature = None if temperature is None else as_temperature(temperature)
+    # On input the value is unknown if the pressure is traced.
+    load = jnp.where(pressure > 0, pressure, jnp.nan)
+    ratio = None
+    if strain_per_slope is not None:
+        ratio = as_strain_per_slope(strain_per_slope, stack)
+    if isinstance(spectrum, Surface):
+        for name, value in (("own_roughness", own_roughness), ("heating", heating)):
+            if value is not None:
+                raise ValueError(f"`{name}` is refused with a `Surface` as `spectrum`.")
+        if not spectrum.periodic:
+            raise ValueError("`spectrum` is a `Surface` on a window; a periodic one is needed.")
+        field = Field(stack, spectrum, None, load, velocity, ratio)
+        found, heated = _summed(field, correction, graded_solver, shear, temperature), None
+    else:
+        roughness = as_roughness(spectrum)
+        own = None if own_roughness is None else as_roughness(own_roughness, "own_roughness")
+        num_pieces = len(roughness.edges) - 1 + (0 if own is None else len(own.edges))
+        rules = _rules(correction, num_wavenumbers, num_pieces, num_angles, graded_solver)
+        if heating is not None:
+            if heating.conductivity.ndim or heating.diffusivity.ndim:
+                raise ValueError(
+                    "`heating` has numbers for each layer; in the mean field the block is one half "
+                    "space: give one `conductivity` and one `diffusivity`."
+                )
+            stack = stack.at(check_bulk(temperature))
+        field = Field(stack, roughness, own, load, velocity, ratio)
+        found, heated = _by_quadrature(rules, (field, shear, temperature), heating)
+    q, x, friction, error, share, sheared = found
+    contact_area = area(x)
+    solution = MeanField(
+        friction=friction[-1] + sheared[-1],
+        hysteresis_friction=friction[-1],
+        shear_friction=sheared[-1],
+        contact_area=contact_area[-1],
+        against_cutoff=CutoffCurve(q, friction + sheared, contact_area),
+        stress_variance=x * load * load,
+        pressure=load,
+        extrapolated_friction=share,
+        error=error,
+        heated=heated,
+    )
+    if throw:
+        # Written so that NaN fails.
+        if is_concrete(error) and not error <= rtol:
+            raise RuntimeError(_NOT_REACHED)
+        solution = eqx.error_if(solution, ~(error <= rtol), _NOT_REACHED)
+    return solution
+
+
+def mean_field_of(case: Case, roughness: Any = None, **options: Any) -> MeanField:
+    """Returns the mean field of a case of steady sliding.
+
+    **Arguments:**
+
+    - `case`: with a pressure and a velocity.
+    - `roughness`: `spectrum` of `mean_field_friction`; None for the surface of the case.
+    - `options`: arguments of `mean_field_friction`, also in place of those of the case.
+    """
+    names = "pressure", "velocity", "shear", "temperature", "heating", "strain_per_slope"
+    given: dict[str, Any] = {name: getattr(case, name) for name in names}
+    rough = case.surface if roughness is None else roughness
+    return mean_field_friction(case.stack, rough, **{**given, **options})
+
+
+def _summed(field: Field, correction, graded_solver, shear, temperature):
+    """As `_integrated`, by the modes of a surface."""
+    surface, strain = field.roughness, None
+    if field.strain_per_slope is not None:
+        q, slope = slope_up_to(surface)
+        strain = q, field.strain_per_slope * slope
+    kernel = stack_kernel(
+        field.stack, surface.grid, field.velocity, graded_solver=graded_solver, strain=strain
+    )
+    q, x, friction, share = add_up(field, correction, kernel)
+    sheared = _sheared(field, shear, temperature, x)
+    return q, x, friction, 0 * friction[-1], share, sheared  # the error is NaN if that is
+
+
+def _rules(correction, num_wavenumbers, num_pieces, num_angles, graded_solver) -> Rules:
+    if num_wavenumbers < 4:
+        raise ValueError(f"`num_wavenumbers={num_wavenumbers}` is refused: at least 4 are needed.")
+    if num_angles < 4 or num_angles % 4:
+        raise ValueError(f"`num_angles={num_angles}` is refused: a multiple of 4 is needed.")
+    per_piece = 4 * -(-num_wavenumbers // (4 * num_pieces))
+    return Rules(correction, per_piece, num_angles, graded_solver)
+
+
+def _by_quadrature(rules: Rules, given, heating: Heating | None):
+    """What `_integrated` returns, and the temperatures of the scales."""
+    field = given[0]
+    # Profiles and tables may have no answer at the frequencies of the quadrature.
+    edges, speed = field.roughness.edges, direction_and_speed(field.velocity)[1]
+    if is_concrete(speed) and np.asarray(speed) == 0:
+        check_at_rest(field.stack)
+    check_profiles(field.stack, speed * jnp.stack([edges[0] * LAST_COSINE, edges[-1]]))
+    if heating is None:
+        return _integrated(rules, given), None
+
+    def power(given, rises):
+        q, x, friction, _, _, sheared = _integrated(rules, given, rises)
+        speed = jnp.abs(direction_and_speed(given[0].velocity)[1])
+        load = given[0].pressure * speed
+        return q, x, load * friction, load * sheared[-1], speed
+
+    rises, change, reached = find_rises(power, heating, given)
+    q, x, friction, error, share, sheared = _integrated(rules, given, rises)
+    error = jnp.where(reached, error, jnp.inf)
+    scales = HeatedScales(rises[0], between_scales(rises[1:], q), change)
+    return (q, x, friction, error, share, sheared), scales
+
+
+def _integrated(rules: Rules, given, rises=None):
+    """Wavenumbers, diffusion, hysteresis, its error and extrapolated share, and shear."""
+    (field, shear, temperature), scales = given, None
+    if rises is not None:
+        scales, temperature = temperature + rises[1:], temperature + rises[0]
+    q, x, *found = integrate(field, rules, scales)
+    return q, x, *found, _sheared(field, shear, temperature, x)
+
+
+def _sheared(field: Field, shear, temperature, x):
+    """Friction by shear up to each cut-off [1]."""
+    stress = shear_stress(shear, direction_and_speed(field.velocity)[1], temperature)
+    if stress is None:
+        return jnp.zeros_like(x)
+    pressure = field.pressure
+    return area(x) * mean_in_contact(lambda sigma: stress(sigma * pressure), x) / pressure
+
+
+@check_types
+def pressure_distribution(mean_field: MeanField, stress: Numbers) -> Float[Array, "n m"]:
+    """Returns the probability density P(σ, ζ) [1/Pa] of the pressure in contact.
+
+    Its integral over σ is the contact area; the rest of the nominal area carries no pressure.
+
+    **Arguments:**
+
+    - `mean_field`: a result of `mean_field_friction`.
+    - `stress`: σ [Pa], not negative, shape `(m,)`.
+
+    **Returns:** P, shape `(n, m)`, a row for each cut-off. Where no roughness is seen yet
+    all of P lies at σ0, and the row is 0.
+    """
+    stress = as_float(stress, "stress")
+    if stress.ndim != 1:
+        raise ValueError(f"`stress` has shape {stress.shape}; one axis is needed.")
+    check_values("stress", stress, "a stress [Pa] is zero or positive", at_least=0)
+    mean = mean_field.pressure
+    x = mean_field.stress_variance / mean / mean
+    return density(x[:, None], (stress / mean)[None, :]) / mean

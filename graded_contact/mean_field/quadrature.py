@@ -1,0 +1,331 @@
+"""The mean field of spectra, by quadrature over wavenumber and angle, and of one surface by modes.
+
+In log q it is Clenshaw and Curtis's rule on every smooth piece of the spectrum. For the angle
+see `angles.py`.
+
+A spectrum with a lay varies with the angle to the direction across the lay, on the scale 1/γ. This
+direction and that across the velocity cut the half turn into two parts; a rule that is dense at
+both ends (`between_ends`) resolves either scale in each of them.
+
+The rubber's own roughness moves with the rubber: its waves excite no frequency, so that they add
+C_own q dq ∫dφ |1/M(q, 0)|² to the variance and nothing to the loss.
+
+The error is that against twice the wavenumbers. Those between have the angles between, so that
+errors of either rule show as far as they do not cancel in the integral over both: those of a
+table of moduli, whose interpolant has kinks, largely do. Such errors are like noise, and one
+difference may be small by chance; a second one, both rules with half of the angles, is added. (An
+extrapolation from coarser rules fails where a rule only begins to resolve spectrum or response.)
+"""
+
+from functools import cache
+from typing import Any, NamedTuple
+
+import equinox as eqx
+import jax
+import jax.numpy as jnp
+import numpy as np
+from jaxtyping import Array, Float, Inexact
+from numpy.polynomial import chebyshev
+
+from ..blocks.compliance import surface_compliance_unchecked
+from ..blocks.grading import AbstractGradedSolver, graded_tolerance
+from ..blocks.stack import Stack
+from ..fields.devices import binned
+from ..fields.grid import (
+    direction_and_speed,
+    multiplicity,
+    rings,
+    sliding_frequency,
+    to_spectrum,
+    wave_frequencies,
+)
+from ..materials.coverage import coverage, is_unknown
+from ..materials.softening import at_strain
+from ..surfaces.spectrum import between_ends
+from .angles import angles
+from .diffusion import Correction, area, mean_square_growth, slowed, slowing
+from .heating_by_scale import between_scales
+from .roughness import Roughness, joined_edges
+
+SAFETY = 5.0  # of the changes by twice the nodes
+
+
+class Field(eqx.Module):
+    """What a mean field is integrated from.
+
+    Block, roughness of the track and of the block itself, pressure, velocity, and the strain
+    amplitude per slope or None.
+    """
+
+    stack: Stack
+    roughness: Any  # `Roughness`; `Surface` where modes are summed
+    own: Roughness | None
+    pressure: Float[Array, ""]
+    velocity: Float[Array, "..."]
+    strain_per_slope: Float[Array, ""] | None
+
+
+class Rules(NamedTuple):
+    """How it is integrated, by so many intervals on each piece of the spectrum and of the angle.
+
+    Both numbers are multiples of 4: they are halved twice.
+    """
+
+    correction: Correction
+    num_wavenumbers: int
+    num_angles: int
+    graded_solver: AbstractGradedSolver
+
+
+@eqx.filter_jit
+@eqx.filter_checkpoint
+def integrate(
+    field: Field, rules: Rules, temperatures: Float[Array, " scales"] | None = None
+) -> tuple[
+    Float[Array, " n"], Float[Array, " n"], Float[Array, " n"], Float[Array, ""], Float[Array, ""]
+]:
+    """Returns wavenumbers [rad/m], diffusion x [1] and friction [1] up to them, and the error.
+
+    At last the share of friction [1] from frequencies at which a material was not measured, as it
+    is summed: not to the digits of the friction. `temperatures` [K] are those at `scales`, see
+    `heating_by_scale.py`.
+    """
+    num_intervals, num_angles = rules.num_wavenumbers, rules.num_angles
+    edges = joined_edges(field.roughness, field.own)
+    lengths = jnp.log(edges[1:] / edges[:-1])
+    q = _nodes(edges, lengths, 2 * num_intervals)
+    direction, speed = direction_and_speed(field.velocity)
+    turn = field.roughness.turn_of(direction)
+    strain = None
+    if field.strain_per_slope is not None:
+        rate = 2 * np.pi * (field.roughness.root_density(q, mean=True) * q**2) ** 2
+        square = _integral(rate, lengths, _clenshaw_curtis(2 * num_intervals))
+        slope = jnp.where(square > 0, jnp.sqrt(jnp.where(square > 0, square, 1)), 0)
+        strain = field.strain_per_slope * slope
+    temperature = None if temperatures is None else between_scales(temperatures, q)
+    everything = field, speed, q, (strain, temperature), turn
+
+    def rates(values, at_q, at_angle):
+        *values, turn = values
+        along, offset, _ = _angles(turn, 2 * num_angles, q.dtype)
+        return _rates(values, at_q, (along[at_angle], offset[at_angle]), rules.graded_solver)
+
+    def over_angles(rate, weights):
+        return jnp.einsum("...mk,mk", rate, weights)
+
+    even, odd = slice(0, None, 2), slice(1, None, 2)
+    weights, few, many = (
+        _angles(turn, count, q.dtype)[2] for count in (num_angles, num_angles // 2, 2 * num_angles)
+    )
+    # The rule of twice as many angles is the mean of this one and of that between its angles.
+    shifted = (2 * many).at[::2].add(-weights)
+    every_fourth = jnp.zeros_like(many).at[::4].set(few)
+    at_angle = np.flatnonzero(np.arange(len(many)) % 4 != 2)
+    used = rates(everything, even, even)
+    between = rates(jax.lax.stop_gradient(everything), odd, at_angle)
+    fine, coarse = over_angles(used, weights), over_angles(used[..., ::2, :], few)
+
+    def refined(at_even, weights):
+        at_odd = over_angles(between, weights[at_angle])
+        return jnp.zeros((2, len(q)), q.dtype).at[:, even].set(at_even).at[:, odd].set(at_odd)
+
+    averages = (fine, refined(fine, shifted), coarse, refined(coarse, every_fourth))
+    cuts = [_clenshaw_curtis(count * num_intervals) for count in (1, 2, 1, 2)]
+    v = [_integral(a[0], lengths, cut) for a, cut in zip(averages, cuts, strict=True)]
+    # All at once: it is half of what there is to compile.
+    x = slowed(rules.correction, jnp.concatenate(v))
+    x = jnp.split(x, np.cumsum([len(part) for part in v])[:-1])
+    total = [mean_square_growth(part) for part in x]
+    ratio = [a[1] / jnp.where(a[0] == 0, 1, a[0]) for a in averages]
+    friction = [_stieltjes(*parts) for parts in zip(ratio, total, cuts, strict=True)]
+    # By parts the friction is a difference of products.
+    product = jnp.max(jnp.abs(ratio[0])) * total[0][-1]
+    ends = [jnp.stack([b[-1], area(a[-1])]) for a, b in zip(x, friction, strict=True)]
+    share, known = jnp.zeros_like(q[0]), coverage(field.stack)
+    if known is not None:
+        along = _angles(turn, 2 * num_angles, q.dtype)[0][even]
+        omega = sliding_frequency(q[even][:, None, None] * along, 0.0, speed)
+        lost = over_angles(jnp.where(is_unknown(omega, known), used[1], 0), weights)
+        share = share_of(lost / jnp.where(fine[1] == 0, 1, fine[1]), friction[0])
+    return q[even], x[0], friction[0], jax.lax.stop_gradient(_error(ends, product)), share
+
+
+def _rates(values, at_q, directions, graded_solver):
+    """Growth of the variance and of the friction of complete contact, per log q and angle."""
+    field, speed, q, state = values
+    along, offset = directions
+    tolerance = graded_tolerance(graded_solver, None, q)
+    state, q = jax.tree.map(lambda a: a[at_q], state), q[at_q][:, None, None]
+
+    def response(q, omega, state):
+        strain, temperature = state
+        block = field.stack if strain is None else at_strain(field.stack, strain)
+        block = block if temperature is None else block.at(temperature)
+        return surface_compliance_unchecked(block, q, omega, graded_solver, tolerance)
+
+    def relative_to(amplitude, omega):
+        # The block is in another state at each q.
+        at = jax.vmap(response) if jax.tree.leaves(state) else response
+        # √C q/(M σ0): squares of its factors may leave the range of float32.
+        relative = amplitude / (field.pressure * at(q, omega, state))
+        return relative.real**2 + relative.imag**2, relative.imag
+
+    amplitude = field.roughness.root_density(q) * q * field.roughness.root_narrowing(q, offset)
+    growth, lost = relative_to(amplitude, sliding_frequency(q * along, 0.0, speed))
+    if field.own is not None:
+        own = field.own.root_density(q, mean=True) * q
+        growth = growth + relative_to(own, jnp.zeros_like(q))[0]
+    return jnp.stack([growth, -amplitude * q * along * lost])
+
+
+@eqx.filter_jit
+def add_up(
+    field: Field, correction: Correction, kernel: Inexact[Array, "*half"]
+) -> tuple[
+    Float[Array, " rings"], Float[Array, " rings"], Float[Array, " rings"], Float[Array, ""]
+]:
+    """Returns wavenumbers [rad/m], diffusion x [1] and friction [1] up to them, of a surface.
+
+    At last the share of friction [1] from frequencies at which a material was not measured. The
+    modes of a ring of |q|, up to its outer edge, come into view at once.
+    """
+    grid, heights = field.roughness.grid, field.roughness.heights
+    modes = to_spectrum(heights - jnp.mean(heights)) / np.prod(grid.shape)
+    zero = np.zeros(kernel.shape, bool)
+    zero[(0,) * kernel.ndim] = True
+    relative = jnp.where(zero, 0, modes) / (field.pressure * jnp.where(zero, 1, kernel))
+    power = (relative.real**2 + relative.imag**2) * multiplicity(grid.shape)
+    along = -wave_frequencies(grid, direction_and_speed(field.velocity)[0])
+    loss = power * along * jnp.imag(kernel) * field.pressure
+
+    edges, ring = rings(grid)
+    step, complete = (binned(ring, a, len(edges)) for a in (power, loss))
+    v = jnp.cumsum(step)
+    before = v - step
+    x = slowed(correction, jnp.stack([before, before + step / 2, v]))
+    # Of the mean square pressure of complete contact, the share that a ring adds: d⟨σ²⟩/dv on
+    # average over the ring.
+    growth = mean_square_growth(x)
+    thin = step <= 1e-4 * v
+    share = jnp.where(
+        thin,
+        area(x[1]) * slowing(correction, x[1]),
+        (growth[2] - growth[0]) / jnp.where(thin, 1, step),
+    )
+    friction = jnp.cumsum(complete * share)
+    extrapolated, known = jnp.zeros_like(edges[0]), coverage(field.stack)
+    if known is not None:
+        lost = jnp.where(is_unknown(wave_frequencies(grid, field.velocity), known), loss, 0)
+        lost = binned(ring, lost, len(edges))
+        extrapolated = jnp.sum(lost * share) / jnp.where(friction[-1] == 0, 1, friction[-1])
+    return edges, x[2], friction, extrapolated
+
+
+def share_of(part: Float[Array, " n"], friction: Float[Array, " n"]) -> Float[Array, ""]:
+    """Returns the share of the growth of `friction` that is a `part` [1] at each point of it."""
+    step = jnp.abs(jnp.diff(friction))
+    total = jnp.sum(step)
+    return jnp.sum(step * (part[1:] + part[:-1]) / 2) / jnp.where(total == 0, 1, total)
+
+
+def _error(ends, product):
+    """The largest relative error of friction and area.
+
+    `ends` are both of the result and with twice the wavenumbers, then both with half of the angles;
+    `product` is what rounding is relative to.
+    """
+
+    def change(one, other):
+        # Relative to whichever is smaller.
+        least = jnp.minimum(jnp.abs(one), jnp.abs(other))
+        return jnp.abs(one - other) / jnp.where(least == 0, 1, least)
+
+    result, closer, coarse, coarse_closer = ends
+    friction = jnp.abs(result[0])
+    rounding = jnp.finfo(friction.dtype).eps * product / jnp.where(friction == 0, 1, friction)
+    changes = change(result, closer) + change(coarse, coarse_closer)
+    return SAFETY * jnp.max(changes) + 4 * rounding
+
+
+def _nodes(edges, lengths, num_intervals):
+    """Nodes q [rad/m] of all pieces."""
+    t = jnp.asarray(_clenshaw_curtis(num_intervals).nodes, lengths.dtype)
+    # From the nearer edge, so that the edges themselves are exact: C is 0 beyond them.
+    from_below = edges[:-1, None] * jnp.exp(t * lengths[:, None])
+    from_above = edges[1:, None] * jnp.exp((t - 1) * lengths[:, None])
+    return _joined(jnp.where(t < 0.5, from_below, from_above))
+
+
+def _joined(pieces):
+    """Values at the nodes of all pieces in a row, shared ends once."""
+    return jnp.append(pieces[:, :-1].ravel(), pieces[-1, -1])
+
+
+def _split(values, rule):
+    """The inverse of `_joined`, shape `(pieces, nodes)`."""
+    n = len(rule.nodes) - 1
+    return jnp.concatenate([values[:-1].reshape(-1, n), values[n::n, None]], axis=1)
+
+
+def _running(pieces):
+    """Integrals from the start of each piece, made integrals from the first node on."""
+    before = jnp.cumsum(pieces[:, -1]) - pieces[:, -1]
+    return _joined(before[:, None] + pieces)
+
+
+def _integral(rate, lengths, rule):
+    """∫ rate d(log q) from the first node to every node."""
+    pieces = _split(rate, rule) @ jnp.asarray(rule.integration.T, rate.dtype)
+    return _running(lengths[:, None] * pieces)
+
+
+def _stieltjes(ratio, total, rule):
+    """∫ ratio d(total) from the first node to every node.
+
+    By parts: in light contact `total` leaves the first node as a root, the ratio is smooth.
+    """
+    integration, differentiation = (
+        jnp.asarray(matrix.T, ratio.dtype) for matrix in (rule.integration, rule.differentiation)
+    )
+    ratio, total = _split(ratio, rule), _split(total, rule)
+    product = ratio * total
+    rest = ((ratio @ differentiation) * total) @ integration
+    return _running(product - product[:, :1] - rest)
+
+
+class _Rule(NamedTuple):
+    """Nodes in [0, 1]; matrices of the integral from 0 and of the slope of an interpolant."""
+
+    nodes: np.ndarray
+    integration: np.ndarray
+    differentiation: np.ndarray
+
+
+@cache
+def _clenshaw_curtis(num_intervals: int) -> _Rule:
+    x = -np.cos(np.pi * np.arange(num_intervals + 1) / num_intervals)
+    coefficients = np.linalg.inv(chebyshev.chebvander(x, num_intervals))
+    integral = chebyshev.chebint(coefficients, lbnd=-1)
+    slope = chebyshev.chebder(coefficients)
+    integration = chebyshev.chebvander(x, num_intervals + 1) @ integral / 2
+    integration[0] = 0  # which rounding may miss: nothing has spread at the first node
+    return _Rule(
+        nodes=(1 + x) / 2,
+        integration=integration,
+        differentiation=chebyshev.chebvander(x, num_intervals - 1) @ slope * 2,
+    )
+
+
+def _angles(turn, num_angles, dtype):
+    """At the nodes, the component of q/|q| along the velocity and the angle from across the lay;
+    and the nodes' weights, which sum to the whole turn, 2π.
+
+    Each of shape (nodes, parts of the turn).
+    """
+    if turn is None:
+        cosine, weight = (jnp.asarray(a, dtype)[:, None] for a in angles(num_angles))
+        return cosine, jnp.zeros_like(cosine), weight
+    # From across the lay to across the velocity, one way round and the other.
+    parts = jnp.stack([turn, np.pi - turn])
+    away, left, weight = (jnp.asarray(a, dtype)[:, None] for a in between_ends(3 * num_angles))
+    return jnp.sin(parts * left), parts * away, 2 * weight * parts

@@ -1,1 +1,0 @@
-"""Persson's multiscale mean-field theory of contact and friction, for any stack."""

@@ -1,0 +1,269 @@
+"""Which column of a table of measurements is which quantity, in which unit."""
+
+import dataclasses
+import re
+from collections.abc import Mapping, Sequence
+from typing import NamedTuple
+
+import numpy as np
+
+from ..core.display import short
+from .cells import Row, stripped
+from .tables import Column, Table, stress_above, tension_above
+from .units import DIMENSIONS, OF_SHEAR, PER_SECOND, SI, UNITS
+
+# The quantities that make a measurement of each kind, the most direct ones first; in the order of
+# the first of a kind the columns of a file without names are read.
+WAYS = (
+    ("frequency", ("frequency", "storage", "loss")),
+    ("frequency", ("frequency", "storage", "tan_delta")),
+    ("frequency", ("frequency", "storage", "phase")),
+    ("frequency", ("frequency", "magnitude", "tan_delta")),
+    ("frequency", ("frequency", "magnitude", "phase")),
+    ("frequency", ("frequency", "loss", "tan_delta")),
+    ("frequency", ("frequency", "loss", "phase")),
+    ("relaxation", ("time", "modulus")),
+    ("creep", ("time", "compliance")),
+    ("relaxation", ("time", "stress", "strain")),
+    ("creep", ("time", "strain", "stress")),
+    ("relaxation", ("time", "stress")),  # these two if the constant load is known
+    ("creep", ("time", "strain")),
+)
+SWEEPS = tuple(("strain", ("strain", *way[1:])) for kind, way in WAYS if kind == "frequency")
+# In words that no other kind understands: "Oscillation strain", "strain_dyn_pct".
+_STRAIN = re.compile(r"(?i)^(?!.*(?:rate|stat|stress)).*(?:strain|d[eé]formation|dehnung)")
+ALIKE = 0.02  # columns whose values differ by less are the same
+CONSTANT = 0.05  # what a test holds constant varies by less
+SAME = 1e-3  # relative, between frequencies that are meant to be equal
+
+
+@dataclasses.dataclass(frozen=True)
+class Options:
+    """The arguments of the caller, which override the file; None and empty where the file decides.
+
+    - `kind`: a kind of `WAYS`, or "strain".
+    - `columns`: name, or number counted from 1, of the column of a quantity.
+    - `units`: unit of a dimension.
+    - `deformation`: "tension" or "shear".
+    - `temperature`: whether it is given, so that a column of it is not needed.
+    - `step`: numbers, or parts of titles, of the steps to read.
+    - `load`: the constant stress of a creep test [Pa], the strain of a relaxation test [1].
+    - `source`: where these come from, in words.
+    """
+
+    kind: str | None
+    columns: Mapping[str, str | int]
+    units: Mapping[str, str]
+    deformation: str | None
+    temperature: bool
+    step: tuple[str | int, ...] = ()
+    load: float | None = None
+    source: str = "as given in `units`"
+
+
+class MeasuredTable(NamedTuple):
+    """A table whose columns are understood.
+
+    - `kind`: a kind of `WAYS`.
+    - `columns`: those needed, by quantity.
+    - `check`: the column of tan delta, if the moduli do without it.
+    - `load`: the constant stress of a creep test [Pa], or strain of a relaxation test [1], if no
+      column holds it.
+    - `table`: its rows.
+    - `spaced`: whether spaces separate the cells, so that none can be empty.
+    - `shear`: the name of another column, which only a test in shear has.
+    - `unused`: names of the other columns.
+    - `notes`: what was decided, in sentences.
+    """
+
+    kind: str
+    columns: dict[str, Column]
+    check: Column | None
+    load: float | None
+    table: Table
+    spaced: bool
+    shear: str | None
+    unused: list[str]
+    notes: list[str]
+
+
+def measured_table(table: Table, options: Options, spaced: bool) -> MeasuredTable:
+    """Returns which column of a table is which quantity.
+
+    Raises `ValueError` that names the line, and all arguments that would help.
+    """
+    width = table.blocks * len(table.names)
+    entries = [misfit(row, width, spaced) for row in table.rows]
+    if all(entries):
+        raise ValueError(
+            f"line {table.rows[0].line} has {entries[0]} entries, but there are {width} columns "
+            f"({table.place}: {table.listed()})"
+        )
+    notes: list[str] = []
+    places = _places(table, options)
+    if options.temperature:
+        places.pop("temperature", None)
+    titles = [row for segment in table.segments for row in segment.titles]
+    stress = None if options.kind == "relaxation" else stress_above(titles)
+    load = stress if options.load is None else options.load
+    kind, names = _way(table, places, load is not None, options)
+    beside = {"frequency", "temperature"} if kind == "strain" else {"temperature"}
+    needed = {name: places[name] for name in (*names, *sorted(beside & set(places)))}
+    found = {name: _distinct(table, name, needed[name], options, notes) for name in needed}
+    columns = {name: each[0] for name, each in found.items() if each[0] is not None}
+    lacking = [
+        f"{' and '.join(map(table.label, needed[name]))} may all be the {name}: choose one by "
+        "`columns`, or by `deformation`"
+        for name, each in found.items()
+        if len(each) > 1
+    ]
+    unknown = [name for name in needed if name not in columns]
+    for dimension in dict.fromkeys(DIMENSIONS[name] for name in unknown):
+        labels = [
+            f"{table.label(needed[name][0])}, the {name}, has {unit!r}"
+            for name in unknown
+            if DIMENSIONS[name] == dimension
+            for unit in [table.unit(needed[name][0]) or table.units[needed[name][0]]]
+        ]
+        lacking.append(
+            f"{', '.join(labels)} as unit; pass `units`, {dimension}: one of "
+            f"{list(UNITS[dimension])}"
+        )
+    used = {column.place for column in columns.values()}
+    others = [name for i, name in enumerate(table.names) if name and i not in used]
+    shear = next(filter(OF_SHEAR.search, others), None)
+    if shear and tension_above(titles) and not any(c.deformation for c in columns.values()):
+        lacking.append(
+            "the lines above name a test in tension or bending, but only a test in shear has a "
+            f"column {shear!r}: pass `deformation`"
+        )
+    if lacking:
+        raise ValueError(f"{table.place}: {'; '.join(lacking)}")
+    tangents = places.get("tan_delta", []) if names[1:] == WAYS[0][1][1:] else []
+    return MeasuredTable(
+        kind=kind,
+        columns=columns,
+        check=_column(table, "tan_delta", tangents[0], options) if len(tangents) == 1 else None,
+        load=load if len(names) == 2 else None,
+        table=table,
+        spaced=spaced,
+        shear=shear,
+        unused=others,
+        notes=notes,
+    )
+
+
+def misfit(row: Row, width: int, spaced: bool) -> int:
+    """Returns the number of entries of a row if these cannot be assigned to columns, else 0."""
+    entries = len(stripped(row.cells))
+    # Where spaces separate, a missing entry would move those after it.
+    return entries if entries > width or (spaced and entries < width) else 0
+
+
+def _places(table: Table, options: Options) -> dict[str, list[int]]:
+    """The columns that may be each quantity, by the options or by the headings."""
+    places: dict[str, list[int]] = {}
+    for i, heading in enumerate(table.headings):
+        if heading.quantity is not None:
+            places.setdefault(heading.quantity, []).append(i)
+    if options.deformation is not None:
+        for quantity, each in places.items():
+            named = [i for i in each if table.headings[i].deformation == options.deformation]
+            places[quantity] = named or each
+    if options.kind == "strain" and "strain" not in places:
+        named = [i for i, name in enumerate(table.names) if _STRAIN.search(name)]
+        places |= {"strain": named} if named else {}
+    if not places and not options.columns and options.kind is not None:
+        names = _ways(options.kind)[0][1]
+        if len(table.names) == len(names):
+            places = {quantity: [i] for i, quantity in enumerate(names)}
+    for quantity, name in options.columns.items():
+        found = [i for i, other in enumerate(table.names) if other == name or i + 1 == name]
+        if len(found) != 1:
+            raise ValueError(
+                f"{table.place}: `columns` names {short(name)}, but {len(found) or 'no'} columns "
+                f"have that name or number; there are {table.listed()}"
+            )
+        places[quantity] = found
+    return places
+
+
+def _ways(kind: str | None) -> Sequence[tuple[str, tuple[str, ...]]]:
+    return SWEEPS if kind == "strain" else [way for way in WAYS if kind in (None, way[0])]
+
+
+def _way(
+    table: Table, places: dict[str, list[int]], loaded: bool, options: Options
+) -> tuple[str, tuple[str, ...]]:
+    """The kind of measurement and the quantities to take it from."""
+    ways = _ways(options.kind)
+    possible = [way for way in ways if set(places).issuperset(way[1])]
+    if not loaded:
+        possible = [way for way in possible if way not in WAYS[-2:]]
+    if not possible:
+        shortest = {kind: ", ".join(names) for kind, names in reversed(ways)}
+        known = f" (understood: {', '.join(sorted(places))})" if places else ""
+        order = "" if places or options.kind else ", or pass `kind` if they are in this order"
+        raise ValueError(
+            f"{table.place}: there are {table.listed()}{known}. Name them with `columns`: "
+            f"{'; or '.join(reversed(shortest.values()))}{order}"
+        )
+    if [kind for kind, _ in possible[:2]] != ["relaxation", "creep"]:
+        return possible[0]
+    if "modulus" in possible[0][1]:
+        if "compliance" in possible[1][1]:
+            raise ValueError(f"{table.place}: it has a modulus and a compliance; pass `kind`")
+        return possible[0]
+    # Creep is at constant stress, relaxation at constant strain.
+    constant = []
+    for way, quantity in zip(possible, ("strain", "stress"), strict=False):
+        place, any_unit = places[quantity][0], SI[DIMENSIONS[quantity]]
+        base = table.headings[place].base
+        values = Column(quantity, "", place, any_unit, "", None, base).numbers(table.rows)
+        values = values[values > 0.5 * np.nanmax(values, initial=0)]
+        if len(values) and np.mean(np.abs(values / np.median(values) - 1) < CONSTANT) > 0.9:
+            constant.append(way)
+    if len(constant) != 1:
+        raise ValueError(
+            f"{table.place}: {'both' if constant else 'neither'} of stress and strain "
+            f"{'are' if constant else 'is'} constant; pass `kind`, 'relaxation' or 'creep'"
+        )
+    return constant[0]
+
+
+def _distinct(
+    table: Table, quantity: str, places: list[int], options: Options, notes: list[str]
+) -> list[Column | None]:
+    """The columns of a quantity, without those that repeat the first one."""
+    if quantity == "time" and len(places) > 1:
+        places = [i for i in places if table.headings[i].step] or places
+    columns = [_column(table, quantity, place, options) for place in places]
+    known = [column for column in columns if column]
+    if len(known) < max(2, len(columns)) or len({column.deformation for column in known}) > 1:
+        return columns
+    first, *others = (column.numbers(table.rows) for column in known)
+    for other in others:
+        both = np.isfinite(first) & np.isfinite(other) & (first != 0)
+        if not np.any(both) or np.max(np.abs(other[both] / first[both] - 1)) > ALIKE:
+            return columns
+    notes.append(f"{' and '.join(map(table.label, places))} are the same; the first is used.")
+    return columns[:1]
+
+
+def _column(table: Table, quantity: str, place: int, options: Options) -> Column | None:
+    """The column of a quantity; None if its unit is not known."""
+    heading, dimension = table.headings[place], DIMENSIONS[quantity]
+    unit, source = table.unit(place), "as in the file"
+    if dimension in options.units:
+        unit, source = options.units[dimension], options.source
+    elif unit not in UNITS[dimension]:
+        # A cell below the name that is no unit, such as "mPa", may still be meant as one.
+        absent = unit == PER_SECOND or not (unit or table.units[place])
+        if dimension == "ratio":
+            unit, source = "1", "as usual"
+        elif dimension == "frequency" and absent and heading.quantity == quantity:
+            unit, source = ("rad/s" if heading.angular else "Hz"), "by its name"
+        else:
+            return None
+    deformation = options.deformation or heading.deformation
+    return Column(quantity, table.label(place), place, unit, source, deformation, heading.base)

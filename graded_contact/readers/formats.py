@@ -1,0 +1,256 @@
+"""Heights in files of instruments (read by SurfaceTopography) and of NumPy, and in zips."""
+
+import contextlib
+import io
+import math
+import re
+import warnings
+import zipfile
+import zlib
+from collections.abc import Sequence
+from pathlib import PurePosixPath
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from ..core.warnings import USUAL
+from ..surfaces.surface import step
+from .paths import Refusal, check_unpacked
+from .units import length_unit, metres
+
+MOST_POINTS = 2**28
+BYTES_OF_POINT = 4  # unpacked; fewer in files that are hardly packed
+CHUNK = 2**16  # bytes
+_BESIDE = {".txt", ".md", ".pdf", ".xml", ".json", ".csv", ".html", ".jpg", ".png", ".tif", ".bmp"}
+_SIZE = re.compile(
+    r"(?:((?:physical_?)?sizes?)|(?:pixel(?:_?size)?|spacing)s?)(?:_([a-z]+))?", re.IGNORECASE
+)
+
+
+class Scan(NamedTuple):
+    """The heights in a file, in its own units.
+
+    **Fields:**
+
+    - `heights`: in `unit`, shape `(nx, ny)` or `(nx,)`; NaN where missing.
+    - `source`: the part of the file, in words.
+    - `size`: edge lengths in `lateral_unit`, shape `(ndim,)`; None if the file has none.
+    - `unit`, `lateral_unit`: of heights and lengths; None if the file has none.
+    - `positions`: of the points of a profile in `lateral_unit`, ascending, if unequally spaced.
+    - `periodic`: whether the file declares the surface periodic.
+    - `notes`: how it was understood, one sentence each.
+    """
+
+    heights: np.ndarray
+    source: str
+    size: np.ndarray | None = None
+    unit: str | None = None
+    lateral_unit: str | None = None
+    positions: np.ndarray | None = None
+    periodic: bool = False
+    notes: tuple[str, ...] = ()
+
+
+def equally_spaced(values: np.ndarray, within: float) -> bool:
+    """Returns whether numbers are equally spaced within this part of their step."""
+    even = np.linspace(values[0], values[-1], len(values))
+    step = abs(values[-1] - values[0]) / (len(values) - 1)
+    return bool(np.max(np.abs(values - even)) <= within * step)
+
+
+def chosen(channel: str | int | None, names: Sequence[str], what: str) -> int:
+    """Returns the index of the channel; without a choice there must be only one."""
+    if isinstance(channel, int) and 0 <= channel < len(names):
+        return channel
+    if channel in names:
+        return names.index(channel)
+    if channel is None and len(names) == 1:
+        return 0
+    wrong = "" if channel is None else f", not {channel!r}"
+    raise Refusal(f"{what}; pass `channel`, one of {list(names)[:20]}{wrong}")
+
+
+# Instruments.
+
+
+def read_instrument(content: bytes, channel: str | int | None, at_most: float) -> Scan:
+    """Returns the topography that SurfaceTopography reads from a file; it may raise any error.
+
+    Raises `Refusal` for more than `at_most` bytes, unpacked. Zips and HDF5 are checked before.
+    """
+    if content.startswith((b"MATLAB", b"\xd0\xcf\x11\xe0")):
+        _check_streams(content, at_most)
+    try:
+        with warnings.catch_warnings():
+            warnings.simplefilter("ignore")
+            import SurfaceTopography  # takes seconds
+    except ImportError as error:
+        raise ImportError(
+            "This file needs the package SurfaceTopography: pip install graded_contact[io]"
+        ) from error
+    with SurfaceTopography.open_topography(io.BytesIO(content)) as reader:
+        if content.startswith(b"PK") and type(reader).__name__ == "HGTReader":
+            raise ValueError("this reader takes any 2 n² bytes")
+        channels: list[Any] = list(reader.channels)
+        if not channels:
+            raise ValueError("no channel of heights was found")
+        index = channels.index(reader.default_channel)
+        if channel is not None:
+            index = chosen(channel, [info.name for info in channels], "it has several channels")
+        info = channels[index]
+        _check_points(info.nb_grid_pts or (), at_most)
+        sizes = info.physical_sizes
+        lacking: dict[str, Any] = {} if sizes else {"physical_sizes": (1.0,) * info.dim}
+        lacking |= {} if info.unit else {"unit": "m"}
+        topography = reader.topography(channel_index=index, **lacking)
+        if topography.is_uniform:
+            heights, positions = topography.heights(), None
+        else:
+            x, heights = topography.positions_and_heights()
+            positions = np.asarray(x, float) - np.min(x)
+        return Scan(
+            np.ma.filled(np.ma.asarray(heights, float), np.nan),
+            f"channel {info.name!r}",
+            size=None if sizes is None else np.asarray(sizes, float),
+            unit=info.unit,
+            lateral_unit=info.unit,
+            positions=positions,
+            periodic=bool(info.is_periodic),
+        )
+
+
+def _check_points(shape: Any, at_most: float) -> None:
+    """Raises `Refusal` for more points than a file has that unpacks to `at_most` bytes."""
+    points = math.prod(np.atleast_1d(shape).tolist())
+    most = min(MOST_POINTS, at_most / BYTES_OF_POINT)
+    if points > most:
+        raise Refusal(
+            f"it has {points} points; at most {most:.0f} are read from a packed file of its size"
+        )
+
+
+def _check_streams(content: bytes, at_most: float) -> None:
+    """Raises `Refusal` if the streams of zlib in a file unpack to more bytes.
+
+    SurfaceTopography's readers of MAT and MNT unpack without a limit.
+    """
+    size = 0
+    for head in re.finditer(rb"\x78[\x01\x5e\x9c\xda]", content):
+        stream = zlib.decompressobj()
+        with contextlib.suppress(zlib.error):  # the two bytes may mean anything
+            for start in range(head.start(), len(content), CHUNK):
+                part = content[start : start + CHUNK]
+                while part and not stream.eof:
+                    size += len(stream.decompress(part, CHUNK))
+                    check_unpacked(size, at_most)
+                    part = stream.unconsumed_tail
+                if stream.eof:
+                    break
+
+
+def names_in(content: bytes) -> list[str]:
+    """Returns the names of the files in a zip."""
+    with zipfile.ZipFile(io.BytesIO(content)) as archive:
+        return [entry.filename for entry in archive.infolist() if not entry.is_dir()]
+
+
+def unpacked(content: bytes, channel: str | int | None) -> tuple[bytes, str]:
+    """Returns the file in a zip that holds heights, and its name.
+
+    It is the one that `channel` names, or the only one that is no text or picture. If the parts
+    of an `.x3p` lie in a folder it is the same `.x3p` without the folder.
+    """
+    with zipfile.ZipFile(io.BytesIO(content)) as archive:
+        names = [name for name in names_in(content) if not name.startswith("__MACOSX")]
+        if "main.xml" in names:  # as in a damaged `.x3p`
+            raise Refusal("its format is not known, or the file is damaged")
+        folders = [name.removesuffix("main.xml") for name in names if name.endswith("/main.xml")]
+        if len(folders) == 1:
+            stream = io.BytesIO()
+            with zipfile.ZipFile(stream, "w") as bare:
+                for name in names:
+                    bare.writestr(name.removeprefix(folders[0]), archive.read(name))
+            return stream.getvalue(), folders[0]
+        data = [name for name in names if PurePosixPath(name).suffix.lower() not in _BESIDE]
+        names = names if channel in names else (data or names)
+        name = names[chosen(channel, names, "it is a zip of several files or none")]
+        return archive.read(name), name
+
+
+# Files of NumPy.
+
+
+def read_arrays(
+    content: bytes, channel: str | int | None, size: Any, unit: str | None, at_most: float
+) -> Scan:
+    """Returns the heights in a `.npy` or `.npz` file.
+
+    An `.npz` may also hold unit and size. Their names are its author's choice, so `size` and
+    `unit` override them.
+    """
+    loaded = np.load(io.BytesIO(content), allow_pickle=False)
+    if isinstance(loaded, np.ndarray):
+        return Scan(_real(loaded, at_most), "an array")
+    arrays: dict[str, np.ndarray] = {}
+    for name in loaded.files:
+        try:
+            arrays[name] = loaded[name]
+        except ValueError as error:
+            if "allow_pickle" not in str(error):  # objects could run code: they are left out
+                raise
+    wide = [name for name, a in arrays.items() if a.ndim == 2 and min(a.shape) >= 4]
+    lines = [name for name, a in arrays.items() if a.ndim == 1 and len(a) >= 4]
+    names = wide or lines
+    name = names[chosen(channel, names, "it holds several or no arrays of heights")]
+    texts = [a for key, a in arrays.items() if key.lower() in ("unit", "units") and a.size == 1]
+    units = [str(text.astype(str).item()) for text in texts if text.dtype.kind in "US"]
+    own = length_unit(name) or next(iter(units), None)
+    scan = Scan(_real(arrays[name], at_most), f"array {name!r}", unit=own)
+    scan = scan if size is not None else _with_size(scan, arrays, unit)
+    return scan._replace(unit=None) if unit is not None else scan
+
+
+def _with_size(scan: Scan, arrays: dict[str, np.ndarray], unit: str | None) -> Scan:
+    """The heights with the size from other arrays, such as "size" or "pixel_size_um"."""
+    shape = np.array(scan.heights.shape)
+    found: dict[str, Scan] = {}
+    edges = []
+    for name, array in arrays.items():
+        match = _SIZE.fullmatch(name)
+        if not match or array.dtype.kind not in "iuf" or array.size not in (1, len(shape)):
+            continue
+        whole, suffix = match.groups()
+        points = whole and array.dtype.kind in "iu" and np.array_equal(array, shape)
+        if points or (suffix and metres(suffix) is None):
+            continue
+        size = np.broadcast_to(np.ravel(array) * (1 if whole else shape), shape.shape).astype(float)
+        lateral = suffix or _lateral_unit(name, scan, size, unit or scan.unit)
+        found[name] = scan._replace(size=size, lateral_unit=lateral)
+        edges.append((metres(str(lateral)) or 1.0) * size)
+    if not all(np.allclose(edge, edges[0], rtol=0.01) for edge in edges):
+        raise Refusal(
+            f"its {' and '.join(map(repr, found))} contradict each other; pass `size` [m]"
+        )
+    return next(iter(found.values()), scan)
+
+
+def _lateral_unit(name: str, scan: Scan, size: np.ndarray, unit: str | None) -> str | None:
+    """The unit of a size: metres, or that of the heights if only this gives a usual rms slope."""
+    if unit is None or (factor := metres(unit)) is None:
+        return unit
+    low, high = USUAL["rms slope"]
+    usual = []
+    for lateral in dict.fromkeys((unit, "m")):
+        spacing = (metres(lateral) or 1.0) * size / np.array(scan.heights.shape)
+        if low < step("", factor * scan.heights, spacing).rms_slope < high:
+            usual.append(lateral)
+    if len(usual) != 1 and factor != 1:
+        raise Refusal(f"its {name!r} may be in 'm' or in {unit!r}; pass `size` [m]")
+    return usual[0] if usual else "m"
+
+
+def _real(values: np.ndarray, at_most: float) -> np.ndarray:
+    _check_points(values.shape, at_most)
+    if values.dtype.kind not in "iuf":
+        raise Refusal(f"its array is of {values.dtype}, not of real numbers")
+    return np.where(np.isfinite(values), values, np.nan).astype(float)

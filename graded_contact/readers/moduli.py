@@ -1,0 +1,261 @@
+"""Measured moduli and compliances from files of rheometers, DMAs and spreadsheets.
+
+Columns, units and temperatures that the file names are used; an error lists what is missing. Only a
+frequency without a unit goes by its name (f is in Hz, omega in rad/s), and a modulus is Young's
+unless its name or another column implies shear. `Measured.history` records, in sentences, what was
+understood.
+"""
+
+import dataclasses
+import logging
+import os
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from jaxtyping import Float
+
+from ..core.checks import Numbers, as_scalar, check_poisson, check_positive, check_types, short
+from ..materials.measured import Measured, distinct, joined
+from .cells import Sheet, holds_data, is_number, read_sheets
+from .columns import WAYS, MeasuredTable, Options
+from .points import measured_points, one_each
+from .steps import rank, understand
+from .tables import parameters
+from .units import DIMENSIONS, OFFSETS, UNITS, parse_unit
+
+# RepTate's manual fixes the order and units of the columns by the ending of the file, and which
+# parameter of its first line is the constant load; without a strain, "stress" is a modulus.
+_SWEEP = {"frequency": "rad/s", "storage": "Pa", "loss": "Pa"}
+_REPTATE = {
+    ".tts": ("frequency", _SWEEP, "", None),
+    ".osc": ("frequency", _SWEEP, "", None),
+    ".gt": ("relaxation", {"time": "s", "stress": "Pa"}, "gamma", 1.0),
+    ".creep": ("creep", {"time": "s", "strain": "1"}, "stress", None),
+}
+
+
+@check_types
+def read_moduli(
+    path: str | os.PathLike | Sequence[str | os.PathLike],
+    *,
+    kind: str | None = None,
+    columns: Mapping[str, str | int] | None = None,
+    units: Mapping[str, str] | None = None,
+    deformation: str | None = None,
+    poisson: Numbers | None = None,
+    temperature: Numbers | None = None,
+    sheet: str | None = None,
+    step: str | int | Sequence[str | int] | None = None,
+) -> Measured:
+    """Returns the moduli or compliances in a file, or in several files of one material.
+
+    Files: text with commas, semicolons, tabs or spaces, with decimal points or commas; Excel
+    workbooks (the extra `io`); RepTate's `.tts`, `.osc`, `.gt` and `.creep`. Columns have a line of
+    names, such as "f, E', tan delta", "Storage modulus [MPa]", "log10 G'" or "G_loss_pa", and may
+    have a line of units below it. Several isotherms may be in one table with a column of
+    temperature (steps above 1 K), below one another with "25 °C" above each, side by side, or on
+    several sheets. Creep and relaxation may be columns of stress and strain; a constant stress may
+    be in a line above the table ("stress: 2 kPa"). Rows may be in any order. A row that cannot be
+    used is left out and reported. Every argument but the first overrides the file.
+
+    **Arguments:**
+
+    - `path`: the file, or a list of files: each holds isotherms, or all parts of one.
+    - `kind`: "frequency", "relaxation" or "creep"; for a file without names it also sets the order
+      of the columns: frequency, storage, loss; time, modulus; time, compliance.
+    - `columns`: which column, by name or by number from 1, is the "frequency", "time",
+      "temperature", "storage", "loss", "magnitude", "tan_delta", "phase", "modulus" (relaxation),
+      "compliance", "stress" or "strain".
+    - `units`: of "frequency", "time", "modulus", "compliance", "temperature", "angle", "ratio",
+      "stress", "strain", such as "MPa".
+    - `deformation`: "tension" (E) or "shear" (G).
+    - `poisson`: Poisson's ratio ν, to convert shear to tension by E = 2(1 + ν)G.
+    - `temperature`: [K], of the whole file or of each of its curves; of each of several files.
+    - `sheet`: of a workbook.
+    - `step`: of a test of several steps: numbers from 1, or titles or parts of them. By default
+      steps at one frequency are left out if others sweep the frequency.
+
+    **Returns:** isotherms, with a history of the reading, see `Measured`.
+
+    **Raises:** `FileNotFoundError` for a missing file; `ValueError` for a file that is not
+    understood, naming the line and the arguments that would help.
+    """
+    paths = [path] if isinstance(path, str | os.PathLike) else path
+    named = isinstance(paths, list | tuple) and len(paths) > 0
+    if not named or not all(isinstance(each, str | os.PathLike) for each in paths):
+        raise ValueError(f"`path={path!r}` must be the name of a file, or a list of them.")
+    options = _options(kind, columns, units, deformation, temperature is not None, step)
+    if poisson is not None:
+        poisson = float(as_scalar(poisson, "poisson"))
+        check_poisson("poisson", poisson)
+    if temperature is not None:
+        try:
+            temperature = np.asarray(temperature, float)
+        except (TypeError, ValueError):
+            words = f"`temperature={short(temperature)}` is refused: numbers [K] are needed."
+            raise ValueError(words) from None
+        check_positive("temperature", temperature, "[K]")
+    if len(paths) == 1:
+        return _read(Path(paths[0]), options, poisson, temperature, sheet)
+    each = _for_each(temperature, len(paths), "files")
+    pairs = zip(paths, each, strict=True)
+    return joined([_read(Path(file), options, poisson, t, sheet) for file, t in pairs])
+
+
+_BACK = 0.9  # of a strain reached before: amplitudes that are measured scatter
+
+
+@check_types
+def read_strain_sweep(
+    path: str | os.PathLike,
+    *,
+    columns: Mapping[str, str | int] | None = None,
+    units: Mapping[str, str] | None = None,
+    sheet: str | None = None,
+    step: str | int | Sequence[str | int] | None = None,
+) -> tuple[Float[np.ndarray, " n"], Float[np.ndarray, " n"], Float[np.ndarray, " n"]]:
+    """Returns strain amplitudes ε [1] and the factors f of E' and g of E'' [1] in a strain sweep.
+
+    They are what `materials.StrainSoftening` takes: `StrainSoftening(rubber, *read_strain_sweep(
+    "sweep.csv"))`. The factors are relative to the smallest strain. Strains are those of the file:
+    a peak-to-peak amplitude is to be halved (by `StrainSoftening(rubber, strain / 2, f, g)`).
+
+    **Arguments:** as in `read_moduli`; columns of strain (% or 1), moduli in tension or shear.
+
+    **Returns:** ε, f and g, in order of ε. The log (`graded_contact`, level INFO) has the history
+    of the reading, with the rows that were left out.
+
+    **Raises:** as `read_moduli`; also for several curves, for a sweep up and down, and for a
+    varying frequency.
+    """
+    sweep = strain_sweep(path, columns, units, sheet, step)
+    for sentence in sweep.history:
+        logging.getLogger("graded_contact").info(sentence)
+    parts = np.real(sweep.values), np.imag(sweep.values)
+    return sweep.abscissa, *(part / part[0] for part in parts)
+
+
+def strain_sweep(path, columns, units, sheet, step) -> Measured:
+    """Returns the moduli over the strain amplitude [1], arguments as in `read_strain_sweep`."""
+    options = _options(None, columns, units, None, True, step)
+    sweep = _read(Path(path), dataclasses.replace(options, kind="strain"), None, None, sheet)
+    strains = sweep.abscissa[np.argsort(sweep.lines)]
+    strains = strains if strains[0] < strains[-1] else strains[::-1]
+    back = np.any(strains < _BACK * np.maximum.accumulate(strains))
+    if back or len(np.unique(strains)) < len(strains) or np.max(sweep.isotherm) > 0:
+        raise ValueError(
+            f"`path={path}`: its strains do not increase (or decrease) from row to row. Choose "
+            "one curve by `step`, or put each curve, up or down, into its own file."
+        )
+    return sweep
+
+
+def _for_each(temperature: Numbers | None, count: int, what: str) -> Sequence[Numbers | None]:
+    return [None] * count if temperature is None else list(one_each(temperature, count, what))
+
+
+def _options(kind, columns, units, deformation, temperature: bool, step) -> Options:
+    """The arguments of `read_moduli`, checked."""
+    kinds = tuple(dict.fromkeys(kind for kind, _ in WAYS))
+    choices: list[tuple[str, Any, Any]] = [
+        ("`kind`", kind, (None, *kinds)),
+        ("`deformation`", deformation, (None, "tension", "shear")),
+        *(("A key of `columns`", quantity, DIMENSIONS) for quantity in columns or {}),
+        *(("A key of `units`", dimension, UNITS) for dimension in units or {}),
+        *((f"`units` of the {d}", u, UNITS.get(d, [u])) for d, u in (units or {}).items()),
+    ]
+    for name, value, allowed in choices:
+        if value is not None and (not isinstance(value, str) or value not in allowed):
+            words = [word for word in allowed if word is not None]
+            raise ValueError(f"{name} is {short(value)}: use one of {words}.")
+    steps = [] if step is None else step if isinstance(step, list | tuple) else [step]
+    if not all(isinstance(each, str | int) for each in steps):
+        raise ValueError(f"`step={short(step)}` must be a number or a title, or a list of them.")
+    return Options(kind, columns or {}, units or {}, deformation, temperature, tuple(steps))
+
+
+def _read(path: Path, options: Options, poisson, temperature, name: str | None) -> Measured:
+    """The measurements in one file."""
+    sheets = read_sheets(path)
+    try:
+        if path.suffix.lower() in _REPTATE:
+            options, temperature, sheets = _as_reptate(path, options, temperature, sheets)
+        if name is not None:
+            names = [sheet.name for sheet in sheets]
+            if name not in names:
+                raise ValueError(f"there is no `sheet={name!r}`, only {names}")
+            sheets = [sheets[names.index(name)]]
+        understood = _understood(sheets, options)
+        each: Sequence[Numbers | None] = [temperature] * len(understood)
+        if len(understood) > 1 and np.ndim(0 if temperature is None else temperature) == 1:
+            each = _for_each(temperature, len(understood), "sheets")
+        parts = []
+        for (sheet, measured), kelvin in zip(understood, each, strict=True):
+            notes = [f"Read {len(measured.table.rows)} rows of {path.name}, {sheet.layout}."]
+            points = measured_points(path, measured, poisson, kelvin, notes)
+            if measured.unused:
+                notes.append(f"Not used: {', '.join(map(repr, measured.unused))}.")
+            parts.append(dataclasses.replace(points, history=tuple(notes)))
+        names = [sheet.name for sheet, _ in understood]
+        if len(parts) > 1 and not distinct(parts):
+            raise ValueError(
+                f"the sheets {names} have similar tables of the same temperature; pass `sheet`"
+            )
+        whole = joined(parts) if len(parts) > 1 else parts[0]
+    except ValueError as error:
+        raise ValueError(f"`path={path}`: {str(error).rstrip('.')}.") from None
+    left = [repr(sheet.name) for sheet in sheets if sheet.name not in names]
+    notes = [f"Left out the sheets {', '.join(left)}."] if left else []
+    return dataclasses.replace(whole, history=(*whole.history, *notes))
+
+
+def _as_reptate(
+    path: Path, options: Options, temperature: Numbers | None, sheets: list[Sheet]
+) -> tuple[Options, Numbers | None, list[Sheet]]:
+    """What RepTate's formats fix; temperature [°C] and load are in the first line."""
+    kind, columns, load, usual = _REPTATE[path.suffix.lower()]
+    rows = sheets[0].rows
+    given = parameters(rows[0]) if rows else {}
+    if temperature is None and is_number(given.get("T", "")):
+        temperature = float(given["T"]) + OFFSETS["C"]
+    below = [[parse_unit(cell) for cell in row.cells[: len(columns)]] for row in rows[1:4]]
+    own = next((units for units in below if len(units) == len(columns) and all(units)), None)
+    pairs = zip(columns, own or columns.values(), strict=True)
+    units = {DIMENSIONS[name]: str(unit) for name, unit in pairs}
+    if any(unit not in UNITS[dimension] for dimension, unit in units.items()):
+        raise ValueError(f"its columns must be {', '.join(columns)}, in this order; pass `columns`")
+    source = "as in the file" if own else "as in all of RepTate's"
+    if not options.columns:  # others may follow, without a name, or be missing
+        rows = [row._replace(cells=row.cells[: len(columns)]) for row in rows if holds_data(row)]
+    options = dataclasses.replace(
+        options,
+        kind=options.kind or kind,
+        columns=options.columns or {quantity: i + 1 for i, quantity in enumerate(columns)},
+        units={**units, **options.units},
+        deformation=options.deformation or "shear",
+        temperature=temperature is not None,
+        load=float(given[load]) if is_number(given.get(load, "")) else usual,
+        source=options.source if options.units else source,
+    )
+    return options, temperature, [sheets[0]._replace(rows=rows)]
+
+
+def _understood(sheets: list[Sheet], options: Options) -> list[tuple[Sheet, MeasuredTable]]:
+    """The sheet that ranks first of those understood, and those of the same columns, in order."""
+    found, refusals = [], []
+    for sheet in sheets:
+        try:
+            found.append((sheet, understand(sheet, options)))
+        except ValueError as error:
+            refusals.append(f"sheet {sheet.name!r}: {error}" if sheet.name else str(error))
+    if not found:
+        raise ValueError("; ".join(refusals))
+
+    def key(measured: MeasuredTable) -> tuple:
+        table, (sweep, _) = measured.table, rank(measured)
+        return measured.kind, measured.columns, table.blocks, len(table.names), sweep
+
+    _, first = max(found, key=lambda pair: rank(pair[1]))
+    return [pair for pair in found if key(pair[1]) == key(first)]

@@ -1,0 +1,38 @@
+"""A recorded motion from a table of times and displacements."""
+
+import os
+from pathlib import Path
+
+import numpy as np
+from jaxtyping import ScalarLike
+
+from ..sliding.motion import Motion, recorded
+from .cells import holds_data, read_sheets
+from .units import UNITS, length_unit, metres, parse_heading
+
+
+def read_motion(path: os.PathLike, period: ScalarLike, num_times: int = 128) -> Motion:
+    """Returns the motion of a table with the columns time and displacement, see `recorded`.
+
+    **Arguments:**
+
+    - `path`: of the table, text or Excel. The first column is the time in seconds, the second the
+      displacement in metres, unless headings name other units: "time [ms]", "s (mm)".
+    - `period`: T [s].
+    - `num_times`: times in a period, at least 4.
+
+    **Raises:** `FileNotFoundError`; `ValueError` for a file that is no such table.
+    """
+    rows = read_sheets(Path(path))[0].rows
+    data = [row.cells[:2] for row in rows if holds_data(row)]
+    head = next((row.cells for row in rows if len(row.cells) > 1 and not holds_data(row)), ["", ""])
+    try:
+        time, displacement = np.array(data, float).T
+    except ValueError:
+        raise ValueError(
+            f"`path={path}` is refused: two columns of numbers, times [s] and displacements [m], "
+            "are needed."
+        ) from None
+    time = time * UNITS["time"].get(parse_heading(head[0]).unit or "s", 1.0)
+    displacement = displacement * (metres(length_unit(head[1]) or "m") or 1.0)
+    return recorded(time, displacement, period, num_times)

@@ -1,0 +1,234 @@
+"""Which tables of a sheet are read, and which of their steps.
+
+A test may have several steps: an amplitude sweep, then a frequency sweep, then a ramp of
+temperature. A step begins at its title, or where a column such as "Action Name" changes. If a
+frequency sweep is among the steps, those at one frequency are left out: they do not belong to it.
+"""
+
+import itertools
+import re
+from collections.abc import Sequence
+from typing import NamedTuple
+
+import numpy as np
+
+from ..materials.measured import ISOTHERM_GAP
+from .cells import Row, Sheet
+from .columns import CONSTANT, SAME, MeasuredTable, Options, measured_table
+from .points import LIMIT
+from .tables import Column, Table, find_tables, title_above
+from .units import SI
+
+# The whole name of a column that holds the numbers or names of steps.
+_COLUMN = re.compile(
+    r"(?i)(?:test\s+)?(?:action|steps?|segment|interval|sequence|schritt|abschnitt|intervalle?|[eé]tape)"
+    r"(?:[\s_-]*(?:name|no|nr|number|index|id|#))?\.?(?:\s*[\[(].*[\])])?"
+)
+_AMPLITUDES = (
+    re.compile(r"(?i)strain|d[eé]formation|dehnung|amplitude"),
+    re.compile(r"(?i)stress|contrainte|spannung"),
+)
+WIDER = 1.5  # factor within which the amplitude of a frequency sweep stays
+FEWEST = 3  # rows, or frequencies, that show what a step holds constant
+RUN = 6  # rows of one frequency and temperature inside a table that names no steps
+LONG = 10  # of them, from which on the amplitude need not be seen to grow
+
+
+class Step(NamedTuple):
+    """Rows measured in one step of a test; its number counts from 1 in the order of the file."""
+
+    number: int
+    title: str
+    rows: list[Row]
+
+    def __str__(self) -> str:
+        title = f" {self.title!r}" if self.title else ""
+        lines = f"lines {self.rows[0].line}-{self.rows[-1].line}"
+        return f"step {self.number}{title} ({lines}, {len(self.rows)} rows)"
+
+    def within(self, table: Table) -> bool:
+        return any(row is self.rows[0] for row in table.rows)
+
+
+def understand(sheet: Sheet, options: Options) -> MeasuredTable:
+    """Returns the longest table on a sheet whose columns are understood, of frequency sweeps first.
+
+    Raises `ValueError` that names the line, and all arguments that would help.
+    """
+    named = [name for name in options.columns.values() if isinstance(name, str)]
+    tables = find_tables(sheet.rows, named)
+    steps = _steps(tables)
+    if options.step:
+        steps = [step for name in options.step for step in _steps_named(steps, str(name))]
+        lines = {row.line for step in steps for row in step.rows}
+        tables = [table.only(lines) for table in tables]
+    tables = sorted((table for table in tables if table.rows), key=lambda table: -len(table.rows))
+    if not tables or len(tables[0].rows) < 2:
+        raise ValueError("no table of numbers is found; rows of at least two numbers are needed")
+    found, refusals = [], []
+    for table in tables:
+        try:
+            measured = measured_table(table, options, sheet.spaced)
+            found.append((table, measured if options.step else _swept(measured, steps)))
+        except ValueError as error:
+            refusals.append(error)
+    if not found:
+        raise refusals[0]
+    table, measured = max(found, key=lambda pair: rank(pair[1]))
+    if options.step:
+        read = ", ".join(str(step) for step in steps if step.within(table))
+        measured.notes.append(f"Read only {read}.")
+    others = []
+    for other in (other for other in tables if other is not table):
+        titled = ", ".join(str(step) for step in steps if step.title and step.within(other))
+        others.append(f"{other.place} with {titled}" if titled else other.place)
+    if others:
+        measured.notes.append(f"Left out tables of other columns: {', '.join(others)}.")
+    return measured
+
+
+def rank(measured: MeasuredTable) -> tuple[int, int]:
+    """Returns what decides between tables: a frequency sweep, then the number of rows."""
+    rows = measured.table.rows
+    if measured.kind != "frequency":
+        return 1, len(rows)
+    swept = measured.table.blocks > 1 or _varies(_numbers_of(measured, "frequency", rows))
+    return 2 * swept, len(rows)
+
+
+# Steps of a file.
+
+
+def _steps(tables: Sequence[Table]) -> list[Step]:
+    """The steps of all tables in the order of the file."""
+    parts = []
+    for table in tables:
+        # Side by side, a column of names would belong to one curve only.
+        places = [i for i, name in enumerate(table.names) if _COLUMN.fullmatch(name)]
+        for segment in table.segments:
+            title = title_above(segment.titles)
+            parts += _parts(segment.data, title, places if table.blocks == 1 else [])
+    parts.sort(key=lambda part: part[1][0].line)
+    return [Step(number, *part) for number, part in enumerate(parts, start=1)]
+
+
+def _parts(rows: list[Row], title: str, places: list[int]) -> list[tuple[str, list[Row]]]:
+    """The rows of a segment, split where a column that names steps changes."""
+    for place in places:
+        runs = itertools.groupby(rows, key=lambda row: "".join(row.cells[place : place + 1]))
+        parts = [(cell if title in ("", cell) else f"{title}, {cell}", list(run))
+                 for cell, run in runs]  # fmt: skip
+        if FEWEST * len(parts) <= len(rows):  # a number of each point names no step
+            return parts
+    return [(title, rows)]
+
+
+def _steps_named(steps: list[Step], text: str) -> list[Step]:
+    """The step of this number or title; a part of a title chooses all that have it."""
+    name = text.casefold()
+    found = (
+        [step for step in steps if name == str(step.number)]
+        or [step for step in steps if name == step.title.casefold()]
+        or [step for step in steps if name in step.title.casefold()]
+    )
+    if not found:
+        known = ", ".join(map(str, steps)) or "none"
+        raise ValueError(f"there is no `step={text!r}`; there are {known}")
+    return found
+
+
+# What a step holds constant.
+
+
+def _swept(measured: MeasuredTable, steps: list[Step]) -> MeasuredTable:
+    """The table without its steps at one frequency, if others sweep the frequency."""
+    table = measured.table
+    if measured.kind != "frequency" or table.blocks > 1:
+        return measured
+    constant = [
+        step._replace(rows=rows)
+        for step in steps
+        if step.within(table)
+        for rows in _constant_runs(measured, step)
+    ]
+    left = {row.line for step in constant for row in step.rows}
+    remaining = [row for row in table.rows if row.line not in left]
+    omega = _numbers_of(measured, "frequency", remaining)
+    if not left or not _varies(omega) or len(np.unique(omega[omega > 0])) < FEWEST:
+        return measured
+    for step in constant:
+        omega = np.nanmedian(_numbers_of(measured, "frequency", step.rows))
+        kelvin, amplitudes = _temperatures(measured, step.rows), _amplitudes(measured, step.rows)
+        changes = ""
+        if np.ptp(kelvin) > ISOTHERM_GAP:
+            changes = f", and its temperature goes from {kelvin[0]:.4g} to {kelvin[-1]:.4g} K"
+        elif amplitudes:
+            name, low, high = amplitudes[0]
+            changes = f", and {name!r} goes from {low:.4g} to {high:.4g}"
+        measured.notes.append(
+            f"Left out {step}: its frequency is constant at {omega:.4g} {SI['frequency']}{changes}."
+        )
+    measured.notes.append("`step` chooses other steps, by their number or title.")
+    return measured._replace(table=table.only({row.line for row in remaining}))
+
+
+def _constant_runs(measured: MeasuredTable, step: Step) -> list[list[Row]]:
+    """Rows of a step at one frequency: all of them, or runs that are a sweep of something else."""
+    omega = _numbers_of(measured, "frequency", step.rows)
+    known = np.flatnonzero(np.isfinite(omega))
+    named = step.title and "freq" not in step.title.casefold().replace("é", "e")
+    if not len(known):
+        return []
+    if not _varies(omega):
+        return [step.rows] if named or len(known) >= FEWEST else []
+    # A run is compared with its first row: a dense sweep has neighbours that differ by less.
+    runs: list[list[int]] = [[]]
+    for i in known:
+        if runs[-1] and abs(omega[i] / omega[runs[-1][0]] - 1) > SAME:
+            runs.append([])
+        runs[-1].append(int(i))
+    found = [[step.rows[i] for i in run] for run in runs if len(run) >= RUN]
+    # At one temperature, and long or of varied amplitude.
+    return [
+        rows
+        for rows in found
+        if np.ptp(_temperatures(measured, rows)) <= ISOTHERM_GAP
+        and (len(rows) >= LONG or _amplitudes(measured, rows))
+    ]
+
+
+def _amplitudes(measured: MeasuredTable, rows: list[Row]) -> list[tuple[str, float, float]]:
+    """Columns of strain or stress that vary: name, first and last number."""
+    found = []
+    used = {column.place for column in measured.columns.values()}
+    for pattern, (place, name) in itertools.product(_AMPLITUDES, enumerate(measured.table.names)):
+        if pattern.search(name) and place not in used:
+            column = Column("strain", name, place, "1", "", None, None)
+            values = _credible(np.abs(column.numbers(rows)))
+            values = values[np.isfinite(values)]
+            if len(values) and np.max(values) > WIDER * np.min(values):
+                found.append((name, float(values[0]), float(values[-1])))
+    return found
+
+
+def _temperatures(measured: MeasuredTable, rows: list[Row]) -> np.ndarray:
+    """Those known [K]; a single 0 if none is."""
+    if "temperature" not in measured.columns:
+        return np.zeros(1)
+    kelvin = _numbers_of(measured, "temperature", rows)
+    known = kelvin[np.isfinite(kelvin)]
+    return known if len(known) else np.zeros(1)
+
+
+def _numbers_of(measured: MeasuredTable, quantity: str, rows: list[Row]) -> np.ndarray:
+    return _credible(measured.columns[quantity].numbers(rows))
+
+
+def _credible(values: np.ndarray) -> np.ndarray:
+    """The values that a measurement can have, whose ratios are finite; NaN for the others."""
+    return np.where((values > 1 / LIMIT) & (values < LIMIT), values, np.nan)
+
+
+def _varies(omega: np.ndarray) -> bool:
+    known = omega[np.isfinite(omega)]
+    return bool(len(known)) and bool(np.max(known) > (1 + CONSTANT) * np.min(known))

@@ -1,0 +1,254 @@
+"""Tables of numbers among the rows of a sheet, and the lines above them.
+
+The names of the columns are in a row above a table. Tables with the same names are one table in
+segments, such as the steps of a test. A table may also repeat its columns side by side, one block
+for each curve.
+"""
+
+import itertools
+import re
+from collections.abc import Iterable, Sequence
+from typing import NamedTuple
+
+import numpy as np
+
+from .cells import Row, holds_data, is_missing, is_number, stripped
+from .units import DIMENSIONS, OFFSETS, SI, UNITS, Heading, parse_heading, parse_unit
+
+
+class Column(NamedTuple):
+    """A column of a table.
+
+    - `quantity`: a key of `units.DIMENSIONS`.
+    - `label`: its number and name, for messages.
+    - `place`: counted from 0, within a block.
+    - `unit`: one of `UNITS` of its dimension.
+    - `source`: where the unit comes from.
+    - `deformation`: "tension", "shear" or None, by its name.
+    - `base`: of the logarithms that it holds, "10" or "e"; None for plain values.
+    """
+
+    quantity: str
+    label: str
+    place: int
+    unit: str
+    source: str
+    deformation: str | None
+    base: str | None
+
+    @property
+    def sentence(self) -> str:
+        """How the column is understood."""
+        of = {None: "", "10": "decimal logarithm of ", "e": "natural logarithm of "}[self.base]
+        start = f"{self.label[0].upper()}{self.label[1:]}: {of}{self.quantity} in {self.unit}"
+        dimension = DIMENSIONS[self.quantity]
+        factor = UNITS[dimension][self.unit]
+        times = factor != 1 and dimension != "temperature"  # whose zero moves too
+        return f"{start}, {self.source}" + times * f"; times {factor:.6g} in {SI[dimension]}" + "."
+
+    def si(self, cell: str) -> float:
+        """Returns a cell's number in SI units; NaN if it is none, infinity if it is too large."""
+        if not is_number(cell):
+            return np.nan
+        with np.errstate(over="ignore"):
+            value = np.float64(cell)
+            if self.base is not None:
+                value = np.exp(value * (np.log(10) if self.base == "10" else 1))
+            offset = OFFSETS[self.unit] if self.quantity == "temperature" else 0.0
+            return float(UNITS[DIMENSIONS[self.quantity]][self.unit] * value + offset)
+
+    def numbers(self, rows: Sequence[Row]) -> np.ndarray:
+        """Returns the numbers of the first block in SI units, NaN where there is none."""
+        cells = (row.cells[self.place] if self.place < len(row.cells) else "" for row in rows)
+        return np.array(list(map(self.si, cells)))
+
+
+class Segment(NamedTuple):
+    """A part of a table: the `titles` above it, its rows of numbers, and its other rows."""
+
+    titles: list[Row]
+    data: list[Row]
+    words: list[Row]
+
+
+class Table(NamedTuple):
+    """Names and units of the columns of one block, and the segments below them."""
+
+    place: str
+    names: list[str]
+    units: list[str]
+    blocks: int
+    segments: list[Segment]
+
+    @property
+    def headings(self) -> list[Heading]:
+        return list(map(parse_heading, self.names))
+
+    @property
+    def rows(self) -> list[Row]:
+        return [row for segment in self.segments for row in segment.data]
+
+    def label(self, place: int) -> str:
+        name = self.names[place]
+        return f"column {place + 1}" + (f" ({name})" if name else "")
+
+    def unit(self, place: int) -> str | None:
+        """Returns the unit in a column's heading or below it, as `parse_unit`."""
+        return parse_heading(self.names[place]).unit or parse_unit(self.units[place])
+
+    def listed(self) -> str:
+        """Returns the names of the columns, for messages."""
+        if any(self.names):
+            return "the columns " + ", ".join(map(repr, self.names))
+        return f"{len(self.names)} columns without names"
+
+    def only(self, lines: set[int]) -> "Table":
+        """Returns the table with the rows of numbers on these lines."""
+        kept = ([row for row in each.data if row.line in lines] for each in self.segments)
+        pairs = zip(self.segments, kept, strict=True)
+        return self._replace(segments=[each._replace(data=data) for each, data in pairs if data])
+
+
+def find_tables(rows: list[Row], named: Iterable[str]) -> list[Table]:
+    """Returns the tables of numbers; `named` are names of columns that are known."""
+    rows = _with_signals(rows)
+    starts = _starts(rows, set(named))
+    if not starts:
+        data = [row for row in rows if holds_data(row)]
+        if not data:
+            return []
+        empty = [""] * max(len(row.cells) for row in data)
+        above = [row for row in rows if row.line < data[0].line]
+        return [Table("no line of names", empty, empty, 1, [Segment(above, data, [])])]
+    tables: dict[tuple[str, ...], Table] = {}
+    last = 0  # behind the numbers above
+    for start, end in zip(starts, [*starts[1:], len(rows)], strict=True):
+        below = rows[start + 1 : end]
+        has_units = below and not holds_data(below[0]) and any(map(parse_unit, below[0].cells))
+        units = below.pop(0).cells if has_units else []
+        table = _headed(rows[start], units)
+        key = tuple(table.names)
+        if key in tables and units and tables[key].units != table.units:
+            key = (*table.names, *table.units)
+        table = tables.setdefault(key, table)
+        # RheoCompass counts the points above the numbers: "Interval and data points: 1 29".
+        count = r"(?i)(?:interval|abschnitt).*:"
+        is_data = [holds_data(row) and not re.match(count, row.cells[0]) for row in below]
+        if any(is_data):
+            data = list(itertools.compress(below, is_data))
+            words = [row for row, numbers in zip(below, is_data, strict=True) if not numbers]
+            table.segments.append(Segment(rows[last:start], data, words))
+            last = end - is_data[::-1].index(True)
+    return [table for table in tables.values() if table.rows]
+
+
+def _with_signals(rows: list[Row]) -> list[Row]:
+    """Names below one another, "Sig1 Time (min)", "Sig2 ...", as one row."""
+    named = [i for i, row in enumerate(rows) if re.fullmatch(r"Sig\d+", row.cells[0])]
+    if len(named) < 2:
+        return rows
+    names = Row(rows[named[-1]].line, [" ".join(rows[i].cells[1:]) for i in named])
+    return [names if i == named[-1] else row for i, row in enumerate(rows) if i not in named[:-1]]
+
+
+def _starts(rows: list[Row], named: set[str]) -> list[int]:
+    """The rows of names: those that name two quantities."""
+    words = [i for i, row in enumerate(rows) if not holds_data(row)]
+
+    def num_names(row: Row) -> int:
+        quantities = {parse_heading(cell).quantity for cell in row.cells} - {None}
+        return len(quantities) + len(named & set(row.cells))
+
+    if starts := [i for i in words if num_names(rows[i]) >= 2]:
+        return starts
+    # Otherwise the last row of words before the numbers that is not one of units.
+    first = next((i for i, row in enumerate(rows) if holds_data(row)), 0)
+    above = [i for i in words if i < first and len(rows[i].cells) > 1]
+    return [i for i in above if not all(is_missing(c) or parse_unit(c) for c in rows[i].cells)][-1:]
+
+
+def _headed(row: Row, units: list[str]) -> Table:
+    """A table without rows yet, whose names may repeat: each repetition is a block."""
+    names = stripped(row.cells)
+    below = (units + [""] * len(names))[: len(names)]
+    columns = list(zip(names, below, strict=True))
+    widths = (n for n in range(2, len(names)) if len(names) % n == 0)
+    repeated = (n for n in widths if columns == columns[:n] * (len(names) // n))
+    width = next(repeated, len(names))
+    return Table(f"line {row.line}", names[:width], below[:width], len(names) // width, [])
+
+
+# The lines above a table: its title, the temperature, the constant stress of a creep test, the
+# geometry. A value counts only with its unit, and only if no line gives another value.
+_VALUE = r"([-+]?\d+(?:[.,]\d+)?(?:[eE][-+]?\d+)?)"
+# Not "10 °C/min", and not the end of a word or of another number.
+_TEMPERATURE = re.compile(
+    rf"(?<![\w.,]){_VALUE}\s*(?:°|º|deg\.?)?\s*([CK])\b(?!\s*(?:/|\^|min|per))"
+)
+_STRESS = re.compile(
+    rf"(?i)\b(?:schub)?(?:stress|spannung)\b[^\w+-]*{_VALUE}\s*([a-z][a-z0-9/^²]*)"
+)
+_TENSION = re.compile(
+    r"(?i)(?:geometr|clamp|fixture|holder|halter|probe).*"
+    r"(?:tension|tensile|compression|bending|cantilever|zug|biege|druck)"
+)
+_TEST = re.compile(
+    r"(?i)sweep|ramp|hold|relax|creep|soak|step|test|balayage|rampe|fluage|paliers?|essai|kriech|versuch"
+)
+_COUNT = re.compile(r"(?i)(?:interval|abschnitt)")  # "Interval and data points: 1 29"
+# Settings of an instrument that are no temperature of a test.
+_SETTING = re.compile(r"(?i)toleran|limit|offset|compensation|expansion|calibration|span|range")
+
+
+def title_above(rows: Sequence[Row]) -> str:
+    """Returns the title of the next step, such as "Frequency sweep - 2", or an empty text."""
+    marks = [i for i, row in enumerate(rows) if row.cells[0].casefold() == "[step]"]
+    if marks and marks[-1] + 1 < len(rows):
+        title = rows[marks[-1] + 1]
+    else:
+        tests = [row for row in rows if _TEST.search(" ".join(row.cells))]
+        titles = [row for row in tests if not _COUNT.match(row.cells[0])]
+        title = titles[-1] if titles else Row(0, [])
+    return next((cell for cell in reversed(title.cells) if cell), "")[:60]
+
+
+def temperature_above(rows: Sequence[Row]) -> float | None:
+    """Returns the only temperature [K] that the rows name, such as "25 °C"."""
+    found = {
+        _value(number) + OFFSETS[unit]
+        for row in rows
+        if not _SETTING.search(row.cells[0])
+        for number, unit in _TEMPERATURE.findall(" ".join(row.cells))
+    }
+    for given in map(parameters, rows):
+        if "chem" in given and is_number(given.get("T", "")):  # as RepTate's files begin
+            found.add(float(given["T"]) + OFFSETS["C"])
+    return found.pop() if len(found) == 1 else None
+
+
+def stress_above(rows: Sequence[Row]) -> float | None:
+    """Returns the only stress [Pa] that the rows name, such as "Stress: 2 kPa"."""
+    found = {
+        _value(number) * UNITS["stress"][unit]
+        for row in rows
+        for number, word in _STRESS.findall(" ".join(row.cells))
+        if (unit := parse_unit(word)) in UNITS["stress"]
+    }
+    return found.pop() if len(found) == 1 else None
+
+
+def tension_above(rows: Sequence[Row]) -> bool:
+    """Returns whether a row names a geometry of tension, compression or bending."""
+    return any(_TENSION.search(" ".join(row.cells)) for row in rows)
+
+
+def parameters(row: Row) -> dict[str, str]:
+    """Returns the parameters of a line such as "T=-35; Mw = 634.5;", as RepTate's files begin."""
+    entries = [entry.split("=", 1) for entry in " ".join(row.cells).split(";") if entry.strip()]
+    if not all(len(entry) == 2 for entry in entries):
+        return {}
+    return {name.strip(): value.strip() for name, value in entries}
+
+
+def _value(text: str) -> float:
+    return float(text.replace(",", "."))

@@ -1,0 +1,268 @@
+"""Measured surfaces from files; `preparation` then treats the heights.
+
+Instruments' files are read by SurfaceTopography (the extra `io`,
+https://github.com/ContactEngineering), which knows some fifty formats of profilometers and
+microscopes; plain text, OpenCRG roads and NumPy's files by the other modules of this folder.
+"""
+
+import os
+import warnings
+from pathlib import Path, PurePath, PurePosixPath
+from typing import Any
+
+import numpy as np
+
+from ..core.checks import Numbers, check_positive, check_types
+from ..core.display import with_unit
+from ..surfaces.preparation import Fill, Periodic, surface_from_heights
+from ..surfaces.surface import Step, Surface, step
+from .cells import decoded, sheets_of
+from .formats import (
+    Scan,
+    chosen,
+    names_in,
+    read_arrays,
+    read_instrument,
+    unpacked,
+)
+from .heights_text import read_text
+from .opencrg import is_road, read_road
+from .paths import (
+    UNPACKED_TEXT,
+    Refusal,
+    check_archive,
+    check_hdf5,
+    check_unpacked,
+    may_unpack,
+    read_file,
+)
+from .units import metres
+
+DEEPEST = 3  # zips in one another
+GAP = 3  # steps of a line scan, beyond which the points between are missing
+
+
+@check_types
+def read_surface(
+    path: str | os.PathLike,
+    *,
+    periodic: Periodic | None = "harmonic",
+    shape: int | tuple[int, ...] | None = None,
+    size: Numbers | None = None,
+    unit: str | None = None,
+    region: Numbers | None = None,
+    fill: Fill | None = "low",
+    rim: int = 0,
+    channel: str | int | None = None,
+) -> Surface:
+    """Returns a measured surface, or a profile from a line scan, made periodic.
+
+    Read are the formats of instruments that SurfaceTopography knows, OpenCRG roads, NumPy's `.npy`
+    and `.npz`, and text: a matrix of heights, two columns x z, three columns x y z. x runs along a
+    row of a matrix of text, as in the exports of instruments, but along the first axis of a NumPy
+    array, as in `Surface.heights`: the text of an array is its transpose. A line scan that is not
+    equally spaced is interpolated linearly to its median step.
+
+    **Arguments:**
+
+    - `path`: the file.
+    - `periodic`, `shape`, `region`, `fill`, `rim`: see `surface_from_heights`.
+    - `size`: edge lengths [m], for a file that does not state them. It overrides those of an
+      `.npz`; other files that state them refuse it. One number means a square.
+    - `unit`: length unit of the file's numbers ("um", "nm", ...), likewise.
+    - `channel`: name or index of the channel; None takes the file's default height channel.
+
+    **Returns:** the surface, with its history.
+
+    **Raises:** `FileNotFoundError` for a missing file, `ImportError` without the extra,
+    `ValueError` for an unreadable or damaged file, naming the arguments that would help.
+    """
+    if size is not None:
+        check_positive("size", np.asarray(size), "[m]")
+    path = Path(path)
+    scan, factor, known, warned = _read(path, channel, size, unit, periodic)
+    heights = factor * scan.heights
+    points = " x ".join(map(str, heights.shape))
+    lengths = " x ".join(with_unit(float(edge), "m") for edge in known)
+    source = f"Read {points} points of {lengths} from {scan.source} of {path.name}."
+    notes, steps = [source, *scan.notes, *warned], []
+    if scan.positions is not None:
+        # The period of a line is its span and one mean step.
+        count = len(scan.positions)
+        period = float(np.ptp(scan.positions)) * count / (count - 1)
+        positions = scan.positions * (known[0] / period)
+        steps.append(_step_of_line(positions, heights))
+        heights, known = _equally_spaced(positions, heights, notes)
+    elif heights.ndim == 2 and min(heights.shape) > 0:
+        pixel = known / np.array(heights.shape)
+        if np.max(pixel) > 1.05 * np.min(pixel):
+            notes.append(
+                f"Its pixels of {pixel[0]:.3g} m by {pixel[-1]:.3g} m are not square: if the file "
+                "was cut short, its heights are stretched."
+            )
+    try:
+        return surface_from_heights(
+            heights, known, periodic=periodic, shape=shape, region=region, fill=fill, rim=rim,
+            history=tuple(notes), steps=tuple(steps),
+        )  # fmt: skip
+    except ValueError as error:
+        raise ValueError(f"`path={path}`: {error}") from error
+
+
+def _read(path: Path, channel, size, unit, periodic) -> tuple[Scan, float, np.ndarray, list[str]]:
+    """The heights in a file, metres per unit, edge lengths [m], and warnings of the reader."""
+    content = read_file(path)
+    try:
+        with warnings.catch_warnings(record=True) as caught:
+            warnings.simplefilter("always")
+            scan = _scan(path, content, channel, size, unit, len(content))
+            factor, known = _scales(scan, size, unit)
+        if scan.periodic and periodic is not None:
+            raise Refusal("it declares itself periodic; pass `periodic=None`")
+    except Refusal as error:
+        raise ValueError(f"`path={path}` is refused: {error}.") from None
+    except ImportError:
+        raise
+    except Exception as error:  # readers raise many kinds
+        if str(error).startswith(f"`path={path}`"):  # of a workbook
+            raise
+        reason = "its format is not known, or the file is damaged"
+        if type(error).__name__ != "CannotDetectFileFormat":
+            reason += " (" + " ".join(f"{type(error).__name__}: {error}".split())[:300] + ")"
+        raise ValueError(f"`path={path}` cannot be read: {reason}.") from error
+    kinds = UserWarning | RuntimeWarning
+    told = [entry.message for entry in caught if issubclass(entry.category, kinds)]
+    return scan, factor, known, [f"The reader warned: {message}" for message in told]
+
+
+def _scan(path: PurePath, content: bytes, channel, size, unit, packed: int, depth=0) -> Scan:
+    """The heights in a file, which may lie in zips, by the reader that fits its content.
+
+    `packed`: bytes of the outermost file.
+    """
+    if not content.strip():
+        raise Refusal("it is empty")
+    at_most = may_unpack(packed)
+    is_zip, is_ole = content.startswith(b"PK"), content.startswith(b"\xd0\xcf\x11\xe0")
+    if is_zip:
+        check_archive(content, at_most)
+    check_hdf5(content, at_most)
+    if content.startswith(b"\x93NUMPY") or (path.suffix == ".npz" and is_zip):
+        return read_arrays(content, channel, size, unit, at_most)
+    text, encoding = decoded(content) or ("", None)
+    # Latin-1 can hold any bytes: a file of instruments has other characters than text.
+    odd = sum(not (char.isprintable() or char.isspace()) for char in text[:10_000])
+    is_text = encoding and not (encoding == "Latin-1" and odd > 0.01 * len(text[:10_000]))
+    if is_text:
+        check_unpacked(len(content), may_unpack(packed, UNPACKED_TEXT))
+    if is_road(content):
+        return read_road(content)
+    if is_zip and "xl/workbook.xml" in names_in(content):
+        return _read_sheets(path, content, channel, packed)
+    if not is_text:
+        try:
+            return read_instrument(content, channel, at_most)
+        except Exception as error:
+            if is_ole:
+                return _read_sheets(path, content, channel, packed)
+            if not is_zip or isinstance(error, ImportError | Refusal):
+                raise
+        if depth == DEEPEST:
+            raise Refusal("it has too many zips in one another")
+        inner, name = unpacked(content, channel)
+        scan = _scan(PurePosixPath(name), inner, None, size, unit, packed, depth + 1)
+        return scan._replace(source=f"{scan.source} of {name!r}")
+    # The library reads text with a known header; it takes much else for a table of numbers.
+    try:
+        scan = read_instrument(content, channel, at_most)
+    except Refusal:
+        raise
+    except Exception:  # it raises many kinds, also where it is not installed
+        return read_text(text)
+    return scan if scan.unit is not None and scan.size is not None else read_text(text)
+
+
+def _read_sheets(path: PurePath, content: bytes, channel: str | int | None, packed: int) -> Scan:
+    """The heights in the sheet of a workbook that `channel` names, or in its only table."""
+    scans, refusals = {}, []
+    sheets = sheets_of(path, content, packed)
+    if {"DATA", "Certificate"} <= {sheet.name for sheet in sheets}:
+        return read_instrument(content, channel, may_unpack(packed))  # of Mitutoyo's instruments
+    for sheet in filter(lambda sheet: sheet.rows, sheets):
+        cells = [row.cells for row in sheet.rows]  # all rows of a sheet are equally wide
+        full = np.flatnonzero([any(column) for column in zip(*cells, strict=True)])
+        lines = ["\t".join(row[full[0] : full[-1] + 1]) for row in cells]
+        try:
+            scans[sheet.name] = read_text("\n".join(lines))._replace(source=sheet.layout)
+        except Refusal as error:
+            refusals.append(error)
+    if not scans:
+        raise refusals[0] if refusals else Refusal("it is an empty workbook")
+    names = list(scans)
+    return scans[names[chosen(channel, names, "it holds several sheets of heights")]]
+
+
+def _scales(scan: Scan, size: Any, unit: str | None) -> tuple[float, np.ndarray]:
+    """Metres per unit of the heights, and the edge lengths [m]; refuses a file without these."""
+    own = (scan.unit, *((scan.lateral_unit,) if scan.size is not None else ()))
+    lacking = []
+    if None in own and unit is None:
+        lacking.append("`unit`, for instance 'um'")
+    if scan.size is None and size is None:
+        lacking.append("`size` [m]")
+    if lacking:
+        raise Refusal(f"it does not state all that is needed; pass {', and '.join(lacking)}")
+    if None not in own and unit is not None:
+        raise Refusal(f"it is in {scan.unit!r}; leave out `unit={unit!r}`")
+    factors = []
+    for name in own:
+        factor = metres(str(unit if name is None else name))
+        if factor is None:
+            named = f"`unit={unit!r}`" if name is None else f"{scan.source} in {name!r}"
+            raise Refusal(f"{named} is not a length, such as 'm', 'um' or 'nm'")
+        factors.append(factor)
+    if scan.size is None:
+        num_axes, edges = scan.heights.ndim, np.array(size, float)
+        if edges.shape not in ((), (num_axes,)):
+            raise Refusal(f"`size` has shape {edges.shape}, it needs {num_axes} lengths")
+        return factors[0], np.broadcast_to(edges, (num_axes,))
+    known = factors[-1] * scan.size
+    if size is not None:
+        raise Refusal(f"it states its size, {known} m; leave out `size`")
+    if not (np.all(np.isfinite(known)) and np.all(known > 0)):
+        raise Refusal(f"its size of {known} m is no length")
+    return factors[0], known
+
+
+def _step_of_line(positions: np.ndarray, heights: np.ndarray) -> Step:
+    """The roughness of a line scan as read, each slope counted by its length."""
+    apart = np.diff(positions)
+    uneven = step("read", heights, [1.0])
+    squares = (np.diff(heights) / apart) ** 2 * apart
+    known = np.isfinite(squares)
+    slope = np.sqrt(np.sum(squares[known]) / max(float(np.sum(apart[known])), 1e-300))
+    return uneven._replace(rms_slope=float(slope))
+
+
+def _equally_spaced(
+    positions: np.ndarray, heights: np.ndarray, notes: list[str]
+) -> tuple[np.ndarray, np.ndarray]:
+    """A line scan at equal steps, NaN in its gaps, and its length [m]."""
+    known = np.isfinite(heights)
+    positions, heights = positions[known], heights[known]
+    if len(positions) < 4:
+        raise ValueError(f"`heights` has {len(positions)} measured points; at least 4 are needed.")
+    apart = np.diff(positions)
+    typical = float(np.median(apart))
+    if not np.ptp(positions) <= 100 * len(positions) * typical:
+        raise ValueError("`heights` are spaced too unequally: cut the scan into parts.")
+    num = int(np.ptp(positions) / typical) + 1
+    even = positions[0] + typical * np.arange(num)
+    values = np.interp(even, positions, heights)
+    values[(apart > GAP * typical)[np.clip(np.searchsorted(positions, even) - 1, 0, None)]] = np.nan
+    notes.append(
+        f"Its points, {np.min(apart):.3g} to {np.max(apart):.3g} m apart, are not equally spaced: "
+        f"interpolated linearly to {num} points {typical:.4g} m apart; {np.sum(np.isnan(values))} "
+        f"in gaps of more than {GAP} steps count as missing."
+    )
+    return values, np.array([typical * num])

@@ -1,1 +1,0 @@
-"""Linear viscoelastic materials: complex modulus and Poisson's ratio against frequency."""

@@ -1,0 +1,191 @@
+"""Materials and stack of a scene, from its tables [materials.NAME], [[layers]] and [base]."""
+
+import dataclasses
+import os
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+from typing import Any, Literal
+
+import numpy as np
+from jaxtyping import ScalarLike
+
+from ..blocks.grading import AbstractGradedSolver
+from ..blocks.layering import Layering
+from ..blocks.profile import Blend
+from ..blocks.riccati import Riccati
+from ..blocks.shapes import AbstractShape, ErrorFunction, Exponential, Linear, PowerLaw, Sinusoidal
+from ..blocks.stack import Free, GradedLayer, HalfSpace, Layer, Rigid, Stack
+from ..core.checks import nearest, within
+from ..core.warnings import unusual
+from ..materials.library import tyre_tread
+from ..materials.material import AbstractMaterial, BulkShear, Elastic, Prony
+from ..materials.shift import WLF, AbstractShift, Arrhenius, TabulatedShift
+from ..materials.softening import StrainSoftening
+from ..materials.table import Tabulated
+from ..readers.moduli import read_moduli, strain_sweep
+from ..readers.recorded_motion import read_motion
+from ..readers.units import DIMENSIONS, UNITS
+from ..sliding.motion import Motion, sinusoidal, start_stop
+from ..sliding.shear import AbstractShear, ConstantShear, PeakedShear
+from ..studies.parameter_covariance import Errors, check_errors, read_errors
+from .schema import Key, Reader, check_keys, keys_of, kind_of
+
+# What a `kind` makes; its keys are the parameters. `Block` makes those of files.
+MATERIALS = {
+    "elastic": Elastic,
+    "prony": Prony,
+    "prony_creep": Prony.from_creep,
+    "tyre_tread": tyre_tread,
+    "bulk_shear": BulkShear,
+    "softened": StrainSoftening,
+}
+BASES = {"half_space": HalfSpace, "rigid": Rigid, "free": Free}
+KINDS = {
+    AbstractShift: {"wlf": WLF, "arrhenius": Arrhenius, "tabulated": TabulatedShift},
+    AbstractShape: {
+        "linear": Linear,
+        "sinusoidal": Sinusoidal,
+        "exponential": Exponential,
+        "power_law": PowerLaw,
+        "error_function": ErrorFunction,
+    },
+    AbstractGradedSolver: {"layering": Layering, "riccati": Riccati},
+    AbstractShear: {"constant": ConstantShear, "peaked": PeakedShear},
+    Motion: {"sinusoidal": sinusoidal, "start_stop": start_stop, "recorded": read_motion},
+}
+ERRORS = Key("errors", os.PathLike, None)  # of every material
+
+
+def extremes(temperature: np.ndarray | None) -> list[float]:
+    """The lowest and the highest temperature: laws hold in between."""
+    return [] if temperature is None else [float(np.min(temperature)), float(np.max(temperature))]
+
+
+class Block:
+    """The materials of a scene, and the stack that is made of them.
+
+    **Fields:**
+
+    - `materials`: by name, those that were read; `names` are all.
+    - `errors`: of the numbers of some of them, by name.
+    - `notes`: what was understood of tables of moduli.
+    - `reader`: converts the tables.
+    """
+
+    def __init__(self, folder: Path):
+        self.materials: dict[str, AbstractMaterial] = {}
+        self.names: list[str] = []
+        self.errors: dict[str, Errors] = {}
+        self.notes: list[str] = []
+        self.reader = Reader(folder, KINDS, {AbstractMaterial: self._named})
+
+    def read_materials(self, tables: Mapping[str, Any], temperature: np.ndarray | None) -> None:
+        """Makes the materials of [materials], each of which may use those above it."""
+        kinds = {**MATERIALS, "tabulated": self.tabulated, "strain_sweep": self.strain_sweep}
+        self.names = [*tables]  # to tell a material further down from one that is not there
+        for name, table in tables.items():
+            understood, place = len(self.notes), f"[materials.{name}]"
+            kind, entries = kind_of(place, table, kinds)
+            keys = keys_of(kinds[kind])
+            found, known = self.reader.arguments(place, entries, keys, (ERRORS,))
+            with within(place):
+                self.materials[name] = kinds[kind](**found)
+            if known:
+                with within(f"{place} `errors`:"):
+                    self.errors[name] = read_errors(known["errors"])
+                    with within(f"`path={known['errors']}`:"):
+                        check_errors(self.errors[name], self.materials[name])
+            self.notes[understood:] = [f"{name}: {note}" for note in self.notes[understood:]]
+        # Refused here, by name, before a solve meets a temperature below a law's limit.
+        for name, material in self.materials.items():
+            for at in extremes(temperature):
+                with within(f"[load] `temperature`, of [materials.{name}]:"):
+                    material.at(at)
+
+    def stack(self, tables: Sequence[dict[str, Any]], below: dict[str, Any]) -> Stack:
+        """Returns the stack of the tables [[layers]] and [base]."""
+        layers = []
+        for i, table in enumerate(tables):
+            layers.append(self._layer(f"[layers[{i}]]", table))
+            if sentence := unusual("thickness", float(layers[-1].thickness)):
+                self.notes.append(f"layers[{i}]: {sentence}")
+        base = self.reader.build_kind("[base]", below, BASES)
+        with within("[base]"):
+            return Stack(layers=layers, base=base)
+
+    def _layer(self, place: str, table: dict[str, Any]) -> Layer | GradedLayer:
+        check_keys(place, table, [key.name for key in (*keys_of(Layer), *keys_of(Blend))])
+        if "bottom" not in table and "top" not in table:
+            return self.reader.build(place, table, Layer)
+        if "material" in table:
+            raise ValueError(f"{place} has `material` and also `bottom` or `top`: remove one.")
+        thickness, profile = self.reader.arguments(
+            place, table, keys_of(GradedLayer), keys_of(Blend)
+        )
+        with within(place):
+            return GradedLayer(profile=Blend(**profile), **thickness)
+
+    def _named(self, place: str, key: str, value: Any) -> AbstractMaterial:
+        name = self.reader.value(place, Key(key, str), value)
+        if name in self.materials:
+            return self.materials[name]
+        known = f"is not in [materials]; {nearest(name, self.materials)}"
+        reason = f"must stand below [materials.{name}]." if name in self.names else known
+        raise ValueError(f"{place} `{key}` = {name!r} {reason}")
+
+    def tabulated(
+        self,
+        path: os.PathLike,
+        columns: dict[Literal[tuple(DIMENSIONS)], object] | None = None,
+        units: dict[Literal[tuple(UNITS)], object] | None = None,
+        deformation: str | None = None,
+        sheet: str | None = None,
+        step: str | None = None,
+        poisson: ScalarLike = 0.5,
+        extrapolate: Literal["refuse", "plateau"] = "refuse",
+        shift: AbstractShift | None = None,
+    ) -> Tabulated:
+        """Returns the material of a table of moduli; its history goes to the notes.
+
+        **Arguments:**
+
+        - `path`: of the table, text or Excel.
+        - `columns`: names of quantities and their columns, by name or by number from 1.
+        - `units`: of the columns, if the table does not state them.
+        - `deformation`: "tension" or "shear"; moduli in shear become Young's moduli.
+        - `sheet`: of a workbook.
+        - `step`: of a test with several steps.
+        - `poisson`: Poisson's ratio [1].
+        - `extrapolate`: "plateau" continues the moduli outside the table, "refuse" does not.
+        - `shift`: time-temperature shift.
+        """
+        options = {"columns": columns, "units": units, "sheet": sheet, "step": step}
+        found = read_moduli(
+            path, kind="frequency", deformation=deformation, poisson=poisson, **options
+        )
+        self.notes += found.history
+        return Tabulated(*found.table(), poisson, shift=shift, extrapolate=extrapolate)
+
+    def strain_sweep(
+        self,
+        material: AbstractMaterial,
+        path: os.PathLike,
+        columns: dict[Literal[tuple(DIMENSIONS)], object] | None = None,
+        units: dict[Literal[tuple(UNITS)], object] | None = None,
+        sheet: str | None = None,
+        step: str | None = None,
+        amplitude: ScalarLike = 0.0,
+    ) -> StrainSoftening:
+        """Returns a material that softens as a strain sweep; its history goes to the notes.
+
+        **Arguments:**
+
+        - `material`: at small strain.
+        - `path`: of the strain sweep, text or Excel.
+        - `columns`, `units`, `sheet`, `step`: as of kind "tabulated".
+        - `amplitude`: strain amplitude of the modulus [1], 0 for the smallest of the sweep.
+        """
+        sweep = strain_sweep(path, columns, units, sheet, step)
+        self.notes += sweep.history
+        soft = StrainSoftening.from_sweep(material, sweep.abscissa, sweep.values)
+        return dataclasses.replace(soft, amplitude=amplitude)

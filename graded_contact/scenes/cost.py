@@ -1,0 +1,98 @@
+"""The cost of a scene or a design before it is run: memory, solves, seconds.
+
+Seconds are right to a factor of about four: bodies need different numbers of transforms, and
+machines differ in speed. On two cores an FFT pair, with the work around it, takes `_PER_POINT` for
+each point of the grid.
+"""
+
+from typing import NamedTuple
+
+import numpy as np
+
+from ..core.display import shown
+from ..core.memory import available_memory, in_gigabytes, memory_of
+from .design_scene import DesignScene
+from .run_design import POLISHING, design_fields
+from .run_scene import build_surface, scene_fields
+from .scene import Scene
+from .surface_source import RandomSurface
+
+_PER_POINT = 25e-9  # s for each point of the grid and FFT pair
+_PER_PAIR = 1e-4  # s for each FFT pair, on any grid
+_PAIRS = 15  # for each digit of the pressure
+_COMPILING = 20.0  # s
+_PER_EVALUATION = 0.02  # s of the mean field at a velocity, with its derivatives
+_EVALUATIONS = 30  # of a start
+
+
+@shown()
+class Cost(NamedTuple):
+    """Estimated cost.
+
+    **Fields:**
+
+    - `shape`: of the grid.
+    - `memory`: at the peak [bytes].
+    - `num_solves`: contacts solved, those for derivatives included.
+    - `seconds`: roughly, all solves and compilation included [s].
+    """
+
+    shape: tuple[int, ...]
+    memory: float
+    num_solves: int
+    seconds: float
+
+    def report(self) -> str:
+        """Returns the cost as text."""
+        free = available_memory()
+        beside = "" if free is None else f", {in_gigabytes(free)} are free"
+        return (
+            f"{'grid':22} {' x '.join(map(str, self.shape))} points\n"
+            f"{'memory':22} about {in_gigabytes(self.memory)}{beside}\n"
+            f"{'contact solves':22} {self.num_solves}\n"
+            f"{'time':22} about {_span(self.seconds)} on two cores, within a factor of four"
+        )
+
+
+def scene_cost(scene: Scene) -> Cost:
+    """Returns the cost of running a scene; a surface from a file is read for its shape."""
+    shape = _shape(scene)
+    num_solves = scene.num_solves * (2 if scene.errors else 1)
+    seconds = _COMPILING + num_solves * _seconds(scene, shape)
+    return Cost(shape, memory_of(scene_fields(scene), shape), num_solves, seconds)
+
+
+def design_cost(study: DesignScene) -> Cost:
+    """Returns the cost of a design."""
+    scene, verify, num_velocities = study.scene, study.verify, study.scene.velocity.size
+    seconds = _COMPILING + study.starts * _EVALUATIONS * num_velocities * _PER_EVALUATION
+    if not verify:
+        return Cost(_shape(scene), 0.0, 0, seconds)
+    shape = _shape(scene)
+    num_solves = verify * num_velocities * (3 if study.polish else 2)
+    if study.polish:
+        # The start, and each evaluation with a derivative, which takes another solve.
+        num_solves += verify * num_velocities * (1 + 2 * POLISHING)
+    seconds += _COMPILING * (1 + 2 * study.polish) + num_solves * _seconds(scene, shape)
+    return Cost(shape, memory_of(design_fields(study), shape), num_solves, seconds)
+
+
+def _shape(scene: Scene) -> tuple[int, ...]:
+    source = scene.surface
+    if isinstance(source, RandomSurface):
+        return source.grid.shape
+    return build_surface(scene).grid.shape
+
+
+def _seconds(scene: Scene, shape: tuple[int, ...]) -> float:
+    """Seconds of one solve."""
+    pairs = -_PAIRS * np.log10(scene.rtol)
+    points = scene.num_times * np.prod(shape, dtype=float)
+    return float(pairs * (_PER_PAIR + _PER_POINT * points))
+
+
+def _span(seconds: float) -> str:
+    for unit, length in (("days", 86400), ("hours", 3600), ("minutes", 60)):
+        if seconds >= 2 * length:
+            return f"{seconds / length:.2g} {unit}"
+    return f"{seconds:.2g} s"

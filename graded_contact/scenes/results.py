@@ -1,0 +1,328 @@
+"""Results of a scene: an `xarray.Dataset` with the surface, numbers and fields of the solves.
+
+The results of a scene have, over the axes that it varies, one variable for each number of a solve,
+`message` (how the solve ended, empty where it succeeded) and `point` (a name of everything that
+decides the numbers). Over `x` and `y` are the `heights` of the surface, of the first seed, and how
+much of them was `measured`. Fields of solves that were kept are `contact_pressure`, `gap`,
+`displacement` and, where each seed has its own, `contact_heights`: over the axes, `x` and `y` if
+all solves were kept, over `x` and `y` if only one was, whose index is the attribute `kept`. Of a
+cycle they are also over `time`.
+"""
+
+import hashlib
+import json
+import os
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+from jaxtyping import Float
+
+from ..blocks.window_kernel import has_ground
+from ..core.quantities import FIELDS, OBSERVABLES, numbers_of
+from ..core.warnings import CYCLE_RULES, RULES, Caveat, caveats_of, caveats_of_steps
+from ..fields.grid import Grid
+from ..materials.shift import shifts_in
+from ..readers.paths import read_file
+from ..studies.dataset import FAILED, LOST, NOT_STARTED, attach, package_versions, read
+from ..studies.store import Point, together
+from ..surfaces.surface import Step, Surface
+from .scene import Scene
+from .surface_source import RandomSurface
+from .theory import errors_of_stack
+
+if TYPE_CHECKING:
+    from xarray import DataArray, Dataset
+
+# Fields of a kept solve: names in a `Sliding` and in the results, where `pressure` is an axis and
+# `heights` are those of the first seed.
+KEPT_FIELDS = {
+    "pressure": "contact_pressure",
+    "gap": "gap",
+    "displacement": "displacement",
+    "heights": "contact_heights",
+}
+SEED_ERROR = "_seed_error"
+
+
+def numbers_of_scene(scene: Scene, surface: Surface) -> tuple[str, ...]:
+    """The numbers of a solve but those of the axes; a standard error if errors are known."""
+    facts = {
+        "heated": scene.heating is not None,
+        "window": not surface.periodic,
+        "ground": not surface.periodic and has_ground(scene.stack, surface.grid),
+        "given approach": scene.approach is not None,
+        "given load": scene.approach is None,
+    }
+    known = [fact for fact, holds in facts.items() if holds]
+    names = [n for n in numbers_of(scene.motion is not None, known) if n not in scene.axes]
+    return *names, *(["friction_standard_error"] if errors_of_stack(scene) is not None else [])
+
+
+def fields_of(scene: Scene) -> tuple[str, ...]:
+    """The fields of the solves that are kept: heights if each seed has its own."""
+    if scene.fields == "none":
+        return ()
+    return tuple(name for name in KEPT_FIELDS if name != "heights" or "seed" in scene.axes)
+
+
+def collect(
+    scene: Scene,
+    surface: Surface,
+    names: np.ndarray,
+    points: list[Point | None],
+    kept: tuple[int, ...],
+) -> "Dataset":
+    """Returns the results of a scene from its solves.
+
+    **Arguments:**
+
+    - `scene`, `surface`: what was solved.
+    - `names`: of the solves in a store, over the axes.
+    - `points`: the solves; None marks one that was not started.
+    - `kept`: index of the solve whose fields are stored, if the scene stores those of one.
+    """
+    import xarray
+
+    axes, shape, dtype = tuple(scene.axes), names.shape, surface.heights.dtype
+
+    def over_axes(name: str, *inner: int) -> np.ndarray:
+        like = jax.ShapeDtypeStruct(inner, dtype)
+        return together(name, like, points).reshape(*shape, *inner)
+
+    variables: dict[str, Any] = {}
+    times = {} if scene.motion is None else {"time": scene.num_times}
+    for name in numbers_of_scene(scene, surface):
+        inner = times if name in OBSERVABLES and OBSERVABLES[name].over_time else {}
+        variables[name] = (*axes, *inner), over_axes(name, *inner.values())
+    ends = [NOT_STARTED if point is None else point.message for point in points]
+    variables["message"] = axes, np.reshape(ends, shape)
+    variables["point"] = axes, names
+    of_surface, places, about_surface = surface_variables(surface)
+    attributes = _attributes(scene, surface) | about_surface
+    coordinates = {name: (name, at) for name, at in scene.axes.items()} | places
+    if scene.motion is not None:
+        variables["surface_displacement"] = "time", np.asarray(scene.motion.displacement)
+        variables["period"] = "velocity", np.asarray(scene.period_at(scene.velocity))
+        coordinates["time"] = "time", np.arange(scene.num_times) / scene.num_times
+    if "temperature" in axes:
+        factor, attributes["master_curve"] = shift_factors(scene)
+        if factor is not None:
+            reduced = np.multiply.outer(factor, scene.velocity).astype(dtype)
+            variables["reduced_velocity"] = ("temperature", "velocity"), reduced
+    attributes["kept"] = " ".join(map(str, kept))
+    one = points[int(np.ravel_multi_index(kept, shape))]
+    for name in fields_of(scene):
+        about = {"units": FIELDS[name].unit, "long_name": FIELDS[name].meaning}
+        inner = dict(zip(places, surface.grid.shape, strict=True))
+        inner = inner if name == "heights" else times | inner  # heights are the same at all times
+        if scene.fields == "every":
+            values = over_axes(name, *inner.values())
+            variables[KEPT_FIELDS[name]] = (*axes, *inner), values, about
+        elif one is not None and one.values:
+            variables[KEPT_FIELDS[name]] = tuple(inner), one.values[name], about
+    results = attach(xarray.Dataset(variables | of_surface, coordinates, attributes))
+    results.attrs["largest_error"] = float(results["error"].max())
+    results.attrs["num_solves"] = names.size
+    results.attrs["num_converged"] = ends.count("")
+    results.attrs["caveats"] = "\n".join(caveat.sentence for caveat in warnings_of(results))
+    return results
+
+
+def shift_factors(scene: Scene) -> tuple[Float[np.ndarray, " temperatures"] | None, str]:
+    """Returns a_T [1] at each temperature, None unless the materials share it; and a message."""
+    laws = shifts_in(scene.stack)
+    logs = np.array([[law.log_factor(at) for at in scene.axes["temperature"]] for law in laws])
+    if not laws or any(".shift." in path for path in scene.sweep):
+        return None, "No master curve: no one law of temperature holds for the block."
+    # The same law may be written about several references.
+    if not np.allclose(logs - logs[:, :1], logs[0] - logs[0, 0], rtol=1e-6, atol=1e-6):
+        return None, "No master curve: the block's materials have different laws of temperature."
+    return np.exp(logs[0]), f"Velocities times a_T are those at {float(laws[0].reference):.2f} K."
+
+
+def _attributes(scene: Scene, surface: Surface) -> dict[str, Any]:
+    files = scene.inputs.values()
+    # So that another file of the same name is noticed later.
+    digests = [f"{hashlib.sha256(read_file(path)).hexdigest()}  {path}" for path in files]
+    attributes = {
+        "title": scene.title,
+        "scene": scene.text,
+        "inputs": "\n".join(digests),
+        "moduli": "\n".join(scene.notes),
+        "dtype": str(surface.heights.dtype),
+        "direction": scene.direction,
+        "rtol": scene.rtol,
+        **package_versions(),
+    }
+    if isinstance(scene.surface, RandomSurface):
+        attributes["seed"] = scene.surface.seed
+    return attributes
+
+
+def read_results(path: str | os.PathLike) -> "Dataset":
+    """Returns the results that `run_scene`, or the command `run`, gave.
+
+    **Arguments:**
+
+    - `path`: of the HDF5 file.
+
+    **Returns:** an `xarray.Dataset`, bit for bit as it was written; see `run_scene`.
+
+    **Raises:** `FileNotFoundError`; `ValueError` for another file, or a damaged one.
+    """
+    results = read(path)
+    try:
+        needed = ("message", "point", "heights", "friction", "contact_area_smooth")
+        _ = [results.variables[name] for name in (*needed, *results["message"].dims)]
+        _ = results.attrs["title"], surface_of(results), kept_solves(results), warnings_of(results)
+    except Exception as error:  # of many kinds, as what lacks in the file
+        raise ValueError(
+            f"`path={path}` does not contain the results of a scene, or another version wrote it "
+            f"({type(error).__name__}: {error})."
+        ) from error
+    return results
+
+
+def solve_states(results: "Dataset") -> "DataArray":
+    """Returns a word for each solve, over the axes.
+
+    It is empty where the solve succeeded, "not started", "failed" (there is no number) or
+    "not converged" (the numbers are partial results).
+    """
+    message = results["message"]
+    words = np.full(message.shape, "not converged", object)
+    words[message.values == ""] = ""
+    words[message.values == NOT_STARTED] = NOT_STARTED
+    words[message.str.startswith(FAILED).values] = "failed"
+    return message.copy(data=words.astype(str))
+
+
+def has_numbers(results: "Dataset") -> "DataArray":
+    """Returns for each solve whether it succeeded, or has a friction as a partial result."""
+    state, friction = solve_states(results), results["friction"]
+    # Of a cycle one time with a friction is enough.
+    found = friction.notnull().any(set(friction.dims) - set(state.dims))
+    return (state == "") | (state == "not converged") & found
+
+
+def warnings_of(results: "Dataset") -> tuple[Caveat, ...]:
+    """Returns why numbers are doubtful although solved, and the solves that are concerned."""
+    everywhere = np.ones(results["message"].shape, bool)
+    rules = CYCLE_RULES if "time" in results.dims else RULES
+    # Caveats of the surface concern every solve.
+    of_surface = caveats_of_steps(_steps_of(results), _size_of(results).tolist())
+    return (*(Caveat(text, everywhere) for text in of_surface), *caveats_of(results, rules))
+
+
+def over_seeds(results: "Dataset") -> "Dataset":
+    """Returns results without their seeds: means over the surfaces that succeeded.
+
+    `NAME_seed_error` is the standard error of the mean of NAME, NaN for one surface. Errors of
+    solvers and shares are the largest of the surfaces, `surfaces` counts them. The `message` is
+    empty if all succeeded.
+    """
+    axes, solved = results["message"].dims, results["message"] == ""
+    found: dict[str, Any] = {}
+    for name, variable in results.data_vars.items():
+        if name in ("message", "point") or not {"seed"} <= {*variable.dims} <= {*axes}:
+            continue
+        values = variable.where(solved)
+        if name in OBSERVABLES and OBSERVABLES[str(name)].mean_over_seeds:
+            found[str(name)] = values.mean("seed", keep_attrs=True)
+            spread = values.std("seed", ddof=1, keep_attrs=True)
+            found[f"{name}{SEED_ERROR}"] = spread / values.count("seed") ** 0.5
+        else:  # a mean of errors or of shares would hide the one surface that is doubtful
+            found[str(name)] = values.max("seed", keep_attrs=True)
+    count, state = solved.sum("seed"), solve_states(results)
+    lost = state.isin(["failed", NOT_STARTED]).all("seed")
+    some = [f"{n} of {solved.seed.size} surfaces succeeded." for n in count.values.ravel()]
+    part = np.where(lost, results["message"].isel(seed=0), np.reshape(some, count.shape))
+    found["message"] = count.copy(data=np.where(count == solved.seed.size, "", part))
+    rest = results.drop_dims("seed")
+    return rest.assign(found | {"surfaces": count}).transpose(
+        *(a for a in axes if a != "seed"), ...
+    )
+
+
+def surface_variables(surface: Surface) -> tuple[dict, dict, dict]:
+    """Returns variables, coordinates and attributes of a dataset that hold a surface."""
+    heights, size = np.asarray(surface.heights), np.asarray(surface.grid.size)
+    axes = ("x", "y")[: heights.ndim]
+    places = {
+        axis: (axis, np.arange(points) * (length / points), {"period": length})
+        for axis, points, length in zip(axes, heights.shape, size, strict=True)
+    }
+    variables = {"heights": (axes, heights)}
+    if surface.measured is not None:
+        variables["measured"] = (axes, np.asarray(surface.measured))
+    attributes = {
+        "surface_history": "\n".join(surface.history),
+        "surface_steps": json.dumps(surface.steps),
+        "surface_periodic": int(surface.periodic),
+    }
+    return variables, places, attributes
+
+
+def surface_of(results: "Dataset") -> Surface:
+    """Returns the surface of results, that of the first seed."""
+    history, values = results.attrs["surface_history"], results["heights"].values
+    return Surface(
+        heights=jnp.asarray(values),
+        grid=Grid(values.shape, jnp.asarray(_size_of(results))),
+        history=tuple(history.split("\n")) if history else (),
+        measured=jnp.asarray(results["measured"].values) if "measured" in results else None,
+        steps=_steps_of(results),
+        periodic=bool(results.attrs.get("surface_periodic", True)),
+    )
+
+
+def _size_of(results: "Dataset") -> np.ndarray:
+    return np.array([results[axis].attrs["period"] for axis in results["heights"].dims])
+
+
+def _steps_of(results: "Dataset") -> tuple[Step, ...]:
+    return tuple(Step(*step) for step in json.loads(results.attrs["surface_steps"]))
+
+
+def kept_solves(results: "Dataset") -> list[tuple[int, ...]]:
+    """Returns the indices along the axes of the solves with numbers whose fields were kept."""
+    if "gap" not in results:
+        return []
+    found = [tuple(map(int, index)) for index in np.argwhere(has_numbers(results).values)]
+    if {*results["message"].dims} <= {*results["gap"].dims}:  # the fields of all were kept
+        return found
+    kept = tuple(map(int, results.attrs["kept"].split()))
+    return [kept] if kept in found else []
+
+
+def contact_at(results: "Dataset", index: tuple[int, ...]) -> tuple["Dataset", Surface]:
+    """Returns `pressure`, `gap` and `displacement` of a solve that was kept, and its surface."""
+    kept = {new: name for name, new in KEPT_FIELDS.items() if new in results}
+    fields = results[[*kept]]
+    at = dict(zip(results["message"].dims, index, strict=True))
+    fields = fields.isel({axis: i for axis, i in at.items() if axis in fields.dims}, drop=True)
+    fields = fields.rename(kept)
+    surface = surface_of(results)
+    if "heights" in fields:
+        heights = fields["heights"].values
+        surface = Surface(jnp.asarray(heights), surface.grid, periodic=surface.periodic)
+    return fields, surface
+
+
+def lost_solves(path: str | os.PathLike, point: np.ndarray) -> tuple[int, dict]:
+    """Returns how many solves the file at `path` has that are not in `point`, and its attributes.
+
+    A file that has any must not be replaced by one with only the solves of these names. Solves that
+    were not started, or whose worker died, do not count; there are none if there is no file.
+
+    **Raises:** as `read_results`.
+    """
+    if not Path(path).exists():
+        return 0, {}
+    earlier = read_results(path)
+    # What was not started or lost its worker has no numbers to lose.
+    finished = ~np.isin(earlier["message"], (NOT_STARTED, LOST))
+    return int(np.sum(~np.isin(earlier["point"].values[finished], point))), earlier.attrs

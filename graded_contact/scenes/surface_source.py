@@ -1,0 +1,141 @@
+"""Where the surface of a scene comes from: the tables [surface] and [grid]."""
+
+from collections.abc import Callable, Mapping
+from typing import Any, Literal, NamedTuple
+
+import jax
+import numpy as np
+from jaxtyping import ArrayLike, PRNGKeyArray
+
+from ..core.checks import check_squares, check_values, check_whole, within
+from ..core.display import shown
+from ..core.memory import check_points
+from ..fields.grid import Grid
+from ..readers.topography import read_surface
+from ..surfaces.random_surface import random_surface
+from ..surfaces.rescaling import rescale
+from ..surfaces.spectrum import SelfAffine
+from ..surfaces.surface import Surface
+from .schema import ROOT, Key, Reader, keys_of, kind_of
+
+
+@shown()
+class RandomSurface(NamedTuple):
+    """A surface to be drawn: arguments of `random_surface`, with the seed of its key.
+
+    **Fields:**
+
+    - `spectrum`, `grid`: of the surface.
+    - `seed`: of the random surface, or of the first.
+    - `amplitudes`: as in `random_surface`.
+    - `seeds`: number of surfaces, drawn from `seed`, `seed` + 1, ...; one axis of the results.
+    """
+
+    spectrum: SelfAffine
+    grid: Grid
+    seed: int = 0
+    amplitudes: Literal["exact", "gaussian"] = "exact"
+    seeds: int | None = None
+
+    def build(self) -> Surface:
+        """Returns the (first) surface, drawn anew; the same one each time."""
+        with within("[surface]"):
+            return self.drawn(self.seed)
+
+    def drawn(self, seed: ArrayLike) -> Surface:
+        """Returns the surface of another seed, which JAX may trace."""
+        return self.of_key(jax.random.key(seed))
+
+    def of_key(self, key: PRNGKeyArray) -> Surface:
+        """Returns the surface of a random key."""
+        return random_surface(self.spectrum, self.grid, key, amplitudes=self.amplitudes)
+
+
+@shown()
+class SurfaceFile(NamedTuple):
+    """A surface to be read: arguments of `read_surface` and of `rescale`."""
+
+    arguments: dict[str, Any]
+    target: dict[str, float]
+
+    def build(self) -> Surface:
+        """Returns the surface, read and rescaled."""
+        with within("[surface]"):
+            surface = read_surface(**self.arguments)
+            return rescale(surface, **self.target) if self.target else surface
+
+
+# Of the window's length: the heights -r²/(2R) of a smaller sphere are no sphere's.
+LEAST_RADIUS = 1e-3
+
+
+@shown()
+class Sphere(NamedTuple):
+    """A smooth sphere on a window; on a grid in one dimension, a cylinder.
+
+    **Fields:**
+
+    - `radius`: R [m]; the heights are those of Hertz's theory, -r²/(2R).
+    - `grid`: the window.
+    """
+
+    radius: float
+    grid: Grid
+
+    def build(self) -> Surface:
+        """Returns the surface, highest in the middle of the window."""
+        grid = self.grid
+        axes = [
+            (np.arange(n) - (n - 1) / 2) * dx
+            for n, dx in zip(grid.shape, np.asarray(grid.spacing), strict=True)
+        ]
+        squared = sum(x**2 for x in np.meshgrid(*axes, indexing="ij"))
+        return Surface(-squared / (2 * self.radius), grid, periodic=False)
+
+
+SURFACES: dict[str, Mapping[Callable, tuple[Key, ...]]] = {
+    "self_affine": {
+        SelfAffine: tuple(
+            key._replace(default=None) if key.name == "q_low" else key
+            for key in keys_of(SelfAffine)
+        ),
+        RandomSurface: keys_of(RandomSurface, "spectrum", "grid"),
+    },
+    "sphere": {Sphere: keys_of(Sphere, "grid")},
+    "file": {read_surface: keys_of(read_surface), rescale: keys_of(rescale, "surface")},
+}
+
+
+def surface_source(
+    table: dict[str, Any], grid: Grid | None, reader: Reader
+) -> RandomSurface | SurfaceFile | Sphere:
+    """Returns where the surface of a scene comes from, by its tables [surface] and [grid]."""
+    place = "[surface]"
+    kind, entries = kind_of(place, table, SURFACES)
+    keys = [*SURFACES[kind].values()]
+    if kind == "file":
+        if grid is not None:
+            raise ValueError(
+                '[grid] is not for surfaces of kind "file"; `shape` in [surface] sets the number '
+                "of points of a file."
+            )
+        return SurfaceFile(*reader.arguments(place, entries, *keys))
+    if grid is None:
+        raise ValueError(f"{ROOT} lacks the key `grid`.")
+    if kind == "sphere":
+        (sphere,) = reader.arguments(place, entries, *keys)
+        with within(place):
+            least = LEAST_RADIUS * float(np.max(grid.size))
+            allowed = f"[m] must be at least {LEAST_RADIUS:g} of the window's length, {least:.2g} m"
+            check_values("radius", sphere["radius"], f"a radius {allowed}", at_least=least)
+            check_squares("radius", sphere["radius"], "m")
+        return Sphere(**sphere, grid=grid)
+    spectrum, drawn = reader.arguments(place, entries, *keys)
+    # Unless given, the longest wave is as long as the longest edge.
+    spectrum.setdefault("q_low", 2 * np.pi / float(np.max(grid.size)))
+    with within(place):
+        found = RandomSurface(SelfAffine(**spectrum), grid, **drawn)
+        if found.seeds is not None:
+            check_whole("seeds", found.seeds, 1)
+            check_points("seeds", found.seeds)
+    return found

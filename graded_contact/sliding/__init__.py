@@ -1,0 +1,20 @@
+"""Sliding contact: the case, its observables and results, motion in time, shear and heat."""
+
+from .case import Case
+from .gap_flow import GapFlow, gap_flow
+from .heat import heat_depths, heat_source
+from .heating import Heating, flash_temperature
+from .magnification import area_against_cutoff, cumulative_friction
+from .motion import Motion, recorded, sinusoidal, start_stop, steady
+from .numerics import Numerics
+from .shear import AbstractShear, ConstantShear, PeakedShear
+from .slide import slide, slide_cycle
+from .sliding import CyclicSliding, Sliding
+from .stiffness import contact_conductance, contact_stiffness
+
+__all__ = [
+    "AbstractShear", "Case", "ConstantShear", "CyclicSliding", "GapFlow", "Heating", "Motion",
+    "Numerics", "PeakedShear", "Sliding", "area_against_cutoff", "contact_conductance",
+    "contact_stiffness", "cumulative_friction", "flash_temperature", "gap_flow", "heat_depths",
+    "heat_source", "recorded", "sinusoidal", "slide", "slide_cycle", "start_stop", "steady",
+]  # fmt: skip

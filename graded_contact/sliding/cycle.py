@@ -1,0 +1,70 @@
+"""A rough rigid surface in any periodic motion on a layered viscoelastic block.
+
+The surface h(x - s(t)) is pressed on the block while it moves by s(t): back and forth, with starts
+and stops, under a load that varies. One contact problem in space and time gives the periodic state
+at once (`contacts/space_time.py`), without steps in time.
+
+Per cycle and area, friction does the work ∮ τ·v dt, with the traction τ = -⟨σ ∇w⟩ that opposes the
+motion, and the load does the work ∮ ⟨σ ∂w/∂t⟩ dt, at a fixed point of the surface. The block turns
+their sum to heat: T Σ -ω Im M |σ_qω|².
+"""
+
+from typing import Any
+
+import equinox as eqx
+import jax.numpy as jnp
+
+from ..blocks.grading import graded_tolerance
+from ..blocks.periodic_kernel import periodic_kernel
+from ..contacts.law import check_one_law
+from ..contacts.solution import RESULTS
+from ..contacts.solve import as_start, contact_of, loading_of
+from ..contacts.solver import Inputs
+from ..contacts.space_time import SpaceTime, in_motion
+from ..core.checks import Numbers, check_squares
+from ..core.derivative import derivative_apart
+from ..core.memory import CYCLE, check_memory
+from ..fields.devices import required
+from ..fields.grid import Grid
+from ..materials.coverage import coverage
+from ..surfaces.surface import check_periodic
+from .motion import components
+from .numerics import Numerics
+from .sliding import CyclicSliding
+
+
+def solve_cycle(case: Any, numerics: Numerics, start: Numbers | None = None) -> CyclicSliding:
+    """Returns the periodic state of a `Case` with a displacement over time; see `slide_cycle`."""
+    stack, surface, law, period = case.stack, case.surface, case.law, case.period
+    check_periodic(surface)
+    check_one_law(law)
+    grid, num_times = surface.grid, len(case.displacement)
+    check_squares("heights", surface.heights, "m")
+    heights = jnp.broadcast_to(surface.heights, (num_times, *grid.shape))
+    check_memory("displacement", "a cycle", CYCLE, heights.shape, heights.dtype.itemsize)
+    loading = loading_of(law, heights, num_times, pressure=case.pressure, mean_gap=case.mean_gap)
+    begin = as_start(start, heights, law)
+    kernel, error = periodic_kernel(stack, grid, num_times, period, numerics.graded_solver)
+    reached = error <= graded_tolerance(numerics.graded_solver, None, grid.size)
+    if numerics.throw:
+        kernel = required(kernel, reached, RESULTS.inaccurate_kernel.error_if)
+    operator = _operator(kernel, case.displacement, grid)
+    contact = contact_of(
+        Inputs(operator, heights, law, loading),
+        numerics.solver, numerics.adjoint, numerics.rtol, begin, None, numerics.throw,
+    )  # fmt: skip
+    if not numerics.throw:
+        result = RESULTS.where(reached, contact.result, RESULTS.inaccurate_kernel)
+        contact = eqx.tree_at(lambda c: c.result, contact, result)
+    return CyclicSliding(
+        contact=contact, operator=operator, heights=surface.heights, grid=grid, law=law,
+        displacement=case.displacement, period=period, measured_range=coverage(stack),
+    )  # fmt: skip
+
+
+@derivative_apart
+@eqx.filter_jit
+def _operator(kernel, displacement, grid: Grid) -> SpaceTime:
+    moved = components(displacement)
+    missing = grid.ndim - moved.shape[1]
+    return in_motion(kernel, jnp.pad(moved, [(0, 0), (0, missing)]), grid)

@@ -1,0 +1,179 @@
+"""Flow of a thin fluid through the gap of a contact, as in a seal.
+
+Reynolds' equation div(u³ ∇p) = 0 on the periodic cell gives the mean flow per width
+q = -K/(12 η) ∇p̄ [m²/s], with the conductance K [m³] along x and along y; parallel plates have
+K = u³. In finite volumes the flow between neighbouring points has the harmonic mean of their u³, so
+no flow passes a contact, and the least dissipation
+
+    K = min ⟨u³ |∇p|²⟩   over all pressures of unit mean gradient
+
+is a sum over these links. At the minimum a change of p changes nothing to first order: the
+derivative of K by the conductance of a link is the square of its drop.
+
+N. Patir & H. S. Cheng, J. Lubr. Technol. 100 (1978) 12, doi:10.1115/1.3453103; B. N. J. Persson &
+C. Yang, J. Phys.: Condens. Matter 20 (2008) 315011, doi:10.1088/0953-8984/20/31/315011 (effective
+medium).
+"""
+
+from functools import partial
+
+import equinox as eqx
+import jax
+import jax.numpy as jnp
+import numpy as np
+from jaxtyping import Array, Bool, Float
+
+from ..core.checks import Numbers, as_float, check_shape, check_type, check_types, check_values
+from ..core.display import shown
+from ..fields.grid import Grid
+
+_SHEETS = 5  # copies of the cell in which a path that winds around it ends on another one
+_HALVINGS = 200  # of the logarithm of the estimate
+
+
+@shown()
+class GapFlow(eqx.Module):
+    """The conductance of a gap for a thin fluid.
+
+    **Fields:**
+
+    - `conductance`: K along x and along y [m³]: the mean flow per width is K/(12 η) times the
+      gradient of the pressure. Over the cube of the mean gap it is the flow factor of Patir and
+      Cheng.
+    - `percolates`: whether the gap is connected along x and along y; without, K is 0.
+    - `estimate`: K of an isotropic effective medium with the same gaps [m³].
+    """
+
+    conductance: Float[Array, "2"]
+    percolates: Bool[Array, "2"]
+    estimate: Float[Array, ""]
+
+
+@check_types
+def gap_flow(gap: Numbers, grid: Grid, *, contact: Numbers | None = None) -> GapFlow:
+    """Returns the conductance of a gap for a thin fluid, by Reynolds' equation.
+
+    Differentiable in `gap` and `grid`, usable under `jit` and `vmap`; the equations are solved by
+    SciPy's sparse elimination, on one processor. A profile `(nx,)` is one of grooves along y.
+
+    **Arguments:**
+
+    - `gap`: u [m], shape `grid.shape`; closed where u <= 0.
+    - `grid`: the periodic cell. The gap of a window does not repeat: its conductance is not this.
+    - `contact`: closed points as a mask, such as `sliding.pressure > 0`, whose gap is 0 only up to
+      the solver's error.
+
+    **Returns:** conductance, percolation, and the estimate of the effective medium.
+
+    **Raises:** `ValueError` for a refused argument.
+    """
+    check_type("grid", grid, Grid)
+    gap = as_float(gap, "gap")
+    check_shape("gap", gap, grid.shape)
+    check_values("gap", gap, "gaps [m] must be finite")
+    if contact is not None:
+        closed = as_float(contact, "contact")
+        check_shape("contact", closed, grid.shape)
+        gap = jnp.where(closed != 0, 0, gap)
+    return _gap_flow(gap, grid)
+
+
+@eqx.filter_jit
+def _gap_flow(gap, grid: Grid) -> GapFlow:
+    unit = jnp.max(jnp.abs(jax.lax.stop_gradient(gap)))
+    unit = jnp.where(unit > 0, unit, 1)
+    cube = ((jnp.maximum(gap, 0) / unit) ** 3).reshape(gap.shape[0], -1)
+    beyond = jnp.stack([jnp.roll(cube, -1, axis) for axis in (0, 1)])
+    # Two half links in series: the harmonic mean, 0 if one is closed.
+    total = jnp.where((cube > 0) & (beyond > 0), cube + beyond, jnp.inf)
+    spacing = jnp.broadcast_to(grid.spacing, (2,))
+    ratio = jnp.stack([spacing[1] / spacing[0], spacing[0] / spacing[1]])
+    weights = 2 * cube * beyond / total * ratio[:, None, None]
+    dtype = weights.dtype
+    shapes = jax.ShapeDtypeStruct((2, *cube.shape), dtype), jax.ShapeDtypeStruct((2,), bool)
+    pressure, percolates = jax.pure_callback(
+        partial(_solve, dtype=dtype), shapes, *jax.lax.stop_gradient((weights, spacing)),
+        vmap_method="sequential",
+    )  # fmt: skip
+    rise = jnp.eye(2, dtype=dtype)[:, :, None, None] * spacing[:, None, None]
+    drops = rise + jnp.stack([jnp.roll(pressure, -1, axis) - pressure for axis in (1, 2)], 1)
+    area = cube.size * spacing[0] * spacing[1]
+    # No derivative through the pressures: to first order K does not change with them.
+    found = jnp.sum(weights * drops**2, axis=(1, 2, 3)) / area
+    estimate = _effective_medium(cube) * unit**3
+    return GapFlow(jnp.where(percolates, found, 0) * unit**3, percolates, estimate)
+
+
+def _solve(weights, spacing, *, dtype):
+    """The pressures beside the mean gradients along x and y, and whether each lets flow through."""
+    from scipy.sparse import coo_array, csgraph, diags_array
+    from scipy.sparse.linalg import splu
+
+    weights, spacing = np.asarray(weights, float), np.asarray(spacing, float)
+    points = np.arange(weights[0].size).reshape(weights[0].shape)
+    first = np.concatenate([points.ravel()] * 2)
+    second = np.concatenate([np.roll(points, -1, axis).ravel() for axis in (0, 1)])
+    weight, size = weights.ravel(), points.size
+    # A link from a point to itself, on a profile, only winds around.
+    links = coo_array((weight * (first != second), (first, second)), (size, size)).tocsr()
+    links = links + links.T
+    links.eliminate_zeros()
+    _, label = csgraph.connected_components(links)
+    ground = np.zeros(size)
+    ground[np.unique(label, return_index=True)[1]] = 1
+    total = np.asarray(links.sum(axis=1)).ravel()
+    # Scaled to a unit diagonal: conductances differ by many powers of ten.
+    scale = 1 / np.sqrt(np.where(total > 0, total, 1))
+    matrix = diags_array(scale) @ (diags_array(total * (1 + ground)) - links) @ diags_array(scale)
+    matrix = matrix + diags_array((total == 0).astype(float))
+    factor = splu(matrix.tocsc(), permc_spec="MMD_AT_PLUS_A", options={"SymmetricMode": True})
+    pressure, percolates = [], []
+    for axis in (0, 1):
+        flow = weights[axis] * spacing[axis]
+        source = flow - np.roll(flow, 1, axis)
+        found = scale * factor.solve(scale * source.ravel())
+        pressure.append(found.reshape(points.shape))
+        percolates.append(_winds(weight > 0, first, second, points, axis))
+    return np.stack(pressure).astype(dtype), np.array(percolates)
+
+
+def _winds(open_, first, second, points, axis) -> bool:
+    """Whether a path of open links winds around the cell along an axis.
+
+    The cell is copied, and links across its edge lead to the next copy, from the last to the first:
+    a path that winds around connects a point with its copies.
+    """
+    from scipy.sparse import coo_array, csgraph
+
+    edge = np.zeros((2, *points.shape), bool)
+    edge[axis][(slice(None),) * axis + (-1,)] = True
+    start, end, across = first[open_], second[open_], edge.ravel()[open_]
+    sheets = np.arange(_SHEETS)[:, None]
+    rows = (start + sheets * points.size).ravel()
+    columns = (end + (sheets + across) % _SHEETS * points.size).ravel()
+    shape = (_SHEETS * points.size,) * 2
+    graph = coo_array((np.ones(rows.size), (rows, columns)), shape).tocsr()
+    _, label = csgraph.connected_components(graph, directed=False)
+    label = label.reshape(_SHEETS, -1)
+    return bool(np.any(label[0] == label[1]))
+
+
+def _effective_medium(cube):
+    """The conductance K with ⟨(u³ - K)/(u³ + K)⟩ = 0; 0 if half of the points are closed."""
+    fixed = jax.lax.stop_gradient(cube)
+    tiny = jnp.finfo(cube.dtype).tiny
+
+    def excess(conductance, cube):
+        return jnp.mean((cube - conductance) / (cube + conductance))
+
+    def halve(_, bracket):
+        middle = jnp.mean(bracket)
+        above = excess(jnp.exp(middle), fixed) > 0
+        return jnp.where(above, bracket.at[0].set(middle), bracket.at[1].set(middle))
+
+    ends = jnp.stack([jnp.log(tiny), jnp.zeros((), cube.dtype)])
+    root = jnp.exp(jnp.mean(jax.lax.fori_loop(0, _HALVINGS, halve, ends)))
+    # One step of Newton's method has the derivative of the root.
+    slope = jax.grad(excess)(root, fixed)
+    root = root - excess(root, cube) / jax.lax.stop_gradient(slope)
+    return jnp.where(jnp.mean(fixed > 0) > 0.5, root, 0)

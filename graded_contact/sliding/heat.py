@@ -1,0 +1,228 @@
+"""The heat of friction in the block and in the contact.
+
+In a Prony solid branch k is a spring E_k and a dashpot. Under steady sliding its stress is, for
+each wave, that of the solid times g_k(ω) = [E_k iωτ_k/(1 + iωτ_k)]/E(ω), since all branches have
+the same Poisson's ratio ν. Its dashpot turns
+
+    W_k = [(1 + ν) s:s - ν (tr s)²]/(τ_k E_k) >= 0   [W/m³],      s = stress of branch k,
+
+into heat. There is no average over time and no assumption about the depth of a wave: the integral
+of W = Σ W_k over the depth is hysteresis friction times load times speed. In a `StrainSoftening`
+the dashpots have the factor of the loss modulus. Shear in the contact makes the heat τ_f |v| [W/m²]
+at the surface.
+"""
+
+import equinox as eqx
+import jax
+import jax.numpy as jnp
+import numpy as np
+from jaxtyping import Array, Float
+
+from ..blocks.grading import AbstractGradedSolver
+from ..blocks.layering import Layering
+from ..blocks.profile import Aged, Blend
+from ..blocks.stack import GradedLayer, HalfSpace, Layer, Stack, interface_depths
+from ..blocks.stress import stress_field
+from ..core.checks import Numbers, as_float, check_rows, check_types, check_values, check_whole
+from ..fields.grid import Grid, to_field, to_spectrum, wave_frequencies
+from ..materials.material import AbstractMaterial, Elastic, Prony
+from ..materials.softening import StrainSoftening
+from .observables import shear_parts
+from .sliding import Sliding
+
+_NODES = 2  # of Gauss's rule in each interval of the depth
+_FIRST, _LAST = 0.05, 3.0  # ends of the first interval [spacings] and of the last one [cells]
+
+
+@check_types
+def heat_depths(
+    stack: Stack, grid: Grid, num_intervals: int = 18
+) -> tuple[Float[Array, " depths"], Float[Array, " depths"]]:
+    """Returns depths [m] and weights [m] of a quadrature over the depth of a block.
+
+    Two Gauss nodes in each interval. The intervals grow geometrically from a twentieth of the
+    spacing to three times the cell, and end at interfaces too.
+
+    **Arguments:**
+
+    - `stack`: the block.
+    - `grid`: of the surface.
+    - `num_intervals`: from the surface down, at least 2.
+
+    **Returns:** depths and weights; at a bottom above the last interval the weights are 0.
+    """
+    check_whole("num_intervals", num_intervals, 2)
+    ends = _FIRST * jnp.min(grid.spacing), _LAST * jnp.max(grid.size)
+    return gauss_within(stack, intervals(*ends, num_intervals))
+
+
+def intervals(first: Array, last: Array, number: int) -> Float[Array, " edges"]:
+    """Returns the edges of intervals from 0 to `last` [m] that grow geometrically from `first`."""
+    t = np.arange(number) / (number - 1)
+    return jnp.append(0.0, first * (last / first) ** t)
+
+
+def gauss_within(
+    stack: Stack, edges: Float[Array, " edges"]
+) -> tuple[Float[Array, " depths"], Float[Array, " depths"]]:
+    """Returns depths and weights [m] of Gauss's rule between edges and interfaces of a block."""
+    interfaces, deepest = interface_depths(stack).astype(edges.dtype), edges[-1]
+    if not isinstance(stack.base, HalfSpace):
+        deepest = jnp.minimum(deepest, interfaces[-1])
+    edges = jnp.minimum(jnp.sort(jnp.concatenate([edges, interfaces])), deepest)
+    x, w = (jnp.asarray(a, edges.dtype) for a in np.polynomial.legendre.leggauss(_NODES))
+    half = jnp.diff(edges)[:, None] / 2
+    return (edges[:-1, None] + half * (1 + x)).ravel(), (half * w).ravel()
+
+
+@check_types
+def heat_source(
+    sliding: Sliding,
+    stack: Stack,
+    depths: Numbers,
+    *,
+    graded_solver: AbstractGradedSolver = Layering(),  # noqa: B008 (immutable)
+) -> Float[Array, "depths *shape"]:
+    """Returns the heat that hysteresis makes in the block at some depths [W/m³].
+
+    Differentiable in the contact, in every leaf of `stack` and in `depths`.
+
+    **Arguments:**
+
+    - `sliding`: a result of `slide` for this block.
+    - `stack`: the block, of `Prony` and `Elastic` materials, also in `StrainSoftening`; graded
+      layers `Aged`, or `Blend` with linear mixing.
+    - `depths`: z [m], shape `(depths,)`; see `heat_depths`.
+    - `graded_solver`: as in `slide`.
+
+    **Returns:** W, shape `(depths, *grid.shape)`.
+
+    **Raises:** `ValueError` for a refused argument.
+    """
+    depths = as_depths(depths)
+    _series_in(stack, jnp.zeros((), depths.dtype))  # refuses other materials
+    return _heat_source(sliding, stack, depths, graded_solver)
+
+
+def as_depths(depths: Numbers) -> Float[Array, " depths"]:
+    """Returns depths [m] as an array; refuses what is no row of depths in the block."""
+    depths = as_float(depths, "depths")
+    check_rows(1, depths=depths)
+    check_values("depths", depths, "a depth [m] is zero (the surface) or positive", at_least=0)
+    return depths
+
+
+@eqx.filter_jit
+def _heat_source(sliding: Sliding, stack: Stack, depths, graded_solver):
+    grid, velocity, pressure = sliding.grid, sliding.velocity, sliding.pressure
+    omega = wave_frequencies(grid, velocity)
+
+    def at(depth):
+        found = stress_field(stack, grid, pressure, depth, velocity, graded_solver=graded_solver)
+        normal = [to_spectrum(found.stress[..., i, i]) for i in range(3)]
+        shear = [to_spectrum(found.stress[..., i, j]) for i, j in ((0, 1), (0, 2), (1, 2))]
+        equilibrium, strengths, losses, times, poisson = _series_in(stack, depth)
+        flows = 1j * omega[..., None] * times
+        flows = flows / (1 + flows)
+        modulus = equilibrium + flows.real @ strengths + 1j * (flows.imag @ losses)
+        compliance = jnp.where(omega == 0, 0, 1 / jnp.where(omega == 0, 1, modulus))
+
+        # One after the other: all branches at once would take as many fields.
+        def add(total, branch):
+            loss, time = branch
+            flow = 1j * omega * time
+            share = flow / (1 + flow) * compliance
+            along, across = (
+                [to_field(spectrum * share, grid.shape) for spectrum in spectra]
+                for spectra in (normal, shear)
+            )
+            square = sum(s**2 for s in along) + 2 * sum(s**2 for s in across)
+            lost = (1 + poisson) * square - poisson * sum(along) ** 2
+            return total + loss / time * lost, None
+
+        return jax.lax.scan(add, jnp.zeros(grid.shape, pressure.dtype), (losses, times))[0]
+
+    return jax.lax.map(at, depths)
+
+
+def shear_heat(sliding: Sliding) -> Float[Array, "*shape"]:
+    """Returns the heat of shear in the contact [W/m²]; its mean is the power of the shear."""
+    pressure, stress = sliding.pressure, sliding.shear
+    if stress is None:
+        return jnp.zeros_like(pressure)
+    touching = _share_in_contact(sliding.contact_indicator)
+    # The area of these shares is not sub-pixel: they say only where the heat arises.
+    least, added = shear_parts(pressure, stress)
+    counted = jnp.mean(touching)
+    touching = touching * sliding.contact_area_smooth / jnp.where(counted > 0, counted, 1)
+    return jnp.abs(sliding.speed) * (least * touching + added)
+
+
+def _share_in_contact(indicator):
+    """The share of each point in contact, continuous: a half of each line to a neighbour counts."""
+
+    def half(a, b):
+        mixed = (a > 0) != (b > 0)
+        cut = a / jnp.where(mixed, jnp.abs(a) + jnp.abs(b), 1)
+        part = jnp.where(a > 0, jnp.minimum(2 * cut, 1), jnp.maximum(1 + 2 * cut, 0))
+        return jnp.where(mixed, part, (a > 0).astype(a.dtype))
+
+    ways = [(step, axis) for axis in range(indicator.ndim) for step in (1, -1)]
+    return sum(half(indicator, jnp.roll(indicator, *way)) for way in ways) / len(ways)
+
+
+def _series_in(stack: Stack, depth):
+    """E_eq, E_k, those of the loss [Pa], τ_k [s] and ν at a depth, with equally many branches."""
+    tops = jnp.append(0.0, interface_depths(stack)).astype(depth.dtype)
+    rows = []
+    for i, layer in enumerate(stack.layers):
+        thickness = jnp.where(layer.thickness > 0, layer.thickness, 1)
+        rows.append(_series_of(layer, jnp.clip((tops[i + 1] - depth) / thickness, 0, 1)))
+    if isinstance(stack.base, HalfSpace):
+        rows.append(_series_of(stack.base, depth))
+    most = max(len(row[1]) for row in rows)
+    # Branches without strength, of the time 1 s, make all parts alike.
+    pad = lambda a, fill: jnp.pad(a, (0, most - len(a)), constant_values=fill)  # noqa: E731
+    rows = [(e, pad(a, 0), pad(b, 0), pad(times, 1), nu) for e, a, b, times, nu in rows]
+    place = jnp.clip(jnp.sum(depth >= tops) - 1, 0, len(rows) - 1)
+    return tuple(jnp.stack(column)[place] for column in zip(*rows, strict=True))
+
+
+def _series_of(part: Layer | GradedLayer | HalfSpace, s):
+    """E_eq, E_k, those of the loss, τ_k and ν of a part of a block at the height s."""
+    if not isinstance(part, GradedLayer):
+        return _series(part.material)
+    profile = part.profile
+    if isinstance(profile, Aged):
+        *moduli, times, poisson = _series(profile.material)
+        return *moduli, times * profile._factor(s), poisson
+    if isinstance(profile, Blend) and profile.mixing == "linear":
+        phi = profile.shape(s)
+        bottom, top = _series(profile.bottom), _series(profile.top)
+        return (
+            (1 - phi) * bottom[0] + phi * top[0],
+            *(jnp.append((1 - phi) * bottom[i], phi * top[i]) for i in (1, 2)),
+            jnp.append(bottom[3], top[3]),
+            (1 - phi) * bottom[4] + phi * top[4],
+        )
+    raise ValueError(
+        f"`stack` has a graded layer with the profile {type(profile).__name__}: only "
+        "`Aged`, and `Blend` with linear mixing, are possible here. Cut the layer by `sliced`."
+    )
+
+
+def _series(material: AbstractMaterial):
+    if isinstance(material, Elastic):
+        none = jnp.zeros(0, material.young.dtype)
+        return material.young, none, none, none, material.poisson
+    if isinstance(material, Prony):
+        strengths = material.strengths
+        return material.equilibrium, strengths, strengths, material.times, material.poisson
+    if isinstance(material, StrainSoftening):
+        equilibrium, strengths, losses, times, poisson = _series(material.material)
+        f, g = material.factors()
+        return f * equilibrium, f * strengths, g * losses, times, poisson
+    raise ValueError(
+        f"`stack` has a {type(material).__name__}: only `Prony` and `Elastic` materials, also in "
+        "`StrainSoftening`, are possible here. Fit a Prony series with `fit_prony`."
+    )

@@ -1,0 +1,296 @@
+"""The temperature by the heat of friction, and its effect on friction.
+
+The temperature in the frame of the surface is steady. In a layer of conductivity κ and diffusivity
+D each wave of the temperature obeys
+
+    T'' = k² T - W/κ,      k = √(q² + iω/D), ω = -q·v
+
+(H. S. Carslaw, J. C. Jaeger, Conduction of Heat in Solids, Oxford 1959, chapter 10), T and the flux
+-κT' being continuous. The heat W is constant on slices of the depth, and the solution on each slice
+is exact. A recursion upwards, from the half space below, where the flux is κkT, gives the flux Y T
++ F into the block below each edge; a recursion downwards gives the temperatures. The rough
+counterface is at rest in this frame: k = |q|. The part β of the heat flows into the counterface,
+distributed as the pressure. β makes the mean temperatures of both surfaces over the contact,
+weighted by the pressure, equal (the partition of H. Blok, 1937). The mode q = 0 (bulk heating) is
+left out: temperatures are above the mean of each plane, and both bodies have the same bulk
+temperature.
+
+With `slide(..., heating=...)` the block has the temperature of its contact. The mean rise over the
+contact at each depth, weighted by the pressure, sets the relaxation times there: the block becomes
+a stack of thin layers, each at its temperature. Anderson's acceleration solves for the fixed point,
+with a contact and its temperatures in each step. The derivative is implicit.
+"""
+
+import dataclasses
+from typing import Any
+
+import equinox as eqx
+import jax
+import jax.numpy as jnp
+import numpy as np
+from jaxtyping import Array, Float
+
+from ..blocks.grading import AbstractGradedSolver
+from ..blocks.heated_stack import HeatedContact, check_bulk, check_heated, heated
+from ..blocks.layering import Layering
+from ..blocks.stack import Stack, interface_depths
+from ..contacts.area import area_in_doubt
+from ..contacts.solution import RESULTS
+from ..core.checks import (
+    Numbers,
+    check_positive,
+    check_types,
+    check_values,
+    is_concrete,
+    numbers,
+    scalar,
+)
+from ..core.compilation import jit
+from ..core.derivative import still
+from ..core.display import shown
+from ..core.fixed_point import attach_fixed_point, find_fixed_point
+from ..fields.grid import multiplicity, to_field, to_spectrum, wave_frequencies, wavenumber
+from ..materials.shift import as_temperature
+from ..materials.softening import at_strain
+from ..surfaces.surface import check_periodic
+from .heat import as_depths, gauss_within, heat_depths, heat_source, intervals, shear_heat
+from .numerics import Numerics
+from .sliding import Sliding
+from .steady import solve_steady
+
+NUM_CELLS = 8  # of the depth, each at one temperature
+SAFETY = 4.0  # of the change of friction by twice the cells
+_FIRST = 0.25  # depth of the first cell [spacings]; the last one ends at the size of the surface
+
+
+@shown(units=False)
+class Heating(eqx.Module):
+    """How heat flows in the block and in the counterface.
+
+    **Fields:**
+
+    - `conductivity`: κ of the block [W/(m K)]: one number, or one for each layer, surface first,
+      and one for the half space below (also below a rigid base).
+    - `diffusivity`: D of the block [m²/s]: one number, or as many as layers plus one.
+    - `counterface_conductivity`: κ of the rough counterface [W/(m K)]; 0 if no heat flows into it.
+    """
+
+    conductivity: Float[Array, ""] | Float[Array, " parts"] = eqx.field(
+        converter=numbers("conductivity")
+    )
+    diffusivity: Float[Array, ""] | Float[Array, " parts"] = eqx.field(
+        converter=numbers("diffusivity")
+    )
+    counterface_conductivity: Float[Array, ""] = eqx.field(
+        converter=scalar("counterface_conductivity"), default=0.0
+    )
+
+    def __check_init__(self):
+        check_positive("conductivity", self.conductivity, "[W/(m K)]")
+        check_positive("diffusivity", self.diffusivity, "[m²/s]")
+        allowed = "a conductivity [W/(m K)] is zero or positive"
+        check_values("counterface_conductivity", self.counterface_conductivity, allowed, at_least=0)
+
+
+def solve_heated(case: Any, numerics: Numerics, start: Numbers | None = None) -> Sliding:
+    """Returns the contact of a `Case` at the temperatures that it causes; see `slide`."""
+    check_periodic(case.surface)
+    check_heated(case.stack)
+    grid, dtype = case.surface.grid, case.surface.grid.size.dtype
+    temperature = as_temperature(check_bulk(case.temperature)).astype(dtype)
+    case.stack.at(temperature)  # refuses what a material cannot have
+    first, last = _FIRST * jnp.min(grid.spacing), jnp.max(grid.size)
+    edges = jax.lax.stop_gradient(intervals(first, last, NUM_CELLS))
+    given = dataclasses.replace(case, temperature=temperature)
+    fixed = still(given)
+    heat = fixed.heating, fixed.stack
+    rtol = 10 * numerics.rtol  # temperatures are as noisy as the contact is inaccurate
+
+    def contact(x, case, edges, start=None, solution=None):
+        """The contact at rises of the surface and of the cells, and its block."""
+        block, ratio = heated(case.stack, case.temperature, x[1:], edges), case.strain_per_slope
+        inner = dataclasses.replace(
+            case, stack=block, temperature=case.temperature + x[0], heating=None
+        )
+        s = solve_steady(inner, numerics, start, solution)
+        return s, block if ratio is None else at_strain(block, ratio * s.slope_in_contact)
+
+    def step(x, state):
+        start, pairs = state
+        s, block = contact(x, fixed, edges, start)
+        return _rises(s, *heat, block, edges), (s.pressure, pairs + s.num_fft_pairs)
+
+    state = start, jnp.zeros((), dtype)
+    none = jnp.zeros(NUM_CELLS + 1, dtype)
+    point = find_fixed_point(step, none, state, jnp.asarray(rtol, dtype))
+    x = jax.lax.stop_gradient(point.x)
+    start, pairs = point.state
+    s, block = contact(x, fixed, edges, start)
+    # One more step with twice the cells has less error, of the iteration and of the depths.
+    finer = intervals(first, last, 2 * NUM_CELLS)
+    closer, _ = contact(_rises(s, *heat, block, finer), fixed, finer, s.pressure)
+    errors = still(_errors(s, closer))
+    pairs = pairs + s.num_fft_pairs + closer.num_fft_pairs
+    if not all(map(is_concrete, jax.tree.leaves(given))):
+        known = still(s.contact)
+
+        def image(x):
+            s, block = contact(x, given, edges, solution=known)
+            return _rises(s, given.heating, given.stack, block, edges)
+
+        x = attach_fixed_point(image, x)
+        s, block = contact(x, given, edges, solution=known)
+    reached = point.error <= rtol
+    if numerics.throw:
+        x = eqx.error_if(x, ~reached, RESULTS[RESULTS.not_settled])
+    result = RESULTS.where(reached, s.result, RESULTS.not_settled)
+    return dataclasses.replace(
+        s,
+        contact=dataclasses.replace(s.contact, result=result, num_fft_pairs=pairs),
+        heated=HeatedContact(block, x[0], x[1:], edges, point.error, *errors),
+    )
+
+
+def _errors(s: Sliding, closer: Sliding):
+    """The errors of friction and contact area, from a contact of less error."""
+    names = "friction", "contact_area_smooth"
+    pairs = zip(s.compute(*names), closer.compute(*names), strict=True)
+    by_friction, by_area = (SAFETY * jnp.abs(a - b) for a, b in pairs)
+    points = area_in_doubt(s.contact_indicator, closer.pressure - s.pressure)
+    return by_friction, jnp.maximum(by_area, points)
+
+
+@jit
+def _rises(s: Sliding, heating: Heating, stack: Stack, block: Stack, edges):
+    """The mean rises of the surface and of the cells over the contact [K]."""
+    depths, weights = gauss_within(stack, edges)
+    source = heat_source(s, block, depths)
+    # A few depths miss some of the heat.
+    made = jnp.sum(jnp.mean(source, tuple(range(1, source.ndim))) * weights)
+    power = s.hysteresis_friction * jnp.mean(s.pressure) * s.speed
+    source = source * jnp.where(made > 0, jnp.abs(power) / jnp.where(made > 0, made, 1), 0)
+    spectra = temperatures(s, stack, heating, source, weights, jnp.append(0.0, depths))
+    rises = jax.vmap(lambda spectrum: _over_contact(s, spectrum))(spectra)
+    share = jnp.where((depths > edges[:-1, None]) & (depths < edges[1:, None]), weights, 0)
+    total = jnp.sum(share, 1)
+    return jnp.append(rises[0], share @ rises[1:] / jnp.where(total > 0, total, 1))
+
+
+@check_types
+def flash_temperature(
+    sliding: Sliding,
+    stack: Stack,
+    heating: Heating,
+    depths: Numbers,
+    *,
+    graded_solver: AbstractGradedSolver = Layering(),  # noqa: B008 (immutable)
+) -> Float[Array, "depths *shape"]:
+    """Returns the temperature in the block above the mean of each depth [K].
+
+    Hysteresis and the shear of `sliding` heat the block. Differentiable as `heat_source`, and in
+    `heating`.
+
+    **Arguments:**
+
+    - `sliding`, `stack`, `graded_solver`: as in `heat_source`; `stack` as given to `slide`.
+    - `heating`: conductivities and diffusivities.
+    - `depths`: z [m], shape `(depths,)`; 0 is the surface.
+
+    **Returns:** T, shape `(depths, *grid.shape)`. Add the bulk temperature.
+
+    **Raises:** `ValueError` for a refused argument.
+    """
+    depths = as_depths(depths)
+    nodes, thickness = heat_depths(stack, sliding.grid)
+    block = stack if sliding.heated is None else sliding.heated.stack
+    source = heat_source(sliding, block, nodes, graded_solver=graded_solver)
+    return _fields(sliding, temperatures(sliding, stack, heating, source, thickness, depths))
+
+
+@eqx.filter_jit
+def _fields(sliding: Sliding, spectra):
+    return jax.vmap(lambda spectrum: to_field(spectrum, sliding.grid.shape))(spectra)
+
+
+@eqx.filter_jit
+def temperatures(sliding: Sliding, stack: Stack, heating: Heating, source, thickness, depths):
+    """Returns the spectra of the temperature at `depths` from heat in slices and at the surface.
+
+    `source` is the heat [W/m³] of slices of this `thickness` [m], from the surface down.
+    """
+    grid, weight = sliding.grid, to_spectrum(_weight(sliding))
+    interfaces, bottoms = interface_depths(stack).astype(depths.dtype), jnp.cumsum(thickness)
+    edges = jnp.sort(jnp.concatenate([jnp.zeros(1, depths.dtype), bottoms, interfaces, depths]))
+    middles = (edges[1:] + edges[:-1]) / 2
+    parts = (len(stack.layers) + 1,)
+    for name in ("conductivity", "diffusivity"):
+        if (shape := getattr(heating, name).shape) not in ((), parts):
+            raise ValueError(
+                f"`{name}` has shape {shape}; one number is needed, or one for each of the "
+                f"{len(stack.layers)} layers and one for what is below."
+            )
+    conductivity = jnp.broadcast_to(heating.conductivity, parts)
+    diffusivity = jnp.broadcast_to(heating.diffusivity, parts)
+    heat = jax.vmap(to_spectrum)(source)
+    heat = jnp.concatenate([heat, jnp.zeros_like(heat[:1])])  # none below the slices
+
+    def cell(i):
+        """Thickness, κk, k and the heat of a cell between two edges."""
+        layer = jnp.sum(middles[i] >= interfaces)
+        k = thermal_wavenumber(grid, sliding.velocity, diffusivity[layer])
+        d = edges[i + 1] - edges[i]
+        return d, conductivity[layer] * k, k, heat[jnp.searchsorted(bottoms, middles[i])]
+
+    def up(below, i):
+        (admittance, flux), (d, y, k, w) = below, cell(i)
+        e = jnp.exp(-k * d)
+        cosine, tangent = 2 * e / (1 + e**2), -jnp.expm1(-2 * k * d) / (1 + e**2)  # 1/cosh, tanh
+        whole = (jnp.expm1(-k * d)) ** 2 / (1 + e**2)  # 1 - 1/cosh
+        scale = 1 / (1 + admittance * tangent / y)
+        # The temperature below is a times that above, plus b.
+        a, b = cosine * scale, (w / (k * y) * whole - flux * tangent / y) * scale
+        above = (admittance + y * tangent) * scale
+        flux = a * flux - w / (k * y) * (admittance * whole + y * tangent) * scale
+        return (above, flux), (a, b)
+
+    k = thermal_wavenumber(grid, sliding.velocity, diffusivity[-1])
+    below = conductivity[-1] * k, jnp.zeros_like(k)
+    (admittance, flux), steps = jax.lax.scan(up, below, jnp.arange(len(middles)), reverse=True)
+    own = (to_spectrum(shear_heat(sliding)) - flux) / admittance
+    # The heat that leaves, distributed as the pressure, makes the means of both surfaces equal.
+    kappa, q = heating.counterface_conductivity, wavenumber(grid)
+    there = _over_contact(sliding, weight / jnp.where(q == 0, 1, q))
+    here = _over_contact(sliding, weight / admittance)
+    left = kappa * _over_contact(sliding, own) / (kappa * here + there)
+    surface = own - left * weight / admittance
+
+    def down(above, step):
+        found = step[0] * above + step[1]
+        return found, found
+
+    rest = jax.lax.scan(down, surface, steps)[1]
+    found = jnp.concatenate([surface[None], rest])[jnp.searchsorted(edges, depths)]
+    return jax.vmap(_without_mean)(found)
+
+
+def _over_contact(sliding: Sliding, spectrum):
+    """The mean over the contact of a field without its mode q = 0, weighted by the pressure."""
+    weight = to_spectrum(_weight(sliding)) / np.prod(sliding.grid.shape) ** 2
+    parts = (jnp.conj(weight) * spectrum).real * multiplicity(sliding.grid.shape)
+    return jnp.sum(_without_mean(parts))
+
+
+def _weight(sliding):
+    pressed = jnp.maximum(sliding.pressure, 0)
+    return pressed / jnp.mean(pressed)
+
+
+def thermal_wavenumber(grid, velocity, diffusivity):
+    """Returns k = √(q² + iω/D) [1/m], 1 at q = 0: temperatures decay as exp(-kz)."""
+    q = wavenumber(grid)
+    squared = q**2 + 1j * wave_frequencies(grid, velocity) / diffusivity
+    return jnp.sqrt(jnp.where(q == 0, 1, squared))
+
+
+def _without_mean(spectrum):
+    return spectrum.at[(0,) * spectrum.ndim].set(0)

@@ -1,0 +1,54 @@
+"""How a contact is computed: its tolerance, its solvers, and what happens if they fail."""
+
+import dataclasses
+from typing import Any
+
+import equinox as eqx
+
+from ..blocks.grading import AbstractGradedSolver
+from ..blocks.layering import Layering
+from ..contacts.adjoint import LinearSolver, LinearSplitting
+from ..contacts.nested_solve import DouglasRachford
+from ..contacts.solve import RTOL
+from ..contacts.solver import AbstractContactSolver
+from ..core.checks import check_type
+
+
+class Numerics(eqx.Module):
+    """How a contact is computed; it decides the errors of the numbers, nothing else.
+
+    **Fields:**
+
+    - `rtol`: requested relative error of the pressure [1]; with 5e-5 the error of friction is at
+      most about 1e-4 of it. Static.
+    - `solver`: of the contact, see `DouglasRachford`, or `AbstractContactSolver` to write one.
+    - `adjoint`: of the linear systems of derivatives, see `LinearSplitting`.
+    - `graded_solver`: of graded layers, with its tolerance: `Layering()` or `Riccati()`.
+    - `throw`: whether to raise if a solve or a kernel fails; with False see `.result`. Static.
+    """
+
+    rtol: float = eqx.field(default=RTOL, static=True)
+    solver: AbstractContactSolver = DouglasRachford()
+    adjoint: LinearSolver = LinearSplitting()
+    graded_solver: AbstractGradedSolver = Layering()
+    throw: bool = eqx.field(default=True, static=True)
+
+    def __check_init__(self):
+        check_type("solver", self.solver, AbstractContactSolver)
+        check_type("graded_solver", self.graded_solver, AbstractGradedSolver)
+        check_type("throw", self.throw, bool)
+
+
+def numerics_of(
+    function: str, given: dict[str, Any], *others: str
+) -> tuple[Numerics, dict[str, Any]]:
+    """Returns the numerics of the keywords of a public function, and its `others`.
+
+    **Raises:** `TypeError` for a keyword that is neither.
+    """
+    names = [field.name for field in dataclasses.fields(Numerics)]
+    if unknown := [name for name in given if name not in (*names, *others)]:
+        known = ", ".join(f"`{name}`" for name in (*names, *others))
+        raise TypeError(f"{function} has no argument `{unknown[0]}`; its numerics are {known}.")
+    numerics = Numerics(**{name: value for name, value in given.items() if name in names})
+    return numerics, {name: given[name] for name in others if name in given}

@@ -1,0 +1,650 @@
+"""Observables: the numbers of a contact under sliding, each one function with its entry.
+
+The formulas hold for steady sliding, for cycles and on windows: the operator of the contact knows
+its fields (`contacts/operator.py`). Arrays over time are those of a cycle.
+
+On the moving surface the pressure σ exerts the traction τ = -⟨σ ∇w⟩ [Pa] against the motion; w is
+the displacement of the block. Its power τ·v, and in a cycle that of the load ⟨σ ∂w/∂t⟩ at a fixed
+point of the surface, add up to the dissipation -Σ ω Im M |σ_qω|² over all waves of both signs,
+which is never negative for a passive solid. At a fixed point of the block, w changes at the rate
+U* iωM U σ, so that both sides agree to rounding.
+
+In contact ∇w = ∇h, and for the continuous problem ⟨σ ∇w⟩ = ⟨σ ∇h⟩ exactly. On a grid the two
+differ by ⟨σ ∇u⟩, which arises at the edges of the contact. `friction` uses the slope of the
+displacement, which converges faster (ten times less error at 8 points per shortest wavelength,
+`benchmarks/bench_contact.py`). `geometric_friction` uses the slope of the surface. The difference
+of the two is the error of the grid.
+"""
+
+import functools
+from collections.abc import Callable
+from typing import Any
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+from jaxtyping import Array
+
+from ..contacts import area
+from ..contacts.estimates import error_of
+from ..contacts.operator import nonzero
+from ..core.derivative import largest
+from ..core.quantities import observable
+from ..fields.grid import (
+    coordinates,
+    derivative,
+    direction_and_speed,
+    odd_wavevector,
+    to_field,
+    to_spectrum,
+    wave_frequencies,
+)
+from ..materials.coverage import is_unknown
+from .motion import Motion, odd_frequencies, rate_of
+
+Found = Any  # a `Sliding` or a `CyclicSliding`: their module imports this one
+of_steady, of_cycle = (functools.partial(observable, cycle=kind) for kind in (False, True))
+FOUR, SOLVER = "#.4g", ("± solver", ".1e")  # a format and a column of tables
+
+
+# What several observables share.
+
+
+def shared(formula: Callable[[Any], Any]) -> Callable[[Any], Any]:
+    """Returns a formula that each program computes once, see `AbstractSliding.compute`."""
+
+    @functools.wraps(formula)
+    def run(found):
+        known = vars(found).get("_shared", {})  # outside a program nothing is kept
+        if formula not in known:
+            known[formula] = formula(found)
+        return known[formula]
+
+    return run
+
+
+@shared
+def loaded(found: Found) -> tuple[Array, Array]:
+    """The pressure on the cell, and its own displacement, which balances energy to rounding."""
+    pressure = found.operator.on_cell(found.pressure)
+    return pressure, found.operator.displace(pressure)
+
+
+def _displaced(found: Found) -> tuple[Array, Array]:
+    """Pressure and displacement on the cell; the solution's own where it has one everywhere."""
+    if "window" in found.facts:
+        return loaded(found)
+    return found.pressure, found.contact.displacement
+
+
+def _along_motion(found: Found) -> list[Array]:
+    """q of each wave along the velocity [rad/m]; in a cycle along each axis that it moves on."""
+    if found.is_cycle:
+        return list(odd_wavevector(found.grid)[: found.moved.shape[1]])
+    return [-wave_frequencies(found.cell, direction_and_speed(found.velocity)[0])]
+
+
+def _tractions(found: Found, pressure: Array, profile: Array) -> Array:
+    """-⟨σ ∂f/∂x⟩ [Pa] on the cell, along the motion on the last axis."""
+    parts = [found.operator.traction(pressure, profile, q) for q in _along_motion(found)]
+    return jnp.stack(parts, axis=-1)
+
+
+@shared
+def _own_tractions(found: Found) -> Array:
+    return _tractions(found, *loaded(found))
+
+
+def _over_load(found: Found, tractions: Array) -> Array:
+    """Tractions over the load along the motion, NaN without contact."""
+    if not found.is_cycle:
+        return tractions[0] / load(found)
+    # Times without contact must not spoil the derivatives of the others.
+    size = load(found)[:, None]
+    over = jnp.where(size > 0, tractions / jnp.where(size > 0, size, 1), jnp.nan)
+    return over.reshape(found.displacement.shape)
+
+
+def _frictions(found: Found, pressure: Array) -> Array:
+    """The friction of steady sliding, or mean and peak friction of a cycle, under a pressure."""
+    tractions = _tractions(found, pressure, found.operator.displace(pressure))
+    size = load(found, pressure)
+    if not found.is_cycle:
+        return tractions / size
+    path = jnp.mean(size * _length(found.motion_of_surface[0]))
+    over = _length(tractions / jnp.where(size > 0, size, 1)[:, None])
+    return jnp.stack([_power(found, tractions) / nonzero(path), largest(over)])
+
+
+@shared
+def _solver_errors(found: Found) -> Array:
+    """The errors of `_frictions` that the solver left."""
+    pressure, moved = loaded(found)
+    change = found.operator.on_cell(found.contact.correction)
+    of = lambda change: _frictions(found, pressure + change)  # noqa: E731
+    steepest = jnp.max(_slopes(found, pressure, moved))
+    return error_of(of, of(jnp.zeros_like(change)), change, steepest)
+
+
+def _slopes(found: Found, pressure: Array, displacement: Array) -> Array:
+    """The rms slope weighted by |pressure|, at each time; 0 without contact."""
+
+    def slope(p, w):
+        squared = sum(derivative(w, found.cell, axis) ** 2 for axis in range(found.cell.ndim))
+        weight = jnp.abs(p)
+        return _root(jnp.mean(weight * squared) / nonzero(jnp.mean(weight)))
+
+    return found.operator.at_each_time(slope, pressure, displacement)
+
+
+def _root(squared: Array) -> Array:
+    """The square root, with the derivative 0 at 0."""
+    return jnp.where(squared > 0, jnp.sqrt(jnp.where(squared > 0, squared, 1)), 0)
+
+
+def _length(vectors: Array) -> Array:
+    return _root(jnp.sum(vectors**2, axis=1))
+
+
+def _power(found: Found, tractions: Array) -> Array:
+    """The mean power of tractions over a cycle [W/m²]."""
+    return jnp.mean(jnp.sum(tractions * found.motion_of_surface[0], axis=1))
+
+
+@shared
+def _frequencies(found: Found) -> Array:
+    """ω of each wave of the pressure [rad/s]; the highest of an even number of times is 0."""
+    if not found.is_cycle:
+        return wave_frequencies(found.cell, found.velocity)
+    count = len(found.pressure)
+    omega = odd_frequencies(count, found.period)
+    signed = jnp.concatenate([omega, -omega[1 : (count + 1) // 2][::-1]])
+    return signed.reshape(-1, *[1] * found.grid.ndim)
+
+
+@shared
+def dissipation_of_waves(found: Found) -> Array:
+    """Returns the power lost in each wave and its conjugate [W/m²], on the half spectrum."""
+    return found.operator.dissipation(loaded(found)[0], _frequencies(found))
+
+
+@shared
+def _exchange(found: Found) -> tuple[Array, Array]:
+    """Power that the pressure exchanges with the block, and the sum of its sizes [W/m²]."""
+    pressure, operator = loaded(found)[0], found.operator
+    power = pressure * operator.filtered(1j * _frequencies(found) * operator.compliance, pressure)
+    return jnp.mean(power), jnp.mean(jnp.abs(power))
+
+
+@shared
+def _touching(found: Found) -> Array:
+    return contact_indicator(found) > 0
+
+
+def _share_of(found: Found, formula: Callable[[Array], Array], field: Array) -> Array:
+    """An area at each time, in the dtype of the pressure."""
+    return found.operator.at_each_time(formula, field).astype(found.pressure.dtype)
+
+
+def _share_unmeasured(found: Found, weight: Array) -> Array:
+    """The share of a weight on points that were not measured."""
+    if found.measured is None:
+        return jnp.zeros((), found.pressure.dtype)
+    return jnp.sum(weight * (1 - found.measured)) / nonzero(jnp.sum(weight))
+
+
+# Of a window.
+
+
+def _changes_by_kernel(found: Found) -> list[Array]:
+    """What the errors of a window's kernel change in the pressure."""
+    if found.kernel_error is None:
+        return []
+    given = found.pressure, _touching(found), found.at_approach
+    return [found.operator.change_by(error, *given) for error in found.kernel_error]
+
+
+def _with_chance(part: Array) -> Array:
+    """The sum of contributions of points, some of which may cancel by chance."""
+    return jnp.abs(jnp.sum(part)) + jnp.sqrt(jnp.sum(part**2))
+
+
+def _image_error(found: Found) -> Array:
+    """What the errors of a window's kernel change in friction, under this pressure and by the load.
+
+    Contributions of single points may cancel in the estimate by chance: so twice their root sum of
+    squares is added (`docs/theory/contact.md`).
+    """
+    pressure = loaded(found)[0]
+    moved = [found.operator.with_kernel(k).displace(pressure) for k in found.kernel_error]
+    sums = sum(jnp.abs(jnp.sum(_tractions(found, pressure, w)) / load(found)) for w in moved)
+    slopes = sum(_slopes(found, pressure, w) for w in moved)
+    by_kernel = sums + 2 * slopes / jnp.sqrt(jnp.sum(pressure != 0))
+    if not found.at_approach:
+        return by_kernel
+    indicator = contact_indicator(found)
+
+    def friction_under(p):
+        own = _frictions(found, found.operator.on_cell(p))[0]
+        return own + shear_over_load(p, indicator + p - found.pressure, found.shear)
+
+    pull = jax.grad(friction_under)(found.pressure)
+    return by_kernel + sum(_with_chance(pull * change) for change in _changes_by_kernel(found))
+
+
+def _moved(found: Found, operator: Any, field: Array | float = 0.0) -> Array:
+    """How far a window moves where it is loaded, less a field; and the block's mean part of it."""
+    pressure, weight = operator.on_cell(found.pressure), jnp.abs(found.pressure)
+    weight = jax.lax.stop_gradient(jnp.where(jnp.sum(weight) > 0, weight, 1))
+    moved = operator.on_surface(operator.displace(pressure)) - field
+    mean = operator.kernel[(0,) * operator.kernel.ndim].real * jnp.mean(pressure)
+    return jnp.stack([jnp.sum(weight * moved) / jnp.sum(weight), mean])
+
+
+# Load and gap.
+
+
+@observable(
+    r"\bar\sigma", "Pa", "mean contact pressure", needs=["given approach"],
+    column=("pressure\n[Pa]", FOUR),
+)  # fmt: skip
+def mean_pressure(found: Found) -> Array:
+    """Mean pressure [Pa]."""
+    return found.contact.mean_pressure
+
+
+@observable("", "Pa", "estimated error of the mean pressure", needs=["given approach"])
+def mean_pressure_error(found: Found) -> Array:
+    """Its estimated error at a given approach [Pa]; it includes that of the window's kernel."""
+    if not found.at_approach:
+        raise ValueError("Only a contact at a given `approach` has a `mean_pressure_error`.")
+    of = lambda change: jnp.mean(found.pressure + change)[None]  # noqa: E731
+    mean = found.contact.mean_pressure
+    solver = error_of(of, mean[None], found.contact.correction, mean)[0]
+    return solver + sum(map(_with_chance, _changes_by_kernel(found))) / found.pressure.size
+
+
+@observable(r"\delta", "m", "approach", needs=["ground"], column=("approach\n[m]", ".3e"))
+def approach(found: Found) -> Array:
+    """How far a body on a window moved into the block after its first touch [m].
+
+    Relative to the block far away; NaN if that displacement has no limit, see `solve_contact`.
+    Negative if nothing touches.
+    """
+    if "window" not in found.facts:
+        raise ValueError("Only a body on a window has an `approach`; use `mean_gap`.")
+    moved, mean = _moved(found, found.operator, found.heights + found.gap)
+    ground = found.kernel[(0,) * found.kernel.ndim] != 0
+    return moved + jnp.where(ground, mean, jnp.nan) + largest(found.heights)
+
+
+@observable("", "m", "estimated error of the approach", needs=["ground", "given load"])
+def approach_error(found: Found) -> Array:
+    """Its estimated error at this load, that of the kernel included [m]."""
+    operators = map(found.operator.with_kernel, found.kernel_error)
+    by_kernel = sum(jnp.sum(jnp.abs(_moved(found, operator))) for operator in operators)
+    return found.contact.gap_error * jnp.std(found.heights) + by_kernel
+
+
+@observable("", "1", "share of the load on the rim of the window", needs=["window"])
+def rim_load(found: Found) -> Array:
+    """Share of the load on the outermost points of a window [1]; NaN without a load."""
+    rim = np.full(found.grid.shape, "window" in found.facts)
+    rim[(slice(1, -1),) * found.grid.ndim] = False
+    return jnp.sum(found.pressure, where=rim) / jnp.sum(found.pressure)
+
+
+@of_steady("M", "N m", "moment of the pressure about the middle of the window", stored=False)
+def moment(found: Found) -> Array:
+    """Moment of the pressure about the middle of a window [N m], of a line [N].
+
+    Force times distance along each axis.
+    """
+    forces = found.pressure * jnp.prod(found.grid.spacing)
+    arms = (place - jnp.mean(place) for place in coordinates(found.grid))
+    return jnp.stack([jnp.sum(forces * arm) for arm in arms])
+
+
+# Friction, motion and energy.
+
+
+@of_cycle(r"\bar\mu", "1", "work of friction over load and path", column=("friction\n(mean)", FOUR))
+def mean_friction(found: Found) -> Array:
+    """Work over ∮ load |v| dt [1], 0 without motion; under steady sliding the friction."""
+    return _frictions(found, loaded(found)[0])[0]
+
+
+@of_cycle(r"\delta\bar\mu", "1", "estimated solver error of the mean friction", column=SOLVER)
+def mean_friction_error(found: Found) -> Array:
+    """Its estimated error from the solver [1]."""
+    return _solver_errors(found)[0]
+
+
+@of_cycle(
+    r"\mu_\mathrm{max}", "1", "largest friction coefficient of a cycle",
+    column=("friction\n(peak)", FOUR),
+)  # fmt: skip
+def peak_friction(found: Found) -> Array:
+    """The largest |friction| of any time [1]."""
+    return _frictions(found, loaded(found)[0])[1]
+
+
+@of_cycle(r"\delta\mu_\mathrm{max}", "1", "estimated solver error of the peak", column=SOLVER)
+def peak_friction_error(found: Found) -> Array:
+    """Its estimated error from the solver [1]."""
+    return _solver_errors(found)[1]
+
+
+@of_cycle("W", "J/m²", "work of friction in a cycle", column=("work\n[J/m²]", FOUR))
+def work(found: Found) -> Array:
+    """Work of friction per area and cycle [J/m²]."""
+    return _power(found, _own_tractions(found)) * found.period
+
+
+@of_cycle(r"W_\sigma", "J/m²", "work of the load in a cycle")
+def load_work(found: Found) -> Array:
+    """Work of the load on the block per area and cycle [J/m²]; the sum of both is dissipated."""
+    return (_exchange(found)[0] - _power(found, _own_tractions(found))) * found.period
+
+
+@of_cycle("P", "W/m²", "mean power that the block dissipates", column=("power\n[W/m²]", FOUR))
+def dissipated_power(found: Found) -> Array:
+    """Mean power lost in the block per area [W/m²]."""
+    return jnp.sum(dissipation_of_waves(found))
+
+
+@of_cycle("P", "W/m²", "power dissipated at each frequency", stored=False)
+def dissipation(found: Found) -> Array:
+    """Its parts at the frequencies ω = 2π k/T, k = 0, 1, ..., shape `(nt//2 + 1,)`."""
+    lost = dissipation_of_waves(found)
+    lost, count = jnp.sum(lost, axis=tuple(range(1, lost.ndim))), len(lost)
+    half, other = lost[: count // 2 + 1], lost[count // 2 + 1 :][::-1]
+    return half.at[1 : len(other) + 1].add(other)
+
+
+@of_cycle(
+    r"\delta", "1", "phase of the traction before the displacement, in radians",
+    column=("phase\n[rad]", ".3f"),
+)  # fmt: skip
+def phase(found: Found) -> Array:
+    """By which the first harmonic of the traction leads that of the displacement [rad].
+
+    0 for a spring, π/2 for a dashpot; 0 without motion.
+    """
+    fields = _own_tractions(found), found.motion_of_surface[1]
+    force, moved = (jnp.fft.rfft(a, axis=0)[1] for a in fields)
+    lead = jnp.sum(force * jnp.conj(moved))
+    return jnp.angle(jnp.where(jnp.abs(lead) > 0, lead, 1))
+
+
+@observable(r"\mu", "1", "friction coefficient", over_time=True, column=("friction", FOUR))
+def friction(found: Found) -> Array:
+    """Force opposing the motion over the load [1], hysteresis and shear together.
+
+    It is >= 0 for passive materials in steady sliding, and NaN without contact. In a cycle it is
+    positive where it opposes a motion along +x; over the displacement it draws the hysteresis loop.
+    """
+    return hysteresis_friction(found) + shear_friction(found)
+
+
+@of_steady(r"\delta\mu", "1", "estimated solver error of the friction coefficient", column=SOLVER)
+def friction_error(found: Found) -> Array:
+    """Its estimated error from the solver [1], with heating also that of the temperatures.
+
+    The error of the grid adds to it, see `geometric_friction`.
+    """
+    error = _solver_errors(found)[0]
+    if found.kernel_error is not None:
+        error += _image_error(found)
+    if found.heated is not None:
+        error += found.heated.friction_error
+    if found.shear is None:
+        return error
+    indicator, value = contact_indicator(found), jnp.abs(shear_friction(found))
+
+    def of(change):  # in contact the indicator of a hard wall is the pressure
+        return shear_over_load(found.pressure + change, indicator + change, found.shear)[None]
+
+    return error + error_of(of, of(jnp.zeros_like(indicator)), found.contact.correction, value)[0]
+
+
+@of_steady(
+    r"\mu_\mathrm{hys}", "1", "friction coefficient of the hysteresis", column=("hysteresis", FOUR)
+)
+def hysteresis_friction(found: Found) -> Array:
+    """The part of the friction that is dissipated in the block [1]."""
+    return _over_load(found, _own_tractions(found))
+
+
+@of_steady(
+    r"\mu_\mathrm{shear}", "1", "friction coefficient of shear in the contact",
+    column=("shear", FOUR),
+)  # fmt: skip
+def shear_friction(found: Found) -> Array:
+    """The part from shear in the sub-pixel contact area [1]; 0 without `shear`."""
+    return shear_over_load(found.pressure, contact_indicator(found), found.shear)
+
+
+@observable(
+    r"\Delta T", "K", "temperature of the contact above the bulk", needs=["heated"],
+    column=("contact above\nbulk [K]", FOUR),
+)  # fmt: skip
+def surface_rise(found: Found) -> Array:
+    """Temperature of the contact above the bulk, with heating [K]."""
+    return found.heated.surface_rise
+
+
+@observable(
+    r"\mu_\mathrm{geo}", "1", "friction coefficient from the surface slope", over_time=True,
+    column=("friction\n(geometric)", FOUR),
+)  # fmt: skip
+def geometric_friction(found: Found) -> Array:
+    """Friction with hysteresis from the surface's slope instead of the block's [1].
+
+    Its difference from `friction` is the error of the grid.
+    """
+    pressure = loaded(found)[0]
+    heights = found.operator.on_cell(found.heights, "symmetric")
+    tractions = _tractions(found, pressure, jnp.broadcast_to(heights, pressure.shape))
+    return _over_load(found, tractions) + shear_friction(found)
+
+
+@of_cycle(r"\tau", "Pa", "shear stress that opposes the motion", over_time=True)
+def traction(found: Found) -> Array:
+    """τ [Pa], the shear stress on the whole area."""
+    return _own_tractions(found).reshape(found.displacement.shape)
+
+
+@of_cycle(r"\sigma_0", "Pa", "mean pressure at each time", over_time=True)
+def load(found: Found, pressure: Array | None = None) -> Array:
+    """Mean pressure [Pa]."""
+    # Of the cell, which is larger than a window.
+    pressure = loaded(found)[0] if pressure is None else pressure
+    return found.operator.at_each_time(jnp.mean, pressure)
+
+
+# Contact area and gap.
+
+
+@observable("A/A_0", "1", "contact area fraction (points in contact)", over_time=True)
+def contact_area(found: Found) -> Array:
+    """Fraction of points in contact [1]. A pixel count, without a derivative."""
+    return _share_of(found, area.counted_area, _touching(found))
+
+
+@observable("A/A_0", "1", "contact area fraction (corrected by the perimeter)", over_time=True)
+def contact_area_corrected(found: Found) -> Array:
+    """`contact_area` less its known excess at the edges [1]."""
+    return _share_of(found, area.area_without_edges, _touching(found))
+
+
+@observable(
+    "A/A_0", "1", "contact area fraction (sub-pixel)", over_time=True,
+    column=("contact\narea", ".5f"),
+)  # fmt: skip
+def contact_area_smooth(found: Found) -> Array:
+    """Sub-pixel area fraction [1], for gradients."""
+    return _share_of(found, area.area_of_contour, contact_indicator(found))
+
+
+@of_steady(r"\delta A/A_0", "1", "estimated solver error of the contact area", column=SOLVER)
+def contact_area_error(found: Found) -> Array:
+    """Fraction of points that the solver may have put on the wrong side [1]."""
+    touching, change = _touching(found), jnp.abs(found.contact.correction)
+    for moved in _changes_by_kernel(found):  # 0 outside contact, where points may join it
+        in_contact = jnp.sqrt(jnp.sum(moved**2) / jnp.maximum(jnp.sum(touching), 1))
+        change += jnp.where(touching, jnp.abs(moved), in_contact)
+    error = area.area_in_doubt(contact_indicator(found), change)
+    return error if found.heated is None else error + found.heated.area_error
+
+
+@of_cycle("t_c/T", "1", "share of the times at which the surfaces touch")
+def time_in_contact(found: Found) -> Array:
+    """Share of the times at which the surfaces touch [1]."""
+    return jnp.mean(contact_area(found) > 0, dtype=found.pressure.dtype)
+
+
+@observable(r"\bar u", "m", "mean gap", over_time=True, column=("mean gap\n[m]", ".3e"))
+def mean_gap(found: Found) -> Array:
+    """Mean of the gap [m]."""
+    gap = found.contact.mean_gap
+    return gap.reshape(gap.shape[: -found.grid.ndim]) if found.is_cycle else gap
+
+
+# What shows whether the numbers can be trusted.
+
+
+@observable("", "1", "relative difference of friction work and dissipation")
+def energy_imbalance(found: Found) -> Array:
+    """Work of hysteresis, and of the load, against dissipation in the block, relative [1]."""
+    exchanged, size = _exchange(found)
+    imbalance = jnp.abs(exchanged - jnp.sum(dissipation_of_waves(found))) / nonzero(size)
+    return jax.lax.stop_gradient(imbalance)  # of rounding
+
+
+@observable("", "1", "rms slope of the block, weighted by the pressure")
+def slope_in_contact(found: Found) -> Array:
+    """Rms slope of the block where it carries the load [1], the largest of all times.
+
+    It is the size of the strains there. The friction of a hard wall never exceeds it.
+    """
+    return largest(_slopes(found, *_displaced(found)))
+
+
+@of_steady("", "1", "share of the contact area on filled or tapered points")
+def unmeasured_area(found: Found) -> Array:
+    """Share of the contact area on points that were filled or tapered, not measured [1].
+
+    0 where `Surface.measured` is None.
+    """
+    return _share_unmeasured(found, _touching(found).astype(found.pressure.dtype))
+
+
+@of_steady(
+    "", "1", "share of the hysteresis on filled or tapered points",
+    column=("on points not\nmeasured", ".1%"),
+)  # fmt: skip
+def unmeasured_friction(found: Found) -> Array:
+    """The same share of the tangential traction |σ ∂w/∂x_v| [1].
+
+    Tractions up and down the slopes nearly cancel in friction.
+    """
+    pressure, displacement = _displaced(found)
+    (q,) = _along_motion(found)
+    slope = to_field(1j * q * to_spectrum(displacement), pressure.shape)
+    return _share_unmeasured(found, found.operator.on_surface(jnp.abs(pressure * slope)))
+
+
+@observable("", "1", "share of the friction where no modulus was measured")
+def extrapolated_friction(found: Found) -> Array:
+    """Share of the dissipation at frequencies at which a material was not measured [1].
+
+    Its modulus there is an extrapolation. See `coverage`.
+    """
+    if found.measured_range is None:
+        return jnp.zeros((), found.pressure.dtype)
+    lost = jnp.abs(dissipation_of_waves(found))
+    outside = is_unknown(_frequencies(found), found.measured_range)
+    return jnp.sum(jnp.where(outside, lost, 0)) / nonzero(jnp.sum(lost))
+
+
+@observable("", "1", "approach over the thickness of layers on a rigid base", needs=["window"])
+def compression(found: Found) -> Array:
+    """How far a body on a window moved into layers on a rigid base, over their thickness [1].
+
+    0 on another base.
+    """
+    if found.thickness is None:
+        return jnp.zeros((), found.pressure.dtype)
+    return approach(found) / found.thickness
+
+
+@of_cycle("", "1", "difference of two forms of the load's work, over the dissipation")
+def load_mismatch(found: Found) -> Array:
+    """Difference of `load_work` from -∮ σ0 dū, its other form, over the energy dissipated [1].
+
+    It is the error of grid and times; 0 without dissipation.
+    """
+    by_gap = -jnp.mean(load(found) * rate_of(mean_gap(found), found.period))
+    lost = jnp.sum(dissipation_of_waves(found))
+    return jnp.abs(load_work(found) / found.period - by_gap) / nonzero(lost)
+
+
+@of_cycle("", "1", "largest step from one time to the next, in spacings of the grid")
+def largest_step(found: Found) -> Array:
+    """Largest distance from one time to the next, in spacings of the grid, along x plus y [1]."""
+    return Motion(found.displacement, found.period).largest_step(found.grid)
+
+
+@of_cycle("", "1", "share of the velocity at the upper half of the frequencies")
+def unresolved_motion(found: Found) -> Array:
+    """Share of the velocity at the upper half of the frequencies [1]."""
+    waves = jnp.abs(jnp.fft.rfft(found.motion_of_surface[0], axis=0)) ** 2
+    upper = jnp.sum(waves[len(found.moved) // 4 + 1 :]) / nonzero(jnp.sum(waves))
+    return jnp.sqrt(upper)
+
+
+@observable(
+    "", "1", "estimated relative error of the contact pressure",
+    column=("error of\npressure", ".1e"),
+)  # fmt: skip
+def error(found: Found) -> Array:
+    """Estimated relative error of the pressure [1]."""
+    return found.contact.error
+
+
+@observable("", "1", "FFT pairs of the solve", column=("FFT\npairs", ".0f"))
+def num_fft_pairs(found: Found) -> Array:
+    """FFT pairs of the solve [1]."""
+    return found.contact.num_fft_pairs
+
+
+@observable("", "Pa", "how far points are inside contact or outside", stored=False)
+@shared
+def contact_indicator(found: Found) -> Array:
+    """How far points are inside contact or outside [Pa], see `AbstractLaw.contact_indicator`."""
+    stiffness = area.edge_stiffness(found.operator.at_edges, found.cell)
+    return found.law.contact_indicator(found.pressure, found.gap, stiffness)
+
+
+# Shear in the contact.
+
+
+def shear_over_load(pressure: Array, indicator: Array, stress: Any) -> Array:
+    """Returns the shear force in the contact over the load [1], ∫τ_f dA/∫σ dA; 0 without `stress`.
+
+    `stress` gives τ_f [Pa] at a pressure [Pa]. Its value without pressure acts on the sub-pixel
+    area, see `contact_area_smooth`. What pressure adds vanishes at the edge of contact and is
+    summed over the points: friction in proportion to the pressure is exact.
+    """
+    if stress is None:
+        return jnp.zeros((), pressure.dtype)
+    least, added = shear_parts(pressure, stress)
+    return (least * area.area_of_contour(indicator) + jnp.mean(added)) / jnp.mean(pressure)
+
+
+def shear_parts(pressure: Array, stress: Callable[[Array], Array]) -> tuple[Array, Array]:
+    """Returns the shear stress without pressure and what the pressure adds to it [Pa]."""
+    least = stress(jnp.zeros((), pressure.dtype))
+    pressed = pressure != 0  # elsewhere a power of the pressure may have no derivative
+    return least, jnp.where(pressed, stress(jnp.where(pressed, pressure, 1)) - least, 0)

@@ -1,0 +1,154 @@
+"""Frictional shear stress in the real contact, τ_f(pressure, speed, temperature).
+
+A law is called as law(pressure, speed, temperature) with the contact pressure σ [Pa], the sliding
+speed v [m/s] and the temperature of the contact T [K] or None. It returns τ_f [Pa], one number or
+one for each pressure. Any function will do; only a module, such as a subclass of `AbstractShear`,
+has parameters that can be differentiated, and each new function is compiled anew.
+
+The shear force is the integral of τ_f over the contact area. It opposes the motion and adds to the
+hysteresis. The shear traction does not change the pressure: this is exact for an incompressible
+half space (ν = 1/2), whose surface does not move along z under a tangential traction, and an
+approximation for other blocks.
+
+Source of the peak in the logarithm of the velocity: B. Lorenz, Y. R. Oh, S. K. Nam, S. H. Jeon,
+B. N. J. Persson, J. Chem. Phys. 142 (2015) 194701, doi:10.1063/1.4919221 (its abstract was read,
+not the formula).
+"""
+
+import abc
+from collections.abc import Callable
+from typing import Any
+
+import equinox as eqx
+import jax
+import jax.numpy as jnp
+from jaxtyping import Array, Float, ScalarLike
+
+from ..core.checks import check_positive, check_squares, check_type, check_values, scalar, short
+from ..core.display import shown
+from ..materials.shift import AbstractShift, as_temperature
+
+ShearLaw = Callable[..., Any]
+
+
+@shown(units=False)
+class AbstractShear(eqx.Module):
+    """A law of the frictional shear stress in the contact."""
+
+    @abc.abstractmethod
+    def __call__(
+        self,
+        pressure: Float[Array, "*shape"],
+        speed: Float[Array, ""],
+        temperature: Float[Array, ""] | None,
+    ) -> Float[Array, "..."]:
+        """Returns τ_f [Pa] at a pressure [Pa], a speed [m/s] and a temperature [K]."""
+
+
+class ConstantShear(AbstractShear):
+    """The same shear stress everywhere in the contact, at every speed.
+
+    **Fields:**
+
+    - `stress`: τ_f [Pa], zero or positive.
+    """
+
+    stress: Float[Array, ""] = eqx.field(converter=scalar("stress"))
+
+    def __check_init__(self):
+        check_values("stress", self.stress, "a shear stress [Pa] is zero or positive", at_least=0)
+        check_squares("stress", self.stress, "Pa")
+
+    def __call__(self, pressure, speed, temperature):
+        return self.stress
+
+
+class PeakedShear(AbstractShear):
+    """A peak in the logarithm of the velocity, τ_f = τ0 exp(-c [log10(a_T v/v*)]²).
+
+    Chains that stick to the surface, stretch and slip relax in a time that the temperature shifts:
+    a_T v takes the place of v. At rest τ_f is 0.
+
+    **Fields:**
+
+    - `peak`: τ0 [Pa], the largest shear stress; zero or positive.
+    - `velocity`: v* [m/s], the velocity of the peak at the reference temperature of `shift`.
+    - `steepness`: c [1]; the peak falls to 1/e over 1/√c decades on either side.
+    - `shift`: law of time-temperature superposition (`Arrhenius` or `WLF`), or None if τ_f does
+      not depend on temperature.
+    """
+
+    peak: Float[Array, ""] = eqx.field(converter=scalar("peak"))
+    velocity: Float[Array, ""] = eqx.field(converter=scalar("velocity"))
+    steepness: Float[Array, ""] = eqx.field(converter=scalar("steepness"))
+    shift: AbstractShift | None = None
+
+    def __check_init__(self):
+        check_values("peak", self.peak, "a shear stress [Pa] is zero or positive", at_least=0)
+        check_squares("peak", self.peak, "Pa")
+        check_positive("velocity", self.velocity, "[m/s]")
+        check_positive("steepness", self.steepness, "[1]")
+        check_type("shift", self.shift, AbstractShift, type(None))
+
+    def __call__(self, pressure, speed, temperature):
+        log_factor = 0.0
+        if self.shift is not None:
+            if temperature is None:
+                raise ValueError(
+                    "`temperature=None` is refused: this shear law varies with temperature. Give "
+                    "the temperature of the contact [K]."
+                )
+            log_factor = self.shift.log_factor(temperature)
+        moves = speed != 0
+        logarithm = jnp.log(jnp.where(moves, jnp.abs(speed), 1) / self.velocity) + log_factor
+        decades = logarithm / jnp.log(10.0).astype(logarithm.dtype)
+        return jnp.where(moves, self.peak * jnp.exp(-self.steepness * decades**2), 0)
+
+
+class ShearStress(eqx.Module):
+    """The shear stress as a function of the pressure alone.
+
+    **Fields:**
+
+    - `law`: the law, see above.
+    - `speed`: of sliding [m/s].
+    - `temperature`: of the contact [K], or None.
+    """
+
+    law: ShearLaw
+    speed: Float[Array, ""]
+    temperature: Float[Array, ""] | None
+
+    def __call__(self, pressure: Float[Array, "*shape"]) -> Float[Array, "*shape"]:
+        stress = jnp.asarray(self.law(pressure, self.speed, self.temperature), pressure.dtype)
+        if stress.shape not in ((), pressure.shape):
+            raise TypeError(f"shape {stress.shape} for pressures of shape {pressure.shape}")
+        return jnp.broadcast_to(stress, pressure.shape)
+
+
+def shear_stress(
+    law: object, speed: Float[Array, ""], temperature: ScalarLike | None
+) -> ShearStress | None:
+    """Returns the shear stress of a law at a speed and a temperature; None without a law.
+
+    **Raises:** `ValueError` for what is no law, or a temperature that is no temperature.
+    """
+    temperature = None if temperature is None else as_temperature(temperature)
+    if law is None:
+        return None
+    if not callable(law) or isinstance(law, type):
+        raise ValueError(
+            f"`shear={short(law)}` must be called as shear(pressure, speed, temperature) and "
+            "return a shear stress [Pa], such as `ConstantShear(1e6)`."
+        )
+    # A bare function is no pytree; wrapped, it is one without leaves.
+    called: Any = law if isinstance(law, eqx.Module) else jax.tree_util.Partial(law)
+    bound = ShearStress(called, speed, temperature)
+    try:
+        jax.eval_shape(bound, jax.ShapeDtypeStruct((2,), speed.dtype))
+    except (TypeError, AttributeError, IndexError) as error:
+        raise ValueError(
+            "`shear` must return a shear stress [Pa] for a pressure [Pa] of any shape, a speed "
+            f"[m/s] and a temperature [K] or None; it gave {type(error).__name__}: {error}."
+        ) from None
+    return bound

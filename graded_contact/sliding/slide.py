@@ -1,0 +1,126 @@
+"""A rough rigid surface sliding on a layered viscoelastic block: steadily, or in periodic motion.
+
+Both build a `Case` and solve it.
+"""
+
+from typing import Any, cast
+
+from jaxtyping import ScalarLike
+
+from ..blocks.stack import Stack
+from ..contacts.law import AbstractLaw, HardWall
+from ..core.checks import Numbers, check_types
+from ..surfaces.surface import Surface
+from .case import Case
+from .heating import Heating
+from .numerics import numerics_of
+from .shear import ShearLaw
+from .sliding import CyclicSliding, Sliding
+
+
+@check_types
+def slide(
+    stack: Stack,
+    surface: Surface,
+    *,
+    pressure: ScalarLike | None = None,
+    mean_gap: ScalarLike | None = None,
+    approach: ScalarLike | None = None,
+    velocity: Numbers,
+    law: AbstractLaw = HardWall(),  # noqa: B008 (immutable)
+    shear: ShearLaw | None = None,
+    temperature: ScalarLike | None = None,
+    heating: Heating | None = None,
+    strain_per_slope: ScalarLike | None = None,
+    **numerics: Any,
+) -> Sliding:
+    """Returns friction, contact area and fields of a rough surface sliding on a block.
+
+    Differentiable in every leaf of `stack`, `surface`, `law` and `shear`, in `pressure`, `mean_gap`
+    or `approach`, in `velocity` and `temperature`: `jax.grad(lambda s: slide(s, surface,
+    pressure=p, velocity=v).friction)(stack)` is a stack of derivatives. Works under `jit` and
+    `vmap`, see `solve_contact`.
+
+    **Arguments:**
+
+    - `stack`: the block, see `Stack`. `stack.at(temperature)` is the block at another temperature.
+    - `surface`: the rough surface; heights count into the block.
+    - `pressure`: mean pressure σ0 [Pa]; or
+    - `mean_gap`: mean of the gap [m], counted from the mean of the heights; or
+    - `approach`: of a body on a window [m], see `solve_contact`.
+    - `velocity`: of the surface over the block [m/s]: a number (along x) or `(vx, vy)`. Two numbers
+      are one velocity, not two speeds as in a scene: for several speeds use `sweep` or
+      `jax.lax.map`. At rest (0, known beforehand) the relaxed moduli act and a real kernel is used.
+    - `shear`: law of the shear stress in the contact, called as shear(pressure, speed,
+      temperature), such as `ConstantShear` or `PeakedShear`; None for hysteresis alone. The shear
+      traction does not change the pressure, which is exact for ν = 1/2 on a half space.
+    - `temperature`: of the contact [K], for a law of shear that varies with it; with `heating` the
+      bulk temperature, to which the block is brought, see `Stack.at`.
+    - `heating`: conductivities, see `Heating`: the heat of friction then changes the temperature of
+      the block under the contact; `.heated` has the temperatures. None for one temperature.
+    - `strain_per_slope`: for a block with `materials.StrainSoftening`, as in `mean_field_friction`:
+      each wave q has the modulus at the amplitude ε = `strain_per_slope` times the rms slope of the
+      surface up to q. None: the amplitude of each material.
+    - `law`: of contact.
+    - `numerics`: `rtol`, `solver`, `adjoint`, `graded_solver` and `throw`, see `Numerics`; `start`
+      and `solution`, see `Case.solve`.
+
+    With `throw=False`, `.result` also reports a graded layer whose kernel misses its tolerance; all
+    numbers are then NaN.
+
+    **Returns:** friction, areas, errors and the contact itself, see `Sliding`.
+
+    **Raises:** `ValueError` for a refused argument; `RuntimeError` if kernel or solve fail.
+    """
+    case = Case(
+        stack=stack, surface=surface, pressure=pressure, mean_gap=mean_gap, approach=approach,
+        velocity=velocity, law=law, shear=shear, temperature=temperature, heating=heating,
+        strain_per_slope=strain_per_slope,
+    )  # fmt: skip
+    how, known = numerics_of("slide", numerics, "start", "solution")
+    return cast(Sliding, case.solve(how, **known))
+
+
+@check_types
+def slide_cycle(
+    stack: Stack,
+    surface: Surface,
+    *,
+    displacement: Numbers,
+    period: ScalarLike,
+    pressure: Numbers | None = None,
+    mean_gap: Numbers | None = None,
+    law: AbstractLaw = HardWall(),  # noqa: B008 (immutable)
+    **numerics: Any,
+) -> CyclicSliding:
+    """Returns friction, contact area and fields of a surface in periodic motion on a block.
+
+    The periodic state, which a repeated motion approaches. Differentiable in every leaf of `stack`,
+    `surface` and `law`, in the motion and in the prescribed load or gap; works under `jit` and
+    `vmap`.
+
+    **Arguments:**
+
+    - `stack`: the block, see `Stack`. `stack.at(temperature)` is the block at another temperature.
+    - `surface`: the rough surface; heights count into the block.
+    - `displacement`: s [m] of the surface at equally spaced times of a period, shape `(nt,)` (along
+      x) or `(nt, 2)`, nt at least 4; see `sinusoidal`, `start_stop`, `steady`, `recorded`. Over a
+      period the surface may advance by whole cells; their number follows from the last step, which
+      must be like its neighbours.
+    - `period`: T [s].
+    - `pressure`: mean pressure σ0 [Pa], a number or one at each time; or
+    - `mean_gap`: mean of the gap [m], a number or one at each time, counted from the mean of the
+      heights.
+    - `law`: of contact; it has no history.
+    - `numerics`: as in `slide`, without `solution`.
+
+    **Returns:** friction and areas over time, works, errors and the contact, see `CyclicSliding`.
+
+    **Raises:** `ValueError` for a refused argument; `RuntimeError` if kernel or solve fail.
+    """
+    case = Case(
+        stack=stack, surface=surface, displacement=displacement, period=period, pressure=pressure,
+        mean_gap=mean_gap, law=law,
+    )  # fmt: skip
+    how, known = numerics_of("slide_cycle", numerics, "start")
+    return cast(CyclicSliding, case.solve(how, **known))

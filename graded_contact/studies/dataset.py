@@ -1,0 +1,161 @@
+"""Numbers over named axes: units, statistics and files of an `xarray.Dataset`.
+
+A file is HDF5 as xarray writes it, after `SEAL` bytes with a checksum of the rest: a damaged HDF5
+file may make HDF5 hang or return other numbers. HDF5 skips these bytes, so
+`xarray.open_dataset(path, engine="h5netcdf")` opens the file too. Files are written under another
+name, flushed to the disk and renamed.
+"""
+
+import contextlib
+import functools
+import hashlib
+import io
+import os
+import uuid
+from collections.abc import Mapping
+from importlib.metadata import version
+from pathlib import Path
+from types import MappingProxyType
+from typing import TYPE_CHECKING
+
+from ..core.memory import available_memory
+from ..core.quantities import quantity_of
+from ..readers.paths import LARGEST_FILE, Refusal, check_hdf5, read_file
+
+if TYPE_CHECKING:
+    from xarray import Dataset
+
+# How a point ended, if neither solved nor stopped by its solver.
+NOT_STARTED = "not started"
+FAILED = "failed: "
+LOST = f"{FAILED}its worker died, each time that it was tried"  # no fault of the point's
+SEAL = 512  # bytes, the least that HDF5 can skip
+_PACKAGES = ("graded_contact", "jax", "numpy", "h5py")
+
+
+def attach(dataset: "Dataset", units: Mapping[str, str] = MappingProxyType({})) -> "Dataset":
+    """Returns the dataset with `units` and `long_name` added where they are missing.
+
+    **Arguments:**
+
+    - `dataset`: its variables and coordinates are looked up in the table of quantities by the last
+      word of their names: "layers[0].thickness" is a thickness.
+    - `units`: of names that the table does not have, or has in another unit.
+    """
+    for name, variable in dataset.variables.items():
+        entry = quantity_of(str(name))
+        known = {} if entry is None else {"units": entry.unit, "long_name": entry.meaning}
+        if name in units:
+            known["units"] = units[str(name)]
+        variable.attrs = known | variable.attrs
+    return dataset
+
+
+def write_whole(path: str | os.PathLike, content: bytes | str) -> None:
+    """Writes a file; an earlier file, or a link, is replaced when the new one is complete.
+
+    **Arguments:**
+
+    - `path`: of the file.
+    - `content`: a text is written in UTF-8.
+
+    **Raises:** `OSError` if it cannot be written; an earlier file stays.
+    """
+    path = Path(path)
+    # In the same folder: a file cannot be renamed from one disk to another.
+    partial = path.with_name(f".{uuid.uuid4().hex}.partial")
+    try:
+        partial.write_bytes(content.encode() if isinstance(content, str) else content)
+        with open(partial, "rb+") as written:
+            os.fsync(written.fileno())
+        os.replace(partial, path)
+    except OSError as error:
+        raise OSError(f"`{path}` cannot be written: {error.strerror or error}.") from error
+    finally:
+        with contextlib.suppress(OSError):
+            partial.unlink()
+    if os.name == "posix":  # the new name, too, is to survive a loss of power
+        folder = os.open(path.parent, os.O_RDONLY)
+        os.fsync(folder)
+        os.close(folder)
+
+
+def write_sealed(path: str | os.PathLike, content: bytes) -> None:
+    """Writes a checksum and the content as `write_whole` does."""
+    write_whole(path, _header(content) + content)
+
+
+def read_sealed(path: str | os.PathLike, at_most: float = LARGEST_FILE) -> bytes:
+    """Returns the content of a file that `write_sealed` wrote, of `at_most` bytes.
+
+    **Raises:** `FileNotFoundError`; `ValueError` if the file differs from what was written.
+    """
+    whole = read_file(path, at_most)
+    content = whole[SEAL:]
+    if whole[:SEAL] != _header(content):
+        raise ValueError(
+            f"`path={path}` is damaged, or another program or an earlier version wrote it."
+        )
+    return content
+
+
+def _header(content: bytes) -> bytes:
+    return f"graded_contact\n{hashlib.sha256(content).hexdigest()}\n".encode().ljust(SEAL)
+
+
+def write(path: str | os.PathLike, dataset: "Dataset") -> None:
+    """Writes a file completely or not at all; it replaces an earlier file only at the end.
+
+    **Raises:** `OSError` if it cannot be written.
+    """
+    packed = {
+        name: {"zlib": True, "shuffle": True}
+        for name, variable in dataset.variables.items()
+        if variable.ndim and variable.dtype.kind in "fiub"
+    }
+    # In memory first: HDF5 crashes if the disk is full.
+    write_sealed(path, bytes(dataset.to_netcdf(engine="h5netcdf", encoding=packed)))
+
+
+def read(path: str | os.PathLike) -> "Dataset":
+    """Returns the dataset that `write` wrote, bit for bit.
+
+    **Raises:** `FileNotFoundError`; `ValueError` for another file, or a damaged one.
+    """
+    import xarray
+
+    most = available_memory() or float("inf")
+    content = read_sealed(path, most)  # damaged HDF5 never reaches the HDF5 library
+    try:
+        check_hdf5(content, most)
+        return xarray.load_dataset(io.BytesIO(content), engine="h5netcdf")
+    except Refusal as error:
+        raise ValueError(f"`path={path}` is refused: {error}.") from error
+    except Exception as error:  # of many kinds, of HDF5 that something else wrote
+        raise ValueError(f"`path={path}` does not contain a dataset: {error}.") from error
+
+
+def write_csv(path: str | os.PathLike, dataset: "Dataset") -> None:
+    """Writes a table with a row for each point: axes, numbers (no fields) and message."""
+    axes = dataset["message"].dims
+    numbers = [
+        str(name)
+        for name, variable in dataset.data_vars.items()
+        if {*variable.dims} <= {*axes} and variable.dtype.kind in "fiub"
+    ]
+    table = dataset[[*numbers, "message"]].to_dataframe(dim_order=[*axes]).reset_index()
+    # Whole numbers, as seeds, have no unit.
+    heads = {
+        name: f"{name} [{dataset[name].units}]"
+        for name in table
+        if "units" in dataset[name].attrs and dataset[name].dtype.kind == "f"
+    }
+    table = table.rename(columns=heads)
+    write_whole(path, table.to_csv(index=False, na_rep="nan", lineterminator="\r\n"))
+
+
+# Called once: a worker of dask that ends in a thread of this process edits sys.path meanwhile.
+@functools.cache
+def package_versions() -> dict[str, str]:
+    """Returns the versions of this package and of those its numbers depend on, as attributes."""
+    return {f"version_{name}": version(name) for name in _PACKAGES}

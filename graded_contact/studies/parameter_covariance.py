@@ -1,0 +1,113 @@
+"""The covariance of the numbers of a material, as a CSV file next to its table.
+
+The first line holds the paths of the numbers in the material. Each further line is one independent
+direction of their errors: one standard deviation, in the units of the numbers.
+"""
+
+import csv
+import io
+import os
+from typing import TypeVar
+
+import equinox as eqx
+import numpy as np
+from jaxtyping import Array, Float
+
+from ..core.checks import as_float, check_values, nearest, within
+from ..core.display import shown
+from ..core.parameters import paths, with_values
+from ..readers.paths import read_file
+from .dataset import write_whole
+
+_LARGEST = 10_000_000  # bytes of a file; 500 numbers have 6 MB
+
+T = TypeVar("T")
+
+
+@shown()
+class Errors(eqx.Module):
+    """Errors of some numbers of a material, or of any other object that holds numbers.
+
+    **Fields:**
+
+    - `paths`: which numbers, see `with_values`. Static.
+    - `directions`: independent errors of all of them together, each of one standard deviation, in
+      the units of the numbers; shape `(directions, numbers)`. The covariance is dᵀd.
+    """
+
+    paths: tuple[str, ...] = eqx.field(static=True)
+    directions: Float[Array, "directions numbers"] = eqx.field(converter=as_float)
+
+    def __check_init__(self):
+        if not self.paths:
+            raise ValueError("`paths` is empty: at least one path is needed.")
+        if len(set(self.paths)) < len(self.paths):
+            raise ValueError(f"`paths={self.paths}` names a number twice.")
+        if self.directions.ndim != 2 or self.directions.shape[1] != len(self.paths):
+            raise ValueError(
+                f"`directions` has shape {self.directions.shape}: a column for each of the "
+                f"{len(self.paths)} paths is needed."
+            )
+        check_values("directions", self.directions, "errors are finite")
+
+
+def moved(tree: T, errors: Errors, steps: Float[Array, " directions"]) -> T:
+    """Returns `tree` with its numbers changed by so many standard deviations in each direction."""
+    # A number that the tree does not have is refused by `with_values`, with the nearest name.
+    known, off = paths(tree), steps @ errors.directions
+    changes = zip(errors.paths, off, strict=True)
+    return with_values(tree, {path: known.get(path, 0) + change for path, change in changes})
+
+
+def check_errors(errors: Errors, material: object) -> None:
+    """Raises `ValueError` unless the errors fit the material.
+
+    They must be of single numbers that the material has, and cover each series entirely.
+    """
+    known = paths(material)
+    single = [path for path, value in known.items() if not value.ndim]
+    # Errors of a series are correlated: a part of them would give a wrong covariance.
+    series = {path.rpartition("[")[0] for path in errors.paths} & {*known}
+    for path in errors.paths:
+        if path not in single:
+            raise ValueError(f"{path!r} is not a number of the material; {nearest(path, single)}")
+    for path in single:
+        if path.rpartition("[")[0] in series and path not in errors.paths:
+            raise ValueError(
+                f"{path!r} of the material is missing: these errors seem to belong to another "
+                "material."
+            )
+
+
+def write_errors(path: str | os.PathLike, errors: Errors) -> None:
+    """Writes errors to a CSV file, with all digits."""
+    text = io.StringIO()
+    csv.writer(text).writerows([errors.paths, *np.asarray(errors.directions).tolist()])
+    write_whole(path, text.getvalue())
+
+
+def read_errors(path: str | os.PathLike) -> Errors:
+    """Returns what `write_errors` or `graded-contact fit` wrote, bit for bit.
+
+    **Arguments:**
+
+    - `path`: of the CSV file.
+
+    **Returns:** the errors, for `propagate`.
+
+    **Raises:** `FileNotFoundError`; `ValueError` for anything else in the file, naming its line.
+    """
+    content = read_file(path, _LARGEST)
+    with within(f"`path={path}`:"):
+        try:
+            text = io.StringIO(content.decode("utf-8-sig"), newline="")
+            names, *lines = list(csv.reader(text)) or [[]]
+        except csv.Error as error:
+            raise ValueError(f"{error}.") from error
+        rows = []
+        for number, line in enumerate(lines, start=2):
+            if line and len(line) != len(names):
+                raise ValueError(f"line {number} has {len(line)} numbers under {len(names)} paths.")
+            with within(f"line {number}:"):
+                rows += [[float(word) for word in line]] if line else []
+        return Errors(tuple(names), np.reshape(rows, (len(rows), len(names))))

@@ -1,0 +1,284 @@
+"""From measured heights to a surface: crop, level, fill holes, make periodic.
+
+What is done to the data is recorded, in order, in `Surface.history`, and what it does to the
+roughness in `Surface.steps`.
+
+A part of a rough surface is made periodic by subtracting a harmonic function (L. Moisan, J. Math.
+Imaging Vis. 39 (2011) 161, doi:10.1007/s10851-010-0227-1): among all functions that jump by as much
+from one edge to the opposite one, it has the smallest slopes. Waves are joined within their own
+length of an edge. There they lose some slope, which a common factor restores.
+"""
+
+import dataclasses
+import functools
+from typing import Literal
+
+import numpy as np
+from jaxtyping import ArrayLike
+
+from ..core.checks import Numbers, check_types, check_whole
+from ..core.display import with_unit
+from ..fields.grid import Grid
+from .holes import fill_holes, grown, region_note
+from .rescaling import resample
+from .surface import Step, Surface, step
+
+TAPER = 0.1  # length of the window's flank at either end of an axis, relative to the axis
+MOST = 1.1  # factor that restores the slope: on forms without roughness it would have no limit
+Periodic = Literal["harmonic", "mirror", "window", "open"]
+Fill = Literal["low", "harmonic"]
+LARGEST = 1e5  # [m], higher than any mountain
+
+
+@check_types
+def surface_from_heights(
+    heights: ArrayLike,
+    size: Numbers,
+    *,
+    periodic: Periodic | None = "harmonic",
+    shape: int | tuple[int, ...] | None = None,
+    region: Numbers | None = None,
+    fill: Fill | None = "low",
+    rim: int = 0,
+    history: tuple[str, ...] = (),
+    steps: tuple[Step, ...] = (),
+) -> Surface:
+    """Returns measured heights as a periodic surface of zero mean.
+
+    In this order: a region is cut out; a least-squares plane through the measured points is
+    subtracted (not with `periodic` None, where it would open a seam, or "open"); missing points are
+    filled; the edges are made to meet; the surface is resampled. `Surface.measured` marks what was
+    filled or tapered, and `Surface.steps` holds the roughness after each step.
+
+    **Arguments:**
+
+    - `heights`: [m], shape `(nx, ny)` or `(nx,)`; NaN, infinite or masked where missing.
+    - `size`: edge lengths [m], shape `(ndim,)`; one number means a square.
+    - `periodic`: `"harmonic"` subtracts the smooth function that has the jumps between opposite
+      edges, and restores the rms slope; `"mirror"` reflects, which doubles each axis: all heights
+      remain, with kinks at the seams; `"window"` multiplies by a cosine-flanked (Tukey) window
+      that falls to zero over the outer tenth at either end of each axis, then scales the heights to
+      restore their rms; `"open"` keeps heights and tilt, and the body ends at the edges: a window
+      (`Surface.periodic` is False), such as of an indenter; None uses the heights unchanged and
+      refuses them if the edges do not meet.
+    - `shape`: number of points of the result; None uses that of the data.
+    - `region`: the part to use, `[x0, x1, y0, y1]` or for a profile `[x0, x1]` [m] from the first
+      point; None uses all. If points are missing, the history names the largest complete part.
+    - `fill`: `"low"` lets the surface sink from the heights around a hole towards the lowest
+      measured ones, somewhat steeper than it is rough, which keeps it out of contact; `"harmonic"`
+      solves Laplace's equation, the smoothest that joins the heights around; None refuses missing
+      points.
+    - `rim`: how many rings of measured points around each hole to discard with it. Optical
+      instruments report spikes there, which the filling would continue; the history has a
+      warning when the rims are much rougher.
+    - `history`, `steps`: to begin those of the surface with.
+
+    **Returns:** the surface, with its history.
+
+    **Raises:** `ValueError` for a refused argument.
+    """
+    check_whole("rim", rim, 0)
+    values = np.ma.filled(np.ma.asarray(heights, float), np.nan)
+    values = np.where(np.isfinite(values), values, np.nan)
+    edges = np.asarray(Grid(values.shape, size).size, float)  # refuses a wrong number of axes
+    _check_measured(values[np.isfinite(values)])
+    highest = np.nanmax(np.abs(values))
+    if highest > LARGEST:
+        raise ValueError(f"`heights` reach {highest:.3g} m: damaged, or of another `unit`.")
+    prepared = _Prepared(values, edges / np.array(values.shape), list(history), list(steps))
+    prepared.record("equally spaced" if steps else "read")
+    if region is not None:
+        prepared.crop(region)
+    prepared.level(rim, tilted=periodic in (None, "open"))
+    if prepared.num_missing:
+        prepared.fill(fill, rim)
+    surface = prepared.closed(periodic)
+    return surface if shape is None else resample(surface, shape)
+
+
+@dataclasses.dataclass
+class _Prepared:
+    """Heights [m] at points of distance `spacing` [m], and the steps so far."""
+
+    values: np.ndarray
+    spacing: np.ndarray
+    notes: list[str]
+    rows: list[Step]
+
+    def record(self, name: str) -> None:
+        self.rows.append(step(name, self.values, self.spacing))
+
+    def crop(self, region: Numbers) -> None:
+        self.values = self.values[_part(region, self.values.shape, self.spacing)]
+        points = " x ".join(map(str, self.values.shape))
+        self.notes.append(f"Cut out `region={np.asarray(region).tolist()}`, {points} points.")
+        self.record("cropped")
+
+    def level(self, rim: int, *, tilted: bool) -> None:
+        """Counts rims as missing, and subtracts the plane or, if it stays `tilted`, the mean."""
+        self.missing = np.isnan(self.values)
+        self.num_missing = int(np.sum(self.missing))
+        self.missing = grown(self.missing, rim)
+        known = self.values[~self.missing]
+        _check_measured(known)
+        plane, slopes = _plane(self.values, self.missing, self.spacing)
+        # That of the roughness, with which rims of holes are compared.
+        self.spread = float(np.std((self.values - plane)[~self.missing]))
+        if self.spread <= 1e-12 * np.max(np.abs(known)):
+            raise ValueError("`heights` is a plane: no roughness is left after levelling.")
+        if tilted:
+            self.values = self.values - np.mean(known)
+            return
+        self.values = self.values - plane
+        slope = ", ".join(f"{value:.3g}" for value in slopes)
+        self.record("tilt removed")
+        left = self.rows[-1]
+        self.notes.append(
+            f"Subtracted a plane of slope ({slope}): rms height {with_unit(left.rms_height, 'm')} "
+            f"and slope {left.rms_slope:.3g} are left."
+        )
+
+    def fill(self, fill: str | None, rim: int) -> None:
+        missing, count = self.missing, self.num_missing
+        if fill is None:
+            raise ValueError(f"`heights` has {count} missing points; pass `fill='low'`.")
+        around = np.sqrt(np.mean(self.values[grown(missing, 1) & ~missing] ** 2))
+        self.values = fill_holes(self.values, missing, self.spacing, fill == "low")
+        how = "below their surroundings, so that they do not touch"
+        note = (
+            f"Filled {count} missing points ({100 * count / missing.size:.2g} %)"
+            f"{f', with {rim} ring(s) of measured points around them,' if rim else ''} "
+            f"{how if fill == 'low' else 'with harmonic functions'}."
+        )
+        if around > 3 * self.spread:
+            note += (
+                f" Their rims stand out: their rms height of {around:.3g} m is "
+                f"{around / self.spread:.2g} times that of all measured points. They may be "
+                f"artefacts, see `rim={rim + 1}`."
+            )
+        self.notes += [region_note(missing, self.spacing), note]
+        self.record("filled")
+
+    def join(self) -> None:
+        """Subtracts the harmonic function that has the jumps at the edges."""
+        before = step("", self.values, self.spacing)
+        joint = _harmonic(self.values, self.spacing / np.min(self.spacing))
+        self.values = self.values - joint
+        after = step("", self.values, self.spacing)
+        if after.rms_height <= 1e-12 * before.rms_height:
+            raise ValueError("`heights` has no roughness left after its edges were joined.")
+        factor = min(before.rms_slope / after.rms_slope, MOST)
+        self.values = factor * self.values
+        self.notes.append(
+            "Joined opposite edges by subtracting a harmonic function of rms height "
+            f"{with_unit(float(np.std(joint)), 'm')} (of {with_unit(before.rms_height, 'm')}) and "
+            f"multiplied the heights by {factor:.4g} to restore the rms slope."
+        )
+        self.record("joined")
+
+    def closed(self, periodic: str | None) -> Surface:
+        """The surface with joined edges."""
+        measured = np.where(self.missing, 0.0, 1.0)
+        if periodic == "harmonic":
+            self.join()
+        elif periodic == "window":
+            self.values, taper, factor = _window(self.values)
+            measured = measured * taper
+            self.notes.append(
+                f"Tapered the outer {100 * TAPER:g} % at either end of each axis to zero (Tukey "
+                f"window) and multiplied the heights by {factor:.4g} to keep the rms height."
+            )
+            self.record("tapered")
+        elif periodic == "mirror":
+            width = [(0, n) for n in self.values.shape]
+            self.values = np.pad(self.values, width, "symmetric")
+            measured = np.pad(measured, width, "symmetric")
+            self.notes.append("Reflected about the end of each axis, doubling it.")
+            self.record("mirrored")
+        elif periodic == "open":
+            self.notes.append("Taken as a body that ends at the edges.")
+        else:
+            _check_seams(self.values)
+            self.notes.append("Taken as periodic.")
+        return Surface(
+            heights=self.values - np.mean(self.values),
+            grid=Grid(self.values.shape, self.spacing * np.array(self.values.shape)),
+            history=tuple(self.notes),
+            measured=None if np.all(measured == 1) else measured,
+            steps=tuple(self.rows),
+            periodic=periodic != "open",
+        )
+
+
+def _check_measured(known: np.ndarray) -> None:
+    if known.size < 4:
+        raise ValueError(f"`heights` has {known.size} measured points; at least 4 are needed.")
+
+
+def _part(region: Numbers, shape: tuple[int, ...], spacing: np.ndarray) -> tuple[slice, ...]:
+    """The points in a region [m]."""
+    limits, size = np.asarray(region, float), spacing * np.array(shape)
+    if limits.shape == (2 * len(shape),) and np.all(np.isfinite(limits)):
+        ends = np.rint(limits.reshape(-1, 2) / spacing[:, None]).astype(int)
+        if np.all(ends >= 0) and np.all(ends[:, 1] <= shape) and np.all(np.diff(ends) >= 4):
+            return tuple(slice(first, last) for first, last in ends)
+    raise ValueError(
+        f"`region={limits.tolist()}` is refused: {['[x0, x1]', '[x0, x1, y0, y1]'][size.size - 1]} "
+        f"[m] must lie in the map of {' x '.join(f'{s:.4g}' for s in size)} m and hold at least 4 "
+        "points along each axis."
+    )
+
+
+def _plane(
+    values: np.ndarray, missing: np.ndarray, spacing: np.ndarray
+) -> tuple[np.ndarray, np.ndarray]:
+    """The least-squares plane through the measured points, and its slopes [1]."""
+    # About the middle, where mean and slopes are independent unless points are missing.
+    axes = [(np.arange(n) + 0.5) / n - 0.5 for n in values.shape]
+    columns = [np.broadcast_to(x, values.shape) for x in np.meshgrid(*axes, indexing="ij")]
+    basis = np.stack([np.ones(values.shape), *columns], axis=-1)
+    coefficients = np.linalg.lstsq(basis[~missing], values[~missing])[0]
+    return basis @ coefficients, coefficients[1:] / (spacing * np.array(values.shape))
+
+
+def _harmonic(values: np.ndarray, spacing: np.ndarray) -> np.ndarray:
+    """The periodic solution of ∇²s = what the jumps at the edges add to ∇² of the heights."""
+    jumps, symbol = np.zeros(values.shape), np.zeros(values.shape)
+    for axis, (n, apart) in enumerate(zip(values.shape, spacing, strict=True)):
+        ends = np.moveaxis(jumps, axis, 0)
+        first, last = np.take(values, 0, axis), np.take(values, -1, axis)
+        ends[0] += (last - first) / apart**2
+        ends[-1] += (first - last) / apart**2
+        waves = (2 * np.cos(2 * np.pi * np.arange(n) / n) - 2) / apart**2
+        symbol += np.expand_dims(waves, [a for a in range(values.ndim) if a != axis])
+    symbol.flat[0] = 1.0  # the mean of the jumps is zero
+    return np.real(np.fft.ifftn(np.fft.fftn(jumps) / symbol))
+
+
+def _window(values: np.ndarray) -> tuple[np.ndarray, np.ndarray, float]:
+    """The tapered heights with their rms restored, the window, and the factor that restored it."""
+    x = [(np.arange(n) + 0.5) / n for n in values.shape]
+    flanks = [np.minimum(np.minimum(x, 1 - x) / TAPER, 1) for x in x]
+    window = functools.reduce(np.multiply.outer, [np.sin(np.pi / 2 * f) ** 2 for f in flanks])
+    tapered = window * (values - np.mean(values))
+    if np.std(tapered) <= 1e-6 * np.std(values):
+        raise ValueError("`heights` vary only at the edges, where the window is zero.")
+    factor = float(np.std(values) / np.std(tapered))
+    return factor * tapered, window, factor
+
+
+def _check_seams(values: np.ndarray) -> None:
+    """Refuses heights whose step across the seam is unlike the steps inside."""
+    for axis, name in zip(range(values.ndim), "xy", strict=False):
+        steps = np.diff(values, axis=axis)
+        seam = np.take(values, 0, axis) - np.take(values, -1, axis)
+        inside, across = np.sqrt(np.mean(steps**2)), np.sqrt(np.mean(seam**2))
+        # Twice is beyond chance for a rough edge; a profile has one seam step, which scatters.
+        limit = 2 + 3 / np.sqrt(seam.size)
+        if across > limit * inside:
+            raise ValueError(
+                f"`periodic=None` is refused: along {name} the heights jump by {across:.3g} m from "
+                f"the last point to the first, {across / max(inside, 1e-300):.3g} times the step "
+                f"between neighbours (the limit is {limit:.3g}). Leave out `periodic`, or pass "
+                "`periodic='mirror'`."
+            )

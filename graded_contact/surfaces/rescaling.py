@@ -1,0 +1,82 @@
+"""The same surface with other heights, or on another number of points."""
+
+from functools import partial
+
+import jax
+import numpy as np
+from jax import Array
+from jaxtyping import ScalarLike
+
+from ..core.checks import check_positive, check_types, is_concrete
+from ..core.memory import SURFACE, check_memory
+from ..fields.devices import num_devices
+from ..fields.grid import Grid, resample_spectrum, to_field, to_spectrum
+from .spectrum import check_square, one_of_height_and_slope
+from .statistics import statistics
+from .surface import Surface, check_periodic, step
+
+
+@check_types
+def rescale(
+    surface: Surface, *, rms_height: ScalarLike | None = None, rms_slope: ScalarLike | None = None
+) -> Surface:
+    """Returns the surface with its heights multiplied to have this rms height [m] or slope [1].
+
+    **Arguments:**
+
+    - `surface`: not flat.
+    - `rms_height` [m] or `rms_slope` [1]: the new value.
+
+    **Returns:** the surface of other heights.
+    """
+    name, target = one_of_height_and_slope(rms_height, rms_slope)
+    check_square(name, target)
+    actual = getattr(statistics(surface), name)
+    check_positive(f"statistics(surface).{name}", actual, "(a flat surface cannot be rescaled)")
+    heights, note = surface.heights * (target / actual), f"Multiplied to prescribe the {name}."
+    return _changed(surface, "rescaled", note, heights, surface.grid, surface.measured)
+
+
+@check_types
+def resample(surface: Surface, shape: int | tuple[int, ...]) -> Surface:
+    """Returns the surface on another number of points of the same cell, by its Fourier modes.
+
+    A finer grid interpolates (modes on the old Nyquist lines are dropped); a coarser one loses the
+    waves that it cannot hold.
+
+    **Arguments:**
+
+    - `surface`: any.
+    - `shape`: number of points along each edge.
+
+    **Returns:** the surface on the other grid, of the same size.
+    """
+    check_periodic(surface)
+    old = surface.grid.shape
+    if np.size(shape) != len(old):
+        raise ValueError(f"`shape={shape}` is refused: {len(old)} whole numbers are needed.")
+    grid = Grid(shape, surface.grid.size)
+    if grid.shape == old:
+        return surface
+    parts, itemsize = num_devices(grid.size), grid.size.dtype.itemsize
+    check_memory("shape", "a surface", SURFACE, grid.shape, itemsize, parts)
+    pairs = zip(old, grid.shape, strict=True)
+    nearest = np.ix_(*(np.rint(np.arange(m) * (n / m)).astype(int) % n for n, m in pairs))
+    measured = None if surface.measured is None else surface.measured[nearest]
+    note = f"Resampled from {old} to {grid.shape} points by Fourier modes."
+    heights = _resampled(surface.heights, grid.shape)
+    return _changed(surface, "resampled", note, heights, grid, measured)
+
+
+@partial(jax.jit, static_argnums=1)
+def _resampled(heights: Array, shape: tuple[int, ...]) -> Array:
+    modes = resample_spectrum(to_spectrum(heights), heights.shape, shape)
+    return to_field(modes, shape) * (np.prod(shape) / heights.size)
+
+
+def _changed(surface: Surface, name: str, note: str, heights, grid: Grid, measured) -> Surface:
+    """The surface after a step, which its history and its steps (if recorded) get too."""
+    steps = surface.steps
+    if steps and is_concrete(heights):
+        steps = (*steps, step(name, heights, grid.spacing))
+    return Surface(heights, grid, (*surface.history, note), measured, steps, surface.periodic)

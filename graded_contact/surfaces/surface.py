@@ -1,0 +1,109 @@
+"""Rough surfaces: heights h [m] that point into the solid, on a grid."""
+
+from typing import NamedTuple
+
+import equinox as eqx
+import numpy as np
+from jax import Array
+from jaxtyping import Float
+
+from ..core.checks import Numbers, as_float, check_shape, check_type, check_values
+from ..core.display import shown
+from ..core.warnings import caveats_of_steps
+from ..fields.devices import spread
+from ..fields.grid import Grid
+
+
+@shown()
+class Step(NamedTuple):
+    """The roughness after one step of reading a measured surface, see `step`.
+
+    **Fields:**
+
+    - `name`: of the step.
+    - `rms_height`: about the mean [m].
+    - `rms_slope`: between neighbouring measured points [1].
+    - `peak`: the largest distance from the mean over the rms height [1].
+    - `missing`: the share of points without a height [1].
+    """
+
+    name: str
+    rms_height: float
+    rms_slope: float
+    peak: float
+    missing: float
+
+
+@shown("grid", "heights", "periodic", "measured", "history", "caveats", units=False)
+class Surface(eqx.Module):
+    """Heights of a rough surface: periodic, or on a window with no pressure around it.
+
+    **Fields:**
+
+    - `heights`: h [m], shape `grid.shape`. The mean need not be zero; contact ignores it.
+    - `grid`: the periodic cell, or the window.
+    - `history`: the changes of the heights, one sentence each. Static.
+    - `measured`: how much of each height was measured [1], shape `grid.shape`: 1 as measured, 0
+      invented to fill a hole, the factor of the window where tapered; None: all alike.
+    - `steps`: the roughness after every step of reading. Static.
+    - `periodic`: whether the surface repeats. If not, as an indenter or the edge of a block, the
+      block's surface around the window is free of load. Static.
+    """
+
+    heights: Float[Array, "*shape"]
+    grid: Grid
+    history: tuple[str, ...] = eqx.field(static=True)
+    # Not Boolean: `jax.grad` by a surface needs numbers in every leaf.
+    measured: Float[Array, "*shape"] | None
+    steps: tuple[Step, ...] = eqx.field(static=True)
+    periodic: bool = eqx.field(static=True)
+
+    def __init__(
+        self,
+        heights: Numbers,
+        grid: Grid,
+        history: tuple[str, ...] = (),
+        measured: Numbers | None = None,
+        steps: tuple[Step, ...] = (),
+        periodic: bool = True,
+    ):
+        check_type("grid", grid, Grid)
+        check_type("periodic", periodic, bool)
+        check_type("history", history, tuple)
+        self.grid, self.history, self.steps, self.periodic = grid, history, steps, periodic
+        self.heights = _on_grid("heights", heights, grid)
+        check_values("heights", self.heights, "heights must be finite numbers [m]")
+        self.measured = None if measured is None else _on_grid("measured", measured, grid)
+        if self.measured is not None:
+            reason = "a share lies between 0 and 1"
+            check_values("measured", self.measured, reason, at_least=0, at_most=1)
+
+    @property
+    def caveats(self) -> tuple[str, ...]:
+        """Warnings about contact on this surface, one sentence each."""
+        return caveats_of_steps(self.steps, np.asarray(self.grid.size).tolist())
+
+
+def check_periodic(surface: Surface) -> None:
+    """Raises `ValueError` for a surface on a window."""
+    if not surface.periodic:
+        raise ValueError("`surface` is on a window (`periodic=False`); a periodic one is needed.")
+
+
+def _on_grid(name: str, field: Numbers, grid: Grid) -> Array:
+    """A field of the grid, on its devices."""
+    field = as_float(field, name)
+    check_shape(name, field, grid.shape)
+    return spread(field, grid.size)
+
+
+def step(name: str, heights: Numbers, spacing: Numbers) -> Step:
+    """Returns the roughness of heights [m], NaN where missing, at distances `spacing` [m]."""
+    values = np.asarray(heights, float)
+    deviation = values - np.nanmean(values)
+    rms = float(np.sqrt(np.nanmean(deviation**2)))
+    slopes = (np.diff(values, axis=axis) / apart for axis, apart in enumerate(np.asarray(spacing)))
+    squares = [np.mean(slope[np.isfinite(slope)] ** 2) for slope in slopes]
+    peak = float(np.nanmax(np.abs(deviation)) / rms) if rms > 0 else 0.0
+    missing = float(np.mean(np.isnan(values)))
+    return Step(name, rms, float(np.sqrt(np.sum(squares))), peak, missing)

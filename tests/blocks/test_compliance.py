@@ -1,0 +1,207 @@
+import hypothesis.strategies as st
+import jax
+import jax.numpy as jnp
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from mpmath import mp, mpc, mpf
+from oracles import elasticities
+from stored import cases_of, complex_of
+
+import graded_contact as gc
+
+
+def real_if_real(values):
+    values = np.array(values, complex)
+    return values.real if not values.imag.any() else values
+
+
+def evaluate(case):
+    """The package's M_zz for a stored case; its moduli are fed as they stand."""
+    layers = case["layers"][::-1]  # stored from the substrate upwards
+    substrate = case["substrate"]
+    if substrate["kind"] == "halfspace":
+        base = (
+            real_if_real(complex_of(substrate["E"])),
+            real_if_real(complex_of(substrate["nu"])),
+        )
+    else:
+        base = {"rigid": gc.Rigid(), "free": gc.Free()}[substrate["kind"]]
+    mp.dps = 40
+    q = float(mp.sqrt(sum(mpf(component) ** 2 for component in case["q"])))
+    return complex(
+        gc.layered_compliance(
+            q,
+            np.array([float(layer["d"]) for layer in layers]),
+            np.array([complex_of(layer["E"]) for layer in layers]),
+            real_if_real([complex_of(layer["nu"]) for layer in layers]),
+            base,
+        )
+    )
+
+
+def test_stored_cases_are_met_to_1e_14():
+    """mpmath at 50 digits: slabs, coatings and stacks up to 300 layers on the three bases."""
+    errors = {}
+    for case in cases_of("compliance"):
+        expected = mpc(*map(mpf, case["M_zz"]))
+        errors[case["id"]] = float(abs(mpc(evaluate(case)) - expected) / abs(expected))
+    worst = max(errors, key=errors.get)
+    assert errors[worst] <= 1e-14, (worst, errors[worst])
+    assert len(errors) >= 50
+
+
+def test_properties_may_vary_with_frequency_or_not():
+    """Moduli of shape (n,) and (n, *w) mean the same where they are the same."""
+    q, d = np.geomspace(1e2, 1e5, 7), np.full(6, 1e-4)
+    e, nu = np.linspace(1e6, 2e6, 6) + 1e5j, np.linspace(0.2, 0.5, 6)
+    plain = gc.layered_compliance(q, d, e, nu, (1e7, 0.3))
+    wide_e, wide_nu = (np.broadcast_to(x[:, None], (6, 7)) for x in (e, nu))
+    for moduli in ((wide_e, nu), (e, wide_nu)):
+        found = gc.layered_compliance(q, d, *moduli, (1e7, 0.3))
+        np.testing.assert_allclose(found, plain, rtol=4e-15)
+
+
+def stack_of(thicknesses, e0=6e6, tau=1e-3):
+    rubber = gc.Prony(e0, [9 * e0], [tau], 0.49)
+    skin = gc.Elastic(2 * e0, 0.3)
+    layers = tuple(gc.Layer(skin if i % 2 else rubber, d) for i, d in enumerate(thicknesses))
+    return gc.Stack(layers=layers, base=gc.HalfSpace(gc.tyre_tread(0.48)))
+
+
+def test_thickness_zero_is_no_layer():
+    q, omega = np.geomspace(1, 1e7, 20), np.geomspace(1e-3, 1e9, 20)
+    with_nothing = gc.surface_compliance(stack_of([1e-4, 0.0]), q, omega)
+    without = gc.surface_compliance(stack_of([1e-4]), q, omega)
+    np.testing.assert_allclose(with_nothing, without, rtol=1e-15)
+
+
+def test_effective_modulus_of_a_half_space_is_the_plane_strain_modulus():
+    tread, omega = gc.tyre_tread(0.45), jnp.geomspace(1e-2, 1e8, 11)
+    value = gc.effective_modulus(gc.Stack(base=gc.HalfSpace(tread)), 123.0, omega)
+    np.testing.assert_allclose(value, tread.modulus(omega) / (1 - 0.45**2), rtol=1e-15)
+
+
+positive = st.floats(-2, 2).map(lambda x: 10.0**x)
+
+
+@settings(max_examples=50)
+@given(
+    d=st.tuples(positive, positive),
+    omega=positive,
+    q=positive,
+    lossless=st.booleans(),
+)
+def test_compliance_is_passive_and_hermitian(d, omega, q, lossless):
+    """Im M <= 0 for ω > 0 (fields exp(iωt)), M(-ω) = conj M(ω), Re M > 0."""
+    stack = stack_of([1e-4 * x for x in d])
+    forward = complex(gc.surface_compliance(stack, 1e4 * q, 1e3 * omega))
+    backward = complex(gc.surface_compliance(stack, 1e4 * q, -1e3 * omega))
+    assert backward == forward.conjugate()
+    assert forward.imag <= 0
+    assert forward.real > 0
+
+
+@pytest.mark.parametrize("shape", [(16, 12), (15, 9)])
+def test_kernel_of_a_scalar_velocity_is_that_of_the_vector_along_x(shape):
+    grid = gc.Grid(shape, (1e-2, 2e-2))
+    stack = stack_of([1e-3])
+    np.testing.assert_allclose(
+        gc.stack_kernel(stack, grid, 0.3), gc.stack_kernel(stack, grid, [0.3, 0.0]), rtol=1e-15
+    )
+
+
+def test_kernel_of_elastic_materials_is_real():
+    stack = gc.Stack(layers=(gc.Layer(gc.Elastic(1e6), 1e-3),), base=gc.Rigid())
+    kernel = gc.stack_kernel(stack, gc.Grid((8, 8), 1e-2), 0.3)
+    assert jnp.issubdtype(kernel.dtype, jnp.floating)
+
+
+@pytest.mark.parametrize("num_layers", [0, 6])
+def test_gradient_by_every_leaf_matches_central_differences(num_layers):
+    def value(stack, q, omega):
+        m = gc.surface_compliance(stack, q, omega)
+        return 1e12 * (m.real + 3 * m.imag)
+
+    stack = stack_of(np.geomspace(1e-5, 1e-3, num_layers))
+    arguments = (stack, jnp.asarray(2e4), jnp.asarray(50.0))
+    scale = abs(float(value(*arguments)))
+    for slope, difference in elasticities(value, arguments):
+        assert abs(difference - slope) <= 1e-7 * abs(slope) + 3e-10 * scale
+
+
+def test_soft_films_under_a_free_plate_do_not_spoil_its_derivatives():
+    """Their tractions vanish against those above, and once came of a difference of large ones.
+
+    Expected: mpmath at 200 digits, central differences of step 1e-40.
+    """
+    thickness, modulus = [1.2e-2, 5.2e-11, 2.5e-11], [6e8, 3.9e3, 0.4]
+    arguments = (1.0, *map(np.array, (thickness, modulus, [0.5, 0.438, 0.5])))
+    by_q, by_d, by_e, _ = jax.grad(
+        lambda *p: gc.layered_compliance(*p, gc.Free()), argnums=(0, 1, 2, 3)
+    )(*arguments)
+    assert abs(by_q / -0.0347227222222195 - 1) < 1e-14
+    expected = [-2.1701597217648527, -1.3090948810619722e-05, -1.4467731849778193e-09]
+    np.testing.assert_allclose(by_d, expected, rtol=2e-14)
+    expected = [-1.4468009268399845e-11, -1.7454598262866738e-19, -9.042332368434083e-20]
+    np.testing.assert_allclose(by_e, expected, rtol=1e-14)
+
+
+def test_float32_gradients_have_the_right_sign_and_size():
+    """In pascals and metres a careless backward pass overflows float32, silently."""
+
+    def slopes(dtype):
+        stack = jax.tree.map(lambda x: x.astype(dtype), stack_of([2e-5]))
+        q, omega = jnp.asarray(1e5, dtype), jnp.asarray(1e4, dtype)
+        return jax.grad(lambda s: gc.surface_compliance(s, q, omega).real)(stack)
+
+    for single, double in zip(
+        jax.tree.leaves(slopes(jnp.float32)), jax.tree.leaves(slopes(jnp.float64)), strict=True
+    ):
+        assert single.dtype == jnp.float32
+        visible = np.abs(double) > 1e-4 * np.max(np.abs(double))
+        np.testing.assert_allclose(
+            np.where(visible, single, 0), np.where(visible, double, 0), rtol=1e-3
+        )
+
+
+def test_broadcasting_vmap_and_jit_give_the_same_numbers():
+    q, omega = np.geomspace(1e3, 1e5, 4)[:, None], np.geomspace(1, 1e3, 3)
+    thicknesses = jnp.array([1e-5, 1e-4, 1e-3])
+    one = lambda d: gc.surface_compliance(stack_of([1e-4, d]), q, omega)  # noqa: E731
+    batch = jax.vmap(one)(thicknesses)
+    np.testing.assert_allclose(batch, [one(d) for d in thicknesses], rtol=1e-15)
+    np.testing.assert_allclose(jax.jit(one)(thicknesses[1]), batch[1], rtol=1e-15)
+    alone = gc.surface_compliance(stack_of([1e-4, 1e-4]), q[2, 0], omega[1])
+    np.testing.assert_allclose(batch[1, 2, 1], alone, rtol=1e-15)
+
+
+@pytest.mark.parametrize(
+    ("arguments", "message"),
+    [
+        ((1.0, [1e-3], [1e6, 1e6], [0.3], gc.Rigid()), "`modulus` has shape"),
+        ((1.0, [1e-3], [0.0], [0.3], gc.Rigid()), "`modulus` contains 0"),
+        ((1.0, [1e-3], [1e6], [0.6], gc.Rigid()), r"`poisson\[0\]=0.6` is refused"),
+        ((1.0, [], [], [], gc.Free()), "`thickness` is empty"),
+    ],
+)
+def test_layered_compliance_refuses(arguments, message):
+    with pytest.raises(ValueError, match=message):
+        gc.layered_compliance(*arguments)
+
+
+def test_derivatives_beside_a_nan_keep_their_sign():
+    """What is computed once and stored passes a loop, which a first NaN makes run."""
+    d, e, nu = np.array([1e-4, 1e-3]), np.array([1e6 + 1e5j, 3e7]), np.array([0.5, 0.3])
+
+    @jax.jit
+    def slope(q):
+        compliance = lambda d: gc.layered_compliance(q, d, e, nu, (5e6, 0.4))  # noqa: E731
+        return jax.jvp(compliance, (jnp.asarray(d),), (jnp.ones(2),))[1]
+
+    q = jnp.array([1e2, 1e3, 1e4])
+    for place in range(3):
+        beside = np.arange(3) != place
+        found = slope(q.at[place].set(jnp.nan))
+        np.testing.assert_allclose(found[beside], slope(q)[beside], rtol=1e-12)
+        assert np.isnan(found[place])

@@ -1,0 +1,665 @@
+"""The command runs a scene, writes its results, and refuses bad input in one line."""
+
+import csv
+import dataclasses
+import errno
+import json
+import os
+import re
+import shutil
+import signal
+import stat
+import subprocess
+import sys
+import time
+import tomllib
+from pathlib import Path
+
+import equinox as eqx
+import jax
+import numpy as np
+import pytest
+from scene_texts import BARE as SCENE
+from typer.testing import CliRunner
+
+import graded_contact as gc
+from graded_contact import cli
+from graded_contact.command import run as scene_job
+from graded_contact.command import terminal as session
+from graded_contact.command.result_tables import with_error
+from graded_contact.scenes.results import kept_solves, read_results, solve_states, surface_of
+from graded_contact.scenes.run_scene import build_surface
+from graded_contact.scenes.scene import parse_scene, read_scene
+from graded_contact.scenes.theory import mean_field_at
+from graded_contact.sliding.case import Case
+from graded_contact.studies.dataset import write
+from graded_contact.studies.store import Store
+from graded_contact.surfaces.surface import Step
+
+CACHE_FOLDER = session.cache_folder
+
+
+@pytest.fixture(autouse=True, scope="module")
+def no_compilation_cache_and_coarse_figures():
+    """The cache is a setting of the process: other tests must not inherit it."""
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(session, "cache_folder", lambda: None)
+        patch.setitem(gc.plot.STYLE, "figure.dpi", 50)
+        yield
+
+
+def command(*arguments):
+    return CliRunner().invoke(cli.app, [str(argument) for argument in arguments])
+
+
+@pytest.fixture
+def no_contacts_drawn(monkeypatch):
+    monkeypatch.setattr(scene_job, "_contacts", lambda *_: ())
+
+
+@pytest.fixture(scope="module")
+def folder(tmp_path_factory):
+    folder = tmp_path_factory.mktemp("run")
+    (folder / "small.toml").write_text(SCENE)
+    result = command("run", folder / "small.toml", "--output", folder / "out")
+    assert result.exit_code == 0, result.output
+    (folder / "printed.txt").write_text(result.stdout)
+    return folder
+
+
+def test_a_run_writes_results_and_figures_and_prints_their_paths(folder):
+    printed = (folder / "printed.txt").read_text()
+    figures = ("contact", "dissipation", "distributions", "sweep")
+    names = [*(f"small-{figure}.png" for figure in figures), "small.csv", "small.h5"]
+    entries = sorted(path.name for path in (folder / "out").iterdir())
+    assert entries == [*names, "small.points"]
+    rows = (folder / "out" / "small.csv").read_text().splitlines()
+    assert rows[0].startswith("pressure [Pa],velocity [m/s],friction [1],") and len(rows) == 3
+    assert all(f"wrote {folder / 'out' / name}" in printed for name in names)
+    picture = (folder / "out" / "small-sweep.png").read_bytes()
+    assert picture.startswith(b"\x89PNG")
+    caption = "(a) friction coefficient against sliding velocity; (b) contact area fraction"
+    assert caption in printed and caption.encode() in picture
+
+
+def test_file_csv_table_and_info_hold_the_same_numbers(folder):
+    results = read_results(folder / "out" / "small.h5")
+    assert np.all(results.message == "") and results.attrs["scene"] == SCENE
+    assert np.all(results.friction_error > 0) and results.friction_error.units == "1"
+    with open(folder / "out" / "small.csv", newline="") as file:
+        written = list(csv.DictReader(file))
+    printed = (folder / "printed.txt").read_text().splitlines()
+    rows = [line.split() for line in printed if line.strip()[:1].isdigit()]
+    assert [row[0] for row in rows] == ["1.000e-02", "1.000e+00"]
+    np.testing.assert_allclose([float(row[2]) for row in rows], results.friction[0], rtol=1e-3)
+    info = command("info", folder / "out" / "small.h5")
+    assert info.exit_code == 0 and "float64" in info.stdout
+    written_errors = [float(row["friction_error [1]"]) for row in written]
+    np.testing.assert_array_equal(written_errors, results.friction_error[0])
+    for error in results.friction_error.values[0]:
+        assert f"{error:.1e}" in "".join(printed) and f"{error:.1e}" in info.stdout
+
+
+def test_caveats_and_the_steps_of_reading_are_printed(folder, tmp_path):
+    results = read_results(folder / "out" / "small.h5")
+    steps = (Step("read", 1e-6, 0.2, 4.0, 0.31), Step("filled", 1e-6, 0.2, 4.0, 0.0))
+    write(tmp_path / "a.h5", results.assign_attrs(surface_steps=json.dumps(steps)))
+    printed = " ".join(command("info", tmp_path / "a.h5").stdout.split())
+    for text in ("read 1 µm 0.2 4 31.0%", "(1) 31% of the points were not measured"):
+        assert text in printed
+
+
+def test_a_solve_that_does_not_converge_warns_and_exits_with_1(tmp_path, no_contacts_drawn):
+    (tmp_path / "scene.toml").write_text(
+        SCENE + "[solver]\nmax_steps = 2\n[output]\nfields='every'\n"
+    )
+    result = command("run", tmp_path / "scene.toml", "-o", tmp_path)
+    assert result.exit_code == 1
+    assert "2 of 2 solves did not converge" in " ".join(result.stderr.split())
+    assert "max_steps" in result.stderr and "throw" not in result.stderr
+    assert result.stdout.count("not converged") == 2
+    results = read_results(tmp_path / "scene.h5")
+    assert np.all(results.error > 1e-6) and len(kept_solves(results)) == 2
+    assert results.gap.shape == (1, 2, 32, 32) and results.attrs["num_converged"] == 0
+
+
+def test_what_is_refused_is_one_message_and_exit_code_2(tmp_path):
+    (tmp_path / "scene.toml").write_text(SCENE.replace("8e4", "8e9"))
+    (tmp_path / "a.h5").write_text("not HDF5")
+    for words, expected in (
+        (("run", tmp_path / "scene.toml", "-o", tmp_path / "out"), "`q_high=8e+09` is refused"),
+        (("run", tmp_path / "none.toml"), "none.toml"),
+        (("info", tmp_path / "a.h5"), "a.h5"),
+    ):
+        result = command(*words)
+        assert result.exit_code == 2 and expected in result.stderr
+        assert "Traceback" not in result.output
+
+
+def test_a_dry_run_prints_what_was_read_and_refuses_what_a_run_would(tmp_path):
+    (tmp_path / "a.toml").write_text(
+        f"{SCENE}[[layers]]\nmaterial = 'tread'\nthickness = 50\n[design]\nwords = 1\n"
+    )
+    result = command("run", tmp_path / "a.toml", "--dry-run", "-o", tmp_path / "out")
+    assert result.exit_code == 0 and not (tmp_path / "out").exists()
+    for text in (
+        "surface: 1 mm x 1 mm, rms height", "rms slope 0.2", "contact solves 2",
+        "layers[0]: The thickness of 50 m is unusual (usual are 1 nm to 1 m): check units.",
+        "[design] is not used by this command",
+        "thickness [m] 50", "velocity [m/s] 0.01, 1",
+    ):  # fmt: skip
+        assert text in " ".join(result.stdout.split())
+    table = "f [Hz],E' [Pa],E'' [Pa]\n" + "".join(f"{f},{1e6 + f},1e5\n" for f in range(1, 9))
+    (tmp_path / "dma.csv").write_text(table)
+    (tmp_path / "b.toml").write_text(SCENE.replace('"tyre_tread"', '"tabulated"\npath = "dma.csv"'))
+    for option in ([], ["--dry-run"]):
+        result = command("run", tmp_path / "b.toml", "-o", tmp_path / "out", *option)
+        assert result.exit_code == 2 and "velocity" in result.stderr
+
+
+def test_seeds_are_means_with_their_error_and_every_one_if_asked(tmp_path, no_contacts_drawn):
+    text = SCENE.replace("hurst = 0.8", "hurst = 0.8\nseeds = 3").replace("[32, 32]", "[16, 16]")
+    (tmp_path / "s.toml").write_text(text.replace("8e4", "4e4"))
+    arguments = ("run", tmp_path / "s.toml", "-o", tmp_path)
+    result = command(*arguments, "--map", "velocity=0.02", "--map", "seed=1")
+    assert result.exit_code == 0, result.output
+    assert "means of 3 surfaces ± standard error" in result.stdout
+    results = read_results(tmp_path / "s.h5")
+    assert kept_solves(results) == [(1, 0, 0)]
+    friction = results.friction.values
+    mean, error = friction.mean(0)[0], friction.std(0, ddof=1)[0] / 3**0.5
+    assert all(with_error(*pair) in result.stdout for pair in zip(mean, error, strict=True))
+    with open(tmp_path / "s.csv", newline="") as file:
+        rows = list(csv.DictReader(file))
+    assert [row["surfaces"] for row in rows] == ["3", "3"]
+    np.testing.assert_allclose([float(row["friction [1]"]) for row in rows], mean)
+    np.testing.assert_allclose([float(row["friction_seed_error [1]"]) for row in rows], error)
+    worst = [float(row["friction_error [1]"]) for row in rows]
+    np.testing.assert_allclose(worst, results.friction_error.values.max(0)[0])
+    result = command(*arguments, "--all-seeds")
+    rows = [line for line in result.stdout.splitlines() if line.strip()[:1].isdigit()]
+    assert len(rows) == 1 + 6  # "6 of 6 solves are found"
+    assert len((tmp_path / "s.csv").read_text().splitlines()) == 7
+    assert kept_solves(read_results(tmp_path / "s.h5")) == [(2, 0, 1)]
+    for option, expected in (("speed=1", "'speed' is no axis"), ("seed=a", "`--map seed=a`:")):
+        refused = command(*arguments, "--map", option)
+        assert refused.exit_code == 2 and expected in refused.stderr
+
+
+@pytest.fixture
+def rerun(folder, tmp_path, no_contacts_drawn):
+    """A copy of the run's folder, and what runs the scene there again."""
+    shutil.copytree(folder / "out", tmp_path / "out")
+
+    def run(*options, text=SCENE):
+        (tmp_path / "small.toml").write_text(text)
+        return command("run", tmp_path / "small.toml", "-o", tmp_path / "out", *options)
+
+    return run
+
+
+def interrupt_after(monkeypatch, count):
+    """A signal comes while the solve of this count is written."""
+    write, calls = Store.write, []
+
+    def with_signal(*arguments):
+        calls.append(None)
+        if len(calls) == count:
+            os.kill(os.getpid(), signal.SIGINT)
+            time.sleep(0.5)
+        write(*arguments)
+
+    monkeypatch.setattr(Store, "write", with_signal)
+
+
+def test_a_rerun_finds_all_solves(rerun, folder, tmp_path, monkeypatch):
+    monkeypatch.setattr(Case, "solve", None)
+    result = rerun()
+    assert result.exit_code == 0, result.output
+    assert f"2 of 2 solves are found in {tmp_path / 'out' / 'small.points'}" in result.stdout
+    before, after = (read_results(at / "out" / "small.h5") for at in (folder, tmp_path))
+    assert before.friction.identical(after.friction)
+
+
+@pytest.mark.skipif(os.name != "posix", reason="signals are those of POSIX")
+def test_an_interrupted_run_names_what_was_not_started_and_goes_on(
+    rerun, folder, tmp_path, monkeypatch
+):
+    shutil.rmtree(tmp_path / "out")
+    interrupt_after(monkeypatch, 1)
+    result = rerun()
+    assert result.exit_code == 130, result.output
+    assert "1 of 2 solves were not started" in result.stderr and "converge" not in result.output
+    assert "the same command continues" in result.stderr
+    told = command("info", tmp_path / "out" / "small.h5")
+    for text in (result.stdout, told.stdout):
+        assert text.count("not started") == 1
+    states = solve_states(read_results(tmp_path / "out" / "small.h5")).values
+    assert states.tolist() == [["", "not started"]]
+    result = rerun()
+    assert result.exit_code == 0 and "1 of 2 solves are found" in result.stdout
+    before, after = (read_results(at / "out" / "small.h5") for at in (folder, tmp_path))
+    assert before.friction.identical(after.friction)
+
+
+@pytest.mark.skipif(os.name != "posix", reason="signals are those of POSIX")
+def test_an_interrupted_rerun_leaves_the_fuller_result(rerun, tmp_path, monkeypatch):
+    shutil.rmtree(tmp_path / "out" / "small.points")
+    before = (tmp_path / "out" / "small.h5").read_bytes()
+    interrupt_after(monkeypatch, 1)
+    result = rerun()
+    assert result.exit_code == 130
+    assert "holds 1 solves that were not done again: it is not changed" in result.stdout
+    assert (tmp_path / "out" / "small.h5").read_bytes() == before
+
+
+@pytest.mark.slow
+def test_a_result_of_another_scene_is_replaced_only_if_asked(rerun, tmp_path, monkeypatch):
+    other = SCENE.replace("2e5", "3e5").replace("a small one", "another one")
+    path = tmp_path / "out" / "small.h5"
+    before = path.read_bytes()
+    with monkeypatch.context() as patch:
+        patch.setattr(Case, "solve", None)
+        result = rerun(text=other)
+    assert result.exit_code == 2 and path.read_bytes() == before
+    text = result.stderr
+    assert "contains 2 solves of 'a small one' that this scene does not have" in text
+    assert "(file: `pressure = 2e5`, scene: `pressure = 3e5`)" in text and "--replace" in text
+    result = rerun("--replace", text=other)
+    assert result.exit_code == 0 and read_results(path).pressure == 3e5
+    assert rerun("--replace").exit_code == 0 and read_results(path).pressure == 2e5
+    result = rerun(text=SCENE.replace("[0.01, 1.0]", "[1.0, 0.01, 0.1]"))
+    assert result.exit_code == 0 and read_results(path).friction.shape == (1, 3)
+
+
+def test_what_is_no_result_is_replaced_only_if_asked(rerun, tmp_path):
+    path = tmp_path / "out" / "small.h5"
+    path.write_text("my notes")
+    result = rerun()
+    assert result.exit_code == 2 and "--replace" in result.stderr
+    assert path.read_text() == "my notes"
+    assert np.all(rerun("--replace").exit_code == 0 and read_results(path).message == "")
+
+
+def test_a_damaged_point_is_named_and_computed_again(rerun, tmp_path):
+    point = next((tmp_path / "out" / "small.points").glob("*.point"))
+    point.write_bytes(point.read_bytes()[:700])
+    result = rerun()
+    assert result.exit_code == 0
+    assert f"{point} is damaged: it is computed again" in result.stderr
+
+
+def test_a_kernel_that_fails_is_one_message(rerun, tmp_path, monkeypatch):
+    solve = Case.solve
+
+    def failing(case, numerics):
+        pressure = eqx.error_if(case.pressure, case.pressure > 0, "no such kernel")
+        return solve(dataclasses.replace(case, pressure=pressure), numerics)
+
+    shutil.rmtree(tmp_path / "out")
+    monkeypatch.setattr(Case, "solve", failing)
+    result = rerun()
+    assert result.exit_code == 1
+    assert "2 of 2 solves failed" in result.stderr and "Traceback" not in result.output
+    assert result.stderr.count("failed: no such kernel") == 1
+    assert "No solve succeeded: no figure is drawn." in result.stdout
+    assert not list((tmp_path / "out").glob("*.png"))
+    told = command("info", tmp_path / "out" / "small.h5")
+    assert told.stdout.count("failed") == 2 and told.exit_code == 0
+
+
+def full_disk(*_):
+    raise OSError(errno.ENOSPC, "No space left on device")
+
+
+def test_a_full_disk_is_one_message_and_stored_solves_stay(rerun, tmp_path, monkeypatch):
+    more = SCENE.replace("[0.01, 1.0]", "[0.01, 1.0, 0.1]")
+    for target in ((Path, "write_bytes"), (scene_job, "write")):
+        with monkeypatch.context() as patch:
+            patch.setattr(*target, full_disk)
+            result = rerun(text=more)
+        assert result.exit_code == 2 and "Traceback" not in result.output
+        assert "No space left on device" in result.stderr
+        assert np.all(read_results(tmp_path / "out" / "small.h5").message == "")
+    result = rerun(text=more)
+    assert result.exit_code == 0 and "3 of 3 solves are found" in result.stdout
+
+
+def in_a_file(folder):
+    folder.write_text("")
+    return folder / "out"
+
+
+@pytest.mark.parametrize(
+    "folder, name, expected",
+    [
+        (in_a_file, "small", "Nothing can be written to the folder"),
+        (lambda folder: folder / "out", "x" * 200, "it has 200 bytes; at most 180 are allowed"),
+    ],
+)
+def test_an_output_is_checked_before_anything_is_computed(
+    tmp_path, monkeypatch, folder, name, expected
+):
+    monkeypatch.setattr(scene_job, "build_surface", None)
+    (tmp_path / f"{name}.toml").write_text(SCENE)
+    result = command("run", tmp_path / f"{name}.toml", "-o", folder(tmp_path / "place"))
+    assert result.exit_code == 2 and expected in result.stderr, result.output
+    assert "Traceback" not in result.output and not (tmp_path / "place").is_dir()
+
+
+@pytest.mark.slow
+@pytest.mark.skipif(os.name != "posix", reason="signals are those of POSIX")
+def test_a_run_that_is_killed_again_and_again_ends_as_if_it_had_not_been(tmp_path):
+    scene, folder = tmp_path / "small.toml", tmp_path / "out" / "small.points"
+    scene.write_text(SCENE.replace("[0.01, 1.0]", "{from = 0.01, to = 1.0, points = 60}"))
+
+    def start(output):
+        words = [sys.executable, "-m", "graded_contact", "run", scene, "-o", tmp_path / output]
+        return subprocess.Popen(words, stdout=subprocess.DEVNULL, stderr=subprocess.PIPE, text=True)
+
+    for number, code in ((signal.SIGKILL, -9), (signal.SIGINT, 130), (signal.SIGTERM, 143)):
+        before = {path: path.read_bytes() for path in folder.glob("*.point")}
+        process = start("out")
+        while process.poll() is None and len(list(folder.glob("*.point"))) < len(before) + 5:
+            time.sleep(0.01)
+        process.send_signal(number)
+        assert "Traceback" not in process.communicate()[1]
+        assert process.returncode == code
+        assert all(path.read_bytes() == content for path, content in before.items())
+    for output in ("out", "whole"):
+        with start(output) as process:
+            assert process.wait() == 0
+    one, other = (read_results(tmp_path / at / "small.h5") for at in ("out", "whole"))
+    assert one.identical(other) and np.all(one.message == "") and kept_solves(one) == [(0, 59)]
+    assert list(tmp_path.rglob(".*.partial")) == []
+
+
+def test_results_are_compared_in_a_figure(folder, tmp_path):
+    first, second = folder / "out" / "small.h5", tmp_path / "b.h5"
+    write(second, read_results(first))
+    result = command("compare", first, second, "-o", tmp_path / "lines", "--format", "pdf")
+    assert result.exit_code == 0 and (tmp_path / "lines.pdf").read_bytes().startswith(b"%PDF")
+    for words, expected in (
+        ((first,), "needs two results or more"),
+        ((first, tmp_path / "none.h5"), "none.h5` does not exist"),
+        ((first, second, "-o", tmp_path / "a.xyz"), "is refused: figures are"),
+    ):
+        result = command("compare", *words)
+        assert result.exit_code == 2 and expected in " ".join(result.stderr.split())
+
+
+def test_where_to_solve_is_stated_once(folder):
+    result = command("run", folder / "small.toml", "--workers", 2, "--scheduler", "tcp://x:1")
+    assert result.exit_code == 2 and "only one can solve" in result.stderr
+
+
+def moduli_file(path, temperatures, off=0.0):
+    """Isotherms of a tyre tread, 2 % of noise; a column of temperature if there are several.
+
+    Every other one is measured this many kelvin `off`, so that shifts follow no law.
+    """
+    draw, lines = np.random.default_rng(0), []
+    for i, celsius in enumerate(temperatures):
+        hertz = np.geomspace(0.1, 100, 10) if len(temperatures) > 1 else np.geomspace(1e-2, 1e4, 40)
+        kelvin = celsius + 273.15 + off * (-1) ** i
+        values = np.asarray(gc.tyre_tread().at(kelvin).modulus(2 * np.pi * hertz)) / 1e6
+        noise = np.exp(0.02 * draw.standard_normal((2, len(hertz))))
+        rows = zip(hertz, values.real * noise[0], values.imag * noise[1], strict=True)
+        start = f"{celsius}," if len(temperatures) > 1 else ""
+        lines += [start + ",".join(map(repr, map(float, row))) for row in rows]
+    head = "T [°C]," if len(temperatures) > 1 else ""
+    path.write_text("\n".join([head + "f [Hz],E' [MPa],E'' [MPa]", *lines]))
+    return path
+
+
+def test_a_fit_prints_its_report_and_a_table_that_a_scene_takes(tmp_path):
+    path = moduli_file(tmp_path / "1 tread.csv", [20.0])
+    (tmp_path / "mine").write_text("mine")
+    (tmp_path / "out").mkdir()
+    (tmp_path / "out" / "material_1_tread-errors.csv").symlink_to(tmp_path / "mine")
+    result = command("fit", path, "-o", tmp_path / "out", "--card", "abaqus", "--poisson", "0.49",
+                     "--format", "svg")  # fmt: skip
+    assert result.exit_code == 0, result.output
+    for text in ("Read 40 rows", "rms log error", "Kramers-Kronig", "BIC"):
+        assert text in result.stdout
+    endings = ("-errors.csv", ".inp", ".svg", ".toml")
+    names = [f"material_1_tread{ending}" for ending in endings]
+    assert sorted(path.name for path in (tmp_path / "out").iterdir()) == names
+    assert all(f"wrote {tmp_path / 'out' / name}" in result.stdout for name in names)
+    assert (tmp_path / "mine").read_text() == "mine"  # a link is replaced, not followed
+    table = (tmp_path / "out" / names[-1]).read_text()
+    assert table in result.stdout
+    material = tomllib.loads(table)["materials"]["material_1_tread"]
+    assert material["kind"] == "prony" and material["poisson"] == 0.49
+    assert len(material["strengths"]) == len(material["times"]) > 3
+    scene = SCENE.replace('[materials.tread]\nkind = "tyre_tread"', table)
+    scene = scene.replace('material = "tread"', 'material = "material_1_tread"')
+    assert parse_scene(scene).stack.base.material.poisson == 0.49
+
+
+@pytest.mark.filterwarnings("ignore:Error writing persistent compilation cache")
+def test_an_earlier_fit_stays_if_the_disk_is_full(tmp_path, monkeypatch):
+    path = moduli_file(tmp_path / "tread.csv", [20.0])
+    (tmp_path / "tread.toml").write_text("earlier")
+    monkeypatch.setattr(Path, "write_bytes", full_disk)
+    result = command("fit", path, "-o", tmp_path, "--terms", 4)
+    assert result.exit_code == 2 and "No space left on device" in result.stderr
+    assert (tmp_path / "tread.toml").read_text() == "earlier"
+
+
+@pytest.mark.parametrize(
+    "line", ["LC_ALL=C PYTHONUTF8=0 PYTHONCOERCECLOCALE=0", "PYTHONIOENCODING=cp1252"]
+)
+def test_what_an_output_cannot_show_is_spelt(folder, tmp_path, line):
+    own = {key: value for key, value in os.environ.items() if not key.startswith("PYTHON")}
+    own |= dict(entry.split("=") for entry in line.split())
+    own["PYTHONPATH"] = str(Path(gc.__file__).parents[1])
+    (tmp_path / "bad.toml").write_text(SCENE.replace("pressure =", "'Δω' ="), encoding="utf-8")
+    texts = []
+    for code, *words in (
+        (0, "info", folder / "out" / "small.h5"),
+        (2, "run", tmp_path / "bad.toml"),
+    ):
+        done = subprocess.run(
+            [sys.executable, "-m", "graded_contact", *words], capture_output=True, env=own
+        )
+        assert done.returncode == code and b"Traceback" not in done.stderr
+        texts.append(done.stdout + done.stderr)
+    table, refusal = texts
+    assert b"`Deltaomega`" in refusal
+    assert ("± solver".encode("cp1252") in table) == ("cp1252" in line)
+    assert (b"+/- solver" in table) == table.isascii() == ("LC_ALL" in line)
+
+
+LAW, TABLE = ("wlf", 0.0, ("--shift-std", 0)), ("tabulated", 4.0, ())
+
+
+def fitted_isotherms(folder, off, options):
+    """The file of isotherms, and a scene with what `fit` made of it pasted in."""
+    path = moduli_file(folder / "tread.csv", [-20.0, -5.0, 10.0, 25.0], off)
+    fitted = command("fit", path, "-o", folder, "--terms", 4, "--poisson", 0.49, *options)
+    assert fitted.exit_code == 0, fitted.output
+    card = (folder / "tread.toml").read_text() + 'errors = "tread-errors.csv"\n'
+    scene = SCENE.replace('[materials.tread]\nkind = "tyre_tread"\n', card)
+    scene = scene.replace("[0.01, 1.0]", "[1e-3, 1e-2]\ntemperature = [275.0, 290.0]")
+    return path, scene.replace("[32, 32]", "[16, 16]").replace("8e4", "4e4")
+
+
+def test_two_files_make_a_scene_that_runs(tmp_path, monkeypatch):
+    road = gc.random_surface(
+        gc.SelfAffine(rms_slope=0.2, hurst=0.8, q_low=6.3e3, q_roll=1.3e4, q_high=2.6e4),
+        gc.Grid((16, 16), 1e-3), jax.random.key(0),
+    )  # fmt: skip
+    (tmp_path / "data").mkdir()
+    np.savetxt(tmp_path / "data" / "road.txt", 1e6 * np.asarray(road.heights).T)
+    moduli = moduli_file(tmp_path / "tread.csv", [-20.0, -5.0, 10.0, 25.0])
+    words = ("new", tmp_path / "data" / "road.txt", moduli, "--terms", 4, "-o", tmp_path / "out")
+    bare = command(*words)
+    assert bare.exit_code == 2 and "--size METRES" in bare.stderr
+    words = (*words, "--size", 1e-3, "--height-unit", "um")
+    result = command(*words)
+    path = tmp_path / "out" / "scene.toml"
+    assert result.exit_code == 0, result.output
+    assert f"next: graded-contact run {path}" in result.stdout.replace("\n", " ")
+    scene = read_scene(path)
+    assert scene.surface.arguments["shape"] == (32, 32) and scene.errors
+    assert len(scene.temperature) > 1 and "(10 °C)" in path.read_text()
+    assert 10 <= scene.velocity[-1] / scene.velocity[0] <= 1000
+    area = mean_field_at(scene, build_surface(scene), (1, 0, 3)).contact_area
+    assert 0.03 < area < 0.3  # "contact on about 10 %"
+    monkeypatch.chdir(tmp_path)
+    dry = command("run", path, "--dry-run")  # refuses friction that was not measured
+    assert dry.exit_code == 0, dry.output
+    text = " ".join(dry.stdout.split())
+    for part in ("base HalfSpace material Prony equilibrium [Pa]", "temperature [K] 253.15"):
+        assert part in text
+    again = command(*words)
+    assert again.exit_code == 2 and "scene.toml exists" in again.stderr
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("kind, off, options", [LAW, TABLE])
+def test_errors_of_isotherms_reach_table_csv_and_figures(tmp_path, kind, off, options):
+    """Isotherms, fit, pasted table, run: against `propagate` of a master curve in Python."""
+    path, text = fitted_isotherms(tmp_path, off, options)
+    (tmp_path / "told.toml").write_text(text)
+    ran = command("run", tmp_path / "told.toml", "-o", tmp_path / "out")
+    assert ran.exit_code == 0, ran.output
+    assert "90 % of the friction at" in ran.stdout
+    results = read_results(tmp_path / "out" / "told.h5")
+    measured = gc.read_moduli(path, poisson=0.49)
+    shifts = {"shift_std": 0.0} if kind == "wlf" else {}
+    curve = gc.master_curve(measured.isotherms(), terms=4, poisson=0.49, **shifts)
+
+    def friction(rubber):
+        block = gc.Stack(base=gc.HalfSpace(rubber.at(275.0)))
+        return gc.slide(block, surface_of(results), pressure=2e5, velocity=1e-2).friction
+
+    by_hand = gc.propagate(friction, curve)
+    assert by_hand.standard_error > 1e-3 * by_hand.value
+    errors = results.friction_standard_error
+    np.testing.assert_allclose(errors[0, 0, 1], by_hand.standard_error, rtol=1e-3)
+    assert np.all(errors > 0)
+    rows = [line.split(",") for line in (tmp_path / "out" / "told.csv").read_text().splitlines()]
+    written = [float(row[rows[0].index("friction_standard_error [1]")]) for row in rows[1:]]
+    np.testing.assert_allclose(written, errors.values.ravel())
+    assert all(
+        with_error(*pair) in ran.stdout
+        for pair in zip(results.friction.values.ravel(), errors.values.ravel(), strict=True)
+    )
+    for key in ("sensitivity", "sweep", "master"):
+        assert (tmp_path / "out" / f"told-{key}.png").exists()
+
+
+def test_a_standard_error_sets_the_number_of_digits():
+    numbers = ((0.51234, 0.0081), (12.3, 1.26), (0.51234, 0.0), (-4.7e-18, 5e-20))
+    texts = ["0.5123 ± 0.0081", "12.3 ± 1.3", "0.5123 ± 0", "-4.700e-18 ± 5e-20"]
+    assert [with_error(*pair) for pair in numbers] == texts
+
+
+@pytest.mark.slow
+def test_wild_values_are_named_and_left_out_only_if_asked(tmp_path):
+    path = moduli_file(tmp_path / "tread.csv", [20.0])
+    lines = path.read_text().splitlines()
+    frequency, _, loss = lines[18].split(",")
+    lines[18] = f"{frequency},1.5e13,{loss}"  # in MPa
+    path.write_text("\n".join(lines))
+    plain = command("fit", path, "-o", tmp_path / "a", "--terms", 6)
+    assert plain.exit_code == 0
+    assert "Warning: no smooth positive spectrum explains the values below" in plain.stderr
+    assert re.search(
+        r"line 19 \(.* rad/s\): storage modulus 1.5e\+19 Pa, 1e\+12 times", plain.stderr
+    )
+    robust = command("fit", path, "-o", tmp_path / "b", "--terms", 6, "--robust")
+    assert robust.exit_code == 0 and "Warning: no smooth" not in robust.stderr
+    assert "Left out, because no smooth positive spectrum explains" in robust.stdout
+    assert "line 19 (" in robust.stdout
+
+
+@pytest.mark.slow
+def test_a_fit_takes_several_files_and_the_options_that_messages_name(tmp_path):
+    paths = [
+        moduli_file(tmp_path / f"{celsius:g}.csv", [celsius]) for celsius in (-20.0, -5.0, 10.0)
+    ]
+    bare = command("fit", *paths, "-o", tmp_path)
+    assert bare.exit_code == 2
+    assert "`--temperature KELVIN` [K], one for each file" in bare.stderr
+    kelvin = [f"--temperature={celsius + 273.15}" for celsius in (-20.0, -5.0, 10.0)]
+    options = ("--terms", 5, "--shift-std", 0, "--equilibrium", 5e6, "--glassy", 3e9)
+    result = command("fit", *paths, *kelvin, *options, "-o", tmp_path)
+    assert result.exit_code == 0, result.output
+    assert "Together 3 isotherm(s), 253.15 to 283.15 K, of 120 points." in result.stdout
+    table = tomllib.loads((tmp_path / "material__20.toml").read_text())["materials"]["material__20"]
+    assert table["equilibrium"] == 5e6 and len(table["times"]) == 5
+    np.testing.assert_allclose(sum(table["strengths"]), 3e9 - 5e6, rtol=1e-6)
+    options = ("--loss-weight", 0, "--anyway", "--sheet", "x")
+    refused = command("fit", paths[0], *options, "-o", tmp_path)
+    assert refused.exit_code == 2 and "no `--sheet x`" in refused.stderr
+
+
+@pytest.mark.parametrize(
+    "text, arguments, expected",
+    [
+        ("nothing here", (), "bad.csv"),
+        ("never read", ("--card", "abacus"), "`--card abacus` is not known; did you mean `abaqus`"),
+        ("f [Hz],E' [Pa],E'' [Pa],T\n1,2e6,1e5,20\n2,2e6,1e5,20\n", (), "--unit QUANTITY=UNIT"),
+        ("t [s],E(t) [Pa]\n1,2e6\n2,1e6\n", ("--loss-weight", 0), "relaxation has one channel"),
+        ("f [Hz],E' [Pa],E'' [Pa]\n1,2e6,9e5\n2,1e3,9e5\n3,1e9,2\n4,1e2,3e9\n", (),
+         "(`--loss-weight`), and `--anyway` fits them as they are."),
+        ("f [Hz],E' [Pa],E'' [Pa]\n1,2e6,1e5\n", ("--unit", "MPa"), "write QUANTITY=UNIT"),
+        ("f [Hz],E' [Pa],E'' [Pa]\n1,2e6,1e5\n2,3e6,1e5\n", ("--law", "foo"), "`--law foo` is"),
+    ],
+)  # fmt: skip
+def test_a_file_that_cannot_be_fitted_is_refused_in_one_message(
+    tmp_path, text, arguments, expected
+):
+    (tmp_path / "bad.csv").write_text(text)
+    result = command("fit", tmp_path / "bad.csv", "-o", tmp_path / "out", *arguments)
+    assert result.exit_code == 2
+    assert expected in result.stderr and "Traceback" not in result.output
+    assert not (tmp_path / "out").exists()
+
+
+def test_the_embedded_scene_runs_at_the_required_resolution(tmp_path, monkeypatch):
+    ran = []
+    monkeypatch.setattr(scene_job, "run_scene_into", lambda *arguments: ran.append(arguments))
+    for arguments in (("demo",), ("demo", "--resolution", 512, "--output", tmp_path)):
+        assert command(*arguments).exit_code == 0
+    (first, folder, name, *_), (second, other, finer, *_) = ran
+    assert (first.surface.grid.shape, second.surface.grid.shape) == ((256, 256), (512, 512))
+    assert (str(folder), other) == ("graded-contact-demo", tmp_path)
+    assert (name, finer) == ("demo", "demo-512")  # neither replaces the other
+    assert first.surface.spectrum.q_high == second.surface.spectrum.q_high
+
+
+@pytest.mark.skipif(os.name != "posix", reason="permissions are those of POSIX")
+def test_the_cache_of_compiled_code_belongs_to_the_user_alone(tmp_path, monkeypatch):
+    monkeypatch.setenv("XDG_CACHE_HOME", str(tmp_path))
+    folder = CACHE_FOLDER()
+    assert folder is not None and folder.parent == tmp_path / "graded_contact"
+    assert (
+        stat.S_IMODE(folder.stat().st_mode) == stat.S_IMODE(folder.parent.stat().st_mode) == 0o700
+    )
+    folder.chmod(0o777)
+    assert CACHE_FOLDER() is None
+    monkeypatch.setenv("XDG_CACHE_HOME", "/proc/nowhere")
+    assert CACHE_FOLDER() is None
+
+
+THREADS = """
+from graded_contact.command.terminal import prepare
+prepare()
+import jax, numpy as np
+field = np.random.default_rng(0).normal(size=(512, 512))
+alone = {"xla_cpu_multi_thread_eigen": False}
+one, two = (jax.jit(jax.numpy.fft.rfftn, compiler_options=o)(field) for o in (alone, {}))
+print(np.array_equal(one, two))
+"""
+
+
+def test_transforms_of_the_command_have_the_bits_of_one_thread():
+    """On more threads the lines left over by vectors are others, and so are their last bits."""
+    flags = os.environ | {"XLA_FLAGS": "--xla_backend_optimization_level=0"}
+    code = [sys.executable, "-c", THREADS]
+    found = subprocess.run(code, env=flags, capture_output=True, text=True, check=True)
+    assert found.stdout.strip() == "True"

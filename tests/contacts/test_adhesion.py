@@ -1,0 +1,150 @@
+"""Contacts that attract, against an energy of dense matrices and against closed forms."""
+
+import jax
+import numpy as np
+import pytest
+from oracles import AdhesiveLine
+
+import graded_contact as gc
+
+N = 64
+X = np.arange(N) / N
+LINE = 0.01 * np.cos(2 * np.pi * X) + 0.002 * np.cos(10 * np.pi * X + 1)
+RANGE = 1e-3
+STIFFEST = np.pi * N / 2  # of a wave on the line [1/m], for a reduced modulus of 1
+
+
+def elastic_line(n=N, modulus=1.0, cell=1.0):
+    stack = gc.Stack(base=gc.HalfSpace(gc.Elastic(0.75 * modulus, 0.5)))
+    return gc.stack_kernel(stack, gc.Grid((n,), cell)).real
+
+
+def attraction(steepness):
+    """A Lennard-Jones law whose rise is `steepness` of the stiffness of the shortest wave."""
+    one = gc.AdhesiveLJ(RANGE, 1.0)
+    return gc.AdhesiveLJ(RANGE, steepness * STIFFEST / float(one.steepest_rise))
+
+
+GAPS = np.concatenate([np.linspace(0.016, 0.003, 26), np.linspace(0.0035, 0.024, 42)])
+
+
+@jax.jit
+def close_and_open(law):
+    return gc.contacts.follow_contact(
+        elastic_line(),
+        LINE,
+        mean_gap=GAPS,
+        law=law,
+        solver=gc.contacts.ResidualDynamics(),
+        rtol=1e-8,
+    )
+
+
+def test_path_follows_the_branches_of_a_dense_energy():
+    """All but a few states next to a jump, where the two may fall to different sides."""
+    law = attraction(0.3)
+    path = close_and_open(law)
+    line = AdhesiveLine(LINE, RANGE, float(law.work))
+    state, states = GAPS[0] - line.heights, []
+    for mean_gap in GAPS:
+        state = line.settle(mean_gap, state - state.mean() + mean_gap)
+        states.append(state)
+    expected = np.array([line.pressure(gap).mean() for gap in states])
+    scale = np.max(np.abs(expected))
+    same = np.abs(path.mean_pressure - expected) <= 1e-6 * scale
+    assert np.mean(same) >= 0.95
+    # Drawn apart, the surfaces hold on where they had not yet snapped together.
+    assert np.trapezoid(path.mean_pressure, GAPS) < 0
+    touching = np.array([np.mean(gap < RANGE) for gap in states])
+    np.testing.assert_allclose(path.contact_area[same], touching[same])
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("solver", [gc.contacts.DouglasRachford(), gc.contacts.ResidualDynamics()])
+@pytest.mark.parametrize("mean_gap", [0.0135, 0.006])
+def test_resolved_attraction_ends_in_a_stable_equilibrium(solver, mean_gap):
+    """Zero gradient and positive curvature of the dense energy."""
+    law = attraction(0.29)
+    line = AdhesiveLine(LINE, RANGE, float(law.work))
+    s = gc.solve_contact(elastic_line(), LINE, mean_gap=mean_gap, law=law, solver=solver, rtol=1e-8)
+    gap = np.asarray(s.gap)
+    size = np.linalg.norm(line.pressure(gap))
+    assert np.linalg.norm(line.imbalance(gap)) <= 1e-5 * size
+    assert np.linalg.eigvalsh(line.curvature(gap))[0] > 0
+    np.testing.assert_allclose(s.pressure, line.pressure(gap), atol=1e-5 * size)
+
+
+def test_attraction_too_steep_for_the_grid_is_reported():
+    arguments = dict(mean_gap=0.01, law=attraction(1.0), rtol=1e-6)
+    with pytest.raises(RuntimeError, match="rises too steeply for the grid"):
+        gc.solve_contact(elastic_line(), LINE, **arguments)
+    s = gc.solve_contact(elastic_line(), LINE, **arguments, throw=False)
+    assert s.result == gc.contacts.RESULTS.unresolved
+    assert s.error <= 1e-6
+
+
+def test_exponential_attraction_over_a_long_range_only_adds_to_the_load():
+    """The limit of Derjaguin, Muller & Toporov: a uniform tension w/λ presses like a load."""
+    kernel, work, length = elastic_line(), 1e-3, 10.0
+    hard = gc.solve_contact(kernel, LINE, 0.005 + work / length, rtol=1e-9)
+    law = gc.contacts.ExponentialAdhesion(length, work)
+    s = gc.solve_contact(kernel, LINE, 0.005, law=law, rtol=1e-9)
+    touching = law.contact_indicator(s.pressure, s.gap, 1.0) > 0
+    np.testing.assert_array_equal(touching, hard.pressure > 0)
+    # The gap varies by a thousandth of the range.
+    expected = hard.pressure - work / length
+    np.testing.assert_allclose(s.pressure, expected, atol=1e-2 * work / length)
+
+
+def test_contact_mechanics_challenge_is_solved_where_its_range_is_resolved():
+    """V11: E* = 25 MPa, w = 0.05 J/m², λ = 2.071 nm, on its shortest wave of 0.1 μm, slope 1."""
+    cell, modulus, n = 1e-7, 25e6, 128
+    law = gc.contacts.ExponentialAdhesion(2.071e-9, 0.05)
+    kernel = elastic_line(n, modulus, cell)
+    amplitude = np.sqrt(2) * cell / (2 * np.pi)
+    wave = amplitude * np.cos(2 * np.pi * np.arange(n) / n)
+    how = dict(law=law, solver=gc.contacts.DouglasRachford(max_steps=4000), throw=False)
+    s = gc.solve_contact(kernel, wave, 250e3, **how)
+    assert s.result == gc.contacts.RESULTS.successful
+    np.testing.assert_allclose(np.mean(s.pressure), 250e3, rtol=1e-12)
+    touching = np.asarray(law.contact_indicator(s.pressure, s.gap, 1.0) > 0)
+    assert 0 < np.mean(touching) < 1
+    assert np.max(np.abs(s.gap[touching])) <= 1e-6 * amplitude
+    pull = -0.05 / 2.071e-9 * np.exp(-s.gap / 2.071e-9)
+    scale = np.max(np.abs(pull))
+    np.testing.assert_allclose(s.pressure[~touching], pull[~touching], atol=1e-6 * scale)
+    # Far coarser, as on any grid of the whole surface, the range is not resolved, and it says so.
+    coarse = gc.solve_contact(elastic_line(n, modulus, 1e-4), 1e3 * wave, 250e3, **how)
+    assert coarse.result != gc.contacts.RESULTS.successful
+
+
+@pytest.mark.slow
+def test_wave_of_short_range_follows_johnson_kendall_roberts():
+    """K. L. Johnson, Int. J. Solids Struct. 32 (1995) 423: p = p* sin² - (2 E* w tan(πa)/λ)^½.
+
+    Its contact reaches to the greatest tension: `contact_gap` 1.2.
+    """
+    n, amplitude = 128, 0.01
+    full = np.pi * amplitude
+    wave = amplitude * np.cos(2 * np.pi * np.arange(n) / n)
+    kernel = elastic_line(n)
+
+    @jax.jit
+    def close(law, gaps):
+        moving = gc.contacts.ResidualDynamics()
+        return gc.contacts.follow_contact(
+            kernel, wave, mean_gap=gaps, law=law, solver=moving, rtol=1e-7
+        )
+
+    for strength in (0.1, 0.3):
+        work = (strength * full) ** 2 / 2
+        rise = float(gc.AdhesiveLJ(1.0, 1.0).steepest_rise)
+        length = np.sqrt(rise * work / (0.3 * np.pi * n / 2))
+        gaps = np.linspace(0.6, 0.1, 10) * amplitude + length
+        path = close(gc.AdhesiveLJ(length, work, 1.2), gaps)
+        half = np.pi * np.asarray(path.contact_area) / 2
+        expected = full * np.sin(half) ** 2 - np.sqrt(2 * work * np.tan(half))
+        # An edge is known to a pixel: 1/64 of area is 0.02 of the pressure.
+        np.testing.assert_allclose(path.mean_pressure, expected, atol=0.025 * full)
+        hertz = full * np.sin(half) ** 2
+        assert np.all(hertz - path.mean_pressure > 0.05 * full)

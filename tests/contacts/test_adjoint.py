@@ -1,0 +1,224 @@
+"""Derivatives of a contact against central differences of converged solutions."""
+
+from functools import partial
+
+import equinox as eqx
+import jax
+import jax.numpy as jnp
+import numpy as np
+import pytest
+from conftest import BODIES, LAWS, SPEED, rough
+
+import graded_contact as gc
+from graded_contact.contacts.adjoint import LinearSplitting
+
+GRID = gc.Grid((32, 32), 1.0)
+HEIGHTS = rough(GRID, cut=4).heights
+WEIGHTS = jnp.asarray(np.random.default_rng(0).normal(size=(32, 32)))
+
+
+LOAD = 0.05
+MEAN_GAP = 0.6 * float(jnp.std(HEIGHTS))
+
+
+def observe(kernel, heights, target, law, control):
+    """A number that weighs every pressure, gap and displacement, and both means."""
+    s = gc.solve_contact(kernel, heights, **{control: target}, law=law, rtol=1e-11)
+    field = s.pressure / LOAD + jnp.sin(20 * s.gap) + s.displacement
+    return jnp.mean(WEIGHTS * field) + 3 * s.mean_gap + s.mean_pressure / LOAD
+
+
+def derivatives(point, directions, control):
+    """The value, its forward derivative in each direction, and its gradient: one compilation."""
+    value, along = jax.linearize(lambda point: observe(*point, control), point)
+    (gradient,) = jax.linear_transpose(along, point)(jnp.ones_like(value))
+    return value, jax.lax.map(along, directions), gradient
+
+
+CASES = [
+    ("coated", "hardness", "pressure"),
+    *(
+        pytest.param("coated", law, control, marks=pytest.mark.slow)
+        for law, control in [
+            ("hard", "pressure"),
+            ("hard", "mean_gap"),
+            ("repulsive", "pressure"),
+            ("adhesive", "mean_gap"),
+            ("exponential", "pressure"),
+        ]
+    ),
+]
+
+
+@pytest.mark.parametrize("body, law, control", CASES)
+def test_derivatives_match_central_differences(body, law, control):
+    """By kernel, heights, pressure or mean gap, and every parameter of the law."""
+    kernel = gc.stack_kernel(BODIES[body], GRID, SPEED)
+    target = jnp.asarray(LOAD if control == "pressure" else MEAN_GAP)
+    point = (kernel, HEIGHTS, target, LAWS[law])
+    leaves, treedef = jax.tree.flatten(point)
+    rng = np.random.default_rng(5)
+
+    def random_change(leaf):
+        noise = jnp.asarray(rng.normal(size=leaf.shape))
+        if jnp.iscomplexobj(leaf):
+            return 0.3 * (leaf.real * noise + 1j * leaf.imag)
+        return noise * (0.01 if leaf.ndim else leaf)
+
+    changes = [random_change(leaf) for leaf in leaves]
+    directions = treedef.unflatten(
+        [jnp.stack([d * (i == j) for j in range(len(leaves))]) for i, d in enumerate(changes)]
+    )
+    compiled = jax.jit(derivatives, static_argnums=2)
+    _, forward, gradient = compiled(point, directions, control)
+    step = 1e-6
+    for i, (leaf, change) in enumerate(zip(leaves, changes, strict=True)):
+        ends = [
+            compiled(
+                treedef.unflatten([*leaves[:i], leaf + sign * step * change, *leaves[i + 1 :]]),
+                directions,
+                control,
+            )[0]
+            for sign in (1, -1)
+        ]
+        difference = float(ends[0] - ends[1]) / (2 * step)
+        # JAX's cotangent of a complex input is the conjugate gradient.
+        reverse = float(jnp.sum((jax.tree.leaves(gradient)[i] * change).real))
+        if (law, i) == ("repulsive", 5) or (law, i) == ("adhesive", 5):
+            assert difference == forward[i] == 0  # where contact is said to begin moves nothing
+            continue
+        assert difference != 0
+        np.testing.assert_allclose(forward[i], difference, rtol=1e-5, err_msg=str(i))
+        np.testing.assert_allclose(reverse, forward[i], rtol=1e-7, err_msg=str(i))
+
+
+def test_gradients_of_a_batch_match_its_differences():
+    """Under `jit` and `vmap`, over the range of a law."""
+    kernel = gc.stack_kernel(BODIES["coated"], GRID, SPEED)
+
+    def by_range(length):
+        law = gc.RepulsiveLJ(length, 0.05)
+        s = gc.solve_contact(kernel, HEIGHTS, LOAD, law=law, rtol=1e-10)
+        return jnp.mean(WEIGHTS * s.pressure)
+
+    batch = jax.jit(jax.vmap(jax.value_and_grad(by_range)))
+    value, slope = batch(1e-3 * jnp.array([1, 1 + 1e-5, 1 - 1e-5, 2, 2 + 1e-5, 2 - 1e-5]))
+    differences = (value[1::3] - value[2::3]) / 2e-8
+    np.testing.assert_allclose(slope[::3], differences, rtol=1e-5)
+
+
+def test_derivative_is_one_sided_where_a_point_only_just_touches():
+    """A wave pressed just flat: its trough has σ = 0 and u = 0, and leaves if the load falls.
+
+    Above, the pressure changes by the same everywhere; below, the trough's neighbours by more.
+    """
+    kernel = gc.stack_kernel(BODIES["elastic"], gc.Grid((16,), 1.0)).real
+    wave = 1e-2 * jnp.cos(2 * jnp.pi * jnp.arange(16) / 16)
+    flat = 1e-2 / kernel[1]  # the load at which the trough's pressure is 0
+
+    @jax.jit
+    @jax.value_and_grad
+    def beside(load):
+        return gc.solve_contact(kernel, wave, load, rtol=1e-12).pressure[7]
+
+    step = 1e-3 * flat
+    (above, on_the_right), (at, found), (below, on_the_left) = (
+        beside(flat + d) for d in (step, 0, -step)
+    )
+    right, left = (above - at) / step, (at - below) / step
+    np.testing.assert_allclose(right, 1, rtol=1e-6)
+    assert left > 1.1
+    assert min(abs(found - right), abs(found - left)) <= 1e-6
+    # Away from the point the derivative is that of its side.
+    np.testing.assert_allclose(on_the_right, right, rtol=1e-6)
+    np.testing.assert_allclose(on_the_left, left, rtol=1e-6)
+
+
+def test_mean_pressure_follows_the_load_exactly_and_nothing_the_mean_height():
+    kernel = gc.stack_kernel(BODIES["coated"], GRID, SPEED)
+
+    def sums(load, lift):
+        pressure = gc.solve_contact(kernel, HEIGHTS + lift, load).pressure
+        return jnp.stack([jnp.mean(pressure), jnp.sum(WEIGHTS * pressure)])
+
+    by_load, by_lift = jax.jit(jax.jacrev(sums, (0, 1)))(0.05, 0.0)
+    np.testing.assert_allclose(by_load[0], 1.0, rtol=1e-12)
+    assert abs(by_lift[1]) <= 1e-9
+
+
+def test_errors_have_no_derivative():
+    """Derivatives of pressures go through the same program: that of a maximum was 0/0 there."""
+    kernel = gc.stack_kernel(BODIES["bare"], GRID, SPEED)
+    names = ("gap_error", "load_error", "complementarity_error", "penetration")
+
+    def errors(h):
+        found = gc.solve_contact(kernel, h, LOAD)
+        return jnp.stack([getattr(found, name) for name in names])
+
+    found, change = jax.jvp(errors, (HEIGHTS,), (HEIGHTS,))
+    assert np.all(found > 0)
+    np.testing.assert_array_equal(change, 0)
+
+
+def test_derivative_that_does_not_converge_raises_or_is_nan_without_throw():
+    kernel = gc.stack_kernel(BODIES["bare"], GRID, SPEED)
+
+    def total(h, throw, **limit):
+        # Too many points to eliminate.
+        options = dict(adjoint=LinearSplitting(**limit), rtol=1e-6, throw=throw)
+        return jnp.sum(WEIGHTS * gc.solve_contact(kernel, h, 0.5, **options).pressure)
+
+    hasty = jax.grad(partial(total, throw=True, max_steps=4))
+    for slope in (hasty, eqx.filter_jit(hasty)):
+        with pytest.raises(RuntimeError, match=r"linear solve .*did not converge"):
+            slope(HEIGHTS)
+    with pytest.raises(RuntimeError, match="from a derivative that is not a number"):
+        jax.grad(lambda h: jnp.nan * total(h, throw=True))(HEIGHTS)
+    assert np.all(np.isnan(jax.grad(partial(total, throw=False, max_steps=4))(HEIGHTS)))
+    calls_python = {
+        throw: "callback" in jax.jit(jax.grad(partial(total, throw=throw))).lower(HEIGHTS).as_text()
+        for throw in (True, False)
+    }
+    assert calls_python == {True: True, False: False}  # JAX stores no program that does
+
+
+def check_second_derivatives(by, point, step, atol):
+    """Symmetric, and differences of the gradient: one compilation."""
+    both = jax.jit(lambda x: (jax.grad(by)(x), jax.jacfwd(jax.grad(by))(x)))
+    found = both(point)[1]
+    unit = jnp.eye(len(point))
+    rows = [(both(point + step * e)[0] - both(point - step * e)[0]) / (2 * step) for e in unit]
+    np.testing.assert_allclose(found, found.T, atol=1e-3 * atol)
+    np.testing.assert_allclose(found, rows, atol=atol)
+    assert np.all(np.diag(found) != 0)
+
+
+@pytest.mark.slow
+def test_hessian_of_friction_is_symmetric_and_matches_differences():
+    """By modulus and thickness of a coat, pressure and velocity."""
+    x = np.arange(16) / 16
+    ridges = 0.01 * np.cos(2 * np.pi * x) + 0.003 * np.cos(6 * np.pi * x + 1)
+    surface = gc.Surface(jnp.asarray(ridges), gc.Grid((16,), 1.0))
+
+    def by(x):
+        coat = gc.Layer(gc.Elastic(x[0], 0.4), 0.1 * x[1])
+        stack = gc.Stack(layers=(coat,), base=gc.HalfSpace(gc.Prony(0.75, [3.0], [1.0], 0.5)))
+        return gc.slide(stack, surface, pressure=0.02 * x[2], velocity=x[3], rtol=1e-12).friction
+
+    check_second_derivatives(by, jnp.array([1.0, 0.3, 1.0, 0.1]), 1e-5, 1e-6)
+
+
+@pytest.mark.slow
+def test_hessian_under_a_law_that_attracts_is_symmetric_and_matches_differences():
+    """By stiffness, heights, mean gap and range; far apart the law's pressure is exactly 0."""
+    kernel = gc.stack_kernel(BODIES["bare"], gc.Grid((16,), 1.0), SPEED)
+    x = jnp.arange(16) / 16
+    ridges = 0.01 * jnp.cos(2 * jnp.pi * x) + 0.003 * jnp.cos(6 * jnp.pi * x + 1)
+
+    def by(x):
+        law = gc.contacts.ExponentialAdhesion(2e-5 * x[3], 1e-9)
+        job = dict(mean_gap=6e-3 * x[2], law=law, rtol=1e-12)
+        s = gc.solve_contact(x[0] * kernel, x[1] * ridges, **job)
+        return jnp.sum(WEIGHTS[0, :16] * (10 * s.pressure + 20 * s.displacement)) + s.mean_pressure
+
+    check_second_derivatives(by, jnp.ones(4), 1e-5, 1e-5)

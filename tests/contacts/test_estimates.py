@@ -1,0 +1,74 @@
+"""Claims of a loose solve, against contacts solved to the last digits."""
+
+from typing import Any
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+import pytest
+from conftest import BODIES, LAWS, SPEED, rough
+
+import graded_contact as gc
+from graded_contact.contacts.estimates import error_of
+
+GRID = gc.Grid((32, 32), 1.0)
+SURFACE = rough(GRID, cut=4)
+LOAD = 0.05
+
+
+def slide(**how: Any):
+    return gc.slide(BODIES["coated"], SURFACE, velocity=SPEED, **how)
+
+
+@pytest.mark.parametrize(
+    "name", ["hard", *(pytest.param(n, marks=pytest.mark.slow) for n in LAWS if n != "hard")]
+)
+def test_errors_of_loose_solves_are_within_their_claims(name):
+    best = slide(pressure=LOAD, law=LAWS[name], rtol=1e-10)
+    for rtol in (1e-2, 1e-4):
+        found = slide(pressure=LOAD, law=LAWS[name], rtol=rtol)
+        off = np.linalg.norm(found.pressure - best.pressure) / np.linalg.norm(best.pressure)
+        assert off <= found.error + best.error <= 1.01 * rtol
+        assert abs(found.friction - best.friction) <= found.friction_error + best.friction_error
+        wrong = np.mean((found.pressure > 0) != (best.pressure > 0))
+        assert name != "hard" or wrong <= found.contact_area_error
+        gap_error = found.contact.gap_error * jnp.std(SURFACE.heights)
+        assert abs(found.mean_gap - best.mean_gap) <= gap_error
+        np.testing.assert_allclose(np.mean(found.pressure), LOAD, rtol=1e-12)
+
+
+def test_the_claim_of_a_number_has_the_margins_that_the_benchmark_found():
+    """2.5 times its change, and 5 times the root sum of squares of the parts, which may cancel."""
+    numbers = lambda change: jnp.stack([jnp.sum(change), 2 * change[2]])  # noqa: E731
+    claims = error_of(numbers, jnp.zeros(2), jnp.array([3.0, -3.0, 1.0]), jnp.ones(2))
+    np.testing.assert_allclose(claims, [2.5 + 5 * np.sqrt(19), 2.5 * 2 + 5 * 2], rtol=1e-9)
+
+
+def test_single_precision_claims_hold_with_double_precision_enabled():
+    single = lambda tree: jax.tree.map(lambda a: a.astype(jnp.float32), tree)  # noqa: E731
+    stack, surface = single(BODIES["coated"]), single(SURFACE)
+    load, speed = np.float32(LOAD), np.float32(SPEED)
+    for law in (gc.HardWall(), gc.HardWall(hardness=np.float32(4 * LOAD))):
+        s = gc.slide(stack, surface, pressure=load, velocity=speed, law=law, rtol=1e-3)
+        wide = jax.tree.map(lambda a: a.astype(jnp.float64), law)
+        best = slide(pressure=LOAD, law=wide, rtol=1e-9)
+        assert s.friction.dtype == s.friction_error.dtype == jnp.float32
+        assert abs(float(s.friction) - float(best.friction)) <= s.friction_error
+
+
+def test_an_exact_contact_claims_rounding():
+    """Pressures of few points are eliminated: friction is then known to its last digits."""
+    found, best = (slide(pressure=5e-3, rtol=rtol) for rtol in (1e-9, 1e-13))
+    assert 1 < np.sum(found.pressure > 0) < 100
+    assert abs(found.friction - best.friction) <= found.friction_error <= 1e-12
+    assert found.friction_error > 0
+
+
+def test_claims_hold_at_a_mean_gap_near_full_contact():
+    """There the load follows from small differences of the gap: claims were 36 times too small."""
+    best = slide(pressure=1.2, rtol=1e-10)
+    assert 0.9 < best.contact_area < 1
+    found = slide(mean_gap=best.mean_gap, rtol=1e-3)
+    wrong = np.linalg.norm(found.pressure - best.pressure) / np.linalg.norm(best.pressure)
+    assert wrong <= found.error
+    assert abs(found.friction - best.friction) <= found.friction_error

@@ -1,0 +1,205 @@
+import dataclasses
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+import pytest
+from conftest import BODIES, SPEED, rough
+
+import graded_contact as gc
+from graded_contact.contacts import area as area_of
+from graded_contact.contacts.operator import Steady, work_of_waves
+from graded_contact.fields.grid import wave_frequencies
+from graded_contact.sliding.observables import dissipation_of_waves
+
+GRID = gc.Grid((64, 64), 1.0)
+
+
+def moved_by(pressure, kernel):
+    """The displacement that a pressure causes, whose work is dissipated to the last digit."""
+    return jnp.fft.irfft2(kernel.at[0, 0].set(0) * jnp.fft.rfft2(pressure), pressure.shape)
+
+
+def sliding(contact, kernel, heights, velocity=SPEED, grid=GRID):
+    """The result of a contact of which only the kernel is known."""
+    given = {"heights": jnp.asarray(heights), "velocity": jnp.asarray(velocity), "grid": grid}
+    return gc.Sliding(contact=contact, operator=Steady(kernel), law=gc.HardWall(), **given)
+
+
+def test_area_of_a_disc_is_exact_below_the_pixel():
+    """A signed field that falls linearly from a circle's edge, of many sizes and centres."""
+    n, rng = 64, np.random.default_rng(0)
+    x = np.arange(n)
+    for radius in rng.uniform(5, 20, 8):
+        centre = n / 2 + rng.uniform(0, 1, 2)
+        field = radius - np.hypot(x[:, None] - centre[0], x - centre[1])
+        smooth = area_of.area_of_contour(jnp.asarray(field))
+        offset = area_of._CONTOUR_OFFSET * 2 * np.pi * radius
+        expected = (np.pi * radius**2 - offset) / n**2
+        perimeter = 2 * np.pi * radius
+        assert abs(float(smooth) - expected) * n**2 <= 0.03 * perimeter
+
+
+def test_smooth_area_of_a_wave_follows_westergaard_between_pixels():
+    """The pixel count of a line stands still where the smooth area follows the load."""
+    n, amplitude = 256, 1e-3
+    grid = gc.Grid((n, 4), (1.0, 4 / n))
+    kernel = gc.stack_kernel(BODIES["elastic"], grid)
+    wave = np.broadcast_to(amplitude * np.cos(2 * np.pi * np.arange(n) / n)[:, None], (n, 4))
+    full = np.pi * amplitude
+    errors = []
+    for fraction in np.linspace(0.4, 0.4 + 4 / n, 9):
+        load = full * np.sin(np.pi * fraction / 2) ** 2
+        s = gc.solve_contact(kernel, wave, load, rtol=1e-8)
+        area = sliding(s, kernel, wave, grid=grid).contact_area_smooth
+        errors.append(float(area) - fraction)
+    assert np.max(np.abs(errors)) <= 0.1 / n
+
+
+def test_smooth_area_is_exact_at_its_ends_and_has_finite_gradients_at_corners_of_contact():
+    """One point alone in contact, with zero pressure, touches every guard of the contour."""
+    everywhere = jnp.ones((16, 16))
+    assert area_of.area_of_contour(everywhere) == 1
+    assert area_of.area_of_contour(-everywhere) == 0
+    assert area_of.area_without_edges(everywhere > 0) == 1
+    slope = jax.jit(jax.grad(area_of.area_of_contour))
+    for margin in (jnp.full((8, 8), -1.0).at[4, 4].set(0), jnp.zeros((8, 8))):
+        assert np.all(np.isfinite(slope(margin)))
+
+
+@pytest.mark.parametrize(
+    "name, velocity", [("bare", (0.06, -0.08)), ("coated", SPEED), ("three layers", (0.06, -0.08))]
+)
+def test_full_contact_friction_is_exact_for_a_rough_surface(name, velocity):
+    """V12: p(q) = h(q)/M(q, -q·v), summed over the full plane by plain NumPy."""
+    surface = rough(GRID, rms_slope=0.05)
+    v = np.array([SPEED, 0.0]) if np.ndim(velocity) == 0 else np.array(velocity)
+    k = np.fft.fftfreq(64, 1 / 64)
+    qx, qy = np.meshgrid(2 * np.pi * k, 2 * np.pi * k, indexing="ij")
+    q = np.hypot(qx, qy)
+    spectrum = np.fft.fft2(surface.heights) / 64**2
+    used = np.abs(spectrum) > 1e-12 * np.max(np.abs(spectrum))
+    used[0, 0] = False
+    omega = -(qx * v[0] + qy * v[1])
+    compliance = np.asarray(gc.surface_compliance(BODIES[name], q[used], omega[used]))
+    pressure = spectrum[used] / compliance
+    speed = np.linalg.norm(v)
+    force = -np.sum(np.conj(pressure) * 1j * (-omega[used] / speed) * spectrum[used]).real
+    field = np.zeros((64, 64), complex)
+    field[used] = pressure
+    load = -1.2 * np.min(np.fft.ifft2(field).real) * 64**2
+    kernel = gc.stack_kernel(BODIES[name], GRID, velocity)
+    contact = gc.solve_contact(kernel, surface.heights, load, rtol=1e-11)
+    s = sliding(contact, kernel, surface.heights, velocity)
+    assert force > 0
+    np.testing.assert_allclose(s.friction, force / load, rtol=1e-10)
+    np.testing.assert_allclose(s.geometric_friction, force / load, rtol=1e-9)
+
+
+def test_area_corrected_takes_a_known_share_of_each_edge_pixel():
+    """V10: 0.118114 of a pixel for each of the 4·8 edges of a square of 8."""
+    contact = jnp.zeros((32, 32), bool).at[4:12, 4:12].set(True)
+    excess = 64 / 32**2 - area_of.area_without_edges(contact)
+    np.testing.assert_allclose(excess, 32 * 0.118114 / 32**2, rtol=1e-5)
+
+
+def friction_up_to(s, velocity=SPEED, grid=GRID, **more):
+    return gc.sliding.cumulative_friction(s.pressure, s.displacement, grid, velocity, **more)
+
+
+@pytest.mark.parametrize(
+    "name, velocity",
+    [("elastic", SPEED), ("bare", SPEED), ("coated", [0.06, -0.08]), ("three layers", [0.0, 0.1])],
+)
+def test_friction_of_all_waves_is_the_friction_and_the_dissipation(name, velocity):
+    velocity = jnp.asarray(velocity)
+    kernel = gc.stack_kernel(BODIES[name], GRID, velocity)
+    heights = rough(GRID).heights
+    s = sliding(gc.solve_contact(kernel, heights, 0.05), kernel, heights, velocity)
+    w, total = moved_by(s.pressure, kernel), s.friction
+
+    by_mode = dissipation_of_waves(s)
+    assert jnp.min(by_mode) >= 0
+    speed = float(jnp.linalg.norm(jnp.atleast_1d(velocity)))
+    np.testing.assert_allclose(total * 0.05 * speed, jnp.sum(by_mode), rtol=1e-12, atol=1e-17)
+    assert s.energy_imbalance <= 1e-14
+
+    curve = gc.sliding.cumulative_friction(s.pressure, w, GRID, velocity)
+    q, mu = curve.cutoff, curve.friction
+    np.testing.assert_allclose(mu[-1], total, rtol=1e-12, atol=1e-17)
+    assert np.all(np.diff(mu, prepend=0) >= -1e-15)
+    # The solution's own displacement differs by what is left of the error.
+    np.testing.assert_allclose(friction_up_to(s, velocity).friction, mu, atol=1e-6)
+    np.testing.assert_allclose(np.asarray(q)[[0, -1]], 2 * np.pi * np.array([1, np.hypot(32, 32)]))
+
+
+def test_friction_of_two_waves_in_full_contact_rises_in_their_two_steps():
+    """V12, wave by wave: μ = q a² Im(1/M)/(2σ0) at q = 2π·3 and at |q| = 2π·5 along x and y."""
+    load, waves = 10.0, {(3, 0): 1e-3, (3, 4): 5e-4}
+    x = np.arange(64) / 64
+    heights = sum(a * np.cos(2 * np.pi * (m * x[:, None] + n * x)) for (m, n), a in waves.items())
+    kernel = gc.stack_kernel(BODIES["bare"], GRID, SPEED)
+    s = gc.solve_contact(kernel, heights, load, rtol=1e-11)
+    curve = friction_up_to(s, num_wavenumbers=200)
+    q, mu = curve.cutoff, curve.friction
+    expected = 0.0
+    for (m, n), a in waves.items():
+        qx, size = 2 * np.pi * m, 2 * np.pi * np.hypot(m, n)
+        before = mu[q < size * (1 - 1e-9)][-1]
+        np.testing.assert_allclose(before, expected, rtol=1e-9, atol=1e-12)
+        compliance = complex(gc.surface_compliance(BODIES["bare"], size, qx * SPEED))
+        expected += qx * a**2 * (1 / compliance).imag / (2 * load)
+        np.testing.assert_allclose(mu[q > size][0], expected, rtol=1e-9)
+
+
+def test_friction_per_wave_works_under_jit_and_has_derivatives():
+    """Pressure and displacement that grow together: second order over first."""
+    kernel = gc.stack_kernel(BODIES["coated"], GRID, SPEED)
+    s = gc.solve_contact(kernel, rough(GRID).heights, 0.05, rtol=1e-9)
+    plain = friction_up_to(s).friction
+
+    @jax.jit
+    def grown(c):
+        fields = (c * s.pressure, c * s.displacement)
+        return gc.sliding.cumulative_friction(*fields, GRID, SPEED).friction
+
+    np.testing.assert_allclose(grown(1.0), plain, rtol=1e-12)
+    np.testing.assert_allclose(jax.jacfwd(grown)(1.0), plain, rtol=1e-10)
+
+
+def test_stated_error_of_friction_has_its_margins():
+    """For the change of one point, no part of which cancels: 2.5 and 5 times what it moves."""
+    kernel, heights = gc.stack_kernel(BODIES["bare"], GRID, SPEED), rough(GRID).heights
+    s = sliding(gc.solve_contact(kernel, heights, 0.05), kernel, heights)
+    change = jnp.zeros(GRID.shape).at[3, 5].set(1e-4 * jnp.max(s.pressure))
+    moved = dataclasses.replace(s.contact, pressure=s.pressure + change)
+    off = sliding(dataclasses.replace(s.contact, correction=change), kernel, heights)
+    expected = 7.5 * abs(sliding(moved, kernel, heights).friction - s.friction)
+    np.testing.assert_allclose(off.friction_error, expected, rtol=1e-2)
+
+
+def test_a_point_whose_own_error_stands_out_is_in_doubt_at_a_larger_margin():
+    """As the last point of a contact to close: its neighbours are known long before it."""
+    pressure, correction = jnp.ones((16, 16)), jnp.zeros((16, 16)).at[3, 5].set(0.006)
+    for at_point, doubtful in ((0.03, 0), (0.02, 1)):
+        inside = pressure.at[3, 5].set(at_point)
+        doubt = area_of.area_in_doubt(inside, correction)
+        assert doubt * pressure.size == doubtful
+
+
+@pytest.mark.parametrize("angle", [10, 90])
+def test_a_scene_and_its_transpose_have_one_area(angle):
+    """Gaps at edges are weighed by waves of all directions, not by those along x alone."""
+    velocity = 0.1 * np.array([np.cos(np.radians(angle)), np.sin(np.radians(angle))])
+    kernels = [gc.stack_kernel(BODIES["bare"], GRID, v) for v in (velocity, velocity[::-1].copy())]
+    one, other = (area_of.edge_stiffness(kernel, GRID) for kernel in kernels)
+    np.testing.assert_allclose(one, other, rtol=1e-12)
+
+
+def test_waves_across_an_oblique_velocity_have_no_frequency():
+    """0.3 × 7 - 0.7 × 3 is 4e-16 in floating point, and no frequency."""
+    grid, velocity = gc.Grid((32, 32), 1.0), jnp.array([0.3, 0.7])
+    assert wave_frequencies(grid, velocity)[-7, 3] == 0
+    wave = jnp.cos(2 * jnp.pi * (3 * jnp.arange(32) - 7 * jnp.arange(32)[:, None]) / 32)
+    q = -wave_frequencies(grid, velocity)
+    assert abs(jnp.sum(work_of_waves(2 + wave, jnp.roll(wave, 1, 0), q))) <= 1e-15

@@ -1,0 +1,483 @@
+import jax
+import jax.numpy as jnp
+import numpy as np
+import pytest
+from conftest import BODIES, LAWS, SPEED, rough
+from oracles import dense_contact, dense_operator
+
+import graded_contact as gc
+from graded_contact import reference
+from graded_contact.contacts import splitting
+from graded_contact.contacts.area import area_without_edges
+from graded_contact.core import anderson
+from graded_contact.fields.grid import half_shape, wavenumber, wavevector
+
+SMALL = gc.Grid((16, 16), 1.0)
+GRID = gc.Grid((64, 64), 1.0)
+
+
+def half_space(grid, modulus=1.0):
+    return gc.stack_kernel(gc.Stack(base=gc.HalfSpace(gc.Elastic(modulus * 0.75, 0.5))), grid)
+
+
+def always_large(monkeypatch):
+    """What large grids do, for all. Compiled programs do not change."""
+    monkeypatch.setattr(anderson, "SAMPLED_FROM", 0)
+    monkeypatch.setattr(splitting, "DRAFTED_FROM", 0)
+
+
+@pytest.mark.parametrize("load", [0.02, 0.2])
+@pytest.mark.parametrize(
+    "name, shape",
+    [("elastic", (12, 12)), ("coated", (12, 12)), ("coated", (15, 10)), ("coated", (24,))],
+)
+def test_pressure_matches_a_dense_complementarity_solve(name, load, shape):
+    """Symmetric and, sliding, nonsymmetric; square, odd and one-dimensional."""
+    grid = gc.Grid(shape, 1.0)
+    heights = np.random.default_rng(1).normal(size=shape) * 0.05
+    kernel = gc.stack_kernel(BODIES[name], grid, SPEED)
+    expected = dense_contact(np.asarray(kernel), heights, load)
+    found = gc.solve_contact(kernel, heights, load, rtol=1e-10)
+    np.testing.assert_array_equal(found.pressure > 0, expected > 0)
+    np.testing.assert_allclose(found.pressure, expected, atol=1e-8 * expected.max())
+
+
+def test_solution_satisfies_the_laws_of_contact(body):
+    surface = rough(GRID)
+    kernel = gc.stack_kernel(body, GRID, SPEED)
+    s = gc.solve_contact(kernel, surface.heights, 0.05, rtol=1e-9)
+    assert s.result == gc.contacts.RESULTS.successful
+    np.testing.assert_allclose(np.mean(s.pressure), 0.05, rtol=1e-13)
+    assert np.min(s.pressure) >= 0
+    scale = np.std(surface.heights)
+    assert np.min(s.gap) >= -1e-7 * scale
+    assert np.max(np.abs(s.gap[s.pressure > 0])) <= 1e-7 * scale
+    assert s.penetration <= 1e-7
+    assert s.complementarity_error <= 1e-7
+    np.testing.assert_allclose(s.mean_gap, np.mean(s.gap))
+
+
+def sheet(grid, closed, seed=0):
+    """Kernel, heights and load of a free bilayer thin beside the cell, near full contact."""
+    layers = gc.Layer(gc.Elastic(1.0, 0.49), 3e-3), gc.Layer(gc.Elastic(30.0, 0.3), 3e-3)
+    kernel = gc.stack_kernel(gc.Stack(layers=layers, base=gc.Free()), grid).real
+    heights = rough(grid, seed=seed).heights
+    spectrum = jnp.fft.rfftn(heights) / kernel.at[(0,) * grid.ndim].set(np.inf)
+    return kernel, heights, -closed * jnp.fft.irfftn(spectrum, grid.shape).min()
+
+
+def gap_errors(found, gap, heights):
+    """Of gap, its mean and displacement, root mean square over the rms height."""
+    wrong = np.asarray(found.gap - gap)
+    return np.array([np.sqrt(np.mean(wrong**2)), abs(wrong.mean()), wrong.std()]) / heights.std()
+
+
+@pytest.mark.parametrize("closed", [None, 0.3, 0.5, 0.9])
+def test_gaps_match_a_dense_complementarity_solve_within_their_stated_error(closed):
+    """A sheet's contrast is 1e6: M σ of a pressure good to 1e-3 would be off by many heights."""
+    line = gc.Grid((64,), 1.0)
+    if closed is None:
+        kernel, heights = gc.stack_kernel(BODIES["coated"], line, SPEED), rough(line).heights
+        load = 0.1
+    else:
+        kernel, heights, load = sheet(line, closed)
+    pressure = dense_contact(np.asarray(kernel), np.asarray(heights), load)
+    gap = dense_operator(np.asarray(kernel), line.shape) @ pressure - (heights - heights.mean())
+    gap = gap - np.sum(gap * pressure) / np.sum(pressure)
+    for rtol in (1e-3, 1e-5):
+        found = gc.solve_contact(kernel, heights, load, rtol=rtol)
+        assert found.result == gc.contacts.RESULTS.successful
+        assert np.all(gap_errors(found, gap, heights) <= found.gap_error)
+        assert found.gap_error <= 0.1 and found.penetration <= 0.1
+        np.testing.assert_allclose(found.mean_gap, np.mean(found.gap), rtol=1e-9)
+
+
+def test_solve_whose_gaps_are_worth_nothing_says_so():
+    kernel, heights = gc.stack_kernel(BODIES["bare"], GRID, SPEED), rough(GRID).heights
+    with pytest.raises(RuntimeError, match="gaps may be wrong by more than a tenth"):
+        gc.solve_contact(kernel, heights, 0.005, rtol=0.9)
+    found = gc.solve_contact(kernel, heights, 0.005, rtol=0.9, throw=False)
+    assert found.result == gc.contacts.RESULTS.gap_unresolved
+    assert found.gap_error > 0.1
+    assert found.error <= 0.9
+
+
+def test_first_digits_in_single_precision_change_nothing(monkeypatch):
+    """What grids of 2¹⁸ points do, on a small one: a draft, and sums over a sample of rows."""
+    heights = rough(GRID).heights
+    kernel = gc.stack_kernel(BODIES["coated"], GRID, SPEED)
+
+    def by_load(load, rtol, solver):
+        found = gc.solve_contact(kernel, heights, load, rtol=rtol, solver=solver)
+        return jnp.sum(found.pressure**2), found.pressure
+
+    by_load = jax.value_and_grad(by_load, has_aux=True)
+    (_, expected), slope = by_load(0.05, 1e-9, gc.contacts.DouglasRachford())
+    always_large(monkeypatch)
+    # Another limit, so that another program is compiled.
+    large = gc.contacts.DouglasRachford(max_steps=1000)
+    (_, found), same_slope = by_load(0.05, 1e-9, large)
+    scale = np.linalg.norm(expected)
+    assert found.dtype == np.float64
+    assert np.linalg.norm(found - expected) <= 2e-9 * scale
+    np.testing.assert_allclose(same_slope, slope, rtol=1e-7)
+    rough_one = gc.solve_contact(kernel, heights, 0.05, rtol=1e-3, solver=large)
+    error = np.linalg.norm(rough_one.pressure - expected) / scale
+    assert 1e-9 < error <= 1e-3
+
+
+def test_ridges_are_solved_on_large_grids_too(monkeypatch):
+    """Constant along x, so that nearly all waves vanish: once any sample of waves ended a solve."""
+    heights = np.broadcast_to(np.asarray(rough(GRID).heights)[:1], GRID.shape)
+    kernel = gc.stack_kernel(BODIES["coated"], GRID, (0.0, SPEED))
+    expected = gc.solve_contact(kernel, heights, 0.05, rtol=1e-8)
+    always_large(monkeypatch)
+    solver = gc.contacts.DouglasRachford(max_steps=1002)
+    found = gc.solve_contact(kernel, heights, 0.05, rtol=1e-8, solver=solver)
+    assert found.error > 0
+    np.testing.assert_allclose(found.pressure, expected.pressure, atol=1e-7 * 0.05)
+
+
+@pytest.mark.parametrize("value", [np.nan, 1e6])
+def test_mean_of_the_kernel_is_ignored(value):
+    heights, kernel = rough(SMALL).heights, half_space(SMALL)
+    expected = gc.solve_contact(kernel, heights, 0.05)
+    found = gc.solve_contact(kernel.at[0, 0].set(value), heights, 0.05)
+    np.testing.assert_array_equal(found.gap, expected.gap)
+    np.testing.assert_array_equal(found.mean_gap, expected.mean_gap)
+
+
+@pytest.mark.parametrize("fraction", [0.143566, 0.856434])
+def test_wave_matches_westergaard(fraction):
+    """V8; the edge of contact is uncertain by a pixel on each side."""
+    n, amplitude = 512, 1e-3
+    grid = gc.Grid((n,), 1.0)
+    x = np.arange(n) / n
+    full = np.pi * amplitude
+    load = full * np.sin(np.pi * fraction / 2) ** 2
+    s = gc.solve_contact(half_space(grid), amplitude * np.cos(2 * np.pi * x), load)
+    assert abs(np.mean(s.pressure > 0) - fraction) <= 2 / n
+    exact = reference.westergaard_pressure(x, load, amplitude, 1.0, 1.0)
+    assert np.mean(np.abs(s.pressure - exact)) <= 5e-3 * load
+
+
+def test_double_sinusoid_meets_its_light_and_heavy_limits():
+    """V9, Johnson, Greenwood & Higginson 1985."""
+    n, amplitude = 128, 1e-3
+    grid = gc.Grid((n, n), 1.0)
+    x = np.arange(n) / n
+    wave = amplitude * np.cos(2 * np.pi * x)[:, None] * np.cos(2 * np.pi * x)
+    full = np.sqrt(2) * np.pi * amplitude
+    for ratio, expected, atol in (
+        (0.002, np.pi * (3 * 0.002 / (8 * np.pi)) ** (2 / 3), 5e-4),
+        (0.98, 1 - 3 / (2 * np.pi) * 0.02, 1e-3),
+    ):
+        s = gc.solve_contact(half_space(grid), wave, ratio * full)
+        area = area_without_edges(s.pressure > 0)
+        assert abs(float(area) - expected) <= atol
+
+
+def test_sphere_converges_to_hertz_with_the_grid():
+    """V7 on a cell 12 contact radii wide; peak pressure converges, the image error remains."""
+    radius, cell, contact = 1.0, 1.0, 1 / 12
+    load = 4 / 3 * contact**3 / radius
+    errors = []
+    for n in (64, 128):
+        grid = gc.Grid((n, n), cell)
+        x = (np.arange(n) - n // 2) / n * cell
+        heights = -(x[:, None] ** 2 + x**2) / (2 * radius)
+        s = gc.solve_contact(half_space(grid), heights, load / cell**2)
+        a, peak, _ = reference.hertz_sphere(load, radius, 1.0)
+        pressure = reference.hertz_pressure(np.hypot(x[:, None], x), a, peak)
+        errors.append(np.sqrt(np.mean((s.pressure - pressure) ** 2) / np.mean(pressure**2)))
+    assert errors[1] <= 0.6 * errors[0]
+    assert errors[1] <= 0.03
+
+
+def test_nesting_does_not_change_the_solution_and_counts_the_transforms_of_all_grids():
+    solver = gc.contacts.DouglasRachford(coarsest=16)
+    kernel = gc.stack_kernel(BODIES["coated"], GRID, SPEED)
+    heights = rough(GRID).heights
+    nested = gc.solve_contact(kernel, heights, 0.05, solver=solver, rtol=1e-9)
+    flat = gc.solve_contact(kernel, heights, 0.05, rtol=1e-11)  # 64 points: one grid
+    np.testing.assert_allclose(nested.pressure, flat.pressure, atol=1e-7 * np.max(flat.pressure))
+    assert nested.num_fft_pairs > nested.num_steps + 4
+    assert flat.num_fft_pairs == flat.num_steps + 4
+
+
+def test_warm_start_at_the_solution_costs_next_to_nothing():
+    kernel, heights = gc.stack_kernel(BODIES["bare"], GRID, SPEED), rough(GRID).heights
+    cold = gc.solve_contact(kernel, heights, 0.05)
+    warm = gc.solve_contact(kernel, heights, 0.05, start=cold.pressure)
+    near = gc.solve_contact(kernel, heights, 0.055, start=cold.pressure)
+    assert warm.num_steps <= 6
+    assert near.num_steps < cold.num_steps
+
+
+@pytest.mark.parametrize("law", [gc.HardWall(), gc.HardWall(hardness=1.0)], ids=["hard", "flow"])
+def test_a_poor_start_costs_little_and_changes_nothing(law):
+    """Contact of a few points once took 30 times the steps of none; one all at the bound, NaN."""
+    kernel, heights = gc.stack_kernel(BODIES["bare"], GRID, SPEED), rough(GRID).heights
+    cold = gc.solve_contact(kernel, heights, 0.5, law=law, rtol=1e-8)
+    starts = {
+        "point": jnp.zeros(GRID.shape).at[3, 5].set(1e-6),
+        "bound": jnp.ones(GRID.shape),
+        "zero": jnp.zeros(GRID.shape),
+    }
+    for start in starts.values():
+        warm = gc.solve_contact(kernel, heights, 0.5, law=law, rtol=1e-8, start=start)
+        np.testing.assert_allclose(warm.pressure, cold.pressure, atol=1e-6)
+        assert warm.num_steps <= 2 * cold.num_steps
+
+
+def test_a_start_of_another_scale_does_not_drown_the_contact():
+    kernel, heights = half_space(GRID), rough(GRID).heights
+    cold = gc.solve_contact(kernel, heights, 0.05)
+    start = jnp.zeros(GRID.shape).at[3, 3].set(1e30)
+    warm = gc.solve_contact(kernel, heights, mean_gap=cold.mean_gap, start=start)
+    np.testing.assert_allclose(warm.pressure, cold.pressure, atol=1e-4 * np.max(cold.pressure))
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize(
+    "law", [gc.RepulsiveLJ(1e-3, 0.05), gc.AdhesiveLJ(5e-3, 1e-6)], ids=["repulsive", "adhesive"]
+)
+def test_pressures_of_surfaces_apart_are_found_though_tiny(law):
+    """Beside the gaps they are lost in rounding, yet each is exact: it follows from its gap."""
+    kernel, heights = half_space(GRID), rough(GRID).heights
+    mean_gap = 3 * jnp.max(heights)
+    found = gc.solve_contact(kernel, heights, mean_gap=mean_gap, law=law)
+    expected = law.pressure_at(mean_gap - (heights - jnp.mean(heights)))
+    np.testing.assert_allclose(found.pressure, expected, rtol=1e-5)
+    assert np.max(np.abs(found.pressure)) < 1e-4
+
+
+def test_rounding_in_light_contact_counts_where_it_matters():
+    """In float32 noise outside the contact, amplified by short waves, says nothing of it."""
+    kernel, heights = half_space(GRID), rough(GRID).heights.astype(jnp.float32)
+    for load in (2e-4, 5e-3):
+        best = gc.solve_contact(kernel, heights.astype(jnp.float64), load, rtol=1e-9)
+        found = gc.solve_contact(kernel.astype(jnp.float32), heights, jnp.float32(load), rtol=1e-3)
+        error = np.linalg.norm(found.pressure - best.pressure) / np.linalg.norm(best.pressure)
+        assert error <= found.error <= 1e-3
+
+
+def test_error_hidden_by_rounding_is_reported():
+    """In float32, of pressures that are small beside what the gaps are worth."""
+    kernel = half_space(GRID).astype(jnp.float32)
+    heights = rough(GRID).heights.astype(jnp.float32)
+    with pytest.raises(RuntimeError, match="Rounding hides the remaining error"):
+        gc.solve_contact(kernel, heights, 2e-3, rtol=2e-5)
+    found = gc.solve_contact(kernel, heights, 2e-3, rtol=2e-5, throw=False)
+    assert found.result == gc.contacts.RESULTS.rounding
+    assert found.error > 2e-5
+
+
+def test_small_cells_and_stiff_solids_in_float32():
+    """A product of two of their compliances is less than the least number."""
+    cell, modulus = 1e-9, 1e12
+    kernel, heights = half_space(GRID), rough(GRID).heights
+    best = gc.solve_contact(kernel, heights, 0.02)
+    kernel = jnp.asarray(kernel * (cell / modulus), jnp.float32)
+    small = jnp.asarray(heights * cell, jnp.float32)
+    load = jnp.float32(0.02 * modulus)
+    s = gc.solve_contact(kernel, small, load, rtol=1e-3)
+    assert jnp.linalg.norm(s.pressure / modulus - best.pressure) <= 1e-3 * jnp.linalg.norm(
+        best.pressure
+    )
+
+
+def test_the_more_precise_field_decides_and_a_load_does_not():
+    """In two precisions the noise of one would pass for a residual of the other, without end."""
+    heights = np.random.default_rng(1).normal(size=SMALL.shape) * 0.05
+    kernel = gc.stack_kernel(BODIES["bare"], SMALL, SPEED).astype(jnp.complex64)
+    expected = dense_contact(np.asarray(kernel, complex), heights, 0.02)
+    for dtype, rtol in ((jnp.float32, 1e-3), (jnp.float64, 1e-4)):
+        s = gc.solve_contact(kernel, jnp.asarray(heights, dtype), 0.02, rtol=rtol)
+        assert s.pressure.dtype == s.mean_gap.dtype == s.error.dtype == dtype
+        np.testing.assert_allclose(s.pressure, expected, atol=rtol * expected.max())
+
+
+def test_fields_of_one_row_are_solved():
+    heights = np.random.default_rng(1).normal(size=(1, 24)) * 0.05
+    kernel = gc.stack_kernel(BODIES["bare"], gc.Grid((24,), 1.0), SPEED)[None]
+    expected = dense_contact(np.asarray(kernel), heights, 0.02)
+    found = gc.solve_contact(kernel, heights, 0.02)
+    np.testing.assert_allclose(found.pressure, expected, atol=1e-6 * expected.max())
+
+
+def test_stopped_solve_reports_it_and_returns_the_partial_result():
+    kernel, heights = gc.stack_kernel(BODIES["bare"], GRID, SPEED), rough(GRID).heights
+    hasty = gc.contacts.DouglasRachford(max_steps=4)
+    with pytest.raises(RuntimeError, match="reached `max_steps` before `rtol`"):
+        gc.solve_contact(kernel, heights, 0.05, solver=hasty)
+    partial = gc.solve_contact(kernel, heights, 0.05, solver=hasty, throw=False)
+    assert partial.result == gc.contacts.RESULTS.max_steps_reached
+    assert partial.num_steps == 4
+    assert partial.error > 1e-6
+    np.testing.assert_allclose(np.mean(partial.pressure), 0.05)
+
+
+def test_a_single_point_carries_the_load_of_a_body_of_great_contrast():
+    """Far from what a cold start expects; once not reached in 4000 steps."""
+    q = np.asarray(wavenumber(GRID))
+    kernel = np.where(q > 0, q, 1) ** -2.5 * np.exp(1j * np.sign(wavevector(GRID)[0]))
+    heights = np.asarray(rough(GRID).heights)
+    load = 1e-4 * np.std(heights) / abs(kernel[3, 0])
+    found = gc.solve_contact(kernel, heights, load, rtol=1e-5)
+    assert np.sum(found.pressure > 0) == 1
+    assert np.argmax(found.pressure) == np.argmax(heights)
+    assert found.num_steps <= 600
+
+
+BAD = {
+    "kernel shape": (dict(kernel=np.ones((16, 16))), r"`kernel` has shape \(16, 16\)"),
+    "negative kernel": (dict(kernel=-np.ones(half_shape((16, 16)))), r"`kernel.real\[0, 1\]=-1`"),
+    "no pressure": (dict(pressure=None), "`pressure=None` and `mean_gap=None`: give exactly one"),
+    "closed mean gap": (
+        dict(pressure=None, mean_gap=-1.0),
+        "`mean_gap=-1` is refused: at a hard wall it must be above",
+    ),
+    "load above the hardness": (
+        dict(law=gc.HardWall(hardness=0.5)),
+        "`pressure=1` is refused: the law allows .*between 0 and 0.5 Pa",
+    ),
+    "tension beyond the law": (
+        dict(pressure=-0.2, law=gc.contacts.ExponentialAdhesion(1.0, 0.1)),
+        r"`pressure=-0.2` is refused: the law allows .*between -0.1 and inf Pa",
+    ),
+    "negative start": (dict(start=np.full((16, 16), -1.0)), r"`start\[0, 0\]=-1`"),
+    "one point": (dict(kernel=np.ones(1), heights=np.zeros(1)), r"\(1,\); .* two points"),
+    "squares vanish": (dict(heights=np.full((16, 16), 1e-254)), r"`heights` up to 1e-254 m"),
+    "half precision": (dict(heights=np.zeros((16, 16), np.float16)), "`heights` has dtype float16"),
+}
+
+
+@pytest.mark.parametrize("case", BAD)
+def test_bad_argument_is_refused(case, unchecked_types):
+    changed, message = BAD[case]
+    arguments = dict(kernel=np.asarray(half_space(SMALL)), heights=np.zeros((16, 16)), pressure=1.0)
+    arguments |= changed
+    kernel, heights = arguments.pop("kernel"), arguments.pop("heights")
+    with pytest.raises(ValueError, match=message):
+        gc.solve_contact(kernel, heights, arguments.pop("pressure"), **arguments)
+
+
+@pytest.mark.parametrize("name, shape", [("elastic", (16, 16)), ("coated", (24,))])
+def test_hardness_matches_a_dense_solve_with_both_bounds(name, shape):
+    """The same points flow, touch and stand apart; a third of the load is beyond the hardness."""
+    heights = np.random.default_rng(1).normal(size=shape) * 0.05
+    kernel = gc.stack_kernel(BODIES[name], gc.Grid(shape, 1.0), SPEED)
+    free = dense_contact(np.asarray(kernel), heights, 0.2)
+    hardness = 0.4 * free.max()
+    expected = dense_contact(np.asarray(kernel), heights, 0.2, hardness)
+    law = gc.HardWall(hardness=hardness)
+    found = gc.solve_contact(kernel, heights, 0.2, law=law, rtol=1e-10)
+    np.testing.assert_allclose(found.pressure, expected, atol=1e-8 * hardness)
+    flowing = expected >= hardness * (1 - 1e-10)
+    assert np.any(flowing)
+    np.testing.assert_array_equal(found.pressure >= hardness * (1 - 1e-10), flowing)
+    assert np.max(found.gap[flowing]) <= 1e-8  # the depth of the flow
+    np.testing.assert_allclose(np.mean(found.pressure), 0.2, rtol=1e-12)
+    assert found.penetration <= 1e-7
+
+
+def test_repulsive_law_goes_to_the_hard_wall_in_proportion_to_its_range():
+    """The mean gap at first order in ε; pressure nearly so."""
+    kernel, heights = gc.stack_kernel(BODIES["coated"], GRID, SPEED), rough(GRID).heights
+    rms = float(jnp.std(heights))
+    hard = gc.solve_contact(kernel, heights, 0.05, rtol=1e-9)
+    ranges, rows = np.array([0.1, 0.01, 0.001]), []
+    for share in ranges:
+        law = gc.RepulsiveLJ(share * rms, 0.05)
+        s = gc.solve_contact(kernel, heights, 0.05, law=law, rtol=1e-9)
+        off = np.linalg.norm(s.pressure - hard.pressure) / np.linalg.norm(hard.pressure)
+        rows.append([(s.mean_gap - hard.mean_gap) / rms, off])
+    of_gap, of_pressure = np.array(rows).T
+    np.testing.assert_allclose(of_gap / ranges, of_gap[0] / ranges[0], rtol=0.02)
+    assert np.all(np.log10(of_pressure[:-1] / of_pressure[1:]) > 0.9)
+    assert of_pressure[-1] < 1e-3
+    touching = law.contact_indicator(s.pressure, s.gap, 1.0) > 0
+    assert abs(np.mean(touching) - np.mean(hard.pressure > 0)) <= 2 / GRID.shape[0] ** 2
+
+
+@pytest.mark.parametrize("law", ["hard", "hardness", "repulsive"])
+def test_mean_gap_gives_the_same_contact_as_the_load_that_has_it(law):
+    kernel, heights = gc.stack_kernel(BODIES["coated"], GRID, SPEED), rough(GRID).heights
+    law = LAWS[law]
+    by_load = gc.solve_contact(kernel, heights, 0.05, law=law, rtol=1e-9)
+    by_gap = gc.solve_contact(kernel, heights, mean_gap=by_load.mean_gap, law=law, rtol=1e-9)
+    assert by_gap.mean_gap == by_load.mean_gap
+    np.testing.assert_allclose(by_gap.mean_pressure, 0.05, rtol=1e-6)
+    scale = np.max(by_load.pressure)
+    np.testing.assert_allclose(by_gap.pressure, by_load.pressure, atol=1e-6 * scale)
+    np.testing.assert_allclose(by_gap.gap, by_load.gap, atol=1e-7 * np.ptp(heights))
+
+
+def test_surfaces_held_apart_do_not_touch():
+    kernel, heights = gc.stack_kernel(BODIES["coated"], GRID, SPEED), rough(GRID).heights
+    apart = 1.01 * jnp.max(heights - jnp.mean(heights))
+    s = gc.solve_contact(kernel, heights, mean_gap=apart)
+    np.testing.assert_array_equal(s.pressure, 0)
+    np.testing.assert_allclose(s.gap, apart - (heights - jnp.mean(heights)), rtol=1e-12)
+
+
+def test_hardness_below_the_load_is_reported_where_tracing_hides_it():
+    def result(hardness):
+        law = gc.HardWall(hardness=hardness)
+        return gc.solve_contact(half_space(SMALL), wave, 1.0, law=law, throw=False).result
+
+    wave = jnp.cos(2 * jnp.pi * jnp.arange(16) / 16)[:, None] * jnp.ones(16)
+    assert jax.jit(result)(0.5) == gc.contacts.RESULTS.bad_pressure
+    assert jax.jit(result)(3.0) == gc.contacts.RESULTS.successful
+
+
+def test_full_contact_is_found_at_once():
+    """Where everything touches, the pressure flattens the heights: a division mode by mode."""
+    n = 32
+    rng = np.random.default_rng(0)
+    heights = 1e-3 * rng.normal(size=(n, n))
+    kx, ky = np.fft.fftfreq(n, 1 / n)[:, None], np.arange(n // 2 + 1)[None, :]
+    q = np.hypot(kx, ky) + (kx == 0) * (ky == 0)
+    spectrum = np.fft.rfft2(heights) * q
+    spectrum[0, 0] = 0
+    exact = 1 + np.fft.irfft2(spectrum, s=(n, n))
+    assert exact.min() > 0
+    found = gc.solve_contact(1 / q, heights, 1.0, solver=gc.contacts.DouglasRachford(coarsest=8))
+    np.testing.assert_allclose(found.pressure, exact, rtol=1e-12)
+    assert found.num_fft_pairs <= 12
+
+
+@pytest.mark.parametrize("mean_gap", [0.0, 2e-17])
+@pytest.mark.parametrize("law", [gc.HardWall(), gc.HardWall(hardness=10.0)], ids=str)
+def test_a_mean_gap_of_full_contact_is_refused(mean_gap, law):
+    """No load follows from it: the gap is 0 at every pressure that is high enough."""
+    kernel, heights = half_space(SMALL), rough(SMALL).heights
+    with pytest.raises(ValueError, match=r"`mean_gap=.* must be above .* m.*prescribe `pressure`"):
+        gc.solve_contact(kernel, heights, mean_gap=mean_gap, law=law)
+
+
+def test_a_gap_near_full_contact_leads_back_to_its_load():
+    """Long memories of the acceleration ran away with the load: 8.9 MPa in place of 1.2."""
+    q0, grid = 2 * np.pi / 1e-3, gc.Grid((64, 64), 1e-3)
+    spectrum = gc.SelfAffine(rms_slope=0.04, hurst=0.9, q_low=q0, q_roll=q0, q_high=8 * q0)
+    heights = gc.random_surface(spectrum, grid, jax.random.key(1)).heights
+    kernel = gc.stack_kernel(gc.Stack(base=gc.HalfSpace(gc.tyre_tread())), grid, 2.0)
+    by_load = gc.solve_contact(kernel, heights, 1.2e6, rtol=1e-9)
+    assert 0.99 < np.mean(by_load.pressure > 0) < 1
+    by_gap = gc.solve_contact(kernel, heights, mean_gap=by_load.mean_gap)
+    np.testing.assert_allclose(by_gap.mean_pressure, 1.2e6, rtol=1e-4)
+    assert abs(by_gap.mean_pressure / 1.2e6 - 1) <= by_gap.error
+
+
+def test_derivatives_at_a_mean_gap_near_full_contact_match_differences():
+    kernel, heights = gc.stack_kernel(BODIES["coated"], SMALL, SPEED), rough(SMALL).heights
+    full = 1.2 * -jnp.min(jnp.fft.irfft2(jnp.fft.rfft2(heights) / kernel.at[0, 0].set(np.inf)))
+    gap = gc.solve_contact(kernel, heights, 0.75 * full, rtol=1e-10).mean_gap
+
+    def load(gap):
+        return gc.solve_contact(kernel, heights, mean_gap=gap, rtol=1e-11).mean_pressure
+
+    step = 1e-4 * gap
+    slope = (load(gap + step) - load(gap - step)) / (2 * step)
+    np.testing.assert_allclose(jax.grad(load)(gap), slope, rtol=1e-4)

@@ -1,0 +1,126 @@
+"""A custom contact solver is accepted everywhere."""
+
+from typing import ClassVar
+
+import equinox as eqx
+import jax
+import jax.numpy as jnp
+import numpy as np
+import pytest
+from conftest import BODIES, rough
+
+import graded_contact as gc
+from graded_contact.contacts import LinearSplitting, SolverOutput
+
+GRID = gc.Grid((16, 16), 1.0)
+SURFACE = rough(GRID, cut=4)
+LOAD = 0.05
+
+
+class ProjectedGradient(gc.contacts.AbstractContactSolver):
+    """Least energy of an elastic block under pressures >= 0 of the given mean, by FISTA."""
+
+    finds_unstable: ClassVar[bool] = False
+
+    def solve(self, operator, heights, law, loading, *, rtol, start):
+        load, heights = loading.pressure, heights - jnp.mean(heights)
+        displace, kernel = operator.displace, operator.kernel
+
+        def project(field):  # to the nearest pressure that is allowed
+            ends = jnp.array([jnp.min(field) - load, jnp.max(field)])
+
+            def halve(_, ends):
+                heavy = jnp.mean(jnp.maximum(field - jnp.mean(ends), 0)) > load
+                return jnp.where(heavy == jnp.array([True, False]), jnp.mean(ends), ends)
+
+            return jnp.maximum(field - jnp.mean(jax.lax.fori_loop(0, 60, halve, ends)), 0)
+
+        def descend(state):
+            old, ahead, n, _ = state
+            force = displace(ahead) - heights
+            new = project(ahead - force / jnp.max(kernel))
+            change = jnp.linalg.norm(new - ahead) / jnp.linalg.norm(new)
+            return new, new + (n / (n + 3)) * (new - old), n + 1, change
+
+        state = (jnp.full_like(heights, load), jnp.full_like(heights, load), 0, jnp.inf)
+        running = lambda s: (s[3] > 0.01 * rtol) & (s[2] < 5000)  # noqa: E731
+        p, _, n, error = jax.lax.while_loop(running, descend, state)
+        gap = displace(p) - heights
+        gap = jnp.where(p > 0, 0, gap - jnp.sum(p * gap) / jnp.sum(p))
+        return SolverOutput(p, gap, 0 * p, displace(p), error, error <= rtol, n, 1.0 * n)
+
+
+def test_a_custom_solver_finds_contacts_and_their_derivatives():
+    """Pressure of the package's solver, derivative of its own differences; q = 0 is ignored."""
+    kernel = gc.stack_kernel(BODIES["elastic"], GRID).real.at[0, 0].set(jnp.inf)
+
+    @eqx.filter_jit
+    def by(load, solver):
+        return gc.solve_contact(kernel, SURFACE.heights, load, solver=solver, rtol=1e-9)
+
+    custom = by(jnp.asarray(LOAD), ProjectedGradient())
+    split = by(jnp.asarray(LOAD), gc.contacts.DouglasRachford())
+    np.testing.assert_allclose(custom.pressure, split.pressure, atol=1e-8 * custom.pressure.max())
+    np.testing.assert_allclose(custom.mean_gap, split.mean_gap, rtol=1e-8)
+    step = 1e-4 * LOAD
+    ends = [by(jnp.asarray(LOAD + d), ProjectedGradient()).mean_gap for d in (step, -step)]
+    slope = jax.grad(lambda p: by(p, ProjectedGradient()).mean_gap)(jnp.asarray(LOAD))
+    np.testing.assert_allclose(slope, (ends[0] - ends[1]) / (2 * step), rtol=1e-4)
+
+
+def test_sliding_takes_a_custom_solver():
+    job = dict(pressure=LOAD, velocity=0.0, rtol=1e-9)
+
+    def friction_and_area(solver):
+        s = gc.slide(BODIES["bare"], SURFACE, solver=solver, **job)
+        return s.contact_area_smooth, s.num_fft_pairs
+
+    (custom, steps), (split, pairs) = map(
+        friction_and_area, (ProjectedGradient(), gc.contacts.DouglasRachford())
+    )
+    np.testing.assert_allclose(custom, split, rtol=1e-7)
+    assert steps != pairs
+
+
+def test_what_is_no_solver_is_refused(unchecked_types):
+    kernel = gc.stack_kernel(BODIES["elastic"], GRID).real
+    with pytest.raises(ValueError, match="`solver='fast'` must be ContactSolver"):
+        gc.solve_contact(kernel, SURFACE.heights, LOAD, solver="fast")
+    with pytest.raises(TypeError, match="abstract"):
+        gc.contacts.AbstractContactSolver()
+
+
+@pytest.mark.parametrize("solver", [LinearSplitting, gc.contacts.DouglasRachford])
+@pytest.mark.parametrize("setting", [("max_steps", 0), ("history_length", 0), ("relaxation", 1.0)])
+def test_bad_setting_is_refused(solver, setting, unchecked_types):
+    with pytest.raises(ValueError, match=f"`{setting[0]}={setting[1]}`"):
+        solver(**dict([setting]))
+
+
+def test_derivatives_have_a_tolerance_and_a_solver_of_their_own():
+    """A loose derivative errs by its own tolerance from that of a dense solve."""
+    kernel = gc.stack_kernel(BODIES["elastic"], GRID).real
+
+    def dense(operator, weights, rhs, *, rtol, free_mean):
+        n, root = rhs.size, jnp.sqrt(jnp.abs(weights)).ravel()
+        unit = jnp.eye(n).reshape(n, *rhs.shape)
+        press = jax.vmap(operator.displace)(unit).reshape(n, n)
+        matrix = jnp.diag(1 - weights.ravel()) + root[:, None] * press * root
+        # The equation for what remains of a right side without mean, by a multiplier.
+        whole = jnp.block([[matrix, root[:, None]], [root[None], jnp.zeros((1, 1))]])
+        found = jnp.linalg.solve(whole, jnp.append(rhs.ravel(), 0.0))
+        return found[:n].reshape(rhs.shape)
+
+    weights = jnp.asarray(np.random.default_rng(0).normal(size=GRID.shape))
+
+    def slope(adjoint):
+        def by(load):
+            job = dict(adjoint=adjoint, rtol=1e-9)
+            return jnp.sum(
+                weights * gc.solve_contact(kernel, SURFACE.heights, load, **job).pressure
+            )
+
+        return jax.jit(jax.grad(by))(LOAD)
+
+    loose = abs(slope(LinearSplitting(rtol=1e-2)) / slope(dense) - 1)
+    assert 1e-7 < loose < 0.1

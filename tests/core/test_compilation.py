@@ -1,0 +1,109 @@
+"""Programs that compile in less time outside `jit`."""
+
+import logging
+from collections import Counter
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+import pytest
+
+import graded_contact as gc
+from graded_contact.core import compilation
+from graded_contact.core.compilation import COMPILING, jit, one_by_one
+
+X = jnp.array([0.3, -1.2])
+
+
+@jit
+def squares(x, *, sign=1):
+    return sign * jnp.sum(x**2)
+
+
+def test_results_are_the_same_outside_jit_inside_it_and_under_derivatives():
+    expected = -float(np.sum(np.square(X)))
+    for found in (
+        squares(X, sign=-1),
+        jax.jit(lambda x: squares(x, sign=-1))(X),
+        jax.jit(lambda unit: unit * squares(X, sign=-1))(1.0),  # known, and yet traced
+        jax.vmap(lambda x: squares(x, sign=-1))(X[None])[0],
+    ):
+        np.testing.assert_allclose(found, expected, rtol=1e-12)
+    np.testing.assert_allclose(jax.grad(squares)(X), 2 * X)
+    np.testing.assert_allclose(jax.jacfwd(squares)(X), 2 * X)
+
+
+@pytest.fixture
+def afresh():
+    compilation._options.cache_clear()
+    yield
+    compilation._options.cache_clear()
+
+
+def test_options_of_the_environment_stay_and_the_log_says_once_that_it_compiles(
+    afresh, monkeypatch, caplog
+):
+    monkeypatch.setenv("XLA_FLAGS", "--xla_backend_optimization_level=3")
+    with caplog.at_level(logging.INFO, "graded_contact"):
+        options = compilation._options()
+        compilation._options()
+    assert caplog.text.count(COMPILING) == 1
+    assert set(compilation.LESS_WORK) - set(options) == {"xla_backend_optimization_level"}
+
+
+def test_an_xla_without_the_options_compiles_as_it_does(afresh, monkeypatch):
+    monkeypatch.setattr(compilation, "LESS_WORK", {"xla_of_another_time": True})
+    assert compilation._options() == {}
+
+
+def test_a_batch_is_computed_one_by_one():
+    """The steps of each member are its own; what the function closes over may belong to a batch."""
+
+    def halved(x, offset):
+        @one_by_one
+        def run(x, name):
+            def body(state):
+                x, steps = state
+                return x / 2, steps + 1
+
+            return {name: jax.lax.while_loop(lambda s: s[0] > offset, body, (x, 0))}
+
+        return run(x, "halved")["halved"]
+
+    ends, steps = jax.jit(jax.vmap(halved))(jnp.array([1.0, 8.0]), jnp.array([0.3, 1.0]))
+    np.testing.assert_array_equal(ends, [0.25, 1.0])
+    np.testing.assert_array_equal(steps, [2, 3])
+    loops = str(jax.make_jaxpr(jax.vmap(halved))(jnp.ones(2), jnp.ones(2)))
+    assert "scan[" in loops and "while[" in loops
+
+
+@pytest.fixture
+def programs():
+    """How often each program was compiled, by the name of its function."""
+    found, listening = Counter(), True
+
+    def count(event, _, fun_name="", **__):
+        if listening and event.endswith("backend_compile_duration"):
+            found[fun_name] += 1
+
+    jax.monitoring.register_event_duration_secs_listener(count)
+    yield found
+    listening = False
+
+
+def test_a_contact_and_its_derivative_compile_each_program_once(programs):
+    grid = gc.Grid((90,), 1e-3)
+    heights = 1e-6 * jnp.cos(2 * jnp.pi * jnp.arange(90) / 90)
+    kernel = gc.stack_kernel(gc.Stack(base=gc.HalfSpace(gc.Elastic(1e6, 0.5))), grid, 0.0)
+
+    def gap(pressure):
+        return gc.solve_contact(kernel, heights, pressure).mean_gap
+
+    gap(1e3)
+    once = {"jit(_coarser)", "jit(_begin)", "jit(_output)", "jit(_solution)"}
+    assert {name: programs[name] for name in once} == dict.fromkeys(once, 1)
+    jax.grad(gap)(1e3)
+    assert programs["jit(back)"] == 1
+    before = programs.total()
+    jax.grad(gap)(2e3)
+    assert programs.total() == before

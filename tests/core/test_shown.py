@@ -1,0 +1,102 @@
+"""What a result prints: its numbers with units, arrays by shape, how it ended."""
+
+import dataclasses
+
+import equinox as eqx
+import jax
+import jax.numpy as jnp
+import numpy as np
+import pytest
+
+import graded_contact as gc
+from graded_contact.blocks.stress import InteriorFields
+from graded_contact.contacts.operator import Steady
+from graded_contact.contacts.solution import RESULTS, ContactSolution
+from graded_contact.core.quantities import quantity_of
+from graded_contact.fitting.quality import FitErrors, Floor
+from graded_contact.scenes.design_scene import Stiffness
+from graded_contact.scenes.run_design import Candidate
+from graded_contact.studies.search import Run
+from graded_contact.studies.uncertainty import Sensitivity
+from graded_contact.surfaces.statistics import Statistics
+from graded_contact.surfaces.surface import Step
+
+RESULT_CLASSES = (
+    gc.Sliding, gc.ContactSolution, gc.contacts.ContactPath, gc.surfaces.CutoffCurve,
+    gc.mean_field.MeanField, Statistics, InteriorFields, Sensitivity, gc.Layer, gc.Elastic,
+    gc.Prony, gc.materials.StrainSoftening, gc.WLF, gc.Grid, gc.Surface,
+    Candidate, Run, Stiffness, Floor, FitErrors, Step, gc.HardWall, gc.AdhesiveLJ,
+)  # fmt: skip
+
+
+def sliding(friction=0.25, shape=(16, 12), result=RESULTS.successful, **numbers):
+    """A `Sliding` with a number of its own in every field, without solving anything."""
+    fields = {f.name: jnp.array(2.0) for f in dataclasses.fields(ContactSolution)}
+    field = jnp.zeros(shape)
+    fields |= {"pressure": field, "displacement": field, "gap": field, "correction": field}
+    contact = ContactSolution(**fields | {"mean_gap": jnp.array(6.13e-5), "result": result})
+    found = gc.Sliding(
+        contact=contact,
+        operator=Steady(field),
+        heights=field,
+        grid=gc.Grid(shape, 1.0),
+        velocity=jnp.array(0.0),
+        law=gc.HardWall(),
+    )
+    vars(found).update(dict.fromkeys(found.numbers, jnp.array(0.0)))
+    numbers |= {"friction": jnp.array(friction), "friction_error": jnp.array(1.7e-8)}
+    vars(found).update(numbers)
+    return found
+
+
+def line(text, name):
+    """What stands behind a name."""
+    (found,) = (row for row in text.splitlines() if row.strip().startswith(f"{name} "))
+    return found.strip().removeprefix(name).strip()
+
+
+def test_a_result_shows_numbers_units_errors_shapes_and_how_it_ended():
+    text = repr(sliding())
+    assert line(text, "friction") == "0.25 ± 1.7e-08"
+    assert "friction_error" not in text
+    assert line(text, "mean_gap [m]") == "6.13e-05"
+    assert line(text, "pressure [Pa]") == "16 × 12 float64"
+    assert line(text, "result") == "successful"
+    failed = repr(sliding(result=RESULTS.max_steps_reached))
+    assert line(failed, "result").startswith("The contact solver reached `max_steps`")
+    steep = sliding(slope_in_contact=jnp.array(0.8))
+    assert "small strains" in repr(steep)
+
+
+def test_only_results_show_units_since_a_derivative_has_the_class_of_what_it_is_by():
+    layer = gc.Layer(gc.Elastic(1e7, 0.3), 1e-5)
+    rubber = gc.Prony(1e6, [1e7], [1e-3], 0.4, shift=gc.WLF(10.0, 50.0, 300.0))
+    stack = gc.Stack(layers=(layer,), base=gc.HalfSpace(rubber))
+    slope = jax.grad(lambda s: jnp.abs(gc.surface_compliance(s, 1e4, 1e3)))(stack)
+    for text in (repr(slope), repr(slope.layers[0]), repr(slope.base.material)):
+        assert "thickness" in text or "equilibrium" in text
+        assert "[m]" not in text and "[Pa]" not in text
+    omega = np.geomspace(1.0, 1e5, 20)
+    assert "equilibrium  1e+06" in repr(rubber)
+    assert "equilibrium [Pa]" in repr(gc.fit_prony(omega, rubber.modulus(omega), terms=1))
+
+
+def test_traced_results_show_their_shapes():
+    seen = []
+    jax.jit(lambda s: seen.append((repr(s), eqx.tree_pformat(s))))(sliding())
+    assert seen[0][0] == seen[0][1]
+    assert "f64[]" in seen[0][0]
+
+
+@pytest.mark.parametrize("kind", RESULT_CLASSES, ids=lambda kind: kind.__name__)
+def test_every_number_is_in_the_table_of_quantities(kind):
+    for name, annotation in kind.__annotations__.items():
+        name = "modulus" if name == "young" else name
+        if "Float" in str(annotation) and "np.ndarray" not in str(annotation):
+            assert quantity_of(name, kind.__name__), name
+
+
+def test_a_refused_object_is_named_on_one_line(unchecked_types):
+    with pytest.raises(ValueError, match="`base=Layer") as refusal:
+        gc.Stack(layers=(), base=gc.Layer(gc.Elastic(1e6), 1e-3))
+    assert "\n" not in str(refusal.value)

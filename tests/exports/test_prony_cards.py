@@ -1,0 +1,148 @@
+"""Exported series are parsed back and summed here, apart from the package."""
+
+import json
+import tomllib
+
+import numpy as np
+import pytest
+from scene_texts import BARE
+
+import graded_contact as gc
+from graded_contact.exports.prony_cards import FORMATS, export_prony
+from graded_contact.scenes.scene import parse_scene
+
+SHIFT = gc.WLF(4.57, 113.6, 298.15)
+TABLE = gc.materials.TabulatedShift(
+    [280.0, 300.0, 325.0], [2 / 3, 0.0, -1.7], 300.0, [0.97, 1.0, 10 / 9]
+)
+RANGE = gc.materials.MeasuredRange([1e-2 / 3, 1e7 / 3], [280.0, 325.0])
+OMEGA = 10.0 ** np.arange(-6, 16)
+MATERIALS = {
+    "tread": gc.tyre_tread(poisson=0.49),
+    # Thirds have no short decimal form; one branch dwarfs the equilibrium modulus.
+    "thirds": gc.Prony(1e6 / 3, [2e9 / 3, 1e7 / 7], [1e-9 / 3, 1 / 3], 1 / 3, SHIFT),
+}
+each_material = pytest.mark.parametrize("material", MATERIALS.values(), ids=MATERIALS)
+
+
+def response(equilibrium, strengths, times):
+    """E(ω) of Maxwell branches, by complex arithmetic."""
+    rates = 1j * OMEGA[:, None] * np.asarray(times)
+    return equilibrium + np.sum(np.asarray(strengths) * rates / (1 + rates), axis=1)
+
+
+def check(material, equilibrium, strengths, times, rtol=1e-14):
+    expected = np.asarray(material.modulus(OMEGA))
+    found = response(equilibrium, strengths, times)
+    np.testing.assert_allclose(found.real, expected.real, rtol=rtol)
+    np.testing.assert_allclose(found.imag, expected.imag, rtol=rtol)
+
+
+def numbers(line):
+    return [float(cell) for cell in line.split(",")]
+
+
+def same_law(found, law):
+    assert found == [float(law.reference), float(law.c1), float(law.c2)]
+
+
+@each_material
+def test_an_abaqus_card_gives_the_modulus_back(material):
+    lines = export_prony(material, "abaqus", name="tread").splitlines()
+    cards = [line for line in lines if not line.startswith("**")]
+    assert cards[0] == "*MATERIAL, NAME=tread"
+    assert cards[1] == "*ELASTIC, MODULI=INSTANTANEOUS"
+    assert cards[3] == "*VISCOELASTIC, TIME=PRONY"
+    glassy, poisson = numbers(cards[2])
+    end = cards.index("*TRS, DEFINITION=WLF")
+    shear, bulk, times = np.array([numbers(line) for line in cards[4:end]]).T
+    assert poisson == float(material.poisson)
+    assert np.array_equal(shear, bulk) and np.sum(shear) < 1
+    # What is left for the equilibrium modulus loses the digits of E_inf/E_eq.
+    loss = float(material.glassy / material.equilibrium)
+    check(material, glassy * (1 - np.sum(shear)), glassy * shear, times, rtol=1e-15 * loss)
+    same_law(numbers(cards[end + 1]), material.shift)
+
+
+@each_material
+def test_an_ansys_card_gives_the_modulus_back(material):
+    lines = export_prony(material, "ansys").splitlines()
+    constants = {line.split(",")[1]: float(line.split(",")[3]) for line in lines if "MP," in line}
+    tables, current = {}, None
+    for line in lines:
+        command, *cells = line.split(",")
+        if command == "TB":
+            current = tables.setdefault(cells[-1], {"count": int(cells[-2]), "data": {}})
+        elif command == "TBDATA":
+            first, values = int(cells[0]), map(float, cells[1:])
+            current["data"].update({first + i: value for i, value in enumerate(values)})
+    shear, bulk = (
+        np.array([tables[part]["data"][i + 1] for i in range(2 * tables[part]["count"])])
+        for part in ("SHEAR", "BULK")
+    )
+    assert tables["SHEAR"]["count"] == len(material.times) and np.array_equal(shear, bulk)
+    assert constants["PRXY"] == float(material.poisson)
+    glassy, ratios = constants["EX"], shear[::2]
+    loss = float(material.glassy / material.equilibrium)
+    check(material, glassy * (1 - np.sum(ratios)), glassy * ratios, shear[1::2], 1e-15 * loss)
+    same_law(list(tables["WLF"]["data"].values()), material.shift)
+
+
+@each_material
+def test_csv_and_json_hold_every_digit(material):
+    table = np.genfromtxt(export_prony(material, "csv").splitlines(), delimiter=",", skip_header=4)
+    assert np.isinf(table[0, 0])
+    assert np.array_equal(table[1:], np.stack([material.times, material.strengths], axis=1))
+    check(material, table[0, 1], table[1:, 1], table[1:, 0])
+    entries = json.loads(export_prony(material, "json", name="tread"))
+    assert entries["name"] == "tread" and entries["poisson"] == float(material.poisson)
+    check(material, entries["equilibrium"], entries["strengths"], entries["times"])
+
+
+@pytest.mark.parametrize("shift", [None, SHIFT, gc.Arrhenius(2e5 / 3, 293.15), TABLE])
+def test_a_toml_table_makes_the_same_material_in_a_scene(shift):
+    material = gc.Prony(1e6 / 3, [2e9 / 3, 1e7 / 7], [1e-22 / 3, 1 / 3], 1 / 3, shift, RANGE)
+    snippet = export_prony(material, "toml", name="my-rubber_2")
+    scene = BARE.replace('material = "tread"', 'material = "my-rubber_2"')
+    found = parse_scene(scene + snippet).stack.base.material
+    for field in ("equilibrium", "strengths", "times", "poisson"):
+        assert np.array_equal(getattr(found, field), getattr(material, field))
+    for field in ("omega", "temperature"):
+        assert np.array_equal(getattr(found.measured, field), getattr(RANGE, field))
+    assert type(found.shift) is type(shift)
+    if shift is not None:
+        warm, expected = found.at(310.0), material.at(310.0)
+        assert np.array_equal(warm.times, expected.times)
+        assert np.array_equal(warm.strengths, expected.strengths)
+    assert set(tomllib.loads(snippet)["materials"]) == {"my-rubber_2"}
+
+
+@pytest.mark.parametrize("format, mark", [("abaqus", "** "), ("ansys", "! "), ("csv", "# ")])
+@pytest.mark.parametrize("shift, number", [(gc.Arrhenius(8e4, 293.15), "80000.0"), (TABLE, "0.97")])
+def test_a_law_that_a_format_cannot_hold_is_in_a_comment(format, mark, shift, number):
+    text = export_prony(gc.Prony(1e6, [1e7], [1.0], 0.4, shift), format)
+    assert all(line.startswith(mark) for line in text.splitlines() if number in line)
+    assert number in text
+
+
+@pytest.mark.parametrize(
+    "material, format, options, expected",
+    [
+        (gc.Elastic(1e6), "csv", {}, "type Elastic"),
+        (MATERIALS["tread"], "ansi", {}, "`format='ansi'` is refused"),
+        (MATERIALS["tread"], "toml", {"name": "my tread"}, "`name='my tread'` is refused"),
+        (gc.Prony(0, [1e6], [1.0]), "abaqus", {}, "`equilibrium=0` Pa is refused: Abaqus"),
+        (gc.Prony(1e-4, [1e6], [1.0], 0.4), "ansys", {}, "at least 1e-09 of the instant"),
+        (gc.Prony(1e6, [1e6], [1.0], 0.5), "ansys", {}, "`poisson=0.5` is refused"),
+        (gc.Prony(1, np.ones(101), np.ones(101), 0.4), "ansys", {}, "at most 100 terms"),
+    ],
+)
+def test_what_a_format_cannot_hold_is_refused(material, format, options, expected):
+    with pytest.raises(ValueError, match=expected):
+        export_prony(material, format, **options)
+
+
+def test_a_liquid_is_exported_where_no_ratio_is_needed():
+    liquid = gc.Prony(0, [1e6, 2e5], [1e-3, 1.0])
+    for format in set(FORMATS) - {"abaqus", "ansys"}:
+        assert "200000.0" in export_prony(liquid, format)

@@ -1,0 +1,482 @@
+"""Materials against direct sums in mpmath, time-domain quadrature and SciPy's PCHIP."""
+
+import equinox as eqx
+import jax
+import jax.numpy as jnp
+import mpmath as mp
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from scipy.integrate import quad
+from scipy.interpolate import PchipInterpolator
+
+import graded_contact as gc
+from graded_contact import (
+    WLF,
+    Aged,
+    Arrhenius,
+    Blend,
+    BulkShear,
+    Elastic,
+    Free,
+    GradedLayer,
+    Mixture,
+    Prony,
+    Stack,
+    Tabulated,
+    TabulatedShift,
+    sliced,
+)
+from graded_contact.blocks.shapes import Linear
+
+EXAMPLES = settings(max_examples=60)
+BRANCHES = 7
+GLASSY = st.floats(3, 10).map(lambda power: 10.0**power)
+POWERS = st.lists(st.floats(-9, 0), min_size=BRANCHES, max_size=BRANCHES).map(
+    lambda powers: 10.0 ** np.array(powers)
+)
+# Up to 17 decades of times, neighbours at least a factor 1.5 apart, in any order.
+TIMES = st.tuples(
+    st.lists(st.floats(0.18, 2.8), min_size=BRANCHES, max_size=BRANCHES),
+    st.permutations(range(BRANCHES)),
+).map(lambda steps: 10.0 ** (-14 - 2.8 + np.cumsum(steps[0]))[list(steps[1])])
+OMEGA = st.floats(-20, 20).map(lambda power: 10.0**power)
+
+modulus_of = jax.jit(lambda material, omega: material.modulus(omega))
+from_creep = jax.jit(Prony.from_creep)
+creep_of = jax.jit(lambda material: material.creep())
+
+
+def exact_prony(equilibrium, strengths, times, omega):
+    """E_eq + Σ E_k iωτ/(1 + iωτ) by direct summation."""
+    total = mp.mpc(mp.mpf(float(equilibrium)))
+    for strength, time in zip(strengths, times, strict=True):
+        iwt = mp.mpc(0, mp.mpf(float(omega)) * mp.mpf(float(time)))
+        total += mp.mpf(float(strength)) * iwt / (1 + iwt)
+    return total
+
+
+def exact_compliance(glassy, compliances, times, omega):
+    """1/E_inf + Σ H_j/(1 + iωt) by direct summation."""
+    total = mp.mpc(1 / mp.mpf(float(glassy)))
+    for compliance, time in zip(compliances, times, strict=True):
+        iwt = mp.mpc(0, mp.mpf(float(omega)) * mp.mpf(float(time)))
+        total += mp.mpf(float(compliance)) / (1 + iwt)
+    return total
+
+
+def sliced_profile(profile):
+    """The material in the middle of a graded layer."""
+    layer = GradedLayer(profile, 1.0)
+    return sliced(Stack(layers=[layer], base=Free()), 1).layers[0].material
+
+
+def real_and_imaginary(values):
+    return jnp.stack([values.real, values.imag])
+
+
+def two_branches(**changes):
+    fields = {"equilibrium": 2e6, "strengths": [5e6, 3e7], "times": [1e-2, 1e-5], "poisson": 0.48}
+    return Prony(**(fields | changes))
+
+
+@pytest.mark.parametrize(
+    "omega", [1e-200, 1e-30, 1e-3, 0.5, 1.0, 7.0, 1e5, 1e30, 1e160, 1e200, 1e300]
+)
+@pytest.mark.parametrize("times", [[1e-5, 1.0, 1e4], [1e-100, 1.0, 1e100], [0.9, 1.0, 1.1]])
+def test_prony_modulus_matches_direct_sum(omega, times):
+    material = Prony(3e6, [1e7, 2e5, 4e8], times)
+    with mp.workdps(50):
+        for signed in (omega, -omega):
+            value = complex(material.modulus(jnp.array(signed)))
+            expected = exact_prony(3e6, [1e7, 2e5, 4e8], times, signed)
+            assert abs(value.real / expected.real - 1) < 1e-15
+            # Relative to itself: a loss of 1e-190 Pa must not drown, but may underflow.
+            assert abs(value.imag - expected.imag) <= 1e-15 * abs(expected.imag) + 1e-300
+
+
+def test_modulus_at_rest_is_the_equilibrium_and_at_infinite_speed_the_glass():
+    material = two_branches()
+    value = material.modulus(jnp.array([0.0, jnp.inf, -jnp.inf]))
+    np.testing.assert_array_equal(value, [2e6, 3.7e7, 3.7e7])
+    assert material.glassy == 3.7e7
+
+
+@pytest.mark.parametrize("omega", [1.0, 90.0, 3e4])
+def test_prony_modulus_matches_relaxation_integral(omega):
+    """E(ω) = E_eq + iω ∫ (E(t) - E_eq) exp(-iωt) dt over t > 0."""
+    strengths, times = [5e6, 3e7], [1e-2, 1e-5]
+
+    def relaxation(t):
+        return sum(e * np.exp(-t / tau) for e, tau in zip(strengths, times, strict=True))
+
+    parts = [
+        sum(quad(relaxation, *ends, weight=kind, wvar=omega, limit=200)[0]
+            for ends in ((0, 1e-4), (1e-4, 1e-2), (1e-2, 0.4)))
+        for kind in ("cos", "sin")
+    ]  # fmt: skip
+    expected = 2e6 + 1j * omega * (parts[0] - 1j * parts[1])
+    np.testing.assert_allclose(two_branches().modulus(jnp.array(omega)), expected, rtol=1e-8)
+
+
+@EXAMPLES
+@given(GLASSY, POWERS, TIMES, OMEGA)
+def test_prony_is_passive_and_real_in_time(scale, strengths, times, omega):
+    material = Prony(scale * 1e-3, scale * strengths, times)
+    forward, backward, slower = modulus_of(material, jnp.array([omega, -omega, omega / 3]))
+    assert backward == jnp.conj(forward)
+    assert forward.imag >= 0
+    assert material.equilibrium <= slower.real <= forward.real <= material.glassy * (1 + 1e-15)
+
+
+@EXAMPLES
+@given(GLASSY, POWERS, TIMES, OMEGA)
+def test_from_creep_modulus_times_creep_compliance_is_one(glassy, ratios, times, omega):
+    compliances = 1e3 * ratios / glassy
+    value = modulus_of(from_creep(glassy, compliances, times), jnp.array(omega))
+    with mp.workdps(40):
+        product = mp.mpc(complex(value)) * exact_compliance(glassy, compliances, times, omega)
+        assert abs(product - 1) < 3e-15
+
+
+@EXAMPLES
+@given(GLASSY, POWERS, TIMES)
+def test_from_creep_undoes_creep(equilibrium, ratios, times):
+    strengths = 1e3 * equilibrium * ratios
+    back = from_creep(*creep_of(Prony(equilibrium, strengths, times)))
+    order = np.argsort(-times)
+    np.testing.assert_allclose(back.equilibrium, equilibrium, rtol=1e-12)
+    np.testing.assert_allclose(back.strengths, strengths[order], rtol=1e-12)
+    np.testing.assert_allclose(back.times, times[order], rtol=1e-12)
+
+
+@pytest.mark.parametrize("weak", [1e-8, 1e-16, 1e-30, 1e-100])
+@pytest.mark.parametrize("times", [[1.0, 1e-3], [1e-3, 1.0], [1.0, 1 + 1e-9]])
+def test_negligible_branches_stay_negligible(weak, times):
+    """Their zeros coincide with poles to rounding; they must not become strong branches."""
+    values, times = jnp.array([1.0, weak]), jnp.array(times)
+    material = from_creep(1.0, values, times)
+    glassy, compliances, _ = creep_of(Prony(1.0, values, times))
+    with mp.workdps(150):
+        for omega in (0.3, 1.0, 1e3):
+            compliance = exact_compliance(1.0, [1.0, weak], times, omega)
+            value = mp.mpc(complex(modulus_of(material, jnp.array(omega))))
+            assert abs(value * compliance - 1) < 3e-15
+    assert glassy == 2 + weak
+    assert jnp.min(compliances) < 2 * weak
+
+
+def check_gradient(function, x):
+    """Compares jax.grad with central differences of fourth order, all unknowns of order one."""
+    gradient, step = jax.jit(jax.grad(function))(x), 1e-3
+    for i in range(len(x)):
+        at = [function(x.at[i].add(k * step)) for k in (-2, -1, 1, 2)]
+        difference = (at[0] - 8 * at[1] + 8 * at[2] - at[3]) / (12 * step)
+        np.testing.assert_allclose(gradient[i], difference, rtol=1e-8, atol=1e-10)
+
+
+def logarithm_of_creep(glassy, compliances, times):
+    return jnp.log(glassy) + jnp.sum(jnp.log(compliances) * jnp.array([1.0, 2.0])) + times[0]
+
+
+@pytest.mark.parametrize(
+    "function, point",
+    [
+        (lambda *x: Prony(*x).modulus(1.2).real, [0.1, 1.0, 2.0, -0.5, 0.8]),
+        (lambda *x: Prony(*x).modulus(1.2).imag, [0.1, 1.0, 2.0, -0.5, 0.8]),
+        (lambda *x: Prony.from_creep(*x).modulus(0.7).real / 5, [1.0, 0.3, -0.5, -1.5, 1.8]),
+        (lambda *x: Prony.from_creep(*x).modulus(0.7).imag / 5, [1.0, 0.3, -0.5, -1.5, 1.8]),
+        (lambda *x: logarithm_of_creep(*Prony(*x).creep()), [0.2, 0.5, 1.0, -1.0, 1.0]),
+    ],
+)
+def test_gradients_of_moduli_and_creep_match_differences(function, point):
+    """By the logarithms of the modulus, of two strengths and of two times."""
+    by = jax.jit(lambda x: function(jnp.exp(x[0]), jnp.exp(x[1:3]), jnp.exp(x[3:5])))
+    check_gradient(by, jnp.array(point))
+
+
+def test_elastic_modulus_is_the_same_real_number_at_every_frequency():
+    material = Elastic(2e6, 0.3)
+    value = material.modulus(jnp.array([[0.0, -1e3, 1e300]]))
+    np.testing.assert_array_equal(value, np.full((1, 3), 2e6))
+    assert not jnp.iscomplexobj(value) and material.at(300.0) is material
+    assert jax.grad(lambda m: m.modulus(jnp.ones(4)).sum())(material).young == 4
+
+
+def test_single_precision_in_and_out():
+    single = [jnp.asarray(v, jnp.float32) for v in (2e6, [5e6, 3e7], [1e-2, 1e-5], 0.48)]
+    material = Prony(*single)
+    omega = jnp.array([1e-30, 3.0, 1e5, 1e30, -1e30], jnp.float32)
+    value = modulus_of(material, omega)
+    assert value.dtype == jnp.complex64
+    expected = modulus_of(two_branches(), omega.astype(jnp.float64))
+    np.testing.assert_allclose(value.real, expected.real, rtol=1e-6)
+    np.testing.assert_allclose(value.imag, expected.imag, rtol=1e-6)
+    loss_slope = jax.jit(jax.grad(lambda material, omega: material.modulus(omega).imag))
+    slope = loss_slope(material, jnp.float32(1e5))
+    exact = loss_slope(two_branches(), jnp.float64(1e5))
+    for a, b in zip(jax.tree.leaves(slope), jax.tree.leaves(exact), strict=True):
+        assert a.dtype == jnp.float32
+        np.testing.assert_allclose(a, b, rtol=1e-5)
+
+
+SHIFTS = [WLF(c1=4.57, c2=113.6, reference=298.15), Arrhenius(8e4, 298.15)]
+
+
+def test_shift_factors_are_their_definitions():
+    wlf, arrhenius = (float(shift.factor(jnp.array(273.15))) for shift in SHIFTS)
+    assert wlf == pytest.approx(10 ** (4.57 * 25 / (113.6 - 25)), rel=1e-14)
+    assert np.log10(wlf) == pytest.approx(1.29, abs=0.005)  # Ferry's SBR at 0 °C
+    expected = np.exp(8e4 / 8.31446261815324 * (1 / 273.15 - 1 / 298.15))
+    assert arrhenius == pytest.approx(expected, rel=1e-13)
+
+
+@pytest.mark.parametrize("shift", SHIFTS, ids=["wlf", "arrhenius"])
+def test_shift_is_one_at_reference_and_composes(shift):
+    assert shift.factor(shift.reference) == 1
+    warm, hot = jnp.array(280.0), jnp.array(330.0)
+    chained = shift.factor(warm) * shift.rebased(warm).factor(hot)
+    np.testing.assert_allclose(chained, shift.factor(hot), rtol=1e-13)
+    assert shift.rebased(warm).factor(warm) == 1
+    assert shift.factor(warm) > 1 > shift.factor(hot)
+
+
+@pytest.mark.parametrize("shift", SHIFTS, ids=["wlf", "arrhenius"])
+def test_temperature_moves_the_modulus_along_frequency(shift):
+    omega = jnp.logspace(-2, 6, 9)
+    nodes = jnp.logspace(-12, 16, 60)
+    material = two_branches(shift=shift)
+    table = Tabulated(nodes, material.modulus(nodes), 0.48, shift=shift)
+    factor = shift.factor(jnp.array(268.15))
+    for original in (material, table):
+        cold = original.at(268.15)
+        np.testing.assert_allclose(
+            modulus_of(cold, omega), modulus_of(original, factor * omega), rtol=1e-12
+        )
+        twice, once = original.at(350.0).at(268.15), cold
+        for a, b in zip(jax.tree.leaves(twice), jax.tree.leaves(once), strict=True):
+            np.testing.assert_allclose(a, b, rtol=1e-12)
+    cold = material.at(268.15)
+    np.testing.assert_allclose(cold.at(shift.reference).times, material.times, rtol=1e-13)
+
+
+VOGEL = 298.15 - 113.6
+COLD = {"wlf": (SHIFTS[0], VOGEL + 1e-3), "arrhenius": (Arrhenius(2e6, 298.15), 100.0)}
+
+
+@pytest.mark.parametrize("shift, temperature", COLD.values(), ids=COLD.keys())
+def test_a_body_so_cold_that_its_shift_overflows_is_glassy_with_finite_derivatives(
+    shift, temperature
+):
+    assert jnp.isinf(shift.factor(temperature))
+    table = Tabulated(TABLE_OMEGA, TABLE_MODULUS, shift=shift, extrapolate="plateau")
+    material = two_branches(shift=shift)
+    for body, relaxed, glassy in ((material, 2e6, 3.7e7), (table, 1e6, 9e6)):
+        parts = jax.jit(lambda body, t, w: real_and_imaginary(body.at(t).modulus(w)))
+        slopes = jax.jit(jax.jacrev(parts, (0, 1, 2)))
+        for omega, expected in ((0.0, relaxed), (1e-6, glassy), (-1e9, glassy)):
+            found = parts(body, temperature, omega)
+            np.testing.assert_allclose(found, [expected, 0], rtol=1e-14, atol=1e-100)
+            for leaf in jax.tree.leaves(slopes(body, temperature, omega)):
+                assert np.all(np.isfinite(leaf))
+        # Its times cannot be kept: a way back would be silently wrong.
+        with pytest.raises(ValueError, match="`temperature` cannot be changed again"):
+            body.at(temperature).at(298.15)
+        assert np.all(np.isnan(jax.jit(lambda b: b.at(temperature).at(298.15).modulus(1.0))(body)))
+
+
+def test_wlf_has_no_answer_below_its_vogel_temperature_where_tracing_hides_it():
+    times = jax.jit(lambda t: two_branches(shift=SHIFTS[0]).at(t).times)
+    assert np.all(np.isnan(times(VOGEL - 1.0)))
+    assert np.all(np.isfinite(times(VOGEL + 1.0)))
+
+
+TABLE_OMEGA = np.array([1e-2, 1e-1, 0.5, 7.0, 1e2, 3e4])
+TABLE_MODULUS = np.array([1 + 0.1j, 1.3 + 0.3j, 2 + 0.8j, 6 + 0.7j, 5.5 + 0.75j, 9 + 0.1j]) * 1e6
+
+
+def test_tabulated_matches_scipy_pchip():
+    table = Tabulated(TABLE_OMEGA, TABLE_MODULUS)
+    omega = np.concatenate([np.geomspace(1e-2, 3e4, 301), TABLE_OMEGA])
+    omega = np.clip(omega, 1e-2, 3e4)
+    value = modulus_of(table, jnp.asarray(omega))
+    for part in ("real", "imag"):
+        spline = PchipInterpolator(np.log(TABLE_OMEGA), np.log(getattr(TABLE_MODULUS, part)))
+        np.testing.assert_allclose(getattr(value, part), np.exp(spline(np.log(omega))), rtol=1e-13)
+    np.testing.assert_allclose(value[-6:], TABLE_MODULUS, rtol=1e-14)
+    np.testing.assert_array_equal(modulus_of(table, -jnp.asarray(omega)), np.conj(value))
+
+
+def test_a_table_of_two_rows_is_a_straight_line_of_logarithms():
+    omega, modulus = TABLE_OMEGA[2:4], TABLE_MODULUS[2:4]
+    middle = np.geomspace(omega[0], omega[-1], 7)[1:-1]
+    value = modulus_of(Tabulated(omega, modulus), jnp.asarray(middle))
+    expected = np.exp(np.interp(np.log(middle), np.log(omega), np.log(modulus.real)))
+    np.testing.assert_allclose(value.real, expected, rtol=1e-13)
+
+
+@pytest.mark.parametrize("omega", [9e-3, -1e6])
+def test_tabulated_refuses_frequencies_outside(omega):
+    """With both ranges where the values are known, and when they turn up under `jit`."""
+    table = Tabulated(TABLE_OMEGA, TABLE_MODULUS)
+    with pytest.raises(ValueError, match=r"`omega` from .* is refused: the table .* covers"):
+        table.modulus(jnp.array([1.0, omega]))
+    with pytest.raises(RuntimeError, match="lies outside the table of moduli"):
+        jax.block_until_ready(eqx.filter_jit(table.modulus)(jnp.array([1.0, omega])))
+
+
+def test_tabulated_plateau_extends_like_a_single_relaxation():
+    table = Tabulated(TABLE_OMEGA, TABLE_MODULUS, extrapolate="plateau")
+    value = modulus_of(table, jnp.array([1e-5, 3e7, -3e7]))
+    np.testing.assert_allclose(value[0], 1e6 + 0.1e6j * 1e-3, rtol=1e-13)
+    np.testing.assert_allclose(value[1], 9e6 + 0.1e6j * 1e-3, rtol=1e-13)
+    assert value[2] == jnp.conj(value[1])
+    extremes = modulus_of(table, jnp.array([0.0, 1e-300, 1e300]))
+    assert np.all(np.isfinite(extremes)) and np.all(extremes.imag >= 0)
+
+
+@pytest.mark.parametrize("extrapolate", ["refuse", "plateau"])
+def test_tabulated_at_rest_is_elastic(extrapolate):
+    table = Tabulated(TABLE_OMEGA, TABLE_MODULUS, extrapolate=extrapolate)
+    np.testing.assert_allclose(modulus_of(table, jnp.array(0.0)), 1e6, rtol=1e-14)
+    slope = jax.jit(jax.grad(lambda m: m.modulus(jnp.zeros(2)).real.sum()))(table)
+    assert all(np.all(np.isfinite(leaf)) for leaf in jax.tree.leaves(slope))
+
+
+TABLE_AT_ONE = Tabulated(
+    [1.0, 2.0, 5.0, 9.0],
+    np.array([1 + 0.1j, 1.3 + 0.3j, 2 + 0.8j, 3 + 0.2j]),
+    shift=SHIFTS[0],
+    extrapolate="plateau",
+)
+SOFT = Prony(1.0, [2.0, 0.5], [0.2, 3.0], 0.4, shift=SHIFTS[0])
+STIFF = Prony.from_creep(9.0, [0.1, 0.02], [0.3, 2.0], 0.45, shift=SHIFTS[1])
+AT_REST = {
+    "prony": SOFT,
+    "bulk-shear": BulkShear(STIFF, SOFT),
+    "blend": sliced_profile(Blend(SOFT, TABLE_AT_ONE)),
+    "logarithmic": sliced_profile(Blend(SOFT, STIFF, mixing="logarithmic")),
+    "mixture": sliced_profile(Mixture(SOFT, STIFF, Linear())),
+    "aged": sliced_profile(Aged(SOFT, 1.0, 7.0)),
+}
+BOTH_MODES = (jax.jacfwd, jax.jacrev)
+
+
+@pytest.mark.parametrize("material", AT_REST.values(), ids=AT_REST.keys())
+def test_derivatives_at_and_around_rest_match_differences_alone_and_jointly(material):
+    """Of E and ν by frequency and temperature; where ω should be 0, rounding may leave 1e-17."""
+
+    @jax.jit
+    def values(omega, temperature):
+        at = material.at(temperature)
+        parts = [at.modulus(omega), at.poisson_ratio(omega)]
+        return jnp.stack([part(value) for value in parts for part in (jnp.real, jnp.imag)])
+
+    @jax.jit
+    def all_slopes(omega, temperature):
+        alone = [jax.jacrev(values, i)(omega, temperature) for i in (0, 1)]
+        return alone, *(mode(values, (0, 1))(omega, temperature) for mode in BOTH_MODES)
+
+    temperature, step = 300.0, 1e-4
+    for omega in (0.0, 1e-17, -1e-17, 0.3, -0.3, 3.3):
+        differences = [
+            (values(omega + h, temperature + t) - values(omega - h, temperature - t)) / (2 * step)
+            for h, t in ((step, 0), (0, step))
+        ]
+        for slopes in all_slopes(omega, temperature):
+            np.testing.assert_allclose(slopes, differences, rtol=1e-6, atol=1e-8)
+
+
+@pytest.mark.parametrize(
+    "build, message",
+    [
+        (lambda: Elastic(0.0), r"`modulus=0` is refused: .*\[Pa\]"),
+        (lambda: Elastic(1.0, 0.51), r"`poisson=0\.51`"),
+        (lambda: two_branches(times=[0.0, 1.0]), r"`times\[0\]=0` is refused: .*\[s\]"),
+        (lambda: two_branches(times=[1.0]), r"`strengths` has shape \(2,\) and `times` \(1,\)"),
+        (lambda: Prony.from_creep(1.0, [1.0] * 2, [3.0] * 2), "`times` holds a value twice"),
+        (lambda: two_branches(equilibrium=0.0).creep(), r"`equilibrium=0` .*a liquid flows"),
+        (lambda: two_branches(times=[1.0, 1.0]).creep(), "`times` holds a value twice"),
+        (lambda: SHIFTS[0].factor(jnp.array(184.0)), r"only above 184\.55 K"),
+        (lambda: two_branches().at(300.0), r"no law of time-temperature superposition.*WLF\(c1"),
+        (lambda: two_branches(shift=SHIFTS[0]).at(20.0), "temperatures are in kelvin"),
+        (lambda: Tabulated([1.0, 2.0], [1 + 1j]), "one-dimensional arrays of equal length"),
+        (lambda: Tabulated([2.0, 1.0], [1 + 1j] * 2), r"`omega\[1\]=1` .*strictly increasing"),
+        (lambda: Tabulated([1.0, 2.0], [1.0, 1 + 1j]), r"`modulus\.imag\[0\]=0` .*loss modulus"),
+    ],
+)
+def test_bad_input_is_refused_by_name(build, message):
+    with pytest.raises(ValueError, match=message):
+        build()
+
+
+# Tables of shifts -------------------------------------------------------------------------------
+
+
+def test_a_table_of_shifts_is_interpolated_as_an_arrhenius_law_is_straight():
+    law, temperatures = Arrhenius(8e4, 300.0), np.array([280.0, 290, 305, 330])
+    logs = [float(law.log_factor(t)) / np.log(10) for t in temperatures]
+    table = TabulatedShift(temperatures, logs, 300.0, np.exp(1 - 300 / temperatures))
+    for temperature in (279.5, 284.0, 300.0, 321.0, 330.9):
+        np.testing.assert_allclose(
+            table.log_factor(temperature), law.log_factor(temperature), rtol=1e-11, atol=1e-12
+        )
+        np.testing.assert_allclose(
+            table.log_vertical(temperature), 1 - 300 / temperature, atol=1e-12
+        )
+    again = table.rebased(320.0)
+    np.testing.assert_allclose(
+        again.log_factor(290.0), law.rebased(320.0).log_factor(290.0), rtol=1e-11
+    )
+    material = Prony(1e6, [1e8], [1e-3], shift=table)
+    omega = np.array([1.0, 1e3])
+    expected = np.exp(1 - 300 / 285) * material.modulus(omega * np.exp(law.log_factor(285.0)))
+    np.testing.assert_allclose(material.at(285.0).modulus(omega), expected, rtol=1e-10)
+    measured = Tabulated(omega, material.modulus(omega), shift=table).at(285.0)
+    factor = np.exp(1 - 300 / 285)
+    np.testing.assert_allclose(measured.storage, factor * material.modulus(omega).real, rtol=1e-12)
+
+
+def test_the_derivative_of_a_table_of_shifts_matches_differences():
+    table = TabulatedShift([280.0, 300.0, 325.0], [2.0, 0.0, -1.0], 300.0, [0.9, 1.0, 1.2])
+
+    def value(temperature, table):
+        return jnp.log(Prony(1e6, [1e8], [1e-3], shift=table).at(temperature).modulus(30.0).imag)
+
+    leaves, treedef = jax.tree.flatten((jnp.asarray(311.0), table))
+    slopes = jax.jit(jax.grad(lambda leaves: value(*treedef.unflatten(leaves))))(leaves)
+    draw = np.random.default_rng(0)
+    direction = [leaf * draw.standard_normal(leaf.shape) * 1e-2 for leaf in leaves]
+    ends = [
+        value(*treedef.unflatten([v + s * d for v, d in zip(leaves, direction, strict=True)]))
+        for s in (1e-4, -1e-4)
+    ]
+    expected = sum(np.sum(s * d) for s, d in zip(slopes, direction, strict=True))
+    np.testing.assert_allclose(expected, (ends[0] - ends[1]) / 2e-4, rtol=1e-6)
+
+
+@pytest.mark.parametrize(
+    "make, message",
+    [
+        (lambda t: t.log_factor(331.5), "`temperature=331.5` is refused: the table of"),
+        (lambda t: t.rebased(278.0), r"280.00 to 330.00 K. Use a law"),
+        (lambda t: TabulatedShift([280.0, 290.0], [0, 1], 400.0), "`reference=400` is refused"),
+    ],
+)
+def test_what_a_table_of_shifts_does_not_cover_is_refused(make, message):
+    with pytest.raises(ValueError, match=message):
+        make(TabulatedShift([280.0, 330.0], [1.0, -1.0], 300.0))
+    hidden = jax.jit(lambda t: TabulatedShift([280.0, 330.0], [1.0, -1.0], 300.0).log_factor(t))
+    assert np.isnan(hidden(340.0)) and np.isfinite(hidden(320.0))
+
+
+def test_a_block_with_a_table_of_shifts_may_change_inside_jit():
+    shift = TabulatedShift([280.0, 300.0, 320.0], [1.0, 0.0, -1.0], reference=300.0)
+    rubber = Prony(1e6, [2e6], [1e-2], 0.49, shift=shift)
+    block = gc.Stack(layers=[gc.Layer(rubber, 1e-4)], base=gc.HalfSpace(rubber))
+
+    def changed(thickness):
+        return gc.with_values(block, {"layers[0].thickness": thickness}).at(310.0)
+
+    assert eqx.tree_equal(jax.jit(changed)(2e-4), changed(2e-4), rtol=1e-12)

@@ -1,0 +1,240 @@
+"""Moduli that depend on the strain amplitude, in the mean field and in contact."""
+
+from functools import partial
+
+import equinox as eqx
+import jax
+import jax.numpy as jnp
+import numpy as np
+import pytest
+from oracles import elasticities, gauss_over_angles
+from scipy.integrate import solve_ivp
+from scipy.interpolate import PchipInterpolator
+from scipy.special import erf
+
+import graded_contact as gc
+from graded_contact.materials import AbstractMaterial, StrainSoftening, at_strain
+
+CELL = 0.01  # m
+Q0 = 2 * np.pi / CELL
+SPECTRUM = gc.SelfAffine(rms_slope=0.3, hurst=0.8, q_low=Q0, q_roll=4 * Q0, q_high=60 * Q0)
+RUBBER = gc.Prony(1e6, [4e6, 2e7], [1e-2, 1e-4], 0.49, shift=gc.WLF(5.0, 80.0, 300.0))
+STRAIN, STORAGE, LOSS = [1e-3, 1e-2, 0.1, 0.5], [1.0, 0.8, 0.45, 0.3], [1.0, 1.1, 0.7, 0.35]
+SOFT = StrainSoftening(RUBBER, STRAIN, STORAGE, LOSS)
+GRID = gc.Grid((64,), CELL)
+PROFILE = gc.random_surface(
+    gc.SelfAffine(rms_slope=0.15, hurst=0.8, q_low=Q0, q_roll=4 * Q0, q_high=12 * Q0),
+    GRID,
+    jax.random.key(3),
+)
+
+
+class Scaled(AbstractMaterial):
+    """E' times one number and E'' times another, written apart from the package."""
+
+    first: jax.Array
+    second: jax.Array
+
+    def modulus(self, omega):
+        modulus = RUBBER.modulus(omega)
+        return self.first * modulus.real + 1j * self.second * modulus.imag
+
+    def poisson_ratio(self, omega):
+        return jnp.asarray(0.49)
+
+    def at(self, temperature):
+        raise NotImplementedError
+
+
+def on(material):
+    layer = gc.Layer(gc.Elastic(4e6, 0.4), 1e-4)
+    return gc.Stack(layers=(layer,), base=gc.HalfSpace(material))
+
+
+slide = partial(gc.slide, pressure=2e5, velocity=0.05, rtol=1e-8)
+mean_field = jax.jit(partial(gc.mean_field_friction, pressure=3e5, throw=False))
+
+
+def test_factors_follow_the_sweep_and_end_with_it():
+    omega = jnp.array([1.0, 1e3])
+    for strain in (0.0, 1e-4, 3e-3, 0.2, 2.0):
+        clipped = np.log(np.clip(strain, 1e-3, 0.5))
+        f, g = (
+            np.exp(PchipInterpolator(np.log(STRAIN), np.log(values))(clipped))
+            for values in (STORAGE, LOSS)
+        )
+        modulus, linear = at_strain(SOFT, strain).modulus(omega), RUBBER.modulus(omega)
+        np.testing.assert_allclose(modulus.real, f * linear.real, rtol=1e-13)
+        np.testing.assert_allclose(modulus.imag, g * linear.imag, rtol=1e-13)
+    warm = at_strain(SOFT.at(320.0), 0.1)
+    np.testing.assert_allclose(
+        warm.modulus(omega).real, 0.45 * RUBBER.at(320.0).modulus(omega).real, rtol=1e-12
+    )
+    assert at_strain(on(SOFT), 0.1).base.material.amplitude == 0.1
+    elastic = StrainSoftening(gc.Elastic(1e6), STRAIN, STORAGE, LOSS, 0.1)
+    np.testing.assert_allclose(elastic.modulus(omega), 4.5e5)
+
+
+def test_a_sweep_is_relative_to_its_first_row():
+    sweep = 2e6 * np.array(STORAGE) + 3e5j * np.array(LOSS)
+    made = StrainSoftening.from_sweep(RUBBER, STRAIN, sweep)
+    assert eqx.tree_equal(made, SOFT, rtol=1e-14)
+
+
+@pytest.mark.parametrize("factors", [(0.6, 0.6), (0.5, 1.3)])
+def test_constant_factors_are_scaled_moduli(factors):
+    """In the mean field and in contact, whatever the strain."""
+    soft = on(StrainSoftening(RUBBER, [1e-3, 1.0], *([f, f] for f in factors)))
+    scaled = on(Scaled(*map(jnp.asarray, factors)))
+    one = mean_field(soft, SPECTRUM, velocity=0.05, strain_per_slope=0.7)
+    two = mean_field(scaled, SPECTRUM, velocity=0.05)
+    np.testing.assert_allclose(one.friction, two.friction, rtol=1e-12)
+    np.testing.assert_allclose(one.contact_area, two.contact_area, rtol=1e-12)
+    touching = slide(soft, PROFILE, strain_per_slope=0.7)
+    alone = slide(scaled, PROFILE)
+    np.testing.assert_allclose(touching.kernel, alone.kernel, rtol=1e-14)
+    np.testing.assert_allclose(touching.friction, alone.friction, rtol=1e-10)
+
+
+def test_mean_field_matches_the_differential_equations():
+    """The slope up to q is a third unknown of the equations, by SciPy."""
+    f, g = (PchipInterpolator(np.log(STRAIN), np.log(v)) for v in (STORAGE, LOSS))
+    cosine, weight = gauss_over_angles()
+    plateau = float(SPECTRUM.density(jnp.array(Q0)))
+
+    def rates(y, state):
+        q = np.exp(y)
+        density = plateau * min(1, (q / (4 * Q0)) ** -3.6)
+        strain = np.log(np.clip(0.7 * np.sqrt(max(state[0], 0)), 1e-3, 0.5))
+        omega = q * 0.05 * cosine
+        modulus = 1e6 + sum(
+            e * 1j * omega * t / (1 + 1j * omega * t) for e, t in ((4e6, 1e-2), (2e7, 1e-4))
+        )
+        real, imag = np.exp(f(strain)) * modulus.real, np.exp(g(strain)) * modulus.imag
+        real, imag = real / (1 - 0.49**2), imag / (1 - 0.49**2)
+        area = erf(1 / np.sqrt(2 * state[1])) if state[1] > 0 else 1.0
+        s = 0.45 + 0.55 * area**2
+        spreading = density * q**4 / 4 * np.sum(weight * (real**2 + imag**2)) / 9e10
+        loss = density * q**4 / 2 * np.sum(weight * cosine * imag) / 3e5
+        return [2 * np.pi * q**4 * density, s * spreading, s * area * loss]
+
+    state = [0.0, 0.0, 0.0]
+    for piece in ((Q0, 4 * Q0), (4 * Q0, 60 * Q0)):
+        found = solve_ivp(rates, np.log(piece), state, "DOP853", rtol=1e-9, atol=1e-14)
+        state = found.y[:, -1]
+    half_space = gc.Stack(base=gc.HalfSpace(SOFT))
+    result = mean_field(half_space, SPECTRUM, velocity=0.05, strain_per_slope=0.7)
+    np.testing.assert_allclose(result.friction, state[2], rtol=1e-5)
+    np.testing.assert_allclose(result.contact_area, erf(1 / np.sqrt(2 * state[1])), rtol=1e-5)
+    linear = mean_field(half_space, SPECTRUM, velocity=0.05)
+    assert result.contact_area > 1.2 * linear.contact_area
+
+
+def test_derivatives_of_the_mean_field_match_differences():
+    def value(stack, spectrum, ratio):
+        s = mean_field(stack, spectrum, velocity=0.05, strain_per_slope=ratio)
+        return jnp.log(s.friction) + 0.3 * jnp.log(s.contact_area)
+
+    wide = StrainSoftening(
+        gc.Prony(1e6, [2e7], [1e-4], 0.49), [1e-2, 0.05, 0.9], STORAGE[:3], LOSS[:3]
+    )
+    arguments = (gc.Stack(base=gc.HalfSpace(wide)), SPECTRUM, jnp.array(0.7))
+    for slope, difference in elasticities(value, arguments):
+        assert abs(difference - slope) <= 3e-5 * abs(difference) + 1e-8
+
+
+@pytest.mark.parametrize(
+    ("shape", "velocity", "layers"),
+    [
+        ((32,), 0.05, 0),
+        pytest.param((16, 12), 0.05, 5, marks=pytest.mark.slow),
+        ((16, 12), (0.03, 0.04), 1),
+    ],
+)
+def test_each_wave_has_the_modulus_at_its_strain(shape, velocity, layers):
+    """Against stacks at one strain each, and sums over all modes by NumPy."""
+    grid = gc.Grid(shape, CELL)
+    surface = gc.Surface(1e-5 * jax.random.normal(jax.random.key(1), shape), grid)
+    layer = gc.Layer(
+        StrainSoftening(gc.Prony(3e6, [4e6], [1e-3], 0.4), STRAIN, LOSS, STORAGE), 1e-4
+    )
+    stack = gc.Stack(layers=(layer,) * layers, base=gc.HalfSpace(SOFT))
+    kernel = slide(stack, surface, velocity=velocity, strain_per_slope=0.6).kernel
+    number = np.meshgrid(*(np.fft.fftfreq(n, 1 / n) for n in shape), indexing="ij")
+    q = 2 * np.pi / CELL * np.sqrt(sum(k**2 for k in number))
+    power = np.abs(np.fft.fftn(surface.heights) / np.prod(shape)) ** 2
+    power[np.any([2 * np.abs(k) == n for k, n in zip(number, shape, strict=True)], axis=0)] = 0
+    edges = np.linspace(Q0, q.max(), max(shape))
+    slope = [np.sqrt(np.sum((q**2 * power)[q <= edge * (1 + 1e-9)])) for edge in edges]
+    for wave in [(1,), (3,), (9,)] if len(shape) == 1 else [(1, 0), (3, 2), (-2, 4)]:
+        strain = 0.6 * np.interp(q[wave], edges, slope)
+        alone = gc.stack_kernel(at_strain(stack, strain), grid, velocity)
+        np.testing.assert_allclose(kernel[wave], alone[wave], rtol=1e-12)
+    softest = gc.stack_kernel(at_strain(stack, 0.6 * slope[-1]), grid, velocity)
+    assert abs(softest[(1,) * len(shape)]) > 1.05 * abs(kernel[(1,) * len(shape)])
+
+
+def test_full_contact_is_that_of_the_mean_field():
+    """Where all touches the mean field is exact; with a spectrum it has the ε of the surface."""
+    soft = gc.Stack(base=gc.HalfSpace(SOFT))
+    found = slide(soft, PROFILE, pressure=1e8, strain_per_slope=0.7, rtol=1e-11)
+    assert found.contact_area == 1
+    field = mean_field(soft, PROFILE, pressure=1e8, velocity=0.05, strain_per_slope=0.7)
+    np.testing.assert_allclose(found.friction, field.friction, rtol=1e-9)
+    linear = slide(soft, PROFILE, pressure=1e8)
+    assert found.friction < 0.9 * linear.friction
+
+
+@pytest.mark.slow
+def test_derivatives_of_the_contact_match_differences():
+    soft = gc.Stack(base=gc.HalfSpace(SOFT))
+
+    @jax.jit
+    def friction(ratio, height):
+        surface = gc.Surface(height * PROFILE.heights, GRID)
+        return slide(soft, surface, strain_per_slope=ratio, rtol=1e-10).friction
+
+    arguments = jnp.array(0.7), jnp.array(1.0)
+    slopes = jax.jit(jax.grad(friction, (0, 1)))(*arguments)
+    for i, slope in enumerate(slopes):
+        high, low = (
+            friction(*(a * (1 + step) if i == j else a for j, a in enumerate(arguments)))
+            for step in (1e-5, -1e-5)
+        )
+        np.testing.assert_allclose(slope, (high - low) / (2e-5 * arguments[i]), rtol=1e-4)
+
+
+@pytest.mark.parametrize(
+    ("call", "message"),
+    [
+        (lambda: StrainSoftening(RUBBER, [1e-2, 1e-3], [1, 1], [1, 1]), "`strain.1.=0.001` does"),
+        (lambda: StrainSoftening(RUBBER, STRAIN, STORAGE, [1.0, 2.0]), "`loss` "),
+        (lambda: StrainSoftening(RUBBER, STRAIN, STORAGE, [1, 1, 0, 1]), "`loss.2.=0` is refused"),
+        (lambda: StrainSoftening.from_sweep(RUBBER, STRAIN, STORAGE), "`modulus.imag.0.=0` is"),
+        (lambda: at_strain(RUBBER, 0.1), "`block` holds no `StrainSoftening`"),
+        (lambda: at_strain(SOFT, -0.1), "`strain=-0.1` is refused"),
+        (
+            lambda: slide(on(SOFT), PROFILE, strain_per_slope=0.0),
+            "`strain_per_slope=0` is refused",
+        ),
+        (
+            lambda: slide(on(RUBBER), PROFILE, strain_per_slope=1.0),
+            "`strain_per_slope=1.0` is refused: `stack` holds no",
+        ),
+        (
+            lambda: slide(
+                on(SOFT), gc.Surface(PROFILE.heights, GRID, periodic=False), strain_per_slope=1.0
+            ),
+            "a periodic one is needed",
+        ),
+        (
+            lambda: gc.mean_field_friction(
+                on(RUBBER), SPECTRUM, pressure=1e5, velocity=1.0, strain_per_slope=1.0
+            ),
+            "`stack` holds no `StrainSoftening`",
+        ),
+    ],
+)
+def test_bad_arguments_are_refused(call, message):
+    with pytest.raises(ValueError, match=message):
+        call()

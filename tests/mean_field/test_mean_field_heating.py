@@ -1,0 +1,121 @@
+"""Heat in the mean field: each scale at its temperature, the fixed point and its derivative."""
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+import pytest
+
+import graded_contact as gc
+from graded_contact.mean_field.heating_by_scale import _rises, between_scales, scales
+from graded_contact.sliding import Heating, PeakedShear
+
+Q0 = 2 * np.pi / 1e-2
+ROAD = gc.SelfAffine(rms_slope=1.5, hurst=0.8, q_low=Q0, q_roll=3 * Q0, q_high=1e4 * Q0)
+TREAD = gc.Stack(base=gc.HalfSpace(gc.tyre_tread()))
+TISSUE = Heating(0.25, 1.1e-7, 1.0)
+SHEAR = PeakedShear(6e6, 6e-3, 0.1, gc.Arrhenius(9.65e4, 293.15))
+COOL = {"pressure": 3e5, "temperature": 293.15}
+
+
+def friction(velocity, heating=TISSUE, stack=TREAD, **how):
+    how = COOL | how
+    return gc.mean_field_friction(stack, ROAD, velocity=velocity, heating=heating, **how)
+
+
+def cold(velocity, **how):
+    return gc.mean_field_friction(TREAD.at(293.15), ROAD, velocity=velocity, **COOL, **how)
+
+
+def test_slow_sliding_and_good_conductors_stay_cold():
+    slow = friction(1e-8)
+    assert 0 < slow.heated.surface_rise < 1e-5
+    np.testing.assert_allclose(slow.friction, cold(1e-8).friction, rtol=1e-6)
+    metal = friction(1.0, Heating(2.5e5, 0.11, 0.0))
+    assert 0 < metal.heated.surface_rise < 2e-3
+    np.testing.assert_allclose(metal.friction, cold(1.0).friction, rtol=1e-4)
+    assert cold(1.0).heated is None
+
+
+@pytest.mark.parametrize("shear", [None, SHEAR])
+def test_heat_lowers_the_friction_of_the_tread_at_high_speed(shear):
+    """Hysteresis at 20 °C grows with speed; heat stops that, and with shear friction falls."""
+    speeds = (0.01, 0.1, 1.0, 10.0)
+    warm = np.array([friction(v, shear=shear).friction for v in speeds])
+    same = np.array([cold(v, shear=shear).friction for v in speeds])
+    if shear is None:
+        assert np.all(np.diff(same) > 0) and np.all(warm < same)
+        growth = [np.diff(np.log(a)) for a in (same, warm)]
+        assert np.all(growth[1] < growth[0]) and growth[1][-1] < 0.2 * growth[0][-1]
+    else:
+        assert same[-1] > same[1] and np.all(np.diff(warm) < 0) and warm[-1] < 0.7 * warm[1]
+
+
+@pytest.mark.slow
+def test_finer_quadrature_and_counterfaces_that_take_heat():
+    found, finer = friction(1.0), friction(1.0, num_wavenumbers=128)
+    np.testing.assert_allclose(finer.friction, found.friction, rtol=1e-3)
+    np.testing.assert_allclose(finer.heated.surface_rise, found.heated.surface_rise, rtol=0.01)
+    rises = [float(friction(1.0, Heating(0.25, 1.1e-7, k)).heated.surface_rise) for k in (0, 1, 50)]
+    assert rises[0] > rises[1] > rises[2] > 0
+    assert found.heated.rises.shape == found.against_cutoff.cutoff.shape
+    assert jnp.all(jnp.diff(found.heated.rises[::8]) > 0)
+
+
+def test_the_temperature_of_one_wave_is_the_integral_of_its_green_function():
+    """Green's function of the half space over the depths of the heat and of the scale."""
+    wave, scale, kappa, diffusivity, speed = 1e3, 3e3, 0.25, 1e-7, 3e-4
+    heating = Heating(kappa, diffusivity, 0.0)
+    q, x, heat, shear = [wave, wave * (1 + 1e-9)], [0.0, 5e-3], [0.0, 2.0], 0.0
+    found = _rises(heating, *map(jnp.asarray, (q, x, heat, shear, [scale], speed)))
+    # Depths above which the shares 0 ... 1 of the heat and of the scale lie.
+    shares = (np.arange(500) + 0.5) / 500
+    made, seen = -np.log1p(-shares) / (2 * wave), -np.log1p(-shares) / (2 * scale)
+    seen = np.append(0.0, seen)[:, None]
+    cosine = np.cos((np.arange(16) + 0.5) * np.pi / 32)
+    total = 0
+    for k in np.sqrt(wave**2 + 1j * wave * speed * cosine / diffusivity):
+        green = np.exp(-k * abs(made - seen)) + np.exp(-k * (made + seen))
+        total = total + np.mean((green / (2 * kappa * k)).real, 1) / len(cosine)
+    # Half of the power of a wave's own heat, of the mean square x.
+    true = 0.5 * 2.0 * 5e-3 * np.array([total[0], np.mean(total[1:])])
+    np.testing.assert_allclose(found, true, rtol=1e-3)
+
+
+def test_values_between_scales_are_those_of_a_polynomial():
+    knots, q = scales(jnp.asarray(1.0), jnp.asarray(1e4)), jnp.geomspace(1.0, 1e4, 33)
+
+    def smooth(q):
+        return jnp.exp(jnp.log(q) / 4)
+
+    np.testing.assert_allclose(between_scales(smooth(knots), q), smooth(q), rtol=1e-9)
+
+
+@pytest.mark.slow
+def test_derivatives_through_the_fixed_point_match_differences():
+    def value(conductivity, pressure, velocity, temperature, peak):
+        law = PeakedShear(peak, 6e-3, 0.1, gc.Arrhenius(9.65e4, 293.15))
+        heating = Heating(conductivity, 1.1e-7, 1.0)
+        how = {"pressure": pressure, "temperature": temperature, "num_wavenumbers": 32}
+        return friction(velocity, heating, shear=law, rtol=1e-2, **how).friction
+
+    at = tuple(map(jnp.asarray, (0.25, 3e5, 1.0, 293.15, 6e6)))
+    shares = (1.0, -0.3, 0.5, 0.02, 0.4)
+    direction = [a * share for a, share in zip(at, shares, strict=True)]
+    compiled, step = jax.jit(value), 1e-4
+    ends = [
+        compiled(*(a + s * d for a, d in zip(at, direction, strict=True))) for s in (step, -step)
+    ]
+    slopes = jax.jit(jax.grad(value, tuple(range(5))))(*at)
+    reverse = sum(slope * d for slope, d in zip(slopes, direction, strict=True))
+    np.testing.assert_allclose(reverse, (ends[0] - ends[1]) / (2 * step), rtol=1e-5)
+    np.testing.assert_allclose(compiled(*at), value(*at), rtol=1e-9)
+
+
+def test_what_cannot_be_heated_is_refused():
+    with pytest.raises(ValueError, match="`temperature=None`"):
+        friction(1.0, temperature=None)
+    with pytest.raises(ValueError, match=r"`heating=1\.0`"):
+        friction(1.0, 1.0)
+    surface = gc.Surface(np.zeros((8, 8)), gc.Grid((8, 8), 1e-2))
+    with pytest.raises(ValueError, match="`heating` is refused"):
+        gc.mean_field_friction(TREAD, surface, velocity=1.0, heating=TISSUE, **COOL)

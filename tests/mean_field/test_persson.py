@@ -1,0 +1,448 @@
+from functools import partial
+
+import hypothesis.strategies as st
+import jax
+import jax.numpy as jnp
+import mpmath as mp
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from oracles import elasticities, gauss_over_angles
+from scipy.integrate import quad, solve_ivp
+from scipy.optimize import brentq
+from scipy.special import erf
+
+import graded_contact as gc
+from graded_contact import reference
+from graded_contact.mean_field.diffusion import slowed
+from graded_contact.mean_field.mean_field import mean_field_friction, pressure_distribution
+
+CELL = 0.01  # m
+Q0 = 2 * np.pi / CELL
+SPECTRUM = gc.SelfAffine(rms_slope=0.2, hurst=0.8, q_low=Q0, q_roll=3.3 * Q0, q_high=100 * Q0)
+RUBBER = gc.Prony(1e6, [4e6, 2e7], [1e-2, 1e-4], 0.49)
+BARE = gc.Stack(base=gc.HalfSpace(RUBBER))
+COATED = gc.Stack(layers=(gc.Layer(gc.Elastic(4e6, 0.4), 1e-4),), base=gc.HalfSpace(RUBBER))
+CORRECTIONS = ("none", "yang_persson", "wang_mueser", "xu")
+GRID = gc.Grid((64, 64), CELL)
+SURFACE = gc.random_surface(
+    gc.SelfAffine(rms_slope=0.1, hurst=0.8, q_low=Q0, q_roll=3.3 * Q0, q_high=12 * Q0),
+    GRID,
+    jax.random.key(0),
+)
+
+mean_field = jax.jit(partial(mean_field_friction, throw=False), static_argnames=("correction",))
+
+
+def elastic(modulus=1e7, poisson=0.5):
+    return gc.Stack(base=gc.HalfSpace(gc.Elastic(modulus, poisson)))
+
+
+def slowing(correction, area):
+    """S of the corrections that are given by it, as in V10 of the literature list."""
+    return {
+        "none": 1,
+        "yang_persson": 0.45 + 0.55 * area**2,
+        "wang_mueser": (5 - 2 * area**2 + 6 * area**4) / 9,
+    }[correction]
+
+
+# Contact area of elastic solids
+
+
+def corrected_area(correction, relative_pressure):
+    """The area at p/(E* h') from the corrections' own equations, by mpmath and SciPy."""
+    v = 1 / (4 * mp.mpf(relative_pressure) ** 2)
+    if correction == "xu":
+        implicit = lambda a: a - mp.erf(1 / mp.sqrt(2 * (0.42 + 0.58 * a) * v))  # noqa: E731
+        return mp.findroot(implicit, 0.5 if v < 5 else 1 / mp.sqrt(v))
+
+    def elapsed(x):
+        ends = np.append(0, float(x) * 2.0 ** np.arange(-12, 1))
+        rate = lambda t: 1 / slowing(correction, erf(1 / np.sqrt(2 * t)))  # noqa: E731
+        return sum(quad(rate, *ends[i : i + 2], epsabs=0, epsrel=1e-12)[0] for i in range(13))
+
+    v = float(v)
+    x = brentq(lambda x: elapsed(x) / v - 1, 0.4 * v, 1.1 * v, xtol=1e-14 * v)
+    return erf(1 / np.sqrt(2 * x))
+
+
+@pytest.mark.parametrize("correction", CORRECTIONS)
+@pytest.mark.parametrize("relative_pressure", [1e-3, 0.1, 0.5, 2.5])
+def test_elastic_area_follows_the_closed_form_of_each_correction(correction, relative_pressure):
+    pressure = relative_pressure * 1e7 / 0.75 * 0.2
+    solution = mean_field(
+        elastic(), SPECTRUM, pressure=pressure, velocity=1.0, correction=correction
+    )
+    expected = (
+        reference.persson_contact_area(pressure, 1e7 / 0.75, 0.2)
+        if correction == "none"
+        else float(corrected_area(correction, relative_pressure))
+    )
+    np.testing.assert_allclose(solution.contact_area, expected, rtol=1e-10)
+    assert solution.friction == 0
+
+
+@pytest.mark.parametrize(
+    ("relative_pressure", "expected"),
+    [
+        (0.02, (0.0319, 0.0472, 0.0428, 0.0477)),
+        (0.1, (0.1585, 0.2169, 0.2117, 0.2137)),
+        (0.3, (0.4515, 0.5185, 0.5422, 0.5200)),
+        (1.0, (0.9545, 0.9558, 0.9570, 0.9572)),
+    ],
+)
+def test_elastic_area_matches_the_published_programs(relative_pressure, expected):
+    """Values of Y. Xu's Matlab programs, printed to four digits, with 0.45 in Yang-Persson's."""
+    for correction, area in zip(CORRECTIONS, expected, strict=True):
+        pressure = relative_pressure * 1e7 / 0.75 * 0.2
+        solution = mean_field(
+            elastic(), SPECTRUM, pressure=pressure, velocity=0.0, correction=correction
+        )
+        np.testing.assert_allclose(solution.contact_area, area, atol=1.5e-4)
+
+
+# Friction
+
+
+def integrated(compliance, pressure, velocity, correction):
+    """Area and friction of `SPECTRUM` from the differential equations in log q, by SciPy."""
+    low, roll, high = Q0, 3.3 * Q0, 100 * Q0
+    plateau = (
+        0.2**2 / (2 * np.pi) / ((roll**4 - low**4) / 4 + roll**3.6 * (high**0.4 - roll**0.4) / 0.4)
+    )
+    cosine, weight = gauss_over_angles()
+
+    def rates(y, state):
+        q = np.exp(y)
+        stiffness = 1 / (compliance(q, q * velocity * cosine) * pressure)
+        density = plateau * min(1, (q / roll) ** -3.6)
+        area = erf(1 / np.sqrt(2 * state[1])) if state[1] > 0 else 1.0
+        s = slowing(correction, area)
+        spreading = density * q**2 * np.sum(weight * np.abs(stiffness) ** 2)
+        loss = density * q**3 * np.sum(weight * cosine * stiffness.imag)
+        return [spreading, s * spreading, s * area * loss]
+
+    state = [0.0, 0.0, 0.0]
+    for piece in ((low, roll), (roll, high)):
+        found = solve_ivp(rates, np.log(piece), state, "DOP853", rtol=1e-10, atol=1e-15)
+        state = found.y[:, -1]
+    return erf(1 / np.sqrt(2 * state[1])), state[2]
+
+
+def rubber_modulus(omega):
+    return 1e6 + sum(
+        e * 1j * omega * t / (1 + 1j * omega * t) for e, t in ((4e6, 1e-2), (2e7, 1e-4))
+    )
+
+
+@pytest.mark.parametrize(
+    ("stack", "correction"), [(BARE, "none"), (BARE, "yang_persson"), (COATED, "none")]
+)
+def test_friction_matches_integration_of_the_differential_equations(stack, correction):
+    def compliance(q, omega):
+        below = (rubber_modulus(omega), 0.49)
+        if stack is BARE:
+            return reference.half_space_compliance(q, *below)
+        return reference.coated_half_space_compliance(q, 1e-4, 4e6, 0.4, *below)
+
+    area, friction = integrated(compliance, 3e5, 0.05, correction)
+    solution = mean_field(stack, SPECTRUM, pressure=3e5, velocity=0.05, correction=correction)
+    np.testing.assert_allclose(solution.contact_area, area, rtol=1e-7)
+    np.testing.assert_allclose(solution.friction, friction, rtol=1e-7)
+
+
+@pytest.mark.parametrize(
+    ("stack", "velocity"), [(BARE, 0.03), (COATED, [-0.02, 0.01])], ids=["bare", "coated"]
+)
+def test_complete_contact_has_the_friction_of_the_contact_solver(stack, velocity):
+    """Any surface, here an anisotropic one: the theory is exact where there is no gap."""
+    ridged = gc.Surface(SURFACE.heights + 2e-5 * jnp.sin(3 * 2 * jnp.pi * X), GRID)
+    solved = gc.slide(stack, ridged, pressure=1e8, velocity=velocity, rtol=1e-11)
+    assert solved.contact_area == 1
+    solution = mean_field(stack, ridged, pressure=1e8, velocity=jnp.asarray(velocity))
+    np.testing.assert_allclose(solution.friction, solved.friction, rtol=1e-9)
+    np.testing.assert_allclose(solution.contact_area, 1, rtol=1e-15)
+    spread = jnp.std(solved.pressure) ** 2
+    np.testing.assert_allclose(solution.stress_variance[-1], spread, rtol=1e-9)
+
+
+X = jnp.arange(64)[:, None] / 64
+
+
+def test_single_wave_in_partial_contact_takes_the_share_of_the_mean_square_pressure():
+    wave = gc.Surface(1e-4 * jnp.cos(2 * jnp.pi * X) + jnp.zeros((64, 64)), GRID)
+    reduced = rubber_modulus(Q0 * 0.05) / (1 - 0.49**2)
+    solution = mean_field(BARE, wave, pressure=1e5, velocity=0.05, correction="none")
+    v = (1e-4 * Q0 * abs(reduced) / 2) ** 2 / 2 / 1e10
+    np.testing.assert_allclose(solution.contact_area, erf(1 / np.sqrt(2 * v)), rtol=1e-12)
+    share = quad(lambda x: erf(1 / np.sqrt(2 * x)), 0, v, epsabs=0, epsrel=1e-12)[0] / v
+    complete = 1e-8 * Q0**2 * reduced.imag / 4e5
+    np.testing.assert_allclose(solution.friction, complete * share, rtol=1e-10)
+
+
+def test_profile_slides_as_a_ridged_plane_does():
+    line = 1e-5 * jnp.cos(2 * jnp.pi * X[:, 0]) + 5e-6 * jnp.sin(10 * jnp.pi * X[:, 0])
+    profile = gc.Surface(line, gc.Grid((64,), CELL))
+    ridges = gc.Surface(jnp.broadcast_to(line[:, None], (64, 64)), GRID)
+    one, two = (mean_field(COATED, s, pressure=2e5, velocity=0.05) for s in (profile, ridges))
+    np.testing.assert_allclose(one.friction, two.friction, rtol=1e-12)
+    np.testing.assert_allclose(one.contact_area, two.contact_area, rtol=1e-12)
+
+
+# Limits and invariances
+
+
+def test_rest_and_high_speed_have_the_relaxed_and_the_glassy_area_and_no_friction():
+    slow, fast = (mean_field(BARE, SPECTRUM, pressure=3e5, velocity=v) for v in (1e-12, 1e12))
+    for solution, modulus in ((slow, 1e6), (fast, 2.5e7)):
+        limit = mean_field(elastic(modulus, 0.49), SPECTRUM, pressure=3e5, velocity=1.0)
+        np.testing.assert_allclose(solution.contact_area, limit.contact_area, rtol=2e-6)
+        assert 0 < solution.friction < 1e-6
+    rest = mean_field(BARE, SPECTRUM, pressure=3e5, velocity=0.0)
+    assert rest.friction == 0
+    np.testing.assert_allclose(rest.contact_area, slow.contact_area, rtol=1e-9)
+
+
+@settings(max_examples=20)
+@given(
+    exponent=st.floats(-8, 6),
+    pressure=st.floats(2, 9),
+    thickness=st.floats(-7, -2),
+    modulus=st.floats(4, 10),
+    correction=st.sampled_from(["none", "yang_persson"]),
+)
+def test_passive_stacks_lose_energy_and_contact_with_magnification(
+    exponent, pressure, thickness, modulus, correction
+):
+    stack = gc.Stack(
+        layers=(gc.Layer(gc.Elastic(10.0**modulus, 0.4), 10.0**thickness),),
+        base=gc.HalfSpace(RUBBER),
+    )
+    solution = mean_field(
+        stack, SPECTRUM, pressure=10.0**pressure, velocity=10.0**exponent, correction=correction,
+    )  # fmt: skip
+    assert solution.friction >= 0
+    # Between the ends the running integral is as good as the polynomial through the nodes.
+    assert np.all(np.diff(solution.against_cutoff.friction) >= -1e-3 * solution.friction)
+    assert np.all(np.diff(solution.against_cutoff.contact_area) <= 1e-12)
+    assert np.all(
+        (solution.against_cutoff.contact_area > 0) & (solution.against_cutoff.contact_area <= 1)
+    )
+
+
+# Distribution of the pressure
+
+
+@pytest.mark.parametrize("correction", ["none", "yang_persson"])
+def test_pressure_distribution_integrates_to_area_load_and_spread(correction):
+    solution = mean_field(COATED, SPECTRUM, pressure=3e5, velocity=0.05, correction=correction)
+    np.testing.assert_allclose(solution.magnification[0], 1)
+    for i in (30, -1):
+        spread = float(np.sqrt(solution.stress_variance[i]))
+
+        def moment(power, i=i, spread=spread):
+            density = lambda s: float(pressure_distribution(solution, jnp.array([s]))[i, 0])  # noqa: E731
+            ends = (0, 3e5 + 10 * spread)
+            return quad(lambda s: s**power * density(s), *ends, limit=200, points=[3e5])[0]
+
+        np.testing.assert_allclose(moment(0), solution.against_cutoff.contact_area[i], rtol=1e-8)
+        np.testing.assert_allclose(moment(1), 3e5, rtol=1e-8)
+    assert np.all(pressure_distribution(solution, jnp.array([1e5, 3e5]))[0] == 0)
+    assert np.all(pressure_distribution(solution, jnp.zeros(1)) == 0)
+
+
+def test_pressure_distribution_has_the_mean_square_that_dissipates():
+    solution = mean_field(BARE, SPECTRUM, pressure=3e5, velocity=0.05, correction="none")
+    stress = np.linspace(0, 1e8, 20001)
+    density = np.asarray(pressure_distribution(solution, jnp.asarray(stress)))
+    square = np.trapezoid(stress**2 * density[-1], stress)
+    v = float(solution.stress_variance[-1]) / 9e10
+    growth = quad(lambda x: erf(1 / np.sqrt(2 * x)), 0, v, epsrel=1e-12, limit=500)[0]
+    np.testing.assert_allclose(square / 9e10 - 1, growth, rtol=1e-5)
+
+
+# Spectra
+
+
+def test_pair_of_a_power_law_is_the_self_affine_spectrum():
+    q = jnp.stack([SPECTRUM.q_low, SPECTRUM.q_roll, SPECTRUM.q_high])
+    one = mean_field(COATED, SPECTRUM, pressure=3e5, velocity=0.05)
+    two = mean_field(COATED, (q, SPECTRUM.density(q)), pressure=3e5, velocity=0.05)
+    np.testing.assert_allclose(two.against_cutoff.friction, one.against_cutoff.friction, rtol=1e-12)
+    np.testing.assert_allclose(
+        two.against_cutoff.contact_area, one.against_cutoff.contact_area, rtol=1e-12
+    )
+
+
+# The quadrature
+
+
+def test_unreached_tolerance_is_not_passed_as_converged():
+    call = dict(pressure=4e5, velocity=1.0, num_wavenumbers=4, num_angles=4)
+    with pytest.raises(RuntimeError, match="num_angles"):
+        mean_field_friction(COATED, SPECTRUM, **call)
+    rough = mean_field_friction(COATED, SPECTRUM, **call, throw=False)
+    fine = mean_field(COATED, SPECTRUM, pressure=4e5, velocity=1.0)
+    assert rough.error > 1e-4
+    assert abs(rough.friction / fine.friction - 1) <= rough.error
+
+
+def test_error_is_near_the_true_one_for_a_table_of_moduli():
+    """The interpolant has kinks; errors that they cause at each wavenumber cancel in the sum."""
+    omega = np.geomspace(1e-2, 1e8, 61)
+    table = gc.Tabulated(omega, RUBBER.modulus(omega), 0.49, extrapolate="plateau")
+
+    def solve(velocity, **counts):
+        found = mean_field_friction(
+            gc.Stack(base=gc.HalfSpace(table)), SPECTRUM, pressure=1e5, velocity=velocity,
+            throw=False, **counts,
+        )  # fmt: skip
+        return jnp.stack([found.friction, found.contact_area]), found.error
+
+    (values, errors), (exact, fine) = (
+        jax.jit(lambda v, counts=counts: jax.lax.map(partial(solve, **counts), v))(
+            jnp.geomspace(1e-3, 3.0, 8)
+        )
+        for counts in ({}, {"num_wavenumbers": 192, "num_angles": 64})
+    )
+    true = np.max(np.abs(1 - exact / values), axis=1)
+    assert np.all((true <= errors + fine) & (errors <= 50 * (true + fine)))
+    assert np.median(errors) < 1e-4
+
+
+def test_values_that_only_tracing_hides_do_not_pass_as_solved():
+    for spectrum in (SPECTRUM, SURFACE):
+        solution = mean_field(COATED, spectrum, pressure=-1e5, velocity=0.1)
+        assert np.isnan(solution.friction)
+        assert np.isnan(solution.error)
+
+
+# Derivatives and transformations
+
+
+COAT = gc.Layer(gc.Prony(3e6, [2e7], [1e-4], 0.45), 2e-4)
+NODES = jnp.stack([SPECTRUM.q_low, SPECTRUM.q_roll, SPECTRUM.q_high])
+
+
+@pytest.mark.parametrize(
+    ("stack", "roughness", "as_spectrum"),
+    [
+        (gc.Stack(layers=(COAT,), base=gc.HalfSpace(RUBBER)), gc.SelfAffine(rms_height=1e-4,
+         hurst=0.7, q_low=Q0, q_roll=3.3 * Q0, q_high=90 * Q0), lambda spectrum: spectrum),
+        pytest.param(BARE, (NODES, SPECTRUM.density(NODES)), lambda pair: pair,
+         marks=pytest.mark.slow),
+        (BARE, jnp.asarray(0.2),
+         lambda tilt: gc.Surface(SURFACE.heights * (1 + tilt * jnp.sin(2 * jnp.pi * X)), GRID)),
+    ],
+    ids=["spectrum", "pair of arrays", "surface"],
+)  # fmt: skip
+def test_gradient_by_every_leaf_matches_central_differences(stack, roughness, as_spectrum):
+    """Every leaf of stack and spectrum, pressure, and both components of the velocity."""
+
+    def value(stack, roughness, pressure, velocity):
+        s = mean_field(stack, as_spectrum(roughness), pressure=pressure, velocity=velocity)
+        return jnp.log(s.friction) + 0.3 * jnp.log(s.contact_area)
+
+    arguments = (stack, roughness, jnp.asarray(2e5), jnp.array([0.04, 0.02]))
+    for slope, difference in elasticities(value, arguments):
+        assert abs(difference - slope) <= 1e-6 * abs(difference) + 1e-8
+
+
+@pytest.mark.parametrize("correction", ["wang_mueser", "xu"])
+def test_second_derivative_of_the_slowed_diffusion_matches_central_differences(correction):
+    slope = jax.jit(jax.grad(partial(slowed, correction)))
+    curvature = jax.grad(slope)
+    for v in (0.05, 0.7, 30.0):
+        difference = (slope(v * 1.0001) - slope(v * 0.9999)) / (2e-4 * v)
+        np.testing.assert_allclose(curvature(v), difference, rtol=1e-6)
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("spectrum", [SPECTRUM, SURFACE], ids=["spectrum", "surface"])
+def test_gradient_at_rest_is_that_of_a_start_along_x(spectrum):
+    """As `slide` counts it: by the velocity alone, and jointly with the relaxation times."""
+
+    @jax.jit
+    def friction(velocity, times):
+        stack = gc.Stack(base=gc.HalfSpace(gc.Prony(1e6, [4e6, 2e7], times, 0.49)))
+        return mean_field(stack, spectrum, pressure=3e5, velocity=velocity).friction
+
+    times = jnp.array([1e-2, 1e-4])
+    secant = friction(jnp.array([1e-9, 0.0]), times) / 1e-9
+    alone = jax.grad(friction)(jnp.zeros(2), times)
+    jointly, _ = jax.grad(friction, (0, 1))(jnp.zeros(2), times)
+    for slope in (alone, jointly):
+        np.testing.assert_allclose(slope, [secant, 0], rtol=1e-6, atol=1e-12)
+
+
+def test_float32_gives_float32_near_the_float64_result():
+    single = lambda tree: jax.tree.map(lambda x: x.astype(jnp.float32), tree)  # noqa: E731
+    loose = mean_field_friction(
+        single(BARE), single(SPECTRUM), pressure=np.float32(3e5), velocity=np.float32(0.05)
+    )
+    tight = mean_field(BARE, SPECTRUM, pressure=3e5, velocity=0.05)
+    assert loose.friction.dtype == jnp.float32
+    np.testing.assert_allclose(loose.friction, tight.friction, rtol=2e-5)
+    np.testing.assert_allclose(loose.contact_area, tight.contact_area, rtol=2e-5)
+
+
+# Refusals
+
+
+@pytest.mark.parametrize(
+    ("changed", "message"),
+    [
+        ({"velocity": [1.0, 2.0, 3.0]}, r"`velocity` has shape \(3,\).*jax.vmap"),
+        ({"num_wavenumbers": 3}, "`num_wavenumbers=3` is refused"),
+        ({"num_angles": 18}, "`num_angles=18` is refused: a multiple of 4"),
+        ({"spectrum": ([1.0, 2.0], [1.0])}, r"`spectrum` holds q of shape \(2,\) and C"),
+        ({"spectrum": ([1.0, 2.0], [1.0, 0.0])}, r"`spectrum\[1\]\[1\]=0` is refused"),
+        ({"spectrum": ([1.0, 2.0], [1.0, np.nan])}, "at 1 wavenumbers"),
+        ({"correction": "person"}, "correction"),
+        ({"spectrum": 3.0}, "spectrum"),
+        ({"stack": RUBBER}, "stack"),
+    ],
+)
+def test_bad_argument_is_refused(changed, message):
+    call = dict(stack=COATED, spectrum=SPECTRUM, pressure=3e5, velocity=0.05) | changed
+    stack, spectrum = call.pop("stack"), call.pop("spectrum")
+    # With annotations checked, as here, the checker may come first.
+    with pytest.raises((ValueError, TypeError), match=message):
+        mean_field_friction(stack, spectrum, **call)
+
+
+def test_table_of_moduli_that_stops_short_is_refused_with_the_remedy():
+    table = gc.Tabulated([1.0, 1e5], [1e6 + 1e5j, 2e6 + 3e5j])
+    with pytest.raises(ValueError, match=r"the table of moduli covers 1 to 1e\+05.*plateau"):
+        mean_field_friction(
+            gc.Stack(base=gc.HalfSpace(table)), SPECTRUM, pressure=1e5, velocity=0.1
+        )
+
+
+@pytest.mark.slow
+def test_error_encloses_the_true_one_where_the_quadrature_is_coarse():
+    """Random coats, rubbers, loads and speeds, on spectra of five decades; against fine rules."""
+    rng = np.random.default_rng(0)
+    draws = rng.uniform([-6, 0, -5, -4, -3, 0.1], [0, 3, -2, 2, 1, 1], (60, 6))
+
+    def solve(draw, **counts):
+        time, contrast, thickness, speed, load, hurst = draw
+        rubber = gc.Prony(1e6, [1e6 * 10**contrast], [10**time], 0.49)
+        coat = gc.Layer(gc.Elastic(4e6, 0.4), 10**thickness)
+        rough = gc.SelfAffine(rms_slope=0.2, hurst=hurst, q_low=Q0, q_roll=10 * Q0, q_high=1e5 * Q0)
+        found = mean_field_friction(
+            gc.Stack(layers=(coat,), base=gc.HalfSpace(rubber)), rough,
+            pressure=1e6 * 10**load, velocity=10**speed, throw=False, **counts,
+        )  # fmt: skip
+        return jnp.stack([found.friction, found.contact_area]), found.error
+
+    (values, errors), (exact, fine) = (
+        jax.jit(lambda d, counts=counts: jax.lax.map(partial(solve, **counts), d))(draws)
+        for counts in ({"num_wavenumbers": 32}, {"num_wavenumbers": 384, "num_angles": 64})
+    )
+    known = fine < 0.1 * errors
+    true = np.max(np.abs(1 - exact / values), axis=1)
+    assert np.sum(known) > 50
+    assert np.all((true <= errors)[known])
+    assert np.median((errors / true)[known]) < 30

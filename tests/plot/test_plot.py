@@ -1,0 +1,475 @@
+"""Figures without a display: one style, units in every label, and in them what was computed."""
+
+import base64
+import dataclasses
+import itertools
+import math
+import re
+from typing import NamedTuple
+
+import jax.numpy as jnp
+import matplotlib
+import numpy as np
+import pytest
+import xarray
+from scipy.integrate import trapezoid
+
+import graded_contact as gc
+from graded_contact.command.result_tables import print_table
+from graded_contact.core.display import unit_of
+from graded_contact.core.quantities import numbers_of
+from graded_contact.plot.words import title_of
+from graded_contact.scenes.results import surface_variables
+from graded_contact.studies.dataset import attach, write_csv
+
+
+class Fields(NamedTuple):
+    """The fields of a contact that figures need."""
+
+    pressure: np.ndarray
+    gap: np.ndarray
+    displacement: np.ndarray
+
+
+def make_results(axes, values, message, **attributes):
+    _, surface = make_fields((8, 8))
+    variables, places, about = surface_variables(surface)
+    variables |= {name: (tuple(axes), value) for name, value in values.items()}
+    variables["message"] = tuple(axes), message.astype(str)
+    coordinates = {name: (name, np.asarray(at)) for name, at in axes.items()} | places
+    return attach(xarray.Dataset(variables, coordinates, about | attributes))
+
+
+def make_fields(shape):
+    draw = np.random.default_rng(1)
+    pressure = np.maximum(draw.normal(size=shape), 0) * 5e6
+    fields = Fields(pressure=pressure, gap=(pressure == 0) * 3e-6, displacement=0 * pressure)
+    return fields, gc.Surface(1e-6 * draw.normal(size=shape), gc.Grid(shape, 2e-3))
+
+
+def test_maps_have_units_with_x_to_the_right_and_y_upwards():
+    fields, surface = make_fields((8, 16))
+    figure = gc.plot.plot_sliding(fields, surface)
+    image = figure.axes[0].images[0]
+    heights = np.asarray(surface.heights - np.mean(surface.heights))
+    np.testing.assert_allclose(image.get_array(), 1e6 * heights.T)
+    assert image.origin == "lower"
+    labels = [axes.get_xlabel() for axes in figure.axes]
+    assert labels[2:4] == ["$x$ [mm]", "height into the solid [µm]"]
+
+
+@pytest.mark.parametrize("velocity", [-0.3, (-3.0, 4.0)])
+def test_an_arrow_points_along_the_velocity(velocity):
+    shape = (8, 32)  # whose panels have unlike scales
+    figure = gc.plot.plot_sliding(*make_fields(shape), velocity)
+    (arrow,) = figure.axes[1].texts
+    assert arrow.get_text() == "sliding"
+    assert arrow.xycoords is arrow.anncoords  # in points, unlike the units of the axes
+    along = np.subtract(arrow.xy, arrow.xyann)
+    expected = np.array(velocity if isinstance(velocity, tuple) else (velocity, 0.0))
+    along, expected = (vector / np.linalg.norm(vector) for vector in (along, expected))
+    np.testing.assert_allclose(along, expected, atol=1e-12)
+
+
+@pytest.mark.parametrize("velocity, scale", [([1.0, 0.01, 0.1], "log"), ([0, 0.1, 1], "linear")])
+def test_a_sweep_has_one_line_per_pressure_and_marks_what_failed(velocity, scale):
+    message = np.array([["", "", ""], ["", "It stopped.", ""]])
+    values = {n: np.arange(1.0, 7.0).reshape(2, 3) for n in numbers_of(False)}
+    # Of one solve a fifth of the contact was not measured.
+    doubts = ("slope_in_contact", "unmeasured_area", "unmeasured_friction", "extrapolated_friction")
+    values["compression"] = np.zeros((2, 3))
+    values |= dict.fromkeys(doubts, np.array([[0.0, 0.0, 0.0], [0.0, 0.0, 0.2]]))
+    axes = {"pressure": np.array([1e5, 2e6]), "velocity": np.array(velocity)}
+    figure = gc.plot.plot_sweep(make_results(axes, values, message))
+    for axes, label in zip(figure.axes, ["friction coefficient", "contact area"], strict=True):
+        assert axes.get_xscale() == scale and axes.get_ylabel().startswith(label)
+        lines = [line for line in axes.lines if line.get_linestyle() == "-"]
+        assert len(lines) == 2 and all(np.all(np.diff(line.get_xdata()) > 0) for line in lines)
+    (crosses,) = (line for line in figure.axes[0].lines if line.get_marker() == "x")
+    np.testing.assert_array_equal(crosses.get_xydata(), [[velocity[2], 6.0]])
+
+
+def made(axes, names=(), failing=()):
+    """Results over axes whose friction is the sum of the indices."""
+    shape = tuple(len(at) for at in axes.values())
+    friction = np.sum(np.indices(shape), axis=0).astype(float)
+    values = {n: np.zeros(shape) for n in numbers_of(False)}
+    values["friction"] = friction
+    values["geometric_friction"] = friction
+    message = np.full(shape, "", object)
+    for index in failing:
+        message[index] = "failed: no kernel"
+        friction[index] = values["slope_in_contact"][index] = np.nan
+    scene = "[[layers]]\nmaterial = 'coat'"
+    results = make_results(axes, values, message, master_curve="At 300 K.", scene=scene)
+    for name in names:
+        results[name] = 10.0 ** (results.temperature - 300) * results.velocity
+    return attach(results)
+
+
+VARIED = {
+    "layers[0].thickness": [1e-5, 5e-5], "temperature": [280.0, 300.0, 320.0], "seed": [0, 1],
+    "pressure": [1e5], "velocity": [0.1, 0.01, 1.0, 10.0],
+}  # fmt: skip
+
+
+def straight(axes):
+    return [line for line in axes.lines if line.get_linestyle() != "None" and len(line.get_xdata())]
+
+
+def test_seeds_are_a_band_paths_are_colours_and_temperatures_dashes():
+    results = made(VARIED, failing=[(0, 0, 1, 0, 0)])
+    figure = gc.plot.plot_sweep(results)
+    axes = figure.axes[0]
+    lines = straight(axes)
+    assert len(lines) == 6 and len(axes.collections) == 6
+    assert len({line.get_color() for line in lines}) == 2
+    assert len({line.get_linestyle() for line in lines}) == 3
+    # Velocity 0.01 comes first; the mean over the seeds is half a step above that of the first.
+    np.testing.assert_allclose(lines[0].get_ydata(), [1.5, 0, 2.5, 3.5])
+    # Of two numbers that differ by 1 the standard error is 1/2; one number has none.
+    band = axes.collections[3].get_paths()[0].vertices
+    assert np.isclose(band[:, 1].max(), 5) and np.isclose(band[:, 1].min(), 1)
+    (legend,) = figure.legends
+    assert {text.get_text() for text in legend.get_texts()} == {
+        "coat thickness 10 µm", "coat thickness 50 µm", "not converged",
+        "temperature 280 K (6.85 °C)", "temperature 300 K (26.85 °C)",
+        "temperature 320 K (46.85 °C)", "mean of 2 surfaces ± standard error",
+    }  # fmt: skip
+    every = gc.plot.plot_sweep(results, all_seeds=True).axes[0]
+    assert len(straight(every)) == 6 * (1 + 2)
+
+
+@pytest.mark.parametrize(
+    "path, words",
+    [
+        ("layers[0].thickness", "coat thickness"),
+        ("layers[1].thickness", "layer 2 (glue) thickness"),
+        ("layers[0].material.strengths[1]", "coat branch modulus 2"),
+        ("layers[3].profile.top.modulus", "hard Young's modulus"),
+        ("base.material.shift.c1", "tread first constant of the WLF law"),
+        ("layers[9].thickness", "layer 10 thickness"),
+        ("pressure", "mean pressure"),
+        ("speed of sound", "speed of sound"),
+    ],
+)
+def test_paths_are_named_by_the_materials_of_the_scene(path, words):
+    layers = ['material="coat"', 'material="glue"', 'material="glue"', 'bottom="soft"\ntop="hard"']
+    text = "\n".join(f"[[layers]]\n{layer}" for layer in layers) + '\n[base]\nmaterial="tread"'
+    assert title_of(path, text) == words
+
+
+def test_full_contact_has_no_empty_panel():
+    fields, surface = make_fields((8, 8))
+    full = Fields(pressure=fields.pressure + 1e6, gap=0 * fields.gap, displacement=fields.gap)
+    maps, shares = gc.plot.plot_sliding(full, surface), gc.plot.plot_distributions(full)
+    assert len([axes for axes in maps.axes if axes.images]) == 2 and len(shares.axes) == 1
+    assert maps.get_suptitle() == shares.get_suptitle() == "full contact: there is no gap"
+
+
+def test_reduced_velocities_shift_each_temperature():
+    axes = gc.plot.plot_reduced(made(VARIED, names=["reduced_velocity"])).axes[0]
+    np.testing.assert_allclose(straight(axes)[0].get_xdata(), [1e-22, 1e-21, 1e-20, 1e-19])
+    with pytest.raises(ValueError, match=r"At 300 K"):
+        gc.plot.plot_reduced(made(VARIED))
+
+
+def test_results_are_compared_by_colour_and_only_over_the_same_axes():
+    bare = made({"seed": [0, 1], "pressure": [1e5, 2e5], "velocity": [0.1, 1.0]})
+    coated = made({"pressure": [1e5, 2e5], "velocity": [0.1, 1.0, 10.0]})
+    axes = gc.plot.plot_compare([bare, coated], ["bare", "coated"]).axes[0]
+    assert len({line.get_color() for line in straight(axes)}) == 2
+    with pytest.raises(ValueError, match=r"'warm' varies `temperature`.*'bare' `pressure`"):
+        gc.plot.plot_compare(
+            [bare, made({**VARIED, "layers[0].thickness": [1e-5]})], ["bare", "warm"]
+        )
+    slow = bare.assign_coords(velocity=bare.velocity.assign_attrs(units="mm/s"))
+    with pytest.raises(ValueError, match=r"'slow' has `velocity` in mm/s, and 'bare' in m/s"):
+        gc.plot.plot_compare([bare, slow], ["bare", "slow"])
+
+
+PAIRED = {**VARIED, "pressure": [1e5, 3e5], "velocity": [0.1, 1.0], "temperature": [280.0, 300.0]}
+
+
+@pytest.mark.parametrize("pair", [*itertools.combinations(PAIRED, 2)])
+@pytest.mark.parametrize("counts", [*itertools.product((1, 2), repeat=2)])
+def test_any_two_axes_of_one_or_two_points_have_figures_a_table_and_a_csv(
+    pair, counts, tmp_path, capsys
+):
+    """Every scene also has the axes pressure and velocity."""
+    points = {"pressure": 1, "velocity": 1} | dict(zip(pair, counts, strict=True))
+    axes = {name: at[: points[name]] for name, at in PAIRED.items() if name in points}
+    reduced = ["reduced_velocity"] if "temperature" in axes else []
+    results = made(axes, names=reduced)
+    several = [name for name, at in axes.items() if len(at) > 1 and name != "seed"]
+    lines = straight(gc.plot.plot_sweep(results).axes[0])
+    assert len(lines) == len({line.get_color() for line in lines}) == max(1, len(several))
+    assert all(len(line.get_xdata()) == 1 + bool(several) for line in lines)
+    gc.plot.plot_sweep(results, all_seeds=True)
+    gc.plot.plot_compare([results, results], ["one", "other"])
+    if reduced:
+        gc.plot.plot_reduced(results)
+    print_table(results)
+    rows = [line for line in capsys.readouterr().out.splitlines() if line.strip()[:1].isdigit()]
+    assert len(rows) == results.message.size // len(axes.get("seed", [0]))
+    write_csv(tmp_path / "a.csv", results)
+    assert len((tmp_path / "a.csv").read_text().splitlines()) == 1 + results.message.size
+
+
+def test_sweeps_need_steady_sliding_and_a_solve_that_succeeded():
+    results = made({"pressure": [1e5], "velocity": [0.1]})
+    with pytest.raises(ValueError, match="holds motions in time"):
+        gc.plot.plot_compare([results.assign_coords(time=[0.0, 0.5])] * 2, "ab")
+    results["friction"][:], results["message"][:] = np.nan, "The tolerance was not reached."
+    with pytest.raises(ValueError, match="No solve succeeded: no figure is drawn"):
+        gc.plot.plot_sweep(results)
+
+
+def test_standard_errors_are_bars():
+    axes = {"pressure": [1e5], "velocity": [0.1, 1.0, 10.0]}
+    results = made(axes)
+    error = np.array([[0.1, 0.2, 0.3]])
+    known = results.assign(friction_standard_error=(("pressure", "velocity"), error))
+    bars, plain = (gc.plot.plot_sweep(one).axes for one in (known, results))
+    (container,) = bars[0].containers
+    ends = np.array([path.vertices[:, 1] for path in container[2][0].get_paths()])
+    np.testing.assert_allclose(ends, results.friction.values.T + error.T * [-1, 1])
+    assert not bars[1].containers and not plain[0].containers
+
+
+def test_the_response_of_a_half_space_is_its_modulus_and_loss_tangent():
+    tread = gc.tyre_tread()
+    q = np.geomspace(1e2, 1e6, 20)
+    figure = gc.plot.plot_response(gc.Stack(base=gc.HalfSpace(tread)), q, [0.1, 1.0])
+    stiffness, loss = figure.axes
+    modulus = np.asarray(tread.modulus(q * 0.1))
+    np.testing.assert_allclose(stiffness.lines[0].get_ydata(), np.abs(modulus) / 0.75, rtol=1e-12)
+    np.testing.assert_allclose(loss.lines[0].get_ydata(), modulus.imag / modulus.real, rtol=1e-10)
+    with pytest.raises(ValueError, match="`velocity"):
+        gc.plot.plot_response(gc.Stack(base=gc.HalfSpace(tread)), q, 0.0)
+
+
+def test_a_fit_shows_points_series_limits_and_residuals():
+    omega, tread = np.geomspace(1e-2, 1e4, 20), gc.tyre_tread()
+    values = np.asarray(tread.modulus(omega)) * np.exp(0.05 * np.sin(np.arange(20)))
+    values[3] = values[3].real + 1j * np.nan
+    fit = gc.fit_prony(omega, values, terms=4)
+    figure = gc.plot.plot_fit(fit)
+    above, below = figure.axes
+    points, line = above.lines[2], above.lines[3]  # of the loss modulus
+    assert len(points.get_xdata()) == 19 and line.get_label() == "loss modulus"
+    fine = line.get_xdata()
+    np.testing.assert_allclose(
+        line.get_ydata(), np.asarray(fit.material.modulus(fine)).imag, rtol=1e-12
+    )
+    lower, upper = (np.asarray(limit).imag for limit in fit.confidence(fine))
+    band = above.collections[1].get_paths()[0].vertices
+    assert np.isclose(band[:, 1].min(), lower.min()) and np.isclose(band[:, 1].max(), upper.max())
+    fitted = np.asarray(fit.material.modulus(omega)).imag
+    residual = 100 * np.delete(np.log(fitted / values.imag), 3)
+    np.testing.assert_allclose(below.lines[1].get_ydata(), residual, rtol=1e-9)
+
+
+def test_a_fit_in_time_shows_what_was_measured():
+    time = np.append(0.0, np.geomspace(1e-2, 1e2, 20))
+    modulus = 1e6 + 4e6 * np.exp(-time)
+    relaxation = gc.plot.plot_fit(gc.fit_relaxation(time, modulus, terms=1)).axes[0]
+    np.testing.assert_allclose(
+        relaxation.lines[1].get_ydata(), 1e6 + 4e6 * np.exp(-relaxation.lines[1].get_xdata())
+    )
+    for known in ({}, {"equilibrium": 0}):
+        compliance = 1e-6 - 8e-7 * np.exp(-time / 5) + (2e-8 * time if known else 0)
+        creep = gc.plot.plot_fit(gc.fit_creep(time, compliance, terms=1, **known)).axes[0]
+        assert creep.get_ylabel() == "compliance [1/Pa]"
+        x = creep.lines[1].get_xdata()
+        exact = 1e-6 - 8e-7 * np.exp(-x / 5) + (2e-8 * x if known else 0)
+        np.testing.assert_allclose(creep.lines[1].get_ydata(), exact, rtol=1e-4)
+
+
+@pytest.mark.parametrize(
+    "largest, unit", [(1e-3, "mm"), (0.99e-3, "µm"), (0.0, "m"), (1e-20, "pm")]
+)
+def test_units_suit_the_size(largest, unit):
+    name, factor = unit_of("m", largest)
+    assert name == unit
+    assert largest in (0, 1e-20) or 1 <= factor * largest * (1 + 1e-12) < 1000
+
+
+# Labels without a unit.
+BARE = ("", "evaluation", "objective", "constraint (0 or more allowed)")
+
+
+def check_labels(figure):
+    """Every axis has a label, and that a unit."""
+    for axes in figure.axes:
+        for label in (axes.get_xlabel(), axes.get_ylabel()):
+            assert label in BARE or re.search(r"\[[^\]]+\]", label), label
+        shown = [axes.get_xlabel(), axes.get_ylabel()]
+        assert any(shown), "a panel without labels"
+
+
+def disc(n=40):
+    """A round contact of radius 1 m, a quarter of the cell's edge."""
+    x = (np.arange(n) + 0.5) * 4 / n
+    r = np.hypot(*np.meshgrid(x - 2, x - 2, indexing="ij"))
+    pressure, gap = 2e6 * np.maximum(1 - r**2, 0), 1e-6 * np.maximum(r**2 - 1, 0)
+    return Fields(pressure, gap, 0 * gap), gc.Surface(-1e-6 * r**2, gc.Grid((n, n), 4.0))
+
+
+def test_a_figure_is_the_same_whatever_the_user_has_set_and_leaves_that_alone(tmp_path):
+    def drawn(name):
+        gc.plot.plot_sliding(*disc()).savefig(tmp_path / name)
+        return (tmp_path / name).read_bytes()
+
+    plain = drawn("plain.svg")
+    with matplotlib.rc_context({"font.size": 30, "axes.facecolor": "black", "svg.hashsalt": "a"}):
+        before = dict(matplotlib.rcParams)
+        other = drawn("other.svg")
+        assert dict(matplotlib.rcParams) == before
+    dates = re.compile(rb"<dc:date>.*?</dc:date>")
+    assert dates.sub(b"", plain) == dates.sub(b"", other)
+
+
+def test_the_outline_of_a_contact_runs_between_its_points_and_the_others():
+    figure = gc.plot.plot_sliding(*disc())
+    check_labels(figure)
+    (outline,) = figure.axes[0].collections[0].get_paths()
+    radius = np.hypot(*(outline.vertices - 2).T)
+    np.testing.assert_allclose(radius, 1, atol=0.05)  # half a spacing
+
+
+def test_the_contact_of_a_profile_is_drawn_on_its_heights():
+    figure = gc.plot.plot_sliding(*make_fields((16,)))
+    check_labels(figure)
+    heights, contact = (line.get_ydata() for line in figure.axes[0].lines)
+    touching = np.isfinite(contact)
+    np.testing.assert_array_equal(touching, make_fields((16,))[0].pressure > 0)
+    np.testing.assert_array_equal(contact[touching], heights[touching])
+
+
+def theory(mean=4e5, spread=9e5):
+    """A mean field whose pressure has spread this far."""
+    zeros = {field.name: jnp.zeros(()) for field in dataclasses.fields(gc.mean_field.MeanField)}
+    curve = gc.surfaces.CutoffCurve(jnp.array([1.0, 2.0]), jnp.zeros(2))
+    variance = jnp.array([0.0, spread**2])
+    known = {"against_cutoff": curve, "stress_variance": variance, "pressure": jnp.array(mean)}
+    return gc.mean_field.MeanField(**zeros | known | {"heated": None})
+
+
+def test_distributions_enclose_the_area_and_perssons_the_mean_pressure():
+    """∫P dσ = erf(σ0/√(2V)) and ∫σ P dσ = σ0, in closed form."""
+    fields, _ = disc()
+    figure = gc.plot.plot_distributions(fields, theory())
+    check_labels(figure)
+    pressure, gap = figure.axes
+    touching = np.mean(fields.pressure > 0)
+    for axes, share in ((pressure, touching), (gap, 1 - touching)):
+        steps = axes.patches[1].get_data()
+        np.testing.assert_allclose(np.sum(steps.values * np.diff(steps.edges)), share, rtol=5e-3)
+    stress, density = pressure.lines[0].get_data()
+    assert pressure.get_xlabel().endswith("[MPa]")
+    area, load = trapezoid(density, stress), trapezoid(stress * density, stress)
+    np.testing.assert_allclose(area, math.erf(4e5 / 9e5 / math.sqrt(2)), rtol=1e-3)
+    np.testing.assert_allclose(load, 0.4, rtol=1e-3)
+    for without in (None, theory(spread=np.nan)):  # a mean field that failed is not drawn
+        assert not gc.plot.plot_distributions(fields, without).axes[0].lines
+
+
+def test_dissipation_is_the_slope_of_the_friction_and_encloses_it():
+    q = np.geomspace(1e3, 1e6, 64)
+    curve = gc.surfaces.CutoffCurve(jnp.asarray(q), jnp.asarray(0.1 * np.log(q / 1e3)))
+    figure = gc.plot.plot_dissipation({"contact": curve, "mean field": curve})
+    check_labels(figure)
+    total, each = figure.axes
+    np.testing.assert_allclose(total.lines[0].get_ydata(), curve.friction)
+    steps = each.patches[0].get_data()
+    np.testing.assert_allclose(steps.values, 0.1, rtol=1e-6)
+    assert len(steps.edges) == 31 and steps.edges[0] == 1e3
+
+
+OMEGA, TEMPERATURES = np.geomspace(0.1, 10, 6), (290.0, 300.0, 310.0)
+MATERIAL = gc.Prony(1e6, [1e7, 5e7], [1e-1, 1e-3], shift=gc.WLF(6.0, 110.0, 300.0))
+MODULI = [t / 300 * np.asarray(MATERIAL.at(t).modulus(OMEGA)) for t in TEMPERATURES]
+
+
+@pytest.fixture(scope="module")
+def curve():
+    isotherms = [(t, OMEGA, values) for t, values in zip(TEMPERATURES, MODULI, strict=True)]
+    return gc.master_curve(isotherms, vertical_shift_std=0.1, terms=2)
+
+
+def test_a_master_curve_shows_isotherms_before_and_after_shifts_and_law(curve):
+    figure = gc.plot.plot_master_curve(curve)
+    check_labels(figure)
+    before, after, along, across = figure.axes
+    for line, values in zip(before.lines, MODULI, strict=False):
+        np.testing.assert_allclose(line.get_data(), (OMEGA, values.real))
+    for panel in (before, after):
+        assert len({tuple(line.get_color()) for line in panel.lines[:3]}) == 3
+    moved = [line.get_xdata() for line in after.lines[:3]]
+    factors = 10 ** np.asarray(curve.log10_shifts)
+    np.testing.assert_allclose(moved, factors[:, None] * OMEGA, rtol=1e-9)
+    points = [line for axes in (along, across) for line in axes.lines if len(line.get_xdata()) == 1]
+    drawn = {(float(p.get_xdata()[0]), float(p.get_ydata()[0])) for p in points}
+    for values in (curve.log10_shifts, curve.vertical_shifts):
+        celsius = (kelvin - 273.15 for kelvin in TEMPERATURES)
+        assert drawn >= set(zip(celsius, map(float, values), strict=True))
+    law = next(line for line in along.lines if line.get_label() == "WLF law")
+    np.testing.assert_allclose(law.get_ydata()[-1], np.log10(curve.law.factor(310.0)), rtol=1e-6)
+
+
+def test_a_van_gurp_palmen_plot_shows_phase_angles_as_measured(curve, tmp_path):
+    rows = [f"{t - 273.15},{w / 2 / np.pi},{e.real / 1e6},{e.imag / 1e6}"
+            for t, values in zip(TEMPERATURES, MODULI, strict=True)
+            for w, e in zip(OMEGA, values, strict=True)]  # fmt: skip
+    (tmp_path / "a.csv").write_text("\n".join(["T [°C],f [Hz],E' [MPa],E'' [MPa]", *rows]))
+    for isotherms in (curve, gc.read_moduli(tmp_path / "a.csv")):
+        figure = gc.plot.plot_van_gurp_palmen(isotherms)
+        check_labels(figure)
+        axes, bar = figure.axes
+        assert bar.get_ylabel() == "temperature [°C]" and axes.get_xlabel() == "$|E^*|$ [MPa]"
+        for line, values in zip(axes.lines, MODULI, strict=False):
+            size, angle = line.get_data()
+            np.testing.assert_allclose(1e6 * size, np.abs(values), rtol=1e-9)
+            np.testing.assert_allclose(angle, np.rad2deg(np.angle(values)), rtol=1e-9)
+    time = np.geomspace(1e-2, 1e2, 9)
+    relaxing = [(t, time, 1e6 + t * 1e3 * np.exp(-time)) for t in TEMPERATURES[:2]]
+    relaxation = gc.master_curve(relaxing, kind="relaxation", terms=1, shift_std=0)
+    with pytest.raises(ValueError, match=r"`isotherms` is of kind 'relaxation'"):
+        gc.plot.plot_van_gurp_palmen(relaxation)
+
+
+def test_the_history_of_a_design_shows_what_was_tried():
+    design = gc.minimise(
+        lambda x: (jnp.log(x["a"]) - 1) ** 2 + x["b"],
+        {"a": 0.1, "b": 0.5}, {"a": 10.0, "b": 2.0},
+        constraints=lambda x: 1 - x["a"] / 2, num_starts=2,
+    )  # fmt: skip
+    figure = gc.plot.plot_history(design)
+    check_labels(figure)
+    value, limits, parameters = figure.axes
+    assert len(value.lines) == 2
+    history = design.best.history
+    assert len(history.values) == design.best.num_evaluations
+    np.testing.assert_allclose(
+        history.values, (np.log(history.parameters[:, 0]) - 1) ** 2 + history.parameters[:, 1]
+    )
+    np.testing.assert_allclose(history.margins[:, 0], 1 - history.parameters[:, 0] / 2)
+    np.testing.assert_array_equal(limits.lines[0].get_ydata(), history.margins[:, 0])
+    shown = {line.get_label(): line.get_ydata() for line in parameters.lines}
+    np.testing.assert_allclose(shown["(c) a"], history.parameters[:, 0] / design.parameters["a"])
+
+
+def test_a_slider_holds_every_figure_and_shows_the_middle_one_without_html():
+    def draw(radius):
+        fields, surface = disc(16)
+        return gc.plot.plot_sliding(fields, gc.Surface(radius * surface.heights, surface.grid))
+
+    shown = gc.plot.slider(draw, [1.0, 2.0, 4.0], "radius [µm]")
+    bundle = shown._repr_mimebundle_()
+    assert bundle["text/html"].count("<img") == 3 and bundle["text/html"].count(" hidden>") == 2
+    assert "<output>radius [µm]: 2</output>" in bundle["text/html"]
+    assert base64.b64decode(bundle["image/png"]) == shown.pictures[1]
+    assert all(picture.startswith(b"\x89PNG") for picture in shown.pictures)
+    with pytest.raises(ValueError, match="`values` has shape"):
+        gc.plot.slider(draw, [], "radius [µm]")

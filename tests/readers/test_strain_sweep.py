@@ -1,0 +1,105 @@
+"""Strain sweeps in files: amplitudes and factors of the moduli, for `StrainSoftening`."""
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+from scene_texts import BARE
+
+import graded_contact as gc
+from graded_contact.materials import StrainSoftening
+from graded_contact.readers import read_strain_sweep
+from graded_contact.scenes.scene import parse_scene
+
+STRAIN = np.array([1e-3, 1e-2, 0.1])
+STORAGE, LOSS = np.array([2e6, 1.8e6, 9e5]), np.array([2e5, 3e5, 1.5e5])
+MEASURED = Path(__file__).parents[2].parent / "shared/data/rheology/epdm70_sd_10hz.csv"
+
+
+def table(heading, columns, mark="\t", decimal="."):
+    rows = [mark.join(f"{x:.9g}" for x in row) for row in zip(*columns, strict=True)]
+    return heading + "\n" + "\n".join(rows).replace(".", decimal) + "\n"
+
+
+PERCENT, TAN = 100 * STRAIN, LOSS / STORAGE
+TEMPERATURE = [22.0, 24.5, 26.0]  # it heats itself
+FILES = {
+    "percent": table("Strain [%],E' [MPa],E'' [MPa]", (PERCENT, STORAGE / 1e6, LOSS / 1e6), ","),
+    "descending": table("Shear strain [1]\tG'\tG''\n1\tPa\tPa",
+                        [a[::-1] for a in (STRAIN, STORAGE, LOSS)]),
+    "german": table("Dehnung [%];Speichermodul [kPa];Verlustmodul [kPa]",
+                    (PERCENT, STORAGE / 1e3, LOSS / 1e3), ";", ","),
+    "instrument": table(
+        "Oscillation strain\tStorage modulus\tTan(delta)\tAngular frequency\tTemperature\n"
+        "%\tPa\t-\trad/s\t°C",
+        (PERCENT, STORAGE, TAN, 0 * TAN + 62.8, TEMPERATURE),
+    ),
+    "dma": table(
+        "run,freq_hz,G_storage_pa,G_loss_pa,tan_delta,strain_dyn_pct,strain_stat_pct",
+        (TAN, 0 * TAN + 10, STORAGE, LOSS, TAN, PERCENT, 0 * TAN + 5),
+        ",",
+    ),
+}  # fmt: skip
+
+
+@pytest.mark.parametrize("name", FILES)
+def test_spellings_of_one_sweep(name, tmp_path):
+    (tmp_path / "sweep.csv").write_text(FILES[name])
+    strain, storage, loss = read_strain_sweep(tmp_path / "sweep.csv")
+    np.testing.assert_allclose(strain, STRAIN, rtol=1e-12)
+    np.testing.assert_allclose(storage, STORAGE / STORAGE[0], rtol=1e-8)
+    np.testing.assert_allclose(loss, LOSS / LOSS[0], rtol=1e-8)
+
+
+def test_a_scene_names_the_file(tmp_path):
+    (tmp_path / "payne.csv").write_text(FILES["percent"])
+    text = BARE.replace('material = "tread"', 'material = "soft"') + (
+        '[materials.soft]\nkind = "strain_sweep"\nmaterial = "tread"\npath = "payne.csv"\n'
+        "amplitude = 0.01\n"
+    )
+    scene = parse_scene(text, folder=tmp_path)
+    soft = scene.stack.base.material
+    found, linear = soft.modulus(1e3), soft.material.modulus(1e3)
+    np.testing.assert_allclose(found, 0.9 * linear.real + 1.5j * linear.imag, rtol=1e-8)
+    assert any("strain in %" in note for note in scene.notes)
+
+
+def test_a_measured_sweep():
+    if not MEASURED.exists():
+        pytest.skip("the measured file is not here")
+    rows = np.loadtxt(MEASURED, delimiter=",", skiprows=1, usecols=(3, 4, 8))
+    strain, storage, loss = read_strain_sweep(MEASURED)
+    np.testing.assert_allclose(strain, rows[:, 2] / 100, rtol=1e-12)
+    np.testing.assert_allclose(storage, rows[:, 0] / rows[0, 0], rtol=1e-12)
+    np.testing.assert_allclose(loss, rows[:, 1] / rows[0, 1], rtol=1e-12)
+    rubber = gc.Prony(1e6, [4e6], [1e-2])
+    softest = StrainSoftening(rubber, strain, storage, loss, amplitude=1.0).modulus(1e3).real
+    np.testing.assert_allclose(softest, storage[-1] * rubber.modulus(1e3).real, rtol=1e-12)
+
+
+def sweep(heading, *columns):
+    return table(heading + ",E' [Pa],E'' [Pa]", (*columns, STORAGE, LOSS), ",")
+
+
+@pytest.mark.parametrize(
+    ("text", "words"),
+    [
+        (sweep("f [Hz],Strain [%]", [1, 2, 4], PERCENT), r"frequency varies from 6\.283 to 25\.13"),
+        (sweep("Strain", PERCENT), "the strain, has '' as unit; pass `units`, strain"),
+        (sweep("strain [mm]", PERCENT), r"\(strain \[mm\]\), the strain, has '' as unit"),
+        (sweep("t [s]", PERCENT), "`columns`: strain, storage"),
+        (2 * sweep("Strain [%]", PERCENT), "one curve by `step`, or"),
+        (sweep("Strain [%]", [1, 10, 9.0]), "one curve by `step`, or"),
+        (sweep("Strain [%]", [1, 1, 10]), "one curve by `step`, or"),
+    ],
+)
+def test_what_is_no_strain_sweep_is_refused(text, words, tmp_path):
+    (tmp_path / "other.csv").write_text(text)
+    with pytest.raises(ValueError, match=words):
+        read_strain_sweep(tmp_path / "other.csv")
+
+
+def test_the_reader_of_moduli_names_the_reader_of_sweeps(tmp_path):
+    (tmp_path / "s.csv").write_text(sweep("f [Hz],Strain [%]", [10, 10, 10], PERCENT))
+    with pytest.raises(ValueError, match=r"`readers\.read_strain_sweep` reads those"):
+        gc.read_moduli(tmp_path / "s.csv")

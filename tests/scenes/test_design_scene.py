@@ -1,0 +1,48 @@
+"""Tables [design] are read strictly."""
+
+from pathlib import Path
+
+import pytest
+from scene_texts import DESIGN, FLAT
+
+from graded_contact.scenes.design_scene import parse_design, read_design
+
+MOTION = '[motion]\nkind = "sinusoidal"\nstroke = 2e-4\nfrequency = 20.0\n'
+EXAMPLE = Path(__file__).parents[2] / "examples" / "design_coating.toml"
+
+
+@pytest.mark.parametrize(
+    "old, new, message",
+    [
+        ("ratio =", "ration =", "did you mean `ratio`"),
+        ("[5e-5, 1e-3]", "[1e-3, 5e-5]", r"\[design.parameters\] 'layers.0..thickness' = "),
+        ('times[0]" = [1e-5, 1e-1]', 'poisson" = [0.4, 0.6]', "at most 0.5"),
+        ('"friction"', '"maximise_friction"', '`ratio` belongs to the objective "friction"'),
+        ("ratio = 1.3", "", "`target` or `ratio`, not both"),
+        ("ratio = 1.3", "ratio = [1.3, 1.2]", "`ratio` has 2 numbers"),
+        ("within = 0.01", "within = 0", "`within=0` is refused"),
+        ("verify = 2", "verify = 0", "`polish` needs `verify`"),
+        ("velocity = 0.1", "velocity = 0", "`velocity"),
+        ("velocity = 0.1", "velocity = 0.1\nstrain_per_slope = 1.0", "holds no"),
+        ("[design]\n", f"{MOTION}[design]\n", r"\[design\] does not take the table \[motion\]"),
+        ("[solver]", '[sweep]\n"layers[0].thickness" = [1e-5]\n[solver]', "needs one .*thickness"),
+        ("[grid]", "seeds = 2\n[grid]", "needs one .*seed"),
+        ("velocity = 0.1", "velocity = 0.1\ndirection = 1", "`direction` = 0"),
+        (DESIGN[DESIGN.index("[design]") :], "", r"lacks the table \[design\]"),
+    ],
+)
+def test_a_table_that_cannot_be_designed_is_refused(old, new, message):
+    assert old in DESIGN
+    with pytest.raises(ValueError, match=message):
+        parse_design(DESIGN.replace(old, new))
+
+
+def test_a_band_is_in_order():
+    with pytest.raises(ValueError, match="`q_from` = 10000"):
+        parse_design(FLAT.replace("q_from = 1e3\nq_to = 1e4", "q_from = 1e4\nq_to = 1e3"))
+
+
+def test_the_example_is_read():
+    study = read_design(EXAMPLE)
+    assert (study.objective, study.verify, study.polish) == ("friction", 8, True)
+    assert len(study.lower) == len(study.upper) == 6

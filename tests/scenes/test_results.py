@@ -1,0 +1,156 @@
+"""Results of a scene go to a file and come back; what is in them follows from the dataset alone."""
+
+import h5py
+import numpy as np
+import pytest
+import xarray
+
+import graded_contact as gc
+from graded_contact.core.quantities import numbers_of
+from graded_contact.scenes.results import (
+    KEPT_FIELDS,
+    contact_at,
+    kept_solves,
+    lost_solves,
+    over_seeds,
+    read_results,
+    solve_states,
+    surface_of,
+    surface_variables,
+    warnings_of,
+)
+from graded_contact.studies.dataset import LOST, NOT_STARTED, SEAL, attach, write, write_sealed
+from graded_contact.surfaces.surface import Step
+
+
+def make_results(shape=(4, 6), dtype=np.float64, keep="every"):
+    draw = np.random.default_rng(0)
+    axes = {"pressure": np.array([1e5, 3e5]), "velocity": np.geomspace(1e-3, 1.0, 3)}
+    surface = gc.Surface(
+        heights=draw.normal(size=shape).astype(dtype),
+        grid=gc.Grid(shape, np.array([1e-3, 3e-3][: len(shape)], dtype)),
+        history=("Read.", "Filled."),
+        measured=draw.uniform(size=shape).astype(dtype),
+        steps=(Step("read", 1.1, 0.3, 4.0, 0.2), Step("resampled", 1.0, 0.2, 3.9, 0.0)),
+    )
+    variables, places, attributes = surface_variables(surface)
+    variables |= {n: ((*axes,), draw.normal(size=(2, 3)).astype(dtype)) for n in numbers_of(False)}
+    variables["mean_gap"][1][0, 1] = np.nan
+    message = [["", "", "It stopped."], ["", NOT_STARTED, "failed: no kernel"]]
+    variables["message"] = (*axes,), np.array(message)
+    variables["point"] = (*axes,), np.array([["a", "b", "c"], ["d", "e", "f"]])
+    over = (*axes, *places) if keep == "every" else (*places,)
+    size = (2, 3, *shape) if keep == "every" else shape
+    variables |= {n: (over, draw.normal(size=size).astype(dtype)) for n in KEPT_FIELDS.values()}
+    attributes |= {
+        "title": "glatt, 50 µm",
+        "seed": 3,
+        "kept": "1 2",
+        "rtol": 1e-6,
+        "scene": "a = 1\n" * 20000,
+    }
+    return attach(xarray.Dataset(variables, axes | places, attributes))
+
+
+@pytest.mark.parametrize("shape, dtype", [((4, 6), np.float64), ((8,), np.float32)])
+def test_results_come_back_bit_for_bit(tmp_path, shape, dtype):
+    results = make_results(shape, dtype)
+    write(tmp_path / "a.h5", results)
+    again = read_results(tmp_path / "a.h5")
+    assert again.identical(results) and again.gap.dtype == again.friction.dtype == dtype
+    before, after = surface_of(results), surface_of(again)
+    assert before.heights.dtype == after.heights.dtype == dtype
+    np.testing.assert_array_equal(before.grid.size, after.grid.size)
+    assert after.history == ("Read.", "Filled.") and after.steps[1].name == "resampled"
+    assert after.steps == before.steps
+
+
+def test_warnings_follow_from_the_numbers(tmp_path):
+    results = make_results()
+    write(tmp_path / "a.h5", results)
+    found = warnings_of(read_results(tmp_path / "a.h5"))
+    sentences = [caveat.sentence for caveat in found]
+    assert any("The rms slope fell from 0.3 to 0.2" in text for text in sentences)
+    assert any("of 6 solves" in text for text in sentences)
+    (unmeasured,) = (c.where for c in found if "friction arises on points" in c.sentence)
+    np.testing.assert_array_equal(unmeasured, results.unmeasured_friction > 0.1)
+
+
+def test_each_solve_has_a_state():
+    words = [["", "", "not converged"], ["", "not started", "failed"]]
+    np.testing.assert_array_equal(solve_states(make_results()), words)
+
+
+def test_seeds_are_joined_without_those_that_failed():
+    values, message = np.random.default_rng(0).normal(size=(2, 9)), np.full((2, 9), "", object)
+    message[1, 5] = "failed: µ"
+    axes = ("velocity", "seed")
+    data = {"friction": (axes, values), "error": (axes, values), "message": (axes, message)}
+    found = over_seeds(xarray.Dataset(data, {"velocity": [0.1, 1.0], "seed": np.arange(9)}))
+    for row, used in enumerate([values[0], np.delete(values[1], 5)]):
+        np.testing.assert_allclose(found.friction[row], np.mean(used), rtol=1e-13)
+        expected = np.std(used, ddof=1) / np.sqrt(len(used))
+        np.testing.assert_allclose(found.friction_seed_error[row], expected, rtol=1e-13)
+        assert found.error[row] == np.max(used)
+    assert found.message.values.tolist() == ["", "8 of 9 surfaces succeeded."]
+
+
+def test_fields_are_those_of_the_stored_solves():
+    every, last = make_results(), make_results(keep="last")
+    assert kept_solves(every) == [(0, 0), (0, 1), (0, 2), (1, 0)] and kept_solves(last) == []
+    last["message"][1, 2] = ""
+    assert kept_solves(last) == [(1, 2)]
+    for results, index, at in ((every, (0, 2), (0, 2)), (last, (1, 2), ())):
+        fields, surface = contact_at(results, index)
+        np.testing.assert_array_equal(fields.pressure, results.contact_pressure.values[at])
+        np.testing.assert_array_equal(surface.heights, results.contact_heights.values[at])
+        assert not {"velocity", "pressure"} & {*fields.coords}
+    assert kept_solves(last.drop_vars([*KEPT_FIELDS.values()])) == []
+
+
+def test_other_files_are_refused(tmp_path):
+    path = tmp_path / "a.h5"
+    with pytest.raises(FileNotFoundError, match=r"a\.h5"):
+        read_results(path)
+    for content in (b"friction 0.3", b""):
+        path.write_bytes(content)
+        with pytest.raises(ValueError, match=r"a\.h5.*is damaged, or another program"):
+            read_results(path)
+    for content in (b"words", b"\x89HDF\r\n\x1a\n"):
+        write_sealed(path, content)
+        with pytest.raises(ValueError, match=r"a\.h5`"):
+            read_results(path)
+
+
+@pytest.mark.parametrize(
+    "lacking", ["surface_history", "surface_steps", "title", "period", "friction", "heights"]
+)
+def test_a_file_without_what_results_have_is_refused(tmp_path, lacking):
+    results = make_results()
+    for attributes in (results.attrs, results.x.attrs):
+        attributes.pop(lacking, None)
+    write(tmp_path / "a.h5", results.drop_vars(lacking, errors="ignore"))
+    with pytest.raises(ValueError, match=r"a\.h5` does not contain the results of a scene"):
+        read_results(tmp_path / "a.h5")
+
+
+def test_results_that_refer_to_another_file_are_refused(tmp_path):
+    write(tmp_path / "a.h5", make_results())
+    (tmp_path / "b.h5").write_bytes((tmp_path / "a.h5").read_bytes()[SEAL:])
+    with h5py.File(tmp_path / "b.h5", "a") as file:
+        file["other"] = h5py.ExternalLink("/etc/passwd", "x")
+    write_sealed(tmp_path / "a.h5", (tmp_path / "b.h5").read_bytes())
+    with pytest.raises(ValueError, match=r"a\.h5` is refused: its link 'other' refers to another"):
+        read_results(tmp_path / "a.h5")
+
+
+def test_what_a_file_would_lose_is_what_was_finished_in_it_alone(tmp_path):
+    path = tmp_path / "a.h5"
+    assert lost_solves(path, np.array([])) == (0, {})
+    results = make_results()
+    write(path, results)
+    for names, expected in ((list("abcdf"), 0), (list("abc"), 2), ([], 5)):
+        lost, attributes = lost_solves(path, np.array(names))
+        assert lost == expected and attributes["title"] == "glatt, 50 µm"
+    write(path, results.assign(message=results.message.where(results.message == "", LOST)))
+    assert lost_solves(path, np.array([]))[0] == 3

@@ -1,0 +1,123 @@
+"""Runs of scenes with motion, shear, heating and windows are what Python's functions give."""
+
+import numpy as np
+import pytest
+from scene_texts import BARE
+
+import graded_contact as gc
+from graded_contact.scenes.results import contact_at, kept_solves, read_results
+from graded_contact.scenes.run_scene import build_surface, run_scene
+from graded_contact.scenes.scene import parse_scene
+from graded_contact.studies.dataset import write, write_csv
+
+SMALL = BARE.replace("[32, 32]", "[16, 16]").replace("q_high = 8e4", "q_high = 4e4")
+CYCLE = SMALL.replace("[0.01, 1.0]", "[0.1, 1.0]\npressure_ratio = [1.0, 1.5]\ndirection = 0.5") + (
+    '[motion]\nkind = "sinusoidal"\nstroke = 1e-4\nfrequency = 20.0\nnum_times = 8\n'
+)
+
+
+@pytest.fixture(scope="module")
+def cycles():
+    scene = parse_scene(CYCLE)
+    return scene, run_scene(scene)
+
+
+def test_a_run_of_a_motion_is_slide_cycle(cycles):
+    scene, results = cycles
+    motion = gc.sliding.sinusoidal(1e-4, 20.0, 8)
+    along = np.array([np.cos(0.5), np.sin(0.5)])
+    cycle = gc.sliding.slide_cycle(
+        scene.stack,
+        build_surface(scene),
+        displacement=np.asarray(motion.displacement)[:, None] * along,
+        period=motion.period * motion.highest_speed / 1.0,
+        pressure=2e5 * np.array([1.0, 1.125, 1.25, 1.375, 1.5, 1.375, 1.25, 1.125]),
+        rtol=scene.rtol,
+    )
+    assert np.all(results.message == "")
+    at = results.isel(pressure=0, velocity=1)
+    for name in ("mean_friction", "peak_friction", "work", "dissipated_power", "phase", "load"):
+        np.testing.assert_allclose(at[name], getattr(cycle, name), rtol=1e-5, err_msg=name)
+    np.testing.assert_allclose(at.friction, cycle.friction @ along, rtol=1e-4, atol=1e-7)
+    np.testing.assert_allclose(at.period, cycle.period, rtol=1e-12)
+    assert results.friction.dims == ("pressure", "velocity", "time")
+    assert results.time.values.tolist() == [i / 8 for i in range(8)]
+    assert results.work.attrs["units"] == "J/m²" and results.largest_step.attrs["units"] == "1"
+    np.testing.assert_allclose(at.friction * at["load"], at["traction"], rtol=1e-12)
+
+
+def test_results_of_a_motion_are_read_as_written_and_keep_the_fields_over_time(cycles, tmp_path):
+    _, results = cycles
+    write(tmp_path / "r.h5", results)
+    again = read_results(tmp_path / "r.h5")
+    assert again.identical(results)
+    assert kept_solves(again) == [(0, 1)]
+    fields, surface = contact_at(again, (0, 1))
+    assert fields["pressure"].shape == (8, 16, 16) and surface.periodic
+    np.testing.assert_allclose(fields["pressure"].mean(("x", "y")), again["load"][0, 1], rtol=1e-9)
+    write_csv(tmp_path / "r.csv", results)
+    head, *rows = (tmp_path / "r.csv").read_text().splitlines()
+    assert len(rows) == 2 and "mean_friction [1]" in head and "period [s]" in head
+    figure = gc.plot.plot_cycle(again)
+    assert len(figure.axes[0].lines) == 3  # two loops and zero
+
+
+def test_a_run_with_shear_adds_the_stress_on_the_contact():
+    text = SMALL + '[shear]\nkind = "constant"\nstress = 1e5\n'
+    scene = parse_scene(text)
+    results = run_scene(scene)
+    # The mean field in a scene has the same law.
+    np.testing.assert_allclose(results.shear_friction, 0.5 * results.contact_area_smooth, rtol=1e-9)
+    both = results.hysteresis_friction + results.shear_friction
+    np.testing.assert_allclose(results.friction, both, rtol=1e-12)
+
+
+@pytest.mark.slow
+def test_a_run_with_heating_is_slide_with_heating():
+    text = SMALL.replace("= [0.01, 1.0]", "= 10.0\ntemperature = 300.0") + (
+        "[heating]\nconductivity = 0.2\ndiffusivity = 1e-7\n"
+    )
+    scene = parse_scene(text.replace('"tyre_tread"', '"tyre_tread"\npoisson = 0.49'))
+    results = run_scene(scene)
+    load = {"pressure": 2e5, "velocity": 10.0, "temperature": 300.0, "rtol": scene.rtol}
+    heating = gc.sliding.Heating(0.2, 1e-7)
+    sliding = gc.slide(scene.stack, build_surface(scene), heating=heating, **load)
+    np.testing.assert_allclose(results.friction.item(), sliding.friction, rtol=1e-4)
+    np.testing.assert_allclose(results.surface_rise.item(), sliding.heated.surface_rise, rtol=1e-3)
+
+
+@pytest.mark.slow
+def test_a_sphere_in_a_scene_has_the_pressure_of_hertz():
+    text = f"""
+[surface]
+kind = "sphere"
+radius = 2e-3
+[grid]
+shape = [32, 32]
+size = 6e-4
+[materials.steel]
+kind = "elastic"
+modulus = 3e6
+poisson = 0.5
+[base]
+kind = "half_space"
+material = "steel"
+[load]
+pressure = {1e-2 / 36e-8}
+velocity = 0.0
+[output]
+fields = "last"
+"""
+    scene = parse_scene(text)
+    results = run_scene(scene)
+    contact_modulus, force, radius = 4e6, 1e-2, 2e-3
+    half_width = (0.75 * force * radius / contact_modulus) ** (1 / 3)
+    peak = 1.5 * force / (np.pi * half_width**2)
+    np.testing.assert_allclose(results.contact_pressure.max(), peak, rtol=0.02)
+    np.testing.assert_allclose(results.approach.item(), half_width**2 / radius, rtol=0.02)
+    assert results.rim_load == 0
+    load = f"pressure = {1e-2 / 36e-8}"
+    moved = run_scene(parse_scene(text.replace(load, f"approach = {results.approach.item()}")))
+    assert moved["message"].dims == ("approach", "velocity")
+    np.testing.assert_allclose(moved.mean_pressure.item(), 1e-2 / 36e-8, rtol=1e-4)
+    assert not contact_at(results, (0, 0))[1].periodic

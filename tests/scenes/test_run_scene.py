@@ -1,0 +1,267 @@
+"""Scenes are run point by point; what is kept is not computed again."""
+
+from pathlib import Path
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+import pytest
+from scene_texts import TABLE, TEXT, changed, tabulated, write
+
+import graded_contact as gc
+from graded_contact.command.result_tables import print_table
+from graded_contact.core.quantities import OBSERVABLES, observable
+from graded_contact.fields.grid import wave_frequencies
+from graded_contact.scenes.results import contact_at, kept_solves, shift_factors, warnings_of
+from graded_contact.scenes.run_scene import build_surface, point_names, run_scene
+from graded_contact.scenes.scene import parse_scene, read_scene
+from graded_contact.scenes.theory import check_frequencies_of
+from graded_contact.studies.store import Store
+
+DATA = Path(__file__).parents[3] / "shared" / "data"
+EXAMPLES = Path(__file__).parents[2] / "examples"
+needs_data = pytest.mark.skipif(not DATA.exists(), reason="measured data lie beside the project")
+
+
+@pytest.fixture(scope="module")
+def scene():
+    return parse_scene(TEXT)
+
+
+@pytest.fixture(scope="module")
+def results(scene):
+    return run_scene(scene)
+
+
+def test_a_run_gives_what_slide_gives(scene, results):
+    assert np.all(results.message == "")
+    surface = build_surface(scene)
+    for i, j in np.ndindex(2, 2):
+        pressure, velocity = scene.pressure[i], scene.velocity[j]
+        load = {"pressure": pressure, "velocity": velocity, "rtol": scene.rtol}
+        sliding = gc.slide(scene.stack, surface, **load)
+        for name in ("friction", "contact_area", "contact_area_smooth", "mean_gap", "error"):
+            np.testing.assert_allclose(results[name][i, j], getattr(sliding, name), rtol=1e-6)
+    assert kept_solves(results) == [(1, 1)]
+    np.testing.assert_allclose(results.gap, sliding.gap, rtol=1e-6, atol=1e-15)
+    assert results.attrs["scene"] == TEXT
+    assert results.attrs["seed"] == 3
+    assert results.attrs["dtype"] == "float64"
+
+
+def test_an_observable_is_one_function(capsys):
+    """Its attribute, print, dataset, unit and column follow from its entry."""
+
+    @observable("F", "Pa", "largest pressure", column=("largest\npressure", "#.4g"))
+    def largest_pressure(found):
+        """The largest pressure [Pa]."""
+        return jnp.max(found.pressure)
+
+    try:
+        scene = parse_scene(changed("shape = [32, 32]", "shape = [16, 16]", "8e4", "4e4"))
+        results = run_scene(scene)
+        sliding = gc.slide(scene.stack, build_surface(scene), pressure=4e5, velocity=1.0)
+        assert sliding.largest_pressure == np.max(sliding.pressure)
+        assert "largest_pressure [Pa]" in repr(sliding)
+        np.testing.assert_allclose(results.largest_pressure[-1, -1], np.max(sliding.pressure), 1e-4)
+        assert results.largest_pressure.attrs == {"units": "Pa", "long_name": "largest pressure"}
+        print_table(results)
+        assert "largest" in capsys.readouterr().out
+    finally:
+        del OBSERVABLES["largest_pressure"]
+    assert not hasattr(sliding, "largest_gap")
+
+
+def measured_tread(omega: str, load: str = "") -> str:
+    """A series known between frequencies [rad/s]; the scene excites 63 to 5e4 at most 1 m/s."""
+    return changed(
+        'kind = "tyre_tread"',
+        'kind = "prony"\nequilibrium = 6e6\nstrengths = [2e7, 1e7]\ntimes = [1e-4, 1e-2]\n'
+        f"measured = {{omega = {omega}, temperature = [250, 320.0]}}",
+        "velocity = [0.01, 1.0]",
+        f"velocity = [0.01, 1.0]\n{load}",
+    )
+
+
+def test_friction_from_frequencies_that_were_not_measured_is_refused_before_solving():
+    scene = parse_scene(measured_tread("[1.0, 1e4]"))
+    refusal = (
+        r"excite 62\.8 to .* measured from 1 to 1e\+04 rad/s: up to \d+% of the friction at 1 of 2 "
+        r"velocities \(1 to 1 m/s\).*`extrapolate = true` in \[load\]"
+    )
+    with pytest.raises(ValueError, match=refusal):
+        run_scene(scene)
+    # The last wave alone lies outside: less than a hundredth of the friction, and no refusal.
+    surface = build_surface(scene)
+    fastest = np.max(np.abs(wave_frequencies(surface.grid, 1.0)))
+    check_frequencies_of(parse_scene(measured_tread(f"[1.0, {0.99 * fastest}]")), surface)
+
+
+def test_extrapolated_friction_that_is_allowed_is_reported_and_marked():
+    results = run_scene(parse_scene(measured_tread("[1.0, 1e4]", "extrapolate = true")))
+    assert np.all(results.extrapolated_friction[:, 0] == 0)
+    assert np.all(results.extrapolated_friction[:, 1] > 0.05)
+    (caveat,) = (c for c in warnings_of(results) if "not measured" in c.sentence)
+    np.testing.assert_array_equal(caveat.where, [[False, True]] * 2)
+
+
+@needs_data
+@pytest.mark.parametrize("path", sorted(EXAMPLES.glob("measured_*.toml")), ids=lambda p: p.name)
+def test_an_example_is_read_with_its_data(path):
+    assert build_surface(read_scene(path)).history
+
+
+@needs_data
+def test_a_measured_surface_on_a_measured_polymer_rubs_most_in_the_middle():
+    """The loss tangent of this polymer has its maximum near 10 Hz and falls on both sides."""
+    text = (
+        (EXAMPLES / "measured_road.toml")
+        .read_text()
+        .replace("[1024, 1024]", "[64, 64]")
+        .replace("= 13", "= 3")
+    )
+    results = run_scene(parse_scene(text, EXAMPLES))
+    assert np.all(results.message == "")
+    friction, area = results.friction[0], results.contact_area_smooth[0]
+    assert friction[1] > friction[0] > 0 and friction[1] > friction[2] > 0
+    assert area[0] > area[1] > area[2]
+    assert "matrix-3.txt" in results.attrs["inputs"]
+
+
+@pytest.fixture
+def solved(monkeypatch):
+    """The names of the points that were solved, in order."""
+    calls, write = [], Store.write
+
+    def noting(store, name, point):
+        calls.append(name)
+        write(store, name, point)
+
+    monkeypatch.setattr(Store, "write", noting)
+    return calls
+
+
+def test_scenes_share_the_solves_that_they_have_in_common(scene, results, solved, tmp_path):
+    with Store(tmp_path) as store:
+        run_scene(scene, store=store)
+        more = parse_scene(changed("[0.01, 1.0]", "[1.0, 0.1]", 'title = "a small', 'title = "a'))
+        found = run_scene(more, store=store)
+        assert solved[4:] == found.point.values[:, 1].tolist()
+        assert found.identical(run_scene(more))
+        assert run_scene(scene, store=store).identical(results) and len(solved) == 6
+
+
+def test_whatever_decides_the_numbers_of_a_solve_decides_its_name(scene, results):
+    for other in (
+        ("2e-5", "3e-5"), ("1e-6", "1e-7"), ("0.4\n", "0.41\n"), ("seed = 3", ""),
+        ("[solver]", "temperature = 290\n[solver]"), ("[solver]", "direction = 0.1\n[solver]"),
+        ("[solver]", "[solver]\nmax_steps = 7"), ("seed = 3", "seed = 3\nseeds = 1"),
+    ):  # fmt: skip
+        different = parse_scene(changed(*other))
+        names = point_names(different, build_surface(different))
+        assert not np.any(np.isin(names, results.point)), other
+
+
+VARIED = changed(
+    "seed = 3", "seed = 3\nseeds = 2", "[2e5, 4e5]", "2e5", "[0.01, 1.0]",
+    "[0.01, 0.1]\ndirection = 1.5707963267948966", "[solver]",
+    'temperature = [293.15, 273.15]\n[sweep]\n"layers[0].thickness" = [2e-5, 1e-5]\n[solver]',
+)  # fmt: skip
+
+
+@pytest.fixture(scope="module")
+def varied():
+    scene = parse_scene(VARIED)
+    return scene, run_scene(scene)
+
+
+def test_temperatures_seeds_and_paths_are_axes_of_what_slide_gives(varied):
+    """The direction turns the velocity from the x axis to the y axis."""
+    scene, results = varied
+    names = ["layers[0].thickness", "temperature", "seed", "pressure", "velocity"]
+    assert list(results.message.dims) == names and results.friction.shape == (2, 2, 2, 1, 2)
+    assert np.all(results.message == "") and results["seed"].values.tolist() == [3, 4]
+    assert results["layers[0].thickness"].units == "m"
+    random, index = scene.surface, (1, 1, 1, 0, 1)
+    surface = gc.random_surface(random.spectrum, random.grid, jax.random.key(4))
+    block = gc.with_values(scene.stack, {"layers[0].thickness": 1e-5}).at(273.15)
+    sliding = gc.slide(block, surface, pressure=2e5, velocity=[0.0, 0.1], rtol=scene.rtol)
+    for name in ("friction", "contact_area_smooth", "mean_gap"):
+        np.testing.assert_allclose(results[name][index], getattr(sliding, name), rtol=1e-6)
+    assert kept_solves(results) == [index]
+    fields, own = contact_at(results, index)
+    np.testing.assert_allclose(fields.pressure, sliding.pressure, rtol=1e-3, atol=1)
+    np.testing.assert_allclose(own.heights, surface.heights, atol=1e-15)
+    np.testing.assert_array_equal(results.heights, build_surface(scene).heights)
+
+
+def test_the_shift_of_the_one_law_makes_reduced_velocities(varied):
+    scene, results = varied
+    shift = scene.stack.base.material.shift
+    for i, temperature in enumerate((293.15, 273.15)):
+        expected = float(shift.factor(temperature)) * scene.velocity
+        np.testing.assert_allclose(results.reduced_velocity[i], expected, rtol=1e-12)
+    assert f"{float(shift.reference):.2f} K" in results.attrs["master_curve"]
+
+
+def test_unlike_laws_have_no_master_curve():
+    other = (
+        'kind = "prony"\nequilibrium = 2e7\nstrengths = 1e7\ntimes = 1.0\n'
+        'shift = {kind = "arrhenius", activation_energy = 1e5, reference = 293.15}'
+    )
+    scene = parse_scene(VARIED.replace('kind = "elastic"\nmodulus = 2e7', other))
+    factor, reason = shift_factors(scene)
+    assert factor is None and reason.startswith("No master curve")
+
+
+@pytest.mark.slow
+def test_errors_act_wherever_their_material_lies_and_not_on_what_is_swept(tmp_path):
+    """Against differences of `slide`, over temperature and a path of the block."""
+    (tmp_path / "e.csv").write_text("equilibrium,strengths[0],poisson\n1e5,2e5,0\n0,-3e5,1e-3\n")
+    (tmp_path / "m.csv").write_text("modulus,poisson\n1e6,0.01\n")
+    tread = (
+        'kind = "prony"\nequilibrium = 6e6\nstrengths = [2e7]\ntimes = [1e-3]\npoisson = 0.45\n'
+        'measured = {omega = [1.0, 1e7]}\nerrors = "e.csv"\n'
+        'shift = {kind = "wlf", c1 = 4.0, c2 = 100.0, reference = 290.0}'
+    )
+    text = changed(
+        'kind = "tyre_tread"', tread, '[[layers]]',
+        'errors = "m.csv"\n[[layers]]\nmaterial = "tread"\nthickness = 1e-5\n[[layers]]',
+        "[2e5, 4e5]", "2e5", "[0.01, 1.0]", "0.1", "[solver]",
+        'temperature = [290, 300]\n[sweep]\n"layers[1].material.modulus" = [2e7, 4e7]\n[solver]',
+    )  # fmt: skip
+    scene = parse_scene(text, tmp_path)
+    results = run_scene(scene)
+    assert np.all(results.message == "") and results.friction_standard_error.shape == (2, 2, 1, 1)
+    surface, index = build_surface(scene), (1, 1, 0, 0)
+
+    @jax.jit
+    def friction(equilibrium, strength, poisson, stiffness):
+        rubber = gc.Prony(equilibrium, [strength], [1e-3], poisson, gc.WLF(4.0, 100.0, 290.0))
+        layers = [gc.Layer(rubber, 1e-5), gc.Layer(gc.Elastic(4e7, stiffness), 2e-5)]
+        block = gc.Stack(layers=layers, base=gc.HalfSpace(rubber)).at(300.0)
+        return gc.slide(block, surface, pressure=2e5, velocity=0.1, rtol=1e-11).friction
+
+    at = np.array([6e6, 2e7, 0.45, 0.4])
+    errors = np.array([[1e5, 2e5, 0, 0], [0, -3e5, 1e-3, 0], [0, 0, 0, 0.01]])
+    slopes = [(friction(*(at + e * 1e-3)) - friction(*(at - e * 1e-3))) / 2e-3 for e in errors]
+    np.testing.assert_allclose(results.friction[index], friction(*at), rtol=1e-5)
+    found = results.friction_standard_error[index]
+    np.testing.assert_allclose(found, np.linalg.norm(slopes), rtol=1e-3)
+    # Errors decide the name of a solve.
+    bare = parse_scene(text.replace('errors = "e.csv"\n', ""), tmp_path)
+    names = point_names(bare, surface)
+    assert not np.any(np.isin(names, results.point))
+
+
+def test_frequencies_that_no_table_covers_are_refused_at_any_temperature(tmp_path):
+    write(tmp_path, TABLE)
+    shift = 'shift = {kind = "arrhenius", activation_energy = 1e5, reference = 293.15}\n'
+    text = (
+        tabulated("refuse")
+        .replace('extrapolate = "refuse"', f'extrapolate = "refuse"\n{shift}')
+        .replace("[0.01, 1.0]", "1e-4")
+        .replace("[solver]", "temperature = [293.15, 350]\n[solver]")
+    )
+    with pytest.raises(ValueError, match=r"At temperature = .*covers"):
+        run_scene(parse_scene(text, tmp_path))

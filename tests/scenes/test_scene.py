@@ -1,0 +1,283 @@
+"""Scenes are read strictly and built through the public constructors."""
+
+import inspect
+import re
+from pathlib import Path
+
+import equinox as eqx
+import jax
+import jax.numpy as jnp
+import numpy as np
+import pytest
+from scene_texts import TABLE, TEXT, changed, tabulated, write
+
+import graded_contact as gc
+from graded_contact.readers.moduli import read_moduli
+from graded_contact.scenes.scene import parse_scene, read_scene
+from graded_contact.sliding.numerics import Numerics
+
+LAYER = 'material = "coat"\nthickness = 2e-5'
+GRADED = 'bottom = "tread"\ntop = "coat"\nshape = "sinusoidal"\nthickness = 2e-5'
+
+
+def nearest(place, word):
+    return f"{re.escape(place)}.*did you mean `{re.escape(word)}`"
+
+
+def in_table(table, line):
+    """The texts that `changed` takes to add a table of one line."""
+    return "[solver]", f"[{table}]\n{line}\n[solver]"
+
+
+# What is changed, each text for the next, and what the refusal says.
+REFUSED = [
+    # Misspelt words.
+    (("hurst =", "hust ="), nearest("[surface]", "hurst")),
+    (("= [0.01, 1.0]", "= {from=1.0, too=2.0, points=2}"), nearest("[load]", "to")),
+    (('kind = "elastic"', 'kind = "elastik"'), nearest("[materials.coat]", "elastic")),
+    (('material = "coat"', 'material = "coating"'), nearest("[layers[0]]", "coat")),
+    (in_table("sweep", '"layers[0].thicknes" = [1e-5]'),
+     nearest("[sweep] `layers[0].thicknes`", "layers[0].thickness")),
+    # Missing keys.
+    (("hurst = 0.8", ""), r"^\[surface\] lacks the key `hurst`"),
+    (('[base]\nkind = "half_space"\nmaterial = "tread"', ""), "^the scene lacks the key `base`"),
+    # Wrong values.
+    (("hurst = 0.8", 'hurst = "0.8"'), r"\[surface\] `hurst='0.8'` must be a plain number"),
+    (("seed = 3", "seeds = 0"), r"\[surface\] `seeds=0` must be a whole number"),
+    (('material = "coat"', "material = 3"), r"\[layers\[0\]\] `material=3` must be a text"),
+    (("[2e5, 4e5]", "[]"), r"\[load\] `pressure` is an empty list"),
+    (("[2e5, 4e5]", "[2e5, 2e5]"), r"\[load\] `pressure` has 200000 more than once"),
+    (("[grid]", "[[grid]]"), r"\[grid\] must be a table"),
+    (("[[layers]]", "[layers]"), r"`layers=.*` must be a list of tables"),
+    (("rms_slope = 0.2", ""), r"\[surface\] Exactly one of `rms_height` and `rms_slope`"),
+    (("[0.01, 1.0]", "{from=0.0, to=1.0, points=3}"), r"\[load\] `velocity` `from=0` is refused"),
+    (("rtol = 1e-6", "rtol = 1e-16"), r"\[solver\] `rtol=1e-16` cannot be reached"),
+    (("[solver]", "temperature = 100\n[solver]"), r"\[load\] `temperature`, of \[materials.tr"),
+    (("title", "= title"), "Not valid TOML"),
+    # Graded layers, and outputs that no folder can have.
+    ((LAYER, GRADED, '"sinusoidal"', '"exponential"'), r"layers\[0\].shape\] lacks the key `rate`"),
+    ((LAYER, GRADED, '"coat"', '"coal"'), r"`top` = 'coal' is not in \[materials\].*coat"),
+    ((LAYER, GRADED, 'shape = "sinusoidal"', 'material = "coat"'),
+     r"`material` and also `bottom` or `top`"),
+    (in_table("output", 'name = "../../evil"'), r"\[output\] `name='../../evil'` is refused.*'/'"),
+    (in_table("output", f'name = "{100 * "µ"}"'), "it has 200 bytes"),
+    (in_table("output", 'directory = "a\\u0000"'), r"\[output\] .*'a\\x00' is refused"),
+    # Axes that make no block.
+    (in_table("sweep", '"tread.E" = [1e6]'), r"`tread.E` is not a number of the block; it takes `"),
+    (in_table("sweep", '"layers[0].material.poisson" = [0.6]'),
+     r"\[sweep\].*`poisson=0.6` is refused"),
+    (in_table("sweep", '"base.material.times" = [1.0, 2.0]'), r"\[sweep\].*shape.*\(18,\)"),
+]  # fmt: skip
+
+
+@pytest.mark.parametrize("texts, expected", REFUSED)
+def test_what_is_wrong_is_refused_with_its_place(texts, expected):
+    with pytest.raises(ValueError, match=expected):
+        parse_scene(changed(*texts))
+
+
+def test_scenes_and_python_have_one_default_tolerance():
+    rtol = parse_scene(changed("rtol = 1e-6", "")).rtol
+    functions = (gc.solve_contact, gc.contacts.follow_contact, Numerics)
+    defaults = [inspect.signature(f).parameters["rtol"].default for f in functions]
+    assert defaults == [rtol] * 3
+
+
+def test_a_layer_may_be_graded():
+    (layer,) = parse_scene(changed(LAYER, GRADED)).stack.layers
+    assert layer.thickness == 2e-5
+    profile = gc.Blend(gc.tyre_tread(), gc.Elastic(2e7, 0.4), gc.shapes.Sinusoidal())
+    at = jnp.asarray(0.3), jnp.asarray(20.0)
+    for found, expected in zip(layer.profile(*at), profile(*at), strict=True):
+        np.testing.assert_allclose(found, expected, rtol=1e-15)
+    shape = '{kind = "exponential", rate = 2.0}'
+    (layer,) = parse_scene(changed(LAYER, GRADED, '"sinusoidal"', shape)).stack.layers
+    assert eqx.tree_equal(layer.profile.shape, gc.shapes.Exponential(2.0))
+
+
+def test_a_material_may_be_made_of_those_above_it():
+    solid = '[materials.solid]\nkind = "bulk_shear"\nbulk = "coat"\nshear = "tread"\n'
+    scene = parse_scene(
+        changed("[[layers]]", solid + "[[layers]]", 'material = "tread"', 'material = "solid"')
+    )
+    expected = gc.BulkShear(gc.Elastic(2e7, 0.4), gc.tyre_tread())
+    assert eqx.tree_equal(scene.stack.base.material, expected)
+
+
+def test_a_rigid_base_takes_no_material_and_no_layers_are_refused():
+    rigid = ('kind = "half_space"\nmaterial = "tread"', 'kind = "rigid"')
+    assert isinstance(parse_scene(changed(*rigid)).stack.base, gc.Rigid)
+    with pytest.raises(ValueError, match=r"\[base\] has no key `material`"):
+        parse_scene(changed("half_space", "free"))
+    layer = '[[layers]]\nmaterial = "coat"\nthickness = 2e-5'
+    with pytest.raises(ValueError, match=r"\[base\] `layers` is empty"):
+        parse_scene(changed(*rigid, layer, ""))
+
+
+def test_a_scene_file_is_named_in_its_errors(tmp_path):
+    path = tmp_path / "small.toml"
+    with pytest.raises(FileNotFoundError, match=r"small\.toml"):
+        read_scene(path)
+    path.write_text(changed("hurst", "hust"))
+    with pytest.raises(ValueError, match=r"small\.toml: \[surface\] has no key `hust`"):
+        read_scene(path)
+    path.write_bytes(b"title = '\xff'")
+    with pytest.raises(ValueError, match=r"small\.toml"):
+        read_scene(path)
+
+
+def test_a_scene_is_the_stack_and_surface_that_it_writes():
+    scene = parse_scene(changed("[solver]", '[solver]\ngraded_solver = {kind = "layering"}'))
+    assert eqx.tree_equal(scene.graded_solver, gc.blocks.Layering())
+    stack = gc.Stack(
+        layers=(gc.Layer(gc.Elastic(2e7, 0.4), 2e-5),), base=gc.HalfSpace(gc.tyre_tread())
+    )
+    assert eqx.tree_equal(scene.stack, stack)
+    spectrum = gc.SelfAffine(
+        rms_slope=0.2, hurst=0.8, q_low=2 * np.pi / 1e-3, q_roll=2e4, q_high=8e4
+    )
+    surface = gc.random_surface(spectrum, gc.Grid((32, 32), 1e-3), jax.random.key(3))
+    np.testing.assert_array_equal(scene.surface.build().heights, surface.heights)
+
+
+@pytest.mark.parametrize(
+    "lines, expected",
+    [
+        ('kind = "prony"\nequilibrium = 1e6\nstrengths = [2e6, 3e6]\ntimes = [1.0, 0.1]\n'
+         'shift = {kind = "arrhenius", activation_energy = 1e5, reference = 293.15}', gc.Prony(1e6,
+         [2e6, 3e6], [1.0, 0.1], 0.5, gc.Arrhenius(1e5, 293.15))),
+        ('kind = "prony_creep"\nglassy = 1e9\ncompliances = [1e-7]\ntimes = [1.0]\npoisson=0.3',
+         gc.Prony.from_creep(1e9, [1e-7], [1.0], 0.3)),
+        ('kind = "prony"\nequilibrium = 1e6\nstrengths = 2e6\ntimes = 1\n'
+         'shift = {kind = "wlf", c1 = 4.0, c2 = 100.0, reference = 300}', gc.Prony(1e6, [2e6],
+         [1.0], shift=gc.WLF(4.0, 100.0, 300.0))),
+    ],
+)  # fmt: skip
+def test_materials_are_those_of_the_constructors(lines, expected):
+    scene = parse_scene(changed('kind = "elastic"\nmodulus = 2e7\npoisson = 0.4', lines))
+    assert eqx.tree_equal(scene.stack.layers[0].material, expected)
+
+
+def test_a_table_makes_a_material_with_its_path_beside_the_scene(tmp_path):
+    omega, modulus = read_moduli(write(tmp_path, TABLE)).table()
+    scene = parse_scene(tabulated("plateau"), tmp_path)
+    expected = gc.Tabulated(omega, modulus, 0.4, extrapolate="plateau")
+    assert eqx.tree_equal(scene.stack.layers[0].material, expected)
+    assert "coat: Column 1 (f): frequency in Hz, as in the file" in " ".join(scene.notes)
+    with pytest.raises(FileNotFoundError, match=r"\[materials.coat\].*elsewhere/table.csv"):
+        parse_scene(tabulated("plateau"), tmp_path / "elsewhere")
+
+
+def test_columns_and_units_of_a_table_can_be_stated(tmp_path):
+    write(tmp_path, "T;loss;omega;x\n20;4;10;30\n20;5;11;31\n")
+    text = tabulated("plateau") + (
+        '[materials.coat.columns]\nstorage = "x"\ntemperature = "T"\n'
+        '[materials.coat.units]\nmodulus = "kPa"\ntemperature = "C"\n'
+    )
+    material = parse_scene(text, tmp_path).stack.layers[0].material
+    np.testing.assert_allclose(material.omega, [10, 11])
+    np.testing.assert_allclose(material.storage, [30e3, 31e3])
+    with pytest.raises(ValueError, match=r"\[materials.coat.columns\] has no key `stor`"):
+        parse_scene(text.replace("storage =", "stor ="), tmp_path)
+
+
+def test_a_table_of_several_temperatures_is_refused(tmp_path):
+    write(tmp_path, "f [Hz],E' [Pa],E'' [Pa],T [K]\n1,2,1,290\n2,3,1,290\n1,1,1,300\n2,2,1,300\n")
+    expected = r"\[materials.coat\].*holds 2 isotherm.*`graded-contact fit FILE`"
+    with pytest.raises(ValueError, match=expected):
+        parse_scene(tabulated("plateau"), tmp_path)
+
+
+def test_a_damaged_surface_file_is_refused(tmp_path):
+    lines = '[surface]\nkind = "file"\npath = "heights.txt"\n[materials.tread]'
+    text = TEXT[: TEXT.index("[surface]")] + lines + TEXT.split("[materials.tread]")[1]
+    with pytest.raises(FileNotFoundError, match=r"\[surface\].*heights.txt"):
+        parse_scene(text, tmp_path).surface.build()
+    (tmp_path / "heights.txt").write_text("no numbers")
+    with pytest.raises(ValueError, match=r"\[surface\].*heights.txt"):
+        parse_scene(text, tmp_path).surface.build()
+    with pytest.raises(ValueError, match="did you mean `periodic`"):
+        parse_scene(text.replace("path =", "periodik = 'mirror'\npath ="), tmp_path)
+
+
+def test_a_file_takes_one_length_for_a_square_and_a_region(tmp_path):
+    rows = np.random.default_rng(0).normal(size=(16, 16))
+    np.savetxt(tmp_path / "heights.csv", rows, delimiter=",")
+    lines = """[surface]
+        kind = "file"
+        path = "heights.csv"
+        unit = "um"
+        size = 1.6e-4
+        region = [0, 8e-5, 0, 1.6e-4]
+        periodic = "mirror"
+        [materials.tread]"""
+    text = TEXT[: TEXT.index("[surface]")] + lines + TEXT.split("[materials.tread]")[1]
+    surface = parse_scene(text, tmp_path).surface.build()
+    assert surface.grid.shape == (16, 32)
+    np.testing.assert_allclose(surface.grid.size, [1.6e-4, 3.2e-4])
+
+
+def test_a_directory_is_relative_to_the_scene(tmp_path, monkeypatch):
+    monkeypatch.setenv("HOME", str(tmp_path / "home"))
+    for given, expected in (
+        ("out", tmp_path / "scenes" / "out"),
+        ("/elsewhere/out", Path("/elsewhere/out")),
+        ("~/out", tmp_path / "home" / "out"),
+    ):
+        text = changed("[solver]", f'[output]\ndirectory = "{given}"\n[solver]')
+        assert parse_scene(text, tmp_path / "scenes").directory == expected
+
+
+SERIES = 'kind = "prony"\nequilibrium = 2e7\nstrengths = [1e7, 2e7]\ntimes = [1.0, 0.1]'
+KNOWN = "equilibrium,strengths[0],strengths[1],poisson"
+
+
+@pytest.mark.parametrize(
+    "table, expected",
+    [
+        (
+            "equilibrium,strengths[0],strengths[1],strengths[2]\n1,1,1,1\n",
+            r"'strengths\[2\]' is no",
+        ),
+        ("equilibrium,strengths[0]\n1,1\n", r"'strengths\[1\]' of the material is missing"),
+        (f"{KNOWN}\n1,1,1,1\n1,1\n", "line 3 has 2 numbers under 4 paths"),
+        (f"{KNOWN}\n1,1,1,nan\n", r"`directions\[0, 3\]=nan"),
+        ("", "`paths` is empty"),
+        ("\udcff\udcfe", "codec can't decode"),
+        (None, "does not exist"),
+    ],
+)
+def test_errors_of_another_material_or_damaged_ones_are_refused(tmp_path, table, expected):
+    if table is not None:
+        (tmp_path / "e.csv").write_bytes(table.encode("utf-8", "surrogateescape"))
+    text = changed('kind = "elastic"\nmodulus = 2e7', SERIES)
+    text = text.replace("poisson = 0.4\n", 'poisson = 0.4\nerrors = "e.csv"\n')
+    with pytest.raises((ValueError, FileNotFoundError), match=expected) as raised:
+        parse_scene(text, tmp_path)
+    assert "[materials.coat] `errors`:" in str(raised.value) and "e.csv" in str(raised.value)
+
+
+def test_what_a_scene_varies_is_in_the_order_of_its_axes():
+    text = changed(
+        *in_table("sweep", '"layers[0].thickness" = {from = 1e-5, to = 1e-3, points = 3}')
+    )
+    text = text.replace("[sweep]", "temperature = {from = 280, to = 300, points = 3}\n[sweep]")
+    scene = parse_scene(text.replace("seed = 3", "seed = 3\nseeds = 2"))
+    names = ["layers[0].thickness", "temperature", "seed", "pressure", "velocity"]
+    assert list(scene.axes) == names and scene.num_solves == 3 * 3 * 2 * 2 * 2
+    np.testing.assert_allclose(scene.axes["temperature"], [280, 290, 300])
+    np.testing.assert_allclose(scene.axes["layers[0].thickness"], [1e-5, 1e-4, 1e-3])
+    assert scene.axes["seed"].tolist() == [3, 4]
+    block = scene.block({"layers[0].thickness": 1e-4, "temperature": 290.0})
+    expected = gc.with_values(scene.stack, {"layers[0].thickness": 1e-4}).at(290.0)
+    assert eqx.tree_equal(block, expected)
+    assert len(list(scene.blocks())) == 9
+
+
+def test_a_scene_of_many_megabytes_is_refused_before_it_is_parsed(tmp_path):
+    path = tmp_path / "long.toml"
+    path.write_text("[[layers]]\nmaterial = 'a'\nthickness = 1e-5\n" * 50_000)
+    with pytest.raises(ValueError, match=r"it has 2.15 MB; at most 1 MB are read"):
+        read_scene(path)
+    with pytest.raises(ValueError, match=r"The text has 2 MB; at most 1 MB are read"):
+        parse_scene("#" * 2_000_000)

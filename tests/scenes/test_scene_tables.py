@@ -1,0 +1,167 @@
+"""The tables [motion], [shear] and [heating], spheres and windows: what they make, and refusals."""
+
+import re
+from pathlib import Path
+
+import numpy as np
+import pytest
+from scene_texts import BARE
+
+import graded_contact as gc
+from graded_contact.readers.recorded_motion import read_motion
+from graded_contact.scenes.scene import parse_scene, read_scene
+from graded_contact.scenes.theory import mean_field_at
+
+STILL = BARE.replace("velocity = [0.01, 1.0]\n", "")
+SINE = '[motion]\nkind = "sinusoidal"\nstroke = 2e-4\nfrequency = 20.0\nnum_times = 16\n'
+PEAKED = '[shear]\nkind = "peaked"\npeak = 1e6\nvelocity = 0.1\nsteepness = 0.1\n'
+SHIFT = 'shift = {kind = "arrhenius", activation_energy = 1e5, reference = 300.0}\n'
+SOFT = """[materials.soft]
+kind = "softened"
+material = "tread"
+strain = [1e-3, 1e-1]
+storage = [1.0, 0.5]
+loss = [1.0, 0.7]
+[base]"""
+SOFTENED = BARE.replace("[base]", SOFT).replace(
+    '\nmaterial = "tread"\n[load', '\nmaterial = "soft"\n[load'
+)
+HEATING = "[heating]\nconductivity = 0.2\ndiffusivity = 1e-7\n"
+
+
+def test_a_motion_is_that_of_the_constructor_and_its_speed_the_velocity():
+    scene = parse_scene(STILL + SINE)
+    motion = gc.sliding.sinusoidal(2e-4, 20.0, 16)
+    np.testing.assert_array_equal(scene.motion.displacement, motion.displacement)
+    assert scene.num_times == 16 and list(scene.axes) == ["pressure", "velocity"]
+    np.testing.assert_allclose(scene.velocity, [motion.highest_speed])
+    np.testing.assert_allclose(scene.period_at(scene.velocity), [0.05], rtol=1e-15)
+    faster = parse_scene(BARE + SINE)
+    speed = 2e-4 * np.sin(np.pi / 8) / 2 * 16 / faster.period_at(faster.velocity)
+    np.testing.assert_allclose(speed, [0.01, 1.0], rtol=1e-12)
+
+
+@pytest.mark.parametrize("head", ["", "t [s], s [m]\n"])
+def test_a_recorded_motion_is_read_from_a_table(tmp_path, head):
+    times, moved = np.arange(40) / 400, 1e-4 * np.sin(2 * np.pi * np.arange(40) / 40)
+    rows = "".join(f"{t:.6g}, {s:.12g}\n" for t, s in zip(times, moved, strict=True))
+    (tmp_path / "s.csv").write_text(head + rows)
+    text = '[motion]\nkind = "recorded"\npath = "s.csv"\nperiod = 0.1\nnum_times = 16\n'
+    scene = parse_scene(STILL + text, tmp_path)
+    expected = gc.sliding.recorded(times, moved, 0.1, 16)
+    np.testing.assert_allclose(scene.motion.displacement, expected.displacement, atol=1e-15)
+    assert scene.inputs == {("[motion]", "path"): tmp_path / "s.csv"}
+
+
+def test_headings_give_units_of_a_recorded_motion(tmp_path):
+    (tmp_path / "s.csv").write_text("time [ms];s (mm)\n0;0\n25;0,1\n50;0\n75;-0,1\n")
+    found = read_motion(tmp_path / "s.csv", 0.1, 8)
+    expected = gc.sliding.recorded([0.0, 0.025, 0.05, 0.075], [0.0, 1e-4, 0.0, -1e-4], 0.1, 8)
+    np.testing.assert_allclose(found.displacement, expected.displacement, atol=1e-18)
+    (tmp_path / "s.csv").write_text("1;2\n3\n4;5\n")
+    with pytest.raises(ValueError, match=r"`path=.*` is refused: two columns of numbers"):
+        read_motion(tmp_path / "s.csv", 0.1)
+
+
+def test_shear_and_heating_are_those_of_the_constructors():
+    text = STILL.replace("[load]", "[load]\nvelocity = 1.0\ntemperature = 300.0")
+    scene = parse_scene(text + PEAKED + SHIFT + HEATING)
+    law = gc.sliding.PeakedShear(1e6, 0.1, 0.1, gc.Arrhenius(1e5, 300.0))
+    assert repr(scene.shear) == repr(law) and float(scene.heating.diffusivity) == 1e-7
+    parts = HEATING.replace("0.2", "[0.2, 0.4]")
+    assert parse_scene(text + PEAKED + SHIFT + parts).heating.conductivity.tolist() == [0.2, 0.4]
+    constant = parse_scene(BARE + '[shear]\nkind = "constant"\nstress = 1e5\n').shear
+    assert float(constant.stress) == 1e5
+
+
+def test_anisotropy_and_softening_are_keys():
+    lay = BARE.replace(
+        "hurst = 0.8", "hurst = 0.8\nanisotropy = 3.0\nangle = 0.5\nroll_off = 'smooth'"
+    )
+    spectrum = parse_scene(lay).surface.spectrum
+    assert float(spectrum.anisotropy) == 3.0 and float(spectrum.angle) == 0.5
+    text = SOFTENED.replace("loss = [1.0, 0.7]", "loss = [1.0, 0.7]\namplitude = 0.1")
+    found = parse_scene(text).stack.base.material.modulus(1e3)
+    plain = parse_scene(BARE).stack.base.material.modulus(1e3)
+    np.testing.assert_allclose(found, 0.5 * plain.real + 0.7j * plain.imag, rtol=1e-12)
+    above = BARE.replace("[materials.tread]", SOFT.replace("[base]", "[materials.tread]"))
+    with pytest.raises(ValueError, match=r"`material` = 'tread' must stand below"):
+        parse_scene(above)
+
+
+def test_a_sphere_is_a_window_with_the_heights_of_hertz():
+    lines = BARE.split("[grid]")[1]
+    surface = parse_scene(
+        '[surface]\nkind = "sphere"\nradius = 2e-3\n[grid]' + lines
+    ).surface.build()
+    assert not surface.periodic and surface.grid.shape == (32, 32)
+    heights = np.asarray(surface.heights)
+    np.testing.assert_array_equal(heights, heights[::-1, ::-1])
+    x, y = (np.array([3, 20]) - 15.5) * 1e-3 / 32
+    np.testing.assert_allclose(heights[3, 20], -(x**2 + y**2) / 4e-3, rtol=1e-12)
+
+
+def test_a_body_on_a_window_takes_an_approach():
+    approach = "approach = [1e-6, 2e-6]\n"
+    pressure = re.search(r"pressure = .*\n", BARE).group()
+    sphere = '[surface]\nkind = "sphere"\nradius = 2e-3\n[grid]' + BARE.split("[grid]")[1]
+    scene = parse_scene(sphere.replace(pressure, approach))
+    assert list(scene.axes) == ["approach", "velocity"] and scene.num_solves == 4
+    for text, expected in [
+        (sphere.replace(pressure, pressure + approach), "has `pressure` and `approach`; give one"),
+        (sphere.replace(pressure, ""), "lacks one of the keys `pressure`"),
+        (BARE.replace(pressure, approach), "`approach` needs a surface of kind"),
+        (sphere.replace(pressure, approach) + SINE, "needs a `pressure` in .load., not"),
+    ]:
+        with pytest.raises(ValueError, match=expected):
+            parse_scene(text)
+
+
+def test_strain_per_slope_is_a_key_of_the_load():
+    key = "[load]\nstrain_per_slope = 0.7"
+    scene = parse_scene(SOFTENED.replace("[load]", key))
+    assert scene.strain_per_slope == 0.7
+    surface = scene.surface.build()
+    at = dict(pressure=float(scene.pressure[0]), velocity=1.0, strain_per_slope=0.7)
+    field = gc.mean_field_friction(scene.stack, scene.surface.spectrum, **at)
+    np.testing.assert_allclose(mean_field_at(scene, surface, (0, 1)).friction, field.friction)
+    with pytest.raises(ValueError, match=r"\[load\] `strain_per_slope=0.7` is refused: `stack`"):
+        parse_scene(BARE.replace("[load]", key))
+    with pytest.raises(ValueError, match=r"\[motion\] does not take the key `strain_per_slope`"):
+        parse_scene(SOFTENED.replace("[load]", key) + SINE)
+
+
+def test_an_open_file_is_a_window_with_its_tilt(tmp_path):
+    heights = np.add.outer(1e-6 * np.arange(8.0), np.sin(np.arange(8.0)) * 1e-6)
+    surface = gc.surfaces.surface_from_heights(heights, 1e-3, periodic="open")
+    assert not surface.periodic
+    np.testing.assert_allclose(surface.heights, heights - heights.mean(), atol=1e-20)
+    np.savez(tmp_path / "h.npz", heights=heights, size=1e-3)
+    text = '[surface]\nkind = "file"\npath = "h.npz"\nperiodic = "open"\nunit = "m"\n[materials'
+    scene = parse_scene(text + BARE.split("[materials", 1)[1], tmp_path)
+    np.testing.assert_array_equal(scene.surface.build().heights, surface.heights)
+
+
+@pytest.mark.parametrize(
+    "text, expected",
+    [
+        (STILL, r"^\[load\] lacks the key `velocity`"),
+        (STILL + SINE.replace("stroke", "strok"), r"\[motion\] has no key `strok`; did you mean"),
+        (STILL + SINE.replace('"sin', '"sun'), r"`kind` = 'sunusoidal' .* did you mean `sinuso"),
+        (STILL + SINE.replace("= 20.0", "= -1.0"), r"\[motion\] `frequency=-1` is refused"),
+        (STILL + SINE + PEAKED, r"\[motion\] does not take the table \[shear\]"),
+        (BARE.replace("[0.01", "[0.0") + SINE, r"\[load\] `velocity\[0\]=0` is refused"),
+        (BARE.replace("= [0.01, 1.0]", "= 1.0\npressure_ratio = [1.0, 2.0]"), "needs a table .mot"),
+        (BARE + PEAKED + SHIFT, r"\[shear\] `temperature=None` is refused"),
+        (BARE + HEATING, r"\[heating\] needs the bulk `temperature`"),
+        (BARE.replace("self_affine", "sphere"), r"\[surface\] has no key `rms_slope`"),
+    ],
+)  # fmt: skip
+def test_a_wrong_table_is_refused_with_its_place(text, expected):
+    with pytest.raises(ValueError, match=expected):
+        parse_scene(text)
+
+
+@pytest.mark.parametrize("name", ["reciprocating", "shear_and_heat", "indenter"])
+def test_an_example_is_read(name):
+    assert read_scene(Path(__file__).parents[2] / "examples" / f"{name}.toml").title

@@ -1,0 +1,323 @@
+"""Roughness with a lay, and two rough surfaces, in the mean field and in contact."""
+
+from functools import partial
+from itertools import pairwise
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+import pytest
+from oracles import elasticities, gauss_over_angles
+from scipy.integrate import quad, solve_ivp
+from scipy.special import erf
+
+import graded_contact as gc
+from graded_contact import reference
+
+CELL = 0.01  # m
+Q0 = 2 * np.pi / CELL
+BAND = dict(hurst=0.8, q_low=Q0, q_roll=4 * Q0, q_high=60 * Q0, roll_off="smooth")
+RUBBER = gc.Prony(1e6, [4e6, 2e7], [1e-2, 1e-4], 0.49)
+BARE = gc.Stack(base=gc.HalfSpace(RUBBER))
+GRID = gc.Grid((64, 64), CELL)
+
+mean_field = jax.jit(
+    partial(gc.mean_field_friction, throw=False), static_argnames=("num_angles", "correction")
+)
+solve = partial(mean_field, BARE, pressure=3e5)
+
+
+def lay(anisotropy, angle=0.0, **changes):
+    given = BAND | {"rms_slope": 0.2} | changes
+    return gc.SelfAffine(anisotropy=anisotropy, angle=angle, **given)
+
+
+ISOTROPIC = gc.SelfAffine(rms_slope=0.2, **BAND)
+
+
+# The spectrum
+
+
+def test_no_stretch_is_the_isotropic_spectrum():
+    one = lay(1.0, 0.7)
+    for order in (0, 2, 4):
+        np.testing.assert_allclose(one.moment(order), ISOTROPIC.moment(order), rtol=1e-13)
+    np.testing.assert_allclose(one.slope_ratio, 1, rtol=1e-13)
+    q = jnp.geomspace(Q0, 60 * Q0, 7)
+    for direction in (None, 0.3):
+        density = one.density(q, 2, direction)
+        np.testing.assert_allclose(density, ISOTROPIC.density(q), rtol=1e-13)
+    narrow = BAND | dict(q_high=20 * Q0)
+    drawn = [
+        gc.random_surface(gc.SelfAffine(rms_slope=0.2, **narrow, **more), GRID, jax.random.key(0))
+        for more in ({}, {"anisotropy": 1.0})
+    ]
+    np.testing.assert_allclose(drawn[0].heights, drawn[1].heights, rtol=1e-10, atol=1e-18)
+
+
+@pytest.mark.parametrize("anisotropy", [2.5, 40.0, 3e3])
+def test_moments_and_mean_match_quadrature_of_the_definition(anisotropy):
+    """Heights, slopes along and across, and the mean over directions, by SciPy."""
+    spectrum = lay(anisotropy, 0.4)
+    short = 0.4 + np.pi / 2
+    h = float(spectrum.hurst)
+
+    def over_angles(function):
+        ends = [0, *(np.pi / 2 * np.geomspace(0.02 / anisotropy, 1, 9))]
+        return sum(quad(function, a, b, epsrel=1e-11)[0] for a, b in pairwise(ends))
+
+    def density(q, offset):
+        k = q * np.hypot(np.cos(offset), anisotropy * np.sin(offset))
+        return (1 + (k / (4 * Q0)) ** 2) ** -(1 + h)
+
+    plateau = float(spectrum.density(jnp.array(2 * Q0), 2, short)) / density(2 * Q0, 0)
+    mean = 2 / np.pi * over_angles(lambda a: density(9 * Q0, a)) * plateau
+    np.testing.assert_allclose(spectrum.density(jnp.array(9 * Q0)), mean, rtol=1e-8)
+    np.testing.assert_allclose(
+        spectrum.density(jnp.array(9 * Q0), 2, short + 0.2) / plateau, density(9 * Q0, 0.2)
+    )
+    y, weights = np.polynomial.legendre.leggauss(40)
+    y = np.log(60) / 2 * (1 + y)
+    moments = [
+        4 * plateau * np.log(60) / 2 * sum(
+            w * (Q0 * np.exp(x)) ** (2 + order)
+            * over_angles(lambda a, x=x, part=part: density(Q0 * np.exp(x), a) * part(a))
+            for x, w in zip(y, weights, strict=True)
+        )
+        for order, part in (
+            (0, np.ones_like), (2, lambda a: np.cos(a) ** 2), (2, lambda a: np.sin(a) ** 2)
+        )
+    ]  # fmt: skip
+    np.testing.assert_allclose(spectrum.rms_height**2, moments[0], rtol=1e-7)
+    np.testing.assert_allclose(0.2**2, moments[1] + moments[2], rtol=1e-7)
+    np.testing.assert_allclose(spectrum.slope_ratio**2, moments[1] / moments[2], rtol=1e-6)
+
+
+@pytest.mark.parametrize("angle", [0.0, 0.6, -1.2])
+def test_a_drawn_surface_has_the_slopes_and_the_lay_of_its_spectrum(angle):
+    spectrum = lay(4.0, angle, q_roll=10 * Q0, q_high=50 * Q0)
+    surface = gc.random_surface(spectrum, gc.Grid((128, 128), CELL), jax.random.key(0))
+    found = gc.surfaces.statistics(surface)
+    np.testing.assert_allclose(found.rms_slope, 0.2, rtol=0.01)
+    np.testing.assert_allclose(found.slope_ratio, spectrum.slope_ratio, rtol=0.01)
+    np.testing.assert_allclose(found.lay, angle, atol=0.01)
+    np.testing.assert_allclose(found.rms_height, spectrum.rms_height, rtol=0.03)
+
+
+def test_lay_of_crossed_waves_is_the_principal_direction():
+    x, y = (CELL * np.arange(64) / 64)[:, None], (CELL * np.arange(64) / 64)[None]
+    heights = 1e-5 * np.cos(Q0 * (3 * x + y)) + 1e-5 * np.cos(Q0 * (x - 3 * y)) / 6
+    found = gc.surfaces.statistics(gc.Surface(heights, GRID))
+    np.testing.assert_allclose(found.slope_ratio, 6, rtol=1e-12)
+    np.testing.assert_allclose(found.lay, np.arctan2(-3, 1), rtol=1e-12)
+    profile = gc.surfaces.statistics(gc.Surface(heights[:, 0], gc.Grid((64,), CELL)))
+    assert profile.lay is None
+    assert profile.slope_ratio is None
+
+
+@pytest.mark.parametrize(
+    ("changes", "message"),
+    [
+        ({"anisotropy": 0.5}, "`anisotropy=0.5` is refused"),
+        ({"anisotropy": 2.0, "roll_off": "sharp"}, "`anisotropy=2.0` is refused with the sharp"),
+        ({"angle": 0.3}, "`angle=0.3` is refused without an `anisotropy`"),
+        ({"anisotropy": 2.0, "angle": np.inf}, "`angle=inf` is refused"),
+    ],
+)
+def test_a_bad_lay_is_refused(changes, message):
+    with pytest.raises(ValueError, match=message):
+        gc.SelfAffine(rms_slope=0.2, **BAND | changes)
+
+
+def test_a_lay_that_no_grid_holds_is_refused():
+    with pytest.raises(ValueError, match=r"`anisotropy=9` is refused.*This cell takes up to 4"):
+        gc.random_surface(lay(9.0, q_high=20 * Q0), GRID, jax.random.key(0))
+    with pytest.raises(ValueError, match="`anisotropy` is refused for a profile"):
+        gc.random_surface(lay(2.0, q_high=20 * Q0), gc.Grid((64,), CELL), jax.random.key(0))
+
+
+# Friction in the mean field
+
+
+def complex_modulus(omega):
+    return 1e6 + sum(
+        e * 1j * omega * t / (1 + 1j * omega * t) for e, t in ((4e6, 1e-2), (2e7, 1e-4))
+    )
+
+
+def integrated(sums, pressure):
+    """Area and friction from the differential equations in log q, by SciPy.
+
+    `sums(q)` returns ∫dφ q² C |E/(1-ν²)|² q²/4 and ∫dφ q³ C cos φ Im E/(1-ν²)/2.
+    """
+
+    def rates(y, state):
+        spreading, loss = sums(np.exp(y))
+        area = erf(1 / np.sqrt(2 * state[0])) if state[0] > 0 else 1.0
+        s = 0.45 + 0.55 * area**2
+        return [s * spreading / pressure**2, s * area * loss / pressure]
+
+    ends = np.log(Q0), np.log(60 * Q0)
+    found = solve_ivp(rates, ends, [0.0, 0.0], "DOP853", rtol=1e-9, atol=1e-15).y[:, -1]
+    return erf(1 / np.sqrt(2 * found[0])), found[1]
+
+
+def test_one_is_the_isotropic_friction_and_turning_all_changes_nothing():
+    known = solve(ISOTROPIC, velocity=0.05)
+    for velocity in ([0.05, 0.0], [0.03, -0.04]):
+        found = solve(lay(1.0, 0.7), velocity=jnp.array(velocity))
+        np.testing.assert_allclose(found.friction, known.friction, rtol=1e-7)
+        np.testing.assert_allclose(found.contact_area, known.contact_area, rtol=1e-7)
+    unit = lambda angle: 0.05 * jnp.array([np.cos(angle), np.sin(angle)])  # noqa: E731
+    first = solve(lay(5.0, 0.3), velocity=unit(1.0))
+    for turn in (0.9, 3.0, -2.0):
+        turned = solve(lay(5.0, 0.3 + turn), velocity=unit(1.0 + turn))
+        np.testing.assert_allclose(turned.friction, first.friction, rtol=1e-12)
+    mirrored = solve(lay(5.0, -0.3), velocity=unit(-1.0))
+    np.testing.assert_allclose(mirrored.friction, first.friction, rtol=1e-12)
+
+
+def test_oblique_friction_matches_integration_over_all_directions():
+    spectrum, direction = lay(4.0, 0.5), 1.3
+    # Gauss's rule between angles that approach the special directions geometrically.
+    special = np.sort(np.mod([direction + np.pi / 2, 0.5 + np.pi / 2], np.pi))
+    special, near = np.append(special, special[0] + np.pi), 0.5 ** np.arange(26)
+    ends = np.concatenate([
+        np.append(a + (b - a) / 2 * near[::-1], b - (b - a) / 2 * near[1:])
+        for a, b in pairwise(special)
+    ])  # fmt: skip
+    nodes, weights = np.polynomial.legendre.leggauss(8)
+    half = np.diff(ends)[:, None] / 2
+    angle, weight = (ends[:-1, None] + half * (1 + nodes)).ravel(), (2 * half * weights).ravel()
+    cosine = np.cos(angle - direction)
+    plateau = float(spectrum.density(jnp.array(Q0), 2, 0.5 + np.pi / 2)) * (1 + 1 / 16) ** 1.8
+    stretch = np.hypot(np.cos(angle - 0.5 - np.pi / 2), 4 * np.sin(angle - 0.5 - np.pi / 2))
+
+    def sums(q):
+        density = plateau * (1 + (q * stretch / (4 * Q0)) ** 2) ** -1.8
+        modulus = complex_modulus(q * 0.05 * cosine) / (1 - 0.49**2)
+        return (
+            np.sum(weight * density * abs(modulus) ** 2) * q**4 / 4,
+            np.sum(weight * density * cosine * modulus.imag) * q**3 / 2 * q,
+        )
+
+    area, friction = integrated(sums, 3e5)
+    found = solve(spectrum, velocity=0.05 * jnp.array([np.cos(direction), np.sin(direction)]))
+    np.testing.assert_allclose(found.contact_area, area, rtol=1e-6)
+    np.testing.assert_allclose(found.friction, friction, rtol=1e-6)
+    assert found.error < 1e-5
+
+
+def test_an_endless_lay_has_no_friction_along_it_and_that_of_a_profile_across():
+    profile = jax.jit(lambda q: ISOTROPIC.density(q, 1))
+
+    def sums(q):
+        density = float(profile(q))
+        modulus = complex_modulus(q * 0.05) / (1 - 0.49**2)
+        return 2 * density * q**3 * abs(modulus) ** 2 / 4, density * q**3 * modulus.imag
+
+    area, friction = integrated(sums, 3e5)
+    long = lay(1e3, np.pi / 2)
+    across = solve(long, velocity=0.05, num_angles=32)
+    along = solve(long, velocity=jnp.array([0.0, 0.05]), num_angles=32)
+    np.testing.assert_allclose(across.friction, friction, rtol=5e-4)
+    np.testing.assert_allclose(across.contact_area, area, rtol=5e-4)
+    assert 0 < along.friction < 2e-4 * friction
+    rest = solve(long, velocity=0.0)
+    np.testing.assert_allclose(along.contact_area, rest.contact_area, rtol=5e-4)
+
+
+def test_derivatives_by_the_lay_match_differences():
+    def value(spectrum, pressure, velocity):
+        s = mean_field(BARE, spectrum, pressure=pressure, velocity=velocity)
+        return jnp.log(s.friction) + 0.3 * jnp.log(s.contact_area)
+
+    arguments = (lay(3.0, 0.4), jnp.asarray(2e5), jnp.array([0.04, 0.02]))
+    for slope, difference in elasticities(value, arguments):
+        assert abs(difference - slope) <= 1e-6 * abs(difference) + 1e-8
+
+
+def test_contact_and_modes_and_spectrum_agree_in_the_trend():
+    """Friction along and across a lay over their mean, by three ways."""
+    spectrum = lay(4.0, np.pi / 2, rms_slope=0.1, q_roll=5 * Q0, q_high=12 * Q0)
+    surface = gc.random_surface(spectrum, GRID, jax.random.key(2))
+    velocities = jnp.array([[0.05, 0.0], [0.0, 0.05]])
+    contact = jnp.array([
+        gc.slide(BARE, surface, pressure=1e5, velocity=v, rtol=1e-3).friction for v in velocities
+    ])  # fmt: skip
+    modes, smooth = (
+        jnp.array([mean_field(BARE, s, pressure=1e5, velocity=v).friction for v in velocities])
+        for s in (surface, spectrum)
+    )
+    assert contact[0] > 2 * contact[1]
+    np.testing.assert_allclose(modes, smooth, rtol=0.05)
+    np.testing.assert_allclose(contact[0] / contact[1], smooth[0] / smooth[1], rtol=0.25)
+    np.testing.assert_allclose(contact, smooth, rtol=0.35)
+
+
+# Roughness of the block itself
+
+
+OWN = gc.SelfAffine(rms_slope=0.1, hurst=0.6, q_low=5 * Q0, q_roll=9 * Q0, q_high=300 * Q0)
+
+
+@pytest.mark.parametrize(
+    "own", [OWN, (q := jnp.geomspace(300 * Q0, 900 * Q0, 9), OWN.density(q / 30))]
+)
+def test_area_of_an_elastic_block_is_that_of_the_sum_of_the_spectra(own):
+    """Overlapping bands, and bands that are apart."""
+    elastic = gc.Stack(base=gc.HalfSpace(gc.Elastic(1e7, 0.5)))
+    found = mean_field(
+        elastic, ISOTROPIC, pressure=3e5, velocity=0.1, own_roughness=own, correction="none"
+    )
+    if isinstance(own, tuple):
+        y = np.linspace(np.log(own[0][0]), np.log(own[0][-1]), 4001)
+        density = np.exp(np.interp(y, np.log(own[0]), np.log(own[1])))
+        square = np.trapezoid(2 * np.pi * np.exp(4 * y) * density, y)
+    else:
+        square = 0.1**2
+    expected = reference.persson_contact_area(3e5, 1e7 / 0.75, np.sqrt(0.2**2 + square))
+    np.testing.assert_allclose(found.contact_area, expected, rtol=2e-5)
+    assert found.friction == 0
+    assert found.error < 1e-4
+
+
+def test_own_roughness_stays_at_rest_in_the_rubber():
+    """Against the differential equations: its waves see the relaxed modulus and lose nothing."""
+    own = gc.SelfAffine(rms_slope=0.3, hurst=0.5, q_low=Q0, q_roll=Q0, q_high=60 * Q0)
+    densities = jax.jit(lambda q: (ISOTROPIC.density(q), own.density(q)))
+    cosine, weight = gauss_over_angles()
+
+    def sums(q):
+        track, block = map(float, densities(q))
+        modulus = complex_modulus(q * 0.05 * cosine) / (1 - 0.49**2)
+        return (
+            (track * np.sum(weight * abs(modulus) ** 2)
+             + block * 2 * np.pi * (1e6 / (1 - 0.49**2)) ** 2) * q**4 / 4,
+            track * np.sum(weight * cosine * modulus.imag) * q**4 / 2,
+        )  # fmt: skip
+
+    area, friction = integrated(sums, 3e5)
+    found = solve(ISOTROPIC, velocity=0.05, own_roughness=own)
+    np.testing.assert_allclose(found.contact_area, area, rtol=1e-6)
+    np.testing.assert_allclose(found.friction, friction, rtol=1e-6)
+    assert found.friction < 0.97 * solve(ISOTROPIC, velocity=0.05).friction
+
+
+@pytest.mark.slow
+def test_derivatives_by_own_roughness_match_differences():
+    def value(track, own, velocity):
+        s = mean_field(BARE, track, pressure=3e5, velocity=velocity, own_roughness=own)
+        return jnp.log(s.friction) + 0.3 * jnp.log(s.contact_area)
+
+    for slope, difference in elasticities(value, (lay(2.0, 0.3), OWN, jnp.array(0.05))):
+        assert abs(difference - slope) <= 1e-6 * abs(difference) + 1e-8
+
+
+def test_own_roughness_is_refused_by_name():
+    call = partial(gc.mean_field_friction, BARE, pressure=3e5, velocity=0.05)
+    surface = gc.Surface(np.zeros((8, 8)), gc.Grid((8, 8), CELL))
+    with pytest.raises(ValueError, match="`own_roughness` is refused with a `Surface`"):
+        call(surface, own_roughness=OWN)
+    with pytest.raises(ValueError, match=r"`own_roughness\[1\]\[1\]=0` is refused"):
+        call(ISOTROPIC, own_roughness=([1.0, 2.0], [1.0, 0.0]))

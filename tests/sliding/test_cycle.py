@@ -1,0 +1,352 @@
+"""Periodic motion: steady sliding, closed forms, brute force, energy, derivatives."""
+
+import equinox as eqx
+import jax
+import jax.numpy as jnp
+import numpy as np
+import pytest
+from oracles import elasticities
+from scipy.special import jv
+
+import graded_contact as gc
+from graded_contact.sliding import recorded, sinusoidal, slide_cycle, start_stop, steady
+
+N = 32
+GRID = gc.Grid((N,), 1.0)
+
+
+def rough(grid, cut, seed=0):
+    """A self-affine surface with wavelengths down to the `cut`-th part of the cell."""
+    q0 = 2 * np.pi
+    spectrum = gc.SelfAffine(
+        rms_slope=0.2, hurst=0.8, q_low=q0, q_roll=min(4, 0.9 * cut) * q0, q_high=cut * q0
+    )
+    return gc.random_surface(spectrum, grid, jax.random.key(seed))
+
+
+ROUGH = rough(GRID, cut=6)
+LOAD = 0.05
+TIMES = np.arange(N) / N
+SINE = 0.2 * np.sin(2 * np.pi * TIMES)
+
+
+def rubber(strength=3.0, time=0.05, poisson=0.3):
+    """A half space with one relaxation time."""
+    return gc.Stack(base=gc.HalfSpace(gc.Prony(1.0, [strength], [time], poisson)))
+
+
+def cycle(stack=None, surface=ROUGH, s=SINE, period=1.0, **options):
+    given = {"pressure": LOAD} if "mean_gap" not in options else {}
+    job = {"rtol": 1e-9} | given | options
+    stack = rubber() if stack is None else stack
+    return slide_cycle(stack, surface, displacement=s, period=period, **job)
+
+
+@pytest.mark.parametrize("speed", [1.0, -3.0])
+def test_steady_sliding_is_that_of_slide(speed):
+    motion = steady(speed, GRID)
+    found = cycle(s=motion.displacement, period=motion.period, rtol=1e-11)
+    expected = gc.slide(rubber(), ROUGH, pressure=LOAD, velocity=speed, rtol=1e-11)
+    np.testing.assert_allclose(found.mean_friction, expected.friction, rtol=1e-9)
+    np.testing.assert_allclose(np.sign(speed) * found.friction, expected.friction, rtol=1e-9)
+    np.testing.assert_allclose(found.mean_gap, expected.mean_gap, rtol=1e-9)
+    np.testing.assert_allclose(found.contact_area_smooth, expected.contact_area_smooth, rtol=1e-9)
+    assert found.energy_imbalance < 1e-10
+
+
+def test_steady_sliding_in_two_dimensions_is_that_of_slide():
+    grid = gc.Grid((16, 16), 1.0)
+    surface = rough(grid, cut=4)
+    moved = np.repeat(np.arange(32.0)[:, None] / 32, 2, axis=1)
+    stack = gc.Stack(layers=(gc.Layer(gc.Elastic(2.0, 0.4), 0.05),), base=rubber().base)
+    found = cycle(stack, surface, moved, 0.5, rtol=1e-11)
+    expected = gc.slide(stack, surface, pressure=LOAD, velocity=(2.0, 2.0), rtol=1e-11)
+    np.testing.assert_allclose(found.mean_friction, expected.friction, rtol=1e-9)
+    along = found.friction @ np.full(2, 0.5**0.5)
+    np.testing.assert_allclose(along, expected.friction, rtol=1e-8)
+    assert found.friction.shape == (32, 2) and found.largest_step == 1
+    assert found.energy_imbalance < 1e-10
+
+
+@pytest.mark.parametrize(("amplitude", "rate"), [(1, 1.0), (5, 0.3), (20, 0.1)])
+def test_work_of_one_wave_in_full_contact_is_a_bessel_series(amplitude, rate):
+    """s = a sin Ωt makes exp(-iqs) a sum of J_k(qa) exp(-ikΩt), each with the loss at kΩ."""
+    grid = gc.Grid((8,), 2 * np.pi)
+    wave = gc.Surface(np.cos(2 * np.pi * np.arange(8) / 8), grid)
+    motion = sinusoidal(2 * amplitude, rate / (2 * np.pi))
+    stack = rubber(1.0, 1.0, 0.0)
+    found = cycle(stack, wave, motion.displacement, motion.period, pressure=50.0, rtol=1e-10)
+    k = np.arange(-120, 121)
+    loss = 0.5 * k * rate / (1 + (k * rate) ** 2)
+    np.testing.assert_allclose(found.work, np.pi * np.sum(k * jv(k, amplitude) ** 2 * loss), 1e-9)
+    listed = {1: 0.676918, 5: 4.655967, 20: 17.366306}[amplitude]
+    np.testing.assert_allclose(2 * found.work, listed, rtol=1e-6)
+    assert abs(found.load_work) < 1e-9 and found.load_mismatch < 1e-9
+    assert found.energy_imbalance < 1e-10
+
+
+@pytest.mark.parametrize("control", ["pressure", "mean_gap"])
+def test_the_contact_is_that_of_a_dense_matrix_in_space_and_time(control):
+    """The conditions of contact, by sums over all waves and frequencies; both counts are odd."""
+    n, nt = 11, 9
+    grid, rng = gc.Grid((n,), 1.0), np.random.default_rng(0)
+    h = rng.normal(size=n) * 0.02
+    h -= h.mean()
+    t = np.arange(nt) / nt
+    s = 0.15 * np.sin(2 * np.pi * t) + 0.05 * np.cos(4 * np.pi * t)
+    given = 0.05 * (1 + 0.4 * np.sin(2 * np.pi * t)) if control == "pressure" else 0.01 + 0.005 * t
+    found = cycle(rubber(), gc.Surface(h, grid), s, 0.3, **{control: given}, rtol=1e-11)
+    q, w = 2 * np.pi * np.fft.fftfreq(n, 1 / n), 2 * np.pi * np.fft.fftfreq(nt, 0.3 / nt)
+    modulus = 1 + 3 * 1j * w * 0.05 / (1 + 1j * w * 0.05)
+    waves = q[q != 0]
+    kernel = 2 * (1 - 0.3**2) / (np.abs(waves)[:, None] * modulus)
+    x = np.arange(n) / n
+    point = np.exp(1j * waves * (x[None, :, None] + s[:, None, None]))  # of the block: t, x, q
+    beat = np.exp(1j * w * (0.3 * t)[:, None])
+    matrix = np.einsum("txq,uyq,qw,tw,uw->txuy", point, point.conj(), kernel, beat, beat.conj())
+    p = np.asarray(found.pressure)
+    gap = np.einsum("txuy,uy->tx", matrix.real / (n * nt), p) - h
+    gap += np.asarray(found.mean_gap)[:, None]
+    scale = h.std()
+    assert np.all(p >= 0) and np.min(gap) > -1e-7 * scale
+    assert np.max(np.abs(p * gap)) < 1e-7 * scale * p.max()
+    measured = p.mean(axis=1) if control == "pressure" else found.mean_gap
+    np.testing.assert_allclose(measured, given, rtol=1e-12)
+    assert 0.1 < np.mean(p > 0) < 0.9
+    assert found.energy_imbalance < 1e-10
+
+
+def test_slow_motion_is_the_relaxed_contact_and_fast_sliding_the_glassy_one():
+    slow = cycle(period=1e8)
+    relaxed = gc.slide(rubber(), ROUGH, pressure=LOAD, velocity=0.0, rtol=1e-10)
+    np.testing.assert_allclose(slow.mean_gap, relaxed.mean_gap, rtol=1e-6)
+    assert abs(slow.mean_friction) < 1e-6
+    fast = cycle(period=1e-8)
+    assert 0 <= fast.mean_friction < 1e-6
+    assert slow.energy_imbalance < 1e-10 and fast.energy_imbalance < 1e-10
+    motion = steady(1e8, GRID)
+    glassy = gc.Stack(base=gc.HalfSpace(gc.Elastic(4.0, 0.3)))
+    expected = gc.slide(glassy, ROUGH, pressure=LOAD, velocity=0.0, rtol=1e-10)
+    gliding = cycle(s=motion.displacement, period=motion.period)
+    np.testing.assert_allclose(gliding.mean_gap, expected.mean_gap, rtol=1e-5)
+
+
+def test_a_load_cycle_without_motion_loses_what_load_and_approach_do():
+    """-∮ σ0 dū is the dissipation, to the order of the times."""
+    lost = []
+    for count in (32, 128):
+        t = np.arange(count) / count
+        load = LOAD * (1 + 0.5 * np.sin(2 * np.pi * t))
+        found = cycle(s=0 * t, pressure=load)
+        assert found.mean_friction == 0 and found.phase == 0 and abs(found.work) < 1e-14
+        np.testing.assert_allclose(found.load, load, rtol=1e-12)
+        np.testing.assert_allclose(found.load_work, found.dissipated_power, rtol=1e-9)
+        assert found.energy_imbalance < 1e-10
+        gap = np.asarray(found.mean_gap)
+        by_gap = -np.sum((load + np.roll(load, -1)) / 2 * (np.roll(gap, -1) - gap))
+        lost.append(by_gap / found.load_work - 1)
+    assert abs(lost[1]) < 3e-3 and abs(lost[1]) < 0.3 * abs(lost[0])
+
+
+@pytest.mark.slow
+def test_a_constant_load_does_no_work_and_a_moving_block_leaves_and_enters():
+    assert cycle().load_mismatch < 0.05
+    gap = 0.06 * (1 + 0.9 * np.cos(2 * np.pi * TIMES))
+    entering = cycle(mean_gap=gap)
+    touching = np.asarray(entering.load) > 0
+    assert 0 < touching.mean() < 1
+    np.testing.assert_array_equal(np.isnan(entering.friction), ~touching)
+    assert np.isfinite(entering.mean_friction) and entering.energy_imbalance < 1e-10
+
+
+def measured(x, surface=ROUGH, **options):
+    """A number that weighs all that a cycle has; x: strength, stroke, load, period, height."""
+    stack = rubber(x[0])
+    s = x[1] * jnp.sin(2 * np.pi * TIMES)
+    load = LOAD * (1 + (x[2] - 1) * jnp.asarray(TIMES[5] == TIMES, float))
+    surface = eqx.tree_at(lambda one: one.heights, surface, x[4] * surface.heights)
+    job = {"pressure": load} if not options else {"mean_gap": options["mean_gap"] * x[2]}
+    c = cycle(stack, surface, s, x[3], rtol=1e-11, **job)
+    weights = jnp.cos(jnp.arange(N))
+    return (
+        100 * c.work + c.mean_friction + c.peak_friction + jnp.mean(weights * c.contact_area_smooth)
+        + 100 * jnp.mean(weights * c.mean_gap) + jnp.mean(weights * c.load) / LOAD
+        + c.phase + c.dissipated_power
+    )  # fmt: skip
+
+
+@pytest.mark.parametrize("options", [{}, pytest.param({"mean_gap": 0.02}, marks=pytest.mark.slow)])
+def test_derivatives_match_central_differences(options):
+    at = jnp.array([3.0, 0.2, 1.1, 0.9, 1.05])
+    slopes = elasticities(lambda x: measured(x, **options), (at,))
+    np.testing.assert_allclose(*np.transpose(slopes), rtol=2e-5, atol=1e-6)
+
+
+@pytest.mark.parametrize("control", ["pressure", "mean_gap"])
+def test_claimed_errors_hold(control):
+    """The gap nearly closes at some times: a mean gap that is off costs far more load there."""
+    for seed, contrast in enumerate((2.0, 30.0)):
+        surface = rough(GRID, cut=10, seed=seed)
+        stack = rubber(contrast)
+        size = LOAD if control == "pressure" else jnp.std(surface.heights)
+        given = {control: size * (1.02 + np.sin(2 * np.pi * TIMES))}
+        close = cycle(stack, surface, rtol=1e-9, **given)
+        for rtol in (1e-3, 1e-4):
+            loose = cycle(stack, surface, **given, rtol=rtol)
+            for name in ("mean_friction", "peak_friction"):
+                error = abs(getattr(loose, name) - getattr(close, name))
+                assert error <= getattr(loose, f"{name}_error")
+            wrong = loose.pressure - close.pressure
+            size = jnp.sqrt(jnp.mean(close.pressure**2))
+            assert jnp.sqrt(jnp.mean(wrong**2)) <= loose.contact.error * size
+
+
+def test_moduli_far_apart_and_light_contacts_converge():
+    stack = gc.Stack(
+        base=gc.HalfSpace(gc.Prony(1.0, np.full(7, 1000 / 7), np.logspace(-4, 2, 7), 0.3))
+    )
+    for load in (0.3, 0.003):
+        found = cycle(stack, pressure=load, rtol=1e-6)
+        assert found.contact.error <= 1e-6
+        assert found.contact.num_fft_pairs < 2000
+
+
+@pytest.mark.slow
+def test_kernel_is_that_of_single_waves():
+    from graded_contact.blocks.periodic_kernel import periodic_kernel
+
+    grid, period = gc.Grid((12, 8), (1.0, 2.0)), jnp.asarray(0.7)
+    graded = gc.GradedLayer(gc.Blend(gc.Elastic(1.0, 0.4), rubber().base.material), 0.1)
+    for stack in (rubber(), gc.Stack(layers=(graded,), base=rubber().base)):
+        kernel, _ = periodic_kernel(stack, grid, 6, period, gc.blocks.Layering())
+        qx = 2 * np.pi * np.fft.fftfreq(12, 1 / 12)
+        qy = 2 * np.pi * np.arange(5) / 2.0
+        q = np.hypot.outer(qx, qy)
+        q[0, 0] = 1.0
+        omega = 2 * np.pi * np.fft.fftfreq(6, 0.7 / 6)
+        for i in (0, 1, 5):
+            expected = np.array(gc.surface_compliance(stack, q, omega[i]))
+            expected[0, 0] = 0
+            np.testing.assert_allclose(kernel[i], expected, rtol=1e-8)
+
+
+@pytest.mark.slow
+def test_a_table_of_a_graded_kernel_is_as_good_as_it_says(monkeypatch):
+    from graded_contact.blocks import periodic_kernel as periodic
+
+    monkeypatch.setattr(periodic, "FEW_POINTS", 100)
+    grid, period = gc.Grid((64,), 1.0), jnp.asarray(0.71)
+    graded = gc.GradedLayer(gc.Blend(gc.Elastic(1.0, 0.4), rubber().base.material), 0.1)
+    stack = gc.Stack(layers=(graded,), base=rubber().base)
+    solver = gc.blocks.Layering(rtol=1e-6)
+    kernel, error = periodic.periodic_kernel(stack, grid, 16, period, solver)
+    q, omega = 2 * np.pi * np.arange(1, 33), 2 * np.pi * np.arange(9) / 0.71
+    expected = gc.surface_compliance(stack, q, omega[:, None], rtol=1e-8)
+    off = np.max(np.abs(kernel[:9, 1:] / expected - 1))
+    assert off <= error <= 1e-6
+
+
+def test_usual_motions():
+    wave = sinusoidal(2.0, 5.0, 64)
+    np.testing.assert_allclose(wave.highest_speed, 10 * np.pi, rtol=2e-3)
+    np.testing.assert_allclose(wave.period, 0.2)
+    assert 9 < wave.largest_step(gc.Grid((100,), 1.0)) < 10
+    rest = start_stop(1.0, 0.5, 1.0, 300)
+    np.testing.assert_allclose(rest.period, 3.0)
+    assert np.all(rest.displacement[:50] == 0) and np.all(rest.displacement[101:199] == 1)
+    np.testing.assert_allclose(rest.highest_speed, 15 / 8 / 0.5, rtol=1e-2)
+    fine = np.sort(np.random.default_rng(0).random(2000))
+    read = recorded(fine, np.sin(2 * np.pi * fine) + 0.1 * np.sin(2 * np.pi * 60 * fine), 1.0, 32)
+    t = fine[0] + np.arange(32) / 32
+    np.testing.assert_allclose(read.displacement, np.sin(2 * np.pi * t), atol=5e-3)
+    there = steady(-2.0, GRID)
+    np.testing.assert_allclose(there.displacement, -TIMES)
+    np.testing.assert_allclose(there.period, 0.5)
+
+
+@pytest.mark.parametrize(
+    ("options", "message"),
+    [
+        ({"s": [0.0, 1.0]}, "displacement"),
+        ({"s": np.zeros((8, 2))}, "displacement"),
+        ({"period": 0.0}, "period"),
+        ({"pressure": np.ones(3)}, "pressure"),
+        ({"pressure": -np.ones(N)}, "pressure"),
+        ({"pressure": np.zeros(N)}, "pressure.*where the surfaces part, prescribe `mean_gap`"),
+        ({"mean_gap": np.zeros(N)}, "mean_gap"),
+    ],
+)
+def test_bad_input_is_refused(options, message):
+    with pytest.raises(ValueError, match=f"`{message}"):
+        cycle(**options)
+
+
+def test_caveats_name_what_the_times_do_not_resolve():
+    jumping = cycle(s=0.3 * np.sign(np.sin(2 * np.pi * TIMES)), rtol=1e-3)
+    assert any("spacings of the grid" in text for text in jumping.caveats)
+    assert any("kinks or jumps" in text for text in jumping.caveats)
+    lifted = cycle(pressure=None, mean_gap=np.where(TIMES < 0.5, 0.01, 0.1), rtol=1e-3)
+    assert any("gap changes too fast" in text for text in lifted.caveats)
+    assert lifted.time_in_contact == np.mean(lifted.load > 0) and 0.3 < lifted.time_in_contact < 0.7
+    apart = cycle(pressure=None, mean_gap=0.5, rtol=1e-3)
+    assert any("surfaces never touch" in text for text in apart.caveats)
+    with pytest.raises(RuntimeError, match="max_steps"):
+        cycle(solver=gc.contacts.DouglasRachford(max_steps=2))
+    failed = cycle(solver=gc.contacts.DouglasRachford(max_steps=2), throw=False)
+    assert failed.result == gc.contacts.RESULTS.max_steps_reached
+
+
+def pressure_by_steps(surface, displacement, tau, branch, num_cycles=3):
+    """Pressures of the last cycle, by steps in time with an internal variable.
+
+    Waves of a branch's stretch r relax as τ ṙ = w - r, and σ = q/2 (w + E1 (w - r)): a step is an
+    elastic contact of the heights less what is remembered, which is carried back as the surface
+    moves. With w linear in a step of τ x, r' = e r + (m - e) w + (1 - m) w', m = (1 - e)/x.
+    """
+    n, num_times = surface.grid.shape[0], len(displacement)
+    q = 2 * np.pi * np.arange(n // 2 + 1)
+    left = np.exp(-1 / (num_times * tau))
+    mean = (1 - left) * tau * num_times
+    stiff = 1 + mean * branch
+    kernel = 2 / (np.maximum(q, 1) * stiff)
+
+    def advance(state, by):
+        remembered, start = state
+        pushed = jnp.fft.irfft(jnp.exp(1j * q * by) * remembered, n)
+        memory = branch / stiff * pushed
+        found = gc.solve_contact(kernel, surface.heights - memory, LOAD, rtol=1e-7, start=start)
+        w = found.displacement + memory
+        remembered = jnp.fft.rfft(left * (pushed + (1 - mean) * w) + (mean - left) * w)
+        return (remembered, found.pressure), found.pressure
+
+    one_cycle = jax.jit(lambda state: jax.lax.scan(advance, state, moved))
+    moved = jnp.asarray(displacement - np.roll(displacement, 1))
+    state, pressures = (jnp.zeros(len(q), complex), jnp.full(n, LOAD)), None
+    for _ in range(num_cycles):
+        state, pressures = one_cycle(state)
+    return np.asarray(pressures)
+
+
+@pytest.mark.slow
+def test_time_steps_go_to_the_cycle_with_second_order():
+    """An odd count of points: steps treat waves on Nyquist lines in another way."""
+    surface = rough(gc.Grid((33,), 1.0), cut=6)
+    stack = rubber(9.0, 0.05, 0.0)
+    fine = 0.2 * np.sin(2 * np.pi * np.arange(256) / 256)
+    best = np.asarray(cycle(stack, surface, fine).pressure)
+    errors = []
+    for every in (4, 2):
+        stepped = pressure_by_steps(surface, fine[::every], 0.05, 9.0)
+        wrong = np.linalg.norm(stepped - best[::every]) / np.linalg.norm(best[::every])
+        errors.append(wrong)
+    assert errors[1] < 5e-3
+    np.testing.assert_allclose(errors[0] / errors[1], 4, rtol=0.2)
+
+
+def test_cycles_work_under_jit_and_vmap():
+    def work(load):
+        return cycle(pressure=load, rtol=1e-6).work
+
+    loads = jnp.array([0.04, 0.06])
+    batch = jax.jit(jax.vmap(work))(loads)
+    np.testing.assert_allclose(batch, [cycle(pressure=load).work for load in loads], rtol=1e-4)

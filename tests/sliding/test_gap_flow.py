@@ -1,0 +1,115 @@
+"""Flow through gaps against closed forms, duality and percolation."""
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+import pytest
+
+import graded_contact as gc
+from graded_contact.sliding import gap_flow
+
+
+def test_grooves_have_the_closed_forms():
+    """Gap u0(1 + ε cos x): along 1 + 3ε²/2, across (1 - ε²)^{5/2}/(1 + ε²/2)."""
+    ratio, mean = 0.6, 1e-6
+    profile = mean * (1 + ratio * np.cos(2 * np.pi * np.arange(32) / 32))
+    across = (1 - ratio**2) ** 2.5 / (1 + ratio**2 / 2)
+    np.testing.assert_allclose(across, 0.277695, atol=1e-6)
+    exact = mean**3 * np.array([across, 1 + 1.5 * ratio**2])
+    grooves = np.repeat(profile[:, None], 8, axis=1)
+    for gap, size in ((grooves, (1.0, 3.0)), (grooves.T, (2.0, 0.5)), (profile, 1.0)):
+        found = gap_flow(gap, gc.Grid(gap.shape, size))
+        expected = exact[::-1] if gap.shape == (8, 32) else exact
+        np.testing.assert_allclose(found.conductance, expected, rtol=1e-7)
+        assert np.all(found.percolates)
+
+
+def test_checkerboard_conducts_as_the_geometric_mean():
+    """Also its effective medium does; corners make the grid converge slowly."""
+    errors = []
+    for n in (32, 128):
+        side = np.arange(n) // (n // 2)
+        cube = np.where((side[:, None] + side[None]) % 2, 1.0, 10.0)
+        found = gap_flow(np.cbrt(cube), gc.Grid((n, n), 1.0))
+        errors.append(np.max(np.abs(found.conductance / np.sqrt(10) - 1)))
+        np.testing.assert_allclose(found.estimate, np.sqrt(10), rtol=1e-10)
+    assert errors[0] < 0.08 and errors[1] < 0.03
+
+
+def test_conductance_solves_the_equation_by_dense_elimination():
+    """An independent assembly, of links in series, on a cell that is not square."""
+    shape, size = (6, 5), (2.0, 1.0)
+    gap = np.random.default_rng(3).uniform(0.2, 1.0, shape)
+    number = np.arange(gap.size).reshape(shape)
+    hx, hy = size[0] / shape[0], size[1] / shape[1]
+    for axis in (0, 1):
+        matrix, rhs, links = np.zeros((gap.size,) * 2), np.zeros(gap.size), []
+        for i, j in np.ndindex(shape):
+            for direction, other in ((0, ((i + 1) % 6, j)), (1, (i, (j + 1) % 5))):
+                a, b = number[i, j], number[other]
+                g = 2 / (gap[i, j] ** -3 + gap[other] ** -3) * (hy / hx, hx / hy)[direction]
+                rise = (hx, hy)[axis] if direction == axis else 0.0
+                links.append((a, b, g, rise))
+                matrix[[a, b], [a, b]] += g
+                matrix[[a, b], [b, a]] -= g
+                rhs[a] += g * rise
+                rhs[b] -= g * rise
+        p = np.linalg.lstsq(matrix, rhs)[0]
+        loss = sum(g * (p[b] - p[a] + rise) ** 2 for a, b, g, rise in links)
+        found = gap_flow(gap, gc.Grid(shape, size)).conductance[axis]
+        np.testing.assert_allclose(found, loss / (size[0] * size[1]), rtol=1e-10)
+
+
+def test_closed_gaps_and_detours():
+    """A wall blocks one direction; a staircase of channels winds around, and pockets do not."""
+    grid = gc.Grid((8, 8), 1.0)
+    wall = np.ones((8, 8))
+    wall[3] = 0.0
+    found = gap_flow(wall, grid)
+    assert list(found.percolates) == [False, True]
+    np.testing.assert_allclose(found.conductance, [0, 7 / 8])
+    pocket = np.zeros((8, 8))
+    pocket[2:5, 2:5] = 1.0
+    found = gap_flow(pocket, grid)
+    assert not np.any(found.percolates) and not np.any(found.conductance)
+    assert found.estimate == 0
+    stairs = np.zeros((8, 8))
+    for i in range(8):
+        stairs[i, [i, (i + 1) % 8]] = 1.0
+    found = gap_flow(stairs, grid)
+    assert np.all(found.percolates) and np.all(found.conductance > 0.01)
+    across = gap_flow(np.ones((8, 8)), grid, contact=wall == 0)
+    assert list(across.percolates) == [False, True]
+
+
+def test_derivatives_match_differences_and_batches_work():
+    rng = np.random.default_rng(0)
+    grid, closed = gc.Grid((16, 12), (1.0, 1.5)), rng.random((16, 12)) < 0.2
+    gap, ahead = rng.random((16, 12)) + 0.2, rng.standard_normal((16, 12))
+
+    @jax.jit
+    def number(gap):
+        found = gap_flow(gap, grid, contact=closed)
+        return found.conductance @ jnp.array([1.0, 0.6]) + found.estimate
+
+    slope, step = jnp.sum(jax.grad(number)(gap) * ahead), 1e-5
+    difference = (number(gap + step * ahead) - number(gap - step * ahead)) / (2 * step)
+    np.testing.assert_allclose(slope, difference, rtol=1e-7)
+    many = jax.vmap(lambda factor: number(factor * gap))(jnp.array([1.0, 2.0]))
+    np.testing.assert_allclose(many[1], 8 * many[0], rtol=1e-10)
+
+
+@pytest.mark.slow
+def test_contacts_percolate_near_the_area_of_simulations():
+    """Isotropic contacts close at about 0.42 (Dapp et al., PRL 108 (2012) 244301), not at 0.5."""
+    block = gc.Stack(base=gc.HalfSpace(gc.Elastic(1.0, 0.3)))
+    q = 2 * np.pi
+    spectrum = gc.SelfAffine(rms_slope=0.1, hurst=0.8, q_low=4 * q, q_roll=4 * q, q_high=32 * q)
+    for load, area, percolates in ((0.022, 0.39, True), (0.0285, 0.48, False)):
+        for seed in range(3):
+            surface = gc.random_surface(spectrum, gc.Grid((256, 256), 1.0), jax.random.key(seed))
+            found = gc.slide(block, surface, pressure=load, velocity=0.0, rtol=1e-4)
+            flow = gap_flow(found.gap, surface.grid, contact=found.pressure > 0)
+            np.testing.assert_allclose(found.contact_area, area, atol=0.015)
+            assert np.all(flow.percolates == percolates)
+            assert np.all(flow.conductance < 0.5 * flow.estimate) and flow.estimate > 0

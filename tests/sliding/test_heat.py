@@ -1,0 +1,299 @@
+"""Heat of friction over the depth is the work of friction; temperatures follow closed forms."""
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+import pytest
+from scipy.linalg import solve_banded
+
+import graded_contact as gc
+from graded_contact.fields.grid import to_field, to_spectrum, wavenumber
+from graded_contact.materials import StrainSoftening
+from graded_contact.sliding import (
+    ConstantShear,
+    Heating,
+    flash_temperature,
+    heat_depths,
+    heat_source,
+)
+from graded_contact.sliding.heat import shear_heat
+from graded_contact.sliding.heating import temperatures, thermal_wavenumber
+
+CELL = 4e-3  # m
+Q0 = 2 * np.pi / CELL
+SPECTRUM = gc.SelfAffine(rms_slope=0.3, hurst=0.8, q_low=Q0, q_roll=2 * Q0, q_high=4 * Q0)
+SURFACE = gc.random_surface(SPECTRUM, gc.Grid((32, 32), CELL), jax.random.key(0))
+RUBBER = gc.Prony(1e6, [9e6, 2e7], [1e-2, 1e-4], 0.49)
+COAT = gc.Prony(5e6, [1e7], [1e-3], 0.4)
+HALF_SPACE = gc.Stack(base=gc.HalfSpace(RUBBER))
+COATED = gc.Stack(layers=(gc.Layer(COAT, 2e-4),), base=gc.HalfSpace(RUBBER))
+SOFT = StrainSoftening(RUBBER, [1e-3, 0.1], [1.0, 0.4], [1.0, 0.7], amplitude=0.03)
+SOFTENED = gc.Stack(layers=(gc.Layer(SOFT, 2e-4),), base=gc.HalfSpace(RUBBER))
+CLAMPED = gc.Stack(
+    layers=(gc.Layer(gc.Elastic(6e6, 0.3), 1e-4), gc.Layer(RUBBER, 1e-3)), base=gc.Rigid()
+)
+AGED = gc.Stack(
+    layers=(gc.GradedLayer(gc.Aged(RUBBER, 1.0, 5.0), 5e-4),), base=gc.HalfSpace(RUBBER)
+)
+RUBBER_HEAT = Heating(0.25, 1.1e-7)
+HOW = {"pressure": 4e5, "velocity": 0.5, "rtol": 1e-9}
+
+
+def heat_over_depth(stack, **how):
+    s = gc.slide(stack, SURFACE, **HOW | how)
+    depths, weights = heat_depths(stack, SURFACE.grid)
+    source = heat_source(s, stack, depths)
+    assert np.min(source) >= 0
+    made = np.sum(np.mean(source, (1, 2)) * np.asarray(weights))
+    return made / (float(s.hysteresis_friction) * 4e5 * 0.5)
+
+
+@pytest.mark.parametrize("stack", [CLAMPED, SOFTENED], ids=["clamped", "soft"])
+def test_heat_over_the_depth_is_the_work_of_friction(stack):
+    assert abs(heat_over_depth(stack) - 1) <= 1e-3
+
+
+@pytest.mark.slow
+def test_heat_balances_along_an_oblique_velocity_and_in_one_dimension():
+    assert abs(heat_over_depth(COATED, velocity=[0.3, 0.4]) - 1) <= 1e-3
+    line = gc.Surface(SURFACE.heights[:, 3], gc.Grid(32, CELL))
+    s = gc.slide(COATED, line, pressure=1e5, velocity=0.5, rtol=1e-9)
+    depths, weights = heat_depths(COATED, line.grid)
+    made = jnp.sum(jnp.mean(heat_source(s, COATED, depths), 1) * weights)
+    np.testing.assert_allclose(made, s.friction * 1e5 * 0.5, rtol=1e-3)
+
+
+@pytest.mark.slow
+def test_heat_of_graded_layers_balances():
+    assert abs(heat_over_depth(AGED) - 1) <= 1e-3
+    blend = gc.GradedLayer(gc.Blend(RUBBER, COAT), 5e-4)
+    assert abs(heat_over_depth(gc.Stack(layers=(blend,), base=gc.Rigid())) - 1) <= 1e-3
+
+
+def test_elastic_blocks_and_blocks_at_rest_make_no_heat():
+    depths, _ = heat_depths(HALF_SPACE, SURFACE.grid, 2)
+    stiff = gc.Stack(base=gc.HalfSpace(gc.Elastic(1e7, 0.4)))
+    for stack, velocity in ((stiff, 0.5), (HALF_SPACE, 0.0)):
+        s = gc.slide(stack, SURFACE, **HOW | {"velocity": velocity})
+        assert np.max(np.abs(heat_source(s, stack, depths))) == 0
+
+
+def moving_band(peclet):
+    """Max and mean of T κ/(q b) under a band of half width b, above the temperature far ahead."""
+    half, n = 256, 2**21  # points
+    grid = gc.Grid(n, float(n) / half)
+    k = thermal_wavenumber(grid, jnp.asarray(2 * peclet), jnp.asarray(1.0))
+    q = 2 * np.pi * np.arange(n // 2 + 1) / float(grid.size[0])
+    # A band about x = 0, at rest in the frame of the surface.
+    flux = 2 * np.sin(q) / np.where(q == 0, 1, q) * n / float(grid.size[0])
+    rise = to_field(jnp.asarray(flux / np.asarray(k)).at[0].set(0), (n,))
+    ahead = rise[int(half * (1 + min(200, 30 / peclet)))]
+    under = jnp.concatenate([rise[-half:], rise[: half + 1]]) - ahead
+    return float(jnp.max(under)), float((jnp.sum(under) - (under[0] + under[-1]) / 2) / (2 * half))
+
+
+@pytest.mark.parametrize(
+    ("peclet", "highest", "mean"), [(0.1, 2.20033, 2.06162), (100.0, 0.112436, 0.07535)]
+)
+def test_a_moving_band_is_as_hot_as_carslaw_and_jaeger_say(peclet, highest, mean):
+    """Conduction of Heat in Solids, 10.7; with the formula of high speed, (2/√π)/√(vb/2D)."""
+    found = moving_band(peclet)
+    np.testing.assert_allclose(found, (highest, mean), rtol=2e-3)
+    if peclet == 100:
+        np.testing.assert_allclose(found[0], 2 / np.sqrt(np.pi * peclet), rtol=5e-3)
+
+
+def test_a_disc_at_rest_has_its_temperature():
+    """At the centre qa/κ, on average 8qa/(3πκ), less the lattice of images, 3.900265 qa²/(2κL)."""
+    n = 512
+    grid = gc.Grid((n, n), 1.0)
+    radius = 0.1
+    # Sub-pixel share of the disc in each point, by a grid 8 times finer.
+    fine = ((np.arange(8 * n) + 0.5) / (8 * n) - 0.5) ** 2
+    disc = (fine[:, None] + fine <= radius**2).reshape(n, 8, n, 8).mean((1, 3))
+    k = thermal_wavenumber(grid, jnp.asarray(0.0), jnp.asarray(1.0))
+    rise = to_field((to_spectrum(jnp.asarray(disc)) / k).at[0, 0].set(0), (n, n))
+    images = 3.900265 * radius**2 / 2
+    np.testing.assert_allclose(rise.max() + images, radius, rtol=2e-3)
+    inside = np.sum(np.asarray(rise) * disc) / np.sum(disc) + images
+    np.testing.assert_allclose(inside, 8 * radius / (3 * np.pi), rtol=2e-3)
+
+
+@pytest.fixture(scope="module")
+def sheared():
+    how = HOW | {"shear": lambda pressure, speed, temperature: 0.5 * pressure}
+    return gc.slide(HALF_SPACE, SURFACE, **how)
+
+
+def test_heat_of_shear_is_its_work(sheared):
+    np.testing.assert_allclose(jnp.mean(shear_heat(sheared)), 0.5 * 4e5 * 0.5, rtol=1e-13)
+    constant = gc.slide(HALF_SPACE, SURFACE, **HOW | {"shear": ConstantShear(1e6)})
+    power = constant.shear_friction * 4e5 * 0.5
+    np.testing.assert_allclose(jnp.mean(shear_heat(constant)), power, rtol=1e-13)
+
+
+EDGES = np.array([0.0, 1e-5, 1e-4, 2.5e-4])  # of slices with heat
+LAYERED = gc.Stack(layers=(gc.Layer(COAT, 5e-5), gc.Layer(RUBBER, 3e-4)), base=gc.HalfSpace(RUBBER))
+EQUAL = Heating([0.25, 0.25, 0.25], [1e-4, 1e-4, 1e-4])
+DIFFERENT = Heating([0.25, 5.0, 0.04], [1e-4, 2e-5, 3e-4])
+
+
+@pytest.fixture(scope="module")
+def still():
+    return gc.slide(HALF_SPACE, SURFACE, **HOW)
+
+
+def one_wave(s, stack, heating, depths, sources=1.0):
+    """Temperatures of a wave by random sources in slices, the sources and k in each layer."""
+    source = sources * jax.random.normal(jax.random.key(1), (3, *s.grid.shape))
+    found = temperatures(s, stack, heating, source, jnp.diff(EDGES), jnp.asarray(depths))
+    k = [
+        complex(thermal_wavenumber(s.grid, s.velocity, d)[1, 2])
+        for d in jnp.atleast_1d(heating.diffusivity)
+    ]
+    waves = [complex(to_spectrum(part)[1, 2]) for part in source]
+    return np.asarray(found[:, 1, 2]), waves, k
+
+
+def test_temperature_of_sources_at_depth_solves_the_heat_equation(still):
+    """Against finite volumes over the depth, for one wave, with an insulated surface."""
+    at = np.array([0.0, 3e-5, 2e-4, 4e-4])
+    found, waves, k = one_wave(still, LAYERED, DIFFERENT, at)
+    n, bottom = 40000, 2e-3
+    h = bottom / n
+    z = (np.arange(n) + 0.5) * h
+    heat = sum(np.where((z > EDGES[i]) & (z < EDGES[i + 1]), w, 0) for i, w in enumerate(waves))
+    layer = np.searchsorted([5e-5, 3.5e-4], z)
+    kappa = DIFFERENT.conductivity[layer]
+    between = 2 / (1 / kappa[1:] + 1 / kappa[:-1]) / h**2
+    bands = np.zeros((3, n), complex)
+    bands[0, 1:] = bands[2, :-1] = -between
+    bands[1] = kappa * np.array(k)[layer] ** 2
+    bands[1, :-1] += between
+    bands[1, 1:] += between
+    rise = solve_banded((1, 1), bands, heat)
+    np.testing.assert_allclose(found, np.interp(at, z, rise), rtol=1e-4)
+
+
+def test_equal_layers_are_one_half_space(still):
+    """The Green's function of the half space, integrated over each slice."""
+    at = np.array([0.0, 3e-5, 5e-5, 3e-4, 1e-3])
+    found, waves, (k, *_) = one_wave(still, LAYERED, EQUAL, at)
+    expected = 0
+    for w, low, high in zip(waves, EDGES, EDGES[1:], strict=False):
+        inside = np.clip(at, low, high)
+        direct = 2 - np.exp(-k * np.abs(inside - low)) - np.exp(-k * np.abs(high - inside))
+        above, below = np.maximum(low - at, 0), np.maximum(at - high, 0)
+        direct = np.where(above > 0, np.exp(-k * above) * (1 - np.exp(-k * (high - low))), direct)
+        direct = np.where(below > 0, np.exp(-k * below) * (1 - np.exp(-k * (high - low))), direct)
+        image = np.exp(-k * (at + low)) - np.exp(-k * (at + high))
+        expected += w * (direct + image) / (2 * 0.25 * k**2)
+    np.testing.assert_allclose(found, expected, rtol=1e-10)
+    alone = one_wave(still, HALF_SPACE, Heating(0.25, 1e-4), at)[0]
+    np.testing.assert_allclose(found, alone, rtol=1e-10)
+
+
+def test_a_coat_reflects_heat_of_the_surface(sheared):
+    """Flux on a coat of another conductivity, by its images: R = (y - y')/(y + y'), y = κk."""
+    coat, at = 2e-4, np.array([0.0, 1e-4, 3e-4])
+    heating = Heating([0.25, 2.0], [1e-4, 1e-3])
+    found, _, (k, below) = one_wave(sheared, COATED, heating, at, 0.0)
+    y, other = 0.25 * k, 2.0 * below
+    reflected = (y - other) / (y + other)
+    flux = complex(to_spectrum(shear_heat(sheared))[1, 2])
+    scale = flux / y / (1 - reflected * np.exp(-2 * k * coat))
+    inside = np.exp(-k * at) + reflected * np.exp(-k * (2 * coat - at))
+    beyond = (1 + reflected) * np.exp(-k * coat - below * (at - coat))
+    np.testing.assert_allclose(found, scale * np.where(at < coat, inside, beyond), rtol=1e-12)
+
+
+def test_all_heat_spreads_along_the_surface(sheared):
+    """κk²T over the whole depth, what spreads and moves on, is the heat at depth and of shear."""
+    pieces = np.concatenate([EDGES, [5e-5, 3.5e-4], 3.5e-4 + np.geomspace(1e-4, 5e-2, 12)])
+    pieces = np.sort(pieces)
+    nodes, weights = np.polynomial.legendre.leggauss(12)
+    half = np.diff(pieces)[:, None] / 2
+    at, weights = (pieces[:-1, None] + half * (1 + nodes)).ravel(), (half * weights).ravel()
+    size = 1e9  # of the heat at depth, like that of shear
+    found, waves, k = one_wave(sheared, LAYERED, DIFFERENT, at, size)
+    layer = np.searchsorted([5e-5, 3.5e-4], at)
+    spread = np.sum(weights * DIFFERENT.conductivity[layer] * np.array(k)[layer] ** 2 * found)
+    made = np.dot(waves, np.diff(EDGES)) + complex(to_spectrum(shear_heat(sheared))[1, 2])
+    np.testing.assert_allclose(spread, made, rtol=1e-9)
+
+
+def test_two_half_spaces_at_rest_share_the_heat_by_their_conductivities(sheared):
+    """With D so large that all is steady, each takes κ/(κ + κ')."""
+    none = jnp.zeros((1, *sheared.grid.shape)), jnp.array([1e-4]), jnp.zeros(1)
+    alone, shared = (
+        temperatures(sheared, HALF_SPACE, Heating(0.25, 1e9, other), *none)[0]
+        for other in (0.0, 1.0)
+    )
+    np.testing.assert_allclose(shared, alone / 5, rtol=1e-6, atol=1e-9)
+    equal = to_spectrum(shear_heat(sheared)) / (1.25 * jnp.maximum(wavenumber(sheared.grid), 1e-9))
+    np.testing.assert_allclose(shared[1:], equal[1:], rtol=1e-6, atol=1e-9)
+
+
+def test_heat_at_depth_makes_less_of_a_flash_than_at_the_surface():
+    """The usual estimates release all heat at the surface."""
+    s = gc.slide(HALF_SPACE, SURFACE, **HOW | {"pressure": 3e4})
+    rise = flash_temperature(s, HALF_SPACE, RUBBER_HEAT, [0.0, 1e-3])
+    np.testing.assert_allclose(jnp.mean(rise, (1, 2)), 0, atol=1e-12)
+    depths, weights = heat_depths(HALF_SPACE, s.grid)
+    flux = jnp.tensordot(weights, heat_source(s, HALF_SPACE, depths), 1)
+    k = thermal_wavenumber(s.grid, s.velocity, RUBBER_HEAT.diffusivity)
+    above = to_field((to_spectrum(flux) / (0.25 * k)).at[0, 0].set(0), s.grid.shape)
+    touching = s.pressure > 0
+    assert 0 < jnp.mean(rise[0][touching]) < 0.7 * jnp.mean(above[touching])
+    assert rise[0].max() > rise[1].max() > 0
+
+
+@pytest.mark.slow
+def test_derivatives_of_the_temperature_match_differences():
+    def contact_mean(strength, conductivity, diffusivity, other, speed, thickness):
+        rubber = gc.Prony(1e6, jnp.stack([strength, 2e7]), [1e-2, 1e-4], 0.49)
+        stack = gc.Stack(layers=(gc.Layer(COAT, thickness),), base=gc.HalfSpace(rubber))
+        s = gc.slide(stack, SURFACE, **HOW | {"velocity": speed, "shear": law, "rtol": 1e-11})
+        heating = Heating(jnp.stack([conductivity, 0.6]), diffusivity, other)
+        rise = flash_temperature(s, stack, heating, [0.0])[0]
+        return jnp.mean(rise * s.pressure) / 4e5
+
+    def law(pressure, speed, temperature):
+        return 0.2 * pressure
+
+    arguments = tuple(map(jnp.asarray, (9e6, 0.25, 1.1e-7, 0.6, 0.5, 1e-4)))
+    run = jax.jit(contact_mean)
+    slopes = jax.jit(jax.grad(contact_mean, tuple(range(6))))(*arguments)
+    for i, (value, slope) in enumerate(zip(arguments, slopes, strict=True)):
+        step = 1e-5 * value
+        ends = [run(*arguments[:i], value + d, *arguments[i + 1 :]) for d in (step, -step)]
+        np.testing.assert_allclose(slope, (ends[0] - ends[1]) / (2 * step), rtol=1e-5)
+
+
+@pytest.mark.parametrize(
+    ("stack", "depths", "words"),
+    [
+        (HALF_SPACE, 1e-3, "`depths` has shape"),
+        (HALF_SPACE, [-1e-3], r"`depths\[0\]=-0.001`"),
+        (gc.Stack(base=gc.HalfSpace(gc.BulkShear(RUBBER, RUBBER))), [1e-3], "BulkShear"),
+        (
+            gc.Stack(
+                layers=(gc.GradedLayer(lambda s, w: (1e6 + 0 * s, 0.4), 1e-3),), base=gc.Rigid()
+            ),
+            [1e-4],
+            "graded layer with the profile",
+        ),
+    ],
+)
+def test_what_has_no_known_heat_is_refused(sheared, stack, depths, words):
+    with pytest.raises(ValueError, match=words):
+        heat_source(sheared, stack, depths)
+
+
+def test_conductivities_of_other_layers_are_refused(sheared):
+    with pytest.raises(ValueError, match=r"`conductivity` has shape \(3,\); one number"):
+        flash_temperature(sheared, HALF_SPACE, DIFFERENT, [0.0])
+    with pytest.raises(ValueError, match="numbers for each layer"):
+        gc.mean_field_friction(
+            HALF_SPACE, SPECTRUM, pressure=1e5, velocity=1.0, temperature=293.0, heating=EQUAL
+        )

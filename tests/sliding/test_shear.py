@@ -1,0 +1,153 @@
+"""Shear in the real contact adds to the hysteresis, in the contact and in the mean field."""
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+import pytest
+from oracles import elasticities
+from scipy.integrate import quad
+
+import graded_contact as gc
+from graded_contact.sliding import ConstantShear, PeakedShear
+
+CELL = 0.01  # m
+Q0 = 2 * np.pi / CELL
+SPECTRUM = gc.SelfAffine(rms_slope=0.2, hurst=0.8, q_low=1.2 * Q0, q_roll=2.3 * Q0, q_high=5.3 * Q0)
+SURFACE = gc.random_surface(SPECTRUM, gc.Grid((32, 32), CELL), jax.random.key(0))
+BLOCK = gc.Stack(base=gc.HalfSpace(gc.Prony(1e6, [9e6, 2e7], [1e-2, 1e-4], 0.5)))
+PEAK = PeakedShear(5e6, 6e-3, 0.1, gc.Arrhenius(9e4, 293.0))
+
+
+class WithPressure(gc.sliding.AbstractShear):
+    """A user's own law, with a power of the pressure that has no derivative at 0."""
+
+    peaked: PeakedShear
+
+    def __call__(self, pressure, speed, temperature):
+        return self.peaked(pressure, speed, temperature) + 3 * pressure**0.8
+
+
+def rubbed(shear, velocity=0.1, temperature=None, stack=BLOCK, **how):
+    how = {"pressure": 4e5, "rtol": 1e-10} | how
+    return gc.slide(stack, SURFACE, velocity=velocity, shear=shear, temperature=temperature, **how)
+
+
+def test_constant_shear_adds_stress_times_area_over_load():
+    alone = gc.slide(BLOCK, SURFACE, pressure=4e5, velocity=0.1, rtol=1e-10)
+    s = rubbed(ConstantShear(3e5))
+    np.testing.assert_array_equal(s.pressure, alone.pressure)
+    np.testing.assert_allclose(s.hysteresis_friction, alone.friction, rtol=1e-14)
+    np.testing.assert_allclose(s.shear_friction, 3e5 * s.contact_area_smooth / 4e5, rtol=1e-14)
+    np.testing.assert_allclose(s.friction, s.hysteresis_friction + s.shear_friction, rtol=1e-14)
+    np.testing.assert_allclose(alone.hysteresis_friction, alone.friction, rtol=1e-14)
+    assert alone.shear_friction == 0
+    # The error of the grid is still the difference of the two.
+    np.testing.assert_allclose(
+        s.geometric_friction - s.friction, alone.geometric_friction - alone.friction, atol=1e-15
+    )
+
+
+def test_along_an_oblique_velocity_the_speed_counts():
+    def law(pressure, speed, temperature):
+        return 1e6 * speed
+
+    s = rubbed(law, velocity=[0.06, -0.08])
+    np.testing.assert_allclose(s.shear_friction, 1e5 * s.contact_area_smooth / 4e5, rtol=1e-14)
+    back = rubbed(law, velocity=-0.1)
+    assert back.shear_friction > 0
+
+
+def test_shear_proportional_to_pressure_is_coulomb_friction():
+    s = rubbed(lambda pressure, speed, temperature: 0.3 * pressure)
+    np.testing.assert_allclose(s.shear_friction, 0.3, rtol=1e-13)
+    line = gc.Surface(SURFACE.heights[:, 0], gc.Grid(32, CELL))
+    one = gc.slide(
+        BLOCK, line, pressure=1e5, velocity=0.1, shear=lambda p, v, t: 0.3 * p, rtol=1e-10
+    )
+    np.testing.assert_allclose(one.shear_friction, 0.3, rtol=1e-13)
+
+
+def test_peak_has_its_width_and_moves_with_temperature():
+    none = jnp.zeros(())
+    law = PeakedShear(5e6, 6e-3, 0.1)
+    for decades in (-3.0, -1.0, 0.0, 2.0):
+        stress = law(none, jnp.asarray(6e-3 * 10.0**decades), None)
+        np.testing.assert_allclose(stress, 5e6 * np.exp(-0.1 * decades**2), rtol=1e-13)
+    assert law(none, none, None) == 0
+    # Ten degrees warmer the peak is at v*/a_T.
+    log_factor = 9e4 / 8.31446261815324 * (1 / 303 - 1 / 293)
+    top = PEAK(none, jnp.asarray(6e-3 * np.exp(-log_factor)), jnp.asarray(303.0))
+    np.testing.assert_allclose(top, 5e6, rtol=1e-12)
+    assert jax.grad(lambda v: law(none, v, None))(0.0) == 0
+
+
+def test_the_error_of_a_loose_solve_covers_the_total():
+    for law in (ConstantShear(1e6), lambda p, v, t: p):
+        close = rubbed(law)
+        for rtol in (1e-2, 1e-3, 1e-4):
+            s = rubbed(law, rtol=rtol)
+            assert abs(s.friction - close.friction) <= s.friction_error <= 10 * rtol * s.friction
+
+
+def test_derivatives_of_the_contact_match_differences():
+    def total(peak, velocity, steepness, energy, temperature, speed):
+        law = WithPressure(PeakedShear(peak, velocity, steepness, gc.Arrhenius(energy, 293.0)))
+        direction = jnp.array([0.8, 0.6])
+        return rubbed(law, speed * direction, temperature, rtol=1e-11).friction
+
+    arguments = tuple(map(jnp.asarray, (5e6, 6e-3, 0.1, 9e4, 310.0, 0.1)))
+    np.testing.assert_allclose(*np.transpose(elasticities(total, arguments)), rtol=1e-5)
+
+
+def field(shear, temperature=None, spectrum=SPECTRUM, **how):
+    how = {"pressure": 4e5, "velocity": 0.1} | how
+    return gc.mean_field_friction(BLOCK, spectrum, shear=shear, temperature=temperature, **how)
+
+
+def test_mean_field_has_the_shear_of_its_area_and_of_its_pressures():
+    alone, constant = field(None), field(ConstantShear(3e5))
+    np.testing.assert_allclose(constant.hysteresis_friction, alone.friction, rtol=1e-13)
+    expected = 3e5 * alone.contact_area / 4e5
+    np.testing.assert_allclose(constant.shear_friction, expected, rtol=1e-13)
+    np.testing.assert_allclose(constant.against_cutoff.friction[-1], constant.friction, rtol=1e-13)
+    assert alone.shear_friction == 0
+    coulomb = field(lambda p, v, t: 0.3 * p)
+    np.testing.assert_allclose(coulomb.shear_friction, 0.3, rtol=1e-9)
+    surface = field(ConstantShear(3e5), spectrum=SURFACE)
+    np.testing.assert_allclose(surface.shear_friction, 0.75 * surface.contact_area, rtol=1e-13)
+    # A law of the pressure against the density of the pressure by another quadrature.
+    root = field(lambda p, v, t: 1e3 * jnp.sqrt(p))
+
+    def integrand(sigma):
+        density = gc.mean_field.pressure_distribution(root, jnp.array([sigma]))[-1, 0]
+        return float(density) * 1e3 * np.sqrt(sigma)
+
+    integral = quad(integrand, 0, 4e7, limit=200, points=[1e5, 1e6, 5e6])[0]
+    np.testing.assert_allclose(root.shear_friction, integral / 4e5, rtol=1e-4)
+
+
+@pytest.mark.slow
+def test_derivatives_of_the_mean_field_match_differences():
+    def total(peak, energy, temperature, pressure):
+        law = PeakedShear(peak, 6e-3, 0.1, gc.Arrhenius(energy, 293.0))
+        return field(law, temperature, pressure=pressure).friction
+
+    arguments = tuple(map(jnp.asarray, (5e6, 9e4, 310.0, 4e5)))
+    np.testing.assert_allclose(*np.transpose(elasticities(total, arguments)), rtol=1e-6)
+
+
+@pytest.mark.parametrize(
+    ("shear", "temperature", "words"),
+    [
+        (3e5, None, "`shear=300000.0`"),
+        (ConstantShear, None, "`shear="),
+        (PEAK, None, "`temperature=None`"),
+        (PEAK, -3.0, "`temperature=-3`"),
+        (lambda pressure: pressure, None, "`shear` must return"),
+        (lambda p, v, t: jnp.ones(3), None, "`shear` must return"),
+    ],
+)
+def test_what_is_no_law_is_refused(shear, temperature, words):
+    for run in (rubbed, field):
+        with pytest.raises(ValueError, match=words):
+            run(shear, temperature=temperature)

@@ -1,0 +1,283 @@
+import dataclasses
+import pickle
+
+import hypothesis.strategies as st
+import jax
+import jax.numpy as jnp
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from oracles import elasticities
+
+import graded_contact as gc
+from graded_contact.contacts.solve import RTOL
+from graded_contact.core.quantities import numbers_of
+
+CELL = 0.01  # m
+GRID = gc.Grid((64, 64), CELL)
+Q0 = 2 * np.pi / CELL
+# Its edges lie between the modes of the cell, where the surface depends on them smoothly.
+SPECTRUM = gc.SelfAffine(rms_slope=0.2, hurst=0.8, q_low=1.2 * Q0, q_roll=3.3 * Q0, q_high=8.3 * Q0)
+SURFACE = gc.random_surface(SPECTRUM, GRID, jax.random.key(0))
+TREAD = gc.tyre_tread()
+
+
+def coated(thickness=100e-6, modulus=6.51e6):
+    return gc.Stack(
+        layers=(gc.Layer(gc.Elastic(modulus, 0.49), thickness),), base=gc.HalfSpace(TREAD)
+    )
+
+
+def test_main_job_gives_friction_and_area_of_a_coated_tread():
+    s = gc.slide(coated(), SURFACE, pressure=4e5, velocity=0.1)
+    assert s.result == gc.contacts.RESULTS.successful
+    assert 0 < s.friction < 1
+    assert 0 < s.contact_area < 1
+    np.testing.assert_allclose(np.mean(s.pressure), 4e5, rtol=1e-13)
+    np.testing.assert_allclose(s.contact_area, np.mean(s.pressure > 0))
+    np.testing.assert_allclose(s.contact_area_smooth, s.contact_area_corrected, atol=0.02)
+    assert s.energy_imbalance <= 1e-13
+    assert abs(s.geometric_friction / s.friction - 1) <= 0.1
+    np.testing.assert_allclose(s.mean_gap, np.mean(s.gap))
+    assert s.displacement.shape == GRID.shape
+    assert s.error <= RTOL
+    assert s.num_fft_pairs > 0
+
+
+def test_block_at_rest_has_the_relaxed_modulus_and_no_friction():
+    rest = gc.slide(coated(), SURFACE, pressure=4e5, velocity=0.0)
+    relaxed = gc.Stack(
+        layers=coated().layers, base=gc.HalfSpace(gc.Elastic(TREAD.equilibrium, TREAD.poisson))
+    )
+    elastic = gc.slide(relaxed, SURFACE, pressure=4e5, velocity=5.0)
+    np.testing.assert_allclose(rest.pressure, elastic.pressure, atol=1e-5 * rest.pressure.max())
+    assert abs(rest.friction) <= 1e-13
+    assert abs(elastic.friction) <= 1e-13
+
+
+def test_along_an_oblique_velocity_a_solve_keeps_its_promise():
+    """An operator that is not that of its half spectrum left penetrations of 4e-5 at 1e-10."""
+    velocity = jnp.array([0.1, 0.05])
+    s = gc.slide(coated(), SURFACE, pressure=4e5, velocity=velocity, rtol=1e-11)
+    assert s.contact.complementarity_error <= 1e-11
+    assert s.contact.penetration <= 1e-11
+    assert s.energy_imbalance <= 1e-13
+    shares = gc.sliding.cumulative_friction(s.pressure, s.displacement, GRID, velocity).friction
+    np.testing.assert_allclose(shares[-1], s.friction, rtol=1e-12)
+    assert np.all(np.diff(shares) >= -1e-12)
+
+
+@settings(max_examples=10)
+@given(
+    exponent=st.floats(-4, 4),
+    pressure=st.floats(1e4, 3e6),
+    thickness=st.floats(0, 1e-3),
+    modulus=st.floats(1e6, 1e9),
+)
+def test_friction_of_passive_stacks_is_never_negative(exponent, pressure, thickness, modulus):
+    s = gc.slide(
+        coated(thickness, modulus), SURFACE, pressure=pressure, velocity=10.0**exponent, rtol=1e-4
+    )
+    assert s.friction >= 0
+    assert 0 <= s.contact_area_smooth <= 1
+    assert s.energy_imbalance <= 1e-12
+
+
+@settings(max_examples=6)
+@given(length=st.floats(-3, 3), stress=st.floats(-3, 3), time=st.floats(-3, 3))
+def test_units_scale_out(length, stress, time):
+    length, stress, time = 10.0**length, 10.0**stress, 10.0**time
+
+    def run(length, stress, time):
+        rubber = gc.Prony(1e6 * stress, np.array([9e6]) * stress, np.array([1e-2]) * time, 0.49)
+        stack = gc.Stack(
+            layers=(gc.Layer(gc.Elastic(1e6 * stress, 0.4), 1e-4 * length),),
+            base=gc.HalfSpace(rubber),
+        )
+        surface = gc.Surface(SURFACE.heights * length, gc.Grid((64, 64), CELL * length))
+        return gc.slide(stack, surface, pressure=1e5 * stress, velocity=0.05 * length / time)
+
+    one, other = run(1.0, 1.0, 1.0), run(length, stress, time)
+    np.testing.assert_allclose(other.friction, one.friction, rtol=1e-5)
+    np.testing.assert_allclose(other.contact_area_smooth, one.contact_area_smooth, rtol=1e-4)
+    np.testing.assert_allclose(other.mean_gap, one.mean_gap * length, rtol=1e-5)
+
+
+def test_gradients_by_every_leaf_match_central_differences():
+    """Of friction and smooth area, by stack, spectrum of the surface, pressure and velocity."""
+    stack = gc.Stack(
+        layers=(gc.Layer(gc.Prony(3e6, [2e7, 1e7], [1e-4, 1e-2], 0.45), 200e-6),),
+        base=gc.HalfSpace(gc.Prony(1e6, [9e6, 2e7], [1e-2, 1e-4], 0.49)),
+    )
+
+    def value(stack, spectrum, pressure, velocity):
+        surface = gc.random_surface(spectrum, GRID, jax.random.key(0))
+        s = gc.slide(stack, surface, pressure=pressure, velocity=velocity, rtol=1e-11)
+        return jnp.log(s.friction) + 0.7 * jnp.log(s.contact_area_smooth)
+
+    arguments = (stack, SPECTRUM, jnp.asarray(4e5), jnp.asarray(0.1))
+    slopes, differences = np.transpose(elasticities(value, arguments, step=2e-6))
+    np.testing.assert_allclose(slopes, differences, rtol=2e-5, atol=2e-7)
+    assert np.sum(np.abs(differences) > 2e-5) >= 16
+
+
+def test_observables_of_a_batch_a_copy_and_inside_jit_are_those_of_the_call():
+    """They are computed when they are read, and no tracer stays behind."""
+    slide = lambda v: gc.slide(coated(), SURFACE, pressure=4e5, velocity=v)  # noqa: E731
+    one = slide(0.1)
+    jax.jit(lambda x: x * one.contact_area_smooth)(2.0)
+    names = numbers_of(False)
+    numbers = np.array(one.compute(*names))
+    np.testing.assert_allclose(jax.jit(slide)(0.1).compute(*names), numbers, 1e-9, 1e-14)
+    np.testing.assert_array_equal(pickle.loads(pickle.dumps(one)).compute(*names), numbers)
+    stacked = jax.tree.map(lambda a: jnp.stack([a, a]), one)
+    np.testing.assert_allclose(np.array(stacked.compute(*names))[:, 1], numbers, 1e-9, 1e-14)
+    copy = dataclasses.replace(one, law=gc.HardWall())  # computes friction alone
+    np.testing.assert_allclose(copy.friction, one.friction, rtol=1e-12)
+
+
+def test_a_known_solution_has_derivatives_without_a_solve():
+    def by_thickness(d, **known):
+        return gc.slide(coated(d), SURFACE, pressure=4e5, velocity=0.1, **known).friction
+
+    known = gc.slide(coated(), SURFACE, pressure=4e5, velocity=0.1).contact
+    value, slope = jax.value_and_grad(by_thickness)(1e-4, solution=known)
+    exact, expected = jax.value_and_grad(by_thickness)(1e-4)
+    assert value == exact
+    np.testing.assert_allclose(slope, expected, rtol=1e-9)
+
+
+def test_one_dimensional_surface_slides_as_a_ridged_plane_does():
+    line = SURFACE.heights[:, 0]
+    profile = gc.Surface(line, gc.Grid((64,), CELL))
+    ridges = gc.Surface(
+        jnp.broadcast_to(line[:, None], (64, 4)), gc.Grid((64, 4), (CELL, CELL / 16))
+    )
+    one, two = (
+        gc.slide(coated(), s, pressure=4e5, velocity=0.1, rtol=1e-8) for s in (profile, ridges)
+    )
+    np.testing.assert_allclose(two.friction, one.friction, rtol=1e-6)
+    np.testing.assert_allclose(two.pressure[:, 0], one.pressure, atol=1e-5 * one.pressure.max())
+
+
+def test_unfinished_solve_is_not_passed_as_converged():
+    hasty = gc.contacts.DouglasRachford(max_steps=2)
+    with pytest.raises(RuntimeError, match="max_steps"):
+        gc.slide(coated(), SURFACE, pressure=4e5, velocity=0.1, solver=hasty)
+    s = gc.slide(coated(), SURFACE, pressure=4e5, velocity=0.1, solver=hasty, throw=False)
+    assert s.result == gc.contacts.RESULTS.max_steps_reached
+    assert np.isfinite(s.friction)
+
+
+@pytest.mark.slow
+def test_a_kernel_that_fails_is_a_result_or_an_error():
+    """One bad block must not end a sweep: kinks that are not told, and a NaN at the door."""
+
+    def kinked(s, omega):
+        return 1e6 * (1 + jnp.abs(jnp.sin(9 * s))), 0.3
+
+    stack = gc.Stack(layers=(gc.GradedLayer(kinked, 1e-3),), base=gc.Rigid())
+    x = np.arange(16) / 16
+    heights = 1e-4 * np.cos(2 * np.pi * x)[:, None] * np.cos(4 * np.pi * x)
+    wave = gc.Surface(heights, gc.Grid((16, 16), CELL))
+
+    def run(velocity, throw=False):
+        return gc.slide(stack, wave, pressure=4e5, velocity=velocity, throw=throw)
+
+    s = jax.jit(run)(0.1)
+    assert s.result == gc.contacts.RESULTS.inaccurate_kernel
+    assert np.isnan(s.friction)
+    with pytest.raises(RuntimeError, match="tolerance was not reached in a kernel"):
+        run(0.1, throw=True)
+    kernel = gc.stack_kernel(coated(), wave.grid, 0.1).at[3, 2].set(jnp.nan)
+    with pytest.raises(ValueError, match=r"`kernel\.real\[3, 2\]=nan` is refused"):
+        gc.solve_contact(kernel, heights, 4e5)
+    assert (
+        gc.solve_contact(kernel, heights, 4e5, throw=False).result == gc.contacts.RESULTS.not_finite
+    )
+
+
+@pytest.mark.slow
+def test_values_that_only_tracing_hides_do_not_pass_as_solved():
+    """Under `jit` the door cannot see them; the result must."""
+    pressed = jax.jit(
+        lambda p: gc.slide(coated(), SURFACE, pressure=p, velocity=0.1, throw=False).result
+    )
+    assert pressed(-4e5) == gc.contacts.RESULTS.bad_pressure
+    layered = jax.jit(
+        lambda d: gc.slide(coated(d), SURFACE, pressure=4e5, velocity=0.1, throw=False).result
+    )
+    assert layered(-1e-4) == gc.contacts.RESULTS.not_finite
+    assert layered(1e-4) == gc.contacts.RESULTS.successful
+
+
+def test_table_that_does_not_cover_the_sliding_frequencies_is_refused_with_both_ranges():
+    table = gc.Tabulated([1.0, 10.0], [1e6 + 1e5j, 2e6 + 3e5j])
+    with pytest.raises(ValueError, match=r"from 62\.8 to .* the table of moduli covers 1 to 10"):
+        gc.slide(gc.Stack(base=gc.HalfSpace(table)), SURFACE, pressure=1e5, velocity=0.1)
+
+
+def test_area_and_friction_against_the_cutoff_end_at_those_of_the_surface():
+    """Smoother surfaces touch more; the waves of the surface end at 8.3 q0."""
+    cutoffs = Q0 * np.array([2.0, 4.0, 8.3])
+    law = dict(pressure=4e5, velocity=0.1, rtol=1e-8)
+    curve_of = jax.jit(
+        lambda d: gc.sliding.area_against_cutoff(coated(d), SURFACE, cutoffs, throw=False, **law)
+    )
+    curve = curve_of(1e-4)
+    whole = gc.slide(coated(), SURFACE, **law)
+    np.testing.assert_allclose(curve.cutoff, cutoffs)
+    np.testing.assert_allclose(curve.friction[-1], whole.friction, rtol=1e-6)
+    np.testing.assert_allclose(curve.contact_area[-1], whole.contact_area)
+    np.testing.assert_allclose(curve.contact_area_smooth[-1], whole.contact_area_smooth, rtol=1e-5)
+    assert np.all(np.diff(curve.contact_area_smooth) < 0)
+    # The middle one, by a surface smoothed outside the package.
+    k = np.fft.fftfreq(64, 1 / 64)
+    spectrum = np.fft.fft2(SURFACE.heights)
+    low = np.where(np.hypot(k[:, None], k) <= 4.0, spectrum, 0)
+    smooth = gc.Surface(jnp.asarray(np.fft.ifft2(low).real), GRID)
+    middle = gc.slide(coated(), smooth, **law)
+    np.testing.assert_allclose(curve.friction[1], middle.friction, rtol=1e-6)
+    # A kernel that fails, which is known only when it runs, leaves the cut-offs.
+    failed = curve_of(-1e-4)
+    np.testing.assert_array_equal(failed.cutoff, cutoffs)
+    for found in (failed.friction, failed.contact_area, failed.contact_area_smooth):
+        np.testing.assert_array_equal(found, np.full(3, np.nan))
+
+
+def test_soft_law_slides_nearly_as_the_hard_wall():
+    """The area of a law without a sharp edge is its own, all three measures of it."""
+    law = gc.RepulsiveLJ(0.01 * float(jnp.std(SURFACE.heights)), 4e5)
+    hard = gc.slide(coated(), SURFACE, pressure=4e5, velocity=0.1, rtol=1e-6)
+    soft = gc.slide(coated(), SURFACE, pressure=4e5, velocity=0.1, law=law, rtol=1e-6)
+    np.testing.assert_allclose(soft.friction, hard.friction, rtol=0.02)
+    np.testing.assert_allclose(soft.contact_area, np.mean(soft.gap < 5 / 3 * law.range))
+    np.testing.assert_allclose(soft.contact_area_smooth, hard.contact_area_smooth, rtol=0.1)
+    np.testing.assert_allclose(soft.contact_area_smooth, soft.contact_area_corrected, atol=0.02)
+    np.testing.assert_allclose(
+        soft.pressure, 4e5 * (law.range / soft.gap) ** 9, atol=1e-4 * soft.pressure.max()
+    )
+
+
+LIQUID = gc.Prony(0.0, [1e6], [1.0])
+
+
+@pytest.mark.parametrize(
+    "run",
+    [
+        lambda stack: gc.slide(stack, SURFACE, pressure=4e5, velocity=0.0),
+        lambda stack: gc.slide(stack, SURFACE, pressure=4e5, velocity=0.1, throw=False),
+        lambda stack: gc.sliding.slide_cycle(
+            stack, SURFACE, displacement=1e-5 * np.sin(np.arange(8)), period=1.0, pressure=4e5
+        ),
+        lambda stack: gc.mean_field_friction(stack, SURFACE, pressure=4e5, velocity=0.1),
+        lambda stack: gc.surface_compliance(stack, [1e3], [0.0]),
+    ],
+)
+def test_a_liquid_at_rest_is_named(run):
+    """Waves across the motion are at rest, too."""
+    with pytest.raises(ValueError, match=r"^`base` is a liquid \(`equilibrium=0`\)"):
+        run(gc.Stack(base=gc.HalfSpace(LIQUID)))
+    blend = gc.Blend(LIQUID, gc.Elastic(1e6))
+    with pytest.raises(ValueError, match=r"^`layers\[0\]` is a liquid"):
+        run(gc.Stack(layers=(gc.GradedLayer(blend, 1e-4),), base=gc.Rigid()))

@@ -1,0 +1,83 @@
+"""Stiffness and conductance against closed forms of periodic punches."""
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+import pytest
+
+import graded_contact as gc
+from graded_contact.sliding import contact_conductance, contact_stiffness
+
+BLOCK = gc.Stack(base=gc.HalfSpace(gc.Elastic(1.0, 0.3)))
+REDUCED = 1 / (1 - 0.3**2)
+FULL = np.pi * REDUCED * 0.01  # pressure of full contact of the wave
+WAVE = gc.Surface(0.01 * np.cos(2 * np.pi * np.arange(64) / 64), gc.Grid((64,), 1.0))
+
+
+def pressure_for(fraction):
+    """Westergaard's contact of a wave."""
+    return FULL * np.sin(np.pi * fraction / 2) ** 2
+
+
+def stiffness_of(fraction):
+    """Of strips of a width, one to a wavelength: -dū/dp = (2λ/πE*) log(1/sin(πa/λ))."""
+    return np.pi * REDUCED / 2 / np.log(1 / np.sin(np.pi * fraction / 2))
+
+
+@jax.jit
+def stiffness(pressure, modulus=1.0):
+    block = gc.Stack(base=gc.HalfSpace(gc.Elastic(modulus, 0.3)))
+    return contact_stiffness(gc.slide(block, WAVE, pressure=pressure, velocity=0.0, rtol=1e-10))
+
+
+@pytest.mark.parametrize("fraction", [0.2, 0.21, 0.22, 0.5, 0.8])
+def test_stiffness_of_a_wave_is_that_of_its_strips(fraction):
+    """Within 0.07 spacings of the edges, wherever these lie between the points."""
+    tolerance = stiffness_of(fraction + 2 * 0.07 / 64) / stiffness_of(fraction) - 1
+    np.testing.assert_allclose(
+        stiffness(pressure_for(fraction)), stiffness_of(fraction), rtol=tolerance
+    )
+
+
+@pytest.mark.slow
+def test_derivative_of_the_stiffness_is_that_of_differences_and_of_strips():
+    at = jnp.asarray(pressure_for(0.5)), jnp.asarray(1.0)
+    slopes = jax.grad(stiffness, (0, 1))(*at)
+    for k, slope in enumerate(slopes):
+        step = 1e-5 * at[k]
+        up, down = (
+            stiffness(*(a + sign * step * (i == k) for i, a in enumerate(at))) for sign in (1, -1)
+        )
+        np.testing.assert_allclose(slope, (up - down) / (2 * step), rtol=1e-6)
+    # The edge moves through a spacing in waves of some 30 %; over several the slope is right.
+    near = [stiffness(pressure_for(0.5 + d)) for d in (-0.1, 0.1)]
+    true = [stiffness_of(0.5 + d) for d in (-0.1, 0.1)]
+    np.testing.assert_allclose(near[1] - near[0], true[1] - true[0], rtol=0.02)
+
+
+def test_stiffness_of_a_sphere_in_a_cell():
+    """1/k = 1/(2E*a) less the images: a square lattice has Σ1/R -> -3.900265, Σ1/R³ = 9.0336."""
+    radius, n = 0.15, 64
+    x = (np.arange(n) - n / 2) / n
+    surface = gc.Surface(-(x[:, None] ** 2 + x[None] ** 2) / 2, gc.Grid((n, n), 1.0))
+    found = gc.slide(BLOCK, surface, pressure=4 / 3 * REDUCED * radius**3, velocity=0.0, rtol=1e-7)
+    constant = (3.900265 - 9.0336 / 3 * radius**2) / np.pi
+    np.testing.assert_allclose(
+        REDUCED / contact_stiffness(found) + constant, 1 / (2 * radius), rtol=0.012
+    )
+    # The same contact conducts as Barber's analogy says.
+    barber = 2 * contact_stiffness(found) / (REDUCED * 0.7)
+    np.testing.assert_allclose(contact_conductance(found, 0.7), barber, rtol=1e-7)
+
+
+def test_full_contact_is_infinitely_stiff():
+    assert stiffness(1.5 * FULL) > 1e6 * FULL
+
+
+def test_a_window_has_no_stiffness_per_area():
+    surface = gc.Surface(WAVE.heights, WAVE.grid, periodic=False)
+    found = gc.slide(BLOCK, surface, pressure=0.1 * FULL, velocity=0.0)
+    with pytest.raises(ValueError, match="window"):
+        contact_stiffness(found)
+    with pytest.raises(ValueError, match="resistivity"):
+        contact_conductance(gc.slide(BLOCK, WAVE, pressure=0.1 * FULL, velocity=0.0), -1.0)

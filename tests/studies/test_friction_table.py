@@ -1,0 +1,218 @@
+"""Tables of friction, and what other programs read of them."""
+
+import io
+import itertools
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+import pandas as pd
+import pytest
+from scene_texts import BARE as SCENE
+from typer.testing import CliRunner
+
+import graded_contact as gc
+from graded_contact import cli
+from graded_contact.command import friction_table as table_job
+from graded_contact.command import terminal as session
+from graded_contact.exports import export_friction
+from graded_contact.scenes.scene import KEYS
+from graded_contact.studies import friction_table
+from graded_contact.studies.dataset import read
+from graded_contact.studies.store import fingerprint
+
+CELL = 0.01
+Q0 = 2 * np.pi / CELL
+SPECTRUM = gc.SelfAffine(rms_slope=0.2, hurst=0.8, q_low=Q0, q_roll=4 * Q0, q_high=20 * Q0)
+PROFILE = gc.random_surface(SPECTRUM, gc.Grid((64,), CELL), jax.random.key(0))
+RUBBER = gc.Prony(1e6, [4e6, 2e7], [1e-2, 1e-4], 0.49, shift=gc.WLF(5.0, 80.0, 300.0))
+STACK = gc.Stack(base=gc.HalfSpace(RUBBER))
+AXES = dict(pressure=[2e5, 1e5], velocity=[1e-3, 0.1, 3.0], temperature=[290.0, 310.0])
+
+
+@pytest.fixture(scope="module")
+def table():
+    return friction_table(STACK, SPECTRUM, method="mean_field", **AXES)
+
+
+def test_each_point_is_the_mean_field_of_its_numbers(table):
+    assert table.friction.dims == ("temperature", "pressure", "velocity")
+    assert table.friction_error.attrs["long_name"].endswith("by the quadrature")
+    point = dict(temperature=310.0, pressure=1e5, velocity=0.1)
+    alone = gc.mean_field_friction(STACK.at(310.0), SPECTRUM, pressure=1e5, velocity=0.1)
+    found = table.sel(point)
+    np.testing.assert_allclose(found.friction, alone.friction, rtol=1e-12)
+    np.testing.assert_allclose(found.contact_area, alone.contact_area, rtol=1e-12)
+    np.testing.assert_allclose(found.friction_error, alone.error * alone.friction, rtol=1e-6)
+
+
+@pytest.mark.slow
+def test_both_methods_beside_each_other_with_the_error_of_the_grid():
+    axes = dict(pressure=[2e5], velocity=[0.01, 0.1])
+    both = friction_table(STACK, PROFILE, method="both", **axes)
+    alone = gc.slide(STACK, PROFILE, pressure=2e5, velocity=0.1)
+    found = both.sel(pressure=2e5, velocity=0.1)
+    np.testing.assert_allclose(found.friction, alone.friction, rtol=1e-6)
+    grid = abs(alone.geometric_friction - alone.friction)
+    np.testing.assert_allclose(found.friction_error, alone.friction_error + grid, rtol=1e-3)
+    field = gc.mean_field_friction(STACK, PROFILE, pressure=2e5, velocity=0.1)
+    np.testing.assert_allclose(found["mean_field.friction"], field.friction, rtol=1e-12)
+    assert np.all(both.message == "")
+
+
+def test_direction_of_sliding_matters_to_a_lay():
+    lay = gc.SelfAffine(
+        rms_slope=0.2, hurst=0.8, q_low=Q0, q_roll=4 * Q0, q_high=20 * Q0, roll_off="smooth",
+        anisotropy=3.0,
+    )  # fmt: skip
+    across = friction_table(
+        STACK, lay, pressure=[2e5], velocity=[0.1, 0.2], method="mean_field", direction=np.pi / 2
+    ).friction
+    alone = gc.mean_field_friction(STACK, lay, pressure=2e5, velocity=[0.0, 0.2])
+    np.testing.assert_allclose(across[0, 1], alone.friction, rtol=1e-12)
+    along = gc.mean_field_friction(STACK, lay, pressure=2e5, velocity=[0.2, 0.0])
+    assert alone.friction > 1.5 * along.friction
+
+
+def test_abaqus_reads_back_every_number_in_its_order(table):
+    lines = export_friction(table, "abaqus", name="tread").splitlines()
+    cards = [line for line in lines if not line.startswith("**")]
+    assert cards[:2] == ["*SURFACE INTERACTION, NAME=tread", "*FRICTION"]
+    rows = np.array([[float(n) for n in line.split(",")] for line in cards[2:]])
+    assert rows.shape == (12, 4)
+    # Each variable increases, the slip rate fastest, then the pressure, then the temperature.
+    keys = rows[:, ::-1][:, :3]
+    assert [*map(tuple, keys)] == sorted(map(tuple, keys))
+    for friction, velocity, pressure, temperature in rows:
+        point = dict(velocity=velocity, pressure=pressure, temperature=temperature)
+        assert float(table.friction.sel(point)) == friction
+    (largest,) = (line for line in lines if "Largest estimated" in line)
+    expected = float((table.friction_error / table.friction).max())
+    np.testing.assert_allclose(float(largest.rsplit(" ", 1)[1]), expected, rtol=0.06)
+    warm = export_friction(table.sel(temperature=310.0, drop=True), "abaqus").splitlines()
+    assert len(warm[-1].split(",")) == 3
+
+
+def test_csv_reads_back_bit_for_bit(table):
+    frame = pd.read_csv(io.StringIO(export_friction(table, "csv")))
+    assert list(frame) == [
+        "velocity [m/s]", "pressure [Pa]", "temperature [K]", "friction [1]", "friction_error [1]"
+    ]  # fmt: skip
+    frame.columns = [head.split(" ")[0] for head in frame]
+    back = frame.set_index(["temperature", "pressure", "velocity"]).to_xarray()
+    again = back.reindex_like(table)
+    for name in ("friction", "friction_error"):
+        assert np.array_equal(again[name], table[name])
+
+
+@pytest.fixture(scope="module")
+def both():
+    """By contact and by mean field, two points along each axis."""
+    axes = {name: values[:2] for name, values in AXES.items()}
+    band = dict(q_low=Q0, q_roll=2 * Q0, q_high=3 * Q0)
+    line = gc.random_surface(
+        gc.SelfAffine(rms_slope=0.2, hurst=0.8, **band), gc.Grid((16,), CELL), jax.random.key(0)
+    )
+    return friction_table(STACK, line, method="both", **axes)
+
+
+@pytest.mark.parametrize("counts", [*itertools.product((1, 2), repeat=2)])
+@pytest.mark.parametrize("temperatures", [0, 1, 2])
+def test_axes_of_one_or_two_points_have_cards(table, both, counts, temperatures):
+    for one in (table, both):
+        index = dict(zip(("pressure", "velocity"), map(range, counts), strict=True))
+        part = one.isel(index | {"temperature": range(temperatures) if temperatures else 0})
+        rows = part.friction.size
+        assert len(export_friction(part, "csv").splitlines()) == 1 + rows
+        cards = export_friction(part, "abaqus").splitlines()[4:]
+        assert {len(card.split(",")) for card in cards} == {4 if temperatures else 3}
+        assert len(cards) == rows
+
+
+def test_what_no_card_holds_is_refused(table):
+    with pytest.raises(ValueError, match="`format='ansys'` is refused"):
+        export_friction(table, "ansys")
+    with pytest.raises(ValueError, match="`name='a b'` is refused"):
+        export_friction(table, "abaqus", name="a b")
+    failed = table.assign(message=table.message.where(table.velocity < 1, "failed: no"))
+    with pytest.raises(
+        ValueError, match=r"has 4 of 12 points that failed .* The first: failed: no"
+    ):
+        export_friction(failed, "csv")
+    with pytest.raises(ValueError, match="over velocity, pressure"):
+        export_friction(table.isel(velocity=0, drop=True), "csv")
+    with pytest.raises(ValueError, match=r"`table.velocity\[0\]=-1` is refused"):
+        export_friction(table.assign_coords(velocity=[-1.0, 0.1, 3.0]), "csv")
+    with pytest.raises(ValueError, match="must be a `Surface` for a contact"):
+        friction_table(STACK, SPECTRUM, pressure=[1e5], velocity=[0.1])
+    with pytest.raises(ValueError, match=r"`velocity\[1\]=-1` is refused: a speed"):
+        friction_table(STACK, PROFILE, pressure=[1e5], velocity=[0.1, -1.0])
+    window = gc.Surface(jnp.zeros((8, 8)), gc.Grid((8, 8), CELL), periodic=False)
+    with pytest.raises(ValueError, match=r"`method='both'` .* a window has no mean field"):
+        friction_table(STACK, window, pressure=[1e5], velocity=[0.1], method="both")
+
+
+# Each key of [load], another value for it, and what refuses that, if anything does.
+OTHER_LOADS = {
+    "pressure": ("[1e5, 3e5]", None),
+    "approach": ("1e-6", "has `pressure` and `approach`"),
+    "velocity": ("0.3", None),
+    "temperature": ("310.0", None),
+    "direction": ("0.5", None),
+    "extrapolate": ("true", None),
+    "pressure_ratio": ("[1.0, 1.1]", "needs a table"),
+    "strain_per_slope": ("0.7", None),
+}
+
+
+def test_the_command_ignores_no_key_of_the_load(tmp_path, monkeypatch):
+    assert OTHER_LOADS.keys() == {key.name for key in KEYS["[load]"]}
+    soft = '[materials.soft]\nkind = "softened"\nmaterial = "tread"\nstrain = [1e-3, 1e-1]\n'
+    soft += "storage = [1.0, 0.5]\nloss = [1.0, 0.7]\n[base]"
+    scene = SCENE.replace("[base]", soft)
+    scene = scene.replace('material = "tread"\n[load', 'material = "soft"\n[load')
+    asked = []
+    monkeypatch.setattr(session, "cache_folder", lambda: None)
+    monkeypatch.setattr(table_job, "check_frequencies_of", lambda scene, _: asked.append(scene))
+
+    def recorded(stack, roughness, *, progress, **arguments):
+        asked[-1] = fingerprint(stack, asked[-1].extrapolate, arguments)
+        raise ValueError("only recorded")
+
+    monkeypatch.setattr(table_job, "friction_table", recorded)
+    for key, (value, refused) in {"title": ('"none"', None), **OTHER_LOADS}.items():
+        lines = [line for line in scene.splitlines() if not line.startswith(f"{key} =")]
+        if refused:
+            lines = scene.splitlines()
+        lines.insert(0 if key == "title" else lines.index("[load]") + 1, f"{key} = {value}")
+        (tmp_path / "other.toml").write_text("\n".join(lines))
+        done = CliRunner().invoke(cli.app, ["table", str(tmp_path / "other.toml")])
+        assert (refused or "only recorded") in " ".join(done.output.split())
+    assert len(set(asked)) == 1 + sum(refused is None for _, refused in OTHER_LOADS.values())
+
+
+def test_the_command_writes_what_python_computes(tmp_path, monkeypatch):
+    monkeypatch.setattr(session, "cache_folder", lambda: None)
+    monkeypatch.setenv("HOME", str(tmp_path))
+    file = tmp_path / "small.toml"
+    file.write_text(SCENE)
+    call = ["table", str(file), "--output", "~/out"]
+    done = CliRunner().invoke(cli.app, call)
+    assert done.exit_code == 0, done.output
+    written = read(tmp_path / "out" / "small-friction.h5")
+    assert written.attrs["method"] == "mean_field"
+    for form, ending in (("abaqus", "inp"), ("csv", "csv")):
+        text = (tmp_path / "out" / f"small-friction.{ending}").read_text()
+        assert text == export_friction(written, form)
+    scene = gc.read_scene(file)
+    alone = gc.mean_field_friction(
+        scene.stack, scene.surface.spectrum, pressure=2e5, velocity=jnp.array([1.0, 0.0])
+    )
+    np.testing.assert_allclose(written.friction[0, 1], alone.friction, rtol=1e-10)
+    again = CliRunner().invoke(cli.app, call)
+    assert again.exit_code == 2
+    assert "exists: give another --output, or --replace" in " ".join(again.output.split())
+    (tmp_path / "seeds.toml").write_text(SCENE.replace("q_high = 8e4", "q_high = 8e4\nseeds = 2"))
+    seeds = CliRunner().invoke(cli.app, ["table", str(tmp_path / "seeds.toml")])
+    assert seeds.exit_code == 2
+    assert "no axis `seed`" in seeds.output
