@@ -133,9 +133,7 @@ def history_of(length: int, free_mean: bool) -> int:
     return min(length, _HISTORY_AT_GAP) if free_mean else length
 
 
-def penalty_for(
-    operator: AbstractOperator, participation: Scalar | float, law: AbstractLaw
-) -> Scalar:
+def penalty_for(operator: AbstractOperator, participation: Scalar, law: AbstractLaw) -> Scalar:
     """Returns ρ = 1.8 s^0.4/√(|M| at three times the lowest wavenumber × least |M|) [Pa/m].
 
     It balances the softest modes, which carry the displacement, against the stiffest, which carry

@@ -154,15 +154,11 @@ def on_part(found: ContactSolution, operator: AbstractOperator) -> ContactSoluti
     """Returns the contact on a window, and its means there, from the contact on the cell."""
     fields = found.pressure, found.gap, found.displacement, found.correction
     pressure, gap, moved, correction = map(operator.on_surface, fields)
+    moved = moved - jnp.mean(moved)  # of zero mean on the window
     return dataclasses.replace(
-        found,
-        pressure=pressure,
-        gap=gap,
-        displacement=moved - jnp.mean(moved),  # of zero mean on the window
-        correction=correction,
-        mean_pressure=jnp.mean(pressure),
-        mean_gap=jnp.mean(gap),
-    )
+        found, pressure=pressure, gap=gap, displacement=moved, correction=correction,
+        mean_pressure=jnp.mean(pressure), mean_gap=jnp.mean(gap),
+    )  # fmt: skip
 
 
 @eqx.filter_jit
@@ -176,10 +172,7 @@ def _known_on_whole(known: ContactSolution, inputs: Inputs) -> ContactSolution:
         offset = known.mean_gap - jnp.mean(operator.on_surface(own))
     within = inside(pressure.shape)
     gap = jnp.where(within, operator.on_cell(known.gap), own - heights + offset)
+    displacement, correction = gap + heights - offset, operator.on_cell(known.correction)
     return dataclasses.replace(
-        known,
-        pressure=pressure,
-        gap=gap,
-        displacement=gap + heights - offset,
-        correction=operator.on_cell(known.correction),
+        known, pressure=pressure, gap=gap, displacement=displacement, correction=correction
     )

@@ -195,15 +195,13 @@ def _plain(annotation: Any) -> tuple[Any, ...]:
     return () if issubclass(kind, arrays) or kind in (Sequence, object) else (kind,)
 
 
+Limit = float | None
+
+
 def check_values(
-    name: str,
-    value: ArrayLike,
-    allowed: str,
-    *,
-    above: float | None = None,
-    at_least: float | None = None,
-    at_most: float | None = None,
-) -> None:
+    name: str, value: ArrayLike, allowed: str, *,
+    above: Limit = None, at_least: Limit = None, at_most: Limit = None,
+) -> None:  # fmt: skip
     """Raises `ValueError` naming `name`, the first refused entry and what is `allowed`.
 
     NaN and infinities are always refused.
@@ -214,9 +212,9 @@ def check_values(
         if array.dtype == object:  # whole numbers beyond 64 bits
             array = array.astype(float)
         good = np.isfinite(array)
-        for limit, holds in ((above, np.greater), (at_least, np.greater_equal),
-                             (at_most, np.less_equal)):  # fmt: skip
-            good &= True if limit is None else holds(array, limit)
+        good &= True if above is None else array > above
+        good &= True if at_least is None else array >= at_least
+        good &= True if at_most is None else array <= at_most
         if not np.all(good):
             index = tuple(int(i) for i in np.argwhere(~good)[0])
             place = ", ".join(str(i + start) for i, start in zip(index, corner, strict=True))
@@ -278,10 +276,8 @@ def check_together(**arrays: Array) -> None:
 
 def check_rows(least: int, **arrays: Array) -> None:
     """Raises `ValueError` unless these are one-dimensional, of equal length, at least `least`."""
-    first = next(iter(arrays.values())).shape
-    if any(array.shape != first for array in arrays.values()) or not (
-        len(first) == 1 and first[0] >= least
-    ):
+    first, *others = (array.shape for array in arrays.values())
+    if any(shape != first for shape in others) or len(first) != 1 or first[0] < least:
         text = " and ".join(f"`{name}` {array.shape}" for name, array in arrays.items())
         raise ValueError(
             f"{text.replace('` ', '` has shape ', 1)}; one-dimensional arrays of equal length, at "
@@ -297,8 +293,7 @@ def check_increasing(name: str, value: Array) -> None:
         if len(falling):
             i = falling[0]
             raise ValueError(
-                f"`{name}[{i}]={entries[i]:g}` does not exceed the entry before it: the "
-                "entries must be strictly increasing."
+                f"`{name}[{i}]={entries[i]:g}` is refused: entries must be strictly increasing."
             )
 
 
@@ -322,9 +317,7 @@ def check_whole(name: str, value: Any, least: int) -> None:
         )
 
 
-def check_tolerance(
-    name: str, rtol: float, like: Array | np.ndarray, *, floor_factor: float = 100.0
-) -> None:
+def check_tolerance(name: str, rtol: float, like: Any, *, floor_factor: float = 100.0) -> None:
     """Raises `ValueError` if the dtype of `like` cannot reach the relative tolerance `rtol`."""
     # A traced tolerance has no value that a check could see.
     if not (_is_of(rtol, float) and is_concrete(rtol) and 0 < rtol < 1):
@@ -346,11 +339,10 @@ def within(place: str) -> Iterator[None]:
     """Puts a place, of a scene or a block, before the message of an error that arises there."""
     try:
         yield
-    except FileNotFoundError as error:
-        raise FileNotFoundError(f"{place} {error}") from error
-    except ValueError as error:
+    except (FileNotFoundError, ValueError) as error:
         text = str(error)
-        raise ValueError(text if text.startswith(place) else f"{place} {text}") from error
+        kind = ValueError if isinstance(error, ValueError) else FileNotFoundError
+        raise kind(text if text.startswith(place) else f"{place} {text}") from error
 
 
 def nearest(word: Any, choices: Iterable[str]) -> str:

@@ -27,14 +27,7 @@ def memory_of(fields: float, shape: tuple[int, ...], itemsize: int = 8) -> float
     return COMPILER + fields * math.prod(shape) * itemsize
 
 
-def check_memory(
-    name: str,
-    purpose: str,
-    fields: float,
-    shape: tuple[int, ...],
-    itemsize: int = 8,
-    devices: int = 1,
-) -> None:
+def check_memory(name: str, purpose: str, fields: float, shape, itemsize=8, devices=1) -> None:
     """Raises `ValueError` if a solve needs more memory than is free, and names a grid that fits.
 
     **Arguments:**
