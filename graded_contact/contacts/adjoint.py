@@ -232,17 +232,13 @@ def _in_contact(operator: AbstractOperator, s, rhs, adjoint: LinearSolver, rtol,
 
         return run
 
+    turned = operator.with_kernel(jnp.conj(operator.kernel))
     return root * jax.lax.custom_linear_solve(
-        operate,
-        project(root * rhs),
-        solve=solver_for(operator),
-        transpose_solve=solver_for(operator.with_kernel(jnp.conj(operator.kernel))),
+        operate, project(root * rhs), solver_for(operator), solver_for(turned)
     )
 
 
-def opening_by_load(
-    operator: AbstractOperator, s: Field, adjoint: LinearSolver, rtol: Scalar
-) -> Float[Array, "..."]:
+def opening_by_load(operator: AbstractOperator, s: Field, adjoint: LinearSolver, rtol) -> Array:
     """Returns ρ dū/dp of a contact whose points have the slopes s; `operator` is ρM."""
     total = nonzero(operator.mean(s))
     known = s / total
@@ -253,12 +249,8 @@ def opening_by_load(
 
 def _fill_with_zeros(tangents, primals):
     """The tangents, with zeros in place of None."""
-    return jax.tree.map(
-        lambda p, t: jnp.zeros_like(p) if t is None and p is not None else t,
-        primals,
-        tangents,
-        is_leaf=lambda x: x is None,
-    )
+    fill = lambda p, t: jnp.zeros_like(p) if t is None and p is not None else t  # noqa: E731
+    return jax.tree.map(fill, primals, tangents, is_leaf=lambda x: x is None)
 
 
 def check_converged(number: Array, failed: Bool[Array, ""]) -> Array:

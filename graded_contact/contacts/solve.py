@@ -272,8 +272,9 @@ def _undeformed_gap(approach, law: AbstractLaw, heights):
 @jit
 @one_by_one
 def _find_contact(inputs: Inputs, solver: AbstractContactSolver, rtol, start):
+    operator = inputs.operator
     if not isinstance(solver, DouglasRachford):  # which accepts any mean, and saves a copy
-        inputs = _without_mean(inputs)
+        inputs = inputs._replace(operator=operator.with_kernel(operator.compliance))
     return solver.solve(*inputs, rtol=rtol, start=start)
 
 
@@ -296,17 +297,13 @@ def _output_of(inputs: Inputs, solution: ContactSolution) -> SolverOutput:
     )  # fmt: skip
 
 
-def _without_mean(inputs: Inputs) -> Inputs:
-    operator = inputs.operator
-    return inputs._replace(operator=operator.with_kernel(operator.compliance))
-
-
 @jit
 def _solution(
     inputs: Inputs, finds_unstable: bool, found: SolverOutput, adjoint: LinearSolver, rtol, close
 ) -> tuple[ContactSolution, Array]:
     """The solution with its derivative, to a tolerance `close`, and whether it is one."""
-    inputs = _without_mean(inputs)
+    operator = inputs.operator
+    inputs = inputs._replace(operator=operator.with_kernel(operator.compliance))
     found = jax.lax.stop_gradient(found)
     correction, error, gap_error = jax.lax.stop_gradient(assess(inputs, found))
     # Where rounding ended the solve, its own error counts noise out of contact, too.

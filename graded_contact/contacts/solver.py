@@ -78,15 +78,9 @@ class AbstractContactSolver(eqx.Module):
 
     @abstractmethod
     def solve(
-        self,
-        operator: AbstractOperator,
-        heights: Field,
-        law: AbstractLaw,
-        loading: Loading,
-        *,
-        rtol: Scalar,
-        start: Field | None,
-    ) -> SolverOutput:
+        self, operator: AbstractOperator, heights: Field, law: AbstractLaw, loading: Loading,
+        *, rtol: Scalar, start: Field | None,
+    ) -> SolverOutput:  # fmt: skip
         """Returns the contact of heights with a solid.
 
         Called once inside `jax.jit`, without derivatives. A problem that the solver does not accept

@@ -54,9 +54,7 @@ class Window(AbstractOperator):
         # The wake of sliding ends there with a step, of opposite sign in every other wave along x.
         return self.kernel / 2 + (jnp.roll(self.kernel, 1, 0) + jnp.roll(self.kernel, -1, 0)) / 4
 
-    def change_by(
-        self, error: Waves, pressure: Field, touching: Bool[Array, "*shape"], at_approach: bool
-    ) -> Field:
+    def change_by(self, error: Waves, pressure: Field, touching, at_approach: bool) -> Field:
         """Returns the change of the pressure [Pa] by an error of the kernel.
 
         At a given approach or load. As in `estimates.py`, by the inverse of M on the whole cell
@@ -114,9 +112,7 @@ def inside(shape: tuple[int, ...]) -> Bool[Array, "*shape"]:
     return first & others[0] if others else first
 
 
-def on_whole(
-    inputs: Inputs, start: Array | None, known: ContactSolution | None
-) -> tuple[Inputs, Array | None, ContactSolution | None]:
+def on_whole(inputs: Inputs, start: Array | None, known: ContactSolution | None):
     """Returns the inputs of the contact on the cell of a window, and its start and solution.
 
     The gap of the loading is that of the undeformed block.

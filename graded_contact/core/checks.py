@@ -24,12 +24,9 @@ from .display import short
 
 # What users call the classes that annotations name.
 _WORDS = {
-    "int": "a whole number",
-    "float": "a plain number",
-    "bool": "True or False",
-    "str": "a text",
-    "NoneType": "None",
-}
+    "int": "a whole number", "float": "a plain number", "bool": "True or False",
+    "str": "a text", "NoneType": "None",
+}  # fmt: skip
 
 F = TypeVar("F", bound=Callable[..., Any])
 
@@ -92,8 +89,7 @@ def as_scalar(value: Any, name: str) -> Float[Array, ""]:
     array = as_float(value, name)
     if array.shape != ():
         raise ValueError(
-            f"`{name}` has shape {array.shape}; one number is needed. For many at once, build and "
-            "use the object inside `jax.vmap`."
+            f"`{name}` has shape {array.shape}; one number is needed. For many, use `jax.vmap`."
         )
     return array
 
