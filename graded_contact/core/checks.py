@@ -143,6 +143,7 @@ def check_types(function: F) -> F:
         except TypeError as error:
             names = ", ".join(f"`{name}`" for name in signature.parameters)
             raise TypeError(f"{function.__name__}: {error}; it takes {names}.") from None
+        # Defaults are not bound: only what the caller gave is looked at.
         for name, value in arguments.items():
             if name in hints:
                 check_type(name, value, *hints[name])
@@ -166,6 +167,7 @@ def _is_of(value: Any, kind: Any) -> bool:
     if kind is int:
         return isinstance(value, int | np.integer) and not isinstance(value, bool)
     if kind is float:
+        # Python's whole numbers have no limit, and one beyond the largest float has no float.
         if isinstance(value, int):
             return not isinstance(value, bool) and abs(value) <= sys.float_info.max
         return isinstance(value, float | np.number | np.ndarray | Array) and np.ndim(value) == 0
@@ -187,6 +189,7 @@ def _plain(annotation: Any) -> tuple[Any, ...]:
     kind = origin or annotation
     if not isinstance(kind, type) or kind in (inspect.Parameter.empty, Any):
         return ()
+    # In place of an array a list may be given, too: `as_float` converts or refuses the value.
     arrays = (Array, np.ndarray, AbstractArray)
     return () if issubclass(kind, arrays) or kind in (Sequence, object) else (kind,)
 
@@ -208,6 +211,7 @@ def check_values(
         if array.dtype == object:  # whole numbers beyond 64 bits
             array = array.astype(float)
         good = np.isfinite(array)
+        # NaN fails every comparison, and is refused without limits, too.
         good &= True if above is None else array > above
         good &= True if at_least is None else array >= at_least
         good &= True if at_most is None else array <= at_most

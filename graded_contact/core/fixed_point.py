@@ -56,6 +56,7 @@ def find_fixed_point(
 
     def step(point: FixedPoint) -> FixedPoint:
         image, state = function(point.x, point.state)
+        # The state may hold fields: they do not pass through the program of a few unknowns.
         return _next(point._replace(state=None), image, rtol)._replace(state=state)
 
     def running(point: FixedPoint):

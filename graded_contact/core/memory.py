@@ -104,6 +104,7 @@ def _of_groups() -> list[float]:
         # In a container the group's own path may not be visible, its root is.
         place = Path(root + group)
         for folder in (place, *place.parents):
+            # A group without a limit has the word "max"; a parent may have one all the same.
             limit, used = (_lines(folder / name) for name in names[:2])
             if limit and used and limit[0].isdigit():
                 # The kernel frees inactive pages of files on demand.

@@ -234,6 +234,7 @@ _ALL = PARAMETERS | RESULTS | FIELDS
 
 def quantity_of(name: str, owner: str = "") -> Quantity | None:
     """Returns the entry of a field of the class `owner`, or of the last part of a path, or None."""
+    # "layers[0].thickness" and "times[2]" are a thickness and a time.
     last = name.rpartition(".")[2].partition("[")[0]
     found = _ALL.get(f"{owner}.{last}") or AXES.get(last)
     if found is None and last in OBSERVABLES:
