@@ -132,6 +132,7 @@ def solve_contact(
     if gaps[other] is not None:
         place = "on a window" if on_window else "unless the body is on a window"
         raise ValueError(f"`{other}={gaps[other]}` is refused {place}. Prescribe `{own}`.")
+    loading = loading_of(law, heights, None, pressure=pressure, **{own: gaps[own]})
     unlimited = on_window and is_concrete(operator.kernel)
     if unlimited and approach is not None and operator.kernel[(0,) * heights.ndim] == 0:
         raise ValueError(
@@ -139,7 +140,6 @@ def solve_contact(
             "away, as of all blocks in one dimension but slabs on a `Rigid()` base. Prescribe "
             "`pressure`."
         )
-    loading = loading_of(law, heights, None, pressure=pressure, **{own: gaps[own]})
     start = as_start(start, heights, law)
     inputs = Inputs(operator, heights, law, loading)
     if on_window:
