@@ -67,9 +67,7 @@ class Round(eqx.Module):
     found: Bool[Array, ""]
 
 
-def newton_round(
-    operator: AbstractOperator, heights: Field, load, z, x, coat, *, allowed, rtol, budget
-) -> tuple[Field, Scalar, Array, Bool[Array, ""]]:
+def newton_round(operator: AbstractOperator, heights, load, z, x, coat, *, allowed, rtol, budget):
     """Returns z = σ + u, the next coat, the FFT pairs, and whether the contact was found.
 
     **Arguments:**

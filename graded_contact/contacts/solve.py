@@ -148,9 +148,7 @@ def solve_contact(
     return on_part(found, operator) if on_window else found
 
 
-def contact_of(
-    inputs: Inputs, solver, adjoint, rtol, start, solution, throw: bool
-) -> ContactSolution:
+def contact_of(inputs: Inputs, solver, adjoint, rtol, start, solution, throw: bool):
     """Returns the contact of checked inputs; see `solve_contact` for the arguments."""
     # In one precision: what ends a solve counts the digits of the fields.
     kernel = inputs.operator.kernel

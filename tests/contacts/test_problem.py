@@ -16,8 +16,8 @@ SMALL = gc.Grid((16, 16), 1.0)
 GRID = gc.Grid((64, 64), 1.0)
 
 
-def half_space(grid, modulus=1.0):
-    return gc.stack_kernel(gc.Stack(base=gc.HalfSpace(gc.Elastic(modulus * 0.75, 0.5))), grid)
+def half_space(grid):
+    return gc.stack_kernel(BODIES["elastic"], grid)
 
 
 def always_large(monkeypatch):
@@ -44,19 +44,13 @@ def test_pressure_matches_a_dense_complementarity_solve(name, load, shape):
     assert max(found.penetration, found.complementarity_error) <= 1e-7
 
 
-def sheet(grid, closed, seed=0):
+def sheet(grid, closed):
     """Kernel, heights and load of a free bilayer thin beside the cell, near full contact."""
     layers = gc.Layer(gc.Elastic(1.0, 0.49), 3e-3), gc.Layer(gc.Elastic(30.0, 0.3), 3e-3)
     kernel = gc.stack_kernel(gc.Stack(layers=layers, base=gc.Free()), grid).real
-    heights = rough(grid, seed=seed).heights
+    heights = rough(grid).heights
     spectrum = jnp.fft.rfftn(heights) / kernel.at[(0,) * grid.ndim].set(np.inf)
     return kernel, heights, -closed * jnp.fft.irfftn(spectrum, grid.shape).min()
-
-
-def gap_errors(found, gap, heights):
-    """Of gap, its mean and displacement, root mean square over the rms height."""
-    wrong = np.asarray(found.gap - gap)
-    return np.array([np.sqrt(np.mean(wrong**2)), abs(wrong.mean()), wrong.std()]) / heights.std()
 
 
 @pytest.mark.parametrize("closed", [None, 0.3, 0.5, 0.9])
@@ -74,7 +68,8 @@ def test_gaps_match_a_dense_complementarity_solve_within_their_stated_error(clos
     for rtol in (1e-3, 1e-5):
         found = gc.solve_contact(kernel, heights, load, rtol=rtol)
         assert found.result == gc.contacts.RESULTS.successful
-        assert np.all(gap_errors(found, gap, heights) <= found.gap_error)
+        # The mean and what varies are no larger than the whole.
+        assert np.sqrt(np.mean((found.gap - gap) ** 2)) <= found.gap_error * np.std(heights)
         assert found.gap_error <= 0.1 and found.penetration <= 0.1
         np.testing.assert_allclose(found.mean_gap, np.mean(found.gap), rtol=1e-9)
 
