@@ -130,8 +130,10 @@ def solve_contact(
     gaps = {"mean_gap": mean_gap, "approach": approach}
     own, other = ("approach", "mean_gap") if on_window else ("mean_gap", "approach")
     if gaps[other] is not None:
-        place = "on a window" if on_window else "unless the body is on a window"
-        raise ValueError(f"`{other}={gaps[other]}` is refused {place}. Prescribe `{own}`.")
+        only = "in a periodic cell" if on_window else "on a window (see `Surface.periodic`)"
+        raise ValueError(
+            f"`{other}={gaps[other]}` is refused: only a body {only} has one. Prescribe `{own}`."
+        )
     loading = loading_of(law, heights, None, pressure=pressure, **{own: gaps[own]})
     unlimited = on_window and is_concrete(operator.kernel)
     if unlimited and approach is not None and operator.kernel[(0,) * heights.ndim] == 0:
