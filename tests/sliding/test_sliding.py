@@ -133,19 +133,10 @@ def test_observables_of_a_batch_a_copy_and_inside_jit_are_those_of_the_call():
     np.testing.assert_allclose(copy.friction, one.friction, rtol=1e-12)
 
 
-def test_a_case_with_another_load_has_the_friction_of_slide_and_its_derivative(unchecked_types):
-    line = gc.Surface(SURFACE.heights[:, 0], gc.Grid((64,), CELL))
-    case = gc.Case(coated(), line, pressure=4e5, velocity=0.1)
-
-    def friction(load):
-        numerics = gc.sliding.Numerics(rtol=1e-10)
-        return dataclasses.replace(case, pressure=load).solve(numerics).friction
-
-    low, high = (
-        gc.slide(coated(), line, pressure=load, velocity=0.1, rtol=1e-10).friction
-        for load in (3e5 - 3, 3e5 + 3)
-    )
-    np.testing.assert_allclose(jax.jit(jax.grad(friction))(3e5), (high - low) / 6, rtol=1e-4)
+def test_a_case_with_another_load_has_the_friction_of_slide(unchecked_types):
+    case = dataclasses.replace(gc.Case(coated(), SURFACE, pressure=1e5, velocity=0.1), pressure=4e5)
+    alone = gc.slide(coated(), SURFACE, pressure=4e5, velocity=0.1)
+    assert case.solve().friction == alone.friction
     with pytest.raises(ValueError, match="`velocity` or `displacement` with `period` is needed"):
         dataclasses.replace(case, displacement=np.zeros(8), period=1.0)
     with pytest.raises(TypeError, match="slide has no argument `rtoll`; its numerics are `rtol`"):
