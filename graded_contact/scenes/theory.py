@@ -153,6 +153,7 @@ def errors_of_stack(scene: Scene) -> Errors | None:
         at = places(scene.stack, material)
         if at:
             names += [f"{place}.{path}" for place in at for path in known.paths]
+            # The errors of one material act at all its places together.
             blocks.append(np.tile(known.directions, len(at)))
     return Errors(tuple(names), block_diag(*blocks)) if names else None
 

@@ -75,6 +75,7 @@ class Case(eqx.Module):
             raise ValueError("`displacement` needs the `period` [s] of the motion.")
         shape = self.displacement.shape
         allowed = ((), (2,)) if grid.ndim == 2 else ((),)
+        # Four times are the fewest with a frequency between 0 and the highest one.
         if not shape or shape[0] < 4 or shape[1:] not in allowed:
             raise ValueError(
                 f"`displacement` has shape {shape}; `(nt,)` or, on a grid in two dimensions, "
@@ -102,6 +103,7 @@ class Case(eqx.Module):
         **Raises:** `ValueError` for a refused number; `RuntimeError` if kernel or solve fail.
         """
         check_type("surface", self.surface, Surface)
+        # With heat several contacts are solved, and a motion has one at each time.
         if solution is not None and (self.heating is not None or self.velocity is None):
             raise ValueError(
                 "`solution` is refused with `heating` or a motion: it holds steady contacts alone."

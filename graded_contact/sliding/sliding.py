@@ -58,6 +58,7 @@ class AbstractSliding(eqx.Module):
     is_cycle: eqx.AbstractClassVar[bool]
 
     def __getattr__(self, name: str) -> Array:
+        # Python looks here only for what is no field. Numbers of `contact` need no program.
         entry = OBSERVABLES.get(name)
         if entry is None or not entry.is_of(self.is_cycle, entry.needs):
             raise AttributeError(f"`{type(self).__name__}` has no attribute `{name}`.")
@@ -240,6 +241,7 @@ class CyclicSliding(AbstractSliding):
         moved, size = self.moved, self.grid.size[: self.moved.shape[1]]
         closing = (moved[-1] - moved[-2] + moved[1] - moved[0]) / 2
         drift = size * jnp.round(jax.lax.stop_gradient((moved[-1] + closing - moved[0]) / size))
+        # The velocity is periodic, the displacement only up to whole cells.
         back = moved - drift * (self.times / self.period)[:, None]
         return rate_of(back, self.period) + drift / self.period, back
 

@@ -100,6 +100,7 @@ def _stiffness(sliding: Sliding, kernel, adjoint: LinearSolver):
     # G(0), the sum over all waves.
     yielding = jnp.sum(multiplicity(share.shape) * operator.compliance.real) / share.size
     soft = _YIELDING * penalty * yielding * (1 - share)
+    # Points far from contact carry nothing; 0/0 would spoil the derivative.
     s = jnp.where(share > 0, share / jnp.where(share > 0, share + soft, 1), 0)
     rtol = jnp.asarray(_RTOL, share.dtype)
     return -penalty / opening_by_load(operator.scaled(penalty), s, adjoint, rtol)
