@@ -253,9 +253,7 @@ class BulkShear(AbstractMaterial):
 
 
 @jax.jit
-def _relaxation_from_creep(
-    glassy: Float[Array, ""], compliances: Float[Array, " n"], times: Float[Array, " n"]
-) -> tuple[Float[Array, ""], Float[Array, " n"], Float[Array, " n"]]:
+def _relaxation_from_creep(glassy: Array, compliances: Array, times: Array):
     """`(equilibrium [Pa], strengths [Pa], relaxation times [s])`, longest time first.
 
     E(s) and J(s) = 1/E(s) are rational functions, whose poles and zeros on the negative axis
@@ -266,11 +264,9 @@ def _relaxation_from_creep(
     rates = 1 / times[order]
     weights = glassy * compliances[order] * rates
     # J(s) = 0 at s = -λ: one root above each rate, the last below r_n + Σ a.
+    upper = jnp.append(rates[1:], rates[-1] + 2 * jnp.sum(weights))
     roots, gaps = _increasing_roots(
-        lambda root, gaps: 1 + jnp.sum(weights / gaps, axis=-1),
-        rates,
-        lower=rates,
-        upper=jnp.append(rates[1:], rates[-1] + 2 * jnp.sum(weights)),
+        lambda root, gaps: 1 + jnp.sum(weights / gaps, axis=-1), rates, rates, upper
     )
     slope = jnp.sum(weights / gaps / gaps, axis=-1)
     equilibrium = glassy / (1 + glassy * jnp.sum(compliances))
@@ -278,35 +274,26 @@ def _relaxation_from_creep(
 
 
 @jax.jit
-def _creep_from_relaxation(
-    equilibrium: Float[Array, ""], strengths: Float[Array, " n"], times: Float[Array, " n"]
-) -> tuple[Float[Array, ""], Float[Array, " n"], Float[Array, " n"]]:
+def _creep_from_relaxation(equilibrium: Array, strengths: Array, times: Array):
     """`(glassy [Pa], compliances [1/Pa], retardation times [s])`, longest time first."""
     order = jnp.argsort(-times)
     rates, strengths = 1 / times[order], strengths[order]
     ratios = strengths / equilibrium
     # E(s) = 0 at s = -r: one root below each rate, the first above r_1/(1 + Σ E_k/E_eq).
+    lower = jnp.append(rates[:1] / (1 + 2 * jnp.sum(ratios)), rates[:-1])
     roots, gaps = _increasing_roots(
-        lambda root, gaps: jnp.sum(ratios * root[:, None] / gaps, axis=-1) - 1,
-        rates,
-        lower=jnp.append(rates[:1] / (1 + 2 * jnp.sum(ratios)), rates[:-1]),
-        upper=rates,
+        lambda root, gaps: jnp.sum(ratios * root[:, None] / gaps, axis=-1) - 1, rates, lower, rates
     )
     slope = jnp.sum(strengths * rates / gaps / gaps, axis=-1)
     return equilibrium + jnp.sum(strengths), 1 / (roots * slope), 1 / roots
 
 
-def _increasing_roots(
-    value: Callable[[Float[Array, " n"], Float[Array, "n n"]], Float[Array, " n"]],
-    poles: Float[Array, " n"],
-    lower: Float[Array, " n"],
-    upper: Float[Array, " n"],
-) -> tuple[Float[Array, " n"], Float[Array, "n n"]]:
-    """Roots λ_i between `lower` and `upper` > 0, and the gaps poles_j - λ_i.
+def _increasing_roots(value: Callable, poles: Array, lower: Array, upper: Array):
+    """Roots λ_i between `lower` and `upper` > 0, shape `(n,)`, and gaps poles_j - λ_i, `(n, n)`.
 
-    `value(λ, gaps)` increases along each bracket, from pole to pole. The root of a weak branch
-    nearly touches its pole, so what is sought is log |λ - nearer end|: by bisection to the last
-    digit, then by one Newton step that carries the derivatives.
+    `value(λ, gaps)`, shape `(n,)`, increases along each bracket, from pole to pole. The root of a
+    weak branch nearly touches its pole, so what is sought is log |λ - nearer end|: by bisection to
+    the last digit, then by one Newton step that carries the derivatives.
     """
     middle = (lower + upper) / 2
     from_lower = value(middle, poles - middle[:, None]) > 0

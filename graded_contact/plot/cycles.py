@@ -9,7 +9,7 @@ from ..core.display import unit_of, with_unit
 from ..core.quantities import FIELDS
 from ..surfaces.surface import Surface
 from .contact import LOOKS, draw_map, draw_profile
-from .style import PAGE, colours_of, legend_below, letters, new_figure, styled
+from .style import PAGE, colours_of, finished, new_figure
 from .words import label_of, title_of
 
 if TYPE_CHECKING:
@@ -19,7 +19,7 @@ if TYPE_CHECKING:
     from ..sliding.cycle import CyclicSliding
 
 
-@styled
+@finished
 def plot_cycle(cycle: "CyclicSliding | Dataset") -> "Figure":
     """Returns a figure of the hysteresis loop, and of friction and contact area over the period.
 
@@ -51,12 +51,10 @@ def plot_cycle(cycle: "CyclicSliding | Dataset") -> "Figure":
     for axes in (over_time, area):
         axes.set_xlabel("time over the period [1]")
     area.set(ylabel="contact area fraction [1]", ylim=(0, None))
-    letters((loop, over_time, area))
-    legend_below(figure)
     return figure
 
 
-@styled
+@finished
 def plot_film(
     cycle: "CyclicSliding | Dataset", surface: Surface, times: Sequence[int] | None = None
 ) -> "Figure":
@@ -95,7 +93,6 @@ def plot_film(
             axes.set(ylabel=label, ylim=(0, 1.05 * factor * high))
         axes.set_title(f"$t/T$ = {i / count:.3g}")
         axes.label_outer()
-    letters(panels)
     if is_map:
         figure.colorbar(image, ax=list(panels), label=label, shrink=0.9)
     return figure

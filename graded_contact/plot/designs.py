@@ -14,7 +14,7 @@ from ..scenes.run_design import DesignResults, design_mean_field
 from ..studies.design_problem import named
 from ..studies.objectives import loss_tangent
 from ..studies.search import Design
-from .style import COLOURS, PAGE, few_powers_of_ten, legend_below, letters, new_figure, styled
+from .style import COLOURS, PAGE, few_powers_of_ten, finished, new_figure
 from .words import title_of
 
 if TYPE_CHECKING:
@@ -23,7 +23,7 @@ if TYPE_CHECKING:
 CURVE_POINTS = 41
 
 
-@styled
+@finished
 def plot_design(results: DesignResults) -> "Figure":
     """Returns a figure of a design: friction over velocity, and the loss tangent, before and after.
 
@@ -64,8 +64,6 @@ def plot_design(results: DesignResults) -> "Figure":
     )
     for axes in (friction, loss):
         axes.set_ylim(bottom=0)
-    letters((friction, loss))
-    legend_below(figure)
     return figure
 
 
@@ -81,7 +79,7 @@ def _curve_velocities(study: DesignScene, field: MeanField) -> Float[np.ndarray,
     return np.geomspace(first, last, CURVE_POINTS)
 
 
-@styled
+@finished
 def plot_history(design: Design, *, scene: str = "") -> "Figure":
     """Returns a figure of a search: objective, constraints and parameters of each evaluation.
 
@@ -123,8 +121,6 @@ def plot_history(design: Design, *, scene: str = "") -> "Figure":
     if np.max(ratios) > 3 * np.min(ratios):  # else a logarithmic axis has hardly a number
         parameters.set_yscale("log")
         few_powers_of_ten(parameters.yaxis, np.min(ratios), np.max(ratios))
-    letters((value, *limits, parameters))
-    legend_below(figure)
     for axes in (value, *limits, parameters):
         axes.xaxis.set_major_locator(MaxNLocator(5, integer=True))
         axes.set_xlabel("evaluation")

@@ -9,17 +9,7 @@ from ..core.display import unit_of
 from ..fitting.master import MasterCurve
 from ..materials.measured import Measured
 from .material_curves import CHANNEL_NAMES, ORDINATES
-from .style import (
-    COLUMN,
-    PAGE,
-    TEMPERATURES,
-    few_powers_of_ten,
-    legend_below,
-    letters,
-    new_figure,
-    ordered,
-    styled,
-)
+from .style import COLUMN, PAGE, TEMPERATURES, few_powers_of_ten, finished, new_figure, ordered
 from .words import ZERO_CELSIUS, kelvin
 
 if TYPE_CHECKING:
@@ -27,7 +17,7 @@ if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
 
-@styled
+@finished
 def plot_master_curve(curve: MasterCurve) -> "Figure":
     """Returns a figure of a master curve: isotherms before and after the shift, and the shifts.
 
@@ -66,12 +56,10 @@ def plot_master_curve(curve: MasterCurve) -> "Figure":
     after.sharey(before)
     after.tick_params(labelleft=False)
     _draw_shifts(panels, curve, colours)
-    letters((before, after, *panels))
-    legend_below(figure)
     return figure
 
 
-@styled
+@finished
 def plot_van_gurp_palmen(isotherms: MasterCurve | Measured) -> "Figure":
     """Returns a figure of phase angles against |E*|, coloured by temperature.
 
@@ -105,7 +93,6 @@ def plot_van_gurp_palmen(isotherms: MasterCurve | Measured) -> "Figure":
         series = np.asarray(storage) + 1j * np.asarray(loss)
         angles = np.rad2deg(np.angle(series))
         axes.plot(scale * np.abs(series), angles, "k", linewidth=0.8, label="series")
-        legend_below(figure)
     if temperatures is not None and len(moduli) > 1:
         temperatures = temperatures - ZERO_CELSIUS
         # Each colour ends halfway between its temperature and the next.

@@ -11,7 +11,7 @@ from ..blocks.stack import Stack
 from ..core.checks import as_float, check_positive
 from ..fitting.prony import PronyFit
 from ..studies.uncertainty import Sensitivity
-from .style import COLOURS, PAGE, legend_below, letters, new_figure, styled
+from .style import COLOURS, PAGE, finished, new_figure
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -27,7 +27,7 @@ ORDINATES = {
 }  # fmt: skip
 
 
-@styled
+@finished
 def plot_response(stack: Stack, q: ArrayLike, velocity: ArrayLike | Sequence[float]) -> "Figure":
     """Returns a figure of the effective modulus and the loss tangent of a stack.
 
@@ -52,12 +52,10 @@ def plot_response(stack: Stack, q: ArrayLike, velocity: ArrayLike | Sequence[flo
     words = "wavenumber $q$ [rad/m]"
     stiffness.set(xlabel=words, ylabel="effective modulus $|2/(q M_{zz})|$ [Pa]")
     loss.set(xlabel=words, ylabel="loss tangent [1]", ylim=(0, None))
-    letters((stiffness, loss))
-    legend_below(figure)
     return figure
 
 
-@styled
+@finished
 def plot_fit(fit: PronyFit) -> "Figure":
     """Returns a figure of a fit: measured points and the series, and its log residuals.
 
@@ -89,12 +87,10 @@ def plot_fit(fit: PronyFit) -> "Figure":
     below.axhline(0, color="black", linewidth=0.6)
     words = r"angular frequency $\omega$ [rad/s]" if frequency else "time [s]"
     below.set(xlabel=words, ylabel="ln(fit/measured)\n[%]")
-    letters((above, below))
-    legend_below(figure)
     return figure
 
 
-@styled
+@finished
 def plot_sensitivity(
     sensitivity: Sensitivity | Mapping[str, Sensitivity], *, of: str = "friction"
 ) -> "Figure":
@@ -119,7 +115,4 @@ def plot_sensitivity(
         axes.axhline(0, color="0.6", linewidth=0.8, zorder=0)
         axes.set(xlabel=r"angular frequency $\omega$ [rad/s]", title=title)
     panels[0].set_ylabel(f"relative change of the {of} per that of\nthe modulus and decade [1]")
-    letters(panels)
-    if any(by_label):
-        legend_below(figure)
     return figure
