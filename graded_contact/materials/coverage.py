@@ -59,6 +59,7 @@ class MeasuredRange(eqx.Module):
 
     def shifted(self, log_factor: Float[Array, ""]) -> "MeasuredRange":
         """Returns the range of a material whose times were multiplied by exp(`log_factor`)."""
+        # The ends keep their ratio where a huge shift is cut off at the range of the dtype.
         first = stretched(self.omega[:1], -log_factor)
         return MeasuredRange(self.omega / self.omega[0] * first, self.temperature)
 
@@ -94,6 +95,7 @@ def coverage(tree: Any) -> tuple[Float[Array, ""], Float[Array, ""]] | None:
 
     **Returns:** the lowest and the highest ω [rad/s], or None.
     """
+    # A stack is known only where each of its materials is.
     found = [part.coverage() for part in _limited(tree)]
     if not found:
         return None

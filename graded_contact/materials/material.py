@@ -171,6 +171,7 @@ class Prony(AbstractMaterial):
 
     def modulus(self, omega: Numbers) -> Complex[Array, "*w"]:
         omega = as_float(omega, "omega")
+        # One more axis, over the branches.
         x = omega[..., None] * self.times
         # x²/(1 + x²) and x/(1 + x²), in forms that neither overflow nor cancel and are even and
         # odd: split into size and sign, they would have no derivative at rest.
@@ -185,6 +186,7 @@ class Prony(AbstractMaterial):
         return self.poisson
 
     def at(self, temperature: ScalarLike) -> "Prony":
+        # Moduli change by b_T, times by a_T; the law then counts from the new temperature.
         shift, temperature = require_shift(self.shift), as_temperature(temperature)
         log_factor, lift = shift.log_factor(temperature), jnp.exp(shift.log_vertical(temperature))
         return dataclasses.replace(
@@ -248,6 +250,7 @@ class BulkShear(AbstractMaterial):
     def _shear_and_ratio(self, omega):
         """G [Pa] and G/(3K) [1], in units in which the backward pass suits float32."""
         bulk, shear = self.bulk.modulus(omega), self.shear.modulus(omega)
+        # Powers of moduli in Pa, of the backward pass of a division, would overflow float32.
         unit = jax.lax.stop_gradient(jnp.max(jnp.abs(bulk)))
         return shear, (shear / unit) / (3 * (bulk / unit))
 
@@ -300,6 +303,7 @@ def _increasing_roots(value: Callable, poles: Array, lower: Array, upper: Array)
     end, sign = jnp.where(from_lower, lower, upper), jnp.where(from_lower, 1, -1)
 
     def place(step):
+        # Gaps as differences of poles, less the step: root and pole agree in most digits.
         return end + sign * step, (poles - end[:, None]) - (sign * step)[:, None]
 
     def halve(_, bracket):
@@ -309,10 +313,12 @@ def _increasing_roots(value: Callable, poles: Array, lower: Array, upper: Array)
         return jnp.where(too_far, near, step), jnp.where(too_far, step, far)
 
     far = jnp.log((upper - lower) / 2)
+    # The weakest branch that can be found has almost the smallest number of the dtype.
     reach = 0.9 * float(np.log(jnp.finfo(poles.dtype).tiny))
     # 80 halvings take a bracket of 700 e-foldings below rounding.
     near, far = jax.lax.stop_gradient(jax.lax.fori_loop(0, 80, halve, (far + reach, far)))
     step = jnp.exp((near + far) / 2)
+    # Bisection has no derivative; one step of Newton has that of the implicit function.
     _, slope = jax.jvp(lambda step: value(*place(step)), (step,), (jnp.ones_like(step),))
     return place(step - value(*place(step)) / jax.lax.stop_gradient(slope))
 

@@ -214,6 +214,7 @@ def plot_distributions(
     left, *right = figure.subplots(1, count, squeeze=False)[0]
     reach = 0.0
     if mean_field is not None:
+        # The axis shows the theory too, whose tail may go beyond that of the contact.
         deviation = float(mean_field.stress_variance[-1]) ** 0.5
         reach = float(np.nan_to_num(mean_field.pressure + SHOWN_DEVIATIONS * deviation))
     high, scale = _draw_density(left, "pressure", pressure, pressure > 0, reach, "contact")
@@ -224,6 +225,7 @@ def plot_distributions(
     for axes in right:
         _, scale = _draw_density(axes, "gap", gap, open_points)
         label = f"mean gap {with_unit(float(np.mean(gap)), 'm')}"
+        # The mean is over all points, also those in contact.
         axes.axvline(scale * np.mean(gap), color="0.3", lw=0.8, linestyle="--", label=label)
     for axes in (left, *right):
         axes.set(xlim=(0, None), ylim=(0, None))
@@ -261,6 +263,7 @@ def plot_dissipation(curves: CutoffCurve | Mapping[str, CutoffCurve]) -> "Figure
     - `curves`: the result of `cumulative_friction` or `area_against_cutoff`, or `against_cutoff` of
       a mean field; or several, by their labels.
     """
+    # One curve is a mapping with an empty label, which no legend shows.
     by_label = curves if isinstance(curves, Mapping) else {"": curves}
     figure = new_figure(PAGE, 2.7)
     total, each = figure.subplots(1, 2, sharex=True)

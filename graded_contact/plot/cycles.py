@@ -36,6 +36,7 @@ def plot_cycle(cycle: "CyclicSliding | Dataset") -> "Figure":
     loop, over_time, area = figure.subplots(1, 3)
     unit, factor = unit_of("m", max(float(np.ptp(moved)) for _, moved, *_ in lines))
     for (label, *line), colour in zip(lines, colours_of(len(lines)), strict=False):
+        # The first time is drawn once more at the end of the period.
         place, friction, share = (np.append(values, values[0]) for values in line)
         times = np.linspace(0, 1, len(place))
         # A motion that ends where it began makes a closed loop.
@@ -74,6 +75,7 @@ def plot_film(
 
     pressure, size = np.asarray(cycle.pressure), np.asarray(surface.grid.size)
     count, high = len(pressure), float(np.max(pressure))
+    # Quarters show both directions of a motion to and fro.
     shown = [i * count // 4 for i in range(4)] if times is None else list(times)
     unit, factor = unit_of(FIELDS["pressure"].unit, high)
     label = f"{FIELDS['pressure'].meaning} [{unit}]"
@@ -82,6 +84,7 @@ def plot_film(
     figure = new_figure(PAGE * max(len(shown), 2) / 4, tall)
     panels = figure.subplots(1, len(shown), sharex=True, sharey=True, squeeze=False)[0]
     colours, exponent, colour = LOOKS["pressure"]
+    # One scale for all times: only then can frames be compared.
     norm = PowerNorm(exponent, 0, factor * high)
     image: Any = None
     for axes, i in zip(panels, shown, strict=True):
@@ -100,6 +103,7 @@ def plot_film(
 
 def _over_time(cycle: Any) -> list[tuple[str, np.ndarray, np.ndarray, np.ndarray]]:
     """A label, and displacement, friction and area over time, of each solve."""
+    # One solve in memory has a single line; results of a scene have one for each solve.
     if not hasattr(cycle, "dims"):
         moved = np.asarray(cycle.displacement)
         if moved.ndim > 1:
@@ -119,6 +123,7 @@ def _over_time(cycle: Any) -> list[tuple[str, np.ndarray, np.ndarray, np.ndarray
             continue  # failed, or not started
         words = [f"{title_of(str(name))} {label_of(at[name])}" for name in varied]
         if "velocity" in varied:
+            # The velocity is the last axis, and in a motion it decides the period.
             words[-1] = f"period {with_unit(float(at['period']), 's')}"
         lines.append((", ".join(words), *(at[name].values for name in names)))
     if not lines:

@@ -36,6 +36,7 @@ def plot_design(results: DesignResults) -> "Figure":
     """
     study, scene = results.study, results.study.scene
     before = results.candidates["before"].field
+    # Contacts are solved at few speeds; the mean field costs little and draws a curve.
     velocities = _curve_velocities(study, before)
     # The loss tangent at the middle speed, over the waves of the road and of the band.
     cutoff = before.against_cutoff.cutoff
@@ -102,6 +103,7 @@ def plot_history(design: Design, *, scene: str = "") -> "Figure":
         style = {"color": COLOURS[0], "zorder": 3} if run is best else {"color": "0.7"}
         value.plot(np.arange(1, 1 + len(run.history.values)), run.history.values, ".-", **style)
     tried = np.concatenate([run.history.values for run in design.runs])
+    # A logarithmic axis needs positive values, and is worth it from two decades on.
     if 0 < 100 * np.min(tried) < np.max(tried):
         value.set_yscale("log")
     value.set_ylabel("objective")
@@ -110,10 +112,12 @@ def plot_history(design: Design, *, scene: str = "") -> "Figure":
         for i, margins in enumerate(history.margins.T):
             axes.plot(evaluation, margins, ".-", label=f"(b) constraint {i + 1}")
         ends = axes.get_ylim()
+        # Grey is not allowed.
         axes.axhspan(min(ends[0], 0), 0, color="0.93", zorder=0)
         axes.set_ylim(ends)
         axes.set_ylabel("constraint (0 or more allowed)")
     letter = "c" if constrained else "b"
+    # Relative to the result, because parameters have unlike units and sizes.
     for name, tried, last in zip(names, history.parameters.T, best.parameters, strict=True):
         parameters.plot(evaluation, tried / last, ".-", label=f"({letter}) {title_of(name, scene)}")
     parameters.set_ylabel("parameter / result [1]")

@@ -30,6 +30,7 @@ def plot_master_curve(curve: MasterCurve) -> "Figure":
     measured, shifted = curve.data.observations, curve.fit.data
     frequency = shifted.kind == "frequency"
     figure = new_figure(PAGE, 2.9)
+    # b_T has a panel only where moduli were also shifted vertically.
     mosaic = "bma;bmc" if curve.data.lifts else "bma"
     before, after, *panels = figure.subplot_mosaic(mosaic, width_ratios=(1, 1, 0.9)).values()
     colours = ordered(len(curve.temperatures), TEMPERATURES)
@@ -53,6 +54,7 @@ def plot_master_curve(curve: MasterCurve) -> "Figure":
         xlabel=r"$\omega\,a_T$ [rad/s]" if frequency else "$t/a_T$ [s]",
         title=f"shifted to {kelvin(reference)}",
     )
+    # With one ordinate the eye sees what the shift alone did.
     after.sharey(before)
     after.tick_params(labelleft=False)
     _draw_shifts(panels, curve, colours)
@@ -100,6 +102,7 @@ def plot_van_gurp_palmen(isotherms: MasterCurve | Measured) -> "Figure":
         edges = [2 * temperatures[0] - ends[0], *ends, 2 * temperatures[-1] - ends[-1]]
         norm = BoundaryNorm(edges, len(moduli))
         shown = ScalarMappable(norm, ListedColormap(colours))
+        # Eight labels at most: more would overlap.
         some = temperatures[:: -(-len(temperatures) // 8)]
         figure.colorbar(
             shown, ax=axes, label="temperature [°C]", ticks=some, format="%.0f",
@@ -119,6 +122,7 @@ def _complex_moduli(isotherms: MasterCurve | Measured) -> tuple[np.ndarray | Non
         known = [np.mean(part.temperature) for part in parts if part.temperature is not None]
         return (np.array(known) if known else None), moduli
     points = isotherms.data.observations
+    # What was not measured has the weight 0.
     known = np.all(np.asarray(points.weights) > 0, axis=0)
     storage, loss = np.asarray(points.values)
     group = np.asarray(isotherms.data.group)
@@ -142,6 +146,7 @@ def _draw_shifts(panels: "list[Axes]", curve: MasterCurve, colours) -> None:
     if len(panels) > 1:
         panels[0].sharex(panels[1])
         panels[0].tick_params(labelbottom=False)
+    # The law is drawn only where shifts were measured.
     between = np.linspace(temperatures[0], temperatures[-1], 200)
     by_law = jax.vmap(curve.law.log_factor)(between) / np.log(10)
     panels[0].plot(

@@ -44,6 +44,7 @@ def plot_response(stack: Stack, q: ArrayLike, velocity: ArrayLike | Sequence[flo
     figure = new_figure(PAGE, 2.9)
     stiffness, loss = figure.subplots(1, 2, sharex=True)
     for i, speed in enumerate(speeds):
+        # Waves along the motion: those across it see lower frequencies.
         modulus = np.asarray(effective_modulus(stack, q, q * speed))
         label = f"sliding velocity {speed:.3g} m/s"
         style: dict[str, Any] = {"color": COLOURS[i % len(COLOURS)], "label": label}
@@ -68,9 +69,11 @@ def plot_fit(fit: PronyFit) -> "Figure":
     figure = new_figure(PAGE, 3.8)
     above, below = figure.subplots(2, 1, sharex=True, height_ratios=(3, 1))
     x = np.asarray(fit.data.x)
+    # A relaxation may start at t = 0, which has no place on a logarithmic axis.
     fine = np.geomspace(np.min(x[x > 0]), np.max(x), 300)
     fitted, curves = np.asarray(fit.predict(x)), np.asarray(fit.predict(fine))
     frequency = fit.data.kind == "frequency"
+    # Only moduli over frequency have limits, one pair for each channel.
     lower, upper = fit.confidence(fine) if frequency else (fine, fine)
     limits = [(lower.real, upper.real), (lower.imag, upper.imag)] if frequency else []
     for i, name in enumerate(CHANNEL_NAMES[fit.data.kind]):
@@ -81,6 +84,7 @@ def plot_fit(fit: PronyFit) -> "Figure":
         for limit in limits[i : i + 1]:
             label = f"{name}, 95 % limits"
             above.fill_between(fine, *limit, color=colour, alpha=0.25, linewidth=0, label=label)
+        # In logarithms a modulus that is too large by a factor weighs like one too small.
         residual = 100 * np.log(fitted[i] / measured)
         below.plot(x[known], residual[known], ".", color=colour, markersize=4)
     above.set(xscale="log", yscale="log", ylabel=ORDINATES[fit.data.kind])

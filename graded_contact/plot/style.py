@@ -91,6 +91,7 @@ def finished(draw: "Callable[P, Figure]") -> "Callable[P, Figure]":
     return drawn
 
 
+# The class is made at the first figure: to import Matplotlib takes long.
 @functools.cache
 def _styled_figure() -> "type[Figure]":
     from matplotlib.figure import Figure
@@ -111,6 +112,7 @@ def new_figure(width: float, height: float) -> "Figure":
 @styled
 def entitle(figure: "Figure", text: str) -> None:
     """Puts a line above a figure, and above an earlier one; broken where it is too long."""
+    # About 15 letters of the title's size fit into an inch.
     width = round(15 * figure.get_figwidth())
     lines = [textwrap.fill(line, width) for line in (text, figure.get_suptitle()) if line]
     figure.suptitle("\n".join(lines))
@@ -162,6 +164,7 @@ def few_powers_of_ten(axis: Any, low: float, high: float) -> None:
     """Labels a logarithmic axis, between the powers of ten too if there are few."""
     from matplotlib.ticker import LogLocator, NullFormatter
 
+    # Fewer than two decades would have two labels at most.
     if high < 100 * low:
         axis.set_major_locator(LogLocator(subs=(1, 2, 5)))
         axis.set_major_formatter("{x:g}")

@@ -103,6 +103,7 @@ def plot_compare(results: "Sequence[Dataset]", names: Sequence[str]) -> "Figure"
 
     **Raises:** `ValueError` if they vary different axes, or are of scenes with [motion].
     """
+    # Axes with one point do not matter, so lines are compared and not datasets.
     every = [_lines(one) for one in results]
     first = every[0]
     expected = _axes_of(first)
@@ -260,6 +261,7 @@ def _finish(axes: "Axes", lines: _Lines, quantity: str) -> None:
         ends += [
             line[quantity] + line[quantity + end] for line in lines.each if quantity + end in line
         ]
+    # Failed solves are NaN, which `fmax` leaves out; markers need room above.
     axes.set_ylim(0, 1.08 * np.fmax.reduce(np.concatenate(ends), initial=0) or None)
     line = lines.each[0]
     title = title_of(lines.along, line.attrs.get("scene", ""))
