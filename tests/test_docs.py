@@ -49,9 +49,18 @@ def test_what_a_page_calls_exists_and_takes_its_arguments(page):
 @pytest.mark.parametrize("page", [*PAGES, ROOT / "CONTRIBUTING.md"], ids=lambda page: page.stem)
 def test_the_files_that_a_page_names_exist(page):
     """From the root, or from the end of their path."""
-    for name in set(re.findall(r"`([\w./-]+\.py)\b", page.read_text(encoding="utf-8"))):
+    for name in set(re.findall(r"[\w./-]+\.py\b", page.read_text(encoding="utf-8"))):
         folders = ("graded_contact", "benchmarks", "docs")
         assert (ROOT / name).exists() or any(any((ROOT / f).rglob(name)) for f in folders), name
+
+
+def test_the_steps_from_slide_to_friction_exist():
+    text = (ROOT / "CONTRIBUTING.md").read_text(encoding="utf-8")
+    steps = re.findall(r"^ .*?(\w+)(?:\.\w+)?  \((\w+/\w+\.py)\)", text, flags=re.MULTILINE)
+    assert len(steps) == 10
+    for name, file in steps:
+        source = (ROOT / "graded_contact" / file).read_text(encoding="utf-8")
+        assert re.search(rf"(def|class) {name}\b", source), (name, file)
 
 
 def test_what_examples_call_exists_and_takes_their_arguments(monkeypatch):
