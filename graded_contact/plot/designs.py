@@ -118,10 +118,10 @@ def plot_history(design: Design, *, scene: str = "") -> "Figure":
         axes.set_ylabel("constraint (0 or more allowed)")
     letter = "c" if constrained else "b"
     # Relative to the result, because parameters have unlike units and sizes.
-    for name, tried, last in zip(names, history.parameters.T, best.parameters, strict=True):
-        parameters.plot(evaluation, tried / last, ".-", label=f"({letter}) {title_of(name, scene)}")
-    parameters.set_ylabel("parameter / result [1]")
     ratios = history.parameters / np.array(best.parameters)
+    for name, ratio in zip(names, ratios.T, strict=True):
+        parameters.plot(evaluation, ratio, ".-", label=f"({letter}) {title_of(name, scene)}")
+    parameters.set_ylabel("parameter / result [1]")
     if np.max(ratios) > 3 * np.min(ratios):  # else a logarithmic axis has hardly a number
         parameters.set_yscale("log")
         few_powers_of_ten(parameters.yaxis, np.min(ratios), np.max(ratios))
