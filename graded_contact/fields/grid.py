@@ -53,11 +53,7 @@ class Grid(eqx.Module):
     ):
         counts = tuple(shape) if isinstance(shape, Sequence | np.ndarray) else (shape,)
         whole = (isinstance(n, int | np.integer) and not isinstance(n, bool) for n in counts)
-        if (
-            len(counts) not in (1, 2)
-            or not all(whole)
-            or not 4 <= min(counts) <= max(counts) < 2**48
-        ):
+        if not (0 < len(counts) < 3 and all(whole) and 4 <= min(counts) <= max(counts) < 2**48):
             raise ValueError(
                 f"`shape={short(shape)}` is refused: one or two whole numbers from 4 to 2^48."
             )
@@ -110,11 +106,10 @@ def coordinates(grid: Grid) -> tuple[Float[Array, "..."], ...]:
 
 def mode_numbers(shape: tuple[int, ...]) -> tuple[np.ndarray, ...]:
     """Returns the integers k of q = 2π k/L on the half spectrum, broadcastable; Nyquist is +n/2."""
-    axes = [
-        np.abs(np.fft.fftfreq(n, 1 / n)) * np.where(np.arange(n) <= n // 2, 1, -1) for n in shape
-    ]
-    axes[-1] = axes[-1][: shape[-1] // 2 + 1]
-    return tuple(np.meshgrid(*[np.rint(k).astype(int) for k in axes], indexing="ij", sparse=True))
+    # 0, 1, ..., n//2 and then the negative ones.
+    axes = [(np.arange(n) + (n - 1) // 2) % n - (n - 1) // 2 for n in shape]
+    axes[-1] = np.arange(shape[-1] // 2 + 1)
+    return tuple(np.meshgrid(*axes, indexing="ij", sparse=True))
 
 
 def wavevector(
@@ -140,6 +135,7 @@ def wavenumber(grid: Grid) -> Float[Array, "..."]:
     """Returns |q| [rad/m] on the half spectrum; the q = 0 entry is 0 and has derivative 0."""
     components = wavevector(grid)
     squared = sum(component**2 for component in components)
+    # The root has no derivative at 0, so the mean is 1 before it and 0 after it.
     zero = zero_mode(grid.shape)
     return jnp.where(zero, 0, jnp.sqrt(jnp.where(zero, 1, squared)))
 
@@ -147,6 +143,7 @@ def wavenumber(grid: Grid) -> Float[Array, "..."]:
 def rings(grid: Grid) -> tuple[Float[Array, " rings"], Int[Array, "*half"]]:
     """Returns the outer edges [rad/m] of rings of |q|, and the ring of each mode."""
     q = wavenumber(grid)
+    # The first ring holds the longest waves alone.
     edges = jnp.linspace(2 * np.pi / jnp.max(grid.size), largest(q), max(grid.shape))
     # Modes on an outer edge belong to the ring inside it: rounding must not expel them.
     ring = jnp.ceil((q - edges[0]) / (edges[1] - edges[0]) - 1e-4).astype(int)
@@ -207,7 +204,7 @@ def as_velocity(velocity: Numbers, grid: Grid | None = None) -> Float[Array, "..
 
 def velocity_along(speed: Any, direction: float) -> Any:
     """Returns a velocity at an angle from the x axis: one number along x, or two components."""
-    if direction == 0:
+    if direction == 0:  # a number, for which kernels need only a column of frequencies
         return speed
     unit = np.array([np.cos(direction), np.sin(direction)])
     # Rounding of a right angle would excite frequencies near zero.
@@ -318,6 +315,7 @@ def interpolate(field: Float[Array, "..."], shape: tuple[int, ...]) -> Float[Arr
     for axis, (n, m) in enumerate(zip(field.shape, shape, strict=True)):
         if n == m:
             continue
+        # Places of the new points in spacings of the old grid.
         position = np.arange(m) * (n / m)
         left = np.floor(position).astype(int)
         weight = (position - left).reshape([-1 if i == axis else 1 for i in range(field.ndim)])
