@@ -49,6 +49,10 @@ class Row(NamedTuple):
     def num_numbers(self) -> int:
         return sum(map(is_number, self.cells))
 
+    @property
+    def text(self) -> str:
+        return " ".join(self.cells)
+
 
 class Sheet(NamedTuple):
     """The rows of a file, or of one sheet of a workbook.
@@ -175,7 +179,7 @@ def _text_sheet(path: PurePath, content: bytes) -> Sheet:
         raise ValueError(f"`path={path}` is neither a table of text nor an Excel workbook.")
     layout = text_layout(lines, 2)
     grouped = _GROUPED[layout.decimal]
-    rows, count, marks = [], 0, ""
+    rows, count = [], 0
     for number, line in enumerate(lines, start=1):
         row = Row(number, layout.cells(COMMENT.sub("", line, count=1)))
         if COMMENT.match(line):
@@ -189,8 +193,8 @@ def _text_sheet(path: PurePath, content: bytes) -> Sheet:
         count += len(row.cells)
         if count > MOST_CELLS:
             raise Refusal(f"it has more than {MOST_CELLS:g} cells")
-        if not marks and any(map(grouped.fullmatch, layout.split(line))):
-            marks = ", with marks between thousands"
+    marked = any(grouped.fullmatch(cell) for line in lines for cell in layout.split(line))
+    marks = ", with marks between thousands" * marked
     spaced = layout.separator is None
     if spaced:  # names such as "Storage modulus" hold single spaces
         width = max((len(row.cells) for row in rows if holds_data(row)), default=0)
@@ -240,10 +244,8 @@ def _workbook(path: PurePath, library: str, tables: Iterable[tuple[str, Iterable
             warnings.simplefilter("ignore")  # of styles and extensions, not of cells
             return [_sheet(name, table) for name, table in tables]
     except ImportError as error:
-        raise ImportError(
-            f"`path={path}` is an Excel workbook, which needs the package {library}: "
-            "pip install graded_contact[io]"
-        ) from error
+        reason = f"`path={path}` needs the package {library}: pip install graded_contact[io]"
+        raise ImportError(reason) from error
     except Refusal:
         raise
     except Exception as error:  # the libraries raise many kinds on a damaged file
@@ -289,7 +291,8 @@ def _sheet(name: str, table: Iterable[Iterable[Any]]) -> Sheet:
     marked = (*_PLAIN.values(), *_GROUPED.values())
     texts = [text for text in texts if any(number.fullmatch(text) for number in marked)]
     decimal = max(".,", key=lambda mark: _score([texts], mark, 2))
-    cells = ([_with_point(str(cell).strip(), decimal) for cell in row] for _, row in rows)
-    pairs = zip(rows, cells, strict=True)
-    padded = [Row(line, row + [""] * (width - len(row))) for (line, _), row in pairs]
+    padded = []
+    for line, row in rows:
+        cells = [_with_point(str(cell).strip(), decimal) for cell in row]
+        padded.append(Row(line, cells + [""] * (width - len(row))))
     return Sheet(name, padded, f"sheet {name!r} of a workbook", spaced=False)

@@ -85,9 +85,8 @@ def read_instrument(content: bytes, channel: str | int | None, at_most: float) -
             warnings.simplefilter("ignore")
             import SurfaceTopography  # takes seconds
     except ImportError as error:
-        raise ImportError(
-            "This file needs the package SurfaceTopography: pip install graded_contact[io]"
-        ) from error
+        reason = "This file needs SurfaceTopography: pip install graded_contact[io]"
+        raise ImportError(reason) from error
     with SurfaceTopography.open_topography(io.BytesIO(content)) as reader:
         if content.startswith(b"PK") and type(reader).__name__ == "HGTReader":
             raise ValueError("this reader takes any 2 n² bytes")
@@ -124,9 +123,7 @@ def _check_points(shape: Any, at_most: float) -> None:
     points = math.prod(np.atleast_1d(shape).tolist())
     most = min(MOST_POINTS, at_most / BYTES_OF_POINT)
     if points > most:
-        raise Refusal(
-            f"it has {points} points; at most {most:.0f} are read from a packed file of its size"
-        )
+        raise Refusal(f"it has {points} points; at most {most:.0f} are read at its packed size")
 
 
 def _check_streams(content: bytes, at_most: float) -> None:
@@ -228,9 +225,8 @@ def _with_size(scan: Scan, arrays: dict[str, np.ndarray], unit: str | None) -> S
         found[name] = scan._replace(size=size, lateral_unit=lateral)
         edges.append((metres(str(lateral)) or 1.0) * size)
     if not all(np.allclose(edge, edges[0], rtol=0.01) for edge in edges):
-        raise Refusal(
-            f"its {' and '.join(map(repr, found))} contradict each other; pass `size` [m]"
-        )
+        names = " and ".join(map(repr, found))
+        raise Refusal(f"its {names} contradict each other; pass `size` [m]")
     return next(iter(found.values()), scan)
 
 

@@ -27,17 +27,15 @@ def fill_holes(
 
 
 def region_note(missing: np.ndarray, spacing: np.ndarray) -> str:
-    """The largest part of the map that was measured completely."""
+    """A sentence on the largest part of the map that was measured completely."""
     part = _largest_rectangle(missing)
     counts = [p.stop - p.start for p in part]
     if min(counts) < 4:
         return "No part of 4 points along each axis was measured completely."
     pairs = zip(part, spacing, strict=True)
     ends = [f"{end * apart:.6g}" for p, apart in pairs for end in (p.start, p.stop)]
-    return (
-        f"Its largest completely measured part is `region=[{', '.join(ends)}]`, "
-        f"{100 * np.prod(counts) / missing.size:.2g} % of the points."
-    )
+    share = f"{100 * np.prod(counts) / missing.size:.2g} % of the points"
+    return f"Its largest completely measured part is `region=[{', '.join(ends)}]`, {share}."
 
 
 def grown(missing: np.ndarray, rings: int) -> np.ndarray:
@@ -109,8 +107,5 @@ def _largest_rectangle(missing: np.ndarray) -> tuple[slice, ...]:
                 if high * (j - begin) > best:
                     best, found = high * (j - begin), (i + 1 - high, i + 1, begin, j)
             stack.append((begin, height))
-    parts = (
-        slice(found[0] * blocks[0], found[1] * blocks[0]),
-        slice(found[2] * blocks[1], found[3] * blocks[1]),
-    )
-    return parts[: missing.ndim]
+    ends = np.reshape(found, (2, 2)) * np.array(blocks)[:, None]
+    return tuple(slice(first, last) for first, last in ends.tolist())[: missing.ndim]

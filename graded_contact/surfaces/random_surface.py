@@ -80,17 +80,18 @@ def _check_band(spectrum: SelfAffine, grid: Grid) -> None:
     if spectrum.anisotropy is not None and is_concrete(spectrum.q_roll):
         # A correlation length along the lay beyond that of the cell has too few modes.
         longest = max(float(spectrum.q_roll) / fundamental, 1)
-        allowed = f"γ/q_roll must be at most L/2π. This cell takes up to {longest:.3g}; for a "
-        allowed += "longer lay use a larger cell, for an endless one a profile"
+        allowed = (
+            f"this cell takes up to {longest:.3g}: use a larger one, or a profile (endless lay)"
+        )
         check_values("anisotropy", spectrum.anisotropy, allowed, at_most=longest * (1 + rounding))
     if q_high < 2 * fundamental * (1 + rounding) or q_high < 2 * q_low:
         modes = zip(mode_numbers(grid.shape), size, strict=True)
         q = np.sqrt(sum((2 * np.pi * k / length) ** 2 for k, length in modes))
         if not np.any((q >= q_low * (1 - rounding)) & (q <= q_high * (1 + rounding))):
-            raise ValueError(
-                f"`q_low={q_low:g}` to `q_high={q_high:g}` is refused: no mode of the grid lies in "
-                "this band. Use a larger cell, or a wider band."
+            band = (
+                f"`q_low={q_low:g}` to `q_high={q_high:g}` is refused: no mode of the grid is in it"
             )
+            raise ValueError(f"{band}. Use a larger cell, or a wider band.")
 
 
 @jit

@@ -120,6 +120,7 @@ def _root(square: Array) -> Array:
 
 
 @check_types
+@jit
 def radial_spectrum(
     surface: Surface, num_bins: int = 40
 ) -> tuple[Float[Array, " bins"], Float[Array, " bins"]]:
@@ -137,11 +138,6 @@ def radial_spectrum(
     **Returns:** q [rad/m] and C(q), each of shape `(num_bins,)`; C is NaN in an empty ring.
     """
     check_whole("num_bins", num_bins, 1)
-    return _radial_spectrum(surface, num_bins)
-
-
-@jit
-def _radial_spectrum(surface: Surface, num_bins: int) -> tuple[Array, Array]:
     grid = surface.grid
     power, scale = _modal_power(surface)
     fundamental = 2 * np.pi / jnp.max(grid.size)
