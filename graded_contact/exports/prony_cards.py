@@ -52,9 +52,8 @@ def export_prony(material: AbstractMaterial, format: str, *, name: str = "materi
     **Returns:** the text of the file.
     """
     if not isinstance(material, Prony):
-        raise ValueError(
-            f"`material` is of type {type(material).__name__}; only a `Prony` series is exported."
-        )
+        kind = type(material).__name__
+        raise ValueError(f"`material` is of type {kind}; only a `Prony` series is exported.")
     check_card(format, FORMATS, name)
     return FORMATS[format](material, name)
 
@@ -64,10 +63,8 @@ def check_card(format: Any, formats: Collection[str], name: Any) -> None:
     if format not in formats:
         raise ValueError(f"`format={format!r}` is refused: use one of {tuple(formats)}.")
     if not isinstance(name, str) or not re.fullmatch(r"[A-Za-z][A-Za-z0-9_-]*", name):
-        raise ValueError(
-            f"`name={short(name)}` is refused: a letter, then letters, digits, `_` and `-` are "
-            "allowed."
-        )
+        allowed = "a letter, then letters, digits, `_` and `-` are allowed"
+        raise ValueError(f"`name={short(name)}` is refused: {allowed}.")
 
 
 def _fields(material: Prony) -> dict[str, Any]:
@@ -131,13 +128,11 @@ def _ansys(material: Prony, name: str) -> str:
     glassy, ratios, times = _normalised(material, "Ansys")
     poisson = float(material.poisson)
     if poisson == 0.5:
-        raise ValueError(
-            "`poisson=0.5` is refused: Ansys takes a linear elastic constant below 0.5 only. Give "
-            "the material 0.4999 and use mixed u-P elements."
-        )
+        remedy = "give the material 0.4999 and use mixed u-P elements"
+        raise ValueError(f"`poisson=0.5` is refused: Ansys needs less, {remedy}.")
     if len(times) > ANSYS_TERMS:
         raise ValueError(
-            f"`times` has {len(times)} entries; Ansys takes at most {ANSYS_TERMS} terms."
+            f"`times` has {len(times)} entries: Ansys takes at most {ANSYS_TERMS} terms."
         )
     lines = [
         f"! {name}. Units: Pa, s, K. Ratios to the instantaneous moduli; constant Poisson's ratio.",
@@ -159,11 +154,8 @@ def _normalised(material: Prony, program: str) -> tuple[float, list[float], list
     strengths, equilibrium = np.asarray(material.strengths, float), float(material.equilibrium)
     glassy = equilibrium + float(np.sum(strengths))
     if equilibrium < LEAST_REMAINDER * glassy:
-        raise ValueError(
-            f"`equilibrium={equilibrium:g}` Pa is refused: {program} needs an equilibrium modulus "
-            f"of at least {LEAST_REMAINDER:g} of the instantaneous one ({glassy:.4g} Pa). A "
-            "liquid has no such card."
-        )
+        least = f"at least {LEAST_REMAINDER:g} of the instantaneous modulus, {glassy:.4g} Pa"
+        raise ValueError(f"`equilibrium={equilibrium:g}` Pa is refused: {program} needs {least}.")
     return glassy, (strengths / glassy).tolist(), np.asarray(material.times, float).tolist()
 
 

@@ -114,16 +114,11 @@ def measured_table(table: Table, options: Options) -> MeasuredTable:
     for name in (name for name, each in found.items() if len(each) > 1):
         labels = " and ".join(map(table.label, needed[name]))
         lacking.append(f"{labels} may be the {name}: choose by `columns` or `deformation`")
-    unknown = [name for name in needed if name not in columns]
-    for dimension in dict.fromkeys(DIMENSIONS[name] for name in unknown):
-        labels = [
-            f"{table.label(needed[name][0])}, the {name}, has {unit!r}"
-            for name in unknown
-            if DIMENSIONS[name] == dimension
-            for unit in [table.unit(needed[name][0]) or table.units[needed[name][0]]]
-        ]
-        units = f"pass `units`, {dimension}: one of {list(UNITS[dimension])}"
-        lacking.append(f"{', '.join(labels)} as unit; {units}")
+    for name in (name for name in needed if name not in columns):
+        place, dimension = needed[name][0], DIMENSIONS[name]
+        unit = table.unit(place) or table.units[place]
+        allowed = f"pass `units`, {dimension}: one of {list(UNITS[dimension])}"
+        lacking.append(f"{table.label(place)}, the {name}, has {unit!r} as unit; {allowed}")
     used = {column.place for column in columns.values()}
     others = [name for i, name in enumerate(table.names) if name and i not in used]
     shear = next(filter(OF_SHEAR.search, others), None)

@@ -70,8 +70,7 @@ def read_road(content: bytes) -> Scan:
 
 def _sections(header: str) -> dict[str, list[str]]:
     """The lines of each section, without comments."""
-    sections: dict[str, list[str]] = {}
-    lines: list[str] = []
+    sections, lines = {}, []
     for line in header.splitlines():
         if name := re.match(r"\$(\w*)", line):
             lines = sections.setdefault(name[1].upper(), [])

@@ -43,7 +43,7 @@ def measured_points(
     stiffness = 1 / values if kind == "creep" else values.real
     odd = (stiffness < CREDIBLE[0]) | (stiffness > CREDIBLE[1])
     if np.any(odd):
-        where = _listed([(line, "") for line in np.unique(entries["line"][odd])])
+        where = _listed([(line, "") for line in np.unique(entries["line"][odd]).tolist()])
         span = f"moduli from {np.min(stiffness):.3g} to {np.max(stiffness):.3g} Pa"
         notes.append(f"Warning: {span} are unusual in line {where}: is the unit right?")
     if measured.check is not None:
@@ -171,7 +171,7 @@ def _at_constant_load(measured: MeasuredTable, entries: "pd.DataFrame") -> "pd.D
         good[load.index] = np.abs(load / typical - 1) < 2 * CONSTANT
         notes.append(f"Constant {quantity}: {typical:.4g} {SI[quantity]}.")
     if not np.all(good):
-        rows = [(line, "") for line in entries["line"][~good]]
+        rows = [(line, "") for line in entries["line"][~good].tolist()]
         notes.append(_left_out(f"a {quantity} that differs from it by {2 * CONSTANT:.0%}", rows))
     if np.sum(good) < max(2, 0.5 * len(good)):
         needs = f"the {quantity} is not constant, as {measured.kind} needs"

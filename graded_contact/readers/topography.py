@@ -114,8 +114,6 @@ def _read(path: Path, channel, size, unit, periodic) -> tuple[Scan, float, np.nd
     except ImportError:
         raise
     except Exception as error:  # readers raise many kinds
-        if str(error).startswith(f"`path={path}`"):  # of a workbook
-            raise
         reason = "its format is not known, or the file is damaged"
         if type(error).__name__ != "CannotDetectFileFormat":
             reason += " (" + " ".join(f"{type(error).__name__}: {error}".split())[:300] + ")"
@@ -148,13 +146,13 @@ def _scan(path: PurePath, content: bytes, channel, size, unit, packed: int, dept
     if is_road(content):
         return read_road(content)
     if is_zip and "xl/workbook.xml" in names_in(content):
-        return _read_sheets(path, content, channel, packed)
+        return _read_sheets(content, channel, packed)
     if not is_text:
         try:
             return read_instrument(content, channel, at_most)
         except Exception as error:
             if is_ole:
-                return _read_sheets(path, content, channel, packed)
+                return _read_sheets(content, channel, packed)
             if not is_zip or isinstance(error, ImportError | Refusal):
                 raise
         if depth == DEEPEST:
@@ -172,10 +170,10 @@ def _scan(path: PurePath, content: bytes, channel, size, unit, packed: int, dept
     return scan if scan.unit is not None and scan.size is not None else read_text(text)
 
 
-def _read_sheets(path: PurePath, content: bytes, channel: str | int | None, packed: int) -> Scan:
+def _read_sheets(content: bytes, channel: str | int | None, packed: int) -> Scan:
     """The heights in the sheet of a workbook that `channel` names, or in its only table."""
     scans, refusals = {}, []
-    sheets = sheets_of(path, content, packed)
+    sheets = sheets_of(content, packed)
     if {"DATA", "Certificate"} <= {sheet.name for sheet in sheets}:
         return read_instrument(content, channel, may_unpack(packed))  # of Mitutoyo's instruments
     for sheet in filter(lambda sheet: sheet.rows, sheets):
