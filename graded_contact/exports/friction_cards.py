@@ -50,6 +50,7 @@ def _checked(table: "Dataset") -> "Dataset":
         axes = "velocity, pressure and perhaps temperature, and nothing else"
         needed = f"it needs `friction` and `friction_error` over {axes}"
         raise ValueError(f"`table={short(table)}` is refused: {needed}.")
+    # The last axis varies fastest in the lines, and *FRICTION wants increasing values.
     table = table.transpose(*axes, ...).sortby(axes)
     messages = np.ravel(table.get("message", np.array("")))
     if failed := [message for message in messages if message != ""]:
@@ -65,7 +66,7 @@ def _lines(table: "Dataset", columns: list[str], separator: str) -> list[str]:
     """A line of numbers for each point, the velocity varying fastest."""
     points = table[["friction", "friction_error"]].to_dataframe([*table["friction"].dims])
     rows = points.reset_index()[columns].astype(float).to_numpy().tolist()
-    return [separator.join(map(repr, row)) for row in rows]
+    return [separator.join(map(repr, row)) for row in rows]  # `repr` keeps all digits
 
 
 def _abaqus(table: "Dataset", name: str) -> str:

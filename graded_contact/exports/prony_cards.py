@@ -141,6 +141,7 @@ def _ansys(material: Prony, name: str) -> str:
         f"MP,EX,MATID,{glassy!r}",
         f"MP,PRXY,MATID,{poisson!r}",
     ]
+    # TBDATA takes constants by their position: the ratio and the time of each term alternate.
     for part in ("SHEAR", "BULK"):
         lines.append(f"TB,PRONY,MATID,1,{len(times)},{part}")
         for i, (ratio, time) in enumerate(zip(ratios, times, strict=True)):
@@ -152,6 +153,7 @@ def _ansys(material: Prony, name: str) -> str:
 def _normalised(material: Prony, program: str) -> tuple[float, list[float], list[float]]:
     """Instantaneous modulus [Pa], ratios g_k [1] and times [s]."""
     strengths, equilibrium = np.asarray(material.strengths, float), float(material.equilibrium)
+    # The card holds the equilibrium modulus as 1 - Σ g_k, whose rounding must not swallow it.
     glassy = equilibrium + float(np.sum(strengths))
     if equilibrium < LEAST_REMAINDER * glassy:
         least = f"at least {LEAST_REMAINDER:g} of the instantaneous modulus, {glassy:.4g} Pa"
@@ -169,6 +171,7 @@ def _measured(material: Prony) -> list[str]:
     """The range that was measured, in at most one sentence."""
     if material.measured is None:
         return []
+    # Programs use a series outside of its data without a warning: the card says where these end.
     units = {"omega": "rad/s", "temperature": "K"}
     ends = _constants(material.measured).items()
     ranges = " and ".join(f"{low:.4g} to {high:.4g} {units[name]}" for name, (low, high) in ends)

@@ -116,6 +116,7 @@ def stripped(cells: list[Any]) -> list[Any]:
 
 def decoded(content: bytes) -> tuple[str, str] | None:
     """Returns the text of a file and its encoding, or None for a file that is no text."""
+    # Without a mark, UTF-16 of western text has a zero in every second byte.
     if content.startswith((codecs.BOM_UTF16_LE, codecs.BOM_UTF16_BE)):
         return content.decode("utf-16", errors="replace"), "UTF-16"
     for start, code in ((1, "utf-16-le"), (0, "utf-16-be")):

@@ -185,6 +185,7 @@ def read_arrays(
     An `.npz` may also hold unit and size. Their names are its author's choice, so `size` and
     `unit` override them.
     """
+    # A pickle could run code: NumPy refuses it here.
     loaded = np.load(io.BytesIO(content), allow_pickle=False)
     if isinstance(loaded, np.ndarray):
         return Scan(_real(loaded, at_most), "an array")
@@ -193,7 +194,7 @@ def read_arrays(
         try:
             arrays[name] = loaded[name]
         except ValueError as error:
-            if "allow_pickle" not in str(error):  # objects could run code: they are left out
+            if "allow_pickle" not in str(error):  # other arrays are read without the objects
                 raise
     wide = [name for name, a in arrays.items() if a.ndim == 2 and min(a.shape) >= 4]
     lines = [name for name, a in arrays.items() if a.ndim == 1 and len(a) >= 4]

@@ -94,6 +94,7 @@ def _rows(content: bytes, form: str, num_channels: int) -> np.ndarray:
     else:
         numbers = _text_numbers(content.decode("latin-1"), 20 if double else 10, num_channels)
     rows = np.array(numbers, float).reshape(-1, num_channels)
+    # Binary files are filled up with NaN to whole records.
     used = np.flatnonzero(np.any(np.isfinite(rows), axis=1))
     rows = rows[: np.max(used, initial=-1) + 1]
     if len(rows) < 4:

@@ -47,9 +47,10 @@ def measured_points(
         span = f"moduli from {np.min(stiffness):.3g} to {np.max(stiffness):.3g} Pa"
         notes.append(f"Warning: {span} are unusual in line {where}: is the unit right?")
     if measured.check is not None:
-        _compare_tan_delta(measured, entries, values)
+        notes.append(_tan_delta_note(measured.check.label, entries, values))
     deformation, factor = _deformation(measured, poisson)
     values = values / factor if kind == "creep" else factor * values
+    # Stable: points that repeat a frequency keep the order of the file.
     order = np.lexsort((entries["abscissa"], entries["isotherm"]))
     entries, values = entries.iloc[order], values[order]
     _note_isotherms(entries, notes)
@@ -167,7 +168,7 @@ def _at_constant_load(measured: MeasuredTable, entries: "pd.DataFrame") -> "pd.D
     quantity = "stress" if measured.kind == "creep" else "strain"
     notes, good = measured.notes, np.ones(len(entries), bool)
     for _, load in entries[quantity].groupby(entries["isotherm"]):
-        typical = np.median(load[load > 0.5 * np.max(load)])
+        typical = np.median(load[load > 0.5 * np.max(load)])  # neither rest nor recovery
         good[load.index] = np.abs(load / typical - 1) < 2 * CONSTANT
         notes.append(f"Constant {quantity}: {typical:.4g} {SI[quantity]}.")
     if not np.all(good):
@@ -312,18 +313,17 @@ def _note_isotherms(entries: "pd.DataFrame", notes: list[str]) -> None:
 # What looks wrong.
 
 
-def _compare_tan_delta(measured: MeasuredTable, entries: "pd.DataFrame", values: Any) -> None:
+def _tan_delta_note(label: str, entries: "pd.DataFrame", values: Any) -> str:
     """Compares a column of tan delta, not needed otherwise, with the moduli."""
-    tangent, label = entries["check"].to_numpy(), measured.check.label
+    tangent = entries["check"].to_numpy()
     with np.errstate(invalid="ignore", divide="ignore", over="ignore"):
         error = np.where(tangent > 0, np.abs(values.imag / values.real / tangent - 1), 0)
     worst = int(np.argmax(error))
     if error[worst] < 0.02:
-        measured.notes.append(f"The tan delta of {label} agrees with loss over storage modulus.")
-    else:
-        where = f"{100 * error[worst]:.2g} % in line {entries['line'].iloc[worst]}"
-        words = f"tan delta of {label} differs from loss over storage modulus by {where}"
-        measured.notes.append(f"Warning: the {words}: are the columns right?")
+        return f"The tan delta of {label} agrees with loss over storage modulus."
+    where = f"{100 * error[worst]:.2g} % in line {entries['line'].iloc[worst]}"
+    words = f"tan delta of {label} differs from loss over storage modulus by {where}"
+    return f"Warning: the {words}: are the columns right?"
 
 
 def _check_abscissa(measured: MeasuredTable, entries: "pd.DataFrame", values: Any) -> None:

@@ -16,13 +16,14 @@ def fill_holes(
     values: np.ndarray, missing: np.ndarray, spacing: np.ndarray, low: bool
 ) -> np.ndarray:
     """Heights in which those missing are harmonic, or sink `low` into the holes."""
+    # In units of the largest height, so that no square leaves the range of numbers.
     known = values[~missing]
     scale, length = np.max(np.abs(known)), np.inf
     bottom = float(np.quantile(known, LOW)) / scale
     slope = step("", np.where(missing, np.nan, values), spacing).rms_slope / scale
     if low and slope > 0:
         descent = (np.mean(known) / scale - bottom) / (STEEPER * slope)
-        length = max(descent, 2 * float(np.max(spacing)))
+        length = max(descent, 2 * float(np.max(spacing)))  # the grid resolves no steeper descent
     return scale * _filled(np.where(missing, 0, values / scale), missing, spacing, bottom, length)
 
 
@@ -96,6 +97,8 @@ def _largest_rectangle(missing: np.ndarray) -> tuple[slice, ...]:
                     constant_values=True)  # fmt: skip
     nx, ny = (n // b for n, b in zip(padded.shape, blocks, strict=True))
     good = ~np.any(padded.reshape(nx, blocks[0], ny, blocks[1]), axis=(1, 3))
+    # Line by line: `depth` counts the complete lines up to this one in each column, and the largest
+    # rectangle below this histogram is found with a stack of rising depths.
     depth, best, found = np.zeros(ny, int), 0, (0, 0, 0, 0)
     for i in range(nx):
         depth = np.where(good[i], depth + 1, 0)

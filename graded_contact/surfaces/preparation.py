@@ -86,6 +86,7 @@ def surface_from_heights(
     if highest > LARGEST:
         raise ValueError(f"`heights` reach {highest:.3g} m: damaged, or of another `unit`.")
     prepared = _Prepared(values, edges / np.array(values.shape), list(history), list(steps))
+    # A line scan at unequal steps has its roughness as read among the steps already.
     prepared.record("equally spaced" if steps else "read")
     if region is not None:
         prepared.crop(region)
@@ -155,6 +156,7 @@ class _Prepared:
         missing, count = self.missing, self.num_missing
         if fill is None:
             raise ValueError(f"`heights` has {count} missing points; pass `fill='low'`.")
+        # Optical instruments report spikes at the rims of holes, which the filling would continue.
         around = np.sqrt(np.mean(self.values[grown(missing, 1) & ~missing] ** 2))
         self.values = fill_holes(self.values, missing, self.spacing, fill == "low")
         rings = f", with {rim} ring(s) of measured points around them," if rim else ""
@@ -171,11 +173,24 @@ class _Prepared:
     def join(self) -> None:
         """Subtracts the harmonic function that has the jumps at the edges."""
         before = step("", self.values, self.spacing)
-        joint = _harmonic(self.values, self.spacing / np.min(self.spacing))
+        # The periodic solution of ∇²s = what the jumps at the edges add to ∇² of the heights.
+        values, ndim = self.values, self.values.ndim
+        jumps, symbol = np.zeros(values.shape), np.zeros(values.shape)
+        apart = self.spacing / np.min(self.spacing)
+        for axis, (n, pixel) in enumerate(zip(values.shape, apart, strict=True)):
+            ends = np.moveaxis(jumps, axis, 0)
+            jump = (np.take(values, -1, axis) - np.take(values, 0, axis)) / pixel**2
+            ends[0] += jump
+            ends[-1] -= jump
+            waves = (2 * np.cos(2 * np.pi * np.arange(n) / n) - 2) / pixel**2
+            symbol += np.expand_dims(waves, [a for a in range(ndim) if a != axis])
+        symbol.flat[0] = 1.0  # the mean of the jumps is zero
+        joint = np.real(np.fft.ifftn(np.fft.fftn(jumps) / symbol))
         self.values = self.values - joint
         after = step("", self.values, self.spacing)
         if after.rms_height <= 1e-12 * before.rms_height:
             raise ValueError("`heights` has no roughness left after its edges were joined.")
+        # Waves near the edges lost some slope; a form without roughness must not be blown up.
         factor = min(before.rms_slope / after.rms_slope, MOST)
         self.values = factor * self.values
         self.notes.append(
@@ -220,20 +235,6 @@ class _Prepared:
 def _check_measured(known: np.ndarray) -> None:
     if known.size < 4:
         raise ValueError(f"`heights` has {known.size} measured points; at least 4 are needed.")
-
-
-def _harmonic(values: np.ndarray, spacing: np.ndarray) -> np.ndarray:
-    """The periodic solution of ∇²s = what the jumps at the edges add to ∇² of the heights."""
-    jumps, symbol = np.zeros(values.shape), np.zeros(values.shape)
-    for axis, (n, apart) in enumerate(zip(values.shape, spacing, strict=True)):
-        ends = np.moveaxis(jumps, axis, 0)
-        first, last = np.take(values, 0, axis), np.take(values, -1, axis)
-        ends[0] += (last - first) / apart**2
-        ends[-1] += (first - last) / apart**2
-        waves = (2 * np.cos(2 * np.pi * np.arange(n) / n) - 2) / apart**2
-        symbol += np.expand_dims(waves, [a for a in range(values.ndim) if a != axis])
-    symbol.flat[0] = 1.0  # the mean of the jumps is zero
-    return np.real(np.fft.ifftn(np.fft.fftn(jumps) / symbol))
 
 
 def _window(values: np.ndarray) -> tuple[np.ndarray, np.ndarray, float]:

@@ -55,7 +55,7 @@ def random_surface(
     **Returns:** the surface; differentiable in `spectrum`, usable under `vmap` over keys.
     """
     if not isinstance(key, jax.Array | np.ndarray) or key.dtype in (np.float32, np.float64):
-        seed = key if isinstance(key, int) else 0
+        seed = key if isinstance(key, int) else 0  # the remedy repeats the user's own number
         raise ValueError(f"`key={short(key)}` must be a random key: `jax.random.key({seed})`.")
     parts, itemsize = num_devices(grid.size), grid.size.dtype.itemsize
     check_memory("grid", "a random surface", SURFACE, grid.shape, itemsize, parts)
@@ -84,6 +84,7 @@ def _check_band(spectrum: SelfAffine, grid: Grid) -> None:
             f"this cell takes up to {longest:.3g}: use a larger one, or a profile (endless lay)"
         )
         check_values("anisotropy", spectrum.anisotropy, allowed, at_most=longest * (1 + rounding))
+    # Only a narrow band can lie between two modes of the lattice.
     if q_high < 2 * fundamental * (1 + rounding) or q_high < 2 * q_low:
         modes = zip(mode_numbers(grid.shape), size, strict=True)
         q = np.sqrt(sum((2 * np.pi * k / length) ** 2 for k, length in modes))

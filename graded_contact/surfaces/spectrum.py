@@ -228,6 +228,7 @@ def check_square(name: str, value: Array, logarithms: Sequence[float] = (0.0,)) 
 
 def _squares(spectrum: SelfAffine) -> list[float]:
     """Logarithms of the squares of rms height and slope and of C on the plateau, of amplitude 1."""
+    # By NumPy in double precision: the moments themselves may leave the range of the dtype.
     known = jax.tree.map(lambda leaf: np.asarray(leaf, float), spectrum)
     height, slope = (np.log(_relative_moment(known, order, 2, np)) for order in (0, 2))
     units = 2 * np.log(known.q_roll)
@@ -237,6 +238,8 @@ def _squares(spectrum: SelfAffine) -> list[float]:
 
 def _power_integral(exponent: Any, length: Any, lib: Any) -> Any:
     """∫_0^length exp(exponent y) dy, smooth where the exponent passes through zero."""
+    # The quotient loses its digits near zero, where a series takes its place. Both get harmless
+    # arguments where the other counts, so that no derivative is NaN.
     t = exponent * length
     small = lib.abs(t) < 0.5
     safe = lib.where(small, 1, t)

@@ -108,6 +108,7 @@ def _principal(squares: Array, mixed: Array) -> tuple[Array, Array]:
 def _modal_power(surface: Surface) -> tuple[Array, Array]:
     """|h_q|² of every mode but q = 0, counted with its multiplicity, in units of scale² [m²]."""
     heights = surface.heights - jnp.mean(surface.heights)
+    # Relative to the peak: squares of nanometres would leave the range of float32.
     peak = jnp.max(jnp.abs(jax.lax.stop_gradient(heights)))
     scale = jnp.where(peak == 0, 1, peak)
     modes = to_spectrum(heights / scale) / np.prod(surface.grid.shape)
@@ -149,6 +150,7 @@ def radial_spectrum(
     bins = jnp.where(used, jnp.floor(position).astype(int), num_bins)
     weight = used * multiplicity(grid.shape)
 
+    # The last bin takes the modes that are not used.
     def total(values):
         return binned(bins, values, num_bins + 1)[:num_bins]
 
