@@ -210,13 +210,10 @@ _SETTING = re.compile(r"(?i)toleran|limit|offset|compensation|expansion|calibrat
 
 def title_above(rows: Sequence[Row]) -> str:
     """Returns the title of the next step, such as "Frequency sweep - 2", or an empty text."""
-    marks = [i for i, row in enumerate(rows) if row.cells[0].casefold() == "[step]"]
-    if marks and marks[-1] + 1 < len(rows):
-        title = rows[marks[-1] + 1]
-    else:
-        tests = [row for row in rows if _TEST.search(row.text)]
-        titles = [row for row in tests if not _COUNT.match(row.cells[0])]
-        title = titles[-1] if titles else Row(0, [])
+    titles = [row for row in rows if _TEST.search(row.text) and not _COUNT.match(row.cells[0])]
+    pairs = itertools.pairwise(rows)
+    titles += [row for mark, row in pairs if mark.cells[0].casefold() == "[step]"]  # TRIOS
+    title = titles[-1] if titles else Row(0, [])
     return next((cell for cell in reversed(title.cells) if cell), "")[:60]
 
 
