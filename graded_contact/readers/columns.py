@@ -97,7 +97,7 @@ def measured_table(table: Table, options: Options) -> MeasuredTable:
     entries = [table.misfit(row) for row in table.rows]
     if all(entries):
         first = f"line {table.rows[0].line} has {entries[0]} entries"
-        raise ValueError(f"{first}, {table.place} has other columns: {table.listed()}")
+        raise ValueError(f"{first}, unlike {table.place} with {table.listed()}")
     notes: list[str] = []
     places = _places(table, options)
     if options.temperature:
@@ -198,9 +198,7 @@ def _way(table: Table, places: dict, loaded: bool, options: Options) -> tuple[st
     return constant[0]
 
 
-def _distinct(
-    table: Table, quantity: str, places: list[int], options: Options, notes: list[str]
-) -> list[Column | None]:
+def _distinct(table: Table, quantity: str, places, options: Options, notes: list[str]) -> list:
     """The columns of a quantity, without those that repeat the first one."""
     if quantity == "time" and len(places) > 1:
         places = [i for i in places if table.headings[i].step] or places

@@ -107,15 +107,10 @@ def read_instrument(content: bytes, channel: str | int | None, at_most: float) -
         else:
             x, heights = topography.positions_and_heights()
             positions = np.asarray(x, float) - np.min(x)
-        return Scan(
-            np.ma.filled(np.ma.asarray(heights, float), np.nan),
-            f"channel {info.name!r}",
-            size=None if sizes is None else np.asarray(sizes, float),
-            unit=info.unit,
-            lateral_unit=info.unit,
-            positions=positions,
-            periodic=bool(info.is_periodic),
-        )
+        heights = np.ma.filled(np.ma.asarray(heights, float), np.nan)
+        size = None if sizes is None else np.asarray(sizes, float)
+        scan = Scan(heights, f"channel {info.name!r}", size, info.unit, info.unit, positions)
+        return scan._replace(periodic=bool(info.is_periodic))
 
 
 def _check_points(shape: Any, at_most: float) -> None:
@@ -177,9 +172,7 @@ def unpacked(content: bytes, channel: str | int | None) -> tuple[bytes, str]:
 # Files of NumPy.
 
 
-def read_arrays(
-    content: bytes, channel: str | int | None, size: Any, unit: str | None, at_most: float
-) -> Scan:
+def read_arrays(content: bytes, channel, size, unit: str | None, at_most: float) -> Scan:
     """Returns the heights in a `.npy` or `.npz` file.
 
     An `.npz` may also hold unit and size. Their names are its author's choice, so `size` and

@@ -116,9 +116,7 @@ def _text_numbers(text: str, width: int, num_channels: int) -> list[float]:
     return values
 
 
-def _interpolated(
-    heights: np.ndarray, names: list[str], road: dict[str, float]
-) -> tuple[np.ndarray, float, list[str]]:
+def _interpolated(heights: np.ndarray, names: list[str], road: dict[str, float]) -> tuple:
     """Heights at equal steps across the road, the step [m], and what was done."""
     given = [match for match in map(_POSITION.search, names) if match]
     if given and len(given) < len(names):

@@ -28,9 +28,7 @@ HOTTEST = 1e4  # K
 RAMP = 5.0  # K over which no isotherm drifts
 
 
-def measured_points(
-    path: Path, measured: MeasuredTable, poisson: float | None, temperature: Numbers | None
-) -> Measured:
+def measured_points(path: Path, measured: MeasuredTable, poisson, temperature) -> Measured:
     """Returns the points of a table; `poisson` and `temperature` as in `read_moduli`."""
     kind, notes = measured.kind, measured.notes
     entries = _entries(measured)
@@ -239,9 +237,7 @@ def one_each(temperature: Numbers | None, count: int, what: str) -> Any:
     return np.broadcast_to(kelvin, (count,))
 
 
-def _curve_temperatures(
-    measured: MeasuredTable, entries: "pd.DataFrame", given: Numbers | None
-) -> Any:
+def _curve_temperatures(measured: MeasuredTable, entries: "pd.DataFrame", given) -> Any:
     """[K] as given, from a column, or from titles such as "25 °C" above curves."""
     table, curve = measured.table, entries["curve"].to_numpy()
     if given is not None:

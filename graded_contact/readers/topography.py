@@ -219,9 +219,7 @@ def _scales(scan: Scan, size: Any, unit: str | None) -> tuple[float, np.ndarray]
     return factors[0], known
 
 
-def _equally_spaced(
-    positions: np.ndarray, heights: np.ndarray, notes: list[str], steps: list[Step]
-) -> tuple[np.ndarray, np.ndarray]:
+def _equally_spaced(positions, heights, notes: list[str], steps: list[Step]) -> tuple:
     """A line scan at equal steps, NaN in its gaps, and its length [m]."""
     # The roughness as read, each slope counted by its length.
     apart = np.diff(positions)

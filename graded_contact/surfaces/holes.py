@@ -45,9 +45,7 @@ def grown(missing: np.ndarray, rings: int) -> np.ndarray:
     return binary_dilation(missing, box, iterations=rings) if rings else missing
 
 
-def _filled(
-    values: np.ndarray, missing: np.ndarray, spacing: np.ndarray, bottom: float, length: float
-) -> np.ndarray:
+def _filled(values, missing, spacing, bottom: float, length: float) -> np.ndarray:
     """Heights with those missing replaced by the solution of λ² ∇²f = f - bottom in the holes.
 
     f takes the measured heights around a hole and sinks towards `bottom` [m] within the `length` λ

@@ -106,8 +106,9 @@ class _Prepared:
     notes: list[str]
     rows: list[Step]
 
-    def record(self, name: str) -> None:
+    def record(self, name: str, *notes: str) -> None:
         self.rows.append(step(name, self.values, self.spacing))
+        self.notes.extend(notes)
 
     def crop(self, region: Numbers) -> None:
         limits, shape = np.asarray(region, float), self.values.shape
@@ -120,8 +121,7 @@ class _Prepared:
             raise ValueError(f"`region={limits.tolist()}` is refused: {form} [m] must lie {where}.")
         self.values = self.values[tuple(slice(*pair) for pair in ends.astype(int).tolist())]
         points = " x ".join(map(str, self.values.shape))
-        self.notes.append(f"Cut out `region={np.asarray(region).tolist()}`, {points} points.")
-        self.record("cropped")
+        self.record("cropped", f"Cut out `region={np.asarray(region).tolist()}`, {points} points.")
 
     def level(self, rim: int, *, tilted: bool) -> None:
         """Counts rims as missing, and subtracts the plane or, if it stays `tilted`, the mean."""
@@ -167,8 +167,7 @@ class _Prepared:
         if around > 3 * self.spread:
             times = f"{around / self.spread:.2g} times the rms height of all measured points"
             note += f" Their rims stand out by {times}. They may be artefacts, see `rim={rim + 1}`."
-        self.notes += [region_note(missing, self.spacing), note]
-        self.record("filled")
+        self.record("filled", region_note(missing, self.spacing), note)
 
     def join(self) -> None:
         """Subtracts the harmonic function that has the jumps at the edges."""
@@ -193,12 +192,11 @@ class _Prepared:
         # Waves near the edges lost some slope; a form without roughness must not be blown up.
         factor = min(before.rms_slope / after.rms_slope, MOST)
         self.values = factor * self.values
-        self.notes.append(
-            "Joined opposite edges by subtracting a harmonic function of rms height "
-            f"{with_unit(float(np.std(joint)), 'm')} (of {with_unit(before.rms_height, 'm')}) and "
-            f"multiplied the heights by {factor:.4g} to restore the rms slope."
+        less = (
+            f"subtracting a harmonic function of rms height {with_unit(float(np.std(joint)), 'm')}"
         )
-        self.record("joined")
+        restored = f"multiplied the heights by {factor:.4g} to restore the rms slope"
+        self.record("joined", f"Joined opposite edges by {less} and {restored}.")
 
     def closed(self, periodic: str | None) -> Surface:
         """The surface with joined edges."""
@@ -209,27 +207,23 @@ class _Prepared:
             self.values, taper, factor = _window(self.values)
             measured = measured * taper
             kept = f"multiplied the heights by {factor:.4g} to keep the rms height"
-            self.notes.append(f"Tapered {100 * TAPER:g} % at either end of each axis and {kept}.")
-            self.record("tapered")
+            tapered = f"Tapered {100 * TAPER:g} % at either end of each axis to zero"
+            self.record("tapered", f"{tapered} and {kept}.")
         elif periodic == "mirror":
             width = [(0, n) for n in self.values.shape]
             self.values = np.pad(self.values, width, "symmetric")
             measured = np.pad(measured, width, "symmetric")
-            self.notes.append("Reflected about the end of each axis, doubling it.")
-            self.record("mirrored")
+            self.record("mirrored", "Reflected about the end of each axis, doubling it.")
         elif periodic == "open":
             self.notes.append("Taken as a body that ends at the edges.")
         else:
             _check_seams(self.values)
             self.notes.append("Taken as periodic.")
-        return Surface(
-            heights=self.values - np.mean(self.values),
-            grid=Grid(self.values.shape, self.spacing * np.array(self.values.shape)),
-            history=tuple(self.notes),
-            measured=None if np.all(measured == 1) else measured,
-            steps=tuple(self.rows),
-            periodic=periodic != "open",
-        )
+        heights, history, steps = self.values - np.mean(self.values), self.notes, self.rows
+        grid = Grid(heights.shape, self.spacing * np.array(heights.shape))
+        measured = None if np.all(measured == 1) else measured
+        repeats = periodic != "open"
+        return Surface(heights, grid, tuple(history), measured, tuple(steps), repeats)
 
 
 def _check_measured(known: np.ndarray) -> None:

@@ -250,9 +250,7 @@ def _power_integral(exponent: Any, length: Any, lib: Any) -> Any:
     return length * lib.where(small, series, lib.expm1(safe) / safe)
 
 
-def _relative_moment(
-    spectrum: SelfAffine, order: float, ndim: int, lib: Any = jnp, along: bool | None = None
-) -> Any:
+def _relative_moment(spectrum: SelfAffine, order, ndim: int, lib: Any = jnp, along=None) -> Any:
     """The moment of the spectrum in units of q_roll whose plateau is 1, by JAX or by NumPy.
 
     With `along` that of the component of q^order along the lay, or across it, of order 2.
