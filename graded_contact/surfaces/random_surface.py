@@ -80,9 +80,8 @@ def _check_band(spectrum: SelfAffine, grid: Grid) -> None:
     if spectrum.anisotropy is not None and is_concrete(spectrum.q_roll):
         # A correlation length along the lay beyond that of the cell has too few modes.
         longest = max(float(spectrum.q_roll) / fundamental, 1)
-        allowed = (
-            f"this cell takes up to {longest:.3g}: use a larger one, or a profile (endless lay)"
-        )
+        allowed = f"γ/q_roll must be at most L/2π. This cell takes up to {longest:.3g}; for a "
+        allowed += "longer lay use a larger cell, for an endless one a profile"
         check_values("anisotropy", spectrum.anisotropy, allowed, at_most=longest * (1 + rounding))
     # Only a narrow band can lie between two modes of the lattice.
     if q_high < 2 * fundamental * (1 + rounding) or q_high < 2 * q_low:

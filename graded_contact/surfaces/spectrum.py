@@ -258,8 +258,8 @@ def _relative_moment(spectrum: SelfAffine, order, ndim: int, lib: Any = jnp, alo
     if ndim not in (1, 2):
         raise ValueError(f"`ndim={ndim}` is refused: it must be 1 or 2.")
     if ndim == 1 and spectrum.anisotropy is not None:
-        reason = "a profile has no lay. Across an endless lay take the spectrum without it"
-        raise ValueError(f"`anisotropy` is refused: {reason}.")
+        remedy = "Across an endless lay, take the spectrum without `anisotropy`"
+        raise ValueError(f"`anisotropy` is refused for a profile, which has no lay. {remedy}.")
     unit = 2 * np.pi if ndim == 2 else 2
     if spectrum.roll_off == "smooth":
         node, weight = _nodes()
