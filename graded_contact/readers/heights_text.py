@@ -192,7 +192,8 @@ def _grid_points(table: _Table) -> Scan:
     x, y, z = table.values.T
     if not np.all(np.isfinite(x) & np.isfinite(y)):
         raise Refusal("some of its points lack a position")
-    places, steps = zip(_grid_lines(x, "x"), _grid_lines(y, "y"), strict=True)
+    (i, step_x), (j, step_y) = _grid_lines(x, "x"), _grid_lines(y, "y")
+    places, steps = (i, j), (step_x, step_y)
     shape = tuple(int(place.max()) + 1 for place in places)
     if np.prod(shape, dtype=float) > 20 * len(z):
         raise Refusal("its points x y z form no grid")
