@@ -5,9 +5,8 @@ downwards what lies above it (`depth`). A `Rule` defines the state and how it pa
 slab. A state passes a graded layer by a solver (`grading`).
 """
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Sequence
 from itertools import groupby
-from types import MappingProxyType
 from typing import Any, NamedTuple
 
 import jax
@@ -144,11 +143,9 @@ def column_of(stack: Stack, q: Float[Array, "..."], omega: Float[Array, "..."]) 
     for is_graded, members in groupby(range(len(stack.layers)), lambda i: i in graded):
         members = tuple(members)
         if is_graded:
-            layers = ((i, graded[i]) for i in members)
-            runs += [
-                GradedPart(i, layer.profile, q * layer.thickness, omega, unit)
-                for i, layer in layers
-            ]
+            for i in members:
+                profile, thickness = graded[i].profile, graded[i].thickness
+                runs.append(GradedPart(i, profile, q * thickness, omega, unit))
         else:
             pairs = zip(*(moduli[i] for i in members), strict=True)
             parts = [stack.layers[i].thickness for i in members], *pairs
@@ -173,21 +170,15 @@ def largest(moduli: Sequence[Array]) -> Array:
 
 
 def climb_through(
-    column: Column,
-    face: Face,
-    rule: Rule,
-    add_graded: AddGraded | None,
-    *,
-    parts: Sequence[Array] | None = None,
-    heights: Mapping[int, Array] = MappingProxyType({}),
+    column: Column, face: Face, rule: Rule, add_graded: AddGraded | None, parts=None, heights=None
 ) -> Face:
     """Returns the state at the other end of a column from that at one end.
 
     **Arguments:**
 
     - `face`: at the base, or for a `rule` that goes downwards at the surface.
-    - `parts`: what is there of the thickness of each homogeneous layer [m].
-    - `heights`: s at which each graded layer is cut.
+    - `parts`: what is there of the thickness of each homogeneous layer [m]; None for all of it.
+    - `heights`: s at which each graded layer is cut, by its number; None for no cut.
     """
 
     def step(face, layer):
@@ -197,7 +188,8 @@ def climb_through(
     for run in column.runs if rule.down else reversed(column.runs):
         if isinstance(run, GradedPart):
             assert add_graded is not None
-            face = add_graded(run._replace(height=heights.get(run.number)), face, rule)
+            cut = None if heights is None else heights[run.number]
+            face = add_graded(run._replace(height=cut), face, rule)
             continue
         _, thickness, reduced, e = run
         if parts is not None:
@@ -206,9 +198,7 @@ def climb_through(
     return face
 
 
-def scan_layers(
-    step: Callable[[Any, Any], Any], face: Any, layers: tuple[Array, ...], *, reverse: bool
-) -> Any:
+def scan_layers(step, face: Any, layers: tuple[Array, ...], *, reverse: bool) -> Any:
     """Returns `face` after the steps through `layers`, arrays with the layers on a first axis.
 
     The carry of a scan keeps its shapes and dtypes: it has from the start those of its end.
@@ -226,14 +216,13 @@ def scan_layers(
 
 def stable_shape(step: Callable[[Any], Any], face: Any) -> Any:
     """Returns shapes and dtypes that no further `step` changes."""
+
+    def common(a, b):
+        shape = jnp.broadcast_shapes(a.shape, b.shape)
+        return jax.ShapeDtypeStruct(shape, jnp.result_type(a, b))
+
     for _ in range(2):
-        face = jax.tree.map(
-            lambda a, b: jax.ShapeDtypeStruct(
-                jnp.broadcast_shapes(a.shape, b.shape), jnp.result_type(a, b)
-            ),
-            face,
-            jax.eval_shape(step, face),
-        )
+        face = jax.tree.map(common, face, jax.eval_shape(step, face))
     return face
 
 

@@ -118,17 +118,8 @@ def rounding(like: Array) -> float:
     return _FLOOR * float(jnp.finfo(like.dtype).eps)
 
 
-def solve_graded(
-    graded_solver: AbstractGradedSolver,
-    climb: Callable[[AddGraded | None], tuple[Array, ...]],
-    measure: Callable[[Sequence[Array], Sequence[Array]], Float[Array, "*w"]],
-    stack: Stack,
-    q: Float[Array, "..."],
-    omega: Float[Array, "..."],
-    rtol: float,
-    throw: bool = True,
-) -> tuple[tuple[Array, ...], Float[Array, "*w"]]:
-    """Returns the values and the error from `graded_solver`; the error may be one to raise.
+def solve_graded(graded_solver, climb, measure, stack, q, omega, rtol, throw=True):
+    """Returns values and error of `graded_solver`; with `throw` a larger error than `rtol` raises.
 
     Of a stack without graded layers the recursion is exact.
     """

@@ -138,7 +138,13 @@ def add_layered(part: GradedPart, face: Face, mesh: Mesh, rule: Rule) -> Face:
     `face` may have that axis already.
     """
     x, seen, height = part.x, part.seen, part.height
-    index, weight = position(mesh, x)
+    # The place of log x among the tabulated wavenumbers: index and weight.
+    log_x = jnp.log(jnp.maximum(jax.lax.stop_gradient(x), _SMALLEST))
+    first, last, steps = mesh.log_x[0], mesh.log_x[-1], len(mesh.log_x) - 1
+    wide = last > first
+    place = jnp.where(wide, (log_x - first) / jnp.where(wide, last - first, 1), 0) * steps
+    index = jnp.clip(place.astype(int), 0, steps - 1)
+    weight = jnp.clip(place - index, 0, 1)
     # Sublayers are counted in the direction in which they are passed.
     middle = 1 - _MIDDLE if rule.down else _MIDDLE
     sublayers = (_LEVEL, _IS_FIRST, *(jnp.asarray(a, x.dtype) for a in (middle, _WIDTH)))
@@ -148,9 +154,9 @@ def add_layered(part: GradedPart, face: Face, mesh: Mesh, rule: Rule) -> Face:
         low, high = (end[index] * (1 - weight) + end[index + 1] * weight for end in ends)
         length, deep = span(seen, bottom, top)
         if height is not None:  # as a fraction of what is seen of the piece
-            place = 1 - (1 - deep - height) / jnp.where(length > 0, length, 1)
+            cut = 1 - (1 - deep - height) / jnp.where(length > 0, length, 1)
             clip = jnp.maximum if rule.down else jnp.minimum
-            low, high = clip(low, place), clip(high, place)
+            low, high = clip(low, cut), clip(high, cut)
 
         def add_sublayer(state, sublayer):
             level, is_first, middle, width = sublayer
@@ -181,17 +187,13 @@ def add_layered(part: GradedPart, face: Face, mesh: Mesh, rule: Rule) -> Face:
     return jax.lax.scan(jax.checkpoint(add_cell), faces, cells, reverse=rule.down)[0]
 
 
-def span(
-    seen: Float[Array, "*w"], bottom: Float[Array, ""], top: Float[Array, ""]
-) -> tuple[Float[Array, "*w"], Float[Array, "..."]]:
+def span(seen: Array, bottom: Array, top: Array) -> tuple[Array, Array]:
     """Returns height of the visible part of a piece, and the depth of its top, both over d."""
     deep = 1 - top
     return jnp.clip(seen, deep, 1 - bottom) - deep, deep
 
 
-def build_mesh(
-    profile: Any, x: Float[Array, "..."], omega: Float[Array, "..."], num_cells: int, split: int = 1
-) -> Mesh:
+def build_mesh(profile: Any, x: Array, omega: Array, num_cells: int, split: int = 1) -> Mesh:
     """Returns a `Mesh` for all x = q d [1] and ω [rad/s].
 
     It has about `num_cells` cells, each of them cut into `split`.
@@ -221,16 +223,6 @@ def build_mesh(
     over_x = jax.vmap(nodes, (0, None, None), out_axes=1)
     table = jax.vmap(over_x, (None, 0, 0))(jnp.exp(log_x), edges[:-1], edges[1:])
     return Mesh(log_x, edges, table)
-
-
-def position(mesh: Mesh, x: Float[Array, "*w"]):
-    """Returns the place of log x among the tabulated wavenumbers: index and weight."""
-    log_x = jnp.log(jnp.maximum(jax.lax.stop_gradient(x), _SMALLEST))
-    first, last, steps = mesh.log_x[0], mesh.log_x[-1], len(mesh.log_x) - 1
-    wide = last > first
-    place = jnp.where(wide, (log_x - first) / jnp.where(wide, last - first, 1), 0) * steps
-    index = jnp.clip(place.astype(int), 0, steps - 1)
-    return index, jnp.clip(place - index, 0, 1)
 
 
 def _mass(profile, x, s, omega):
@@ -299,8 +291,6 @@ def sliced(stack: Stack, num_slices: int) -> Stack:
         if isinstance(layer, Layer):
             layers.append(layer)
             continue
-        heights = 1 - (jnp.arange(num_slices) + 0.5) / num_slices
-        layers += [
-            Layer(_AtHeight(layer.profile, s), layer.thickness / num_slices) for s in heights
-        ]
+        heights, thickness = 1 - (jnp.arange(num_slices) + 0.5) / num_slices, layer.thickness
+        layers += [Layer(_AtHeight(layer.profile, s), thickness / num_slices) for s in heights]
     return Stack(layers=layers, base=stack.base)

@@ -25,11 +25,7 @@ _BLOCK = 16  # frequencies that are computed at once
 
 
 def periodic_kernel(
-    stack: Stack,
-    grid: Grid,
-    num_times: int,
-    period: Float[Array, ""],
-    graded_solver: AbstractGradedSolver,
+    stack: Stack, grid: Grid, num_times: int, period: Array, graded_solver: AbstractGradedSolver
 ) -> tuple[Inexact[Array, "nt *half"], Float[Array, ""]]:
     """Returns M_zz [m/Pa] at all frequencies of a period and wavevectors of a grid, and its error.
 

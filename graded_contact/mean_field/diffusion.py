@@ -55,9 +55,7 @@ def density(x: Float[Array, "n 1"], stress: Float[Array, "#n m"]) -> Float[Array
     return jnp.where(x > 0, images / jnp.sqrt(2 * np.pi * safe), 0)
 
 
-def mean_in_contact(
-    function: Callable[[Float[Array, "n m"]], Float[Array, "n m"]], x: Float[Array, " n"]
-) -> Float[Array, " n"]:
+def mean_in_contact(function: Callable, x: Float[Array, " n"]) -> Float[Array, " n"]:
     """Returns the mean of a function of the stress [1] over the contact, after diffusion up to `x`.
 
     Gauss's rule over eight standard deviations on either side of σ = 1, as far as σ > 0. Where
