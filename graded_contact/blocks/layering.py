@@ -138,13 +138,7 @@ def add_layered(part: GradedPart, face: Face, mesh: Mesh, rule: Rule) -> Face:
     `face` may have that axis already.
     """
     x, seen, height = part.x, part.seen, part.height
-    # The place of log x among the tabulated wavenumbers: index and weight.
-    log_x = jnp.log(jnp.maximum(jax.lax.stop_gradient(x), _SMALLEST))
-    first, last, steps = mesh.log_x[0], mesh.log_x[-1], len(mesh.log_x) - 1
-    wide = last > first
-    place = jnp.where(wide, (log_x - first) / jnp.where(wide, last - first, 1), 0) * steps
-    index = jnp.clip(place.astype(int), 0, steps - 1)
-    weight = jnp.clip(place - index, 0, 1)
+    index, weight = _position(mesh, x)
     # Sublayers are counted in the direction in which they are passed.
     middle = 1 - _MIDDLE if rule.down else _MIDDLE
     sublayers = (_LEVEL, _IS_FIRST, *(jnp.asarray(a, x.dtype) for a in (middle, _WIDTH)))
@@ -223,6 +217,16 @@ def build_mesh(profile: Any, x: Array, omega: Array, num_cells: int, split: int 
     over_x = jax.vmap(nodes, (0, None, None), out_axes=1)
     table = jax.vmap(over_x, (None, 0, 0))(jnp.exp(log_x), edges[:-1], edges[1:])
     return Mesh(log_x, edges, table)
+
+
+def _position(mesh, x):
+    """The place of log x among the tabulated wavenumbers: index and weight."""
+    log_x = jnp.log(jnp.maximum(jax.lax.stop_gradient(x), _SMALLEST))
+    first, last, steps = mesh.log_x[0], mesh.log_x[-1], len(mesh.log_x) - 1
+    wide = last > first
+    place = jnp.where(wide, (log_x - first) / jnp.where(wide, last - first, 1), 0) * steps
+    index = jnp.clip(place.astype(int), 0, steps - 1)
+    return index, jnp.clip(place - index, 0, 1)
 
 
 def _mass(profile, x, s, omega):

@@ -57,9 +57,7 @@ class HeatedScales(eqx.Module):
     error: Float[Array, ""]
 
 
-def find_rises(
-    power: Callable[[Any, Float[Array, " m"]], tuple[Array, ...]], heating: Heating, given: Any
-) -> tuple[Float[Array, " m"], Float[Array, ""], Array]:
+def find_rises(power: Callable, heating: Heating, given: Any) -> tuple[Array, Array, Array]:
     """Returns the rises of the surface and of the scales [K], their last change, if that is small.
 
     **Arguments:**

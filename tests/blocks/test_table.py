@@ -64,11 +64,9 @@ def test_table_is_differentiable():
 
 
 SOFT, TREAD = gc.Prony(1e6, [9e6], [1e-4], 0.48), gc.tyre_tread()
+MANY = [SOFT if i % 2 else gc.Elastic(2e6 * (1 + i), 0.3) for i in range(8)]
 LONG = gc.Stack(
-    layers=[
-        gc.Layer(SOFT if i % 2 else gc.Elastic(2e6 * (1 + i), 0.3), 2e-4 * (1 + i))
-        for i in range(8)
-    ],
+    layers=[gc.Layer(material, 2e-4 * (1 + i)) for i, material in enumerate(MANY)],
     base=gc.HalfSpace(TREAD),
 )
 GRADED = gc.Stack(
