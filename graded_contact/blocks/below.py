@@ -40,6 +40,7 @@ class Below(NamedTuple):
 def base_face(column: Column, like: Array) -> Face:
     """Returns the state of the base's face, of the shape and dtype of `like`."""
     none, one = jnp.zeros_like(like), jnp.ones_like(like)
+    # A rigid base has no compliance; that of a free face is infinite: n = 0, and det = 1.
     if isinstance(column.base, Rigid):
         return Face(Below(one, Compliance(none, none, none, none), one, none, none), one, one)
     if isinstance(column.base, Free):
@@ -89,9 +90,11 @@ def _add(face: Face, x: Array, reduced: Array, e: Array) -> Face:
     # The slab's own part, of 1/m as the rest.
     own = (times(part, by) for part, by in zip(s.q, (m, m, m, n), strict=True))
     plane = [a + b for a, b in zip(own, upwards(c, h, s), strict=True)]
+    # Only ratios of coordinates matter; those of hundreds of layers would overflow.
     unit = _inverse_size((m, *plane))
     state = Below(unit * m, Compliance(*(unit * part for part in plane)))
     if n_t is not None:
+        # Antiplane a slab is a scalar: both its factors are tanh x.
         ratio_t, tanh = above.shear / face.shear, jnp.tanh(x)
         c_t = ratio_t * c_t
         antiplane = (n_t + tanh * c_t, c_t + tanh * n_t)

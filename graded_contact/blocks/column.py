@@ -90,6 +90,7 @@ class GradedPart(NamedTuple):
     @property
     def seen(self) -> Array:
         """The fraction of the layer that a wave can see from its top, or from the cut."""
+        # What lies deeper has no effect, so where it is cut has no derivative.
         seen = visible(jax.lax.stop_gradient(self.x))
         if self.height is None:
             return seen
@@ -131,12 +132,14 @@ def column_of(stack: Stack, q: Float[Array, "..."], omega: Float[Array, "..."]) 
     for i, layer in enumerate(stack.layers):
         if isinstance(layer, GradedLayer):
             graded[i] = layer
+            # Its ends are enough for a unit, which need not be the largest of all.
             sizes += [moduli_at(layer.profile, end + 0 * q, omega)[0] for end in (0, 1)]
         else:
             moduli[i] = moduli_of(layer.material, omega)
     base = stack.base
     if isinstance(base, HalfSpace):
         moduli["base"] = moduli_of(base.material, omega)
+    # In one unit: products of moduli in pascals leave the range of float32.
     unit = largest([*sizes, *(modulus for modulus, _ in moduli.values())])
     moduli = {i: plane_strain(modulus / unit, nu) for i, (modulus, nu) in moduli.items()}
     runs = []
@@ -156,6 +159,7 @@ def column_of(stack: Stack, q: Float[Array, "..."], omega: Float[Array, "..."]) 
 def _stacked(values: Sequence[Any], like: Array) -> Array:
     """Stacks per-layer values of unlike shapes and dtypes, each filled up to the rank of `like`."""
     stacked = jnp.stack(jnp.broadcast_arrays(*values))
+    # Without the rank of `like` the axis of layers would broadcast against waves.
     missing = (1,) * (like.ndim + 1 - stacked.ndim)
     return stacked.reshape(len(values), *missing, *stacked.shape[1:])
 
@@ -221,6 +225,7 @@ def stable_shape(step: Callable[[Any], Any], face: Any) -> Any:
         shape = jnp.broadcast_shapes(a.shape, b.shape)
         return jax.ShapeDtypeStruct(shape, jnp.result_type(a, b))
 
+    # The first step may widen what the second one gets.
     for _ in range(2):
         face = jax.tree.map(common, face, jax.eval_shape(step, face))
     return face

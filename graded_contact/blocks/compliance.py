@@ -195,11 +195,13 @@ def compliance_of(stack, q, omega, graded_solver, rtol, *, attempt=False, throw=
         solver = Layering(retry=False) if attempt else graded_solver
         found = _graded(stack, q, omega, solver, rtol, throw and not attempt)
         if attempt or throw:
+            # An attempt only counts coefficients: errors show in the table made after it.
             return found.value
         return jnp.where(found.error <= rtol, found.value, jnp.nan)
     base = stack.base
     if isinstance(base, HalfSpace):
         base = moduli_of(base.material, omega)
+    # Of elastic layers it has the shape of q alone.
     compliance = compliance_of_layers(q, *layers_of(stack, omega), base)
     return jnp.broadcast_to(compliance, jnp.broadcast_shapes(q.shape, omega.shape))
 
@@ -217,6 +219,7 @@ def log_compliance(stack, q, omega, graded_solver, rtol, attempt) -> Array:
 
 def _check_moduli(modulus_name: str, modulus: Array, poisson_name: str, poisson: Array) -> None:
     check_values(modulus_name, modulus, "a modulus [Pa] must be finite")
+    # Moduli may be complex, of any sign of their parts; 0 alone has no compliance.
     if is_concrete(modulus) and bool(jnp.any(modulus == 0)):
         raise ValueError(f"`{modulus_name}` contains 0: a modulus [Pa] must not be 0.")
     if jnp.iscomplexobj(poisson):

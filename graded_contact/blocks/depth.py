@@ -47,12 +47,14 @@ def depth_climb(
     }
     zero = jnp.zeros(jnp.broadcast_shapes(q.shape, depth.shape), q.dtype)
     one, nothing = jnp.ones_like(zero), Compliance(zero, zero, zero, zero)
+    # Nothing lies above the surface: no stiffness, and the traction as it is.
     surface = Face(Carried(nothing, zero, traction), one, one)
 
     def climb(add_graded):
         start = base_face(column, zero)
         lower = climb_through(column, start, FULL, add_graded, below, heights)
         upper = climb_through(column, surface, _ABOVE, add_graded, above, heights)
+        # At a depth in the half space its upper part is one more slab.
         if not isinstance(column.base, Rigid | Free):
             upper = _add(upper, q * above[-1], *column.base)
         return _joined(upper, lower)
@@ -100,6 +102,7 @@ def _add(face: Face, x: Array, reduced: Array, e: Array) -> Face:
     # Upside down, compliances and stiffnesses change places.
     turned = Slab(s.g, s.q, s.p11, s.p21, s.p12, s.p22)
     t, n = release(s.q, g, (t, n), 1, 1 / lower_face(g, turned)[1])
+    # 1/cosh x = 2 e^-x/(1 + e^-2x) does not overflow.
     tanh, decay = jnp.tanh(x), jnp.exp(-x)
     inverse_t = 1 / (1 + tanh * g_t)
     traction = (

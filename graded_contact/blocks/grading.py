@@ -117,6 +117,7 @@ def solve_graded(graded_solver, climb, measure, stack, q, omega, rtol, throw=Tru
 
     Of a stack without graded layers the recursion is exact.
     """
+    # Then the recursion is exact to rounding.
     if not is_graded(stack):
         return climb(None), jnp.zeros_like(q)
     values, error = graded_solver.solve(climb, measure, stack, q, omega, rtol)

@@ -69,6 +69,7 @@ def heated(stack: Stack, temperature: Array, rises: Array, edges: Array) -> Stac
 
     def cut(material, bottom):
         """Layers of a material down to `bottom`; those that lie elsewhere have no thickness."""
+        # No temperature changes it: one layer is enough.
         if isinstance(material, Elastic):
             return []
         cuts = jnp.clip(edges, top, bottom)

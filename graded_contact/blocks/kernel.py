@@ -180,6 +180,7 @@ def _extreme_frequencies(grid, velocity):
     """|ω| [rad/s] at rest, of the longest and of the shortest wave along the velocity."""
     along = velocity if velocity.ndim == 0 else jnp.sqrt(jnp.sum(velocity**2))
     lowest, highest = _wavenumbers(grid, 0, np.array([1, grid.shape[0] // 2]))
+    # Waves across the velocity are at rest.
     return along * jnp.stack([jnp.zeros_like(lowest), lowest, highest])
 
 
@@ -240,6 +241,7 @@ def _mirrored(rows_of, grid):
     """The kernel of sliding along x: rows of ±q_x are conjugates of each other."""
     num_rows = grid.shape[0] // 2 + 1
     kernel = _in_blocks(rows_of, num_rows)
+    # The row of the Nyquist number, if any, is its own mirror image.
     others = kernel[1 : grid.shape[0] - num_rows + 1][::-1]
     return _rules(jnp.concatenate([kernel, jnp.conj(others)]), grid)
 
@@ -275,6 +277,7 @@ def _compliance(stack, qx, qy, velocity, graded_solver, rtol, strain):
     if strain is None:
         return compliance_of(stack, q, omega, graded_solver, rtol, throw=False)
 
+    # With strain each wave sees another block.
     def at(q, omega):
         block = at_strain(stack, jnp.interp(q, *strain))
         return compliance_of(block, q[None], omega[None], graded_solver, rtol, throw=False)[0]
@@ -284,6 +287,7 @@ def _compliance(stack, qx, qy, velocity, graded_solver, rtol, strain):
 
 def _rules(kernel, grid):
     """By the rules of the half spectrum, and laid as what leaves a compiled program is."""
+    # The mean displacement belongs to the mean gap.
     kernel = jnp.where(zero_mode(grid.shape), 0, kernel)
     if jnp.iscomplexobj(kernel):
         imag = jnp.where(nyquist_lines(grid.shape), 0, kernel.imag)

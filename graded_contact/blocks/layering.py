@@ -154,6 +154,7 @@ def add_layered(part: GradedPart, face: Face, mesh: Mesh, rule: Rule) -> Face:
 
         def add_sublayer(state, sublayer):
             level, is_first, middle, width = sublayer
+            # All refinements of a cell in one scan: each starts from its own face.
             first = jax.tree.map(lambda leaf: leaf[level], faces)
             state = jax.tree.map(lambda a, b: jnp.where(is_first, a, b), first, state)
             s = 1 - deep - length * (1 - low - (high - low) * middle)
@@ -165,6 +166,7 @@ def add_layered(part: GradedPart, face: Face, mesh: Mesh, rule: Rule) -> Face:
         _, found = jax.lax.scan(jax.checkpoint(add_sublayer), replaced, sublayers)
         return jax.tree.map(lambda leaf: leaf[_LAST], found), None
 
+    # A wave that does not see the bottom starts from a half space inside the layer.
     start = face
     if rule.half_space is not None:
         entry = rule.half_space(*part.moduli(1 - seen))
@@ -206,6 +208,7 @@ def build_mesh(profile: Any, x: Array, omega: Array, num_cells: int, split: int 
         length, deep = span(visible(x), bottom, top)
 
         def refine(_, fractions):
+            # Nodes move until every interval has the same mass.
             mass = _mass(profile, x, 1 - deep - length * (1 - fractions), omega)
             total = jnp.concatenate([jnp.zeros(1, x.dtype), jnp.cumsum(mass)])
             fractions = jnp.interp(even * total[-1], total, fractions)

@@ -81,6 +81,7 @@ def _surface_compliance_matrix(stack, qx, qy, omega, graded_solver, rtol):
         return (*(plane * part for part in c[:3]), antiplane * c_t, antiplane * (split / n))
 
     def measure(differences, values):
+        # c12 may vanish where c11 and c22 do not: its error is over their mean.
         along, normal, across = (jnp.sqrt(jnp.abs(values[i])) for i in (0, 2, 3))
         sizes = (along * along, along * normal, normal * normal, across * across, along * across)
         errors = [jnp.abs(d) / size for d, size in zip(differences, sizes, strict=True)]
@@ -89,6 +90,7 @@ def _surface_compliance_matrix(stack, qx, qy, omega, graded_solver, rtol):
     values, _ = solve_graded(graded_solver, climb, measure, stack, q, omega, rtol)
     c11, c12, c22, c_t, split = values
     a, b = qx / q, qy / q
+    # In the precision of the values: a Python number could raise it.
     i = jnp.asarray(1j, jnp.result_type(c11, jnp.complex64))
     xy, xz, yz = split * a * b, -i * c12 * a, -i * c12 * b
     xx, yy = c11 * a * a + c_t * b * b, c11 * b * b + c_t * a * a

@@ -83,6 +83,7 @@ class Blend(AbstractProfile):
         (bottom, low), (top, high) = moduli_of(self.bottom, omega), moduli_of(self.top, omega)
         if self.mixing == "linear":
             return bottom + phi * (top - bottom), low + phi * (high - low)
+        # The complex logarithm stays on its branch: both moduli have positive real parts.
         modulus = bottom * jnp.exp(phi * jnp.log(top / bottom))
         if not isinstance(self.shape, FROM_0_TO_1):
             # Extrapolated, ν might exceed 1/2; cut off, it would have a kink.
@@ -183,6 +184,7 @@ class Aged(AbstractProfile):
         return self.bottom * jnp.exp(self.shape(s) * jnp.log(self.top / self.bottom))
 
     def _range(self):
+        # At the heights where profiles are checked.
         factors = jax.lax.stop_gradient(self._factor(jnp.linspace(0, 1, SAMPLES + 1)))
         return jnp.min(factors), jnp.max(factors)
 
@@ -204,6 +206,7 @@ def check_profile(name: str, profile: Any, omega: Float[Array, "..."]) -> None:
     sizes = jnp.sort(jnp.abs(jnp.ravel(omega)))
     if sizes.size == 0:
         return
+    # The lowest, the highest and three between.
     omega = sizes[np.linspace(0, sizes.size - 1, min(sizes.size, 5)).astype(int)]
     s = jnp.linspace(0, 1, SAMPLES + 1, dtype=omega.dtype)
     expected = (s.size, omega.size)

@@ -47,6 +47,7 @@ def compliance_of_layers(q, thickness, modulus, poisson, base) -> Array:
         layers = tuple((d, *plane_strain(e / unit, nu)) for d, e, nu in parts)
         value = _unrolled(q, layers, base)
     else:
+        # A scan needs one rank; moduli may or may not vary with the wave.
         rank = max(part.ndim for part in (thickness, modulus, poisson))
         d, e, nu = (
             part.reshape(part.shape[:1] + (1,) * (rank - part.ndim) + part.shape[1:])
@@ -55,6 +56,7 @@ def compliance_of_layers(q, thickness, modulus, poisson, base) -> Array:
         layers = (d, *plane_strain(e / unit, nu))
         state, reduced, above = _lowest(q, (tuple(part[-1] for part in layers),), base)
         upwards = layers if above else tuple(part[:-1] for part in layers)
+        # A derivative keeps one state for each layer.
         step = jax.checkpoint(partial(_add, q))
         state, reduced = scan_layers(step, (state, reduced), upwards, reverse=True)
         value = state.c22 / reduced
@@ -91,6 +93,7 @@ def _unrolled_jvp(primals, tangents):
     q, layers, base = primals
     d_q, d_layers, d_base = tangents
     state, reduced, above = _lowest(q, layers, base)
+    # The dearest part: computed once for both sweeps.
     functions = [_computed_once(hyperbolic(q * d)) for d, _, _ in above]
     states = [(state, reduced)]
     for layer, known in reversed(list(zip(above, functions, strict=True))):

@@ -204,6 +204,7 @@ class Riccati(AbstractGradedSolver):
 
         controller = (self.controller or diffrax.PIDController)(rtol=step, atol=1e-4 * step)
         breaks = breaks_of(profile)
+        # A step across a kink would lose the order of the method.
         if len(breaks):
             places = (highest - breaks) / jnp.where(length > 0, length, 1)
             places = jax.lax.stop_gradient(places if down else 1 - places)
@@ -225,6 +226,7 @@ class Riccati(AbstractGradedSolver):
         numbers = join(jnp.where(ended, solution.ys[-1], jnp.nan))
         if not down:
             return numbers
+        # Put back what the rates leave out.
         decay = jnp.exp(-x * length)
         return numbers._replace(traction=tuple(decay * part for part in numbers.traction))
 

@@ -157,6 +157,7 @@ def check_at_rest(stack: Stack) -> None:
     is_series = lambda node: isinstance(node, Prony)  # noqa: E731
     for place, part in _parts(stack).items():
         for node in filter(is_series, jax.tree.leaves(part, is_leaf=is_series)):
+            # A traced modulus of 0 gives a kernel that is not finite, which the solve reports.
             if is_concrete(node.equilibrium) and np.asarray(node.equilibrium) == 0:
                 raise ValueError(
                     f"`{place}` is a liquid (`equilibrium=0`), which carries no load at rest, nor "

@@ -160,9 +160,11 @@ def von_mises(stress: Numbers) -> Float[Array, "*w"]:
         raise ValueError(f"`stress` has shape {stress.shape}; the last two axes must be (3, 3).")
     mean = jnp.trace(stress, axis1=-2, axis2=-1) / 3
     deviator = stress - mean[..., None, None] * jnp.eye(3, dtype=stress.dtype)
+    # Squares of stresses in pascals may leave the range of float32.
     size = jax.lax.stop_gradient(jnp.max(jnp.abs(deviator)))
     size = jnp.where(size > 0, size, 1)
     squared = 1.5 * jnp.sum((deviator / size) ** 2, axis=(-2, -1))
+    # The root has no derivative at 0.
     none = squared == 0
     return jnp.where(none, 0, jnp.sqrt(jnp.where(none, 1, squared))) * size
 
@@ -247,6 +249,7 @@ def _stress_field(stack, grid, pressure, depth, velocity, side, graded_solver, r
     omega = sliding_frequency(qx, qy, velocity)
     unit = [jnp.asarray(x, pressure.dtype) for x in (0, 0, 1)]
     depth = depth.reshape((1,) * qx.ndim)
+    # Any wave in place of the mean, whose response is put in below.
     qx = jnp.where(zero, qx.ravel()[1], qx)
     found, lateral = _fields(stack, qx, qy, omega, unit, depth, side, graded_solver, rtol)
     means = [0, 0, 0, *(-lateral.ravel()[0],) * 2, -1, 0, 0, 0]

@@ -106,6 +106,7 @@ def slowed(correction: Correction, v: Float[Array, "*n"]) -> Float[Array, "*n"]:
     table = jnp.asarray(np.geomspace(_START, 1e24, 700), v.dtype)
     steps = elapsed(table[:-1], table[1:])
     passed = jnp.concatenate([table[:1], table[0] + jnp.cumsum(steps)])
+    # A straight line through the interval starts Newton's steps.
     i = jnp.clip(jnp.searchsorted(passed, v) - 1, 0, len(table) - 2)
     start, late = table[i], v - passed[i]
     x = start + late * (table[i + 1] - start) / steps[i]

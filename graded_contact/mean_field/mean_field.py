@@ -177,6 +177,7 @@ def mean_field_friction(
     pressure, velocity = as_scalar(pressure, "pressure"), as_velocity(velocity)
     check_positive("pressure", pressure, "[Pa]")
     check_tolerance("rtol", rtol, pressure)
+    # Early, so that a bad law is named before anything is compiled.
     shear_stress(shear, direction_and_speed(velocity)[1], temperature)  # refuses what is no law
     temperature = None if temperature is None else as_temperature(temperature)
     # On input the value is unknown if the pressure is traced.
@@ -267,6 +268,7 @@ def _by_quadrature(rules: Rules, given, heating: Heating | None):
     """What `_integrated` returns, and the temperatures of the scales."""
     field = given[0]
     # Profiles and tables may have no answer at the frequencies of the quadrature.
+    # The lowest frequency is that of the longest wave at the last angle.
     edges, speed = field.roughness.edges, direction_and_speed(field.velocity)[1]
     if is_concrete(speed) and np.asarray(speed) == 0:
         check_at_rest(field.stack)

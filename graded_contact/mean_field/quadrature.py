@@ -92,6 +92,7 @@ def integrate(
     num_intervals, num_angles = rules.num_wavenumbers, rules.num_angles
     edges = joined_edges(field.roughness, field.own)
     lengths = jnp.log(edges[1:] / edges[:-1])
+    # Twice as many as the rule has: those between give the error.
     q = _nodes(edges, lengths, 2 * num_intervals)
     direction, speed = direction_and_speed(field.velocity)
     turn = field.roughness.turn_of(direction)
@@ -124,6 +125,7 @@ def integrate(
         at_odd = over_angles(between, weights[at_angle])
         return jnp.zeros((2, len(q)), q.dtype).at[:, even].set(at_even).at[:, odd].set(at_odd)
 
+    # With all and half of the angles, each with all and twice the wavenumbers.
     averages = (fine, refined(fine, shifted), coarse, refined(coarse, every_fourth))
     cuts = [_clenshaw_curtis(count * num_intervals) for count in (1, 2, 1, 2)]
     v = [_integral(a[0], lengths, cut) for a, cut in zip(averages, cuts, strict=True)]
@@ -188,6 +190,7 @@ def add_up(field: Field, correction: Correction, kernel: Array) -> tuple[Array, 
     along = -wave_frequencies(grid, direction_and_speed(field.velocity)[0])
     loss = power * along * jnp.imag(kernel) * field.pressure
 
+    # Ring by ring, as the theory adds roughness.
     edges, ring = rings(grid)
     step, complete = (binned(ring, a, len(edges)) for a in (power, loss))
     v = jnp.cumsum(step)

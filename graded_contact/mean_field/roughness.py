@@ -42,6 +42,7 @@ class Roughness(eqx.Module):
             # The derivative of the root at 0 is infinite.
             return jnp.where(density > 0, jnp.sqrt(jnp.where(density > 0, density, 1)), 0)
         root = jnp.log(self.source) / 2
+        # Nodes at the edges may be rounded past them.
         slack = 8 * jnp.finfo(q.dtype).eps
         inside = (q >= self.edges[0] * (1 - slack)) & (q <= self.edges[-1] * (1 + slack))
         between = jnp.interp(jnp.log(q), jnp.log(self.edges), root)
