@@ -20,7 +20,7 @@ from ..readers.moduli import read_moduli
 from ..studies.dataset import write_whole
 from ..studies.parameter_covariance import Errors, write_errors
 from ..studies.uncertainty import errors_of
-from .terminal import FigureFormat, Format, Output, checked_place, refusing, save_figure
+from .terminal import FigureFormat, Output, checked_place, refusing, save_figure
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -37,6 +37,11 @@ _FIT_OPTIONS = {
         "vertical_shift_std", "equilibrium", "glassy", "storage_weight", "loss_weight",
     )},
 }  # fmt: skip
+
+WILD = (
+    "Warning: no smooth positive spectrum explains the values below, which the fit uses. "
+    "Correct them, or leave out their rows with --robust."
+)
 
 # Options that `new` has too.
 ModuliFiles = Annotated[list[Path], Argument(
@@ -99,7 +104,7 @@ def fit(
     card: Annotated[list[str] | None, Option(
         help="Also write toml, csv, json, abaqus or ansys."
     )] = None,
-    form: FigureFormat = Format.PNG,
+    form: FigureFormat = "png",
 ) -> None:  # fmt: skip
     """Fits a Prony series to files of a rheometer or DMA: prints it as a table for a scene.
 
@@ -116,13 +121,22 @@ def fit(
             moduli_files, column, unit, temperature, kind=kind, deformation=deformation,
             poisson=poisson, sheet=sheet, step=step,
         )  # fmt: skip
+        wild = wild_values(measured)
+        if wild and robust:
+            typer.echo("Left out, because no smooth positive spectrum explains their values:")
+        elif wild:
+            typer.secho(WILD, fg="yellow", err=True)
+        elif robust:
+            typer.echo("--robust leaves out no row: a smooth positive spectrum explains them all.")
+        for value in wild:
+            typer.echo(str(value), err=not robust)
         found = fitted(
-            _without_wild(measured, robust), terms=terms, poisson=poisson, equilibrium=equilibrium,
-            glassy=glassy, throw=not anyway, storage_weight=storage_weight,
-            loss_weight=loss_weight, law=law, shift_std=shift_std,
+            without(measured, wild) if robust else measured, terms=terms, poisson=poisson,
+            equilibrium=equilibrium, glassy=glassy, throw=not anyway, law=law, shift_std=shift_std,
+            storage_weight=storage_weight, loss_weight=loss_weight,
             vertical_shift_std=vertical_shift_std,
         )  # fmt: skip
-        write_fit(stem, found, ("toml", *(card or [])), form)
+        write_fit(stem, found, card or [], form)
     files = " ".join(map(str, moduli_files))
     typer.echo(f"next: graded-contact new TOPOGRAPHY {files}   (writes a scene that runs)")
 
@@ -132,12 +146,11 @@ def with_options(message: str) -> str:
 
     def option(found: re.Match) -> str:
         name, value = found.groups()
-        spelt = _FIT_OPTIONS.get(name)
-        if spelt is None:
-            return found[0]
-        if value is None or " " in spelt or name == "throw":
-            return f"`{spelt}`"
-        return "`{} {}`".format(spelt, value.strip("'"))
+        spelt = _FIT_OPTIONS.get(name, "")
+        # An option that shows its form, or takes nothing, is named without the value.
+        if value and spelt and " " not in spelt and name != "throw":
+            spelt += f" {value.strip(chr(39))}"
+        return f"`{spelt}`" if spelt else found[0]
 
     return re.sub(r"`(\w+)(?:=([^`]*))?`", option, message)
 
@@ -169,24 +182,6 @@ def material_name(path: Path) -> str:
     return name if name[:1].isalpha() else f"material_{name}"
 
 
-def _without_wild(measured: Measured, robust: bool) -> Measured:
-    """Prints the rows that no smooth positive spectrum explains; leaves them out if `robust`."""
-    wild = wild_values(measured)
-    if wild and robust:
-        typer.echo("Left out, because no smooth positive spectrum explains their values:")
-    elif wild:
-        warning = (
-            "Warning: no smooth positive spectrum explains the values below, which the fit uses. "
-            "Correct them, or leave out their rows with --robust."
-        )
-        typer.secho(warning, fg="yellow", err=True)
-    elif robust:
-        typer.echo("--robust leaves out no row: a smooth positive spectrum explains all values.")
-    for value in wild:
-        typer.echo(str(value), err=not robust)
-    return without(measured, wild) if robust else measured
-
-
 class MaterialFit(NamedTuple):
     """A material with its errors, a report, and figures by the ends of their names."""
 
@@ -216,10 +211,8 @@ def fitted(
         function = {"frequency": fit_prony, "relaxation": fit_relaxation, "creep": fit_creep}[kind]
         arguments |= weights if kind == "frequency" else {}
         found = function(measured.abscissa, measured.values, **arguments)
-        figures = {"": plot_fit(found)}
-        return MaterialFit(
-            found.material, errors_of(found, found.material), found.report(), figures
-        )
+        errors = errors_of(found, found.material)
+        return MaterialFit(found.material, errors, found.report(), {"": plot_fit(found)})
     curve = master_curve(
         isotherms, law=law, shift_std=shift_std, vertical_shift_std=vertical_shift_std,
         weight=storage_weight, loss_weight=loss_weight, **arguments,
@@ -231,17 +224,16 @@ def fitted(
     return MaterialFit(material, errors_of(curve, material), curve.report(), figures)
 
 
-def write_fit(stem: Path, found: MaterialFit, cards: tuple[str, ...], form: str) -> None:
-    """Prints the report, and writes cards, errors and figures to files that begin with `stem`."""
+def write_fit(stem: Path, found: MaterialFit, cards: list[str], form: str) -> None:
+    """Prints the report and the table for a scene, and writes files that begin with `stem`."""
     stem.parent.mkdir(parents=True, exist_ok=True)
-    paths = [Path(f"{stem}{_SUFFIXES.get(card, f'.{card}')}") for card in cards]
-    for path, card in zip(paths, cards, strict=True):
-        write_whole(path, export_prony(found.material, card, name=stem.name))
-    paths.append(Path(f"{stem}-errors.csv"))
-    write_errors(paths[-1], found.errors)
-    card = export_prony(found.material, "toml", name=stem.name)
-    typer.echo(f"\n{found.report}\n\n{card}")
-    for path in paths:
+    texts = {card: export_prony(found.material, card, name=stem.name) for card in ("toml", *cards)}
+    typer.echo(f"\n{found.report}\n\n{texts['toml']}")
+    for card, text in texts.items():
+        path = f"{stem}{_SUFFIXES.get(card, f'.{card}')}"
+        write_whole(path, text)
         typer.echo(f"wrote {path}")
+    write_errors(f"{stem}-errors.csv", found.errors)
+    typer.echo(f"wrote {stem}-errors.csv")
     for ending, figure in found.figures.items():
         save_figure(figure, Path(f"{stem}{ending}.{form}"), form)
