@@ -149,7 +149,7 @@ def with_options(message: str) -> str:
         spelt = _FIT_OPTIONS.get(name, "")
         # An option that shows its form, or takes nothing, is named without the value.
         if value and spelt and " " not in spelt and name != "throw":
-            spelt += f" {value.strip(chr(39))}"
+            spelt += " " + value.strip("'")
         return f"`{spelt}`" if spelt else found[0]
 
     return re.sub(r"`(\w+)(?:=([^`]*))?`", option, message)

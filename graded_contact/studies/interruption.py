@@ -79,14 +79,10 @@ def ctrl_c_later() -> Iterator[Interruption]:
     Only in the main thread, and only where Ctrl-C would raise: not inside `interruptible`.
     """
     usual, found = signal.default_int_handler, Interruption()
-    if threading.current_thread() is not threading.main_thread():
-        yield found
-        return
-    if _outer:  # a Ctrl-C that the outer block has noted must end the inner one
-        yield _outer[-1]
-        return
-    if signal.getsignal(signal.SIGINT) is not usual:
-        yield found
+    main = threading.current_thread() is threading.main_thread()
+    if not main or _outer or signal.getsignal(signal.SIGINT) is not usual:
+        # A Ctrl-C that the outer block has noted must end the inner one.
+        yield _outer[-1] if main and _outer else found
         return
 
     def note(number: int, frame: object) -> None:

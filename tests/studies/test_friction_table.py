@@ -37,7 +37,6 @@ def table():
 
 def test_each_point_is_the_mean_field_of_its_numbers(table):
     assert table.friction.dims == ("temperature", "pressure", "velocity")
-    assert table.friction_error.attrs["long_name"].endswith("by the quadrature")
     point = dict(temperature=310.0, pressure=1e5, velocity=0.1)
     alone = gc.mean_field_friction(STACK.at(310.0), SPECTRUM, pressure=1e5, velocity=0.1)
     found = table.sel(point)
