@@ -109,7 +109,7 @@ class Store:
             self._lock.acquire(timeout=0)
         except filelock.Timeout:
             raise BlockingIOError(
-                f"`{self.folder}` is being written by another process. Wait, or take another folder."
+                f"`{self.folder}` is being written by another process. Wait, or take another."
             ) from None
         except OSError as error:
             text = f"Nothing can be written to the folder `{self.folder}`: {error.strerror}."

@@ -191,8 +191,8 @@ def _points(axes: Any) -> tuple[dict[str, Any], dict[str, np.ndarray]]:
     elif isinstance(axes, list | tuple) and axes:
         for i, point in enumerate(axes):
             if not isinstance(point, Mapping) or not point or point.keys() != axes[0].keys():
-                text = f"`axes[{i}]={short(point)}` must be a dict with the names of the first one"
-                raise ValueError(f"{text}, {short(axes[0])}.")
+                text = f"`axes[{i}]={short(point)}` must be a dict with the names of the first"
+                raise ValueError(f"{text} point, {short(axes[0])}.")
         columns = {name: _numbers(name, [point[name] for point in axes]) for name in axes[0]}
         coordinates = {"point": np.arange(len(axes))}
     else:

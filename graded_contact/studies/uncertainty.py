@@ -140,9 +140,10 @@ def errors_of(fit: PronyFit | MasterCurve, material: Prony) -> Errors:
 
     def numbers(unknowns):
         changed = fit.with_unknowns(unknowns)
-        by_table = isinstance(changed, PronyFit) or isinstance(material.shift, TabulatedShift)
-        found = paths(changed.material if by_table else changed.law_material())
-        return {path: found[path] for path in scalars}
+        own = changed.material
+        if isinstance(changed, MasterCurve) and not isinstance(material.shift, TabulatedShift):
+            own = changed.law_material()
+        return {path: paths(own)[path] for path in scalars}
 
     known = paths(material)
     scalars = [path for path, value in known.items() if not value.ndim]
