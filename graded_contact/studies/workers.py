@@ -157,8 +157,8 @@ def on_workers(
             future.release()
             hand_out()
     except (OSError, CancelledError) as error:
-        where = client.scheduler.address
-        raise ConnectionError(f"The scheduler {where} does not answer: {error}.") from error
+        text = f"The scheduler {client.scheduler.address} does not answer: {error}."
+        raise ConnectionError(f"{text} Finished points are in the store, if any.") from error
     finally:
         with contextlib.suppress(OSError):
             client.cancel(list(running))
