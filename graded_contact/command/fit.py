@@ -2,7 +2,7 @@
 
 import re
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any, NamedTuple
+from typing import TYPE_CHECKING, Annotated, Any, Literal, NamedTuple
 
 import typer
 from typer import Argument, Option
@@ -11,7 +11,6 @@ from ..core.checks import nearest
 from ..exports.prony_cards import FORMATS, export_prony
 from ..fitting.master import master_curve
 from ..fitting.prony import fit_creep, fit_prony, fit_relaxation
-from ..fitting.shifting import check_law
 from ..fitting.wild import wild_values, without
 from ..materials.material import Prony
 from ..materials.measured import Measured
@@ -78,7 +77,9 @@ def fit(
     step: Annotated[list[str] | None, Option(
         metavar="NAME", help="Number or title of a step to read; may be repeated."
     )] = None,
-    law: Annotated[str, Option(help="Shifts several isotherms: wlf or arrhenius.")] = "wlf",
+    law: Annotated[Literal["wlf", "arrhenius"], Option(
+        help="How several isotherms are shifted."
+    )] = "wlf",
     shift_std: Annotated[float, Option(
         help="Expected standard deviation of log10 a_T from the law; 0 for none."
     )] = 0.3,
@@ -102,7 +103,7 @@ def fit(
     unit: UnitTexts = None,
     column: ColumnTexts = None,
     card: Annotated[list[str] | None, Option(
-        help="Also write toml, csv, json, abaqus or ansys."
+        help="Also write csv, json, abaqus or ansys; may be repeated."
     )] = None,
     form: FigureFormat = "png",
 ) -> None:  # fmt: skip
@@ -112,7 +113,7 @@ def fit(
     `graded-contact new` fits and writes the whole scene.
     """
     with refusing(with_options):
-        for other in card or []:
+        for other in card or []:  # a list takes no `Literal`
             if other not in FORMATS:
                 raise ValueError(f"`--card {other}` is not known; {nearest(other, FORMATS)}")
         folder = output or f"{moduli_files[0].stem}-fit"
@@ -202,7 +203,6 @@ def fitted(
     **arguments: Any,
 ) -> MaterialFit:
     """Fits one isotherm by a series, and several by a master curve; these take `arguments`."""
-    check_law(law)
     isotherms, kind = measured.isotherms(), measured.kind
     weights = {"storage_weight": storage_weight, "loss_weight": loss_weight}
     if kind != "frequency" and {storage_weight, loss_weight} != {1.0}:

@@ -97,7 +97,15 @@ def run(
         check_workers(**engine)
         scene = read_scene(scene_file)
         place = terminal.place_of(scene, scene_file, output)
-        engine["kept"] = _chosen(scene, at or [])
+        # The point nearest to these values; on other axes the last.
+        index = {name: len(values) - 1 for name, values in scene.axes.items()}
+        for text in at or []:
+            name, _, value = text.partition("=")
+            if name not in index:
+                raise ValueError(f"`--map {text}`: {name!r} is no axis; {nearest(name, index)}")
+            with within(f"`--map {text}`:"):
+                index[name] = int(np.argmin(np.abs(scene.axes[name] - float(value))))
+        engine["kept"] = tuple(index.values())
         if dry_run:
             print_scene(scene)
             typer.echo(scene_cost(scene).report())
@@ -105,18 +113,6 @@ def run(
             check_run(scene, surface)
             return
     run_scene_into(scene, *place, replace, form, engine, all_seeds)
-
-
-def _chosen(scene: Scene, texts: list[str]) -> tuple[int, ...]:
-    """The index of the point nearest to these values of axes; of other axes the last."""
-    index = {name: len(values) - 1 for name, values in scene.axes.items()}
-    for text in texts:
-        name, _, value = text.partition("=")
-        if name not in index:
-            raise ValueError(f"`--map {text}`: {name!r} is no axis; {nearest(name, index)}")
-        with within(f"`--map {text}`:"):
-            index[name] = int(np.argmin(np.abs(scene.axes[name] - float(value))))
-    return tuple(index.values())
 
 
 def info(

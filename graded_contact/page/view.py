@@ -79,14 +79,12 @@ class Page(pn.viewable.Viewer):
         watch(self._show_curves, ["curves", "pinned"])
         watch(self._show_point, "shown")
         if not pn.state.curdoc:  # After all others: figures of a notebook are sent by hand.
-            watch(self._push, list(self.session.param), precedence=1)
-            self._field.param.watch(self._push, "value", precedence=1)
+            push = lambda *_: pn.io.push_notebook(self._layout)  # noqa: E731
+            watch(push, list(self.session.param), precedence=1)
+            self._field.param.watch(push, "value", precedence=1)
 
     def __panel__(self) -> Any:
         return self._layout
-
-    def _push(self, *_: Any) -> None:
-        pn.io.push_notebook(self._layout)
 
     def _laid_out(self) -> pn.FlexBox:
         session, here = self.session, self.session.param

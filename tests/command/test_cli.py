@@ -593,7 +593,7 @@ def test_a_fit_takes_several_files_and_the_options_that_messages_name(tmp_path):
         ("f [Hz],E' [Pa],E'' [Pa]\n1,2e6,9e5\n2,1e3,9e5\n3,1e9,2\n4,1e2,3e9\n", (),
          "(`--loss-weight`), and `--anyway` fits them as they are."),
         ("f [Hz],E' [Pa],E'' [Pa]\n1,2e6,1e5\n", ("--unit", "MPa"), "write QUANTITY=UNIT"),
-        ("f [Hz],E' [Pa],E'' [Pa]\n1,2e6,1e5\n2,3e6,1e5\n", ("--law", "foo"), "`--law foo` is"),
+        ("never read", ("--law", "foo"), "'foo' is not one of 'wlf'"),
     ],
 )  # fmt: skip
 def test_a_file_that_cannot_be_fitted_is_refused_in_one_message(
@@ -602,7 +602,9 @@ def test_a_file_that_cannot_be_fitted_is_refused_in_one_message(
     (tmp_path / "bad.csv").write_text(text)
     result = command("fit", tmp_path / "bad.csv", "-o", tmp_path / "out", *arguments)
     assert result.exit_code == 2
-    assert expected in result.stderr and "Traceback" not in result.output
+    # A choice that the parser refuses stands in a box, whose lines wrap.
+    text = " ".join(result.stderr.replace("│", " ").split())
+    assert expected in text and "Traceback" not in result.output
     assert not (tmp_path / "out").exists()
 
 
